@@ -1,0 +1,97 @@
+// Images as cameras deliver them: packed rows, one of a few pixel formats, no copies hidden in
+// views.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <string_view>
+#include <vector>
+
+namespace v3d {
+
+struct ImageSize {
+  int width = 0;
+  int height = 0;
+  friend bool operator==(const ImageSize&, const ImageSize&) = default;
+  int64_t pixels() const { return int64_t{width} * height; }
+};
+
+/// A half-open rectangle of pixels: x0 <= x < x0 + width.
+struct Rect {
+  int x0 = 0;
+  int y0 = 0;
+  int width = 0;
+  int height = 0;
+  friend bool operator==(const Rect&, const Rect&) = default;
+  bool empty() const { return width <= 0 || height <= 0; }
+  bool contains(int x, int y) const {
+    return x >= x0 && y >= y0 && x < x0 + width && y < y0 + height;
+  }
+};
+
+/// Values are those of the Pixel Format Naming Convention (GenICam PFNC 2.4). In a Bayer format the
+/// two letters are the colours of the first two pixels of the first row.
+enum class PixelFormat : uint32_t {
+  kMono8 = 0x01080001,
+  kBayerGR8 = 0x01080008,
+  kBayerRG8 = 0x01080009,
+  kBayerGB8 = 0x0108000A,
+  kBayerBG8 = 0x0108000B,
+  kRGB8 = 0x02180014,
+};
+
+int bytes_per_pixel(PixelFormat format);
+bool is_bayer(PixelFormat format);
+/// The PFNC name, e.g. "BayerRG8".
+std::string_view name(PixelFormat format);
+std::optional<PixelFormat> pixel_format_from_name(std::string_view pfnc_name);
+/// Empty when `pfnc_code` is none of ours.
+std::optional<PixelFormat> pixel_format_from_code(uint32_t pfnc_code);
+/// V4L2 four-character codes (linux/videodev2.h): 'GREY', 'RGGB', 'GRBG', 'GBRG', 'BA81' (BGGR),
+/// 'RGB3'.
+std::optional<PixelFormat> pixel_format_from_fourcc(uint32_t v4l2_fourcc);
+uint32_t v4l2_fourcc(PixelFormat format);
+
+/// The colour of the filter over a pixel of a Bayer image: 0 red, 1 green, 2 blue. Requires
+/// is_bayer().
+int bayer_channel(PixelFormat format, int x, int y);
+
+/// A borrowed image: `bytes` holds height rows of width * bytes_per_pixel bytes, no padding.
+struct ImageView {
+  ImageSize size;
+  PixelFormat format = PixelFormat::kMono8;
+  std::span<const uint8_t> bytes;
+
+  const uint8_t* row(int y) const {
+    return bytes.data() + static_cast<size_t>(y) * size.width * bytes_per_pixel(format);
+  }
+};
+
+/// An owned image.
+struct Image {
+  ImageSize size;
+  PixelFormat format = PixelFormat::kMono8;
+  std::vector<uint8_t> bytes;
+
+  Image() = default;
+  /// All zero.
+  Image(ImageSize image_size, PixelFormat pixel_format);
+
+  ImageView view() const { return {size, format, bytes}; }
+  uint8_t* row(int y) {
+    return bytes.data() + static_cast<size_t>(y) * size.width * bytes_per_pixel(format);
+  }
+  const uint8_t* row(int y) const { return view().row(y); }
+};
+
+size_t byte_count(ImageSize size, PixelFormat format);
+
+/// The part of `source` inside `rect`. Requires: rect lies inside the image, and for Bayer formats
+/// x0 and y0 are even, so that the part has the same filter pattern as the whole.
+Image crop(ImageView source, Rect rect);
+
+/// RGB for people and files (previews, PNG): bilinear demosaicing, grey copied to three channels.
+Image to_rgb(ImageView source);
+
+}  // namespace v3d

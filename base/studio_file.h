@@ -1,0 +1,98 @@
+// studio.toml: everything about one studio that does not change between takes.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "base/geometry.h"
+#include "base/image.h"
+
+namespace v3d {
+
+/// [[node]]: a PC that runs v3d-captured (cameras or the trigger hang on it) or v3d-recond.
+struct StudioNode {
+  std::string name;
+};
+
+enum class CameraKind { kAravis, kV4l2 };
+
+/// [[camera]]; a field that is missing takes the value in [camera_defaults], else the one here.
+struct StudioCamera {
+  std::string name;  ///< as in calib.toml
+  std::string node;
+  CameraKind kind = CameraKind::kAravis;
+  std::string address;  ///< aravis: serial number, or IP address; v4l2: device path
+  PixelFormat pixel_format = PixelFormat::kBayerRG8;
+  double exposure_us = 1000;
+  double gain_db = 0;
+  std::string trigger_line = "Line1";
+  int packet_size = 9000;  ///< bytes of a GVSP packet, headers included
+  int packet_delay_ns = 0;
+  int buffers = 8;
+  bool packet_socket = true;  ///< receive by packet socket where permitted (CAP_NET_RAW)
+};
+
+enum class TriggerKind { kSimulated };
+
+/// [trigger]
+struct StudioTrigger {
+  std::string node;
+  TriggerKind kind = TriggerKind::kSimulated;
+  double rate_hz = 25;
+  double pulse_width_us = 1000;
+  std::filesystem::path wire;  ///< simulated: the socket that stands for the trigger cable
+};
+
+/// [space]: the part of the world that is reconstructed.
+struct StudioSpace {
+  Box bounds;
+};
+
+/// [network]
+struct StudioNetwork {
+  std::string lcm_url = "udpm://239.255.76.67:7667?ttl=1&recv_buf_size=16777216";
+};
+
+/// [storage]; relative paths are taken from the folder of the studio file.
+struct StudioStorage {
+  std::filesystem::path takes;       ///< every take is a folder in here
+  std::filesystem::path background;  ///< one plate model per camera
+  std::filesystem::path calib;       ///< calib.toml
+};
+
+enum class Quality { kLive, kHigh };
+
+/// [reconstruction]
+struct StudioReconstruction {
+  std::string node;
+  double voxel_m = 0.01;
+  int min_views = 4;  ///< fewer cameras than this see a voxel: it is empty
+  Quality quality = Quality::kLive;
+  int threads = 0;  ///< 0: one per core
+  double deadline_ms =
+      200;  ///< a frame set waits so long for its last camera, counted from its first
+};
+
+struct Studio {
+  std::string name;
+  std::filesystem::path path;  ///< the file it was read from
+  std::vector<StudioNode> nodes;
+  std::vector<StudioCamera> cameras;
+  StudioTrigger trigger;
+  StudioSpace space;
+  StudioNetwork network;
+  StudioStorage storage;
+  StudioReconstruction reconstruction;
+
+  std::vector<StudioCamera> cameras_of(std::string_view node) const;
+};
+
+/// Throws InputError with file, line and field for anything missing, ill-typed, unknown (a misspelt
+/// field is named), out of range, or inconsistent (two cameras of one name, a node that does not
+/// exist).
+Studio load_studio(const std::filesystem::path& path);
+Studio parse_studio(std::string_view text, const std::filesystem::path& path);
+
+}  // namespace v3d

@@ -1,0 +1,62 @@
+// From a frame set to a coloured mesh and its compact frame: the whole chain, live and offline.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "base/camera_model.h"
+#include "base/frame.h"
+#include "base/mesh.h"
+#include "base/studio_file.h"
+
+namespace v3d {
+
+/// All cameras, one pulse. `frames` has masks and colour (see observe()); cameras that did not
+/// deliver are not in it.
+struct FrameSet {
+  int64_t pulse = 0;
+  std::vector<Frame> frames;
+};
+
+struct ReconstructOptions {
+  Box bounds;
+  double voxel_m = 0.01;
+  int min_views = 4;
+  Quality quality = Quality::kLive;
+  int threads = 0;  ///< 0: one per core. The result does not depend on it.
+};
+
+/// Wall-clock milliseconds of each stage; negative where the stage did not run.
+struct StageTimes {
+  double intersect = -1, mesh = -1, deform = -1, texture = -1, encode = -1;
+};
+
+struct Reconstruction {
+  int64_t pulse = 0;
+  Mesh mesh;
+  double volume_m3 = 0;              ///< occupied voxels times voxel volume
+  std::vector<std::string> cameras;  ///< that took part
+  std::vector<uint8_t> compact;
+  StageTimes times;
+};
+
+/// Holds what is computed once per rig. reconstruct() is deterministic: the same frames give the
+/// same bytes whatever the number of threads and the order of the frames. One caller at a time.
+class Reconstructor {
+ public:
+  /// Throws InputError when the grid needs more memory than there is (the message shows the
+  /// arithmetic).
+  Reconstructor(const Rig& rig, const ReconstructOptions& options);
+  ~Reconstructor();
+  /// Frames of cameras that are not in the rig, or whose mask has another size than the rig says,
+  /// are left out.
+  Reconstruction reconstruct(const FrameSet& set);
+
+ private:
+  class Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace v3d

@@ -1,0 +1,63 @@
+// <camera>.lcmlog: frames as LCM event logs, so that lcm-logplayer and lcm-spy open them.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <map>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "wire/messages.h"
+
+namespace v3d {
+
+/// Appends events; one thread. A crash loses at most the last, unfinished event.
+class EventLogWriter {
+ public:
+  /// Creates the file. Throws InputError when that fails.
+  explicit EventLogWriter(const std::filesystem::path& path);
+  ~EventLogWriter();
+  EventLogWriter(EventLogWriter&&) noexcept;
+  EventLogWriter& operator=(EventLogWriter&&) noexcept;
+
+  /// False when the disk refused; the log then ends with the event before.
+  bool write(const FrameMessage& message);
+  bool write(const PulseMessage& message);
+  /// Flushes to the kernel.
+  bool flush();
+  int64_t bytes() const;
+
+ private:
+  class Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+/// Random access to the frames of one camera by pulse number. Opening reads the headers of all
+/// events; a torn last event is left out and reported. One thread per reader.
+class FrameLogReader {
+ public:
+  /// Throws InputError when the file is missing or is no event log.
+  explicit FrameLogReader(const std::filesystem::path& path);
+  ~FrameLogReader();
+  FrameLogReader(FrameLogReader&&) noexcept;
+  FrameLogReader& operator=(FrameLogReader&&) noexcept;
+
+  /// In the order of the file, duplicates included.
+  const std::vector<FrameLabel>& labels() const;
+  /// Events that do not decode, and bytes behind the last whole event.
+  int64_t damaged_events() const;
+  int64_t torn_bytes() const;
+  /// The first frame of this pulse; empty when there is none or it is damaged.
+  std::optional<Frame> read(int64_t pulse);
+
+ private:
+  class Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+/// All pulses of pulses.lcmlog, in order.
+std::vector<PulseMessage> read_pulses(const std::filesystem::path& path);
+
+}  // namespace v3d

@@ -1,0 +1,39 @@
+// The ledger: the account of pulses and frames of a take.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <string>
+#include <vector>
+
+namespace v3d {
+
+struct CameraLedger {
+  std::string name;
+  int64_t received = 0;            ///< frames that reached the host whole
+  int64_t written = 0;             ///< frames in <camera>.lcmlog
+  int64_t published = 0;           ///< frames sent live
+  std::vector<int64_t> missing;    ///< pulses without a frame
+  std::vector<int64_t> duplicate;  ///< pulses with more than one
+  std::vector<int64_t> suspect;    ///< pulses whose label is in doubt
+};
+
+struct Ledger {
+  std::string take;
+  int64_t commanded = 0;
+  int64_t sensed = 0;
+  std::vector<CameraLedger> cameras;
+
+  bool complete() const;
+  /// "take kendo-07: complete, 15 cameras x 1,250 pulses, 0 missing, 0 suspect"
+  std::string verdict() const;
+};
+
+/// `pulses`: the pulse of every frame in order of arrival; `suspect`: those in doubt.
+CameraLedger account(const std::string& camera, const std::vector<int64_t>& pulses,
+                     const std::vector<int64_t>& suspect, int64_t commanded);
+
+Ledger load_ledger(const std::filesystem::path& path);
+void save_ledger(const std::filesystem::path& path, const Ledger& ledger);
+
+}  // namespace v3d

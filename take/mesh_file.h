@@ -1,0 +1,46 @@
+// mesh.v3d: compact frames one after the other, an index at the end. The index is rebuilt by
+// scanning when the file was not closed. Layout in docs/compact-frame.md.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <memory>
+#include <optional>
+#include <span>
+#include <vector>
+
+namespace v3d {
+
+class MeshFileWriter {
+ public:
+  explicit MeshFileWriter(const std::filesystem::path& path);  ///< throws InputError
+  ~MeshFileWriter();                                           ///< closes without throwing
+  MeshFileWriter(MeshFileWriter&&) noexcept;
+
+  /// Pulses must rise. False when the disk refused.
+  bool append(int64_t pulse, std::span<const uint8_t> compact);
+  /// Writes the index. False when the disk refused; the file stays readable.
+  bool close();
+
+ private:
+  class Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+class MeshFileReader {
+ public:
+  explicit MeshFileReader(const std::filesystem::path& path);  ///< throws InputError
+  ~MeshFileReader();
+  MeshFileReader(MeshFileReader&&) noexcept;
+
+  const std::vector<int64_t>& pulses() const;
+  bool index_was_rebuilt() const;
+  /// The compact frame of a pulse; empty when there is none or its checksum is wrong.
+  std::optional<std::vector<uint8_t>> read(int64_t pulse);
+
+ private:
+  class Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace v3d

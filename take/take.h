@@ -1,0 +1,50 @@
+// A take on disk: a folder (see ARCHITECTURE.md, "A take is a folder").
+//   take.toml  ledger.toml  calib.toml  pulses.lcmlog  <camera>.lcmlog  background/  mesh.v3d
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "base/time.h"
+
+namespace v3d {
+
+enum class TakeState { kRecording, kComplete, kRecovered };
+
+/// take.toml
+struct TakeInfo {
+  std::string name;
+  std::string studio;
+  double rate_hz = 0;
+  int64_t pulses = 0;  ///< commanded; known once the take has ended
+  TakeState state = TakeState::kRecording;
+  std::string software_version;
+  RealtimeInstant started;
+  std::vector<std::string> cameras;
+};
+
+/// The names of things inside a take folder.
+struct TakePaths {
+  std::filesystem::path folder;
+  std::filesystem::path info() const { return folder / "take.toml"; }
+  std::filesystem::path ledger() const { return folder / "ledger.toml"; }
+  std::filesystem::path calib() const { return folder / "calib.toml"; }
+  std::filesystem::path pulses() const { return folder / "pulses.lcmlog"; }
+  std::filesystem::path frames(const std::string& camera) const {
+    return folder / (camera + ".lcmlog");
+  }
+  std::filesystem::path background() const { return folder / "background"; }
+  std::filesystem::path mesh() const { return folder / "mesh.v3d"; }
+};
+
+/// Throws InputError when the folder is no take, with what is missing.
+TakeInfo load_take_info(const TakePaths& paths);
+void save_take_info(const TakePaths& paths, const TakeInfo& info);
+
+/// A take name is a file name: letters, digits, '-', '_' and '.', not starting with '.' or '-', at
+/// most 64.
+bool is_take_name(std::string_view name);
+
+}  // namespace v3d

@@ -1,0 +1,44 @@
+// Bytes to messages and back: the one place that sees the types generated from lcmtypes/. Decoders
+// treat bytes as hostile: anything wrong (fingerprint, truncation, trailing bytes, negative or
+// absurd lengths, values out of their enumeration, a mask or image that does not fit its size)
+// gives nothing. They never throw and never allocate more than a small multiple of the input.
+#pragma once
+
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "wire/messages.h"
+
+namespace v3d {
+
+using Bytes = std::vector<uint8_t>;
+
+Bytes encode(const PulseMessage& message);
+Bytes encode(const FrameMessage& message);
+Bytes encode(const MeshMessage& message);
+Bytes encode(const CommandMessage& message);
+Bytes encode(const ReplyMessage& message);
+Bytes encode(const HealthMessage& message);
+Bytes encode(const EventMessage& message);
+
+/// M is one of the message types above.
+template <class M>
+std::optional<M> decode(std::span<const uint8_t> bytes);
+
+template <>
+std::optional<PulseMessage> decode(std::span<const uint8_t> bytes);
+template <>
+std::optional<FrameMessage> decode(std::span<const uint8_t> bytes);
+template <>
+std::optional<MeshMessage> decode(std::span<const uint8_t> bytes);
+template <>
+std::optional<CommandMessage> decode(std::span<const uint8_t> bytes);
+template <>
+std::optional<ReplyMessage> decode(std::span<const uint8_t> bytes);
+template <>
+std::optional<HealthMessage> decode(std::span<const uint8_t> bytes);
+template <>
+std::optional<EventMessage> decode(std::span<const uint8_t> bytes);
+
+}  // namespace v3d

@@ -1,0 +1,100 @@
+// What travels between the daemons and the tools, as plain values. The codec turns them into LCM
+// messages.
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <string>
+#include <vector>
+
+#include "base/frame.h"
+#include "base/time.h"
+
+namespace v3d {
+
+/// V3D_PULSE: one pulse, as the sense line saw it.
+struct PulseMessage {
+  RealtimeInstant sent;
+  int64_t seq = 0;
+  std::string take;
+  int64_t pulse = 0;
+  RealtimeInstant edge;             ///< the rising edge, on the trigger node's CLOCK_REALTIME
+  MonotonicInstant edge_monotonic;  ///< the same edge on its CLOCK_MONOTONIC, as the sensor gave it
+};
+
+/// V3D_FRAME_<camera>, and the events of <camera>.lcmlog.
+struct FrameMessage {
+  RealtimeInstant sent;
+  int64_t seq = 0;
+  std::string take;
+  Frame frame;
+};
+
+/// V3D_MESH: a compact frame (recon/compact_frame.h) with what must be known without decoding it.
+struct MeshMessage {
+  RealtimeInstant sent;
+  int64_t seq = 0;
+  std::string take;
+  int64_t pulse = 0;
+  RealtimeInstant pulse_edge;        ///< for the latency from pulse to mesh; 0 when unknown
+  std::vector<std::string> missing;  ///< cameras the frame set went without
+  std::vector<uint8_t> compact;
+};
+
+enum class CommandVerb : uint8_t { kArm = 1, kStart, kStop, kAbort, kBackground };
+std::string_view name(CommandVerb verb);
+
+/// V3D_COMMAND. Idempotent: the same (sender, counter) is answered again, not carried out again.
+struct CommandMessage {
+  RealtimeInstant sent;
+  std::string sender;   ///< unique per run of the tool that sends
+  int64_t counter = 0;  ///< counts the commands of this sender; the same in every retry
+  CommandVerb verb = CommandVerb::kArm;
+  std::string take;
+  double rate_hz = 0;                      ///< arm: 0 = as the studio file says
+  int64_t pulses = 0;                      ///< arm: number of pulses; 0 = until stopped
+  std::vector<std::string> allow_missing;  ///< arm: cameras the take may go without
+};
+
+/// V3D_REPLY: what one node says to one command. A node may answer several times (pending, then
+/// final).
+struct ReplyMessage {
+  RealtimeInstant sent;
+  std::string node;
+  std::string command_sender;
+  int64_t command_counter = 0;
+  enum class Outcome : uint8_t { kPending = 1, kDone, kRefused } outcome = Outcome::kPending;
+  std::string text;    ///< one line for the operator
+  std::string detail;  ///< JSON: the node's ledger after a stop, else empty
+};
+
+enum class NodeState : uint8_t { kIdle = 1, kArmed, kRecording, kDraining, kFault };
+std::string_view name(NodeState state);
+
+/// V3D_HEALTH_<node>, once a second.
+struct HealthMessage {
+  RealtimeInstant sent;
+  int64_t seq = 0;
+  std::string node;
+  std::string program;  ///< "v3d-captured", "v3d-recond"
+  NodeState state = NodeState::kIdle;
+  std::string take;
+  std::string text;  ///< one line: what is wrong, else empty
+  /// Counters and gauges by name, units in the name: "frames_received", "latency_p50_ms",
+  /// "cam03.frames_missing", "disk_free_bytes".
+  std::map<std::string, double> values;
+};
+
+enum class Severity : uint8_t { kInfo = 1, kWarning, kAlarm };
+
+/// V3D_EVENT: something an operator may want to know now.
+struct EventMessage {
+  RealtimeInstant sent;
+  int64_t seq = 0;
+  std::string node;
+  Severity severity = Severity::kInfo;
+  std::string subject;  ///< "cam07", "trigger", "disk"
+  std::string text;     ///< one line
+};
+
+}  // namespace v3d
