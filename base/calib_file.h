@@ -17,7 +17,9 @@ Rig load_calib(const std::filesystem::path& path);
 /// The same from text; `path` names it in messages.
 Rig parse_calib(std::string_view text, const std::filesystem::path& path);
 
-/// Writes what load_calib() reads back to the bit. Replaces the file in one step.
+/// Writes what load_calib() reads back to the last bits (a rotation vector is not a rotation
+/// matrix). Where a result must be the same to the bit, copy the file instead. Replaces the file in
+/// one step.
 void save_calib(const std::filesystem::path& path, const Rig& rig);
 
 }  // namespace v3d

@@ -17,6 +17,9 @@ struct ImageSize {
   int64_t pixels() const { return int64_t{width} * height; }
 };
 
+/// Larger images are refused wherever they come from.
+inline constexpr int kMaxImageSide = 16384;
+
 /// A half-open rectangle of pixels: x0 <= x < x0 + width.
 struct Rect {
   int x0 = 0;

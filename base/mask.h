@@ -63,8 +63,6 @@ std::vector<uint8_t> encode_runs(const Mask& mask);
 /// sizes beyond kMaxImageSide.
 std::optional<Mask> decode_runs(std::span<const uint8_t> runs, ImageSize size);
 
-inline constexpr int kMaxImageSide = 16384;
-
 /// From an 8-bit image: foreground where the value is 128 or more. Requires format Mono8.
 Mask mask_from_image(ImageView image);
 /// 0 and 255, Mono8.

@@ -1,0 +1,132 @@
+#include "base/calib_file.h"
+
+#include <algorithm>
+#include <string>
+
+#include "base/error.h"
+#include "base/file.h"
+#include "base/name.h"
+#include "base/toml_file.h"
+
+namespace v3d {
+namespace {
+
+ImageSize read_size(const TomlTable& camera) {
+  const std::vector<int64_t> size = camera.integers("size");
+  const auto fits = [](int64_t n) { return n > 0 && n <= kMaxImageSide; };
+  if (size.size() != 2 || !fits(size[0]) || !fits(size[1])) {
+    camera.fail("size", "expected [width, height] in pixels, each from 1 to " +
+                            std::to_string(kMaxImageSide));
+  }
+  return {static_cast<int>(size[0]), static_cast<int>(size[1])};
+}
+
+Eigen::Matrix3d read_matrix(const TomlTable& camera) {
+  const auto rows = camera.rows("matrix");
+  const bool is_3x3 = rows.size() == 3 && std::all_of(rows.begin(), rows.end(),
+                                                      [](const auto& r) { return r.size() == 3; });
+  if (!is_3x3) {
+    camera.fail("matrix", "expected 3 rows of 3 numbers");
+  }
+  Eigen::Matrix3d k;
+  for (int i = 0; i < 3; ++i) {
+    for (int j = 0; j < 3; ++j) {
+      k(i, j) = rows[i][j];
+    }
+  }
+  if (!(k(0, 0) > 0 && k(1, 1) > 0) || k(1, 0) != 0 || k.row(2) != Eigen::RowVector3d(0, 0, 1)) {
+    camera.fail("matrix", "expected [[fx, skew, cx], [0, fy, cy], [0, 0, 1]] with fx, fy > 0");
+  }
+  return k;
+}
+
+Distortion read_distortion(const TomlTable& camera) {
+  const std::vector<double> given = camera.numbers("distortions");
+  constexpr std::array<size_t, 6> kLengths = {0, 4, 5, 8, 12, 14};
+  if (std::find(kLengths.begin(), kLengths.end(), given.size()) == kLengths.end()) {
+    camera.fail("distortions", "expected 0, 4, 5, 8, 12 or 14 numbers in OpenCV's order, found " +
+                                   std::to_string(given.size()));
+  }
+  Distortion distortion{};
+  std::copy(given.begin(), given.end(), distortion.begin());
+  return distortion;
+}
+
+Eigen::Vector3d read_vector(const TomlTable& camera, std::string_view key) {
+  const std::vector<double> v = camera.numbers(key);
+  if (v.size() != 3) {
+    camera.fail(key, "expected 3 numbers, found " + std::to_string(v.size()));
+  }
+  return {v[0], v[1], v[2]};
+}
+
+RigCamera read_camera(const TomlTable& camera) {
+  const std::string name = camera.text("name");
+  if (!is_file_name(name)) {
+    camera.fail("name", "'" + name + "' cannot name a camera: " + std::string(kFileNameRule));
+  }
+  if (camera.boolean_or("fisheye", false)) {
+    camera.fail("fisheye", "fisheye lenses are not supported; calibrate with the pinhole model");
+  }
+  return {name, CameraModel(read_size(camera), read_matrix(camera), read_distortion(camera),
+                            RigidTransform::from_rodrigues(read_vector(camera, "rotation"),
+                                                           read_vector(camera, "translation")))};
+}
+
+template <class Range>
+std::string number_list(const Range& values) {
+  std::string text = "[";
+  for (const double v : values) {
+    text += (text.size() > 1 ? ", " : "") + toml_number(v);
+  }
+  return text + "]";
+}
+
+std::string camera_text(const RigCamera& camera) {
+  const CameraModel& m = camera.model;
+  const Eigen::Vector3d rotation = m.cam_from_world().rodrigues();
+  const Eigen::Vector3d& translation = m.cam_from_world().translation;
+  std::string matrix;
+  for (int i = 0; i < 3; ++i) {
+    const Eigen::RowVector3d row = m.matrix().row(i);
+    matrix += (i > 0 ? ", " : "") + number_list(row);
+  }
+  return "name = " + toml_string(camera.name) + "\nsize = [" + std::to_string(m.size().width) +
+         ", " + std::to_string(m.size().height) + "]\nmatrix = [" + matrix +
+         "]\ndistortions = " + number_list(m.distortion()) +
+         "\nrotation = " + number_list(rotation) + "\ntranslation = " + number_list(translation) +
+         "\nfisheye = false\n";
+}
+
+}  // namespace
+
+Rig parse_calib(std::string_view text, const std::filesystem::path& path) {
+  const TomlTable file = TomlTable::parse(text, path);
+  Rig rig;
+  for (const auto& [key, camera] : file.sub_tables()) {
+    if (!key.starts_with("cam")) {
+      continue;  // [metadata] and the like, which calibration tools add
+    }
+    RigCamera read = read_camera(camera);
+    if (find_camera(rig, read.name) >= 0) {
+      camera.fail("name", "two cameras are named '" + read.name + "'");
+    }
+    rig.push_back(std::move(read));
+  }
+  if (rig.empty()) {
+    throw InputError(path.string() + ": no camera: expected one [cam_*] table per camera");
+  }
+  return rig;
+}
+
+Rig load_calib(const std::filesystem::path& path) { return parse_calib(read_file(path), path); }
+
+void save_calib(const std::filesystem::path& path, const Rig& rig) {
+  std::string text = "# metres, z up; x_cam = R x_world + t; rotation = Rodrigues vector of R\n";
+  for (size_t i = 0; i < rig.size(); ++i) {
+    text += "\n[cam_" + std::to_string(i) + "]\n" + camera_text(rig[i]);
+  }
+  replace_file(path, text);
+}
+
+}  // namespace v3d

@@ -1,0 +1,14 @@
+// Names of cameras, nodes and takes become parts of file names and channels, so they must be
+// harmless.
+#pragma once
+
+#include <string_view>
+
+namespace v3d {
+
+/// Letters, digits, '-', '_' and '.', not starting with '.' or '-', 1 to 64 characters.
+bool is_file_name(std::string_view name);
+inline constexpr std::string_view kFileNameRule =
+    "use letters, digits, '-', '_' and '.', 64 at most, the first a letter or digit or '_'";
+
+}  // namespace v3d

@@ -1,0 +1,237 @@
+#include "base/studio_file.h"
+
+#include <algorithm>
+#include <array>
+#include <iterator>
+
+#include "base/error.h"
+#include "base/file.h"
+#include "base/name.h"
+#include "base/toml_file.h"
+
+namespace v3d {
+namespace {
+
+/// A number within [low, high].
+double ranged(const TomlTable& table, std::string_view key, double fallback, double low,
+              double high) {
+  const double value = table.number_or(key, fallback);
+  if (value < low || value > high) {
+    table.fail(key, "expected a number from " + toml_number(low) + " to " + toml_number(high) +
+                        ", found " + toml_number(value));
+  }
+  return value;
+}
+
+int ranged_int(const TomlTable& table, std::string_view key, int fallback, int low, int high) {
+  const int64_t value = table.integer_or(key, fallback);
+  if (value < low || value > high) {
+    table.fail(key, "expected a whole number from " + std::to_string(low) + " to " +
+                        std::to_string(high) + ", found " + std::to_string(value));
+  }
+  return static_cast<int>(value);
+}
+
+/// One of a few words, each with its meaning.
+template <class T, size_t N>
+T choice(const TomlTable& table, std::string_view key, std::string_view fallback,
+         const std::array<std::pair<std::string_view, T>, N>& choices) {
+  const std::string value = table.text_or(key, fallback);
+  std::string known;
+  for (const auto& [word, meaning] : choices) {
+    if (value == word) {
+      return meaning;
+    }
+    known += (known.empty() ? "" : ", ") + std::string(word);
+  }
+  table.fail(key, "'" + value + "' is unknown; known: " + known);
+}
+
+std::string read_name(const TomlTable& table) {
+  const std::string name = table.text("name");
+  if (!is_file_name(name)) {
+    table.fail("name", "'" + name + "': " + std::string(kFileNameRule));
+  }
+  return name;
+}
+
+Eigen::Vector3d read_point(const TomlTable& table, std::string_view key) {
+  const std::vector<double> v = table.numbers(key);
+  if (v.size() != 3) {
+    table.fail(key, "expected [x, y, z] in metres");
+  }
+  return {v[0], v[1], v[2]};
+}
+
+PixelFormat read_pixel_format(const TomlTable& table, PixelFormat fallback) {
+  const std::string word = table.text_or("pixel_format", name(fallback));
+  const auto format = pixel_format_from_name(word);
+  if (!format) {
+    table.fail(
+        "pixel_format",
+        "'" + word + "' is unknown; known: Mono8, BayerGR8, BayerRG8, BayerGB8, BayerBG8, RGB8");
+  }
+  return *format;
+}
+
+/// The settings that [camera_defaults] and [[camera]] share; `camera` comes with the defaults.
+void read_camera_settings(const TomlTable& table, StudioCamera& camera) {
+  static constexpr std::array<std::pair<std::string_view, CameraKind>, 2> kKinds = {
+      {{"aravis", CameraKind::kAravis}, {"v4l2", CameraKind::kV4l2}}};
+  camera.kind = choice(table, "kind", kKinds[static_cast<size_t>(camera.kind)].first, kKinds);
+  camera.pixel_format = read_pixel_format(table, camera.pixel_format);
+  camera.exposure_us = ranged(table, "exposure_us", camera.exposure_us, 1, 1e6);
+  camera.gain_db = ranged(table, "gain_db", camera.gain_db, 0, 60);
+  camera.trigger_line = table.text_or("trigger_line", camera.trigger_line);
+  camera.packet_size = ranged_int(table, "packet_size", camera.packet_size, 576, 65507);
+  camera.packet_delay_ns =
+      ranged_int(table, "packet_delay_ns", camera.packet_delay_ns, 0, 1'000'000'000);
+  camera.buffers = ranged_int(table, "buffers", camera.buffers, 2, 1024);
+  camera.packet_socket = table.boolean_or("packet_socket", camera.packet_socket);
+}
+
+bool has_node(const Studio& studio, std::string_view name) {
+  return std::any_of(studio.nodes.begin(), studio.nodes.end(),
+                     [&](const StudioNode& n) { return n.name == name; });
+}
+
+std::string read_node(const TomlTable& table, const Studio& studio) {
+  const std::string node = table.text("node");
+  if (!has_node(studio, node)) {
+    table.fail("node", "there is no [[node]] named '" + node + "'");
+  }
+  return node;
+}
+
+void read_nodes(const TomlTable& file, Studio& studio) {
+  for (const TomlTable& table : file.tables("node")) {
+    const std::string name = read_name(table);
+    if (has_node(studio, name)) {
+      table.fail("name", "two nodes are named '" + name + "'");
+    }
+    studio.nodes.push_back({name});
+    table.refuse_unknown();
+  }
+  if (studio.nodes.empty()) {
+    file.fail("node", "missing: expected one [[node]] per PC");
+  }
+}
+
+void read_cameras(const TomlTable& file, Studio& studio) {
+  StudioCamera defaults;
+  if (file.has("camera_defaults")) {
+    const TomlTable table = file.table("camera_defaults");
+    read_camera_settings(table, defaults);
+    table.refuse_unknown();
+  }
+  for (const TomlTable& table : file.tables("camera")) {
+    StudioCamera camera = defaults;
+    camera.name = read_name(table);
+    const auto same_name = [&](const StudioCamera& c) { return c.name == camera.name; };
+    if (std::any_of(studio.cameras.begin(), studio.cameras.end(), same_name)) {
+      table.fail("name", "two cameras are named '" + camera.name + "'");
+    }
+    camera.node = read_node(table, studio);
+    camera.address = table.text("address");
+    read_camera_settings(table, camera);
+    table.refuse_unknown();
+    studio.cameras.push_back(std::move(camera));
+  }
+  if (studio.cameras.empty()) {
+    file.fail("camera", "missing: expected one [[camera]] per camera");
+  }
+}
+
+/// A path of the file, relative to the folder the file is in.
+std::filesystem::path resolve(const Studio& studio, const std::string& path) {
+  return studio.path.parent_path() / path;
+}
+
+void read_trigger(const TomlTable& file, Studio& studio) {
+  static constexpr std::array<std::pair<std::string_view, TriggerKind>, 1> kKinds = {
+      {{"simulated", TriggerKind::kSimulated}}};
+  const TomlTable table = file.table("trigger");
+  StudioTrigger& trigger = studio.trigger;
+  trigger.node = read_node(table, studio);
+  trigger.kind = choice(table, "kind", "simulated", kKinds);
+  trigger.rate_hz = ranged(table, "rate_hz", trigger.rate_hz, 0.01, 10'000);
+  trigger.pulse_width_us = ranged(table, "pulse_width_us", trigger.pulse_width_us, 0.1, 1e6);
+  if (trigger.pulse_width_us >= 1e6 / trigger.rate_hz) {
+    table.fail("pulse_width_us", "a pulse must be shorter than the period of " +
+                                     toml_number(1e6 / trigger.rate_hz) + " us");
+  }
+  trigger.wire = resolve(studio, table.text("wire"));
+  table.refuse_unknown();
+}
+
+void read_space(const TomlTable& file, Studio& studio) {
+  const TomlTable table = file.table("space");
+  studio.space.bounds = {read_point(table, "min"), read_point(table, "max")};
+  if ((studio.space.bounds.size().array() <= 0).any()) {
+    table.fail("max", "must be above min in x, y and z");
+  }
+  table.refuse_unknown();
+}
+
+void read_network(const TomlTable& file, Studio& studio) {
+  if (!file.has("network")) {
+    return;
+  }
+  const TomlTable table = file.table("network");
+  studio.network.lcm_url = table.text_or("lcm_url", studio.network.lcm_url);
+  table.refuse_unknown();
+}
+
+void read_storage(const TomlTable& file, Studio& studio) {
+  const TomlTable table = file.table("storage");
+  studio.storage.takes = resolve(studio, table.text("takes"));
+  studio.storage.background = resolve(studio, table.text("background"));
+  studio.storage.calib = resolve(studio, table.text("calib"));
+  table.refuse_unknown();
+}
+
+void read_reconstruction(const TomlTable& file, Studio& studio) {
+  static constexpr std::array<std::pair<std::string_view, Quality>, 2> kQualities = {
+      {{"live", Quality::kLive}, {"high", Quality::kHigh}}};
+  const TomlTable table = file.table("reconstruction");
+  StudioReconstruction& r = studio.reconstruction;
+  r.node = read_node(table, studio);
+  r.voxel_m = ranged(table, "voxel_m", r.voxel_m, 1e-4, 1);
+  const int cameras = static_cast<int>(studio.cameras.size());
+  r.min_views = ranged_int(table, "min_views", std::min(r.min_views, cameras), 1, cameras);
+  r.quality = choice(table, "quality", "live", kQualities);
+  r.threads = ranged_int(table, "threads", r.threads, 0, 1024);
+  r.deadline_ms = ranged(table, "deadline_ms", r.deadline_ms, 1, 60'000);
+  table.refuse_unknown();
+}
+
+}  // namespace
+
+std::vector<StudioCamera> Studio::cameras_of(std::string_view node) const {
+  std::vector<StudioCamera> found;
+  std::copy_if(cameras.begin(), cameras.end(), std::back_inserter(found),
+               [&](const StudioCamera& c) { return c.node == node; });
+  return found;
+}
+
+Studio parse_studio(std::string_view text, const std::filesystem::path& path) {
+  const TomlTable file = TomlTable::parse(text, path);
+  Studio studio;
+  studio.path = path;
+  studio.name = read_name(file);
+  read_nodes(file, studio);
+  read_cameras(file, studio);
+  read_trigger(file, studio);
+  read_space(file, studio);
+  read_network(file, studio);
+  read_storage(file, studio);
+  read_reconstruction(file, studio);
+  file.refuse_unknown();
+  return studio;
+}
+
+Studio load_studio(const std::filesystem::path& path) {
+  return parse_studio(read_file(path), path);
+}
+
+}  // namespace v3d
