@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cstdio>
 #include <iterator>
 
 #include "base/error.h"
@@ -12,13 +13,20 @@
 namespace v3d {
 namespace {
 
+/// A number as a person writes it.
+std::string plain(double value) {
+  std::array<char, 32> text{};
+  std::snprintf(text.data(), text.size(), "%.10g", value);
+  return text.data();
+}
+
 /// A number within [low, high].
 double ranged(const TomlTable& table, std::string_view key, double fallback, double low,
               double high) {
   const double value = table.number_or(key, fallback);
   if (value < low || value > high) {
-    table.fail(key, "expected a number from " + toml_number(low) + " to " + toml_number(high) +
-                        ", found " + toml_number(value));
+    table.fail(key, "expected a number from " + plain(low) + " to " + plain(high) + ", found " +
+                        plain(value));
   }
   return value;
 }
@@ -158,7 +166,7 @@ void read_trigger(const TomlTable& file, Studio& studio) {
   trigger.pulse_width_us = ranged(table, "pulse_width_us", trigger.pulse_width_us, 0.1, 1e6);
   if (trigger.pulse_width_us >= 1e6 / trigger.rate_hz) {
     table.fail("pulse_width_us", "a pulse must be shorter than the period of " +
-                                     toml_number(1e6 / trigger.rate_hz) + " us");
+                                     plain(1e6 / trigger.rate_hz) + " us");
   }
   trigger.wire = resolve(studio, table.text("wire"));
   table.refuse_unknown();

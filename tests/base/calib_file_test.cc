@@ -1,0 +1,105 @@
+#include "base/calib_file.h"
+
+#include <gtest/gtest.h>
+
+#include "base/error.h"
+#include "base/file.h"
+
+namespace v3d {
+namespace {
+
+constexpr std::string_view kGood = R"([cam_0]
+name = "cam00"
+size = [1024, 768]
+matrix = [[899.975, -1.46795, 521.897], [0, 898.663, 383.998], [0, 0, 1]]
+distortions = [-0.1, 0.01, 0.001, 0.002]
+rotation = [1.98, -0.054, -0.035]
+translation = [0.043, 0.792, 2.678]
+fisheye = false
+
+[metadata]
+error = 0.2
+)";
+
+std::string message_for(std::string_view text) {
+  try {
+    parse_calib(text, "calib.toml");
+  } catch (const InputError& error) {
+    return error.what();
+  }
+  return "accepted";
+}
+
+std::string with(std::string_view from, std::string_view to) {
+  std::string text(kGood);
+  return text.replace(text.find(from), from.size(), to);
+}
+
+TEST(CalibFile, is_read_as_it_is_written) {
+  const Rig rig = parse_calib(kGood, "calib.toml");
+  ASSERT_EQ(rig.size(), 1U);
+  const CameraModel& m = rig[0].model;
+  EXPECT_EQ(rig[0].name, "cam00");
+  EXPECT_EQ(m.size(), (ImageSize{1024, 768}));
+  EXPECT_EQ(m.matrix()(0, 1), -1.46795);
+  EXPECT_EQ(m.distortion()[3], 0.002);
+  EXPECT_EQ(m.distortion()[4], 0);
+  EXPECT_NEAR((m.cam_from_world().rodrigues() - Eigen::Vector3d(1.98, -0.054, -0.035)).norm(), 0,
+              1e-12);
+}
+
+TEST(CalibFile, saved_and_loaded_again_is_the_same_rig) {
+  const std::filesystem::path path = testing::TempDir() + "/v3d_calib_test.toml";
+  const Rig rig = parse_calib(kGood, "calib.toml");
+  save_calib(path, rig);
+  const Rig again = load_calib(path);
+  std::filesystem::remove(path);
+  ASSERT_EQ(again.size(), 1U);
+  EXPECT_EQ(again[0].model.matrix(), rig[0].model.matrix());
+  EXPECT_EQ(again[0].model.distortion(), rig[0].model.distortion());
+  EXPECT_EQ(again[0].model.cam_from_world().translation, rig[0].model.cam_from_world().translation);
+  EXPECT_LT(
+      (again[0].model.cam_from_world().rotation - rig[0].model.cam_from_world().rotation).norm(),
+      1e-14);
+}
+
+TEST(CalibFile, with_a_missing_field_names_file_line_and_field) {
+  EXPECT_EQ(message_for(with("rotation = [1.98, -0.054, -0.035]\n", "")),
+            "calib.toml:1: cam_0.rotation: missing");
+}
+
+TEST(CalibFile, with_a_wrong_field_says_what_would_be_right) {
+  EXPECT_EQ(message_for(with("[1024, 768]", "[1024]")),
+            "calib.toml:3: cam_0.size: expected [width, height] in pixels, each from 1 to 16384");
+  EXPECT_EQ(message_for(with("[-0.1, 0.01, 0.001, 0.002]", "[1, 2, 3]")),
+            "calib.toml:5: cam_0.distortions: expected 0, 4, 5, 8, 12 or 14 numbers in OpenCV's "
+            "order, found 3");
+  EXPECT_EQ(message_for(with("[0, 0, 1]]", "[0, 0, 2]]")),
+            "calib.toml:4: cam_0.matrix: expected [[fx, skew, cx], [0, fy, cy], [0, 0, 1]] with "
+            "fx, fy > 0");
+  EXPECT_EQ(message_for(with("\"cam00\"", "7")),
+            "calib.toml:2: cam_0.name: expected a string, found integer");
+  EXPECT_EQ(message_for(with("1.98", "nan")),
+            "calib.toml:6: cam_0.rotation: expected a finite number, found floating-point");
+  EXPECT_EQ(message_for(with("fisheye = false", "fisheye = true")),
+            "calib.toml:8: cam_0.fisheye: fisheye lenses are not supported; calibrate with the "
+            "pinhole model");
+}
+
+TEST(CalibFile, with_two_cameras_of_one_name_is_refused) {
+  const std::string text = std::string(kGood) + with("[cam_0]", "\n[cam_1]");
+  EXPECT_EQ(message_for(text.substr(0, text.rfind("[metadata]"))),
+            "calib.toml:14: cam_1.name: two cameras are named 'cam00'");
+}
+
+TEST(CalibFile, with_a_name_that_leaves_the_folder_is_refused) {
+  EXPECT_NE(message_for(with("cam00", "../cam00")).find("cannot name a camera"), std::string::npos);
+}
+
+TEST(CalibFile, that_is_no_toml_or_has_no_camera_says_so) {
+  EXPECT_EQ(message_for("a = 1\n"), "calib.toml: no camera: expected one [cam_*] table per camera");
+  EXPECT_NE(message_for("[cam_0\n").find("calib.toml:1: "), std::string::npos);
+}
+
+}  // namespace
+}  // namespace v3d

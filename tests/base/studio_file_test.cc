@@ -1,0 +1,134 @@
+#include "base/studio_file.h"
+
+#include <gtest/gtest.h>
+
+#include "base/error.h"
+
+namespace v3d {
+namespace {
+
+constexpr std::string_view kGood = R"(name = "kyoto"
+
+[[node]]
+name = "cap01"
+[[node]]
+name = "recon01"
+
+[camera_defaults]
+exposure_us = 800
+packet_size = 8000
+
+[[camera]]
+name = "cam01"
+node = "cap01"
+address = "V3D-SIM-01"
+
+[[camera]]
+name = "cam02"
+node = "cap01"
+address = "127.0.0.12"
+pixel_format = "Mono8"
+packet_size = 1500
+
+[trigger]
+node = "cap01"
+kind = "simulated"
+rate_hz = 25
+wire = "trigger.sock"
+
+[space]
+min = [-1.5, -1.5, 0]
+max = [1.5, 1.5, 2]
+
+[storage]
+takes = "takes"
+background = "/var/lib/v3d/background"
+calib = "calib.toml"
+
+[reconstruction]
+node = "recon01"
+voxel_m = 0.008
+min_views = 2
+)";
+
+std::string message_for(std::string_view text) {
+  try {
+    parse_studio(text, "/etc/v3d/studio.toml");
+  } catch (const InputError& error) {
+    return error.what();
+  }
+  return "accepted";
+}
+
+std::string with(std::string_view from, std::string_view to) {
+  std::string text(kGood);
+  return text.replace(text.find(from), from.size(), to);
+}
+
+TEST(StudioFile, gives_every_camera_its_own_settings_above_the_defaults) {
+  const Studio studio = parse_studio(kGood, "/etc/v3d/studio.toml");
+  ASSERT_EQ(studio.cameras.size(), 2U);
+  EXPECT_EQ(studio.cameras[0].packet_size, 8000);
+  EXPECT_EQ(studio.cameras[0].pixel_format, PixelFormat::kBayerRG8);
+  EXPECT_EQ(studio.cameras[1].packet_size, 1500);
+  EXPECT_EQ(studio.cameras[1].pixel_format, PixelFormat::kMono8);
+  EXPECT_EQ(studio.cameras[1].exposure_us, 800);
+  EXPECT_EQ(studio.cameras_of("cap01").size(), 2U);
+  EXPECT_TRUE(studio.cameras_of("recon01").empty());
+  EXPECT_EQ(studio.reconstruction.voxel_m, 0.008);
+}
+
+TEST(StudioFile, takes_relative_paths_from_its_own_folder) {
+  const Studio studio = parse_studio(kGood, "/etc/v3d/studio.toml");
+  EXPECT_EQ(studio.storage.takes, "/etc/v3d/takes");
+  EXPECT_EQ(studio.storage.background, "/var/lib/v3d/background");
+  EXPECT_EQ(studio.trigger.wire, "/etc/v3d/trigger.sock");
+}
+
+TEST(StudioFile, with_two_cameras_or_two_nodes_of_one_name_is_refused) {
+  EXPECT_EQ(message_for(with("\"cam02\"", "\"cam01\"")),
+            "/etc/v3d/studio.toml:18: camera.name: two cameras are named 'cam01'");
+  EXPECT_EQ(message_for(with("\"recon01\"", "\"cap01\"")),
+            "/etc/v3d/studio.toml:6: node.name: two nodes are named 'cap01'");
+}
+
+TEST(StudioFile, names_a_node_that_does_not_exist) {
+  EXPECT_EQ(message_for(with("node = \"cap01\"", "node = \"cap02\"")),
+            "/etc/v3d/studio.toml:14: camera.node: there is no [[node]] named 'cap02'");
+}
+
+TEST(StudioFile, names_a_misspelt_field_and_the_known_ones) {
+  const std::string message = message_for(with("packet_size = 1500", "packetsize = 1500"));
+  EXPECT_EQ(message.find("/etc/v3d/studio.toml:22: camera.packetsize: unknown field; known here: "),
+            0U)
+      << message;
+  EXPECT_NE(message.find("packet_size"), std::string::npos);
+}
+
+TEST(StudioFile, refuses_values_out_of_range_with_the_range) {
+  EXPECT_EQ(message_for(with("exposure_us = 800", "exposure_us = -1")),
+            "/etc/v3d/studio.toml:9: camera_defaults.exposure_us: expected a number from 1 to "
+            "1000000, found -1");
+  EXPECT_EQ(message_for(with("min_views = 2", "min_views = 3")),
+            "/etc/v3d/studio.toml:42: reconstruction.min_views: expected a whole number from 1 to "
+            "2, found 3");
+  EXPECT_EQ(message_for(with("max = [1.5, 1.5, 2]", "max = [1.5, 1.5, 0]")),
+            "/etc/v3d/studio.toml:32: space.max: must be above min in x, y and z");
+  EXPECT_EQ(message_for(with("\"Mono8\"", "\"Mono12\"")),
+            "/etc/v3d/studio.toml:21: camera.pixel_format: 'Mono12' is unknown; known: Mono8, "
+            "BayerGR8, BayerRG8, BayerGB8, BayerBG8, RGB8");
+  EXPECT_EQ(message_for(with("rate_hz = 25", "rate_hz = 5000")),
+            "/etc/v3d/studio.toml:24: trigger.pulse_width_us: a pulse must be shorter than the "
+            "period of 200 us");
+}
+
+TEST(StudioFile, names_what_is_missing) {
+  EXPECT_EQ(message_for(with("calib = \"calib.toml\"\n", "")),
+            "/etc/v3d/studio.toml:34: storage.calib: missing");
+  EXPECT_EQ(message_for("name = \"x\"\n"),
+            "/etc/v3d/studio.toml:1: node: missing: expected one [[node]] per PC");
+  EXPECT_EQ(message_for(with("name = \"kyoto\"\n", "")), "/etc/v3d/studio.toml:1: name: missing");
+}
+
+}  // namespace
+}  // namespace v3d
