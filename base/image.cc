@@ -19,7 +19,7 @@ struct FormatFacts {
   uint32_t v4l2_fourcc;
   int bytes_per_pixel;
   /// Colours of the 2x2 tile, row-major; -1 where the format is no mosaic.
-  std::array<int8_t, 4> tile;
+  std::array<int, 4> tile;
 };
 
 constexpr std::array<FormatFacts, 6> kFormats = {{
@@ -46,7 +46,7 @@ std::optional<PixelFormat> find_format(Predicate predicate) {
 
 /// Mean of the samples of each colour in the 3x3 neighbourhood: bilinear demosaicing, cut at the
 /// border.
-std::array<uint8_t, 3> demosaic_pixel(ImageView source, const std::array<int8_t, 4>& tile, int x,
+std::array<uint8_t, 3> demosaic_pixel(ImageView source, const std::array<int, 4>& tile, int x,
                                       int y) {
   std::array<int, 3> sum{};
   std::array<int, 3> weight{};

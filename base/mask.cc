@@ -23,8 +23,9 @@ std::optional<uint64_t> take_varint(std::span<const uint8_t>& bytes) {
   for (size_t i = 0; i < std::min<size_t>(bytes.size(), 5); ++i) {
     value |= uint64_t{bytes[i] & 0x7FU} << (7 * i);
     if (bytes[i] < 0x80) {
+      const bool overlong = i > 0 && bytes[i] == 0;
       bytes = bytes.subspan(i + 1);
-      return value;
+      return overlong ? std::nullopt : std::optional(value);
     }
   }
   return std::nullopt;
@@ -121,12 +122,14 @@ std::optional<Mask> decode_runs(std::span<const uint8_t> runs, ImageSize size) {
   Mask mask(size);
   const auto total = static_cast<uint64_t>(size.pixels());
   uint64_t at = 0;
+  bool first = true;
   for (bool foreground = false; !runs.empty(); foreground = !foreground) {
     const auto run = take_varint(runs);
     // An empty run says nothing, except that the mask begins with foreground.
-    if (!run || *run > total - at || (*run == 0 && at > 0)) {
+    if (!run || *run > total - at || (*run == 0 && !first)) {
       return std::nullopt;
     }
+    first = false;
     for (uint64_t begin = at; foreground && begin < at + *run;) {
       const uint64_t y = begin / size.width;
       const uint64_t end = std::min(at + *run, (y + 1) * size.width);

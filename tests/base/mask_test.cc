@@ -68,6 +68,8 @@ TEST(Mask, refuses_runs_that_do_not_fill_the_image) {
   EXPECT_FALSE(decode_runs(std::vector<uint8_t>{13}, {4, 3}));
   EXPECT_FALSE(decode_runs(std::vector<uint8_t>{12, 0}, {4, 3}));
   EXPECT_FALSE(decode_runs(std::vector<uint8_t>{0x8c}, {4, 3})) << "an unfinished number";
+  EXPECT_FALSE(decode_runs(std::vector<uint8_t>{0, 0, 0, 12}, {4, 3})) << "empty runs";
+  EXPECT_FALSE(decode_runs(std::vector<uint8_t>{0x8c, 0}, {4, 3})) << "an overlong number";
   EXPECT_FALSE(decode_runs(std::vector<uint8_t>{}, {4, 3}));
   EXPECT_FALSE(decode_runs(std::vector<uint8_t>{0}, {0, 3}));
   EXPECT_FALSE(

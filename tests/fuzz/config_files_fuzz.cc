@@ -1,0 +1,20 @@
+// Studio and calibration files are written by people and other programs: any text is read or
+// refused by an InputError, nothing else.
+#include <string_view>
+
+#include "base/calib_file.h"
+#include "base/error.h"
+#include "base/studio_file.h"
+
+extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
+  const std::string_view text(reinterpret_cast<const char*>(data), size);
+  try {
+    v3d::parse_calib(text, "calib.toml");
+  } catch (const v3d::InputError&) {
+  }
+  try {
+    v3d::parse_studio(text, "studio.toml");
+  } catch (const v3d::InputError&) {
+  }
+  return 0;
+}
