@@ -28,7 +28,8 @@ class PulseGenerator {
   virtual void start() = 0;
   /// No pulse begins after this returns. Idempotent.
   virtual void stop() = 0;
-  /// Pulses commanded since start().
+  /// Pulses commanded since start(): the places of the train that have passed. A pulse that could
+  /// not be made in time keeps its number, is told of in fault(), and is missing.
   virtual int64_t commanded() const = 0;
   /// True once a train of known length has ended, or after stop().
   virtual bool finished() const = 0;
@@ -46,10 +47,13 @@ struct SensedPulse {
 class PulseSensor {
  public:
   virtual ~PulseSensor() = default;
-  /// Forgets edges that nobody took and counts from 0 again.
+  /// Forgets edges that nobody took and counts from 0 again. Throws InputError when the line cannot
+  /// be reached.
   virtual void reset() = 0;
   /// The next edge, waiting until `deadline`; empty when none came. One thread.
   virtual std::optional<SensedPulse> wait(MonotonicInstant deadline) = 0;
+  /// What went wrong, one line; empty when nothing did. A sensor with a fault senses nothing.
+  virtual std::string fault() const = 0;
 };
 
 }  // namespace v3d

@@ -1,0 +1,203 @@
+#include "trigger/simulated.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <functional>
+
+#include "base/error.h"
+#include "cable_server.h"
+#include "trigger/make_trigger.h"
+
+namespace v3d {
+namespace {
+
+using std::chrono::milliseconds;
+using std::chrono::seconds;
+using testing::HasSubstr;
+using testing::IsEmpty;
+
+PulseTrain train_of(double rate_hz, std::optional<int64_t> count) {
+  return {rate_hz, std::chrono::microseconds(100), count};
+}
+
+bool eventually(const std::function<bool()>& condition) {
+  const auto deadline = Monotonic::now() + seconds(10);
+  while (!condition()) {
+    if (Monotonic::now() > deadline) return false;
+    std::this_thread::yield();
+  }
+  return true;
+}
+
+std::string refusal(SimulatedGenerator& generator, const PulseTrain& train) {
+  try {
+    generator.arm(train);
+  } catch (const InputError& error) {
+    return error.what();
+  }
+  return "not refused";
+}
+
+TEST(SimulatedGenerator, makes_exactly_as_many_pulses_as_asked_for) {
+  CableServer cable;
+  SimulatedGenerator generator(cable.path());
+  generator.arm(train_of(20, 7));
+  EXPECT_THAT(cable.edges(), IsEmpty());
+  generator.start();
+  ASSERT_TRUE(eventually([&] { return generator.finished(); }));
+  EXPECT_EQ(generator.commanded(), 7);
+  const size_t sent = 7 - generator.skipped();
+  EXPECT_EQ(generator.fault().empty(), sent == 7);
+  ASSERT_TRUE(cable.wait_for_edges(sent));
+  generator.arm(train_of(20, 1));  // joins the thread: whatever it sent has been sent
+  EXPECT_EQ(cable.edges().size(), sent);
+}
+
+TEST(SimulatedGenerator, puts_edge_k_at_start_plus_k_periods) {
+  CableServer cable;
+  SimulatedGenerator generator(cable.path());
+  generator.arm(train_of(40, 10));
+  generator.start();
+  ASSERT_TRUE(eventually([&] { return generator.finished(); }));
+  ASSERT_TRUE(cable.wait_for_edges(10 - generator.skipped()));
+  const auto edges = cable.edges();
+  for (const int64_t edge : edges) EXPECT_EQ((edge - edges[0]) % 25'000'000, 0);
+  EXPECT_LE(edges.back() - edges[0], 9 * 25'000'000);
+}
+
+TEST(SimulatedGenerator, sends_no_edge_after_stop_returns) {
+  CableServer cable;
+  SimulatedGenerator generator(cable.path());
+  generator.arm(train_of(500, {}));
+  generator.start();
+  ASSERT_TRUE(cable.wait_for_edges(5));
+  generator.stop();
+  const MonotonicInstant stopped = Monotonic::now();
+  generator.stop();
+  EXPECT_TRUE(generator.finished());
+  const int64_t commanded = generator.commanded();
+  SimulatedSensor sensor(cable.path());
+  sensor.reset();
+  EXPECT_FALSE(sensor.wait(stopped + milliseconds(50)));
+  EXPECT_EQ(generator.commanded(), commanded);
+  for (const int64_t edge : cable.edges()) EXPECT_LT(edge, to_ns(stopped));
+}
+
+TEST(SimulatedGenerator, can_be_started_again_and_counts_from_zero) {
+  CableServer cable;
+  SimulatedGenerator generator(cable.path());
+  for (int round = 0; round < 3; ++round) {
+    generator.arm(train_of(20, 2));
+    EXPECT_EQ(generator.commanded(), 0);
+    generator.start();
+    ASSERT_TRUE(eventually([&] { return generator.finished(); }));
+    EXPECT_EQ(generator.commanded(), 2);
+  }
+}
+
+TEST(SimulatedGenerator, refuses_trains_that_it_cannot_make) {
+  CableServer cable;
+  SimulatedGenerator generator(cable.path());
+  for (const double rate : {0.0, -25.0, 1e9, std::nan(""), double(INFINITY)}) {
+    EXPECT_THAT(refusal(generator, train_of(rate, {})), HasSubstr("0.01 to 1000 Hz")) << rate;
+  }
+  EXPECT_THAT(refusal(generator, train_of(25, 0)), HasSubstr("at least 1"));
+  EXPECT_THAT(refusal(generator, {25, milliseconds(40), {}}), HasSubstr("less than the period"));
+  EXPECT_THAT(refusal(generator, {25, milliseconds(0), {}}), HasSubstr("less than the period"));
+}
+
+TEST(SimulatedGenerator, names_the_wire_that_is_not_there) {
+  SimulatedGenerator absent("/nonexistent/cable");
+  EXPECT_THAT(refusal(absent, train_of(25, {})), HasSubstr("/nonexistent/cable"));
+  SimulatedGenerator endless(std::string(200, 'x'));
+  EXPECT_THAT(refusal(endless, train_of(25, {})), HasSubstr("characters"));
+}
+
+TEST(SimulatedGenerator, reports_a_wire_that_vanishes_in_mid_train) {
+  CableServer cable;
+  SimulatedGenerator generator(cable.path());
+  generator.arm(train_of(100, {}));
+  generator.start();
+  ASSERT_TRUE(cable.wait_for_edges(3));
+  cable.vanish();
+  ASSERT_TRUE(eventually([&] { return generator.finished(); }));
+  EXPECT_THAT(generator.fault(), HasSubstr("vanished"));
+  generator.stop();
+}
+
+TEST(SimulatedSensor, counts_the_edges_and_passes_on_their_stamps) {
+  CableServer cable;
+  SimulatedSensor sensor(cable.path());
+  sensor.reset();
+  ASSERT_TRUE(cable.wait_for_clients(1));
+  SimulatedGenerator generator(cable.path());
+  generator.arm(train_of(20, 5));
+  generator.start();
+  ASSERT_TRUE(eventually([&] { return generator.finished(); }));
+  ASSERT_TRUE(cable.wait_for_edges(5 - generator.skipped()));
+  int64_t number = 0;
+  for (const int64_t edge : cable.edges()) {
+    const auto pulse = sensor.wait(Monotonic::now() + seconds(10));
+    ASSERT_TRUE(pulse);
+    EXPECT_EQ(pulse->number, number++);
+    EXPECT_EQ(to_ns(pulse->at), edge);
+  }
+}
+
+TEST(SimulatedSensor, forgets_on_reset_what_nobody_took) {
+  CableServer cable;
+  SimulatedSensor sensor(cable.path());
+  sensor.reset();
+  ASSERT_TRUE(cable.wait_for_clients(1));
+  SimulatedGenerator generator(cable.path());
+  generator.arm(train_of(50, {}));
+  generator.start();
+  ASSERT_TRUE(cable.wait_for_edges(2));
+  EXPECT_EQ(sensor.wait(Monotonic::now() + seconds(10))->number, 0);
+  generator.arm(train_of(50, {}));
+  sensor.reset();
+  const MonotonicInstant forgotten = Monotonic::now();
+  generator.start();
+  const auto pulse = sensor.wait(Monotonic::now() + seconds(10));
+  ASSERT_TRUE(pulse);
+  EXPECT_EQ(pulse->number, 0);
+  EXPECT_GT(pulse->at, forgotten);
+}
+
+TEST(SimulatedSensor, reports_a_wire_that_vanishes_and_takes_a_new_one) {
+  CableServer cable;
+  SimulatedSensor sensor(cable.path());
+  EXPECT_THAT(sensor.fault(), HasSubstr("not connected"));
+  sensor.reset();
+  EXPECT_EQ(sensor.fault(), "");
+  cable.vanish();
+  EXPECT_FALSE(sensor.wait(Monotonic::now() + milliseconds(1)));
+  EXPECT_THAT(sensor.fault(), HasSubstr("vanished"));
+  EXPECT_THROW(sensor.reset(), InputError);
+}
+
+TEST(SimulatedSensor, takes_a_packet_that_is_no_edge_for_a_broken_wire) {
+  CableServer cable;
+  SimulatedSensor sensor(cable.path());
+  sensor.reset();
+  ASSERT_TRUE(cable.wait_for_clients(1));
+  cable.send_to_all("hello, this is no edge");
+  EXPECT_FALSE(sensor.wait(Monotonic::now() + seconds(1)));
+  EXPECT_THAT(sensor.fault(), HasSubstr("vanished"));
+}
+
+TEST(MakeTrigger, makes_what_the_studio_file_asks_for) {
+  CableServer cable;
+  StudioTrigger trigger;
+  trigger.wire = cable.path();
+  const auto generator = make_generator(trigger);
+  generator->arm({25, milliseconds(1), 1});
+  const auto sensor = make_sensor(trigger);
+  sensor->reset();
+  EXPECT_EQ(generator->fault() + sensor->fault(), "");
+}
+
+}  // namespace
+}  // namespace v3d

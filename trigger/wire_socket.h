@@ -1,0 +1,41 @@
+// One end of the simulated trigger cable (base/trigger_wire.h).
+#pragma once
+
+#include <filesystem>
+#include <optional>
+
+#include "base/time.h"
+#include "base/trigger_wire.h"
+
+namespace v3d {
+
+/// A connected client. Owns the socket. A cable whose other end vanished neither blocks nor
+/// signals: the functions say so.
+class WireSocket {
+ public:
+  /// Throws InputError when nobody listens at `path`.
+  explicit WireSocket(const std::filesystem::path& path);
+  ~WireSocket();
+  WireSocket(const WireSocket&) = delete;
+  WireSocket& operator=(const WireSocket&) = delete;
+
+  /// False when the other end vanished or does not read.
+  bool send(const TriggerEdge& edge);
+  /// The next edge, waiting until `deadline`; empty when none came or the other end vanished.
+  std::optional<TriggerEdge> receive(MonotonicInstant deadline);
+  /// Throws away what has arrived.
+  void drain();
+  bool vanished() const { return vanished_; }
+
+ private:
+  /// One packet that is already there.
+  std::optional<TriggerEdge> receive_now();
+
+  int fd_ = -1;
+  bool vanished_ = false;
+};
+
+/// Sleeps until an instant; returns at once when it has passed.
+void sleep_until(MonotonicInstant instant);
+
+}  // namespace v3d
