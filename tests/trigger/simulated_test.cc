@@ -156,6 +156,8 @@ TEST(SimulatedSensor, forgets_on_reset_what_nobody_took) {
   generator.start();
   ASSERT_TRUE(cable.wait_for_edges(2));
   EXPECT_EQ(sensor.wait(Monotonic::now() + seconds(10))->number, 0);
+  generator.stop();
+  ASSERT_TRUE(cable.wait_for_edges(generator.commanded() - generator.skipped()));
   generator.arm(train_of(50, {}));
   sensor.reset();
   const MonotonicInstant forgotten = Monotonic::now();
