@@ -1,0 +1,191 @@
+// The real Aravis path against Aravis' own simulated camera, in one process.
+#include "capture/aravis_camera.h"
+
+#include <arv.h>
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <functional>
+#include <memory>
+#include <string>
+
+#include "base/error.h"
+#include "capture/make_camera.h"
+
+namespace v3d {
+namespace {
+
+using std::chrono::milliseconds;
+using std::chrono::seconds;
+using testing::AllOf;
+using testing::HasSubstr;
+
+struct Unref {
+  void operator()(gpointer object) const { g_object_unref(object); }
+};
+
+/// A camera at 127.0.0.2 that is triggered by writing its software-trigger register.
+class FakeCamera {
+ public:
+  FakeCamera() : camera_(arv_gv_fake_camera_new("127.0.0.2", "V3D-0001")) {}
+
+  bool running() const { return arv_gv_fake_camera_is_running(camera_.get()); }
+  ArvFakeCamera* inside() const { return arv_gv_fake_camera_get_fake_camera(camera_.get()); }
+  uint32_t read(uint32_t address) const {
+    uint32_t value = 0;
+    arv_fake_camera_read_register(inside(), address, &value);
+    return value;
+  }
+  void write(uint32_t address, uint32_t value) const {
+    arv_fake_camera_write_register(inside(), address, value);
+  }
+  void trigger() const { write(ARV_FAKE_CAMERA_REGISTER_TRIGGER_SOFTWARE, 1); }
+  void unplug() { camera_.reset(); }
+
+ private:
+  std::unique_ptr<ArvGvFakeCamera, Unref> camera_;
+};
+
+StudioCamera settings() {
+  StudioCamera camera;
+  camera.name = "cam07";
+  camera.address = "127.0.0.2";
+  camera.pixel_format = PixelFormat::kMono8;
+  camera.exposure_us = 2500;
+  camera.gain_db = 3;
+  camera.trigger_line = "Software";
+  camera.packet_size = 8000;
+  return camera;
+}
+
+std::string refusal(const StudioCamera& wanted) {
+  AravisCamera camera(wanted);
+  try {
+    camera.start();
+  } catch (const InputError& error) {
+    return error.what();
+  }
+  return "not refused";
+}
+
+MonotonicInstant in(Duration d) { return Monotonic::now() + d; }
+
+TEST(AravisCamera, writes_the_settings_into_the_camera) {
+  const FakeCamera fake;
+  ASSERT_TRUE(fake.running());
+  AravisCamera camera(settings());
+  camera.start();
+  EXPECT_EQ(fake.read(ARV_FAKE_CAMERA_REGISTER_EXPOSURE_TIME_US), 2500U);
+  EXPECT_EQ(fake.read(ARV_FAKE_CAMERA_REGISTER_GAIN_RAW), 3U);
+  EXPECT_EQ(fake.read(ARV_FAKE_CAMERA_REGISTER_PIXEL_FORMAT), 0x01080001U);
+  EXPECT_EQ(fake.read(ARV_FAKE_CAMERA_REGISTER_TRIGGER_MODE), 1U);
+  EXPECT_EQ(fake.read(0x0d04) & 0xffff, 8000U);  // GVSP packet size
+  EXPECT_EQ(camera.size(), (ImageSize{512, 512}));
+  EXPECT_EQ(camera.format(), PixelFormat::kMono8);
+  camera.stop();
+  camera.stop();
+  EXPECT_EQ(fake.read(ARV_FAKE_CAMERA_REGISTER_ACQUISITION), 0U);
+}
+
+TEST(AravisCamera, is_found_by_its_serial_number) {
+  const FakeCamera fake;
+  StudioCamera wanted = settings();
+  wanted.address = "V3D-0001";
+  AravisCamera camera(wanted);
+  camera.start();
+  EXPECT_EQ(camera.size(), (ImageSize{512, 512}));
+}
+
+TEST(AravisCamera, receives_one_frame_for_every_trigger) {
+  const FakeCamera fake;
+  const auto camera = make_camera(settings());
+  camera->start();
+  EXPECT_FALSE(camera->wait(in(milliseconds(300)))) << "a frame without a trigger";
+  std::optional<CameraFrame> before;
+  for (int pulse = 0; pulse < 200; ++pulse) {  // the block number wraps at 135
+    fake.trigger();
+    const auto frame = camera->wait(in(seconds(10)));
+    ASSERT_TRUE(frame) << pulse;
+    EXPECT_EQ(frame->image.size, (ImageSize{512, 512}));
+    EXPECT_EQ(frame->image.bytes.size(), 512U * 512U);
+    if (before) {
+      EXPECT_EQ(frame->counter, before->counter + 1) << pulse;
+      EXPECT_GT(frame->device_time, before->device_time);
+    }
+    before = frame;
+  }
+  EXPECT_FALSE(camera->wait(in(milliseconds(300)))) << "a second frame for one trigger";
+  EXPECT_EQ(camera->statistics().completed, 200);
+  EXPECT_EQ(camera->statistics().damaged, 0);
+}
+
+TEST(AravisCamera, receives_by_plain_socket_where_asked_to) {
+  const FakeCamera fake;
+  fake.write(ARV_FAKE_CAMERA_REGISTER_HEIGHT, 128);  // a frame that fits the default socket buffer
+  StudioCamera wanted = settings();
+  wanted.packet_socket = false;
+  AravisCamera camera(wanted);
+  camera.start();
+  fake.trigger();
+  EXPECT_TRUE(camera.wait(in(seconds(10))));
+}
+
+TEST(AravisCamera, can_be_stopped_and_started_again) {
+  const FakeCamera fake;
+  AravisCamera camera(settings());
+  for (int round = 0; round < 3; ++round) {
+    camera.start();
+    fake.trigger();
+    EXPECT_TRUE(camera.wait(in(seconds(10))));
+    camera.stop();
+    EXPECT_FALSE(camera.wait(in(milliseconds(1))));
+  }
+}
+
+TEST(AravisCamera, names_the_camera_and_the_setting_that_it_refuses) {
+  const FakeCamera fake;
+  StudioCamera wanted = settings();
+  wanted.trigger_line = "Line7";
+  EXPECT_THAT(refusal(wanted), AllOf(HasSubstr("cam07"), HasSubstr("TriggerSource: wanted Line7")));
+  wanted = settings();
+  wanted.gain_db = 1.5;
+  EXPECT_THAT(refusal(wanted), AllOf(HasSubstr("Gain (dB): wanted 1.5"), HasSubstr("got 1")));
+}
+
+TEST(AravisCamera, says_which_cameras_there_are_when_the_serial_number_is_unknown) {
+  const FakeCamera fake;
+  StudioCamera wanted = settings();
+  wanted.address = "V3D-9999";
+  EXPECT_THAT(refusal(wanted),
+              AllOf(HasSubstr("cam07"), HasSubstr("V3D-9999"), HasSubstr("V3D-0001")));
+}
+
+TEST(AravisCamera, says_when_nothing_answers_at_the_address) {
+  EXPECT_THAT(refusal(settings()), AllOf(HasSubstr("cam07"), HasSubstr("127.0.0.2")));
+}
+
+TEST(AravisCamera, is_lost_when_it_disappears_and_found_when_it_is_back) {
+  FakeCamera fake;
+  AravisCamera camera(settings());
+  camera.start();
+  EXPECT_FALSE(camera.lost());
+  fake.unplug();
+  const auto deadline = in(seconds(60));
+  while (!camera.lost() && Monotonic::now() < deadline) camera.wait(in(milliseconds(100)));
+  EXPECT_TRUE(camera.lost());
+  camera.stop();
+  const FakeCamera again;
+  camera.start();
+  EXPECT_FALSE(camera.lost());
+  again.trigger();
+  EXPECT_TRUE(camera.wait(in(seconds(10))));
+}
+
+TEST(MakeCamera, refuses_a_kind_that_is_not_built) {
+  StudioCamera wanted = settings();
+  wanted.kind = CameraKind::kV4l2;
+  EXPECT_THROW(make_camera(wanted), InputError);
+}
+
+}  // namespace
+}  // namespace v3d
