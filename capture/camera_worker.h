@@ -21,7 +21,7 @@ enum class CameraState : uint8_t {
   kSettling,  ///< armed; waiting until no frame came for two periods
   kReady,     ///< armed and quiet: the next exposure is pulse 0
   kRunning,   ///< labelled frames are delivered
-  kLost,      ///< in a train, but silent for three periods or not answering; being opened again
+  kLost,      ///< in a train, but silent for three periods; or not answering, being opened again
 };
 std::string_view name(CameraState state);
 
@@ -41,6 +41,9 @@ struct CameraWorkerStatus {
 struct CameraWorkerOptions {
   size_t queue_frames = 16;                        ///< the oldest is dropped when it is full
   Duration retry_after = std::chrono::seconds(1);  ///< between two tries to open
+  /// A camera that is silent for so long in a train is opened again. Longer than the three periods
+  /// after which it counts as lost: a host that stalls must not throw healthy cameras away.
+  Duration reopen_after = std::chrono::seconds(1);
   std::function<MonotonicInstant()> now = Monotonic::now;
 };
 

@@ -25,8 +25,8 @@ PulseMatch PulseMatcher::first(DeviceInstant at, uint64_t counter) {
   PulseMatch match;
   if (counter_of_pulse_0_) {
     const auto lost = static_cast<int64_t>(counter - *counter_of_pulse_0_);
-    match.suspect = lost < 0 || lost > kMostLostAtFirst;
-    if (!match.suspect) match.pulse = lost;
+    match.suspect = lost != 0;
+    if (lost > 0 && lost <= kMostLostAtFirst) match.pulse = lost;
   }
   restart(match.pulse, at, counter);
   return match;

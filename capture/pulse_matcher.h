@@ -23,7 +23,9 @@ struct PulseMatch {
 ///   - the counter moved by another number than the pulses did (the camera missed a trigger, or saw
 ///     one that was none),
 ///   - it is not later than every frame before it (a duplicate, a straggler),
-///   - the camera was silent for so long that the fit says little.
+///   - the camera was silent for so long that the fit says little,
+///   - it is the first and its counter is not the expected one: exposures were lost, most likely
+///     the first of this take (so it is labelled), possibly the last before the quiet.
 ///
 /// A label that is not suspect is right as long as: the device clock runs within 200 ppm of the
 /// generator's and wanders by less than 0.1 ppm a second; time stamps jitter by at most a tenth of
@@ -37,7 +39,7 @@ class PulseMatcher {
   explicit PulseMatcher(Duration period);
 
   /// The counter that the exposure of pulse 0 will have: one more than that of the last exposure
-  /// before the quiet. With it, a first frame lost in transport does not shift the take.
+  /// before the quiet. With it, a first frame lost in transport does not shift the take unnoticed.
   void expect(uint64_t counter_of_pulse_0) { counter_of_pulse_0_ = counter_of_pulse_0; }
 
   /// Labels the next frame.

@@ -39,10 +39,20 @@ TEST(PulseMatcher, leaves_out_the_pulse_whose_frame_was_lost_in_transport) {
 TEST(PulseMatcher, leaves_out_the_first_pulses_when_the_counter_shows_that_they_were_lost) {
   PulseMatcher matcher(kPeriod);
   matcher.expect(42);
-  EXPECT_EQ(matcher.label(at(2), 44).pulse, 2);
+  const PulseMatch first = matcher.label(at(2), 44);
+  EXPECT_EQ(first.pulse, 2);
+  EXPECT_TRUE(first.suspect);
   const PulseMatch next = matcher.label(at(3), 45);
   EXPECT_EQ(next.pulse, 3);
   EXPECT_FALSE(next.suspect);
+}
+
+TEST(PulseMatcher, trusts_a_first_frame_with_the_expected_counter) {
+  PulseMatcher matcher(kPeriod);
+  matcher.expect(42);
+  const PulseMatch match = matcher.label(at(0), 42);
+  EXPECT_EQ(match.pulse, 0);
+  EXPECT_FALSE(match.suspect);
 }
 
 TEST(PulseMatcher, suspects_a_first_frame_whose_counter_makes_no_sense) {

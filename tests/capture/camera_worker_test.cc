@@ -1,0 +1,419 @@
+#include "capture/camera_worker.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <condition_variable>
+#include <deque>
+#include <functional>
+#include <mutex>
+#include <thread>
+
+#include "capture/camera_pilot.h"
+#include "scripted_camera.h"
+
+namespace v3d {
+namespace {
+
+using std::chrono::milliseconds;
+using std::chrono::seconds;
+using testing::HasSubstr;
+
+/// A pilot on the script's clock.
+class CameraPilotTest : public testing::Test {
+ protected:
+  CameraPilotTest() {
+    CameraWorkerOptions options;
+    options.now = [s = script_] { return s->now; };
+    pilot_ = std::make_unique<CameraPilot>(
+        "cam07", [s = script_] { return std::make_unique<ScriptedCamera>(s); }, options);
+  }
+
+  /// Steps until the state is reached; false after `limit` of the script's time.
+  bool reach(CameraState state, Duration limit = seconds(30)) {
+    const MonotonicInstant deadline = script_->now + limit;
+    while (pilot_->status().state != state) {
+      if (script_->now > deadline) return false;
+      step();
+    }
+    return true;
+  }
+
+  void step() {
+    if (pilot_->idle_until() > script_->now) script_->now = pilot_->idle_until();
+    if (auto frame = pilot_->step()) frames_.push_back(std::move(*frame));
+  }
+
+  void play(Duration time) {
+    const MonotonicInstant end = script_->now + time;
+    while (script_->now < end) step();
+  }
+
+  void make_ready() {
+    pilot_->disarm();
+    ASSERT_TRUE(reach(CameraState::kIdle));
+    pilot_->arm(Script::kPeriod);
+    ASSERT_TRUE(reach(CameraState::kReady));
+  }
+
+  /// Frames whose label is not the pulse that their picture shows.
+  int mislabelled() const {
+    int wrong = 0;
+    for (const Frame& f : frames_) wrong += f.label.pulse % 256 != f.image.bytes[0];
+    return wrong;
+  }
+
+  std::shared_ptr<Script> script_ = std::make_shared<Script>();
+  std::unique_ptr<CameraPilot> pilot_;
+  std::vector<Frame> frames_;
+};
+
+TEST_F(CameraPilotTest, labels_every_frame_of_a_train) {
+  make_ready();
+  script_->start_train(50);
+  play(seconds(3));
+  ASSERT_EQ(frames_.size(), 50U);
+  EXPECT_EQ(mislabelled(), 0);
+  const Frame& last = frames_.back();
+  EXPECT_EQ(last.camera, "cam07");
+  EXPECT_EQ(last.label.camera_counter, 149U);
+  EXPECT_EQ(last.sensor_size, (ImageSize{4, 2}));
+  EXPECT_EQ(last.roi, (Rect{0, 0, 4, 2}));
+  EXPECT_FALSE(last.mask);
+  EXPECT_EQ(pilot_->status().frames, 50);
+  EXPECT_EQ(pilot_->status().suspect, 0);
+  EXPECT_EQ(pilot_->status().last_pulse, 49);
+}
+
+TEST_F(CameraPilotTest, throws_away_what_comes_before_it_is_armed_and_quiet) {
+  script_->start_train(20);
+  ASSERT_TRUE(reach(CameraState::kIdle));
+  play(milliseconds(300));
+  pilot_->arm(Script::kPeriod);
+  const MonotonicInstant last_exposure = script_->exposure(19);
+  ASSERT_TRUE(reach(CameraState::kReady));
+  EXPECT_GE(script_->now, last_exposure + Script::kLatency + 2 * Script::kPeriod);
+  EXPECT_TRUE(frames_.empty());
+  script_->start_train(5);
+  play(seconds(1));
+  EXPECT_EQ(frames_.size(), 5U);
+  EXPECT_EQ(mislabelled(), 0);
+}
+
+TEST_F(CameraPilotTest, is_not_ready_before_two_periods_have_passed_in_quiet) {
+  ASSERT_TRUE(reach(CameraState::kIdle));
+  play(seconds(5));
+  const MonotonicInstant armed = script_->now;
+  pilot_->arm(Script::kPeriod);
+  EXPECT_EQ(pilot_->status().state, CameraState::kSettling);
+  ASSERT_TRUE(reach(CameraState::kReady));
+  EXPECT_GE(script_->now, armed + 2 * Script::kPeriod);
+}
+
+TEST_F(CameraPilotTest, waits_for_the_first_pulse_as_long_as_it_takes) {
+  make_ready();
+  play(std::chrono::minutes(10));
+  EXPECT_EQ(pilot_->status().state, CameraState::kReady);
+  EXPECT_EQ(script_->opened, 1);
+}
+
+TEST_F(CameraPilotTest, numbers_the_next_take_from_zero) {
+  for (int take = 0; take < 3; ++take) {
+    make_ready();
+    frames_.clear();
+    script_->start_train(10);
+    play(seconds(1));
+    pilot_->train_ended();
+    pilot_->disarm();
+    ASSERT_EQ(frames_.size(), 10U);
+    EXPECT_EQ(frames_[0].label.pulse, 0);
+    EXPECT_EQ(mislabelled(), 0);
+    EXPECT_EQ(pilot_->status().suspect, 0);
+  }
+}
+
+TEST_F(CameraPilotTest, keeps_the_numbers_when_the_first_frames_arrive_broken) {
+  script_->damaged = {0, 1};
+  make_ready();
+  script_->start_train(10);
+  play(seconds(1));
+  ASSERT_EQ(frames_.size(), 8U);
+  EXPECT_EQ(mislabelled(), 0);
+  EXPECT_TRUE(frames_[0].label.suspect);
+  EXPECT_EQ(pilot_->status().suspect, 1);
+}
+
+TEST_F(CameraPilotTest, keeps_the_numbers_when_the_first_frame_of_the_second_take_leaves_no_trace) {
+  make_ready();
+  script_->start_train(10);
+  play(seconds(1));
+  make_ready();
+  frames_.clear();
+  script_->vanished = {0};
+  script_->start_train(10);
+  play(seconds(1));
+  ASSERT_EQ(frames_.size(), 9U);
+  EXPECT_EQ(frames_[0].label.pulse, 1);
+  EXPECT_TRUE(frames_[0].label.suspect);
+  EXPECT_EQ(mislabelled(), 0);
+}
+
+TEST_F(CameraPilotTest, is_not_confused_by_a_broken_last_frame_of_the_take_before) {
+  script_->damaged = {9};
+  make_ready();
+  script_->start_train(10);
+  play(seconds(1));
+  make_ready();
+  frames_.clear();
+  script_->damaged.clear();
+  script_->start_train(5);
+  play(seconds(1));
+  ASSERT_EQ(frames_.size(), 5U);
+  EXPECT_EQ(mislabelled(), 0);
+  EXPECT_EQ(pilot_->status().suspect, 0);
+}
+
+TEST_F(CameraPilotTest, is_lost_after_three_silent_periods_and_comes_back_by_itself) {
+  make_ready();
+  script_->start_train(1000);
+  play(seconds(1));
+  script_->vanished = {30, 31, 32, 33, 34, 35};
+  ASSERT_TRUE(reach(CameraState::kLost, seconds(1)));
+  EXPECT_THAT(pilot_->status().text, HasSubstr("cam07: no frame for 1"));
+  ASSERT_TRUE(reach(CameraState::kRunning, seconds(1)));
+  EXPECT_EQ(pilot_->status().text, "");
+  play(seconds(4));
+  EXPECT_EQ(script_->opened, 1);
+  EXPECT_EQ(mislabelled(), 0);
+  EXPECT_EQ(frames_.back().label.pulse, static_cast<int64_t>(frames_.size()) - 1 + 6);
+  EXPECT_EQ(pilot_->status().suspect, 0);
+  EXPECT_EQ(pilot_->status().losses, 1);
+}
+
+TEST_F(CameraPilotTest, does_not_miss_frames_after_the_train_has_ended) {
+  make_ready();
+  script_->start_train(10);
+  play(milliseconds(450));
+  pilot_->train_ended();
+  play(seconds(10));
+  EXPECT_EQ(pilot_->status().losses, 0);
+  EXPECT_EQ(pilot_->status().state, CameraState::kRunning);
+  EXPECT_EQ(script_->opened, 1);
+}
+
+TEST_F(CameraPilotTest, numbers_frames_rightly_after_the_camera_was_opened_again) {
+  for (const bool clock_begins_anew : {false, true}) {
+    script_ = std::make_shared<Script>();
+    CameraWorkerOptions options;
+    options.now = [s = script_] { return s->now; };
+    pilot_ = std::make_unique<CameraPilot>(
+        "cam07", [s = script_] { return std::make_unique<ScriptedCamera>(s); }, options);
+    frames_.clear();
+    make_ready();
+    script_->start_train(1000);
+    play(seconds(4));
+    script_->plugged = false;
+    ASSERT_TRUE(reach(CameraState::kLost));
+    play(seconds(10));
+    script_->plugged = true;
+    script_->opening_takes = milliseconds(1500);
+    script_->counter = 1;
+    if (clock_begins_anew) script_->device_zero = -seconds(14);
+    ASSERT_TRUE(reach(CameraState::kRunning));
+    play(seconds(5));
+    EXPECT_EQ(mislabelled(), 0) << clock_begins_anew;
+    EXPECT_EQ(pilot_->status().suspect, 0);
+    EXPECT_EQ(pilot_->status().losses, 1);
+    EXPECT_GT(frames_.back().label.pulse, 450);
+  }
+}
+
+TEST_F(CameraPilotTest, opens_a_camera_again_that_answers_but_stays_silent) {
+  make_ready();
+  script_->start_train(1000);
+  play(seconds(2));
+  script_->silent = true;
+  play(milliseconds(900));
+  EXPECT_EQ(script_->opened, 1);
+  play(milliseconds(300));
+  EXPECT_EQ(script_->opened, 2);
+  script_->silent = false;
+  play(seconds(5));
+  EXPECT_EQ(pilot_->status().state, CameraState::kRunning);
+  EXPECT_EQ(mislabelled(), 0);
+  EXPECT_EQ(pilot_->status().losses, 1);
+}
+
+TEST_F(CameraPilotTest, tells_why_it_cannot_open_and_tries_again) {
+  script_->plugged = false;
+  play(seconds(5));
+  EXPECT_EQ(pilot_->status().state, CameraState::kOpening);
+  EXPECT_THAT(pilot_->status().text, HasSubstr("nothing answers"));
+  script_->plugged = true;
+  ASSERT_TRUE(reach(CameraState::kIdle, seconds(2)));
+  EXPECT_EQ(pilot_->status().text, "");
+  EXPECT_EQ(pilot_->status().size, (ImageSize{4, 2}));
+}
+
+TEST_F(CameraPilotTest, settles_again_when_it_was_lost_before_the_first_pulse) {
+  make_ready();
+  script_->plugged = false;
+  ASSERT_TRUE(reach(CameraState::kLost));
+  script_->plugged = true;
+  ASSERT_TRUE(reach(CameraState::kReady));
+  script_->start_train(5);
+  play(seconds(1));
+  EXPECT_EQ(frames_.size(), 5U);
+  EXPECT_EQ(mislabelled(), 0);
+}
+
+TEST_F(CameraPilotTest, sums_the_statistics_of_all_the_times_it_was_opened) {
+  make_ready();
+  script_->damaged = {3};
+  script_->start_train(1000);
+  play(seconds(1));
+  const auto before = pilot_->status().link;
+  EXPECT_EQ(before.damaged, 1);
+  script_->plugged = false;
+  ASSERT_TRUE(reach(CameraState::kLost));
+  script_->plugged = true;
+  play(seconds(1));
+  EXPECT_EQ(pilot_->status().link.damaged, 1);
+  EXPECT_GT(pilot_->status().link.completed, before.completed);
+}
+
+/// A camera on the real clock whose frames the test hands in.
+struct Hand {
+  std::mutex mutex;
+  std::condition_variable changed;
+  std::deque<CameraFrame> frames;
+  uint64_t counter = 0;
+
+  void expose() {
+    const std::lock_guard lock(mutex);
+    CameraFrame frame;
+    frame.image = Image({4, 2}, PixelFormat::kMono8);
+    frame.counter = ++counter;
+    frame.device_time = from_ns<DeviceClock>(static_cast<int64_t>(counter) * 1'000'000);
+    frame.received = Monotonic::now();
+    frames.push_back(std::move(frame));
+    changed.notify_all();
+  }
+};
+
+class HandFedCamera : public Camera {
+ public:
+  explicit HandFedCamera(std::shared_ptr<Hand> hand) : hand_(std::move(hand)) {}
+  void start() override {}
+  void stop() override {}
+  std::optional<CameraFrame> wait(MonotonicInstant deadline) override {
+    std::unique_lock lock(hand_->mutex);
+    hand_->changed.wait_for(lock, deadline - Monotonic::now(),
+                            [&] { return !hand_->frames.empty(); });
+    if (hand_->frames.empty()) return {};
+    CameraFrame frame = std::move(hand_->frames.front());
+    hand_->frames.pop_front();
+    return frame;
+  }
+  CameraStatistics statistics() const override { return {}; }
+  bool lost() const override { return false; }
+  ImageSize size() const override { return {4, 2}; }
+  PixelFormat format() const override { return PixelFormat::kMono8; }
+
+ private:
+  std::shared_ptr<Hand> hand_;
+};
+
+bool eventually(const std::function<bool()>& condition) {
+  const auto deadline = Monotonic::now() + seconds(20);
+  while (!condition()) {
+    if (Monotonic::now() > deadline) return false;
+    std::this_thread::yield();
+  }
+  return true;
+}
+
+class CameraWorkerTest : public testing::Test {
+ protected:
+  std::unique_ptr<CameraWorker> worker(size_t queue_frames) {
+    CameraWorkerOptions options;
+    options.queue_frames = queue_frames;
+    options.reopen_after = std::chrono::hours(1);
+    return std::make_unique<CameraWorker>(
+        "cam07", [h = hand_] { return std::make_unique<HandFedCamera>(h); }, options);
+  }
+  bool ready(CameraWorker& worker) {
+    worker.arm(milliseconds(1));
+    return eventually([&] { return worker.status().state == CameraState::kReady; });
+  }
+
+  std::shared_ptr<Hand> hand_ = std::make_shared<Hand>();
+};
+
+TEST_F(CameraWorkerTest, hands_over_labelled_frames_in_order) {
+  const auto w = worker(16);
+  ASSERT_TRUE(ready(*w));
+  for (int64_t pulse = 0; pulse < 100; ++pulse) {
+    hand_->expose();
+    const auto frame = w->take(Monotonic::now() + seconds(20));
+    ASSERT_TRUE(frame);
+    EXPECT_EQ(frame->label.pulse, pulse);
+  }
+  EXPECT_FALSE(w->take(Monotonic::now()));
+  EXPECT_EQ(w->status().dropped, 0);
+}
+
+TEST_F(CameraWorkerTest, drops_the_oldest_frames_of_a_full_queue_and_counts_them) {
+  const auto w = worker(4);
+  ASSERT_TRUE(ready(*w));
+  for (int i = 0; i < 10; ++i) hand_->expose();
+  ASSERT_TRUE(eventually([&] { return w->status().frames == 10; }));
+  EXPECT_EQ(w->status().dropped, 6);
+  for (int64_t pulse = 6; pulse < 10; ++pulse) {
+    EXPECT_EQ(w->take(Monotonic::now() + seconds(20))->label.pulse, pulse);
+  }
+}
+
+TEST_F(CameraWorkerTest, forgets_the_take_before_when_it_is_armed_again) {
+  const auto w = worker(16);
+  for (int take = 0; take < 5; ++take) {
+    ASSERT_TRUE(ready(*w));
+    EXPECT_EQ(w->status().frames, 0);
+    hand_->expose();
+    const auto frame = w->take(Monotonic::now() + seconds(20));
+    ASSERT_TRUE(frame);
+    EXPECT_EQ(frame->label.pulse, 0);
+    hand_->expose();
+    ASSERT_TRUE(eventually([&] { return w->status().frames == 2; }));
+  }
+}
+
+TEST_F(CameraWorkerTest, keeps_frames_that_come_while_the_train_ends) {
+  const auto w = worker(1000);
+  ASSERT_TRUE(ready(*w));
+  for (int i = 0; i < 500; ++i) {
+    hand_->expose();
+    if (i % 10 == 0) w->train_ended();
+  }
+  ASSERT_TRUE(eventually([&] { return w->status().frames == 500; }));
+  for (int64_t pulse = 0; pulse < 500; ++pulse) {
+    ASSERT_EQ(w->take(Monotonic::now() + seconds(20))->label.pulse, pulse);
+  }
+}
+
+TEST_F(CameraWorkerTest, tells_in_its_text_what_the_factory_threw) {
+  const CameraWorker w(
+      "cam07", []() -> std::unique_ptr<Camera> { throw InputError("camera cam07: no such kind"); });
+  EXPECT_TRUE(eventually([&] { return w.status().text == "camera cam07: no such kind"; }));
+  EXPECT_EQ(w.status().state, CameraState::kOpening);
+}
+
+TEST_F(CameraWorkerTest, ends_at_any_moment) {
+  for (int i = 0; i < 50; ++i) {
+    const auto w = worker(4);
+    if (i % 2) w->arm(milliseconds(1));
+  }
+}
+
+}  // namespace
+}  // namespace v3d

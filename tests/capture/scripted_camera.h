@@ -1,0 +1,105 @@
+// A camera that follows a script on a clock that moves only when somebody waits.
+#pragma once
+
+#include <algorithm>
+#include <memory>
+#include <optional>
+#include <set>
+#include <string>
+
+#include "base/error.h"
+#include "capture/camera.h"
+
+namespace v3d {
+
+/// The studio round one camera. All times are on one clock, `now`.
+struct Script {
+  static constexpr Duration kPeriod = std::chrono::milliseconds(40);
+  static constexpr Duration kLatency = std::chrono::milliseconds(9);
+
+  MonotonicInstant now = from_ns<Monotonic>(5'000'000'000);
+
+  // The pulse train, if any.
+  std::optional<MonotonicInstant> train;
+  int64_t pulses = 0;
+
+  // The camera.
+  bool plugged = true;
+  bool silent = false;  ///< streams nothing, but answers
+  Duration opening_takes = std::chrono::milliseconds(0);
+  Duration device_zero = std::chrono::hours(3);  ///< of its clock
+  uint64_t counter = 100;                        ///< of the next exposure
+  std::set<int64_t> damaged;                     ///< pulses whose frames arrive broken
+  std::set<int64_t> vanished;                    ///< pulses whose frames leave no trace
+  int opened = 0;
+
+  MonotonicInstant exposure(int64_t pulse) const { return *train + pulse * kPeriod; }
+  void start_train(int64_t count) {
+    train = now + std::chrono::milliseconds(3);
+    pulses = count;
+  }
+};
+
+class ScriptedCamera : public Camera {
+ public:
+  explicit ScriptedCamera(std::shared_ptr<Script> script) : script_(std::move(script)) {}
+
+  void start() override {
+    script_->now += script_->opening_takes;
+    if (!script_->plugged) throw InputError("camera cam07: nothing answers");
+    ++script_->opened;
+    opened_at_ = script_->now;
+  }
+  void stop() override {}
+
+  std::optional<CameraFrame> wait(MonotonicInstant deadline) override {
+    Script& s = *script_;
+    while (s.train && s.plugged) {
+      if (s.train != train_) {
+        train_ = s.train;
+        next_ = 0;
+      }
+      while (next_ < s.pulses && s.exposure(next_) < opened_at_) ++next_;
+      if (next_ >= s.pulses || s.exposure(next_) + Script::kLatency > deadline) break;
+      const int64_t pulse = next_++;
+      s.now = std::max(s.now, s.exposure(pulse) + Script::kLatency);
+      if (s.silent) continue;
+      const uint64_t counter = s.counter++;
+      if (s.vanished.contains(pulse)) continue;
+      if (s.damaged.contains(pulse)) {
+        ++statistics_.damaged;
+        continue;
+      }
+      return frame(pulse, counter);
+    }
+    s.now = std::max(s.now, deadline);
+    return {};
+  }
+
+  CameraStatistics statistics() const override { return statistics_; }
+  bool lost() const override { return !script_->plugged; }
+  ImageSize size() const override { return {4, 2}; }
+  PixelFormat format() const override { return PixelFormat::kMono8; }
+
+ private:
+  /// The first pixel shows the pulse that exposed it.
+  CameraFrame frame(int64_t pulse, uint64_t counter) {
+    ++statistics_.completed;
+    CameraFrame f;
+    f.image = Image({4, 2}, PixelFormat::kMono8);
+    f.image.bytes[0] = static_cast<uint8_t>(pulse);
+    f.device_time = from_ns<DeviceClock>(
+        (script_->exposure(pulse).time_since_epoch() + script_->device_zero).count());
+    f.counter = counter;
+    f.received = script_->now;
+    return f;
+  }
+
+  std::shared_ptr<Script> script_;
+  CameraStatistics statistics_;
+  MonotonicInstant opened_at_{};
+  std::optional<MonotonicInstant> train_;
+  int64_t next_ = 0;
+};
+
+}  // namespace v3d
