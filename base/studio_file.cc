@@ -82,22 +82,6 @@ PixelFormat read_pixel_format(const TomlTable& table, PixelFormat fallback) {
   return *format;
 }
 
-/// The settings that [camera_defaults] and [[camera]] share; `camera` comes with the defaults.
-void read_camera_settings(const TomlTable& table, StudioCamera& camera) {
-  static constexpr std::array<std::pair<std::string_view, CameraKind>, 2> kKinds = {
-      {{"aravis", CameraKind::kAravis}, {"v4l2", CameraKind::kV4l2}}};
-  camera.kind = choice(table, "kind", kKinds[static_cast<size_t>(camera.kind)].first, kKinds);
-  camera.pixel_format = read_pixel_format(table, camera.pixel_format);
-  camera.exposure_us = ranged(table, "exposure_us", camera.exposure_us, 1, 1e6);
-  camera.gain_db = ranged(table, "gain_db", camera.gain_db, 0, 60);
-  camera.trigger_line = table.text_or("trigger_line", camera.trigger_line);
-  camera.packet_size = ranged_int(table, "packet_size", camera.packet_size, 576, 65507);
-  camera.packet_delay_ns =
-      ranged_int(table, "packet_delay_ns", camera.packet_delay_ns, 0, 1'000'000'000);
-  camera.buffers = ranged_int(table, "buffers", camera.buffers, 2, 1024);
-  camera.packet_socket = table.boolean_or("packet_socket", camera.packet_socket);
-}
-
 bool has_node(const Studio& studio, std::string_view name) {
   return std::any_of(studio.nodes.begin(), studio.nodes.end(),
                      [&](const StudioNode& n) { return n.name == name; });
@@ -109,6 +93,25 @@ std::string read_node(const TomlTable& table, const Studio& studio) {
     table.fail("node", "there is no [[node]] named '" + node + "'");
   }
   return node;
+}
+
+/// The settings that [camera_defaults] and [[camera]] share; `camera` comes with the defaults.
+void read_camera_settings(const TomlTable& table, const Studio& studio, StudioCamera& camera) {
+  static constexpr std::array<std::pair<std::string_view, CameraKind>, 2> kKinds = {
+      {{"aravis", CameraKind::kAravis}, {"v4l2", CameraKind::kV4l2}}};
+  if (table.has("node")) {
+    camera.node = read_node(table, studio);
+  }
+  camera.kind = choice(table, "kind", kKinds[static_cast<size_t>(camera.kind)].first, kKinds);
+  camera.pixel_format = read_pixel_format(table, camera.pixel_format);
+  camera.exposure_us = ranged(table, "exposure_us", camera.exposure_us, 1, 1e6);
+  camera.gain_db = ranged(table, "gain_db", camera.gain_db, 0, 60);
+  camera.trigger_line = table.text_or("trigger_line", camera.trigger_line);
+  camera.packet_size = ranged_int(table, "packet_size", camera.packet_size, 576, 65507);
+  camera.packet_delay_ns =
+      ranged_int(table, "packet_delay_ns", camera.packet_delay_ns, 0, 1'000'000'000);
+  camera.buffers = ranged_int(table, "buffers", camera.buffers, 2, 1024);
+  camera.packet_socket = table.boolean_or("packet_socket", camera.packet_socket);
 }
 
 void read_nodes(const TomlTable& file, Studio& studio) {
@@ -129,7 +132,7 @@ void read_cameras(const TomlTable& file, Studio& studio) {
   StudioCamera defaults;
   if (file.has("camera_defaults")) {
     const TomlTable table = file.table("camera_defaults");
-    read_camera_settings(table, defaults);
+    read_camera_settings(table, studio, defaults);
     table.refuse_unknown();
   }
   for (const TomlTable& table : file.tables("camera")) {
@@ -139,10 +142,12 @@ void read_cameras(const TomlTable& file, Studio& studio) {
     if (std::any_of(studio.cameras.begin(), studio.cameras.end(), same_name)) {
       table.fail("name", "two cameras are named '" + camera.name + "'");
     }
-    camera.node = read_node(table, studio);
     camera.address = table.text("address");
-    read_camera_settings(table, camera);
+    read_camera_settings(table, studio, camera);
     table.refuse_unknown();
+    if (camera.node.empty()) {
+      table.fail("node", "missing: name the [[node]] here or in [camera_defaults]");
+    }
     studio.cameras.push_back(std::move(camera));
   }
   if (studio.cameras.empty()) {

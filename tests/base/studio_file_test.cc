@@ -78,6 +78,15 @@ TEST(StudioFile, gives_every_camera_its_own_settings_above_the_defaults) {
   EXPECT_EQ(studio.reconstruction.voxel_m, 0.008);
 }
 
+TEST(StudioFile, lets_all_cameras_share_the_node_of_the_defaults_and_asks_for_one) {
+  std::string text = with("exposure_us = 800", "node = \"cap01\"");
+  text.erase(text.find("node = \"cap01\"\naddress"), 15);
+  EXPECT_EQ(parse_studio(text, "studio.toml").cameras[0].node, "cap01");
+  EXPECT_EQ(message_for(with("node = \"cap01\"\naddress", "address")),
+            "/etc/v3d/studio.toml:12: camera.node: missing: name the [[node]] here or in "
+            "[camera_defaults]");
+}
+
 TEST(StudioFile, takes_relative_paths_from_its_own_folder) {
   const Studio studio = parse_studio(kGood, "/etc/v3d/studio.toml");
   EXPECT_EQ(studio.storage.takes, "/etc/v3d/takes");
