@@ -12,6 +12,8 @@ namespace {
 
 constexpr double kMostVoxels = 0x1p62;  // representable in int64_t and in double
 
+constexpr double kSmallestVoxel = 1e-9;  // metres; keeps the arithmetic below free of underflow
+
 /// Whole grid at 1 bit a voxel. In double: the product of three counts overflows 64 bits.
 double bytes_of(const VoxelGrid& grid) {
   return static_cast<double>(grid.counts[0]) * static_cast<double>(grid.counts[1]) *
@@ -60,8 +62,8 @@ std::string describe(const VoxelGrid& grid) {
 }  // namespace
 
 VoxelGrid VoxelGrid::covering(const Box& box, double voxel_m) {
-  if (!(voxel_m > 0) || !std::isfinite(voxel_m)) {
-    throw InputError("voxel size: " + std::to_string(voxel_m) + " m is not a positive length");
+  if (!(voxel_m >= kSmallestVoxel) || !std::isfinite(voxel_m)) {
+    throw InputError("voxel size: must be a length of at least 1 nm");
   }
   VoxelGrid grid{box.min, voxel_m, {}};
   for (int axis = 0; axis < 3; ++axis) {

@@ -20,8 +20,8 @@ struct VoxelGrid {
   static constexpr int64_t kMaxCount = 32767;
 
   /// The grid that starts at box.min and covers the box, to a millionth of a voxel. Counts of
-  /// absurd requests stop at 2^62; see require_memory(). Throws InputError for a voxel that is not
-  /// positive or a box without volume.
+  /// absurd requests stop at 2^62; see require_memory(). Throws InputError for a voxel below 1 nm
+  /// or a box without volume.
   static VoxelGrid covering(const Box& box, double voxel_m);
 
   Eigen::Vector3d center(int i, int j, int k) const {

@@ -1,0 +1,46 @@
+// Volume intersection: the visual hull of silhouettes, sound for partial views.
+// Source: Takai et al., "3D Video Technologies", section 2.2 (silhouette volume intersection,
+// extended to partial views of the object).
+#pragma once
+
+#include <span>
+#include <vector>
+
+#include "base/camera_model.h"
+#include "base/mask.h"
+#include "recon/mask_pyramid.h"
+#include "recon/sparse_volume.h"
+#include "recon/voxel_projection.h"
+
+namespace v3d {
+
+/// What "occupied" means; normative. A camera sees a voxel when the voxel's centre lies before it
+/// (z > 0), within the lens model's max_radius2(), and projects into the image (project_voxel(), in
+/// single precision). A voxel is occupied when
+///   - no camera that sees it has background at that pixel, and
+///   - at least `min_views` cameras see it.
+/// So a camera says nothing about what its image does not show: close-ups, objects cut by an
+/// image's border, and cameras inside the space need no special care.
+///
+/// Holds what is computed once per rig. One caller at a time; works in the caller's TBB arena, and
+/// the result depends on nothing but the arguments.
+class Intersector {
+ public:
+  static constexpr int kMaxCameras = 256;
+
+  /// Throws InputError for more than kMaxCameras cameras, min_views < 1, or a grid with an axis
+  /// beyond VoxelGrid::kMaxCount.
+  Intersector(const VoxelGrid& grid, std::span<const CameraModel> cameras, int min_views);
+
+  /// masks[c]: the silhouette of camera c, of its image size, or null when that camera takes no
+  /// part. Requires as many masks as cameras.
+  SparseVolume intersect(std::span<const Mask* const> masks);
+
+ private:
+  VoxelGrid grid_;
+  std::vector<VoxelCamera> cameras_;
+  std::vector<MaskPyramid> masks_;
+  int min_views_;
+};
+
+}  // namespace v3d
