@@ -1,0 +1,250 @@
+// Every brick of the surface owns the lattice edges and the cubes that start (have their lowest
+// corner) at one of its 512 voxels. Bricks are first looked at 64 voxels at a time, as words of the
+// same layout as Brick: which edges are crossed, which cubes hold surface. Counting those bits
+// numbers the vertices; then every brick writes its own part of the mesh.
+#include "recon/marching_cubes.h"
+
+#include <tbb/parallel_for.h>
+
+#include <bit>
+#include <cassert>
+
+#include "recon/cube_cases.h"
+
+namespace v3d {
+namespace {
+
+constexpr uint64_t kColumnX0 = 0x0101010101010101;  // voxels with x = 0 in a layer
+constexpr uint64_t kRowY0 = 0xFF;                   // voxels with y = 0
+constexpr Brick kEmptyBrick{};
+
+/// A brick and those beside, above and behind it: [n] is the one at (n & 1, n >> 1 & 1, n >> 2).
+using Neighbourhood = std::array<const Brick*, 8>;
+
+/// What a layer of 64 cubes sees at its corners: word c holds the voxels at corner c
+/// (cube_cases.h).
+using CornerWords = std::array<uint64_t, 8>;
+
+/// A brick of lattice edges and cubes with surface. Its coordinates begin at -1: the border of the
+/// grid is crossed from outside.
+struct SurfaceBrick {
+  BrickCoord at;
+  std::array<Brick, 3> crossed;                 ///< [axis]: edges that start at a voxel
+  std::array<std::array<uint16_t, 8>, 3> rank;  ///< [axis][z]: crossed edges in the words before
+  uint32_t vertex_count = 0;
+  uint32_t triangle_count = 0;
+  uint32_t first_vertex = 0;
+  uint32_t first_triangle = 0;
+};
+
+/// Voxels moved by one towards lower x; `beside` fills the gap.
+uint64_t shift_x(uint64_t layer, uint64_t beside) {
+  return (layer >> 1 & ~(kColumnX0 << 7)) | (beside & kColumnX0) << 7;
+}
+uint64_t shift_y(uint64_t layer, uint64_t behind) { return layer >> 8 | (behind & kRowY0) << 56; }
+
+/// The four corner words that lie in layer z (0..8) of a neighbourhood.
+std::array<uint64_t, 4> layer_corners(const Neighbourhood& bricks, int z) {
+  const Brick* const* above = &bricks[z == kBrickEdge ? 4 : 0];
+  const auto word = [&](int n) { return (*above[n])[z % kBrickEdge]; };
+  const uint64_t here = word(0);
+  const uint64_t at_y = shift_y(here, word(2));
+  return {here, shift_x(here, word(1)), at_y, shift_x(at_y, shift_y(word(1), word(3)))};
+}
+
+CornerWords cube_corners(const Neighbourhood& bricks, int z) {
+  const auto low = layer_corners(bricks, z);
+  const auto high = layer_corners(bricks, z + 1);
+  return {low[0], low[1], low[2], low[3], high[0], high[1], high[2], high[3]};
+}
+
+/// Cubes with occupied and empty corners.
+uint64_t mixed(const CornerWords& c) {
+  const uint64_t any = c[0] | c[1] | c[2] | c[3] | c[4] | c[5] | c[6] | c[7];
+  const uint64_t all = c[0] & c[1] & c[2] & c[3] & c[4] & c[5] & c[6] & c[7];
+  return any & ~all;
+}
+
+const CubeCase& case_of(const CornerWords& corners, int cube) {
+  unsigned occupied = 0;
+  for (int c = 0; c < 8; ++c) occupied |= static_cast<unsigned>(corners[c] >> cube & 1) << c;
+  return cube_cases()[occupied];
+}
+
+/// Calls visit(z, cube, corners) for every cube with surface; `cube` is its bit in layer z.
+template <class Visit>
+void for_each_cube(const Neighbourhood& bricks, const Visit& visit) {
+  for (int z = 0; z < kBrickEdge; ++z) {
+    const CornerWords corners = cube_corners(bricks, z);
+    for (uint64_t rest = mixed(corners); rest != 0; rest &= rest - 1) {
+      visit(z, std::countr_zero(rest), corners);
+    }
+  }
+}
+
+/// One surface being made.
+class Surface {
+ public:
+  explicit Surface(const SparseVolume& volume) : volume_(volume) {}
+  LatticeMesh make();
+
+ private:
+  /// The bricks that own a lattice edge or a cube at an occupied voxel.
+  void find_bricks();
+  void examine(SurfaceBrick& brick) const;
+  void number();
+  void write_vertices(const SurfaceBrick& brick, LatticeMesh& out) const;
+  void write_triangles(const SurfaceBrick& brick, Mesh& out) const;
+
+  Neighbourhood neighbourhood(BrickCoord at) const;
+  uint32_t vertex(const SurfaceBrick& owner, int axis, int z, int bit) const;
+  size_t linear(BrickCoord at) const {
+    return (static_cast<size_t>(at.z + 1) * counts_[1] + (at.y + 1)) * counts_[0] + (at.x + 1);
+  }
+
+  const SparseVolume& volume_;
+  std::array<int, 3> counts_{};  ///< bricks along each axis, with those at -1
+  std::vector<int32_t> table_;   ///< linear() to index into bricks_, -1 where there is none
+  std::vector<SurfaceBrick> bricks_;
+  uint32_t vertex_count_ = 0;
+  uint32_t triangle_count_ = 0;
+};
+
+/// Where brick or cube number n of a group of eight lies from the first.
+BrickCoord corner(BrickCoord at, int n, int sign = 1) {
+  return {at.x + sign * (n & 1), at.y + sign * (n >> 1 & 1), at.z + sign * (n >> 2)};
+}
+
+void Surface::find_bricks() {
+  for (int axis = 0; axis < 3; ++axis) counts_[axis] = volume_.brick_counts()[axis] + 1;
+  table_.assign(static_cast<size_t>(counts_[0]) * counts_[1] * counts_[2], -1);
+  for (const BrickCoord& at : volume_.coords()) {
+    for (int n = 0; n < 8; ++n) table_[linear(corner(at, n, -1))] = 0;
+  }
+  size_t at = 0;
+  for (int z = -1; z < counts_[2] - 1; ++z) {
+    for (int y = -1; y < counts_[1] - 1; ++y) {
+      for (int x = -1; x < counts_[0] - 1; ++x, ++at) {
+        if (table_[at] < 0) continue;
+        table_[at] = static_cast<int32_t>(bricks_.size());
+        bricks_.emplace_back().at = {x, y, z};
+      }
+    }
+  }
+}
+
+Neighbourhood Surface::neighbourhood(BrickCoord at) const {
+  Neighbourhood bricks;
+  for (int n = 0; n < 8; ++n) {
+    const int index = volume_.index_of(corner(at, n));
+    bricks[n] = index < 0 ? &kEmptyBrick : &volume_.bricks()[index];
+  }
+  return bricks;
+}
+
+void Surface::examine(SurfaceBrick& brick) const {
+  const Neighbourhood bricks = neighbourhood(brick.at);
+  for (int z = 0; z < kBrickEdge; ++z) {
+    const CornerWords c = cube_corners(bricks, z);
+    brick.crossed[0][z] = c[0] ^ c[1];
+    brick.crossed[1][z] = c[0] ^ c[2];
+    brick.crossed[2][z] = c[0] ^ c[4];
+  }
+  for (int axis = 0; axis < 3; ++axis) {
+    for (int z = 0; z < kBrickEdge; ++z) {
+      brick.rank[axis][z] = static_cast<uint16_t>(brick.vertex_count);
+      brick.vertex_count += std::popcount(brick.crossed[axis][z]);
+    }
+  }
+  for_each_cube(bricks, [&](int, int cube, const CornerWords& corners) {
+    brick.triangle_count += case_of(corners, cube).count;
+  });
+}
+
+void Surface::number() {
+  for (SurfaceBrick& brick : bricks_) {
+    brick.first_vertex = vertex_count_;
+    brick.first_triangle = triangle_count_;
+    vertex_count_ += brick.vertex_count;
+    triangle_count_ += brick.triangle_count;
+  }
+}
+
+void Surface::write_vertices(const SurfaceBrick& brick, LatticeMesh& out) const {
+  uint32_t vertex = brick.first_vertex;
+  for (int axis = 0; axis < 3; ++axis) {
+    for (int z = 0; z < kBrickEdge; ++z) {
+      for (uint64_t rest = brick.crossed[axis][z]; rest != 0; rest &= rest - 1, ++vertex) {
+        const int bit = std::countr_zero(rest);
+        // The centre of voxel i lies at 2 i + 1 half voxels.
+        std::array<int, 3> half{2 * (kBrickEdge * brick.at.x + bit % kBrickEdge) + 1,
+                                2 * (kBrickEdge * brick.at.y + bit / kBrickEdge) + 1,
+                                2 * (kBrickEdge * brick.at.z + z) + 1};
+        half[axis] += 1;
+        for (int a = 0; a < 3; ++a) out.half_voxels[vertex][a] = static_cast<uint16_t>(half[a]);
+        out.mesh.vertices[vertex] = lattice_position(volume_.grid(), out.half_voxels[vertex]);
+      }
+    }
+  }
+}
+
+uint32_t Surface::vertex(const SurfaceBrick& owner, int axis, int z, int bit) const {
+  const uint64_t before = owner.crossed[axis][z] & ((uint64_t{1} << bit) - 1);
+  return owner.first_vertex + owner.rank[axis][z] + std::popcount(before);
+}
+
+void Surface::write_triangles(const SurfaceBrick& brick, Mesh& out) const {
+  std::array<const SurfaceBrick*, 8> owners{};
+  for (int n = 0; n < 8; ++n) {
+    const BrickCoord at = corner(brick.at, n);
+    if (at.x >= counts_[0] - 1 || at.y >= counts_[1] - 1 || at.z >= counts_[2] - 1) continue;
+    const int32_t index = table_[linear(at)];
+    if (index >= 0) owners[n] = &bricks_[index];
+  }
+  uint32_t triangle = brick.first_triangle;
+  const auto write = [&](int z, int cube, const CornerWords& corners) {
+    const CubeCase& shape = case_of(corners, cube);
+    for (int t = 0; t < shape.count; ++t, ++triangle) {
+      for (int tip = 0; tip < 3; ++tip) {
+        const CubeEdge edge = cube_edge(shape.triangles[t][tip]);
+        const int vx = cube % kBrickEdge + edge.x;
+        const int vy = cube / kBrickEdge + edge.y;
+        const int vz = z + edge.z;
+        const int owner = vx / kBrickEdge | vy / kBrickEdge << 1 | vz / kBrickEdge << 2;
+        const int bit = kBrickEdge * (vy % kBrickEdge) + vx % kBrickEdge;
+        out.triangles[triangle][tip] = vertex(*owners[owner], edge.axis, vz % kBrickEdge, bit);
+      }
+    }
+  };
+  for_each_cube(neighbourhood(brick.at), write);
+}
+
+LatticeMesh Surface::make() {
+  find_bricks();
+  tbb::parallel_for(size_t{0}, bricks_.size(), [&](size_t n) { examine(bricks_[n]); });
+  number();
+  LatticeMesh out;
+  out.half_voxels.resize(vertex_count_);
+  out.mesh.vertices.resize(vertex_count_);
+  out.mesh.triangles.resize(triangle_count_);
+  tbb::parallel_for(size_t{0}, bricks_.size(), [&](size_t n) {
+    write_vertices(bricks_[n], out);
+    write_triangles(bricks_[n], out.mesh);
+  });
+  return out;
+}
+
+}  // namespace
+
+Eigen::Vector3f lattice_position(const VoxelGrid& grid,
+                                 const std::array<uint16_t, 3>& half_voxels) {
+  const Eigen::Vector3d half(half_voxels[0], half_voxels[1], half_voxels[2]);
+  return (grid.origin + half * grid.voxel_m / 2).cast<float>();
+}
+
+LatticeMesh marching_cubes(const SparseVolume& volume) {
+  if (volume.bricks().empty()) return {};
+  return Surface(volume).make();
+}
+
+}  // namespace v3d
