@@ -1,58 +1,124 @@
 #include "recon/carve_brick.h"
 
-namespace v3d {
+// Registers of unknown length cannot be members of a struct.
+#define HWY_DISABLED_TARGETS (HWY_SVE | HWY_SVE2 | HWY_SVE_256 | HWY_SVE2_128 | HWY_RVV)
+#undef HWY_TARGET_INCLUDE
+#define HWY_TARGET_INCLUDE "recon/carve_brick.cc"
+#include <hwy/foreach_target.h>  // compiles this file once per instruction set
+#include <hwy/highway.h>
+
+#include <array>
+#include <cstring>
+
+HWY_BEFORE_NAMESPACE();
+namespace v3d::HWY_NAMESPACE {
 namespace {
+
+namespace hn = hwy::HWY_NAMESPACE;
 
 constexpr int kLayer = kBrickEdge * kBrickEdge;
 
-/// One layer of voxels: where each one's pixel is.
-struct LayerPixels {
-  int32_t x[kLayer];
-  int32_t y[kLayer];
-  int32_t seen[kLayer];
+using Floats = hn::CappedTag<float, kLayer>;
+using Ints = hn::RebindToSigned<Floats>;
+using Words = hn::RebindToUnsigned<Floats>;
+
+/// As many voxels as a register holds, at the place of `Real` in the projection.
+struct Lanes {
+  hn::Vec<Floats> v;
+  HWY_INLINE explicit Lanes(hn::Vec<Floats> vector) : v(vector) {}
+  HWY_INLINE Lanes(float value) : v(hn::Set(Floats(), value)) {}  // NOLINT: constants mix in
+};
+HWY_INLINE Lanes operator+(Lanes a, Lanes b) { return Lanes(hn::Add(a.v, b.v)); }
+HWY_INLINE Lanes operator*(Lanes a, Lanes b) { return Lanes(hn::Mul(a.v, b.v)); }
+HWY_INLINE Lanes square(Lanes a) { return a * a; }
+HWY_INLINE Lanes reciprocal(Lanes a) { return Lanes(hn::Div(hn::Set(Floats(), 1.0F), a.v)); }
+
+#include "recon/voxel_projection_steps.inc"
+
+/// Places of a layer's voxels along x and y, in the order of their bits.
+struct LayerPlaces {
+  alignas(64) float x[kLayer];
+  alignas(64) float y[kLayer];
 };
 
-template <Lens kLens>
-LayerPixels project_layer(const VoxelCamera& c, BrickCoord at, int z) {
-  LayerPixels out;
+constexpr LayerPlaces places_in_layer() {
+  LayerPlaces places{};
   for (int n = 0; n < kLayer; ++n) {
-    const auto p = camera_point<float>(c, static_cast<float>(kBrickEdge * at.x + n % kBrickEdge),
-                                       static_cast<float>(kBrickEdge * at.y + n / kBrickEdge),
-                                       static_cast<float>(kBrickEdge * at.z + z));
-    const PixelPoint<float> q = pixel_point<kLens>(c, p);
-    const bool seen = (p.z > 0) & (q.radius2 <= c.max_radius2) & (q.u >= 0) & (q.v >= 0) &
-                      (q.u < c.width) & (q.v < c.height);
-    out.seen[n] = seen;
-    out.x[n] = static_cast<int32_t>(seen ? q.u : 0.0F);
-    out.y[n] = static_cast<int32_t>(seen ? q.v : 0.0F);
+    places.x[n] = static_cast<float>(n % kBrickEdge);
+    places.y[n] = static_cast<float>(n / kBrickEdge);
   }
-  return out;
+  return places;
+}
+constexpr LayerPlaces kPlaces = places_in_layer();
+
+/// One bit per lane.
+HWY_INLINE uint64_t bits_of(hn::Mask<Floats> lanes) {
+  uint8_t bytes[8] = {};
+  hn::StoreMaskBits(Floats(), lanes, bytes);
+  uint64_t bits = 0;
+  std::memcpy(&bits, bytes, sizeof bits);
+  return bits;
+}
+
+struct LaneBits {
+  uint64_t seen, background;
+};
+
+/// project_voxel() and the look at the mask, for as many voxels as there are lanes.
+template <Lens kLens>
+HWY_INLINE LaneBits view_voxels(const VoxelCamera& c, const MaskPyramid& mask, Lanes i, Lanes j,
+                                Lanes k) {
+  const Floats floats;
+  const Ints ints;
+  const Words words;
+  const CameraPoint<Lanes> p = HWY_NAMESPACE::camera_point<Lanes>(c, i, j, k);
+  const PixelPoint<Lanes> q = HWY_NAMESPACE::pixel_point<kLens, Lanes>(c, p);
+  const auto zero = hn::Zero(floats);
+  const auto in_lens =
+      hn::And(hn::Gt(p.z.v, zero), hn::Le(q.radius2.v, hn::Set(floats, c.max_radius2)));
+  const auto in_columns = hn::And(hn::Ge(q.u.v, zero), hn::Lt(q.u.v, hn::Set(floats, c.width)));
+  const auto in_rows = hn::And(hn::Ge(q.v.v, zero), hn::Lt(q.v.v, hn::Set(floats, c.height)));
+  const auto seen = hn::And(in_lens, hn::And(in_columns, in_rows));
+  // Lanes that are not seen look at pixel (0, 0), and what they find is not used.
+  const auto x = hn::ConvertTo(ints, hn::IfThenElseZero(seen, q.u.v));
+  const auto y = hn::ConvertTo(ints, hn::IfThenElseZero(seen, q.v.v));
+  const auto index = hn::Add(hn::Mul(y, hn::Set(ints, mask.words_per_row())), hn::ShiftRight<5>(x));
+  const auto word = hn::BitCast(
+      words, hn::GatherIndex(ints, reinterpret_cast<const int32_t*>(mask.pixels()), index));
+  const auto place = hn::BitCast(words, hn::And(x, hn::Set(ints, 31)));
+  const auto pixel = hn::And(hn::Shr(word, place), hn::Set(words, 1));
+  const auto is_background = hn::RebindMask(floats, hn::Eq(pixel, hn::Zero(words)));
+  return {bits_of(seen), bits_of(hn::And(seen, is_background))};
 }
 
 template <Lens kLens>
 BrickView view(const VoxelCamera& camera, const MaskPyramid& mask, BrickCoord at,
                const Brick& candidates) {
+  const Floats floats;
+  const int lanes = static_cast<int>(hn::Lanes(floats));
+  const uint64_t one_register = ~uint64_t{0} >> (kLayer - lanes);
+  const Lanes first_x(static_cast<float>(kBrickEdge * at.x));
+  const Lanes first_y(static_cast<float>(kBrickEdge * at.y));
   BrickView result;
   for (int z = 0; z < kBrickEdge; ++z) {
     if (candidates[z] == 0) continue;
-    const LayerPixels pixels = project_layer<kLens>(camera, at, z);
-    uint64_t seen = 0;
-    uint64_t foreground = 0;
-    for (int n = 0; n < kLayer; ++n) {
-      const uint32_t word = mask.pixels()[pixels.y[n] * mask.words_per_row() + pixels.x[n] / 32];
-      seen |= static_cast<uint64_t>(pixels.seen[n]) << n;
-      foreground |= uint64_t{word >> (pixels.x[n] % 32) & 1} << n;
+    const Lanes k(static_cast<float>(kBrickEdge * at.z + z));
+    for (int n = 0; n < kLayer; n += lanes) {
+      if ((candidates[z] & one_register << n) == 0) continue;
+      const Lanes i = first_x + Lanes(hn::Load(floats, kPlaces.x + n));
+      const Lanes j = first_y + Lanes(hn::Load(floats, kPlaces.y + n));
+      const LaneBits found = view_voxels<kLens>(camera, mask, i, j, k);
+      result.seen[z] |= found.seen << n;
+      result.background[z] |= found.background << n;
     }
-    result.seen[z] = seen & candidates[z];
-    result.background[z] = seen & ~foreground & candidates[z];
+    result.seen[z] &= candidates[z];
+    result.background[z] &= candidates[z];
   }
   return result;
 }
 
-}  // namespace
-
-BrickView view_brick(const VoxelCamera& camera, const MaskPyramid& mask, BrickCoord at,
-                     const Brick& candidates) {
+BrickView view_any(const VoxelCamera& camera, const MaskPyramid& mask, BrickCoord at,
+                   const Brick& candidates) {
   switch (camera.lens) {
     case Lens::kPinhole:
       return view<Lens::kPinhole>(camera, mask, at, candidates);
@@ -63,4 +129,19 @@ BrickView view_brick(const VoxelCamera& camera, const MaskPyramid& mask, BrickCo
   }
 }
 
+}  // namespace
+}  // namespace v3d::HWY_NAMESPACE
+HWY_AFTER_NAMESPACE();
+
+#if HWY_ONCE
+namespace v3d {
+
+HWY_EXPORT(view_any);
+
+BrickView view_brick(const VoxelCamera& camera, const MaskPyramid& mask, BrickCoord at,
+                     const Brick& candidates) {
+  return HWY_DYNAMIC_DISPATCH(view_any)(camera, mask, at, candidates);
+}
+
 }  // namespace v3d
+#endif

@@ -1,6 +1,7 @@
 #include "recon/intersect.h"
 
 #include <gtest/gtest.h>
+#include <hwy/targets.h>
 #include <rapidcheck/gtest.h>
 #include <tbb/global_control.h>
 #include <tbb/task_arena.h>
@@ -90,6 +91,18 @@ RC_GTEST_PROP(Intersector, forgets_the_frame_before, ()) {
   std::vector<const Mask*> masks = scene.mask_pointers();
   masks[uniform_int(0, 4)] = nullptr;
   RC_ASSERT(intersector.intersect(masks) == intersect_brute_force(grid, scene.cameras, masks, 1));
+}
+
+RC_GTEST_PROP(Intersector, gives_the_same_bytes_with_every_instruction_set_of_this_processor, ()) {
+  const VoxelGrid grid = random_grid();
+  const Scene scene = random_scene(grid, 3);
+  const SparseVolume best = intersect(grid, scene, 1);
+  for (int64_t rest = hwy::SupportedTargets(); rest != 0; rest &= rest - 1) {
+    hwy::SetSupportedTargetsForTest(rest & -rest);
+    const SparseVolume found = intersect(grid, scene, 1);
+    hwy::SetSupportedTargetsForTest(0);
+    RC_ASSERT(found == best);
+  }
 }
 
 TEST(Intersector, finds_a_ball_and_little_more) {
