@@ -82,6 +82,23 @@ RC_GTEST_PROP(Intersector, equals_the_brute_force_intersection_voxel_for_voxel, 
   RC_ASSERT(found == truth);
 }
 
+RC_GTEST_PROP(Intersector, takes_what_lies_beyond_the_fold_of_a_lens_as_not_seen, ()) {
+  const VoxelGrid grid = random_grid();
+  Scene scene = random_scene(grid, 1);
+  // A barrel lens that folds inside its own image, and sees background wherever it sees at all.
+  const CameraModel wide = random_camera(box_of(grid));
+  Eigen::Matrix3d k;
+  k << 60, 0, 49.5, 0, 60, 49.5, 0, 0, 1;
+  scene.cameras.emplace_back(ImageSize{100, 100}, k, Distortion{uniform(-2, -0.3)},
+                             wide.cam_from_world());
+  RC_ASSERT(scene.cameras.back().max_radius2() < 2);
+  scene.masks.emplace_back(ImageSize{100, 100});
+  Mask& first = scene.masks.front();
+  for (int y = 0; y < first.size().height; ++y) first.fill_row(y, 0, first.size().width);
+  RC_ASSERT(intersect(grid, scene, 1) ==
+            intersect_brute_force(grid, scene.cameras, scene.mask_pointers(), 1));
+}
+
 RC_GTEST_PROP(Intersector, forgets_the_frame_before, ()) {
   const VoxelGrid grid = random_grid();
   Scene scene = random_scene(grid, 4);

@@ -75,6 +75,15 @@ TEST(MaskPyramid, knows_whole_images_whose_sides_are_no_powers_of_two) {
   }
 }
 
+TEST(MaskPyramid, forgets_the_mask_before) {
+  Mask mask({1024, 768});
+  MaskPyramid pyramid(mask.size());
+  for (int y = 0; y < 768; ++y) mask.fill_row(y, 0, 1024);
+  pyramid.build(mask);
+  pyramid.build(Mask(mask.size()));
+  EXPECT_EQ(pyramid.coverage(0, 0, 1023, 767), Coverage::kNone);
+}
+
 TEST(MaskPyramid, finds_a_single_pixel_and_nothing_away_from_it) {
   Mask mask({1024, 768});
   mask.set(700, 500);
