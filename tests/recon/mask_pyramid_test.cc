@@ -80,8 +80,20 @@ TEST(MaskPyramid, forgets_the_mask_before) {
   MaskPyramid pyramid(mask.size());
   for (int y = 0; y < 768; ++y) mask.fill_row(y, 0, 1024);
   pyramid.build(mask);
+  Mask left_half(mask.size());
+  for (int y = 0; y < 768; ++y) left_half.fill_row(y, 0, 512);
+  pyramid.build(left_half);
+  EXPECT_EQ(pyramid.coverage(0, 0, 1023, 767), Coverage::kSome);
   pyramid.build(Mask(mask.size()));
   EXPECT_EQ(pyramid.coverage(0, 0, 1023, 767), Coverage::kNone);
+}
+
+TEST(MaskPyramid, lets_an_odd_last_row_stand_for_itself) {
+  Mask mask({100, 3});
+  mask.fill_row(2, 0, 100);
+  MaskPyramid pyramid(mask.size());
+  pyramid.build(mask);
+  EXPECT_EQ(pyramid.coverage(0, 2, 63, 2), Coverage::kAll);
 }
 
 TEST(MaskPyramid, finds_a_single_pixel_and_nothing_away_from_it) {
