@@ -17,6 +17,9 @@ namespace {
 constexpr uint64_t kColumnX0 = 0x0101010101010101;  // voxels with x = 0 in a layer
 constexpr uint64_t kRowY0 = 0xFF;                   // voxels with y = 0
 constexpr Brick kEmptyBrick{};
+constexpr uint64_t kAllOnes = ~uint64_t{0};
+constexpr Brick kFullBrick{kAllOnes, kAllOnes, kAllOnes, kAllOnes,
+                           kAllOnes, kAllOnes, kAllOnes, kAllOnes};
 
 /// A brick and those beside, above and behind it: [n] is the one at (n & 1, n >> 1 & 1, n >> 2).
 using Neighbourhood = std::array<const Brick*, 8>;
@@ -89,7 +92,7 @@ class Surface {
   LatticeMesh make();
 
  private:
-  /// The bricks that own a lattice edge or a cube at an occupied voxel.
+  /// The bricks whose cubes may hold surface.
   void find_bricks();
   void examine(SurfaceBrick& brick) const;
   void number();
@@ -117,17 +120,23 @@ BrickCoord corner(BrickCoord at, int n, int sign = 1) {
 
 void Surface::find_bricks() {
   for (int axis = 0; axis < 3; ++axis) counts_[axis] = volume_.brick_counts()[axis] + 1;
-  table_.assign(static_cast<size_t>(counts_[0]) * counts_[1] * counts_[2], -1);
-  for (const BrickCoord& at : volume_.coords()) {
-    for (int n = 0; n < 8; ++n) table_[linear(corner(at, n, -1))] = 0;
+  // First, for every brick of cubes, how many of the eight bricks at its corners are full, and how
+  // many are occupied in part.
+  constexpr int kFull = 1;
+  constexpr int kInPart = 16;
+  table_.assign(static_cast<size_t>(counts_[0]) * counts_[1] * counts_[2], 0);
+  for (size_t b = 0; b < volume_.bricks().size(); ++b) {
+    const int kind = volume_.bricks()[b] == kFullBrick ? kFull : kInPart;
+    for (int n = 0; n < 8; ++n) table_[linear(corner(volume_.coords()[b], n, -1))] += kind;
   }
+  // Then an index for those that are neither outside nor deep inside.
   size_t at = 0;
   for (int z = -1; z < counts_[2] - 1; ++z) {
     for (int y = -1; y < counts_[1] - 1; ++y) {
       for (int x = -1; x < counts_[0] - 1; ++x, ++at) {
-        if (table_[at] < 0) continue;
-        table_[at] = static_cast<int32_t>(bricks_.size());
-        bricks_.emplace_back().at = {x, y, z};
+        const bool has_surface = table_[at] != 0 && table_[at] != 8 * kFull;
+        table_[at] = has_surface ? static_cast<int32_t>(bricks_.size()) : -1;
+        if (has_surface) bricks_.emplace_back().at = {x, y, z};
       }
     }
   }
