@@ -71,10 +71,7 @@ Interval voxel_range(int first_brick, int level, int64_t count) {
           static_cast<float>(std::min(end, count) - 1)};
 }
 
-bool Descent::outside(const Node& node) const {
-  return kBrickEdge * node.at.x >= grid_.counts[0] || kBrickEdge * node.at.y >= grid_.counts[1] ||
-         kBrickEdge * node.at.z >= grid_.counts[2];
-}
+bool Descent::outside(const Node& node) const { return bits_inside(grid_, node.at) == Brick{}; }
 
 NodeView Descent::view(const Node& node, int camera) const {
   const VoxelCamera& c = cameras_[camera];

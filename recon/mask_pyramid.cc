@@ -87,7 +87,8 @@ void MaskPyramid::halve(int level, const Rect& box) {
         static_cast<size_t>(std::min(2 * y + 1, fine.size.height - 1)) * fine.words_per_row;
     for (int w = first_word; w <= last_word; ++w) {
       const auto pair = [&](const std::vector<uint32_t>& words, size_t row) {
-        return join(words[row + 2 * w], words[row + 2 * w + 1]);
+        const uint32_t* two = &words[row] + 2 * w;
+        return join(two[0], two[1]);
       };
       const uint64_t any = pair(fine.any, upper) | pair(fine.any, lower);
       const uint64_t all =
