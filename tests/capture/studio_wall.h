@@ -1,0 +1,57 @@
+// A wall that a camera sees, with texture and noise, for the tests of the segmentation.
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <functional>
+#include <random>
+#include <vector>
+
+#include "base/image.h"
+#include "capture/segmenter.h"
+
+namespace v3d {
+
+using Colour = std::array<double, 3>;  ///< red, green, blue in grey values
+
+/// A greenish wall that is brighter on the right, with a soft pattern.
+inline Colour wall(int x, int y) {
+  const double light = 0.8 + 0.002 * x + 0.05 * std::sin(0.2 * x) * std::sin(0.17 * y);
+  return {70 * light, 120 * light, 90 * light};
+}
+
+/// A picture in any format of what `scene` shows, with noise of `sigma`.
+inline Image photograph(ImageSize size, PixelFormat format,
+                        const std::function<Colour(int, int)>& scene, unsigned seed,
+                        double sigma = 1.5) {
+  std::mt19937 random(seed);
+  std::normal_distribution<double> noise(0, sigma);
+  Image image(size, format);
+  const auto grey = [&](double value) {
+    return static_cast<uint8_t>(std::clamp(std::lround(value + noise(random)), 0L, 255L));
+  };
+  for (int y = 0; y < size.height; ++y) {
+    for (int x = 0; x < size.width; ++x) {
+      const Colour c = scene(x, y);
+      if (format == PixelFormat::kRGB8) {
+        for (int k = 0; k < 3; ++k) image.row(y)[3 * x + k] = grey(c[k]);
+      } else if (is_bayer(format)) {
+        image.row(y)[x] = grey(c[bayer_channel(format, x, y)]);
+      } else {
+        image.row(y)[x] = grey(0.3 * c[0] + 0.6 * c[1] + 0.1 * c[2]);
+      }
+    }
+  }
+  return image;
+}
+
+inline BackgroundModel learn_wall(ImageSize size, PixelFormat format, int plates = 10) {
+  std::vector<Image> images;
+  for (int i = 0; i < plates; ++i) images.push_back(photograph(size, format, wall, 1000 + i));
+  std::vector<ImageView> views;
+  for (const Image& image : images) views.push_back(image.view());
+  return learn_background(views);
+}
+
+}  // namespace v3d
