@@ -22,7 +22,9 @@ constexpr uint16_t kFar = 127;           ///< 15.9 spreads; four squares fit 16 
 constexpr uint16_t kFarRgb = 73;         ///< 9.1 spreads; twelve squares fit 16 bits
 constexpr float kLeastSpread = 0.5F;     ///< grey values
 constexpr float kMostSpread = 64;
-constexpr float kShadowNoise = 2.5F;  ///< noise floors that noise may add to a shadow's sample
+constexpr float kSaturated = 248;  ///< a lamp: how bright it is cannot be seen, so it seems not to
+constexpr float kSaturatedSpread = 10;  ///< flicker with the light it gives
+constexpr float kShadowNoise = 2.5F;    ///< noise floors that noise may add to a shadow's sample
 
 /// The sum of `freedom` squared normal deviates that is as improbable as one deviate of `level`
 /// (Wilson and Hilferty's cube root).
@@ -139,7 +141,8 @@ Segmenter::Segmenter(BackgroundModel model, SegmentOptions options)
       for (int c = 0; c < channels_; ++c, ++i) {
         mean_[i] =
             static_cast<uint16_t>(std::lround(std::clamp(model_.mean[i], 0.0F, 255.0F) * 256));
-        const float noise = std::max({model_.spread[i], options_.noise_floor, kLeastSpread});
+        const float floor = model_.mean[i] > kSaturated ? kSaturatedSpread : kLeastSpread;
+        const float noise = std::max({model_.spread[i], options_.noise_floor, floor});
         const float moved = options_.shake * slope(model_, channels_, x, y, c);
         const float spread = std::min(std::sqrt(noise * noise + moved * moved), kMostSpread);
         sharpness_[i] = static_cast<uint16_t>(std::lround(kSharpnessScale / spread));
