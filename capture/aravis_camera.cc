@@ -237,14 +237,18 @@ size_t payload_bytes(const Setup& setup, ArvCamera* camera, size_t image_bytes) 
   return payload;
 }
 
+/// A frame waits so long for its missing packets. Frames behind it wait too, so it costs buffers;
+/// a shorter time gives up frames whose packets a busy host has only not looked at yet.
+constexpr guint kFrameRetentionUs = 400'000;
+
 /// Room for four frames of a camera in the socket, where packets do not come by packet socket; the
-/// kernel gives what net.core.rmem_max allows. Packets that were lost on the way are asked for
-/// again.
+/// kernel gives what net.core.rmem_max allows. Packets that were lost are asked for again.
 void set_receiver(ArvStream* stream, size_t payload) {
   if (!ARV_IS_GV_STREAM(stream)) return;
   const int room = static_cast<int>(std::min<size_t>(4 * payload, 64 << 20));
   g_object_set(stream, "socket-buffer", ARV_GV_STREAM_SOCKET_BUFFER_FIXED, "socket-buffer-size",
-               room, "packet-resend", ARV_GV_STREAM_PACKET_RESEND_ALWAYS, nullptr);
+               room, "packet-resend", ARV_GV_STREAM_PACKET_RESEND_ALWAYS, "frame-retention",
+               kFrameRetentionUs, nullptr);
 }
 
 /// Called by Aravis' heartbeat thread.
