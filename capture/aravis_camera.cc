@@ -347,6 +347,12 @@ std::optional<CameraFrame> AravisCamera::wait(MonotonicInstant deadline) {
     arv_stream_get_statistics(stream, nullptr, nullptr, &underruns);
     underruns_ = static_cast<int64_t>(underruns);
     if (!buffer) return {};
+    // What reaches a packet socket before its filter is in place (other cameras' packets) begins
+    // frames that never were any.
+    if (arv_buffer_get_status(buffer) == ARV_BUFFER_STATUS_CLEARED) {
+      arv_stream_push_buffer(stream, buffer);
+      continue;
+    }
     CameraFrame frame;
     frame.received = Monotonic::now();
     frame.device_time =
