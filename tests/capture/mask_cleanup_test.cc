@@ -63,7 +63,7 @@ std::vector<int64_t> areas(const Mask& mask, bool value, bool diagonal, bool bor
     }
     const bool ignore = endless && border_is_endless;
     for (const int pixel : piece) {
-      area[pixel] = ignore ? size.pixels() + 1 : static_cast<int64_t>(piece.size());
+      area[pixel] = ignore ? int64_t{1} << 30 : static_cast<int64_t>(piece.size());
     }
   }
   return area;
