@@ -1,0 +1,107 @@
+// Sub-pixel colour from raw images.
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+#include "recon/texture.h"
+
+namespace v3d {
+namespace {
+
+/// Mirrored about the first and the last pixel, which keeps even columns even: a sample beyond the
+/// border of a Bayer image comes from a pixel of its own colour.
+int mirror(int i, int count) {
+  if (i >= 0 && i < count) {
+    return i;
+  }
+  const int last = count - 1;
+  i = last > 0 ? std::abs(i) % (2 * last) : 0;
+  return std::min(i, 2 * last - i);
+}
+
+struct Cell {
+  int index;       ///< of the lattice point at or before the position
+  float fraction;  ///< on the way to the next, 0 to 1
+};
+
+Cell cell_of(double position) {
+  const double lower = std::floor(position);
+  return {static_cast<int>(lower), static_cast<float>(position - lower)};
+}
+
+/// `value(i, j)`: the sample at lattice point (i, j).
+template <class Value>
+float bilinear(Cell a, Cell b, Value&& value) {
+  const float low =
+      value(a.index, b.index) * (1 - a.fraction) + value(a.index + 1, b.index) * a.fraction;
+  const float high =
+      value(a.index, b.index + 1) * (1 - a.fraction) + value(a.index + 1, b.index + 1) * a.fraction;
+  return low * (1 - b.fraction) + high * b.fraction;
+}
+
+float pixel_at(ImageView image, int x, int y, int channel = 0) {
+  const int step = bytes_per_pixel(image.format);
+  return image.row(mirror(y, image.size.height))[mirror(x, image.size.width) * step + channel];
+}
+
+Eigen::Vector3f sample_bayer(ImageView image, double u, double v) {
+  // The pattern repeats every 2 x 2 pixels: find where red lies; blue lies diagonally across.
+  int red = 0;
+  while (bayer_channel(image.format, red % 2, red / 2) != 0) {
+    ++red;
+  }
+  const auto square = [&](int x0, int y0) {
+    return bilinear(cell_of((u - x0) / 2), cell_of((v - y0) / 2),
+                    [&](int i, int j) { return pixel_at(image, 2 * i + x0, 2 * j + y0); });
+  };
+  // Green lies where x + y has parity g. With a = (x + y - g) / 2 and b = (x - y - g) / 2 every
+  // pair of whole numbers (a, b) is one green pixel.
+  const int g = bayer_channel(image.format, 0, 0) == 1 ? 0 : 1;
+  const float green = bilinear(cell_of((u + v - g) / 2), cell_of((u - v - g) / 2),
+                               [&](int a, int b) { return pixel_at(image, a + b + g, a - b); });
+  const int rx = red % 2, ry = red / 2;
+  return {square(rx, ry), green, square(1 - rx, 1 - ry)};
+}
+
+}  // namespace
+
+std::optional<Eigen::Vector3f> sample_colour(ImageView image, double u, double v) {
+  const bool inside =
+      u >= -0.5 && v >= -0.5 && u < image.size.width - 0.5 && v < image.size.height - 0.5;
+  const int least = is_bayer(image.format) ? 2 : 1;
+  if (!inside || image.size.width < least || image.size.height < least) {
+    return std::nullopt;
+  }
+  if (is_bayer(image.format)) {
+    return sample_bayer(image, u, v);
+  }
+  const auto channel = [&](int k) {
+    return bilinear(cell_of(u), cell_of(v), [&](int x, int y) { return pixel_at(image, x, y, k); });
+  };
+  if (image.format == PixelFormat::kRGB8) {
+    return Eigen::Vector3f(channel(0), channel(1), channel(2));
+  }
+  return Eigen::Vector3f::Constant(channel(0));
+}
+
+std::optional<Eigen::Vector3f> sample_colour(const Frame& frame, double u, double v) {
+  const double x = std::floor(u + 0.5), y = std::floor(v + 0.5);
+  const bool inside = x >= frame.roi.x0 && y >= frame.roi.y0 &&
+                      x < frame.roi.x0 + frame.roi.width && y < frame.roi.y0 + frame.roi.height;
+  if (!inside || (frame.mask && !frame.mask->get(static_cast<int>(x), static_cast<int>(y)))) {
+    return std::nullopt;
+  }
+  return sample_colour(frame.image.view(), u - frame.roi.x0, v - frame.roi.y0);
+}
+
+bool touches_background(const Frame& frame, double u, double v) {
+  if (!frame.mask) {
+    return false;
+  }
+  const int x = static_cast<int>(std::floor(u + 0.5)), y = static_cast<int>(std::floor(v + 0.5));
+  const int right = frame.sensor_size.width - 1, bottom = frame.sensor_size.height - 1;
+  return !frame.mask->get(std::max(x - 2, 0), y) || !frame.mask->get(std::min(x + 2, right), y) ||
+         !frame.mask->get(x, std::max(y - 2, 0)) || !frame.mask->get(x, std::min(y + 2, bottom));
+}
+
+}  // namespace v3d

@@ -1,0 +1,276 @@
+#include "recon/texture.h"
+
+#include <gtest/gtest.h>
+#include <rapidcheck/gtest.h>
+#include <tbb/global_control.h>
+
+#include <algorithm>
+#include <functional>
+
+#include "shapes.h"
+
+namespace v3d {
+namespace {
+
+using shapes::camera;
+
+/// An image whose channels are given functions of the pixel, as the format's sensor sees them.
+Image picture(ImageSize size, PixelFormat format, const std::function<uint8_t(int, int, int)>& f) {
+  Image image(size, format);
+  for (int y = 0; y < size.height; ++y) {
+    for (int x = 0; x < size.width; ++x) {
+      if (format == PixelFormat::kRGB8) {
+        for (int c = 0; c < 3; ++c) {
+          image.row(y)[3 * x + c] = f(c, x, y);
+        }
+      } else {
+        image.row(y)[x] = f(is_bayer(format) ? bayer_channel(format, x, y) : 1, x, y);
+      }
+    }
+  }
+  return image;
+}
+
+constexpr PixelFormat kFormats[] = {PixelFormat::kBayerRG8, PixelFormat::kBayerGR8,
+                                    PixelFormat::kBayerGB8, PixelFormat::kBayerBG8,
+                                    PixelFormat::kRGB8};
+
+RC_GTEST_PROP(SampleColour, follows_linear_ramps_between_the_pixels_of_every_format, ()) {
+  const auto format = *rc::gen::elementOf(std::vector(std::begin(kFormats), std::end(kFormats)));
+  const auto ramp = [](int c, double x, double y) { return 10 + 20 * c + (3 + c) * x + 4 * y; };
+  const Image image = picture(
+      {20, 16}, format, [&](int c, int x, int y) { return static_cast<uint8_t>(ramp(c, x, y)); });
+  // Two pixels from the border no sample is mirrored.
+  const double u = *rc::gen::inRange(200, 1700) / 100.0, v = *rc::gen::inRange(200, 1300) / 100.0;
+  const auto colour = sample_colour(image.view(), u, v);
+  RC_ASSERT(colour.has_value());
+  for (int c = 0; c < 3; ++c) {
+    RC_ASSERT(std::abs((*colour)[c] - ramp(c, u, v)) < 1e-3);
+  }
+}
+
+TEST(SampleColour, gives_a_pixel_of_its_own_colour_exactly) {
+  const Image image = picture({8, 8}, PixelFormat::kBayerRG8,
+                              [](int, int x, int y) { return static_cast<uint8_t>(16 * x + y); });
+  EXPECT_EQ(sample_colour(image.view(), 4, 2)->x(), 16 * 4 + 2);
+  EXPECT_EQ(sample_colour(image.view(), 3, 2)->y(), 16 * 3 + 2);
+  EXPECT_EQ(sample_colour(image.view(), 2, 5)->y(), 16 * 2 + 5);
+  EXPECT_EQ(sample_colour(image.view(), 3, 5)->z(), 16 * 3 + 5);
+}
+
+TEST(SampleColour, of_a_flat_bayer_image_is_flat_up_to_the_corners) {
+  for (const PixelFormat format : kFormats) {
+    for (const ImageSize size : {ImageSize{2, 2}, ImageSize{3, 5}, ImageSize{8, 6}}) {
+      const Image image =
+          picture(size, format, [](int c, int, int) { return static_cast<uint8_t>(50 + 60 * c); });
+      for (double v = -0.5; v < size.height - 0.5; v += 0.25) {
+        for (double u = -0.5; u < size.width - 0.5; u += 0.25) {
+          const auto colour = sample_colour(image.view(), u, v);
+          ASSERT_TRUE(colour.has_value());
+          EXPECT_NEAR(colour->x(), 50, 1e-3) << name(format) << " " << u << " " << v;
+          EXPECT_NEAR(colour->y(), 110, 1e-3) << name(format) << " " << u << " " << v;
+          EXPECT_NEAR(colour->z(), 170, 1e-3) << name(format) << " " << u << " " << v;
+        }
+      }
+    }
+  }
+}
+
+TEST(SampleColour, finds_nothing_outside_the_image_or_in_one_too_small) {
+  const Image image({8, 6}, PixelFormat::kBayerRG8);
+  EXPECT_TRUE(sample_colour(image.view(), -0.5, -0.5));
+  EXPECT_FALSE(sample_colour(image.view(), -0.51, 0));
+  EXPECT_FALSE(sample_colour(image.view(), 7.5, 0));
+  EXPECT_FALSE(sample_colour(image.view(), 0, 5.5));
+  EXPECT_FALSE(sample_colour(image.view(), std::nan(""), 1));
+  EXPECT_FALSE(sample_colour(Image({0, 0}, PixelFormat::kMono8).view(), 0, 0));
+  EXPECT_FALSE(sample_colour(Image({1, 4}, PixelFormat::kBayerRG8).view(), 0, 0));
+  EXPECT_TRUE(sample_colour(Image({1, 1}, PixelFormat::kMono8).view(), 0.3, -0.2));
+}
+
+TEST(SampleColour, of_a_frame_is_that_of_the_whole_image_inside_roi_and_mask) {
+  const ImageSize size{40, 30};
+  const Image raw = picture(size, PixelFormat::kBayerGB8, [](int c, int x, int y) {
+    return static_cast<uint8_t>(x * 5 + y * 3 + c * 17);
+  });
+  Mask mask(size);
+  for (int y = 11; y < 20; ++y) {
+    mask.fill_row(y, 13, 25);
+  }
+  const Frame frame = observe("cam01", {}, raw.view(), mask);
+  ASSERT_LT(frame.image.size.width, size.width);
+  for (double v = 0; v < 29; v += 0.4) {
+    for (double u = 0; u < 39; u += 0.4) {
+      const bool inside = mask.get(int(std::floor(u + 0.5)), int(std::floor(v + 0.5)));
+      const auto colour = sample_colour(frame, u, v);
+      ASSERT_EQ(colour.has_value(), inside) << u << " " << v;
+      if (inside) {
+        EXPECT_TRUE(colour->isApprox(*sample_colour(raw.view(), u, v), 1e-5F)) << u << " " << v;
+      }
+    }
+  }
+  Frame without_mask = frame;
+  without_mask.mask.reset();
+  EXPECT_TRUE(sample_colour(without_mask, frame.roi.x0, frame.roi.y0));
+  EXPECT_FALSE(sample_colour(without_mask, frame.roi.x0 - 1, frame.roi.y0));
+}
+
+/// A camera and the frame it took: one colour all over, no mask.
+struct Shot {
+  CameraModel model;
+  Frame frame;
+};
+
+Shot shot(const std::string& name, const Eigen::Vector3d& eye, Rgb8 colour) {
+  Shot s{camera(eye, {0, 0, 0}, {160, 120}, 120), {}};
+  s.frame.camera = name;
+  s.frame.sensor_size = {160, 120};
+  s.frame.roi = {0, 0, 160, 120};
+  s.frame.image = picture({160, 120}, PixelFormat::kRGB8, [&](int c, int, int) {
+    return c == 0 ? colour.r : (c == 1 ? colour.g : colour.b);
+  });
+  return s;
+}
+
+std::vector<TextureCamera> borrow(const std::vector<Shot>& shots) {
+  std::vector<TextureCamera> cameras;
+  for (const Shot& s : shots) {
+    cameras.push_back({&s.model, &s.frame});
+  }
+  return cameras;
+}
+
+TEST(Texture, of_a_vertex_is_the_colour_of_the_only_camera_that_it_faces) {
+  const std::vector<Shot> shots{shot("left", {-3, 0, 0}, {200, 10, 20}),
+                                shot("right", {3, 0, 0}, {10, 200, 30})};
+  const Mesh ball = shapes::sphere({0, 0, 0}, 0.5F, 24);
+  const Texture texture = colour_vertices(ball, borrow(shots), {});
+  int left = 0, right = 0;
+  for (size_t v = 0; v < ball.vertices.size(); ++v) {
+    if (ball.vertices[v].x() < -0.2F) {
+      EXPECT_EQ(texture.colours[v], (Rgb8{200, 10, 20}));
+      ++left;
+    } else if (ball.vertices[v].x() > 0.2F) {
+      EXPECT_EQ(texture.colours[v], (Rgb8{10, 200, 30}));
+      ++right;
+    }
+  }
+  EXPECT_GT(left, 100);
+  EXPECT_GT(right, 100);
+}
+
+TEST(Texture, blends_cameras_by_the_angle_between_axis_and_normal) {
+  // Two cameras 45 degrees left and right of the normal weigh the same; one in front weighs
+  // 1 / cos(45 deg) times as much. Equation (9).
+  const double d = 3 / std::sqrt(2.0);
+  const std::vector<Shot> shots{shot("a", {d, 0, d}, {200, 0, 0}),
+                                shot("b", {-d, 0, d}, {0, 200, 0}),
+                                shot("c", {0, 0, 3}, {0, 0, 200})};
+  const Mesh plane = shapes::patch(0.2F, 0, 4);
+  const Texture texture = colour_vertices(plane, borrow(shots), {});
+  const double w = std::sqrt(0.5), sum = 2 * w + 1;
+  for (const Rgb8& c : texture.colours) {
+    EXPECT_NEAR(c.r, 200 * w / sum, 1);
+    EXPECT_NEAR(c.g, 200 * w / sum, 1);
+    EXPECT_NEAR(c.b, 200 / sum, 1);
+  }
+  EXPECT_EQ(texture.unseen, 0);
+}
+
+TEST(Texture, takes_no_colour_through_an_occluder) {
+  // A small plate hangs over a large one; the camera above sees it, the one aside sees below it.
+  const std::vector<Shot> shots{shot("above", {0, 0, 3}, {250, 0, 0})};
+  Mesh mesh = shapes::patch(0.5F, 0, 20);
+  const size_t lower = mesh.vertices.size();
+  shapes::append(mesh, shapes::patch(0.2F, 0.5F, 8));
+  const Texture texture = colour_vertices(mesh, borrow(shots), {.fill_passes = 0});
+  for (size_t v = 0; v < lower; ++v) {
+    const float reach = mesh.vertices[v].head<2>().cwiseAbs().maxCoeff();
+    if (reach < 0.2F) {
+      EXPECT_EQ(texture.colours[v], kUnseenColour);
+    } else if (reach > 0.3F) {
+      EXPECT_EQ(texture.colours[v], (Rgb8{250, 0, 0}));
+    }
+  }
+  EXPECT_EQ(texture.colours[lower + 40], (Rgb8{250, 0, 0}));
+}
+
+TEST(Texture, has_no_false_occlusion_on_a_slanted_surface_that_nothing_hides) {
+  const std::vector<Shot> shots{shot("low", {3, 0, 1.2}, {250, 0, 0})};
+  const Mesh plane = shapes::patch(0.5F, 0, 40);
+  EXPECT_EQ(colour_vertices(plane, borrow(shots), {.depth_tolerance_m = 0.004}).unseen, 0);
+}
+
+TEST(Texture, takes_no_colour_from_outside_the_mask) {
+  std::vector<Shot> shots{shot("above", {0, 0, 3}, {250, 0, 0})};
+  Mask mask({160, 120});
+  for (int y = 0; y < 120; ++y) {
+    mask.fill_row(y, 0, 80);
+  }
+  shots[0].frame.mask = mask;
+  const Mesh plane = shapes::patch(0.5F, 0, 20);
+  const Texture texture = colour_vertices(plane, borrow(shots), {.fill_passes = 0});
+  for (size_t v = 0; v < plane.vertices.size(); ++v) {
+    const bool in_mask = shots[0].model.project(plane.vertices[v].cast<double>())->x() < 79.4;
+    EXPECT_EQ(texture.colours[v] == kUnseenColour, !in_mask);
+  }
+}
+
+TEST(Texture, takes_colour_from_the_rim_of_a_silhouette_only_where_nothing_better_is_seen) {
+  std::vector<Shot> shots{shot("rim", {0, 0, 3}, {250, 0, 0}),
+                          shot("whole", {0.5, 0, 3}, {0, 250, 0})};
+  Mask mask({160, 120});
+  for (int y = 58; y < 62; ++y) {
+    mask.fill_row(y, 0, 160);  // four rows: every one is two steps from background
+  }
+  shots[0].frame.mask = mask;
+  const Mesh plane = shapes::patch(0.02F, 0, 4);
+  const Texture both = colour_vertices(plane, borrow(shots), {});
+  EXPECT_EQ(std::count(both.colours.begin(), both.colours.end(), Rgb8{0, 250, 0}), 25);
+  shots.pop_back();
+  const Texture rim = colour_vertices(plane, borrow(shots), {});
+  EXPECT_EQ(std::count(rim.colours.begin(), rim.colours.end(), Rgb8{250, 0, 0}), 25);
+  EXPECT_EQ(rim.unseen, 0);
+}
+
+TEST(Texture, spreads_colour_to_vertices_that_no_camera_sees_for_a_bounded_way) {
+  const std::vector<Shot> shots{shot("above", {0, 0, 3}, {250, 60, 10})};
+  const Mesh ball = shapes::sphere({0, 0, 0}, 0.5F, 24);
+  const Texture all = colour_vertices(ball, borrow(shots), {});
+  EXPECT_GT(all.unseen, 300);
+  EXPECT_EQ(std::count(all.colours.begin(), all.colours.end(), Rgb8{250, 60, 10}),
+            std::ssize(ball.vertices));
+  const Texture some = colour_vertices(ball, borrow(shots), {.fill_passes = 2});
+  const auto grey = std::count(some.colours.begin(), some.colours.end(), kUnseenColour);
+  // The unseen half ends along a ring of 48 vertices: two passes reach at least two rings of it,
+  // and not the far pole.
+  EXPECT_LE(grey, some.unseen - 2 * 48);
+  EXPECT_GT(grey, some.unseen - 4 * 48);
+}
+
+TEST(Texture, is_grey_without_cameras_and_empty_without_vertices) {
+  const Mesh plane = shapes::patch(0.5F, 0, 2);
+  const Texture grey = colour_vertices(plane, {}, {});
+  EXPECT_EQ(std::count(grey.colours.begin(), grey.colours.end(), kUnseenColour), 9);
+  EXPECT_EQ(grey.unseen, 9);
+  EXPECT_TRUE(colour_vertices(Mesh{}, {}, {}).colours.empty());
+}
+
+TEST(Texture, is_the_same_for_any_order_of_cameras_and_number_of_threads) {
+  std::vector<Shot> shots;
+  for (int i = 0; i < 9; ++i) {
+    shots.push_back(shot("cam" + std::to_string(i), {3 * std::cos(i), 3 * std::sin(i), 0.3 * i},
+                         {uint8_t(31 * i), uint8_t(251 - 17 * i), uint8_t(90 + i)}));
+  }
+  const Mesh ball = shapes::sphere({0, 0, 0}, 0.5F, 40);
+  auto cameras = borrow(shots);
+  const Texture expected = colour_vertices(ball, cameras, {});
+  for (const size_t threads : {1, 2, 7}) {
+    const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, threads);
+    std::rotate(cameras.begin(), cameras.begin() + 4, cameras.end());
+    EXPECT_EQ(colour_vertices(ball, cameras, {}).colours, expected.colours);
+  }
+}
+
+}  // namespace
+}  // namespace v3d
