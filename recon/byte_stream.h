@@ -1,0 +1,51 @@
+// Little-endian numbers to bytes and back.
+#pragma once
+
+#include <bit>
+#include <cassert>
+#include <cstdint>
+#include <cstring>
+#include <span>
+#include <type_traits>
+#include <vector>
+
+namespace v3d {
+
+static_assert(std::endian::native == std::endian::little, "numbers are copied as they are");
+
+class ByteWriter {
+ public:
+  template <class T>
+  void number(T value) {
+    static_assert(std::is_arithmetic_v<T>);
+    const auto* p = reinterpret_cast<const uint8_t*>(&value);
+    bytes_.insert(bytes_.end(), p, p + sizeof(T));
+  }
+  void bytes(std::span<const uint8_t> more) {
+    bytes_.insert(bytes_.end(), more.begin(), more.end());
+  }
+  std::vector<uint8_t> take() { return std::move(bytes_); }
+
+ private:
+  std::vector<uint8_t> bytes_;
+};
+
+/// The caller has checked that enough bytes are there.
+class ByteReader {
+ public:
+  explicit ByteReader(std::span<const uint8_t> bytes) : bytes_(bytes) {}
+  template <class T>
+  T number() {
+    static_assert(std::is_arithmetic_v<T>);
+    assert(bytes_.size() >= sizeof(T));
+    T value;
+    std::memcpy(&value, bytes_.data(), sizeof(T));
+    bytes_ = bytes_.subspan(sizeof(T));
+    return value;
+  }
+
+ private:
+  std::span<const uint8_t> bytes_;
+};
+
+}  // namespace v3d
