@@ -1,0 +1,149 @@
+#include "recon/reconstructor.h"
+
+#include <tbb/task_arena.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <utility>
+
+#include "base/error.h"
+#include "base/time.h"
+#include "recon/compact_frame.h"
+#include "recon/intersect.h"
+#include "recon/marching_cubes.h"
+#include "recon/texture.h"
+
+namespace v3d {
+namespace {
+
+/// The surface is known to about a voxel on either side.
+constexpr double kDepthToleranceVoxels = 2;
+
+/// Milliseconds since it was made.
+class Stopwatch {
+ public:
+  double ms() const { return 1000 * to_seconds(Monotonic::now() - start_); }
+
+ private:
+  MonotonicInstant start_ = Monotonic::now();
+};
+
+double physical_memory_bytes() {
+  return static_cast<double>(sysconf(_SC_PHYS_PAGES)) * static_cast<double>(sysconf(_SC_PAGE_SIZE));
+}
+
+VoxelGrid affordable_grid(const ReconstructOptions& options) {
+  if (options.quality == Quality::kHigh) {
+    throw InputError("quality: high is not available in this version: use live");
+  }
+  const VoxelGrid grid = VoxelGrid::covering(options.bounds, options.voxel_m);
+  require_memory(grid, physical_memory_bytes());
+  return grid;
+}
+
+std::vector<CameraModel> models_of(const Rig& rig) {
+  std::vector<CameraModel> models;
+  for (const RigCamera& camera : rig) {
+    models.push_back(camera.model);
+  }
+  return models;
+}
+
+int arena_size(int threads) { return threads > 0 ? threads : tbb::task_arena::automatic; }
+
+}  // namespace
+
+class Reconstructor::Impl {
+ public:
+  Impl(const Rig& rig, const ReconstructOptions& options)
+      : rig_(rig),
+        grid_(affordable_grid(options)),
+        intersector_(grid_, models_of(rig), options.min_views),
+        arena_(arena_size(options.threads)) {}
+
+  Reconstruction reconstruct(const FrameSet& set) {
+    Reconstruction result;
+    arena_.execute([&] { run(set, result); });
+    return result;
+  }
+
+ private:
+  /// The frame of each camera of the rig; null where it has none that can be used.
+  std::vector<const Frame*> usable_frames(const FrameSet& set) const {
+    std::vector<const Frame*> frames(rig_.size(), nullptr);
+    for (const Frame& frame : set.frames) {
+      const int c = find_camera(rig_, frame.camera);
+      if (c >= 0 && frame.mask && frame.mask->size() == rig_[c].model.size() &&
+          frame.image.size == ImageSize{frame.roi.width, frame.roi.height}) {
+        frames[c] = &frame;
+      }
+    }
+    return frames;
+  }
+
+  void run(const FrameSet& set, Reconstruction& result) {
+    const std::vector<const Frame*> frames = usable_frames(set);
+    result.pulse = set.pulse;
+    intersect(frames, result);
+    texture(frames, result);
+    encode(result);
+  }
+
+  /// Frames to volume, volume to mesh.
+  void intersect(const std::vector<const Frame*>& frames, Reconstruction& result) {
+    const Stopwatch intersecting;
+    std::vector<const Mask*> masks;
+    for (const Frame* frame : frames) {
+      masks.push_back(frame != nullptr ? &*frame->mask : nullptr);
+    }
+    const SparseVolume volume = intersector_.intersect(masks);
+    result.volume_m3 = static_cast<double>(volume.count()) * grid_.voxel_volume_m3();
+    result.times.intersect = intersecting.ms();
+
+    const Stopwatch meshing;
+    // The order of the compact frame: so the mesh here is the one that every receiver decodes.
+    result.mesh = in_coding_order(marching_cubes(volume).mesh);
+    result.times.mesh = meshing.ms();
+  }
+
+  void texture(const std::vector<const Frame*>& frames, Reconstruction& result) const {
+    const Stopwatch texturing;
+    std::vector<TextureCamera> cameras;
+    for (size_t c = 0; c < frames.size(); ++c) {
+      if (frames[c] != nullptr) {
+        cameras.push_back({&rig_[c].model, frames[c]});
+        result.cameras.push_back(rig_[c].name);
+      }
+    }
+    std::sort(result.cameras.begin(), result.cameras.end());
+    const TextureOptions options{.depth_tolerance_m = kDepthToleranceVoxels * grid_.voxel_m};
+    result.mesh.colours = colour_vertices(result.mesh, cameras, options).colours;
+    result.times.texture = texturing.ms();
+  }
+
+  void encode(Reconstruction& result) const {
+    const Stopwatch encoding;
+    CompactFrame frame;
+    frame.pulse = result.pulse;
+    frame.cameras = result.cameras;
+    frame.missing = static_cast<int>(rig_.size() - result.cameras.size());
+    frame.lattice = {grid_.origin, grid_.voxel_m / 2};
+    std::swap(frame.mesh, result.mesh);
+    result.compact = encode_compact(frame);
+    std::swap(frame.mesh, result.mesh);
+    result.times.encode = encoding.ms();
+  }
+
+  Rig rig_;
+  VoxelGrid grid_;
+  Intersector intersector_;
+  tbb::task_arena arena_;
+};
+
+Reconstructor::Reconstructor(const Rig& rig, const ReconstructOptions& options)
+    : impl_(std::make_unique<Impl>(rig, options)) {}
+Reconstructor::~Reconstructor() = default;
+
+Reconstruction Reconstructor::reconstruct(const FrameSet& set) { return impl_->reconstruct(set); }
+
+}  // namespace v3d

@@ -1,0 +1,175 @@
+#include "recon/reconstructor.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+
+#include "base/error.h"
+#include "recon/compact_frame.h"
+#include "recon/evaluation.h"
+#include "recon/renderer.h"
+#include "recon/silhouette.h"
+#include "shapes.h"
+
+namespace v3d {
+namespace {
+
+using testing::ElementsAre;
+
+constexpr ImageSize kSize{240, 180};
+
+/// A ball that is red towards +x and blue towards -x.
+Mesh two_coloured_ball() {
+  Mesh ball = shapes::sphere({0, 0, 1}, 0.4F, 48);
+  for (const Eigen::Vector3f& v : ball.vertices) {
+    ball.colours.push_back(v.x() > 0 ? Rgb8{220, 30, 20} : Rgb8{20, 40, 210});
+  }
+  return ball;
+}
+
+Rig ring(int count) {
+  Rig rig;
+  for (int i = 0; i < count; ++i) {
+    const double angle = 2 * std::numbers::pi * i / count;
+    rig.push_back({"cam" + std::to_string(i),
+                   shapes::camera({2 * std::cos(angle), 2 * std::sin(angle), 1 + 0.8 * (i % 3)},
+                                  {0, 0, 1}, kSize, 230, {-0.1, 0.02})});
+  }
+  return rig;
+}
+
+Image mosaic(const Image& rgb, PixelFormat format) {
+  Image raw(rgb.size, format);
+  for (int y = 0; y < rgb.size.height; ++y) {
+    for (int x = 0; x < rgb.size.width; ++x) {
+      raw.row(y)[x] = rgb.row(y)[3 * x + bayer_channel(format, x, y)];
+    }
+  }
+  return raw;
+}
+
+FrameSet photograph(const Mesh& mesh, const Rig& rig) {
+  FrameSet set;
+  set.pulse = 12;
+  FrameLabel label;
+  label.pulse = 12;
+  for (const RigCamera& camera : rig) {
+    const Image raw = mosaic(draw_mesh(mesh, camera.model), PixelFormat::kBayerRG8);
+    set.frames.push_back(
+        observe(camera.name, label, raw.view(), draw_silhouette(mesh, camera.model)));
+  }
+  return set;
+}
+
+ReconstructOptions options() {
+  return {.bounds = {{-0.6, -0.6, 0.4}, {0.6, 0.6, 1.6}}, .voxel_m = 0.02, .min_views = 3};
+}
+
+TEST(Reconstructor, rebuilds_a_coloured_ball_from_its_pictures) {
+  const Mesh ball = two_coloured_ball();
+  const Rig rig = ring(12);
+  Reconstructor reconstructor(rig, options());
+  const Reconstruction result = reconstructor.reconstruct(photograph(ball, rig));
+
+  EXPECT_EQ(result.pulse, 12);
+  EXPECT_NEAR(result.volume_m3, enclosed_volume(ball), 0.05 * enclosed_volume(ball));
+  EXPECT_TRUE(is_watertight(result.mesh));
+  EXPECT_EQ(connected_components(result.mesh), 1);
+  const SurfaceDistance distance = compare_surfaces(result.mesh, ball);
+  EXPECT_LT(distance.accuracy_p90_mm, 20);
+  EXPECT_LT(distance.completeness_p90_mm, 20);
+
+  ASSERT_EQ(result.mesh.colours.size(), result.mesh.vertices.size());
+  for (size_t v = 0; v < result.mesh.vertices.size(); ++v) {
+    const Rgb8 c = result.mesh.colours[v];
+    if (result.mesh.vertices[v].z() < 0.75F) {
+      continue;  // no camera looks up: below, only rims of silhouettes show
+    }
+    if (result.mesh.vertices[v].x() > 0.1F) {
+      EXPECT_TRUE(c.r > 180 && c.b < 60) << result.mesh.vertices[v].transpose();
+    } else if (result.mesh.vertices[v].x() < -0.1F) {
+      EXPECT_TRUE(c.r < 60 && c.b > 170) << result.mesh.vertices[v].transpose();
+    }
+  }
+  EXPECT_GE(result.times.intersect, 0);
+  EXPECT_GE(result.times.encode, 0);
+  EXPECT_LT(result.times.deform, 0);  // did not run
+}
+
+TEST(Reconstructor, gives_out_the_mesh_that_receivers_decode) {
+  const Rig rig = ring(8);
+  Reconstructor reconstructor(rig, options());
+  const Reconstruction result = reconstructor.reconstruct(photograph(two_coloured_ball(), rig));
+  const auto decoded = decode_compact(result.compact);
+  ASSERT_TRUE(decoded);
+  EXPECT_EQ(decoded->mesh.vertices, result.mesh.vertices);
+  EXPECT_EQ(decoded->mesh.triangles, result.mesh.triangles);
+  EXPECT_EQ(decoded->mesh.colours, result.mesh.colours);
+  EXPECT_EQ(decoded->cameras, result.cameras);
+  EXPECT_EQ(decoded->pulse, 12);
+}
+
+TEST(Reconstructor, gives_the_same_bytes_for_any_threads_and_any_order_of_frames) {
+  const Rig rig = ring(9);
+  FrameSet set = photograph(two_coloured_ball(), rig);
+  ReconstructOptions opts = options();
+  const auto expected = Reconstructor(rig, opts).reconstruct(set).compact;
+  for (const int threads : {1, 2, 5}) {
+    opts.threads = threads;
+    std::rotate(set.frames.begin(), set.frames.begin() + 2, set.frames.end());
+    std::swap(set.frames[0], set.frames[5]);
+    EXPECT_EQ(Reconstructor(rig, opts).reconstruct(set).compact, expected);
+  }
+}
+
+TEST(Reconstructor, does_not_remember_the_set_before) {
+  const Rig rig = ring(9);
+  const FrameSet ball = photograph(two_coloured_ball(), rig);
+  const FrameSet cube = photograph(shapes::box({-0.3F, -0.2F, 0.7F}, {0.3F, 0.2F, 1.2F}), rig);
+  Reconstructor reconstructor(rig, options());
+  const auto first = reconstructor.reconstruct(ball).compact;
+  reconstructor.reconstruct(cube);
+  EXPECT_EQ(reconstructor.reconstruct(ball).compact, first);
+}
+
+TEST(Reconstructor, leaves_out_frames_it_cannot_use_and_says_who_took_part) {
+  const Rig rig = ring(8);
+  FrameSet set = photograph(two_coloured_ball(), rig);
+  set.frames[1].camera = "stranger";
+  set.frames[2].mask = Mask({10, 10});
+  set.frames[3].mask.reset();
+  set.frames[4].image = Image({4, 4}, PixelFormat::kMono8);
+  set.frames.erase(set.frames.begin() + 5);
+  const Reconstruction result = Reconstructor(rig, options()).reconstruct(set);
+  EXPECT_THAT(result.cameras, ElementsAre("cam0", "cam6", "cam7"));
+  EXPECT_EQ(decode_compact(result.compact)->missing, 5);
+}
+
+TEST(Reconstructor, of_no_frames_is_an_empty_mesh) {
+  const Reconstruction result =
+      Reconstructor(ring(4), options()).reconstruct({.pulse = 3, .frames = {}});
+  EXPECT_TRUE(result.mesh.vertices.empty());
+  EXPECT_EQ(result.volume_m3, 0);
+  EXPECT_EQ(decode_compact(result.compact)->missing, 4);
+}
+
+std::string refusal(const Rig& rig, const ReconstructOptions& opts) {
+  try {
+    Reconstructor reconstructor(rig, opts);
+  } catch (const InputError& error) {
+    return error.what();
+  }
+  return {};
+}
+
+TEST(Reconstructor, refuses_what_it_cannot_do) {
+  ReconstructOptions high = options(), tiny = options();
+  high.quality = Quality::kHigh;
+  EXPECT_EQ(refusal(ring(4), high), "quality: high is not available in this version: use live");
+  tiny.voxel_m = 1e-5;
+  EXPECT_THAT(refusal(ring(4), tiny), testing::HasSubstr("voxels"));
+}
+
+}  // namespace
+}  // namespace v3d
