@@ -2,13 +2,14 @@
 
 #include <Eigen/Geometry>
 #include <algorithm>
-#include <cmath>
-#include <limits>
+#include <array>
+#include <numeric>
+#include <utility>
 
 namespace v3d {
 namespace {
 
-constexpr int kMostCellsPerAxis = 256;
+constexpr uint32_t kLeafTriangles = 4;
 
 struct Corners {
   Eigen::Vector3d a, b, c;
@@ -57,65 +58,52 @@ Eigen::Vector3d nearest_weights(const Eigen::Vector3d& p, const Eigen::Vector3d&
 }
 
 NearestTriangle::NearestTriangle(const Mesh& mesh) : mesh_(&mesh) {
-  if (mesh.triangles.empty()) {
+  const auto count = static_cast<uint32_t>(mesh.triangles.size());
+  if (count == 0) {
     return;
   }
-  Eigen::Vector3d low = Eigen::Vector3d::Constant(std::numeric_limits<double>::max());
-  Eigen::Vector3d high = -low;
-  double edges = 0;
-  for (uint32_t t = 0; t < mesh.triangles.size(); ++t) {
-    const Corners at = corners_of(mesh, t);
-    low = low.cwiseMin(at.a).cwiseMin(at.b).cwiseMin(at.c);
-    high = high.cwiseMax(at.a).cwiseMax(at.b).cwiseMax(at.c);
-    edges += (at.b - at.a).norm();
+  order_.resize(count);
+  std::iota(order_.begin(), order_.end(), 0U);
+  std::vector<Eigen::Vector3f> middles;
+  middles.reserve(count);
+  for (const auto& [a, b, c] : mesh.triangles) {
+    middles.push_back((mesh.vertices[a] + mesh.vertices[b] + mesh.vertices[c]) / 3);
   }
-  origin_ = low;
-  const double longest = std::max((high - low).maxCoeff(), 1e-9);
-  cell_m_ =
-      std::max(2 * edges / static_cast<double>(mesh.triangles.size()), longest / kMostCellsPerAxis);
-  counts_ = ((high - low) / cell_m_).array().floor().cast<int>() + 1;
+  nodes_.reserve(count);
+  build(0, count, middles);
+}
 
-  // Two passes over the boxes of the triangles: count, then place.
-  begin_.assign(static_cast<size_t>(counts_.cast<int64_t>().prod()) + 1, 0);
-  const auto for_each_cell = [&](uint32_t t, auto&& visit) {
-    const Corners at = corners_of(mesh, t);
-    const Eigen::Vector3i first = cell_of(at.a.cwiseMin(at.b).cwiseMin(at.c));
-    const Eigen::Vector3i last = cell_of(at.a.cwiseMax(at.b).cwiseMax(at.c));
-    for (int z = first.z(); z <= last.z(); ++z) {
-      for (int y = first.y(); y <= last.y(); ++y) {
-        for (int x = first.x(); x <= last.x(); ++x) {
-          visit(index(x, y, z));
-        }
-      }
+/// Splits at the median along the longest side. Returns the number of the new node.
+uint32_t NearestTriangle::build(uint32_t begin, uint32_t end,
+                                const std::vector<Eigen::Vector3f>& middles) {
+  const auto self = static_cast<uint32_t>(nodes_.size());
+  Node& node = nodes_.emplace_back();
+  node.begin = begin;
+  node.end = end;
+  for (uint32_t i = begin; i < end; ++i) {
+    for (const uint32_t v : mesh_->triangles[order_[i]]) {
+      node.box.extend(mesh_->vertices[v]);
     }
-  };
-  for (uint32_t t = 0; t < mesh.triangles.size(); ++t) {
-    for_each_cell(t, [&](size_t cell) { ++begin_[cell + 1]; });
   }
-  for (size_t cell = 1; cell < begin_.size(); ++cell) {
-    begin_[cell] += begin_[cell - 1];
+  if (end - begin > kLeafTriangles) {
+    Eigen::Index axis = 0;
+    node.box.sizes().maxCoeff(&axis);
+    const uint32_t middle = begin + (end - begin) / 2;
+    std::nth_element(order_.begin() + begin, order_.begin() + middle, order_.begin() + end,
+                     [&](uint32_t s, uint32_t t) {
+                       return std::pair(middles[s][axis], s) < std::pair(middles[t][axis], t);
+                     });
+    build(begin, middle, middles);
+    const uint32_t right = build(middle, end, middles);
+    nodes_[self].right = right;  // `node` may have moved
   }
-  triangles_.resize(begin_.back());
-  std::vector<uint32_t> next(begin_.begin(), begin_.end() - 1);
-  for (uint32_t t = 0; t < mesh.triangles.size(); ++t) {
-    for_each_cell(t, [&](size_t cell) { triangles_[next[cell]++] = t; });
-  }
+  return self;
 }
 
-Eigen::Vector3i NearestTriangle::cell_of(const Eigen::Vector3d& p) const {
-  Eigen::Vector3i cell;
-  for (int axis = 0; axis < 3; ++axis) {
-    const double position = std::floor((p[axis] - origin_[axis]) / cell_m_);
-    cell[axis] = static_cast<int>(std::clamp(position, 0.0, counts_[axis] - 1.0));
-  }
-  return cell;
-}
-
-void NearestTriangle::look_into(int x, int y, int z, const Eigen::Vector3d& p,
+void NearestTriangle::look_into(const Node& leaf, const Eigen::Vector3d& p,
                                 std::optional<SurfacePoint>& best) const {
-  const size_t cell = index(x, y, z);
-  for (uint32_t i = begin_[cell]; i < begin_[cell + 1]; ++i) {
-    const uint32_t t = triangles_[i];
+  for (uint32_t i = leaf.begin; i < leaf.end; ++i) {
+    const uint32_t t = order_[i];
     const Corners at = corners_of(*mesh_, t);
     const Eigen::Vector3d w = nearest_weights(p, at.a, at.b, at.c);
     const double distance = (p - w.x() * at.a - w.y() * at.b - w.z() * at.c).norm();
@@ -125,36 +113,35 @@ void NearestTriangle::look_into(int x, int y, int z, const Eigen::Vector3d& p,
   }
 }
 
-void NearestTriangle::look_at_shell(const Eigen::Vector3i& centre, int radius,
-                                    const Eigen::Vector3d& p,
-                                    std::optional<SurfacePoint>& best) const {
-  const Eigen::Vector3i first = (centre.array() - radius).max(0);
-  const Eigen::Vector3i last = (centre.array() + radius).min(counts_.array() - 1);
-  for (int z = first.z(); z <= last.z(); ++z) {
-    for (int y = first.y(); y <= last.y(); ++y) {
-      const bool on_face = std::abs(z - centre.z()) == radius || std::abs(y - centre.y()) == radius;
-      for (int x = first.x(); x <= last.x(); ++x) {
-        if (on_face || std::abs(x - centre.x()) == radius) {
-          look_into(x, y, z, p, best);
-        }
-      }
-    }
-  }
-}
-
 std::optional<SurfacePoint> NearestTriangle::find(const Eigen::Vector3d& p) const {
   std::optional<SurfacePoint> best;
-  if (triangles_.empty()) {
+  if (nodes_.empty()) {
     return best;
   }
-  const Eigen::Vector3i centre = cell_of(p);
-  // Every cell of shell r is at least (r - 1) cells away from a point in the middle cell, and a
-  // point outside the grid is farther still.
-  for (int radius = 0; radius <= counts_.maxCoeff(); ++radius) {
-    if (best && best->distance < (radius - 1) * cell_m_) {
-      break;
+  const auto distance_to = [&](uint32_t n) {
+    return nodes_[n].box.cast<double>().exteriorDistance(p);
+  };
+  // Half the triangles on every level: the tree is never as deep as this.
+  std::array<std::pair<double, uint32_t>, 64> stack;
+  size_t depth = 0;
+  stack[depth++] = {distance_to(0), 0};
+  while (depth > 0) {
+    const auto [distance, n] = stack[--depth];
+    if (best && distance > best->distance) {
+      continue;
     }
-    look_at_shell(centre, radius, p, best);
+    const Node& node = nodes_[n];
+    if (node.right == 0) {
+      look_into(node, p, best);
+      continue;
+    }
+    std::pair<double, uint32_t> near{distance_to(n + 1), n + 1};
+    std::pair<double, uint32_t> far{distance_to(node.right), node.right};
+    if (far.first < near.first) {
+      std::swap(near, far);
+    }
+    stack[depth++] = far;
+    stack[depth++] = near;
   }
   return best;
 }

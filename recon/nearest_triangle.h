@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <Eigen/Geometry>
 #include <cstdint>
 #include <optional>
 #include <vector>
@@ -21,7 +22,7 @@ struct SurfacePoint {
 Eigen::Vector3d nearest_weights(const Eigen::Vector3d& p, const Eigen::Vector3d& a,
                                 const Eigen::Vector3d& b, const Eigen::Vector3d& c);
 
-/// A uniform grid over the triangles of a mesh, which is borrowed. Immutable after construction;
+/// A tree of boxes over the triangles of a mesh, which is borrowed. Immutable after construction;
 /// any thread may ask.
 class NearestTriangle {
  public:
@@ -31,21 +32,19 @@ class NearestTriangle {
   std::optional<SurfacePoint> find(const Eigen::Vector3d& p) const;
 
  private:
-  Eigen::Vector3i cell_of(const Eigen::Vector3d& p) const;
-  size_t index(int x, int y, int z) const {
-    return (static_cast<size_t>(z) * counts_.y() + y) * counts_.x() + x;
-  }
-  void look_into(int x, int y, int z, const Eigen::Vector3d& p,
+  /// Triangles order_[begin .. end). The left child follows its parent; a leaf has right == 0.
+  struct Node {
+    Eigen::AlignedBox3f box;
+    uint32_t begin = 0, end = 0;
+    uint32_t right = 0;
+  };
+  uint32_t build(uint32_t begin, uint32_t end, const std::vector<Eigen::Vector3f>& middles);
+  void look_into(const Node& leaf, const Eigen::Vector3d& p,
                  std::optional<SurfacePoint>& best) const;
-  void look_at_shell(const Eigen::Vector3i& centre, int radius, const Eigen::Vector3d& p,
-                     std::optional<SurfacePoint>& best) const;
 
   const Mesh* mesh_;
-  Eigen::Vector3d origin_ = Eigen::Vector3d::Zero();
-  double cell_m_ = 1;
-  Eigen::Vector3i counts_ = Eigen::Vector3i::Zero();
-  std::vector<uint32_t> begin_;      ///< of each cell in triangles_, and the end
-  std::vector<uint32_t> triangles_;  ///< cell by cell, ascending in each
+  std::vector<uint32_t> order_;
+  std::vector<Node> nodes_;
 };
 
 }  // namespace v3d
