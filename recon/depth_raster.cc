@@ -20,10 +20,14 @@ void keep_nearest(float* pixels, int count, float first, float step, float limit
 
 void draw_triangle(const std::array<ScreenVertex, 3>& corner, ImageSize size,
                    std::vector<float>& inverse_z) {
+  const Band whole{size.width, 0, size.height};
+  if (surely_misses(corner, whole)) {
+    return;
+  }
   const std::array<double, 3> value{1.0 / corner[0].z, 1.0 / corner[1].z, 1.0 / corner[2].z};
   const ScreenPlane plane(corner, value);
   const auto limit = static_cast<float>(std::max({value[0], value[1], value[2]}));
-  for_each_span(corner, Band{size.width, 0, size.height}, [&](int y, int x_begin, int x_end) {
+  for_each_span(corner, whole, [&](int y, int x_begin, int x_end) {
     keep_nearest(inverse_z.data() + static_cast<size_t>(y) * size.width + x_begin, x_end - x_begin,
                  static_cast<float>(plane(x_begin, y)), static_cast<float>(plane.dx), limit);
   });

@@ -13,6 +13,7 @@ namespace {
 
 constexpr int kSamples = 2;  // per pixel and axis
 constexpr int kBandRows = 32;
+constexpr int kNormalPasses = 4;
 constexpr double kGreyLight = 0.75;
 const Eigen::Vector3f kGrey(206, 203, 198);
 
@@ -29,12 +30,32 @@ CameraModel enlarged(const CameraModel& camera, int factor) {
 
 Eigen::Vector3f vector(Rgb8 c) { return {float(c.r), float(c.g), float(c.b)}; }
 
+/// Normals that each lean towards their neighbours': the half-voxel steps of a lattice mesh would
+/// else show as contour lines.
+std::vector<Eigen::Vector3f> smooth_normals(const Mesh& mesh) {
+  std::vector<Eigen::Vector3f> normals = vertex_normals(mesh);
+  for (int pass = 0; pass < kNormalPasses; ++pass) {
+    std::vector<Eigen::Vector3f> sums = normals;
+    for (const auto& [a, b, c] : mesh.triangles) {
+      const Eigen::Vector3f sum = normals[a] + normals[b] + normals[c];
+      sums[a] += sum;
+      sums[b] += sum;
+      sums[c] += sum;
+    }
+    std::transform(sums.begin(), sums.end(), normals.begin(),
+                   [](const Eigen::Vector3f& n) { return n.normalized(); });
+  }
+  return normals;
+}
+
 /// Vertex colours under the light at the camera.
 std::vector<Eigen::Vector3f> lit_colours(const Mesh& mesh, const Eigen::Vector3d& eye,
                                          double head_light) {
   const bool coloured = !mesh.colours.empty();
   const auto light = static_cast<float>(coloured ? head_light : kGreyLight);
-  const std::vector<Eigen::Vector3f> normals = vertex_normals(mesh);
+  const auto normals =
+      light > 0 ? smooth_normals(mesh)
+                : std::vector<Eigen::Vector3f>(mesh.vertices.size(), Eigen::Vector3f::Zero());
   std::vector<Eigen::Vector3f> colours(mesh.vertices.size());
   for (size_t v = 0; v < colours.size(); ++v) {
     const Eigen::Vector3f to_eye = (eye.cast<float>() - mesh.vertices[v]).normalized();

@@ -42,7 +42,7 @@ Box bounds_of(const Mesh& mesh);
 std::vector<CameraModel> turntable_cameras(const Box& bounds, int count, ImageSize size);
 
 /// All views in one picture, row by row, with a border between them. Requires RGB8 views of one
-/// size; at least one. `columns` 0: about as wide as a page of 4 : 3.
+/// size; at least one. `columns` 0: few empty places, and about as wide as a page.
 Image contact_sheet(std::span<const Image> views, int columns = 0);
 
 }  // namespace v3d

@@ -1,5 +1,7 @@
 #include "recon/screen.h"
 
+#include "recon/voxel_projection.h"
+
 namespace v3d {
 namespace {
 
@@ -45,12 +47,34 @@ ClipVertex cut(const ClipVertex* p, const ClipVertex* q, const CameraModel& came
   return v;
 }
 
+template <Lens kLens>
+void project_all(const VoxelCamera& lens, const std::vector<Eigen::Vector3f>& world,
+                 std::vector<ScreenVertex>& vertices) {
+  for (size_t i = 0; i < vertices.size(); ++i) {
+    const auto p = camera_point<float>(lens, world[i].x(), world[i].y(), world[i].z());
+    const PixelPoint<float> q = pixel_point<kLens>(lens, p);
+    vertices[i] = {q.u - 0.5F, q.v - 0.5F, p.z,
+                   p.z >= static_cast<float>(kNearPlaneMetres) && q.radius2 <= lens.max_radius2};
+  }
+}
+
 }  // namespace
 
 std::vector<ScreenVertex> project_vertices(const Mesh& mesh, const CameraModel& camera) {
+  // The projection of the volume intersection, for a grid whose voxel indices are metres.
+  const VoxelGrid metres{Eigen::Vector3d::Constant(-0.5), 1, {}};
+  const VoxelCamera lens(camera, metres);
   std::vector<ScreenVertex> vertices(mesh.vertices.size());
-  for (size_t i = 0; i < vertices.size(); ++i) {
-    vertices[i] = place(mesh.vertices[i].cast<double>(), camera, 1);
+  switch (lens.lens) {
+    case Lens::kPinhole:
+      project_all<Lens::kPinhole>(lens, mesh.vertices, vertices);
+      break;
+    case Lens::kPolynomial:
+      project_all<Lens::kPolynomial>(lens, mesh.vertices, vertices);
+      break;
+    case Lens::kFull:
+      project_all<Lens::kFull>(lens, mesh.vertices, vertices);
+      break;
   }
   return vertices;
 }

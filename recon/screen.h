@@ -25,7 +25,8 @@ struct ScreenVertex {
   bool on_screen = false;  ///< in front of the near plane and inside the lens model: x, y are right
 };
 
-/// The whole lens model at every vertex. Single-threaded; the order is that of the mesh.
+/// The whole lens model at every vertex, in single precision: within 0.02 pixels of
+/// CameraModel::project() from 0.2 m before the camera. In the order of the mesh; one thread.
 std::vector<ScreenVertex> project_vertices(const Mesh& mesh, const CameraModel& camera);
 
 /// The same vertices on the image of camera.reduced(factor).
@@ -79,6 +80,28 @@ struct Band {
   int row_end = 0;
 };
 
+/// The first whole number at or above `v`, kept in [low, high]. Requires 0 <= low. (std::ceil is a
+/// call on a plain x86-64, and most triangles cover less than a pixel.)
+inline int first_at(double v, int low, int high) {
+  if (!(v > low)) {
+    return low;
+  }
+  if (v >= high) {
+    return high;
+  }
+  const int whole = static_cast<int>(v);
+  return whole + (whole < v);
+}
+
+/// True for most of the triangles that cover no pixel centre of the band, for little work.
+inline bool surely_misses(const std::array<ScreenVertex, 3>& corner, Band band) {
+  const auto [x_low, x_high] = std::minmax({corner[0].x, corner[1].x, corner[2].x});
+  const auto [y_low, y_high] = std::minmax({corner[0].y, corner[1].y, corner[2].y});
+  return first_at(x_low, 0, band.width) == first_at(x_high, 0, band.width) ||
+         first_at(y_low, band.row_begin, band.row_end) ==
+             first_at(y_high, band.row_begin, band.row_end);
+}
+
 /// Calls emit(y, x_begin, x_end) for the pixels of the band whose centres the triangle covers. A
 /// centre on an edge belongs to the triangle on its right or below: triangles that share an edge
 /// leave no gap and draw no pixel twice. Either orientation.
@@ -95,9 +118,6 @@ void for_each_span(const std::array<ScreenVertex, 3>& corner, Band band, Emit&& 
   sort(a, b);
   sort(b, c);
   sort(a, b);
-  const auto first_at = [](double v, int low, int high) {
-    return static_cast<int>(std::ceil(std::clamp(v, double(low), double(high))));
-  };
   const int y_end = first_at(c->y, band.row_begin, band.row_end);
   for (int y = first_at(a->y, band.row_begin, band.row_end); y < y_end; ++y) {
     const double x_long = crossing(*a, *c, y);

@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <cassert>
 #include <cmath>
+#include <limits>
 #include <numbers>
 
 #include "recon/renderer.h"
@@ -12,8 +13,44 @@ namespace {
 constexpr double kVerticalFieldOfView = 32 * std::numbers::pi / 180;
 constexpr double kRise = 0.22;  // height of the eye over the middle, per metre of distance
 constexpr double kMargin = 1.06;
+constexpr double kPageShape = 1.6;  // width by height
 constexpr int kBorder = 6;
 constexpr Rgb8 kBorderColour{12, 13, 15};
+
+/// How far the middle of the box must be from the eye so that every corner is in the picture.
+double least_distance(const Box& bounds, const Eigen::Matrix3d& cam_from_world,
+                      const Eigen::Matrix3d& matrix) {
+  double distance = 0.1;
+  for (int i = 0; i < 8; ++i) {
+    const Eigen::Vector3d half = 0.5 * kMargin * bounds.size();
+    const Eigen::Vector3d corner =
+        cam_from_world * Eigen::Vector3d(i & 1 ? half.x() : -half.x(), i & 2 ? half.y() : -half.y(),
+                                         i & 4 ? half.z() : -half.z());
+    // The principal point is the middle of the image: |x| f / (z + distance) <= half its width.
+    distance =
+        std::max({distance, std::abs(corner.x()) * matrix(0, 0) / (matrix(0, 2) + 0.5) - corner.z(),
+                  std::abs(corner.y()) * matrix(1, 1) / (matrix(1, 2) + 0.5) - corner.z()});
+  }
+  return distance;
+}
+
+/// The number of columns that wastes the least: empty places, and distance from the shape of a
+/// page.
+int best_columns(int count, ImageSize view) {
+  int best = 1;
+  double least = std::numeric_limits<double>::infinity();
+  for (int columns = 1; columns <= count; ++columns) {
+    const int rows = (count + columns - 1) / columns;
+    const double shape = double(columns) * view.width / (double(rows) * view.height);
+    const double cost =
+        std::abs(std::log(shape / kPageShape)) + double(rows * columns - count) / count;
+    if (cost < least) {
+      least = cost;
+      best = columns;
+    }
+  }
+  return best;
+}
 
 }  // namespace
 
@@ -33,20 +70,19 @@ std::vector<CameraModel> turntable_cameras(const Box& bounds, int count, ImageSi
   const double focal = 0.5 * size.height / std::tan(0.5 * kVerticalFieldOfView);
   Eigen::Matrix3d matrix;
   matrix << focal, 0, 0.5 * (size.width - 1), 0, focal, 0.5 * (size.height - 1), 0, 0, 1;
-  // A cylinder round the box, seen a little from above, must fit between the image's borders.
-  const double radius = std::max(0.01, 0.5 * bounds.size().head<2>().norm());
-  const double half_height = std::max(0.01, 0.5 * bounds.size().z()) + kRise * radius;
-  const double by_height = half_height * focal / (0.5 * size.height);
-  const double by_width = radius * focal / (0.5 * size.width);
-  const double distance = kMargin * (std::max(by_height, by_width) + radius);
-
-  std::vector<CameraModel> cameras;
+  std::vector<RigidTransform> views;
+  double distance = 0;
   for (int k = 0; k < count; ++k) {
     const double angle = 2 * std::numbers::pi * k / count - std::numbers::pi / 2;
-    const Eigen::Vector3d offset(distance * std::cos(angle), distance * std::sin(angle),
-                                 kRise * distance);
-    cameras.emplace_back(size, matrix, Distortion{},
-                         look_at(bounds.center() + offset, bounds.center()));
+    const Eigen::Vector3d towards(std::cos(angle), std::sin(angle), kRise);
+    views.push_back(look_at(bounds.center() + towards.normalized(), bounds.center()));
+    distance = std::max(distance, least_distance(bounds, views.back().rotation, matrix));
+  }
+  std::vector<CameraModel> cameras;
+  for (RigidTransform& view : views) {
+    // The middle of the box lies on the axis; all views keep the same distance from it.
+    view.translation = Eigen::Vector3d::UnitZ() * distance - view.rotation * bounds.center();
+    cameras.emplace_back(size, matrix, Distortion{}, view);
   }
   return cameras;
 }
@@ -56,9 +92,7 @@ Image contact_sheet(std::span<const Image> views, int columns) {
   const ImageSize view = views[0].size;
   const int count = static_cast<int>(views.size());
   if (columns <= 0) {
-    const double square = std::sqrt(count * 4.0 / 3.0 * view.height / view.width);
-    columns = std::clamp(static_cast<int>(std::lround(square)), 1, count);
-    columns = (count + (count + columns - 1) / columns - 1) / ((count + columns - 1) / columns);
+    columns = best_columns(count, view);
   }
   const int rows = (count + columns - 1) / columns;
   Image sheet(
