@@ -39,12 +39,13 @@ float bilinear(Cell a, Cell b, Value&& value) {
   return low * (1 - b.fraction) + high * b.fraction;
 }
 
-float pixel_at(ImageView image, int x, int y, int channel = 0) {
-  const int step = bytes_per_pixel(image.format);
-  return image.row(mirror(y, image.size.height))[mirror(x, image.size.width) * step + channel];
+/// `step`: channels per pixel.
+float pixel_at(const ImageView& image, int x, int y, int step = 1, int channel = 0) {
+  const int column = mirror(x, image.size.width), row = mirror(y, image.size.height);
+  return image.bytes[(static_cast<size_t>(row) * image.size.width + column) * step + channel];
 }
 
-Eigen::Vector3f sample_bayer(ImageView image, double u, double v) {
+Eigen::Vector3f sample_bayer(const ImageView& image, double u, double v) {
   // The pattern repeats every 2 x 2 pixels: find where red lies; blue lies diagonally across.
   int red = 0;
   while (bayer_channel(image.format, red % 2, red / 2) != 0) {
@@ -75,8 +76,10 @@ std::optional<Eigen::Vector3f> sample_colour(ImageView image, double u, double v
   if (is_bayer(image.format)) {
     return sample_bayer(image, u, v);
   }
+  const int step = bytes_per_pixel(image.format);
   const auto channel = [&](int k) {
-    return bilinear(cell_of(u), cell_of(v), [&](int x, int y) { return pixel_at(image, x, y, k); });
+    return bilinear(cell_of(u), cell_of(v),
+                    [&](int x, int y) { return pixel_at(image, x, y, step, k); });
   };
   if (image.format == PixelFormat::kRGB8) {
     return Eigen::Vector3f(channel(0), channel(1), channel(2));

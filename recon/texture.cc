@@ -28,7 +28,8 @@ class Occlusion {
     reduce(screen, options.depth_reduction);
     pixel_ = 1 / reduced.matrix()(0, 0);
     most_slant_ = options.most_slant;
-    buffer_ = draw_depth(mesh, model, screen, options.depth_reduction, reduced.size());
+    buffer_ =
+        draw_depth(mesh, model, screen, options.depth_reduction, reduced.size(), Sides::kFront);
   }
 
   /// `at`: on the full image; `facing`: cosine between the normal and the optical axis. The nearest
