@@ -98,6 +98,22 @@ std::vector<uint8_t> with(std::vector<uint8_t> bytes, size_t offset, T value) {
   return bytes;
 }
 
+/// `frame` with the content of its section of triangles replaced.
+std::vector<uint8_t> with_triangles(const CompactFrame& frame, std::vector<uint8_t> content) {
+  auto bytes = encode_compact(frame);
+  uint32_t old_size = 0;
+  std::memcpy(&old_size, bytes.data() + 84, 4);
+  bytes.resize(bytes.size() - old_size);
+  std::vector<uint8_t> section(ZSTD_compressBound(content.size()));
+  const std::unique_ptr<ZSTD_CCtx, size_t (*)(ZSTD_CCtx*)> context(ZSTD_createCCtx(),
+                                                                   ZSTD_freeCCtx);
+  ZSTD_CCtx_setParameter(context.get(), ZSTD_c_checksumFlag, 1);
+  section.resize(ZSTD_compress2(context.get(), section.data(), section.size(), content.data(),
+                                content.size()));
+  bytes.insert(bytes.end(), section.begin(), section.end());
+  return with<uint32_t>(bytes, 84, static_cast<uint32_t>(section.size()));
+}
+
 TEST(CompactFrame, with_a_wrong_field_in_its_header_gives_nothing) {
   const auto bytes = encode_compact(small_frame());
   EXPECT_FALSE(decode_compact(with<uint8_t>(bytes, 0, 'W')));
@@ -117,27 +133,23 @@ TEST(CompactFrame, with_a_wrong_field_in_its_header_gives_nothing) {
   EXPECT_FALSE(decode_compact(with<uint32_t>(bytes, 72, 0xFFFFFFFF)));
 }
 
+TEST(CompactFrame, with_more_content_than_its_counts_say_gives_nothing) {
+  CompactFrame frame = small_frame();
+  frame.mesh.triangles.clear();
+  const auto bytes = encode_compact(frame);
+  ASSERT_TRUE(decode_compact(bytes));
+  EXPECT_FALSE(decode_compact(with<uint32_t>(bytes, 64, 7)));
+  EXPECT_FALSE(decode_compact(with<uint32_t>(bytes, 64, 0)));
+  // A few bytes that unpack to sixteen million: refused for what they state, before they are
+  // unpacked.
+  EXPECT_FALSE(decode_compact(with_triangles(frame, std::vector<uint8_t>(1 << 24))));
+}
+
 TEST(CompactFrame, with_names_out_of_order_empty_or_too_long_gives_nothing) {
   const auto bytes = encode_compact(small_frame());
   EXPECT_FALSE(decode_compact(with<uint8_t>(bytes, 88 + 5, '3')));  // cam03 before cam02
   EXPECT_FALSE(decode_compact(with<uint8_t>(bytes, 88, 0)));
   EXPECT_FALSE(decode_compact(with<uint8_t>(bytes, 88, 65)));
-}
-
-/// `frame` with the content of its section of triangles replaced.
-std::vector<uint8_t> with_triangles(const CompactFrame& frame, std::vector<uint8_t> content) {
-  auto bytes = encode_compact(frame);
-  uint32_t old_size = 0;
-  std::memcpy(&old_size, bytes.data() + 84, 4);
-  bytes.resize(bytes.size() - old_size);
-  std::vector<uint8_t> section(ZSTD_compressBound(content.size()));
-  const std::unique_ptr<ZSTD_CCtx, size_t (*)(ZSTD_CCtx*)> context(ZSTD_createCCtx(),
-                                                                   ZSTD_freeCCtx);
-  ZSTD_CCtx_setParameter(context.get(), ZSTD_c_checksumFlag, 1);
-  section.resize(ZSTD_compress2(context.get(), section.data(), section.size(), content.data(),
-                                content.size()));
-  bytes.insert(bytes.end(), section.begin(), section.end());
-  return with<uint32_t>(bytes, 84, static_cast<uint32_t>(section.size()));
 }
 
 TEST(CompactFrame, with_wrong_triangle_codes_gives_nothing) {
