@@ -47,11 +47,12 @@ struct Reconstruction {
 class Reconstructor {
  public:
   /// Throws InputError when the grid needs more memory than there is (the message shows the
-  /// arithmetic).
+  /// arithmetic), and for Quality::kHigh, which this version does not have.
   Reconstructor(const Rig& rig, const ReconstructOptions& options);
   ~Reconstructor();
   /// Frames of cameras that are not in the rig, or whose mask has another size than the rig says,
-  /// are left out.
+  /// are left out. The mesh is the one that decode_compact() gives for `compact`, to the bit.
+  /// Throws InputError when the surface outgrows a compact frame (4 million vertices).
   Reconstruction reconstruct(const FrameSet& set);
 
  private:
