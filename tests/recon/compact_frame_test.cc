@@ -103,7 +103,7 @@ std::vector<uint8_t> with_triangles(const CompactFrame& frame, std::vector<uint8
   auto bytes = encode_compact(frame);
   uint32_t old_size = 0;
   std::memcpy(&old_size, bytes.data() + 84, 4);
-  bytes.resize(bytes.size() - old_size);
+  bytes.erase(bytes.end() - old_size, bytes.end());
   std::vector<uint8_t> section(ZSTD_compressBound(content.size()));
   const std::unique_ptr<ZSTD_CCtx, size_t (*)(ZSTD_CCtx*)> context(ZSTD_createCCtx(),
                                                                    ZSTD_freeCCtx);
