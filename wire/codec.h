@@ -1,11 +1,16 @@
 // Bytes to messages and back: the one place that sees the types generated from lcmtypes/. Decoders
 // treat bytes as hostile: anything wrong (fingerprint, truncation, trailing bytes, negative or
 // absurd lengths, values out of their enumeration, a mask or image that does not fit its size)
-// gives nothing. They never throw and never allocate more than a small multiple of the input.
+// gives nothing. They never throw and never allocate more than a small multiple of the input (a
+// mask, which is sent as runs: no more than its size says, at most kMaxImageSide squared bits).
+//
+// `sent` travels in whole microseconds (LCM's custom for `utime`), all other instants in
+// nanoseconds.
 #pragma once
 
 #include <optional>
 #include <span>
+#include <string>
 #include <vector>
 
 #include "wire/messages.h"
@@ -40,5 +45,17 @@ template <>
 std::optional<HealthMessage> decode(std::span<const uint8_t> bytes);
 template <>
 std::optional<EventMessage> decode(std::span<const uint8_t> bytes);
+
+/// What a frame message says before its pixels: enough to index a log without reading it whole.
+struct FrameHead {
+  std::string take;
+  std::string camera;
+  FrameLabel label;
+  size_t message_size = 0;  ///< of the whole message, bytes
+};
+
+/// From the first bytes of an encoded FrameMessage (kFrameHeadSize are enough).
+std::optional<FrameHead> decode_frame_head(std::span<const uint8_t> first_bytes);
+inline constexpr size_t kFrameHeadSize = 1024;
 
 }  // namespace v3d

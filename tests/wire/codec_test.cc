@@ -1,0 +1,220 @@
+#include "wire/codec.h"
+
+#include <gtest/gtest.h>
+#include <rapidcheck/gtest.h>
+
+#include <limits>
+
+#include "message_generators.h"
+
+namespace v3d {
+namespace {
+
+using test::any_message;
+
+/// Calls check(M{}) for every message type.
+template <class Check>
+void for_every_type(Check check) {
+  check(PulseMessage{});
+  check(FrameMessage{});
+  check(MeshMessage{});
+  check(CommandMessage{});
+  check(ReplyMessage{});
+  check(HealthMessage{});
+  check(EventMessage{});
+}
+
+FrameMessage small_frame() {
+  FrameMessage m;
+  m.take = "kendo-07";
+  m.frame.camera = "cam07";
+  m.frame.label.pulse = 41;
+  m.frame.sensor_size = {8, 4};
+  m.frame.mask = Mask({8, 4});
+  m.frame.mask->fill_row(2, 3, 6);
+  m.frame.roi = {2, 0, 4, 4};
+  m.frame.image = Image({4, 4}, PixelFormat::kBayerRG8);
+  return m;
+}
+
+RC_GTEST_PROP(Codec, gives_back_every_message_to_the_byte, ()) {
+  for_every_type([]<class M>(M) {
+    const Bytes bytes = encode(any_message<M>());
+    const auto message = decode<M>(bytes);
+    RC_ASSERT(message.has_value());
+    RC_ASSERT(encode(*message) == bytes);
+  });
+}
+
+RC_GTEST_PROP(Codec, gives_back_every_field_of_a_frame, ()) {
+  const auto m = any_message<FrameMessage>();
+  const auto back = decode<FrameMessage>(encode(m));
+  RC_ASSERT(back.has_value());
+  RC_ASSERT(back->sent == m.sent);
+  RC_ASSERT(back->seq == m.seq);
+  RC_ASSERT(back->take == m.take);
+  RC_ASSERT(back->frame.camera == m.frame.camera);
+  RC_ASSERT(back->frame.label == m.frame.label);
+  RC_ASSERT(back->frame.sensor_size == m.frame.sensor_size);
+  RC_ASSERT(back->frame.mask == m.frame.mask);
+  RC_ASSERT(back->frame.roi == m.frame.roi);
+  RC_ASSERT(back->frame.image.size == m.frame.image.size);
+  RC_ASSERT(back->frame.image.format == m.frame.image.format);
+  RC_ASSERT(back->frame.image.bytes == m.frame.image.bytes);
+}
+
+RC_GTEST_PROP(Codec, gives_back_every_field_of_a_command, ()) {
+  const auto m = any_message<CommandMessage>();
+  const auto back = decode<CommandMessage>(encode(m));
+  RC_ASSERT(back.has_value());
+  RC_ASSERT(back->sender == m.sender);
+  RC_ASSERT(back->counter == m.counter);
+  RC_ASSERT(back->verb == m.verb);
+  RC_ASSERT(back->take == m.take);
+  RC_ASSERT(back->rate_hz == m.rate_hz);
+  RC_ASSERT(back->pulses == m.pulses);
+  RC_ASSERT(back->allow_missing == m.allow_missing);
+}
+
+RC_GTEST_PROP(Codec, gives_back_every_field_of_a_health_message, ()) {
+  const auto m = any_message<HealthMessage>();
+  const auto back = decode<HealthMessage>(encode(m));
+  RC_ASSERT(back.has_value());
+  RC_ASSERT(back->state == m.state);
+  RC_ASSERT(back->text == m.text);
+  RC_ASSERT(back->values == m.values);
+}
+
+RC_GTEST_PROP(Codec, refuses_a_message_cut_at_any_length, ()) {
+  for_every_type([]<class M>(M) {
+    const Bytes bytes = encode(any_message<M>());
+    for (size_t length = 0; length < bytes.size(); ++length) {
+      RC_ASSERT(!decode<M>(std::span(bytes).first(length)).has_value());
+    }
+  });
+}
+
+RC_GTEST_PROP(Codec, refuses_bytes_behind_a_message, ()) {
+  for_every_type([]<class M>(M) {
+    Bytes bytes = encode(any_message<M>());
+    bytes.push_back(0);
+    RC_ASSERT(!decode<M>(bytes).has_value());
+  });
+}
+
+RC_GTEST_PROP(Codec, survives_any_single_byte_changed, ()) {
+  for_every_type([]<class M>(M) {
+    Bytes bytes = encode(any_message<M>());
+    for (size_t i = 0; i < bytes.size(); ++i) {
+      const uint8_t original = bytes[i];
+      bytes[i] = *rc::gen::arbitrary<uint8_t>();
+      if (const auto message = decode<M>(bytes)) encode(*message);
+      bytes[i] = original;
+    }
+  });
+}
+
+RC_GTEST_PROP(Codec, survives_noise, (const Bytes& noise)) {
+  for_every_type([&]<class M>(M) { RC_ASSERT(!decode<M>(noise).has_value()); });
+}
+
+TEST(Codec, takes_no_message_for_another_type) {
+  const Bytes frame = encode(small_frame());
+  EXPECT_FALSE(decode<PulseMessage>(frame));
+  EXPECT_FALSE(decode<MeshMessage>(frame));
+}
+
+// Each of these breaks one rule of a frame that is otherwise right.
+TEST(Codec, refuses_a_frame_whose_parts_contradict_each_other) {
+  const auto refused = [](auto breakage) {
+    FrameMessage m = small_frame();
+    breakage(m);
+    return !decode<FrameMessage>(encode(m)).has_value();
+  };
+  EXPECT_FALSE(refused([](FrameMessage&) {}));
+  EXPECT_TRUE(refused([](FrameMessage& m) { m.frame.sensor_size = {0, 4}; }));
+  EXPECT_TRUE(refused([](FrameMessage& m) { m.frame.sensor_size = {8, kMaxImageSide + 1}; }));
+  EXPECT_TRUE(refused([](FrameMessage& m) { m.frame.roi.x0 = 6; }));
+  EXPECT_TRUE(refused([](FrameMessage& m) { m.frame.roi.x0 = -2; }));
+  EXPECT_TRUE(refused([](FrameMessage& m) { m.frame.roi.x0 = 1; }));
+  EXPECT_TRUE(refused([](FrameMessage& m) { m.frame.roi.width = 3; }));
+  EXPECT_TRUE(refused([](FrameMessage& m) { m.frame.roi = {0, 0, -4, -4}; }));
+  EXPECT_TRUE(refused([](FrameMessage& m) { m.frame.image.bytes.pop_back(); }));
+  EXPECT_TRUE(refused([](FrameMessage& m) { m.frame.image.format = PixelFormat::kRGB8; }));
+  EXPECT_TRUE(refused([](FrameMessage& m) { m.frame.image.format = static_cast<PixelFormat>(7); }));
+  EXPECT_TRUE(refused([](FrameMessage& m) { m.frame.mask = Mask({7, 4}); }));
+  EXPECT_TRUE(refused([](FrameMessage& m) { m.frame.label.pulse = -2; }));
+  EXPECT_TRUE(refused([](FrameMessage& m) { m.seq = -1; }));
+}
+
+/// A default message with one field set is refused.
+template <class M>
+bool refused(auto set_field) {
+  M m;
+  set_field(m);
+  return !decode<M>(encode(m)).has_value();
+}
+
+TEST(Codec, refuses_values_out_of_their_enumeration) {
+  EXPECT_TRUE(refused<CommandMessage>([](CommandMessage& m) {
+    m.sender = "v3dctl";
+    m.verb = static_cast<CommandVerb>(6);
+  }));
+  EXPECT_TRUE(
+      refused<HealthMessage>([](HealthMessage& m) { m.state = static_cast<NodeState>(0); }));
+  EXPECT_TRUE(
+      refused<EventMessage>([](EventMessage& m) { m.severity = static_cast<Severity>(9); }));
+}
+
+TEST(Codec, refuses_a_command_without_a_sender_or_with_an_impossible_rate) {
+  const auto rate = [](double hz) {
+    return [hz](CommandMessage& m) {
+      m.sender = "v3dctl";
+      m.rate_hz = hz;
+    };
+  };
+  EXPECT_FALSE(refused<CommandMessage>(rate(25)));
+  EXPECT_TRUE(refused<CommandMessage>(rate(-1)));
+  EXPECT_TRUE(refused<CommandMessage>(rate(std::numeric_limits<double>::quiet_NaN())));
+  EXPECT_TRUE(refused<CommandMessage>([](CommandMessage& m) { m.sender.clear(); }));
+}
+
+TEST(Codec, refuses_a_frame_that_announces_two_gigabytes) {
+  Bytes bytes = encode(small_frame());
+  const size_t count = bytes.size() - 16 - encode_runs(*small_frame().frame.mask).size() - 4;
+  ASSERT_EQ(bytes[count + 3], 16);
+  bytes[count] = 0x7f;
+  EXPECT_FALSE(decode<FrameMessage>(bytes));
+  bytes[count] = 0xff;
+  EXPECT_FALSE(decode<FrameMessage>(bytes));
+}
+
+RC_GTEST_PROP(FrameHead, tells_label_and_size_without_the_pixels, ()) {
+  const auto m = any_message<FrameMessage>();
+  const Bytes bytes = encode(m);
+  const auto head = decode_frame_head(bytes);
+  RC_ASSERT(head.has_value());
+  RC_ASSERT(head->label == m.frame.label);
+  RC_ASSERT(head->camera == m.frame.camera);
+  RC_ASSERT(head->message_size == bytes.size());
+}
+
+TEST(FrameHead, needs_no_more_than_its_size_of_a_frame_of_a_take) {
+  FrameMessage m = small_frame();
+  m.take = m.frame.camera = std::string(64, 'a');
+  const Bytes bytes = encode(m);
+  ASSERT_EQ(bytes.size() - 16 - encode_runs(*m.frame.mask).size(), 233U);
+  EXPECT_TRUE(decode_frame_head(std::span(bytes).first(233)));
+  static_assert(kFrameHeadSize > 233);
+}
+
+TEST(FrameHead, is_not_read_from_a_cut_head) {
+  const Bytes bytes = encode(small_frame());
+  const size_t pixels = 16 + encode_runs(*small_frame().frame.mask).size();
+  for (size_t length = 0; length < bytes.size() - pixels; ++length) {
+    EXPECT_FALSE(decode_frame_head(std::span(bytes).first(length)));
+  }
+}
+
+}  // namespace
+}  // namespace v3d

@@ -1,0 +1,20 @@
+// The names of the LCM channels.
+#pragma once
+
+#include <string>
+
+namespace v3d {
+
+inline constexpr char kCommandChannel[] = "V3D_COMMAND";
+inline constexpr char kReplyChannel[] = "V3D_REPLY";
+inline constexpr char kPulseChannel[] = "V3D_PULSE";
+inline constexpr char kMeshChannel[] = "V3D_MESH";
+inline constexpr char kEventChannel[] = "V3D_EVENT";
+/// Followed by the camera's or the node's name.
+inline constexpr char kFramePrefix[] = "V3D_FRAME_";
+inline constexpr char kHealthPrefix[] = "V3D_HEALTH_";
+
+inline std::string frame_channel(const std::string& camera) { return kFramePrefix + camera; }
+inline std::string health_channel(const std::string& node) { return kHealthPrefix + node; }
+
+}  // namespace v3d
