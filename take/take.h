@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "base/time.h"
@@ -12,6 +13,7 @@
 namespace v3d {
 
 enum class TakeState { kRecording, kComplete, kRecovered };
+std::string_view name(TakeState state);
 
 /// take.toml
 struct TakeInfo {

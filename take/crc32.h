@@ -1,0 +1,12 @@
+// CRC-32 of IEEE 802.3, zlib and PNG.
+#pragma once
+
+#include <cstdint>
+#include <span>
+
+namespace v3d {
+
+/// 0xCBF43926 for "123456789".
+uint32_t crc32(std::span<const uint8_t> bytes);
+
+}  // namespace v3d

@@ -1,0 +1,123 @@
+#include "take/ledger.h"
+
+#include <algorithm>
+#include <map>
+
+#include "base/error.h"
+#include "base/file.h"
+#include "base/toml_file.h"
+#include "base/units.h"
+
+namespace v3d {
+namespace {
+
+std::string number_list(const std::vector<int64_t>& numbers) {
+  std::string text;
+  for (const int64_t n : numbers) text += (text.empty() ? "" : ", ") + std::to_string(n);
+  return "[" + text + "]";
+}
+
+int64_t read_count(const TomlTable& table, std::string_view key) {
+  const int64_t n = table.integer(key);
+  if (n < 0) table.fail(key, "expected a count, 0 or more");
+  return n;
+}
+
+CameraLedger read_camera(const TomlTable& table) {
+  CameraLedger camera;
+  camera.name = table.text("name");
+  camera.received = read_count(table, "received");
+  camera.written = read_count(table, "written");
+  camera.published = read_count(table, "published");
+  camera.missing = table.integers("missing");
+  camera.duplicate = table.integers("duplicate");
+  camera.suspect = table.integers("suspect");
+  table.refuse_unknown();
+  return camera;
+}
+
+}  // namespace
+
+bool Ledger::complete() const {
+  return !cameras.empty() && commanded > 0 && sensed == commanded &&
+         std::all_of(cameras.begin(), cameras.end(), [&](const CameraLedger& c) {
+           return c.written == commanded && c.missing.empty() && c.duplicate.empty() &&
+                  c.suspect.empty();
+         });
+}
+
+std::string Ledger::verdict() const {
+  size_t missing = 0;
+  size_t duplicate = 0;
+  size_t suspect = 0;
+  for (const CameraLedger& c : cameras) {
+    missing += c.missing.size();
+    duplicate += c.duplicate.size();
+    suspect += c.suspect.size();
+  }
+  const auto count = [](size_t n) { return format_count(static_cast<int64_t>(n)); };
+  std::string text = "take " + take + ": " + (complete() ? "complete" : "incomplete") + ", " +
+                     count(cameras.size()) + " cameras x " + format_count(commanded) + " pulses, " +
+                     count(missing) + " missing, " + count(suspect) + " suspect";
+  if (duplicate > 0) text += ", " + count(duplicate) + " duplicate";
+  if (sensed != commanded) text += ", " + format_count(sensed) + " pulses sensed";
+  return text;
+}
+
+CameraLedger account(const std::string& camera, const std::vector<int64_t>& pulses,
+                     const std::vector<int64_t>& suspect, int64_t commanded) {
+  std::map<int64_t, int64_t> frames_of;
+  for (const int64_t pulse : pulses) ++frames_of[pulse];
+  CameraLedger ledger;
+  ledger.name = camera;
+  ledger.received = ledger.written = static_cast<int64_t>(pulses.size());
+  ledger.suspect = suspect;
+  std::sort(ledger.suspect.begin(), ledger.suspect.end());
+  for (int64_t pulse = 0; pulse < commanded; ++pulse) {
+    if (!frames_of.contains(pulse)) ledger.missing.push_back(pulse);
+  }
+  for (const auto& [pulse, frames] : frames_of) {
+    if (frames > 1) ledger.duplicate.push_back(pulse);
+    // A frame of a pulse that was never commanded has no right label.
+    const bool known = std::binary_search(ledger.suspect.begin(), ledger.suspect.end(), pulse);
+    if ((pulse < 0 || pulse >= commanded) && !known) ledger.suspect.push_back(pulse);
+  }
+  std::sort(ledger.suspect.begin(), ledger.suspect.end());
+  ledger.suspect.erase(std::unique(ledger.suspect.begin(), ledger.suspect.end()),
+                       ledger.suspect.end());
+  return ledger;
+}
+
+Ledger load_ledger(const std::filesystem::path& path) {
+  if (!std::filesystem::exists(path)) {
+    throw InputError(path.string() +
+                     ": missing; the take was not ended: v3dctl verify recounts it");
+  }
+  const TomlTable table = TomlTable::load(path);
+  Ledger ledger;
+  ledger.take = table.text("take");
+  ledger.commanded = read_count(table, "commanded");
+  ledger.sensed = read_count(table, "sensed");
+  for (const TomlTable& camera : table.tables("camera")) {
+    ledger.cameras.push_back(read_camera(camera));
+  }
+  table.refuse_unknown();
+  return ledger;
+}
+
+void save_ledger(const std::filesystem::path& path, const Ledger& ledger) {
+  std::string text = "take = " + toml_string(ledger.take) +
+                     "\ncommanded = " + std::to_string(ledger.commanded) +
+                     "\nsensed = " + std::to_string(ledger.sensed) + "\n";
+  for (const CameraLedger& c : ledger.cameras) {
+    text += "\n[[camera]]\nname = " + toml_string(c.name) +
+            "\nreceived = " + std::to_string(c.received) +
+            "\nwritten = " + std::to_string(c.written) +
+            "\npublished = " + std::to_string(c.published) +
+            "\nmissing = " + number_list(c.missing) + "\nduplicate = " + number_list(c.duplicate) +
+            "\nsuspect = " + number_list(c.suspect) + "\n";
+  }
+  replace_file(path, text);
+}
+
+}  // namespace v3d

@@ -1,0 +1,90 @@
+#include "take/take.h"
+
+#include "base/error.h"
+#include "base/file.h"
+#include "base/name.h"
+#include "base/toml_file.h"
+
+namespace v3d {
+namespace {
+
+struct StateName {
+  TakeState state;
+  std::string_view name;
+};
+constexpr StateName kStateNames[] = {{TakeState::kRecording, "recording"},
+                                     {TakeState::kComplete, "complete"},
+                                     {TakeState::kRecovered, "recovered"}};
+
+TakeState read_state(const TomlTable& table) {
+  const std::string text = table.text("state");
+  for (const auto& [state, state_name] : kStateNames) {
+    if (text == state_name) return state;
+  }
+  table.fail("state", "expected \"recording\", \"complete\" or \"recovered\"");
+}
+
+std::vector<std::string> read_cameras(const TomlTable& table) {
+  std::vector<std::string> cameras = table.texts("cameras");
+  for (const std::string& camera : cameras) {
+    if (!is_file_name(camera)) {
+      table.fail("cameras", "'" + camera + "' cannot name a camera: " + std::string(kFileNameRule));
+    }
+  }
+  return cameras;
+}
+
+}  // namespace
+
+std::string_view name(TakeState state) {
+  for (const auto& [known, state_name] : kStateNames) {
+    if (state == known) return state_name;
+  }
+  return "unknown";
+}
+
+bool is_take_name(std::string_view take_name) { return is_file_name(take_name); }
+
+TakeInfo load_take_info(const TakePaths& paths) {
+  if (!std::filesystem::is_directory(paths.folder)) {
+    throw InputError(paths.folder.string() + ": no such folder; a take is a folder with take.toml");
+  }
+  if (!std::filesystem::exists(paths.info())) {
+    throw InputError(paths.folder.string() + ": is no take: take.toml is missing");
+  }
+  const TomlTable table = TomlTable::load(paths.info());
+  TakeInfo info;
+  info.name = table.text("name");
+  if (!is_take_name(info.name)) {
+    table.fail("name", "'" + info.name + "' cannot name a take: " + std::string(kFileNameRule));
+  }
+  info.studio = table.text("studio");
+  info.rate_hz = table.number("rate_hz");
+  if (info.rate_hz <= 0) table.fail("rate_hz", "expected a positive number of pulses per second");
+  info.pulses = table.integer("pulses");
+  if (info.pulses < 0) table.fail("pulses", "expected a count, 0 or more");
+  info.state = read_state(table);
+  info.software_version = table.text("software_version");
+  info.started = from_ns<Realtime>(table.integer("started_ns"));
+  info.cameras = read_cameras(table);
+  table.refuse_unknown();
+  return info;
+}
+
+void save_take_info(const TakePaths& paths, const TakeInfo& info) {
+  std::string cameras;
+  for (const std::string& camera : info.cameras) {
+    cameras += (cameras.empty() ? "" : ", ") + toml_string(camera);
+  }
+  replace_file(paths.info(), "name = " + toml_string(info.name) +                //
+                                 "\nstudio = " + toml_string(info.studio) +      //
+                                 "\nrate_hz = " + toml_number(info.rate_hz) +    //
+                                 "\npulses = " + std::to_string(info.pulses) +   //
+                                 "\nstate = " + toml_string(name(info.state)) +  //
+                                 "\nsoftware_version = " + toml_string(info.software_version) +
+                                 "\nstarted_ns = " + std::to_string(to_ns(info.started)) +
+                                 "  # since 1970, CLOCK_REALTIME" +  //
+                                 "\ncameras = [" + cameras + "]\n");
+}
+
+}  // namespace v3d

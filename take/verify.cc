@@ -1,0 +1,152 @@
+#include "take/verify.h"
+
+#include <algorithm>
+#include <set>
+
+#include "base/error.h"
+#include "base/units.h"
+#include "take/event_log.h"
+#include "take/frame_log.h"
+#include "take/mesh_file.h"
+
+namespace v3d {
+namespace {
+
+class Verifier {
+ public:
+  explicit Verifier(const TakePaths& paths) : paths_(paths) {
+    result_.info = load_take_info(paths);
+  }
+
+  Verification run() {
+    const std::optional<Ledger> stored = stored_ledger();
+    count_pulses(stored);
+    for (const std::string& camera : result_.info.cameras) {
+      CameraLedger counted = count_frames(camera);
+      if (stored) compare(*stored, counted);
+      result_.ledger.cameras.push_back(std::move(counted));
+    }
+    check_calib();
+    check_mesh();
+    return std::move(result_);
+  }
+
+ private:
+  void disagree(const std::filesystem::path& file, const std::string& what) {
+    result_.disagreements.push_back(file.filename().string() + ": " + what);
+  }
+
+  std::optional<Ledger> stored_ledger() {
+    try {
+      return load_ledger(paths_.ledger());
+    } catch (const InputError& error) {
+      result_.disagreements.emplace_back(error.what());
+      return std::nullopt;
+    }
+  }
+
+  void count_pulses(const std::optional<Ledger>& stored) {
+    Ledger& ledger = result_.ledger;
+    ledger.take = result_.info.name;
+    std::set<int64_t> sensed;
+    try {
+      for (const PulseMessage& pulse : read_pulses(paths_.pulses())) sensed.insert(pulse.pulse);
+    } catch (const InputError& error) {
+      result_.disagreements.emplace_back(error.what());
+    }
+    ledger.sensed = static_cast<int64_t>(sensed.size());
+    // A take that nobody closed does not know how many pulses were commanded: those that were
+    // sensed tell.
+    const int64_t seen = sensed.empty() ? 0 : *sensed.rbegin() + 1;
+    ledger.commanded = stored ? stored->commanded : std::max(result_.info.pulses, seen);
+    if (stored && stored->sensed != ledger.sensed) {
+      disagree(paths_.pulses(), "holds " + format_count(ledger.sensed) +
+                                    " pulses, the ledger says " + format_count(stored->sensed));
+    }
+    if (result_.info.state == TakeState::kComplete && result_.info.pulses != ledger.commanded) {
+      disagree(paths_.info(), "says " + format_count(result_.info.pulses) +
+                                  " pulses, the ledger says " + format_count(ledger.commanded));
+    }
+  }
+
+  CameraLedger count_frames(const std::string& camera) {
+    const std::filesystem::path file = paths_.frames(camera);
+    std::vector<int64_t> pulses;
+    std::vector<int64_t> suspect;
+    try {
+      const EventLogReader log(file);
+      int64_t damaged = log.damaged_places();
+      for (const EventSpan& event : log.events()) {
+        const auto message = decode<FrameMessage>(log.read(event));
+        if (!message || message->frame.camera != camera) {
+          ++damaged;
+          continue;
+        }
+        pulses.push_back(message->frame.label.pulse);
+        if (message->frame.label.suspect) suspect.push_back(message->frame.label.pulse);
+      }
+      if (damaged > 0) disagree(file, format_count(damaged) + " damaged events");
+      if (log.torn_bytes() > 0) {
+        disagree(file, "ends in an unfinished event of " + format_count(log.torn_bytes()) +
+                           " bytes, which is left out");
+      }
+    } catch (const InputError& error) {
+      result_.disagreements.emplace_back(error.what());
+    }
+    return account(camera, pulses, suspect, result_.ledger.commanded);
+  }
+
+  void compare(const Ledger& stored, CameraLedger& counted) {
+    const auto found = std::find_if(stored.cameras.begin(), stored.cameras.end(),
+                                    [&](const CameraLedger& c) { return c.name == counted.name; });
+    if (found == stored.cameras.end()) {
+      disagree(paths_.ledger(), "has no camera '" + counted.name + "'");
+      return;
+    }
+    counted.received = found->received;
+    counted.published = found->published;
+    if (found->written != counted.written) {
+      disagree(paths_.frames(counted.name), "holds " + format_count(counted.written) +
+                                                " frames, the ledger says " +
+                                                format_count(found->written));
+    } else if (found->missing != counted.missing || found->duplicate != counted.duplicate ||
+               found->suspect != counted.suspect) {
+      disagree(paths_.frames(counted.name),
+               "its missing, duplicate or suspect pulses are not those of the ledger");
+    }
+  }
+
+  void check_calib() {
+    if (!std::filesystem::exists(paths_.calib())) disagree(paths_.calib(), "missing");
+  }
+
+  void check_mesh() {
+    if (!std::filesystem::exists(paths_.mesh())) return;  // a take need not be reconstructed
+    try {
+      MeshFileReader meshes(paths_.mesh());
+      const auto damaged = std::count_if(meshes.pulses().begin(), meshes.pulses().end(),
+                                         [&](int64_t pulse) { return !meshes.read(pulse); });
+      if (damaged > 0) disagree(paths_.mesh(), format_count(damaged) + " damaged meshes");
+    } catch (const InputError& error) {
+      result_.disagreements.emplace_back(error.what());
+    }
+  }
+
+  const TakePaths paths_;
+  Verification result_;
+};
+
+}  // namespace
+
+Verification verify_take(const TakePaths& paths) { return Verifier(paths).run(); }
+
+Verification recover_take(const TakePaths& paths) {
+  Verification result = verify_take(paths);
+  result.info.state = TakeState::kRecovered;
+  result.info.pulses = result.ledger.commanded;
+  save_ledger(paths.ledger(), result.ledger);
+  save_take_info(paths, result.info);
+  return result;
+}
+
+}  // namespace v3d

@@ -1,0 +1,29 @@
+// Fuzz entry: the readers of a take's logs and meshes.
+#include <sys/mman.h>
+#include <unistd.h>
+
+#include <string>
+
+#include "base/error.h"
+#include "take/frame_log.h"
+#include "take/mesh_file.h"
+
+extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
+  const int fd = memfd_create("take", MFD_CLOEXEC);
+  const std::string path = "/proc/self/fd/" + std::to_string(fd);
+  if (write(fd, data, size) == static_cast<ssize_t>(size)) {
+    try {
+      v3d::FrameLogReader frames(path);
+      for (const v3d::FrameLabel& label : frames.labels()) frames.read(label.pulse);
+      v3d::read_pulses(path);
+    } catch (const v3d::InputError&) {
+    }
+    try {
+      v3d::MeshFileReader meshes(path);
+      for (const int64_t pulse : meshes.pulses()) meshes.read(pulse);
+    } catch (const v3d::InputError&) {
+    }
+  }
+  close(fd);
+  return 0;
+}

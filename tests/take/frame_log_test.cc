@@ -1,0 +1,228 @@
+#include "take/frame_log.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <lcm/lcm.h>
+#include <sys/resource.h>
+
+#include <csignal>
+
+#include "base/error.h"
+#include "base/file.h"
+#include "temporary_folder.h"
+
+namespace v3d {
+namespace {
+
+using test::TemporaryFolder;
+
+FrameMessage frame_of(int64_t pulse) {
+  FrameMessage m;
+  m.sent = from_ns<Realtime>(1'700'000'000'000'000'000 + pulse * 40'000'000);
+  m.seq = pulse;
+  m.take = "kendo-07";
+  m.frame.camera = "cam07";
+  m.frame.label.pulse = pulse;
+  m.frame.sensor_size = {16, 8};
+  m.frame.roi = {0, 0, 16, 8};
+  m.frame.image = Image({16, 8}, PixelFormat::kBayerRG8);
+  for (size_t i = 0; i < m.frame.image.bytes.size(); ++i) {
+    m.frame.image.bytes[i] = static_cast<uint8_t>(3 * i + static_cast<size_t>(pulse));
+  }
+  return m;
+}
+
+void write_frames(const std::filesystem::path& path, const std::vector<int64_t>& pulses) {
+  EventLogWriter writer(path);
+  for (const int64_t pulse : pulses) ASSERT_TRUE(writer.write(frame_of(pulse)));
+}
+
+std::vector<int64_t> pulses_of(const FrameLogReader& reader) {
+  std::vector<int64_t> pulses;
+  for (const FrameLabel& label : reader.labels()) pulses.push_back(label.pulse);
+  return pulses;
+}
+
+TEST(FrameLog, gives_back_every_frame_by_its_pulse) {
+  const TemporaryFolder folder;
+  write_frames(folder / "cam07.lcmlog", {0, 1, 3, 2});
+  FrameLogReader reader(folder / "cam07.lcmlog");
+  EXPECT_EQ(pulses_of(reader), (std::vector<int64_t>{0, 1, 3, 2}));
+  EXPECT_EQ(reader.damaged_events(), 0);
+  EXPECT_EQ(reader.torn_bytes(), 0);
+  const auto frame = reader.read(3);
+  ASSERT_TRUE(frame);
+  EXPECT_EQ(frame->image.bytes, frame_of(3).frame.image.bytes);
+  EXPECT_FALSE(reader.read(4));
+}
+
+TEST(FrameLog, gives_the_first_of_two_frames_of_one_pulse) {
+  const TemporaryFolder folder;
+  {
+    EventLogWriter writer(folder / "log");
+    FrameMessage second = frame_of(5);
+    second.frame.image.bytes[0] = 99;
+    writer.write(frame_of(5));
+    writer.write(second);
+  }
+  FrameLogReader reader(folder / "log");
+  EXPECT_EQ(pulses_of(reader), (std::vector<int64_t>{5, 5}));
+  EXPECT_EQ(reader.read(5)->image.bytes, frame_of(5).frame.image.bytes);
+}
+
+TEST(FrameLog, is_a_log_that_lcm_itself_reads) {
+  const TemporaryFolder folder;
+  write_frames(folder / "log", {0, 1});
+  lcm_eventlog_t* log = lcm_eventlog_create((folder / "log").c_str(), "r");
+  ASSERT_NE(log, nullptr);
+  for (int64_t pulse = 0; pulse < 2; ++pulse) {
+    lcm_eventlog_event_t* event = lcm_eventlog_read_next_event(log);
+    ASSERT_NE(event, nullptr);
+    EXPECT_EQ(std::string(event->channel), "V3D_FRAME_cam07");
+    EXPECT_EQ(event->eventnum, pulse);
+    EXPECT_EQ(event->timestamp, 1'700'000'000'000'000 + pulse * 40'000);
+    lcm_eventlog_free_event(event);
+  }
+  EXPECT_EQ(lcm_eventlog_read_next_event(log), nullptr);
+  lcm_eventlog_destroy(log);
+}
+
+TEST(FrameLog, keeps_all_whole_events_wherever_it_is_torn) {
+  const TemporaryFolder folder;
+  write_frames(folder / "log", {0, 1, 2});
+  const std::string whole = read_file(folder / "log");
+  const size_t event = whole.size() / 3;
+  for (size_t length = event; length <= whole.size(); ++length) {
+    test::write_text(folder / "torn", whole.substr(0, length));
+    FrameLogReader reader(folder / "torn");
+    EXPECT_EQ(reader.labels().size(), length / event) << length;
+    EXPECT_EQ(reader.torn_bytes(), static_cast<int64_t>(length % event)) << length;
+    EXPECT_EQ(reader.damaged_events(), 0) << length;
+  }
+}
+
+TEST(FrameLog, loses_only_the_event_whose_header_is_damaged) {
+  const TemporaryFolder folder;
+  write_frames(folder / "log", {0, 1, 2});
+  const std::string whole = read_file(folder / "log");
+  const size_t event = whole.size() / 3;
+  for (size_t i = 0; i < 4; ++i) {
+    for (const size_t field : {0, 20, 24}) {  // sync word, length of the channel, of the data
+      std::string damaged = whole;
+      damaged[event + field + i] = static_cast<char>(0x7f ^ damaged[event + field + i]);
+      test::write_text(folder / "damaged", damaged);
+      FrameLogReader reader(folder / "damaged");
+      EXPECT_GE(reader.damaged_events(), 1) << field + i;
+      EXPECT_EQ(pulses_of(reader), (std::vector<int64_t>{0, 2})) << field + i;
+    }
+  }
+}
+
+TEST(FrameLog, survives_any_byte_changed) {
+  const TemporaryFolder folder;
+  write_frames(folder / "log", {0, 1, 2});
+  std::string bytes = read_file(folder / "log");
+  for (size_t i = 0; i < bytes.size(); ++i) {
+    bytes[i] = static_cast<char>(~bytes[i]);
+    test::write_text(folder / "damaged", bytes);
+    FrameLogReader reader(folder / "damaged");
+    EXPECT_GE(reader.labels().size(), 2U) << i;
+    for (const FrameLabel& label : reader.labels()) reader.read(label.pulse);
+    bytes[i] = static_cast<char>(~bytes[i]);
+  }
+}
+
+TEST(FrameLog, counts_events_that_are_no_frames) {
+  const TemporaryFolder folder;
+  {
+    EventLogWriter writer(folder / "log");
+    writer.write(frame_of(0));
+    writer.write(PulseMessage{});
+  }
+  FrameLogReader reader(folder / "log");
+  EXPECT_EQ(reader.labels().size(), 1U);
+  EXPECT_EQ(reader.damaged_events(), 1);
+}
+
+TEST(FrameLog, may_be_empty) {
+  const TemporaryFolder folder;
+  write_frames(folder / "log", {});
+  EXPECT_TRUE(FrameLogReader(folder / "log").labels().empty());
+}
+
+TEST(FrameLog, refuses_what_is_no_log_and_names_it) {
+  const TemporaryFolder folder;
+  test::write_text(folder / "notes.txt", std::string(1000, 'x'));
+  const auto refusal = [&](const std::string& file) {
+    return test::message_of<InputError>([&] { FrameLogReader reader(folder / file); });
+  };
+  EXPECT_THAT(refusal("notes.txt"), testing::HasSubstr("notes.txt: is no LCM event log"));
+  EXPECT_THAT(refusal("missing.lcmlog"), testing::HasSubstr("missing.lcmlog: No such file"));
+  EXPECT_THAT(refusal("."), testing::HasSubstr("is no LCM event log"));
+}
+
+TEST(FrameLog, cannot_be_created_in_a_folder_that_is_not_there) {
+  EXPECT_THAT(test::message_of<InputError>([] { EventLogWriter writer("/nowhere/cam07.lcmlog"); }),
+              testing::HasSubstr("/nowhere/cam07.lcmlog: No such file"));
+}
+
+/// Files cannot grow beyond `bytes` while this lives.
+class FileSizeLimit {
+ public:
+  explicit FileSizeLimit(rlim_t bytes) {
+    handler_ = std::signal(SIGXFSZ, SIG_IGN);
+    getrlimit(RLIMIT_FSIZE, &before_);
+    const rlimit limit{bytes, before_.rlim_max};
+    setrlimit(RLIMIT_FSIZE, &limit);
+  }
+  ~FileSizeLimit() {
+    setrlimit(RLIMIT_FSIZE, &before_);
+    std::signal(SIGXFSZ, handler_);
+  }
+  FileSizeLimit(const FileSizeLimit&) = delete;
+  FileSizeLimit& operator=(const FileSizeLimit&) = delete;
+
+ private:
+  rlimit before_{};
+  void (*handler_)(int);
+};
+
+TEST(FrameLog, ends_with_the_event_before_when_the_disk_refuses) {
+  const TemporaryFolder folder;
+  {
+    EventLogWriter writer(folder / "log");
+    ASSERT_TRUE(writer.write(frame_of(0)));
+    const int64_t one_event = writer.bytes();
+    {
+      const FileSizeLimit limit(static_cast<rlim_t>(one_event + 100));
+      EXPECT_FALSE(writer.write(frame_of(1)));
+      EXPECT_FALSE(writer.write(frame_of(2)));
+      EXPECT_EQ(writer.bytes(), one_event);
+    }
+    EXPECT_TRUE(writer.write(frame_of(3)));
+  }
+  FrameLogReader reader(folder / "log");
+  EXPECT_EQ(pulses_of(reader), (std::vector<int64_t>{0, 3}));
+  EXPECT_EQ(reader.damaged_events(), 0);
+  EXPECT_EQ(reader.torn_bytes(), 0);
+}
+
+TEST(PulseLog, gives_back_every_pulse_in_order) {
+  const TemporaryFolder folder;
+  {
+    EventLogWriter writer(folder / "pulses.lcmlog");
+    for (int64_t pulse = 0; pulse < 5; ++pulse) {
+      PulseMessage m;
+      m.pulse = pulse;
+      m.edge = from_ns<Realtime>(pulse * 40'000'003);
+      writer.write(m);
+    }
+  }
+  const auto pulses = read_pulses(folder / "pulses.lcmlog");
+  ASSERT_EQ(pulses.size(), 5U);
+  EXPECT_EQ(pulses[4].pulse, 4);
+  EXPECT_EQ(to_ns(pulses[4].edge), 160'000'012);
+}
+
+}  // namespace
+}  // namespace v3d

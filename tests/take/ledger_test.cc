@@ -1,0 +1,105 @@
+#include "take/ledger.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <rapidcheck/gtest.h>
+
+#include <algorithm>
+#include <numeric>
+
+#include "base/error.h"
+#include "temporary_folder.h"
+
+namespace v3d {
+namespace {
+
+using Numbers = std::vector<int64_t>;
+
+Ledger whole_ledger() {
+  Ledger ledger{.take = "kendo-07", .commanded = 1250, .sensed = 1250, .cameras = {}};
+  Numbers pulses(1250);
+  std::iota(pulses.begin(), pulses.end(), 0);
+  for (int i = 0; i < 15; ++i) {
+    ledger.cameras.push_back(account("cam" + std::to_string(i), pulses, {}, 1250));
+  }
+  return ledger;
+}
+
+TEST(Ledger, is_complete_when_every_camera_has_every_pulse_once) {
+  EXPECT_TRUE(whole_ledger().complete());
+  EXPECT_EQ(whole_ledger().verdict(),
+            "take kendo-07: complete, 15 cameras x 1,250 pulses, 0 missing, 0 suspect");
+}
+
+TEST(Ledger, is_incomplete_for_every_kind_of_doubt) {
+  const auto complete_after = [](auto change) {
+    Ledger ledger = whole_ledger();
+    change(ledger);
+    return ledger.complete();
+  };
+  EXPECT_FALSE(complete_after([](Ledger& l) { l.cameras[3].missing = {7}; }));
+  EXPECT_FALSE(complete_after([](Ledger& l) { l.cameras[3].duplicate = {7}; }));
+  EXPECT_FALSE(complete_after([](Ledger& l) { l.cameras[3].suspect = {7}; }));
+  EXPECT_FALSE(complete_after([](Ledger& l) { l.cameras[3].written -= 1; }));
+  EXPECT_FALSE(complete_after([](Ledger& l) { l.sensed -= 1; }));
+  EXPECT_FALSE(complete_after([](Ledger& l) { l.cameras.clear(); }));
+}
+
+TEST(Ledger, names_missing_and_duplicate_pulses) {
+  const CameraLedger camera = account("cam07", {0, 1, 4, 4, 2}, {1}, 6);
+  EXPECT_EQ(camera.missing, (Numbers{3, 5}));
+  EXPECT_EQ(camera.duplicate, (Numbers{4}));
+  EXPECT_EQ(camera.suspect, (Numbers{1}));
+  EXPECT_EQ(camera.written, 5);
+}
+
+TEST(Ledger, holds_a_frame_of_no_commanded_pulse_for_suspect) {
+  EXPECT_EQ(account("cam07", {0, 1, 2, -1}, {}, 2).suspect, (Numbers{-1, 2}));
+}
+
+RC_GTEST_PROP(Ledger, accounts_for_every_pulse, ()) {
+  const auto commanded = *rc::gen::inRange<int64_t>(0, 50);
+  const auto pulses = *rc::gen::container<Numbers>(rc::gen::inRange<int64_t>(0, commanded + 1));
+  const CameraLedger camera = account("cam07", pulses, {}, commanded);
+  for (int64_t pulse = 0; pulse < commanded; ++pulse) {
+    const auto frames = std::count(pulses.begin(), pulses.end(), pulse);
+    const auto named = [&](const Numbers& list) {
+      return std::count(list.begin(), list.end(), pulse);
+    };
+    RC_ASSERT(named(camera.missing) == (frames == 0));
+    RC_ASSERT(named(camera.duplicate) == (frames > 1));
+  }
+}
+
+TEST(Ledger, comes_back_from_its_file) {
+  const test::TemporaryFolder folder;
+  Ledger ledger = whole_ledger();
+  ledger.cameras[2] = account("cam2", {0, 1, 1, 5}, {5}, 7);
+  ledger.cameras[2].published = 3;
+  save_ledger(folder / "ledger.toml", ledger);
+  const Ledger back = load_ledger(folder / "ledger.toml");
+  EXPECT_EQ(back.verdict(), ledger.verdict());
+  EXPECT_EQ(back.cameras[2].name, "cam2");
+  EXPECT_EQ(back.cameras[2].received, 4);
+  EXPECT_EQ(back.cameras[2].published, 3);
+  EXPECT_EQ(back.cameras[2].missing, ledger.cameras[2].missing);
+  EXPECT_EQ(back.cameras[2].duplicate, ledger.cameras[2].duplicate);
+  EXPECT_EQ(back.cameras[2].suspect, ledger.cameras[2].suspect);
+}
+
+TEST(Ledger, names_what_is_wrong_with_its_file) {
+  const test::TemporaryFolder folder;
+  const auto refusal = [&](const std::string& text) {
+    test::write_text(folder / "ledger.toml", text);
+    return test::message_of<InputError>([&] { load_ledger(folder / "ledger.toml"); });
+  };
+  EXPECT_THAT(refusal("take = \"a\"\ncommanded = -3\nsensed = 0\n"),
+              testing::HasSubstr("ledger.toml:2: commanded: expected a count"));
+  EXPECT_THAT(refusal("take = \"a\"\ncommanded = 3\n"), testing::HasSubstr("sensed: missing"));
+  EXPECT_THAT(refusal("take = \"a"), testing::HasSubstr("ledger.toml:1"));
+  EXPECT_THAT(test::message_of<InputError>([&] { load_ledger(folder / "none.toml"); }),
+              testing::HasSubstr("none.toml: missing"));
+}
+
+}  // namespace
+}  // namespace v3d

@@ -1,0 +1,112 @@
+#include "take/mesh_file.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "base/error.h"
+#include "base/file.h"
+#include "take/crc32.h"
+#include "temporary_folder.h"
+
+namespace v3d {
+namespace {
+
+using Payload = std::vector<uint8_t>;
+
+Payload payload_of(int64_t pulse) {
+  return Payload(20 + static_cast<size_t>(pulse), static_cast<uint8_t>(pulse + 1));
+}
+
+void write_meshes(const std::filesystem::path& path, const std::vector<int64_t>& pulses) {
+  MeshFileWriter writer(path);
+  for (const int64_t pulse : pulses) ASSERT_TRUE(writer.append(pulse, payload_of(pulse)));
+  ASSERT_TRUE(writer.close());
+}
+
+TEST(Crc32, is_that_of_ieee_802_3) {
+  const std::string digits = "123456789";
+  EXPECT_EQ(crc32({reinterpret_cast<const uint8_t*>(digits.data()), digits.size()}), 0xCBF43926);
+}
+
+TEST(MeshFile, gives_back_every_mesh_by_its_pulse) {
+  const test::TemporaryFolder folder;
+  write_meshes(folder / "mesh.v3d", {0, 1, 5});
+  MeshFileReader reader(folder / "mesh.v3d");
+  EXPECT_EQ(reader.pulses(), (std::vector<int64_t>{0, 1, 5}));
+  EXPECT_FALSE(reader.index_was_rebuilt());
+  EXPECT_EQ(reader.read(5), payload_of(5));
+  EXPECT_FALSE(reader.read(2));
+  EXPECT_FALSE(reader.read(6));
+}
+
+TEST(MeshFile, has_the_bytes_of_its_page) {
+  const test::TemporaryFolder folder;
+  write_meshes(folder / "mesh.v3d", {7});
+  const std::string bytes = read_file(folder / "mesh.v3d");
+  ASSERT_EQ(bytes.size(), 16U + 24 + 27 + 8 + 24 + 24);
+  EXPECT_EQ(bytes.substr(0, 16), std::string("V3DM\r\n\x1a\n\1\0\0\0\0\0\0\0", 16));
+  EXPECT_EQ(bytes.substr(16, 16), std::string("V3DR\x1b\0\0\0\7\0\0\0\0\0\0\0", 16));
+  EXPECT_EQ(bytes.substr(67, 8), std::string("V3DI\1\0\0\0", 8));
+  EXPECT_EQ(bytes.substr(bytes.size() - 24, 12), std::string("\x43\0\0\0\0\0\0\0\x20\0\0\0", 12));
+  EXPECT_EQ(bytes.substr(bytes.size() - 8), "V3DE\r\n\x1a\n");
+}
+
+TEST(MeshFile, may_be_empty) {
+  const test::TemporaryFolder folder;
+  write_meshes(folder / "mesh.v3d", {});
+  EXPECT_TRUE(MeshFileReader(folder / "mesh.v3d").pulses().empty());
+}
+
+TEST(MeshFile, keeps_all_whole_records_wherever_it_is_torn) {
+  const test::TemporaryFolder folder;
+  write_meshes(folder / "whole", {0, 1, 2});
+  const std::string whole = read_file(folder / "whole");
+  const size_t ends[] = {16, 16 + 44, 16 + 44 + 45, 16 + 44 + 45 + 46};
+  for (size_t length = 16; length < whole.size(); ++length) {
+    test::write_text(folder / "torn", whole.substr(0, length));
+    MeshFileReader reader(folder / "torn");
+    const size_t records = (length >= ends[1]) + (length >= ends[2]) + (length >= ends[3]);
+    EXPECT_EQ(reader.pulses().size(), records) << length;
+    EXPECT_TRUE(reader.index_was_rebuilt()) << length;
+    for (const int64_t pulse : reader.pulses()) EXPECT_EQ(reader.read(pulse), payload_of(pulse));
+  }
+}
+
+TEST(MeshFile, loses_at_most_one_mesh_to_any_byte_changed) {
+  const test::TemporaryFolder folder;
+  write_meshes(folder / "whole", {0, 1, 2});
+  std::string bytes = read_file(folder / "whole");
+  for (size_t i = 16; i < bytes.size(); ++i) {
+    bytes[i] = static_cast<char>(~bytes[i]);
+    test::write_text(folder / "damaged", bytes);
+    MeshFileReader reader(folder / "damaged");
+    int good = 0;
+    for (int64_t pulse = 0; pulse < 3; ++pulse) {
+      if (const auto payload = reader.read(pulse)) {
+        EXPECT_EQ(*payload, payload_of(pulse));
+        ++good;
+      }
+    }
+    EXPECT_GE(good, 2) << i;
+    bytes[i] = static_cast<char>(~bytes[i]);
+  }
+}
+
+TEST(MeshFile, refuses_what_is_no_mesh_file_and_names_it) {
+  const test::TemporaryFolder folder;
+  const auto refusal = [&](const std::string& text) {
+    test::write_text(folder / "mesh.v3d", text);
+    return test::message_of<InputError>([&] { MeshFileReader reader(folder / "mesh.v3d"); });
+  };
+  EXPECT_THAT(refusal(""), testing::HasSubstr("mesh.v3d: is no mesh file"));
+  EXPECT_THAT(refusal(std::string(100, 'x')), testing::HasSubstr("is no mesh file"));
+  EXPECT_THAT(refusal(std::string("V3DM\r\n\x1a\n\2\0\0\0\0\0\0\0", 16)),
+              testing::HasSubstr("of a version that this program does not know"));
+  EXPECT_THAT(test::message_of<InputError>([] { MeshFileReader reader("/nowhere/mesh.v3d"); }),
+              testing::HasSubstr("/nowhere/mesh.v3d: No such file"));
+  EXPECT_THAT(test::message_of<InputError>([] { MeshFileWriter writer("/nowhere/mesh.v3d"); }),
+              testing::HasSubstr("/nowhere/mesh.v3d: No such file"));
+}
+
+}  // namespace
+}  // namespace v3d

@@ -1,0 +1,140 @@
+#include "take/verify.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "base/error.h"
+#include "base/file.h"
+#include "take/frame_log.h"
+#include "temporary_folder.h"
+
+namespace v3d {
+namespace {
+
+using testing::ElementsAre;
+using testing::HasSubstr;
+using testing::IsEmpty;
+
+FrameMessage frame_of(const std::string& camera, int64_t pulse) {
+  FrameMessage m;
+  m.frame.camera = camera;
+  m.frame.label.pulse = pulse;
+  m.frame.sensor_size = {4, 2};
+  m.frame.roi = {0, 0, 4, 2};
+  m.frame.image = Image({4, 2}, PixelFormat::kMono8);
+  return m;
+}
+
+/// A complete take of two cameras and three pulses.
+class TakeFolder : public testing::Test {
+ protected:
+  TakeFolder() {
+    info_ = {.name = "kendo-07",
+             .studio = "dojo",
+             .rate_hz = 25,
+             .pulses = 3,
+             .state = TakeState::kComplete,
+             .software_version = "0.1.0",
+             .started = {},
+             .cameras = {"cam01", "cam02"}};
+    save_take_info(paths_, info_);
+    test::write_text(paths_.calib(), "");
+    Ledger ledger{.take = "kendo-07", .commanded = 3, .sensed = 3, .cameras = {}};
+    EventLogWriter pulses(paths_.pulses());
+    for (int64_t pulse = 0; pulse < 3; ++pulse) {
+      PulseMessage m;
+      m.pulse = pulse;
+      pulses.write(m);
+    }
+    for (const std::string& camera : info_.cameras) {
+      EventLogWriter frames(paths_.frames(camera));
+      for (int64_t pulse = 0; pulse < 3; ++pulse) frames.write(frame_of(camera, pulse));
+      ledger.cameras.push_back(account(camera, {0, 1, 2}, {}, 3));
+    }
+    save_ledger(paths_.ledger(), ledger);
+  }
+
+  const test::TemporaryFolder folder_;
+  const TakePaths paths_{folder_.path()};
+  TakeInfo info_;
+};
+
+TEST_F(TakeFolder, is_whole_when_files_and_ledger_agree) {
+  const Verification v = verify_take(paths_);
+  EXPECT_TRUE(v.whole());
+  EXPECT_THAT(v.disagreements, IsEmpty());
+  EXPECT_EQ(v.ledger.verdict(),
+            "take kendo-07: complete, 2 cameras x 3 pulses, 0 missing, 0 suspect");
+}
+
+TEST_F(TakeFolder, misses_the_frame_that_is_torn_off) {
+  const std::string log = read_file(paths_.frames("cam02"));
+  test::write_text(paths_.frames("cam02"), log.substr(0, log.size() - 1));
+  const Verification v = verify_take(paths_);
+  EXPECT_FALSE(v.whole());
+  EXPECT_THAT(v.ledger.cameras[1].missing, ElementsAre(2));
+  EXPECT_THAT(v.disagreements, ElementsAre(HasSubstr("cam02.lcmlog: ends in an unfinished event"),
+                                           "cam02.lcmlog: holds 2 frames, the ledger says 3"));
+}
+
+TEST_F(TakeFolder, does_not_count_a_frame_with_a_damaged_body) {
+  std::string log = read_file(paths_.frames("cam01"));
+  const size_t camera_name = log.find("cam01", 60);
+  log[camera_name] = 'C';
+  test::write_text(paths_.frames("cam01"), log);
+  const Verification v = verify_take(paths_);
+  EXPECT_THAT(v.ledger.cameras[0].missing, ElementsAre(0));
+  EXPECT_THAT(v.disagreements, testing::Contains("cam01.lcmlog: 1 damaged events"));
+}
+
+TEST_F(TakeFolder, of_which_a_log_is_gone_misses_every_pulse_of_that_camera) {
+  std::filesystem::remove(paths_.frames("cam01"));
+  const Verification v = verify_take(paths_);
+  EXPECT_THAT(v.ledger.cameras[0].missing, ElementsAre(0, 1, 2));
+  EXPECT_THAT(v.disagreements[0], HasSubstr("cam01.lcmlog: No such file"));
+}
+
+TEST_F(TakeFolder, tells_of_pulses_that_were_not_sensed) {
+  EventLogWriter pulses(paths_.pulses());
+  EXPECT_THAT(verify_take(paths_).disagreements,
+              ElementsAre("pulses.lcmlog: holds 0 pulses, the ledger says 3"));
+}
+
+TEST_F(TakeFolder, tells_of_a_ledger_that_lies) {
+  Ledger ledger = load_ledger(paths_.ledger());
+  ledger.cameras[0].missing = {1};
+  ledger.cameras.pop_back();
+  save_ledger(paths_.ledger(), ledger);
+  EXPECT_THAT(
+      verify_take(paths_).disagreements,
+      ElementsAre(
+          "cam01.lcmlog: its missing, duplicate or suspect pulses are not those of the ledger",
+          "ledger.toml: has no camera 'cam02'"));
+}
+
+TEST_F(TakeFolder, that_nobody_closed_is_recovered_from_its_logs) {
+  std::filesystem::remove(paths_.ledger());
+  info_.state = TakeState::kRecording;
+  info_.pulses = 0;
+  save_take_info(paths_, info_);
+  EXPECT_THAT(verify_take(paths_).disagreements, ElementsAre(HasSubstr("ledger.toml: missing")));
+  recover_take(paths_);
+  const Verification after = verify_take(paths_);
+  EXPECT_TRUE(after.whole());
+  EXPECT_EQ(after.info.state, TakeState::kRecovered);
+  EXPECT_EQ(after.info.pulses, 3);
+}
+
+TEST_F(TakeFolder, tells_of_a_mesh_file_that_is_none) {
+  test::write_text(paths_.mesh(), "mesh");
+  EXPECT_THAT(verify_take(paths_).disagreements, ElementsAre(HasSubstr("is no mesh file")));
+}
+
+TEST(Verify, refuses_a_folder_that_is_no_take) {
+  const test::TemporaryFolder folder;
+  EXPECT_THAT(test::message_of<InputError>([&] { verify_take({folder.path()}); }),
+              HasSubstr("take.toml is missing"));
+}
+
+}  // namespace
+}  // namespace v3d
