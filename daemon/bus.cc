@@ -1,0 +1,84 @@
+#include "daemon/bus.h"
+
+#include <lcm/lcm.h>
+
+#include <atomic>
+#include <list>
+#include <thread>
+
+#include "base/error.h"
+
+namespace v3d {
+namespace {
+
+/// Frames of all cameras arrive at once; LCM drops silently beyond its own queue.
+constexpr int kLcmQueue = 256;
+constexpr int kHandleTimeoutMs = 50;
+
+struct Destroy {
+  void operator()(lcm_t* lcm) const { lcm_destroy(lcm); }
+};
+
+[[noreturn]] void fail_network(const std::string& url) {
+  throw InputError(
+      "network.lcm_url: cannot join " + url +
+      ": usually the multicast route is missing; try: ip link set dev IFACE multicast on && ip "
+      "route add 239.255.76.67/32 dev IFACE (IFACE: lo on a single machine)");
+}
+
+}  // namespace
+
+class Bus::Impl {
+ public:
+  explicit Impl(const std::string& url) : url_(url), lcm_(lcm_create(url.c_str())) {
+    if (!lcm_) fail_network(url_);
+  }
+
+  ~Impl() {
+    stopping_ = true;
+    if (receiver_.joinable()) receiver_.join();
+  }
+
+  bool publish(const std::string& channel, std::span<const uint8_t> bytes) {
+    return lcm_publish(lcm_.get(), channel.c_str(), bytes.data(),
+                       static_cast<unsigned>(bytes.size())) == 0;
+  }
+
+  void subscribe(const std::string& channels, Handler handler) {
+    const std::lock_guard lock(mutex_);
+    handlers_.push_back(std::move(handler));
+    lcm_subscription_t* subscription =
+        lcm_subscribe(lcm_.get(), channels.c_str(), &Impl::on_message, &handlers_.back());
+    if (subscription == nullptr) fail_network(url_);
+    lcm_subscription_set_queue_capacity(subscription, kLcmQueue);
+    if (!receiver_.joinable()) receiver_ = std::thread([this] { receive(); });
+  }
+
+ private:
+  static void on_message(const lcm_recv_buf_t* received, const char* channel, void* handler) {
+    (*static_cast<Handler*>(handler))(
+        channel, {static_cast<const uint8_t*>(received->data), received->data_size});
+  }
+
+  void receive() {
+    while (!stopping_) lcm_handle_timeout(lcm_.get(), kHandleTimeoutMs);
+  }
+
+  const std::string url_;
+  std::unique_ptr<lcm_t, Destroy> lcm_;
+  std::mutex mutex_;
+  std::list<Handler> handlers_;  // LCM holds their addresses
+  std::atomic<bool> stopping_ = false;
+  std::thread receiver_;
+};
+
+Bus::Bus(const std::string& lcm_url) : impl_(std::make_unique<Impl>(lcm_url)) {}
+Bus::~Bus() = default;
+bool Bus::publish(const std::string& channel, std::span<const uint8_t> bytes) {
+  return impl_->publish(channel, bytes);
+}
+void Bus::subscribe(const std::string& channels, Handler handler) {
+  impl_->subscribe(channels, std::move(handler));
+}
+
+}  // namespace v3d

@@ -1,0 +1,108 @@
+// The LCM bus: bytes in, bytes out. Everything that arrives may come from anybody: what does not
+// decode is counted and forgotten.
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <span>
+#include <string>
+
+#include "daemon/bounded_queue.h"
+#include "daemon/sequence.h"
+#include "wire/codec.h"
+
+namespace v3d {
+
+/// One connection to the studio's network. publish() from any thread; a thread of its own receives.
+class Bus {
+ public:
+  /// `lcm_url` as in the studio file. Throws InputError when the network cannot be reached (usually
+  /// a missing multicast route), with the remedy.
+  explicit Bus(const std::string& lcm_url);
+  ~Bus();
+  Bus(const Bus&) = delete;
+  Bus& operator=(const Bus&) = delete;
+
+  /// False when the network refused; what was sent may still not arrive.
+  bool publish(const std::string& channel, std::span<const uint8_t> bytes);
+
+  /// `handler` runs on the receiving thread, must be short and must not throw; the bytes are only
+  /// borrowed. It is called as long as the bus lives.
+  using Handler = std::function<void(const std::string& channel, std::span<const uint8_t> bytes)>;
+  /// `channels`: a regular expression for the whole name. Throws InputError when the network
+  /// refuses.
+  void subscribe(const std::string& channels, Handler handler);
+
+ private:
+  class Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+struct SubscriptionCounts {
+  int64_t received = 0;     ///< messages that decoded
+  int64_t dropped = 0;      ///< of these, thrown away because nobody took them in time
+  int64_t undecodable = 0;  ///< bytes that are no such message
+  int64_t lost = 0;         ///< messages that the sequence numbers say were sent and did not arrive
+};
+
+/// Decoded messages of one type, waiting to be taken. When the queue is full the oldest goes.
+/// Construct and destroy it while the bus lives; the functions may be called from any thread.
+template <class M>
+class Subscription {
+ public:
+  Subscription(Bus& bus, const std::string& channels, size_t queue_limit)
+      : shared_(std::make_shared<Shared>(queue_limit)) {
+    // The bus keeps its handlers; this one keeps nothing alive and falls silent with us.
+    bus.subscribe(channels, [weak = std::weak_ptr<Shared>(shared_)](
+                                const std::string& channel, std::span<const uint8_t> bytes) {
+      if (const auto shared = weak.lock()) shared->receive(channel, bytes);
+    });
+  }
+
+  /// The next message, waiting until `deadline`; empty when none came.
+  std::optional<M> wait(MonotonicInstant deadline) { return shared_->queue.pop(deadline); }
+
+  SubscriptionCounts counts() const {
+    return {.received = shared_->received,
+            .dropped = shared_->queue.dropped(),
+            .undecodable = shared_->undecodable,
+            .lost = shared_->lost};
+  }
+
+ private:
+  struct Shared {
+    explicit Shared(size_t limit) : queue(limit) {}
+
+    void receive(const std::string& channel, std::span<const uint8_t> bytes) {
+      auto message = decode<M>(bytes);
+      if (!message) {
+        ++undecodable;
+        return;
+      }
+      ++received;
+      if constexpr (requires { message->seq; }) {
+        lost += sequences.missed_before(sequence_key(channel, *message), message->seq);
+      }
+      queue.push(std::move(*message));
+    }
+
+    /// Several nodes send events on one channel, each with its own count.
+    static std::string sequence_key(const std::string& channel, const M& message) {
+      if constexpr (requires { message.node; }) return channel + " " + message.node;
+      return channel;
+    }
+
+    BoundedQueue<M> queue;
+    SequenceTracker sequences;  ///< receiving thread only
+    std::atomic<int64_t> received = 0;
+    std::atomic<int64_t> undecodable = 0;
+    std::atomic<int64_t> lost = 0;
+  };
+
+  // Shared with the handler, which the bus may be running while this object goes away.
+  std::shared_ptr<Shared> shared_;
+};
+
+}  // namespace v3d

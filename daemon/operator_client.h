@@ -1,0 +1,63 @@
+// The operator's end of the bus: commands to every node of a studio, their replies, their health.
+#pragma once
+
+#include <functional>
+#include <map>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "base/studio_file.h"
+#include "base/time.h"
+#include "wire/messages.h"
+
+namespace v3d {
+
+/// The nodes that answer commands, in the order of the file: those with a camera or the trigger (a
+/// v3d-captured each), and the node of the reconstruction (v3d-recond).
+std::vector<std::string> commanded_nodes(const Studio& studio);
+
+/// What the nodes said to one command.
+struct Answer {
+  std::map<std::string, ReplyMessage> replies;  ///< the last of each node: final, or still pending
+  std::vector<std::string> silent;              ///< nodes that said nothing before the deadline
+
+  /// Every node replied "done".
+  bool done() const;
+};
+
+/// One per process; one thread calls.
+class OperatorClient {
+ public:
+  /// Joins the studio's network. Throws InputError when that is not possible.
+  explicit OperatorClient(const Studio& studio);
+  ~OperatorClient();
+  OperatorClient(const OperatorClient&) = delete;
+  OperatorClient& operator=(const OperatorClient&) = delete;
+
+  const std::vector<std::string>& nodes() const;
+
+  /// Sends `command` (sender, counter and time are filled in here) and repeats it until every node
+  /// has replied finally, or until `deadline`. `heard` is called for every new reply, pending ones
+  /// included.
+  Answer command(CommandMessage command, MonotonicInstant deadline,
+                 const std::function<void(const ReplyMessage&)>& heard = {});
+
+  /// The last health of every node heard since this client began, waiting until each of nodes() has
+  /// been heard or until `deadline`. A node that is missing in the result is silent.
+  std::map<std::string, HealthMessage> health(MonotonicInstant deadline);
+
+  /// The next health message or event of any node; empty when none came until `deadline`.
+  std::optional<HealthMessage> next_health(MonotonicInstant deadline);
+  std::optional<EventMessage> next_event(MonotonicInstant deadline);
+
+  /// Meshes as they pass, for `v3dctl watch`. Empty when none came until `deadline`.
+  std::optional<MeshMessage> next_mesh(MonotonicInstant deadline);
+
+ private:
+  class Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace v3d

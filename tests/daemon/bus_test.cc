@@ -1,0 +1,143 @@
+// The bus on real LCM, in a network of its own.
+#include "daemon/bus.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "base/error.h"
+#include "daemon/operator_client.h"
+#include "scenario/child_process.h"
+#include "take/temporary_folder.h"
+#include "wire/channels.h"
+
+namespace v3d {
+namespace {
+
+using test::becomes_true;
+using test::within;
+
+constexpr char kUrl[] = "udpm://239.255.76.67:7667?ttl=0";
+
+EventMessage event(int64_t seq) {
+  EventMessage m;
+  m.seq = seq;
+  m.node = "cap01";
+  return m;
+}
+
+TEST(Bus, carries_messages_between_two_connections) {
+  Bus sender(kUrl);
+  Bus receiver(kUrl);
+  Subscription<EventMessage> events(receiver, kEventChannel, 8);
+  ASSERT_TRUE(sender.publish(kEventChannel, encode(event(3))));
+  const auto got = events.wait(within(10));
+  ASSERT_TRUE(got);
+  EXPECT_EQ(got->seq, 3);
+  EXPECT_EQ(got->node, "cap01");
+}
+
+TEST(Bus, carries_a_message_of_several_datagrams) {
+  Bus bus(kUrl);
+  Subscription<FrameMessage> frames(bus, "V3D_FRAME_.*", 2);
+  FrameMessage m;
+  m.frame.camera = "cam07";
+  m.frame.sensor_size = {320, 240};
+  m.frame.roi = {0, 0, 320, 240};
+  m.frame.image = Image({320, 240}, PixelFormat::kBayerRG8);
+  m.frame.image.bytes[70'000] = 77;
+  bus.publish(frame_channel("cam07"), encode(m));
+  const auto got = frames.wait(within(10));
+  ASSERT_TRUE(got);
+  EXPECT_EQ(got->frame.image.bytes[70'000], 77);
+}
+
+TEST(Subscription, counts_what_it_drops_what_was_lost_and_what_is_no_message) {
+  Bus bus(kUrl);
+  Subscription<EventMessage> events(bus, kEventChannel, 2);
+  for (const int64_t seq : {0, 1, 2, 7}) bus.publish(kEventChannel, encode(event(seq)));
+  bus.publish(kEventChannel, Bytes{1, 2, 3});
+  bus.publish(kEventChannel, encode(PulseMessage{}));
+  ASSERT_TRUE(becomes_true([&] { return events.counts().undecodable == 2; }, within(10)));
+  EXPECT_EQ(events.counts().received, 4);
+  EXPECT_EQ(events.counts().dropped, 2);
+  EXPECT_EQ(events.counts().lost, 4);
+  EXPECT_EQ(events.wait(within(10))->seq, 2);
+}
+
+TEST(Subscription, may_end_before_the_bus) {
+  Bus bus(kUrl);
+  { const Subscription<EventMessage> gone(bus, kEventChannel, 2); }
+  Subscription<EventMessage> events(bus, kEventChannel, 2);
+  bus.publish(kEventChannel, encode(event(0)));
+  EXPECT_TRUE(events.wait(within(10)));
+}
+
+TEST(Bus, names_the_field_and_the_remedy_when_the_network_cannot_be_joined) {
+  const std::string message = test::message_of<InputError>([] { Bus bus("nonsense://"); });
+  EXPECT_THAT(message, testing::HasSubstr("network.lcm_url: cannot join nonsense://"));
+  EXPECT_THAT(message, testing::HasSubstr("ip route add"));
+}
+
+/// A node that answers commands as it is told.
+class FakeNode {
+ public:
+  FakeNode(std::string node, std::vector<ReplyMessage::Outcome> outcomes)
+      : node_(std::move(node)), outcomes_(std::move(outcomes)), bus_(kUrl) {
+    bus_.subscribe(kCommandChannel, [this](const std::string&, std::span<const uint8_t> bytes) {
+      if (const auto command = decode<CommandMessage>(bytes)) answer(*command);
+    });
+  }
+
+ private:
+  void answer(const CommandMessage& command) {
+    ReplyMessage reply;
+    reply.node = node_;
+    reply.command_sender = command.sender;
+    reply.command_counter = command.counter;
+    reply.outcome = outcomes_[std::min(answered_++, outcomes_.size() - 1)];
+    bus_.publish(kReplyChannel, encode(reply));
+  }
+
+  const std::string node_;
+  const std::vector<ReplyMessage::Outcome> outcomes_;
+  size_t answered_ = 0;
+  Bus bus_;
+};
+
+Studio two_nodes() {
+  Studio studio;
+  studio.nodes = {{"cap01"}, {"recon01"}, {"desk"}};
+  studio.trigger.node = "cap01";
+  studio.reconstruction.node = "recon01";
+  studio.network.lcm_url = kUrl;
+  return studio;
+}
+
+TEST(OperatorClient, expects_the_nodes_that_do_something) {
+  EXPECT_THAT(commanded_nodes(two_nodes()), testing::ElementsAre("cap01", "recon01"));
+}
+
+TEST(OperatorClient, repeats_a_command_until_every_node_has_its_final_word) {
+  using enum ReplyMessage::Outcome;
+  const FakeNode capture("cap01", {kPending, kPending, kDone});
+  const FakeNode recon("recon01", {kDone});
+  const FakeNode stranger("intruder", {kRefused});
+  OperatorClient client(two_nodes());
+  int heard = 0;
+  const Answer answer =
+      client.command(CommandMessage{}, within(20), [&](const ReplyMessage&) { ++heard; });
+  EXPECT_TRUE(answer.done());
+  EXPECT_EQ(answer.replies.size(), 2U);
+  EXPECT_EQ(heard, 3);  // pending once, done twice
+}
+
+TEST(OperatorClient, names_the_nodes_that_are_silent) {
+  const FakeNode capture("cap01", {ReplyMessage::Outcome::kDone});
+  OperatorClient client(two_nodes());
+  const Answer answer = client.command(CommandMessage{}, within(1));
+  EXPECT_FALSE(answer.done());
+  EXPECT_THAT(answer.silent, testing::ElementsAre("recon01"));
+}
+
+}  // namespace
+}  // namespace v3d

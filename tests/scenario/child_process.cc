@@ -1,0 +1,54 @@
+#include "scenario/child_process.h"
+
+#include <fcntl.h>
+#include <sys/prctl.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <csignal>
+
+#include "base/file.h"
+
+namespace v3d::test {
+
+ChildProcess::ChildProcess(const std::vector<std::string>& command, std::filesystem::path log)
+    : log_(std::move(log)) {
+  std::vector<char*> arguments;
+  for (const std::string& part : command) arguments.push_back(const_cast<char*>(part.c_str()));
+  arguments.push_back(nullptr);
+  const int fd = open(log_.c_str(), O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC, 0644);
+  pid_ = fork();
+  if (pid_ == 0) {
+    prctl(PR_SET_PDEATHSIG, SIGKILL);
+    dup2(fd, STDOUT_FILENO);
+    dup2(fd, STDERR_FILENO);
+    execv(arguments[0], arguments.data());
+    _exit(127);
+  }
+  close(fd);
+}
+
+ChildProcess::~ChildProcess() {
+  if (!runs()) return;
+  signal(SIGKILL);
+  wait(within(10));
+}
+
+void ChildProcess::signal(int number) const { kill(pid_, number); }
+
+bool ChildProcess::runs() {
+  int status = 0;
+  if (!status_ && waitpid(pid_, &status, WNOHANG) == pid_) {
+    status_ = WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status);
+  }
+  return !status_;
+}
+
+std::optional<int> ChildProcess::wait(MonotonicInstant deadline) {
+  becomes_true([&] { return !runs(); }, deadline);
+  return status_;
+}
+
+std::string ChildProcess::output() const { return read_file(log_); }
+
+}  // namespace v3d::test

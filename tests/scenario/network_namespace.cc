@@ -1,0 +1,41 @@
+#include "scenario/network_namespace.h"
+
+#include <gtest/gtest.h>
+#include <sched.h>
+#include <unistd.h>
+
+#include <cstdlib>
+#include <fstream>
+
+#include "base/error.h"
+
+namespace v3d::test {
+namespace {
+
+/// Every test of the program runs in it.
+class OwnNetwork : public testing::Environment {
+ public:
+  void SetUp() override {
+    const std::string problem = enter_network_of_its_own();
+    if (!problem.empty()) GTEST_SKIP() << "skipped: no network namespace here: " << problem;
+  }
+};
+[[maybe_unused]] const auto* const kOwnNetwork = testing::AddGlobalTestEnvironment(new OwnNetwork);
+
+}  // namespace
+
+std::string enter_network_of_its_own() {
+  const uid_t user = getuid();
+  const gid_t group = getgid();
+  if (unshare(CLONE_NEWUSER | CLONE_NEWNET) != 0) return errno_message("unshare");
+  std::ofstream("/proc/self/setgroups") << "deny";
+  std::ofstream("/proc/self/uid_map") << "0 " << user << " 1";
+  std::ofstream("/proc/self/gid_map") << "0 " << group << " 1";
+  const char* commands =
+      "ip link set lo up mtu 65536 && ip link set lo multicast on && "
+      "ip route add 224.0.0.0/4 dev lo && "
+      "for i in $(seq 11 25); do ip addr add 127.0.0.$i/32 dev lo || exit 1; done";
+  return std::system(commands) == 0 ? "" : "ip failed";
+}
+
+}  // namespace v3d::test
