@@ -1,0 +1,44 @@
+#include "daemon/daemon_main.h"
+
+#include <spdlog/spdlog.h>
+
+#include <CLI/CLI.hpp>
+
+#include "base/error.h"
+#include "daemon/service.h"
+
+namespace v3d {
+
+int daemon_main(int argc, char** argv, const DaemonProgram& program,
+                const std::function<void(const Studio& studio, const std::string& node)>& run) {
+  CLI::App app{program.purpose, program.name};
+  std::filesystem::path studio;
+  std::string node;
+  std::string log_level = "info";
+  app.set_version_flag("--version", V3D_VERSION);
+  app.add_option("--studio", studio, "the studio file")->required()->type_name("studio.toml");
+  app.add_option("--node", node, "the [[node]] of the studio file that this process is")
+      ->required(program.node_is_required)
+      ->type_name("NAME");
+  app.add_option("--log-level", log_level, "trace, debug, info, warning, error or off")
+      ->capture_default_str();
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& error) {
+    return app.exit(error) == 0 ? kExitDone : kExitBadInput;
+  }
+  try {
+    begin_logging(program.name, log_level);
+    catch_stop_signals();
+    run(load_studio(studio), node);
+    return kExitDone;
+  } catch (const InputError& error) {
+    spdlog::critical("{}", error.what());
+    return kExitBadInput;
+  } catch (const std::exception& error) {
+    spdlog::critical("{}", error.what());
+    return kExitFailed;
+  }
+}
+
+}  // namespace v3d

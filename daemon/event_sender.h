@@ -1,0 +1,22 @@
+// Events for the operator: on the bus and in the log.
+#pragma once
+
+#include <string>
+
+#include "daemon/bus.h"
+
+namespace v3d {
+
+/// One thread.
+class EventSender {
+ public:
+  EventSender(Bus& bus, std::string node) : bus_(bus), node_(std::move(node)) {}
+  void send(Severity severity, const std::string& subject, const std::string& text);
+
+ private:
+  Bus& bus_;
+  const std::string node_;
+  int64_t seq_ = 0;
+};
+
+}  // namespace v3d

@@ -1,0 +1,41 @@
+// What a node does for its studio. The node loop calls it as the controller says.
+#pragma once
+
+#include <optional>
+#include <string>
+
+#include "base/time.h"
+#include "daemon/control.h"
+#include "wire/messages.h"
+
+namespace v3d {
+
+struct NodeReport {
+  Input event = Input::kBroken;  ///< kReady, kFailed, kTrainEnded, kDrained or kBroken
+  std::string text;              ///< one line for the operator
+  std::string detail;            ///< JSON, or empty
+};
+
+/// One thread calls; no function waits, except disarm() for threads to end. InputErrors of arm(),
+/// learn() and start() become refusals or faults.
+class NodeWork {
+ public:
+  virtual ~NodeWork() = default;
+
+  virtual void arm(const CommandMessage& order) = 0;
+  virtual void learn(const CommandMessage& order) = 0;
+  virtual void start() = 0;
+  virtual void drain() = 0;
+  /// Turns everything off and closes what is open, whatever the phase. Idempotent.
+  virtual void disarm() = 0;
+
+  /// What has happened since; called often.
+  virtual std::optional<NodeReport> poll(Phase phase) = 0;
+
+  /// Fills in `text` and `values`; called once a second, which is also when events are due.
+  virtual void report_health(HealthMessage& health) = 0;
+  /// Every thread of the pipeline went round its loop since `since`.
+  virtual bool progressed_since(MonotonicInstant since) const = 0;
+};
+
+}  // namespace v3d

@@ -1,0 +1,61 @@
+#include "daemon/service.h"
+
+#include <spdlog/sinks/stdout_color_sinks.h>
+#include <spdlog/sinks/systemd_sink.h>
+#include <spdlog/spdlog.h>
+#include <systemd/sd-daemon.h>
+
+#include <csignal>
+#include <cstdlib>
+
+#include "base/error.h"
+
+namespace v3d {
+namespace {
+
+volatile std::sig_atomic_t g_stop_requested = 0;
+
+void on_stop_signal(int) { g_stop_requested = 1; }
+
+}  // namespace
+
+void begin_logging(const std::string& program, const std::string& level) {
+  const auto parsed = spdlog::level::from_str(level);
+  if (parsed == spdlog::level::off && level != "off") {
+    throw InputError("--log-level: '" + level +
+                     "' is none of trace, debug, info, warning, error, off");
+  }
+  const bool under_systemd = std::getenv("JOURNAL_STREAM") != nullptr;
+  auto log = under_systemd ? spdlog::systemd_logger_mt(program) : spdlog::stderr_color_mt(program);
+  if (!under_systemd) log->set_pattern("%H:%M:%S.%e %n %^%l%$ %v");
+  log->set_level(parsed);
+  log->flush_on(spdlog::level::info);
+  spdlog::set_default_logger(std::move(log));
+}
+
+void catch_stop_signals() {
+  struct sigaction action {};
+  action.sa_handler = on_stop_signal;
+  sigaction(SIGTERM, &action, nullptr);
+  sigaction(SIGINT, &action, nullptr);
+  std::signal(SIGPIPE, SIG_IGN);
+}
+
+bool stop_requested() { return g_stop_requested != 0; }
+
+namespace service {
+
+void ready() { sd_notify(0, "READY=1"); }
+void stopping() { sd_notify(0, "STOPPING=1"); }
+void status(const std::string& line) { sd_notify(0, ("STATUS=" + line).c_str()); }
+void feed_watchdog() { sd_notify(0, "WATCHDOG=1"); }
+
+std::optional<Duration> watchdog_period() {
+  uint64_t microseconds = 0;
+  if (sd_watchdog_enabled(0, &microseconds) <= 0) return std::nullopt;
+  return std::chrono::microseconds(microseconds);
+}
+
+}  // namespace service
+
+}  // namespace v3d
