@@ -1,0 +1,49 @@
+// Learns the empty studio: gathers plates of every camera, then makes and saves the models.
+#pragma once
+
+#include <atomic>
+#include <filesystem>
+#include <future>
+#include <string>
+#include <vector>
+
+#include "capture/camera_worker.h"
+#include "daemon/heartbeat.h"
+
+namespace v3d {
+
+struct LearnPlan {
+  int64_t plates = 16;  ///< of each camera
+  Duration limit{};     ///< gather no longer than this
+  std::filesystem::path folder;
+};
+
+/// Begins at construction, in a thread of its own. The workers are armed and outlive the learner.
+class BackgroundLearner {
+ public:
+  struct Result {
+    bool learnt = false;
+    std::string text;
+  };
+
+  BackgroundLearner(std::vector<CameraWorker*> workers, LearnPlan plan);
+  ~BackgroundLearner();
+  BackgroundLearner(const BackgroundLearner&) = delete;
+  BackgroundLearner& operator=(const BackgroundLearner&) = delete;
+
+  /// Empty while it is at work; once otherwise.
+  std::optional<Result> poll();
+  bool progressed_since(MonotonicInstant since) const { return heartbeat_.since(since); }
+
+ private:
+  Result run();
+  std::vector<std::vector<Image>> gather();
+
+  const std::vector<CameraWorker*> workers_;
+  const LearnPlan plan_;
+  Heartbeat heartbeat_;
+  std::atomic<bool> stopping_ = false;
+  std::future<Result> result_;
+};
+
+}  // namespace v3d

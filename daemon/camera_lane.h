@@ -1,0 +1,89 @@
+// The way of one camera's frames through a take: label -> disk -> mask -> network.
+#pragma once
+
+#include <atomic>
+#include <filesystem>
+#include <memory>
+#include <mutex>
+#include <semaphore>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "capture/camera_worker.h"
+#include "capture/segmenter.h"
+#include "daemon/bus.h"
+#include "daemon/heartbeat.h"
+#include "take/frame_log.h"
+#include "take/ledger.h"
+
+namespace v3d {
+
+/// So many lanes work at a time as there are cores: more would only push each other out of the
+/// caches, and a lane waits for frames most of the time.
+using WorkPlaces = std::counting_semaphore<>;
+
+struct LaneCounts {
+  int64_t received = 0;  ///< frames taken from the camera
+  int64_t written = 0;
+  int64_t write_errors = 0;  ///< frames that the disk refused
+  int64_t published = 0;
+  int64_t not_live = 0;  ///< written, but not segmented and published: the lane was behind
+};
+
+/// Lives from the moment a take is armed until it is closed. Has a thread of its own, so that the
+/// frames of a camera keep their order and a segmenter its memory. A frame is copied twice here:
+/// into the event for the disk, and its foreground into the message. The take comes before the live
+/// picture: while frames pile up behind it, a frame is only written.
+class CameraLane {
+ public:
+  struct Setup {
+    std::string take;
+    std::filesystem::path log;
+    Segmenter segmenter;
+  };
+  /// `worker`, `bus` and `places` outlive the lane. Throws InputError when the log cannot be made.
+  CameraLane(CameraWorker& worker, Setup setup, Bus& bus, WorkPlaces& places);
+  /// Stops without waiting for more frames.
+  ~CameraLane();
+  CameraLane(const CameraLane&) = delete;
+  CameraLane& operator=(const CameraLane&) = delete;
+
+  const std::string& camera() const { return worker_.camera(); }
+  LaneCounts counts() const;
+  /// No frame waits, and none is being worked on; the last came before `since`.
+  bool quiet_since(MonotonicInstant since) const;
+  bool progressed_since(MonotonicInstant since) const { return heartbeat_.since(since); }
+
+  /// Ends the thread, closes the log and gives the account.
+  CameraLedger close(int64_t commanded);
+
+ private:
+  void run();
+  void process(Frame frame);
+  void go_live(FrameMessage message);
+  bool is_behind() const;
+  void end();
+
+  CameraWorker& worker_;
+  Bus& bus_;
+  WorkPlaces& places_;
+  const std::string take_;
+  Segmenter segmenter_;
+  EventLogWriter log_;
+  int64_t log_seq_ = 0;
+  int64_t live_seq_ = 0;
+  std::vector<int64_t> written_pulses_;  // of the lane's thread until close()
+  std::vector<int64_t> suspect_pulses_;
+  std::atomic<int64_t> received_ = 0;
+  std::atomic<int64_t> written_ = 0;
+  std::atomic<int64_t> write_errors_ = 0;
+  std::atomic<int64_t> published_ = 0;
+  std::atomic<int64_t> not_live_ = 0;
+  std::atomic<int64_t> last_frame_ns_ = 0;
+  Heartbeat heartbeat_;
+  std::atomic<bool> stopping_ = false;
+  std::thread thread_;
+};
+
+}  // namespace v3d

@@ -1,0 +1,437 @@
+#include "daemon/capture_node.h"
+
+#include <algorithm>
+#include <thread>
+
+#include "base/calib_file.h"
+#include "base/error.h"
+#include "base/units.h"
+#include "capture/make_camera.h"
+#include "daemon/json.h"
+#include "daemon/take_folder.h"
+#include "trigger/make_trigger.h"
+
+namespace v3d {
+namespace {
+
+constexpr Duration kReadyWithin = std::chrono::seconds(15);
+constexpr Duration kDrainWithin = std::chrono::seconds(15);
+constexpr Duration kLongestQuiet = std::chrono::seconds(1);
+/// More than a second of frames: as long as a disk may hesitate.
+constexpr size_t kQueueFrames = 32;
+constexpr int64_t kDefaultPlates = 16;
+constexpr int64_t kMinPlates = 2;
+constexpr int64_t kMaxPlates = 256;  // they are all in memory at once
+constexpr double kMinRateHz = 0.01;
+constexpr double kMaxRateHz = 1000;
+/// A frame later than so many periods counts as missing in health.
+constexpr int64_t kLatePeriods = 5;
+
+/// Commands come from the network.
+void refuse_absurd(const CommandMessage& order) {
+  if (order.rate_hz != 0 && !(order.rate_hz >= kMinRateHz && order.rate_hz <= kMaxRateHz)) {
+    throw InputError("a rate of " + std::to_string(order.rate_hz) +
+                     " Hz is not possible; expected 0.01 to 1000");
+  }
+  const bool learns = order.verb == CommandVerb::kBackground;
+  if (learns && order.pulses != 0 && (order.pulses < kMinPlates || order.pulses > kMaxPlates)) {
+    throw InputError("a background of " + std::to_string(order.pulses) +
+                     " pulses is not possible; expected 2 to 256");
+  }
+}
+
+std::string join(const std::vector<std::string>& parts, const std::string& separator) {
+  std::string text;
+  for (const std::string& part : parts) text += (text.empty() ? "" : separator) + part;
+  return text;
+}
+
+}  // namespace
+
+CaptureNode::CaptureNode(const Studio& studio, const std::string& node, Bus& bus)
+    : studio_(studio),
+      node_(node),
+      bus_(bus),
+      events_(bus, node),
+      places_(std::max(1U, std::thread::hardware_concurrency())) {
+  const std::vector<StudioCamera> cameras = studio.cameras_of(node);
+  const bool triggers = studio.trigger.node == node;
+  if (cameras.empty() && !triggers) {
+    throw InputError(studio.path.string() + ": node '" + node +
+                     "' has neither a camera nor the trigger; v3d-captured has nothing to do here");
+  }
+  if (triggers) {
+    generator_ = make_generator(studio.trigger);
+    sensor_ = make_sensor(studio.trigger);
+  }
+  for (const StudioCamera& camera : cameras) {
+    workers_.push_back(std::make_unique<CameraWorker>(
+        camera.name, [camera] { return make_camera(camera); },
+        CameraWorkerOptions{.queue_frames = kQueueFrames}));
+  }
+}
+
+CaptureNode::~CaptureNode() { disarm(); }
+
+// --- commands -----------------------------------------------------------------------------------
+
+void CaptureNode::arm(const CommandMessage& order) {
+  refuse_bad_take(studio_, order.take);
+  refuse_uncalibrated();
+  for (const auto& worker : workers_) {
+    if (!has_background(studio_.storage.background, worker->camera()) &&
+        std::find(order.allow_missing.begin(), order.allow_missing.end(), worker->camera()) ==
+            order.allow_missing.end()) {
+      throw InputError(worker->camera() + " has no background model in " +
+                       studio_.storage.background.string() +
+                       "; clear the studio and run v3dctl background");
+    }
+  }
+  make_ready(order, order.pulses > 0 ? std::optional(order.pulses) : std::nullopt);
+}
+
+void CaptureNode::learn(const CommandMessage& order) {
+  make_ready(order, order.pulses > 0 ? order.pulses : kDefaultPlates);
+}
+
+void CaptureNode::make_ready(const CommandMessage& order, std::optional<int64_t> pulses) {
+  refuse_absurd(order);
+  order_ = order;
+  rate_hz_ = order.rate_hz > 0 ? order.rate_hz : studio_.trigger.rate_hz;
+  if (generator_) {
+    generator_->stop();
+    generator_->arm({.rate_hz = rate_hz_,
+                     .width = from_seconds(studio_.trigger.pulse_width_us * 1e-6),
+                     .count = pulses});
+  }
+  for (const auto& worker : workers_) worker->arm(period_of(rate_hz_));
+  told_.clear();
+  ready_by_ = Monotonic::now() + kReadyWithin + 2 * period_of(rate_hz_);
+}
+
+void CaptureNode::start() {
+  if (generator_) generator_->start();
+}
+
+void CaptureNode::drain() {
+  if (generator_) generator_->stop();
+  for (const auto& worker : workers_) worker->train_ended();
+  drain_began_ = Monotonic::now();
+}
+
+void CaptureNode::disarm() {
+  if (generator_) generator_->stop();
+  for (const auto& worker : workers_) worker->train_ended();
+  learner_.reset();
+  if (take_is_open()) {
+    const Ledger ledger = finish_take();
+    close_take(studio_, info_, ledger);
+    if (ledger.commanded == 0 && ledger.sensed == 0) discard_empty_take();
+  }
+  for (const auto& worker : workers_) worker->disarm();
+}
+
+// --- what happens -------------------------------------------------------------------------------
+
+std::optional<NodeReport> CaptureNode::poll(Phase phase) {
+  try {
+    switch (phase) {
+      case Phase::kArming: {
+        NodeReport report = poll_arming();
+        if (report.text.empty()) return std::nullopt;
+        return report;
+      }
+      case Phase::kLearning:
+        return poll_learning();
+      case Phase::kRecording:
+        return poll_recording();
+      case Phase::kDraining:
+        return poll_draining();
+      default:
+        return std::nullopt;
+    }
+  } catch (const InputError& error) {
+    return NodeReport{.event = Input::kFailed, .text = error.what(), .detail = {}};
+  }
+}
+
+/// An empty text while it takes its time.
+NodeReport CaptureNode::poll_arming() {
+  const std::string waiting = not_ready();
+  if (!waiting.empty()) {
+    const bool late = Monotonic::now() > ready_by_;
+    return {.event = Input::kFailed, .text = late ? "not ready: " + waiting : "", .detail = {}};
+  }
+  open_take();
+  return {.event = Input::kReady, .text = ready_text(), .detail = {}};
+}
+
+std::optional<NodeReport> CaptureNode::poll_learning() {
+  if (!learner_) {
+    const std::string waiting = not_ready();
+    if (!waiting.empty()) {
+      if (Monotonic::now() < ready_by_) return std::nullopt;
+      return NodeReport{.event = Input::kFailed, .text = "not ready: " + waiting, .detail = {}};
+    }
+    const int64_t plates = order_.pulses > 0 ? order_.pulses : kDefaultPlates;
+    learner_ = std::make_unique<BackgroundLearner>(
+        ready_workers(), LearnPlan{.plates = plates,
+                                   .limit = (plates + 2) * period_of(rate_hz_) + kReadyWithin,
+                                   .folder = studio_.storage.background});
+    start();
+  }
+  const auto result = learner_->poll();
+  if (!result) return std::nullopt;
+  return NodeReport{
+      .event = result->learnt ? Input::kReady : Input::kFailed, .text = result->text, .detail = {}};
+}
+
+std::optional<NodeReport> CaptureNode::poll_recording() const {
+  const bool ended =
+      generator_ ? generator_->finished() : order_.pulses > 0 && pulses_->seen() >= order_.pulses;
+  if (!ended) return std::nullopt;
+  return NodeReport{.event = Input::kTrainEnded, .text = "pulses have ended", .detail = {}};
+}
+
+std::optional<NodeReport> CaptureNode::poll_draining() {
+  if (!all_accounted_for() && Monotonic::now() < drain_began_ + kDrainWithin) return std::nullopt;
+  const Ledger ledger = finish_take();
+  if (!close_take(studio_, info_, ledger)) {
+    return NodeReport{.event = Input::kBroken,
+                      .text = "cannot write the ledger of " + ledger.take + " to " +
+                              studio_.storage.takes.string(),
+                      .detail = ledger_json(ledger)};
+  }
+  return NodeReport{
+      .event = Input::kDrained, .text = ledger.verdict(), .detail = ledger_json(ledger)};
+}
+
+// --- the take -----------------------------------------------------------------------------------
+
+void CaptureNode::open_take() {
+  const std::vector<CameraWorker*> ready = ready_workers();
+  info_ = {.name = order_.take,
+           .studio = studio_.name,
+           .rate_hz = rate_hz_,
+           .pulses = 0,
+           .state = TakeState::kRecording,
+           .software_version = V3D_VERSION,
+           .started = Realtime::now(),
+           .cameras = {}};
+  for (const CameraWorker* worker : ready) info_.cameras.push_back(worker->camera());
+  create_take(studio_, info_);
+  const TakePaths paths = take_paths(studio_, info_.name);
+  pulses_ = std::make_unique<PulseRecorder>(sensor_.get(), bus_, info_.name, paths.pulses());
+  for (CameraWorker* worker : ready) {
+    lanes_.push_back(std::make_unique<CameraLane>(
+        *worker,
+        CameraLane::Setup{.take = info_.name,
+                          .log = paths.frames(worker->camera()),
+                          .segmenter = Segmenter(background_of(worker->camera()), {})},
+        bus_, places_));
+  }
+}
+
+Ledger CaptureNode::finish_take() {
+  Ledger ledger{
+      .take = info_.name, .commanded = commanded(), .sensed = pulses_->sensed(), .cameras = {}};
+  for (const auto& lane : lanes_) ledger.cameras.push_back(lane->close(ledger.commanded));
+  totals_ = totals();
+  lanes_.clear();
+  pulses_.reset();
+  return ledger;
+}
+
+/// A take that was armed and never saw a pulse leaves nothing behind.
+void CaptureNode::discard_empty_take() {
+  std::error_code error;
+  std::filesystem::remove_all(take_paths(studio_, info_.name).folder, error);
+}
+
+int64_t CaptureNode::commanded() const {
+  return generator_ ? generator_->commanded() : pulses_->seen();
+}
+
+bool CaptureNode::all_accounted_for() const {
+  const MonotonicInstant now = Monotonic::now();
+  const Duration quiet = std::min<Duration>(kLongestQuiet, 10 * period_of(rate_hz_));
+  const bool silent = now - drain_began_ > quiet;
+  if (generator_ && pulses_->sensed() < commanded() && !silent) return false;
+  // Elsewhere the last pulses may not have been heard of yet.
+  if (!generator_ && !silent) return false;
+  return std::all_of(lanes_.begin(), lanes_.end(), [&](const auto& lane) {
+    return lane->counts().received >= commanded() || (silent && lane->quiet_since(now - quiet));
+  });
+}
+
+// --- readiness ----------------------------------------------------------------------------------
+
+bool CaptureNode::may_be_missing(const std::string& camera) const {
+  return std::find(order_.allow_missing.begin(), order_.allow_missing.end(), camera) !=
+         order_.allow_missing.end();
+}
+
+std::string CaptureNode::not_ready() const {
+  std::vector<std::string> cameras;
+  for (const auto& worker : workers_) {
+    const CameraWorkerStatus status = worker->status();
+    if (status.state == CameraState::kReady || may_be_missing(worker->camera())) continue;
+    cameras.push_back(worker->camera() + " (" +
+                      (status.text.empty() ? std::string(name(status.state)) : status.text) + ")");
+  }
+  return join(cameras, ", ");
+}
+
+std::vector<CameraWorker*> CaptureNode::ready_workers() const {
+  std::vector<CameraWorker*> ready;
+  for (const auto& worker : workers_) {
+    if (worker->status().state == CameraState::kReady) ready.push_back(worker.get());
+  }
+  return ready;
+}
+
+void CaptureNode::refuse_uncalibrated() const {
+  const Rig rig = load_calib(studio_.storage.calib);
+  for (const auto& worker : workers_) {
+    if (find_camera(rig, worker->camera()) < 0) {
+      throw InputError(studio_.storage.calib.string() + ": has no camera '" + worker->camera() +
+                       "', which " + studio_.path.string() + " names");
+    }
+  }
+}
+
+BackgroundModel CaptureNode::background_of(const std::string& camera) const {
+  BackgroundModel model = load_background(studio_.storage.background, camera);
+  for (const auto& worker : workers_) {
+    const CameraWorkerStatus status = worker->status();
+    if (worker->camera() != camera) continue;
+    if (status.size != model.size || status.format != model.format) {
+      throw InputError(camera +
+                       ": its background model is of another image size or pixel format; "
+                       "run v3dctl background");
+    }
+  }
+  return model;
+}
+
+double CaptureNode::bytes_per_second() const {
+  double bytes = 0;
+  for (const CameraWorker* worker : ready_workers()) {
+    const CameraWorkerStatus status = worker->status();
+    bytes += static_cast<double>(byte_count(status.size, status.format)) * rate_hz_;
+  }
+  return bytes;
+}
+
+std::string CaptureNode::ready_text() const {
+  constexpr double kFiveMinutes = 300;
+  std::string text = std::to_string(lanes_.size()) + " cameras streaming and quiet, " +
+                     format_bytes(bytes_per_second() * kFiveMinutes) + " for 5 min, " +
+                     format_bytes(disk_free_bytes(studio_)) + " free";
+  return generator_ ? text + ", trigger here" : text;
+}
+
+// --- health -------------------------------------------------------------------------------------
+
+std::string CaptureNode::trouble() const {
+  std::vector<std::string> lines;
+  if (generator_ && !generator_->fault().empty())
+    lines.push_back("trigger: " + generator_->fault());
+  if (sensor_ && !sensor_->fault().empty()) lines.push_back("sense line: " + sensor_->fault());
+  for (const auto& worker : workers_) {
+    const std::string text = worker->status().text;
+    if (!text.empty()) lines.push_back(worker->camera() + ": " + text);
+  }
+  return join(lines, "; ");
+}
+
+/// Of the open take, else of the last one.
+CaptureNode::TakeTotals CaptureNode::totals() const {
+  if (!take_is_open()) return totals_;
+  TakeTotals sum{.frames = {}, .sensed = pulses_->sensed(), .commanded = commanded()};
+  for (const auto& lane : lanes_) {
+    const LaneCounts counts = lane->counts();
+    sum.frames.received += counts.received;
+    sum.frames.written += counts.written;
+    sum.frames.write_errors += counts.write_errors;
+    sum.frames.published += counts.published;
+    sum.frames.not_live += counts.not_live;
+  }
+  return sum;
+}
+
+void CaptureNode::report_health(HealthMessage& health) {
+  health.text = trouble();
+  health.values["cameras"] = static_cast<double>(workers_.size());
+  health.values["disk_free_bytes"] = disk_free_bytes(studio_);
+  const TakeTotals sum = totals();
+  health.values["frames_received"] = static_cast<double>(sum.frames.received);
+  health.values["frames_written"] = static_cast<double>(sum.frames.written);
+  health.values["frames_published"] = static_cast<double>(sum.frames.published);
+  health.values["frames_not_live"] = static_cast<double>(sum.frames.not_live);
+  health.values["write_errors"] = static_cast<double>(sum.frames.write_errors);
+  if (sum.frames.write_errors > 0) health.text = "frames could not be written: the disk refuses";
+  health.values["pulses_sensed"] = static_cast<double>(sum.sensed);
+  health.values["pulses_commanded"] = static_cast<double>(sum.commanded);
+  health.values["frames_missing"] = 0;
+  health.values["frames_suspect"] = 0;
+  health.values["cameras_streaming"] = 0;
+  for (const auto& worker : workers_) report_camera(*worker, health);
+}
+
+void CaptureNode::report_camera(const CameraWorker& worker, HealthMessage& health) {
+  const CameraWorkerStatus status = worker.status();
+  const auto value = [&](const std::string& what, int64_t n) {
+    health.values[worker.camera() + "." + what] = static_cast<double>(n);
+  };
+  const int64_t due = pulses_ ? std::max<int64_t>(0, commanded() - kLatePeriods) : 0;
+  const int64_t missing = pulses_ ? std::max<int64_t>(0, due - status.frames) : 0;
+  value("frames", status.frames);
+  value("frames_missing", missing);
+  value("frames_suspect", status.suspect);
+  value("frames_dropped", status.dropped);
+  value("frames_damaged", status.link.damaged);
+  value("underruns", status.link.underruns);
+  value("losses", status.losses);
+  health.values["frames_missing"] += static_cast<double>(missing);
+  health.values["frames_suspect"] += static_cast<double>(status.suspect);
+  const bool streaming =
+      status.state != CameraState::kOpening && status.state != CameraState::kLost;
+  health.values["cameras_streaming"] += streaming ? 1 : 0;
+  Told& told = told_[worker.camera()];
+  if (missing > told.missing) {
+    events_.send(Severity::kWarning, worker.camera(),
+                 format_count(missing) + " frames missing of " + format_count(due) + " pulses");
+  }
+  told.missing = missing;
+  tell_events(worker, status);
+}
+
+/// At most one event of a kind and camera with every health message.
+void CaptureNode::tell_events(const CameraWorker& worker, const CameraWorkerStatus& status) {
+  Told& told = told_[worker.camera()];
+  if (status.suspect > told.suspect) {
+    events_.send(Severity::kWarning, worker.camera(),
+                 format_count(status.suspect) +
+                     " frames with a suspect pulse number, the last near " +
+                     std::to_string(status.last_pulse));
+  }
+  if (status.state == CameraState::kLost && told.state != CameraState::kLost) {
+    events_.send(Severity::kAlarm, worker.camera(),
+                 status.text.empty() ? "lost" : "lost: " + status.text);
+  }
+  if (told.state == CameraState::kLost && status.state != CameraState::kLost) {
+    events_.send(Severity::kInfo, worker.camera(), "answers again");
+  }
+  told.suspect = status.suspect;
+  told.state = status.state;
+}
+
+bool CaptureNode::progressed_since(MonotonicInstant since) const {
+  const bool lanes = std::all_of(lanes_.begin(), lanes_.end(),
+                                 [&](const auto& lane) { return lane->progressed_since(since); });
+  return lanes && (!pulses_ || pulses_->progressed_since(since)) &&
+         (!learner_ || learner_->progressed_since(since));
+}
+
+}  // namespace v3d

@@ -1,0 +1,102 @@
+// What a capture node does: makes its cameras and the trigger ready, records takes, learns the
+// background.
+#pragma once
+
+#include <map>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "base/camera_model.h"
+#include "base/studio_file.h"
+#include "capture/camera_worker.h"
+#include "daemon/background_learner.h"
+#include "daemon/bus.h"
+#include "daemon/camera_lane.h"
+#include "daemon/event_sender.h"
+#include "daemon/node_work.h"
+#include "daemon/pulse_recorder.h"
+#include "take/take.h"
+#include "trigger/pulse_generator.h"
+
+namespace v3d {
+
+/// Order of arming: generator off -> all cameras streaming and quiet for two periods -> ready ->
+/// (start) pulses on. So the first frame after the quiet is pulse 0.
+class CaptureNode : public NodeWork {
+ public:
+  /// Opens the cameras of `node` in the background. `studio` and `bus` outlive the node. Throws
+  /// InputError when the node has neither camera nor trigger.
+  CaptureNode(const Studio& studio, const std::string& node, Bus& bus);
+  ~CaptureNode() override;
+
+  void arm(const CommandMessage& order) override;
+  void learn(const CommandMessage& order) override;
+  void start() override;
+  void drain() override;
+  void disarm() override;
+  std::optional<NodeReport> poll(Phase phase) override;
+  void report_health(HealthMessage& health) override;
+  bool progressed_since(MonotonicInstant since) const override;
+
+ private:
+  void make_ready(const CommandMessage& order, std::optional<int64_t> pulses);
+  std::vector<CameraWorker*> ready_workers() const;
+  bool may_be_missing(const std::string& camera) const;
+  /// Cameras that must be ready and are not, with why; empty when all are.
+  std::string not_ready() const;
+  void refuse_uncalibrated() const;
+  BackgroundModel background_of(const std::string& camera) const;
+
+  NodeReport poll_arming();
+  std::optional<NodeReport> poll_learning();
+  std::optional<NodeReport> poll_recording() const;
+  std::optional<NodeReport> poll_draining();
+
+  struct TakeTotals {
+    LaneCounts frames;
+    int64_t sensed = 0;
+    int64_t commanded = 0;
+  };
+  TakeTotals totals() const;
+  void open_take();
+  /// Ends lanes and pulses; gives the account. Requires an open take.
+  Ledger finish_take();
+  bool take_is_open() const { return pulses_ != nullptr; }
+  void discard_empty_take();
+  int64_t commanded() const;
+  bool all_accounted_for() const;
+  std::string ready_text() const;
+  double bytes_per_second() const;
+  std::string trouble() const;
+  void report_camera(const CameraWorker& worker, HealthMessage& health);
+  void tell_events(const CameraWorker& worker, const CameraWorkerStatus& status);
+
+  const Studio& studio_;
+  const std::string node_;
+  Bus& bus_;
+  EventSender events_;
+  std::unique_ptr<PulseGenerator> generator_;  ///< null where another node has the trigger
+  std::unique_ptr<PulseSensor> sensor_;
+  std::vector<std::unique_ptr<CameraWorker>> workers_;
+  WorkPlaces places_;
+
+  CommandMessage order_;
+  double rate_hz_ = 0;
+  MonotonicInstant ready_by_;
+  MonotonicInstant drain_began_;
+  TakeInfo info_;
+  std::unique_ptr<PulseRecorder> pulses_;
+  std::vector<std::unique_ptr<CameraLane>> lanes_;
+  TakeTotals totals_;  ///< of the last take
+  std::unique_ptr<BackgroundLearner> learner_;
+
+  struct Told {
+    CameraState state = CameraState::kOpening;
+    int64_t suspect = 0;
+    int64_t missing = 0;
+  };
+  std::map<std::string, Told> told_;  ///< what events have been sent of, by camera
+};
+
+}  // namespace v3d

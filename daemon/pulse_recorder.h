@@ -1,0 +1,59 @@
+// Every pulse of a take, as the sense line saw it: numbered, published, written, counted.
+#pragma once
+
+#include <atomic>
+#include <filesystem>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <string>
+#include <thread>
+
+#include "daemon/bus.h"
+#include "daemon/heartbeat.h"
+#include "take/frame_log.h"
+#include "trigger/pulse_generator.h"
+
+namespace v3d {
+
+/// On the node of the trigger: reads the sense line and tells the studio. Elsewhere: listens to
+/// what that node tells. Has a thread of its own; lives from arming to the end of the take.
+class PulseRecorder {
+ public:
+  /// `sensor` (may be null: listen on the bus) is reset here and read until destruction; it and
+  /// `bus` outlive the recorder. An empty `log` is not written. Throws InputError when the line
+  /// cannot be reached or the log cannot be made.
+  PulseRecorder(PulseSensor* sensor, Bus& bus, std::string take, const std::filesystem::path& log);
+  ~PulseRecorder();
+  PulseRecorder(const PulseRecorder&) = delete;
+  PulseRecorder& operator=(const PulseRecorder&) = delete;
+
+  int64_t sensed() const { return sensed_; }
+  /// The highest pulse number seen, plus one.
+  int64_t seen() const { return seen_; }
+  int64_t write_errors() const { return write_errors_; }
+  /// Messages of the trigger's node that did not arrive here; 0 on that node.
+  int64_t lost() const { return heard_ ? heard_->counts().lost : 0; }
+  bool progressed_since(MonotonicInstant since) const { return heartbeat_.since(since); }
+
+ private:
+  void run();
+  std::optional<PulseMessage> next();
+  std::optional<PulseMessage> sense();
+  std::optional<PulseMessage> hear();
+
+  PulseSensor* const sensor_;
+  Bus& bus_;
+  const std::string take_;
+  std::unique_ptr<Subscription<PulseMessage>> heard_;
+  std::optional<EventLogWriter> log_;
+  int64_t seq_ = 0;
+  std::atomic<int64_t> sensed_ = 0;
+  std::atomic<int64_t> seen_ = 0;
+  std::atomic<int64_t> write_errors_ = 0;
+  Heartbeat heartbeat_;
+  std::atomic<bool> stopping_ = false;
+  std::thread thread_;
+};
+
+}  // namespace v3d

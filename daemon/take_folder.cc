@@ -1,0 +1,106 @@
+#include "daemon/take_folder.h"
+
+#include <spdlog/spdlog.h>
+
+#include <algorithm>
+
+#include "base/error.h"
+#include "base/name.h"
+#include "take/verify.h"
+
+namespace v3d {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// Runs file operations; their exceptions become the InputError of set-up.
+template <class Operations>
+void as_input_error(const fs::path& folder, Operations operations) {
+  try {
+    operations();
+  } catch (const InputError&) {
+    throw;
+  } catch (const std::exception& error) {
+    throw InputError("cannot make take " + folder.string() + ": " + error.what());
+  }
+}
+
+bool is_open_take_of(const TakeInfo& info, const std::vector<std::string>& cameras) {
+  const auto is_ours = [&](const std::string& camera) {
+    return std::find(cameras.begin(), cameras.end(), camera) != cameras.end();
+  };
+  return info.state == TakeState::kRecording &&
+         std::any_of(info.cameras.begin(), info.cameras.end(), is_ours);
+}
+
+}  // namespace
+
+TakePaths take_paths(const Studio& studio, const std::string& take) {
+  return {studio.storage.takes / take};
+}
+
+void refuse_bad_take(const Studio& studio, const std::string& take) {
+  if (!is_take_name(take)) {
+    throw InputError("'" + take + "' cannot name a take: " + std::string(kFileNameRule));
+  }
+  if (fs::exists(take_paths(studio, take).info())) {
+    throw InputError("take " + take + " exists already in " + studio.storage.takes.string() +
+                     "; choose another name");
+  }
+}
+
+void create_take(const Studio& studio, const TakeInfo& info) {
+  const TakePaths paths = take_paths(studio, info.name);
+  as_input_error(paths.folder, [&] {
+    fs::create_directories(paths.background());
+    fs::copy_file(studio.storage.calib, paths.calib(), fs::copy_options::overwrite_existing);
+    for (const std::string& camera : info.cameras) {
+      for (const auto& entry : fs::directory_iterator(studio.storage.background)) {
+        if (entry.path().filename().string().starts_with(camera + ".")) {
+          fs::copy_file(entry.path(), paths.background() / entry.path().filename(),
+                        fs::copy_options::overwrite_existing);
+        }
+      }
+    }
+    save_take_info(paths, info);
+  });
+}
+
+bool close_take(const Studio& studio, TakeInfo info, const Ledger& ledger) {
+  const TakePaths paths = take_paths(studio, info.name);
+  info.pulses = ledger.commanded;
+  info.state = TakeState::kComplete;
+  try {
+    save_ledger(paths.ledger(), ledger);
+    save_take_info(paths, info);
+    return true;
+  } catch (const std::exception& error) {
+    spdlog::error("take {}: {}", info.name, error.what());
+    return false;
+  }
+}
+
+std::vector<std::string> recover_open_takes(const Studio& studio,
+                                            const std::vector<std::string>& cameras) {
+  std::vector<std::string> lines;
+  std::error_code error;
+  for (const auto& entry : fs::directory_iterator(studio.storage.takes, error)) {
+    const TakePaths paths{entry.path()};
+    if (!fs::exists(paths.info(), error)) continue;
+    try {
+      if (!is_open_take_of(load_take_info(paths), cameras)) continue;
+      lines.push_back("recovered " + recover_take(paths).ledger.verdict());
+    } catch (const std::exception& problem) {
+      lines.push_back("cannot recover " + entry.path().string() + ": " + problem.what());
+    }
+  }
+  return lines;
+}
+
+double disk_free_bytes(const Studio& studio) {
+  std::error_code error;
+  const fs::space_info space = fs::space(studio.storage.takes, error);
+  return error ? 0 : static_cast<double>(space.available);
+}
+
+}  // namespace v3d

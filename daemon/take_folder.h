@@ -1,0 +1,34 @@
+// Makes and closes the folder of a take on this node.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "base/studio_file.h"
+#include "take/ledger.h"
+#include "take/take.h"
+
+namespace v3d {
+
+/// Where a take of this studio lies.
+TakePaths take_paths(const Studio& studio, const std::string& take);
+
+/// Throws InputError when the name is no take name or the take exists already.
+void refuse_bad_take(const Studio& studio, const std::string& take);
+
+/// Makes the folder with take.toml (state: recording), calib.toml and background/. Throws
+/// InputError naming what could not be made.
+void create_take(const Studio& studio, const TakeInfo& info);
+
+/// Writes the ledger and the final take.toml. False, and logged, when the disk refused.
+bool close_take(const Studio& studio, TakeInfo info, const Ledger& ledger);
+
+/// Gives takes of these cameras that a crash left open their ledger and the state "recovered".
+/// One line for each.
+std::vector<std::string> recover_open_takes(const Studio& studio,
+                                            const std::vector<std::string>& cameras);
+
+/// Bytes that can still be written where takes lie; 0 when that cannot be told.
+double disk_free_bytes(const Studio& studio);
+
+}  // namespace v3d
