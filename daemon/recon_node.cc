@@ -1,0 +1,152 @@
+#include "daemon/recon_node.h"
+
+#include <algorithm>
+
+#include "base/calib_file.h"
+#include "base/error.h"
+#include "base/units.h"
+#include "daemon/json.h"
+#include "daemon/take_folder.h"
+
+namespace v3d {
+namespace {
+
+/// The capture nodes drain at the same time: the last frames come within this.
+constexpr Duration kQuiet = std::chrono::milliseconds(1200);
+constexpr Duration kDrainWithin = std::chrono::seconds(20);
+
+std::map<std::string, double> values_of(const ReconCounts& c) {
+  return {{"meshes", static_cast<double>(c.meshes)},
+          {"dropped", static_cast<double>(c.dropped)},
+          {"incomplete_sets", static_cast<double>(c.incomplete_sets)},
+          {"frames_foreign", static_cast<double>(c.foreign)},
+          {"frames_lost", static_cast<double>(c.frames_lost)},
+          {"undecodable", static_cast<double>(c.undecodable)},
+          {"write_errors", static_cast<double>(c.write_errors)},
+          {"latency_p50_ms", c.latency_p50_ms},
+          {"latency_p99_ms", c.latency_p99_ms},
+          {"live_fps", c.live_fps}};
+}
+
+/// The cameras that this take may count on.
+FrameSetOptions sets_of(const Studio& studio, const CommandMessage& order) {
+  FrameSetOptions options;
+  for (const StudioCamera& camera : studio.cameras) {
+    const bool missing = std::find(order.allow_missing.begin(), order.allow_missing.end(),
+                                   camera.name) != order.allow_missing.end();
+    if (!missing) options.cameras.push_back(camera.name);
+  }
+  options.deadline = from_seconds(studio.reconstruction.deadline_ms * 1e-3);
+  return options;
+}
+
+}  // namespace
+
+ReconNode::ReconNode(const Studio& studio, const std::string& node, Bus& bus)
+    : studio_(studio), bus_(bus), events_(bus, node) {}
+
+ReconNode::~ReconNode() { disarm(); }
+
+void ReconNode::arm(const CommandMessage& order) {
+  order_ = order;
+  if (!is_take_name(order.take)) throw InputError("'" + order.take + "' cannot name a take");
+  const TakePaths paths = take_paths(studio_, order.take);
+  if (std::filesystem::exists(paths.mesh())) {
+    throw InputError(paths.mesh().string() + " exists already; choose another take name");
+  }
+  std::error_code error;
+  std::filesystem::create_directories(paths.folder, error);  // the mesh file tells what is wrong
+  const StudioReconstruction& recon = studio_.reconstruction;
+  pipeline_ = std::make_unique<ReconPipeline>(
+      ReconPipeline::Setup{.take = order.take,
+                           .mesh_file = paths.mesh(),
+                           .rig = load_calib(studio_.storage.calib),
+                           .options = {.bounds = studio_.space.bounds,
+                                       .voxel_m = recon.voxel_m,
+                                       .min_views = recon.min_views,
+                                       .quality = recon.quality,
+                                       .threads = recon.threads},
+                           .sets = sets_of(studio_, order)},
+      bus_);
+  told_dropped_ = 0;
+}
+
+void ReconNode::learn(const CommandMessage& order) { order_ = order; }
+
+void ReconNode::drain() { drain_began_ = Monotonic::now(); }
+
+void ReconNode::disarm() {
+  if (!pipeline_) return;
+  pipeline_->close();
+  last_ = pipeline_->counts();
+  pipeline_.reset();
+  if (last_.meshes > 0) return;
+  // A take that never saw a pulse leaves nothing behind; the folder goes with its last file.
+  const TakePaths paths = take_paths(studio_, order_.take);
+  std::error_code error;
+  std::filesystem::remove(paths.mesh(), error);
+  std::filesystem::remove(paths.folder, error);
+}
+
+std::optional<NodeReport> ReconNode::poll(Phase phase) {
+  switch (phase) {
+    case Phase::kArming:
+      return ready_report();
+    case Phase::kLearning:
+      return NodeReport{.event = Input::kReady, .text = "nothing to learn here", .detail = {}};
+    case Phase::kDraining:
+      return poll_draining();
+    default:
+      return std::nullopt;
+  }
+}
+
+NodeReport ReconNode::ready_report() const {
+  return {.event = Input::kReady,
+          .text = "reconstructs at " + format_length(studio_.reconstruction.voxel_m),
+          .detail = {}};
+}
+
+std::optional<NodeReport> ReconNode::poll_recording() const {
+  if (order_.pulses == 0 || pipeline_->pulses_seen() < order_.pulses) return std::nullopt;
+  return NodeReport{.event = Input::kTrainEnded, .text = "pulses have ended", .detail = {}};
+}
+
+std::optional<NodeReport> ReconNode::poll_draining() {
+  const MonotonicInstant now = Monotonic::now();
+  const bool waited = now - drain_began_ > kQuiet;
+  if (!(waited && pipeline_->drained(kQuiet)) && now < drain_began_ + kDrainWithin) {
+    return std::nullopt;
+  }
+  const bool closed = pipeline_->close();
+  const ReconCounts counts = pipeline_->counts();
+  if (!closed) {
+    return NodeReport{.event = Input::kBroken,
+                      .text = "cannot write " + take_paths(studio_, order_.take).mesh().string(),
+                      .detail = numbers_json(values_of(counts))};
+  }
+  return NodeReport{.event = Input::kDrained,
+                    .text = format_count(counts.meshes) + " meshes, " +
+                            format_count(counts.dropped) + " dropped, " +
+                            format_count(counts.incomplete_sets) + " of incomplete sets",
+                    .detail = numbers_json(values_of(counts))};
+}
+
+void ReconNode::report_health(HealthMessage& health) {
+  const ReconCounts counts = pipeline_ ? pipeline_->counts() : last_;
+  health.values.merge(values_of(counts));
+  health.values["disk_free_bytes"] = disk_free_bytes(studio_);
+  if (counts.write_errors > 0) health.text = "meshes could not be written: the disk refuses";
+  if (counts.dropped > told_dropped_) {
+    health.text = "cannot keep up: " + format_count(counts.dropped) + " pulses dropped";
+    events_.send(Severity::kWarning, "reconstruction",
+                 format_count(counts.dropped) + " pulses dropped: this machine cannot keep up");
+  }
+  told_dropped_ = counts.dropped;
+}
+
+bool ReconNode::progressed_since(MonotonicInstant since) const {
+  return !pipeline_ || pipeline_->progressed_since(since);
+}
+
+}  // namespace v3d

@@ -1,0 +1,45 @@
+// What the reconstruction node does: meshes while a take is recorded.
+#pragma once
+
+#include <memory>
+#include <string>
+
+#include "base/studio_file.h"
+#include "daemon/bus.h"
+#include "daemon/event_sender.h"
+#include "daemon/node_work.h"
+#include "daemon/recon_pipeline.h"
+
+namespace v3d {
+
+class ReconNode : public NodeWork {
+ public:
+  /// `studio` and `bus` outlive the node.
+  ReconNode(const Studio& studio, const std::string& node, Bus& bus);
+  ~ReconNode() override;
+
+  void arm(const CommandMessage& order) override;
+  void learn(const CommandMessage& order) override;
+  void start() override {}
+  void drain() override;
+  void disarm() override;
+  std::optional<NodeReport> poll(Phase phase) override;
+  void report_health(HealthMessage& health) override;
+  bool progressed_since(MonotonicInstant since) const override;
+
+ private:
+  NodeReport ready_report() const;
+  std::optional<NodeReport> poll_recording() const;
+  std::optional<NodeReport> poll_draining();
+
+  const Studio& studio_;
+  Bus& bus_;
+  EventSender events_;
+  CommandMessage order_;
+  MonotonicInstant drain_began_;
+  std::unique_ptr<ReconPipeline> pipeline_;
+  ReconCounts last_;  ///< of the last take
+  int64_t told_dropped_ = 0;
+};
+
+}  // namespace v3d
