@@ -1,0 +1,226 @@
+// Stories of one capture node and one reconstruction node on a simulated studio.
+#include <arpa/inet.h>
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#include <csignal>
+#include <nlohmann/json.hpp>
+#include <random>
+
+#include "daemon/bus.h"
+#include "daemon/operator_client.h"
+#include "scenario/child_process.h"
+#include "take/mesh_file.h"
+#include "take/temporary_folder.h"
+#include "take/verify.h"
+#include "wire/channels.h"
+
+namespace v3d {
+namespace {
+
+using test::becomes_true;
+using test::ChildProcess;
+using test::within;
+using testing::HasSubstr;
+using testing::IsEmpty;
+
+constexpr int kEmptyPulses = 12;
+
+/// A simulated studio of four small cameras whose background has been learnt, and its daemons.
+class Studio4 : public testing::Test {
+ protected:
+  Studio4() {
+    simulator_.emplace(
+        std::vector<std::string>{bin("v3d-sim"), "studio", folder_.path(), "--cameras", "4",
+                                 "--size", "320x240", "--rate", "20", "--loop-frames", "10",
+                                 "--empty-pulses", std::to_string(kEmptyPulses), "--voxel", "40mm"},
+        folder_ / "v3d-sim.log");
+    const bool serves = becomes_true(
+        [&] { return simulator_->output().find("ready\n") != std::string::npos; }, within(60));
+    if (!serves) throw std::runtime_error("v3d-sim: " + simulator_->output());
+    studio_ = load_studio(folder_ / "studio.toml");
+    start_captured();
+    start_recond();
+    client_.emplace(studio_);
+    CommandMessage learn;
+    learn.verb = CommandVerb::kBackground;
+    learn.pulses = kEmptyPulses;
+    const Answer learnt = client_->command(learn, within(60));
+    if (!learnt.done()) throw std::runtime_error("background: " + text_of(learnt) + log());
+  }
+
+  static std::string bin(const std::string& program) {
+    return std::string(V3D_BIN) + "/" + program;
+  }
+
+  void start_captured() {
+    captured_.emplace(std::vector<std::string>{bin("v3d-captured"), "--studio",
+                                               folder_ / "studio.toml", "--node", "cap01"},
+                      folder_ / "v3d-captured.log");
+  }
+  void start_recond() {
+    recond_.emplace(
+        std::vector<std::string>{bin("v3d-recond"), "--studio", folder_ / "studio.toml"},
+        folder_ / "v3d-recond.log");
+  }
+
+  static std::string text_of(const Answer& answer) {
+    std::string text;
+    for (const auto& [node, reply] : answer.replies) text += node + ": " + reply.text + "\n";
+    for (const std::string& node : answer.silent) text += node + ": silent\n";
+    return text;
+  }
+  std::string log() const { return captured_->output() + recond_->output(); }
+
+  Answer command(CommandVerb verb, int64_t pulses = 0) {
+    CommandMessage m;
+    m.verb = verb;
+    m.take = "kendo-07";
+    m.pulses = pulses;
+    return client_->command(m, within(60));
+  }
+  void arm_and_start(int64_t pulses) {
+    const Answer armed = command(CommandVerb::kArm, pulses);
+    ASSERT_TRUE(armed.done()) << text_of(armed) << log();
+    const Answer started = command(CommandVerb::kStart);
+    ASSERT_TRUE(started.done()) << text_of(started) << log();
+  }
+
+  double value(const std::string& node, const std::string& name) {
+    const auto health = client_->health(within(5));
+    const auto found = health.find(node);
+    if (found == health.end() || !found->second.values.contains(name)) return -1;
+    return found->second.values.at(name);
+  }
+  /// Waits for fresh health in which `name` is at least `wanted`.
+  bool reaches(const std::string& node, const std::string& name, double wanted) {
+    return becomes_true([&] { return value(node, name) >= wanted; }, within(60));
+  }
+
+  TakePaths take() const { return {studio_.storage.takes / "kendo-07"}; }
+
+  const test::TemporaryFolder folder_;
+  std::optional<ChildProcess> simulator_;
+  Studio studio_;
+  std::optional<ChildProcess> captured_;
+  std::optional<ChildProcess> recond_;
+  std::optional<OperatorClient> client_;
+};
+
+TEST_F(Studio4, records_a_take_whole_and_reconstructs_it_live) {
+  constexpr int kPulses = 20;
+  arm_and_start(kPulses);
+  ASSERT_TRUE(reaches("cap01", "frames_written", 4 * kPulses)) << log();
+  const Answer stopped = command(CommandVerb::kStop);
+  ASSERT_TRUE(stopped.done()) << text_of(stopped) << log();
+
+  const auto ledger = nlohmann::json::parse(stopped.replies.at("cap01").detail);
+  EXPECT_TRUE(ledger["complete"]) << ledger;
+  EXPECT_EQ(ledger["pulses"]["commanded"], kPulses);
+  EXPECT_EQ(ledger["cameras"].size(), 4U);
+
+  const Verification verified = verify_take(take());
+  EXPECT_TRUE(verified.whole()) << verified.ledger.verdict();
+  EXPECT_THAT(verified.disagreements, IsEmpty());
+  EXPECT_EQ(verified.info.state, TakeState::kComplete);
+
+  const auto recon = nlohmann::json::parse(stopped.replies.at("recon01").detail);
+  EXPECT_EQ(recon["meshes"].get<int>() + recon["dropped"].get<int>(), kPulses) << recon;
+  const MeshFileReader meshes(take().mesh());
+  EXPECT_EQ(meshes.pulses().size(), recon["meshes"]);
+  EXPECT_FALSE(meshes.index_was_rebuilt());
+}
+
+TEST_F(Studio4, refuses_what_is_out_of_order_and_says_what_would_be_right) {
+  EXPECT_THAT(command(CommandVerb::kStart).replies.at("cap01").text, HasSubstr("not armed"));
+  EXPECT_THAT(command(CommandVerb::kBackground, 1'000'000).replies.at("cap01").text,
+              HasSubstr("expected 2 to 256"));
+  ASSERT_TRUE(command(CommandVerb::kArm).done()) << log();
+  EXPECT_THAT(command(CommandVerb::kArm).replies.at("cap01").text, HasSubstr("armed for kendo-07"));
+  EXPECT_TRUE(command(CommandVerb::kAbort).done());
+  EXPECT_FALSE(std::filesystem::exists(take().folder)) << "an armed take leaves nothing behind";
+}
+
+TEST_F(Studio4, leaves_a_valid_take_when_it_is_told_to_end_in_the_middle) {
+  arm_and_start(0);
+  ASSERT_TRUE(reaches("cap01", "frames_written", 30)) << log();
+  captured_->signal(SIGTERM);
+  recond_->signal(SIGTERM);
+  EXPECT_EQ(captured_->wait(within(30)), 0) << log();
+  EXPECT_EQ(recond_->wait(within(30)), 0) << log();
+  const Verification verified = verify_take(take());
+  EXPECT_TRUE(verified.whole()) << verified.ledger.verdict();
+  EXPECT_THAT(verified.disagreements, IsEmpty());
+  EXPECT_EQ(verified.info.state, TakeState::kComplete);
+  EXPECT_FALSE(MeshFileReader(take().mesh()).index_was_rebuilt());
+}
+
+TEST_F(Studio4, recovers_the_take_that_a_crash_left_open) {
+  arm_and_start(0);
+  ASSERT_TRUE(reaches("cap01", "frames_written", 30)) << log();
+  captured_->signal(SIGKILL);
+  EXPECT_EQ(captured_->wait(within(30)), 128 + SIGKILL);
+  EXPECT_EQ(load_take_info(take()).state, TakeState::kRecording);
+  start_captured();
+  const auto recovered = [&] {
+    return captured_->output().find("recovered take kendo-07") != std::string::npos;
+  };
+  ASSERT_TRUE(becomes_true(recovered, within(30))) << log();
+  EXPECT_EQ(load_take_info(take()).state, TakeState::kRecovered);
+  EXPECT_GE(verify_take(take()).ledger.cameras[0].written, 7);
+}
+
+/// Datagrams of noise to LCM's group: some with LCM's magic in front, so that they get further.
+void flood_with_datagrams(std::mt19937& random) {
+  const int fd = socket(AF_INET, SOCK_DGRAM, 0);
+  sockaddr_in group{};
+  group.sin_family = AF_INET;
+  group.sin_port = htons(7667);
+  inet_pton(AF_INET, "239.255.76.67", &group.sin_addr);
+  for (int i = 0; i < 500; ++i) {
+    std::vector<uint8_t> noise(random() % 200 + 1);
+    for (uint8_t& byte : noise) byte = static_cast<uint8_t>(random());
+    const std::string magic = i % 2 == 0 ? "LC02" : "LC03";
+    if (i % 3 != 0 && noise.size() > 4) std::copy(magic.begin(), magic.end(), noise.begin());
+    sendto(fd, noise.data(), noise.size(), 0, reinterpret_cast<sockaddr*>(&group), sizeof group);
+  }
+  close(fd);
+}
+
+/// Noise, and real messages with bytes changed, on every channel the daemons listen to.
+void flood_channels(Bus& bus, std::mt19937& random) {
+  CommandMessage command;
+  command.sender = "stranger";
+  const Bytes messages[] = {encode(command), encode(PulseMessage{}), encode(FrameMessage{})};
+  const std::string channels[] = {kCommandChannel, kPulseChannel, frame_channel("cam01"),
+                                  frame_channel("nobody")};
+  for (int i = 0; i < 2000; ++i) {
+    Bytes bytes = messages[random() % 3];
+    if (i % 2 == 0) bytes.resize(random() % 300);
+    for (int k = 0; k < 4 && !bytes.empty(); ++k) {
+      bytes[random() % bytes.size()] = static_cast<uint8_t>(random());
+    }
+    bus.publish(channels[random() % 4], bytes);
+  }
+}
+
+TEST_F(Studio4, counts_garbage_on_every_channel_and_records_all_the_same) {
+  arm_and_start(0);
+  Bus bus(studio_.network.lcm_url);
+  std::mt19937 random(7);
+  flood_channels(bus, random);
+  flood_with_datagrams(random);
+  ASSERT_TRUE(reaches("cap01", "commands_undecodable", 100)) << log();
+  ASSERT_TRUE(reaches("recon01", "undecodable", 100)) << log();
+  ASSERT_TRUE(captured_->runs());
+  ASSERT_TRUE(recond_->runs());
+  const Answer stopped = command(CommandVerb::kStop);
+  ASSERT_TRUE(stopped.done()) << text_of(stopped) << log();
+  const Verification verified = verify_take(take());
+  EXPECT_TRUE(verified.whole()) << verified.ledger.verdict();
+}
+
+}  // namespace
+}  // namespace v3d
