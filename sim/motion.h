@@ -1,0 +1,38 @@
+// The action: key poses of a sword cut, smooth in between, repeating every kActionPeriodSeconds.
+// Stance, raise, cut, recover, turn. World frame, metres; the performer first faces +x.
+#pragma once
+
+#include <Eigen/Core>
+
+#include "base/geometry.h"
+
+namespace v3d::sim {
+
+/// Two bones: shoulder, elbow, wrist; or hip, knee, ankle.
+struct Limb {
+  Eigen::Vector3d root, joint, tip;
+};
+
+enum Side : int { kLeft = 0, kRight = 1 };
+
+/// Where every bone is at one time. Body frames: x forward, y left, z up.
+struct Pose {
+  RigidTransform world_from_pelvis;  ///< origin between the hips
+  RigidTransform world_from_chest;   ///< origin at the base of the neck
+  RigidTransform world_from_head;    ///< origin in the middle of the head
+  Limb arm[2];
+  Limb leg[2];
+  Eigen::Matrix3d foot[2];          ///< world_from_foot, rotation only; the ankle is leg[].tip
+  RigidTransform world_from_sword;  ///< origin at the guard; z along the blade, x to its edge
+};
+
+inline constexpr double kBladeLength = 0.75;
+inline constexpr double kHandleLength = 0.24;
+
+/// Any time; pose_at(t + kActionPeriodSeconds) equals pose_at(t).
+Pose pose_at(double seconds);
+
+/// The tip of the blade.
+Eigen::Vector3d sword_tip(const Pose& pose);
+
+}  // namespace v3d::sim

@@ -1,0 +1,54 @@
+// Randomness without state: a hash of where and what. The same arguments give the same value on
+// every machine, in every order, on any thread.
+#pragma once
+
+#include <Eigen/Core>
+#include <cmath>
+#include <cstdint>
+
+namespace v3d::sim {
+
+/// A bijection of 64-bit numbers whose output bits all depend on all input bits (SplitMix64's
+/// finaliser).
+constexpr uint64_t mix(uint64_t x) {
+  x += 0x9E3779B97F4A7C15U;
+  x = (x ^ (x >> 30)) * 0xBF58476D1CE4E5B9U;
+  x = (x ^ (x >> 27)) * 0x94D049BB133111EBU;
+  return x ^ (x >> 31);
+}
+
+/// Uniform in [0, 1).
+constexpr double unit(uint64_t hash) { return static_cast<double>(hash >> 11) * 0x1.0p-53; }
+
+/// Uniform in [low, high), named by a seed and a running number.
+constexpr double uniform(uint64_t seed, uint64_t index, double low, double high) {
+  return low + (high - low) * unit(mix(mix(seed) ^ index));
+}
+
+/// The value of a lattice point, in [0, 1).
+inline float lattice(int x, int y, int z, uint32_t seed) {
+  uint32_t h = static_cast<uint32_t>(x) * 0x8DA6B343U ^ static_cast<uint32_t>(y) * 0xD8163841U ^
+               static_cast<uint32_t>(z) * 0xCB1AB31FU ^ seed;
+  h = (h ^ (h >> 15)) * 0x2C1B3C6DU;
+  h = (h ^ (h >> 12)) * 0x297A2D39U;
+  return static_cast<float>((h ^ (h >> 15)) >> 8) * 0x1.0p-24F;
+}
+
+/// 3D value noise with a lattice of one unit, in [0, 1), smooth.
+inline float value_noise(const Eigen::Vector3f& p, uint32_t seed) {
+  const Eigen::Vector3f base = p.array().floor();
+  const Eigen::Vector3f f = p - base;
+  const Eigen::Vector3f s = f.array() * f.array() * (3.0F - 2.0F * f.array());
+  const int x = static_cast<int>(base.x());
+  const int y = static_cast<int>(base.y());
+  const int z = static_cast<int>(base.z());
+  const auto along_x = [&](int dy, int dz) {
+    const float a = lattice(x, y + dy, z + dz, seed);
+    return a + s.x() * (lattice(x + 1, y + dy, z + dz, seed) - a);
+  };
+  const float near = along_x(0, 0) + s.y() * (along_x(1, 0) - along_x(0, 0));
+  const float far = along_x(0, 1) + s.y() * (along_x(1, 1) - along_x(0, 1));
+  return near + s.z() * (far - near);
+}
+
+}  // namespace v3d::sim
