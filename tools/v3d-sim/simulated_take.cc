@@ -1,0 +1,187 @@
+#include "v3d-sim/simulated_take.h"
+
+#include <cstdio>
+#include <map>
+#include <stdexcept>
+
+#include "base/calib_file.h"
+#include "base/error.h"
+#include "capture/segmenter.h"
+#include "sim/device_clock.h"
+#include "sim/film.h"
+#include "sim/outer_surface.h"
+#include "sim/parallel.h"
+#include "take/frame_log.h"
+#include "take/ledger.h"
+#include "take/take.h"
+#include "v3d-sim/ply.h"
+
+namespace v3d::sim {
+namespace {
+
+constexpr int kPlates = 8;
+// A simulated take has no date of its own: it began at 2026-01-01 00:00:00 UTC, 1000 s after the
+// boot of a computer.
+constexpr int64_t kStartRealtimeNs = 1'767'225'600'000'000'000;
+constexpr int64_t kStartMonotonicNs = 1'000'000'000'000;
+constexpr Duration kTransferTime = std::chrono::milliseconds(9);
+
+TakePaths create_folder(const std::filesystem::path& folder) {
+  namespace fs = std::filesystem;
+  const std::string name = fs::absolute(folder / ".").parent_path().filename().string();
+  if (!is_take_name(name)) {
+    throw InputError(folder.string() + ": '" + name +
+                     "' is no take name: letters, digits, '-', '_' and '.', at most 64");
+  }
+  if (fs::exists(folder) && (!fs::is_directory(folder) || !fs::is_empty(folder))) {
+    throw InputError(folder.string() + ": already exists; name a new or an empty folder");
+  }
+  fs::create_directories(folder / "background");
+  return {folder};
+}
+
+void write_backgrounds(const TakePaths& paths, const Rig& rig, Film& film) {
+  std::vector<std::vector<Image>> plates;
+  for (uint64_t i = 0; i < kPlates; ++i) {
+    plates.push_back(film.shoot_all({}, i));
+  }
+  for_each_index(rig.size(), [&](size_t c) {
+    std::vector<ImageView> views;
+    for (const auto& plate : plates) {
+      views.push_back(plate[c].view());
+    }
+    save_background(paths.background(), rig[c].name, learn_background(views));
+  });
+}
+
+/// The recording of one camera, with its faults.
+class CameraLog {
+ public:
+  CameraLog(const TakePaths& paths, std::string take, int index, std::string camera, uint64_t seed,
+            const std::vector<Fault>& faults)
+      : take_(std::move(take)),
+        camera_(std::move(camera)),
+        index_(index),
+        seed_(seed),
+        faults_(faults),
+        clock_(simulated_clock(index, seed, from_ns<Monotonic>(kStartMonotonicNs))),
+        writer_(paths.frames(camera_)) {}
+
+  void add(int64_t pulse, MonotonicInstant edge, RealtimeInstant edge_realtime, Image image) {
+    if (has_fault(faults_, camera_, pulse, FaultKind::kMissing)) {
+      return;
+    }
+    FrameMessage message;
+    message.take = take_;
+    message.frame.camera = camera_;
+    message.frame.sensor_size = image.size;
+    message.frame.roi = {0, 0, image.size.width, image.size.height};
+    message.frame.image = std::move(image);
+    FrameLabel& label = message.frame.label;
+    label.pulse = pulse;
+    label.camera_counter = static_cast<uint64_t>(pulse);
+    label.device_time = clock_.at(edge + exposure_delay(index_, pulse, seed_));
+    label.received = edge_realtime + kTransferTime;
+    if (has_fault(faults_, camera_, pulse, FaultKind::kSuspect)) {
+      label.suspect = true;
+      label.camera_counter += 1;  // what makes it suspect: the counter says the next pulse
+      suspect_.push_back(pulse);
+    }
+    const bool twice = has_fault(faults_, camera_, pulse, FaultKind::kDuplicate);
+    for (int copy = 0; copy < (twice ? 2 : 1); ++copy) {
+      message.seq = static_cast<int64_t>(pulses_.size());
+      message.sent = label.received + Duration(copy);
+      if (!writer_.write(message)) {
+        throw std::runtime_error(errno_message(camera_ + ".lcmlog"));
+      }
+      pulses_.push_back(pulse);
+    }
+  }
+
+  CameraLedger close(int64_t commanded) {
+    if (!writer_.flush()) {
+      throw std::runtime_error(errno_message(camera_ + ".lcmlog"));
+    }
+    return account(camera_, pulses_, suspect_, commanded);
+  }
+
+ private:
+  const std::string take_;
+  const std::string camera_;
+  const int index_;
+  const uint64_t seed_;
+  const std::vector<Fault>& faults_;
+  const SimulatedClock clock_;
+  EventLogWriter writer_;
+  std::vector<int64_t> pulses_;
+  std::vector<int64_t> suspect_;
+};
+
+void write_truth(const std::filesystem::path& folder, int64_t pulse, double seconds,
+                 uint64_t seed) {
+  char name[32];
+  std::snprintf(name, sizeof name, "%06lld.ply", static_cast<long long>(pulse));
+  write_ply(folder / name, outer_surface(performer_parts(seconds, seed), seed));
+}
+
+}  // namespace
+
+void write_take(const SimulatedTake& take, const std::function<void(int64_t)>& progress) {
+  const TakePaths paths = create_folder(take.folder);
+  TakeInfo info;
+  info.name = std::filesystem::absolute(take.folder / ".").parent_path().filename().string();
+  info.studio = "simulated";
+  info.rate_hz = take.rate_hz;
+  info.software_version = V3D_VERSION;
+  info.started = from_ns<Realtime>(kStartRealtimeNs);
+  for (const RigCamera& camera : take.rig) {
+    info.cameras.push_back(camera.name);
+  }
+  save_take_info(paths, info);
+  save_calib(paths.calib(), take.rig);
+
+  RenderOptions options;
+  options.seed = take.seed;
+  Film film(take.rig, options);
+  write_backgrounds(paths, take.rig, film);
+  std::vector<CameraLog> logs;
+  for (size_t c = 0; c < take.rig.size(); ++c) {
+    logs.emplace_back(paths, info.name, static_cast<int>(c), take.rig[c].name, take.seed,
+                      take.faults);
+  }
+  EventLogWriter pulses(paths.pulses());
+  if (take.truth) {
+    std::filesystem::create_directories(*take.truth);
+  }
+  for (int64_t pulse = 0; pulse < take.frames; ++pulse) {
+    const double seconds = static_cast<double>(pulse) / take.rate_hz;
+    const Duration since = from_seconds(seconds);
+    const MonotonicInstant edge = from_ns<Monotonic>(kStartMonotonicNs) + since;
+    const RealtimeInstant edge_realtime = from_ns<Realtime>(kStartRealtimeNs) + since;
+    if (!pulses.write(PulseMessage{edge_realtime, pulse, info.name, pulse, edge_realtime, edge})) {
+      throw std::runtime_error(errno_message(paths.pulses().string()));
+    }
+    std::vector<Image> images = film.shoot_all(seconds, static_cast<uint64_t>(kPlates + pulse));
+    for (size_t c = 0; c < images.size(); ++c) {
+      logs[c].add(pulse, edge, edge_realtime, std::move(images[c]));
+    }
+    if (take.truth) {
+      write_truth(*take.truth, pulse, seconds, take.seed);
+    }
+    progress(pulse + 1);
+  }
+  pulses.flush();
+
+  Ledger ledger;
+  ledger.take = info.name;
+  ledger.commanded = ledger.sensed = take.frames;
+  for (CameraLog& log : logs) {
+    ledger.cameras.push_back(log.close(take.frames));
+  }
+  save_ledger(paths.ledger(), ledger);
+  info.pulses = take.frames;
+  info.state = TakeState::kComplete;
+  save_take_info(paths, info);
+}
+
+}  // namespace v3d::sim

@@ -1,0 +1,193 @@
+#include <cmath>
+#include <csignal>
+#include <cstdio>
+#include <memory>
+#include <optional>
+
+#include "base/calib_file.h"
+#include "base/error.h"
+#include "base/file.h"
+#include "base/units.h"
+#include "sim/exposure_record.h"
+#include "sim/film.h"
+#include "sim/gige_cameras.h"
+#include "sim/trigger_cable.h"
+#include "v3d-sim/commands.h"
+#include "v3d-sim/options.h"
+#include "v3d-sim/progress.h"
+#include "v3d-sim/studio_text.h"
+
+namespace v3d::sim {
+namespace {
+
+constexpr int kPlates = 8;
+
+struct Arguments {
+  std::string folder;
+  StudioOptions studio;
+  int64_t loop_frames = 0;
+  int64_t empty_pulses = 0;
+  std::string voxel = "10mm";
+};
+
+/// SIGTERM and SIGINT, blocked in all threads and asked for where it suits.
+class StopSignals {
+ public:
+  StopSignals() {
+    sigemptyset(&signals_);
+    sigaddset(&signals_, SIGTERM);
+    sigaddset(&signals_, SIGINT);
+    pthread_sigmask(SIG_BLOCK, &signals_, nullptr);
+  }
+  bool arrived() const {
+    const timespec now{};
+    return sigtimedwait(&signals_, nullptr, &now) > 0;
+  }
+  void wait() const {
+    int signal = 0;
+    sigwait(&signals_, &signal);
+  }
+
+ private:
+  sigset_t signals_;
+};
+
+/// All images rendered ahead, in the order the edges ask for them.
+struct Reel {
+  std::vector<std::vector<Image>> plates;  ///< [i][camera]: the empty studio, different noise
+  std::vector<std::vector<Image>> loop;    ///< [i][camera]: the performer
+
+  int64_t image_index(int64_t edge, int64_t empty_pulses) const {
+    return edge < empty_pulses ? -1 : (edge - empty_pulses) % static_cast<int64_t>(loop.size());
+  }
+  const Image& picture(int camera, int64_t edge, int64_t empty_pulses) const {
+    const int64_t index = image_index(edge, empty_pulses);
+    const auto& images =
+        index < 0 ? plates[static_cast<size_t>(edge % kPlates)] : loop[static_cast<size_t>(index)];
+    return images[static_cast<size_t>(camera)];
+  }
+};
+
+void check_memory(int64_t images, ImageSize size) {
+  const double needed = static_cast<double>(images) * static_cast<double>(size.pixels());
+  const auto available = static_cast<double>(available_memory());
+  if (needed > 0.8 * available) {
+    throw InputError("--loop-frames: " + format_count(images) + " images of " +
+                     format_bytes(static_cast<double>(size.pixels())) + " need " +
+                     format_bytes(needed) + ", but " + format_bytes(available) +
+                     " are free; ask for fewer");
+  }
+}
+
+/// Empty when a signal came first.
+std::optional<Reel> render_ahead(const Rig& rig, const Arguments& arguments,
+                                 const StopSignals& stop) {
+  const int64_t total = kPlates + arguments.loop_frames;
+  check_memory(total * static_cast<int64_t>(rig.size()), rig.front().model.size());
+  RenderOptions options;
+  options.seed = arguments.studio.seed;
+  Film film(rig, options);
+  Reel reel;
+  Progress progress("rendering", total);
+  for (int64_t i = 0; i < total; ++i) {
+    if (stop.arrived()) {
+      return {};
+    }
+    if (i < kPlates) {
+      reel.plates.push_back(film.shoot_all({}, static_cast<uint64_t>(i)));
+    } else {
+      const double seconds = static_cast<double>(i - kPlates) / arguments.studio.rate_hz;
+      reel.loop.push_back(film.shoot_all(seconds, static_cast<uint64_t>(i)));
+    }
+    progress.done(i + 1);
+  }
+  return reel;
+}
+
+std::vector<GigeCamera> network_cameras(const Rig& rig, uint64_t seed) {
+  const MonotonicInstant origin = Monotonic::now();
+  std::vector<GigeCamera> cameras;
+  for (int i = 0; i < static_cast<int>(rig.size()); ++i) {
+    cameras.push_back({gige_address(i), gige_serial(i), rig[static_cast<size_t>(i)].model.size(),
+                       PixelFormat::kBayerRG8, simulated_clock(i, seed, origin)});
+  }
+  return cameras;
+}
+
+int run(Arguments arguments) {
+  const StopSignals stop;  // before any thread, so that all inherit the mask
+  const std::filesystem::path folder = arguments.folder;
+  const double rate = arguments.studio.rate_hz;
+  if (arguments.loop_frames == 0) {
+    arguments.loop_frames = std::max(1L, std::lround(kActionPeriodSeconds * rate));
+  }
+  const Rig rig =
+      make_rig(arguments.studio.cameras, parse_size(arguments.studio.size), arguments.studio.seed);
+  const StudioText text{rate, parse_length(arguments.voxel)};
+  std::filesystem::create_directories(folder);
+  save_calib(folder / "calib.toml", rig);
+  replace_file(folder / "studio.toml", studio_text(rig, text));
+
+  const std::optional<Reel> reel = render_ahead(rig, arguments, stop);
+  if (!reel) {
+    return kExitDone;
+  }
+  ExposureRecord record(folder / "exposures.csv");
+  const int64_t empty = arguments.empty_pulses;
+  GigeCameras cameras(
+      network_cameras(rig, arguments.studio.seed),
+      [&](int camera, int64_t edge) {
+        return std::span<const uint8_t>(reel->picture(camera, edge, empty).bytes);
+      },
+      [&](const Exposure& e) {
+        record.add({rig[static_cast<size_t>(e.camera)].name, e.device_time, e.edge_time, e.edge,
+                    reel->image_index(e.edge, empty)});
+      },
+      arguments.studio.seed);
+  const TriggerCable cable(folder / "trigger.sock", [&](int64_t edge, MonotonicInstant edge_time) {
+    cameras.trigger(edge, edge_time);
+  });
+  std::puts("ready");
+  std::fflush(stdout);
+  stop.wait();
+  std::fprintf(stderr, "%lld edges, %lld of them ignored by a camera that was not acquiring\n",
+               static_cast<long long>(cable.edges()), static_cast<long long>(cameras.ignored()));
+  return record.lost() == 0 ? kExitDone : kExitFailed;
+}
+
+}  // namespace
+
+void add_studio_command(CLI::App& app, int& status) {
+  CLI::App& command = *app.add_subcommand(
+      "studio", "Serve a simulated studio: cameras on the network and a trigger cable");
+  auto arguments = std::make_shared<Arguments>();
+  command
+      .add_option("DIR", arguments->folder,
+                  "Folder for studio.toml, calib.toml, trigger.sock and exposures.csv")
+      ->required();
+  add_studio_options(command, arguments->studio);
+  command
+      .add_option("--loop-frames", arguments->loop_frames,
+                  "Images of the performer per camera, rendered ahead and shown in a loop; "
+                  "default: 4 s of action, which close smoothly")
+      ->check(CLI::Range(int64_t{1}, int64_t{100'000}));
+  command
+      .add_option("--empty-pulses", arguments->empty_pulses,
+                  "So many first pulses show the empty studio")
+      ->check(CLI::Range(int64_t{0}, int64_t{1'000'000}))
+      ->capture_default_str();
+  command.add_option("--voxel", arguments->voxel, "Voxel size for studio.toml, with a unit")
+      ->capture_default_str();
+  command.footer(
+      "Prints \"ready\" when the cameras answer and the cable listens; serves until SIGTERM.\n"
+      "The cameras' addresses (127.0.0.11 and up) must be on an interface; in a network of its "
+      "own:\n"
+      "  unshare -Urn sh -c '\n"
+      "    ip link set lo up mtu 65536\n"
+      "    ip route add 224.0.0.0/4 dev lo\n"
+      "    for i in $(seq 11 25); do ip addr add 127.0.0.$i/32 dev lo; done\n"
+      "    v3d-sim studio /tmp/studio --empty-pulses 20'");
+  command.callback([arguments, &status] { status = run(*arguments); });
+}
+
+}  // namespace v3d::sim

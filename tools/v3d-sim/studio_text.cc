@@ -1,0 +1,42 @@
+#include "v3d-sim/studio_text.h"
+
+#include <algorithm>
+
+#include "base/toml_file.h"
+#include "sim/gige_cameras.h"
+
+namespace v3d::sim {
+
+std::string studio_text(const Rig& rig, const StudioText& options) {
+  std::string text =
+      "# A simulated studio, written by v3d-sim.\n"
+      "name = \"simulated\"\n\n"
+      "[[node]]\nname = \"cap01\"\n\n"
+      "[[node]]\nname = \"recon01\"\n\n"
+      "[camera_defaults]\n"
+      "node = \"cap01\"\n"
+      "kind = \"aravis\"\n"
+      "pixel_format = \"BayerRG8\"\n"
+      "exposure_us = 1000.0\n"
+      "trigger_line = \"Line1\"\n"
+      "packet_size = 60000\n"
+      "buffers = 16\n\n";
+  for (size_t i = 0; i < rig.size(); ++i) {
+    text += "[[camera]]\nname = " + toml_string(rig[i].name) +
+            "\naddress = " + toml_string(gige_address(static_cast<int>(i))) + "  # " +
+            gige_serial(static_cast<int>(i)) + "\n\n";
+  }
+  text += "[trigger]\nnode = \"cap01\"\nkind = \"simulated\"\nrate_hz = " +
+          toml_number(options.rate_hz) +
+          "\npulse_width_us = " + toml_number(std::min(1000.0, 0.5e6 / options.rate_hz)) +
+          "\nwire = \"trigger.sock\"\n\n"
+          "[space]\nmin = [-1.5, -1.5, -0.05]\nmax = [1.5, 1.5, 2.45]\n\n"
+          "[network]\nlcm_url = \"udpm://239.255.76.67:7667?ttl=0&recv_buf_size=16777216\"\n\n"
+          "[storage]\ntakes = \".\"\nbackground = \"background\"\ncalib = \"calib.toml\"\n\n"
+          "[reconstruction]\nnode = \"recon01\"\nvoxel_m = " +
+          toml_number(options.voxel_m) +
+          "\nmin_views = " + std::to_string(std::min<size_t>(4, rig.size())) + "\n";
+  return text;
+}
+
+}  // namespace v3d::sim

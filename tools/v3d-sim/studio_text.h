@@ -1,0 +1,19 @@
+// The studio file of a simulated studio.
+#pragma once
+
+#include <string>
+
+#include "base/camera_model.h"
+
+namespace v3d::sim {
+
+struct StudioText {
+  double rate_hz = 25;
+  double voxel_m = 0.01;
+};
+
+/// studio.toml for the fake cameras of `rig`: what load_studio() reads. Cameras and trigger hang on
+/// node cap01, recon01 reconstructs.
+std::string studio_text(const Rig& rig, const StudioText& options);
+
+}  // namespace v3d::sim

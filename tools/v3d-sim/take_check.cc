@@ -1,0 +1,100 @@
+#include "v3d-sim/take_check.h"
+
+#include <map>
+#include <optional>
+#include <set>
+
+#include "base/error.h"
+#include "take/frame_log.h"
+#include "take/take.h"
+
+namespace v3d::sim {
+namespace {
+
+constexpr size_t kProblemsShown = 10;
+
+/// What the simulator knows, by what a frame knows.
+class Record {
+ public:
+  explicit Record(const std::vector<ExposureLine>& lines) {
+    for (const ExposureLine& line : lines) {
+      by_exposure_[{line.camera, line.device_time}] = &line;
+      edge_at_[line.edge_time] = line.edge;
+    }
+  }
+  const ExposureLine* exposure(const std::string& camera, DeviceInstant device_time) const {
+    const auto found = by_exposure_.find({camera, device_time});
+    return found == by_exposure_.end() ? nullptr : found->second;
+  }
+  std::optional<int64_t> edge_at(MonotonicInstant time) const {
+    const auto found = edge_at_.find(time);
+    return found == edge_at_.end() ? std::nullopt : std::optional(found->second);
+  }
+
+ private:
+  std::map<std::pair<std::string, DeviceInstant>, const ExposureLine*> by_exposure_;
+  std::map<MonotonicInstant, int64_t> edge_at_;
+};
+
+/// Empty when the frame shows what its label says, else what is wrong.
+std::string verdict(const std::string& camera, const FrameLabel& label, const Record& record,
+                    const std::map<int64_t, MonotonicInstant>& pulses) {
+  const ExposureLine* exposure = record.exposure(camera, label.device_time);
+  if (exposure == nullptr) {
+    return "its device time is no exposure of this camera";
+  }
+  const auto pulse = pulses.find(label.pulse);
+  const auto first = pulses.find(0);
+  if (pulse == pulses.end() || first == pulses.end()) {
+    return "pulses.lcmlog lacks the pulse";
+  }
+  if (exposure->edge_time != pulse->second) {
+    return "it shows edge " + std::to_string(exposure->edge) + ", which is not that pulse's edge";
+  }
+  const auto first_edge = record.edge_at(first->second);
+  if (!first_edge || exposure->edge != *first_edge + label.pulse) {
+    return "it shows edge " + std::to_string(exposure->edge) +
+           ", which is not that pulse of the train";
+  }
+  return "";
+}
+
+}  // namespace
+
+TakeCheck check_take(const std::filesystem::path& take, const std::vector<ExposureLine>& lines) {
+  const TakePaths paths{take};
+  const TakeInfo info = load_take_info(paths);
+  const Record record(lines);
+  std::map<int64_t, MonotonicInstant> pulses;
+  for (const PulseMessage& pulse : read_pulses(paths.pulses())) {
+    pulses[pulse.pulse] = pulse.edge_monotonic;
+  }
+  TakeCheck check;
+  const auto complain = [&](const std::string& problem) {
+    if (check.problems.size() < kProblemsShown) {
+      check.problems.push_back(problem);
+    }
+  };
+  for (const std::string& camera : info.cameras) {
+    const FrameLogReader log(paths.frames(camera));
+    std::set<int64_t> seen;
+    for (const FrameLabel& label : log.labels()) {
+      ++check.frames_received;
+      seen.insert(label.pulse);
+      const std::string wrong = verdict(camera, label, record, pulses);
+      if (!wrong.empty()) {
+        ++check.frames_mislabelled;
+        complain(camera + " pulse " + std::to_string(label.pulse) + ": " + wrong);
+      }
+    }
+    for (int64_t pulse = 0; pulse < info.pulses; ++pulse) {
+      if (!seen.contains(pulse)) {
+        ++check.frames_missing;
+        complain(camera + " pulse " + std::to_string(pulse) + ": missing");
+      }
+    }
+  }
+  return check;
+}
+
+}  // namespace v3d::sim

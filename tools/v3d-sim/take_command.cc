@@ -1,0 +1,63 @@
+#include <memory>
+
+#include "base/error.h"
+#include "sim/scene.h"
+#include "v3d-sim/commands.h"
+#include "v3d-sim/options.h"
+#include "v3d-sim/progress.h"
+#include "v3d-sim/simulated_take.h"
+
+namespace v3d::sim {
+namespace {
+
+struct Arguments {
+  std::string folder;
+  int64_t frames = 0;
+  StudioOptions studio;
+  std::string faults;
+  std::string truth;
+};
+
+int run(const Arguments& arguments) {
+  SimulatedTake take;
+  take.folder = arguments.folder;
+  take.rig =
+      make_rig(arguments.studio.cameras, parse_size(arguments.studio.size), arguments.studio.seed);
+  take.frames = arguments.frames;
+  take.rate_hz = arguments.studio.rate_hz;
+  take.seed = arguments.studio.seed;
+  if (!arguments.faults.empty()) {
+    take.faults = load_faults(arguments.faults, take.rig, take.frames);
+  }
+  if (!arguments.truth.empty()) {
+    take.truth = arguments.truth;
+  }
+  Progress progress("pulse", take.frames);
+  write_take(take, [&](int64_t done) { progress.done(done); });
+  return kExitDone;
+}
+
+}  // namespace
+
+void add_take_command(CLI::App& app, int& status) {
+  CLI::App& command = *app.add_subcommand(
+      "take", "Write a take as the studio would have recorded it, without daemons");
+  auto arguments = std::make_shared<Arguments>();
+  command.add_option("OUT_TAKE", arguments->folder, "Folder of the take, new or empty")->required();
+  command.add_option("--frames", arguments->frames, "Number of pulses")
+      ->required()
+      ->check(CLI::Range(int64_t{1}, int64_t{10'000'000}));
+  add_studio_options(command, arguments->studio);
+  command.add_option("--faults", arguments->faults,
+                     "TOML file: [[fault]] camera, pulse, kind = missing|duplicate|suspect");
+  command.add_option("--truth", arguments->truth,
+                     "Folder for the true surface of every pulse, 000000.ply ...");
+  command.footer(
+      "Examples:\n"
+      "  v3d-sim take takes/cut-01 --frames 100\n"
+      "  v3d-sim take takes/small --frames 3 --cameras 6 --size 320x240 --truth takes/small-truth\n"
+      "  v3d-sim take takes/broken --frames 20 --faults faults.toml");
+  command.callback([arguments, &status] { status = run(*arguments); });
+}
+
+}  // namespace v3d::sim
