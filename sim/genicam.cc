@@ -93,8 +93,8 @@ std::string genicam_xml() {
          integer("SensorWidth", "0x11c", "RO", "") + integer("SensorHeight", "0x118", "RO", "") +
          integer("OffsetX", "0x130", "RW", "<Min>0</Min><Max>0</Max>") +
          integer("OffsetY", "0x134", "RW", "<Min>0</Min><Max>0</Max>") +
-         integer("Width", "0x100", "RW", "<Min>1</Min><pMax>SensorWidth</pMax>") +
-         integer("Height", "0x104", "RW", "<Min>1</Min><pMax>SensorHeight</pMax>") +
+         integer("Width", "0x100", "RW", "<pMin>SensorWidth</pMin><pMax>SensorWidth</pMax>") +
+         integer("Height", "0x104", "RW", "<pMin>SensorHeight</pMin><pMax>SensorHeight</pMax>") +
          enumeration("PixelFormat",
                      {{"Mono8", "17301505"},
                       {"BayerGR8", "17301512"},

@@ -137,10 +137,10 @@ class GigeCameras::Device {
         write(ARV_FAKE_CAMERA_REGISTER_TRIGGER_SOFTWARE, 1);
       }
     }
-    size_t room = 0;
-    auto* data = static_cast<uint8_t*>(const_cast<void*>(arv_buffer_get_data(buffer, &room)));
+    // Aravis calls with a buffer of the payload's size, which it reports only once filled.
+    auto* data = static_cast<uint8_t*>(const_cast<void*>(arv_buffer_get_data(buffer, nullptr)));
     const std::span<const uint8_t> image = picture_(exposure.camera, exposure.edge);
-    std::memcpy(data, image.data(), std::min(room, image.size()));
+    std::memcpy(data, image.data(), std::min(arv_fake_camera_get_payload(fake_), image.size()));
     arv_buffer_set_timestamp(buffer, static_cast<guint64>(to_ns(exposure.device_time)));
     report_(exposure);
   }

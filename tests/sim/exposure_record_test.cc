@@ -1,0 +1,57 @@
+#include "sim/exposure_record.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <fstream>
+
+#include "base/error.h"
+#include "temporary_folder.h"
+
+namespace v3d::sim {
+namespace {
+
+ExposureLine line(const std::string& camera, int64_t edge) {
+  return {camera, from_ns<DeviceClock>(1000 + edge), from_ns<Monotonic>(2000 + edge), edge,
+          edge - 2};
+}
+
+/// The message of the InputError, or "" when there is none.
+std::string refusal(const std::filesystem::path& path, const std::string& text) {
+  std::ofstream(path) << text;
+  try {
+    load_exposures(path);
+  } catch (const InputError& error) {
+    return error.what();
+  }
+  return "";
+}
+
+TEST(ExposureRecord, reads_back_what_it_wrote_line_by_line) {
+  const TemporaryFolder folder;
+  ExposureRecord record(folder / "exposures.csv");
+  std::vector<ExposureLine> written;
+  for (int64_t edge = 0; edge < 5; ++edge) {
+    written.push_back(line(edge % 2 == 0 ? "cam01" : "cam02", edge));
+    record.add(written.back());
+    EXPECT_EQ(load_exposures(folder / "exposures.csv"), written) << "flushed at once";
+  }
+  EXPECT_EQ(record.lost(), 0);
+}
+
+TEST(ExposureRecord, refuses_what_is_no_record_naming_line_and_field) {
+  const TemporaryFolder folder;
+  const auto path = folder / "e.csv";
+  const std::string header = "camera,device_time_ns,edge_monotonic_ns,edge,image_index\n";
+  EXPECT_THAT(refusal(path, ""), testing::HasSubstr("e.csv:1"));
+  EXPECT_THAT(refusal(path, "camera,edge\n"), testing::HasSubstr("e.csv:1"));
+  EXPECT_THAT(refusal(path, header + "cam01,1,2,3\n"), testing::HasSubstr("e.csv:2: 4 fields"));
+  EXPECT_THAT(refusal(path, header + "cam01,1,2,3,4\ncam01,1,x,3,4\n"),
+              testing::HasSubstr("e.csv:3: edge_monotonic_ns: \"x\""));
+  EXPECT_EQ(refusal(path, header), "");
+  EXPECT_THROW(load_exposures(folder / "absent.csv"), InputError);
+  EXPECT_THROW(ExposureRecord(folder / "absent/e.csv"), InputError);
+}
+
+}  // namespace
+}  // namespace v3d::sim

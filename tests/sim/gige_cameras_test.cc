@@ -1,0 +1,216 @@
+// The simulated cameras against a real GigE Vision client, in a network namespace of their own.
+#include "sim/gige_cameras.h"
+
+#include <arv.h>
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <sched.h>
+#include <unistd.h>
+
+#include <cstdlib>
+#include <fstream>
+#include <memory>
+#include <mutex>
+
+#include "base/error.h"
+
+namespace v3d::sim {
+namespace {
+
+constexpr int kCameras = 3;
+constexpr ImageSize kSize{256, 192};
+constexpr int kBuffers = 40;
+constexpr uint64_t kDeadlineUs = 20'000'000;
+
+struct Unref {
+  void operator()(void* object) const { g_object_unref(object); }
+};
+template <class T>
+using Owned = std::unique_ptr<T, Unref>;
+
+void write_file(const char* path, const std::string& text) { std::ofstream(path) << text; }
+
+/// Enters namespaces of its own, with the cameras' addresses on lo. Once, before any thread.
+bool enter_own_network() {
+  const uid_t user = getuid();
+  const gid_t group = getgid();
+  if (unshare(CLONE_NEWUSER | CLONE_NEWNET) != 0) {
+    return false;
+  }
+  write_file("/proc/self/setgroups", "deny");
+  write_file("/proc/self/uid_map", "0 " + std::to_string(user) + " 1");
+  write_file("/proc/self/gid_map", "0 " + std::to_string(group) + " 1");
+  std::string commands = "ip link set lo up mtu 65536";
+  for (int i = 0; i < kCameras; ++i) {
+    commands += " && ip addr add " + gige_address(i) + "/32 dev lo";
+  }
+  return std::system(commands.c_str()) == 0;
+}
+
+/// A camera as the capture side opens it: triggered on Line1, large packets.
+class Receiver {
+ public:
+  explicit Receiver(int index) {
+    camera_.reset(arv_camera_new(gige_address(index).c_str(), nullptr));
+    if (camera_ == nullptr) return;
+    arv_camera_set_string(camera_.get(), "TriggerSelector", "FrameStart", nullptr);
+    arv_camera_set_string(camera_.get(), "TriggerSource", "Line1", nullptr);
+    arv_camera_set_string(camera_.get(), "TriggerActivation", "RisingEdge", nullptr);
+    arv_camera_set_string(camera_.get(), "TriggerMode", "On", nullptr);
+    arv_camera_gv_set_packet_size(camera_.get(), 30000, nullptr);
+    stream_.reset(arv_camera_create_stream(camera_.get(), nullptr, nullptr, nullptr));
+    for (int i = 0; i < kBuffers; ++i) {
+      arv_stream_push_buffer(
+          stream_.get(), arv_buffer_new_allocate(arv_camera_get_payload(camera_.get(), nullptr)));
+    }
+    arv_camera_start_acquisition(camera_.get(), nullptr);
+  }
+  ~Receiver() {
+    if (camera_ != nullptr) arv_camera_stop_acquisition(camera_.get(), nullptr);
+  }
+  ArvCamera* camera() const { return camera_.get(); }
+  Owned<ArvBuffer> next(uint64_t timeout_us = kDeadlineUs) const {
+    return Owned<ArvBuffer>(arv_stream_timeout_pop_buffer(stream_.get(), timeout_us));
+  }
+
+ private:
+  Owned<ArvCamera> camera_;
+  Owned<ArvStream> stream_;
+};
+
+/// Every camera's every edge has a picture of its own.
+class Studio {
+ public:
+  Studio() {
+    std::vector<GigeCamera> cameras;
+    const MonotonicInstant origin = Monotonic::now();
+    for (int i = 0; i < kCameras; ++i) {
+      cameras.push_back({gige_address(i), gige_serial(i), kSize, PixelFormat::kBayerRG8,
+                         simulated_clock(i, 1, origin)});
+    }
+    for (int i = 0; i < kCameras * kEdges; ++i) {
+      pictures_.emplace_back(static_cast<size_t>(kSize.pixels()), static_cast<uint8_t>(20 + i));
+    }
+    cameras_ = std::make_unique<GigeCameras>(
+        std::move(cameras),
+        [this](int camera, int64_t edge) {
+          return std::span<const uint8_t>(picture(camera, edge));
+        },
+        [this](const Exposure& exposure) {
+          const std::lock_guard lock(mutex_);
+          exposures_.push_back(exposure);
+        },
+        1);
+  }
+  static constexpr int kEdges = 30;
+  const std::vector<uint8_t>& picture(int camera, int64_t edge) const {
+    return pictures_[static_cast<size_t>(camera * kEdges + edge)];
+  }
+  GigeCameras& cameras() { return *cameras_; }
+  std::vector<Exposure> exposures() const {
+    const std::lock_guard lock(mutex_);
+    return exposures_;
+  }
+
+ private:
+  std::vector<std::vector<uint8_t>> pictures_;
+  mutable std::mutex mutex_;
+  std::vector<Exposure> exposures_;
+  std::unique_ptr<GigeCameras> cameras_;  ///< last: its threads use the others
+};
+
+class GigeCamerasTest : public testing::Test {
+ protected:
+  static void SetUpTestSuite() {
+    static const bool entered = enter_own_network();
+    available_ = entered;
+  }
+  void SetUp() override {
+    if (!available_) GTEST_SKIP() << "no network namespace can be had here";
+  }
+  static inline bool available_ = false;
+};
+
+TEST_F(GigeCamerasTest, look_like_triggered_colour_cameras) {
+  const Studio studio;
+  const Receiver receiver(1);
+  ASSERT_NE(receiver.camera(), nullptr);
+  const auto text = [&](const char* feature) {
+    const char* value = arv_camera_get_string(receiver.camera(), feature, nullptr);
+    return std::string(value != nullptr ? value : "");
+  };
+  EXPECT_EQ(text("DeviceSerialNumber"), "V3D-SIM-02");
+  EXPECT_EQ(text("TriggerSource"), "Line1");
+  EXPECT_EQ(text("PixelFormat"), "BayerRG8");
+  EXPECT_EQ(arv_camera_get_payload(receiver.camera(), nullptr), static_cast<guint>(kSize.pixels()));
+  arv_camera_set_exposure_time(receiver.camera(), 1000, nullptr);
+  EXPECT_EQ(arv_camera_get_exposure_time(receiver.camera(), nullptr), 1000);
+  arv_camera_set_gain(receiver.camera(), 2.5, nullptr);
+  EXPECT_EQ(arv_camera_get_gain(receiver.camera(), nullptr), 2.5);
+}
+
+TEST_F(GigeCamerasTest, stream_one_image_per_edge_with_the_time_of_the_edge) {
+  Studio studio;
+  std::vector<std::unique_ptr<Receiver>> receivers;
+  for (int i = 0; i < kCameras; ++i) {
+    receivers.push_back(std::make_unique<Receiver>(i));
+    ASSERT_NE(receivers.back()->camera(), nullptr);
+  }
+  // All edges at once: a camera that is busy keeps the later ones.
+  for (int64_t edge = 0; edge < Studio::kEdges; ++edge) {
+    studio.cameras().trigger(edge, Monotonic::now());
+  }
+  std::vector<std::vector<int64_t>> times(kCameras);
+  for (int i = 0; i < kCameras; ++i) {
+    uint64_t last_id = 0;
+    for (int64_t edge = 0; edge < Studio::kEdges; ++edge) {
+      const Owned<ArvBuffer> buffer = receivers[static_cast<size_t>(i)]->next();
+      ASSERT_NE(buffer, nullptr) << "camera " << i << " edge " << edge;
+      ASSERT_EQ(arv_buffer_get_status(buffer.get()), ARV_BUFFER_STATUS_SUCCESS);
+      size_t size = 0;
+      const auto* data =
+          static_cast<const uint8_t*>(arv_buffer_get_image_data(buffer.get(), &size));
+      EXPECT_EQ(std::vector<uint8_t>(data, data + size), studio.picture(i, edge));
+      const uint64_t id = arv_buffer_get_frame_id(buffer.get());
+      if (edge > 0) {
+        EXPECT_EQ(id, last_id == 65535 ? 1 : last_id + 1);
+      }
+      last_id = id;
+      times[static_cast<size_t>(i)].push_back(
+          static_cast<int64_t>(arv_buffer_get_timestamp(buffer.get())));
+    }
+  }
+  const std::vector<Exposure> record = studio.exposures();
+  EXPECT_EQ(record.size(), static_cast<size_t>(kCameras * Studio::kEdges));
+  for (const Exposure& exposure : record) {
+    EXPECT_EQ(times[static_cast<size_t>(exposure.camera)][static_cast<size_t>(exposure.edge)],
+              to_ns(exposure.device_time));
+  }
+}
+
+TEST_F(GigeCamerasTest, ignore_edges_while_nobody_acquires) {
+  Studio studio;
+  studio.cameras().trigger(0, Monotonic::now());
+  EXPECT_EQ(studio.cameras().ignored(), kCameras);
+  const Receiver receiver(0);
+  studio.cameras().trigger(1, Monotonic::now());
+  const Owned<ArvBuffer> buffer = receiver.next();
+  ASSERT_NE(buffer, nullptr);
+  const std::vector<Exposure> record = studio.exposures();
+  ASSERT_EQ(record.size(), 1U);
+  EXPECT_EQ(record[0].edge, 1);
+  EXPECT_EQ(studio.cameras().ignored(), 2 * kCameras - 1);
+}
+
+TEST_F(GigeCamerasTest, name_the_address_that_is_not_there) {
+  const GigeCamera nowhere{"127.0.9.9", "V3D-SIM-99", kSize, PixelFormat::kBayerRG8, {}};
+  try {
+    const GigeCameras cameras({nowhere}, nullptr, nullptr, 1);
+    FAIL() << "an address that no interface has was accepted";
+  } catch (const InputError& error) {
+    EXPECT_THAT(error.what(), testing::HasSubstr("127.0.9.9"));
+  }
+}
+
+}  // namespace
+}  // namespace v3d::sim

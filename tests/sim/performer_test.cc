@@ -1,0 +1,130 @@
+#include "sim/performer.h"
+
+#include <gtest/gtest.h>
+#include <rapidcheck/gtest.h>
+
+#include "sim/motion.h"
+#include "sim/scene.h"
+
+namespace v3d::sim {
+namespace {
+
+double any_time() { return *rc::gen::inRange(0, 8000) * 1e-3 - 2; }
+
+bool same_bytes(const Mesh& a, const Mesh& b) {
+  return a.vertices == b.vertices && a.triangles == b.triangles && a.colours == b.colours;
+}
+
+TEST(Performer, swings_the_tip_of_the_sword_at_about_15_metres_a_second) {
+  constexpr double kStep = 1e-4;
+  double peak = 0;
+  for (double t = 0; t < kActionPeriodSeconds; t += 1e-3) {
+    peak = std::max(peak, (sword_tip(pose_at(t + kStep)) - sword_tip(pose_at(t))).norm() / kStep);
+  }
+  EXPECT_GT(peak, 14);
+  EXPECT_LT(peak, 17);
+}
+
+RC_GTEST_PROP(Performer, is_made_of_closed_parts_that_face_outward, ()) {
+  for (const Part& part : performer_parts(any_time(), *rc::gen::inRange(0, 1000))) {
+    RC_ASSERT(is_watertight(part.mesh));
+    RC_ASSERT(is_manifold(part.mesh));
+    RC_ASSERT(enclosed_volume(part.mesh) > 0);
+    RC_ASSERT(part.paint.size() == part.mesh.vertices.size());
+  }
+}
+
+RC_GTEST_PROP(Performer, holds_the_handle_with_both_hands_all_the_time, ()) {
+  const Pose pose = pose_at(any_time());
+  for (const Side side : {kLeft, kRight}) {
+    const Eigen::Vector3d wrist = pose.world_from_sword.inverse() * pose.arm[side].tip;
+    RC_ASSERT(wrist.head<2>().norm() < 0.09);
+    RC_ASSERT(wrist.z() < 0.03 && wrist.z() > -kHandleLength - 0.06);
+  }
+}
+
+RC_GTEST_PROP(Performer, stays_above_the_floor_and_inside_the_studio, ()) {
+  for (const auto& v : performer_at(any_time(), 1).vertices) {
+    RC_ASSERT(v.z() >= -0.001F && v.z() <= 2.45F);
+    RC_ASSERT(v.head<2>().norm() < 1.5F);
+  }
+}
+
+TEST(Performer, is_as_tall_as_a_person) {
+  float top = 0;
+  for (const Part& part : performer_parts(0, 1)) {
+    if (part.material == Material::kFace) {
+      for (const auto& v : part.mesh.vertices) top = std::max(top, v.z());
+    }
+  }
+  EXPECT_NEAR(top, 1.75, 0.07);  // the crown of the head; standing on guard, slightly bent
+}
+
+TEST(Performer, gives_the_same_bytes_for_the_same_time_and_seed) {
+  EXPECT_TRUE(same_bytes(performer_at(1.25, 7), performer_at(1.25, 7)));
+  EXPECT_FALSE(same_bytes(performer_at(1.25, 7), performer_at(1.25, 8)));
+}
+
+TEST(Performer, repeats_the_action_every_period) {
+  // Times that are exact in binary, so that the remainder is too.
+  for (const double t : {0.0, 0.5, 1.25, 3.75}) {
+    const Mesh once = performer_at(t, 1);
+    const Mesh again = performer_at(t + kActionPeriodSeconds, 1);
+    ASSERT_EQ(once.vertices.size(), again.vertices.size());
+    for (size_t i = 0; i < once.vertices.size(); ++i) {
+      ASSERT_LT((once.vertices[i] - again.vertices[i]).norm(), 1e-5F);
+    }
+  }
+}
+
+TEST(Performer, moves_without_jumps_also_where_the_action_closes) {
+  for (int i = 0; i < 4000; ++i) {
+    const double t = 1e-3 * i;
+    const double step = (sword_tip(pose_at(t + 1e-3)) - sword_tip(pose_at(t))).norm();
+    ASSERT_LT(step, 0.017) << "at " << t;
+  }
+}
+
+TEST(Performer, wears_clothes_that_trail_the_body) {
+  // The trousers' hem follows the foot late: in the lunge it lies behind where it would hang.
+  const auto hem_of = [](double t) {
+    Eigen::Vector3f sum = Eigen::Vector3f::Zero();
+    int n = 0;
+    for (const Part& part : performer_parts(t, 1)) {
+      if (part.material != Material::kTrousers) continue;
+      for (const auto& v : part.mesh.vertices) {
+        if (v.z() < 0.3F) {
+          sum += v;
+          ++n;
+        }
+      }
+    }
+    return Eigen::Vector3f(sum / static_cast<float>(n));
+  };
+  const double lunge = 1.25;
+  const auto feet_of = [](double t) {
+    const Pose pose = pose_at(t);
+    return Eigen::Vector3d(0.5 * (pose.leg[kLeft].tip + pose.leg[kRight].tip));
+  };
+  const double moving = feet_of(lunge).x() - hem_of(lunge).x();
+  const double standing = feet_of(0.1).x() - hem_of(0.1).x();
+  EXPECT_GT(moving, standing + 0.005);
+}
+
+TEST(Paint, has_fine_detail_on_every_material) {
+  for (int m = 0; m <= static_cast<int>(Material::kGuard); ++m) {
+    float low = 2, high = -1;
+    for (int i = 0; i < 200; ++i) {
+      // A patch of 2 cm, on the front of a part of 7 cm radius.
+      const Eigen::Vector3f place(0.07F, 0.0001F * static_cast<float>(i % 14 * 14),
+                                  0.0001F * static_cast<float>(i));
+      const float value = paint(static_cast<Material>(m), place, 1).sum();
+      low = std::min(low, value);
+      high = std::max(high, value);
+    }
+    EXPECT_GT(high - low, 0.02F) << "material " << m;
+  }
+}
+
+}  // namespace
+}  // namespace v3d::sim
