@@ -1,12 +1,13 @@
 #include "sim/exposure_record.h"
 
+#include <algorithm>
 #include <array>
 #include <charconv>
 #include <cinttypes>
-#include <fstream>
 #include <string_view>
 
 #include "base/error.h"
+#include "base/file.h"
 
 namespace v3d::sim {
 namespace {
@@ -70,20 +71,26 @@ int64_t ExposureRecord::lost() const {
   return lost_;
 }
 
-std::vector<ExposureLine> load_exposures(const std::filesystem::path& path) {
-  std::ifstream in(path);
-  if (!in) {
-    throw InputError(errno_message(path.string()));
-  }
-  std::string text;
-  if (!std::getline(in, text) || text != kHeader) {
+std::vector<ExposureLine> parse_exposures(std::string_view text,
+                                          const std::filesystem::path& path) {
+  const auto next_line = [&text] {
+    const size_t end = std::min(text.find('\n'), text.size());
+    const std::string_view line = text.substr(0, end);
+    text.remove_prefix(std::min(end + 1, text.size()));
+    return line;
+  };
+  if (next_line() != kHeader) {
     throw InputError(path.string() + ":1: expected the line " + std::string(kHeader));
   }
   std::vector<ExposureLine> lines;
-  for (int number = 2; std::getline(in, text); ++number) {
-    lines.push_back(parse_line(text, path.string() + ":" + std::to_string(number)));
+  for (int number = 2; !text.empty(); ++number) {
+    lines.push_back(parse_line(next_line(), path.string() + ":" + std::to_string(number)));
   }
   return lines;
+}
+
+std::vector<ExposureLine> load_exposures(const std::filesystem::path& path) {
+  return parse_exposures(read_file(path), path);
 }
 
 }  // namespace v3d::sim

@@ -8,6 +8,7 @@
 #include <memory>
 #include <mutex>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "base/time.h"
@@ -41,5 +42,7 @@ class ExposureRecord {
 
 /// Throws InputError naming file, line and field.
 std::vector<ExposureLine> load_exposures(const std::filesystem::path& path);
+/// The same from text; `path` names it in messages.
+std::vector<ExposureLine> parse_exposures(std::string_view text, const std::filesystem::path& path);
 
 }  // namespace v3d::sim

@@ -106,8 +106,8 @@ void add_torso(std::vector<Part>& parts, const Pose& pose, double seconds, uint6
                                  pelvis.rotation, {0.142, 0.175, 0.150}, 48, 24));
   for (const Side side : {kLeft, kRight}) {
     parts.push_back(make_ellipsoid(Material::kJacket,
-                                   0.92 * pose.arm[side].root + 0.08 * chest.translation,
-                                   chest.rotation, {0.080, 0.084, 0.078}, 24, 16));
+                                   0.90 * pose.arm[side].root + 0.10 * chest.translation,
+                                   chest.rotation, {0.072, 0.074, 0.066}, 24, 16));
   }
 
   // The belt, over the jacket's waist.

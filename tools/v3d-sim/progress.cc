@@ -7,12 +7,10 @@
 namespace v3d::sim {
 
 Progress::Progress(std::string what, int64_t total)
-    : what_(std::move(what)), total_(total), terminal_(isatty(STDERR_FILENO) == 1) {
-  done(0);
-}
+    : what_(std::move(what)), total_(total), terminal_(isatty(STDERR_FILENO) == 1) {}
 
 Progress::~Progress() {
-  if (terminal_) {
+  if (terminal_ && last_shown_ >= 0) {
     std::fputc('\n', stderr);
   }
 }

@@ -1,0 +1,264 @@
+// The parts of v3d-sim.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <fstream>
+#include <functional>
+
+#include "base/calib_file.h"
+#include "base/error.h"
+#include "base/file.h"
+#include "base/studio_file.h"
+#include "capture/segmenter.h"
+#include "sim/scene.h"
+#include "take/frame_log.h"
+#include "take/ledger.h"
+#include "take/take.h"
+#include "temporary_folder.h"
+#include "v3d-sim/faults.h"
+#include "v3d-sim/options.h"
+#include "v3d-sim/ply.h"
+#include "v3d-sim/simulated_take.h"
+#include "v3d-sim/studio_text.h"
+#include "v3d-sim/take_check.h"
+
+namespace v3d::sim {
+namespace {
+
+using testing::HasSubstr;
+
+std::string refusal(const std::function<void()>& call) {
+  try {
+    call();
+  } catch (const InputError& error) {
+    return error.what();
+  }
+  return "";
+}
+
+SimulatedTake small_take(const std::filesystem::path& folder) {
+  SimulatedTake take;
+  take.folder = folder;
+  take.rig = make_rig(3, {96, 64}, 4);
+  take.frames = 5;
+  take.seed = 4;
+  return take;
+}
+
+void write(const SimulatedTake& take) {
+  write_take(take, [](int64_t) {});
+}
+
+/// The record the simulator would have kept of a take in which every frame is right.
+std::vector<ExposureLine> record_of(const std::filesystem::path& folder) {
+  constexpr int64_t kFirstEdge = 20;
+  const TakePaths paths{folder};
+  std::vector<ExposureLine> record;
+  const std::vector<PulseMessage> pulses = read_pulses(paths.pulses());
+  for (const std::string& camera : load_take_info(paths).cameras) {
+    const FrameLogReader log(paths.frames(camera));
+    for (const FrameLabel& label : log.labels()) {
+      record.push_back({camera, label.device_time,
+                        pulses[static_cast<size_t>(label.pulse)].edge_monotonic,
+                        kFirstEdge + label.pulse, label.pulse});
+    }
+  }
+  return record;
+}
+
+TEST(Size, takes_width_and_height_only) {
+  EXPECT_EQ(parse_size("1024x768"), (ImageSize{1024, 768}));
+  for (const char* wrong : {"", "x", "1024", "1024x", "x768", "1024x767", "8x8", "1024*768",
+                            "-16x16", "100000x100000", "1024x768x3", "64x48 "}) {
+    EXPECT_THAT(refusal([&] { parse_size(wrong); }), HasSubstr("expected WIDTHxHEIGHT")) << wrong;
+  }
+}
+
+TEST(Faults, are_read_from_toml) {
+  const Rig rig = make_rig(3, {64, 48}, 1);
+  const auto faults = parse_faults(
+      "[[fault]]\ncamera = \"cam02\"\npulse = 3\nkind = \"missing\"\n"
+      "[[fault]]\ncamera = \"cam01\"\npulse = 0\nkind = \"suspect\"\n",
+      "f.toml", rig, 5);
+  ASSERT_EQ(faults.size(), 2U);
+  EXPECT_TRUE(has_fault(faults, "cam02", 3, FaultKind::kMissing));
+  EXPECT_TRUE(has_fault(faults, "cam01", 0, FaultKind::kSuspect));
+  EXPECT_FALSE(has_fault(faults, "cam01", 3, FaultKind::kMissing));
+}
+
+TEST(Faults, name_file_line_and_field_of_what_is_wrong) {
+  const Rig rig = make_rig(3, {64, 48}, 1);
+  const auto error = [&](const std::string& text) {
+    return refusal([&] { parse_faults(text, "f.toml", rig, 5); });
+  };
+  const std::string camera = "[[fault]]\ncamera = \"cam02\"\n";
+  EXPECT_THAT(error("[[fault]]\npulse = 1\nkind = \"missing\"\n"), HasSubstr("camera"));
+  EXPECT_THAT(error("[[fault]]\ncamera = \"cam09\"\npulse = 1\nkind = \"missing\"\n"),
+              HasSubstr("f.toml:2: fault.camera: there is no camera 'cam09'"));
+  EXPECT_THAT(error(camera + "pulse = 5\nkind = \"missing\"\n"),
+              HasSubstr("f.toml:3: fault.pulse: expected 0 to 4"));
+  EXPECT_THAT(error(camera + "pulse = -1\nkind = \"missing\"\n"), HasSubstr("fault.pulse"));
+  EXPECT_THAT(error(camera + "pulse = \"1\"\nkind = \"missing\"\n"), HasSubstr("fault.pulse"));
+  EXPECT_THAT(error(camera + "pulse = 1\nkind = \"late\"\n"),
+              HasSubstr("f.toml:4: fault.kind: 'late' is unknown"));
+  EXPECT_THAT(error(camera + "pulse = 1\nkind = \"missing\"\nwhy = 1\n"), HasSubstr("why"));
+  const std::string one = camera + "pulse = 1\nkind = \"missing\"\n";
+  EXPECT_THAT(error(one + one), HasSubstr("two faults of cam02 at pulse 1"));
+  EXPECT_THAT(error("not toml"), HasSubstr("f.toml:1"));
+  EXPECT_THAT(refusal([&] { load_faults("/absent.toml", rig, 5); }), HasSubstr("/absent.toml"));
+}
+
+TEST(Ply, holds_every_vertex_and_face) {
+  const TemporaryFolder folder;
+  Mesh mesh;
+  mesh.vertices = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {0, 0, 1}};
+  mesh.triangles = {{0, 2, 1}, {0, 1, 3}};
+  mesh.colours.resize(4);
+  write_ply(folder / "m.ply", mesh);
+  const std::string bytes = read_file(folder / "m.ply");
+  const size_t body = bytes.find("end_header\n") + 11;
+  EXPECT_EQ(bytes.size() - body, 4U * 15 + 2U * 13);
+  EXPECT_THAT(bytes, HasSubstr("element vertex 4\n"));
+  EXPECT_THAT(bytes, HasSubstr("property uchar red\n"));
+  EXPECT_THAT(bytes, HasSubstr("element face 2\n"));
+}
+
+TEST(StudioText, is_a_studio_file_that_loads) {
+  const TemporaryFolder folder;
+  for (const int cameras : {1, 15}) {
+    const Rig rig = make_rig(cameras, {1024, 768}, 1);
+    const Studio studio = parse_studio(studio_text(rig, {900, 0.008}), folder / "studio.toml");
+    ASSERT_EQ(studio.cameras.size(), rig.size());
+    EXPECT_EQ(studio.cameras.back().name, rig.back().name);
+    EXPECT_EQ(studio.cameras.front().address, "127.0.0.11");
+    EXPECT_EQ(studio.cameras.front().node, "cap01");
+    EXPECT_EQ(studio.trigger.rate_hz, 900);
+    EXPECT_EQ(studio.trigger.wire, folder / "trigger.sock");
+    EXPECT_EQ(studio.reconstruction.voxel_m, 0.008);
+    EXPECT_LE(studio.reconstruction.min_views, cameras);
+    EXPECT_EQ(studio.storage.calib, folder / "calib.toml");
+  }
+}
+
+TEST(SimulatedTake, is_complete_and_reads_back) {
+  const TemporaryFolder folder;
+  const SimulatedTake take = small_take(folder / "cut");
+  write(take);
+  const TakePaths paths{take.folder};
+  const TakeInfo info = load_take_info(paths);
+  EXPECT_EQ(info.name, "cut");
+  EXPECT_EQ(info.state, TakeState::kComplete);
+  EXPECT_EQ(info.pulses, 5);
+  EXPECT_TRUE(load_ledger(paths.ledger()).complete());
+  EXPECT_EQ(load_calib(paths.calib()).size(), 3U);
+  EXPECT_EQ(read_pulses(paths.pulses()).size(), 5U);
+  for (const RigCamera& camera : take.rig) {
+    EXPECT_TRUE(has_background(paths.background(), camera.name));
+    FrameLogReader log(paths.frames(camera.name));
+    for (int64_t pulse = 0; pulse < 5; ++pulse) {
+      const auto frame = log.read(pulse);
+      ASSERT_TRUE(frame);
+      EXPECT_EQ(frame->image.size, camera.model.size());
+      EXPECT_EQ(frame->image.format, PixelFormat::kBayerRG8);
+    }
+  }
+}
+
+TEST(SimulatedTake, gives_the_same_bytes_twice) {
+  const TemporaryFolder folder;
+  std::filesystem::create_directories(folder / "a");
+  std::filesystem::create_directories(folder / "b");
+  write(small_take(folder / "a/cut"));
+  write(small_take(folder / "b/cut"));
+  int files = 0;
+  for (const auto& entry : std::filesystem::recursive_directory_iterator(folder / "a")) {
+    if (!entry.is_regular_file()) continue;
+    const auto twin = folder / "b" / std::filesystem::relative(entry.path(), folder / "a");
+    EXPECT_EQ(read_file(entry.path()), read_file(twin)) << entry.path();
+    ++files;
+  }
+  EXPECT_GE(files, 7);
+}
+
+TEST(SimulatedTake, has_the_faults_that_were_asked_for_in_logs_and_ledger) {
+  const TemporaryFolder folder;
+  SimulatedTake take = small_take(folder / "broken");
+  take.faults = {{"cam01", 2, FaultKind::kMissing},
+                 {"cam02", 3, FaultKind::kDuplicate},
+                 {"cam03", 4, FaultKind::kSuspect}};
+  write(take);
+  const TakePaths paths{take.folder};
+  const Ledger ledger = load_ledger(paths.ledger());
+  EXPECT_FALSE(ledger.complete());
+  EXPECT_EQ(ledger.cameras[0].missing, std::vector<int64_t>{2});
+  EXPECT_EQ(ledger.cameras[1].duplicate, std::vector<int64_t>{3});
+  EXPECT_EQ(ledger.cameras[2].suspect, std::vector<int64_t>{4});
+  EXPECT_FALSE(FrameLogReader(paths.frames("cam01")).read(2));
+  EXPECT_EQ(FrameLogReader(paths.frames("cam02")).labels().size(), 6U);
+  EXPECT_TRUE(FrameLogReader(paths.frames("cam03")).labels()[4].suspect);
+}
+
+TEST(SimulatedTake, writes_the_true_surface_of_every_pulse) {
+  const TemporaryFolder folder;
+  SimulatedTake take = small_take(folder / "cut");
+  take.frames = 2;
+  take.truth = folder / "truth";
+  write(take);
+  EXPECT_TRUE(std::filesystem::exists(folder / "truth/000000.ply"));
+  EXPECT_TRUE(std::filesystem::exists(folder / "truth/000001.ply"));
+}
+
+TEST(SimulatedTake, refuses_a_folder_that_is_no_new_take) {
+  const TemporaryFolder folder;
+  write(small_take(folder / "cut"));
+  EXPECT_THAT(refusal([&] { write(small_take(folder / "cut")); }), HasSubstr("already exists"));
+  EXPECT_THAT(refusal([&] { write(small_take(folder / "-cut")); }), HasSubstr("no take name"));
+}
+
+TEST(TakeCheck, finds_nothing_wrong_with_a_take_that_is_right) {
+  const TemporaryFolder folder;
+  write(small_take(folder / "cut"));
+  const TakeCheck check = check_take(folder / "cut", record_of(folder / "cut"));
+  EXPECT_EQ(check.frames_received, 15);
+  EXPECT_TRUE(check.whole()) << check.problems.front();
+}
+
+TEST(TakeCheck, counts_missing_frames) {
+  const TemporaryFolder folder;
+  SimulatedTake take = small_take(folder / "cut");
+  take.faults = {{"cam01", 2, FaultKind::kMissing}, {"cam03", 2, FaultKind::kMissing}};
+  write(take);
+  const TakeCheck check = check_take(take.folder, record_of(take.folder));
+  EXPECT_EQ(check.frames_received, 13);
+  EXPECT_EQ(check.frames_missing, 2);
+  EXPECT_EQ(check.frames_mislabelled, 0);
+  EXPECT_FALSE(check.whole());
+}
+
+TEST(TakeCheck, counts_frames_that_show_another_edge_than_their_pulse) {
+  const TemporaryFolder folder;
+  write(small_take(folder / "cut"));
+  const std::vector<ExposureLine> right = record_of(folder / "cut");
+  const auto mislabelled = [&](const std::function<void(std::vector<ExposureLine>&)>& spoil) {
+    std::vector<ExposureLine> record = right;
+    spoil(record);
+    return check_take(folder / "cut", record).frames_mislabelled;
+  };
+  // The images of two pulses changed places.
+  EXPECT_EQ(mislabelled([](auto& r) { std::swap(r[1].device_time, r[2].device_time); }), 2);
+  // An exposure the simulator never made.
+  EXPECT_EQ(mislabelled([](auto& r) { r[7].device_time += Duration(1); }), 1);
+  // A camera's whole take is one pulse late.
+  EXPECT_EQ(mislabelled([](auto& r) {
+              for (size_t i = 0; i < 5; ++i) ++r[i].edge;
+            }),
+            5);
+}
+
+TEST(TakeCheck, refuses_what_is_no_take) {
+  const TemporaryFolder folder;
+  EXPECT_NE(refusal([&] { check_take(folder / "absent", {}); }), "");
+}
+
+}  // namespace
+}  // namespace v3d::sim
