@@ -51,10 +51,11 @@ Vector3f wall_colour(const Vector3d& p, uint32_t seed) {
   return Vector3f(0.33F, 0.50F, 0.40F) * (tone * lit * dark * (0.88F + 0.24F * grain(p, 35, seed)));
 }
 
+/// Fluorescent tubes behind green diffusers: a bare tube would be as white as the jacket before it.
 Vector3f ceiling_colour(const Vector3d& p, uint32_t seed) {
   const bool tube = saw(p.x() / 0.9) < 0.05F && saw(p.y() / 1.5) < 0.42F;
-  return tube ? Vector3f(1, 1, 1)
-              : Vector3f(0.30F, 0.34F, 0.32F) * (0.9F + 0.2F * grain(p, 20, seed));
+  return tube ? Vector3f(0.52F, 0.80F, 0.64F)
+              : Vector3f(0.18F, 0.31F, 0.24F) * (0.9F + 0.2F * grain(p, 20, seed));
 }
 
 }  // namespace
