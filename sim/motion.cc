@@ -25,9 +25,6 @@ constexpr double kShoulderDrop = 0.06;  // below the base of the neck
 constexpr double kUpperArm = 0.29;
 constexpr double kForearm = 0.265;
 constexpr double kAnkleHeight = 0.075;
-// The hands hold the handle here, measured from the guard.
-constexpr double kRightGrip = -0.05;
-constexpr double kLeftGrip = -0.17;
 
 /// One key pose. Positions of hands and feet are relative to the ground point under the pelvis, in
 /// the frame that turns with `yaw`. Metres and degrees.
@@ -154,7 +151,27 @@ Limb reach(const Vector3d& root, const Vector3d& target, double upper, double lo
   return {root, root + forward * along + aside * bend, root + distance * along};
 }
 
+/// The arm from the shoulder to the handle.
+Limb arm_of(const Pose& pose, const Matrix3d& heading, Side side) {
+  const double sign = side == kLeft ? 1 : -1;
+  const Vector3d shoulder =
+      pose.world_from_chest * Vector3d(0, sign * kShoulderHalfWidth, -kShoulderDrop);
+  const Vector3d hand = pose.world_from_sword * Vector3d(0, 0, grip_of(side));
+  // The wrist lies behind the handle, a palm's length towards the shoulder.
+  const Vector3d wrist = hand + 0.075 * (shoulder - hand).normalized();
+  return reach(shoulder, wrist, kUpperArm, kForearm, heading * Vector3d(-0.25, 0.8 * sign, -0.75));
+}
+
+/// The leg from the hip to an ankle.
+Limb leg_of(const Pose& pose, const Matrix3d& heading, Side side, const Vector3d& ankle) {
+  const double sign = side == kLeft ? 1 : -1;
+  const Vector3d hip = pose.world_from_pelvis * Vector3d(0, sign * kHipHalfWidth, -0.05);
+  return reach(hip, ankle, kThigh, kShank, heading * Vector3d(1, 0.25 * sign, 0));
+}
+
 }  // namespace
+
+double grip_of(Side side) { return side == kLeft ? -0.17 : -0.05; }
 
 Pose pose_at(double seconds) {
   const auto v = channels_at(seconds);
@@ -165,38 +182,27 @@ Pose pose_at(double seconds) {
   };
 
   Pose pose;
-  pose.world_from_pelvis = {heading * turn_z(-0.5 * v[kTwist]) * lean_forward(0.4 * v[kLean]),
-                            in_world(0, 0, v[kHeight] + 0.05)};
+  const Matrix3d pelvis = heading * turn_z(-0.5 * v[kTwist]) * lean_forward(0.4 * v[kLean]);
   const Matrix3d chest = heading * turn_z(0.5 * v[kTwist]) * lean_forward(v[kLean]);
-  pose.world_from_chest = {
-      chest, pose.world_from_pelvis * Vector3d(0, 0, 0) +
-                 0.5 * kSpine * (pose.world_from_pelvis.rotation.col(2) + chest.col(2))};
   const Matrix3d head = heading * lean_forward(0.3 * v[kLean] + v[kNod]);
+  pose.world_from_pelvis = {pelvis, in_world(0, 0, v[kHeight] + 0.05)};
+  pose.world_from_chest = {
+      chest, pose.world_from_pelvis.translation + 0.5 * kSpine * (pelvis.col(2) + chest.col(2))};
   pose.world_from_head = {head, pose.world_from_chest * Vector3d(0.01, 0, 0.04) +
                                     head * Vector3d(0.015, 0, kNeckToHead - 0.04)};
 
   // The blade: pitch turns it up from straight ahead, swing to the left.
   const Matrix3d blade = heading * turn_z(v[kSwing]) * lean_forward(90 - v[kPitch]);
-  const Vector3d grip = in_world(v[kHandX], v[kHandY], v[kHandZ]);
-  pose.world_from_sword = {blade, grip - blade * Vector3d(0, 0, 0.5 * (kRightGrip + kLeftGrip))};
+  const Vector3d between_hands = in_world(v[kHandX], v[kHandY], v[kHandZ]);
+  const double middle = 0.5 * (grip_of(kLeft) + grip_of(kRight));
+  pose.world_from_sword = {blade, between_hands - blade * Vector3d(0, 0, middle)};
 
+  const Vector3d left_ankle = in_world(v[kLeftX], v[kLeftY], kAnkleHeight + v[kLeftLift]);
+  const Vector3d right_ankle = in_world(v[kRightX], v[kRightY], kAnkleHeight + v[kRightLift]);
   for (const Side side : {kLeft, kRight}) {
-    const double sign = side == kLeft ? 1 : -1;
-    const Vector3d shoulder =
-        pose.world_from_chest * Vector3d(0, sign * kShoulderHalfWidth, -kShoulderDrop);
-    const Vector3d hold(0, 0, side == kLeft ? kLeftGrip : kRightGrip);
-    // The wrist lies behind the handle, a palm's length towards the shoulder.
-    const Vector3d hand = pose.world_from_sword * hold;
-    const Vector3d wrist = hand + 0.075 * (shoulder - hand).normalized();
-    pose.arm[side] =
-        reach(shoulder, wrist, kUpperArm, kForearm, heading * Vector3d(-0.25, 0.8 * sign, -0.75));
-
-    const Vector3d hip = pose.world_from_pelvis * Vector3d(0, sign * kHipHalfWidth, -0.05);
-    const bool left = side == kLeft;
-    const Vector3d ankle = in_world(v[left ? kLeftX : kRightX], v[left ? kLeftY : kRightY],
-                                    kAnkleHeight + v[left ? kLeftLift : kRightLift]);
-    pose.leg[side] = reach(hip, ankle, kThigh, kShank, heading * Vector3d(1, 0.25 * sign, 0));
-    pose.foot[side] = heading * turn_z(12 * sign);
+    pose.arm[side] = arm_of(pose, heading, side);
+    pose.leg[side] = leg_of(pose, heading, side, side == kLeft ? left_ankle : right_ankle);
+    pose.foot[side] = heading * turn_z(side == kLeft ? 12 : -12);
   }
   return pose;
 }

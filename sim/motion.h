@@ -29,6 +29,9 @@ struct Pose {
 inline constexpr double kBladeLength = 0.75;
 inline constexpr double kHandleLength = 0.24;
 
+/// Where a hand holds the handle: z in the sword's frame.
+double grip_of(Side side);
+
 /// Any time; pose_at(t + kActionPeriodSeconds) equals pose_at(t).
 Pose pose_at(double seconds);
 

@@ -132,7 +132,7 @@ void add_arm(std::vector<Part>& parts, const Pose& pose, Side side) {
   parts.push_back(make_capsule(Material::kSkin, arm.joint, arm.tip, 0.043, 0.028, up, 1.0, 20, 12));
   // The fist round the handle, fingers across it, the thumb along it.
   const Matrix3d& sword = pose.world_from_sword.rotation;
-  const double grip = side == kLeft ? -0.17 : -0.05;
+  const double grip = grip_of(side);
   const Vector3d hold = pose.world_from_sword * Vector3d(0, 0, grip);
   parts.push_back(
       make_capsule(Material::kSkin, arm.tip, 0.35 * arm.tip + 0.65 * hold, 0.029, 0.038, up, 0.8));

@@ -17,7 +17,8 @@ namespace v3d::sim {
 Rig make_rig(int cameras, ImageSize size, uint64_t seed);
 
 /// The performer's surface at a time: body, waving clothes, sword. Closed parts, world frame, with
-/// vertex colours; the true surface. Any time; the action repeats smoothly every period_s.
+/// vertex colours; the true surface. Parts overlap: what can be seen from outside is
+/// sim/outer_surface.h. Any time; the action repeats smoothly every kActionPeriodSeconds.
 Mesh performer_at(double seconds, uint64_t seed);
 inline constexpr double kActionPeriodSeconds = 4.0;
 
@@ -28,8 +29,9 @@ struct RenderOptions {
   double exposure_s = 0.001;
 };
 
-/// What `camera` sees at `seconds`; with_performer = false gives a background plate.
-/// `exposure_number` seeds the noise.
+/// What `camera` sees at `seconds`, the middle of the exposure; with_performer = false gives a
+/// background plate. `exposure_number` seeds the noise. Draws the camera's room first, which takes
+/// longer than the performer: for many images see sim/film.h.
 Image render(const RigCamera& camera, double seconds, bool with_performer, uint64_t exposure_number,
              const RenderOptions& options);
 

@@ -15,8 +15,7 @@ namespace v3d::sim {
 /// tube, from its start to its end; then triangles face outward.
 struct Ring {
   Eigen::Vector3d center, u, v;
-  /// Where the ring lies in the rest frame: its height, and the factor from (u, v) lengths to paint
-  /// coordinates is 1.
+  /// Its place along the rest frame's z; across, paint coordinates are lengths along u and v.
   double height = 0;
 };
 

@@ -1,7 +1,6 @@
 #include "v3d-sim/simulated_take.h"
 
 #include <cstdio>
-#include <map>
 #include <stdexcept>
 
 #include "base/calib_file.h"
@@ -45,13 +44,17 @@ void write_backgrounds(const TakePaths& paths, const Rig& rig, Film& film) {
   for (uint64_t i = 0; i < kPlates; ++i) {
     plates.push_back(film.shoot_all({}, i));
   }
+  std::vector<BackgroundModel> models(rig.size());
   for_each_index(rig.size(), [&](size_t c) {
     std::vector<ImageView> views;
     for (const auto& plate : plates) {
       views.push_back(plate[c].view());
     }
-    save_background(paths.background(), rig[c].name, learn_background(views));
+    models[c] = learn_background(views);
   });
+  for (size_t c = 0; c < rig.size(); ++c) {
+    save_background(paths.background(), rig[c].name, models[c]);
+  }
 }
 
 /// The recording of one camera, with its faults.
