@@ -1,0 +1,55 @@
+#include <tbb/task_arena.h>
+
+#include "rates.h"
+#include "recon/intersect.h"
+#include "recon/marching_cubes.h"
+#include "workload.h"
+
+namespace v3d::bench {
+namespace {
+
+std::vector<CameraModel> models() {
+  std::vector<CameraModel> models;
+  for (const RigCamera& camera : rig()) {
+    models.push_back(camera.model);
+  }
+  return models;
+}
+
+std::vector<const Mask*> mask_pointers() {
+  std::vector<const Mask*> pointers;
+  for (const Mask& mask : masks()) {
+    pointers.push_back(&mask);
+  }
+  return pointers;
+}
+
+SparseVolume volume(double voxel_m) {
+  Intersector intersector(VoxelGrid::covering(space(), voxel_m), models(), 4);
+  return intersector.intersect(mask_pointers());
+}
+
+void intersect(benchmark::State& state, double voxel_m) {
+  Intersector intersector(VoxelGrid::covering(space(), voxel_m), models(), 4);
+  const std::vector<const Mask*> pointers = mask_pointers();
+  tbb::task_arena arena(static_cast<int>(state.range(0)));
+  measure(state, 1, 0, [&] {
+    arena.execute([&] { benchmark::DoNotOptimize(intersector.intersect(pointers)); });
+  });
+}
+
+void mesh(benchmark::State& state, double voxel_m) {
+  const SparseVolume occupied = volume(voxel_m);
+  tbb::task_arena arena(1);
+  measure(state, 1, 0,
+          [&] { arena.execute([&] { benchmark::DoNotOptimize(marching_cubes(occupied)); }); });
+}
+
+BENCHMARK_CAPTURE(intersect, 8mm, 0.008)->Name("intersect/8mm")->ArgName("threads")->Arg(1)->Arg(2);
+BENCHMARK_CAPTURE(intersect, 5mm, 0.005)->Name("intersect/5mm")->ArgName("threads")->Arg(1)->Arg(2);
+BENCHMARK_CAPTURE(intersect, 2mm, 0.002)->Name("intersect/2mm")->ArgName("threads")->Arg(1)->Arg(2);
+BENCHMARK_CAPTURE(mesh, 8mm, 0.008)->Name("mesh/8mm");
+BENCHMARK_CAPTURE(mesh, 5mm, 0.005)->Name("mesh/5mm");
+
+}  // namespace
+}  // namespace v3d::bench
