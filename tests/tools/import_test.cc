@@ -1,0 +1,302 @@
+#include "v3dctl/import.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <fstream>
+
+#include "base/calib_file.h"
+#include "base/error.h"
+#include "base/file.h"
+#include "take/verify.h"
+#include "tools/pictures.h"
+#include "tools/temporary_folder.h"
+#include "v3dctl/take_frames.h"
+
+namespace v3d::ctl {
+namespace {
+
+using testing::AllOf;
+using testing::ElementsAre;
+using testing::HasSubstr;
+namespace fs = std::filesystem;
+
+class Import : public testing::Test {
+ protected:
+  Import() {
+    save_calib(folder_ / "calib.toml", rig_);
+    test::write_pictures(folder_ / "images", rig_, test::ball_image);
+    test::write_pictures(folder_ / "masks", rig_, test::ball_mask);
+    options_.take = folder_ / "take";
+    options_.calib = folder_ / "calib.toml";
+    options_.images = folder_ / "images";
+  }
+
+  void use_videos(int frames_a, int frames_b) {
+    options_.images.clear();
+    test::write_video(folder_ / "a.avi", {64, 48}, frames_a);
+    test::write_video(folder_ / "b.avi", {64, 48}, frames_b);
+    options_.videos = {{"a", folder_ / "a.avi"}, {"b", folder_ / "b.avi"}};
+  }
+
+  // The message with which the import is refused; the take and its makings are then not there.
+  std::string refusal() {
+    try {
+      import_take(options_);
+    } catch (const InputError& error) {
+      EXPECT_FALSE(fs::exists(options_.take));
+      for (const auto& entry : fs::directory_iterator(folder_.path())) {
+        EXPECT_THAT(entry.path().string(), testing::Not(HasSubstr("partial")));
+      }
+      EXPECT_THAT(error.what(), testing::Not(HasSubstr("\n")));
+      return error.what();
+    }
+    ADD_FAILURE() << "was not refused";
+    return "";
+  }
+
+  test::TemporaryFolder folder_;
+  Rig rig_ = test::small_rig(4);
+  ImportOptions options_;
+};
+
+TEST_F(Import, makes_a_whole_take_of_images_and_masks) {
+  options_.masks = folder_ / "masks";
+  const ImportResult result = import_take(options_);
+  EXPECT_EQ(result.frames, 1);
+  EXPECT_TRUE(verify_take({options_.take}).whole());
+}
+
+TEST_F(Import, keeps_every_pixel_and_every_bit_of_the_mask) {
+  options_.masks = folder_ / "masks";
+  import_take(options_);
+  TakeFrames take(options_.take, {});
+  const auto frames = take.read(0);
+  ASSERT_EQ(frames.size(), 4U);
+  for (size_t i = 0; i < frames.size(); ++i) {
+    ASSERT_TRUE(frames[i]);
+    EXPECT_EQ(frames[i]->raw.image.bytes, test::ball_image(rig_[i]).bytes);
+    for (int y = 0; y < 48; ++y) {
+      for (int x = 0; x < 64; ++x) {
+        ASSERT_EQ(frames[i]->mask.get(x, y), test::ball_mask(rig_[i]).row(y)[3 * x] > 0);
+      }
+    }
+  }
+}
+
+TEST_F(Import, takes_the_frames_of_a_folder_per_camera_in_the_order_of_their_numbers) {
+  for (const RigCamera& camera : rig_) {
+    fs::create_directories(folder_ / "frames" / camera.name);
+    for (const char* name : {"10.png", "9.png", "8.png"}) {
+      write_png(folder_ / "frames" / camera.name / name,
+                Image({64, 48}, PixelFormat::kRGB8).view());
+    }
+    write_png(folder_ / "frames" / camera.name / "10.png", test::ball_image(camera).view());
+  }
+  options_.images = folder_ / "frames";
+  options_.black = BlackBackground{0.1, 0, 0};
+  EXPECT_EQ(import_take(options_).frames, 3);
+  TakeFrames take(options_.take, {});
+  EXPECT_EQ(take.read(0)[0]->mask.count(), 0);
+  EXPECT_GT(take.read(2)[0]->mask.count(), 0);
+}
+
+TEST_F(Import, masks_what_is_brighter_than_a_black_background) {
+  options_.black = BlackBackground{0.19, 0, 0};
+  import_take(options_);
+  TakeFrames take(options_.take, {});
+  const Mask mask = take.read(0)[1]->mask;
+  int64_t bright = 0;
+  const Image image = test::ball_image(rig_[1]);
+  for (size_t i = 0; i < image.bytes.size(); i += 3) bright += image.bytes[i] > 0;
+  EXPECT_EQ(mask.count(), bright);
+}
+
+TEST_F(Import, grows_a_mask_more_than_it_shrinks_it_when_told_so) {
+  const Image image = test::ball_image(rig_[0]);
+  const int64_t exact = mask_before_black(image.view(), {0.19, 0, 0}).count();
+  EXPECT_GT(mask_before_black(image.view(), {0.19, 3, 1}).count(), exact);
+  EXPECT_LT(mask_before_black(image.view(), {0.19, 0, 2}).count(), exact);
+}
+
+TEST_F(Import, takes_videos_at_their_own_rate) {
+  use_videos(7, 7);
+  const ImportResult result = import_take(options_);
+  EXPECT_EQ(result.frames, 7);
+  EXPECT_DOUBLE_EQ(result.rate_hz, 10);
+  EXPECT_TRUE(verify_take({options_.take}).whole());
+}
+
+TEST_F(Import, learns_backgrounds_that_segment_the_frames) {
+  use_videos(3, 3);
+  options_.backgrounds = options_.videos;
+  import_take(options_);
+  TakeFrames take(options_.take, {});
+  EXPECT_TRUE(take.read(0)[0]);
+}
+
+TEST_F(Import, takes_a_part_of_videos_of_unequal_length) {
+  use_videos(7, 5);
+  options_.frames = {1, 5};
+  EXPECT_EQ(import_take(options_).frames, 4);
+}
+
+TEST_F(Import, refuses_a_video_that_ends_early_and_says_how_long_each_is) {
+  use_videos(7, 5);
+  EXPECT_THAT(refusal(), AllOf(HasSubstr("a 7, b 5 frames"), HasSubstr("--frames 0:5")));
+}
+
+TEST_F(Import, refuses_a_video_file_that_was_cut_off) {
+  use_videos(60, 60);
+  test::truncate_file(folder_ / "b.avi", 0.7);
+  EXPECT_THAT(refusal(), AllOf(HasSubstr("a 60, b "), HasSubstr("differ in length")));
+}
+
+TEST_F(Import, refuses_a_video_that_is_none) {
+  use_videos(3, 3);
+  std::ofstream(folder_ / "b.avi") << "no video at all";
+  EXPECT_THAT(refusal(), AllOf(HasSubstr("b.avi"), HasSubstr("no readable video")));
+}
+
+TEST_F(Import, refuses_videos_of_different_rates_unless_told_the_rate) {
+  use_videos(3, 3);
+  test::write_video(folder_ / "b.avi", {64, 48}, 3, 30);
+  EXPECT_THAT(refusal(), AllOf(HasSubstr("30"), HasSubstr("--rate")));
+  options_.rate_hz = 50;
+  EXPECT_DOUBLE_EQ(import_take(options_).rate_hz, 50);
+}
+
+TEST_F(Import, refuses_a_part_that_the_recordings_do_not_have) {
+  use_videos(3, 3);
+  options_.frames = {5, 8};
+  EXPECT_THAT(refusal(), HasSubstr("end after 3 frames"));
+}
+
+TEST_F(Import, refuses_a_calibration_with_a_missing_field) {
+  const std::string whole = read_file(options_.calib);
+  const size_t line = whole.find("translation");
+  replace_file(options_.calib, whole.substr(0, line) + whole.substr(whole.find('\n', line)));
+  EXPECT_THAT(refusal(), AllOf(HasSubstr("calib.toml"), HasSubstr("translation")));
+}
+
+TEST_F(Import, refuses_two_cameras_of_one_name) {
+  rig_[1].name = "a";
+  save_calib(options_.calib, rig_);
+  EXPECT_THAT(refusal(), HasSubstr("calib.toml"));
+}
+
+TEST_F(Import, refuses_a_rotated_image) {
+  write_png(folder_ / "images/c.png", Image({48, 64}, PixelFormat::kRGB8).view());
+  EXPECT_THAT(refusal(), AllOf(HasSubstr("c.png"), HasSubstr("48x64"), HasSubstr("64x48"),
+                               HasSubstr("rotated")));
+}
+
+TEST_F(Import, refuses_a_truncated_image) {
+  test::truncate_file(folder_ / "images/c.png", 0.6);
+  EXPECT_THAT(refusal(), AllOf(HasSubstr("c.png"), HasSubstr("truncated")));
+}
+
+TEST_F(Import, refuses_a_truncated_jpeg_which_its_library_would_fill_with_grey) {
+  fs::rename(folder_ / "images/c.png", folder_ / "c.png");
+  test::write_jpeg(folder_ / "images/c.jpg", test::ball_image(rig_[2]));
+  import_take(options_);
+  fs::remove_all(options_.take);
+  test::truncate_file(folder_ / "images/c.jpg", 0.7);
+  EXPECT_THAT(refusal(), AllOf(HasSubstr("c.jpg"), HasSubstr("truncated")));
+}
+
+TEST_F(Import, refuses_an_empty_image_file) {
+  test::truncate_file(folder_ / "images/c.png", 0);
+  EXPECT_THAT(refusal(), HasSubstr("c.png"));
+}
+
+TEST_F(Import, refuses_a_mask_of_another_size_than_its_image) {
+  options_.masks = folder_ / "masks";
+  write_png(folder_ / "masks/b.png", Image({32, 24}, PixelFormat::kRGB8).view());
+  EXPECT_THAT(refusal(), AllOf(HasSubstr("masks/b.png"), HasSubstr("32x24")));
+}
+
+TEST_F(Import, refuses_an_image_without_its_mask) {
+  options_.masks = folder_ / "masks";
+  fs::remove(folder_ / "masks/b.png");
+  EXPECT_THAT(refusal(), AllOf(HasSubstr("no mask"), HasSubstr("images/b.png")));
+}
+
+TEST_F(Import, refuses_a_mask_without_its_image) {
+  options_.masks = folder_ / "masks";
+  fs::remove(folder_ / "images/b.png");
+  EXPECT_THAT(refusal(), AllOf(HasSubstr("masks/b.png"), HasSubstr("without an image")));
+}
+
+TEST_F(Import, refuses_an_image_of_an_unknown_camera) {
+  write_png(folder_ / "images/zoe.png", test::ball_image(rig_[0]).view());
+  EXPECT_THAT(refusal(), AllOf(HasSubstr("zoe.png"), HasSubstr("a, b, c, d")));
+}
+
+TEST_F(Import, refuses_an_unknown_camera_in_video_and_in_background) {
+  use_videos(3, 3);
+  options_.videos[1].first = "zoe";
+  EXPECT_THAT(refusal(), AllOf(HasSubstr("--video zoe"), HasSubstr("calib.toml")));
+  options_.videos[1].first = "b";
+  options_.backgrounds = {{"zoe", folder_ / "a.avi"}};
+  EXPECT_THAT(refusal(), HasSubstr("--background zoe"));
+}
+
+TEST_F(Import, refuses_two_pictures_of_one_camera_and_frame) {
+  test::write_jpeg(folder_ / "images/a.jpg", test::ball_image(rig_[0]));
+  EXPECT_THAT(refusal(), AllOf(HasSubstr("a.jpg"), HasSubstr("a.png")));
+}
+
+TEST_F(Import, refuses_cameras_that_have_different_frames) {
+  for (const char* file : {"a/1.png", "a/2.png", "b/1.png", "b/3.png"}) {
+    fs::create_directories((folder_ / "frames" / file).parent_path());
+    write_png(folder_ / "frames" / file, test::ball_image(rig_[0]).view());
+  }
+  options_.images = folder_ / "frames";
+  EXPECT_THAT(refusal(), AllOf(HasSubstr("frames differ"), HasSubstr("2.png")));
+}
+
+TEST_F(Import, refuses_a_folder_without_images) {
+  options_.images = folder_ / "empty";
+  fs::create_directories(options_.images);
+  EXPECT_THAT(refusal(), AllOf(HasSubstr("empty"), HasSubstr("no images")));
+  options_.images = folder_ / "not there";
+  EXPECT_THAT(refusal(), HasSubstr("not there"));
+}
+
+TEST_F(Import, refuses_to_overwrite_a_take) {
+  import_take(options_);
+  EXPECT_THROW(import_take(options_), InputError);
+  EXPECT_TRUE(verify_take({options_.take}).whole());
+}
+
+TEST_F(Import, refuses_a_name_that_is_no_take_name) {
+  options_.take = folder_ / "my take";
+  EXPECT_THAT(refusal(), HasSubstr("no take name"));
+}
+
+TEST_F(Import, refuses_neither_images_nor_videos_and_both) {
+  options_.videos = {{"a", folder_ / "a.avi"}};
+  EXPECT_THAT(refusal(), HasSubstr("either --images"));
+  options_.videos.clear();
+  options_.images.clear();
+  EXPECT_THAT(refusal(), HasSubstr("either --images"));
+}
+
+TEST(BlackBackgroundOption, reads_a_level_and_the_pixels_to_grow_and_shrink) {
+  EXPECT_DOUBLE_EQ(parse_black_background("0.19").level, 0.19);
+  const BlackBackground black = parse_black_background("0.5:10:7");
+  EXPECT_DOUBLE_EQ(black.level, 0.5);
+  EXPECT_EQ(black.grow_px, 10);
+  EXPECT_EQ(black.shrink_px, 7);
+}
+
+TEST(BlackBackgroundOption, refuses_what_is_no_level) {
+  for (const char* text : {"", "dark", "1.5", "-0.1", "nan", "0.2:3", "0.2:3:", "0.2:3:4:5",
+                           "0.2:-1:0", "0.2:1000:0"}) {
+    EXPECT_THROW(parse_black_background(text), InputError) << text;
+  }
+}
+
+}  // namespace
+}  // namespace v3d::ctl

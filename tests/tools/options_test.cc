@@ -1,0 +1,61 @@
+#include "v3dctl/options.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "base/error.h"
+
+namespace v3d::ctl {
+namespace {
+
+using testing::ElementsAre;
+
+TEST(FrameRange, takes_all_frames_when_nothing_is_said) {
+  EXPECT_EQ(parse_frame_range(""), FrameRange{});
+}
+
+TEST(FrameRange, ends_before_its_second_number) {
+  EXPECT_EQ(parse_frame_range("3:7"), (FrameRange{3, 7}));
+  EXPECT_TRUE(parse_frame_range("3:7").contains(6));
+  EXPECT_FALSE(parse_frame_range("3:7").contains(7));
+}
+
+TEST(FrameRange, may_be_open_at_either_end_or_a_single_frame) {
+  EXPECT_EQ(parse_frame_range("3:").begin, 3);
+  EXPECT_EQ(parse_frame_range(":7"), (FrameRange{0, 7}));
+  EXPECT_EQ(parse_frame_range("5"), (FrameRange{5, 6}));
+}
+
+TEST(FrameRange, refuses_what_is_no_range) {
+  for (const char* text :
+       {":", "7:3", "3:3", "a:b", "-1:4", "1:2:3", "1.5", " 1", "1 :2", "99999999999999999999"}) {
+    EXPECT_THROW(parse_frame_range(text), InputError) << text;
+  }
+}
+
+TEST(CameraFiles, keep_their_order_and_any_equals_sign_in_the_file_name) {
+  EXPECT_THAT(parse_camera_files({"b=1.avi", "a=x=y.avi"}, "--video"),
+              ElementsAre(CameraFile{"b", "1.avi"}, CameraFile{"a", "x=y.avi"}));
+}
+
+TEST(CameraFiles, refuse_missing_parts_and_a_camera_given_twice) {
+  EXPECT_THROW(parse_camera_files({"1.avi"}, "--video"), InputError);
+  EXPECT_THROW(parse_camera_files({"=1.avi"}, "--video"), InputError);
+  EXPECT_THROW(parse_camera_files({"a="}, "--video"), InputError);
+  EXPECT_THROW(parse_camera_files({"a=1.avi", "a=2.avi"}, "--video"), InputError);
+}
+
+TEST(Names, are_split_at_commas) {
+  EXPECT_THAT(parse_names("a,b,c", "--leave-out"), ElementsAre("a", "b", "c"));
+  EXPECT_THAT(parse_names("a", "--leave-out"), ElementsAre("a"));
+  EXPECT_THAT(parse_names("", "--leave-out"), ElementsAre());
+}
+
+TEST(Names, must_not_be_empty) {
+  for (const char* text : {",", "a,", ",a", "a,,b"}) {
+    EXPECT_THROW(parse_names(text, "--leave-out"), InputError) << text;
+  }
+}
+
+}  // namespace
+}  // namespace v3d::ctl

@@ -1,0 +1,45 @@
+#include "v3dctl/command.h"
+
+#include <cstdlib>
+
+#include "base/error.h"
+
+namespace v3d::ctl {
+
+CommandLine::CommandLine(CLI::App& app) : app_(app) {
+  app_.require_subcommand(1);
+  app_.add_option("--studio", studio_option_,
+                  "The studio file (else $V3D_STUDIO, ./studio.toml, /etc/v3d/studio.toml)")
+      ->type_name("FILE");
+}
+
+CLI::App* CommandLine::add(const std::string& name, const std::string& description,
+                           const std::vector<std::string>& examples) {
+  CLI::App* command = app_.add_subcommand(name, description);
+  command->fallthrough();
+  std::string footer = examples.size() > 1 ? "Examples:" : "Example:";
+  for (const std::string& example : examples) footer += "\n  $ " + example;
+  command->footer(footer);
+  return command;
+}
+
+void CommandLine::on_run(CLI::App* command, std::function<int()> run) {
+  command->callback([this, run = std::move(run)] { run_ = run; });
+}
+
+std::filesystem::path CommandLine::studio_path() const {
+  if (!studio_option_.empty()) return studio_option_;
+  if (const char* variable = std::getenv("V3D_STUDIO"); variable && *variable) return variable;
+  for (const char* place : {"studio.toml", "/etc/v3d/studio.toml"}) {
+    if (std::filesystem::exists(place)) return place;
+  }
+  throw InputError(
+      "no studio file: give --studio FILE, set V3D_STUDIO, or put it at ./studio.toml or "
+      "/etc/v3d/studio.toml");
+}
+
+void add_all_commands(CommandLine& line) {
+  add_import(line);
+}
+
+}  // namespace v3d::ctl

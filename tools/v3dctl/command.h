@@ -1,0 +1,47 @@
+// The command line of v3dctl: one function per command adds it to the parser; the one that the user
+// named is run after parsing, outside the parser, so that its errors are its own.
+#pragma once
+
+#include <CLI/App.hpp>
+#include <CLI/Config.hpp>
+#include <CLI/Formatter.hpp>
+#include <filesystem>
+#include <functional>
+#include <memory>
+#include <string>
+
+#include "base/studio_file.h"
+
+namespace v3d::ctl {
+
+class CommandLine {
+ public:
+  explicit CommandLine(CLI::App& app);
+
+  CLI::App& app() { return app_; }
+  /// Adds a command. `example` lines are shown under its help, each after "  $ ".
+  CLI::App* add(const std::string& name, const std::string& description,
+                const std::vector<std::string>& examples);
+  /// What to do when `command` was given; the result is the exit status. Bad input: InputError.
+  void on_run(CLI::App* command, std::function<int()> run);
+  int run() const { return run_(); }
+
+  /// --studio, else $V3D_STUDIO, else ./studio.toml, else /etc/v3d/studio.toml. Throws InputError
+  /// when there is none.
+  std::filesystem::path studio_path() const;
+  Studio studio() const { return load_studio(studio_path()); }
+
+ private:
+  CLI::App& app_;
+  std::string studio_option_;
+  std::function<int()> run_;
+};
+
+void add_import(CommandLine& line);
+void add_operator_commands(
+    CommandLine& line);  ///< status arm start stop abort health watch background
+
+/// All of them, in the order of the help text.
+void add_all_commands(CommandLine& line);
+
+}  // namespace v3d::ctl

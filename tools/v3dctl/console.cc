@@ -1,0 +1,70 @@
+#include "v3dctl/console.h"
+
+#include <unistd.h>
+
+#include <algorithm>
+#include <cstdio>
+#include <cstdlib>
+#include <string_view>
+
+#include "base/units.h"
+
+namespace v3d::ctl {
+
+void note(const std::string& line) { std::fprintf(stderr, "%s\n", line.c_str()); }
+
+bool on_terminal() {
+  const char* term = std::getenv("TERM");
+  return isatty(STDERR_FILENO) && term && std::string_view(term) != "dumb";
+}
+
+Progress::Progress(std::string what, int64_t total)
+    : what_(std::move(what)), total_(total), terminal_(on_terminal()) {}
+
+Progress::~Progress() {
+  if (!terminal_ || !drawn_) return;
+  draw();
+  std::fputc('\n', stderr);
+}
+
+void Progress::advance(int64_t steps) {
+  done_ += steps;
+  if (!terminal_) return print_plain();
+  const auto now = std::chrono::steady_clock::now();
+  if (drawn_ && now - last_draw_ < std::chrono::milliseconds(100)) return;
+  last_draw_ = now;
+  draw();
+}
+
+void Progress::print_plain() {
+  if (total_ == 1) return;  // nothing long
+  const int64_t step = total_ > 0 ? std::max<int64_t>(1, total_ / 10) : 100;
+  if (done_ - printed_ < step && done_ != total_) return;
+  printed_ = done_;
+  note(text());
+}
+
+void Progress::draw() {
+  const std::string bar = total_ > 0 ? " " + progress_bar(done_, total_, 30) : "";
+  std::fprintf(stderr, "\r%s%s\033[K", text().c_str(), bar.c_str());
+  std::fflush(stderr);
+  drawn_ = true;
+}
+
+std::string Progress::text() const {
+  const std::string of = total_ > 0 ? " of " + format_count(total_) : "";
+  return what_ + " " + format_count(done_) + of + " frames";
+}
+
+std::string progress_bar(int64_t done, int64_t total, int width) {
+  const double part = total > 0 ? std::clamp(static_cast<double>(done) / total, 0.0, 1.0) : 0.0;
+  const int filled = static_cast<int>(part * width);
+  std::string bar(static_cast<size_t>(filled), '=');
+  if (filled < width) bar += '>';
+  bar.resize(static_cast<size_t>(width), ' ');
+  char percent[16];
+  std::snprintf(percent, sizeof percent, "] %3.0f %%", 100 * part);
+  return "[" + bar + percent;
+}
+
+}  // namespace v3d::ctl

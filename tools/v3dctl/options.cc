@@ -1,0 +1,100 @@
+#include "v3dctl/options.h"
+
+#include <algorithm>
+#include <charconv>
+
+#include "base/error.h"
+#include "base/units.h"
+
+namespace v3d::ctl {
+namespace {
+
+int64_t parse_frame_number(std::string_view text, std::string_view whole) {
+  int64_t number = -1;
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), number);
+  if (error != std::errc{} || end != text.data() + text.size() || number < 0) {
+    throw InputError("--frames " + std::string(whole) +
+                     ": want A:B with frame numbers from 0, for example 0:100 (frames 0 to 99)");
+  }
+  return number;
+}
+
+}  // namespace
+
+FrameRange parse_frame_range(std::string_view text) {
+  FrameRange range;
+  if (text.empty()) return range;
+  const size_t colon = text.find(':');
+  if (colon == std::string_view::npos) {
+    range.begin = parse_frame_number(text, text);
+    range.end = range.begin + 1;
+    return range;
+  }
+  const std::string_view first = text.substr(0, colon);
+  const std::string_view last = text.substr(colon + 1);
+  if (first.empty() && last.empty()) parse_frame_number("", text);
+  if (!first.empty()) range.begin = parse_frame_number(first, text);
+  if (!last.empty()) range.end = parse_frame_number(last, text);
+  if (range.begin >= range.end) {
+    throw InputError("--frames " + std::string(text) +
+                     ": holds no frame; B is the first not taken");
+  }
+  return range;
+}
+
+std::vector<CameraFile> parse_camera_files(const std::vector<std::string>& values,
+                                           std::string_view option) {
+  std::vector<CameraFile> files;
+  for (const std::string& value : values) {
+    const size_t equals = value.find('=');
+    if (equals == std::string::npos || equals == 0 || equals + 1 == value.size()) {
+      throw InputError(std::string(option) + " " + value +
+                       ": want CAM=FILE, for example cam1=cam1/video.avi");
+    }
+    const std::string camera = value.substr(0, equals);
+    const bool twice = std::any_of(files.begin(), files.end(),
+                                   [&](const CameraFile& file) { return file.first == camera; });
+    if (twice)
+      throw InputError(std::string(option) + " " + value + ": " + camera + " is given twice");
+    files.emplace_back(camera, value.substr(equals + 1));
+  }
+  return files;
+}
+
+std::vector<std::string> parse_names(std::string_view text, std::string_view option) {
+  std::vector<std::string> names;
+  while (!text.empty()) {
+    const size_t comma = std::min(text.find(','), text.size());
+    if (comma == 0 || comma + 1 == text.size()) {
+      throw InputError(std::string(option) + ": an empty name; want NAME,NAME,... without spaces");
+    }
+    names.emplace_back(text.substr(0, comma));
+    text.remove_prefix(std::min(comma + 1, text.size()));
+  }
+  return names;
+}
+
+std::string count_of(int64_t n, const std::string& singular) {
+  return format_count(n) + " " + singular + (n == 1 ? "" : "s");
+}
+
+std::string join_names(const std::vector<std::string>& names) {
+  constexpr size_t kMost = 24;
+  std::string joined;
+  for (size_t i = 0; i < std::min(names.size(), kMost); ++i) joined += (i ? ", " : "") + names[i];
+  if (names.size() > kMost) joined += ", ...";
+  return joined;
+}
+
+void add_frames_option(CLI::App* command, std::string& value) {
+  command
+      ->add_option("--frames", value,
+                   "Only these frames: A:B is A to B-1, A: from A on, :B before B, A one alone")
+      ->type_name("A:B");
+}
+
+void add_json_flag(CLI::App* command, bool& value) {
+  command->add_flag("--json", value, "Print one JSON object on stdout and nothing else");
+}
+
+}  // namespace v3d::ctl
