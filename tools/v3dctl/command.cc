@@ -39,7 +39,12 @@ std::filesystem::path CommandLine::studio_path() const {
 }
 
 void add_all_commands(CommandLine& line) {
+  add_takes(line);
   add_import(line);
+  add_reconstruct(line);
+  add_evaluate(line);
+  add_export(line);
+  add_render(line);
 }
 
 }  // namespace v3d::ctl

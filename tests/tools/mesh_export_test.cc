@@ -1,0 +1,226 @@
+#include "v3dctl/mesh_export.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <rapidcheck.h>
+
+#include <Eigen/Geometry>
+#include <cmath>
+#include <cstring>
+#include <nlohmann/json.hpp>
+
+#include "base/error.h"
+#include "base/file.h"
+#include "tools/temporary_folder.h"
+#include "v3dctl/ply_reader.h"
+
+namespace v3d::ctl {
+namespace {
+
+using nlohmann::json;
+
+Mesh tetrahedron() {
+  Mesh mesh;
+  mesh.vertices = {{0, 0, 0}, {1, 0, 0}, {0, 2, 0}, {0, 0, -3.5F}};
+  mesh.triangles = {{0, 1, 2}, {0, 3, 1}, {0, 2, 3}, {1, 3, 2}};
+  mesh.colours = {{255, 0, 0}, {0, 255, 0}, {0, 0, 255}, {188, 1, 0}};
+  return mesh;
+}
+
+void expect_equal(const Mesh& a, const Mesh& b) {
+  EXPECT_EQ(a.vertices, b.vertices);
+  EXPECT_EQ(a.triangles, b.triangles);
+  EXPECT_EQ(a.colours, b.colours);
+}
+
+// The two chunks of a GLB file, its framing checked on the way.
+struct Glb {
+  json scene;
+  std::string buffer;
+};
+
+uint32_t word_at(const std::string& bytes, size_t offset) {
+  uint32_t word = 0;
+  std::memcpy(&word, bytes.data() + offset, sizeof word);
+  return word;
+}
+
+Glb parse_glb(const std::string& bytes) {
+  Glb glb;
+  EXPECT_EQ(bytes.substr(0, 4), "glTF");
+  EXPECT_EQ(word_at(bytes, 4), 2U);
+  EXPECT_EQ(word_at(bytes, 8), bytes.size());
+  const size_t json_size = word_at(bytes, 12);
+  EXPECT_EQ(json_size % 4, 0U);
+  EXPECT_EQ(word_at(bytes, 16), 0x4E4F534AU);
+  glb.scene = json::parse(bytes.substr(20, json_size));
+  if (bytes.size() == 20 + json_size) return glb;
+  const size_t buffer_at = 20 + json_size;
+  EXPECT_EQ(word_at(bytes, buffer_at) % 4, 0U);
+  EXPECT_EQ(word_at(bytes, buffer_at + 4), 0x004E4942U);
+  glb.buffer = bytes.substr(buffer_at + 8);
+  EXPECT_EQ(glb.buffer.size(), word_at(bytes, buffer_at));
+  return glb;
+}
+
+class MeshExport : public testing::Test {
+ protected:
+  std::string written(MeshFormat format, const Mesh& mesh) {
+    write_mesh(folder_ / "mesh", format, mesh);
+    return read_file(folder_ / "mesh");
+  }
+  test::TemporaryFolder folder_;
+};
+
+TEST_F(MeshExport, ply_reads_back_to_the_bit) {
+  written(MeshFormat::kPly, tetrahedron());
+  expect_equal(read_ply(folder_ / "mesh"), tetrahedron());
+}
+
+TEST_F(MeshExport, ply_of_a_mesh_without_colours_has_none) {
+  Mesh mesh = tetrahedron();
+  mesh.colours.clear();
+  EXPECT_EQ(written(MeshFormat::kPly, mesh).find("red"), std::string::npos);
+  expect_equal(read_ply(folder_ / "mesh"), mesh);
+}
+
+TEST_F(MeshExport, obj_counts_vertices_from_one_and_puts_colours_behind_positions) {
+  const std::string text = written(MeshFormat::kObj, tetrahedron());
+  EXPECT_THAT(text, testing::HasSubstr("v 0 0 -3.5 0.737255 0.00392157 0\n"));
+  EXPECT_THAT(text, testing::HasSubstr("f 1 2 3\n"));
+  EXPECT_THAT(text, testing::HasSubstr("f 2 4 3\n"));
+}
+
+TEST_F(MeshExport, glb_frames_its_chunks_and_aligns_its_views) {
+  const Glb glb = parse_glb(written(MeshFormat::kGlb, tetrahedron()));
+  EXPECT_EQ(glb.scene["asset"]["version"], "2.0");
+  EXPECT_LE(glb.scene["buffers"][0]["byteLength"].get<size_t>(), glb.buffer.size());
+  for (const json& view : glb.scene["bufferViews"]) {
+    EXPECT_EQ(view.value("byteOffset", 0) % 4, 0);
+    EXPECT_LE(view.value("byteOffset", 0) + view["byteLength"].get<size_t>(), glb.buffer.size());
+  }
+}
+
+TEST_F(MeshExport, glb_tells_the_bounds_of_its_positions) {
+  const json scene = parse_glb(written(MeshFormat::kGlb, tetrahedron())).scene;
+  const json& primitive = scene["meshes"][0]["primitives"][0];
+  const json& position = scene["accessors"][primitive["attributes"]["POSITION"].get<size_t>()];
+  EXPECT_EQ(position["min"], json({0.0, 0.0, -3.5}));
+  EXPECT_EQ(position["max"], json({1.0, 2.0, 0.0}));
+  EXPECT_EQ(position["count"], 4);
+  EXPECT_EQ(scene["accessors"][primitive["indices"].get<size_t>()]["count"], 12);
+}
+
+TEST_F(MeshExport, glb_colours_are_linear_light) {
+  const Glb glb = parse_glb(written(MeshFormat::kGlb, tetrahedron()));
+  const json& primitive = glb.scene["meshes"][0]["primitives"][0];
+  const json& colour = glb.scene["accessors"][primitive["attributes"]["COLOR_0"].get<size_t>()];
+  EXPECT_EQ(colour["componentType"], 5123);
+  EXPECT_TRUE(colour["normalized"].get<bool>());
+  const size_t offset = glb.scene["bufferViews"][colour["bufferView"].get<size_t>()]["byteOffset"];
+  uint16_t rgba[16];
+  std::memcpy(rgba, glb.buffer.data() + offset, sizeof rgba);
+  EXPECT_EQ(rgba[0], 65535);                      // sRGB 255
+  EXPECT_NEAR(rgba[12] / 65535.0, 0.5029, 2e-3);  // sRGB 188 is half the light
+  EXPECT_NEAR(rgba[13] / 65535.0, 1 / 255.0 / 12.92, 1e-5);
+}
+
+TEST_F(MeshExport, glb_stands_upright_with_y_up) {
+  const json rotation =
+      parse_glb(written(MeshFormat::kGlb, tetrahedron())).scene["nodes"][0]["rotation"];
+  const Eigen::Quaterniond q(rotation[3].get<double>(), rotation[0].get<double>(),
+                             rotation[1].get<double>(), rotation[2].get<double>());
+  EXPECT_LT((q * Eigen::Vector3d::UnitZ() - Eigen::Vector3d::UnitY()).norm(), 1e-12);
+}
+
+TEST_F(MeshExport, an_empty_mesh_is_a_valid_file_of_every_format) {
+  EXPECT_EQ(parse_glb(written(MeshFormat::kGlb, {})).scene.value("meshes", json::array()).size(),
+            0U);
+  written(MeshFormat::kPly, {});
+  EXPECT_TRUE(read_ply(folder_ / "mesh").vertices.empty());
+  EXPECT_THAT(written(MeshFormat::kObj, {}), testing::Not(testing::HasSubstr("v ")));
+}
+
+TEST_F(MeshExport, refuses_an_unknown_format) {
+  EXPECT_THROW(parse_mesh_format("stl"), InputError);
+  EXPECT_THROW(parse_mesh_format(""), InputError);
+}
+
+class PlyReader : public MeshExport {
+ protected:
+  Mesh read(const std::string& bytes) {
+    replace_file(folder_ / "mesh.ply", bytes);
+    return read_ply(folder_ / "mesh.ply");
+  }
+};
+
+TEST_F(PlyReader, refuses_every_truncation) {
+  const std::string whole = written(MeshFormat::kPly, tetrahedron());
+  for (size_t size = 0; size < whole.size(); ++size) {
+    EXPECT_THROW(read(whole.substr(0, size)), InputError) << size;
+  }
+}
+
+TEST_F(PlyReader, survives_any_damage) {
+  const std::string whole = written(MeshFormat::kPly, tetrahedron());
+  rc::check([&] {
+    std::string bytes = whole;
+    const int flips = *rc::gen::inRange(1, 8);
+    for (int i = 0; i < flips; ++i) {
+      bytes[*rc::gen::inRange<size_t>(0, bytes.size())] = *rc::gen::arbitrary<char>();
+    }
+    try {
+      const Mesh mesh = read(bytes);
+      for (const auto& triangle : mesh.triangles) {
+        for (const uint32_t vertex : triangle) RC_ASSERT(vertex < mesh.vertices.size());
+      }
+    } catch (const InputError&) {
+      // a message is as good an answer as a mesh
+    }
+  });
+}
+
+TEST_F(PlyReader, refuses_an_index_without_its_vertex) {
+  Mesh mesh = tetrahedron();
+  mesh.triangles[1][2] = 4;
+  EXPECT_THROW(read(written(MeshFormat::kPly, mesh)), InputError);
+}
+
+TEST_F(PlyReader, refuses_ascii_and_what_is_no_ply) {
+  EXPECT_THROW(read("ply\nformat ascii 1.0\nelement vertex 0\nend_header\n"), InputError);
+  EXPECT_THROW(read("solid cube"), InputError);
+  EXPECT_THROW(read_ply(folder_ / "not there.ply"), InputError);
+}
+
+TEST_F(PlyReader, refuses_counts_that_no_file_could_hold) {
+  const std::string head = "ply\nformat binary_little_endian 1.0\nelement vertex ";
+  EXPECT_THROW(read(head + "99999999999\nproperty float x\nproperty float y\nproperty float z\n"
+                           "end_header\n"),
+               InputError);
+  EXPECT_THROW(read(head + "99999999999\nend_header\n"), InputError);
+}
+
+TEST_F(PlyReader,
+       turns_a_face_of_four_corners_into_two_triangles_and_passes_over_other_properties) {
+  std::string bytes =
+      "ply\nformat binary_little_endian 1.0\nelement vertex 4\nproperty float x\nproperty float y\n"
+      "property double nx\nproperty float z\nelement face 1\nproperty list uint8 uint32 "
+      "vertex_index\nend_header\n";
+  for (int i = 0; i < 4; ++i) {
+    const float xyz[] = {static_cast<float>(i), 1, 2};
+    const double nx = 9;
+    bytes.append(reinterpret_cast<const char*>(xyz), 8);
+    bytes.append(reinterpret_cast<const char*>(&nx), 8);
+    bytes.append(reinterpret_cast<const char*>(xyz + 2), 4);
+  }
+  const uint32_t corners[] = {0, 1, 2, 3};
+  bytes += '\x04';
+  bytes.append(reinterpret_cast<const char*>(corners), sizeof corners);
+  const Mesh mesh = read(bytes);
+  EXPECT_EQ(mesh.vertices[3], Eigen::Vector3f(3, 1, 2));
+  EXPECT_THAT(mesh.triangles, testing::ElementsAre(std::array<uint32_t, 3>{0, 1, 2},
+                                                   std::array<uint32_t, 3>{0, 2, 3}));
+}
+
+}  // namespace
+}  // namespace v3d::ctl

@@ -1,0 +1,189 @@
+#include "v3dctl/reconstruct.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <numbers>
+
+#include "base/calib_file.h"
+#include "base/error.h"
+#include "base/file.h"
+#include "take/take.h"
+#include "tools/pictures.h"
+#include "tools/temporary_folder.h"
+#include "v3dctl/evaluate.h"
+#include "v3dctl/import.h"
+#include "v3dctl/mesh_export.h"
+#include "v3dctl/mesh_frames.h"
+#include "v3dctl/statistics.h"
+#include "v3dctl/working_space.h"
+
+namespace v3d::ctl {
+namespace {
+
+using testing::AllOf;
+using testing::HasSubstr;
+namespace fs = std::filesystem;
+
+class Reconstruct : public testing::Test {
+ protected:
+  Reconstruct() {
+    const Rig rig = test::small_rig(8);
+    save_calib(folder_ / "calib.toml", rig);
+    test::write_pictures(folder_ / "images", rig, test::ball_image);
+    test::write_pictures(folder_ / "masks", rig, test::ball_mask);
+    ImportOptions import;
+    import.take = request_.take = folder_ / "take";
+    import.calib = folder_ / "calib.toml";
+    import.images = folder_ / "images";
+    import.masks = folder_ / "masks";
+    import_take(import);
+    request_.bounds = Box{{-0.5, -0.5, -0.5}, {0.5, 0.5, 0.5}};
+    request_.voxel_m = 0.02;
+    request_.threads = 2;
+  }
+
+  std::string refusal() {
+    try {
+      reconstruct_take(request_);
+    } catch (const InputError& error) {
+      return error.what();
+    }
+    ADD_FAILURE() << "was not refused";
+    return "";
+  }
+
+  test::TemporaryFolder folder_;
+  ReconstructRequest request_;
+};
+
+TEST_F(Reconstruct, makes_a_ball_of_eight_views_of_a_ball) {
+  const ReconstructReport report = reconstruct_take(request_);
+  EXPECT_EQ(report.frames, 1);
+  EXPECT_EQ(report.incomplete, 0);
+  const double ball = 4.0 / 3 * std::numbers::pi * 0.3 * 0.3 * 0.3;
+  EXPECT_GT(median(report.volume_m3), 0.95 * ball);  // a hull holds what it is the hull of,
+  EXPECT_LT(median(report.volume_m3), 1.4 * ball);   // and, of a ring of views, some more
+  EXPECT_GT(mean(report.silhouette_iou), 0.85);
+  const Mesh mesh = MeshFrames(request_.take).read(0).mesh;
+  EXPECT_EQ(connected_components(mesh), 1);
+}
+
+TEST_F(Reconstruct, gives_the_same_bytes_for_any_number_of_threads) {
+  reconstruct_take(request_);
+  const std::string two = read_file(TakePaths{request_.take}.mesh());
+  request_.threads = 1;
+  reconstruct_take(request_);
+  EXPECT_EQ(read_file(TakePaths{request_.take}.mesh()), two);
+}
+
+TEST_F(Reconstruct, leaves_out_the_cameras_that_it_is_told_to) {
+  request_.leave_out = {"c", "e"};
+  const ReconstructReport report = reconstruct_take(request_);
+  EXPECT_EQ(report.cameras.size(), 6U);
+  EXPECT_THAT(MeshFrames(request_.take).read(0).cameras, testing::Not(testing::Contains("c")));
+}
+
+TEST_F(Reconstruct, is_measured_by_a_camera_that_took_no_part) {
+  request_.leave_out = {"c"};
+  reconstruct_take(request_);
+  const auto reports = evaluate_held_out(request_.take, {"c"});
+  EXPECT_EQ(reports[0].frames, 1);
+  EXPECT_GT(reports[0].iou, 0.8);
+  EXPECT_GT(reports[0].psnr_db, 10);
+}
+
+TEST_F(Reconstruct, is_not_measured_by_a_camera_that_took_part) {
+  reconstruct_take(request_);
+  EXPECT_THROW(evaluate_held_out(request_.take, {"c"}), InputError);
+  EXPECT_THROW(evaluate_held_out(request_.take, {"zoe"}), InputError);
+}
+
+TEST_F(Reconstruct, is_measured_against_the_true_surface) {
+  reconstruct_take(request_);
+  fs::create_directories(folder_ / "truth");
+  write_ply(folder_ / "truth/000000.ply", MeshFrames(request_.take).read(0).mesh);
+  const TruthReport report = evaluate_truth(request_.take, folder_ / "truth");
+  EXPECT_EQ(report.frames, 1);
+  EXPECT_LT(report.distance.accuracy_p90_mm, 0.01);
+  EXPECT_GT(report.distance.f_score_2mm, 0.999);
+  fs::remove(folder_ / "truth/000000.ply");
+  EXPECT_THROW(evaluate_truth(request_.take, folder_ / "truth"), InputError);
+}
+
+TEST_F(Reconstruct, finds_its_space_where_most_cameras_look) {
+  request_.bounds.reset();
+  const Box box = reconstruct_take(request_).bounds;
+  EXPECT_TRUE(box.contains({0.3, 0.3, 0.3}));
+  EXPECT_TRUE(box.contains({-0.3, -0.3, -0.3}));
+  EXPECT_LT(box.size().maxCoeff(), 4.1);
+}
+
+TEST_F(Reconstruct, refuses_a_voxel_that_needs_too_much_memory_with_the_arithmetic) {
+  request_.voxel_m = 1e-6;
+  EXPECT_THAT(refusal(), HasSubstr("voxel"));
+}
+
+TEST_F(Reconstruct, refuses_an_unknown_camera_to_leave_out_and_leaving_out_all) {
+  request_.leave_out = {"zoe"};
+  EXPECT_THAT(refusal(), AllOf(HasSubstr("--leave-out zoe"), HasSubstr("a, b, c")));
+  request_.leave_out = {"a", "b", "c", "d", "e", "f", "g", "h"};
+  EXPECT_THAT(refusal(), HasSubstr("leaves no camera"));
+}
+
+TEST_F(Reconstruct, refuses_more_views_than_cameras) {
+  request_.min_views = 9;
+  EXPECT_THAT(refusal(), AllOf(HasSubstr("--min-views 9"), HasSubstr("8 cameras")));
+}
+
+TEST_F(Reconstruct, refuses_frames_that_the_take_does_not_have) {
+  request_.frames = {5, 9};
+  EXPECT_THAT(refusal(), HasSubstr("--frames"));
+}
+
+TEST_F(Reconstruct, refuses_an_empty_take) {
+  for (const auto& entry : fs::directory_iterator(request_.take)) {
+    const bool is_frames = entry.path().extension() == ".lcmlog";
+    if (is_frames) fs::resize_file(entry.path(), 0);
+  }
+  EXPECT_THAT(refusal(), HasSubstr("no frames"));
+}
+
+TEST_F(Reconstruct, refuses_a_folder_that_is_no_take) {
+  request_.take = folder_ / "images";
+  EXPECT_THAT(refusal(), HasSubstr("images"));
+}
+
+TEST_F(Reconstruct, keeps_the_old_meshes_when_it_is_refused) {
+  reconstruct_take(request_);
+  const std::string old = read_file(TakePaths{request_.take}.mesh());
+  request_.frames = {5, 9};
+  refusal();
+  EXPECT_EQ(read_file(TakePaths{request_.take}.mesh()), old);
+}
+
+TEST_F(Reconstruct, tells_that_a_camera_was_missing) {
+  const TakePaths paths{request_.take};
+  fs::resize_file(paths.frames("d"), 0);
+  const ReconstructReport report = reconstruct_take(request_);
+  EXPECT_EQ(report.frames, 1);
+  EXPECT_EQ(report.incomplete, 1);
+}
+
+TEST(MinViews, are_four_but_with_few_cameras_all_but_one) {
+  EXPECT_EQ(default_min_views(20), 4);
+  EXPECT_EQ(default_min_views(5), 4);
+  EXPECT_EQ(default_min_views(4), 3);
+  EXPECT_EQ(default_min_views(2), 1);
+  EXPECT_EQ(default_min_views(1), 1);
+}
+
+TEST(CommonView, is_refused_where_too_few_cameras_look_together) {
+  Rig rig = test::small_rig(2);
+  const RigidTransform away = look_at({0, 100, 0}, {0, 200, 0});
+  rig[1].model = CameraModel(rig[1].model.size(), rig[1].model.matrix(), {}, away);
+  EXPECT_THROW(common_view(rig, 2), InputError);
+}
+
+}  // namespace
+}  // namespace v3d::ctl

@@ -1,0 +1,36 @@
+// How good is a reconstructed take: against the true surface, and against cameras that took no
+// part.
+#pragma once
+
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "recon/evaluation.h"
+
+namespace v3d::ctl {
+
+/// Medians over the frames that have a true surface.
+struct TruthReport {
+  int64_t frames = 0;
+  int64_t without_truth = 0;  ///< reconstructed frames that have no PLY
+  SurfaceDistance distance;
+};
+
+/// `truth`/000012.ply is the true surface of frame 12. Throws InputError when no frame has one.
+TruthReport evaluate_truth(const std::filesystem::path& take, const std::filesystem::path& truth);
+
+/// Means over the frames in which the camera sees something.
+struct HeldOutReport {
+  std::string camera;
+  int64_t frames = 0;
+  double psnr_db = 0;  ///< the rendered against the photographed, inside the mask
+  double ssim = 0;
+  double iou = 0;  ///< the drawn silhouette against the mask
+};
+
+/// Throws InputError for a camera that the take does not have or that took part.
+std::vector<HeldOutReport> evaluate_held_out(const std::filesystem::path& take,
+                                             const std::vector<std::string>& cameras);
+
+}  // namespace v3d::ctl

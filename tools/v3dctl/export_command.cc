@@ -1,0 +1,82 @@
+#include <cstdio>
+
+#include "base/error.h"
+#include "base/units.h"
+#include "v3dctl/command.h"
+#include "v3dctl/console.h"
+#include "v3dctl/interrupt.h"
+#include "v3dctl/mesh_export.h"
+#include "v3dctl/mesh_frames.h"
+
+namespace v3d::ctl {
+namespace {
+
+namespace fs = std::filesystem;
+
+struct Arguments {
+  fs::path take;
+  fs::path out;
+  std::string format;
+  std::string frames;
+};
+
+std::string file_name(int64_t frame, MeshFormat format) {
+  char name[32];
+  std::snprintf(name, sizeof name, "%06lld", static_cast<long long>(frame));
+  return name + std::string(extension(format));
+}
+
+// A name that ends like the format is a file and holds one frame; any other is a folder.
+bool is_file(const Arguments& arguments, MeshFormat format, size_t frames) {
+  if (arguments.out.extension() != extension(format)) return false;
+  if (frames > 1) {
+    throw InputError(arguments.out.string() + ": one file holds one frame, the take has " +
+                     std::to_string(frames) + ": choose with --frames N, or give a folder");
+  }
+  return true;
+}
+
+int run(const Arguments& arguments) {
+  const MeshFormat format = parse_mesh_format(arguments.format);
+  MeshFrames meshes(arguments.take);
+  const std::vector<int64_t> frames = meshes.frames(parse_frame_range(arguments.frames));
+  const bool to_file = is_file(arguments, format, frames.size());
+  std::error_code error;
+  if (!to_file && !fs::create_directories(arguments.out, error) &&
+      !fs::is_directory(arguments.out)) {
+    throw InputError(arguments.out.string() + ": cannot make the folder: " + error.message());
+  }
+  catch_interrupts();
+  Progress progress("export", std::ssize(frames));
+  for (const int64_t frame : frames) {
+    stop_if_interrupted();
+    const fs::path file = to_file ? arguments.out : arguments.out / file_name(frame, format);
+    write_mesh(file, format, meshes.read(frame).mesh);
+    progress.advance();
+  }
+  return kExitDone;
+}
+
+}  // namespace
+
+void add_export(CommandLine& line) {
+  CLI::App* command = line.add(
+      "export", "Write meshes for other programs, one file a frame",
+      {"v3dctl export dancer --format glb --frames 12 dancer.glb",
+       "v3dctl export dancer --format ply --frames 0:250 meshes/   # meshes/000000.ply, ..."});
+  auto arguments = std::make_shared<Arguments>();
+  command->add_option("TAKE", arguments->take, "The folder of a reconstructed take")->required();
+  command
+      ->add_option("OUT", arguments->out,
+                   "A folder for FRAME.ply and so on, or a file for one frame")
+      ->required();
+  command
+      ->add_option("--format", arguments->format,
+                   "The kind of file; all carry colours, metres, z up (glb: y up)")
+      ->type_name("ply|obj|glb")
+      ->required();
+  add_frames_option(command, arguments->frames);
+  line.on_run(command, [arguments] { return run(*arguments); });
+}
+
+}  // namespace v3d::ctl

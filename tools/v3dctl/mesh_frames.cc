@@ -1,0 +1,53 @@
+#include "v3dctl/mesh_frames.h"
+
+#include <algorithm>
+
+#include "base/error.h"
+
+namespace v3d::ctl {
+namespace {
+
+std::filesystem::path mesh_of(const TakePaths& paths) {
+  load_take_info(paths);  // names what is missing when the folder is no take
+  if (!std::filesystem::exists(paths.mesh())) {
+    throw InputError(paths.mesh().string() + ": is not there: run v3dctl reconstruct " +
+                     paths.folder.string() + " first");
+  }
+  return paths.mesh();
+}
+
+std::string text_of(FrameRange range) {
+  std::string text = std::to_string(range.begin) + ":";
+  if (range.end != FrameRange{}.end) text += std::to_string(range.end);
+  return text;
+}
+
+}  // namespace
+
+MeshFrames::MeshFrames(const std::filesystem::path& take) : paths_{take}, file_(mesh_of(paths_)) {}
+
+std::vector<int64_t> MeshFrames::frames(FrameRange range) const {
+  const std::vector<int64_t>& all = file_.pulses();
+  if (all.empty()) throw InputError(paths_.mesh().string() + ": holds no frames");
+  std::vector<int64_t> frames;
+  std::copy_if(all.begin(), all.end(), std::back_inserter(frames),
+               [&](int64_t frame) { return range.contains(frame); });
+  if (frames.empty()) {
+    throw InputError("--frames " + text_of(range) + ": " + paths_.mesh().string() + " has frames " +
+                     std::to_string(all.front()) + " to " + std::to_string(all.back()));
+  }
+  return frames;
+}
+
+CompactFrame MeshFrames::read(int64_t frame) {
+  frames({frame, frame + 1});
+  std::optional<CompactFrame> compact;
+  if (const auto bytes = file_.read(frame)) compact = decode_compact(*bytes);
+  if (!compact) {
+    throw InputError(paths_.mesh().string() + ": frame " + std::to_string(frame) +
+                     " is damaged: reconstruct the take again");
+  }
+  return *std::move(compact);
+}
+
+}  // namespace v3d::ctl

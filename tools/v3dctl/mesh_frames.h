@@ -1,0 +1,29 @@
+// The reconstructed frames of a take.
+#pragma once
+
+#include <filesystem>
+#include <vector>
+
+#include "recon/compact_frame.h"
+#include "take/mesh_file.h"
+#include "take/take.h"
+#include "v3dctl/options.h"
+
+namespace v3d::ctl {
+
+class MeshFrames {
+ public:
+  /// Throws InputError when the folder is no take or was not reconstructed yet.
+  explicit MeshFrames(const std::filesystem::path& take);
+
+  /// Frames in the range, rising. Throws InputError when there is none.
+  std::vector<int64_t> frames(FrameRange range) const;
+  /// Throws InputError when there is no such frame or it is damaged.
+  CompactFrame read(int64_t frame);
+
+ private:
+  TakePaths paths_;
+  MeshFileReader file_;
+};
+
+}  // namespace v3d::ctl

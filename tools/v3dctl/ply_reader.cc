@@ -1,0 +1,246 @@
+#include "v3dctl/ply_reader.h"
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+#include <cstring>
+#include <fstream>
+#include <map>
+#include <span>
+#include <sstream>
+#include <string>
+
+#include "base/error.h"
+
+namespace v3d::ctl {
+namespace {
+
+static_assert(std::endian::native == std::endian::little, "PLY is read as it lies in memory");
+
+enum class Type { kInt8, kUint8, kInt16, kUint16, kInt32, kUint32, kFloat, kDouble };
+
+struct Property {
+  std::string name;
+  Type type = Type::kFloat;
+  bool is_list = false;
+  Type count_type = Type::kUint8;
+};
+
+struct Element {
+  std::string name;
+  uint64_t count = 0;
+  std::vector<Property> properties;
+};
+
+size_t size_of(Type type) {
+  constexpr size_t kSizes[] = {1, 1, 2, 2, 4, 4, 4, 8};
+  return kSizes[static_cast<size_t>(type)];
+}
+
+// The bytes behind the header; every read is checked against the end of the file.
+class Body {
+ public:
+  Body(std::span<const char> bytes, const std::filesystem::path& path)
+      : rest_(bytes), path_(path) {}
+
+  double read(Type type) {
+    switch (type) {
+      case Type::kInt8:
+        return take<int8_t>();
+      case Type::kUint8:
+        return take<uint8_t>();
+      case Type::kInt16:
+        return take<int16_t>();
+      case Type::kUint16:
+        return take<uint16_t>();
+      case Type::kInt32:
+        return take<int32_t>();
+      case Type::kUint32:
+        return take<uint32_t>();
+      case Type::kFloat:
+        return static_cast<double>(take<float>());
+      case Type::kDouble:
+        return take<double>();
+    }
+    return 0;
+  }
+
+  size_t left() const { return rest_.size(); }
+  [[noreturn]] void fail(const std::string& why) const {
+    throw InputError(path_.string() + ": " + why);
+  }
+
+ private:
+  template <class T>
+  T take() {
+    if (rest_.size() < sizeof(T)) fail("the PLY file is truncated");
+    T value;
+    std::memcpy(&value, rest_.data(), sizeof value);
+    rest_ = rest_.subspan(sizeof value);
+    return value;
+  }
+
+  std::span<const char> rest_;
+  const std::filesystem::path& path_;
+};
+
+Type parse_type(const std::string& word, const std::filesystem::path& path) {
+  static const std::map<std::string, Type> kTypes = {
+      {"char", Type::kInt8},     {"int8", Type::kInt8},     {"uchar", Type::kUint8},
+      {"uint8", Type::kUint8},   {"short", Type::kInt16},   {"int16", Type::kInt16},
+      {"ushort", Type::kUint16}, {"uint16", Type::kUint16}, {"int", Type::kInt32},
+      {"int32", Type::kInt32},   {"uint", Type::kUint32},   {"uint32", Type::kUint32},
+      {"float", Type::kFloat},   {"float32", Type::kFloat}, {"double", Type::kDouble},
+      {"float64", Type::kDouble}};
+  const auto found = kTypes.find(word);
+  if (found == kTypes.end()) throw InputError(path.string() + ": unknown PLY type '" + word + "'");
+  return found->second;
+}
+
+Property parse_property(std::istringstream& words, const std::filesystem::path& path) {
+  Property property;
+  std::string type;
+  words >> type;
+  if (type == "list") {
+    property.is_list = true;
+    std::string count_type;
+    words >> count_type >> type;
+    property.count_type = parse_type(count_type, path);
+  }
+  property.type = parse_type(type, path);
+  words >> property.name;
+  return property;
+}
+
+std::vector<Element> parse_header(std::istream& file, const std::filesystem::path& path) {
+  std::vector<Element> elements;
+  std::string line;
+  bool binary = false;
+  std::getline(file, line);
+  if (line != "ply" && line != "ply\r") throw InputError(path.string() + ": is no PLY file");
+  while (std::getline(file, line)) {
+    std::istringstream words(line);
+    std::string keyword;
+    words >> keyword;
+    if (keyword == "end_header") {
+      if (!binary)
+        throw InputError(path.string() + ": want a PLY of format binary_little_endian 1.0");
+      return elements;
+    }
+    if (keyword == "format") {
+      std::string format;
+      words >> format;
+      binary = format == "binary_little_endian";
+    } else if (keyword == "element") {
+      Element element;
+      if (!(words >> element.name >> element.count)) {
+        throw InputError(path.string() + ": PLY header: '" + line + "'");
+      }
+      elements.push_back(element);
+    } else if (keyword == "property" && !elements.empty()) {
+      elements.back().properties.push_back(parse_property(words, path));
+    }
+  }
+  throw InputError(path.string() + ": the PLY header has no end");
+}
+
+// All numbers of one element by property; a list's first is its length.
+using Values = std::vector<std::vector<double>>;
+
+void read_element(Body& body, const Element& element, Values& values) {
+  values.resize(element.properties.size());
+  for (size_t i = 0; i < element.properties.size(); ++i) {
+    const Property& property = element.properties[i];
+    double count = 1;
+    if (property.is_list) count = body.read(property.count_type);
+    if (!(count >= 0) ||
+        count * static_cast<double>(size_of(property.type)) > static_cast<double>(body.left())) {
+      body.fail("the PLY file is truncated");
+    }
+    values[i].resize(static_cast<size_t>(count));
+    for (double& value : values[i]) value = body.read(property.type);
+  }
+}
+
+int find_property(const Element& element, std::initializer_list<const char*> names) {
+  for (size_t i = 0; i < element.properties.size(); ++i) {
+    for (const char* name : names) {
+      if (element.properties[i].name == name) return static_cast<int>(i);
+    }
+  }
+  return -1;
+}
+
+double scalar(const Values& values, int property) {
+  const std::vector<double>& all = values[static_cast<size_t>(property)];
+  return all.empty() ? 0 : all.front();
+}
+
+void read_vertices(Body& body, const Element& element, Mesh& mesh) {
+  const int x = find_property(element, {"x"});
+  const int y = find_property(element, {"y"});
+  const int z = find_property(element, {"z"});
+  const int r = find_property(element, {"red"});
+  const int g = find_property(element, {"green"});
+  const int b = find_property(element, {"blue"});
+  if (x < 0 || y < 0 || z < 0) body.fail("PLY vertices need x, y and z");
+  Values values;
+  for (uint64_t i = 0; i < element.count; ++i) {
+    read_element(body, element, values);
+    const Eigen::Vector3d p(scalar(values, x), scalar(values, y), scalar(values, z));
+    if (!p.allFinite()) body.fail("vertex " + std::to_string(i) + " is not finite");
+    mesh.vertices.push_back(p.cast<float>());
+    if (r < 0 || g < 0 || b < 0) continue;
+    const auto channel = [&](int property) {
+      return static_cast<uint8_t>(std::clamp(scalar(values, property), 0.0, 255.0));
+    };
+    mesh.colours.push_back({channel(r), channel(g), channel(b)});
+  }
+}
+
+void read_faces(Body& body, const Element& element, Mesh& mesh) {
+  const int indices = find_property(element, {"vertex_indices", "vertex_index"});
+  if (indices < 0) body.fail("PLY faces need vertex_indices");
+  Values values;
+  for (uint64_t i = 0; i < element.count; ++i) {
+    read_element(body, element, values);
+    const std::vector<double>& corners = values[static_cast<size_t>(indices)];
+    for (const double corner : corners) {
+      if (!(corner >= 0 && corner < static_cast<double>(mesh.vertices.size()))) {
+        body.fail("face " + std::to_string(i) + " names a vertex that is not there");
+      }
+    }
+    for (size_t c = 2; c < corners.size(); ++c) {
+      mesh.triangles.push_back({static_cast<uint32_t>(corners[0]),
+                                static_cast<uint32_t>(corners[c - 1]),
+                                static_cast<uint32_t>(corners[c])});
+    }
+  }
+}
+
+}  // namespace
+
+Mesh read_ply(const std::filesystem::path& path) {
+  std::ifstream file(path, std::ios::binary);
+  if (!file) throw InputError(errno_message(path.string()));
+  const std::vector<Element> elements = parse_header(file, path);
+  const std::string bytes(std::istreambuf_iterator<char>(file), {});
+  Body body(bytes, path);
+  Mesh mesh;
+  for (const Element& element : elements) {
+    // An element of no bytes could be announced any number of times.
+    if (element.properties.empty() && element.count > 0)
+      body.fail("PLY element without properties");
+    if (element.name == "vertex") {
+      read_vertices(body, element, mesh);
+    } else if (element.name == "face") {
+      read_faces(body, element, mesh);
+    } else {
+      Values ignored;
+      for (uint64_t i = 0; i < element.count; ++i) read_element(body, element, ignored);
+    }
+  }
+  return mesh;
+}
+
+}  // namespace v3d::ctl

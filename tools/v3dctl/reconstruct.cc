@@ -1,0 +1,221 @@
+#include "v3dctl/reconstruct.h"
+
+#include <sys/resource.h>
+#include <tbb/global_control.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <chrono>
+#include <cstdio>
+#include <thread>
+
+#include "base/error.h"
+#include "base/units.h"
+#include "recon/reconstructor.h"
+#include "recon/silhouette.h"
+#include "take/mesh_file.h"
+#include "v3dctl/console.h"
+#include "v3dctl/interrupt.h"
+#include "v3dctl/take_frames.h"
+#include "v3dctl/working_space.h"
+
+namespace v3d::ctl {
+namespace {
+
+namespace fs = std::filesystem;
+
+class Stopwatch {
+ public:
+  double seconds() const {
+    return std::chrono::duration<double>(std::chrono::steady_clock::now() - start_).count();
+  }
+  double ms() const { return 1000 * seconds(); }
+
+ private:
+  std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
+};
+
+// mesh.v3d under another name until it is whole.
+class PendingMeshFile {
+ public:
+  explicit PendingMeshFile(const fs::path& place)
+      : place_(place),
+        path_(place.string() + ".partial-" + std::to_string(getpid())),
+        file_(path_) {}
+  ~PendingMeshFile() {
+    std::error_code ignored;
+    if (!moved_) fs::remove(path_, ignored);
+  }
+  PendingMeshFile(const PendingMeshFile&) = delete;
+  PendingMeshFile& operator=(const PendingMeshFile&) = delete;
+
+  void append(int64_t pulse, const std::vector<uint8_t>& compact) {
+    if (!file_.append(pulse, compact)) refuse();
+  }
+  void finish() {
+    if (!file_.close()) refuse();
+    fs::rename(path_, place_);
+    moved_ = true;
+  }
+
+ private:
+  [[noreturn]] void refuse() const {
+    throw std::runtime_error(path_.string() + ": cannot write: is the disk full?");
+  }
+
+  fs::path place_;
+  fs::path path_;
+  MeshFileWriter file_;
+  bool moved_ = false;
+};
+
+ReconstructOptions choose_options(const ReconstructRequest& request, const TakeFrames& take,
+                                  int threads) {
+  const Studio* studio =
+      request.studio && request.studio->name == take.info().studio ? &*request.studio : nullptr;
+  const int cameras = static_cast<int>(take.rig().size());
+  ReconstructOptions options;
+  options.threads = threads;
+  options.voxel_m = request.voxel_m.value_or(studio ? studio->reconstruction.voxel_m : 0.01);
+  options.quality =
+      request.quality.value_or(studio ? studio->reconstruction.quality : Quality::kLive);
+  options.min_views = request.min_views.value_or(
+      std::min(cameras, studio ? studio->reconstruction.min_views : default_min_views(cameras)));
+  if (options.min_views > cameras) {
+    throw InputError("--min-views " + std::to_string(options.min_views) + ": only " +
+                     std::to_string(cameras) + " cameras take part");
+  }
+  if (request.bounds || studio) {
+    options.bounds = request.bounds ? *request.bounds : studio->space.bounds;
+  } else {
+    options.bounds = common_view(take.rig(), std::max(options.min_views, (cameras + 1) / 2));
+    const Box& box = options.bounds;
+    char text[160];
+    std::snprintf(
+        text, sizeof text,
+        "bounds: where at least half the cameras look: --bounds %.3f,%.3f,%.3f,%.3f,%.3f,%.3f",
+        box.min.x(), box.min.y(), box.min.z(), box.max.x(), box.max.y(), box.max.z());
+    note(text);
+  }
+  return options;
+}
+
+std::vector<int64_t> choose_pulses(const TakeFrames& take, FrameRange range) {
+  const std::vector<int64_t> all = take.pulses();
+  if (all.empty()) throw InputError(take.paths().folder.string() + ": the take holds no frames");
+  std::vector<int64_t> pulses;
+  std::copy_if(all.begin(), all.end(), std::back_inserter(pulses),
+               [&](int64_t pulse) { return range.contains(pulse); });
+  if (pulses.empty()) {
+    throw InputError("--frames: the take has none of them; it has " + std::to_string(all.front()) +
+                     " to " + std::to_string(all.back()));
+  }
+  return pulses;
+}
+
+int64_t pulses_without_frames(const TakeInfo& info, FrameRange range, size_t with_frames) {
+  const int64_t end = std::min(info.pulses, range.end);
+  return std::max<int64_t>(0, end - range.begin - static_cast<int64_t>(with_frames));
+}
+
+// How well the surface, drawn into each camera, covers its mask.
+void measure_silhouettes(const Mesh& mesh, const Rig& rig,
+                         const std::vector<std::optional<SegmentedFrame>>& frames,
+                         std::vector<double>& iou) {
+  std::vector<CameraModel> models;
+  std::vector<const Mask*> masks;
+  for (size_t i = 0; i < rig.size(); ++i) {
+    if (!frames[i]) continue;
+    models.push_back(rig[i].model);
+    masks.push_back(&frames[i]->mask);
+  }
+  const std::vector<Mask> drawn = draw_silhouettes(mesh, models);
+  for (size_t i = 0; i < drawn.size(); ++i) {
+    // Where both are empty there is nothing to measure.
+    if (drawn[i].count() + masks[i]->count() > 0) {
+      iou.push_back(intersection_over_union(drawn[i], *masks[i]));
+    }
+  }
+}
+
+void add_stage_times(const StageTimes& times, double segment, ReconstructReport& report) {
+  const double parts[] = {segment,      times.intersect, times.mesh,
+                          times.deform, times.texture,   times.encode};
+  double total = 0;
+  for (size_t stage = 0; stage < std::size(parts); ++stage) {
+    if (parts[stage] < 0) continue;
+    report.stages[stage].ms.push_back(parts[stage]);
+    total += parts[stage];
+  }
+  report.stages.back().ms.push_back(total);
+}
+
+void add_figures(const Reconstruction& result, ReconstructReport& report) {
+  ++report.frames;
+  report.volume_m3.push_back(result.volume_m3);
+  report.vertices.push_back(static_cast<double>(result.mesh.vertices.size()));
+  report.triangles.push_back(static_cast<double>(result.mesh.triangles.size()));
+  report.components.push_back(connected_components(result.mesh));
+  report.bytes.push_back(static_cast<double>(result.compact.size()));
+}
+
+double peak_rss_mb() {
+  rusage usage{};
+  getrusage(RUSAGE_SELF, &usage);
+  return static_cast<double>(usage.ru_maxrss) * 1024 / 1e6;
+}
+
+ReconstructReport begin_report(const ReconstructOptions& options, const TakeFrames& take) {
+  ReconstructReport report;
+  for (const RigCamera& camera : take.rig()) report.cameras.push_back(camera.name);
+  report.bounds = options.bounds;
+  report.voxel_m = options.voxel_m;
+  report.min_views = options.min_views;
+  report.threads = options.threads;
+  for (const char* stage :
+       {"segment", "intersect", "mesh", "deform", "texture", "encode", "total"}) {
+    report.stages.push_back({stage, {}});
+  }
+  return report;
+}
+
+}  // namespace
+
+int default_min_views(int cameras) { return std::clamp(cameras - 1, 1, 4); }
+
+ReconstructReport reconstruct_take(const ReconstructRequest& request) {
+  const Stopwatch run;
+  const int threads = request.threads > 0
+                          ? request.threads
+                          : std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
+  const tbb::global_control limit(tbb::global_control::max_allowed_parallelism,
+                                  static_cast<size_t>(threads));
+  TakeFrames take(request.take, cameras_without(load_take_info({request.take}), request.leave_out));
+  const std::vector<int64_t> pulses = choose_pulses(take, request.frames);
+  const ReconstructOptions options = choose_options(request, take, threads);
+  Reconstructor reconstructor(take.rig(), options);
+  ReconstructReport report = begin_report(options, take);
+  report.incomplete = pulses_without_frames(take.info(), request.frames, pulses.size());
+  PendingMeshFile file(take.paths().mesh());
+  Progress progress("reconstruct", std::ssize(pulses));
+  for (const int64_t pulse : pulses) {
+    stop_if_interrupted();
+    const Stopwatch segment;
+    const auto frames = take.read(pulse);
+    const FrameSet set = observe_all(pulse, frames);
+    const double segment_ms = segment.ms();
+    const Reconstruction result = reconstructor.reconstruct(set);
+    file.append(pulse, result.compact);
+    measure_silhouettes(result.mesh, take.rig(), frames, report.silhouette_iou);
+    add_stage_times(result.times, segment_ms, report);
+    add_figures(result, report);
+    if (result.cameras.size() < take.rig().size()) ++report.incomplete;
+    progress.advance();
+  }
+  file.finish();
+  report.seconds = run.seconds();
+  report.peak_rss_mb = peak_rss_mb();
+  return report;
+}
+
+}  // namespace v3d::ctl

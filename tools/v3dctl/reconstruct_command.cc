@@ -1,0 +1,165 @@
+#include <algorithm>
+#include <cstdio>
+#include <nlohmann/json.hpp>
+
+#include "base/error.h"
+#include "base/units.h"
+#include "v3dctl/command.h"
+#include "v3dctl/interrupt.h"
+#include "v3dctl/reconstruct.h"
+#include "v3dctl/statistics.h"
+
+namespace v3d::ctl {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+struct Arguments {
+  ReconstructRequest request;
+  std::string voxel, bounds, quality, frames, leave_out;
+  int min_views = 0;
+  bool json = false;
+};
+
+double least(const std::vector<double>& values) {
+  return values.empty() ? 0 : *std::min_element(values.begin(), values.end());
+}
+
+Json stages_json(const ReconstructReport& report) {
+  Json stages = Json::object();
+  for (const StageSamples& stage : report.stages) {
+    stages[stage.name] = nullptr;
+    if (stage.ms.empty()) continue;
+    stages[stage.name] = {{"p50", percentile(stage.ms, 50)}, {"p99", percentile(stage.ms, 99)}};
+  }
+  return stages;
+}
+
+Json to_json(const ReconstructReport& report) {
+  const Box& box = report.bounds;
+  return {
+      {"frames", report.frames},
+      {"incomplete", report.incomplete},
+      {"cameras", report.cameras},
+      {"voxel_m", report.voxel_m},
+      {"bounds_m", {box.min.x(), box.min.y(), box.min.z(), box.max.x(), box.max.y(), box.max.z()}},
+      {"min_views", report.min_views},
+      {"threads", report.threads},
+      {"volume_m3", median(report.volume_m3)},
+      {"vertices", median(report.vertices)},
+      {"triangles", median(report.triangles)},
+      {"silhouette_iou",
+       {{"mean", mean(report.silhouette_iou)}, {"min", least(report.silhouette_iou)}}},
+      {"stages_ms", stages_json(report)},
+      {"frames_per_second", static_cast<double>(report.frames) / report.seconds},
+      {"bytes_per_frame", mean(report.bytes)},
+      {"peak_rss_mb", report.peak_rss_mb}};
+}
+
+void print_text(const ReconstructReport& report) {
+  std::printf("%s, %s, voxel %s, min. %d views\n", count_of(report.frames, "frame").c_str(),
+              count_of(std::ssize(report.cameras), "camera").c_str(),
+              format_length(report.voxel_m).c_str(), report.min_views);
+  std::printf("volume       %.4g m3 (median)\n", median(report.volume_m3));
+  std::printf("mesh         %s vertices, %s triangles, %s a frame\n",
+              format_count(static_cast<int64_t>(median(report.vertices))).c_str(),
+              format_count(static_cast<int64_t>(median(report.triangles))).c_str(),
+              format_bytes(mean(report.bytes)).c_str());
+  std::printf("silhouettes  covered to %.3f (mean), %.3f (least)\n", mean(report.silhouette_iou),
+              least(report.silhouette_iou));
+  for (const StageSamples& stage : report.stages) {
+    if (stage.ms.empty()) continue;
+    std::printf("%-12s %.1f ms, 99 of 100 within %.1f ms\n", stage.name.c_str(),
+                percentile(stage.ms, 50), percentile(stage.ms, 99));
+  }
+  std::printf("whole run    %.1f s, %.2f frames/s on %d threads, %.0f MB memory\n", report.seconds,
+              static_cast<double>(report.frames) / report.seconds, report.threads,
+              report.peak_rss_mb);
+}
+
+Quality parse_quality(const std::string& text) {
+  if (text == "live") return Quality::kLive;
+  if (text == "high") return Quality::kHigh;
+  throw InputError("--quality " + text + ": want live or high");
+}
+
+void add_options(CLI::App* command, Arguments& arguments) {
+  command->add_option("TAKE", arguments.request.take, "The folder of the take")->required();
+  command
+      ->add_option("--voxel", arguments.voxel,
+                   "Edge of a voxel, with its unit (else the studio's, else 10mm)")
+      ->type_name("LEN");
+  command
+      ->add_option(
+          "--bounds", arguments.bounds,
+          "The space to reconstruct, metres (else the studio's, else where most cameras look)")
+      ->type_name("X0,Y0,Z0,X1,Y1,Z1");
+  command
+      ->add_option("--min-views", arguments.min_views,
+                   "What fewer cameras see is empty (else the studio's, else 4, with few cameras "
+                   "all but one)")
+      ->type_name("K")
+      ->check(CLI::Range(1, 1000));
+  command
+      ->add_option("--quality", arguments.quality,
+                   "live: as the studio does while recording; high: slower, finer")
+      ->type_name("live|high");
+  add_frames_option(command, arguments.frames);
+  command
+      ->add_option("--threads", arguments.request.threads,
+                   "Worker threads (else one per core); the result is the same")
+      ->type_name("N")
+      ->check(CLI::Range(1, 1024));
+  command
+      ->add_option("--leave-out", arguments.leave_out,
+                   "Cameras that do not take part, to be compared with later")
+      ->type_name("CAM,...");
+  add_json_flag(command, arguments.json);
+}
+
+// The studio file gives defaults where there is one; a take needs none.
+std::optional<Studio> studio_if_any(const CommandLine& line) {
+  std::filesystem::path path;
+  try {
+    path = line.studio_path();
+  } catch (const InputError&) {
+    return std::nullopt;
+  }
+  return load_studio(path);
+}
+
+int run(const CommandLine& line, Arguments arguments) {
+  ReconstructRequest& request = arguments.request;
+  if (!arguments.voxel.empty()) request.voxel_m = parse_length(arguments.voxel);
+  if (!arguments.bounds.empty()) request.bounds = parse_bounds(arguments.bounds);
+  if (!arguments.quality.empty()) request.quality = parse_quality(arguments.quality);
+  if (arguments.min_views > 0) request.min_views = arguments.min_views;
+  request.frames = parse_frame_range(arguments.frames);
+  request.leave_out = parse_names(arguments.leave_out, "--leave-out");
+  request.studio = studio_if_any(line);
+  catch_interrupts();
+  const ReconstructReport report = reconstruct_take(request);
+  if (arguments.json) {
+    std::printf("%s\n", to_json(report).dump(2).c_str());
+  } else {
+    print_text(report);
+  }
+  if (report.incomplete == 0) return kExitDone;
+  std::fprintf(stderr, "v3dctl: a camera is missing in %s: see v3dctl verify %s\n",
+               count_of(report.incomplete, "frame").c_str(), request.take.c_str());
+  return kExitNotWhole;
+}
+
+}  // namespace
+
+void add_reconstruct(CommandLine& line) {
+  CLI::App* command =
+      line.add("reconstruct", "Make the meshes of a take (mesh.v3d)",
+               {"v3dctl reconstruct dancer --voxel 8mm --bounds -0.6,-0.6,-0.1,0.6,0.6,1.9",
+                "v3dctl reconstruct dancer --frames 100:200 --leave-out cam03,cam11 --json"});
+  auto arguments = std::make_shared<Arguments>();
+  add_options(command, *arguments);
+  line.on_run(command, [&line, arguments] { return run(line, *arguments); });
+}
+
+}  // namespace v3d::ctl

@@ -1,0 +1,62 @@
+// The frames of a recorded take with their silhouettes, as the capture daemon would publish them.
+#pragma once
+
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "base/camera_model.h"
+#include "capture/segmenter.h"
+#include "recon/reconstructor.h"
+#include "take/frame_log.h"
+#include "take/take.h"
+
+namespace v3d::ctl {
+
+/// A raw frame and its silhouette.
+struct SegmentedFrame {
+  Frame raw;
+  Mask mask;
+};
+
+/// One thread; works on several cameras at a time.
+class TakeFrames {
+ public:
+  /// Opens the logs of `cameras` (empty: all cameras of the take). Throws InputError: no take, an
+  /// unknown camera, a camera without calibration, a file that is no log, frames that have neither
+  /// a stored mask nor a background model.
+  TakeFrames(const std::filesystem::path& take, const std::vector<std::string>& cameras);
+
+  const TakeInfo& info() const { return info_; }
+  const TakePaths& paths() const { return paths_; }
+  /// The calibration of the opened cameras, in the order of take.toml.
+  const Rig& rig() const { return rig_; }
+  /// The pulses of which at least one opened camera has a frame, rising.
+  std::vector<int64_t> pulses() const;
+
+  /// By opened camera; empty where the camera has no (whole) frame of this pulse. Stored masks are
+  /// taken as they are, else the take's background model makes them.
+  std::vector<std::optional<SegmentedFrame>> read(int64_t pulse);
+
+ private:
+  struct OpenCamera {
+    FrameLogReader log;
+    std::optional<Segmenter> segmenter;
+  };
+
+  TakePaths paths_;
+  TakeInfo info_;
+  Rig rig_;
+  std::vector<OpenCamera> cameras_;
+};
+
+/// observe() of every frame there is; the masks are copied into the set.
+FrameSet observe_all(int64_t pulse, const std::vector<std::optional<SegmentedFrame>>& frames);
+
+/// Cameras of a take without those in `left_out`. Throws InputError for a name that the take does
+/// not have and when none remains.
+std::vector<std::string> cameras_without(const TakeInfo& info,
+                                         const std::vector<std::string>& left_out);
+
+}  // namespace v3d::ctl
