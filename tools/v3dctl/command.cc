@@ -39,7 +39,10 @@ std::filesystem::path CommandLine::studio_path() const {
 }
 
 void add_all_commands(CommandLine& line) {
+  add_operator_commands(line);
+  add_doctor(line);
   add_takes(line);
+  add_verify(line);
   add_import(line);
   add_reconstruct(line);
   add_evaluate(line);

@@ -39,12 +39,14 @@ class CommandLine {
 
 void add_import(CommandLine& line);
 void add_reconstruct(CommandLine& line);
+void add_verify(CommandLine& line);
 void add_takes(CommandLine& line);
 void add_evaluate(CommandLine& line);
 void add_export(CommandLine& line);
 void add_render(CommandLine& line);
 void add_operator_commands(
     CommandLine& line);  ///< status arm start stop abort health watch background
+void add_doctor(CommandLine& line);
 
 /// All of them, in the order of the help text.
 void add_all_commands(CommandLine& line);

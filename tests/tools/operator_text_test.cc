@@ -1,0 +1,126 @@
+#include "v3dctl/operator_text.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <nlohmann/json.hpp>
+
+namespace v3d::ctl {
+namespace {
+
+using testing::AllOf;
+using testing::ElementsAre;
+using testing::HasSubstr;
+using testing::StartsWith;
+using Outcome = ReplyMessage::Outcome;
+
+ReplyMessage reply(Outcome outcome, const std::string& text, const std::string& detail = "") {
+  ReplyMessage message;
+  message.outcome = outcome;
+  message.text = text;
+  message.detail = detail;
+  return message;
+}
+
+const std::vector<std::string> kNodes = {"cap01", "cap02", "cap03"};
+
+TEST(ReplyLines, share_a_line_where_neighbours_say_the_same) {
+  Answer answer;
+  for (const char* node : {"cap01", "cap02"}) answer.replies[node] = reply(Outcome::kDone, "quiet");
+  answer.replies["cap03"] = reply(Outcome::kRefused, "not ready: cam07 silent");
+  EXPECT_THAT(reply_lines(kNodes, answer, "ready"),
+              ElementsAre("cap01-cap02   ready    quiet", "cap03         not ready: cam07 silent"));
+}
+
+TEST(ReplyLines, name_every_silent_node_with_the_next_step) {
+  Answer answer;
+  answer.replies["cap02"] = reply(Outcome::kDone, "quiet");
+  answer.silent = {"cap01", "cap03"};
+  const auto lines = reply_lines(kNodes, answer, "ready");
+  ASSERT_EQ(lines.size(), 3U);
+  EXPECT_THAT(lines[0], AllOf(StartsWith("cap01 "), HasSubstr("no answer"), HasSubstr("on cap01")));
+  EXPECT_THAT(lines[2], StartsWith("cap03 "));
+}
+
+std::string detail(const std::string& camera, int missing) {
+  Json cameras = Json::array();
+  cameras.push_back(
+      {{"name", camera}, {"received", 10}, {"written", 10 - missing}, {"published", 10}});
+  if (missing) cameras[0]["missing"] = {4};
+  return Json({{"take", "kendo"},
+               {"pulses", {{"commanded", 10}, {"sensed", 10}}},
+               {"cameras", cameras}})
+      .dump();
+}
+
+TEST(TakeAccounts, put_the_cameras_of_all_nodes_side_by_side) {
+  Answer answer;
+  answer.replies["cap01"] = reply(Outcome::kDone, "", detail("cam01", 0));
+  answer.replies["cap02"] = reply(Outcome::kDone, "", detail("cam02", 0));
+  answer.replies["recon"] = reply(Outcome::kDone, "", "{\"meshes\": 10}");
+  const TakeAccount account = merge_ledgers(answer);
+  EXPECT_EQ(account.ledger.cameras.size(), 2U);
+  EXPECT_TRUE(account.ledger.complete());
+  EXPECT_EQ(account.ledger.take, "kendo");
+  EXPECT_TRUE(account.unreadable.empty());
+}
+
+TEST(TakeAccounts, are_incomplete_when_one_camera_is) {
+  Answer answer;
+  answer.replies["cap01"] = reply(Outcome::kDone, "", detail("cam01", 0));
+  answer.replies["cap02"] = reply(Outcome::kDone, "", detail("cam02", 1));
+  const Ledger ledger = merge_ledgers(answer).ledger;
+  EXPECT_FALSE(ledger.complete());
+  EXPECT_THAT(ledger.cameras[1].missing, ElementsAre(4));
+}
+
+TEST(TakeAccounts, name_the_node_whose_account_cannot_be_read) {
+  for (const char* hostile :
+       {"{", "[]", "7", "{\"cameras\": 3}", "{\"pulses\":{\"commanded\":\"ten\"},\"cameras\":[]}",
+        "{\"take\":\"k\",\"pulses\":{\"commanded\":1,\"sensed\":1},\"cameras\":[{\"name\":7}]}"}) {
+    Answer answer;
+    answer.replies["cap01"] = reply(Outcome::kDone, "", hostile);
+    EXPECT_THAT(merge_ledgers(answer).unreadable, ElementsAre("cap01")) << hostile;
+  }
+}
+
+HealthMessage health(NodeState state, std::map<std::string, double> values) {
+  HealthMessage message;
+  message.program = "v3d-captured";
+  message.state = state;
+  message.take = "kendo-07";
+  message.values = std::move(values);
+  return message;
+}
+
+TEST(Status, is_well_only_when_every_node_was_heard_and_none_is_at_fault) {
+  std::map<std::string, HealthMessage> heard;
+  for (const std::string& node : kNodes) heard[node] = health(NodeState::kIdle, {});
+  EXPECT_TRUE(all_well(kNodes, heard));
+  heard["cap02"].state = NodeState::kFault;
+  EXPECT_FALSE(all_well(kNodes, heard));
+  heard.erase("cap02");
+  EXPECT_FALSE(all_well(kNodes, heard));
+  EXPECT_THAT(status_lines(kNodes, heard)[1], AllOf(StartsWith("cap02"), HasSubstr("silent")));
+}
+
+TEST(Status, adds_up_what_nodes_count) {
+  const std::map<std::string, HealthMessage> heard = {
+      {"cap01", health(NodeState::kRecording, {{"frames_missing", 2}, {"pulses_sensed", 1300}})},
+      {"cap02",
+       health(NodeState::kRecording, {{"frames_missing", 1}, {"cam2.frames_missing", 1}})}};
+  EXPECT_EQ(total(heard, "frames_missing"), 3);
+  EXPECT_EQ(total(heard, "live_fps"), std::nullopt);
+  EXPECT_EQ(recording_line(heard), "1,300 pulses   3 missing");
+}
+
+TEST(Status, is_the_same_facts_as_json) {
+  const Json json =
+      health_json({"cap01", "cap02"}, {{"cap01", health(NodeState::kIdle, {{"x", 1}})}});
+  EXPECT_FALSE(json["well"].get<bool>());
+  EXPECT_EQ(json["nodes"][0]["values"]["x"], 1);
+  EXPECT_EQ(json["nodes"][1]["state"], "silent");
+}
+
+}  // namespace
+}  // namespace v3d::ctl

@@ -1,0 +1,286 @@
+// status arm start stop abort background health watch: the studio from the operator's chair.
+#include <cstdio>
+#include <nlohmann/json.hpp>
+
+#include "base/error.h"
+#include "base/units.h"
+#include "daemon/operator_client.h"
+#include "take/take.h"
+#include "v3dctl/command.h"
+#include "v3dctl/console.h"
+#include "v3dctl/interrupt.h"
+#include "v3dctl/operator_text.h"
+#include "v3dctl/options.h"
+
+namespace v3d::ctl {
+namespace {
+
+// Nodes report once a second: so long until a node counts as silent.
+constexpr double kHealthSeconds = 2.5;
+
+MonotonicInstant in_seconds(double seconds) { return Monotonic::now() + from_seconds(seconds); }
+
+void print_lines(const std::vector<std::string>& lines) {
+  for (const std::string& line : lines) std::printf("%s\n", line.c_str());
+}
+
+struct Options {
+  bool json = false;
+  double timeout_s = 0;
+  CommandMessage message;
+  std::string allow_missing;
+};
+
+// Sends a command and shows what the nodes say to it.
+Answer command(OperatorClient& client, const Options& options) {
+  const auto show_progress = [&](const ReplyMessage& reply) {
+    if (reply.outcome == ReplyMessage::Outcome::kPending && on_terminal()) {
+      note(reply.node + ": " + reply.text);
+    }
+  };
+  const Answer answer =
+      client.command(options.message, in_seconds(options.timeout_s), show_progress);
+  const bool quiet = answer.done() && options.message.verb != CommandVerb::kArm;
+  if (!options.json && !quiet) {
+    const bool arms = options.message.verb == CommandVerb::kArm;
+    print_lines(reply_lines(client.nodes(), answer, arms ? "ready" : "done"));
+  }
+  return answer;
+}
+
+int done_count(const Answer& answer) {
+  int count = 0;
+  for (const auto& [node, reply] : answer.replies) {
+    count += reply.outcome == ReplyMessage::Outcome::kDone;
+  }
+  return count;
+}
+
+int refused(const OperatorClient& client, const Answer& answer, std::string_view hint) {
+  std::fprintf(stderr, "refused: %d of %zu nodes ready%s\n", done_count(answer),
+               client.nodes().size(), std::string(hint).c_str());
+  return kExitFailed;
+}
+
+// The take that the nodes are at, by their health; "" when none is.
+std::string current_take(const std::map<std::string, HealthMessage>& health) {
+  for (const auto& [node, message] : health) {
+    if (!message.take.empty()) return message.take;
+  }
+  return "";
+}
+
+// Commands that need no more than "done" or the reason why not.
+int run_simple(const CommandLine& line, const Options& options, const std::string& done_text) {
+  OperatorClient client(line.studio());
+  const Answer answer = command(client, options);
+  if (options.json) std::printf("%s\n", answer_json(answer).dump(2).c_str());
+  if (!answer.done()) return refused(client, answer, "");
+  if (!options.json) std::printf("%s\n", done_text.c_str());
+  return kExitDone;
+}
+
+int run_arm(const CommandLine& line, Options options) {
+  if (!is_take_name(options.message.take)) {
+    throw InputError(
+        "arm " + options.message.take +
+        ": no take name: up to 64 letters, digits, '-', '_' and '.', not starting with "
+        "'-' or '.'");
+  }
+  const Studio studio = line.studio();
+  options.message.allow_missing = parse_names(options.allow_missing, "--allow-missing");
+  for (const std::string& name : options.message.allow_missing) {
+    const bool known = std::any_of(studio.cameras.begin(), studio.cameras.end(),
+                                   [&](const StudioCamera& camera) { return camera.name == name; });
+    if (!known)
+      throw InputError("--allow-missing " + name + ": no such camera in " + studio.path.string());
+  }
+  OperatorClient client(studio);
+  const Answer answer = command(client, options);
+  if (options.json) std::printf("%s\n", answer_json(answer).dump(2).c_str());
+  if (!answer.done())
+    return refused(client, answer, " (arm without a camera: --allow-missing CAM)");
+  if (!options.json) {
+    const double rate =
+        options.message.rate_hz > 0 ? options.message.rate_hz : studio.trigger.rate_hz;
+    std::printf("armed %s: trigger %s, %g Hz\n", options.message.take.c_str(),
+                studio.trigger.node.c_str(), rate);
+  }
+  return kExitDone;
+}
+
+int run_start(const CommandLine& line, const Options& options) {
+  OperatorClient client(line.studio());
+  const Answer answer = command(client, options);
+  if (options.json) std::printf("%s\n", answer_json(answer).dump(2).c_str());
+  if (!answer.done()) return refused(client, answer, ": v3dctl arm NAME comes first");
+  if (!options.json) {
+    const auto health = client.health(in_seconds(kHealthSeconds));
+    std::printf("recording %s   %s\n", current_take(health).c_str(),
+                recording_line(health).c_str());
+  }
+  return kExitDone;
+}
+
+int run_stop(const CommandLine& line, const Options& options) {
+  OperatorClient client(line.studio());
+  const Answer answer = command(client, options);
+  const TakeAccount account = merge_ledgers(answer);
+  if (options.json) {
+    Json json = answer_json(answer);
+    json["take"] = account.ledger.take;
+    json["ledger"] = to_json(account.ledger);
+    std::printf("%s\n", json.dump(2).c_str());
+  }
+  if (!answer.done()) return refused(client, answer, "");
+  if (!options.json) std::printf("%s\n", account.ledger.verdict().c_str());
+  for (const std::string& node : account.unreadable)
+    note("v3dctl: no readable account from " + node);
+  return account.ledger.complete() && account.unreadable.empty() ? kExitDone : kExitNotWhole;
+}
+
+int run_status(const CommandLine& line, const Options& options) {
+  OperatorClient client(line.studio());
+  const auto health = client.health(in_seconds(options.timeout_s));
+  if (options.json) {
+    std::printf("%s\n", health_json(client.nodes(), health).dump(2).c_str());
+  } else {
+    print_lines(status_lines(client.nodes(), health));
+    const std::string recording = recording_line(health);
+    if (!current_take(health).empty() && !recording.empty()) std::printf("%s\n", recording.c_str());
+  }
+  return all_well(client.nodes(), health) ? kExitDone : kExitNotWhole;
+}
+
+int run_health(const CommandLine& line, const Options& options) {
+  OperatorClient client(line.studio());
+  const auto health = client.health(in_seconds(options.timeout_s));
+  if (options.json) {
+    std::printf("%s\n", health_json(client.nodes(), health).dump(2).c_str());
+  } else {
+    for (const std::string& node : client.nodes()) {
+      print_lines(status_lines({node}, health));
+      const auto found = health.find(node);
+      if (found == health.end()) continue;
+      for (const auto& [name, value] : found->second.values) {
+        std::printf("    %-32s %.10g\n", name.c_str(), value);
+      }
+    }
+  }
+  return all_well(client.nodes(), health) ? kExitDone : kExitNotWhole;
+}
+
+std::string clock_text(RealtimeInstant instant) {
+  const std::time_t seconds = to_ns(instant) / 1'000'000'000;
+  std::tm parts{};
+  localtime_r(&seconds, &parts);
+  char text[16];
+  std::strftime(text, sizeof text, "%H:%M:%S", &parts);
+  return text;
+}
+
+// Events as they come; in between the state of the studio, one line that is redrawn on a terminal.
+int run_watch(const CommandLine& line) {
+  OperatorClient client(line.studio());
+  std::map<std::string, HealthMessage> health;
+  std::string shown;
+  catch_interrupts();
+  while (!interrupted()) {
+    while (const auto event = client.next_event(Monotonic::now())) {
+      std::printf("%s%s  %s  %s: %s\n", on_terminal() ? "\r\033[K" : "",
+                  clock_text(event->sent).c_str(), event->node.c_str(), event->subject.c_str(),
+                  event->text.c_str());
+      std::fflush(stdout);
+    }
+    const auto message = client.next_health(in_seconds(0.2));
+    if (!message) continue;
+    health[message->node] = *message;
+    const std::string take = current_take(health);
+    const std::string text = (take.empty() ? "idle" : take) + "   " + recording_line(health);
+    if (on_terminal()) {
+      std::fprintf(stderr, "\r%s\033[K", text.c_str());
+    } else if (text != shown) {
+      note(text);
+    }
+    shown = text;
+  }
+  if (on_terminal()) std::fputc('\n', stderr);
+  return kExitDone;
+}
+
+std::shared_ptr<Options> options_of(CLI::App* command, CommandVerb verb, double timeout_s) {
+  auto options = std::make_shared<Options>();
+  options->message.verb = verb;
+  options->timeout_s = timeout_s;
+  add_json_flag(command, options->json);
+  command->add_option("--timeout", options->timeout_s, "Give up after so many seconds")
+      ->type_name("S")
+      ->capture_default_str()
+      ->check(CLI::Range(0.1, 3600.0));
+  return options;
+}
+
+void add_arm(CommandLine& line) {
+  CLI::App* command =
+      line.add("arm", "Make the studio ready for a take: cameras stream and are quiet",
+               {"v3dctl arm kendo-07", "v3dctl arm kendo-08 --pulses 500 --allow-missing cam07"});
+  auto options = options_of(command, CommandVerb::kArm, 30);
+  command->add_option("NAME", options->message.take, "The name of the take")->required();
+  command
+      ->add_option("--rate", options->message.rate_hz,
+                   "Pulses per second (else as the studio file says)")
+      ->type_name("HZ")
+      ->check(CLI::Range(0.1, 1000.0));
+  command
+      ->add_option("--pulses", options->message.pulses,
+                   "End by itself after N pulses (else until stop)")
+      ->type_name("N")
+      ->check(CLI::PositiveNumber);
+  command
+      ->add_option("--allow-missing", options->allow_missing, "Record even without these cameras")
+      ->type_name("CAM,...");
+  line.on_run(command, [&line, options] { return run_arm(line, *options); });
+}
+
+}  // namespace
+
+void add_operator_commands(CommandLine& line) {
+  CLI::App* status =
+      line.add("status", "What every node of the studio is doing", {"v3dctl status"});
+  auto status_options = options_of(status, CommandVerb::kArm, kHealthSeconds);
+  line.on_run(status, [&line, status_options] { return run_status(line, *status_options); });
+
+  add_arm(line);
+
+  CLI::App* start = line.add("start", "Start the pulses: the armed take records", {"v3dctl start"});
+  auto start_options = options_of(start, CommandVerb::kStart, 10);
+  line.on_run(start, [&line, start_options] { return run_start(line, *start_options); });
+
+  CLI::App* stop = line.add("stop", "End the take and reconcile its ledger",
+                            {"v3dctl stop", "v3dctl stop --json"});
+  auto stop_options = options_of(stop, CommandVerb::kStop, 60);
+  line.on_run(stop, [&line, stop_options] { return run_stop(line, *stop_options); });
+
+  CLI::App* abort =
+      line.add("abort", "Give up arming or recording; what is on disk stays", {"v3dctl abort"});
+  auto abort_options = options_of(abort, CommandVerb::kAbort, 10);
+  line.on_run(abort,
+              [&line, abort_options] { return run_simple(line, *abort_options, "aborted"); });
+
+  CLI::App* background = line.add("background", "Learn the empty studio: nobody may stand in it",
+                                  {"v3dctl background"});
+  auto background_options = options_of(background, CommandVerb::kBackground, 60);
+  line.on_run(background, [&line, background_options] {
+    return run_simple(line, *background_options, "background learned");
+  });
+
+  CLI::App* health = line.add("health", "Every counter of every node", {"v3dctl health --json"});
+  auto health_options = options_of(health, CommandVerb::kArm, kHealthSeconds);
+  line.on_run(health, [&line, health_options] { return run_health(line, *health_options); });
+
+  CLI::App* watch =
+      line.add("watch", "Follow the studio and its alarms until Ctrl-C", {"v3dctl watch"});
+  line.on_run(watch, [&line] { return run_watch(line); });
+}
+
+}  // namespace v3d::ctl

@@ -1,0 +1,208 @@
+#include "v3dctl/operator_text.h"
+
+#include <algorithm>
+#include <cstdio>
+#include <nlohmann/json.hpp>
+#include <optional>
+
+#include "base/units.h"
+#include "daemon/json.h"
+
+namespace v3d::ctl {
+namespace {
+
+std::string_view word(ReplyMessage::Outcome outcome) {
+  switch (outcome) {
+    case ReplyMessage::Outcome::kPending:
+      return "pending";
+    case ReplyMessage::Outcome::kDone:
+      return "done";
+    case ReplyMessage::Outcome::kRefused:
+      return "refused";
+  }
+  return "";
+}
+
+std::string padded(std::string text, size_t width) {
+  if (text.size() < width) text.resize(width, ' ');
+  return text;
+}
+
+// What is said, and by which neighbours.
+struct Line {
+  std::string first, last, text;
+};
+
+std::string text_of(const std::string& node, const Answer& answer, const std::string& done_word) {
+  const auto found = answer.replies.find(node);
+  if (found == answer.replies.end()) {
+    return "no answer. Try: systemctl status v3d-studio.target on " + node;
+  }
+  const ReplyMessage& reply = found->second;
+  if (reply.outcome == ReplyMessage::Outcome::kRefused) return reply.text;
+  const bool done = reply.outcome == ReplyMessage::Outcome::kDone;
+  return padded(done ? done_word : "pending", 9) + reply.text;
+}
+
+void put_ledger_numbers(const Json& from, const char* key, std::vector<int64_t>& to) {
+  if (from.contains(key)) to = from.at(key).get<std::vector<int64_t>>();
+}
+
+// Throws a Json exception for anything that is not a ledger.
+Ledger parse_ledger(const Json& json) {
+  Ledger ledger;
+  ledger.take = json.at("take").get<std::string>();
+  ledger.commanded = json.at("pulses").at("commanded").get<int64_t>();
+  ledger.sensed = json.at("pulses").at("sensed").get<int64_t>();
+  for (const Json& entry : json.at("cameras")) {
+    CameraLedger camera;
+    camera.name = entry.at("name").get<std::string>();
+    camera.received = entry.at("received").get<int64_t>();
+    camera.written = entry.at("written").get<int64_t>();
+    camera.published = entry.at("published").get<int64_t>();
+    put_ledger_numbers(entry, "missing", camera.missing);
+    put_ledger_numbers(entry, "duplicate", camera.duplicate);
+    put_ledger_numbers(entry, "suspect", camera.suspect);
+    ledger.cameras.push_back(camera);
+  }
+  return ledger;
+}
+
+double greatest(const std::map<std::string, HealthMessage>& health, const std::string& value) {
+  double most = 0;
+  for (const auto& [node, message] : health) {
+    const auto found = message.values.find(value);
+    if (found != message.values.end()) most = std::max(most, found->second);
+  }
+  return most;
+}
+
+}  // namespace
+
+std::vector<std::string> reply_lines(const std::vector<std::string>& nodes, const Answer& answer,
+                                     const std::string& done_word) {
+  std::vector<Line> lines;
+  for (const std::string& node : nodes) {
+    const std::string text = text_of(node, answer, done_word);
+    if (!lines.empty() && lines.back().text == text) {
+      lines.back().last = node;
+    } else {
+      lines.push_back({node, node, text});
+    }
+  }
+  std::vector<std::string> texts;
+  for (const Line& line : lines) {
+    const std::string who = line.first == line.last ? line.first : line.first + "-" + line.last;
+    texts.push_back(padded(who, 12) + "  " + line.text);
+  }
+  return texts;
+}
+
+Json answer_json(const Answer& answer) {
+  Json replies = Json::array();
+  for (const auto& [node, reply] : answer.replies) {
+    replies.push_back({{"node", node}, {"outcome", word(reply.outcome)}, {"text", reply.text}});
+  }
+  return {{"done", answer.done()}, {"replies", replies}, {"silent", answer.silent}};
+}
+
+TakeAccount merge_ledgers(const Answer& answer) {
+  TakeAccount account;
+  for (const auto& [node, reply] : answer.replies) {
+    if (reply.detail.empty()) continue;
+    try {
+      const Json detail = Json::parse(reply.detail);
+      if (detail.is_object() && !detail.contains("cameras")) continue;
+      const Ledger part = parse_ledger(detail);
+      account.ledger.take = part.take;
+      account.ledger.commanded = std::max(account.ledger.commanded, part.commanded);
+      account.ledger.sensed = std::max(account.ledger.sensed, part.sensed);
+      account.ledger.cameras.insert(account.ledger.cameras.end(), part.cameras.begin(),
+                                    part.cameras.end());
+    } catch (const Json::exception&) {
+      account.unreadable.push_back(node);
+    }
+  }
+  return account;
+}
+
+Json to_json(const Ledger& ledger) { return Json::parse(ledger_json(ledger)); }
+
+std::vector<std::string> status_lines(const std::vector<std::string>& nodes,
+                                      const std::map<std::string, HealthMessage>& health) {
+  std::vector<std::string> lines;
+  for (const std::string& node : nodes) {
+    const auto found = health.find(node);
+    if (found == health.end()) {
+      lines.push_back(padded(node, 12) + "  silent. Try: systemctl status v3d-studio.target on " +
+                      node);
+      continue;
+    }
+    const HealthMessage& message = found->second;
+    std::string line = padded(node, 12) + "  " + padded(message.program, 12) + "  " +
+                       padded(std::string(name(message.state)), 9);
+    if (!message.take.empty()) line += "  " + message.take;
+    if (!message.text.empty()) line += "  " + message.text;
+    while (line.ends_with(' ')) line.pop_back();
+    lines.push_back(line);
+  }
+  return lines;
+}
+
+Json health_json(const std::vector<std::string>& nodes,
+                 const std::map<std::string, HealthMessage>& health) {
+  Json list = Json::array();
+  for (const std::string& node : nodes) {
+    const auto found = health.find(node);
+    if (found == health.end()) {
+      list.push_back({{"node", node}, {"state", "silent"}});
+      continue;
+    }
+    const HealthMessage& message = found->second;
+    list.push_back({{"node", node},
+                    {"program", message.program},
+                    {"state", name(message.state)},
+                    {"take", message.take},
+                    {"text", message.text},
+                    {"values", message.values}});
+  }
+  return {{"well", all_well(nodes, health)}, {"nodes", list}};
+}
+
+bool all_well(const std::vector<std::string>& nodes,
+              const std::map<std::string, HealthMessage>& health) {
+  return std::all_of(nodes.begin(), nodes.end(), [&](const std::string& node) {
+    const auto found = health.find(node);
+    return found != health.end() && found->second.state != NodeState::kFault;
+  });
+}
+
+std::optional<double> total(const std::map<std::string, HealthMessage>& health,
+                            const std::string& name) {
+  std::optional<double> sum;
+  for (const auto& [node, message] : health) {
+    const auto found = message.values.find(name);
+    if (found != message.values.end()) sum = sum.value_or(0) + found->second;
+  }
+  return sum;
+}
+
+std::string recording_line(const std::map<std::string, HealthMessage>& health) {
+  const auto count = [](double value) { return format_count(static_cast<int64_t>(value)); };
+  std::string line;
+  const auto add = [&](const std::string& part) { line += (line.empty() ? "" : "   ") + part; };
+  if (total(health, "pulses_sensed")) add(count(greatest(health, "pulses_sensed")) + " pulses");
+  if (const auto alive = total(health, "cameras_streaming")) {
+    add(count(*alive) + "/" + count(total(health, "cameras").value_or(*alive)) + " cameras");
+  }
+  if (const auto missing = total(health, "frames_missing")) add(count(*missing) + " missing");
+  if (const auto rate = total(health, "live_fps")) {
+    char text[64];
+    std::snprintf(text, sizeof text, "live %.1f/s, %.0f ms", *rate,
+                  greatest(health, "latency_p50_ms"));
+    add(text);
+  }
+  return line;
+}
+
+}  // namespace v3d::ctl

@@ -1,0 +1,53 @@
+// What the operator reads, made of what the nodes said. Pure.
+#pragma once
+
+#include <map>
+#include <nlohmann/json_fwd.hpp>
+#include <string>
+#include <vector>
+
+#include "daemon/operator_client.h"
+#include "take/ledger.h"
+
+namespace v3d::ctl {
+
+using Json = nlohmann::ordered_json;
+
+/// One line per node in the order of `nodes`; neighbours that said the same share one
+/// ("cap01-cap15"). `done_word` stands before what a node said that did as told. Silent nodes are
+/// told with the next step.
+std::vector<std::string> reply_lines(const std::vector<std::string>& nodes, const Answer& answer,
+                                     const std::string& done_word);
+
+/// {"done", "replies" [{"node", "outcome", "text"}], "silent" [..]}
+Json answer_json(const Answer& answer);
+
+/// The ledger of the whole take from the details that nodes give at its stop: cameras side by side;
+/// commanded and sensed by the node that counts most. Details without cameras (of a reconstruction)
+/// are passed over.
+struct TakeAccount {
+  Ledger ledger;
+  std::vector<std::string> unreadable;  ///< nodes whose detail is no ledger and nothing else
+};
+TakeAccount merge_ledgers(const Answer& answer);
+/// The keys of `v3dctl verify --json`.
+Json to_json(const Ledger& ledger);
+
+/// "cap01  v3d-captured  recording kendo-07  cam07 silent", one line per node, in the order of
+/// `nodes`; nodes that were not heard are "silent".
+std::vector<std::string> status_lines(const std::vector<std::string>& nodes,
+                                      const std::map<std::string, HealthMessage>& health);
+Json health_json(const std::vector<std::string>& nodes,
+                 const std::map<std::string, HealthMessage>& health);
+/// Every node was heard and none is at fault.
+bool all_well(const std::vector<std::string>& nodes,
+              const std::map<std::string, HealthMessage>& health);
+
+/// A value added up over the nodes; empty when none reports it.
+std::optional<double> total(const std::map<std::string, HealthMessage>& health,
+                            const std::string& name);
+
+/// "300 pulses   15/15 cameras   0 missing   live 25.0/s, 71 ms", of what is known.
+std::string recording_line(const std::map<std::string, HealthMessage>& health);
+
+}  // namespace v3d::ctl
