@@ -1,0 +1,40 @@
+# Bash completion of v3dctl: commands and options are asked of the program's own help.
+
+_v3dctl_words_of_help() {
+  # The commands, and every --option, in the help text of "$@".
+  "$@" --help 2>/dev/null | awk '
+    /^Subcommands:/ { in_commands = 1; next }
+    /^[A-Z]/ { in_commands = 0 }
+    in_commands && /^  [a-z]/ { print $1 }
+    { line = $0
+      while (match(line, /--[a-z][a-z-]*/)) {
+        if ($0 ~ /^  +-/ && line == $0) print substr(line, RSTART, RLENGTH)
+        line = substr(line, RSTART + RLENGTH)
+      } }'
+}
+
+_v3dctl() {
+  local current=${COMP_WORDS[COMP_CWORD]} previous=${COMP_WORDS[COMP_CWORD-1]}
+  local program=${COMP_WORDS[0]} command="" i
+  for ((i = 1; i < COMP_CWORD; i++)); do
+    case ${COMP_WORDS[i]} in
+      --studio) ((i++)) ;;
+      -*) ;;
+      *) command=${COMP_WORDS[i]}; break ;;
+    esac
+  done
+  COMPREPLY=()
+  case $previous in
+    --format) COMPREPLY=($(compgen -W "ply obj glb" -- "$current")); return ;;
+    --quality) COMPREPLY=($(compgen -W "live high" -- "$current")); return ;;
+  esac
+  if [[ -z $command ]]; then
+    COMPREPLY=($(compgen -W "$(_v3dctl_words_of_help "$program")" -- "$current"))
+  elif [[ $current == -* ]]; then
+    COMPREPLY=($(compgen -W "$(_v3dctl_words_of_help "$program" "$command")" -- "$current"))
+  else
+    COMPREPLY=($(compgen -f -- "${current#*=}"))
+  fi
+}
+
+complete -o filenames -F _v3dctl v3dctl
