@@ -1,0 +1,106 @@
+// Real recordings through the whole chain. They lie outside the repository: in $V3D_DATA, else in
+// ../shared/data beside it.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cstdlib>
+
+#include "base/mesh.h"
+#include "base/units.h"
+#include "tools/temporary_folder.h"
+#include "v3dctl/evaluate.h"
+#include "v3dctl/import.h"
+#include "v3dctl/mesh_frames.h"
+#include "v3dctl/reconstruct.h"
+#include "v3dctl/statistics.h"
+
+namespace v3d::ctl {
+namespace {
+
+namespace fs = std::filesystem;
+
+class RealData : public testing::Test {
+ protected:
+  void SetUp() override {
+    const char* variable = std::getenv("V3D_DATA");
+    data_ = variable ? fs::path(variable) : fs::path(V3D_SOURCE_DIR) / "../shared/data";
+    if (!fs::exists(data_ / "studio20")) {
+      GTEST_SKIP() << "no real data: neither $V3D_DATA nor ../shared/data holds studio20";
+    }
+    import_.take = request_.take = folder_ / "take";
+    request_.threads = 2;
+  }
+
+  static double least(const std::vector<double>& values) {
+    return *std::min_element(values.begin(), values.end());
+  }
+
+  fs::path data_;
+  test::TemporaryFolder folder_;
+  ImportOptions import_;
+  ReconstructRequest request_;
+};
+
+TEST_F(RealData, studio20_becomes_one_person_that_fills_her_silhouettes) {
+  import_.calib = data_ / "studio20/calib.toml";
+  import_.images = data_ / "studio20/images";
+  import_.masks = data_ / "studio20/masks";
+  EXPECT_EQ(import_take(import_).cameras.size(), 20U);
+  request_.bounds = parse_bounds("-0.6,-0.6,-0.1,0.6,0.6,1.9");
+  request_.voxel_m = 0.008;
+  const ReconstructReport report = reconstruct_take(request_);
+  EXPECT_GT(report.volume_m3.at(0), 0.066);
+  EXPECT_LT(report.volume_m3.at(0), 0.078);
+  EXPECT_GE(mean(report.silhouette_iou), 0.94);
+  EXPECT_GE(least(report.silhouette_iou), 0.92);
+  const Mesh mesh = MeshFrames(request_.take).read(0).mesh;
+  EXPECT_TRUE(is_watertight(mesh));
+  EXPECT_EQ(connected_components(mesh), 1);
+}
+
+TEST_F(RealData, studio20_looks_like_the_photograph_of_a_camera_that_took_no_part) {
+  import_.calib = data_ / "studio20/calib.toml";
+  import_.images = data_ / "studio20/images";
+  import_.masks = data_ / "studio20/masks";
+  import_take(import_);
+  request_.bounds = parse_bounds("-0.6,-0.6,-0.1,0.6,0.6,1.9");
+  request_.leave_out = {"cam05"};
+  reconstruct_take(request_);
+  const HeldOutReport report = evaluate_held_out(request_.take, {"cam05"}).at(0);
+  EXPECT_GT(report.iou, 0.9);
+  EXPECT_GT(report.psnr_db, 15);
+}
+
+TEST_F(RealData, room4_is_segmented_by_its_own_plates_and_rebuilt) {
+  import_.calib = data_ / "room4/calib.toml";
+  for (const char* camera : {"cam1", "cam2", "cam3", "cam4"}) {
+    import_.videos.emplace_back(camera, data_ / "room4" / camera / "video.avi");
+    import_.backgrounds.emplace_back(camera, data_ / "room4" / camera / "background.avi");
+  }
+  import_.frames = {195, 205};
+  EXPECT_EQ(import_take(import_).frames, 10);
+  request_.bounds = parse_bounds("-3.5,-4.2,-0.1,4.3,3.3,2.5");
+  request_.voxel_m = 0.03;
+  const ReconstructReport report = reconstruct_take(request_);
+  EXPECT_EQ(report.frames, 10);
+  EXPECT_EQ(report.incomplete, 0);
+  EXPECT_GT(least(report.vertices), 1000);
+  EXPECT_GT(mean(report.silhouette_iou), 0.7);
+}
+
+TEST_F(RealData, dino16_is_cut_from_its_black_background_and_rebuilt_in_its_box) {
+  import_.calib = data_ / "dino16/calib.toml";
+  import_.images = data_ / "dino16";
+  import_.black = parse_black_background("0.19:10:7");
+  EXPECT_EQ(import_take(import_).cameras.size(), 16U);
+  request_.bounds = parse_bounds("-0.061897,-0.018874,-0.057845,0.010897,0.068227,0.015495");
+  request_.voxel_m = 0.001;
+  request_.leave_out = {"dinoSR0006"};  // its README: no good silhouette
+  const ReconstructReport report = reconstruct_take(request_);
+  EXPECT_GT(mean(report.silhouette_iou), 0.9);
+  EXPECT_GT(least(report.silhouette_iou), 0.85);
+}
+
+}  // namespace
+}  // namespace v3d::ctl
