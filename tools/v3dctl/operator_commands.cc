@@ -129,6 +129,7 @@ int run_stop(const CommandLine& line, const Options& options) {
   if (options.json) {
     Json json = answer_json(answer);
     json["take"] = account.ledger.take;
+    json["verdict"] = account.ledger.verdict();
     json["ledger"] = to_json(account.ledger);
     std::printf("%s\n", json.dump(2).c_str());
   }

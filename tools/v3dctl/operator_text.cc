@@ -101,7 +101,10 @@ std::vector<std::string> reply_lines(const std::vector<std::string>& nodes, cons
 Json answer_json(const Answer& answer) {
   Json replies = Json::array();
   for (const auto& [node, reply] : answer.replies) {
-    replies.push_back({{"node", node}, {"outcome", word(reply.outcome)}, {"text", reply.text}});
+    Json said = {{"node", node}, {"outcome", word(reply.outcome)}, {"text", reply.text}};
+    const Json detail = Json::parse(reply.detail, nullptr, false);
+    if (detail.is_object()) said["detail"] = detail;
+    replies.push_back(std::move(said));
   }
   return {{"done", answer.done()}, {"replies", replies}, {"silent", answer.silent}};
 }

@@ -40,7 +40,8 @@ Json to_json(const ReconstructReport& report) {
   return {
       {"frames", report.frames},
       {"incomplete", report.incomplete},
-      {"cameras", report.cameras},
+      {"cameras", report.cameras.size()},
+      {"camera_names", report.cameras},
       {"voxel_m", report.voxel_m},
       {"bounds_m", {box.min.x(), box.min.y(), box.min.z(), box.max.x(), box.max.y(), box.max.z()}},
       {"min_views", report.min_views},
