@@ -43,9 +43,11 @@ struct LayerPlaces {
 
 constexpr LayerPlaces places_in_layer() {
   LayerPlaces places{};
-  for (int n = 0; n < kLayer; ++n) {
-    places.x[n] = static_cast<float>(n % kBrickEdge);
-    places.y[n] = static_cast<float>(n / kBrickEdge);
+  for (int y = 0; y < kBrickEdge; ++y) {
+    for (int x = 0; x < kBrickEdge; ++x) {
+      places.x[kBrickEdge * y + x] = static_cast<float>(x);
+      places.y[kBrickEdge * y + x] = static_cast<float>(y);
+    }
   }
   return places;
 }

@@ -93,6 +93,7 @@ class Reconstructor::Impl {
   void intersect(const std::vector<const Frame*>& frames, Reconstruction& result) {
     const Stopwatch intersecting;
     std::vector<const Mask*> masks;
+    masks.reserve(frames.size());
     for (const Frame* frame : frames) {
       masks.push_back(frame != nullptr ? &*frame->mask : nullptr);
     }

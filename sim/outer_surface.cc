@@ -33,17 +33,18 @@ class Columns {
       return false;
     }
     int winding = 0;
-    for (const uint32_t t : cells_[static_cast<size_t>(cell(p.y(), 1) * kSide + cell(p.x(), 0))]) {
+    for (const uint32_t t : cells_[cell(p.y(), 1) * kSide + cell(p.x(), 0)]) {
       winding += crossing(mesh_->triangles[t], p);
     }
     return winding > 0;
   }
 
  private:
-  static constexpr int kSide = 32;
+  static constexpr size_t kSide = 32;
 
-  int cell(float v, int axis) const {
-    return std::clamp(static_cast<int>((v - min_[axis]) * scale_[axis]), 0, kSide - 1);
+  size_t cell(float v, int axis) const {
+    const auto last = static_cast<float>(kSide - 1);
+    return static_cast<size_t>(std::clamp((v - min_[axis]) * scale_[axis], 0.0F, last));
   }
 
   void insert(uint32_t t) {
@@ -53,9 +54,9 @@ class Columns {
     const Vector3f& c = mesh_->vertices[triangle[2]];
     const Vector3f low = a.cwiseMin(b).cwiseMin(c);
     const Vector3f high = a.cwiseMax(b).cwiseMax(c);
-    for (int j = cell(low.y(), 1); j <= cell(high.y(), 1); ++j) {
-      for (int i = cell(low.x(), 0); i <= cell(high.x(), 0); ++i) {
-        cells_[static_cast<size_t>(j * kSide + i)].push_back(t);
+    for (size_t j = cell(low.y(), 1); j <= cell(high.y(), 1); ++j) {
+      for (size_t i = cell(low.x(), 0); i <= cell(high.x(), 0); ++i) {
+        cells_[j * kSide + i].push_back(t);
       }
     }
   }
@@ -131,6 +132,7 @@ bool is_inside(const Mesh& mesh, const Vector3f& point) { return Columns(mesh).c
 
 Mesh outer_surface(const std::vector<Part>& parts, uint64_t seed) {
   std::vector<Columns> columns;
+  columns.reserve(parts.size());
   for (const Part& part : parts) {
     columns.emplace_back(part.mesh);
   }
