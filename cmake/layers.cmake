@@ -12,15 +12,20 @@ set(V3D_MAY_USE_recon base)
 set(V3D_MAY_USE_sim base)
 set(V3D_MAY_USE_daemon base wire take trigger capture recon)
 
+# v3d_include_as(<target> <name>): the headers beside the target are included as "<name>/header.h".
+function(v3d_include_as target name)
+  set(include_dir ${CMAKE_BINARY_DIR}/include/${name})
+  file(MAKE_DIRECTORY ${include_dir})
+  file(CREATE_LINK ${CMAKE_CURRENT_SOURCE_DIR} ${include_dir}/${name} SYMBOLIC)
+  target_include_directories(${target} PUBLIC ${include_dir})
+endfunction()
+
 # v3d_layer(<layer> SOURCES ... [USES <layer>...] [LINK <public target>...] [PRIVATE <target>...])
 # Defines the static library v3d_<layer>; its headers are included as "<layer>/name.h".
 function(v3d_layer layer)
   cmake_parse_arguments(ARG "" "" "SOURCES;USES;LINK;PRIVATE" ${ARGN})
   add_library(v3d_${layer} STATIC ${ARG_SOURCES})
-  set(include_dir ${CMAKE_BINARY_DIR}/include/${layer})
-  file(MAKE_DIRECTORY ${include_dir})
-  file(CREATE_LINK ${CMAKE_CURRENT_SOURCE_DIR} ${include_dir}/${layer} SYMBOLIC)
-  target_include_directories(v3d_${layer} PUBLIC ${include_dir})
+  v3d_include_as(v3d_${layer} ${layer})
   foreach(used ${ARG_USES})
     target_link_libraries(v3d_${layer} PUBLIC v3d_${used})
   endforeach()
@@ -43,7 +48,7 @@ endfunction()
 
 # v3d_test(<name> SOURCES ... LINK <target>... [LABELS <label>...])
 # A GoogleTest program; every test in it becomes a CTest test with the labels (default: unit). Properties run with
-# a fixed seed; RC_PARAMS=seed=N on the program itself tries others.
+# a fixed seed; RC_PARAMS=seed=N on the program itself tries others. tests/support is included as "support/name.h".
 function(v3d_test name)
   cmake_parse_arguments(ARG "" "" "SOURCES;LINK;LABELS" ${ARGN})
   if(NOT ARG_LABELS)
@@ -51,6 +56,7 @@ function(v3d_test name)
   endif()
   add_executable(${name} ${ARG_SOURCES})
   target_link_libraries(${name} PRIVATE ${ARG_LINK} GTest::gtest GTest::gmock GTest::gtest_main rapidcheck)
+  target_include_directories(${name} PRIVATE ${CMAKE_SOURCE_DIR}/tests)
   set_target_properties(${name} PROPERTIES RUNTIME_OUTPUT_DIRECTORY ${CMAKE_BINARY_DIR}/tests)
   include(GoogleTest)
   gtest_discover_tests(${name} DISCOVERY_MODE PRE_TEST PROPERTIES LABELS "${ARG_LABELS}" TIMEOUT 300

@@ -4,6 +4,7 @@
 
 #include "base/error.h"
 #include "base/file.h"
+#include "support/message_of.h"
 
 namespace v3d {
 namespace {
@@ -22,12 +23,7 @@ error = 0.2
 )";
 
 std::string message_for(std::string_view text) {
-  try {
-    parse_calib(text, "calib.toml");
-  } catch (const InputError& error) {
-    return error.what();
-  }
-  return "accepted";
+  return test::message_of<InputError>([&] { parse_calib(text, "calib.toml"); });
 }
 
 std::string with(std::string_view from, std::string_view to) {

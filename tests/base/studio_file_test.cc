@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include "base/error.h"
+#include "support/message_of.h"
 
 namespace v3d {
 namespace {
@@ -52,12 +53,7 @@ min_views = 2
 )";
 
 std::string message_for(std::string_view text) {
-  try {
-    parse_studio(text, "/etc/v3d/studio.toml");
-  } catch (const InputError& error) {
-    return error.what();
-  }
-  return "accepted";
+  return test::message_of<InputError>([&] { parse_studio(text, "/etc/v3d/studio.toml"); });
 }
 
 std::string with(std::string_view from, std::string_view to) {

@@ -5,12 +5,12 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include <functional>
 #include <memory>
 #include <string>
 
 #include "base/error.h"
 #include "capture/make_camera.h"
+#include "support/message_of.h"
 
 namespace v3d {
 namespace {
@@ -24,10 +24,10 @@ struct Unref {
   void operator()(gpointer object) const { g_object_unref(object); }
 };
 
-/// A camera at 127.0.0.2 that is triggered by writing its software-trigger register.
+/// A camera at 127.0.0.11 that is triggered by writing its software-trigger register.
 class FakeCamera {
  public:
-  FakeCamera() : camera_(arv_gv_fake_camera_new("127.0.0.2", "V3D-0001")) {}
+  FakeCamera() : camera_(arv_gv_fake_camera_new("127.0.0.11", "V3D-0001")) {}
 
   bool running() const { return arv_gv_fake_camera_is_running(camera_.get()); }
   ArvFakeCamera* inside() const { return arv_gv_fake_camera_get_fake_camera(camera_.get()); }
@@ -49,7 +49,7 @@ class FakeCamera {
 StudioCamera settings() {
   StudioCamera camera;
   camera.name = "cam07";
-  camera.address = "127.0.0.2";
+  camera.address = "127.0.0.11";
   camera.pixel_format = PixelFormat::kMono8;
   camera.exposure_us = 2500;
   camera.gain_db = 3;
@@ -60,12 +60,7 @@ StudioCamera settings() {
 
 std::string refusal(const StudioCamera& wanted) {
   AravisCamera camera(wanted);
-  try {
-    camera.start();
-  } catch (const InputError& error) {
-    return error.what();
-  }
-  return "not refused";
+  return test::message_of<InputError>([&] { camera.start(); });
 }
 
 MonotonicInstant in(Duration d) { return Monotonic::now() + d; }
@@ -161,7 +156,7 @@ TEST(AravisCamera, says_which_cameras_there_are_when_the_serial_number_is_unknow
 }
 
 TEST(AravisCamera, says_when_nothing_answers_at_the_address) {
-  EXPECT_THAT(refusal(settings()), AllOf(HasSubstr("cam07"), HasSubstr("127.0.0.2")));
+  EXPECT_THAT(refusal(settings()), AllOf(HasSubstr("cam07"), HasSubstr("127.0.0.11")));
 }
 
 TEST(AravisCamera, is_lost_when_it_disappears_and_found_when_it_is_back) {

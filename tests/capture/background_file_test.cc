@@ -1,14 +1,14 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <unistd.h>
 
-#include <filesystem>
 #include <fstream>
 #include <iterator>
 
 #include "base/error.h"
 #include "capture/segmenter.h"
 #include "studio_wall.h"
+#include "support/message_of.h"
+#include "support/temporary_folder.h"
 
 namespace v3d {
 namespace {
@@ -19,10 +19,6 @@ using testing::HasSubstr;
 
 class BackgroundFile : public testing::Test {
  protected:
-  BackgroundFile()
-      : folder_(fs::temp_directory_path() / ("v3d-background-" + std::to_string(getpid()))) {}
-  ~BackgroundFile() override { fs::remove_all(folder_); }
-
   std::string bytes(const std::string& file) const {
     std::ifstream in(folder_ / file, std::ios::binary);
     return {std::istreambuf_iterator<char>(in), {}};
@@ -31,23 +27,18 @@ class BackgroundFile : public testing::Test {
     std::ofstream(folder_ / file, std::ios::binary) << text;
   }
   std::string refusal() const {
-    try {
-      load_background(folder_, "cam07");
-    } catch (const InputError& error) {
-      return error.what();
-    }
-    return "not refused";
+    return test::message_of<InputError>([&] { load_background(folder_.path(), "cam07"); });
   }
 
-  fs::path folder_;
+  const test::TemporaryFolder folder_;
 };
 
 TEST_F(BackgroundFile, comes_back_as_it_was_learnt) {
   for (const PixelFormat format :
        {PixelFormat::kMono8, PixelFormat::kBayerGB8, PixelFormat::kRGB8}) {
     const BackgroundModel model = learn_wall({53, 31}, format);
-    save_background(folder_, "cam07", model);
-    const BackgroundModel loaded = load_background(folder_, "cam07");
+    save_background(folder_.path(), "cam07", model);
+    const BackgroundModel loaded = load_background(folder_.path(), "cam07");
     EXPECT_EQ(loaded.size, model.size);
     EXPECT_EQ(loaded.format, format);
     EXPECT_EQ(loaded.mean, model.mean);
@@ -56,8 +47,8 @@ TEST_F(BackgroundFile, comes_back_as_it_was_learnt) {
 }
 
 TEST_F(BackgroundFile, saves_the_same_bytes_when_it_is_loaded_and_saved_again) {
-  save_background(folder_, "cam07", learn_wall({53, 31}, PixelFormat::kRGB8));
-  save_background(folder_, "cam08", load_background(folder_, "cam07"));
+  save_background(folder_.path(), "cam07", learn_wall({53, 31}, PixelFormat::kRGB8));
+  save_background(folder_.path(), "cam08", load_background(folder_.path(), "cam07"));
   EXPECT_EQ(bytes("cam07.mean.png"), bytes("cam08.mean.png"));
   EXPECT_EQ(bytes("cam07.spread.png"), bytes("cam08.spread.png"));
   EXPECT_EQ(bytes("cam07.toml"), bytes("cam08.toml"));
@@ -65,17 +56,17 @@ TEST_F(BackgroundFile, saves_the_same_bytes_when_it_is_loaded_and_saved_again) {
 }
 
 TEST_F(BackgroundFile, is_there_when_all_its_files_are) {
-  EXPECT_FALSE(has_background(folder_, "cam07"));
-  save_background(folder_, "cam07", learn_wall({16, 16}, PixelFormat::kMono8));
-  EXPECT_TRUE(has_background(folder_, "cam07"));
-  EXPECT_FALSE(has_background(folder_, "cam08"));
+  EXPECT_FALSE(has_background(folder_.path(), "cam07"));
+  save_background(folder_.path(), "cam07", learn_wall({16, 16}, PixelFormat::kMono8));
+  EXPECT_TRUE(has_background(folder_.path(), "cam07"));
+  EXPECT_FALSE(has_background(folder_.path(), "cam08"));
   fs::remove(folder_ / "cam07.spread.png");
-  EXPECT_FALSE(has_background(folder_, "cam07"));
+  EXPECT_FALSE(has_background(folder_.path(), "cam07"));
 }
 
 TEST_F(BackgroundFile, names_the_file_that_is_missing_or_wrong) {
   EXPECT_THAT(refusal(), HasSubstr("cam07.toml"));
-  save_background(folder_, "cam07", learn_wall({32, 24}, PixelFormat::kMono8));
+  save_background(folder_.path(), "cam07", learn_wall({32, 24}, PixelFormat::kMono8));
   const std::string mean = bytes("cam07.mean.png");
 
   write("cam07.toml", "pixel_format = \"Beyer\"\n");
@@ -93,7 +84,7 @@ TEST_F(BackgroundFile, names_the_file_that_is_missing_or_wrong) {
   fs::remove(folder_ / "cam07.mean.png");
   EXPECT_THAT(refusal(), HasSubstr("cam07.mean.png"));
 
-  save_background(folder_, "cam08", learn_wall({24, 32}, PixelFormat::kMono8));
+  save_background(folder_.path(), "cam08", learn_wall({24, 32}, PixelFormat::kMono8));
   write("cam07.mean.png", mean);
   fs::copy_file(folder_ / "cam08.spread.png", folder_ / "cam07.spread.png",
                 fs::copy_options::overwrite_existing);

@@ -6,8 +6,8 @@
 
 #include "base/error.h"
 #include "daemon/operator_client.h"
-#include "scenario/child_process.h"
-#include "take/temporary_folder.h"
+#include "support/child_process.h"
+#include "support/message_of.h"
 #include "wire/channels.h"
 
 namespace v3d {

@@ -5,8 +5,9 @@
 
 #include "base/error.h"
 #include "base/file.h"
+#include "support/message_of.h"
+#include "support/temporary_folder.h"
 #include "take/frame_log.h"
-#include "take/temporary_folder.h"
 
 namespace v3d {
 namespace {

@@ -11,9 +11,9 @@
 
 #include "daemon/bus.h"
 #include "daemon/operator_client.h"
-#include "scenario/child_process.h"
+#include "support/child_process.h"
+#include "support/temporary_folder.h"
 #include "take/mesh_file.h"
-#include "take/temporary_folder.h"
 #include "take/verify.h"
 #include "wire/channels.h"
 

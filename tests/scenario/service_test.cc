@@ -7,8 +7,8 @@
 
 #include <csignal>
 
-#include "scenario/child_process.h"
-#include "take/temporary_folder.h"
+#include "support/child_process.h"
+#include "support/temporary_folder.h"
 
 namespace v3d {
 namespace {

@@ -11,10 +11,12 @@
 #include "base/error.h"
 #include "base/trigger_wire.h"
 #include "sim/trigger_cable.h"
-#include "temporary_folder.h"
+#include "support/temporary_folder.h"
 
 namespace v3d::sim {
 namespace {
+
+using test::TemporaryFolder;
 
 constexpr int kDeadlineMs = 10'000;
 

@@ -3,28 +3,22 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include <fstream>
-
 #include "base/error.h"
-#include "temporary_folder.h"
+#include "support/message_of.h"
+#include "support/temporary_folder.h"
 
 namespace v3d::sim {
 namespace {
+
+using test::TemporaryFolder;
 
 ExposureLine line(const std::string& camera, int64_t edge) {
   return {camera, from_ns<DeviceClock>(1000 + edge), from_ns<Monotonic>(2000 + edge), edge,
           edge - 2};
 }
 
-/// The message of the InputError, or "" when there is none.
-std::string refusal(const std::filesystem::path& path, const std::string& text) {
-  std::ofstream(path) << text;
-  try {
-    load_exposures(path);
-  } catch (const InputError& error) {
-    return error.what();
-  }
-  return "";
+std::string refusal(const std::string& text) {
+  return test::message_of<InputError>([&] { parse_exposures(text, "e.csv"); });
 }
 
 TEST(ExposureRecord, reads_back_what_it_wrote_line_by_line) {
@@ -41,14 +35,13 @@ TEST(ExposureRecord, reads_back_what_it_wrote_line_by_line) {
 
 TEST(ExposureRecord, refuses_what_is_no_record_naming_line_and_field) {
   const TemporaryFolder folder;
-  const auto path = folder / "e.csv";
   const std::string header = "camera,device_time_ns,edge_monotonic_ns,edge,image_index\n";
-  EXPECT_THAT(refusal(path, ""), testing::HasSubstr("e.csv:1"));
-  EXPECT_THAT(refusal(path, "camera,edge\n"), testing::HasSubstr("e.csv:1"));
-  EXPECT_THAT(refusal(path, header + "cam01,1,2,3\n"), testing::HasSubstr("e.csv:2: 4 fields"));
-  EXPECT_THAT(refusal(path, header + "cam01,1,2,3,4\ncam01,1,x,3,4\n"),
+  EXPECT_THAT(refusal(""), testing::HasSubstr("e.csv:1"));
+  EXPECT_THAT(refusal("camera,edge\n"), testing::HasSubstr("e.csv:1"));
+  EXPECT_THAT(refusal(header + "cam01,1,2,3\n"), testing::HasSubstr("e.csv:2: 4 fields"));
+  EXPECT_THAT(refusal(header + "cam01,1,2,3,4\ncam01,1,x,3,4\n"),
               testing::HasSubstr("e.csv:3: edge_monotonic_ns: \"x\""));
-  EXPECT_EQ(refusal(path, header), "");
+  EXPECT_NO_THROW(parse_exposures(header, "e.csv"));
   EXPECT_THROW(load_exposures(folder / "absent.csv"), InputError);
   EXPECT_THROW(ExposureRecord(folder / "absent/e.csv"), InputError);
 }

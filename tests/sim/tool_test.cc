@@ -3,21 +3,21 @@
 #include <gtest/gtest.h>
 
 #include <fstream>
-#include <functional>
 
 #include "base/calib_file.h"
 #include "base/error.h"
 #include "base/file.h"
 #include "base/studio_file.h"
 #include "capture/segmenter.h"
+#include "common/ply_writer.h"
 #include "sim/scene.h"
+#include "support/message_of.h"
+#include "support/temporary_folder.h"
 #include "take/frame_log.h"
 #include "take/ledger.h"
 #include "take/take.h"
-#include "temporary_folder.h"
 #include "v3d-sim/faults.h"
 #include "v3d-sim/options.h"
-#include "v3d-sim/ply.h"
 #include "v3d-sim/simulated_take.h"
 #include "v3d-sim/studio_text.h"
 #include "v3d-sim/take_check.h"
@@ -25,15 +25,12 @@
 namespace v3d::sim {
 namespace {
 
+using test::TemporaryFolder;
 using testing::HasSubstr;
 
-std::string refusal(const std::function<void()>& call) {
-  try {
-    call();
-  } catch (const InputError& error) {
-    return error.what();
-  }
-  return "";
+template <class Call>
+std::string refusal(Call call) {
+  return test::message_of<InputError>(call);
 }
 
 SimulatedTake small_take(const std::filesystem::path& folder) {

@@ -1,4 +1,4 @@
-#include "scenario/child_process.h"
+#include "support/child_process.h"
 
 #include <fcntl.h>
 #include <sys/prctl.h>

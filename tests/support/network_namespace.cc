@@ -1,5 +1,6 @@
-#include "scenario/network_namespace.h"
-
+// A program that is linked with this runs its tests in user and network namespaces of its own,
+// where `lo` has a multicast route and the addresses of simulated cameras: nothing of it reaches
+// the host, and tests can run side by side. The tests are skipped where no namespace can be had.
 #include <gtest/gtest.h>
 #include <sched.h>
 #include <unistd.h>
@@ -12,18 +13,8 @@
 namespace v3d::test {
 namespace {
 
-/// Every test of the program runs in it.
-class OwnNetwork : public testing::Environment {
- public:
-  void SetUp() override {
-    const std::string problem = enter_network_of_its_own();
-    if (!problem.empty()) GTEST_SKIP() << "skipped: no network namespace here: " << problem;
-  }
-};
-[[maybe_unused]] const auto* const kOwnNetwork = testing::AddGlobalTestEnvironment(new OwnNetwork);
-
-}  // namespace
-
+/// Moves this process, and the children to come, before any thread begins. Empty when that worked,
+/// else why not.
 std::string enter_network_of_its_own() {
   const uid_t user = getuid();
   const gid_t group = getgid();
@@ -38,4 +29,14 @@ std::string enter_network_of_its_own() {
   return std::system(commands) == 0 ? "" : "ip failed";
 }
 
+class OwnNetwork : public testing::Environment {
+ public:
+  void SetUp() override {
+    const std::string problem = enter_network_of_its_own();
+    if (!problem.empty()) GTEST_SKIP() << "skipped: no network namespace here: " << problem;
+  }
+};
+[[maybe_unused]] const auto* const kOwnNetwork = testing::AddGlobalTestEnvironment(new OwnNetwork);
+
+}  // namespace
 }  // namespace v3d::test

@@ -9,7 +9,8 @@
 
 #include "base/error.h"
 #include "base/file.h"
-#include "temporary_folder.h"
+#include "support/message_of.h"
+#include "support/temporary_folder.h"
 
 namespace v3d {
 namespace {

@@ -8,7 +8,8 @@
 #include <numeric>
 
 #include "base/error.h"
-#include "temporary_folder.h"
+#include "support/message_of.h"
+#include "support/temporary_folder.h"
 
 namespace v3d {
 namespace {

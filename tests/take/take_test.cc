@@ -4,7 +4,8 @@
 #include <gtest/gtest.h>
 
 #include "base/error.h"
-#include "temporary_folder.h"
+#include "support/message_of.h"
+#include "support/temporary_folder.h"
 
 namespace v3d {
 namespace {

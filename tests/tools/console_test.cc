@@ -1,4 +1,4 @@
-#include "v3dctl/console.h"
+#include "common/console.h"
 
 #include <gtest/gtest.h>
 

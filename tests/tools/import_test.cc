@@ -8,9 +8,9 @@
 #include "base/calib_file.h"
 #include "base/error.h"
 #include "base/file.h"
+#include "support/temporary_folder.h"
 #include "take/verify.h"
 #include "tools/pictures.h"
-#include "tools/temporary_folder.h"
 #include "v3dctl/take_frames.h"
 
 namespace v3d::ctl {

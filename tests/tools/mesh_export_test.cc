@@ -11,8 +11,8 @@
 
 #include "base/error.h"
 #include "base/file.h"
-#include "tools/temporary_folder.h"
-#include "v3dctl/ply_reader.h"
+#include "common/ply_reader.h"
+#include "support/temporary_folder.h"
 
 namespace v3d::ctl {
 namespace {

@@ -8,7 +8,7 @@
 
 #include "base/mesh.h"
 #include "base/units.h"
-#include "tools/temporary_folder.h"
+#include "support/temporary_folder.h"
 #include "v3dctl/evaluate.h"
 #include "v3dctl/import.h"
 #include "v3dctl/mesh_frames.h"

@@ -8,9 +8,11 @@
 #include "base/calib_file.h"
 #include "base/error.h"
 #include "base/file.h"
+#include "common/ply_writer.h"
+#include "support/message_of.h"
+#include "support/temporary_folder.h"
 #include "take/take.h"
 #include "tools/pictures.h"
-#include "tools/temporary_folder.h"
 #include "v3dctl/evaluate.h"
 #include "v3dctl/import.h"
 #include "v3dctl/mesh_export.h"
@@ -44,13 +46,7 @@ class Reconstruct : public testing::Test {
   }
 
   std::string refusal() {
-    try {
-      reconstruct_take(request_);
-    } catch (const InputError& error) {
-      return error.what();
-    }
-    ADD_FAILURE() << "was not refused";
-    return "";
+    return test::message_of<InputError>([&] { reconstruct_take(request_); });
   }
 
   test::TemporaryFolder folder_;

@@ -8,6 +8,7 @@
 
 #include "base/error.h"
 #include "cable_server.h"
+#include "support/message_of.h"
 #include "trigger/make_trigger.h"
 
 namespace v3d {
@@ -32,12 +33,7 @@ bool eventually(const std::function<bool()>& condition) {
 }
 
 std::string refusal(SimulatedGenerator& generator, const PulseTrain& train) {
-  try {
-    generator.arm(train);
-  } catch (const InputError& error) {
-    return error.what();
-  }
-  return "not refused";
+  return test::message_of<InputError>([&] { generator.arm(train); });
 }
 
 TEST(SimulatedGenerator, makes_exactly_as_many_pulses_as_asked_for) {

@@ -1,4 +1,4 @@
-#include "v3dctl/console.h"
+#include "common/console.h"
 
 #include <unistd.h>
 
@@ -9,7 +9,7 @@
 
 #include "base/units.h"
 
-namespace v3d::ctl {
+namespace v3d {
 
 void note(const std::string& line) { std::fprintf(stderr, "%s\n", line.c_str()); }
 
@@ -67,4 +67,4 @@ std::string progress_bar(int64_t done, int64_t total, int width) {
   return "[" + bar + percent;
 }
 
-}  // namespace v3d::ctl
+}  // namespace v3d

@@ -5,7 +5,7 @@
 #include <cstdint>
 #include <string>
 
-namespace v3d::ctl {
+namespace v3d {
 
 /// One line on stderr.
 void note(const std::string& line);
@@ -42,4 +42,4 @@ class Progress {
 /// "[=====>    ]  50 %": the bar alone, `width` characters between the brackets.
 std::string progress_bar(int64_t done, int64_t total, int width);
 
-}  // namespace v3d::ctl
+}  // namespace v3d

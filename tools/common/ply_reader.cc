@@ -1,18 +1,17 @@
-#include "v3dctl/ply_reader.h"
+#include "common/ply_reader.h"
 
 #include <algorithm>
 #include <bit>
 #include <cmath>
 #include <cstring>
-#include <fstream>
 #include <map>
-#include <span>
 #include <sstream>
 #include <string>
 
 #include "base/error.h"
+#include "base/file.h"
 
-namespace v3d::ctl {
+namespace v3d {
 namespace {
 
 static_assert(std::endian::native == std::endian::little, "PLY is read as it lies in memory");
@@ -40,8 +39,7 @@ size_t size_of(Type type) {
 // The bytes behind the header; every read is checked against the end of the file.
 class Body {
  public:
-  Body(std::span<const char> bytes, const std::filesystem::path& path)
-      : rest_(bytes), path_(path) {}
+  Body(std::string_view bytes, const std::string& name) : rest_(bytes), name_(name) {}
 
   double read(Type type) {
     switch (type) {
@@ -66,9 +64,7 @@ class Body {
   }
 
   size_t left() const { return rest_.size(); }
-  [[noreturn]] void fail(const std::string& why) const {
-    throw InputError(path_.string() + ": " + why);
-  }
+  [[noreturn]] void fail(const std::string& why) const { throw InputError(name_ + ": " + why); }
 
  private:
   template <class T>
@@ -76,15 +72,15 @@ class Body {
     if (rest_.size() < sizeof(T)) fail("the PLY file is truncated");
     T value;
     std::memcpy(&value, rest_.data(), sizeof value);
-    rest_ = rest_.subspan(sizeof value);
+    rest_.remove_prefix(sizeof value);
     return value;
   }
 
-  std::span<const char> rest_;
-  const std::filesystem::path& path_;
+  std::string_view rest_;
+  const std::string& name_;
 };
 
-Type parse_type(const std::string& word, const std::filesystem::path& path) {
+Type parse_type(const std::string& word, const std::string& name) {
   static const std::map<std::string, Type> kTypes = {
       {"char", Type::kInt8},     {"int8", Type::kInt8},     {"uchar", Type::kUint8},
       {"uint8", Type::kUint8},   {"short", Type::kInt16},   {"int16", Type::kInt16},
@@ -93,11 +89,11 @@ Type parse_type(const std::string& word, const std::filesystem::path& path) {
       {"float", Type::kFloat},   {"float32", Type::kFloat}, {"double", Type::kDouble},
       {"float64", Type::kDouble}};
   const auto found = kTypes.find(word);
-  if (found == kTypes.end()) throw InputError(path.string() + ": unknown PLY type '" + word + "'");
+  if (found == kTypes.end()) throw InputError(name + ": unknown PLY type '" + word + "'");
   return found->second;
 }
 
-Property parse_property(std::istringstream& words, const std::filesystem::path& path) {
+Property parse_property(std::istringstream& words, const std::string& name) {
   Property property;
   std::string type;
   words >> type;
@@ -105,26 +101,35 @@ Property parse_property(std::istringstream& words, const std::filesystem::path& 
     property.is_list = true;
     std::string count_type;
     words >> count_type >> type;
-    property.count_type = parse_type(count_type, path);
+    property.count_type = parse_type(count_type, name);
   }
-  property.type = parse_type(type, path);
+  property.type = parse_type(type, name);
   words >> property.name;
   return property;
 }
 
-std::vector<Element> parse_header(std::istream& file, const std::filesystem::path& path) {
+// Takes the line and its end off `rest`; false when there is none.
+bool next_line(std::string_view& rest, std::string& line) {
+  const size_t end = rest.find('\n');
+  if (end == std::string_view::npos) return false;
+  line = rest.substr(0, end);
+  rest.remove_prefix(end + 1);
+  return true;
+}
+
+// Takes the header off `rest`.
+std::vector<Element> parse_header(std::string_view& rest, const std::string& name) {
   std::vector<Element> elements;
   std::string line;
   bool binary = false;
-  std::getline(file, line);
-  if (line != "ply" && line != "ply\r") throw InputError(path.string() + ": is no PLY file");
-  while (std::getline(file, line)) {
+  if (!next_line(rest, line) || (line != "ply" && line != "ply\r"))
+    throw InputError(name + ": is no PLY file");
+  while (next_line(rest, line)) {
     std::istringstream words(line);
     std::string keyword;
     words >> keyword;
     if (keyword == "end_header") {
-      if (!binary)
-        throw InputError(path.string() + ": want a PLY of format binary_little_endian 1.0");
+      if (!binary) throw InputError(name + ": want a PLY of format binary_little_endian 1.0");
       return elements;
     }
     if (keyword == "format") {
@@ -134,14 +139,14 @@ std::vector<Element> parse_header(std::istream& file, const std::filesystem::pat
     } else if (keyword == "element") {
       Element element;
       if (!(words >> element.name >> element.count)) {
-        throw InputError(path.string() + ": PLY header: '" + line + "'");
+        throw InputError(name + ": PLY header: '" + line + "'");
       }
       elements.push_back(element);
     } else if (keyword == "property" && !elements.empty()) {
-      elements.back().properties.push_back(parse_property(words, path));
+      elements.back().properties.push_back(parse_property(words, name));
     }
   }
-  throw InputError(path.string() + ": the PLY header has no end");
+  throw InputError(name + ": the PLY header has no end");
 }
 
 // All numbers of one element by property; a list's first is its length.
@@ -220,12 +225,9 @@ void read_faces(Body& body, const Element& element, Mesh& mesh) {
 
 }  // namespace
 
-Mesh read_ply(const std::filesystem::path& path) {
-  std::ifstream file(path, std::ios::binary);
-  if (!file) throw InputError(errno_message(path.string()));
-  const std::vector<Element> elements = parse_header(file, path);
-  const std::string bytes(std::istreambuf_iterator<char>(file), {});
-  Body body(bytes, path);
+Mesh parse_ply(std::string_view bytes, const std::string& name) {
+  const std::vector<Element> elements = parse_header(bytes, name);
+  Body body(bytes, name);
   Mesh mesh;
   for (const Element& element : elements) {
     // An element of no bytes could be announced any number of times.
@@ -243,4 +245,8 @@ Mesh read_ply(const std::filesystem::path& path) {
   return mesh;
 }
 
-}  // namespace v3d::ctl
+Mesh read_ply(const std::filesystem::path& path) {
+  return parse_ply(read_file(path), path.string());
+}
+
+}  // namespace v3d

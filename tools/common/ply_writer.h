@@ -1,14 +1,15 @@
-// PLY files of the true surface.
+// A mesh as a PLY file.
 #pragma once
 
 #include <filesystem>
 
 #include "base/mesh.h"
 
-namespace v3d::sim {
+namespace v3d {
 
-/// Binary little-endian PLY: float x y z, uchar red green blue when the mesh has colours, faces as
-/// uchar count and int indices. Throws std::runtime_error when the disk refuses.
+/// PLY 1.0, binary little endian, metres, z up: float x y z, uchar red green blue where the mesh
+/// has colours, faces as uchar count and int indices. Replaces the file; throws std::runtime_error
+/// when it cannot be written.
 void write_ply(const std::filesystem::path& path, const Mesh& mesh);
 
-}  // namespace v3d::sim
+}  // namespace v3d

@@ -6,6 +6,7 @@
 #include "base/calib_file.h"
 #include "base/error.h"
 #include "capture/segmenter.h"
+#include "common/ply_writer.h"
 #include "sim/device_clock.h"
 #include "sim/film.h"
 #include "sim/outer_surface.h"
@@ -13,7 +14,6 @@
 #include "take/frame_log.h"
 #include "take/ledger.h"
 #include "take/take.h"
-#include "v3d-sim/ply.h"
 
 namespace v3d::sim {
 namespace {

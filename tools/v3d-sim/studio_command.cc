@@ -8,13 +8,13 @@
 #include "base/error.h"
 #include "base/file.h"
 #include "base/units.h"
+#include "common/console.h"
 #include "sim/exposure_record.h"
 #include "sim/film.h"
 #include "sim/gige_cameras.h"
 #include "sim/trigger_cable.h"
 #include "v3d-sim/commands.h"
 #include "v3d-sim/options.h"
-#include "v3d-sim/progress.h"
 #include "v3d-sim/studio_text.h"
 
 namespace v3d::sim {
@@ -88,7 +88,7 @@ std::optional<Reel> render_ahead(const Rig& rig, const Arguments& arguments,
   options.seed = arguments.studio.seed;
   Film film(rig, options);
   Reel reel;
-  Progress progress("rendering", total);
+  Progress progress("render", total);
   for (int64_t i = 0; i < total; ++i) {
     if (stop.arrived()) {
       return {};
@@ -99,7 +99,7 @@ std::optional<Reel> render_ahead(const Rig& rig, const Arguments& arguments,
       const double seconds = static_cast<double>(i - kPlates) / arguments.studio.rate_hz;
       reel.loop.push_back(film.shoot_all(seconds, static_cast<uint64_t>(i)));
     }
-    progress.done(i + 1);
+    progress.advance();
   }
   return reel;
 }

@@ -1,10 +1,10 @@
 #include <memory>
 
 #include "base/error.h"
+#include "common/console.h"
 #include "sim/scene.h"
 #include "v3d-sim/commands.h"
 #include "v3d-sim/options.h"
-#include "v3d-sim/progress.h"
 #include "v3d-sim/simulated_take.h"
 
 namespace v3d::sim {
@@ -32,8 +32,8 @@ int run(const Arguments& arguments) {
   if (!arguments.truth.empty()) {
     take.truth = arguments.truth;
   }
-  Progress progress("pulse", take.frames);
-  write_take(take, [&](int64_t done) { progress.done(done); });
+  Progress progress("simulate", take.frames);
+  write_take(take, [&](int64_t) { progress.advance(); });
   return kExitDone;
 }
 

@@ -4,12 +4,12 @@
 #include <cstdio>
 
 #include "base/error.h"
+#include "common/console.h"
+#include "common/ply_reader.h"
 #include "recon/renderer.h"
 #include "recon/silhouette.h"
-#include "v3dctl/console.h"
 #include "v3dctl/interrupt.h"
 #include "v3dctl/mesh_frames.h"
-#include "v3dctl/ply_reader.h"
 #include "v3dctl/statistics.h"
 #include "v3dctl/take_frames.h"
 

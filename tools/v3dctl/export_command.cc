@@ -2,8 +2,8 @@
 
 #include "base/error.h"
 #include "base/units.h"
+#include "common/console.h"
 #include "v3dctl/command.h"
-#include "v3dctl/console.h"
 #include "v3dctl/interrupt.h"
 #include "v3dctl/mesh_export.h"
 #include "v3dctl/mesh_frames.h"

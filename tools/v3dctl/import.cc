@@ -9,7 +9,7 @@
 #include "base/error.h"
 #include "base/units.h"
 #include "capture/segmenter.h"
-#include "v3dctl/console.h"
+#include "common/console.h"
 #include "v3dctl/frame_source.h"
 #include "v3dctl/interrupt.h"
 #include "v3dctl/take_builder.h"

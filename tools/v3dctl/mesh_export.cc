@@ -1,36 +1,13 @@
 #include "v3dctl/mesh_export.h"
 
-#include <bit>
 #include <cstdio>
-#include <cstring>
 #include <string>
 
 #include "base/error.h"
 #include "base/file.h"
+#include "common/ply_writer.h"
 
 namespace v3d::ctl {
-namespace {
-
-static_assert(std::endian::native == std::endian::little, "PLY is written as it lies in memory");
-
-template <class T>
-void put(std::string& bytes, const T& value) {
-  bytes.append(reinterpret_cast<const char*>(&value), sizeof value);
-}
-
-std::string ply_header(const Mesh& mesh) {
-  std::string header =
-      "ply\nformat binary_little_endian 1.0\ncomment metres, z up\nelement vertex " +
-      std::to_string(mesh.vertices.size()) +
-      "\nproperty float x\nproperty float y\nproperty float z\n";
-  if (!mesh.colours.empty()) {
-    header += "property uchar red\nproperty uchar green\nproperty uchar blue\n";
-  }
-  return header + "element face " + std::to_string(mesh.triangles.size()) +
-         "\nproperty list uchar int vertex_indices\nend_header\n";
-}
-
-}  // namespace
 
 MeshFormat parse_mesh_format(std::string_view text) {
   if (text == "ply") return MeshFormat::kPly;
@@ -60,19 +37,6 @@ void write_mesh(const std::filesystem::path& path, MeshFormat format, const Mesh
     case MeshFormat::kGlb:
       return write_glb(path, mesh);
   }
-}
-
-void write_ply(const std::filesystem::path& path, const Mesh& mesh) {
-  std::string bytes = ply_header(mesh);
-  for (size_t i = 0; i < mesh.vertices.size(); ++i) {
-    for (int axis = 0; axis < 3; ++axis) put(bytes, mesh.vertices[i][axis]);
-    if (!mesh.colours.empty()) put(bytes, mesh.colours[i]);
-  }
-  for (const std::array<uint32_t, 3>& triangle : mesh.triangles) {
-    put(bytes, uint8_t{3});
-    for (const uint32_t vertex : triangle) put(bytes, static_cast<int32_t>(vertex));
-  }
-  replace_file(path, bytes);
 }
 
 void write_obj(const std::filesystem::path& path, const Mesh& mesh) {

@@ -18,9 +18,7 @@ std::string_view extension(MeshFormat format);  ///< with the dot
 /// Replaces the file. Throws std::runtime_error when it cannot be written.
 void write_mesh(const std::filesystem::path& path, MeshFormat format, const Mesh& mesh);
 
-/// The parts of write_mesh(), each in its own file.
-///   PLY 1.0, binary little endian: float x y z, uchar red green blue, list uchar int faces.
-void write_ply(const std::filesystem::path& path, const Mesh& mesh);
+/// The parts of write_mesh(); PLY is common/ply_writer.h.
 ///   Wavefront OBJ with the widespread extension "v x y z r g b", colours 0..1.
 void write_obj(const std::filesystem::path& path, const Mesh& mesh);
 ///   glTF 2.0 binary: POSITION and COLOR_0 (linear light, as the standard wants), unlit, with a

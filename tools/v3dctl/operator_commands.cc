@@ -4,10 +4,10 @@
 
 #include "base/error.h"
 #include "base/units.h"
+#include "common/console.h"
 #include "daemon/operator_client.h"
 #include "take/take.h"
 #include "v3dctl/command.h"
-#include "v3dctl/console.h"
 #include "v3dctl/interrupt.h"
 #include "v3dctl/operator_text.h"
 #include "v3dctl/options.h"

@@ -11,10 +11,10 @@
 
 #include "base/error.h"
 #include "base/units.h"
+#include "common/console.h"
 #include "recon/reconstructor.h"
 #include "recon/silhouette.h"
 #include "take/mesh_file.h"
-#include "v3dctl/console.h"
 #include "v3dctl/interrupt.h"
 #include "v3dctl/take_frames.h"
 #include "v3dctl/working_space.h"

@@ -2,9 +2,9 @@
 #include <nlohmann/json.hpp>
 
 #include "base/error.h"
+#include "common/console.h"
 #include "take/verify.h"
 #include "v3dctl/command.h"
-#include "v3dctl/console.h"
 #include "v3dctl/operator_text.h"
 #include "v3dctl/options.h"
 

@@ -1,0 +1,15 @@
+// Bytes as a PLY file: InputError is the only thing that may be thrown.
+#include <cstddef>
+#include <cstdint>
+#include <string_view>
+
+#include "base/error.h"
+#include "common/ply_reader.h"
+
+extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
+  try {
+    v3d::parse_ply({reinterpret_cast<const char*>(data), size}, "fuzz.ply");
+  } catch (const v3d::InputError&) {
+  }
+  return 0;
+}
