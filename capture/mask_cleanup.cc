@@ -1,10 +1,10 @@
 #include "capture/mask_cleanup.h"
 
 #include <algorithm>
-#include <bit>
-#include <numeric>
 #include <utility>
 #include <vector>
+
+#include "capture/mask_pieces.h"
 
 namespace v3d {
 namespace {
@@ -39,98 +39,6 @@ uint64_t at_least_five(TwoBits a, TwoBits b, TwoBits c) {
   return eight | (four & (two | ones.ones));
 }
 
-// ---- Connected pieces as runs of a row, joined by union-find.
-
-struct Run {
-  int y = 0;
-  int begin = 0;
-  int end = 0;
-};
-
-/// The runs of set bits of `row`, x in [0, width).
-void append_runs(std::span<const uint64_t> row, int y, std::vector<Run>& runs) {
-  int begin = -1;  // of an unfinished run
-  for (size_t w = 0; w < row.size(); ++w) {
-    const int base = static_cast<int>(w) * 64;
-    if (row[w] == 0 && begin < 0) continue;
-    if (row[w] == ~uint64_t{0} && begin >= 0) continue;
-    int x = 0;
-    while (x < 64) {
-      const uint64_t rest = row[w] >> x;
-      if (begin < 0) {
-        if (rest == 0) break;
-        x += std::countr_zero(rest);
-        begin = base + x;
-      } else {
-        const int ones = std::countr_one(rest);
-        if (x + ones >= 64) break;
-        x += ones;
-        runs.push_back({y, begin, base + x});
-        begin = -1;
-      }
-    }
-  }
-  if (begin >= 0) runs.push_back({y, begin, static_cast<int>(row.size()) * 64});
-}
-
-class Pieces {
- public:
-  /// `reach`: 1 joins diagonal neighbours, 0 does not.
-  Pieces(const std::vector<Run>& runs, int reach) : parent_(runs.size()) {
-    std::iota(parent_.begin(), parent_.end(), 0);
-    size_t above = 0;  // first run that can touch the current one
-    for (size_t i = 0; i < runs.size(); ++i) {
-      const auto ends_before = [&](const Run& r) {
-        return r.y < runs[i].y - 1 || (r.y == runs[i].y - 1 && r.end + reach <= runs[i].begin);
-      };
-      while (above < i && ends_before(runs[above])) ++above;
-      for (size_t j = above; j < i && runs[j].y < runs[i].y; ++j) {
-        if (runs[j].begin >= runs[i].end + reach) break;
-        join(i, j);
-      }
-    }
-  }
-
-  size_t piece_of(size_t run) {
-    while (parent_[run] != run) run = parent_[run] = parent_[parent_[run]];
-    return run;
-  }
-
- private:
-  void join(size_t a, size_t b) {
-    a = piece_of(a);
-    b = piece_of(b);
-    parent_[std::max(a, b)] = std::min(a, b);
-  }
-
-  std::vector<size_t> parent_;
-};
-
-void clear_run(Mask& mask, const Run& run) {
-  const auto row = mask.row(run.y);
-  for (int x = run.begin; x < run.end;) {
-    const int bit = x % 64;
-    const int n = std::min(64 - bit, run.end - x);
-    const uint64_t ones = n == 64 ? ~uint64_t{0} : (uint64_t{1} << n) - 1;
-    row[x / 64] &= ~(ones << bit);
-    x += n;
-  }
-}
-
-/// Background runs, cut at the image's width.
-std::vector<Run> background_runs(const Mask& mask) {
-  const ImageSize size = mask.size();
-  std::vector<Run> runs;
-  std::vector<uint64_t> inverted(mask.words_per_row());
-  for (int y = 0; y < size.height; ++y) {
-    const auto row = mask.row(y);
-    std::transform(row.begin(), row.end(), inverted.begin(), [](uint64_t w) { return ~w; });
-    if (size.width % 64) inverted.back() &= (uint64_t{1} << size.width % 64) - 1;
-    append_runs(inverted, y, runs);
-  }
-  return runs;
-}
-
 }  // namespace
 
 void take_majority(Mask& mask) {
@@ -158,9 +66,8 @@ void take_majority(Mask& mask) {
 }
 
 void drop_small_pieces(Mask& mask, int min_area) {
-  std::vector<Run> runs;
-  for (int y = 0; y < mask.size().height; ++y) append_runs(std::as_const(mask).row(y), y, runs);
-  Pieces pieces(runs, 1);
+  const std::vector<Run> runs = foreground_runs(mask);
+  Pieces pieces(runs, Touch::kEightNeighbours);
   std::vector<int64_t> area(runs.size());
   for (size_t i = 0; i < runs.size(); ++i) {
     area[pieces.piece_of(i)] += runs[i].end - runs[i].begin;
@@ -173,7 +80,7 @@ void drop_small_pieces(Mask& mask, int min_area) {
 void fill_small_holes(Mask& mask, int max_hole) {
   const ImageSize size = mask.size();
   const std::vector<Run> runs = background_runs(mask);
-  Pieces pieces(runs, 0);
+  Pieces pieces(runs, Touch::kFourNeighbours);
   std::vector<int64_t> area(runs.size());
   for (size_t i = 0; i < runs.size(); ++i) {
     const Run& r = runs[i];

@@ -8,6 +8,7 @@
 
 #include "capture/brightness.h"
 #include "capture/mask_cleanup.h"
+#include "capture/moved_background.h"
 #include "capture/vectorised.h"
 
 namespace v3d {
@@ -215,6 +216,7 @@ Mask Segmenter::segment(ImageView image) {
   combine_quads(mask);
   take_majority(mask);
   drop_small_pieces(mask, options_.min_area);
+  drop_moved_background(mask, image, {mean_, sharpness_, gain, quad_limit_}, options_.moved);
   fill_small_holes(mask, options_.max_hole);
   return mask;
 }

@@ -40,8 +40,9 @@ struct SegmentOptions {
   float shake = 0.35F;  ///< pixels that the camera may have moved since the plates count one spread
   float shadow_min = 0.5F;      ///< a shadow keeps at least this part of the brightness
   float shadow_chroma = 0.06F;  ///< and its colour to this much
-  int min_area = 64;            ///< smaller foreground pieces are dropped, pixels
-  int max_hole = 160;           ///< smaller holes are filled, pixels
+  int moved = 4;      ///< pieces that show background from up to so many pixels away are background
+  int min_area = 64;  ///< smaller foreground pieces are dropped, pixels
+  int max_hole = 160;  ///< smaller holes are filled, pixels
 };
 
 /// Pure and deterministic; keeps its working memory between calls (no allocation in steady state
@@ -54,6 +55,7 @@ struct SegmentOptions {
 /// A quad whose samples all kept the same part of their brightness is a shadow (or a small
 /// highlight) and does not differ; grey images have no colour to tell a shadow by, so there a
 /// shadow is foreground. The image's brightness as a whole is brought to that of the model first.
+/// Pieces of foreground that are background which moved a little (drop_moved_background()) go.
 class Segmenter {
  public:
   Segmenter(BackgroundModel model, SegmentOptions options);
