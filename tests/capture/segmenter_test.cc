@@ -13,7 +13,6 @@ namespace {
 
 constexpr ImageSize kSize{200, 150};
 constexpr Rect kBody{60, 30, 70, 90};
-using Scene = std::function<Colour(int, int)>;
 
 /// In front of the wall, `inside` where `shape` holds.
 Scene in_front(const std::function<bool(int, int)>& shape, const Scene& inside) {

@@ -46,12 +46,19 @@ inline Image photograph(ImageSize size, PixelFormat format,
   return image;
 }
 
-inline BackgroundModel learn_wall(ImageSize size, PixelFormat format, int plates = 10) {
+using Scene = std::function<Colour(int, int)>;
+
+inline BackgroundModel learn_scene(ImageSize size, PixelFormat format, const Scene& scene,
+                                   int plates = 10) {
   std::vector<Image> images;
-  for (int i = 0; i < plates; ++i) images.push_back(photograph(size, format, wall, 1000 + i));
+  for (int i = 0; i < plates; ++i) images.push_back(photograph(size, format, scene, 1000 + i));
   std::vector<ImageView> views;
   for (const Image& image : images) views.push_back(image.view());
   return learn_background(views);
+}
+
+inline BackgroundModel learn_wall(ImageSize size, PixelFormat format) {
+  return learn_scene(size, format, wall);
 }
 
 }  // namespace v3d

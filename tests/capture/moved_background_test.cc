@@ -1,0 +1,102 @@
+#include "capture/moved_background.h"
+
+#include <gtest/gtest.h>
+
+#include "capture/brightness.h"
+#include "capture/segmenter.h"
+#include "studio_wall.h"
+
+namespace v3d {
+namespace {
+
+constexpr ImageSize kSize{200, 150};
+constexpr Rect kLamp{140, 10, 40, 12};
+constexpr Rect kBody{60, 40, 50, 90};
+constexpr int kCarpet = 25;  // its edge
+
+/// The wall, a carpet before it and a lamp; what is movable stands so many pixels away.
+Scene room(int moved_x, int moved_y) {
+  return [=](int x, int y) {
+    if (x < kCarpet + moved_x && y > 60) return Colour{60, 55, 110};
+    if (kLamp.contains(x - moved_x, y - moved_y)) return Colour{230, 240, 235};
+    return wall(x, y);
+  };
+}
+
+Scene with(const Rect& place, const Colour& colour, const Scene& behind) {
+  return [=](int x, int y) { return place.contains(x, y) ? colour : behind(x, y); };
+}
+
+Mask mask_of(const Rect& place) {
+  Mask mask(kSize);
+  for (int y = place.y0; y < place.y0 + place.height; ++y) {
+    mask.fill_row(y, place.x0, place.x0 + place.width);
+  }
+  return mask;
+}
+
+class MovedBackground : public testing::TestWithParam<PixelFormat> {
+ protected:
+  Mask segment(const Scene& scene, int reach = SegmentOptions{}.moved) const {
+    SegmentOptions options;
+    options.moved = reach;
+    return Segmenter(model_, options).segment(photograph(kSize, GetParam(), scene, 1).view());
+  }
+  BackgroundModel model_ = learn_scene(kSize, GetParam(), room(0, 0));
+};
+
+INSTANTIATE_TEST_SUITE_P(Formats, MovedBackground,
+                         testing::Values(PixelFormat::kMono8, PixelFormat::kBayerRG8,
+                                         PixelFormat::kBayerGB8, PixelFormat::kRGB8),
+                         [](const auto& format) { return std::string(name(format.param)); });
+
+TEST_P(MovedBackground, is_foreground_only_to_who_does_not_look_beside_it) {
+  for (const int moved : {-4, -3, 3, 4}) {
+    const Scene scene = room(moved, moved);
+    EXPECT_GT(segment(scene, 0).count(), 300) << moved;
+    EXPECT_EQ(segment(scene).count(), 0) << moved;
+  }
+}
+
+TEST_P(MovedBackground, is_foreground_when_it_moved_far) {
+  EXPECT_GT(segment(room(12, 12)).count(), 500);
+}
+
+TEST_P(MovedBackground, leaves_the_performer_in_the_room_to_the_pixel) {
+  const Mask mask = segment(with(kBody, {220, 200, 220}, room(3, 3)));
+  EXPECT_GT(intersection_over_union(mask, mask_of(kBody)), 0.99);
+}
+
+TEST_P(MovedBackground, does_not_swallow_a_performer_beside_it_in_its_colours) {
+  const Rect beside{kCarpet - 10, 70, 40, 60};  // a good half of him is not before the carpet
+  const Mask mask = segment(with(beside, {60, 55, 110}, room(0, 0)));
+  EXPECT_GE(mask.count(), 25 * 60 * 9 / 10);
+}
+
+TEST_P(MovedBackground, does_not_swallow_a_blade_before_its_edge) {
+  const Rect blade{kCarpet - 1, 65, 3, 60};
+  const Mask mask = segment(with(blade, {215, 225, 225}, room(0, 0)));
+  EXPECT_GT(intersection_over_union(mask, mask_of(blade)), 0.8);
+}
+
+TEST(DropMovedBackground, judges_every_piece_for_itself_up_to_the_corners_of_the_image) {
+  const Image image(kSize, PixelFormat::kMono8);  // black before black, but for one grey column
+  std::vector<uint16_t> mean(kSize.pixels(), 0);
+  for (int y = 0; y < kSize.height; ++y) mean[static_cast<size_t>(y) * kSize.width + 100] = 25600;
+  const std::vector<uint16_t> sharp(kSize.pixels(), 2048);
+  Mask mask = mask_of({0, 0, 3, 3});
+  for (int y = 147; y < 150; ++y) mask.fill_row(y, 197, 200);
+  for (int y = 70; y < 80; ++y) mask.fill_row(y, 100, 101);
+  const Mask before = mask;
+  // A column wide, so that a quad's own place is never like it: only reach finds black beside it.
+  drop_moved_background(mask, image.view(), {mean, sharp, kUnitGain, 1000}, 0);
+  Mask column(kSize);
+  for (int y = 70; y < 80; ++y) column.set(100, y);
+  EXPECT_EQ(mask, column);
+  mask = before;
+  drop_moved_background(mask, image.view(), {mean, sharp, kUnitGain, 1000}, 2);
+  EXPECT_EQ(mask.count(), 0);
+}
+
+}  // namespace
+}  // namespace v3d
