@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cstdlib>
+#include <string>
 
 #include "base/mesh.h"
 #include "base/units.h"
@@ -72,21 +73,48 @@ TEST_F(RealData, studio20_looks_like_the_photograph_of_a_camera_that_took_no_par
   EXPECT_GT(report.psnr_db, 15);
 }
 
-TEST_F(RealData, room4_is_segmented_by_its_own_plates_and_rebuilt) {
-  import_.calib = data_ / "room4/calib.toml";
-  for (const char* camera : {"cam1", "cam2", "cam3", "cam4"}) {
-    import_.videos.emplace_back(camera, data_ / "room4" / camera / "video.avi");
-    import_.backgrounds.emplace_back(camera, data_ / "room4" / camera / "background.avi");
+class Room4 : public RealData {
+ protected:
+  void SetUp() override {
+    RealData::SetUp();
+    import_.calib = data_ / "room4/calib.toml";
+    for (const char* camera : {"cam1", "cam2", "cam3", "cam4"}) {
+      import_.videos.emplace_back(camera, data_ / "room4" / camera / "video.avi");
+      import_.backgrounds.emplace_back(camera, data_ / "room4" / camera / "background.avi");
+    }
+    request_.voxel_m = 0.02;
   }
-  import_.frames = {195, 205};
-  EXPECT_EQ(import_take(import_).frames, 10);
-  request_.bounds = parse_bounds("-3.5,-4.2,-0.1,4.3,3.3,2.5");
-  request_.voxel_m = 0.03;
-  const ReconstructReport report = reconstruct_take(request_);
+
+  ReconstructReport rebuild(FrameRange frames) {
+    import_.take = request_.take = folder_ / ("take-" + std::to_string(frames.begin));
+    import_.frames = frames;
+    import_take(import_);
+    return reconstruct_take(request_);
+  }
+};
+
+TEST_F(Room4, is_segmented_by_its_own_plates_and_rebuilt) {
+  const ReconstructReport report = rebuild({195, 205});
   EXPECT_EQ(report.frames, 10);
   EXPECT_EQ(report.incomplete, 0);
   EXPECT_GT(least(report.vertices), 1000);
-  EXPECT_GT(mean(report.silhouette_iou), 0.7);
+  // Wherever cameras look together, so with the board that was put up in view of cam3 alone after
+  // the plates: 0.896 were measured.
+  EXPECT_GT(mean(report.silhouette_iou), 0.88);
+}
+
+// The data's own README finds 0.86 to 0.93 per camera with another background subtraction; 0.897
+// (cam3, whose calibrated pose is a degree off) to 0.956 were measured over all 426 frames, 0.934
+// on average, with 0.892 the least of any frame and camera.
+TEST_F(Room4, fills_the_silhouettes_of_the_seated_man_from_the_first_frame_to_the_last) {
+  request_.bounds = parse_bounds("-1.5,-1.5,-0.5,1.5,1.5,2.5");
+  for (const int64_t begin : {0, 140, 280, 421}) {
+    const ReconstructReport report = rebuild({begin, begin + 5});
+    for (size_t i = 0; i < report.cameras.size(); ++i) {
+      EXPECT_GE(least(report.camera_iou[i]), 0.86) << report.cameras[i] << " from " << begin;
+    }
+    EXPECT_GE(mean(report.silhouette_iou), 0.92) << "from " << begin;
+  }
 }
 
 TEST_F(RealData, dino16_is_cut_from_its_black_background_and_rebuilt_in_its_box) {

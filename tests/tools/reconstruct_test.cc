@@ -3,7 +3,10 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <cmath>
 #include <numbers>
+#include <random>
 
 #include "base/calib_file.h"
 #include "base/error.h"
@@ -15,6 +18,7 @@
 #include "tools/pictures.h"
 #include "v3dctl/evaluate.h"
 #include "v3dctl/import.h"
+#include "v3dctl/media.h"
 #include "v3dctl/mesh_export.h"
 #include "v3dctl/mesh_frames.h"
 #include "v3dctl/statistics.h"
@@ -34,15 +38,19 @@ class Reconstruct : public testing::Test {
     save_calib(folder_ / "calib.toml", rig);
     test::write_pictures(folder_ / "images", rig, test::ball_image);
     test::write_pictures(folder_ / "masks", rig, test::ball_mask);
+    import_as("take");
+    request_.bounds = Box{{-0.5, -0.5, -0.5}, {0.5, 0.5, 0.5}};
+    request_.voxel_m = 0.02;
+    request_.threads = 2;
+  }
+
+  void import_as(const std::string& name) {
     ImportOptions import;
-    import.take = request_.take = folder_ / "take";
+    import.take = request_.take = folder_ / name;
     import.calib = folder_ / "calib.toml";
     import.images = folder_ / "images";
     import.masks = folder_ / "masks";
     import_take(import);
-    request_.bounds = Box{{-0.5, -0.5, -0.5}, {0.5, 0.5, 0.5}};
-    request_.voxel_m = 0.02;
-    request_.threads = 2;
   }
 
   std::string refusal() {
@@ -63,6 +71,27 @@ TEST_F(Reconstruct, makes_a_ball_of_eight_views_of_a_ball) {
   EXPECT_GT(mean(report.silhouette_iou), 0.85);
   const Mesh mesh = MeshFrames(request_.take).read(0).mesh;
   EXPECT_EQ(connected_components(mesh), 1);
+}
+
+TEST_F(Reconstruct, is_measured_camera_by_camera) {
+  const ReconstructReport report = reconstruct_take(request_);
+  ASSERT_EQ(report.camera_iou.size(), 8U);
+  std::vector<double> all;
+  for (const auto& camera : report.camera_iou) all.insert(all.end(), camera.begin(), camera.end());
+  EXPECT_EQ(all, report.silhouette_iou);
+}
+
+TEST_F(Reconstruct, is_not_measured_by_what_a_camera_sees_beside_the_bounds) {
+  request_.bounds = Box{{-0.35, -0.35, -0.35}, {0.35, 0.35, 0.35}};
+  const ReconstructReport clean = reconstruct_take(request_);
+  Image mask = read_image(folder_ / "masks/b.png");
+  for (int y = 0; y < 48; ++y) std::fill_n(mask.row(y), 3 * 5, 255);  // the five leftmost columns
+  write_png(folder_ / "masks/b.png", mask.view());
+  import_as("cluttered");
+  const ReconstructReport cluttered = reconstruct_take(request_);
+  EXPECT_EQ(cluttered.camera_iou, clean.camera_iou);
+  request_.bounds = Box{{-1.5, -1.5, -0.5}, {1.5, 1.5, 0.5}};
+  EXPECT_LT(reconstruct_take(request_).camera_iou[1][0], clean.camera_iou[1][0] - 0.1);
 }
 
 TEST_F(Reconstruct, gives_the_same_bytes_for_any_number_of_threads) {
@@ -179,6 +208,52 @@ TEST(CommonView, is_refused_where_too_few_cameras_look_together) {
   const RigidTransform away = look_at({0, 100, 0}, {0, 200, 0});
   rig[1].model = CameraModel(rig[1].model.size(), rig[1].model.matrix(), {}, away);
   EXPECT_THROW(common_view(rig, 2), InputError);
+}
+
+CameraModel barrel_camera() {
+  Eigen::Matrix3d matrix;
+  matrix << 80, 0, 31.5, 0, 80, 23.5, 0, 0, 1;
+  return {{64, 48}, matrix, {-0.3, 0.1}, look_at({2, 0.3, 0.4}, Eigen::Vector3d::Zero())};
+}
+
+TEST(ViewOf, holds_every_pixel_to_which_a_point_of_the_box_projects) {
+  const CameraModel camera = barrel_camera();
+  const Box box{{-0.2, -0.9, -0.3}, {0.3, 0.1, 0.2}};
+  const Mask view = view_of(box, camera);
+  std::mt19937 random(1);
+  std::uniform_real_distribution<double> part(0, 1);
+  for (int i = 0; i < 2000; ++i) {
+    const Eigen::Vector3d at(part(random), part(random), part(random));
+    const auto pixel = camera.project(box.min + at.cwiseProduct(box.size()));
+    if (!pixel || !camera.inside_image(*pixel)) continue;
+    EXPECT_TRUE(view.get(static_cast<int>(std::lround(pixel->x())),
+                         static_cast<int>(std::lround(pixel->y()))))
+        << pixel->transpose();
+  }
+}
+
+TEST(ViewOf, reaches_no_more_than_a_block_beyond_the_box) {
+  const CameraModel camera = barrel_camera();
+  const Box box{{-0.1, -0.1, -0.1}, {0.1, 0.1, 0.1}};
+  Eigen::Array2d low(64, 48);
+  Eigen::Array2d high(0, 0);
+  for (int corner = 0; corner < 8; ++corner) {
+    const Eigen::Vector3d sign(corner & 1 ? 1 : -1, corner & 2 ? 1 : -1, corner & 4 ? 1 : -1);
+    const Eigen::Array2d pixel = camera.project(0.1 * sign)->array();
+    low = low.min(pixel);
+    high = high.max(pixel);
+  }
+  const Rect seen = view_of(box, camera).bounding_box();
+  EXPECT_GE(seen.x0, low.x() - 4.5);
+  EXPECT_GE(seen.y0, low.y() - 4.5);
+  EXPECT_LE(seen.x0 + seen.width, high.x() + 5.5);
+  EXPECT_LE(seen.y0 + seen.height, high.y() + 5.5);
+}
+
+TEST(ViewOf, is_empty_for_a_box_behind_the_camera_and_whole_from_within) {
+  const CameraModel camera = barrel_camera();
+  EXPECT_EQ(view_of({{3, -1, -1}, {5, 1, 1}}, camera).count(), 0);
+  EXPECT_EQ(view_of({{-5, -5, -5}, {5, 5, 5}}, camera).count(), 64 * 48);
 }
 
 }  // namespace

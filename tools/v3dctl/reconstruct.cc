@@ -2,6 +2,7 @@
 
 #include <sys/resource.h>
 #include <tbb/global_control.h>
+#include <tbb/parallel_for.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -118,25 +119,43 @@ int64_t pulses_without_frames(const TakeInfo& info, FrameRange range, size_t wit
   return std::max<int64_t>(0, end - range.begin - static_cast<int64_t>(with_frames));
 }
 
-// How well the surface, drawn into each camera, covers its mask.
-void measure_silhouettes(const Mesh& mesh, const Rig& rig,
-                         const std::vector<std::optional<SegmentedFrame>>& frames,
-                         std::vector<double>& iou) {
-  std::vector<CameraModel> models;
-  std::vector<const Mask*> masks;
-  for (size_t i = 0; i < rig.size(); ++i) {
-    if (!frames[i]) continue;
-    models.push_back(rig[i].model);
-    masks.push_back(&frames[i]->mask);
+// How well the surface, drawn into each camera, covers its mask. What a camera sees beside the
+// bounds is not the surface's to cover.
+class SilhouetteMeter {
+ public:
+  SilhouetteMeter(const Rig& rig, const Box& bounds) : views_(rig.size()) {
+    for (const RigCamera& camera : rig) models_.push_back(camera.model);
+    tbb::parallel_for(size_t{0}, rig.size(),
+                      [&](size_t i) { views_[i] = view_of(bounds, models_[i]); });
   }
-  const std::vector<Mask> drawn = draw_silhouettes(mesh, models);
-  for (size_t i = 0; i < drawn.size(); ++i) {
-    // Where both are empty there is nothing to measure.
-    if (drawn[i].count() + masks[i]->count() > 0) {
-      iou.push_back(intersection_over_union(drawn[i], *masks[i]));
+
+  void measure(const Mesh& mesh, const std::vector<std::optional<SegmentedFrame>>& frames,
+               ReconstructReport& report) const {
+    const std::vector<Mask> drawn = draw_silhouettes(mesh, models_);
+    for (size_t i = 0; i < drawn.size(); ++i) {
+      if (!frames[i] || frames[i]->mask.size() != views_[i].size()) continue;
+      const Mask mask = inside(frames[i]->mask, views_[i]);
+      // Where both are empty there is nothing to measure.
+      if (drawn[i].count() + mask.count() == 0) continue;
+      const double iou = intersection_over_union(drawn[i], mask);
+      report.silhouette_iou.push_back(iou);
+      report.camera_iou[i].push_back(iou);
     }
   }
-}
+
+ private:
+  static Mask inside(Mask mask, const Mask& view) {
+    for (int y = 0; y < mask.size().height; ++y) {
+      const auto row = mask.row(y);
+      std::transform(row.begin(), row.end(), view.row(y).begin(), row.begin(),
+                     [](uint64_t a, uint64_t b) { return a & b; });
+    }
+    return mask;
+  }
+
+  std::vector<CameraModel> models_;
+  std::vector<Mask> views_;
+};
 
 void add_stage_times(const StageTimes& times, double segment, ReconstructReport& report) {
   const double parts[] = {segment,      times.intersect, times.mesh,
@@ -168,6 +187,7 @@ double peak_rss_mb() {
 ReconstructReport begin_report(const ReconstructOptions& options, const TakeFrames& take) {
   ReconstructReport report;
   for (const RigCamera& camera : take.rig()) report.cameras.push_back(camera.name);
+  report.camera_iou.resize(take.rig().size());
   report.bounds = options.bounds;
   report.voxel_m = options.voxel_m;
   report.min_views = options.min_views;
@@ -194,6 +214,7 @@ ReconstructReport reconstruct_take(const ReconstructRequest& request) {
   const std::vector<int64_t> pulses = choose_pulses(take, request.frames);
   const ReconstructOptions options = choose_options(request, take, threads);
   Reconstructor reconstructor(take.rig(), options);
+  const SilhouetteMeter silhouettes(take.rig(), options.bounds);
   ReconstructReport report = begin_report(options, take);
   report.incomplete = pulses_without_frames(take.info(), request.frames, pulses.size());
   PendingMeshFile file(take.paths().mesh());
@@ -206,7 +227,7 @@ ReconstructReport reconstruct_take(const ReconstructRequest& request) {
     const double segment_ms = segment.ms();
     const Reconstruction result = reconstructor.reconstruct(set);
     file.append(pulse, result.compact);
-    measure_silhouettes(result.mesh, take.rig(), frames, report.silhouette_iou);
+    silhouettes.measure(result.mesh, frames, report);
     add_stage_times(result.times, segment_ms, report);
     add_figures(result, report);
     if (result.cameras.size() < take.rig().size()) ++report.incomplete;

@@ -39,10 +39,13 @@ struct ReconstructReport {
   int64_t frames = 0;
   int64_t incomplete = 0;  ///< frames to which a camera was missing, and pulses without any frame
   std::vector<double> volume_m3, vertices, triangles, components, bytes;  ///< one per frame
-  std::vector<double> silhouette_iou;  ///< one per frame and camera
-  std::vector<StageSamples> stages;    ///< segment intersect mesh deform texture encode total
-  double seconds = 0;                  ///< the whole run
-  double peak_rss_mb = 0;              ///< of this process, 10^6 bytes
+  /// How the surface, drawn into a camera, agrees with its mask as far as that lies before the
+  /// bounds; one per frame and camera.
+  std::vector<double> silhouette_iou;
+  std::vector<std::vector<double>> camera_iou;  ///< the same, by camera
+  std::vector<StageSamples> stages;  ///< segment intersect mesh deform texture encode total
+  double seconds = 0;                ///< the whole run
+  double peak_rss_mb = 0;            ///< of this process, 10^6 bytes
 };
 
 /// Replaces the take's mesh.v3d when all frames are done. Throws InputError for bad input; the old

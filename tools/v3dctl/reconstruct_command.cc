@@ -35,6 +35,16 @@ Json stages_json(const ReconstructReport& report) {
   return stages;
 }
 
+Json silhouettes_json(const ReconstructReport& report) {
+  Json cameras = Json::object();
+  for (size_t i = 0; i < report.cameras.size(); ++i) {
+    cameras[report.cameras[i]] = mean(report.camera_iou[i]);
+  }
+  return {{"mean", mean(report.silhouette_iou)},
+          {"min", least(report.silhouette_iou)},
+          {"cameras", cameras}};
+}
+
 Json to_json(const ReconstructReport& report) {
   const Box& box = report.bounds;
   return {
@@ -49,12 +59,22 @@ Json to_json(const ReconstructReport& report) {
       {"volume_m3", median(report.volume_m3)},
       {"vertices", median(report.vertices)},
       {"triangles", median(report.triangles)},
-      {"silhouette_iou",
-       {{"mean", mean(report.silhouette_iou)}, {"min", least(report.silhouette_iou)}}},
+      {"silhouette_iou", silhouettes_json(report)},
       {"stages_ms", stages_json(report)},
       {"frames_per_second", static_cast<double>(report.frames) / report.seconds},
       {"bytes_per_frame", mean(report.bytes)},
       {"peak_rss_mb", report.peak_rss_mb}};
+}
+
+// A camera that agrees much less than the others has moved, or sees what the others do not.
+void print_worst_camera(const ReconstructReport& report) {
+  const auto worst = std::min_element(
+      report.camera_iou.begin(), report.camera_iou.end(),
+      [](const auto& a, const auto& b) { return !a.empty() && (b.empty() || mean(a) < mean(b)); });
+  if (worst == report.camera_iou.end() || worst->empty()) return;
+  std::printf("             worst in %s, %.3f (mean)\n",
+              report.cameras[static_cast<size_t>(worst - report.camera_iou.begin())].c_str(),
+              mean(*worst));
 }
 
 void print_text(const ReconstructReport& report) {
@@ -68,6 +88,7 @@ void print_text(const ReconstructReport& report) {
               format_bytes(mean(report.bytes)).c_str());
   std::printf("silhouettes  covered to %.3f (mean), %.3f (least)\n", mean(report.silhouette_iou),
               least(report.silhouette_iou));
+  print_worst_camera(report);
   for (const StageSamples& stage : report.stages) {
     if (stage.ms.empty()) continue;
     std::printf("%-12s %.1f ms, 99 of 100 within %.1f ms\n", stage.name.c_str(),
