@@ -1,5 +1,8 @@
 #include "workload.h"
 
+#include <optional>
+
+#include "sim/film.h"
 #include "sim/scene.h"
 
 namespace v3d::bench {
@@ -8,14 +11,28 @@ namespace {
 constexpr int kPlates = 8;
 constexpr double kInstantSeconds = 1.5;
 
-BackgroundModel learn(const RigCamera& camera) {
-  std::vector<Image> plates;
+struct Pictures {
+  std::vector<std::vector<Image>> plates;  ///< of the empty studio, one vector per shot
+  std::vector<Image> frames;
+};
+
+const Pictures& pictures() {
+  static const Pictures kPictures = [] {
+    sim::Film film(rig(), {.seed = kSeed});
+    Pictures taken;
+    for (int i = 0; i < kPlates; ++i) {
+      taken.plates.push_back(film.shoot_all(std::nullopt, i));
+    }
+    taken.frames = film.shoot_all(kInstantSeconds, kPlates);
+    return taken;
+  }();
+  return kPictures;
+}
+
+BackgroundModel learn(int camera) {
   std::vector<ImageView> views;
-  for (int i = 0; i < kPlates; ++i) {
-    plates.push_back(sim::render(camera, 0, false, i, {.seed = kSeed}));
-  }
-  for (const Image& plate : plates) {
-    views.push_back(plate.view());
+  for (const std::vector<Image>& shot : pictures().plates) {
+    views.push_back(shot[camera].view());
   }
   return learn_background(views);
 }
@@ -38,14 +55,10 @@ const Rig& rig() {
   return kRig;
 }
 
-const std::vector<Image>& raw_frames() {
-  static const auto kFrames = for_each_camera(
-      [](int c) { return sim::render(rig()[c], kInstantSeconds, true, kPlates, {.seed = kSeed}); });
-  return kFrames;
-}
+const std::vector<Image>& raw_frames() { return pictures().frames; }
 
 const std::vector<BackgroundModel>& background_models() {
-  static const auto kModels = for_each_camera([](int c) { return learn(rig()[c]); });
+  static const auto kModels = for_each_camera(learn);
   return kModels;
 }
 
