@@ -16,24 +16,11 @@ namespace {
 
 namespace hn = hwy::HWY_NAMESPACE;
 
-constexpr int kLayer = kBrickEdge * kBrickEdge;
-
-using Floats = hn::CappedTag<float, kLayer>;
-using Ints = hn::RebindToSigned<Floats>;
-using Words = hn::RebindToUnsigned<Floats>;
-
-/// As many voxels as a register holds, at the place of `Real` in the projection.
-struct Lanes {
-  hn::Vec<Floats> v;
-  HWY_INLINE explicit Lanes(hn::Vec<Floats> vector) : v(vector) {}
-  HWY_INLINE Lanes(float value) : v(hn::Set(Floats(), value)) {}  // NOLINT: constants mix in
-};
-HWY_INLINE Lanes operator+(Lanes a, Lanes b) { return Lanes(hn::Add(a.v, b.v)); }
-HWY_INLINE Lanes operator*(Lanes a, Lanes b) { return Lanes(hn::Mul(a.v, b.v)); }
-HWY_INLINE Lanes square(Lanes a) { return a * a; }
-HWY_INLINE Lanes reciprocal(Lanes a) { return Lanes(hn::Div(hn::Set(Floats(), 1.0F), a.v)); }
-
+#include "recon/lanes.inc"
 #include "recon/voxel_projection_steps.inc"
+
+constexpr int kLayer = kBrickEdge * kBrickEdge;
+static_assert(kLayer == kMostLanes);
 
 /// Places of a layer's voxels along x and y, in the order of their bits.
 struct LayerPlaces {
@@ -52,15 +39,6 @@ constexpr LayerPlaces places_in_layer() {
   return places;
 }
 constexpr LayerPlaces kPlaces = places_in_layer();
-
-/// One bit per lane.
-HWY_INLINE uint64_t bits_of(hn::Mask<Floats> lanes) {
-  uint8_t bytes[8] = {};
-  hn::StoreMaskBits(Floats(), lanes, bytes);
-  uint64_t bits = 0;
-  std::memcpy(&bits, bytes, sizeof bits);
-  return bits;
-}
 
 struct LaneBits {
   uint64_t seen, background;

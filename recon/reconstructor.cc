@@ -19,6 +19,9 @@ namespace {
 /// The surface is known to about a voxel on either side.
 constexpr double kDepthToleranceVoxels = 2;
 
+/// Half of the longest edge of a marching cube, which joins the middles of two edges of a voxel.
+constexpr double kTriangleRadiusVoxels = 0.71;
+
 /// Milliseconds since it was made.
 class Stopwatch {
  public:
@@ -117,7 +120,8 @@ class Reconstructor::Impl {
       }
     }
     std::sort(result.cameras.begin(), result.cameras.end());
-    const TextureOptions options{.depth_tolerance_m = kDepthToleranceVoxels * grid_.voxel_m};
+    const TextureOptions options{.depth_tolerance_m = kDepthToleranceVoxels * grid_.voxel_m,
+                                 .occluder_radius_m = kTriangleRadiusVoxels * grid_.voxel_m};
     result.mesh.colours = colour_vertices(result.mesh, cameras, options).colours;
     result.times.texture = texturing.ms();
   }

@@ -24,9 +24,9 @@ struct Cell {
   float fraction;  ///< on the way to the next, 0 to 1
 };
 
-Cell cell_of(double position) {
-  const double lower = std::floor(position);
-  return {static_cast<int>(lower), static_cast<float>(position - lower)};
+Cell cell_of(float position) {
+  const float lower = std::floor(position);
+  return {static_cast<int>(lower), position - lower};
 }
 
 /// `value(i, j)`: the sample at lattice point (i, j).
@@ -45,20 +45,23 @@ float pixel_at(const ImageView& image, int x, int y, int step = 1, int channel =
   return image.bytes[(static_cast<size_t>(row) * image.size.width + column) * step + channel];
 }
 
-Eigen::Vector3f sample_bayer(const ImageView& image, double u, double v) {
+/// sample_bayer_lanes.inc does the same for many points at once: change both.
+Eigen::Vector3f sample_bayer(const ImageView& image, float u, float v) {
   // The pattern repeats every 2 x 2 pixels: find where red lies; blue lies diagonally across.
   int red = 0;
   while (bayer_channel(image.format, red % 2, red / 2) != 0) {
     ++red;
   }
   const auto square = [&](int x0, int y0) {
-    return bilinear(cell_of((u - x0) / 2), cell_of((v - y0) / 2),
+    return bilinear(cell_of((u - static_cast<float>(x0)) / 2),
+                    cell_of((v - static_cast<float>(y0)) / 2),
                     [&](int i, int j) { return pixel_at(image, 2 * i + x0, 2 * j + y0); });
   };
   // Green lies where x + y has parity g. With a = (x + y - g) / 2 and b = (x - y - g) / 2 every
   // pair of whole numbers (a, b) is one green pixel.
   const int g = bayer_channel(image.format, 0, 0) == 1 ? 0 : 1;
-  const float green = bilinear(cell_of((u + v - g) / 2), cell_of((u - v - g) / 2),
+  const auto parity = static_cast<float>(g);
+  const float green = bilinear(cell_of((u + v - parity) / 2), cell_of((u - v - parity) / 2),
                                [&](int a, int b) { return pixel_at(image, a + b + g, a - b); });
   const int rx = red % 2, ry = red / 2;
   return {square(rx, ry), green, square(1 - rx, 1 - ry)};
@@ -73,13 +76,14 @@ std::optional<Eigen::Vector3f> sample_colour(ImageView image, double u, double v
   if (!inside || image.size.width < least || image.size.height < least) {
     return std::nullopt;
   }
+  const auto x = static_cast<float>(u), y = static_cast<float>(v);
   if (is_bayer(image.format)) {
-    return sample_bayer(image, u, v);
+    return sample_bayer(image, x, y);
   }
   const int step = bytes_per_pixel(image.format);
   const auto channel = [&](int k) {
-    return bilinear(cell_of(u), cell_of(v),
-                    [&](int x, int y) { return pixel_at(image, x, y, step, k); });
+    return bilinear(cell_of(x), cell_of(y),
+                    [&](int i, int j) { return pixel_at(image, i, j, step, k); });
   };
   if (image.format == PixelFormat::kRGB8) {
     return Eigen::Vector3f(channel(0), channel(1), channel(2));
@@ -95,16 +99,6 @@ std::optional<Eigen::Vector3f> sample_colour(const Frame& frame, double u, doubl
     return std::nullopt;
   }
   return sample_colour(frame.image.view(), u - frame.roi.x0, v - frame.roi.y0);
-}
-
-bool touches_background(const Frame& frame, double u, double v) {
-  if (!frame.mask) {
-    return false;
-  }
-  const int x = static_cast<int>(std::floor(u + 0.5)), y = static_cast<int>(std::floor(v + 0.5));
-  const int right = frame.sensor_size.width - 1, bottom = frame.sensor_size.height - 1;
-  return !frame.mask->get(std::max(x - 2, 0), y) || !frame.mask->get(std::min(x + 2, right), y) ||
-         !frame.mask->get(x, std::max(y - 2, 0)) || !frame.mask->get(x, std::min(y + 2, bottom));
 }
 
 }  // namespace v3d

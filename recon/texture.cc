@@ -1,77 +1,53 @@
 #include "recon/texture.h"
 
-#include <tbb/blocked_range.h>
 #include <tbb/parallel_for.h>
 
 #include <algorithm>
 #include <cmath>
 
-#include "recon/depth_raster.h"
+#include "recon/occluders.h"
+#include "recon/see_vertices.h"
 
 namespace v3d {
 namespace {
 
-/// What one camera says about one vertex: the paper's T_{v,c} and w_{v,c}; weight 0 = invisible.
-struct Sighting {
-  float weight = 0;
-  bool on_rim = false;  ///< see touches_background()
-  Eigen::Vector3f colour = Eigen::Vector3f::Zero();
-};
+/// A grid whose voxel indices are metres.
+const VoxelGrid kMetres{Eigen::Vector3d::Constant(-0.5), 1, {}};
 
-/// The depth buffer of one camera, asked whether a vertex is hidden.
-class Occlusion {
- public:
-  Occlusion(const Mesh& mesh, const CameraModel& model, std::vector<ScreenVertex> screen,
-            const TextureOptions& options)
-      : tolerance_(options.depth_tolerance_m) {
-    const CameraModel reduced = model.reduced(options.depth_reduction);
-    reduce(screen, options.depth_reduction);
-    pixel_ = 1 / reduced.matrix()(0, 0);
-    most_slant_ = options.most_slant;
-    buffer_ =
-        draw_depth(mesh, model, screen, options.depth_reduction, reduced.size(), Sides::kFront);
+Eigen::Vector3f centroid(const std::vector<Eigen::Vector3f>& points) {
+  Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+  for (const Eigen::Vector3f& p : points) {
+    sum += p.cast<double>();
   }
+  return points.empty() ? Eigen::Vector3f::Zero()
+                        : Eigen::Vector3f((sum / static_cast<double>(points.size())).cast<float>());
+}
 
-  /// `at`: on the full image; `facing`: cosine between the normal and the optical axis. The nearest
-  /// of the four pixels round the vertex decides: at the edge of an occluder its colours must not
-  /// leak onto what lies behind.
-  bool hides(const ScreenVertex& at, float facing, int factor) const {
-    const double x = (at.x + 0.5) / factor - 0.5, y = (at.y + 0.5) / factor - 0.5;
-    const int x0 = std::clamp(static_cast<int>(std::floor(x)), 0, buffer_.size.width - 1);
-    const int y0 = std::clamp(static_cast<int>(std::floor(y)), 0, buffer_.size.height - 1);
-    const int x1 = std::min(x0 + 1, buffer_.size.width - 1);
-    const int y1 = std::min(y0 + 1, buffer_.size.height - 1);
-    const float nearest =
-        std::min({buffer_.at(x0, y0), buffer_.at(x1, y0), buffer_.at(x0, y1), buffer_.at(x1, y1)});
-    const double slope = std::sqrt(std::max(0.0F, 2 - 2 * facing * facing)) / facing;
-    return at.z > nearest + tolerance_ + std::min(slope, most_slant_) * pixel_ * at.z;
-  }
-
- private:
-  double tolerance_;
-  double pixel_ = 0;  ///< width of a pixel, metres per metre of distance
-  double most_slant_ = 0;
-  DepthBuffer buffer_;
-};
-
-std::vector<Sighting> look(const Mesh& mesh, const std::vector<Eigen::Vector3f>& normals,
-                           const TextureCamera& camera, const TextureOptions& options) {
-  const std::vector<ScreenVertex> screen = project_vertices(mesh, *camera.model);
-  const Occlusion occlusion(mesh, *camera.model, screen, options);
-  const Eigen::Vector3f axis = camera.model->viewing_direction().cast<float>();
-  std::vector<Sighting> sightings(mesh.vertices.size());
-  for (size_t v = 0; v < sightings.size(); ++v) {
-    const float facing = -axis.dot(normals[v]);
-    if (facing <= 0 || !screen[v].on_screen ||
-        !camera.model->inside_image({screen[v].x, screen[v].y}) ||
-        occlusion.hides(screen[v], facing, options.depth_reduction)) {
-      continue;
-    }
-    if (const auto colour = sample_colour(*camera.frame, screen[v].x, screen[v].y)) {
-      sightings[v] = {facing, touches_background(*camera.frame, screen[v].x, screen[v].y), *colour};
-    }
-  }
-  return sightings;
+/// Depth cells and masks for the cameras that have pixels, in the order of their names.
+std::vector<VertexCamera> prepare(const Mesh& mesh, std::vector<TextureCamera> cameras,
+                                  const TextureOptions& options) {
+  std::erase_if(cameras, [](const TextureCamera& c) { return c.frame->roi.empty(); });
+  std::sort(cameras.begin(), cameras.end(),
+            [](const auto& a, const auto& b) { return a.frame->camera < b.frame->camera; });
+  const std::vector<Eigen::Vector3f> occluders = occluding_points(mesh, options.occluder_radius_m);
+  const PointArrays points(occluders);
+  const Eigen::Vector3f middle = centroid(occluders);
+  std::vector<VertexCamera> prepared(cameras.size());
+  tbb::parallel_for(size_t{0}, cameras.size(), [&](size_t c) {
+    const CameraModel& model = *cameras[c].model;
+    VertexCamera& camera = prepared[c];
+    camera.lens = VoxelCamera(model, kMetres);
+    camera.axis = model.viewing_direction().cast<float>();
+    camera.frame = cameras[c].frame;
+    camera.mask = ColourMask(*camera.frame);
+    camera.depth = DepthCells(points, middle, options.occluder_radius_m, model, camera.lens,
+                              camera.frame->roi);
+    camera.tolerance_m = static_cast<float>(options.depth_tolerance_m);
+    camera.most_slant = static_cast<float>(options.most_slant);
+    camera.cell_m_per_m =
+        camera.depth.grid().cell_width() / static_cast<float>(model.matrix()(0, 0));
+  });
+  return prepared;
 }
 
 Rgb8 rounded(const Eigen::Vector3f& c) {
@@ -81,32 +57,32 @@ Rgb8 rounded(const Eigen::Vector3f& c) {
   return {byte(c.x()), byte(c.y()), byte(c.z())};
 }
 
-/// Equations (8) and (9) over the sightings on the rim, or those inside it. Empty when there are
-/// none. The cameras are added in one order, so that the sum is one number.
-std::optional<Rgb8> weighted_mean(const std::vector<std::vector<Sighting>>& sightings, size_t v,
-                                  bool on_rim) {
-  Eigen::Vector3f sum = Eigen::Vector3f::Zero();
-  float weight = 0;
-  for (const auto& of_camera : sightings) {
-    if (of_camera[v].on_rim == on_rim) {
-      sum += of_camera[v].weight * of_camera[v].colour;
-      weight += of_camera[v].weight;
-    }
-  }
-  return weight > 0 ? std::optional(rounded(sum / weight)) : std::nullopt;
+/// Equations (8) and (9) of the block's i-th vertex. Empty when no camera sees it.
+std::optional<Rgb8> weighted_mean(const std::array<ColourSums::Channel, 4>& sums, size_t i) {
+  const float weight = sums[3][i];
+  const Eigen::Vector3f colour(sums[0][i], sums[1][i], sums[2][i]);
+  return weight > 0 ? std::optional(rounded(colour / weight)) : std::nullopt;
 }
 
-void blend(const std::vector<std::vector<Sighting>>& sightings, std::vector<Rgb8>& colours,
+/// The cameras are added in one order, so that the sum is one number.
+void blend(const std::vector<VertexCamera>& cameras, const Mesh& mesh, std::vector<Rgb8>& colours,
            std::vector<uint8_t>& known) {
-  tbb::parallel_for(tbb::blocked_range<size_t>(0, colours.size(), 4096), [&](const auto& range) {
-    for (size_t v = range.begin(); v < range.end(); ++v) {
-      auto colour = weighted_mean(sightings, v, false);
+  const PointArrays vertices(mesh.vertices), normals(vertex_normals(mesh));
+  tbb::parallel_for(size_t{0}, vertices.blocks(), [&](size_t block) {
+    const size_t first = block * PointArrays::kBlock;
+    ColourSums sums;
+    for (const VertexCamera& camera : cameras) {
+      see_vertices(camera, vertices, normals, first, sums);
+    }
+    const size_t count = std::min(PointArrays::kBlock, vertices.count - first);
+    for (size_t i = 0; i < count; ++i) {
+      auto colour = weighted_mean(sums.inner, i);
       if (!colour) {
-        colour = weighted_mean(sightings, v, true);
+        colour = weighted_mean(sums.rim, i);
       }
       if (colour) {
-        colours[v] = *colour;
-        known[v] = 1;
+        colours[first + i] = *colour;
+        known[first + i] = 1;
       }
     }
   });
@@ -165,18 +141,12 @@ void fill_unseen(const Mesh& mesh, int passes, std::vector<Rgb8>& colours,
 
 Texture colour_vertices(const Mesh& mesh, std::span<const TextureCamera> cameras,
                         const TextureOptions& options) {
-  std::vector<TextureCamera> ordered(cameras.begin(), cameras.end());
-  std::sort(ordered.begin(), ordered.end(),
-            [](const auto& a, const auto& b) { return a.frame->camera < b.frame->camera; });
-  const std::vector<Eigen::Vector3f> normals = vertex_normals(mesh);
-  std::vector<std::vector<Sighting>> sightings(ordered.size());
-  tbb::parallel_for(size_t{0}, ordered.size(),
-                    [&](size_t c) { sightings[c] = look(mesh, normals, ordered[c], options); });
-
+  const std::vector<VertexCamera> prepared =
+      prepare(mesh, {cameras.begin(), cameras.end()}, options);
   Texture texture;
   texture.colours.assign(mesh.vertices.size(), kUnseenColour);
   std::vector<uint8_t> known(mesh.vertices.size(), 0);
-  blend(sightings, texture.colours, known);
+  blend(prepared, mesh, texture.colours, known);
   texture.unseen = std::count(known.begin(), known.end(), 0);
   fill_unseen(mesh, options.fill_passes, texture.colours, known);
   return texture;

@@ -24,10 +24,6 @@ std::optional<Eigen::Vector3f> sample_colour(ImageView image, double u, double v
 /// and where the frame's mask (if it has one) is background.
 std::optional<Eigen::Vector3f> sample_colour(const Frame& frame, double u, double v);
 
-/// Whether the pixels that such a sample is made of may show background: one of the pixels two
-/// steps left, right, above or below is background in the mask. False without a mask.
-bool touches_background(const Frame& frame, double u, double v);
-
 /// What colours the mesh: both borrowed. Requires frame->sensor_size == model->size().
 struct TextureCamera {
   const CameraModel* model = nullptr;
@@ -35,14 +31,16 @@ struct TextureCamera {
 };
 
 struct TextureOptions {
-  /// A vertex is occluded when the depth buffer is nearer than it by more than this, metres. About
+  /// A vertex is occluded when the depth cells are nearer than it by more than this, metres. About
   /// two voxels: the surface is not known better.
   double depth_tolerance_m = 0.02;
-  /// A surface at a slant changes its depth within a pixel of the depth buffer; the tolerance grows
-  /// by that, but by no more than so many widths of a pixel.
+  /// What hides is known to a few widths of a depth cell (see DepthCells), and a surface at a slant
+  /// changes its depth within that: the tolerance grows by it, but by no more than so many widths.
   double most_slant = 6;
-  int depth_reduction = 2;  ///< the depth buffer has 1/so many of the camera's columns and rows
-  int fill_passes = 64;     ///< how far colour spreads to vertices that no camera sees, in edges
+  /// The surface hides what lies behind it through points no farther apart than this lets
+  /// (see occluding_points()), and depth cells are about as wide. 0.71 voxels: the vertices alone.
+  double occluder_radius_m = 0.0071;
+  int fill_passes = 64;  ///< how far colour spreads to vertices that no camera sees, in edges
 };
 
 /// A vertex no camera sees and no fill pass reaches.
@@ -54,12 +52,12 @@ struct Texture {
 };
 
 /// Vertex v is visible in camera c when its normal faces the camera (V_c . N_v < 0 with V_c the
-/// optical axis), the depth buffer shows nothing before it, and sample_colour() finds a pixel. Its
+/// optical axis), the depth cells show nothing before it, and sample_colour() finds a pixel. Its
 /// colour is the mean over those cameras, weighted by -V_c . N_v. Beyond the paper, a camera in
-/// which the vertex touches_background() counts only where no other sees it: else the studio's
-/// walls would colour the rim of every silhouette. Vertices that no camera sees take the mean
-/// colour of their neighbours, pass by pass. Deterministic for any number of threads and any order
-/// of `cameras` (they are taken in the order of their names, which must differ).
+/// which the vertex is not ColourMask::inner() counts only where no other sees it: else the
+/// studio's walls would colour the rim of every silhouette. Vertices that no camera sees take the
+/// mean colour of their neighbours, pass by pass. Deterministic for any number of threads and any
+/// order of `cameras` (they are taken in the order of their names, which must differ).
 Texture colour_vertices(const Mesh& mesh, std::span<const TextureCamera> cameras,
                         const TextureOptions& options);
 

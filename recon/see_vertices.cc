@@ -1,0 +1,213 @@
+#include "recon/see_vertices.h"
+
+// Registers of unknown length cannot be members of a struct.
+#define HWY_DISABLED_TARGETS (HWY_SVE | HWY_SVE2 | HWY_SVE_256 | HWY_SVE2_128 | HWY_RVV)
+#undef HWY_TARGET_INCLUDE
+#define HWY_TARGET_INCLUDE "recon/see_vertices.cc"
+#include <hwy/foreach_target.h>  // compiles this file once per instruction set
+#include <hwy/highway.h>
+
+#include <bit>
+#include <cstring>
+
+#include "recon/screen.h"
+#include "recon/texture.h"
+
+HWY_BEFORE_NAMESPACE();
+namespace v3d::HWY_NAMESPACE {
+namespace {
+
+namespace hn = hwy::HWY_NAMESPACE;
+
+#include "recon/lanes.inc"
+#include "recon/sample_bayer_lanes.inc"
+#include "recon/voxel_projection_steps.inc"
+
+static_assert(PointArrays::kBlock % kMostLanes == 0);
+
+using LaneMask = hn::Mask<Floats>;
+
+HWY_INLINE Lanes load(const std::vector<float>& array, size_t i) {
+  return Lanes(hn::LoadU(Floats(), array.data() + i));
+}
+HWY_INLINE LaneMask within(Lanes v, float low, float high) {
+  const Floats floats;
+  return hn::And(hn::Ge(v.v, hn::Set(floats, low)), hn::Lt(v.v, hn::Set(floats, high)));
+}
+
+/// Two cells away along both axes, in widths of a cell: what DepthCells say may lie so far aside.
+constexpr float kSlantReach = 2.83F;
+
+/// Where a camera sees vertices, and how well.
+struct View {
+  Lanes facing;  ///< cosine between the normal and the optical axis, the weight of equation (9)
+  Lanes u, v;    ///< pixel coordinates of PixelPoint
+  Lanes z;       ///< metres
+  LaneMask lanes;
+};
+
+/// Which of the lanes in `view` lie before the surface that the depth cells know.
+HWY_INLINE LaneMask not_hidden(const VertexCamera& camera, const View& view) {
+  const Floats floats;
+  const Ints ints;
+  const CellGrid& grid = camera.depth.grid();
+  const auto index_of = [&](Lanes at, float first) {
+    const Lanes cell = (at - first) * grid.cells_per_pixel;
+    return hn::ConvertTo(ints, hn::IfThenElseZero(view.lanes, cell.v));
+  };
+  const auto column = index_of(view.u, grid.first_u), row = index_of(view.v, grid.first_v);
+  const auto cell = hn::Add(hn::Mul(row, hn::Set(ints, grid.columns)), column);
+  const Lanes nearest(hn::GatherIndex(floats, camera.depth.nearest(), cell));
+  const Lanes sine2 = Lanes(1.0F) - square(view.facing);
+  const Lanes slope = Lanes(hn::Sqrt(hn::Max(sine2.v, hn::Zero(floats)))) / view.facing;
+  const Lanes give(hn::Min((slope * kSlantReach).v, hn::Set(floats, camera.most_slant)));
+  const Lanes most = nearest + camera.tolerance_m + give * camera.cell_m_per_m * view.z;
+  return hn::Le(view.z.v, most.v);
+}
+
+struct MaskBits {
+  LaneMask foreground, inner;
+};
+
+HWY_INLINE MaskBits look_at_mask(const VertexCamera& camera, hn::Vec<Ints> x, hn::Vec<Ints> y) {
+  const Floats floats;
+  const Ints ints;
+  const Words words;
+  const auto pair =
+      hn::Add(hn::Mul(y, hn::Set(ints, camera.mask.words_per_row())), hn::ShiftRight<5>(x));
+  const auto index = hn::ShiftLeft<1>(pair);
+  const auto place = hn::BitCast(words, hn::And(x, hn::Set(ints, 31)));
+  const auto* base = reinterpret_cast<const int32_t*>(camera.mask.words());
+  const auto bit = [&](hn::Vec<Ints> at) {
+    const auto word = hn::BitCast(words, hn::GatherIndex(ints, base, at));
+    const auto one = hn::And(hn::Shr(word, place), hn::Set(words, 1));
+    return hn::RebindMask(floats, hn::Ne(one, hn::Zero(words)));
+  };
+  return {bit(index), bit(hn::Add(index, hn::Set(ints, 1)))};
+}
+
+/// sample_colour() for every lane in `wanted`, which shrinks to the lanes that have a colour.
+HWY_INLINE Colour look_one_by_one(const Frame& frame, Lanes u, Lanes v, LaneMask& wanted) {
+  const Floats floats;
+  alignas(64) float x[kLanes], y[kLanes];
+  alignas(64) float colour[3][kLanes] = {};
+  alignas(64) float found[kLanes] = {};
+  hn::Store(u.v, floats, x);
+  hn::Store(v.v, floats, y);
+  for (uint64_t rest = bits_of(wanted); rest != 0; rest &= rest - 1) {
+    const int i = std::countr_zero(rest);
+    if (const auto c = sample_colour(frame, x[i] - 0.5F, y[i] - 0.5F)) {
+      for (int k = 0; k < 3; ++k) colour[k][i] = (*c)[k];
+      found[i] = 1;
+    }
+  }
+  wanted = hn::Gt(hn::Load(floats, found), hn::Zero(floats));
+  const auto channel = [&](int k) { return Lanes(hn::Load(floats, colour[k])); };
+  return {channel(0), channel(1), channel(2)};
+}
+
+/// The colours of all lanes in `lanes`, which shrinks to those that have one.
+HWY_INLINE Colour look(const Frame& frame, Lanes u, Lanes v, LaneMask& lanes) {
+  if (!is_bayer(frame.image.format)) return look_one_by_one(frame, u, v, lanes);
+  const Lanes x = u - (static_cast<float>(frame.roi.x0) + 0.5F);
+  const Lanes y = v - (static_cast<float>(frame.roi.y0) + 0.5F);
+  const LaneMask quick = hn::And(lanes, far_from_border(frame.image, x, y));
+  Colour colour = sample_bayer(frame.image, Lanes(hn::IfThenElseZero(quick, x.v)),
+                               Lanes(hn::IfThenElseZero(quick, y.v)), quick);
+  LaneMask slow = hn::AndNot(quick, lanes);
+  if (bits_of(slow) != 0) {
+    const Colour other = look_one_by_one(frame, u, v, slow);
+    for (int k = 0; k < 3; ++k) {
+      colour.channel[k] = Lanes(hn::IfThenElse(slow, other.channel[k].v, colour.channel[k].v));
+    }
+    lanes = hn::Or(quick, slow);
+  }
+  return colour;
+}
+
+HWY_INLINE void add(const Colour& colour, Lanes weight, LaneMask lanes, size_t at,
+                    std::array<ColourSums::Channel, 4>& sums) {
+  const Floats floats;
+  const Lanes w(hn::IfThenElseZero(lanes, weight.v));
+  const auto accumulate = [&](float* sum, Lanes more) {
+    hn::Store((Lanes(hn::Load(floats, sum)) + more).v, floats, sum);
+  };
+  for (int k = 0; k < 3; ++k) {
+    accumulate(sums[k].data() + at, w * colour.channel[k]);
+  }
+  accumulate(sums[3].data() + at, w);
+}
+
+/// As many vertices as there are lanes, from `i` on; their sums are those from `at` on.
+template <Lens kLens>
+HWY_INLINE void see(const VertexCamera& camera, const PointArrays& vertices,
+                    const PointArrays& normals, size_t i, size_t at, ColourSums& sums) {
+  const Floats floats;
+  const Ints ints;
+  const Rect& roi = camera.frame->roi;
+  const Lanes facing =
+      Lanes(0.0F) - (load(normals.x, i) * camera.axis.x() + load(normals.y, i) * camera.axis.y() +
+                     load(normals.z, i) * camera.axis.z());
+  const LaneMask faces = hn::Gt(facing.v, hn::Zero(floats));
+  if (bits_of(faces) == 0) return;
+
+  const CameraPoint<Lanes> p = HWY_NAMESPACE::camera_point<Lanes>(
+      camera.lens, load(vertices.x, i), load(vertices.y, i), load(vertices.z, i));
+  const PixelPoint<Lanes> q = HWY_NAMESPACE::pixel_point<kLens, Lanes>(camera.lens, p);
+  const auto in_lens = hn::And(hn::Ge(p.z.v, hn::Set(floats, static_cast<float>(kNearPlaneMetres))),
+                               hn::Le(q.radius2.v, hn::Set(floats, camera.lens.max_radius2)));
+  const auto in_roi =
+      hn::And(within(q.u, roi.x0, roi.x0 + roi.width), within(q.v, roi.y0, roi.y0 + roi.height));
+  View view{facing, q.u, q.v, p.z, hn::And(faces, hn::And(in_lens, in_roi))};
+  view.lanes = hn::And(view.lanes, not_hidden(camera, view));
+
+  const auto pixel = [&](Lanes where, int origin) {
+    const auto whole = hn::ConvertTo(ints, hn::IfThenElseZero(view.lanes, where.v));
+    const auto inside = hn::RebindMask(ints, view.lanes);
+    return hn::IfThenElseZero(inside, hn::Sub(whole, hn::Set(ints, origin)));
+  };
+  const MaskBits mask = look_at_mask(camera, pixel(q.u, roi.x0), pixel(q.v, roi.y0));
+  LaneMask seen = hn::And(view.lanes, mask.foreground);
+  if (bits_of(seen) == 0) return;
+  const Colour colour = look(*camera.frame, q.u, q.v, seen);
+  add(colour, facing, hn::And(seen, mask.inner), at, sums.inner);
+  const LaneMask on_rim = hn::AndNot(mask.inner, seen);
+  if (bits_of(on_rim) != 0) add(colour, facing, on_rim, at, sums.rim);
+}
+
+template <Lens kLens>
+void see_block(const VertexCamera& camera, const PointArrays& vertices, const PointArrays& normals,
+               size_t first, ColourSums& sums) {
+  for (size_t i = 0; i < PointArrays::kBlock; i += hn::Lanes(Floats())) {
+    see<kLens>(camera, vertices, normals, first + i, i, sums);
+  }
+}
+
+void see_any(const VertexCamera& camera, const PointArrays& vertices, const PointArrays& normals,
+             size_t first, ColourSums& sums) {
+  switch (camera.lens.lens) {
+    case Lens::kPinhole:
+      return see_block<Lens::kPinhole>(camera, vertices, normals, first, sums);
+    case Lens::kPolynomial:
+      return see_block<Lens::kPolynomial>(camera, vertices, normals, first, sums);
+    default:
+      return see_block<Lens::kFull>(camera, vertices, normals, first, sums);
+  }
+}
+
+}  // namespace
+}  // namespace v3d::HWY_NAMESPACE
+HWY_AFTER_NAMESPACE();
+
+#if HWY_ONCE
+namespace v3d {
+
+HWY_EXPORT(see_any);
+
+void see_vertices(const VertexCamera& camera, const PointArrays& vertices,
+                  const PointArrays& normals, size_t first, ColourSums& sums) {
+  HWY_DYNAMIC_DISPATCH(see_any)(camera, vertices, normals, first, sums);
+}
+
+}  // namespace v3d
+#endif

@@ -1,0 +1,42 @@
+// What one camera says about the vertices of a mesh: the inner loop of the texture.
+#pragma once
+
+#include <array>
+#include <cstddef>
+
+#include "base/frame.h"
+#include "recon/colour_mask.h"
+#include "recon/depth_cells.h"
+#include "recon/point_arrays.h"
+#include "recon/voxel_projection.h"
+
+namespace v3d {
+
+/// A camera prepared for one frame. Immutable; safe to use from any thread.
+struct VertexCamera {
+  VoxelCamera lens;  ///< for points in metres
+  Eigen::Vector3f axis{0, 0, 1};
+  const Frame* frame = nullptr;  ///< borrowed; its roi is not empty
+  ColourMask mask;
+  DepthCells depth;
+  float tolerance_m = 0;   ///< see TextureOptions::depth_tolerance_m
+  float most_slant = 0;    ///< see TextureOptions::most_slant
+  float cell_m_per_m = 0;  ///< width of a depth cell in metres at one metre of distance
+};
+
+/// Sums over cameras for a block of vertices, the sums of equation (8): red, green and blue times
+/// weight, and the weights.
+struct ColourSums {
+  using Channel = std::array<float, PointArrays::kBlock>;
+  alignas(64) std::array<Channel, 4> inner{};  ///< of samples made of foreground alone
+  alignas(64) std::array<Channel, 4> rim{};    ///< of those that may show background
+};
+
+/// Adds what the camera sees of the vertices `first` to `first` + kBlock: where the normal faces
+/// the camera, nothing hides the vertex and sample_colour() finds a colour. `normals`: those of
+/// `vertices`, unit length or zero. Vectorised for the processor it runs on; every processor gives
+/// the same bits.
+void see_vertices(const VertexCamera& camera, const PointArrays& vertices,
+                  const PointArrays& normals, size_t first, ColourSums& sums);
+
+}  // namespace v3d
