@@ -82,6 +82,11 @@ class CameraWorker::Impl {
     return status;
   }
 
+  int64_t waiting() const {
+    const std::lock_guard lock(mutex_);
+    return static_cast<int64_t>(queue_.size());
+  }
+
  private:
   using Request = std::function<void(CameraPilot&)>;
 
@@ -153,5 +158,6 @@ void CameraWorker::train_ended() { impl_->train_ended(); }
 void CameraWorker::disarm() { impl_->disarm(); }
 std::optional<Frame> CameraWorker::take(MonotonicInstant deadline) { return impl_->take(deadline); }
 CameraWorkerStatus CameraWorker::status() const { return impl_->status(); }
+int64_t CameraWorker::waiting() const { return impl_->waiting(); }
 
 }  // namespace v3d

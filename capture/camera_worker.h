@@ -74,6 +74,8 @@ class CameraWorker {
   std::optional<Frame> take(MonotonicInstant deadline);
 
   CameraWorkerStatus status() const;
+  /// Frames that wait for take().
+  int64_t waiting() const;
 
  private:
   class Impl;

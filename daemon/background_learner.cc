@@ -45,6 +45,8 @@ std::vector<std::vector<Image>> BackgroundLearner::gather() {
       // All cameras see a pulse at once: waiting for one is waiting for all.
       if (auto frame = workers_[i]->take(Monotonic::now() + kLook)) {
         plates[i].push_back(std::move(frame->image));
+        // It has what it came for: that nothing follows is no loss.
+        if (plates[i].size() == wanted) workers_[i]->train_ended();
       }
     }
   }

@@ -1,8 +1,13 @@
 #include "daemon/bus.h"
 
+#include <fcntl.h>
 #include <lcm/lcm.h>
+#include <sys/socket.h>
+#include <unistd.h>
 
 #include <atomic>
+#include <cstdio>
+#include <cstdlib>
 #include <list>
 #include <thread>
 
@@ -19,6 +24,29 @@ struct Destroy {
   void operator()(lcm_t* lcm) const { lcm_destroy(lcm); }
 };
 
+/// LCM writes pages of advice to stderr while it joins; what matters of it we say ourselves, in one
+/// line. Other threads' stderr is lost meanwhile.
+class QuietStderr {
+ public:
+  QuietStderr() : kept_(fcntl(STDERR_FILENO, F_DUPFD_CLOEXEC, 3)) {
+    std::fflush(stderr);
+    const int nowhere = open("/dev/null", O_WRONLY | O_CLOEXEC);
+    if (kept_ >= 0 && nowhere >= 0) dup2(nowhere, STDERR_FILENO);
+    if (nowhere >= 0) close(nowhere);
+  }
+  ~QuietStderr() {
+    std::fflush(stderr);
+    if (kept_ < 0) return;
+    dup2(kept_, STDERR_FILENO);
+    close(kept_);
+  }
+  QuietStderr(const QuietStderr&) = delete;
+  QuietStderr& operator=(const QuietStderr&) = delete;
+
+ private:
+  const int kept_;
+};
+
 [[noreturn]] void fail_network(const std::string& url) {
   throw InputError(
       "network.lcm_url: cannot join " + url +
@@ -30,8 +58,14 @@ struct Destroy {
 
 class Bus::Impl {
  public:
-  explicit Impl(const std::string& url) : url_(url), lcm_(lcm_create(url.c_str())) {
+  explicit Impl(const std::string& url) : url_(url) {
+    const QuietStderr quiet;
+    lcm_.reset(lcm_create(url.c_str()));
     if (!lcm_) fail_network(url_);
+    // The first subscription opens the socket, with more advice.
+    lcm_subscription_t* first = lcm_subscribe(lcm_.get(), "", &Impl::on_nothing, nullptr);
+    if (first == nullptr) fail_network(url_);
+    lcm_unsubscribe(lcm_.get(), first);
   }
 
   ~Impl() {
@@ -55,6 +89,8 @@ class Bus::Impl {
   }
 
  private:
+  static void on_nothing(const lcm_recv_buf_t*, const char*, void*) {}
+
   static void on_message(const lcm_recv_buf_t* received, const char* channel, void* handler) {
     (*static_cast<Handler*>(handler))(
         channel, {static_cast<const uint8_t*>(received->data), received->data_size});
@@ -71,6 +107,24 @@ class Bus::Impl {
   std::atomic<bool> stopping_ = false;
   std::thread receiver_;
 };
+
+std::string receive_buffer_problem(const std::string& lcm_url) {
+  constexpr std::string_view kOption = "recv_buf_size=";
+  const size_t at = lcm_url.find(kOption);
+  if (at == std::string::npos) return "";
+  const int wanted = std::atoi(lcm_url.c_str() + at + kOption.size());
+  const int probe = socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0);
+  if (probe < 0) return "";
+  int granted = 0;
+  socklen_t size = sizeof granted;
+  setsockopt(probe, SOL_SOCKET, SO_RCVBUF, &wanted, sizeof wanted);
+  getsockopt(probe, SOL_SOCKET, SO_RCVBUF, &granted, &size);
+  close(probe);
+  if (granted >= wanted) return "";
+  return "network: the kernel gives a receive buffer of " + std::to_string(granted) +
+         " bytes, the studio file asks for " + std::to_string(wanted) +
+         "; try: sysctl net.core.rmem_max=" + std::to_string(wanted);
+}
 
 Bus::Bus(const std::string& lcm_url) : impl_(std::make_unique<Impl>(lcm_url)) {}
 Bus::~Bus() = default;

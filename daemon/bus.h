@@ -19,7 +19,8 @@ namespace v3d {
 class Bus {
  public:
   /// `lcm_url` as in the studio file. Throws InputError when the network cannot be reached (usually
-  /// a missing multicast route), with the remedy.
+  /// a missing multicast route), with the remedy. Construct it before threads that write to stderr:
+  /// LCM's own words there are kept from it.
   explicit Bus(const std::string& lcm_url);
   ~Bus();
   Bus(const Bus&) = delete;
@@ -39,6 +40,10 @@ class Bus {
   class Impl;
   std::unique_ptr<Impl> impl_;
 };
+
+/// One line with the remedy when the kernel gives less than the receive buffer that `lcm_url` asks
+/// for, else empty.
+std::string receive_buffer_problem(const std::string& lcm_url);
 
 struct SubscriptionCounts {
   int64_t received = 0;     ///< messages that decoded

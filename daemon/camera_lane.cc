@@ -8,14 +8,12 @@ namespace v3d {
 namespace {
 
 constexpr Duration kLook = std::chrono::milliseconds(50);
-constexpr int64_t kLiveBacklog = 4;
 
 }  // namespace
 
-CameraLane::CameraLane(CameraWorker& worker, Setup setup, Bus& bus, WorkPlaces& places)
+CameraLane::CameraLane(CameraWorker& worker, Setup setup, Shared shared)
     : worker_(worker),
-      bus_(bus),
-      places_(places),
+      shared_(shared),
       take_(std::move(setup.take)),
       segmenter_(std::move(setup.segmenter)),
       log_(setup.log),
@@ -35,9 +33,7 @@ void CameraLane::run() {
     heartbeat_.beat();
     auto frame = worker_.take(Monotonic::now() + kLook);
     if (!frame) continue;
-    places_.acquire();
     process(std::move(*frame));
-    places_.release();
     last_frame_ns_ = to_ns(Monotonic::now());
     ++received_;  // after the work: who counts received frames sees finished ones
   }
@@ -49,19 +45,23 @@ void CameraLane::process(Frame frame) {
   message.seq = log_seq_++;
   message.take = take_;
   message.frame = std::move(frame);
-  const Frame& raw = message.frame;
-  if (log_.write(message)) {
-    ++written_;
-    written_pulses_.push_back(raw.label.pulse);
-    if (raw.label.suspect) suspect_pulses_.push_back(raw.label.pulse);
-  } else {
+  record(message);
+  const int64_t pulse = message.frame.label.pulse;
+  if (!shared_.gate.admits(pulse)) return;
+  shared_.places.acquire(pulse);
+  go_live(std::move(message));
+  shared_.places.release();
+}
+
+void CameraLane::record(const FrameMessage& message) {
+  if (!log_.write(message)) {
     ++write_errors_;
+    return;
   }
-  if (is_behind()) {
-    ++not_live_;
-  } else {
-    go_live(std::move(message));
-  }
+  ++written_;
+  const FrameLabel& label = message.frame.label;
+  written_pulses_.push_back(label.pulse);
+  if (label.suspect) suspect_pulses_.push_back(label.pulse);
 }
 
 void CameraLane::go_live(FrameMessage message) {
@@ -72,21 +72,14 @@ void CameraLane::go_live(FrameMessage message) {
       observe(raw.camera, raw.label, raw.image.view(), segmenter_.segment(raw.image.view()));
   message.sent = Realtime::now();
   message.seq = live_seq_++;
-  if (bus_.publish(frame_channel(camera()), encode(message))) ++published_;
-}
-
-/// More frames wait in the camera's queue than a hiccup explains.
-bool CameraLane::is_behind() const {
-  const CameraWorkerStatus status = worker_.status();
-  return status.frames - status.dropped - received_ > kLiveBacklog;
+  if (shared_.bus.publish(frame_channel(camera()), encode(message))) ++published_;
 }
 
 LaneCounts CameraLane::counts() const {
   return {.received = received_,
           .written = written_,
           .write_errors = write_errors_,
-          .published = published_,
-          .not_live = not_live_};
+          .published = published_};
 }
 
 bool CameraLane::quiet_since(MonotonicInstant since) const {

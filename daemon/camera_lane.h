@@ -5,7 +5,6 @@
 #include <filesystem>
 #include <memory>
 #include <mutex>
-#include <semaphore>
 #include <string>
 #include <thread>
 #include <vector>
@@ -14,27 +13,24 @@
 #include "capture/segmenter.h"
 #include "daemon/bus.h"
 #include "daemon/heartbeat.h"
+#include "daemon/live_gate.h"
+#include "daemon/work_places.h"
 #include "take/frame_log.h"
 #include "take/ledger.h"
 
 namespace v3d {
-
-/// So many lanes work at a time as there are cores: more would only push each other out of the
-/// caches, and a lane waits for frames most of the time.
-using WorkPlaces = std::counting_semaphore<>;
 
 struct LaneCounts {
   int64_t received = 0;  ///< frames taken from the camera
   int64_t written = 0;
   int64_t write_errors = 0;  ///< frames that the disk refused
   int64_t published = 0;
-  int64_t not_live = 0;  ///< written, but not segmented and published: the lane was behind
 };
 
 /// Lives from the moment a take is armed until it is closed. Has a thread of its own, so that the
-/// frames of a camera keep their order and a segmenter its memory. A frame is copied twice here:
-/// into the event for the disk, and its foreground into the message. The take comes before the live
-/// picture: while frames pile up behind it, a frame is only written.
+/// frames of a camera keep their order and a segmenter its memory. A frame's pixels go to the
+/// kernel from where they are, and once more for what is in front: into the message. A lane that
+/// waits for the disk holds no place.
 class CameraLane {
  public:
   struct Setup {
@@ -42,8 +38,14 @@ class CameraLane {
     std::filesystem::path log;
     Segmenter segmenter;
   };
-  /// `worker`, `bus` and `places` outlive the lane. Throws InputError when the log cannot be made.
-  CameraLane(CameraWorker& worker, Setup setup, Bus& bus, WorkPlaces& places);
+  /// What the lanes of a node share; all outlive the lane.
+  struct Shared {
+    Bus& bus;
+    WorkPlaces& places;
+    LiveGate& gate;
+  };
+  /// `worker` outlives the lane. Throws InputError when the log cannot be made.
+  CameraLane(CameraWorker& worker, Setup setup, Shared shared);
   /// Stops without waiting for more frames.
   ~CameraLane();
   CameraLane(const CameraLane&) = delete;
@@ -61,13 +63,12 @@ class CameraLane {
  private:
   void run();
   void process(Frame frame);
+  void record(const FrameMessage& message);
   void go_live(FrameMessage message);
-  bool is_behind() const;
   void end();
 
   CameraWorker& worker_;
-  Bus& bus_;
-  WorkPlaces& places_;
+  const Shared shared_;
   const std::string take_;
   Segmenter segmenter_;
   EventLogWriter log_;
@@ -79,7 +80,6 @@ class CameraLane {
   std::atomic<int64_t> written_ = 0;
   std::atomic<int64_t> write_errors_ = 0;
   std::atomic<int64_t> published_ = 0;
-  std::atomic<int64_t> not_live_ = 0;
   std::atomic<int64_t> last_frame_ns_ = 0;
   Heartbeat heartbeat_;
   std::atomic<bool> stopping_ = false;

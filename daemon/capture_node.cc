@@ -26,6 +26,8 @@ constexpr double kMinRateHz = 0.01;
 constexpr double kMaxRateHz = 1000;
 /// A frame later than so many periods counts as missing in health.
 constexpr int64_t kLatePeriods = 5;
+/// More frames behind one camera than a hiccup explains: the live picture waits.
+constexpr int64_t kLiveBacklog = 2;
 
 /// Commands come from the network.
 void refuse_absurd(const CommandMessage& order) {
@@ -46,6 +48,13 @@ std::string join(const std::vector<std::string>& parts, const std::string& separ
   return text;
 }
 
+/// Frames that wait behind the camera that is farthest behind.
+int64_t backlog_of(const std::vector<CameraWorker*>& workers) {
+  int64_t most = 0;
+  for (const CameraWorker* worker : workers) most = std::max(most, worker->waiting());
+  return most;
+}
+
 }  // namespace
 
 CaptureNode::CaptureNode(const Studio& studio, const std::string& node, Bus& bus)
@@ -53,7 +62,7 @@ CaptureNode::CaptureNode(const Studio& studio, const std::string& node, Bus& bus
       node_(node),
       bus_(bus),
       events_(bus, node),
-      places_(std::max(1U, std::thread::hardware_concurrency())) {
+      places_(static_cast<int>(std::max(1U, std::thread::hardware_concurrency()))) {
   const std::vector<StudioCamera> cameras = studio.cameras_of(node);
   const bool triggers = studio.trigger.node == node;
   if (cameras.empty() && !triggers) {
@@ -113,15 +122,19 @@ void CaptureNode::start() {
   if (generator_) generator_->start();
 }
 
+void CaptureNode::end_of_train() {
+  for (const auto& worker : workers_) worker->train_ended();
+}
+
 void CaptureNode::drain() {
   if (generator_) generator_->stop();
-  for (const auto& worker : workers_) worker->train_ended();
+  end_of_train();
   drain_began_ = Monotonic::now();
 }
 
 void CaptureNode::disarm() {
   if (generator_) generator_->stop();
-  for (const auto& worker : workers_) worker->train_ended();
+  end_of_train();
   learner_.reset();
   if (take_is_open()) {
     const Ledger ledger = finish_take();
@@ -180,6 +193,7 @@ std::optional<NodeReport> CaptureNode::poll_learning() {
                                    .folder = studio_.storage.background});
     start();
   }
+  if (generator_ && generator_->finished()) end_of_train();
   const auto result = learner_->poll();
   if (!result) return std::nullopt;
   return NodeReport{
@@ -222,13 +236,14 @@ void CaptureNode::open_take() {
   create_take(studio_, info_);
   const TakePaths paths = take_paths(studio_, info_.name);
   pulses_ = std::make_unique<PulseRecorder>(sensor_.get(), bus_, info_.name, paths.pulses());
+  gate_ = std::make_unique<LiveGate>([ready] { return backlog_of(ready); }, kLiveBacklog);
   for (CameraWorker* worker : ready) {
     lanes_.push_back(std::make_unique<CameraLane>(
         *worker,
         CameraLane::Setup{.take = info_.name,
                           .log = paths.frames(worker->camera()),
                           .segmenter = Segmenter(background_of(worker->camera()), {})},
-        bus_, places_));
+        CameraLane::Shared{bus_, places_, *gate_}));
   }
 }
 
@@ -238,6 +253,7 @@ Ledger CaptureNode::finish_take() {
   for (const auto& lane : lanes_) ledger.cameras.push_back(lane->close(ledger.commanded));
   totals_ = totals();
   lanes_.clear();
+  gate_.reset();
   pulses_.reset();
   return ledger;
 }
@@ -348,14 +364,16 @@ std::string CaptureNode::trouble() const {
 /// Of the open take, else of the last one.
 CaptureNode::TakeTotals CaptureNode::totals() const {
   if (!take_is_open()) return totals_;
-  TakeTotals sum{.frames = {}, .sensed = pulses_->sensed(), .commanded = commanded()};
+  TakeTotals sum{.frames = {},
+                 .pulses_not_live = gate_->skipped(),
+                 .sensed = pulses_->sensed(),
+                 .commanded = commanded()};
   for (const auto& lane : lanes_) {
     const LaneCounts counts = lane->counts();
     sum.frames.received += counts.received;
     sum.frames.written += counts.written;
     sum.frames.write_errors += counts.write_errors;
     sum.frames.published += counts.published;
-    sum.frames.not_live += counts.not_live;
   }
   return sum;
 }
@@ -368,7 +386,7 @@ void CaptureNode::report_health(HealthMessage& health) {
   health.values["frames_received"] = static_cast<double>(sum.frames.received);
   health.values["frames_written"] = static_cast<double>(sum.frames.written);
   health.values["frames_published"] = static_cast<double>(sum.frames.published);
-  health.values["frames_not_live"] = static_cast<double>(sum.frames.not_live);
+  health.values["pulses_not_live"] = static_cast<double>(sum.pulses_not_live);
   health.values["write_errors"] = static_cast<double>(sum.frames.write_errors);
   if (sum.frames.write_errors > 0) health.text = "frames could not be written: the disk refuses";
   health.values["pulses_sensed"] = static_cast<double>(sum.sensed);

@@ -41,6 +41,8 @@ class CaptureNode : public NodeWork {
 
  private:
   void make_ready(const CommandMessage& order, std::optional<int64_t> pulses);
+  /// From here on silence of a camera is no loss.
+  void end_of_train();
   std::vector<CameraWorker*> ready_workers() const;
   bool may_be_missing(const std::string& camera) const;
   /// Cameras that must be ready and are not, with why; empty when all are.
@@ -55,6 +57,7 @@ class CaptureNode : public NodeWork {
 
   struct TakeTotals {
     LaneCounts frames;
+    int64_t pulses_not_live = 0;
     int64_t sensed = 0;
     int64_t commanded = 0;
   };
@@ -87,6 +90,7 @@ class CaptureNode : public NodeWork {
   MonotonicInstant drain_began_;
   TakeInfo info_;
   std::unique_ptr<PulseRecorder> pulses_;
+  std::unique_ptr<LiveGate> gate_;
   std::vector<std::unique_ptr<CameraLane>> lanes_;
   TakeTotals totals_;  ///< of the last take
   std::unique_ptr<BackgroundLearner> learner_;

@@ -82,6 +82,13 @@ class OperatorClient::Impl {
     if (is_node(health.node)) last_health[health.node] = health;
   }
 
+  /// What a node said before it replied is in the queue by now: its messages come in their order.
+  void forget_health() {
+    while (healths.wait(Monotonic::now())) {
+    }
+    last_health.clear();
+  }
+
   const std::vector<std::string> nodes;
   const std::string sender;
   int64_t counter = 0;
@@ -113,6 +120,7 @@ Answer OperatorClient::command(CommandMessage command, MonotonicInstant deadline
       impl_->accept(*reply, command.counter, answer, heard);
     }
   }
+  impl_->forget_health();
   for (const std::string& node : impl_->nodes) {
     if (!answer.replies.contains(node)) answer.silent.push_back(node);
   }

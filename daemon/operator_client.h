@@ -44,8 +44,9 @@ class OperatorClient {
   Answer command(CommandMessage command, MonotonicInstant deadline,
                  const std::function<void(const ReplyMessage&)>& heard = {});
 
-  /// The last health of every node heard since this client began, waiting until each of nodes() has
-  /// been heard or until `deadline`. A node that is missing in the result is silent.
+  /// The last health of every node heard since this client began or its last command was answered
+  /// (never what was so before the command), waiting until each of nodes() has been heard or until
+  /// `deadline`. A node that is missing in the result is silent.
   std::map<std::string, HealthMessage> health(MonotonicInstant deadline);
 
   /// The next health message or event of any node; empty when none came until `deadline`.

@@ -94,6 +94,8 @@ std::optional<NodeReport> ReconNode::poll(Phase phase) {
       return ready_report();
     case Phase::kLearning:
       return NodeReport{.event = Input::kReady, .text = "nothing to learn here", .detail = {}};
+    case Phase::kRecording:
+      return poll_recording();
     case Phase::kDraining:
       return poll_draining();
     default:

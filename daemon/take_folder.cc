@@ -54,6 +54,7 @@ void create_take(const Studio& studio, const TakeInfo& info) {
   as_input_error(paths.folder, [&] {
     fs::create_directories(paths.background());
     fs::copy_file(studio.storage.calib, paths.calib(), fs::copy_options::overwrite_existing);
+    fs::copy_file(studio.path, paths.studio(), fs::copy_options::overwrite_existing);
     for (const std::string& camera : info.cameras) {
       for (const auto& entry : fs::directory_iterator(studio.storage.background)) {
         if (entry.path().filename().string().starts_with(camera + ".")) {

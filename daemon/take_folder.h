@@ -16,8 +16,8 @@ TakePaths take_paths(const Studio& studio, const std::string& take);
 /// Throws InputError when the name is no take name or the take exists already.
 void refuse_bad_take(const Studio& studio, const std::string& take);
 
-/// Makes the folder with take.toml (state: recording), calib.toml and background/. Throws
-/// InputError naming what could not be made.
+/// Makes the folder with take.toml (state: recording), calib.toml, studio.toml and
+/// background/. Throws InputError naming what could not be made.
 void create_take(const Studio& studio, const TakeInfo& info);
 
 /// Writes the ledger and the final take.toml. False, and logged, when the disk refused.

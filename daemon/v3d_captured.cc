@@ -14,6 +14,8 @@ void run(const v3d::Studio& studio, const std::string& node) {
   for (const v3d::StudioCamera& camera : studio.cameras_of(node)) cameras.push_back(camera.name);
   v3d::service::status("looking for takes that were left open");
   for (const std::string& line : v3d::recover_open_takes(studio, cameras)) spdlog::warn("{}", line);
+  const std::string problem = v3d::receive_buffer_problem(studio.network.lcm_url);
+  if (!problem.empty()) spdlog::warn("{}", problem);
   v3d::Bus bus(studio.network.lcm_url);
   v3d::CaptureNode work(studio, node, bus);
   v3d::NodeLoop(node, "v3d-captured", bus, work).run();

@@ -1,4 +1,6 @@
 // v3d-recond: the live reconstruction of a studio.
+#include <spdlog/spdlog.h>
+
 #include "base/error.h"
 #include "daemon/daemon_main.h"
 #include "daemon/node_loop.h"
@@ -21,6 +23,8 @@ void run(const v3d::Studio& studio, const std::string& given) {
                           "', says " + studio.path.string());
   }
   refuse_capture_node(studio, node);
+  const std::string problem = v3d::receive_buffer_problem(studio.network.lcm_url);
+  if (!problem.empty()) spdlog::warn("{}", problem);
   v3d::Bus bus(studio.network.lcm_url);
   v3d::ReconNode work(studio, node, bus);
   v3d::NodeLoop(node, "v3d-recond", bus, work).run();

@@ -1,6 +1,7 @@
 #include "sim/gige_cameras.h"
 
 #include <arv.h>
+#include <sys/prctl.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -19,7 +20,22 @@ namespace {
 
 // How often a camera looks for a pulse: the trigger is late by up to this much, and every camera
 // wakes up this often while it streams.
-constexpr double kPollHz = 400;
+constexpr double kPollHz = 250;
+
+/// Aravis' camera sleeps whole milliseconds and spins for the rest of its period. Threads begun
+/// while this lives may sleep a millisecond longer, which is past that rest: they do not spin.
+class LazyTimers {
+ public:
+  LazyTimers() : before_(prctl(PR_GET_TIMERSLACK)) {
+    prctl(PR_SET_TIMERSLACK, std::chrono::nanoseconds(std::chrono::milliseconds(1)).count());
+  }
+  ~LazyTimers() { prctl(PR_SET_TIMERSLACK, before_); }
+  LazyTimers(const LazyTimers&) = delete;
+  LazyTimers& operator=(const LazyTimers&) = delete;
+
+ private:
+  const long before_;
+};
 
 /// Aravis reads the description from a file, once, when a camera is created.
 class GenicamFile {
@@ -161,6 +177,7 @@ GigeCameras::GigeCameras(std::vector<GigeCamera> cameras, Picture picture, Repor
                          uint64_t seed)
     : picture_(std::move(picture)), report_(std::move(report)) {
   const GenicamFile genicam;
+  const LazyTimers lazy;
   for (size_t i = 0; i < cameras.size(); ++i) {
     devices_.push_back(std::make_unique<Device>(static_cast<int>(i), cameras[i], genicam.c_str(),
                                                 picture_, report_, seed));

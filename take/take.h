@@ -1,5 +1,6 @@
 // A take on disk: a folder (see ARCHITECTURE.md, "A take is a folder").
-//   take.toml  ledger.toml  calib.toml  pulses.lcmlog  <camera>.lcmlog  background/  mesh.v3d
+//   take.toml  ledger.toml  calib.toml  studio.toml  pulses.lcmlog  <camera>.lcmlog  background/
+//   mesh.v3d
 #pragma once
 
 #include <cstdint>
@@ -33,6 +34,8 @@ struct TakePaths {
   std::filesystem::path info() const { return folder / "take.toml"; }
   std::filesystem::path ledger() const { return folder / "ledger.toml"; }
   std::filesystem::path calib() const { return folder / "calib.toml"; }
+  /// The studio file as it was; absent in takes that come from elsewhere.
+  std::filesystem::path studio() const { return folder / "studio.toml"; }
   std::filesystem::path pulses() const { return folder / "pulses.lcmlog"; }
   std::filesystem::path frames(const std::string& camera) const {
     return folder / (camera + ".lcmlog");

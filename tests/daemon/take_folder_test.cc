@@ -24,6 +24,8 @@ class TakeFolderTest : public testing::Test {
                        .calib = folder_ / "calib.toml"};
     std::filesystem::create_directories(studio_.storage.background);
     test::write_text(studio_.storage.calib, "# the rig\n");
+    studio_.path = folder_ / "studio.toml";
+    test::write_text(studio_.path, "# the studio\n");
     for (const char* file : {"cam01.mean.png", "cam01.toml", "cam010.toml", "cam02.toml"}) {
       test::write_text(studio_.storage.background / file, file);
     }
@@ -42,11 +44,12 @@ class TakeFolderTest : public testing::Test {
   TakeInfo info_;
 };
 
-TEST_F(TakeFolderTest, begins_with_the_rig_and_the_background_of_its_cameras) {
+TEST_F(TakeFolderTest, begins_with_the_rig_the_studio_and_the_background_of_its_cameras) {
   create_take(studio_, info_);
   const TakePaths paths = take_paths(studio_, "kendo-07");
   EXPECT_EQ(load_take_info(paths).state, TakeState::kRecording);
   EXPECT_EQ(read_file(paths.calib()), "# the rig\n");
+  EXPECT_EQ(read_file(paths.studio()), "# the studio\n");
   EXPECT_EQ(read_file(paths.background() / "cam01.mean.png"), "cam01.mean.png");
   EXPECT_TRUE(std::filesystem::exists(paths.background() / "cam01.toml"));
   EXPECT_FALSE(std::filesystem::exists(paths.background() / "cam010.toml"));

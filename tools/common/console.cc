@@ -18,6 +18,24 @@ bool on_terminal() {
   return isatty(STDERR_FILENO) && term && std::string_view(term) != "dumb";
 }
 
+StatusLine::~StatusLine() {
+  if (terminal_ && !shown_.empty()) std::fputc('\n', stderr);
+}
+
+void StatusLine::show(const std::string& text) {
+  const auto now = std::chrono::steady_clock::now();
+  if (terminal_) {
+    std::fprintf(stderr, "\r%s\033[K", text.c_str());
+    std::fflush(stderr);
+  } else if (text == shown_ || (!shown_.empty() && now - shown_at_ < std::chrono::seconds(1))) {
+    return;
+  } else {
+    note(text);
+  }
+  shown_ = text;
+  shown_at_ = now;
+}
+
 Progress::Progress(std::string what, int64_t total)
     : what_(std::move(what)), total_(total), terminal_(on_terminal()) {}
 

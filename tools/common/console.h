@@ -13,6 +13,23 @@ void note(const std::string& line);
 /// stderr is a terminal that can redraw a line.
 bool on_terminal();
 
+/// A line that is redrawn on a terminal; else printed when it has changed, at most once a second.
+/// One thread. Ends its line when it is destroyed.
+class StatusLine {
+ public:
+  StatusLine() : terminal_(on_terminal()) {}
+  ~StatusLine();
+  StatusLine(const StatusLine&) = delete;
+  StatusLine& operator=(const StatusLine&) = delete;
+
+  void show(const std::string& text);
+
+ private:
+  const bool terminal_;
+  std::string shown_;
+  std::chrono::steady_clock::time_point shown_at_;
+};
+
 /// How far a long piece of work has come: a bar on a terminal, else a plain line every tenth of the
 /// work. One thread. Ends its line when it is destroyed.
 class Progress {

@@ -17,6 +17,8 @@ namespace {
 
 // Nodes report once a second: so long until a node counts as silent.
 constexpr double kHealthSeconds = 2.5;
+// A busy node may miss a few; the whole studio does not.
+constexpr double kSilentSeconds = 15;
 
 MonotonicInstant in_seconds(double seconds) { return Monotonic::now() + from_seconds(seconds); }
 
@@ -26,6 +28,7 @@ void print_lines(const std::vector<std::string>& lines) {
 
 struct Options {
   bool json = false;
+  bool wait = false;
   double timeout_s = 0;
   CommandMessage message;
   std::string allow_missing;
@@ -109,11 +112,34 @@ int run_arm(const CommandLine& line, Options options) {
   return kExitDone;
 }
 
+// Until every node has closed the take; shows how it goes meanwhile.
+int wait_for_end(OperatorClient& client) {
+  StatusLine status;
+  std::string take;
+  MonotonicInstant last_heard = Monotonic::now();
+  catch_interrupts();
+  for (;;) {
+    stop_if_interrupted();
+    if (client.next_health(in_seconds(0.2))) {
+      last_heard = Monotonic::now();
+    } else if (Monotonic::now() - last_heard > from_seconds(kSilentSeconds)) {
+      note("v3dctl: no node reports any more. Try: v3dctl status");
+      return kExitFailed;
+    }
+    const auto health = client.health(Monotonic::now());
+    if (const std::string current = current_take(health); !current.empty()) take = current;
+    status.show("recording " + take + "   " + recording_line(health));
+    if (!all_heard(client.nodes(), health) || any_at_work(health)) continue;
+    return all_well(client.nodes(), health) ? kExitDone : kExitNotWhole;
+  }
+}
+
 int run_start(const CommandLine& line, const Options& options) {
   OperatorClient client(line.studio());
   const Answer answer = command(client, options);
   if (options.json) std::printf("%s\n", answer_json(answer).dump(2).c_str());
   if (!answer.done()) return refused(client, answer, ": v3dctl arm NAME comes first");
+  if (options.wait) return wait_for_end(client);
   if (!options.json) {
     const auto health = client.health(in_seconds(kHealthSeconds));
     std::printf("recording %s   %s\n", current_take(health).c_str(),
@@ -184,7 +210,7 @@ std::string clock_text(RealtimeInstant instant) {
 int run_watch(const CommandLine& line) {
   OperatorClient client(line.studio());
   std::map<std::string, HealthMessage> health;
-  std::string shown;
+  StatusLine status;
   catch_interrupts();
   while (!interrupted()) {
     while (const auto event = client.next_event(Monotonic::now())) {
@@ -197,15 +223,8 @@ int run_watch(const CommandLine& line) {
     if (!message) continue;
     health[message->node] = *message;
     const std::string take = current_take(health);
-    const std::string text = (take.empty() ? "idle" : take) + "   " + recording_line(health);
-    if (on_terminal()) {
-      std::fprintf(stderr, "\r%s\033[K", text.c_str());
-    } else if (text != shown) {
-      note(text);
-    }
-    shown = text;
+    status.show((take.empty() ? "idle" : take) + "   " + recording_line(health));
   }
-  if (on_terminal()) std::fputc('\n', stderr);
   return kExitDone;
 }
 
@@ -253,8 +272,11 @@ void add_operator_commands(CommandLine& line) {
 
   add_arm(line);
 
-  CLI::App* start = line.add("start", "Start the pulses: the armed take records", {"v3dctl start"});
+  CLI::App* start = line.add("start", "Start the pulses: the armed take records",
+                             {"v3dctl start", "v3dctl start --wait"});
   auto start_options = options_of(start, CommandVerb::kStart, 10);
+  start->add_flag("--wait", start_options->wait,
+                  "Show the recording until the take has ended (v3dctl arm --pulses)");
   line.on_run(start, [&line, start_options] { return run_start(line, *start_options); });
 
   CLI::App* stop = line.add("stop", "End the take and reconcile its ledger",

@@ -180,6 +180,19 @@ bool all_well(const std::vector<std::string>& nodes,
   });
 }
 
+bool all_heard(const std::vector<std::string>& nodes,
+               const std::map<std::string, HealthMessage>& health) {
+  return std::all_of(nodes.begin(), nodes.end(),
+                     [&](const std::string& node) { return health.contains(node); });
+}
+
+bool any_at_work(const std::map<std::string, HealthMessage>& health) {
+  return std::any_of(health.begin(), health.end(), [](const auto& entry) {
+    const NodeState state = entry.second.state;
+    return state == NodeState::kRecording || state == NodeState::kDraining;
+  });
+}
+
 std::optional<double> total(const std::map<std::string, HealthMessage>& health,
                             const std::string& name) {
   std::optional<double> sum;

@@ -4,6 +4,7 @@
 
 #include "base/error.h"
 #include "base/units.h"
+#include "take/take.h"
 #include "v3dctl/command.h"
 #include "v3dctl/interrupt.h"
 #include "v3dctl/reconstruct.h"
@@ -139,8 +140,10 @@ void add_options(CLI::App* command, Arguments& arguments) {
   add_json_flag(command, arguments.json);
 }
 
-// The studio file gives defaults where there is one; a take needs none.
-std::optional<Studio> studio_if_any(const CommandLine& line) {
+// The studio file gives defaults where there is one: the take's own, so that the result is that of
+// the live reconstruction, else the one of this place. A take needs none.
+std::optional<Studio> studio_if_any(const CommandLine& line, const TakePaths& take) {
+  if (std::filesystem::exists(take.studio())) return load_studio(take.studio());
   std::filesystem::path path;
   try {
     path = line.studio_path();
@@ -158,7 +161,7 @@ int run(const CommandLine& line, Arguments arguments) {
   if (arguments.min_views > 0) request.min_views = arguments.min_views;
   request.frames = parse_frame_range(arguments.frames);
   request.leave_out = parse_names(arguments.leave_out, "--leave-out");
-  request.studio = studio_if_any(line);
+  request.studio = studio_if_any(line, TakePaths{request.take});
   catch_interrupts();
   const ReconstructReport report = reconstruct_take(request);
   if (arguments.json) {

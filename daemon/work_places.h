@@ -1,0 +1,51 @@
+// So many threads work at a time as there are cores, the oldest pulse first.
+#pragma once
+
+#include <condition_variable>
+#include <cstdint>
+#include <map>
+#include <mutex>
+
+namespace v3d {
+
+/// More workers at a time would only push each other out of the caches; and when all cameras have
+/// a frame of a pulse, the set is complete soonest if nobody begins the next pulse before.
+class WorkPlaces {
+ public:
+  explicit WorkPlaces(int places) : free_(places) {}
+
+  /// Waits for a place; among those who wait, the lowest pulse goes first.
+  void acquire(int64_t pulse) {
+    std::unique_lock lock(mutex_);
+    if (free_ > 0) {
+      --free_;
+      return;
+    }
+    Waiter self;
+    waiting_.emplace(pulse, &self);
+    self.turn.wait(lock, [&] { return self.has_place; });
+  }
+
+  void release() {
+    const std::lock_guard lock(mutex_);
+    if (waiting_.empty()) {
+      ++free_;
+      return;
+    }
+    Waiter& next = *waiting_.begin()->second;
+    waiting_.erase(waiting_.begin());
+    next.has_place = true;
+    next.turn.notify_one();  // under the lock: the waiter lives on its thread's stack
+  }
+
+ private:
+  struct Waiter {
+    std::condition_variable turn;
+    bool has_place = false;
+  };
+  std::mutex mutex_;
+  int free_;
+  std::multimap<int64_t, Waiter*> waiting_;
+};
+
+}  // namespace v3d
