@@ -62,6 +62,22 @@ TEST_P(MovedBackground, is_foreground_when_it_moved_far) {
   EXPECT_GT(segment(room(12, 12)).count(), 500);
 }
 
+TEST_P(MovedBackground, is_known_again_when_the_lamps_are_dimmed) {
+  const Scene dimmed = [moved = room(3, 3)](int x, int y) {
+    const Colour c = moved(x, y);
+    return Colour{0.85 * c[0], 0.85 * c[1], 0.85 * c[2]};
+  };
+  EXPECT_GT(segment(dimmed, 0).count(), 300);
+  EXPECT_EQ(segment(dimmed).count(), 0);
+}
+
+TEST_P(MovedBackground, is_compared_colour_with_the_same_colour) {
+  const Scene green = [](int, int) { return Colour{80, 140, 80}; };
+  model_ = learn_scene(kSize, GetParam(), green);
+  const Mask mask = segment(with(kBody, {140, 80, 140}, green));
+  EXPECT_GT(intersection_over_union(mask, mask_of(kBody)), 0.99);
+}
+
 TEST_P(MovedBackground, leaves_the_performer_in_the_room_to_the_pixel) {
   const Mask mask = segment(with(kBody, {220, 200, 220}, room(3, 3)));
   EXPECT_GT(intersection_over_union(mask, mask_of(kBody)), 0.99);
