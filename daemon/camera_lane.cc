@@ -89,7 +89,6 @@ bool CameraLane::quiet_since(MonotonicInstant since) const {
 
 CameraLedger CameraLane::close(int64_t commanded) {
   end();
-  log_.flush();
   CameraLedger ledger = account(camera(), written_pulses_, suspect_pulses_, commanded);
   ledger.received = worker_.status().frames;
   ledger.published = published_;

@@ -28,6 +28,8 @@ constexpr double kMaxRateHz = 1000;
 constexpr int64_t kLatePeriods = 5;
 /// More frames behind one camera than a hiccup explains: the live picture waits.
 constexpr int64_t kLiveBacklog = 2;
+/// Less room than this is told while a take is recorded.
+constexpr double kEnoughDiskSeconds = 60;
 
 /// Commands come from the network.
 void refuse_absurd(const CommandMessage& order) {
@@ -389,12 +391,44 @@ void CaptureNode::report_health(HealthMessage& health) {
   health.values["pulses_not_live"] = static_cast<double>(sum.pulses_not_live);
   health.values["write_errors"] = static_cast<double>(sum.frames.write_errors);
   if (sum.frames.write_errors > 0) health.text = "frames could not be written: the disk refuses";
+  tell_troubles(sum);
   health.values["pulses_sensed"] = static_cast<double>(sum.sensed);
   health.values["pulses_commanded"] = static_cast<double>(sum.commanded);
   health.values["frames_missing"] = 0;
   health.values["frames_suspect"] = 0;
   health.values["cameras_streaming"] = 0;
   for (const auto& worker : workers_) report_camera(*worker, health);
+}
+
+void CaptureNode::tell_troubles(const TakeTotals& sum) {
+  events_.keep_told(Severity::kAlarm, "disk", disk_trouble(sum));
+  events_.keep_told(Severity::kAlarm, "trigger", trigger_trouble(sum));
+  events_.keep_told(Severity::kAlarm, "sense line", sensor_ ? sensor_->fault() : "");
+  events_.keep_told(Severity::kWarning, "live picture",
+                    sum.pulses_not_live == 0
+                        ? ""
+                        : format_count(sum.pulses_not_live) +
+                              " pulses not live: this machine is busy recording them");
+}
+
+std::string CaptureNode::disk_trouble(const TakeTotals& sum) const {
+  if (sum.frames.write_errors > 0) {
+    return format_count(sum.frames.write_errors) +
+           " frames refused: " + studio_.storage.takes.string() + " is full or broken";
+  }
+  if (!take_is_open()) return "";
+  const double seconds = disk_free_bytes(studio_) / std::max(1.0, bytes_per_second());
+  if (seconds > kEnoughDiskSeconds) return "";
+  // To the ten seconds, or there would be news every second.
+  return "full in less than " + format_count(10 * (1 + static_cast<int64_t>(seconds) / 10)) +
+         " s of recording";
+}
+
+std::string CaptureNode::trigger_trouble(const TakeTotals& sum) const {
+  if (generator_ && !generator_->fault().empty()) return generator_->fault();
+  const int64_t unseen = sum.commanded - kLatePeriods - sum.sensed;
+  if (!generator_ || !take_is_open() || unseen <= 0) return "";
+  return format_count(sum.commanded - sum.sensed) + " pulses commanded and not sensed";
 }
 
 void CaptureNode::report_camera(const CameraWorker& worker, HealthMessage& health) {

@@ -73,6 +73,10 @@ class CaptureNode : public NodeWork {
   double bytes_per_second() const;
   std::string trouble() const;
   void report_camera(const CameraWorker& worker, HealthMessage& health);
+  /// Troubles of the disk and the trigger, told when they begin, change and end.
+  void tell_troubles(const TakeTotals& sum);
+  std::string disk_trouble(const TakeTotals& sum) const;
+  std::string trigger_trouble(const TakeTotals& sum) const;
   void tell_events(const CameraWorker& worker, const CameraWorkerStatus& status);
 
   const Studio& studio_;

@@ -1,5 +1,6 @@
 #include "daemon/daemon_main.h"
 
+#include <malloc.h>
 #include <spdlog/spdlog.h>
 
 #include <CLI/CLI.hpp>
@@ -8,6 +9,19 @@
 #include "daemon/service.h"
 
 namespace v3d {
+
+namespace {
+
+/// Images come and go hundreds of times a second. The C library would give each back to the kernel
+/// and get it again, page by page; it is told to keep some.
+void keep_freed_memory() {
+  constexpr int kLargestKept = 32 << 20;
+  constexpr int kKept = 256 << 20;
+  mallopt(M_MMAP_THRESHOLD, kLargestKept);
+  mallopt(M_TRIM_THRESHOLD, kKept);
+}
+
+}  // namespace
 
 int daemon_main(int argc, char** argv, const DaemonProgram& program,
                 const std::function<void(const Studio& studio, const std::string& node)>& run) {
@@ -27,6 +41,7 @@ int daemon_main(int argc, char** argv, const DaemonProgram& program,
   } catch (const CLI::ParseError& error) {
     return app.exit(error) == 0 ? kExitDone : kExitBadInput;
   }
+  keep_freed_memory();
   try {
     begin_logging(program.name, log_level);
     catch_stop_signals();

@@ -19,4 +19,16 @@ void EventSender::send(Severity severity, const std::string& subject, const std:
                                                   .text = text}));
 }
 
+void EventSender::keep_told(Severity severity, const std::string& subject,
+                            const std::string& text) {
+  std::string& told = told_[subject];
+  if (text == told) return;
+  if (text.empty()) {
+    send(Severity::kInfo, subject, "well again");
+  } else {
+    send(severity, subject, text);
+  }
+  told = text;
+}
+
 }  // namespace v3d

@@ -1,6 +1,7 @@
 // Events for the operator: on the bus and in the log.
 #pragma once
 
+#include <map>
 #include <string>
 
 #include "daemon/bus.h"
@@ -12,11 +13,15 @@ class EventSender {
  public:
   EventSender(Bus& bus, std::string node) : bus_(bus), node_(std::move(node)) {}
   void send(Severity severity, const std::string& subject, const std::string& text);
+  /// For a trouble that lasts: sends when `text` is another than last time, and once, as info, when
+  /// it has become empty.
+  void keep_told(Severity severity, const std::string& subject, const std::string& text);
 
  private:
   Bus& bus_;
   const std::string node_;
   int64_t seq_ = 0;
+  std::map<std::string, std::string> told_;  ///< troubles by subject
 };
 
 }  // namespace v3d

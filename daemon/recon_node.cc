@@ -138,6 +138,10 @@ void ReconNode::report_health(HealthMessage& health) {
   const ReconCounts counts = pipeline_ ? pipeline_->counts() : last_;
   health.values.merge(values_of(counts));
   health.values["disk_free_bytes"] = disk_free_bytes(studio_);
+  events_.keep_told(Severity::kAlarm, "disk",
+                    counts.write_errors == 0 ? ""
+                                             : format_count(counts.write_errors) +
+                                                   " meshes refused: the disk is full or broken");
   if (counts.write_errors > 0) health.text = "meshes could not be written: the disk refuses";
   if (counts.dropped > told_dropped_) {
     health.text = "cannot keep up: " + format_count(counts.dropped) + " pulses dropped";

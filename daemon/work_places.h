@@ -38,12 +38,18 @@ class WorkPlaces {
     next.turn.notify_one();  // under the lock: the waiter lives on its thread's stack
   }
 
+  /// Workers that wait for a place.
+  size_t waiting() const {
+    const std::lock_guard lock(mutex_);
+    return waiting_.size();
+  }
+
  private:
   struct Waiter {
     std::condition_variable turn;
     bool has_place = false;
   };
-  std::mutex mutex_;
+  mutable std::mutex mutex_;
   int free_;
   std::multimap<int64_t, Waiter*> waiting_;
 };

@@ -17,8 +17,6 @@ namespace {
 
 // An event, as LCM's documentation of log files gives it, all numbers big-endian: sync word, event
 // number (8 bytes), time (8), length of the channel's name (4), length of the data (4), name, data.
-constexpr uint32_t kSyncWord = 0xEDA1DA01;
-constexpr size_t kHeaderSize = 28;
 constexpr size_t kLongestChannel = 63;  // LCM_MAX_CHANNEL_NAME_LENGTH
 
 uint64_t big_endian(const uint8_t* p, int bytes) {
@@ -42,29 +40,29 @@ size_t read_at(int fd, uint64_t offset, std::span<uint8_t> bytes) {
 
 /// The event whose header is at `offset`, if a whole one is.
 std::optional<EventSpan> event_at(int fd, uint64_t offset, uint64_t file_size) {
-  std::array<uint8_t, kHeaderSize + kLongestChannel> head{};
+  std::array<uint8_t, kEventHeaderSize + kLongestChannel> head{};
   const size_t got = read_at(fd, offset, head);
-  if (got < kHeaderSize || big_endian(head.data(), 4) != kSyncWord) return std::nullopt;
+  if (got < kEventHeaderSize || big_endian(head.data(), 4) != kEventSyncWord) return std::nullopt;
   const uint64_t channel_size = big_endian(head.data() + 20, 4);
   const uint64_t data_size = big_endian(head.data() + 24, 4);
   if (channel_size == 0 || channel_size > kLongestChannel || data_size > INT32_MAX) {
     return std::nullopt;
   }
-  const uint64_t data_offset = offset + kHeaderSize + channel_size;
+  const uint64_t data_offset = offset + kEventHeaderSize + channel_size;
   if (data_offset > file_size || data_size > file_size - data_offset) return std::nullopt;
-  return EventSpan{
-      .channel = std::string(head.begin() + kHeaderSize,
-                             head.begin() + kHeaderSize + static_cast<ptrdiff_t>(channel_size)),
-      .utime = static_cast<int64_t>(big_endian(head.data() + 12, 8)),
-      .data_offset = data_offset,
-      .data_size = static_cast<uint32_t>(data_size)};
+  return EventSpan{.channel = std::string(
+                       head.begin() + kEventHeaderSize,
+                       head.begin() + kEventHeaderSize + static_cast<ptrdiff_t>(channel_size)),
+                   .utime = static_cast<int64_t>(big_endian(head.data() + 12, 8)),
+                   .data_offset = data_offset,
+                   .data_size = static_cast<uint32_t>(data_size)};
 }
 
 /// The next place at or behind `from` where a whole event begins.
 std::optional<uint64_t> next_event(int fd, uint64_t from, uint64_t file_size) {
   constexpr std::array<uint8_t, 4> kSync = {0xED, 0xA1, 0xDA, 0x01};
   std::vector<uint8_t> chunk(1 << 16);
-  while (from + kHeaderSize <= file_size) {
+  while (from + kEventHeaderSize <= file_size) {
     const size_t got = read_at(fd, from, chunk);
     if (got < kSync.size()) break;
     const auto end = chunk.begin() + static_cast<ptrdiff_t>(got);
@@ -87,7 +85,7 @@ EventLogReader::EventLogReader(const std::filesystem::path& path)
   struct stat status {};
   const bool is_file = fstat(fd_, &status) == 0 && S_ISREG(status.st_mode);
   if (is_file) index(static_cast<uint64_t>(status.st_size));
-  if (!is_file || (events_.empty() && torn_bytes_ > static_cast<int64_t>(kHeaderSize))) {
+  if (!is_file || (events_.empty() && torn_bytes_ > static_cast<int64_t>(kEventHeaderSize))) {
     close(fd_);
     throw InputError(path.string() + ": is no LCM event log: it holds no whole event");
   }

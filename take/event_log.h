@@ -12,6 +12,9 @@
 
 namespace v3d {
 
+inline constexpr uint32_t kEventSyncWord = 0xEDA1DA01;
+inline constexpr size_t kEventHeaderSize = 28;  ///< before the channel's name
+
 /// Where one event lies in the file.
 struct EventSpan {
   std::string channel;

@@ -1,10 +1,11 @@
 #include "take/frame_log.h"
 
-#include <lcm/lcm.h>
-#include <stdio_ext.h>
+#include <fcntl.h>
+#include <sys/uio.h>
 #include <unistd.h>
 
 #include <cerrno>
+#include <span>
 #include <unordered_map>
 
 #include "base/error.h"
@@ -14,49 +15,103 @@
 
 namespace v3d {
 
+namespace {
+
+/// So much is given to the disk at a time: dirty pages drain evenly instead of in one great stall
+/// when the kernel finds that there are too many.
+constexpr int64_t kDrainBytes = 8 << 20;
+
+void put_big_endian(Bytes& bytes, uint64_t value, int size) {
+  for (int shift = 8 * (size - 1); shift >= 0; shift -= 8) {
+    bytes.push_back(static_cast<uint8_t>(value >> shift));
+  }
+}
+
+/// What stands before an event's data (see event_log.cc).
+Bytes event_head(int64_t number, const std::string& channel, RealtimeInstant at, size_t data_size) {
+  Bytes head;
+  head.reserve(kEventHeaderSize + channel.size());
+  put_big_endian(head, kEventSyncWord, 4);
+  put_big_endian(head, static_cast<uint64_t>(number), 8);
+  put_big_endian(head, static_cast<uint64_t>(to_ns(at) / 1000), 8);
+  put_big_endian(head, channel.size(), 4);
+  put_big_endian(head, data_size, 4);
+  head.insert(head.end(), channel.begin(), channel.end());
+  return head;
+}
+
+/// All of the parts, one behind the other; false when the disk refuses.
+bool write_all(int fd, std::span<iovec> parts) {
+  while (!parts.empty()) {
+    ssize_t written = writev(fd, parts.data(), static_cast<int>(parts.size()));
+    if (written < 0 && errno == EINTR) continue;
+    if (written < 0) return false;
+    while (!parts.empty() && written >= static_cast<ssize_t>(parts.front().iov_len)) {
+      written -= static_cast<ssize_t>(parts.front().iov_len);
+      parts = parts.subspan(1);
+    }
+    if (written > 0) {
+      parts.front().iov_base = static_cast<uint8_t*>(parts.front().iov_base) + written;
+      parts.front().iov_len -= static_cast<size_t>(written);
+    }
+  }
+  return true;
+}
+
+}  // namespace
+
 class EventLogWriter::Impl {
  public:
-  explicit Impl(const std::filesystem::path& path) : log_(lcm_eventlog_create(path.c_str(), "w")) {
-    if (log_ == nullptr) throw InputError(errno_message("cannot create log " + path.string()));
+  explicit Impl(const std::filesystem::path& path)
+      : fd_(open(path.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0666)) {
+    if (fd_ < 0) throw InputError(errno_message("cannot create log " + path.string()));
   }
   ~Impl() {
-    flush();
-    fsync(fileno(log_->f));
-    lcm_eventlog_destroy(log_);
+    fsync(fd_);
+    close(fd_);
   }
   Impl(const Impl&) = delete;
   Impl& operator=(const Impl&) = delete;
 
-  bool write(std::string channel, RealtimeInstant at, Bytes data) {
-    lcm_eventlog_event_t event{};
-    event.timestamp = to_ns(at) / 1000;
-    event.channel = channel.data();
-    event.channellen = static_cast<int32_t>(channel.size());
-    event.data = data.data();
-    event.datalen = static_cast<int32_t>(data.size());
-    // Flushed event by event: what was written is then the kernel's, whatever becomes of us, and a
-    // full disk is noticed at the event that it hits.
-    if (lcm_eventlog_write_event(log_, &event) != 0 || !flush()) {
+  /// The data are `first` and `rest`. Not buffered: what was written is the kernel's, whatever
+  /// becomes of us, and a full disk is noticed at the event that it hits.
+  bool write(const std::string& channel, RealtimeInstant at, const Bytes& first,
+             const Bytes& rest = {}) {
+    const Bytes head = event_head(events_, channel, at, first.size() + rest.size());
+    iovec parts[] = {part_of(head), part_of(first), part_of(rest)};
+    if (!write_all(fd_, parts)) {
       cut_back();
       return false;
     }
-    bytes_ = ftello(log_->f);
+    ++events_;
+    bytes_ += static_cast<int64_t>(head.size() + first.size() + rest.size());
+    drain();
     return true;
   }
 
-  bool flush() { return fflush(log_->f) == 0; }
   int64_t bytes() const { return bytes_; }
 
  private:
-  /// Removes what was written of an event that did not fit.
-  void cut_back() {
-    __fpurge(log_->f);  // else stdio would send them again before the next event
-    clearerr(log_->f);
-    if (ftruncate(fileno(log_->f), bytes_) == 0) fseeko(log_->f, bytes_, SEEK_SET);
+  /// writev() only reads.
+  static iovec part_of(const Bytes& bytes) {
+    return {const_cast<uint8_t*>(bytes.data()), bytes.size()};
   }
 
-  lcm_eventlog_t* log_;
+  void drain() {
+    if (bytes_ - draining_ < kDrainBytes) return;
+    sync_file_range(fd_, draining_, bytes_ - draining_, SYNC_FILE_RANGE_WRITE);
+    draining_ = bytes_;
+  }
+
+  /// Removes what was written of an event that did not fit.
+  void cut_back() const {
+    if (ftruncate(fd_, bytes_) == 0) lseek(fd_, bytes_, SEEK_SET);
+  }
+
+  const int fd_;
+  int64_t events_ = 0;
   int64_t bytes_ = 0;
+  int64_t draining_ = 0;  ///< bytes that the disk has been asked to take
 };
 
 EventLogWriter::EventLogWriter(const std::filesystem::path& path)
@@ -66,12 +121,12 @@ EventLogWriter::EventLogWriter(EventLogWriter&&) noexcept = default;
 EventLogWriter& EventLogWriter::operator=(EventLogWriter&&) noexcept = default;
 
 bool EventLogWriter::write(const FrameMessage& message) {
-  return impl_->write(frame_channel(message.frame.camera), message.sent, encode(message));
+  return impl_->write(frame_channel(message.frame.camera), message.sent, encode_head(message),
+                      message.frame.image.bytes);
 }
 bool EventLogWriter::write(const PulseMessage& message) {
   return impl_->write(kPulseChannel, message.sent, encode(message));
 }
-bool EventLogWriter::flush() { return impl_->flush(); }
 int64_t EventLogWriter::bytes() const { return impl_->bytes(); }
 
 class FrameLogReader::Impl {

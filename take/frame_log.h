@@ -13,7 +13,8 @@
 
 namespace v3d {
 
-/// Appends events; one thread. A crash loses at most the last, unfinished event.
+/// Appends events; one thread. Nothing is buffered here: a crash of the program loses at most the
+/// last, unfinished event.
 class EventLogWriter {
  public:
   /// Creates the file. Throws InputError when that fails.
@@ -25,8 +26,6 @@ class EventLogWriter {
   /// False when the disk refused; the log then ends with the event before.
   bool write(const FrameMessage& message);
   bool write(const PulseMessage& message);
-  /// Flushes to the kernel.
-  bool flush();
   int64_t bytes() const;
 
  private:

@@ -37,22 +37,16 @@ std::optional<RealtimeInstant> instant_of(int64_t utime) {
   return from_ns<Realtime>(utime * 1000);
 }
 
-/// The message, and `tail` behind it when its last field is a byte array that `wire` holds as
-/// empty: its count stands in the four bytes `count_offset_from_end` before the end.
+/// `room`: bytes that the caller will append.
 template <class Wire>
-Bytes pack(const Wire& wire, std::span<const uint8_t> tail = {}, size_t count_offset_from_end = 4) {
+Bytes pack(const Wire& wire, size_t room = 0) {
   const auto size = static_cast<size_t>(wire.getEncodedSize());
   Bytes bytes;
-  bytes.reserve(size + tail.size());
+  bytes.reserve(size + room);
   bytes.resize(size);
   const int used = wire.encode(bytes.data(), 0, static_cast<int>(size));
   assert(used >= 0);
   bytes.resize(static_cast<size_t>(used));
-  if (!tail.empty()) {
-    uint8_t* count = bytes.data() + bytes.size() - count_offset_from_end;
-    for (int i = 0; i < 4; ++i) count[i] = static_cast<uint8_t>(tail.size() >> (24 - 8 * i));
-    bytes.insert(bytes.end(), tail.begin(), tail.end());
-  }
   return bytes;
 }
 
@@ -163,9 +157,27 @@ std::optional<PulseMessage> decode(std::span<const uint8_t> bytes) {
                       .edge_monotonic = from_ns<Monotonic>(w->t_edge_monotonic_ns)};
 }
 
-Bytes encode(const FrameMessage& m) {
+namespace {
+
+/// The pixels are the last field, and their count stands before the runs of the mask.
+Bytes pack_head(const FrameMessage& m, size_t room) {
   const frame_t w = frame_without_pixels(m);
-  return pack(w, m.frame.image.bytes, 4 + w.runs.size());
+  Bytes bytes = pack(w, room);
+  const size_t pixels = m.frame.image.bytes.size();
+  uint8_t* count = bytes.data() + bytes.size() - w.runs.size() - 4;
+  for (int i = 0; i < 4; ++i) count[i] = static_cast<uint8_t>(pixels >> (24 - 8 * i));
+  return bytes;
+}
+
+}  // namespace
+
+Bytes encode_head(const FrameMessage& m) { return pack_head(m, 0); }
+
+Bytes encode(const FrameMessage& m) {
+  const Bytes& pixels = m.frame.image.bytes;
+  Bytes bytes = pack_head(m, pixels.size());
+  bytes.insert(bytes.end(), pixels.begin(), pixels.end());
+  return bytes;
 }
 
 template <>

@@ -27,6 +27,10 @@ Bytes encode(const ReplyMessage& message);
 Bytes encode(const HealthMessage& message);
 Bytes encode(const EventMessage& message);
 
+/// An encoded FrameMessage up to its pixels; `message.frame.image.bytes` are the rest of it. For
+/// writers that need not copy the pixels.
+Bytes encode_head(const FrameMessage& message);
+
 /// M is one of the message types above.
 template <class M>
 std::optional<M> decode(std::span<const uint8_t> bytes);

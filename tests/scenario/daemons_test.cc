@@ -133,6 +133,42 @@ TEST_F(Studio4, records_a_take_whole_and_reconstructs_it_live) {
   EXPECT_FALSE(meshes.index_was_rebuilt());
 }
 
+TEST_F(Studio4, reconstructs_a_recorded_take_to_the_same_bytes_as_live) {
+  constexpr int kPulses = 20;
+  arm_and_start(kPulses);
+  ASSERT_TRUE(reaches("cap01", "frames_written", 4 * kPulses)) << log();
+  const Answer stopped = command(CommandVerb::kStop);
+  ASSERT_TRUE(stopped.done()) << text_of(stopped) << log();
+
+  // Elsewhere, without the studio: all that is needed is in the take.
+  const TakePaths copy{folder_ / "copy"};
+  std::filesystem::copy(take().folder, copy.folder, std::filesystem::copy_options::recursive);
+  std::filesystem::remove(copy.mesh());
+  ChildProcess offline({bin("v3dctl"), "reconstruct", copy.folder}, folder_ / "v3dctl.log");
+  ASSERT_EQ(offline.wait(within(120)), 0) << offline.output();
+
+  MeshFileReader live(take().mesh());
+  MeshFileReader recorded(copy.mesh());
+  ASSERT_GE(live.pulses().size(), 1U) << log();
+  EXPECT_EQ(recorded.pulses().size(), kPulses);
+  for (const int64_t pulse : live.pulses()) {
+    ASSERT_TRUE(live.read(pulse));
+    EXPECT_EQ(live.read(pulse), recorded.read(pulse)) << "pulse " << pulse;
+  }
+}
+
+TEST_F(Studio4, tells_when_a_train_of_known_length_has_ended) {
+  arm_and_start(10);
+  const auto ended = [&] {
+    const auto health = client_->health(within(5));
+    return health.size() == 2 && std::all_of(health.begin(), health.end(), [](const auto& entry) {
+             return entry.second.state == NodeState::kIdle;
+           });
+  };
+  EXPECT_TRUE(becomes_true(ended, within(60))) << log();
+  EXPECT_EQ(log().find("lost"), std::string::npos) << "the end of a train is no loss: " << log();
+}
+
 TEST_F(Studio4, refuses_what_is_out_of_order_and_says_what_would_be_right) {
   EXPECT_THAT(command(CommandVerb::kStart).replies.at("cap01").text, HasSubstr("not armed"));
   EXPECT_THAT(command(CommandVerb::kBackground, 1'000'000).replies.at("cap01").text,

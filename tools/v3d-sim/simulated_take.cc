@@ -101,12 +101,7 @@ class CameraLog {
     }
   }
 
-  CameraLedger close(int64_t commanded) {
-    if (!writer_.flush()) {
-      throw std::runtime_error(errno_message(camera_ + ".lcmlog"));
-    }
-    return account(camera_, pulses_, suspect_, commanded);
-  }
+  CameraLedger close(int64_t commanded) { return account(camera_, pulses_, suspect_, commanded); }
 
  private:
   const std::string take_;
@@ -173,7 +168,6 @@ void write_take(const SimulatedTake& take, const std::function<void(int64_t)>& p
     }
     progress(pulse + 1);
   }
-  pulses.flush();
 
   Ledger ledger;
   ledger.take = info.name;

@@ -101,11 +101,9 @@ void TakeBuilder::finish() {
   Ledger ledger;
   ledger.take = info_.name;
   ledger.commanded = ledger.sensed = pulses_;
-  for (size_t camera = 0; camera < info_.cameras.size(); ++camera) {
-    require_written(frame_logs_[camera].flush(), paths_.frames(info_.cameras[camera]));
-    ledger.cameras.push_back(account(info_.cameras[camera], pulses, {}, pulses_));
+  for (const std::string& camera : info_.cameras) {
+    ledger.cameras.push_back(account(camera, pulses, {}, pulses_));
   }
-  require_written(pulse_log_->flush(), paths_.pulses());
   info_.pulses = pulses_;
   info_.state = TakeState::kComplete;
   save_ledger(paths_.ledger(), ledger);

@@ -1,0 +1,81 @@
+#include "daemon/live_gate.h"
+
+#include <gtest/gtest.h>
+
+#include <atomic>
+#include <mutex>
+#include <thread>
+#include <vector>
+
+#include "daemon/work_places.h"
+
+namespace v3d {
+namespace {
+
+TEST(LiveGate, decides_for_a_pulse_once_whatever_happens_between_its_cameras) {
+  int64_t backlog = 0;
+  LiveGate gate([&] { return backlog; }, 2);
+  EXPECT_TRUE(gate.admits(0));
+  backlog = 3;
+  EXPECT_TRUE(gate.admits(0));
+  EXPECT_FALSE(gate.admits(1));
+  backlog = 0;
+  EXPECT_FALSE(gate.admits(1));
+  EXPECT_TRUE(gate.admits(2));
+}
+
+TEST(LiveGate, counts_a_skipped_pulse_once) {
+  LiveGate gate([] { return 5; }, 2);
+  for (int camera = 0; camera < 15; ++camera) {
+    gate.admits(7);
+    gate.admits(8);
+  }
+  EXPECT_EQ(gate.skipped(), 2);
+}
+
+TEST(WorkPlaces, go_to_the_oldest_pulse_first) {
+  WorkPlaces places(1);
+  places.acquire(0);
+  std::mutex mutex;
+  std::vector<int64_t> order;
+  std::vector<std::thread> workers;
+  for (const int64_t pulse : {9, 4, 6}) {
+    workers.emplace_back([&, pulse] {
+      places.acquire(pulse);
+      {
+        const std::lock_guard lock(mutex);
+        order.push_back(pulse);
+      }
+      places.release();
+    });
+  }
+  while (places.waiting() < 3) std::this_thread::yield();
+  places.release();
+  for (std::thread& worker : workers) worker.join();
+  EXPECT_EQ(order, (std::vector<int64_t>{4, 6, 9}));
+}
+
+TEST(WorkPlaces, let_no_more_work_at_a_time_than_there_are) {
+  WorkPlaces places(2);
+  std::atomic<int> working = 0;
+  std::atomic<int> most = 0;
+  std::vector<std::thread> workers;
+  for (int i = 0; i < 8; ++i) {
+    workers.emplace_back([&] {
+      for (int64_t pulse = 0; pulse < 200; ++pulse) {
+        places.acquire(pulse);
+        const int now = ++working;
+        for (int seen = most; now > seen && !most.compare_exchange_weak(seen, now);) {
+        }
+        --working;
+        places.release();
+      }
+    });
+  }
+  for (std::thread& worker : workers) worker.join();
+  EXPECT_LE(most, 2);
+  EXPECT_EQ(places.waiting(), 0U);
+}
+
+}  // namespace
+}  // namespace v3d
