@@ -403,7 +403,8 @@ void CaptureNode::report_health(HealthMessage& health) {
 void CaptureNode::tell_troubles(const TakeTotals& sum) {
   events_.keep_told(Severity::kAlarm, "disk", disk_trouble(sum));
   events_.keep_told(Severity::kAlarm, "trigger", trigger_trouble(sum));
-  events_.keep_told(Severity::kAlarm, "sense line", sensor_ ? sensor_->fault() : "");
+  events_.keep_told(Severity::kAlarm, "sense line",
+                    sensor_ && take_is_open() ? sensor_->fault() : "");
   events_.keep_told(Severity::kWarning, "live picture",
                     sum.pulses_not_live == 0
                         ? ""
