@@ -40,6 +40,18 @@ FrameSetOptions sets_of(const Studio& studio, const CommandMessage& order) {
   return options;
 }
 
+/// Their calibration, in their order: as `v3dctl reconstruct` takes it from the take.
+Rig rig_of(const std::vector<std::string>& cameras, const std::filesystem::path& calib) {
+  const Rig all = load_calib(calib);
+  Rig rig;
+  for (const std::string& camera : cameras) {
+    const int index = find_camera(all, camera);
+    if (index < 0) throw InputError(calib.string() + ": has no camera '" + camera + "'");
+    rig.push_back(all[static_cast<size_t>(index)]);
+  }
+  return rig;
+}
+
 }  // namespace
 
 ReconNode::ReconNode(const Studio& studio, const std::string& node, Bus& bus)
@@ -57,16 +69,18 @@ void ReconNode::arm(const CommandMessage& order) {
   std::error_code error;
   std::filesystem::create_directories(paths.folder, error);  // the mesh file tells what is wrong
   const StudioReconstruction& recon = studio_.reconstruction;
+  const FrameSetOptions sets = sets_of(studio_, order);
+  const int cameras = static_cast<int>(sets.cameras.size());
   pipeline_ = std::make_unique<ReconPipeline>(
       ReconPipeline::Setup{.take = order.take,
                            .mesh_file = paths.mesh(),
-                           .rig = load_calib(studio_.storage.calib),
+                           .rig = rig_of(sets.cameras, studio_.storage.calib),
                            .options = {.bounds = studio_.space.bounds,
                                        .voxel_m = recon.voxel_m,
-                                       .min_views = recon.min_views,
+                                       .min_views = std::min(cameras, recon.min_views),
                                        .quality = recon.quality,
                                        .threads = recon.threads},
-                           .sets = sets_of(studio_, order)},
+                           .sets = sets},
       bus_);
   told_dropped_ = 0;
 }

@@ -128,8 +128,9 @@ int wait_for_end(OperatorClient& client) {
     }
     const auto health = client.health(Monotonic::now());
     if (const std::string current = current_take(health); !current.empty()) take = current;
-    status.show("recording " + take + "   " + recording_line(health));
-    if (!all_heard(client.nodes(), health) || any_at_work(health)) continue;
+    if (!all_heard(client.nodes(), health)) continue;
+    if (!take.empty()) status.show("recording " + take + "   " + recording_line(health));
+    if (any_at_work(health)) continue;
     return all_well(client.nodes(), health) ? kExitDone : kExitNotWhole;
   }
 }
