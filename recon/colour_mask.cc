@@ -41,8 +41,8 @@ class EndlessRow {
 
 ColourMask::ColourMask(const Frame& frame)
     : roi_(frame.roi),
-      words_per_row_((frame.roi.width + 31) / 32),
-      words_(static_cast<size_t>(2 * words_per_row_) * frame.roi.height, ~uint32_t{0}) {
+      words_per_row_((frame.roi.width + 31) / 32 * 2),
+      words_(static_cast<size_t>(words_per_row_) * frame.roi.height, ~uint32_t{0}) {
   if (!frame.mask) {
     return;
   }
@@ -52,9 +52,10 @@ ColourMask::ColourMask(const Frame& frame)
     const EndlessRow below(*frame.mask, y + kReach);
     for (int x = roi_.x0; x < roi_.x0 + roi_.width; x += 32) {
       const uint32_t foreground = row.bits(x);
-      *out++ = foreground;
-      *out++ =
+      const uint32_t inner =
           foreground & above.bits(x) & below.bits(x) & row.bits(x - kReach) & row.bits(x + kReach);
+      *out++ = (foreground & 0xFFFF) | inner << 16;
+      *out++ = foreground >> 16 | (inner & 0xFFFF0000);
     }
   }
 }

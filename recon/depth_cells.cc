@@ -18,6 +18,9 @@ constexpr double kNearPart = 0.8;
 /// A smaller cell costs more and shows nothing that the image can tell.
 constexpr double kLeastPixels = 1;
 
+/// How many cells away a point hides: more cells make the edges of occluders finer.
+constexpr int kSpread = 2;
+
 /// Pixels per metre of length across the view and metre of distance along the axis, at most: away
 /// from the axis a camera without distortion shows lengths larger by up to sqrt(1 + x^2 + y^2).
 double most_pixels(const CameraModel& camera, Rect roi) {
@@ -29,13 +32,14 @@ double most_pixels(const CameraModel& camera, Rect roi) {
 }
 
 CellGrid cells_over(Rect roi, double cell_pixels, double whole_from_z) {
+  constexpr double kRings = kSpread + 0.25;
   CellGrid grid;
   grid.cells_per_pixel = static_cast<float>(1 / cell_pixels);
-  // A quarter more than one cell, so that no rounding puts a pixel of the roi into the ring.
-  grid.first_u = static_cast<float>(roi.x0 - 1.25 * cell_pixels);
-  grid.first_v = static_cast<float>(roi.y0 - 1.25 * cell_pixels);
-  grid.columns = static_cast<int>(std::ceil(roi.width / cell_pixels)) + 3;
-  grid.rows = static_cast<int>(std::ceil(roi.height / cell_pixels)) + 3;
+  // A quarter of a cell more than the rings, so that no rounding puts a pixel of the roi into them.
+  grid.first_u = static_cast<float>(roi.x0 - kRings * cell_pixels);
+  grid.first_v = static_cast<float>(roi.y0 - kRings * cell_pixels);
+  grid.columns = static_cast<int>(std::ceil(roi.width / cell_pixels)) + 2 * kSpread + 1;
+  grid.rows = static_cast<int>(std::ceil(roi.height / cell_pixels)) + 2 * kSpread + 1;
   grid.whole_from_z = static_cast<float>(whole_from_z);
   return grid;
 }
@@ -47,14 +51,16 @@ float nearer(float a, float b) { return a < b ? a : b; }
 DepthCells::DepthCells(const PointArrays& points, const Eigen::Vector3f& centroid, double radius_m,
                        const CameraModel& camera, const VoxelCamera& lens, Rect roi) {
   const double z = (camera.cam_from_world() * centroid.cast<double>()).z();
-  const double pixels = radius_m * most_pixels(camera, roi);
+  const double pixels = radius_m * most_pixels(camera, roi) / kSpread;  // seen from 1 m
   const double from_z = std::max({kNearPart * z, kNearPlaneMetres, pixels / roi.width});
   const double cell_pixels = std::max(kLeastPixels, pixels / from_z);
   grid_ = cells_over(roi, cell_pixels, pixels / cell_pixels);
   nearest_.assign(static_cast<size_t>(grid_.count()) + 1, kNothing);
   draw(points, lens);
   nearest_.pop_back();
-  spread_to_neighbours();
+  for (int i = 0; i < kSpread; ++i) {
+    spread_to_neighbours();
+  }
 }
 
 void DepthCells::draw(const PointArrays& points, const VoxelCamera& lens) {
@@ -74,7 +80,7 @@ void DepthCells::draw(const PointArrays& points, const VoxelCamera& lens) {
 
 /// A point so near that its neighbours may be several cells away.
 void DepthCells::draw_near(float column, float row, float z) {
-  const float reach = std::ceil(grid_.whole_from_z / z) - 1;
+  const float reach = std::ceil(kSpread * (grid_.whole_from_z / z)) - kSpread;
   const auto bound = [](float at, int count) {
     return static_cast<int>(std::clamp(at, 0.0F, static_cast<float>(count)));
   };

@@ -1,5 +1,5 @@
-// How far a camera sees before the surface stops it, in cells about as wide as the points that tell
-// the surface are apart: a coarse depth buffer drawn without triangles.
+// How far a camera sees before the surface stops it, in cells finer than the points that tell the
+// surface are apart: a depth buffer drawn without triangles.
 #pragma once
 
 #include <vector>
@@ -10,25 +10,25 @@
 
 namespace v3d {
 
-/// Square cells over a part of an image and one ring of cells round it. Pixel coordinates are those
-/// of PixelPoint: the centre of the first pixel is (0.5, 0.5).
+/// Square cells over a part of an image and two rings of cells round it. Pixel coordinates are
+/// those of PixelPoint: the centre of the first pixel is (0.5, 0.5).
 struct CellGrid {
   float first_u = 0, first_v = 0;  ///< where cell (0, 0) begins
   float cells_per_pixel = 1;
   int columns = 0;
   int rows = 0;
-  /// Points from here on, metres along the optical axis, are no farther apart in the image than a
-  /// cell is wide.
+  /// Of a surface from here on, metres along the optical axis, no place lies more than two widths
+  /// of a cell beside a point in the image.
   float whole_from_z = 0;
 
   float cell_width() const { return 1 / cells_per_pixel; }  ///< pixels
   int count() const { return columns * rows; }
 };
 
-/// The depth that hides what lies behind it, for every cell: of the nearest point in the cell and
-/// the eight cells round it. Since every place on the surface has a point within a cell's width, no
-/// hole is left; the edge of an occluder moves outwards by one to two widths of a cell, so that its
-/// colours do not leak onto what lies behind.
+/// The depth that hides what lies behind it, for every cell: of the nearest point in the 5 x 5
+/// cells round it. Since every place on the surface has a point within two widths of a cell, no
+/// hole is left; the edge of an occluder moves outwards by two to three widths of a cell (one to
+/// one and a half times the points' radius), so that its colours do not leak onto what lies behind.
 class DepthCells {
  public:
   DepthCells() = default;
@@ -40,8 +40,8 @@ class DepthCells {
              const CameraModel& camera, const VoxelCamera& lens, Rect roi);
 
   const CellGrid& grid() const { return grid_; }
-  /// Row by row, columns side by side; infinity where there is no surface. The outermost ring holds
-  /// no answer.
+  /// Row by row, columns side by side; infinity where there is no surface. The outer rings hold no
+  /// answer.
   const float* nearest() const { return nearest_.data(); }
 
  private:

@@ -16,8 +16,9 @@
 namespace v3d {
 namespace {
 
-/// The surface is known to about a voxel on either side.
-constexpr double kDepthToleranceVoxels = 2;
+/// The surface is known to about a voxel on either side, and the points that hide it stand for
+/// their surroundings.
+constexpr double kDepthToleranceVoxels = 3;
 
 /// Half of the longest edge of a marching cube, which joins the middles of two edges of a voxel.
 constexpr double kTriangleRadiusVoxels = 0.71;

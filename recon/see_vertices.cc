@@ -35,8 +35,8 @@ HWY_INLINE LaneMask within(Lanes v, float low, float high) {
   return hn::And(hn::Ge(v.v, hn::Set(floats, low)), hn::Lt(v.v, hn::Set(floats, high)));
 }
 
-/// Two cells away along both axes, in widths of a cell: what DepthCells say may lie so far aside.
-constexpr float kSlantReach = 2.83F;
+/// Three cells away along both axes, in widths of a cell: what DepthCells say may lie so far aside.
+constexpr float kSlantReach = 4.24F;
 
 /// Where a camera sees vertices, and how well.
 struct View {
@@ -73,17 +73,16 @@ HWY_INLINE MaskBits look_at_mask(const VertexCamera& camera, hn::Vec<Ints> x, hn
   const Floats floats;
   const Ints ints;
   const Words words;
-  const auto pair =
-      hn::Add(hn::Mul(y, hn::Set(ints, camera.mask.words_per_row())), hn::ShiftRight<5>(x));
-  const auto index = hn::ShiftLeft<1>(pair);
-  const auto place = hn::BitCast(words, hn::And(x, hn::Set(ints, 31)));
+  const auto index =
+      hn::Add(hn::Mul(y, hn::Set(ints, camera.mask.words_per_row())), hn::ShiftRight<4>(x));
   const auto* base = reinterpret_cast<const int32_t*>(camera.mask.words());
-  const auto bit = [&](hn::Vec<Ints> at) {
-    const auto word = hn::BitCast(words, hn::GatherIndex(ints, base, at));
-    const auto one = hn::And(hn::Shr(word, place), hn::Set(words, 1));
-    return hn::RebindMask(floats, hn::Ne(one, hn::Zero(words)));
+  const auto word = hn::BitCast(words, hn::GatherIndex(ints, base, index));
+  const auto place = hn::BitCast(words, hn::And(x, hn::Set(ints, 15)));
+  const auto pixel = hn::Shr(word, place);
+  const auto has = [&](uint32_t bit) {
+    return hn::RebindMask(floats, hn::TestBit(pixel, hn::Set(words, bit)));
   };
-  return {bit(index), bit(hn::Add(index, hn::Set(ints, 1)))};
+  return {has(1), has(1U << 16)};
 }
 
 /// sample_colour() for every lane in `wanted`, which shrinks to the lanes that have a colour.
@@ -160,6 +159,7 @@ HWY_INLINE void see(const VertexCamera& camera, const PointArrays& vertices,
       hn::And(within(q.u, roi.x0, roi.x0 + roi.width), within(q.v, roi.y0, roi.y0 + roi.height));
   View view{facing, q.u, q.v, p.z, hn::And(faces, hn::And(in_lens, in_roi))};
   view.lanes = hn::And(view.lanes, not_hidden(camera, view));
+  if (bits_of(view.lanes) == 0) return;
 
   const auto pixel = [&](Lanes where, int origin) {
     const auto whole = hn::ConvertTo(ints, hn::IfThenElseZero(view.lanes, where.v));
