@@ -17,7 +17,7 @@ constexpr ImageSize kSize{200, 150};
 
 /// A ball that fills the picture to its borders, so that samples are taken there too.
 const Mesh& ball() {
-  static const Mesh kBall = shapes::sphere({0, 0, 0}, 0.6F, 22);
+  static const Mesh kBall = shapes::sphere({0, 0, 0}, 0.6F, 44);
   return kBall;
 }
 
