@@ -110,6 +110,25 @@ TEST(DepthCells, have_no_hole_where_triangles_cover_the_image) {
   }
 }
 
+TEST(DepthCells, have_no_hole_where_points_are_as_far_apart_as_they_may_be) {
+  // Squares of 5 cm that stand on a corner: their middle lies as far from a point as it may, and
+  // straight beside it.
+  Mesh plane = shapes::patch(0.5F, 0, 20);
+  for (Eigen::Vector3f& v : plane.vertices) {
+    v = Eigen::Vector3f(v.x() + v.y(), v.y() - v.x(), 0) / std::sqrt(2.0F);
+  }
+  const CameraModel above = camera({0, 0, 3}, {0, 0, 0}, {320, 240}, 600);
+  const Rect roi{100, 60, 120, 120};
+  // A centroid behind the plane: the cells fit a distance nearer than it, just that of the plane.
+  const DepthCells cells = cells_of(plane, 0.0354, above, roi, {0, 0, -0.75F});
+  ASSERT_GT(cells.grid().cell_width(), 3);
+  for (int y = roi.y0; y < roi.y0 + roi.height; ++y) {
+    for (int x = roi.x0; x < roi.x0 + roi.width; ++x) {
+      ASSERT_NEAR(nearest_at(cells, x, y), 3, 1e-4) << x << " " << y;
+    }
+  }
+}
+
 TEST(DepthCells, are_empty_a_few_cells_beside_the_surface) {
   const Mesh ball = shapes::sphere({0, 0, 0}, 0.5F, 60);
   const CameraModel eye = camera({0, -3, 0}, {0, 0, 0}, {320, 240}, 260);
