@@ -27,7 +27,10 @@ struct Unref {
 /// A camera at 127.0.0.11 that is triggered by writing its software-trigger register.
 class FakeCamera {
  public:
-  FakeCamera() : camera_(arv_gv_fake_camera_new("127.0.0.11", "V3D-0001")) {}
+  FakeCamera() : camera_(arv_gv_fake_camera_new("127.0.0.11", "V3D-0001")) {
+    // How often it looks for a trigger, Hz.
+    if (running()) arv_fake_camera_set_trigger_frequency(inside(), 400);
+  }
 
   bool running() const { return arv_gv_fake_camera_is_running(camera_.get()); }
   ArvFakeCamera* inside() const { return arv_gv_fake_camera_get_fake_camera(camera_.get()); }

@@ -17,18 +17,29 @@ bool same_camera(const RigCamera& a, const RigCamera& b) {
          a.model.cam_from_world().translation == b.model.cam_from_world().translation;
 }
 
-/// The part of the action's surface points that fall inside the image.
-double seen(const RigCamera& camera) {
-  int64_t inside = 0, all = 0;
-  for (double t = 0; t < kActionPeriodSeconds; t += 0.16) {
-    const Mesh performer = performer_at(t, 1);
-    for (size_t i = 0; i < performer.vertices.size(); i += 7) {
-      const auto pixel = camera.model.project(performer.vertices[i].cast<double>());
-      inside += pixel && camera.model.inside_image(*pixel);
-      ++all;
+/// Points of the performer's surface, spread over the whole action.
+const std::vector<Eigen::Vector3d>& action_points() {
+  static const std::vector<Eigen::Vector3d> points = [] {
+    std::vector<Eigen::Vector3d> sampled;
+    for (double t = 0; t < kActionPeriodSeconds; t += 0.16) {
+      const Mesh performer = performer_at(t, 1);
+      for (size_t i = 0; i < performer.vertices.size(); i += 7) {
+        sampled.push_back(performer.vertices[i].cast<double>());
+      }
     }
+    return sampled;
+  }();
+  return points;
+}
+
+/// The part of them that falls inside the image.
+double seen(const RigCamera& camera) {
+  int64_t inside = 0;
+  for (const Eigen::Vector3d& point : action_points()) {
+    const auto pixel = camera.model.project(point);
+    inside += pixel && camera.model.inside_image(*pixel);
   }
-  return static_cast<double>(inside) / static_cast<double>(all);
+  return static_cast<double>(inside) / static_cast<double>(action_points().size());
 }
 
 TEST(Rig, stands_on_the_wall_of_the_studio_at_several_heights) {

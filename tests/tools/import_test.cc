@@ -76,9 +76,10 @@ TEST_F(Import, keeps_every_pixel_and_every_bit_of_the_mask) {
   for (size_t i = 0; i < frames.size(); ++i) {
     ASSERT_TRUE(frames[i]);
     EXPECT_EQ(frames[i]->raw.image.bytes, test::ball_image(rig_[i]).bytes);
+    const Image mask = test::ball_mask(rig_[i]);
     for (int y = 0; y < 48; ++y) {
       for (int x = 0; x < 64; ++x) {
-        ASSERT_EQ(frames[i]->mask.get(x, y), test::ball_mask(rig_[i]).row(y)[3 * x] > 0);
+        ASSERT_EQ(frames[i]->mask.get(x, y), mask.row(y)[3 * x] > 0);
       }
     }
   }
