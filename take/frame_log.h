@@ -56,7 +56,8 @@ class FrameLogReader {
   std::unique_ptr<Impl> impl_;
 };
 
-/// All pulses of pulses.lcmlog, in order.
+/// All pulses of pulses.lcmlog, in order; damaged events are passed over. Throws InputError as
+/// FrameLogReader does.
 std::vector<PulseMessage> read_pulses(const std::filesystem::path& path);
 
 }  // namespace v3d

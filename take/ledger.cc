@@ -7,6 +7,7 @@
 #include "base/file.h"
 #include "base/toml_file.h"
 #include "base/units.h"
+#include "take/take.h"
 
 namespace v3d {
 namespace {
@@ -19,7 +20,9 @@ std::string number_list(const std::vector<int64_t>& numbers) {
 
 int64_t read_count(const TomlTable& table, std::string_view key) {
   const int64_t n = table.integer(key);
-  if (n < 0) table.fail(key, "expected a count, 0 or more");
+  if (n < 0 || n > kMostPulses) {
+    table.fail(key, "expected a count, 0 to " + format_count(kMostPulses));
+  }
   return n;
 }
 

@@ -33,7 +33,9 @@ struct Ledger {
 CameraLedger account(const std::string& camera, const std::vector<int64_t>& pulses,
                      const std::vector<int64_t>& suspect, int64_t commanded);
 
+/// Throws InputError with file, line and field; also when the file is not there.
 Ledger load_ledger(const std::filesystem::path& path);
+/// Replaces the file in one step; throws std::runtime_error when the disk refuses.
 void save_ledger(const std::filesystem::path& path, const Ledger& ledger);
 
 }  // namespace v3d

@@ -4,6 +4,7 @@
 #include "base/file.h"
 #include "base/name.h"
 #include "base/toml_file.h"
+#include "base/units.h"
 
 namespace v3d {
 namespace {
@@ -62,7 +63,9 @@ TakeInfo load_take_info(const TakePaths& paths) {
   info.rate_hz = table.number("rate_hz");
   if (info.rate_hz <= 0) table.fail("rate_hz", "expected a positive number of pulses per second");
   info.pulses = table.integer("pulses");
-  if (info.pulses < 0) table.fail("pulses", "expected a count, 0 or more");
+  if (info.pulses < 0 || info.pulses > kMostPulses) {
+    table.fail("pulses", "expected a count, 0 to " + format_count(kMostPulses));
+  }
   info.state = read_state(table);
   info.software_version = table.text("software_version");
   info.started = from_ns<Realtime>(table.integer("started_ns"));

@@ -13,6 +13,10 @@
 
 namespace v3d {
 
+/// More pulses than any take has (four days at 25 Hz): a larger count or number comes from a
+/// damaged file, and nobody shall list that many missing frames.
+inline constexpr int64_t kMostPulses = 10'000'000;
+
 enum class TakeState { kRecording, kComplete, kRecovered };
 std::string_view name(TakeState state);
 
@@ -46,6 +50,7 @@ struct TakePaths {
 
 /// Throws InputError when the folder is no take, with what is missing.
 TakeInfo load_take_info(const TakePaths& paths);
+/// Replaces take.toml in one step; throws std::runtime_error when the disk refuses.
 void save_take_info(const TakePaths& paths, const TakeInfo& info);
 
 /// A take name is a file name: letters, digits, '-', '_' and '.', not starting with '.' or '-', at

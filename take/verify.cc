@@ -50,7 +50,13 @@ class Verifier {
     ledger.take = result_.info.name;
     std::set<int64_t> sensed;
     try {
-      for (const PulseMessage& pulse : read_pulses(paths_.pulses())) sensed.insert(pulse.pulse);
+      for (const PulseMessage& message : read_pulses(paths_.pulses())) {
+        if (message.pulse < kMostPulses) {
+          sensed.insert(message.pulse);
+        } else {
+          disagree(paths_.pulses(), "holds the impossible pulse " + format_count(message.pulse));
+        }
+      }
     } catch (const InputError& error) {
       result_.disagreements.emplace_back(error.what());
     }

@@ -96,6 +96,8 @@ TEST(Ledger, names_what_is_wrong_with_its_file) {
   };
   EXPECT_THAT(refusal("take = \"a\"\ncommanded = -3\nsensed = 0\n"),
               testing::HasSubstr("ledger.toml:2: commanded: expected a count"));
+  EXPECT_THAT(refusal("take = \"a\"\ncommanded = 9000000000000000000\nsensed = 0\n"),
+              testing::HasSubstr("commanded: expected a count, 0 to 10,000,000"));
   EXPECT_THAT(refusal("take = \"a\"\ncommanded = 3\n"), testing::HasSubstr("sensed: missing"));
   EXPECT_THAT(refusal("take = \"a"), testing::HasSubstr("ledger.toml:1"));
   EXPECT_THAT(test::message_of<InputError>([&] { load_ledger(folder / "none.toml"); }),

@@ -61,6 +61,8 @@ TEST(TakeInfo, names_the_field_that_is_wrong) {
   };
   EXPECT_THAT(refusal_with([](TakeInfo& i) { i.rate_hz = 0; }), testing::HasSubstr(": rate_hz: "));
   EXPECT_THAT(refusal_with([](TakeInfo& i) { i.pulses = -1; }), testing::HasSubstr(": pulses: "));
+  EXPECT_THAT(refusal_with([](TakeInfo& i) { i.pulses = INT64_MAX; }),
+              testing::HasSubstr(": pulses: expected a count, 0 to 10,000,000"));
   EXPECT_THAT(refusal_with([](TakeInfo& i) { i.name = "../x"; }), testing::HasSubstr(": name: "));
   EXPECT_THAT(refusal_with([](TakeInfo& i) { i.cameras = {"a/b"}; }),
               testing::HasSubstr(": cameras: "));

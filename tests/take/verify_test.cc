@@ -126,6 +126,23 @@ TEST_F(TakeFolder, that_nobody_closed_is_recovered_from_its_logs) {
   EXPECT_EQ(after.info.pulses, 3);
 }
 
+TEST_F(TakeFolder, tells_of_a_pulse_number_that_no_take_reaches) {
+  std::filesystem::remove(paths_.ledger());
+  info_.state = TakeState::kRecording;
+  save_take_info(paths_, info_);
+  {
+    EventLogWriter pulses(paths_.pulses());
+    for (const int64_t pulse : {int64_t{0}, int64_t{1}, int64_t{2}, INT64_MAX - 1}) {
+      PulseMessage m;
+      m.pulse = pulse;
+      pulses.write(m);
+    }
+  }
+  const Verification v = verify_take(paths_);
+  EXPECT_EQ(v.ledger.commanded, 3);
+  EXPECT_THAT(v.disagreements, testing::Contains(HasSubstr("pulses.lcmlog: holds the impossible")));
+}
+
 TEST_F(TakeFolder, tells_of_a_mesh_file_that_is_none) {
   test::write_text(paths_.mesh(), "mesh");
   EXPECT_THAT(verify_take(paths_).disagreements, ElementsAre(HasSubstr("is no mesh file")));
