@@ -36,14 +36,15 @@ uint16_t lattice_number(const VertexLattice& lattice, float position, int axis) 
   return static_cast<uint16_t>(h);
 }
 
-std::vector<uint8_t> position_content(const CompactFrame& frame) {
-  const size_t count = frame.mesh.vertices.size();
+std::vector<uint8_t> position_content(const std::vector<Eigen::Vector3f>& positions,
+                                      const VertexLattice& lattice) {
+  const size_t count = positions.size();
   std::vector<uint8_t> content(6 * count);
   for (int axis = 0; axis < 3; ++axis) {
     uint8_t* low = content.data() + 2 * axis * count;
     uint16_t before = 0;
     for (size_t v = 0; v < count; ++v) {
-      const uint16_t h = lattice_number(frame.lattice, frame.mesh.vertices[v][axis], axis);
+      const uint16_t h = lattice_number(lattice, positions[v][axis], axis);
       const uint16_t z = fold(static_cast<uint16_t>(h - before));
       low[v] = static_cast<uint8_t>(z);
       low[count + v] = static_cast<uint8_t>(z >> 8);
@@ -275,6 +276,20 @@ void require_limits(const CompactFrame& frame) {
   }
 }
 
+/// Whether in_coding_order(mesh) would change nothing.
+bool is_in_coding_order(const Mesh& mesh) {
+  uint32_t next = 0;
+  for (const auto& triangle : mesh.triangles) {
+    for (const uint32_t index : triangle) {
+      if (index > next) {
+        return false;
+      }
+      next += index == next;
+    }
+  }
+  return true;
+}
+
 /// The content of a section, if it is `expected` bytes long.
 std::optional<std::vector<uint8_t>> content_of(std::span<const uint8_t> section, size_t expected) {
   return decompress_section(section, expected, expected);
@@ -315,25 +330,30 @@ Mesh in_coding_order(const Mesh& mesh) {
   return result;
 }
 
-std::vector<uint8_t> encode_compact(const CompactFrame& input) {
-  require_limits(input);
-  CompactFrame frame = input;
-  frame.mesh = in_coding_order(input.mesh);
-  std::sort(frame.cameras.begin(), frame.cameras.end());
+std::vector<uint8_t> encode_compact(const CompactFrame& frame) {
+  require_limits(frame);
+  Mesh renumbered;
+  const bool as_it_is = is_in_coding_order(frame.mesh);
+  if (!as_it_is) {
+    renumbered = in_coding_order(frame.mesh);
+  }
+  const Mesh& mesh = as_it_is ? frame.mesh : renumbered;
+  std::vector<std::string> cameras = frame.cameras;
+  std::sort(cameras.begin(), cameras.end());
 
-  const bool coloured = !frame.mesh.colours.empty();
+  const bool coloured = !mesh.colours.empty();
   const std::array<std::vector<uint8_t>, 4> sections{
-      name_content(frame.cameras), compress_section(position_content(frame)),
-      coloured ? compress_section(colour_content(frame.mesh.colours)) : std::vector<uint8_t>{},
-      compress_section(triangle_content(frame.mesh))};
+      name_content(cameras), compress_section(position_content(mesh.vertices, frame.lattice)),
+      coloured ? compress_section(colour_content(mesh.colours)) : std::vector<uint8_t>{},
+      compress_section(triangle_content(mesh))};
   Header header{.flags = coloured ? kHasColours : uint16_t{0},
-                .cameras = static_cast<uint16_t>(frame.cameras.size()),
+                .cameras = static_cast<uint16_t>(cameras.size()),
                 .missing = static_cast<uint16_t>(frame.missing),
                 .pulse = frame.pulse,
                 .exposure_ns = to_ns(frame.exposure),
                 .lattice = frame.lattice,
-                .vertices = static_cast<uint32_t>(frame.mesh.vertices.size()),
-                .triangles = static_cast<uint32_t>(frame.mesh.triangles.size()),
+                .vertices = static_cast<uint32_t>(mesh.vertices.size()),
+                .triangles = static_cast<uint32_t>(mesh.triangles.size()),
                 .section_bytes = {}};
   for (size_t i = 0; i < sections.size(); ++i) {
     header.section_bytes[i] = static_cast<uint32_t>(sections[i].size());

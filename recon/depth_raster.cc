@@ -18,11 +18,6 @@ void keep_nearest(float* pixels, int count, float first, float step, float limit
   }
 }
 
-/// Counter-clockwise seen from outside is clockwise in numbers, because y runs down.
-bool faces_camera(const std::array<ScreenVertex, 3>& c) {
-  return (c[1].x - c[0].x) * (c[2].y - c[0].y) < (c[2].x - c[0].x) * (c[1].y - c[0].y);
-}
-
 void draw_triangle(const std::array<ScreenVertex, 3>& corner, ImageSize size,
                    std::vector<float>& inverse_z) {
   const Band whole{size.width, 0, size.height};
@@ -41,13 +36,10 @@ void draw_triangle(const std::array<ScreenVertex, 3>& corner, ImageSize size,
 }  // namespace
 
 DepthBuffer draw_depth(const Mesh& mesh, const CameraModel& camera,
-                       const std::vector<ScreenVertex>& vertices, int factor, ImageSize size,
-                       Sides sides) {
+                       const std::vector<ScreenVertex>& vertices, int factor, ImageSize size) {
   DepthBuffer buffer{size, std::vector<float>(static_cast<size_t>(size.pixels()), 0.0F)};
   for_each_screen_triangle(mesh, camera, vertices, factor, [&](uint32_t, const ScreenTriangle& t) {
-    if (sides == Sides::kBoth || faces_camera(t.corner)) {
-      draw_triangle(t.corner, size, buffer.z);
-    }
+    draw_triangle(t.corner, size, buffer.z);
   });
   for (float& value : buffer.z) {
     value = value > 0 ? 1.0F / value : std::numeric_limits<float>::infinity();

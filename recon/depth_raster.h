@@ -22,15 +22,10 @@ struct DepthBuffer {
 /// away. Pure; one thread.
 DepthBuffer draw_depth(const Mesh& mesh, const CameraModel& camera);
 
-/// For a closed mesh seen from outside the sides that face away are never the nearest: leaving them
-/// out halves the work.
-enum class Sides { kBoth, kFront };
-
 /// The same from vertices that were projected (and reduced by `factor`) already. `size`: of the
 /// reduced image.
 DepthBuffer draw_depth(const Mesh& mesh, const CameraModel& camera,
-                       const std::vector<ScreenVertex>& vertices, int factor, ImageSize size,
-                       Sides sides = Sides::kBoth);
+                       const std::vector<ScreenVertex>& vertices, int factor, ImageSize size);
 
 /// One buffer per camera, cameras in parallel; the result does not depend on the number of threads.
 std::vector<DepthBuffer> draw_depths(const Mesh& mesh, std::span<const CameraModel> cameras);

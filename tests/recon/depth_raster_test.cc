@@ -76,19 +76,6 @@ TEST(DepthRaster, of_a_reduced_camera_agrees_with_the_reduced_vertices_of_the_wh
   EXPECT_LE(differ, 2);  // pixel centres within a rounding of the outline
 }
 
-TEST(DepthRaster, of_a_closed_mesh_needs_only_the_front_sides) {
-  const CameraModel eye = camera({1, -2, 1}, {0, 0, 0}, {120, 90}, 100, {-0.25, 0.1});
-  Mesh mesh = shapes::box({-0.5F, -0.5F, -0.5F}, {0.5F, 0.5F, 0.5F});
-  shapes::append(mesh, shapes::sphere({0.3F, -0.6F, 0.5F}, 0.4F, 12));
-  const auto vertices = project_vertices(mesh, eye);
-  const DepthBuffer front = draw_depth(mesh, eye, vertices, 1, eye.size(), Sides::kFront);
-  EXPECT_EQ(front.z, draw_depth(mesh, eye).z);
-  for (auto& t : mesh.triangles) {
-    std::swap(t[0], t[1]);
-  }
-  EXPECT_NE(draw_depth(mesh, eye, vertices, 1, eye.size(), Sides::kFront).z, front.z);
-}
-
 TEST(DepthRaster, survives_a_mesh_round_the_camera) {
   // The camera stands inside the box, off its middle: it sees the far walls and no near ones.
   const CameraModel inside = camera({0.5, 0.2, 0.1}, {5, 0.2, 0.1}, {32, 24}, 30);
