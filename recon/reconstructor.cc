@@ -1,12 +1,12 @@
 #include "recon/reconstructor.h"
 
 #include <tbb/task_arena.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <utility>
 
 #include "base/error.h"
+#include "base/file.h"
 #include "base/time.h"
 #include "recon/compact_frame.h"
 #include "recon/intersect.h"
@@ -32,16 +32,12 @@ class Stopwatch {
   MonotonicInstant start_ = Monotonic::now();
 };
 
-double physical_memory_bytes() {
-  return static_cast<double>(sysconf(_SC_PHYS_PAGES)) * static_cast<double>(sysconf(_SC_PAGE_SIZE));
-}
-
 VoxelGrid affordable_grid(const ReconstructOptions& options) {
   if (options.quality == Quality::kHigh) {
     throw InputError("quality: high is not available in this version: use live");
   }
   const VoxelGrid grid = VoxelGrid::covering(options.bounds, options.voxel_m);
-  require_memory(grid, physical_memory_bytes());
+  require_memory(grid, static_cast<double>(available_memory()));
   return grid;
 }
 
