@@ -78,36 +78,55 @@ V3D_VECTORISED void flag_quads(const uint16_t* upper, const uint16_t* lower, uin
   }
 }
 
-/// The samples of two by two pixels.
+/// The samples of two by two pixels, kSamples in a row: a number that is known when it is compiled,
+/// because this is asked of every pixel of the performer.
+template <int kSamples>
 struct Quad {
   const uint8_t* seen[2];       ///< grey values of the upper and the lower row
   const uint16_t* expected[2];  ///< 1/128 grey values
-  int samples;                  ///< in a row
 };
 
 /// One factor explains all samples: it leaves of each less than noise and the allowed change of
 /// colour.
-bool is_shadow(const Quad& quad, const SegmentOptions& options) {
-  float seen = 0;
-  float expected = 0;
+template <int kSamples>
+bool is_shadow(const Quad<kSamples>& quad, const SegmentOptions& options) {
+  int seen = 0;
+  int expected = 0;
   for (int row = 0; row < 2; ++row) {
-    for (int i = 0; i < quad.samples; ++i) {
+    for (int i = 0; i < kSamples; ++i) {
       seen += quad.seen[row][i];
-      expected += static_cast<float>(quad.expected[row][i]) / 128;
+      expected += quad.expected[row][i];
     }
   }
-  const float factor = seen / std::max(expected, 1.0F);
+  const float factor =
+      static_cast<float>(seen) / std::max(static_cast<float>(expected) / 128, 1.0F);
   const float highlight_max = 1 + (1 - options.shadow_min) / 4;
   if (factor < options.shadow_min || factor > highlight_max) return false;
-  const float mean = seen / static_cast<float>(2 * quad.samples);
+  const float mean = static_cast<float>(seen) / static_cast<float>(2 * kSamples);
   const float allowed = kShadowNoise * options.noise_floor + options.shadow_chroma * mean;
+  bool explained = true;
   for (int row = 0; row < 2; ++row) {
-    for (int i = 0; i < quad.samples; ++i) {
-      const float explained = factor * (static_cast<float>(quad.expected[row][i]) / 128);
-      if (std::abs(quad.seen[row][i] - explained) > allowed) return false;
+    for (int i = 0; i < kSamples; ++i) {
+      const float shaded = factor * (static_cast<float>(quad.expected[row][i]) / 128);
+      explained &= std::abs(static_cast<float>(quad.seen[row][i]) - shaded) <= allowed;
     }
   }
-  return true;
+  return explained;
+}
+
+/// Takes the shadows out of `differs`, the flags of a row of quads.
+template <int kChannels>
+void spare_shadows(const uint8_t* const seen[2], const uint16_t* const expected[2],
+                   const SegmentOptions& options, std::span<uint64_t> differs) {
+  for (size_t w = 0; w < differs.size(); ++w) {
+    for (uint64_t rest = differs[w]; rest != 0; rest &= rest - 1) {
+      const int bit = std::countr_zero(rest);
+      const size_t first = (w * 64 + static_cast<size_t>(bit)) * kChannels;
+      const Quad<2 * kChannels> quad{{seen[0] + first, seen[1] + first},
+                                     {expected[0] + first, expected[1] + first}};
+      if (is_shadow(quad, options)) differs[w] &= ~(uint64_t{1} << bit);
+    }
+  }
 }
 
 /// 64 flags of 0 or 1 to the bits of a word. Multiplying gathers the lowest bits of eight bytes in
@@ -181,20 +200,6 @@ void Segmenter::find_quads(const Row& upper, const Row& lower, std::span<uint64_
   for (size_t w = 0; w < differs.size(); ++w) differs[w] = pack(&flags_[64 * w]);
 }
 
-void Segmenter::spare_shadows(ImageView image, int y, const Row& upper, const Row& lower,
-                              std::span<uint64_t> differs) const {
-  for (size_t w = 0; w < differs.size(); ++w) {
-    for (uint64_t rest = differs[w]; rest != 0; rest &= rest - 1) {
-      const int x = static_cast<int>(w) * 64 + std::countr_zero(rest);
-      const int first = x * channels_;
-      const Quad quad{{image.row(y) + first, image.row(y + 1) + first},
-                      {upper.expected.data() + first, lower.expected.data() + first},
-                      2 * channels_};
-      if (is_shadow(quad, options_)) differs[w] &= ~(uint64_t{1} << (x % 64));
-    }
-  }
-}
-
 Mask Segmenter::segment(ImageView image) {
   assert(image.size == model_.size && image.format == model_.format);
   const int width = model_.size.width;
@@ -210,7 +215,13 @@ Mask Segmenter::segment(ImageView image) {
     measure_row(image, y + 1, gain, lower);
     const auto differs = quads_.row(y);
     find_quads(upper, lower, differs);
-    if (image.format != PixelFormat::kMono8) spare_shadows(image, y, upper, lower, differs);
+    const uint8_t* const seen[] = {image.row(y), image.row(y + 1)};
+    const uint16_t* const expected[] = {upper.expected.data(), lower.expected.data()};
+    if (image.format == PixelFormat::kRGB8) {
+      spare_shadows<3>(seen, expected, options_, differs);
+    } else if (image.format != PixelFormat::kMono8) {
+      spare_shadows<1>(seen, expected, options_, differs);
+    }
     differs[last / 64] |= uint64_t{1} << last % 64;
   }
   combine_quads(mask);

@@ -72,8 +72,6 @@ class Segmenter {
 
   void measure_row(ImageView image, int y, uint32_t gain, Row& row);
   void find_quads(const Row& upper, const Row& lower, std::span<uint64_t> differs);
-  void spare_shadows(ImageView image, int y, const Row& upper, const Row& lower,
-                     std::span<uint64_t> differs) const;
   void combine_quads(Mask& mask) const;
 
   BackgroundModel model_;

@@ -27,7 +27,7 @@ constexpr double kMaxRateHz = 1000;
 /// A frame later than so many periods counts as missing in health.
 constexpr int64_t kLatePeriods = 5;
 /// More frames behind one camera than a hiccup explains: the live picture waits.
-constexpr int64_t kLiveBacklog = 2;
+constexpr int64_t kLiveBacklog = 5;
 /// Less room than this is told while a take is recorded.
 constexpr double kEnoughDiskSeconds = 60;
 

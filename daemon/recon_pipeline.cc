@@ -12,8 +12,9 @@ constexpr Duration kLook = std::chrono::milliseconds(20);
 /// Frames of 15 cameras that wait for their set: half a second at 25 Hz.
 constexpr size_t kFrameQueue = 256;
 constexpr size_t kPulseQueue = 256;
-/// Sets that wait for the reconstruction; more would only make live late.
-constexpr size_t kReadyQueue = 4;
+/// Sets that wait for the reconstruction: half a second at 25 Hz rides out a hiccup of the machine;
+/// more would only make live late.
+constexpr size_t kReadyQueue = 12;
 /// A pulse number so far ahead of all before is not believed.
 constexpr int64_t kMaxJump = 15'000;
 /// Pulses whose edge is remembered for the latency.

@@ -112,8 +112,9 @@ int run_arm(const CommandLine& line, Options options) {
   return kExitDone;
 }
 
-// Until every node has closed the take; shows how it goes meanwhile.
-int wait_for_end(OperatorClient& client) {
+// Until the trigger's node has closed the take: it alone knows when the train is over, also one of
+// which a pulse was lost. Shows how it goes meanwhile.
+int wait_for_end(OperatorClient& client, const std::string& trigger_node) {
   StatusLine status;
   std::string take;
   MonotonicInstant last_heard = Monotonic::now();
@@ -130,17 +131,18 @@ int wait_for_end(OperatorClient& client) {
     if (const std::string current = current_take(health); !current.empty()) take = current;
     if (!all_heard(client.nodes(), health)) continue;
     if (!take.empty()) status.show("recording " + take + "   " + recording_line(health));
-    if (any_at_work(health)) continue;
+    if (is_at_work(health.at(trigger_node))) continue;
     return all_well(client.nodes(), health) ? kExitDone : kExitNotWhole;
   }
 }
 
 int run_start(const CommandLine& line, const Options& options) {
-  OperatorClient client(line.studio());
+  const Studio studio = line.studio();
+  OperatorClient client(studio);
   const Answer answer = command(client, options);
   if (options.json) std::printf("%s\n", answer_json(answer).dump(2).c_str());
   if (!answer.done()) return refused(client, answer, ": v3dctl arm NAME comes first");
-  if (options.wait) return wait_for_end(client);
+  if (options.wait) return wait_for_end(client, studio.trigger.node);
   if (!options.json) {
     const auto health = client.health(in_seconds(kHealthSeconds));
     std::printf("recording %s   %s\n", current_take(health).c_str(),

@@ -186,11 +186,8 @@ bool all_heard(const std::vector<std::string>& nodes,
                      [&](const std::string& node) { return health.contains(node); });
 }
 
-bool any_at_work(const std::map<std::string, HealthMessage>& health) {
-  return std::any_of(health.begin(), health.end(), [](const auto& entry) {
-    const NodeState state = entry.second.state;
-    return state == NodeState::kRecording || state == NodeState::kDraining;
-  });
+bool is_at_work(const HealthMessage& health) {
+  return health.state == NodeState::kRecording || health.state == NodeState::kDraining;
 }
 
 std::optional<double> total(const std::map<std::string, HealthMessage>& health,

@@ -46,8 +46,8 @@ bool all_well(const std::vector<std::string>& nodes,
 /// Every one of the nodes has been heard.
 bool all_heard(const std::vector<std::string>& nodes,
                const std::map<std::string, HealthMessage>& health);
-/// Some node records, or still closes a take.
-bool any_at_work(const std::map<std::string, HealthMessage>& health);
+/// The node records, or still closes a take.
+bool is_at_work(const HealthMessage& health);
 
 /// A value added up over the nodes; empty when none reports it.
 std::optional<double> total(const std::map<std::string, HealthMessage>& health,
