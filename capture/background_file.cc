@@ -1,13 +1,11 @@
-// Background models on disk. The only file here that includes OpenCV, for PNG.
+// Background models on disk.
 
-#include <fstream>
-#include <iterator>
-#include <opencv2/core.hpp>
-#include <opencv2/imgcodecs.hpp>
-#include <optional>
+#include <algorithm>
+#include <cmath>
 
 #include "base/error.h"
 #include "base/file.h"
+#include "base/png_file.h"
 #include "base/toml_file.h"
 #include "capture/segmenter.h"
 
@@ -24,52 +22,33 @@ struct Paths {
         info(folder / (camera + ".toml")) {}
 };
 
-/// OpenCV keeps colours as blue, green, red.
-int file_index(int channels, int i) { return channels == 3 ? i - i % 3 + 2 - i % 3 : i; }
-
-void save_values(const fs::path& path, ImageSize size, const std::vector<float>& values) {
-  const int channels = static_cast<int>(static_cast<int64_t>(values.size()) / size.pixels());
-  cv::Mat picture(size.height, size.width, CV_MAKETYPE(CV_16U, channels));
-  auto* out = picture.ptr<uint16_t>();
-  for (int i = 0; i < static_cast<int>(values.size()); ++i) {
-    out[file_index(channels, i)] = cv::saturate_cast<uint16_t>(values[i] * 256);
+void save_values(const fs::path& path, PixelFormat format, ImageSize size,
+                 const std::vector<float>& values) {
+  DeepImage picture{size, bytes_per_pixel(format), {}};
+  picture.samples.reserve(values.size());
+  for (const float value : values) {
+    picture.samples.push_back(
+        static_cast<uint16_t>(std::clamp(std::lround(value * 256), 0L, 65535L)));
   }
-  std::vector<uchar> png;
-  if (!cv::imencode(".png", picture, png)) throw InputError(path.string() + ": PNG refused");
-  replace_file(path, {reinterpret_cast<const char*>(png.data()), png.size()});
-}
-
-cv::Mat decode(const fs::path& path) {
-  const std::string bytes = read_file(path);
-  cv::Mat picture;
-  try {
-    const std::vector<uchar> png(bytes.begin(), bytes.end());
-    if (!png.empty()) picture = cv::imdecode(png, cv::IMREAD_UNCHANGED);
-  } catch (const cv::Exception&) {
-    picture.release();
-  }
-  if (picture.empty()) throw InputError(path.string() + ": is no PNG image, or a damaged one");
-  return picture;
+  replace_file(path, encode_png(picture));
 }
 
 /// Values of a picture of the wanted kind; sets `size` when it is not known yet.
 std::vector<float> load_values(const fs::path& path, PixelFormat format, ImageSize& size) {
-  const cv::Mat picture = decode(path);
+  const DeepImage picture = decode_png(read_file(path), path);
   const int channels = bytes_per_pixel(format);
-  if (picture.depth() != CV_16U || picture.channels() != channels) {
+  if (picture.channels != channels) {
     throw InputError(path.string() + ": right would be 16 bits and " + std::to_string(channels) +
                      " channel(s) for " + std::string(name(format)));
   }
-  if (size == ImageSize{}) size = {picture.cols, picture.rows};
-  if (size != ImageSize{picture.cols, picture.rows}) {
+  if (size == ImageSize{}) size = picture.size;
+  if (size != picture.size) {
     throw InputError(path.string() + ": is not of the size of the mean image, " +
                      std::to_string(size.width) + "x" + std::to_string(size.height));
   }
-  std::vector<float> values(byte_count(size, format));
-  const auto* in = picture.ptr<uint16_t>();
-  for (int i = 0; i < static_cast<int>(values.size()); ++i) {
-    values[i] = static_cast<float>(in[file_index(channels, i)]) / 256;
-  }
+  std::vector<float> values;
+  values.reserve(picture.samples.size());
+  for (const uint16_t sample : picture.samples) values.push_back(static_cast<float>(sample) / 256);
   return values;
 }
 
@@ -88,8 +67,8 @@ void save_background(const fs::path& folder, const std::string& camera,
   const Paths paths(folder, camera);
   std::error_code error;
   fs::create_directories(folder, error);
-  save_values(paths.mean, model.size, model.mean);
-  save_values(paths.spread, model.size, model.spread);
+  save_values(paths.mean, model.format, model.size, model.mean);
+  save_values(paths.spread, model.format, model.size, model.spread);
   replace_file(paths.info, "pixel_format = " + toml_string(name(model.format)) + "\n");
 }
 

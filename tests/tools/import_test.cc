@@ -8,6 +8,7 @@
 #include "base/calib_file.h"
 #include "base/error.h"
 #include "base/file.h"
+#include "base/png_file.h"
 #include "support/temporary_folder.h"
 #include "take/verify.h"
 #include "tools/pictures.h"

@@ -6,7 +6,7 @@
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/videoio.hpp>
 
-#include "v3dctl/media.h"
+#include "base/png_file.h"
 
 namespace v3d::test {
 namespace {
@@ -62,7 +62,7 @@ void write_pictures(const std::filesystem::path& folder, const Rig& rig,
                     Image (*draw)(const RigCamera&)) {
   std::filesystem::create_directories(folder);
   for (const RigCamera& camera : rig) {
-    ctl::write_png(folder / (camera.name + ".png"), draw(camera).view());
+    write_png(folder / (camera.name + ".png"), draw(camera).view());
   }
 }
 

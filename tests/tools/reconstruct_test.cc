@@ -11,6 +11,7 @@
 #include "base/calib_file.h"
 #include "base/error.h"
 #include "base/file.h"
+#include "base/png_file.h"
 #include "common/ply_writer.h"
 #include "support/message_of.h"
 #include "support/temporary_folder.h"

@@ -1,12 +1,16 @@
 #include "v3dctl/command.h"
 
+#include <cstdio>
 #include <cstdlib>
+#include <exception>
+#include <utility>
 
 #include "base/error.h"
 
 namespace v3d::ctl {
 
-CommandLine::CommandLine(CLI::App& app) : app_(app) {
+CommandLine::CommandLine(CLI::App& app, std::vector<std::string> words)
+    : app_(app), words_(std::move(words)) {
   app_.require_subcommand(1);
   app_.add_option("--studio", studio_option_,
                   "The studio file (else $V3D_STUDIO, ./studio.toml, /etc/v3d/studio.toml)")
@@ -43,11 +47,43 @@ void add_all_commands(CommandLine& line) {
   add_doctor(line);
   add_takes(line);
   add_verify(line);
-  add_import(line);
+  add_external(line, "import", "Make a take of recordings that come from elsewhere");
   add_reconstruct(line);
   add_evaluate(line);
   add_export(line);
   add_render(line);
+}
+
+namespace {
+
+int parse_and_run(int argc, char** argv, void (*add_commands)(CommandLine&)) {
+  CLI::App app("Record people as 3D video: operate the studio, and work on what it recorded.",
+               "v3dctl");
+  app.set_version_flag("--version", "v3dctl " V3D_VERSION);
+  CommandLine line(app, {argv, argv + argc});
+  add_commands(line);
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::Success& help_or_version) {
+    return app.exit(help_or_version);
+  } catch (const CLI::ParseError& error) {
+    throw InputError(std::string(error.what()) + " (see v3dctl --help)");
+  }
+  return line.run();
+}
+
+}  // namespace
+
+int run_program(int argc, char** argv, void (*add_commands)(CommandLine&)) {
+  try {
+    return parse_and_run(argc, argv, add_commands);
+  } catch (const InputError& error) {
+    std::fprintf(stderr, "v3dctl: %s\n", error.what());
+    return kExitBadInput;
+  } catch (const std::exception& error) {
+    std::fprintf(stderr, "v3dctl: %s\n", error.what());
+    return kExitFailed;
+  }
 }
 
 }  // namespace v3d::ctl

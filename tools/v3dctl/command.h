@@ -9,6 +9,7 @@
 #include <functional>
 #include <memory>
 #include <string>
+#include <vector>
 
 #include "base/studio_file.h"
 
@@ -16,7 +17,7 @@ namespace v3d::ctl {
 
 class CommandLine {
  public:
-  explicit CommandLine(CLI::App& app);
+  CommandLine(CLI::App& app, std::vector<std::string> words);
 
   CLI::App& app() { return app_; }
   /// Adds a command. `example` lines are shown under its help, each after "  $ ".
@@ -25,6 +26,8 @@ class CommandLine {
   /// What to do when `command` was given; the result is the exit status. Bad input: InputError.
   void on_run(CLI::App* command, std::function<int()> run);
   int run() const { return run_(); }
+  /// What was typed, the program's name first.
+  const std::vector<std::string>& words() const { return words_; }
 
   /// --studio, else $V3D_STUDIO, else ./studio.toml, else /etc/v3d/studio.toml. Throws InputError
   /// when there is none.
@@ -35,9 +38,14 @@ class CommandLine {
   CLI::App& app_;
   std::string studio_option_;
   std::function<int()> run_;
+  std::vector<std::string> words_;
 };
 
-void add_import(CommandLine& line);
+/// A command that is a program of its own, v3dctl-NAME: found beside this program or in
+/// ../libexec/v3d. It is given the whole command line.
+void add_external(CommandLine& line, const std::string& name, const std::string& description);
+
+void add_import(CommandLine& line);  ///< only in v3dctl-import
 void add_reconstruct(CommandLine& line);
 void add_verify(CommandLine& line);
 void add_takes(CommandLine& line);
@@ -50,5 +58,8 @@ void add_doctor(CommandLine& line);
 
 /// All of them, in the order of the help text.
 void add_all_commands(CommandLine& line);
+
+/// The whole of main(): parses, runs, and says in one line what was wrong.
+int run_program(int argc, char** argv, void (*add_commands)(CommandLine&));
 
 }  // namespace v3d::ctl

@@ -111,17 +111,6 @@ Mask mask_before_black(ImageView image, const BlackBackground& black) {
   return mask_from_image({image.size, PixelFormat::kMono8, std::span(bright.data, bright.total())});
 }
 
-void write_png(const fs::path& path, ImageView image) {
-  const Image rgb = to_rgb(image);
-  cv::Mat bgr(image.size.height, image.size.width, CV_8UC3);
-  cv::cvtColor(
-      cv::Mat(image.size.height, image.size.width, CV_8UC3, const_cast<uint8_t*>(rgb.bytes.data())),
-      bgr, cv::COLOR_RGB2BGR);
-  std::vector<uint8_t> png;
-  cv::imencode(".png", bgr, png);
-  replace_file(path, {reinterpret_cast<const char*>(png.data()), png.size()});
-}
-
 bool has_image_name(const fs::path& path) {
   std::string extension = path.extension().string();
   std::transform(extension.begin(), extension.end(), extension.begin(),

@@ -30,9 +30,6 @@ struct BlackBackground {
 /// Requires format RGB8.
 Mask mask_before_black(ImageView image, const BlackBackground& black);
 
-/// Throws std::runtime_error when the file cannot be written.
-void write_png(const std::filesystem::path& path, ImageView image);
-
 /// File names that read_image() is tried on: .png .jpg .jpeg .bmp .tif .tiff .ppm .pgm .webp
 bool has_image_name(const std::filesystem::path& path);
 

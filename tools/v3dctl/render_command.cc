@@ -2,9 +2,9 @@
 
 #include "base/calib_file.h"
 #include "base/error.h"
+#include "base/png_file.h"
 #include "recon/renderer.h"
 #include "v3dctl/command.h"
-#include "v3dctl/media.h"
 #include "v3dctl/mesh_frames.h"
 #include "v3dctl/take_frames.h"
 

@@ -1,0 +1,46 @@
+# Debian packages, one per role of a PC: cpack --config build/release/CPackConfig.cmake -B build/packages
+# A capture PC wants v3d-capture, the reconstruction PC v3d-recon, an operator's PC v3d-tools; v3d-common is the
+# user, the group and the settings that they share.
+set(CPACK_GENERATOR DEB)
+set(CPACK_PACKAGE_NAME v3d)
+set(CPACK_PACKAGE_CONTACT "V3D <v3d@localhost>")
+set(CPACK_PACKAGE_DIRECTORY ${CMAKE_BINARY_DIR}/packages)
+set(CPACK_PACKAGING_INSTALL_PREFIX /usr)
+set(CPACK_STRIP_FILES ON)
+set(CPACK_VERBATIM_VARIABLES ON)
+set(CPACK_DEB_COMPONENT_INSTALL ON)
+set(CPACK_COMPONENTS_GROUPING IGNORE)
+set(CPACK_COMPONENTS_ALL common capture recon tools import)
+set(CPACK_DEBIAN_FILE_NAME DEB-DEFAULT)
+set(CPACK_DEBIAN_PACKAGE_SHLIBDEPS ON)
+set(CPACK_DEBIAN_PACKAGE_SECTION video)
+# Debian's policy for what others may write into: 0755.
+set(CPACK_INSTALL_DEFAULT_DIRECTORY_PERMISSIONS
+  OWNER_READ OWNER_WRITE OWNER_EXECUTE GROUP_READ GROUP_EXECUTE WORLD_READ WORLD_EXECUTE)
+
+function(v3d_package component description)
+  cmake_parse_arguments(ARG "" "" "DEPENDS;CONTROL" ${ARGN})
+  string(TOUPPER ${component} key)
+  list(JOIN ARG_DEPENDS ", " depends)
+  set(CPACK_DEBIAN_${key}_PACKAGE_NAME v3d-${component} PARENT_SCOPE)
+  set(CPACK_COMPONENT_${key}_DESCRIPTION "${description}" PARENT_SCOPE)
+  set(CPACK_DEBIAN_${key}_PACKAGE_DEPENDS "${depends}" PARENT_SCOPE)
+  set(CPACK_DEBIAN_${key}_PACKAGE_CONTROL_EXTRA "${ARG_CONTROL}" PARENT_SCOPE)
+endfunction()
+
+set(common "v3d-common (= ${PROJECT_VERSION})")
+v3d_package(common "V3D studio: user, device and network settings"
+  DEPENDS systemd udev procps
+  CONTROL ${CMAKE_SOURCE_DIR}/systemd/postinst)
+v3d_package(capture "V3D studio: daemon of a capture PC, cameras and trigger" DEPENDS ${common})
+v3d_package(recon "V3D studio: daemon of the reconstruction PC" DEPENDS ${common})
+v3d_package(tools "V3D studio: v3dctl for operators, v3d-sim for rehearsals")
+v3d_package(import "V3D studio: takes out of images and videos (v3dctl import)"
+  DEPENDS "v3d-tools (= ${PROJECT_VERSION})")
+set(CPACK_DEBIAN_COMMON_PACKAGE_ARCHITECTURE all)
+foreach(component ${CPACK_COMPONENTS_ALL})
+  install(FILES ${CMAKE_SOURCE_DIR}/LICENSE RENAME copyright
+    DESTINATION share/doc/v3d-${component} COMPONENT ${component})
+endforeach()
+
+include(CPack)
