@@ -104,6 +104,7 @@ class Setup {
   Setup(const StudioCamera& settings, ArvCamera* camera) : settings_(settings), camera_(camera) {}
 
   void all() {
+    stop_what_runs();
     choose("AcquisitionMode", "Continuous");
     choose("PixelFormat", std::string(name(settings_.pixel_format)));
     choose_if_there("ExposureAuto", "Off");
@@ -124,6 +125,14 @@ class Setup {
   bool there(const char* feature) const {
     Problem problem;
     return arv_camera_is_feature_available(camera_, feature, problem) && !problem.happened();
+  }
+
+  /// A program that died left the camera acquiring: it would go on sending to that program, and
+  /// its format is locked.
+  void stop_what_runs() {
+    Problem problem;
+    arv_camera_stop_acquisition(camera_, problem);
+    if (problem.happened()) refuse("AcquisitionStop", "a camera at rest", problem.text());
   }
 
   void choose(const char* feature, const std::string& wanted) {

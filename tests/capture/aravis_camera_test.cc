@@ -150,6 +150,26 @@ TEST(AravisCamera, names_the_camera_and_the_setting_that_it_refuses) {
   EXPECT_THAT(refusal(wanted), AllOf(HasSubstr("Gain (dB): wanted 1.5"), HasSubstr("got 1")));
 }
 
+TEST(AravisCamera, that_another_program_has_is_refused_until_that_program_lets_go) {
+  const FakeCamera fake;
+  AravisCamera first(settings());
+  first.start();
+  EXPECT_THAT(refusal(settings()), AllOf(HasSubstr("cam07"), HasSubstr("another program")));
+  first.stop();
+  AravisCamera second(settings());
+  EXPECT_NO_THROW(second.start());
+}
+
+TEST(AravisCamera, that_still_sends_to_a_program_that_died_is_stopped_and_started_again) {
+  const FakeCamera fake;
+  AravisCamera camera(settings());
+  fake.write(ARV_FAKE_CAMERA_REGISTER_ACQUISITION, 1);
+  fake.write(0x0d00, 1);  // GevSCPHostPort: nobody listens there
+  camera.start();
+  fake.trigger();
+  EXPECT_TRUE(camera.wait(in(seconds(5))));
+}
+
 TEST(AravisCamera, says_which_cameras_there_are_when_the_serial_number_is_unknown) {
   const FakeCamera fake;
   StudioCamera wanted = settings();

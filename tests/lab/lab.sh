@@ -1,0 +1,81 @@
+# What the stories share; sourced in the machine.
+set -euo pipefail
+trap 'echo "failed at line $LINENO: $BASH_COMMAND"' ERR
+
+# until_true SECONDS COMMAND...: waits for a condition.
+until_true() {
+  local deadline=$((SECONDS + $1))
+  shift
+  until "$@" >/dev/null 2>&1; do
+    if [ "$SECONDS" -ge "$deadline" ]; then
+      echo "waited in vain for: $*"
+      "$@" || true
+      return 1
+    fi
+    sleep 0.2
+  done
+}
+
+# equal WHAT WANT GOT
+equal() {
+  if [ "$2" = "$3" ]; then
+    echo "$1: $3"
+  else
+    echo "$1: $3, want $2"
+    return 1
+  fi
+}
+
+# simulated_studio CAMERAS RATE: cameras that speak GigE Vision and a trigger cable; the studio is in /etc/v3d, and the
+# nodes cap01 and recon01 are part of it at every boot.
+simulated_studio() {
+  local cameras=$1 rate=$2 sim=/var/lib/v3d/sim
+  for i in $(seq 11 $((10 + cameras))); do ip address add "127.0.0.$i/32" dev lo; done
+  install -d -o v3d -g v3d "$sim"
+  mkfifo /run/sim-ready
+  setpriv --reuid v3d --regid v3d --init-groups v3d-sim studio "$sim" --cameras "$cameras" --rate "$rate" \
+    --size 160x120 --loop-frames 5 --empty-pulses 8 --voxel 50mm >/run/sim-ready 2>/run/sim.log &
+  local ready
+  read -r ready </run/sim-ready || true
+  rm /run/sim-ready
+  [ "$ready" = ready ] || { cat /run/sim.log; return 1; }
+  [ "$LAB_BOOT" -eq 1 ] || return 0
+  sed "s#^takes = .*#takes = \"/var/lib/v3d/takes\"#; s#^background = .*#background = \"/var/lib/v3d/background\"#
+    s#^calib = .*#calib = \"/etc/v3d/calib.toml\"#; s#^wire = .*#wire = \"$sim/trigger.sock\"#" \
+    "$sim/studio.toml" >/etc/v3d/studio.toml
+  cp "$sim/calib.toml" /etc/v3d/
+  systemctl -q enable v3d-studio.target v3d-captured@cap01.service v3d-recond@recon01.service
+}
+
+# take NAME PULSES: armed, recorded to its end and stopped; leaves what v3dctl said in /run/stop.json.
+take() {
+  v3dctl arm "$1" --pulses "$2"
+  v3dctl start --wait
+  v3dctl stop --json >/run/stop.json || { cat /run/stop.json; return 1; }
+  jq -r .verdict /run/stop.json
+}
+
+# After this the story ends, and is run again after the boot.
+boot_anew() {
+  touch /run/lab-reboots
+  sync
+  systemctl --no-block start reboot.target
+  exit 0
+}
+
+# studio_up: the daemons run, answer, and know the background.
+studio_up() {
+  systemctl start v3d-studio.target
+  until_true 60 v3dctl status
+  v3dctl background
+}
+
+# ledger TAKE FILTER: what verify says of a take, through jq. An incomplete take is no failure here.
+ledger() { { v3dctl verify "/var/lib/v3d/takes/$1" --json || [ $? -eq 3 ]; } | jq -r "$2"; }
+
+# recording TAKE PULSES: an endless take is under way and has come so far.
+recording() {
+  v3dctl arm "$1"
+  v3dctl start
+  until_true 60 sh -c "v3dctl health --json | jq -e '[.. | .pulses_sensed? // empty | numbers] | max >= $2'"
+}
