@@ -1,11 +1,12 @@
 // The background model: the mean and the spread of every sample over the plates.
+#include "capture/background.h"
+
 #include <algorithm>
 #include <cmath>
 #include <string>
 
 #include "base/error.h"
 #include "capture/brightness.h"
-#include "capture/segmenter.h"
 
 namespace v3d {
 namespace {

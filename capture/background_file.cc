@@ -7,7 +7,7 @@
 #include "base/file.h"
 #include "base/png_file.h"
 #include "base/toml_file.h"
-#include "capture/segmenter.h"
+#include "capture/background.h"
 
 namespace v3d {
 namespace {

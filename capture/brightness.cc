@@ -2,11 +2,12 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 
 namespace v3d {
 namespace {
 
-constexpr int kStep = 7;            ///< odd, so that every colour of a Bayer image is met
+constexpr double kEnough = 3000;    ///< samples to look at; more make the ratio no better
 constexpr int kDarkest = 24;        ///< grey values; darker samples say little about a ratio
 constexpr int kBrightest = 250;     ///< and those at the end of the scale nothing
 constexpr uint32_t kBins = 1024;    ///< of ratios from 0 to 2
@@ -15,14 +16,23 @@ constexpr uint32_t kFewest = 64;    ///< samples; fewer are no majority
 constexpr uint32_t kLowest = kUnitGain / 2;
 constexpr uint32_t kHighest = kUnitGain * 19 / 10;
 
+/// Between the samples of the subset, in x and in y: 7, 13, 19 and so on, no multiples of 2 or 3,
+/// so that every colour of a Bayer and of an RGB image is met.
+int step_of(ImageView image) {
+  const auto samples = static_cast<double>(byte_count(image.size, image.format));
+  const int wanted = static_cast<int>(std::sqrt(samples / kEnough));
+  return std::max(1, (wanted + 3) / 6) * 6 + 1;
+}
+
 /// Calls f(seen, expected) for the subset of samples that tell something.
 template <class F>
 void for_each_sample(ImageView image, std::span<const uint16_t> mean, F f) {
   const int samples = image.size.width * bytes_per_pixel(image.format);
-  for (int y = 0; y < image.size.height; y += kStep) {
+  const int step = step_of(image);
+  for (int y = 0; y < image.size.height; y += step) {
     const uint8_t* row = image.row(y);
     const uint16_t* expected = mean.data() + static_cast<size_t>(y) * samples;
-    for (int x = y % kStep; x < samples; x += kStep) {
+    for (int x = 0; x < samples; x += step) {
       const bool tells =
           expected[x] >= kDarkest * 256 && expected[x] <= kBrightest * 256 && row[x] <= kBrightest;
       if (tells) f(uint32_t{row[x]}, uint32_t{expected[x]});

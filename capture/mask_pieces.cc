@@ -2,56 +2,28 @@
 
 #include <algorithm>
 #include <bit>
-#include <numeric>
 
 namespace v3d {
 namespace {
 
-/// The runs of set bits of `row`, x in [0, width).
+/// The runs of set bits of `row`.
 void append_runs(std::span<const uint64_t> row, int y, std::vector<Run>& runs) {
-  int begin = -1;  // of an unfinished run
+  uint64_t before = 0;  // the pixel left of the word
+  int begin = -1;       // of an unfinished run
   for (size_t w = 0; w < row.size(); ++w) {
-    const int base = static_cast<int>(w) * 64;
-    if (row[w] == 0 && begin < 0) continue;
-    if (row[w] == ~uint64_t{0} && begin >= 0) continue;
-    int x = 0;
-    while (x < 64) {
-      const uint64_t rest = row[w] >> x;
+    uint64_t changes = row[w] ^ (row[w] << 1 | before);
+    before = row[w] >> 63;
+    for (; changes != 0; changes &= changes - 1) {
+      const int x = static_cast<int>(w) * 64 + std::countr_zero(changes);
       if (begin < 0) {
-        if (rest == 0) break;
-        x += std::countr_zero(rest);
-        begin = base + x;
+        begin = x;
       } else {
-        const int ones = std::countr_one(rest);
-        if (x + ones >= 64) break;
-        x += ones;
-        runs.push_back({y, begin, base + x});
+        runs.push_back({y, begin, x});
         begin = -1;
       }
     }
   }
   if (begin >= 0) runs.push_back({y, begin, static_cast<int>(row.size()) * 64});
-}
-
-}  // namespace
-
-std::vector<Run> foreground_runs(const Mask& mask) {
-  std::vector<Run> runs;
-  for (int y = 0; y < mask.size().height; ++y) append_runs(mask.row(y), y, runs);
-  return runs;
-}
-
-std::vector<Run> background_runs(const Mask& mask) {
-  const ImageSize size = mask.size();
-  std::vector<Run> runs;
-  std::vector<uint64_t> inverted(mask.words_per_row());
-  for (int y = 0; y < size.height; ++y) {
-    const auto row = mask.row(y);
-    std::transform(row.begin(), row.end(), inverted.begin(), [](uint64_t w) { return ~w; });
-    if (size.width % 64) inverted.back() &= (uint64_t{1} << size.width % 64) - 1;
-    append_runs(inverted, y, runs);
-  }
-  return runs;
 }
 
 void clear_run(Mask& mask, const Run& run) {
@@ -65,31 +37,55 @@ void clear_run(Mask& mask, const Run& run) {
   }
 }
 
-Pieces::Pieces(const std::vector<Run>& runs, Touch touch) : parent_(runs.size()) {
-  const int reach = touch == Touch::kEightNeighbours ? 1 : 0;
-  std::iota(parent_.begin(), parent_.end(), 0);
-  size_t above = 0;  // first run that can touch the current one
-  for (size_t i = 0; i < runs.size(); ++i) {
+}  // namespace
+
+void MaskPieces::find(const Mask& mask) {
+  runs_.clear();
+  for (int y = 0; y < mask.size().height; ++y) append_runs(mask.row(y), y, runs_);
+  join_touching();
+  gather();
+}
+
+void MaskPieces::join_touching() {
+  const auto count = static_cast<uint32_t>(runs_.size());
+  sets_.restart(count);
+  uint32_t above = 0;  // first run that can touch the current one
+  for (uint32_t i = 0; i < count; ++i) {
+    const Run& run = runs_[i];
     const auto ends_before = [&](const Run& r) {
-      return r.y < runs[i].y - 1 || (r.y == runs[i].y - 1 && r.end + reach <= runs[i].begin);
+      return r.y < run.y - 1 || (r.y == run.y - 1 && r.end < run.begin);
     };
-    while (above < i && ends_before(runs[above])) ++above;
-    for (size_t j = above; j < i && runs[j].y < runs[i].y; ++j) {
-      if (runs[j].begin >= runs[i].end + reach) break;
-      join(i, j);
+    while (above < i && ends_before(runs_[above])) ++above;
+    for (uint32_t j = above; j < i && runs_[j].y < run.y && runs_[j].begin <= run.end; ++j) {
+      sets_.join(i, j);
     }
   }
 }
 
-size_t Pieces::piece_of(size_t run) {
-  while (parent_[run] != run) run = parent_[run] = parent_[parent_[run]];
-  return run;
+void MaskPieces::gather() {
+  pieces_.clear();
+  next_.assign(runs_.size(), kNone);
+  piece_of_.resize(runs_.size());
+  for (uint32_t i = 0; i < runs_.size(); ++i) {
+    const uint32_t first = sets_.first_of(i);
+    if (first == i) {
+      piece_of_[i] = static_cast<uint32_t>(pieces_.size());
+      pieces_.push_back({i, i, 0});
+    } else {
+      piece_of_[i] = piece_of_[first];
+      next_[pieces_[piece_of_[i]].last] = i;
+    }
+    Piece& piece = pieces_[piece_of_[i]];
+    piece.last = i;
+    piece.area += runs_[i].end - runs_[i].begin;
+  }
 }
 
-void Pieces::join(size_t a, size_t b) {
-  a = piece_of(a);
-  b = piece_of(b);
-  parent_[std::max(a, b)] = std::min(a, b);
+void MaskPieces::drop(size_t piece, Mask& mask) {
+  for (uint32_t r = pieces_[piece].first; r != kNone; r = next_[r]) {
+    clear_run(mask, runs_[r]);
+    runs_[r].end = runs_[r].begin;
+  }
 }
 
 }  // namespace v3d

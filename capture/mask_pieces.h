@@ -1,10 +1,13 @@
-// Connected pieces of a mask, as runs of its rows that touch.
+// Connected pieces of a mask's foreground, as runs of its rows that touch.
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
+#include <span>
 #include <vector>
 
 #include "base/mask.h"
+#include "capture/joined_sets.h"
 
 namespace v3d {
 
@@ -15,27 +18,43 @@ struct Run {
   int end = 0;
 };
 
-/// From the top row to the bottom, each from left to right.
-std::vector<Run> foreground_runs(const Mask& mask);
-std::vector<Run> background_runs(const Mask& mask);
-
-void clear_run(Mask& mask, const Run& run);
-
-enum class Touch { kFourNeighbours, kEightNeighbours };
-
-/// Which runs belong together (union-find).
-class Pieces {
+/// The pieces of one mask (eight neighbours), found once for every clean-up that goes by pieces.
+/// Keeps its working memory between masks. One thread.
+class MaskPieces {
  public:
-  /// Requires runs in the order above.
-  Pieces(const std::vector<Run>& runs, Touch touch);
+  void find(const Mask& mask);
 
-  /// The first run of the piece to which `run` belongs: the piece's name.
-  size_t piece_of(size_t run);
+  /// From the top row to the bottom, each from left to right. Those of dropped pieces are empty.
+  std::span<const Run> runs() const { return runs_; }
+
+  size_t count() const { return pieces_.size(); }
+  /// Pixels.
+  int64_t area(size_t piece) const { return pieces_[piece].area; }
+  /// Calls f for the runs of a piece, from top to bottom, until it returns false.
+  template <class F>
+  void for_each_run(size_t piece, F f) const {
+    for (uint32_t r = pieces_[piece].first; r != kNone && f(runs_[r]); r = next_[r]) continue;
+  }
+
+  /// Clears the piece in the mask it was found in.
+  void drop(size_t piece, Mask& mask);
 
  private:
-  void join(size_t a, size_t b);
+  static constexpr uint32_t kNone = ~uint32_t{0};
+  struct Piece {
+    uint32_t first = kNone;  ///< its runs
+    uint32_t last = kNone;
+    int64_t area = 0;
+  };
 
-  std::vector<size_t> parent_;
+  void join_touching();
+  void gather();
+
+  std::vector<Run> runs_;
+  std::vector<uint32_t> next_;      ///< per run: the next one of the same piece
+  std::vector<uint32_t> piece_of_;  ///< per run
+  std::vector<Piece> pieces_;
+  JoinedSets sets_;
 };
 
 }  // namespace v3d

@@ -1,9 +1,6 @@
 #include "capture/moved_background.h"
 
 #include <algorithm>
-#include <vector>
-
-#include "capture/mask_pieces.h"
 
 namespace v3d {
 namespace {
@@ -18,7 +15,7 @@ class Search {
   Search(ImageView image, const ExpectedBackground& background, int reach)
       : image_(image),
         background_(background),
-        channels_(bytes_per_pixel(image.format)),
+        channels_(background.table.channels),
         step_(is_bayer(image.format) ? 2 : 1),
         reach_(reach / step_ * step_) {}
 
@@ -49,10 +46,12 @@ class Search {
   }
 
   uint32_t squared_distance(uint8_t seen, size_t sample) const {
-    const uint32_t expected = (background_.mean[sample] * background_.gain) >> 16;
+    const BackgroundTable& table = background_.table;
+    const uint32_t expected = (table.mean[sample] * background_.gain) >> 16;
     const uint32_t s = uint32_t{seen} << 7;
     const uint32_t difference = std::max(s, expected) - std::min(s, expected);
-    const uint32_t distance = (difference * background_.sharpness[sample]) >> 16;
+    const uint32_t sharpness = uint32_t{table.sharpness[sample]} << table.sharpness_shift;
+    const uint32_t distance = (difference * sharpness) >> 16;
     return distance * distance;
   }
 
@@ -64,50 +63,44 @@ class Search {
 };
 
 /// What is known of a piece while its runs go by.
-struct Evidence {
-  int64_t area = 0;
-  int64_t next = 0;    ///< the pixel to look at, counted through the piece's runs
-  int64_t passed = 0;  ///< pixels gone by
-  int64_t looked = 0;
-  int64_t found = 0;
+class Evidence {
+ public:
+  explicit Evidence(int64_t area)
+      : stride_(std::max<int64_t>(1, area / kSampled)), samples_((area + stride_ - 1) / stride_) {}
 
-  int64_t stride() const { return std::max<int64_t>(1, area / kSampled); }
+  void look_at(const Run& run, const Search& search) {
+    const int64_t end = passed_ + run.end - run.begin;
+    for (; next_ < end && !settled(); next_ += stride_) {
+      const auto x = static_cast<int>(run.begin + next_ - passed_);
+      ++looked_;
+      found_ += search.finds(x, run.y) ? 1 : 0;
+    }
+    passed_ = end;
+  }
   /// Even if the rest were background, it would not be enough.
-  bool settled() const {
-    const int64_t samples = (area + stride() - 1) / stride();
-    return (looked - found) * 100 > samples * (100 - kMostOf);
-  }
-  bool is_background() const { return found * 100 >= looked * kMostOf; }
-};
+  bool settled() const { return (looked_ - found_) * 100 > samples_ * (100 - kMostOf); }
+  bool is_background() const { return found_ * 100 >= looked_ * kMostOf; }
 
-void look_at(const Run& run, const Search& search, Evidence& piece) {
-  const int64_t end = piece.passed + run.end - run.begin;
-  for (; piece.next < end && !piece.settled(); piece.next += piece.stride()) {
-    const auto x = static_cast<int>(run.begin + piece.next - piece.passed);
-    ++piece.looked;
-    piece.found += search.finds(x, run.y) ? 1 : 0;
-  }
-  piece.passed = end;
-}
+ private:
+  int64_t stride_;
+  int64_t samples_;     ///< pixels to look at
+  int64_t next_ = 0;    ///< the next of them, counted through the piece's runs
+  int64_t passed_ = 0;  ///< pixels gone by
+  int64_t looked_ = 0;
+  int64_t found_ = 0;
+};
 
 }  // namespace
 
-void drop_moved_background(Mask& mask, ImageView image, const ExpectedBackground& background,
-                           int reach) {
-  const std::vector<Run> runs = foreground_runs(mask);
-  Pieces pieces(runs, Touch::kEightNeighbours);
-  std::vector<Evidence> evidence(runs.size());
-  for (size_t i = 0; i < runs.size(); ++i) {
-    evidence[pieces.piece_of(i)].area += runs[i].end - runs[i].begin;
-  }
+bool is_moved_background(const MaskPieces& pieces, size_t piece, ImageView image,
+                         const ExpectedBackground& background, int reach) {
   const Search search(image, background, reach);
-  for (size_t i = 0; i < runs.size(); ++i) {
-    Evidence& piece = evidence[pieces.piece_of(i)];
-    if (!piece.settled()) look_at(runs[i], search, piece);
-  }
-  for (size_t i = 0; i < runs.size(); ++i) {
-    if (evidence[pieces.piece_of(i)].is_background()) clear_run(mask, runs[i]);
-  }
+  Evidence evidence(pieces.area(piece));
+  pieces.for_each_run(piece, [&](const Run& run) {
+    evidence.look_at(run, search);
+    return !evidence.settled();
+  });
+  return evidence.is_background();
 }
 
 }  // namespace v3d

@@ -5,26 +5,26 @@
 // pixel where his colour happens to be the background's.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
-#include <span>
 
 #include "base/image.h"
-#include "base/mask.h"
+#include "capture/background_table.h"
+#include "capture/mask_pieces.h"
 
 namespace v3d {
 
-/// The background in the segmenter's fixed point, per sample.
+/// What an image should show.
 struct ExpectedBackground {
-  std::span<const uint16_t> mean;       ///< 1/256 grey value
-  std::span<const uint16_t> sharpness;  ///< 4096 / spread
-  uint32_t gain;                        ///< of the image's brightness, see brightness_ratio()
-  uint32_t quad_limit;  ///< squared distance beyond which a quad differs, in (1/8 spread)^2
+  const BackgroundTable& table;
+  uint32_t gain;        ///< of the image's brightness, see brightness_ratio()
+  uint32_t quad_limit;  ///< squared distance beyond which a quad differs, see QuadTest
 };
 
-/// Clears the connected pieces (eight neighbours) of `mask` that show little else than background
-/// from no more than `reach` pixels away, in x and in y. Pure; looks at a sample of each piece, so
-/// the time does not grow with its area.
-void drop_moved_background(Mask& mask, ImageView image, const ExpectedBackground& background,
-                           int reach);
+/// Whether a piece of foreground shows little else than background from no more than `reach` pixels
+/// away, in x and in y. Pure; looks at a sample of the piece, so the time does not grow with its
+/// area.
+bool is_moved_background(const MaskPieces& pieces, size_t piece, ImageView image,
+                         const ExpectedBackground& background, int reach);
 
 }  // namespace v3d

@@ -66,8 +66,7 @@ void CameraLane::record(const FrameMessage& message) {
 
 void CameraLane::go_live(FrameMessage message) {
   const Frame raw = std::move(message.frame);
-  const BackgroundModel& model = segmenter_.model();
-  if (raw.image.size != model.size || raw.image.format != model.format) return;
+  if (raw.image.size != segmenter_.size() || raw.image.format != segmenter_.format()) return;
   message.frame =
       observe(raw.camera, raw.label, raw.image.view(), segmenter_.segment(raw.image.view()));
   message.sent = Realtime::now();

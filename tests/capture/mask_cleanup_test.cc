@@ -1,11 +1,13 @@
-#include "capture/mask_cleanup.h"
-
 #include <gtest/gtest.h>
 #include <rapidcheck/gtest.h>
 
 #include <algorithm>
 #include <random>
 #include <vector>
+
+#include "capture/mask_holes.h"
+#include "capture/mask_majority.h"
+#include "capture/mask_pieces.h"
 
 namespace v3d {
 namespace {
@@ -26,6 +28,13 @@ Mask random_mask(ImageSize size, double density, unsigned seed) {
 Mask any_mask() {
   const ImageSize size{*rc::gen::inRange(1, 200), *rc::gen::inRange(1, 40)};
   return random_mask(size, *rc::gen::inRange(0, 101) * 0.01, *rc::gen::arbitrary<unsigned>());
+}
+
+void drop_small_pieces(Mask& mask, int min_area, MaskPieces& pieces) {
+  pieces.find(mask);
+  for (size_t i = 0; i < pieces.count(); ++i) {
+    if (pieces.area(i) < min_area) pieces.drop(i, mask);
+  }
 }
 
 /// Beyond the border the mask goes on as it ends.
@@ -96,8 +105,13 @@ RC_GTEST_PROP(MaskCleanup, drops_exactly_the_pieces_that_flooding_finds_small, (
     if (keep) expected.set(i % before.size().width, i / before.size().width);
   }
   Mask after = before;
-  drop_small_pieces(after, min_area);
+  MaskPieces pieces;
+  drop_small_pieces(after, min_area, pieces);
   RC_ASSERT(after == expected);
+  // What it says is left are the runs of what is left.
+  Mask left(before.size());
+  for (const Run& run : pieces.runs()) left.fill_row(run.y, run.begin, run.end);
+  RC_ASSERT(left == expected);
 }
 
 RC_GTEST_PROP(MaskCleanup, fills_exactly_the_holes_that_flooding_finds_small, ()) {
@@ -110,8 +124,25 @@ RC_GTEST_PROP(MaskCleanup, fills_exactly_the_holes_that_flooding_finds_small, ()
     if (fill) expected.set(i % before.size().width, i / before.size().width);
   }
   Mask after = before;
-  fill_small_holes(after, max_hole);
+  MaskPieces pieces;
+  pieces.find(before);
+  MaskHoles().fill_small(after, pieces.runs(), max_hole);
   RC_ASSERT(after == expected);
+}
+
+RC_GTEST_PROP(MaskCleanup, fills_the_holes_of_what_was_left_of_a_mask_and_remembers_no_other, ()) {
+  MaskPieces pieces;
+  MaskHoles holes;
+  for (int i = 0; i < 3; ++i) {
+    Mask mask = any_mask();
+    drop_small_pieces(mask, 20, pieces);
+    Mask expected = mask;
+    holes.fill_small(mask, pieces.runs(), 30);
+    MaskPieces fresh;
+    fresh.find(expected);
+    MaskHoles().fill_small(expected, fresh.runs(), 30);
+    RC_ASSERT(mask == expected);
+  }
 }
 
 TEST(MaskCleanup, majority_leaves_a_line_of_two_pixels_alone) {
@@ -126,8 +157,9 @@ TEST(MaskCleanup, majority_leaves_a_line_of_two_pixels_alone) {
 TEST(MaskCleanup, takes_an_empty_mask) {
   Mask mask;
   take_majority(mask);
-  drop_small_pieces(mask, 10);
-  fill_small_holes(mask, 10);
+  MaskPieces pieces;
+  drop_small_pieces(mask, 10, pieces);
+  MaskHoles().fill_small(mask, pieces.runs(), 10);
   EXPECT_EQ(mask.count(), 0);
 }
 

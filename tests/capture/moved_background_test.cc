@@ -95,23 +95,31 @@ TEST_P(MovedBackground, does_not_swallow_a_blade_before_its_edge) {
   EXPECT_GT(intersection_over_union(mask, mask_of(blade)), 0.8);
 }
 
-TEST(DropMovedBackground, judges_every_piece_for_itself_up_to_the_corners_of_the_image) {
+TEST(MovedBackgroundPieces, are_judged_one_by_one_up_to_the_corners_of_the_image) {
   const Image image(kSize, PixelFormat::kMono8);  // black before black, but for one grey column
-  std::vector<uint16_t> mean(kSize.pixels(), 0);
-  for (int y = 0; y < kSize.height; ++y) mean[static_cast<size_t>(y) * kSize.width + 100] = 25600;
-  const std::vector<uint16_t> sharp(kSize.pixels(), 2048);
+  BackgroundModel model{kSize, PixelFormat::kMono8, {}, {}};
+  model.mean.assign(kSize.pixels(), 0);
+  model.spread.assign(kSize.pixels(), 2);
+  for (int y = 0; y < kSize.height; ++y)
+    model.mean[static_cast<size_t>(y) * kSize.width + 100] = 100;
+  SegmentOptions options;
+  options.shake = 0;
+  const BackgroundTable table(model, options);
   Mask mask = mask_of({0, 0, 3, 3});
   for (int y = 147; y < 150; ++y) mask.fill_row(y, 197, 200);
   for (int y = 70; y < 80; ++y) mask.fill_row(y, 100, 101);
-  const Mask before = mask;
-  // A column wide, so that a quad's own place is never like it: only reach finds black beside it.
-  drop_moved_background(mask, image.view(), {mean, sharp, kUnitGain, 1000}, 0);
-  Mask column(kSize);
-  for (int y = 70; y < 80; ++y) column.set(100, y);
-  EXPECT_EQ(mask, column);
-  mask = before;
-  drop_moved_background(mask, image.view(), {mean, sharp, kUnitGain, 1000}, 2);
-  EXPECT_EQ(mask.count(), 0);
+  MaskPieces pieces;
+  pieces.find(mask);
+  ASSERT_EQ(pieces.count(), 3U);
+  const ExpectedBackground background{table, kUnitGain, 1000};
+  const auto moved = [&](size_t piece, int reach) {
+    return is_moved_background(pieces, piece, image.view(), background, reach);
+  };
+  // The column (the second piece) is one wide, so that a quad's own place is never like it: only
+  // reach finds black beside it.
+  for (const size_t corner : {0U, 2U}) EXPECT_TRUE(moved(corner, 0)) << corner;
+  EXPECT_FALSE(moved(1, 0));
+  EXPECT_TRUE(moved(1, 2));
 }
 
 }  // namespace

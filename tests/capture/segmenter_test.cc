@@ -1,11 +1,13 @@
 #include "capture/segmenter.h"
 
 #include <gtest/gtest.h>
+#include <hwy/targets.h>
 
 #include <functional>
 
 #include "base/error.h"
 #include "capture/brightness.h"
+#include "count_allocations.h"
 #include "studio_wall.h"
 
 namespace v3d {
@@ -47,7 +49,8 @@ class SegmenterTest : public testing::TestWithParam<PixelFormat> {
   Mask segment(const Scene& scene, unsigned seed = 1) {
     return segmenter_.segment(photograph(kSize, GetParam(), scene, seed).view());
   }
-  Segmenter segmenter_{learn_wall(kSize, GetParam()), {}};
+  const BackgroundModel model_ = learn_wall(kSize, GetParam());
+  Segmenter segmenter_{model_, {}};
 };
 
 INSTANTIATE_TEST_SUITE_P(Formats, SegmenterTest,
@@ -101,8 +104,31 @@ TEST_P(SegmenterTest, gives_the_same_mask_again_and_from_another_segmenter) {
   const Mask mask = segmenter_.segment(first.view());
   segmenter_.segment(second.view());
   EXPECT_EQ(segmenter_.segment(first.view()), mask);
-  Segmenter other(segmenter_.model(), {});
+  Segmenter other(model_, {});
   EXPECT_EQ(other.segment(first.view()), mask);
+}
+
+TEST_P(SegmenterTest, gives_the_same_mask_on_every_instruction_set) {
+  const auto half_shaded = [](int x, int y) {
+    return in_body(x, y) ? Colour{160, 60, 60} : dimmed(x > 100 ? 0.7 : 1.0)(x, y);
+  };
+  const Image image = photograph(kSize, GetParam(), half_shaded, 3, 4.0);
+  const Mask mask = segmenter_.segment(image.view());
+  EXPECT_GT(mask.count(), 1000);
+  for (int64_t rest = hwy::SupportedTargets(); rest != 0; rest &= rest - 1) {
+    hwy::SetSupportedTargetsForTest(rest & -rest);
+    const Mask again = segmenter_.segment(image.view());
+    hwy::SetSupportedTargetsForTest(0);
+    EXPECT_EQ(again, mask) << hwy::TargetName(rest & -rest);
+  }
+}
+
+TEST_P(SegmenterTest, allocates_nothing_but_the_mask) {
+  const Image image = photograph(kSize, GetParam(), in_front(in_body, red_cloth), 5);
+  Mask mask = segmenter_.segment(image.view());
+  const int64_t before = test::allocations();
+  mask = segmenter_.segment(image.view());
+  EXPECT_EQ(test::allocations() - before, 1);
 }
 
 class ColourSegmenterTest : public SegmenterTest {};
@@ -142,7 +168,7 @@ TEST(Segmenter, takes_images_of_one_row_or_one_column_for_empty) {
 }
 
 TEST(Segmenter, works_on_widths_that_are_no_multiple_of_a_word) {
-  for (const int width : {2, 63, 64, 65, 127, 128, 129}) {
+  for (const int width : {2, 3, 63, 64, 65, 127, 128, 129}) {
     const ImageSize size{width, 40};
     BackgroundModel model{size, PixelFormat::kMono8, {}, {}};
     model.mean.assign(size.pixels(), 100);

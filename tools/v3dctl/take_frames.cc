@@ -34,8 +34,7 @@ std::optional<SegmentedFrame> segment(std::optional<Frame> raw, std::optional<Se
         paths.frames(raw->camera).string() + ": frames without masks, and no background model in " +
         paths.background().string() + ": import with --masks, --background or --background-black");
   }
-  const BackgroundModel& model = segmenter->model();
-  if (model.size != raw->image.size || model.format != raw->image.format) {
+  if (segmenter->size() != raw->image.size || segmenter->format() != raw->image.format) {
     throw InputError(paths.background().string() + ": the background model of " + raw->camera +
                      " is of other images than the frames: learn it again");
   }

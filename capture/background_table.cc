@@ -1,0 +1,65 @@
+#include "capture/background_table.h"
+
+#include <algorithm>
+#include <cassert>
+#include <cmath>
+
+namespace v3d {
+namespace {
+
+constexpr float kLeastSpread = 0.5F;  ///< grey values
+constexpr float kMostSpread = 64;
+constexpr float kSaturated = 248;  ///< a lamp: how bright it is cannot be seen, so it seems not to
+constexpr float kSaturatedSpread = 10;  ///< flicker with the light it gives
+constexpr float kSharpest = 255;
+constexpr float kMostSteps = 8;  ///< per spread: 16 spreads fit the squares of a quad
+
+/// Grey values by which the background changes from one pixel to the next, at its steepest: half
+/// the difference to the neighbours of the same colour, which in a Bayer image are two pixels away.
+float slope(const BackgroundModel& model, int channels, int x, int y, int channel) {
+  const int step = is_bayer(model.format) ? 2 : 1;
+  const auto at = [&](int u, int v) {
+    u = std::clamp(u, x % step, model.size.width - 1);
+    v = std::clamp(v, y % step, model.size.height - 1);
+    if ((u - x) % step) u -= 1;
+    if ((v - y) % step) v -= 1;
+    return model.mean[(static_cast<size_t>(v) * model.size.width + u) * channels + channel];
+  };
+  const float here = at(x, y);
+  float steepest = 0;
+  for (const float there : {at(x - step, y), at(x + step, y), at(x, y - step), at(x, y + step)}) {
+    steepest = std::max(steepest, std::abs(there - here));
+  }
+  return steepest / static_cast<float>(step);
+}
+
+}  // namespace
+
+BackgroundTable::BackgroundTable(const BackgroundModel& model, const SegmentOptions& options)
+    : size(model.size), format(model.format), channels(bytes_per_pixel(model.format)) {
+  const size_t samples = byte_count(size, format);
+  assert(model.mean.size() == samples && model.spread.size() == samples);
+  mean.resize(samples + kReach);
+  sharpness.resize(samples + kReach);
+  const float least = std::clamp(options.noise_floor, kLeastSpread, kMostSpread);
+  const float scale = kSharpest * least;  // of 1 / spread; 512 of it are a step to the spread
+  sharpness_shift = static_cast<int>(std::floor(std::log2(512 * kMostSteps / scale)));
+  sharpness_shift = std::max(sharpness_shift, 0);
+  steps_per_spread = std::ldexp(scale / 512, sharpness_shift);
+  size_t i = 0;
+  for (int y = 0; y < size.height; ++y) {
+    for (int x = 0; x < size.width; ++x) {
+      for (int c = 0; c < channels; ++c, ++i) {
+        const float grey = std::clamp(model.mean[i], 0.0F, 255.0F);
+        mean[i] = static_cast<uint16_t>(std::lround(grey * 256));
+        const float floor = model.mean[i] > kSaturated ? kSaturatedSpread : kLeastSpread;
+        const float noise = std::max({model.spread[i], least, floor});
+        const float moved = options.shake * slope(model, channels, x, y, c);
+        const float spread = std::min(std::sqrt(noise * noise + moved * moved), kMostSpread);
+        sharpness[i] = static_cast<uint8_t>(std::lround(scale / spread));
+      }
+    }
+  }
+}
+
+}  // namespace v3d
