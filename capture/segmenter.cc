@@ -37,7 +37,11 @@ Mask combine(const Mask& quads) {
 }  // namespace
 
 Segmenter::Segmenter(const BackgroundModel& model, const SegmentOptions& options)
-    : options_(options), table_(model, options), quad_test_(table_, options), quads_(table_) {}
+    : options_(options),
+      table_(model, options),
+      quad_test_(table_, options),
+      quads_(table_),
+      adaptation_(table_) {}
 
 Mask Segmenter::segment(ImageView image) {
   assert(image.size == size() && image.format == format());
@@ -48,6 +52,17 @@ Mask Segmenter::segment(ImageView image) {
   drop_pieces(mask, image, gain);
   holes_.fill_small(mask, pieces_.runs(), options_.max_hole);
   return mask;
+}
+
+void Segmenter::learn(int64_t pulse, ImageView image, const Mask& mask) {
+  assert(learns_from(pulse));
+  learnt_ = pulse;
+  adaptation_.follow(image, mask, brightness_ratio(image, table_.mean), table_);
+}
+
+void Segmenter::forget() {
+  learnt_ = -1;
+  adaptation_.forget(table_);
 }
 
 void Segmenter::drop_pieces(Mask& mask, ImageView image, uint32_t gain) {

@@ -45,30 +45,41 @@ void CameraLane::process(Frame frame) {
   message.seq = log_seq_++;
   message.take = take_;
   message.frame = std::move(frame);
-  record(message);
+  const bool recorded = record(message);
+  const Image& image = message.frame.image;
+  if (image.size != segmenter_.size() || image.format != segmenter_.format()) return;
   const int64_t pulse = message.frame.label.pulse;
-  if (!shared_.gate.admits(pulse)) return;
+  // What the segmenter learns from must not depend on the gate: offline there is none.
+  const bool learn = recorded && segmenter_.learns_from(pulse);
+  const bool live = shared_.gate.admits(pulse);
+  if (!learn && !live) return;
   shared_.places.acquire(pulse);
-  go_live(std::move(message));
+  Mask mask = segment(message.frame, learn);
+  if (live) go_live(std::move(message), std::move(mask));
   shared_.places.release();
 }
 
-void CameraLane::record(const FrameMessage& message) {
+bool CameraLane::record(const FrameMessage& message) {
   if (!log_.write(message)) {
     ++write_errors_;
-    return;
+    return false;
   }
   ++written_;
   const FrameLabel& label = message.frame.label;
   written_pulses_.push_back(label.pulse);
   if (label.suspect) suspect_pulses_.push_back(label.pulse);
+  return true;
 }
 
-void CameraLane::go_live(FrameMessage message) {
+Mask CameraLane::segment(const Frame& raw, bool learn) {
+  Mask mask = segmenter_.segment(raw.image.view());
+  if (learn) segmenter_.learn(raw.label.pulse, raw.image.view(), mask);
+  return mask;
+}
+
+void CameraLane::go_live(FrameMessage message, Mask mask) {
   const Frame raw = std::move(message.frame);
-  if (raw.image.size != segmenter_.size() || raw.image.format != segmenter_.format()) return;
-  message.frame =
-      observe(raw.camera, raw.label, raw.image.view(), segmenter_.segment(raw.image.view()));
+  message.frame = observe(raw.camera, raw.label, raw.image.view(), std::move(mask));
   message.sent = Realtime::now();
   message.seq = live_seq_++;
   if (shared_.bus.publish(frame_channel(camera()), encode(message))) ++published_;

@@ -63,8 +63,11 @@ class CameraLane {
  private:
   void run();
   void process(Frame frame);
-  void record(const FrameMessage& message);
-  void go_live(FrameMessage message);
+  /// Whether the frame is in the log.
+  bool record(const FrameMessage& message);
+  /// The raw frame's mask.
+  Mask segment(const Frame& raw, bool learn);
+  void go_live(FrameMessage message, Mask mask);
   void end();
 
   CameraWorker& worker_;

@@ -16,32 +16,6 @@ bool holds(const std::vector<std::string>& names, const std::string& name) {
   return std::find(names.begin(), names.end(), name) != names.end();
 }
 
-std::optional<Segmenter> segmenter_of(const TakePaths& paths, const std::string& camera) {
-  if (!has_background(paths.background(), camera)) return std::nullopt;
-  return Segmenter(load_background(paths.background(), camera), SegmentOptions{});
-}
-
-std::optional<SegmentedFrame> segment(std::optional<Frame> raw, std::optional<Segmenter>& segmenter,
-                                      const TakePaths& paths) {
-  if (!raw) return std::nullopt;
-  if (raw->mask) {
-    Mask mask = *std::move(raw->mask);
-    raw->mask.reset();
-    return SegmentedFrame{*std::move(raw), std::move(mask)};
-  }
-  if (!segmenter) {
-    throw InputError(
-        paths.frames(raw->camera).string() + ": frames without masks, and no background model in " +
-        paths.background().string() + ": import with --masks, --background or --background-black");
-  }
-  if (segmenter->size() != raw->image.size || segmenter->format() != raw->image.format) {
-    throw InputError(paths.background().string() + ": the background model of " + raw->camera +
-                     " is of other images than the frames: learn it again");
-  }
-  Mask mask = segmenter->segment(raw->image.view());
-  return SegmentedFrame{*std::move(raw), std::move(mask)};
-}
-
 }  // namespace
 
 TakeFrames::TakeFrames(const std::filesystem::path& take, const std::vector<std::string>& cameras)
@@ -55,23 +29,22 @@ TakeFrames::TakeFrames(const std::filesystem::path& take, const std::vector<std:
     const int index = find_camera(rig, name);
     if (index < 0) throw InputError(paths_.calib().string() + ": no calibration of " + name);
     rig_.push_back(rig[static_cast<size_t>(index)]);
-    cameras_.push_back({FrameLogReader(paths_.frames(name)), segmenter_of(paths_, name)});
+    cameras_.emplace_back(paths_, name);
   }
 }
 
 std::vector<int64_t> TakeFrames::pulses() const {
   std::set<int64_t> pulses;
-  for (const OpenCamera& camera : cameras_) {
-    for (const FrameLabel& label : camera.log.labels()) pulses.insert(label.pulse);
+  for (const SegmentedLog& camera : cameras_) {
+    for (const FrameLabel& label : camera.labels()) pulses.insert(label.pulse);
   }
   return {pulses.begin(), pulses.end()};
 }
 
 std::vector<std::optional<SegmentedFrame>> TakeFrames::read(int64_t pulse) {
   std::vector<std::optional<SegmentedFrame>> frames(cameras_.size());
-  tbb::parallel_for(size_t{0}, cameras_.size(), [&](size_t i) {
-    frames[i] = segment(cameras_[i].log.read(pulse), cameras_[i].segmenter, paths_);
-  });
+  tbb::parallel_for(size_t{0}, cameras_.size(),
+                    [&](size_t i) { frames[i] = cameras_[i].read(pulse); });
   return frames;
 }
 

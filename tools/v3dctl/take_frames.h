@@ -7,18 +7,11 @@
 #include <vector>
 
 #include "base/camera_model.h"
-#include "capture/segmenter.h"
 #include "recon/reconstructor.h"
-#include "take/frame_log.h"
 #include "take/take.h"
+#include "v3dctl/segmented_log.h"
 
 namespace v3d::ctl {
-
-/// A raw frame and its silhouette.
-struct SegmentedFrame {
-  Frame raw;
-  Mask mask;
-};
 
 /// One thread; works on several cameras at a time.
 class TakeFrames {
@@ -35,20 +28,14 @@ class TakeFrames {
   /// The pulses of which at least one opened camera has a frame, rising.
   std::vector<int64_t> pulses() const;
 
-  /// By opened camera; empty where the camera has no (whole) frame of this pulse. Stored masks are
-  /// taken as they are, else the take's background model makes them.
+  /// SegmentedLog::read() by opened camera.
   std::vector<std::optional<SegmentedFrame>> read(int64_t pulse);
 
  private:
-  struct OpenCamera {
-    FrameLogReader log;
-    std::optional<Segmenter> segmenter;
-  };
-
   TakePaths paths_;
   TakeInfo info_;
   Rig rig_;
-  std::vector<OpenCamera> cameras_;
+  std::vector<SegmentedLog> cameras_;
 };
 
 /// observe() of every frame there is; the masks are copied into the set.

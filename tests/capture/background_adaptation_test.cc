@@ -1,0 +1,154 @@
+#include "capture/background_adaptation.h"
+
+#include <gtest/gtest.h>
+#include <hwy/targets.h>
+
+#include "capture/brightness.h"
+#include "capture/segmenter.h"
+#include "studio_wall.h"
+
+namespace v3d {
+namespace {
+
+constexpr ImageSize kSize{130, 97};
+constexpr Rect kBody{60, 20, 40, 55};
+constexpr int kSunnyWidth = 35;
+constexpr int64_t kTenMinutes = 10 * 60 * 25;  // pulses
+constexpr int64_t kLearnEvery = 32;
+
+Mask mask_of_body() {
+  Mask mask(kSize);
+  for (int y = kBody.y0; y < kBody.y0 + kBody.height; ++y) {
+    mask.fill_row(y, kBody.x0, kBody.x0 + kBody.width);
+  }
+  return mask;
+}
+
+/// The wall, by `sun` brighter on its left side.
+Scene lit(double sun) {
+  return [=](int x, int y) {
+    const Colour c = wall(x, y);
+    const double light = x < kSunnyWidth ? 1 + sun : 1;
+    return Colour{light * c[0], light * c[1], light * c[2]};
+  };
+}
+Scene in_front_of(const Scene& behind, const Scene& cloth) {
+  return [=](int x, int y) { return kBody.contains(x, y) ? cloth(x, y) : behind(x, y); };
+}
+Colour yellow_cloth(int, int) { return {180, 150, 60}; }
+/// Hardly another colour than the wall's.
+Colour faint_cloth(int x, int y) {
+  const Colour c = wall(x, y);
+  return {c[0] + 24, c[1] + 9, c[2]};
+}
+
+class BackgroundAdaptationTest : public testing::TestWithParam<PixelFormat> {
+ protected:
+  Image photograph(const Scene& scene, int64_t seed) const {
+    return v3d::photograph(kSize, GetParam(), scene, static_cast<unsigned>(seed));
+  }
+  Mask segment(const Scene& scene) { return segmenter_.segment(photograph(scene, 7).view()); }
+  void learn(int64_t pulse, const Image& image) {
+    ASSERT_TRUE(segmenter_.learns_from(pulse));
+    segmenter_.learn(pulse, image.view(), segmenter_.segment(image.view()));
+  }
+  /// Ten minutes of a scene that changes with the part of the time that has passed.
+  void record(const std::function<Scene(double)>& scene) {
+    for (int64_t pulse = 0; pulse < kTenMinutes; pulse += kLearnEvery) {
+      learn(pulse, photograph(scene(double(pulse) / kTenMinutes), pulse));
+    }
+  }
+  /// Ten minutes of a scene that does not change, though its noise does.
+  void record_still(const Scene& scene) {
+    std::vector<Image> images;
+    for (int64_t seed = 0; seed < 8; ++seed) images.push_back(photograph(scene, seed));
+    for (int64_t pulse = 0; pulse < kTenMinutes; pulse += kLearnEvery) {
+      learn(pulse, images[static_cast<size_t>(pulse / kLearnEvery) % images.size()]);
+    }
+  }
+  const BackgroundModel model_ = learn_wall(kSize, GetParam());
+  Segmenter segmenter_{model_, {}};
+};
+
+INSTANTIATE_TEST_SUITE_P(Formats, BackgroundAdaptationTest,
+                         testing::Values(PixelFormat::kMono8, PixelFormat::kBayerRG8,
+                                         PixelFormat::kRGB8),
+                         [](const auto& format) { return std::string(name(format.param)); });
+
+TEST_P(BackgroundAdaptationTest, follows_the_sun_that_brightens_a_part_of_the_wall_by_a_fifth) {
+  EXPECT_GT(segment(lit(0.2)).count(), 1000);  // as who does not follow sees it
+  record([&](double passed) {
+    EXPECT_EQ(segment(lit(0.2 * passed)).count(), 0) << passed;
+    return lit(0.2 * passed);
+  });
+  EXPECT_EQ(segment(lit(0.2)).count(), 0);
+  const Mask mask = segment(in_front_of(lit(0.2), [](int, int) { return Colour{220, 200, 220}; }));
+  EXPECT_GT(intersection_over_union(mask, mask_of_body()), 0.99);
+}
+
+TEST_P(BackgroundAdaptationTest, does_not_learn_who_stands_still_for_ten_minutes) {
+  for (const Scene& cloth : {Scene(yellow_cloth), Scene(faint_cloth)}) {
+    segmenter_.forget();
+    const Scene standing = in_front_of(wall, cloth);
+    const Mask at_first = segment(standing);
+    EXPECT_GT(intersection_over_union(at_first, mask_of_body()), 0.9);
+    record_still(standing);
+    EXPECT_GT(intersection_over_union(segment(standing), at_first), 0.98);
+    EXPECT_EQ(segment(wall).count(), 0);  // nor is he missed when he is gone
+  }
+}
+
+TEST_P(BackgroundAdaptationTest, does_not_learn_the_shadow_of_who_stands_still) {
+  const auto shaded = [](int x, int y) {
+    const Colour c = wall(x, y);
+    const double light = x >= 100 && y > 60 ? 0.75 : 1;
+    return Colour{light * c[0], light * c[1], light * c[2]};
+  };
+  record_still(in_front_of(shaded, yellow_cloth));
+  EXPECT_EQ(segment(wall).count(), 0);
+}
+
+TEST_P(BackgroundAdaptationTest, goes_a_quarter_from_the_plates_and_no_further) {
+  record([](double passed) { return lit(0.8 * passed); });
+  EXPECT_GT(segment(lit(0.8)).count(), 1000);
+}
+
+TEST_P(BackgroundAdaptationTest, forgets_all_at_once) {
+  const Mask before = segment(in_front_of(lit(0.2), yellow_cloth));
+  record([](double passed) { return lit(0.2 * passed); });
+  EXPECT_NE(segment(in_front_of(lit(0.2), yellow_cloth)), before);
+  segmenter_.forget();
+  EXPECT_EQ(segment(in_front_of(lit(0.2), yellow_cloth)), before);
+  EXPECT_TRUE(segmenter_.learns_from(0));
+}
+
+TEST_P(BackgroundAdaptationTest, is_the_same_on_every_instruction_set) {
+  const Image image = photograph(in_front_of(lit(0.04), yellow_cloth), 3);
+  const Mask mask = segmenter_.segment(image.view());
+  const BackgroundTable plates(model_, {});
+  BackgroundTable expected = plates;
+  BackgroundAdaptation(plates).follow(image.view(), mask, kUnitGain, expected);
+  EXPECT_NE(expected.mean, plates.mean);
+  for (int64_t rest = hwy::SupportedTargets(); rest != 0; rest &= rest - 1) {
+    hwy::SetSupportedTargetsForTest(rest & -rest);
+    BackgroundTable table = plates;
+    BackgroundAdaptation(plates).follow(image.view(), mask, kUnitGain, table);
+    hwy::SetSupportedTargetsForTest(0);
+    EXPECT_EQ(table.mean, expected.mean) << hwy::TargetName(rest & -rest);
+  }
+}
+
+TEST(SegmenterLearns, from_one_pulse_in_32_and_never_goes_back) {
+  Segmenter segmenter(learn_wall(kSize, PixelFormat::kMono8), {});
+  const Image image = photograph(kSize, PixelFormat::kMono8, wall, 1);
+  EXPECT_TRUE(segmenter.learns_from(0));
+  EXPECT_FALSE(segmenter.learns_from(-32));
+  EXPECT_FALSE(segmenter.learns_from(31));
+  segmenter.learn(64, image.view(), segmenter.segment(image.view()));
+  EXPECT_FALSE(segmenter.learns_from(64));
+  EXPECT_FALSE(segmenter.learns_from(32));
+  EXPECT_TRUE(segmenter.learns_from(96));
+}
+
+}  // namespace
+}  // namespace v3d

@@ -1,0 +1,119 @@
+// What was segmented live comes out of the recorded take again.
+#include "v3dctl/segmented_log.h"
+
+#include <gtest/gtest.h>
+
+#include <map>
+#include <random>
+
+#include "support/temporary_folder.h"
+
+namespace v3d::ctl {
+namespace {
+
+constexpr ImageSize kSize{96, 64};
+const std::string kCamera = "cam01";
+
+/// A wall in the light of this pulse, which grows on the left side, and someone who walks by.
+Image picture(int64_t pulse) {
+  std::mt19937 random(static_cast<unsigned>(pulse));
+  std::normal_distribution<double> noise(0, 1.5);
+  Image image(kSize, PixelFormat::kMono8);
+  const auto here = static_cast<int>(pulse % 70);
+  for (int y = 0; y < kSize.height; ++y) {
+    for (int x = 0; x < kSize.width; ++x) {
+      const double wall = x < 30 ? 100 + 0.01 * static_cast<double>(pulse) : 100;
+      const bool someone = x >= here && x < here + 20 && y > 10;
+      image.row(y)[x] = static_cast<uint8_t>((someone ? 104 + x % 9 : wall) + noise(random));
+    }
+  }
+  return image;
+}
+
+class SegmentedLogTest : public testing::Test {
+ protected:
+  SegmentedLogTest() {
+    std::filesystem::create_directories(take_.background());
+    model_ = {kSize, PixelFormat::kMono8, {}, {}};
+    model_.mean.assign(kSize.pixels(), 100);
+    model_.spread.assign(kSize.pixels(), 1.5);
+    save_background(take_.background(), kCamera, model_);
+  }
+
+  /// Writes a log as a capture daemon does that leaves most pulses out of the live picture, and
+  /// remembers the masks of those which it shows.
+  void record(const std::vector<int64_t>& pulses) {
+    Segmenter segmenter(model_, {});
+    EventLogWriter log(take_.frames(kCamera));
+    for (const int64_t pulse : pulses) {
+      FrameMessage message;
+      message.frame.camera = kCamera;
+      message.frame.label.pulse = pulse;
+      message.frame.sensor_size = kSize;
+      message.frame.roi = {0, 0, kSize.width, kSize.height};
+      message.frame.image = picture(pulse);
+      ASSERT_TRUE(log.write(message));
+      const bool learn = segmenter.learns_from(pulse);
+      const bool live = pulse % 3 == 1;
+      if (!live && !learn) continue;
+      const ImageView image = message.frame.image.view();
+      Mask mask = segmenter.segment(image);
+      if (learn) segmenter.learn(pulse, image, mask);
+      if (live) live_.emplace(pulse, std::move(mask));
+    }
+  }
+
+  void expect_as_live(SegmentedLog& log, int64_t pulse) {
+    const auto frame = log.read(pulse);
+    ASSERT_TRUE(frame) << pulse;
+    EXPECT_EQ(frame->mask, live_.at(pulse)) << pulse;
+  }
+  void expect_all_as_live() {
+    SegmentedLog log(take_, kCamera);
+    for (const auto& [pulse, mask] : live_) expect_as_live(log, pulse);
+  }
+
+  const test::TemporaryFolder folder_;
+  const TakePaths take_{folder_.path()};
+  BackgroundModel model_;
+  std::map<int64_t, Mask> live_;
+};
+
+std::vector<int64_t> pulses(int64_t begin, int64_t end) {
+  std::vector<int64_t> all;
+  for (int64_t pulse = begin; pulse < end; ++pulse) all.push_back(pulse);
+  return all;
+}
+
+TEST_F(SegmentedLogTest, gives_the_masks_that_were_seen_live) {
+  record(pulses(0, 300));
+  expect_all_as_live();
+  Segmenter unlearned(model_, {});  // or there would be nothing to show
+  EXPECT_NE(unlearned.segment(picture(298).view()), live_.at(298));
+}
+
+TEST_F(SegmentedLogTest, gives_them_also_to_who_reads_a_part_or_backwards) {
+  record(pulses(0, 300));
+  SegmentedLog from_the_middle(take_, kCamera);
+  for (const int64_t pulse : {202, 205, 256, 298}) expect_as_live(from_the_middle, pulse);
+  SegmentedLog backwards(take_, kCamera);
+  for (const int64_t pulse : {298, 100, 34, 31, 1, 298}) expect_as_live(backwards, pulse);
+}
+
+TEST_F(SegmentedLogTest, gives_them_when_frames_are_missing_among_them_some_that_would_be_learnt) {
+  std::vector<int64_t> some;
+  for (const int64_t pulse : pulses(10, 300)) {
+    if (pulse != 64 && pulse != 96 && pulse % 7 != 0) some.push_back(pulse);
+  }
+  record(some);
+  expect_all_as_live();
+}
+
+TEST_F(SegmentedLogTest, gives_them_when_pulse_numbers_are_out_of_order) {
+  record({0, 1, 64, 64, 4, 32, 34, 65, 64, 70, 160, 128, 130, 133, 100, 192, 193});
+  SegmentedLog log(take_, kCamera);
+  for (const int64_t pulse : {1, 4, 34, 70, 100, 130, 133, 193}) expect_as_live(log, pulse);
+}
+
+}  // namespace
+}  // namespace v3d::ctl
