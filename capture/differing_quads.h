@@ -23,13 +23,12 @@ struct QuadTest {
   uint16_t least_factor;  ///< 1/32768
   uint16_t most_factor;
   uint16_t allowed;       ///< 1/64 grey value
-  uint16_t allowed_part;  ///< 1/65536, for one channel of three a third
+  uint16_t allowed_part;  ///< 1/65536; where there are three channels, a third of it
 };
 
 /// Keeps its working memory between calls. One thread.
 class DifferingQuads {
  public:
-  DifferingQuads() = default;
   explicit DifferingQuads(const BackgroundTable& background);
 
   /// Bit (x, y) of the result tells whether the quad of pixels x, x + 1 and rows y, y + 1 differs
