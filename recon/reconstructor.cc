@@ -61,13 +61,72 @@ class Reconstructor::Impl {
         intersector_(grid_, models_of(rig), options.min_views),
         arena_(arena_size(options.threads)) {}
 
-  Reconstruction reconstruct(const FrameSet& set) {
-    Reconstruction result;
-    arena_.execute([&] { run(set, result); });
-    return result;
+  Reconstruction reconstruct(FrameSet set) {
+    SetAtWork work(std::move(set));
+    arena_.execute([&] {
+      make_mesh(work);
+      encode(work);
+    });
+    return std::move(work.result);
+  }
+
+  void make_mesh(SetAtWork& work) {
+    work.result.pulse = work.set.pulse;
+    work.frames = usable_frames(work.set);
+    shape(work);
+    colour(work);
+  }
+
+  void encode(SetAtWork& work) const {
+    const Stopwatch encoding;
+    Reconstruction& result = work.result;
+    CompactFrame frame;
+    frame.pulse = result.pulse;
+    frame.cameras = result.cameras;
+    frame.missing = static_cast<int>(rig_.size() - result.cameras.size());
+    frame.lattice = {grid_.origin, grid_.voxel_m / 2};
+    std::swap(frame.mesh, result.mesh);
+    result.compact = encode_compact(frame);
+    std::swap(frame.mesh, result.mesh);
+    result.times.encode = encoding.ms();
   }
 
  private:
+  void shape(SetAtWork& work) {
+    Reconstruction& result = work.result;
+    const Stopwatch intersecting;
+    std::vector<const Mask*> masks;
+    masks.reserve(work.frames.size());
+    for (const Frame* frame : work.frames) {
+      masks.push_back(frame != nullptr ? &*frame->mask : nullptr);
+    }
+    const SparseVolume volume = intersector_.intersect(masks);
+    result.volume_m3 = static_cast<double>(volume.count()) * grid_.voxel_volume_m3();
+    result.times.intersect = intersecting.ms();
+
+    const Stopwatch meshing;
+    // The order of the compact frame: so the mesh here is the one that every receiver decodes.
+    result.mesh = in_coding_order(marching_cubes(volume).mesh);
+    result.times.mesh = meshing.ms();
+  }
+
+  void colour(SetAtWork& work) const {
+    const Stopwatch texturing;
+    Reconstruction& result = work.result;
+    std::vector<TextureCamera> cameras;
+    for (size_t c = 0; c < work.frames.size(); ++c) {
+      if (work.frames[c] != nullptr) {
+        cameras.push_back({&rig_[c].model, work.frames[c]});
+        result.cameras.push_back(rig_[c].name);
+      }
+    }
+    std::sort(result.cameras.begin(), result.cameras.end());
+    const TextureOptions options{.depth_tolerance_m = kDepthToleranceVoxels * grid_.voxel_m,
+                                 .occluder_radius_m = kTriangleRadiusVoxels * grid_.voxel_m};
+    result.mesh.colours = colour_vertices(result.mesh, cameras, options).colours;
+    result.times.texture = texturing.ms();
+  }
+
   /// The frame of each camera of the rig; null where it has none that can be used.
   std::vector<const Frame*> usable_frames(const FrameSet& set) const {
     std::vector<const Frame*> frames(rig_.size(), nullptr);
@@ -81,71 +140,20 @@ class Reconstructor::Impl {
     return frames;
   }
 
-  void run(const FrameSet& set, Reconstruction& result) {
-    const std::vector<const Frame*> frames = usable_frames(set);
-    result.pulse = set.pulse;
-    intersect(frames, result);
-    texture(frames, result);
-    encode(result);
-  }
-
-  /// Frames to volume, volume to mesh.
-  void intersect(const std::vector<const Frame*>& frames, Reconstruction& result) {
-    const Stopwatch intersecting;
-    std::vector<const Mask*> masks;
-    masks.reserve(frames.size());
-    for (const Frame* frame : frames) {
-      masks.push_back(frame != nullptr ? &*frame->mask : nullptr);
-    }
-    const SparseVolume volume = intersector_.intersect(masks);
-    result.volume_m3 = static_cast<double>(volume.count()) * grid_.voxel_volume_m3();
-    result.times.intersect = intersecting.ms();
-
-    const Stopwatch meshing;
-    // The order of the compact frame: so the mesh here is the one that every receiver decodes.
-    result.mesh = in_coding_order(marching_cubes(volume).mesh);
-    result.times.mesh = meshing.ms();
-  }
-
-  void texture(const std::vector<const Frame*>& frames, Reconstruction& result) const {
-    const Stopwatch texturing;
-    std::vector<TextureCamera> cameras;
-    for (size_t c = 0; c < frames.size(); ++c) {
-      if (frames[c] != nullptr) {
-        cameras.push_back({&rig_[c].model, frames[c]});
-        result.cameras.push_back(rig_[c].name);
-      }
-    }
-    std::sort(result.cameras.begin(), result.cameras.end());
-    const TextureOptions options{.depth_tolerance_m = kDepthToleranceVoxels * grid_.voxel_m,
-                                 .occluder_radius_m = kTriangleRadiusVoxels * grid_.voxel_m};
-    result.mesh.colours = colour_vertices(result.mesh, cameras, options).colours;
-    result.times.texture = texturing.ms();
-  }
-
-  void encode(Reconstruction& result) const {
-    const Stopwatch encoding;
-    CompactFrame frame;
-    frame.pulse = result.pulse;
-    frame.cameras = result.cameras;
-    frame.missing = static_cast<int>(rig_.size() - result.cameras.size());
-    frame.lattice = {grid_.origin, grid_.voxel_m / 2};
-    std::swap(frame.mesh, result.mesh);
-    result.compact = encode_compact(frame);
-    std::swap(frame.mesh, result.mesh);
-    result.times.encode = encoding.ms();
-  }
-
-  Rig rig_;
-  VoxelGrid grid_;
-  Intersector intersector_;
-  tbb::task_arena arena_;
+  const Rig rig_;
+  const VoxelGrid grid_;
+  Intersector intersector_;  ///< make_mesh()
+  tbb::task_arena arena_;    ///< reconstruct()
 };
 
 Reconstructor::Reconstructor(const Rig& rig, const ReconstructOptions& options)
     : impl_(std::make_unique<Impl>(rig, options)) {}
 Reconstructor::~Reconstructor() = default;
 
-Reconstruction Reconstructor::reconstruct(const FrameSet& set) { return impl_->reconstruct(set); }
+Reconstruction Reconstructor::reconstruct(FrameSet set) {
+  return impl_->reconstruct(std::move(set));
+}
+void Reconstructor::make_mesh(SetAtWork& work) { impl_->make_mesh(work); }
+void Reconstructor::encode(SetAtWork& work) const { impl_->encode(work); }
 
 }  // namespace v3d

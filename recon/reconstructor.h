@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <memory>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "base/camera_model.h"
@@ -42,8 +43,23 @@ struct Reconstruction {
   StageTimes times;
 };
 
-/// Holds what is computed once per rig. reconstruct() is deterministic: the same frames give the
-/// same bytes whatever the number of threads and the order of the frames. One caller at a time.
+/// A frame set on its way through the stages.
+struct SetAtWork {
+  SetAtWork() = default;
+  explicit SetAtWork(FrameSet frame_set) : set(std::move(frame_set)) {}
+  // Copies would point to the frames of the original.
+  SetAtWork(SetAtWork&&) = default;
+  SetAtWork& operator=(SetAtWork&&) = default;
+
+  FrameSet set;
+  std::vector<const Frame*>
+      frames;  ///< of `set`, by camera of the rig; null: none that can be used
+  Reconstruction result;
+};
+
+/// Holds what is computed once per rig. The result is deterministic: the same frames give the same
+/// bytes whatever the number of threads and the order of the frames, one set at a time or in a
+/// FramePipeline.
 class Reconstructor {
  public:
   /// Throws InputError when the grid needs more memory than there is (the message shows the
@@ -52,8 +68,15 @@ class Reconstructor {
   ~Reconstructor();
   /// Frames of cameras that are not in the rig, or whose mask has another size than the rig says,
   /// are left out. The mesh is the one that decode_compact() gives for `compact`, to the bit.
-  /// Throws InputError when the surface outgrows a compact frame (4 million vertices).
-  Reconstruction reconstruct(const FrameSet& set);
+  /// Throws InputError when the surface outgrows a compact frame (4 million vertices). One caller
+  /// at a time.
+  Reconstruction reconstruct(FrameSet set);
+
+  /// The same in two stages, in the caller's TBB arena: first the coloured mesh, all in parallel
+  /// loops, then its compact frame, mostly one thread's work. One caller of each at a time; they
+  /// may work on different sets at the same time.
+  void make_mesh(SetAtWork& work);
+  void encode(SetAtWork& work) const;
 
  private:
   class Impl;
