@@ -1,8 +1,8 @@
 #include "v3dctl/reconstruct.h"
 
 #include <sys/resource.h>
-#include <tbb/global_control.h>
 #include <tbb/parallel_for.h>
+#include <tbb/task_arena.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -13,6 +13,7 @@
 #include "base/error.h"
 #include "base/units.h"
 #include "common/console.h"
+#include "recon/frame_pipeline.h"
 #include "recon/reconstructor.h"
 #include "recon/silhouette.h"
 #include "take/mesh_file.h"
@@ -199,6 +200,81 @@ ReconstructReport begin_report(const ReconstructOptions& options, const TakeFram
   return report;
 }
 
+// The frames of a take on their way to mesh.v3d. The stages are those of the live reconstruction,
+// with the reading and segmenting before and the measuring behind.
+class Run {
+ public:
+  Run(const ReconstructRequest& request, int threads)
+      : take_(request.take, cameras_without(load_take_info({request.take}), request.leave_out)),
+        pulses_(choose_pulses(take_, request.frames)),
+        options_(choose_options(request, take_, threads)),
+        reconstructor_(take_.rig(), options_),
+        silhouettes_(tbb::task_arena(threads).execute(
+            [&] { return SilhouetteMeter(take_.rig(), options_.bounds); })),
+        report_(begin_report(options_, take_)),
+        file_(take_.paths().mesh()),
+        progress_("reconstruct", std::ssize(pulses_)) {
+    report_.incomplete = pulses_without_frames(take_.info(), request.frames, pulses_.size());
+  }
+
+  ReconstructReport all() {
+    FramePipeline<Job>(options_.threads, [this] { return next(); },
+                       {[this](Job& job) { make_mesh(job); }, [this](Job& job) { encode(job); },
+                        [this](Job& job) { measure(job); }})
+        .wait();
+    file_.finish();
+    return std::move(report_);
+  }
+
+ private:
+  struct Job {
+    int64_t pulse = 0;
+    std::vector<std::optional<SegmentedFrame>> frames;
+    double segment_ms = 0;
+    SetAtWork work;
+  };
+
+  std::optional<Job> next() {
+    stop_if_interrupted();
+    if (next_ == pulses_.size()) return std::nullopt;
+    Job job;
+    job.pulse = pulses_[next_++];
+    return job;
+  }
+
+  void make_mesh(Job& job) {
+    const Stopwatch segment;
+    job.frames = take_.read(job.pulse);
+    job.work = SetAtWork(observe_all(job.pulse, job.frames));
+    job.segment_ms = segment.ms();
+    reconstructor_.make_mesh(job.work);
+  }
+
+  void encode(Job& job) {
+    reconstructor_.encode(job.work);
+    file_.append(job.pulse, job.work.result.compact);
+  }
+
+  void measure(Job& job) {
+    const Reconstruction& result = job.work.result;
+    silhouettes_.measure(result.mesh, job.frames, report_);
+    add_stage_times(result.times, job.segment_ms, report_);
+    add_figures(result, report_);
+    if (result.cameras.size() < take_.rig().size()) ++report_.incomplete;
+    progress_.advance();
+  }
+
+  TakeFrames take_;
+  const std::vector<int64_t> pulses_;
+  const ReconstructOptions options_;
+  Reconstructor reconstructor_;
+  const SilhouetteMeter silhouettes_;
+  ReconstructReport report_;
+  PendingMeshFile file_;
+  Progress progress_;
+  size_t next_ = 0;
+};
+
 }  // namespace
 
 int default_min_views(int cameras) { return std::clamp(cameras - 1, 1, 4); }
@@ -208,32 +284,7 @@ ReconstructReport reconstruct_take(const ReconstructRequest& request) {
   const int threads = request.threads > 0
                           ? request.threads
                           : std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
-  const tbb::global_control limit(tbb::global_control::max_allowed_parallelism,
-                                  static_cast<size_t>(threads));
-  TakeFrames take(request.take, cameras_without(load_take_info({request.take}), request.leave_out));
-  const std::vector<int64_t> pulses = choose_pulses(take, request.frames);
-  const ReconstructOptions options = choose_options(request, take, threads);
-  Reconstructor reconstructor(take.rig(), options);
-  const SilhouetteMeter silhouettes(take.rig(), options.bounds);
-  ReconstructReport report = begin_report(options, take);
-  report.incomplete = pulses_without_frames(take.info(), request.frames, pulses.size());
-  PendingMeshFile file(take.paths().mesh());
-  Progress progress("reconstruct", std::ssize(pulses));
-  for (const int64_t pulse : pulses) {
-    stop_if_interrupted();
-    const Stopwatch segment;
-    const auto frames = take.read(pulse);
-    const FrameSet set = observe_all(pulse, frames);
-    const double segment_ms = segment.ms();
-    const Reconstruction result = reconstructor.reconstruct(set);
-    file.append(pulse, result.compact);
-    silhouettes.measure(result.mesh, frames, report);
-    add_stage_times(result.times, segment_ms, report);
-    add_figures(result, report);
-    if (result.cameras.size() < take.rig().size()) ++report.incomplete;
-    progress.advance();
-  }
-  file.finish();
+  ReconstructReport report = Run(request, threads).all();
   report.seconds = run.seconds();
   report.peak_rss_mb = peak_rss_mb();
   return report;
