@@ -33,6 +33,8 @@ class PulseGenerator {
   virtual int64_t commanded() const = 0;
   /// True once a train of known length has ended, or after stop().
   virtual bool finished() const = 0;
+  /// How late the latest pulse since start() was, skipped ones included.
+  virtual Duration worst_lateness() const = 0;
   /// What went wrong while running, one line; empty when nothing did.
   virtual std::string fault() const = 0;
 };

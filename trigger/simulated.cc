@@ -39,7 +39,8 @@ std::string vanished_text(const std::filesystem::path& path) {
 
 }  // namespace
 
-SimulatedGenerator::SimulatedGenerator(std::filesystem::path wire) : path_(std::move(wire)) {}
+SimulatedGenerator::SimulatedGenerator(std::filesystem::path wire, HostClock clock)
+    : path_(std::move(wire)), clock_(std::move(clock)) {}
 
 SimulatedGenerator::~SimulatedGenerator() {
   stop();
@@ -70,7 +71,7 @@ void SimulatedGenerator::start() {
     commanded_ = skipped_ = 0;
     latest_ = {};
   }
-  thread_ = std::thread([this, first = Monotonic::now() + period_ / 2] { run(first); });
+  thread_ = std::thread([this, first = clock_.now() + period_ / 2] { run(first); });
 }
 
 void SimulatedGenerator::stop() {
@@ -83,6 +84,8 @@ void SimulatedGenerator::join() {
 }
 
 void SimulatedGenerator::run(MonotonicInstant first) {
+  if (!wait_for(first)) return;
+  first = std::max(first, clock_.now());
   for (int64_t k = 0;; ++k) {
     const MonotonicInstant at = first + k * period_;
     if (!wait_for(at) || !pulse(k, at)) return;
@@ -95,9 +98,9 @@ bool SimulatedGenerator::wait_for(MonotonicInstant instant) const {
       const std::lock_guard lock(mutex_);
       if (stopped_) return false;
     }
-    const MonotonicInstant now = Monotonic::now();
+    const MonotonicInstant now = clock_.now();
     if (now >= instant) return true;
-    sleep_until(std::min(instant, now + kLongestSleep));
+    clock_.sleep_until(std::min(instant, now + kLongestSleep));
   }
 }
 
@@ -105,9 +108,9 @@ bool SimulatedGenerator::pulse(int64_t number, MonotonicInstant at) {
   const std::lock_guard lock(mutex_);
   if (stopped_) return false;
   wire_->drain();  // our own edges come back to us too; the sensor is who listens to them
-  const Duration late = Monotonic::now() - at;
+  const Duration late = clock_.now() - at;
   latest_ = std::max(latest_, late);
-  if (late > period_ / 2) {
+  if (late >= period_) {
     ++skipped_;
   } else if (!wire_->send({to_ns(at)})) {
     vanished_ = true;
@@ -127,6 +130,11 @@ int64_t SimulatedGenerator::commanded() const {
 bool SimulatedGenerator::finished() const {
   const std::lock_guard lock(mutex_);
   return stopped_;
+}
+
+Duration SimulatedGenerator::worst_lateness() const {
+  const std::lock_guard lock(mutex_);
+  return latest_;
 }
 
 std::string SimulatedGenerator::fault() const {

@@ -2,26 +2,34 @@
 #pragma once
 
 #include <filesystem>
+#include <functional>
 #include <memory>
 #include <mutex>
 #include <string>
 #include <thread>
 
 #include "trigger/pulse_generator.h"
+#include "trigger/wire_socket.h"
 
 namespace v3d {
-
-class WireSocket;
 
 inline constexpr double kSimulatedMinRateHz = 0.01;
 inline constexpr double kSimulatedMaxRateHz = 1000;
 
+/// How the generator knows and awaits the time; tests have their own.
+struct HostClock {
+  std::function<MonotonicInstant()> now = Monotonic::now;
+  std::function<void(MonotonicInstant)> sleep_until = v3d::sleep_until;
+};
+
 /// Edge k stands at start + k * period on CLOCK_MONOTONIC and carries that instant as its stamp,
-/// however late this host was in sending it. An edge more than half a period late is not sent, so
-/// that no two edges come close together: it is counted, and told of in fault().
+/// however late this host was in sending it: a generator in hardware would have been on time, and a
+/// latency that is measured from the stamp has the lateness in it. The start is when this host was
+/// ready to send edge 0. An edge is not sent when the next is due already: it keeps its number, is
+/// counted, and told of in fault().
 class SimulatedGenerator : public PulseGenerator {
  public:
-  explicit SimulatedGenerator(std::filesystem::path wire);
+  explicit SimulatedGenerator(std::filesystem::path wire, HostClock clock = {});
   ~SimulatedGenerator() override;
 
   void arm(const PulseTrain& train) override;
@@ -29,6 +37,7 @@ class SimulatedGenerator : public PulseGenerator {
   void stop() override;
   int64_t commanded() const override;
   bool finished() const override;
+  Duration worst_lateness() const override;
   std::string fault() const override;
   /// Of commanded(), the pulses that this host was too late to make.
   int64_t skipped() const;
@@ -42,6 +51,7 @@ class SimulatedGenerator : public PulseGenerator {
   void join();
 
   const std::filesystem::path path_;
+  const HostClock clock_;
   PulseTrain train_;
   Duration period_{};
   std::unique_ptr<WireSocket> wire_;

@@ -5,6 +5,7 @@
 
 #include <cmath>
 #include <functional>
+#include <map>
 
 #include "base/error.h"
 #include "cable_server.h"
@@ -61,6 +62,85 @@ TEST(SimulatedGenerator, puts_edge_k_at_start_plus_k_periods) {
   const auto edges = cable.edges();
   for (const int64_t edge : edges) EXPECT_EQ((edge - edges[0]) % 25'000'000, 0);
   EXPECT_LE(edges.back() - edges[0], 9 * 25'000'000);
+}
+
+/// A host whose time passes only while it sleeps, and that oversleeps as it is told.
+struct SlowHost {
+  /// Sleeps, counted from 0, and by how much they are too long.
+  explicit SlowHost(std::map<MonotonicInstant, Duration> holds) : held_up(std::move(holds)) {}
+
+  HostClock clock() {
+    return {.now = [this] { return now; },
+            .sleep_until =
+                [this](MonotonicInstant until) {
+                  now = std::max(now, until);
+                  const auto hold = held_up.find(now);
+                  if (hold != held_up.end()) now += hold->second;
+                }};
+  }
+  std::map<MonotonicInstant, Duration> held_up;
+  MonotonicInstant now{seconds(100)};
+};
+
+/// When pulse k of a train of 25 Hz is due that was started at 100 s.
+MonotonicInstant due(int k) { return MonotonicInstant(seconds(100) + milliseconds(20 + 40 * k)); }
+
+std::vector<int64_t> stamps(std::initializer_list<int> pulses) {
+  std::vector<int64_t> ns;
+  for (const int k : pulses) ns.push_back(to_ns(due(k)));
+  return ns;
+}
+
+TEST(SimulatedGenerator, sends_a_late_edge_with_the_stamp_of_its_place_in_the_train) {
+  CableServer cable;
+  SlowHost host({{due(2), milliseconds(39)}});
+  SimulatedGenerator generator(cable.path(), host.clock());
+  generator.arm(train_of(25, 5));
+  generator.start();
+  ASSERT_TRUE(cable.wait_for_edges(5));
+  ASSERT_TRUE(eventually([&] { return generator.finished(); }));
+  EXPECT_EQ(cable.edges(), stamps({0, 1, 2, 3, 4}));
+  EXPECT_EQ(generator.worst_lateness(), milliseconds(39));
+  EXPECT_EQ(generator.skipped(), 0);
+  EXPECT_EQ(generator.fault(), "");
+}
+
+TEST(SimulatedGenerator, skips_the_edges_whose_successor_is_due_and_tells_of_them) {
+  CableServer cable;
+  SlowHost host({{due(2), milliseconds(95)}});
+  SimulatedGenerator generator(cable.path(), host.clock());
+  generator.arm(train_of(25, 6));
+  generator.start();
+  ASSERT_TRUE(cable.wait_for_edges(4));
+  ASSERT_TRUE(eventually([&] { return generator.finished(); }));
+  EXPECT_EQ(cable.edges(), stamps({0, 1, 4, 5}));
+  EXPECT_EQ(generator.commanded(), 6);
+  EXPECT_EQ(generator.skipped(), 2);
+  EXPECT_EQ(generator.fault(), "2 pulses skipped: this host was up to 95 ms late");
+}
+
+TEST(SimulatedGenerator, ends_the_train_in_time_when_its_last_pulse_is_skipped) {
+  CableServer cable;
+  SlowHost host({{due(2), milliseconds(40)}});
+  SimulatedGenerator generator(cable.path(), host.clock());
+  generator.arm(train_of(25, 3));
+  generator.start();
+  ASSERT_TRUE(eventually([&] { return generator.finished(); }));
+  ASSERT_TRUE(cable.wait_for_edges(2));
+  EXPECT_EQ(generator.commanded(), 3);
+  EXPECT_EQ(generator.skipped(), 1);
+}
+
+TEST(SimulatedGenerator, begins_the_train_when_it_can_send_the_first_edge) {
+  CableServer cable;
+  SlowHost host({{due(0), milliseconds(500)}});
+  SimulatedGenerator generator(cable.path(), host.clock());
+  generator.arm(train_of(25, 2));
+  generator.start();
+  ASSERT_TRUE(cable.wait_for_edges(2));
+  EXPECT_EQ(cable.edges().front(), to_ns(due(0) + milliseconds(500)));
+  ASSERT_TRUE(eventually([&] { return generator.finished(); }));
+  EXPECT_EQ(generator.skipped(), 0);
 }
 
 TEST(SimulatedGenerator, sends_no_edge_after_stop_returns) {
