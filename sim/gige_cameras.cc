@@ -1,7 +1,10 @@
 #include "sim/gige_cameras.h"
 
+#include <arpa/inet.h>
 #include <arv.h>
+#include <netinet/in.h>
 #include <sys/prctl.h>
+#include <sys/socket.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -62,6 +65,36 @@ class GenicamFile {
   std::string path_;
 };
 
+/// Aravis' camera computes how long it may sleep until it looks for a pulse again; when its thread
+/// loses the processor in the middle of that, the rest has become negative, is taken for a large
+/// number, and the camera sleeps 100 ms. Whoever speaks to it wakes it.
+class Knock {
+ public:
+  explicit Knock(const std::string& address)
+      : socket_(::socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0)) {
+    sockaddr_in camera{};
+    camera.sin_family = AF_INET;
+    camera.sin_port = htons(3956);
+    if (::inet_pton(AF_INET, address.c_str(), &camera.sin_addr) != 1 ||
+        ::connect(socket_, reinterpret_cast<const sockaddr*>(&camera), sizeof camera) != 0) {
+      ::close(socket_);
+      throw InputError(errno_message("camera at " + address));
+    }
+  }
+  ~Knock() { ::close(socket_); }
+  Knock(const Knock&) = delete;
+  Knock& operator=(const Knock&) = delete;
+
+  /// Asks for the version register, as GigE Vision has it; nobody reads the answer.
+  void knock() const {
+    constexpr uint8_t kReadVersion[] = {0x42, 0x01, 0x00, 0x80, 0, 4, 0, 1, 0, 0, 0, 0};
+    ::send(socket_, kReadVersion, sizeof kReadVersion, MSG_DONTWAIT);
+  }
+
+ private:
+  const int socket_;
+};
+
 uint32_t read_register(ArvFakeCamera* camera, uint32_t address) {
   uint32_t value = 0;
   arv_fake_camera_read_register(camera, address, &value);
@@ -82,7 +115,12 @@ class GigeCameras::Device {
  public:
   Device(int index, const GigeCamera& camera, const char* genicam, const Picture& picture,
          const Report& report, uint64_t seed)
-      : index_(index), clock_(camera.clock), picture_(picture), report_(report), seed_(seed) {
+      : index_(index),
+        clock_(camera.clock),
+        picture_(picture),
+        report_(report),
+        seed_(seed),
+        door_(camera.address) {
     server_ = arv_gv_fake_camera_new_full(camera.address.c_str(), camera.serial.c_str(), genicam);
     if (server_ == nullptr || !arv_gv_fake_camera_is_running(server_)) {
       g_clear_object(&server_);
@@ -119,6 +157,7 @@ class GigeCameras::Device {
     if (waiting_.size() == 1) {
       write(ARV_FAKE_CAMERA_REGISTER_TRIGGER_SOFTWARE, 1);
     }
+    door_.knock();
   }
 
   int64_t ignored() const { return ignored_; }
@@ -166,6 +205,7 @@ class GigeCameras::Device {
   const Picture& picture_;
   const Report& report_;
   const uint64_t seed_;
+  const Knock door_;
   ArvGvFakeCamera* server_ = nullptr;
   ArvFakeCamera* fake_ = nullptr;  ///< owned by server_
   std::mutex mutex_;  ///< guards waiting_ and the order of writes to the trigger register
