@@ -74,6 +74,8 @@ CaptureNode::CaptureNode(const Studio& studio, const std::string& node, Bus& bus
   if (triggers) {
     generator_ = make_generator(studio.trigger);
     sensor_ = make_sensor(studio.trigger);
+  } else {
+    train_ = std::make_unique<TrainWatch>(bus, studio.trigger.node);
   }
   for (const StudioCamera& camera : cameras) {
     workers_.push_back(std::make_unique<CameraWorker>(
@@ -122,6 +124,7 @@ void CaptureNode::make_ready(const CommandMessage& order, std::optional<int64_t>
 
 void CaptureNode::start() {
   if (generator_) generator_->start();
+  if (train_) train_->restart();
 }
 
 void CaptureNode::end_of_train() {
@@ -202,14 +205,15 @@ std::optional<NodeReport> CaptureNode::poll_learning() {
       .event = result->learnt ? Input::kReady : Input::kFailed, .text = result->text, .detail = {}};
 }
 
-std::optional<NodeReport> CaptureNode::poll_recording() const {
-  const bool ended =
-      generator_ ? generator_->finished() : order_.pulses > 0 && pulses_->seen() >= order_.pulses;
+std::optional<NodeReport> CaptureNode::poll_recording() {
+  if (train_) train_->listen(order_.take);
+  const bool ended = generator_ ? generator_->finished() : train_->ended();
   if (!ended) return std::nullopt;
   return NodeReport{.event = Input::kTrainEnded, .text = "pulses have ended", .detail = {}};
 }
 
 std::optional<NodeReport> CaptureNode::poll_draining() {
+  if (train_) train_->listen(order_.take);
   if (!all_accounted_for() && Monotonic::now() < drain_began_ + kDrainWithin) return std::nullopt;
   const Ledger ledger = finish_take();
   if (!close_take(studio_, info_, ledger)) {
@@ -237,7 +241,8 @@ void CaptureNode::open_take() {
   for (const CameraWorker* worker : ready) info_.cameras.push_back(worker->camera());
   create_take(studio_, info_);
   const TakePaths paths = take_paths(studio_, info_.name);
-  pulses_ = std::make_unique<PulseRecorder>(sensor_.get(), bus_, info_.name, paths.pulses());
+  pulses_ = std::make_unique<PulseRecorder>(sensor_.get(), bus_, info_.name, period_of(rate_hz_),
+                                            paths.pulses());
   gate_ = std::make_unique<LiveGate>([ready] { return backlog_of(ready); }, kLiveBacklog);
   for (CameraWorker* worker : ready) {
     lanes_.push_back(std::make_unique<CameraLane>(
@@ -267,7 +272,8 @@ void CaptureNode::discard_empty_take() {
 }
 
 int64_t CaptureNode::commanded() const {
-  return generator_ ? generator_->commanded() : pulses_->seen();
+  // Elsewhere, the last pulses may have been left out, or their messages lost.
+  return generator_ ? generator_->commanded() : std::max(pulses_->seen(), train_->commanded());
 }
 
 bool CaptureNode::all_accounted_for() const {
@@ -394,6 +400,9 @@ void CaptureNode::report_health(HealthMessage& health) {
   tell_troubles(sum);
   health.values["pulses_sensed"] = static_cast<double>(sum.sensed);
   health.values["pulses_commanded"] = static_cast<double>(sum.commanded);
+  if (generator_) {
+    health.values["trigger_latest_ms"] = 1e3 * to_seconds(generator_->worst_lateness());
+  }
   health.values["frames_missing"] = 0;
   health.values["frames_suspect"] = 0;
   health.values["cameras_streaming"] = 0;

@@ -16,6 +16,7 @@
 #include "daemon/event_sender.h"
 #include "daemon/node_work.h"
 #include "daemon/pulse_recorder.h"
+#include "daemon/train_watch.h"
 #include "take/take.h"
 #include "trigger/pulse_generator.h"
 
@@ -52,7 +53,7 @@ class CaptureNode : public NodeWork {
 
   NodeReport poll_arming();
   std::optional<NodeReport> poll_learning();
-  std::optional<NodeReport> poll_recording() const;
+  std::optional<NodeReport> poll_recording();
   std::optional<NodeReport> poll_draining();
 
   struct TakeTotals {
@@ -84,7 +85,8 @@ class CaptureNode : public NodeWork {
   Bus& bus_;
   EventSender events_;
   std::unique_ptr<PulseGenerator> generator_;  ///< null where another node has the trigger
-  std::unique_ptr<PulseSensor> sensor_;
+  std::unique_ptr<PulseSensor> sensor_;        ///< null with it
+  std::unique_ptr<TrainWatch> train_;          ///< null where the trigger is here
   std::vector<std::unique_ptr<CameraWorker>> workers_;
   WorkPlaces places_;
 

@@ -42,7 +42,8 @@ void NodeLoop::turn() {
     spdlog::info("{}", report->text);
     carry_out(controller_.on_event(report->event, report->text, report->detail));
   }
-  if (Monotonic::now() >= next_health_) publish_health();
+  // Others act on a change of state; they shall not wait for it.
+  if (Monotonic::now() >= next_health_ || controller_.phase() != told_phase_) publish_health();
   feed_watchdog();
 }
 
@@ -92,7 +93,8 @@ void NodeLoop::publish_health() {
   health.seq = health_seq_++;
   health.node = node_;
   health.program = program_;
-  health.state = node_state(controller_.phase());
+  told_phase_ = controller_.phase();
+  health.state = node_state(told_phase_);
   health.take = controller_.phase() == Phase::kIdle ? std::string() : controller_.order().take;
   const SubscriptionCounts commands = commands_.counts();
   health.values["commands_received"] = static_cast<double>(commands.received);

@@ -39,6 +39,7 @@ class NodeLoop {
   Controller controller_;
   Subscription<CommandMessage> commands_;
   int64_t health_seq_ = 0;
+  Phase told_phase_ = Phase::kIdle;  ///< by the last health message
   MonotonicInstant next_health_;
   std::optional<Duration> watchdog_;
   MonotonicInstant last_fed_;

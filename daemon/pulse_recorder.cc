@@ -17,9 +17,9 @@ RealtimeInstant to_realtime(MonotonicInstant t) { return Realtime::now() - (Mono
 
 }  // namespace
 
-PulseRecorder::PulseRecorder(PulseSensor* sensor, Bus& bus, std::string take,
+PulseRecorder::PulseRecorder(PulseSensor* sensor, Bus& bus, std::string take, Duration period,
                              const std::filesystem::path& log)
-    : sensor_(sensor), bus_(bus), take_(std::move(take)) {
+    : sensor_(sensor), bus_(bus), take_(std::move(take)), numbers_(period) {
   if (!log.empty()) log_.emplace(log);
   if (sensor_ != nullptr) {
     sensor_->reset();
@@ -54,7 +54,7 @@ std::optional<PulseMessage> PulseRecorder::sense() {
   return PulseMessage{.sent = Realtime::now(),
                       .seq = seq_++,
                       .take = take_,
-                      .pulse = edge->number,
+                      .pulse = numbers_.number(edge->at),
                       .edge = to_realtime(edge->at),
                       .edge_monotonic = edge->at};
 }

@@ -12,6 +12,7 @@
 #include "daemon/bus.h"
 #include "daemon/heartbeat.h"
 #include "take/frame_log.h"
+#include "trigger/edge_numbers.h"
 #include "trigger/pulse_generator.h"
 
 namespace v3d {
@@ -20,10 +21,11 @@ namespace v3d {
 /// what that node tells. Has a thread of its own; lives from arming to the end of the take.
 class PulseRecorder {
  public:
-  /// `sensor` (may be null: listen on the bus) is reset here and read until destruction; it and
-  /// `bus` outlive the recorder. An empty `log` is not written. Throws InputError when the line
-  /// cannot be reached or the log cannot be made.
-  PulseRecorder(PulseSensor* sensor, Bus& bus, std::string take, const std::filesystem::path& log);
+  /// `period`: of the train. `sensor` (may be null: listen on the bus) is reset here and read until
+  /// destruction; it and `bus` outlive the recorder. An empty `log` is not written. Throws
+  /// InputError when the line cannot be reached or the log cannot be made.
+  PulseRecorder(PulseSensor* sensor, Bus& bus, std::string take, Duration period,
+                const std::filesystem::path& log);
   ~PulseRecorder();
   PulseRecorder(const PulseRecorder&) = delete;
   PulseRecorder& operator=(const PulseRecorder&) = delete;
@@ -45,6 +47,7 @@ class PulseRecorder {
   PulseSensor* const sensor_;
   Bus& bus_;
   const std::string take_;
+  EdgeNumbers numbers_;
   std::unique_ptr<Subscription<PulseMessage>> heard_;
   std::optional<EventLogWriter> log_;
   int64_t seq_ = 0;

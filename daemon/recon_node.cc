@@ -4,9 +4,11 @@
 
 #include "base/calib_file.h"
 #include "base/error.h"
+#include "base/name.h"
 #include "base/units.h"
 #include "daemon/json.h"
 #include "daemon/take_folder.h"
+#include "recon/rehearsal.h"
 
 namespace v3d {
 namespace {
@@ -18,6 +20,7 @@ constexpr Duration kDrainWithin = std::chrono::seconds(20);
 std::map<std::string, double> values_of(const ReconCounts& c) {
   return {{"meshes", static_cast<double>(c.meshes)},
           {"dropped", static_cast<double>(c.dropped)},
+          {"failed", static_cast<double>(c.failed)},
           {"incomplete_sets", static_cast<double>(c.incomplete_sets)},
           {"frames_foreign", static_cast<double>(c.foreign)},
           {"frames_lost", static_cast<double>(c.frames_lost)},
@@ -55,13 +58,13 @@ Rig rig_of(const std::vector<std::string>& cameras, const std::filesystem::path&
 }  // namespace
 
 ReconNode::ReconNode(const Studio& studio, const std::string& node, Bus& bus)
-    : studio_(studio), bus_(bus), events_(bus, node) {}
+    : studio_(studio), bus_(bus), events_(bus, node), train_(bus, studio.trigger.node) {}
 
 ReconNode::~ReconNode() { disarm(); }
 
 void ReconNode::arm(const CommandMessage& order) {
   order_ = order;
-  if (!is_take_name(order.take)) throw InputError("'" + order.take + "' cannot name a take");
+  if (!is_file_name(order.take)) throw InputError("'" + order.take + "' cannot name a take");
   const TakePaths paths = take_paths(studio_, order.take);
   if (std::filesystem::exists(paths.mesh())) {
     throw InputError(paths.mesh().string() + " exists already; choose another take name");
@@ -71,18 +74,21 @@ void ReconNode::arm(const CommandMessage& order) {
   const StudioReconstruction& recon = studio_.reconstruction;
   const FrameSetOptions sets = sets_of(studio_, order);
   const int cameras = static_cast<int>(sets.cameras.size());
+  const ReconstructOptions options{.bounds = studio_.space.bounds,
+                                   .voxel_m = recon.voxel_m,
+                                   .min_views = std::min(cameras, recon.min_views),
+                                   .quality = recon.quality,
+                                   .threads = recon.threads};
+  const Rig rig = rig_of(sets.cameras, studio_.storage.calib);
+  auto reconstructor = std::make_shared<Reconstructor>(rig, options);
   pipeline_ = std::make_unique<ReconPipeline>(
       ReconPipeline::Setup{.take = order.take,
                            .mesh_file = paths.mesh(),
-                           .rig = rig_of(sets.cameras, studio_.storage.calib),
-                           .options = {.bounds = studio_.space.bounds,
-                                       .voxel_m = recon.voxel_m,
-                                       .min_views = std::min(cameras, recon.min_views),
-                                       .quality = recon.quality,
-                                       .threads = recon.threads},
-                           .sets = sets},
+                           .stages = stages_of(reconstructor),
+                           .threads = recon.threads,
+                           .sets = sets,
+                           .rehearsal = rehearsal(rig, studio_.space.bounds)},
       bus_);
-  told_dropped_ = 0;
 }
 
 void ReconNode::learn(const CommandMessage& order) { order_ = order; }
@@ -123,8 +129,9 @@ NodeReport ReconNode::ready_report() const {
           .detail = {}};
 }
 
-std::optional<NodeReport> ReconNode::poll_recording() const {
-  if (order_.pulses == 0 || pipeline_->pulses_seen() < order_.pulses) return std::nullopt;
+std::optional<NodeReport> ReconNode::poll_recording() {
+  train_.listen(order_.take);
+  if (!train_.ended()) return std::nullopt;
   return NodeReport{.event = Input::kTrainEnded, .text = "pulses have ended", .detail = {}};
 }
 
@@ -144,6 +151,7 @@ std::optional<NodeReport> ReconNode::poll_draining() {
   return NodeReport{.event = Input::kDrained,
                     .text = format_count(counts.meshes) + " meshes, " +
                             format_count(counts.dropped) + " dropped, " +
+                            format_count(counts.failed) + " failed, " +
                             format_count(counts.incomplete_sets) + " of incomplete sets",
                     .detail = numbers_json(values_of(counts))};
 }
@@ -156,13 +164,16 @@ void ReconNode::report_health(HealthMessage& health) {
                     counts.write_errors == 0 ? ""
                                              : format_count(counts.write_errors) +
                                                    " meshes refused: the disk is full or broken");
-  if (counts.write_errors > 0) health.text = "meshes could not be written: the disk refuses";
-  if (counts.dropped > told_dropped_) {
-    health.text = "cannot keep up: " + format_count(counts.dropped) + " pulses dropped";
-    events_.send(Severity::kWarning, "reconstruction",
-                 format_count(counts.dropped) + " pulses dropped: this machine cannot keep up");
+  const bool behind = pipeline_ && counts.behind;
+  events_.keep_told(Severity::kWarning, "reconstruction",
+                    behind ? "cannot keep up: drops pulses, to show the newest" : "");
+  events_.keep_told(Severity::kWarning, "mesh",
+                    counts.failed == 0 ? "" : "pulses without a mesh: " + counts.failure);
+  if (behind) health.text = "cannot keep up: " + format_count(counts.dropped) + " pulses dropped";
+  if (counts.failed > 0) {
+    health.text = format_count(counts.failed) + " pulses without a mesh: " + counts.failure;
   }
-  told_dropped_ = counts.dropped;
+  if (counts.write_errors > 0) health.text = "meshes could not be written: the disk refuses";
 }
 
 bool ReconNode::progressed_since(MonotonicInstant since) const {

@@ -9,6 +9,7 @@
 #include "daemon/event_sender.h"
 #include "daemon/node_work.h"
 #include "daemon/recon_pipeline.h"
+#include "daemon/train_watch.h"
 
 namespace v3d {
 
@@ -20,7 +21,7 @@ class ReconNode : public NodeWork {
 
   void arm(const CommandMessage& order) override;
   void learn(const CommandMessage& order) override;
-  void start() override {}
+  void start() override { train_.restart(); }
   void drain() override;
   void disarm() override;
   std::optional<NodeReport> poll(Phase phase) override;
@@ -29,17 +30,17 @@ class ReconNode : public NodeWork {
 
  private:
   NodeReport ready_report() const;
-  std::optional<NodeReport> poll_recording() const;
+  std::optional<NodeReport> poll_recording();
   std::optional<NodeReport> poll_draining();
 
   const Studio& studio_;
   Bus& bus_;
   EventSender events_;
+  TrainWatch train_;
   CommandMessage order_;
   MonotonicInstant drain_began_;
   std::unique_ptr<ReconPipeline> pipeline_;
   ReconCounts last_;  ///< of the last take
-  int64_t told_dropped_ = 0;
 };
 
 }  // namespace v3d

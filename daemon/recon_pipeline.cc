@@ -1,5 +1,7 @@
 #include "daemon/recon_pipeline.h"
 
+#include <spdlog/spdlog.h>
+
 #include <algorithm>
 #include <cmath>
 
@@ -12,9 +14,6 @@ constexpr Duration kLook = std::chrono::milliseconds(20);
 /// Frames of 15 cameras that wait for their set: half a second at 25 Hz.
 constexpr size_t kFrameQueue = 256;
 constexpr size_t kPulseQueue = 256;
-/// Sets that wait for the reconstruction: half a second at 25 Hz rides out a hiccup of the machine;
-/// more would only make live late.
-constexpr size_t kReadyQueue = 12;
 /// A pulse number so far ahead of all before is not believed.
 constexpr int64_t kMaxJump = 15'000;
 /// Pulses whose edge is remembered for the latency.
@@ -30,18 +29,25 @@ double percentile(std::vector<double> values, double part) {
 
 }  // namespace
 
+MeshStages stages_of(std::shared_ptr<Reconstructor> reconstructor) {
+  return {.make_mesh = [reconstructor](SetAtWork& work) { reconstructor->make_mesh(work); },
+          .encode = [reconstructor](SetAtWork& work) { reconstructor->encode(work); }};
+}
+
 ReconPipeline::ReconPipeline(Setup setup, Bus& bus)
     : take_(std::move(setup.take)),
       bus_(bus),
-      reconstructor_(setup.rig, setup.options),
+      stages_(std::move(setup.stages)),
       assembler_(setup.sets),
       file_(setup.mesh_file),
       frames_(bus, std::string(kFramePrefix) + ".*", kFrameQueue),
       pulses_(bus, kPulseChannel, kPulseQueue),
-      ready_(kReadyQueue),
-      last_frame_ns_(to_ns(Monotonic::now())) {
+      rehearsal_(std::move(setup.rehearsal)),
+      last_frame_ns_(to_ns(Monotonic::now())),
+      pipeline_(setup.threads, [this] { return next_job(); },
+                {[this](Job& job) { attempt(stages_.make_mesh, job); },
+                 [this](Job& job) { finish(job); }}) {
   assembling_thread_ = std::thread([this] { assemble(); });
-  reconstructing_thread_ = std::thread([this] { reconstruct(); });
 }
 
 ReconPipeline::~ReconPipeline() { close(); }
@@ -49,7 +55,7 @@ ReconPipeline::~ReconPipeline() { close(); }
 void ReconPipeline::end() {
   stopping_ = true;
   if (assembling_thread_.joinable()) assembling_thread_.join();
-  if (reconstructing_thread_.joinable()) reconstructing_thread_.join();
+  pipeline_.wait();
 }
 
 bool ReconPipeline::close() {
@@ -81,8 +87,8 @@ void ReconPipeline::assemble() {
 
 void ReconPipeline::note_pulses() {
   while (const auto pulse = pulses_.wait(Monotonic::now())) {
-    if (pulse->take != take_ || pulse->pulse - pulses_seen_ > kMaxJump) continue;
-    pulses_seen_ = std::max<int64_t>(pulses_seen_, pulse->pulse + 1);
+    if (pulse->take != take_ || pulse->pulse - newest_pulse_ > kMaxJump) continue;
+    newest_pulse_ = std::max(newest_pulse_, pulse->pulse);
     const std::lock_guard lock(mutex_);
     edges_[pulse->pulse] = pulse->edge;
     if (edges_.size() > kMaxEdges) edges_.erase(edges_.begin());
@@ -93,34 +99,66 @@ void ReconPipeline::hand_over(std::vector<ReadySet> ready) {
   for (ReadySet& set : ready) {
     if (!set.missing.empty()) ++incomplete_;
     ++handed_over_;
-    ready_.push(std::move(set));
+    ready_.push(std::move(set), Monotonic::now());
   }
   open_sets_ = assembler_.next_deadline() ? 1 : 0;
 }
 
 // --- sets to meshes -----------------------------------------------------------------------------
 
-void ReconPipeline::reconstruct() {
+std::optional<ReconPipeline::Job> ReconPipeline::next_job() {
+  if (rehearsal_) {
+    Job job{SetAtWork(*std::move(rehearsal_)), {}, {}, true};
+    rehearsal_.reset();
+    return job;
+  }
   while (!stopping_) {
     reconstructing_.beat();
-    if (const auto ready = ready_.pop(Monotonic::now() + kLook)) work_on(*ready);
+    ready_.wait(Monotonic::now() + kLook);
+    if (auto ready = ready_.take(Monotonic::now())) {
+      return Job{SetAtWork(std::move(ready->set)), std::move(ready->missing), {}, false};
+    }
   }
+  return std::nullopt;
 }
 
-void ReconPipeline::work_on(const ReadySet& ready) {
-  const Reconstruction result = reconstructor_.reconstruct(ready.set);
-  publish(result, ready);
+void ReconPipeline::attempt(const std::function<void(SetAtWork&)>& stage, Job& job) {
+  if (!job.failure.empty()) return;
+  try {
+    stage(job.work);
+  } catch (const std::exception& error) {  // too large a surface, for the format or the memory
+    job.failure = error.what();
+  }
+  reconstructing_.beat();
+}
+
+void ReconPipeline::finish(Job& job) {
+  attempt(stages_.encode, job);
+  if (job.rehearsal) return;
+  if (!job.failure.empty()) return note_failure(job);
+  const Reconstruction& result = job.work.result;
+  publish(job);
   if (!file_.append(result.pulse, result.compact)) ++write_errors_;
   ++meshes_;
 }
 
-void ReconPipeline::publish(const Reconstruction& result, const ReadySet& ready) {
+void ReconPipeline::note_failure(const Job& job) {
+  spdlog::warn("pulse {} has no mesh: {}", job.work.set.pulse, job.failure);
+  {
+    const std::lock_guard lock(mutex_);
+    failure_ = job.failure;
+  }
+  ++failed_;
+}
+
+void ReconPipeline::publish(const Job& job) {
+  const Reconstruction& result = job.work.result;
   MeshMessage message{.sent = Realtime::now(),
                       .seq = seq_++,
                       .take = take_,
                       .pulse = result.pulse,
                       .pulse_edge = edge_of(result.pulse),
-                      .missing = ready.missing,
+                      .missing = job.missing,
                       .compact = result.compact};
   bus_.publish(kMeshChannel, encode(message));
   note_latency(message.pulse_edge);
@@ -151,12 +189,16 @@ ReconCounts ReconPipeline::counts() const {
   const SubscriptionCounts frames = frames_.counts();
   ReconCounts counts{.meshes = meshes_,
                      .dropped = ready_.dropped(),
+                     .behind = ready_.behind(Monotonic::now()),
+                     .failed = failed_,
+                     .failure = {},
                      .incomplete_sets = incomplete_,
                      .foreign = foreign_,
                      .frames_lost = frames.lost + frames.dropped,
                      .undecodable = frames.undecodable + pulses_.counts().undecodable,
                      .write_errors = write_errors_};
   const std::lock_guard lock(mutex_);
+  counts.failure = failure_;
   counts.latency_p50_ms = percentile(latencies_ms_, 0.50);
   counts.latency_p99_ms = percentile(latencies_ms_, 0.99);
   const double seconds = to_seconds(last_mesh_ - first_mesh_);
@@ -166,7 +208,7 @@ ReconCounts ReconPipeline::counts() const {
 
 bool ReconPipeline::drained(Duration quiet) const {
   return last_frame_ns_ < to_ns(Monotonic::now() - quiet) && open_sets_ == 0 &&
-         meshes_ + ready_.dropped() == handed_over_;
+         meshes_ + failed_ + ready_.dropped() == handed_over_;
 }
 
 }  // namespace v3d

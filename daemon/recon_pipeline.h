@@ -2,6 +2,7 @@
 #pragma once
 
 #include <atomic>
+#include <functional>
 #include <map>
 #include <memory>
 #include <mutex>
@@ -10,9 +11,10 @@
 #include <vector>
 
 #include "base/studio_file.h"
-#include "daemon/bounded_queue.h"
 #include "daemon/bus.h"
 #include "daemon/heartbeat.h"
+#include "daemon/live_queue.h"
+#include "recon/frame_pipeline.h"
 #include "recon/frame_set.h"
 #include "recon/reconstructor.h"
 #include "take/mesh_file.h"
@@ -22,6 +24,9 @@ namespace v3d {
 struct ReconCounts {
   int64_t meshes = 0;
   int64_t dropped = 0;          ///< pulses skipped because this machine could not keep up
+  bool behind = false;          ///< drops pulses, or did so not long ago
+  int64_t failed = 0;           ///< pulses whose surface cannot be a compact frame
+  std::string failure;          ///< why, for the last of them
   int64_t incomplete_sets = 0;  ///< went on without some cameras
   int64_t foreign = 0;          ///< frames of other takes
   int64_t frames_lost = 0;      ///< sent, and never arrived here
@@ -32,28 +37,36 @@ struct ReconCounts {
   double live_fps = 0;  ///< meshes per second over the take so far
 };
 
-/// Lives from the moment a take is armed until it is closed. Two threads: one assembles frame sets,
-/// one reconstructs. When the second cannot keep up, whole pulses are dropped, the oldest waiting
-/// one first, and counted: live is live.
+/// What is done with a frame set: Reconstructor's two stages. They throw InputError for a set that
+/// cannot become a compact frame.
+struct MeshStages {
+  std::function<void(SetAtWork&)> make_mesh;
+  std::function<void(SetAtWork&)> encode;
+};
+/// The stages keep the reconstructor alive, as std::functions keep what they call.
+MeshStages stages_of(std::shared_ptr<Reconstructor> reconstructor);
+
+/// Lives from the moment a take is armed until it is closed. A thread assembles frame sets; two
+/// stages of a FramePipeline make meshes of them, so that a set is begun while the one before is
+/// encoded and published. When they cannot keep up, whole pulses are dropped by LiveQueue's rule
+/// and counted. A pulse whose stage refuses it is counted, told in the log, and has no mesh.
 class ReconPipeline {
  public:
   struct Setup {
     std::string take;
     std::filesystem::path mesh_file;
-    Rig rig;
-    ReconstructOptions options;
+    MeshStages stages;
+    int threads = 0;  ///< 0: one per core
     FrameSetOptions sets;
+    std::optional<FrameSet> rehearsal;  ///< worked on first; its mesh is thrown away
   };
-  /// `bus` outlives the pipeline. Throws InputError when the grid does not fit into memory or the
-  /// mesh file cannot be made.
+  /// `bus` outlives the pipeline. Throws InputError when the mesh file cannot be made.
   ReconPipeline(Setup setup, Bus& bus);
   ~ReconPipeline();
   ReconPipeline(const ReconPipeline&) = delete;
   ReconPipeline& operator=(const ReconPipeline&) = delete;
 
   ReconCounts counts() const;
-  /// The highest pulse number that the trigger's node told of, plus one.
-  int64_t pulses_seen() const { return pulses_seen_; }
   /// Everything that came has been reconstructed or dropped, and nothing has come for `quiet`.
   bool drained(Duration quiet) const;
   bool progressed_since(MonotonicInstant since) const {
@@ -65,33 +78,45 @@ class ReconPipeline {
  private:
   static constexpr size_t kLatencies = 1000;
 
+  /// A frame set in the pipeline.
+  struct Job {
+    SetAtWork work;
+    std::vector<std::string> missing;
+    std::string failure;  ///< why it has no mesh; empty as long as it may have one
+    bool rehearsal = false;
+  };
+
   void assemble();
-  void reconstruct();
   void hand_over(std::vector<ReadySet> ready);
   void note_pulses();
-  void work_on(const ReadySet& ready);
-  void publish(const Reconstruction& result, const ReadySet& ready);
+  std::optional<Job> next_job();
+  void attempt(const std::function<void(SetAtWork&)>& stage, Job& job);
+  void finish(Job& job);
+  void note_failure(const Job& job);
+  void publish(const Job& job);
   RealtimeInstant edge_of(int64_t pulse);
   void note_latency(RealtimeInstant edge);
   void end();
 
   const std::string take_;
   Bus& bus_;
-  Reconstructor reconstructor_;  ///< reconstructing thread
+  const MeshStages stages_;
   FrameSetAssembler assembler_;  ///< assembling thread
   MeshFileWriter file_;
   Subscription<FrameMessage> frames_;
   Subscription<PulseMessage> pulses_;
-  BoundedQueue<ReadySet> ready_;
-  int64_t seq_ = 0;
+  LiveQueue<ReadySet> ready_;
+  std::optional<FrameSet> rehearsal_;  ///< until it is worked on
+  int64_t seq_ = 0;                    ///< last stage
+  int64_t newest_pulse_ = 0;           ///< assembling thread
 
   std::atomic<int64_t> meshes_ = 0;
+  std::atomic<int64_t> failed_ = 0;
   std::atomic<int64_t> handed_over_ = 0;
   std::atomic<int64_t> incomplete_ = 0;
   std::atomic<int64_t> foreign_ = 0;
   std::atomic<int64_t> write_errors_ = 0;
   std::atomic<int64_t> open_sets_ = 0;
-  std::atomic<int64_t> pulses_seen_ = 0;
   std::atomic<int64_t> last_frame_ns_ = 0;
   Heartbeat assembling_;
   Heartbeat reconstructing_;
@@ -102,10 +127,11 @@ class ReconPipeline {
   size_t next_latency_ = 0;
   MonotonicInstant first_mesh_;
   MonotonicInstant last_mesh_;
+  std::string failure_;
 
   std::atomic<bool> stopping_ = false;
   std::thread assembling_thread_;
-  std::thread reconstructing_thread_;
+  FramePipeline<Job> pipeline_;  ///< last: it works with all of the above
 };
 
 }  // namespace v3d

@@ -40,7 +40,7 @@ TakePaths take_paths(const Studio& studio, const std::string& take) {
 }
 
 void refuse_bad_take(const Studio& studio, const std::string& take) {
-  if (!is_take_name(take)) {
+  if (!is_file_name(take)) {
     throw InputError("'" + take + "' cannot name a take: " + std::string(kFileNameRule));
   }
   if (fs::exists(take_paths(studio, take).info())) {

@@ -8,6 +8,7 @@
 #include "base/error.h"
 #include "recon/compact_frame.h"
 #include "recon/evaluation.h"
+#include "recon/rehearsal.h"
 #include "recon/renderer.h"
 #include "recon/silhouette.h"
 #include "shapes.h"
@@ -144,6 +145,15 @@ TEST(Reconstructor, leaves_out_frames_it_cannot_use_and_says_who_took_part) {
   const Reconstruction result = Reconstructor(rig, options()).reconstruct(set);
   EXPECT_THAT(result.cameras, ElementsAre("cam0", "cam6", "cam7"));
   EXPECT_EQ(decode_compact(result.compact)->missing, 5);
+}
+
+TEST(Rehearsal, is_a_ball_in_the_middle_of_the_space) {
+  const Rig rig = ring(8);
+  const Reconstruction result =
+      Reconstructor(rig, options()).reconstruct(rehearsal(rig, options().bounds));
+  EXPECT_EQ(result.cameras.size(), rig.size());
+  const double ball = 4.0 / 3 * std::numbers::pi * std::pow(0.3, 3);
+  EXPECT_NEAR(result.volume_m3, ball, 0.2 * ball);
 }
 
 TEST(Reconstructor, of_no_frames_is_an_empty_mesh) {

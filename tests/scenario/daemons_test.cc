@@ -6,6 +6,7 @@
 #include <unistd.h>
 
 #include <csignal>
+#include <fstream>
 #include <nlohmann/json.hpp>
 #include <random>
 
@@ -31,15 +32,17 @@ constexpr int kEmptyPulses = 12;
 /// A simulated studio of four small cameras whose background has been learnt, and its daemons.
 class Studio4 : public testing::Test {
  protected:
-  Studio4() {
+  /// `more` of the studio file's last section, which is [reconstruction].
+  explicit Studio4(const std::string& voxel = "40mm", const std::string& more = "") {
     simulator_.emplace(
         std::vector<std::string>{bin("v3d-sim"), "studio", folder_.path(), "--cameras", "4",
                                  "--size", "320x240", "--rate", "20", "--loop-frames", "10",
-                                 "--empty-pulses", std::to_string(kEmptyPulses), "--voxel", "40mm"},
+                                 "--empty-pulses", std::to_string(kEmptyPulses), "--voxel", voxel},
         folder_ / "v3d-sim.log");
     const bool serves = becomes_true(
         [&] { return simulator_->output().find("ready\n") != std::string::npos; }, within(60));
     if (!serves) throw std::runtime_error("v3d-sim: " + simulator_->output());
+    std::ofstream(folder_ / "studio.toml", std::ios::app) << more;
     studio_ = load_studio(folder_ / "studio.toml");
     start_captured();
     start_recond();
@@ -206,6 +209,80 @@ TEST_F(Studio4, recovers_the_take_that_a_crash_left_open) {
   ASSERT_TRUE(becomes_true(recovered, within(30))) << log();
   EXPECT_EQ(load_take_info(take()).state, TakeState::kRecovered);
   EXPECT_GE(verify_take(take()).ledger.cameras[0].written, 7);
+}
+
+/// The trigger's host stands still: pulses are skipped, among them the last of the train.
+TEST_F(Studio4, names_skipped_pulses_and_ends_the_train_everywhere_when_the_last_one_is_skipped) {
+  constexpr int kPulses = 40;
+  Bus bus(studio_.network.lcm_url);
+  Subscription<PulseMessage> pulses(bus, kPulseChannel, 2 * kPulses);
+  int64_t last = -1;
+  const auto listen = [&](MonotonicInstant deadline) {
+    while (const auto pulse = pulses.wait(deadline)) last = pulse->pulse;
+    return last;
+  };
+  arm_and_start(kPulses);
+  ASSERT_TRUE(becomes_true([&] { return listen(Monotonic::now()) >= 30; }, within(30))) << log();
+  captured_->signal(SIGSTOP);
+  // Nothing comes any more; meanwhile the rest of the train (half a second) becomes due.
+  listen(Monotonic::now() + std::chrono::milliseconds(700));
+  captured_->signal(SIGCONT);
+
+  const auto ended = [&] {
+    const auto health = client_->health(within(5));
+    return health.size() == 2 && std::all_of(health.begin(), health.end(), [](const auto& entry) {
+             return entry.second.state == NodeState::kIdle;
+           });
+  };
+  ASSERT_TRUE(becomes_true(ended, within(60))) << "without a stop command\n" << log();
+  const Answer stopped = command(CommandVerb::kStop);
+  const auto ledger = nlohmann::json::parse(stopped.replies.at("cap01").detail);
+  EXPECT_FALSE(ledger["complete"]);
+  EXPECT_EQ(ledger["pulses"]["commanded"], kPulses);
+  EXPECT_EQ(ledger["pulses"]["sensed"], last + 1);
+  for (const auto& camera : ledger["cameras"]) {
+    EXPECT_EQ(camera["missing"].size(), kPulses - last - 1) << camera;
+    EXPECT_EQ(camera["missing"].back(), kPulses - 1) << camera;
+    EXPECT_EQ(camera["suspect"].size(), 0U) << camera;
+  }
+  const auto recon = nlohmann::json::parse(stopped.replies.at("recon01").detail);
+  EXPECT_EQ(recon["meshes"].get<int>() + recon["dropped"].get<int>(), last + 1) << recon;
+}
+
+/// Voxels that are far too small for one thread.
+class OverloadedStudio4 : public Studio4 {
+ protected:
+  OverloadedStudio4() : Studio4("3mm", "threads = 1\n") {}
+};
+
+TEST_F(OverloadedStudio4, drops_whole_pulses_counts_them_and_says_so_once) {
+  constexpr int kPulses = 100;
+  Bus bus(studio_.network.lcm_url);
+  Subscription<EventMessage> events(bus, kEventChannel, 256);
+  Subscription<MeshMessage> meshes(bus, kMeshChannel, kPulses);
+  arm_and_start(kPulses);
+  ASSERT_TRUE(reaches("cap01", "frames_written", 4 * kPulses)) << log();
+  const Answer stopped = command(CommandVerb::kStop);
+  ASSERT_TRUE(stopped.done()) << text_of(stopped) << log();
+
+  const auto recon = nlohmann::json::parse(stopped.replies.at("recon01").detail);
+  EXPECT_GT(recon["dropped"], 0) << recon;
+  EXPECT_GT(recon["meshes"], 0) << recon;
+  EXPECT_EQ(recon["meshes"].get<int>() + recon["dropped"].get<int>(), kPulses) << recon;
+  EXPECT_EQ(MeshFileReader(take().mesh()).pulses().size(), recon["meshes"]);
+  // What is shown is of now: a backlog of the whole queue would be more than half a second old.
+  EXPECT_GT(recon["latency_p50_ms"], 0) << recon;
+  while (const auto mesh = meshes.wait(Monotonic::now())) EXPECT_THAT(mesh->missing, IsEmpty());
+
+  std::vector<std::string> told;
+  const auto well_again = [&] {
+    while (const auto event = events.wait(Monotonic::now())) {
+      if (event->subject == "reconstruction") told.push_back(event->text);
+    }
+    return !told.empty() && told.back() == "well again";
+  };
+  EXPECT_TRUE(becomes_true(well_again, within(30)));
+  EXPECT_THAT(told, testing::ElementsAre(HasSubstr("cannot keep up"), "well again"));
 }
 
 /// Datagrams of noise to LCM's group: some with LCM's magic in front, so that they get further.

@@ -1,0 +1,114 @@
+// The live reconstruction on real LCM, with stages that refuse and that are slow.
+#include "daemon/recon_pipeline.h"
+
+#include <gtest/gtest.h>
+
+#include <semaphore>
+
+#include "base/error.h"
+#include "support/child_process.h"
+#include "support/temporary_folder.h"
+#include "take/mesh_file.h"
+#include "wire/channels.h"
+
+namespace v3d {
+namespace {
+
+using test::becomes_true;
+using test::within;
+
+constexpr ImageSize kSize{16, 8};
+
+/// A pipeline of one camera, fed over the bus, whose stages are the test's.
+class ReconPipelineOnBus : public testing::Test {
+ protected:
+  void begin(MeshStages stages, std::optional<FrameSet> rehearsal = std::nullopt) {
+    pipeline_.emplace(ReconPipeline::Setup{.take = "kendo-07",
+                                           .mesh_file = folder_ / "mesh.v3d",
+                                           .stages = std::move(stages),
+                                           .threads = 2,
+                                           .sets = {.cameras = {"cam01"}},
+                                           .rehearsal = std::move(rehearsal)},
+                      bus_);
+  }
+  void send(int64_t pulse) {
+    FrameMessage message;
+    message.take = "kendo-07";
+    message.seq = pulse;
+    FrameLabel label;
+    label.pulse = pulse;
+    const Image raw(kSize, PixelFormat::kBayerRG8);
+    message.frame = observe("cam01", label, raw.view(), Mask(kSize));
+    bus_.publish(frame_channel("cam01"), encode(message));
+  }
+  static void name_pulse(SetAtWork& work) { work.result.pulse = work.set.pulse; }
+  static void write_pulse(SetAtWork& work) {
+    work.result.compact.assign(3, static_cast<uint8_t>(work.result.pulse));
+  }
+
+  const test::TemporaryFolder folder_;
+  Bus bus_{"udpm://239.255.76.67:7667?ttl=0"};
+  std::optional<ReconPipeline> pipeline_;
+};
+
+TEST_F(ReconPipelineOnBus, counts_a_pulse_that_a_stage_refuses_and_goes_on) {
+  begin({.make_mesh = name_pulse, .encode = [](SetAtWork& work) {
+           if (work.result.pulse == 3) throw InputError("the surface is too large");
+           write_pulse(work);
+         }});
+  for (int64_t pulse = 0; pulse < 6; ++pulse) send(pulse);
+  ASSERT_TRUE(becomes_true(
+      [&] { return pipeline_->drained(Duration::zero()) && pipeline_->counts().meshes == 5; },
+      within(30)));
+  EXPECT_EQ(pipeline_->counts().failed, 1);
+  EXPECT_EQ(pipeline_->counts().failure, "the surface is too large");
+  EXPECT_TRUE(pipeline_->close());
+  EXPECT_EQ(MeshFileReader(folder_ / "mesh.v3d").pulses(), (std::vector<int64_t>{0, 1, 2, 4, 5}));
+}
+
+TEST_F(ReconPipelineOnBus, rehearses_first_and_leaves_no_trace_of_it) {
+  std::vector<int64_t> seen;
+  begin({.make_mesh =
+             [&](SetAtWork& work) {
+               seen.push_back(work.set.pulse);
+               name_pulse(work);
+             },
+         .encode = write_pulse},
+        FrameSet{.pulse = -7, .frames = {}});
+  send(0);
+  ASSERT_TRUE(becomes_true([&] { return pipeline_->counts().meshes == 1; }, within(30)));
+  EXPECT_TRUE(pipeline_->close());
+  EXPECT_EQ(seen, (std::vector<int64_t>{-7, 0}));
+  EXPECT_EQ(pipeline_->counts().meshes, 1);
+  EXPECT_EQ(MeshFileReader(folder_ / "mesh.v3d").pulses(), std::vector<int64_t>{0});
+}
+
+TEST_F(ReconPipelineOnBus, drops_whole_pulses_while_a_stage_is_slow_and_accounts_for_every_one) {
+  constexpr int64_t kPulses = 60;
+  std::counting_semaphore<> go(0);
+  begin({.make_mesh =
+             [&](SetAtWork& work) {
+               go.acquire();
+               name_pulse(work);
+             },
+         .encode = write_pulse});
+  for (int64_t pulse = 0; pulse < kPulses; ++pulse) send(pulse);
+  // More wait than the queue holds, and the stage has not even done the first.
+  ASSERT_TRUE(becomes_true([&] { return pipeline_->counts().dropped >= 20; }, within(30)));
+  EXPECT_TRUE(pipeline_->counts().behind);
+  EXPECT_EQ(pipeline_->counts().meshes, 0);
+  go.release(kPulses);
+  ASSERT_TRUE(becomes_true(
+      [&] {
+        const ReconCounts counts = pipeline_->counts();
+        return counts.meshes + counts.dropped == kPulses;
+      },
+      within(30)));
+  EXPECT_TRUE(pipeline_->close());
+  const std::vector<int64_t> pulses = MeshFileReader(folder_ / "mesh.v3d").pulses();
+  EXPECT_EQ(std::ssize(pulses), pipeline_->counts().meshes);
+  EXPECT_EQ(pulses.back(), kPulses - 1) << "the newest is never dropped";
+}
+
+}  // namespace
+}  // namespace v3d
