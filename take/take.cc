@@ -44,8 +44,6 @@ std::string_view name(TakeState state) {
   return "unknown";
 }
 
-bool is_take_name(std::string_view take_name) { return is_file_name(take_name); }
-
 TakeInfo load_take_info(const TakePaths& paths) {
   if (!std::filesystem::is_directory(paths.folder)) {
     throw InputError(paths.folder.string() + ": no such folder; a take is a folder with take.toml");
@@ -56,7 +54,7 @@ TakeInfo load_take_info(const TakePaths& paths) {
   const TomlTable table = TomlTable::load(paths.info());
   TakeInfo info;
   info.name = table.text("name");
-  if (!is_take_name(info.name)) {
+  if (!is_file_name(info.name)) {
     table.fail("name", "'" + info.name + "' cannot name a take: " + std::string(kFileNameRule));
   }
   info.studio = table.text("studio");

@@ -53,8 +53,4 @@ TakeInfo load_take_info(const TakePaths& paths);
 /// Replaces take.toml in one step; throws std::runtime_error when the disk refuses.
 void save_take_info(const TakePaths& paths, const TakeInfo& info);
 
-/// A take name is a file name: letters, digits, '-', '_' and '.', not starting with '.' or '-', at
-/// most 64.
-bool is_take_name(std::string_view name);
-
 }  // namespace v3d

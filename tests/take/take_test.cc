@@ -70,14 +70,5 @@ TEST(TakeInfo, names_the_field_that_is_wrong) {
               testing::HasSubstr(": state: "));
 }
 
-TEST(TakeName, is_a_harmless_file_name) {
-  EXPECT_TRUE(is_take_name("kendo-07.b_2"));
-  for (const char* bad : {"", ".hidden", "-rf", "a/b", "a b", "..", "k\xc3\xa4ndo"}) {
-    EXPECT_FALSE(is_take_name(bad)) << bad;
-  }
-  EXPECT_TRUE(is_take_name(std::string(64, 'a')));
-  EXPECT_FALSE(is_take_name(std::string(65, 'a')));
-}
-
 }  // namespace
 }  // namespace v3d

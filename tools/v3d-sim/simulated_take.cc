@@ -5,6 +5,7 @@
 
 #include "base/calib_file.h"
 #include "base/error.h"
+#include "base/name.h"
 #include "capture/segmenter.h"
 #include "common/ply_writer.h"
 #include "sim/device_clock.h"
@@ -28,7 +29,7 @@ constexpr Duration kTransferTime = std::chrono::milliseconds(9);
 TakePaths create_folder(const std::filesystem::path& folder) {
   namespace fs = std::filesystem;
   const std::string name = fs::absolute(folder / ".").parent_path().filename().string();
-  if (!is_take_name(name)) {
+  if (!is_file_name(name)) {
     throw InputError(folder.string() + ": '" + name +
                      "' is no take name: letters, digits, '-', '_' and '.', at most 64");
   }

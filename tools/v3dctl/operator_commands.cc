@@ -3,6 +3,7 @@
 #include <nlohmann/json.hpp>
 
 #include "base/error.h"
+#include "base/name.h"
 #include "base/units.h"
 #include "common/console.h"
 #include "daemon/operator_client.h"
@@ -84,7 +85,7 @@ int run_simple(const CommandLine& line, const Options& options, const std::strin
 }
 
 int run_arm(const CommandLine& line, Options options) {
-  if (!is_take_name(options.message.take)) {
+  if (!is_file_name(options.message.take)) {
     throw InputError(
         "arm " + options.message.take +
         ": no take name: up to 64 letters, digits, '-', '_' and '.', not starting with "

@@ -6,6 +6,7 @@
 
 #include "base/calib_file.h"
 #include "base/error.h"
+#include "base/name.h"
 #include "take/ledger.h"
 
 namespace v3d::ctl {
@@ -17,7 +18,7 @@ fs::path checked_folder(fs::path folder) {
   folder = fs::absolute(folder).lexically_normal();
   if (!folder.has_filename()) folder = folder.parent_path();
   const std::string name = folder.filename();
-  if (!is_take_name(name)) {
+  if (!is_file_name(name)) {
     throw InputError(folder.string() + ": '" + name +
                      "' is no take name: up to 64 letters, digits, '-', '_' and '.', not starting "
                      "with '-' or '.'");
