@@ -25,8 +25,8 @@ template <class T>
 class LiveQueue {
  public:
   struct Options {
-    size_t limit = 12;  ///< half a second at 25 Hz
-    Duration patience = std::chrono::seconds(3);
+    size_t limit = 25;  ///< a second at 25 Hz
+    Duration patience = std::chrono::seconds(10);
     Duration calm = std::chrono::seconds(10);
   };
   LiveQueue() : LiveQueue(Options{}) {}

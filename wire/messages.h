@@ -72,7 +72,7 @@ struct ReplyMessage {
 enum class NodeState : uint8_t { kIdle = 1, kArmed, kRecording, kDraining, kFault };
 std::string_view name(NodeState state);
 
-/// V3D_HEALTH_<node>, once a second.
+/// V3D_HEALTH_<node>, once a second and when the state changes.
 struct HealthMessage {
   RealtimeInstant sent;
   int64_t seq = 0;

@@ -252,7 +252,7 @@ TEST_F(Studio4, names_skipped_pulses_and_ends_the_train_everywhere_when_the_last
 /// Voxels that are far too small for one thread.
 class OverloadedStudio4 : public Studio4 {
  protected:
-  OverloadedStudio4() : Studio4("3mm", "threads = 1\n") {}
+  OverloadedStudio4() : Studio4("2mm", "threads = 1\n") {}
 };
 
 TEST_F(OverloadedStudio4, drops_whole_pulses_counts_them_and_says_so_once) {
