@@ -29,7 +29,7 @@ double percentile(std::vector<double> values, double part) {
 
 }  // namespace
 
-MeshStages stages_of(std::shared_ptr<Reconstructor> reconstructor) {
+MeshStages stages_of(const std::shared_ptr<Reconstructor>& reconstructor) {
   return {.make_mesh = [reconstructor](SetAtWork& work) { reconstructor->make_mesh(work); },
           .encode = [reconstructor](SetAtWork& work) { reconstructor->encode(work); }};
 }

@@ -44,7 +44,7 @@ struct MeshStages {
   std::function<void(SetAtWork&)> encode;
 };
 /// The stages keep the reconstructor alive, as std::functions keep what they call.
-MeshStages stages_of(std::shared_ptr<Reconstructor> reconstructor);
+MeshStages stages_of(const std::shared_ptr<Reconstructor>& reconstructor);
 
 /// Lives from the moment a take is armed until it is closed. A thread assembles frame sets; two
 /// stages of a FramePipeline make meshes of them, so that a set is begun while the one before is
