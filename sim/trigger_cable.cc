@@ -11,6 +11,7 @@
 #include <cstring>
 
 #include "base/error.h"
+#include "base/punctual.h"
 #include "base/trigger_wire.h"
 
 namespace v3d::sim {
@@ -74,6 +75,7 @@ TriggerCable::~TriggerCable() {
 }
 
 void TriggerCable::serve() {
+  become_punctual();
   for (;;) {
     std::vector<pollfd> watched = {{stop_, POLLIN, 0}, {listener_, POLLIN, 0}};
     for (const int client : clients_) {

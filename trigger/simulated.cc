@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "base/error.h"
+#include "base/punctual.h"
 #include "trigger/wire_socket.h"
 
 namespace v3d {
@@ -84,6 +85,7 @@ void SimulatedGenerator::join() {
 }
 
 void SimulatedGenerator::run(MonotonicInstant first) {
+  become_punctual();
   if (!wait_for(first)) return;
   first = std::max(first, clock_.now());
   for (int64_t k = 0;; ++k) {
