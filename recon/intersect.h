@@ -3,11 +3,14 @@
 // extended to partial views of the object).
 #pragma once
 
+#include <tbb/enumerable_thread_specific.h>
+
 #include <span>
 #include <vector>
 
 #include "base/camera_model.h"
 #include "base/mask.h"
+#include "recon/carve_octree.h"
 #include "recon/mask_pyramid.h"
 #include "recon/sparse_volume.h"
 #include "recon/voxel_projection.h"
@@ -26,7 +29,7 @@ namespace v3d {
 /// the result depends on nothing but the arguments.
 class Intersector {
  public:
-  static constexpr int kMaxCameras = 256;
+  static constexpr int kMaxCameras = kMostCameras;
 
   /// Throws InputError for more than kMaxCameras cameras, min_views < 1, or a grid with an axis
   /// beyond VoxelGrid::kMaxCount.
@@ -35,12 +38,21 @@ class Intersector {
   /// masks[c]: the silhouette of camera c, of its image size, or null when that camera takes no
   /// part. Requires as many masks as cameras.
   SparseVolume intersect(std::span<const Mask* const> masks);
+  /// The same, into a volume that keeps its memory: the next frame allocates only where it is the
+  /// largest so far (oneTBB's own tasks apart).
+  void intersect(std::span<const Mask* const> masks, SparseVolume& volume);
 
  private:
+  OctreeNode above_root(std::span<const Mask* const> masks) const;
+
   VoxelGrid grid_;
   std::vector<VoxelCamera> cameras_;
   std::vector<MaskPyramid> masks_;
   int min_views_;
+  // Of the frame at work; they are here to keep their memory.
+  std::vector<OctreeNode> nodes_, next_;
+  tbb::enumerable_thread_specific<std::vector<PlacedBrick>> found_;
+  std::vector<std::span<const PlacedBrick>> parts_;
 };
 
 }  // namespace v3d

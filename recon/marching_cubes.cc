@@ -17,9 +17,6 @@ namespace {
 constexpr uint64_t kColumnX0 = 0x0101010101010101;  // voxels with x = 0 in a layer
 constexpr uint64_t kRowY0 = 0xFF;                   // voxels with y = 0
 constexpr Brick kEmptyBrick{};
-constexpr uint64_t kAllOnes = ~uint64_t{0};
-constexpr Brick kFullBrick{kAllOnes, kAllOnes, kAllOnes, kAllOnes,
-                           kAllOnes, kAllOnes, kAllOnes, kAllOnes};
 
 /// A brick and those beside, above and behind it: [n] is the one at (n & 1, n >> 1 & 1, n >> 2).
 using Neighbourhood = std::array<const Brick*, 8>;

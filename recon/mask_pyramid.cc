@@ -1,36 +1,111 @@
 #include "recon/mask_pyramid.h"
 
+// Registers of unknown length cannot be members of a struct.
+#define HWY_DISABLED_TARGETS (HWY_SVE | HWY_SVE2 | HWY_SVE_256 | HWY_SVE2_128 | HWY_RVV)
+#undef HWY_TARGET_INCLUDE
+#define HWY_TARGET_INCLUDE "recon/mask_pyramid.cc"
+#include <hwy/foreach_target.h>  // compiles this file once per instruction set
+#include <hwy/highway.h>
+
 #include <algorithm>
-#include <bit>
 #include <cassert>
 #include <cstring>
 
+#ifndef V3D_RECON_MASK_PYRAMID_ONCE
+#define V3D_RECON_MASK_PYRAMID_ONCE
 namespace v3d {
 namespace {
 
-static_assert(std::endian::native == std::endian::little, "64-bit rows are read as 32-bit words");
+/// Two neighbouring strips of a level, and the bits of each that are beyond the end of its rows.
+struct StripPair {
+  const uint32_t* left;
+  const uint32_t* right;
+  uint32_t beyond_left = 0;
+  uint32_t beyond_right = 0;
+};
 
-constexpr int kWordBits = 32;
-constexpr uint32_t kAllOnes = ~uint32_t{0};
-/// A rectangle is looked up on the finest level where it has at most so many cells along each side.
-constexpr int kMaxCells = 32;
+}  // namespace
+}  // namespace v3d
+#endif
+
+HWY_BEFORE_NAMESPACE();
+namespace v3d::HWY_NAMESPACE {
+namespace {
+
+namespace hn = hwy::HWY_NAMESPACE;
+
+#include "recon/lanes.inc"
+// Behind the lanes they work with:
+#include "recon/mask_window.inc"
 
 /// Bits 0, 2, 4, ... of x, moved together.
-uint32_t even_bits(uint64_t x) {
-  x &= 0x5555555555555555;
-  x = (x | x >> 1) & 0x3333333333333333;
-  x = (x | x >> 2) & 0x0F0F0F0F0F0F0F0F;
-  x = (x | x >> 4) & 0x00FF00FF00FF00FF;
-  x = (x | x >> 8) & 0x0000FFFF0000FFFF;
-  return static_cast<uint32_t>(x | x >> 16);
+HWY_INLINE uint32_t even_bits(uint32_t x) {
+  x &= 0x55555555;
+  x = (x | x >> 1) & 0x33333333;
+  x = (x | x >> 2) & 0x0F0F0F0F;
+  x = (x | x >> 4) & 0x00FF00FF;
+  return (x | x >> 8) & 0x0000FFFF;
 }
 
-uint64_t join(uint32_t low, uint32_t high) { return low | uint64_t{high} << kWordBits; }
+// Plain loops over neighbouring words: the compiler makes vector code of them.
 
-/// The bits of word `w` of a row of `width` cells that are beyond the row's end.
-uint32_t beyond_end(int w, int width) {
-  const int bits = std::clamp(width - w * kWordBits, 0, kWordBits);
-  return bits == kWordBits ? 0 : kAllOnes << bits;
+/// Cells [begin, end) of a strip: each has some cell of its four below.
+void halve_any(const StripPair& fine, int begin, int end, uint32_t* coarse) {
+  for (int y = begin; y < end; ++y) {
+    const uint32_t left = fine.left[2 * y] | fine.left[2 * y + 1];
+    const uint32_t right = fine.right[2 * y] | fine.right[2 * y + 1];
+    coarse[y] = even_bits(left | left >> 1) | even_bits(right | right >> 1) << 16;
+  }
+}
+
+/// Cells [begin, end) of a strip: each has all cells of its four below.
+void halve_all(const StripPair& fine, int begin, int end, uint32_t* coarse) {
+  for (int y = begin; y < end; ++y) {
+    const uint32_t left = (fine.left[2 * y] & fine.left[2 * y + 1]) | fine.beyond_left;
+    const uint32_t right = (fine.right[2 * y] & fine.right[2 * y + 1]) | fine.beyond_right;
+    coarse[y] = even_bits(left & left >> 1) | even_bits(right & right >> 1) << 16;
+  }
+}
+
+Coverage coverage(const MaskPyramid& mask, int x0, int y0, int x1, int y1) {
+  return coverage_of(mask, x0, y0, x1, y1);
+}
+
+}  // namespace
+}  // namespace v3d::HWY_NAMESPACE
+HWY_AFTER_NAMESPACE();
+
+#if HWY_ONCE
+namespace v3d {
+
+HWY_EXPORT(halve_any);
+HWY_EXPORT(halve_all);
+HWY_EXPORT(coverage);
+
+namespace {
+
+constexpr int kStripWidth = 32;
+constexpr uint32_t kAllOnes = ~uint32_t{0};
+/// Levels end where a whole image has at most so many cells along each side.
+constexpr int kFewestCells = 16;
+
+int strips(int width) { return (width + kStripWidth - 1) / kStripWidth; }
+
+/// The bits of strip `s` that are beyond the end of a row of `width` cells.
+uint32_t beyond_end(int s, int width) {
+  const int bits = std::clamp(width - s * kStripWidth, 0, kStripWidth);
+  return bits == kStripWidth ? 0 : kAllOnes << bits;
+}
+
+/// The cells of a level that touch a rectangle of pixels, and the strips they lie in, all
+/// inclusive.
+struct CellRange {
+  int first_strip, last_strip, first_y, last_y;
+};
+
+CellRange cells_of(const Rect& box, int level) {
+  return {(box.x0 >> level) / kStripWidth, ((box.x0 + box.width - 1) >> level) / kStripWidth,
+          box.y0 >> level, (box.y0 + box.height - 1) >> level};
 }
 
 }  // namespace
@@ -40,87 +115,84 @@ MaskPyramid::MaskPyramid(ImageSize size) {
   for (;;) {
     Level level;
     level.size = size;
-    // One word more than needed, so that two neighbours can always be read at once; even, so that
-    // rows of level 0 are rows of the mask.
-    level.words_per_row = (size.width + 63) / 64 * 2 + 1;
-    level.any.resize(static_cast<size_t>(level.words_per_row) * size.height);
+    // A strip more than needed, so that two neighbours can always be read at once.
+    level.any.resize(static_cast<size_t>(strips(size.width) + 1) * size.height + kPadding);
     if (!levels_.empty()) level.all.resize(level.any.size());
     levels_.push_back(std::move(level));
-    if (size.width <= kMaxCells && size.height <= kMaxCells) break;
+    if (size.width <= kFewestCells && size.height <= kFewestCells) break;
     size = {(size.width + 1) / 2, (size.height + 1) / 2};
   }
 }
 
 void MaskPyramid::build(const Mask& mask) {
   assert(mask.size() == size());
-  for (size_t n = 1; n < levels_.size() && !filled_.empty(); ++n) {
-    std::fill(levels_[n].any.begin(), levels_[n].any.end(), 0);
-    std::fill(levels_[n].all.begin(), levels_[n].all.end(), 0);
-  }
-  copy(mask);
+  if (!filled_.empty()) clear();
   filled_ = mask.bounding_box();
-  for (size_t n = 1; n < levels_.size() && !filled_.empty(); ++n) {
-    halve(static_cast<int>(n), filled_);
+  if (filled_.empty()) return;
+  copy(mask);
+  for (size_t n = 1; n < levels_.size(); ++n) halve(static_cast<int>(n));
+}
+
+void MaskPyramid::clear() {
+  for (size_t n = 0; n < levels_.size(); ++n) {
+    Level& level = levels_[n];
+    const CellRange range = cells_of(filled_, static_cast<int>(n));
+    for (int s = range.first_strip; s <= range.last_strip; ++s) {
+      const size_t at = static_cast<size_t>(s) * level.size.height + range.first_y;
+      const int count = range.last_y - range.first_y + 1;
+      std::fill_n(&level.any[at], count, 0);
+      if (n > 0) std::fill_n(&level.all[at], count, 0);
+    }
   }
 }
 
 void MaskPyramid::copy(const Mask& mask) {
   Level& base = levels_.front();
-  for (int y = 0; y < base.size.height; ++y) {
+  const CellRange range = cells_of(filled_, 0);
+  for (int y = range.first_y; y <= range.last_y; ++y) {
     const auto row = mask.row(y);
-    std::memcpy(&base.any[static_cast<size_t>(y) * base.words_per_row], row.data(),
-                row.size_bytes());
+    for (int s = range.first_strip; s <= range.last_strip; ++s) {
+      const auto word = static_cast<uint32_t>(row[s / 2] >> (s % 2 * kStripWidth));
+      base.any[static_cast<size_t>(s) * base.size.height + y] = word;
+    }
   }
 }
 
-void MaskPyramid::halve(int level, const Rect& box) {
+void MaskPyramid::halve(int level) {
   const Level& fine = levels_[level - 1];
   Level& coarse = levels_[level];
   const std::vector<uint32_t>& fine_all = level == 1 ? fine.any : fine.all;
-  const int first_word = (box.x0 >> level) / kWordBits;
-  const int last_word = ((box.x0 + box.width - 1) >> level) / kWordBits;
-  const int last_y = (box.y0 + box.height - 1) >> level;
-  for (int y = box.y0 >> level; y <= last_y; ++y) {
-    // An odd last row stands for itself alone.
-    const size_t upper = static_cast<size_t>(2 * y) * fine.words_per_row;
-    const size_t lower =
-        static_cast<size_t>(std::min(2 * y + 1, fine.size.height - 1)) * fine.words_per_row;
-    for (int w = first_word; w <= last_word; ++w) {
-      const auto pair = [&](const std::vector<uint32_t>& words, size_t row) {
-        const uint32_t* two = &words[row] + 2 * w;
-        return join(two[0], two[1]);
-      };
-      const uint64_t any = pair(fine.any, upper) | pair(fine.any, lower);
-      const uint64_t all =
-          (pair(fine_all, upper) & pair(fine_all, lower)) |
-          join(beyond_end(2 * w, fine.size.width), beyond_end(2 * w + 1, fine.size.width));
-      const size_t out = static_cast<size_t>(y) * coarse.words_per_row + w;
-      coarse.any[out] = even_bits(any | any >> 1);
-      coarse.all[out] = even_bits(all & all >> 1);
+  const CellRange range = cells_of(filled_, level);
+  for (int s = range.first_strip; s <= range.last_strip; ++s) {
+    const int height = fine.size.height;
+    const size_t left = static_cast<size_t>(2 * s) * height;
+    const bool has_right = 2 * s + 1 < strips(fine.size.width);
+    const size_t right = has_right ? left + height : strips(fine.size.width) * size_t(height);
+    const StripPair any{&fine.any[left], &fine.any[right]};
+    const StripPair all{&fine_all[left], &fine_all[right], beyond_end(2 * s, fine.size.width),
+                        beyond_end(2 * s + 1, fine.size.width)};
+    const size_t out = static_cast<size_t>(s) * coarse.size.height;
+    const int pairs_end = std::min(range.last_y + 1, height / 2);
+    HWY_DYNAMIC_DISPATCH(halve_any)(any, range.first_y, pairs_end, &coarse.any[out]);
+    HWY_DYNAMIC_DISPATCH(halve_all)(all, range.first_y, pairs_end, &coarse.all[out]);
+    if (pairs_end <= range.last_y) {
+      // An odd last row stands for itself alone.
+      const int y = height - 1;
+      const uint32_t any_rows[4]{any.left[y], any.left[y], any.right[y], any.right[y]};
+      const uint32_t all_rows[4]{all.left[y], all.left[y], all.right[y], all.right[y]};
+      HWY_DYNAMIC_DISPATCH(halve_any)
+      ({any_rows, any_rows + 2}, 0, 1, &coarse.any[out + pairs_end]);
+      HWY_DYNAMIC_DISPATCH(halve_all)
+      ({all_rows, all_rows + 2, all.beyond_left, all.beyond_right}, 0, 1,
+       &coarse.all[out + pairs_end]);
     }
   }
 }
 
 Coverage MaskPyramid::coverage(int x0, int y0, int x1, int y1) const {
   assert(0 <= x0 && x0 <= x1 && x1 < size().width && 0 <= y0 && y0 <= y1 && y1 < size().height);
-  int n = 0;
-  while ((x1 >> n) - (x0 >> n) >= kMaxCells || (y1 >> n) - (y0 >> n) >= kMaxCells) ++n;
-  const Level& level = levels_[n];
-  const std::vector<uint32_t>& level_all = n == 0 ? level.any : level.all;
-  const int shift = (x0 >> n) % kWordBits;
-  const uint32_t wanted = kAllOnes >> (kWordBits - 1 - ((x1 >> n) - (x0 >> n)));
-  size_t at = static_cast<size_t>(y0 >> n) * level.words_per_row + (x0 >> n) / kWordBits;
-  uint32_t any = 0;
-  uint32_t all = wanted;
-  for (int y = y0 >> n; y <= y1 >> n; ++y, at += level.words_per_row) {
-    const auto cells = [&](const std::vector<uint32_t>& words) {
-      return static_cast<uint32_t>(join(words[at], words[at + 1]) >> shift);
-    };
-    any |= cells(level.any) & wanted;
-    all &= cells(level_all);
-    if (any != 0 && all != wanted) return Coverage::kSome;
-  }
-  return any == 0 ? Coverage::kNone : Coverage::kAll;
+  return HWY_DYNAMIC_DISPATCH(coverage)(*this, x0, y0, x1, y1);
 }
 
 }  // namespace v3d
+#endif

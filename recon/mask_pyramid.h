@@ -1,6 +1,7 @@
 // A silhouette in all its coarser versions, to ask what a rectangle of pixels holds.
 #pragma once
 
+#include <bit>
 #include <cstdint>
 #include <vector>
 
@@ -15,10 +16,19 @@ enum class Coverage {
 };
 
 /// Cells of level n are squares of 2^n pixels; each has a bit `any` (some pixel is foreground) and
-/// a bit `all` (every pixel that exists is). Level 0 is the mask itself. Rows are padded to 32-bit
-/// words, cell x is bit x % 32 of word x / 32. One writer; reading is safe from any thread.
+/// a bit `all` (every pixel that exists is). Level 0 is the mask itself. One writer; reading is
+/// safe from any thread.
 class MaskPyramid {
  public:
+  /// Bits by vertical strips of 32 cells, so that rows one below the other are neighbours in
+  /// memory: cell (x, y) is bit x % 32 of words[x / 32 * rows + y]. A strip of 0 follows the last
+  /// one, and kPadding words that can be read.
+  struct Plane {
+    const uint32_t* words;
+    int rows;
+  };
+  static constexpr int kPadding = 64;
+
   MaskPyramid() = default;
   explicit MaskPyramid(ImageSize size);
 
@@ -29,24 +39,33 @@ class MaskPyramid {
 
   /// What pixels x0..x1, y0..y1, all inclusive and inside the image, hold. Never wrong with kNone
   /// and kAll; exact for rectangles of up to 32 x 32 pixels; larger ones may get kSome where the
-  /// truth differs only within one cell (a 32nd of the rectangle) outside its border.
+  /// truth differs only within one cell (a 16th of the rectangle) outside its border.
   Coverage coverage(int x0, int y0, int x1, int y1) const;
 
-  /// Level 0 for readers of single pixels.
-  const uint32_t* pixels() const { return levels_.front().any.data(); }
-  int words_per_row() const { return levels_.front().words_per_row; }
+  /// The finest level on which the pixels x0..x1, y0..y1 have at most 32 cells along each side.
+  static int level_for(int x0, int y0, int x1, int y1) {
+    const auto longest = static_cast<unsigned>(x1 - x0 > y1 - y0 ? x1 - x0 : y1 - y0);
+    const int n = std::bit_width(longest >> 5);
+    // The cells at both ends may stick out.
+    const bool fits = (x1 >> n) - (x0 >> n) < 32 && (y1 >> n) - (y0 >> n) < 32;
+    return n + static_cast<int>(!fits);
+  }
+  Plane any(int level) const { return {levels_[level].any.data(), levels_[level].size.height}; }
+  Plane all(int level) const {
+    return level == 0 ? any(0) : Plane{levels_[level].all.data(), levels_[level].size.height};
+  }
 
  private:
   struct Level {
     ImageSize size;  ///< in cells
-    int words_per_row = 0;
     std::vector<uint32_t> any;
     std::vector<uint32_t> all;  ///< empty at level 0, where it equals `any`
   };
 
+  void clear();
   void copy(const Mask& mask);
-  /// Fills the cells of `level` that touch `box` (pixels) from the level below.
-  void halve(int level, const Rect& box);
+  /// Fills the cells of `level` that touch filled_ from the level below.
+  void halve(int level);
 
   std::vector<Level> levels_;
   Rect filled_;  ///< pixels outside are 0 on every level

@@ -1,14 +1,18 @@
 #include "recon/sparse_volume.h"
 
 #include <tbb/parallel_for.h>
-#include <tbb/parallel_sort.h>
 
 #include <algorithm>
-#include <bit>
+#include <atomic>
 #include <cassert>
 #include <utility>
 
 namespace v3d {
+namespace {
+
+constexpr int kBitsPerWord = 64;
+
+}  // namespace
 
 Brick bits_inside(const VoxelGrid& grid, BrickCoord at) {
   const auto inside = [](int64_t count, int brick) {
@@ -26,33 +30,55 @@ Brick bits_inside(const VoxelGrid& grid, BrickCoord at) {
   return bits;
 }
 
-SparseVolume::SparseVolume(const VoxelGrid& grid) : grid_(grid) {
-  size_t total = 1;
+SparseVolume::SparseVolume(const VoxelGrid& grid) { assign(grid, {}); }
+
+SparseVolume::SparseVolume(const VoxelGrid& grid,
+                           std::span<const std::span<const PlacedBrick>> parts) {
+  assign(grid, parts);
+}
+
+void SparseVolume::assign(const VoxelGrid& grid,
+                          std::span<const std::span<const PlacedBrick>> parts) {
+  grid_ = grid;
   for (int axis = 0; axis < 3; ++axis) {
     assert(grid.counts[axis] > 0 && grid.counts[axis] <= VoxelGrid::kMaxCount);
     brick_counts_[axis] = static_cast<int>((grid.counts[axis] + kBrickEdge - 1) / kBrickEdge);
-    total *= brick_counts_[axis];
   }
-  table_.assign(total, -1);
+  words_per_row_ = (brick_counts_[0] + kBitsPerWord - 1) / kBitsPerWord;
+  mark(parts);
+  place(parts);
 }
 
-SparseVolume::SparseVolume(const VoxelGrid& grid,
-                           std::span<const std::span<const PlacedBrick>> parts)
-    : SparseVolume(grid) {
-  std::vector<std::pair<size_t, const PlacedBrick*>> order;
-  for (const auto& part : parts) {
-    for (const PlacedBrick& brick : part) {
-      if (brick.bits != Brick{}) order.emplace_back(linear(brick.at), &brick);
+void SparseVolume::mark(std::span<const std::span<const PlacedBrick>> parts) {
+  occupied_.assign(static_cast<size_t>(words_per_row_) * brick_counts_[1] * brick_counts_[2], 0);
+  tbb::parallel_for(size_t{0}, parts.size(), [&](size_t n) {
+    for (const PlacedBrick& brick : parts[n]) {
+      if (brick.bits == Brick{}) continue;
+      std::atomic_ref<uint64_t> word(occupied_[word_of(brick.at)]);
+      word.fetch_or(bit_of(brick.at), std::memory_order_relaxed);
     }
-  }
-  tbb::parallel_sort(order.begin(), order.end());
-  bricks_.resize(order.size());
-  coords_.resize(order.size());
-  tbb::parallel_for(size_t{0}, order.size(), [&](size_t n) {
-    bricks_[n] = order[n].second->bits;
-    coords_[n] = order[n].second->at;
-    table_[order[n].first] = static_cast<int32_t>(n);
   });
+  first_.resize(occupied_.size());
+  int32_t count = 0;
+  for (size_t w = 0; w < occupied_.size(); ++w) {
+    first_[w] = count;
+    count += bit_count(occupied_[w]);
+  }
+  bricks_.resize(count);
+  coords_.resize(count);
+}
+
+void SparseVolume::place(std::span<const std::span<const PlacedBrick>> parts) {
+  for (const auto& part : parts) {
+    tbb::parallel_for(tbb::blocked_range<size_t>(0, part.size(), 256), [&](const auto& range) {
+      for (size_t n = range.begin(); n < range.end(); ++n) {
+        if (part[n].bits == Brick{}) continue;
+        const int index = index_of(part[n].at);
+        bricks_[index] = part[n].bits;
+        coords_[index] = part[n].at;
+      }
+    });
+  }
 }
 
 bool SparseVolume::get(int i, int j, int k) const {
@@ -66,7 +92,7 @@ bool SparseVolume::get(int i, int j, int k) const {
 int64_t SparseVolume::count() const {
   int64_t n = 0;
   for (const Brick& brick : bricks_) {
-    for (const uint64_t word : brick) n += std::popcount(word);
+    for (const uint64_t word : brick) n += bit_count(word);
   }
   return n;
 }

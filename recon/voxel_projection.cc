@@ -1,6 +1,7 @@
 #include "recon/voxel_projection.h"
 
 #include <algorithm>
+#include <cmath>
 
 namespace v3d {
 namespace {
@@ -8,10 +9,21 @@ namespace {
 enum { kK4 = 5, kTauX = 12 };
 
 Lens lens_of(const CameraModel& camera) {
+  if (camera.matrix()(0, 1) != 0) return Lens::kFull;
   if (!camera.has_distortion()) return Lens::kPinhole;
   const auto& d = camera.distortion();
   const bool simple = std::all_of(d.begin() + kK4, d.end(), [](double c) { return c == 0; });
   return simple ? Lens::kPolynomial : Lens::kFull;
+}
+
+bool is_small(const VoxelCamera& camera, const VoxelGrid& grid) {
+  const auto most = static_cast<float>(*std::ranges::max_element(grid.counts));
+  const auto below = [](float limit) { return [=](float v) { return std::abs(v) <= limit; }; };
+  const auto& h = camera.pixel_from_lens;
+  const auto& m = camera.cam_from_voxel;
+  return std::all_of(camera.d.begin(), camera.d.end(), below(1e4F)) &&
+         std::all_of(&h[0][0], &h[0][0] + 9, below(1e6F)) &&
+         std::all_of(&m[0][0], &m[0][0] + 12, [&](float v) { return below(1e7F)(v * most); });
 }
 
 }  // namespace
@@ -33,6 +45,7 @@ VoxelCamera::VoxelCamera(const CameraModel& camera, const VoxelGrid& grid)
     cam_from_voxel[row][3] = static_cast<float>(first[row]);
   }
   std::copy_n(camera.distortion().begin(), d.size(), d.begin());
+  is_tame = is_small(*this, grid);
 }
 
 }  // namespace v3d

@@ -13,7 +13,7 @@ namespace v3d {
 enum class Lens {
   kPinhole,
   kPolynomial,  ///< k1 k2 p1 p2 k3
-  kFull,        ///< any of the 14
+  kFull,        ///< any of the 14, and skew
 };
 
 /// A camera prepared for the voxels of one grid. Immutable; safe to use from any thread.
@@ -28,6 +28,9 @@ struct VoxelCamera {
   /// Distorted normalised coordinates to pixels, tilt included, moved by half a pixel so that
   /// floor() names the pixel.
   float pixel_from_lens[3][3]{};
+  /// All numbers are so small that no step of the projection overflows for a point that lies 1 mm
+  /// and more before the camera and within a radius2 of 1e6.
+  bool is_tame = false;
 
   VoxelCamera() = default;
   VoxelCamera(const CameraModel& camera, const VoxelGrid& grid);
@@ -35,6 +38,7 @@ struct VoxelCamera {
 
 inline float square(float x) { return x * x; }
 inline float reciprocal(float x) { return 1.0F / x; }
+inline float times(float a, float b) { return a * b; }
 
 #include "recon/voxel_projection_steps.inc"
 

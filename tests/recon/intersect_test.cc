@@ -9,6 +9,7 @@
 #include <numbers>
 
 #include "base/error.h"
+#include "tests/recon/allocations.h"
 #include "tests/recon/random_rig.h"
 
 namespace v3d {
@@ -122,6 +123,22 @@ RC_GTEST_PROP(Intersector, gives_the_same_bytes_with_every_instruction_set_of_th
   }
 }
 
+TEST(Intersector, allocates_nothing_once_its_memory_is_warm) {
+  const VoxelGrid grid = VoxelGrid::covering({{-1, -1, 0}, {1, 1, 2}}, 0.01);
+  const Scene scene = ball_scene(8, {0, 0.1, 0.9}, 0.5);
+  const std::vector<const Mask*> masks = scene.mask_pointers();
+  Intersector intersector(grid, scene.cameras, 2);
+  SparseVolume volume;
+  tbb::task_arena single(1);
+  const auto frame = [&] { single.execute([&] { intersector.intersect(masks, volume); }); };
+  frame();
+  const int64_t before = allocations();
+  frame();
+  frame();
+  EXPECT_EQ(allocations(), before);
+  EXPECT_GT(volume.count(), 0);
+}
+
 TEST(Intersector, finds_a_ball_and_little_more) {
   const Eigen::Vector3d center(0.1, -0.2, 1.1);
   const VoxelGrid grid = VoxelGrid::covering({{-1, -1, 0}, {1, 1, 2}}, 0.02);
@@ -135,13 +152,13 @@ TEST(Intersector, finds_a_ball_and_little_more) {
 
 TEST(Intersector, gives_the_same_bytes_for_any_number_of_threads) {
   const tbb::global_control more_threads_than_cores(tbb::global_control::max_allowed_parallelism,
-                                                    3);
+                                                    5);
   const VoxelGrid grid = VoxelGrid::covering({{-1, -1, 0}, {1, 1, 2}}, 0.01);
   const Scene scene = ball_scene(8, {0, 0.1, 0.9}, 0.5);
   tbb::task_arena single(1);
   const SparseVolume one = single.execute([&] { return intersect(grid, scene, 2); });
   EXPECT_GT(one.count(), 0);
-  for (const int threads : {2, 3}) {
+  for (const int threads : {2, 3, 5}) {
     tbb::task_arena arena(threads);
     EXPECT_TRUE(one == arena.execute([&] { return intersect(grid, scene, 2); }));
   }

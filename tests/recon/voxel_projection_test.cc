@@ -3,7 +3,6 @@
 #include <gtest/gtest.h>
 #include <rapidcheck/gtest.h>
 
-#include "recon/interval.h"
 #include "tests/recon/random_rig.h"
 
 namespace v3d {
@@ -73,50 +72,6 @@ RC_GTEST_PROP(VoxelProjection, sees_what_the_camera_model_sees_away_from_borders
     RC_ASSERT(pixel.x == std::lround(exact->x()));
     RC_ASSERT(pixel.y == std::lround(exact->y()));
   }
-}
-
-bool holds(Interval bounds, float value) {
-  return !(value == value) || (bounds.lo <= value && value <= bounds.hi);
-}
-
-RC_GTEST_PROP(VoxelProjection, stays_within_its_interval_for_every_voxel_of_a_cube, ()) {
-  const CameraModel model = random_camera(box_of(kGrid));
-  const VoxelCamera camera(model, kGrid);
-  const Voxel a = random_voxel();
-  const int edge = *rc::gen::element(1, 2, 8, 16);
-  const auto range = [&](int first) {
-    return Interval(static_cast<float>(first), static_cast<float>(first + edge - 1));
-  };
-  const auto box = camera_point<Interval>(camera, range(a.i), range(a.j), range(a.k));
-  const PixelPoint<Interval> bounds = pixel_point(camera, box);
-  const bool in_front = box.z.lo > 0;
-  for (int n = 0; n < edge * edge * edge; ++n) {
-    const Voxel v{a.i + n % edge, a.j + n / edge % edge, a.k + n / edge / edge};
-    const auto p = camera_point<float>(camera, v.i, v.j, v.k);
-    RC_ASSERT(holds(box.x, p.x) && holds(box.y, p.y) && holds(box.z, p.z));
-    if (!in_front) continue;
-    const PixelPoint<float> q = pixel_point(camera, p);
-    RC_ASSERT(holds(bounds.radius2, q.radius2) && holds(bounds.u, q.u) && holds(bounds.v, q.v));
-  }
-}
-
-TEST(Interval, is_everything_where_an_end_is_no_number) {
-  const float huge = std::numeric_limits<float>::max();
-  const Interval infinite = Interval(1, huge) * Interval(1, huge);
-  const Interval unknown = infinite * Interval(0, 1);
-  EXPECT_LT(unknown.lo, -huge);
-  EXPECT_GT(unknown.hi, huge);
-}
-
-TEST(Interval, of_a_square_is_never_negative) {
-  const Interval s = square(Interval(-2, 1));
-  EXPECT_EQ(s.lo, 0);
-  EXPECT_EQ(s.hi, 4);
-}
-
-TEST(Interval, has_no_bounded_reciprocal_round_zero) {
-  EXPECT_EQ(reciprocal(Interval(-1, 2)).lo, -std::numeric_limits<float>::infinity());
-  EXPECT_EQ(reciprocal(Interval(2, 4)).hi, 0.5F);
 }
 
 }  // namespace

@@ -33,8 +33,10 @@ void intersect(benchmark::State& state, double voxel_m) {
   Intersector intersector(VoxelGrid::covering(space(), voxel_m), models(), 4);
   const std::vector<const Mask*> pointers = mask_pointers();
   tbb::task_arena arena(static_cast<int>(state.range(0)));
+  SparseVolume volume;
   measure(state, 1, 0, [&] {
-    arena.execute([&] { benchmark::DoNotOptimize(intersector.intersect(pointers)); });
+    arena.execute([&] { intersector.intersect(pointers, volume); });
+    benchmark::DoNotOptimize(volume);
   });
 }
 
@@ -45,6 +47,12 @@ void mesh(benchmark::State& state, double voxel_m) {
           [&] { arena.execute([&] { benchmark::DoNotOptimize(marching_cubes(occupied)); }); });
 }
 
+BENCHMARK_CAPTURE(intersect, 16mm, 0.016)
+    ->Name("intersect/16mm")
+    ->ArgName("threads")
+    ->Arg(1)
+    ->Arg(2);
+BENCHMARK_CAPTURE(intersect, 4mm, 0.004)->Name("intersect/4mm")->ArgName("threads")->Arg(1)->Arg(2);
 BENCHMARK_CAPTURE(intersect, 8mm, 0.008)->Name("intersect/8mm")->ArgName("threads")->Arg(1)->Arg(2);
 BENCHMARK_CAPTURE(intersect, 5mm, 0.005)->Name("intersect/5mm")->ArgName("threads")->Arg(1)->Arg(2);
 BENCHMARK_CAPTURE(intersect, 2mm, 0.002)->Name("intersect/2mm")->ArgName("threads")->Arg(1)->Arg(2);
