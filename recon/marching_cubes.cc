@@ -7,7 +7,7 @@
 #include <tbb/parallel_for.h>
 
 #include <bit>
-#include <cassert>
+#include <vector>
 
 #include "recon/cube_cases.h"
 
@@ -65,10 +65,47 @@ uint64_t mixed(const CornerWords& c) {
   return any & ~all;
 }
 
-const CubeCase& case_of(const CornerWords& corners, int cube) {
+unsigned case_of(const CornerWords& corners, int cube) {
   unsigned occupied = 0;
   for (int c = 0; c < 8; ++c) occupied |= static_cast<unsigned>(corners[c] >> cube & 1) << c;
-  return cube_cases()[occupied];
+  return occupied;
+}
+
+/// The vertices on the edges that a brick of cubes touches. Lattice edges start at 9 x 9 x 9
+/// places; those that are not crossed hold anything.
+class EdgeVertices {
+ public:
+  static constexpr int kEdge = kBrickEdge + 1;
+  static constexpr int at(int x, int y, int z) { return x + kEdge * (y + kEdge * z); }
+  static constexpr int at(int axis, int x, int y, int z) {
+    return axis * kEdge * kEdge * kEdge + at(x, y, z);
+  }
+  uint32_t& operator[](int place) { return vertices_[place]; }
+
+ private:
+  std::array<uint32_t, 3 * kEdge * kEdge * kEdge> vertices_;  // NOLINT: not worth filling
+};
+
+/// A case as places in EdgeVertices, from that of the cube's lowest corner on.
+struct PlacedCase {
+  int count = 0;
+  std::array<std::array<uint16_t, 3>, kMostCubeTriangles> triangles{};
+};
+
+std::array<PlacedCase, 256> place_cases() {
+  std::array<PlacedCase, 256> placed;
+  for (int occupied = 0; occupied < 256; ++occupied) {
+    const CubeCase& shape = cube_cases()[occupied];
+    placed[occupied].count = shape.count;
+    for (int t = 0; t < shape.count; ++t) {
+      for (int tip = 0; tip < 3; ++tip) {
+        const CubeEdge e = cube_edge(shape.triangles[t][tip]);
+        placed[occupied].triangles[t][tip] =
+            static_cast<uint16_t>(EdgeVertices::at(e.axis, e.x, e.y, e.z));
+      }
+    }
+  }
+  return placed;
 }
 
 /// Calls visit(z, cube, corners) for every cube with surface; `cube` is its bit in layer z.
@@ -85,7 +122,7 @@ void for_each_cube(const Neighbourhood& bricks, const Visit& visit) {
 /// One surface being made.
 class Surface {
  public:
-  explicit Surface(const SparseVolume& volume) : volume_(volume) {}
+  explicit Surface(const SparseVolume& volume);
   LatticeMesh make();
 
  private:
@@ -97,7 +134,8 @@ class Surface {
   void write_triangles(const SurfaceBrick& brick, Mesh& out) const;
 
   Neighbourhood neighbourhood(BrickCoord at) const;
-  uint32_t vertex(const SurfaceBrick& owner, int axis, int z, int bit) const;
+  /// The numbers of the vertices on a brick's edges; `n` is its place among its neighbours.
+  static void number_edges(const SurfaceBrick& owner, int n, EdgeVertices& vertices);
   size_t linear(BrickCoord at) const {
     return (static_cast<size_t>(at.z + 1) * counts_[1] + (at.y + 1)) * counts_[0] + (at.x + 1);
   }
@@ -106,9 +144,24 @@ class Surface {
   std::array<int, 3> counts_{};  ///< bricks along each axis, with those at -1
   std::vector<int32_t> table_;   ///< linear() to index into bricks_, -1 where there is none
   std::vector<SurfaceBrick> bricks_;
+  const PlacedCase* cases_;
+  std::array<std::vector<float>, 3> positions_;  ///< lattice_position() along each axis
   uint32_t vertex_count_ = 0;
   uint32_t triangle_count_ = 0;
 };
+
+Surface::Surface(const SparseVolume& volume) : volume_(volume) {
+  static const std::array<PlacedCase, 256> kCases = place_cases();
+  cases_ = kCases.data();
+  for (int axis = 0; axis < 3; ++axis) {
+    const VoxelGrid& grid = volume.grid();
+    positions_[axis].resize(2 * grid.counts[axis] + 1);
+    for (size_t half = 0; half < positions_[axis].size(); ++half) {
+      positions_[axis][half] =
+          static_cast<float>(grid.origin[axis] + static_cast<double>(half) * grid.voxel_m / 2);
+    }
+  }
+}
 
 /// Where brick or cube number n of a group of eight lies from the first.
 BrickCoord corner(BrickCoord at, int n, int sign = 1) {
@@ -159,11 +212,11 @@ void Surface::examine(SurfaceBrick& brick) const {
   for (int axis = 0; axis < 3; ++axis) {
     for (int z = 0; z < kBrickEdge; ++z) {
       brick.rank[axis][z] = static_cast<uint16_t>(brick.vertex_count);
-      brick.vertex_count += std::popcount(brick.crossed[axis][z]);
+      brick.vertex_count += bit_count(brick.crossed[axis][z]);
     }
   }
   for_each_cube(bricks, [&](int, int cube, const CornerWords& corners) {
-    brick.triangle_count += case_of(corners, cube).count;
+    brick.triangle_count += cases_[case_of(corners, cube)].count;
   });
 }
 
@@ -187,42 +240,52 @@ void Surface::write_vertices(const SurfaceBrick& brick, LatticeMesh& out) const 
                                 2 * (kBrickEdge * brick.at.y + bit / kBrickEdge) + 1,
                                 2 * (kBrickEdge * brick.at.z + z) + 1};
         half[axis] += 1;
-        for (int a = 0; a < 3; ++a) out.half_voxels[vertex][a] = static_cast<uint16_t>(half[a]);
-        out.mesh.vertices[vertex] = lattice_position(volume_.grid(), out.half_voxels[vertex]);
+        for (int a = 0; a < 3; ++a) {
+          out.half_voxels[vertex][a] = static_cast<uint16_t>(half[a]);
+          out.mesh.vertices[vertex][a] = positions_[a][half[a]];
+        }
       }
     }
   }
 }
 
-uint32_t Surface::vertex(const SurfaceBrick& owner, int axis, int z, int bit) const {
-  const uint64_t before = owner.crossed[axis][z] & ((uint64_t{1} << bit) - 1);
-  return owner.first_vertex + owner.rank[axis][z] + std::popcount(before);
+void Surface::number_edges(const SurfaceBrick& owner, int n, EdgeVertices& vertices) {
+  const int dx = kBrickEdge * (n & 1);
+  const int dy = kBrickEdge * (n >> 1 & 1);
+  const int dz = kBrickEdge * (n >> 2);
+  const uint64_t wanted = (dx != 0 ? kColumnX0 : ~uint64_t{0}) & (dy != 0 ? kRowY0 : ~uint64_t{0});
+  for (int axis = 0; axis < 3; ++axis) {
+    for (int z = 0; z < (dz != 0 ? 1 : kBrickEdge); ++z) {
+      const uint64_t crossed = owner.crossed[axis][z];
+      const uint32_t first = owner.first_vertex + owner.rank[axis][z];
+      for (uint64_t rest = crossed & wanted; rest != 0; rest &= rest - 1) {
+        const int bit = std::countr_zero(rest);
+        const int place =
+            EdgeVertices::at(axis, dx + bit % kBrickEdge, dy + bit / kBrickEdge, dz + z);
+        vertices[place] = first + bit_count(crossed & ((uint64_t{1} << bit) - 1));
+      }
+    }
+  }
 }
 
 void Surface::write_triangles(const SurfaceBrick& brick, Mesh& out) const {
-  std::array<const SurfaceBrick*, 8> owners{};
+  EdgeVertices vertices;
   for (int n = 0; n < 8; ++n) {
     const BrickCoord at = corner(brick.at, n);
     if (at.x >= counts_[0] - 1 || at.y >= counts_[1] - 1 || at.z >= counts_[2] - 1) continue;
     const int32_t index = table_[linear(at)];
-    if (index >= 0) owners[n] = &bricks_[index];
+    if (index >= 0) number_edges(bricks_[index], n, vertices);
   }
-  uint32_t triangle = brick.first_triangle;
-  const auto write = [&](int z, int cube, const CornerWords& corners) {
-    const CubeCase& shape = case_of(corners, cube);
+  auto* triangle = &out.triangles[brick.first_triangle];
+  for_each_cube(neighbourhood(brick.at), [&](int z, int cube, const CornerWords& corners) {
+    const PlacedCase& shape = cases_[case_of(corners, cube)];
+    const int place = EdgeVertices::at(cube % kBrickEdge, cube / kBrickEdge, z);
     for (int t = 0; t < shape.count; ++t, ++triangle) {
       for (int tip = 0; tip < 3; ++tip) {
-        const CubeEdge edge = cube_edge(shape.triangles[t][tip]);
-        const int vx = cube % kBrickEdge + edge.x;
-        const int vy = cube / kBrickEdge + edge.y;
-        const int vz = z + edge.z;
-        const int owner = vx / kBrickEdge | vy / kBrickEdge << 1 | vz / kBrickEdge << 2;
-        const int bit = kBrickEdge * (vy % kBrickEdge) + vx % kBrickEdge;
-        out.triangles[triangle][tip] = vertex(*owners[owner], edge.axis, vz % kBrickEdge, bit);
+        (*triangle)[tip] = vertices[place + shape.triangles[t][tip]];
       }
     }
-  };
-  for_each_cube(neighbourhood(brick.at), write);
+  });
 }
 
 LatticeMesh Surface::make() {
@@ -235,7 +298,7 @@ LatticeMesh Surface::make() {
   out.mesh.triangles.resize(triangle_count_);
   tbb::parallel_for(size_t{0}, bricks_.size(), [&](size_t n) {
     write_vertices(bricks_[n], out);
-    write_triangles(bricks_[n], out.mesh);
+    if (bricks_[n].triangle_count > 0) write_triangles(bricks_[n], out.mesh);
   });
   return out;
 }
