@@ -5,7 +5,7 @@
 #include <limits>
 
 #include "recon/locate_points.h"
-#include "recon/screen.h"
+#include "recon/screen_vertex.h"
 
 namespace v3d {
 namespace {

@@ -1,61 +1,82 @@
 #include "recon/depth_raster.h"
 
+#include <tbb/enumerable_thread_specific.h>
 #include <tbb/parallel_for.h>
 
 #include <algorithm>
 #include <limits>
 
+#include "recon/draw_triangles.h"
+#include "recon/screen.h"
+
 namespace v3d {
 namespace {
 
-/// Keeps the larger 1/z along a run of pixels. `limit`: the largest of the corners, because the
-/// plane through a sliver is ill-conditioned. Without branches or calls, so that it is vectorised.
-void keep_nearest(float* pixels, int count, float first, float step, float limit) {
-  for (int i = 0; i < count; ++i) {
-    const float on_plane = first + step * static_cast<float>(i);
-    const float inverse = on_plane < limit ? on_plane : limit;
-    pixels[i] = inverse > pixels[i] ? inverse : pixels[i];
+/// Working memory of one thread.
+struct Workspace {
+  std::vector<ScreenVertex> vertices;
+  std::vector<uint32_t> cut;
+};
+
+/// What is left of the triangles that reach behind the near plane or out of the lens model.
+void draw_cut(const Mesh& mesh, const CameraModel& camera, const Workspace& work,
+              DepthBuffer& buffer) {
+  std::vector<ScreenTriangle> pieces;
+  std::vector<ScreenVertex> corners;
+  std::vector<std::array<uint32_t, 3>> triangles;
+  for (const uint32_t t : work.cut) {
+    clip_to_near_plane(mesh, t, camera, work.vertices, pieces);
+    for (const ScreenTriangle& piece : pieces) {
+      const auto first = static_cast<uint32_t>(corners.size());
+      corners.insert(corners.end(), piece.corner.begin(), piece.corner.end());
+      triangles.push_back({first, first + 1, first + 2});
+    }
   }
+  std::vector<uint32_t> none;
+  draw_triangles(corners, triangles, buffer.size, buffer.z.data(), none);
 }
 
-void draw_triangle(const std::array<ScreenVertex, 3>& corner, ImageSize size,
-                   std::vector<float>& inverse_z) {
-  const Band whole{size.width, 0, size.height};
-  if (surely_misses(corner, whole)) {
-    return;
+void draw(const Mesh& mesh, const CameraModel& camera, Workspace& work, DepthBuffer& buffer) {
+  constexpr float kNothing = std::numeric_limits<float>::infinity();
+  const ImageSize size = camera.size();
+  project_vertices(mesh, camera, work.vertices);
+  work.cut.clear();
+  // Pieces of triangles that are cut may lie anywhere.
+  const bool whole = std::all_of(work.vertices.begin(), work.vertices.end(),
+                                 [](const ScreenVertex& v) { return v.on_screen(); });
+  const Rect drawn = whole ? covered_by(work.vertices, size) : Rect{0, 0, size.width, size.height};
+  buffer.size = size;
+  buffer.z.assign(static_cast<size_t>(size.pixels()), kNothing);
+  const auto row = [&](int y) {
+    return buffer.z.data() + static_cast<size_t>(y) * size.width + drawn.x0;
+  };
+  for (int y = drawn.y0; y < drawn.y0 + drawn.height; ++y) {
+    std::fill_n(row(y), drawn.width, 0.0F);
   }
-  const std::array<double, 3> value{1.0 / corner[0].z, 1.0 / corner[1].z, 1.0 / corner[2].z};
-  const ScreenPlane plane(corner, value);
-  const auto limit = static_cast<float>(std::max({value[0], value[1], value[2]}));
-  for_each_span(corner, whole, [&](int y, int x_begin, int x_end) {
-    keep_nearest(inverse_z.data() + static_cast<size_t>(y) * size.width + x_begin, x_end - x_begin,
-                 static_cast<float>(plane(x_begin, y)), static_cast<float>(plane.dx), limit);
-  });
+  draw_triangles(work.vertices, mesh.triangles, size, buffer.z.data(), work.cut);
+  if (!work.cut.empty()) {
+    draw_cut(mesh, camera, work, buffer);
+  }
+  for (int y = drawn.y0; y < drawn.y0 + drawn.height; ++y) {
+    invert(row(y), drawn.width);
+  }
 }
 
 }  // namespace
 
-DepthBuffer draw_depth(const Mesh& mesh, const CameraModel& camera,
-                       const std::vector<ScreenVertex>& vertices, int factor, ImageSize size) {
-  DepthBuffer buffer{size, std::vector<float>(static_cast<size_t>(size.pixels()), 0.0F)};
-  for_each_screen_triangle(mesh, camera, vertices, factor, [&](uint32_t, const ScreenTriangle& t) {
-    draw_triangle(t.corner, size, buffer.z);
-  });
-  for (float& value : buffer.z) {
-    value = value > 0 ? 1.0F / value : std::numeric_limits<float>::infinity();
-  }
+DepthBuffer draw_depth(const Mesh& mesh, const CameraModel& camera) {
+  Workspace work;
+  DepthBuffer buffer;
+  draw(mesh, camera, work, buffer);
   return buffer;
 }
 
-DepthBuffer draw_depth(const Mesh& mesh, const CameraModel& camera) {
-  return draw_depth(mesh, camera, project_vertices(mesh, camera), 1, camera.size());
-}
-
-std::vector<DepthBuffer> draw_depths(const Mesh& mesh, std::span<const CameraModel> cameras) {
-  std::vector<DepthBuffer> buffers(cameras.size());
+void draw_depths(const Mesh& mesh, std::span<const CameraModel> cameras,
+                 std::vector<DepthBuffer>& buffers) {
+  buffers.resize(cameras.size());
+  tbb::enumerable_thread_specific<Workspace> workspaces;
   tbb::parallel_for(size_t{0}, cameras.size(),
-                    [&](size_t i) { buffers[i] = draw_depth(mesh, cameras[i]); });
-  return buffers;
+                    [&](size_t i) { draw(mesh, cameras[i], workspaces.local(), buffers[i]); });
 }
 
 }  // namespace v3d

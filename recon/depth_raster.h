@@ -6,7 +6,6 @@
 
 #include "base/camera_model.h"
 #include "base/mesh.h"
-#include "recon/screen.h"
 
 namespace v3d {
 
@@ -19,15 +18,13 @@ struct DepthBuffer {
 
 /// The nearest surface, front or back side. The lens model holds at the vertices; triangles are
 /// straight between them, with 1/z linear across the image. What lies before the near plane is cut
-/// away. Pure; one thread.
+/// away. Pure; one thread; the same bits on every processor. For a buffer of reduced size, give
+/// camera.reduced().
 DepthBuffer draw_depth(const Mesh& mesh, const CameraModel& camera);
 
-/// The same from vertices that were projected (and reduced by `factor`) already. `size`: of the
-/// reduced image.
-DepthBuffer draw_depth(const Mesh& mesh, const CameraModel& camera,
-                       const std::vector<ScreenVertex>& vertices, int factor, ImageSize size);
-
 /// One buffer per camera, cameras in parallel; the result does not depend on the number of threads.
-std::vector<DepthBuffer> draw_depths(const Mesh& mesh, std::span<const CameraModel> cameras);
+/// `buffers` keeps its memory.
+void draw_depths(const Mesh& mesh, std::span<const CameraModel> cameras,
+                 std::vector<DepthBuffer>& buffers);
 
 }  // namespace v3d

@@ -9,7 +9,7 @@
 
 #include <cstring>
 
-#include "recon/screen.h"
+#include "recon/screen_vertex.h"
 
 HWY_BEFORE_NAMESPACE();
 namespace v3d::HWY_NAMESPACE {

@@ -80,7 +80,7 @@ ShadedTriangle shade(const ScreenTriangle& piece, const std::array<uint32_t, 3>&
   std::array<double, 3> inverse{};
   std::array<std::array<double, 3>, 3> channel{};
   for (int k = 0; k < 3; ++k) {
-    inverse[k] = 1.0 / piece.corner[k].z;
+    inverse[k] = piece.corner[k].inverse_z;
     const Eigen::Vector3f colour = piece.weights[k].x() * colours[triangle[0]] +
                                    piece.weights[k].y() * colours[triangle[1]] +
                                    piece.weights[k].z() * colours[triangle[2]];
@@ -103,7 +103,7 @@ std::vector<ShadedTriangle> shaded_triangles(const Mesh& mesh, const CameraModel
   const auto colours = lit_colours(mesh, camera.center(), head_light);
   std::vector<ShadedTriangle> triangles;
   triangles.reserve(mesh.triangles.size());
-  for_each_screen_triangle(mesh, camera, project_vertices(mesh, camera), 1,
+  for_each_screen_triangle(mesh, camera, project_vertices(mesh, camera),
                            [&](uint32_t t, const ScreenTriangle& piece) {
                              triangles.push_back(shade(piece, mesh.triangles[t], colours));
                            });

@@ -1,36 +1,18 @@
-// Triangles on their way to the screen: projection, the near plane, and the rows of pixels that a
-// triangle covers. Shared by the depth buffer, the silhouette and the renderer.
+// Triangles on their way to the screen: the near plane, and the rows of pixels that a triangle
+// covers. Shared by the depth buffer, the silhouette and the renderer.
 #pragma once
 
 #include <algorithm>
 #include <array>
-#include <cmath>
 #include <cstdint>
 #include <utility>
 #include <vector>
 
 #include "base/camera_model.h"
 #include "base/mesh.h"
+#include "recon/screen_vertex.h"
 
 namespace v3d {
-
-/// Nothing nearer than this to a camera is drawn: a mesh round a camera does no harm.
-inline constexpr double kNearPlaneMetres = 0.05;
-
-/// A vertex as a camera sees it. x and y are pixels (centre of the first pixel: 0, 0), also outside
-/// the image.
-struct ScreenVertex {
-  float x = 0, y = 0;
-  float z = 0;             ///< along the optical axis, metres; right also where !on_screen
-  bool on_screen = false;  ///< in front of the near plane and inside the lens model: x, y are right
-};
-
-/// The whole lens model at every vertex, in single precision: within 0.02 pixels of
-/// CameraModel::project() from 0.2 m before the camera. In the order of the mesh; one thread.
-std::vector<ScreenVertex> project_vertices(const Mesh& mesh, const CameraModel& camera);
-
-/// The same vertices on the image of camera.reduced(factor).
-void reduce(std::vector<ScreenVertex>& vertices, int factor);
 
 /// A piece of a triangle in front of the near plane. `weights` are barycentric in the whole
 /// triangle, for what is interpolated across it.
@@ -41,36 +23,65 @@ struct ScreenTriangle {
 
 /// Cuts triangle `t` at the near plane: 0, 1 or 2 pieces. A piece with a corner that the lens model
 /// cannot place (beyond CameraModel::max_radius2()) is left out: it lies outside the field of view.
-/// `factor`: that of reduce(). `pieces` keeps its memory.
+/// `pieces` keeps its memory.
 void clip_to_near_plane(const Mesh& mesh, uint32_t t, const CameraModel& camera,
-                        const std::vector<ScreenVertex>& vertices, int factor,
+                        const std::vector<ScreenVertex>& vertices,
                         std::vector<ScreenTriangle>& pieces);
 
 /// Calls draw(piece) for all triangles in the order of the mesh, cut at the near plane where they
 /// must be.
 template <class Draw>
 void for_each_screen_triangle(const Mesh& mesh, const CameraModel& camera,
-                              const std::vector<ScreenVertex>& vertices, int factor, Draw&& draw) {
+                              const std::vector<ScreenVertex>& vertices, Draw&& draw) {
   std::vector<ScreenTriangle> pieces;
   for (uint32_t t = 0; t < mesh.triangles.size(); ++t) {
     const auto& [a, b, c] = mesh.triangles[t];
-    if (vertices[a].on_screen && vertices[b].on_screen && vertices[c].on_screen) {
+    if (vertices[a].on_screen() && vertices[b].on_screen() && vertices[c].on_screen()) {
       draw(t, ScreenTriangle{
                   {vertices[a], vertices[b], vertices[c]},
                   {Eigen::Vector3f::UnitX(), Eigen::Vector3f::UnitY(), Eigen::Vector3f::UnitZ()}});
       continue;
     }
-    clip_to_near_plane(mesh, t, camera, vertices, factor, pieces);
+    clip_to_near_plane(mesh, t, camera, vertices, pieces);
     for (const ScreenTriangle& piece : pieces) {
       draw(t, piece);
     }
   }
 }
 
-/// Where the edge p-q crosses row y. Callers pass the ends in the order of (y, x), so that two
-/// triangles find the same number for the edge they share.
-inline double crossing(const ScreenVertex& p, const ScreenVertex& q, double y) {
-  return p.x + (double{q.x} - p.x) * ((y - p.y) / (double{q.y} - p.y));
+/// Which pixels a triangle covers is decided in whole numbers, exactly: its corners are put on a
+/// lattice of 1/256 pixel first. What lies farther out than kMostPixels is taken to lie there, so
+/// that every product below fits in 64 bits.
+inline constexpr int kFixedBits = 8;
+inline constexpr int kFixedOne = 1 << kFixedBits;
+inline constexpr float kMostPixels = 1 << 22;
+
+inline int32_t to_fixed(float pixels) {
+  constexpr double kRound = 6755399441055744.0;  // 1.5 * 2^52: its last digit is worth 1
+  const float kept = std::min(std::max(-kMostPixels, pixels), kMostPixels);
+  return static_cast<int32_t>(double{kept * kFixedOne} + kRound - kRound);
+}
+
+/// The first pixel whose centre is at or after the coordinate.
+inline int first_pixel(int32_t fixed) { return (fixed + kFixedOne - 1) >> kFixedBits; }
+
+/// A corner of a triangle in 1/256 pixels.
+struct FixedPoint {
+  int32_t x = 0, y = 0;
+  FixedPoint() = default;
+  explicit FixedPoint(const ScreenVertex& v) : x(to_fixed(v.x)), y(to_fixed(v.y)) {}
+  friend bool operator<(const FixedPoint& p, const FixedPoint& q) {
+    return p.y < q.y || (p.y == q.y && p.x < q.x);
+  }
+};
+
+/// The first pixel of row y whose centre is at or after the edge p-q. Requires p.y < q.y.
+inline int64_t first_pixel_after(const FixedPoint& p, const FixedPoint& q, int y) {
+  const int64_t dx = int64_t{q.x} - p.x, dy = int64_t{q.y} - p.y;
+  const int64_t top = p.x * dy + dx * (int64_t{y} * kFixedOne - p.y);
+  const int64_t bottom = dy * kFixedOne;
+  const int64_t quotient = top / bottom;  // towards zero
+  return quotient + (top % bottom > 0);
 }
 
 /// The part of an image that is drawn: columns 0 <= x < width, rows row_begin <= y < row_end.
@@ -80,50 +91,24 @@ struct Band {
   int row_end = 0;
 };
 
-/// The first whole number at or above `v`, kept in [low, high]. Requires 0 <= low. (std::ceil is a
-/// call on a plain x86-64, and most triangles cover less than a pixel.)
-inline int first_at(double v, int low, int high) {
-  if (!(v > low)) {
-    return low;
-  }
-  if (v >= high) {
-    return high;
-  }
-  const int whole = static_cast<int>(v);
-  return whole + (whole < v);
-}
-
-/// True for most of the triangles that cover no pixel centre of the band, for little work.
-inline bool surely_misses(const std::array<ScreenVertex, 3>& corner, Band band) {
-  const auto [x_low, x_high] = std::minmax({corner[0].x, corner[1].x, corner[2].x});
-  const auto [y_low, y_high] = std::minmax({corner[0].y, corner[1].y, corner[2].y});
-  return first_at(x_low, 0, band.width) == first_at(x_high, 0, band.width) ||
-         first_at(y_low, band.row_begin, band.row_end) ==
-             first_at(y_high, band.row_begin, band.row_end);
-}
-
 /// Calls emit(y, x_begin, x_end) for the pixels of the band whose centres the triangle covers. A
 /// centre on an edge belongs to the triangle on its right or below: triangles that share an edge
 /// leave no gap and draw no pixel twice. Either orientation.
 template <class Emit>
 void for_each_span(const std::array<ScreenVertex, 3>& corner, Band band, Emit&& emit) {
-  const ScreenVertex* a = &corner[0];
-  const ScreenVertex* b = &corner[1];
-  const ScreenVertex* c = &corner[2];
-  const auto sort = [](const ScreenVertex*& p, const ScreenVertex*& q) {
-    if (q->y < p->y || (q->y == p->y && q->x < p->x)) {
-      std::swap(p, q);
-    }
-  };
-  sort(a, b);
-  sort(b, c);
-  sort(a, b);
-  const int y_end = first_at(c->y, band.row_begin, band.row_end);
-  for (int y = first_at(a->y, band.row_begin, band.row_end); y < y_end; ++y) {
-    const double x_long = crossing(*a, *c, y);
-    const double x_short = y < b->y ? crossing(*a, *b, y) : crossing(*b, *c, y);
-    const int x_begin = first_at(std::min(x_long, x_short), 0, band.width);
-    const int x_end = first_at(std::max(x_long, x_short), 0, band.width);
+  std::array<FixedPoint, 3> p{FixedPoint(corner[0]), FixedPoint(corner[1]), FixedPoint(corner[2])};
+  std::sort(p.begin(), p.end());
+  const auto& [a, b, c] = p;
+  const int y_end = std::min(first_pixel(c.y), band.row_end);
+  for (int y = std::max(first_pixel(a.y), band.row_begin); y < y_end; ++y) {
+    const int64_t x_long = first_pixel_after(a, c, y);
+    const bool upper = y * int64_t{kFixedOne} < b.y;
+    const int64_t x_short = upper ? first_pixel_after(a, b, y) : first_pixel_after(b, c, y);
+    const auto inside = [&](int64_t x) {
+      return static_cast<int>(std::clamp<int64_t>(x, 0, band.width));
+    };
+    const int x_begin = inside(std::min(x_long, x_short));
+    const int x_end = inside(std::max(x_long, x_short));
     if (x_begin < x_end) {
       emit(y, x_begin, x_end);
     }

@@ -10,7 +10,7 @@
 #include <bit>
 #include <cstring>
 
-#include "recon/screen.h"
+#include "recon/screen_vertex.h"
 #include "recon/texture.h"
 
 HWY_BEFORE_NAMESPACE();

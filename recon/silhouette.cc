@@ -11,7 +11,7 @@ Mask draw_silhouette(const Mesh& mesh, const CameraModel& camera) {
   const Band whole{camera.size().width, 0, camera.size().height};
   const auto fill = [&](int y, int x_begin, int x_end) { mask.fill_row(y, x_begin, x_end); };
   for_each_screen_triangle(
-      mesh, camera, project_vertices(mesh, camera), 1,
+      mesh, camera, project_vertices(mesh, camera),
       [&](uint32_t, const ScreenTriangle& t) { for_each_span(t.corner, whole, fill); });
   return mask;
 }

@@ -1,8 +1,14 @@
 #include "recon/depth_raster.h"
 
 #include <gtest/gtest.h>
+#include <hwy/targets.h>
 #include <rapidcheck/gtest.h>
+#include <tbb/global_control.h>
 
+#include <random>
+
+#include "recon/draw_triangles.h"
+#include "recon/screen.h"
 #include "recon/silhouette.h"
 #include "shapes.h"
 
@@ -61,21 +67,6 @@ TEST(DepthRaster, keeps_the_nearer_of_two_surfaces_whatever_their_order) {
   EXPECT_NEAR(a.at(24, 24), 3, 1e-5);
 }
 
-TEST(DepthRaster, of_a_reduced_camera_agrees_with_the_reduced_vertices_of_the_whole_one) {
-  const CameraModel whole = camera({0, -3, 1}, {0, 0, 0.2}, {96, 72}, 90, {-0.2, 0.05});
-  const CameraModel half = whole.reduced(2);
-  const Mesh ball = shapes::sphere({0, 0, 0.2F}, 0.7F, 12);
-  auto vertices = project_vertices(ball, whole);
-  reduce(vertices, 2);
-  const DepthBuffer a = draw_depth(ball, half);
-  const DepthBuffer b = draw_depth(ball, whole, vertices, 2, half.size());
-  int differ = 0;
-  for (size_t i = 0; i < a.z.size(); ++i) {
-    differ += !(a.z[i] == b.z[i] || std::abs(a.z[i] - b.z[i]) < 1e-3F);
-  }
-  EXPECT_LE(differ, 2);  // pixel centres within a rounding of the outline
-}
-
 TEST(DepthRaster, survives_a_mesh_round_the_camera) {
   // The camera stands inside the box, off its middle: it sees the far walls and no near ones.
   const CameraModel inside = camera({0.5, 0.2, 0.1}, {5, 0.2, 0.1}, {32, 24}, 30);
@@ -120,15 +111,93 @@ TEST(DepthRaster, takes_triangles_without_area_and_no_triangles) {
   EXPECT_EQ(draw_depth(Mesh{}, above).at(3, 3), kNothing);
 }
 
-TEST(DepthRaster, draws_many_cameras_at_once_as_it_draws_one) {
-  const Mesh ball = shapes::sphere({0, 0, 0}, 0.5F, 16);
+/// Triangles of all sizes, from slivers to some that fill the image and reach behind the camera.
+Mesh soup(uint32_t seed) {
+  std::mt19937 random(seed);
+  std::uniform_real_distribution<float> place(-1.5F, 1.5F), unit(-1, 1), part(0, 1);
+  Mesh mesh;
+  for (uint32_t t = 0; t < 300; ++t) {
+    const Eigen::Vector3f middle(place(random), place(random), place(random));
+    const float size = 2 * std::pow(part(random), 6.0F);
+    for (int k = 0; k < 3; ++k) {
+      mesh.vertices.emplace_back(middle +
+                                 size * Eigen::Vector3f(unit(random), unit(random), unit(random)));
+    }
+    mesh.triangles.push_back({3 * t, 3 * t + 1, 3 * t + 2});
+  }
+  return mesh;
+}
+
+const CameraModel kAmidTheSoup = camera({0, -1.2, 0.2}, {0, 1, 0}, {150, 110}, 90, {-0.1, 0.02});
+
+RC_GTEST_PROP(DepthRaster, covers_the_pixels_that_spans_say_for_triangles_of_every_size, ()) {
+  Mesh mesh = soup(*rc::gen::arbitrary<uint32_t>());
+  mesh.triangles.resize(*rc::gen::inRange<size_t>(1, 40));
+  const Mask mask = draw_silhouette(mesh, kAmidTheSoup);
+  const DepthBuffer depth = draw_depth(mesh, kAmidTheSoup);
+  for (int y = 0; y < depth.size.height; ++y) {
+    for (int x = 0; x < depth.size.width; ++x) {
+      RC_ASSERT(mask.get(x, y) == std::isfinite(depth.at(x, y)));
+    }
+  }
+}
+
+TEST(DepthRaster, draws_many_cameras_at_once_as_it_draws_one_with_any_number_of_threads) {
+  const Mesh mesh = soup(1);
   std::vector<CameraModel> ring;
   for (int i = 0; i < 7; ++i) {
     ring.push_back(camera({2 * std::cos(i), 2 * std::sin(i), 0.5}, {0, 0, 0}, {64, 48}, 60));
   }
-  const auto depths = draw_depths(ball, ring);
-  for (size_t i = 0; i < ring.size(); ++i) {
-    EXPECT_EQ(depths[i].z, draw_depth(ball, ring[i]).z);
+  std::vector<DepthBuffer> depths(9, draw_depth(mesh, kAmidTheSoup));  // of another use
+  for (const size_t threads : {1, 2, 5}) {
+    const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, threads);
+    draw_depths(mesh, ring, depths);
+    ASSERT_EQ(depths.size(), ring.size());
+    for (size_t i = 0; i < ring.size(); ++i) {
+      EXPECT_EQ(depths[i].z, draw_depth(mesh, ring[i]).z);
+    }
+  }
+}
+
+TEST(DepthRaster, gives_the_same_bits_on_every_instruction_set_and_for_every_order) {
+  for (const Distortion& lens : {Distortion{}, Distortion{-0.2, 0.05, 0.001, -0.002},
+                                 Distortion{-0.2, 0.05, 0.001, -0.002, 0.01, 0.02, 0, 0, 0.003}}) {
+    Mesh mesh = soup(2);
+    shapes::append(mesh, shapes::sphere({0, 0.5F, 0}, 0.4F, 40));
+    const CameraModel eye = camera({0, -1.2, 0.2}, {0, 1, 0}, {150, 110}, 90, lens);
+    const DepthBuffer best = draw_depth(mesh, eye);
+    for (int64_t rest = hwy::SupportedTargets(); rest != 0; rest &= rest - 1) {
+      std::reverse(mesh.triangles.begin(), mesh.triangles.end());
+      hwy::SetSupportedTargetsForTest(rest & -rest);
+      const DepthBuffer found = draw_depth(mesh, eye);
+      hwy::SetSupportedTargetsForTest(0);
+      EXPECT_EQ(found.z, best.z) << hwy::TargetName(rest & -rest);
+    }
+  }
+}
+
+TEST(ProjectVertices, finds_the_pixels_of_the_camera_model_and_says_what_it_cannot_see) {
+  for (const Distortion& lens : {Distortion{}, Distortion{-0.2, 0.05, 0.001, -0.002}}) {
+    const CameraModel eye = camera({0, -1.2, 0.2}, {0, 1, 0}, {150, 110}, 90, lens);
+    const Mesh mesh = soup(3);
+    const auto screen = project_vertices(mesh, eye);
+    ASSERT_EQ(screen.size(), mesh.vertices.size());
+    int seen = 0;
+    for (size_t v = 0; v < screen.size(); ++v) {
+      const Eigen::Vector3d in_camera = eye.cam_from_world() * mesh.vertices[v].cast<double>();
+      EXPECT_NEAR(screen[v].z, in_camera.z(), 1e-5);
+      const auto pixel = eye.project(mesh.vertices[v].cast<double>());
+      if (in_camera.z() < 0.2) {
+        EXPECT_TRUE(in_camera.z() > kNearPlaneMetres - 1e-5 || !screen[v].on_screen());
+      } else if (pixel && eye.inside_image(*pixel)) {
+        ASSERT_TRUE(screen[v].on_screen());
+        EXPECT_NEAR(screen[v].x, pixel->x(), 0.02);
+        EXPECT_NEAR(screen[v].y, pixel->y(), 0.02);
+        EXPECT_EQ(screen[v].inverse_z, 1 / screen[v].z);
+        ++seen;
+      }
+    }
+    EXPECT_GT(seen, 200);
   }
 }
 
@@ -151,8 +220,8 @@ RC_GTEST_PROP(Spans, cover_the_pixel_centres_inside_any_triangle, ()) {
   constexpr ImageSize kSize{24, 18};
   std::array<ScreenVertex, 3> corner;
   for (ScreenVertex& v : corner) {
-    v.x = static_cast<float>(*rc::gen::inRange(-400, 700)) / 16.0F + 0.03F;
-    v.y = static_cast<float>(*rc::gen::inRange(-400, 600)) / 16.0F + 0.05F;
+    v.x = static_cast<float>(*rc::gen::inRange(-25 * kFixedOne, 45 * kFixedOne)) / kFixedOne;
+    v.y = static_cast<float>(*rc::gen::inRange(-25 * kFixedOne, 40 * kFixedOne)) / kFixedOne;
   }
   std::vector<int> count(static_cast<size_t>(kSize.pixels()), 0);
   for_each_span(corner, Band{kSize.width, 0, kSize.height}, [&](int y, int begin, int end) {
@@ -190,6 +259,38 @@ RC_GTEST_PROP(Spans, of_a_fan_of_triangles_draw_every_pixel_once, ()) {
   for (int y = 0; y < 16; ++y) {
     for (int x = 0; x < 16; ++x) {
       RC_ASSERT(count[y][x] == (x >= 2 && x < 14 && y >= 2 && y < 14 ? 1 : 0));
+    }
+  }
+}
+
+RC_GTEST_PROP(DrawTriangles, of_a_fan_draw_every_pixel_once, ()) {
+  // The same in registers: small triangles, and larger ones that are drawn row by row.
+  const int size = *rc::gen::elementOf(std::vector{6, 12, 60});
+  const auto side = static_cast<float>(size);
+  std::vector<ScreenVertex> corners(5);
+  for (int k = 0; k < 4; ++k) {
+    corners[k].x = k == 1 || k == 2 ? 2 + side : 2;
+    corners[k].y = k >= 2 ? 2 + side : 2;
+  }
+  corners[4].x = static_cast<float>(*rc::gen::inRange(8 * 3, 8 * (1 + size))) / 8;
+  corners[4].y = static_cast<float>(*rc::gen::inRange(8 * 3, 8 * (1 + size))) / 8;
+  for (ScreenVertex& v : corners) {
+    v.inverse_z = 1;
+  }
+  const ImageSize image{size + 4, size + 4};
+  std::vector<float> count(static_cast<size_t>(image.pixels()), 0.0F);
+  for (uint32_t k = 0; k < 4; ++k) {
+    std::vector<float> alone(count.size(), 0.0F);
+    const std::vector<std::array<uint32_t, 3>> triangle{{k, (k + 1) % 4, 4}};
+    std::vector<uint32_t> cut;
+    draw_triangles(corners, triangle, image, alone.data(), cut);
+    RC_ASSERT(cut.empty());
+    std::transform(count.begin(), count.end(), alone.begin(), count.begin(), std::plus());
+  }
+  for (int y = 0; y < image.height; ++y) {
+    for (int x = 0; x < image.width; ++x) {
+      const bool inside = x >= 2 && x < 2 + size && y >= 2 && y < 2 + size;
+      RC_ASSERT(count[static_cast<size_t>(y) * image.width + x] == (inside ? 1 : 0));
     }
   }
 }

@@ -72,7 +72,7 @@ int expect_sums_of_single_samples(const CameraModel& model, const VertexCamera& 
     const Eigen::Vector3f& a = camera.axis;
     const float facing = 0.0F - (n.x() * a.x() + n.y() * a.y() + n.z() * a.z());
     const auto colour = sample_colour(*camera.frame, screen[v].x, screen[v].y);
-    const bool seen = facing > 0 && screen[v].on_screen && colour;
+    const bool seen = facing > 0 && screen[v].on_screen() && colour;
     const bool inner = seen && camera.mask.inner(static_cast<int>(screen[v].x + 0.5F),
                                                  static_cast<int>(screen[v].y + 0.5F));
     EXPECT_EQ(sums.inner[3][i], inner ? facing : 0);

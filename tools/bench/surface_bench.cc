@@ -25,20 +25,25 @@ void texture(benchmark::State& state) {
   });
 }
 
-/// The depth buffers of the whole rig at full size.
-void raster(benchmark::State& state) {
+/// The depth buffers of the whole rig, reduced by `factor`.
+void raster(benchmark::State& state, int factor) {
   std::vector<CameraModel> models;
   for (const RigCamera& camera : rig()) {
-    models.push_back(camera.model);
+    models.push_back(camera.model.reduced(factor));
   }
   const Mesh& mesh = mesh_10mm();
   tbb::task_arena arena(1);
-  measure(state, kCameras, 0,
-          [&] { arena.execute([&] { benchmark::DoNotOptimize(draw_depths(mesh, models)); }); });
+  std::vector<DepthBuffer> buffers;
+  measure(state, kCameras, 0, [&] {
+    arena.execute([&] { draw_depths(mesh, models, buffers); });
+    benchmark::DoNotOptimize(buffers.data());
+  });
 }
 
 BENCHMARK(texture)->Name("texture/10mm");
-BENCHMARK(raster)->Name("raster/depth_15xXGA");
+BENCHMARK_CAPTURE(raster, whole, 1)->Name("raster/depth_15xXGA");
+BENCHMARK_CAPTURE(raster, half, 2)->Name("raster/depth_15xXGA/half");
+BENCHMARK_CAPTURE(raster, quarter, 4)->Name("raster/depth_15xXGA/quarter");
 
 }  // namespace
 }  // namespace v3d::bench
