@@ -1,8 +1,12 @@
 #include "recon/compact_frame.h"
 
+#include <tbb/parallel_invoke.h>
+
 #include <algorithm>
 #include <cmath>
-#include <cstring>
+#include <memory>
+#include <type_traits>
+#include <utility>
 
 #include "base/error.h"
 #include "recon/byte_stream.h"
@@ -28,8 +32,8 @@ uint16_t unfold(uint16_t z) { return static_cast<uint16_t>((z >> 1) ^ (z & 1 ? 0
 // --- positions ---------------------------------------------------------------------------------
 
 uint16_t lattice_number(const VertexLattice& lattice, float position, int axis) {
-  const double h = std::round((double{position} - lattice.origin[axis]) / lattice.step);
-  if (!(h >= 0 && h <= 65535)) {
+  const double h = (double{position} - lattice.origin[axis]) / lattice.step + 0.5;
+  if (!(h >= 0 && h < 65536)) {
     throw InputError("compact frame: a vertex at " + std::to_string(position) +
                      " m lies outside the lattice; it holds 65536 half voxels along each axis");
   }
@@ -102,21 +106,22 @@ std::vector<Rgb8> colours_of(std::span<const uint8_t> content) {
 
 // --- triangles ---------------------------------------------------------------------------------
 
-std::vector<uint8_t> triangle_content(const Mesh& mesh) {
-  std::vector<uint8_t> content;
-  content.reserve(4 * mesh.triangles.size());
+std::vector<uint8_t> compressed_triangles(const Mesh& mesh) {
+  const auto content =
+      std::make_unique_for_overwrite<uint8_t[]>(3 * kMostCodeBytes * mesh.triangles.size());
+  uint8_t* end = content.get();
   uint32_t next = 0;
   for (const auto& triangle : mesh.triangles) {
     for (const uint32_t index : triangle) {
       uint32_t code = next - index;
       next += code == 0;
       for (; code >= 0x80; code >>= 7) {
-        content.push_back(static_cast<uint8_t>(code | 0x80));
+        *end++ = static_cast<uint8_t>(code | 0x80);
       }
-      content.push_back(static_cast<uint8_t>(code));
+      *end++ = static_cast<uint8_t>(code);
     }
   }
-  return content;
+  return compress_section({content.get(), end});
 }
 
 /// One LEB128 number of at most kMostCodeBytes; empty when there is none or it is longer than it
@@ -297,7 +302,10 @@ std::optional<std::vector<uint8_t>> content_of(std::span<const uint8_t> section,
 
 }  // namespace
 
-Mesh in_coding_order(const Mesh& mesh) {
+Mesh in_coding_order(Mesh mesh) {
+  if (is_in_coding_order(mesh)) {
+    return mesh;
+  }
   constexpr uint32_t kUnnumbered = 0xFFFFFFFF;
   std::vector<uint32_t> number(mesh.vertices.size(), kUnnumbered);
   std::vector<uint32_t> order;
@@ -307,27 +315,25 @@ Mesh in_coding_order(const Mesh& mesh) {
       number[v] = static_cast<uint32_t>(order.size());
       order.push_back(v);
     }
+    return number[v];
   };
-  for (const auto& triangle : mesh.triangles) {
-    std::for_each(triangle.begin(), triangle.end(), visit);
+  for (auto& triangle : mesh.triangles) {
+    std::transform(triangle.begin(), triangle.end(), triangle.begin(), visit);
   }
   for (uint32_t v = 0; v < number.size(); ++v) {
     visit(v);
   }
-  Mesh result;
-  result.vertices.reserve(order.size());
-  result.colours.reserve(mesh.colours.size());
-  for (const uint32_t v : order) {
-    result.vertices.push_back(mesh.vertices[v]);
-    if (!mesh.colours.empty()) {
-      result.colours.push_back(mesh.colours[v]);
+  const auto reorder = [&](auto& items) {
+    std::remove_reference_t<decltype(items)> moved;
+    moved.reserve(items.size());
+    for (size_t i = 0; i < items.size(); ++i) {
+      moved.push_back(items[order[i]]);
     }
-  }
-  result.triangles.reserve(mesh.triangles.size());
-  for (const auto& [a, b, c] : mesh.triangles) {
-    result.triangles.push_back({number[a], number[b], number[c]});
-  }
-  return result;
+    items = std::move(moved);
+  };
+  reorder(mesh.vertices);
+  reorder(mesh.colours);
+  return mesh;
 }
 
 std::vector<uint8_t> encode_compact(const CompactFrame& frame) {
@@ -342,10 +348,18 @@ std::vector<uint8_t> encode_compact(const CompactFrame& frame) {
   std::sort(cameras.begin(), cameras.end());
 
   const bool coloured = !mesh.colours.empty();
-  const std::array<std::vector<uint8_t>, 4> sections{
-      name_content(cameras), compress_section(position_content(mesh.vertices, frame.lattice)),
-      coloured ? compress_section(colour_content(mesh.colours)) : std::vector<uint8_t>{},
-      compress_section(triangle_content(mesh))};
+  std::array<std::vector<uint8_t>, 4> sections{name_content(cameras)};
+  auto& [names, positions, colours, triangles] = sections;
+  tbb::parallel_invoke(
+      [&, &positions = positions] {
+        positions = compress_section(position_content(mesh.vertices, frame.lattice));
+      },
+      [&, &triangles = triangles] { triangles = compressed_triangles(mesh); },
+      [&, &colours = colours] {
+        if (coloured) {
+          colours = compress_section(colour_content(mesh.colours));
+        }
+      });
   Header header{.flags = coloured ? kHasColours : uint16_t{0},
                 .cameras = static_cast<uint16_t>(cameras.size()),
                 .missing = static_cast<uint16_t>(frame.missing),

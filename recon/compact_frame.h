@@ -37,11 +37,12 @@ struct CompactFrame {
 
 /// Renumbers the vertices in the order in which the triangles first use them (unused ones last, in
 /// their old order): the order in which they are coded. Positions, triangles and their order stay.
-Mesh in_coding_order(const Mesh& mesh);
+Mesh in_coding_order(Mesh mesh);
 
 /// Positions are rounded to the nearest lattice point; those of a lattice mesh come back equal to
-/// the bit. decode_compact() gives in_coding_order(frame.mesh). Equal frames give equal bytes.
-/// Throws InputError for a frame beyond the limits above or a vertex outside the lattice.
+/// the bit. decode_compact() gives in_coding_order(frame.mesh). Equal frames give equal bytes,
+/// whatever the number of threads that code the sections. Throws InputError for a frame beyond the
+/// limits above or a vertex outside the lattice.
 std::vector<uint8_t> encode_compact(const CompactFrame& frame);
 
 /// Hostile bytes give nothing; memory is bounded by the limits above (about 300 MB) whatever the

@@ -11,7 +11,7 @@
 namespace v3d {
 namespace {
 
-constexpr int kLevel = 3;  // live: about 1 ms per frame; higher levels gain less than a tenth
+constexpr int kLevel = 1;  // live: level 3 takes twice as long for frames 2.5 % smaller
 constexpr std::array<uint8_t, 4> kMagic{0x28, 0xB5, 0x2F, 0xFD};
 constexpr uint8_t kChecksumFlag = 0x04;  // of the frame header descriptor, RFC 8878 3.1.1.1.1
 
@@ -19,18 +19,24 @@ struct FreeContext {
   void operator()(ZSTD_CCtx* context) const { ZSTD_freeCCtx(context); }
 };
 
+/// The thread's own, kept from frame to frame: its tables are a megabyte of fresh pages.
+ZSTD_CCtx* context_of_thread() {
+  thread_local const std::unique_ptr<ZSTD_CCtx, FreeContext> kContext(ZSTD_createCCtx());
+  if (!kContext) {
+    throw std::bad_alloc();
+  }
+  return kContext.get();
+}
+
 }  // namespace
 
 std::vector<uint8_t> compress_section(std::span<const uint8_t> content) {
-  const std::unique_ptr<ZSTD_CCtx, FreeContext> context(ZSTD_createCCtx());
-  if (!context) {
-    throw std::bad_alloc();
-  }
-  ZSTD_CCtx_setParameter(context.get(), ZSTD_c_compressionLevel, kLevel);
-  ZSTD_CCtx_setParameter(context.get(), ZSTD_c_checksumFlag, 1);
+  ZSTD_CCtx* context = context_of_thread();
+  ZSTD_CCtx_setParameter(context, ZSTD_c_compressionLevel, kLevel);
+  ZSTD_CCtx_setParameter(context, ZSTD_c_checksumFlag, 1);
   std::vector<uint8_t> section(ZSTD_compressBound(content.size()));
   const size_t size =
-      ZSTD_compress2(context.get(), section.data(), section.size(), content.data(), content.size());
+      ZSTD_compress2(context, section.data(), section.size(), content.data(), content.size());
   if (ZSTD_isError(size)) {
     throw std::runtime_error(ZSTD_getErrorName(size));
   }

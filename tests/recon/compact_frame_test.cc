@@ -2,10 +2,12 @@
 
 #include <gtest/gtest.h>
 #include <rapidcheck/gtest.h>
+#include <tbb/global_control.h>
 #include <zstd.h>
 
 #include <bit>
 #include <cstring>
+#include <thread>
 
 #include "base/error.h"
 #include "shapes.h"
@@ -56,6 +58,20 @@ RC_GTEST_PROP(CompactFrame, gives_back_every_bit_of_a_lattice_mesh_in_coding_ord
   RC_ASSERT(back->cameras == frame.cameras && back->missing == frame.missing);
   RC_ASSERT(back->lattice == frame.lattice);
   RC_ASSERT(encode_compact(*back) == bytes);
+}
+
+TEST(CompactFrame, is_the_same_for_any_number_of_threads_and_whatever_was_coded_before) {
+  CompactFrame large, small;
+  small.lattice = large.lattice = {{-1, -1, -1}, 0.001};
+  large.mesh = shapes::sphere({0, 0, 0}, 0.9F, 60);
+  small.mesh = shapes::sphere({0.1F, 0, 0}, 0.5F, 20);
+  std::vector<uint8_t> expected;
+  std::thread([&] { expected = encode_compact(small); }).join();  // no context is used again here
+  for (const size_t threads : {1, 2, 5}) {
+    const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, threads);
+    encode_compact(large);
+    EXPECT_EQ(encode_compact(small), expected);
+  }
 }
 
 RC_GTEST_PROP(CompactFrame, with_a_changed_byte_gives_nothing_or_a_sound_mesh, ()) {

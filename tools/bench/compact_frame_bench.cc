@@ -1,3 +1,5 @@
+#include <tbb/task_arena.h>
+
 #include "rates.h"
 #include "recon/compact_frame.h"
 #include "workload.h"
@@ -11,10 +13,11 @@ const std::vector<uint8_t>& compact_10mm() {
   return kCompact;
 }
 
-void encode(benchmark::State& state) {
+void encode(benchmark::State& state, int threads) {
   const auto frame = decode_compact(compact_10mm());
+  tbb::task_arena arena(threads);
   measure(state, 1, static_cast<double>(compact_10mm().size()),
-          [&] { benchmark::DoNotOptimize(encode_compact(*frame)); });
+          [&] { arena.execute([&] { benchmark::DoNotOptimize(encode_compact(*frame)); }); });
 }
 
 void decode(benchmark::State& state) {
@@ -22,7 +25,8 @@ void decode(benchmark::State& state) {
           [&] { benchmark::DoNotOptimize(decode_compact(compact_10mm())); });
 }
 
-BENCHMARK(encode)->Name("encode/10mm");
+BENCHMARK_CAPTURE(encode, one, 1)->Name("encode/10mm");
+BENCHMARK_CAPTURE(encode, two, 2)->Name("encode/10mm/threads:2");
 BENCHMARK(decode)->Name("decode/10mm");
 
 }  // namespace
