@@ -18,8 +18,9 @@ constexpr double kNearPart = 0.8;
 /// A smaller cell costs more and shows nothing that the image can tell.
 constexpr double kLeastPixels = 1;
 
-/// How many cells away a point hides: more cells make the edges of occluders finer.
-constexpr int kSpread = 2;
+/// How many cells away a point hides. Two would make the edges of occluders finer (by 0.015 dB in
+/// the picture of a camera left out), and need four times the cells.
+constexpr int kSpread = 1;
 
 /// Pixels per metre of length across the view and metre of distance along the axis, at most: away
 /// from the axis a camera without distortion shows lengths larger by up to sqrt(1 + x^2 + y^2).
@@ -58,9 +59,7 @@ DepthCells::DepthCells(const PointArrays& points, const Eigen::Vector3f& centroi
   nearest_.assign(static_cast<size_t>(grid_.count()) + 1, kNothing);
   draw(points, lens);
   nearest_.pop_back();
-  for (int i = 0; i < kSpread; ++i) {
-    spread_to_neighbours();
-  }
+  spread_to_neighbours();
 }
 
 void DepthCells::draw(const PointArrays& points, const VoxelCamera& lens) {
@@ -94,14 +93,22 @@ void DepthCells::draw_near(float column, float row, float z) {
   }
 }
 
+/// First down the columns, then along the rows, a row at a time: the row between stays in the
+/// cache.
 void DepthCells::spread_to_neighbours() {
+  static_assert(kSpread == 1);
   const auto columns = static_cast<size_t>(grid_.columns);
-  std::vector<float> across(nearest_);
-  for (size_t i = 1; i + 1 < nearest_.size(); ++i) {
-    across[i] = nearer(nearest_[i], nearer(nearest_[i - 1], nearest_[i + 1]));
-  }
-  for (size_t i = columns; i + columns < nearest_.size(); ++i) {
-    nearest_[i] = nearer(across[i], nearer(across[i - columns], across[i + columns]));
+  std::vector<float> above(columns, kNothing), down(columns + 2, kNothing);
+  for (int y = 0; y < grid_.rows; ++y) {
+    float* row = nearest_.data() + static_cast<size_t>(y) * columns;
+    const float* below = y + 1 < grid_.rows ? row + columns : row;
+    for (size_t x = 0; x < columns; ++x) {
+      down[x + 1] = nearer(row[x], nearer(above[x], below[x]));
+      above[x] = row[x];
+    }
+    for (size_t x = 0; x < columns; ++x) {
+      row[x] = nearer(down[x + 1], nearer(down[x], down[x + 2]));
+    }
   }
 }
 

@@ -35,8 +35,8 @@ HWY_INLINE LaneMask within(Lanes v, float low, float high) {
   return hn::And(hn::Ge(v.v, hn::Set(floats, low)), hn::Lt(v.v, hn::Set(floats, high)));
 }
 
-/// Three cells away along both axes, in widths of a cell: what DepthCells say may lie so far aside.
-constexpr float kSlantReach = 4.24F;
+/// Two cells away along both axes, in widths of a cell: what DepthCells say may lie so far aside.
+constexpr float kSlantReach = 2.83F;
 
 /// Where a camera sees vertices, and how well.
 struct View {

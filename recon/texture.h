@@ -36,9 +36,9 @@ struct TextureOptions {
   double depth_tolerance_m = 0.03;
   /// What hides is known to a few widths of a depth cell (see DepthCells), and a surface at a slant
   /// changes its depth within that: the tolerance grows by it, but by no more than so many widths.
-  double most_slant = 12;
+  double most_slant = 6;
   /// The surface hides what lies behind it through points no farther apart than this lets
-  /// (see occluding_points()); depth cells are half as wide. 0.71 voxels: the vertices alone.
+  /// (see occluding_points()); depth cells are as wide. 0.71 voxels: the vertices alone.
   double occluder_radius_m = 0.0071;
   int fill_passes = 64;  ///< how far colour spreads to vertices that no camera sees, in edges
 };

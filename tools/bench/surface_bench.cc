@@ -13,13 +13,13 @@ const Mesh& mesh_10mm() {
   return kMesh;
 }
 
-void texture(benchmark::State& state) {
+void texture(benchmark::State& state, int threads) {
   std::vector<TextureCamera> cameras;
   for (int c = 0; c < kCameras; ++c) {
     cameras.push_back({&rig()[c].model, &frame_set().frames[c]});
   }
   const Mesh& mesh = mesh_10mm();
-  tbb::task_arena arena(1);
+  tbb::task_arena arena(threads);
   measure(state, 1, 0, [&] {
     arena.execute([&] { benchmark::DoNotOptimize(colour_vertices(mesh, cameras, {})); });
   });
@@ -40,7 +40,8 @@ void raster(benchmark::State& state, int factor) {
   });
 }
 
-BENCHMARK(texture)->Name("texture/10mm");
+BENCHMARK_CAPTURE(texture, one, 1)->Name("texture/10mm");
+BENCHMARK_CAPTURE(texture, two, 2)->Name("texture/10mm/threads:2");
 BENCHMARK_CAPTURE(raster, whole, 1)->Name("raster/depth_15xXGA");
 BENCHMARK_CAPTURE(raster, half, 2)->Name("raster/depth_15xXGA/half");
 BENCHMARK_CAPTURE(raster, quarter, 4)->Name("raster/depth_15xXGA/quarter");
