@@ -38,6 +38,32 @@ HWY_INLINE LaneMask within(Lanes v, float low, float high) {
 /// Two cells away along both axes, in widths of a cell: what DepthCells say may lie so far aside.
 constexpr float kSlantReach = 2.83F;
 
+/// Room for a block of vertices, and for a register behind the last one. After every question that
+/// a camera asks, those that are left stand side by side, so that the next one is asked of full
+/// registers.
+constexpr size_t kRoom = PointArrays::kBlock + kLanes;
+
+/// Vertices that face the camera.
+struct FacingVertices {
+  alignas(64) float x[kRoom], y[kRoom], z[kRoom];  ///< world, metres
+  alignas(64) float facing[kRoom];                 ///< see View
+  alignas(64) int32_t number[kRoom];               ///< in the block
+  size_t count;
+};
+
+/// Those that nothing hides.
+struct SeenVertices {
+  alignas(64) float u[kRoom], v[kRoom];  ///< pixel coordinates of PixelPoint
+  alignas(64) float facing[kRoom];
+  alignas(64) int32_t number[kRoom];
+  size_t count;
+};
+
+template <class D>
+HWY_INLINE void append(D d, hn::Vec<D> values, hn::Mask<D> lanes, hn::TFromD<D>* end) {
+  hn::StoreU(hn::Compress(values, lanes), d, end);
+}
+
 /// Where a camera sees vertices, and how well.
 struct View {
   Lanes facing;  ///< cosine between the normal and the optical axis, the weight of equation (9)
@@ -110,7 +136,8 @@ HWY_INLINE Colour look(const Frame& frame, Lanes u, Lanes v, LaneMask& lanes) {
   if (!is_bayer(frame.image.format)) return look_one_by_one(frame, u, v, lanes);
   const Lanes x = u - (static_cast<float>(frame.roi.x0) + 0.5F);
   const Lanes y = v - (static_cast<float>(frame.roi.y0) + 0.5F);
-  const LaneMask quick = hn::And(lanes, far_from_border(frame.image, x, y));
+  LaneMask quick = hn::And(lanes, far_from_border(frame.image, x, y));
+  if (bits_of(quick) == 0) return look_one_by_one(frame, u, v, lanes);
   Colour colour = sample_bayer(frame.image, Lanes(hn::IfThenElseZero(quick, x.v)),
                                Lanes(hn::IfThenElseZero(quick, y.v)), quick);
   LaneMask slow = hn::AndNot(quick, lanes);
@@ -124,63 +151,102 @@ HWY_INLINE Colour look(const Frame& frame, Lanes u, Lanes v, LaneMask& lanes) {
   return colour;
 }
 
-HWY_INLINE void add(const Colour& colour, Lanes weight, LaneMask lanes, size_t at,
-                    std::array<ColourSums::Channel, 4>& sums) {
+HWY_INLINE void find_facing(const VertexCamera& camera, const PointArrays& vertices,
+                            const PointArrays& normals, size_t first, FacingVertices& found) {
   const Floats floats;
-  const Lanes w(hn::IfThenElseZero(lanes, weight.v));
-  const auto accumulate = [&](float* sum, Lanes more) {
-    hn::Store((Lanes(hn::Load(floats, sum)) + more).v, floats, sum);
-  };
-  for (int k = 0; k < 3; ++k) {
-    accumulate(sums[k].data() + at, w * colour.channel[k]);
+  const Ints ints;
+  size_t count = 0;
+  for (size_t i = 0; i < PointArrays::kBlock; i += kLanes) {
+    const size_t at = first + i;
+    const Lanes facing = Lanes(0.0F) - (load(normals.x, at) * camera.axis.x() +
+                                        load(normals.y, at) * camera.axis.y() +
+                                        load(normals.z, at) * camera.axis.z());
+    const LaneMask faces = hn::Gt(facing.v, hn::Zero(floats));
+    append(floats, load(vertices.x, at).v, faces, found.x + count);
+    append(floats, load(vertices.y, at).v, faces, found.y + count);
+    append(floats, load(vertices.z, at).v, faces, found.z + count);
+    append(floats, facing.v, faces, found.facing + count);
+    append(ints, hn::Iota(ints, static_cast<int32_t>(i)), hn::RebindMask(ints, faces),
+           found.number + count);
+    count += hn::CountTrue(floats, faces);
   }
-  accumulate(sums[3].data() + at, w);
+  found.count = count;
 }
 
-/// As many vertices as there are lanes, from `i` on; their sums are those from `at` on.
 template <Lens kLens>
-HWY_INLINE void see(const VertexCamera& camera, const PointArrays& vertices,
-                    const PointArrays& normals, size_t i, size_t at, ColourSums& sums) {
+HWY_INLINE void find_seen(const VertexCamera& camera, const FacingVertices& facing,
+                          SeenVertices& found) {
   const Floats floats;
   const Ints ints;
   const Rect& roi = camera.frame->roi;
-  const Lanes facing =
-      Lanes(0.0F) - (load(normals.x, i) * camera.axis.x() + load(normals.y, i) * camera.axis.y() +
-                     load(normals.z, i) * camera.axis.z());
-  const LaneMask faces = hn::Gt(facing.v, hn::Zero(floats));
-  if (bits_of(faces) == 0) return;
+  const auto get = [&](const float* array) { return Lanes(hn::Load(floats, array)); };
+  size_t count = 0;
+  for (size_t i = 0; i < facing.count; i += kLanes) {
+    const CameraPoint<Lanes> p = HWY_NAMESPACE::camera_point<Lanes>(
+        camera.lens, get(facing.x + i), get(facing.y + i), get(facing.z + i));
+    const PixelPoint<Lanes> q = HWY_NAMESPACE::pixel_point<kLens, Lanes>(camera.lens, p);
+    const auto in_lens =
+        hn::And(hn::Ge(p.z.v, hn::Set(floats, static_cast<float>(kNearPlaneMetres))),
+                hn::Le(q.radius2.v, hn::Set(floats, camera.lens.max_radius2)));
+    const auto in_roi =
+        hn::And(within(q.u, roi.x0, roi.x0 + roi.width), within(q.v, roi.y0, roi.y0 + roi.height));
+    const LaneMask there = hn::FirstN(floats, facing.count - i);
+    View view{get(facing.facing + i), q.u, q.v, p.z, hn::And(there, hn::And(in_lens, in_roi))};
+    const LaneMask seen = hn::And(view.lanes, not_hidden(camera, view));
+    append(floats, q.u.v, seen, found.u + count);
+    append(floats, q.v.v, seen, found.v + count);
+    append(floats, view.facing.v, seen, found.facing + count);
+    append(ints, hn::Load(ints, facing.number + i), hn::RebindMask(ints, seen),
+           found.number + count);
+    count += hn::CountTrue(floats, seen);
+  }
+  found.count = count;
+}
 
-  const CameraPoint<Lanes> p = HWY_NAMESPACE::camera_point<Lanes>(
-      camera.lens, load(vertices.x, i), load(vertices.y, i), load(vertices.z, i));
-  const PixelPoint<Lanes> q = HWY_NAMESPACE::pixel_point<kLens, Lanes>(camera.lens, p);
-  const auto in_lens = hn::And(hn::Ge(p.z.v, hn::Set(floats, static_cast<float>(kNearPlaneMetres))),
-                               hn::Le(q.radius2.v, hn::Set(floats, camera.lens.max_radius2)));
-  const auto in_roi =
-      hn::And(within(q.u, roi.x0, roi.x0 + roi.width), within(q.v, roi.y0, roi.y0 + roi.height));
-  View view{facing, q.u, q.v, p.z, hn::And(faces, hn::And(in_lens, in_roi))};
-  view.lanes = hn::And(view.lanes, not_hidden(camera, view));
-  if (bits_of(view.lanes) == 0) return;
+/// Adds colour and weight of every lane in `lanes` to the sums of its vertex.
+HWY_INLINE void add(const Colour& colour, Lanes weight, LaneMask lanes, LaneMask inner,
+                    const int32_t* number, ColourSums& sums) {
+  alignas(64) float products[4 * kLanes];
+  hn::StoreInterleaved4((weight * colour.channel[0]).v, (weight * colour.channel[1]).v,
+                        (weight * colour.channel[2]).v, weight.v, Floats(), products);
+  const uint64_t inner_bits = bits_of(inner);
+  for (uint64_t rest = bits_of(lanes); rest != 0; rest &= rest - 1) {
+    const int lane = std::countr_zero(rest);
+    auto& sum = (inner_bits >> lane & 1 ? sums.inner : sums.rim)[number[lane]];
+    for (int k = 0; k < 4; ++k) sum[k] += products[4 * lane + k];
+  }
+}
 
-  const auto pixel = [&](Lanes where, int origin) {
-    const auto whole = hn::ConvertTo(ints, hn::IfThenElseZero(view.lanes, where.v));
-    const auto inside = hn::RebindMask(ints, view.lanes);
-    return hn::IfThenElseZero(inside, hn::Sub(whole, hn::Set(ints, origin)));
-  };
-  const MaskBits mask = look_at_mask(camera, pixel(q.u, roi.x0), pixel(q.v, roi.y0));
-  LaneMask seen = hn::And(view.lanes, mask.foreground);
-  if (bits_of(seen) == 0) return;
-  const Colour colour = look(*camera.frame, q.u, q.v, seen);
-  add(colour, facing, hn::And(seen, mask.inner), at, sums.inner);
-  const LaneMask on_rim = hn::AndNot(mask.inner, seen);
-  if (bits_of(on_rim) != 0) add(colour, facing, on_rim, at, sums.rim);
+HWY_INLINE void look_at_seen(const VertexCamera& camera, const SeenVertices& found,
+                             ColourSums& sums) {
+  const Floats floats;
+  const Ints ints;
+  const Rect& roi = camera.frame->roi;
+  for (size_t i = 0; i < found.count; i += kLanes) {
+    const LaneMask there = hn::FirstN(floats, found.count - i);
+    const Lanes u(hn::IfThenElseZero(there, hn::Load(floats, found.u + i)));
+    const Lanes v(hn::IfThenElseZero(there, hn::Load(floats, found.v + i)));
+    const auto pixel = [&](Lanes where, int origin) {
+      const auto whole = hn::Sub(hn::ConvertTo(ints, where.v), hn::Set(ints, origin));
+      return hn::IfThenElseZero(hn::RebindMask(ints, there), whole);
+    };
+    const MaskBits mask = look_at_mask(camera, pixel(u, roi.x0), pixel(v, roi.y0));
+    LaneMask seen = hn::And(there, mask.foreground);
+    if (bits_of(seen) == 0) continue;
+    const Colour colour = look(*camera.frame, u, v, seen);
+    add(colour, Lanes(hn::Load(floats, found.facing + i)), seen, mask.inner, found.number + i,
+        sums);
+  }
 }
 
 template <Lens kLens>
 void see_block(const VertexCamera& camera, const PointArrays& vertices, const PointArrays& normals,
                size_t first, ColourSums& sums) {
-  for (size_t i = 0; i < PointArrays::kBlock; i += hn::Lanes(Floats())) {
-    see<kLens>(camera, vertices, normals, first + i, i, sums);
-  }
+  FacingVertices facing;
+  find_facing(camera, vertices, normals, first, facing);
+  SeenVertices seen;
+  find_seen<kLens>(camera, facing, seen);
+  look_at_seen(camera, seen, sums);
 }
 
 void see_any(const VertexCamera& camera, const PointArrays& vertices, const PointArrays& normals,

@@ -25,11 +25,11 @@ struct VertexCamera {
 };
 
 /// Sums over cameras for a block of vertices, the sums of equation (8): red, green and blue times
-/// weight, and the weights.
+/// weight, and the weight.
 struct ColourSums {
-  using Channel = std::array<float, PointArrays::kBlock>;
-  alignas(64) std::array<Channel, 4> inner{};  ///< of samples made of foreground alone
-  alignas(64) std::array<Channel, 4> rim{};    ///< of those that may show background
+  using Sums = std::array<std::array<float, 4>, PointArrays::kBlock>;
+  alignas(64) Sums inner{};  ///< of samples made of foreground alone
+  alignas(64) Sums rim{};    ///< of those that may show background
 };
 
 /// Adds what the camera sees of the vertices `first` to `first` + kBlock: where the normal faces

@@ -58,9 +58,9 @@ Rgb8 rounded(const Eigen::Vector3f& c) {
 }
 
 /// Equations (8) and (9) of the block's i-th vertex. Empty when no camera sees it.
-std::optional<Rgb8> weighted_mean(const std::array<ColourSums::Channel, 4>& sums, size_t i) {
-  const float weight = sums[3][i];
-  const Eigen::Vector3f colour(sums[0][i], sums[1][i], sums[2][i]);
+std::optional<Rgb8> weighted_mean(const ColourSums::Sums& sums, size_t i) {
+  const auto& [r, g, b, weight] = sums[i];
+  const Eigen::Vector3f colour(r, g, b);
   return weight > 0 ? std::optional(rounded(colour / weight)) : std::nullopt;
 }
 

@@ -75,10 +75,10 @@ int expect_sums_of_single_samples(const CameraModel& model, const VertexCamera& 
     const bool seen = facing > 0 && screen[v].on_screen() && colour;
     const bool inner = seen && camera.mask.inner(static_cast<int>(screen[v].x + 0.5F),
                                                  static_cast<int>(screen[v].y + 0.5F));
-    EXPECT_EQ(sums.inner[3][i], inner ? facing : 0);
-    EXPECT_EQ(sums.rim[3][i], seen && !inner ? facing : 0);
+    EXPECT_EQ(sums.inner[i][3], inner ? facing : 0);
+    EXPECT_EQ(sums.rim[i][3], seen && !inner ? facing : 0);
     for (int k = 0; k < 3 && seen; ++k) {
-      EXPECT_EQ((inner ? sums.inner : sums.rim)[k][i], facing * (*colour)[k]) << v << " " << k;
+      EXPECT_EQ((inner ? sums.inner : sums.rim)[i][k], facing * (*colour)[k]) << v << " " << k;
     }
     count += seen;
   }
