@@ -1,6 +1,7 @@
 #include "recon/texture.h"
 
 #include <tbb/parallel_for.h>
+#include <tbb/parallel_invoke.h>
 
 #include <algorithm>
 #include <cmath>
@@ -14,24 +15,27 @@ namespace {
 /// A grid whose voxel indices are metres.
 const VoxelGrid kMetres{Eigen::Vector3d::Constant(-0.5), 1, {}};
 
-Eigen::Vector3f centroid(const std::vector<Eigen::Vector3f>& points) {
-  Eigen::Vector3d sum = Eigen::Vector3d::Zero();
-  for (const Eigen::Vector3f& p : points) {
-    sum += p.cast<double>();
+Eigen::Vector3f centroid(const PointArrays& points) {
+  if (points.count == 0) {
+    return Eigen::Vector3f::Zero();
   }
-  return points.empty() ? Eigen::Vector3f::Zero()
-                        : Eigen::Vector3f((sum / static_cast<double>(points.size())).cast<float>());
+  const auto mean = [&](const std::vector<float>& array) {
+    double sum = 0;
+    for (size_t i = 0; i < points.count; ++i) {
+      sum += array[i];
+    }
+    return static_cast<float>(sum / static_cast<double>(points.count));
+  };
+  return {mean(points.x), mean(points.y), mean(points.z)};
 }
 
 /// Depth cells and masks for the cameras that have pixels, in the order of their names.
-std::vector<VertexCamera> prepare(const Mesh& mesh, std::vector<TextureCamera> cameras,
+std::vector<VertexCamera> prepare(const PointArrays& points, std::vector<TextureCamera> cameras,
                                   const TextureOptions& options) {
   std::erase_if(cameras, [](const TextureCamera& c) { return c.frame->roi.empty(); });
   std::sort(cameras.begin(), cameras.end(),
             [](const auto& a, const auto& b) { return a.frame->camera < b.frame->camera; });
-  const std::vector<Eigen::Vector3f> occluders = occluding_points(mesh, options.occluder_radius_m);
-  const PointArrays points(occluders);
-  const Eigen::Vector3f middle = centroid(occluders);
+  const Eigen::Vector3f middle = centroid(points);
   std::vector<VertexCamera> prepared(cameras.size());
   tbb::parallel_for(size_t{0}, cameras.size(), [&](size_t c) {
     const CameraModel& model = *cameras[c].model;
@@ -64,26 +68,40 @@ std::optional<Rgb8> weighted_mean(const ColourSums::Sums& sums, size_t i) {
   return weight > 0 ? std::optional(rounded(colour / weight)) : std::nullopt;
 }
 
-/// The cameras are added in one order, so that the sum is one number.
-void blend(const std::vector<VertexCamera>& cameras, const Mesh& mesh, std::vector<Rgb8>& colours,
-           std::vector<uint8_t>& known) {
-  const PointArrays vertices(mesh.vertices), normals(vertex_normals(mesh));
-  tbb::parallel_for(size_t{0}, vertices.blocks(), [&](size_t block) {
-    const size_t first = block * PointArrays::kBlock;
-    ColourSums sums;
-    for (const VertexCamera& camera : cameras) {
-      see_vertices(camera, vertices, normals, first, sums);
+/// Blocks of vertices that one camera looks at before the next does: neighbours in the mesh are
+/// neighbours in the image, and what is read for one block is still in the cache for the next.
+constexpr size_t kGroup = 8;
+
+/// What the block's sums say of its vertices, `first` and following.
+void finish_block(const ColourSums& sums, size_t first, std::vector<Rgb8>& colours,
+                  std::vector<uint8_t>& known) {
+  const size_t count = std::min(PointArrays::kBlock, colours.size() - first);
+  for (size_t i = 0; i < count; ++i) {
+    auto colour = weighted_mean(sums.inner, i);
+    if (!colour) {
+      colour = weighted_mean(sums.rim, i);
     }
-    const size_t count = std::min(PointArrays::kBlock, vertices.count - first);
-    for (size_t i = 0; i < count; ++i) {
-      auto colour = weighted_mean(sums.inner, i);
-      if (!colour) {
-        colour = weighted_mean(sums.rim, i);
+    if (colour) {
+      colours[first + i] = *colour;
+      known[first + i] = 1;
+    }
+  }
+}
+
+/// The cameras are added in one order, so that the sum is one number.
+void blend(const std::vector<VertexCamera>& cameras, const PointArrays& vertices,
+           const PointArrays& normals, std::vector<Rgb8>& colours, std::vector<uint8_t>& known) {
+  const size_t groups = (vertices.blocks() + kGroup - 1) / kGroup;
+  tbb::parallel_for(size_t{0}, groups, [&](size_t group) {
+    const size_t first = group * kGroup;
+    std::vector<ColourSums> sums(std::min(kGroup, vertices.blocks() - first));
+    for (const VertexCamera& camera : cameras) {
+      for (size_t b = 0; b < sums.size(); ++b) {
+        see_vertices(camera, vertices, normals, (first + b) * PointArrays::kBlock, sums[b]);
       }
-      if (colour) {
-        colours[first + i] = *colour;
-        known[first + i] = 1;
-      }
+    }
+    for (size_t b = 0; b < sums.size(); ++b) {
+      finish_block(sums[b], (first + b) * PointArrays::kBlock, colours, known);
     }
   });
 }
@@ -141,12 +159,18 @@ void fill_unseen(const Mesh& mesh, int passes, std::vector<Rgb8>& colours,
 
 Texture colour_vertices(const Mesh& mesh, std::span<const TextureCamera> cameras,
                         const TextureOptions& options) {
+  PointArrays vertices, normals, occluders;
+  tbb::parallel_invoke([&] { normals = PointArrays(vertex_normals(mesh)); },
+                       [&] {
+                         vertices = PointArrays(mesh.vertices);
+                         occluders = PointArrays(occluding_points(mesh, options.occluder_radius_m));
+                       });
   const std::vector<VertexCamera> prepared =
-      prepare(mesh, {cameras.begin(), cameras.end()}, options);
+      prepare(occluders, {cameras.begin(), cameras.end()}, options);
   Texture texture;
   texture.colours.assign(mesh.vertices.size(), kUnseenColour);
   std::vector<uint8_t> known(mesh.vertices.size(), 0);
-  blend(prepared, mesh, texture.colours, known);
+  blend(prepared, vertices, normals, texture.colours, known);
   texture.unseen = std::count(known.begin(), known.end(), 0);
   fill_unseen(mesh, options.fill_passes, texture.colours, known);
   return texture;
