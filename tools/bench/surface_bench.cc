@@ -28,9 +28,7 @@ void texture(benchmark::State& state, int threads) {
 /// The depth buffers of the whole rig, reduced by `factor`.
 void raster(benchmark::State& state, int factor) {
   std::vector<CameraModel> models;
-  for (const RigCamera& camera : rig()) {
-    models.push_back(camera.model.reduced(factor));
-  }
+  for (const CameraModel& camera : models_of(rig())) models.push_back(camera.reduced(factor));
   const Mesh& mesh = mesh_10mm();
   tbb::task_arena arena(1);
   std::vector<DepthBuffer> buffers;

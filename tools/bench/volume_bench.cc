@@ -1,41 +1,19 @@
 #include <tbb/task_arena.h>
 
 #include "rates.h"
-#include "recon/intersect.h"
 #include "recon/marching_cubes.h"
 #include "workload.h"
 
 namespace v3d::bench {
 namespace {
 
-std::vector<CameraModel> models() {
-  std::vector<CameraModel> models;
-  for (const RigCamera& camera : rig()) {
-    models.push_back(camera.model);
-  }
-  return models;
-}
-
-std::vector<const Mask*> mask_pointers() {
-  std::vector<const Mask*> pointers;
-  for (const Mask& mask : masks()) {
-    pointers.push_back(&mask);
-  }
-  return pointers;
-}
-
-SparseVolume volume(double voxel_m) {
-  Intersector intersector(VoxelGrid::covering(space(), voxel_m), models(), 4);
-  return intersector.intersect(mask_pointers());
-}
-
 void intersect(benchmark::State& state, double voxel_m) {
-  Intersector intersector(VoxelGrid::covering(space(), voxel_m), models(), 4);
-  const std::vector<const Mask*> pointers = mask_pointers();
+  Intersector hull = intersector(voxel_m);
+  const std::vector<const Mask*> pointers = pointers_to(masks());
   tbb::task_arena arena(static_cast<int>(state.range(0)));
   SparseVolume volume;
   measure(state, 1, 0, [&] {
-    arena.execute([&] { intersector.intersect(pointers, volume); });
+    arena.execute([&] { hull.intersect(pointers, volume); });
     benchmark::DoNotOptimize(volume);
   });
 }

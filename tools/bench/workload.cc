@@ -1,6 +1,7 @@
 #include "workload.h"
 
 #include <optional>
+#include <utility>
 
 #include "sim/film.h"
 #include "sim/scene.h"
@@ -12,7 +13,7 @@ constexpr int kPlates = 8;
 constexpr double kInstantSeconds = 1.5;
 
 struct Pictures {
-  std::vector<std::vector<Image>> plates;  ///< of the empty studio, one vector per shot
+  std::vector<std::vector<Image>> plates;  ///< of the empty studio, one vector per camera
   std::vector<Image> frames;
 };
 
@@ -20,8 +21,12 @@ const Pictures& pictures() {
   static const Pictures kPictures = [] {
     sim::Film film(rig(), {.seed = kSeed});
     Pictures taken;
+    taken.plates.resize(kCameras);
     for (int i = 0; i < kPlates; ++i) {
-      taken.plates.push_back(film.shoot_all(std::nullopt, i));
+      std::vector<Image> shot = film.shoot_all(std::nullopt, i);
+      for (int c = 0; c < kCameras; ++c) {
+        taken.plates[c].push_back(std::move(shot[c]));
+      }
     }
     taken.frames = film.shoot_all(kInstantSeconds, kPlates);
     return taken;
@@ -31,8 +36,8 @@ const Pictures& pictures() {
 
 BackgroundModel learn(int camera) {
   std::vector<ImageView> views;
-  for (const std::vector<Image>& shot : pictures().plates) {
-    views.push_back(shot[camera].view());
+  for (const Image& plate : plates(camera)) {
+    views.push_back(plate.view());
   }
   return learn_background(views);
 }
@@ -57,6 +62,8 @@ const Rig& rig() {
 
 const std::vector<Image>& raw_frames() { return pictures().frames; }
 
+const std::vector<Image>& plates(int camera) { return pictures().plates[camera]; }
+
 const std::vector<BackgroundModel>& background_models() {
   static const auto kModels = for_each_camera(learn);
   return kModels;
@@ -68,6 +75,28 @@ const std::vector<Mask>& masks() {
   return kMasks;
 }
 
+std::vector<CameraModel> models_of(const Rig& cameras) {
+  std::vector<CameraModel> models;
+  for (const RigCamera& camera : cameras) {
+    models.push_back(camera.model);
+  }
+  return models;
+}
+
+std::vector<const Mask*> pointers_to(const std::vector<Mask>& masks) {
+  std::vector<const Mask*> pointers;
+  for (const Mask& mask : masks) {
+    pointers.push_back(&mask);
+  }
+  return pointers;
+}
+
+Intersector intersector(double voxel_m) {
+  return {VoxelGrid::covering(space(), voxel_m), models_of(rig()), kMinViews};
+}
+
+SparseVolume volume(double voxel_m) { return intersector(voxel_m).intersect(pointers_to(masks())); }
+
 const FrameSet& frame_set() {
   static const FrameSet kSet = [] {
     FrameSet set;
@@ -77,6 +106,17 @@ const FrameSet& frame_set() {
     return set;
   }();
   return kSet;
+}
+
+const std::vector<uint8_t>& compact_10mm() {
+  static const std::vector<uint8_t> kCompact =
+      Reconstructor(rig(), options(0.01, 0)).reconstruct(frame_set()).compact;
+  return kCompact;
+}
+
+const CompactFrame& compact_frame_10mm() {
+  static const CompactFrame kFrame = decode_compact(compact_10mm()).value();
+  return kFrame;
 }
 
 ReconstructOptions options(double voxel_m, int threads) {

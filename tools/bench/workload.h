@@ -7,6 +7,8 @@
 #include "base/camera_model.h"
 #include "base/frame.h"
 #include "capture/segmenter.h"
+#include "recon/compact_frame.h"
+#include "recon/intersect.h"
 #include "recon/reconstructor.h"
 
 namespace v3d::bench {
@@ -14,6 +16,7 @@ namespace v3d::bench {
 inline constexpr int kCameras = 15;
 inline constexpr ImageSize kSize{1024, 768};
 inline constexpr uint64_t kSeed = 1;
+inline constexpr int kMinViews = 4;
 
 /// The space the paper reconstructs.
 Box space();
@@ -23,13 +26,31 @@ const Rig& rig();
 /// One raw frame per camera, in the middle of the cut.
 const std::vector<Image>& raw_frames();
 
+/// What the camera saw of the empty studio beforehand.
+const std::vector<Image>& plates(int camera);
+
+/// Learnt from plates().
 const std::vector<BackgroundModel>& background_models();
 
 /// What the segmentation makes of raw_frames().
 const std::vector<Mask>& masks();
 
+/// The rig's lens models, for kernels that want them without names.
+std::vector<CameraModel> models_of(const Rig& cameras);
+/// Borrowed from `masks`.
+std::vector<const Mask*> pointers_to(const std::vector<Mask>& masks);
+
+/// Empty space with the benchmark's cameras round it, ready to intersect.
+Intersector intersector(double voxel_m);
+/// The volume of masks().
+SparseVolume volume(double voxel_m);
+
 /// raw_frames() and masks() as they reach the reconstruction.
 const FrameSet& frame_set();
+
+/// frame_set() reconstructed at 10 mm, as it travels and as it is read.
+const std::vector<uint8_t>& compact_10mm();
+const CompactFrame& compact_frame_10mm();
 
 ReconstructOptions options(double voxel_m, int threads);
 
