@@ -1,0 +1,40 @@
+#include <fstream>
+#include <string>
+
+#include "rates.h"
+#include "recon/marching_cubes.h"
+#include "workload.h"
+
+namespace v3d::bench {
+namespace {
+
+/// A size that /proc/self/status tells in kB ("VmRSS", "VmHWM"), in megabytes; 0 when it does not.
+double status_mb(const std::string& key) {
+  std::ifstream status("/proc/self/status");
+  for (std::string line; std::getline(status, line);) {
+    if (line.starts_with(key + ":")) return std::stod(line.substr(key.size() + 1)) / 1000;
+  }
+  return 0;
+}
+
+/// The high-water mark of the resident memory (VmHWM) begins anew: see proc(5), clear_refs.
+void forget_peak() { std::ofstream("/proc/self/clear_refs") << 5; }
+
+/// Silhouettes to a mesh at 2 mm, from nothing. `peak_rss_mb` is the whole process's, the
+/// benchmark's own workload included, `rise_mb` what this work added to it.
+void memory(benchmark::State& state) {
+  const std::vector<const Mask*> pointers = pointers_to(masks());
+  const double before = status_mb("VmRSS");
+  forget_peak();
+  measure(state, 1, 0, [&] {
+    Intersector hull = intersector(0.002);
+    benchmark::DoNotOptimize(marching_cubes(hull.intersect(pointers)));
+  });
+  state.counters["peak_rss_mb"] = status_mb("VmHWM");
+  state.counters["rise_mb"] = status_mb("VmHWM") - before;
+}
+
+BENCHMARK(memory)->Name("memory/2mm");
+
+}  // namespace
+}  // namespace v3d::bench
