@@ -1,5 +1,6 @@
 #include "peers/opencv_subtractor.h"
 
+#include <opencv2/imgproc.hpp>
 #include <opencv2/video/background_segm.hpp>
 
 namespace v3d::bench {
@@ -54,6 +55,19 @@ ImageView OpencvSubtractor::segment(ImageView image) {
   cv::Mat& foreground = impl_->foreground;
   impl_->subtractor->apply(borrowed(image), foreground, no_learning(impl_->options.method));
   return {image.size, PixelFormat::kMono8, {foreground.data, foreground.total()}};
+}
+
+Image open_and_close(const Image& foreground, int open_px, int close_px) {
+  Image cleaned = foreground;
+  const cv::Mat pixels(cleaned.size.height, cleaned.size.width, CV_8UC1, cleaned.bytes.data());
+  const auto step = [&](int operation, int diameter) {
+    if (diameter == 0) return;
+    const cv::Size size(diameter, diameter);
+    cv::morphologyEx(pixels, pixels, operation, cv::getStructuringElement(cv::MORPH_ELLIPSE, size));
+  };
+  step(cv::MORPH_OPEN, open_px);
+  step(cv::MORPH_CLOSE, close_px);
+  return cleaned;
 }
 
 }  // namespace v3d::bench
