@@ -6,7 +6,9 @@
 
 #include <tbb/parallel_for.h>
 
+#include <algorithm>
 #include <bit>
+#include <span>
 #include <vector>
 
 #include "recon/cube_cases.h"
@@ -26,7 +28,7 @@ using Neighbourhood = std::array<const Brick*, 8>;
 using CornerWords = std::array<uint64_t, 8>;
 
 /// A brick of lattice edges and cubes with surface. Its coordinates begin at -1: the border of the
-/// grid is crossed from outside.
+/// grid is crossed from outside. In the map of such bricks they are one higher.
 struct SurfaceBrick {
   BrickCoord at;
   std::array<Brick, 3> crossed;                 ///< [axis]: edges that start at a voxel
@@ -119,42 +121,84 @@ void for_each_cube(const Neighbourhood& bricks, const Visit& visit) {
   }
 }
 
-/// One surface being made.
-class Surface {
+/// Where brick or cube number n of a group of eight lies from the first.
+BrickCoord corner(BrickCoord at, int n) {
+  return {at.x + (n & 1), at.y + (n >> 1 & 1), at.z + (n >> 2)};
+}
+
+BrickCoord in_map(BrickCoord at) { return {at.x + 1, at.y + 1, at.z + 1}; }
+
+/// Beyond its end a row is empty.
+uint64_t word_of(std::span<const uint64_t> row, size_t w) { return w < row.size() ? row[w] : 0; }
+
+/// Word w of the bits `row`, moved by one towards higher x.
+uint64_t moved_up(std::span<const uint64_t> row, size_t w) {
+  const uint64_t carry = w > 0 ? word_of(row, w - 1) >> (BrickMap::kBitsPerWord - 1) : 0;
+  return word_of(row, w) << 1 | carry;
+}
+
+/// How four rows of bricks cover the places between them.
+struct RowsBetween {
+  std::array<std::span<const uint64_t>, 4> rows;  ///< empty: outside the grid
+
+  /// Places x of word w with any, or with all, of the bricks x - 1 and x of the four rows.
+  uint64_t any(size_t w) const {
+    uint64_t bits = 0;
+    for (const auto& row : rows) bits |= moved_up(row, w) | word_of(row, w);
+    return bits;
+  }
+  uint64_t all(size_t w) const {
+    uint64_t bits = ~uint64_t{0};
+    for (const auto& row : rows) bits &= moved_up(row, w) & word_of(row, w);
+    return bits;
+  }
+};
+
+RowsBetween rows_between(const BrickMap& map, int y, int z) {
+  RowsBetween between;
+  for (int n = 0; n < 4; ++n) {
+    const BrickCoord at{0, y - 1 + (n & 1), z - 1 + (n >> 1)};
+    if (map.inside(at)) between.rows[n] = map.row(at.y, at.z);
+  }
+  return between;
+}
+
+}  // namespace
+
+/// One surface being made, and the memory of those before.
+class MarchingCubes::Surface {
  public:
-  explicit Surface(const SparseVolume& volume);
-  LatticeMesh make();
+  void make(const SparseVolume& volume, Mesh& mesh);
 
  private:
+  void place_lattice(const VoxelGrid& grid);
   /// The bricks whose cubes may hold surface.
   void find_bricks();
+  void mark_full();
   void examine(SurfaceBrick& brick) const;
   void number();
-  void write_vertices(const SurfaceBrick& brick, LatticeMesh& out) const;
+  void write_vertices(const SurfaceBrick& brick, Mesh& out) const;
   void write_triangles(const SurfaceBrick& brick, Mesh& out) const;
 
   Neighbourhood neighbourhood(BrickCoord at) const;
   /// The numbers of the vertices on a brick's edges; `n` is its place among its neighbours.
   static void number_edges(const SurfaceBrick& owner, int n, EdgeVertices& vertices);
-  size_t linear(BrickCoord at) const {
-    return (static_cast<size_t>(at.z + 1) * counts_[1] + (at.y + 1)) * counts_[0] + (at.x + 1);
-  }
 
-  const SparseVolume& volume_;
-  std::array<int, 3> counts_{};  ///< bricks along each axis, with those at -1
-  std::vector<int32_t> table_;   ///< linear() to index into bricks_, -1 where there is none
+  const std::array<PlacedCase, 256> cases_ = place_cases();
+  const SparseVolume* volume_ = nullptr;
+  VoxelGrid lattice_;                            ///< of positions_
+  std::array<std::vector<float>, 3> positions_;  ///< of every half voxel along each axis
+  BrickMap full_;                                ///< bricks without an empty voxel
+  BrickMap map_;                                 ///< in_map() of bricks_
   std::vector<SurfaceBrick> bricks_;
-  const PlacedCase* cases_;
-  std::array<std::vector<float>, 3> positions_;  ///< lattice_position() along each axis
   uint32_t vertex_count_ = 0;
   uint32_t triangle_count_ = 0;
 };
 
-Surface::Surface(const SparseVolume& volume) : volume_(volume) {
-  static const std::array<PlacedCase, 256> kCases = place_cases();
-  cases_ = kCases.data();
+void MarchingCubes::Surface::place_lattice(const VoxelGrid& grid) {
+  if (grid == lattice_) return;
+  lattice_ = grid;
   for (int axis = 0; axis < 3; ++axis) {
-    const VoxelGrid& grid = volume.grid();
     positions_[axis].resize(2 * grid.counts[axis] + 1);
     for (size_t half = 0; half < positions_[axis].size(); ++half) {
       positions_[axis][half] =
@@ -163,45 +207,48 @@ Surface::Surface(const SparseVolume& volume) : volume_(volume) {
   }
 }
 
-/// Where brick or cube number n of a group of eight lies from the first.
-BrickCoord corner(BrickCoord at, int n, int sign = 1) {
-  return {at.x + sign * (n & 1), at.y + sign * (n >> 1 & 1), at.z + sign * (n >> 2)};
+void MarchingCubes::Surface::mark_full() {
+  full_.clear(volume_->brick_counts());
+  for (size_t b = 0; b < volume_->bricks().size(); ++b) {
+    const BrickCoord at = volume_->coords()[b];
+    if (volume_->bricks()[b] == kFullBrick) full_.word(at) |= BrickMap::bit(at);
+  }
 }
 
-void Surface::find_bricks() {
-  for (int axis = 0; axis < 3; ++axis) counts_[axis] = volume_.brick_counts()[axis] + 1;
-  // First, for every brick of cubes, how many of the eight bricks at its corners are full, and how
-  // many are occupied in part.
-  constexpr int kFull = 1;
-  constexpr int kInPart = 16;
-  table_.assign(static_cast<size_t>(counts_[0]) * counts_[1] * counts_[2], 0);
-  for (size_t b = 0; b < volume_.bricks().size(); ++b) {
-    const int kind = volume_.bricks()[b] == kFullBrick ? kFull : kInPart;
-    for (int n = 0; n < 8; ++n) table_[linear(corner(volume_.coords()[b], n, -1))] += kind;
-  }
-  // Then an index for those that are neither outside nor deep inside.
-  size_t at = 0;
-  for (int z = -1; z < counts_[2] - 1; ++z) {
-    for (int y = -1; y < counts_[1] - 1; ++y) {
-      for (int x = -1; x < counts_[0] - 1; ++x, ++at) {
-        const bool has_surface = table_[at] != 0 && table_[at] != 8 * kFull;
-        table_[at] = has_surface ? static_cast<int32_t>(bricks_.size()) : -1;
-        if (has_surface) bricks_.emplace_back().at = {x, y, z};
+/// Those that are neither outside (all eight bricks at their corners are empty) nor deep inside
+/// (all are full).
+void MarchingCubes::Surface::find_bricks() {
+  mark_full();
+  const std::array<int, 3>& counts = volume_->brick_counts();
+  map_.clear({counts[0] + 1, counts[1] + 1, counts[2] + 1});
+  bricks_.clear();
+  for (int z = 0; z <= counts[2]; ++z) {
+    for (int y = 0; y <= counts[1]; ++y) {
+      const RowsBetween occupied = rows_between(volume_->occupied(), y, z);
+      const RowsBetween full = rows_between(full_, y, z);
+      const std::span<uint64_t> row = map_.row(y, z);
+      for (size_t w = 0; w < row.size(); ++w) {
+        row[w] = occupied.any(w) & ~full.all(w);
+        for (uint64_t rest = row[w]; rest != 0; rest &= rest - 1) {
+          const int x = static_cast<int>(w) * BrickMap::kBitsPerWord + std::countr_zero(rest);
+          bricks_.emplace_back().at = {x - 1, y - 1, z - 1};
+        }
       }
     }
   }
+  map_.number();
 }
 
-Neighbourhood Surface::neighbourhood(BrickCoord at) const {
+Neighbourhood MarchingCubes::Surface::neighbourhood(BrickCoord at) const {
   Neighbourhood bricks;
   for (int n = 0; n < 8; ++n) {
-    const int index = volume_.index_of(corner(at, n));
-    bricks[n] = index < 0 ? &kEmptyBrick : &volume_.bricks()[index];
+    const int index = volume_->index_of(corner(at, n));
+    bricks[n] = index < 0 ? &kEmptyBrick : &volume_->bricks()[index];
   }
   return bricks;
 }
 
-void Surface::examine(SurfaceBrick& brick) const {
+void MarchingCubes::Surface::examine(SurfaceBrick& brick) const {
   const Neighbourhood bricks = neighbourhood(brick.at);
   for (int z = 0; z < kBrickEdge; ++z) {
     const CornerWords c = cube_corners(bricks, z);
@@ -220,7 +267,9 @@ void Surface::examine(SurfaceBrick& brick) const {
   });
 }
 
-void Surface::number() {
+void MarchingCubes::Surface::number() {
+  vertex_count_ = 0;
+  triangle_count_ = 0;
   for (SurfaceBrick& brick : bricks_) {
     brick.first_vertex = vertex_count_;
     brick.first_triangle = triangle_count_;
@@ -229,7 +278,7 @@ void Surface::number() {
   }
 }
 
-void Surface::write_vertices(const SurfaceBrick& brick, LatticeMesh& out) const {
+void MarchingCubes::Surface::write_vertices(const SurfaceBrick& brick, Mesh& out) const {
   uint32_t vertex = brick.first_vertex;
   for (int axis = 0; axis < 3; ++axis) {
     for (int z = 0; z < kBrickEdge; ++z) {
@@ -240,16 +289,14 @@ void Surface::write_vertices(const SurfaceBrick& brick, LatticeMesh& out) const 
                                 2 * (kBrickEdge * brick.at.y + bit / kBrickEdge) + 1,
                                 2 * (kBrickEdge * brick.at.z + z) + 1};
         half[axis] += 1;
-        for (int a = 0; a < 3; ++a) {
-          out.half_voxels[vertex][a] = static_cast<uint16_t>(half[a]);
-          out.mesh.vertices[vertex][a] = positions_[a][half[a]];
-        }
+        for (int a = 0; a < 3; ++a) out.vertices[vertex][a] = positions_[a][half[a]];
       }
     }
   }
 }
 
-void Surface::number_edges(const SurfaceBrick& owner, int n, EdgeVertices& vertices) {
+void MarchingCubes::Surface::number_edges(const SurfaceBrick& owner, int n,
+                                          EdgeVertices& vertices) {
   const int dx = kBrickEdge * (n & 1);
   const int dy = kBrickEdge * (n >> 1 & 1);
   const int dz = kBrickEdge * (n >> 2);
@@ -268,12 +315,10 @@ void Surface::number_edges(const SurfaceBrick& owner, int n, EdgeVertices& verti
   }
 }
 
-void Surface::write_triangles(const SurfaceBrick& brick, Mesh& out) const {
+void MarchingCubes::Surface::write_triangles(const SurfaceBrick& brick, Mesh& out) const {
   EdgeVertices vertices;
   for (int n = 0; n < 8; ++n) {
-    const BrickCoord at = corner(brick.at, n);
-    if (at.x >= counts_[0] - 1 || at.y >= counts_[1] - 1 || at.z >= counts_[2] - 1) continue;
-    const int32_t index = table_[linear(at)];
+    const int index = map_.index_of(in_map(corner(brick.at, n)));
     if (index >= 0) number_edges(bricks_[index], n, vertices);
   }
   auto* triangle = &out.triangles[brick.first_triangle];
@@ -288,32 +333,30 @@ void Surface::write_triangles(const SurfaceBrick& brick, Mesh& out) const {
   });
 }
 
-LatticeMesh Surface::make() {
+void MarchingCubes::Surface::make(const SparseVolume& volume, Mesh& mesh) {
+  volume_ = &volume;
+  place_lattice(volume.grid());
   find_bricks();
   tbb::parallel_for(size_t{0}, bricks_.size(), [&](size_t n) { examine(bricks_[n]); });
   number();
-  LatticeMesh out;
-  out.half_voxels.resize(vertex_count_);
-  out.mesh.vertices.resize(vertex_count_);
-  out.mesh.triangles.resize(triangle_count_);
+  mesh.vertices.resize(vertex_count_);
+  mesh.triangles.resize(triangle_count_);
+  mesh.colours.clear();
   tbb::parallel_for(size_t{0}, bricks_.size(), [&](size_t n) {
-    write_vertices(bricks_[n], out);
-    if (bricks_[n].triangle_count > 0) write_triangles(bricks_[n], out.mesh);
+    write_vertices(bricks_[n], mesh);
+    if (bricks_[n].triangle_count > 0) write_triangles(bricks_[n], mesh);
   });
-  return out;
 }
 
-}  // namespace
+MarchingCubes::MarchingCubes() : surface_(std::make_unique<Surface>()) {}
+MarchingCubes::~MarchingCubes() = default;
 
-Eigen::Vector3f lattice_position(const VoxelGrid& grid,
-                                 const std::array<uint16_t, 3>& half_voxels) {
-  const Eigen::Vector3d half(half_voxels[0], half_voxels[1], half_voxels[2]);
-  return (grid.origin + half * grid.voxel_m / 2).cast<float>();
-}
+void MarchingCubes::run(const SparseVolume& volume, Mesh& mesh) { surface_->make(volume, mesh); }
 
-LatticeMesh marching_cubes(const SparseVolume& volume) {
-  if (volume.bricks().empty()) return {};
-  return Surface(volume).make();
+Mesh marching_cubes(const SparseVolume& volume) {
+  Mesh mesh;
+  MarchingCubes().run(volume, mesh);
+  return mesh;
 }
 
 }  // namespace v3d

@@ -4,32 +4,38 @@
 // (recon/cube_cases.h).
 #pragma once
 
-#include <array>
-#include <cstdint>
-#include <vector>
+#include <memory>
 
 #include "base/mesh.h"
 #include "recon/sparse_volume.h"
 
 namespace v3d {
 
-/// A mesh whose vertices lie on a lattice of half voxels:
-/// mesh.vertices[n] == float(origin + half_voxels[n] * voxel_m / 2), computed in double, to the
-/// bit.
-struct LatticeMesh {
-  Mesh mesh;  ///< without colours
-  std::vector<std::array<uint16_t, 3>> half_voxels;
+/// Makes surfaces of volumes and keeps its working memory. One caller at a time; works in the
+/// caller's TBB arena.
+class MarchingCubes {
+ public:
+  MarchingCubes();
+  ~MarchingCubes();
+
+  /// `mesh` becomes the volume's surface, without colours; its memory is used again.
+  ///
+  /// A vertex stands midway between every occupied voxel centre and its empty neighbours along the
+  /// axes; outside the grid everything is empty. So vertices lie on a lattice of half voxels:
+  /// float(origin + h * voxel_m / 2) per axis with a whole number h, computed in double, to the
+  /// bit. The mesh is closed and 2-manifold whatever the volume, without exception: voxels that
+  /// touch along an edge are joined, voxels that touch at a corner only are apart. Triangles are
+  /// counter-clockwise seen from the empty side. Vertices are in the order of the bricks (z, y, x)
+  /// and then of axis and voxel, triangles in that of their cubes. The result depends on the volume
+  /// alone.
+  void run(const SparseVolume& volume, Mesh& mesh);
+
+ private:
+  class Surface;
+  std::unique_ptr<Surface> surface_;
 };
 
-/// The position of a vertex in the world, metres.
-Eigen::Vector3f lattice_position(const VoxelGrid& grid, const std::array<uint16_t, 3>& half_voxels);
-
-/// A vertex stands midway between every occupied voxel centre and its empty neighbours along the
-/// axes; outside the grid everything is empty. The mesh is closed and 2-manifold whatever the
-/// volume, without exception: voxels that touch along an edge are joined, voxels that touch at a
-/// corner only are apart. Triangles are counter-clockwise seen from the empty side. Vertices are in
-/// the order of the bricks (z, y, x) and then of axis and voxel, triangles in that of their cubes.
-/// Works in the caller's TBB arena; the result depends on the volume alone.
-LatticeMesh marching_cubes(const SparseVolume& volume);
+/// The same for once.
+Mesh marching_cubes(const SparseVolume& volume);
 
 }  // namespace v3d

@@ -58,8 +58,8 @@ class Reconstructor::Impl {
   Impl(const Rig& rig, const ReconstructOptions& options)
       : rig_(rig),
         grid_(affordable_grid(options)),
-        intersector_(grid_, models_of(rig), options.min_views),
-        arena_(arena_size(options.threads)) {}
+        arena_(arena_size(options.threads)),
+        intersector_(grid_, models_of(rig), options.min_views) {}
 
   Reconstruction reconstruct(FrameSet set) {
     SetAtWork work(std::move(set));
@@ -100,13 +100,14 @@ class Reconstructor::Impl {
     for (const Frame* frame : work.frames) {
       masks.push_back(frame != nullptr ? &*frame->mask : nullptr);
     }
-    const SparseVolume volume = intersector_.intersect(masks);
-    result.volume_m3 = static_cast<double>(volume.count()) * grid_.voxel_volume_m3();
+    intersector_.intersect(masks, volume_);
+    result.volume_m3 = static_cast<double>(volume_.count()) * grid_.voxel_volume_m3();
     result.times.intersect = intersecting.ms();
 
     const Stopwatch meshing;
     // The order of the compact frame: so the mesh here is the one that every receiver decodes.
-    result.mesh = in_coding_order(marching_cubes(volume).mesh);
+    marching_cubes_.run(volume_, result.mesh);
+    result.mesh = in_coding_order(std::move(result.mesh));
     result.times.mesh = meshing.ms();
   }
 
@@ -142,8 +143,11 @@ class Reconstructor::Impl {
 
   const Rig rig_;
   const VoxelGrid grid_;
-  Intersector intersector_;  ///< make_mesh()
-  tbb::task_arena arena_;    ///< reconstruct()
+  tbb::task_arena arena_;  ///< reconstruct()
+  // What make_mesh() works with, and keeps.
+  Intersector intersector_;
+  SparseVolume volume_;
+  MarchingCubes marching_cubes_;
 };
 
 Reconstructor::Reconstructor(const Rig& rig, const ReconstructOptions& options)

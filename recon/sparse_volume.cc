@@ -8,11 +8,6 @@
 #include <utility>
 
 namespace v3d {
-namespace {
-
-constexpr int kBitsPerWord = 64;
-
-}  // namespace
 
 Brick bits_inside(const VoxelGrid& grid, BrickCoord at) {
   const auto inside = [](int64_t count, int brick) {
@@ -40,30 +35,25 @@ SparseVolume::SparseVolume(const VoxelGrid& grid,
 void SparseVolume::assign(const VoxelGrid& grid,
                           std::span<const std::span<const PlacedBrick>> parts) {
   grid_ = grid;
+  std::array<int, 3> counts{};
   for (int axis = 0; axis < 3; ++axis) {
     assert(grid.counts[axis] > 0 && grid.counts[axis] <= VoxelGrid::kMaxCount);
-    brick_counts_[axis] = static_cast<int>((grid.counts[axis] + kBrickEdge - 1) / kBrickEdge);
+    counts[axis] = static_cast<int>((grid.counts[axis] + kBrickEdge - 1) / kBrickEdge);
   }
-  words_per_row_ = (brick_counts_[0] + kBitsPerWord - 1) / kBitsPerWord;
+  occupied_.clear(counts);
   mark(parts);
   place(parts);
 }
 
 void SparseVolume::mark(std::span<const std::span<const PlacedBrick>> parts) {
-  occupied_.assign(static_cast<size_t>(words_per_row_) * brick_counts_[1] * brick_counts_[2], 0);
   tbb::parallel_for(size_t{0}, parts.size(), [&](size_t n) {
     for (const PlacedBrick& brick : parts[n]) {
       if (brick.bits == Brick{}) continue;
-      std::atomic_ref<uint64_t> word(occupied_[word_of(brick.at)]);
-      word.fetch_or(bit_of(brick.at), std::memory_order_relaxed);
+      std::atomic_ref<uint64_t> word(occupied_.word(brick.at));
+      word.fetch_or(BrickMap::bit(brick.at), std::memory_order_relaxed);
     }
   });
-  first_.resize(occupied_.size());
-  int32_t count = 0;
-  for (size_t w = 0; w < occupied_.size(); ++w) {
-    first_[w] = count;
-    count += bit_count(occupied_[w]);
-  }
+  const int count = occupied_.number();
   bricks_.resize(count);
   coords_.resize(count);
 }

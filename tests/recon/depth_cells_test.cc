@@ -69,7 +69,7 @@ TEST(OccludingPoints, of_a_volume_are_its_vertices) {
   std::mt19937 random(3);
   const SparseVolume volume =
       make_volume(small_grid(20, 20, 20), [&](int, int, int) { return random() % 2 == 0; });
-  const Mesh mesh = marching_cubes(volume).mesh;
+  const Mesh mesh = marching_cubes(volume);
   ASSERT_GT(mesh.vertices.size(), 1000);
   EXPECT_EQ(occluding_points(mesh, 0.0071).size(), mesh.vertices.size());
   EXPECT_GT(occluding_points(mesh, 0.0070).size(), mesh.vertices.size());

@@ -45,9 +45,19 @@ double area(const Mesh& mesh) {
   return sum;
 }
 
-bool same(const LatticeMesh& a, const LatticeMesh& b) {
-  return a.half_voxels == b.half_voxels && a.mesh.vertices == b.mesh.vertices &&
-         a.mesh.triangles == b.mesh.triangles;
+/// Where the vertices lie, in half voxels from the grid's origin.
+std::vector<std::array<int, 3>> half_voxels(const Mesh& mesh, const VoxelGrid& grid) {
+  std::vector<std::array<int, 3>> places;
+  for (const Eigen::Vector3f& vertex : mesh.vertices) {
+    const Eigen::Vector3d h = (vertex.cast<double>() - grid.origin) * (2 / grid.voxel_m);
+    places.push_back({static_cast<int>(std::lround(h.x())), static_cast<int>(std::lround(h.y())),
+                      static_cast<int>(std::lround(h.z()))});
+  }
+  return places;
+}
+
+bool same(const Mesh& a, const Mesh& b) {
+  return a.vertices == b.vertices && a.triangles == b.triangles;
 }
 
 TEST(CubeCases, use_exactly_the_edges_between_occupied_and_empty_corners) {
@@ -76,52 +86,52 @@ TEST(CubeCases, draw_no_line_inside_a_face_that_the_neighbour_could_draw_too) {
         return (bits >> (i + size[0] * (j + size[1] * k)) & 1) != 0;
       };
       const VoxelGrid grid = small_grid(size[0], size[1], size[2]);
-      ASSERT_TRUE(is_manifold(marching_cubes(make_volume(grid, occupied)).mesh)) << bits;
+      ASSERT_TRUE(is_manifold(marching_cubes(make_volume(grid, occupied)))) << bits;
     }
   }
 }
 
 TEST(MarchingCubes, turns_an_empty_volume_into_an_empty_mesh) {
-  const LatticeMesh m = marching_cubes(SparseVolume(small_grid(5, 5, 5)));
-  EXPECT_TRUE(m.mesh.vertices.empty());
-  EXPECT_TRUE(m.mesh.triangles.empty());
+  const Mesh m = marching_cubes(SparseVolume(small_grid(5, 5, 5)));
+  EXPECT_TRUE(m.vertices.empty());
+  EXPECT_TRUE(m.triangles.empty());
 }
 
 TEST(MarchingCubes, turns_one_voxel_into_an_octahedron) {
   const SparseVolume volume = make_volume(
       small_grid(3, 3, 3), [](int i, int j, int k) { return i == 1 && j == 2 && k == 0; });
-  const LatticeMesh m = marching_cubes(volume);
-  EXPECT_EQ(m.mesh.vertices.size(), 6U);
-  EXPECT_EQ(m.mesh.triangles.size(), 8U);
-  EXPECT_NEAR(enclosed_volume(m.mesh), 1e-6 / 6, 1e-10);
-  EXPECT_TRUE(is_manifold(m.mesh));
+  const Mesh m = marching_cubes(volume);
+  EXPECT_EQ(m.vertices.size(), 6U);
+  EXPECT_EQ(m.triangles.size(), 8U);
+  EXPECT_NEAR(enclosed_volume(m), 1e-6 / 6, 1e-10);
+  EXPECT_TRUE(is_manifold(m));
 }
 
 TEST(MarchingCubes, joins_voxels_that_touch_along_an_edge) {
   const SparseVolume volume =
       make_volume(small_grid(2, 2, 2), [](int i, int j, int k) { return k == 0 && i == j; });
-  const LatticeMesh m = marching_cubes(volume);
-  EXPECT_TRUE(is_manifold(m.mesh));
-  EXPECT_EQ(connected_components(m.mesh), 1);
+  const Mesh m = marching_cubes(volume);
+  EXPECT_TRUE(is_manifold(m));
+  EXPECT_EQ(connected_components(m), 1);
 }
 
 TEST(MarchingCubes, keeps_voxels_apart_that_touch_at_a_corner) {
   const SparseVolume volume =
       make_volume(small_grid(2, 2, 2), [](int i, int j, int k) { return i == j && j == k; });
-  const LatticeMesh m = marching_cubes(volume);
-  EXPECT_TRUE(is_manifold(m.mesh));
-  EXPECT_EQ(connected_components(m.mesh), 2);
+  const Mesh m = marching_cubes(volume);
+  EXPECT_TRUE(is_manifold(m));
+  EXPECT_EQ(connected_components(m), 2);
 }
 
 TEST(MarchingCubes, places_vertices_on_the_half_voxel_lattice_to_the_bit) {
   const SparseVolume volume = ball(21, 9);
-  const LatticeMesh m = marching_cubes(volume);
-  ASSERT_EQ(m.half_voxels.size(), m.mesh.vertices.size());
-  for (size_t n = 0; n < m.half_voxels.size(); ++n) {
-    const auto& h = m.half_voxels[n];
-    const VoxelGrid& grid = volume.grid();
+  const Mesh m = marching_cubes(volume);
+  const VoxelGrid& grid = volume.grid();
+  const auto places = half_voxels(m, grid);
+  for (size_t n = 0; n < places.size(); ++n) {
+    const auto& h = places[n];
     for (int axis = 0; axis < 3; ++axis) {
-      ASSERT_EQ(m.mesh.vertices[n][axis],
+      ASSERT_EQ(m.vertices[n][axis],
                 static_cast<float>(grid.origin[axis] + h[axis] * grid.voxel_m / 2));
     }
     // Odd along two axes, even along the crossed edge.
@@ -130,24 +140,24 @@ TEST(MarchingCubes, places_vertices_on_the_half_voxel_lattice_to_the_bit) {
 }
 
 TEST(MarchingCubes, encloses_the_volume_of_a_ball) {
-  const LatticeMesh m = marching_cubes(ball(67, 30));
+  const Mesh m = marching_cubes(ball(67, 30));
   const double ball_m3 = 4.0 / 3 * std::numbers::pi * std::pow(0.3, 3);
-  EXPECT_NEAR(enclosed_volume(m.mesh), ball_m3, 0.02 * ball_m3);
+  EXPECT_NEAR(enclosed_volume(m), ball_m3, 0.02 * ball_m3);
   // Discrete normals make the surface rougher than the ball's, by less than a tenth.
   const double ball_m2 = 4 * std::numbers::pi * 0.3 * 0.3;
-  EXPECT_GT(area(m.mesh), ball_m2);
-  EXPECT_LT(area(m.mesh), 1.12 * ball_m2);
-  EXPECT_EQ(connected_components(m.mesh), 1);
+  EXPECT_GT(area(m), ball_m2);
+  EXPECT_LT(area(m), 1.12 * ball_m2);
+  EXPECT_EQ(connected_components(m), 1);
 }
 
 TEST(MarchingCubes, closes_the_surface_at_the_border_of_the_grid) {
   for (const int edge : {1, 7, 8, 9, 16, 17}) {
     const SparseVolume volume =
         make_volume(small_grid(edge, edge + 1, edge), [](int, int, int) { return true; });
-    const LatticeMesh m = marching_cubes(volume);
-    EXPECT_TRUE(is_manifold(m.mesh)) << edge;
-    EXPECT_EQ(connected_components(m.mesh), 1);
-    EXPECT_EQ(m.mesh.vertices.size(), 2U * (2 * edge * (edge + 1) + edge * edge));
+    const Mesh m = marching_cubes(volume);
+    EXPECT_TRUE(is_manifold(m)) << edge;
+    EXPECT_EQ(connected_components(m), 1);
+    EXPECT_EQ(m.vertices.size(), 2U * (2 * edge * (edge + 1) + edge * edge));
   }
 }
 
@@ -156,20 +166,22 @@ RC_GTEST_PROP(MarchingCubes, closes_every_random_volume_into_a_manifold, ()) {
   const VoxelGrid grid = small_grid(edge(), edge(), edge());
   const SparseVolume volume =
       random_volume(grid, *rc::gen::arbitrary<uint32_t>(), uniform_int(1, 1000));
-  const LatticeMesh m = marching_cubes(volume);
-  RC_ASSERT(is_manifold(m.mesh));
+  const Mesh m = marching_cubes(volume);
+  RC_ASSERT(is_manifold(m));
   // Every crossing of the lattice is a vertex, once.
-  std::set<std::array<uint16_t, 3>> distinct(m.half_voxels.begin(), m.half_voxels.end());
-  RC_ASSERT(distinct.size() == m.half_voxels.size());
+  const auto places = half_voxels(m, grid);
+  const std::set<std::array<int, 3>> distinct(places.begin(), places.end());
+  RC_ASSERT(distinct.size() == places.size());
 }
 
 RC_GTEST_PROP(MarchingCubes, separates_occupied_from_empty_voxels_along_every_lattice_edge, ()) {
   const VoxelGrid grid = small_grid(uniform_int(1, 18), uniform_int(1, 18), 9);
   const SparseVolume volume =
       random_volume(grid, *rc::gen::arbitrary<uint32_t>(), uniform_int(1, 1000));
-  const LatticeMesh m = marching_cubes(volume);
-  const std::set<std::array<uint16_t, 3>> found(m.half_voxels.begin(), m.half_voxels.end());
-  std::set<std::array<uint16_t, 3>> expected;
+  const Mesh m = marching_cubes(volume);
+  const auto places = half_voxels(m, grid);
+  const std::set<std::array<int, 3>> found(places.begin(), places.end());
+  std::set<std::array<int, 3>> expected;
   for (int axis = 0; axis < 3; ++axis) {
     for (int k = -1; k < grid.counts[2]; ++k) {
       for (int j = -1; j < grid.counts[1]; ++j) {
@@ -177,9 +189,7 @@ RC_GTEST_PROP(MarchingCubes, separates_occupied_from_empty_voxels_along_every_la
           std::array<int, 3> next{i, j, k};
           ++next[axis];
           if (volume.get(i, j, k) == volume.get(next[0], next[1], next[2])) continue;
-          std::array<uint16_t, 3> half{static_cast<uint16_t>(2 * i + 1),
-                                       static_cast<uint16_t>(2 * j + 1),
-                                       static_cast<uint16_t>(2 * k + 1)};
+          std::array<int, 3> half{2 * i + 1, 2 * j + 1, 2 * k + 1};
           ++half[axis];
           expected.insert(half);
         }
@@ -189,11 +199,35 @@ RC_GTEST_PROP(MarchingCubes, separates_occupied_from_empty_voxels_along_every_la
   RC_ASSERT(found == expected);
 }
 
+TEST(MarchingCubes, gives_the_same_bytes_whatever_it_made_before) {
+  MarchingCubes used;
+  Mesh mesh;
+  used.run(random_volume(small_grid(70, 50, 60), 3, 500), mesh);
+  mesh.colours.resize(mesh.vertices.size());
+  for (const SparseVolume& volume : {ball(21, 9), SparseVolume(small_grid(5, 5, 5)),
+                                     random_volume(small_grid(30, 9, 70), 4, 2)}) {
+    used.run(volume, mesh);
+    EXPECT_TRUE(same(mesh, marching_cubes(volume)));
+    EXPECT_TRUE(mesh.colours.empty());
+  }
+}
+
+TEST(MarchingCubes, finds_the_surface_in_rows_of_more_than_64_bricks) {
+  for (const int length : {63 * 8, 64 * 8, 64 * 8 + 1, 65 * 8, 129 * 8}) {
+    const SparseVolume beam =
+        make_volume(small_grid(length, 17, 16), [](int, int, int) { return true; });
+    const Mesh m = marching_cubes(beam);
+    EXPECT_TRUE(is_manifold(m)) << length;
+    EXPECT_EQ(static_cast<int64_t>(m.vertices.size()),
+              2 * (int64_t{length} * 17 + int64_t{length} * 16 + 17 * 16));
+  }
+}
+
 TEST(MarchingCubes, gives_the_same_bytes_for_any_number_of_threads) {
   const SparseVolume volume = random_volume(small_grid(70, 50, 60), 7, 300);
   const tbb::global_control more_threads_than_cores(tbb::global_control::max_allowed_parallelism,
                                                     3);
-  const LatticeMesh one = tbb::task_arena(1).execute([&] { return marching_cubes(volume); });
+  const Mesh one = tbb::task_arena(1).execute([&] { return marching_cubes(volume); });
   for (const int threads : {2, 3}) {
     tbb::task_arena arena(threads);
     EXPECT_TRUE(same(one, arena.execute([&] { return marching_cubes(volume); })));

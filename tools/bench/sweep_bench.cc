@@ -51,15 +51,22 @@ void intersect(benchmark::State& state) {
   Intersector hull = intersector_of(seen, 0.001 * static_cast<double>(state.range(0)));
   const std::vector<const Mask*> pointers = pointers_to(seen.masks);
   tbb::task_arena arena(static_cast<int>(state.range(2)));
-  measure(state, 1, 0,
-          [&] { arena.execute([&] { benchmark::DoNotOptimize(hull.intersect(pointers)); }); });
+  SparseVolume volume;
+  measure(state, 1, 0, [&] {
+    arena.execute([&] { hull.intersect(pointers, volume); });
+    benchmark::DoNotOptimize(volume);
+  });
 }
 
 void mesh(benchmark::State& state) {
   const SparseVolume occupied = volume(0.001 * static_cast<double>(state.range(0)));
   tbb::task_arena arena(static_cast<int>(state.range(1)));
-  measure(state, 1, 0,
-          [&] { arena.execute([&] { benchmark::DoNotOptimize(marching_cubes(occupied)); }); });
+  MarchingCubes marching_cubes;
+  Mesh surface;
+  measure(state, 1, 0, [&] {
+    arena.execute([&] { marching_cubes.run(occupied, surface); });
+    benchmark::DoNotOptimize(surface.triangles.data());
+  });
 }
 
 /// 1, 2, 4, ... and what the machine has.

@@ -21,8 +21,12 @@ void intersect(benchmark::State& state, double voxel_m) {
 void mesh(benchmark::State& state, double voxel_m) {
   const SparseVolume occupied = volume(voxel_m);
   tbb::task_arena arena(1);
-  measure(state, 1, 0,
-          [&] { arena.execute([&] { benchmark::DoNotOptimize(marching_cubes(occupied)); }); });
+  MarchingCubes marching_cubes;
+  Mesh surface;
+  measure(state, 1, 0, [&] {
+    arena.execute([&] { marching_cubes.run(occupied, surface); });
+    benchmark::DoNotOptimize(surface.triangles.data());
+  });
 }
 
 BENCHMARK_CAPTURE(intersect, 16mm, 0.016)
