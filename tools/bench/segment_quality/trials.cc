@@ -5,7 +5,9 @@
 #include <algorithm>
 #include <bit>
 
-#include "capture/mask_cleanup.h"
+#include "capture/mask_holes.h"
+#include "capture/mask_majority.h"
+#include "capture/mask_pieces.h"
 #include "capture/segmenter.h"
 #include "peers/opencv_subtractor.h"
 
@@ -34,14 +36,20 @@ const std::vector<CleanUp>& clean_ups() {
   return kCleanUps;
 }
 
+void clean_up_as_we_do(Mask& mask) {
+  const SegmentOptions ours;
+  take_majority(mask);
+  MaskPieces pieces;
+  pieces.find(mask);
+  for (size_t i = 0; i < pieces.count(); ++i) {
+    if (pieces.area(i) < ours.min_area) pieces.drop(i, mask);
+  }
+  MaskHoles().fill_small(mask, pieces.runs(), ours.max_hole);
+}
+
 Mask cleaned(const Image& foreground, const CleanUp& how) {
   Mask mask = mask_from_image(open_and_close(foreground, how.open_px, how.close_px).view());
-  if (how.pieces) {
-    const SegmentOptions ours;
-    take_majority(mask);
-    drop_small_pieces(mask, ours.min_area);
-    fill_small_holes(mask, ours.max_hole);
-  }
+  if (how.pieces) clean_up_as_we_do(mask);
   return mask;
 }
 
@@ -59,13 +67,19 @@ std::vector<ImageView> views_of(const std::vector<Image>& images) {
   return views;
 }
 
-/// What the subtractors are shown: all three colours, more than a camera sees, or what it sees.
 struct Input {
   const char* name;
   Image (*of)(ImageView rgb);
 };
 Image copy(ImageView rgb) { return crop(rgb, {0, 0, rgb.size.width, rgb.size.height}); }
-constexpr Input kInputs[] = {{"colour", copy}, {"raw", mosaic}};
+Image demosaiced(ImageView rgb) { return to_rgb(mosaic(rgb).view()); }
+
+constexpr Input kCameraInputs[] = {{"raw", mosaic}, {"demosaiced", demosaiced}};
+constexpr Input kColourInputs[] = {{"colour", copy}};
+std::span<const Input> inputs_of(Sight sight) {
+  if (sight == Sight::kCamera) return kCameraInputs;
+  return kColourInputs;
+}
 
 std::vector<Image> prepared(const std::vector<Image>& images, const Input& input) {
   std::vector<Image> out;
@@ -78,14 +92,14 @@ struct Setting {
   const Input* input;
 };
 
-std::vector<Setting> settings_of(const std::string& method) {
+std::vector<Setting> settings_of(const std::string& method, Sight sight) {
   std::vector<Setting> settings;
   const bool mog2 = method == "MOG2";
   const auto kind = mog2 ? SubtractorOptions::Method::kMog2 : SubtractorOptions::Method::kKnn;
   const std::span<const double> thresholds =
       mog2 ? std::span<const double>(kMog2Thresholds) : std::span<const double>(kKnnThresholds);
   for (const double threshold : thresholds) {
-    for (const Input& input : kInputs) {
+    for (const Input& input : inputs_of(sight)) {
       settings.push_back({{.method = kind, .threshold = threshold, .shadows = true}, &input});
     }
   }
@@ -125,7 +139,7 @@ std::vector<Trial> trials_of(const Setting& setting, const std::vector<Scene>& s
 }
 
 Segmenter our_segmenter(const Scene& scene) {
-  const std::vector<Image> plates = prepared(scene.plates, kInputs[1]);
+  const std::vector<Image> plates = prepared(scene.plates, kCameraInputs[0]);
   return {learn_background(views_of(plates)), SegmentOptions{}};
 }
 
@@ -172,8 +186,9 @@ Trial our_trial(const std::vector<Scene>& scenes) {
   return trial;
 }
 
-std::vector<Trial> peer_trials(const std::string& method, const std::vector<Scene>& scenes) {
-  const std::vector<Setting> settings = settings_of(method);
+std::vector<Trial> peer_trials(const std::string& method, Sight sight,
+                               const std::vector<Scene>& scenes) {
+  const std::vector<Setting> settings = settings_of(method, sight);
   std::vector<std::vector<Trial>> all(settings.size());
   tbb::parallel_for(size_t{0}, settings.size(),
                     [&](size_t n) { all[n] = trials_of(settings[n], scenes); });

@@ -29,10 +29,17 @@ struct Trial {
 /// Our segmenter as a studio runs it: raw Bayer images, default options.
 Trial our_trial(const std::vector<Scene>& scenes);
 
+/// What the subtractors are shown.
+enum class Sight {
+  kCamera,  ///< what ours sees: the raw image, as it is (grey) or demosaiced
+  kColour,  ///< all three colours of every pixel, three times what the camera has
+};
+
 /// Every point of the grid of parameters, the same points in the same order whatever the scenes:
-/// threshold, colour or raw images, shadows as background or as foreground, and the clean-up.
+/// threshold, raw or demosaiced image, shadows as background or as foreground, and the clean-up.
 /// `method` is "MOG2" or "KNN".
-std::vector<Trial> peer_trials(const std::string& method, const std::vector<Scene>& scenes);
+std::vector<Trial> peer_trials(const std::string& method, Sight sight,
+                               const std::vector<Scene>& scenes);
 
 /// Our mask of one composite, to look at.
 Mask our_mask(const Scene& scene, const Composite& composite);
