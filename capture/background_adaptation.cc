@@ -55,7 +55,8 @@ void step(const Stretch& at, const Pace& pace) {
     const auto sharp = hn::ShiftLeftSame(hn::PromoteTo(shorts, hn::LoadU(bytes, at.sharpness + i)),
                                          pace.sharpness_shift);
     const auto seen = hn::ShiftLeft<7>(hn::PromoteTo(shorts, hn::LoadU(bytes, at.seen + i)));
-    const auto expected = hn::MulHigh(mean, hn::Set(shorts, pace.gain));
+    const auto expected =
+        hn::Min(hn::MulHigh(mean, hn::Set(shorts, pace.gain)), hn::Set(shorts, kMostExpected));
     const auto above = hn::SaturatedSub(seen, expected);
     const auto below = hn::SaturatedSub(expected, seen);
     const auto distance = hn::MulHigh(hn::Or(above, below), sharp);

@@ -10,12 +10,15 @@
 
 namespace v3d {
 
+/// What the brightest sample shows: where the light is more, the sensor saturates.
+inline constexpr uint16_t kMostExpected = 255 << 7;
+
 /// Samples in the order of the image's bytes, and kReach more, so that a whole register may be read
 /// from any sample on.
 ///
 /// The scales are chosen so that a row is worked through in 16-bit lanes. What the image should
 /// show, e, and what it shows, s, are in 1/128 grey value:
-///   e = mean * gain >> 16            (gain: see brightness_ratio())
+///   e = min(mean * gain >> 16, kMostExpected)      (gain: see brightness_ratio())
 ///   distance = |s - e| * (sharpness << sharpness_shift) >> 16
 /// so distances are counted in `steps_per_spread` to the spread.
 struct BackgroundTable {

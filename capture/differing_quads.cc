@@ -84,6 +84,12 @@ HWY_INLINE void load(D shorts, const uint16_t* from, hn::Vec<D> (&to)[kChannels]
   }
 }
 
+/// What the image should show, 1/128 grey value: no more than a sample can hold.
+template <class D>
+HWY_INLINE hn::Vec<D> expectation(D shorts, hn::Vec<D> mean, uint16_t gain) {
+  return hn::Min(hn::MulHigh(mean, hn::Set(shorts, gain)), hn::Set(shorts, kMostExpected));
+}
+
 template <class V>
 HWY_INLINE V difference(V a, V b) {
   return hn::Or(hn::SaturatedSub(a, b), hn::SaturatedSub(b, a));
@@ -101,7 +107,7 @@ HWY_INLINE hn::Vec<Shorts> evidence(const QuadSearch& search, const uint8_t* see
   load<kChannels>(shorts, sharpness, k);
   V sum = hn::Zero(shorts);
   for (int c = 0; c < kChannels; ++c) {
-    const V expected = hn::MulHigh(m[c], hn::Set(shorts, search.gain));
+    const V expected = expectation(shorts, m[c], search.gain);
     const V grey = difference(hn::ShiftLeft<7>(s[c]), expected);
     const V scaled = hn::MulHigh(grey, hn::ShiftLeftSame(k[c], search.sharpness_shift));
     const V distance = hn::Min(scaled, hn::Set(shorts, search.test.far));
@@ -141,7 +147,7 @@ HWY_INLINE uint64_t shadows(const QuadSearch& search, const RowPair& rows, size_
     const size_t i = (x + n % 2) * kChannels;
     load<kChannels>(shorts, rows.seen[n / 2] + i, seen[n]);
     load<kChannels>(shorts, rows.mean[n / 2] + i, expected[n]);
-    for (V& e : expected[n]) e = hn::MulHigh(e, hn::Set(shorts, search.gain));
+    for (V& e : expected[n]) e = expectation(shorts, e, search.gain);
   }
   // Of the whole quad: grey values seen, and a quarter of those expected, in 1/32.
   V seen_sum = hn::Zero(shorts);

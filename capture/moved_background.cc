@@ -47,7 +47,8 @@ class Search {
 
   uint32_t squared_distance(uint8_t seen, size_t sample) const {
     const BackgroundTable& table = background_.table;
-    const uint32_t expected = (table.mean[sample] * background_.gain) >> 16;
+    const uint32_t expected =
+        std::min<uint32_t>((table.mean[sample] * background_.gain) >> 16, kMostExpected);
     const uint32_t s = uint32_t{seen} << 7;
     const uint32_t difference = std::max(s, expected) - std::min(s, expected);
     const uint32_t sharpness = uint32_t{table.sharpness[sample]} << table.sharpness_shift;

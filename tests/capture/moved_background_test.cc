@@ -71,6 +71,17 @@ TEST_P(MovedBackground, is_known_again_when_the_lamps_are_dimmed) {
   EXPECT_EQ(segment(dimmed).count(), 0);
 }
 
+TEST_P(MovedBackground, is_known_again_where_the_lamp_saturates) {
+  const auto brighter = [](int moved) {
+    return [=](int x, int y) {
+      const Colour c = room(moved, moved)(x, y);
+      return Colour{1.4 * c[0], 1.4 * c[1], 1.4 * c[2]};
+    };
+  };
+  EXPECT_GT(segment(brighter(4), 0).count(), 300);
+  EXPECT_EQ(segment(brighter(4)).count(), 0);
+}
+
 TEST_P(MovedBackground, is_compared_colour_with_the_same_colour) {
   const Scene green = [](int, int) { return Colour{80, 140, 80}; };
   model_ = learn_scene(kSize, GetParam(), green);

@@ -87,6 +87,23 @@ TEST_P(SegmenterTest, follows_the_lamps_when_they_flicker) {
   }
 }
 
+TEST_P(SegmenterTest, expects_no_more_of_a_white_wall_than_a_sample_can_hold) {
+  const auto half_white = [](double brightness) {
+    return [=](int x, int y) {
+      const Colour c = x < 100 ? wall(x, y) : Colour{236, 240, 232};
+      return Colour{brightness * c[0], brightness * c[1], brightness * c[2]};
+    };
+  };
+  Segmenter segmenter(learn_scene(kSize, GetParam(), half_white(1)), {});
+  const Scene brighter = half_white(1.15);
+  EXPECT_EQ(segmenter.segment(photograph(kSize, GetParam(), brighter, 1).view()).count(), 0);
+  const Scene performer = [&](int x, int y) {
+    return in_body(x, y) ? Colour{150, 120, 180} : brighter(x, y);
+  };
+  const Mask mask = segmenter.segment(photograph(kSize, GetParam(), performer, 1).view());
+  EXPECT_GT(intersection_over_union(mask, mask_of(in_body)), 0.95);
+}
+
 TEST_P(SegmenterTest, drops_specks_and_fills_pinholes) {
   const auto speck = [](int x, int y) { return x >= 20 && x < 26 && y >= 20 && y < 26; };
   EXPECT_EQ(segment(in_front(speck, red_cloth)).count(), 0);
