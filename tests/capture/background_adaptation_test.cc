@@ -3,6 +3,9 @@
 #include <gtest/gtest.h>
 #include <hwy/targets.h>
 
+#include <algorithm>
+#include <utility>
+
 #include "capture/brightness.h"
 #include "capture/segmenter.h"
 #include "studio_wall.h"
@@ -111,6 +114,62 @@ TEST_P(BackgroundAdaptationTest, does_not_learn_the_shadow_of_who_stands_still) 
 TEST_P(BackgroundAdaptationTest, goes_a_quarter_from_the_plates_and_no_further) {
   record([](double passed) { return lit(0.8 * passed); });
   EXPECT_GT(segment(lit(0.8)).count(), 1000);
+}
+
+TEST_P(BackgroundAdaptationTest, learns_nothing_within_sixteen_pixels_of_the_mask) {
+  const BackgroundTable plates(model_, {});
+  const Scene brighter = [](int x, int y) {
+    const Colour c = wall(x, y);
+    return Colour{c[0] + 4, c[1] + 4, c[2] + 4};
+  };
+  for (const auto& [u, v] : {std::pair{64, 48}, {95, 63}, {80, 50}}) {
+    Mask mask(kSize);
+    mask.set(u, v);
+    BackgroundTable table = plates;
+    BackgroundAdaptation(plates).follow(photograph(brighter, 3).view(), mask, kUnitGain, table);
+    EXPECT_GT(table.mean[0], plates.mean[0]);
+    for (int y = v - 16; y <= v + 16; ++y) {
+      const ptrdiff_t from = (ptrdiff_t{y} * kSize.width + u - 16) * plates.channels;
+      const ptrdiff_t to = from + ptrdiff_t{33} * plates.channels;
+      EXPECT_TRUE(std::equal(table.mean.begin() + from, table.mean.begin() + to,
+                             plates.mean.begin() + from))
+          << "row " << y << " round " << u << ", " << v;
+    }
+  }
+}
+
+TEST_P(BackgroundAdaptationTest, learns_nothing_that_is_far_from_what_is_expected) {
+  const Scene another = [](int x, int y) {
+    const Colour c = wall(x, y);
+    return Colour{c[0] + 40, c[1] + 40, c[2] + 40};
+  };
+  const BackgroundTable plates(model_, {});
+  BackgroundTable table = plates;
+  BackgroundAdaptation(plates).follow(photograph(another, 3).view(), Mask(kSize), kUnitGain, table);
+  EXPECT_EQ(table.mean, plates.mean);
+}
+
+TEST_P(BackgroundAdaptationTest, learns_nothing_from_what_saturates) {
+  const auto with_lamp = [](double light) {
+    return [=](int x, int y) {
+      const Colour c = x < kSunnyWidth ? Colour{250, 250, 250} : wall(x, y);
+      return Colour{light * c[0], light * c[1], light * c[2]};
+    };
+  };
+  const BackgroundTable plates(learn_scene(kSize, GetParam(), with_lamp(1)), {});
+  BackgroundTable table = plates;
+  const Image image = photograph(with_lamp(1.08), 3);
+  for (int i = 0; i < 50; ++i) {
+    BackgroundAdaptation(plates).follow(image.view(), Mask(kSize),
+                                        static_cast<uint32_t>(1.08 * kUnitGain), table);
+  }
+  const ptrdiff_t lamp = ptrdiff_t{kSunnyWidth} * plates.channels;
+  for (int y = 0; y < kSize.height; ++y) {
+    const ptrdiff_t first = ptrdiff_t{y} * kSize.width * plates.channels;
+    EXPECT_TRUE(std::equal(table.mean.begin() + first, table.mean.begin() + first + lamp,
+                           plates.mean.begin() + first))
+        << "row " << y;
+  }
 }
 
 TEST_P(BackgroundAdaptationTest, forgets_all_at_once) {
