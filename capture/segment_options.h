@@ -6,7 +6,7 @@ namespace v3d {
 struct SegmentOptions {
   float threshold = 4.5F;    ///< a sample differs when it is so many spreads from the mean
   float noise_floor = 2.0F;  ///< the least spread assumed, grey values, 0.5 to 64
-  float shake = 0.35F;  ///< pixels that the camera may have moved since the plates count one spread
+  float shake = 0.25F;  ///< pixels that the camera may have moved since the plates count one spread
   float shadow_min = 0.5F;      ///< a shadow keeps at least this part of the brightness
   float shadow_chroma = 0.06F;  ///< and its colour to this much
   int moved = 4;      ///< pieces that show background from up to so many pixels away are background
