@@ -11,8 +11,6 @@ namespace {
 
 constexpr int kQuietPeriods = 2;
 constexpr int kSilentPeriods = 3;
-/// Frames take their time from the exposure to this program, and not always the same.
-constexpr double kArrivalJitter = 0.1;
 
 CameraStatistics sum(const CameraStatistics& a, const CameraStatistics& b) {
   return {a.completed + b.completed, a.damaged + b.damaged, a.underruns + b.underruns};
@@ -30,7 +28,6 @@ void CameraPilot::arm(Duration period) {
   disarm();
   period_ = period;
   matcher_.emplace(period);
-  arrivals_.emplace(period, kArrivalJitter);
   last_frame_ = options_.now();
   counts_.frames = counts_.suspect = 0;
   counts_.last_pulse = -1;
@@ -38,8 +35,7 @@ void CameraPilot::arm(Duration period) {
 
 void CameraPilot::disarm() {
   matcher_.reset();
-  arrivals_.reset();
-  ready_ = begun_ = expecting_ = missing_ = reopened_ = false;
+  ready_ = begun_ = expecting_ = missing_ = false;
 }
 
 std::optional<Frame> CameraPilot::step() {
@@ -118,20 +114,18 @@ void CameraPilot::miss(const std::string& why) {
 void CameraPilot::reopen(const std::string& why) {
   miss(why);
   close();
-  reopened_ = begun_;
+  if (matcher_) matcher_->reopened();
   ready_ = false;  // a camera lost before the first pulse has to be quiet again
   retry_at_ = options_.now();
 }
 
 FrameLabel CameraPilot::label(const CameraFrame& frame) {
-  const PulseMatch found = match(frame);
+  if (!begun_) matcher_->broken_at_first(camera_->statistics().damaged - damaged_at_last_);
+  const PulseMatch found = matcher_->label({frame.device_time, frame.counter, frame.received});
   if (!begun_) expecting_ = true;
   begun_ = true;
-  missing_ = reopened_ = false;
+  missing_ = false;
   text_.clear();
-  const int64_t received_ns = to_ns(frame.received);
-  if (!arrivals_->begun()) arrivals_->begin(found.pulse, received_ns);
-  if (!found.suspect) arrivals_->learn(found.pulse, received_ns);
   ++counts_.frames;
   counts_.suspect += found.suspect;
   counts_.last_pulse = std::max(counts_.last_pulse, found.pulse);
@@ -143,31 +137,6 @@ FrameLabel CameraPilot::label(const CameraFrame& frame) {
   label.device_time = frame.device_time;
   label.received = Realtime::now() - (options_.now() - frame.received);
   return label;
-}
-
-PulseMatch CameraPilot::match(const CameraFrame& frame) {
-  if (reopened_) return match_after_reopening(frame);
-  const int64_t damaged = camera_->statistics().damaged - damaged_at_last_;
-  if (begun_ || damaged == 0 || last_counter_) {
-    return matcher_->label(frame.device_time, frame.counter);
-  }
-  // Frames arrived broken before the first whole one, and no counter from before the quiet tells
-  // how many exposures they were: as many as came, most likely.
-  matcher_->restart(damaged, frame.device_time, frame.counter);
-  return {damaged, true};
-}
-
-/// The counter began anew, and the clock may have. The time of arrival on this host bridges the gap
-/// to within a period; where the device clock went on, it says exactly which pulse it is.
-PulseMatch CameraPilot::match_after_reopening(const CameraFrame& frame) {
-  const double by_arrival = arrivals_->pulse_at(to_ns(frame.received));
-  const double by_device = matcher_->pulse_at(frame.device_time);
-  const bool clock_went_on = std::abs(by_device - by_arrival) < 1;
-  const double where = clock_went_on ? by_device : by_arrival;
-  const auto pulse = std::max<int64_t>(std::llround(where), counts_.last_pulse + 1);
-  const bool suspect = std::abs(where - static_cast<double>(pulse)) > 0.25;
-  matcher_->restart(pulse, frame.device_time, frame.counter);
-  return {pulse, suspect};
 }
 
 CameraState CameraPilot::state() const {

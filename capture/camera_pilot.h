@@ -10,7 +10,6 @@
 #include "base/frame.h"
 #include "capture/camera.h"
 #include "capture/camera_worker.h"
-#include "capture/pulse_fit.h"
 #include "capture/pulse_matcher.h"
 
 namespace v3d {
@@ -45,8 +44,6 @@ class CameraPilot {
   void check_quiet(MonotonicInstant now);
   void check_loss(MonotonicInstant now);
   FrameLabel label(const CameraFrame& frame);
-  PulseMatch match(const CameraFrame& frame);
-  PulseMatch match_after_reopening(const CameraFrame& frame);
   CameraState state() const;
   bool in_take() const { return matcher_ && (ready_ || begun_); }
 
@@ -61,16 +58,14 @@ class CameraPilot {
 
   // The take; empty matcher: none.
   Duration period_{};
-  std::optional<PulseMatcher> matcher_;  ///< device clock to pulses
-  std::optional<PulseFit> arrivals_;     ///< host clock to pulses: bridges a loss
-  MonotonicInstant last_frame_{};        ///< or when it was armed or opened
+  std::optional<PulseMatcher> matcher_;
+  MonotonicInstant last_frame_{};  ///< or when it was armed or opened
   std::optional<uint64_t> last_counter_;
   int64_t damaged_at_last_ = 0;  ///< damaged frames until the last whole one, or until the quiet
   bool ready_ = false;           ///< quiet
   bool begun_ = false;           ///< a frame of the take has come
   bool expecting_ = false;       ///< pulses come
   bool missing_ = false;         ///< lost, and no frame since
-  bool reopened_ = false;        ///< in the take, and no frame since
 
   CameraWorkerStatus counts_;  ///< frames, suspect, losses, last_pulse, size, format
 };

@@ -11,6 +11,12 @@ constexpr double kWander = 0.02e-6;  ///< of the period, from one pulse to the n
 
 double square(double x) { return x * x; }
 
+/// A device may say anything, so differences wrap.
+double difference(int64_t a, int64_t b) {
+  return static_cast<double>(
+      static_cast<int64_t>(static_cast<uint64_t>(a) - static_cast<uint64_t>(b)));
+}
+
 }  // namespace
 
 PulseFit::PulseFit(Duration period, double jitter)
@@ -30,8 +36,12 @@ void PulseFit::begin(int64_t pulse, int64_t instant_ns) {
 }
 
 double PulseFit::pulse_at(int64_t instant_ns) const {
-  const double since = static_cast<double>(instant_ns - instant_) - rest_;
+  const double since = difference(instant_ns, instant_) - rest_;
   return static_cast<double>(pulse_) + since / period_;
+}
+
+double PulseFit::periods(int64_t from_ns, int64_t to_ns) const {
+  return difference(to_ns, from_ns) / period_;
 }
 
 double PulseFit::doubt(int64_t pulse) const {
@@ -50,7 +60,7 @@ void PulseFit::learn(int64_t pulse, int64_t instant_ns) {
   covariance_ += n * period_variance_;
   period_variance_ += n * wander_variance_;
   // Correct by what was seen.
-  const double surprise = static_cast<double>(instant_ns - instant_) - ahead;
+  const double surprise = difference(instant_ns, instant_) - ahead;
   const double total = instant_variance_ + stamp_variance_;
   const double instant_gain = instant_variance_ / total;
   const double period_gain = covariance_ / total;

@@ -22,14 +22,13 @@ class PulseFit {
 
   /// Which pulse was at this instant, with its fraction. Requires begun().
   double pulse_at(int64_t instant_ns) const;
+  /// How many pulses lie between two instants, with their fraction.
+  double periods(int64_t from_ns, int64_t to_ns) const;
   /// Standard deviation of pulse_at() so many pulses from the latest one.
   double doubt(int64_t pulse) const;
 
   /// `pulse` was seen at `instant_ns`. Pulses before the latest one teach nothing.
   void learn(int64_t pulse, int64_t instant_ns);
-
-  /// The period on this clock, nanoseconds.
-  double period_ns() const { return period_; }
 
  private:
   double nominal_;          ///< ns

@@ -1,55 +1,159 @@
 #include "capture/pulse_matcher.h"
 
+#include <algorithm>
 #include <cmath>
+#include <utility>
 
 namespace v3d {
 namespace {
 
-constexpr double kStampJitter = 0.05;       ///< standard deviation, periods
-constexpr double kLargestResidual = 0.25;   ///< periods
-constexpr double kLargestDoubt = 0.15;      ///< standard deviation of the fit, periods
-constexpr int64_t kMostLostAtFirst = 1000;  ///< more lost exposures before the first frame are a
-                                            ///< counter that means something else
+constexpr double kStampJitter = 0.05;            ///< standard deviation, periods
+constexpr double kLargestResidual = 0.25;        ///< periods
+constexpr double kLargestDoubt = 0.15;           ///< standard deviation of the fit, periods
+constexpr int64_t kMostLostAtFirst = 1000;       ///< more lost exposures before the first frame are
+                                                 ///< a counter that means something else
+constexpr double kArrivalJitter = 0.1;           ///< standard deviation, periods
+constexpr double kLargestArrivalResidual = 0.4;  ///< periods, of a frame that is not late
+constexpr double kLargestArrivalDoubt = 0.2;     ///< standard deviation of the fit, periods
+constexpr double kLatestFrame = 1000;            ///< periods; nothing waits so long anywhere
+constexpr int kSecond = 1;                       ///< confirmations of two witnesses out of three
+constexpr int kMany = 8;                         ///< confirmations of the arrival alone
+constexpr int kFewStragglers = 3;                ///< in a row
 
 }  // namespace
 
-PulseMatcher::PulseMatcher(Duration period) : fit_(period, kStampJitter) {}
+PulseMatcher::PulseMatcher(Duration period)
+    : fit_(period, kStampJitter), arrivals_(period, kArrivalJitter) {}
 
-void PulseMatcher::restart(int64_t pulse, DeviceInstant at, uint64_t counter) {
-  fit_.begin(pulse, to_ns(at));
-  last_pulse_ = pulse;
-  last_counter_ = counter;
+PulseMatch PulseMatcher::label(const FrameStamp& frame) {
+  if (!begun()) return first(frame);
+  const Evidence e = weigh(frame);
+  if (!agreed(e)) return doubt(e, frame);
+  if (e.clock_pulse > last_pulse_) return accept(e.clock_pulse, frame);
+  // A duplicate, or a straggler; several in a row are a camera that began anew and counts again
+  // what it has counted before.
+  astray_ = ++stragglers_ >= kFewStragglers;
+  return doubt(e, frame);
 }
 
-PulseMatch PulseMatcher::first(DeviceInstant at, uint64_t counter) {
-  PulseMatch match;
+PulseMatch PulseMatcher::first(const FrameStamp& frame) {
+  int64_t lost = broken_at_first_;
+  bool sensible = true;
   if (counter_of_pulse_0_) {
-    const auto lost = static_cast<int64_t>(counter - *counter_of_pulse_0_);
-    match.suspect = lost != 0;
-    if (lost > 0 && lost <= kMostLostAtFirst) match.pulse = lost;
+    lost = static_cast<int64_t>(frame.counter - *counter_of_pulse_0_);
+    sensible = lost >= 0 && lost <= kMostLostAtFirst;
   }
-  restart(match.pulse, at, counter);
-  return match;
+  if (!sensible) lost = 0;
+  start_unknown_ = lost != broken_at_first_;
+  settle(lost, frame);
+  arrivals_.begin(lost, to_ns(frame.received));
+  return {lost, lost > 0 || !sensible || start_unknown_};
 }
 
-PulseMatch PulseMatcher::label(DeviceInstant at, uint64_t counter) {
-  if (!begun()) return first(at, counter);
-  const double where = pulse_at(at);
-  const auto counted = static_cast<int64_t>(counter - last_counter_);
-  PulseMatch match{std::llround(where), false};
-  const bool between = std::abs(where - static_cast<double>(match.pulse)) > kLargestResidual;
-  const bool in_the_dark = fit_.doubt(match.pulse) > kLargestDoubt;
-  if (between && std::abs(where - static_cast<double>(last_pulse_ + counted)) < 1) {
-    match.pulse = last_pulse_ + counted;
+PulseMatcher::Evidence PulseMatcher::weigh(const FrameStamp& frame) const {
+  Evidence e;
+  e.by_clock = fit_.pulse_at(to_ns(frame.exposed));
+  e.clock_pulse = std::llround(e.by_clock);
+  e.between = std::abs(e.by_clock - static_cast<double>(e.clock_pulse)) > kLargestResidual;
+  e.by_counter = last_pulse_ + static_cast<int64_t>(frame.counter - last_counter_);
+  e.by_arrival = arrivals_.pulse_at(to_ns(frame.received));
+  return e;
+}
+
+bool PulseMatcher::agreed(const Evidence& e) const {
+  if (e.between || astray_) return false;
+  if (!reopened_) return e.clock_pulse == e.by_counter;
+  // The counter says nothing. A clock that began anew would not fit the arrival but by chance.
+  return e.clock_pulse > last_pulse_ && fit_.doubt(e.clock_pulse) <= kLargestDoubt &&
+         std::abs(e.by_clock - e.by_arrival) < kLargestArrivalResidual;
+}
+
+PulseMatch PulseMatcher::accept(int64_t pulse, const FrameStamp& frame) {
+  reopened_ = false;
+  stragglers_ = 0;
+  row_.reset();
+  const bool in_the_dark = fit_.doubt(pulse) > kLargestDoubt;
+  fit_.learn(pulse, to_ns(frame.exposed));
+  learn_arrival(pulse, frame.received);
+  last_pulse_ = pulse;
+  last_counter_ = frame.counter;
+  return {pulse, in_the_dark || start_unknown_};
+}
+
+PulseMatch PulseMatcher::doubt(const Evidence& e, const FrameStamp& frame) {
+  lengthen_row(e, frame);
+  if (!row_ || !row_convinces(e)) return {likeliest(e), true};
+  const int64_t pulse = row_->pulse;
+  settle(pulse, frame);
+  return {pulse, start_unknown_};
+}
+
+void PulseMatcher::lengthen_row(const Evidence& e, const FrameStamp& frame) {
+  const auto on_time = [&](int64_t pulse) {
+    return std::abs(e.by_arrival - static_cast<double>(pulse)) < kLargestArrivalResidual;
+  };
+  if (row_) {
+    const auto counted = static_cast<int64_t>(frame.counter - row_->last.counter);
+    const double passed = fit_.periods(to_ns(row_->last.exposed), to_ns(frame.exposed));
+    if (counted > 0 && std::abs(passed - static_cast<double>(counted)) < kLargestResidual &&
+        on_time(row_->pulse + counted)) {
+      row_ = Row{frame, row_->pulse + counted, row_->confirmations + 1};
+      return;
+    }
   }
-  const int64_t step = match.pulse - last_pulse_;
-  match.suspect = between || in_the_dark || step != counted || step <= 0;
-  if (!between) fit_.learn(match.pulse, to_ns(at));
-  if (step > 0) {
-    last_pulse_ = match.pulse;
-    last_counter_ = counter;
+  const int64_t pulse = std::llround(e.by_arrival);
+  row_.reset();
+  if (on_time(pulse) && pulse > last_pulse_) row_ = Row{frame, pulse, 0};
+}
+
+bool PulseMatcher::row_convinces(const Evidence& e) const {
+  if (arrivals_.doubt(row_->pulse) > kLargestArrivalDoubt) return false;
+  const bool by_clock = !e.between && row_->pulse == e.clock_pulse;
+  const bool by_counter = !reopened_ && row_->pulse == e.by_counter;
+  if (row_->confirmations < (by_clock || by_counter ? kSecond : kMany)) return false;
+  // Frames before may all have been late; then this one seems to be of an earlier pulse than it is.
+  return punctual_ >= kMany || (by_clock && row_->pulse > e.by_counter) ||
+         (by_counter && row_->pulse > e.clock_pulse);
+}
+
+/// The clock's or the counter's pulse, whichever the arrival is nearer to.
+int64_t PulseMatcher::likeliest(const Evidence& e) const {
+  const auto distance = [&](int64_t pulse) {
+    return std::abs(e.by_arrival - static_cast<double>(pulse));
+  };
+  if (row_ && row_->confirmations > 0) return row_->pulse;
+  const bool clock = !e.between && (reopened_ || distance(e.clock_pulse) < distance(e.by_counter));
+  int64_t pulse = clock || reopened_ ? e.clock_pulse : e.by_counter;
+  if (reopened_ ? distance(pulse) > 1 : distance(pulse) > kLatestFrame) {
+    pulse = std::llround(e.by_arrival);
   }
-  return match;
+  return std::max<int64_t>(pulse, reopened_ ? last_pulse_ + 1 : 0);
+}
+
+void PulseMatcher::settle(int64_t pulse, const FrameStamp& frame) {
+  fit_.begin(pulse, to_ns(frame.exposed));
+  last_pulse_ = pulse;
+  last_counter_ = frame.counter;
+  reopened_ = astray_ = false;
+  stragglers_ = 0;
+  row_.reset();
+}
+
+/// Follows the earliest: nothing arrives before its time. Later arrivals are the host's hesitation,
+/// unless they stay so.
+void PulseMatcher::learn_arrival(int64_t pulse, MonotonicInstant received) {
+  const int64_t at = to_ns(received);
+  const double late = arrivals_.pulse_at(at) - static_cast<double>(pulse);
+  const bool as_before = std::abs(late - lateness_) < kLargestArrivalResidual;
+  lateness_ = late;
+  steadily_late_ = late > kLargestArrivalResidual && as_before ? steadily_late_ + 1 : 0;
+  if (std::abs(late) <= kLargestArrivalResidual) {
+    arrivals_.learn(pulse, at);
+    punctual_ = std::min(punctual_ + 1, kMany);
+  } else if (late < 0 || steadily_late_ >= kMany) {
+    arrivals_.begin(pulse, at);
+    punctual_ = std::exchange(steadily_late_, 0);
+  }
 }
 
 }  // namespace v3d

@@ -1,5 +1,5 @@
-// Which pulse exposed a frame. Never by arrival time: by the camera's clock, cross-checked with the
-// camera's frame counter.
+// Which pulse exposed a frame. By the camera's clock, cross-checked with the camera's frame
+// counter; where the two disagree, the time of arrival decides which of them to believe.
 #pragma once
 
 #include <cstdint>
@@ -10,27 +10,43 @@
 
 namespace v3d {
 
+/// What is known of an exposure when its frame is here.
+struct FrameStamp {
+  DeviceInstant exposed;
+  uint64_t counter = 0;  ///< unwrapped
+  MonotonicInstant received;
+};
+
 struct PulseMatch {
   int64_t pulse = 0;
   bool suspect = false;
 };
 
 /// Pure: no clock, no I/O. The first frame after the quiet is pulse 0 (unless expect() tells that
-/// exposures before it were lost). A later frame is the pulse nearest to its device time, which a
-/// running linear fit maps to pulses. It is suspect when
-///   - it lies more than a quarter of a period from that pulse; the counter then decides which of
-///     the two neighbours it is,
-///   - the counter moved by another number than the pulses did (the camera missed a trigger, or saw
-///     one that was none),
-///   - it is not later than every frame before it (a duplicate, a straggler),
-///   - the camera was silent for so long that the fit says little,
-///   - it is the first and its counter is not the expected one: exposures were lost, most likely
-///     the first of this take (so it is labelled), possibly the last before the quiet.
+/// exposures before it were lost). Then there are three witnesses of a frame's pulse:
+///   - its device time, which a running linear fit maps to pulses: exact while the clock runs on;
+///   - its counter: exact while every pulse is one exposure;
+///   - its arrival, mapped by a fit of its own: never early, but late by whatever the host and the
+///     network hesitate.
+/// A frame on whose pulse the first two agree has that pulse. Anything else (the camera missed a
+/// trigger or saw one that was none, its clock was stepped, it began anew) is in doubt, and so are
+/// the frames that follow: until the old agreement is back, or until frames in a row have advanced
+/// alike by clock, counter and arrival. Their arrival then tells their pulse: with the second frame
+/// where the clock or the counter agrees with it, with the ninth where both must have begun anew.
+///
+/// A frame is suspect when
+///   - it is in doubt; its label is the likeliest one;
+///   - it is not later than every frame before it (a duplicate, a straggler);
+///   - the camera was silent for so long that the fit says little;
+///   - exposures before the first frame were lost and may have been the last before the quiet or
+///     the first of this take: then all frames of the take are.
 ///
 /// A label that is not suspect is right as long as: the device clock runs within 200 ppm of the
 /// generator's and wanders by less than 0.1 ppm a second; time stamps jitter by at most a tenth of
-/// a period; at most 250 pulses in a row are without a frame. Beyond, labels are still right or
-/// suspect unless the counter errs by the same number of pulses at the same time.
+/// a period, arrivals (delays apart) by at most three tenths; at most 250 pulses in a row are
+/// without a frame; and no two of the witnesses err by the same whole number of pulses at the same
+/// time (a clock stepped back by as many periods as triggers were missed; after a disagreement,
+/// two frames in a row that are both late by the same whole number of periods).
 ///
 /// What cannot be known here: that the camera missed the very first trigger, or that the first
 /// frame was lost when the counter before it is not known. The sense line and the ledger tell.
@@ -42,23 +58,60 @@ class PulseMatcher {
   /// before the quiet. With it, a first frame lost in transport does not shift the take unnoticed.
   void expect(uint64_t counter_of_pulse_0) { counter_of_pulse_0_ = counter_of_pulse_0; }
 
+  /// So many exposures of the take arrived broken before the first whole frame.
+  void broken_at_first(int64_t exposures) { broken_at_first_ = exposures; }
+
   /// Labels the next frame.
-  PulseMatch label(DeviceInstant at, uint64_t counter);
+  PulseMatch label(const FrameStamp& frame);
 
-  /// The camera began anew (its clock and its counter may have): the frame with this time and
-  /// counter is `pulse`, and what follows is counted from there.
-  void restart(int64_t pulse, DeviceInstant at, uint64_t counter);
-
-  bool begun() const { return fit_.begun(); }
-  /// The pulse at this time of the device clock, with its fraction. Requires begun().
-  double pulse_at(DeviceInstant at) const { return fit_.pulse_at(to_ns(at)); }
+  /// The camera was opened again: its counter began anew, and its clock may have.
+  void reopened() {
+    counter_of_pulse_0_.reset();
+    reopened_ = begun();
+  }
 
  private:
-  PulseMatch first(DeviceInstant at, uint64_t counter);
+  /// A row of frames that advanced alike by all witnesses, in doubt.
+  struct Row {
+    FrameStamp last;
+    int64_t pulse = 0;  ///< of `last`, by arrival
+    int confirmations = 0;
+  };
+  /// What the witnesses say of one frame.
+  struct Evidence {
+    double by_clock = 0;
+    int64_t clock_pulse = 0;  ///< nearest to by_clock
+    bool between = false;     ///< by_clock is near no pulse
+    int64_t by_counter = 0;
+    double by_arrival = 0;
+  };
 
-  PulseFit fit_;
+  bool begun() const { return fit_.begun(); }
+  PulseMatch first(const FrameStamp& frame);
+  Evidence weigh(const FrameStamp& frame) const;
+  bool agreed(const Evidence& e) const;
+  PulseMatch accept(int64_t pulse, const FrameStamp& frame);
+  PulseMatch doubt(const Evidence& e, const FrameStamp& frame);
+  void lengthen_row(const Evidence& e, const FrameStamp& frame);
+  bool row_convinces(const Evidence& e) const;
+  int64_t likeliest(const Evidence& e) const;
+  /// From here on counted anew: `frame` is `pulse`.
+  void settle(int64_t pulse, const FrameStamp& frame);
+  void learn_arrival(int64_t pulse, MonotonicInstant received);
+
+  PulseFit fit_;           ///< device clock to pulses
+  PulseFit arrivals_;      ///< host clock to pulses, latency included
+  int punctual_ = 0;       ///< frames that arrived as arrivals_ says since it began
+  double lateness_ = 0;    ///< of the last frame, periods
+  int steadily_late_ = 0;  ///< frames in a row
   std::optional<uint64_t> counter_of_pulse_0_;
-  int64_t last_pulse_ = 0;     ///< the latest that was labelled
+  int64_t broken_at_first_ = 0;
+  bool start_unknown_ = false;  ///< all pulses may be shifted
+  bool reopened_ = false;       ///< and not yet settled
+  int stragglers_ = 0;          ///< in a row
+  bool astray_ = false;         ///< neither clock nor counter is believed until settled
+  std::optional<Row> row_;
+  int64_t last_pulse_ = 0;     ///< the latest that was labelled without doubt
   uint64_t last_counter_ = 0;  ///< of the frame with last_pulse_
 };
 
