@@ -2,8 +2,10 @@
 
 #include <algorithm>
 #include <array>
+#include <charconv>
 #include <cstdio>
 #include <iterator>
+#include <limits>
 
 #include "base/error.h"
 #include "base/file.h"
@@ -95,10 +97,37 @@ std::string read_node(const TomlTable& table, const Studio& studio) {
   return node;
 }
 
+/// What a V4L2 camera is told in place of a trigger line, packets and a gain in dB.
+void read_v4l2_settings(const TomlTable& table, StudioCamera& camera) {
+  if (table.has("trigger_control")) {
+    const std::string text = table.text("trigger_control");
+    uint32_t id = 0;
+    const bool hex = text.starts_with("0x");
+    const char* end = text.data() + text.size();
+    const auto parsed = std::from_chars(text.data() + (hex ? 2 : 0), end, id, hex ? 16 : 10);
+    if (parsed.ec != std::errc() || parsed.ptr != end) {
+      table.fail("trigger_control",
+                 "expected the id of a V4L2 control as v4l2-ctl -L shows it, "
+                 "such as \"0x009a0914\", found '" +
+                     text + "'");
+    }
+    camera.trigger_control = id;
+  }
+  constexpr int kMost = std::numeric_limits<int>::max();
+  camera.trigger_value = ranged_int(table, "trigger_value", camera.trigger_value, -kMost, kMost);
+  if (table.has("width") || table.has("height")) {
+    const ImageSize old = camera.size.value_or(ImageSize{});
+    camera.size = ImageSize{ranged_int(table, "width", old.width, 1, kMaxImageSide),
+                            ranged_int(table, "height", old.height, 1, kMaxImageSide)};
+  }
+}
+
 /// The settings that [camera_defaults] and [[camera]] share; `camera` comes with the defaults.
 void read_camera_settings(const TomlTable& table, const Studio& studio, StudioCamera& camera) {
   static constexpr std::array<std::pair<std::string_view, CameraKind>, 2> kKinds = {
       {{"aravis", CameraKind::kAravis}, {"v4l2", CameraKind::kV4l2}}};
+  static constexpr std::array<std::pair<std::string_view, Edge>, 2> kEdges = {
+      {{"rising", Edge::kRising}, {"falling", Edge::kFalling}}};
   if (table.has("node")) {
     camera.node = read_node(table, studio);
   }
@@ -107,11 +136,31 @@ void read_camera_settings(const TomlTable& table, const Studio& studio, StudioCa
   camera.exposure_us = ranged(table, "exposure_us", camera.exposure_us, 1, 1e6);
   camera.gain_db = ranged(table, "gain_db", camera.gain_db, 0, 60);
   camera.trigger_line = table.text_or("trigger_line", camera.trigger_line);
+  camera.trigger_edge =
+      choice(table, "trigger_edge", kEdges[static_cast<size_t>(camera.trigger_edge)].first, kEdges);
   camera.packet_size = ranged_int(table, "packet_size", camera.packet_size, 576, 65507);
   camera.packet_delay_ns =
       ranged_int(table, "packet_delay_ns", camera.packet_delay_ns, 0, 1'000'000'000);
+  camera.packet_resend = table.boolean_or("packet_resend", camera.packet_resend);
   camera.buffers = ranged_int(table, "buffers", camera.buffers, 2, 1024);
   camera.packet_socket = table.boolean_or("packet_socket", camera.packet_socket);
+  read_v4l2_settings(table, camera);
+}
+
+/// What only shows when defaults and the camera's own settings are together.
+void refuse_contradictions(const TomlTable& table, const StudioCamera& camera) {
+  if (camera.node.empty()) {
+    table.fail("node", "missing: name the [[node]] here or in [camera_defaults]");
+  }
+  if (camera.kind != CameraKind::kV4l2) return;
+  if (!camera.trigger_control) {
+    table.fail("trigger_control",
+               "missing: a v4l2 camera needs the id of the control that switches "
+               "its external trigger on (v4l2-ctl -L); V3D cannot use a camera that runs free");
+  }
+  if (camera.gain_db != 0) {
+    table.fail("gain_db", "a V4L2 gain has no unit; expected 0, and the gain set by v4l2-ctl");
+  }
 }
 
 void read_nodes(const TomlTable& file, Studio& studio) {
@@ -145,9 +194,7 @@ void read_cameras(const TomlTable& file, Studio& studio) {
     camera.address = table.text("address");
     read_camera_settings(table, studio, camera);
     table.refuse_unknown();
-    if (camera.node.empty()) {
-      table.fail("node", "missing: name the [[node]] here or in [camera_defaults]");
-    }
+    refuse_contradictions(table, camera);
     studio.cameras.push_back(std::move(camera));
   }
   if (studio.cameras.empty()) {

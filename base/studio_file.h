@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -17,6 +18,7 @@ struct StudioNode {
 };
 
 enum class CameraKind { kAravis, kV4l2 };
+enum class Edge { kRising, kFalling };
 
 /// [[camera]]; a field that is missing takes the value in [camera_defaults], else the one here.
 struct StudioCamera {
@@ -28,10 +30,16 @@ struct StudioCamera {
   double exposure_us = 1000;
   double gain_db = 0;
   std::string trigger_line = "Line1";
-  int packet_size = 9000;  ///< bytes of a GVSP packet, headers included
+  Edge trigger_edge = Edge::kRising;  ///< of the line, that begins the exposure
+  int packet_size = 9000;             ///< bytes of a GVSP packet, headers included
   int packet_delay_ns = 0;
+  bool packet_resend = true;  ///< lost packets are asked for again
   int buffers = 8;
   bool packet_socket = true;  ///< receive by packet socket where permitted (CAP_NET_RAW)
+  // v4l2 only. There is no standard control for the external trigger: which one, and its value.
+  std::optional<uint32_t> trigger_control;
+  int trigger_value = 1;
+  std::optional<ImageSize> size;  ///< `width`, `height`; else what the camera has
 };
 
 enum class TriggerKind { kSimulated };

@@ -188,7 +188,11 @@ class Setup {
     if (clear.happened()) refuse("TriggerMode", "Off", clear.text());
     choose_if_there("TriggerSelector", "FrameStart");
     choose("TriggerSource", settings_.trigger_line);
-    choose_if_there("TriggerActivation", "RisingEdge");
+    if (settings_.trigger_edge == Edge::kFalling) {
+      choose("TriggerActivation", "FallingEdge");
+    } else {
+      choose_if_there("TriggerActivation", "RisingEdge");
+    }
     choose("TriggerMode", "On");
   }
 
@@ -251,13 +255,14 @@ size_t payload_bytes(const Setup& setup, ArvCamera* camera, size_t image_bytes) 
 constexpr guint kFrameRetentionUs = 400'000;
 
 /// Room for four frames of a camera in the socket, where packets do not come by packet socket; the
-/// kernel gives what net.core.rmem_max allows. Packets that were lost are asked for again.
-void set_receiver(ArvStream* stream, size_t payload) {
+/// kernel gives what net.core.rmem_max allows.
+void set_receiver(ArvStream* stream, size_t payload, bool resend) {
   if (!ARV_IS_GV_STREAM(stream)) return;
   const int room = static_cast<int>(std::min<size_t>(4 * payload, 64 << 20));
   g_object_set(stream, "socket-buffer", ARV_GV_STREAM_SOCKET_BUFFER_FIXED, "socket-buffer-size",
-               room, "packet-resend", ARV_GV_STREAM_PACKET_RESEND_ALWAYS, "frame-retention",
-               kFrameRetentionUs, nullptr);
+               room, "packet-resend",
+               resend ? ARV_GV_STREAM_PACKET_RESEND_ALWAYS : ARV_GV_STREAM_PACKET_RESEND_NEVER,
+               "frame-retention", kFrameRetentionUs, nullptr);
 }
 
 /// Called by Aravis' heartbeat thread.
@@ -296,7 +301,7 @@ class AravisCamera::Link {
     setup.all();
     size_ = image_size(setup, camera_.get());
     const size_t image_bytes = byte_count(size_, settings.pixel_format);
-    stream(setup, payload_bytes(setup, camera_.get(), image_bytes), settings.buffers);
+    stream(setup, payload_bytes(setup, camera_.get(), image_bytes), settings);
   }
 
   ~Link() {
@@ -311,12 +316,12 @@ class AravisCamera::Link {
   ArvStream* stream() const { return stream_.get(); }
 
  private:
-  void stream(const Setup& setup, size_t payload, int buffers) {
+  void stream(const Setup& setup, size_t payload, const StudioCamera& settings) {
     Problem problem;
     stream_.reset(arv_camera_create_stream(camera_.get(), nullptr, nullptr, problem));
     if (!stream_ || problem.happened()) setup.refuse("stream", "a receiver", problem.text());
-    set_receiver(stream_.get(), payload);
-    for (int i = 0; i < buffers; ++i) {
+    set_receiver(stream_.get(), payload, settings.packet_resend);
+    for (int i = 0; i < settings.buffers; ++i) {
       arv_stream_push_buffer(stream_.get(), arv_buffer_new_allocate(payload));
     }
     on_lost_ = g_signal_connect(arv_camera_get_device(camera_.get()), "control-lost",
@@ -352,9 +357,7 @@ std::optional<CameraFrame> AravisCamera::wait(MonotonicInstant deadline) {
     const auto left =
         std::chrono::duration_cast<std::chrono::microseconds>(deadline - Monotonic::now());
     ArvBuffer* buffer = arv_stream_timeout_pop_buffer(stream, std::max<int64_t>(left.count(), 0));
-    guint64 underruns = 0;
-    arv_stream_get_statistics(stream, nullptr, nullptr, &underruns);
-    underruns_ = static_cast<int64_t>(underruns);
+    read_statistics();
     if (!buffer) return {};
     // What reaches a packet socket before its filter is in place (other cameras' packets) begins
     // frames that never were any.
@@ -379,6 +382,25 @@ std::optional<CameraFrame> AravisCamera::wait(MonotonicInstant deadline) {
   return {};
 }
 
-CameraStatistics AravisCamera::statistics() const { return {completed_, damaged_, underruns_}; }
+void AravisCamera::read_statistics() {
+  ArvStream* stream = link_->stream();
+  guint64 underruns = 0;
+  arv_stream_get_statistics(stream, nullptr, nullptr, &underruns);
+  underruns_ = static_cast<int64_t>(underruns);
+  if (!ARV_IS_GV_STREAM(stream)) return;
+  guint64 resent = 0;
+  guint64 missing = 0;
+  arv_gv_stream_get_statistics(ARV_GV_STREAM(stream), &resent, &missing);
+  packets_resent_ = static_cast<int64_t>(resent);
+  packets_missing_ = static_cast<int64_t>(missing);
+}
+
+CameraStatistics AravisCamera::statistics() const {
+  return {.completed = completed_,
+          .damaged = damaged_,
+          .underruns = underruns_,
+          .packets_resent = packets_resent_,
+          .packets_missing = packets_missing_};
+}
 
 }  // namespace v3d

@@ -28,6 +28,7 @@ class AravisCamera : public Camera {
 
  private:
   class Link;  ///< the Aravis objects, from start() to stop()
+  void read_statistics();
 
   const StudioCamera settings_;
   ImageSize size_;
@@ -36,6 +37,8 @@ class AravisCamera : public Camera {
   std::atomic<int64_t> completed_ = 0;
   std::atomic<int64_t> damaged_ = 0;
   std::atomic<int64_t> underruns_ = 0;
+  std::atomic<int64_t> packets_resent_ = 0;
+  std::atomic<int64_t> packets_missing_ = 0;
   std::atomic<bool> lost_ = false;
 };
 

@@ -1,4 +1,4 @@
-// A triggered camera, behind one small interface; aravis (and later v4l2) cameras implement it.
+// A triggered camera, behind one small interface; aravis and v4l2 cameras implement it.
 #pragma once
 
 #include <cstdint>
@@ -23,6 +23,8 @@ struct CameraStatistics {
   int64_t completed = 0;  ///< frames that arrived whole
   int64_t damaged = 0;    ///< frames with missing packets; not delivered
   int64_t underruns = 0;  ///< no free buffer
+  int64_t packets_resent = 0;
+  int64_t packets_missing = 0;  ///< for good
 };
 
 /// start(), stop() and wait() are called by one thread; statistics() by any.

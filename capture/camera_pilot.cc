@@ -13,7 +13,11 @@ constexpr int kQuietPeriods = 2;
 constexpr int kSilentPeriods = 3;
 
 CameraStatistics sum(const CameraStatistics& a, const CameraStatistics& b) {
-  return {a.completed + b.completed, a.damaged + b.damaged, a.underruns + b.underruns};
+  return {.completed = a.completed + b.completed,
+          .damaged = a.damaged + b.damaged,
+          .underruns = a.underruns + b.underruns,
+          .packets_resent = a.packets_resent + b.packets_resent,
+          .packets_missing = a.packets_missing + b.packets_missing};
 }
 
 }  // namespace

@@ -8,7 +8,7 @@
 
 namespace v3d {
 
-/// Does not touch the camera: start() does. Throws InputError for a kind this build does not have.
+/// Does not touch the camera: start() does.
 std::unique_ptr<Camera> make_camera(const StudioCamera& settings);
 
 }  // namespace v3d

@@ -454,6 +454,8 @@ void CaptureNode::report_camera(const CameraWorker& worker, HealthMessage& healt
   value("frames_dropped", status.dropped);
   value("frames_damaged", status.link.damaged);
   value("underruns", status.link.underruns);
+  value("packets_resent", status.link.packets_resent);
+  value("packets_missing", status.link.packets_missing);
   value("losses", status.losses);
   health.values["frames_missing"] += static_cast<double>(missing);
   health.values["frames_suspect"] += static_cast<double>(status.suspect);

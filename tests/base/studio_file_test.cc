@@ -1,5 +1,6 @@
 #include "base/studio_file.h"
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include "base/error.h"
@@ -7,6 +8,8 @@
 
 namespace v3d {
 namespace {
+
+using testing::HasSubstr;
 
 constexpr std::string_view kGood = R"(name = "kyoto"
 
@@ -133,6 +136,31 @@ TEST(StudioFile, names_what_is_missing) {
   EXPECT_EQ(message_for("name = \"x\"\n"),
             "/etc/v3d/studio.toml:1: node: missing: expected one [[node]] per PC");
   EXPECT_EQ(message_for(with("name = \"kyoto\"\n", "")), "/etc/v3d/studio.toml:1: name: missing");
+}
+
+TEST(StudioFile, reads_how_a_v4l2_camera_is_triggered) {
+  const std::string v4l2 = with("address = \"V3D-SIM-01\"",
+                                "address = \"/dev/video0\"\nkind = \"v4l2\"\nwidth = 640\n"
+                                "height = 480\ntrigger_control = \"0x009a0914\"\n"
+                                "trigger_value = 2\ntrigger_edge = \"falling\"");
+  const StudioCamera camera = parse_studio(v4l2, "studio.toml").cameras[0];
+  EXPECT_EQ(camera.kind, CameraKind::kV4l2);
+  EXPECT_EQ(camera.trigger_control, 0x009a0914U);
+  EXPECT_EQ(camera.trigger_value, 2);
+  EXPECT_EQ(camera.trigger_edge, Edge::kFalling);
+  EXPECT_EQ(camera.size, (ImageSize{640, 480}));
+}
+
+TEST(StudioFile, says_what_a_v4l2_camera_needs) {
+  const std::string address = "address = \"V3D-SIM-01\"";
+  const std::string v4l2 = address + "\nkind = \"v4l2\"\n";
+  EXPECT_THAT(message_for(with(address, v4l2)), HasSubstr("trigger_control: missing"));
+  EXPECT_THAT(message_for(with(address, v4l2 + "trigger_control = \"0x9a09zz\"")),
+              HasSubstr("expected the id of a V4L2 control"));
+  EXPECT_THAT(message_for(with(address, v4l2 + "trigger_control = \"1\"\ngain_db = 3")),
+              HasSubstr("gain_db: a V4L2 gain has no unit"));
+  EXPECT_THAT(message_for(with(address, v4l2 + "trigger_control = \"1\"\nwidth = 640")),
+              HasSubstr("height"));
 }
 
 }  // namespace

@@ -150,6 +150,13 @@ TEST(AravisCamera, names_the_camera_and_the_setting_that_it_refuses) {
   EXPECT_THAT(refusal(wanted), AllOf(HasSubstr("Gain (dB): wanted 1.5"), HasSubstr("got 1")));
 }
 
+TEST(AravisCamera, that_cannot_expose_at_the_falling_edge_is_refused) {
+  const FakeCamera fake;
+  StudioCamera wanted = settings();
+  wanted.trigger_edge = Edge::kFalling;
+  EXPECT_THAT(refusal(wanted), HasSubstr("TriggerActivation: wanted FallingEdge"));
+}
+
 TEST(AravisCamera, that_another_program_has_is_refused_until_that_program_lets_go) {
   const FakeCamera fake;
   AravisCamera first(settings());
@@ -197,12 +204,6 @@ TEST(AravisCamera, is_lost_when_it_disappears_and_found_when_it_is_back) {
   EXPECT_FALSE(camera.lost());
   again.trigger();
   EXPECT_TRUE(camera.wait(in(seconds(10))));
-}
-
-TEST(MakeCamera, refuses_a_kind_that_is_not_built) {
-  StudioCamera wanted = settings();
-  wanted.kind = CameraKind::kV4l2;
-  EXPECT_THROW(make_camera(wanted), InputError);
 }
 
 }  // namespace

@@ -1,0 +1,288 @@
+// The V4L2 camera against a kernel that the test plays.
+#include "capture/v4l2_camera.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <linux/videodev2.h>
+
+#include <algorithm>
+#include <array>
+#include <cerrno>
+#include <deque>
+#include <map>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "base/error.h"
+#include "support/message_of.h"
+
+namespace v3d {
+namespace {
+
+using testing::AllOf;
+using testing::HasSubstr;
+
+constexpr uint32_t kTrigger = 0x009a0914;
+constexpr uint32_t kStride = 8;  ///< of images 6 wide
+
+/// What the driver does next when a buffer is asked for.
+struct Delivery {
+  uint32_t sequence = 0;
+  int64_t us = 0;
+  uint32_t flags = V4L2_BUF_FLAG_TIMESTAMP_MONOTONIC;
+  uint32_t bytes = kStride * 4;
+  int error = 0;  ///< of VIDIOC_DQBUF
+};
+
+/// A driver, kept between the times it is opened.
+struct Driver {
+  uint32_t capabilities = V4L2_CAP_VIDEO_CAPTURE | V4L2_CAP_STREAMING;
+  uint32_t format = V4L2_PIX_FMT_YUYV;
+  uint32_t width = 6;
+  uint32_t height = 4;
+  std::vector<uint32_t> formats = {V4L2_PIX_FMT_YUYV, V4L2_PIX_FMT_GREY};
+  uint32_t clock = V4L2_BUF_FLAG_TIMESTAMP_MONOTONIC;
+  std::map<uint32_t, int32_t> controls = {{kTrigger, 0}, {V4L2_CID_EXPOSURE_ABSOLUTE, 333}};
+  bool obeys = true;  ///< takes control values as they are
+  int queue_error = 0;
+
+  std::deque<Delivery> deliveries;
+  std::array<std::array<uint8_t, kStride * 4>, 8> memory{};
+  std::deque<uint32_t> queued;
+  bool streaming = false;
+  int open = 0;  ///< devices that are
+};
+
+class ScriptedDevice : public V4l2Device {
+ public:
+  explicit ScriptedDevice(Driver& driver) : driver_(driver) { ++driver_.open; }
+  ~ScriptedDevice() override { --driver_.open; }
+
+  bool wait(MonotonicInstant) override { return !driver_.deliveries.empty(); }
+
+  std::span<const uint8_t> map(size_t bytes, uint32_t offset) override {
+    return {driver_.memory.at(offset).data(), bytes};
+  }
+
+  int control(unsigned long request, void* argument) override {
+    switch (request) {
+      case VIDIOC_QUERYCAP:
+        static_cast<v4l2_capability*>(argument)->capabilities = driver_.capabilities;
+        return 0;
+      case VIDIOC_G_FMT:
+      case VIDIOC_S_FMT:
+        return image_format(*static_cast<v4l2_format*>(argument), request == VIDIOC_S_FMT);
+      case VIDIOC_ENUM_FMT: {
+        auto& format = *static_cast<v4l2_fmtdesc*>(argument);
+        if (format.index >= driver_.formats.size()) return EINVAL;
+        format.pixelformat = driver_.formats[format.index];
+        return 0;
+      }
+      case VIDIOC_QUERYCTRL:
+        return known(static_cast<v4l2_queryctrl*>(argument)->id);
+      case VIDIOC_S_CTRL: {
+        const auto& value = *static_cast<v4l2_control*>(argument);
+        if (driver_.obeys && known(value.id) == 0) driver_.controls[value.id] = value.value;
+        return known(value.id);
+      }
+      case VIDIOC_G_CTRL: {
+        auto& value = *static_cast<v4l2_control*>(argument);
+        if (known(value.id) == 0) value.value = driver_.controls[value.id];
+        return known(value.id);
+      }
+      case VIDIOC_REQBUFS:
+        return 0;
+      case VIDIOC_QUERYBUF: {
+        auto& buffer = *static_cast<v4l2_buffer*>(argument);
+        buffer.length = kStride * 4;
+        buffer.m.offset = buffer.index;
+        buffer.flags = driver_.clock;
+        return 0;
+      }
+      case VIDIOC_QBUF:
+        driver_.queued.push_back(static_cast<v4l2_buffer*>(argument)->index);
+        return driver_.queue_error;
+      case VIDIOC_DQBUF:
+        return dequeue(*static_cast<v4l2_buffer*>(argument));
+      case VIDIOC_STREAMON:
+      case VIDIOC_STREAMOFF:
+        driver_.streaming = request == VIDIOC_STREAMON;
+        if (!driver_.streaming) driver_.queued.clear();
+        return 0;
+      default:
+        return ENOTTY;
+    }
+  }
+
+ private:
+  int known(uint32_t id) const { return driver_.controls.contains(id) ? 0 : EINVAL; }
+
+  int image_format(v4l2_format& format, bool set) {
+    const uint32_t wanted = format.fmt.pix.pixelformat;
+    if (set && std::count(driver_.formats.begin(), driver_.formats.end(), wanted) > 0) {
+      driver_.format = wanted;
+    }
+    format.fmt.pix.width = driver_.width;
+    format.fmt.pix.height = driver_.height;
+    format.fmt.pix.pixelformat = driver_.format;
+    format.fmt.pix.bytesperline = kStride;
+    return 0;
+  }
+
+  int dequeue(v4l2_buffer& buffer) {
+    const Delivery next = driver_.deliveries.front();
+    driver_.deliveries.pop_front();
+    if (next.error != 0) return next.error;
+    buffer.index = driver_.queued.front();
+    driver_.queued.pop_front();
+    driver_.memory.at(buffer.index).fill(static_cast<uint8_t>(next.sequence));
+    buffer.sequence = next.sequence;
+    buffer.flags = next.flags;
+    buffer.bytesused = next.bytes;
+    buffer.timestamp = {.tv_sec = next.us / 1'000'000, .tv_usec = next.us % 1'000'000};
+    return 0;
+  }
+
+  Driver& driver_;
+};
+
+class V4l2CameraTest : public testing::Test {
+ protected:
+  V4l2CameraTest() {
+    settings_.name = "cam07";
+    settings_.kind = CameraKind::kV4l2;
+    settings_.address = "/dev/video7";
+    settings_.pixel_format = PixelFormat::kMono8;
+    settings_.exposure_us = 2000;
+    settings_.trigger_control = kTrigger;
+    settings_.trigger_value = 3;
+    settings_.buffers = 4;
+  }
+
+  std::unique_ptr<V4l2Camera> camera() {
+    return std::make_unique<V4l2Camera>(settings_, [this](const std::string& path) {
+      EXPECT_EQ(path, "/dev/video7");
+      return plugged_ ? std::make_unique<ScriptedDevice>(driver_)
+                      : (errno = ENODEV, std::unique_ptr<ScriptedDevice>());
+    });
+  }
+  std::string refusal() {
+    return test::message_of<InputError>([&] { camera()->start(); });
+  }
+
+  Driver driver_;
+  bool plugged_ = true;
+  StudioCamera settings_;
+};
+
+TEST_F(V4l2CameraTest, writes_the_settings_into_the_camera) {
+  const auto c = camera();
+  c->start();
+  EXPECT_EQ(driver_.format, V4L2_PIX_FMT_GREY);
+  EXPECT_EQ(driver_.controls[kTrigger], 3);
+  EXPECT_EQ(driver_.controls[V4L2_CID_EXPOSURE_ABSOLUTE], 20);
+  EXPECT_EQ(driver_.queued.size(), 4U);
+  EXPECT_TRUE(driver_.streaming);
+  EXPECT_EQ(c->size(), (ImageSize{6, 4}));
+  c->stop();
+  c->stop();
+  EXPECT_FALSE(driver_.streaming);
+  EXPECT_EQ(driver_.open, 0);
+}
+
+TEST_F(V4l2CameraTest, gives_every_frame_its_time_its_counter_and_rows_without_padding) {
+  driver_.deliveries = {{.sequence = 7, .us = 12'000'040}, {.sequence = 9, .us = 12'080'040}};
+  const auto c = camera();
+  c->start();
+  const auto first = c->wait({});
+  ASSERT_TRUE(first);
+  EXPECT_EQ(to_ns(first->device_time), 12'000'040'000);
+  EXPECT_EQ(first->image.bytes, std::vector<uint8_t>(6 * 4, 7));
+  const auto second = c->wait({});
+  ASSERT_TRUE(second);
+  EXPECT_EQ(second->counter, first->counter + 2) << "a frame that the driver dropped shows";
+  EXPECT_FALSE(c->wait({}));
+  EXPECT_EQ(driver_.queued.size(), 4U) << "every buffer is given back";
+  EXPECT_EQ(c->statistics().completed, 2);
+}
+
+TEST_F(V4l2CameraTest, counts_on_when_the_sequence_number_wraps) {
+  driver_.deliveries = {{.sequence = 0xffffffff}, {.sequence = 0}, {.sequence = 0xffffffff}};
+  const auto c = camera();
+  c->start();
+  const uint64_t before = c->wait({})->counter;
+  EXPECT_EQ(c->wait({})->counter, before + 1);
+  EXPECT_EQ(c->wait({})->counter, before) << "a straggler";
+}
+
+TEST_F(V4l2CameraTest, counts_erroneous_and_short_frames_as_damaged_and_delivers_them_not) {
+  constexpr uint32_t kBroken = V4L2_BUF_FLAG_TIMESTAMP_MONOTONIC | V4L2_BUF_FLAG_ERROR;
+  driver_.deliveries = {{.sequence = 1, .flags = kBroken},
+                        {.sequence = 2, .bytes = kStride * 3},
+                        {.sequence = 3, .error = EAGAIN},
+                        {.sequence = 4}};
+  const auto c = camera();
+  c->start();
+  const auto frame = c->wait({});
+  ASSERT_TRUE(frame);
+  EXPECT_EQ(frame->image.bytes[0], 4);
+  EXPECT_EQ(c->statistics().damaged, 2);
+  EXPECT_EQ(c->statistics().completed, 1);
+  EXPECT_FALSE(c->lost());
+}
+
+TEST_F(V4l2CameraTest, is_lost_when_it_disappears_and_found_when_it_is_back) {
+  for (const int error : {ENODEV, EIO}) {
+    driver_.deliveries = {{.sequence = 1}, {.error = error}, {.sequence = 2}};
+    auto c = camera();
+    c->start();
+    EXPECT_TRUE(c->wait({}));
+    EXPECT_FALSE(c->wait({}));
+    EXPECT_TRUE(c->lost());
+    EXPECT_FALSE(c->wait({})) << "nothing more is asked of a lost camera";
+    c->stop();
+    EXPECT_EQ(driver_.open, 0);
+    plugged_ = false;
+    EXPECT_THAT(test::message_of<InputError>([&] { c->start(); }),
+                AllOf(HasSubstr("cam07"), HasSubstr("/dev/video7: No such device")));
+    plugged_ = true;
+    c->start();
+    EXPECT_FALSE(c->lost());
+    EXPECT_EQ(c->wait({})->image.bytes[0], 2);
+  }
+}
+
+TEST_F(V4l2CameraTest, is_lost_when_the_driver_does_not_take_a_buffer_back) {
+  const auto c = camera();
+  c->start();
+  driver_.deliveries = {{.sequence = 1}};
+  driver_.queue_error = EINVAL;
+  EXPECT_TRUE(c->wait({})) << "this frame is whole";
+  EXPECT_TRUE(c->lost());
+}
+
+TEST_F(V4l2CameraTest, names_the_camera_and_the_setting_that_it_refuses) {
+  driver_.formats = {V4L2_PIX_FMT_YUYV, V4L2_PIX_FMT_MJPEG};
+  EXPECT_THAT(refusal(),
+              HasSubstr("cam07: pixel_format: wanted Mono8, got YUYV; it has YUYV, MJPG"));
+  driver_ = {};
+  driver_.obeys = false;
+  EXPECT_THAT(refusal(), HasSubstr("exposure_us / 100: wanted 20, got 333"));
+  driver_ = {};
+  driver_.controls.erase(kTrigger);
+  EXPECT_THAT(refusal(), HasSubstr("trigger_control 0x009a0914: wanted 3, got Invalid argument"));
+  driver_ = {};
+  driver_.clock = V4L2_BUF_FLAG_TIMESTAMP_UNKNOWN;
+  EXPECT_THAT(refusal(), HasSubstr("time stamps: wanted CLOCK_MONOTONIC"));
+  driver_ = {};
+  driver_.capabilities = V4L2_CAP_VIDEO_OUTPUT;
+  EXPECT_THAT(refusal(), HasSubstr("a device that streams images"));
+  driver_ = {};
+  settings_.size = ImageSize{1024, 768};
+  EXPECT_THAT(refusal(), HasSubstr("size: wanted 1024x768, got 6x4"));
+  EXPECT_EQ(driver_.open, 0) << "what is refused is closed";
+}
+
+}  // namespace
+}  // namespace v3d
