@@ -8,4 +8,8 @@ namespace v3d {
 /// and later put before longer ones and grant to anybody. On older kernels it waits for its turn.
 void become_punctual();
 
+/// What this process has used of its memory, now or later, stays in memory where the process may
+/// (no RLIMIT_MEMLOCK), so that no page of a thread that must be punctual is fetched from a disk.
+void keep_memory();
+
 }  // namespace v3d

@@ -207,9 +207,85 @@ std::filesystem::path resolve(const Studio& studio, const std::string& path) {
   return studio.path.parent_path() / path;
 }
 
+StudioLine read_line(const TomlTable& table) {
+  StudioLine line;
+  line.chip = table.text("chip");
+  line.line = table.is_text("line") ? table.text("line")
+                                    : std::to_string(ranged_int(table, "line", -1, 0, 65'535));
+  return line;
+}
+
+StudioLine read_sense(const TomlTable& table) {
+  static constexpr std::array<std::pair<std::string_view, bool>, 2> kEdges = {
+      {{"rising", false}, {"falling", true}}};
+  StudioLine line = read_line(table);
+  line.active_low = choice(table, "edge", "rising", kEdges);
+  table.refuse_unknown();
+  return line;
+}
+
+StudioLine read_driven_line(const TomlTable& table) {
+  StudioLine line = read_line(table);
+  line.active_low = table.boolean_or("active_low", false);
+  return line;
+}
+
+/// Four hexadecimal digits, as lsusb writes them.
+std::optional<uint16_t> usb_number(std::string_view text) {
+  uint16_t value = 0;
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value, 16);
+  const bool whole = error == std::errc() && end == text.data() + text.size();
+  return text.size() == 4 && whole ? std::optional(value) : std::nullopt;
+}
+
+StudioInstrument read_instrument(const TomlTable& table) {
+  constexpr std::string_view kSerial = "serial:/";
+  constexpr std::string_view kUsb = "usb:";
+  const std::string text = table.text("instrument");
+  const std::string_view rest = text;
+  StudioInstrument instrument;
+  if (rest.starts_with(kSerial) && rest.size() > kSerial.size()) {
+    instrument.device = rest.substr(kSerial.size() - 1);
+    return instrument;
+  }
+  constexpr size_t kProduct = kUsb.size() + 5;
+  const auto vendor = usb_number(rest.substr(std::min(rest.size(), kUsb.size()), 4));
+  const auto product = usb_number(rest.substr(std::min(rest.size(), kProduct), 4));
+  const bool ends = rest.size() == kProduct + 4;
+  const bool has_serial = rest.size() > kProduct + 5 && rest[kProduct + 4] == ':';
+  if (!rest.starts_with(kUsb) || !vendor || !product || rest[kProduct - 1] != ':' ||
+      (!ends && !has_serial)) {
+    table.fail("instrument", "'" + text + "': expected usb:VVVV:PPPP, usb:VVVV:PPPP:SERIAL " +
+                                 "(numbers as lsusb writes them) or serial:/dev/NAME");
+  }
+  instrument.vendor = *vendor;
+  instrument.product = *product;
+  if (has_serial) instrument.serial = rest.substr(kProduct + 5);
+  return instrument;
+}
+
+void read_scpi(const TomlTable& table, StudioTrigger& trigger) {
+  static constexpr std::array<std::pair<std::string_view, Dialect>, 4> kDialects = {
+      {{"keysight33500", Dialect::kKeysight33500},
+       {"rigol-dg", Dialect::kRigolDg},
+       {"siglent-sdg", Dialect::kSiglentSdg},
+       {"bnc575", Dialect::kBnc575}}};
+  trigger.instrument = read_instrument(table);
+  trigger.dialect = choice(table, "dialect", "", kDialects);
+  trigger.channel = ranged_int(table, "channel", trigger.channel, 1, 8);
+  trigger.level_v = ranged(table, "level_v", trigger.level_v, 0.5, 10);
+  if (table.has("gate")) {
+    const TomlTable gate = table.table("gate");
+    trigger.gate = read_driven_line(gate);
+    gate.refuse_unknown();
+  }
+}
+
 void read_trigger(const TomlTable& file, Studio& studio) {
-  static constexpr std::array<std::pair<std::string_view, TriggerKind>, 1> kKinds = {
-      {{"simulated", TriggerKind::kSimulated}}};
+  static constexpr std::array<std::pair<std::string_view, TriggerKind>, 3> kKinds = {
+      {{"gpio", TriggerKind::kGpio},
+       {"scpi", TriggerKind::kScpi},
+       {"simulated", TriggerKind::kSimulated}}};
   const TomlTable table = file.table("trigger");
   StudioTrigger& trigger = studio.trigger;
   trigger.node = read_node(table, studio);
@@ -220,7 +296,13 @@ void read_trigger(const TomlTable& file, Studio& studio) {
     table.fail("pulse_width_us", "a pulse must be shorter than the period of " +
                                      plain(1e6 / trigger.rate_hz) + " us");
   }
-  trigger.wire = resolve(studio, table.text("wire"));
+  if (trigger.kind == TriggerKind::kSimulated) {
+    trigger.wire = resolve(studio, table.text("wire"));
+  } else if (table.has("sense")) {
+    trigger.sense = read_sense(table.table("sense"));
+  }
+  if (trigger.kind == TriggerKind::kGpio) trigger.output = read_driven_line(table);
+  if (trigger.kind == TriggerKind::kScpi) read_scpi(table, trigger);
   table.refuse_unknown();
 }
 
@@ -266,6 +348,13 @@ void read_reconstruction(const TomlTable& file, Studio& studio) {
 }
 
 }  // namespace
+
+std::string StudioInstrument::text() const {
+  if (!device.empty()) return "serial:" + device.string();
+  std::array<char, 16> numbers{};
+  std::snprintf(numbers.data(), numbers.size(), "usb:%04x:%04x", vendor, product);
+  return numbers.data() + (serial.empty() ? "" : ":" + serial);
+}
 
 std::vector<StudioCamera> Studio::cameras_of(std::string_view node) const {
   std::vector<StudioCamera> found;

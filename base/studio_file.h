@@ -42,7 +42,27 @@ struct StudioCamera {
   std::optional<ImageSize> size;  ///< `width`, `height`; else what the camera has
 };
 
-enum class TriggerKind { kSimulated };
+enum class TriggerKind { kSimulated, kGpio, kScpi };
+
+/// A line of a GPIO chip.
+struct StudioLine {
+  std::string chip;         ///< name ("gpiochip0"), label or path
+  std::string line;         ///< name, or its number on the chip in decimal
+  bool active_low = false;  ///< a pulse is the low level, and begins with a falling edge
+};
+
+/// Where a signal generator hangs: "usb:VVVV:PPPP[:SERIAL]" or "serial:/dev/ttyUSB0".
+struct StudioInstrument {
+  std::filesystem::path device;  ///< of a serial port; empty: USB
+  uint16_t vendor = 0;
+  uint16_t product = 0;
+  std::string serial;  ///< empty: any
+
+  std::string text() const;
+};
+
+/// The command languages of signal generators (trigger/scpi_dialect.h).
+enum class Dialect { kKeysight33500, kRigolDg, kSiglentSdg, kBnc575 };
 
 /// [trigger]
 struct StudioTrigger {
@@ -50,7 +70,17 @@ struct StudioTrigger {
   TriggerKind kind = TriggerKind::kSimulated;
   double rate_hz = 25;
   double pulse_width_us = 1000;
-  std::filesystem::path wire;  ///< simulated: the socket that stands for the trigger cable
+  std::filesystem::path wire;       ///< simulated: the socket that stands for the trigger cable
+  StudioLine output;                ///< gpio: chip, line, active_low
+  StudioInstrument instrument;      ///< scpi
+  Dialect dialect{};                ///< scpi
+  int channel = 1;                  ///< scpi: output of the instrument
+  double level_v = 3.3;             ///< scpi: of a pulse, into a high impedance; else 0 V
+  std::optional<StudioLine> gate;   ///< scpi, [trigger.gate]: to the instrument's gate input
+  std::optional<StudioLine> sense;  ///< gpio and scpi, [trigger.sense]: sees the pulses themselves
+
+  /// Somebody sees the pulses; otherwise the generator's own account is the only one.
+  bool is_sensed() const { return kind == TriggerKind::kSimulated || sense.has_value(); }
 };
 
 /// [space]: the part of the world that is reconstructed.

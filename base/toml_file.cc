@@ -95,6 +95,11 @@ TomlTable TomlTable::parse(std::string_view text, const std::filesystem::path& p
 
 bool TomlTable::has(std::string_view key) const { return node_->find(key) != nullptr; }
 
+bool TomlTable::is_text(std::string_view key) const {
+  const toml::node* node = node_->find(key);
+  return node != nullptr && node->is_string();
+}
+
 std::string TomlTable::text(std::string_view key) const {
   const toml::node& node = node_->require(key);
   if (!node.is_string()) {

@@ -22,6 +22,7 @@ class TomlTable {
   static TomlTable parse(std::string_view text, const std::filesystem::path& path);
 
   bool has(std::string_view key) const;
+  bool is_text(std::string_view key) const;
 
   std::string text(std::string_view key) const;
   std::string text_or(std::string_view key, std::string_view fallback) const;

@@ -22,8 +22,6 @@ constexpr size_t kQueueFrames = 32;
 constexpr int64_t kDefaultPlates = 16;
 constexpr int64_t kMinPlates = 2;
 constexpr int64_t kMaxPlates = 256;  // they are all in memory at once
-constexpr double kMinRateHz = 0.01;
-constexpr double kMaxRateHz = 1000;
 /// A frame later than so many periods counts as missing in health.
 constexpr int64_t kLatePeriods = 5;
 /// More frames behind one camera than a hiccup explains: the live picture waits.
@@ -111,11 +109,12 @@ void CaptureNode::make_ready(const CommandMessage& order, std::optional<int64_t>
   refuse_absurd(order);
   order_ = order;
   rate_hz_ = order.rate_hz > 0 ? order.rate_hz : studio_.trigger.rate_hz;
+  pulse_train_ = {.rate_hz = rate_hz_,
+                  .width = from_seconds(studio_.trigger.pulse_width_us * 1e-6),
+                  .count = pulses};
   if (generator_) {
     generator_->stop();
-    generator_->arm({.rate_hz = rate_hz_,
-                     .width = from_seconds(studio_.trigger.pulse_width_us * 1e-6),
-                     .count = pulses});
+    generator_->arm(pulse_train_);
   }
   for (const auto& worker : workers_) worker->arm(period_of(rate_hz_));
   told_.clear();
@@ -144,7 +143,7 @@ void CaptureNode::disarm() {
   if (take_is_open()) {
     const Ledger ledger = finish_take();
     close_take(studio_, info_, ledger);
-    if (ledger.commanded == 0 && ledger.sensed == 0) discard_empty_take();
+    if (ledger.commanded == 0 && ledger.sensed.value_or(0) == 0) discard_empty_take();
   }
   for (const auto& worker : workers_) worker->disarm();
 }
@@ -241,7 +240,7 @@ void CaptureNode::open_take() {
   for (const CameraWorker* worker : ready) info_.cameras.push_back(worker->camera());
   create_take(studio_, info_);
   const TakePaths paths = take_paths(studio_, info_.name);
-  pulses_ = std::make_unique<PulseRecorder>(sensor_.get(), bus_, info_.name, period_of(rate_hz_),
+  pulses_ = std::make_unique<PulseRecorder>(sensor_.get(), bus_, info_.name, pulse_train_,
                                             paths.pulses());
   gate_ = std::make_unique<LiveGate>([ready] { return backlog_of(ready); }, kLiveBacklog);
   for (CameraWorker* worker : ready) {
@@ -255,8 +254,10 @@ void CaptureNode::open_take() {
 }
 
 Ledger CaptureNode::finish_take() {
-  Ledger ledger{
-      .take = info_.name, .commanded = commanded(), .sensed = pulses_->sensed(), .cameras = {}};
+  Ledger ledger;
+  ledger.take = info_.name;
+  ledger.commanded = commanded();
+  if (studio_.trigger.is_sensed()) pulses_->put_into(ledger, ledger.commanded);
   for (const auto& lane : lanes_) ledger.cameras.push_back(lane->close(ledger.commanded));
   totals_ = totals();
   lanes_.clear();
@@ -272,6 +273,7 @@ void CaptureNode::discard_empty_take() {
 }
 
 int64_t CaptureNode::commanded() const {
+  if (generator_ && sensor_ && !generator_->counts_exactly()) return pulses_->seen();
   // Elsewhere, the last pulses may have been left out, or their messages lost.
   return generator_ ? generator_->commanded() : std::max(pulses_->seen(), train_->commanded());
 }
@@ -352,7 +354,8 @@ std::string CaptureNode::ready_text() const {
   std::string text = std::to_string(lanes_.size()) + " cameras streaming and quiet, " +
                      format_bytes(bytes_per_second() * kFiveMinutes) + " for 5 min, " +
                      format_bytes(disk_free_bytes(studio_)) + " free";
-  return generator_ ? text + ", trigger here" : text;
+  if (!generator_) return text;
+  return text + (sensor_ ? ", trigger here" : ", trigger here, not sensed");
 }
 
 // --- health -------------------------------------------------------------------------------------
@@ -398,10 +401,16 @@ void CaptureNode::report_health(HealthMessage& health) {
   health.values["write_errors"] = static_cast<double>(sum.frames.write_errors);
   if (sum.frames.write_errors > 0) health.text = "frames could not be written: the disk refuses";
   tell_troubles(sum);
-  health.values["pulses_sensed"] = static_cast<double>(sum.sensed);
+  if (studio_.trigger.is_sensed()) {
+    health.values["pulses_sensed"] = static_cast<double>(sum.sensed);
+  }
   health.values["pulses_commanded"] = static_cast<double>(sum.commanded);
   if (generator_) {
-    health.values["trigger_latest_ms"] = 1e3 * to_seconds(generator_->worst_lateness());
+    const PulseStatistics pulses = generator_->statistics();
+    health.values["trigger_jitter_p50_us"] = 1e6 * to_seconds(pulses.jitter_p50);
+    health.values["trigger_jitter_p99_us"] = 1e6 * to_seconds(pulses.jitter_p99);
+    health.values["trigger_jitter_max_us"] = 1e6 * to_seconds(pulses.jitter_max);
+    health.values["trigger_late"] = static_cast<double>(pulses.late);
   }
   health.values["frames_missing"] = 0;
   health.values["frames_suspect"] = 0;
@@ -414,6 +423,8 @@ void CaptureNode::tell_troubles(const TakeTotals& sum) {
   events_.keep_told(Severity::kAlarm, "trigger", trigger_trouble(sum));
   events_.keep_told(Severity::kAlarm, "sense line",
                     sensor_ && take_is_open() ? sensor_->fault() : "");
+  events_.keep_told(Severity::kWarning, "pulses",
+                    sensor_ && take_is_open() ? pulses_->trouble() : "");
   events_.keep_told(Severity::kWarning, "live picture",
                     sum.pulses_not_live == 0
                         ? ""
@@ -437,7 +448,7 @@ std::string CaptureNode::disk_trouble(const TakeTotals& sum) const {
 std::string CaptureNode::trigger_trouble(const TakeTotals& sum) const {
   if (generator_ && !generator_->fault().empty()) return generator_->fault();
   const int64_t unseen = sum.commanded - kLatePeriods - sum.sensed;
-  if (!generator_ || !take_is_open() || unseen <= 0) return "";
+  if (!sensor_ || !take_is_open() || unseen <= 0) return "";
   return format_count(sum.commanded - sum.sensed) + " pulses commanded and not sensed";
 }
 

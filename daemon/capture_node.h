@@ -85,13 +85,14 @@ class CaptureNode : public NodeWork {
   Bus& bus_;
   EventSender events_;
   std::unique_ptr<PulseGenerator> generator_;  ///< null where another node has the trigger
-  std::unique_ptr<PulseSensor> sensor_;        ///< null with it
+  std::unique_ptr<PulseSensor> sensor_;        ///< null with it, and without a sense line
   std::unique_ptr<TrainWatch> train_;          ///< null where the trigger is here
   std::vector<std::unique_ptr<CameraWorker>> workers_;
   WorkPlaces places_;
 
   CommandMessage order_;
   double rate_hz_ = 0;
+  PulseTrain pulse_train_;
   MonotonicInstant ready_by_;
   MonotonicInstant drain_began_;
   TakeInfo info_;

@@ -23,8 +23,7 @@ void keep_freed_memory() {
 
 }  // namespace
 
-int daemon_main(int argc, char** argv, const DaemonProgram& program,
-                const std::function<void(const Studio& studio, const std::string& node)>& run) {
+int daemon_main(int argc, char** argv, const DaemonProgram& program, const DaemonWork& run) {
   CLI::App app{program.purpose, program.name};
   std::filesystem::path studio;
   std::string node;
@@ -36,6 +35,8 @@ int daemon_main(int argc, char** argv, const DaemonProgram& program,
       ->type_name("NAME");
   app.add_option("--log-level", log_level, "trace, debug, info, warning, error or off")
       ->capture_default_str();
+  bool errand = false;
+  if (program.errand) app.add_flag(program.errand->flag, errand, program.errand->purpose);
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
@@ -44,6 +45,10 @@ int daemon_main(int argc, char** argv, const DaemonProgram& program,
   keep_freed_memory();
   try {
     begin_logging(program.name, log_level);
+    if (errand) {
+      program.errand->run(load_studio(studio), node);
+      return kExitDone;
+    }
     catch_stop_signals();
     run(load_studio(studio), node);
     return kExitDone;

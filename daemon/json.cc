@@ -18,7 +18,12 @@ std::string ledger_json(const Ledger& ledger) {
   const nlohmann::json json = {
       {"take", ledger.take},
       {"complete", ledger.complete()},
-      {"pulses", {{"commanded", ledger.commanded}, {"sensed", ledger.sensed}}},
+      {"pulses",
+       {{"commanded", ledger.commanded},
+        {"sensed", ledger.sensed ? nlohmann::json(*ledger.sensed) : nlohmann::json()},
+        {"unsensed", ledger.unsensed},
+        {"extra", ledger.extra},
+        {"runt", ledger.runt}}},
       {"cameras", cameras}};
   return json.dump();
 }

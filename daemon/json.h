@@ -8,7 +8,8 @@
 
 namespace v3d {
 
-/// The keys of `v3dctl verify --json`: complete, pulses {commanded, sensed}, cameras [...].
+/// The keys of `v3dctl verify --json`: take, complete, pulses {commanded, sensed (null without a
+/// sense line), unsensed [..], extra, runt [..]}, cameras [...].
 std::string ledger_json(const Ledger& ledger);
 std::string numbers_json(const std::map<std::string, double>& values);
 

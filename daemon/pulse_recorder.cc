@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "base/units.h"
 #include "wire/channels.h"
 
 namespace v3d {
@@ -17,9 +18,9 @@ RealtimeInstant to_realtime(MonotonicInstant t) { return Realtime::now() - (Mono
 
 }  // namespace
 
-PulseRecorder::PulseRecorder(PulseSensor* sensor, Bus& bus, std::string take, Duration period,
-                             const std::filesystem::path& log)
-    : sensor_(sensor), bus_(bus), take_(std::move(take)), numbers_(period) {
+PulseRecorder::PulseRecorder(PulseSensor* sensor, Bus& bus, std::string take,
+                             const PulseTrain& train, const std::filesystem::path& log)
+    : sensor_(sensor), bus_(bus), take_(std::move(take)), numbers_(train) {
   if (!log.empty()) log_.emplace(log);
   if (sensor_ != nullptr) {
     sensor_->reset();
@@ -39,11 +40,39 @@ void PulseRecorder::run() {
     heartbeat_.beat();
     const auto pulse = next();
     if (!pulse) continue;
-    if (log_ && !log_->write(*pulse)) ++write_errors_;
-    if (sensor_ != nullptr) bus_.publish(kPulseChannel, encode(*pulse));
-    seen_ = std::max<int64_t>(seen_, pulse->pulse + 1);
-    ++sensed_;
+    record(*pulse);
   }
+}
+
+void PulseRecorder::record(const PulseMessage& pulse) {
+  if (log_ && !log_->write(pulse)) ++write_errors_;
+  if (sensor_ != nullptr) bus_.publish(kPulseChannel, encode(pulse));
+  const std::lock_guard lock(mutex_);
+  sensed_.insert(pulse.pulse);
+  seen_ = std::max<int64_t>(seen_, pulse.pulse + 1);
+}
+
+int64_t PulseRecorder::sensed() const {
+  const std::lock_guard lock(mutex_);
+  return static_cast<int64_t>(sensed_.size());
+}
+
+void PulseRecorder::put_into(Ledger& ledger, int64_t commanded) const {
+  const std::lock_guard lock(mutex_);
+  ledger.sensed = static_cast<int64_t>(sensed_.size());
+  ledger.unsensed = missing_of(sensed_, commanded);
+  ledger.extra = numbers_.extra();
+  ledger.runt = numbers_.runts();
+}
+
+std::string PulseRecorder::trouble() const {
+  const std::lock_guard lock(mutex_);
+  const auto runts = static_cast<int64_t>(numbers_.runts().size());
+  std::string text;
+  if (numbers_.extra() > 0)
+    text = format_count(numbers_.extra()) + " pulses more than the train has";
+  if (runts > 0) text += (text.empty() ? "" : ", ") + format_count(runts) + " pulses too short";
+  return text;
 }
 
 std::optional<PulseMessage> PulseRecorder::next() { return sensor_ != nullptr ? sense() : hear(); }
@@ -51,10 +80,13 @@ std::optional<PulseMessage> PulseRecorder::next() { return sensor_ != nullptr ? 
 std::optional<PulseMessage> PulseRecorder::sense() {
   const auto edge = sensor_->wait(Monotonic::now() + kLook);
   if (!edge) return std::nullopt;
+  const std::unique_lock lock(mutex_);
+  const auto number = numbers_.number(*edge);
+  if (!number) return std::nullopt;
   return PulseMessage{.sent = Realtime::now(),
                       .seq = seq_++,
                       .take = take_,
-                      .pulse = numbers_.number(edge->at),
+                      .pulse = *number,
                       .edge = to_realtime(edge->at),
                       .edge_monotonic = edge->at};
 }

@@ -6,14 +6,16 @@
 #include <memory>
 #include <mutex>
 #include <optional>
+#include <set>
 #include <string>
 #include <thread>
 
 #include "daemon/bus.h"
 #include "daemon/heartbeat.h"
 #include "take/frame_log.h"
-#include "trigger/edge_numbers.h"
+#include "take/ledger.h"
 #include "trigger/pulse_generator.h"
+#include "trigger/sensed_train.h"
 
 namespace v3d {
 
@@ -21,16 +23,20 @@ namespace v3d {
 /// what that node tells. Has a thread of its own; lives from arming to the end of the take.
 class PulseRecorder {
  public:
-  /// `period`: of the train. `sensor` (may be null: listen on the bus) is reset here and read until
-  /// destruction; it and `bus` outlive the recorder. An empty `log` is not written. Throws
+  /// `train`: what was commanded. `sensor` (may be null: listen on the bus) is reset here and read
+  /// until destruction; it and `bus` outlive the recorder. An empty `log` is not written. Throws
   /// InputError when the line cannot be reached or the log cannot be made.
-  PulseRecorder(PulseSensor* sensor, Bus& bus, std::string take, Duration period,
+  PulseRecorder(PulseSensor* sensor, Bus& bus, std::string take, const PulseTrain& train,
                 const std::filesystem::path& log);
   ~PulseRecorder();
   PulseRecorder(const PulseRecorder&) = delete;
   PulseRecorder& operator=(const PulseRecorder&) = delete;
 
-  int64_t sensed() const { return sensed_; }
+  int64_t sensed() const;
+  /// What the ledger has of it. `commanded`: pulses until now.
+  void put_into(Ledger& ledger, int64_t commanded) const;
+  /// "2 extra pulses, 1 runt pulse", or nothing.
+  std::string trouble() const;
   /// The highest pulse number seen, plus one.
   int64_t seen() const { return seen_; }
   int64_t write_errors() const { return write_errors_; }
@@ -43,19 +49,21 @@ class PulseRecorder {
   std::optional<PulseMessage> next();
   std::optional<PulseMessage> sense();
   std::optional<PulseMessage> hear();
+  void record(const PulseMessage& pulse);
 
   PulseSensor* const sensor_;
   Bus& bus_;
   const std::string take_;
-  EdgeNumbers numbers_;
   std::unique_ptr<Subscription<PulseMessage>> heard_;
   std::optional<EventLogWriter> log_;
   int64_t seq_ = 0;
-  std::atomic<int64_t> sensed_ = 0;
   std::atomic<int64_t> seen_ = 0;
   std::atomic<int64_t> write_errors_ = 0;
   Heartbeat heartbeat_;
   std::atomic<bool> stopping_ = false;
+  mutable std::mutex mutex_;  ///< what was sensed
+  SensedTrain numbers_;
+  std::set<int64_t> sensed_;
   std::thread thread_;
 };
 

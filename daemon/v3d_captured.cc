@@ -6,6 +6,7 @@
 #include "daemon/node_loop.h"
 #include "daemon/service.h"
 #include "daemon/take_folder.h"
+#include "trigger/make_trigger.h"
 
 namespace {
 
@@ -21,10 +22,22 @@ void run(const v3d::Studio& studio, const std::string& node) {
   v3d::NodeLoop(node, "v3d-captured", bus, work).run();
 }
 
+/// Whatever ended the daemon, no pulse goes on.
+void trigger_off(const v3d::Studio& studio, const std::string& node) {
+  if (studio.trigger.node != node) return;
+  v3d::make_generator(studio.trigger)->silence();
+  spdlog::info("the trigger's output is inactive");
+}
+
 }  // namespace
 
 int main(int argc, char** argv) {
   return v3d::daemon_main(
-      argc, argv, {"v3d-captured", "Runs the cameras and the trigger of one node of a studio."},
+      argc, argv,
+      {.name = "v3d-captured",
+       .purpose = "Runs the cameras and the trigger of one node of a studio.",
+       .errand = v3d::DaemonErrand{.flag = "--trigger-off",
+                                   .purpose = "only turns the trigger's output off",
+                                   .run = trigger_off}},
       run);
 }

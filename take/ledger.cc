@@ -42,7 +42,8 @@ CameraLedger read_camera(const TomlTable& table) {
 }  // namespace
 
 bool Ledger::complete() const {
-  return !cameras.empty() && commanded > 0 && sensed == commanded &&
+  return !cameras.empty() && commanded > 0 && sensed.value_or(commanded) == commanded &&
+         unsensed.empty() && extra == 0 && runt.empty() &&
          std::all_of(cameras.begin(), cameras.end(), [&](const CameraLedger& c) {
            return c.written == commanded && c.missing.empty() && c.duplicate.empty() &&
                   c.suspect.empty();
@@ -63,8 +64,19 @@ std::string Ledger::verdict() const {
                      count(cameras.size()) + " cameras x " + format_count(commanded) + " pulses, " +
                      count(missing) + " missing, " + count(suspect) + " suspect";
   if (duplicate > 0) text += ", " + count(duplicate) + " duplicate";
-  if (sensed != commanded) text += ", " + format_count(sensed) + " pulses sensed";
+  if (!sensed) text += ", pulses not sensed";
+  if (sensed && *sensed != commanded) text += ", " + format_count(*sensed) + " pulses sensed";
+  if (extra > 0) text += ", " + format_count(extra) + " extra pulses";
+  if (!runt.empty()) text += ", " + count(runt.size()) + " runt pulses";
   return text;
+}
+
+std::vector<int64_t> missing_of(const std::set<int64_t>& seen, int64_t commanded) {
+  std::vector<int64_t> missing;
+  for (int64_t pulse = 0; pulse < commanded; ++pulse) {
+    if (!seen.contains(pulse)) missing.push_back(pulse);
+  }
+  return missing;
 }
 
 CameraLedger account(const std::string& camera, const std::vector<int64_t>& pulses,
@@ -100,7 +112,10 @@ Ledger load_ledger(const std::filesystem::path& path) {
   Ledger ledger;
   ledger.take = table.text("take");
   ledger.commanded = read_count(table, "commanded");
-  ledger.sensed = read_count(table, "sensed");
+  if (table.boolean_or("sense_line", true)) ledger.sensed = read_count(table, "sensed");
+  if (table.has("unsensed")) ledger.unsensed = table.integers("unsensed");
+  if (table.has("extra")) ledger.extra = read_count(table, "extra");
+  if (table.has("runt")) ledger.runt = table.integers("runt");
   for (const TomlTable& camera : table.tables("camera")) {
     ledger.cameras.push_back(read_camera(camera));
   }
@@ -111,7 +126,13 @@ Ledger load_ledger(const std::filesystem::path& path) {
 void save_ledger(const std::filesystem::path& path, const Ledger& ledger) {
   std::string text = "take = " + toml_string(ledger.take) +
                      "\ncommanded = " + std::to_string(ledger.commanded) +
-                     "\nsensed = " + std::to_string(ledger.sensed) + "\n";
+                     "\nsense_line = " + (ledger.sensed ? "true" : "false") + "\n";
+  if (ledger.sensed) {
+    text += "sensed = " + std::to_string(*ledger.sensed) +
+            "\nunsensed = " + number_list(ledger.unsensed) +
+            "\nextra = " + std::to_string(ledger.extra) + "\nrunt = " + number_list(ledger.runt) +
+            "\n";
+  }
   for (const CameraLedger& c : ledger.cameras) {
     text += "\n[[camera]]\nname = " + toml_string(c.name) +
             "\nreceived = " + std::to_string(c.received) +

@@ -3,6 +3,8 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <optional>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -21,13 +23,20 @@ struct CameraLedger {
 struct Ledger {
   std::string take;
   int64_t commanded = 0;
-  int64_t sensed = 0;
+  std::optional<int64_t> sensed;  ///< pulses that the sense line saw; empty: there is none
+  std::vector<int64_t> unsensed = {};  ///< pulses that were commanded, and that it did not see
+  int64_t extra = 0;              ///< pulses that it saw between those of the train
+  std::vector<int64_t> runt = {};      ///< pulses that it saw too short
   std::vector<CameraLedger> cameras;
 
+  /// Every pulse sensed, where there is a sense line, and nothing else; every frame written.
   bool complete() const;
   /// "take kendo-07: complete, 15 cameras x 1,250 pulses, 0 missing, 0 suspect"
   std::string verdict() const;
 };
+
+/// The pulses of [0, commanded) that are not among those `seen`.
+std::vector<int64_t> missing_of(const std::set<int64_t>& seen, int64_t commanded);
 
 /// `pulses`: the pulse of every frame in order of arrival; `suspect`: those in doubt.
 CameraLedger account(const std::string& camera, const std::vector<int64_t>& pulses,

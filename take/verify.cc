@@ -60,14 +60,21 @@ class Verifier {
     } catch (const InputError& error) {
       result_.disagreements.emplace_back(error.what());
     }
-    ledger.sensed = static_cast<int64_t>(sensed.size());
+    const bool has_sense_line = !stored || stored->sensed;
+    if (has_sense_line) ledger.sensed = static_cast<int64_t>(sensed.size());
     // A take that nobody closed does not know how many pulses were commanded: those that were
     // sensed tell.
     const int64_t seen = sensed.empty() ? 0 : *sensed.rbegin() + 1;
     ledger.commanded = stored ? stored->commanded : std::max(result_.info.pulses, seen);
-    if (stored && stored->sensed != ledger.sensed) {
-      disagree(paths_.pulses(), "holds " + format_count(ledger.sensed) +
-                                    " pulses, the ledger says " + format_count(stored->sensed));
+    if (has_sense_line) ledger.unsensed = missing_of(sensed, ledger.commanded);
+    if (stored) {
+      ledger.extra = stored->extra;  // not in the log
+      ledger.runt = stored->runt;
+    }
+    if (stored && stored->sensed.value_or(0) != static_cast<int64_t>(sensed.size())) {
+      disagree(paths_.pulses(), "holds " + format_count(static_cast<int64_t>(sensed.size())) +
+                                    " pulses, the ledger says " +
+                                    format_count(stored->sensed.value_or(0)));
     }
     if (result_.info.state == TakeState::kComplete && result_.info.pulses != ledger.commanded) {
       disagree(paths_.info(), "says " + format_count(result_.info.pulses) +

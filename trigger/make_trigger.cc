@@ -1,6 +1,8 @@
 #include "trigger/make_trigger.h"
 
 #include "base/error.h"
+#include "trigger/gpio_generator.h"
+#include "trigger/gpio_sensor.h"
 #include "trigger/simulated.h"
 
 namespace v3d {
@@ -9,16 +11,19 @@ std::unique_ptr<PulseGenerator> make_generator(const StudioTrigger& trigger) {
   switch (trigger.kind) {
     case TriggerKind::kSimulated:
       return std::make_unique<SimulatedGenerator>(trigger.wire);
+    case TriggerKind::kGpio:
+      return std::make_unique<GpioGenerator>(trigger.output);
+    case TriggerKind::kScpi:
+      break;
   }
-  throw InputError("trigger: kind is not one that this build has; right would be simulated");
+  throw InputError("trigger: kind scpi is not there yet; right would be gpio or simulated");
 }
 
 std::unique_ptr<PulseSensor> make_sensor(const StudioTrigger& trigger) {
-  switch (trigger.kind) {
-    case TriggerKind::kSimulated:
-      return std::make_unique<SimulatedSensor>(trigger.wire);
+  if (trigger.kind == TriggerKind::kSimulated) {
+    return std::make_unique<SimulatedSensor>(trigger.wire);
   }
-  throw InputError("trigger: kind is not one that this build has; right would be simulated");
+  return trigger.sense ? std::make_unique<GpioSensor>(*trigger.sense) : nullptr;
 }
 
 }  // namespace v3d

@@ -10,6 +10,7 @@ namespace v3d {
 
 /// Touch no hardware yet: arm() and reset() do.
 std::unique_ptr<PulseGenerator> make_generator(const StudioTrigger& trigger);
+/// Null where the studio has no sense line.
 std::unique_ptr<PulseSensor> make_sensor(const StudioTrigger& trigger);
 
 }  // namespace v3d

@@ -7,13 +7,17 @@
 #include <string>
 
 #include "base/time.h"
+#include "trigger/pulse_train.h"
 
 namespace v3d {
 
-struct PulseTrain {
-  double rate_hz = 25;
-  Duration width = std::chrono::milliseconds(1);
-  std::optional<int64_t> count;  ///< empty: until stopped
+/// How far after its place in the train a pulse began, by this host's clock; skipped pulses count
+/// with the lateness at which they were given up. Percentiles are within 10 % and never below.
+struct PulseStatistics {
+  Duration jitter_p50{};
+  Duration jitter_p99{};
+  Duration jitter_max{};
+  int64_t late = 0;  ///< pulses by more than a tenth of a period, skipped ones included
 };
 
 /// One thread calls; implementations own any thread they need and join it in their destructor. The
@@ -21,6 +25,9 @@ struct PulseTrain {
 class PulseGenerator {
  public:
   virtual ~PulseGenerator() = default;
+  /// The output is inactive when this returns, whatever a process that died left it at. Throws
+  /// InputError when the generator cannot be reached.
+  virtual void silence() = 0;
   /// Sets the train up and reads it back; the output stays inactive. Throws InputError when the
   /// generator cannot make this train or cannot be reached.
   virtual void arm(const PulseTrain& train) = 0;
@@ -33,16 +40,20 @@ class PulseGenerator {
   virtual int64_t commanded() const = 0;
   /// True once a train of known length has ended, or after stop().
   virtual bool finished() const = 0;
-  /// How late the latest pulse since start() was, skipped ones included.
-  virtual Duration worst_lateness() const = 0;
+  /// False where commanded() is an estimate by this host's clock: what the
+  /// sense line saw is the better account.
+  virtual bool counts_exactly() const { return true; }
+  /// Of the pulses since start(); zeros where another machine makes the pulses.
+  virtual PulseStatistics statistics() const = 0;
   /// What went wrong while running, one line; empty when nothing did.
   virtual std::string fault() const = 0;
 };
 
-/// An edge that the sense line saw.
+/// A pulse that the sense line saw.
 struct SensedPulse {
-  int64_t number = 0;  ///< counted from 0 since the last reset()
-  MonotonicInstant at;
+  int64_t number = 0;                  ///< counted from 0 since the last reset()
+  MonotonicInstant at;                 ///< its first edge
+  std::optional<Duration> width = {};  ///< empty where the line does not tell
 };
 
 /// The line that sees the pulses themselves.
@@ -52,7 +63,7 @@ class PulseSensor {
   /// Forgets edges that nobody took and counts from 0 again. Throws InputError when the line cannot
   /// be reached.
   virtual void reset() = 0;
-  /// The next edge, waiting until `deadline`; empty when none came. One thread.
+  /// The next pulse, waiting until `deadline`; empty when none came. One thread.
   virtual std::optional<SensedPulse> wait(MonotonicInstant deadline) = 0;
   /// What went wrong, one line; empty when nothing did. A sensor with a fault senses nothing.
   virtual std::string fault() const = 0;

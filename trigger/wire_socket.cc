@@ -8,27 +8,12 @@
 #include <algorithm>
 #include <cerrno>
 #include <cstring>
-#include <ctime>
 #include <string>
 
 #include "base/error.h"
+#include "trigger/host_clock.h"
 
 namespace v3d {
-namespace {
-
-timespec to_timespec(Duration d) {
-  const auto seconds = std::chrono::duration_cast<std::chrono::seconds>(d);
-  return {seconds.count(), (d - seconds).count()};
-}
-
-}  // namespace
-
-void sleep_until(MonotonicInstant instant) {
-  const timespec until = to_timespec(instant.time_since_epoch());
-  while (clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &until, nullptr) == EINTR) {
-  }
-}
-
 WireSocket::WireSocket(const std::filesystem::path& path) {
   const std::string name = path.string();
   sockaddr_un address{};

@@ -35,7 +35,4 @@ class WireSocket {
   bool vanished_ = false;
 };
 
-/// Sleeps until an instant; returns at once when it has passed.
-void sleep_until(MonotonicInstant instant);
-
 }  // namespace v3d

@@ -130,6 +130,50 @@ TEST(StudioFile, refuses_values_out_of_range_with_the_range) {
             "period of 200 us");
 }
 
+constexpr std::string_view kSimulated =
+    "kind = \"simulated\"\nrate_hz = 25\nwire = \"trigger.sock\"";
+
+TEST(StudioFile, names_a_gpio_line_by_name_or_number_and_the_line_that_senses_it) {
+  const Studio studio = parse_studio(with(kSimulated, R"(kind = "gpio"
+chip = "gpiochip0"
+line = 7
+active_low = true
+[trigger.sense]
+chip = "pinctrl-bcm2711"
+line = "SENSE"
+edge = "falling")"),
+                                     "studio.toml");
+  EXPECT_EQ(studio.trigger.kind, TriggerKind::kGpio);
+  EXPECT_EQ(studio.trigger.output.chip, "gpiochip0");
+  EXPECT_EQ(studio.trigger.output.line, "7");
+  EXPECT_TRUE(studio.trigger.output.active_low);
+  ASSERT_TRUE(studio.trigger.sense);
+  EXPECT_EQ(studio.trigger.sense->line, "SENSE");
+  EXPECT_TRUE(studio.trigger.sense->active_low);
+  EXPECT_EQ(message_for(with(kSimulated, "kind = \"gpio\"\nchip = \"gpiochip0\"\nline = -2")),
+            "/etc/v3d/studio.toml:28: trigger.line: expected a whole number from 0 to 65535, "
+            "found -2");
+}
+
+TEST(StudioFile, names_a_signal_generator_by_its_usb_numbers_or_its_serial_port) {
+  const auto scpi = [](std::string_view instrument) {
+    return with(kSimulated, "kind = \"scpi\"\ndialect = \"rigol-dg\"\ninstrument = \"" +
+                                std::string(instrument) + "\"");
+  };
+  for (const std::string good : {"usb:1ab1:0642", "usb:1ab1:0642:DG1ZA:1", "serial:/dev/ttyUSB0"}) {
+    const Studio studio = parse_studio(scpi(good), "studio.toml");
+    EXPECT_EQ(studio.trigger.dialect, Dialect::kRigolDg);
+    EXPECT_EQ(studio.trigger.instrument.text(), good);
+  }
+  for (const std::string bad : {"", "usb", "usb:1ab1", "usb:1ab1:", "usb:1ab1:642", "usb:1ab1:064g",
+                                "usb:1ab1:0642:", "usb:1ab1-0642", "serial:", "serial:ttyUSB0"}) {
+    EXPECT_EQ(message_for(scpi(bad)),
+              "/etc/v3d/studio.toml:28: trigger.instrument: '" + bad +
+                  "': expected usb:VVVV:PPPP, usb:VVVV:PPPP:SERIAL (numbers as lsusb writes them) "
+                  "or serial:/dev/NAME");
+  }
+}
+
 TEST(StudioFile, names_what_is_missing) {
   EXPECT_EQ(message_for(with("calib = \"calib.toml\"\n", "")),
             "/etc/v3d/studio.toml:34: storage.calib: missing");

@@ -47,6 +47,65 @@ simulated_studio() {
   systemctl -q enable v3d-studio.target v3d-captured@cap01.service v3d-recond@recon01.service
 }
 
+# gpio_lines: a GPIO chip with the lines TRIGGER and SENSE; $gpio is its folder in sysfs.
+gpio_lines() {
+  local lab=/sys/kernel/config/gpio-sim/lab
+  modprobe -a irq_sim gpio-sim
+  mountpoint -q /sys/kernel/config || mount -t configfs none /sys/kernel/config
+  mkdir -p "$lab"/bank0/line0 "$lab"/bank0/line1
+  echo 8 >"$lab/bank0/num_lines"
+  echo TRIGGER >"$lab/bank0/line0/name"
+  echo SENSE >"$lab/bank0/line1/name"
+  echo 1 >"$lab/live"
+  gpio=/sys/devices/platform/$(cat "$lab/dev_name")/$(cat "$lab/bank0/chip_name")
+  udevadm settle
+}
+
+# trigger_studio TRIGGER: a studio of a trigger alone, by the fields of its [trigger] and the tables below it. Its one
+# camera is never there. Takes are recorded by trigger_take.
+trigger_studio() {
+  cat >/etc/v3d/studio.toml <<X
+name = "lab"
+[[node]]
+name = "cap01"
+[[camera]]
+name = "cam01"
+node = "cap01"
+address = "127.0.0.99"
+[storage]
+takes = "/var/lib/v3d/takes"
+background = "/var/lib/v3d/background"
+calib = "/etc/v3d/calib.toml"
+[space]
+min = [-1, -1, 0]
+max = [1, 1, 2]
+[reconstruction]
+node = "cap01"
+[trigger]
+node = "cap01"
+$1
+X
+  cat >/etc/v3d/calib.toml <<X
+[cam_0]
+name = "cam01"
+size = [640, 480]
+matrix = [[600, 0, 320], [0, 600, 240], [0, 0, 1]]
+distortions = []
+rotation = [0, 0, 0]
+translation = [0, 0, 0]
+X
+  systemctl start v3d-captured@cap01
+  until_true 60 v3dctl status
+}
+
+# trigger_take NAME PULSES: as take, of the pulses alone.
+trigger_take() {
+  v3dctl arm "$1" --pulses "$2" --allow-missing cam01
+  v3dctl start --wait || [ $? -eq 3 ]
+  v3dctl stop --json >/run/stop.json || [ $? -eq 3 ]
+  jq -r .verdict /run/stop.json
+}
+
 # take NAME PULSES: armed, recorded to its end and stopped; leaves what v3dctl said in /run/stop.json.
 take() {
   v3dctl arm "$1" --pulses "$2"

@@ -42,7 +42,7 @@ TEST(Ledger, is_incomplete_for_every_kind_of_doubt) {
   EXPECT_FALSE(complete_after([](Ledger& l) { l.cameras[3].duplicate = {7}; }));
   EXPECT_FALSE(complete_after([](Ledger& l) { l.cameras[3].suspect = {7}; }));
   EXPECT_FALSE(complete_after([](Ledger& l) { l.cameras[3].written -= 1; }));
-  EXPECT_FALSE(complete_after([](Ledger& l) { l.sensed -= 1; }));
+  EXPECT_FALSE(complete_after([](Ledger& l) { *l.sensed -= 1; }));
   EXPECT_FALSE(complete_after([](Ledger& l) { l.cameras.clear(); }));
 }
 

@@ -5,10 +5,10 @@
 
 #include <cmath>
 #include <functional>
-#include <map>
 
 #include "base/error.h"
 #include "cable_server.h"
+#include "slow_host.h"
 #include "support/message_of.h"
 #include "trigger/make_trigger.h"
 
@@ -64,24 +64,6 @@ TEST(SimulatedGenerator, puts_edge_k_at_start_plus_k_periods) {
   EXPECT_LE(edges.back() - edges[0], 9 * 25'000'000);
 }
 
-/// A host whose time passes only while it sleeps, and that oversleeps as it is told.
-struct SlowHost {
-  /// Sleeps, counted from 0, and by how much they are too long.
-  explicit SlowHost(std::map<MonotonicInstant, Duration> holds) : held_up(std::move(holds)) {}
-
-  HostClock clock() {
-    return {.now = [this] { return now; },
-            .sleep_until =
-                [this](MonotonicInstant until) {
-                  now = std::max(now, until);
-                  const auto hold = held_up.find(now);
-                  if (hold != held_up.end()) now += hold->second;
-                }};
-  }
-  std::map<MonotonicInstant, Duration> held_up;
-  MonotonicInstant now{seconds(100)};
-};
-
 /// When pulse k of a train of 25 Hz is due that was started at 100 s.
 MonotonicInstant due(int k) { return MonotonicInstant(seconds(100) + milliseconds(20 + 40 * k)); }
 
@@ -100,7 +82,7 @@ TEST(SimulatedGenerator, sends_a_late_edge_with_the_stamp_of_its_place_in_the_tr
   ASSERT_TRUE(cable.wait_for_edges(5));
   ASSERT_TRUE(eventually([&] { return generator.finished(); }));
   EXPECT_EQ(cable.edges(), stamps({0, 1, 2, 3, 4}));
-  EXPECT_EQ(generator.worst_lateness(), milliseconds(39));
+  EXPECT_EQ(generator.statistics().jitter_max, milliseconds(39));
   EXPECT_EQ(generator.skipped(), 0);
   EXPECT_EQ(generator.fault(), "");
 }

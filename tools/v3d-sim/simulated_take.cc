@@ -172,7 +172,8 @@ void write_take(const SimulatedTake& take, const std::function<void(int64_t)>& p
 
   Ledger ledger;
   ledger.take = info.name;
-  ledger.commanded = ledger.sensed = take.frames;
+  ledger.commanded = take.frames;
+  ledger.sensed = take.frames;
   for (CameraLog& log : logs) {
     ledger.cameras.push_back(log.close(take.frames));
   }

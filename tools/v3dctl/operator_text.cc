@@ -52,8 +52,12 @@ void put_ledger_numbers(const Json& from, const char* key, std::vector<int64_t>&
 Ledger parse_ledger(const Json& json) {
   Ledger ledger;
   ledger.take = json.at("take").get<std::string>();
-  ledger.commanded = json.at("pulses").at("commanded").get<int64_t>();
-  ledger.sensed = json.at("pulses").at("sensed").get<int64_t>();
+  const Json& pulses = json.at("pulses");
+  ledger.commanded = pulses.at("commanded").get<int64_t>();
+  if (!pulses.at("sensed").is_null()) ledger.sensed = pulses.at("sensed").get<int64_t>();
+  put_ledger_numbers(pulses, "unsensed", ledger.unsensed);
+  put_ledger_numbers(pulses, "runt", ledger.runt);
+  ledger.extra = pulses.value("extra", int64_t{0});
   for (const Json& entry : json.at("cameras")) {
     CameraLedger camera;
     camera.name = entry.at("name").get<std::string>();
@@ -119,7 +123,12 @@ TakeAccount merge_ledgers(const Answer& answer) {
       const Ledger part = parse_ledger(detail);
       account.ledger.take = part.take;
       account.ledger.commanded = std::max(account.ledger.commanded, part.commanded);
-      account.ledger.sensed = std::max(account.ledger.sensed, part.sensed);
+      if (part.sensed >= account.ledger.sensed) {
+        account.ledger.sensed = part.sensed;
+        account.ledger.unsensed = part.unsensed;
+        account.ledger.extra = part.extra;
+        account.ledger.runt = part.runt;
+      }
       account.ledger.cameras.insert(account.ledger.cameras.end(), part.cameras.begin(),
                                     part.cameras.end());
     } catch (const Json::exception&) {
@@ -204,7 +213,11 @@ std::string recording_line(const std::map<std::string, HealthMessage>& health) {
   const auto count = [](double value) { return format_count(static_cast<int64_t>(value)); };
   std::string line;
   const auto add = [&](const std::string& part) { line += (line.empty() ? "" : "   ") + part; };
-  if (total(health, "pulses_sensed")) add(count(greatest(health, "pulses_sensed")) + " pulses");
+  if (total(health, "pulses_sensed")) {
+    add(count(greatest(health, "pulses_sensed")) + " pulses");
+  } else if (total(health, "pulses_commanded")) {
+    add(count(greatest(health, "pulses_commanded")) + " pulses, not sensed");
+  }
   if (const auto alive = total(health, "cameras_streaming")) {
     add(count(*alive) + "/" + count(total(health, "cameras").value_or(*alive)) + " cameras");
   }

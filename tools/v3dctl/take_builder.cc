@@ -101,7 +101,8 @@ void TakeBuilder::finish() {
   std::iota(pulses.begin(), pulses.end(), 0);
   Ledger ledger;
   ledger.take = info_.name;
-  ledger.commanded = ledger.sensed = pulses_;
+  ledger.commanded = pulses_;
+  ledger.sensed = pulses_;
   for (const std::string& camera : info_.cameras) {
     ledger.cameras.push_back(account(camera, pulses, {}, pulses_));
   }

@@ -1,0 +1,57 @@
+#include "trigger/gpio_generator.h"
+
+#include <algorithm>
+#include <cassert>
+#include <utility>
+
+#include "base/error.h"
+#include "base/punctual.h"
+
+namespace v3d {
+namespace {
+
+/// Of a period: a pulse later than this is skipped.
+constexpr int kSkipPart = 4;
+
+}  // namespace
+
+GpioGenerator::GpioGenerator(StudioLine line, OpenOutputLine open, HostClock clock)
+    : line_(std::move(line)), open_(std::move(open)), train_(*this, std::move(clock)) {}
+
+GpioGenerator::~GpioGenerator() = default;
+
+void GpioGenerator::take_line(const PacedTrain::Plan& plan) {
+  train_.plan(plan);
+  if (output_ && output_->set(false)) return;
+  output_.reset();
+  output_ = open_(line_);
+}
+
+void GpioGenerator::silence() { take_line({}); }
+
+void GpioGenerator::arm(const PulseTrain& train) {
+  refuse_impossible(train, "GPIO trigger");
+  const Duration period = period_of(train.rate_hz);
+  if (train.width > period / 2) {
+    throw InputError("GPIO trigger: a pulse of " +
+                     std::to_string(train.width / std::chrono::microseconds(1)) +
+                     " us is more than half a period; right would be at most " +
+                     std::to_string(period / 2 / std::chrono::microseconds(1)) + " us");
+  }
+  keep_memory();
+  take_line({.period = period,
+             .width = train.width,
+             .count = train.count,
+             .skip_after = period / kSkipPart});
+}
+
+void GpioGenerator::start() {
+  assert(output_ && "arm() comes first");
+  train_.start();
+}
+
+std::string GpioGenerator::fault() const {
+  return train_.broken() ? "GPIO line " + line_text(line_) + " is gone" : train_.fault();
+}
+
+}  // namespace v3d

@@ -1,0 +1,141 @@
+#include "trigger/paced_train.h"
+
+#include <algorithm>
+
+#include "base/punctual.h"
+
+namespace v3d {
+namespace {
+
+/// stop() is heard within this time.
+constexpr Duration kLongestSleep = std::chrono::milliseconds(20);
+/// Of a period: what is later counts as late.
+constexpr int kLatePart = 10;
+
+}  // namespace
+
+PacedTrain::~PacedTrain() {
+  stop();
+  join();
+}
+
+void PacedTrain::plan(const Plan& plan) {
+  stop();
+  join();
+  plan_ = plan;
+  const std::lock_guard lock(mutex_);
+  forget();
+}
+
+void PacedTrain::start() {
+  stop();
+  join();
+  {
+    const std::lock_guard lock(mutex_);
+    forget();
+    stopped_ = false;
+  }
+  thread_ = std::thread([this, first = clock_.now() + plan_.period / 2] { run(first); });
+}
+
+void PacedTrain::stop() {
+  const std::lock_guard lock(mutex_);
+  stopped_ = true;
+}
+
+void PacedTrain::forget() {
+  commanded_ = skipped_ = 0;
+  broken_ = false;
+  lateness_ = Lateness(plan_.period / kLatePart);
+}
+
+void PacedTrain::join() {
+  if (thread_.joinable()) thread_.join();
+}
+
+void PacedTrain::run(MonotonicInstant first) {
+  become_punctual();
+  if (!wait_for(first)) return;
+  first = std::max(first, clock_.now());
+  for (int64_t k = 0;; ++k) {
+    const MonotonicInstant at = first + k * plan_.period;
+    if (!wait_for(at) || !pulse(k, at)) return;
+  }
+}
+
+bool PacedTrain::wait_for(MonotonicInstant instant) const {
+  for (;;) {
+    {
+      const std::lock_guard lock(mutex_);
+      if (stopped_) return false;
+    }
+    const MonotonicInstant now = clock_.now();
+    if (now >= instant) return true;
+    clock_.sleep_until(std::min(instant, now + kLongestSleep));
+  }
+}
+
+bool PacedTrain::pulse(int64_t number, MonotonicInstant at) {
+  bool begun = false;
+  MonotonicInstant now;
+  {
+    const std::lock_guard lock(mutex_);
+    if (stopped_) return false;
+    now = clock_.now();
+    lateness_.add(now - at);
+    begun = now - at < plan_.skip_after;
+    if (!begun) {
+      ++skipped_;
+    } else if (!output_.begin_pulse(at)) {
+      broken_ = stopped_ = true;
+      return false;
+    }
+    commanded_ = number + 1;
+  }
+  if (begun && plan_.width > Duration::zero() && !end_pulse(now)) return false;
+  const std::lock_guard lock(mutex_);
+  if (plan_.count && commanded_ == *plan_.count) stopped_ = true;
+  return !stopped_;
+}
+
+bool PacedTrain::end_pulse(MonotonicInstant begun) {
+  clock_.sleep_until(begun + plan_.width);
+  if (output_.end_pulse()) return true;
+  const std::lock_guard lock(mutex_);
+  broken_ = stopped_ = true;
+  return false;
+}
+
+int64_t PacedTrain::commanded() const {
+  const std::lock_guard lock(mutex_);
+  return commanded_;
+}
+
+int64_t PacedTrain::skipped() const {
+  const std::lock_guard lock(mutex_);
+  return skipped_;
+}
+
+bool PacedTrain::finished() const {
+  const std::lock_guard lock(mutex_);
+  return stopped_;
+}
+
+bool PacedTrain::broken() const {
+  const std::lock_guard lock(mutex_);
+  return broken_;
+}
+
+PulseStatistics PacedTrain::statistics() const {
+  const std::lock_guard lock(mutex_);
+  return lateness_.statistics();
+}
+
+std::string PacedTrain::fault() const {
+  const std::lock_guard lock(mutex_);
+  if (skipped_ == 0) return {};
+  return std::to_string(skipped_) + " pulses skipped: this host was up to " +
+         std::to_string(lateness_.most() / std::chrono::milliseconds(1)) + " ms late";
+}
+
+}  // namespace v3d

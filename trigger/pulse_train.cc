@@ -1,0 +1,25 @@
+#include "trigger/pulse_train.h"
+
+#include "base/error.h"
+
+namespace v3d {
+
+void refuse_impossible(const PulseTrain& train, const std::string& who) {
+  const auto refuse = [&](const std::string& what, const std::string& right) {
+    throw InputError(who + ": " + what + "; right would be " + right);
+  };
+  const double rate = train.rate_hz;
+  if (!(rate >= kMinRateHz && rate <= kMaxRateHz)) {
+    refuse("rate " + std::to_string(rate) + " Hz", "0.01 to 1000 Hz");
+  }
+  if (train.width <= Duration::zero() || train.width >= period_of(rate)) {
+    refuse("pulse width " + std::to_string(train.width.count()) + " ns at " + std::to_string(rate) +
+               " Hz",
+           "more than 0 and less than the period");
+  }
+  if (train.count && *train.count < 1) {
+    refuse("count " + std::to_string(*train.count), "at least 1, or none for a train without end");
+  }
+}
+
+}  // namespace v3d
