@@ -23,9 +23,9 @@ struct CameraLedger {
 struct Ledger {
   std::string take;
   int64_t commanded = 0;
-  std::optional<int64_t> sensed;  ///< pulses that the sense line saw; empty: there is none
+  std::optional<int64_t> sensed;       ///< pulses that the sense line saw; empty: there is none
   std::vector<int64_t> unsensed = {};  ///< pulses that were commanded, and that it did not see
-  int64_t extra = 0;              ///< pulses that it saw between those of the train
+  int64_t extra = 0;                   ///< pulses that it saw between those of the train
   std::vector<int64_t> runt = {};      ///< pulses that it saw too short
   std::vector<CameraLedger> cameras;
 

@@ -1,8 +1,8 @@
 #include "trigger/make_trigger.h"
 
-#include "base/error.h"
 #include "trigger/gpio_generator.h"
 #include "trigger/gpio_sensor.h"
+#include "trigger/scpi_generator.h"
 #include "trigger/simulated.h"
 
 namespace v3d {
@@ -16,7 +16,7 @@ std::unique_ptr<PulseGenerator> make_generator(const StudioTrigger& trigger) {
     case TriggerKind::kScpi:
       break;
   }
-  throw InputError("trigger: kind scpi is not there yet; right would be gpio or simulated");
+  return std::make_unique<ScpiGenerator>(trigger);
 }
 
 std::unique_ptr<PulseSensor> make_sensor(const StudioTrigger& trigger) {

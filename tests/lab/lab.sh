@@ -61,6 +61,36 @@ gpio_lines() {
   udevadm settle
 }
 
+# usb_generator DIALECT [FAULT]: a signal generator on USB, plugged in, whose output is SENSE of gpio_lines. What it
+# prints goes to /run/generator.txt; end_usb_generator ends it.
+usb_generator() {
+  local gadget=/sys/kernel/config/usb_gadget/lab
+  if [ ! -d "$gadget" ]; then
+    modprobe -a dummy_hcd usb_f_fs usbtmc
+    mkdir -p "$gadget/strings/0x409" "$gadget/configs/c.1" "$gadget/functions/ffs.generator" /dev/ffs
+    echo 0x0957 >"$gadget/idVendor"
+    echo 0x2c07 >"$gadget/idProduct"
+    echo LAB0001 >"$gadget/strings/0x409/serialnumber"
+    ln -s "$gadget/functions/ffs.generator" "$gadget/configs/c.1/"
+    mount -t functionfs generator /dev/ffs
+    cp /lab/programs/usb-generator /run/
+  fi
+  : >/run/generator.txt
+  /run/usb-generator /dev/ffs "$gpio/sim_gpio1/pull" "$@" >/run/generator.txt &
+  generator=$!
+  until_true 10 grep -q ready /run/generator.txt
+  ls /sys/class/udc | head -n 1 >"$gadget/UDC"
+  until_true 10 sh -c 'lsusb -d 0957:2c07'
+  udevadm settle
+}
+
+# end_usb_generator: leaves the number of pulses that it has made in $made.
+end_usb_generator() {
+  kill "$generator"
+  wait "$generator" || true
+  made=$(tail -n 1 /run/generator.txt)
+}
+
 # trigger_studio TRIGGER: a studio of a trigger alone, by the fields of its [trigger] and the tables below it. Its one
 # camera is never there. Takes are recorded by trigger_take.
 trigger_studio() {

@@ -1,0 +1,16 @@
+// Bytes as what a signal generator sends: USBTMC transfers, and answers of every dialect.
+#include <cstddef>
+#include <cstdint>
+#include <string_view>
+
+#include "trigger/scpi_dialect.h"
+#include "trigger/usbtmc_message.h"
+
+extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
+  const std::string_view text(reinterpret_cast<const char*>(data), size);
+  if (size > 1) v3d::parse_usbtmc_in({data, size}, data[1]);
+  for (const std::string_view want : {"25", "INF", "ON", "OFF", "PULS", "0.001"}) {
+    for (const std::string_view part : {"", "*", "FRQ"}) v3d::says(text, part, want);
+  }
+  return 0;
+}

@@ -1,0 +1,277 @@
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "slow_host.h"
+#include "support/fake_generator.h"
+#include "support/message_of.h"
+#include "trigger/scpi_generator.h"
+
+namespace v3d {
+namespace {
+
+using std::chrono::milliseconds;
+using std::chrono::seconds;
+using test::FakeGenerator;
+using testing::HasSubstr;
+
+/// The other end of the cable: a generator that may be unplugged, dumb, slow or a liar.
+struct Bench {
+  explicit Bench(const std::string& dialect) : generator(dialect) {}
+
+  FakeGenerator generator;
+  SlowHost host;
+  int64_t opened = 0;
+  int64_t absent_for = 0;                       ///< so many times that it is opened it is not there
+  int64_t unplugged_after = -1;                 ///< so many lines
+  std::map<std::string, std::string> nonsense;  ///< answers, by question
+  Duration answer_takes{};
+
+  std::unique_ptr<Instrument> open();
+};
+
+class ScriptedInstrument : public Instrument {
+ public:
+  explicit ScriptedInstrument(Bench& bench) : bench_(bench) {}
+  void write(const std::string& line) override { hear(line); }
+  std::string query(const std::string& line) override {
+    const auto answer = hear(line);
+    if (bench_.nonsense.contains(line)) return bench_.nonsense[line];
+    if (!answer) throw InstrumentError("does not answer");
+    return *answer;
+  }
+
+ private:
+  std::optional<std::string> hear(const std::string& line) {
+    bench_.host.now += bench_.answer_takes;
+    if (bench_.unplugged_after == 0) throw InstrumentError("was unplugged");
+    if (bench_.unplugged_after > 0) --bench_.unplugged_after;
+    return bench_.generator.hear(line);
+  }
+  Bench& bench_;
+};
+
+std::unique_ptr<Instrument> Bench::open() {
+  if (++opened <= absent_for) throw InstrumentError("no such instrument on USB");
+  return std::make_unique<ScriptedInstrument>(*this);
+}
+
+struct Named {
+  std::string name;
+  Dialect dialect;
+};
+const std::vector<Named> kDialects = {{"keysight33500", Dialect::kKeysight33500},
+                                      {"rigol-dg", Dialect::kRigolDg},
+                                      {"siglent-sdg", Dialect::kSiglentSdg},
+                                      {"bnc575", Dialect::kBnc575}};
+
+StudioTrigger trigger_of(Dialect dialect) {
+  StudioTrigger trigger;
+  trigger.kind = TriggerKind::kScpi;
+  trigger.instrument = {.device = {}, .vendor = 0x0957, .product = 0x2c07, .serial = {}};
+  trigger.dialect = dialect;
+  return trigger;
+}
+
+std::unique_ptr<ScpiGenerator> generator_on(Bench& bench, const StudioTrigger& trigger,
+                                            const OpenOutputLine& open_line = open_output_line) {
+  return std::make_unique<ScpiGenerator>(
+      trigger, [&](const StudioInstrument&) { return bench.open(); }, open_line,
+      bench.host.clock());
+}
+
+PulseTrain train_of(std::optional<int64_t> count) {
+  return {.rate_hz = 25, .width = milliseconds(1), .count = count};
+}
+
+TEST(ScpiGenerator, makes_a_burst_of_the_length_asked_for_in_every_dialect) {
+  for (const Named& d : kDialects) {
+    SCOPED_TRACE(d.name);
+    Bench bench(d.name);
+    const auto generator = generator_on(bench, trigger_of(d.dialect));
+    generator->arm(train_of(250));
+    EXPECT_EQ(bench.generator.pulses, 0);
+    EXPECT_NEAR(bench.generator.rate_hz(), 25, 1e-9);
+    EXPECT_NEAR(bench.generator.width_s(), 1e-3, 1e-12);
+    generator->start();
+    EXPECT_EQ(bench.generator.pulses, 250);
+    EXPECT_TRUE(bench.generator.output_on());
+    EXPECT_FALSE(generator->finished());
+    bench.host.now += milliseconds(100);
+    EXPECT_EQ(generator->commanded(), 3);
+    bench.host.now += seconds(11);
+    EXPECT_TRUE(generator->finished());
+    generator->stop();
+    EXPECT_FALSE(bench.generator.output_on());
+    EXPECT_EQ(generator->commanded(), 250);
+    EXPECT_TRUE(generator->counts_exactly());
+    EXPECT_EQ(generator->fault(), "");
+  }
+}
+
+TEST(ScpiGenerator, runs_without_end_until_it_is_stopped_and_knows_that_it_only_estimates) {
+  for (const Named& d : kDialects) {
+    SCOPED_TRACE(d.name);
+    Bench bench(d.name);
+    const auto generator = generator_on(bench, trigger_of(d.dialect));
+    generator->arm(train_of({}));
+    EXPECT_EQ(bench.generator.pulses, 0);
+    generator->start();
+    EXPECT_EQ(bench.generator.pulses, -1);
+    bench.host.now += seconds(3600);
+    EXPECT_FALSE(generator->finished());
+    generator->stop();
+    EXPECT_EQ(bench.generator.pulses, 0);
+    EXPECT_TRUE(generator->finished());
+    EXPECT_FALSE(generator->counts_exactly());
+  }
+}
+
+/// Remembers how the gate line stands.
+class GateLine : public OutputLine {
+ public:
+  explicit GateLine(bool& active) : active_(active) {}
+  bool set(bool active) override {
+    active_ = active;
+    return true;
+  }
+
+ private:
+  bool& active_;
+};
+
+TEST(ScpiGenerator, opens_the_gate_line_for_a_train_without_end) {
+  for (const Named& d : kDialects) {
+    SCOPED_TRACE(d.name);
+    Bench bench(d.name);
+    bool gate = true;
+    StudioTrigger trigger = trigger_of(d.dialect);
+    trigger.gate = StudioLine{.chip = "gpiochip0", .line = "GATE"};
+    const auto generator = generator_on(
+        bench, trigger, [&](const StudioLine&) { return std::make_unique<GateLine>(gate); });
+    generator->arm(train_of({}));
+    EXPECT_TRUE(bench.generator.output_on());
+    generator->silence();
+    EXPECT_FALSE(gate);
+    generator->arm(train_of({}));
+    generator->start();
+    EXPECT_TRUE(gate);
+    generator->stop();
+    EXPECT_FALSE(gate);
+    EXPECT_FALSE(bench.generator.output_on());
+  }
+}
+
+std::string refusal(ScpiGenerator& generator) {
+  return test::message_of<InputError>([&] { generator.arm(train_of(10)); });
+}
+
+TEST(ScpiGenerator, refuses_an_instrument_that_does_not_do_what_it_is_told) {
+  Bench bench("rigol-dg");
+  bench.generator.lies = ":SOUR1:FUNC:PULS:WIDT";
+  const auto generator = generator_on(bench, trigger_of(Dialect::kRigolDg));
+  EXPECT_EQ(refusal(*generator),
+            "usb:0957:2c07: was told :SOUR1:FUNC:PULS:WIDT 0.001 and says '0'");
+  Bench siglent("siglent-sdg");
+  siglent.generator.lies = "C1:BTWV TIME";
+  const auto other = generator_on(siglent, trigger_of(Dialect::kSiglentSdg));
+  EXPECT_THAT(refusal(*other), HasSubstr("was told C1:BTWV TIME,10 and says 'C1:BTWV GATE_NCYC"));
+}
+
+TEST(ScpiGenerator, refuses_an_instrument_of_another_make_and_one_that_talks_nonsense) {
+  Bench bench("keysight33500");
+  const auto generator = generator_on(bench, trigger_of(Dialect::kRigolDg));
+  EXPECT_THAT(refusal(*generator), HasSubstr("which does not speak rigol-dg"));
+  Bench mad("keysight33500");
+  for (const std::string answer : {"", "\x01\xff", "nan", "25 parsec", "1e999", ","}) {
+    mad.nonsense["SOUR1:FREQ?"] = answer;
+    const auto madman = generator_on(mad, trigger_of(Dialect::kKeysight33500));
+    EXPECT_THAT(refusal(*madman), HasSubstr("was told SOUR1:FREQ 25 and says '"));
+  }
+  Bench bnc("bnc575");
+  bnc.nonsense[":PULSE0:PER 0.04"] = "?4";
+  const auto serial = generator_on(bnc, trigger_of(Dialect::kBnc575));
+  EXPECT_THAT(refusal(*serial), HasSubstr("answers :PULSE0:PER 0.04 with '?4'"));
+}
+
+TEST(ScpiGenerator, tells_of_an_error_that_the_instrument_has) {
+  Bench bench("keysight33500");
+  bench.nonsense["SYST:ERR?"] = "-221,\"Settings conflict\"";
+  const auto generator = generator_on(bench, trigger_of(Dialect::kKeysight33500));
+  EXPECT_THAT(refusal(*generator), HasSubstr("has the error '-221"));
+  EXPECT_FALSE(bench.generator.output_on());
+}
+
+TEST(ScpiGenerator, tries_again_with_an_instrument_that_was_unplugged_while_it_was_armed) {
+  for (int lines = 0; lines < 25; ++lines) {
+    Bench bench("siglent-sdg");
+    bench.unplugged_after = lines;
+    bench.absent_for = 0;
+    const auto generator = std::make_unique<ScpiGenerator>(
+        trigger_of(Dialect::kSiglentSdg),
+        [&](const StudioInstrument&) {
+          if (bench.opened > 0) bench.unplugged_after = -1;  // plugged in again
+          return bench.open();
+        },
+        open_output_line, bench.host.clock());
+    generator->arm(train_of(10));
+    EXPECT_EQ(bench.opened, 2) << lines;
+    generator->start();
+    EXPECT_EQ(bench.generator.pulses, 10);
+  }
+}
+
+TEST(ScpiGenerator, gives_up_on_an_instrument_that_stays_away_and_on_one_that_is_too_slow) {
+  Bench bench("siglent-sdg");
+  bench.absent_for = 1000;
+  const auto generator = generator_on(bench, trigger_of(Dialect::kSiglentSdg));
+  EXPECT_EQ(refusal(*generator), "usb:0957:2c07: no such instrument on USB");
+  EXPECT_EQ(bench.opened, 3);
+  Bench slow("siglent-sdg");
+  slow.answer_takes = milliseconds(900);
+  const auto other = generator_on(slow, trigger_of(Dialect::kSiglentSdg));
+  const MonotonicInstant before = slow.host.now;
+  EXPECT_THAT(refusal(*other), HasSubstr("takes too long"));
+  EXPECT_LT(slow.host.now - before, seconds(15));
+}
+
+TEST(ScpiGenerator, says_that_pulses_may_go_on_when_it_cannot_stop_them) {
+  Bench bench("siglent-sdg");
+  const auto generator = generator_on(bench, trigger_of(Dialect::kSiglentSdg));
+  generator->arm(train_of({}));
+  generator->start();
+  bench.unplugged_after = 0;
+  generator->stop();
+  EXPECT_THAT(generator->fault(), HasSubstr("pulses may go on: usb:0957:2c07: was unplugged"));
+}
+
+TEST(ScpiAnswers, are_read_in_every_notation_that_means_the_same) {
+  EXPECT_TRUE(says("+2.500000000000000E+01", "", "25"));
+  EXPECT_TRUE(says("25HZ", "", "25"));
+  EXPECT_TRUE(says(" 0.025 kHz\r", "", "25"));
+  EXPECT_TRUE(says("1ms", "", "0.001"));
+  EXPECT_TRUE(says("\"PULSE\"", "", "PULS"));
+  EXPECT_TRUE(says("PULS", "", "PULSE"));
+  EXPECT_TRUE(says("9.9E37", "", "INF"));
+  EXPECT_TRUE(says("INFINITY", "", "INF"));
+  EXPECT_TRUE(says("1", "", "ON"));
+  EXPECT_TRUE(says("c1:bswv wvtp,pulse,frq,25HZ", "FRQ", "25"));
+  EXPECT_TRUE(says("C1:OUTP OFF,LOAD,HZ,PLRT,NOR", "*", "OFF"));
+}
+
+TEST(ScpiAnswers, that_mean_another_thing_are_not_taken_for_it) {
+  EXPECT_FALSE(says("25.01", "", "25"));
+  EXPECT_FALSE(says("25 V.I.P.", "", "25"));
+  EXPECT_FALSE(says("-25", "", "25"));
+  EXPECT_FALSE(says("INF", "", "25"));
+  EXPECT_FALSE(says("1e30", "", "INF"));
+  EXPECT_FALSE(says("", "", "0"));
+  EXPECT_FALSE(says("", "", "PULS"));
+  EXPECT_FALSE(says("P", "", "PULS"));
+  EXPECT_FALSE(says("SQU", "", "PULS"));
+  EXPECT_FALSE(says("0", "", "ON"));
+  EXPECT_FALSE(says("C1:BSWV WVTP,FRQ", "FRQ", "25"));
+  EXPECT_FALSE(says("C1:BSWV", "*", "OFF"));
+}
+
+}  // namespace
+}  // namespace v3d

@@ -1,0 +1,114 @@
+#include "trigger/serial_port.h"
+
+#include <fcntl.h>
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <poll.h>
+#include <sys/eventfd.h>
+#include <unistd.h>
+
+#include <cstdlib>
+#include <thread>
+
+#include "support/fake_generator.h"
+#include "support/message_of.h"
+#include "trigger/scpi_generator.h"
+
+namespace v3d {
+namespace {
+
+using testing::HasSubstr;
+
+/// A BNC 575 at the other end of a pseudo-terminal.
+class SerialBench {
+ public:
+  /// `answers`: else it only listens.
+  explicit SerialBench(bool answers = true) : answers_(answers) {
+    master_ = posix_openpt(O_RDWR | O_NOCTTY | O_CLOEXEC);
+    grantpt(master_);
+    unlockpt(master_);
+    device = ptsname(master_);
+    held_ = open(device.c_str(), O_RDWR | O_NOCTTY | O_CLOEXEC);
+    thread_ = std::thread([this] { serve(); });
+  }
+  ~SerialBench() { unplug(); }
+
+  void unplug() {
+    if (!thread_.joinable()) return;
+    const uint64_t one = 1;
+    [[maybe_unused]] const auto n = write(quit_, &one, sizeof one);
+    thread_.join();
+    close(quit_);
+    close(held_);
+    close(master_);
+  }
+
+  std::filesystem::path device;
+  test::FakeGenerator generator{"bnc575"};  ///< to be looked at after unplug()
+
+ private:
+  void serve() {
+    std::string line;
+    for (;;) {
+      pollfd fds[] = {{quit_, POLLIN, 0}, {master_, POLLIN, 0}};
+      poll(fds, 2, -1);
+      if (fds[0].revents != 0) return;
+      char c = 0;
+      if (read(master_, &c, 1) != 1) return;
+      if (c != '\n') {
+        line += c;
+        continue;
+      }
+      EXPECT_EQ(line.back(), '\r');
+      line.pop_back();
+      const auto answer = generator.hear(line);
+      line.clear();
+      if (!answers_ || !answer) continue;
+      const std::string text = *answer + "\r\n";
+      ASSERT_EQ(write(master_, text.data(), text.size()), static_cast<ssize_t>(text.size()));
+    }
+  }
+
+  const bool answers_;
+  int master_ = -1;
+  int held_ = -1;  ///< so that the master is no orphan before somebody opens the port
+  int quit_ = eventfd(0, EFD_CLOEXEC);
+  std::thread thread_;
+};
+
+TEST(SerialPort, programs_and_starts_a_bnc_575) {
+  SerialBench bench;
+  StudioTrigger trigger;
+  trigger.kind = TriggerKind::kScpi;
+  trigger.dialect = Dialect::kBnc575;
+  trigger.instrument.device = bench.device;
+  {
+    ScpiGenerator generator(trigger);
+    generator.arm({.rate_hz = 25, .width = std::chrono::milliseconds(1), .count = 100});
+    generator.start();
+    EXPECT_EQ(generator.fault(), "");
+    generator.stop();
+  }
+  bench.unplug();
+  EXPECT_THAT(bench.generator.heard, testing::Contains(":PULSE0:BCO 100"));
+  EXPECT_THAT(bench.generator.heard, testing::Contains(":PULSE0:STATE ON"));
+  EXPECT_FALSE(bench.generator.output_on());
+}
+
+TEST(SerialPort, says_so_when_the_instrument_is_dumb_or_unplugged_or_no_port) {
+  SerialBench dumb(false);
+  SerialPort port(dumb.device);
+  const auto refusal = [&] {
+    return test::message_of<InstrumentError>([&] { port.query("*IDN?"); });
+  };
+  EXPECT_EQ(refusal(), "does not answer");
+  dumb.unplug();
+  EXPECT_EQ(refusal(), "was unplugged");
+  EXPECT_THAT(test::message_of<InstrumentError>([] { SerialPort absent("/dev/nonexistent"); }),
+              HasSubstr("/dev/nonexistent"));
+  EXPECT_EQ(test::message_of<InputError>([] { SerialPort null("/dev/null"); }),
+            "is no serial port");
+}
+
+}  // namespace
+}  // namespace v3d

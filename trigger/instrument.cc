@@ -1,0 +1,21 @@
+#include "trigger/instrument.h"
+
+#include "trigger/serial_port.h"
+#include "trigger/usb_port.h"
+#include "trigger/usbtmc.h"
+
+namespace v3d {
+
+std::unique_ptr<Instrument> open_instrument(const StudioInstrument& address) {
+  if (!address.device.empty()) return std::make_unique<SerialPort>(address.device);
+  return std::make_unique<Usbtmc>(open_usb_port(address));
+}
+
+std::string in_quotes(const std::string& answer) {
+  constexpr size_t kLongest = 60;
+  std::string text = "'";
+  for (const char c : answer.substr(0, kLongest)) text += c >= ' ' && c <= '~' ? c : '?';
+  return text + (answer.size() > kLongest ? "...'" : "'");
+}
+
+}  // namespace v3d

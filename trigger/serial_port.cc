@@ -1,0 +1,92 @@
+#include "trigger/serial_port.h"
+
+#include <fcntl.h>
+#include <poll.h>
+#include <sys/ioctl.h>
+#include <termios.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+
+namespace v3d {
+namespace {
+
+constexpr Duration kTimeout = std::chrono::seconds(1);
+constexpr size_t kLongestAnswer = 4096;
+
+}  // namespace
+
+SerialPort::SerialPort(const std::filesystem::path& device) {
+  fd_ = open(device.c_str(), O_RDWR | O_NOCTTY | O_NONBLOCK | O_CLOEXEC);
+  if (fd_ < 0) {
+    const bool may_come = errno == ENOENT || errno == ENXIO || errno == ENODEV || errno == EIO;
+    const std::string cause = errno_message(device.string());
+    if (may_come) throw InstrumentError(cause);
+    throw InputError(cause + "; is the user in the group dialout?");
+  }
+  try {
+    set_up();
+  } catch (...) {
+    close(fd_);
+    throw;
+  }
+}
+
+SerialPort::~SerialPort() { close(fd_); }
+
+void SerialPort::set_up() {
+  termios settings{};
+  if (tcgetattr(fd_, &settings) != 0) throw InputError("is no serial port");
+  cfmakeraw(&settings);
+  settings.c_cflag &= ~static_cast<tcflag_t>(CSTOPB | CRTSCTS);
+  settings.c_cflag |= CLOCAL | CREAD;
+  cfsetispeed(&settings, B115200);
+  cfsetospeed(&settings, B115200);
+  if (tcsetattr(fd_, TCSANOW, &settings) != 0) {
+    throw InputError("cannot be set to 115,200 baud, 8N1");
+  }
+  ioctl(fd_, TIOCEXCL);
+}
+
+bool SerialPort::wait_for(short events, MonotonicInstant deadline) const {
+  const auto left = (deadline - Monotonic::now()) / std::chrono::milliseconds(1);
+  pollfd ready{fd_, events, 0};
+  poll(&ready, 1, static_cast<int>(std::max<int64_t>(0, left)));
+  if ((ready.revents & (POLLERR | POLLHUP | POLLNVAL)) != 0) {
+    throw InstrumentError("was unplugged");
+  }
+  return (ready.revents & events) != 0;
+}
+
+void SerialPort::write(const std::string& line) {
+  tcflush(fd_, TCIFLUSH);  // what an earlier command was answered late
+  const std::string text = line + "\r\n";
+  const MonotonicInstant deadline = Monotonic::now() + kTimeout;
+  for (size_t sent = 0; sent < text.size();) {
+    if (!wait_for(POLLOUT, deadline)) throw InstrumentError("takes no commands");
+    const ssize_t n = ::write(fd_, text.data() + sent, text.size() - sent);
+    if (n < 0 && errno != EAGAIN && errno != EINTR) throw InstrumentError("was unplugged");
+    sent += static_cast<size_t>(std::max<ssize_t>(0, n));
+  }
+}
+
+std::string SerialPort::query(const std::string& line) {
+  write(line);
+  const MonotonicInstant deadline = Monotonic::now() + kTimeout;
+  std::string answer;
+  while (answer.empty() || answer.back() != '\n') {
+    if (!wait_for(POLLIN, deadline)) throw InstrumentError("does not answer");
+    char c = 0;
+    const ssize_t n = read(fd_, &c, 1);
+    if (n == 0 || (n < 0 && errno != EAGAIN && errno != EINTR)) {
+      throw InstrumentError("was unplugged");
+    }
+    if (n == 1) answer += c;
+    if (answer.size() > kLongestAnswer) throw InstrumentError("talks without end");
+  }
+  while (!answer.empty() && (answer.back() == '\n' || answer.back() == '\r')) answer.pop_back();
+  return answer;
+}
+
+}  // namespace v3d
