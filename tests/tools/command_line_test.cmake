@@ -116,7 +116,7 @@ function(check_man_pages_of_the_other_programs)
 endfunction()
 
 function(check_roff)
-  file(GLOB pages ${SOURCE_DIR}/docs/man/*.[18])
+  file(GLOB pages ${SOURCE_DIR}/docs/man/*.[158])
   foreach(page ${pages})
     execute_process(COMMAND groff -man -ww -Tutf8 -z ${page} ERROR_VARIABLE err RESULT_VARIABLE status)
     if(NOT status EQUAL 0 OR NOT err STREQUAL "")
