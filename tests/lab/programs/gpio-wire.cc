@@ -1,7 +1,8 @@
-// gpio-wire VALUE PULL: a wire from an output of gpio-sim to an input, both given by their files in sysfs. The kernel
-// tells nobody of an output's change, so the wire looks every 200 us, before all else that runs, and passes a change on
-// within that time. At SIGTERM it prints "PULSES GAP_US": pulses that passed, and the longest time that it did not look
-// between the first pulse and the last; pulses and pauses longer than that cannot have escaped it.
+// gpio-wire VALUE PULL: a wire from an output of gpio-sim to an input, both given by their files in
+// sysfs. The kernel tells nobody of an output's change, so the wire looks every 200 us, before all
+// else that runs, and passes a change on within that time. At SIGTERM it prints "PULSES GAP_US":
+// pulses that passed, and the longest time that it did not look between the first pulse and the
+// last; pulses and pauses longer than that cannot have escaped it.
 #include <fcntl.h>
 #include <sched.h>
 #include <unistd.h>

@@ -1,8 +1,9 @@
-// usb-generator FFS PULL DIALECT [FAULT]: a signal generator on USB (USBTMC on FunctionFS), whose output is the pull of
-// an input of gpio-sim. FFS: the folder of the mounted FunctionFS. PULL: the file in sysfs. FAULT: "nonsense" answers
-// bytes that are no USBTMC, "stall" refuses the third request, "slow" answers after two seconds, "dies" ends at the
-// tenth command, "miscounts" makes one pulse less than it was told. Prints "ready" when it can be plugged in; at
-// SIGTERM the number of pulses that it has made.
+// usb-generator FFS PULL DIALECT [FAULT]: a signal generator on USB (USBTMC on FunctionFS), whose
+// output is the pull of an input of gpio-sim. FFS: the folder of the mounted FunctionFS. PULL: the
+// file in sysfs. FAULT: "nonsense" answers bytes that are no USBTMC, "stall" refuses the third
+// request, "slow" answers after two seconds, "dies" ends at the tenth command, "miscounts" makes
+// one pulse less than it was told. Prints "ready" when it can be plugged in; at SIGTERM the number
+// of pulses that it has made.
 #include <endian.h>
 #include <fcntl.h>
 #include <linux/usb/functionfs.h>
@@ -107,7 +108,8 @@ void serve_control(int control) {
     const size_t size = std::min<size_t>(sizeof answer, le16toh(request.wLength));
     ssize_t done = 0;
     if (!of_class || request.bRequest > 7) {  // stalled by going the other way
-      done = (request.bRequestType & USB_DIR_IN) != 0 ? read(control, answer, 0) : write(control, answer, 0);
+      done = (request.bRequestType & USB_DIR_IN) != 0 ? read(control, answer, 0)
+                                                      : write(control, answer, 0);
     } else {
       done = write(control, answer, size);
     }
