@@ -1,5 +1,6 @@
-// exposures.csv: the simulator's own record of which edge every image of every camera shows. It is
-// what a recorded take is checked against.
+// exposures.csv: the simulator's own record of which edge every image of every camera shows: a line
+// for each time an image is sent, none for one that is not. It is what a recorded take is checked
+// against.
 #pragma once
 
 #include <cstdint>
@@ -15,13 +16,16 @@
 
 namespace v3d::sim {
 
+/// The image_index of an image that a fault has made black.
+inline constexpr int64_t kBlackImage = -2;
+
 /// A line: camera,device_time_ns,edge_monotonic_ns,edge,image_index.
 struct ExposureLine {
   std::string camera;
   DeviceInstant device_time;
   MonotonicInstant edge_time;
   int64_t edge = 0;
-  int64_t image_index = -1;  ///< -1: the empty studio
+  int64_t image_index = -1;  ///< -1: the empty studio; kBlackImage
   friend bool operator==(const ExposureLine&, const ExposureLine&) = default;
 };
 

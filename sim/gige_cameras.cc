@@ -24,6 +24,11 @@ namespace {
 // How often a camera looks for a pulse: the trigger is late by up to this much, and every camera
 // wakes up this often while it streams.
 constexpr double kPollHz = 250;
+/// The first frame's: so that a counter's end is passed soon.
+constexpr uint16_t kFirstNumber = 65'000;
+/// A camera that is unplugged has so long to send what it has taken.
+constexpr Duration kSentWithin = std::chrono::seconds(1);
+constexpr Duration kUntilNextLook = std::chrono::milliseconds(2);
 
 /// Aravis' camera sleeps whole milliseconds and spins for the rest of its period. Threads begun
 /// while this lives may sleep a millisecond longer, which is past that rest: they do not spin.
@@ -38,31 +43,6 @@ class LazyTimers {
 
  private:
   const long before_;
-};
-
-/// Aravis reads the description from a file, once, when a camera is created.
-class GenicamFile {
- public:
-  GenicamFile() {
-    std::string name = std::filesystem::temp_directory_path() / "v3d-sim-genicam-XXXXXX";
-    const int file = mkstemp(name.data());
-    const std::string xml = genicam_xml();
-    if (file < 0 || ::write(file, xml.data(), xml.size()) != static_cast<ssize_t>(xml.size())) {
-      throw InputError(errno_message(name));
-    }
-    ::close(file);
-    path_ = name;
-  }
-  ~GenicamFile() {
-    std::error_code ignored;
-    std::filesystem::remove(path_, ignored);
-  }
-  GenicamFile(const GenicamFile&) = delete;
-  GenicamFile& operator=(const GenicamFile&) = delete;
-  const char* c_str() const { return path_.c_str(); }
-
- private:
-  std::string path_;
 };
 
 /// Aravis' camera computes how long it may sleep until it looks for a pulse again; when its thread
@@ -110,33 +90,48 @@ std::string gige_serial(int camera) {
   return "V3D-SIM-" + std::string(number.size() < 2 ? "0" : "") + number;
 }
 
-/// One camera: the fake camera with its thread, and the pulses that wait for it.
+/// Aravis reads the description from a file whenever a camera is created.
+class GigeCameras::GenicamFile {
+ public:
+  GenicamFile() {
+    std::string name = std::filesystem::temp_directory_path() / "v3d-sim-genicam-XXXXXX";
+    const int file = mkstemp(name.data());
+    const std::string xml = genicam_xml();
+    if (file < 0 || ::write(file, xml.data(), xml.size()) != static_cast<ssize_t>(xml.size())) {
+      throw InputError(errno_message(name));
+    }
+    ::close(file);
+    path_ = name;
+  }
+  ~GenicamFile() {
+    std::error_code ignored;
+    std::filesystem::remove(path_, ignored);
+  }
+  GenicamFile(const GenicamFile&) = delete;
+  GenicamFile& operator=(const GenicamFile&) = delete;
+  const char* c_str() const { return path_.c_str(); }
+
+ private:
+  std::string path_;
+};
+
+/// One camera: the fake camera with its thread while it is plugged in, and the images that wait to
+/// be sent.
 class GigeCameras::Device {
  public:
-  Device(int index, const GigeCamera& camera, const char* genicam, const Picture& picture,
-         const Report& report, uint64_t seed)
+  Device(int index, GigeCamera camera, const GigeCameras& studio, Later& later, uint64_t seed)
       : index_(index),
-        clock_(camera.clock),
-        picture_(picture),
-        report_(report),
+        camera_(std::move(camera)),
+        studio_(studio),
+        later_(later),
         seed_(seed),
-        door_(camera.address) {
-    server_ = arv_gv_fake_camera_new_full(camera.address.c_str(), camera.serial.c_str(), genicam);
-    if (server_ == nullptr || !arv_gv_fake_camera_is_running(server_)) {
-      g_clear_object(&server_);
-      throw InputError("camera " + camera.serial + ": cannot listen on " + camera.address +
+        door_(camera_.address),
+        clock_(camera_.clock) {
+    if (!plug_in()) {
+      throw InputError("camera " + camera_.serial + ": cannot listen on " + camera_.address +
                        " port 3956: the address must be on an interface (ip addr add " +
-                       camera.address + "/32 dev lo) and free");
+                       camera_.address + "/32 dev lo) and free");
     }
-    fake_ = arv_gv_fake_camera_get_fake_camera(server_);
-    arv_fake_camera_set_trigger_frequency(fake_, kPollHz);
-    write(ARV_FAKE_CAMERA_REGISTER_SENSOR_WIDTH, static_cast<uint32_t>(camera.size.width));
-    write(ARV_FAKE_CAMERA_REGISTER_SENSOR_HEIGHT, static_cast<uint32_t>(camera.size.height));
-    write(ARV_FAKE_CAMERA_REGISTER_WIDTH, static_cast<uint32_t>(camera.size.width));
-    write(ARV_FAKE_CAMERA_REGISTER_HEIGHT, static_cast<uint32_t>(camera.size.height));
-    write(ARV_FAKE_CAMERA_REGISTER_PIXEL_FORMAT, static_cast<uint32_t>(camera.format));
-    write(ARV_FAKE_CAMERA_REGISTER_EXPOSURE_TIME_US, 1000);
-    arv_fake_camera_set_fill_pattern(fake_, &Device::fill, this);
   }
 
   ~Device() { g_clear_object(&server_); }  // joins the camera's thread
@@ -145,82 +140,223 @@ class GigeCameras::Device {
 
   void trigger(int64_t edge, MonotonicInstant edge_time) {
     const std::lock_guard lock(mutex_);
+    const Fault* fault = fault_at(edge);
+    if (fault != nullptr) begin(*fault, edge, edge_time);
+    const bool missed = fault != nullptr && fault->kind == FaultKind::kMissed;
+    if (away_ || edge < frozen_until_ || missed) return;
     if (!listening()) {
       // A pulse that came just before the end of an acquisition must not open the next one.
-      waiting_.clear();
+      forget_waiting();
       write(ARV_FAKE_CAMERA_REGISTER_TRIGGER_SOFTWARE, 0);
       ++ignored_;
       return;
     }
-    waiting_.push_back(
-        {index_, clock_.at(edge_time + exposure_delay(index_, edge, seed_)), edge_time, edge});
-    if (waiting_.size() == 1) {
-      write(ARV_FAKE_CAMERA_REGISTER_TRIGGER_SOFTWARE, 1);
-    }
+    expose(edge, edge_time, fault);
+    send_next();
     door_.knock();
   }
 
   int64_t ignored() const { return ignored_; }
 
  private:
+  /// An image on its way out.
+  struct Shot {
+    Exposure exposure;
+    uint16_t number = 0;
+    MonotonicInstant not_before;
+  };
+
+  // --- the camera on the network; called by the constructor, then by `later_` only
+
+  /// False when the address is not there or not free.
+  bool plug_in() {
+    const LazyTimers lazy;
+    ArvGvFakeCamera* server = arv_gv_fake_camera_new_full(
+        camera_.address.c_str(), camera_.serial.c_str(), studio_.genicam_->c_str());
+    if (server == nullptr || !arv_gv_fake_camera_is_running(server)) {
+      g_clear_object(&server);
+      return false;
+    }
+    server_ = server;
+    const std::lock_guard lock(mutex_);
+    fake_ = arv_gv_fake_camera_get_fake_camera(server_);
+    arv_fake_camera_set_trigger_frequency(fake_, kPollHz);
+    const auto width = static_cast<uint32_t>(camera_.size.width);
+    const auto height = static_cast<uint32_t>(camera_.size.height);
+    write(ARV_FAKE_CAMERA_REGISTER_SENSOR_WIDTH, width);
+    write(ARV_FAKE_CAMERA_REGISTER_SENSOR_HEIGHT, height);
+    write(ARV_FAKE_CAMERA_REGISTER_WIDTH, width);
+    write(ARV_FAKE_CAMERA_REGISTER_HEIGHT, height);
+    write(ARV_FAKE_CAMERA_REGISTER_PIXEL_FORMAT, static_cast<uint32_t>(camera_.format));
+    write(ARV_FAKE_CAMERA_REGISTER_EXPOSURE_TIME_US, 1000);
+    arv_fake_camera_set_fill_pattern(fake_, &Device::fill, this);
+    return true;
+  }
+
+  /// Images that were taken before leave first: which ones do must not depend on how busy the host
+  /// is.
+  void unplug(const Fault& fault, MonotonicInstant edge_time) {
+    if (Monotonic::now() < edge_time + kSentWithin && !all_sent()) {
+      later_.at(Monotonic::now() + kUntilNextLook, [=, this] { unplug(fault, edge_time); });
+      return;
+    }
+    {
+      const std::lock_guard lock(mutex_);
+      fake_ = nullptr;
+    }
+    g_clear_object(&server_);
+    later_.at(edge_time + fault.time, [=, this] { come_back(fault); });
+  }
+
+  bool all_sent() {
+    const std::lock_guard lock(mutex_);
+    return waiting_.empty() || !listening();
+  }
+
+  void come_back(const Fault& fault) {
+    const MonotonicInstant now = Monotonic::now();
+    if (!plug_in()) {
+      later_.at(now + kUntilNextLook, [=, this] { come_back(fault); });
+      return;
+    }
+    const std::lock_guard lock(mutex_);
+    forget_waiting();
+    number_ = 1;
+    if (fault.new_clock) clock_ = {Duration::zero(), clock_.drift_ppm, now};
+    away_ = false;
+  }
+
+  // --- what follows requires mutex_
+
+  const Fault* fault_at(int64_t edge) const {
+    const auto found = std::ranges::find(camera_.faults, edge, &Fault::pulse);
+    return found == camera_.faults.end() ? nullptr : &*found;
+  }
+
+  void begin(const Fault& fault, int64_t edge, MonotonicInstant edge_time) {
+    if (fault.kind == FaultKind::kFreeze) frozen_until_ = edge + fault.pulses;
+    if (fault.kind == FaultKind::kClock) {
+      clock_ = {clock_.at(edge_time).time_since_epoch() + fault.time,
+                clock_.drift_ppm + fault.drift_ppm, edge_time};
+    }
+    if (fault.kind == FaultKind::kUnplug && !away_) {
+      away_ = true;
+      later_.at(edge_time, [=, this] { unplug(fault, edge_time); });
+    }
+  }
+
+  void expose(int64_t edge, MonotonicInstant edge_time, const Fault* fault) {
+    const auto has = [&](FaultKind kind) { return fault != nullptr && fault->kind == kind; };
+    Shot shot;
+    shot.exposure = {index_, clock_.at(edge_time + exposure_delay(index_, edge, seed_)), edge_time,
+                     edge, has(FaultKind::kBlack)};
+    shot.not_before = has(FaultKind::kDelay) ? edge_time + fault->time : edge_time;
+    shot.number = next_number();
+    if (has(FaultKind::kDrop)) return;
+    waiting_.push_back(shot);
+    if (has(FaultKind::kDuplicate)) {
+      shot.number = next_number();
+      waiting_.push_back(shot);
+    }
+  }
+
+  uint16_t next_number() {
+    const uint16_t number = number_;
+    number_ = number == 65535 ? 1 : number + 1;
+    return number;
+  }
+
+  void forget_waiting() {
+    waiting_.clear();
+    asked_ = false;
+  }
+
+  /// Hands the first image that waits to the camera, once, when it is time.
+  void send_next() {
+    if (waiting_.empty() || asked_ || fake_ == nullptr) return;
+    const MonotonicInstant due = waiting_.front().not_before;
+    if (due <= Monotonic::now()) {
+      asked_ = true;
+      return write(ARV_FAKE_CAMERA_REGISTER_TRIGGER_SOFTWARE, 1);
+    }
+    later_.at(due, [this] {
+      const std::lock_guard lock(mutex_);
+      send_next();
+    });
+  }
+
   void write(uint32_t address, uint32_t value) {
     arv_fake_camera_write_register(fake_, address, value);
   }
 
   bool listening() const {
-    return arv_fake_camera_get_control_channel_privilege(fake_) != 0 &&
+    return fake_ != nullptr && arv_fake_camera_get_control_channel_privilege(fake_) != 0 &&
            arv_fake_camera_get_acquisition_status(fake_) != 0 &&
            read_register(fake_, ARV_FAKE_CAMERA_REGISTER_TRIGGER_MODE) == 1 &&
            read_register(fake_, ARV_FAKE_CAMERA_REGISTER_TRIGGER_SOURCE) == 1;
   }
 
+  // --- the camera's thread
+
   /// Aravis has taken the pulse out of the register and wants the image to send.
   static void fill(ArvBuffer* buffer, void* user_data, guint32, guint32, ArvPixelFormat) {
-    static_cast<Device*>(user_data)->expose(buffer);
+    static_cast<Device*>(user_data)->send(buffer);
   }
 
-  void expose(ArvBuffer* buffer) {
-    Exposure exposure;
+  void send(ArvBuffer* buffer) {
+    Shot shot;
+    size_t payload = 0;
     {
       const std::lock_guard lock(mutex_);
-      if (waiting_.empty()) {
+      if (waiting_.empty() || fake_ == nullptr) {
         return;  // a client wrote the trigger register itself: the image of the last pulse again
       }
-      exposure = waiting_.front();
+      payload = arv_fake_camera_get_payload(fake_);
+      shot = waiting_.front();
       waiting_.pop_front();
-      if (!waiting_.empty()) {
-        write(ARV_FAKE_CAMERA_REGISTER_TRIGGER_SOFTWARE, 1);
-      }
+      asked_ = false;
+      send_next();
     }
     // Aravis calls with a buffer of the payload's size, which it reports only once filled.
     auto* data = static_cast<uint8_t*>(const_cast<void*>(arv_buffer_get_data(buffer, nullptr)));
-    const std::span<const uint8_t> image = picture_(exposure.camera, exposure.edge);
-    std::memcpy(data, image.data(), std::min(arv_fake_camera_get_payload(fake_), image.size()));
-    arv_buffer_set_timestamp(buffer, static_cast<guint64>(to_ns(exposure.device_time)));
-    report_(exposure);
+    if (shot.exposure.black) {
+      std::memset(data, 0, payload);
+    } else {
+      const auto image = studio_.picture_(index_, shot.exposure.edge);
+      std::memcpy(data, image.data(), std::min(payload, image.size()));
+    }
+    arv_buffer_set_timestamp(buffer, static_cast<guint64>(to_ns(shot.exposure.device_time)));
+    arv_buffer_set_frame_id(buffer, shot.number);
+    studio_.report_(shot.exposure);
   }
 
   const int index_;
-  const SimulatedClock clock_;
-  const Picture& picture_;
-  const Report& report_;
+  const GigeCamera camera_;
+  const GigeCameras& studio_;
+  Later& later_;
   const uint64_t seed_;
   const Knock door_;
-  ArvGvFakeCamera* server_ = nullptr;
-  ArvFakeCamera* fake_ = nullptr;  ///< owned by server_
-  std::mutex mutex_;  ///< guards waiting_ and the order of writes to the trigger register
-  std::deque<Exposure> waiting_;  ///< the first one is in the register
+  ArvGvFakeCamera* server_ = nullptr;  ///< null while unplugged
+
+  std::mutex mutex_;  ///< what follows, and the order of writes to the trigger register
+  ArvFakeCamera* fake_ = nullptr;  ///< owned by server_; null while unplugged
+  SimulatedClock clock_;
+  uint16_t number_ = kFirstNumber;  ///< of the next frame
+  bool away_ = false;               ///< edges are not seen: it is unplugged, or about to be
+  int64_t frozen_until_ = 0;        ///< edges before this one are not seen
+  std::deque<Shot> waiting_;
+  bool asked_ = false;  ///< the first one that waits is in the register
   std::atomic<int64_t> ignored_{0};
 };
 
 GigeCameras::GigeCameras(std::vector<GigeCamera> cameras, Picture picture, Report report,
                          uint64_t seed)
-    : picture_(std::move(picture)), report_(std::move(report)) {
-  const GenicamFile genicam;
-  const LazyTimers lazy;
+    : picture_(std::move(picture)),
+      report_(std::move(report)),
+      genicam_(std::make_unique<GenicamFile>()) {
   for (size_t i = 0; i < cameras.size(); ++i) {
-    devices_.push_back(std::make_unique<Device>(static_cast<int>(i), cameras[i], genicam.c_str(),
-                                                picture_, report_, seed));
+    devices_.push_back(
+        std::make_unique<Device>(static_cast<int>(i), std::move(cameras[i]), *this, later_, seed));
   }
 }
 

@@ -10,7 +10,8 @@
 // software-trigger register, which the camera's thread polls; the GenICam description calls that
 // trigger source "Line1". One pulse is in the register at a time, later ones wait in line, so a
 // slow camera sends late but never skips. Device time stamps are those of the edge, not of the
-// sending.
+// sending. Frame numbers are our own: 16 bits that skip 0, near their end at first, from 1 after a
+// camera was unplugged.
 #pragma once
 
 #include <cstdint>
@@ -23,6 +24,8 @@
 #include "base/image.h"
 #include "base/time.h"
 #include "sim/device_clock.h"
+#include "sim/fault.h"
+#include "sim/later.h"
 
 namespace v3d::sim {
 
@@ -32,6 +35,7 @@ struct GigeCamera {
   ImageSize size;
   PixelFormat format = PixelFormat::kBayerRG8;
   SimulatedClock clock;
+  std::vector<Fault> faults;  ///< their `pulse` is an edge; one at an edge at most
 };
 
 /// "127.0.0.11" for camera 0.
@@ -39,12 +43,13 @@ std::string gige_address(int camera);
 /// "V3D-SIM-01" for camera 0.
 std::string gige_serial(int camera);
 
-/// An image that a camera has taken and now sends.
+/// An image that a camera has taken and now sends; twice, where a fault says so.
 struct Exposure {
   int camera = 0;
   DeviceInstant device_time;  ///< start of exposure
   MonotonicInstant edge_time;
   int64_t edge = 0;
+  bool black = false;  ///< a fault: not the picture that was asked for
 };
 
 class GigeCameras {
@@ -62,16 +67,19 @@ class GigeCameras {
   GigeCameras& operator=(const GigeCameras&) = delete;
 
   /// One rising edge on every camera's trigger line. A camera that is not acquiring, or not set to
-  /// trigger on Line1, ignores it. One thread.
+  /// trigger on Line1, ignores it, and one that has a fault at this edge plays it. One thread.
   void trigger(int64_t edge, MonotonicInstant edge_time);
-  /// Edges that cameras ignored, all cameras together.
+  /// Edges that cameras without a fault ignored, all cameras together.
   int64_t ignored() const;
 
  private:
+  class GenicamFile;
   class Device;
   const Picture picture_;
   const Report report_;
+  const std::unique_ptr<GenicamFile> genicam_;
   std::vector<std::unique_ptr<Device>> devices_;
+  Later later_;  ///< last: what it does, it does to the devices
 };
 
 }  // namespace v3d::sim

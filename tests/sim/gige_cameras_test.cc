@@ -7,6 +7,7 @@
 
 #include <memory>
 #include <mutex>
+#include <optional>
 
 #include "base/error.h"
 #include "support/message_of.h"
@@ -59,12 +60,13 @@ class Receiver {
 /// Every camera's every edge has a picture of its own.
 class Studio {
  public:
-  Studio() {
+  explicit Studio(std::vector<Fault> faults_of_first = {}) {
     std::vector<GigeCamera> cameras;
     const MonotonicInstant origin = Monotonic::now();
     for (int i = 0; i < kCameras; ++i) {
       cameras.push_back({gige_address(i), gige_serial(i), kSize, PixelFormat::kBayerRG8,
-                         simulated_clock(i, 1, origin)});
+                         simulated_clock(i, 1, origin),
+                         i == 0 ? std::move(faults_of_first) : std::vector<Fault>()});
     }
     for (int i = 0; i < kCameras * kEdges; ++i) {
       pictures_.emplace_back(static_cast<size_t>(kSize.pixels()), static_cast<uint8_t>(20 + i));
@@ -168,8 +170,66 @@ TEST(GigeCameras, ignore_edges_while_nobody_acquires) {
   EXPECT_EQ(studio.cameras().ignored(), 2 * kCameras - 1);
 }
 
+Fault fault(int64_t edge, FaultKind kind) {
+  Fault fault;
+  fault.pulse = edge;
+  fault.kind = kind;
+  return fault;
+}
+
+TEST(GigeCameras, play_faults_of_single_images) {
+  Studio studio({fault(1, FaultKind::kDrop), fault(3, FaultKind::kMissed),
+                 fault(5, FaultKind::kDuplicate), fault(7, FaultKind::kBlack)});
+  const Receiver receiver(0);
+  ASSERT_NE(receiver.camera(), nullptr);
+  for (int64_t edge = 0; edge < 9; ++edge) studio.cameras().trigger(edge, Monotonic::now());
+  std::vector<uint64_t> numbers;
+  std::vector<int> first_pixels;
+  for (int i = 0; i < 8; ++i) {
+    const Owned<ArvBuffer> buffer = receiver.next();
+    ASSERT_NE(buffer, nullptr);
+    size_t size = 0;
+    const auto* data = static_cast<const uint8_t*>(arv_buffer_get_image_data(buffer.get(), &size));
+    numbers.push_back(arv_buffer_get_frame_id(buffer.get()));
+    first_pixels.push_back(data[0]);
+  }
+  EXPECT_EQ(receiver.next(0), nullptr);
+  for (uint64_t& number : numbers) number -= 65'000;
+  EXPECT_THAT(first_pixels, testing::ElementsAre(20, 22, 24, 25, 25, 26, 0, 28));
+  EXPECT_THAT(numbers, testing::ElementsAre(0, 2, 3, 4, 5, 6, 7, 8));
+  const std::vector<Exposure> record = studio.exposures();
+  ASSERT_EQ(record.size(), 8U) << "one for each image that is sent";
+  EXPECT_EQ(record[3].device_time, record[4].device_time);
+  EXPECT_TRUE(record[6].black);
+}
+
+TEST(GigeCameras, are_gone_while_unplugged_and_begin_anew) {
+  Fault unplug = fault(1, FaultKind::kUnplug);
+  unplug.time = std::chrono::milliseconds(100);
+  unplug.new_clock = true;
+  Studio studio({unplug});
+  std::optional<Receiver> receiver(0);
+  ASSERT_NE(receiver->camera(), nullptr);
+  studio.cameras().trigger(0, Monotonic::now());
+  ASSERT_NE(receiver->next(), nullptr);
+  studio.cameras().trigger(1, Monotonic::now());
+  // It has come back when it can be opened, which asks for as long as it takes.
+  receiver.reset();
+  const MonotonicInstant deadline = Monotonic::now() + std::chrono::seconds(20);
+  do {
+    receiver.emplace(0);
+  } while (receiver->camera() == nullptr && Monotonic::now() < deadline);
+  studio.cameras().trigger(2, Monotonic::now());
+  const Owned<ArvBuffer> buffer = receiver->next();
+  ASSERT_NE(buffer, nullptr);
+  EXPECT_EQ(arv_buffer_get_frame_id(buffer.get()), 1U);
+  EXPECT_LT(arv_buffer_get_timestamp(buffer.get()), 60'000'000'000U) << "a clock from 0";
+  EXPECT_EQ(studio.exposures().back().edge, 2);
+  EXPECT_EQ(studio.exposures().size(), 2U);
+}
+
 TEST(GigeCameras, name_the_address_that_is_not_there) {
-  const GigeCamera nowhere{"127.0.9.9", "V3D-SIM-99", kSize, PixelFormat::kBayerRG8, {}};
+  const GigeCamera nowhere{"127.0.9.9", "V3D-SIM-99", kSize, PixelFormat::kBayerRG8, {}, {}};
   const std::string refusal = test::message_of<InputError>(
       [&] { const GigeCameras cameras({nowhere}, nullptr, nullptr, 1); });
   EXPECT_THAT(refusal, testing::HasSubstr("127.0.9.9"));

@@ -46,6 +46,14 @@ void write(const SimulatedTake& take) {
   write_take(take, [](int64_t) {});
 }
 
+Fault fault(const std::string& camera, int64_t pulse, FaultKind kind) {
+  Fault fault;
+  fault.camera = camera;
+  fault.pulse = pulse;
+  fault.kind = kind;
+  return fault;
+}
+
 /// The record the simulator would have kept of a take in which every frame is right.
 std::vector<ExposureLine> record_of(const std::filesystem::path& folder) {
   constexpr int64_t kFirstEdge = 20;
@@ -74,13 +82,13 @@ TEST(Size, takes_width_and_height_only) {
 TEST(Faults, are_read_from_toml) {
   const Rig rig = make_rig(3, {64, 48}, 1);
   const auto faults = parse_faults(
-      "[[fault]]\ncamera = \"cam02\"\npulse = 3\nkind = \"missing\"\n"
+      "[[fault]]\ncamera = \"cam02\"\npulse = 3\nkind = \"drop\"\n"
       "[[fault]]\ncamera = \"cam01\"\npulse = 0\nkind = \"suspect\"\n",
       "f.toml", rig, 5);
   ASSERT_EQ(faults.size(), 2U);
-  EXPECT_TRUE(has_fault(faults, "cam02", 3, FaultKind::kMissing));
+  EXPECT_TRUE(has_fault(faults, "cam02", 3, FaultKind::kDrop));
   EXPECT_TRUE(has_fault(faults, "cam01", 0, FaultKind::kSuspect));
-  EXPECT_FALSE(has_fault(faults, "cam01", 3, FaultKind::kMissing));
+  EXPECT_FALSE(has_fault(faults, "cam01", 3, FaultKind::kDrop));
 }
 
 TEST(Faults, name_file_line_and_field_of_what_is_wrong) {
@@ -89,20 +97,56 @@ TEST(Faults, name_file_line_and_field_of_what_is_wrong) {
     return refusal([&] { parse_faults(text, "f.toml", rig, 5); });
   };
   const std::string camera = "[[fault]]\ncamera = \"cam02\"\n";
-  EXPECT_THAT(error("[[fault]]\npulse = 1\nkind = \"missing\"\n"), HasSubstr("camera"));
-  EXPECT_THAT(error("[[fault]]\ncamera = \"cam09\"\npulse = 1\nkind = \"missing\"\n"),
+  EXPECT_THAT(error("[[fault]]\npulse = 1\nkind = \"drop\"\n"), HasSubstr("camera"));
+  EXPECT_THAT(error("[[fault]]\ncamera = \"cam09\"\npulse = 1\nkind = \"drop\"\n"),
               HasSubstr("f.toml:2: fault.camera: there is no camera 'cam09'"));
-  EXPECT_THAT(error(camera + "pulse = 5\nkind = \"missing\"\n"),
+  EXPECT_THAT(error(camera + "pulse = 5\nkind = \"drop\"\n"),
               HasSubstr("f.toml:3: fault.pulse: expected 0 to 4"));
-  EXPECT_THAT(error(camera + "pulse = -1\nkind = \"missing\"\n"), HasSubstr("fault.pulse"));
-  EXPECT_THAT(error(camera + "pulse = \"1\"\nkind = \"missing\"\n"), HasSubstr("fault.pulse"));
+  EXPECT_THAT(error(camera + "pulse = -1\nkind = \"drop\"\n"), HasSubstr("fault.pulse"));
+  EXPECT_THAT(error(camera + "pulse = \"1\"\nkind = \"drop\"\n"), HasSubstr("fault.pulse"));
   EXPECT_THAT(error(camera + "pulse = 1\nkind = \"late\"\n"),
               HasSubstr("f.toml:4: fault.kind: 'late' is unknown"));
-  EXPECT_THAT(error(camera + "pulse = 1\nkind = \"missing\"\nwhy = 1\n"), HasSubstr("why"));
-  const std::string one = camera + "pulse = 1\nkind = \"missing\"\n";
+  EXPECT_THAT(error(camera + "pulse = 1\nkind = \"drop\"\nwhy = 1\n"), HasSubstr("why"));
+  const std::string one = camera + "pulse = 1\nkind = \"drop\"\n";
   EXPECT_THAT(error(one + one), HasSubstr("two faults of cam02 at pulse 1"));
   EXPECT_THAT(error("not toml"), HasSubstr("f.toml:1"));
   EXPECT_THAT(refusal([&] { load_faults("/absent.toml", rig, 5); }), HasSubstr("/absent.toml"));
+}
+
+TEST(Faults, of_a_studio_have_what_their_kind_asks_for_and_nothing_else) {
+  const Rig rig = make_rig(3, {64, 48}, 1);
+  const auto read = [&](const std::string& text) {
+    return parse_faults("[[fault]]\ncamera = \"cam02\"\npulse = 70\n" + text, "f.toml", rig, {});
+  };
+  const auto error = [&](const std::string& text) { return refusal([&] { read(text); }); };
+  EXPECT_EQ(read("kind = \"delay\"\nms = 120\n")[0].time, std::chrono::milliseconds(120));
+  EXPECT_EQ(read("kind = \"freeze\"\npulses = 9\n")[0].pulses, 9);
+  EXPECT_TRUE(read("kind = \"unplug\"\nms = 5\nnew_clock = true\n")[0].new_clock);
+  EXPECT_EQ(read("kind = \"clock\"\njump_ms = -2\n")[0].time, std::chrono::milliseconds(-2));
+  EXPECT_EQ(read("kind = \"clock\"\ndrift_ppm = 300\n")[0].drift_ppm, 300);
+  EXPECT_EQ(read("kind = \"missed\"\n")[0].kind, FaultKind::kMissed);
+
+  EXPECT_THAT(error("kind = \"delay\"\n"), HasSubstr("f.toml:1: fault.ms"));
+  EXPECT_THAT(error("kind = \"delay\"\nms = 0\n"), HasSubstr("f.toml:5: fault.ms: expected 1"));
+  EXPECT_THAT(error("kind = \"freeze\"\npulses = 0\n"), HasSubstr("f.toml:5: fault.pulses"));
+  EXPECT_THAT(error("kind = \"clock\"\n"), HasSubstr("wants jump_ms, drift_ppm or both"));
+  EXPECT_THAT(error("kind = \"drop\"\nms = 3\n"), HasSubstr("f.toml:5: fault.ms"));
+  EXPECT_THAT(error("kind = \"suspect\"\n"),
+              HasSubstr("f.toml:4: fault.kind: 'suspect' is of takes only"));
+  EXPECT_THAT(refusal([&] {
+                parse_faults("[[fault]]\ncamera = \"cam02\"\npulse = 1\nkind = \"unplug\"\n",
+                             "f.toml", rig, 5);
+              }),
+              HasSubstr("f.toml:4: fault.kind: 'unplug' needs a studio's cameras"));
+}
+
+TEST(Faults, of_a_studio_count_pulses_from_the_first_after_the_empty_ones) {
+  const std::vector<Fault> script = {fault("cam01", 3, FaultKind::kDrop),
+                                     fault("cam02", 0, FaultKind::kBlack)};
+  const std::vector<Fault> own = faults_at_edges(script, "cam02", 12);
+  ASSERT_EQ(own.size(), 1U);
+  EXPECT_EQ(own[0].pulse, 12);
+  EXPECT_EQ(own[0].kind, FaultKind::kBlack);
 }
 
 TEST(Ply, holds_every_vertex_and_face) {
@@ -180,9 +224,8 @@ TEST(SimulatedTake, gives_the_same_bytes_twice) {
 TEST(SimulatedTake, has_the_faults_that_were_asked_for_in_logs_and_ledger) {
   const TemporaryFolder folder;
   SimulatedTake take = small_take(folder / "broken");
-  take.faults = {{"cam01", 2, FaultKind::kMissing},
-                 {"cam02", 3, FaultKind::kDuplicate},
-                 {"cam03", 4, FaultKind::kSuspect}};
+  take.faults = {fault("cam01", 2, FaultKind::kDrop), fault("cam02", 3, FaultKind::kDuplicate),
+                 fault("cam03", 4, FaultKind::kSuspect), fault("cam03", 1, FaultKind::kBlack)};
   write(take);
   const TakePaths paths{take.folder};
   const Ledger ledger = load_ledger(paths.ledger());
@@ -192,7 +235,10 @@ TEST(SimulatedTake, has_the_faults_that_were_asked_for_in_logs_and_ledger) {
   EXPECT_EQ(ledger.cameras[2].suspect, std::vector<int64_t>{4});
   EXPECT_FALSE(FrameLogReader(paths.frames("cam01")).read(2));
   EXPECT_EQ(FrameLogReader(paths.frames("cam02")).labels().size(), 6U);
-  EXPECT_TRUE(FrameLogReader(paths.frames("cam03")).labels()[4].suspect);
+  FrameLogReader third(paths.frames("cam03"));
+  EXPECT_TRUE(third.labels()[4].suspect);
+  EXPECT_THAT(third.read(1)->image.bytes, testing::Each(0));
+  EXPECT_THAT(third.read(2)->image.bytes, testing::Contains(testing::Ne(0)));
 }
 
 TEST(SimulatedTake, writes_the_true_surface_of_every_pulse) {
@@ -223,7 +269,7 @@ TEST(TakeCheck, finds_nothing_wrong_with_a_take_that_is_right) {
 TEST(TakeCheck, counts_missing_frames) {
   const TemporaryFolder folder;
   SimulatedTake take = small_take(folder / "cut");
-  take.faults = {{"cam01", 2, FaultKind::kMissing}, {"cam03", 2, FaultKind::kMissing}};
+  take.faults = {fault("cam01", 2, FaultKind::kDrop), fault("cam03", 2, FaultKind::kDrop)};
   write(take);
   const TakeCheck check = check_take(take.folder, record_of(take.folder));
   EXPECT_EQ(check.frames_received, 13);
@@ -250,6 +296,18 @@ TEST(TakeCheck, counts_frames_that_show_another_edge_than_their_pulse) {
               for (size_t i = 0; i < 5; ++i) ++r[i].edge;
             }),
             5);
+}
+
+TEST(TakeCheck, tells_wrong_numbers_that_are_marked_from_those_that_are_not) {
+  const TemporaryFolder folder;
+  SimulatedTake take = small_take(folder / "cut");
+  take.faults = {fault("cam01", 1, FaultKind::kSuspect)};
+  write(take);
+  std::vector<ExposureLine> record = record_of(take.folder);
+  std::swap(record[1].device_time, record[2].device_time);
+  const TakeCheck check = check_take(take.folder, record);
+  EXPECT_EQ(check.frames_mislabelled, 2);
+  EXPECT_EQ(check.silently, 1);
 }
 
 TEST(TakeCheck, refuses_what_is_no_take) {

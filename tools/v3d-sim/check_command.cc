@@ -25,13 +25,15 @@ int run(const Arguments& arguments) {
   if (arguments.json) {
     std::cout << nlohmann::ordered_json{{"frames_received", check.frames_received},
                                         {"frames_missing", check.frames_missing},
-                                        {"frames_mislabelled", check.frames_mislabelled}}
+                                        {"frames_mislabelled", check.frames_mislabelled},
+                                        {"mislabelled_silently", check.silently}}
                      .dump()
               << '\n';
   } else {
     std::cout << format_count(check.frames_received) << " frames received, "
               << format_count(check.frames_missing) << " missing, "
-              << format_count(check.frames_mislabelled) << " mislabelled\n";
+              << format_count(check.frames_mislabelled) << " mislabelled, "
+              << format_count(check.silently) << " of them not suspect\n";
   }
   return check.whole() ? kExitDone : kExitNotWhole;
 }

@@ -1,6 +1,7 @@
 #include "v3d-sim/faults.h"
 
 #include <algorithm>
+#include <array>
 
 #include "base/file.h"
 #include "base/toml_file.h"
@@ -8,30 +9,94 @@
 namespace v3d::sim {
 namespace {
 
-FaultKind read_kind(const TomlTable& table) {
-  const std::string kind = table.text("kind");
-  if (kind == "missing") {
-    return FaultKind::kMissing;
+constexpr int64_t kMostPulses = 1'000'000'000;
+constexpr double kLongestMs = 600'000;
+constexpr double kMostDriftPpm = 10'000;
+
+struct Kind {
+  std::string_view name;
+  FaultKind kind;
+  bool in_takes;
+  bool in_studios;
+};
+constexpr std::array<Kind, 9> kKinds = {{
+    {"drop", FaultKind::kDrop, true, true},
+    {"duplicate", FaultKind::kDuplicate, true, true},
+    {"black", FaultKind::kBlack, true, true},
+    {"suspect", FaultKind::kSuspect, true, false},
+    {"missed", FaultKind::kMissed, false, true},
+    {"delay", FaultKind::kDelay, false, true},
+    {"freeze", FaultKind::kFreeze, false, true},
+    {"unplug", FaultKind::kUnplug, false, true},
+    {"clock", FaultKind::kClock, false, true},
+}};
+
+FaultKind read_kind(const TomlTable& table, bool in_take) {
+  const std::string name = table.text("kind");
+  std::string known;
+  for (const Kind& kind : kKinds) {
+    if (!(in_take ? kind.in_takes : kind.in_studios)) continue;
+    if (kind.name == name) return kind.kind;
+    known += (known.empty() ? "" : ", ") + std::string(kind.name);
   }
-  if (kind == "duplicate") {
-    return FaultKind::kDuplicate;
-  }
-  if (kind == "suspect") {
-    return FaultKind::kSuspect;
-  }
-  table.fail("kind", "'" + kind + "' is unknown; known: missing, duplicate, suspect");
+  const bool elsewhere = std::ranges::find(kKinds, name, &Kind::name) != kKinds.end();
+  const std::string wrong = !elsewhere ? " is unknown"
+                            : in_take  ? " needs a studio's cameras"
+                                       : " is of takes only";
+  table.fail("kind", "'" + name + "'" + wrong + "; v3d-sim " + (in_take ? "take" : "studio") +
+                         " knows " + known);
 }
 
-Fault read_fault(const TomlTable& table, const Rig& rig, int64_t pulses) {
-  const Fault fault{table.text("camera"), table.integer("pulse"), read_kind(table)};
+int64_t read_integer(const TomlTable& table, std::string_view key, int64_t least, int64_t most) {
+  const int64_t value = table.integer(key);
+  if (value < least || value > most) {
+    table.fail(key, "expected " + std::to_string(least) + " to " + std::to_string(most) +
+                        ", found " + std::to_string(value));
+  }
+  return value;
+}
+
+double read_number(const TomlTable& table, std::string_view key, double least, double most) {
+  const double value = table.number(key);
+  if (!(value >= least && value <= most)) {
+    table.fail(key, "expected " + toml_number(least) + " to " + toml_number(most) + ", found " +
+                        toml_number(value));
+  }
+  return value;
+}
+
+Duration read_ms(const TomlTable& table, std::string_view key, double least) {
+  return from_seconds(1e-3 * read_number(table, key, least, kLongestMs));
+}
+
+void read_clock(const TomlTable& table, Fault& fault) {
+  if (!table.has("jump_ms") && !table.has("drift_ppm")) {
+    table.fail_here("a wrong clock wants jump_ms, drift_ppm or both");
+  }
+  if (table.has("jump_ms")) fault.time = read_ms(table, "jump_ms", -kLongestMs);
+  if (table.has("drift_ppm")) {
+    fault.drift_ppm = read_number(table, "drift_ppm", -kMostDriftPpm, kMostDriftPpm);
+  }
+}
+
+Fault read_fault(const TomlTable& table, const Rig& rig, std::optional<int64_t> take_pulses) {
+  Fault fault;
+  fault.camera = table.text("camera");
   if (find_camera(rig, fault.camera) < 0) {
     table.fail("camera", "there is no camera '" + fault.camera + "'; there are " +
                              rig.front().name + " to " + rig.back().name);
   }
-  if (fault.pulse < 0 || fault.pulse >= pulses) {
-    table.fail("pulse", "expected 0 to " + std::to_string(pulses - 1) + ", found " +
-                            std::to_string(fault.pulse));
+  fault.pulse = read_integer(table, "pulse", 0, take_pulses.value_or(kMostPulses) - 1);
+  fault.kind = read_kind(table, take_pulses.has_value());
+  if (fault.kind == FaultKind::kDelay) fault.time = read_ms(table, "ms", 1);
+  if (fault.kind == FaultKind::kFreeze) {
+    fault.pulses = read_integer(table, "pulses", 1, kMostPulses);
   }
+  if (fault.kind == FaultKind::kUnplug) {
+    fault.time = read_ms(table, "ms", 1);
+    fault.new_clock = table.boolean_or("new_clock", false);
+  }
+  if (fault.kind == FaultKind::kClock) read_clock(table, fault);
   table.refuse_unknown();
   return fault;
 }
@@ -39,11 +104,11 @@ Fault read_fault(const TomlTable& table, const Rig& rig, int64_t pulses) {
 }  // namespace
 
 std::vector<Fault> parse_faults(std::string_view text, const std::filesystem::path& path,
-                                const Rig& rig, int64_t pulses) {
+                                const Rig& rig, std::optional<int64_t> take_pulses) {
   const TomlTable file = TomlTable::parse(text, path);
   std::vector<Fault> faults;
   for (const TomlTable& table : file.tables("fault")) {
-    const Fault fault = read_fault(table, rig, pulses);
+    const Fault fault = read_fault(table, rig, take_pulses);
     if (std::ranges::any_of(faults, [&](const Fault& other) {
           return other.camera == fault.camera && other.pulse == fault.pulse;
         })) {
@@ -56,8 +121,9 @@ std::vector<Fault> parse_faults(std::string_view text, const std::filesystem::pa
   return faults;
 }
 
-std::vector<Fault> load_faults(const std::filesystem::path& path, const Rig& rig, int64_t pulses) {
-  return parse_faults(read_file(path), path, rig, pulses);
+std::vector<Fault> load_faults(const std::filesystem::path& path, const Rig& rig,
+                               std::optional<int64_t> take_pulses) {
+  return parse_faults(read_file(path), path, rig, take_pulses);
 }
 
 bool has_fault(const std::vector<Fault>& faults, const std::string& camera, int64_t pulse,
@@ -65,6 +131,17 @@ bool has_fault(const std::vector<Fault>& faults, const std::string& camera, int6
   return std::ranges::any_of(faults, [&](const Fault& fault) {
     return fault.camera == camera && fault.pulse == pulse && fault.kind == kind;
   });
+}
+
+std::vector<Fault> faults_at_edges(const std::vector<Fault>& faults, const std::string& camera,
+                                   int64_t empty_pulses) {
+  std::vector<Fault> own;
+  for (Fault fault : faults) {
+    if (fault.camera != camera) continue;
+    fault.pulse += empty_pulses;
+    own.push_back(fault);
+  }
+  return own;
 }
 
 }  // namespace v3d::sim

@@ -1,5 +1,6 @@
 #include "v3d-sim/simulated_take.h"
 
+#include <algorithm>
 #include <cstdio>
 #include <stdexcept>
 
@@ -72,7 +73,7 @@ class CameraLog {
         writer_(paths.frames(camera_)) {}
 
   void add(int64_t pulse, MonotonicInstant edge, RealtimeInstant edge_realtime, Image image) {
-    if (has_fault(faults_, camera_, pulse, FaultKind::kMissing)) {
+    if (has_fault(faults_, camera_, pulse, FaultKind::kDrop)) {
       return;
     }
     FrameMessage message;
@@ -80,6 +81,7 @@ class CameraLog {
     message.frame.camera = camera_;
     message.frame.sensor_size = image.size;
     message.frame.roi = {0, 0, image.size.width, image.size.height};
+    if (has_fault(faults_, camera_, pulse, FaultKind::kBlack)) std::ranges::fill(image.bytes, 0);
     message.frame.image = std::move(image);
     FrameLabel& label = message.frame.label;
     label.pulse = pulse;

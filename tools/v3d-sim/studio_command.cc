@@ -14,6 +14,7 @@
 #include "sim/gige_cameras.h"
 #include "sim/trigger_cable.h"
 #include "v3d-sim/commands.h"
+#include "v3d-sim/faults.h"
 #include "v3d-sim/options.h"
 #include "v3d-sim/studio_text.h"
 
@@ -28,6 +29,7 @@ struct Arguments {
   int64_t loop_frames = 0;
   int64_t empty_pulses = 0;
   std::string voxel = "10mm";
+  std::string faults;
 };
 
 /// SIGTERM and SIGINT, blocked in all threads and asked for where it suits.
@@ -104,12 +106,15 @@ std::optional<Reel> render_ahead(const Rig& rig, const Arguments& arguments,
   return reel;
 }
 
-std::vector<GigeCamera> network_cameras(const Rig& rig, uint64_t seed) {
+std::vector<GigeCamera> network_cameras(const Rig& rig, const std::vector<Fault>& faults,
+                                        const Arguments& arguments) {
   const MonotonicInstant origin = Monotonic::now();
   std::vector<GigeCamera> cameras;
   for (int i = 0; i < static_cast<int>(rig.size()); ++i) {
-    cameras.push_back({gige_address(i), gige_serial(i), rig[static_cast<size_t>(i)].model.size(),
-                       PixelFormat::kBayerRG8, simulated_clock(i, seed, origin)});
+    const RigCamera& camera = rig[static_cast<size_t>(i)];
+    cameras.push_back({gige_address(i), gige_serial(i), camera.model.size(), PixelFormat::kBayerRG8,
+                       simulated_clock(i, arguments.studio.seed, origin),
+                       faults_at_edges(faults, camera.name, arguments.empty_pulses)});
   }
   return cameras;
 }
@@ -123,6 +128,8 @@ int run(Arguments arguments) {
   }
   const Rig rig =
       make_rig(arguments.studio.cameras, parse_size(arguments.studio.size), arguments.studio.seed);
+  const std::vector<Fault> faults =
+      arguments.faults.empty() ? std::vector<Fault>() : load_faults(arguments.faults, rig, {});
   const StudioText text{rate, parse_length(arguments.voxel)};
   std::filesystem::create_directories(folder);
   save_calib(folder / "calib.toml", rig);
@@ -135,13 +142,13 @@ int run(Arguments arguments) {
   ExposureRecord record(folder / "exposures.csv");
   const int64_t empty = arguments.empty_pulses;
   GigeCameras cameras(
-      network_cameras(rig, arguments.studio.seed),
+      network_cameras(rig, faults, arguments),
       [&](int camera, int64_t edge) {
         return std::span<const uint8_t>(reel->picture(camera, edge, empty).bytes);
       },
       [&](const Exposure& e) {
         record.add({rig[static_cast<size_t>(e.camera)].name, e.device_time, e.edge_time, e.edge,
-                    reel->image_index(e.edge, empty)});
+                    e.black ? kBlackImage : reel->image_index(e.edge, empty)});
       },
       arguments.studio.seed);
   const TriggerCable cable(folder / "trigger.sock", [&](int64_t edge, MonotonicInstant edge_time) {
@@ -178,6 +185,10 @@ void add_studio_command(CLI::App& app, int& status) {
       ->capture_default_str();
   command.add_option("--voxel", arguments->voxel, "Voxel size for studio.toml, with a unit")
       ->capture_default_str();
+  command.add_option("--faults", arguments->faults,
+                     "TOML file of what shall go wrong: [[fault]] camera, pulse (from the first "
+                     "after --empty-pulses), kind = drop|missed|duplicate|delay|freeze|unplug|"
+                     "clock|black; see v3d-sim(1)");
   command.footer(
       "Prints \"ready\" when the cameras answer and the cable listens; serves until SIGTERM.\n"
       "The cameras' addresses (127.0.0.11 and up) must be on an interface; in a network of its "

@@ -84,7 +84,9 @@ TakeCheck check_take(const std::filesystem::path& take, const std::vector<Exposu
       const std::string wrong = verdict(camera, label, record, pulses);
       if (!wrong.empty()) {
         ++check.frames_mislabelled;
-        complain(camera + " pulse " + std::to_string(label.pulse) + ": " + wrong);
+        check.silently += label.suspect ? 0 : 1;
+        complain(camera + " pulse " + std::to_string(label.pulse) +
+                 (label.suspect ? " (suspect): " : ": ") + wrong);
       }
     }
     for (int64_t pulse = 0; pulse < info.pulses; ++pulse) {

@@ -14,6 +14,7 @@ struct TakeCheck {
   int64_t frames_received = 0;
   int64_t frames_missing = 0;         ///< pulses of the take without a frame, all cameras together
   int64_t frames_mislabelled = 0;     ///< frames that show another edge than their pulse was
+  int64_t silently = 0;               ///< of these, without being marked suspect
   std::vector<std::string> problems;  ///< one line each, the first ones
   bool whole() const { return frames_missing == 0 && frames_mislabelled == 0; }
 };

@@ -1,0 +1,46 @@
+#include "sim/later.h"
+
+#include <utility>
+
+namespace v3d::sim {
+
+Later::Later() : thread_([this] { run(); }) {}
+
+Later::~Later() {
+  {
+    const std::lock_guard lock(mutex_);
+    quit_ = true;
+  }
+  changed_.notify_all();
+  thread_.join();
+}
+
+void Later::at(MonotonicInstant due, std::function<void()> thing) {
+  {
+    const std::lock_guard lock(mutex_);
+    things_.emplace(due, std::move(thing));
+  }
+  changed_.notify_all();
+}
+
+void Later::run() {
+  std::unique_lock lock(mutex_);
+  while (!quit_) {
+    if (things_.empty()) {
+      changed_.wait(lock);
+      continue;
+    }
+    const auto first = things_.begin();
+    if (const Duration left = first->first - Monotonic::now(); left > Duration::zero()) {
+      changed_.wait_for(lock, left);
+      continue;
+    }
+    const std::function<void()> thing = std::move(first->second);
+    things_.erase(first);
+    lock.unlock();
+    thing();
+    lock.lock();
+  }
+}
+
+}  // namespace v3d::sim
