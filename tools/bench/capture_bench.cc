@@ -33,9 +33,9 @@ void match(benchmark::State& state) {
   PulseMatcher matcher(period);
   int64_t frame = 0;
   measure(state, 1, 0, [&] {
-    benchmark::DoNotOptimize(matcher.label({from_ns<DeviceClock>(frame * device_period),
-                                            static_cast<uint64_t>(frame),
-                                            from_ns<Monotonic>(frame * period.count())}));
+    benchmark::DoNotOptimize(
+        matcher.label({from_ns<DeviceClock>(frame * device_period), static_cast<uint64_t>(frame),
+                       from_ns<Monotonic>(frame * period.count())}));
     ++frame;
   });
 }
