@@ -1,6 +1,7 @@
 // Bytes to messages and back: the one place that sees the types generated from lcmtypes/. Decoders
 // treat bytes as hostile: anything wrong (fingerprint, truncation, trailing bytes, negative or
-// absurd lengths, values out of their enumeration, a mask or image that does not fit its size)
+// absurd lengths, values out of their enumeration, a mask or image that does not fit its size, a
+// frame's checksum that is not its own)
 // gives nothing. They never throw and never allocate more than a small multiple of the input (a
 // mask, which is sent as runs: no more than its size says, at most kMaxImageSide squared bits).
 //
@@ -27,8 +28,8 @@ Bytes encode(const ReplyMessage& message);
 Bytes encode(const HealthMessage& message);
 Bytes encode(const EventMessage& message);
 
-/// An encoded FrameMessage up to its pixels; `message.frame.image.bytes` are the rest of it. For
-/// writers that need not copy the pixels.
+/// An encoded FrameMessage up to its pixels, whose checksum it holds; `message.frame.image.bytes`
+/// are the rest of it. For writers that need not copy the pixels.
 Bytes encode_head(const FrameMessage& message);
 
 /// M is one of the message types above.

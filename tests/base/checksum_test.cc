@@ -1,0 +1,22 @@
+#include "base/checksum.h"
+
+#include <gtest/gtest.h>
+
+#include <vector>
+
+namespace v3d {
+namespace {
+
+TEST(Checksum, is_xxh3_of_nothing_for_nothing) { EXPECT_EQ(checksum({}), 0x2D06800538D394C2); }
+
+TEST(Checksum, does_not_depend_on_where_the_parts_are_cut) {
+  std::vector<uint8_t> bytes(1000);
+  for (size_t i = 0; i < bytes.size(); ++i) bytes[i] = static_cast<uint8_t>(7 * i);
+  const std::span<const uint8_t> whole(bytes);
+  for (const size_t cut : {size_t{0}, size_t{1}, size_t{255}, size_t{999}, size_t{1000}}) {
+    EXPECT_EQ(checksum({whole.first(cut), whole.subspan(cut)}), checksum({whole})) << cut;
+  }
+}
+
+}  // namespace
+}  // namespace v3d
