@@ -60,12 +60,13 @@ void CameraLane::process(Frame frame) {
 }
 
 bool CameraLane::record(const FrameMessage& message) {
+  const FrameLabel& label = message.frame.label;
+  exposures_.add(label.camera_counter);
   if (!log_.write(message)) {
     ++write_errors_;
     return false;
   }
   ++written_;
-  const FrameLabel& label = message.frame.label;
   written_pulses_.push_back(label.pulse);
   if (label.suspect) suspect_pulses_.push_back(label.pulse);
   return true;
@@ -99,7 +100,9 @@ bool CameraLane::quiet_since(MonotonicInstant since) const {
 
 CameraLedger CameraLane::close(int64_t commanded) {
   end();
+  if (!log_.close()) ++write_errors_;
   CameraLedger ledger = account(camera(), written_pulses_, suspect_pulses_, commanded);
+  ledger.exposed = exposures_.exposed();
   ledger.received = worker_.status().frames;
   ledger.published = published_;
   return ledger;

@@ -15,6 +15,7 @@
 #include "daemon/heartbeat.h"
 #include "daemon/live_gate.h"
 #include "daemon/work_places.h"
+#include "take/exposure_count.h"
 #include "take/frame_log.h"
 #include "take/ledger.h"
 
@@ -23,7 +24,7 @@ namespace v3d {
 struct LaneCounts {
   int64_t received = 0;  ///< frames taken from the camera
   int64_t written = 0;
-  int64_t write_errors = 0;  ///< frames that the disk refused
+  int64_t write_errors = 0;  ///< frames that the disk refused, and a log that it did not keep
   int64_t published = 0;
 };
 
@@ -79,6 +80,7 @@ class CameraLane {
   int64_t live_seq_ = 0;
   std::vector<int64_t> written_pulses_;  // of the lane's thread until close()
   std::vector<int64_t> suspect_pulses_;
+  ExposureCount exposures_;
   std::atomic<int64_t> received_ = 0;
   std::atomic<int64_t> written_ = 0;
   std::atomic<int64_t> write_errors_ = 0;

@@ -8,6 +8,7 @@ std::string ledger_json(const Ledger& ledger) {
   nlohmann::json cameras = nlohmann::json::array();
   for (const CameraLedger& c : ledger.cameras) {
     cameras.push_back({{"name", c.name},
+                       {"exposed", c.exposed},
                        {"received", c.received},
                        {"written", c.written},
                        {"published", c.published},

@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <array>
 #include <cerrno>
+#include <cstring>
 #include <optional>
 #include <utility>
 
@@ -58,19 +59,24 @@ std::optional<EventSpan> event_at(int fd, uint64_t offset, uint64_t file_size) {
                    .data_size = static_cast<uint32_t>(data_size)};
 }
 
-/// The next place at or behind `from` where a whole event begins.
-std::optional<uint64_t> next_event(int fd, uint64_t from, uint64_t file_size) {
+uint64_t end_of(const EventSpan& event) { return event.data_offset + event.data_size; }
+
+/// The first place from `from` on, and before `until`, where a whole event begins.
+std::optional<uint64_t> next_event(int fd, uint64_t from, uint64_t until, uint64_t file_size) {
   constexpr std::array<uint8_t, 4> kSync = {0xED, 0xA1, 0xDA, 0x01};
   std::vector<uint8_t> chunk(1 << 16);
-  while (from + kEventHeaderSize <= file_size) {
+  while (from < until) {
     const size_t got = read_at(fd, from, chunk);
     if (got < kSync.size()) break;
-    const auto end = chunk.begin() + static_cast<ptrdiff_t>(got);
-    for (auto hit = chunk.begin();; ++hit) {
-      hit = std::search(hit, end, kSync.begin(), kSync.end());
-      if (hit == end) break;
-      const uint64_t offset = from + static_cast<uint64_t>(hit - chunk.begin());
+    const uint8_t* const stop = chunk.data() + got;
+    for (const uint8_t* at = chunk.data();;) {
+      at = static_cast<const uint8_t*>(
+          memmem(at, static_cast<size_t>(stop - at), kSync.data(), kSync.size()));
+      if (at == nullptr) break;
+      const uint64_t offset = from + static_cast<uint64_t>(at - chunk.data());
+      if (offset >= until) return std::nullopt;
       if (event_at(fd, offset, file_size)) return offset;
+      ++at;
     }
     from += got - (kSync.size() - 1);
   }
@@ -111,16 +117,22 @@ EventLogReader& EventLogReader::operator=(EventLogReader&& other) noexcept {
 
 void EventLogReader::index(uint64_t file_size) {
   uint64_t offset = 0;
+  auto event = event_at(fd_, offset, file_size);
   while (offset < file_size) {
-    if (auto event = event_at(fd_, offset, file_size)) {
-      offset = event->data_offset + event->data_size;
-      events_.push_back(std::move(*event));
+    auto behind = event ? event_at(fd_, end_of(*event), file_size) : std::nullopt;
+    // Where nothing right follows, an event may have a damaged length, and hold others.
+    const bool is_sure = event && (behind || end_of(*event) == file_size);
+    const uint64_t until = event ? end_of(*event) : file_size;
+    const auto next = is_sure ? std::nullopt : next_event(fd_, offset + 1, until, file_size);
+    if (event && !next) {
+      offset = end_of(*event);
+      events_.push_back(*std::exchange(event, std::move(behind)));
       continue;
     }
-    const auto next = next_event(fd_, offset + 1, file_size);
     if (!next) break;
     ++damaged_places_;
     offset = *next;
+    event = event_at(fd_, offset, file_size);
   }
   torn_bytes_ = static_cast<int64_t>(file_size - offset);
 }

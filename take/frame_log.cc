@@ -20,6 +20,9 @@ namespace {
 /// So much is given to the disk at a time: dirty pages drain evenly instead of in one great stall
 /// when the kernel finds that there are too many.
 constexpr int64_t kDrainBytes = 4 << 20;
+/// So much may wait for the disk: a second and a half of an XGA camera. More would only put off the
+/// moment at which the disk is noticed to be too slow, to the end of the take.
+constexpr int64_t kMostWaiting = 32 << 20;
 
 void put_big_endian(Bytes& bytes, uint64_t value, int size) {
   for (int shift = 8 * (size - 1); shift >= 0; shift -= 8) {
@@ -67,8 +70,8 @@ class EventLogWriter::Impl {
     if (fd_ < 0) throw InputError(errno_message("cannot create log " + path.string()));
   }
   ~Impl() {
-    fsync(fd_);
-    close(fd_);
+    sync();
+    ::close(fd_);
   }
   Impl(const Impl&) = delete;
   Impl& operator=(const Impl&) = delete;
@@ -77,6 +80,7 @@ class EventLogWriter::Impl {
   /// becomes of us, and a full disk is noticed at the event that it hits.
   bool write(const std::string& channel, RealtimeInstant at, const Bytes& first,
              const Bytes& rest = {}) {
+    if (broken_) return false;
     const Bytes head = event_head(events_, channel, at, first.size() + rest.size());
     iovec parts[] = {part_of(head), part_of(first), part_of(rest)};
     if (!write_all(fd_, parts)) {
@@ -91,6 +95,12 @@ class EventLogWriter::Impl {
 
   int64_t bytes() const { return bytes_; }
 
+  bool sync() {
+    const bool refused = fsync(fd_) != 0 && is_of_the_disk(errno);
+    broken_ = broken_ || refused;
+    return !broken_;
+  }
+
  private:
   /// writev() only reads.
   static iovec part_of(const Bytes& bytes) {
@@ -98,14 +108,23 @@ class EventLogWriter::Impl {
   }
 
   /// What the disk has meanwhile taken leaves the page cache: a take is many times the memory, and
-  /// pages used again are still warm, where fresh ones cost several times the copy. Waits for
-  /// nothing: pages that are not on disk yet stay.
+  /// pages used again are still warm, where fresh ones cost several times the copy.
   void drain() {
-    if (bytes_ - draining_ < kDrainBytes) return;
-    sync_file_range(fd_, draining_, bytes_ - draining_, SYNC_FILE_RANGE_WRITE);
-    posix_fadvise(fd_, 0, drained_, POSIX_FADV_DONTNEED);
-    drained_ = draining_;
-    draining_ = bytes_;
+    if (bytes_ - given_ < kDrainBytes) return;
+    sync_file_range(fd_, given_, bytes_ - given_, SYNC_FILE_RANGE_WRITE);
+    given_ = bytes_;
+    const int64_t due = given_ - kMostWaiting;
+    if (due > taken_) {
+      const int refused = sync_file_range(fd_, taken_, due - taken_, SYNC_FILE_RANGE_WAIT_BEFORE);
+      broken_ = refused != 0 && is_of_the_disk(errno);
+      taken_ = due;
+    }
+    posix_fadvise(fd_, 0, given_ - kDrainBytes, POSIX_FADV_DONTNEED);
+  }
+
+  /// Other errors say that this is no file that can be synchronised.
+  static bool is_of_the_disk(int error) {
+    return error == EIO || error == ENOSPC || error == EDQUOT || error == EROFS;
   }
 
   /// Removes what was written of an event that did not fit.
@@ -116,8 +135,9 @@ class EventLogWriter::Impl {
   const int fd_;
   int64_t events_ = 0;
   int64_t bytes_ = 0;
-  int64_t draining_ = 0;  ///< bytes that the disk has been asked to take
-  int64_t drained_ = 0;   ///< bytes that it was asked to take a while ago
+  int64_t given_ = 0;    ///< bytes that the disk has been asked to take
+  int64_t taken_ = 0;    ///< bytes that it has taken
+  bool broken_ = false;  ///< it refused some of them
 };
 
 EventLogWriter::EventLogWriter(const std::filesystem::path& path)
@@ -134,6 +154,7 @@ bool EventLogWriter::write(const PulseMessage& message) {
   return impl_->write(kPulseChannel, message.sent, encode(message));
 }
 int64_t EventLogWriter::bytes() const { return impl_->bytes(); }
+bool EventLogWriter::close() { return impl_->sync(); }
 
 class FrameLogReader::Impl {
  public:

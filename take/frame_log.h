@@ -13,8 +13,9 @@
 
 namespace v3d {
 
-/// Appends events; one thread. Nothing is buffered here: a crash of the program loses at most the
-/// last, unfinished event.
+/// Appends events; one thread. Nothing is buffered here: what write() said yes to survives the end
+/// of the program, and a crash leaves at most one unfinished event behind it. At most 32 MB are not
+/// on the disk yet: write() then waits for the disk, so that close() is quick.
 class EventLogWriter {
  public:
   /// Creates the file. Throws InputError when that fails.
@@ -23,10 +24,14 @@ class EventLogWriter {
   EventLogWriter(EventLogWriter&&) noexcept;
   EventLogWriter& operator=(EventLogWriter&&) noexcept;
 
-  /// False when the disk refused; the log then ends with the event before.
+  /// False when the disk refused, now or what it had been given before; the log then ends with the
+  /// event before.
   bool write(const FrameMessage& message);
   bool write(const PulseMessage& message);
   int64_t bytes() const;
+  /// Waits until everything is on the disk, and ends the log. False when the disk refused any of
+  /// it.
+  bool close();
 
  private:
   class Impl;

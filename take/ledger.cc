@@ -1,6 +1,7 @@
 #include "take/ledger.h"
 
 #include <algorithm>
+#include <array>
 #include <map>
 
 #include "base/error.h"
@@ -26,10 +27,20 @@ int64_t read_count(const TomlTable& table, std::string_view key) {
   return n;
 }
 
+/// Pulses that a camera's node did not count, up to as many as hours of recording have.
+void add_missing(CameraLedger& camera, int64_t counted, int64_t commanded) {
+  constexpr int64_t kMostAdded = 1'000'000;
+  if (commanded - counted > kMostAdded) return;  // a count that nobody believes
+  for (int64_t pulse = std::max<int64_t>(counted, 0); pulse < commanded; ++pulse) {
+    camera.missing.push_back(pulse);
+  }
+}
+
 CameraLedger read_camera(const TomlTable& table) {
   CameraLedger camera;
   camera.name = table.text("name");
   camera.received = read_count(table, "received");
+  camera.exposed = table.has("exposed") ? read_count(table, "exposed") : camera.received;
   camera.written = read_count(table, "written");
   camera.published = read_count(table, "published");
   camera.missing = table.integers("missing");
@@ -85,7 +96,7 @@ CameraLedger account(const std::string& camera, const std::vector<int64_t>& puls
   for (const int64_t pulse : pulses) ++frames_of[pulse];
   CameraLedger ledger;
   ledger.name = camera;
-  ledger.received = ledger.written = static_cast<int64_t>(pulses.size());
+  ledger.exposed = ledger.received = ledger.written = static_cast<int64_t>(pulses.size());
   ledger.suspect = suspect;
   std::sort(ledger.suspect.begin(), ledger.suspect.end());
   for (int64_t pulse = 0; pulse < commanded; ++pulse) {
@@ -101,6 +112,74 @@ CameraLedger account(const std::string& camera, const std::vector<int64_t>& puls
   ledger.suspect.erase(std::unique(ledger.suspect.begin(), ledger.suspect.end()),
                        ledger.suspect.end());
   return ledger;
+}
+
+Ledger merge(const std::vector<Ledger>& parts) {
+  Ledger whole;
+  for (const Ledger& part : parts) whole.commanded = std::max(whole.commanded, part.commanded);
+  for (const Ledger& part : parts) {
+    whole.take = part.take;
+    if (part.sensed >= whole.sensed) {
+      whole.sensed = part.sensed;
+      whole.unsensed = part.unsensed;
+      whole.extra = part.extra;
+      whole.runt = part.runt;
+    }
+    for (CameraLedger camera : part.cameras) {
+      add_missing(camera, part.commanded, whole.commanded);
+      whole.cameras.push_back(std::move(camera));
+    }
+  }
+  return whole;
+}
+
+std::string number_ranges(const std::vector<int64_t>& numbers) {
+  std::string text;
+  for (size_t first = 0, last = 0; first < numbers.size(); first = last + 1) {
+    last = first;
+    while (last + 1 < numbers.size() && numbers[last + 1] == numbers[last] + 1) ++last;
+    text += (text.empty() ? "" : ", ") + std::to_string(numbers[first]);
+    if (last > first) text += "-" + std::to_string(numbers[last]);
+  }
+  return text;
+}
+
+std::vector<std::string> trouble_lines(const Ledger& ledger) {
+  std::vector<std::string> lines;
+  const auto tell = [&](const std::string& who, const char* what,
+                        const std::vector<int64_t>& pulses) {
+    if (!pulses.empty()) lines.push_back(who + ": " + what + " " + number_ranges(pulses));
+  };
+  tell("sense line", "did not see pulses", ledger.unsensed);
+  tell("sense line", "saw too short pulses", ledger.runt);
+  for (const CameraLedger& camera : ledger.cameras) {
+    tell(camera.name, "misses pulses", camera.missing);
+    tell(camera.name, "has more than one frame of pulses", camera.duplicate);
+    tell(camera.name, "is in doubt about pulses", camera.suspect);
+  }
+  return lines;
+}
+
+std::vector<std::string> table_lines(const Ledger& ledger) {
+  size_t width = 6;
+  for (const CameraLedger& camera : ledger.cameras) width = std::max(width, camera.name.size());
+  const auto line = [&](std::string name, const std::array<std::string, 4>& cells) {
+    name.resize(width, ' ');
+    for (const std::string& cell : cells) {
+      name += std::string(cell.size() < 11 ? 11 - cell.size() : 1, ' ') + cell;
+    }
+    return name;
+  };
+  std::vector<std::string> lines = {
+      line("camera", {"exposed", "received", "written", "published"})};
+  for (const CameraLedger& c : ledger.cameras) {
+    lines.push_back(line(c.name, {format_count(c.exposed), format_count(c.received),
+                                  format_count(c.written), format_count(c.published)}));
+  }
+  const std::string sensed =
+      ledger.sensed ? format_count(*ledger.sensed) + " sensed" : "not sensed";
+  lines.push_back(format_count(ledger.commanded) + " pulses commanded, " + sensed);
+  return lines;
 }
 
 Ledger load_ledger(const std::filesystem::path& path) {
@@ -134,12 +213,12 @@ void save_ledger(const std::filesystem::path& path, const Ledger& ledger) {
             "\n";
   }
   for (const CameraLedger& c : ledger.cameras) {
-    text += "\n[[camera]]\nname = " + toml_string(c.name) +
-            "\nreceived = " + std::to_string(c.received) +
-            "\nwritten = " + std::to_string(c.written) +
-            "\npublished = " + std::to_string(c.published) +
-            "\nmissing = " + number_list(c.missing) + "\nduplicate = " + number_list(c.duplicate) +
-            "\nsuspect = " + number_list(c.suspect) + "\n";
+    text +=
+        "\n[[camera]]\nname = " + toml_string(c.name) + "\nexposed = " + std::to_string(c.exposed) +
+        "\nreceived = " + std::to_string(c.received) + "\nwritten = " + std::to_string(c.written) +
+        "\npublished = " + std::to_string(c.published) + "\nmissing = " + number_list(c.missing) +
+        "\nduplicate = " + number_list(c.duplicate) + "\nsuspect = " + number_list(c.suspect) +
+        "\n";
   }
   replace_file(path, text);
 }

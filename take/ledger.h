@@ -12,9 +12,10 @@ namespace v3d {
 
 struct CameraLedger {
   std::string name;
-  int64_t received = 0;            ///< frames that reached the host whole
-  int64_t written = 0;             ///< frames in <camera>.lcmlog
-  int64_t published = 0;           ///< frames sent live
+  int64_t exposed = 0;    ///< frames by the camera's own count, first to last (ExposureCount)
+  int64_t received = 0;   ///< frames that reached the host whole
+  int64_t written = 0;    ///< frames in <camera>.lcmlog
+  int64_t published = 0;  ///< frames sent live
   std::vector<int64_t> missing;    ///< pulses without a frame
   std::vector<int64_t> duplicate;  ///< pulses with more than one
   std::vector<int64_t> suspect;    ///< pulses whose label is in doubt
@@ -41,6 +42,18 @@ std::vector<int64_t> missing_of(const std::set<int64_t>& seen, int64_t commanded
 /// `pulses`: the pulse of every frame in order of arrival; `suspect`: those in doubt.
 CameraLedger account(const std::string& camera, const std::vector<int64_t>& pulses,
                      const std::vector<int64_t>& suspect, int64_t commanded);
+
+/// The account of a whole take from those of its nodes: cameras side by side; the pulses by the
+/// node that counts most. A camera whose node counted fewer pulses misses the rest of them.
+Ledger merge(const std::vector<Ledger>& parts);
+
+/// "3-17, 20": numbers that rise, neighbours as a range.
+std::string number_ranges(const std::vector<int64_t>& numbers);
+/// Per camera what is missing, duplicate or suspect, by name; one line each. Nothing when all is
+/// well.
+std::vector<std::string> trouble_lines(const Ledger& ledger);
+/// What each camera exposed, received, wrote and published, as a table.
+std::vector<std::string> table_lines(const Ledger& ledger);
 
 /// Throws InputError with file, line and field; also when the file is not there.
 Ledger load_ledger(const std::filesystem::path& path);

@@ -6,15 +6,32 @@
 #include "base/error.h"
 #include "base/units.h"
 #include "take/event_log.h"
+#include "take/exposure_count.h"
 #include "take/frame_log.h"
 #include "take/mesh_file.h"
 
 namespace v3d {
 namespace {
 
+/// How much of a log is read: the whole frames, or their labels.
+enum class Depth : uint8_t { kFrames, kLabels };
+
+/// The label of the frame, if it is one of this camera and, as far as it is read, undamaged.
+std::optional<FrameLabel> label_of(const EventLogReader& log, const EventSpan& event,
+                                   const std::string& camera, Depth depth) {
+  if (depth == Depth::kFrames) {
+    const auto message = decode<FrameMessage>(log.read(event));
+    if (!message || message->frame.camera != camera) return std::nullopt;
+    return message->frame.label;
+  }
+  const auto head = decode_frame_head(log.read(event, kFrameHeadSize));
+  if (!head || head->camera != camera || head->message_size != event.data_size) return std::nullopt;
+  return head->label;
+}
+
 class Verifier {
  public:
-  explicit Verifier(const TakePaths& paths) : paths_(paths) {
+  Verifier(const TakePaths& paths, Depth depth) : paths_(paths), depth_(depth) {
     result_.info = load_take_info(paths);
   }
 
@@ -86,17 +103,19 @@ class Verifier {
     const std::filesystem::path file = paths_.frames(camera);
     std::vector<int64_t> pulses;
     std::vector<int64_t> suspect;
+    ExposureCount exposures;
     try {
       const EventLogReader log(file);
       int64_t damaged = log.damaged_places();
       for (const EventSpan& event : log.events()) {
-        const auto message = decode<FrameMessage>(log.read(event));
-        if (!message || message->frame.camera != camera) {
+        const auto label = label_of(log, event, camera, depth_);
+        if (!label) {
           ++damaged;
           continue;
         }
-        pulses.push_back(message->frame.label.pulse);
-        if (message->frame.label.suspect) suspect.push_back(message->frame.label.pulse);
+        pulses.push_back(label->pulse);
+        exposures.add(label->camera_counter);
+        if (label->suspect) suspect.push_back(label->pulse);
       }
       if (damaged > 0) disagree(file, format_count(damaged) + " damaged events");
       if (log.torn_bytes() > 0) {
@@ -106,7 +125,9 @@ class Verifier {
     } catch (const InputError& error) {
       result_.disagreements.emplace_back(error.what());
     }
-    return account(camera, pulses, suspect, result_.ledger.commanded);
+    CameraLedger counted = account(camera, pulses, suspect, result_.ledger.commanded);
+    counted.exposed = exposures.exposed();
+    return counted;
   }
 
   void compare(const Ledger& stored, CameraLedger& counted) {
@@ -116,6 +137,7 @@ class Verifier {
       disagree(paths_.ledger(), "has no camera '" + counted.name + "'");
       return;
     }
+    counted.exposed = found->exposed;
     counted.received = found->received;
     counted.published = found->published;
     if (found->written != counted.written) {
@@ -146,15 +168,49 @@ class Verifier {
   }
 
   const TakePaths paths_;
+  const Depth depth_;
   Verification result_;
 };
 
+/// Where the log's last undamaged event ends. The disk may have kept the length of the last events,
+/// and not their bytes; of more than what waited for the disk, the fault lies elsewhere, and it
+/// stays.
+template <class Message>
+uint64_t sound_end(const EventLogReader& log) {
+  constexpr uint64_t kMostWaiting = 64 << 20;
+  const std::vector<EventSpan>& events = log.events();
+  if (events.empty()) return 0;
+  const uint64_t end = events.back().data_offset + events.back().data_size;
+  for (auto event = events.rbegin(); event != events.rend(); ++event) {
+    const uint64_t event_end = event->data_offset + event->data_size;
+    if (end - event_end > kMostWaiting) break;
+    if (decode<Message>(log.read(*event))) return event_end;
+  }
+  return end;
+}
+
+/// A log that does not open holds no event: nothing is lost with it.
+template <class Message>
+void cut_behind_last_event(const std::filesystem::path& path) {
+  if (!std::filesystem::is_regular_file(path)) return;
+  uint64_t end = 0;
+  try {
+    end = sound_end<Message>(EventLogReader(path));
+  } catch (const InputError&) {
+  }
+  if (end < std::filesystem::file_size(path)) std::filesystem::resize_file(path, end);
+}
+
 }  // namespace
 
-Verification verify_take(const TakePaths& paths) { return Verifier(paths).run(); }
+Verification verify_take(const TakePaths& paths) { return Verifier(paths, Depth::kFrames).run(); }
 
 Verification recover_take(const TakePaths& paths) {
-  Verification result = verify_take(paths);
+  cut_behind_last_event<PulseMessage>(paths.pulses());
+  for (const std::string& camera : load_take_info(paths).cameras) {
+    cut_behind_last_event<FrameMessage>(paths.frames(camera));
+  }
+  Verification result = Verifier(paths, Depth::kLabels).run();
   result.info.state = TakeState::kRecovered;
   result.info.pulses = result.ledger.commanded;
   save_ledger(paths.ledger(), result.ledger);

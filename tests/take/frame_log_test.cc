@@ -119,6 +119,19 @@ TEST(FrameLog, loses_only_the_event_whose_header_is_damaged) {
   }
 }
 
+TEST(FrameLog, finds_the_events_that_a_damaged_length_would_hide) {
+  const TemporaryFolder folder;
+  write_frames(folder / "log", {0, 1, 2, 3});
+  std::string damaged = read_file(folder / "log");
+  const size_t event = damaged.size() / 4;
+  // The length of the data: 256 bytes more.
+  damaged[event + 26] = static_cast<char>(damaged[event + 26] + 1);
+  test::write_text(folder / "damaged", damaged);
+  FrameLogReader reader(folder / "damaged");
+  EXPECT_EQ(pulses_of(reader), (std::vector<int64_t>{0, 2, 3}));
+  EXPECT_GE(reader.damaged_events(), 1);
+}
+
 TEST(FrameLog, survives_any_byte_changed) {
   const TemporaryFolder folder;
   write_frames(folder / "log", {0, 1, 2});

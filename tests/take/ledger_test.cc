@@ -81,11 +81,52 @@ TEST(Ledger, comes_back_from_its_file) {
   const Ledger back = load_ledger(folder / "ledger.toml");
   EXPECT_EQ(back.verdict(), ledger.verdict());
   EXPECT_EQ(back.cameras[2].name, "cam2");
+  EXPECT_EQ(back.cameras[2].exposed, 4);
   EXPECT_EQ(back.cameras[2].received, 4);
   EXPECT_EQ(back.cameras[2].published, 3);
   EXPECT_EQ(back.cameras[2].missing, ledger.cameras[2].missing);
   EXPECT_EQ(back.cameras[2].duplicate, ledger.cameras[2].duplicate);
   EXPECT_EQ(back.cameras[2].suspect, ledger.cameras[2].suspect);
+}
+
+TEST(Ledger, of_a_take_has_the_cameras_of_all_nodes_and_the_pulses_of_the_one_that_counts_most) {
+  Ledger first{.take = "kendo-07", .commanded = 3, .sensed = 3, .cameras = {}};
+  first.cameras.push_back(account("cam01", {0, 1, 2}, {}, 3));
+  Ledger second{.take = "kendo-07", .commanded = 2, .sensed = std::nullopt, .cameras = {}};
+  second.cameras.push_back(account("cam02", {0, 1}, {}, 2));
+  for (const auto& parts : {std::vector{first, second}, std::vector{second, first}}) {
+    const Ledger whole = merge(parts);
+    EXPECT_EQ(whole.commanded, 3);
+    EXPECT_EQ(whole.sensed, 3);
+    ASSERT_EQ(whole.cameras.size(), 2U);
+    EXPECT_FALSE(whole.complete());
+    EXPECT_THAT(trouble_lines(whole), testing::ElementsAre("cam02: misses pulses 2"));
+  }
+}
+
+TEST(Ledger, tells_troubles_by_name_and_neighbours_as_a_range) {
+  Ledger ledger = whole_ledger();
+  EXPECT_TRUE(trouble_lines(ledger).empty());
+  ledger.cameras[3].missing = {3, 4, 5, 9};
+  ledger.cameras[7].suspect = {-1, 12};
+  EXPECT_THAT(trouble_lines(ledger), testing::ElementsAre("cam3: misses pulses 3-5, 9",
+                                                          "cam7: is in doubt about pulses -1, 12"));
+}
+
+TEST(Ledger, shows_what_every_camera_did) {
+  Ledger ledger{.take = "k", .commanded = 1250, .sensed = 1249, .cameras = {}};
+  ledger.cameras.push_back({.name = "cam01",
+                            .exposed = 1250,
+                            .received = 1249,
+                            .written = 1248,
+                            .published = 7,
+                            .missing = {},
+                            .duplicate = {},
+                            .suspect = {}});
+  EXPECT_THAT(table_lines(ledger),
+              testing::ElementsAre("camera    exposed   received    written  published",
+                                   "cam01       1,250      1,249      1,248          7",
+                                   "1,250 pulses commanded, 1,249 sensed"));
 }
 
 TEST(Ledger, names_what_is_wrong_with_its_file) {

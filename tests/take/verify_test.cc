@@ -88,6 +88,15 @@ TEST_F(TakeFolder, does_not_count_a_frame_with_a_damaged_body) {
   EXPECT_THAT(v.disagreements, testing::Contains("cam01.lcmlog: 1 damaged events"));
 }
 
+TEST_F(TakeFolder, does_not_count_a_frame_of_which_a_pixel_was_changed) {
+  std::string log = read_file(paths_.frames("cam01"));
+  log.back() = static_cast<char>(log.back() ^ 1);
+  test::write_text(paths_.frames("cam01"), log);
+  const Verification v = verify_take(paths_);
+  EXPECT_THAT(v.ledger.cameras[0].missing, ElementsAre(2));
+  EXPECT_THAT(v.disagreements, testing::Contains("cam01.lcmlog: 1 damaged events"));
+}
+
 TEST_F(TakeFolder, of_which_a_log_is_gone_misses_every_pulse_of_that_camera) {
   std::filesystem::remove(paths_.frames("cam01"));
   const Verification v = verify_take(paths_);

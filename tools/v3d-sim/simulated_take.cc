@@ -13,6 +13,7 @@
 #include "sim/film.h"
 #include "sim/outer_surface.h"
 #include "sim/parallel.h"
+#include "take/exposure_count.h"
 #include "take/frame_log.h"
 #include "take/ledger.h"
 #include "take/take.h"
@@ -101,10 +102,15 @@ class CameraLog {
         throw std::runtime_error(errno_message(camera_ + ".lcmlog"));
       }
       pulses_.push_back(pulse);
+      exposures_.add(label.camera_counter);
     }
   }
 
-  CameraLedger close(int64_t commanded) { return account(camera_, pulses_, suspect_, commanded); }
+  CameraLedger close(int64_t commanded) const {
+    CameraLedger ledger = account(camera_, pulses_, suspect_, commanded);
+    ledger.exposed = exposures_.exposed();
+    return ledger;
+  }
 
  private:
   const std::string take_;
@@ -116,6 +122,7 @@ class CameraLog {
   EventLogWriter writer_;
   std::vector<int64_t> pulses_;
   std::vector<int64_t> suspect_;
+  ExposureCount exposures_;
 };
 
 void write_truth(const std::filesystem::path& folder, int64_t pulse, double seconds,
@@ -176,7 +183,7 @@ void write_take(const SimulatedTake& take, const std::function<void(int64_t)>& p
   ledger.take = info.name;
   ledger.commanded = take.frames;
   ledger.sensed = take.frames;
-  for (CameraLog& log : logs) {
+  for (const CameraLog& log : logs) {
     ledger.cameras.push_back(log.close(take.frames));
   }
   save_ledger(paths.ledger(), ledger);

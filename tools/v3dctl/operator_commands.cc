@@ -164,7 +164,10 @@ int run_stop(const CommandLine& line, const Options& options) {
     std::printf("%s\n", json.dump(2).c_str());
   }
   if (!answer.done()) return refused(client, answer, "");
-  if (!options.json) std::printf("%s\n", account.ledger.verdict().c_str());
+  if (!options.json) {
+    print_lines(trouble_lines(account.ledger));
+    std::printf("%s\n", account.ledger.verdict().c_str());
+  }
   for (const std::string& node : account.unreadable)
     note("v3dctl: no readable account from " + node);
   return account.ledger.complete() && account.unreadable.empty() ? kExitDone : kExitNotWhole;

@@ -64,6 +64,7 @@ Ledger parse_ledger(const Json& json) {
     camera.received = entry.at("received").get<int64_t>();
     camera.written = entry.at("written").get<int64_t>();
     camera.published = entry.at("published").get<int64_t>();
+    camera.exposed = entry.value("exposed", camera.received);
     put_ledger_numbers(entry, "missing", camera.missing);
     put_ledger_numbers(entry, "duplicate", camera.duplicate);
     put_ledger_numbers(entry, "suspect", camera.suspect);
@@ -115,26 +116,18 @@ Json answer_json(const Answer& answer) {
 
 TakeAccount merge_ledgers(const Answer& answer) {
   TakeAccount account;
+  std::vector<Ledger> parts;
   for (const auto& [node, reply] : answer.replies) {
     if (reply.detail.empty()) continue;
     try {
       const Json detail = Json::parse(reply.detail);
       if (detail.is_object() && !detail.contains("cameras")) continue;
-      const Ledger part = parse_ledger(detail);
-      account.ledger.take = part.take;
-      account.ledger.commanded = std::max(account.ledger.commanded, part.commanded);
-      if (part.sensed >= account.ledger.sensed) {
-        account.ledger.sensed = part.sensed;
-        account.ledger.unsensed = part.unsensed;
-        account.ledger.extra = part.extra;
-        account.ledger.runt = part.runt;
-      }
-      account.ledger.cameras.insert(account.ledger.cameras.end(), part.cameras.begin(),
-                                    part.cameras.end());
+      parts.push_back(parse_ledger(detail));
     } catch (const Json::exception&) {
       account.unreadable.push_back(node);
     }
   }
+  account.ledger = merge(parts);
   return account;
 }
 

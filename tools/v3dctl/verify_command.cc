@@ -25,24 +25,14 @@ Json verification_json(const Verification& verification) {
   return json;
 }
 
-std::string join_numbers(const std::vector<int64_t>& numbers) {
-  std::vector<std::string> words;
-  for (const int64_t number : numbers) words.push_back(std::to_string(number));
-  return join_names(words);
+void print_lines(const std::vector<std::string>& lines) {
+  for (const std::string& line : lines) std::printf("%s\n", line.c_str());
 }
 
 void print_text(const Verification& verification) {
-  const auto tell = [](const CameraLedger& camera, const char* what,
-                       const std::vector<int64_t>& pulses) {
-    if (pulses.empty()) return;
-    std::printf("%s: %s %s\n", camera.name.c_str(), what, join_numbers(pulses).c_str());
-  };
-  for (const CameraLedger& camera : verification.ledger.cameras) {
-    tell(camera, "misses pulses", camera.missing);
-    tell(camera, "has more than one frame of pulses", camera.duplicate);
-    tell(camera, "is in doubt about pulses", camera.suspect);
-  }
-  for (const std::string& line : verification.disagreements) std::printf("%s\n", line.c_str());
+  print_lines(table_lines(verification.ledger));
+  print_lines(trouble_lines(verification.ledger));
+  print_lines(verification.disagreements);
   std::printf("%s\n", verification.ledger.verdict().c_str());
 }
 

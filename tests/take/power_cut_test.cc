@@ -1,0 +1,186 @@
+// What a power cut leaves: the take ends at any byte, with or without garbage behind. Every byte of
+// the last megabyte takes minutes and is of the soak; else every so many.
+#include <fcntl.h>
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <random>
+
+#include "base/file.h"
+#include "recording.h"
+#include "support/temporary_folder.h"
+#include "take/event_log.h"
+#include "take/frame_log.h"
+#include "take/verify.h"
+
+namespace v3d {
+namespace {
+
+using testing::IsEmpty;
+
+#ifdef V3D_SOAK
+#define POWER_CUT PowerCutSoak
+constexpr int64_t kStep = 1;
+#else
+#define POWER_CUT PowerCut
+constexpr int64_t kStep = 487;
+#endif
+
+constexpr int64_t kMegabyte = 1'000'000;
+constexpr ImageSize kSize{128, 64};
+const std::string kCamera = "cam07";
+
+/// A log a little longer than a megabyte, and how long it was after each frame.
+class Recording {
+ public:
+  Recording() {
+    EventLogWriter writer(path());
+    while (writer.bytes() <= kMegabyte + 20'000) {
+      const auto pulse = static_cast<int64_t>(ends_.size());
+      if (!writer.write(test::recorded_frame(kCamera, pulse, kSize))) break;
+      ends_.push_back(writer.bytes());
+    }
+  }
+  std::filesystem::path path() const { return folder_ / (kCamera + ".lcmlog"); }
+  int64_t bytes() const { return ends_.back(); }
+  /// Frames that are whole in the first `length` bytes.
+  size_t whole_in(int64_t length) const {
+    return static_cast<size_t>(std::upper_bound(ends_.begin(), ends_.end(), length) -
+                               ends_.begin());
+  }
+
+ private:
+  const test::TemporaryFolder folder_;
+  std::vector<int64_t> ends_;
+};
+
+std::optional<int64_t> pulse_of(const EventLogReader& log, size_t event) {
+  const auto message = decode<FrameMessage>(log.read(log.events()[event]));
+  return message ? std::optional(message->frame.label.pulse) : std::nullopt;
+}
+
+/// Every frame before the cut is there, and nothing else that decodes.
+void expect_frames_before(const Recording& recording, int64_t cut) {
+  const EventLogReader log(recording.path());
+  const size_t whole = recording.whole_in(cut);
+  ASSERT_GE(log.events().size(), whole) << "cut at " << cut;
+  EXPECT_EQ(pulse_of(log, whole - 1), static_cast<int64_t>(whole) - 1) << "cut at " << cut;
+  // Where garbage takes the place of a frame's end, its checksum tells.
+  for (size_t event = whole; event < log.events().size(); ++event) {
+    EXPECT_EQ(pulse_of(log, event), std::nullopt) << "cut at " << cut;
+  }
+}
+
+TEST(POWER_CUT, at_any_byte_of_the_last_megabyte_loses_only_the_frame_it_hits) {
+  const Recording recording;
+  for (int64_t cut = recording.bytes(); cut > recording.bytes() - kMegabyte && !HasFailure();
+       cut -= kStep) {
+    std::filesystem::resize_file(recording.path(), static_cast<uintmax_t>(cut));
+    expect_frames_before(recording, cut);
+  }
+}
+
+TEST(POWER_CUT, with_garbage_behind_loses_only_the_frame_it_hits) {
+  const Recording recording;
+  std::mt19937 random(11);
+  const int fd = open(recording.path().c_str(), O_RDWR | O_CLOEXEC);
+  for (int64_t cut = recording.bytes(); cut > recording.bytes() - kMegabyte && !HasFailure();
+       cut -= kStep) {
+    std::array<uint8_t, 64> garbage{};
+    for (uint8_t& byte : garbage) byte = static_cast<uint8_t>(random());
+    uint8_t right = 0;
+    if (pread(fd, &right, 1, cut) == 1 && garbage[0] == right) garbage[0] ^= 1U;
+    if (ftruncate(fd, cut) != 0) FAIL();
+    ASSERT_EQ(pwrite(fd, garbage.data(), garbage.size(), cut), 64);
+    expect_frames_before(recording, cut);
+  }
+  close(fd);
+}
+
+#ifndef V3D_SOAK
+
+/// A take of one camera that was being recorded.
+class CutTake : public testing::Test {
+ protected:
+  CutTake() {
+    save_take_info(paths_, {.name = "kendo-07",
+                            .studio = "dojo",
+                            .rate_hz = 25,
+                            .pulses = 0,
+                            .state = TakeState::kRecording,
+                            .software_version = "0.1.0",
+                            .started = {},
+                            .cameras = {kCamera}});
+    test::write_text(paths_.calib(), "");
+    record();
+    event_bytes_ = static_cast<int64_t>(std::filesystem::file_size(paths_.frames(kCamera))) / 10;
+  }
+  void record() const {
+    EventLogWriter pulses(paths_.pulses());
+    EventLogWriter frames(paths_.frames(kCamera));
+    for (int64_t pulse = 0; pulse < 10; ++pulse) {
+      PulseMessage sensed;
+      sensed.pulse = pulse;
+      pulses.write(sensed);
+      frames.write(test::recorded_frame(kCamera, pulse, kSize));
+    }
+  }
+  void resize(int64_t bytes) const {
+    std::filesystem::resize_file(paths_.frames(kCamera), static_cast<uintmax_t>(bytes));
+  }
+  /// Recovered, files and account agree, and so many frames are left.
+  void expect_recovered(int64_t frames) const {
+    EXPECT_EQ(recover_take(paths_).ledger.cameras[0].written, frames);
+    const Verification verified = verify_take(paths_);
+    EXPECT_EQ(verified.ledger.cameras[0].written, frames);
+    EXPECT_THAT(verified.disagreements, IsEmpty());
+    EXPECT_EQ(static_cast<int64_t>(std::filesystem::file_size(paths_.frames(kCamera))),
+              frames * event_bytes_);
+  }
+
+  const test::TemporaryFolder folder_;
+  const TakePaths paths_{folder_.path()};
+  int64_t event_bytes_ = 0;
+};
+
+TEST_F(CutTake, is_recovered_to_the_last_whole_frame) {
+  resize(7 * event_bytes_ + 1000);
+  expect_recovered(7);
+}
+
+TEST_F(CutTake, is_recovered_to_the_last_frame_of_which_the_disk_has_the_bytes) {
+  resize(8 * event_bytes_ + 500);
+  resize(10 * event_bytes_);  // zeros
+  expect_recovered(8);
+}
+
+TEST_F(CutTake, of_which_the_disk_has_the_length_of_frames_and_not_their_bytes_drops_these) {
+  const int fd = open(paths_.frames(kCamera).c_str(), O_WRONLY | O_CLOEXEC);
+  const std::vector<char> zeros(1000);
+  for (const int64_t frame : {8, 9}) {
+    pwrite(fd, zeros.data(), zeros.size(), frame * event_bytes_ + 2000);
+  }
+  close(fd);
+  expect_recovered(8);
+}
+
+TEST_F(CutTake, keeps_what_is_damaged_before_whole_frames) {
+  const int fd = open(paths_.frames(kCamera).c_str(), O_WRONLY | O_CLOEXEC);
+  pwrite(fd, "!", 1, 3 * event_bytes_ + 2000);
+  close(fd);
+  recover_take(paths_);
+  const Verification verified = verify_take(paths_);
+  EXPECT_THAT(verified.ledger.cameras[0].missing, testing::ElementsAre(3));
+  EXPECT_THAT(verified.disagreements, testing::Contains("cam07.lcmlog: 1 damaged events"));
+}
+
+TEST_F(CutTake, in_which_no_frame_was_whole_is_recovered_as_empty) {
+  resize(event_bytes_ - 1);
+  expect_recovered(0);
+}
+
+#endif
+
+}  // namespace
+}  // namespace v3d
