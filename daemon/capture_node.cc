@@ -341,10 +341,11 @@ BackgroundModel CaptureNode::background_of(const std::string& camera) const {
 }
 
 double CaptureNode::bytes_per_second() const {
+  const double rate_hz = rate_hz_ > 0 ? rate_hz_ : studio_.trigger.rate_hz;
   double bytes = 0;
-  for (const CameraWorker* worker : ready_workers()) {
+  for (const auto& worker : workers_) {
     const CameraWorkerStatus status = worker->status();
-    bytes += static_cast<double>(byte_count(status.size, status.format)) * rate_hz_;
+    bytes += static_cast<double>(byte_count(status.size, status.format)) * rate_hz;
   }
   return bytes;
 }
@@ -393,12 +394,16 @@ void CaptureNode::report_health(HealthMessage& health) {
   health.text = trouble();
   health.values["cameras"] = static_cast<double>(workers_.size());
   health.values["disk_free_bytes"] = disk_free_bytes(studio_);
+  if (const double bytes = bytes_per_second(); bytes > 0) {
+    health.values["disk_seconds_left"] = disk_free_bytes(studio_) / bytes;
+  }
   const TakeTotals sum = totals();
   health.values["frames_received"] = static_cast<double>(sum.frames.received);
   health.values["frames_written"] = static_cast<double>(sum.frames.written);
   health.values["frames_published"] = static_cast<double>(sum.frames.published);
   health.values["pulses_not_live"] = static_cast<double>(sum.pulses_not_live);
   health.values["write_errors"] = static_cast<double>(sum.frames.write_errors);
+  health.values["pulses_lost"] = pulses_ ? static_cast<double>(pulses_->lost()) : 0;
   if (sum.frames.write_errors > 0) health.text = "frames could not be written: the disk refuses";
   tell_troubles(sum);
   if (studio_.trigger.is_sensed()) {
@@ -415,6 +420,7 @@ void CaptureNode::report_health(HealthMessage& health) {
   health.values["frames_missing"] = 0;
   health.values["frames_suspect"] = 0;
   health.values["cameras_streaming"] = 0;
+  health.values["queue_frames"] = 0;
   for (const auto& worker : workers_) report_camera(*worker, health);
 }
 
@@ -473,6 +479,12 @@ void CaptureNode::report_camera(const CameraWorker& worker, HealthMessage& healt
   const bool streaming =
       status.state != CameraState::kOpening && status.state != CameraState::kLost;
   health.values["cameras_streaming"] += streaming ? 1 : 0;
+  value("streaming_flag", streaming ? 1 : 0);
+  value("queue_frames", worker.waiting());
+  health.values["queue_frames"] =
+      std::max(health.values["queue_frames"], static_cast<double>(worker.waiting()));
+  health.values[worker.camera() + ".frames_per_second"] =
+      rates_.rate(worker.camera(), status.frames, Monotonic::now());
   Told& told = told_[worker.camera()];
   if (missing > told.missing) {
     events_.send(Severity::kWarning, worker.camera(),

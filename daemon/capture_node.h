@@ -16,6 +16,7 @@
 #include "daemon/event_sender.h"
 #include "daemon/node_work.h"
 #include "daemon/pulse_recorder.h"
+#include "daemon/rate_meter.h"
 #include "daemon/train_watch.h"
 #include "take/take.h"
 #include "trigger/pulse_generator.h"
@@ -71,6 +72,7 @@ class CaptureNode : public NodeWork {
   int64_t commanded() const;
   bool all_accounted_for() const;
   std::string ready_text() const;
+  /// What all cameras that were ever opened record, at the rate of the last order.
   double bytes_per_second() const;
   std::string trouble() const;
   void report_camera(const CameraWorker& worker, HealthMessage& health);
@@ -107,6 +109,7 @@ class CaptureNode : public NodeWork {
     int64_t suspect = 0;
     int64_t missing = 0;
   };
+  RateMeter rates_;
   std::map<std::string, Told> told_;  ///< what events have been sent of, by camera
 };
 

@@ -65,6 +65,10 @@ class LiveQueue {
                               [&] { return !queue_.empty(); });
   }
 
+  size_t size() const {
+    const std::lock_guard lock(mutex_);
+    return queue_.size();
+  }
   int64_t dropped() const {
     const std::lock_guard lock(mutex_);
     return dropped_;

@@ -93,6 +93,7 @@ void NodeLoop::publish_health() {
   health.seq = health_seq_++;
   health.node = node_;
   health.program = program_;
+  health.version = V3D_VERSION;
   told_phase_ = controller_.phase();
   health.state = node_state(told_phase_);
   health.take = controller_.phase() == Phase::kIdle ? std::string() : controller_.order().take;
@@ -100,6 +101,8 @@ void NodeLoop::publish_health() {
   health.values["commands_received"] = static_cast<double>(commands.received);
   health.values["commands_undecodable"] = static_cast<double>(commands.undecodable);
   health.values["commands_dropped"] = static_cast<double>(commands.dropped);
+  machine_.report(health.values);
+  clock_.report(health.values);
   work_.report_health(health);
   if (controller_.phase() == Phase::kFault) health.text = controller_.fault();
   bus_.publish(health_channel(node_), encode(health));

@@ -5,7 +5,9 @@
 
 #include "base/studio_file.h"
 #include "daemon/bus.h"
+#include "daemon/clock_watch.h"
 #include "daemon/control.h"
+#include "daemon/machine_health.h"
 #include "daemon/node_work.h"
 
 namespace v3d {
@@ -38,6 +40,8 @@ class NodeLoop {
   NodeWork& work_;
   Controller controller_;
   Subscription<CommandMessage> commands_;
+  MachineHealth machine_;
+  ClockWatch clock_;
   int64_t health_seq_ = 0;
   Phase told_phase_ = Phase::kIdle;  ///< by the last health message
   MonotonicInstant next_health_;

@@ -20,6 +20,7 @@ constexpr Duration kDrainWithin = std::chrono::seconds(20);
 std::map<std::string, double> values_of(const ReconCounts& c) {
   return {{"meshes", static_cast<double>(c.meshes)},
           {"dropped", static_cast<double>(c.dropped)},
+          {"queue_sets", static_cast<double>(c.waiting)},
           {"failed", static_cast<double>(c.failed)},
           {"incomplete_sets", static_cast<double>(c.incomplete_sets)},
           {"frames_foreign", static_cast<double>(c.foreign)},

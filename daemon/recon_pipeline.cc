@@ -189,6 +189,7 @@ ReconCounts ReconPipeline::counts() const {
   const SubscriptionCounts frames = frames_.counts();
   ReconCounts counts{.meshes = meshes_,
                      .dropped = ready_.dropped(),
+                     .waiting = static_cast<int64_t>(ready_.size()),
                      .behind = ready_.behind(Monotonic::now()),
                      .failed = failed_,
                      .failure = {},

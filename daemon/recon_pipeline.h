@@ -24,6 +24,7 @@ namespace v3d {
 struct ReconCounts {
   int64_t meshes = 0;
   int64_t dropped = 0;          ///< pulses skipped because this machine could not keep up
+  int64_t waiting = 0;          ///< frame sets that nobody works on yet
   bool behind = false;          ///< drops pulses, or did so not long ago
   int64_t failed = 0;           ///< pulses whose surface cannot be a compact frame
   std::string failure;          ///< why, for the last of them

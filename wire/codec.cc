@@ -24,7 +24,7 @@ constexpr Layout kFrameLayout = "qqssq?qqqiiiiiiib?qnnB0B1";
 constexpr Layout kMeshLayout = "qqsqqnnS0B1";
 constexpr Layout kCommandLayout = "qsqbsqqnS0";
 constexpr Layout kReplyLayout = "qssqbss";
-constexpr Layout kHealthLayout = "qqssbssnS0D0";
+constexpr Layout kHealthLayout = "qqsssbssnS0D0";
 constexpr Layout kEventLayout = "qqsbss";
 
 constexpr size_t kFingerprintSize = 8;
@@ -336,6 +336,7 @@ Bytes encode(const HealthMessage& m) {
   w.seq = m.seq;
   w.node = m.node;
   w.program = m.program;
+  w.version = m.version;
   w.state = static_cast<int8_t>(m.state);
   w.take = m.take;
   w.text = m.text;
@@ -358,6 +359,7 @@ std::optional<HealthMessage> decode(std::span<const uint8_t> bytes) {
                   .seq = w->seq,
                   .node = w->node,
                   .program = w->program,
+                  .version = w->version,
                   .state = *state,
                   .take = w->take,
                   .text = std::move(w->text),

@@ -78,11 +78,12 @@ struct HealthMessage {
   int64_t seq = 0;
   std::string node;
   std::string program;  ///< "v3d-captured", "v3d-recond"
+  std::string version;  ///< of the program
   NodeState state = NodeState::kIdle;
   std::string take;
   std::string text;  ///< one line: what is wrong, else empty
   /// Counters and gauges by name, units in the name: "frames_received", "latency_p50_ms",
-  /// "cam03.frames_missing", "disk_free_bytes".
+  /// "cam03.frames_missing", "disk_free_bytes". v3dctl(1) lists them.
   std::map<std::string, double> values;
 };
 

@@ -80,6 +80,8 @@ RC_GTEST_PROP(Codec, gives_back_every_field_of_a_health_message, ()) {
   const auto m = any_message<HealthMessage>();
   const auto back = decode<HealthMessage>(encode(m));
   RC_ASSERT(back.has_value());
+  RC_ASSERT(back->program == m.program);
+  RC_ASSERT(back->version == m.version);
   RC_ASSERT(back->state == m.state);
   RC_ASSERT(back->text == m.text);
   RC_ASSERT(back->values == m.values);

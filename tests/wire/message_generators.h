@@ -105,6 +105,7 @@ inline HealthMessage any_message() {
           .seq = any_count(),
           .node = any_text(),
           .program = any_text(),
+          .version = any_text(),
           .state = static_cast<NodeState>(*rc::gen::inRange(1, 6)),
           .take = any_text(),
           .text = any_text(),
