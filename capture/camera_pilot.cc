@@ -11,6 +11,10 @@ namespace {
 
 constexpr int kQuietPeriods = 2;
 constexpr int kSilentPeriods = 3;
+/// Frames that are held back go on their way when no more follow for so long after the train.
+constexpr Duration kLongestHold = std::chrono::milliseconds(300);
+/// Frames of a train that the latency is learnt from: so few that its clock cannot have drifted.
+constexpr size_t kLatencyFrames = 2 * kStartFrames;
 
 CameraStatistics sum(const CameraStatistics& a, const CameraStatistics& b) {
   return {.completed = a.completed + b.completed,
@@ -28,43 +32,78 @@ CameraPilot::CameraPilot(std::string camera, CameraWorker::Factory make_camera,
       make_camera_(std::move(make_camera)),
       options_(std::move(options)) {}
 
-void CameraPilot::arm(Duration period) {
+void CameraPilot::arm(Duration period, bool edges_are_told) {
   disarm();
   period_ = period;
   matcher_.emplace(period);
+  start_ = {.period = period, .latency = latency_};
+  edges_are_told_ = edges_are_told;
   last_frame_ = options_.now();
+  punctual_ = 0;
   counts_.frames = counts_.suspect = 0;
   counts_.last_pulse = -1;
 }
 
 void CameraPilot::disarm() {
   matcher_.reset();
+  held_.clear();
+  labelled_.clear();
   ready_ = begun_ = expecting_ = missing_ = false;
 }
 
+void CameraPilot::pulse_at(const PulseEdge& edge) {
+  if (!matcher_ || begun_ || !ready_) return;
+  if (!start_.edge) {
+    expecting_ = true;
+    last_frame_ = std::max(last_frame_, edge.at);
+  }
+  start_.edge = edge;
+}
+
 std::optional<Frame> CameraPilot::step() {
+  if (!held_.empty()) begin(false);
+  if (labelled_.empty()) go_on();
+  if (labelled_.empty()) return {};
+  Frame frame = std::move(labelled_.front());
+  labelled_.pop_front();
+  return frame;
+}
+
+void CameraPilot::go_on() {
   if (!camera_) {
     if (options_.now() >= retry_at_) open();
-    return {};
+    return;
   }
-  auto frame = camera_->wait(options_.now() + kLongestStep);
-  if (!frame) {
-    const MonotonicInstant now = options_.now();
-    check_quiet(now);
-    check_loss(now);
-    return {};
+  if (auto frame = camera_->wait(next_look())) return hear(std::move(*frame));
+  const MonotonicInstant now = options_.now();
+  check_quiet(now);
+  check_loss(now);
+}
+
+/// A loss is noticed when it is due.
+MonotonicInstant CameraPilot::next_look() const {
+  const MonotonicInstant now = options_.now();
+  const MonotonicInstant latest = now + (matcher_ ? kLongestStep : kIdleStep);
+  const MonotonicInstant lost_at = last_frame_ + kSilentPeriods * period_;
+  return expecting_ && lost_at > now ? std::min(lost_at, latest) : latest;
+}
+
+void CameraPilot::hear(CameraFrame frame) {
+  last_frame_ = frame.received;
+  last_counter_ = frame.counter;
+  const int64_t damaged = camera_->statistics().damaged;
+  const int64_t broken = damaged - std::exchange(damaged_at_last_, damaged);
+  if (!in_take()) return;
+  missing_ = false;
+  text_.clear();
+  if (begun_) {
+    const PulseMatch found = match(frame);
+    return deliver(std::move(frame), found);
   }
-  last_frame_ = frame->received;
-  Frame labelled;
-  if (in_take()) labelled.label = label(*frame);
-  last_counter_ = frame->counter;
-  damaged_at_last_ = camera_->statistics().damaged;
-  if (!in_take()) return {};
-  labelled.camera = name_;
-  labelled.sensor_size = frame->image.size;
-  labelled.roi = {0, 0, frame->image.size.width, frame->image.size.height};
-  labelled.image = std::move(frame->image);
-  return labelled;
+  expecting_ = true;
+  if (held_.empty()) start_.broken = broken;
+  held_.push_back(std::move(frame));
+  begin(!edges_are_told_);
 }
 
 void CameraPilot::open() {
@@ -87,6 +126,7 @@ void CameraPilot::close() {
   if (camera_) link_before_ = sum(link_before_, camera_->statistics());
   camera_.reset();
   last_counter_.reset();
+  start_.counter_of_pulse_0.reset();
 }
 
 void CameraPilot::check_quiet(MonotonicInstant now) {
@@ -95,52 +135,91 @@ void CameraPilot::check_quiet(MonotonicInstant now) {
   missing_ = false;
   text_.clear();
   const int64_t damaged = camera_->statistics().damaged;
-  if (last_counter_) matcher_->expect(*last_counter_ + 1 + (damaged - damaged_at_last_));
+  if (last_counter_) start_.counter_of_pulse_0 = *last_counter_ + 1 + (damaged - damaged_at_last_);
   damaged_at_last_ = damaged;
 }
 
 void CameraPilot::check_loss(MonotonicInstant now) {
   if (camera_->lost()) return reopen("stopped answering");
   const Duration silence = now - last_frame_;
+  if (!held_.empty() && silence >= std::min<Duration>(kSilentPeriods * period_, kLongestHold)) {
+    begin(true);
+  }
   if (!expecting_ || silence < kSilentPeriods * period_) return;
-  const auto ms = silence / std::chrono::milliseconds(1);
-  miss("no frame for " + std::to_string(ms) + " ms");
-  if (silence >= options_.reopen_after) reopen("no frame for " + std::to_string(ms) + " ms");
+  const std::string why = "no frame for " + std::to_string(kSilentPeriods) + " pulses";
+  miss(why);
+  if (silence >= options_.reopen_after) reopen(why);
 }
 
 void CameraPilot::miss(const std::string& why) {
   if (missing_) return;
   missing_ = true;
   ++counts_.losses;
-  text_ = "camera " + name_ + ": " + why;
+  text_ =
+      why + (counts_.last_pulse < 0 ? "" : " after pulse " + std::to_string(counts_.last_pulse));
+  counts_.last_loss = text_;
 }
 
 void CameraPilot::reopen(const std::string& why) {
+  if (!held_.empty()) begin(true);
   miss(why);
   close();
   if (matcher_) matcher_->reopened();
-  ready_ = false;  // a camera lost before the first pulse has to be quiet again
+  // A camera lost before the first pulse has to be quiet again; afterwards the pulses tell.
+  if (!start_.edge) ready_ = false;
   retry_at_ = options_.now();
 }
 
-FrameLabel CameraPilot::label(const CameraFrame& frame) {
-  if (!begun_) matcher_->broken_at_first(camera_->statistics().damaged - damaged_at_last_);
-  const PulseMatch found = matcher_->label({frame.device_time, frame.counter, frame.received});
-  if (!begun_) expecting_ = true;
-  begun_ = true;
-  missing_ = false;
-  text_.clear();
-  ++counts_.frames;
-  counts_.suspect += found.suspect;
-  counts_.last_pulse = std::max(counts_.last_pulse, found.pulse);
+std::vector<FrameStamp> CameraPilot::held_stamps() const {
+  std::vector<FrameStamp> stamps;
+  for (const CameraFrame& frame : held_) {
+    stamps.push_back({frame.device_time, frame.counter, frame.received});
+  }
+  return stamps;
+}
 
-  FrameLabel label;
-  label.pulse = found.pulse;
-  label.suspect = found.suspect;
-  label.camera_counter = frame.counter;
-  label.device_time = frame.device_time;
-  label.received = Realtime::now() - (options_.now() - frame.received);
-  return label;
+void CameraPilot::begin(bool no_more) {
+  const auto start = find_start(held_stamps(), start_, no_more);
+  if (!start) return;
+  begun_ = true;
+  matcher_->begin(start->pulse, start->certain);
+  for (size_t i = 0; !held_.empty(); ++i) {
+    CameraFrame frame = std::move(held_.front());
+    held_.pop_front();
+    const PulseMatch found = i < start->strays ? PulseMatch{0, true} : match(frame);
+    deliver(std::move(frame), found);
+  }
+}
+
+PulseMatch CameraPilot::match(const CameraFrame& frame) {
+  const PulseMatch found = matcher_->label({frame.device_time, frame.counter, frame.received});
+  if (!found.suspect) learn_latency(found.pulse, frame.received);
+  return found;
+}
+
+void CameraPilot::learn_latency(int64_t pulse, MonotonicInstant received) {
+  if (!start_.edge || punctual_ == kLatencyFrames) return;
+  const Duration latency = latency_of(received, pulse, *start_.edge, period_);
+  least_latency_ = punctual_ == 0 ? latency : std::min(least_latency_, latency);
+  if (++punctual_ >= kStartFrames) latency_ = std::min(latency_.value_or(latency), least_latency_);
+}
+
+void CameraPilot::deliver(CameraFrame frame, PulseMatch match) {
+  ++counts_.frames;
+  counts_.suspect += match.suspect;
+  counts_.last_pulse = std::max(counts_.last_pulse, match.pulse);
+
+  Frame labelled;
+  labelled.camera = name_;
+  labelled.label.pulse = match.pulse;
+  labelled.label.suspect = match.suspect;
+  labelled.label.camera_counter = frame.counter;
+  labelled.label.device_time = frame.device_time;
+  labelled.label.received = Realtime::now() - (options_.now() - frame.received);
+  labelled.sensor_size = frame.image.size;
+  labelled.roi = {0, 0, frame.image.size.width, frame.image.size.height};
+  labelled.image = std::move(frame.image);
+  labelled_.push_back(std::move(labelled));
 }
 
 CameraState CameraPilot::state() const {

@@ -2,27 +2,36 @@
 // scripted camera and a clock of their own.
 #pragma once
 
+#include <deque>
 #include <functional>
 #include <memory>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "base/frame.h"
 #include "capture/camera.h"
 #include "capture/camera_worker.h"
 #include "capture/pulse_matcher.h"
+#include "capture/train_start.h"
 
 namespace v3d {
 
-/// One thread. Time is what `now` says; a step takes at most kLongestStep of it (opening a camera
-/// aside).
+/// One thread. Time is what `now` says; a step takes at most kLongestStep of it in a take, and
+/// kIdleStep otherwise (opening a camera aside).
+///
+/// The first frames of a train are held back until it is known which pulse they are of: mostly not
+/// at all, at most kStartFrames.
 class CameraPilot {
  public:
   static constexpr Duration kLongestStep = std::chrono::milliseconds(20);
+  static constexpr Duration kIdleStep = std::chrono::milliseconds(200);
 
   CameraPilot(std::string camera, CameraWorker::Factory make_camera, CameraWorkerOptions options);
 
-  void arm(Duration period);
+  void arm(Duration period, bool edges_are_told);
+  /// A pulse of the train. From the first one on, a frame is due.
+  void pulse_at(const PulseEdge& edge);
   void train_ended() { expecting_ = false; }
   void disarm();
 
@@ -37,13 +46,21 @@ class CameraPilot {
   CameraWorkerStatus status() const;
 
  private:
+  void go_on();
   void open();
   void close();
   void reopen(const std::string& why);
   void miss(const std::string& why);
   void check_quiet(MonotonicInstant now);
   void check_loss(MonotonicInstant now);
-  FrameLabel label(const CameraFrame& frame);
+  MonotonicInstant next_look() const;
+  void hear(CameraFrame frame);
+  /// Labels the frames that are held back, when it is known which pulse the first is.
+  void begin(bool no_more);
+  std::vector<FrameStamp> held_stamps() const;
+  void deliver(CameraFrame frame, PulseMatch match);
+  PulseMatch match(const CameraFrame& frame);
+  void learn_latency(int64_t pulse, MonotonicInstant received);
   CameraState state() const;
   bool in_take() const { return matcher_ && (ready_ || begun_); }
 
@@ -59,6 +76,10 @@ class CameraPilot {
   // The take; empty matcher: none.
   Duration period_{};
   std::optional<PulseMatcher> matcher_;
+  StartEvidence start_;
+  bool edges_are_told_ = false;
+  std::deque<CameraFrame> held_;   ///< the first frames, not yet labelled
+  std::deque<Frame> labelled_;     ///< on their way out
   MonotonicInstant last_frame_{};  ///< or when it was armed or opened
   std::optional<uint64_t> last_counter_;
   int64_t damaged_at_last_ = 0;  ///< damaged frames until the last whole one, or until the quiet
@@ -67,7 +88,12 @@ class CameraPilot {
   bool expecting_ = false;       ///< pulses come
   bool missing_ = false;         ///< lost, and no frame since
 
-  CameraWorkerStatus counts_;  ///< frames, suspect, losses, last_pulse, size, format
+  /// From a pulse to the arrival of its frame, the least of kStartFrames and more; bridges trains.
+  std::optional<Duration> latency_;
+  Duration least_latency_{};  ///< of this train
+  size_t punctual_ = 0;       ///< frames of this train that least_latency_ is of
+
+  CameraWorkerStatus counts_;  ///< frames, suspect, losses, last_loss, last_pulse, size, format
 };
 
 }  // namespace v3d

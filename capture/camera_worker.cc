@@ -37,22 +37,30 @@ class CameraWorker::Impl {
         thread_([this] { run(); }) {}
 
   ~Impl() {
-    {
-      const std::lock_guard lock(mutex_);
-      quit_ = true;
-    }
-    changed_.notify_all();
+    end();
     thread_.join();
+  }
+
+  void end() {
+    const std::lock_guard lock(mutex_);
+    quit_ = true;
+    changed_.notify_all();
   }
 
   const std::string& camera() const { return name_; }
 
-  void arm(Duration period) {
+  void arm(Duration period, bool edges_are_told) {
     const std::lock_guard lock(mutex_);
-    ask([period](CameraPilot& pilot) { pilot.arm(period); });
+    ask([=](CameraPilot& pilot) { pilot.arm(period, edges_are_told); });
     status_.frames = status_.suspect = dropped_ = 0;
     status_.last_pulse = -1;
     announce(CameraState::kSettling);
+  }
+
+  void pulse_at(const PulseEdge& edge) {
+    const std::lock_guard lock(mutex_);
+    if (status_.state == CameraState::kRunning) return;  // it knows
+    ask([edge](CameraPilot& pilot) { pilot.pulse_at(edge); });
   }
 
   void train_ended() {
@@ -152,8 +160,10 @@ CameraWorker::CameraWorker(std::string camera, Factory make_camera, CameraWorker
     : impl_(std::make_unique<Impl>(std::move(camera), std::move(make_camera), std::move(options))) {
 }
 CameraWorker::~CameraWorker() = default;
+void CameraWorker::end() { impl_->end(); }
 const std::string& CameraWorker::camera() const { return impl_->camera(); }
-void CameraWorker::arm(Duration period) { impl_->arm(period); }
+void CameraWorker::arm(Duration period, bool edges_are_told) { impl_->arm(period, edges_are_told); }
+void CameraWorker::pulse_at(const PulseEdge& edge) { impl_->pulse_at(edge); }
 void CameraWorker::train_ended() { impl_->train_ended(); }
 void CameraWorker::disarm() { impl_->disarm(); }
 std::optional<Frame> CameraWorker::take(MonotonicInstant deadline) { return impl_->take(deadline); }

@@ -12,6 +12,7 @@
 #include "base/frame.h"
 #include "base/time.h"
 #include "capture/camera.h"
+#include "capture/train_start.h"
 
 namespace v3d {
 
@@ -33,6 +34,7 @@ struct CameraWorkerStatus {
   int64_t suspect = 0;    ///< of these, with a label in doubt
   int64_t dropped = 0;    ///< of these, thrown away because the queue was full
   int64_t losses = 0;     ///< times the camera was lost since the worker began
+  std::string last_loss;  ///< what was noticed the last time: "no frame for 3 pulses after pulse 9"
   int64_t last_pulse = -1;
   ImageSize size;  ///< after the camera was first opened
   PixelFormat format = PixelFormat::kMono8;
@@ -57,13 +59,19 @@ class CameraWorker {
   /// Opens in the background. An InputError of the factory or of Camera::start() becomes `text`.
   CameraWorker(std::string camera, Factory make_camera, CameraWorkerOptions options = {});
   ~CameraWorker();
+  /// Lets the thread end soon, so that the destructors of several workers need not wait in turn.
+  void end();
   CameraWorker(const CameraWorker&) = delete;
   CameraWorker& operator=(const CameraWorker&) = delete;
 
   const std::string& camera() const;
 
   /// Forgets the take before: empties the queue, counts from zero, waits for two quiet periods.
-  void arm(Duration period);
+  /// `edges_are_told`: pulse_at() will be called; the first frames wait a little for it.
+  void arm(Duration period, bool edges_are_told = false);
+  /// A pulse of the train; the first ones are enough. Says which pulse the first frame is of, and
+  /// that a frame is due.
+  void pulse_at(const PulseEdge& edge);
   /// The generator was stopped: from here on silence is no loss. Frames on their way still come.
   void train_ended();
   /// Back to idle; frames that nobody took are thrown away.

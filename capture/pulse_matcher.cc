@@ -8,10 +8,9 @@ namespace v3d {
 namespace {
 
 constexpr double kStampJitter = 0.05;            ///< standard deviation, periods
-constexpr double kLargestResidual = 0.25;        ///< periods
+constexpr double kLargestResidual = 0.21;        ///< periods
+constexpr double kLargestStepError = 0.25;       ///< periods, between two frames
 constexpr double kLargestDoubt = 0.15;           ///< standard deviation of the fit, periods
-constexpr int64_t kMostLostAtFirst = 1000;       ///< more lost exposures before the first frame are
-                                                 ///< a counter that means something else
 constexpr double kArrivalJitter = 0.1;           ///< standard deviation, periods
 constexpr double kLargestArrivalResidual = 0.4;  ///< periods, of a frame that is not late
 constexpr double kLargestArrivalDoubt = 0.2;     ///< standard deviation of the fit, periods
@@ -19,6 +18,7 @@ constexpr double kLatestFrame = 1000;            ///< periods; nothing waits so 
 constexpr int kSecond = 1;                       ///< confirmations of two witnesses out of three
 constexpr int kMany = 8;                         ///< confirmations of the arrival alone
 constexpr int kFewStragglers = 3;                ///< in a row
+constexpr double kMuchLater = 2;                 ///< periods
 
 }  // namespace
 
@@ -29,25 +29,21 @@ PulseMatch PulseMatcher::label(const FrameStamp& frame) {
   if (!begun()) return first(frame);
   const Evidence e = weigh(frame);
   if (!agreed(e)) return doubt(e, frame);
-  if (e.clock_pulse > last_pulse_) return accept(e.clock_pulse, frame);
   // A duplicate, or a straggler; several in a row are a camera that began anew and counts again
-  // what it has counted before.
-  astray_ = ++stragglers_ >= kFewStragglers;
-  return doubt(e, frame);
+  // what it has counted before, as is one behind which frames are much later than before.
+  if (e.clock_pulse <= last_pulse_) {
+    astray_ = ++stragglers_ >= kFewStragglers;
+    return doubt(e, frame);
+  }
+  const double late = e.by_arrival - static_cast<double>(e.clock_pulse);
+  if (stragglers_ > 0 && late - lateness_ > kMuchLater) return doubt(e, frame);
+  return accept(e.clock_pulse, frame);
 }
 
 PulseMatch PulseMatcher::first(const FrameStamp& frame) {
-  int64_t lost = broken_at_first_;
-  bool sensible = true;
-  if (counter_of_pulse_0_) {
-    lost = static_cast<int64_t>(frame.counter - *counter_of_pulse_0_);
-    sensible = lost >= 0 && lost <= kMostLostAtFirst;
-  }
-  if (!sensible) lost = 0;
-  start_unknown_ = lost != broken_at_first_;
-  settle(lost, frame);
-  arrivals_.begin(lost, to_ns(frame.received));
-  return {lost, lost > 0 || !sensible || start_unknown_};
+  settle(last_pulse_, frame);
+  arrivals_.begin(last_pulse_, to_ns(frame.received));
+  return {last_pulse_, start_unknown_};
 }
 
 PulseMatcher::Evidence PulseMatcher::weigh(const FrameStamp& frame) const {
@@ -81,6 +77,7 @@ PulseMatch PulseMatcher::accept(int64_t pulse, const FrameStamp& frame) {
 }
 
 PulseMatch PulseMatcher::doubt(const Evidence& e, const FrameStamp& frame) {
+  if (reopened_) astray_ = true;  // the clock does not go on, or not for certain
   lengthen_row(e, frame);
   if (!row_ || !row_convinces(e)) return {likeliest(e), true};
   const int64_t pulse = row_->pulse;
@@ -95,7 +92,7 @@ void PulseMatcher::lengthen_row(const Evidence& e, const FrameStamp& frame) {
   if (row_) {
     const auto counted = static_cast<int64_t>(frame.counter - row_->last.counter);
     const double passed = fit_.periods(to_ns(row_->last.exposed), to_ns(frame.exposed));
-    if (counted > 0 && std::abs(passed - static_cast<double>(counted)) < kLargestResidual &&
+    if (counted > 0 && std::abs(passed - static_cast<double>(counted)) < kLargestStepError &&
         on_time(row_->pulse + counted)) {
       row_ = Row{frame, row_->pulse + counted, row_->confirmations + 1};
       return;

@@ -22,8 +22,8 @@ struct PulseMatch {
   bool suspect = false;
 };
 
-/// Pure: no clock, no I/O. The first frame after the quiet is pulse 0 (unless expect() tells that
-/// exposures before it were lost). Then there are three witnesses of a frame's pulse:
+/// Pure: no clock, no I/O. Which pulse the first frame is has to be known (train_start.h finds it).
+/// Then there are three witnesses of a frame's pulse:
 ///   - its device time, which a running linear fit maps to pulses: exact while the clock runs on;
 ///   - its counter: exact while every pulse is one exposure;
 ///   - its arrival, mapped by a fit of its own: never early, but late by whatever the host and the
@@ -38,37 +38,30 @@ struct PulseMatch {
 ///   - it is in doubt; its label is the likeliest one;
 ///   - it is not later than every frame before it (a duplicate, a straggler);
 ///   - the camera was silent for so long that the fit says little;
-///   - exposures before the first frame were lost and may have been the last before the quiet or
-///     the first of this take: then all frames of the take are.
+///   - it is not certain which pulse the first frame is: then all frames of the take are.
 ///
 /// A label that is not suspect is right as long as: the device clock runs within 200 ppm of the
 /// generator's and wanders by less than 0.1 ppm a second; time stamps jitter by at most a tenth of
-/// a period, arrivals (delays apart) by at most three tenths; at most 250 pulses in a row are
+/// a period, arrivals (delays apart) by at most three tenths; an exposure that no pulse made is at
+/// least 0.35 periods away from all of them; at most 250 pulses in a row are
 /// without a frame; and no two of the witnesses err by the same whole number of pulses at the same
 /// time (a clock stepped back by as many periods as triggers were missed; after a disagreement,
 /// two frames in a row that are both late by the same whole number of periods).
-///
-/// What cannot be known here: that the camera missed the very first trigger, or that the first
-/// frame was lost when the counter before it is not known. The sense line and the ledger tell.
 class PulseMatcher {
  public:
   explicit PulseMatcher(Duration period);
 
-  /// The counter that the exposure of pulse 0 will have: one more than that of the last exposure
-  /// before the quiet. With it, a first frame lost in transport does not shift the take unnoticed.
-  void expect(uint64_t counter_of_pulse_0) { counter_of_pulse_0_ = counter_of_pulse_0; }
-
-  /// So many exposures of the take arrived broken before the first whole frame.
-  void broken_at_first(int64_t exposures) { broken_at_first_ = exposures; }
+  /// The next frame is the first, and of this pulse; unless `certain`, all may be shifted.
+  void begin(int64_t first_pulse, bool certain) {
+    last_pulse_ = first_pulse;
+    start_unknown_ = !certain;
+  }
 
   /// Labels the next frame.
   PulseMatch label(const FrameStamp& frame);
 
   /// The camera was opened again: its counter began anew, and its clock may have.
-  void reopened() {
-    counter_of_pulse_0_.reset();
-    reopened_ = begun();
-  }
+  void reopened() { reopened_ = begun(); }
 
  private:
   /// A row of frames that advanced alike by all witnesses, in doubt.
@@ -99,19 +92,17 @@ class PulseMatcher {
   void settle(int64_t pulse, const FrameStamp& frame);
   void learn_arrival(int64_t pulse, MonotonicInstant received);
 
-  PulseFit fit_;           ///< device clock to pulses
-  PulseFit arrivals_;      ///< host clock to pulses, latency included
-  int punctual_ = 0;       ///< frames that arrived as arrivals_ says since it began
-  double lateness_ = 0;    ///< of the last frame, periods
-  int steadily_late_ = 0;  ///< frames in a row
-  std::optional<uint64_t> counter_of_pulse_0_;
-  int64_t broken_at_first_ = 0;
+  PulseFit fit_;                ///< device clock to pulses
+  PulseFit arrivals_;           ///< host clock to pulses, latency included
+  int punctual_ = 0;            ///< frames that arrived as arrivals_ says since it began
+  double lateness_ = 0;         ///< of the last frame, periods
+  int steadily_late_ = 0;       ///< frames in a row
   bool start_unknown_ = false;  ///< all pulses may be shifted
   bool reopened_ = false;       ///< and not yet settled
   int stragglers_ = 0;          ///< in a row
   bool astray_ = false;         ///< neither clock nor counter is believed until settled
   std::optional<Row> row_;
-  int64_t last_pulse_ = 0;     ///< the latest that was labelled without doubt
+  int64_t last_pulse_ = 0;     ///< the latest that was labelled without doubt; before: the first
   uint64_t last_counter_ = 0;  ///< of the frame with last_pulse_
 };
 

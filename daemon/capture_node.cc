@@ -62,6 +62,7 @@ CaptureNode::CaptureNode(const Studio& studio, const std::string& node, Bus& bus
       node_(node),
       bus_(bus),
       events_(bus, node),
+      cameras_(events_),
       places_(static_cast<int>(std::max(1U, std::thread::hardware_concurrency()))) {
   const std::vector<StudioCamera> cameras = studio.cameras_of(node);
   const bool triggers = studio.trigger.node == node;
@@ -82,7 +83,10 @@ CaptureNode::CaptureNode(const Studio& studio, const std::string& node, Bus& bus
   }
 }
 
-CaptureNode::~CaptureNode() { disarm(); }
+CaptureNode::~CaptureNode() {
+  disarm();
+  for (const auto& worker : workers_) worker->end();
+}
 
 // --- commands -----------------------------------------------------------------------------------
 
@@ -116,14 +120,28 @@ void CaptureNode::make_ready(const CommandMessage& order, std::optional<int64_t>
     generator_->stop();
     generator_->arm(pulse_train_);
   }
-  for (const auto& worker : workers_) worker->arm(period_of(rate_hz_));
-  told_.clear();
+  const bool edges_are_told = generator_ || studio_.trigger.is_sensed();
+  for (const auto& worker : workers_) worker->arm(period_of(rate_hz_), edges_are_told);
+  cameras_.begin_train();
   ready_by_ = Monotonic::now() + kReadyWithin + 2 * period_of(rate_hz_);
 }
 
 void CaptureNode::start() {
+  first_pulse_told_ = false;
   if (generator_) generator_->start();
   if (train_) train_->restart();
+}
+
+void CaptureNode::tell_cameras(const PulseEdge& edge) {
+  for (const auto& worker : workers_) worker->pulse_at(edge);
+}
+
+void CaptureNode::tell_first_pulse() {
+  if (first_pulse_told_ || sensor_ || !generator_) return;
+  const auto first = generator_->first_pulse();
+  if (!first) return;
+  tell_cameras({.pulse = 0, .at = *first});
+  first_pulse_told_ = true;
 }
 
 void CaptureNode::end_of_train() {
@@ -140,6 +158,7 @@ void CaptureNode::disarm() {
   if (generator_) generator_->stop();
   end_of_train();
   learner_.reset();
+  if (!take_is_open()) pulses_.reset();
   if (take_is_open()) {
     const Ledger ledger = finish_take();
     close_take(studio_, info_, ledger);
@@ -151,6 +170,8 @@ void CaptureNode::disarm() {
 // --- what happens -------------------------------------------------------------------------------
 
 std::optional<NodeReport> CaptureNode::poll(Phase phase) {
+  for (const auto& worker : workers_) cameras_.look_at(*worker);
+  tell_first_pulse();
   try {
     switch (phase) {
       case Phase::kArming: {
@@ -195,6 +216,7 @@ std::optional<NodeReport> CaptureNode::poll_learning() {
         ready_workers(), LearnPlan{.plates = plates,
                                    .limit = (plates + 2) * period_of(rate_hz_) + kReadyWithin,
                                    .folder = studio_.storage.background});
+    listen_to_pulses({});
     start();
   }
   if (generator_ && generator_->finished()) end_of_train();
@@ -240,8 +262,7 @@ void CaptureNode::open_take() {
   for (const CameraWorker* worker : ready) info_.cameras.push_back(worker->camera());
   create_take(studio_, info_);
   const TakePaths paths = take_paths(studio_, info_.name);
-  pulses_ = std::make_unique<PulseRecorder>(sensor_.get(), bus_, info_.name, pulse_train_,
-                                            paths.pulses());
+  listen_to_pulses(paths.pulses());
   gate_ = std::make_unique<LiveGate>([ready] { return backlog_of(ready); }, kLiveBacklog);
   for (CameraWorker* worker : ready) {
     lanes_.push_back(std::make_unique<CameraLane>(
@@ -251,6 +272,15 @@ void CaptureNode::open_take() {
                           .segmenter = Segmenter(background_of(worker->camera()), {})},
         CameraLane::Shared{bus_, places_, *gate_}));
   }
+}
+
+void CaptureNode::listen_to_pulses(const std::filesystem::path& log) {
+  pulses_ = std::make_unique<PulseRecorder>(
+      sensor_.get(), bus_,
+      PulseRecorder::Setup{.take = order_.take,
+                           .train = pulse_train_,
+                           .log = log,
+                           .on_edge = [this](const PulseEdge& edge) { tell_cameras(edge); }});
 }
 
 Ledger CaptureNode::finish_take() {
@@ -421,7 +451,8 @@ void CaptureNode::report_health(HealthMessage& health) {
   health.values["frames_suspect"] = 0;
   health.values["cameras_streaming"] = 0;
   health.values["queue_frames"] = 0;
-  for (const auto& worker : workers_) report_camera(*worker, health);
+  const int64_t due = take_is_open() ? std::max<int64_t>(0, commanded() - kLatePeriods) : 0;
+  for (const auto& worker : workers_) cameras_.report(*worker, due, health);
 }
 
 void CaptureNode::tell_troubles(const TakeTotals& sum) {
@@ -456,62 +487,6 @@ std::string CaptureNode::trigger_trouble(const TakeTotals& sum) const {
   const int64_t unseen = sum.commanded - kLatePeriods - sum.sensed;
   if (!sensor_ || !take_is_open() || unseen <= 0) return "";
   return format_count(sum.commanded - sum.sensed) + " pulses commanded and not sensed";
-}
-
-void CaptureNode::report_camera(const CameraWorker& worker, HealthMessage& health) {
-  const CameraWorkerStatus status = worker.status();
-  const auto value = [&](const std::string& what, int64_t n) {
-    health.values[worker.camera() + "." + what] = static_cast<double>(n);
-  };
-  const int64_t due = pulses_ ? std::max<int64_t>(0, commanded() - kLatePeriods) : 0;
-  const int64_t missing = pulses_ ? std::max<int64_t>(0, due - status.frames) : 0;
-  value("frames", status.frames);
-  value("frames_missing", missing);
-  value("frames_suspect", status.suspect);
-  value("frames_dropped", status.dropped);
-  value("frames_damaged", status.link.damaged);
-  value("underruns", status.link.underruns);
-  value("packets_resent", status.link.packets_resent);
-  value("packets_missing", status.link.packets_missing);
-  value("losses", status.losses);
-  health.values["frames_missing"] += static_cast<double>(missing);
-  health.values["frames_suspect"] += static_cast<double>(status.suspect);
-  const bool streaming =
-      status.state != CameraState::kOpening && status.state != CameraState::kLost;
-  health.values["cameras_streaming"] += streaming ? 1 : 0;
-  value("streaming_flag", streaming ? 1 : 0);
-  value("queue_frames", worker.waiting());
-  health.values["queue_frames"] =
-      std::max(health.values["queue_frames"], static_cast<double>(worker.waiting()));
-  health.values[worker.camera() + ".frames_per_second"] =
-      rates_.rate(worker.camera(), status.frames, Monotonic::now());
-  Told& told = told_[worker.camera()];
-  if (missing > told.missing) {
-    events_.send(Severity::kWarning, worker.camera(),
-                 format_count(missing) + " frames missing of " + format_count(due) + " pulses");
-  }
-  told.missing = missing;
-  tell_events(worker, status);
-}
-
-/// At most one event of a kind and camera with every health message.
-void CaptureNode::tell_events(const CameraWorker& worker, const CameraWorkerStatus& status) {
-  Told& told = told_[worker.camera()];
-  if (status.suspect > told.suspect) {
-    events_.send(Severity::kWarning, worker.camera(),
-                 format_count(status.suspect) +
-                     " frames with a suspect pulse number, the last near " +
-                     std::to_string(status.last_pulse));
-  }
-  if (status.state == CameraState::kLost && told.state != CameraState::kLost) {
-    events_.send(Severity::kAlarm, worker.camera(),
-                 status.text.empty() ? "lost" : "lost: " + status.text);
-  }
-  if (told.state == CameraState::kLost && status.state != CameraState::kLost) {
-    events_.send(Severity::kInfo, worker.camera(), "answers again");
-  }
-  told.suspect = status.suspect;
-  told.state = status.state;
 }
 
 bool CaptureNode::progressed_since(MonotonicInstant since) const {

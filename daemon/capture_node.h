@@ -2,7 +2,6 @@
 // background.
 #pragma once
 
-#include <map>
 #include <memory>
 #include <string>
 #include <vector>
@@ -13,10 +12,10 @@
 #include "daemon/background_learner.h"
 #include "daemon/bus.h"
 #include "daemon/camera_lane.h"
+#include "daemon/camera_watch.h"
 #include "daemon/event_sender.h"
 #include "daemon/node_work.h"
 #include "daemon/pulse_recorder.h"
-#include "daemon/rate_meter.h"
 #include "daemon/train_watch.h"
 #include "take/take.h"
 #include "trigger/pulse_generator.h"
@@ -43,6 +42,10 @@ class CaptureNode : public NodeWork {
 
  private:
   void make_ready(const CommandMessage& order, std::optional<int64_t> pulses);
+  /// Any thread.
+  void tell_cameras(const PulseEdge& edge);
+  /// Where no line senses the pulses, it was when it was commanded.
+  void tell_first_pulse();
   /// From here on silence of a camera is no loss.
   void end_of_train();
   std::vector<CameraWorker*> ready_workers() const;
@@ -65,9 +68,11 @@ class CaptureNode : public NodeWork {
   };
   TakeTotals totals() const;
   void open_take();
+  /// An empty `log` is not written.
+  void listen_to_pulses(const std::filesystem::path& log);
   /// Ends lanes and pulses; gives the account. Requires an open take.
   Ledger finish_take();
-  bool take_is_open() const { return pulses_ != nullptr; }
+  bool take_is_open() const { return gate_ != nullptr; }
   void discard_empty_take();
   int64_t commanded() const;
   bool all_accounted_for() const;
@@ -75,17 +80,16 @@ class CaptureNode : public NodeWork {
   /// What all cameras that were ever opened record, at the rate of the last order.
   double bytes_per_second() const;
   std::string trouble() const;
-  void report_camera(const CameraWorker& worker, HealthMessage& health);
   /// Troubles of the disk and the trigger, told when they begin, change and end.
   void tell_troubles(const TakeTotals& sum);
   std::string disk_trouble(const TakeTotals& sum) const;
   std::string trigger_trouble(const TakeTotals& sum) const;
-  void tell_events(const CameraWorker& worker, const CameraWorkerStatus& status);
 
   const Studio& studio_;
   const std::string node_;
   Bus& bus_;
   EventSender events_;
+  CameraWatch cameras_;
   std::unique_ptr<PulseGenerator> generator_;  ///< null where another node has the trigger
   std::unique_ptr<PulseSensor> sensor_;        ///< null with it, and without a sense line
   std::unique_ptr<TrainWatch> train_;          ///< null where the trigger is here
@@ -95,6 +99,7 @@ class CaptureNode : public NodeWork {
   CommandMessage order_;
   double rate_hz_ = 0;
   PulseTrain pulse_train_;
+  bool first_pulse_told_ = false;
   MonotonicInstant ready_by_;
   MonotonicInstant drain_began_;
   TakeInfo info_;
@@ -103,14 +108,6 @@ class CaptureNode : public NodeWork {
   std::vector<std::unique_ptr<CameraLane>> lanes_;
   TakeTotals totals_;  ///< of the last take
   std::unique_ptr<BackgroundLearner> learner_;
-
-  struct Told {
-    CameraState state = CameraState::kOpening;
-    int64_t suspect = 0;
-    int64_t missing = 0;
-  };
-  RateMeter rates_;
-  std::map<std::string, Told> told_;  ///< what events have been sent of, by camera
 };
 
 }  // namespace v3d

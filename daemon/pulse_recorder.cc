@@ -12,16 +12,22 @@ constexpr Duration kLook = std::chrono::milliseconds(50);
 constexpr size_t kPulseQueue = 256;
 /// A pulse number from the network so far ahead of all before is not believed.
 constexpr int64_t kMaxJump = 15'000;
+/// A pulse that another host says is older, or still to come, was timed by a clock that is not
+/// ours; then it was when it was heard of.
+constexpr Duration kLongestOnTheWay = std::chrono::milliseconds(200);
 
 /// The same instant on the wall clock. The clocks are read together: their difference holds now.
 RealtimeInstant to_realtime(MonotonicInstant t) { return Realtime::now() - (Monotonic::now() - t); }
 
 }  // namespace
 
-PulseRecorder::PulseRecorder(PulseSensor* sensor, Bus& bus, std::string take,
-                             const PulseTrain& train, const std::filesystem::path& log)
-    : sensor_(sensor), bus_(bus), take_(std::move(take)), numbers_(train) {
-  if (!log.empty()) log_.emplace(log);
+PulseRecorder::PulseRecorder(PulseSensor* sensor, Bus& bus, Setup setup)
+    : sensor_(sensor),
+      bus_(bus),
+      take_(std::move(setup.take)),
+      on_edge_(std::move(setup.on_edge)),
+      numbers_(setup.train) {
+  if (!setup.log.empty()) log_.emplace(setup.log);
   if (sensor_ != nullptr) {
     sensor_->reset();
   } else {
@@ -40,6 +46,7 @@ void PulseRecorder::run() {
     heartbeat_.beat();
     const auto pulse = next();
     if (!pulse) continue;
+    on_edge_({.pulse = pulse->pulse, .at = edge_of(*pulse)});
     record(*pulse);
   }
 }
@@ -50,6 +57,13 @@ void PulseRecorder::record(const PulseMessage& pulse) {
   const std::lock_guard lock(mutex_);
   sensed_.insert(pulse.pulse);
   seen_ = std::max<int64_t>(seen_, pulse.pulse + 1);
+}
+
+MonotonicInstant PulseRecorder::edge_of(const PulseMessage& pulse) const {
+  if (sensor_ != nullptr) return pulse.edge_monotonic;
+  const Duration ago = Realtime::now() - pulse.edge;
+  const bool plausible = ago >= Duration::zero() && ago <= kLongestOnTheWay;
+  return Monotonic::now() - (plausible ? ago : Duration::zero());
 }
 
 int64_t PulseRecorder::sensed() const {

@@ -3,6 +3,7 @@
 
 #include <atomic>
 #include <filesystem>
+#include <functional>
 #include <memory>
 #include <mutex>
 #include <optional>
@@ -10,6 +11,7 @@
 #include <string>
 #include <thread>
 
+#include "capture/train_start.h"
 #include "daemon/bus.h"
 #include "daemon/heartbeat.h"
 #include "take/frame_log.h"
@@ -23,11 +25,16 @@ namespace v3d {
 /// what that node tells. Has a thread of its own; lives from arming to the end of the take.
 class PulseRecorder {
  public:
-  /// `train`: what was commanded. `sensor` (may be null: listen on the bus) is reset here and read
-  /// until destruction; it and `bus` outlive the recorder. An empty `log` is not written. Throws
-  /// InputError when the line cannot be reached or the log cannot be made.
-  PulseRecorder(PulseSensor* sensor, Bus& bus, std::string take, const PulseTrain& train,
-                const std::filesystem::path& log);
+  struct Setup {
+    std::string take;
+    PulseTrain train;                               ///< what was commanded
+    std::filesystem::path log{};                    ///< not written where empty
+    std::function<void(const PulseEdge&)> on_edge;  ///< called by the thread for every pulse
+  };
+  /// `sensor` (may be null: listen on the bus) is reset here and read until destruction; it and
+  /// `bus` outlive the recorder. Throws InputError when the line cannot be reached or the log
+  /// cannot be made.
+  PulseRecorder(PulseSensor* sensor, Bus& bus, Setup setup);
   ~PulseRecorder();
   PulseRecorder(const PulseRecorder&) = delete;
   PulseRecorder& operator=(const PulseRecorder&) = delete;
@@ -47,6 +54,8 @@ class PulseRecorder {
  private:
   void run();
   std::optional<PulseMessage> next();
+  /// By this host's clock.
+  MonotonicInstant edge_of(const PulseMessage& pulse) const;
   std::optional<PulseMessage> sense();
   std::optional<PulseMessage> hear();
   void record(const PulseMessage& pulse);
@@ -54,6 +63,7 @@ class PulseRecorder {
   PulseSensor* const sensor_;
   Bus& bus_;
   const std::string take_;
+  const std::function<void(const PulseEdge&)> on_edge_;
   std::unique_ptr<Subscription<PulseMessage>> heard_;
   std::optional<EventLogWriter> log_;
   int64_t seq_ = 0;

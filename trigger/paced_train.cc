@@ -45,6 +45,7 @@ void PacedTrain::stop() {
 
 void PacedTrain::forget() {
   commanded_ = skipped_ = 0;
+  first_.reset();
   broken_ = false;
   lateness_ = Lateness(plan_.period / kLatePart);
 }
@@ -91,6 +92,7 @@ bool PacedTrain::pulse(int64_t number, MonotonicInstant at) {
       return false;
     }
     commanded_ = number + 1;
+    if (number == 0) first_ = at;
   }
   if (begun && plan_.width > Duration::zero() && !end_pulse(now)) return false;
   const std::lock_guard lock(mutex_);
@@ -104,6 +106,11 @@ bool PacedTrain::end_pulse(MonotonicInstant begun) {
   const std::lock_guard lock(mutex_);
   broken_ = stopped_ = true;
   return false;
+}
+
+std::optional<MonotonicInstant> PacedTrain::first_pulse() const {
+  const std::lock_guard lock(mutex_);
+  return first_;
 }
 
 int64_t PacedTrain::commanded() const {

@@ -45,6 +45,8 @@ class PacedTrain {
   void stop();
 
   int64_t commanded() const;
+  /// Empty before pulse 0.
+  std::optional<MonotonicInstant> first_pulse() const;
   int64_t skipped() const;
   bool finished() const;
   /// The output was gone.
@@ -72,6 +74,7 @@ class PacedTrain {
   bool stopped_ = true;
   bool broken_ = false;
   int64_t commanded_ = 0;
+  std::optional<MonotonicInstant> first_;
   int64_t skipped_ = 0;
   Lateness lateness_;
 };

@@ -38,6 +38,8 @@ class PulseGenerator {
   /// Pulses commanded since start(): the places of the train that have passed. A pulse that could
   /// not be made in time keeps its number, is told of in fault(), and is missing.
   virtual int64_t commanded() const = 0;
+  /// Where pulse 0 stood, by this host's clock; empty before, and where that is not known.
+  virtual std::optional<MonotonicInstant> first_pulse() const = 0;
   /// True once a train of known length has ended, or after stop().
   virtual bool finished() const = 0;
   /// False where commanded() is an estimate by this host's clock: what the

@@ -28,6 +28,7 @@ class ScpiGenerator : public PulseGenerator {
   void start() override;
   void stop() override;
   int64_t commanded() const override;
+  std::optional<MonotonicInstant> first_pulse() const override { return started_; }
   bool finished() const override;
   /// A burst that was not broken off.
   bool counts_exactly() const override {

@@ -26,6 +26,7 @@ class SimulatedGenerator : public PulseGenerator, private PulseOutput {
   void start() override;
   void stop() override { train_.stop(); }
   int64_t commanded() const override { return train_.commanded(); }
+  std::optional<MonotonicInstant> first_pulse() const override { return train_.first_pulse(); }
   bool finished() const override { return train_.finished(); }
   PulseStatistics statistics() const override { return train_.statistics(); }
   std::string fault() const override;

@@ -34,38 +34,23 @@ TEST(PulseMatcher, calls_the_first_frame_pulse_0) {
   EXPECT_FALSE(match.suspect);
 }
 
+TEST(PulseMatcher, counts_from_where_it_is_told_to_begin_and_suspects_all_if_that_is_not_certain) {
+  for (const bool certain : {true, false}) {
+    PulseMatcher matcher(kPeriod);
+    matcher.begin(3, certain);
+    for (int k = 3; k < 100; ++k) {
+      const PulseMatch match = matcher.label(frame(k, 100 + k));
+      EXPECT_EQ(match.pulse, k);
+      EXPECT_EQ(match.suspect, !certain);
+    }
+  }
+}
+
 TEST(PulseMatcher, leaves_out_the_pulse_whose_frame_was_lost_in_transport) {
   PulseMatcher matcher = running();
   const PulseMatch match = matcher.label(frame(12, 112));
   EXPECT_EQ(match.pulse, 12);
   EXPECT_FALSE(match.suspect);
-}
-
-TEST(PulseMatcher, leaves_out_the_first_pulses_when_the_counter_shows_that_they_were_lost) {
-  PulseMatcher matcher(kPeriod);
-  matcher.expect(42);
-  const PulseMatch first = matcher.label(frame(2, 44));
-  EXPECT_EQ(first.pulse, 2);
-  EXPECT_TRUE(first.suspect);
-  EXPECT_EQ(matcher.label(frame(3, 45)).pulse, 3);
-}
-
-TEST(PulseMatcher, trusts_a_first_frame_with_the_expected_counter) {
-  PulseMatcher matcher(kPeriod);
-  matcher.expect(42);
-  const PulseMatch match = matcher.label(frame(0, 42));
-  EXPECT_EQ(match.pulse, 0);
-  EXPECT_FALSE(match.suspect);
-}
-
-TEST(PulseMatcher, suspects_a_first_frame_whose_counter_makes_no_sense) {
-  for (const uint64_t counter : {41U, 0U, 2000U}) {
-    PulseMatcher matcher(kPeriod);
-    matcher.expect(42);
-    const PulseMatch match = matcher.label(frame(0, counter));
-    EXPECT_EQ(match.pulse, 0);
-    EXPECT_TRUE(match.suspect) << counter;
-  }
 }
 
 TEST(PulseMatcher, suspects_the_frame_after_a_trigger_that_the_camera_missed) {
@@ -79,6 +64,27 @@ TEST(PulseMatcher, suspects_an_exposure_between_two_pulses) {
   PulseMatcher matcher = running();
   EXPECT_TRUE(matcher.label(frame(10.4, 110)).suspect);
   EXPECT_TRUE(matcher.label(frame(11, 112)).pulse == 11);
+}
+
+TEST(PulseMatcher, suspects_an_exposure_a_quarter_of_a_period_before_its_pulse) {
+  PulseMatcher matcher = running();
+  EXPECT_TRUE(matcher.label(frame(9.76, 110)).suspect);
+}
+
+TEST(PulseMatcher, suspects_a_camera_that_began_anew_as_it_had_begun_before) {
+  PulseMatcher matcher = running();
+  EXPECT_TRUE(matcher.label({at(0), 100, frame(40, 0).received}).suspect);
+  // A duplicate and a late frame by clock and counter; but nothing is so late.
+  EXPECT_TRUE(matcher.label({at(15), 115, frame(55, 0).received}).suspect);
+}
+
+TEST(PulseMatcher, is_not_taken_in_by_a_new_clock_that_fits_by_chance_in_the_end) {
+  PulseMatcher matcher = running();
+  matcher.reopened();
+  // The clock is one period ahead; the frame of pulse 30 comes twice.
+  EXPECT_TRUE(matcher.label({at(31), 1, frame(30, 0).received}).suspect);
+  EXPECT_TRUE(matcher.label({at(32), 2, frame(31, 0).received}).suspect);
+  EXPECT_TRUE(matcher.label({at(31), 1, frame(31.2, 0).received}).suspect);
 }
 
 TEST(PulseMatcher, lets_the_counter_decide_where_the_time_is_in_doubt) {
@@ -105,23 +111,6 @@ TEST(PulseMatcher, suspects_a_duplicate_and_a_straggler) {
 TEST(PulseMatcher, suspects_the_first_frame_after_a_very_long_silence) {
   PulseMatcher matcher = running();
   EXPECT_TRUE(matcher.label(frame(100'000, 100'100)).suspect);
-}
-
-TEST(PulseMatcher, suspects_all_frames_when_it_cannot_know_which_was_the_first) {
-  PulseMatcher matcher(kPeriod);
-  matcher.expect(42);
-  matcher.label(frame(1, 43));
-  for (int k = 2; k < 100; ++k) EXPECT_TRUE(matcher.label(frame(k, 42 + k)).suspect);
-}
-
-TEST(PulseMatcher, knows_the_first_frame_behind_broken_ones) {
-  PulseMatcher matcher(kPeriod);
-  matcher.expect(42);
-  matcher.broken_at_first(2);
-  const PulseMatch first = matcher.label(frame(2, 44));
-  EXPECT_EQ(first.pulse, 2);
-  EXPECT_TRUE(first.suspect);
-  EXPECT_FALSE(matcher.label(frame(3, 45)).suspect);
 }
 
 /// Labels of 20 frames from pulse 10 on, with the clock `stepped` by so many periods and the

@@ -31,6 +31,8 @@ struct Script {
   uint64_t counter = 100;                        ///< of the next exposure
   std::set<int64_t> damaged;                     ///< pulses whose frames arrive broken
   std::set<int64_t> vanished;                    ///< pulses whose frames leave no trace
+  std::set<int64_t> missed;                      ///< pulses that the camera does not see
+  Duration first_is_late{};                      ///< the first frame of every opening, by so much
   int opened = 0;
 
   MonotonicInstant exposure(int64_t pulse) const { return *train + pulse * kPeriod; }
@@ -60,16 +62,18 @@ class ScriptedCamera : public Camera {
         next_ = 0;
       }
       while (next_ < s.pulses && s.exposure(next_) < opened_at_) ++next_;
-      if (next_ >= s.pulses || s.exposure(next_) + Script::kLatency > deadline) break;
+      const Duration latency = Script::kLatency + (first_ ? s.first_is_late : Duration());
+      if (next_ >= s.pulses || s.exposure(next_) + latency > deadline) break;
       const int64_t pulse = next_++;
-      s.now = std::max(s.now, s.exposure(pulse) + Script::kLatency);
-      if (s.silent) continue;
+      s.now = std::max(s.now, s.exposure(pulse) + latency);
+      if (s.silent || s.missed.contains(pulse)) continue;
       const uint64_t counter = s.counter++;
       if (s.vanished.contains(pulse)) continue;
       if (s.damaged.contains(pulse)) {
         ++statistics_.damaged;
         continue;
       }
+      first_ = false;
       return frame(pulse, counter);
     }
     s.now = std::max(s.now, deadline);
@@ -100,6 +104,7 @@ class ScriptedCamera : public Camera {
   MonotonicInstant opened_at_{};
   std::optional<MonotonicInstant> train_;
   int64_t next_ = 0;
+  bool first_ = true;
 };
 
 }  // namespace v3d

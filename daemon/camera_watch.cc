@@ -1,0 +1,84 @@
+#include "daemon/camera_watch.h"
+
+#include <algorithm>
+
+#include "base/units.h"
+
+namespace v3d {
+
+void CameraWatch::begin_train() {
+  for (auto& [camera, told] : told_) told.suspect = told.missing = 0;
+}
+
+void CameraWatch::look_at(const CameraWorker& worker) {
+  const CameraWorkerStatus status = worker.status();
+  Told& told = told_[worker.camera()];
+  if (status.losses > told.losses) {
+    events_.send(Severity::kAlarm, worker.camera(),
+                 "lost: " + status.last_loss +
+                     "; check its power, its cable and its trigger line; it is opened again and "
+                     "goes on by itself");
+    told.lost = true;
+  }
+  told.losses = status.losses;
+  const bool back = status.state == CameraState::kIdle || status.state == CameraState::kReady ||
+                    status.state == CameraState::kRunning;
+  if (!told.lost || !back) return;
+  told.lost = false;
+  const bool recorded = status.state == CameraState::kRunning;
+  events_.send(Severity::kInfo, worker.camera(),
+               recorded ? "back, at pulse " + std::to_string(status.last_pulse) : "answers again");
+}
+
+void CameraWatch::report(const CameraWorker& worker, int64_t due, HealthMessage& health) {
+  const CameraWorkerStatus status = worker.status();
+  const std::string& camera = worker.camera();
+  const int64_t missing = std::max<int64_t>(0, due - status.frames);
+  const auto value = [&](const std::string& what, int64_t n) {
+    health.values[camera + "." + what] = static_cast<double>(n);
+  };
+  value("frames", status.frames);
+  value("frames_missing", missing);
+  value("frames_suspect", status.suspect);
+  value("frames_dropped", status.dropped);
+  value("frames_damaged", status.link.damaged);
+  value("underruns", status.link.underruns);
+  value("packets_resent", status.link.packets_resent);
+  value("packets_missing", status.link.packets_missing);
+  value("losses", status.losses);
+  health.values["frames_missing"] += static_cast<double>(missing);
+  health.values["frames_suspect"] += static_cast<double>(status.suspect);
+  const bool streaming =
+      status.state != CameraState::kOpening && status.state != CameraState::kLost;
+  health.values["cameras_streaming"] += streaming ? 1 : 0;
+  value("streaming_flag", streaming ? 1 : 0);
+  value("queue_frames", worker.waiting());
+  health.values["queue_frames"] =
+      std::max(health.values["queue_frames"], static_cast<double>(worker.waiting()));
+  health.values[camera + ".frames_per_second"] =
+      rates_.rate(camera, status.frames, Monotonic::now());
+  tell_missing(camera, missing, due);
+  tell_suspect(camera, status);
+}
+
+void CameraWatch::tell_missing(const std::string& camera, int64_t missing, int64_t due) {
+  Told& told = told_[camera];
+  if (missing > told.missing) {
+    events_.send(Severity::kWarning, camera,
+                 format_count(missing) + " frames missing of " + format_count(due) + " pulses");
+  }
+  told.missing = missing;
+}
+
+void CameraWatch::tell_suspect(const std::string& camera, const CameraWorkerStatus& status) {
+  Told& told = told_[camera];
+  if (status.suspect > told.suspect) {
+    events_.send(Severity::kWarning, camera,
+                 format_count(status.suspect) +
+                     " frames with a suspect pulse number, the last near " +
+                     std::to_string(status.last_pulse));
+  }
+  told.suspect = status.suspect;
+}
+
+}  // namespace v3d

@@ -1,0 +1,46 @@
+// What the operator is told of a node's cameras: figures with every health message, and events when
+// something happens.
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <string>
+
+#include "capture/camera_worker.h"
+#include "daemon/event_sender.h"
+#include "daemon/rate_meter.h"
+#include "wire/messages.h"
+
+namespace v3d {
+
+/// One thread.
+class CameraWatch {
+ public:
+  /// `events` outlives the watch.
+  explicit CameraWatch(EventSender& events) : events_(events) {}
+
+  /// A train begins: frames are counted from 0.
+  void begin_train();
+  /// Tells of a camera that was lost or came back since the last call; to be called often.
+  void look_at(const CameraWorker& worker);
+  /// Adds the figures of a camera to the node's, and tells of frames that are missing or suspect:
+  /// at most one event of a kind and camera. `due`: frames that should be here by now.
+  void report(const CameraWorker& worker, int64_t due, HealthMessage& health);
+
+ private:
+  struct Told {
+    int64_t losses = 0;
+    bool lost = false;
+    int64_t suspect = 0;
+    int64_t missing = 0;
+  };
+
+  void tell_missing(const std::string& camera, int64_t missing, int64_t due);
+  void tell_suspect(const std::string& camera, const CameraWorkerStatus& status);
+
+  EventSender& events_;
+  RateMeter rates_;
+  std::map<std::string, Told> told_;  ///< by camera
+};
+
+}  // namespace v3d

@@ -1,0 +1,206 @@
+#include "capture/train_start.h"
+
+#include <gtest/gtest.h>
+#include <rapidcheck/gtest.h>
+
+#include <cmath>
+#include <random>
+#include <vector>
+
+namespace v3d {
+namespace {
+
+constexpr Duration kPeriod = std::chrono::milliseconds(40);
+constexpr uint64_t kCounter = 500;  ///< of pulse 0
+
+Duration periods(double n) { return Duration(std::llround(n * 40e6)); }
+
+/// Pulse 0 was at 1 s.
+MonotonicInstant at(double pulse) { return from_ns<Monotonic>(1'000'000'000) + periods(pulse); }
+
+FrameStamp frame(double pulse, uint64_t counter, double latency) {
+  return {from_ns<DeviceClock>(77) + periods(pulse), counter, at(pulse + latency)};
+}
+
+/// Frames of consecutive pulses, all exposures counted.
+std::vector<FrameStamp> frames(int64_t first, size_t count, double latency) {
+  std::vector<FrameStamp> all;
+  for (size_t i = 0; i < count; ++i) {
+    const auto pulse = static_cast<double>(first) + static_cast<double>(i);
+    all.push_back(frame(pulse, kCounter + static_cast<uint64_t>(first) + i, latency));
+  }
+  return all;
+}
+
+StartEvidence sensed() {
+  StartEvidence evidence;
+  evidence.period = kPeriod;
+  evidence.edge = PulseEdge{.pulse = 0, .at = at(0)};
+  return evidence;
+}
+StartEvidence counted() {
+  StartEvidence evidence = sensed();
+  evidence.counter_of_pulse_0 = kCounter;
+  return evidence;
+}
+StartEvidence known(double latency) {
+  StartEvidence evidence = counted();
+  evidence.latency = periods(latency);
+  return evidence;
+}
+
+void expect(const std::optional<TrainStart>& start, int64_t pulse, bool certain) {
+  ASSERT_TRUE(start);
+  EXPECT_EQ(start->pulse, pulse);
+  EXPECT_EQ(start->certain, certain);
+}
+
+TEST(TrainStart, is_pulse_0_where_the_frame_came_before_pulse_1) {
+  expect(find_start(frames(0, 1, 0.5), sensed(), false), 0, true);
+}
+
+TEST(TrainStart, is_pulse_0_there_even_if_the_counter_shows_that_a_frame_was_lost) {
+  StartEvidence evidence = counted();
+  evidence.counter_of_pulse_0 = kCounter - 1;  // the last one of the train before
+  expect(find_start(frames(0, 1, 0.5), evidence, false), 0, true);
+}
+
+TEST(TrainStart, is_what_counter_and_arrival_agree_on) {
+  for (const int64_t lost : {0, 1, 5}) {
+    for (const double latency : {0.2, 0.8, 1.6, 2.3}) {
+      const size_t enough = lost == 0 ? 1 : kStartFrames;
+      expect(find_start(frames(lost, enough, latency), known(latency), false), lost, true);
+      EXPECT_TRUE(enough == 1 ||
+                  !find_start(frames(lost, enough - 1, latency), known(latency), false));
+    }
+  }
+}
+
+TEST(TrainStart, waits_for_a_frame_that_is_not_late) {
+  std::vector<FrameStamp> seen = {frame(0, kCounter, 1.4)};
+  EXPECT_FALSE(find_start(seen, known(0.4), false));
+  seen.push_back(frame(1, kCounter + 1, 0.5));
+  expect(find_start(seen, known(0.4), false), 0, true);
+}
+
+TEST(TrainStart, is_not_certain_where_a_lost_frame_may_be_of_this_train_or_the_one_before) {
+  EXPECT_FALSE(find_start(frames(1, kStartFrames - 1, 0.4), counted(), false));
+  expect(find_start(frames(1, kStartFrames, 0.4), counted(), false), 1, false);
+  expect(find_start(frames(1, 3, 0.4), counted(), true), 1, false);
+}
+
+TEST(TrainStart, is_not_certain_where_counter_and_arrival_go_on_to_disagree) {
+  std::vector<FrameStamp> seen = frames(1, kStartFrames, 0.4);  // the trigger of pulse 0 was missed
+  for (FrameStamp& f : seen) --f.counter;
+  const auto start = find_start(seen, known(0.4), false);
+  ASSERT_TRUE(start);
+  EXPECT_FALSE(start->certain);
+}
+
+TEST(TrainStart, is_told_by_many_arrivals_where_the_counter_began_anew) {
+  StartEvidence evidence = known(0.4);
+  evidence.counter_of_pulse_0.reset();
+  EXPECT_FALSE(find_start(frames(30, kStartFrames - 1, 0.4), evidence, false));
+  expect(find_start(frames(30, kStartFrames, 0.4), evidence, false), 30, true);
+  expect(find_start(frames(30, 2, 0.4), evidence, true), 30, false);
+}
+
+TEST(TrainStart, does_not_depend_on_which_pulse_it_is_told_of) {
+  StartEvidence evidence = known(0.4);
+  evidence.edge = PulseEdge{.pulse = 2, .at = at(2)};
+  expect(find_start(frames(1, kStartFrames, 0.4), evidence, false), 1, true);
+}
+
+TEST(TrainStart, is_not_certain_where_the_host_stood_still) {
+  StartEvidence evidence = known(0.4);
+  evidence.counter_of_pulse_0.reset();
+  std::vector<FrameStamp> seen = frames(0, kStartFrames, 0.4);
+  for (FrameStamp& f : seen) f.received = at(9.4);
+  const auto start = find_start(seen, evidence, false);
+  ASSERT_TRUE(start);
+  EXPECT_FALSE(start->certain);
+}
+
+TEST(TrainStart, counts_broken_frames) {
+  StartEvidence evidence = counted();
+  evidence.broken = 2;
+  expect(find_start(frames(2, 1, 0.4), evidence, false), 2, true);
+}
+
+TEST(TrainStart, comes_after_exposures_that_no_pulse_made) {
+  std::vector<FrameStamp> seen = {frame(-1.7, kCounter, 0.4)};
+  EXPECT_FALSE(find_start(seen, counted(), false));
+  seen.push_back(frame(0, kCounter + 1, 0.4));
+  const auto start = find_start(seen, counted(), false);
+  expect(start, 0, true);
+  EXPECT_EQ(start->strays, 1U);
+}
+
+TEST(TrainStart, is_left_to_the_counter_where_no_pulse_is_heard_of) {
+  StartEvidence evidence = counted();
+  evidence.edge.reset();
+  EXPECT_FALSE(find_start(frames(0, 1, 0.4), evidence, false));
+  expect(find_start(frames(0, 1, 0.4), evidence, true), 0, true);
+  expect(find_start(frames(2, kStartFrames, 0.4), evidence, false), 2, false);
+  evidence.broken = 2;
+  expect(find_start(frames(2, 1, 0.4), evidence, true), 2, true);
+  evidence.counter_of_pulse_0 = kCounter + 1000;  // it makes no sense
+  expect(find_start(frames(0, 1, 0.4), evidence, true), 0, false);
+  evidence.counter_of_pulse_0.reset();
+  evidence.broken = 0;
+  expect(find_start(frames(0, 1, 0.4), evidence, true), 0, true);
+}
+
+/// A camera whose frames take `latency`, with what can go wrong at the start of a train.
+struct RandomStart {
+  std::vector<FrameStamp> seen;
+  StartEvidence evidence = sensed();
+  int64_t first = 0;
+
+  explicit RandomStart(std::mt19937& random) {
+    const auto uniform = [&](double low, double high) {
+      return std::uniform_real_distribution<double>(low, high)(random);
+    };
+    const auto chance = [&](double p) { return uniform(0, 1) < p; };
+    const double latency = uniform(0.05, 2.5);
+    const double stall = chance(0.2) ? uniform(0, 10) : 0;  // the host stands still so long
+    int64_t lost = chance(0.3) ? static_cast<int64_t>(uniform(1, 4)) : 0;
+    const bool missed = chance(0.1);
+    const uint64_t before = chance(0.2) ? 1 : 0;  // lost at the end of the train before
+    if (!chance(0.2)) evidence.counter_of_pulse_0 = kCounter - before;
+    if (!chance(0.2)) evidence.latency = periods(latency + uniform(0, 0.2));
+    // What cannot be known, as the header says.
+    if (missed && !evidence.latency && latency > 0) lost = 0;
+    first = lost + (missed && evidence.latency ? 1 : 0);
+    for (int64_t k = 0; k < 12; ++k) {
+      if (k > 0 && chance(0.1)) continue;
+      const auto pulse = static_cast<double>(first + k);
+      FrameStamp stamp = frame(pulse, kCounter + static_cast<uint64_t>(lost + k), latency);
+      stamp.exposed += periods(uniform(-0.1, 0.1));
+      stamp.received += periods(uniform(0, 0.3));
+      stamp.received = std::max(stamp.received, at(stall));
+      seen.push_back(stamp);
+    }
+  }
+};
+
+TEST(TrainStart, is_never_certain_of_a_wrong_pulse_in_a_million_trains) {
+  std::mt19937 random(4);
+  int certain = 0;
+  constexpr int kTrains = 1'000'000;
+  for (int train = 0; train < kTrains; ++train) {
+    const RandomStart t(random);
+    for (size_t n = 1;; ++n) {
+      const auto start = find_start({t.seen.data(), n}, t.evidence, false);
+      if (!start) continue;
+      certain += start->certain;
+      ASSERT_TRUE(!start->certain || start->pulse == t.first)
+          << "train " << train << ": pulse " << t.first << " was called " << start->pulse;
+      break;
+    }
+  }
+  EXPECT_GT(certain, kTrains * 6 / 10);
+}
+
+}  // namespace
+}  // namespace v3d
