@@ -6,14 +6,12 @@
 #include <unistd.h>
 
 #include <csignal>
-#include <fstream>
 #include <nlohmann/json.hpp>
 #include <random>
 
 #include "daemon/bus.h"
-#include "daemon/operator_client.h"
+#include "studio4.h"
 #include "support/child_process.h"
-#include "support/temporary_folder.h"
 #include "take/mesh_file.h"
 #include "take/verify.h"
 #include "wire/channels.h"
@@ -23,94 +21,10 @@ namespace {
 
 using test::becomes_true;
 using test::ChildProcess;
+using test::Studio4;
 using test::within;
 using testing::HasSubstr;
 using testing::IsEmpty;
-
-constexpr int kEmptyPulses = 12;
-
-/// A simulated studio of four small cameras whose background has been learnt, and its daemons.
-class Studio4 : public testing::Test {
- protected:
-  /// `more` of the studio file's last section, which is [reconstruction].
-  explicit Studio4(const std::string& voxel = "40mm", const std::string& more = "") {
-    simulator_.emplace(
-        std::vector<std::string>{bin("v3d-sim"), "studio", folder_.path(), "--cameras", "4",
-                                 "--size", "320x240", "--rate", "20", "--loop-frames", "10",
-                                 "--empty-pulses", std::to_string(kEmptyPulses), "--voxel", voxel},
-        folder_ / "v3d-sim.log");
-    const bool serves = becomes_true(
-        [&] { return simulator_->output().find("ready\n") != std::string::npos; }, within(60));
-    if (!serves) throw std::runtime_error("v3d-sim: " + simulator_->output());
-    std::ofstream(folder_ / "studio.toml", std::ios::app) << more;
-    studio_ = load_studio(folder_ / "studio.toml");
-    start_captured();
-    start_recond();
-    client_.emplace(studio_);
-    CommandMessage learn;
-    learn.verb = CommandVerb::kBackground;
-    learn.pulses = kEmptyPulses;
-    const Answer learnt = client_->command(learn, within(60));
-    if (!learnt.done()) throw std::runtime_error("background: " + text_of(learnt) + log());
-  }
-
-  static std::string bin(const std::string& program) {
-    return std::string(V3D_BIN) + "/" + program;
-  }
-
-  void start_captured() {
-    captured_.emplace(std::vector<std::string>{bin("v3d-captured"), "--studio",
-                                               folder_ / "studio.toml", "--node", "cap01"},
-                      folder_ / "v3d-captured.log");
-  }
-  void start_recond() {
-    recond_.emplace(
-        std::vector<std::string>{bin("v3d-recond"), "--studio", folder_ / "studio.toml"},
-        folder_ / "v3d-recond.log");
-  }
-
-  static std::string text_of(const Answer& answer) {
-    std::string text;
-    for (const auto& [node, reply] : answer.replies) text += node + ": " + reply.text + "\n";
-    for (const std::string& node : answer.silent) text += node + ": silent\n";
-    return text;
-  }
-  std::string log() const { return captured_->output() + recond_->output(); }
-
-  Answer command(CommandVerb verb, int64_t pulses = 0) {
-    CommandMessage m;
-    m.verb = verb;
-    m.take = "kendo-07";
-    m.pulses = pulses;
-    return client_->command(m, within(60));
-  }
-  void arm_and_start(int64_t pulses) {
-    const Answer armed = command(CommandVerb::kArm, pulses);
-    ASSERT_TRUE(armed.done()) << text_of(armed) << log();
-    const Answer started = command(CommandVerb::kStart);
-    ASSERT_TRUE(started.done()) << text_of(started) << log();
-  }
-
-  double value(const std::string& node, const std::string& name) {
-    const auto health = client_->health(within(5));
-    const auto found = health.find(node);
-    if (found == health.end() || !found->second.values.contains(name)) return -1;
-    return found->second.values.at(name);
-  }
-  /// Waits for fresh health in which `name` is at least `wanted`.
-  bool reaches(const std::string& node, const std::string& name, double wanted) {
-    return becomes_true([&] { return value(node, name) >= wanted; }, within(60));
-  }
-
-  TakePaths take() const { return {studio_.storage.takes / "kendo-07"}; }
-
-  const test::TemporaryFolder folder_;
-  std::optional<ChildProcess> simulator_;
-  Studio studio_;
-  std::optional<ChildProcess> captured_;
-  std::optional<ChildProcess> recond_;
-  std::optional<OperatorClient> client_;
-};
 
 TEST_F(Studio4, records_a_take_whole_and_reconstructs_it_live) {
   constexpr int kPulses = 20;
@@ -162,13 +76,7 @@ TEST_F(Studio4, reconstructs_a_recorded_take_to_the_same_bytes_as_live) {
 
 TEST_F(Studio4, tells_when_a_train_of_known_length_has_ended) {
   arm_and_start(10);
-  const auto ended = [&] {
-    const auto health = client_->health(within(5));
-    return health.size() == 2 && std::all_of(health.begin(), health.end(), [](const auto& entry) {
-             return entry.second.state == NodeState::kIdle;
-           });
-  };
-  EXPECT_TRUE(becomes_true(ended, within(60))) << log();
+  EXPECT_TRUE(becomes_idle()) << log();
   EXPECT_EQ(log().find("lost"), std::string::npos) << "the end of a train is no loss: " << log();
 }
 
@@ -228,13 +136,7 @@ TEST_F(Studio4, names_skipped_pulses_and_ends_the_train_everywhere_when_the_last
   listen(Monotonic::now() + std::chrono::milliseconds(700));
   captured_->signal(SIGCONT);
 
-  const auto ended = [&] {
-    const auto health = client_->health(within(5));
-    return health.size() == 2 && std::all_of(health.begin(), health.end(), [](const auto& entry) {
-             return entry.second.state == NodeState::kIdle;
-           });
-  };
-  ASSERT_TRUE(becomes_true(ended, within(60))) << "without a stop command\n" << log();
+  ASSERT_TRUE(becomes_idle()) << "without a stop command\n" << log();
   const Answer stopped = command(CommandVerb::kStop);
   const auto ledger = nlohmann::json::parse(stopped.replies.at("cap01").detail);
   EXPECT_FALSE(ledger["complete"]);
@@ -252,7 +154,7 @@ TEST_F(Studio4, names_skipped_pulses_and_ends_the_train_everywhere_when_the_last
 /// Voxels that are far too small for one thread.
 class OverloadedStudio4 : public Studio4 {
  protected:
-  OverloadedStudio4() : Studio4("2mm", "threads = 1\n") {}
+  OverloadedStudio4() : Studio4({.voxel = "2mm", .more = "threads = 1\n"}) {}
 };
 
 TEST_F(OverloadedStudio4, drops_whole_pulses_counts_them_and_says_so_once) {

@@ -1,0 +1,332 @@
+// Stories of cameras that go wrong: fault scripts played by the simulated cameras against the real
+// daemons. What the ledger must say follows from the script and from the simulator's own record of
+// what was sent.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <map>
+#include <nlohmann/json.hpp>
+#include <set>
+
+#include "daemon/bus.h"
+#include "sim/exposure_record.h"
+#include "studio4.h"
+#include "take/frame_log.h"
+#include "take/verify.h"
+#include "v3d-sim/take_check.h"
+#include "wire/channels.h"
+
+namespace v3d {
+namespace {
+
+using test::becomes_true;
+using test::kEmptyPulses;
+using test::Studio4;
+using test::within;
+using testing::ElementsAre;
+using testing::HasSubstr;
+using testing::IsEmpty;
+
+using Pulses = std::vector<int64_t>;
+
+/// A [[fault]] of cam02.
+std::string fault(int64_t pulse, const std::string& kind, const std::string& more = "") {
+  return "[[fault]]\ncamera = \"cam02\"\npulse = " + std::to_string(pulse) + "\nkind = \"" + kind +
+         "\"\n" + more + "\n";
+}
+
+Pulses range(int64_t first, int64_t last) {
+  Pulses pulses;
+  for (int64_t pulse = first; pulse <= last; ++pulse) pulses.push_back(pulse);
+  return pulses;
+}
+
+constexpr int64_t kPulses = 25;
+
+/// A studio at 10 Hz, so that a host that hesitates leaves no pulse out. cam02 has the faults.
+class FaultyStudio : public Studio4 {
+ protected:
+  explicit FaultyStudio(const std::string& faults)
+      : Studio4({.faults = faults, .rate = "10"}), bus_(studio_.network.lcm_url) {}
+
+  void SetUp() override { events_.emplace(bus_, kEventChannel, 1024); }
+
+  /// Records a train of so many pulses to its end.
+  void record(int64_t pulses) {
+    arm_and_start(pulses);
+    ASSERT_TRUE(becomes_idle()) << log();
+    stop();
+  }
+
+  /// Records until cam02 was lost and has delivered so many frames after it came back.
+  void record_until_back(int64_t frames) {
+    arm_and_start(0);
+    ASSERT_TRUE(reaches("cap01", "cam02.losses", 1)) << log();
+    const double before = value("cap01", "cam02.frames");
+    ASSERT_TRUE(reaches("cap01", "cam02.frames", before + static_cast<double>(frames))) << log();
+    stop();
+  }
+
+  void stop() {
+    account();
+    EXPECT_EQ(faulty().missing, not_sent("cam02"));
+  }
+
+  /// Ends the take and holds it against the simulator's record.
+  void account() {
+    const Answer stopped = command(CommandVerb::kStop);
+    ASSERT_TRUE(stopped.done()) << text_of(stopped) << log();
+    verified_ = verify_take(take());
+    EXPECT_THAT(verified_.disagreements, IsEmpty());
+    EXPECT_EQ(verified_.info.state, TakeState::kComplete);
+    EXPECT_EQ(verified_.ledger.sensed, verified_.ledger.commanded);
+    exposures_ = sim::load_exposures(folder_ / "exposures.csv");
+    check_ = sim::check_take(take().folder, exposures_);
+    EXPECT_EQ(check_.silently, 0) << testing::PrintToString(check_.problems);
+    for (const CameraLedger& camera : verified_.ledger.cameras) {
+      if (camera.name == "cam02") continue;
+      EXPECT_THAT(camera.missing, IsEmpty()) << camera.name;
+      EXPECT_THAT(camera.duplicate, IsEmpty()) << camera.name;
+      EXPECT_THAT(camera.suspect, IsEmpty()) << camera.name;
+    }
+  }
+
+  /// By the simulator's record: pulses of which this camera sent no image.
+  Pulses not_sent(const std::string& camera) const {
+    std::set<int64_t> sent;
+    for (const sim::ExposureLine& line : exposures_) {
+      if (line.camera == camera) sent.insert(line.edge - first_edge_);
+    }
+    Pulses pulses;
+    for (int64_t pulse = 0; pulse < verified_.ledger.commanded; ++pulse) {
+      if (!sent.contains(pulse)) pulses.push_back(pulse);
+    }
+    return pulses;
+  }
+
+  const CameraLedger& faulty() const { return verified_.ledger.cameras.at(1); }
+  std::string verdict() const { return verified_.ledger.verdict(); }
+
+  /// What was told of cam02.
+  std::vector<std::string> told() {
+    while (const auto event = events_->wait(Monotonic::now())) {
+      if (event->subject == "cam02") told_.push_back(event->text);
+    }
+    return told_;
+  }
+  bool tells(const std::string& text) {
+    return becomes_true(
+        [&] {
+          const std::vector<std::string> all = told();
+          return std::ranges::any_of(
+              all, [&](const std::string& line) { return line.find(text) != std::string::npos; });
+        },
+        within(30));
+  }
+
+  int64_t first_edge_ = kEmptyPulses;  ///< of the take
+  Bus bus_;
+  std::optional<Subscription<EventMessage>> events_;
+  std::vector<std::string> told_;
+  Verification verified_;
+  std::vector<sim::ExposureLine> exposures_;
+  sim::TakeCheck check_;
+};
+
+class DroppedFrames : public FaultyStudio {
+ protected:
+  DroppedFrames() : FaultyStudio(fault(10, "drop") + fault(11, "drop") + fault(20, "drop")) {}
+};
+TEST_F(DroppedFrames, are_missing_by_number_and_leave_the_others_in_no_doubt) {
+  record(kPulses);
+  EXPECT_THAT(faulty().missing, ElementsAre(10, 11, 20));
+  EXPECT_THAT(faulty().duplicate, IsEmpty());
+  EXPECT_THAT(faulty().suspect, IsEmpty());
+  EXPECT_EQ(verdict(), "take kendo-07: incomplete, 4 cameras x 25 pulses, 3 missing, 0 suspect");
+}
+
+class DroppedFirstFrame : public FaultyStudio {
+ protected:
+  DroppedFirstFrame() : FaultyStudio(fault(0, "drop")) {}
+};
+TEST_F(DroppedFirstFrame, is_missing_and_leaves_the_others_in_no_doubt) {
+  record(kPulses);
+  EXPECT_THAT(faulty().missing, ElementsAre(0));
+  EXPECT_THAT(faulty().suspect, IsEmpty());
+  EXPECT_EQ(check_.frames_mislabelled, 0) << testing::PrintToString(check_.problems);
+  EXPECT_EQ(verdict(), "take kendo-07: incomplete, 4 cameras x 25 pulses, 1 missing, 0 suspect");
+}
+
+class DroppedLastFrame : public FaultyStudio {
+ protected:
+  DroppedLastFrame() : FaultyStudio(fault(kPulses - 1, "drop")) {}
+};
+TEST_F(DroppedLastFrame, is_missing_and_leaves_the_next_take_in_no_doubt) {
+  record(kPulses);
+  EXPECT_THAT(faulty().missing, ElementsAre(kPulses - 1));
+  EXPECT_THAT(faulty().suspect, IsEmpty());
+  take_name_ = "kendo-08";
+  first_edge_ += kPulses;
+  record(kPulses);
+  EXPECT_TRUE(verified_.whole()) << verdict();
+}
+
+class MissedFirstTrigger : public FaultyStudio {
+ protected:
+  MissedFirstTrigger() : FaultyStudio(fault(0, "missed")) {}
+};
+TEST_F(MissedFirstTrigger, puts_the_take_of_this_camera_in_doubt) {
+  arm_and_start(kPulses);
+  ASSERT_TRUE(becomes_idle()) << log();
+  account();
+  EXPECT_EQ(faulty().missing.size(), 1U);
+  EXPECT_EQ(faulty().suspect.size(), kPulses - 1U);
+}
+
+class MissedTrigger : public FaultyStudio {
+ protected:
+  MissedTrigger() : FaultyStudio(fault(10, "missed")) {}
+};
+TEST_F(MissedTrigger, is_missing_and_puts_the_next_frame_in_doubt) {
+  record(kPulses);
+  EXPECT_THAT(faulty().missing, ElementsAre(10));
+  EXPECT_THAT(faulty().duplicate, IsEmpty());
+  EXPECT_THAT(faulty().suspect, ElementsAre(11));
+  EXPECT_EQ(check_.frames_mislabelled, 0) << testing::PrintToString(check_.problems);
+  EXPECT_EQ(verdict(), "take kendo-07: incomplete, 4 cameras x 25 pulses, 1 missing, 1 suspect");
+}
+
+class DuplicatedFrame : public FaultyStudio {
+ protected:
+  DuplicatedFrame() : FaultyStudio(fault(10, "duplicate")) {}
+};
+TEST_F(DuplicatedFrame, is_named_and_puts_its_pulse_and_the_next_in_doubt) {
+  record(kPulses);
+  EXPECT_EQ(faulty().written, kPulses + 1);
+  EXPECT_THAT(faulty().missing, IsEmpty());
+  EXPECT_THAT(faulty().duplicate, ElementsAre(10));
+  EXPECT_THAT(faulty().suspect, ElementsAre(10, 11));
+  EXPECT_EQ(check_.frames_mislabelled, 0) << testing::PrintToString(check_.problems);
+  EXPECT_EQ(verdict(),
+            "take kendo-07: incomplete, 4 cameras x 25 pulses, 0 missing, 2 suspect, 1 duplicate");
+}
+
+class DelayedFrames : public FaultyStudio {
+ protected:
+  DelayedFrames() : FaultyStudio(fault(10, "delay", "ms = 750")) {}
+};
+TEST_F(DelayedFrames, keep_their_pulses_and_the_silence_is_told) {
+  record(kPulses);
+  EXPECT_TRUE(verified_.whole()) << verdict();
+  EXPECT_EQ(verdict(), "take kendo-07: complete, 4 cameras x 25 pulses, 0 missing, 0 suspect");
+  EXPECT_TRUE(
+      tells("lost: no frame for 3 pulses after pulse 9; check its power, its cable and its trigger "
+            "line"));
+  EXPECT_TRUE(tells("back, at pulse "));
+}
+
+class UnpluggedCamera : public FaultyStudio {
+ protected:
+  UnpluggedCamera() : FaultyStudio(fault(10, "unplug", "ms = 1500")) {}
+};
+TEST_F(UnpluggedCamera, is_told_and_rejoins_the_take_where_its_clock_says) {
+  record_until_back(10);
+  EXPECT_TRUE(
+      tells("lost: no frame for 3 pulses after pulse 9; check its power, its cable and its trigger "
+            "line"));
+  EXPECT_TRUE(tells("back, at pulse "));
+  ASSERT_GE(faulty().missing.size(), 15U);
+  EXPECT_EQ(faulty().missing, range(10, 9 + static_cast<int64_t>(faulty().missing.size())))
+      << "one gap";
+  EXPECT_THAT(faulty().duplicate, IsEmpty());
+  EXPECT_THAT(faulty().suspect, IsEmpty());
+}
+
+class CameraWithNewClock : public FaultyStudio {
+ protected:
+  CameraWithNewClock() : FaultyStudio(fault(10, "unplug", "ms = 1500\nnew_clock = true")) {}
+};
+TEST_F(CameraWithNewClock, rejoins_the_take_in_doubt_until_its_arrivals_have_proved_the_number) {
+  record_until_back(20);
+  ASSERT_GE(faulty().missing.size(), 15U);
+  EXPECT_EQ(faulty().missing, range(10, 9 + static_cast<int64_t>(faulty().missing.size())))
+      << "one gap";
+  EXPECT_THAT(faulty().duplicate, IsEmpty());
+  ASSERT_THAT(faulty().suspect, testing::Not(IsEmpty()));
+  EXPECT_EQ(faulty().suspect.front(), faulty().missing.back() + 1);
+  EXPECT_EQ(faulty().suspect, range(faulty().suspect.front(), faulty().suspect.back()));
+  EXPECT_LT(faulty().suspect.back(), verified_.ledger.commanded - 1) << "and then in none";
+}
+
+class FrozenCamera : public FaultyStudio {
+ protected:
+  FrozenCamera() : FaultyStudio(fault(10, "freeze", "pulses = 6")) {}
+};
+TEST_F(FrozenCamera, is_told_and_goes_on_in_the_take) {
+  record(kPulses);
+  EXPECT_EQ(faulty().missing, range(10, 15));
+  EXPECT_THAT(faulty().duplicate, IsEmpty());
+  EXPECT_THAT(faulty().suspect, ElementsAre(16));
+  EXPECT_TRUE(
+      tells("lost: no frame for 3 pulses after pulse 9; check its power, its cable and its trigger "
+            "line"));
+  EXPECT_TRUE(tells("back, at pulse "));
+  EXPECT_EQ(check_.frames_mislabelled, 0) << testing::PrintToString(check_.problems);
+}
+
+class CameraFrozenForLong : public FaultyStudio {
+ protected:
+  CameraFrozenForLong() : FaultyStudio(fault(10, "freeze", "pulses = 20")) {}
+};
+TEST_F(CameraFrozenForLong, is_opened_again_and_goes_on_in_the_take) {
+  record_until_back(10);
+  EXPECT_EQ(faulty().missing, range(10, 9 + static_cast<int64_t>(faulty().missing.size())));
+  EXPECT_GE(faulty().missing.size(), 20U);
+  EXPECT_EQ(check_.frames_mislabelled, 0) << testing::PrintToString(check_.problems);
+}
+
+class BlackImage : public FaultyStudio {
+ protected:
+  BlackImage() : FaultyStudio(fault(10, "black")) {}
+};
+TEST_F(BlackImage, is_recorded_under_its_pulse_like_any_other) {
+  record(kPulses);
+  EXPECT_TRUE(verified_.whole()) << verdict();
+  FrameLogReader frames(take().frames("cam02"));
+  EXPECT_THAT(frames.read(10)->image.bytes, testing::Each(0));
+  EXPECT_THAT(frames.read(11)->image.bytes, testing::Contains(testing::Ne(0)));
+}
+
+class ClockAhead : public FaultyStudio {
+ protected:
+  ClockAhead() : FaultyStudio(fault(10, "clock", "jump_ms = 500")) {}
+};
+TEST_F(ClockAhead, puts_one_frame_in_doubt_and_no_wrong_number_on_any) {
+  record(kPulses);
+  EXPECT_THAT(faulty().missing, IsEmpty());
+  EXPECT_THAT(faulty().suspect, ElementsAre(10));
+  EXPECT_EQ(check_.frames_mislabelled, 0) << testing::PrintToString(check_.problems);
+}
+
+class ClockBehind : public FaultyStudio {
+ protected:
+  ClockBehind() : FaultyStudio(fault(10, "clock", "jump_ms = -500")) {}
+};
+TEST_F(ClockBehind, puts_one_frame_in_doubt_and_no_wrong_number_on_any) {
+  record(kPulses);
+  EXPECT_THAT(faulty().missing, IsEmpty());
+  EXPECT_THAT(faulty().suspect, ElementsAre(10));
+  EXPECT_EQ(check_.frames_mislabelled, 0) << testing::PrintToString(check_.problems);
+}
+
+class DriftingClock : public FaultyStudio {
+ protected:
+  DriftingClock() : FaultyStudio(fault(5, "clock", "drift_ppm = 150")) {}
+};
+TEST_F(DriftingClock, is_followed) {
+  record(kPulses);
+  EXPECT_TRUE(verified_.whole()) << verdict();
+}
+
+}  // namespace
+}  // namespace v3d

@@ -1,0 +1,141 @@
+// A simulated studio of four small cameras with its real daemons, for stories.
+#pragma once
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <fstream>
+#include <optional>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+#include "base/studio_file.h"
+#include "daemon/operator_client.h"
+#include "support/child_process.h"
+#include "support/temporary_folder.h"
+#include "take/take.h"
+
+namespace v3d::test {
+
+inline constexpr int kEmptyPulses = 12;
+
+struct Studio4Options {
+  std::string voxel = "40mm";
+  std::string more{};    ///< of the studio file's last section, which is [reconstruction]
+  std::string faults{};  ///< a fault script; empty: none
+  std::string rate = "20";
+};
+
+/// Four cameras whose background has been learnt, and the daemons.
+class Studio4 : public testing::Test {
+ protected:
+  explicit Studio4(const Studio4Options& options = {}) {
+    start_simulator(options);
+    const bool serves = becomes_true(
+        [&] { return simulator_->output().find("ready\n") != std::string::npos; }, within(60));
+    if (!serves) throw std::runtime_error("v3d-sim: " + simulator_->output());
+    std::ofstream(folder_ / "studio.toml", std::ios::app) << options.more;
+    studio_ = load_studio(folder_ / "studio.toml");
+    start_captured();
+    start_recond();
+    client_.emplace(studio_);
+    CommandMessage learn;
+    learn.verb = CommandVerb::kBackground;
+    learn.pulses = kEmptyPulses;
+    const Answer learnt = client_->command(learn, within(60));
+    if (!learnt.done()) throw std::runtime_error("background: " + text_of(learnt) + log());
+  }
+
+  static std::string bin(const std::string& program) {
+    return std::string(V3D_BIN) + "/" + program;
+  }
+
+  void start_simulator(const Studio4Options& options) {
+    std::vector<std::string> command = {bin("v3d-sim"),
+                                        "studio",
+                                        folder_.path(),
+                                        "--cameras",
+                                        "4",
+                                        "--size",
+                                        "320x240",
+                                        "--rate",
+                                        options.rate,
+                                        "--loop-frames",
+                                        "10",
+                                        "--empty-pulses",
+                                        std::to_string(kEmptyPulses),
+                                        "--voxel",
+                                        options.voxel};
+    if (!options.faults.empty()) {
+      std::ofstream(folder_ / "faults.toml") << options.faults;
+      command.insert(command.end(), {"--faults", folder_ / "faults.toml"});
+    }
+    simulator_.emplace(command, folder_ / "v3d-sim.log");
+  }
+  void start_captured() {
+    captured_.emplace(std::vector<std::string>{bin("v3d-captured"), "--studio",
+                                               folder_ / "studio.toml", "--node", "cap01"},
+                      folder_ / "v3d-captured.log");
+  }
+  void start_recond() {
+    recond_.emplace(
+        std::vector<std::string>{bin("v3d-recond"), "--studio", folder_ / "studio.toml"},
+        folder_ / "v3d-recond.log");
+  }
+
+  static std::string text_of(const Answer& answer) {
+    std::string text;
+    for (const auto& [node, reply] : answer.replies) text += node + ": " + reply.text + "\n";
+    for (const std::string& node : answer.silent) text += node + ": silent\n";
+    return text;
+  }
+  std::string log() const { return captured_->output() + recond_->output(); }
+
+  Answer command(CommandVerb verb, int64_t pulses = 0) {
+    CommandMessage m;
+    m.verb = verb;
+    m.take = take_name_;
+    m.pulses = pulses;
+    return client_->command(m, within(60));
+  }
+  void arm_and_start(int64_t pulses) {
+    const Answer armed = command(CommandVerb::kArm, pulses);
+    ASSERT_TRUE(armed.done()) << text_of(armed) << log();
+    const Answer started = command(CommandVerb::kStart);
+    ASSERT_TRUE(started.done()) << text_of(started) << log();
+  }
+
+  double value(const std::string& node, const std::string& name) {
+    const auto health = client_->health(within(5));
+    const auto found = health.find(node);
+    if (found == health.end() || !found->second.values.contains(name)) return -1;
+    return found->second.values.at(name);
+  }
+  /// Waits for fresh health in which `name` is at least `wanted`.
+  bool reaches(const std::string& node, const std::string& name, double wanted) {
+    return becomes_true([&] { return value(node, name) >= wanted; }, within(60));
+  }
+  /// Waits until nobody records any more, as at the end of a train of known length.
+  bool becomes_idle() {
+    const auto idle = [&] {
+      const auto health = client_->health(within(5));
+      return health.size() == 2 && std::ranges::all_of(health, [](const auto& entry) {
+               return entry.second.state == NodeState::kIdle;
+             });
+    };
+    return becomes_true(idle, within(60));
+  }
+
+  TakePaths take() const { return {studio_.storage.takes / take_name_}; }
+
+  const TemporaryFolder folder_;
+  std::string take_name_ = "kendo-07";
+  std::optional<ChildProcess> simulator_;
+  Studio studio_;
+  std::optional<ChildProcess> captured_;
+  std::optional<ChildProcess> recond_;
+  std::optional<OperatorClient> client_;
+};
+
+}  // namespace v3d::test
