@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "base/units.h"
+#include "daemon/advice.h"
 
 namespace v3d {
 
@@ -14,10 +15,8 @@ void CameraWatch::look_at(const CameraWorker& worker) {
   const CameraWorkerStatus status = worker.status();
   Told& told = told_[worker.camera()];
   if (status.losses > told.losses) {
-    events_.send(Severity::kAlarm, worker.camera(),
-                 "lost: " + status.last_loss +
-                     "; check its power, its cable and its trigger line; it is opened again and "
-                     "goes on by itself");
+    events_.send(Severity::kAlarm, worker.camera(), "lost: " + status.last_loss,
+                 advice::kCameraLost);
     told.lost = true;
   }
   told.losses = status.losses;
@@ -65,7 +64,8 @@ void CameraWatch::tell_missing(const std::string& camera, int64_t missing, int64
   Told& told = told_[camera];
   if (missing > told.missing) {
     events_.send(Severity::kWarning, camera,
-                 format_count(missing) + " frames missing of " + format_count(due) + " pulses");
+                 format_count(missing) + " frames missing of " + format_count(due) + " pulses",
+                 advice::kFramesMissing);
   }
   told.missing = missing;
 }
@@ -76,7 +76,8 @@ void CameraWatch::tell_suspect(const std::string& camera, const CameraWorkerStat
     events_.send(Severity::kWarning, camera,
                  format_count(status.suspect) +
                      " frames with a suspect pulse number, the last near " +
-                     std::to_string(status.last_pulse));
+                     std::to_string(status.last_pulse),
+                 advice::kFramesSuspect);
   }
   told.suspect = status.suspect;
 }

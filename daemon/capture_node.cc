@@ -7,6 +7,7 @@
 #include "base/error.h"
 #include "base/units.h"
 #include "capture/make_camera.h"
+#include "daemon/advice.h"
 #include "daemon/json.h"
 #include "daemon/take_folder.h"
 #include "trigger/make_trigger.h"
@@ -456,17 +457,18 @@ void CaptureNode::report_health(HealthMessage& health) {
 }
 
 void CaptureNode::tell_troubles(const TakeTotals& sum) {
-  events_.keep_told(Severity::kAlarm, "disk", disk_trouble(sum));
-  events_.keep_told(Severity::kAlarm, "trigger", trigger_trouble(sum));
+  events_.keep_told(Severity::kAlarm, "disk", disk_trouble(sum), advice::kDisk);
+  events_.keep_told(Severity::kAlarm, "trigger", trigger_trouble(sum), advice::kTrigger);
   events_.keep_told(Severity::kAlarm, "sense line",
-                    sensor_ && take_is_open() ? sensor_->fault() : "");
+                    sensor_ && take_is_open() ? sensor_->fault() : "", advice::kSenseLine);
   events_.keep_told(Severity::kWarning, "pulses",
-                    sensor_ && take_is_open() ? pulses_->trouble() : "");
+                    sensor_ && take_is_open() ? pulses_->trouble() : "", advice::kPulses);
   events_.keep_told(Severity::kWarning, "live picture",
                     sum.pulses_not_live == 0
                         ? ""
                         : format_count(sum.pulses_not_live) +
-                              " pulses not live: this machine is busy recording them");
+                              " pulses not live: this machine is busy recording them",
+                    advice::kLivePicture);
 }
 
 std::string CaptureNode::disk_trouble(const TakeTotals& sum) const {

@@ -6,27 +6,29 @@
 
 namespace v3d {
 
-void EventSender::send(Severity severity, const std::string& subject, const std::string& text) {
+void EventSender::send(Severity severity, const std::string& subject, const std::string& text,
+                       const std::string& advice) {
+  const std::string sentence = advice.empty() ? text : text + ". " + advice;
   const auto level = severity == Severity::kInfo      ? spdlog::level::info
                      : severity == Severity::kWarning ? spdlog::level::warn
                                                       : spdlog::level::err;
-  spdlog::log(level, "{}: {}", subject, text);
+  spdlog::log(level, "{}: {}", subject, sentence);
   bus_.publish(kEventChannel, encode(EventMessage{.sent = Realtime::now(),
                                                   .seq = seq_++,
                                                   .node = node_,
                                                   .severity = severity,
                                                   .subject = subject,
-                                                  .text = text}));
+                                                  .text = sentence}));
 }
 
-void EventSender::keep_told(Severity severity, const std::string& subject,
-                            const std::string& text) {
+void EventSender::keep_told(Severity severity, const std::string& subject, const std::string& text,
+                            const std::string& advice) {
   std::string& told = told_[subject];
   if (text == told) return;
   if (text.empty()) {
     send(Severity::kInfo, subject, "well again");
   } else {
-    send(severity, subject, text);
+    send(severity, subject, text, advice);
   }
   told = text;
 }

@@ -12,10 +12,13 @@ namespace v3d {
 class EventSender {
  public:
   EventSender(Bus& bus, std::string node) : bus_(bus), node_(std::move(node)) {}
-  void send(Severity severity, const std::string& subject, const std::string& text);
+  /// `advice`: what the operator can do, said after the text; of every warning and alarm.
+  void send(Severity severity, const std::string& subject, const std::string& text,
+            const std::string& advice = {});
   /// For a trouble that lasts: sends when `text` is another than last time, and once, as info, when
   /// it has become empty.
-  void keep_told(Severity severity, const std::string& subject, const std::string& text);
+  void keep_told(Severity severity, const std::string& subject, const std::string& text,
+                 const std::string& advice);
 
  private:
   Bus& bus_;

@@ -90,17 +90,26 @@ std::optional<double> MachineHealth::hottest(const std::string& folder, const st
   return most;
 }
 
+void MachineHealth::note_processor_time() {
+  const auto now = read_ticks();
+  if (!now) return;
+  const int64_t all = last_ ? now->all - last_->all : 0;
+  // Two calls in a moment would tell of a few ticks.
+  if (last_ && all < kShortest * now->cores) return;
+  if (last_) {
+    machine_percent_ = percent(now->busy - last_->busy, all);
+    daemon_percent_ = now->cores * percent(now->daemon - last_->daemon, all);
+  }
+  last_ = now;
+}
+
 void MachineHealth::report(std::map<std::string, double>& values) {
   const auto add = [&](const char* name, std::optional<double> value) {
     if (value) values[name] = *value;
   };
-  const auto now = read_ticks();
-  if (now && last_ && now->all > last_->all) {
-    const int64_t all = now->all - last_->all;
-    add("cpu_machine_percent", percent(now->busy - last_->busy, all));
-    add("cpu_daemon_percent", now->cores * percent(now->daemon - last_->daemon, all));
-  }
-  last_ = now;
+  note_processor_time();
+  add("cpu_machine_percent", machine_percent_);
+  add("cpu_daemon_percent", daemon_percent_);
   add("memory_daemon_bytes", bytes_after(root_ / "proc/self/status", "VmRSS:"));
   add("memory_available_bytes", bytes_after(root_ / "proc/meminfo", "MemAvailable:"));
   auto temperature = hottest("sys/class/thermal", "temp", "temp");

@@ -6,6 +6,7 @@
 #include "base/error.h"
 #include "base/name.h"
 #include "base/units.h"
+#include "daemon/advice.h"
 #include "daemon/json.h"
 #include "daemon/take_folder.h"
 #include "recon/rehearsal.h"
@@ -164,12 +165,15 @@ void ReconNode::report_health(HealthMessage& health) {
   events_.keep_told(Severity::kAlarm, "disk",
                     counts.write_errors == 0 ? ""
                                              : format_count(counts.write_errors) +
-                                                   " meshes refused: the disk is full or broken");
+                                                   " meshes refused: the disk is full or broken",
+                    advice::kMeshDisk);
   const bool behind = pipeline_ && counts.behind;
   events_.keep_told(Severity::kWarning, "reconstruction",
-                    behind ? "cannot keep up: drops pulses, to show the newest" : "");
+                    behind ? "cannot keep up: drops pulses, to show the newest" : "",
+                    advice::kBehind);
   events_.keep_told(Severity::kWarning, "mesh",
-                    counts.failed == 0 ? "" : "pulses without a mesh: " + counts.failure);
+                    counts.failed == 0 ? "" : "pulses without a mesh: " + counts.failure,
+                    advice::kNoMesh);
   if (behind) health.text = "cannot keep up: " + format_count(counts.dropped) + " pulses dropped";
   if (counts.failed > 0) {
     health.text = format_count(counts.failed) + " pulses without a mesh: " + counts.failure;

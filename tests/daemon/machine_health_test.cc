@@ -49,6 +49,8 @@ TEST(MachineHealth, tells_processor_time_since_the_last_call_and_nothing_at_the_
   const auto values = machine.report();
   EXPECT_DOUBLE_EQ(values.at("cpu_machine_percent"), 75);
   EXPECT_DOUBLE_EQ(values.at("cpu_daemon_percent"), 100);
+  machine.set_ticks(152, 50, 100);
+  EXPECT_DOUBLE_EQ(machine.report().at("cpu_machine_percent"), 75) << "two ticks tell nothing";
 }
 
 TEST(MachineHealth, tells_memory_in_bytes) {

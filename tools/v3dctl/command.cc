@@ -44,6 +44,8 @@ std::filesystem::path CommandLine::studio_path() const {
 
 void add_all_commands(CommandLine& line) {
   add_operator_commands(line);
+  add_health(line);
+  add_watch(line);
   add_doctor(line);
   add_takes(line);
   add_verify(line);

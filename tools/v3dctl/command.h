@@ -52,8 +52,9 @@ void add_takes(CommandLine& line);
 void add_evaluate(CommandLine& line);
 void add_export(CommandLine& line);
 void add_render(CommandLine& line);
-void add_operator_commands(
-    CommandLine& line);  ///< status arm start stop abort health watch background
+void add_operator_commands(CommandLine& line);  ///< status arm start stop abort background
+void add_health(CommandLine& line);
+void add_watch(CommandLine& line);
 void add_doctor(CommandLine& line);
 
 /// All of them, in the order of the help text.

@@ -1,4 +1,4 @@
-// status arm start stop abort background health watch: the studio from the operator's chair.
+// status arm start stop abort background: the studio from the operator's chair.
 #include <cstdio>
 #include <nlohmann/json.hpp>
 
@@ -186,55 +186,6 @@ int run_status(const CommandLine& line, const Options& options) {
   return all_well(client.nodes(), health) ? kExitDone : kExitNotWhole;
 }
 
-int run_health(const CommandLine& line, const Options& options) {
-  OperatorClient client(line.studio());
-  const auto health = client.health(in_seconds(options.timeout_s));
-  if (options.json) {
-    std::printf("%s\n", health_json(client.nodes(), health).dump(2).c_str());
-  } else {
-    for (const std::string& node : client.nodes()) {
-      print_lines(status_lines({node}, health));
-      const auto found = health.find(node);
-      if (found == health.end()) continue;
-      for (const auto& [name, value] : found->second.values) {
-        std::printf("    %-32s %.10g\n", name.c_str(), value);
-      }
-    }
-  }
-  return all_well(client.nodes(), health) ? kExitDone : kExitNotWhole;
-}
-
-std::string clock_text(RealtimeInstant instant) {
-  const std::time_t seconds = to_ns(instant) / 1'000'000'000;
-  std::tm parts{};
-  localtime_r(&seconds, &parts);
-  char text[16];
-  std::strftime(text, sizeof text, "%H:%M:%S", &parts);
-  return text;
-}
-
-// Events as they come; in between the state of the studio, one line that is redrawn on a terminal.
-int run_watch(const CommandLine& line) {
-  OperatorClient client(line.studio());
-  std::map<std::string, HealthMessage> health;
-  StatusLine status;
-  catch_interrupts();
-  while (!interrupted()) {
-    while (const auto event = client.next_event(Monotonic::now())) {
-      std::printf("%s%s  %s  %s: %s\n", on_terminal() ? "\r\033[K" : "",
-                  clock_text(event->sent).c_str(), event->node.c_str(), event->subject.c_str(),
-                  event->text.c_str());
-      std::fflush(stdout);
-    }
-    const auto message = client.next_health(in_seconds(0.2));
-    if (!message) continue;
-    health[message->node] = *message;
-    const std::string take = current_take(health);
-    status.show((take.empty() ? "idle" : take) + "   " + recording_line(health));
-  }
-  return kExitDone;
-}
-
 std::shared_ptr<Options> options_of(CLI::App* command, CommandVerb verb, double timeout_s) {
   auto options = std::make_shared<Options>();
   options->message.verb = verb;
@@ -303,14 +254,6 @@ void add_operator_commands(CommandLine& line) {
   line.on_run(background, [&line, background_options] {
     return run_simple(line, *background_options, "background learned");
   });
-
-  CLI::App* health = line.add("health", "Every counter of every node", {"v3dctl health --json"});
-  auto health_options = options_of(health, CommandVerb::kArm, kHealthSeconds);
-  line.on_run(health, [&line, health_options] { return run_health(line, *health_options); });
-
-  CLI::App* watch =
-      line.add("watch", "Follow the studio and its alarms until Ctrl-C", {"v3dctl watch"});
-  line.on_run(watch, [&line] { return run_watch(line); });
 }
 
 }  // namespace v3d::ctl

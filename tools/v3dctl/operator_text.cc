@@ -166,6 +166,7 @@ Json health_json(const std::vector<std::string>& nodes,
     const HealthMessage& message = found->second;
     list.push_back({{"node", node},
                     {"program", message.program},
+                    {"version", message.version},
                     {"state", name(message.state)},
                     {"take", message.take},
                     {"text", message.text},

@@ -1,0 +1,34 @@
+// What an operator can do about what events tell: one sentence each, said after the event's text.
+#pragma once
+
+namespace v3d::advice {
+
+/// Events of capture nodes.
+inline constexpr char kCameraLost[] =
+    "It is opened again by itself and goes on; check its power, its cable and its trigger line "
+    "with "
+    "v3dctl doctor";
+inline constexpr char kFramesMissing[] =
+    "Stop the take when it must be whole; v3dctl stop names the missing pulses";
+inline constexpr char kFramesSuspect[] =
+    "Check the camera's trigger cable and that nothing else triggers it; v3dctl verify names the "
+    "frames";
+inline constexpr char kDisk[] = "Stop the take, then make room: v3dctl takes lists what lies there";
+inline constexpr char kTrigger[] =
+    "Stop the take; check the trigger's cable and power, then arm again";
+inline constexpr char kSenseLine[] =
+    "The take goes on without being sensed; check the sense line's cable before the next";
+inline constexpr char kPulses[] =
+    "Look for a loose trigger cable or a second generator on the line";
+inline constexpr char kLivePicture[] =
+    "Nothing to do for this take, all is recorded; close other programs on this PC";
+
+/// Events of the reconstruction node.
+inline constexpr char kMeshDisk[] =
+    "The frames are safe on the capture PCs: make room, then v3dctl reconstruct TAKE";
+inline constexpr char kBehind[] =
+    "The take is not touched: v3dctl reconstruct TAKE makes every mesh later; a larger voxel keeps "
+    "up";
+inline constexpr char kNoMesh[] = "v3dctl reconstruct TAKE tries again with other bounds or voxels";
+
+}  // namespace v3d::advice
