@@ -321,6 +321,7 @@ void read_network(const TomlTable& file, Studio& studio) {
   }
   const TomlTable table = file.table("network");
   studio.network.lcm_url = table.text_or("lcm_url", studio.network.lcm_url);
+  studio.network.key = resolve(studio, table.text_or("key", studio.network.key.string()));
   table.refuse_unknown();
 }
 

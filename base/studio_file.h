@@ -88,9 +88,13 @@ struct StudioSpace {
   Box bounds;
 };
 
-/// [network]
+/// Where the studio key is, unless the studio file says otherwise.
+inline constexpr char kDefaultKey[] = "/etc/v3d/studio.key";
+
+/// [network]; a relative path is taken from the folder of the studio file.
 struct StudioNetwork {
   std::string lcm_url = "udpm://239.255.76.67:7667?ttl=1&recv_buf_size=16777216";
+  std::filesystem::path key = kDefaultKey;  ///< file of the studio key (wire/studio_key.h)
 };
 
 /// [storage]; relative paths are taken from the folder of the studio file.

@@ -8,6 +8,8 @@ namespace v3d {
 namespace {
 
 constexpr Duration kLook = std::chrono::milliseconds(20);
+/// After the last pulse: longer than a frame is on its way.
+constexpr Duration kLastFrames = std::chrono::seconds(1);
 /// Fewer plates than this part of what was asked for is a camera in trouble.
 constexpr double kEnough = 0.5;
 
@@ -38,13 +40,19 @@ std::vector<std::vector<Image>> BackgroundLearner::gather() {
     return std::all_of(plates.begin(), plates.end(),
                        [&](const auto& p) { return p.size() >= wanted; });
   };
-  while (!stopping_ && !whole() && Monotonic::now() < end) {
+  MonotonicInstant last_frame = Monotonic::now();
+  const auto none_comes = [&] {
+    const MonotonicInstant now = Monotonic::now();
+    return now > end || (train_ended_ && now - last_frame > kLastFrames);
+  };
+  while (!stopping_ && !whole() && !none_comes()) {
     heartbeat_.beat();
     for (size_t i = 0; i < workers_.size(); ++i) {
       if (plates[i].size() >= wanted) continue;
       // All cameras see a pulse at once: waiting for one is waiting for all.
       if (auto frame = workers_[i]->take(Monotonic::now() + kLook)) {
         plates[i].push_back(std::move(frame->image));
+        last_frame = Monotonic::now();
         // It has what it came for: that nothing follows is no loss.
         if (plates[i].size() == wanted) workers_[i]->train_ended();
       }

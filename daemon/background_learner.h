@@ -31,6 +31,8 @@ class BackgroundLearner {
   BackgroundLearner(const BackgroundLearner&) = delete;
   BackgroundLearner& operator=(const BackgroundLearner&) = delete;
 
+  /// No pulse comes any more: what has not arrived a moment later never will.
+  void train_ended() { train_ended_ = true; }
   /// Empty while it is at work; once otherwise.
   std::optional<Result> poll();
   bool progressed_since(MonotonicInstant since) const { return heartbeat_.since(since); }
@@ -43,6 +45,7 @@ class BackgroundLearner {
   const LearnPlan plan_;
   Heartbeat heartbeat_;
   std::atomic<bool> stopping_ = false;
+  std::atomic<bool> train_ended_ = false;
   std::future<Result> result_;
 };
 

@@ -57,8 +57,11 @@ struct SubscriptionCounts {
 template <class M>
 class Subscription {
  public:
-  Subscription(Bus& bus, const std::string& channels, size_t queue_limit)
-      : shared_(std::make_shared<Shared>(queue_limit)) {
+  /// What makes a message of bytes, or nothing. Runs on the receiving thread.
+  using Open = std::function<std::optional<M>(std::span<const uint8_t>)>;
+
+  Subscription(Bus& bus, const std::string& channels, size_t queue_limit, Open open = decode<M>)
+      : shared_(std::make_shared<Shared>(queue_limit, std::move(open))) {
     // The bus keeps its handlers; this one keeps nothing alive and falls silent with us.
     bus.subscribe(channels, [weak = std::weak_ptr<Shared>(shared_)](
                                 const std::string& channel, std::span<const uint8_t> bytes) {
@@ -78,17 +81,18 @@ class Subscription {
 
  private:
   struct Shared {
-    explicit Shared(size_t limit) : queue(limit) {}
+    Shared(size_t limit, Open opener) : open(std::move(opener)), queue(limit) {}
 
     void receive(const std::string& channel, std::span<const uint8_t> bytes) {
-      auto message = decode<M>(bytes);
+      auto message = open(bytes);
       if (!message) {
         ++undecodable;
         return;
       }
       ++received;
       if constexpr (requires { message->seq; }) {
-        lost += sequences.missed_before(sequence_key(channel, *message), message->seq);
+        sequences.note(sequence_key(channel, *message), message->seq, message->sent);
+        lost = sequences.total().lost;
       }
       queue.push(std::move(*message));
     }
@@ -99,6 +103,7 @@ class Subscription {
       return channel;
     }
 
+    const Open open;
     BoundedQueue<M> queue;
     SequenceTracker sequences;  ///< receiving thread only
     std::atomic<int64_t> received = 0;

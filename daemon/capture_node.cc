@@ -129,8 +129,16 @@ void CaptureNode::make_ready(const CommandMessage& order, std::optional<int64_t>
 
 void CaptureNode::start() {
   first_pulse_told_ = false;
-  if (generator_) generator_->start();
+  if (order_.verb == CommandVerb::kBackground) {
+    const int64_t plates = order_.pulses > 0 ? order_.pulses : kDefaultPlates;
+    learner_ = std::make_unique<BackgroundLearner>(
+        ready_workers(), LearnPlan{.plates = plates,
+                                   .limit = (plates + 2) * period_of(rate_hz_) + kReadyWithin,
+                                   .folder = studio_.storage.background});
+    listen_to_pulses({});
+  }
   if (train_) train_->restart();
+  if (generator_) generator_->start();
 }
 
 void CaptureNode::tell_cameras(const PulseEdge& edge) {
@@ -163,7 +171,7 @@ void CaptureNode::disarm() {
   if (take_is_open()) {
     const Ledger ledger = finish_take();
     close_take(studio_, info_, ledger);
-    if (ledger.commanded == 0 && ledger.sensed.value_or(0) == 0) discard_empty_take();
+    discard_if_empty(ledger);
   }
   for (const auto& worker : workers_) worker->disarm();
 }
@@ -201,36 +209,30 @@ NodeReport CaptureNode::poll_arming() {
     const bool late = Monotonic::now() > ready_by_;
     return {.event = Input::kFailed, .text = late ? "not ready: " + waiting : "", .detail = {}};
   }
-  open_take();
+  if (order_.verb == CommandVerb::kArm) open_take();
   return {.event = Input::kReady, .text = ready_text(), .detail = {}};
 }
 
 std::optional<NodeReport> CaptureNode::poll_learning() {
-  if (!learner_) {
-    const std::string waiting = not_ready();
-    if (!waiting.empty()) {
-      if (Monotonic::now() < ready_by_) return std::nullopt;
-      return NodeReport{.event = Input::kFailed, .text = "not ready: " + waiting, .detail = {}};
-    }
-    const int64_t plates = order_.pulses > 0 ? order_.pulses : kDefaultPlates;
-    learner_ = std::make_unique<BackgroundLearner>(
-        ready_workers(), LearnPlan{.plates = plates,
-                                   .limit = (plates + 2) * period_of(rate_hz_) + kReadyWithin,
-                                   .folder = studio_.storage.background});
-    listen_to_pulses({});
-    start();
+  if (train_is_over()) {
+    end_of_train();
+    learner_->train_ended();
   }
-  if (generator_ && generator_->finished()) end_of_train();
   const auto result = learner_->poll();
   if (!result) return std::nullopt;
   return NodeReport{
       .event = result->learnt ? Input::kReady : Input::kFailed, .text = result->text, .detail = {}};
 }
 
+/// Where the trigger is elsewhere, as far as that node was heard.
+bool CaptureNode::train_is_over() {
+  if (generator_) return generator_->finished();
+  train_->listen(order_.take);
+  return train_->ended();
+}
+
 std::optional<NodeReport> CaptureNode::poll_recording() {
-  if (train_) train_->listen(order_.take);
-  const bool ended = generator_ ? generator_->finished() : train_->ended();
-  if (!ended) return std::nullopt;
+  if (!train_is_over()) return std::nullopt;
   return NodeReport{.event = Input::kTrainEnded, .text = "pulses have ended", .detail = {}};
 }
 
@@ -244,6 +246,7 @@ std::optional<NodeReport> CaptureNode::poll_draining() {
                               studio_.storage.takes.string(),
                       .detail = ledger_json(ledger)};
   }
+  discard_if_empty(ledger);
   return NodeReport{
       .event = Input::kDrained, .text = ledger.verdict(), .detail = ledger_json(ledger)};
 }
@@ -298,7 +301,8 @@ Ledger CaptureNode::finish_take() {
 }
 
 /// A take that was armed and never saw a pulse leaves nothing behind.
-void CaptureNode::discard_empty_take() {
+void CaptureNode::discard_if_empty(const Ledger& ledger) {
+  if (ledger.commanded != 0 || ledger.sensed.value_or(0) != 0) return;
   std::error_code error;
   std::filesystem::remove_all(take_paths(studio_, info_.name).folder, error);
 }
@@ -383,7 +387,7 @@ double CaptureNode::bytes_per_second() const {
 
 std::string CaptureNode::ready_text() const {
   constexpr double kFiveMinutes = 300;
-  std::string text = std::to_string(lanes_.size()) + " cameras streaming and quiet, " +
+  std::string text = std::to_string(ready_workers().size()) + " cameras streaming and quiet, " +
                      format_bytes(bytes_per_second() * kFiveMinutes) + " for 5 min, " +
                      format_bytes(disk_free_bytes(studio_)) + " free";
   if (!generator_) return text;

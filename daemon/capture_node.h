@@ -55,6 +55,7 @@ class CaptureNode : public NodeWork {
   void refuse_uncalibrated() const;
   BackgroundModel background_of(const std::string& camera) const;
 
+  bool train_is_over();
   NodeReport poll_arming();
   std::optional<NodeReport> poll_learning();
   std::optional<NodeReport> poll_recording();
@@ -73,7 +74,7 @@ class CaptureNode : public NodeWork {
   /// Ends lanes and pulses; gives the account. Requires an open take.
   Ledger finish_take();
   bool take_is_open() const { return gate_ != nullptr; }
-  void discard_empty_take();
+  void discard_if_empty(const Ledger& ledger);
   int64_t commanded() const;
   bool all_accounted_for() const;
   std::string ready_text() const;

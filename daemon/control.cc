@@ -7,19 +7,22 @@ namespace {
 
 Transition stay(Phase phase, Verdict verdict) { return {phase, Work::kNone, verdict}; }
 
-bool is_command(Input input) { return input <= Input::kBackground; }
+bool is_command(Input input) { return input <= Input::kLearn; }
 
 /// Out of place: commands are refused, reports come late and change nothing.
 Transition out_of_place(Phase phase, Input input) {
   return stay(phase, is_command(input) ? Verdict::kRefused : Verdict::kNone);
 }
 
+/// Everything off, and back to idle.
+Transition give_up(Verdict verdict) { return {Phase::kIdle, Work::kDisarm, verdict}; }
+
 Transition from_idle(Input input) {
   switch (input) {
     case Input::kArm:
       return {Phase::kArming, Work::kArm, Verdict::kPending};
     case Input::kBackground:
-      return {Phase::kLearning, Work::kLearn, Verdict::kPending};
+      return {Phase::kArming, Work::kLearn, Verdict::kPending};
     case Input::kAbort:
       return stay(Phase::kIdle, Verdict::kDone);
     default:
@@ -27,34 +30,70 @@ Transition from_idle(Input input) {
   }
 }
 
-/// Arming and learning: both end by themselves.
-Transition from_preparing(Phase phase, Input input) {
+Transition from_arming(Input input) {
   switch (input) {
     case Input::kReady:
-      return phase == Phase::kArming ? stay(Phase::kArmed, Verdict::kNone)
-                                     : Transition{Phase::kIdle, Work::kDisarm, Verdict::kNone};
+      return stay(Phase::kPrepared, Verdict::kNone);
     case Input::kFailed:
-      return {Phase::kIdle, Work::kDisarm, Verdict::kNone};
+      return give_up(Verdict::kNone);
     case Input::kAbort:
-      return {Phase::kIdle, Work::kDisarm, Verdict::kDone};
+      return give_up(Verdict::kDone);
     default:
-      return out_of_place(phase, input);
+      return out_of_place(Phase::kArming, input);
   }
 }
 
+Transition from_prepared(Input input) {
+  switch (input) {
+    case Input::kCommit:
+      return stay(Phase::kArmed, Verdict::kDone);
+    case Input::kExpired:
+      return give_up(Verdict::kNone);
+    case Input::kAbort:
+      return give_up(Verdict::kDone);
+    default:
+      return out_of_place(Phase::kPrepared, input);
+  }
+}
+
+/// A stop ends what is armed too: of two operators one may stop what the other is just starting,
+/// node by node, and all nodes must end in one state.
 Transition from_armed(Input input) {
   switch (input) {
+    case Input::kCommit:
+      return stay(Phase::kArmed, Verdict::kDone);
     case Input::kStart:
       return {Phase::kRecording, Work::kStart, Verdict::kDone};
+    case Input::kLearn:
+      return {Phase::kLearning, Work::kStart, Verdict::kDone};
+    case Input::kStop:
     case Input::kAbort:
-      return {Phase::kIdle, Work::kDisarm, Verdict::kDone};
+      return give_up(Verdict::kDone);
     default:
       return out_of_place(Phase::kArmed, input);
   }
 }
 
+Transition from_learning(Input input) {
+  switch (input) {
+    case Input::kLearn:
+      return stay(Phase::kLearning, Verdict::kDone);
+    case Input::kStop:
+      return stay(Phase::kLearning, Verdict::kPending);
+    case Input::kReady:
+    case Input::kFailed:
+      return give_up(Verdict::kNone);
+    case Input::kAbort:
+      return give_up(Verdict::kDone);
+    default:
+      return out_of_place(Phase::kLearning, input);
+  }
+}
+
 Transition from_recording(Input input) {
   switch (input) {
+    case Input::kStart:
+      return stay(Phase::kRecording, Verdict::kDone);
     case Input::kStop:
     case Input::kAbort:
       return {Phase::kDraining, Work::kDrain, Verdict::kPending};
@@ -70,33 +109,37 @@ Transition from_draining(Input input) {
     case Input::kStop:
       return stay(Phase::kDraining, Verdict::kPending);
     case Input::kAbort:
-      return {Phase::kIdle, Work::kDisarm, Verdict::kDone};
+      return give_up(Verdict::kDone);
     case Input::kDrained:
-      return {Phase::kIdle, Work::kDisarm, Verdict::kNone};
+      return give_up(Verdict::kNone);
     default:
       return out_of_place(Phase::kDraining, input);
   }
 }
 
 Transition from_fault(Input input) {
-  if (input == Input::kAbort) return {Phase::kIdle, Work::kDisarm, Verdict::kDone};
+  if (input == Input::kAbort) return give_up(Verdict::kDone);
   return out_of_place(Phase::kFault, input);
 }
 
-/// Why `verb` is out of place, and what would be right.
-std::string refusal(Phase phase, CommandVerb verb, const std::string& take) {
+/// "anna@desk" of "anna@desk/4711/1763..."
+std::string person(const std::string& sender) { return sender.substr(0, sender.find('/')); }
+
+/// Why a command is out of place, and what would be right.
+std::string refusal(Phase phase, const CommandMessage& order) {
+  const std::string armed = order.take + " by " + person(order.sender);
   switch (phase) {
     case Phase::kIdle:
       return "not armed; v3dctl arm TAKE comes first";
     case Phase::kArming:
-      return "still making ready for " + take + "; wait, or v3dctl abort";
+    case Phase::kPrepared:
+      return "just being armed for " + armed + "; wait, or v3dctl abort";
     case Phase::kArmed:
-      return verb == CommandVerb::kStop ? "armed for " + take + ", but not recording"
-                                        : "armed for " + take + " already; v3dctl start or abort";
+      return "armed for " + armed + " already; v3dctl start or abort";
     case Phase::kRecording:
-      return "recording " + take + " already; v3dctl stop ends it";
+      return "recording " + order.take + " already; v3dctl stop ends it";
     case Phase::kDraining:
-      return "still closing " + take + "; wait for it";
+      return "still closing " + order.take + "; wait for it";
     case Phase::kLearning:
       return "learning the background; wait, or v3dctl abort";
     case Phase::kFault:
@@ -107,9 +150,10 @@ std::string refusal(Phase phase, CommandVerb verb, const std::string& take) {
 
 std::string done_text(CommandVerb verb, Phase before, const std::string& take) {
   if (verb == CommandVerb::kStart) return "recording " + take;
+  if (verb == CommandVerb::kCommit) return "armed for " + take;
   if (before == Phase::kIdle) return "nothing to abort";
   if (before == Phase::kFault) return "fault cleared";
-  return "aborted";
+  return verb == CommandVerb::kStop ? "nothing was recorded" : "aborted";
 }
 
 }  // namespace
@@ -118,6 +162,7 @@ NodeState node_state(Phase phase) {
   switch (phase) {
     case Phase::kIdle:
     case Phase::kArming:
+    case Phase::kPrepared:
       return NodeState::kIdle;
     case Phase::kArmed:
       return NodeState::kArmed;
@@ -144,6 +189,8 @@ Input input_of(CommandVerb verb) {
       return Input::kAbort;
     case CommandVerb::kBackground:
       return Input::kBackground;
+    case CommandVerb::kCommit:
+      return Input::kCommit;
   }
   return Input::kAbort;
 }
@@ -158,10 +205,13 @@ Transition transition(Phase phase, Input input) {
     case Phase::kIdle:
       return from_idle(input);
     case Phase::kArming:
-    case Phase::kLearning:
-      return from_preparing(phase, input);
+      return from_arming(input);
+    case Phase::kPrepared:
+      return from_prepared(input);
     case Phase::kArmed:
       return from_armed(input);
+    case Phase::kLearning:
+      return from_learning(input);
     case Phase::kRecording:
       return from_recording(input);
     case Phase::kDraining:
@@ -193,17 +243,34 @@ ReplyMessage Controller::reply_to(const CommandMessage& command, ReplyMessage::O
           .command_sender = command.sender,
           .command_counter = command.counter,
           .outcome = outcome,
+          .take = phase_ == Phase::kIdle ? last_take_ : order_.take,
           .text = std::move(text),
           .detail = std::move(detail)};
 }
 
+/// A train of known length ends by itself: a stop that comes later gets the account all the same.
+bool Controller::asks_for_last(const CommandMessage& command) const {
+  return command.verb == CommandVerb::kStop && phase_ == Phase::kIdle && !last_take_.empty() &&
+         (command.take.empty() || command.take == last_take_);
+}
+
+std::string Controller::misses(const CommandMessage& command) const {
+  const bool orders = command.verb == CommandVerb::kArm || command.verb == CommandVerb::kBackground;
+  if (orders || phase_ == Phase::kIdle || phase_ == Phase::kFault) return "";
+  if (!command.take.empty() && command.take != order_.take) {
+    return "the take here is " + order_.take + ", not " + command.take;
+  }
+  const bool commits = command.verb == CommandVerb::kCommit;
+  if (!commits && !command.own_only) return "";
+  // What was armed by one and could not be started by another goes too.
+  if (command.own_only && phase_ == Phase::kArmed) return "";
+  const bool started = phase_ > Phase::kArmed;
+  const std::string& owner = started ? started_by_.sender : order_.sender;
+  return command.sender == owner ? "" : refusal(phase_, order_);
+}
+
 ReplyMessage Controller::judge(const CommandMessage& command, const Transition& step) {
   using Outcome = ReplyMessage::Outcome;
-  // A train of known length ends by itself: a stop that comes later gets the account all the same.
-  const bool asks_for_last = command.verb == CommandVerb::kStop && phase_ == Phase::kIdle &&
-                             !last_take_.empty() &&
-                             (command.take.empty() || command.take == last_take_);
-  if (asks_for_last) return reply_to(command, Outcome::kDone, last_text_, last_detail_);
   switch (step.verdict) {
     case Verdict::kPending:
       return reply_to(command, Outcome::kPending, "working on it");
@@ -213,38 +280,42 @@ ReplyMessage Controller::judge(const CommandMessage& command, const Transition& 
       break;
   }
   return reply_to(command, Outcome::kRefused,
-                  phase_ == Phase::kFault ? fault_ : refusal(phase_, command.verb, order_.take));
+                  phase_ == Phase::kFault ? fault_ : refusal(phase_, order_));
 }
 
-Controller::Step Controller::on_command(const CommandMessage& command) {
+/// Returns what is answered; `step` gets what else there is to do and to say.
+ReplyMessage Controller::carry_out(const CommandMessage& command, Step& step) {
   using Outcome = ReplyMessage::Outcome;
-  Heard& heard = heard_from(command.sender);
-  if (command.counter == heard.counter) return {.work = Work::kNone, .replies = {heard.reply}};
-  if (command.counter < heard.counter) {
-    return {.work = Work::kNone,
-            .replies = {reply_to(command, Outcome::kRefused,
-                                 "stale: a later command of this sender was heard")}};
+  if (asks_for_last(command)) {
+    return reply_to(command, last_end_.outcome, last_end_.text, last_end_.detail);
   }
-  heard.counter = command.counter;
-  const bool of_another_take =
-      (command.verb == CommandVerb::kStart || command.verb == CommandVerb::kStop) &&
-      !command.take.empty() && phase_ != Phase::kIdle && command.take != order_.take;
-  if (of_another_take) {
-    heard.reply = reply_to(command, Outcome::kRefused,
-                           "the take here is " + order_.take + ", not " + command.take);
-    return {.work = Work::kNone, .replies = {heard.reply}};
+  if (const std::string why = misses(command); !why.empty()) {
+    return reply_to(command, Outcome::kRefused, why);
   }
-  const Transition next = transition(phase_, input_of(command.verb));
-  heard.reply = judge(command, next);
-  Step step{.work = next.work, .replies = {heard.reply}};
+  const bool learns =
+      command.verb == CommandVerb::kStart && order_.verb == CommandVerb::kBackground;
+  const Transition next = transition(phase_, learns ? Input::kLearn : input_of(command.verb));
+  ReplyMessage reply = judge(command, next);
+  step.work = next.work;
   if (next.work == Work::kArm || next.work == Work::kLearn) order_ = command;
+  if (next.work == Work::kStart) started_by_ = command;
   phase_ = next.next;
   if (next.verdict == Verdict::kDone && command.verb == CommandVerb::kAbort) {
     finish_waiting(Outcome::kRefused, "aborted", {}, step);
     fault_.clear();
   }
-  if (next.work == Work::kStart) started_by_ = command;
   if (next.verdict == Verdict::kPending) waiting_.push_back(command);
+  return reply;
+}
+
+Controller::Step Controller::on_command(const CommandMessage& command) {
+  Heard& heard = heard_from(command.sender);
+  if (command.counter == heard.counter) return {.work = Work::kNone, .replies = {heard.reply}};
+  if (command.counter < heard.counter) return {};
+  Step step;
+  const ReplyMessage reply = carry_out(command, step);
+  heard_from(command.sender) = {.counter = command.counter, .reply = reply};
+  step.replies.insert(step.replies.begin(), reply);
   return step;
 }
 
@@ -252,21 +323,29 @@ Controller::Step Controller::on_event(Input event, const std::string& text,
                                       const std::string& detail) {
   using Outcome = ReplyMessage::Outcome;
   const Transition next = transition(phase_, event);
+  const Outcome outcome = event == Input::kFailed ? Outcome::kRefused : Outcome::kDone;
   Step step{.work = next.work, .replies = {}};
   if (event == Input::kBroken) {
     fault_ = text;
     finish_waiting(Outcome::kRefused, text, detail, step);
   } else if (next.next != phase_ && event != Input::kTrainEnded) {
-    finish_waiting(event == Input::kFailed ? Outcome::kRefused : Outcome::kDone, text, detail,
-                   step);
+    finish_waiting(outcome, text, detail, step);
   }
-  if (event == Input::kDrained && phase_ == Phase::kDraining) {
-    last_take_ = order_.take;
-    last_text_ = text;
-    last_detail_ = detail;
+  const bool came_to_its_end = phase_ == Phase::kDraining || phase_ == Phase::kLearning;
+  if (came_to_its_end && next.next == Phase::kIdle) {
+    remember(order_.take, text, detail);
+    last_end_.outcome = outcome;
   }
   phase_ = next.next;
   return step;
+}
+
+void Controller::remember(const std::string& take, const std::string& text,
+                          const std::string& detail) {
+  last_take_ = take;
+  last_end_.outcome = ReplyMessage::Outcome::kDone;
+  last_end_.text = text;
+  last_end_.detail = detail;
 }
 
 Controller::Step Controller::on_start_failed(const std::string& text) {

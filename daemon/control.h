@@ -1,5 +1,6 @@
 // What a node does with commands: a pure state machine, and the book-keeping that makes commands
-// idempotent.
+// idempotent. Which commands are believed at all is the CommandGate's business, and how an operator
+// brings many nodes into one state is the Conversation's.
 #pragma once
 
 #include <cstdint>
@@ -17,7 +18,8 @@ namespace v3d {
 enum class Phase : uint8_t {
   kIdle,
   kArming,     ///< cameras are being made ready
-  kArmed,      ///< ready: the next pulse is pulse 0
+  kPrepared,   ///< ready, and waits to hear that every node is
+  kArmed,      ///< every node is ready: the next pulse is pulse 0
   kRecording,  ///< pulses run
   kDraining,   ///< pulses have stopped; frames are still on their way
   kLearning,   ///< the background is being learnt
@@ -32,8 +34,11 @@ enum class Input : uint8_t {
   kStop,
   kAbort,
   kBackground,
+  kCommit,      ///< every node has said that it is ready
+  kLearn,       ///< start, where the background is to be learnt
   kReady,       ///< arming or learning has succeeded
   kFailed,      ///< arming or learning has failed
+  kExpired,     ///< ready for long, and nobody said that the others are
   kTrainEnded,  ///< the train had a known length and is over
   kDrained,     ///< everything is accounted for, and the take is closed
   kBroken,      ///< the node cannot go on
@@ -60,12 +65,13 @@ struct Transition {
   friend bool operator==(const Transition&, const Transition&) = default;
 };
 
-/// Total: every input has an answer in every phase. Pulses run only from kArmed by kStart; every
-/// other way out of a phase with pulses turns them off (kDrain or kDisarm).
+/// Total: every input has an answer in every phase. Pulses run only from kArmed, by kStart or
+/// kLearn; every other way out of a phase with pulses turns them off (kDrain or kDisarm).
 Transition transition(Phase phase, Input input);
 
 /// Carries commands through the machine. The same (sender, counter) is answered again and not
-/// carried out again; a counter lower than the sender's last is refused. One thread.
+/// carried out again; a counter lower than the sender's last comes late and is passed over. One
+/// thread.
 class Controller {
  public:
   explicit Controller(std::string node) : node_(std::move(node)) {}
@@ -77,6 +83,10 @@ class Controller {
   Step on_command(const CommandMessage& command);
   /// `text`: one line for the operator; `detail`: JSON of a final reply.
   Step on_event(Input event, const std::string& text, const std::string& detail = {});
+
+  /// A take that this node recorded before it was started anew: `stop` is answered with its
+  /// account.
+  void remember(const std::string& take, const std::string& text, const std::string& detail);
 
   /// Pulses could not be turned on: the start command that was answered "done" is refused after
   /// all, and the node has a fault.
@@ -99,16 +109,20 @@ class Controller {
   void finish_waiting(ReplyMessage::Outcome outcome, const std::string& text,
                       const std::string& detail, Step& step);
 
-  /// Anybody can invent senders; the one heard longest ago is forgotten.
+  ReplyMessage carry_out(const CommandMessage& command, Step& step);
+  /// Why the command is not for what this node is at; empty when it may be.
+  std::string misses(const CommandMessage& command) const;
+  bool asks_for_last(const CommandMessage& command) const;
+
+  /// As many as the gate remembers; the one heard longest ago is forgotten.
   static constexpr size_t kMaxSenders = 64;
 
   const std::string node_;
   Phase phase_ = Phase::kIdle;
   CommandMessage order_;
   std::string fault_;
-  std::string last_text_;  ///< of the last take that was closed
-  std::string last_detail_;
-  std::string last_take_;
+  std::string last_take_;                            ///< the last that came to its end
+  ReplyMessage last_end_;                            ///< what is said of it
   std::deque<std::pair<std::string, Heard>> heard_;  ///< the last heard first
   std::vector<CommandMessage> waiting_;              ///< for their final reply
   CommandMessage started_by_;                        ///< the last start command

@@ -13,20 +13,38 @@ constexpr size_t kCommandQueue = 64;
 
 }  // namespace
 
-NodeLoop::NodeLoop(std::string node, std::string program, Bus& bus, NodeWork& work)
-    : node_(std::move(node)),
-      program_(std::move(program)),
+NodeLoop::NodeLoop(NodeIdentity identity, Bus& bus, NodeWork& work)
+    : me_(std::move(identity)),
       bus_(bus),
       work_(work),
-      controller_(node_),
-      commands_(bus, kCommandChannel, kCommandQueue),
+      controller_(me_.node),
+      gate_(me_.node, me_.began),
+      commands_(
+          bus, kCommandChannel, kCommandQueue,
+          [this](std::span<const uint8_t> bytes) { return gate_.admit(bytes, Realtime::now()); }),
       next_health_(Monotonic::now()),
       watchdog_(service::watchdog_period()),
-      last_fed_(Monotonic::now()) {}
+      last_fed_(Monotonic::now()) {
+  look_for_key();
+}
+
+void NodeLoop::look_for_key() {
+  if (key_) return;
+  try {
+    key_ = StudioKey::load(me_.key);
+    gate_.set_key(*key_);
+    if (!no_key_.empty()) spdlog::info("{}: commands are believed again", me_.key.string());
+    no_key_.clear();
+  } catch (const InputError& error) {
+    const std::string problem = std::string("every command is refused: ") + error.what();
+    if (problem != no_key_) spdlog::error("{}", problem);
+    no_key_ = problem;
+  }
+}
 
 void NodeLoop::run() {
   service::ready();
-  spdlog::info("{} ready", node_);
+  spdlog::info("{} ready", me_.node);
   while (!stop_requested()) turn();
   service::stopping();
   shut_down();
@@ -42,9 +60,21 @@ void NodeLoop::turn() {
     spdlog::info("{}", report->text);
     carry_out(controller_.on_event(report->event, report->text, report->detail));
   }
+  let_go_what_nobody_confirms();
   // Others act on a change of state; they shall not wait for it.
   if (Monotonic::now() >= next_health_ || controller_.phase() != told_phase_) publish_health();
   feed_watchdog();
+}
+
+void NodeLoop::let_go_what_nobody_confirms() {
+  const MonotonicInstant now = Monotonic::now();
+  if (controller_.phase() != Phase::kPrepared) {
+    ready_since_ = now;
+  } else if (now - ready_since_ > kConfirmWithin) {
+    const std::string text = controller_.order().take + " was not confirmed in time: arm it again";
+    spdlog::warn("{}", text);
+    carry_out(controller_.on_event(Input::kExpired, text));
+  }
 }
 
 void NodeLoop::carry_out(const Controller::Step& step) {
@@ -63,9 +93,11 @@ void NodeLoop::carry_out(const Controller::Step& step) {
 }
 
 void NodeLoop::publish(std::vector<ReplyMessage> replies) {
+  // Who has no key has believed no command.
+  if (!key_) return;
   for (ReplyMessage& reply : replies) {
     reply.sent = Realtime::now();
-    bus_.publish(kReplyChannel, encode(reply));
+    bus_.publish(kReplyChannel, encode_sealed(reply, *key_));
   }
 }
 
@@ -88,26 +120,41 @@ void NodeLoop::begin(Work work) {
 
 void NodeLoop::publish_health() {
   next_health_ = Monotonic::now() + kHealthEvery;
+  look_for_key();
   HealthMessage health;
   health.sent = Realtime::now();
   health.seq = health_seq_++;
-  health.node = node_;
-  health.program = program_;
+  health.node = me_.node;
+  health.program = me_.program;
   health.version = V3D_VERSION;
   told_phase_ = controller_.phase();
   health.state = node_state(told_phase_);
   health.take = controller_.phase() == Phase::kIdle ? std::string() : controller_.order().take;
-  const SubscriptionCounts commands = commands_.counts();
-  health.values["commands_received"] = static_cast<double>(commands.received);
-  health.values["commands_undecodable"] = static_cast<double>(commands.undecodable);
-  health.values["commands_dropped"] = static_cast<double>(commands.dropped);
   machine_.report(health.values);
   clock_.report(health.values);
   work_.report_health(health);
+  report_commands(health);
   if (controller_.phase() == Phase::kFault) health.text = controller_.fault();
-  bus_.publish(health_channel(node_), encode(health));
+  bus_.publish(health_channel(me_.node), encode(health));
   service::status(std::string(name(health.state)) + (health.take.empty() ? "" : " ") + health.take +
                   (health.text.empty() ? "" : ": ") + health.text);
+}
+
+void NodeLoop::report_commands(HealthMessage& health) const {
+  const CommandCounts counts = gate_.counts();
+  const auto value = [&](const char* name, int64_t n) {
+    health.values[name] = static_cast<double>(n);
+  };
+  value("commands_received", counts.believed);
+  value("commands_dropped", commands_.counts().dropped);
+  value("commands_forged", counts.forged);
+  value("commands_malformed", counts.malformed);
+  value("commands_stale", counts.stale);
+  value("commands_early", counts.early);
+  value("commands_replayed", counts.replayed);
+  value("commands_unkeyed", counts.unkeyed);
+  const std::string trouble = key_ ? gate_.trouble(Realtime::now()) : no_key_;
+  if (health.text.empty() || !key_) health.text = trouble;
 }
 
 void NodeLoop::feed_watchdog() {
@@ -119,7 +166,7 @@ void NodeLoop::feed_watchdog() {
 }
 
 void NodeLoop::shut_down() {
-  spdlog::info("{} stopping", node_);
+  spdlog::info("{} stopping", me_.node);
   if (controller_.phase() == Phase::kRecording) {
     carry_out(controller_.on_event(Input::kTrainEnded, "the daemon was asked to stop"));
   }

@@ -1,21 +1,40 @@
-// The loop of a daemon: commands in, replies and health out, the watchdog fed, a clean end.
+// The loop of a daemon: believed commands in, sealed replies and health out, the watchdog fed, a
+// clean end.
 #pragma once
 
+#include <filesystem>
+#include <optional>
 #include <string>
 
 #include "base/studio_file.h"
 #include "daemon/bus.h"
 #include "daemon/clock_watch.h"
+#include "daemon/command_gate.h"
 #include "daemon/control.h"
 #include "daemon/machine_health.h"
 #include "daemon/node_work.h"
 
 namespace v3d {
 
+/// Who a daemon is.
+struct NodeIdentity {
+  std::string node;
+  std::string program;         ///< "v3d-captured"
+  std::filesystem::path key;   ///< of the studio
+  RealtimeInstant began = {};  ///< when the program began, or later
+};
+
+/// Without a studio key the node refuses every command, and says in its log and its health how to
+/// make one; it looks for it once a second.
 class NodeLoop {
  public:
-  /// `work` and `bus` outlive the loop. `program` is what health names.
-  NodeLoop(std::string node, std::string program, Bus& bus, NodeWork& work);
+  /// `work` and `bus` outlive the loop.
+  NodeLoop(NodeIdentity identity, Bus& bus, NodeWork& work);
+
+  /// A take that the daemon was at when it ended before (Controller::remember).
+  void remember(const std::string& take, const std::string& text, const std::string& detail) {
+    controller_.remember(take, text, detail);
+  }
 
   /// Runs until stop_requested(), then closes what is open: a take that is being recorded is
   /// drained for at most kLastDrain and left valid.
@@ -27,24 +46,32 @@ class NodeLoop {
   void begin(Work work);
   void publish(std::vector<ReplyMessage> replies);
   void publish_health();
+  void report_commands(HealthMessage& health) const;
+  void look_for_key();
+  void let_go_what_nobody_confirms();
   void feed_watchdog();
   void shut_down();
 
   static constexpr Duration kTurn = std::chrono::milliseconds(20);
   static constexpr Duration kHealthEvery = std::chrono::seconds(1);
+  /// Ready for so long: whoever asked is gone, or would not wait for the slowest node either.
+  static constexpr Duration kConfirmWithin = std::chrono::seconds(60);
   static constexpr Duration kLastDrain = std::chrono::seconds(5);
 
-  const std::string node_;
-  const std::string program_;
+  const NodeIdentity me_;
   Bus& bus_;
   NodeWork& work_;
   Controller controller_;
+  CommandGate gate_;
+  std::optional<StudioKey> key_;
+  std::string no_key_;  ///< why there is none
   Subscription<CommandMessage> commands_;
   MachineHealth machine_;
   ClockWatch clock_;
   int64_t health_seq_ = 0;
   Phase told_phase_ = Phase::kIdle;  ///< by the last health message
   MonotonicInstant next_health_;
+  MonotonicInstant ready_since_;  ///< while nobody has confirmed
   std::optional<Duration> watchdog_;
   MonotonicInstant last_fed_;
 };

@@ -1,28 +1,31 @@
 #include "daemon/operator_client.h"
 
 #include <limits.h>
+#include <pwd.h>
 #include <unistd.h>
 
 #include <algorithm>
 
 #include "daemon/bus.h"
 #include "wire/channels.h"
+#include "wire/studio_key.h"
 
 namespace v3d {
 namespace {
 
-constexpr Duration kRepeatAfter = std::chrono::milliseconds(200);
 constexpr size_t kQueue = 256;
 
-bool is_final(const ReplyMessage& reply) {
-  return reply.outcome != ReplyMessage::Outcome::kPending;
+std::string user_name() {
+  const passwd* user = getpwuid(geteuid());
+  return user != nullptr ? user->pw_name : std::to_string(geteuid());
 }
 
-/// Unique per process: two tools may run at once, and process numbers come back.
+/// Whom a person would name, and what is unique: two tools may run at once, and process numbers
+/// come back.
 std::string make_sender() {
   char host[HOST_NAME_MAX + 1] = {};
   gethostname(host, HOST_NAME_MAX);
-  return std::string(host) + "." + std::to_string(getpid()) + "." +
+  return user_name() + "@" + host + "/" + std::to_string(getpid()) + "/" +
          std::to_string(to_ns(Realtime::now()));
 }
 
@@ -37,19 +40,14 @@ std::vector<std::string> commanded_nodes(const Studio& studio) {
   return nodes;
 }
 
-bool Answer::done() const {
-  return silent.empty() && std::all_of(replies.begin(), replies.end(), [](const auto& entry) {
-           return entry.second.outcome == ReplyMessage::Outcome::kDone;
-         });
-}
-
 class OperatorClient::Impl {
  public:
   explicit Impl(const Studio& studio)
       : nodes(commanded_nodes(studio)),
+        trigger(studio.trigger.node),
+        key_file(studio.network.key),
         sender(make_sender()),
         bus(studio.network.lcm_url),
-        replies(bus, kReplyChannel, kQueue),
         healths(bus, std::string(kHealthPrefix) + ".*", kQueue),
         events(bus, kEventChannel, kQueue) {}
 
@@ -57,25 +55,23 @@ class OperatorClient::Impl {
     return std::find(nodes.begin(), nodes.end(), name) != nodes.end();
   }
 
-  bool all_final(const Answer& answer) const {
-    return std::all_of(nodes.begin(), nodes.end(), [&](const std::string& node) {
-      const auto found = answer.replies.find(node);
-      return found != answer.replies.end() && is_final(found->second);
-    });
+  /// The key is not needed to look on; it and the replies are had when they are.
+  void begin_to_command() {
+    if (replies) return;
+    key = StudioKey::load(key_file);
+    replies = std::make_unique<Subscription<ReplyMessage>>(
+        bus, kReplyChannel, kQueue,
+        [k = *key](std::span<const uint8_t> bytes) -> std::optional<ReplyMessage> {
+          if (!k.has_sealed(bytes)) return std::nullopt;
+          return decode<ReplyMessage>(bytes);
+        });
   }
 
-  /// Keeps a reply to our command, unless it is old news.
-  void accept(const ReplyMessage& reply, int64_t command_counter, Answer& answer,
-              const std::function<void(const ReplyMessage&)>& heard) const {
-    if (reply.command_sender != sender || reply.command_counter != command_counter) return;
-    if (!is_node(reply.node)) return;
-    const auto known = answer.replies.find(reply.node);
-    if (known != answer.replies.end()) {
-      const ReplyMessage& last = known->second;
-      if (is_final(last) || (last.outcome == reply.outcome && last.text == reply.text)) return;
-    }
-    answer.replies[reply.node] = reply;
-    if (heard) heard(reply);
+  /// Every message of a sender must be later than the one before, whatever the clock does.
+  void send(CommandMessage message) {
+    message.sender = sender;
+    message.sent = last_sent = std::max(Realtime::now(), last_sent + std::chrono::microseconds(1));
+    bus.publish(kCommandChannel, encode_sealed(message, *key));
   }
 
   void remember(const HealthMessage& health) {
@@ -90,11 +86,15 @@ class OperatorClient::Impl {
   }
 
   const std::vector<std::string> nodes;
+  const std::string trigger;
+  const std::filesystem::path key_file;
   const std::string sender;
+  std::optional<StudioKey> key;
   int64_t counter = 0;
+  RealtimeInstant last_sent;
   std::map<std::string, HealthMessage> last_health;
   Bus bus;
-  Subscription<ReplyMessage> replies;
+  std::unique_ptr<Subscription<ReplyMessage>> replies;  ///< once there is a key
   Subscription<HealthMessage> healths;
   Subscription<EventMessage> events;
   std::unique_ptr<Subscription<MeshMessage>> meshes;
@@ -107,24 +107,18 @@ const std::vector<std::string>& OperatorClient::nodes() const { return impl_->no
 
 Answer OperatorClient::command(CommandMessage command, MonotonicInstant deadline,
                                const std::function<void(const ReplyMessage&)>& heard) {
-  command.sender = impl_->sender;
-  command.counter = ++impl_->counter;
-  Answer answer;
-  while (!impl_->all_final(answer) && Monotonic::now() < deadline) {
-    command.sent = Realtime::now();
-    impl_->bus.publish(kCommandChannel, encode(command));
-    const MonotonicInstant repeat = std::min(deadline, Monotonic::now() + kRepeatAfter);
-    while (!impl_->all_final(answer)) {
-      const auto reply = impl_->replies.wait(repeat);
-      if (!reply) break;
-      impl_->accept(*reply, command.counter, answer, heard);
-    }
+  impl_->begin_to_command();
+  Conversation conversation(std::move(command), impl_->counter, {impl_->nodes, impl_->trigger},
+                            deadline);
+  while (!conversation.over()) {
+    if (const auto message = conversation.poll(Monotonic::now())) impl_->send(*message);
+    const auto reply = impl_->replies->wait(conversation.next_due());
+    if (!reply || reply->command_sender != impl_->sender) continue;
+    if (conversation.hear(*reply) && heard) heard(*reply);
   }
+  impl_->counter = conversation.counter();
   impl_->forget_health();
-  for (const std::string& node : impl_->nodes) {
-    if (!answer.replies.contains(node)) answer.silent.push_back(node);
-  }
-  return answer;
+  return conversation.answer();
 }
 
 std::map<std::string, HealthMessage> OperatorClient::health(MonotonicInstant deadline) {

@@ -10,6 +10,7 @@
 
 #include "base/studio_file.h"
 #include "base/time.h"
+#include "daemon/conversation.h"
 #include "wire/messages.h"
 
 namespace v3d {
@@ -17,15 +18,6 @@ namespace v3d {
 /// The nodes that answer commands, in the order of the file: those with a camera or the trigger (a
 /// v3d-captured each), and the node of the reconstruction (v3d-recond).
 std::vector<std::string> commanded_nodes(const Studio& studio);
-
-/// What the nodes said to one command.
-struct Answer {
-  std::map<std::string, ReplyMessage> replies;  ///< the last of each node: final, or still pending
-  std::vector<std::string> silent;              ///< nodes that said nothing before the deadline
-
-  /// Every node replied "done".
-  bool done() const;
-};
 
 /// One per process; one thread calls.
 class OperatorClient {
@@ -38,9 +30,10 @@ class OperatorClient {
 
   const std::vector<std::string>& nodes() const;
 
-  /// Sends `command` (sender, counter and time are filled in here) and repeats it until every node
-  /// has replied finally, or until `deadline`. `heard` is called for every new reply, pending ones
-  /// included.
+  /// Carries an order out as Conversation tells, sealed with the studio key, until every node has
+  /// replied finally, or until `deadline`; what has to be taken back then takes a little longer.
+  /// `heard` is called for every new reply, pending ones included; replies without the studio's
+  /// seal are passed over. Throws InputError when there is no studio key.
   Answer command(CommandMessage command, MonotonicInstant deadline,
                  const std::function<void(const ReplyMessage&)>& heard = {});
 

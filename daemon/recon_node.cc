@@ -19,18 +19,27 @@ constexpr Duration kQuiet = std::chrono::milliseconds(1200);
 constexpr Duration kDrainWithin = std::chrono::seconds(20);
 
 std::map<std::string, double> values_of(const ReconCounts& c) {
-  return {{"meshes", static_cast<double>(c.meshes)},
-          {"dropped", static_cast<double>(c.dropped)},
-          {"queue_sets", static_cast<double>(c.waiting)},
-          {"failed", static_cast<double>(c.failed)},
-          {"incomplete_sets", static_cast<double>(c.incomplete_sets)},
-          {"frames_foreign", static_cast<double>(c.foreign)},
-          {"frames_lost", static_cast<double>(c.frames_lost)},
-          {"undecodable", static_cast<double>(c.undecodable)},
-          {"write_errors", static_cast<double>(c.write_errors)},
-          {"latency_p50_ms", c.latency_p50_ms},
-          {"latency_p99_ms", c.latency_p99_ms},
-          {"live_fps", c.live_fps}};
+  std::map<std::string, double> values = {
+      {"meshes", static_cast<double>(c.meshes)},
+      {"dropped", static_cast<double>(c.dropped)},
+      {"queue_sets", static_cast<double>(c.waiting)},
+      {"failed", static_cast<double>(c.failed)},
+      {"incomplete_sets", static_cast<double>(c.incomplete_sets)},
+      {"frames_foreign", static_cast<double>(c.foreign)},
+      {"frames_lost", static_cast<double>(c.frames_lost)},
+      {"frames_late", static_cast<double>(c.frames_late)},
+      {"frames_dropped", static_cast<double>(c.frames_dropped)},
+      {"undecodable", static_cast<double>(c.undecodable)},
+      {"write_errors", static_cast<double>(c.write_errors)},
+      {"latency_p50_ms", c.latency_p50_ms},
+      {"latency_p99_ms", c.latency_p99_ms},
+      {"live_fps", c.live_fps}};
+  for (const auto& [camera, frames] : c.cameras) {
+    values[camera + ".live_received"] = static_cast<double>(frames.received);
+    values[camera + ".live_lost"] = static_cast<double>(frames.lost);
+    values[camera + ".live_late"] = static_cast<double>(frames.late);
+  }
+  return values;
 }
 
 /// The cameras that this take may count on.
@@ -126,6 +135,9 @@ std::optional<NodeReport> ReconNode::poll(Phase phase) {
 }
 
 NodeReport ReconNode::ready_report() const {
+  if (order_.verb == CommandVerb::kBackground) {
+    return {.event = Input::kReady, .text = "nothing to learn here", .detail = {}};
+  }
   return {.event = Input::kReady,
           .text = "reconstructs at " + format_length(studio_.reconstruction.voxel_m),
           .detail = {}};

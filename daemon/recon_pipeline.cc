@@ -36,6 +36,7 @@ MeshStages stages_of(const std::shared_ptr<Reconstructor>& reconstructor) {
 
 ReconPipeline::ReconPipeline(Setup setup, Bus& bus)
     : take_(std::move(setup.take)),
+      cameras_(setup.sets.cameras),
       bus_(bus),
       stages_(std::move(setup.stages)),
       assembler_(setup.sets),
@@ -81,8 +82,17 @@ void ReconPipeline::assemble() {
       continue;
     }
     last_frame_ns_ = to_ns(now);
+    note_arrival(*message);
     hand_over(assembler_.add(std::move(message->frame), now));
+    late_ = assembler_.counters().late;
   }
+}
+
+void ReconPipeline::note_arrival(const FrameMessage& message) {
+  const std::string& camera = message.frame.camera;
+  if (std::find(cameras_.begin(), cameras_.end(), camera) == cameras_.end()) return;
+  const std::lock_guard lock(mutex_);
+  sequences_.note(camera, message.seq, message.sent);
 }
 
 void ReconPipeline::note_pulses() {
@@ -195,11 +205,16 @@ ReconCounts ReconPipeline::counts() const {
                      .failure = {},
                      .incomplete_sets = incomplete_,
                      .foreign = foreign_,
-                     .frames_lost = frames.lost + frames.dropped,
+                     .frames_late = late_,
+                     .frames_lost = 0,
+                     .frames_dropped = frames.dropped,
+                     .cameras = {},
                      .undecodable = frames.undecodable + pulses_.counts().undecodable,
                      .write_errors = write_errors_};
   const std::lock_guard lock(mutex_);
   counts.failure = failure_;
+  counts.frames_lost = sequences_.total().lost;
+  for (const std::string& camera : cameras_) counts.cameras[camera] = sequences_.of(camera);
   counts.latency_p50_ms = percentile(latencies_ms_, 0.50);
   counts.latency_p99_ms = percentile(latencies_ms_, 0.99);
   const double seconds = to_seconds(last_mesh_ - first_mesh_);

@@ -30,7 +30,10 @@ struct ReconCounts {
   std::string failure;          ///< why, for the last of them
   int64_t incomplete_sets = 0;  ///< went on without some cameras
   int64_t foreign = 0;          ///< frames of other takes
-  int64_t frames_lost = 0;      ///< sent, and never arrived here
+  int64_t frames_late = 0;      ///< arrived when their set had gone
+  int64_t frames_lost = 0;      ///< sent, and never arrived here; or dropped here, unseen
+  int64_t frames_dropped = 0;   ///< of these, dropped here because nobody took them in time
+  std::map<std::string, SequenceCounts> cameras;  ///< the frames of each, by sequence
   int64_t undecodable = 0;
   int64_t write_errors = 0;
   double latency_p50_ms = 0;  ///< pulse to mesh published, over the last kLatencies meshes
@@ -88,6 +91,7 @@ class ReconPipeline {
   };
 
   void assemble();
+  void note_arrival(const FrameMessage& message);
   void hand_over(std::vector<ReadySet> ready);
   void note_pulses();
   std::optional<Job> next_job();
@@ -100,6 +104,7 @@ class ReconPipeline {
   void end();
 
   const std::string take_;
+  const std::vector<std::string> cameras_;
   Bus& bus_;
   const MeshStages stages_;
   FrameSetAssembler assembler_;  ///< assembling thread
@@ -116,6 +121,7 @@ class ReconPipeline {
   std::atomic<int64_t> handed_over_ = 0;
   std::atomic<int64_t> incomplete_ = 0;
   std::atomic<int64_t> foreign_ = 0;
+  std::atomic<int64_t> late_ = 0;
   std::atomic<int64_t> write_errors_ = 0;
   std::atomic<int64_t> open_sets_ = 0;
   std::atomic<int64_t> last_frame_ns_ = 0;
@@ -123,6 +129,7 @@ class ReconPipeline {
   Heartbeat reconstructing_;
 
   mutable std::mutex mutex_;  ///< what follows
+  SequenceTracker sequences_{true};
   std::map<int64_t, RealtimeInstant> edges_;
   std::vector<double> latencies_ms_;
   size_t next_latency_ = 0;

@@ -1,18 +1,43 @@
 #include "daemon/sequence.h"
 
 #include <algorithm>
-#include <utility>
 
 namespace v3d {
 
-int64_t SequenceTracker::missed_before(const std::string& key, int64_t seq) {
-  const auto found = last_.find(key);
-  if (found == last_.end()) {
-    if (last_.size() < kMaxKeys) last_.emplace(key, seq);
-    return 0;
-  }
-  const int64_t last = std::exchange(found->second, seq);
-  return seq > last ? std::min(seq - last - 1, kMaxMissed) : 0;
+SequenceCounts& SequenceCounts::operator+=(const SequenceCounts& other) {
+  received += other.received;
+  lost += other.lost;
+  late += other.late;
+  duplicate += other.duplicate;
+  return *this;
+}
+
+void SequenceTracker::note(const std::string& key, int64_t seq, RealtimeInstant sent) {
+  if (senders_.size() == kMaxKeys && !senders_.contains(key)) return;
+  Sender& sender = senders_[key];
+  const SequenceCounts what = arrived(sender, seq, sent);
+  sender.counts += what;
+  total_ += what;
+}
+
+SequenceCounts SequenceTracker::arrived(Sender& sender, int64_t seq, RealtimeInstant sent) const {
+  const bool overtaken = seq <= sender.newest && sent <= sender.newest_sent;
+  if (overtaken && sender.awaited.erase(seq) > 0) return {.received = 1, .lost = -1, .late = 1};
+  if (overtaken) return {.duplicate = 1};
+  if (seq <= sender.newest) sender = {.newest = -1, .counts = sender.counts};  // begins again
+  const bool first = sender.newest < 0 && !from_start_;
+  const int64_t missed = first ? 0 : std::min(seq - sender.newest - 1, kMaxMissed);
+  const int64_t awaited = std::min(missed, kMaxAwaited);
+  for (int64_t n = seq - awaited; n < seq; ++n) sender.awaited.insert(sender.awaited.end(), n);
+  while (std::ssize(sender.awaited) > kMaxAwaited) sender.awaited.erase(sender.awaited.begin());
+  sender.newest = seq;
+  sender.newest_sent = std::max(sender.newest_sent, sent);
+  return {.received = 1, .lost = missed};
+}
+
+SequenceCounts SequenceTracker::of(const std::string& key) const {
+  const auto found = senders_.find(key);
+  return found == senders_.end() ? SequenceCounts() : found->second.counts;
 }
 
 }  // namespace v3d

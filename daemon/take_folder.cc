@@ -81,21 +81,22 @@ bool close_take(const Studio& studio, TakeInfo info, const Ledger& ledger) {
   }
 }
 
-std::vector<std::string> recover_open_takes(const Studio& studio,
-                                            const std::vector<std::string>& cameras) {
-  std::vector<std::string> lines;
+std::vector<RecoveredTake> recover_open_takes(const Studio& studio,
+                                              const std::vector<std::string>& cameras) {
+  std::vector<RecoveredTake> takes;
   std::error_code error;
   for (const auto& entry : fs::directory_iterator(studio.storage.takes, error)) {
     const TakePaths paths{entry.path()};
     if (!fs::exists(paths.info(), error)) continue;
     try {
       if (!is_open_take_of(load_take_info(paths), cameras)) continue;
-      lines.push_back("recovered " + recover_take(paths).ledger.verdict());
+      Ledger ledger = recover_take(paths).ledger;
+      takes.push_back({"recovered " + ledger.verdict(), std::move(ledger)});
     } catch (const std::exception& problem) {
-      lines.push_back("cannot recover " + entry.path().string() + ": " + problem.what());
+      takes.push_back({"cannot recover " + entry.path().string() + ": " + problem.what(), {}});
     }
   }
-  return lines;
+  return takes;
 }
 
 double disk_free_bytes(const Studio& studio) {

@@ -1,6 +1,7 @@
 // Makes and closes the folder of a take on this node.
 #pragma once
 
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -23,10 +24,13 @@ void create_take(const Studio& studio, const TakeInfo& info);
 /// Writes the ledger and the final take.toml. False, and logged, when the disk refused.
 bool close_take(const Studio& studio, TakeInfo info, const Ledger& ledger);
 
+struct RecoveredTake {
+  std::string line;              ///< for a person
+  std::optional<Ledger> ledger;  ///< empty when it could not be recovered
+};
 /// Gives takes of these cameras that a crash left open their ledger and the state "recovered".
-/// One line for each.
-std::vector<std::string> recover_open_takes(const Studio& studio,
-                                            const std::vector<std::string>& cameras);
+std::vector<RecoveredTake> recover_open_takes(const Studio& studio,
+                                              const std::vector<std::string>& cameras);
 
 /// Bytes that can still be written where takes lie; 0 when that cannot be told.
 double disk_free_bytes(const Studio& studio);

@@ -6,6 +6,7 @@ namespace v3d {
 namespace {
 
 constexpr size_t kHealthQueue = 8;
+constexpr Duration kOnItsWay = std::chrono::milliseconds(500);
 
 }  // namespace
 
@@ -16,6 +17,9 @@ void TrainWatch::restart() {
   while (health_.wait(Monotonic::now())) {
   }
   ended_ = false;
+  runs_ = false;
+  first_.reset();
+  newest_ = {};
   commanded_ = 0;
 }
 
@@ -24,9 +28,17 @@ void TrainWatch::listen(const std::string& take) {
 }
 
 void TrainWatch::hear(const HealthMessage& health, const std::string& take) {
+  // The network reorders.
+  if (health.sent <= newest_) return;
+  newest_ = health.sent;
+  if (!first_) first_ = health.sent;
   const bool ours = health.take == take;
-  const bool runs = health.state == NodeState::kArmed || health.state == NodeState::kRecording;
-  ended_ = ended_ || !(ours && runs);
+  const bool runs =
+      ours && (health.state == NodeState::kArmed || health.state == NodeState::kRecording);
+  runs_ = runs_ || runs;
+  // Before it was heard to run, word from before it was armed may still be on its way.
+  const bool counts = runs_ || health.sent - *first_ > kOnItsWay;
+  ended_ = ended_ || (!runs && counts);
   const auto commanded = health.values.find("pulses_commanded");
   // Anybody may send: a number that no train has is not believed.
   if (ours && commanded != health.values.end() && commanded->second >= 0 &&

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <string>
 
 #include "daemon/bus.h"
@@ -30,6 +31,9 @@ class TrainWatch {
 
   Subscription<HealthMessage> health_;
   bool ended_ = false;
+  bool runs_ = false;                     ///< it was heard to be armed or to record
+  std::optional<RealtimeInstant> first_;  ///< when the first word was sent, by that node's clock
+  RealtimeInstant newest_;
   int64_t commanded_ = 0;
 };
 

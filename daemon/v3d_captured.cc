@@ -3,6 +3,7 @@
 
 #include "daemon/capture_node.h"
 #include "daemon/daemon_main.h"
+#include "daemon/json.h"
 #include "daemon/node_loop.h"
 #include "daemon/service.h"
 #include "daemon/take_folder.h"
@@ -11,15 +12,21 @@
 namespace {
 
 void run(const v3d::Studio& studio, const std::string& node) {
+  const v3d::RealtimeInstant began = v3d::Realtime::now();
   std::vector<std::string> cameras;
   for (const v3d::StudioCamera& camera : studio.cameras_of(node)) cameras.push_back(camera.name);
   v3d::service::status("looking for takes that were left open");
-  for (const std::string& line : v3d::recover_open_takes(studio, cameras)) spdlog::warn("{}", line);
+  const std::vector<v3d::RecoveredTake> recovered = v3d::recover_open_takes(studio, cameras);
+  for (const v3d::RecoveredTake& take : recovered) spdlog::warn("{}", take.line);
   const std::string problem = v3d::receive_buffer_problem(studio.network.lcm_url);
   if (!problem.empty()) spdlog::warn("{}", problem);
   v3d::Bus bus(studio.network.lcm_url);
   v3d::CaptureNode work(studio, node, bus);
-  v3d::NodeLoop(node, "v3d-captured", bus, work).run();
+  v3d::NodeLoop loop({node, "v3d-captured", studio.network.key, began}, bus, work);
+  for (const v3d::RecoveredTake& take : recovered) {
+    if (take.ledger) loop.remember(take.ledger->take, take.line, v3d::ledger_json(*take.ledger));
+  }
+  loop.run();
 }
 
 /// Whatever ended the daemon, no pulse goes on.

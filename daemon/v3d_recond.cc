@@ -17,6 +17,7 @@ void refuse_capture_node(const v3d::Studio& studio, const std::string& node) {
 }
 
 void run(const v3d::Studio& studio, const std::string& given) {
+  const v3d::RealtimeInstant began = v3d::Realtime::now();
   const std::string node = given.empty() ? studio.reconstruction.node : given;
   if (node != studio.reconstruction.node) {
     throw v3d::InputError("--node: the reconstruction runs on '" + studio.reconstruction.node +
@@ -27,7 +28,7 @@ void run(const v3d::Studio& studio, const std::string& given) {
   if (!problem.empty()) spdlog::warn("{}", problem);
   v3d::Bus bus(studio.network.lcm_url);
   v3d::ReconNode work(studio, node, bus);
-  v3d::NodeLoop(node, "v3d-recond", bus, work).run();
+  v3d::NodeLoop({node, "v3d-recond", studio.network.key, began}, bus, work).run();
 }
 
 }  // namespace

@@ -1,5 +1,6 @@
 #include "wire/codec.h"
 
+#include <algorithm>
 #include <array>
 #include <cassert>
 #include <cmath>
@@ -22,8 +23,8 @@ namespace {
 constexpr Layout kPulseLayout = "qqsqqq";
 constexpr Layout kFrameLayout = "qqssq?qqqiiiiiiib?qnnB0B1";
 constexpr Layout kMeshLayout = "qqsqqnnS0B1";
-constexpr Layout kCommandLayout = "qsqbsqqnS0";
-constexpr Layout kReplyLayout = "qssqbss";
+constexpr Layout kCommandLayout = "qsqb?sqqnnS0S1m";
+constexpr Layout kReplyLayout = "qssqbsssm";
 constexpr Layout kHealthLayout = "qqsssbssnS0D0";
 constexpr Layout kEventLayout = "qqsbss";
 
@@ -275,11 +276,15 @@ Bytes encode(const CommandMessage& m) {
   w.sender = m.sender;
   w.counter = m.counter;
   w.verb = static_cast<int8_t>(m.verb);
+  w.own_only = m.own_only;
   w.take = m.take;
   w.rate_hz = m.rate_hz;
   w.pulses = m.pulses;
   w.n_allow_missing = static_cast<int32_t>(m.allow_missing.size());
   w.allow_missing = m.allow_missing;
+  w.n_to = static_cast<int32_t>(m.to.size());
+  w.to = m.to;
+  std::fill(std::begin(w.mac), std::end(w.mac), uint8_t{0});
   return pack(w);
 }
 
@@ -288,7 +293,7 @@ std::optional<CommandMessage> decode(std::span<const uint8_t> bytes) {
   auto w = unpack<command_t>(kCommandLayout, bytes);
   if (!w) return std::nullopt;
   const auto sent = instant_of(w->utime);
-  const auto verb = enumerator(w->verb, CommandVerb::kBackground);
+  const auto verb = enumerator(w->verb, CommandVerb::kCommit);
   const bool sane = w->counter >= 0 && w->pulses >= 0 && std::isfinite(w->rate_hz) &&
                     w->rate_hz >= 0 && !w->sender.empty();
   if (!sent || !verb || !sane) return std::nullopt;
@@ -296,10 +301,12 @@ std::optional<CommandMessage> decode(std::span<const uint8_t> bytes) {
                         .sender = w->sender,
                         .counter = w->counter,
                         .verb = *verb,
+                        .own_only = w->own_only != 0,
                         .take = w->take,
                         .rate_hz = w->rate_hz,
                         .pulses = w->pulses,
-                        .allow_missing = std::move(w->allow_missing)};
+                        .allow_missing = std::move(w->allow_missing),
+                        .to = std::move(w->to)};
 }
 
 Bytes encode(const ReplyMessage& m) {
@@ -309,8 +316,10 @@ Bytes encode(const ReplyMessage& m) {
   w.command_sender = m.command_sender;
   w.command_counter = m.command_counter;
   w.outcome = static_cast<int8_t>(m.outcome);
+  w.take = m.take;
   w.text = m.text;
   w.detail = m.detail;
+  std::fill(std::begin(w.mac), std::end(w.mac), uint8_t{0});
   return pack(w);
 }
 
@@ -326,6 +335,7 @@ std::optional<ReplyMessage> decode(std::span<const uint8_t> bytes) {
                       .command_sender = w->command_sender,
                       .command_counter = w->command_counter,
                       .outcome = *outcome,
+                      .take = std::move(w->take),
                       .text = std::move(w->text),
                       .detail = std::move(w->detail)};
 }

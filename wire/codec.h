@@ -23,6 +23,7 @@ using Bytes = std::vector<uint8_t>;
 Bytes encode(const PulseMessage& message);
 Bytes encode(const FrameMessage& message);
 Bytes encode(const MeshMessage& message);
+/// With room for the seal (wire/studio_key.h) behind the two that have one.
 Bytes encode(const CommandMessage& message);
 Bytes encode(const ReplyMessage& message);
 Bytes encode(const HealthMessage& message);

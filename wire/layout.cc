@@ -24,6 +24,8 @@ class Walker {
         return skip(1);
       case '?':
         return boolean();
+      case 'm':
+        return skip(32);
       case 's':
         return string();
       case 'n':

@@ -11,6 +11,7 @@ namespace v3d {
 
 /// A message type's fields in order, one letter each:
 ///   q 8 bytes   i 4 bytes   b 1 byte   ? boolean   s string   n int32 count of an array below
+///   m 32 bytes
 ///   B bytes[count]   S strings[count]   D 8-byte numbers[count]
 /// Arrays name their count by its position among the n's, from 0: "B0", "S1".
 using Layout = std::string_view;

@@ -14,6 +14,8 @@ std::string_view name(CommandVerb verb) {
       return "abort";
     case CommandVerb::kBackground:
       return "background";
+    case CommandVerb::kCommit:
+      return "commit";
   }
   return "unknown";
 }

@@ -42,7 +42,7 @@ struct MeshMessage {
   std::vector<uint8_t> compact;
 };
 
-enum class CommandVerb : uint8_t { kArm = 1, kStart, kStop, kAbort, kBackground };
+enum class CommandVerb : uint8_t { kArm = 1, kStart, kStop, kAbort, kBackground, kCommit };
 std::string_view name(CommandVerb verb);
 
 /// V3D_COMMAND. Idempotent: the same (sender, counter) is answered again, not carried out again.
@@ -51,10 +51,12 @@ struct CommandMessage {
   std::string sender;   ///< unique per run of the tool that sends
   int64_t counter = 0;  ///< counts the commands of this sender; the same in every retry
   CommandVerb verb = CommandVerb::kArm;
+  bool own_only = false;  ///< abort: only what this sender has begun
   std::string take;
   double rate_hz = 0;                      ///< arm: 0 = as the studio file says
   int64_t pulses = 0;                      ///< arm: number of pulses; 0 = until stopped
   std::vector<std::string> allow_missing;  ///< arm: cameras the take may go without
+  std::vector<std::string> to;             ///< the nodes that are meant
 };
 
 /// V3D_REPLY: what one node says to one command. A node may answer several times (pending, then
@@ -65,6 +67,7 @@ struct ReplyMessage {
   std::string command_sender;
   int64_t command_counter = 0;
   enum class Outcome : uint8_t { kPending = 1, kDone, kRefused } outcome = Outcome::kPending;
+  std::string take;    ///< that the node is at, or was at last
   std::string text;    ///< one line for the operator
   std::string detail;  ///< JSON: the node's ledger after a stop, else empty
 };

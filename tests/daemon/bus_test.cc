@@ -4,11 +4,15 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
+
 #include "base/error.h"
 #include "daemon/operator_client.h"
 #include "support/child_process.h"
 #include "support/message_of.h"
+#include "support/temporary_folder.h"
 #include "wire/channels.h"
+#include "wire/studio_key.h"
 
 namespace v3d {
 namespace {
@@ -78,13 +82,16 @@ TEST(Bus, names_the_field_and_the_remedy_when_the_network_cannot_be_joined) {
   EXPECT_THAT(message, testing::HasSubstr("ip route add"));
 }
 
-/// A node that answers commands as it is told.
+/// A node that answers commands as it is told, sealed with the key.
 class FakeNode {
  public:
-  FakeNode(std::string node, std::vector<ReplyMessage::Outcome> outcomes)
-      : node_(std::move(node)), outcomes_(std::move(outcomes)), bus_(kUrl) {
+  FakeNode(std::string node, const StudioKey& key, std::vector<ReplyMessage::Outcome> outcomes)
+      : node_(std::move(node)), key_(key), outcomes_(std::move(outcomes)), bus_(kUrl) {
     bus_.subscribe(kCommandChannel, [this](const std::string&, std::span<const uint8_t> bytes) {
-      if (const auto command = decode<CommandMessage>(bytes)) answer(*command);
+      const auto command = decode<CommandMessage>(bytes);
+      const bool meant =
+          command && std::find(command->to.begin(), command->to.end(), node_) != command->to.end();
+      if (meant) answer(*command);
     });
   }
 
@@ -95,48 +102,71 @@ class FakeNode {
     reply.command_sender = command.sender;
     reply.command_counter = command.counter;
     reply.outcome = outcomes_[std::min(answered_++, outcomes_.size() - 1)];
-    bus_.publish(kReplyChannel, encode(reply));
+    bus_.publish(kReplyChannel, encode_sealed(reply, key_));
   }
 
   const std::string node_;
+  const StudioKey key_;
   const std::vector<ReplyMessage::Outcome> outcomes_;
   size_t answered_ = 0;
   Bus bus_;
 };
 
-Studio two_nodes() {
-  Studio studio;
-  studio.nodes = {{"cap01"}, {"recon01"}, {"desk"}};
-  studio.trigger.node = "cap01";
-  studio.reconstruction.node = "recon01";
-  studio.network.lcm_url = kUrl;
-  return studio;
+class OperatorClientTest : public testing::Test {
+ protected:
+  OperatorClientTest() {
+    key_.save(folder_ / "studio.key");
+    studio_.nodes = {{"cap01"}, {"recon01"}, {"desk"}};
+    studio_.trigger.node = "cap01";
+    studio_.reconstruction.node = "recon01";
+    studio_.network.lcm_url = kUrl;
+    studio_.network.key = folder_ / "studio.key";
+  }
+
+  const test::TemporaryFolder folder_;
+  const StudioKey key_ = StudioKey::make();
+  Studio studio_;
+};
+
+using enum ReplyMessage::Outcome;
+
+TEST_F(OperatorClientTest, expects_the_nodes_that_do_something) {
+  EXPECT_THAT(commanded_nodes(studio_), testing::ElementsAre("cap01", "recon01"));
 }
 
-TEST(OperatorClient, expects_the_nodes_that_do_something) {
-  EXPECT_THAT(commanded_nodes(two_nodes()), testing::ElementsAre("cap01", "recon01"));
-}
-
-TEST(OperatorClient, repeats_a_command_until_every_node_has_its_final_word) {
-  using enum ReplyMessage::Outcome;
-  const FakeNode capture("cap01", {kPending, kPending, kDone});
-  const FakeNode recon("recon01", {kDone});
-  const FakeNode stranger("intruder", {kRefused});
-  OperatorClient client(two_nodes());
+TEST_F(OperatorClientTest, repeats_a_command_until_every_node_has_its_final_word) {
+  const FakeNode capture("cap01", key_, {kPending, kPending, kDone});
+  const FakeNode recon("recon01", key_, {kDone});
+  OperatorClient client(studio_);
   int heard = 0;
   const Answer answer =
       client.command(CommandMessage{}, within(20), [&](const ReplyMessage&) { ++heard; });
   EXPECT_TRUE(answer.done());
   EXPECT_EQ(answer.replies.size(), 2U);
-  EXPECT_EQ(heard, 3);  // pending once, done twice
+  EXPECT_EQ(heard, 5);  // pending once, ready twice, armed twice
 }
 
-TEST(OperatorClient, names_the_nodes_that_are_silent) {
-  const FakeNode capture("cap01", {ReplyMessage::Outcome::kDone});
-  OperatorClient client(two_nodes());
+TEST_F(OperatorClientTest, names_the_nodes_that_are_silent) {
+  const FakeNode capture("cap01", key_, {kDone});
+  OperatorClient client(studio_);
   const Answer answer = client.command(CommandMessage{}, within(1));
   EXPECT_FALSE(answer.done());
   EXPECT_THAT(answer.silent, testing::ElementsAre("recon01"));
+}
+
+TEST_F(OperatorClientTest, is_not_told_done_by_a_stranger) {
+  const FakeNode stranger("cap01", StudioKey::make(), {kDone});
+  OperatorClient client(studio_);
+  const Answer answer = client.command(CommandMessage{}, within(1));
+  EXPECT_THAT(answer.silent, testing::ElementsAre("cap01"));
+}
+
+TEST_F(OperatorClientTest, needs_the_studio_key_to_command_but_not_to_look_on) {
+  studio_.network.key = folder_ / "elsewhere.key";
+  OperatorClient client(studio_);
+  EXPECT_TRUE(client.health(Monotonic::now()).empty());
+  EXPECT_THAT(test::message_of<InputError>([&] { client.command(CommandMessage{}, within(1)); }),
+              testing::HasSubstr("v3dctl key new"));
 }
 
 }  // namespace

@@ -1,37 +1,98 @@
 #include "daemon/sequence.h"
 
 #include <gtest/gtest.h>
+#include <rapidcheck/gtest.h>
+
+#include <random>
 
 namespace v3d {
 namespace {
 
+/// A sender's message `seq`, sent when it is its turn.
+RealtimeInstant sent(int64_t seq) { return from_ns<Realtime>(1'000'000 * (seq + 1)); }
+
+void note(SequenceTracker& tracker, const std::string& key, std::vector<int64_t> numbers) {
+  for (const int64_t seq : numbers) tracker.note(key, seq, sent(seq));
+}
+
 TEST(SequenceTracker, counts_what_was_sent_and_did_not_arrive) {
   SequenceTracker tracker;
-  EXPECT_EQ(tracker.missed_before("V3D_PULSE", 4), 0);
-  EXPECT_EQ(tracker.missed_before("V3D_PULSE", 5), 0);
-  EXPECT_EQ(tracker.missed_before("V3D_PULSE", 9), 3);
+  note(tracker, "V3D_PULSE", {4, 5, 9});
+  EXPECT_EQ(tracker.of("V3D_PULSE"), (SequenceCounts{.received = 3, .lost = 3}));
+}
+
+TEST(SequenceTracker, counts_from_the_first_where_it_listened_from_the_start) {
+  SequenceTracker tracker(true);
+  note(tracker, "a", {2, 3});
+  EXPECT_EQ(tracker.of("a"), (SequenceCounts{.received = 2, .lost = 2}));
+}
+
+TEST(SequenceTracker, takes_back_the_loss_of_a_message_that_was_only_late) {
+  SequenceTracker tracker;
+  note(tracker, "a", {0, 3, 1});
+  EXPECT_EQ(tracker.of("a"), (SequenceCounts{.received = 3, .lost = 1, .late = 1}));
+}
+
+TEST(SequenceTracker, counts_a_message_that_comes_twice_once) {
+  SequenceTracker tracker;
+  note(tracker, "a", {0, 1, 1, 2, 0});
+  EXPECT_EQ(tracker.of("a"), (SequenceCounts{.received = 3, .duplicate = 2}));
 }
 
 TEST(SequenceTracker, keeps_channels_apart) {
   SequenceTracker tracker;
-  tracker.missed_before("a", 1);
-  tracker.missed_before("b", 7);
-  EXPECT_EQ(tracker.missed_before("a", 2), 0);
-  EXPECT_EQ(tracker.missed_before("b", 9), 1);
+  note(tracker, "a", {1});
+  note(tracker, "b", {7});
+  note(tracker, "a", {2});
+  note(tracker, "b", {9});
+  EXPECT_EQ(tracker.of("a").lost, 0);
+  EXPECT_EQ(tracker.of("b").lost, 1);
+  EXPECT_EQ(tracker.total(), (SequenceCounts{.received = 4, .lost = 1}));
 }
 
-TEST(SequenceTracker, takes_a_lower_number_for_a_sender_that_started_again) {
+TEST(SequenceTracker, takes_a_lower_number_that_was_sent_later_for_a_sender_that_started_again) {
   SequenceTracker tracker;
-  tracker.missed_before("a", 100);
-  EXPECT_EQ(tracker.missed_before("a", 0), 0);
-  EXPECT_EQ(tracker.missed_before("a", 2), 1);
+  tracker.note("a", 100, sent(100));
+  tracker.note("a", 0, sent(101));
+  tracker.note("a", 2, sent(102));
+  EXPECT_EQ(tracker.of("a"), (SequenceCounts{.received = 3, .lost = 1}));
 }
 
 TEST(SequenceTracker, survives_the_highest_number_and_believes_no_absurd_gap) {
   SequenceTracker tracker;
-  tracker.missed_before("a", 0);
-  EXPECT_LE(tracker.missed_before("a", INT64_MAX), 1'000'000);
-  EXPECT_EQ(tracker.missed_before("a", INT64_MAX), 0);
+  tracker.note("a", 0, sent(0));
+  tracker.note("a", INT64_MAX, sent(1));
+  EXPECT_LE(tracker.of("a").lost, 1'000'000);
+  tracker.note("a", INT64_MAX, sent(1));
+  EXPECT_EQ(tracker.of("a").duplicate, 1);
+}
+
+/// What a network does to a sender's messages: some lost, some twice, neighbours out of order.
+RC_GTEST_PROP(SequenceTracker, counts_exactly_what_a_network_lost_and_repeated, ()) {
+  std::mt19937 random(*rc::gen::arbitrary<uint32_t>());
+  const int messages = *rc::gen::inRange(1, 300);
+  std::vector<std::pair<int, int64_t>> arriving;  // when, number
+  int lost = 0;
+  int repeated = 0;
+  for (int seq = 0; seq < messages; ++seq) {
+    const bool last = seq == messages - 1;  // of what comes after the newest nobody knows
+    if (random() % 10 == 0 && !last) {
+      ++lost;
+      continue;
+    }
+    const int delay = last ? 1000 : static_cast<int>(random() % 20);
+    arriving.emplace_back(seq + delay, seq);
+    if (random() % 10 != 0) continue;
+    ++repeated;
+    arriving.emplace_back(seq + delay + static_cast<int>(random() % 20), seq);
+  }
+  std::stable_sort(arriving.begin(), arriving.end());
+  SequenceTracker tracker(true);
+  for (const auto& [when, seq] : arriving) tracker.note("a", seq, sent(seq));
+  const SequenceCounts counts = tracker.of("a");
+  RC_ASSERT(counts.lost == lost);
+  RC_ASSERT(counts.duplicate == repeated);
+  RC_ASSERT(counts.received == messages - lost);
 }
 
 }  // namespace

@@ -12,7 +12,6 @@
 namespace v3d {
 namespace {
 
-using testing::ElementsAre;
 using testing::HasSubstr;
 
 class TakeFolderTest : public testing::Test {
@@ -92,10 +91,12 @@ TEST_F(TakeFolderTest, is_recovered_when_a_crash_left_it_open) {
     pulses.write(m);
   }
   EXPECT_TRUE(recover_open_takes(studio_, {"cam02"}).empty());  // not of this node
-  EXPECT_THAT(
-      recover_open_takes(studio_, {"cam01"}),
-      ElementsAre(
-          "recovered take kendo-07: incomplete, 1 cameras x 1 pulses, 1 missing, 0 suspect"));
+  const auto recovered = recover_open_takes(studio_, {"cam01"});
+  ASSERT_EQ(recovered.size(), 1U);
+  EXPECT_EQ(recovered[0].line,
+            "recovered take kendo-07: incomplete, 1 cameras x 1 pulses, 1 missing, 0 suspect");
+  ASSERT_TRUE(recovered[0].ledger);
+  EXPECT_EQ(recovered[0].ledger->take, "kendo-07");
   EXPECT_EQ(load_take_info(paths).state, TakeState::kRecovered);
   EXPECT_TRUE(recover_open_takes(studio_, {"cam01"}).empty());
 }

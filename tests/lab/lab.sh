@@ -1,6 +1,8 @@
 # What the stories share; sourced in the machine.
 set -euo pipefail
 trap 'echo "failed at line $LINENO: $BASH_COMMAND"' ERR
+# As on a new PC: the key of the studio, before anything else.
+[ -e /etc/v3d/studio.key ] || v3dctl key new
 
 # until_true SECONDS COMMAND...: waits for a condition.
 until_true() {
@@ -41,7 +43,8 @@ simulated_studio() {
   [ "$ready" = ready ] || { cat /run/sim.log; return 1; }
   [ "$LAB_BOOT" -eq 1 ] || return 0
   sed "s#^takes = .*#takes = \"/var/lib/v3d/takes\"#; s#^background = .*#background = \"/var/lib/v3d/background\"#
-    s#^calib = .*#calib = \"/etc/v3d/calib.toml\"#; s#^wire = .*#wire = \"$sim/trigger.sock\"#" \
+    s#^calib = .*#calib = \"/etc/v3d/calib.toml\"#; s#^wire = .*#wire = \"$sim/trigger.sock\"#
+    /^key = /d" \
     "$sim/studio.toml" >/etc/v3d/studio.toml
   cp "$sim/calib.toml" /etc/v3d/
   systemctl -q enable v3d-studio.target v3d-captured@cap01.service v3d-recond@recon01.service

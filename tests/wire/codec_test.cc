@@ -160,7 +160,7 @@ bool refused(auto set_field) {
 TEST(Codec, refuses_values_out_of_their_enumeration) {
   EXPECT_TRUE(refused<CommandMessage>([](CommandMessage& m) {
     m.sender = "v3dctl";
-    m.verb = static_cast<CommandVerb>(6);
+    m.verb = static_cast<CommandVerb>(7);
   }));
   EXPECT_TRUE(
       refused<HealthMessage>([](HealthMessage& m) { m.state = static_cast<NodeState>(0); }));

@@ -81,11 +81,13 @@ inline CommandMessage any_message() {
   return {.sent = any_sent(),
           .sender = "v3dctl" + any_text(),
           .counter = any_count(),
-          .verb = static_cast<CommandVerb>(*rc::gen::inRange(1, 6)),
+          .verb = static_cast<CommandVerb>(*rc::gen::inRange(1, 7)),
+          .own_only = *rc::gen::arbitrary<bool>(),
           .take = any_text(),
           .rate_hz = *rc::gen::inRange(0, 1000) / 8.0,
           .pulses = any_count(),
-          .allow_missing = {any_text()}};
+          .allow_missing = {any_text()},
+          .to = {any_text(), any_text()}};
 }
 
 template <>
@@ -95,6 +97,7 @@ inline ReplyMessage any_message() {
           .command_sender = any_text(),
           .command_counter = any_count(),
           .outcome = static_cast<ReplyMessage::Outcome>(*rc::gen::inRange(1, 4)),
+          .take = any_text(),
           .text = any_text(),
           .detail = any_text()};
 }

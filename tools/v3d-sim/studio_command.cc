@@ -17,6 +17,7 @@
 #include "v3d-sim/faults.h"
 #include "v3d-sim/options.h"
 #include "v3d-sim/studio_text.h"
+#include "wire/studio_key.h"
 
 namespace v3d::sim {
 namespace {
@@ -134,6 +135,8 @@ int run(Arguments arguments) {
   std::filesystem::create_directories(folder);
   save_calib(folder / "calib.toml", rig);
   replace_file(folder / "studio.toml", studio_text(rig, text));
+  if (!std::filesystem::exists(folder / "studio.key"))
+    StudioKey::make().save(folder / "studio.key");
 
   const std::optional<Reel> reel = render_ahead(rig, arguments, stop);
   if (!reel) {

@@ -31,12 +31,19 @@ void CommandLine::on_run(CLI::App* command, std::function<int()> run) {
   command->callback([this, run = std::move(run)] { run_ = run; });
 }
 
-std::filesystem::path CommandLine::studio_path() const {
+/// Empty when there is none.
+std::filesystem::path CommandLine::find_studio() const {
   if (!studio_option_.empty()) return studio_option_;
   if (const char* variable = std::getenv("V3D_STUDIO"); variable && *variable) return variable;
   for (const char* place : {"studio.toml", "/etc/v3d/studio.toml"}) {
     if (std::filesystem::exists(place)) return place;
   }
+  return {};
+}
+
+std::filesystem::path CommandLine::studio_path() const {
+  std::filesystem::path path = find_studio();
+  if (!path.empty()) return path;
   throw InputError(
       "no studio file: give --studio FILE, set V3D_STUDIO, or put it at ./studio.toml or "
       "/etc/v3d/studio.toml");
@@ -46,6 +53,7 @@ void add_all_commands(CommandLine& line) {
   add_operator_commands(line);
   add_health(line);
   add_watch(line);
+  add_key(line);
   add_doctor(line);
   add_takes(line);
   add_verify(line);

@@ -29,12 +29,15 @@ class CommandLine {
   /// What was typed, the program's name first.
   const std::vector<std::string>& words() const { return words_; }
 
+  bool has_studio() const { return !find_studio().empty(); }
   /// --studio, else $V3D_STUDIO, else ./studio.toml, else /etc/v3d/studio.toml. Throws InputError
   /// when there is none.
   std::filesystem::path studio_path() const;
   Studio studio() const { return load_studio(studio_path()); }
 
  private:
+  std::filesystem::path find_studio() const;
+
   CLI::App& app_;
   std::string studio_option_;
   std::function<int()> run_;
@@ -55,6 +58,7 @@ void add_render(CommandLine& line);
 void add_operator_commands(CommandLine& line);  ///< status arm start stop abort background
 void add_health(CommandLine& line);
 void add_watch(CommandLine& line);
+void add_key(CommandLine& line);
 void add_doctor(CommandLine& line);
 
 /// All of them, in the order of the help text.

@@ -47,7 +47,9 @@ Answer command(OperatorClient& client, const Options& options) {
   const bool quiet = answer.done() && options.message.verb != CommandVerb::kArm;
   if (!options.json && !quiet) {
     const bool arms = options.message.verb == CommandVerb::kArm;
-    print_lines(reply_lines(client.nodes(), answer, arms ? "ready" : "done"));
+    std::map<std::string, HealthMessage> health;
+    if (!answer.silent.empty()) health = client.health(in_seconds(kHealthSeconds));
+    print_lines(reply_lines(client.nodes(), answer, arms ? "ready" : "done", health));
   }
   return answer;
 }
@@ -60,10 +62,30 @@ int done_count(const Answer& answer) {
   return count;
 }
 
-int refused(const OperatorClient& client, const Answer& answer, std::string_view hint) {
-  std::fprintf(stderr, "refused: %d of %zu nodes ready%s\n", done_count(answer),
-               client.nodes().size(), std::string(hint).c_str());
+int refused(const OperatorClient& client, const Answer& answer, const std::string& hint) {
+  const bool all_asked = answer.replies.size() + answer.silent.size() == client.nodes().size();
+  const std::string count = std::to_string(done_count(answer)) + " of " +
+                            std::to_string(client.nodes().size()) + " nodes ready";
+  std::fprintf(stderr, "refused%s\n",
+               all_asked ? (": " + count + hint).c_str() : ": nothing was changed");
   return kExitFailed;
+}
+
+std::vector<std::string> cameras_of(const Studio& studio) {
+  std::vector<std::string> names;
+  for (const StudioCamera& camera : studio.cameras) names.push_back(camera.name);
+  return names;
+}
+
+// The account of a stopped take, whatever nodes said nothing.
+void print_account(const TakeAccount& account) {
+  if (account.ledger.take.empty()) {
+    std::printf("nothing was recorded\n");
+    return;
+  }
+  print_lines(trouble_lines(account.ledger));
+  std::printf("%s\n", account.ledger.verdict().c_str());
+  if (const std::string live = live_line(account); !live.empty()) std::printf("%s\n", live.c_str());
 }
 
 // The take that the nodes are at, by their health; "" when none is.
@@ -153,23 +175,27 @@ int run_start(const CommandLine& line, const Options& options) {
 }
 
 int run_stop(const CommandLine& line, const Options& options) {
-  OperatorClient client(line.studio());
+  const Studio studio = line.studio();
+  OperatorClient client(studio);
   const Answer answer = command(client, options);
-  const TakeAccount account = merge_ledgers(answer);
+  TakeAccount account = merge_ledgers(answer);
+  const bool recorded = !account.ledger.take.empty();
+  // A node that says nothing has an account all the same: everything is missing.
+  if (recorded && !answer.done()) account = merge_ledgers(answer, cameras_of(studio));
   if (options.json) {
     Json json = answer_json(answer);
     json["take"] = account.ledger.take;
     json["verdict"] = account.ledger.verdict();
     json["ledger"] = to_json(account.ledger);
+    json["live_lost"] = account.live_lost;
     std::printf("%s\n", json.dump(2).c_str());
-  }
-  if (!answer.done()) return refused(client, answer, "");
-  if (!options.json) {
-    print_lines(trouble_lines(account.ledger));
-    std::printf("%s\n", account.ledger.verdict().c_str());
+  } else if (answer.done() || recorded) {
+    print_account(account);
   }
   for (const std::string& node : account.unreadable)
     note("v3dctl: no readable account from " + node);
+  if (!answer.done()) return refused(client, answer, "");
+  if (!recorded) return kExitDone;
   return account.ledger.complete() && account.unreadable.empty() ? kExitDone : kExitNotWhole;
 }
 

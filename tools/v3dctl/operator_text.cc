@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cstdio>
 #include <nlohmann/json.hpp>
+#include <numeric>
 #include <optional>
 
 #include "base/units.h"
@@ -33,12 +34,17 @@ struct Line {
   std::string first, last, text;
 };
 
-std::string text_of(const std::string& node, const Answer& answer, const std::string& done_word) {
-  const auto found = answer.replies.find(node);
-  if (found == answer.replies.end()) {
+std::string text_of_silent(const std::string& node,
+                           const std::map<std::string, HealthMessage>& health) {
+  const auto heard = health.find(node);
+  if (heard == health.end()) {
     return "no answer. Try: systemctl status v3d-studio.target on " + node;
   }
-  const ReplyMessage& reply = found->second;
+  const std::string& text = heard->second.text;
+  return "no answer to commands" + (text.empty() ? ", though it reports" : ": " + text);
+}
+
+std::string text_of(const ReplyMessage& reply, const std::string& done_word) {
   if (reply.outcome == ReplyMessage::Outcome::kRefused) return reply.text;
   const bool done = reply.outcome == ReplyMessage::Outcome::kDone;
   return padded(done ? done_word : "pending", 9) + reply.text;
@@ -85,10 +91,16 @@ double greatest(const std::map<std::string, HealthMessage>& health, const std::s
 }  // namespace
 
 std::vector<std::string> reply_lines(const std::vector<std::string>& nodes, const Answer& answer,
-                                     const std::string& done_word) {
+                                     const std::string& done_word,
+                                     const std::map<std::string, HealthMessage>& health) {
   std::vector<Line> lines;
   for (const std::string& node : nodes) {
-    const std::string text = text_of(node, answer, done_word);
+    const auto said = answer.replies.find(node);
+    const bool silent =
+        std::find(answer.silent.begin(), answer.silent.end(), node) != answer.silent.end();
+    if (!silent && said == answer.replies.end()) continue;
+    const std::string text =
+        silent ? text_of_silent(node, health) : text_of(said->second, done_word);
     if (!lines.empty() && lines.back().text == text) {
       lines.back().last = node;
     } else {
@@ -114,21 +126,71 @@ Json answer_json(const Answer& answer) {
   return {{"done", answer.done()}, {"replies", replies}, {"silent", answer.silent}};
 }
 
-TakeAccount merge_ledgers(const Answer& answer) {
+namespace {
+
+void miss_whole_cameras(const std::vector<std::string>& expected, Ledger& ledger) {
+  for (const std::string& name : expected) {
+    const bool known = std::any_of(ledger.cameras.begin(), ledger.cameras.end(),
+                                   [&](const CameraLedger& c) { return c.name == name; });
+    if (known) continue;
+    ledger.cameras.emplace_back().name = name;
+    std::vector<int64_t>& missing = ledger.cameras.back().missing;
+    missing.resize(static_cast<size_t>(ledger.commanded));
+    std::iota(missing.begin(), missing.end(), 0);
+  }
+}
+
+/// What the cameras sent, less what the reconstruction says that it got.
+std::map<std::string, int64_t> live_lost_of(const Ledger& ledger, const Json& reconstruction) {
+  std::map<std::string, int64_t> lost;
+  for (const CameraLedger& camera : ledger.cameras) {
+    const auto received = reconstruction.find(camera.name + ".live_received");
+    if (received == reconstruction.end() || !received->is_number()) continue;
+    lost[camera.name] = camera.published - static_cast<int64_t>(received->get<double>());
+  }
+  return lost;
+}
+
+}  // namespace
+
+TakeAccount merge_ledgers(const Answer& answer, const std::vector<std::string>& expected) {
   TakeAccount account;
   std::vector<Ledger> parts;
+  Json reconstruction = Json::object();
   for (const auto& [node, reply] : answer.replies) {
     if (reply.detail.empty()) continue;
     try {
       const Json detail = Json::parse(reply.detail);
-      if (detail.is_object() && !detail.contains("cameras")) continue;
+      if (detail.is_object() && !detail.contains("cameras")) {
+        reconstruction.update(detail);
+        continue;
+      }
       parts.push_back(parse_ledger(detail));
     } catch (const Json::exception&) {
       account.unreadable.push_back(node);
     }
   }
   account.ledger = merge(parts);
+  miss_whole_cameras(expected, account.ledger);
+  account.live_lost = live_lost_of(account.ledger, reconstruction);
   return account;
+}
+
+std::string live_line(const TakeAccount& account) {
+  int64_t sent = 0;
+  int64_t lost = 0;
+  std::string cameras;
+  for (const CameraLedger& camera : account.ledger.cameras) {
+    const auto found = account.live_lost.find(camera.name);
+    if (found == account.live_lost.end()) continue;
+    sent += camera.published;
+    lost += found->second;
+    if (found->second == 0) continue;
+    cameras += (cameras.empty() ? ": " : ", ") + camera.name + " " + format_count(found->second);
+  }
+  if (lost == 0) return "";
+  return "live: " + format_count(lost) + " of " + format_count(sent) +
+         " frames lost on the network" + cameras;
 }
 
 Json to_json(const Ledger& ledger) { return Json::parse(ledger_json(ledger)); }

@@ -13,11 +13,12 @@ namespace v3d::ctl {
 
 using Json = nlohmann::ordered_json;
 
-/// One line per node in the order of `nodes`; neighbours that said the same share one
-/// ("cap01-cap15"). `done_word` stands before what a node said that did as told. Silent nodes are
-/// told with the next step.
+/// One line per node that was asked, in the order of `nodes`; neighbours that said the same share
+/// one ("cap01-cap15"). `done_word` stands before what a node said that did as told. Silent nodes
+/// are told with what their health says is wrong, else with the next step.
 std::vector<std::string> reply_lines(const std::vector<std::string>& nodes, const Answer& answer,
-                                     const std::string& done_word);
+                                     const std::string& done_word,
+                                     const std::map<std::string, HealthMessage>& health = {});
 
 /// {"done", "replies" [{"node", "outcome", "text"}], "silent" [..]}
 Json answer_json(const Answer& answer);
@@ -28,8 +29,15 @@ Json answer_json(const Answer& answer);
 struct TakeAccount {
   Ledger ledger;
   std::vector<std::string> unreadable;  ///< nodes whose detail is no ledger and nothing else
+  /// Live frames that were sent and did not reach the reconstruction, by camera; empty when that is
+  /// not known.
+  std::map<std::string, int64_t> live_lost;
 };
-TakeAccount merge_ledgers(const Answer& answer);
+/// A node that ended before the take did knows nothing of the later pulses: its cameras miss them.
+/// So do the cameras among `expected` of which no account came.
+TakeAccount merge_ledgers(const Answer& answer, const std::vector<std::string>& expected = {});
+/// "live: 12 of 15,000 frames lost on the network: cam03 7, cam05 5"; empty when none was.
+std::string live_line(const TakeAccount& account);
 /// The keys of `v3dctl verify --json`.
 Json to_json(const Ledger& ledger);
 

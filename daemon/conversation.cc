@@ -1,0 +1,217 @@
+#include "daemon/conversation.h"
+
+#include <algorithm>
+#include <utility>
+
+namespace v3d {
+namespace {
+
+using Outcome = ReplyMessage::Outcome;
+
+/// What `v3dctl background` arms.
+constexpr char kBackgroundTake[] = "background";
+
+}  // namespace
+
+bool Answer::done() const {
+  return silent.empty() && std::all_of(replies.begin(), replies.end(), [](const auto& entry) {
+           return entry.second.outcome == Outcome::kDone;
+         });
+}
+
+Conversation::Conversation(CommandMessage order, int64_t counter, Commanded studio,
+                           MonotonicInstant deadline)
+    : order_(std::move(order)), counter_(counter), studio_(std::move(studio)), deadline_(deadline) {
+  if (order_.verb == CommandVerb::kBackground) order_.take = kBackgroundTake;
+  plan();
+  begin_round();
+}
+
+// --- the rounds ---------------------------------------------------------------------------------
+
+bool Conversation::orders() const {
+  return order_.verb == CommandVerb::kArm || order_.verb == CommandVerb::kBackground;
+}
+
+std::vector<std::string> Conversation::others() const {
+  std::vector<std::string> others = studio_.nodes;
+  std::erase(others, studio_.trigger);
+  return others;
+}
+
+void Conversation::plan() {
+  const std::vector<std::string> trigger = {studio_.trigger};
+  if (order_.verb == CommandVerb::kStart) return plan_start();
+  rounds_.push_back({.verb = order_.verb,
+                     .nodes = trigger,
+                     .accepted_is_enough = true,
+                     .patience = orders() ? Duration::zero() : kTriggerFirst});
+  rounds_.push_back({.verb = order_.verb, .nodes = studio_.nodes});
+  if (!orders()) return;
+  rounds_.push_back({.verb = CommandVerb::kCommit, .nodes = studio_.nodes});
+  if (order_.verb != CommandVerb::kBackground) return;
+  plan_start();
+  rounds_.push_back({.verb = CommandVerb::kStop, .nodes = studio_.nodes});
+}
+
+void Conversation::plan_start() {
+  if (!others().empty()) rounds_.push_back({.verb = CommandVerb::kStart, .nodes = others()});
+  rounds_.push_back({.verb = CommandVerb::kStart, .nodes = {studio_.trigger}});
+}
+
+void Conversation::begin_round() {
+  ++counter_;
+  said_.clear();
+  round_began_.reset();
+  next_due_ = MonotonicInstant();
+}
+
+void Conversation::next_round() {
+  const CommandVerb verb = rounds_.front().verb;
+  rounds_.pop_front();
+  round_began_.reset();
+  next_due_ = MonotonicInstant();
+  // The same command goes to more nodes, or another one follows.
+  if (!rounds_.empty() && rounds_.front().verb != verb) begin_round();
+}
+
+std::optional<CommandMessage> Conversation::poll(MonotonicInstant now) {
+  if (over()) return std::nullopt;
+  if (!round_began_) round_began_ = now;
+  const MonotonicInstant end = deadline_ + (taking_back_ ? kTakeBackWithin : Duration::zero());
+  const Duration patience = rounds_.front().patience;
+  if (now >= end) {
+    fail();
+  } else if (patience > Duration::zero() && now - *round_began_ > patience) {
+    next_round();
+  }
+  if (over()) return std::nullopt;
+  if (now < next_due_) return std::nullopt;
+  if (!round_began_) round_began_ = now;
+  next_due_ = now + kRepeatAfter;
+  CommandMessage message = order_;
+  message.verb = rounds_.front().verb;
+  message.counter = counter_;
+  message.own_only = own_only_;
+  message.to.clear();
+  for (const std::string& node : rounds_.front().nodes) {
+    if (!is_settled(node)) message.to.push_back(node);
+  }
+  return message;
+}
+
+// --- what the nodes say -------------------------------------------------------------------------
+
+bool Conversation::hear(const ReplyMessage& reply) {
+  if (over() || reply.command_counter != counter_) return false;
+  const auto& nodes = rounds_.front().nodes;
+  if (std::find(nodes.begin(), nodes.end(), reply.node) == nodes.end()) return false;
+  const auto known = said_.find(reply.node);
+  if (known != said_.end()) {
+    const ReplyMessage& last = known->second;
+    const bool same = last.outcome == reply.outcome && last.text == reply.text;
+    if (last.outcome != Outcome::kPending || same) return false;
+  }
+  said_[reply.node] = reply;
+  if (is_settled()) end_of_round();
+  return true;
+}
+
+bool Conversation::is_settled(const std::string& node) const {
+  const auto found = said_.find(node);
+  if (found == said_.end()) return false;
+  return found->second.outcome != Outcome::kPending || rounds_.front().accepted_is_enough;
+}
+
+bool Conversation::is_settled() const {
+  const auto& nodes = rounds_.front().nodes;
+  return std::all_of(nodes.begin(), nodes.end(),
+                     [&](const std::string& node) { return is_settled(node); });
+}
+
+bool Conversation::somebody_refused() const {
+  return std::any_of(said_.begin(), said_.end(),
+                     [](const auto& entry) { return entry.second.outcome == Outcome::kRefused; });
+}
+
+/// That a node agrees to the next step is no news: what it said to the order itself stays.
+void Conversation::keep_what_was_said() {
+  const bool step = orders() && rounds_.front().verb != order_.verb;
+  const bool result = step && rounds_.front().verb == CommandVerb::kStop;
+  for (const auto& [node, reply] : said_) {
+    if (step && !result && reply.outcome == Outcome::kDone) continue;
+    answer_.replies[node] = reply;
+  }
+}
+
+void Conversation::name_the_silent() {
+  for (const std::string& node : rounds_.front().nodes) {
+    if (said_.contains(node)) continue;
+    answer_.silent.push_back(node);
+    answer_.replies.erase(node);
+  }
+}
+
+void Conversation::end_of_round() {
+  if (taking_back_) return go_on_taking_back();
+  const bool ends = order_.verb == CommandVerb::kStop || order_.verb == CommandVerb::kAbort;
+  // A node that has nothing to stop is no reason not to stop the others.
+  if (somebody_refused() && !ends) return fail();
+  keep_what_was_said();
+  learn_take();
+  next_round();
+}
+
+/// From now on the order is about the take that the nodes are at. An abort is about any.
+void Conversation::learn_take() {
+  if (!order_.take.empty() || order_.verb == CommandVerb::kAbort) return;
+  for (const auto& [node, reply] : said_) {
+    if (reply.outcome != Outcome::kRefused && !reply.take.empty()) order_.take = reply.take;
+  }
+}
+
+// --- when it goes wrong -------------------------------------------------------------------------
+
+/// What cannot be armed or started everywhere is armed nowhere. What another operator has begun
+/// meanwhile stays (own_only), and so does a take that runs: its trigger's node says so.
+void Conversation::plan_to_take_back() {
+  const auto round = [](std::vector<std::string> nodes, Duration patience = {}) {
+    return Round{.verb = CommandVerb::kAbort,
+                 .nodes = std::move(nodes),
+                 .accepted_is_enough = true,
+                 .patience = patience};
+  };
+  const bool first = rounds_.front().verb == order_.verb && rounds_.front().accepted_is_enough;
+  const std::vector<std::string> asked = rounds_.front().nodes;
+  rounds_.clear();
+  if (order_.verb == CommandVerb::kStart) {
+    rounds_.push_back(round({studio_.trigger}, kTriggerFirst));
+    rounds_.push_back(round(studio_.nodes));
+  } else if (orders() && !first) {
+    rounds_.push_back(round(studio_.nodes));
+  } else if (orders() && !somebody_refused()) {
+    rounds_.push_back(round(asked));
+  }
+}
+
+void Conversation::fail() {
+  if (taking_back_) return rounds_.clear();
+  keep_what_was_said();
+  name_the_silent();
+  learn_take();
+  plan_to_take_back();
+  if (over()) return;
+  taking_back_ = true;
+  own_only_ = true;
+  begin_round();
+}
+
+/// A start that is taken back: the trigger's node has said whether the take runs all the same. When
+/// it is off there, nobody can start it any more, and it must end everywhere.
+void Conversation::go_on_taking_back() {
+  if (rounds_.size() == 1 || somebody_refused() || order_.take.empty()) return rounds_.clear();
+  own_only_ = false;
+  next_round();
+}
+
+}  // namespace v3d

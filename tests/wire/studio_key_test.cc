@@ -1,0 +1,111 @@
+#include "wire/studio_key.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <sys/stat.h>
+
+#include "base/error.h"
+#include "base/file.h"
+#include "support/message_of.h"
+#include "support/temporary_folder.h"
+
+namespace v3d {
+namespace {
+
+using testing::HasSubstr;
+
+CommandMessage start() {
+  CommandMessage m;
+  m.sender = "anna@desk/1/2";
+  m.counter = 3;
+  m.verb = CommandVerb::kStart;
+  m.take = "kendo-07";
+  m.to = {"cap01"};
+  return m;
+}
+
+TEST(StudioKey, seals_what_it_knows_again) {
+  const StudioKey key = StudioKey::make();
+  EXPECT_TRUE(key.has_sealed(encode_sealed(start(), key)));
+  EXPECT_TRUE(decode<CommandMessage>(encode_sealed(start(), key)));
+  EXPECT_TRUE(key.has_sealed(encode_sealed(ReplyMessage{}, key)));
+}
+
+TEST(StudioKey, knows_neither_what_is_not_sealed_nor_what_another_key_sealed) {
+  const StudioKey key = StudioKey::make();
+  EXPECT_FALSE(key.has_sealed(encode(start())));
+  EXPECT_FALSE(key.has_sealed(encode_sealed(start(), StudioKey::make())));
+  EXPECT_FALSE(key.has_sealed({}));
+  EXPECT_FALSE(key.has_sealed(Bytes(kSealSize)));
+}
+
+TEST(StudioKey, notices_every_bit_that_was_changed_and_every_byte_that_was_cut) {
+  const StudioKey key = StudioKey::make();
+  const Bytes sealed = encode_sealed(start(), key);
+  for (size_t bit = 0; bit < 8 * sealed.size(); ++bit) {
+    Bytes changed = sealed;
+    changed[bit / 8] ^= static_cast<uint8_t>(1 << bit % 8);
+    EXPECT_FALSE(key.has_sealed(changed)) << "bit " << bit;
+  }
+  for (size_t size = 0; size < sealed.size(); ++size) {
+    EXPECT_FALSE(key.has_sealed(std::span(sealed).first(size))) << size << " bytes";
+  }
+}
+
+class StudioKeyFile : public testing::Test {
+ protected:
+  std::string refusal() {
+    return test::message_of<InputError>([&] { StudioKey::load(path_); });
+  }
+
+  const test::TemporaryFolder folder_;
+  const std::filesystem::path path_ = folder_ / "studio.key";
+};
+
+TEST_F(StudioKeyFile, is_read_back_as_the_key_that_was_saved) {
+  const StudioKey key = StudioKey::make();
+  key.save(path_);
+  EXPECT_TRUE(StudioKey::load(path_).has_sealed(encode_sealed(start(), key)));
+}
+
+TEST_F(StudioKeyFile, is_for_its_owner_alone_and_never_written_over) {
+  StudioKey::make().save(path_, "there is no such group");
+  struct stat state {};
+  ASSERT_EQ(stat(path_.c_str(), &state), 0);
+  EXPECT_EQ(state.st_mode & 0777U, 0600U);
+  const std::string before = read_file(path_);
+  EXPECT_THAT(test::message_of<InputError>([&] { StudioKey::make().save(path_); }),
+              HasSubstr("File exists"));
+  EXPECT_EQ(read_file(path_), before);
+}
+
+TEST_F(StudioKeyFile, may_be_read_by_its_group_and_by_nobody_else) {
+  StudioKey::make().save(path_);
+  for (const mode_t good : {0400U, 0600U, 0440U, 0640U}) {
+    chmod(path_.c_str(), good);
+    EXPECT_NO_THROW(StudioKey::load(path_)) << std::oct << good;
+  }
+  for (const mode_t bad : {0644U, 0604U, 0602U, 0660U, 0641U}) {
+    chmod(path_.c_str(), bad);
+    EXPECT_THAT(refusal(), HasSubstr("chmod 640")) << std::oct << bad;
+  }
+}
+
+TEST_F(StudioKeyFile, is_missed_with_the_command_that_makes_it) {
+  EXPECT_THAT(refusal(), HasSubstr("No such file or directory; make it once with v3dctl key new"));
+}
+
+TEST_F(StudioKeyFile, holds_64_hexadecimal_digits_or_is_refused) {
+  const std::string digits(64, 'a');
+  EXPECT_NO_THROW(StudioKey::parse("# remark\n" + digits + "\n", path_));
+  EXPECT_NO_THROW(StudioKey::parse(digits, path_));
+  const std::string g(64, 'g');
+  for (const std::string& bad : {std::string(), std::string("#"), digits.substr(1), digits + "a", g,
+                                 digits + "\n" + digits}) {
+    EXPECT_THAT(test::message_of<InputError>([&] { StudioKey::parse(bad, path_); }),
+                HasSubstr("64 hexadecimal digits"));
+  }
+}
+
+}  // namespace
+}  // namespace v3d
