@@ -135,7 +135,6 @@ void CaptureNode::start() {
         ready_workers(), LearnPlan{.plates = plates,
                                    .limit = (plates + 2) * period_of(rate_hz_) + kReadyWithin,
                                    .folder = studio_.storage.background});
-    listen_to_pulses({});
   }
   if (train_) train_->restart();
   if (generator_) generator_->start();
@@ -209,7 +208,11 @@ NodeReport CaptureNode::poll_arming() {
     const bool late = Monotonic::now() > ready_by_;
     return {.event = Input::kFailed, .text = late ? "not ready: " + waiting : "", .detail = {}};
   }
-  if (order_.verb == CommandVerb::kArm) open_take();
+  if (order_.verb == CommandVerb::kArm) {
+    open_take();
+  } else {
+    listen_to_pulses({});
+  }
   return {.event = Input::kReady, .text = ready_text(), .detail = {}};
 }
 

@@ -81,11 +81,11 @@ TEST_F(Studio4, tells_when_a_train_of_known_length_has_ended) {
 }
 
 TEST_F(Studio4, refuses_what_is_out_of_order_and_says_what_would_be_right) {
-  EXPECT_THAT(command(CommandVerb::kStart).replies.at("cap01").text, HasSubstr("not armed"));
-  EXPECT_THAT(command(CommandVerb::kBackground, 1'000'000).replies.at("cap01").text,
+  EXPECT_THAT(text_of(command(CommandVerb::kStart)), HasSubstr("not armed"));
+  EXPECT_THAT(text_of(command(CommandVerb::kBackground, 1'000'000)),
               HasSubstr("expected 2 to 256"));
   ASSERT_TRUE(command(CommandVerb::kArm).done()) << log();
-  EXPECT_THAT(command(CommandVerb::kArm).replies.at("cap01").text, HasSubstr("armed for kendo-07"));
+  EXPECT_THAT(text_of(command(CommandVerb::kArm)), HasSubstr("armed for kendo-07"));
   EXPECT_TRUE(command(CommandVerb::kAbort).done());
   EXPECT_FALSE(std::filesystem::exists(take().folder)) << "an armed take leaves nothing behind";
 }

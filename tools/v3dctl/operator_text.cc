@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cstdio>
 #include <nlohmann/json.hpp>
-#include <numeric>
 #include <optional>
 
 #include "base/units.h"
@@ -128,16 +127,20 @@ Json answer_json(const Answer& answer) {
 
 namespace {
 
-void miss_whole_cameras(const std::vector<std::string>& expected, Ledger& ledger) {
+/// That of cameras of which nobody gave one: merged with those of others, they miss every pulse.
+Ledger account_of_the_silent(const std::vector<std::string>& expected,
+                             const std::vector<Ledger>& parts) {
+  const auto is_known = [&](const std::string& name) {
+    return std::any_of(parts.begin(), parts.end(), [&](const Ledger& part) {
+      return std::any_of(part.cameras.begin(), part.cameras.end(),
+                         [&](const CameraLedger& camera) { return camera.name == name; });
+    });
+  };
+  Ledger silent;
   for (const std::string& name : expected) {
-    const bool known = std::any_of(ledger.cameras.begin(), ledger.cameras.end(),
-                                   [&](const CameraLedger& c) { return c.name == name; });
-    if (known) continue;
-    ledger.cameras.emplace_back().name = name;
-    std::vector<int64_t>& missing = ledger.cameras.back().missing;
-    missing.resize(static_cast<size_t>(ledger.commanded));
-    std::iota(missing.begin(), missing.end(), 0);
+    if (!is_known(name)) silent.cameras.emplace_back().name = name;
   }
+  return silent;
 }
 
 /// What the cameras sent, less what the reconstruction says that it got.
@@ -170,8 +173,8 @@ TakeAccount merge_ledgers(const Answer& answer, const std::vector<std::string>& 
       account.unreadable.push_back(node);
     }
   }
+  if (!expected.empty()) parts.insert(parts.begin(), account_of_the_silent(expected, parts));
   account.ledger = merge(parts);
-  miss_whole_cameras(expected, account.ledger);
   account.live_lost = live_lost_of(account.ledger, reconstruction);
   return account;
 }
