@@ -2,10 +2,13 @@
 
 #include <fcntl.h>
 #include <lcm/lcm.h>
+#include <poll.h>
+#include <sys/eventfd.h>
 #include <sys/socket.h>
 #include <unistd.h>
 
-#include <atomic>
+#include <array>
+#include <cerrno>
 #include <cstdio>
 #include <cstdlib>
 #include <list>
@@ -18,7 +21,6 @@ namespace {
 
 /// Frames of all cameras arrive at once; LCM drops silently beyond its own queue.
 constexpr int kLcmQueue = 256;
-constexpr int kHandleTimeoutMs = 50;
 
 struct Destroy {
   void operator()(lcm_t* lcm) const { lcm_destroy(lcm); }
@@ -69,9 +71,12 @@ class Bus::Impl {
   }
 
   ~Impl() {
-    stopping_ = true;
+    eventfd_write(stop_, 1);
     if (receiver_.joinable()) receiver_.join();
+    close(stop_);
   }
+  Impl(const Impl&) = delete;
+  Impl& operator=(const Impl&) = delete;
 
   bool publish(const std::string& channel, std::span<const uint8_t> bytes) {
     return lcm_publish(lcm_.get(), channel.c_str(), bytes.data(),
@@ -96,15 +101,21 @@ class Bus::Impl {
         channel, {static_cast<const uint8_t*>(received->data), received->data_size});
   }
 
+  /// Sleeps until there is something: an idle studio costs nothing.
   void receive() {
-    while (!stopping_) lcm_handle_timeout(lcm_.get(), kHandleTimeoutMs);
+    std::array<pollfd, 2> watched = {{{lcm_get_fileno(lcm_.get()), POLLIN, 0}, {stop_, POLLIN, 0}}};
+    for (;;) {
+      if (poll(watched.data(), watched.size(), -1) < 0 && errno != EINTR) return;
+      if (watched[1].revents != 0) return;
+      if (watched[0].revents != 0) lcm_handle(lcm_.get());
+    }
   }
 
   const std::string url_;
   std::unique_ptr<lcm_t, Destroy> lcm_;
   std::mutex mutex_;
-  std::list<Handler> handlers_;  // LCM holds their addresses
-  std::atomic<bool> stopping_ = false;
+  std::list<Handler> handlers_;               // LCM holds their addresses
+  const int stop_ = eventfd(0, EFD_CLOEXEC);  ///< readable when the thread shall end
   std::thread receiver_;
 };
 

@@ -2,6 +2,8 @@
 
 #include <spdlog/spdlog.h>
 
+#include <algorithm>
+
 #include "base/error.h"
 #include "daemon/service.h"
 #include "wire/channels.h"
@@ -51,7 +53,7 @@ void NodeLoop::run() {
 }
 
 void NodeLoop::turn() {
-  if (const auto command = commands_.wait(Monotonic::now() + kTurn)) {
+  if (const auto command = commands_.wait(next_turn())) {
     spdlog::debug("{} {} from {} #{}", name(command->verb), command->take, command->sender,
                   command->counter);
     carry_out(controller_.on_command(*command));
@@ -75,6 +77,14 @@ void NodeLoop::let_go_what_nobody_confirms() {
     spdlog::warn("{}", text);
     carry_out(controller_.on_event(Input::kExpired, text));
   }
+}
+
+MonotonicInstant NodeLoop::next_turn() const {
+  const MonotonicInstant now = Monotonic::now();
+  const bool idle = controller_.phase() == Phase::kIdle || controller_.phase() == Phase::kFault;
+  Duration turn = idle ? kIdleTurn : kTurn;
+  if (watchdog_) turn = std::min(turn, *watchdog_ / 4);
+  return std::clamp(next_health_, now, now + turn);
 }
 
 void NodeLoop::carry_out(const Controller::Step& step) {

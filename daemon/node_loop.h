@@ -42,6 +42,7 @@ class NodeLoop {
 
  private:
   void turn();
+  MonotonicInstant next_turn() const;
   void carry_out(const Controller::Step& step);
   void begin(Work work);
   void publish(std::vector<ReplyMessage> replies);
@@ -53,6 +54,8 @@ class NodeLoop {
   void shut_down();
 
   static constexpr Duration kTurn = std::chrono::milliseconds(20);
+  /// When nothing goes on. A command ends the wait at once.
+  static constexpr Duration kIdleTurn = std::chrono::milliseconds(200);
   static constexpr Duration kHealthEvery = std::chrono::seconds(1);
   /// Ready for so long: whoever asked is gone, or would not wait for the slowest node either.
   static constexpr Duration kConfirmWithin = std::chrono::seconds(60);
