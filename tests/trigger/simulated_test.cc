@@ -78,10 +78,12 @@ TEST(SimulatedGenerator, sends_a_late_edge_with_the_stamp_of_its_place_in_the_tr
   SlowHost host({{due(2), milliseconds(39)}});
   SimulatedGenerator generator(cable.path(), host.clock());
   generator.arm(train_of(25, 5));
+  EXPECT_FALSE(generator.first_pulse());
   generator.start();
   ASSERT_TRUE(cable.wait_for_edges(5));
   ASSERT_TRUE(eventually([&] { return generator.finished(); }));
   EXPECT_EQ(cable.edges(), stamps({0, 1, 2, 3, 4}));
+  EXPECT_EQ(generator.first_pulse(), due(0));
   EXPECT_EQ(generator.statistics().jitter_max, milliseconds(39));
   EXPECT_EQ(generator.skipped(), 0);
   EXPECT_EQ(generator.fault(), "");
