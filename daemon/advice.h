@@ -14,6 +14,11 @@ inline constexpr char kFramesSuspect[] =
     "Check the camera's trigger cable and that nothing else triggers it; v3dctl verify names the "
     "frames";
 inline constexpr char kDisk[] = "Stop the take, then make room: v3dctl takes lists what lies there";
+inline constexpr char kQueue[] =
+    "Close other programs on this PC; stop the take before frames are lost, or take a faster disk";
+inline constexpr char kTakeEnded[] =
+    "What was recorded is whole; make room before the next take: v3dctl takes lists what lies "
+    "there";
 inline constexpr char kTrigger[] =
     "Stop the take; check the trigger's cable and power, then arm again";
 inline constexpr char kSenseLine[] =

@@ -100,7 +100,7 @@ bool CameraLane::quiet_since(MonotonicInstant since) const {
 
 CameraLedger CameraLane::close(int64_t commanded) {
   end();
-  if (!log_.close()) ++write_errors_;
+  kept_ = log_.close();
   CameraLedger ledger = account(camera(), written_pulses_, suspect_pulses_, commanded);
   ledger.exposed = exposures_.exposed();
   ledger.received = worker_.status().frames;

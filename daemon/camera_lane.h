@@ -24,7 +24,7 @@ namespace v3d {
 struct LaneCounts {
   int64_t received = 0;  ///< frames taken from the camera
   int64_t written = 0;
-  int64_t write_errors = 0;  ///< frames that the disk refused, and a log that it did not keep
+  int64_t write_errors = 0;  ///< frames that the disk refused
   int64_t published = 0;
 };
 
@@ -60,6 +60,8 @@ class CameraLane {
 
   /// Ends the thread, closes the log and gives the account.
   CameraLedger close(int64_t commanded);
+  /// After close(): the disk has kept what it took.
+  bool is_kept() const { return kept_; }
 
  private:
   void run();
@@ -81,6 +83,7 @@ class CameraLane {
   std::vector<int64_t> written_pulses_;  // of the lane's thread until close()
   std::vector<int64_t> suspect_pulses_;
   ExposureCount exposures_;
+  bool kept_ = true;
   std::atomic<int64_t> received_ = 0;
   std::atomic<int64_t> written_ = 0;
   std::atomic<int64_t> write_errors_ = 0;

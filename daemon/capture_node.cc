@@ -27,8 +27,6 @@ constexpr int64_t kMaxPlates = 256;  // they are all in memory at once
 constexpr int64_t kLatePeriods = 5;
 /// More frames behind one camera than a hiccup explains: the live picture waits.
 constexpr int64_t kLiveBacklog = 5;
-/// Less room than this is told while a take is recorded.
-constexpr double kEnoughDiskSeconds = 60;
 
 /// Commands come from the network.
 void refuse_absurd(const CommandMessage& order) {
@@ -47,6 +45,14 @@ std::string join(const std::vector<std::string>& parts, const std::string& separ
   std::string text;
   for (const std::string& part : parts) text += (text.empty() ? "" : separator) + part;
   return text;
+}
+
+std::vector<std::string> other_capture_nodes(const Studio& studio, const std::string& node) {
+  std::vector<std::string> others;
+  for (const StudioNode& other : studio.nodes) {
+    if (other.name != node && !studio.cameras_of(other.name).empty()) others.push_back(other.name);
+  }
+  return others;
 }
 
 /// Frames that wait behind the camera that is farthest behind.
@@ -74,6 +80,7 @@ CaptureNode::CaptureNode(const Studio& studio, const std::string& node, Bus& bus
   if (triggers) {
     generator_ = make_generator(studio.trigger);
     sensor_ = make_sensor(studio.trigger);
+    full_disks_ = std::make_unique<FullDiskWatch>(bus, other_capture_nodes(studio, node));
   } else {
     train_ = std::make_unique<TrainWatch>(bus, studio.trigger.node);
   }
@@ -124,6 +131,7 @@ void CaptureNode::make_ready(const CommandMessage& order, std::optional<int64_t>
   const bool edges_are_told = generator_ || studio_.trigger.is_sensed();
   for (const auto& worker : workers_) worker->arm(period_of(rate_hz_), edges_are_told);
   cameras_.begin_train();
+  disk_is_full_ = false;
   ready_by_ = Monotonic::now() + kReadyWithin + 2 * period_of(rate_hz_);
 }
 
@@ -137,6 +145,7 @@ void CaptureNode::start() {
                                    .folder = studio_.storage.background});
   }
   if (train_) train_->restart();
+  if (full_disks_) full_disks_->restart();
   if (generator_) generator_->start();
 }
 
@@ -209,6 +218,7 @@ NodeReport CaptureNode::poll_arming() {
     return {.event = Input::kFailed, .text = late ? "not ready: " + waiting : "", .detail = {}};
   }
   if (order_.verb == CommandVerb::kArm) {
+    refuse_unfit_disk(studio_.storage.takes, disk_demand());
     open_take();
   } else {
     listen_to_pulses({});
@@ -235,6 +245,8 @@ bool CaptureNode::train_is_over() {
 }
 
 std::optional<NodeReport> CaptureNode::poll_recording() {
+  const std::string full = look_at_disks();
+  if (!full.empty()) return NodeReport{.event = Input::kTrainEnded, .text = full, .detail = {}};
   if (!train_is_over()) return std::nullopt;
   return NodeReport{.event = Input::kTrainEnded, .text = "pulses have ended", .detail = {}};
 }
@@ -243,11 +255,16 @@ std::optional<NodeReport> CaptureNode::poll_draining() {
   if (train_) train_->listen(order_.take);
   if (!all_accounted_for() && Monotonic::now() < drain_began_ + kDrainWithin) return std::nullopt;
   const Ledger ledger = finish_take();
+  const auto broken = [&](const std::string& text) {
+    return NodeReport{.event = Input::kBroken, .text = text, .detail = ledger_json(ledger)};
+  };
   if (!close_take(studio_, info_, ledger)) {
-    return NodeReport{.event = Input::kBroken,
-                      .text = "cannot write the ledger of " + ledger.take + " to " +
-                              studio_.storage.takes.string(),
-                      .detail = ledger_json(ledger)};
+    return broken("cannot write the ledger of " + ledger.take + " to " +
+                  studio_.storage.takes.string());
+  }
+  if (!unkept_.empty()) {
+    return broken(studio_.storage.takes.string() + " did not keep the last frames of " +
+                  join(unkept_, ", ") + ": v3dctl verify tells which");
   }
   discard_if_empty(ledger);
   return NodeReport{
@@ -270,6 +287,7 @@ void CaptureNode::open_take() {
   create_take(studio_, info_);
   const TakePaths paths = take_paths(studio_, info_.name);
   listen_to_pulses(paths.pulses());
+  disk_ = std::make_unique<TakeDisk>(paths, disk_demand());
   gate_ = std::make_unique<LiveGate>([ready] { return backlog_of(ready); }, kLiveBacklog);
   for (CameraWorker* worker : ready) {
     lanes_.push_back(std::make_unique<CameraLane>(
@@ -295,8 +313,13 @@ Ledger CaptureNode::finish_take() {
   ledger.take = info_.name;
   ledger.commanded = commanded();
   if (studio_.trigger.is_sensed()) pulses_->put_into(ledger, ledger.commanded);
-  for (const auto& lane : lanes_) ledger.cameras.push_back(lane->close(ledger.commanded));
+  unkept_.clear();
+  for (const auto& lane : lanes_) {
+    ledger.cameras.push_back(lane->close(ledger.commanded));
+    if (!lane->is_kept()) unkept_.push_back(lane->camera());
+  }
   totals_ = totals();
+  disk_.reset();
   lanes_.clear();
   gate_.reset();
   pulses_.reset();
@@ -388,6 +411,27 @@ double CaptureNode::bytes_per_second() const {
   return bytes;
 }
 
+DiskDemand CaptureNode::disk_demand() const {
+  return {.rate_hz = rate_hz_,
+          .bytes_per_pulse = bytes_per_second() / rate_hz_,
+          .pulses = order_.pulses > 0 ? std::optional(order_.pulses) : std::nullopt,
+          .queue_frames = kQueueFrames};
+}
+
+std::string CaptureNode::look_at_disks() {
+  if (!disk_) return "";
+  int64_t waiting = 0;
+  for (const auto& worker : workers_) waiting = std::max(waiting, worker->waiting());
+  events_.keep_told(Severity::kAlarm, "queue", disk_->queue_trouble(waiting), advice::kQueue);
+  const std::string here = disk_->must_end();
+  disk_is_full_ = !here.empty();
+  const std::string elsewhere = full_disks_ ? full_disks_->full_node() : "";
+  if (here.empty() && elsewhere.empty()) return "";
+  const std::string why = disk_is_full_ ? here : "the disk of " + elsewhere + " is nearly full";
+  events_.send(Severity::kAlarm, "take", info_.name + " was ended: " + why, advice::kTakeEnded);
+  return why;
+}
+
 std::string CaptureNode::ready_text() const {
   constexpr double kFiveMinutes = 300;
   std::string text = std::to_string(ready_workers().size()) + " cameras streaming and quiet, " +
@@ -443,6 +487,7 @@ void CaptureNode::report_health(HealthMessage& health) {
   health.values["write_errors"] = static_cast<double>(sum.frames.write_errors);
   health.values["pulses_lost"] = pulses_ ? static_cast<double>(pulses_->lost()) : 0;
   if (sum.frames.write_errors > 0) health.text = "frames could not be written: the disk refuses";
+  health.values[kDiskFull] = disk_is_full_ ? 1 : 0;
   tell_troubles(sum);
   if (studio_.trigger.is_sensed()) {
     health.values["pulses_sensed"] = static_cast<double>(sum.sensed);
@@ -464,7 +509,9 @@ void CaptureNode::report_health(HealthMessage& health) {
 }
 
 void CaptureNode::tell_troubles(const TakeTotals& sum) {
-  events_.keep_told(Severity::kAlarm, "disk", disk_trouble(sum), advice::kDisk);
+  if (disk_) {
+    events_.keep_told(Severity::kAlarm, "disk", disk_->trouble(disk_progress(sum)), advice::kDisk);
+  }
   events_.keep_told(Severity::kAlarm, "trigger", trigger_trouble(sum), advice::kTrigger);
   events_.keep_told(Severity::kAlarm, "sense line",
                     sensor_ && take_is_open() ? sensor_->fault() : "", advice::kSenseLine);
@@ -478,17 +525,10 @@ void CaptureNode::tell_troubles(const TakeTotals& sum) {
                     advice::kLivePicture);
 }
 
-std::string CaptureNode::disk_trouble(const TakeTotals& sum) const {
-  if (sum.frames.write_errors > 0) {
-    return format_count(sum.frames.write_errors) +
-           " frames refused: " + studio_.storage.takes.string() + " is full or broken";
-  }
-  if (!take_is_open()) return "";
-  const double seconds = disk_free_bytes(studio_) / std::max(1.0, bytes_per_second());
-  if (seconds > kEnoughDiskSeconds) return "";
-  // To the ten seconds, or there would be news every second.
-  return "full in less than " + format_count(10 * (1 + static_cast<int64_t>(seconds) / 10)) +
-         " s of recording";
+DiskProgress CaptureNode::disk_progress(const TakeTotals& sum) const {
+  DiskProgress progress{.dropped = 0, .refused = sum.frames.write_errors};
+  for (const auto& worker : workers_) progress.dropped += worker->status().dropped;
+  return progress;
 }
 
 std::string CaptureNode::trigger_trouble(const TakeTotals& sum) const {

@@ -14,8 +14,10 @@
 #include "daemon/camera_lane.h"
 #include "daemon/camera_watch.h"
 #include "daemon/event_sender.h"
+#include "daemon/full_disk_watch.h"
 #include "daemon/node_work.h"
 #include "daemon/pulse_recorder.h"
+#include "daemon/take_disk.h"
 #include "daemon/train_watch.h"
 #include "take/take.h"
 #include "trigger/pulse_generator.h"
@@ -80,10 +82,14 @@ class CaptureNode : public NodeWork {
   std::string ready_text() const;
   /// What all cameras that were ever opened record, at the rate of the last order.
   double bytes_per_second() const;
+  DiskDemand disk_demand() const;
+  /// Why a full disk ends the take, here or elsewhere; empty while none does. Tells when frames
+  /// wait.
+  std::string look_at_disks();
   std::string trouble() const;
   /// Troubles of the disk and the trigger, told when they begin, change and end.
   void tell_troubles(const TakeTotals& sum);
-  std::string disk_trouble(const TakeTotals& sum) const;
+  DiskProgress disk_progress(const TakeTotals& sum) const;
   std::string trigger_trouble(const TakeTotals& sum) const;
 
   const Studio& studio_;
@@ -94,6 +100,7 @@ class CaptureNode : public NodeWork {
   std::unique_ptr<PulseGenerator> generator_;  ///< null where another node has the trigger
   std::unique_ptr<PulseSensor> sensor_;        ///< null with it, and without a sense line
   std::unique_ptr<TrainWatch> train_;          ///< null where the trigger is here
+  std::unique_ptr<FullDiskWatch> full_disks_;  ///< null where it is not
   std::vector<std::unique_ptr<CameraWorker>> workers_;
   WorkPlaces places_;
 
@@ -105,6 +112,9 @@ class CaptureNode : public NodeWork {
   MonotonicInstant drain_began_;
   TakeInfo info_;
   std::unique_ptr<PulseRecorder> pulses_;
+  std::unique_ptr<TakeDisk> disk_;   ///< of the open take
+  bool disk_is_full_ = false;        ///< that ended the last take here
+  std::vector<std::string> unkept_;  ///< cameras whose last frames the disk took and did not keep
   std::unique_ptr<LiveGate> gate_;
   std::vector<std::unique_ptr<CameraLane>> lanes_;
   TakeTotals totals_;  ///< of the last take

@@ -52,7 +52,7 @@ void PulseRecorder::run() {
 }
 
 void PulseRecorder::record(const PulseMessage& pulse) {
-  if (log_ && !log_->write(pulse)) ++write_errors_;
+  if (log_) log_->write(pulse);
   if (sensor_ != nullptr) bus_.publish(kPulseChannel, encode(pulse));
   const std::lock_guard lock(mutex_);
   sensed_.insert(pulse.pulse);

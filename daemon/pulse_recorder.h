@@ -14,7 +14,7 @@
 #include "capture/train_start.h"
 #include "daemon/bus.h"
 #include "daemon/heartbeat.h"
-#include "take/frame_log.h"
+#include "daemon/pulse_log.h"
 #include "take/ledger.h"
 #include "trigger/pulse_generator.h"
 #include "trigger/sensed_train.h"
@@ -46,7 +46,7 @@ class PulseRecorder {
   std::string trouble() const;
   /// The highest pulse number seen, plus one.
   int64_t seen() const { return seen_; }
-  int64_t write_errors() const { return write_errors_; }
+  int64_t write_errors() const { return log_ ? log_->errors() : 0; }
   /// Messages of the trigger's node that did not arrive here; 0 on that node.
   int64_t lost() const { return heard_ ? heard_->counts().lost : 0; }
   bool progressed_since(MonotonicInstant since) const { return heartbeat_.since(since); }
@@ -65,10 +65,9 @@ class PulseRecorder {
   const std::string take_;
   const std::function<void(const PulseEdge&)> on_edge_;
   std::unique_ptr<Subscription<PulseMessage>> heard_;
-  std::optional<EventLogWriter> log_;
+  std::optional<PulseLog> log_;
   int64_t seq_ = 0;
   std::atomic<int64_t> seen_ = 0;
-  std::atomic<int64_t> write_errors_ = 0;
   Heartbeat heartbeat_;
   std::atomic<bool> stopping_ = false;
   mutable std::mutex mutex_;  ///< what was sensed

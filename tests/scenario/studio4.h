@@ -10,6 +10,7 @@
 #include <string>
 #include <vector>
 
+#include "base/file.h"
 #include "base/studio_file.h"
 #include "daemon/operator_client.h"
 #include "support/child_process.h"
@@ -25,6 +26,7 @@ struct Studio4Options {
   std::string more{};    ///< of the studio file's last section, which is [reconstruction]
   std::string faults{};  ///< a fault script; empty: none
   std::string rate = "20";
+  std::string takes = ".";  ///< their folder
 };
 
 /// Four cameras whose background has been learnt, and the daemons.
@@ -36,6 +38,7 @@ class Studio4 : public testing::Test {
         [&] { return simulator_->output().find("ready\n") != std::string::npos; }, within(60));
     if (!serves) throw std::runtime_error("v3d-sim: " + simulator_->output());
     std::ofstream(folder_ / "studio.toml", std::ios::app) << options.more;
+    put_takes_into(options.takes);
     studio_ = load_studio(folder_ / "studio.toml");
     start_captured();
     start_recond();
@@ -51,6 +54,12 @@ class Studio4 : public testing::Test {
     return std::string(V3D_BIN) + "/" + program;
   }
 
+  void put_takes_into(const std::string& folder) const {
+    std::string text = read_file(folder_ / "studio.toml");
+    const std::string before = "takes = \".\"";
+    text.replace(text.find(before), before.size(), "takes = \"" + folder + "\"");
+    write_text(folder_ / "studio.toml", text);
+  }
   void start_simulator(const Studio4Options& options) {
     std::vector<std::string> command = {bin("v3d-sim"),
                                         "studio",

@@ -1,6 +1,7 @@
 // A program that is linked with this runs its tests in user and network namespaces of its own,
 // where `lo` has a multicast route and the addresses of simulated cameras: nothing of it reaches
-// the host, and tests can run side by side. The tests are skipped where no namespace can be had.
+// the host, and tests can run side by side. Nor do their mounts. The tests are skipped where no
+// namespace can be had.
 #include <gtest/gtest.h>
 #include <sched.h>
 #include <unistd.h>
@@ -18,7 +19,7 @@ namespace {
 std::string enter_network_of_its_own() {
   const uid_t user = getuid();
   const gid_t group = getgid();
-  if (unshare(CLONE_NEWUSER | CLONE_NEWNET) != 0) return errno_message("unshare");
+  if (unshare(CLONE_NEWUSER | CLONE_NEWNET | CLONE_NEWNS) != 0) return errno_message("unshare");
   std::ofstream("/proc/self/setgroups") << "deny";
   std::ofstream("/proc/self/uid_map") << "0 " << user << " 1";
   std::ofstream("/proc/self/gid_map") << "0 " << group << " 1";

@@ -1,0 +1,36 @@
+#include "daemon/full_disk_watch.h"
+
+#include "wire/channels.h"
+
+namespace v3d {
+namespace {
+
+constexpr size_t kHealthQueue = 8;
+
+}  // namespace
+
+FullDiskWatch::FullDiskWatch(Bus& bus, const std::vector<std::string>& nodes) {
+  for (const std::string& node : nodes) {
+    nodes_.push_back({node, std::make_unique<Subscription<HealthMessage>>(bus, health_channel(node),
+                                                                          kHealthQueue)});
+  }
+}
+
+void FullDiskWatch::restart() {
+  for (const Node& node : nodes_) {
+    while (node.health->wait(Monotonic::now())) {
+    }
+  }
+}
+
+std::string FullDiskWatch::full_node() {
+  for (const Node& node : nodes_) {
+    while (const auto health = node.health->wait(Monotonic::now())) {
+      const auto full = health->values.find(kDiskFull);
+      if (full != health->values.end() && full->second > 0) return node.name;
+    }
+  }
+  return "";
+}
+
+}  // namespace v3d

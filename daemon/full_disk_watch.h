@@ -1,0 +1,36 @@
+// Whether a disk elsewhere is full, for the node that makes the pulses.
+#pragma once
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "daemon/bus.h"
+
+namespace v3d {
+
+/// The name of the value by which a node's health tells that it ended its part of the take for want
+/// of room: 1, until the next take.
+inline constexpr char kDiskFull[] = "disk_full_flag";
+
+/// Listens to the health of other nodes. Health comes again every second: one that is lost does no
+/// harm. One thread.
+class FullDiskWatch {
+ public:
+  /// `bus` outlives the watch.
+  FullDiskWatch(Bus& bus, const std::vector<std::string>& nodes);
+
+  /// What was heard before does not count any more.
+  void restart();
+  /// The first node whose disk is full by what has come since, and empty while there is none.
+  std::string full_node();
+
+ private:
+  struct Node {
+    std::string name;
+    std::unique_ptr<Subscription<HealthMessage>> health;
+  };
+  std::vector<Node> nodes_;
+};
+
+}  // namespace v3d

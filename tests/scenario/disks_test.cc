@@ -1,0 +1,159 @@
+// Stories of the disk that takes are written to: small, full, read-only, gone, slow.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cstdlib>
+#include <nlohmann/json.hpp>
+
+#include "daemon/bus.h"
+#include "studio4.h"
+#include "support/small_disk.h"
+#include "support/temporary_folder.h"
+#include "take/verify.h"
+#include "wire/channels.h"
+
+namespace v3d {
+namespace {
+
+using test::becomes_true;
+using test::Studio4;
+using test::within;
+using testing::HasSubstr;
+using testing::IsEmpty;
+
+constexpr int64_t kPulseBytes = 4 * 320 * 240;
+
+/// Takes are written to a disk of their own, of 48 MB.
+class SmallDiskStudio4 : public Studio4 {
+ protected:
+  SmallDiskStudio4() : Studio4({.takes = "takes"}) {
+    if (!disk_.is_mounted()) throw std::runtime_error("cannot mount a tmpfs here");
+  }
+  const test::SmallDisk disk_{folder_ / "takes", 48'000'000};
+};
+
+TEST_F(SmallDiskStudio4, refuses_to_arm_what_the_disk_has_no_room_for) {
+  EXPECT_THAT(command(CommandVerb::kArm).replies.at("cap01").text,
+              HasSubstr("needs 1.84 GB for 5 min, 48 MB free (room for"));
+  EXPECT_THAT(command(CommandVerb::kArm, 200).replies.at("cap01").text,
+              HasSubstr("needs 61.4 MB for 200 pulses, 48 MB free"));
+  ASSERT_TRUE(command(CommandVerb::kAbort).done());
+  disk_.become_read_only();
+  EXPECT_THAT(command(CommandVerb::kArm, 20).replies.at("cap01").text,
+              HasSubstr("Read-only file system"));
+}
+
+TEST_F(SmallDiskStudio4, ends_the_take_cleanly_before_the_disk_is_full) {
+  Bus bus(studio_.network.lcm_url);
+  Subscription<EventMessage> events(bus, kEventChannel, 256);
+  const Answer armed = command(CommandVerb::kArm, 100);
+  ASSERT_TRUE(armed.done()) << text_of(armed) << log();
+  disk_.leave((32 + 20) * kPulseBytes);  // the queue, and a second of recording
+  ASSERT_TRUE(command(CommandVerb::kStart).done()) << log();
+  std::string told;
+  const auto ended = [&] {
+    while (const auto event = events.wait(Monotonic::now())) {
+      if (event->subject == "take") told = event->text;
+    }
+    return !told.empty();
+  };
+  ASSERT_TRUE(becomes_true(ended, within(30))) << log();
+  EXPECT_THAT(told, HasSubstr("kendo-07 was ended: ")) << told;
+  EXPECT_THAT(told, HasSubstr("is nearly full: ")) << told;
+
+  const Answer stopped = command(CommandVerb::kStop);
+  ASSERT_TRUE(stopped.done()) << text_of(stopped) << log();
+  const auto ledger = nlohmann::json::parse(stopped.replies.at("cap01").detail);
+  EXPECT_TRUE(ledger["complete"]) << ledger;
+  EXPECT_LT(ledger["pulses"]["commanded"], 60) << ledger;
+  const Verification verified = verify_take(take());
+  EXPECT_TRUE(verified.whole()) << verified.ledger.verdict() << log();
+  EXPECT_FALSE(std::filesystem::exists(take().folder / ".reserve"));
+}
+
+TEST_F(SmallDiskStudio4, says_at_once_that_the_disk_is_gone_and_is_at_fault_without_a_ledger) {
+  Bus bus(studio_.network.lcm_url);
+  Subscription<EventMessage> events(bus, kEventChannel, 256);
+  arm_and_start(100);
+  disk_.vanish();
+  const auto told = [&] {
+    while (const auto event = events.wait(Monotonic::now())) {
+      if (event->text.find("is the disk of ") != std::string::npos) return true;
+    }
+    return false;
+  };
+  EXPECT_TRUE(becomes_true(told, within(30))) << log();
+  const Answer stopped = command(CommandVerb::kStop);
+  EXPECT_THAT(stopped.replies.at("cap01").text, HasSubstr("cannot write the ledger"));
+  EXPECT_THAT(stopped.replies.at("cap01").detail, HasSubstr("commanded")) << "the account is told";
+}
+
+/// The environment of the daemons that are started while it lives.
+struct SlowDiskPreloaded {
+  SlowDiskPreloaded() {
+    setenv("LD_PRELOAD", V3D_SLOW_DISK_LIBRARY, 1);
+    setenv("V3D_SLOW_DISK", control().c_str(), 1);
+  }
+  ~SlowDiskPreloaded() {
+    unsetenv("LD_PRELOAD");
+    unsetenv("V3D_SLOW_DISK");
+  }
+  std::filesystem::path control() const { return folder_ / "milliseconds"; }
+
+ private:
+  const test::TemporaryFolder folder_;
+};
+
+/// A disk that a test can make slow.
+class SlowDiskStudio4 : private SlowDiskPreloaded, public Studio4 {
+ protected:
+  /// Each write takes longer than a period of the trigger (50 ms).
+  void become_slow() { test::write_text(control(), "70"); }
+  void recover() { std::filesystem::remove(control()); }
+
+  /// Waits for an alarm about `subject`.
+  bool hear(Subscription<EventMessage>& events, const std::string& subject) {
+    const auto heard = [&] {
+      while (const auto event = events.wait(Monotonic::now())) {
+        if (event->subject == subject && event->severity == Severity::kAlarm) return true;
+      }
+      return false;
+    };
+    return becomes_true(heard, within(60));
+  }
+};
+
+TEST_F(SlowDiskStudio4, tells_of_a_slow_disk_before_the_first_frame_is_lost) {
+  Bus bus(studio_.network.lcm_url);
+  Subscription<EventMessage> events(bus, kEventChannel, 256);
+  arm_and_start(0);
+  become_slow();
+  ASSERT_TRUE(hear(events, "queue")) << log();
+  recover();
+  const Answer stopped = command(CommandVerb::kStop);
+  ASSERT_TRUE(stopped.done()) << text_of(stopped) << log();
+  EXPECT_TRUE(nlohmann::json::parse(stopped.replies.at("cap01").detail)["complete"]) << log();
+}
+
+TEST_F(SlowDiskStudio4, loses_the_oldest_frames_of_a_full_queue_and_names_each) {
+  Bus bus(studio_.network.lcm_url);
+  Subscription<EventMessage> events(bus, kEventChannel, 256);
+  arm_and_start(0);
+  become_slow();
+  ASSERT_TRUE(reaches("cap01", "cam01.frames_dropped", 1)) << log();
+  EXPECT_TRUE(hear(events, "queue"));
+  EXPECT_TRUE(hear(events, "disk"));
+  recover();
+  const Answer stopped = command(CommandVerb::kStop);
+  ASSERT_TRUE(stopped.done()) << text_of(stopped) << log();
+  const Verification verified = verify_take(take());
+  EXPECT_THAT(verified.disagreements, IsEmpty());
+  for (const CameraLedger& camera : verified.ledger.cameras) {
+    EXPECT_EQ(camera.received, verified.ledger.commanded) << camera.name;
+    EXPECT_EQ(camera.received - camera.written, std::ssize(camera.missing)) << camera.name;
+  }
+  EXPECT_GT(verified.ledger.cameras[0].missing.size(), 0U);
+}
+
+}  // namespace
+}  // namespace v3d
