@@ -17,6 +17,8 @@ enum class FaultKind : uint8_t {
   kUnplug,     ///< gone for `time` from this pulse on; its frame counter begins anew
   kClock,    ///< its clock jumps ahead by `time` (back where negative), and runs `drift_ppm` faster
   kBlack,    ///< the image is black
+  kLate,     ///< from this pulse on it shows what was `pulses` pulses before; takes written without
+             ///< daemons only
   kSuspect,  ///< the frame counter says another pulse; takes written without daemons only
 };
 

@@ -104,8 +104,8 @@ TEST(Faults, name_file_line_and_field_of_what_is_wrong) {
               HasSubstr("f.toml:3: fault.pulse: expected 0 to 4"));
   EXPECT_THAT(error(camera + "pulse = -1\nkind = \"drop\"\n"), HasSubstr("fault.pulse"));
   EXPECT_THAT(error(camera + "pulse = \"1\"\nkind = \"drop\"\n"), HasSubstr("fault.pulse"));
-  EXPECT_THAT(error(camera + "pulse = 1\nkind = \"late\"\n"),
-              HasSubstr("f.toml:4: fault.kind: 'late' is unknown"));
+  EXPECT_THAT(error(camera + "pulse = 1\nkind = \"tardy\"\n"),
+              HasSubstr("f.toml:4: fault.kind: 'tardy' is unknown"));
   EXPECT_THAT(error(camera + "pulse = 1\nkind = \"drop\"\nwhy = 1\n"), HasSubstr("why"));
   const std::string one = camera + "pulse = 1\nkind = \"drop\"\n";
   EXPECT_THAT(error(one + one), HasSubstr("two faults of cam02 at pulse 1"));
@@ -239,6 +239,21 @@ TEST(SimulatedTake, has_the_faults_that_were_asked_for_in_logs_and_ledger) {
   EXPECT_TRUE(third.labels()[4].suspect);
   EXPECT_THAT(third.read(1)->image.bytes, testing::Each(0));
   EXPECT_THAT(third.read(2)->image.bytes, testing::Contains(testing::Ne(0)));
+}
+
+TEST(SimulatedTake, shows_what_was_before_in_a_camera_that_is_late_and_only_there) {
+  const TemporaryFolder folder;
+  SimulatedTake take = small_take(folder / "late");
+  take.faults = {fault("cam02", 3, FaultKind::kLate)};
+  write(take);
+  const TakePaths paths{take.folder};
+  FrameLogReader late(paths.frames("cam02"));
+  EXPECT_NE(late.read(2)->image.bytes, late.read(1)->image.bytes);
+  EXPECT_EQ(late.read(3)->image.bytes, late.read(2)->image.bytes);
+  EXPECT_NE(late.read(4)->image.bytes, late.read(3)->image.bytes);
+  FrameLogReader other(paths.frames("cam01"));
+  EXPECT_NE(other.read(3)->image.bytes, other.read(2)->image.bytes);
+  EXPECT_TRUE(load_ledger(paths.ledger()).complete()) << "the account knows nothing of it";
 }
 
 TEST(SimulatedTake, writes_the_true_surface_of_every_pulse) {

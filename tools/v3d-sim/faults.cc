@@ -10,6 +10,7 @@ namespace v3d::sim {
 namespace {
 
 constexpr int64_t kMostPulses = 1'000'000'000;
+constexpr int64_t kMostPulsesLate = 100;  // their images are in memory
 constexpr double kLongestMs = 600'000;
 constexpr double kMostDriftPpm = 10'000;
 
@@ -19,11 +20,12 @@ struct Kind {
   bool in_takes;
   bool in_studios;
 };
-constexpr std::array<Kind, 9> kKinds = {{
+constexpr std::array<Kind, 10> kKinds = {{
     {"drop", FaultKind::kDrop, true, true},
     {"duplicate", FaultKind::kDuplicate, true, true},
     {"black", FaultKind::kBlack, true, true},
     {"suspect", FaultKind::kSuspect, true, false},
+    {"late", FaultKind::kLate, true, false},
     {"missed", FaultKind::kMissed, false, true},
     {"delay", FaultKind::kDelay, false, true},
     {"freeze", FaultKind::kFreeze, false, true},
@@ -89,6 +91,8 @@ Fault read_fault(const TomlTable& table, const Rig& rig, std::optional<int64_t> 
   fault.pulse = read_integer(table, "pulse", 0, take_pulses.value_or(kMostPulses) - 1);
   fault.kind = read_kind(table, take_pulses.has_value());
   if (fault.kind == FaultKind::kDelay) fault.time = read_ms(table, "ms", 1);
+  if (fault.kind == FaultKind::kLate)
+    fault.pulses = read_integer(table, "pulses", 1, kMostPulsesLate);
   if (fault.kind == FaultKind::kFreeze) {
     fault.pulses = read_integer(table, "pulses", 1, kMostPulses);
   }

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cstdio>
+#include <deque>
 #include <stdexcept>
 
 #include "base/calib_file.h"
@@ -74,6 +75,7 @@ class CameraLog {
         writer_(paths.frames(camera_)) {}
 
   void add(int64_t pulse, MonotonicInstant edge, RealtimeInstant edge_realtime, Image image) {
+    image = shown_at(pulse, std::move(image));
     if (has_fault(faults_, camera_, pulse, FaultKind::kDrop)) {
       return;
     }
@@ -106,6 +108,17 @@ class CameraLog {
     }
   }
 
+  /// What the camera shows at this pulse, of which `image` is the right picture.
+  Image shown_at(int64_t pulse, Image image) {
+    const auto late = std::ranges::find_if(faults_, [&](const Fault& fault) {
+      return fault.camera == camera_ && fault.kind == FaultKind::kLate;
+    });
+    if (late == faults_.end()) return image;
+    before_.push_back(std::move(image));
+    if (std::ssize(before_) > late->pulses + 1) before_.pop_front();
+    return pulse < late->pulse ? before_.back() : before_.front();
+  }
+
   CameraLedger close(int64_t commanded) const {
     CameraLedger ledger = account(camera_, pulses_, suspect_, commanded);
     ledger.exposed = exposures_.exposed();
@@ -123,6 +136,7 @@ class CameraLog {
   std::vector<int64_t> pulses_;
   std::vector<int64_t> suspect_;
   ExposureCount exposures_;
+  std::deque<Image> before_;  ///< of a camera that is late: the last pictures
 };
 
 void write_truth(const std::filesystem::path& folder, int64_t pulse, double seconds,

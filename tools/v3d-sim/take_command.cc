@@ -48,9 +48,10 @@ void add_take_command(CLI::App& app, int& status) {
       ->required()
       ->check(CLI::Range(int64_t{1}, int64_t{10'000'000}));
   add_studio_options(command, arguments->studio);
-  command.add_option("--faults", arguments->faults,
-                     "TOML file: [[fault]] camera, pulse, kind = drop|duplicate|black|suspect; see "
-                     "v3d-sim(1)");
+  command.add_option(
+      "--faults", arguments->faults,
+      "TOML file: [[fault]] camera, pulse, kind = drop|duplicate|black|suspect|late; see "
+      "v3d-sim(1)");
   command.add_option("--truth", arguments->truth,
                      "Folder for the true surface of every pulse, 000000.ply ...");
   command.footer(

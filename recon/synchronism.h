@@ -1,0 +1,69 @@
+// Cameras that are out of step, found in the images: a camera's silhouette fits the hull of the
+// others best at the pulse that it truly shows.
+#pragma once
+
+#include <array>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "base/camera_model.h"
+#include "base/geometry.h"
+#include "base/mask.h"
+#include "recon/intersect.h"
+#include "recon/marching_cubes.h"
+
+namespace v3d {
+
+/// Pulses before and after its own at which a camera is compared.
+inline constexpr int kMostPulsesOff = 2;
+inline constexpr int kShifts = 2 * kMostPulsesOff + 1;
+
+/// What one camera saw at pulse p - 2, p - 1, p, p + 1, p + 2; null where it has no frame.
+using MaskWindow = std::array<const Mask*, kShifts>;
+
+struct CameraSynchronism {
+  std::string camera;
+  int64_t frames = 0;  ///< pulses that were compared
+  /// Pixels in which the camera's silhouette of label p - 2 ... p + 2 and the hull of the others at
+  /// p differ, over all pulses, as part of its silhouettes' pixels.
+  std::array<double, kShifts> disagreement{};
+  /// Frames in which they differ less than those of label p do.
+  std::array<int64_t, kShifts> better{};
+
+  /// How many pulses the camera is late (its image of label p shows pulse p minus so many),
+  /// negative where it is early; 0 unless another pulse fits clearly better, in most
+  /// frames. What does not move looks the same at every pulse: then it is 0 too.
+  int pulses_late() const;
+};
+
+/// Compares frame by frame. One caller at a time; works in the caller's TBB arena; the result
+/// depends on nothing but the arguments.
+class SynchronismMeter {
+ public:
+  /// Throws InputError as Intersector does.
+  SynchronismMeter(const Rig& rig, const Box& bounds, double voxel_m, int min_views);
+
+  /// One pulse: a window per camera of the rig, of masks of the camera's image size, empty outside
+  /// the view of the bounds. A camera with a gap in its window is not compared; one without a frame
+  /// of the pulse itself is no part of the hull.
+  void add(std::span<const MaskWindow> windows);
+
+  /// By camera of the rig.
+  std::vector<CameraSynchronism> result() const;
+
+ private:
+  struct Sum {
+    int64_t frames = 0;
+    int64_t pixels = 0;
+    std::array<int64_t, kShifts> differing{}, better{};
+  };
+  void compare(size_t camera, const MaskWindow& window, const Mask& hull);
+
+  const Rig rig_;
+  Intersector intersector_;
+  MarchingCubes marching_cubes_;
+  std::vector<Sum> sums_;
+};
+
+}  // namespace v3d
