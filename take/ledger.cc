@@ -187,7 +187,11 @@ Ledger load_ledger(const std::filesystem::path& path) {
     throw InputError(path.string() +
                      ": missing; the take was not ended: v3dctl verify recounts it");
   }
-  const TomlTable table = TomlTable::load(path);
+  return parse_ledger(read_file(path), path);
+}
+
+Ledger parse_ledger(std::string_view text, const std::filesystem::path& path) {
+  const TomlTable table = TomlTable::parse(text, path);
   Ledger ledger;
   ledger.take = table.text("take");
   ledger.commanded = read_count(table, "commanded");

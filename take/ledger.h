@@ -6,6 +6,7 @@
 #include <optional>
 #include <set>
 #include <string>
+#include <string_view>
 #include <vector>
 
 namespace v3d {
@@ -57,6 +58,7 @@ std::vector<std::string> table_lines(const Ledger& ledger);
 
 /// Throws InputError with file, line and field; also when the file is not there.
 Ledger load_ledger(const std::filesystem::path& path);
+Ledger parse_ledger(std::string_view text, const std::filesystem::path& path);
 /// Replaces the file in one step; throws std::runtime_error when the disk refuses.
 void save_ledger(const std::filesystem::path& path, const Ledger& ledger);
 

@@ -51,7 +51,11 @@ TakeInfo load_take_info(const TakePaths& paths) {
   if (!std::filesystem::exists(paths.info())) {
     throw InputError(paths.folder.string() + ": is no take: take.toml is missing");
   }
-  const TomlTable table = TomlTable::load(paths.info());
+  return parse_take_info(read_file(paths.info()), paths.info());
+}
+
+TakeInfo parse_take_info(std::string_view text, const std::filesystem::path& path) {
+  const TomlTable table = TomlTable::parse(text, path);
   TakeInfo info;
   info.name = table.text("name");
   if (!is_file_name(info.name)) {

@@ -1,6 +1,6 @@
 // A take on disk: a folder (see ARCHITECTURE.md, "A take is a folder").
 //   take.toml  ledger.toml  calib.toml  studio.toml  pulses.lcmlog  <camera>.lcmlog  background/
-//   mesh.v3d
+//   mesh.v3d  slate.toml  verified.toml
 #pragma once
 
 #include <cstdint>
@@ -46,10 +46,15 @@ struct TakePaths {
   }
   std::filesystem::path background() const { return folder / "background"; }
   std::filesystem::path mesh() const { return folder / "mesh.v3d"; }
+  /// What the crew says of it; absent until somebody does.
+  std::filesystem::path slate() const { return folder / "slate.toml"; }
+  /// Written by a verification; absent before.
+  std::filesystem::path verified() const { return folder / "verified.toml"; }
 };
 
 /// Throws InputError when the folder is no take, with what is missing.
 TakeInfo load_take_info(const TakePaths& paths);
+TakeInfo parse_take_info(std::string_view text, const std::filesystem::path& path);
 /// Replaces take.toml in one step; throws std::runtime_error when the disk refuses.
 void save_take_info(const TakePaths& paths, const TakeInfo& info);
 

@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "base/error.h"
+#include "take/take.h"
 
 namespace v3d::ctl {
 
@@ -28,7 +29,10 @@ CLI::App* CommandLine::add(const std::string& name, const std::string& descripti
 }
 
 void CommandLine::on_run(CLI::App* command, std::function<int()> run) {
-  command->callback([this, run = std::move(run)] { run_ = run; });
+  // CLI11 calls back a command after the one under it that was named.
+  command->callback([this, command, run = std::move(run)] {
+    if (command->get_subcommands().empty()) run_ = run;
+  });
 }
 
 /// Empty when there is none.
@@ -47,6 +51,18 @@ std::filesystem::path CommandLine::studio_path() const {
   throw InputError(
       "no studio file: give --studio FILE, set V3D_STUDIO, or put it at ./studio.toml or "
       "/etc/v3d/studio.toml");
+}
+
+std::optional<Studio> CommandLine::studio_of_take(const std::filesystem::path& take) const {
+  const TakePaths paths{take};
+  if (std::filesystem::exists(paths.studio())) return load_studio(paths.studio());
+  std::filesystem::path path;
+  try {
+    path = studio_path();
+  } catch (const InputError&) {
+    return std::nullopt;
+  }
+  return load_studio(path);
 }
 
 void add_all_commands(CommandLine& line) {

@@ -8,6 +8,7 @@
 #include <filesystem>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -34,6 +35,9 @@ class CommandLine {
   /// when there is none.
   std::filesystem::path studio_path() const;
   Studio studio() const { return load_studio(studio_path()); }
+  /// The studio file that gives defaults for work on a take: the take's own, so that results are
+  /// those of the live reconstruction, else the one of this place. A take needs none.
+  std::optional<Studio> studio_of_take(const std::filesystem::path& take) const;
 
  private:
   std::filesystem::path find_studio() const;

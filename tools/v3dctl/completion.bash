@@ -15,12 +15,13 @@ _v3dctl_words_of_help() {
 
 _v3dctl() {
   local current=${COMP_WORDS[COMP_CWORD]} previous=${COMP_WORDS[COMP_CWORD-1]}
-  local program=${COMP_WORDS[0]} command="" i
+  local program=${COMP_WORDS[0]} command="" under="" i
   for ((i = 1; i < COMP_CWORD; i++)); do
     case ${COMP_WORDS[i]} in
       --studio) ((i++)) ;;
       -*) ;;
-      *) command=${COMP_WORDS[i]}; break ;;
+      *) if [[ $command != takes ]]; then command=${COMP_WORDS[i]}; else under=${COMP_WORDS[i]}; fi
+         [[ $command == takes && -z $under ]] || break ;;
     esac
   done
   COMPREPLY=()
@@ -30,8 +31,10 @@ _v3dctl() {
   esac
   if [[ -z $command ]]; then
     COMPREPLY=($(compgen -W "$(_v3dctl_words_of_help "$program")" -- "$current"))
+  elif [[ $command == takes && -z $under && $current != -* ]]; then
+    COMPREPLY=($(compgen -W "$(_v3dctl_words_of_help "$program" takes)" -- "$current"; compgen -f -- "$current"))
   elif [[ $current == -* ]]; then
-    COMPREPLY=($(compgen -W "$(_v3dctl_words_of_help "$program" "$command")" -- "$current"))
+    COMPREPLY=($(compgen -W "$(_v3dctl_words_of_help "$program" "$command" $under)" -- "$current"))
   else
     COMPREPLY=($(compgen -f -- "${current#*=}"))
   fi

@@ -145,15 +145,6 @@ class SilhouetteMeter {
   }
 
  private:
-  static Mask inside(Mask mask, const Mask& view) {
-    for (int y = 0; y < mask.size().height; ++y) {
-      const auto row = mask.row(y);
-      std::transform(row.begin(), row.end(), view.row(y).begin(), row.begin(),
-                     [](uint64_t a, uint64_t b) { return a & b; });
-    }
-    return mask;
-  }
-
   std::vector<CameraModel> models_;
   std::vector<Mask> views_;
 };

@@ -140,19 +140,6 @@ void add_options(CLI::App* command, Arguments& arguments) {
   add_json_flag(command, arguments.json);
 }
 
-// The studio file gives defaults where there is one: the take's own, so that the result is that of
-// the live reconstruction, else the one of this place. A take needs none.
-std::optional<Studio> studio_if_any(const CommandLine& line, const TakePaths& take) {
-  if (std::filesystem::exists(take.studio())) return load_studio(take.studio());
-  std::filesystem::path path;
-  try {
-    path = line.studio_path();
-  } catch (const InputError&) {
-    return std::nullopt;
-  }
-  return load_studio(path);
-}
-
 int run(const CommandLine& line, Arguments arguments) {
   ReconstructRequest& request = arguments.request;
   if (!arguments.voxel.empty()) request.voxel_m = parse_length(arguments.voxel);
@@ -161,7 +148,7 @@ int run(const CommandLine& line, Arguments arguments) {
   if (arguments.min_views > 0) request.min_views = arguments.min_views;
   request.frames = parse_frame_range(arguments.frames);
   request.leave_out = parse_names(arguments.leave_out, "--leave-out");
-  request.studio = studio_if_any(line, TakePaths{request.take});
+  request.studio = line.studio_of_take(request.take);
   catch_interrupts();
   const ReconstructReport report = reconstruct_take(request);
   if (arguments.json) {

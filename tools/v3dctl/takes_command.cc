@@ -1,15 +1,16 @@
-#include <algorithm>
+// takes, and what a crew does with them: slate, circle, reject, clear, collect, delete.
 #include <cstdio>
-#include <ctime>
 #include <nlohmann/json.hpp>
 
 #include "base/error.h"
+#include "base/name.h"
 #include "base/units.h"
-#include "take/ledger.h"
-#include "take/mesh_file.h"
-#include "take/take.h"
+#include "common/console.h"
+#include "take/verified.h"
 #include "v3dctl/command.h"
 #include "v3dctl/options.h"
+#include "v3dctl/take_listing.h"
+#include "v3dctl/takes_collect.h"
 
 namespace v3d::ctl {
 namespace {
@@ -17,103 +18,274 @@ namespace {
 namespace fs = std::filesystem;
 using Json = nlohmann::ordered_json;
 
-struct Listing {
-  TakeInfo info;
-  bool whole = false;  ///< by its ledger
-  int64_t meshes = 0;
+struct Arguments {
+  fs::path folder;
+  bool json = false;
+  std::vector<std::string> names;
+  // slate
+  std::string scene, take, note;
+  // collect
+  fs::path to;
+  std::vector<std::string> from;
+  std::string rsh;
+  // delete
+  bool yes = false;
 };
+using SharedArguments = std::shared_ptr<Arguments>;
 
-Listing look_at(const TakePaths& paths) {
-  Listing listing{load_take_info(paths), false, 0};
-  if (fs::exists(paths.ledger())) listing.whole = load_ledger(paths.ledger()).complete();
-  if (fs::exists(paths.mesh())) listing.meshes = std::ssize(MeshFileReader(paths.mesh()).pulses());
-  return listing;
+fs::path folder_of(const CommandLine& line, const Arguments& arguments) {
+  return arguments.folder.empty() ? line.studio().storage.takes : arguments.folder;
 }
 
-// A folder that cannot be read as a take is told about and passed over.
-std::vector<Listing> find_takes(const fs::path& folder) {
-  if (!fs::is_directory(folder)) throw InputError(folder.string() + ": is no folder of takes");
-  std::vector<Listing> takes;
-  for (const fs::directory_entry& entry : fs::directory_iterator(folder)) {
-    const TakePaths paths{entry.path()};
-    if (!fs::exists(paths.info())) continue;
-    try {
-      takes.push_back(look_at(paths));
-    } catch (const InputError& error) {
-      std::fprintf(stderr, "v3dctl: passed over: %s\n", error.what());
+/// The takes that were named, all of them there.
+std::vector<TakeListing> named_takes(const CommandLine& line, const Arguments& arguments) {
+  const fs::path folder = folder_of(line, arguments);
+  std::vector<TakeListing> takes;
+  for (const std::string& name : arguments.names) {
+    if (!is_file_name(name)) {
+      throw InputError("'" + name + "' is no name of a take: " + std::string(kFileNameRule));
     }
+    takes.push_back(look_at_take({folder / name}));
   }
-  std::sort(takes.begin(), takes.end(), [](const Listing& a, const Listing& b) {
-    return std::tie(a.info.started, a.info.name) < std::tie(b.info.started, b.info.name);
-  });
   return takes;
 }
 
-std::string local_time(RealtimeInstant instant) {
-  const std::time_t seconds = to_ns(instant) / 1'000'000'000;
-  std::tm parts{};
-  localtime_r(&seconds, &parts);
-  char text[32];
-  std::strftime(text, sizeof text, "%Y-%m-%d %H:%M", &parts);
-  return text;
+Json slate_json(const Slate& slate) {
+  return {{"scene", slate.scene},
+          {"take", slate.take},
+          {"note", slate.note},
+          {"mark", name(slate.mark)}};
 }
 
-std::string_view verdict(const Listing& take) {
-  if (take.info.state == TakeState::kRecording) return "recording";
-  if (!take.whole) return "incomplete";
-  return take.info.state == TakeState::kRecovered ? "recovered" : "complete";
-}
-
-void print_text(const std::vector<Listing>& takes) {
-  size_t width = 4;
-  for (const Listing& take : takes) width = std::max(width, take.info.name.size());
-  for (const Listing& take : takes) {
-    std::printf("%-*s  %s  %-10s  %3zu cameras x %7s pulses, %g Hz, %s meshes\n",
-                static_cast<int>(width), take.info.name.c_str(),
-                local_time(take.info.started).c_str(), verdict(take).data(),
-                take.info.cameras.size(), format_count(take.info.pulses).c_str(), take.info.rate_hz,
-                format_count(take.meshes).c_str());
-  }
-}
-
-void print_json(const std::vector<Listing>& takes) {
+Json listing_json(const std::vector<TakeListing>& takes) {
   Json list = Json::array();
-  for (const Listing& take : takes) {
+  for (const TakeListing& take : takes) {
     list.push_back({{"name", take.info.name},
                     {"studio", take.info.studio},
                     {"started_ns", to_ns(take.info.started)},
-                    {"state", verdict(take)},
+                    {"state", take.verdict()},
+                    {"verified", take.verified},
                     {"rate_hz", take.info.rate_hz},
                     {"pulses", take.info.pulses},
+                    {"seconds", take.seconds()},
+                    {"bytes", take.bytes},
                     {"cameras", take.info.cameras},
-                    {"meshes", take.meshes}});
+                    {"meshes", take.meshes},
+                    {"slate", slate_json(take.slate)}});
   }
-  std::printf("%s\n", Json({{"takes", list}}).dump(2).c_str());
+  return {{"takes", list}};
+}
+
+void print_listing(const std::vector<TakeListing>& takes, bool json) {
+  if (json) {
+    std::printf("%s\n", listing_json(takes).dump(2).c_str());
+    return;
+  }
+  for (const std::string& line : listing_lines(takes)) std::printf("%s\n", line.c_str());
+}
+
+int run_list(const CommandLine& line, const Arguments& arguments) {
+  print_listing(find_takes(folder_of(line, arguments)), arguments.json);
+  return kExitDone;
+}
+
+/// Changes the slates of the named takes, and shows them.
+template <class Change>
+int change_slates(const CommandLine& line, const Arguments& arguments, Change change) {
+  std::vector<TakeListing> takes = named_takes(line, arguments);
+  for (TakeListing& take : takes) {
+    change(take.slate);
+    save_slate(take.paths.slate(), take.slate);
+  }
+  print_listing(takes, arguments.json);
+  return kExitDone;
+}
+
+// --- delete -------------------------------------------------------------------------------------
+
+void refuse_to_delete(const TakeListing& take) {
+  const std::string& name = take.info.name;
+  if (take.info.state == TakeState::kRecording) {
+    throw InputError(name + " is being recorded, or was never closed: v3dctl verify --recover " +
+                     take.paths.folder.string());
+  }
+  if (!take.verified) {
+    throw InputError(name + " is not verified, or has changed since: v3dctl verify " +
+                     take.paths.folder.string());
+  }
+  if (take.slate.mark == Mark::kCircled) {
+    throw InputError(name + " is circled: v3dctl takes clear " + name);
+  }
+}
+
+/// Gone from the list at once, whatever interrupts the rest.
+void delete_take(const TakeListing& take) {
+  const fs::path& folder = take.paths.folder;
+  const fs::path doomed = folder.parent_path() / (".deleted-" + folder.filename().string());
+  fs::remove_all(doomed);
+  fs::rename(folder, doomed);
+  fs::remove_all(doomed);
+}
+
+int run_delete(const CommandLine& line, const Arguments& arguments) {
+  const std::vector<TakeListing> takes = named_takes(line, arguments);
+  double bytes = 0;
+  for (const TakeListing& take : takes) {
+    refuse_to_delete(take);
+    bytes += static_cast<double>(take.bytes);
+  }
+  if (!arguments.yes) {
+    for (const std::string& text : listing_lines(takes)) note(text);
+    throw InputError(format_bytes(bytes) + " would be gone for good; to delete them add --yes");
+  }
+  for (const TakeListing& take : takes) {
+    delete_take(take);
+    std::printf("deleted %s\n", take.info.name.c_str());
+  }
+  return kExitDone;
+}
+
+// --- collect ------------------------------------------------------------------------------------
+
+TakeSource parse_source(const std::string& text) {
+  const size_t equals = text.find('=');
+  if (equals == std::string::npos || equals == 0 || equals + 1 == text.size()) {
+    throw InputError("--from " + text + ": want NODE=PLACE, as in cap01=/mnt/cap01/takes");
+  }
+  const TakeSource source{text.substr(0, equals), text.substr(equals + 1)};
+  if (!is_file_name(source.node)) {
+    throw InputError("--from " + text + ": '" + source.node + "' cannot name a node");
+  }
+  return source;
+}
+
+bool is_whole(const CollectedTake& take) {
+  return take.was_there || (take.problem.empty() && take.verification.whole());
+}
+
+std::string text_of(const CollectedTake& take) {
+  if (take.was_there) return "take " + take.name + ": is there already";
+  if (!take.problem.empty()) return "take " + take.name + ": not collected: " + take.problem;
+  std::string text;
+  for (const std::string& line : take.verification.disagreements) text += line + "\n";
+  return text + take.verification.ledger.verdict();
+}
+
+Json collected_json(const std::vector<CollectedTake>& takes) {
+  Json list = Json::array();
+  for (const CollectedTake& take : takes) {
+    list.push_back({{"name", take.name},
+                    {"collected", take.problem.empty()},
+                    {"was_there", take.was_there},
+                    {"problem", take.problem},
+                    {"complete", is_whole(take)},
+                    {"disagreements", take.verification.disagreements}});
+  }
+  return {{"takes", list}};
+}
+
+int run_collect(const CommandLine& line, const Arguments& arguments) {
+  CollectRequest request;
+  for (const std::string& text : arguments.from) request.sources.push_back(parse_source(text));
+  if (request.sources.empty()) request.sources = sources_of(line.studio());
+  request.to = arguments.to;
+  request.takes = arguments.names;
+  request.rsh = arguments.rsh;
+  const std::vector<CollectedTake> takes = collect_takes(request);
+  if (arguments.json) {
+    std::printf("%s\n", collected_json(takes).dump(2).c_str());
+  } else {
+    for (const CollectedTake& take : takes) std::printf("%s\n", text_of(take).c_str());
+    if (takes.empty()) note("v3dctl: no node has a take");
+  }
+  return std::all_of(takes.begin(), takes.end(), is_whole) ? kExitDone : kExitNotWhole;
+}
+
+// --- the command line ---------------------------------------------------------------------------
+
+CLI::App* add_under(CLI::App* takes, const std::string& name, const std::string& description,
+                    const std::string& example) {
+  CLI::App* command = takes->add_subcommand(name, description);
+  command->fallthrough();
+  command->footer("Example:\n  $ " + example);
+  return command;
+}
+
+void add_names(CLI::App* command, const SharedArguments& arguments) {
+  command->add_option("NAME", arguments->names, "Takes")->required();
+}
+
+void add_slate(CommandLine& line, CLI::App* takes, const SharedArguments& arguments) {
+  CLI::App* command = add_under(takes, "slate", "Write scene, take number and note on a take",
+                                "v3dctl takes slate kendo-07 --scene 12 --take 3 --note \"slips\"");
+  add_names(command, arguments);
+  const CLI::Option* scene =
+      command->add_option("--scene", arguments->scene, "Scene")->type_name("TEXT");
+  const CLI::Option* take =
+      command->add_option("--take", arguments->take, "Number of the take")->type_name("TEXT");
+  const CLI::Option* note =
+      command->add_option("--note", arguments->note, "Anything else")->type_name("TEXT");
+  line.on_run(command, [&line, arguments, scene, take, note] {
+    return change_slates(line, *arguments, [&](Slate& slate) {
+      if (scene->count() > 0) slate.scene = arguments->scene;
+      if (take->count() > 0) slate.take = arguments->take;
+      if (note->count() > 0) slate.note = arguments->note;
+    });
+  });
+}
+
+void add_mark(CommandLine& line, CLI::App* takes, const SharedArguments& arguments,
+              const std::string& name, Mark mark, const std::string& description) {
+  CLI::App* command = add_under(takes, name, description, "v3dctl takes " + name + " kendo-07");
+  add_names(command, arguments);
+  line.on_run(command, [&line, arguments, mark] {
+    return change_slates(line, *arguments, [mark](Slate& slate) { slate.mark = mark; });
+  });
+}
+
+void add_collect(CommandLine& line, CLI::App* takes, const SharedArguments& arguments) {
+  CLI::App* command =
+      add_under(takes, "collect", "Copy takes from all nodes to one place, and verify them there",
+                "v3dctl takes collect --to /mnt/archive kendo-07");
+  command->add_option("NAME", arguments->names, "Takes (else all that are not there yet)");
+  command->add_option("--to", arguments->to, "Folder that they are brought to")
+      ->type_name("DIR")
+      ->required();
+  command
+      ->add_option("--from", arguments->from,
+                   "A node and its takes: a folder, or HOST:FOLDER; else those of the studio file")
+      ->type_name("NODE=PLACE")
+      ->expected(1)
+      ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll);
+  command->add_option("--rsh", arguments->rsh, "Remote shell of rsync (else ssh)")
+      ->type_name("COMMAND");
+  line.on_run(command, [&line, arguments] { return run_collect(line, *arguments); });
+}
+
+void add_delete(CommandLine& line, CLI::App* takes, const SharedArguments& arguments) {
+  CLI::App* command = add_under(takes, "delete", "Delete takes that are verified and not circled",
+                                "v3dctl takes delete kendo-06 --yes");
+  add_names(command, arguments);
+  command->add_flag("--yes", arguments->yes, "Really; without it, say what would be deleted");
+  line.on_run(command, [&line, arguments] { return run_delete(line, *arguments); });
 }
 
 }  // namespace
 
 void add_takes(CommandLine& line) {
-  CLI::App* command = line.add("takes", "List the takes in a folder, oldest first",
-                               {"v3dctl takes", "v3dctl takes /srv/v3d/takes --json"});
-  struct Arguments {
-    fs::path folder;
-    bool json = false;
-  };
+  CLI::App* command = line.add(
+      "takes", "List the takes in a folder, oldest first; mark, collect, delete",
+      {"v3dctl takes", "v3dctl takes /srv/v3d/takes --json", "v3dctl takes circle kendo-07"});
   auto arguments = std::make_shared<Arguments>();
-  command->add_option("DIR", arguments->folder, "The folder of takes (else the studio's)");
+  command->add_option("--dir,DIR", arguments->folder, "The folder of takes (else the studio's)");
   add_json_flag(command, arguments->json);
-  line.on_run(command, [&line, arguments]() -> int {
-    const fs::path folder =
-        arguments->folder.empty() ? line.studio().storage.takes : arguments->folder;
-    const std::vector<Listing> takes = find_takes(folder);
-    if (arguments->json) {
-      print_json(takes);
-    } else {
-      print_text(takes);
-    }
-    return kExitDone;
-  });
+  line.on_run(command, [&line, arguments] { return run_list(line, *arguments); });
+  add_slate(line, command, arguments);
+  add_mark(line, command, arguments, "circle", Mark::kCircled, "Mark takes as good");
+  add_mark(line, command, arguments, "reject", Mark::kRejected, "Mark takes as bad");
+  add_mark(line, command, arguments, "clear", Mark::kNone, "Take the mark off again");
+  add_collect(line, command, arguments);
+  add_delete(line, command, arguments);
 }
 
 }  // namespace v3d::ctl

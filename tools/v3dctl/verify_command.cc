@@ -3,8 +3,11 @@
 
 #include "base/error.h"
 #include "common/console.h"
+#include "take/verified.h"
 #include "take/verify.h"
 #include "v3dctl/command.h"
+#include "v3dctl/image_check.h"
+#include "v3dctl/interrupt.h"
 #include "v3dctl/operator_text.h"
 #include "v3dctl/options.h"
 
@@ -14,8 +17,20 @@ namespace {
 struct Arguments {
   std::filesystem::path take;
   bool recover = false;
+  bool images = false;
   bool json = false;
 };
+
+Json images_json(const std::vector<CameraSynchronism>& cameras) {
+  Json list = Json::array();
+  for (const CameraSynchronism& camera : cameras) {
+    list.push_back({{"name", camera.camera},
+                    {"pulses_late", camera.pulses_late()},
+                    {"frames", camera.frames},
+                    {"disagreement", camera.disagreement}});
+  }
+  return list;
+}
 
 Json verification_json(const Verification& verification) {
   Json json = to_json(verification.ledger);
@@ -36,11 +51,30 @@ void print_text(const Verification& verification) {
   std::printf("%s\n", verification.ledger.verdict().c_str());
 }
 
-int run(const Arguments& arguments) {
+// So that the take may be deleted one day. Where the folder cannot be written, it is not.
+void remember(const TakePaths& paths, const Verification& verification) {
+  try {
+    save_verified(paths, verification);
+  } catch (const std::exception& error) {
+    note(std::string("v3dctl: verified, but not marked so: ") + error.what());
+  }
+}
+
+int run(const CommandLine& line, const Arguments& arguments) {
   const TakePaths paths{arguments.take};
-  const Verification verification = arguments.recover ? recover_take(paths) : verify_take(paths);
+  Verification verification = arguments.recover ? recover_take(paths) : verify_take(paths);
+  std::vector<CameraSynchronism> images;
+  if (arguments.images) {
+    catch_interrupts();
+    images = check_images({.take = arguments.take, .studio = line.studio_of_take(arguments.take)});
+    for (std::string& text : lines_of_cameras_out_of_step(images)) {
+      verification.disagreements.push_back(std::move(text));
+    }
+  }
   if (arguments.json) {
-    std::printf("%s\n", verification_json(verification).dump(2).c_str());
+    Json json = verification_json(verification);
+    if (arguments.images) json["images"] = images_json(images);
+    std::printf("%s\n", json.dump(2).c_str());
   } else {
     print_text(verification);
   }
@@ -51,20 +85,25 @@ int run(const Arguments& arguments) {
         arguments.take.string());
     return kExitNotWhole;
   }
+  remember(paths, verification);
   return verification.whole() ? kExitDone : kExitNotWhole;
 }
 
 }  // namespace
 
 void add_verify(CommandLine& line) {
-  CLI::App* command = line.add("verify", "Check a take against its ledger, file by file",
-                               {"v3dctl verify kendo-07", "v3dctl verify kendo-07 --json"});
+  CLI::App* command =
+      line.add("verify", "Check a take against its ledger, file by file",
+               {"v3dctl verify kendo-07", "v3dctl verify kendo-07 --images --json"});
   auto arguments = std::make_shared<Arguments>();
   command->add_option("TAKE", arguments->take, "The folder of the take")->required();
   command->add_flag("--recover", arguments->recover,
                     "Give a take that nobody closed (a power cut) the ledger that its files make");
+  command->add_flag("--images", arguments->images,
+                    "Also hold each camera's silhouettes against the hull of the others: names "
+                    "cameras that are out of step");
   add_json_flag(command, arguments->json);
-  line.on_run(command, [arguments] { return run(*arguments); });
+  line.on_run(command, [&line, arguments] { return run(line, *arguments); });
 }
 
 }  // namespace v3d::ctl

@@ -1,0 +1,100 @@
+#include "take/join_parts.h"
+
+#include <algorithm>
+
+#include "base/error.h"
+#include "base/file.h"
+#include "take/ledger.h"
+
+namespace v3d {
+namespace {
+
+namespace fs = std::filesystem;
+
+struct Part {
+  TakePaths paths;
+  TakeInfo info;
+  Ledger ledger;
+};
+
+/// A second link to the same bytes; elsewhere, or where links are not permitted, a copy.
+void put(const fs::path& file, const fs::path& place) {
+  std::error_code error;
+  fs::create_hard_link(file, place, error);
+  if (error) fs::copy_file(file, place);
+}
+
+void put_if_there(const fs::path& file, const fs::path& place) {
+  if (fs::exists(file) && !fs::exists(place)) put(file, place);
+}
+
+std::vector<Part> recorded_parts(const std::vector<TakePaths>& parts) {
+  std::vector<Part> recorded;
+  for (const TakePaths& paths : parts) {
+    if (!fs::exists(paths.info())) continue;
+    recorded.push_back({paths, load_take_info(paths), load_ledger(paths.ledger())});
+  }
+  if (recorded.empty()) throw InputError("no part of the take has a take.toml");
+  return recorded;
+}
+
+void refuse_other_take(const Part& first, const Part& other) {
+  const std::string files = first.paths.folder.string() + " and " + other.paths.folder.string();
+  if (first.info.name != other.info.name || first.info.rate_hz != other.info.rate_hz) {
+    throw InputError(files + ": are not of one take: another name or rate");
+  }
+  if (read_file(first.paths.calib()) != read_file(other.paths.calib())) {
+    throw InputError(files + ": have different calibrations (calib.toml)");
+  }
+}
+
+/// What stands in the take's own folder besides what is joined.
+void put_shared(const TakePaths& part, const TakePaths& into) {
+  put_if_there(part.calib(), into.calib());
+  put_if_there(part.studio(), into.studio());
+  put_if_there(part.mesh(), into.mesh());
+  put_if_there(part.slate(), into.slate());
+  if (!fs::is_directory(part.background())) return;
+  for (const auto& entry : fs::directory_iterator(part.background())) {
+    put_if_there(entry.path(), into.background() / entry.path().filename());
+  }
+}
+
+void put_frames(const Part& part, const TakePaths& into, TakeInfo& info) {
+  for (const std::string& camera : part.info.cameras) {
+    if (std::find(info.cameras.begin(), info.cameras.end(), camera) != info.cameras.end()) {
+      throw InputError(part.paths.folder.string() + ": another part has " + camera + " too");
+    }
+    info.cameras.push_back(camera);
+    put_if_there(part.paths.frames(camera), into.frames(camera));
+  }
+}
+
+}  // namespace
+
+TakeInfo join_parts(const std::vector<TakePaths>& parts, const TakePaths& into) {
+  const std::vector<Part> recorded = recorded_parts(parts);
+  TakeInfo info = recorded.front().info;
+  info.cameras.clear();
+  fs::create_directories(into.background());
+  std::vector<Ledger> ledgers;
+  for (const Part& part : recorded) {
+    refuse_other_take(recorded.front(), part);
+    put_frames(part, into, info);
+    info.started = std::min(info.started, part.info.started);
+    if (part.info.state != TakeState::kComplete) info.state = part.info.state;
+    ledgers.push_back(part.ledger);
+  }
+  for (const TakePaths& part : parts) put_shared(part, into);
+  const auto sensed_most = std::max_element(
+      recorded.begin(), recorded.end(),
+      [](const Part& a, const Part& b) { return a.ledger.sensed < b.ledger.sensed; });
+  put_if_there(sensed_most->paths.pulses(), into.pulses());
+  const Ledger ledger = merge(ledgers);
+  info.pulses = ledger.commanded;
+  save_ledger(into.ledger(), ledger);
+  save_take_info(into, info);
+  return info;
+}
+
+}  // namespace v3d

@@ -1,0 +1,121 @@
+#include "take/join_parts.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "base/error.h"
+#include "base/file.h"
+#include "recording.h"
+#include "support/message_of.h"
+#include "support/temporary_folder.h"
+#include "take/frame_log.h"
+#include "take/verified.h"
+#include "take/verify.h"
+
+namespace v3d {
+namespace {
+
+using testing::ElementsAre;
+using testing::HasSubstr;
+using testing::IsEmpty;
+
+/// What two capture nodes and a reconstruction node have of a take of three pulses.
+class Parts : public testing::Test {
+ protected:
+  Parts() {
+    record("cap01", {"cam01", "cam02"}, 3);
+    record("cap02", {"cam03"}, 3);
+    std::filesystem::create_directories(part("recon01").folder);
+    test::write_text(part("recon01").mesh(), "meshes");
+  }
+
+  TakePaths part(const std::string& node) const { return {folder_ / node}; }
+
+  void record(const std::string& node, const std::vector<std::string>& cameras, int64_t pulses) {
+    const TakePaths paths = part(node);
+    std::filesystem::create_directories(paths.background());
+    TakeInfo info{.name = "kendo-07",
+                  .studio = "dojo",
+                  .rate_hz = 25,
+                  .pulses = pulses,
+                  .state = TakeState::kComplete,
+                  .software_version = "0.1.0",
+                  .started = {},
+                  .cameras = cameras};
+    save_take_info(paths, info);
+    test::write_text(paths.calib(), "# the rig\n");
+    Ledger ledger{.take = "kendo-07", .commanded = pulses, .sensed = pulses, .cameras = {}};
+    EventLogWriter sensed(paths.pulses());
+    for (int64_t pulse = 0; pulse < pulses; ++pulse) {
+      PulseMessage message;
+      message.pulse = pulse;
+      sensed.write(message);
+    }
+    for (const std::string& camera : cameras) {
+      test::write_text(paths.background() / (camera + ".toml"), camera);
+      EventLogWriter frames(paths.frames(camera));
+      std::vector<int64_t> written;
+      for (int64_t pulse = 0; pulse < pulses; ++pulse) {
+        frames.write(test::recorded_frame(camera, pulse, {4, 2}));
+        written.push_back(pulse);
+      }
+      ledger.cameras.push_back(account(camera, written, {}, pulses));
+    }
+    save_ledger(paths.ledger(), ledger);
+  }
+
+  TakeInfo join() const {
+    return join_parts({part("recon01"), part("cap01"), part("cap02")}, whole_);
+  }
+
+  const test::TemporaryFolder folder_;
+  const TakePaths whole_{folder_ / "whole"};
+};
+
+TEST_F(Parts, become_one_take_that_verifies) {
+  EXPECT_THAT(join().cameras, ElementsAre("cam01", "cam02", "cam03"));
+  std::filesystem::remove(whole_.mesh());  // of this test, it is none
+  const Verification verified = verify_take(whole_);
+  EXPECT_TRUE(verified.whole()) << verified.ledger.verdict();
+  EXPECT_THAT(verified.disagreements, IsEmpty());
+  EXPECT_EQ(read_file(whole_.background() / "cam03.toml"), "cam03");
+  EXPECT_TRUE(std::filesystem::exists(part("cap01").frames("cam01"))) << "parts stay";
+}
+
+TEST_F(Parts, of_which_one_counted_fewer_pulses_miss_the_rest) {
+  record("cap02", {"cam03"}, 2);
+  join();
+  const Verification verified = verify_take(whole_);
+  EXPECT_EQ(verified.ledger.commanded, 3);
+  EXPECT_EQ(verified.ledger.sensed, 3);
+  EXPECT_THAT(verified.ledger.cameras[2].missing, ElementsAre(2));
+}
+
+TEST_F(Parts, that_contradict_each_other_are_refused) {
+  const auto refusal = [&] { return test::message_of<InputError>([&] { join(); }); };
+  test::write_text(part("cap02").calib(), "# another rig\n");
+  EXPECT_THAT(refusal(), HasSubstr("different calibrations"));
+  std::filesystem::remove_all(whole_.folder);
+  record("cap02", {"cam01"}, 3);
+  EXPECT_THAT(refusal(), HasSubstr("another part has cam01 too"));
+}
+
+TEST_F(Parts, without_any_recording_are_no_take) {
+  EXPECT_THAT(test::message_of<InputError>([&] { join_parts({part("recon01")}, whole_); }),
+              HasSubstr("no part"));
+}
+
+TEST_F(Parts, are_known_to_be_verified_until_a_file_changes) {
+  const TakePaths paths = part("cap01");
+  EXPECT_FALSE(load_verified(paths));
+  save_verified(paths, verify_take(paths));
+  const auto verified = load_verified(paths);
+  ASSERT_TRUE(verified);
+  EXPECT_TRUE(verified->whole);
+  EXPECT_THAT(verified->verdict, HasSubstr("kendo-07: complete"));
+  EventLogWriter(paths.frames("cam02")).write(test::recorded_frame("cam02", 0, {4, 2}));
+  EXPECT_FALSE(load_verified(paths));
+}
+
+}  // namespace
+}  // namespace v3d

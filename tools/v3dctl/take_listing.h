@@ -1,0 +1,41 @@
+// Takes as a crew sees them: what a folder of takes holds.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "take/slate.h"
+#include "take/take.h"
+
+namespace v3d::ctl {
+
+struct TakeListing {
+  TakePaths paths;
+  TakeInfo info;
+  bool whole = false;     ///< by its ledger
+  bool verified = false;  ///< and nothing of it has changed since
+  int64_t bytes = 0;      ///< of all its files
+  int64_t meshes = 0;
+  Slate slate;
+
+  double seconds() const { return static_cast<double>(info.pulses) / info.rate_hz; }
+  /// recording, incomplete, recovered or complete
+  std::string_view verdict() const;
+};
+
+/// Throws InputError when the folder is no take, or a file of it cannot be read.
+TakeListing look_at_take(const TakePaths& paths);
+
+/// The takes in a folder, oldest first. A folder that cannot be read as a take is told about on
+/// stderr and passed over. Throws InputError when `folder` is none.
+std::vector<TakeListing> find_takes(const std::filesystem::path& folder);
+
+/// "0:50", "1:02:03"
+std::string format_length_of_time(double seconds);
+/// One line each, in columns.
+std::vector<std::string> listing_lines(const std::vector<TakeListing>& takes);
+
+}  // namespace v3d::ctl

@@ -1,0 +1,189 @@
+#include "v3dctl/takes_collect.h"
+
+#include <unistd.h>
+
+#include <algorithm>
+#include <map>
+#include <sstream>
+
+#include "base/error.h"
+#include "base/name.h"
+#include "common/console.h"
+#include "common/subprocess.h"
+#include "take/join_parts.h"
+#include "take/verified.h"
+
+namespace v3d::ctl {
+namespace {
+
+namespace fs = std::filesystem;
+
+std::string host_name() {
+  char text[256] = {};
+  gethostname(text, sizeof text - 1);
+  return text;
+}
+
+/// rsync, as it is called for everything here.
+class Rsync {
+ public:
+  explicit Rsync(std::string rsh) : rsh_(std::move(rsh)) {}
+
+  ProcessResult run(const std::vector<std::string>& options, const std::string& from,
+                    const std::string& to, Output output) const {
+    std::vector<std::string> words = {"rsync", "--recursive", "--times"};
+    if (!rsh_.empty()) words.insert(words.end(), {"--rsh", rsh_});
+    words.insert(words.end(), options.begin(), options.end());
+    words.push_back(from + "/");
+    if (!to.empty()) words.push_back(to + "/");
+    return run_process(words, output);
+  }
+
+ private:
+  const std::string rsh_;
+};
+
+/// "drwxr-xr-x  4,096 2026/11/21 10:02:03 kendo-07/take.toml": the name is the last word.
+std::string take_in_listing(const std::string& line) {
+  const size_t space = line.rfind(' ');
+  const fs::path path = space == std::string::npos ? line : line.substr(space + 1);
+  const bool marks_take = path.filename() == "take.toml" || path.filename() == "mesh.v3d";
+  const std::string name = path.parent_path();
+  return marks_take && is_file_name(name) ? name : "";
+}
+
+class Collector {
+ public:
+  explicit Collector(const CollectRequest& request) : request_(request), rsync_(request.rsh) {}
+
+  std::vector<CollectedTake> run() {
+    fs::create_directories(request_.to);
+    for (const TakeSource& source : request_.sources) list(source);
+    refuse_unknown_takes();
+    std::vector<CollectedTake> collected;
+    for (const auto& [take, sources] : takes_) collected.push_back(collect(take, sources));
+    return collected;
+  }
+
+ private:
+  using Sources = std::vector<const TakeSource*>;
+
+  fs::path stage(const std::string& take) const { return request_.to / ".collect" / take; }
+  /// Cannot be the name of a node.
+  static fs::path joined(const fs::path& staged) { return staged / ".joined"; }
+
+  bool is_wanted(const std::string& take) const {
+    const auto& wanted = request_.takes;
+    return wanted.empty() || std::find(wanted.begin(), wanted.end(), take) != wanted.end();
+  }
+
+  void list(const TakeSource& source) {
+    const ProcessResult listed =
+        rsync_.run({"--list-only", "--include=/*/", "--include=/*/take.toml",
+                    "--include=/*/mesh.v3d", "--exclude=*"},
+                   source.place, "", Output::kCapture);
+    if (listed.status != 0) {
+      throw InputError("cannot list the takes of " + source.node + " at " + source.place +
+                       " (rsync ended with " + std::to_string(listed.status) +
+                       "); without it: --from the other nodes");
+    }
+    std::istringstream lines(listed.output);
+    for (std::string line; std::getline(lines, line);) {
+      const std::string take = take_in_listing(line);
+      if (take.empty() || !is_wanted(take)) continue;
+      Sources& sources = takes_[take];
+      if (sources.empty() || sources.back() != &source) sources.push_back(&source);
+    }
+  }
+
+  void refuse_unknown_takes() const {
+    for (const std::string& take : request_.takes) {
+      if (!takes_.contains(take)) throw InputError("no node has a take " + take);
+    }
+  }
+
+  CollectedTake collect(const std::string& take, const Sources& sources) {
+    CollectedTake result{.name = take, .was_there = false, .problem = {}, .verification = {}};
+    const TakePaths place{request_.to / take};
+    if (fs::exists(place.info())) {
+      result.was_there = true;
+      fs::remove_all(stage(take));
+      return result;
+    }
+    try {
+      std::vector<TakePaths> parts;
+      for (const TakeSource* source : sources) parts.push_back(fetch(take, *source));
+      result.verification = join(take, parts, place);
+    } catch (const std::exception& error) {
+      result.problem = error.what();
+    }
+    return result;
+  }
+
+  /// What the node has of the take, brought here.
+  TakePaths fetch(const std::string& take, const TakeSource& source) {
+    const TakePaths part{stage(take) / source.node};
+    fs::create_directories(part.folder);
+    const std::string from = source.place + "/" + take;
+    copy(source, {"--include=/take.toml", "--exclude=*"}, from, part);
+    if (fs::exists(part.info()) && load_take_info(part).state == TakeState::kRecording) {
+      throw InputError(source.node + " records it, or was cut off and did not start again since");
+    }
+    if (on_terminal()) note(source.node + "  " + take);
+    // In place, so that a copy that was cut off goes on where it was.
+    std::vector<std::string> options = {"--inplace", "--no-whole-file", "--exclude=/verified.toml"};
+    if (on_terminal()) options.emplace_back("--info=progress2");
+    copy(source, options, from, part);
+    return part;
+  }
+
+  void copy(const TakeSource& source, const std::vector<std::string>& options,
+            const std::string& from, const TakePaths& part) {
+    const ProcessResult copied = rsync_.run(options, from, part.folder, Output::kShow);
+    if (copied.status != 0) {
+      throw std::runtime_error("rsync from " + source.node + " ended with " +
+                               std::to_string(copied.status) + "; the same command goes on");
+    }
+  }
+
+  Verification join(const std::string& take, const std::vector<TakePaths>& parts,
+                    const TakePaths& place) {
+    const fs::path staged = stage(take);
+    const TakePaths whole{joined(staged)};
+    fs::remove_all(whole.folder);
+    join_parts(parts, whole);
+    Verification verification = verify_take(whole);
+    save_verified(whole, verification);
+    fs::rename(whole.folder, place.folder);
+    fs::remove_all(staged);
+    std::error_code not_empty;
+    fs::remove(staged.parent_path(), not_empty);
+    return verification;
+  }
+
+  const CollectRequest& request_;
+  const Rsync rsync_;
+  std::map<std::string, Sources> takes_;
+};
+
+}  // namespace
+
+std::vector<TakeSource> sources_of(const Studio& studio) {
+  std::vector<TakeSource> sources;
+  const std::string here = host_name();
+  const std::string folder = fs::absolute(studio.storage.takes).lexically_normal();
+  for (const StudioNode& node : studio.nodes) {
+    const bool has_takes = !studio.cameras_of(node.name).empty() ||
+                           studio.trigger.node == node.name ||
+                           studio.reconstruction.node == node.name;
+    if (!has_takes) continue;
+    sources.push_back({node.name, node.name == here ? folder : node.name + ":" + folder});
+  }
+  return sources;
+}
+
+std::vector<CollectedTake> collect_takes(const CollectRequest& request) {
+  return Collector(request).run();
+}
+
+}  // namespace v3d::ctl
