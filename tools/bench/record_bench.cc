@@ -24,10 +24,8 @@ class ScratchFolder {
   std::filesystem::path path_;
 };
 
-/// One pulse of raw frames into 15 event logs, as v3d-captured writes them; to the file system, not
-/// to the platter. The logs begin anew every 25 pulses so that a run needs 300 MB.
-void record(benchmark::State& state) {
-  const ScratchFolder folder;
+/// What the cameras deliver at one pulse.
+std::vector<FrameMessage> one_pulse() {
   std::vector<FrameMessage> messages(kCameras);
   for (int c = 0; c < kCameras; ++c) {
     messages[c].frame.camera = rig()[c].name;
@@ -35,27 +33,81 @@ void record(benchmark::State& state) {
     messages[c].frame.roi = {0, 0, kSize.width, kSize.height};
     messages[c].frame.image = raw_frames()[c];
   }
+  return messages;
+}
+
+std::vector<EventLogWriter> new_logs(const ScratchFolder& folder,
+                                     const std::vector<FrameMessage>& messages) {
+  std::vector<EventLogWriter> logs;
+  for (const FrameMessage& m : messages) {
+    logs.emplace_back(folder.path() / (m.frame.camera + ".lcmlog"));
+  }
+  return logs;
+}
+
+bool write_pulse(std::vector<EventLogWriter>& logs, std::vector<FrameMessage>& messages,
+                 int64_t pulse) {
+  bool written = true;
+  for (int c = 0; c < kCameras; ++c) {
+    messages[c].frame.label.pulse = pulse;
+    written = logs[c].write(messages[c]) && written;
+  }
+  return written;
+}
+
+/// One pulse of raw frames into 15 event logs, as v3d-captured writes them; to the file system, not
+/// to the platter. The logs begin anew every 25 pulses so that a run needs 300 MB.
+void record(benchmark::State& state) {
+  const ScratchFolder folder;
+  std::vector<FrameMessage> messages = one_pulse();
   std::vector<EventLogWriter> logs;
   int64_t pulse = 0;
   const double bytes = static_cast<double>(kSize.pixels()) * kCameras;
   measure(state, kCameras, bytes, [&] {
     if (pulse % 25 == 0) {
       logs.clear();
-      for (const FrameMessage& m : messages) {
-        logs.emplace_back(folder.path() / (m.frame.camera + ".lcmlog"));
-      }
+      logs = new_logs(folder, messages);
     }
-    for (int c = 0; c < kCameras; ++c) {
-      messages[c].frame.label.pulse = pulse;
-      if (!logs[c].write(messages[c])) {
-        state.SkipWithError("the disk refused");
-      }
-    }
-    ++pulse;
+    if (!write_pulse(logs, messages, pulse++)) state.SkipWithError("the disk refused");
   });
 }
 
 BENCHMARK(record)->Name("record/15xXGA");
+
+// What the disk itself allows: 100 pulses, 1.18 GB, until they are on the platter, and as much by
+// dd with blocks of a frame. To be run by turns (docs/performance.md).
+constexpr int64_t kSyncedPulses = 100;
+constexpr double kSyncedFrames = kSyncedPulses * kCameras;
+
+void record_to_disk(benchmark::State& state) {
+  const ScratchFolder folder;
+  std::vector<FrameMessage> messages = one_pulse();
+  measure(state, kSyncedFrames, kSyncedFrames * static_cast<double>(kSize.pixels()), [&] {
+    std::vector<EventLogWriter> logs = new_logs(folder, messages);
+    bool written = true;
+    for (int64_t pulse = 0; pulse < kSyncedPulses; ++pulse) {
+      written = write_pulse(logs, messages, pulse) && written;
+    }
+    for (EventLogWriter& log : logs) written = log.close() && written;
+    if (!written) state.SkipWithError("the disk refused");
+  });
+}
+
+BENCHMARK(record_to_disk)->Name("record/15xXGA/to_disk")->Iterations(1);
+
+/// Zeros: dd then reads nothing.
+void dd(benchmark::State& state) {
+  const ScratchFolder folder;
+  const std::string command = "dd if=/dev/zero of=" + (folder.path() / "dd").string() +
+                              " bs=" + std::to_string(kSize.pixels()) +
+                              " count=" + std::to_string(kSyncedPulses * kCameras) +
+                              " conv=fdatasync status=none";
+  measure(state, kSyncedFrames, kSyncedFrames * static_cast<double>(kSize.pixels()), [&] {
+    if (std::system(command.c_str()) != 0) state.SkipWithError("dd failed");
+  });
+}
+
+BENCHMARK(dd)->Name("record/dd")->Iterations(1);
 
 }  // namespace
 }  // namespace v3d::bench
