@@ -1,0 +1,34 @@
+// The text files of a take may be damaged, or written by hand: any text is read or refused by an
+// InputError, nothing else.
+#include <string_view>
+
+#include "base/error.h"
+#include "take/ledger.h"
+#include "take/slate.h"
+#include "take/take.h"
+#include "take/verified.h"
+
+namespace {
+
+template <class Read>
+void check(Read read) {
+  try {
+    read();
+  } catch (const v3d::InputError&) {
+  }
+}
+
+}  // namespace
+
+extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
+  const std::string_view text(reinterpret_cast<const char*>(data), size);
+  check([&] { v3d::parse_take_info(text, "take.toml"); });
+  check([&] { v3d::parse_slate(text, "slate.toml"); });
+  check([&] { v3d::parse_verified(text, "verified.toml"); });
+  check([&] {
+    const v3d::Ledger ledger = v3d::parse_ledger(text, "ledger.toml");
+    ledger.verdict();
+    v3d::trouble_lines(v3d::merge({ledger, ledger}));
+  });
+  return 0;
+}
