@@ -15,10 +15,10 @@ namespace v3d::sim {
 
 /// A TOML file with [[fault]] tables: camera = "cam03", pulse = 12, kind = "drop" and what the kind
 /// asks for (v3d-sim(1) has them all). `take_pulses`: of the take that is written without daemons,
-/// which can have drop, duplicate, black, suspect and late; empty for a studio, whose cameras play all
-/// but the last two. Throws InputError naming file, line and field: a camera that is not in `rig`, a
-/// pulse outside the take, a kind that is unknown or not played here, a value that is missing, out
-/// of range or not of this kind, two faults of a camera at one pulse.
+/// which can have drop, duplicate, black, suspect and late; empty for a studio, whose cameras play
+/// all but the last two. Throws InputError naming file, line and field: a camera that is not in
+/// `rig`, a pulse outside the take, a kind that is unknown or not played here, a value that is
+/// missing, out of range or not of this kind, two faults of a camera at one pulse.
 std::vector<Fault> load_faults(const std::filesystem::path& path, const Rig& rig,
                                std::optional<int64_t> take_pulses);
 std::vector<Fault> parse_faults(std::string_view text, const std::filesystem::path& path,
