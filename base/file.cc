@@ -55,7 +55,8 @@ void sync_folder(const std::filesystem::path& folder) {
 std::string read_file(const std::filesystem::path& path) {
   std::ifstream in(path, std::ios::binary);
   std::ostringstream text;
-  if (!in || std::filesystem::is_directory(path) || !(text << in.rdbuf() || in.peek() == EOF)) {
+  // Of an empty file it inserts nothing, which is a failure, but not a bad one.
+  if (!in || std::filesystem::is_directory(path) || (text << in.rdbuf()).bad()) {
     throw InputError(errno_message("cannot read " + path.string()));
   }
   return text.str();
