@@ -234,6 +234,7 @@ TEST_F(UnpluggedCamera, is_told_and_rejoins_the_take_where_its_clock_says) {
   EXPECT_TRUE(tells(
       "lost: no frame for 3 pulses after pulse 9. It is opened again by itself and goes on; check "
       "its power, its cable and its trigger line with v3dctl doctor"));
+  EXPECT_TRUE(tells("check its power, its cable"));
   EXPECT_TRUE(tells("back, at pulse "));
   ASSERT_GE(faulty().missing.size(), 15U);
   EXPECT_EQ(faulty().missing, range(10, 9 + static_cast<int64_t>(faulty().missing.size())))
