@@ -19,12 +19,14 @@ set(CPACK_INSTALL_DEFAULT_DIRECTORY_PERMISSIONS
   OWNER_READ OWNER_WRITE OWNER_EXECUTE GROUP_READ GROUP_EXECUTE WORLD_READ WORLD_EXECUTE)
 
 function(v3d_package component description)
-  cmake_parse_arguments(ARG "" "" "DEPENDS;CONTROL" ${ARGN})
+  cmake_parse_arguments(ARG "" "" "DEPENDS;RECOMMENDS;CONTROL" ${ARGN})
   string(TOUPPER ${component} key)
   list(JOIN ARG_DEPENDS ", " depends)
+  list(JOIN ARG_RECOMMENDS ", " recommends)
   set(CPACK_DEBIAN_${key}_PACKAGE_NAME v3d-${component} PARENT_SCOPE)
   set(CPACK_COMPONENT_${key}_DESCRIPTION "${description}" PARENT_SCOPE)
   set(CPACK_DEBIAN_${key}_PACKAGE_DEPENDS "${depends}" PARENT_SCOPE)
+  set(CPACK_DEBIAN_${key}_PACKAGE_RECOMMENDS "${recommends}" PARENT_SCOPE)
   set(CPACK_DEBIAN_${key}_PACKAGE_CONTROL_EXTRA "${ARG_CONTROL}" PARENT_SCOPE)
 endfunction()
 
@@ -32,9 +34,12 @@ set(common "v3d-common (= ${PROJECT_VERSION})")
 v3d_package(common "V3D studio: user, device and network settings"
   DEPENDS systemd udev procps
   CONTROL ${CMAKE_SOURCE_DIR}/systemd/postinst)
-v3d_package(capture "V3D studio: daemon of a capture PC, cameras and trigger" DEPENDS ${common})
-v3d_package(recon "V3D studio: daemon of the reconstruction PC" DEPENDS ${common})
-v3d_package(tools "V3D studio: v3dctl for operators, v3d-sim for rehearsals")
+v3d_package(capture "V3D studio: daemon of a capture PC, cameras and trigger"
+  DEPENDS ${common} RECOMMENDS rsync openssh-server)
+v3d_package(recon "V3D studio: daemon of the reconstruction PC"
+  DEPENDS ${common} RECOMMENDS rsync openssh-server)
+v3d_package(tools "V3D studio: v3dctl for operators, v3d-sim for rehearsals"
+  RECOMMENDS rsync openssh-client)
 v3d_package(import "V3D studio: takes out of images and videos (v3dctl import)"
   DEPENDS "v3d-tools (= ${PROJECT_VERSION})")
 set(CPACK_DEBIAN_COMMON_PACKAGE_ARCHITECTURE all)

@@ -72,16 +72,16 @@ void refuse_unfit_disk(const fs::path& takes, const DiskDemand& demand) {
 
 TakeDisk::TakeDisk(TakePaths take, const DiskDemand& demand)
     : take_(std::move(take)), demand_(demand) {
-  const int fd = open(reserve().c_str(), O_WRONLY | O_CREAT | O_CLOEXEC, 0644);
+  const int fd = open(take_.reserve().c_str(), O_WRONLY | O_CREAT | O_CLOEXEC, 0644);
   const int error = fd < 0 ? errno : posix_fallocate(fd, 0, kLedgerBytes);
   if (fd >= 0) close(fd);
   if (error == 0) return;
-  unlink(reserve().c_str());
+  unlink(take_.reserve().c_str());
   errno = error;
   throw InputError(errno_message("cannot set room for the ledger aside in " + takes()));
 }
 
-TakeDisk::~TakeDisk() { unlink(reserve().c_str()); }
+TakeDisk::~TakeDisk() { unlink(take_.reserve().c_str()); }
 
 double TakeDisk::free_bytes() const { return space_of(take_.folder); }
 

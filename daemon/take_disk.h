@@ -58,7 +58,6 @@ class TakeDisk {
  private:
   double free_bytes() const;
   std::string takes() const { return take_.folder.parent_path().string(); }
-  std::filesystem::path reserve() const { return take_.folder / ".reserve"; }
 
   const TakePaths take_;
   const DiskDemand demand_;

@@ -48,6 +48,8 @@ struct TakePaths {
   std::filesystem::path mesh() const { return folder / "mesh.v3d"; }
   /// What the crew says of it; absent until somebody does.
   std::filesystem::path slate() const { return folder / "slate.toml"; }
+  /// Holds room for the ledger while the take is recorded.
+  std::filesystem::path reserve() const { return folder / ".reserve"; }
   /// Written by a verification; absent before.
   std::filesystem::path verified() const { return folder / "verified.toml"; }
 };

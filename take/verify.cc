@@ -211,6 +211,7 @@ Verification recover_take(const TakePaths& paths) {
     cut_behind_last_event<FrameMessage>(paths.frames(camera));
   }
   Verification result = Verifier(paths, Depth::kLabels).run();
+  std::filesystem::remove(paths.reserve());
   result.info.state = TakeState::kRecovered;
   result.info.pulses = result.ledger.commanded;
   save_ledger(paths.ledger(), result.ledger);

@@ -58,9 +58,9 @@ class TakeDiskTest : public testing::Test {
 TEST_F(TakeDiskTest, sets_room_aside_until_the_ledger_is_written) {
   {
     const TakeDisk disk(paths_, xga({}));
-    EXPECT_EQ(std::filesystem::file_size(paths_.folder / ".reserve"), 4U << 20);
+    EXPECT_EQ(std::filesystem::file_size(paths_.reserve()), 4U << 20);
   }
-  EXPECT_FALSE(std::filesystem::exists(paths_.folder / ".reserve"));
+  EXPECT_FALSE(std::filesystem::exists(paths_.reserve()));
 }
 
 TEST_F(TakeDiskTest, warns_when_half_the_queue_is_full_and_until_it_is_nearly_empty) {

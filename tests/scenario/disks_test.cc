@@ -68,7 +68,7 @@ TEST_F(SmallDiskStudio4, ends_the_take_cleanly_before_the_disk_is_full) {
   EXPECT_LT(ledger["pulses"]["commanded"], 60) << ledger;
   const Verification verified = verify_take(take());
   EXPECT_TRUE(verified.whole()) << verified.ledger.verdict() << log();
-  EXPECT_FALSE(std::filesystem::exists(take().folder / ".reserve"));
+  EXPECT_FALSE(std::filesystem::exists(take().reserve()));
 }
 
 TEST_F(SmallDiskStudio4, says_at_once_that_the_disk_is_gone_and_is_at_fault_without_a_ledger) {

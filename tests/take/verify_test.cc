@@ -128,7 +128,9 @@ TEST_F(TakeFolder, that_nobody_closed_is_recovered_from_its_logs) {
   info_.pulses = 0;
   save_take_info(paths_, info_);
   EXPECT_THAT(verify_take(paths_).disagreements, ElementsAre(HasSubstr("ledger.toml: missing")));
+  test::write_text(paths_.reserve(), "room");
   recover_take(paths_);
+  EXPECT_FALSE(std::filesystem::exists(paths_.reserve()));
   const Verification after = verify_take(paths_);
   EXPECT_TRUE(after.whole());
   EXPECT_EQ(after.info.state, TakeState::kRecovered);
