@@ -15,10 +15,13 @@ constexpr double kEnough = 0.5;
 
 }  // namespace
 
-BackgroundLearner::BackgroundLearner(std::vector<CameraWorker*> workers, LearnPlan plan)
-    : workers_(std::move(workers)),
-      plan_(std::move(plan)),
-      result_(std::async(std::launch::async, [this] { return run(); })) {}
+BackgroundLearner::BackgroundLearner(std::vector<CameraWorker*> workers, LearnPlan plan, Bus& bus)
+    : workers_(std::move(workers)), plan_(std::move(plan)) {
+  for (const CameraWorker* worker : workers_) {
+    previews_.emplace_back(bus, worker->camera(), plan_.rate_hz);
+  }
+  result_ = std::async(std::launch::async, [this] { return run(); });
+}
 
 BackgroundLearner::~BackgroundLearner() {
   stopping_ = true;
@@ -51,6 +54,9 @@ std::vector<std::vector<Image>> BackgroundLearner::gather() {
       if (plates[i].size() >= wanted) continue;
       // All cameras see a pulse at once: waiting for one is waiting for all.
       if (auto frame = workers_[i]->take(Monotonic::now() + kLook)) {
+        if (const int64_t pulse = frame->label.pulse; previews_[i].wants(pulse)) {
+          previews_[i].send(pulse, frame->image.view(), nullptr);
+        }
         plates[i].push_back(std::move(frame->image));
         last_frame = Monotonic::now();
         // It has what it came for: that nothing follows is no loss.

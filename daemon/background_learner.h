@@ -9,6 +9,7 @@
 
 #include "capture/camera_worker.h"
 #include "daemon/heartbeat.h"
+#include "daemon/preview_sender.h"
 
 namespace v3d {
 
@@ -16,6 +17,7 @@ struct LearnPlan {
   int64_t plates = 16;  ///< of each camera
   Duration limit{};     ///< gather no longer than this
   std::filesystem::path folder;
+  double rate_hz = 0;
 };
 
 /// Begins at construction, in a thread of its own. The workers are armed and outlive the learner.
@@ -26,7 +28,8 @@ class BackgroundLearner {
     std::string text;
   };
 
-  BackgroundLearner(std::vector<CameraWorker*> workers, LearnPlan plan);
+  /// Sends previews of the plates; `bus` outlives the learner.
+  BackgroundLearner(std::vector<CameraWorker*> workers, LearnPlan plan, Bus& bus);
   ~BackgroundLearner();
   BackgroundLearner(const BackgroundLearner&) = delete;
   BackgroundLearner& operator=(const BackgroundLearner&) = delete;
@@ -43,6 +46,7 @@ class BackgroundLearner {
 
   const std::vector<CameraWorker*> workers_;
   const LearnPlan plan_;
+  std::vector<PreviewSender> previews_;  ///< of the workers, in their order
   Heartbeat heartbeat_;
   std::atomic<bool> stopping_ = false;
   std::atomic<bool> train_ended_ = false;

@@ -17,6 +17,7 @@ CameraLane::CameraLane(CameraWorker& worker, Setup setup, Shared shared)
       take_(std::move(setup.take)),
       segmenter_(std::move(setup.segmenter)),
       log_(setup.log),
+      preview_(shared.bus, worker.camera(), setup.rate_hz),
       last_frame_ns_(to_ns(Monotonic::now())) {
   thread_ = std::thread([this] { run(); });
 }
@@ -55,6 +56,8 @@ void CameraLane::process(Frame frame) {
   if (!learn && !live) return;
   shared_.places.acquire(pulse);
   Mask mask = segment(message.frame, learn);
+  // Previews are made of what was segmented anyway: a node that is behind sends none.
+  if (preview_.wants(pulse)) preview_.send(pulse, image.view(), &mask);
   if (live) go_live(std::move(message), std::move(mask));
   shared_.places.release();
 }

@@ -14,6 +14,7 @@
 #include "daemon/bus.h"
 #include "daemon/heartbeat.h"
 #include "daemon/live_gate.h"
+#include "daemon/preview_sender.h"
 #include "daemon/work_places.h"
 #include "take/exposure_count.h"
 #include "take/frame_log.h"
@@ -38,6 +39,7 @@ class CameraLane {
     std::string take;
     std::filesystem::path log;
     Segmenter segmenter;
+    double rate_hz = 0;
   };
   /// What the lanes of a node share; all outlive the lane.
   struct Shared {
@@ -78,6 +80,7 @@ class CameraLane {
   const std::string take_;
   Segmenter segmenter_;
   EventLogWriter log_;
+  PreviewSender preview_;
   int64_t log_seq_ = 0;
   int64_t live_seq_ = 0;
   std::vector<int64_t> written_pulses_;  // of the lane's thread until close()

@@ -21,6 +21,9 @@ constexpr Duration kLongestQuiet = std::chrono::seconds(1);
 /// More than a second of frames: as long as a disk may hesitate.
 constexpr size_t kQueueFrames = 32;
 constexpr int64_t kDefaultPlates = 16;
+constexpr int64_t kDefaultCheckPulses = 100;
+/// A check waits no longer for a camera: it is to tell which ones are not there.
+constexpr Duration kCheckReadyWithin = std::chrono::seconds(5);
 constexpr int64_t kMinPlates = 2;
 constexpr int64_t kMaxPlates = 256;  // they are all in memory at once
 /// A frame later than so many periods counts as missing in health.
@@ -99,6 +102,10 @@ CaptureNode::~CaptureNode() {
 // --- commands -----------------------------------------------------------------------------------
 
 void CaptureNode::arm(const CommandMessage& order) {
+  if (order.verb == CommandVerb::kCheck) {
+    make_ready(order, order.pulses > 0 ? order.pulses : kDefaultCheckPulses);
+    return;
+  }
   refuse_bad_take(studio_, order.take);
   refuse_uncalibrated();
   for (const auto& worker : workers_) {
@@ -132,7 +139,8 @@ void CaptureNode::make_ready(const CommandMessage& order, std::optional<int64_t>
   for (const auto& worker : workers_) worker->arm(period_of(rate_hz_), edges_are_told);
   cameras_.begin_train();
   disk_is_full_ = false;
-  ready_by_ = Monotonic::now() + kReadyWithin + 2 * period_of(rate_hz_);
+  const Duration within = checks() ? kCheckReadyWithin : kReadyWithin;
+  ready_by_ = Monotonic::now() + within + 2 * period_of(rate_hz_);
 }
 
 void CaptureNode::start() {
@@ -140,9 +148,12 @@ void CaptureNode::start() {
   if (order_.verb == CommandVerb::kBackground) {
     const int64_t plates = order_.pulses > 0 ? order_.pulses : kDefaultPlates;
     learner_ = std::make_unique<BackgroundLearner>(
-        ready_workers(), LearnPlan{.plates = plates,
-                                   .limit = (plates + 2) * period_of(rate_hz_) + kReadyWithin,
-                                   .folder = studio_.storage.background});
+        ready_workers(),
+        LearnPlan{.plates = plates,
+                  .limit = (plates + 2) * period_of(rate_hz_) + kReadyWithin,
+                  .folder = studio_.storage.background,
+                  .rate_hz = rate_hz_},
+        bus_);
   }
   if (train_) train_->restart();
   if (full_disks_) full_disks_->restart();
@@ -178,8 +189,10 @@ void CaptureNode::disarm() {
   if (!take_is_open()) pulses_.reset();
   if (take_is_open()) {
     const Ledger ledger = finish_take();
-    close_take(studio_, info_, ledger);
-    discard_if_empty(ledger);
+    if (!checks()) {
+      close_take(studio_, info_, ledger);
+      discard_if_empty(ledger);
+    }
   }
   for (const auto& worker : workers_) worker->disarm();
 }
@@ -215,7 +228,15 @@ NodeReport CaptureNode::poll_arming() {
   const std::string waiting = not_ready();
   if (!waiting.empty()) {
     const bool late = Monotonic::now() > ready_by_;
+    if (late && checks()) {
+      open_check();
+      return {.event = Input::kReady, .text = "without " + waiting, .detail = {}};
+    }
     return {.event = Input::kFailed, .text = late ? "not ready: " + waiting : "", .detail = {}};
+  }
+  if (checks()) {
+    open_check();
+    return {.event = Input::kReady, .text = "ready", .detail = {}};
   }
   if (order_.verb == CommandVerb::kArm) {
     refuse_unfit_disk(studio_.storage.takes, disk_demand());
@@ -254,6 +275,7 @@ std::optional<NodeReport> CaptureNode::poll_recording() {
 std::optional<NodeReport> CaptureNode::poll_draining() {
   if (train_) train_->listen(order_.take);
   if (!all_accounted_for() && Monotonic::now() < drain_began_ + kDrainWithin) return std::nullopt;
+  if (check_) return check_report();
   const Ledger ledger = finish_take();
   const auto broken = [&](const std::string& text) {
     return NodeReport{.event = Input::kBroken, .text = text, .detail = ledger_json(ledger)};
@@ -294,7 +316,8 @@ void CaptureNode::open_take() {
         *worker,
         CameraLane::Setup{.take = info_.name,
                           .log = paths.frames(worker->camera()),
-                          .segmenter = Segmenter(background_of(worker->camera()), {})},
+                          .segmenter = Segmenter(background_of(worker->camera()), {}),
+                          .rate_hz = rate_hz_},
         CameraLane::Shared{bus_, places_, *gate_}));
   }
 }
@@ -306,6 +329,30 @@ void CaptureNode::listen_to_pulses(const std::filesystem::path& log) {
                            .train = pulse_train_,
                            .log = log,
                            .on_edge = [this](const PulseEdge& edge) { tell_cameras(edge); }});
+}
+
+void CaptureNode::open_check() {
+  const std::vector<CameraWorker*> ready = ready_workers();
+  listen_to_pulses({});
+  gate_ = std::make_unique<LiveGate>([ready] { return backlog_of(ready); }, kLiveBacklog);
+  check_ = std::make_unique<CameraCheck>(
+      ready, CameraCheck::Setup{.rate_hz = rate_hz_, .background = studio_.storage.background},
+      bus_);
+}
+
+NodeReport CaptureNode::check_report() {
+  const std::vector<CheckedCamera> cameras = check_->close(commanded());
+  std::vector<std::string> not_ready;
+  for (const auto& worker : workers_) {
+    const bool seen = std::any_of(cameras.begin(), cameras.end(), [&](const CheckedCamera& c) {
+      return c.pulses.name == worker->camera();
+    });
+    if (!seen) not_ready.push_back(worker->camera());
+  }
+  const Ledger ledger = finish_take();
+  return {.event = Input::kDrained,
+          .text = "looked at " + std::to_string(cameras.size()) + " cameras",
+          .detail = check_json(ledger, cameras, not_ready)};
 }
 
 Ledger CaptureNode::finish_take() {
@@ -321,6 +368,7 @@ Ledger CaptureNode::finish_take() {
   totals_ = totals();
   disk_.reset();
   lanes_.clear();
+  check_.reset();
   gate_.reset();
   pulses_.reset();
   return ledger;
@@ -346,6 +394,7 @@ bool CaptureNode::all_accounted_for() const {
   if (generator_ && pulses_->sensed() < commanded() && !silent) return false;
   // Elsewhere the last pulses may not have been heard of yet.
   if (!generator_ && !silent) return false;
+  if (check_ && !check_->has(commanded()) && !silent) return false;
   return std::all_of(lanes_.begin(), lanes_.end(), [&](const auto& lane) {
     return lane->counts().received >= commanded() || (silent && lane->quiet_since(now - quiet));
   });
@@ -542,7 +591,8 @@ bool CaptureNode::progressed_since(MonotonicInstant since) const {
   const bool lanes = std::all_of(lanes_.begin(), lanes_.end(),
                                  [&](const auto& lane) { return lane->progressed_since(since); });
   return lanes && (!pulses_ || pulses_->progressed_since(since)) &&
-         (!learner_ || learner_->progressed_since(since));
+         (!learner_ || learner_->progressed_since(since)) &&
+         (!check_ || check_->progressed_since(since));
 }
 
 }  // namespace v3d

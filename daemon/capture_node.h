@@ -11,6 +11,7 @@
 #include "capture/camera_worker.h"
 #include "daemon/background_learner.h"
 #include "daemon/bus.h"
+#include "daemon/camera_check.h"
 #include "daemon/camera_lane.h"
 #include "daemon/camera_watch.h"
 #include "daemon/event_sender.h"
@@ -63,6 +64,11 @@ class CaptureNode : public NodeWork {
   std::optional<NodeReport> poll_recording();
   std::optional<NodeReport> poll_draining();
 
+  bool checks() const { return order_.verb == CommandVerb::kCheck; }
+  /// Looks with the cameras that are ready, whatever the others do.
+  void open_check();
+  NodeReport check_report();
+
   struct TakeTotals {
     LaneCounts frames;
     int64_t pulses_not_live = 0;
@@ -75,6 +81,7 @@ class CaptureNode : public NodeWork {
   void listen_to_pulses(const std::filesystem::path& log);
   /// Ends lanes and pulses; gives the account. Requires an open take.
   Ledger finish_take();
+  /// Or a check.
   bool take_is_open() const { return gate_ != nullptr; }
   void discard_if_empty(const Ledger& ledger);
   int64_t commanded() const;
@@ -119,6 +126,7 @@ class CaptureNode : public NodeWork {
   std::vector<std::unique_ptr<CameraLane>> lanes_;
   TakeTotals totals_;  ///< of the last take
   std::unique_ptr<BackgroundLearner> learner_;
+  std::unique_ptr<CameraCheck> check_;
 };
 
 }  // namespace v3d

@@ -7,7 +7,7 @@ namespace {
 
 Transition stay(Phase phase, Verdict verdict) { return {phase, Work::kNone, verdict}; }
 
-bool is_command(Input input) { return input <= Input::kLearn; }
+bool is_command(Input input) { return input <= Input::kCheck; }
 
 /// Out of place: commands are refused, reports come late and change nothing.
 Transition out_of_place(Phase phase, Input input) {
@@ -20,6 +20,7 @@ Transition give_up(Verdict verdict) { return {Phase::kIdle, Work::kDisarm, verdi
 Transition from_idle(Input input) {
   switch (input) {
     case Input::kArm:
+    case Input::kCheck:
       return {Phase::kArming, Work::kArm, Verdict::kPending};
     case Input::kBackground:
       return {Phase::kArming, Work::kLearn, Verdict::kPending};
@@ -191,6 +192,8 @@ Input input_of(CommandVerb verb) {
       return Input::kBackground;
     case CommandVerb::kCommit:
       return Input::kCommit;
+    case CommandVerb::kCheck:
+      return Input::kCheck;
   }
   return Input::kAbort;
 }
@@ -251,11 +254,11 @@ ReplyMessage Controller::reply_to(const CommandMessage& command, ReplyMessage::O
 /// A train of known length ends by itself: a stop that comes later gets the account all the same.
 bool Controller::asks_for_last(const CommandMessage& command) const {
   return command.verb == CommandVerb::kStop && phase_ == Phase::kIdle && !last_take_.empty() &&
-         (command.take.empty() || command.take == last_take_);
+         (command.take.empty() ? !last_was_check_ : command.take == last_take_);
 }
 
 std::string Controller::misses(const CommandMessage& command) const {
-  const bool orders = command.verb == CommandVerb::kArm || command.verb == CommandVerb::kBackground;
+  const bool orders = is_order(command.verb);
   if (orders || phase_ == Phase::kIdle || phase_ == Phase::kFault) return "";
   if (!command.take.empty() && command.take != order_.take) {
     return "the take here is " + order_.take + ", not " + command.take;
@@ -335,6 +338,7 @@ Controller::Step Controller::on_event(Input event, const std::string& text,
   if (came_to_its_end && next.next == Phase::kIdle) {
     remember(order_.take, text, detail);
     last_end_.outcome = outcome;
+    last_was_check_ = order_.verb == CommandVerb::kCheck;
   }
   phase_ = next.next;
   return step;

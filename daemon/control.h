@@ -36,6 +36,7 @@ enum class Input : uint8_t {
   kBackground,
   kCommit,      ///< every node has said that it is ready
   kLearn,       ///< start, where the background is to be learnt
+  kCheck,       ///< as kArm, and nothing is recorded
   kReady,       ///< arming or learning has succeeded
   kFailed,      ///< arming or learning has failed
   kExpired,     ///< ready for long, and nobody said that the others are
@@ -93,7 +94,7 @@ class Controller {
   Step on_start_failed(const std::string& text);
 
   Phase phase() const { return phase_; }
-  /// The arm or background command that is being carried out, or was last.
+  /// The arm, check or background command that is being carried out, or was last.
   const CommandMessage& order() const { return order_; }
   const std::string& fault() const { return fault_; }
 
@@ -121,8 +122,9 @@ class Controller {
   Phase phase_ = Phase::kIdle;
   CommandMessage order_;
   std::string fault_;
-  std::string last_take_;                            ///< the last that came to its end
-  ReplyMessage last_end_;                            ///< what is said of it
+  std::string last_take_;        ///< the last that came to its end
+  ReplyMessage last_end_;        ///< what is said of it
+  bool last_was_check_ = false;  ///< a stop that names no take does not ask for it
   std::deque<std::pair<std::string, Heard>> heard_;  ///< the last heard first
   std::vector<CommandMessage> waiting_;              ///< for their final reply
   CommandMessage started_by_;                        ///< the last start command

@@ -29,9 +29,7 @@ Conversation::Conversation(CommandMessage order, int64_t counter, Commanded stud
 
 // --- the rounds ---------------------------------------------------------------------------------
 
-bool Conversation::orders() const {
-  return order_.verb == CommandVerb::kArm || order_.verb == CommandVerb::kBackground;
-}
+bool Conversation::orders() const { return is_order(order_.verb); }
 
 std::vector<std::string> Conversation::others() const {
   std::vector<std::string> others = studio_.nodes;

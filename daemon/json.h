@@ -4,6 +4,7 @@
 #include <map>
 #include <string>
 
+#include "daemon/camera_check.h"
 #include "take/ledger.h"
 
 namespace v3d {
@@ -11,6 +12,11 @@ namespace v3d {
 /// The keys of `v3dctl verify --json`: take, complete, pulses {commanded, sensed (null without a
 /// sense line), unsensed [..], extra, runt [..]}, cameras [...].
 std::string ledger_json(const Ledger& ledger);
+/// The account of a check (v3dctl check): pulses {commanded, sensed}, checked [{name, received,
+/// missing, duplicate, suspect, clipped, dark, mean_grey, focus, plates_focus, foreground}],
+/// not_ready [names].
+std::string check_json(const Ledger& ledger, const std::vector<CheckedCamera>& cameras,
+                       const std::vector<std::string>& not_ready);
 std::string numbers_json(const std::map<std::string, double>& values);
 
 }  // namespace v3d

@@ -98,6 +98,7 @@ class OperatorClient::Impl {
   Subscription<HealthMessage> healths;
   Subscription<EventMessage> events;
   std::unique_ptr<Subscription<MeshMessage>> meshes;
+  std::unique_ptr<Subscription<PreviewMessage>> previews;
 };
 
 OperatorClient::OperatorClient(const Studio& studio) : impl_(std::make_unique<Impl>(studio)) {}
@@ -147,6 +148,14 @@ std::optional<MeshMessage> OperatorClient::next_mesh(MonotonicInstant deadline) 
         std::make_unique<Subscription<MeshMessage>>(impl_->bus, kMeshChannel, kMeshQueue);
   }
   return impl_->meshes->wait(deadline);
+}
+
+std::optional<PreviewMessage> OperatorClient::next_preview(MonotonicInstant deadline) {
+  if (!impl_->previews) {
+    impl_->previews = std::make_unique<Subscription<PreviewMessage>>(
+        impl_->bus, std::string(kPreviewPrefix) + ".*", kQueue);
+  }
+  return impl_->previews->wait(deadline);
 }
 
 }  // namespace v3d

@@ -75,6 +75,7 @@ ReconNode::~ReconNode() { disarm(); }
 
 void ReconNode::arm(const CommandMessage& order) {
   order_ = order;
+  if (order.verb == CommandVerb::kCheck) return;  // nothing is reconstructed
   if (!is_file_name(order.take)) throw InputError("'" + order.take + "' cannot name a take");
   const TakePaths paths = take_paths(studio_, order.take);
   if (std::filesystem::exists(paths.mesh())) {
@@ -138,6 +139,7 @@ NodeReport ReconNode::ready_report() const {
   if (order_.verb == CommandVerb::kBackground) {
     return {.event = Input::kReady, .text = "nothing to learn here", .detail = {}};
   }
+  if (!pipeline_) return {.event = Input::kReady, .text = "looks on", .detail = {}};
   return {.event = Input::kReady,
           .text = "reconstructs at " + format_length(studio_.reconstruction.voxel_m),
           .detail = {}};
@@ -150,6 +152,7 @@ std::optional<NodeReport> ReconNode::poll_recording() {
 }
 
 std::optional<NodeReport> ReconNode::poll_draining() {
+  if (!pipeline_) return NodeReport{.event = Input::kDrained, .text = "looked on", .detail = {}};
   const MonotonicInstant now = Monotonic::now();
   const bool waited = now - drain_began_ > kQuiet;
   if (!(waited && pipeline_->drained(kQuiet)) && now < drain_began_ + kDrainWithin) {

@@ -13,8 +13,10 @@ inline constexpr char kEventChannel[] = "V3D_EVENT";
 /// Followed by the camera's or the node's name.
 inline constexpr char kFramePrefix[] = "V3D_FRAME_";
 inline constexpr char kHealthPrefix[] = "V3D_HEALTH_";
+inline constexpr char kPreviewPrefix[] = "V3D_PREVIEW_";
 
 inline std::string frame_channel(const std::string& camera) { return kFramePrefix + camera; }
 inline std::string health_channel(const std::string& node) { return kHealthPrefix + node; }
+inline std::string preview_channel(const std::string& camera) { return kPreviewPrefix + camera; }
 
 }  // namespace v3d

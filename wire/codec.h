@@ -28,6 +28,7 @@ Bytes encode(const CommandMessage& message);
 Bytes encode(const ReplyMessage& message);
 Bytes encode(const HealthMessage& message);
 Bytes encode(const EventMessage& message);
+Bytes encode(const PreviewMessage& message);
 
 /// An encoded FrameMessage up to its pixels, whose checksum it holds; `message.frame.image.bytes`
 /// are the rest of it. For writers that need not copy the pixels.
@@ -51,6 +52,8 @@ template <>
 std::optional<HealthMessage> decode(std::span<const uint8_t> bytes);
 template <>
 std::optional<EventMessage> decode(std::span<const uint8_t> bytes);
+template <>
+std::optional<PreviewMessage> decode(std::span<const uint8_t> bytes);
 
 /// What a frame message says before its pixels: enough to index a log without reading it whole.
 struct FrameHead {

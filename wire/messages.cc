@@ -16,6 +16,8 @@ std::string_view name(CommandVerb verb) {
       return "background";
     case CommandVerb::kCommit:
       return "commit";
+    case CommandVerb::kCheck:
+      return "check";
   }
   return "unknown";
 }

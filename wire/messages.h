@@ -4,6 +4,7 @@
 
 #include <cstdint>
 #include <map>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -42,7 +43,12 @@ struct MeshMessage {
   std::vector<uint8_t> compact;
 };
 
-enum class CommandVerb : uint8_t { kArm = 1, kStart, kStop, kAbort, kBackground, kCommit };
+enum class CommandVerb : uint8_t { kArm = 1, kStart, kStop, kAbort, kBackground, kCommit, kCheck };
+/// Makes the nodes ready for pulses: a take's, or others.
+constexpr bool is_order(CommandVerb verb) {
+  return verb == CommandVerb::kArm || verb == CommandVerb::kBackground ||
+         verb == CommandVerb::kCheck;
+}
 std::string_view name(CommandVerb verb);
 
 /// V3D_COMMAND. Idempotent: the same (sender, counter) is answered again, not carried out again.
@@ -70,6 +76,20 @@ struct ReplyMessage {
   std::string take;    ///< that the node is at, or was at last
   std::string text;    ///< one line for the operator
   std::string detail;  ///< JSON: the node's ledger after a stop, else empty
+};
+
+/// The small pictures on V3D_PREVIEW_<camera> are not larger than this along a side.
+inline constexpr int kMaxPreviewSide = 4096;
+
+/// V3D_PREVIEW_<camera>, about once a second while pulses run: a small picture for people.
+struct PreviewMessage {
+  RealtimeInstant sent;
+  int64_t seq = 0;
+  std::string camera;
+  int64_t pulse = -1;
+  ImageSize size;             ///< of the small picture
+  std::optional<Mask> mask;   ///< of that size
+  std::vector<uint8_t> jpeg;  ///< base/jpeg.h reads it; not looked into by the codec
 };
 
 enum class NodeState : uint8_t { kIdle = 1, kArmed, kRecording, kDraining, kFault };

@@ -12,12 +12,12 @@ using testing::HasSubstr;
 
 constexpr Phase kPhases[] = {Phase::kIdle,      Phase::kArming,   Phase::kPrepared, Phase::kArmed,
                              Phase::kRecording, Phase::kDraining, Phase::kLearning, Phase::kFault};
-constexpr Input kInputs[] = {
-    Input::kArm,        Input::kStart,   Input::kStop,    Input::kAbort, Input::kBackground,
-    Input::kCommit,     Input::kLearn,   Input::kExpired, Input::kReady, Input::kFailed,
-    Input::kTrainEnded, Input::kDrained, Input::kBroken};
+constexpr Input kInputs[] = {Input::kArm,        Input::kStart,  Input::kStop,   Input::kAbort,
+                             Input::kBackground, Input::kCommit, Input::kLearn,  Input::kCheck,
+                             Input::kExpired,    Input::kReady,  Input::kFailed, Input::kTrainEnded,
+                             Input::kDrained,    Input::kBroken};
 
-bool is_command(Input input) { return input <= Input::kLearn; }
+bool is_command(Input input) { return input <= Input::kCheck; }
 bool pulses_may_run(Phase phase) { return phase == Phase::kRecording || phase == Phase::kLearning; }
 
 // The whole table: what is not named here stays where it is, refused when it is a command.
@@ -30,6 +30,7 @@ TEST(Transition, is_as_the_table_says) {
   using enum Verdict;
   row(kIdle, Input::kArm, {kArming, Work::kArm, kPending});
   row(kIdle, Input::kBackground, {kArming, Work::kLearn, kPending});
+  row(kIdle, Input::kCheck, {kArming, Work::kArm, kPending});
   row(kIdle, Input::kAbort, {kIdle, Work::kNone, kDone});
   row(kArming, Input::kReady, {kPrepared, Work::kNone, kNone});
   row(kArming, Input::kFailed, {kIdle, Work::kDisarm, kNone});

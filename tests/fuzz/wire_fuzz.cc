@@ -24,6 +24,7 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   check<v3d::ReplyMessage>(bytes);
   check<v3d::HealthMessage>(bytes);
   check<v3d::EventMessage>(bytes);
+  check<v3d::PreviewMessage>(bytes);
   v3d::decode_frame_head(bytes);
   return 0;
 }

@@ -7,6 +7,9 @@
 
 #include <thread>
 
+#include "support/temporary_folder.h"
+#include "v3dctl/doctor_machine.h"
+
 namespace v3d::ctl {
 namespace {
 
@@ -88,6 +91,64 @@ TEST(Doctor, says_that_it_cannot_ask_a_camera_given_by_its_serial_number) {
   camera.name = "cam01";
   camera.address = "GV-4103";
   EXPECT_EQ(check_cameras({camera})[0].verdict, Verdict::kUnknown);
+}
+
+TEST(Doctor, wants_an_interface_that_takes_the_packets_of_its_cameras) {
+  EXPECT_EQ(check_mtu("eth1", 9000, 9000).verdict, Verdict::kGood);
+  const Finding finding = check_mtu("eth1", 1500, 9000);
+  EXPECT_EQ(finding.verdict, Verdict::kBad);
+  EXPECT_NE(finding.remedy.find("ip link set dev eth1 mtu 9000"), std::string::npos);
+}
+
+TEST(Doctor, finds_the_interface_on_the_way_to_a_camera) {
+  StudioCamera camera;
+  camera.address = "127.0.0.1";
+  camera.packet_size = 1000;
+  const auto findings = check_mtu({camera});
+  ASSERT_EQ(findings.size(), 1U);
+  EXPECT_EQ(findings[0].verdict, Verdict::kGood);
+  EXPECT_EQ(findings[0].text.substr(0, 3), "lo ");
+}
+
+TEST(Doctor, tells_who_holds_the_clock_and_how_well) {
+  const auto verdict = [](const std::map<std::string, double>& values, bool kernel) {
+    return check_clock(values, kernel).verdict;
+  };
+  EXPECT_EQ(verdict({{"clock_synchronised_flag", 1}, {"clock_offset_us", -40}}, true),
+            Verdict::kGood);
+  EXPECT_EQ(verdict({{"clock_synchronised_flag", 1}, {"clock_offset_us", -4000}}, true),
+            Verdict::kBad);
+  EXPECT_EQ(verdict({{"clock_synchronised_flag", 0}}, true), Verdict::kBad);
+  EXPECT_EQ(verdict({}, true), Verdict::kGood) << "by PTP, perhaps";
+  EXPECT_EQ(verdict({}, false), Verdict::kBad);
+  EXPECT_NE(check_clock({}, false).remedy, "");
+}
+
+TEST(Doctor, wants_a_disk_that_keeps_up_with_the_cameras) {
+  EXPECT_EQ(judge_disk_speed(500e6, 295e6).verdict, Verdict::kGood);
+  EXPECT_EQ(judge_disk_speed(200e6, 295e6).verdict, Verdict::kBad);
+  EXPECT_EQ(judge_disk_speed(200e6, 0).verdict, Verdict::kGood) << "not known what is needed";
+}
+
+TEST(Doctor, measures_the_disk_and_leaves_nothing_behind) {
+  const test::TemporaryFolder folder;
+  EXPECT_EQ(check_disk_speed(folder.path(), 1).verdict, Verdict::kGood);
+  EXPECT_TRUE(std::filesystem::is_empty(folder.path()));
+  EXPECT_EQ(check_disk_speed("/not/there", 1).verdict, Verdict::kUnknown);
+}
+
+TEST(Doctor, minds_the_memory_of_usb_only_where_cameras_hang_on_it) {
+  EXPECT_EQ(check_usb_memory(16, true).verdict, Verdict::kBad);
+  EXPECT_EQ(check_usb_memory(16, false).verdict, Verdict::kGood);
+  EXPECT_EQ(check_usb_memory(1000, true).verdict, Verdict::kGood);
+  EXPECT_EQ(check_usb_memory(0, true).verdict, Verdict::kGood) << "no limit";
+  EXPECT_EQ(check_usb_memory(-1, false).verdict, Verdict::kUnknown);
+}
+
+TEST(Doctor, wants_real_time_priorities_for_the_daemon) {
+  EXPECT_EQ(check_realtime(50, false).verdict, Verdict::kGood);
+  EXPECT_EQ(check_realtime(0, true).verdict, Verdict::kGood);
+  EXPECT_NE(check_realtime(0, false).remedy, "");
 }
 
 }  // namespace

@@ -22,6 +22,7 @@ void for_every_type(Check check) {
   check(ReplyMessage{});
   check(HealthMessage{});
   check(EventMessage{});
+  check(PreviewMessage{});
 }
 
 FrameMessage small_frame() {
@@ -160,12 +161,26 @@ bool refused(auto set_field) {
 TEST(Codec, refuses_values_out_of_their_enumeration) {
   EXPECT_TRUE(refused<CommandMessage>([](CommandMessage& m) {
     m.sender = "v3dctl";
-    m.verb = static_cast<CommandVerb>(7);
+    m.verb = static_cast<CommandVerb>(8);
   }));
   EXPECT_TRUE(
       refused<HealthMessage>([](HealthMessage& m) { m.state = static_cast<NodeState>(0); }));
   EXPECT_TRUE(
       refused<EventMessage>([](EventMessage& m) { m.severity = static_cast<Severity>(9); }));
+}
+
+TEST(Codec, refuses_a_preview_that_is_too_large_or_whose_mask_has_another_size) {
+  const auto with = [](ImageSize size, std::optional<Mask> mask) {
+    return [=](PreviewMessage& m) {
+      m.size = size;
+      m.mask = mask;
+    };
+  };
+  EXPECT_FALSE(refused<PreviewMessage>(with({8, 4}, Mask({8, 4}))));
+  EXPECT_FALSE(refused<PreviewMessage>(with({kMaxPreviewSide, 4}, {})));
+  EXPECT_TRUE(refused<PreviewMessage>(with({kMaxPreviewSide + 1, 4}, {})));
+  EXPECT_TRUE(refused<PreviewMessage>(with({0, 4}, {})));
+  EXPECT_TRUE(refused<PreviewMessage>(with({8, 4}, Mask({7, 4}))));
 }
 
 TEST(Codec, refuses_a_command_without_a_sender_or_with_an_impossible_rate) {

@@ -81,7 +81,7 @@ inline CommandMessage any_message() {
   return {.sent = any_sent(),
           .sender = "v3dctl" + any_text(),
           .counter = any_count(),
-          .verb = static_cast<CommandVerb>(*rc::gen::inRange(1, 7)),
+          .verb = static_cast<CommandVerb>(*rc::gen::inRange(1, 8)),
           .own_only = *rc::gen::arbitrary<bool>(),
           .take = any_text(),
           .rate_hz = *rc::gen::inRange(0, 1000) / 8.0,
@@ -123,6 +123,20 @@ inline EventMessage any_message() {
           .severity = static_cast<Severity>(*rc::gen::inRange(1, 4)),
           .subject = any_text(),
           .text = any_text()};
+}
+
+template <>
+inline PreviewMessage any_message() {
+  const ImageSize size{*rc::gen::inRange(1, 80), *rc::gen::inRange(1, 20)};
+  PreviewMessage message{.sent = any_sent(),
+                         .seq = any_count(),
+                         .camera = any_text(),
+                         .pulse = *rc::gen::inRange<int64_t>(-1, INT64_MAX),
+                         .size = size,
+                         .mask = {},
+                         .jpeg = *rc::gen::arbitrary<std::vector<uint8_t>>()};
+  if (*rc::gen::arbitrary<bool>()) message.mask = any_mask(size);
+  return message;
 }
 
 }  // namespace v3d::test

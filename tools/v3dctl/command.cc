@@ -67,6 +67,8 @@ std::optional<Studio> CommandLine::studio_of_take(const std::filesystem::path& t
 
 void add_all_commands(CommandLine& line) {
   add_operator_commands(line);
+  add_check(line);
+  add_preview(line);
   add_health(line);
   add_watch(line);
   add_key(line);

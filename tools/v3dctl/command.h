@@ -60,6 +60,8 @@ void add_evaluate(CommandLine& line);
 void add_export(CommandLine& line);
 void add_render(CommandLine& line);
 void add_operator_commands(CommandLine& line);  ///< status arm start stop abort background
+void add_check(CommandLine& line);
+void add_preview(CommandLine& line);
 void add_health(CommandLine& line);
 void add_watch(CommandLine& line);
 void add_key(CommandLine& line);

@@ -18,6 +18,7 @@
 
 #include "base/error.h"
 #include "base/units.h"
+#include "v3dctl/doctor_machine.h"
 
 namespace v3d::ctl {
 namespace {
@@ -142,7 +143,7 @@ Finding check_packet_socket() {
   // The daemon gets the right from its unit; this tool usually has none.
   return {
       Verdict::kUnknown, "packet socket", "not permitted to this user (CAP_NET_RAW)",
-      "the unit v3d-captured.service grants it; by hand: sudo setcap cap_net_raw+ep v3d-captured"};
+      "the unit v3d-captured@.service grants it; by hand: sudo setcap cap_net_raw+ep v3d-captured"};
 }
 
 std::vector<Finding> check_cameras(const std::vector<StudioCamera>& cameras) {
@@ -181,9 +182,10 @@ std::vector<Finding> examine(const Studio& studio, const std::string& node) {
   std::vector<Finding> findings = {check_receive_buffer(read_rmem_max()),
                                    check_multicast(studio.network.lcm_url), check_packet_socket(),
                                    check_disk(studio.storage.takes)};
-  const std::vector<Finding> cameras =
-      check_cameras(node.empty() ? studio.cameras : studio.cameras_of(node));
-  findings.insert(findings.end(), cameras.begin(), cameras.end());
+  const std::vector<StudioCamera> cameras = node.empty() ? studio.cameras : studio.cameras_of(node);
+  for (const auto& more : {examine_machine(studio, cameras), check_cameras(cameras)}) {
+    findings.insert(findings.end(), more.begin(), more.end());
+  }
   return findings;
 }
 

@@ -16,7 +16,7 @@ struct Finding {
 };
 
 /// `node`: only its cameras; empty: all cameras of the studio. Asks the cameras over the network
-/// (GigE Vision register read), up to a second together.
+/// (GigE Vision register read), up to a second together, and writes to the disk for another second.
 std::vector<Finding> examine(const Studio& studio, const std::string& node);
 
 /// Single checks, for tests and for examine().
