@@ -322,6 +322,7 @@ void read_network(const TomlTable& file, Studio& studio) {
   const TomlTable table = file.table("network");
   studio.network.lcm_url = table.text_or("lcm_url", studio.network.lcm_url);
   studio.network.key = resolve(studio, table.text_or("key", studio.network.key.string()));
+  studio.network.metrics = table.text_or("metrics", studio.network.metrics);
   table.refuse_unknown();
 }
 

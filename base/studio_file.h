@@ -95,6 +95,7 @@ inline constexpr char kDefaultKey[] = "/etc/v3d/studio.key";
 struct StudioNetwork {
   std::string lcm_url = "udpm://239.255.76.67:7667?ttl=1&recv_buf_size=16777216";
   std::filesystem::path key = kDefaultKey;  ///< file of the studio key (wire/studio_key.h)
+  std::string metrics;  ///< where daemons serve Prometheus, "127.0.0.1:9464"; empty: nowhere
 };
 
 /// [storage]; relative paths are taken from the folder of the studio file.

@@ -24,6 +24,7 @@ NodeLoop::NodeLoop(NodeIdentity identity, Bus& bus, NodeWork& work)
       commands_(
           bus, kCommandChannel, kCommandQueue,
           [this](std::span<const uint8_t> bytes) { return gate_.admit(bytes, Realtime::now()); }),
+      metrics_(serve_metrics(me_.metrics)),
       next_health_(Monotonic::now()),
       watchdog_(service::watchdog_period()),
       last_fed_(Monotonic::now()) {
@@ -146,6 +147,7 @@ void NodeLoop::publish_health() {
   report_commands(health);
   if (controller_.phase() == Phase::kFault) health.text = controller_.fault();
   bus_.publish(health_channel(me_.node), encode(health));
+  if (metrics_) metrics_->update(health);
   service::status(std::string(name(health.state)) + (health.take.empty() ? "" : " ") + health.take +
                   (health.text.empty() ? "" : ": ") + health.text);
 }

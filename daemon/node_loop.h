@@ -3,6 +3,7 @@
 #pragma once
 
 #include <filesystem>
+#include <memory>
 #include <optional>
 #include <string>
 
@@ -12,6 +13,7 @@
 #include "daemon/command_gate.h"
 #include "daemon/control.h"
 #include "daemon/machine_health.h"
+#include "daemon/metrics_server.h"
 #include "daemon/node_work.h"
 
 namespace v3d {
@@ -22,6 +24,7 @@ struct NodeIdentity {
   std::string program;         ///< "v3d-captured"
   std::filesystem::path key;   ///< of the studio
   RealtimeInstant began = {};  ///< when the program began, or later
+  std::string metrics;         ///< where health is also served for Prometheus; empty: nowhere
 };
 
 /// Without a studio key the node refuses every command, and says in its log and its health how to
@@ -71,6 +74,7 @@ class NodeLoop {
   Subscription<CommandMessage> commands_;
   MachineHealth machine_;
   ClockWatch clock_;
+  const std::unique_ptr<MetricsServer> metrics_;  ///< or null
   int64_t health_seq_ = 0;
   Phase told_phase_ = Phase::kIdle;  ///< by the last health message
   MonotonicInstant next_health_;

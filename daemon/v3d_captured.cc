@@ -22,7 +22,8 @@ void run(const v3d::Studio& studio, const std::string& node) {
   if (!problem.empty()) spdlog::warn("{}", problem);
   v3d::Bus bus(studio.network.lcm_url);
   v3d::CaptureNode work(studio, node, bus);
-  v3d::NodeLoop loop({node, "v3d-captured", studio.network.key, began}, bus, work);
+  v3d::NodeLoop loop({node, "v3d-captured", studio.network.key, began, studio.network.metrics}, bus,
+                     work);
   for (const v3d::RecoveredTake& take : recovered) {
     if (take.ledger) loop.remember(take.ledger->take, take.line, v3d::ledger_json(*take.ledger));
   }

@@ -28,7 +28,8 @@ void run(const v3d::Studio& studio, const std::string& given) {
   if (!problem.empty()) spdlog::warn("{}", problem);
   v3d::Bus bus(studio.network.lcm_url);
   v3d::ReconNode work(studio, node, bus);
-  v3d::NodeLoop({node, "v3d-recond", studio.network.key, began}, bus, work).run();
+  v3d::NodeLoop({node, "v3d-recond", studio.network.key, began, studio.network.metrics}, bus, work)
+      .run();
 }
 
 }  // namespace
