@@ -1,0 +1,74 @@
+// What an operator sees without recording: check, previews, health.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <nlohmann/json.hpp>
+
+#include "base/jpeg.h"
+#include "studio4.h"
+
+namespace v3d {
+namespace {
+
+using test::becomes_true;
+using test::within;
+using testing::IsEmpty;
+
+constexpr int kPulses = 20;
+
+class LookingStudio : public test::Studio4 {};
+
+TEST_F(LookingStudio, checks_its_cameras_without_recording_and_sends_previews) {
+  take_name_ = "check";
+  client_->next_preview(Monotonic::now());
+  const Answer armed = command(CommandVerb::kCheck, kPulses);
+  ASSERT_TRUE(armed.done()) << text_of(armed) << log();
+  ASSERT_TRUE(command(CommandVerb::kStart).done()) << log();
+  std::map<std::string, PreviewMessage> previews;
+  const auto all_cameras_seen = [&] {
+    while (auto preview = client_->next_preview(Monotonic::now())) {
+      const std::string camera = preview->camera;
+      previews[camera] = std::move(*preview);
+    }
+    return previews.size() == 4;
+  };
+  EXPECT_TRUE(becomes_true(all_cameras_seen, within(30))) << log();
+  for (const auto& [camera, preview] : previews) {
+    EXPECT_EQ(preview.size, (ImageSize{160, 120}));
+    EXPECT_TRUE(decode_jpeg(preview.jpeg, preview.size)) << camera;
+    EXPECT_TRUE(preview.mask) << camera;
+  }
+
+  const auto idle_again = [&] {
+    const auto health = client_->health(within(5));
+    return health.contains("cap01") && health.at("cap01").state == NodeState::kIdle;
+  };
+  ASSERT_TRUE(becomes_true(idle_again, within(30))) << log();
+  const Answer stopped = command(CommandVerb::kStop);
+  ASSERT_TRUE(stopped.done()) << text_of(stopped) << log();
+  const auto account = nlohmann::json::parse(stopped.replies.at("cap01").detail);
+  EXPECT_EQ(account["pulses"]["sensed"], kPulses);
+  EXPECT_THAT(account["not_ready"], IsEmpty());
+  ASSERT_EQ(account["checked"].size(), 4U);
+  for (const auto& camera : account["checked"]) {
+    EXPECT_EQ(camera["received"], kPulses) << camera;
+    EXPECT_THAT(camera["suspect"], IsEmpty()) << camera;
+    EXPECT_GT(camera["focus"], 0) << camera;
+    EXPECT_GT(camera["foreground"], 0) << "the performer stands there: " << camera;
+  }
+  EXPECT_FALSE(std::filesystem::exists(take().folder)) << "nothing is recorded";
+}
+
+TEST_F(LookingStudio, tells_of_its_machine_and_its_rates_in_health) {
+  arm_and_start(0);
+  ASSERT_TRUE(reaches("cap01", "cam01.frames_per_second", 10)) << log();
+  EXPECT_TRUE(reaches("cap01", "cpu_daemon_percent", 0));
+  EXPECT_GT(value("cap01", "memory_daemon_bytes"), 1e6);
+  EXPECT_GT(value("cap01", "disk_seconds_left"), 0) << "also while pulses run";
+  EXPECT_EQ(value("cap01", "cam01.streaming_flag"), 1);
+  EXPECT_FALSE(client_->health(within(5)).at("cap01").version.empty());
+  EXPECT_TRUE(command(CommandVerb::kStop).done()) << log();
+}
+
+}  // namespace
+}  // namespace v3d
