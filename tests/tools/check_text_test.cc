@@ -53,7 +53,7 @@ TEST(Check, tells_every_fault_by_name_with_its_remedy) {
   expect(Grade::kBad, "no frame", "trigger cable", [](CameraSeen& s) { s.received = 0; });
   expect(Grade::kBad, "2 frames missing of 100", "network cable",
          [](CameraSeen& s) { s.missing = 2; });
-  expect(Grade::kBad, "1 frames with a pulse in doubt", "trigger cable",
+  expect(Grade::kBad, "1 frame with a pulse in doubt", "trigger cable",
          [](CameraSeen& s) { s.suspect = 1; });
   expect(Grade::kLook, "3.0 % too bright", "exposure_us", [](CameraSeen& s) { s.clipped = 0.03; });
   expect(Grade::kBad, "20 % too bright", "exposure_us", [](CameraSeen& s) { s.clipped = 0.2; });
@@ -61,7 +61,7 @@ TEST(Check, tells_every_fault_by_name_with_its_remedy) {
   expect(Grade::kBad, "sharpness 20 %", "focus", [](CameraSeen& s) { s.focus = 10.2; });
   expect(Grade::kLook, "no background", "v3dctl background",
          [](CameraSeen& s) { s.foreground.reset(); });
-  expect(Grade::kLook, "4.0 % foreground", "if nobody does",
+  expect(Grade::kLook, "4.0 % foreground", "unless somebody",
          [](CameraSeen& s) { s.foreground = 0.04; });
   expect(Grade::kBad, "60 % foreground", "v3dctl background",
          [](CameraSeen& s) { s.foreground = 0.6; });

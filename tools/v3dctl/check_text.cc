@@ -5,6 +5,7 @@
 #include <nlohmann/json.hpp>
 
 #include "base/units.h"
+#include "v3dctl/options.h"
 
 namespace v3d::ctl {
 namespace {
@@ -61,10 +62,10 @@ void judge_pulses(const CameraSeen& seen, Judgement& judgement) {
     return judgement.add(Grade::kBad, "no frame" + of,
                          "check its trigger cable and trigger_line in the studio file");
   }
-  judgement.add(when(seen.missing > 0), format_count(seen.missing) + " frames missing" + of,
+  judgement.add(when(seen.missing > 0), count_of(seen.missing, "frame") + " missing" + of,
                 "v3dctl doctor " + seen.node + "; check its network cable and packet_delay_ns");
   judgement.add(when(seen.suspect > 0 || seen.duplicate > 0),
-                format_count(seen.suspect + seen.duplicate) + " frames with a pulse in doubt",
+                count_of(seen.suspect + seen.duplicate, "frame") + " with a pulse in doubt",
                 "check its trigger cable, and that nothing else triggers it");
 }
 
@@ -73,7 +74,7 @@ void judge_pictures(const CameraSeen& seen, Judgement& judgement) {
   judgement.add(when_above(seen.clipped, kFewClipped, kManyClipped),
                 percent(seen.clipped) + " too bright", "a shorter exposure_us, or close the iris");
   judgement.add(when_above(seen.dark, kFewDark, kManyDark), percent(seen.dark) + " black",
-                "lens cap off? Open the iris, or more light, exposure_us or gain_db");
+                "take the lens cap off, open the iris, or more light, exposure_us or gain_db");
   if (seen.plates_focus && *seen.plates_focus > 0) {
     const double ratio = seen.focus / *seen.plates_focus;
     judgement.add(ratio < kBlurred ? Grade::kBad
@@ -87,7 +88,7 @@ void judge_pictures(const CameraSeen& seen, Judgement& judgement) {
   } else {
     judgement.add(when_above(*seen.foreground, kSomething, kLargePart),
                   percent(*seen.foreground) + " foreground",
-                  "right if somebody stands there; if nobody does: v3dctl background");
+                  "v3dctl background, unless somebody stands there");
   }
 }
 
