@@ -6,6 +6,7 @@
 #include <unistd.h>
 
 #include <csignal>
+#include <mutex>
 #include <nlohmann/json.hpp>
 #include <random>
 
@@ -15,6 +16,7 @@
 #include "take/mesh_file.h"
 #include "take/verify.h"
 #include "wire/channels.h"
+#include "wire/studio_key.h"
 
 namespace v3d {
 namespace {
@@ -235,6 +237,110 @@ TEST_F(Studio4, counts_garbage_on_every_channel_and_records_all_the_same) {
   ASSERT_TRUE(stopped.done()) << text_of(stopped) << log();
   const Verification verified = verify_take(take());
   EXPECT_TRUE(verified.whole()) << verified.ledger.verdict();
+}
+
+/// Hears every command on the network, as anybody can.
+class Eavesdropper {
+ public:
+  explicit Eavesdropper(const std::string& url) : bus_(url) {
+    bus_.subscribe(kCommandChannel, [this](const std::string&, std::span<const uint8_t> bytes) {
+      const std::lock_guard lock(mutex_);
+      ++heard_;
+      if (recording_) recorded_.emplace_back(bytes.begin(), bytes.end());
+    });
+  }
+  /// From now on only counts.
+  std::vector<Bytes> recorded() {
+    const std::lock_guard lock(mutex_);
+    recording_ = false;
+    return recorded_;
+  }
+  /// All at once, and waits until they went round: as many as a socket holds.
+  void send(const std::vector<Bytes>& batch) {
+    const size_t before = heard();
+    for (const Bytes& bytes : batch) bus_.publish(kCommandChannel, bytes);
+    ASSERT_TRUE(becomes_true([&] { return heard() >= before + batch.size(); }, within(30)));
+  }
+
+ private:
+  size_t heard() {
+    const std::lock_guard lock(mutex_);
+    return heard_;
+  }
+  std::mutex mutex_;
+  size_t heard_ = 0;
+  bool recording_ = true;
+  std::vector<Bytes> recorded_;
+  Bus bus_;  // last: its thread uses the rest
+};
+
+TEST_F(Studio4, obeys_none_of_thousands_of_forged_replayed_stale_and_changed_commands) {
+  constexpr int kBatches = 50;
+  constexpr int kEach = 20;
+  Eavesdropper stranger(studio_.network.lcm_url);
+  arm_and_start(0);
+  const std::vector<Bytes> recorded = stranger.recorded();
+  ASSERT_GE(recorded.size(), 4U);
+  const StudioKey key = StudioKey::load(studio_.network.key);
+  CommandMessage stop;
+  stop.sender = "stranger";
+  stop.verb = CommandVerb::kStop;
+  stop.to = {"cap01", "recon01"};
+  std::mt19937 random(7);
+  for (int i = 0; i < kBatches; ++i) {
+    std::vector<Bytes> batch;
+    for (int k = 0; k < kEach; ++k) {
+      stop.counter = i * kEach + k;
+      stop.sent = Realtime::now();
+      batch.push_back(encode_sealed(stop, StudioKey::make()));
+      stop.sent -= std::chrono::hours(1);
+      batch.push_back(encode_sealed(stop, key));
+      batch.push_back(recorded[random() % recorded.size()]);
+      batch.push_back(recorded[random() % recorded.size()]);
+      batch.back()[random() % batch.back().size()] ^= static_cast<uint8_t>(1 << random() % 8);
+    }
+    stranger.send(batch);
+  }
+  const double kind = kBatches * kEach;
+  for (const char* node : {"cap01", "recon01"}) {
+    EXPECT_TRUE(reaches(node, "commands_forged", 2 * kind)) << log();
+    EXPECT_TRUE(reaches(node, "commands_stale", kind)) << log();
+    EXPECT_TRUE(reaches(node, "commands_replayed", kind)) << log();
+    EXPECT_EQ(client_->health(within(5)).at(node).state, NodeState::kRecording);
+  }
+  const Answer stopped = command(CommandVerb::kStop);
+  ASSERT_TRUE(stopped.done()) << text_of(stopped) << log();
+  EXPECT_TRUE(verify_take(take()).whole()) << verify_take(take()).ledger.verdict();
+}
+
+TEST_F(Studio4, obeys_nobody_without_a_studio_key_and_says_how_to_make_one) {
+  const std::filesystem::path key = studio_.network.key;
+  captured_.reset();
+  std::filesystem::rename(key, folder_ / "away");
+  start_captured();
+  const auto says = [&](const std::string& text) {
+    const auto health = client_->health(within(5));
+    return health.contains("cap01") && health.at("cap01").text.find(text) != std::string::npos;
+  };
+  EXPECT_TRUE(becomes_true([&] { return says("v3dctl key new"); }, within(60))) << log();
+  CommandMessage abort;
+  abort.verb = CommandVerb::kAbort;
+  EXPECT_THAT(client_->command(abort, within(3)).silent, testing::ElementsAre("cap01"));
+  std::filesystem::rename(folder_ / "away", key);
+  EXPECT_TRUE(command(CommandVerb::kAbort).done()) << log();
+}
+
+TEST_F(Studio4, gives_the_account_of_a_take_through_a_node_that_was_started_anew_in_it) {
+  arm_and_start(0);
+  ASSERT_TRUE(reaches("cap01", "frames_written", 40)) << log();
+  captured_->signal(SIGKILL);
+  captured_->wait(within(30));
+  start_captured();
+  const Answer stopped = command(CommandVerb::kStop);
+  ASSERT_TRUE(stopped.done()) << text_of(stopped) << log();
+  const auto ledger = nlohmann::json::parse(stopped.replies.at("cap01").detail);
+  EXPECT_EQ(ledger["take"], "kendo-07");
+  EXPECT_GE(ledger["cameras"][0]["written"], 7) << ledger;
 }
 
 }  // namespace

@@ -42,6 +42,17 @@ TEST(ReplyLines, name_every_silent_node_with_the_next_step) {
   EXPECT_THAT(lines[2], StartsWith("cap03 "));
 }
 
+TEST(ReplyLines, tell_what_a_node_that_does_not_answer_says_in_its_health) {
+  Answer answer;
+  answer.silent = {"cap01", "cap02"};
+  HealthMessage keyless;
+  keyless.text = "every command is refused: no studio key";
+  const auto lines = reply_lines(kNodes, answer, "ready", {{"cap01", keyless}, {"cap02", {}}});
+  ASSERT_EQ(lines.size(), 2U) << "cap03 was not asked";
+  EXPECT_THAT(lines[0], HasSubstr("no answer to commands: every command is refused"));
+  EXPECT_THAT(lines[1], HasSubstr("though it reports"));
+}
+
 std::string detail(const std::string& camera, int missing) {
   Json cameras = Json::array();
   cameras.push_back(
@@ -72,6 +83,29 @@ TEST(TakeAccounts, are_incomplete_when_one_camera_is) {
   const Ledger ledger = merge_ledgers(answer).ledger;
   EXPECT_FALSE(ledger.complete());
   EXPECT_THAT(ledger.cameras[1].missing, ElementsAre(4));
+}
+
+TEST(TakeAccounts, let_cameras_miss_everything_of_which_nobody_gives_an_account) {
+  Answer answer;
+  answer.replies["cap01"] = reply(Outcome::kDone, "", detail("cam01", 0));
+  const Ledger ledger = merge_ledgers(answer, {"cam01", "cam02"}).ledger;
+  ASSERT_EQ(ledger.cameras.size(), 2U);
+  EXPECT_FALSE(ledger.complete());
+  for (const CameraLedger& camera : ledger.cameras) {
+    EXPECT_EQ(camera.missing.size(), camera.name == "cam02" ? 10U : 0U);
+  }
+}
+
+TEST(TakeAccounts, hold_what_cameras_sent_live_against_what_arrived) {
+  Answer answer;
+  answer.replies["cap01"] = reply(Outcome::kDone, "", detail("cam01", 0));
+  answer.replies["cap02"] = reply(Outcome::kDone, "", detail("cam02", 0));
+  answer.replies["recon"] =
+      reply(Outcome::kDone, "", "{\"cam01.live_received\": 10, \"cam02.live_received\": 7}");
+  const TakeAccount account = merge_ledgers(answer);
+  EXPECT_EQ(live_line(account), "live: 3 of 20 frames lost on the network: cam02 3");
+  answer.replies["recon"].detail = "{\"meshes\": 10}";
+  EXPECT_EQ(live_line(merge_ledgers(answer)), "") << "an older reconstruction does not tell";
 }
 
 TEST(TakeAccounts, name_the_node_whose_account_cannot_be_read) {
