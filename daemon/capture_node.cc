@@ -359,7 +359,9 @@ Ledger CaptureNode::finish_take() {
   Ledger ledger;
   ledger.take = info_.name;
   ledger.commanded = commanded();
-  if (studio_.trigger.is_sensed()) pulses_->put_into(ledger, ledger.commanded);
+  // Who only listens to the trigger's node, and missed a word of it, cannot tell what was sensed.
+  const bool knows = sensor_ || pulses_->sensed() >= ledger.commanded;
+  if (studio_.trigger.is_sensed() && knows) pulses_->put_into(ledger, ledger.commanded);
   unkept_.clear();
   for (const auto& lane : lanes_) {
     ledger.cameras.push_back(lane->close(ledger.commanded));

@@ -88,10 +88,9 @@ class Verifier {
       ledger.extra = stored->extra;  // not in the log
       ledger.runt = stored->runt;
     }
-    if (stored && stored->sensed.value_or(0) != static_cast<int64_t>(sensed.size())) {
+    if (stored && stored->sensed && *stored->sensed != static_cast<int64_t>(sensed.size())) {
       disagree(paths_.pulses(), "holds " + format_count(static_cast<int64_t>(sensed.size())) +
-                                    " pulses, the ledger says " +
-                                    format_count(stored->sensed.value_or(0)));
+                                    " pulses, the ledger says " + format_count(*stored->sensed));
     }
     if (result_.info.state == TakeState::kComplete && result_.info.pulses != ledger.commanded) {
       disagree(paths_.info(), "says " + format_count(result_.info.pulses) +

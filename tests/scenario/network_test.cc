@@ -1,0 +1,287 @@
+// Sixteen hosts, fifteen with a camera each and one that reconstructs, and an operator's, on a
+// network that loses, delays and reorders. Every host is a network namespace.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <sched.h>
+#include <sys/prctl.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <csignal>
+#include <cstdlib>
+#include <fstream>
+#include <nlohmann/json.hpp>
+
+#include "base/file.h"
+#include "daemon/operator_client.h"
+#include "sim/trigger_cable.h"
+#include "support/child_process.h"
+#include "support/lossy_switch.h"
+#include "support/temporary_folder.h"
+#include "take/verify.h"
+#include "trigger/wire_socket.h"
+#include "wire/channels.h"
+
+namespace v3d {
+namespace {
+
+using test::becomes_true;
+using test::ChildProcess;
+using test::LossySwitch;
+using test::within;
+
+constexpr int kCameras = 15;
+constexpr size_t kRecon = kCameras;  ///< port of the reconstruction's host
+constexpr double kRateHz = 20;
+constexpr char kLink[] = " mtu 65535 multicast on up";
+
+std::string run(const std::string& command) {
+  return std::system((command + " >/dev/null 2>&1").c_str()) == 0 ? "" : command + " failed";
+}
+
+/// A network namespace of its own, as long as it lives.
+class Host {
+ public:
+  Host() {
+    int ready[2];
+    if (pipe(ready) != 0) std::abort();
+    pid_ = fork();
+    if (pid_ == 0) {
+      prctl(PR_SET_PDEATHSIG, SIGKILL);
+      if (unshare(CLONE_NEWNET) == 0 && write(ready[1], "", 1) == 1) {
+        while (true) pause();
+      }
+      _exit(1);
+    }
+    close(ready[1]);
+    char byte = 0;
+    if (read(ready[0], &byte, 1) != 1) ADD_FAILURE() << "no network namespace";
+    close(ready[0]);
+  }
+  ~Host() {
+    kill(pid_, SIGKILL);
+    waitpid(pid_, nullptr, 0);
+  }
+  Host(const Host&) = delete;
+  Host& operator=(const Host&) = delete;
+
+  /// In front of a command that shall run there.
+  std::vector<std::string> enter() const {
+    return {"/usr/bin/nsenter", "--net=/proc/" + std::to_string(pid_) + "/ns/net"};
+  }
+  pid_t pid() const { return pid_; }
+
+ private:
+  pid_t pid_ = -1;
+};
+
+/// Moves this process, before any thread begins, onto the operator's host.
+class OperatorsHost : public testing::Environment {
+ public:
+  void SetUp() override {
+    const uid_t user = getuid();
+    const gid_t group = getgid();
+    if (unshare(CLONE_NEWUSER | CLONE_NEWNET) != 0) GTEST_SKIP() << "no network namespace here";
+    std::ofstream("/proc/self/setgroups") << "deny";
+    std::ofstream("/proc/self/uid_map") << "0 " << user << " 1";
+    std::ofstream("/proc/self/gid_map") << "0 " << group << " 1";
+    ASSERT_EQ(run("ip link set lo up"), "");
+  }
+};
+[[maybe_unused]] const auto* const kOperatorsHost =
+    testing::AddGlobalTestEnvironment(new OperatorsHost);
+
+class StudioOf16 : public testing::Test {
+ protected:
+  StudioOf16() {
+    for (size_t i = 0; i <= kRecon; ++i) lay_cable(i);
+    lay_operators_cable();
+    switch_.emplace(ports_, test::Road{.loss = 0.02, .slowest = std::chrono::milliseconds(10)});
+    for (int i = 0; i < kCameras; ++i) start_cameras(i);
+    connect_trigger();
+    for (int i = 0; i < kCameras; ++i) start(node(i), "v3d-captured", static_cast<size_t>(i));
+    start("recon01", "v3d-recond", kRecon);
+    client_.emplace(load_studio(folder_ / node(0) / "studio.toml"));
+  }
+
+  static std::string bin(const std::string& program) {
+    return std::string(V3D_BIN) + "/" + program;
+  }
+  static std::string node(int i) { return "cap" + std::to_string(101 + i).substr(1); }
+
+  void lay_cable(size_t i) {
+    const std::string number = std::to_string(i);
+    const std::string host = "h" + number, port = "sw" + number;
+    const std::string pid = std::to_string(hosts_.emplace_back(std::make_unique<Host>())->pid());
+    EXPECT_EQ(run("ip link add " + host + kPair + port + " && ip link set " + host + " netns " +
+                  pid + " && ip link set " + port + kLink),
+              "");
+    EXPECT_EQ(
+        run("nsenter --net=/proc/" + pid + "/ns/net sh -c 'ip addr add 10.7.0." +
+            std::to_string(i + 1) + "/24 dev " + host + " && ip link set " + host + kLink +
+            " && ip route add 224.0.0.0/4 dev " + host + " && ip link set lo up mtu 65536 && " +
+            "for i in $(seq 11 25); do ip addr add 127.0.0.$i/32 dev lo; done'"),
+        "");
+    ports_.push_back(port);
+  }
+  void lay_operators_cable() {
+    EXPECT_EQ(run("ip link add desk" + std::string(kPair) + "swdesk && ip link set swdesk" + kLink +
+                  " && ip addr add 10.7.0.99/24 dev desk && ip link set desk" + kLink +
+                  " && ip route add 224.0.0.0/4 dev desk"),
+              "");
+    ports_.push_back("swdesk");
+  }
+
+  ChildProcess& start_at(size_t host, const std::vector<std::string>& command,
+                         const std::string& log) {
+    std::vector<std::string> all = hosts_[host]->enter();
+    all.insert(all.end(), command.begin(), command.end());
+    return *processes_.emplace_back(std::make_unique<ChildProcess>(all, folder_ / log));
+  }
+  /// Every host has the cameras of the whole studio on its loopback, and uses one of them.
+  void start_cameras(int i) {
+    const std::filesystem::path folder = folder_ / node(i);
+    ChildProcess& simulator = start_at(
+        static_cast<size_t>(i),
+        {bin("v3d-sim"), "studio", folder, "--cameras", std::to_string(kCameras), "--size", "80x60",
+         "--rate", "20", "--loop-frames", "4", "--empty-pulses", "8", "--voxel", "80mm"},
+        node(i) + "-sim.log");
+    const bool serves = becomes_true(
+        [&] { return simulator.output().find("ready\n") != std::string::npos; }, within(60));
+    ASSERT_TRUE(serves) << simulator.output();
+    if (i == kCameras - 1) write_studio_files();
+  }
+  /// One studio, and a disk of its own for every node.
+  void write_studio_files() {
+    std::string text = read_file(folder_ / node(0) / "studio.toml");
+    const auto replace = [&](const std::string& from, const std::string& to) {
+      const size_t at = text.find(from);
+      ASSERT_NE(at, std::string::npos) << from;
+      text.replace(at, from.size(), to);
+    };
+    std::string nodes;
+    for (int i = 1; i < kCameras; ++i) nodes += "[[node]]\nname = \"" + node(i) + "\"\n";
+    replace("[[node]]\nname = \"recon01\"", nodes + "[[node]]\nname = \"recon01\"");
+    replace("ttl=0", "ttl=1");
+    replace("wire = \"trigger.sock\"", "wire = \"" + (folder_ / "trigger.sock").string() + "\"");
+    replace("key = \"studio.key\"",
+            "key = \"" + (folder_ / node(0) / "studio.key").string() + "\"");
+    size_t at = 0;
+    for (int i = 0; i < kCameras; ++i) {
+      at = text.find("[[camera]]\n", at) + 11;
+      text.insert(at, "node = \"" + node(i) + "\"\n");
+    }
+    std::filesystem::create_directory(folder_ / "recon01");
+    std::filesystem::copy(folder_ / node(0) / "calib.toml", folder_ / "recon01" / "calib.toml");
+    for (int i = 0; i < kCameras; ++i) test::write_text(folder_ / node(i) / "studio.toml", text);
+    test::write_text(folder_ / "recon01" / "studio.toml", text);
+  }
+  /// The trigger's cable leads to all cameras.
+  void connect_trigger() {
+    for (int i = 0; i < kCameras; ++i) {
+      wires_.push_back(std::make_unique<WireSocket>(folder_ / node(i) / "trigger.sock"));
+    }
+    cable_.emplace(folder_ / "trigger.sock", [this](int64_t, MonotonicInstant at) {
+      for (const auto& wire : wires_) {
+        wire->drain();
+        wire->send({.edge_monotonic_ns = to_ns(at)});
+      }
+    });
+  }
+  void start(const std::string& name, const std::string& program, size_t host) {
+    start_at(host, {bin(program), "--studio", folder_ / name / "studio.toml", "--node", name},
+             name + ".log");
+  }
+
+  Answer command(CommandVerb verb, const std::string& take = "", int64_t pulses = 0) {
+    CommandMessage order;
+    order.verb = verb;
+    order.take = take;
+    order.pulses = pulses;
+    return client_->command(order, within(60));
+  }
+  std::string text_of(const Answer& answer) {
+    std::string text;
+    for (const auto& [name, reply] : answer.replies) text += name + ": " + reply.text + "\n";
+    for (const std::string& name : answer.silent) {
+      text += name + ": silent\n" + read_file(folder_ / (name + ".log"));
+    }
+    return text;
+  }
+
+  std::map<std::string, int64_t> injected() const {
+    std::map<std::string, int64_t> lost;
+    for (const StudioCamera& camera : load_studio(folder_ / node(0) / "studio.toml").cameras) {
+      lost[camera.name] = switch_->lost(frame_channel(camera.name), kRecon);
+    }
+    return lost;
+  }
+  /// Held against what the switch did not forward since `before`.
+  void check_losses(const Answer& stopped, const std::map<std::string, int64_t>& before) {
+    const auto recon = nlohmann::json::parse(stopped.replies.at("recon01").detail);
+    const auto now = injected();
+    for (int i = 0; i < kCameras; ++i) {
+      const auto ledger = nlohmann::json::parse(stopped.replies.at(node(i)).detail);
+      EXPECT_TRUE(ledger["complete"]) << ledger;
+      const auto& camera = ledger["cameras"][0];
+      const std::string name = camera["name"];
+      const auto received = static_cast<int64_t>(recon[name + ".live_received"].get<double>());
+      const int64_t lost = now.at(name) - before.at(name);
+      EXPECT_EQ(camera["published"].get<int64_t>() - received, lost) << name;
+      lost_ += lost;
+      late_ += static_cast<int64_t>(recon[name + ".live_late"].get<double>());
+    }
+    EXPECT_EQ(recon["frames_dropped"], 0);
+    incomplete_ += recon["incomplete_sets"].get<int64_t>();
+  }
+  void take_takes(int count) {
+    const Answer learnt = command(CommandVerb::kBackground, "", 8);
+    ASSERT_TRUE(learnt.done()) << text_of(learnt);
+    for (int i = 0; i < count; ++i) {
+      const auto before = injected();
+      const Answer armed = command(CommandVerb::kArm, "take-" + std::to_string(i), kPulses);
+      ASSERT_TRUE(armed.done()) << "take " << i << "\n" << text_of(armed);
+      const Answer started = command(CommandVerb::kStart);
+      ASSERT_TRUE(started.done()) << "take " << i << "\n" << text_of(started);
+      ASSERT_TRUE(
+          becomes_true([&] { return cable_->edges() >= 8 + kPulses * (i + 1); }, within(30)));
+      const Answer stopped = command(CommandVerb::kStop);
+      ASSERT_TRUE(stopped.done()) << "take " << i << "\n" << text_of(stopped);
+      check_losses(stopped, before);
+    }
+    // On its disk every node has a whole take, whatever it did not hear of the trigger's node.
+    for (int i = 0; i < kCameras; ++i) {
+      const Verification verified = verify_take({folder_ / node(i) / "take-0"});
+      EXPECT_TRUE(verified.whole()) << node(i) << ": " << verified.ledger.verdict();
+    }
+    EXPECT_GT(lost_, 0);
+    EXPECT_GT(incomplete_, 0) << "what goes on without a camera says so";
+    std::printf("%d takes, %lld frames lost, %lld overtaken, %lld sets without some camera\n",
+                count, static_cast<long long>(lost_), static_cast<long long>(late_),
+                static_cast<long long>(incomplete_));
+  }
+
+  static constexpr int64_t kPulses = 12;
+  static constexpr char kPair[] = " mtu 65535 type veth peer name ";
+
+  const test::TemporaryFolder folder_;
+  std::vector<std::unique_ptr<Host>> hosts_;
+  std::vector<std::string> ports_;
+  std::optional<LossySwitch> switch_;
+  std::vector<std::unique_ptr<WireSocket>> wires_;
+  std::optional<sim::TriggerCable> cable_;
+  std::vector<std::unique_ptr<ChildProcess>> processes_;
+  std::optional<OperatorClient> client_;
+  int64_t lost_ = 0;
+  int64_t late_ = 0;
+  int64_t incomplete_ = 0;
+};
+
+TEST_F(StudioOf16, takes_takes_on_a_lossy_network_and_counts_every_lost_frame) { take_takes(3); }
+
+TEST_F(StudioOf16, takes_a_hundred_takes_on_a_lossy_network_without_a_failed_command) {
+  take_takes(100);
+}
+
+}  // namespace
+}  // namespace v3d

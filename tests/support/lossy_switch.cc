@@ -1,0 +1,125 @@
+#include "support/lossy_switch.h"
+
+#include <arpa/inet.h>
+#include <linux/if_packet.h>
+#include <net/ethernet.h>
+#include <net/if.h>
+#include <poll.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <stdexcept>
+
+#include "base/error.h"
+
+namespace v3d::test {
+namespace {
+
+constexpr size_t kLargestFrame = 1 << 16;
+constexpr size_t kIp = 14;
+constexpr size_t kLcmHeader = 8;  // "LC02" and LCM's own sequence number
+
+int open_port(const std::string& name) {
+  const int fd = socket(AF_PACKET, SOCK_RAW | SOCK_CLOEXEC, htons(ETH_P_IP));
+  sockaddr_ll address{};
+  address.sll_family = AF_PACKET;
+  address.sll_protocol = htons(ETH_P_IP);
+  address.sll_ifindex = static_cast<int>(if_nametoindex(name.c_str()));
+  if (fd < 0 || bind(fd, reinterpret_cast<sockaddr*>(&address), sizeof address) != 0) {
+    throw std::runtime_error(errno_message("switch port " + name));
+  }
+  return fd;
+}
+
+/// Where the UDP header stands; 0 when the frame has none.
+size_t udp_of(const std::vector<uint8_t>& frame) {
+  if (frame.size() < kIp + 20 || frame[kIp + 9] != IPPROTO_UDP) return 0;
+  const size_t udp = kIp + 4 * (frame[kIp] & 15U);
+  return frame.size() >= udp + 8 ? udp : 0;
+}
+
+/// "" when the frame is no LCM message that fits into one datagram.
+std::string channel_of(const std::vector<uint8_t>& frame, size_t udp) {
+  const size_t lcm = udp + 8;
+  const std::string magic = "LC02";
+  if (frame.size() < lcm + kLcmHeader) return "";
+  if (!std::equal(magic.begin(), magic.end(), frame.begin() + static_cast<ptrdiff_t>(lcm)))
+    return "";
+  const auto begin = frame.begin() + static_cast<ptrdiff_t>(lcm + kLcmHeader);
+  return {begin, std::find(begin, frame.end(), uint8_t{0})};
+}
+
+}  // namespace
+
+LossySwitch::LossySwitch(const std::vector<std::string>& ports, Road road)
+    : road_(road), random_(road.seed) {
+  for (const std::string& port : ports) sockets_.push_back(open_port(port));
+  thread_ = std::thread([this] { run(); });
+}
+
+LossySwitch::~LossySwitch() {
+  stopping_ = true;
+  thread_.join();
+  for (const int fd : sockets_) close(fd);
+}
+
+int64_t LossySwitch::lost(const std::string& channel, size_t port) const {
+  const std::lock_guard lock(mutex_);
+  const auto found = lost_.find({channel, port});
+  return found == lost_.end() ? 0 : found->second;
+}
+
+void LossySwitch::run() {
+  std::vector<pollfd> watched;
+  for (const int fd : sockets_) watched.push_back({fd, POLLIN, 0});
+  while (!stopping_) {
+    const timespec look{0, 1'000'000};
+    ppoll(watched.data(), watched.size(), &look, nullptr);
+    for (size_t port = 0; port < watched.size(); ++port) {
+      if (watched[port].revents != 0) receive(port);
+    }
+    deliver();
+  }
+}
+
+void LossySwitch::receive(size_t port) {
+  Bytes frame(kLargestFrame);
+  sockaddr_ll from{};
+  socklen_t size = sizeof from;
+  const ssize_t n = recvfrom(sockets_[port], frame.data(), frame.size(), MSG_DONTWAIT,
+                             reinterpret_cast<sockaddr*>(&from), &size);
+  if (n <= 0 || from.sll_pkttype == PACKET_OUTGOING) return;
+  frame.resize(static_cast<size_t>(n));
+  const size_t udp = udp_of(frame);
+  if (udp == 0) return;
+  // The sender left its checksum to a card that is none; 0 says that there is no checksum.
+  frame[udp + 6] = frame[udp + 7] = 0;
+  distribute(port, frame, channel_of(frame, udp));
+}
+
+void LossySwitch::distribute(size_t from, const Bytes& frame, const std::string& channel) {
+  const MonotonicInstant now = Monotonic::now();
+  std::uniform_real_distribution<> part;
+  for (size_t port = 0; port < sockets_.size(); ++port) {
+    if (port == from) continue;
+    if (!channel.empty() && part(random_) < road_.loss) {
+      const std::lock_guard lock(mutex_);
+      ++lost_[{channel, port}];
+      continue;
+    }
+    const auto delay = from_seconds(part(random_) * to_seconds(road_.slowest));
+    on_their_way_.push({now + delay, ++numbered_, port, frame});
+  }
+}
+
+void LossySwitch::deliver() {
+  while (!on_their_way_.empty() && on_their_way_.top().due <= Monotonic::now()) {
+    const Parcel& parcel = on_their_way_.top();
+    send(sockets_[parcel.port], parcel.bytes.data(), parcel.bytes.size(), 0);
+    ++forwarded_;
+    on_their_way_.pop();
+  }
+}
+
+}  // namespace v3d::test
