@@ -238,6 +238,19 @@ std::optional<uint16_t> usb_number(std::string_view text) {
   return text.size() == 4 && whole ? std::optional(value) : std::nullopt;
 }
 
+/// A speed that serial ports have.
+int read_baud(const TomlTable& table, int fallback) {
+  static constexpr std::array<int64_t, 8> kSpeeds = {4800,   9600,    19'200,  38'400,
+                                                     57'600, 115'200, 230'400, 460'800};
+  const int64_t value = table.integer_or("baud", fallback);
+  if (std::find(kSpeeds.begin(), kSpeeds.end(), value) == kSpeeds.end()) {
+    table.fail("baud",
+               "expected 4800, 9600, 19200, 38400, 57600, 115200, 230400 or 460800, found " +
+                   std::to_string(value));
+  }
+  return static_cast<int>(value);
+}
+
 StudioInstrument read_instrument(const TomlTable& table) {
   constexpr std::string_view kSerial = "serial:/";
   constexpr std::string_view kUsb = "usb:";
@@ -246,6 +259,7 @@ StudioInstrument read_instrument(const TomlTable& table) {
   StudioInstrument instrument;
   if (rest.starts_with(kSerial) && rest.size() > kSerial.size()) {
     instrument.device = rest.substr(kSerial.size() - 1);
+    instrument.baud = read_baud(table, instrument.baud);
     return instrument;
   }
   constexpr size_t kProduct = kUsb.size() + 5;

@@ -53,10 +53,11 @@ struct StudioLine {
 
 /// Where a signal generator hangs: "usb:VVVV:PPPP[:SERIAL]" or "serial:/dev/ttyUSB0".
 struct StudioInstrument {
-  std::filesystem::path device;  ///< of a serial port; empty: USB
+  std::filesystem::path device = {};  ///< of a serial port; empty: USB
+  int baud = 115'200;                 ///< of a serial port
   uint16_t vendor = 0;
   uint16_t product = 0;
-  std::string serial;  ///< empty: any
+  std::string serial = {};  ///< empty: any
 
   std::string text() const;
 };

@@ -131,16 +131,31 @@ void CaptureNode::make_ready(const CommandMessage& order, std::optional<int64_t>
   pulse_train_ = {.rate_hz = rate_hz_,
                   .width = from_seconds(studio_.trigger.pulse_width_us * 1e-6),
                   .count = pulses};
+  cameras_.begin_train();
+  disk_is_full_ = false;
+  cameras_armed_ = false;
   if (generator_) {
     generator_->stop();
     generator_->arm(pulse_train_);
+  } else {
+    arm_cameras();
   }
+}
+
+/// Not before the generator is armed: what it does until then is no pulse of the train.
+void CaptureNode::arm_cameras() {
   const bool edges_are_told = generator_ || studio_.trigger.is_sensed();
   for (const auto& worker : workers_) worker->arm(period_of(rate_hz_), edges_are_told);
-  cameras_.begin_train();
-  disk_is_full_ = false;
+  cameras_armed_ = true;
   const Duration within = checks() ? kCheckReadyWithin : kReadyWithin;
   ready_by_ = Monotonic::now() + within + 2 * period_of(rate_hz_);
+}
+
+bool CaptureNode::is_arming_trigger() {
+  if (cameras_armed_) return false;
+  if (!generator_->armed()) return true;
+  arm_cameras();
+  return false;
 }
 
 void CaptureNode::start() {
@@ -225,6 +240,7 @@ std::optional<NodeReport> CaptureNode::poll(Phase phase) {
 
 /// An empty text while it takes its time.
 NodeReport CaptureNode::poll_arming() {
+  if (is_arming_trigger()) return {.event = Input::kFailed, .text = "", .detail = {}};
   const std::string waiting = not_ready();
   if (!waiting.empty()) {
     const bool late = Monotonic::now() > ready_by_;

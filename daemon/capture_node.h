@@ -45,6 +45,9 @@ class CaptureNode : public NodeWork {
 
  private:
   void make_ready(const CommandMessage& order, std::optional<int64_t> pulses);
+  void arm_cameras();
+  /// The generator takes its time; arms the cameras when it is done. Throws what armed() throws.
+  bool is_arming_trigger();
   /// Any thread.
   void tell_cameras(const PulseEdge& edge);
   /// Where no line senses the pulses, it was when it was commanded.
@@ -112,6 +115,7 @@ class CaptureNode : public NodeWork {
   WorkPlaces places_;
 
   CommandMessage order_;
+  bool cameras_armed_ = false;  ///< for the order
   double rate_hz_ = 0;
   PulseTrain pulse_train_;
   bool first_pulse_told_ = false;

@@ -7,7 +7,7 @@
 namespace v3d {
 
 std::unique_ptr<Instrument> open_instrument(const StudioInstrument& address) {
-  if (!address.device.empty()) return std::make_unique<SerialPort>(address.device);
+  if (!address.device.empty()) return std::make_unique<SerialPort>(address.device, address.baud);
   return std::make_unique<Usbtmc>(open_usb_port(address));
 }
 

@@ -16,8 +16,14 @@ class InstrumentError : public InputError {
   using InputError::InputError;
 };
 
-/// One thread. Every call ends within about a second, whatever the instrument does; after an error
-/// the next call begins afresh.
+/// It is not there, or not any more. It may be plugged in again.
+class InstrumentAbsent : public InstrumentError {
+ public:
+  using InstrumentError::InstrumentError;
+};
+
+/// One thread. Every call ends within about a second, and after an error within
+/// some more, that the next call may begin afresh.
 class Instrument {
  public:
   virtual ~Instrument() = default;

@@ -1,5 +1,6 @@
 #include "trigger/make_trigger.h"
 
+#include "trigger/background_generator.h"
 #include "trigger/gpio_generator.h"
 #include "trigger/gpio_sensor.h"
 #include "trigger/scpi_generator.h"
@@ -16,7 +17,7 @@ std::unique_ptr<PulseGenerator> make_generator(const StudioTrigger& trigger) {
     case TriggerKind::kScpi:
       break;
   }
-  return std::make_unique<ScpiGenerator>(trigger);
+  return std::make_unique<BackgroundGenerator>(std::make_unique<ScpiGenerator>(trigger));
 }
 
 std::unique_ptr<PulseSensor> make_sensor(const StudioTrigger& trigger) {

@@ -31,9 +31,11 @@ class PulseGenerator {
   /// Sets the train up and reads it back; the output stays inactive. Throws InputError when the
   /// generator cannot make this train or cannot be reached.
   virtual void arm(const PulseTrain& train) = 0;
-  /// The first pulse follows within a period. Requires arm().
+  /// False while what arm() began is not done yet. Throws InputError, once, when it failed.
+  virtual bool armed() { return true; }
+  /// The first pulse follows within a period. Requires armed().
   virtual void start() = 0;
-  /// No pulse begins after this returns. Idempotent.
+  /// No pulse begins after this returns, or fault() says that they may go on. Idempotent.
   virtual void stop() = 0;
   /// Pulses commanded since start(): the places of the train that have passed. A pulse that could
   /// not be made in time keeps its number, is told of in fault(), and is missing.

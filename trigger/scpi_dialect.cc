@@ -14,14 +14,21 @@ namespace {
 /// SCPI's number for infinity is 9.9E37.
 constexpr double kScpiInfinity = 9e36;
 
-/// Keysight 33500B and 33600A. The burst is armed before the output is connected.
+// What is from where. In each table, settings that can conflict for a moment (a width that was
+// longer than the new period) leave an error behind though each is read back: it is cleared before
+// the burst is set up. Commands beside the manuals' are named.
+
+/// Keysight (Agilent) 33500 and 33600: Operating and Service Guide 33500-90901, "BURSt Subsystem"
+/// (configure, count, trigger source, enable, in this order; N cycles or INFinity, answered
+/// 9.9E+37; TRIGger[1|2]:SOURce BUS and *TRG; GATE:POLarity of the Trig In connector), "OUTPut",
+/// "FUNCtion" (PULSe:WIDTh) and "VOLTage" subsystems. The burst is armed before the output is
+/// connected.
 const ScpiDialect kKeysight = {
     .name = "keysight33500",
     .makers = {"KEYSIGHT", "AGILENT"},
     .error_query = "SYST:ERR?",
     .off = {{"OUTP{channel} OFF", "OUTP{channel}?", "", "OFF"}},
-    .shape = {{"*CLS"},
-              {"SOUR{channel}:BURS:STAT OFF", "SOUR{channel}:BURS:STAT?", "", "OFF"},
+    .shape = {{"SOUR{channel}:BURS:STAT OFF", "SOUR{channel}:BURS:STAT?", "", "OFF"},
               {"OUTP{channel}:LOAD INF", "OUTP{channel}:LOAD?", "", "INF"},
               {"OUTP{channel}:POL NORM", "OUTP{channel}:POL?", "", "NORM"},
               {"SOUR{channel}:FUNC PULS", "SOUR{channel}:FUNC?", "", "PULS"},
@@ -29,7 +36,8 @@ const ScpiDialect kKeysight = {
               {"SOUR{channel}:FUNC:PULS:WIDT {width}", "SOUR{channel}:FUNC:PULS:WIDT?", "",
                "{width}"},
               {"SOUR{channel}:VOLT:HIGH {high}", "SOUR{channel}:VOLT:HIGH?", "", "{high}"},
-              {"SOUR{channel}:VOLT:LOW 0", "SOUR{channel}:VOLT:LOW?", "", "0"}},
+              {"SOUR{channel}:VOLT:LOW 0", "SOUR{channel}:VOLT:LOW?", "", "0"},
+              {"*CLS"}},
     .burst = {{"SOUR{channel}:BURS:MODE TRIG", "SOUR{channel}:BURS:MODE?", "", "TRIG"},
               {"TRIG{channel}:SOUR BUS", "TRIG{channel}:SOUR?", "", "BUS"},
               {"SOUR{channel}:BURS:NCYC {count}", "SOUR{channel}:BURS:NCYC?", "", "{count}"},
@@ -44,14 +52,17 @@ const ScpiDialect kKeysight = {
     .on = {{"OUTP{channel} ON", "OUTP{channel}?", "", "ON"}},
     .start = "*TRG"};
 
-/// Rigol DG800, DG900, DG1000Z.
+/// Rigol: DG800, DG900 and DG2000 Programming Guides, chapter 2: ":SOURce:BURSt" (MODE TRIG, INF or
+/// GAT; TRIGger:SOURce MANual, TRIGger[:IMMediate]; GATE:POLarity of the rear connector; IDLE,
+/// without which the level between bursts is the first point of the waveform), ":OUTPut" (LOAD
+/// INFinity, answered 9.9E+37). The DG1000Z has the same commands by published drivers; its guide
+/// was not to be had.
 const ScpiDialect kRigol = {
     .name = "rigol-dg",
     .makers = {"RIGOL"},
     .error_query = ":SYST:ERR?",
     .off = {{":OUTP{channel} OFF", ":OUTP{channel}?", "", "OFF"}},
-    .shape = {{"*CLS"},
-              {":SOUR{channel}:BURS:STAT OFF", ":SOUR{channel}:BURS:STAT?", "", "OFF"},
+    .shape = {{":SOUR{channel}:BURS:STAT OFF", ":SOUR{channel}:BURS:STAT?", "", "OFF"},
               {":OUTP{channel}:LOAD INF", ":OUTP{channel}:LOAD?", "", "INF"},
               {":OUTP{channel}:POL NORM", ":OUTP{channel}:POL?", "", "NORM"},
               {":SOUR{channel}:FUNC PULS", ":SOUR{channel}:FUNC?", "", "PULS"},
@@ -59,7 +70,9 @@ const ScpiDialect kRigol = {
               {":SOUR{channel}:FUNC:PULS:WIDT {width}", ":SOUR{channel}:FUNC:PULS:WIDT?", "",
                "{width}"},
               {":SOUR{channel}:VOLT:HIGH {high}", ":SOUR{channel}:VOLT:HIGH?", "", "{high}"},
-              {":SOUR{channel}:VOLT:LOW 0", ":SOUR{channel}:VOLT:LOW?", "", "0"}},
+              {":SOUR{channel}:VOLT:LOW 0", ":SOUR{channel}:VOLT:LOW?", "", "0"},
+              {":SOUR{channel}:BURS:IDLE BOTTOM", ":SOUR{channel}:BURS:IDLE?", "", "BOTTOM"},
+              {"*CLS"}},
     .burst = {{":SOUR{channel}:BURS:MODE TRIG", ":SOUR{channel}:BURS:MODE?", "", "TRIG"},
               {":SOUR{channel}:BURS:TRIG:SOUR MAN", ":SOUR{channel}:BURS:TRIG:SOUR?", "", "MAN"},
               {":SOUR{channel}:BURS:NCYC {count}", ":SOUR{channel}:BURS:NCYC?", "", "{count}"},
@@ -73,8 +86,9 @@ const ScpiDialect kRigol = {
     .on = {{":OUTP{channel} ON", ":OUTP{channel}?", "", "ON"}},
     .start = ":SOUR{channel}:BURS:TRIG"};
 
-/// Siglent SDG1000X, 2000X, 6000X: fires when the burst is enabled, so the output is off until all
-/// is set.
+/// Siglent SDG1000X, 2000X, 6000X: Programming Guide PG02, "BTWV" (STATE comes first: the others
+/// are refused while it is off; GATE_NCYC, TRSR, TIME in cycles or INF, MTRIG), "BSWV", "OUTP"
+/// (LOAD HZ, PLRT NOR). It fires when the burst is enabled, so the output is off until all is set.
 const ScpiDialect kSiglent = {
     .name = "siglent-sdg",
     .makers = {"SIGLENT"},
@@ -101,8 +115,11 @@ const ScpiDialect kSiglent = {
     .on = {{"C{channel}:OUTP ON", "C{channel}:OUTP?", "*", "ON"}},
     .start = "C{channel}:BTWV MTRIG"};
 
-/// BNC 575 and Quantum Composers 9520: pulse 0 is the clock of all channels, and starts when it is
-/// enabled; channel {channel} is enabled before.
+/// BNC 575 and Quantum Composers 9510 to 9530 (one design): 9500 Plus and 9530 User Manuals, "SCPI
+/// Command Format" (keywords short or long, every command answered "ok" or "?n", booleans asked for
+/// come as 1 or 0, channel 0 is the clock T0 of all). The names of the clock's settings (MODE NORM,
+/// BURS; BCOunter; TRIGger and GATE MODE DIS) are those of published drivers of both makes. Pulses
+/// start when channel 0 is enabled; channel {channel} is enabled before.
 const ScpiDialect kBnc = {
     .name = "bnc575",
     .makers = {"BNC", "BERKELEY", "QC", "QUANTUM"},

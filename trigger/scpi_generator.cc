@@ -7,9 +7,9 @@
 namespace v3d {
 namespace {
 
-/// All tries of one command together; the daemon's watchdog waits longer.
+/// All tries of one command together, what a single transfer may take longer aside.
 constexpr Duration kPatience = std::chrono::seconds(6);
-constexpr int kTries = 3;
+constexpr int kTries = 3;  ///< with an instrument that was not unplugged in between
 constexpr Duration kBetweenTries = std::chrono::milliseconds(300);
 /// The clocks of the instrument and of this host differ by less than one part in so many.
 constexpr int64_t kClockPart = 2000;
@@ -31,17 +31,27 @@ ScpiGenerator::~ScpiGenerator() { stop(); }
 
 void ScpiGenerator::try_to(const std::function<void()>& work) {
   patience_ = clock_.now() + kPatience;
-  for (int left = kTries;; --left) {
+  bool was_there = false;  // then it will be plugged in again: worth all the patience
+  for (int tries = 1;; ++tries) {
+    std::string why;
+    bool unplugged = false;
     try {
       open_if_closed();
       return work();
+    } catch (const InstrumentAbsent& error) {
+      was_there = was_there || instrument_;
+      unplugged = was_there;
+      why = unplugged ? "was unplugged, and is not back" : error.what();
     } catch (const InstrumentError& error) {
-      instrument_.reset();
-      if (left <= 1 || clock_.now() >= patience_) {
-        throw InputError(trigger_.instrument.text() + ": " + error.what());
-      }
+      was_there = was_there || instrument_;
+      why = error.what();
     }
-    clock_.sleep_until(clock_.now() + kBetweenTries);
+    instrument_.reset();
+    const MonotonicInstant again = clock_.now() + kBetweenTries;
+    if (again >= patience_ || (tries >= kTries && !unplugged)) {
+      throw InputError(trigger_.instrument.text() + ": " + why);
+    }
+    clock_.sleep_until(again);
   }
 }
 
@@ -96,36 +106,46 @@ void ScpiGenerator::refuse_errors() {
   }
 }
 
+void ScpiGenerator::close_gate() {
+  if (!trigger_.gate || (gate_ && gate_->set(false))) return;
+  gate_.reset();
+  gate_ = open_line_(*trigger_.gate);
+}
+
 void ScpiGenerator::silence() {
-  if (trigger_.gate && !(gate_ && gate_->set(false))) {
-    gate_.reset();
-    gate_ = open_line_(*trigger_.gate);
-  }
-  try_to([this] { apply(dialect_.off); });
+  close_gate();
+  try_to([this] { turn_off(); });
+}
+
+void ScpiGenerator::turn_off() {
+  apply(dialect_.off);
+  output_on_ = false;
 }
 
 void ScpiGenerator::arm(const PulseTrain& train) {
   refuse_impossible(train, trigger_.instrument.text());
-  stop();
+  may_run_ = false;
   started_.reset();
   stopped_.reset();
   fault_.clear();
   values_.train = train;
-  silence();
+  close_gate();
   try_to([&] { program(train); });
 }
 
 void ScpiGenerator::program(const PulseTrain& train) {
-  apply(dialect_.off);
+  turn_off();
   apply(dialect_.shape);
   apply(train.count ? dialect_.burst : is_gated() ? dialect_.gated : dialect_.endless);
   refuse_errors();
+  output_on_ = true;
   apply(dialect_.on);
 }
 
 void ScpiGenerator::start() {
   assert(instrument_ && "arm() comes first");
   patience_ = clock_.now() + kPatience;
+  may_run_ = true;
   try {
     if (is_gated() && !gate_->set(true)) {
       throw InstrumentError("gate line " + line_text(*trigger_.gate) + " is gone");
@@ -139,14 +159,14 @@ void ScpiGenerator::start() {
 }
 
 void ScpiGenerator::stop() {
-  if (!started_ || stopped_) return;
+  if (!output_on_ || stopped_) return;
   if (gate_ && !gate_->set(false)) fault_ = "gate line " + line_text(*trigger_.gate) + " is gone";
   try {
-    try_to([this] { apply(dialect_.off); });
+    try_to([this] { turn_off(); });
   } catch (const InputError& error) {
-    fault_ = std::string("pulses may go on: ") + error.what();
+    if (may_run_) fault_ = std::string("pulses may go on: ") + error.what();
   }
-  stopped_ = clock_.now();
+  if (started_) stopped_ = clock_.now();
 }
 
 MonotonicInstant ScpiGenerator::end() const {

@@ -16,7 +16,7 @@ namespace v3d {
 /// the gate line is active, where there is one, and otherwise until the output is turned off; its
 /// count is an estimate by this host's clock, so a sense line should stand beside it. Every setting
 /// is read back. Everything that is wrong with the instrument is tried again, from opening it on,
-/// for a few seconds, and then said in one line.
+/// and then said in one line; one that is unplugged may come back within some seconds.
 class ScpiGenerator : public PulseGenerator {
  public:
   explicit ScpiGenerator(const StudioTrigger& trigger, OpenInstrument open = open_instrument,
@@ -41,6 +41,8 @@ class ScpiGenerator : public PulseGenerator {
   /// Does `work` with the instrument open and known to be of the dialect; again, if it fails.
   void try_to(const std::function<void()>& work);
   void open_if_closed();
+  void close_gate();
+  void turn_off();
   void program(const PulseTrain& train);
   void apply(const std::vector<ScpiSetting>& settings);
   void tell(const std::string& line);
@@ -60,6 +62,8 @@ class ScpiGenerator : public PulseGenerator {
   std::unique_ptr<Instrument> instrument_;
   std::unique_ptr<OutputLine> gate_;
   MonotonicInstant patience_;
+  bool output_on_ = false;  ///< connected, or perhaps
+  bool may_run_ = false;    ///< it was told to start
   std::optional<MonotonicInstant> started_;
   std::optional<MonotonicInstant> stopped_;
   std::string fault_;

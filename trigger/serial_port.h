@@ -9,12 +9,13 @@
 
 namespace v3d {
 
-/// 115,200 baud, 8 data bits, no parity, 1 stop bit, no flow control; lines end in CR LF, answers
+/// 8 data bits, no parity, 1 stop bit, no flow control; lines end in CR LF, answers
 /// in LF. The port is for this process alone.
 class SerialPort : public Instrument {
  public:
-  /// Throws InstrumentError when it is not there, InputError when it may not be used.
-  explicit SerialPort(const std::filesystem::path& device);
+  /// `baud` as in the studio file. Throws InstrumentError when it is not there, InputError when it
+  /// may not be used.
+  SerialPort(const std::filesystem::path& device, int baud);
   ~SerialPort() override;
   SerialPort(const SerialPort&) = delete;
   SerialPort& operator=(const SerialPort&) = delete;
@@ -23,7 +24,7 @@ class SerialPort : public Instrument {
   std::string query(const std::string& line) override;
 
  private:
-  void set_up();
+  void set_up(int baud);
   /// False when nothing can be read or written before the time-out.
   bool wait_for(short events, MonotonicInstant deadline) const;
 

@@ -177,7 +177,7 @@ class LibusbPort : public UsbPort {
     if (refusal == LIBUSB_ERROR_ACCESS) {
       throw InputError(usb_message(name_, refusal) + "; is the user in the group v3d?");
     }
-    throw InstrumentError("no such instrument on USB; lsusb lists what is there");
+    throw InstrumentAbsent("no such instrument on USB; lsusb lists what is there");
   }
 
   static bool has_serial(libusb_device_handle* handle, const libusb_device_descriptor& about,

@@ -94,7 +94,7 @@ void Usbtmc::settle(UsbtmcRequest initiate, UsbtmcRequest check, uint16_t value)
 void Usbtmc::fail(UsbOutcome outcome, UsbtmcRequest abort, UsbtmcRequest check) {
   switch (outcome) {
     case UsbOutcome::kGone:
-      throw InstrumentError("was unplugged");
+      throw InstrumentAbsent("was unplugged");
     case UsbOutcome::kTimeout:
       settle(abort, check, tag_);
       settle(UsbtmcRequest::kClear, UsbtmcRequest::kCheckClear, 0);

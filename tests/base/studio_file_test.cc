@@ -174,6 +174,22 @@ TEST(StudioFile, names_a_signal_generator_by_its_usb_numbers_or_its_serial_port)
   }
 }
 
+TEST(StudioFile, reads_the_speed_of_a_serial_port) {
+  const auto scpi = [](std::string_view instrument, std::string_view baud) {
+    return with(kSimulated, "kind = \"scpi\"\ndialect = \"bnc575\"\ninstrument = \"" +
+                                std::string(instrument) + "\"\n" + std::string(baud));
+  };
+  const auto baud_of = [](const std::string& text) {
+    return parse_studio(text, "studio.toml").trigger.instrument.baud;
+  };
+  EXPECT_EQ(baud_of(scpi("serial:/dev/ttyUSB0", "")), 115'200);
+  EXPECT_EQ(baud_of(scpi("serial:/dev/ttyUSB0", "baud = 38400")), 38'400);
+  EXPECT_EQ(message_for(scpi("serial:/dev/ttyUSB0", "baud = 38401")),
+            "/etc/v3d/studio.toml:29: trigger.baud: expected 4800, 9600, 19200, 38400, 57600, "
+            "115200, 230400 or 460800, found 38401");
+  EXPECT_THAT(message_for(scpi("usb:1ab1:0642", "baud = 38400")), HasSubstr("trigger.baud"));
+}
+
 TEST(StudioFile, names_what_is_missing) {
   EXPECT_EQ(message_for(with("calib = \"calib.toml\"\n", "")),
             "/etc/v3d/studio.toml:34: storage.calib: missing");

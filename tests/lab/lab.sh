@@ -82,10 +82,16 @@ usb_generator() {
   /run/usb-generator /dev/ffs "$gpio/sim_gpio1/pull" "$@" >/run/generator.txt &
   generator=$!
   until_true 10 grep -q ready /run/generator.txt
-  ls /sys/class/udc | head -n 1 >"$gadget/UDC"
+  plug_in
+}
+
+# plug_in, unplug: the cable of the usb_generator.
+plug_in() {
+  ls /sys/class/udc | head -n 1 >/sys/kernel/config/usb_gadget/lab/UDC
   until_true 10 sh -c 'lsusb -d 0957:2c07'
   udevadm settle
 }
+unplug() { echo >/sys/kernel/config/usb_gadget/lab/UDC; }
 
 # end_usb_generator: leaves the number of pulses that it has made in $made.
 end_usb_generator() {

@@ -43,7 +43,7 @@ class ScriptedInstrument : public Instrument {
  private:
   std::optional<std::string> hear(const std::string& line) {
     bench_.host.now += bench_.answer_takes;
-    if (bench_.unplugged_after == 0) throw InstrumentError("was unplugged");
+    if (bench_.unplugged_after == 0) throw InstrumentAbsent("was unplugged");
     if (bench_.unplugged_after > 0) --bench_.unplugged_after;
     return bench_.generator.hear(line);
   }
@@ -51,7 +51,7 @@ class ScriptedInstrument : public Instrument {
 };
 
 std::unique_ptr<Instrument> Bench::open() {
-  if (++opened <= absent_for) throw InstrumentError("no such instrument on USB");
+  if (++opened <= absent_for) throw InstrumentAbsent("no such instrument on USB");
   return std::make_unique<ScriptedInstrument>(*this);
 }
 
@@ -67,7 +67,7 @@ const std::vector<Named> kDialects = {{"keysight33500", Dialect::kKeysight33500}
 StudioTrigger trigger_of(Dialect dialect) {
   StudioTrigger trigger;
   trigger.kind = TriggerKind::kScpi;
-  trigger.instrument = {.device = {}, .vendor = 0x0957, .product = 0x2c07, .serial = {}};
+  trigger.instrument = {.vendor = 0x0957, .product = 0x2c07};
   trigger.dialect = dialect;
   return trigger;
 }
@@ -234,6 +234,42 @@ TEST(ScpiGenerator, gives_up_on_an_instrument_that_stays_away_and_on_one_that_is
   EXPECT_LT(slow.host.now - before, seconds(15));
 }
 
+TEST(ScpiGenerator, waits_some_seconds_for_an_instrument_that_was_unplugged_while_it_was_armed) {
+  Bench bench("siglent-sdg");
+  bench.unplugged_after = 5;
+  const auto back = [&](MonotonicInstant at) {
+    return std::make_unique<ScpiGenerator>(
+        trigger_of(Dialect::kSiglentSdg),
+        [&bench, at](const StudioInstrument&) {
+          if (bench.opened > 0) bench.unplugged_after = -1;
+          if (bench.opened > 0 && bench.host.now < at) {
+            throw InstrumentAbsent("no such instrument on USB");
+          }
+          return bench.open();
+        },
+        open_output_line, bench.host.clock());
+  };
+  const auto generator = back(bench.host.now + seconds(5));
+  generator->arm(train_of(10));
+  generator->start();
+  EXPECT_EQ(bench.generator.pulses, 10);
+  bench.unplugged_after = 5;
+  bench.opened = 0;
+  const auto other = back(bench.host.now + seconds(3600));
+  EXPECT_EQ(refusal(*other), "usb:0957:2c07: was unplugged, and is not back");
+}
+
+TEST(ScpiGenerator, turns_its_output_off_when_it_was_armed_for_nothing) {
+  Bench bench("keysight33500");
+  const auto generator = generator_on(bench, trigger_of(Dialect::kKeysight33500));
+  generator->arm(train_of(10));
+  EXPECT_TRUE(bench.generator.output_on());
+  generator->stop();
+  EXPECT_FALSE(bench.generator.output_on());
+  EXPECT_EQ(generator->commanded(), 0);
+  EXPECT_TRUE(generator->finished());
+}
+
 TEST(ScpiGenerator, says_that_pulses_may_go_on_when_it_cannot_stop_them) {
   Bench bench("siglent-sdg");
   const auto generator = generator_on(bench, trigger_of(Dialect::kSiglentSdg));
@@ -241,7 +277,7 @@ TEST(ScpiGenerator, says_that_pulses_may_go_on_when_it_cannot_stop_them) {
   generator->start();
   bench.unplugged_after = 0;
   generator->stop();
-  EXPECT_THAT(generator->fault(), HasSubstr("pulses may go on: usb:0957:2c07: was unplugged"));
+  EXPECT_THAT(generator->fault(), HasSubstr("pulses may go on: usb:0957:2c07: was unplugged, and"));
 }
 
 TEST(ScpiAnswers, are_read_in_every_notation_that_means_the_same) {

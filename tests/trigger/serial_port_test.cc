@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 #include <poll.h>
 #include <sys/eventfd.h>
+#include <termios.h>
 #include <unistd.h>
 
 #include <cstdlib>
@@ -41,6 +42,12 @@ class SerialBench {
     close(quit_);
     close(held_);
     close(master_);
+  }
+
+  speed_t speed() const {
+    termios settings{};
+    tcgetattr(held_, &settings);
+    return cfgetospeed(&settings);
   }
 
   std::filesystem::path device;
@@ -95,18 +102,28 @@ TEST(SerialPort, programs_and_starts_a_bnc_575) {
   EXPECT_FALSE(bench.generator.output_on());
 }
 
+TEST(SerialPort, has_the_speed_that_the_studio_file_says) {
+  for (const auto& [baud, speed] : {std::pair(38'400, B38400), std::pair(115'200, B115200)}) {
+    const SerialBench bench;
+    const auto port = open_instrument({.device = bench.device, .baud = baud});
+    EXPECT_EQ(bench.speed(), static_cast<speed_t>(speed));
+    EXPECT_EQ(port->query("*IDN?"), "BNC,575-4,0001,2.4.1");
+  }
+}
+
 TEST(SerialPort, says_so_when_the_instrument_is_dumb_or_unplugged_or_no_port) {
   SerialBench dumb(false);
-  SerialPort port(dumb.device);
+  SerialPort port(dumb.device, 115'200);
   const auto refusal = [&] {
     return test::message_of<InstrumentError>([&] { port.query("*IDN?"); });
   };
   EXPECT_EQ(refusal(), "does not answer");
   dumb.unplug();
   EXPECT_EQ(refusal(), "was unplugged");
-  EXPECT_THAT(test::message_of<InstrumentError>([] { SerialPort absent("/dev/nonexistent"); }),
-              HasSubstr("/dev/nonexistent"));
-  EXPECT_EQ(test::message_of<InputError>([] { SerialPort null("/dev/null"); }),
+  EXPECT_THAT(
+      test::message_of<InstrumentError>([] { SerialPort absent("/dev/nonexistent", 9600); }),
+      HasSubstr("/dev/nonexistent"));
+  EXPECT_EQ(test::message_of<InputError>([] { SerialPort null("/dev/null", 9600); }),
             "is no serial port");
 }
 

@@ -2,8 +2,8 @@
 // output is the pull of an input of gpio-sim. FFS: the folder of the mounted FunctionFS. PULL: the
 // file in sysfs. FAULT: "nonsense" answers bytes that are no USBTMC, "stall" refuses the third
 // request, "slow" answers after two seconds, "dies" ends at the tenth command, "miscounts" makes
-// one pulse less than it was told. Prints "ready" when it can be plugged in; at SIGTERM the number
-// of pulses that it has made.
+// one pulse less than it was told, "fails:N" ends after N pulses. Prints "ready" when it can be
+// plugged in; at SIGTERM the number of pulses that it has made.
 #include <endian.h>
 #include <fcntl.h>
 #include <linux/usb/functionfs.h>
@@ -120,7 +120,8 @@ void serve_control(int control) {
 /// The output: pulses on the pull of a line.
 class Output {
  public:
-  explicit Output(int pull) : pull_(pull), thread_([this] { run(); }) {}
+  /// Ends the program after `most` pulses.
+  Output(int pull, int64_t most) : pull_(pull), most_(most), thread_([this] { run(); }) {}
   ~Output() {
     quit_ = true;
     thread_.join();
@@ -175,12 +176,13 @@ class Output {
       set("pull-up");
       sleep_until(at, width);
       set("pull-down");
-      ++made_;
+      if (++made_ == most_) _exit(0);
       sleep_until(at, period - width);
     }
   }
 
   const int pull_;
+  const int64_t most_;
   std::mutex mutex_;
   int64_t count_ = 0;  ///< pulses to make; -1: without end
   int64_t period_ns_ = 0;
@@ -271,10 +273,12 @@ int main(int argc, char** argv) {
   sigaddset(&end, SIGTERM);
   sigprocmask(SIG_BLOCK, &end, nullptr);
   const std::string folder = argv[1];
-  Output output(open_or_die(argv[2], O_WRONLY));
+  const std::string fault = argc > 4 ? argv[4] : "";
+  const int64_t most = fault.rfind("fails:", 0) == 0 ? std::stoll(fault.substr(6)) : -1;
+  Output output(open_or_die(argv[2], O_WRONLY), most);
   const int control = describe(folder);
   std::thread([control] { serve_control(control); }).detach();
-  Messages messages(folder, argv[3], argc > 4 ? argv[4] : "", output);
+  Messages messages(folder, argv[3], fault, output);
   std::thread([&messages] { messages.serve(); }).detach();
   std::printf("ready\n");
   std::fflush(stdout);

@@ -1,0 +1,151 @@
+#include "trigger/background_generator.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <condition_variable>
+#include <mutex>
+
+#include "base/error.h"
+#include "support/child_process.h"
+#include "support/message_of.h"
+
+namespace v3d {
+namespace {
+
+using test::becomes_true;
+using test::within;
+using testing::HasSubstr;
+
+/// A generator that hangs in whatever it is told to.
+struct Bench {
+  void hang_in(const std::string& call) {
+    const std::lock_guard lock(mutex);
+    hangs_in = call;
+    changed.notify_all();
+  }
+  void enter(const std::string& call) {
+    std::unique_lock lock(mutex);
+    calls.push_back(call);
+    changed.wait(lock, [&] { return hangs_in != call; });
+  }
+  std::vector<std::string> heard() {
+    const std::lock_guard lock(mutex);
+    return calls;
+  }
+
+  std::mutex mutex;
+  std::condition_variable changed;
+  std::string hangs_in;
+  std::vector<std::string> calls;
+  bool is_plugged_in = true;
+};
+
+class HangingGenerator : public PulseGenerator {
+ public:
+  explicit HangingGenerator(Bench& bench) : bench_(bench) {}
+  void silence() override { bench_.enter("silence"); }
+  void arm(const PulseTrain&) override {
+    bench_.enter("arm");
+    if (!bench_.is_plugged_in) throw InputError("usb:0957:2c07: was unplugged");
+    running_ = false;
+  }
+  void start() override {
+    bench_.enter("start");
+    running_ = true;
+  }
+  void stop() override {
+    bench_.enter("stop");
+    running_ = false;
+  }
+  int64_t commanded() const override { return running_ ? 7 : 8; }
+  std::optional<MonotonicInstant> first_pulse() const override { return {}; }
+  bool finished() const override { return !running_; }
+  PulseStatistics statistics() const override { return {}; }
+  std::string fault() const override { return {}; }
+
+ private:
+  Bench& bench_;
+  bool running_ = false;
+};
+
+class BackgroundGeneratorTest : public testing::Test {
+ protected:
+  void arm() {
+    generator_.arm({});
+    ASSERT_TRUE(becomes_true([&] { return generator_.armed(); }, within(10)));
+  }
+  ~BackgroundGeneratorTest() override { bench_.hang_in(""); }
+
+  Bench bench_;
+  BackgroundGenerator generator_{std::make_unique<HangingGenerator>(bench_)};
+};
+
+TEST_F(BackgroundGeneratorTest, arms_starts_and_stops_in_order) {
+  arm();
+  EXPECT_TRUE(generator_.finished());
+  generator_.start();
+  EXPECT_FALSE(generator_.finished());
+  EXPECT_EQ(generator_.commanded(), 7);
+  generator_.stop();
+  generator_.stop();
+  EXPECT_TRUE(generator_.finished());
+  EXPECT_EQ(generator_.commanded(), 8);
+  EXPECT_EQ(generator_.fault(), "");
+  EXPECT_THAT(bench_.heard(), testing::ElementsAre("arm", "start", "stop"));
+}
+
+TEST_F(BackgroundGeneratorTest, does_not_wait_for_an_instrument_that_hangs_while_it_is_armed) {
+  bench_.hang_in("arm");
+  generator_.arm({});
+  EXPECT_FALSE(generator_.armed());
+  EXPECT_EQ(generator_.commanded(), 0);
+  generator_.stop();
+  EXPECT_EQ(generator_.fault(), "") << "it was never started";
+  generator_.arm({});
+  EXPECT_FALSE(generator_.armed()) << "the one before is not done yet";
+  bench_.hang_in("");
+  EXPECT_TRUE(becomes_true([&] { return generator_.armed(); }, within(10)));
+  EXPECT_THAT(bench_.heard(), testing::ElementsAre("arm", "stop", "arm"));
+}
+
+TEST_F(BackgroundGeneratorTest, tells_once_why_arming_failed_and_arms_again) {
+  bench_.is_plugged_in = false;
+  generator_.arm({});
+  const auto failure = [&] {
+    return test::message_of<InputError>(
+        [&] { becomes_true([&] { return generator_.armed(); }, within(10)); });
+  };
+  EXPECT_EQ(failure(), "usb:0957:2c07: was unplugged");
+  bench_.is_plugged_in = true;
+  arm();
+}
+
+TEST_F(BackgroundGeneratorTest, turns_off_what_starts_too_late) {
+  arm();
+  bench_.hang_in("start");
+  EXPECT_THAT(test::message_of<InputError>([&] { generator_.start(); }),
+              HasSubstr("does not start"));
+  generator_.stop();
+  EXPECT_TRUE(generator_.finished());
+  EXPECT_THAT(generator_.fault(), HasSubstr("pulses may go on"));
+  bench_.hang_in("");
+  EXPECT_TRUE(becomes_true([&] { return generator_.fault().empty(); }, within(10)));
+  EXPECT_EQ(bench_.heard().back(), "stop");
+}
+
+TEST_F(BackgroundGeneratorTest, says_that_pulses_may_go_on_until_they_are_stopped) {
+  arm();
+  generator_.start();
+  bench_.hang_in("stop");
+  generator_.stop();
+  EXPECT_TRUE(generator_.finished());
+  EXPECT_EQ(generator_.commanded(), 7);
+  EXPECT_THAT(generator_.fault(), HasSubstr("pulses may go on"));
+  bench_.hang_in("");
+  EXPECT_TRUE(becomes_true([&] { return generator_.fault().empty(); }, within(10)));
+  EXPECT_EQ(generator_.commanded(), 8);
+}
+
+}  // namespace
+}  // namespace v3d
