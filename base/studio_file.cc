@@ -152,13 +152,7 @@ void refuse_contradictions(const TomlTable& table, const StudioCamera& camera) {
   if (camera.node.empty()) {
     table.fail("node", "missing: name the [[node]] here or in [camera_defaults]");
   }
-  if (camera.kind != CameraKind::kV4l2) return;
-  if (!camera.trigger_control) {
-    table.fail("trigger_control",
-               "missing: a v4l2 camera needs the id of the control that switches "
-               "its external trigger on (v4l2-ctl -L); V3D cannot use a camera that runs free");
-  }
-  if (camera.gain_db != 0) {
+  if (camera.kind == CameraKind::kV4l2 && camera.gain_db != 0) {
     table.fail("gain_db", "a V4L2 gain has no unit; expected 0, and the gain set by v4l2-ctl");
   }
 }
@@ -320,6 +314,23 @@ void read_trigger(const TomlTable& file, Studio& studio) {
   table.refuse_unknown();
 }
 
+/// A camera that runs free is told from the sense line what it has seen, by one clock.
+void refuse_unsensed(const TomlTable& file, const Studio& studio) {
+  const auto tables = file.tables("camera");
+  for (size_t i = 0; i < tables.size(); ++i) {
+    const StudioCamera& camera = studio.cameras[i];
+    if (!camera.runs_free()) continue;
+    const std::string why = "missing, so " + camera.name + " runs free; then ";
+    if (camera.node != studio.trigger.node) {
+      tables[i].fail("trigger_control", why + "it must hang on the trigger's node, " +
+                                            studio.trigger.node + ", whose sense line labels it");
+    }
+    if (!studio.trigger.is_sensed()) {
+      tables[i].fail("trigger_control", why + "[trigger.sense] is needed, which labels it");
+    }
+  }
+}
+
 void read_space(const TomlTable& file, Studio& studio) {
   const TomlTable table = file.table("space");
   studio.space.bounds = {read_point(table, "min"), read_point(table, "max")};
@@ -387,6 +398,7 @@ Studio parse_studio(std::string_view text, const std::filesystem::path& path) {
   read_nodes(file, studio);
   read_cameras(file, studio);
   read_trigger(file, studio);
+  refuse_unsensed(file, studio);
   read_space(file, studio);
   read_network(file, studio);
   read_storage(file, studio);

@@ -37,9 +37,12 @@ struct StudioCamera {
   int buffers = 8;
   bool packet_socket = true;  ///< receive by packet socket where permitted (CAP_NET_RAW)
   // v4l2 only. There is no standard control for the external trigger: which one, and its value.
-  std::optional<uint32_t> trigger_control;
+  std::optional<uint32_t> trigger_control;  ///< empty: the camera runs free
   int trigger_value = 1;
   std::optional<ImageSize> size;  ///< `width`, `height`; else what the camera has
+
+  /// Nothing triggers it; its frames are labelled with the sensed pulse that is nearest in time.
+  bool runs_free() const { return kind == CameraKind::kV4l2 && !trigger_control; }
 };
 
 enum class TriggerKind { kSimulated, kGpio, kScpi };

@@ -16,14 +16,6 @@ constexpr Duration kLongestHold = std::chrono::milliseconds(300);
 /// Frames of a train that the latency is learnt from: so few that its clock cannot have drifted.
 constexpr size_t kLatencyFrames = 2 * kStartFrames;
 
-CameraStatistics sum(const CameraStatistics& a, const CameraStatistics& b) {
-  return {.completed = a.completed + b.completed,
-          .damaged = a.damaged + b.damaged,
-          .underruns = a.underruns + b.underruns,
-          .packets_resent = a.packets_resent + b.packets_resent,
-          .packets_missing = a.packets_missing + b.packets_missing};
-}
-
 }  // namespace
 
 CameraPilot::CameraPilot(std::string camera, CameraWorker::Factory make_camera,
@@ -96,7 +88,9 @@ void CameraPilot::hear(CameraFrame frame) {
   if (!in_take()) return;
   missing_ = false;
   text_.clear();
+  begun_ = begun_ || frame.pulse;
   if (begun_) {
+    if (frame.pulse) expecting_ = true;
     const PulseMatch found = match(frame);
     return deliver(std::move(frame), found);
   }
@@ -123,7 +117,7 @@ void CameraPilot::open() {
 }
 
 void CameraPilot::close() {
-  if (camera_) link_before_ = sum(link_before_, camera_->statistics());
+  if (camera_) link_before_ = link_before_ + camera_->statistics();
   camera_.reset();
   last_counter_.reset();
   start_.counter_of_pulse_0.reset();
@@ -192,6 +186,7 @@ void CameraPilot::begin(bool no_more) {
 }
 
 PulseMatch CameraPilot::match(const CameraFrame& frame) {
+  if (frame.pulse) return {.pulse = *frame.pulse};
   const PulseMatch found = matcher_->label({frame.device_time, frame.counter, frame.received});
   if (!found.suspect) learn_latency(found.pulse, frame.received);
   return found;
@@ -233,7 +228,7 @@ CameraState CameraPilot::state() const {
 CameraWorkerStatus CameraPilot::status() const {
   CameraWorkerStatus status = counts_;
   status.text = text_;
-  status.link = camera_ ? sum(link_before_, camera_->statistics()) : link_before_;
+  status.link = camera_ ? link_before_ + camera_->statistics() : link_before_;
   status.state = state();
   return status;
 }

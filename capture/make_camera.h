@@ -5,10 +5,12 @@
 
 #include "base/studio_file.h"
 #include "capture/camera.h"
+#include "capture/pulse_times.h"
 
 namespace v3d {
 
-/// Does not touch the camera: start() does.
-std::unique_ptr<Camera> make_camera(const StudioCamera& settings);
+/// Does not touch the camera: start() does. `pulses` of the node label the frames of a camera that
+/// runs free, and outlive it.
+std::unique_ptr<Camera> make_camera(const StudioCamera& settings, const PulseTimes& pulses);
 
 }  // namespace v3d

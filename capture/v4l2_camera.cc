@@ -19,6 +19,10 @@ namespace {
 
 constexpr uint32_t kCapture = V4L2_BUF_TYPE_VIDEO_CAPTURE;
 constexpr double kExposureStepUs = 100;  ///< the unit of V4L2_CID_EXPOSURE_ABSOLUTE
+/// Clock and place in the frame of a time stamp.
+constexpr uint32_t kStamp = V4L2_BUF_FLAG_TIMESTAMP_MASK | V4L2_BUF_FLAG_TSTAMP_SRC_MASK;
+/// Of a rate: a camera of 29.97 frames a second is none of 30.
+constexpr double kRateTolerance = 2e-4;
 
 std::string text_of(uint32_t fourcc) {
   std::string text;
@@ -36,17 +40,28 @@ std::string hexadecimal(uint32_t id) {
   return text.data();
 }
 
+std::string number(double value) {
+  std::array<char, 32> text{};
+  std::snprintf(text.data(), text.size(), "%.6g", value);
+  return text.data();
+}
+
 /// Writes settings and reads them back.
 class Setup {
  public:
-  Setup(const StudioCamera& settings, V4l2Device& device) : settings_(settings), device_(device) {}
+  Setup(const StudioCamera& settings, std::optional<double> free_rate_hz, V4l2Device& device)
+      : settings_(settings), free_rate_hz_(free_rate_hz), device_(device) {}
 
   /// Returns the format that the camera has then.
   v4l2_pix_format all() const {
     capabilities();
     const v4l2_pix_format format = image_format();
     exposure();
-    trigger();
+    if (settings_.trigger_control) {
+      trigger(*settings_.trigger_control);
+    } else {
+      rate(free_rate_hz_.value_or(0));
+    }
     return format;
   }
 
@@ -130,10 +145,29 @@ class Setup {
     }
   }
 
-  void trigger() const {
-    if (!settings_.trigger_control) refuse("trigger_control", "the id of a control", "none");
-    const uint32_t id = *settings_.trigger_control;
+  void trigger(uint32_t id) const {
     control("trigger_control " + hexadecimal(id), id, settings_.trigger_value);
+  }
+
+  /// Of a camera that runs free.
+  void rate(double hz) const {
+    v4l2_streamparm parameters{};
+    parameters.type = kCapture;
+    ask("rate", VIDIOC_G_PARM, &parameters);
+    v4l2_fract& interval = parameters.parm.capture.timeperframe;
+    if ((parameters.parm.capture.capability & V4L2_CAP_TIMEPERFRAME) == 0) {
+      refuse("rate", number(hz) + " Hz", "a camera whose rate cannot be set");
+    }
+    constexpr double kTicks = 1000;
+    interval = {.numerator = static_cast<uint32_t>(kTicks),
+                .denominator = static_cast<uint32_t>(std::lround(hz * kTicks))};
+    ask("rate", VIDIOC_S_PARM, &parameters);
+    ask("rate", VIDIOC_G_PARM, &parameters);
+    const double got =
+        interval.numerator == 0 ? 0 : double{1} * interval.denominator / interval.numerator;
+    if (std::abs(got - hz) > kRateTolerance * hz) {
+      refuse("rate, for it runs free", number(hz) + " Hz", number(got) + " Hz");
+    }
   }
 
   /// A camera without these controls has a fixed exposure or none of its own (a frame grabber).
@@ -147,6 +181,7 @@ class Setup {
   }
 
   const StudioCamera& settings_;
+  const std::optional<double> free_rate_hz_;
   V4l2Device& device_;
 };
 
@@ -154,9 +189,10 @@ class Setup {
 
 class V4l2Camera::Stream {
  public:
-  Stream(const StudioCamera& settings, std::unique_ptr<V4l2Device> device)
+  Stream(const StudioCamera& settings, std::optional<double> free_rate_hz,
+         std::unique_ptr<V4l2Device> device)
       : device_(std::move(device)), pixel_format_(settings.pixel_format) {
-    const Setup setup(settings, *device_);
+    const Setup setup(settings, free_rate_hz, *device_);
     format_ = setup.all();
     v4l2_requestbuffers request{};
     request.count = static_cast<uint32_t>(settings.buffers);
@@ -191,6 +227,11 @@ class V4l2Camera::Stream {
   }
   int enqueue(v4l2_buffer& buffer) { return device_->control(VIDIOC_QBUF, &buffer); }
 
+  /// Stamped by the same clock and at the same place of the frame as was said at first.
+  bool is_stamped_as_ever(const v4l2_buffer& buffer) const {
+    return (buffer.flags & kStamp) == stamp_;
+  }
+
   /// The pixels of a buffer that arrived whole.
   std::optional<Image> image(const v4l2_buffer& buffer) const {
     const std::span<const uint8_t> bytes = buffers_[buffer.index];
@@ -222,6 +263,7 @@ class V4l2Camera::Stream {
     if ((buffer.flags & V4L2_BUF_FLAG_TIMESTAMP_MASK) != V4L2_BUF_FLAG_TIMESTAMP_MONOTONIC) {
       setup.refuse("time stamps", "CLOCK_MONOTONIC", "another clock");
     }
+    stamp_ = buffer.flags & kStamp;
     const auto memory = device_->map(buffer.length, buffer.m.offset);
     if (memory.empty()) setup.refuse("buffers", "memory", std::strerror(errno));
     buffers_.push_back(memory);
@@ -231,6 +273,7 @@ class V4l2Camera::Stream {
   std::unique_ptr<V4l2Device> device_;
   const PixelFormat pixel_format_;
   v4l2_pix_format format_{};
+  uint32_t stamp_ = 0;  ///< flags
   std::vector<std::span<const uint8_t>> buffers_;
 };
 
@@ -246,7 +289,7 @@ void V4l2Camera::start() {
   if (!device) {
     throw InputError("camera " + settings_.name + ": " + errno_message(settings_.address));
   }
-  stream_ = std::make_unique<Stream>(settings_, std::move(device));
+  stream_ = std::make_unique<Stream>(settings_, free_rate_hz_, std::move(device));
   size_ = stream_->size();
 }
 
@@ -259,6 +302,11 @@ std::optional<CameraFrame> V4l2Camera::wait(MonotonicInstant deadline) {
     if (error == EAGAIN) continue;
     if (error != 0) {  // ENODEV: it is gone; EIO: the driver has given the stream up
       lost_ = true;
+      return {};
+    }
+    if (!stream_->is_stamped_as_ever(buffer)) {
+      lost_ = true;
+      ++damaged_;
       return {};
     }
     CameraFrame frame;

@@ -29,6 +29,16 @@ void CameraWatch::look_at(const CameraWorker& worker) {
                recorded ? "back, at pulse " + std::to_string(status.last_pulse) : "answers again");
 }
 
+namespace {
+
+/// What cameras tell of their last frame, where they do.
+void report_last_frame(const std::string& camera, const CameraStatistics& link,
+                       HealthMessage& health) {
+  if (link.phase) health.values[camera + ".phase_us"] = 1e6 * to_seconds(*link.phase);
+}
+
+}  // namespace
+
 void CameraWatch::report(const CameraWorker& worker, int64_t due, HealthMessage& health) {
   const CameraWorkerStatus status = worker.status();
   const std::string& camera = worker.camera();
@@ -45,6 +55,7 @@ void CameraWatch::report(const CameraWorker& worker, int64_t due, HealthMessage&
   value("packets_resent", status.link.packets_resent);
   value("packets_missing", status.link.packets_missing);
   value("losses", status.losses);
+  report_last_frame(camera, status.link, health);
   health.values["frames_missing"] += static_cast<double>(missing);
   health.values["frames_suspect"] += static_cast<double>(status.suspect);
   const bool streaming =

@@ -73,6 +73,7 @@ CaptureNode::CaptureNode(const Studio& studio, const std::string& node, Bus& bus
       bus_(bus),
       events_(bus, node),
       cameras_(events_),
+      pulse_times_(period_of(studio.trigger.rate_hz)),
       places_(static_cast<int>(std::max(1U, std::thread::hardware_concurrency()))) {
   const std::vector<StudioCamera> cameras = studio.cameras_of(node);
   const bool triggers = studio.trigger.node == node;
@@ -89,7 +90,7 @@ CaptureNode::CaptureNode(const Studio& studio, const std::string& node, Bus& bus
   }
   for (const StudioCamera& camera : cameras) {
     workers_.push_back(std::make_unique<CameraWorker>(
-        camera.name, [camera] { return make_camera(camera); },
+        camera.name, [this, camera] { return make_camera(camera, pulse_times_); },
         CameraWorkerOptions{.queue_frames = kQueueFrames}));
   }
 }
@@ -131,6 +132,7 @@ void CaptureNode::make_ready(const CommandMessage& order, std::optional<int64_t>
   pulse_train_ = {.rate_hz = rate_hz_,
                   .width = from_seconds(studio_.trigger.pulse_width_us * 1e-6),
                   .count = pulses};
+  pulse_times_.begin(period_of(rate_hz_));
   cameras_.begin_train();
   disk_is_full_ = false;
   cameras_armed_ = false;
@@ -176,6 +178,7 @@ void CaptureNode::start() {
 }
 
 void CaptureNode::tell_cameras(const PulseEdge& edge) {
+  pulse_times_.add(edge.pulse, edge.at);
   for (const auto& worker : workers_) worker->pulse_at(edge);
 }
 
@@ -210,6 +213,7 @@ void CaptureNode::disarm() {
     }
   }
   for (const auto& worker : workers_) worker->disarm();
+  pulse_times_.end();
 }
 
 // --- what happens -------------------------------------------------------------------------------

@@ -9,6 +9,7 @@
 #include "base/camera_model.h"
 #include "base/studio_file.h"
 #include "capture/camera_worker.h"
+#include "capture/pulse_times.h"
 #include "daemon/background_learner.h"
 #include "daemon/bus.h"
 #include "daemon/camera_check.h"
@@ -109,6 +110,7 @@ class CaptureNode : public NodeWork {
   CameraWatch cameras_;
   std::unique_ptr<PulseGenerator> generator_;  ///< null where another node has the trigger
   std::unique_ptr<PulseSensor> sensor_;        ///< null with it, and without a sense line
+  PulseTimes pulse_times_;                     ///< as sensed here
   std::unique_ptr<TrainWatch> train_;          ///< null where the trigger is here
   std::unique_ptr<FullDiskWatch> full_disks_;  ///< null where it is not
   std::vector<std::unique_ptr<CameraWorker>> workers_;

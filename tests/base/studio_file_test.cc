@@ -211,10 +211,27 @@ TEST(StudioFile, reads_how_a_v4l2_camera_is_triggered) {
   EXPECT_EQ(camera.size, (ImageSize{640, 480}));
 }
 
+TEST(StudioFile, says_what_a_camera_that_runs_free_needs) {
+  const std::string free =
+      with("address = \"V3D-SIM-01\"", "address = \"/dev/video0\"\nkind = \"v4l2\"");
+  const Studio studio = parse_studio(free, "studio.toml");
+  EXPECT_TRUE(studio.cameras[0].runs_free());
+  EXPECT_FALSE(studio.cameras[1].runs_free());
+  const auto changed = [&](std::string_view from, std::string_view to) {
+    std::string text = free;
+    return text.replace(text.find(from), from.size(), to);
+  };
+  EXPECT_THAT(message_for(changed("[trigger]\nnode = \"cap01\"", "[trigger]\nnode = \"recon01\"")),
+              HasSubstr("camera.trigger_control: missing, so cam01 runs free; then it must hang on "
+                        "the trigger's node, recon01"));
+  EXPECT_THAT(message_for(changed("kind = \"simulated\"\nrate_hz = 25\nwire = \"trigger.sock\"",
+                                  "kind = \"gpio\"\nchip = \"gpiochip0\"\nline = 7")),
+              HasSubstr("cam01 runs free; then [trigger.sense] is needed"));
+}
+
 TEST(StudioFile, says_what_a_v4l2_camera_needs) {
   const std::string address = "address = \"V3D-SIM-01\"";
   const std::string v4l2 = address + "\nkind = \"v4l2\"\n";
-  EXPECT_THAT(message_for(with(address, v4l2)), HasSubstr("trigger_control: missing"));
   EXPECT_THAT(message_for(with(address, v4l2 + "trigger_control = \"0x9a09zz\"")),
               HasSubstr("expected the id of a V4L2 control"));
   EXPECT_THAT(message_for(with(address, v4l2 + "trigger_control = \"1\"\ngain_db = 3")),

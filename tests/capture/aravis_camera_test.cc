@@ -96,7 +96,8 @@ TEST(AravisCamera, is_found_by_its_serial_number) {
 
 TEST(AravisCamera, receives_one_frame_for_every_trigger) {
   const FakeCamera fake;
-  const auto camera = make_camera(settings());
+  const PulseTimes none(seconds(1));
+  const auto camera = make_camera(settings(), none);
   camera->start();
   EXPECT_FALSE(camera->wait(in(milliseconds(300)))) << "a frame without a trigger";
   std::optional<CameraFrame> before;

@@ -8,6 +8,7 @@
 #include <algorithm>
 #include <array>
 #include <cerrno>
+#include <cmath>
 #include <deque>
 #include <map>
 #include <memory>
@@ -45,6 +46,9 @@ struct Driver {
   uint32_t clock = V4L2_BUF_FLAG_TIMESTAMP_MONOTONIC;
   std::map<uint32_t, int32_t> controls = {{kTrigger, 0}, {V4L2_CID_EXPOSURE_ABSOLUTE, 333}};
   bool obeys = true;  ///< takes control values as they are
+  uint32_t parm_capability = V4L2_CAP_TIMEPERFRAME;
+  v4l2_fract interval{1, 30};
+  std::vector<double> rates = {10, 25, 30000.0 / 1001};  ///< takes the nearest
   int queue_error = 0;
 
   std::deque<Delivery> deliveries;
@@ -91,6 +95,10 @@ class ScriptedDevice : public V4l2Device {
         if (known(value.id) == 0) value.value = driver_.controls[value.id];
         return known(value.id);
       }
+      case VIDIOC_G_PARM:
+      case VIDIOC_S_PARM:
+        return rate(static_cast<v4l2_streamparm*>(argument)->parm.capture,
+                    request == VIDIOC_S_PARM);
       case VIDIOC_REQBUFS:
         return 0;
       case VIDIOC_QUERYBUF: {
@@ -117,6 +125,20 @@ class ScriptedDevice : public V4l2Device {
 
  private:
   int known(uint32_t id) const { return driver_.controls.contains(id) ? 0 : EINVAL; }
+
+  int rate(v4l2_captureparm& parameters, bool set) {
+    v4l2_fract& interval = parameters.timeperframe;
+    if (set) {
+      const double wanted = double{1} * interval.denominator / interval.numerator;
+      const auto nearest = std::min_element(
+          driver_.rates.begin(), driver_.rates.end(),
+          [&](double a, double b) { return std::abs(a - wanted) < std::abs(b - wanted); });
+      driver_.interval = {1'000'000, static_cast<uint32_t>(std::lround(1e6 * *nearest))};
+    }
+    parameters.capability = driver_.parm_capability;
+    interval = driver_.interval;
+    return 0;
+  }
 
   int image_format(v4l2_format& format, bool set) {
     const uint32_t wanted = format.fmt.pix.pixelformat;
@@ -251,6 +273,41 @@ TEST_F(V4l2CameraTest, is_lost_when_it_disappears_and_found_when_it_is_back) {
     EXPECT_FALSE(c->lost());
     EXPECT_EQ(c->wait({})->image.bytes[0], 2);
   }
+}
+
+TEST_F(V4l2CameraTest, is_lost_when_its_frames_are_stamped_otherwise_than_at_first) {
+  constexpr uint32_t kAtStart = V4L2_BUF_FLAG_TIMESTAMP_MONOTONIC | V4L2_BUF_FLAG_TSTAMP_SRC_SOE;
+  for (const uint32_t flags : {kAtStart, uint32_t{V4L2_BUF_FLAG_TIMESTAMP_COPY}}) {
+    driver_.deliveries = {{.sequence = 1}, {.sequence = 2, .flags = flags}};
+    const auto c = camera();
+    c->start();
+    EXPECT_TRUE(c->wait({}));
+    EXPECT_FALSE(c->wait({}));
+    EXPECT_TRUE(c->lost());
+  }
+  driver_.clock = kAtStart;
+  driver_.deliveries = {{.sequence = 1, .flags = kAtStart}};
+  const auto c = camera();
+  c->start();
+  EXPECT_TRUE(c->wait({})) << "at the start of the exposure, from the first frame on";
+}
+
+TEST_F(V4l2CameraTest, runs_free_at_the_rate_of_the_pulses_or_is_refused) {
+  settings_.trigger_control.reset();
+  const auto rated = [&](double hz) {
+    auto c = camera();
+    c->run_free(hz);
+    return c;
+  };
+  rated(25)->start();
+  EXPECT_EQ(driver_.controls[kTrigger], 0);
+  EXPECT_EQ(driver_.interval.denominator, 25'000'000U);
+  const auto refused = [&](double hz) {
+    return test::message_of<InputError>([&] { rated(hz)->start(); });
+  };
+  EXPECT_THAT(refused(30), HasSubstr("rate, for it runs free: wanted 30 Hz, got 29.97"));
+  driver_.parm_capability = 0;
+  EXPECT_THAT(refused(25), HasSubstr("a camera whose rate cannot be set"));
 }
 
 TEST_F(V4l2CameraTest, is_lost_when_the_driver_does_not_take_a_buffer_back) {

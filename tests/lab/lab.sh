@@ -137,6 +137,31 @@ X
   until_true 60 v3dctl status
 }
 
+# v4l2_studio CAMERAS RATE: a studio of cameras on V4L2 that run free, and a trigger on the lines of gpio_lines.
+v4l2_studio() {
+  local cameras=$1 rate=$2
+  {
+    printf 'name = "lab"\n[[node]]\nname = "cap01"\n'
+    printf '[camera_defaults]\nnode = "cap01"\nkind = "v4l2"\npixel_format = "Mono8"\nwidth = 320\nheight = 180\n'
+    for i in $(seq "$cameras"); do printf '[[camera]]\nname = "cam0%d"\naddress = "/dev/video%d"\n' "$i" $((i - 1)); done
+    printf '[trigger]\nnode = "cap01"\nkind = "gpio"\nchip = "gpiochip0"\nline = "TRIGGER"\nrate_hz = %d\n' "$rate"
+    printf 'pulse_width_us = 4000\n[trigger.sense]\nchip = "gpiochip0"\nline = "SENSE"\n'
+    printf '[storage]\ntakes = "/var/lib/v3d/takes"\nbackground = "/var/lib/v3d/background"\n'
+    printf 'calib = "/etc/v3d/calib.toml"\n[space]\nmin = [-1, -1, 0]\nmax = [1, 1, 2]\n'
+    printf '[reconstruction]\nnode = "cap01"\n'
+  } >/etc/v3d/studio.toml
+  for i in $(seq "$cameras"); do
+    printf '[cam_%d]\nname = "cam0%d"\nsize = [320, 180]\nmatrix = [[300, 0, 160], [0, 300, 90], [0, 0, 1]]\n' "$i" "$i"
+    printf 'distortions = []\nrotation = [0, 0, 0]\ntranslation = [%d, 0, 0]\n' "$i"
+  done >/etc/v3d/calib.toml
+}
+
+# losses TAKE "LIST...": how many pulses the lists of the ledger (missing, duplicate, suspect) have, all cameras together.
+losses() {
+  local list
+  for list in $2; do ledger "$1" "[.cameras[].$list | length] | add"; done | paste -sd' '
+}
+
 # trigger_take NAME PULSES: as take, of the pulses alone.
 trigger_take() {
   v3dctl arm "$1" --pulses "$2" --allow-missing cam01

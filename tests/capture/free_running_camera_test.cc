@@ -1,0 +1,122 @@
+// A camera that runs free against pulses and a clock that the test plays.
+#include "capture/free_running_camera.h"
+
+#include <gtest/gtest.h>
+
+#include "base/error.h"
+
+namespace v3d {
+namespace {
+
+using std::chrono::milliseconds;
+using std::chrono::seconds;
+
+constexpr Duration kPeriod = milliseconds(40);
+
+/// What the camera does; time passes while it is waited for.
+struct Bench {
+  MonotonicInstant now{seconds(1000)};
+  std::deque<MonotonicInstant> exposures;  ///< that are to come
+  double rate_hz = 0;
+  int starts = 0;
+  bool refuses = false;
+};
+
+class TickingCamera : public Camera {
+ public:
+  explicit TickingCamera(Bench& bench) : bench_(bench) {}
+  void start() override {
+    if (bench_.refuses) throw InputError("camera cam01: rate: wanted 30, got 25");
+    ++bench_.starts;
+  }
+  void stop() override {}
+  std::optional<CameraFrame> wait(MonotonicInstant deadline) override {
+    if (bench_.exposures.empty() || bench_.exposures.front() > deadline) {
+      bench_.now = deadline;
+      return {};
+    }
+    CameraFrame frame;
+    frame.received = bench_.now = std::max(bench_.now, bench_.exposures.front());
+    frame.device_time = from_ns<DeviceClock>(to_ns(bench_.exposures.front()));
+    bench_.exposures.pop_front();
+    return frame;
+  }
+  CameraStatistics statistics() const override { return {}; }
+  bool lost() const override { return false; }
+  ImageSize size() const override { return {4, 4}; }
+  PixelFormat format() const override { return PixelFormat::kMono8; }
+
+ private:
+  Bench& bench_;
+};
+
+class FreeRunningCameraTest : public testing::Test {
+ protected:
+  FreeRunningCameraTest() {
+    camera_.start();
+    pulses_.begin(kPeriod);
+  }
+  /// Frames from now on, for so long.
+  void run_for(int64_t frames) {
+    for (int64_t i = 0; i < frames; ++i) bench_.exposures.push_back(start_ + i * kPeriod);
+  }
+  std::vector<int64_t> labels_until(MonotonicInstant end) {
+    std::vector<int64_t> labels;
+    while (bench_.now < end && !camera_.lost()) {
+      const auto frame = camera_.wait(bench_.now + milliseconds(20));
+      if (frame) labels.push_back(frame->pulse.value());
+    }
+    return labels;
+  }
+
+  Bench bench_;
+  const MonotonicInstant start_ = bench_.now;
+  PulseTimes pulses_{kPeriod};
+  FreeRunningCamera camera_{std::make_unique<TickingCamera>(bench_),
+                            [this](double hz) { bench_.rate_hz = hz; }, pulses_,
+                            [this] { return bench_.now; }};
+};
+
+TEST_F(FreeRunningCameraTest, is_quiet_until_there_are_pulses_and_after_them) {
+  run_for(100);
+  EXPECT_TRUE(labels_until(start_ + milliseconds(500)).empty());
+  for (int64_t pulse = 0; pulse < 10; ++pulse) {
+    pulses_.add(pulse, start_ + milliseconds(807) + pulse * kPeriod);
+  }
+  EXPECT_EQ(labels_until(start_ + seconds(3)),
+            (std::vector<int64_t>{0, 1, 2, 3, 4, 5, 6, 7, 8, 9}));
+  EXPECT_EQ(camera_.statistics().phase, Duration(-milliseconds(7)));
+}
+
+TEST_F(FreeRunningCameraTest, leaves_the_pulses_without_a_frame_whose_frames_were_lost) {
+  run_for(100);
+  for (int64_t pulse = 0; pulse < 90; ++pulse) pulses_.add(pulse, start_ + pulse * kPeriod);
+  bench_.exposures.erase(bench_.exposures.begin() + 3, bench_.exposures.begin() + 6);
+  EXPECT_EQ(labels_until(start_ + milliseconds(330)), (std::vector<int64_t>{0, 1, 2, 6, 7, 8}));
+}
+
+TEST_F(FreeRunningCameraTest, takes_the_rate_of_the_take) {
+  EXPECT_NEAR(bench_.rate_hz, 25, 1e-9);
+  pulses_.begin(milliseconds(100));
+  camera_.wait(bench_.now + milliseconds(20));
+  EXPECT_NEAR(bench_.rate_hz, 10, 1e-9);
+  EXPECT_EQ(bench_.starts, 2);
+  bench_.refuses = true;
+  pulses_.begin(milliseconds(33));
+  camera_.wait(bench_.now + milliseconds(20));
+  EXPECT_TRUE(camera_.lost());
+  EXPECT_THROW(camera_.start(), InputError);
+}
+
+TEST_F(FreeRunningCameraTest, is_lost_when_no_frame_comes_though_there_are_no_pulses) {
+  run_for(10);
+  labels_until(start_ + seconds(1));
+  EXPECT_FALSE(camera_.lost());
+  labels_until(start_ + seconds(2));
+  EXPECT_TRUE(camera_.lost());
+  camera_.start();
+  EXPECT_FALSE(camera_.lost());
+}
+
+}  // namespace
+}  // namespace v3d
