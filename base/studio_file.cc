@@ -144,6 +144,8 @@ void read_camera_settings(const TomlTable& table, const Studio& studio, StudioCa
   camera.packet_resend = table.boolean_or("packet_resend", camera.packet_resend);
   camera.buffers = ranged_int(table, "buffers", camera.buffers, 2, 1024);
   camera.packet_socket = table.boolean_or("packet_socket", camera.packet_socket);
+  camera.ptp = table.boolean_or("ptp", camera.ptp);
+  camera.chunk_data = table.boolean_or("chunk_data", camera.chunk_data);
   read_v4l2_settings(table, camera);
 }
 

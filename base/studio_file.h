@@ -36,6 +36,8 @@ struct StudioCamera {
   bool packet_resend = true;  ///< lost packets are asked for again
   int buffers = 8;
   bool packet_socket = true;  ///< receive by packet socket where permitted (CAP_NET_RAW)
+  bool ptp = false;           ///< its clock follows PTP (IEEE 1588)
+  bool chunk_data = false;    ///< it sends its own account with every frame
   // v4l2 only. There is no standard control for the external trigger: which one, and its value.
   std::optional<uint32_t> trigger_control;  ///< empty: the camera runs free
   int trigger_value = 1;

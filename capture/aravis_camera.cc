@@ -3,10 +3,12 @@
 #include <arv.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstring>
 #include <mutex>
 #include <string>
+#include <thread>
 #include <utility>
 
 #include "base/error.h"
@@ -98,6 +100,47 @@ Owned<ArvCamera> open(const StudioCamera& settings) {
 
 // ---- Setting it up
 
+/// What the features of PTP are called: by the SFNC since version 2.2, and by cameras before.
+struct PtpNames {
+  const char* enable;
+  const char* status;
+  const char* latch;
+  const char* offset;
+};
+constexpr std::array<PtpNames, 2> kPtpNames = {
+    {{"PtpEnable", "PtpStatus", "PtpDataSetLatch", "PtpOffsetFromMaster"},
+     {"GevIEEE1588", "GevIEEE1588Status", "GevIEEE1588DataSetLatch",
+      "GevIEEE1588OffsetFromMaster"}}};
+
+/// A camera has so long to agree with the others on a master and to follow it.
+constexpr Duration kPtpWithin = std::chrono::seconds(20);
+constexpr Duration kPtpLook = std::chrono::milliseconds(100);
+
+bool has_feature(ArvCamera* camera, const char* feature) {
+  Problem problem;
+  return arv_camera_is_feature_available(camera, feature, problem) && !problem.happened();
+}
+
+/// Null where the camera has none.
+const PtpNames* ptp_names(ArvCamera* camera) {
+  const auto found = std::find_if(kPtpNames.begin(), kPtpNames.end(), [&](const PtpNames& names) {
+    return has_feature(camera, names.enable);
+  });
+  return found == kPtpNames.end() ? nullptr : &*found;
+}
+
+/// "Slave", "Master", "Listening", ...
+std::string ptp_status(ArvCamera* camera, const PtpNames& names) {
+  Problem problem;
+  const char* status = arv_camera_get_string(camera, names.status, problem);
+  return problem.happened() || !status ? "no answer" : status;
+}
+
+/// The master of the studio is in step with itself.
+bool is_in_step(const std::string& ptp_status) {
+  return ptp_status == "Slave" || ptp_status == "Master";
+}
+
 /// Writes settings and reads them back.
 class Setup {
  public:
@@ -113,6 +156,8 @@ class Setup {
     gain();
     trigger();
     if (arv_camera_is_gv_device(camera_)) gigabit();
+    if (settings_.chunk_data) chunk_data();
+    if (settings_.ptp) follow_ptp();
   }
 
   [[noreturn]] void refuse(const std::string& feature, const std::string& wanted,
@@ -122,10 +167,7 @@ class Setup {
   }
 
  private:
-  bool there(const char* feature) const {
-    Problem problem;
-    return arv_camera_is_feature_available(camera_, feature, problem) && !problem.happened();
-  }
+  bool there(const char* feature) const { return has_feature(camera_, feature); }
 
   /// A program that died left the camera acquiring: it would go on sending to that program, and
   /// its format is locked.
@@ -226,6 +268,41 @@ class Setup {
         });
   }
 
+  void switch_on(const char* feature) {
+    Problem set;
+    arv_camera_set_boolean(camera_, feature, true, set);
+    if (set.happened()) refuse(feature, "true", set.text());
+    Problem get;
+    const bool on = arv_camera_get_boolean(camera_, feature, get);
+    if (get.happened() || !on) refuse(feature, "true", get.happened() ? get.text() : "false");
+  }
+
+  /// Streams only when its clock is in step: a clock that is set right in the middle of a take
+  /// makes its frames suspect.
+  void follow_ptp() {
+    const PtpNames* names = ptp_names(camera_);
+    if (!names) refuse("ptp", "PtpEnable", "a camera without it");
+    switch_on(names->enable);
+    const MonotonicInstant deadline = Monotonic::now() + kPtpWithin;
+    std::string status = ptp_status(camera_, *names);
+    while (!is_in_step(status) && Monotonic::now() < deadline) {
+      std::this_thread::sleep_for(kPtpLook);
+      status = ptp_status(camera_, *names);
+    }
+    if (!is_in_step(status)) refuse(names->status, "Slave or Master", status);
+  }
+
+  /// Of what is of use to us, what the camera has.
+  void chunk_data() {
+    if (!there("ChunkModeActive")) refuse("chunk_data", "ChunkModeActive", "a camera without it");
+    switch_on("ChunkModeActive");
+    for (const char* chunk : {"Timestamp", "ExposureTime"}) {
+      Problem set;
+      arv_camera_set_string(camera_, "ChunkSelector", chunk, set);
+      if (!set.happened()) switch_on("ChunkEnable");
+    }
+  }
+
   const StudioCamera& settings_;
   ArvCamera* camera_;
 };
@@ -301,6 +378,8 @@ class AravisCamera::Link {
     setup.all();
     size_ = image_size(setup, camera_.get());
     const size_t image_bytes = byte_count(size_, settings.pixel_format);
+    if (settings.ptp) ptp_ = ptp_names(camera_.get());
+    if (settings.chunk_data) chunks_.reset(arv_camera_create_chunk_parser(camera_.get()));
     stream(setup, payload_bytes(setup, camera_.get(), image_bytes), settings);
   }
 
@@ -315,7 +394,32 @@ class AravisCamera::Link {
   ImageSize size() const { return size_; }
   ArvStream* stream() const { return stream_.get(); }
 
+  /// Of the camera's clock from its PTP master; empty while it is not in step, or where PTP is not
+  /// asked for. Asks the camera, twice in a while.
+  std::optional<Duration> ptp_offset() {
+    if (!ptp_ || Monotonic::now() < next_ptp_look_) return ptp_offset_;
+    next_ptp_look_ = Monotonic::now() + kPtpEvery;
+    Problem latched;
+    arv_camera_execute_command(camera_.get(), ptp_->latch, latched);
+    Problem asked;
+    const gint64 offset = arv_camera_get_integer(camera_.get(), ptp_->offset, asked);
+    const bool in_step = is_in_step(ptp_status(camera_.get(), *ptp_));
+    ptp_offset_ = in_step && !asked.happened() ? std::optional(Duration(offset)) : std::nullopt;
+    return ptp_offset_;
+  }
+
+  /// By the chunk data of a frame; empty where it has none.
+  std::optional<double> exposure_us(ArvBuffer* buffer) {
+    if (!chunks_ || !arv_buffer_has_chunks(buffer)) return {};
+    Problem problem;
+    const double us =
+        arv_chunk_parser_get_float_value(chunks_.get(), buffer, "ChunkExposureTime", problem);
+    return problem.happened() ? std::nullopt : std::optional(us);
+  }
+
  private:
+  static constexpr Duration kPtpEvery = std::chrono::seconds(2);
+
   void stream(const Setup& setup, size_t payload, const StudioCamera& settings) {
     Problem problem;
     stream_.reset(arv_camera_create_stream(camera_.get(), nullptr, nullptr, problem));
@@ -333,9 +437,13 @@ class AravisCamera::Link {
 
   Owned<ArvCamera> camera_;
   Owned<ArvStream> stream_;  // goes before the camera that feeds it
+  Owned<ArvChunkParser> chunks_;
   std::atomic<bool>& lost_;
   gulong on_lost_ = 0;
   ImageSize size_;
+  const PtpNames* ptp_ = nullptr;
+  MonotonicInstant next_ptp_look_{};
+  std::optional<Duration> ptp_offset_;
 };
 
 AravisCamera::AravisCamera(StudioCamera settings) : settings_(std::move(settings)) {}
@@ -358,6 +466,7 @@ std::optional<CameraFrame> AravisCamera::wait(MonotonicInstant deadline) {
         std::chrono::duration_cast<std::chrono::microseconds>(deadline - Monotonic::now());
     ArvBuffer* buffer = arv_stream_timeout_pop_buffer(stream, std::max<int64_t>(left.count(), 0));
     read_statistics();
+    tell_ptp(link_->ptp_offset());
     if (!buffer) return {};
     // What reaches a packet socket before its filter is in place (other cameras' packets) begins
     // frames that never were any.
@@ -371,6 +480,7 @@ std::optional<CameraFrame> AravisCamera::wait(MonotonicInstant deadline) {
         from_ns<DeviceClock>(static_cast<int64_t>(arv_buffer_get_timestamp(buffer)));
     frame.counter = counter_.unwrap(arv_buffer_get_frame_id(buffer));
     auto image = image_of(buffer, size_, settings_.pixel_format);
+    if (const auto us = link_->exposure_us(buffer)) exposure_us_ = *us;
     arv_stream_push_buffer(stream, buffer);
     if (image) {
       ++completed_;
@@ -380,6 +490,11 @@ std::optional<CameraFrame> AravisCamera::wait(MonotonicInstant deadline) {
     ++damaged_;
   }
   return {};
+}
+
+void AravisCamera::tell_ptp(std::optional<Duration> offset) {
+  has_ptp_offset_ = offset.has_value();
+  if (offset) ptp_offset_ = *offset;
 }
 
 void AravisCamera::read_statistics() {
@@ -396,11 +511,14 @@ void AravisCamera::read_statistics() {
 }
 
 CameraStatistics AravisCamera::statistics() const {
-  return {.completed = completed_,
-          .damaged = damaged_,
-          .underruns = underruns_,
-          .packets_resent = packets_resent_,
-          .packets_missing = packets_missing_};
+  CameraStatistics statistics{.completed = completed_,
+                              .damaged = damaged_,
+                              .underruns = underruns_,
+                              .packets_resent = packets_resent_,
+                              .packets_missing = packets_missing_};
+  if (has_ptp_offset_) statistics.ptp_offset = ptp_offset_.load();
+  if (exposure_us_ > 0) statistics.exposure_us = exposure_us_;
+  return statistics;
 }
 
 }  // namespace v3d

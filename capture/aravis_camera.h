@@ -12,7 +12,8 @@ namespace v3d {
 
 /// Chosen by StudioCamera::address: an IP address is asked directly; anything else is the serial
 /// number, looked for on the network. start() takes control of the camera, writes every setting and
-/// reads it back; a camera that has another value then is refused.
+/// reads it back; a camera that has another value then is refused. With `ptp` it streams once its
+/// clock is in step. With `chunk_data` frames carry the camera's own account of their exposure.
 class AravisCamera : public Camera {
  public:
   explicit AravisCamera(StudioCamera settings);
@@ -29,6 +30,7 @@ class AravisCamera : public Camera {
  private:
   class Link;  ///< the Aravis objects, from start() to stop()
   void read_statistics();
+  void tell_ptp(std::optional<Duration> offset);
 
   const StudioCamera settings_;
   ImageSize size_;
@@ -39,6 +41,9 @@ class AravisCamera : public Camera {
   std::atomic<int64_t> underruns_ = 0;
   std::atomic<int64_t> packets_resent_ = 0;
   std::atomic<int64_t> packets_missing_ = 0;
+  std::atomic<bool> has_ptp_offset_ = false;
+  std::atomic<Duration> ptp_offset_ = Duration{};
+  std::atomic<double> exposure_us_ = 0;  ///< of the last frame that told; 0: none has
   std::atomic<bool> lost_ = false;
 };
 

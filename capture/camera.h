@@ -30,6 +30,8 @@ struct CameraStatistics {
   int64_t packets_missing = 0;  ///< for good
   // Of the last frame, where the camera tells.
   std::optional<Duration> phase = {};       ///< after its pulse: a camera that runs free
+  std::optional<Duration> ptp_offset = {};  ///< of its clock, from its PTP master
+  std::optional<double> exposure_us = {};   ///< by its chunk data
 };
 /// Of two times that a camera was open, the earlier one first.
 CameraStatistics operator+(const CameraStatistics& a, const CameraStatistics& b);

@@ -35,6 +35,10 @@ namespace {
 void report_last_frame(const std::string& camera, const CameraStatistics& link,
                        HealthMessage& health) {
   if (link.phase) health.values[camera + ".phase_us"] = 1e6 * to_seconds(*link.phase);
+  if (link.ptp_offset) {
+    health.values[camera + ".ptp_offset_us"] = 1e6 * to_seconds(*link.ptp_offset);
+  }
+  if (link.exposure_us) health.values[camera + ".exposure_us"] = *link.exposure_us;
 }
 
 }  // namespace

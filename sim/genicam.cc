@@ -82,11 +82,24 @@ std::string genicam_xml() {
          category("Root", {"DeviceControl", "ImageFormatControl", "AcquisitionControl",
                            "AnalogControl", "TransportLayerControl"}) +
          category("DeviceControl", {"DeviceVendorName", "DeviceModelName", "DeviceManufacturerInfo",
-                                    "DeviceVersion", "DeviceID", "DeviceSerialNumber"}) +
+                                    "DeviceVersion", "DeviceID", "DeviceSerialNumber", "PtpEnable",
+                                    "PtpStatus", "PtpDataSetLatch", "PtpOffsetFromMaster"}) +
          string_reg("DeviceVendorName", "0x48", "32") +
          string_reg("DeviceModelName", "0x68", "32") + string_reg("DeviceVersion", "0x88", "32") +
          string_reg("DeviceManufacturerInfo", "0xa8", "48") + string_reg("DeviceID", "0xd8", "16") +
          string_reg("DeviceSerialNumber", "0xd8", "16") +
+
+         // As one that finds its master at once and follows it.
+         node("Boolean", "PtpEnable",
+              text("pValue", "PtpEnableRegister") + text("OnValue", "1") + text("OffValue", "0")) +
+         reg("PtpEnableRegister", "0x310") +
+         node("Enumeration", "PtpStatus",
+              node("EnumEntry", "Disabled", text("Value", "0")) +
+                  node("EnumEntry", "Slave", text("Value", "1")) +
+                  text("pValue", "PtpEnableRegister")) +
+         command("PtpDataSetLatch", "PtpLatchRegister", "1") + reg("PtpLatchRegister", "0x314") +
+         node("Integer", "PtpOffsetFromMaster", text("pValue", "PtpOffsetRegister")) +
+         reg("PtpOffsetRegister", "0x318", "RO") +
 
          category("ImageFormatControl", {"SensorWidth", "SensorHeight", "OffsetX", "OffsetY",
                                          "Width", "Height", "PixelFormat"}) +

@@ -5,12 +5,15 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <fstream>
 #include <memory>
 #include <string>
 
 #include "base/error.h"
 #include "capture/make_camera.h"
+#include "sim/genicam.h"
 #include "support/message_of.h"
+#include "support/temporary_folder.h"
 
 namespace v3d {
 namespace {
@@ -27,7 +30,9 @@ struct Unref {
 /// A camera at 127.0.0.11 that is triggered by writing its software-trigger register.
 class FakeCamera {
  public:
-  FakeCamera() : camera_(arv_gv_fake_camera_new("127.0.0.11", "V3D-0001")) {
+  /// `description`: a GenICam file, in place of Aravis' own.
+  explicit FakeCamera(const char* description = nullptr)
+      : camera_(arv_gv_fake_camera_new_full("127.0.0.11", "V3D-0001", description)) {
     // How often it looks for a trigger, Hz.
     if (running()) arv_fake_camera_set_trigger_frequency(inside(), 400);
   }
@@ -156,6 +161,43 @@ TEST(AravisCamera, that_cannot_expose_at_the_falling_edge_is_refused) {
   StudioCamera wanted = settings();
   wanted.trigger_edge = Edge::kFalling;
   EXPECT_THAT(refusal(wanted), HasSubstr("TriggerActivation: wanted FallingEdge"));
+}
+
+TEST(AravisCamera, follows_ptp_and_tells_how_well) {
+  const test::TemporaryFolder folder;
+  const std::string description = folder / "genicam.xml";
+  std::ofstream(description) << sim::genicam_xml();
+  const FakeCamera fake(description.c_str());
+  constexpr uint32_t kPtpEnable = 0x310;
+  constexpr uint32_t kPtpOffset = 0x318;
+  fake.write(kPtpOffset, 1500);
+  StudioCamera wanted = settings();
+  wanted.trigger_line = "Line1";
+  AravisCamera plain(wanted);
+  plain.start();
+  EXPECT_EQ(fake.read(kPtpEnable), 0U);
+  plain.stop();
+  wanted.ptp = true;
+  AravisCamera camera(wanted);
+  camera.start();
+  EXPECT_EQ(fake.read(kPtpEnable), 1U);
+  camera.wait(in(milliseconds(1)));
+  EXPECT_EQ(camera.statistics().ptp_offset, std::chrono::nanoseconds(1500));
+  fake.write(kPtpEnable, 0);
+  const auto deadline = in(seconds(20));
+  while (camera.statistics().ptp_offset && Monotonic::now() < deadline)
+    camera.wait(in(milliseconds(50)));
+  EXPECT_FALSE(camera.statistics().ptp_offset) << "it is not in step any more";
+}
+
+TEST(AravisCamera, without_ptp_or_chunk_data_is_refused_where_they_are_asked_for) {
+  const FakeCamera fake;
+  StudioCamera wanted = settings();
+  wanted.ptp = true;
+  EXPECT_THAT(refusal(wanted), HasSubstr("ptp: wanted PtpEnable, got a camera without it"));
+  wanted = settings();
+  wanted.chunk_data = true;
+  EXPECT_THAT(refusal(wanted), HasSubstr("chunk_data: wanted ChunkModeActive"));
 }
 
 TEST(AravisCamera, that_another_program_has_is_refused_until_that_program_lets_go) {
