@@ -37,8 +37,10 @@ void FreeRunningCamera::stop() {
   phase_.reset();
 }
 
-/// A take may have another rate than the one before.
-void FreeRunningCamera::follow_rate() {
+/// A train may have another rate than the one before, and has another phase.
+void FreeRunningCamera::follow_train() {
+  const int64_t train = pulses_.trains();
+  if (std::exchange(train_, train) != train) phase_.reset();
   if (pulses_.period() == period_) return;
   try {
     start();
@@ -48,7 +50,7 @@ void FreeRunningCamera::follow_rate() {
 }
 
 std::optional<CameraFrame> FreeRunningCamera::wait(MonotonicInstant deadline) {
-  follow_rate();
+  follow_train();
   while (!lost()) {
     if (auto frame = labelled()) return frame;
     if (now_() >= deadline) break;

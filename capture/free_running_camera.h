@@ -38,7 +38,7 @@ class FreeRunningCamera : public Camera {
   PixelFormat format() const override { return camera_->format(); }
 
  private:
-  void follow_rate();
+  void follow_train();
   void receive(MonotonicInstant deadline);
   std::optional<CameraFrame> labelled();
 
@@ -47,6 +47,7 @@ class FreeRunningCamera : public Camera {
   const PulseTimes& pulses_;
   const Now now_;
   Duration period_{};             ///< that it runs at
+  int64_t train_ = 0;             ///< that phase_ is of
   std::deque<CameraFrame> held_;  ///< not labelled yet, the oldest first
   MonotonicInstant last_{};       ///< frame, or start
   std::optional<Duration> phase_;

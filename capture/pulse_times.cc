@@ -18,6 +18,7 @@ void PulseTimes::begin(Duration period) {
   const std::lock_guard lock(mutex_);
   period_ = period;
   begun_ = true;
+  ++trains_;
   pulses_.clear();
 }
 
@@ -30,6 +31,11 @@ void PulseTimes::add(int64_t pulse, MonotonicInstant at) {
   const std::lock_guard lock(mutex_);
   pulses_.push_back({pulse, at});
   if (pulses_.size() > kKept) pulses_.pop_front();
+}
+
+int64_t PulseTimes::trains() const {
+  const std::lock_guard lock(mutex_);
+  return trains_;
 }
 
 Duration PulseTimes::period() const {

@@ -33,6 +33,8 @@ class PulseTimes {
 
   /// Of the train, or of the last one.
   Duration period() const;
+  /// How many trains have begun.
+  int64_t trains() const;
 
   /// The pulse nearest to `at`, if one lies within half a period. A camera slides along the pulses:
   /// so that frames half-way between two of them do not jump to and fro, a frame stays with the
@@ -52,6 +54,7 @@ class PulseTimes {
   mutable std::mutex mutex_;  ///< everything below
   Duration period_;
   bool begun_ = false;
+  int64_t trains_ = 0;
   std::deque<Pulse> pulses_;  ///< the latest
 };
 

@@ -3,11 +3,14 @@
 
 #include <gtest/gtest.h>
 
+#include <numeric>
+
 #include "base/error.h"
 
 namespace v3d {
 namespace {
 
+using std::chrono::microseconds;
 using std::chrono::milliseconds;
 using std::chrono::seconds;
 
@@ -86,6 +89,23 @@ TEST_F(FreeRunningCameraTest, is_quiet_until_there_are_pulses_and_after_them) {
   EXPECT_EQ(labels_until(start_ + seconds(3)),
             (std::vector<int64_t>{0, 1, 2, 3, 4, 5, 6, 7, 8, 9}));
   EXPECT_EQ(camera_.statistics().phase, Duration(-milliseconds(7)));
+}
+
+TEST_F(FreeRunningCameraTest, takes_no_phase_over_from_the_train_before) {
+  run_for(200);
+  std::vector<int64_t> all(20);
+  std::iota(all.begin(), all.end(), 0);
+  // At the brink of what would follow on from the phase of the train before.
+  for (const Duration phase : {Duration(milliseconds(12)), Duration(-milliseconds(16))}) {
+    pulses_.begin(kPeriod);
+    const MonotonicInstant first = bench_.now + milliseconds(400);
+    const MonotonicInstant begin = first - (first - start_) % kPeriod - phase;
+    for (int64_t pulse = 0; pulse < 20; ++pulse) {
+      const Duration jitter = microseconds(pulse < 10 ? 100 : -100);
+      pulses_.add(pulse, begin + pulse * kPeriod + jitter);
+    }
+    EXPECT_EQ(labels_until(bench_.now + milliseconds(1600)), all);
+  }
 }
 
 TEST_F(FreeRunningCameraTest, leaves_the_pulses_without_a_frame_whose_frames_were_lost) {
