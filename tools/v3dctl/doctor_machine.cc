@@ -25,7 +25,7 @@ namespace {
 
 using Verdict = Finding::Verdict;
 
-constexpr double kGoodOffset_us = 1000;
+constexpr double kGoodOffsetUs = 1000;
 constexpr long kWantedUsbMemory = 1000;  // MB: some twenty buffers for each of a few cameras
 
 long read_number(const std::filesystem::path& path) {
@@ -171,7 +171,7 @@ Finding check_clock(const std::map<std::string, double>& values, bool kernel_hol
   if (offset != values.end()) {
     const std::string text =
         "held by chronyd, " + value_text("offset_us", offset->second) + " from the right time";
-    if (std::abs(offset->second) < kGoodOffset_us) return {Verdict::kGood, "clock", text, ""};
+    if (std::abs(offset->second) < kGoodOffsetUs) return {Verdict::kGood, "clock", text, ""};
     return {Verdict::kBad, "clock", text, "sudo chronyc makestep, before the next take"};
   }
   if (flag != values.end()) return {Verdict::kGood, "clock", "held by systemd-timesyncd", ""};
