@@ -127,13 +127,14 @@ std::vector<std::string> lines_of_cameras_out_of_step(
   for (const CameraSynchronism& camera : cameras) {
     const int late = camera.pulses_late();
     if (late == 0) continue;
+    const int best = kMostPulsesOff + late;
     char text[200];
     std::snprintf(text, sizeof text,
                   "out of step, %s %s by its images: its silhouettes differ from the hull of the "
                   "others by %.1f %% of their pixels, and by %.1f %% at that pulse",
                   count_of(std::abs(late), "pulse").c_str(), late > 0 ? "late" : "early",
                   100 * camera.disagreement[kMostPulsesOff],
-                  100 * camera.disagreement[static_cast<size_t>(kMostPulsesOff + late)]);
+                  100 * camera.disagreement[static_cast<size_t>(best)]);
     lines.push_back(camera.camera + ": " + text);
   }
   return lines;
