@@ -16,6 +16,9 @@ constexpr int64_t kMaxJump = 15'000;
 /// ours; then it was when it was heard of.
 constexpr Duration kLongestOnTheWay = std::chrono::milliseconds(200);
 
+/// The loss of a pulse is noticed by the next one, but of the last there is none: it is said again.
+constexpr int kSaidAgain = 3;
+
 /// The same instant on the wall clock. The clocks are read together: their difference holds now.
 RealtimeInstant to_realtime(MonotonicInstant t) { return Realtime::now() - (Monotonic::now() - t); }
 
@@ -45,15 +48,29 @@ void PulseRecorder::run() {
   while (!stopping_) {
     heartbeat_.beat();
     const auto pulse = next();
-    if (!pulse) continue;
+    if (!pulse) {
+      say_again();
+      continue;
+    }
     on_edge_({.pulse = pulse->pulse, .at = edge_of(*pulse)});
     record(*pulse);
   }
+  while (to_say_again_ > 0) say_again();
+}
+
+void PulseRecorder::say_again() {
+  if (to_say_again_ == 0) return;
+  --to_say_again_;
+  bus_.publish(kPulseChannel, last_said_);
 }
 
 void PulseRecorder::record(const PulseMessage& pulse) {
   if (log_) log_->write(pulse);
-  if (sensor_ != nullptr) bus_.publish(kPulseChannel, encode(pulse));
+  if (sensor_ != nullptr) {
+    last_said_ = encode(pulse);
+    bus_.publish(kPulseChannel, last_said_);
+    to_say_again_ = kSaidAgain;
+  }
   const std::lock_guard lock(mutex_);
   sensed_.insert(pulse.pulse);
   seen_ = std::max<int64_t>(seen_, pulse.pulse + 1);

@@ -10,6 +10,7 @@
 #include <set>
 #include <string>
 #include <thread>
+#include <vector>
 
 #include "capture/train_start.h"
 #include "daemon/bus.h"
@@ -59,6 +60,7 @@ class PulseRecorder {
   std::optional<PulseMessage> sense();
   std::optional<PulseMessage> hear();
   void record(const PulseMessage& pulse);
+  void say_again();
 
   PulseSensor* const sensor_;
   Bus& bus_;
@@ -67,6 +69,8 @@ class PulseRecorder {
   std::unique_ptr<Subscription<PulseMessage>> heard_;
   std::optional<PulseLog> log_;
   int64_t seq_ = 0;
+  std::vector<uint8_t> last_said_;  ///< the recorder's thread only, as is the next
+  int to_say_again_ = 0;
   std::atomic<int64_t> seen_ = 0;
   Heartbeat heartbeat_;
   std::atomic<bool> stopping_ = false;
