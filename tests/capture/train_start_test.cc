@@ -172,7 +172,7 @@ struct RandomStart {
     // What cannot be known, as the header says.
     if (missed && !evidence.latency && latency > 0) lost = 0;
     first = lost + (missed && evidence.latency ? 1 : 0);
-    for (int64_t k = 0; k < 12; ++k) {
+    for (int64_t k = 0; seen.size() < kStartFrames; ++k) {
       if (k > 0 && chance(0.1)) continue;
       const auto pulse = static_cast<double>(first + k);
       FrameStamp stamp = frame(pulse, kCounter + static_cast<uint64_t>(lost + k), latency);
