@@ -1,12 +1,12 @@
 #include "daemon/capture_node.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <algorithm>
 #include <thread>
 
-#include "base/calib_file.h"
 #include "base/error.h"
 #include "base/units.h"
-#include "capture/make_camera.h"
 #include "daemon/advice.h"
 #include "daemon/json.h"
 #include "daemon/take_folder.h"
@@ -18,8 +18,6 @@ namespace {
 constexpr Duration kReadyWithin = std::chrono::seconds(15);
 constexpr Duration kDrainWithin = std::chrono::seconds(15);
 constexpr Duration kLongestQuiet = std::chrono::seconds(1);
-/// More than a second of frames: as long as a disk may hesitate.
-constexpr size_t kQueueFrames = 32;
 constexpr int64_t kDefaultPlates = 16;
 constexpr int64_t kDefaultCheckPulses = 100;
 /// A check waits no longer for a camera: it is to tell which ones are not there.
@@ -44,25 +42,12 @@ void refuse_absurd(const CommandMessage& order) {
   }
 }
 
-std::string join(const std::vector<std::string>& parts, const std::string& separator) {
-  std::string text;
-  for (const std::string& part : parts) text += (text.empty() ? "" : separator) + part;
-  return text;
-}
-
 std::vector<std::string> other_capture_nodes(const Studio& studio, const std::string& node) {
   std::vector<std::string> others;
   for (const StudioNode& other : studio.nodes) {
     if (other.name != node && !studio.cameras_of(other.name).empty()) others.push_back(other.name);
   }
   return others;
-}
-
-/// Frames that wait behind the camera that is farthest behind.
-int64_t backlog_of(const std::vector<CameraWorker*>& workers) {
-  int64_t most = 0;
-  for (const CameraWorker* worker : workers) most = std::max(most, worker->waiting());
-  return most;
 }
 
 }  // namespace
@@ -72,12 +57,12 @@ CaptureNode::CaptureNode(const Studio& studio, const std::string& node, Bus& bus
       node_(node),
       bus_(bus),
       events_(bus, node),
-      cameras_(events_),
+      camera_watch_(events_),
       pulse_times_(period_of(studio.trigger.rate_hz)),
+      cameras_(studio, node, pulse_times_),
       places_(static_cast<int>(std::max(1U, std::thread::hardware_concurrency()))) {
-  const std::vector<StudioCamera> cameras = studio.cameras_of(node);
   const bool triggers = studio.trigger.node == node;
-  if (cameras.empty() && !triggers) {
+  if (cameras_.size() == 0 && !triggers) {
     throw InputError(studio.path.string() + ": node '" + node +
                      "' has neither a camera nor the trigger; v3d-captured has nothing to do here");
   }
@@ -88,17 +73,9 @@ CaptureNode::CaptureNode(const Studio& studio, const std::string& node, Bus& bus
   } else {
     train_ = std::make_unique<TrainWatch>(bus, studio.trigger.node);
   }
-  for (const StudioCamera& camera : cameras) {
-    workers_.push_back(std::make_unique<CameraWorker>(
-        camera.name, [this, camera] { return make_camera(camera, pulse_times_); },
-        CameraWorkerOptions{.queue_frames = kQueueFrames}));
-  }
 }
 
-CaptureNode::~CaptureNode() {
-  disarm();
-  for (const auto& worker : workers_) worker->end();
-}
+CaptureNode::~CaptureNode() { disarm(); }
 
 // --- commands -----------------------------------------------------------------------------------
 
@@ -108,16 +85,7 @@ void CaptureNode::arm(const CommandMessage& order) {
     return;
   }
   refuse_bad_take(studio_, order.take);
-  refuse_uncalibrated();
-  for (const auto& worker : workers_) {
-    if (!has_background(studio_.storage.background, worker->camera()) &&
-        std::find(order.allow_missing.begin(), order.allow_missing.end(), worker->camera()) ==
-            order.allow_missing.end()) {
-      throw InputError(worker->camera() + " has no background model in " +
-                       studio_.storage.background.string() +
-                       "; clear the studio and run v3dctl background");
-    }
-  }
+  cameras_.refuse_unprepared(order.allow_missing);
   make_ready(order, order.pulses > 0 ? std::optional(order.pulses) : std::nullopt);
 }
 
@@ -133,7 +101,7 @@ void CaptureNode::make_ready(const CommandMessage& order, std::optional<int64_t>
                   .width = from_seconds(studio_.trigger.pulse_width_us * 1e-6),
                   .count = pulses};
   pulse_times_.begin(period_of(rate_hz_));
-  cameras_.begin_train();
+  camera_watch_.begin_train();
   disk_is_full_ = false;
   cameras_armed_ = false;
   if (generator_) {
@@ -147,7 +115,7 @@ void CaptureNode::make_ready(const CommandMessage& order, std::optional<int64_t>
 /// Not before the generator is armed: what it does until then is no pulse of the train.
 void CaptureNode::arm_cameras() {
   const bool edges_are_told = generator_ || studio_.trigger.is_sensed();
-  for (const auto& worker : workers_) worker->arm(period_of(rate_hz_), edges_are_told);
+  cameras_.arm(period_of(rate_hz_), edges_are_told);
   cameras_armed_ = true;
   const Duration within = checks() ? kCheckReadyWithin : kReadyWithin;
   ready_by_ = Monotonic::now() + within + 2 * period_of(rate_hz_);
@@ -165,7 +133,7 @@ void CaptureNode::start() {
   if (order_.verb == CommandVerb::kBackground) {
     const int64_t plates = order_.pulses > 0 ? order_.pulses : kDefaultPlates;
     learner_ = std::make_unique<BackgroundLearner>(
-        ready_workers(),
+        cameras_.ready(),
         LearnPlan{.plates = plates,
                   .limit = (plates + 2) * period_of(rate_hz_) + kReadyWithin,
                   .folder = studio_.storage.background,
@@ -179,7 +147,7 @@ void CaptureNode::start() {
 
 void CaptureNode::tell_cameras(const PulseEdge& edge) {
   pulse_times_.add(edge.pulse, edge.at);
-  for (const auto& worker : workers_) worker->pulse_at(edge);
+  cameras_.pulse_at(edge);
 }
 
 void CaptureNode::tell_first_pulse() {
@@ -190,19 +158,15 @@ void CaptureNode::tell_first_pulse() {
   first_pulse_told_ = true;
 }
 
-void CaptureNode::end_of_train() {
-  for (const auto& worker : workers_) worker->train_ended();
-}
-
 void CaptureNode::drain() {
   if (generator_) generator_->stop();
-  end_of_train();
+  cameras_.train_ended();
   drain_began_ = Monotonic::now();
 }
 
 void CaptureNode::disarm() {
   if (generator_) generator_->stop();
-  end_of_train();
+  cameras_.train_ended();
   learner_.reset();
   if (!take_is_open()) pulses_.reset();
   if (take_is_open()) {
@@ -212,14 +176,14 @@ void CaptureNode::disarm() {
       discard_if_empty(ledger);
     }
   }
-  for (const auto& worker : workers_) worker->disarm();
+  cameras_.disarm();
   pulse_times_.end();
 }
 
 // --- what happens -------------------------------------------------------------------------------
 
 std::optional<NodeReport> CaptureNode::poll(Phase phase) {
-  for (const auto& worker : workers_) cameras_.look_at(*worker);
+  for (const auto& camera : cameras_) camera_watch_.look_at(*camera);
   tell_first_pulse();
   try {
     switch (phase) {
@@ -245,7 +209,7 @@ std::optional<NodeReport> CaptureNode::poll(Phase phase) {
 /// An empty text while it takes its time.
 NodeReport CaptureNode::poll_arming() {
   if (is_arming_trigger()) return {.event = Input::kFailed, .text = "", .detail = {}};
-  const std::string waiting = not_ready();
+  const std::string waiting = cameras_.not_ready(order_.allow_missing);
   if (!waiting.empty()) {
     const bool late = Monotonic::now() > ready_by_;
     if (late && checks()) {
@@ -269,7 +233,7 @@ NodeReport CaptureNode::poll_arming() {
 
 std::optional<NodeReport> CaptureNode::poll_learning() {
   if (train_is_over()) {
-    end_of_train();
+    cameras_.train_ended();
     learner_->train_ended();
   }
   const auto result = learner_->poll();
@@ -306,7 +270,7 @@ std::optional<NodeReport> CaptureNode::poll_draining() {
   }
   if (!unkept_.empty()) {
     return broken(studio_.storage.takes.string() + " did not keep the last frames of " +
-                  join(unkept_, ", ") + ": v3dctl verify tells which");
+                  fmt::format("{}", fmt::join(unkept_, ", ")) + ": v3dctl verify tells which");
   }
   discard_if_empty(ledger);
   return NodeReport{
@@ -316,7 +280,7 @@ std::optional<NodeReport> CaptureNode::poll_draining() {
 // --- the take -----------------------------------------------------------------------------------
 
 void CaptureNode::open_take() {
-  const std::vector<CameraWorker*> ready = ready_workers();
+  const std::vector<CameraWorker*> ready = cameras_.ready();
   info_ = {.name = order_.take,
            .studio = studio_.name,
            .rate_hz = rate_hz_,
@@ -330,13 +294,13 @@ void CaptureNode::open_take() {
   const TakePaths paths = take_paths(studio_, info_.name);
   listen_to_pulses(paths.pulses());
   disk_ = std::make_unique<TakeDisk>(paths, disk_demand());
-  gate_ = std::make_unique<LiveGate>([ready] { return backlog_of(ready); }, kLiveBacklog);
+  gate_ = std::make_unique<LiveGate>([this] { return cameras_.most_waiting(); }, kLiveBacklog);
   for (CameraWorker* worker : ready) {
     lanes_.push_back(std::make_unique<CameraLane>(
         *worker,
         CameraLane::Setup{.take = info_.name,
                           .log = paths.frames(worker->camera()),
-                          .segmenter = Segmenter(background_of(worker->camera()), {}),
+                          .segmenter = Segmenter(cameras_.background_of(*worker), {}),
                           .rate_hz = rate_hz_},
         CameraLane::Shared{bus_, places_, *gate_}));
   }
@@ -352,9 +316,9 @@ void CaptureNode::listen_to_pulses(const std::filesystem::path& log) {
 }
 
 void CaptureNode::open_check() {
-  const std::vector<CameraWorker*> ready = ready_workers();
+  const std::vector<CameraWorker*> ready = cameras_.ready();
   listen_to_pulses({});
-  gate_ = std::make_unique<LiveGate>([ready] { return backlog_of(ready); }, kLiveBacklog);
+  gate_ = std::make_unique<LiveGate>([this] { return cameras_.most_waiting(); }, kLiveBacklog);
   check_ = std::make_unique<CameraCheck>(
       ready, CameraCheck::Setup{.rate_hz = rate_hz_, .background = studio_.storage.background},
       bus_);
@@ -363,11 +327,11 @@ void CaptureNode::open_check() {
 NodeReport CaptureNode::check_report() {
   const std::vector<CheckedCamera> cameras = check_->close(commanded());
   std::vector<std::string> not_ready;
-  for (const auto& worker : workers_) {
+  for (const auto& camera : cameras_) {
     const bool seen = std::any_of(cameras.begin(), cameras.end(), [&](const CheckedCamera& c) {
-      return c.pulses.name == worker->camera();
+      return c.pulses.name == camera->camera();
     });
-    if (!seen) not_ready.push_back(worker->camera());
+    if (!seen) not_ready.push_back(camera->camera());
   }
   const Ledger ledger = finish_take();
   return {.event = Input::kDrained,
@@ -424,76 +388,21 @@ bool CaptureNode::all_accounted_for() const {
 
 // --- readiness ----------------------------------------------------------------------------------
 
-bool CaptureNode::may_be_missing(const std::string& camera) const {
-  return std::find(order_.allow_missing.begin(), order_.allow_missing.end(), camera) !=
-         order_.allow_missing.end();
-}
-
-std::string CaptureNode::not_ready() const {
-  std::vector<std::string> cameras;
-  for (const auto& worker : workers_) {
-    const CameraWorkerStatus status = worker->status();
-    if (status.state == CameraState::kReady || may_be_missing(worker->camera())) continue;
-    cameras.push_back(worker->camera() + " (" +
-                      (status.text.empty() ? std::string(name(status.state)) : status.text) + ")");
-  }
-  return join(cameras, ", ");
-}
-
-std::vector<CameraWorker*> CaptureNode::ready_workers() const {
-  std::vector<CameraWorker*> ready;
-  for (const auto& worker : workers_) {
-    if (worker->status().state == CameraState::kReady) ready.push_back(worker.get());
-  }
-  return ready;
-}
-
-void CaptureNode::refuse_uncalibrated() const {
-  const Rig rig = load_calib(studio_.storage.calib);
-  for (const auto& worker : workers_) {
-    if (find_camera(rig, worker->camera()) < 0) {
-      throw InputError(studio_.storage.calib.string() + ": has no camera '" + worker->camera() +
-                       "', which " + studio_.path.string() + " names");
-    }
-  }
-}
-
-BackgroundModel CaptureNode::background_of(const std::string& camera) const {
-  BackgroundModel model = load_background(studio_.storage.background, camera);
-  for (const auto& worker : workers_) {
-    const CameraWorkerStatus status = worker->status();
-    if (worker->camera() != camera) continue;
-    if (status.size != model.size || status.format != model.format) {
-      throw InputError(camera +
-                       ": its background model is of another image size or pixel format; "
-                       "run v3dctl background");
-    }
-  }
-  return model;
-}
-
 double CaptureNode::bytes_per_second() const {
-  const double rate_hz = rate_hz_ > 0 ? rate_hz_ : studio_.trigger.rate_hz;
-  double bytes = 0;
-  for (const auto& worker : workers_) {
-    const CameraWorkerStatus status = worker->status();
-    bytes += static_cast<double>(byte_count(status.size, status.format)) * rate_hz;
-  }
-  return bytes;
+  return cameras_.bytes_per_pulse() * (rate_hz_ > 0 ? rate_hz_ : studio_.trigger.rate_hz);
 }
 
 DiskDemand CaptureNode::disk_demand() const {
   return {.rate_hz = rate_hz_,
-          .bytes_per_pulse = bytes_per_second() / rate_hz_,
+          .bytes_per_pulse = cameras_.bytes_per_pulse(),
           .pulses = order_.pulses > 0 ? std::optional(order_.pulses) : std::nullopt,
-          .queue_frames = kQueueFrames};
+          .queue_frames = NodeCameras::kQueueFrames};
 }
 
 std::string CaptureNode::look_at_disks() {
   if (!disk_) return "";
-  int64_t waiting = 0;
-  for (const auto& worker : workers_) waiting = std::max(waiting, worker->waiting());
-  events_.keep_told(Severity::kAlarm, "queue", disk_->queue_trouble(waiting), advice::kQueue);
+  events_.keep_told(Severity::kAlarm, "queue", disk_->queue_trouble(cameras_.most_waiting()),
+                    advice::kQueue);
   const std::string here = disk_->must_end();
   disk_is_full_ = !here.empty();
   const std::string elsewhere = full_disks_ ? full_disks_->full_node() : "";
@@ -505,7 +414,7 @@ std::string CaptureNode::look_at_disks() {
 
 std::string CaptureNode::ready_text() const {
   constexpr double kFiveMinutes = 300;
-  std::string text = std::to_string(ready_workers().size()) + " cameras streaming and quiet, " +
+  std::string text = std::to_string(cameras_.ready().size()) + " cameras streaming and quiet, " +
                      format_bytes(bytes_per_second() * kFiveMinutes) + " for 5 min, " +
                      format_bytes(disk_free_bytes(studio_)) + " free";
   if (!generator_) return text;
@@ -519,11 +428,8 @@ std::string CaptureNode::trouble() const {
   if (generator_ && !generator_->fault().empty())
     lines.push_back("trigger: " + generator_->fault());
   if (sensor_ && !sensor_->fault().empty()) lines.push_back("sense line: " + sensor_->fault());
-  for (const auto& worker : workers_) {
-    const std::string text = worker->status().text;
-    if (!text.empty()) lines.push_back(worker->camera() + ": " + text);
-  }
-  return join(lines, "; ");
+  if (const std::string text = cameras_.trouble(); !text.empty()) lines.push_back(text);
+  return fmt::format("{}", fmt::join(lines, "; "));
 }
 
 /// Of the open take, else of the last one.
@@ -545,7 +451,7 @@ CaptureNode::TakeTotals CaptureNode::totals() const {
 
 void CaptureNode::report_health(HealthMessage& health) {
   health.text = trouble();
-  health.values["cameras"] = static_cast<double>(workers_.size());
+  health.values["cameras"] = static_cast<double>(cameras_.size());
   health.values["disk_free_bytes"] = disk_free_bytes(studio_);
   if (const double bytes = bytes_per_second(); bytes > 0) {
     health.values["disk_seconds_left"] = disk_free_bytes(studio_) / bytes;
@@ -576,12 +482,13 @@ void CaptureNode::report_health(HealthMessage& health) {
   health.values["cameras_streaming"] = 0;
   health.values["queue_frames"] = 0;
   const int64_t due = take_is_open() ? std::max<int64_t>(0, commanded() - kLatePeriods) : 0;
-  for (const auto& worker : workers_) cameras_.report(*worker, due, health);
+  for (const auto& camera : cameras_) camera_watch_.report(*camera, due, health);
 }
 
 void CaptureNode::tell_troubles(const TakeTotals& sum) {
   if (disk_) {
-    events_.keep_told(Severity::kAlarm, "disk", disk_->trouble(disk_progress(sum)), advice::kDisk);
+    const DiskProgress progress{.dropped = cameras_.dropped(), .refused = sum.frames.write_errors};
+    events_.keep_told(Severity::kAlarm, "disk", disk_->trouble(progress), advice::kDisk);
   }
   events_.keep_told(Severity::kAlarm, "trigger", trigger_trouble(sum), advice::kTrigger);
   events_.keep_told(Severity::kAlarm, "sense line",
@@ -594,12 +501,6 @@ void CaptureNode::tell_troubles(const TakeTotals& sum) {
                         : format_count(sum.pulses_not_live) +
                               " pulses not live: this machine is busy recording them",
                     advice::kLivePicture);
-}
-
-DiskProgress CaptureNode::disk_progress(const TakeTotals& sum) const {
-  DiskProgress progress{.dropped = 0, .refused = sum.frames.write_errors};
-  for (const auto& worker : workers_) progress.dropped += worker->status().dropped;
-  return progress;
 }
 
 std::string CaptureNode::trigger_trouble(const TakeTotals& sum) const {

@@ -6,9 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "base/camera_model.h"
 #include "base/studio_file.h"
-#include "capture/camera_worker.h"
 #include "capture/pulse_times.h"
 #include "daemon/background_learner.h"
 #include "daemon/bus.h"
@@ -17,6 +15,7 @@
 #include "daemon/camera_watch.h"
 #include "daemon/event_sender.h"
 #include "daemon/full_disk_watch.h"
+#include "daemon/node_cameras.h"
 #include "daemon/node_work.h"
 #include "daemon/pulse_recorder.h"
 #include "daemon/take_disk.h"
@@ -53,14 +52,6 @@ class CaptureNode : public NodeWork {
   void tell_cameras(const PulseEdge& edge);
   /// Where no line senses the pulses, it was when it was commanded.
   void tell_first_pulse();
-  /// From here on silence of a camera is no loss.
-  void end_of_train();
-  std::vector<CameraWorker*> ready_workers() const;
-  bool may_be_missing(const std::string& camera) const;
-  /// Cameras that must be ready and are not, with why; empty when all are.
-  std::string not_ready() const;
-  void refuse_uncalibrated() const;
-  BackgroundModel background_of(const std::string& camera) const;
 
   bool train_is_over();
   NodeReport poll_arming();
@@ -91,7 +82,7 @@ class CaptureNode : public NodeWork {
   int64_t commanded() const;
   bool all_accounted_for() const;
   std::string ready_text() const;
-  /// What all cameras that were ever opened record, at the rate of the last order.
+  /// What the cameras record, at the rate of the last order.
   double bytes_per_second() const;
   DiskDemand disk_demand() const;
   /// Why a full disk ends the take, here or elsewhere; empty while none does. Tells when frames
@@ -100,20 +91,19 @@ class CaptureNode : public NodeWork {
   std::string trouble() const;
   /// Troubles of the disk and the trigger, told when they begin, change and end.
   void tell_troubles(const TakeTotals& sum);
-  DiskProgress disk_progress(const TakeTotals& sum) const;
   std::string trigger_trouble(const TakeTotals& sum) const;
 
   const Studio& studio_;
   const std::string node_;
   Bus& bus_;
   EventSender events_;
-  CameraWatch cameras_;
+  CameraWatch camera_watch_;
   std::unique_ptr<PulseGenerator> generator_;  ///< null where another node has the trigger
   std::unique_ptr<PulseSensor> sensor_;        ///< null with it, and without a sense line
   PulseTimes pulse_times_;                     ///< as sensed here
   std::unique_ptr<TrainWatch> train_;          ///< null where the trigger is here
   std::unique_ptr<FullDiskWatch> full_disks_;  ///< null where it is not
-  std::vector<std::unique_ptr<CameraWorker>> workers_;
+  NodeCameras cameras_;
   WorkPlaces places_;
 
   CommandMessage order_;
