@@ -1,6 +1,7 @@
 #include "daemon/clock_watch.h"
 
 #include <arpa/inet.h>
+#include <poll.h>
 #include <sys/socket.h>
 #include <unistd.h>
 
@@ -104,6 +105,11 @@ std::optional<ClockTracking> ClockWatch::hear() {
     const std::span reply(bytes.data(), static_cast<size_t>(size));
     if (const auto tracking = parse_tracking(reply, sequence_)) return tracking;
   }
+}
+
+void ClockWatch::wait(std::chrono::milliseconds most) const {
+  pollfd answer{socket_, POLLIN, 0};
+  poll(&answer, 1, static_cast<int>(most.count()));
 }
 
 void ClockWatch::report(std::map<std::string, double>& values) {

@@ -1,6 +1,7 @@
 // How far this machine's clock is from the right time.
 #pragma once
 
+#include <chrono>
 #include <cstdint>
 #include <filesystem>
 #include <map>
@@ -37,6 +38,8 @@ class ClockWatch {
   ClockWatch(const ClockWatch&) = delete;
   ClockWatch& operator=(const ClockWatch&) = delete;
 
+  /// Until chronyd has answered or cannot, but no longer than `most`. For those who look once.
+  void wait(std::chrono::milliseconds most) const;
   /// Adds
   ///   clock_synchronised_flag  1 or 0; left out when nobody can be asked
   ///   clock_offset_us, clock_offset_rms_us, clock_error_bound_us  from chronyd, once synchronised

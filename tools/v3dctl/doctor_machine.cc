@@ -12,7 +12,6 @@
 #include <cmath>
 #include <fstream>
 #include <memory>
-#include <thread>
 
 #include "base/calib_file.h"
 #include "base/error.h"
@@ -64,11 +63,9 @@ std::string interface_with(uint32_t address) {
 /// What chronyd says within a moment.
 std::map<std::string, double> ask_for_the_time() {
   ClockWatch watch;
+  watch.wait(std::chrono::milliseconds(100));
   std::map<std::string, double> values;
-  for (int i = 0; i < 10 && values.empty(); ++i) {
-    std::this_thread::sleep_for(std::chrono::milliseconds(10));
-    watch.report(values);
-  }
+  watch.report(values);
   return values;
 }
 
