@@ -2,11 +2,11 @@
 
 #include <algorithm>
 #include <cstdio>
-#include <ctime>
 
 #include "base/error.h"
 #include "base/units.h"
 #include "common/console.h"
+#include "common/local_time.h"
 #include "take/ledger.h"
 #include "take/mesh_file.h"
 #include "take/verified.h"
@@ -23,15 +23,6 @@ int64_t bytes_in(const fs::path& folder) {
     if (entry.is_regular_file(error)) bytes += static_cast<int64_t>(entry.file_size(error));
   }
   return bytes;
-}
-
-std::string local_time(RealtimeInstant instant) {
-  const std::time_t seconds = to_ns(instant) / 1'000'000'000;
-  std::tm parts{};
-  localtime_r(&seconds, &parts);
-  char text[32];
-  std::strftime(text, sizeof text, "%Y-%m-%d %H:%M", &parts);
-  return text;
 }
 
 }  // namespace
@@ -94,7 +85,7 @@ std::vector<std::string> listing_lines(const std::vector<TakeListing>& takes) {
     std::snprintf(text, sizeof text,
                   "%-*s  %s  %-10s %-10s  %7s  %8s  %3zu cameras x %7s pulses, %g Hz, %s meshes",
                   static_cast<int>(width), take.info.name.c_str(),
-                  local_time(take.info.started).c_str(), take.verdict().data(),
+                  local_time(take.info.started, "%Y-%m-%d %H:%M").c_str(), take.verdict().data(),
                   take.verified ? "verified" : "unverified",
                   format_length_of_time(take.seconds()).c_str(),
                   format_bytes(static_cast<double>(take.bytes)).c_str(), take.info.cameras.size(),

@@ -2,10 +2,10 @@
 
 #include <algorithm>
 #include <cmath>
-#include <ctime>
 #include <optional>
 
 #include "base/units.h"
+#include "common/local_time.h"
 #include "v3dctl/health_text.h"
 #include "v3dctl/operator_text.h"
 
@@ -16,7 +16,7 @@ namespace {
 constexpr double kDeepQueue = 8;          // frames behind one camera, of 32
 constexpr double kLittleDisk = 600;       // seconds of recording
 constexpr double kVeryLittleDisk = 60;    //
-constexpr double kClockOffset_us = 1000;  // a tenth of an exposure's distance from the next
+constexpr double kClockOffsetUs = 1000;  // a tenth of an exposure's distance from the next
 constexpr double kHot = 85;               // degrees
 constexpr double kBusy = 95;              // per cent
 constexpr double kLittleMemory = 500e6;   // bytes
@@ -85,7 +85,7 @@ void add_clock(Row& row, const HealthMessage& health) {
   if (!synchronised) return row.add("unknown");
   if (*synchronised == 0) return row.add("not synchron.", Look::kWarning);
   if (!offset) return row.add("synchronised");
-  row.add(value_text("offset_us", *offset), when(false, std::abs(*offset) > kClockOffset_us));
+  row.add(value_text("offset_us", *offset), when(false, std::abs(*offset) > kClockOffsetUs));
 }
 
 Look look_at(NodeState state) { return when(state == NodeState::kFault); }
@@ -205,15 +205,6 @@ void cut(WatchLine& line, size_t width) {
   }
 }
 
-std::string clock_text(RealtimeInstant instant) {
-  const std::time_t seconds = to_ns(instant) / 1'000'000'000;
-  std::tm parts{};
-  localtime_r(&seconds, &parts);
-  char text[16];
-  std::strftime(text, sizeof text, "%H:%M:%S", &parts);
-  return text;
-}
-
 }  // namespace
 
 std::string WatchLine::text(bool colours) const {
@@ -232,7 +223,7 @@ WatchLine event_line(const EventMessage& event) {
   const Look look = event.severity == Severity::kAlarm     ? Look::kAlarm
                     : event.severity == Severity::kWarning ? Look::kWarning
                                                            : Look::kNone;
-  return {{{clock_text(event.sent) + "  ", Look::kNone},
+  return {{{local_time(event.sent, "%H:%M:%S") + "  ", Look::kNone},
            {event.node + "  " + event.subject + ": ", look},
            {event.text, Look::kNone}}};
 }
