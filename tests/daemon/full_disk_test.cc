@@ -3,6 +3,7 @@
 
 #include "daemon/take_disk.h"
 #include "daemon/take_folder.h"
+#include "support/begun_take.h"
 #include "support/small_disk.h"
 #include "support/temporary_folder.h"
 #include "take/verify.h"
@@ -14,14 +15,7 @@ TEST(FullDisk, still_takes_the_ledger_for_which_room_was_set_aside) {
   const test::TemporaryFolder folder;
   const test::SmallDisk disk(folder / "takes", 20'000'000);
   ASSERT_TRUE(disk.is_mounted());
-  const TakeInfo info{.name = "kendo-07",
-                      .studio = "dojo",
-                      .rate_hz = 25,
-                      .pulses = 0,
-                      .state = TakeState::kRecording,
-                      .software_version = "0.1.0",
-                      .started = {},
-                      .cameras = {}};
+  const TakeInfo info = test::begun_take({});
   Studio studio;
   studio.storage.takes = folder / "takes";
   const TakePaths paths = take_paths(studio, info.name);

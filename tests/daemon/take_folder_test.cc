@@ -5,6 +5,7 @@
 
 #include "base/error.h"
 #include "base/file.h"
+#include "support/begun_take.h"
 #include "support/message_of.h"
 #include "support/temporary_folder.h"
 #include "take/frame_log.h"
@@ -28,14 +29,7 @@ class TakeFolderTest : public testing::Test {
     for (const char* file : {"cam01.mean.png", "cam01.toml", "cam010.toml", "cam02.toml"}) {
       test::write_text(studio_.storage.background / file, file);
     }
-    info_ = {.name = "kendo-07",
-             .studio = "dojo",
-             .rate_hz = 25,
-             .pulses = 0,
-             .state = TakeState::kRecording,
-             .software_version = "0.1.0",
-             .started = {},
-             .cameras = {"cam01"}};
+    info_ = test::begun_take({"cam01"});
   }
 
   const test::TemporaryFolder folder_;

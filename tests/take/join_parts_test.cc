@@ -6,6 +6,7 @@
 #include "base/error.h"
 #include "base/file.h"
 #include "recording.h"
+#include "support/begun_take.h"
 #include "support/message_of.h"
 #include "support/temporary_folder.h"
 #include "take/frame_log.h"
@@ -34,14 +35,9 @@ class Parts : public testing::Test {
   void record(const std::string& node, const std::vector<std::string>& cameras, int64_t pulses) {
     const TakePaths paths = part(node);
     std::filesystem::create_directories(paths.background());
-    TakeInfo info{.name = "kendo-07",
-                  .studio = "dojo",
-                  .rate_hz = 25,
-                  .pulses = pulses,
-                  .state = TakeState::kComplete,
-                  .software_version = "0.1.0",
-                  .started = {},
-                  .cameras = cameras};
+    TakeInfo info = test::begun_take(cameras);
+    info.pulses = pulses;
+    info.state = TakeState::kComplete;
     save_take_info(paths, info);
     test::write_text(paths.calib(), "# the rig\n");
     Ledger ledger{.take = "kendo-07", .commanded = pulses, .sensed = pulses, .cameras = {}};

@@ -14,6 +14,7 @@
 
 #include "base/file.h"
 #include "recording.h"
+#include "support/begun_take.h"
 #include "support/temporary_folder.h"
 #include "take/frame_log.h"
 #include "take/verify.h"
@@ -80,14 +81,7 @@ std::map<size_t, std::set<int64_t>> record_and_kill(const TakePaths& paths, int 
 TakePaths begin_take(const std::filesystem::path& folder) {
   const TakePaths paths{folder};
   std::filesystem::create_directories(folder);
-  save_take_info(paths, {.name = "kendo-07",
-                         .studio = "dojo",
-                         .rate_hz = 25,
-                         .pulses = 0,
-                         .state = TakeState::kRecording,
-                         .software_version = "0.1.0",
-                         .started = {},
-                         .cameras = kCameras});
+  save_take_info(paths, test::begun_take(kCameras));
   test::write_text(paths.calib(), "");
   return paths;
 }

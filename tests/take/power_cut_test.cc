@@ -9,6 +9,7 @@
 
 #include "base/file.h"
 #include "recording.h"
+#include "support/begun_take.h"
 #include "support/temporary_folder.h"
 #include "take/event_log.h"
 #include "take/frame_log.h"
@@ -104,14 +105,7 @@ TEST(POWER_CUT, with_garbage_behind_loses_only_the_frame_it_hits) {
 class CutTake : public testing::Test {
  protected:
   CutTake() {
-    save_take_info(paths_, {.name = "kendo-07",
-                            .studio = "dojo",
-                            .rate_hz = 25,
-                            .pulses = 0,
-                            .state = TakeState::kRecording,
-                            .software_version = "0.1.0",
-                            .started = {},
-                            .cameras = {kCamera}});
+    save_take_info(paths_, test::begun_take({kCamera}));
     test::write_text(paths_.calib(), "");
     record();
     event_bytes_ = static_cast<int64_t>(std::filesystem::file_size(paths_.frames(kCamera))) / 10;

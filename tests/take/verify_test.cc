@@ -5,6 +5,7 @@
 
 #include "base/error.h"
 #include "base/file.h"
+#include "support/begun_take.h"
 #include "support/message_of.h"
 #include "support/temporary_folder.h"
 #include "take/frame_log.h"
@@ -30,14 +31,9 @@ FrameMessage frame_of(const std::string& camera, int64_t pulse) {
 class TakeFolder : public testing::Test {
  protected:
   TakeFolder() {
-    info_ = {.name = "kendo-07",
-             .studio = "dojo",
-             .rate_hz = 25,
-             .pulses = 3,
-             .state = TakeState::kComplete,
-             .software_version = "0.1.0",
-             .started = {},
-             .cameras = {"cam01", "cam02"}};
+    info_ = test::begun_take({"cam01", "cam02"});
+    info_.pulses = 3;
+    info_.state = TakeState::kComplete;
     save_take_info(paths_, info_);
     test::write_text(paths_.calib(), "");
     Ledger ledger{.take = "kendo-07", .commanded = 3, .sensed = 3, .cameras = {}};

@@ -13,13 +13,13 @@ namespace v3d::ctl {
 namespace {
 
 // From where on a person should look.
-constexpr double kDeepQueue = 8;          // frames behind one camera, of 32
-constexpr double kLittleDisk = 600;       // seconds of recording
-constexpr double kVeryLittleDisk = 60;    //
+constexpr double kDeepQueue = 8;         // frames behind one camera, of 32
+constexpr double kLittleDisk = 600;      // seconds of recording
+constexpr double kVeryLittleDisk = 60;   //
 constexpr double kClockOffsetUs = 1000;  // a tenth of an exposure's distance from the next
-constexpr double kHot = 85;               // degrees
-constexpr double kBusy = 95;              // per cent
-constexpr double kLittleMemory = 500e6;   // bytes
+constexpr double kHot = 85;              // degrees
+constexpr double kBusy = 95;             // per cent
+constexpr double kLittleMemory = 500e6;  // bytes
 
 using Part = WatchLine::Part;
 
