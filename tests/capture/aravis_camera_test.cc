@@ -8,10 +8,12 @@
 #include <fstream>
 #include <memory>
 #include <string>
+#include <vector>
 
 #include "base/error.h"
 #include "capture/make_camera.h"
 #include "sim/genicam.h"
+#include "support/gvsp_sender.h"
 #include "support/message_of.h"
 #include "support/temporary_folder.h"
 
@@ -188,6 +190,76 @@ TEST(AravisCamera, follows_ptp_and_tells_how_well) {
   while (camera.statistics().ptp_offset && Monotonic::now() < deadline)
     camera.wait(in(milliseconds(50)));
   EXPECT_FALSE(camera.statistics().ptp_offset) << "it is not in step any more";
+}
+
+constexpr uint32_t kChunkModeActive = 0x320;
+constexpr uint32_t kChunkEnable = 0x324;
+constexpr uint32_t kExposureChunk = 0x1003;
+
+/// The simulated camera's description, of a camera that can tell its exposure; `chunk`: which.
+std::string genicam_with_chunk(const std::string& chunk) {
+  std::string xml = sim::genicam_xml();
+  const std::string last = "</RegisterDescription>";
+  const auto boolean = [](const std::string& name, const std::string& address) {
+    return "<Boolean Name='" + name + "'><pValue>" + name +
+           "Register</pValue><OnValue>1</OnValue>" +
+           "<OffValue>0</OffValue></Boolean><IntReg Name='" + name + "Register'><Address>" +
+           address +
+           "</Address><Length>4</Length><AccessMode>RW</AccessMode><pPort>Device</pPort>" +
+           "<Sign>Unsigned</Sign><Endianess>BigEndian</Endianess></IntReg>";
+  };
+  xml.replace(
+      xml.find(last), last.size(),
+      boolean("ChunkModeActive", "0x320") + boolean("ChunkEnable", "0x324") +
+          "<Enumeration Name='ChunkSelector'><EnumEntry Name='" + chunk +
+          "'><Value>0</Value></EnumEntry><pValue>ChunkSelectorValue</pValue></Enumeration>" +
+          "<Integer Name='ChunkSelectorValue'><Value>0</Value></Integer>" +
+          "<Port Name='ExposureChunk'><ChunkID>1003</ChunkID></Port>" +
+          "<FloatReg Name='ChunkExposureTime'><Address>0</Address><Length>8</Length>" +
+          "<AccessMode>RO</AccessMode><pPort>ExposureChunk</pPort>" +
+          "<Endianess>BigEndian</Endianess></FloatReg>" + last);
+  const std::string image_bytes = "&amp; 0xFF) / 8";
+  xml.replace(xml.find(image_bytes), image_bytes.size(), image_bytes + " + 24");
+  return xml;
+}
+
+TEST(AravisCamera, tells_the_exposure_that_the_camera_sends_with_its_images) {
+  const test::TemporaryFolder folder;
+  const std::string description = folder / "genicam.xml";
+  std::ofstream(description) << genicam_with_chunk("ExposureTime");
+  const FakeCamera fake(description.c_str());
+  fake.write(ARV_FAKE_CAMERA_REGISTER_HEIGHT, 128);  // a frame that fits the default socket buffer
+  StudioCamera wanted = settings();
+  wanted.trigger_line = "Line1";
+  wanted.packet_socket = false;
+  wanted.chunk_data = true;
+  AravisCamera camera(wanted);
+  camera.start();
+  EXPECT_EQ(fake.read(kChunkModeActive), 1U);
+  EXPECT_EQ(fake.read(kChunkEnable), 1U);
+  EXPECT_FALSE(camera.statistics().exposure_us) << "before it has sent an image";
+  const auto [width, height] = camera.size();
+  const std::vector<uint8_t> pixels(static_cast<size_t>(width) * height, 77);
+  test::NetworkBytes payload;
+  payload.raw(pixels).u32(1).u32(static_cast<uint32_t>(pixels.size()));
+  payload.f64(2498.5).u32(kExposureChunk).u32(8);
+  test::GvspSender sender(static_cast<uint16_t>(fake.read(0x0d00)));
+  sender.send_image(1, camera.size(), payload.bytes(), 8000 - 36);
+  const auto frame = camera.wait(in(seconds(10)));
+  ASSERT_TRUE(frame);
+  EXPECT_EQ(frame->image.bytes, pixels) << "the chunks are no part of the image";
+  EXPECT_EQ(camera.statistics().exposure_us, 2498.5);
+}
+
+TEST(AravisCamera, that_cannot_tell_its_exposure_is_refused_where_that_is_asked_for) {
+  const test::TemporaryFolder folder;
+  const std::string description = folder / "genicam.xml";
+  std::ofstream(description) << genicam_with_chunk("CRC");
+  const FakeCamera fake(description.c_str());
+  StudioCamera wanted = settings();
+  wanted.trigger_line = "Line1";
+  wanted.chunk_data = true;
+  EXPECT_THAT(refusal(wanted), HasSubstr("ChunkSelector: wanted ExposureTime"));
 }
 
 TEST(AravisCamera, without_ptp_or_chunk_data_is_refused_where_they_are_asked_for) {

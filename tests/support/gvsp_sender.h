@@ -1,0 +1,87 @@
+// Sends images with chunk data as a GigE Vision camera does, in place of Aravis' fake camera, which
+// has none.
+#pragma once
+
+#include <arpa/inet.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#include <bit>
+#include <cstdint>
+#include <span>
+#include <stdexcept>
+#include <vector>
+
+#include "base/image.h"
+
+namespace v3d::test {
+
+/// Bytes in network order.
+class NetworkBytes {
+ public:
+  NetworkBytes& u16(uint16_t value) { return integer(value, 2); }
+  NetworkBytes& u32(uint32_t value) { return integer(value, 4); }
+  NetworkBytes& f64(double value) { return integer(std::bit_cast<uint64_t>(value), 8); }
+  NetworkBytes& raw(std::span<const uint8_t> more) {
+    bytes_.insert(bytes_.end(), more.begin(), more.end());
+    return *this;
+  }
+  std::span<const uint8_t> bytes() const { return bytes_; }
+
+ private:
+  NetworkBytes& integer(uint64_t value, int bytes) {
+    for (int i = bytes - 1; i >= 0; --i) bytes_.push_back(static_cast<uint8_t>(value >> (8 * i)));
+    return *this;
+  }
+  std::vector<uint8_t> bytes_;
+};
+
+/// To a port of 127.0.0.1. After the GigE Vision specification 2.0, GVSP.
+class GvspSender {
+ public:
+  explicit GvspSender(uint16_t port) : socket_(socket(AF_INET, SOCK_DGRAM, 0)) {
+    to_.sin_family = AF_INET;
+    to_.sin_port = htons(port);
+    to_.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+  }
+  ~GvspSender() { close(socket_); }
+  GvspSender(const GvspSender&) = delete;
+  GvspSender& operator=(const GvspSender&) = delete;
+
+  /// A Mono8 image and everything behind it, in packets of at most `packet_bytes` of payload.
+  void send_image(uint16_t frame, ImageSize size, std::span<const uint8_t> payload,
+                  size_t packet_bytes) {
+    constexpr uint16_t kImageWithChunks = 0x4001;
+    constexpr uint32_t kMono8 = 0x01080001;
+    NetworkBytes leader;
+    leader.u16(0).u16(kImageWithChunks).u32(0).u32(1000U * frame).u32(kMono8);
+    leader.u32(static_cast<uint32_t>(size.width)).u32(static_cast<uint32_t>(size.height));
+    leader.u32(0).u32(0).u32(0);
+    uint32_t packet = 0;
+    send(frame, kLeader, packet++, leader.bytes());
+    for (; payload.size() > 0; payload = payload.subspan(std::min(packet_bytes, payload.size()))) {
+      send(frame, kPayload, packet++, payload.first(std::min(packet_bytes, payload.size())));
+    }
+    NetworkBytes trailer;
+    trailer.u32(kImageWithChunks).u32(static_cast<uint32_t>(size.height));
+    send(frame, kTrailer, packet, trailer.bytes());
+  }
+
+ private:
+  static constexpr uint32_t kLeader = 1, kTrailer = 2, kPayload = 3;
+
+  void send(uint16_t frame, uint32_t content, uint32_t packet, std::span<const uint8_t> data) {
+    NetworkBytes bytes;
+    bytes.u16(0).u16(frame).u32(content << 24 | packet).raw(data);
+    const auto* to = reinterpret_cast<const sockaddr*>(&to_);
+    const auto all = bytes.bytes();
+    if (sendto(socket_, all.data(), all.size(), 0, to, sizeof to_) < 0) {
+      throw std::runtime_error("GvspSender: sendto");
+    }
+  }
+
+  int socket_;
+  sockaddr_in to_{};
+};
+
+}  // namespace v3d::test
