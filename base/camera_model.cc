@@ -163,4 +163,11 @@ int find_camera(const Rig& rig, std::string_view name) {
   return found == rig.end() ? -1 : static_cast<int>(found - rig.begin());
 }
 
+std::vector<CameraModel> models_of(const Rig& rig) {
+  std::vector<CameraModel> models;
+  models.reserve(rig.size());
+  for (const RigCamera& camera : rig) models.push_back(camera.model);
+  return models;
+}
+
 }  // namespace v3d

@@ -86,4 +86,7 @@ using Rig = std::vector<RigCamera>;
 /// Index of the camera, or -1.
 int find_camera(const Rig& rig, std::string_view name);
 
+/// Without their names, in the rig's order.
+std::vector<CameraModel> models_of(const Rig& rig);
+
 }  // namespace v3d

@@ -6,8 +6,8 @@
 #include <vector>
 
 #include "base/mask.h"
-#include "capture/joined_sets.h"
-#include "capture/mask_pieces.h"
+#include "base/joined_sets.h"
+#include "base/mask_pieces.h"
 
 namespace v3d {
 

@@ -10,7 +10,7 @@
 
 #include "base/image.h"
 #include "capture/background_table.h"
-#include "capture/mask_pieces.h"
+#include "base/mask_pieces.h"
 
 namespace v3d {
 

@@ -10,7 +10,7 @@
 #include "capture/background_table.h"
 #include "capture/differing_quads.h"
 #include "capture/mask_holes.h"
-#include "capture/mask_pieces.h"
+#include "base/mask_pieces.h"
 #include "capture/segment_options.h"
 
 namespace v3d {

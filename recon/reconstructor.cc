@@ -41,14 +41,6 @@ VoxelGrid affordable_grid(const ReconstructOptions& options) {
   return grid;
 }
 
-std::vector<CameraModel> models_of(const Rig& rig) {
-  std::vector<CameraModel> models;
-  for (const RigCamera& camera : rig) {
-    models.push_back(camera.model);
-  }
-  return models;
-}
-
 int arena_size(int threads) { return threads > 0 ? threads : tbb::task_arena::automatic; }
 
 }  // namespace

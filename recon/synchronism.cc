@@ -4,9 +4,6 @@
 #include <bit>
 #include <utility>
 
-#include "recon/silhouette.h"
-#include "recon/voxel_grid.h"
-
 namespace v3d {
 namespace {
 
@@ -19,12 +16,6 @@ constexpr double kClearlyBetter = 0.9;
 constexpr double kMostFrames = 0.5;
 /// Fewer frames prove nothing.
 constexpr int64_t kLeastFrames = 8;
-
-std::vector<CameraModel> models_of(const Rig& rig) {
-  std::vector<CameraModel> models;
-  for (const RigCamera& camera : rig) models.push_back(camera.model);
-  return models;
-}
 
 /// Pixels that are foreground of one of them only.
 int64_t count_differing(const Mask& a, const Mask& b) {
@@ -53,26 +44,17 @@ int CameraSynchronism::pulses_late() const {
   return static_cast<int>(best) - kMostPulsesOff;
 }
 
-SynchronismMeter::SynchronismMeter(const Rig& rig, const Box& bounds, double voxel_m, int min_views)
-    : rig_(rig),
-      intersector_(VoxelGrid::covering(bounds, voxel_m), models_of(rig), min_views),
-      sums_(rig.size()) {}
+SynchronismMeter::SynchronismMeter(const Rig& rig) {
+  for (const RigCamera& camera : rig) sums_.push_back({.camera = camera.name});
+}
 
-void SynchronismMeter::add(std::span<const MaskWindow> windows) {
-  std::vector<const Mask*> masks;
-  for (const MaskWindow& window : windows) masks.push_back(window[kMostPulsesOff]);
-  Mesh hull;
+void SynchronismMeter::add(std::span<const MaskWindow> windows, std::span<const Mask> hulls) {
   for (size_t camera = 0; camera < windows.size(); ++camera) {
-    if (has_gap(windows[camera])) continue;
-    const Mask* const own = std::exchange(masks[camera], nullptr);
-    marching_cubes_.run(intersector_.intersect(masks), hull);
-    masks[camera] = own;
-    compare(camera, windows[camera], draw_silhouette(hull, rig_[camera].model));
+    if (!has_gap(windows[camera])) compare(sums_[camera], windows[camera], hulls[camera]);
   }
 }
 
-void SynchronismMeter::compare(size_t camera, const MaskWindow& window, const Mask& hull) {
-  Sum& sum = sums_[camera];
+void SynchronismMeter::compare(Sum& sum, const MaskWindow& window, const Mask& hull) {
   std::array<int64_t, kShifts> differing{};
   for (size_t shift = 0; shift < kShifts; ++shift) {
     differing[shift] = count_differing(*window[shift], hull);
@@ -88,7 +70,7 @@ void SynchronismMeter::compare(size_t camera, const MaskWindow& window, const Ma
 std::vector<CameraSynchronism> SynchronismMeter::result() const {
   std::vector<CameraSynchronism> cameras;
   for (size_t i = 0; i < sums_.size(); ++i) {
-    CameraSynchronism camera{.camera = rig_[i].name,
+    CameraSynchronism camera{.camera = sums_[i].camera,
                              .frames = sums_[i].frames,
                              .disagreement = {},
                              .better = sums_[i].better};

@@ -8,10 +8,7 @@
 #include <vector>
 
 #include "base/camera_model.h"
-#include "base/geometry.h"
 #include "base/mask.h"
-#include "recon/intersect.h"
-#include "recon/marching_cubes.h"
 
 namespace v3d {
 
@@ -37,32 +34,28 @@ struct CameraSynchronism {
   int pulses_late() const;
 };
 
-/// Compares frame by frame. One caller at a time; works in the caller's TBB arena; the result
-/// depends on nothing but the arguments.
+/// Compares frame by frame. The result depends on nothing but the arguments.
 class SynchronismMeter {
  public:
-  /// Throws InputError as Intersector does.
-  SynchronismMeter(const Rig& rig, const Box& bounds, double voxel_m, int min_views);
+  explicit SynchronismMeter(const Rig& rig);
 
   /// One pulse: a window per camera of the rig, of masks of the camera's image size, empty outside
-  /// the view of the bounds. A camera with a gap in its window is not compared; one without a frame
-  /// of the pulse itself is no part of the hull.
-  void add(std::span<const MaskWindow> windows);
+  /// the view of the bounds, and the hull of the others in every camera
+  /// (HullOfOthers::silhouettes_of_each()). A camera with a gap in its window is not compared.
+  void add(std::span<const MaskWindow> windows, std::span<const Mask> hulls);
 
   /// By camera of the rig.
   std::vector<CameraSynchronism> result() const;
 
  private:
   struct Sum {
+    std::string camera;
     int64_t frames = 0;
     int64_t pixels = 0;
     std::array<int64_t, kShifts> differing{}, better{};
   };
-  void compare(size_t camera, const MaskWindow& window, const Mask& hull);
+  static void compare(Sum& sum, const MaskWindow& window, const Mask& hull);
 
-  const Rig rig_;
-  Intersector intersector_;
-  MarchingCubes marching_cubes_;
   std::vector<Sum> sums_;
 };
 

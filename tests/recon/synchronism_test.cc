@@ -6,6 +6,7 @@
 #include <cmath>
 #include <numbers>
 
+#include "recon/hull_of_others.h"
 #include "recon/silhouette.h"
 #include "shapes.h"
 
@@ -35,11 +36,19 @@ Mask silhouette(const CameraModel& camera, int pulse, double radians) {
   return draw_silhouette(shapes::sphere(centre, 0.2F, 16), camera);
 }
 
+/// The masks of the pulse itself.
+std::vector<const Mask*> now_of(const std::vector<MaskWindow>& windows) {
+  std::vector<const Mask*> masks;
+  for (const MaskWindow& window : windows) masks.push_back(window[kMostPulsesOff]);
+  return masks;
+}
+
 /// How late each camera is found to be in a take in which camera c shows what was `late[c]` pulses
 /// before.
 std::vector<int> lateness(const std::vector<int>& late, double radians) {
   const Rig rig = ring_of(static_cast<int>(late.size()));
-  SynchronismMeter meter(rig, kSpace, 0.02, 3);
+  HullOfOthers hulls(rig, kSpace, 0.02, 3);
+  SynchronismMeter meter(rig);
   for (int pulse = 0; pulse < kPulses; ++pulse) {
     std::vector<std::array<Mask, kShifts>> masks(rig.size());
     std::vector<MaskWindow> windows(rig.size());
@@ -50,7 +59,7 @@ std::vector<int> lateness(const std::vector<int>& late, double radians) {
         windows[c][shift] = &masks[c][shift];
       }
     }
-    meter.add(windows);
+    meter.add(windows, hulls.silhouettes_of_each(now_of(windows)));
   }
   std::vector<int> found;
   for (const CameraSynchronism& camera : meter.result()) found.push_back(camera.pulses_late());
@@ -79,14 +88,15 @@ TEST(Synchronism, says_nothing_of_what_does_not_move) {
 
 TEST(Synchronism, does_not_compare_a_camera_with_a_gap) {
   const Rig rig = ring_of(4);
-  SynchronismMeter meter(rig, kSpace, 0.05, 3);
+  HullOfOthers hulls(rig, kSpace, 0.05, 3);
+  SynchronismMeter meter(rig);
   std::vector<Mask> masks;
   for (const RigCamera& camera : rig) masks.push_back(silhouette(camera.model, 0, 0));
   std::vector<MaskWindow> windows(4);
   for (size_t c = 0; c < 4; ++c) windows[c].fill(&masks[c]);
   windows[1][0] = nullptr;
   windows[2].fill(nullptr);
-  meter.add(windows);
+  meter.add(windows, hulls.silhouettes_of_each(now_of(windows)));
   std::vector<int64_t> frames;
   for (const CameraSynchronism& camera : meter.result()) frames.push_back(camera.frames);
   EXPECT_THAT(frames, testing::ElementsAre(1, 0, 0, 1));

@@ -75,14 +75,6 @@ const std::vector<Mask>& masks() {
   return kMasks;
 }
 
-std::vector<CameraModel> models_of(const Rig& cameras) {
-  std::vector<CameraModel> models;
-  for (const RigCamera& camera : cameras) {
-    models.push_back(camera.model);
-  }
-  return models;
-}
-
 std::vector<const Mask*> pointers_to(const std::vector<Mask>& masks) {
   std::vector<const Mask*> pointers;
   for (const Mask& mask : masks) {

@@ -35,8 +35,6 @@ const std::vector<BackgroundModel>& background_models();
 /// What the segmentation makes of raw_frames().
 const std::vector<Mask>& masks();
 
-/// The rig's lens models, for kernels that want them without names.
-std::vector<CameraModel> models_of(const Rig& cameras);
 /// Borrowed from `masks`.
 std::vector<const Mask*> pointers_to(const std::vector<Mask>& masks);
 

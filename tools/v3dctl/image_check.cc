@@ -7,8 +7,10 @@
 #include <deque>
 
 #include "base/error.h"
+#include "base/mask_shape.h"
 #include "base/units.h"
 #include "common/console.h"
+#include "recon/hull_of_others.h"
 #include "v3dctl/interrupt.h"
 #include "v3dctl/options.h"
 #include "v3dctl/reconstruct.h"
@@ -32,8 +34,10 @@ class ImageCheck {
   explicit ImageCheck(const ImageCheckRequest& request)
       : take_(request.take, {}),
         bounds_(bounds_of(request)),
-        meter_(take_.rig(), bounds_, longest_edge() / kVoxels,
+        hulls_(take_.rig(), bounds_, longest_edge() / kVoxels,
                default_min_views(static_cast<int>(take_.rig().size()))),
+        synchronism_(take_.rig()),
+        drift_(take_.rig()),
         views_(take_.rig().size()),
         middles_(spread(take_.pulses(), request)),
         progress_("check images", std::ssize(middles_)) {
@@ -41,17 +45,25 @@ class ImageCheck {
                       [&](size_t i) { views_[i] = view_of(bounds_, take_.rig()[i].model); });
   }
 
-  std::vector<CameraSynchronism> run() {
+  ImageCheckResult run() {
     for (const int64_t middle : middles_) {
       stop_if_interrupted();
       slide_to(middle);
-      meter_.add(windows());
+      add(windows());
       progress_.advance();
     }
-    return meter_.result();
+    return {synchronism_.result(), drift_.result()};
   }
 
  private:
+  void add(const std::vector<MaskWindow>& windows) {
+    std::vector<const Mask*> masks;
+    for (const MaskWindow& window : windows) masks.push_back(window[kMostPulsesOff]);
+    const std::vector<Mask> expected = hulls_.silhouettes_of_each(masks);
+    synchronism_.add(windows, expected);
+    drift_.add(masks, expected);
+  }
+
   Box bounds_of(const ImageCheckRequest& request) const {
     if (request.studio && request.studio->name == take_.info().studio) {
       return request.studio->space.bounds;
@@ -89,7 +101,7 @@ class ImageCheck {
     const auto frames = take_.read(pulse);
     for (size_t i = 0; i < frames.size(); ++i) {
       const bool usable = frames[i] && frames[i]->mask.size() == views_[i].size();
-      result.masks.push_back(usable ? std::optional(inside(frames[i]->mask, views_[i]))
+      result.masks.push_back(usable ? std::optional(both(frames[i]->mask, views_[i]))
                                     : std::nullopt);
     }
     return result;
@@ -108,34 +120,52 @@ class ImageCheck {
 
   TakeFrames take_;
   const Box bounds_;
-  SynchronismMeter meter_;
+  HullOfOthers hulls_;
+  SynchronismMeter synchronism_;
+  DriftMeter drift_;
   std::vector<Mask> views_;
   const std::vector<int64_t> middles_;
   std::deque<Silhouettes> window_;
   Progress progress_;
 };
 
+std::string text_of(const CameraSynchronism& camera) {
+  const int late = camera.pulses_late();
+  const int best = kMostPulsesOff + late;
+  char text[200];
+  std::snprintf(text, sizeof text,
+                "out of step, %s %s by its images: its silhouettes differ from the hull of the "
+                "others by %.1f %% of their pixels, and by %.1f %% at that pulse",
+                count_of(std::abs(late), "pulse").c_str(), late > 0 ? "late" : "early",
+                100 * camera.disagreement[kMostPulsesOff],
+                100 * camera.disagreement[static_cast<size_t>(best)]);
+  return camera.camera + ": " + text;
+}
+
+std::string text_of(const CameraDrift& camera) {
+  char text[200];
+  std::snprintf(text, sizeof text,
+                "knocked since it was calibrated: its silhouettes lie %.1f pixels aside (%+.1f, "
+                "%+.1f); calibrate it again",
+                camera.shift.norm(), camera.shift.x(), camera.shift.y());
+  return camera.camera + ": " + text;
+}
+
 }  // namespace
 
-std::vector<CameraSynchronism> check_images(const ImageCheckRequest& request) {
+ImageCheckResult check_images(const ImageCheckRequest& request) {
   return ImageCheck(request).run();
 }
 
-std::vector<std::string> lines_of_cameras_out_of_step(
-    const std::vector<CameraSynchronism>& cameras) {
+std::vector<std::string> lines_of(const ImageCheckResult& result) {
   std::vector<std::string> lines;
-  for (const CameraSynchronism& camera : cameras) {
-    const int late = camera.pulses_late();
-    if (late == 0) continue;
-    const int best = kMostPulsesOff + late;
-    char text[200];
-    std::snprintf(text, sizeof text,
-                  "out of step, %s %s by its images: its silhouettes differ from the hull of the "
-                  "others by %.1f %% of their pixels, and by %.1f %% at that pulse",
-                  count_of(std::abs(late), "pulse").c_str(), late > 0 ? "late" : "early",
-                  100 * camera.disagreement[kMostPulsesOff],
-                  100 * camera.disagreement[static_cast<size_t>(best)]);
-    lines.push_back(camera.camera + ": " + text);
+  for (const CameraSynchronism& camera : result.synchronism) {
+    if (camera.pulses_late() != 0) lines.push_back(text_of(camera));
+  }
+  // What is out of step lies aside, too.
+  if (!lines.empty()) return lines;
+  for (const CameraDrift& camera : result.drift) {
+    if (camera.knocked) lines.push_back(text_of(camera));
   }
   return lines;
 }

@@ -11,6 +11,7 @@
 #include <thread>
 
 #include "base/error.h"
+#include "base/mask_shape.h"
 #include "base/units.h"
 #include "common/console.h"
 #include "recon/frame_pipeline.h"
@@ -135,7 +136,7 @@ class SilhouetteMeter {
     const std::vector<Mask> drawn = draw_silhouettes(mesh, models_);
     for (size_t i = 0; i < drawn.size(); ++i) {
       if (!frames[i] || frames[i]->mask.size() != views_[i].size()) continue;
-      const Mask mask = inside(frames[i]->mask, views_[i]);
+      const Mask mask = both(frames[i]->mask, views_[i]);
       // Where both are empty there is nothing to measure.
       if (drawn[i].count() + mask.count() == 0) continue;
       const double iou = intersection_over_union(drawn[i], mask);

@@ -21,13 +21,17 @@ struct Arguments {
   bool json = false;
 };
 
-Json images_json(const std::vector<CameraSynchronism>& cameras) {
+Json images_json(const ImageCheckResult& result) {
   Json list = Json::array();
-  for (const CameraSynchronism& camera : cameras) {
+  for (size_t i = 0; i < result.synchronism.size(); ++i) {
+    const CameraSynchronism& camera = result.synchronism[i];
+    const CameraDrift& drift = result.drift[i];
     list.push_back({{"name", camera.camera},
                     {"pulses_late", camera.pulses_late()},
                     {"frames", camera.frames},
-                    {"disagreement", camera.disagreement}});
+                    {"disagreement", camera.disagreement},
+                    {"knocked", drift.knocked},
+                    {"shift_px", {drift.shift.x(), drift.shift.y()}}});
   }
   return list;
 }
@@ -63,11 +67,11 @@ void remember(const TakePaths& paths, const Verification& verification) {
 int run(const CommandLine& line, const Arguments& arguments) {
   const TakePaths paths{arguments.take};
   Verification verification = arguments.recover ? recover_take(paths) : verify_take(paths);
-  std::vector<CameraSynchronism> images;
+  ImageCheckResult images;
   if (arguments.images) {
     catch_interrupts();
     images = check_images({.take = arguments.take, .studio = line.studio_of_take(arguments.take)});
-    for (std::string& text : lines_of_cameras_out_of_step(images)) {
+    for (std::string& text : lines_of(images)) {
       verification.disagreements.push_back(std::move(text));
     }
   }
@@ -101,7 +105,7 @@ void add_verify(CommandLine& line) {
                     "Give a take that nobody closed (a power cut) the ledger that its files make");
   command->add_flag("--images", arguments->images,
                     "Also hold each camera's silhouettes against the hull of the others: names "
-                    "cameras that are out of step");
+                    "cameras that are out of step, or were knocked since the calibration");
   add_json_flag(command, arguments->json);
   line.on_run(command, [&line, arguments] { return run(line, *arguments); });
 }

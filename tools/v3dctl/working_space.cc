@@ -111,13 +111,4 @@ Mask view_of(const Box& box, const CameraModel& camera) {
   return view;
 }
 
-Mask inside(Mask mask, const Mask& view) {
-  for (int y = 0; y < mask.size().height; ++y) {
-    const auto row = mask.row(y);
-    std::transform(row.begin(), row.end(), view.row(y).begin(), row.begin(),
-                   [](uint64_t a, uint64_t b) { return a & b; });
-  }
-  return mask;
-}
-
 }  // namespace v3d::ctl

@@ -16,7 +16,4 @@ Box common_view(const Rig& rig, int views);
 /// when the ray of one of its corners meets the box, at most half a block beyond the true outline.
 Mask view_of(const Box& box, const CameraModel& camera);
 
-/// The foreground of `mask` inside `view`, which is of its size.
-Mask inside(Mask mask, const Mask& view);
-
 }  // namespace v3d::ctl

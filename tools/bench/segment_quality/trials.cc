@@ -7,7 +7,7 @@
 
 #include "capture/mask_holes.h"
 #include "capture/mask_majority.h"
-#include "capture/mask_pieces.h"
+#include "base/mask_pieces.h"
 #include "capture/segmenter.h"
 #include "peers/opencv_subtractor.h"
 

@@ -6,8 +6,8 @@
 #include <span>
 #include <vector>
 
+#include "base/joined_sets.h"
 #include "base/mask.h"
-#include "capture/joined_sets.h"
 
 namespace v3d {
 
@@ -17,6 +17,9 @@ struct Run {
   int begin = 0;
   int end = 0;
 };
+
+/// Appends the runs of foreground of a row of a mask, from left to right.
+void append_runs(std::span<const uint64_t> row, int y, std::vector<Run>& runs);
 
 /// The pieces of one mask (eight neighbours), found once for every clean-up that goes by pieces.
 /// Keeps its working memory between masks. One thread.

@@ -1,4 +1,4 @@
-#include "capture/mask_pieces.h"
+#include "base/mask_pieces.h"
 
 #include <algorithm>
 #include <bit>
@@ -6,7 +6,19 @@
 namespace v3d {
 namespace {
 
-/// The runs of set bits of `row`.
+void clear_run(Mask& mask, const Run& run) {
+  const auto row = mask.row(run.y);
+  for (int x = run.begin; x < run.end;) {
+    const int bit = x % 64;
+    const int n = std::min(64 - bit, run.end - x);
+    const uint64_t ones = n == 64 ? ~uint64_t{0} : (uint64_t{1} << n) - 1;
+    row[x / 64] &= ~(ones << bit);
+    x += n;
+  }
+}
+
+}  // namespace
+
 void append_runs(std::span<const uint64_t> row, int y, std::vector<Run>& runs) {
   uint64_t before = 0;  // the pixel left of the word
   int begin = -1;       // of an unfinished run
@@ -25,19 +37,6 @@ void append_runs(std::span<const uint64_t> row, int y, std::vector<Run>& runs) {
   }
   if (begin >= 0) runs.push_back({y, begin, static_cast<int>(row.size()) * 64});
 }
-
-void clear_run(Mask& mask, const Run& run) {
-  const auto row = mask.row(run.y);
-  for (int x = run.begin; x < run.end;) {
-    const int bit = x % 64;
-    const int n = std::min(64 - bit, run.end - x);
-    const uint64_t ones = n == 64 ? ~uint64_t{0} : (uint64_t{1} << n) - 1;
-    row[x / 64] &= ~(ones << bit);
-    x += n;
-  }
-}
-
-}  // namespace
 
 void MaskPieces::find(const Mask& mask) {
   runs_.clear();

@@ -1,0 +1,149 @@
+#include "recon/drift.h"
+
+#include <tbb/parallel_for.h>
+
+#include <Eigen/Dense>
+#include <algorithm>
+#include <cmath>
+#include <cstdlib>
+
+#include "base/mask_pieces.h"
+
+namespace v3d {
+namespace {
+
+/// The slope of an outline is taken over so many rows on both sides.
+constexpr int kReach = 4;
+/// Rows (and columns) that are looked at.
+constexpr int kStep = 3;
+
+/// Where foreground begins (side -1) or ends (side 1) in a row.
+struct Edge {
+  int x = 0;
+  int side = 0;
+};
+
+std::vector<Edge> edges_of(const Mask& mask, int y) {
+  std::vector<Run> runs;
+  append_runs(mask.row(y), y, runs);
+  std::vector<Edge> edges;
+  for (const Run& run : runs) {
+    if (run.begin > 0) edges.push_back({run.begin, -1});
+    if (run.end < mask.size().width) edges.push_back({run.end, 1});
+  }
+  return edges;
+}
+
+/// The nearest one of the same side; null where none is within `reach`.
+const Edge* nearest(const std::vector<Edge>& edges, const Edge& to, int reach) {
+  const Edge* best = nullptr;
+  for (const Edge& edge : edges) {
+    if (edge.side != to.side || std::abs(edge.x - to.x) > reach) continue;
+    if (best == nullptr || std::abs(edge.x - to.x) < std::abs(best->x - to.x)) best = &edge;
+  }
+  return best;
+}
+
+/// Edges that run within 45 degrees of upright, of rows that are multiples of `step`.
+std::vector<OutlineOffset> offsets_in_rows(const Mask& hull, const Mask& own, int step) {
+  std::vector<OutlineOffset> offsets;
+  const Rect box = hull.bounding_box();
+  const int first = (box.y0 + kReach + step - 1) / step * step;
+  for (int y = first; y < box.y0 + box.height - kReach; y += step) {
+    const auto above = edges_of(hull, y - kReach);
+    const auto below = edges_of(hull, y + kReach);
+    const auto ours = edges_of(own, y);
+    for (const Edge& edge : edges_of(hull, y)) {
+      const Edge* const up = nearest(above, edge, kReach);
+      const Edge* const down = nearest(below, edge, kReach);
+      const Edge* const match = nearest(ours, edge, kMostDriftPx);
+      if (up == nullptr || down == nullptr || match == nullptr) continue;
+      const float slope = static_cast<float>(down->x - up->x) / (2 * kReach);
+      const float nx = static_cast<float>(edge.side) / std::sqrt(1 + slope * slope);
+      offsets.push_back({nx, -slope * nx, static_cast<float>(match->x - edge.x) * nx});
+    }
+  }
+  return offsets;
+}
+
+Mask transposed(const Mask& mask) {
+  Mask result({mask.size().height, mask.size().width});
+  std::vector<Run> runs;
+  for (int y = 0; y < mask.size().height; ++y) append_runs(mask.row(y), y, runs);
+  for (const Run& run : runs) {
+    for (int x = run.begin; x < run.end; ++x) result.set(run.y, x);
+  }
+  return result;
+}
+
+/// Tukey's weight for a residual as part of the largest that counts.
+double weight(double r) { return std::abs(r) < 1 ? (1 - r * r) * (1 - r * r) : 0; }
+
+/// What explains the offsets: a shift, u and v, and the distance in which the outline lies from the
+/// hull's wherever it looks, because the hull is the wider one.
+using Explanation = Eigen::Vector3d;
+
+/// One step of iteratively reweighted least squares. Offsets that `before` explains to no better
+/// than `most` pixels do not count.
+Explanation step_of(std::span<const OutlineOffset> offsets, const Explanation& before,
+                    double most) {
+  Eigen::Matrix3d a = Eigen::Matrix3d::Identity() * 1e-9;
+  Eigen::Vector3d b = Eigen::Vector3d::Zero();
+  for (const OutlineOffset& o : offsets) {
+    const Eigen::Vector3d row(o.nx, o.ny, 1);
+    const double w = weight((o.distance - row.dot(before)) / most);
+    a += w * row * row.transpose();
+    b += w * o.distance * row;
+  }
+  return a.ldlt().solve(b);
+}
+
+/// From far to near: outlines that differ for other reasons are left out step by step.
+Eigen::Vector2d shift_of(std::span<const OutlineOffset> offsets) {
+  Explanation explanation = Explanation::Zero();
+  for (const double most : {16., 8., 8., 5., 5., 4., 4., 4.}) {
+    explanation = step_of(offsets, explanation, most);
+  }
+  return explanation.head<2>();
+}
+
+}  // namespace
+
+std::vector<OutlineOffset> outline_offsets(const Mask& hull, const Mask& own, int step) {
+  std::vector<OutlineOffset> offsets = offsets_in_rows(hull, own, step);
+  for (OutlineOffset o : offsets_in_rows(transposed(hull), transposed(own), step)) {
+    std::swap(o.nx, o.ny);
+    offsets.push_back(o);
+  }
+  return offsets;
+}
+
+DriftMeter::DriftMeter(const Rig& rig) {
+  for (const RigCamera& camera : rig) names_.push_back(camera.name);
+}
+
+void DriftMeter::add(std::span<const Mask* const> masks, std::span<const Mask> hulls) {
+  std::vector<Offsets> offsets(masks.size());
+  tbb::parallel_for(size_t{0}, masks.size(), [&](size_t c) {
+    if (masks[c] != nullptr) offsets[c] = outline_offsets(hulls[c], *masks[c], kStep);
+  });
+  pulses_.push_back(std::move(offsets));
+  if (pulses_.size() > kPulses) pulses_.pop_front();
+}
+
+std::vector<CameraDrift> DriftMeter::result() const {
+  std::vector<CameraDrift> cameras;
+  for (size_t c = 0; c < names_.size(); ++c) {
+    Offsets all;
+    for (const auto& pulse : pulses_) all.insert(all.end(), pulse[c].begin(), pulse[c].end());
+    CameraDrift drift{.camera = names_[c], .outline_px = std::ssize(all)};
+    if (drift.outline_px >= kLeastOutlinePx) drift.shift = shift_of(all);
+    cameras.push_back(std::move(drift));
+  }
+  const auto farthest = std::ranges::max_element(
+      cameras, {}, [](const CameraDrift& drift) { return drift.shift.norm(); });
+  if (farthest != cameras.end()) farthest->knocked = farthest->shift.norm() >= kKnockedPx;
+  return cameras;
+}
+
+}  // namespace v3d
