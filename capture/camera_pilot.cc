@@ -36,11 +36,24 @@ void CameraPilot::arm(Duration period, bool edges_are_told) {
   counts_.last_pulse = -1;
 }
 
+void CameraPilot::rejoin(Duration period, bool edges_are_told, const CameraPast& past) {
+  arm(period, edges_are_told);
+  joins_late_ = ready_ = expecting_ = true;
+  goes_on_ = !past.frames.empty();
+  if (goes_on_) {
+    matcher_->go_on_from(past.frames);
+    counts_.last_pulse = past.frames.back().pulse;
+  }
+  latency_ = start_.latency = past.latency;
+  counts_.frames = past.delivered;
+  counts_.suspect = past.suspect;
+}
+
 void CameraPilot::disarm() {
   matcher_.reset();
   held_.clear();
   labelled_.clear();
-  ready_ = begun_ = expecting_ = missing_ = false;
+  ready_ = begun_ = expecting_ = missing_ = joins_late_ = goes_on_ = false;
 }
 
 void CameraPilot::pulse_at(const PulseEdge& edge) {
@@ -95,7 +108,7 @@ void CameraPilot::hear(CameraFrame frame) {
     return deliver(std::move(frame), found);
   }
   expecting_ = true;
-  if (held_.empty()) start_.broken = broken;
+  if (held_.empty() && !joins_late_) start_.broken = broken;
   held_.push_back(std::move(frame));
   begin(!edges_are_told_);
 }
@@ -160,7 +173,7 @@ void CameraPilot::reopen(const std::string& why) {
   close();
   if (matcher_) matcher_->reopened();
   // A camera lost before the first pulse has to be quiet again; afterwards the pulses tell.
-  if (!start_.edge) ready_ = false;
+  if (!start_.edge && !joins_late_) ready_ = false;
   retry_at_ = options_.now();
 }
 
@@ -172,15 +185,31 @@ std::vector<FrameStamp> CameraPilot::held_stamps() const {
   return stamps;
 }
 
+/// A take goes on: the pulses that are heard of tell when frames arrive, whatever the time between.
+void CameraPilot::begin_late(bool no_more) {
+  const bool knows = start_.edge && start_.edge->is_timed && latency_;
+  const bool may_learn = edges_are_told_ && latency_ && !no_more && held_.size() < kStartFrames;
+  if (!knows && may_learn) return;
+  if (knows) matcher_->expect(start_.edge->pulse, start_.edge->at + *latency_);
+  begun_ = true;
+  deliver_held(0);
+}
+
 void CameraPilot::begin(bool no_more) {
+  if (goes_on_) return begin_late(no_more);
   const auto start = find_start(held_stamps(), start_, no_more);
   if (!start) return;
   begun_ = true;
   matcher_->begin(start->pulse, start->certain);
+  deliver_held(start->strays);
+}
+
+/// `strays`: so many at the front are of no pulse.
+void CameraPilot::deliver_held(size_t strays) {
   for (size_t i = 0; !held_.empty(); ++i) {
     CameraFrame frame = std::move(held_.front());
     held_.pop_front();
-    const PulseMatch found = i < start->strays ? PulseMatch{0, true} : match(frame);
+    const PulseMatch found = i < strays ? PulseMatch{0, true} : match(frame);
     deliver(std::move(frame), found);
   }
 }

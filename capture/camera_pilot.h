@@ -11,6 +11,7 @@
 
 #include "base/frame.h"
 #include "capture/camera.h"
+#include "capture/camera_past.h"
 #include "capture/camera_worker.h"
 #include "capture/pulse_matcher.h"
 #include "capture/train_start.h"
@@ -30,6 +31,7 @@ class CameraPilot {
   CameraPilot(std::string camera, CameraWorker::Factory make_camera, CameraWorkerOptions options);
 
   void arm(Duration period, bool edges_are_told);
+  void rejoin(Duration period, bool edges_are_told, const CameraPast& past);
   /// A pulse of the train. From the first one on, a frame is due.
   void pulse_at(const PulseEdge& edge);
   void train_ended() { expecting_ = false; }
@@ -57,6 +59,8 @@ class CameraPilot {
   void hear(CameraFrame frame);
   /// Labels the frames that are held back, when it is known which pulse the first is.
   void begin(bool no_more);
+  void begin_late(bool no_more);
+  void deliver_held(size_t strays);
   std::vector<FrameStamp> held_stamps() const;
   void deliver(CameraFrame frame, PulseMatch match);
   PulseMatch match(const CameraFrame& frame);
@@ -78,6 +82,8 @@ class CameraPilot {
   std::optional<PulseMatcher> matcher_;
   StartEvidence start_;
   bool edges_are_told_ = false;
+  bool joins_late_ = false;        ///< a train that runs already
+  bool goes_on_ = false;           ///< and the matcher knows frames from before
   std::deque<CameraFrame> held_;   ///< the first frames, not yet labelled
   std::deque<Frame> labelled_;     ///< on their way out
   MonotonicInstant last_frame_{};  ///< or when it was armed or opened

@@ -57,6 +57,15 @@ class CameraWorker::Impl {
     announce(CameraState::kSettling);
   }
 
+  void rejoin(Duration period, bool edges_are_told, const CameraPast& past) {
+    const std::lock_guard lock(mutex_);
+    ask([=](CameraPilot& pilot) { pilot.rejoin(period, edges_are_told, past); });
+    status_.frames = past.delivered;
+    status_.suspect = past.suspect;
+    dropped_ = 0;
+    announce(CameraState::kReady);
+  }
+
   void pulse_at(const PulseEdge& edge) {
     const std::lock_guard lock(mutex_);
     if (status_.state == CameraState::kRunning) return;  // it knows
@@ -163,6 +172,9 @@ CameraWorker::~CameraWorker() = default;
 void CameraWorker::end() { impl_->end(); }
 const std::string& CameraWorker::camera() const { return impl_->camera(); }
 void CameraWorker::arm(Duration period, bool edges_are_told) { impl_->arm(period, edges_are_told); }
+void CameraWorker::rejoin(Duration period, bool edges_are_told, const CameraPast& past) {
+  impl_->rejoin(period, edges_are_told, past);
+}
 void CameraWorker::pulse_at(const PulseEdge& edge) { impl_->pulse_at(edge); }
 void CameraWorker::train_ended() { impl_->train_ended(); }
 void CameraWorker::disarm() { impl_->disarm(); }

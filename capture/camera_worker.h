@@ -12,6 +12,7 @@
 #include "base/frame.h"
 #include "base/time.h"
 #include "capture/camera.h"
+#include "capture/camera_past.h"
 #include "capture/train_start.h"
 
 namespace v3d {
@@ -69,6 +70,9 @@ class CameraWorker {
   /// Forgets the take before: empties the queue, counts from zero, waits for two quiet periods.
   /// `edges_are_told`: pulse_at() will be called; the first frames wait a little for it.
   void arm(Duration period, bool edges_are_told = false);
+  /// Instead of arm() and the quiet: pulses run already, and this camera's frames of before are
+  /// known. Frames that come while nobody can tell their pulse for certain are suspect.
+  void rejoin(Duration period, bool edges_are_told, const CameraPast& past);
   /// A pulse of the train; the first ones are enough. Says which pulse the first frame is of, and
   /// that a frame is due.
   void pulse_at(const PulseEdge& edge);

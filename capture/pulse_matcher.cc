@@ -19,6 +19,7 @@ constexpr int kSecond = 1;                       ///< confirmations of two witne
 constexpr int kMany = 8;                         ///< confirmations of the arrival alone
 constexpr int kFewStragglers = 3;                ///< in a row
 constexpr double kMuchLater = 2;                 ///< periods
+constexpr double kManyDeviations = 4;            ///< standard deviations
 
 }  // namespace
 
@@ -46,6 +47,20 @@ PulseMatch PulseMatcher::first(const FrameStamp& frame) {
   return {last_pulse_, start_unknown_};
 }
 
+void PulseMatcher::go_on_from(std::span<const KnownFrame> frames) {
+  begin(frames.front().pulse, true);
+  first(frames.front().stamp);
+  for (const KnownFrame& frame : frames.subspan(1)) accept(frame.pulse, frame.stamp);
+  reopened_ = was_away_ = true;
+}
+
+void PulseMatcher::expect(int64_t pulse, MonotonicInstant arrival) {
+  arrivals_.begin(pulse, to_ns(arrival));
+  punctual_ = kMany;
+  lateness_ = 0;
+  steadily_late_ = 0;
+}
+
 PulseMatcher::Evidence PulseMatcher::weigh(const FrameStamp& frame) const {
   Evidence e;
   e.by_clock = fit_.pulse_at(to_ns(frame.exposed));
@@ -65,7 +80,7 @@ bool PulseMatcher::agreed(const Evidence& e) const {
 }
 
 PulseMatch PulseMatcher::accept(int64_t pulse, const FrameStamp& frame) {
-  reopened_ = false;
+  reopened_ = was_away_ = false;
   stragglers_ = 0;
   row_.reset();
   const bool in_the_dark = fit_.doubt(pulse) > kLargestDoubt;
@@ -104,13 +119,21 @@ void PulseMatcher::lengthen_row(const Evidence& e, const FrameStamp& frame) {
 }
 
 bool PulseMatcher::row_convinces(const Evidence& e) const {
-  if (arrivals_.doubt(row_->pulse) > kLargestArrivalDoubt) return false;
+  if (arrivals_.doubt(row_->pulse) > kLargestArrivalDoubt || clock_objects(e)) return false;
   const bool by_clock = !e.between && row_->pulse == e.clock_pulse;
   const bool by_counter = !reopened_ && row_->pulse == e.by_counter;
   if (row_->confirmations < (by_clock || by_counter ? kSecond : kMany)) return false;
   // Frames before may all have been late; then this one seems to be of an earlier pulse than it is.
   return punctual_ >= kMany || (by_clock && row_->pulse > e.by_counter) ||
          (by_counter && row_->pulse > e.clock_pulse);
+}
+
+/// After an absence: a clock that says a later pulse than before has most likely gone on; when it
+/// says clearly another pulse than the arrival, the host's clock may be what was set.
+bool PulseMatcher::clock_objects(const Evidence& e) const {
+  if (!was_away_ || e.by_clock <= static_cast<double>(last_pulse_)) return false;
+  const double apart = std::abs(e.by_clock - static_cast<double>(row_->pulse));
+  return apart > kLargestArrivalResidual + kManyDeviations * fit_.doubt(e.clock_pulse);
 }
 
 /// The clock's or the counter's pulse, whichever the arrival is nearer to.
@@ -131,7 +154,7 @@ void PulseMatcher::settle(int64_t pulse, const FrameStamp& frame) {
   fit_.begin(pulse, to_ns(frame.exposed));
   last_pulse_ = pulse;
   last_counter_ = frame.counter;
-  reopened_ = astray_ = false;
+  reopened_ = astray_ = was_away_ = false;
   stragglers_ = 0;
   row_.reset();
 }

@@ -4,6 +4,7 @@
 
 #include <cstdint>
 #include <optional>
+#include <span>
 
 #include "base/time.h"
 #include "capture/pulse_fit.h"
@@ -20,6 +21,12 @@ struct FrameStamp {
 struct PulseMatch {
   int64_t pulse = 0;
   bool suspect = false;
+};
+
+/// A frame whose pulse is known without doubt.
+struct KnownFrame {
+  FrameStamp stamp;
+  int64_t pulse = 0;
 };
 
 /// Pure: no clock, no I/O. Which pulse the first frame is has to be known (train_start.h finds it).
@@ -39,6 +46,11 @@ struct PulseMatch {
 ///   - it is not later than every frame before it (a duplicate, a straggler);
 ///   - the camera was silent for so long that the fit says little;
 ///   - it is not certain which pulse the first frame is: then all frames of the take are.
+///
+/// A matcher that goes on from frames that another process had labelled (go_on_from) does not know
+/// the counter, and how long it was away. Where the camera's clock and the arrival agree on the
+/// next frame's pulse, it has that pulse. A clock that began anew is outvoted by the arrival as
+/// above, but one that seems to have gone on and says otherwise is not: then all stays in doubt.
 ///
 /// A label that is not suspect is right as long as: the device clock runs within 200 ppm of the
 /// generator's and wanders by less than 0.1 ppm a second; time stamps jitter by at most a tenth of
@@ -63,6 +75,11 @@ class PulseMatcher {
   /// The camera was opened again: its counter began anew, and its clock may have.
   void reopened() { reopened_ = begun(); }
 
+  /// The take goes on, after these of its frames: rising pulses, at least one. Instead of begin().
+  void go_on_from(std::span<const KnownFrame> frames);
+  /// By what is known of the pulses, a frame of this one would arrive then.
+  void expect(int64_t pulse, MonotonicInstant arrival);
+
  private:
   /// A row of frames that advanced alike by all witnesses, in doubt.
   struct Row {
@@ -85,6 +102,7 @@ class PulseMatcher {
   bool agreed(const Evidence& e) const;
   PulseMatch accept(int64_t pulse, const FrameStamp& frame);
   PulseMatch doubt(const Evidence& e, const FrameStamp& frame);
+  bool clock_objects(const Evidence& e) const;
   void lengthen_row(const Evidence& e, const FrameStamp& frame);
   bool row_convinces(const Evidence& e) const;
   int64_t likeliest(const Evidence& e) const;
@@ -99,6 +117,7 @@ class PulseMatcher {
   int steadily_late_ = 0;       ///< frames in a row
   bool start_unknown_ = false;  ///< all pulses may be shifted
   bool reopened_ = false;       ///< and not yet settled
+  bool was_away_ = false;       ///< goes on from what another process labelled; not yet settled
   int stragglers_ = 0;          ///< in a row
   bool astray_ = false;         ///< neither clock nor counter is believed until settled
   std::optional<Row> row_;

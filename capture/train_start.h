@@ -16,6 +16,7 @@ namespace v3d {
 struct PulseEdge {
   int64_t pulse = 0;
   MonotonicInstant at;
+  bool is_timed = true;  ///< else `at` is when it was heard of: another host's clock does not fit
 };
 
 /// How long after its pulse a frame arrived.

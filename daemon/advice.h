@@ -10,6 +10,8 @@ inline constexpr char kCameraLost[] =
     "v3dctl doctor";
 inline constexpr char kFramesMissing[] =
     "Stop the take when it must be whole; v3dctl stop names the missing pulses";
+inline constexpr char kRejoined[] =
+    "The pulses between are missing from its cameras: stop the take when it must be whole";
 inline constexpr char kFramesSuspect[] =
     "Check the camera's trigger cable and that nothing else triggers it; v3dctl verify names the "
     "frames";
@@ -34,6 +36,8 @@ inline constexpr char kMeshDisk[] =
 inline constexpr char kBehind[] =
     "The take is not touched: v3dctl reconstruct TAKE makes every mesh later; a larger voxel keeps "
     "up";
+inline constexpr char kMeshesMissing[] =
+    "The frames are safe on the capture PCs: v3dctl reconstruct TAKE makes every mesh later";
 inline constexpr char kNoMesh[] = "v3dctl reconstruct TAKE tries again with other bounds or voxels";
 
 }  // namespace v3d::advice

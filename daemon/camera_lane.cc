@@ -1,7 +1,10 @@
 #include "daemon/camera_lane.h"
 
+#include <spdlog/spdlog.h>
+
 #include <algorithm>
 
+#include "base/error.h"
 #include "wire/channels.h"
 
 namespace v3d {
@@ -15,10 +18,13 @@ CameraLane::CameraLane(CameraWorker& worker, Setup setup, Shared shared)
     : worker_(worker),
       shared_(shared),
       take_(std::move(setup.take)),
+      path_(setup.log),
+      goes_on_(setup.past),
       segmenter_(std::move(setup.segmenter)),
-      log_(setup.log),
+      log_(setup.log, goes_on_ ? LogOpening::kGoOn : LogOpening::kNew),
       preview_(shared.bus, worker.camera(), setup.rate_hz),
       last_frame_ns_(to_ns(Monotonic::now())) {
+  if (setup.past) go_on_from(*setup.past);
   thread_ = std::thread([this] { run(); });
 }
 
@@ -29,7 +35,40 @@ void CameraLane::end() {
   if (thread_.joinable()) thread_.join();
 }
 
+void CameraLane::go_on_from(const LanePast& past) {
+  written_pulses_ = past.pulses;
+  suspect_pulses_ = past.suspect;
+  exposures_ = past.exposures;
+  log_seq_ = received_ = written_ = std::ssize(past.pulses);
+}
+
+/// A mask depends on the frames before it in the log: the segmenter learns from them what it had
+/// learnt. Frames that come meanwhile are written as they come, and go without a live picture.
+void CameraLane::learn_again() {
+  size_t learnt = 0;
+  try {
+    for (size_t known = 1; learnt < known && !stopping_;) {
+      FrameLogReader log(path_);
+      known = log.labels().size();
+      for (; learnt < known && !stopping_; ++learnt) learn_from(log, log.labels()[learnt].pulse);
+    }
+  } catch (const InputError& error) {  // of a disk that fails the lane hears when it writes
+    spdlog::warn("{}", error.what());
+  }
+}
+
+void CameraLane::learn_from(FrameLogReader& log, int64_t pulse) {
+  heartbeat_.beat();
+  while (auto frame = worker_.take(Monotonic::now())) write_only(std::move(*frame));
+  if (!segmenter_.learns_from(pulse)) return;
+  const auto raw = log.read(pulse);
+  if (raw && raw->image.size == segmenter_.size() && raw->image.format == segmenter_.format()) {
+    segment(*raw, true);
+  }
+}
+
 void CameraLane::run() {
+  if (goes_on_) learn_again();
   while (!stopping_) {
     heartbeat_.beat();
     auto frame = worker_.take(Monotonic::now() + kLook);
@@ -40,12 +79,18 @@ void CameraLane::run() {
   }
 }
 
+FrameMessage CameraLane::message_of(Frame frame) {
+  return {.sent = Realtime::now(), .seq = log_seq_++, .take = take_, .frame = std::move(frame)};
+}
+
+void CameraLane::write_only(Frame frame) {
+  record(message_of(std::move(frame)));
+  last_frame_ns_ = to_ns(Monotonic::now());
+  ++received_;
+}
+
 void CameraLane::process(Frame frame) {
-  FrameMessage message;
-  message.sent = Realtime::now();
-  message.seq = log_seq_++;
-  message.take = take_;
-  message.frame = std::move(frame);
+  FrameMessage message = message_of(std::move(frame));
   const bool recorded = record(message);
   const Image& image = message.frame.image;
   if (image.size != segmenter_.size() || image.format != segmenter_.format()) return;

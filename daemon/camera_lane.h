@@ -5,6 +5,7 @@
 #include <filesystem>
 #include <memory>
 #include <mutex>
+#include <optional>
 #include <string>
 #include <thread>
 #include <vector>
@@ -13,6 +14,7 @@
 #include "capture/segmenter.h"
 #include "daemon/bus.h"
 #include "daemon/heartbeat.h"
+#include "daemon/lane_past.h"
 #include "daemon/live_gate.h"
 #include "daemon/preview_sender.h"
 #include "daemon/work_places.h"
@@ -40,6 +42,7 @@ class CameraLane {
     std::filesystem::path log;
     Segmenter segmenter;
     double rate_hz = 0;
+    std::optional<LanePast> past{};  ///< of a take that goes on: so does the log
   };
   /// What the lanes of a node share; all outlive the lane.
   struct Shared {
@@ -67,7 +70,12 @@ class CameraLane {
 
  private:
   void run();
+  void go_on_from(const LanePast& past);
+  void learn_again();
+  void learn_from(FrameLogReader& log, int64_t pulse);
   void process(Frame frame);
+  void write_only(Frame frame);
+  FrameMessage message_of(Frame frame);
   /// Whether the frame is in the log.
   bool record(const FrameMessage& message);
   /// The raw frame's mask.
@@ -78,6 +86,8 @@ class CameraLane {
   CameraWorker& worker_;
   const Shared shared_;
   const std::string take_;
+  const std::filesystem::path path_;
+  const bool goes_on_;
   Segmenter segmenter_;
   EventLogWriter log_;
   PreviewSender preview_;

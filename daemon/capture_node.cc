@@ -9,6 +9,7 @@
 #include "base/units.h"
 #include "daemon/advice.h"
 #include "daemon/json.h"
+#include "daemon/service.h"
 #include "daemon/take_folder.h"
 #include "trigger/make_trigger.h"
 
@@ -59,6 +60,7 @@ CaptureNode::CaptureNode(const Studio& studio, const std::string& node, Bus& bus
       events_(bus, node),
       camera_watch_(events_),
       pulse_times_(period_of(studio.trigger.rate_hz)),
+      kept_orders_(studio, node),
       cameras_(studio, node, pulse_times_),
       places_(static_cast<int>(std::max(1U, std::thread::hardware_concurrency()))) {
   const bool triggers = studio.trigger.node == node;
@@ -93,8 +95,8 @@ void CaptureNode::learn(const CommandMessage& order) {
   make_ready(order, order.pulses > 0 ? order.pulses : kDefaultPlates);
 }
 
-void CaptureNode::make_ready(const CommandMessage& order, std::optional<int64_t> pulses) {
-  refuse_absurd(order);
+void CaptureNode::begin_order(const CommandMessage& order, std::optional<int64_t> pulses) {
+  kept_orders_.forget();
   order_ = order;
   rate_hz_ = order.rate_hz > 0 ? order.rate_hz : studio_.trigger.rate_hz;
   pulse_train_ = {.rate_hz = rate_hz_,
@@ -104,6 +106,11 @@ void CaptureNode::make_ready(const CommandMessage& order, std::optional<int64_t>
   camera_watch_.begin_train();
   disk_is_full_ = false;
   cameras_armed_ = false;
+}
+
+void CaptureNode::make_ready(const CommandMessage& order, std::optional<int64_t> pulses) {
+  refuse_absurd(order);
+  begin_order(order, pulses);
   if (generator_) {
     generator_->stop();
     generator_->arm(pulse_train_);
@@ -114,8 +121,7 @@ void CaptureNode::make_ready(const CommandMessage& order, std::optional<int64_t>
 
 /// Not before the generator is armed: what it does until then is no pulse of the train.
 void CaptureNode::arm_cameras() {
-  const bool edges_are_told = generator_ || studio_.trigger.is_sensed();
-  cameras_.arm(period_of(rate_hz_), edges_are_told);
+  cameras_.arm(period_of(rate_hz_), edges_are_told());
   cameras_armed_ = true;
   const Duration within = checks() ? kCheckReadyWithin : kReadyWithin;
   ready_by_ = Monotonic::now() + within + 2 * period_of(rate_hz_);
@@ -291,6 +297,7 @@ void CaptureNode::open_take() {
            .cameras = {}};
   for (const CameraWorker* worker : ready) info_.cameras.push_back(worker->camera());
   create_take(studio_, info_);
+  keep_order(studio_, node_, order_);
   const TakePaths paths = take_paths(studio_, info_.name);
   listen_to_pulses(paths.pulses());
   disk_ = std::make_unique<TakeDisk>(paths, disk_demand());
@@ -306,13 +313,77 @@ void CaptureNode::open_take() {
   }
 }
 
-void CaptureNode::listen_to_pulses(const std::filesystem::path& log) {
+std::optional<CommandMessage> CaptureNode::rejoin() {
+  // The node of the trigger made the pulses: with it, the train ended.
+  if (!train_) return std::nullopt;
+  const auto found = kept_orders_.running(*train_);
+  if (!found) return std::nullopt;
+  begin_order(found->order, std::nullopt);
+  try {
+    reopen_take(found->commanded);
+  } catch (const InputError&) {
+    leave_take();
+    throw;
+  }
+  events_.send(Severity::kWarning, "take",
+               node_ + " was started anew and records " + order_.take + " again, from pulse " +
+                   std::to_string(found->commanded) + " on",
+               advice::kRejoined);
+  return order_;
+}
+
+void CaptureNode::reopen_take(int64_t commanded) {
+  const TakePaths paths = take_paths(studio_, order_.take);
+  info_ = load_take_info(paths);
+  info_.state = TakeState::kRecording;
+  const EdgeTimes edges = edge_times(paths);
+  PulseRecorder::Past past{.sensed = {}, .commanded = commanded};
+  for (const auto& [pulse, edge] : edges) past.sensed.insert(pulse);
+  disk_ = std::make_unique<TakeDisk>(paths, disk_demand());
+  gate_ = std::make_unique<LiveGate>([this] { return cameras_.most_waiting(); }, kLiveBacklog);
+  for (const auto& worker : cameras_) {
+    const auto& names = info_.cameras;
+    const bool records = std::find(names.begin(), names.end(), worker->camera()) != names.end();
+    if (records) reopen_lane(*worker, paths, edges);
+  }
+  listen_to_pulses(paths.pulses(), std::move(past));
+  train_->restart();
+  save_take_info(paths, info_);
+}
+
+void CaptureNode::reopen_lane(CameraWorker& worker, const TakePaths& paths,
+                              const EdgeTimes& edges) {
+  LanePast past = read_lane_past(paths, worker.camera(), edges);
+  worker.rejoin(period_of(rate_hz_), edges_are_told(), past.camera);
+  lanes_.push_back(std::make_unique<CameraLane>(
+      worker,
+      CameraLane::Setup{
+          .take = info_.name,
+          .log = paths.frames(worker.camera()),
+          .segmenter = Segmenter(load_background(paths.background(), worker.camera()), {}),
+          .rate_hz = rate_hz_,
+          .past = std::move(past)},
+      CameraLane::Shared{bus_, places_, *gate_}));
+}
+
+void CaptureNode::leave_take() {
+  cameras_.disarm();
+  lanes_.clear();
+  pulses_.reset();
+  gate_.reset();
+  disk_.reset();
+  drop_order(studio_, node_, order_.take);
+}
+
+void CaptureNode::listen_to_pulses(const std::filesystem::path& log,
+                                   std::optional<PulseRecorder::Past> past) {
   pulses_ = std::make_unique<PulseRecorder>(
       sensor_.get(), bus_,
       PulseRecorder::Setup{.take = order_.take,
                            .train = pulse_train_,
                            .log = log,
-                           .on_edge = [this](const PulseEdge& edge) { tell_cameras(edge); }});
+                           .on_edge = [this](const PulseEdge& edge) { tell_cameras(edge); },
+                           .past = std::move(past)});
 }
 
 void CaptureNode::open_check() {
@@ -352,6 +423,8 @@ Ledger CaptureNode::finish_take() {
     if (!lane->is_kept()) unkept_.push_back(lane->camera());
   }
   totals_ = totals();
+  // A daemon that is told to end while pulses run may be back before they end.
+  if (!stop_requested()) drop_order(studio_, node_, info_.name);
   disk_.reset();
   lanes_.clear();
   check_.reset();

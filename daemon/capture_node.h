@@ -15,6 +15,8 @@
 #include "daemon/camera_watch.h"
 #include "daemon/event_sender.h"
 #include "daemon/full_disk_watch.h"
+#include "daemon/kept_order.h"
+#include "daemon/lane_past.h"
 #include "daemon/node_cameras.h"
 #include "daemon/node_work.h"
 #include "daemon/pulse_recorder.h"
@@ -36,6 +38,7 @@ class CaptureNode : public NodeWork {
 
   void arm(const CommandMessage& order) override;
   void learn(const CommandMessage& order) override;
+  std::optional<CommandMessage> rejoin() override;
   void start() override;
   void drain() override;
   void disarm() override;
@@ -72,8 +75,16 @@ class CaptureNode : public NodeWork {
   };
   TakeTotals totals() const;
   void open_take();
+  void begin_order(const CommandMessage& order, std::optional<int64_t> pulses);
+  bool edges_are_told() const { return generator_ || studio_.trigger.is_sensed(); }
+  /// Records into a take that this node was in before it was started anew.
+  void reopen_take(int64_t commanded);
+  void reopen_lane(CameraWorker& worker, const TakePaths& paths, const EdgeTimes& edges);
+  /// As if reopen_take() had not been called.
+  void leave_take();
   /// An empty `log` is not written.
-  void listen_to_pulses(const std::filesystem::path& log);
+  void listen_to_pulses(const std::filesystem::path& log,
+                        std::optional<PulseRecorder::Past> past = {});
   /// Ends lanes and pulses; gives the account. Requires an open take.
   Ledger finish_take();
   /// Or a check.
@@ -103,6 +114,7 @@ class CaptureNode : public NodeWork {
   PulseTimes pulse_times_;                     ///< as sensed here
   std::unique_ptr<TrainWatch> train_;          ///< null where the trigger is here
   std::unique_ptr<FullDiskWatch> full_disks_;  ///< null where it is not
+  KeptOrders kept_orders_;
   NodeCameras cameras_;
   WorkPlaces places_;
 

@@ -26,6 +26,8 @@ Transition from_idle(Input input) {
       return {Phase::kArming, Work::kLearn, Verdict::kPending};
     case Input::kAbort:
       return stay(Phase::kIdle, Verdict::kDone);
+    case Input::kRejoined:
+      return stay(Phase::kRecording, Verdict::kNone);
     default:
       return out_of_place(Phase::kIdle, input);
   }
@@ -350,6 +352,13 @@ void Controller::remember(const std::string& take, const std::string& text,
   last_end_.outcome = ReplyMessage::Outcome::kDone;
   last_end_.text = text;
   last_end_.detail = detail;
+}
+
+void Controller::rejoined(const CommandMessage& order) {
+  const Transition next = transition(phase_, Input::kRejoined);
+  if (next.next == phase_) return;
+  order_ = started_by_ = order;
+  phase_ = next.next;
 }
 
 Controller::Step Controller::on_start_failed(const std::string& text) {

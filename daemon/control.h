@@ -43,6 +43,7 @@ enum class Input : uint8_t {
   kTrainEnded,  ///< the train had a known length and is over
   kDrained,     ///< everything is accounted for, and the take is closed
   kBroken,      ///< the node cannot go on
+  kRejoined,    ///< started anew, it records again the take that it was in
 };
 Input input_of(CommandVerb verb);
 
@@ -88,6 +89,10 @@ class Controller {
   /// A take that this node recorded before it was started anew: `stop` is answered with its
   /// account.
   void remember(const std::string& take, const std::string& text, const std::string& detail);
+
+  /// The node, idle until now, records again the take of this order, which it was in before it was
+  /// started anew.
+  void rejoined(const CommandMessage& order);
 
   /// Pulses could not be turned on: the start command that was answered "done" is refused after
   /// all, and the node has a fault.

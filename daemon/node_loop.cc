@@ -64,6 +64,7 @@ void NodeLoop::turn() {
     carry_out(controller_.on_event(report->event, report->text, report->detail));
   }
   let_go_what_nobody_confirms();
+  rejoin_running_take();
   // Others act on a change of state; they shall not wait for it.
   if (Monotonic::now() >= next_health_ || controller_.phase() != told_phase_) publish_health();
   feed_watchdog();
@@ -77,6 +78,15 @@ void NodeLoop::let_go_what_nobody_confirms() {
     const std::string text = controller_.order().take + " was not confirmed in time: arm it again";
     spdlog::warn("{}", text);
     carry_out(controller_.on_event(Input::kExpired, text));
+  }
+}
+
+void NodeLoop::rejoin_running_take() {
+  if (controller_.phase() != Phase::kIdle) return;
+  try {
+    if (const auto order = work_.rejoin()) controller_.rejoined(*order);
+  } catch (const InputError& error) {
+    spdlog::error("cannot go on with the take that runs: {}", error.what());
   }
 }
 

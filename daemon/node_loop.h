@@ -53,6 +53,7 @@ class NodeLoop {
   void report_commands(HealthMessage& health) const;
   void look_for_key();
   void let_go_what_nobody_confirms();
+  void rejoin_running_take();
   void feed_watchdog();
   void shut_down();
 

@@ -29,6 +29,11 @@ class NodeWork {
   /// Turns everything off and closes what is open, whatever the phase. Idempotent.
   virtual void disarm() = 0;
 
+  /// Called while the node is idle: when it was at a take before it was started anew, and the take
+  /// still runs, it records into it again, and says by whose order. InputErrors are told; the node
+  /// then stays as it is.
+  virtual std::optional<CommandMessage> rejoin() { return std::nullopt; }
+
   /// What has happened since; called often.
   virtual std::optional<NodeReport> poll(Phase phase) = 0;
 

@@ -8,7 +8,8 @@ constexpr size_t kQueuePulses = 4096;
 
 }  // namespace
 
-PulseLog::PulseLog(const std::filesystem::path& path) : log_(path), queue_(kQueuePulses) {
+PulseLog::PulseLog(const std::filesystem::path& path, LogOpening opening)
+    : log_(path, opening), queue_(kQueuePulses) {
   thread_ = std::thread([this] { run(); });
 }
 

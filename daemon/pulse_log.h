@@ -13,7 +13,7 @@ namespace v3d {
 class PulseLog {
  public:
   /// Throws InputError when the log cannot be made.
-  explicit PulseLog(const std::filesystem::path& path);
+  PulseLog(const std::filesystem::path& path, LogOpening opening);
   /// Writes what waits.
   ~PulseLog();
   PulseLog(const PulseLog&) = delete;

@@ -30,13 +30,23 @@ PulseRecorder::PulseRecorder(PulseSensor* sensor, Bus& bus, Setup setup)
       take_(std::move(setup.take)),
       on_edge_(std::move(setup.on_edge)),
       numbers_(setup.train) {
-  if (!setup.log.empty()) log_.emplace(setup.log);
+  if (!setup.log.empty()) {
+    log_.emplace(setup.log, setup.past ? LogOpening::kGoOn : LogOpening::kNew);
+  }
+  if (setup.past) remember(*setup.past);
   if (sensor_ != nullptr) {
     sensor_->reset();
   } else {
     heard_ = std::make_unique<Subscription<PulseMessage>>(bus_, kPulseChannel, kPulseQueue);
   }
   thread_ = std::thread([this] { run(); });
+}
+
+void PulseRecorder::remember(const Past& past) {
+  constexpr int64_t kOnTheirWay = 2;  // pulses that were commanded, and not heard of yet
+  const int64_t logged = past.sensed.empty() ? 0 : *past.sensed.rbegin() + 1;
+  seen_ = std::max(logged, past.commanded - kOnTheirWay);
+  sensed_ = past.sensed;
 }
 
 PulseRecorder::~PulseRecorder() {
@@ -52,7 +62,7 @@ void PulseRecorder::run() {
       say_again();
       continue;
     }
-    on_edge_({.pulse = pulse->pulse, .at = edge_of(*pulse)});
+    on_edge_(edge_of(*pulse));
     record(*pulse);
   }
   while (to_say_again_ > 0) say_again();
@@ -76,11 +86,13 @@ void PulseRecorder::record(const PulseMessage& pulse) {
   seen_ = std::max<int64_t>(seen_, pulse.pulse + 1);
 }
 
-MonotonicInstant PulseRecorder::edge_of(const PulseMessage& pulse) const {
-  if (sensor_ != nullptr) return pulse.edge_monotonic;
+PulseEdge PulseRecorder::edge_of(const PulseMessage& pulse) const {
+  if (sensor_ != nullptr) return {.pulse = pulse.pulse, .at = pulse.edge_monotonic};
   const Duration ago = Realtime::now() - pulse.edge;
   const bool plausible = ago >= Duration::zero() && ago <= kLongestOnTheWay;
-  return Monotonic::now() - (plausible ? ago : Duration::zero());
+  return {.pulse = pulse.pulse,
+          .at = Monotonic::now() - (plausible ? ago : Duration::zero()),
+          .is_timed = plausible};
 }
 
 int64_t PulseRecorder::sensed() const {

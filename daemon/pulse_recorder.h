@@ -26,11 +26,17 @@ namespace v3d {
 /// what that node tells. Has a thread of its own; lives from arming to the end of the take.
 class PulseRecorder {
  public:
+  /// Of a take that goes on, which this node was in before it was started anew.
+  struct Past {
+    std::set<int64_t> sensed;  ///< pulses in the log
+    int64_t commanded = 0;     ///< pulses of the train until now, or a little fewer
+  };
   struct Setup {
     std::string take;
     PulseTrain train;                               ///< what was commanded
     std::filesystem::path log{};                    ///< not written where empty
     std::function<void(const PulseEdge&)> on_edge;  ///< called by the thread for every pulse
+    std::optional<Past> past{};                     ///< the log goes on
   };
   /// `sensor` (may be null: listen on the bus) is reset here and read until destruction; it and
   /// `bus` outlive the recorder. Throws InputError when the line cannot be reached or the log
@@ -55,8 +61,9 @@ class PulseRecorder {
  private:
   void run();
   std::optional<PulseMessage> next();
+  void remember(const Past& past);
   /// By this host's clock.
-  MonotonicInstant edge_of(const PulseMessage& pulse) const;
+  PulseEdge edge_of(const PulseMessage& pulse) const;
   std::optional<PulseMessage> sense();
   std::optional<PulseMessage> hear();
   void record(const PulseMessage& pulse);

@@ -8,6 +8,7 @@
 #include "base/units.h"
 #include "daemon/advice.h"
 #include "daemon/json.h"
+#include "daemon/service.h"
 #include "daemon/take_folder.h"
 #include "recon/rehearsal.h"
 
@@ -69,11 +70,17 @@ Rig rig_of(const std::vector<std::string>& cameras, const std::filesystem::path&
 }  // namespace
 
 ReconNode::ReconNode(const Studio& studio, const std::string& node, Bus& bus)
-    : studio_(studio), bus_(bus), events_(bus, node), train_(bus, studio.trigger.node) {}
+    : studio_(studio),
+      node_(node),
+      bus_(bus),
+      events_(bus, node),
+      train_(bus, studio.trigger.node),
+      kept_orders_(studio, node) {}
 
 ReconNode::~ReconNode() { disarm(); }
 
 void ReconNode::arm(const CommandMessage& order) {
+  kept_orders_.forget();
   order_ = order;
   if (order.verb == CommandVerb::kCheck) return;  // nothing is reconstructed
   if (!is_file_name(order.take)) throw InputError("'" + order.take + "' cannot name a take");
@@ -83,6 +90,24 @@ void ReconNode::arm(const CommandMessage& order) {
   }
   std::error_code error;
   std::filesystem::create_directories(paths.folder, error);  // the mesh file tells what is wrong
+  open(order, std::nullopt);
+  keep_order(studio_, node_, order);
+}
+
+std::optional<CommandMessage> ReconNode::rejoin() {
+  const auto found = kept_orders_.running(train_);
+  if (!found) return std::nullopt;
+  order_ = found->order;
+  open(order_, found->commanded);
+  train_.restart();
+  events_.send(Severity::kWarning, "reconstruction",
+               node_ + " was started anew and reconstructs " + order_.take + " again, from pulse " +
+                   std::to_string(found->commanded) + " on",
+               advice::kMeshesMissing);
+  return order_;
+}
+
+void ReconNode::open(const CommandMessage& order, std::optional<int64_t> goes_on_at) {
   const StudioReconstruction& recon = studio_.reconstruction;
   const FrameSetOptions sets = sets_of(studio_, order);
   const int cameras = static_cast<int>(sets.cameras.size());
@@ -95,15 +120,21 @@ void ReconNode::arm(const CommandMessage& order) {
   auto reconstructor = std::make_shared<Reconstructor>(rig, options);
   pipeline_ = std::make_unique<ReconPipeline>(
       ReconPipeline::Setup{.take = order.take,
-                           .mesh_file = paths.mesh(),
+                           .mesh_file = take_paths(studio_, order.take).mesh(),
                            .stages = stages_of(reconstructor),
                            .threads = recon.threads,
                            .sets = sets,
-                           .rehearsal = rehearsal(rig, studio_.space.bounds)},
+                           .rehearsal = goes_on_at
+                                            ? std::nullopt
+                                            : std::optional(rehearsal(rig, studio_.space.bounds)),
+                           .goes_on_at = goes_on_at},
       bus_);
 }
 
-void ReconNode::learn(const CommandMessage& order) { order_ = order; }
+void ReconNode::learn(const CommandMessage& order) {
+  kept_orders_.forget();
+  order_ = order;
+}
 
 void ReconNode::drain() { drain_began_ = Monotonic::now(); }
 
@@ -112,6 +143,8 @@ void ReconNode::disarm() {
   pipeline_->close();
   last_ = pipeline_->counts();
   pipeline_.reset();
+  // A daemon that is told to end while pulses run may be back before they end.
+  if (!stop_requested()) drop_order(studio_, node_, order_.take);
   if (last_.meshes > 0) return;
   // A take that never saw a pulse leaves nothing behind; the folder goes with its last file.
   const TakePaths paths = take_paths(studio_, order_.take);

@@ -7,6 +7,7 @@
 #include "base/studio_file.h"
 #include "daemon/bus.h"
 #include "daemon/event_sender.h"
+#include "daemon/kept_order.h"
 #include "daemon/node_work.h"
 #include "daemon/recon_pipeline.h"
 #include "daemon/train_watch.h"
@@ -21,6 +22,7 @@ class ReconNode : public NodeWork {
 
   void arm(const CommandMessage& order) override;
   void learn(const CommandMessage& order) override;
+  std::optional<CommandMessage> rejoin() override;
   void start() override { train_.restart(); }
   void drain() override;
   void disarm() override;
@@ -29,14 +31,18 @@ class ReconNode : public NodeWork {
   bool progressed_since(MonotonicInstant since) const override;
 
  private:
+  /// `goes_on_at`: as ReconPipeline's.
+  void open(const CommandMessage& order, std::optional<int64_t> goes_on_at);
   NodeReport ready_report() const;
   std::optional<NodeReport> poll_recording();
   std::optional<NodeReport> poll_draining();
 
   const Studio& studio_;
+  const std::string node_;
   Bus& bus_;
   EventSender events_;
   TrainWatch train_;
+  KeptOrders kept_orders_;
   CommandMessage order_;
   MonotonicInstant drain_began_;
   std::unique_ptr<ReconPipeline> pipeline_;

@@ -34,17 +34,29 @@ MeshStages stages_of(const std::shared_ptr<Reconstructor>& reconstructor) {
           .encode = [reconstructor](SetAtWork& work) { reconstructor->encode(work); }};
 }
 
+namespace {
+
+FrameSetOptions behind(FrameSetOptions sets, std::optional<int64_t> last_pulse) {
+  sets.gone_until = last_pulse;
+  return sets;
+}
+
+}  // namespace
+
 ReconPipeline::ReconPipeline(Setup setup, Bus& bus)
     : take_(std::move(setup.take)),
       cameras_(setup.sets.cameras),
       bus_(bus),
       stages_(std::move(setup.stages)),
-      assembler_(setup.sets),
-      file_(setup.mesh_file),
+      file_(setup.mesh_file, setup.goes_on_at ? LogOpening::kGoOn : LogOpening::kNew),
+      meshes_before_(static_cast<int64_t>(file_.size())),
+      assembler_(behind(setup.sets, file_.last_pulse())),
       frames_(bus, std::string(kFramePrefix) + ".*", kFrameQueue),
       pulses_(bus, kPulseChannel, kPulseQueue),
       rehearsal_(std::move(setup.rehearsal)),
+      newest_pulse_(setup.goes_on_at.value_or(0)),
       last_frame_ns_(to_ns(Monotonic::now())),
+      sequences_(!setup.goes_on_at),
       pipeline_(setup.threads, [this] { return next_job(); },
                 {[this](Job& job) { attempt(stages_.make_mesh, job); },
                  [this](Job& job) { finish(job); }}) {
@@ -197,7 +209,7 @@ void ReconPipeline::note_latency(RealtimeInstant edge) {
 
 ReconCounts ReconPipeline::counts() const {
   const SubscriptionCounts frames = frames_.counts();
-  ReconCounts counts{.meshes = meshes_,
+  ReconCounts counts{.meshes = meshes_before_ + meshes_,
                      .dropped = ready_.dropped(),
                      .waiting = static_cast<int64_t>(ready_.size()),
                      .behind = ready_.behind(Monotonic::now()),
@@ -218,7 +230,7 @@ ReconCounts ReconPipeline::counts() const {
   counts.latency_p50_ms = percentile(latencies_ms_, 0.50);
   counts.latency_p99_ms = percentile(latencies_ms_, 0.99);
   const double seconds = to_seconds(last_mesh_ - first_mesh_);
-  if (seconds > 0) counts.live_fps = static_cast<double>(counts.meshes - 1) / seconds;
+  if (seconds > 0) counts.live_fps = static_cast<double>(meshes_ - 1) / seconds;
   return counts;
 }
 

@@ -62,7 +62,9 @@ class ReconPipeline {
     MeshStages stages;
     int threads = 0;  ///< 0: one per core
     FrameSetOptions sets;
-    std::optional<FrameSet> rehearsal;  ///< worked on first; its mesh is thrown away
+    std::optional<FrameSet> rehearsal{};  ///< worked on first; its mesh is thrown away
+    /// A take that goes on: pulses of it until now. The mesh file goes on behind its last mesh.
+    std::optional<int64_t> goes_on_at{};
   };
   /// `bus` outlives the pipeline. Throws InputError when the mesh file cannot be made.
   ReconPipeline(Setup setup, Bus& bus);
@@ -107,8 +109,9 @@ class ReconPipeline {
   const std::vector<std::string> cameras_;
   Bus& bus_;
   const MeshStages stages_;
-  FrameSetAssembler assembler_;  ///< assembling thread
   MeshFileWriter file_;
+  const int64_t meshes_before_;  ///< in the file, of a take that goes on
+  FrameSetAssembler assembler_;  ///< assembling thread
   Subscription<FrameMessage> frames_;
   Subscription<PulseMessage> pulses_;
   LiveQueue<ReadySet> ready_;
@@ -129,7 +132,7 @@ class ReconPipeline {
   Heartbeat reconstructing_;
 
   mutable std::mutex mutex_;  ///< what follows
-  SequenceTracker sequences_{true};
+  SequenceTracker sequences_;
   std::map<int64_t, RealtimeInstant> edges_;
   std::vector<double> latencies_ms_;
   size_t next_latency_ = 0;

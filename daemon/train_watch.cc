@@ -8,6 +8,14 @@ namespace {
 constexpr size_t kHealthQueue = 8;
 constexpr Duration kOnItsWay = std::chrono::milliseconds(500);
 
+/// A number that no train has is not believed.
+std::optional<int64_t> commanded_by(const HealthMessage& health) {
+  const auto commanded = health.values.find("pulses_commanded");
+  if (commanded == health.values.end()) return std::nullopt;
+  if (!(commanded->second >= 0 && commanded->second < 1e9)) return std::nullopt;
+  return static_cast<int64_t>(commanded->second);
+}
+
 }  // namespace
 
 TrainWatch::TrainWatch(Bus& bus, const std::string& trigger_node)
@@ -27,10 +35,25 @@ void TrainWatch::listen(const std::string& take) {
   while (const auto health = health_.wait(Monotonic::now())) hear(*health, take);
 }
 
-void TrainWatch::hear(const HealthMessage& health, const std::string& take) {
-  // The network reorders.
-  if (health.sent <= newest_) return;
+/// The network reorders.
+bool TrainWatch::is_news(const HealthMessage& health) {
+  if (health.sent <= newest_) return false;
   newest_ = health.sent;
+  return true;
+}
+
+std::optional<TrainWatch::Running> TrainWatch::running() {
+  std::optional<Running> running;
+  while (const auto health = health_.wait(Monotonic::now())) {
+    if (!is_news(*health)) continue;
+    const bool records = health->state == NodeState::kRecording;
+    running = {.take = records ? health->take : "", .commanded = commanded_by(*health).value_or(0)};
+  }
+  return running;
+}
+
+void TrainWatch::hear(const HealthMessage& health, const std::string& take) {
+  if (!is_news(health)) return;
   if (!first_) first_ = health.sent;
   const bool ours = health.take == take;
   const bool runs =
@@ -39,12 +62,7 @@ void TrainWatch::hear(const HealthMessage& health, const std::string& take) {
   // Before it was heard to run, word from before it was armed may still be on its way.
   const bool counts = runs_ || health.sent - *first_ > kOnItsWay;
   ended_ = ended_ || (!runs && counts);
-  const auto commanded = health.values.find("pulses_commanded");
-  // Anybody may send: a number that no train has is not believed.
-  if (ours && commanded != health.values.end() && commanded->second >= 0 &&
-      commanded->second < 1e9) {
-    commanded_ = static_cast<int64_t>(commanded->second);
-  }
+  if (ours) commanded_ = commanded_by(health).value_or(commanded_);
 }
 
 }  // namespace v3d

@@ -19,6 +19,14 @@ class TrainWatch {
 
   /// A train begins: what was heard before does not count. The trigger's node is armed by now.
   void restart();
+  /// What the trigger's node was last heard to record: nothing where the name is empty. Empty when
+  /// it has not been heard since restart(). For who is at no take; instead of listen().
+  struct Running {
+    std::string take;
+    int64_t commanded = 0;  ///< pulses, as far as was heard
+  };
+  std::optional<Running> running();
+
   /// Hears what has come since; to be called often. `take` is the one that is recorded.
   void listen(const std::string& take);
   /// True once that node was neither armed nor recording for the take.
@@ -27,6 +35,7 @@ class TrainWatch {
   int64_t commanded() const { return commanded_; }
 
  private:
+  bool is_news(const HealthMessage& health);
   void hear(const HealthMessage& health, const std::string& take);
 
   Subscription<HealthMessage> health_;

@@ -4,12 +4,28 @@
 #include "daemon/capture_node.h"
 #include "daemon/daemon_main.h"
 #include "daemon/json.h"
+#include "daemon/kept_order.h"
 #include "daemon/node_loop.h"
 #include "daemon/service.h"
 #include "daemon/take_folder.h"
 #include "trigger/make_trigger.h"
 
 namespace {
+
+/// What this node has of takes that it was at when it ended: recovered just now, or closed in order
+/// while pulses still ran.
+std::vector<v3d::Ledger> accounts(const v3d::Studio& studio, const std::string& node,
+                                  const std::vector<v3d::RecoveredTake>& recovered) {
+  std::vector<v3d::Ledger> ledgers;
+  for (const v3d::RecoveredTake& take : recovered) {
+    if (take.ledger) ledgers.push_back(*take.ledger);
+  }
+  for (const auto& [take, order] : v3d::kept_orders(studio, node)) {
+    const std::filesystem::path ledger = v3d::take_paths(studio, take).ledger();
+    if (std::filesystem::exists(ledger)) ledgers.push_back(v3d::load_ledger(ledger));
+  }
+  return ledgers;
+}
 
 void run(const v3d::Studio& studio, const std::string& node) {
   const v3d::RealtimeInstant began = v3d::Realtime::now();
@@ -24,8 +40,8 @@ void run(const v3d::Studio& studio, const std::string& node) {
   v3d::CaptureNode work(studio, node, bus);
   v3d::NodeLoop loop({node, "v3d-captured", studio.network.key, began, studio.network.metrics}, bus,
                      work);
-  for (const v3d::RecoveredTake& take : recovered) {
-    if (take.ledger) loop.remember(take.ledger->take, take.line, v3d::ledger_json(*take.ledger));
+  for (const v3d::Ledger& ledger : accounts(studio, node, recovered)) {
+    loop.remember(ledger.take, "recovered " + ledger.verdict(), v3d::ledger_json(ledger));
   }
   loop.run();
 }

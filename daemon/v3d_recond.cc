@@ -2,9 +2,14 @@
 #include <spdlog/spdlog.h>
 
 #include "base/error.h"
+#include "base/units.h"
 #include "daemon/daemon_main.h"
+#include "daemon/json.h"
+#include "daemon/kept_order.h"
 #include "daemon/node_loop.h"
 #include "daemon/recon_node.h"
+#include "daemon/take_folder.h"
+#include "take/mesh_file.h"
 
 namespace {
 
@@ -14,6 +19,16 @@ void refuse_capture_node(const v3d::Studio& studio, const std::string& node) {
   throw v3d::InputError(studio.path.string() + ": reconstruction.node: '" + node +
                         "' captures; give the reconstruction a [[node]] of its own (it may be the "
                         "same PC)");
+}
+
+/// What there is of takes that this node was at when it ended: their mesh files get their index.
+void remember_takes(const v3d::Studio& studio, const std::string& node, v3d::NodeLoop& loop) {
+  for (const auto& [take, order] : v3d::kept_orders(studio, node)) {
+    v3d::MeshFileWriter meshes(v3d::take_paths(studio, take).mesh(), v3d::LogOpening::kGoOn);
+    loop.remember(take,
+                  v3d::format_count(static_cast<int64_t>(meshes.size())) + " meshes recovered",
+                  v3d::numbers_json({{"meshes", static_cast<double>(meshes.size())}}));
+  }
 }
 
 void run(const v3d::Studio& studio, const std::string& given) {
@@ -28,8 +43,10 @@ void run(const v3d::Studio& studio, const std::string& given) {
   if (!problem.empty()) spdlog::warn("{}", problem);
   v3d::Bus bus(studio.network.lcm_url);
   v3d::ReconNode work(studio, node, bus);
-  v3d::NodeLoop({node, "v3d-recond", studio.network.key, began, studio.network.metrics}, bus, work)
-      .run();
+  v3d::NodeLoop loop({node, "v3d-recond", studio.network.key, began, studio.network.metrics}, bus,
+                     work);
+  remember_takes(studio, node, loop);
+  loop.run();
 }
 
 }  // namespace

@@ -20,6 +20,8 @@ struct FrameSetOptions {
   /// A frame so far ahead of all before it is a broken label, and is not believed: it would make
   /// every later frame a late one.
   int64_t max_jump = 15'000;
+  /// Sets up to this pulse had gone before, in a take that goes on.
+  std::optional<int64_t> gone_until{};
 };
 
 struct ReadySet {

@@ -65,9 +65,12 @@ bool write_all(int fd, std::span<iovec> parts) {
 
 class EventLogWriter::Impl {
  public:
-  explicit Impl(const std::filesystem::path& path)
-      : fd_(open(path.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0666)) {
+  Impl(const std::filesystem::path& path, LogOpening opening)
+      : fd_(open(path.c_str(),
+                 O_WRONLY | O_CREAT | O_CLOEXEC | (opening == LogOpening::kNew ? O_TRUNC : 0),
+                 0666)) {
     if (fd_ < 0) throw InputError(errno_message("cannot create log " + path.string()));
+    if (opening == LogOpening::kGoOn) go_on(path);
   }
   ~Impl() {
     sync();
@@ -102,6 +105,11 @@ class EventLogWriter::Impl {
   }
 
  private:
+  void go_on(const std::filesystem::path& path) {
+    events_ = static_cast<int64_t>(EventLogReader(path).events().size());
+    bytes_ = given_ = taken_ = lseek(fd_, 0, SEEK_END);
+  }
+
   /// writev() only reads.
   static iovec part_of(const Bytes& bytes) {
     return {const_cast<uint8_t*>(bytes.data()), bytes.size()};
@@ -140,8 +148,8 @@ class EventLogWriter::Impl {
   bool broken_ = false;  ///< it refused some of them
 };
 
-EventLogWriter::EventLogWriter(const std::filesystem::path& path)
-    : impl_(std::make_unique<Impl>(path)) {}
+EventLogWriter::EventLogWriter(const std::filesystem::path& path, LogOpening opening)
+    : impl_(std::make_unique<Impl>(path, opening)) {}
 EventLogWriter::~EventLogWriter() = default;
 EventLogWriter::EventLogWriter(EventLogWriter&&) noexcept = default;
 EventLogWriter& EventLogWriter::operator=(EventLogWriter&&) noexcept = default;

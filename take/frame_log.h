@@ -9,17 +9,19 @@
 #include <string>
 #include <vector>
 
+#include "take/log_opening.h"
 #include "wire/messages.h"
 
 namespace v3d {
 
-/// Appends events; one thread. Nothing is buffered here: what write() said yes to survives the end
-/// of the program, and a crash leaves at most one unfinished event behind it. At most 32 MB are not
-/// on the disk yet: write() then waits for the disk, so that close() is quick.
+/// Appends events; one thread. A log that goes on must end with a whole event (recover_take()).
+/// Nothing is buffered here: what write() said yes to survives the end of the program, and a crash
+/// leaves at most one unfinished event behind it. At most 32 MB are not on the disk yet: write()
+/// then waits for the disk, so that close() is quick.
 class EventLogWriter {
  public:
-  /// Creates the file. Throws InputError when that fails.
-  explicit EventLogWriter(const std::filesystem::path& path);
+  /// Creates the file where there is none. Throws InputError when that fails.
+  explicit EventLogWriter(const std::filesystem::path& path, LogOpening opening = LogOpening::kNew);
   ~EventLogWriter();
   EventLogWriter(EventLogWriter&&) noexcept;
   EventLogWriter& operator=(EventLogWriter&&) noexcept;

@@ -43,72 +43,11 @@ std::vector<uint8_t> read_at(int fd, uint64_t offset, size_t size) {
   return bytes;
 }
 
-}  // namespace
-
-class MeshFileWriter::Impl {
+/// A mesh file and where everything in it lies.
+class IndexedFile {
  public:
-  explicit Impl(const std::filesystem::path& path)
-      : fd_(open(path.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0644)) {
-    if (fd_ < 0 || !write_all(fd_, 0, mesh_file::header())) {
-      const std::string message = errno_message("cannot create mesh file " + path.string());
-      if (fd_ >= 0) ::close(fd_);
-      throw InputError(message);
-    }
-  }
-  ~Impl() { close(); }
-  Impl(const Impl&) = delete;
-  Impl& operator=(const Impl&) = delete;
-
-  bool append(int64_t pulse, std::span<const uint8_t> compact) {
-    assert(entries_.empty() || pulse > entries_.back().pulse);
-    if (fd_ < 0 || compact.size() > mesh_file::kMaxPayload) return false;
-    const Entry entry{.pulse = pulse,
-                      .offset = end_,
-                      .payload_size = static_cast<uint32_t>(compact.size()),
-                      .payload_crc = crc32(compact)};
-    if (!write_all(fd_, end_, mesh_file::record_head(entry)) ||
-        !write_all(fd_, end_ + mesh_file::kRecordSize, compact)) {
-      cut_back();
-      return false;
-    }
-    end_ += mesh_file::kRecordSize + compact.size();
-    entries_.push_back(entry);
-    return true;
-  }
-
-  bool close() {
-    if (fd_ < 0) return closed_well_;
-    closed_well_ = write_all(fd_, end_, mesh_file::index(entries_, end_));
-    if (!closed_well_) cut_back();
-    closed_well_ = fsync(fd_) == 0 && closed_well_;
-    ::close(std::exchange(fd_, -1));
-    return closed_well_;
-  }
-
- private:
-  /// What the disk took of an unfinished piece goes; if that fails too, readers pass over it.
-  void cut_back() {
-    if (ftruncate(fd_, static_cast<off_t>(end_)) != 0) return;
-  }
-
-  int fd_;
-  uint64_t end_ = mesh_file::kHeaderSize;
-  std::vector<Entry> entries_;
-  bool closed_well_ = false;
-};
-
-MeshFileWriter::MeshFileWriter(const std::filesystem::path& path)
-    : impl_(std::make_unique<Impl>(path)) {}
-MeshFileWriter::~MeshFileWriter() = default;
-MeshFileWriter::MeshFileWriter(MeshFileWriter&&) noexcept = default;
-bool MeshFileWriter::append(int64_t pulse, std::span<const uint8_t> compact) {
-  return impl_->append(pulse, compact);
-}
-bool MeshFileWriter::close() { return impl_->close(); }
-
-class MeshFileReader::Impl {
- public:
-  explicit Impl(const std::filesystem::path& path) : fd_(open(path.c_str(), O_RDONLY | O_CLOEXEC)) {
+  explicit IndexedFile(const std::filesystem::path& path)
+      : fd_(open(path.c_str(), O_RDONLY | O_CLOEXEC)) {
     if (fd_ < 0) throw InputError(errno_message("cannot open mesh file " + path.string()));
     struct stat status {};
     if (fstat(fd_, &status) == 0) file_size_ = static_cast<uint64_t>(status.st_size);
@@ -123,9 +62,9 @@ class MeshFileReader::Impl {
     if (!load_index()) rebuild_index();
     for (const Entry& entry : entries_) pulses_.push_back(entry.pulse);
   }
-  ~Impl() { close(fd_); }
-  Impl(const Impl&) = delete;
-  Impl& operator=(const Impl&) = delete;
+  ~IndexedFile() { close(fd_); }
+  IndexedFile(const IndexedFile&) = delete;
+  IndexedFile& operator=(const IndexedFile&) = delete;
 
   std::optional<std::vector<uint8_t>> read(int64_t pulse) const {
     const auto entry = std::lower_bound(entries_.begin(), entries_.end(), pulse,
@@ -138,6 +77,7 @@ class MeshFileReader::Impl {
     return payload;
   }
 
+  const std::vector<Entry>& entries() const { return entries_; }
   const std::vector<int64_t>& pulses() const { return pulses_; }
   bool index_was_rebuilt() const { return rebuilt_; }
 
@@ -233,6 +173,95 @@ class MeshFileReader::Impl {
   std::vector<Entry> entries_;
   std::vector<int64_t> pulses_;
   bool rebuilt_ = false;
+};
+
+}  // namespace
+
+class MeshFileWriter::Impl {
+ public:
+  Impl(const std::filesystem::path& path, LogOpening opening) {
+    if (opening == LogOpening::kGoOn) find_end(path);
+    fd_ = open(path.c_str(), O_WRONLY | O_CREAT | O_CLOEXEC, 0644);
+    if (fd_ < 0 || ftruncate(fd_, static_cast<off_t>(end_)) != 0 ||
+        !write_all(fd_, 0, mesh_file::header())) {
+      const std::string message = errno_message("cannot create mesh file " + path.string());
+      if (fd_ >= 0) ::close(fd_);
+      throw InputError(message);
+    }
+  }
+  ~Impl() { close(); }
+  Impl(const Impl&) = delete;
+  Impl& operator=(const Impl&) = delete;
+
+  bool append(int64_t pulse, std::span<const uint8_t> compact) {
+    assert(entries_.empty() || pulse > entries_.back().pulse);
+    if (fd_ < 0 || compact.size() > mesh_file::kMaxPayload) return false;
+    const Entry entry{.pulse = pulse,
+                      .offset = end_,
+                      .payload_size = static_cast<uint32_t>(compact.size()),
+                      .payload_crc = crc32(compact)};
+    if (!write_all(fd_, end_, mesh_file::record_head(entry)) ||
+        !write_all(fd_, end_ + mesh_file::kRecordSize, compact)) {
+      cut_back();
+      return false;
+    }
+    end_ += mesh_file::kRecordSize + compact.size();
+    entries_.push_back(entry);
+    return true;
+  }
+
+  bool close() {
+    if (fd_ < 0) return closed_well_;
+    closed_well_ = write_all(fd_, end_, mesh_file::index(entries_, end_));
+    if (!closed_well_) cut_back();
+    closed_well_ = fsync(fd_) == 0 && closed_well_;
+    ::close(std::exchange(fd_, -1));
+    return closed_well_;
+  }
+
+  const std::vector<Entry>& entries() const { return entries_; }
+
+ private:
+  /// Of a file that holds no mesh nothing is kept.
+  void find_end(const std::filesystem::path& path) {
+    try {
+      entries_ = IndexedFile(path).entries();
+    } catch (const InputError&) {
+      return;
+    }
+    if (entries_.empty()) return;
+    const Entry& last = entries_.back();
+    end_ = last.offset + mesh_file::kRecordSize + last.payload_size;
+  }
+
+  /// What the disk took of an unfinished piece goes; if that fails too, readers pass over it.
+  void cut_back() {
+    if (ftruncate(fd_, static_cast<off_t>(end_)) != 0) return;
+  }
+
+  int fd_ = -1;
+  uint64_t end_ = mesh_file::kHeaderSize;
+  std::vector<Entry> entries_;
+  bool closed_well_ = false;
+};
+
+MeshFileWriter::MeshFileWriter(const std::filesystem::path& path, LogOpening opening)
+    : impl_(std::make_unique<Impl>(path, opening)) {}
+MeshFileWriter::~MeshFileWriter() = default;
+MeshFileWriter::MeshFileWriter(MeshFileWriter&&) noexcept = default;
+bool MeshFileWriter::append(int64_t pulse, std::span<const uint8_t> compact) {
+  return impl_->append(pulse, compact);
+}
+size_t MeshFileWriter::size() const { return impl_->entries().size(); }
+std::optional<int64_t> MeshFileWriter::last_pulse() const {
+  if (impl_->entries().empty()) return std::nullopt;
+  return impl_->entries().back().pulse;
+}
+bool MeshFileWriter::close() { return impl_->close(); }
+
+class MeshFileReader::Impl : public IndexedFile {
+ public:
+  using IndexedFile::IndexedFile;
 };
 
 MeshFileReader::MeshFileReader(const std::filesystem::path& path)

@@ -9,16 +9,23 @@
 #include <span>
 #include <vector>
 
+#include "take/log_opening.h"
+
 namespace v3d {
 
 class MeshFileWriter {
  public:
-  explicit MeshFileWriter(const std::filesystem::path& path);  ///< throws InputError
-  ~MeshFileWriter();                                           ///< closes without throwing
+  /// To go on is to write behind the last whole mesh; what stands behind it is cut off. Throws
+  /// InputError when the file cannot be written.
+  explicit MeshFileWriter(const std::filesystem::path& path, LogOpening opening = LogOpening::kNew);
+  ~MeshFileWriter();  ///< closes without throwing
   MeshFileWriter(MeshFileWriter&&) noexcept;
 
   /// Pulses must rise. False when the disk refused.
   bool append(int64_t pulse, std::span<const uint8_t> compact);
+  /// Meshes in the file, and the pulse of the last.
+  size_t size() const;
+  std::optional<int64_t> last_pulse() const;
   /// Writes the index. False when the disk refused; the file stays readable.
   bool close();
 

@@ -12,10 +12,10 @@ using testing::HasSubstr;
 
 constexpr Phase kPhases[] = {Phase::kIdle,      Phase::kArming,   Phase::kPrepared, Phase::kArmed,
                              Phase::kRecording, Phase::kDraining, Phase::kLearning, Phase::kFault};
-constexpr Input kInputs[] = {Input::kArm,        Input::kStart,  Input::kStop,   Input::kAbort,
-                             Input::kBackground, Input::kCommit, Input::kLearn,  Input::kCheck,
-                             Input::kExpired,    Input::kReady,  Input::kFailed, Input::kTrainEnded,
-                             Input::kDrained,    Input::kBroken};
+constexpr Input kInputs[] = {
+    Input::kArm,    Input::kStart,      Input::kStop,    Input::kAbort,   Input::kBackground,
+    Input::kCommit, Input::kLearn,      Input::kCheck,   Input::kExpired, Input::kReady,
+    Input::kFailed, Input::kTrainEnded, Input::kDrained, Input::kBroken,  Input::kRejoined};
 
 bool is_command(Input input) { return input <= Input::kCheck; }
 bool pulses_may_run(Phase phase) { return phase == Phase::kRecording || phase == Phase::kLearning; }
@@ -32,6 +32,7 @@ TEST(Transition, is_as_the_table_says) {
   row(kIdle, Input::kBackground, {kArming, Work::kLearn, kPending});
   row(kIdle, Input::kCheck, {kArming, Work::kArm, kPending});
   row(kIdle, Input::kAbort, {kIdle, Work::kNone, kDone});
+  row(kIdle, Input::kRejoined, {kRecording, Work::kNone, kNone});
   row(kArming, Input::kReady, {kPrepared, Work::kNone, kNone});
   row(kArming, Input::kFailed, {kIdle, Work::kDisarm, kNone});
   row(kArming, Input::kAbort, {kIdle, Work::kDisarm, kDone});
@@ -134,6 +135,24 @@ class ControllerTest : public testing::Test {
   Controller controller_{"cap01"};
   Controller::Step last_;
 };
+
+TEST_F(ControllerTest, stops_the_take_that_it_records_again_after_it_was_started_anew) {
+  controller_.remember("kendo-07", "recovered", "{}");
+  EXPECT_EQ(send(command(CommandVerb::kStop, 1)).text, "recovered") << "before it has heard";
+  controller_.rejoined(command(CommandVerb::kArm, 7));
+  EXPECT_EQ(controller_.phase(), Phase::kRecording);
+  EXPECT_EQ(controller_.order().take, "kendo-07");
+  EXPECT_EQ(send(command(CommandVerb::kStop, 2)).outcome, Outcome::kPending);
+  EXPECT_EQ(last_.work, Work::kDrain);
+  EXPECT_EQ(controller_.on_event(Input::kDrained, "incomplete").replies.at(0).text, "incomplete");
+}
+
+TEST_F(ControllerTest, rejoins_nothing_when_it_has_been_ordered_something_since) {
+  send(command(CommandVerb::kArm, 1, "kendo-08"));
+  controller_.rejoined(command(CommandVerb::kArm, 7));
+  EXPECT_EQ(controller_.phase(), Phase::kArming);
+  EXPECT_EQ(controller_.order().take, "kendo-08");
+}
 
 TEST_F(ControllerTest, takes_a_take_from_arm_to_its_ledger) {
   const ReplyMessage armed = send(command(CommandVerb::kArm, 1));

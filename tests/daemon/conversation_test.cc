@@ -299,5 +299,46 @@ RC_GTEST_PROP(Studio, finds_its_way_back_to_one_state_though_nodes_start_anew_in
   RC_ASSERT(crew.all_are(Phase::kIdle));
 }
 
+/// Any node but the trigger's.
+test::SimulatedNode& any_other_node(SimulatedCrew& crew) {
+  return *crew.nodes[static_cast<size_t>(*rc::gen::inRange(1, 4))];
+}
+
+RC_GTEST_PROP(Studio, has_a_node_record_again_that_was_started_anew_in_a_take, ()) {
+  SimulatedCrew crew(any_seed(), any_weather(), 4);
+  SimulatedOperator& anna = crew.add_operator("anna", 0s);
+  anna.will_say(CommandVerb::kArm, "kendo-01");
+  anna.will_say(CommandVerb::kStart);
+  crew.play();
+  RC_ASSERT(crew.all_are(Phase::kRecording));
+  for (int i = *rc::gen::inRange(1, 4); i > 0; --i) any_other_node(crew).start_anew(crew.now());
+  crew.play_for(2s);
+  RC_ASSERT(crew.all_are(Phase::kRecording));
+  SimulatedOperator& ben = crew.add_operator("ben", 0s);
+  ben.will_say(CommandVerb::kStop);
+  crew.play();
+  RC_ASSERT(ben.answers.at(0).done());
+  RC_ASSERT(crew.all_are(Phase::kIdle));
+}
+
+/// Started anew shortly before, while or after somebody stops the take, or when its trigger's node
+/// goes too.
+RC_GTEST_PROP(Studio, answers_for_the_take_whenever_a_node_is_started_anew_in_it, ()) {
+  SimulatedCrew crew(any_seed(), any_weather(), 4);
+  SimulatedOperator& anna = crew.add_operator("anna", 0s);
+  anna.will_say(CommandVerb::kArm, "kendo-01");
+  anna.will_say(CommandVerb::kStart);
+  crew.play();
+  SimulatedOperator& ben = crew.add_operator("ben", 1500ms);
+  ben.will_say(CommandVerb::kStop, "kendo-01");
+  crew.play_for(std::chrono::milliseconds(*rc::gen::inRange(0, 4000)));
+  any_other_node(crew).start_anew(crew.now());
+  if (*rc::gen::inRange(0, 4) == 0) crew.nodes[0]->start_anew(crew.now());
+  crew.play();
+  RC_LOG() << text_of(ben.answers.at(0));
+  RC_ASSERT(ben.answers.at(0).done());
+  RC_ASSERT(crew.all_are(Phase::kIdle));
+}
+
 }  // namespace
 }  // namespace v3d

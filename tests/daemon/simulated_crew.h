@@ -107,9 +107,12 @@ class SimulatedNode {
     start_anew(from_ns<Monotonic>(0) - std::chrono::minutes(1));
   }
 
-  /// Everything that was in memory is gone.
+  /// Everything that was in memory is gone. On its disk is the take it was at, and what it had of
+  /// it.
   void start_anew(MonotonicInstant now) {
     controller_.emplace(name_);
+    if (kept_) controller_->remember(kept_->take, "recovered", "{}");
+    hears_of_trigger_ = now + world_.dice.between_ms(0, 1500);
     gate_ = std::make_unique<CommandGate>(name_, clock(now));
     gate_->set_key(world_.key);
     due_.reset();
@@ -118,6 +121,8 @@ class SimulatedNode {
   std::function<void(const std::string& take)> on_start;
   /// Whether the node of the trigger is armed or records for a take; null there.
   std::function<bool(const std::string& take)> trigger_runs;
+  /// Whether it records for the take; null there.
+  std::function<bool(const std::string& take)> trigger_records;
 
   void tick(MonotonicInstant now) {
     if (due_ && due_->first <= now) {
@@ -126,6 +131,7 @@ class SimulatedNode {
       act(controller_->on_event(event, "report"), now);
     }
     watch_train(now);
+    rejoin(now);
     if (phase() != Phase::kPrepared) prepared_since_ = now;
     if (now - prepared_since_ > std::chrono::seconds(60)) {
       act(controller_->on_event(Input::kExpired, "not confirmed"), now);
@@ -166,15 +172,24 @@ class SimulatedNode {
       case Work::kLearn:
         return later(10, 800, Input::kReady);
       case Work::kStart:
+        if (controller_->order().verb == CommandVerb::kArm) kept_ = controller_->order();
         if (on_start) on_start(take());
         return;
       case Work::kDrain:
         return later(100, 1500, Input::kDrained);
       case Work::kDisarm:
+        kept_.reset();
         return due_.reset();
       case Work::kNone:
         return;
     }
+  }
+  void rejoin(MonotonicInstant now) {
+    if (phase() != Phase::kIdle || !kept_ || now < hears_of_trigger_ || !trigger_records) return;
+    if (trigger_records(kept_->take))
+      controller_->rejoined(*kept_);
+    else
+      kept_.reset();
   }
   /// As by the health of the trigger's node.
   void watch_train(MonotonicInstant now) {
@@ -195,6 +210,8 @@ class SimulatedNode {
   std::optional<std::pair<MonotonicInstant, Input>> due_;
   MonotonicInstant prepared_since_;
   MonotonicInstant train_ran_;
+  std::optional<CommandMessage> kept_;
+  MonotonicInstant hears_of_trigger_;
 };
 
 /// Says one order after the other, and stops after one that failed.
@@ -260,6 +277,10 @@ class SimulatedCrew {
     studio_.trigger = studio_.nodes.front();
     for (const std::string& name : studio_.nodes) {
       nodes.push_back(std::make_unique<SimulatedNode>(world_, name));
+      if (nodes.size() > 1)
+        nodes.back()->trigger_records = [this](const auto& take) {
+          return nodes.front()->take() == take && nodes.front()->phase() == Phase::kRecording;
+        };
       if (nodes.size() > 1)
         nodes.back()->trigger_runs = [this](const auto& take) {
           const SimulatedNode& trigger = *nodes.front();

@@ -27,6 +27,7 @@ struct Studio4Options {
   std::string faults{};  ///< a fault script; empty: none
   std::string rate = "20";
   std::string takes = ".";  ///< their folder
+  bool two_nodes = false;   ///< cam03 and cam04 are of cap02, which has a disk of its own: cap02/
 };
 
 /// Four cameras whose background has been learnt, and the daemons.
@@ -39,8 +40,10 @@ class Studio4 : public testing::Test {
     if (!serves) throw std::runtime_error("v3d-sim: " + simulator_->output());
     std::ofstream(folder_ / "studio.toml", std::ios::app) << options.more;
     put_takes_into(options.takes);
+    if (options.two_nodes) share_cameras_out();
     studio_ = load_studio(folder_ / "studio.toml");
     start_captured();
+    if (options.two_nodes) start_second_captured();
     start_recond();
     client_.emplace(studio_);
     CommandMessage learn;
@@ -59,6 +62,26 @@ class Studio4 : public testing::Test {
     const std::string before = "takes = \".\"";
     text.replace(text.find(before), before.size(), "takes = \"" + folder + "\"");
     write_text(folder_ / "studio.toml", text);
+  }
+  static void replace(std::string& text, const std::string& before, const std::string& after) {
+    const size_t at = text.find(before);
+    if (at == std::string::npos) throw std::runtime_error("no " + before + " in " + text);
+    text.replace(at, before.size(), after);
+  }
+  /// One text for both nodes: what is theirs lies beside it, the rest in the folder above.
+  void share_cameras_out() const {
+    std::string text = read_file(folder_ / "studio.toml");
+    replace(text, "[camera_defaults]", "[[node]]\nname = \"cap02\"\n\n[camera_defaults]");
+    for (const char* camera : {"cam03", "cam04"}) {
+      const std::string name = "name = \"" + std::string(camera) + "\"";
+      replace(text, name, name + "\nnode = \"cap02\"");
+    }
+    for (const char* file : {"trigger.sock", "studio.key", "calib.toml"}) {
+      replace(text, "\"" + std::string(file) + "\"", "\"" + (folder_ / file).string() + "\"");
+    }
+    std::filesystem::create_directory(folder_ / "cap02");
+    write_text(folder_ / "studio.toml", text);
+    write_text(folder_ / "cap02" / "studio.toml", text);
   }
   void start_simulator(const Studio4Options& options) {
     std::vector<std::string> command = {bin("v3d-sim"),
@@ -87,6 +110,12 @@ class Studio4 : public testing::Test {
                                                folder_ / "studio.toml", "--node", "cap01"},
                       folder_ / "v3d-captured.log");
   }
+  void start_second_captured() {
+    second_captured_.emplace(
+        std::vector<std::string>{bin("v3d-captured"), "--studio", folder_ / "cap02" / "studio.toml",
+                                 "--node", "cap02"},
+        folder_ / "v3d-captured-2.log");
+  }
   void start_recond() {
     recond_.emplace(
         std::vector<std::string>{bin("v3d-recond"), "--studio", folder_ / "studio.toml"},
@@ -99,7 +128,10 @@ class Studio4 : public testing::Test {
     for (const std::string& node : answer.silent) text += node + ": silent\n";
     return text;
   }
-  std::string log() const { return captured_->output() + recond_->output(); }
+  std::string log() const {
+    const std::string second = second_captured_ ? second_captured_->output() : "";
+    return captured_->output() + second + recond_->output();
+  }
 
   Answer command(CommandVerb verb, int64_t pulses = 0) {
     CommandMessage m;
@@ -143,6 +175,7 @@ class Studio4 : public testing::Test {
   std::optional<ChildProcess> simulator_;
   Studio studio_;
   std::optional<ChildProcess> captured_;
+  std::optional<ChildProcess> second_captured_;
   std::optional<ChildProcess> recond_;
   std::optional<OperatorClient> client_;
 };

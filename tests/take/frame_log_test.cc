@@ -57,6 +57,18 @@ TEST(FrameLog, gives_back_every_frame_by_its_pulse) {
   EXPECT_FALSE(reader.read(4));
 }
 
+TEST(FrameLog, goes_on_behind_what_stands_there) {
+  const TemporaryFolder folder;
+  write_frames(folder / "cam07.lcmlog", {0, 1, 2, 7, 8});
+  write_frames(folder / "parts.lcmlog", {0, 1, 2});
+  {
+    EventLogWriter writer(folder / "parts.lcmlog", LogOpening::kGoOn);
+    for (const int64_t pulse : {7, 8}) ASSERT_TRUE(writer.write(frame_of(pulse)));
+  }
+  EXPECT_EQ(read_file(folder / "parts.lcmlog"), read_file(folder / "cam07.lcmlog"))
+      << "event numbers, too";
+}
+
 TEST(FrameLog, gives_the_first_of_two_frames_of_one_pulse) {
   const TemporaryFolder folder;
   {

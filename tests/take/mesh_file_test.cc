@@ -52,6 +52,25 @@ TEST(MeshFile, has_the_bytes_of_its_page) {
   EXPECT_EQ(bytes.substr(bytes.size() - 8), "V3DE\r\n\x1a\n");
 }
 
+TEST(MeshFile, goes_on_behind_its_last_whole_mesh_wherever_it_was_torn) {
+  const test::TemporaryFolder folder;
+  write_meshes(folder / "whole", {0, 1, 5});
+  const std::string whole = read_file(folder / "whole");
+  for (size_t size = 0; size <= whole.size(); ++size) {
+    test::write_text(folder / "mesh.v3d", whole.substr(0, size));
+    MeshFileWriter writer(folder / "mesh.v3d", LogOpening::kGoOn);
+    const size_t kept = writer.size();
+    EXPECT_EQ(writer.last_pulse().has_value(), kept > 0);
+    ASSERT_TRUE(writer.append(7, payload_of(7)) && writer.close());
+    MeshFileReader reader(folder / "mesh.v3d");
+    EXPECT_FALSE(reader.index_was_rebuilt());
+    ASSERT_EQ(reader.pulses().size(), kept + 1) << size << " bytes";
+    EXPECT_EQ(reader.read(7), payload_of(7));
+    EXPECT_EQ(reader.read(0).has_value(), kept > 0);
+    EXPECT_TRUE(size < whole.size() || kept == 3U);
+  }
+}
+
 TEST(MeshFile, may_be_empty) {
   const test::TemporaryFolder folder;
   write_meshes(folder / "mesh.v3d", {});

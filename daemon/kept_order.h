@@ -1,0 +1,43 @@
+// The order that a node is at, kept in the folder of the take, for a daemon that is started anew in
+// the middle.
+#pragma once
+
+#include <map>
+#include <optional>
+#include <string>
+
+#include "base/studio_file.h"
+#include "daemon/train_watch.h"
+#include "wire/messages.h"
+
+namespace v3d {
+
+/// From the moment the take is armed until it has come to its end. A disk that refuses is none's
+/// business here: the node could then not go on with the take.
+void keep_order(const Studio& studio, const std::string& node, const CommandMessage& order);
+void drop_order(const Studio& studio, const std::string& node, const std::string& take);
+/// Of all takes that this node did not bring to their end, by the names of the takes.
+std::map<std::string, CommandMessage> kept_orders(const Studio& studio, const std::string& node);
+
+/// Finds out whether one of the kept orders is of the take that runs. One thread.
+class KeptOrders {
+ public:
+  KeptOrders(const Studio& studio, std::string node);
+
+  struct Found {
+    CommandMessage order;
+    int64_t commanded = 0;  ///< pulses of the take until now, or a little fewer
+  };
+  /// Once, and only as long as the trigger's node has not been heard to be at something else: then
+  /// all orders are dropped. To be called often, until forget().
+  std::optional<Found> running(TrainWatch& train);
+  /// Something new was ordered.
+  void forget();
+
+ private:
+  const Studio& studio_;
+  const std::string node_;
+  std::map<std::string, CommandMessage> orders_;
+};
+
+}  // namespace v3d

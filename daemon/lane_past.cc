@@ -1,0 +1,88 @@
+#include "daemon/lane_past.h"
+
+#include <algorithm>
+
+#include "base/error.h"
+#include "capture/train_start.h"
+#include "take/frame_log.h"
+
+namespace v3d {
+namespace {
+
+/// So many of the last frames tell the camera's clock and latency as well as all.
+constexpr size_t kTold = 256;
+/// No camera takes so long; the clocks of this host and the trigger's are apart.
+constexpr Duration kLongestLatency = std::chrono::seconds(1);
+
+std::vector<FrameLabel> labels_of(const std::filesystem::path& log) {
+  try {
+    return FrameLogReader(log).labels();
+  } catch (const InputError&) {
+    return {};
+  }
+}
+
+/// The last frames without doubt, in rising order, the oldest first.
+std::vector<FrameLabel> last_certain(const std::vector<FrameLabel>& labels) {
+  std::vector<FrameLabel> last;
+  for (auto label = labels.rbegin(); label != labels.rend() && last.size() < kTold; ++label) {
+    const bool falls = last.empty() || label->pulse < last.back().pulse;
+    if (!label->suspect && falls) last.push_back(*label);
+  }
+  std::reverse(last.begin(), last.end());
+  return last;
+}
+
+std::vector<KnownFrame> known_frames(const std::vector<FrameLabel>& labels) {
+  const RealtimeInstant realtime = Realtime::now();
+  const MonotonicInstant monotonic = Monotonic::now();
+  std::vector<KnownFrame> frames;
+  for (const FrameLabel& label : labels) {
+    frames.push_back({.stamp = {.exposed = label.device_time,
+                                .counter = label.camera_counter,
+                                .received = monotonic - (realtime - label.received)},
+                      .pulse = label.pulse});
+  }
+  return frames;
+}
+
+std::optional<Duration> latency_of(const std::vector<FrameLabel>& labels, const EdgeTimes& edges) {
+  std::vector<Duration> latencies;
+  for (const FrameLabel& label : labels) {
+    const auto edge = edges.find(label.pulse);
+    if (edge != edges.end()) latencies.push_back(label.received - edge->second);
+  }
+  if (latencies.size() < kStartFrames) return std::nullopt;
+  const Duration least = *std::min_element(latencies.begin(), latencies.end());
+  if (least < Duration::zero() || least > kLongestLatency) return std::nullopt;
+  return least;
+}
+
+}  // namespace
+
+EdgeTimes edge_times(const TakePaths& take) {
+  EdgeTimes edges;
+  try {
+    for (const PulseMessage& pulse : read_pulses(take.pulses())) edges[pulse.pulse] = pulse.edge;
+  } catch (const InputError&) {  // none was heard of
+  }
+  return edges;
+}
+
+LanePast read_lane_past(const TakePaths& take, const std::string& camera, const EdgeTimes& edges) {
+  const std::vector<FrameLabel> labels = labels_of(take.frames(camera));
+  LanePast past;
+  for (const FrameLabel& label : labels) {
+    past.pulses.push_back(label.pulse);
+    past.exposures.add(label.camera_counter);
+    if (label.suspect) past.suspect.push_back(label.pulse);
+  }
+  const std::vector<FrameLabel> last = last_certain(labels);
+  past.camera = {.frames = known_frames(last),
+                 .latency = latency_of(last, edges),
+                 .delivered = static_cast<int64_t>(past.pulses.size()),
+                 .suspect = static_cast<int64_t>(past.suspect.size())};
+  return past;
+}
+
+}  // namespace v3d

@@ -1,0 +1,145 @@
+// Stories of daemons that are killed in the middle of a take and started anew.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <csignal>
+#include <nlohmann/json.hpp>
+
+#include "sim/exposure_record.h"
+#include "studio4.h"
+#include "take/join_parts.h"
+#include "take/mesh_file.h"
+#include "take/verify.h"
+#include "v3d-sim/take_check.h"
+
+namespace v3d {
+namespace {
+
+using test::ChildProcess;
+using test::kEmptyPulses;
+using test::Studio4;
+using test::within;
+using testing::IsEmpty;
+using testing::IsSubsetOf;
+
+using Pulses = std::vector<int64_t>;
+
+Pulses range(int64_t first, int64_t last) {
+  Pulses pulses;
+  for (int64_t pulse = first; pulse <= last; ++pulse) pulses.push_back(pulse);
+  return pulses;
+}
+
+/// cap01 with the trigger, cap02 and recon01, at 10 Hz: a host that hesitates leaves no pulse out.
+class StudioOfThree : public Studio4 {
+ protected:
+  StudioOfThree() : Studio4({.rate = "10", .two_nodes = true}) {}
+
+  static void end(std::optional<ChildProcess>& daemon, int signal) {
+    daemon->signal(signal);
+    daemon->wait(within(30));
+  }
+  /// Records, ends cap02 in the middle and starts it anew, goes on and stops.
+  void record_with_an_absence_of_cap02(int signal) {
+    arm_and_start(0);
+    ASSERT_TRUE(reaches("cap02", "frames_written", 50)) << log();
+    end(second_captured_, signal);
+    start_second_captured();
+    client_.emplace(studio_);  // forgets the health of before
+    ASSERT_TRUE(reaches("cap02", "cam04.frames_per_second", 5)) << log();
+    const double before = value("cap02", "frames_written");
+    ASSERT_TRUE(reaches("cap02", "frames_written", before + 30)) << log();
+    stopped_ = command(CommandVerb::kStop);
+    ASSERT_TRUE(stopped_.done()) << text_of(stopped_) << log();
+  }
+  /// The parts of both nodes put together, against the simulator's record of every exposure.
+  void check_joined() {
+    const TakePaths whole{folder_ / "joined"};
+    join_parts({take(), {folder_ / "cap02" / take_name_}}, whole);
+    verified_ = verify_take(whole);
+    EXPECT_THAT(verified_.disagreements, IsEmpty());
+    EXPECT_EQ(verified_.ledger.sensed, verified_.ledger.commanded);
+    const auto exposures = sim::load_exposures(folder_ / "exposures.csv");
+    const sim::TakeCheck check = sim::check_take(whole.folder, exposures);
+    EXPECT_EQ(check.frames_mislabelled, 0) << testing::PrintToString(check.problems);
+  }
+  /// One gap, and nothing else amiss.
+  void expect_one_gap(const CameraLedger& camera) const {
+    ASSERT_THAT(camera.missing, testing::Not(IsEmpty())) << camera.name;
+    EXPECT_EQ(camera.missing, range(camera.missing.front(), camera.missing.back())) << camera.name;
+    EXPECT_GE(camera.missing.front(), 20) << camera.name;
+    EXPECT_LT(camera.missing.back(), verified_.ledger.commanded - 10) << camera.name;
+    EXPECT_THAT(camera.duplicate, IsEmpty()) << camera.name;
+    EXPECT_THAT(camera.suspect, IsEmpty()) << camera.name;
+    EXPECT_EQ(camera.written + std::ssize(camera.missing), verified_.ledger.commanded);
+  }
+
+  Answer stopped_;
+  Verification verified_;
+};
+
+TEST_F(StudioOfThree, goes_on_with_a_node_that_was_killed_in_the_take_and_names_what_it_missed) {
+  record_with_an_absence_of_cap02(SIGKILL);
+  check_joined();
+  const auto& cameras = verified_.ledger.cameras;
+  ASSERT_EQ(cameras.size(), 4U);
+  for (const size_t i : {0, 1}) EXPECT_THAT(cameras[i].missing, IsEmpty()) << cameras[i].name;
+  for (const size_t i : {2, 3}) expect_one_gap(cameras[i]);
+  const auto told = nlohmann::json::parse(stopped_.replies.at("cap02").detail);
+  EXPECT_EQ(told["cameras"][1]["missing"].get<Pulses>(), cameras[3].missing) << "as at stop";
+}
+
+TEST_F(StudioOfThree, goes_on_with_a_node_that_was_restarted_in_order_in_the_take) {
+  record_with_an_absence_of_cap02(SIGTERM);
+  check_joined();
+  for (const size_t i : {2, 3}) expect_one_gap(verified_.ledger.cameras.at(i));
+}
+
+TEST_F(StudioOfThree, goes_on_reconstructing_where_the_reconstruction_was_killed_in_the_take) {
+  arm_and_start(0);
+  ASSERT_TRUE(reaches("recon01", "meshes", 20)) << log();
+  end(recond_, SIGKILL);
+  start_recond();
+  client_.emplace(studio_);
+  ASSERT_TRUE(reaches("recon01", "live_fps", 5)) << log();
+  const double before = value("recon01", "meshes");
+  ASSERT_TRUE(reaches("recon01", "meshes", before + 20)) << log();
+  const Answer stopped = command(CommandVerb::kStop);
+  ASSERT_TRUE(stopped.done()) << text_of(stopped) << log();
+
+  const auto recon = nlohmann::json::parse(stopped.replies.at("recon01").detail);
+  MeshFileReader meshes(take().mesh());
+  EXPECT_FALSE(meshes.index_was_rebuilt());
+  EXPECT_EQ(std::ssize(meshes.pulses()), recon["meshes"].get<int64_t>());
+  EXPECT_GE(before, 20) << "of before the restart, too";
+  EXPECT_THAT(range(0, 19), IsSubsetOf(meshes.pulses()));
+  for (const int64_t pulse : meshes.pulses()) EXPECT_TRUE(meshes.read(pulse)) << pulse;
+  check_joined();
+  for (const CameraLedger& camera : verified_.ledger.cameras) {
+    EXPECT_THAT(camera.missing, IsEmpty()) << "the capture nodes hear nothing of it";
+  }
+}
+
+TEST_F(StudioOfThree, ends_the_take_everywhere_when_the_node_of_the_trigger_is_killed) {
+  arm_and_start(0);
+  ASSERT_TRUE(reaches("cap02", "frames_written", 40)) << log();
+  end(captured_, SIGKILL);
+  start_captured();
+  const auto is_idle = [&](const char* node) {
+    const auto health = client_->health(within(5));
+    return health.contains(node) && health.at(node).state == NodeState::kIdle;
+  };
+  for (const char* node : {"cap01", "cap02", "recon01"}) {
+    ASSERT_TRUE(test::becomes_true([&] { return is_idle(node); }, within(60))) << node << log();
+  }
+  const Answer stopped = command(CommandVerb::kStop);
+  ASSERT_TRUE(stopped.done()) << text_of(stopped) << log();
+  check_joined();
+  for (const CameraLedger& camera : verified_.ledger.cameras) {
+    EXPECT_GE(camera.written, 20) << camera.name;
+    EXPECT_THAT(camera.suspect, IsEmpty()) << camera.name;
+  }
+}
+
+}  // namespace
+}  // namespace v3d
