@@ -1,5 +1,5 @@
-// The LCM bus: bytes in, bytes out. Everything that arrives may come from anybody: what does not
-// decode is counted and forgotten.
+// The LCM bus: bytes in, bytes out. Everything that arrives may come from anybody: what is not
+// believed (message_seal.h) or does not decode is counted and forgotten.
 #pragma once
 
 #include <atomic>
@@ -8,9 +8,12 @@
 #include <memory>
 #include <span>
 #include <string>
+#include <type_traits>
 
 #include "daemon/bounded_queue.h"
+#include "daemon/message_seal.h"
 #include "daemon/sequence.h"
+#include "wire/channels.h"
 #include "wire/codec.h"
 
 namespace v3d {
@@ -28,6 +31,11 @@ class Bus {
 
   /// False when the network refused; what was sent may still not arrive.
   bool publish(const std::string& channel, std::span<const uint8_t> bytes);
+  /// With its seal.
+  bool publish_sealed(const std::string& channel, Bytes message) {
+    return publish(channel, seal_.closed(std::move(message)));
+  }
+  MessageSeal& seal() { return seal_; }
 
   /// `handler` runs on the receiving thread, must be short and must not throw; the bytes are only
   /// borrowed. It is called as long as the bus lives.
@@ -38,7 +46,8 @@ class Bus {
 
  private:
   class Impl;
-  std::unique_ptr<Impl> impl_;
+  MessageSeal seal_;
+  std::unique_ptr<Impl> impl_;  ///< last: its thread uses the seal
 };
 
 /// One line with the remedy when the kernel gives less than the receive buffer that `lcm_url` asks
@@ -48,7 +57,7 @@ std::string receive_buffer_problem(const std::string& lcm_url);
 struct SubscriptionCounts {
   int64_t received = 0;     ///< messages that decoded
   int64_t dropped = 0;      ///< of these, thrown away because nobody took them in time
-  int64_t undecodable = 0;  ///< bytes that are no such message
+  int64_t undecodable = 0;  ///< bytes that are no such message, or not believed to be one
   int64_t lost = 0;         ///< messages that the sequence numbers say were sent and did not arrive
 };
 
@@ -60,7 +69,15 @@ class Subscription {
   /// What makes a message of bytes, or nothing. Runs on the receiving thread.
   using Open = std::function<std::optional<M>(std::span<const uint8_t>)>;
 
-  Subscription(Bus& bus, const std::string& channels, size_t queue_limit, Open open = decode<M>)
+  /// Messages that the bus's seal lets pass.
+  Subscription(Bus& bus, const std::string& channels, size_t queue_limit)
+      : Subscription(
+            bus, channels, queue_limit,
+            [seal = &bus.seal(), gate = NewsGate()](std::span<const uint8_t> bytes) mutable {
+              return open_sealed(*seal, gate, bytes);
+            }) {}
+  /// `open` alone decides.
+  Subscription(Bus& bus, const std::string& channels, size_t queue_limit, Open open)
       : shared_(std::make_shared<Shared>(queue_limit, std::move(open))) {
     // The bus keeps its handlers; this one keeps nothing alive and falls silent with us.
     bus.subscribe(channels, [weak = std::weak_ptr<Shared>(shared_)](
@@ -72,6 +89,30 @@ class Subscription {
   /// The next message, waiting until `deadline`; empty when none came.
   std::optional<M> wait(MonotonicInstant deadline) { return shared_->queue.pop(deadline); }
 
+  /// The message when it is sealed and news; counted in the seal otherwise.
+  static std::optional<M> open_sealed(MessageSeal& seal, NewsGate& gate,
+                                      std::span<const uint8_t> bytes) {
+    const auto inside = seal.open(bytes);
+    if (!inside) return std::nullopt;
+    auto message = decode<M>(*inside);
+    // Who has no key passes over a seal that he cannot check.
+    const bool looks_on = !message && !seal.asks_for_news() && bytes.size() > kSealSize;
+    if (looks_on) message = decode<M>(bytes.first(bytes.size() - kSealSize));
+    if (!message || !seal.asks_for_news()) return message;
+    const RealtimeInstant now = Realtime::now();
+    switch (gate.judge(sender_of(*message), message->seq, message->sent, now)) {
+      case NewsGate::Verdict::kNews:
+        return message;
+      case NewsGate::Verdict::kStale:
+        seal.count_stale(now - message->sent);
+        break;
+      case NewsGate::Verdict::kHeard:
+        seal.count_replayed();
+        break;
+    }
+    return std::nullopt;
+  }
+
   SubscriptionCounts counts() const {
     return {.received = shared_->received,
             .dropped = shared_->queue.dropped(),
@@ -80,12 +121,29 @@ class Subscription {
   }
 
  private:
+  /// As the message says itself: the channel is not sealed.
+  static std::string sender_of(const M& message) {
+    if constexpr (requires { message.node; }) {
+      return message.node;
+    } else if constexpr (requires { message.camera; }) {
+      return message.camera;
+    } else if constexpr (requires { message.frame; }) {
+      return message.frame.camera;
+    } else {
+      return {};
+    }
+  }
+  static bool is_of_channel(const M& message, const std::string& channel) {
+    if constexpr (std::is_same_v<M, HealthMessage>) return channel == health_channel(message.node);
+    return true;
+  }
+
   struct Shared {
     Shared(size_t limit, Open opener) : open(std::move(opener)), queue(limit) {}
 
     void receive(const std::string& channel, std::span<const uint8_t> bytes) {
       auto message = open(bytes);
-      if (!message) {
+      if (!message || !is_of_channel(*message, channel)) {
         ++undecodable;
         return;
       }
@@ -103,7 +161,7 @@ class Subscription {
       return channel;
     }
 
-    const Open open;
+    Open open;  ///< receiving thread only
     BoundedQueue<M> queue;
     SequenceTracker sequences;  ///< receiving thread only
     std::atomic<int64_t> received = 0;

@@ -131,7 +131,7 @@ void CameraLane::go_live(FrameMessage message, Mask mask) {
   message.frame = observe(raw.camera, raw.label, raw.image.view(), std::move(mask));
   message.sent = Realtime::now();
   message.seq = live_seq_++;
-  if (shared_.bus.publish(frame_channel(camera()), encode(message))) ++published_;
+  if (shared_.bus.publish_sealed(frame_channel(camera()), encode(message))) ++published_;
 }
 
 LaneCounts CameraLane::counts() const {

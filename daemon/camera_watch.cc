@@ -8,7 +8,7 @@
 namespace v3d {
 
 void CameraWatch::begin_train() {
-  for (auto& [camera, told] : told_) told.suspect = told.missing = 0;
+  for (auto& [camera, told] : told_) told.suspect = told.missing = {};
 }
 
 void CameraWatch::look_at(const CameraWorker& worker) {
@@ -76,25 +76,21 @@ void CameraWatch::report(const CameraWorker& worker, int64_t due, HealthMessage&
 }
 
 void CameraWatch::tell_missing(const std::string& camera, int64_t missing, int64_t due) {
-  Told& told = told_[camera];
-  if (missing > told.missing) {
-    events_.send(Severity::kWarning, camera,
-                 format_count(missing) + " frames missing of " + format_count(due) + " pulses",
-                 advice::kFramesMissing);
-  }
-  told.missing = missing;
+  if (missing == 0 || !told_[camera].missing.is_news(missing, Monotonic::now())) return;
+  events_.send(Severity::kWarning, camera,
+               format_count(missing) + " frames missing of " + format_count(due) + " pulses",
+               advice::kFramesMissing);
 }
 
 void CameraWatch::tell_suspect(const std::string& camera, const CameraWorkerStatus& status) {
-  Told& told = told_[camera];
-  if (status.suspect > told.suspect) {
-    events_.send(Severity::kWarning, camera,
-                 format_count(status.suspect) +
-                     " frames with a suspect pulse number, the last near " +
-                     std::to_string(status.last_pulse),
-                 advice::kFramesSuspect);
-  }
-  told.suspect = status.suspect;
+  const bool is_news =
+      status.suspect > 0 && told_[camera].suspect.is_news(status.suspect, Monotonic::now());
+  if (!is_news) return;
+  events_.send(Severity::kWarning, camera,
+               format_count(status.suspect) +
+                   " frames with a suspect pulse number, the last near " +
+                   std::to_string(status.last_pulse),
+               advice::kFramesSuspect);
 }
 
 }  // namespace v3d

@@ -7,6 +7,7 @@
 #include <string>
 
 #include "capture/camera_worker.h"
+#include "daemon/calm_count.h"
 #include "daemon/event_sender.h"
 #include "daemon/rate_meter.h"
 #include "wire/messages.h"
@@ -23,16 +24,16 @@ class CameraWatch {
   void begin_train();
   /// Tells of a camera that was lost or came back since the last call; to be called often.
   void look_at(const CameraWorker& worker);
-  /// Adds the figures of a camera to the node's, and tells of frames that are missing or suspect:
-  /// at most one event of a kind and camera. `due`: frames that should be here by now.
+  /// Adds the figures of a camera to the node's, and tells of frames that are missing or suspect,
+  /// again as CalmCount says. `due`: frames that should be here by now.
   void report(const CameraWorker& worker, int64_t due, HealthMessage& health);
 
  private:
   struct Told {
     int64_t losses = 0;
     bool lost = false;
-    int64_t suspect = 0;
-    int64_t missing = 0;
+    CalmCount suspect;
+    CalmCount missing;
   };
 
   void tell_missing(const std::string& camera, int64_t missing, int64_t due);

@@ -5,6 +5,7 @@
 #include <string>
 
 #include "daemon/bus.h"
+#include "daemon/calm_count.h"
 
 namespace v3d {
 
@@ -16,15 +17,20 @@ class EventSender {
   void send(Severity severity, const std::string& subject, const std::string& text,
             const std::string& advice = {});
   /// For a trouble that lasts: sends when `text` is another than last time, and once, as info, when
-  /// it has become empty.
+  /// it has become empty. A text that differs in its first number only is told again as CalmCount
+  /// says.
   void keep_told(Severity severity, const std::string& subject, const std::string& text,
-                 const std::string& advice);
+                 const std::string& advice, MonotonicInstant now = Monotonic::now());
 
  private:
   Bus& bus_;
   const std::string node_;
   int64_t seq_ = 0;
-  std::map<std::string, std::string> told_;  ///< troubles by subject
+  struct Told {
+    std::string text;
+    CalmCount number;  ///< in the text
+  };
+  std::map<std::string, Told> told_;  ///< troubles by subject
 };
 
 }  // namespace v3d

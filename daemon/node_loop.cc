@@ -36,6 +36,7 @@ void NodeLoop::look_for_key() {
   try {
     key_ = StudioKey::load(me_.key);
     gate_.set_key(*key_);
+    bus_.seal().set_key(*key_);
     if (!no_key_.empty()) spdlog::info("{}: commands are believed again", me_.key.string());
     no_key_.clear();
   } catch (const InputError& error) {
@@ -82,7 +83,8 @@ void NodeLoop::let_go_what_nobody_confirms() {
 }
 
 void NodeLoop::rejoin_running_take() {
-  if (controller_.phase() != Phase::kIdle) return;
+  // Whom nobody may command, believes nobody either.
+  if (controller_.phase() != Phase::kIdle || !key_) return;
   try {
     if (const auto order = work_.rejoin()) controller_.rejoined(*order);
   } catch (const InputError& error) {
@@ -156,7 +158,7 @@ void NodeLoop::publish_health() {
   work_.report_health(health);
   report_commands(health);
   if (controller_.phase() == Phase::kFault) health.text = controller_.fault();
-  bus_.publish(health_channel(me_.node), encode(health));
+  bus_.publish_sealed(health_channel(me_.node), encode(health));
   if (metrics_) metrics_->update(health);
   service::status(std::string(name(health.state)) + (health.take.empty() ? "" : " ") + health.take +
                   (health.text.empty() ? "" : ": ") + health.text);
@@ -175,7 +177,12 @@ void NodeLoop::report_commands(HealthMessage& health) const {
   value("commands_early", counts.early);
   value("commands_replayed", counts.replayed);
   value("commands_unkeyed", counts.unkeyed);
-  const std::string trouble = key_ ? gate_.trouble(Realtime::now()) : no_key_;
+  const SealCounts messages = bus_.seal().counts();
+  value("messages_forged", messages.forged);
+  value("messages_stale", messages.stale);
+  value("messages_replayed", messages.replayed);
+  std::string trouble = key_ ? gate_.trouble(Realtime::now()) : no_key_;
+  if (trouble.empty()) trouble = bus_.seal().trouble(Realtime::now());
   if (health.text.empty() || !key_) health.text = trouble;
 }
 

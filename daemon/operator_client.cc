@@ -5,7 +5,9 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <utility>
 
+#include "base/error.h"
 #include "daemon/bus.h"
 #include "wire/channels.h"
 #include "wire/studio_key.h"
@@ -29,6 +31,49 @@ std::string make_sender() {
          std::to_string(to_ns(Realtime::now()));
 }
 
+/// Begins the text of health that carries no seal: it may be anybody's.
+constexpr char kNotBelieved[] = "not believed: ";
+
+/// Health as an operator may see it. A node without a key cannot seal that it has none: such health
+/// shows as a fault, and only of nodes that are not heard otherwise.
+class HealthReader {
+ public:
+  explicit HealthReader(MessageSeal& seal) : seal_(seal) {}
+
+  std::optional<HealthMessage> operator()(std::span<const uint8_t> bytes) {
+    auto health = Subscription<HealthMessage>::open_sealed(seal_, gate_, bytes);
+    const MonotonicInstant now = Monotonic::now();
+    if (health) {
+      if (heard_.size() < kMaxNodes) heard_[health->node] = now;
+      return health;
+    }
+    health = decode<HealthMessage>(bytes);
+    if (!health && bytes.size() > kSealSize) {  // sealed by another key than here
+      health = decode<HealthMessage>(bytes.first(bytes.size() - kSealSize));
+    }
+    if (!health) return std::nullopt;
+    const auto known = heard_.find(health->node);
+    if (known != heard_.end() && now - known->second < kForgotten) return std::nullopt;
+    return HealthMessage{
+        .sent = health->sent,
+        .seq = health->seq,
+        .node = health->node,
+        .program = health->program,
+        .version = health->version,
+        .state = NodeState::kFault,
+        .take = {},
+        .text = kNotBelieved + (health->text.empty() ? "not sealed" : health->text),
+        .values = {}};
+  }
+
+ private:
+  static constexpr Duration kForgotten = std::chrono::seconds(3);
+  static constexpr size_t kMaxNodes = 256;
+  MessageSeal& seal_;
+  NewsGate gate_;
+  std::map<std::string, MonotonicInstant> heard_;  ///< sealed
+};
+
 }  // namespace
 
 std::vector<std::string> commanded_nodes(const Studio& studio) {
@@ -40,6 +85,8 @@ std::vector<std::string> commanded_nodes(const Studio& studio) {
   return nodes;
 }
 
+bool is_believed(const HealthMessage& health) { return !health.text.starts_with(kNotBelieved); }
+
 class OperatorClient::Impl {
  public:
   explicit Impl(const Studio& studio)
@@ -48,17 +95,29 @@ class OperatorClient::Impl {
         key_file(studio.network.key),
         sender(make_sender()),
         bus(studio.network.lcm_url),
-        healths(bus, std::string(kHealthPrefix) + ".*", kQueue),
+        not_verified(read_key()),
+        healths(bus, std::string(kHealthPrefix) + ".*", kQueue, HealthReader(bus.seal())),
         events(bus, kEventChannel, kQueue) {}
+
+  /// The key is not needed to look on. Why there is none, or nothing.
+  std::string read_key() {
+    try {
+      key = StudioKey::load(key_file);
+      bus.seal().set_key(*key);
+      return "";
+    } catch (const InputError& error) {
+      return error.what();
+    }
+  }
 
   bool is_node(const std::string& name) const {
     return std::find(nodes.begin(), nodes.end(), name) != nodes.end();
   }
 
-  /// The key is not needed to look on; it and the replies are had when they are.
   void begin_to_command() {
     if (replies) return;
     key = StudioKey::load(key_file);
+    bus.seal().set_key(*key);
     replies = std::make_unique<Subscription<ReplyMessage>>(
         bus, kReplyChannel, kQueue,
         [k = *key](std::span<const uint8_t> bytes) -> std::optional<ReplyMessage> {
@@ -75,7 +134,8 @@ class OperatorClient::Impl {
   }
 
   void remember(const HealthMessage& health) {
-    if (is_node(health.node)) last_health[health.node] = health;
+    if (!is_node(health.node)) return;
+    (is_believed(health) ? last_health : unbelieved)[health.node] = health;
   }
 
   /// What a node said before it replied is in the queue by now: its messages come in their order.
@@ -83,6 +143,7 @@ class OperatorClient::Impl {
     while (healths.wait(Monotonic::now())) {
     }
     last_health.clear();
+    unbelieved.clear();
   }
 
   const std::vector<std::string> nodes;
@@ -93,7 +154,9 @@ class OperatorClient::Impl {
   int64_t counter = 0;
   RealtimeInstant last_sent;
   std::map<std::string, HealthMessage> last_health;
+  std::map<std::string, HealthMessage> unbelieved;
   Bus bus;
+  const std::string not_verified;
   std::unique_ptr<Subscription<ReplyMessage>> replies;  ///< once there is a key
   Subscription<HealthMessage> healths;
   Subscription<EventMessage> events;
@@ -105,6 +168,7 @@ OperatorClient::OperatorClient(const Studio& studio) : impl_(std::make_unique<Im
 OperatorClient::~OperatorClient() = default;
 
 const std::vector<std::string>& OperatorClient::nodes() const { return impl_->nodes; }
+const std::string& OperatorClient::not_verified() const { return impl_->not_verified; }
 
 Answer OperatorClient::command(CommandMessage command, MonotonicInstant deadline,
                                const std::function<void(const ReplyMessage&)>& heard) {
@@ -128,7 +192,9 @@ std::map<std::string, HealthMessage> OperatorClient::health(MonotonicInstant dea
              impl_->last_health.size() < impl_->nodes.size() ? deadline : Monotonic::now())) {
     impl_->remember(*health);
   }
-  return impl_->last_health;
+  std::map<std::string, HealthMessage> all = impl_->last_health;
+  all.insert(impl_->unbelieved.begin(), impl_->unbelieved.end());
+  return all;
 }
 
 std::optional<HealthMessage> OperatorClient::next_health(MonotonicInstant deadline) {

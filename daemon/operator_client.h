@@ -19,6 +19,10 @@ namespace v3d {
 /// v3d-captured each), and the node of the reconstruction (v3d-recond).
 std::vector<std::string> commanded_nodes(const Studio& studio);
 
+/// False of health that carries no seal of the key here: its node has none or another, or somebody
+/// else said it. It shows as a fault.
+bool is_believed(const HealthMessage& health);
+
 /// One per process; one thread calls.
 class OperatorClient {
  public:
@@ -29,6 +33,9 @@ class OperatorClient {
   OperatorClient& operator=(const OperatorClient&) = delete;
 
   const std::vector<std::string>& nodes() const;
+  /// Why what is shown here is taken for what it says, seal or not: there is no studio key. Empty
+  /// when only what is sealed is shown.
+  const std::string& not_verified() const;
 
   /// Carries an order out as Conversation tells, sealed with the studio key, until every node has
   /// replied finally, or until `deadline`; what has to be taken back then takes a little longer.
@@ -39,7 +46,8 @@ class OperatorClient {
 
   /// The last health of every node heard since this client began or its last command was answered
   /// (never what was so before the command), waiting until each of nodes() has been heard or until
-  /// `deadline`. A node that is missing in the result is silent.
+  /// `deadline`. A node that is missing in the result is silent. One whose health carries no seal
+  /// has a fault, and the text begins with "not believed".
   std::map<std::string, HealthMessage> health(MonotonicInstant deadline);
 
   /// The next health message or event of any node; empty when none came until `deadline`.

@@ -77,7 +77,7 @@ void PulseRecorder::say_again() {
 void PulseRecorder::record(const PulseMessage& pulse) {
   if (log_) log_->write(pulse);
   if (sensor_ != nullptr) {
-    last_said_ = encode(pulse);
+    last_said_ = bus_.seal().closed(encode(pulse));
     bus_.publish(kPulseChannel, last_said_);
     to_say_again_ = kSaidAgain;
   }

@@ -182,7 +182,7 @@ void ReconPipeline::publish(const Job& job) {
                       .pulse_edge = edge_of(result.pulse),
                       .missing = job.missing,
                       .compact = result.compact};
-  bus_.publish(kMeshChannel, encode(message));
+  bus_.publish_sealed(kMeshChannel, encode(message));
   note_latency(message.pulse_edge);
 }
 

@@ -37,6 +37,7 @@ void run(const v3d::Studio& studio, const std::string& node) {
   const std::string problem = v3d::receive_buffer_problem(studio.network.lcm_url);
   if (!problem.empty()) spdlog::warn("{}", problem);
   v3d::Bus bus(studio.network.lcm_url);
+  bus.seal().insist();
   v3d::CaptureNode work(studio, node, bus);
   v3d::NodeLoop loop({node, "v3d-captured", studio.network.key, began, studio.network.metrics}, bus,
                      work);

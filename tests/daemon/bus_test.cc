@@ -76,6 +76,59 @@ TEST(Subscription, may_end_before_the_bus) {
   EXPECT_TRUE(events.wait(within(10)));
 }
 
+TEST(Subscription, believes_only_what_is_sealed_of_now_and_not_heard_before_once_there_is_a_key) {
+  Bus bus(kUrl);
+  const StudioKey key = StudioKey::make();
+  bus.seal().set_key(key);
+  Subscription<EventMessage> events(bus, kEventChannel, 8);
+  EventMessage old = event(0);
+  old.sent = Realtime::now() - std::chrono::seconds(60);
+  EventMessage fresh = event(1);
+  fresh.sent = Realtime::now();
+  MessageSeal stranger;
+  stranger.set_key(StudioKey::make());
+  bus.publish(kEventChannel, encode(fresh));
+  bus.publish(kEventChannel, stranger.closed(encode(fresh)));
+  bus.publish_sealed(kEventChannel, encode(old));
+  bus.publish_sealed(kEventChannel, encode(fresh));
+  bus.publish_sealed(kEventChannel, encode(fresh));
+  ASSERT_TRUE(becomes_true([&] { return bus.seal().counts().replayed == 1; }, within(10)));
+  EXPECT_EQ(bus.seal().counts().forged, 2);
+  EXPECT_EQ(bus.seal().counts().stale, 1);
+  EXPECT_EQ(events.counts().received, 1);
+  EXPECT_EQ(events.wait(within(10))->seq, 1);
+}
+
+TEST(Subscription, believes_nobody_s_health_on_the_channel_of_another) {
+  Bus bus(kUrl);
+  bus.seal().set_key(StudioKey::make());
+  Subscription<HealthMessage> health(bus, "V3D_HEALTH_.*", 8);
+  HealthMessage idle;
+  idle.node = "cap02";
+  idle.sent = Realtime::now();
+  bus.publish_sealed(health_channel("cap01"), encode(idle));
+  ASSERT_TRUE(becomes_true([&] { return health.counts().undecodable == 1; }, within(10)));
+  EXPECT_EQ(health.counts().received, 0);
+}
+
+TEST(Subscription, reads_what_is_sealed_where_there_is_no_key_to_look_on_with) {
+  Bus sender(kUrl);
+  sender.seal().set_key(StudioKey::make());
+  Bus receiver(kUrl);
+  Subscription<EventMessage> events(receiver, kEventChannel, 8);
+  sender.publish_sealed(kEventChannel, encode(event(3)));
+  EXPECT_EQ(events.wait(within(10)).value().seq, 3);
+}
+
+TEST(Subscription, believes_nothing_where_somebody_insists_and_there_is_no_key) {
+  Bus bus(kUrl);
+  bus.seal().insist();
+  Subscription<EventMessage> events(bus, kEventChannel, 8);
+  bus.publish_sealed(kEventChannel, encode(event(3)));
+  ASSERT_TRUE(becomes_true([&] { return bus.seal().counts().forged == 1; }, within(10)));
+  EXPECT_EQ(events.counts().received, 0);
+}
+
 TEST(Bus, names_the_field_and_the_remedy_when_the_network_cannot_be_joined) {
   const std::string message = test::message_of<InputError>([] { Bus bus("nonsense://"); });
   EXPECT_THAT(message, testing::HasSubstr("network.lcm_url: cannot join nonsense://"));

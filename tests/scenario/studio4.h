@@ -73,7 +73,7 @@ class Studio4 : public testing::Test {
     std::string text = read_file(folder_ / "studio.toml");
     replace(text, "[camera_defaults]", "[[node]]\nname = \"cap02\"\n\n[camera_defaults]");
     for (const char* camera : {"cam03", "cam04"}) {
-      const std::string name = "name = \"" + std::string(camera) + "\"";
+      const std::string name = "name = '" + std::string(camera) + "'";
       replace(text, name, name + "\nnode = \"cap02\"");
     }
     for (const char* file : {"trigger.sock", "studio.key", "calib.toml"}) {

@@ -9,6 +9,7 @@
 #include "v3dctl/health_text.h"
 #include "v3dctl/interrupt.h"
 #include "v3dctl/live_screen.h"
+#include "v3dctl/not_verified.h"
 #include "v3dctl/operator_text.h"
 #include "v3dctl/options.h"
 #include "v3dctl/studio_watcher.h"
@@ -26,6 +27,7 @@ using Healths = std::map<std::string, HealthMessage>;
 
 int show_once(const Studio& studio, const Options& options) {
   OperatorClient client(studio);
+  tell_if_not_verified(client);
   const Healths health = client.health(Monotonic::now() + from_seconds(options.timeout_s));
   if (options.json) {
     std::printf("%s\n", health_json(client.nodes(), health).dump(2).c_str());

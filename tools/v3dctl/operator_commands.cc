@@ -10,6 +10,7 @@
 #include "take/take.h"
 #include "v3dctl/command.h"
 #include "v3dctl/interrupt.h"
+#include "v3dctl/not_verified.h"
 #include "v3dctl/operator_text.h"
 #include "v3dctl/options.h"
 
@@ -201,6 +202,7 @@ int run_stop(const CommandLine& line, const Options& options) {
 
 int run_status(const CommandLine& line, const Options& options) {
   OperatorClient client(line.studio());
+  tell_if_not_verified(client);
   const auto health = client.health(in_seconds(options.timeout_s));
   if (options.json) {
     std::printf("%s\n", health_json(client.nodes(), health).dump(2).c_str());

@@ -1,5 +1,7 @@
 #include "v3dctl/studio_watcher.h"
 
+#include "v3dctl/not_verified.h"
+
 namespace v3d::ctl {
 namespace {
 
@@ -11,6 +13,7 @@ constexpr size_t kEventsKept = 200;
 }  // namespace
 
 StudioWatcher::StudioWatcher(const Studio& studio) : client_(studio) {
+  tell_if_not_verified(client_);
   view_.studio = studio.name;
   view_.nodes = client_.nodes();
   for (const StudioCamera& camera : studio.cameras) {

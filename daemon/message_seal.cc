@@ -1,0 +1,87 @@
+#include "daemon/message_seal.h"
+
+#include <cstdio>
+
+namespace v3d {
+namespace {
+
+/// So long a refusal is worth a line in health.
+constexpr Duration kTold = std::chrono::seconds(10);
+
+}  // namespace
+
+void MessageSeal::set_key(const StudioKey& key) {
+  const std::lock_guard lock(mutex_);
+  key_ = key;
+  has_key_ = true;
+}
+
+void MessageSeal::insist() { insists_ = true; }
+
+std::optional<StudioKey> MessageSeal::key() const {
+  if (!has_key_) return std::nullopt;
+  const std::lock_guard lock(mutex_);
+  return key_;
+}
+
+Bytes MessageSeal::closed(Bytes message) const {
+  const auto key = this->key();
+  if (!key) return message;
+  message.resize(message.size() + kSealSize);
+  key->seal(message);
+  return message;
+}
+
+std::optional<std::span<const uint8_t>> MessageSeal::open(std::span<const uint8_t> bytes) {
+  const auto key = this->key();
+  if (!key && !insists_) return bytes;
+  if (key && key->has_sealed(bytes)) return bytes.first(bytes.size() - kSealSize);
+  ++forged_;
+  note(
+      "messages without the studio's seal are refused: a stranger, or another studio key than "
+      "here");
+  return std::nullopt;
+}
+
+void MessageSeal::count_stale(Duration age) {
+  ++stale_;
+  char text[120];
+  std::snprintf(text, sizeof text,
+                "messages are refused that were sent %.1f s %s; do the clocks agree? Try: chronyc "
+                "tracking",
+                std::abs(to_seconds(age)), age > Duration::zero() ? "ago" : "in the future");
+  note(text);
+}
+
+SealCounts MessageSeal::counts() const {
+  return {.forged = forged_, .stale = stale_, .replayed = replayed_};
+}
+
+std::string MessageSeal::trouble(RealtimeInstant now) const {
+  const std::lock_guard lock(mutex_);
+  return now - troubled_ < kTold ? trouble_ : "";
+}
+
+void MessageSeal::note(const std::string& trouble) {
+  const std::lock_guard lock(mutex_);
+  trouble_ = trouble;
+  troubled_ = Realtime::now();
+}
+
+NewsGate::Verdict NewsGate::judge(const std::string& sender, int64_t seq, RealtimeInstant sent,
+                                  RealtimeInstant now) {
+  const Duration age = now - sent;
+  if (age > kOldest || -age > kAhead) return Verdict::kStale;
+  // Who holds the key invents no senders; should they ever be so many, none is news.
+  if (senders_.size() == kMaxSenders && !senders_.contains(sender)) return Verdict::kStale;
+  Heard& heard = senders_[sender];
+  if (sent <= heard.floor) return Verdict::kStale;
+  if (!heard.messages.emplace(sent, seq).second) return Verdict::kHeard;
+  if (heard.messages.size() > kRemembered) {
+    heard.floor = heard.messages.begin()->first;
+    heard.messages.erase(heard.messages.begin());
+  }
+  return Verdict::kNews;
+}
+
+}  // namespace v3d

@@ -1,0 +1,89 @@
+#include "daemon/message_seal.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <rapidcheck/gtest.h>
+
+#include <set>
+
+namespace v3d {
+namespace {
+
+using namespace std::chrono_literals;
+using Verdict = NewsGate::Verdict;
+
+constexpr RealtimeInstant kNow = from_ns<Realtime>(1'700'000'000'000'000'000);
+
+Bytes health() {
+  HealthMessage message;
+  message.node = "cap01";
+  message.values["pulses_commanded"] = 77;
+  return encode(message);
+}
+
+class Seal : public testing::Test {
+ protected:
+  Seal() { seal_.set_key(key_); }
+  const StudioKey key_ = StudioKey::make();
+  MessageSeal seal_;
+};
+
+TEST_F(Seal, gives_back_what_it_has_closed) {
+  const Bytes closed = seal_.closed(health());
+  const auto opened = seal_.open(closed);
+  ASSERT_TRUE(opened);
+  EXPECT_EQ(Bytes(opened->begin(), opened->end()), health());
+  EXPECT_EQ(seal_.counts().forged, 0);
+}
+
+TEST_F(Seal, opens_nothing_that_was_changed_cut_or_closed_by_another) {
+  const Bytes closed = seal_.closed(health());
+  for (size_t bit = 0; bit < 8 * closed.size(); ++bit) {
+    Bytes changed = closed;
+    changed[bit / 8] ^= static_cast<uint8_t>(1 << bit % 8);
+    EXPECT_FALSE(seal_.open(changed)) << "bit " << bit;
+  }
+  for (size_t size = 0; size < closed.size(); ++size) {
+    EXPECT_FALSE(seal_.open(std::span(closed).first(size))) << size << " bytes";
+  }
+  MessageSeal stranger;
+  stranger.set_key(StudioKey::make());
+  EXPECT_FALSE(seal_.open(stranger.closed(health())));
+  EXPECT_FALSE(seal_.open(health()));
+  EXPECT_EQ(seal_.counts().forged, static_cast<int64_t>(9 * closed.size() + 2));
+  EXPECT_THAT(seal_.trouble(Realtime::now()), testing::HasSubstr("another studio key"));
+  EXPECT_EQ(seal_.trouble(Realtime::now() + 60s), "");
+}
+
+TEST(News, is_what_was_sent_shortly_before_or_by_a_clock_a_little_ahead_and_not_heard_yet) {
+  NewsGate gate;
+  EXPECT_EQ(gate.judge("cap01", 3, kNow - 4s, kNow), Verdict::kNews);
+  EXPECT_EQ(gate.judge("cap01", 3, kNow - 4s, kNow), Verdict::kHeard);
+  EXPECT_EQ(gate.judge("cap02", 3, kNow - 4s, kNow), Verdict::kNews) << "another sender";
+  EXPECT_EQ(gate.judge("cap01", 4, kNow - 4s, kNow), Verdict::kNews) << "in the same instant";
+  EXPECT_EQ(gate.judge("cap01", 2, kNow - 4500ms, kNow), Verdict::kNews) << "overtaken";
+  EXPECT_EQ(gate.judge("cap01", 5, kNow - 6s, kNow), Verdict::kStale);
+  EXPECT_EQ(gate.judge("cap01", 5, kNow + 1s, kNow), Verdict::kNews);
+  EXPECT_EQ(gate.judge("cap01", 6, kNow + 3s, kNow), Verdict::kStale);
+}
+
+/// However many there are, in whatever order they come, and whenever they are played again.
+RC_GTEST_PROP(News, is_never_told_twice, ()) {
+  NewsGate gate;
+  std::set<std::pair<int64_t, int64_t>> believed;
+  const int64_t rate = *rc::gen::element<int64_t>(1, 25, 1000, 5000);
+  RealtimeInstant now = kNow;
+  for (int64_t i = 0; i < 4000; ++i) {
+    now = kNow + i * Duration(1'000'000'000 / rate);
+    const int64_t seq = i % 3 == 2 ? *rc::gen::inRange<int64_t>(0, i) : i;
+    const RealtimeInstant sent = kNow + seq * Duration(1'000'000'000 / rate);
+    if (gate.judge("cap01", seq, sent, now) == Verdict::kNews) {
+      RC_ASSERT(believed.emplace(seq, to_ns(sent)).second);
+    } else {
+      RC_ASSERT(i % 3 == 2 || believed.contains({seq, to_ns(sent)}));
+    }
+  }
+}
+
+}  // namespace
+}  // namespace v3d
