@@ -155,6 +155,7 @@ void NodeLoop::publish_health() {
   health.take = controller_.phase() == Phase::kIdle ? std::string() : controller_.order().take;
   machine_.report(health.values);
   clock_.report(health.values);
+  ptp_.report(health.values);
   work_.report_health(health);
   report_commands(health);
   if (controller_.phase() == Phase::kFault) health.text = controller_.fault();

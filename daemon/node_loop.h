@@ -15,6 +15,7 @@
 #include "daemon/machine_health.h"
 #include "daemon/metrics_server.h"
 #include "daemon/node_work.h"
+#include "daemon/ptp_watch.h"
 
 namespace v3d {
 
@@ -75,6 +76,7 @@ class NodeLoop {
   Subscription<CommandMessage> commands_;
   MachineHealth machine_;
   ClockWatch clock_;
+  PtpWatch ptp_;
   const std::unique_ptr<MetricsServer> metrics_;  ///< or null
   int64_t health_seq_ = 0;
   Phase told_phase_ = Phase::kIdle;  ///< by the last health message

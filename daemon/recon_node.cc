@@ -4,7 +4,6 @@
 
 #include "base/calib_file.h"
 #include "base/error.h"
-#include "base/name.h"
 #include "base/units.h"
 #include "daemon/advice.h"
 #include "daemon/json.h"
@@ -83,7 +82,7 @@ void ReconNode::arm(const CommandMessage& order) {
   kept_orders_.forget();
   order_ = order;
   if (order.verb == CommandVerb::kCheck) return;  // nothing is reconstructed
-  if (!is_file_name(order.take)) throw InputError("'" + order.take + "' cannot name a take");
+  refuse_take_name(order.take);
   const TakePaths paths = take_paths(studio_, order.take);
   if (std::filesystem::exists(paths.mesh())) {
     throw InputError(paths.mesh().string() + " exists already; choose another take name");

@@ -7,6 +7,7 @@
 #include "base/error.h"
 #include "base/name.h"
 #include "take/verify.h"
+#include "wire/messages.h"
 
 namespace v3d {
 namespace {
@@ -39,10 +40,17 @@ TakePaths take_paths(const Studio& studio, const std::string& take) {
   return {studio.storage.takes / take};
 }
 
-void refuse_bad_take(const Studio& studio, const std::string& take) {
-  if (!is_file_name(take)) {
-    throw InputError("'" + take + "' cannot name a take: " + std::string(kFileNameRule));
+void refuse_take_name(const std::string& take) {
+  const std::string cannot = "'" + take + "' cannot name a take: ";
+  if (!is_file_name(take)) throw InputError(cannot + std::string(kFileNameRule));
+  for (const CommandVerb verb : {CommandVerb::kCheck, CommandVerb::kBackground}) {
+    if (take != name(verb)) continue;
+    throw InputError(cannot + "v3dctl " + take + " goes by this name; choose another");
   }
+}
+
+void refuse_bad_take(const Studio& studio, const std::string& take) {
+  refuse_take_name(take);
   if (fs::exists(take_paths(studio, take).info())) {
     throw InputError("take " + take + " exists already in " + studio.storage.takes.string() +
                      "; choose another name");

@@ -14,7 +14,11 @@ namespace v3d {
 /// Where a take of this studio lies.
 TakePaths take_paths(const Studio& studio, const std::string& take);
 
-/// Throws InputError when the name is no take name or the take exists already.
+/// Throws InputError when the name cannot be a take's: it is no file name, or stands for what is
+/// armed for a check or to learn the background.
+void refuse_take_name(const std::string& take);
+
+/// The same, and when the take exists already.
 void refuse_bad_take(const Studio& studio, const std::string& take);
 
 /// Makes the folder with take.toml (state: recording), calib.toml, studio.toml and

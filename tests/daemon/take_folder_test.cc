@@ -55,6 +55,10 @@ TEST_F(TakeFolderTest, is_refused_for_a_bad_name_or_a_take_that_exists) {
   create_take(studio_, info_);
   EXPECT_THAT(test::message_of<InputError>([&] { refuse_bad_take(studio_, "kendo-07"); }),
               HasSubstr("kendo-07 exists already"));
+  for (const char* verb : {"check", "background"}) {
+    EXPECT_THAT(test::message_of<InputError>([&] { refuse_bad_take(studio_, verb); }),
+                testing::HasSubstr(std::string("v3dctl ") + verb + " goes by this name"));
+  }
   refuse_bad_take(studio_, "kendo-08");
 }
 

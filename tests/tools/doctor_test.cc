@@ -8,7 +8,9 @@
 #include <thread>
 
 #include "support/temporary_folder.h"
+#include "v3dctl/doctor_key.h"
 #include "v3dctl/doctor_machine.h"
+#include "wire/studio_key.h"
 
 namespace v3d::ctl {
 namespace {
@@ -119,6 +121,9 @@ TEST(Doctor, tells_who_holds_the_clock_and_how_well) {
   EXPECT_EQ(verdict({{"clock_synchronised_flag", 1}, {"clock_offset_us", -4000}}, true),
             Verdict::kBad);
   EXPECT_EQ(verdict({{"clock_synchronised_flag", 0}}, true), Verdict::kBad);
+  EXPECT_EQ(verdict({{"ptp_steps_removed", 1}, {"ptp_offset_us", 0.3}}, true), Verdict::kGood);
+  EXPECT_EQ(verdict({{"ptp_steps_removed", 1}, {"ptp_offset_us", 4000}}, true), Verdict::kBad);
+  EXPECT_EQ(verdict({{"ptp_steps_removed", 0}}, true), Verdict::kGood) << "the master";
   EXPECT_EQ(verdict({}, true), Verdict::kGood) << "by PTP, perhaps";
   EXPECT_EQ(verdict({}, false), Verdict::kBad);
   EXPECT_NE(check_clock({}, false).remedy, "");
@@ -143,6 +148,30 @@ TEST(Doctor, minds_the_memory_of_usb_only_where_cameras_hang_on_it) {
   EXPECT_EQ(check_usb_memory(1000, true).verdict, Verdict::kGood);
   EXPECT_EQ(check_usb_memory(0, true).verdict, Verdict::kGood) << "no limit";
   EXPECT_EQ(check_usb_memory(-1, false).verdict, Verdict::kUnknown);
+}
+
+TEST(Doctor, wants_a_studio_key_that_nobody_else_can_read) {
+  const test::TemporaryFolder folder;
+  const auto path = folder / "studio.key";
+  EXPECT_EQ(check_key_file(path).verdict, Verdict::kBad);
+  EXPECT_NE(check_key_file(path).remedy.find("v3dctl key new"), std::string::npos);
+  StudioKey::make().save(path);
+  EXPECT_EQ(check_key_file(path).verdict, Verdict::kGood);
+  std::filesystem::permissions(path, std::filesystem::perms(0644));
+  EXPECT_EQ(check_key_file(path).remedy, "chmod 640 " + path.string());
+}
+
+TEST(Doctor, names_the_nodes_that_have_no_key_or_another) {
+  HealthMessage well;
+  HealthMessage strange;
+  strange.text = "not believed: not sealed";
+  const auto findings =
+      check_keys_of({"cap01", "cap02", "cap03"}, {{"cap01", well}, {"cap02", strange}});
+  ASSERT_EQ(findings.size(), 3U);
+  EXPECT_EQ(findings[0].verdict, Verdict::kGood);
+  EXPECT_EQ(findings[1].verdict, Verdict::kBad);
+  EXPECT_EQ(findings[1].subject, "key of cap02");
+  EXPECT_EQ(findings[2].verdict, Verdict::kUnknown) << "silent";
 }
 
 TEST(Doctor, wants_real_time_priorities_for_the_daemon) {

@@ -18,6 +18,7 @@
 
 #include "base/error.h"
 #include "base/units.h"
+#include "v3dctl/doctor_key.h"
 #include "v3dctl/doctor_machine.h"
 
 namespace v3d::ctl {
@@ -183,7 +184,8 @@ std::vector<Finding> examine(const Studio& studio, const std::string& node) {
                                    check_multicast(studio.network.lcm_url), check_packet_socket(),
                                    check_disk(studio.storage.takes)};
   const std::vector<StudioCamera> cameras = node.empty() ? studio.cameras : studio.cameras_of(node);
-  for (const auto& more : {examine_machine(studio, cameras), check_cameras(cameras)}) {
+  for (const auto& more :
+       {examine_machine(studio, cameras), check_cameras(cameras), examine_keys(studio)}) {
     findings.insert(findings.end(), more.begin(), more.end());
   }
   return findings;

@@ -16,7 +16,8 @@ struct Finding {
 };
 
 /// `node`: only its cameras; empty: all cameras of the studio. Asks the cameras over the network
-/// (GigE Vision register read), up to a second together, and writes to the disk for another second.
+/// (GigE Vision register read), up to a second together, writes to the disk for another second and
+/// listens to the nodes for two.
 std::vector<Finding> examine(const Studio& studio, const std::string& node);
 
 /// Single checks, for tests and for examine().

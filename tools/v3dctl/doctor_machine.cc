@@ -17,6 +17,7 @@
 #include "base/error.h"
 #include "base/units.h"
 #include "daemon/clock_watch.h"
+#include "daemon/ptp_watch.h"
 #include "v3dctl/health_text.h"
 
 namespace v3d::ctl {
@@ -64,8 +65,11 @@ std::string interface_with(uint32_t address) {
 std::map<std::string, double> ask_for_the_time() {
   ClockWatch watch;
   watch.wait(std::chrono::milliseconds(100));
+  PtpWatch ptp;
+  ptp.wait(std::chrono::milliseconds(100));
   std::map<std::string, double> values;
   watch.report(values);
+  ptp.report(values);
   return values;
 }
 
@@ -120,6 +124,18 @@ double measure_writes(const std::filesystem::path& file) {
   return good ? rate : -1;
 }
 
+/// Of ptp4l alone. Where chronyd holds the clock, too, it is chronyd's.
+Finding check_ptp(const std::map<std::string, double>& values) {
+  const auto offset = values.find("ptp_offset_us");
+  if (offset == values.end()) {
+    return {Verdict::kGood, "clock", "this PC is the PTP master, or ptp4l has found none", ""};
+  }
+  const std::string text =
+      "held by ptp4l, " + value_text("offset_us", offset->second) + " from its master";
+  if (std::abs(offset->second) < kGoodOffsetUs) return {Verdict::kGood, "clock", text, ""};
+  return {Verdict::kBad, "clock", text, "journalctl -u ptp4l: does it still hear its master?"};
+}
+
 }  // namespace
 
 Finding check_mtu(const std::string& interface, int mtu, int packet_size) {
@@ -172,6 +188,7 @@ Finding check_clock(const std::map<std::string, double>& values, bool kernel_hol
     return {Verdict::kBad, "clock", text, "sudo chronyc makestep, before the next take"};
   }
   if (flag != values.end()) return {Verdict::kGood, "clock", "held by systemd-timesyncd", ""};
+  if (values.contains("ptp_steps_removed")) return check_ptp(values);
   if (kernel_holds) {
     return {Verdict::kGood, "clock", "held, the kernel says; by whom and how well is not known",
             ""};

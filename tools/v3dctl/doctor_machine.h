@@ -19,8 +19,8 @@ Finding check_mtu(const std::string& interface, int mtu, int packet_size);
 /// Threads may be given a real-time priority. `limit`: RLIMIT_RTPRIO of this user.
 Finding check_realtime(unsigned long limit, bool root);
 
-/// `values`: what ClockWatch reports. `kernel_holds`: the kernel says that its clock is held (as it
-/// is by ptp4l with phc2sys, of which ClockWatch does not hear).
+/// `values`: what ClockWatch and PtpWatch report. `kernel_holds`: the kernel says that its clock is
+/// held (as by a ptp4l that this user may not ask).
 Finding check_clock(const std::map<std::string, double>& values, bool kernel_holds);
 
 /// Measured by writing a file there for about a second. `needed`: bytes per second.
