@@ -5,8 +5,8 @@
 #include <span>
 #include <vector>
 
-#include "base/mask.h"
 #include "base/joined_sets.h"
+#include "base/mask.h"
 #include "base/mask_pieces.h"
 
 namespace v3d {

@@ -9,8 +9,8 @@
 #include <cstdint>
 
 #include "base/image.h"
-#include "capture/background_table.h"
 #include "base/mask_pieces.h"
+#include "capture/background_table.h"
 
 namespace v3d {
 

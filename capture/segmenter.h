@@ -5,12 +5,12 @@
 
 #include "base/image.h"
 #include "base/mask.h"
+#include "base/mask_pieces.h"
 #include "capture/background.h"
 #include "capture/background_adaptation.h"
 #include "capture/background_table.h"
 #include "capture/differing_quads.h"
 #include "capture/mask_holes.h"
-#include "base/mask_pieces.h"
 #include "capture/segment_options.h"
 
 namespace v3d {

@@ -5,9 +5,9 @@
 #include <random>
 #include <vector>
 
+#include "base/mask_pieces.h"
 #include "capture/mask_holes.h"
 #include "capture/mask_majority.h"
-#include "base/mask_pieces.h"
 
 namespace v3d {
 namespace {

@@ -5,9 +5,9 @@
 #include <algorithm>
 #include <bit>
 
+#include "base/mask_pieces.h"
 #include "capture/mask_holes.h"
 #include "capture/mask_majority.h"
-#include "base/mask_pieces.h"
 #include "capture/segmenter.h"
 #include "peers/opencv_subtractor.h"
 
