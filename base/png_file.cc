@@ -13,6 +13,10 @@
 namespace v3d {
 namespace {
 
+/// zlib makes at most so many bytes of one: a header that promises more is not to be believed, nor
+/// memory taken for it.
+constexpr size_t kMostPerByte = 1032;
+
 struct FreeContext {
   void operator()(spng_ctx* context) const { spng_ctx_free(context); }
 };
@@ -70,7 +74,11 @@ DeepImage decode_png(std::string_view bytes, const std::filesystem::path& path) 
   }
   DeepImage image{
       {static_cast<int>(header.width), static_cast<int>(header.height)}, rgb ? 3 : 1, {}};
-  image.samples.resize(static_cast<size_t>(image.size.pixels()) * image.channels);
+  const size_t samples = static_cast<size_t>(image.size.pixels()) * image.channels;
+  if (samples * sizeof(uint16_t) > kMostPerByte * bytes.size()) {
+    refuse(path, "is no PNG image, or a damaged one");
+  }
+  image.samples.resize(samples);
   if (spng_decode_image(context.get(), image.samples.data(),
                         image.samples.size() * sizeof(uint16_t), SPNG_FMT_PNG, 0) != 0) {
     refuse(path, "is no PNG image, or a damaged one");

@@ -21,7 +21,8 @@ struct DeepImage {
 /// Equal images give equal bytes. Requires 1 or 3 channels and as many samples as the size says.
 std::string encode_png(const DeepImage& image);
 /// Throws InputError naming `path` (where the bytes came from) for anything but a whole PNG of 16
-/// bits, grey or RGB, of at most kMaxImageSide along a side.
+/// bits, grey or RGB, of at most kMaxImageSide along a side. Takes no more memory than a thousand
+/// times the bytes.
 DeepImage decode_png(std::string_view bytes, const std::filesystem::path& path);
 
 /// 8 bits, RGB; other formats are brought to RGB first. Throws std::runtime_error when the file

@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "base/error.h"
+#include "base/printable.h"
 #include "daemon/bus.h"
 #include "wire/channels.h"
 #include "wire/studio_key.h"
@@ -74,6 +75,22 @@ class HealthReader {
   std::map<std::string, MonotonicInstant> heard_;  ///< sealed
 };
 
+/// What strangers may have written comes to the operator's screen.
+HealthMessage fit_for_screen(HealthMessage health) {
+  for (std::string* text :
+       {&health.node, &health.program, &health.version, &health.take, &health.text}) {
+    *text = printable(*text);
+  }
+  std::map<std::string, double> values;
+  for (const auto& [name, value] : health.values) values[printable(name)] = value;
+  health.values = std::move(values);
+  return health;
+}
+EventMessage fit_for_screen(EventMessage event) {
+  for (std::string* text : {&event.node, &event.subject, &event.text}) *text = printable(*text);
+  return event;
+}
+
 }  // namespace
 
 std::vector<std::string> commanded_nodes(const Studio& studio) {
@@ -138,6 +155,14 @@ class OperatorClient::Impl {
     (is_believed(health) ? last_health : unbelieved)[health.node] = health;
   }
 
+  std::optional<HealthMessage> next_health(MonotonicInstant deadline) {
+    auto health = healths.wait(deadline);
+    if (!health) return std::nullopt;
+    *health = fit_for_screen(*std::move(health));
+    remember(*health);
+    return health;
+  }
+
   /// What a node said before it replied is in the queue by now: its messages come in their order.
   void forget_health() {
     while (healths.wait(Monotonic::now())) {
@@ -177,8 +202,9 @@ Answer OperatorClient::command(CommandMessage command, MonotonicInstant deadline
                             deadline);
   while (!conversation.over()) {
     if (const auto message = conversation.poll(Monotonic::now())) impl_->send(*message);
-    const auto reply = impl_->replies->wait(conversation.next_due());
+    auto reply = impl_->replies->wait(conversation.next_due());
     if (!reply || reply->command_sender != impl_->sender) continue;
+    reply->text = printable(reply->text);
     if (conversation.hear(*reply) && heard) heard(*reply);
   }
   impl_->counter = conversation.counter();
@@ -188,9 +214,8 @@ Answer OperatorClient::command(CommandMessage command, MonotonicInstant deadline
 
 std::map<std::string, HealthMessage> OperatorClient::health(MonotonicInstant deadline) {
   // What is queued already is taken without waiting, so that the result is the newest.
-  while (auto health = impl_->healths.wait(
-             impl_->last_health.size() < impl_->nodes.size() ? deadline : Monotonic::now())) {
-    impl_->remember(*health);
+  while (impl_->next_health(impl_->last_health.size() < impl_->nodes.size() ? deadline
+                                                                            : Monotonic::now())) {
   }
   std::map<std::string, HealthMessage> all = impl_->last_health;
   all.insert(impl_->unbelieved.begin(), impl_->unbelieved.end());
@@ -198,13 +223,13 @@ std::map<std::string, HealthMessage> OperatorClient::health(MonotonicInstant dea
 }
 
 std::optional<HealthMessage> OperatorClient::next_health(MonotonicInstant deadline) {
-  auto health = impl_->healths.wait(deadline);
-  if (health) impl_->remember(*health);
-  return health;
+  return impl_->next_health(deadline);
 }
 
 std::optional<EventMessage> OperatorClient::next_event(MonotonicInstant deadline) {
-  return impl_->events.wait(deadline);
+  auto event = impl_->events.wait(deadline);
+  if (event) *event = fit_for_screen(*std::move(event));
+  return event;
 }
 
 std::optional<MeshMessage> OperatorClient::next_mesh(MonotonicInstant deadline) {

@@ -26,7 +26,7 @@ SequenceCounts SequenceTracker::arrived(Sender& sender, int64_t seq, RealtimeIns
   if (overtaken) return {.duplicate = 1};
   if (seq <= sender.newest) sender = {.newest = -1, .counts = sender.counts};  // begins again
   const bool first = sender.newest < 0 && !from_start_;
-  const int64_t missed = first ? 0 : std::min(seq - sender.newest - 1, kMaxMissed);
+  const int64_t missed = first ? 0 : std::min(seq - (sender.newest + 1), kMaxMissed);
   const int64_t awaited = std::min(missed, kMaxAwaited);
   for (int64_t n = seq - awaited; n < seq; ++n) sender.awaited.insert(sender.awaited.end(), n);
   while (std::ssize(sender.awaited) > kMaxAwaited) sender.awaited.erase(sender.awaited.begin());

@@ -53,6 +53,14 @@ TEST(PngFile, of_8_bits_is_refused_with_what_would_be_right) {
               AllOf(HasSubstr("plate.png"), HasSubstr("16 bits, grey or RGB")));
 }
 
+TEST(PngFile, that_promises_more_than_its_bytes_can_hold_takes_no_memory) {
+  std::string bytes = encode_png(ramp({37, 11}, 1)).substr(0, 33);  // the header
+  bytes[18] = bytes[22] = 0x30;                                     // 12,325 x 12,299
+  EXPECT_THAT(refusal_of(bytes), HasSubstr("plate.png: is no PNG image"));
+  const DeepImage black{{3000, 1000}, 1, std::vector<uint16_t>(3'000'000)};
+  EXPECT_EQ(decode_png(encode_png(black), "plate.png").samples, black.samples);
+}
+
 RC_GTEST_PROP(PngFile, with_a_bit_turned_over_is_read_or_refused_and_nothing_else, ()) {
   std::string bytes = encode_png(ramp({9, 5}, 3));
   const auto at = *rc::gen::inRange<size_t>(0, bytes.size());

@@ -27,6 +27,12 @@ TEST(SequenceTracker, counts_from_the_first_where_it_listened_from_the_start) {
   EXPECT_EQ(tracker.of("a"), (SequenceCounts{.received = 2, .lost = 2}));
 }
 
+TEST(SequenceTracker, believes_no_number_of_a_stranger_to_be_more_than_a_million_losses) {
+  SequenceTracker tracker(true);
+  tracker.note("a", INT64_MAX, sent(1));
+  EXPECT_EQ(tracker.of("a"), (SequenceCounts{.received = 1, .lost = 1'000'000}));
+}
+
 TEST(SequenceTracker, takes_back_the_loss_of_a_message_that_was_only_late) {
   SequenceTracker tracker;
   note(tracker, "a", {0, 3, 1});

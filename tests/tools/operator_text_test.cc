@@ -76,6 +76,17 @@ TEST(TakeAccounts, put_the_cameras_of_all_nodes_side_by_side) {
   EXPECT_TRUE(account.unreadable.empty());
 }
 
+TEST(TakeAccounts, name_the_node_whose_counts_nobody_can_have) {
+  for (const char* count : {"-1", "1e300", "\"ten\"", "null"}) {
+    std::string text = detail("cam01", 0);
+    const std::string right = "\"commanded\":10";
+    text.replace(text.find(right), right.size(), std::string("\"commanded\":") + count);
+    Answer answer;
+    answer.replies["cap01"] = reply(Outcome::kDone, "", text);
+    EXPECT_THAT(merge_ledgers(answer).unreadable, ElementsAre("cap01")) << count;
+  }
+}
+
 TEST(TakeAccounts, are_incomplete_when_one_camera_is) {
   Answer answer;
   answer.replies["cap01"] = reply(Outcome::kDone, "", detail("cam01", 0));

@@ -7,6 +7,8 @@
 
 #include "base/units.h"
 #include "daemon/json.h"
+#include "take/take.h"
+#include "v3dctl/health_text.h"
 
 namespace v3d::ctl {
 namespace {
@@ -53,23 +55,32 @@ void put_ledger_numbers(const Json& from, const char* key, std::vector<int64_t>&
   if (from.contains(key)) to = from.at(key).get<std::vector<int64_t>>();
 }
 
+// Throws a Json exception for anything that is not a count of pulses or frames.
+int64_t count_in(const Json& json) {
+  const auto n = json.get<double>();
+  if (!(n >= 0 && n <= static_cast<double>(kMostPulses))) {
+    throw Json::other_error::create(501, "no count", nullptr);
+  }
+  return static_cast<int64_t>(n);
+}
+
 // Throws a Json exception for anything that is not a ledger.
 Ledger parse_ledger(const Json& json) {
   Ledger ledger;
   ledger.take = json.at("take").get<std::string>();
   const Json& pulses = json.at("pulses");
-  ledger.commanded = pulses.at("commanded").get<int64_t>();
-  if (!pulses.at("sensed").is_null()) ledger.sensed = pulses.at("sensed").get<int64_t>();
+  ledger.commanded = count_in(pulses.at("commanded"));
+  if (!pulses.at("sensed").is_null()) ledger.sensed = count_in(pulses.at("sensed"));
   put_ledger_numbers(pulses, "unsensed", ledger.unsensed);
   put_ledger_numbers(pulses, "runt", ledger.runt);
-  ledger.extra = pulses.value("extra", int64_t{0});
+  ledger.extra = pulses.contains("extra") ? count_in(pulses.at("extra")) : 0;
   for (const Json& entry : json.at("cameras")) {
     CameraLedger camera;
     camera.name = entry.at("name").get<std::string>();
-    camera.received = entry.at("received").get<int64_t>();
-    camera.written = entry.at("written").get<int64_t>();
-    camera.published = entry.at("published").get<int64_t>();
-    camera.exposed = entry.value("exposed", camera.received);
+    camera.received = count_in(entry.at("received"));
+    camera.written = count_in(entry.at("written"));
+    camera.published = count_in(entry.at("published"));
+    camera.exposed = entry.contains("exposed") ? count_in(entry.at("exposed")) : camera.received;
     put_ledger_numbers(entry, "missing", camera.missing);
     put_ledger_numbers(entry, "duplicate", camera.duplicate);
     put_ledger_numbers(entry, "suspect", camera.suspect);
@@ -148,8 +159,12 @@ std::map<std::string, int64_t> live_lost_of(const Ledger& ledger, const Json& re
   std::map<std::string, int64_t> lost;
   for (const CameraLedger& camera : ledger.cameras) {
     const auto received = reconstruction.find(camera.name + ".live_received");
-    if (received == reconstruction.end() || !received->is_number()) continue;
-    lost[camera.name] = camera.published - static_cast<int64_t>(received->get<double>());
+    if (received == reconstruction.end()) continue;
+    try {
+      lost[camera.name] = camera.published - count_in(*received);
+    } catch (const Json::exception&) {
+      continue;
+    }
   }
   return lost;
 }
@@ -269,7 +284,7 @@ std::optional<double> total(const std::map<std::string, HealthMessage>& health,
 }
 
 std::string recording_line(const std::map<std::string, HealthMessage>& health) {
-  const auto count = [](double value) { return format_count(static_cast<int64_t>(value)); };
+  const auto count = [](double value) { return value_text("", value); };
   std::string line;
   const auto add = [&](const std::string& part) { line += (line.empty() ? "" : "   ") + part; };
   if (total(health, "pulses_sensed")) {

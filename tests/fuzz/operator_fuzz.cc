@@ -1,0 +1,66 @@
+// What an operator reads of replies, health and events that came from the network. Their texts are
+// anybody's, made printable where they arrive; the JSON of a detail is read or named as unreadable.
+#include <nlohmann/json.hpp>
+
+#include "base/printable.h"
+#include "fuzz_input.h"
+#include "v3dctl/check_text.h"
+#include "v3dctl/health_text.h"
+#include "v3dctl/operator_text.h"
+#include "v3dctl/watch_text.h"
+
+namespace {
+
+using v3d::test::FuzzInput;
+
+const std::vector<std::string> kNodes = {"cap01", "cap02"};
+
+void read_replies(const std::string& text, const std::string& detail) {
+  v3d::Answer answer;
+  v3d::ReplyMessage& reply = answer.replies["cap01"];
+  reply.outcome = v3d::ReplyMessage::Outcome::kDone;
+  reply.text = v3d::printable(text);
+  reply.detail = detail;
+  answer.replies["cap02"] = reply;
+  v3d::ctl::reply_lines(kNodes, answer, "ready");
+  v3d::ctl::answer_json(answer).dump();
+  const v3d::ctl::TakeAccount account = v3d::ctl::merge_ledgers(answer, {"cam01"});
+  account.ledger.verdict();
+  v3d::ctl::live_line(account);
+  v3d::ctl::to_json(account.ledger).dump();
+  const v3d::ctl::CheckFindings findings = v3d::ctl::read_check(answer);
+  v3d::ctl::check_lines(findings.cameras);
+  v3d::ctl::check_json(findings).dump();
+}
+
+void read_health(FuzzInput& input) {
+  v3d::ctl::StudioView view;
+  view.studio = "dojo";
+  view.nodes = kNodes;
+  view.cameras["cap01"] = {"cam01", "cam02"};
+  v3d::HealthMessage& health = view.health["cap01"];
+  health.state = static_cast<v3d::NodeState>(1 + input.number<uint8_t>() % 5);
+  health.text = v3d::printable(input.text());
+  while (!input.empty()) {
+    const std::string name = v3d::printable(input.text());
+    health.values[name] = input.number<double>();
+  }
+  v3d::ctl::health_lines(kNodes, view.health);
+  v3d::ctl::health_json(kNodes, view.health).dump();
+  v3d::ctl::status_lines(kNodes, view.health);
+  v3d::ctl::recording_line(view.health);
+  for (const auto& line : v3d::ctl::watch_lines(view, 80, 24)) line.text(true);
+}
+
+}  // namespace
+
+extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
+  FuzzInput input(data, size);
+  if (input.number<uint8_t>() % 2 == 0) {
+    const std::string text = input.text();
+    read_replies(text, input.rest());
+  } else {
+    read_health(input);
+  }
+  return 0;
+}

@@ -1,0 +1,16 @@
+// Bytes as a picture of a background model, which lies in every take: refused by an InputError, or
+// as many samples as its size says.
+#include "base/error.h"
+#include "base/png_file.h"
+#include "fuzz_input.h"
+
+extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
+  try {
+    const v3d::DeepImage image =
+        v3d::decode_png({reinterpret_cast<const char*>(data), size}, "cam01.mean.png");
+    v3d::test::must(image.samples.size() ==
+                    static_cast<size_t>(image.size.pixels()) * static_cast<size_t>(image.channels));
+  } catch (const v3d::InputError&) {
+  }
+  return 0;
+}
