@@ -115,8 +115,7 @@ bool CameraLane::record(const FrameMessage& message) {
     return false;
   }
   ++written_;
-  written_pulses_.push_back(label.pulse);
-  if (label.suspect) suspect_pulses_.push_back(label.pulse);
+  account_.add(label.pulse, label.suspect);
   return true;
 }
 
@@ -149,7 +148,7 @@ bool CameraLane::quiet_since(MonotonicInstant since) const {
 CameraLedger CameraLane::close(int64_t commanded) {
   end();
   kept_ = log_.close();
-  CameraLedger ledger = account(camera(), written_pulses_, suspect_pulses_, commanded);
+  CameraLedger ledger = account_.ledger(camera(), commanded);
   ledger.exposed = exposures_.exposed();
   ledger.received = worker_.status().frames;
   ledger.published = published_;

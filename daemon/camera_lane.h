@@ -8,7 +8,6 @@
 #include <optional>
 #include <string>
 #include <thread>
-#include <vector>
 
 #include "capture/camera_worker.h"
 #include "capture/segmenter.h"
@@ -93,8 +92,7 @@ class CameraLane {
   PreviewSender preview_;
   int64_t log_seq_ = 0;
   int64_t live_seq_ = 0;
-  std::vector<int64_t> written_pulses_;  // of the lane's thread until close()
-  std::vector<int64_t> suspect_pulses_;
+  CameraAccount account_;  // of the lane's thread until close()
   ExposureCount exposures_;
   bool kept_ = true;
   std::atomic<int64_t> received_ = 0;

@@ -97,13 +97,13 @@ PulseEdge PulseRecorder::edge_of(const PulseMessage& pulse) const {
 
 int64_t PulseRecorder::sensed() const {
   const std::lock_guard lock(mutex_);
-  return static_cast<int64_t>(sensed_.size());
+  return sensed_.size();
 }
 
 void PulseRecorder::put_into(Ledger& ledger, int64_t commanded) const {
   const std::lock_guard lock(mutex_);
-  ledger.sensed = static_cast<int64_t>(sensed_.size());
-  ledger.unsensed = missing_of(sensed_, commanded);
+  ledger.sensed = sensed_.size();
+  ledger.unsensed = sensed_.missing(commanded);
   ledger.extra = numbers_.extra();
   ledger.runt = numbers_.runts();
 }

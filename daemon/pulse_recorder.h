@@ -7,7 +7,6 @@
 #include <memory>
 #include <mutex>
 #include <optional>
-#include <set>
 #include <string>
 #include <thread>
 #include <vector>
@@ -83,7 +82,7 @@ class PulseRecorder {
   std::atomic<bool> stopping_ = false;
   mutable std::mutex mutex_;  ///< what was sensed
   SensedTrain numbers_;
-  std::set<int64_t> sensed_;
+  PulseSet sensed_;
   std::thread thread_;
 };
 

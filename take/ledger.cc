@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <array>
-#include <map>
 
 #include "base/error.h"
 #include "base/file.h"
@@ -82,36 +81,30 @@ std::string Ledger::verdict() const {
   return text;
 }
 
-std::vector<int64_t> missing_of(const std::set<int64_t>& seen, int64_t commanded) {
-  std::vector<int64_t> missing;
-  for (int64_t pulse = 0; pulse < commanded; ++pulse) {
-    if (!seen.contains(pulse)) missing.push_back(pulse);
-  }
-  return missing;
+void CameraAccount::add(int64_t pulse, bool suspect) {
+  ++frames_;
+  if (!seen_.insert(pulse)) duplicate_.insert(pulse);
+  if (suspect) suspect_.insert(pulse);
+}
+
+CameraLedger CameraAccount::ledger(const std::string& camera, int64_t commanded) const {
+  CameraLedger ledger;
+  ledger.name = camera;
+  ledger.exposed = ledger.received = ledger.written = frames_;
+  ledger.missing = seen_.missing(commanded);
+  ledger.duplicate.assign(duplicate_.begin(), duplicate_.end());
+  std::set<int64_t> suspect = suspect_;
+  for (const int64_t pulse : seen_.outside(commanded)) suspect.insert(pulse);
+  ledger.suspect.assign(suspect.begin(), suspect.end());
+  return ledger;
 }
 
 CameraLedger account(const std::string& camera, const std::vector<int64_t>& pulses,
                      const std::vector<int64_t>& suspect, int64_t commanded) {
-  std::map<int64_t, int64_t> frames_of;
-  for (const int64_t pulse : pulses) ++frames_of[pulse];
-  CameraLedger ledger;
-  ledger.name = camera;
-  ledger.exposed = ledger.received = ledger.written = static_cast<int64_t>(pulses.size());
-  ledger.suspect = suspect;
-  std::sort(ledger.suspect.begin(), ledger.suspect.end());
-  for (int64_t pulse = 0; pulse < commanded; ++pulse) {
-    if (!frames_of.contains(pulse)) ledger.missing.push_back(pulse);
-  }
-  for (const auto& [pulse, frames] : frames_of) {
-    if (frames > 1) ledger.duplicate.push_back(pulse);
-    // A frame of a pulse that was never commanded has no right label.
-    const bool known = std::binary_search(ledger.suspect.begin(), ledger.suspect.end(), pulse);
-    if ((pulse < 0 || pulse >= commanded) && !known) ledger.suspect.push_back(pulse);
-  }
-  std::sort(ledger.suspect.begin(), ledger.suspect.end());
-  ledger.suspect.erase(std::unique(ledger.suspect.begin(), ledger.suspect.end()),
-                       ledger.suspect.end());
-  return ledger;
+  const std::set<int64_t> doubted(suspect.begin(), suspect.end());
+  CameraAccount account;
+  for (const int64_t pulse : pulses) account.add(pulse, doubted.contains(pulse));
+  return account.ledger(camera, commanded);
 }
 
 Ledger merge(const std::vector<Ledger>& parts) {

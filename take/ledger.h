@@ -9,6 +9,8 @@
 #include <string_view>
 #include <vector>
 
+#include "take/pulse_set.h"
+
 namespace v3d {
 
 struct CameraLedger {
@@ -37,10 +39,25 @@ struct Ledger {
   std::string verdict() const;
 };
 
-/// The pulses of [0, commanded) that are not among those `seen`.
-std::vector<int64_t> missing_of(const std::set<int64_t>& seen, int64_t commanded);
+/// What a camera's frames make of its ledger, one after the other. Takes memory for what is wrong
+/// only: a take may last hours.
+class CameraAccount {
+ public:
+  /// The next frame's label.
+  void add(int64_t pulse, bool suspect);
+  /// A frame of a pulse that was never commanded has no right label, and is suspect. `received` and
+  /// `exposed` are as many as were added.
+  CameraLedger ledger(const std::string& camera, int64_t commanded) const;
 
-/// `pulses`: the pulse of every frame in order of arrival; `suspect`: those in doubt.
+ private:
+  PulseSet seen_;
+  std::set<int64_t> duplicate_;
+  std::set<int64_t> suspect_;
+  int64_t frames_ = 0;
+};
+
+/// The same of all frames at once. `pulses`: of every frame in order of arrival; `suspect`: those
+/// in doubt.
 CameraLedger account(const std::string& camera, const std::vector<int64_t>& pulses,
                      const std::vector<int64_t>& suspect, int64_t commanded);
 

@@ -11,6 +11,7 @@
 
 #include "base/error.h"
 #include "take/mesh_file_layout.h"
+#include "take/pulse_set.h"
 
 namespace v3d {
 namespace {
@@ -194,7 +195,7 @@ class MeshFileWriter::Impl {
   Impl& operator=(const Impl&) = delete;
 
   bool append(int64_t pulse, std::span<const uint8_t> compact) {
-    assert(entries_.empty() || pulse > entries_.back().pulse);
+    assert(!last_pulse() || pulse > *last_pulse());
     if (fd_ < 0 || compact.size() > mesh_file::kMaxPayload) return false;
     const Entry entry{.pulse = pulse,
                       .offset = end_,
@@ -206,32 +207,55 @@ class MeshFileWriter::Impl {
       return false;
     }
     end_ += mesh_file::kRecordSize + compact.size();
-    entries_.push_back(entry);
+    pulses_.insert(pulse);
+    payloads_.push_back({entry.payload_size, entry.payload_crc});
     return true;
   }
 
   bool close() {
     if (fd_ < 0) return closed_well_;
-    closed_well_ = write_all(fd_, end_, mesh_file::index(entries_, end_));
+    closed_well_ = write_all(fd_, end_, mesh_file::index(entries(), end_));
     if (!closed_well_) cut_back();
     closed_well_ = fsync(fd_) == 0 && closed_well_;
     ::close(std::exchange(fd_, -1));
     return closed_well_;
   }
 
-  const std::vector<Entry>& entries() const { return entries_; }
+  size_t size() const { return found_.size() + payloads_.size(); }
+  std::optional<int64_t> last_pulse() const {
+    if (!payloads_.empty()) return pulses_.last();
+    return found_.empty() ? std::nullopt : std::optional(found_.back().pulse);
+  }
 
  private:
+  /// All that is kept of a record until the index is written: a take may last hours.
+  struct Payload {
+    uint32_t size, crc;
+  };
+
   /// Of a file that holds no mesh nothing is kept.
   void find_end(const std::filesystem::path& path) {
     try {
-      entries_ = IndexedFile(path).entries();
+      found_ = IndexedFile(path).entries();
     } catch (const InputError&) {
       return;
     }
-    if (entries_.empty()) return;
-    const Entry& last = entries_.back();
-    end_ = last.offset + mesh_file::kRecordSize + last.payload_size;
+    if (found_.empty()) return;
+    const Entry& last = found_.back();
+    begin_ = end_ = last.offset + mesh_file::kRecordSize + last.payload_size;
+  }
+
+  /// What the index says. Our own records lie one behind the other.
+  std::vector<Entry> entries() const {
+    std::vector<Entry> entries = found_;
+    uint64_t offset = begin_;
+    auto payload = payloads_.begin();
+    for (const int64_t pulse : pulses_.all()) {
+      entries.push_back({pulse, offset, payload->size, payload->crc});
+      offset += mesh_file::kRecordSize + payload->size;
+      ++payload;
+    }
+    return entries;
   }
 
   /// What the disk took of an unfinished piece goes; if that fails too, readers pass over it.
@@ -240,8 +264,11 @@ class MeshFileWriter::Impl {
   }
 
   int fd_ = -1;
+  std::vector<Entry> found_;                 ///< that were in the file before
+  uint64_t begin_ = mesh_file::kHeaderSize;  ///< of what is appended
   uint64_t end_ = mesh_file::kHeaderSize;
-  std::vector<Entry> entries_;
+  PulseSet pulses_;
+  std::vector<Payload> payloads_;
   bool closed_well_ = false;
 };
 
@@ -252,11 +279,8 @@ MeshFileWriter::MeshFileWriter(MeshFileWriter&&) noexcept = default;
 bool MeshFileWriter::append(int64_t pulse, std::span<const uint8_t> compact) {
   return impl_->append(pulse, compact);
 }
-size_t MeshFileWriter::size() const { return impl_->entries().size(); }
-std::optional<int64_t> MeshFileWriter::last_pulse() const {
-  if (impl_->entries().empty()) return std::nullopt;
-  return impl_->entries().back().pulse;
-}
+size_t MeshFileWriter::size() const { return impl_->size(); }
+std::optional<int64_t> MeshFileWriter::last_pulse() const { return impl_->last_pulse(); }
 bool MeshFileWriter::close() { return impl_->close(); }
 
 class MeshFileReader::Impl : public IndexedFile {

@@ -1,7 +1,6 @@
 #include "take/verify.h"
 
 #include <algorithm>
-#include <set>
 
 #include "base/error.h"
 #include "base/units.h"
@@ -65,7 +64,7 @@ class Verifier {
   void count_pulses(const std::optional<Ledger>& stored) {
     Ledger& ledger = result_.ledger;
     ledger.take = result_.info.name;
-    std::set<int64_t> sensed;
+    PulseSet sensed;
     try {
       for (const PulseMessage& message : read_pulses(paths_.pulses())) {
         if (message.pulse < kMostPulses) {
@@ -78,18 +77,18 @@ class Verifier {
       result_.disagreements.emplace_back(error.what());
     }
     const bool has_sense_line = !stored || stored->sensed;
-    if (has_sense_line) ledger.sensed = static_cast<int64_t>(sensed.size());
+    if (has_sense_line) ledger.sensed = sensed.size();
     // A take that nobody closed does not know how many pulses were commanded: those that were
     // sensed tell.
-    const int64_t seen = sensed.empty() ? 0 : *sensed.rbegin() + 1;
-    ledger.commanded = stored ? stored->commanded : std::max(result_.info.pulses, seen);
-    if (has_sense_line) ledger.unsensed = missing_of(sensed, ledger.commanded);
+    ledger.commanded =
+        stored ? stored->commanded : std::max(result_.info.pulses, sensed.last() + 1);
+    if (has_sense_line) ledger.unsensed = sensed.missing(ledger.commanded);
     if (stored) {
       ledger.extra = stored->extra;  // not in the log
       ledger.runt = stored->runt;
     }
-    if (stored && stored->sensed && *stored->sensed != static_cast<int64_t>(sensed.size())) {
-      disagree(paths_.pulses(), "holds " + format_count(static_cast<int64_t>(sensed.size())) +
+    if (stored && stored->sensed && *stored->sensed != sensed.size()) {
+      disagree(paths_.pulses(), "holds " + format_count(sensed.size()) +
                                     " pulses, the ledger says " + format_count(*stored->sensed));
     }
     if (result_.info.state == TakeState::kComplete && result_.info.pulses != ledger.commanded) {
@@ -100,8 +99,7 @@ class Verifier {
 
   CameraLedger count_frames(const std::string& camera) {
     const std::filesystem::path file = paths_.frames(camera);
-    std::vector<int64_t> pulses;
-    std::vector<int64_t> suspect;
+    CameraAccount account;
     ExposureCount exposures;
     try {
       const EventLogReader log(file);
@@ -112,9 +110,8 @@ class Verifier {
           ++damaged;
           continue;
         }
-        pulses.push_back(label->pulse);
+        account.add(label->pulse, label->suspect);
         exposures.add(label->camera_counter);
-        if (label->suspect) suspect.push_back(label->pulse);
       }
       if (damaged > 0) disagree(file, format_count(damaged) + " damaged events");
       if (log.torn_bytes() > 0) {
@@ -124,7 +121,7 @@ class Verifier {
     } catch (const InputError& error) {
       result_.disagreements.emplace_back(error.what());
     }
-    CameraLedger counted = account(camera, pulses, suspect, result_.ledger.commanded);
+    CameraLedger counted = account.ledger(camera, result_.ledger.commanded);
     counted.exposed = exposures.exposed();
     return counted;
   }
