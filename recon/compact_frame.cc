@@ -31,6 +31,10 @@ uint16_t unfold(uint16_t z) { return static_cast<uint16_t>((z >> 1) ^ (z & 1 ? 0
 
 // --- positions ---------------------------------------------------------------------------------
 
+float position_at(const VertexLattice& lattice, int axis, uint16_t h) {
+  return static_cast<float>(lattice.origin[axis] + h * lattice.step);
+}
+
 uint16_t lattice_number(const VertexLattice& lattice, float position, int axis) {
   const double h = (double{position} - lattice.origin[axis]) / lattice.step + 0.5;
   if (!(h >= 0 && h < 65536)) {
@@ -67,7 +71,7 @@ std::vector<Eigen::Vector3f> positions_of(std::span<const uint8_t> content,
     uint16_t h = 0;
     for (size_t v = 0; v < count; ++v) {
       h = static_cast<uint16_t>(h + unfold(static_cast<uint16_t>(low[v] | low[count + v] << 8)));
-      positions[v][axis] = static_cast<float>(lattice.origin[axis] + h * lattice.step);
+      positions[v][axis] = position_at(lattice, axis, h);
     }
   }
   return positions;
@@ -301,6 +305,16 @@ std::optional<std::vector<uint8_t>> content_of(std::span<const uint8_t> section,
 }
 
 }  // namespace
+
+void round_to(const VertexLattice& lattice, std::vector<Eigen::Vector3f>& positions) {
+  for (Eigen::Vector3f& p : positions) {
+    for (int axis = 0; axis < 3; ++axis) {
+      const double h = (double{p[axis]} - lattice.origin[axis]) / lattice.step + 0.5;
+      p[axis] =
+          position_at(lattice, axis, static_cast<uint16_t>(std::clamp(h, 0.0, double{0xFFFF})));
+    }
+  }
+}
 
 Mesh in_coding_order(Mesh mesh) {
   if (is_in_coding_order(mesh)) {

@@ -26,6 +26,10 @@ struct VertexLattice {
   friend bool operator==(const VertexLattice&, const VertexLattice&) = default;
 };
 
+/// Moves every position to the nearest lattice point, those outside the lattice to its border: what
+/// decode_compact() gives for them, to the bit.
+void round_to(const VertexLattice& lattice, std::vector<Eigen::Vector3f>& positions);
+
 struct CompactFrame {
   int64_t pulse = 0;
   RealtimeInstant exposure;          ///< start; 0 when unknown

@@ -11,6 +11,7 @@
 #include "base/frame.h"
 #include "base/mesh.h"
 #include "base/studio_file.h"
+#include "recon/deform.h"
 
 namespace v3d {
 
@@ -26,7 +27,8 @@ struct ReconstructOptions {
   double voxel_m = 0.01;
   int min_views = 4;
   Quality quality = Quality::kLive;
-  int threads = 0;  ///< 0: one per core. The result does not depend on it.
+  DeformOptions deform = {};  ///< for Quality::kHigh; its voxel_m is set to the one above
+  int threads = 0;            ///< 0: one per core. The result does not depend on it.
 };
 
 /// Wall-clock milliseconds of each stage; negative where the stage did not run.
@@ -63,7 +65,7 @@ struct SetAtWork {
 class Reconstructor {
  public:
   /// Throws InputError when the grid needs more memory than there is (the message shows the
-  /// arithmetic), and for Quality::kHigh, which this version does not have.
+  /// arithmetic), and for deform options out of their ranges.
   Reconstructor(const Rig& rig, const ReconstructOptions& options);
   ~Reconstructor();
   /// Frames of cameras that are not in the rig, or whose mask has another size than the rig says,

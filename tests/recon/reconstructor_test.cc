@@ -124,6 +124,21 @@ TEST(Reconstructor, gives_the_same_bytes_for_any_threads_and_any_order_of_frames
   }
 }
 
+TEST(Reconstructor, of_high_quality_gives_the_same_bytes_for_any_threads) {
+  const Rig rig = ring(9);
+  const FrameSet set = photograph(two_coloured_ball(), rig);
+  ReconstructOptions opts = options();
+  opts.quality = Quality::kHigh;
+  const Reconstruction expected = Reconstructor(rig, opts).reconstruct(set);
+  EXPECT_GE(expected.times.deform, 0);
+  EXPECT_EQ(decode_compact(expected.compact)->mesh.vertices, expected.mesh.vertices);
+  EXPECT_LT(compare_surfaces(expected.mesh, two_coloured_ball()).normal_error_deg, 15);
+  for (const int threads : {1, 2, 5}) {
+    opts.threads = threads;
+    EXPECT_EQ(Reconstructor(rig, opts).reconstruct(set).compact, expected.compact);
+  }
+}
+
 TEST(Reconstructor, does_not_remember_the_set_before) {
   const Rig rig = ring(9);
   const FrameSet ball = photograph(two_coloured_ball(), rig);
@@ -174,9 +189,10 @@ std::string refusal(const Rig& rig, const ReconstructOptions& opts) {
 }
 
 TEST(Reconstructor, refuses_what_it_cannot_do) {
-  ReconstructOptions high = options(), tiny = options();
-  high.quality = Quality::kHigh;
-  EXPECT_EQ(refusal(ring(4), high), "quality: high is not available in this version: use live");
+  ReconstructOptions even = options(), tiny = options();
+  even.quality = Quality::kHigh;
+  even.deform.window = 4;
+  EXPECT_EQ(refusal(ring(4), even), "deform: window: want an odd number of samples from 3 to 11");
   tiny.voxel_m = 1e-5;
   EXPECT_THAT(refusal(ring(4), tiny), testing::HasSubstr("voxels"));
 }

@@ -1,0 +1,231 @@
+#include "recon/deform.h"
+
+#include <algorithm>
+#include <cmath>
+#include <string>
+
+#include "base/error.h"
+#include "recon/depth_field.h"
+#include "recon/depth_raster.h"
+#include "recon/neighbours.h"
+#include "recon/silhouette_force.h"
+#include "recon/smooth_surface.h"
+#include "recon/template_windows.h"
+#include "recon/vertex_loop.h"
+
+namespace v3d {
+namespace {
+
+using Eigen::Vector3f;
+
+/// A pass over the surface: how finely it looks, and how far. Lengths in voxels.
+struct Round {
+  int level;      ///< of the pictures
+  float spacing;  ///< between samples of the template window
+  float step;     ///< between depths
+  float first;    ///< steps; negative is inwards, where the surface must lie
+};
+
+/// A hull is too large, by much in its hollows: the first round looks 6.6 voxels inwards and 2.4
+/// outwards, the others correct it.
+constexpr Round kSearchRounds[] = {{1, 2.0F, 0.6F, -11}, {0, 1.2F, 0.3F, -8}, {0, 1.0F, 0.15F, -8}};
+constexpr Round kPaperRound{0, 1.0F, 0.25F, -8};
+
+// What the weights of equation (1) are multiplied by in the search, so that the paper's values are
+// the ones that measured best.
+constexpr double kSmoothnessOfInternal = 1.0;
+constexpr double kWeightOfPhotometric = 2.5;
+constexpr double kPullOfSilhouette = 0.05;
+
+/// Of the marching cubes' few directions, before and between the rounds.
+constexpr int kSmoothingBefore = 2;
+constexpr int kSmoothingAfterRound = 1;
+constexpr int kNormalSmoothing = 2;
+
+// The paper's steps.
+constexpr int kPaperRounds = 12;  ///< at most; visibility and correlation are renewed with each
+constexpr int kStepsPerRound = 4;
+constexpr float kSmallMotion = 0.02F;  ///< voxels: when no vertex moves farther the work is done
+
+/// A vertex is hidden by what lies this much before it, voxels, besides its slant.
+constexpr float kHiddenBehind = 0.6F;
+/// Variance of a brightness that says nothing, squared grey values: the noise of a camera.
+constexpr float kNoiseVariance = 2;
+
+}  // namespace
+
+void check(const DeformOptions& o) {
+  const auto refuse = [](const char* field, const std::string& want) {
+    throw InputError(std::string("deform: ") + field + ": want " + want);
+  };
+  for (const auto& [field, weight] : {std::pair{"internal", o.internal},
+                                      {"photometric", o.photometric},
+                                      {"silhouette", o.silhouette}}) {
+    if (!(weight >= 0 && weight <= 1)) refuse(field, "a weight from 0 to 1");
+  }
+  if (o.window < 3 || o.window > kMostWindowSide || o.window % 2 == 0) {
+    refuse("window", "an odd number of samples from 3 to " + std::to_string(kMostWindowSide));
+  }
+  if (o.views < 2 || o.views > kMostWindowViews) {
+    refuse("views", "2 to " + std::to_string(kMostWindowViews) + " cameras");
+  }
+}
+
+class Deformer::Impl {
+ public:
+  explicit Impl(const DeformOptions& options)
+      : options_(options), voxel_(static_cast<float>(options.voxel_m)) {}
+
+  void run(std::span<const DeformCamera> cameras, Mesh& mesh) {
+    prepare(cameras);
+    if (cameras_.empty() || mesh.vertices.empty()) return;
+    neighbours_ = Neighbours(mesh);
+    if (options_.mode == DeformMode::kPaper) {
+      step_like_the_paper(mesh);
+    } else {
+      search(mesh);
+    }
+  }
+
+ private:
+  void prepare(std::span<const DeformCamera> cameras) {
+    std::vector<const DeformCamera*> with_pixels;
+    models_.clear();
+    for (const DeformCamera& camera : cameras) {
+      if (camera.frame->roi.empty()) continue;
+      with_pixels.push_back(&camera);
+      models_.push_back(*camera.model);
+    }
+    std::vector<std::optional<SurfaceCamera>> made(with_pixels.size());
+    tbb::parallel_for(size_t{0}, made.size(), [&](size_t c) { made[c].emplace(*with_pixels[c]); });
+    cameras_.clear();
+    for (auto& camera : made) cameras_.push_back(std::move(*camera));
+  }
+
+  void search(Mesh& mesh) {
+    const bool smooth = options_.internal > 0;
+    smooth_surface(neighbours_, smooth ? kSmoothingBefore : 0, mesh.vertices, work_);
+    for (const Round& round : kSearchRounds) {
+      look(round, mesh);
+      const std::span<const float> way =
+          field_.solve(neighbours_, profiles_, known_, pulls_,
+                       {.first = round.first,
+                        .step_m = round.step * voxel_,
+                        .smoothness = weight(kSmoothnessOfInternal, options_.internal),
+                        .photometric = weight(kWeightOfPhotometric, options_.photometric)});
+      for_each_vertex(way.size(), [&](size_t v) { mesh.vertices[v] += way[v] * normals_[v]; });
+      smooth_surface(neighbours_, smooth ? kSmoothingAfterRound : 0, mesh.vertices, work_);
+    }
+  }
+
+  void step_like_the_paper(Mesh& mesh) {
+    for (int i = 0; i < kPaperRounds; ++i) {
+      look(kPaperRound, mesh);
+      moved_.assign(mesh.vertices.size(), 0.0F);
+      float largest = 0;
+      for (int step = 0; step < kStepsPerRound; ++step) largest = move_by_forces(mesh);
+      if (largest < kSmallMotion * voxel_) return;
+    }
+  }
+
+  /// Step 1, and what steps 2 and 3 read: correlations and silhouettes.
+  void look(const Round& round, const Mesh& mesh) {
+    const size_t count = mesh.vertices.size();
+    normals_ = vertex_normals(mesh);
+    smooth_normals(neighbours_, kNormalSmoothing, normals_, work_);
+    draw_depths(mesh, models_, depths_);
+    profiles_.resize(count);
+    known_.resize(count);
+    pulls_.resize(count);
+    for_each_vertex(count, [&](size_t v) {
+      known_[v] = correlate_at(round, mesh.vertices[v], normals_[v], profiles_[v]);
+      pulls_[v] = pull_of_outlines(mesh.vertices[v], normals_[v]);
+    });
+  }
+
+  bool correlate_at(const Round& round, const Vector3f& place, const Vector3f& normal,
+                    DepthProfile& profile) const {
+    if (options_.photometric <= 0) return false;
+    const CorrelationOptions correlation{.side = options_.window,
+                                         .first = round.first,
+                                         .noise = kNoiseVariance,
+                                         .robust = options_.mode != DeformMode::kPaper};
+    const TemplateWindow window{place, normal, round.spacing * voxel_, round.step * voxel_};
+    const WindowChoice choice{
+        .level = round.level, .most_views = options_.views, .tolerance_m = kHiddenBehind * voxel_};
+    const WindowViews views = views_of(window, cameras_, depths_, choice, correlation);
+    if (views.count < 2) return false;
+    correlate(views, correlation, profile);
+    return true;
+  }
+
+  OutlinePull pull_of_outlines(const Vector3f& place, const Vector3f& normal) const {
+    OutlinePull pull;
+    if (options_.silhouette <= 0) return pull;
+    const float each = weight(kPullOfSilhouette, options_.silhouette);
+    for (size_t c = 0; c < cameras_.size(); ++c) {
+      if (const auto way = way_to_silhouette(cameras_[c], depths_[c], place, normal)) {
+        pull.weight += each;
+        pull.sum_m += each * *way;
+      }
+    }
+    return pull;
+  }
+
+  /// Equation (1), and step 3 for every vertex. The largest motion, metres.
+  float move_by_forces(Mesh& mesh) {
+    const size_t count = mesh.vertices.size();
+    work_.resize(count);
+    for_each_vertex(count, [&](size_t v) { work_[v] = force(mesh, v); });
+    float largest2 = 0;
+    for (size_t v = 0; v < count; ++v) {
+      mesh.vertices[v] += work_[v];
+      moved_[v] += work_[v].dot(normals_[v]);
+      largest2 = std::max(largest2, work_[v].squaredNorm());
+    }
+    return std::sqrt(largest2);
+  }
+
+  Vector3f force(const Mesh& mesh, size_t v) const {
+    const Vector3f internal = internal_force(neighbours_, mesh.vertices, v);
+    const float along = static_cast<float>(options_.photometric) * photometric_force(v) +
+                        static_cast<float>(options_.silhouette) * silhouette_force(v);
+    return static_cast<float>(options_.internal) * internal + along * normals_[v];
+  }
+
+  /// Equation (3) along the normal: the gradient of the mean correlation, per voxel, in voxels. The
+  /// paper does not say in which units it is added to lengths.
+  float photometric_force(size_t v) const {
+    if (!known_[v]) return 0;
+    const float at = moved_[v] / (kPaperRound.step * voxel_) - kPaperRound.first;
+    const int k = std::clamp(static_cast<int>(at + 0.5F), 1, kDepthSteps - 2);
+    const float per_step = 0.5F * (profiles_[v][k + 1] - profiles_[v][k - 1]);
+    return voxel_ * per_step / kPaperRound.step;
+  }
+
+  /// Equation (6): the mean over cameras of what is left of their ways.
+  float silhouette_force(size_t v) const {
+    return pulls_[v].weight > 0 ? pulls_[v].sum_m / pulls_[v].weight - moved_[v] : 0;
+  }
+
+  static float weight(double factor, double option) { return static_cast<float>(factor * option); }
+
+  const DeformOptions options_;
+  const float voxel_;
+  std::vector<SurfaceCamera> cameras_;
+  std::vector<CameraModel> models_;
+  std::vector<DepthBuffer> depths_;
+  Neighbours neighbours_;
+  std::vector<Vector3f> normals_, work_;
+  std::vector<DepthProfile> profiles_;
+  std::vector<uint8_t> known_;
+  std::vector<OutlinePull> pulls_;
+  std::vector<float> moved_;  ///< along the normal since the last look, metres
+  DepthField field_;
+};
+
+Deformer::Deformer(const DeformOptions& options) : impl_(std::make_unique<Impl>(options)) {}
+Deformer::~Deformer() = default;
+void Deformer::run(std::span<const DeformCamera> cameras, Mesh& mesh) { impl_->run(cameras, mesh); }
+
+}  // namespace v3d

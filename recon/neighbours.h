@@ -1,0 +1,25 @@
+// Which vertices of a mesh an edge joins.
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "base/mesh.h"
+
+namespace v3d {
+
+/// The neighbours of every vertex of a closed mesh, each once. Immutable; any thread.
+class Neighbours {
+ public:
+  Neighbours() = default;
+  explicit Neighbours(const Mesh& mesh);
+  std::span<const uint32_t> of(size_t vertex) const {
+    return {list_.data() + first_[vertex], first_[vertex + 1] - first_[vertex]};
+  }
+
+ private:
+  std::vector<uint32_t> first_, list_;
+};
+
+}  // namespace v3d

@@ -1,0 +1,60 @@
+#include "recon/silhouette_force.h"
+
+#include <cmath>
+
+namespace v3d {
+namespace {
+
+using Eigen::Vector2f;
+
+constexpr float kMostFacing = 0.35F;  ///< cosine: the normal runs across the view
+constexpr float kOutlinePixels = 2;   ///< a vertex farther from the mesh's outline is not on it
+constexpr float kSearchPixels = 8;    ///< how far the observed outline may be
+constexpr float kStepPixels = 0.25F;
+constexpr float kProbeMetres = 0.005F;
+
+/// The way from `from` along `direction` to the nearest change of `inside`: outwards from an inner
+/// pixel, inwards from an outer one. Pixels.
+template <class Inside>
+std::optional<float> outline_along(const Vector2f& from, const Vector2f& direction, float reach,
+                                   const Inside& inside) {
+  const bool here = inside(from);
+  const float sign = here ? 1.0F : -1.0F;
+  for (float t = kStepPixels; t <= reach; t += kStepPixels) {
+    if (inside(from + sign * t * direction) != here) return sign * (t - kStepPixels / 2);
+  }
+  return std::nullopt;
+}
+
+bool deep_inside(const Vector2f& pixel, ImageSize size) {
+  constexpr float kRoom = kSearchPixels + 1;
+  return pixel.x() >= kRoom && pixel.y() >= kRoom &&
+         pixel.x() < static_cast<float>(size.width) - kRoom &&
+         pixel.y() < static_cast<float>(size.height) - kRoom;
+}
+
+}  // namespace
+
+std::optional<float> way_to_silhouette(const SurfaceCamera& camera, const DepthBuffer& depth,
+                                       const Eigen::Vector3f& place,
+                                       const Eigen::Vector3f& normal) {
+  const Eigen::Vector3f to_camera = camera.center() - place;
+  if (!(std::abs(to_camera.dot(normal)) <= kMostFacing * to_camera.norm())) return std::nullopt;
+  const auto seen = camera.project(place), beside = camera.project(place + kProbeMetres * normal);
+  if (!seen || !beside || !deep_inside(seen->pixel, depth.size)) return std::nullopt;
+  const Vector2f across = beside->pixel - seen->pixel;
+  const float length = across.norm();
+  if (!(length > 0)) return std::nullopt;
+  const Vector2f direction = across / length;
+  const auto drawn = [&](const Vector2f& p) {
+    return std::isfinite(depth.at(static_cast<int>(p.x()), static_cast<int>(p.y())));
+  };
+  const auto mine = outline_along(seen->pixel, direction, kOutlinePixels, drawn);
+  if (!mine) return std::nullopt;
+  const auto observed = [&](const Vector2f& p) { return camera.in_silhouette(p); };
+  const auto theirs = outline_along(seen->pixel, direction, kSearchPixels, observed);
+  if (!theirs) return std::nullopt;
+  return (*theirs - *mine) * (kProbeMetres / length);
+}
+
+}  // namespace v3d

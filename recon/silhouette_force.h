@@ -1,0 +1,18 @@
+// The silhouette preserving force, equation (6) of the paper.
+#pragma once
+
+#include <optional>
+
+#include "recon/surface_camera.h"
+
+namespace v3d {
+
+/// How far (metres along the normal) a vertex on the outline of the mesh, as `camera` sees it, must
+/// move for the outline to fall on that of the observed silhouette. Both outlines are looked for
+/// along the normal's way in the image, in the pixels that the two pictures consist of, so a mesh
+/// that fills its silhouette feels nothing. Empty for a vertex that is not on the outline, and
+/// where the observed one is not near. `depth` is of the mesh.
+std::optional<float> way_to_silhouette(const SurfaceCamera& camera, const DepthBuffer& depth,
+                                       const Eigen::Vector3f& place, const Eigen::Vector3f& normal);
+
+}  // namespace v3d

@@ -1,0 +1,43 @@
+#include "recon/surface_camera.h"
+
+#include "recon/screen_vertex.h"
+
+namespace v3d {
+namespace {
+
+/// A grid whose voxel indices are metres.
+const VoxelGrid kMetres{Eigen::Vector3d::Constant(-0.5), 1, {}};
+
+}  // namespace
+
+SurfaceCamera::SurfaceCamera(const DeformCamera& camera)
+    : frame_(camera.frame),
+      lens_(*camera.model, kMetres),
+      center_(camera.model->center().cast<float>()) {
+  pictures_[0] = Luminance(*frame_);
+  for (int level = 1; level < kLevels; ++level) {
+    pictures_[level] = pictures_[level - 1].halved();
+  }
+}
+
+std::optional<SurfaceCamera::Seen> SurfaceCamera::project(const Eigen::Vector3f& place) const {
+  const auto p = camera_point<float>(lens_, place.x(), place.y(), place.z());
+  if (p.z < static_cast<float>(kNearPlaneMetres)) return std::nullopt;
+  const PixelPoint<float> pixel = pixel_point(lens_, p);
+  if (!(pixel.radius2 <= lens_.max_radius2)) return std::nullopt;
+  return Seen{{pixel.u, pixel.v}, p.z};
+}
+
+bool SurfaceCamera::in_silhouette(const Eigen::Vector2f& pixel) const {
+  const bool exists =
+      pixel.x() >= 0 && pixel.y() >= 0 && pixel.x() < lens_.width && pixel.y() < lens_.height;
+  return exists && frame_->mask->get(static_cast<int>(pixel.x()), static_cast<int>(pixel.y()));
+}
+
+bool SurfaceCamera::sees(const Seen& seen, const DepthBuffer& depth, float tolerance_m) const {
+  return in_silhouette(seen.pixel) &&
+         seen.z <= depth.at(static_cast<int>(seen.pixel.x()), static_cast<int>(seen.pixel.y())) +
+                       tolerance_m;
+}
+
+}  // namespace v3d

@@ -1,0 +1,56 @@
+// A camera as the deformation of a surface uses it: where it sees a place, whether the mesh hides
+// it, and the picture at several resolutions.
+#pragma once
+
+#include <array>
+#include <optional>
+
+#include "base/camera_model.h"
+#include "base/frame.h"
+#include "recon/depth_raster.h"
+#include "recon/luminance.h"
+#include "recon/voxel_projection.h"
+
+namespace v3d {
+
+/// A frame and what took it, both borrowed. Requires frame->sensor_size == model->size() and a
+/// mask.
+struct DeformCamera {
+  const CameraModel* model = nullptr;
+  const Frame* frame = nullptr;
+};
+
+/// Immutable; safe to use from any thread.
+class SurfaceCamera {
+ public:
+  static constexpr int kLevels = 2;  ///< of the picture: whole and half resolution
+
+  struct Seen {
+    Eigen::Vector2f pixel{0, 0};  ///< (0.5, 0.5) is the middle of the first pixel
+    float z = 0;                  ///< metres along the optical axis
+  };
+
+  /// Requires that the frame has pixels.
+  explicit SurfaceCamera(const DeformCamera& camera);
+
+  const Eigen::Vector3f& center() const { return center_; }
+  const Luminance& picture(int level) const { return pictures_[level]; }
+  /// Metres that one pixel covers at a distance of 1 m.
+  float pixel_m_per_m() const { return 1 / lens_.pixel_from_lens[0][0]; }
+
+  /// Where a place (world, metres) appears, also outside the image.
+  std::optional<Seen> project(const Eigen::Vector3f& place) const;
+  /// True when the pixel exists and is foreground.
+  bool in_silhouette(const Eigen::Vector2f& pixel) const;
+  /// Step 1 of the deformation: `seen` is foreground, and no more than `tolerance_m` behind what
+  /// `depth` shows of the mesh.
+  bool sees(const Seen& seen, const DepthBuffer& depth, float tolerance_m) const;
+
+ private:
+  const Frame* frame_;
+  VoxelCamera lens_;  ///< for places in metres
+  Eigen::Vector3f center_;
+  std::array<Luminance, kLevels> pictures_;
+};
+
+}  // namespace v3d

@@ -1,0 +1,203 @@
+#include "recon/deform.h"
+
+#include <gtest/gtest.h>
+#include <tbb/task_arena.h>
+
+#include <algorithm>
+#include <random>
+
+#include "base/error.h"
+#include "recon/renderer.h"
+#include "recon/silhouette.h"
+#include "shapes.h"
+
+namespace v3d {
+namespace {
+
+constexpr ImageSize kSize{320, 240};
+constexpr float kHalfEdge = 0.25F;
+constexpr double kEdge = 0.010;  ///< about the length of an edge: what a voxel is to the deformer
+
+const Eigen::Vector3f kMiddle{0, 0, 1};
+
+float angle_to_x(const Eigen::Vector3f& direction) {
+  return std::acos(std::clamp(direction.x(), -1.0F, 1.0F));
+}
+
+/// A die with round edges: from its middle in a direction, metres.
+float die_radius(const Eigen::Vector3f& direction) {
+  float sum = 0;
+  for (const float c : direction) sum += square(square(square(c)));
+  return kHalfEdge / std::pow(sum, 0.125F);
+}
+
+/// The same with a hollow in the face towards +x, which no silhouette shows.
+float hollow_radius(const Eigen::Vector3f& direction) {
+  return die_radius(direction) - 0.05F * std::exp(-square(angle_to_x(direction) / 0.35F));
+}
+
+template <class Radius>
+Mesh body(int rings, const Radius& radius) {
+  Mesh mesh = shapes::sphere({0, 0, 0}, 1, rings);
+  for (Eigen::Vector3f& v : mesh.vertices) v = kMiddle + radius(v) * v;
+  return mesh;
+}
+
+/// What the cameras see, speckled all over.
+Mesh hollow_die() {
+  Mesh die = body(110, hollow_radius);
+  std::mt19937 random(5);
+  for (size_t v = 0; v < die.vertices.size(); ++v) {
+    const auto grey = static_cast<uint8_t>(60 + random() % 160);
+    die.colours.push_back({grey, grey, grey});
+  }
+  return die;
+}
+
+Mesh hull() { return body(90, die_radius); }
+
+struct Studio {
+  std::vector<CameraModel> models;
+  std::vector<Frame> frames;
+  std::vector<Mask> masks;
+  std::vector<DeformCamera> cameras;
+
+  explicit Studio(const Mesh& scene) {
+    for (int i = 0; i < 12; ++i) {
+      const double angle = 2 * std::numbers::pi * i / 12;
+      models.push_back(
+          shapes::camera({2 * std::cos(angle), 2 * std::sin(angle), 1 + 0.5 * (i % 3 - 1)},
+                         {0, 0, 1}, kSize, 600, {-0.1, 0.02}));
+    }
+    masks = draw_silhouettes(scene, models);
+    for (size_t i = 0; i < models.size(); ++i) {
+      frames.push_back(
+          observe("cam" + std::to_string(i), {}, draw_mesh(scene, models[i]).view(), masks[i]));
+    }
+    for (size_t i = 0; i < models.size(); ++i) cameras.push_back({&models[i], &frames[i]});
+  }
+};
+
+const Studio& studio() {
+  static const Studio kStudio(hollow_die());
+  return kStudio;
+}
+
+Mesh deformed(DeformOptions options) {
+  options.voxel_m = kEdge;
+  Mesh mesh = hull();
+  Deformer(options).run(studio().cameras, mesh);
+  return mesh;
+}
+
+/// In the hollow: the median way to the true surface, away from the middle, metres.
+double error_in_hollow(const Mesh& mesh) {
+  std::vector<double> errors;
+  for (const Eigen::Vector3f& v : mesh.vertices) {
+    const Eigen::Vector3f out = (v - kMiddle).normalized();
+    if (angle_to_x(out) > 0.3F) continue;
+    errors.push_back(std::abs((v - kMiddle).norm() - hollow_radius(out)));
+  }
+  std::nth_element(errors.begin(), errors.begin() + std::ssize(errors) / 2, errors.end());
+  return errors[errors.size() / 2];
+}
+
+double least_iou(const Mesh& mesh) {
+  const std::vector<Mask> drawn = draw_silhouettes(mesh, studio().models);
+  double least = 1;
+  for (size_t i = 0; i < drawn.size(); ++i) {
+    least = std::min(least, intersection_over_union(drawn[i], studio().masks[i]));
+  }
+  return least;
+}
+
+TEST(Deformer, finds_a_hollow_that_no_silhouette_shows) {
+  const double before = error_in_hollow(hull());
+  EXPECT_GT(before, 0.030);
+  EXPECT_LT(error_in_hollow(deformed({})), 0.1 * before);
+}
+
+TEST(Deformer, the_papers_steps_come_closer_from_near) {
+  DeformOptions paper;
+  paper.mode = DeformMode::kPaper;
+  paper.voxel_m = kEdge;
+  Mesh mesh = body(90, [](const auto& direction) {
+    return 0.2F * die_radius(direction) + 0.8F * hollow_radius(direction);
+  });
+  const double before = error_in_hollow(mesh);
+  Deformer(paper).run(studio().cameras, mesh);
+  EXPECT_LT(error_in_hollow(mesh), 0.5 * before);
+}
+
+TEST(Deformer, sees_no_hollow_without_the_photometric_force) {
+  DeformOptions blind;
+  blind.photometric = 0;
+  EXPECT_GT(error_in_hollow(deformed(blind)), 0.030);
+}
+
+TEST(Deformer, keeps_the_silhouettes) {
+  DeformOptions careless;
+  careless.silhouette = 0;
+  const double kept = least_iou(deformed({}));
+  EXPECT_GT(kept, least_iou(hull()) - 0.015);
+  EXPECT_GT(kept, least_iou(deformed(careless)));
+}
+
+TEST(Deformer, brings_a_mesh_that_is_too_large_back_to_its_silhouettes) {
+  Mesh mesh = body(90, [](const auto& direction) { return 1.04F * die_radius(direction); });
+  DeformOptions options;
+  options.voxel_m = kEdge;
+  options.photometric = 0;
+  const double before = least_iou(mesh);
+  Deformer(options).run(studio().cameras, mesh);
+  EXPECT_GT(least_iou(mesh), before + 0.5 * (1 - before));
+}
+
+TEST(Deformer, gives_the_same_surface_for_any_number_of_threads) {
+  const auto with_threads = [](int threads) {
+    return tbb::task_arena(threads).execute([] { return deformed({}).vertices; });
+  };
+  const std::vector<Eigen::Vector3f> expected = with_threads(1);
+  EXPECT_EQ(with_threads(2), expected);
+  EXPECT_EQ(with_threads(5), expected);
+}
+
+TEST(Deformer, keeps_no_memory_of_the_frame_before) {
+  DeformOptions options;
+  options.voxel_m = kEdge;
+  Deformer deformer(options);
+  Mesh first = hull(), other = shapes::box({-0.2F, -0.2F, 0.8F}, {0.2F, 0.2F, 1.2F});
+  deformer.run(studio().cameras, first);
+  deformer.run(std::span(studio().cameras).first(5), other);
+  Mesh again = hull();
+  deformer.run(studio().cameras, again);
+  EXPECT_EQ(again.vertices, first.vertices);
+}
+
+TEST(Deformer, leaves_a_mesh_alone_that_nobody_sees) {
+  Mesh mesh = hull();
+  Deformer({}).run({}, mesh);
+  EXPECT_EQ(mesh.vertices, hull().vertices);
+  Mesh nothing;
+  Deformer({}).run(studio().cameras, nothing);
+  EXPECT_TRUE(nothing.vertices.empty());
+}
+
+std::string refusal(const DeformOptions& options) {
+  try {
+    check(options);
+  } catch (const InputError& error) {
+    return error.what();
+  }
+  return {};
+}
+
+TEST(Deformer, names_the_option_that_is_out_of_range) {
+  EXPECT_EQ(refusal({}), "");
+  EXPECT_EQ(refusal({.window = 4}), "deform: window: want an odd number of samples from 3 to 11");
+  EXPECT_EQ(refusal({.views = 1}), "deform: views: want 2 to 8 cameras");
+  EXPECT_EQ(refusal({.internal = -1}), "deform: internal: want a weight from 0 to 1");
+}
+
+}  // namespace
+}  // namespace v3d
