@@ -7,7 +7,7 @@
 namespace v3d {
 namespace {
 
-constexpr int kSmoothingsPerSweep = 6;
+constexpr int kSmoothingsPerSweep = 4;
 /// A best depth at the end of the profile may be the foot of a higher peak beyond.
 constexpr float kTrustInEnds = 0.2F;
 

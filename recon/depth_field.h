@@ -23,7 +23,7 @@ struct DepthFieldOptions {
   float smoothness = 0.3F;  ///< of the field, against the photometric weights (0 to about 0.5)
   float photometric = 1;    ///< factor of those weights
   float coupling = 0.015F;  ///< correlation given up for a step away from the neighbours
-  int sweeps = 12;
+  int sweeps = 8;           ///< two or more
 };
 
 /// Alternates, coarse to strict: every vertex picks the best depth of its profile near the field,
