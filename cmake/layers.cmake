@@ -2,13 +2,14 @@
 #   - a layer's headers are reachable only through the include directory of its own target, so that an
 #     #include of a layer that is not linked does not compile;
 #   - v3d_check_layers() fails the configuration when a layer links one that it may not use.
-set(V3D_LAYERS base wire take trigger capture recon sim daemon)
+set(V3D_LAYERS base wire take trigger capture recon calib sim daemon)
 set(V3D_MAY_USE_base "")
 set(V3D_MAY_USE_wire base)
 set(V3D_MAY_USE_take base wire)
 set(V3D_MAY_USE_trigger base)
 set(V3D_MAY_USE_capture base)
 set(V3D_MAY_USE_recon base)
+set(V3D_MAY_USE_calib base)
 set(V3D_MAY_USE_sim base)
 set(V3D_MAY_USE_daemon base wire take trigger capture recon)
 

@@ -41,7 +41,7 @@ v3d_package(recon "V3D studio: daemon of the reconstruction PC"
 v3d_package(tools "V3D studio: v3dctl for operators, v3d-sim for rehearsals"
   RECOMMENDS rsync openssh-client)
 set(CPACK_DEBIAN_TOOLS_PACKAGE_SUGGESTS "default-jre, liblcm-java, libjchart2d-java")
-v3d_package(import "V3D studio: takes out of images and videos (v3dctl import)"
+v3d_package(import "V3D studio: images and videos (v3dctl import, v3dctl calibrate)"
   DEPENDS "v3d-tools (= ${PROJECT_VERSION})")
 set(CPACK_DEBIAN_COMMON_PACKAGE_ARCHITECTURE all)
 foreach(component ${CPACK_COMPONENTS_ALL})

@@ -20,8 +20,8 @@ _v3dctl() {
     case ${COMP_WORDS[i]} in
       --studio) ((i++)) ;;
       -*) ;;
-      *) if [[ $command != takes ]]; then command=${COMP_WORDS[i]}; else under=${COMP_WORDS[i]}; fi
-         [[ $command == takes && -z $under ]] || break ;;
+      *) if [[ -z $command ]]; then command=${COMP_WORDS[i]}; else under=${COMP_WORDS[i]}; fi
+         [[ $command =~ ^(takes|calibrate)$ && -z $under ]] || break ;;
     esac
   done
   COMPREPLY=()
@@ -31,8 +31,9 @@ _v3dctl() {
   esac
   if [[ -z $command ]]; then
     COMPREPLY=($(compgen -W "$(_v3dctl_words_of_help "$program")" -- "$current"))
-  elif [[ $command == takes && -z $under && $current != -* ]]; then
-    COMPREPLY=($(compgen -W "$(_v3dctl_words_of_help "$program" takes)" -- "$current"; compgen -f -- "$current"))
+  elif [[ $command =~ ^(takes|calibrate)$ && -z $under && $current != -* ]]; then
+    COMPREPLY=($(compgen -W "$(_v3dctl_words_of_help "$program" "$command")" -- "$current"
+      [[ $command == calibrate ]] || compgen -f -- "$current"))
   elif [[ $current == -* ]]; then
     COMPREPLY=($(compgen -W "$(_v3dctl_words_of_help "$program" "$command" $under)" -- "$current"))
   else

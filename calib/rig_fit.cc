@@ -1,0 +1,539 @@
+#include "calib/rig_fit.h"
+
+#include <Eigen/Dense>
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <memory>
+#include <set>
+
+#include "base/error.h"
+#include "calib/bundle.h"
+#include "calib/lateness.h"
+#include "calib/layout.h"
+#include "calib/synchrony.h"
+#include "calib/view_choice.h"
+
+namespace v3d::calib {
+namespace {
+
+constexpr int kFewestBoards = 3;
+constexpr double kOutlierFactor = 4;  // of the camera's median sighting
+constexpr double kHarmlessPx = 1.0;
+constexpr double kHopelessPx = 30;  // after the first adjustment: it shows something else
+constexpr double kScaleTolerance = 0.02;
+constexpr double kNoticeable = 0.02;  // of an instant
+
+/// One board in one camera.
+struct Sighting {
+  int camera = 0;
+  int64_t instant = 0;
+  const BoardSighting* seen = nullptr;
+};
+
+double median(std::vector<double> values) {
+  if (values.empty()) return 0;
+  const auto middle = values.begin() + static_cast<long>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
+std::string names_of(const std::vector<CameraSightings>& cameras, const std::vector<int>& group) {
+  constexpr size_t kMost = 6;
+  std::string text;
+  for (size_t i = 0; i < std::min(kMost, group.size()); ++i) {
+    text += (i > 0 ? ", " : "") + cameras[group[i]].name;
+  }
+  return text + (group.size() > kMost ? ", ..." : "");
+}
+
+void shift(CameraSightings& camera, int late) {
+  std::map<int64_t, BoardSighting> in_step;
+  for (auto& [instant, sighting] : camera.sightings) {
+    in_step[instant - late] = std::move(sighting);
+  }
+  camera.sightings = std::move(in_step);
+}
+
+class RigFitter {
+ public:
+  RigFitter(const Board& board, const std::vector<CameraSightings>& cameras,
+            const RigOptions& options)
+      : board_(board), cameras_(cameras), options_(options) {}
+
+  RigFitter(const RigFitter&) = delete;
+  RigFitter& operator=(const RigFitter&) = delete;
+
+  RigFit fit() {
+    require_boards();
+    find_lenses();
+    find_poses();
+    put_in_step();
+    result_.tree = spanning_tree(count(), result_.pairs);
+    require_connection();
+    place_cameras();
+    place_boards();
+    adjust_all();
+    put_in_step_between();
+    describe();
+    require_layout();
+    return std::move(result_);
+  }
+
+ private:
+  int count() const { return static_cast<int>(cameras_.size()); }
+
+  void require_boards() const {
+    for (const CameraSightings& camera : cameras_) {
+      if (std::ssize(camera.sightings) >= kFewestBoards) continue;
+      throw InputError(
+          camera.name + ": too few boards: found in " + std::to_string(camera.sightings.size()) +
+          (camera.sightings.size() == 1 ? " picture" : " pictures") + ", 20 are good: show it to " +
+          camera.name + " and a neighbour at the same time");
+    }
+  }
+
+  // --- lenses -----------------------------------------------------------------------------------
+
+  void find_lenses() {
+    for (const CameraSightings& camera : cameras_) {
+      if (options_.before) {
+        lenses_.push_back(lens_before(camera));
+        coefficients_.push_back(0);
+        continue;
+      }
+      std::vector<LensView> views;
+      for (const auto& [instant, sighting] : camera.sightings) {
+        views.push_back({std::to_string(instant), sighting});
+      }
+      const LensFit lens = fit_lens(camera.name, board_, camera.size, views, {});
+      lenses_.push_back(lens.lens);
+      coefficients_.push_back(lens.coefficients);
+    }
+    if (options_.before) require_own_lenses();
+  }
+
+  CameraModel lens_before(const CameraSightings& camera) const {
+    const int index = find_camera(*options_.before, camera.name);
+    if (index < 0) throw InputError("the calibration before has no camera " + camera.name);
+    const CameraModel& lens = (*options_.before)[static_cast<size_t>(index)].model;
+    if (!(lens.size() == camera.size)) {
+      throw InputError(camera.name + ": its pictures are " + std::to_string(camera.size.width) +
+                       "x" + std::to_string(camera.size.height) + ", its lens was calibrated at " +
+                       std::to_string(lens.size().width) + "x" +
+                       std::to_string(lens.size().height));
+    }
+    return placed(lens, {});
+  }
+
+  /// How well some of camera's boards can be explained through a lens.
+  double explains(const CameraModel& lens, const CameraSightings& camera) const {
+    std::vector<double> rms;
+    const size_t step = 1 + camera.sightings.size() / 20;
+    size_t at = 0;
+    for (const auto& [instant, sighting] : camera.sightings) {
+      if (at++ % step != 0) continue;
+      const auto poses = board_poses(lens, board_, sighting);
+      if (!poses.empty()) rms.push_back(poses.front().rms_px);
+    }
+    return rms.empty() ? 1e9 : median(rms);
+  }
+
+  void require_own_lenses() const {
+    for (int a = 0; a < count(); ++a) {
+      for (int b = a + 1; b < count(); ++b) {
+        if (!(cameras_[a].size == cameras_[b].size)) continue;
+        const double own_a = explains(lenses_[a], cameras_[a]);
+        const double own_b = explains(lenses_[b], cameras_[b]);
+        const double other_a = explains(lenses_[b], cameras_[a]);
+        const double other_b = explains(lenses_[a], cameras_[b]);
+        if (2 * other_a < own_a && 2 * other_b < own_b && std::min(own_a, own_b) > kHarmlessPx) {
+          say_swapped(cameras_[a].name, cameras_[b].name, "the pictures of each fit the lens of");
+        }
+      }
+    }
+  }
+
+  [[noreturn]] static void say_swapped(const std::string& a, const std::string& b,
+                                       const std::string& why) {
+    throw InputError("swapped cameras: " + a + " and " + b + ": " + why +
+                     " the other: exchange their cables, addresses or files");
+  }
+
+  // --- places -----------------------------------------------------------------------------------
+
+  void find_poses() {
+    poses_.clear();
+    for (size_t i = 0; i < cameras_.size(); ++i) {
+      poses_.push_back(possible_poses(lenses_[i], board_, cameras_[i]));
+    }
+    result_.pairs = pair_poses(poses_);
+  }
+
+  void put_in_step() {
+    const std::vector<int> late = instants_late(poses_, result_.pairs);
+    late_.assign(late.begin(), late.end());
+    if (std::all_of(late.begin(), late.end(), [](int l) { return l == 0; })) return;
+    if (std::any_of(late.begin(), late.end(),
+                    [&](int l) { return std::abs(l) > options_.most_late; })) {
+      throw InputError(lateness_text(cameras_, late_) +
+                       ": give --timestamps, or cut the videos to one beginning");
+    }
+    for (size_t i = 0; i < cameras_.size(); ++i) shift(cameras_[i], late[i]);
+    find_poses();
+  }
+
+  void require_connection() const {
+    const auto groups = connected_groups(count(), result_.pairs);
+    if (groups.size() == 1) return;
+    throw InputError("too few boards: " + names_of(cameras_, groups[1]) + " shares fewer than " +
+                     std::to_string(kFewestAgreeing) + " views of the board with " +
+                     names_of(cameras_, groups[0]) +
+                     ": show it so that a camera of either side sees it at the same time");
+  }
+
+  void place_cameras() {
+    std::vector<RigidTransform> places(cameras_.size());
+    for (const TreeEdge& edge : result_.tree.edges) {
+      places[edge.to] = edge.to_from_from * places[edge.from];
+    }
+    for (size_t i = 0; i < cameras_.size(); ++i) {
+      bundle_.cameras.push_back(placed(lenses_[i], places[i]));
+    }
+  }
+
+  /// The pose, of all that the sightings of an instant allow, with which all of them agree best.
+  std::optional<RigidTransform> place_board(const std::vector<Sighting>& sightings) const {
+    std::optional<RigidTransform> best;
+    double least = 1e300;
+    for (const Sighting& s : sightings) {
+      const auto found = poses_[s.camera].find(s.instant);
+      if (found == poses_[s.camera].end()) continue;
+      const RigidTransform world_from_cam = bundle_.cameras[s.camera].cam_from_world().inverse();
+      for (const RigidTransform& pose : found->second) {
+        const RigidTransform world_from_board = world_from_cam * pose;
+        const double cost = disagreement(sightings, world_from_board);
+        if (cost < least) {
+          least = cost;
+          best = world_from_board;
+        }
+      }
+    }
+    return best;
+  }
+
+  /// Bounded, so that one misread picture does not decide.
+  double disagreement(const std::vector<Sighting>& sightings,
+                      const RigidTransform& world_from_board) const {
+    double sum = 0;
+    for (const Sighting& s : sightings) {
+      sum += std::min(200.0, std::min(rms_at(s, *s.seen, world_from_board),
+                                      board_.looks_same_turned()
+                                          ? rms_at(s, turned(board_, *s.seen), world_from_board)
+                                          : 1e9));
+    }
+    return sum;
+  }
+
+  /// A few corners tell.
+  double rms_at(const Sighting& s, const BoardSighting& seen,
+                const RigidTransform& world_from_board) const {
+    const CameraModel& camera = bundle_.cameras[s.camera];
+    const int step = std::max(1, seen.count() / 6);
+    double squares = 0;
+    int n = 0;
+    for (int i = 0; i < seen.count(); i += step, ++n) {
+      const auto pixel = camera.project(world_from_board * board_.corner(seen.corners[i]));
+      squares += pixel ? (*pixel - seen.pixels[i]).squaredNorm() : 1e12;
+    }
+    return std::sqrt(squares / n);
+  }
+
+  /// Instants by what they are worth: those that connect cameras which share little come first.
+  std::vector<int64_t> chosen_instants() const {
+    std::map<int64_t, std::vector<int>> who;
+    for (int i = 0; i < count(); ++i) {
+      for (const auto& [instant, poses] : poses_[i]) who[instant].push_back(i);
+    }
+    std::map<std::pair<int, int>, int> shared;
+    for (const PairPose& pair : result_.pairs) shared[{pair.a, pair.b}] = pair.shared;
+    std::vector<std::pair<double, int64_t>> worth;
+    for (const auto& [instant, cameras] : who) {
+      double sum = 0;
+      for (size_t i = 0; i < cameras.size(); ++i) {
+        for (size_t j = 0; j < i; ++j) sum += 1.0 / shared[{cameras[j], cameras[i]}];
+      }
+      if (cameras.size() > 1) worth.emplace_back(-sum, instant);
+    }
+    std::sort(worth.begin(), worth.end());
+    if (std::ssize(worth) > options_.most_instants) worth.resize(options_.most_instants);
+    std::vector<int64_t> instants;
+    for (const auto& [w, instant] : worth) instants.push_back(instant);
+    std::sort(instants.begin(), instants.end());
+    return instants;
+  }
+
+  void place_boards() {
+    bundle_.board = board_;
+    // Which end came first is arbitrary per picture: from here on all pictures say the same.
+    for (const int64_t instant : chosen_instants()) {
+      std::vector<Sighting> sightings;
+      for (int i = 0; i < count(); ++i) {
+        const auto found = cameras_[i].sightings.find(instant);
+        if (found != cameras_[i].sightings.end()) sightings.push_back({i, instant, &found->second});
+      }
+      const auto pose = place_board(sightings);
+      if (!pose) continue;
+      for (Sighting& s : sightings) add_sighting(s, *pose);
+      bundle_.world_from_board.push_back(*pose);
+      instants_.push_back(instant);
+    }
+  }
+
+  void add_sighting(Sighting s, const RigidTransform& world_from_board) {
+    if (board_.looks_same_turned()) {
+      BoardSighting other = turned(board_, *s.seen);
+      if (rms_at(s, other, world_from_board) < rms_at(s, *s.seen, world_from_board)) {
+        turned_.push_back(std::make_unique<BoardSighting>(std::move(other)));
+        s.seen = turned_.back().get();
+      }
+    }
+    for (int k = 0; k < s.seen->count(); ++k) {
+      bundle_.points.push_back({s.camera, static_cast<int>(bundle_.world_from_board.size()),
+                                s.seen->corners[k], s.seen->pixels[k]});
+    }
+  }
+
+  // --- adjustment -------------------------------------------------------------------------------
+
+  void adjust_all() {
+    BundleOptions options;
+    options.fixed_cameras = {result_.tree.root};
+    options.threads = options_.threads;
+    options.iterations = 30;
+    adjust(bundle_, options);
+    reject_sightings(kHopelessPx);
+    options.coefficients = coefficients_;
+    for (int round = 0; round < 3; ++round) {
+      adjust(bundle_, options);
+      if (!reject_sightings(kHarmlessPx)) return;
+    }
+    adjust(bundle_, options);
+  }
+
+  /// What is left of lateness below an instant: every corner is moved to where it was at the
+  /// instant itself, and everything is adjusted again.
+  void put_in_step_between() {
+    for (int round = 0; round < 6; ++round) {
+      const std::vector<double> parts = parts_late();
+      if (std::all_of(parts.begin(), parts.end(), [](double p) { return p == 0; })) return;
+      for (BundlePoint& point : bundle_.points) {
+        point.pixel += parts[point.camera] * velocity_of(point).value_or(Eigen::Vector2d::Zero());
+      }
+      for (size_t i = 0; i < parts.size(); ++i) late_[i] += parts[i];
+      adjust_all();
+    }
+  }
+
+  std::optional<Eigen::Vector2d> velocity_of(const BundlePoint& point) const {
+    return corner_velocity(cameras_[point.camera].sightings, instants_[point.board], point.corner);
+  }
+
+  std::vector<double> parts_late() const {
+    const auto all = misses(bundle_);
+    std::vector<std::vector<MovingCorner>> moving(cameras_.size());
+    for (size_t i = 0; i < all.size(); ++i) {
+      const auto velocity = velocity_of(bundle_.points[i]);
+      if (velocity) moving[bundle_.points[i].camera].push_back({*velocity, all[i]});
+    }
+    std::vector<double> parts;
+    for (const auto& corners : moving) parts.push_back(part_late(corners));
+    return parts;
+  }
+
+  /// Sightings that fit far worse than their camera's others, and worse than `harmless_px`; boards
+  /// that fewer than two cameras see then. True when there were any.
+  bool reject_sightings(double harmless_px) {
+    std::map<std::pair<int, int>, std::vector<Eigen::Vector2d>> by_sighting;
+    const auto all = misses(bundle_);
+    for (size_t i = 0; i < all.size(); ++i) {
+      by_sighting[{bundle_.points[i].camera, bundle_.points[i].board}].push_back(all[i]);
+    }
+    std::vector<std::vector<double>> by_camera(cameras_.size());
+    for (const auto& [key, some] : by_sighting) by_camera[key.first].push_back(rms_of(some));
+    std::set<std::pair<int, int>> bad;
+    for (const auto& [key, some] : by_sighting) {
+      const double usual = median(by_camera[key.first]);
+      const double rms = rms_of(some);
+      if (rms > std::max(harmless_px, kOutlierFactor * usual)) {
+        bad.insert(key);
+        note_rejected(key.first, instants_[key.second], rms, usual);
+      }
+    }
+    if (bad.empty()) return false;
+    std::erase_if(bundle_.points, [&](const BundlePoint& p) {
+      return bad.contains({p.camera, p.board});
+    });
+    drop_lonely_boards();
+    require_all_connected();
+    return true;
+  }
+
+  void note_rejected(int camera, int64_t instant, double rms, double usual) {
+    char text[160];
+    std::snprintf(text, sizeof text,
+                  "its corners miss by %.2f px, the camera's median picture by %.2f: blurred, "
+                  "misread or of another instant",
+                  rms, usual);
+    result_.rejected.push_back({camera, instant, text});
+  }
+
+  void drop_lonely_boards() {
+    std::vector<std::set<int>> seen_by(bundle_.world_from_board.size());
+    for (const BundlePoint& p : bundle_.points) seen_by[p.board].insert(p.camera);
+    std::vector<int> renumbered(seen_by.size(), -1);
+    std::vector<RigidTransform> boards;
+    std::vector<int64_t> instants;
+    for (size_t i = 0; i < seen_by.size(); ++i) {
+      if (seen_by[i].size() < 2) continue;
+      renumbered[i] = static_cast<int>(boards.size());
+      boards.push_back(bundle_.world_from_board[i]);
+      instants.push_back(instants_[i]);
+    }
+    std::erase_if(bundle_.points, [&](const BundlePoint& p) { return renumbered[p.board] < 0; });
+    for (BundlePoint& p : bundle_.points) p.board = renumbered[p.board];
+    bundle_.world_from_board = std::move(boards);
+    instants_ = std::move(instants);
+  }
+
+  void require_all_connected() const {
+    std::vector<std::set<int>> boards(cameras_.size());
+    for (const BundlePoint& p : bundle_.points) boards[p.camera].insert(p.board);
+    for (int i = 0; i < count(); ++i) {
+      if (std::ssize(boards[i]) >= kFewestBoards) continue;
+      throw InputError(cameras_[i].name +
+                       ": its pictures of the board do not fit those of the "
+                       "other cameras: is it swapped with another, out of sync, or was it moved "
+                       "while the board was shown?");
+    }
+  }
+
+  // --- result -----------------------------------------------------------------------------------
+
+  void describe() {
+    const auto all = misses(bundle_);
+    result_.rms_px = rms_of(all);
+    for (int i = 0; i < count(); ++i) result_.cameras.push_back(describe_camera(i, all));
+    const RigidTransform world_from_root = guess_world();
+    for (int i = 0; i < count(); ++i) {
+      result_.rig.push_back({cameras_[i].name, bundle_.cameras[i]});
+    }
+    result_.rig = moved_rig(result_.rig, {1, world_from_root});
+    for (size_t i = 0; i < instants_.size(); ++i) {
+      result_.world_from_board[instants_[i]] = world_from_root * bundle_.world_from_board[i];
+    }
+  }
+
+  CameraFit describe_camera(int camera, const std::vector<Eigen::Vector2d>& all) const {
+    CameraFit fit;
+    std::vector<Eigen::Vector2d> own;
+    std::set<int> boards;
+    BoardSighting pixels;
+    for (size_t i = 0; i < all.size(); ++i) {
+      const BundlePoint& point = bundle_.points[i];
+      if (point.camera != camera) continue;
+      own.push_back(all[i]);
+      boards.insert(point.board);
+      pixels.pixels.push_back(point.pixel);
+      fit.residuals.push_back({point.pixel, all[i]});
+    }
+    const BoardSighting* every = &pixels;
+    fit.rms_px = rms_of(own);
+    fit.views = static_cast<int>(boards.size());
+    fit.found = static_cast<int>(cameras_[camera].sightings.size());
+    fit.late = late_[camera];
+    fit.coefficients = coefficients_[camera];
+    fit.coverage = coverage(cameras_[camera].size, {&every, 1});
+    fit.rejected = static_cast<int>(
+        std::count_if(result_.rejected.begin(), result_.rejected.end(),
+                      [&](const RejectedSighting& r) { return r.camera == camera; }));
+    return fit;
+  }
+
+  /// Up is where the images have it, the origin is the point nearest to all optical axes.
+  RigidTransform guess_world() const {
+    Eigen::Vector3d up = Eigen::Vector3d::Zero(), sum = Eigen::Vector3d::Zero();
+    Eigen::Matrix3d spread = Eigen::Matrix3d::Zero();
+    for (const CameraModel& camera : bundle_.cameras) {
+      up -= camera.cam_from_world().rotation.row(1).transpose();
+      const Eigen::Vector3d axis = camera.viewing_direction();
+      const Eigen::Matrix3d across = Eigen::Matrix3d::Identity() - axis * axis.transpose();
+      spread += across;
+      sum += across * camera.center();
+    }
+    if (!(up.norm() > 1e-6)) up = Eigen::Vector3d::UnitZ();
+    // Cameras that all look the same way meet nowhere: then the board tells.
+    Eigen::Vector3d origin = Eigen::Vector3d::Zero();
+    for (const RigidTransform& board : bundle_.world_from_board) {
+      origin += board * board_.centre() / static_cast<double>(bundle_.world_from_board.size());
+    }
+    const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> eigen(spread);
+    if (eigen.eigenvalues()[0] > 0.02 * static_cast<double>(bundle_.cameras.size())) {
+      origin = spread.inverse() * sum;
+    }
+    RigidTransform turn;
+    turn.rotation =
+        Eigen::Quaterniond::FromTwoVectors(up, Eigen::Vector3d::UnitZ()).toRotationMatrix();
+    return turn * RigidTransform{Eigen::Matrix3d::Identity(), -origin};
+  }
+
+  void require_layout() const {
+    if (!options_.before) return;
+    const LayoutChange change = compare_layouts(result_.rig, *options_.before);
+    if (change.swapped.size() == 1) {
+      say_swapped(change.swapped[0].first, change.swapped[0].second, "each stands in the place of");
+    }
+    if (std::abs(change.scale - 1) > kScaleTolerance) {
+      char text[200];
+      std::snprintf(text, sizeof text,
+                    "wrong board size: the cameras would stand %.3f times as far apart as before: "
+                    "are the squares %.1f mm instead of %.1f?",
+                    change.scale, 1000 * board_.square_m / change.scale, 1000 * board_.square_m);
+      throw InputError(text);
+    }
+  }
+
+  const Board& board_;
+  std::vector<CameraSightings> cameras_;
+  const RigOptions& options_;
+  std::vector<CameraModel> lenses_;
+  std::vector<int> coefficients_;
+  std::vector<CameraPoses> poses_;
+  std::vector<double> late_;
+  Bundle bundle_;
+  std::vector<int64_t> instants_;  ///< of the bundle's boards
+  std::vector<std::unique_ptr<BoardSighting>> turned_;
+  RigFit result_;
+};
+
+}  // namespace
+
+std::string lateness_text(const std::vector<CameraSightings>& cameras,
+                          const std::vector<double>& late) {
+  std::string text;
+  for (size_t i = 0; i < cameras.size(); ++i) {
+    if (std::abs(late[i]) < kNoticeable) continue;
+    char size[64];
+    std::snprintf(size, sizeof size, " is %.3g %s %s", std::abs(late[i]),
+                  std::abs(late[i]) == 1 ? "picture" : "pictures", late[i] > 0 ? "late" : "early");
+    text += (text.empty() ? "cameras out of sync: " : ", ") + cameras[i].name + size;
+  }
+  return text.empty() ? text : text + " against the others";
+}
+
+RigFit fit_rig(const Board& board, const std::vector<CameraSightings>& cameras,
+               const RigOptions& options) {
+  return RigFitter(board, cameras, options).fit();
+}
+
+}  // namespace v3d::calib

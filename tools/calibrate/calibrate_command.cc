@@ -1,0 +1,35 @@
+#include "calibrate/commands.h"
+
+namespace v3d::calibrate {
+
+CLI::App* add_under(CLI::App* calibrate, const std::string& name, const std::string& description,
+                    const std::vector<std::string>& examples) {
+  CLI::App* command = calibrate->add_subcommand(name, description);
+  command->fallthrough();
+  std::string footer = examples.size() > 1 ? "Examples:" : "Example:";
+  for (const std::string& example : examples) footer += "\n  $ " + example;
+  command->footer(footer);
+  return command;
+}
+
+void add_board_option(CLI::App* command, std::string& board) {
+  command
+      ->add_option("--board", board,
+                   "chess:9x6:25mm (inner corners), or charuco:4x5:54mm:40.5mm:DICT_4X4_50 "
+                   "(squares); :inverted behind it for a print white on black")
+      ->type_name("BOARD")
+      ->required();
+}
+
+void add_calibrate(ctl::CommandLine& line) {
+  CLI::App* command =
+      line.add("calibrate", "Measure lenses and places of the cameras, and say what is weak",
+               {"v3dctl calibrate intrinsics --board chess:9x6:25mm --images 'cam01/*.png'",
+                "v3dctl calibrate rig --board charuco:4x5:54mm:40.5mm:DICT_4X4_50 \\",
+                "    --take boards-01 --out calib.toml"});
+  command->require_subcommand(1);
+  add_intrinsics(line, command);
+  add_rig(line, command);
+}
+
+}  // namespace v3d::calibrate

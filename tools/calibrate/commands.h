@@ -1,0 +1,22 @@
+// `v3dctl calibrate` and what stands under it.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "v3dctl/command.h"
+
+namespace v3d::calibrate {
+
+/// All of them.
+void add_calibrate(ctl::CommandLine& line);
+
+/// `examples` are shown under its help, each after "  $ ".
+CLI::App* add_under(CLI::App* calibrate, const std::string& name, const std::string& description,
+                    const std::vector<std::string>& examples);
+void add_board_option(CLI::App* command, std::string& board);
+
+void add_intrinsics(ctl::CommandLine& line, CLI::App* calibrate);
+void add_rig(ctl::CommandLine& line, CLI::App* calibrate);
+
+}  // namespace v3d::calibrate

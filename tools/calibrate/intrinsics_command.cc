@@ -1,0 +1,142 @@
+#include <cstdio>
+#include <nlohmann/json.hpp>
+
+#include "base/calib_file.h"
+#include "base/error.h"
+#include "base/name.h"
+#include "calib/view_choice.h"
+#include "calibrate/board_search.h"
+#include "calibrate/commands.h"
+#include "common/console.h"
+#include "v3dctl/interrupt.h"
+#include "v3dctl/options.h"
+
+namespace v3d::calibrate {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+struct Arguments {
+  std::string board;
+  std::string images;
+  std::string video;
+  std::string take;
+  std::string camera = "cam";
+  Sampling sampling;
+  calib::LensOptions lens;
+  std::string out;
+  bool json = false;
+};
+
+PictureSource open_source(const Arguments& arguments) {
+  const int given = !arguments.images.empty() + !arguments.video.empty() + !arguments.take.empty();
+  if (given != 1) throw InputError("give one of --images, --video and --take");
+  if (!arguments.images.empty()) return open_images(arguments.images);
+  if (!arguments.video.empty()) return open_video(arguments.video, arguments.sampling);
+  return open_take(arguments.take, arguments.camera, arguments.sampling);
+}
+
+double covered(const FoundBoards& found, const calib::LensFit& fit) {
+  std::vector<const calib::BoardSighting*> sightings;
+  for (const auto& view : fit.fitted) sightings.push_back(&found.views[view.view].sighting);
+  return calib::coverage(found.size, sightings);
+}
+
+Json to_json(const std::string& camera, const FoundBoards& found, const calib::LensFit& fit) {
+  Json rejected = Json::array(), trials = Json::array();
+  for (const auto& view : fit.rejected) {
+    rejected.push_back({{"picture", found.views[view.view].source}, {"reason", view.reason}});
+  }
+  for (const auto& trial : fit.trials) {
+    trials.push_back(
+        {{"coefficients", trial.coefficients}, {"held_out_rms_px", trial.held_out_rms_px}});
+  }
+  const Eigen::Matrix3d& k = fit.lens.matrix();
+  const Json one = {{"name", camera},
+                    {"rms_px", fit.rms_px},
+                    {"views", fit.fitted.size()},
+                    {"found", found.views.size()},
+                    {"pictures", found.pictures},
+                    {"coverage", covered(found, fit)},
+                    {"focal_px", {k(0, 0), k(1, 1)}},
+                    {"focal_spread_px", fit.focal_spread_px},
+                    {"centre_px", {k(0, 2), k(1, 2)}},
+                    {"coefficients", fit.coefficients},
+                    {"distortions", fit.lens.distortion()},
+                    {"cross_validation", trials},
+                    {"rejected", rejected}};
+  return {{"rms_px", fit.rms_px}, {"cameras", Json::array({one})}};
+}
+
+void print_text(const std::string& camera, const FoundBoards& found, const calib::LensFit& fit) {
+  std::printf("%s  %.2f px RMS, %s of %lld with the board (%lld looked at), %.0f %% of the image\n",
+              camera.c_str(), fit.rms_px, ctl::count_of(std::ssize(fit.fitted), "picture").c_str(),
+              static_cast<long long>(found.views.size()), static_cast<long long>(found.pictures),
+              100 * covered(found, fit));
+  const Eigen::Matrix3d& k = fit.lens.matrix();
+  std::printf("  focal length %.1f x %.1f px (+- %.1f), centre %.1f, %.1f, %d coefficients\n",
+              k(0, 0), k(1, 1), fit.focal_spread_px, k(0, 2), k(1, 2), fit.coefficients);
+  for (const auto& trial : fit.trials) {
+    std::printf("  %d coefficients foretell pictures that were held out within %.3f px\n",
+                trial.coefficients, trial.held_out_rms_px);
+  }
+  for (const auto& view : fit.rejected) {
+    std::printf("  left out: %s: %s\n", found.views[view.view].source.c_str(), view.reason.c_str());
+  }
+}
+
+void require_sense(const Arguments& arguments) {
+  if (!is_file_name(arguments.camera)) {
+    throw InputError("--camera " + arguments.camera + ": " + std::string(kFileNameRule));
+  }
+}
+
+int run(const Arguments& arguments) {
+  require_sense(arguments);
+  const calib::BoardDetector detector(calib::parse_board(arguments.board));
+  ctl::catch_interrupts();
+  const FoundBoards found = find_boards(arguments.camera, open_source(arguments), detector);
+  const calib::LensFit fit =
+      fit_lens(arguments.camera, detector.board(), found.size, found.views, arguments.lens);
+  if (!arguments.out.empty()) save_calib(arguments.out, {{arguments.camera, fit.lens}});
+  if (arguments.json) {
+    std::printf("%s\n", to_json(arguments.camera, found, fit).dump(2).c_str());
+  } else {
+    print_text(arguments.camera, found, fit);
+  }
+  return kExitDone;
+}
+
+}  // namespace
+
+void add_intrinsics(ctl::CommandLine& line, CLI::App* calibrate) {
+  CLI::App* command =
+      add_under(calibrate, "intrinsics", "The lens of one camera",
+                {"v3dctl calibrate intrinsics --board chess:9x6:25mm --images 'cam01/*.png'",
+                 "v3dctl calibrate intrinsics --board charuco:4x5:54mm:40.5mm:DICT_4X4_50 \\",
+                 "    --video cam01.mp4 --camera cam01 --out cam01.toml"});
+  auto arguments = std::make_shared<Arguments>();
+  add_board_option(command, arguments->board);
+  command->add_option("--images", arguments->images, "Pictures of the board; quote the pattern")
+      ->type_name("GLOB");
+  command->add_option("--video", arguments->video, "A video of the board")->type_name("FILE");
+  command->add_option("--take", arguments->take, "A take of the board, of the camera --camera")
+      ->type_name("TAKE");
+  command->add_option("--camera", arguments->camera, "The camera's name (else cam)")
+      ->type_name("NAME");
+  command
+      ->add_option("--every", arguments->sampling.every,
+                   "Every so many frames are looked at (else about 300 frames)")
+      ->type_name("N")
+      ->check(CLI::PositiveNumber);
+  command
+      ->add_option("--coefficients", arguments->lens.coefficients,
+                   "Of the lens: 4, 5 or 8 (else cross-validation decides)")
+      ->check(CLI::IsMember({4, 5, 8}));
+  command->add_option("--out", arguments->out, "Write the lens as a calib.toml of one camera")
+      ->type_name("FILE");
+  ctl::add_json_flag(command, arguments->json);
+  line.on_run(command, [arguments] { return run(*arguments); });
+}
+
+}  // namespace v3d::calibrate

@@ -1,0 +1,95 @@
+#include "calibrate/picture_source.h"
+
+#include <glob.h>
+
+#include <algorithm>
+#include <cstring>
+#include <memory>
+#include <vector>
+
+#include "base/error.h"
+#include "take/frame_log.h"
+#include "take/take.h"
+#include "v3dctl/media.h"
+
+namespace v3d::calibrate {
+namespace {
+
+namespace fs = std::filesystem;
+
+int64_t stride_of(int64_t announced, const Sampling& sampling) {
+  if (sampling.every > 0) return sampling.every;
+  return std::max<int64_t>(1, (announced + sampling.most - 1) / sampling.most);
+}
+
+std::vector<fs::path> matching_files(const std::string& pattern) {
+  glob_t found{};
+  glob(pattern.c_str(), GLOB_TILDE, nullptr, &found);
+  std::vector<fs::path> files(found.gl_pathv, found.gl_pathv + found.gl_pathc);
+  globfree(&found);
+  std::erase_if(files, [](const fs::path& file) { return !ctl::has_image_name(file); });
+  std::sort(files.begin(), files.end(), [](const fs::path& a, const fs::path& b) {
+    return strverscmp(a.c_str(), b.c_str()) < 0;
+  });
+  return files;
+}
+
+std::string frame_name(int64_t number) { return "frame " + std::to_string(number); }
+
+}  // namespace
+
+PictureSource open_video(const fs::path& file, const Sampling& sampling) {
+  auto reader = std::make_shared<ctl::VideoReader>(file);
+  const int64_t stride = stride_of(reader->announced_frames(), sampling);
+  PictureSource source{file.string(), reader->announced_frames() / stride, {}};
+  source.next = [reader, stride, number = int64_t{0}]() mutable -> std::optional<Picture> {
+    for (; number % stride != 0; ++number) {
+      if (!reader->skip()) return std::nullopt;
+    }
+    auto image = reader->next();
+    if (!image) return std::nullopt;
+    const int64_t here = number++;
+    return Picture{here, frame_name(here), std::move(*image)};
+  };
+  return source;
+}
+
+PictureSource open_images(const std::string& pattern) {
+  const std::vector<fs::path> files = matching_files(pattern);
+  if (files.empty()) {
+    throw InputError(pattern + ": no image has such a name (quote the pattern: 'boards/*.png')");
+  }
+  PictureSource source{pattern, std::ssize(files), {}};
+  source.next = [files, at = size_t{0}]() mutable -> std::optional<Picture> {
+    if (at == files.size()) return std::nullopt;
+    const fs::path& file = files[at];
+    return Picture{static_cast<int64_t>(at++), file.filename().string(), ctl::read_image(file)};
+  };
+  return source;
+}
+
+PictureSource open_take(const fs::path& take, const std::string& camera, const Sampling& sampling) {
+  const TakePaths paths{take};
+  auto log = std::make_shared<FrameLogReader>(paths.frames(camera));
+  std::vector<int64_t> pulses;
+  for (const FrameLabel& label : log->labels()) pulses.push_back(label.pulse);
+  std::sort(pulses.begin(), pulses.end());
+  pulses.erase(std::unique(pulses.begin(), pulses.end()), pulses.end());
+  const int64_t last = pulses.empty() ? 0 : pulses.back() + 1;
+  const int64_t stride = stride_of(last, sampling);
+  // By number, so that all cameras of the take are looked at at the same pulses.
+  std::erase_if(pulses, [&](int64_t pulse) { return pulse % stride != 0; });
+  PictureSource source{paths.frames(camera).string(), std::ssize(pulses), {}};
+  source.next = [log, pulses, at = size_t{0}]() mutable -> std::optional<Picture> {
+    while (at < pulses.size()) {
+      const int64_t pulse = pulses[at++];
+      if (auto frame = log->read(pulse)) {
+        return Picture{pulse, "pulse " + std::to_string(pulse), std::move(frame->image)};
+      }
+    }
+    return std::nullopt;
+  };
+  return source;
+}
+
+}  // namespace v3d::calibrate

@@ -1,0 +1,84 @@
+#include "calibrate/rig_boards.h"
+
+#include "base/error.h"
+#include "base/file.h"
+#include "calib/time_stamps.h"
+#include "take/take.h"
+
+namespace v3d::calibrate {
+namespace {
+
+struct NamedSource {
+  std::string camera;
+  PictureSource source;
+};
+
+std::vector<NamedSource> open_sources(const RigSources& sources) {
+  const int given = !sources.videos.empty() + !sources.images.empty() + !sources.take.empty();
+  if (given != 1) throw InputError("give one of --video, --images and --take");
+  std::vector<NamedSource> opened;
+  for (const auto& [camera, file] : sources.videos) {
+    Sampling sampling = sources.sampling;
+    // A table of time stamps says which frames belong together, so none may be passed over.
+    if (!sources.time_stamps.empty() && sampling.every == 0) sampling.every = 1;
+    opened.push_back({camera, open_video(file, sampling)});
+  }
+  for (const auto& [camera, pattern] : sources.images) {
+    opened.push_back({camera, open_images(pattern)});
+  }
+  if (!sources.take.empty()) {
+    for (const std::string& camera : load_take_info(TakePaths{sources.take}).cameras) {
+      opened.push_back({camera, open_take(sources.take, camera, sources.sampling)});
+    }
+  }
+  return opened;
+}
+
+void require_equal_lists(const RigSources& sources, const RigBoards& boards) {
+  if (sources.images.empty()) return;
+  for (size_t i = 1; i < boards.found.size(); ++i) {
+    if (boards.found[i].pictures == boards.found[0].pictures) continue;
+    throw InputError("--images: " + boards.cameras[0].name + " has " +
+                     ctl::count_of(boards.found[0].pictures, "picture") + " and " +
+                     boards.cameras[i].name + " " + std::to_string(boards.found[i].pictures) +
+                     ": the n-th pictures of all cameras must be of one instant");
+  }
+}
+
+/// Frames that the table does not know belong to no instant.
+calib::CameraSightings by_time_stamp(const calib::CameraSightings& by_frame,
+                                     const std::map<int64_t, int64_t>& instants) {
+  calib::CameraSightings camera{by_frame.name, by_frame.size, {}};
+  for (const auto& [frame, sighting] : by_frame.sightings) {
+    const auto found = instants.find(frame);
+    if (found != instants.end()) camera.sightings[found->second] = sighting;
+  }
+  return camera;
+}
+
+}  // namespace
+
+RigBoards find_rig_boards(const RigSources& sources, const calib::BoardDetector& detector) {
+  calib::TimeStamps stamps;
+  if (!sources.time_stamps.empty()) {
+    stamps = calib::parse_time_stamps(read_file(sources.time_stamps), sources.time_stamps);
+  }
+  RigBoards boards;
+  for (NamedSource& named : open_sources(sources)) {
+    boards.found.push_back(find_boards(named.camera, std::move(named.source), detector));
+    const FoundBoards& found = boards.found.back();
+    calib::CameraSightings camera{named.camera, found.size, {}};
+    for (size_t i = 0; i < found.views.size(); ++i) {
+      camera.sightings[found.numbers[i]] = found.views[i].sighting;
+    }
+    if (!sources.time_stamps.empty()) {
+      camera = by_time_stamp(
+          camera, calib::instants_of(stamps, named.camera, found.pictures, sources.time_stamps));
+    }
+    boards.cameras.push_back(std::move(camera));
+  }
+  require_equal_lists(sources, boards);
+  return boards;
+}
+
+}  // namespace v3d::calibrate
