@@ -36,10 +36,9 @@ void CameraLane::end() {
 }
 
 void CameraLane::go_on_from(const LanePast& past) {
-  written_pulses_ = past.pulses;
-  suspect_pulses_ = past.suspect;
+  account_ = past.account;
   exposures_ = past.exposures;
-  log_seq_ = received_ = written_ = std::ssize(past.pulses);
+  log_seq_ = received_ = written_ = past.frames;
 }
 
 /// A mask depends on the frames before it in the log: the segmenter learns from them what it had

@@ -72,16 +72,18 @@ EdgeTimes edge_times(const TakePaths& take) {
 LanePast read_lane_past(const TakePaths& take, const std::string& camera, const EdgeTimes& edges) {
   const std::vector<FrameLabel> labels = labels_of(take.frames(camera));
   LanePast past;
+  int64_t suspect = 0;
   for (const FrameLabel& label : labels) {
-    past.pulses.push_back(label.pulse);
+    past.account.add(label.pulse, label.suspect);
     past.exposures.add(label.camera_counter);
-    if (label.suspect) past.suspect.push_back(label.pulse);
+    ++past.frames;
+    suspect += label.suspect;
   }
   const std::vector<FrameLabel> last = last_certain(labels);
   past.camera = {.frames = known_frames(last),
                  .latency = latency_of(last, edges),
-                 .delivered = static_cast<int64_t>(past.pulses.size()),
-                 .suspect = static_cast<int64_t>(past.suspect.size())};
+                 .delivered = past.frames,
+                 .suspect = suspect};
   return past;
 }
 

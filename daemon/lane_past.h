@@ -4,10 +4,10 @@
 #include <cstdint>
 #include <map>
 #include <string>
-#include <vector>
 
 #include "capture/camera_past.h"
 #include "take/exposure_count.h"
+#include "take/ledger.h"
 #include "take/take.h"
 
 namespace v3d {
@@ -20,9 +20,9 @@ EdgeTimes edge_times(const TakePaths& take);
 
 struct LanePast {
   CameraPast camera;
-  std::vector<int64_t> pulses;   ///< of every frame in the log
-  std::vector<int64_t> suspect;  ///< of the frames in doubt
+  CameraAccount account;  ///< of every frame in the log
   ExposureCount exposures;
+  int64_t frames = 0;
 };
 
 /// A log that is not there is one without frames. Requires: recover_take() has been there.
