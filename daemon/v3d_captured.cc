@@ -1,6 +1,7 @@
 // v3d-captured: the cameras and the trigger of one node.
 #include <spdlog/spdlog.h>
 
+#include "base/error.h"
 #include "daemon/capture_node.h"
 #include "daemon/daemon_main.h"
 #include "daemon/json.h"
@@ -21,8 +22,10 @@ std::vector<v3d::Ledger> accounts(const v3d::Studio& studio, const std::string& 
     if (take.ledger) ledgers.push_back(*take.ledger);
   }
   for (const auto& [take, order] : v3d::kept_orders(studio, node)) {
-    const std::filesystem::path ledger = v3d::take_paths(studio, take).ledger();
-    if (std::filesystem::exists(ledger)) ledgers.push_back(v3d::load_ledger(ledger));
+    try {
+      ledgers.push_back(v3d::load_ledger(v3d::take_paths(studio, take).ledger()));
+    } catch (const v3d::InputError&) {  // a take that was armed, and never closed
+    }
   }
   return ledgers;
 }

@@ -21,13 +21,16 @@ void refuse_capture_node(const v3d::Studio& studio, const std::string& node) {
                         "same PC)");
 }
 
-/// What there is of takes that this node was at when it ended: their mesh files get their index.
-void remember_takes(const v3d::Studio& studio, const std::string& node, v3d::NodeLoop& loop) {
-  for (const auto& [take, order] : v3d::kept_orders(studio, node)) {
-    v3d::MeshFileWriter meshes(v3d::take_paths(studio, take).mesh(), v3d::LogOpening::kGoOn);
-    loop.remember(take,
-                  v3d::format_count(static_cast<int64_t>(meshes.size())) + " meshes recovered",
-                  v3d::numbers_json({{"meshes", static_cast<double>(meshes.size())}}));
+/// What there is of a take that this node was at when it ended: its mesh file gets an index.
+void remember_take(const std::filesystem::path& mesh, const std::string& take,
+                   v3d::NodeLoop& loop) {
+  try {
+    const v3d::MeshFileWriter meshes(mesh, v3d::LogOpening::kGoOn);
+    const auto count = static_cast<int64_t>(meshes.size());
+    loop.remember(take, v3d::format_count(count) + " meshes recovered",
+                  v3d::numbers_json({{"meshes", static_cast<double>(count)}}));
+  } catch (const v3d::InputError& error) {
+    spdlog::warn("{}", error.what());
   }
 }
 
@@ -46,7 +49,9 @@ void run(const v3d::Studio& studio, const std::string& given) {
   v3d::ReconNode work(studio, node, bus);
   v3d::NodeLoop loop({node, "v3d-recond", studio.network.key, began, studio.network.metrics}, bus,
                      work);
-  remember_takes(studio, node, loop);
+  for (const auto& [take, order] : v3d::kept_orders(studio, node)) {
+    remember_take(v3d::take_paths(studio, take).mesh(), take, loop);
+  }
   loop.run();
 }
 

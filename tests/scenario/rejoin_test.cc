@@ -5,6 +5,7 @@
 #include <csignal>
 #include <nlohmann/json.hpp>
 
+#include "recon/compact_frame.h"
 #include "sim/exposure_record.h"
 #include "studio4.h"
 #include "take/join_parts.h"
@@ -63,6 +64,26 @@ class StudioOfThree : public Studio4 {
     const sim::TakeCheck check = sim::check_take(whole.folder, exposures);
     EXPECT_EQ(check.frames_mislabelled, 0) << testing::PrintToString(check.problems);
   }
+  /// Meshes of whole sets after the gap: live they are what v3dctl makes of the recorded frames,
+  /// so the segmenters went on where they had been.
+  void check_live_meshes(int64_t after) {
+    const TakePaths copy{folder_ / "copy"};
+    std::filesystem::copy(folder_ / "joined", copy.folder,
+                          std::filesystem::copy_options::recursive);
+    std::filesystem::remove(copy.mesh());
+    ChildProcess offline({bin("v3dctl"), "reconstruct", copy.folder}, folder_ / "v3dctl.log");
+    ASSERT_EQ(offline.wait(within(120)), 0) << offline.output();
+    MeshFileReader live(folder_ / "joined" / "mesh.v3d");
+    MeshFileReader recorded(copy.mesh());
+    int same = 0;
+    for (const int64_t pulse : live.pulses()) {
+      const auto mesh = live.read(pulse);
+      if (pulse <= after || decode_compact(*mesh).value().cameras.size() < 4) continue;
+      EXPECT_EQ(mesh, recorded.read(pulse)) << "pulse " << pulse;
+      ++same;
+    }
+    EXPECT_GE(same, 5);
+  }
   /// One gap, and nothing else amiss.
   void expect_one_gap(const CameraLedger& camera) const {
     ASSERT_THAT(camera.missing, testing::Not(IsEmpty())) << camera.name;
@@ -87,6 +108,7 @@ TEST_F(StudioOfThree, goes_on_with_a_node_that_was_killed_in_the_take_and_names_
   for (const size_t i : {2, 3}) expect_one_gap(cameras[i]);
   const auto told = nlohmann::json::parse(stopped_.replies.at("cap02").detail);
   EXPECT_EQ(told["cameras"][1]["missing"].get<Pulses>(), cameras[3].missing) << "as at stop";
+  check_live_meshes(cameras[3].missing.back());
 }
 
 TEST_F(StudioOfThree, goes_on_with_a_node_that_was_restarted_in_order_in_the_take) {
