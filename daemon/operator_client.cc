@@ -186,6 +186,7 @@ class OperatorClient::Impl {
   Subscription<HealthMessage> healths;
   Subscription<EventMessage> events;
   std::unique_ptr<Subscription<MeshMessage>> meshes;
+  std::unique_ptr<Subscription<PulseMessage>> pulses;
   std::unique_ptr<Subscription<PreviewMessage>> previews;
 };
 
@@ -239,6 +240,13 @@ std::optional<MeshMessage> OperatorClient::next_mesh(MonotonicInstant deadline) 
         std::make_unique<Subscription<MeshMessage>>(impl_->bus, kMeshChannel, kMeshQueue);
   }
   return impl_->meshes->wait(deadline);
+}
+
+std::optional<PulseMessage> OperatorClient::next_pulse(MonotonicInstant deadline) {
+  if (!impl_->pulses) {
+    impl_->pulses = std::make_unique<Subscription<PulseMessage>>(impl_->bus, kPulseChannel, kQueue);
+  }
+  return impl_->pulses->wait(deadline);
 }
 
 std::optional<PreviewMessage> OperatorClient::next_preview(MonotonicInstant deadline) {

@@ -57,6 +57,9 @@ class OperatorClient {
   /// Meshes as they pass, for `v3dctl watch`. Empty when none came until `deadline`.
   std::optional<MeshMessage> next_mesh(MonotonicInstant deadline);
 
+  /// Pulses as they pass; the first call begins to listen. Empty when none came until `deadline`.
+  std::optional<PulseMessage> next_pulse(MonotonicInstant deadline);
+
   /// Small pictures as they pass; the first call begins to listen. Empty when none came until
   /// `deadline`.
   std::optional<PreviewMessage> next_preview(MonotonicInstant deadline);

@@ -155,6 +155,7 @@ void ReconPipeline::attempt(const std::function<void(SetAtWork&)>& stage, Job& j
 }
 
 void ReconPipeline::finish(Job& job) {
+  job.work.set.exposure = edge_of(job.work.set.pulse);
   attempt(stages_.encode, job);
   if (job.rehearsal) return;
   if (!job.failure.empty()) return note_failure(job);

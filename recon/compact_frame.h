@@ -32,7 +32,7 @@ void round_to(const VertexLattice& lattice, std::vector<Eigen::Vector3f>& positi
 
 struct CompactFrame {
   int64_t pulse = 0;
-  RealtimeInstant exposure;          ///< start; 0 when unknown
+  RealtimeInstant exposure;          ///< start: the pulse's edge; 0 when unknown
   std::vector<std::string> cameras;  ///< that took part, ascending
   int missing = 0;                   ///< cameras of the rig that did not
   VertexLattice lattice;

@@ -94,6 +94,7 @@ class Reconstructor::Impl {
     Reconstruction& result = work.result;
     CompactFrame frame;
     frame.pulse = result.pulse;
+    frame.exposure = work.set.exposure;
     frame.cameras = result.cameras;
     frame.missing = static_cast<int>(rig_.size() - result.cameras.size());
     frame.lattice = lattice_;

@@ -20,6 +20,7 @@ namespace v3d {
 struct FrameSet {
   int64_t pulse = 0;
   std::vector<Frame> frames;
+  RealtimeInstant exposure{};  ///< start, by the trigger's node: the pulse's edge; 0 when unknown
 };
 
 struct ReconstructOptions {

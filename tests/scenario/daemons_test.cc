@@ -11,8 +11,10 @@
 #include <random>
 
 #include "daemon/bus.h"
+#include "recon/compact_frame.h"
 #include "studio4.h"
 #include "support/child_process.h"
+#include "take/frame_log.h"
 #include "take/mesh_file.h"
 #include "take/verify.h"
 #include "wire/channels.h"
@@ -73,6 +75,11 @@ TEST_F(Studio4, reconstructs_a_recorded_take_to_the_same_bytes_as_live) {
   for (const int64_t pulse : live.pulses()) {
     ASSERT_TRUE(live.read(pulse));
     EXPECT_EQ(live.read(pulse), recorded.read(pulse)) << "pulse " << pulse;
+  }
+  for (const PulseMessage& pulse : read_pulses(take().pulses())) {
+    const auto compact = recorded.read(pulse.pulse);
+    ASSERT_TRUE(compact) << pulse.pulse;
+    EXPECT_EQ(decode_compact(*compact).value().exposure, pulse.edge) << pulse.pulse;
   }
 }
 

@@ -175,9 +175,17 @@ int run_start(const CommandLine& line, const Options& options) {
   return kExitDone;
 }
 
+/// Since the last pulse that was heard of; null when there was none.
+Json seconds_after_last_pulse(OperatorClient& client) {
+  std::optional<RealtimeInstant> last;
+  while (const auto pulse = client.next_pulse(Monotonic::now())) last = pulse->edge;
+  return last ? Json(to_seconds(Realtime::now() - *last)) : Json();
+}
+
 int run_stop(const CommandLine& line, const Options& options) {
   const Studio studio = line.studio();
   OperatorClient client(studio);
+  client.next_pulse(Monotonic::now());  // listens from now on
   const Answer answer = command(client, options);
   TakeAccount account = merge_ledgers(answer);
   const bool recorded = !account.ledger.take.empty();
@@ -189,6 +197,7 @@ int run_stop(const CommandLine& line, const Options& options) {
     json["verdict"] = account.ledger.verdict();
     json["ledger"] = to_json(account.ledger);
     json["live_lost"] = account.live_lost;
+    json["seconds_after_last_pulse"] = seconds_after_last_pulse(client);
     std::printf("%s\n", json.dump(2).c_str());
   } else if (answer.done() || recorded) {
     print_account(account);

@@ -238,6 +238,7 @@ class Run {
     const Stopwatch segment;
     job.frames = take_.read(job.pulse);
     job.work = SetAtWork(observe_all(job.pulse, job.frames));
+    job.work.set.exposure = take_.edge_of(job.pulse);
     job.segment_ms = segment.ms();
     reconstructor_.make_mesh(job.work);
   }

@@ -7,6 +7,7 @@
 
 #include "base/calib_file.h"
 #include "base/error.h"
+#include "take/frame_log.h"
 #include "v3dctl/options.h"
 
 namespace v3d::ctl {
@@ -14,6 +15,16 @@ namespace {
 
 bool holds(const std::vector<std::string>& names, const std::string& name) {
   return std::find(names.begin(), names.end(), name) != names.end();
+}
+
+/// None where they are not known: an import has none, and frames are worth more than their times.
+std::unordered_map<int64_t, RealtimeInstant> edges_of(const TakePaths& paths) {
+  std::unordered_map<int64_t, RealtimeInstant> edges;
+  try {
+    for (const PulseMessage& pulse : read_pulses(paths.pulses())) edges[pulse.pulse] = pulse.edge;
+  } catch (const InputError&) {
+  }
+  return edges;
 }
 
 }  // namespace
@@ -31,6 +42,12 @@ TakeFrames::TakeFrames(const std::filesystem::path& take, const std::vector<std:
     rig_.push_back(rig[static_cast<size_t>(index)]);
     cameras_.emplace_back(paths_, name);
   }
+  edges_ = edges_of(paths_);
+}
+
+RealtimeInstant TakeFrames::edge_of(int64_t pulse) const {
+  const auto found = edges_.find(pulse);
+  return found == edges_.end() ? RealtimeInstant() : found->second;
 }
 
 std::vector<int64_t> TakeFrames::pulses() const {

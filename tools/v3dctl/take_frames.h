@@ -4,6 +4,7 @@
 #include <filesystem>
 #include <optional>
 #include <string>
+#include <unordered_map>
 #include <vector>
 
 #include "base/camera_model.h"
@@ -28,6 +29,9 @@ class TakeFrames {
   /// The pulses of which at least one opened camera has a frame, rising.
   std::vector<int64_t> pulses() const;
 
+  /// When the pulse was, by the take's pulses.lcmlog; 0 where it does not say.
+  RealtimeInstant edge_of(int64_t pulse) const;
+
   /// SegmentedLog::read() by opened camera.
   std::vector<std::optional<SegmentedFrame>> read(int64_t pulse);
 
@@ -36,6 +40,7 @@ class TakeFrames {
   TakeInfo info_;
   Rig rig_;
   std::vector<SegmentedLog> cameras_;
+  std::unordered_map<int64_t, RealtimeInstant> edges_;
 };
 
 /// observe() of every frame there is; the masks are copied into the set.
