@@ -72,7 +72,8 @@ class StudioOfThree : public Studio4 {
                           std::filesystem::copy_options::recursive);
     std::filesystem::remove(copy.mesh());
     ChildProcess offline({bin("v3dctl"), "reconstruct", copy.folder}, folder_ / "v3dctl.log");
-    ASSERT_EQ(offline.wait(within(120)), 0) << offline.output();
+    constexpr int kNotWhole = 3;  // sets of the gap lack cameras
+    ASSERT_EQ(offline.wait(within(120)), kNotWhole) << offline.output();
     MeshFileReader live(folder_ / "joined" / "mesh.v3d");
     MeshFileReader recorded(copy.mesh());
     int same = 0;
