@@ -234,8 +234,9 @@ HWY_INLINE void look_at_seen(const VertexCamera& camera, const SeenVertices& fou
     LaneMask seen = hn::And(there, mask.foreground);
     if (bits_of(seen) == 0) continue;
     const Colour colour = look(*camera.frame, u, v, seen);
-    add(colour, Lanes(hn::Load(floats, found.facing + i)), seen, mask.inner, found.number + i,
-        sums);
+    const Lanes facing(hn::Load(floats, found.facing + i));
+    const Lanes weight = camera.weight ? Lanes(*camera.weight) : facing;
+    add(colour, weight, seen, mask.inner, found.number + i, sums);
   }
 }
 

@@ -3,6 +3,7 @@
 
 #include <array>
 #include <cstddef>
+#include <optional>
 
 #include "base/frame.h"
 #include "recon/colour_mask.h"
@@ -22,6 +23,8 @@ struct VertexCamera {
   float tolerance_m = 0;   ///< see TextureOptions::depth_tolerance_m
   float most_slant = 0;    ///< see TextureOptions::most_slant
   float cell_m_per_m = 0;  ///< width of a depth cell in metres at one metre of distance
+  /// What all its colours count; empty: the cosine between a vertex's normal and the optical axis.
+  std::optional<float> weight;
 };
 
 /// Sums over cameras for a block of vertices, the sums of equation (8): red, green and blue times

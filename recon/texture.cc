@@ -29,6 +29,12 @@ Eigen::Vector3f centroid(const PointArrays& points) {
   return {mean(points.x), mean(points.y), mean(points.z)};
 }
 
+/// Algorithm 2, up to a factor that equation (7) takes away again. At most 1.
+float weight_of(const CameraModel& camera, const ViewDependence& view) {
+  const double cosine = view.direction.dot(camera.viewing_direction());
+  return static_cast<float>(std::pow((cosine + 2) / 3, view.sharpness));
+}
+
 /// Depth cells and masks for the cameras that have pixels, in the order of their names.
 std::vector<VertexCamera> prepare(const PointArrays& points, std::vector<TextureCamera> cameras,
                                   const TextureOptions& options) {
@@ -44,6 +50,7 @@ std::vector<VertexCamera> prepare(const PointArrays& points, std::vector<Texture
     camera.axis = model.viewing_direction().cast<float>();
     camera.frame = cameras[c].frame;
     camera.mask = ColourMask(*camera.frame);
+    if (options.view) camera.weight = weight_of(model, *options.view);
     camera.depth = DepthCells(points, middle, options.occluder_radius_m, model, camera.lens,
                               camera.frame->roi);
     camera.tolerance_m = static_cast<float>(options.depth_tolerance_m);

@@ -1,5 +1,5 @@
-// One colour for every vertex: the paper's Algorithm 1 (visibility), equations (8) and (9)
-// (weights).
+// One colour for every vertex: the paper's Algorithm 1 (visibility), with the weights of equations
+// (8) and (9), or for one viewpoint with those of Algorithm 2 and equation (7).
 #pragma once
 
 #include <Eigen/Core>
@@ -30,6 +30,12 @@ struct TextureCamera {
   const Frame* frame = nullptr;
 };
 
+/// A viewpoint as Algorithm 2 knows it.
+struct ViewDependence {
+  Eigen::Vector3d direction;  ///< V_eye: unit vector of its optical axis, world
+  double sharpness = 10;      ///< m; the paper's value
+};
+
 struct TextureOptions {
   /// A vertex is occluded when the depth cells are nearer than it by more than this, metres. About
   /// three voxels: the surface is known to one, and the points that hide stand for surroundings.
@@ -41,6 +47,8 @@ struct TextureOptions {
   /// (see occluding_points()); depth cells are as wide. 0.71 voxels: the vertices alone.
   double occluder_radius_m = 0.0071;
   int fill_passes = 64;  ///< how far colour spreads to vertices that no camera sees, in edges
+  /// Colours for this viewpoint alone: a camera counts the more, the more it looks the same way.
+  std::optional<ViewDependence> view = std::nullopt;
 };
 
 /// A vertex no camera sees and no fill pass reaches.
@@ -53,7 +61,8 @@ struct Texture {
 
 /// Vertex v is visible in camera c when its normal faces the camera (V_c . N_v < 0 with V_c the
 /// optical axis), the depth cells show nothing before it, and sample_colour() finds a pixel. Its
-/// colour is the mean over those cameras, weighted by -V_c . N_v. Beyond the paper, a camera in
+/// colour is the mean over those cameras, weighted by -V_c . N_v, or, for a viewpoint, by
+/// (V_eye . V_c + 2)^m, which is the same for all vertices. Beyond the paper, a camera in
 /// which the vertex is not ColourMask::inner() counts only where no other sees it: else the
 /// studio's walls would colour the rim of every silhouette. Vertices that no camera sees take the
 /// mean colour of their neighbours, pass by pass. Deterministic for any number of threads and any

@@ -179,6 +179,25 @@ TEST(Texture, blends_cameras_by_the_angle_between_axis_and_normal) {
   EXPECT_EQ(texture.unseen, 0);
 }
 
+TEST(Texture, for_a_viewpoint_follows_the_cameras_that_look_the_same_way) {
+  const double d = 3 / std::sqrt(2.0);
+  const std::vector<Shot> shots{shot("a", {d, 0, d}, {200, 0, 0}),
+                                shot("b", {-d, 0, d}, {0, 200, 0})};
+  const Mesh plane = shapes::patch(0.2F, 0, 4);
+  const auto colour_for = [&](const Eigen::Vector3d& direction, double sharpness) {
+    const TextureOptions options{.view = ViewDependence{direction, sharpness}};
+    return colour_vertices(plane, borrow(shots), options).colours[12];
+  };
+  // From a: its own axis has the cosine 1, b's 0. Algorithm 2, equation (7).
+  const Eigen::Vector3d from_a = Eigen::Vector3d(-1, 0, -1).normalized();
+  for (const double m : {0.0, 2.0, 10.0}) {
+    const double a = std::pow(3, m), b = std::pow(2, m);
+    EXPECT_NEAR(colour_for(from_a, m).r, 200 * a / (a + b), 1) << m;
+    EXPECT_NEAR(colour_for(from_a, m).g, 200 * b / (a + b), 1) << m;
+  }
+  EXPECT_EQ(colour_for({0, 0, -1}, 10), (Rgb8{100, 100, 0}));
+}
+
 TEST(Texture, takes_no_colour_through_an_occluder) {
   // A small plate hangs over a large one; the camera above sees it, the one aside sees below it.
   const std::vector<Shot> shots{shot("above", {0, 0, 3}, {250, 0, 0})};

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include "base/error.h"
+#include "v3dctl/deform_options.h"
 
 namespace v3d::ctl {
 namespace {
@@ -54,6 +55,23 @@ TEST(Names, are_split_at_commas) {
 TEST(Names, must_not_be_empty) {
   for (const char* text : {",", "a,", ",a", "a,,b"}) {
     EXPECT_THROW(parse_names(text, "--leave-out"), InputError) << text;
+  }
+}
+
+TEST(Deform, takes_any_of_its_numbers_in_any_order) {
+  const DeformOptions o = parse_deform("window=7,mode=paper,silhouette=0,views=4");
+  EXPECT_EQ(o.mode, DeformMode::kPaper);
+  EXPECT_EQ(o.window, 7);
+  EXPECT_EQ(o.views, 4);
+  EXPECT_EQ(o.silhouette, 0);
+  EXPECT_EQ(o.photometric, 0.4);
+  EXPECT_EQ(parse_deform("").mode, DeformMode::kSearch);
+}
+
+TEST(Deform, refuses_what_it_does_not_know) {
+  for (const char* text : {"window", "window=", "window=x", "window=4", "mode=fast", "alpha=1",
+                           "internal=-1", "views=6.5"}) {
+    EXPECT_THROW(parse_deform(text), InputError) << text;
   }
 }
 

@@ -7,11 +7,13 @@
 #include "common/console.h"
 #include "common/ply_reader.h"
 #include "recon/renderer.h"
+#include "recon/self_intersection.h"
 #include "recon/silhouette.h"
 #include "v3dctl/interrupt.h"
 #include "v3dctl/mesh_frames.h"
 #include "v3dctl/statistics.h"
 #include "v3dctl/take_frames.h"
+#include "v3dctl/view_colours.h"
 
 namespace v3d::ctl {
 namespace {
@@ -68,13 +70,16 @@ TruthReport evaluate_truth(const fs::path& take, const fs::path& truth) {
   MeshFrames meshes(take);
   TruthReport report;
   std::vector<SurfaceDistance> distances;
+  std::vector<double> crossings;
   const std::vector<int64_t> frames = meshes.frames({});
   Progress progress("compare with the truth", std::ssize(frames));
   for (const int64_t frame : frames) {
     stop_if_interrupted();
     const fs::path file = truth_of(truth, frame);
     if (fs::exists(file)) {
-      distances.push_back(compare_surfaces(meshes.read(frame).mesh, read_ply(file)));
+      const Mesh mesh = meshes.read(frame).mesh;
+      distances.push_back(compare_surfaces(mesh, read_ply(file)));
+      crossings.push_back(static_cast<double>(count_self_intersections(mesh)));
     } else {
       ++report.without_truth;
     }
@@ -87,11 +92,13 @@ TruthReport evaluate_truth(const fs::path& take, const fs::path& truth) {
   }
   report.frames = std::ssize(distances);
   report.distance = median_of(distances);
+  report.self_intersections = median(crossings);
   return report;
 }
 
 std::vector<HeldOutReport> evaluate_held_out(const fs::path& take,
-                                             const std::vector<std::string>& cameras) {
+                                             const std::vector<std::string>& cameras,
+                                             bool view_dependent) {
   MeshFrames meshes(take);
   TakeFrames recorded(take, cameras);
   std::vector<Samples> samples(cameras.size());
@@ -102,9 +109,13 @@ std::vector<HeldOutReport> evaluate_held_out(const fs::path& take,
     const CompactFrame compact = meshes.read(frame);
     require_held_out(compact, cameras);
     const auto views = recorded.read(frame);
+    std::optional<ViewColours> colours;
+    if (view_dependent) colours.emplace(take, compact);
     for (size_t i = 0; i < cameras.size(); ++i) {
       if (!views[i] || views[i]->mask.count() == 0) continue;
-      compare_with_photograph(compact.mesh, recorded.rig()[i].model, *views[i], samples[i]);
+      const CameraModel& eye = recorded.rig()[i].model;
+      compare_with_photograph(colours ? colours->seen_by(eye, compact.mesh) : compact.mesh, eye,
+                              *views[i], samples[i]);
     }
     progress.advance();
   }

@@ -15,6 +15,7 @@ struct TruthReport {
   int64_t frames = 0;
   int64_t without_truth = 0;  ///< reconstructed frames that have no PLY
   SurfaceDistance distance;
+  double self_intersections = 0;  ///< pairs of triangles
 };
 
 /// `truth`/000012.ply is the true surface of frame 12. Throws InputError when no frame has one.
@@ -29,8 +30,10 @@ struct HeldOutReport {
   double iou = 0;  ///< the drawn silhouette against the mask
 };
 
+/// `view_dependent`: the mesh is drawn in the colours that ViewColours gives it for the camera.
 /// Throws InputError for a camera that the take does not have or that took part.
 std::vector<HeldOutReport> evaluate_held_out(const std::filesystem::path& take,
-                                             const std::vector<std::string>& cameras);
+                                             const std::vector<std::string>& cameras,
+                                             bool view_dependent = false);
 
 }  // namespace v3d::ctl

@@ -17,6 +17,7 @@ struct Arguments {
   std::filesystem::path take;
   std::filesystem::path truth;
   std::string held_out;
+  bool view_dependent = false;
   bool json = false;
 };
 
@@ -29,6 +30,7 @@ void put_truth(Json& json, const TruthReport& report) {
                          {"completeness_p90", d.completeness_p90_mm}};
   json["f_score"] = {{"2mm", d.f_score_2mm}, {"5mm", d.f_score_5mm}, {"10mm", d.f_score_10mm}};
   json["normal_error_deg"] = d.normal_error_deg;
+  json["self_intersections"] = report.self_intersections;
 }
 
 void put_held_out(Json& json, const std::vector<HeldOutReport>& reports) {
@@ -59,6 +61,8 @@ void print_truth(const TruthReport& report) {
   std::printf("f-score       %.3f at 2 mm, %.3f at 5 mm, %.3f at 10 mm\n", d.f_score_2mm,
               d.f_score_5mm, d.f_score_10mm);
   std::printf("normals       %.1f degrees off\n", d.normal_error_deg);
+  std::printf("crossings     %.0f pairs of triangles go through each other\n",
+              report.self_intersections);
 }
 
 void print_held_out(const std::vector<HeldOutReport>& reports) {
@@ -75,11 +79,9 @@ int run(const Arguments& arguments) {
     throw InputError("evaluate: give --truth DIR, --held-out CAM,... or both");
   }
   catch_interrupts();
-  Json json = {{"frames", nullptr},
-               {"distance_mm", nullptr},
-               {"f_score", nullptr},
-               {"normal_error_deg", nullptr},
-               {"held_out", Json::array()}};
+  Json json = {
+      {"frames", nullptr},           {"distance_mm", nullptr},        {"f_score", nullptr},
+      {"normal_error_deg", nullptr}, {"self_intersections", nullptr}, {"held_out", Json::array()}};
   int status = kExitDone;
   if (!arguments.truth.empty()) {
     const TruthReport report = evaluate_truth(arguments.take, arguments.truth);
@@ -92,7 +94,8 @@ int run(const Arguments& arguments) {
     }
   }
   if (!cameras.empty()) {
-    const std::vector<HeldOutReport> reports = evaluate_held_out(arguments.take, cameras);
+    const std::vector<HeldOutReport> reports =
+        evaluate_held_out(arguments.take, cameras, arguments.view_dependent);
     put_held_out(json, reports);
     if (!arguments.json) print_held_out(reports);
   }
@@ -118,6 +121,8 @@ void add_evaluate(CommandLine& line) {
                    "Cameras that took no part (reconstruct --leave-out): the mesh is drawn as they "
                    "see it and held against their pictures")
       ->type_name("CAM,...");
+  command->add_flag("--view-dependent", arguments->view_dependent,
+                    "Draw in the colours for the viewpoint of the camera that was left out");
   add_json_flag(command, arguments->json);
   line.on_run(command, [arguments] { return run(*arguments); });
 }

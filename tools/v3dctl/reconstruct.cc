@@ -82,6 +82,7 @@ ReconstructOptions choose_options(const ReconstructRequest& request, const TakeF
   options.voxel_m = request.voxel_m.value_or(studio ? studio->reconstruction.voxel_m : 0.01);
   options.quality =
       request.quality.value_or(studio ? studio->reconstruction.quality : Quality::kLive);
+  options.deform = request.deform;
   options.min_views = request.min_views.value_or(
       std::min(cameras, studio ? studio->reconstruction.min_views : default_min_views(cameras)));
   if (options.min_views > cameras) {

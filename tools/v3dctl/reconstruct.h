@@ -8,6 +8,7 @@
 
 #include "base/geometry.h"
 #include "base/studio_file.h"
+#include "recon/deform.h"
 #include "v3dctl/options.h"
 
 namespace v3d::ctl {
@@ -18,6 +19,7 @@ struct ReconstructRequest {
   std::optional<double> voxel_m;   ///< else the studio's, else 10 mm
   std::optional<int> min_views;    ///< else the studio's, else default_min_views()
   std::optional<Quality> quality;  ///< else the studio's, else live
+  DeformOptions deform;            ///< for high quality
   FrameRange frames;
   int threads = 0;  ///< 0: one per core
   std::vector<std::string> leave_out;

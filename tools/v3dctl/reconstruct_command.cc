@@ -6,6 +6,7 @@
 #include "base/units.h"
 #include "take/take.h"
 #include "v3dctl/command.h"
+#include "v3dctl/deform_options.h"
 #include "v3dctl/interrupt.h"
 #include "v3dctl/reconstruct.h"
 #include "v3dctl/statistics.h"
@@ -17,7 +18,7 @@ using Json = nlohmann::ordered_json;
 
 struct Arguments {
   ReconstructRequest request;
-  std::string voxel, bounds, quality, frames, leave_out;
+  std::string voxel, bounds, quality, deform, frames, leave_out;
   int min_views = 0;
   bool json = false;
 };
@@ -127,6 +128,12 @@ void add_options(CLI::App* command, Arguments& arguments) {
       ->add_option("--quality", arguments.quality,
                    "live: as the studio does while recording; high: slower, finer")
       ->type_name("live|high");
+  command
+      ->add_option(
+          "--deform", arguments.deform,
+          "With high quality: mode=search|paper, the weights of the forces internal=0.3, "
+          "photometric=0.4, silhouette=0.3, window=5 samples a side, views=6 cameras at a time")
+      ->type_name("NAME=VALUE,...");
   add_frames_option(command, arguments.frames);
   command
       ->add_option("--threads", arguments.request.threads,
@@ -145,6 +152,7 @@ int run(const CommandLine& line, Arguments arguments) {
   if (!arguments.voxel.empty()) request.voxel_m = parse_length(arguments.voxel);
   if (!arguments.bounds.empty()) request.bounds = parse_bounds(arguments.bounds);
   if (!arguments.quality.empty()) request.quality = parse_quality(arguments.quality);
+  request.deform = parse_deform(arguments.deform);
   if (arguments.min_views > 0) request.min_views = arguments.min_views;
   request.frames = parse_frame_range(arguments.frames);
   request.leave_out = parse_names(arguments.leave_out, "--leave-out");

@@ -7,6 +7,7 @@
 #include "v3dctl/command.h"
 #include "v3dctl/mesh_frames.h"
 #include "v3dctl/take_frames.h"
+#include "v3dctl/view_colours.h"
 
 namespace v3d::ctl {
 namespace {
@@ -19,9 +20,26 @@ struct Arguments {
   int64_t frame = 0;
   std::string camera;
   int turntable = 0;
+  bool view_dependent = false;
 };
 
-Image through_camera(const Arguments& arguments, const Mesh& mesh) {
+/// The mesh with the colours that a camera is to see.
+class Painter {
+ public:
+  Painter(const Arguments& arguments, CompactFrame frame) : mesh_(std::move(frame.mesh)) {
+    if (arguments.view_dependent) colours_.emplace(arguments.take, frame);
+  }
+  const Mesh& mesh() const { return mesh_; }
+  Image draw(const CameraModel& eye, const DrawOptions& options) const {
+    return draw_mesh(colours_ ? colours_->seen_by(eye, mesh_) : mesh_, eye, options);
+  }
+
+ private:
+  Mesh mesh_;
+  std::optional<ViewColours> colours_;
+};
+
+Image through_camera(const Arguments& arguments, const Painter& painter) {
   const TakePaths paths{arguments.take};
   const Rig rig = load_calib(paths.calib());
   const int index = find_camera(rig, arguments.camera);
@@ -31,7 +49,7 @@ Image through_camera(const Arguments& arguments, const Mesh& mesh) {
     throw InputError("--camera " + arguments.camera + ": not in " + paths.calib().string() +
                      ", which has " + join_names(names));
   }
-  return draw_mesh(mesh, rig[static_cast<size_t>(index)].model);
+  return painter.draw(rig[static_cast<size_t>(index)].model, {});
 }
 
 // A floor for people and what is as large; its grid would hide anything much smaller.
@@ -42,18 +60,18 @@ std::optional<FloorOptions> floor_under(const Box& bounds) {
   return floor;
 }
 
-Image turntable(const Mesh& mesh, int views, int64_t frame) {
-  if (mesh.vertices.empty()) {
+Image turntable(const Painter& painter, int views, int64_t frame) {
+  if (painter.mesh().vertices.empty()) {
     throw InputError("--turntable: frame " + std::to_string(frame) +
                      " is empty: nothing to walk round");
   }
-  const Box bounds = bounds_of(mesh);
+  const Box bounds = bounds_of(painter.mesh());
   DrawOptions options;
   options.head_light = 0.3;
   options.floor = floor_under(bounds);
   std::vector<Image> images;
   for (const CameraModel& camera : turntable_cameras(bounds, views, kTurntableView)) {
-    images.push_back(draw_mesh(mesh, camera, options));
+    images.push_back(painter.draw(camera, options));
   }
   return contact_sheet(images);
 }
@@ -65,10 +83,10 @@ int run(const Arguments& arguments) {
   if (arguments.out.extension() != ".png") {
     throw InputError(arguments.out.string() + ": want a name that ends in .png");
   }
-  const Mesh mesh = MeshFrames(arguments.take).read(arguments.frame).mesh;
+  const Painter painter(arguments, MeshFrames(arguments.take).read(arguments.frame));
   write_png(arguments.out,
-            (arguments.camera.empty() ? turntable(mesh, arguments.turntable, arguments.frame)
-                                      : through_camera(arguments, mesh))
+            (arguments.camera.empty() ? turntable(painter, arguments.turntable, arguments.frame)
+                                      : through_camera(arguments, painter))
                 .view());
   return kExitDone;
 }
@@ -91,6 +109,9 @@ void add_render(CommandLine& line) {
   command->add_option("--turntable", arguments->turntable, "From K sides, side by side, on a floor")
       ->type_name("K")
       ->check(CLI::Range(1, 64));
+  command->add_flag("--view-dependent", arguments->view_dependent,
+                    "Colours for this viewpoint: pictures of cameras that look the same way count "
+                    "most");
   line.on_run(command, [arguments] { return run(*arguments); });
 }
 

@@ -1,0 +1,25 @@
+// Colours for one viewpoint: the paper's view-dependent rendering needs the pictures again, which a
+// compact frame does not hold.
+#pragma once
+
+#include "recon/compact_frame.h"
+#include "recon/texture.h"
+#include "v3dctl/take_frames.h"
+
+namespace v3d::ctl {
+
+/// The colours of a reconstructed frame as Algorithm 2 blends them for the camera that looks. Reads
+/// the frames of the cameras that took part from the take. One thread.
+class ViewColours {
+ public:
+  /// Reads the frame's pictures; throws InputError where the take no longer has them.
+  ViewColours(const std::filesystem::path& take, const CompactFrame& frame);
+  /// `mesh` is the frame's.
+  Mesh seen_by(const CameraModel& eye, Mesh mesh) const;
+
+ private:
+  Rig rig_;
+  FrameSet set_;
+};
+
+}  // namespace v3d::ctl
