@@ -11,6 +11,7 @@
 #include "recon/silhouette_force.h"
 #include "recon/smooth_surface.h"
 #include "recon/template_windows.h"
+#include "recon/untangle.h"
 #include "recon/vertex_loop.h"
 
 namespace v3d {
@@ -83,11 +84,13 @@ class Deformer::Impl {
     prepare(cameras);
     if (cameras_.empty() || mesh.vertices.empty()) return;
     neighbours_ = Neighbours(mesh);
+    start_ = mesh.vertices;
     if (options_.mode == DeformMode::kPaper) {
       step_like_the_paper(mesh);
     } else {
       search(mesh);
     }
+    untangle(neighbours_, start_, mesh);
   }
 
  private:
@@ -220,7 +223,7 @@ class Deformer::Impl {
   std::vector<CameraModel> models_;
   std::vector<DepthBuffer> depths_;
   Neighbours neighbours_;
-  std::vector<Vector3f> normals_, work_;
+  std::vector<Vector3f> start_, normals_, work_;
   std::vector<DepthProfile> profiles_;
   std::vector<uint8_t> known_;
   std::vector<OutlinePull> pulls_;

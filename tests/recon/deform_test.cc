@@ -8,7 +8,9 @@
 
 #include "base/error.h"
 #include "recon/renderer.h"
+#include "recon/self_intersection.h"
 #include "recon/silhouette.h"
+#include "recon/untangle.h"
 #include "shapes.h"
 
 namespace v3d {
@@ -151,6 +153,23 @@ TEST(Deformer, brings_a_mesh_that_is_too_large_back_to_its_silhouettes) {
   const double before = least_iou(mesh);
   Deformer(options).run(studio().cameras, mesh);
   EXPECT_GT(least_iou(mesh), before + 0.5 * (1 - before));
+}
+
+TEST(Deformer, leaves_no_place_where_the_surface_goes_through_itself) {
+  DeformOptions rough;
+  rough.internal = 0.02;
+  EXPECT_TRUE(self_intersections(deformed(rough)).empty());
+}
+
+TEST(Untangle, takes_back_what_went_through_the_other_side) {
+  const Mesh ball = shapes::sphere({0, 0, 0}, 1, 30);
+  Mesh pushed = ball;
+  for (Eigen::Vector3f& v : pushed.vertices) {
+    if (v.x() > 0.8F) v.x() -= 2.5F;
+  }
+  ASSERT_FALSE(self_intersections(pushed).empty());
+  EXPECT_EQ(untangle(Neighbours(ball), ball.vertices, pushed), 0);
+  EXPECT_TRUE(self_intersections(pushed).empty());
 }
 
 TEST(Deformer, gives_the_same_surface_for_any_number_of_threads) {

@@ -10,17 +10,17 @@ namespace v3d {
 namespace {
 
 TEST(SelfIntersection, a_ball_has_none) {
-  EXPECT_EQ(count_self_intersections(shapes::sphere({0, 0, 0}, 1, 30)), 0);
-  EXPECT_EQ(count_self_intersections({}), 0);
+  EXPECT_EQ(self_intersections(shapes::sphere({0, 0, 0}, 1, 30)).size(), 0);
+  EXPECT_EQ(self_intersections({}).size(), 0);
 }
 
 TEST(SelfIntersection, counts_a_spike_through_a_plate) {
-  // The spike's three sides go through two triangles of the plate, which share the edge it hits.
+  // Through the first of the plate's two triangles.
   Mesh mesh;
   mesh.vertices = {{-1, -1, 0},  {1, -1, 0},      {1, 1, 0},         {-1, 1, 0},
                    {0.3F, 0, 1}, {0.3F, 0.1F, 1}, {0.25F, 0.05F, -1}};
   mesh.triangles = {{0, 1, 2}, {0, 2, 3}, {4, 5, 6}};
-  EXPECT_EQ(count_self_intersections(mesh), 1);
+  EXPECT_EQ(self_intersections(mesh), (std::vector<Crossing>{{0, 2}}));
 }
 
 TEST(SelfIntersection, finds_every_pair_that_a_search_through_all_pairs_finds) {
@@ -34,15 +34,19 @@ TEST(SelfIntersection, finds_every_pair_that_a_search_through_all_pairs_finds) {
     }
     mesh.triangles.push_back({3 * t, 3 * t + 1, 3 * t + 2});
   }
-  int64_t expected = 0;
+  std::vector<Crossing> expected, of_first_ten;
   for (size_t s = 0; s < mesh.triangles.size(); ++s) {
-    for (size_t t = 0; t < s; ++t) {
-      Mesh pair{mesh.vertices, {mesh.triangles[s], mesh.triangles[t]}, {}};
-      expected += count_self_intersections(pair);
+    for (size_t t = s + 1; t < mesh.triangles.size(); ++t) {
+      const Mesh pair{mesh.vertices, {mesh.triangles[s], mesh.triangles[t]}, {}};
+      if (self_intersections(pair).empty()) continue;
+      expected.emplace_back(s, t);
+      if (s < 10) of_first_ten.emplace_back(s, t);
     }
   }
-  EXPECT_GT(expected, 100);
-  EXPECT_EQ(count_self_intersections(mesh), expected);
+  EXPECT_GT(expected.size(), 100);
+  EXPECT_EQ(self_intersections(mesh), expected);
+  const std::vector<uint32_t> ten{0, 1, 2, 3, 4, 5, 6, 7, 8, 9};
+  EXPECT_EQ(self_intersections(mesh, ten), of_first_ten);
 }
 
 TEST(SelfIntersection, sees_a_ball_that_was_pushed_through_itself) {
@@ -50,7 +54,7 @@ TEST(SelfIntersection, sees_a_ball_that_was_pushed_through_itself) {
   for (Eigen::Vector3f& v : ball.vertices) {
     if (v.x() > 0.8F) v.x() -= 2.5F;
   }
-  EXPECT_GT(count_self_intersections(ball), 10);
+  EXPECT_GT(self_intersections(ball).size(), 10);
 }
 
 }  // namespace

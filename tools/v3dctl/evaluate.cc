@@ -79,7 +79,7 @@ TruthReport evaluate_truth(const fs::path& take, const fs::path& truth) {
     if (fs::exists(file)) {
       const Mesh mesh = meshes.read(frame).mesh;
       distances.push_back(compare_surfaces(mesh, read_ply(file)));
-      crossings.push_back(static_cast<double>(count_self_intersections(mesh)));
+      crossings.push_back(static_cast<double>(self_intersections(mesh).size()));
     } else {
       ++report.without_truth;
     }
