@@ -38,7 +38,7 @@ void CameraLane::end() {
 void CameraLane::go_on_from(const LanePast& past) {
   account_ = past.account;
   exposures_ = past.exposures;
-  log_seq_ = received_ = written_ = past.frames;
+  log_seq_ = received_ = written_ = past.camera.delivered;
 }
 
 /// A mask depends on the frames before it in the log: the segmenter learns from them what it had

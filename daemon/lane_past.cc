@@ -72,18 +72,15 @@ EdgeTimes edge_times(const TakePaths& take) {
 LanePast read_lane_past(const TakePaths& take, const std::string& camera, const EdgeTimes& edges) {
   const std::vector<FrameLabel> labels = labels_of(take.frames(camera));
   LanePast past;
-  int64_t suspect = 0;
   for (const FrameLabel& label : labels) {
     past.account.add(label.pulse, label.suspect);
     past.exposures.add(label.camera_counter);
-    ++past.frames;
-    suspect += label.suspect;
   }
   const std::vector<FrameLabel> last = last_certain(labels);
   past.camera = {.frames = known_frames(last),
                  .latency = latency_of(last, edges),
-                 .delivered = past.frames,
-                 .suspect = suspect};
+                 .delivered = std::ssize(labels),
+                 .suspect = std::ranges::count_if(labels, &FrameLabel::suspect)};
   return past;
 }
 

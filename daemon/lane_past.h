@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <map>
 #include <string>
+#include <vector>
 
 #include "capture/camera_past.h"
 #include "take/exposure_count.h"
@@ -22,7 +23,6 @@ struct LanePast {
   CameraPast camera;
   CameraAccount account;  ///< of every frame in the log
   ExposureCount exposures;
-  int64_t frames = 0;
 };
 
 /// A log that is not there is one without frames. Requires: recover_take() has been there.

@@ -44,8 +44,7 @@ PulseRecorder::PulseRecorder(PulseSensor* sensor, Bus& bus, Setup setup)
 
 void PulseRecorder::remember(const Past& past) {
   constexpr int64_t kOnTheirWay = 2;  // pulses that were commanded, and not heard of yet
-  const int64_t logged = past.sensed.empty() ? 0 : *past.sensed.rbegin() + 1;
-  seen_ = std::max(logged, past.commanded - kOnTheirWay);
+  seen_ = std::max(past.sensed.last() + 1, past.commanded - kOnTheirWay);
   sensed_ = past.sensed;
 }
 

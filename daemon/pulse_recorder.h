@@ -27,8 +27,8 @@ class PulseRecorder {
  public:
   /// Of a take that goes on, which this node was in before it was started anew.
   struct Past {
-    std::set<int64_t> sensed;  ///< pulses in the log
-    int64_t commanded = 0;     ///< pulses of the train until now, or a little fewer
+    PulseSet sensed;        ///< pulses in the log
+    int64_t commanded = 0;  ///< pulses of the train until now, or a little fewer
   };
   struct Setup {
     std::string take;
