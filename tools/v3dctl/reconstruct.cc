@@ -204,6 +204,8 @@ class Run {
         reconstructor_(take_.rig(), options_),
         silhouettes_(tbb::task_arena(threads).execute(
             [&] { return SilhouetteMeter(take_.rig(), options_.bounds); })),
+        mending_(request.mend ? std::optional<MaskMending>(std::in_place, take_.rig(), options_)
+                              : std::nullopt),
         report_(begin_report(options_, take_)),
         file_(take_.paths().mesh()),
         progress_("reconstruct", std::ssize(pulses_)) {
@@ -216,6 +218,8 @@ class Run {
                         [this](Job& job) { measure(job); }})
         .wait();
     file_.finish();
+    report_.mended = mending_.has_value();
+    if (mending_) report_.silhouette_faults = mending_->faults();
     return std::move(report_);
   }
 
@@ -238,6 +242,7 @@ class Run {
   void make_mesh(Job& job) {
     const Stopwatch segment;
     job.frames = take_.read(job.pulse);
+    if (mending_) mending_->mend(job.pulse, job.frames);
     job.work = SetAtWork(observe_all(job.pulse, job.frames));
     job.work.set.exposure = take_.edge_of(job.pulse);
     job.segment_ms = segment.ms();
@@ -263,6 +268,7 @@ class Run {
   const ReconstructOptions options_;
   Reconstructor reconstructor_;
   const SilhouetteMeter silhouettes_;
+  std::optional<MaskMending> mending_;
   ReconstructReport report_;
   PendingMeshFile file_;
   Progress progress_;

@@ -9,6 +9,7 @@
 #include "base/geometry.h"
 #include "base/studio_file.h"
 #include "recon/deform.h"
+#include "v3dctl/mask_mending.h"
 #include "v3dctl/options.h"
 
 namespace v3d::ctl {
@@ -20,6 +21,7 @@ struct ReconstructRequest {
   std::optional<int> min_views;    ///< else the studio's, else default_min_views()
   std::optional<Quality> quality;  ///< else the studio's, else live
   DeformOptions deform;            ///< for high quality
+  bool mend = false;               ///< hold the silhouettes against each other first
   FrameRange frames;
   int threads = 0;  ///< 0: one per core
   std::vector<std::string> leave_out;
@@ -45,6 +47,8 @@ struct ReconstructReport {
   /// bounds; one per frame and camera.
   std::vector<double> silhouette_iou;
   std::vector<std::vector<double>> camera_iou;  ///< the same, by camera
+  bool mended = false;
+  std::vector<PulseFault> silhouette_faults;  ///< where they were mended
   std::vector<StageSamples> stages;  ///< segment intersect mesh deform texture encode total
   double seconds = 0;                ///< the whole run
   double peak_rss_mb = 0;            ///< of this process, 10^6 bytes

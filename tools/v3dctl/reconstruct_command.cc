@@ -47,6 +47,19 @@ Json silhouettes_json(const ReconstructReport& report) {
           {"cameras", cameras}};
 }
 
+Json faults_json(const std::vector<PulseFault>& faults) {
+  Json list = Json::array();
+  for (const PulseFault& fault : faults) {
+    const Rect& region = fault.fault.region;
+    list.push_back({{"pulse", fault.pulse},
+                    {"camera", fault.camera},
+                    {"kind", name(fault.fault.kind)},
+                    {"region", {region.x0, region.y0, region.width, region.height}},
+                    {"pixels", fault.fault.pixels}});
+  }
+  return list;
+}
+
 Json to_json(const ReconstructReport& report) {
   const Box& box = report.bounds;
   return {
@@ -62,6 +75,7 @@ Json to_json(const ReconstructReport& report) {
       {"vertices", median(report.vertices)},
       {"triangles", median(report.triangles)},
       {"silhouette_iou", silhouettes_json(report)},
+      {"silhouette_faults", report.mended ? faults_json(report.silhouette_faults) : Json(nullptr)},
       {"stages_ms", stages_json(report)},
       {"frames_per_second", static_cast<double>(report.frames) / report.seconds},
       {"bytes_per_frame", mean(report.bytes)},
@@ -91,6 +105,9 @@ void print_text(const ReconstructReport& report) {
   std::printf("silhouettes  covered to %.3f (mean), %.3f (least)\n", mean(report.silhouette_iou),
               least(report.silhouette_iou));
   print_worst_camera(report);
+  for (const std::string& line : lines_of(report.silhouette_faults)) {
+    std::printf("mended       %s\n", line.c_str());
+  }
   for (const StageSamples& stage : report.stages) {
     if (stage.ms.empty()) continue;
     std::printf("%-12s %.1f ms, 99 of 100 within %.1f ms\n", stage.name.c_str(),
@@ -134,6 +151,10 @@ void add_options(CLI::App* command, Arguments& arguments) {
           "With high quality: mode=search|paper, the weights of the forces internal=0.3, "
           "photometric=0.4, silhouette=0.3, window=5 samples a side, views=6 cameras at a time")
       ->type_name("NAME=VALUE,...");
+  command->add_flag(
+      "--mend", arguments.request.mend,
+      "Hold the silhouettes of all cameras against each other first: fill pieces that "
+      "are missing in one, drop phantoms, leave out cameras that are wrong");
   add_frames_option(command, arguments.frames);
   command
       ->add_option("--threads", arguments.request.threads,

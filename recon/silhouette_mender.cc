@@ -1,0 +1,273 @@
+#include "recon/silhouette_mender.h"
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+#include <utility>
+
+#include "base/mask_pieces.h"
+#include "base/mask_shape.h"
+#include "recon/solid_look.h"
+
+namespace v3d {
+namespace {
+
+/// Foreground that nothing explains counts in cells of so many pixels along each side.
+constexpr int kCell = 4;
+/// So many cells of so many other cameras must need a piece.
+constexpr int64_t kLeastCells = 4;
+constexpr int kLeastCameras = 2;
+/// A fault covers at least so many squares as wide as twice the camera's radius.
+constexpr int kLeastSquares = 2;
+/// A camera of whose expected silhouette so much is missing, or that shows so much more, is left
+/// out.
+constexpr double kMostlyWrong = 0.5;
+/// Cameras that spoil a piece of volume together are told apart one after the other.
+constexpr int kRounds = 3;
+
+/// Voxels' width in pixels where the middle of the space is.
+double pixels_per_voxel(const CameraModel& camera, const Box& bounds, double voxel_m) {
+  const Eigen::Vector3d middle = 0.5 * (bounds.min + bounds.max);
+  const double distance = (camera.center() - middle).norm();
+  return camera.matrix()(0, 0) * voxel_m / std::max(distance, voxel_m);
+}
+
+/// Voxels of `a` that `b` has not, of the same grid: calls visit(i, j, k).
+template <class Visit>
+void for_each_more(const SparseVolume& a, const SparseVolume& b, Visit&& visit) {
+  for (size_t n = 0; n < a.bricks().size(); ++n) {
+    const BrickCoord at = a.coords()[n];
+    const int other = b.index_of(at);
+    for (int z = 0; z < kBrickEdge; ++z) {
+      uint64_t more = a.bricks()[n][z] & ~(other >= 0 ? b.bricks()[other][z] : 0);
+      for (; more != 0; more &= more - 1) {
+        const int bit = std::countr_zero(more);
+        visit(kBrickEdge * at.x + bit % kBrickEdge, kBrickEdge * at.y + bit / kBrickEdge,
+              kBrickEdge * at.z + z);
+      }
+    }
+  }
+}
+
+/// Background that foreground surrounds, of at least `least` pixels.
+bool has_hole(const Mask& mask, int64_t least) {
+  const Rect box = mask.bounding_box();
+  Mask background(mask.size());
+  for (int y = box.y0; y < box.y0 + box.height; ++y) {
+    background.fill_row(y, box.x0, box.x0 + box.width);
+  }
+  background = only_first(std::move(background), mask);
+  MaskPieces pieces;
+  pieces.find(background);
+  for (size_t p = 0; p < pieces.count(); ++p) {
+    if (pieces.area(p) < least) continue;
+    bool enclosed = true;
+    pieces.for_each_run(p, [&](const Run& run) {
+      enclosed = run.y > box.y0 && run.y < box.y0 + box.height - 1 && run.begin > box.x0 &&
+                 run.end < box.x0 + box.width;
+      return enclosed;
+    });
+    if (enclosed) return true;
+  }
+  return false;
+}
+
+Mask mask_of(const MaskPieces& pieces, size_t piece, ImageSize size) {
+  Mask mask(size);
+  pieces.for_each_run(piece, [&](const Run& run) {
+    mask.fill_row(run.y, run.begin, run.end);
+    return true;
+  });
+  return mask;
+}
+
+}  // namespace
+
+/// The silhouettes of one pulse while they are mended.
+class SilhouetteMender::Trial {
+ public:
+  Trial(SilhouetteMender& mender, std::span<const Mask* const> masks,
+        std::span<const Frame* const> frames)
+      : mender_(mender), frames_(frames) {
+    for (const Mask* mask : masks) masks_.push_back(mask ? std::optional(*mask) : std::nullopt);
+  }
+
+  MendedSilhouettes run() {
+    drop_blind_cameras();
+    for (int round = 0; round < kRounds && fill_missing_pieces(); ++round) continue;
+    remove_phantom_pieces();
+    std::ranges::stable_sort(faults_, {}, &SilhouetteFault::camera);
+    return {std::move(masks_), std::move(faults_)};
+  }
+
+ private:
+  std::vector<const Mask*> all() const {
+    std::vector<const Mask*> masks;
+    for (const auto& mask : masks_) masks.push_back(mask ? &*mask : nullptr);
+    return masks;
+  }
+  int radius(size_t camera) const { return mender_.radii_[camera]; }
+  int64_t least_pixels(size_t camera) const {
+    const int64_t edge = 2 * radius(camera) + 1;
+    return kLeastSquares * edge * edge;
+  }
+
+  void report(size_t camera, SilhouetteFaultKind kind, const Mask& where) {
+    faults_.push_back({camera, kind, where.bounding_box(), where.count()});
+  }
+
+  void drop(size_t camera, const Mask& where) {
+    std::erase_if(faults_, [&](const SilhouetteFault& fault) { return fault.camera == camera; });
+    report(camera, SilhouetteFaultKind::kWholeCamera, where);
+    masks_[camera].reset();
+  }
+
+  /// One black image leaves nothing of the volume, and two of them hide each other.
+  void drop_blind_cameras() {
+    std::vector<size_t> blind;
+    for (size_t c = 0; c < masks_.size(); ++c) {
+      if (masks_[c] && masks_[c]->count() == 0) blind.push_back(c);
+    }
+    if (blind.empty() || 2 * blind.size() > masks_.size()) return;
+    std::vector<const Mask*> others = all();
+    for (const size_t c : blind) others[c] = nullptr;
+    const std::vector<Mask> expected = mender_.hulls_.silhouettes(others);
+    for (const size_t c : blind) {
+      if (expected[c].count() >= least_pixels(c)) drop(c, expected[c]);
+    }
+  }
+
+  /// Foreground of each camera outside the silhouette of the volume, without what is narrow.
+  void find_unexplained() {
+    const auto masks = all();
+    const std::vector<Mask> explained = mender_.hulls_.silhouettes(masks);
+    unexplained_.assign(masks_.size(), Mask());
+    for (size_t c = 0; c < masks_.size(); ++c) {
+      if (!masks_[c]) continue;
+      Mask rest = opened(only_first(*masks_[c], explained[c]), radius(c));
+      if (rest.count() >= kLeastCells * kCell * kCell) unexplained_[c] = std::move(rest);
+    }
+  }
+  bool has_unexplained(size_t camera) const { return unexplained_[camera].size().width > 0; }
+
+  bool is_in_doubt(size_t camera) const {
+    for (size_t c = 0; c < masks_.size(); ++c) {
+      if (c != camera && has_unexplained(c)) return true;
+    }
+    return has_hole(*masks_[camera], least_pixels(camera));
+  }
+
+  /// False when there was nothing to fill.
+  bool fill_missing_pieces() {
+    find_unexplained();
+    const SparseVolume hull = mender_.hulls_.volume(all());
+    std::vector<std::pair<size_t, Mask>> found;
+    for (size_t c = 0; c < masks_.size(); ++c) {
+      if (masks_[c] && is_in_doubt(c)) look_for_missing(c, hull, found);
+    }
+    for (const auto& [camera, where] : found) {
+      if (masks_[camera]) masks_[camera] = either(std::move(*masks_[camera]), where);
+    }
+    return !found.empty();
+  }
+
+  void look_for_missing(size_t camera, const SparseVolume& hull,
+                        std::vector<std::pair<size_t, Mask>>& found) {
+    const auto masks = all();
+    const Mask expected = mender_.hulls_.silhouette(masks, camera);
+    const Mask inside = only_first(expected, *masks_[camera]);
+    MaskPieces pieces;
+    pieces.find(opened(inside, radius(camera)));
+    int64_t missing = 0;
+    for (size_t p = 0; p < pieces.count(); ++p) {
+      if (pieces.area(p) < least_pixels(camera)) continue;
+      const Mask piece = both(grown(mask_of(pieces, p, expected.size()), radius(camera)), inside);
+      if (!is_needed(camera, piece, hull) && !looks_solid(camera, piece)) continue;
+      missing += piece.count();
+      report(camera, SilhouetteFaultKind::kMissingPiece, piece);
+      found.emplace_back(camera, piece);
+    }
+    if (static_cast<double>(missing) > kMostlyWrong * static_cast<double>(expected.count())) {
+      drop(camera, expected);
+    }
+  }
+
+  /// Whether voxels that only this camera refutes, there, would explain foreground of others.
+  bool is_needed(size_t camera, const Mask& piece, const SparseVolume& hull) {
+    std::vector<Mask> cells(masks_.size());
+    for (size_t c = 0; c < masks_.size(); ++c) {
+      if (c != camera && has_unexplained(c)) {
+        const ImageSize size = unexplained_[c].size();
+        cells[c] = Mask({size.width / kCell + 1, size.height / kCell + 1});
+      }
+    }
+    const SparseVolume& without = mender_.hulls_.volume(all(), camera);
+    for_each_more(without, hull, [&](int i, int j, int k) {
+      const SeenPixel here = project_voxel(mender_.lenses_[camera], i, j, k);
+      if (!here.seen || !piece.get(here.x, here.y)) return;
+      for (size_t c = 0; c < masks_.size(); ++c) {
+        if (cells[c].size().width == 0) continue;
+        const SeenPixel there = project_voxel(mender_.lenses_[c], i, j, k);
+        if (there.seen && unexplained_[c].get(there.x, there.y)) {
+          cells[c].set(there.x / kCell, there.y / kCell);
+        }
+      }
+    });
+    return std::ranges::count_if(cells, [](const Mask& mask) {
+             return mask.count() >= kLeastCells;
+           }) >= kLeastCameras;
+  }
+
+  bool looks_solid(size_t camera, const Mask& piece) {
+    const auto masks = all();
+    return v3d::looks_solid(mender_.rig_, frames_, camera, piece,
+                            mender_.hulls_.surface(masks, camera), mender_.hulls_.grid().voxel_m);
+  }
+
+  void remove_phantom_pieces() {
+    find_unexplained();
+    for (size_t c = 0; c < masks_.size(); ++c) {
+      if (masks_[c] && has_unexplained(c)) look_for_phantoms(c);
+    }
+  }
+
+  void look_for_phantoms(size_t camera) {
+    const Mask expected = mender_.hulls_.silhouette(all(), camera);
+    const Mask outside = only_first(*masks_[camera], expected);
+    MaskPieces pieces;
+    pieces.find(opened(outside, radius(camera)));
+    int64_t phantom = 0;
+    for (size_t p = 0; p < pieces.count(); ++p) {
+      if (pieces.area(p) < least_pixels(camera)) continue;
+      const Mask piece = both(grown(mask_of(pieces, p, expected.size()), radius(camera)), outside);
+      phantom += piece.count();
+      report(camera, SilhouetteFaultKind::kPhantomPiece, piece);
+      masks_[camera] = only_first(std::move(*masks_[camera]), piece);
+    }
+    if (static_cast<double>(phantom) > (1 + kMostlyWrong) * static_cast<double>(expected.count())) {
+      drop(camera, outside);
+    }
+  }
+
+  SilhouetteMender& mender_;
+  std::span<const Frame* const> frames_;
+  std::vector<std::optional<Mask>> masks_;
+  std::vector<Mask> unexplained_;  ///< of size 0 x 0 where all is explained
+  std::vector<SilhouetteFault> faults_;
+};
+
+SilhouetteMender::SilhouetteMender(const Rig& rig, const Box& bounds, double voxel_m, int min_views)
+    : rig_(rig), hulls_(rig, bounds, voxel_m, min_views) {
+  for (const RigCamera& camera : rig) {
+    lenses_.emplace_back(camera.model, hulls_.grid());
+    const double width = pixels_per_voxel(camera.model, bounds, voxel_m);
+    radii_.push_back(std::clamp(static_cast<int>(std::ceil(width)), 1, kMostRadius));
+  }
+}
+
+MendedSilhouettes SilhouetteMender::mend(std::span<const Mask* const> masks,
+                                         std::span<const Frame* const> frames) {
+  return Trial(*this, masks, frames).run();
+}
+
+}  // namespace v3d

@@ -1,0 +1,130 @@
+#include "recon/solid_look.h"
+
+#include <algorithm>
+#include <cmath>
+#include <optional>
+#include <vector>
+
+#include "recon/depth_raster.h"
+#include "recon/texture.h"
+
+namespace v3d {
+namespace {
+
+/// Cameras that look from nearly the same side see the same places.
+constexpr size_t kNeighbours = 4;
+constexpr double kSameSide = 0.2;  ///< least cosine between the viewing directions
+/// Depth buffers are drawn at a part of the image's size.
+constexpr int kReduction = 4;
+constexpr double kToleranceVoxels = 3;
+/// Colours that differ by no more are the same, grey values; the surface is known to some voxels
+/// only, so patterns are not compared pixel by pixel but as means of patches.
+constexpr float kSameColour = 24;
+constexpr int kPatch = 2;
+constexpr int kStep = 3;
+/// Of the places that could be compared, so many must be, and so large a part must agree.
+constexpr int kLeastPlaces = 12;
+constexpr double kMost = 0.6;
+
+struct View {
+  const CameraModel* model = nullptr;
+  const Frame* frame = nullptr;
+  DepthBuffer depth;  ///< reduced
+};
+
+/// Mean of a patch of the image, whatever the mask says; empty where the frame has no pixels.
+std::optional<Eigen::Vector3f> patch_colour(const Frame& frame, const Eigen::Vector2d& pixel) {
+  Eigen::Vector3f sum = Eigen::Vector3f::Zero();
+  for (int dy = -kPatch; dy <= kPatch; dy += kPatch) {
+    for (int dx = -kPatch; dx <= kPatch; dx += kPatch) {
+      const auto colour = sample_colour(frame.image.view(), pixel.x() + dx - frame.roi.x0,
+                                        pixel.y() + dy - frame.roi.y0);
+      if (!colour) return {};
+      sum += *colour;
+    }
+  }
+  return sum / 9;
+}
+
+std::vector<View> neighbours_of(const Rig& rig, std::span<const Frame* const> frames, size_t camera,
+                                const Mesh& surface) {
+  const Eigen::Vector3d direction = rig[camera].model.viewing_direction();
+  std::vector<std::pair<double, size_t>> near;
+  for (size_t c = 0; c < rig.size(); ++c) {
+    const double cosine = direction.dot(rig[c].model.viewing_direction());
+    if (c != camera && frames[c] != nullptr && cosine > kSameSide) near.emplace_back(-cosine, c);
+  }
+  std::ranges::sort(near);
+  std::vector<View> views;
+  for (size_t n = 0; n < std::min(near.size(), kNeighbours); ++n) {
+    const size_t c = near[n].second;
+    views.push_back(
+        {&rig[c].model, frames[c], draw_depth(surface, rig[c].model.reduced(kReduction))});
+  }
+  return views;
+}
+
+/// What the view sees of a place; empty where something hides it.
+std::optional<Eigen::Vector3f> colour_at(const View& view, const Eigen::Vector3d& place,
+                                         double tolerance_m) {
+  const auto pixel = view.model->project(place);
+  if (!pixel || !view.model->inside_image(*pixel)) return {};
+  const double z = (view.model->cam_from_world() * place).z();
+  const int x =
+      std::min(static_cast<int>((pixel->x() + 0.5) / kReduction), view.depth.size.width - 1);
+  const int y =
+      std::min(static_cast<int>((pixel->y() + 0.5) / kReduction), view.depth.size.height - 1);
+  if (z > view.depth.at(x, y) + tolerance_m) return {};
+  return patch_colour(*view.frame, *pixel);
+}
+
+bool same(const Eigen::Vector3f& a, const Eigen::Vector3f& b) {
+  return (a - b).cwiseAbs().maxCoeff() <= kSameColour;
+}
+
+/// Whether the camera and two others agree; empty where fewer than two others see the place.
+std::optional<bool> agrees(const Eigen::Vector3f& own, std::span<const View> views,
+                           const Eigen::Vector3d& place, double tolerance_m) {
+  int seen = 0;
+  int agreeing = 0;
+  for (const View& view : views) {
+    const auto colour = colour_at(view, place, tolerance_m);
+    if (!colour) continue;
+    ++seen;
+    agreeing += same(own, *colour);
+  }
+  if (seen < 2) return {};
+  return 2 * agreeing > seen && agreeing >= 2;
+}
+
+}  // namespace
+
+bool looks_solid(const Rig& rig, std::span<const Frame* const> frames, size_t camera,
+                 const Mask& piece, const Mesh& surface, double voxel_m) {
+  if (frames[camera] == nullptr) return false;
+  const CameraModel& model = rig[camera].model;
+  const DepthBuffer depth = draw_depth(surface, model.reduced(kReduction));
+  const std::vector<View> views = neighbours_of(rig, frames, camera, surface);
+  const Rect box = piece.bounding_box();
+  int compared = 0;
+  int agreeing = 0;
+  for (int y = box.y0; y < box.y0 + box.height; y += kStep) {
+    for (int x = box.x0; x < box.x0 + box.width; x += kStep) {
+      if (!piece.get(x, y)) continue;
+      const Eigen::Vector2d pixel(x, y);
+      const float z = depth.at(std::min(x / kReduction, depth.size.width - 1),
+                               std::min(y / kReduction, depth.size.height - 1));
+      const auto ray = model.ray(pixel);
+      const auto own = patch_colour(*frames[camera], pixel);
+      if (!std::isfinite(z) || !ray || !own) continue;
+      const double along = z / model.viewing_direction().dot(*ray);
+      const auto result =
+          agrees(*own, views, model.center() + along * *ray, kToleranceVoxels * voxel_m);
+      compared += result.has_value();
+      agreeing += result.value_or(false);
+    }
+  }
+  return compared >= kLeastPlaces && agreeing >= kMost * compared;
+}
+
+}  // namespace v3d
