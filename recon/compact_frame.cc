@@ -306,14 +306,14 @@ std::optional<std::vector<uint8_t>> content_of(std::span<const uint8_t> section,
 
 }  // namespace
 
-void round_to(const VertexLattice& lattice, std::vector<Eigen::Vector3f>& positions) {
-  for (Eigen::Vector3f& p : positions) {
-    for (int axis = 0; axis < 3; ++axis) {
-      const double h = (double{p[axis]} - lattice.origin[axis]) / lattice.step + 0.5;
-      p[axis] =
-          position_at(lattice, axis, static_cast<uint16_t>(std::clamp(h, 0.0, double{0xFFFF})));
-    }
+Eigen::Vector3f rounded_to(const VertexLattice& lattice, const Eigen::Vector3f& position) {
+  Eigen::Vector3f rounded;
+  for (int axis = 0; axis < 3; ++axis) {
+    const double h = (double{position[axis]} - lattice.origin[axis]) / lattice.step + 0.5;
+    rounded[axis] =
+        position_at(lattice, axis, static_cast<uint16_t>(std::clamp(h, 0.0, double{0xFFFF})));
   }
+  return rounded;
 }
 
 Mesh in_coding_order(Mesh mesh) {

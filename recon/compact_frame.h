@@ -26,9 +26,9 @@ struct VertexLattice {
   friend bool operator==(const VertexLattice&, const VertexLattice&) = default;
 };
 
-/// Moves every position to the nearest lattice point, those outside the lattice to its border: what
-/// decode_compact() gives for them, to the bit.
-void round_to(const VertexLattice& lattice, std::vector<Eigen::Vector3f>& positions);
+/// The nearest lattice point, for a place outside the lattice on its border: what decode_compact()
+/// gives for it, to the bit.
+Eigen::Vector3f rounded_to(const VertexLattice& lattice, const Eigen::Vector3f& position);
 
 struct CompactFrame {
   int64_t pulse = 0;

@@ -90,7 +90,7 @@ class Deformer::Impl {
     } else {
       search(mesh);
     }
-    untangle(neighbours_, start_, mesh);
+    untangle(neighbours_, start_, options_.lattice, mesh);
   }
 
  private:

@@ -3,9 +3,11 @@
 #pragma once
 
 #include <memory>
+#include <optional>
 #include <span>
 
 #include "base/mesh.h"
+#include "recon/compact_frame.h"
 #include "recon/surface_camera.h"
 
 namespace v3d {
@@ -27,6 +29,8 @@ struct DeformOptions {
   double silhouette = 0.3;   ///< gamma
   int window = 5;            ///< samples along a side of the template window; odd, 3 to 11
   int views = 6;             ///< cameras that take part in a correlation, 2 to 8
+  /// Where the vertices end; empty: anywhere. Requires that the mesh begins on it.
+  std::optional<VertexLattice> lattice = std::nullopt;
 };
 
 /// Throws InputError, which names the field, for numbers outside the ranges above.

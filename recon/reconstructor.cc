@@ -50,10 +50,12 @@ VertexLattice lattice_of(const VoxelGrid& grid, Quality quality) {
   return lattice;
 }
 
-std::optional<Deformer> deformer_of(const ReconstructOptions& options) {
+std::optional<Deformer> deformer_of(const ReconstructOptions& options,
+                                    const VertexLattice& lattice) {
   if (options.quality != Quality::kHigh) return std::nullopt;
   DeformOptions deform = options.deform;
   deform.voxel_m = options.voxel_m;
+  deform.lattice = lattice;
   check(deform);
   return std::optional<Deformer>(std::in_place, deform);
 }
@@ -68,7 +70,7 @@ class Reconstructor::Impl {
       : rig_(rig),
         grid_(affordable_grid(options)),
         lattice_(lattice_of(grid_, options.quality)),
-        deformer_(deformer_of(options)),
+        deformer_(deformer_of(options, lattice_)),
         arena_(arena_size(options.threads)),
         intersector_(grid_, models_of(rig), options.min_views) {}
 
@@ -131,7 +133,6 @@ class Reconstructor::Impl {
       if (work.frames[c] != nullptr) cameras.push_back({&rig_[c].model, work.frames[c]});
     }
     deformer_->run(cameras, work.result.mesh);
-    round_to(lattice_, work.result.mesh.vertices);
     work.result.times.deform = deforming.ms();
   }
 

@@ -28,7 +28,7 @@ struct ReconstructOptions {
   double voxel_m = 0.01;
   int min_views = 4;
   Quality quality = Quality::kLive;
-  DeformOptions deform = {};  ///< for Quality::kHigh; its voxel_m is set to the one above
+  DeformOptions deform = {};  ///< for Quality::kHigh; its voxel_m and lattice are set
   int threads = 0;            ///< 0: one per core. The result does not depend on it.
 };
 

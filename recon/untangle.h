@@ -1,7 +1,10 @@
 // Takes back what a deformation did where it pushed the surface through itself.
 #pragma once
 
+#include <optional>
+
 #include "base/mesh.h"
+#include "recon/compact_frame.h"
 #include "recon/neighbours.h"
 
 namespace v3d {
@@ -11,9 +14,10 @@ inline constexpr int kUntanglings = 12;  ///< passes at most
 /// Smooths the surface round every self-intersection: folds and spikes are gone after that. What is
 /// left is moved back towards `start`, where the surface had none, half way at a time and in a
 /// wider region each time; the last passes go all the way.
+/// All vertices end on the lattice, if there is one, which `start` must lie on.
 /// Returns the number of crossings that are left. Works in the caller's TBB arena; the same for any
 /// number of threads.
 size_t untangle(const Neighbours& neighbours, const std::vector<Eigen::Vector3f>& start,
-                Mesh& mesh);
+                const std::optional<VertexLattice>& lattice, Mesh& mesh);
 
 }  // namespace v3d

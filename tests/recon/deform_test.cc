@@ -168,7 +168,7 @@ TEST(Untangle, takes_back_what_went_through_the_other_side) {
     if (v.x() > 0.8F) v.x() -= 2.5F;
   }
   ASSERT_FALSE(self_intersections(pushed).empty());
-  EXPECT_EQ(untangle(Neighbours(ball), ball.vertices, pushed), 0);
+  EXPECT_EQ(untangle(Neighbours(ball), ball.vertices, std::nullopt, pushed), 0);
   EXPECT_TRUE(self_intersections(pushed).empty());
 }
 

@@ -10,6 +10,7 @@
 #include "recon/evaluation.h"
 #include "recon/rehearsal.h"
 #include "recon/renderer.h"
+#include "recon/self_intersection.h"
 #include "recon/silhouette.h"
 #include "shapes.h"
 
@@ -133,6 +134,7 @@ TEST(Reconstructor, of_high_quality_gives_the_same_bytes_for_any_threads) {
   EXPECT_GE(expected.times.deform, 0);
   EXPECT_EQ(decode_compact(expected.compact)->mesh.vertices, expected.mesh.vertices);
   EXPECT_LT(compare_surfaces(expected.mesh, two_coloured_ball()).normal_error_deg, 15);
+  EXPECT_TRUE(self_intersections(expected.mesh).empty());
   for (const int threads : {1, 2, 5}) {
     opts.threads = threads;
     EXPECT_EQ(Reconstructor(rig, opts).reconstruct(set).compact, expected.compact);
