@@ -126,6 +126,20 @@ void order_by_colour(std::vector<cv::Point2f>& points, const cv::Mat& grey, cons
   if (even_less_odd(grey, points, board) > 0) std::reverse(points.begin(), points.end());
 }
 
+/// The corners of a whole chessboard in the board's order; empty for no points.
+std::optional<BoardSighting> ordered(std::vector<cv::Point2f> points, const cv::Mat& grey,
+                                     const Board& board) {
+  if (points.empty()) return std::nullopt;
+  order_by_handedness(points, board);
+  order_by_colour(points, grey, board);
+  BoardSighting sighting;
+  for (int i = 0; i < board.corners(); ++i) {
+    sighting.corners.push_back(i);
+    sighting.pixels.emplace_back(points[i].x, points[i].y);
+  }
+  return sighting;
+}
+
 bool on_one_line(const BoardSighting& sighting, const Board& board) {
   const auto same = [&](auto of) {
     return std::all_of(sighting.corners.begin(), sighting.corners.end(),
@@ -238,29 +252,100 @@ BoardDetector::BoardDetector(Board board) : board_(std::move(board)) {
   if (board_.kind == BoardKind::kCharuco) charuco_ = std::make_shared<Charuco>(board_);
 }
 
-std::optional<BoardSighting> BoardDetector::find(ImageView image) const {
+/// The board seen straight from the front, x to the right and y up, with a margin.
+class BoardDetector::Straight {
+ public:
+  Straight(const Board& board, const CameraModel& camera) : board_(board), camera_(camera) {}
+
+  cv::Mat turn(const cv::Mat& grey) const {
+    const cv::Size size(static_cast<int>((board_.corner_columns - 1 + 2 * kMargin) * kPerSquare),
+                        static_cast<int>((board_.corner_rows - 1 + 2 * kMargin) * kPerSquare));
+    cv::Mat x(size, CV_32FC1), y(size, CV_32FC1), straight;
+    for (int v = 0; v < size.height; ++v) {
+      for (int u = 0; u < size.width; ++u) {
+        const auto pixel = camera_.project(on_board({u, v}));
+        x.at<float>(v, u) = pixel ? static_cast<float>(pixel->x()) : -1.F;
+        y.at<float>(v, u) = pixel ? static_cast<float>(pixel->y()) : -1.F;
+      }
+    }
+    cv::remap(grey, straight, x, y, cv::INTER_CUBIC, cv::BORDER_REPLICATE);
+    return straight;
+  }
+
+  /// Back into the image that was turned.
+  std::optional<BoardSighting> turn_back(BoardSighting sighting) const {
+    for (Eigen::Vector2d& pixel : sighting.pixels) {
+      const auto back = camera_.project(on_board(pixel));
+      if (!back) return std::nullopt;
+      pixel = *back;
+    }
+    return sighting;
+  }
+
+ private:
+  static constexpr double kPerSquare = 32;  // pixels
+  static constexpr double kMargin = 2.5;    // squares beyond the outermost corners
+
+  Eigen::Vector3d on_board(const Eigen::Vector2d& at) const {
+    const double per_pixel = board_.square_m / kPerSquare;
+    return {at.x() * per_pixel - kMargin * board_.square_m,
+            (board_.corner_rows - 1 + kMargin) * board_.square_m - at.y() * per_pixel, 0};
+  }
+
+  const Board& board_;
+  const CameraModel& camera_;
+};
+
+cv::Mat BoardDetector::prepared(ImageView image) const {
   cv::Mat grey = grey_of(image);
-  if (board_.inverted) grey = 255 - grey;
+  return board_.inverted ? cv::Mat(255 - grey) : grey;
+}
+
+std::optional<BoardSighting> BoardDetector::find_in(const cv::Mat& grey) const {
   if (charuco_) {
     BoardSighting sighting = charuco_->find(grey);
     if (sighting.count() < kFewestCorners || on_one_line(sighting, board_)) return std::nullopt;
     return sighting;
   }
-  std::vector<cv::Point2f> points = find_grid(grey, {board_.corner_columns, board_.corner_rows});
-  if (points.empty()) return std::nullopt;
-  order_by_handedness(points, board_);
-  order_by_colour(points, grey, board_);
-  BoardSighting sighting;
-  for (int i = 0; i < board_.corners(); ++i) {
-    sighting.corners.push_back(i);
-    sighting.pixels.emplace_back(points[i].x, points[i].y);
+  return ordered(find_grid(grey, {board_.corner_columns, board_.corner_rows}), grey, board_);
+}
+
+std::optional<BoardSighting> BoardDetector::find(ImageView image) const {
+  return find_in(prepared(image));
+}
+
+std::optional<BoardSighting> BoardDetector::find_near(ImageView image,
+                                                      const CameraModel& camera) const {
+  const Straight straight(board_, camera);
+  auto sighting = find_in(straight.turn(prepared(image)));
+  return sighting ? straight.turn_back(std::move(*sighting)) : std::nullopt;
+}
+
+std::optional<BoardSighting> BoardDetector::find_small(ImageView image) const {
+  const cv::Mat grey = prepared(image);
+  for (const double scale : {1.0, 2.0}) {
+    cv::Mat larger;
+    cv::resize(grey, larger, {}, scale, scale, cv::INTER_CUBIC);
+    auto sighting = find_in(larger);
+    if (!sighting && !charuco_) {
+      std::vector<cv::Point2f> points;
+      const int flags = cv::CALIB_CB_NORMALIZE_IMAGE | cv::CALIB_CB_EXHAUSTIVE;
+      const cv::Size pattern(board_.corner_columns, board_.corner_rows);
+      if (cv::findChessboardCornersSB(larger, pattern, points, flags)) {
+        sighting = ordered(std::move(points), larger, board_);
+      }
+    }
+    if (!sighting) continue;
+    // Pixel centres are whole numbers, in either size.
+    const Eigen::Vector2d half(0.5, 0.5);
+    for (Eigen::Vector2d& pixel : sighting->pixels) pixel = (pixel + half) / scale - half;
+    return sighting;
   }
-  return sighting;
+  return std::nullopt;
 }
 
 std::optional<std::string> BoardDetector::explain(ImageView image) const {
-  cv::Mat grey = grey_of(image);
-  if (board_.inverted) grey = 255 - grey;
+  const cv::Mat grey = prepared(image);
   return charuco_ ? charuco_->explain(grey, board_) : explain_chess(grey, board_);
 }
 

@@ -134,7 +134,7 @@ function(check_man_page_of_takes)
 endfunction()
 
 function(check_man_page_of_calibrate)
-  foreach(command intrinsics rig)
+  foreach(command intrinsics rig floor)
     expect_options_in_page(v3dctl.1 ${V3DCTL} calibrate ${command})
   endforeach()
 endfunction()

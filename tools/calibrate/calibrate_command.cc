@@ -30,6 +30,7 @@ void add_calibrate(ctl::CommandLine& line) {
   command->require_subcommand(1);
   add_intrinsics(line, command);
   add_rig(line, command);
+  add_floor(line, command);
 }
 
 }  // namespace v3d::calibrate

@@ -8,32 +8,6 @@
 namespace v3d::calibrate {
 namespace {
 
-struct NamedSource {
-  std::string camera;
-  PictureSource source;
-};
-
-std::vector<NamedSource> open_sources(const RigSources& sources) {
-  const int given = !sources.videos.empty() + !sources.images.empty() + !sources.take.empty();
-  if (given != 1) throw InputError("give one of --video, --images and --take");
-  std::vector<NamedSource> opened;
-  for (const auto& [camera, file] : sources.videos) {
-    Sampling sampling = sources.sampling;
-    // A table of time stamps says which frames belong together, so none may be passed over.
-    if (!sources.time_stamps.empty() && sampling.every == 0) sampling.every = 1;
-    opened.push_back({camera, open_video(file, sampling)});
-  }
-  for (const auto& [camera, pattern] : sources.images) {
-    opened.push_back({camera, open_images(pattern)});
-  }
-  if (!sources.take.empty()) {
-    for (const std::string& camera : load_take_info(TakePaths{sources.take}).cameras) {
-      opened.push_back({camera, open_take(sources.take, camera, sources.sampling)});
-    }
-  }
-  return opened;
-}
-
 void require_equal_lists(const RigSources& sources, const RigBoards& boards) {
   if (sources.images.empty()) return;
   for (size_t i = 1; i < boards.found.size(); ++i) {
@@ -57,6 +31,54 @@ calib::CameraSightings by_time_stamp(const calib::CameraSightings& by_frame,
 }
 
 }  // namespace
+
+void RigArguments::add_to(CLI::App* command) {
+  command->add_option("--video", videos, "The video of a camera; once for each")
+      ->type_name("CAM=FILE");
+  command
+      ->add_option("--images", images,
+                   "The pictures of a camera, the n-th of all cameras of one instant; quote it")
+      ->type_name("CAM=GLOB");
+  command->add_option("--take", given.take, "A take of the board, all its cameras")
+      ->type_name("TAKE");
+  command
+      ->add_option("--timestamps", given.time_stamps,
+                   "Which frames of the videos belong together: sync_index,cam_id,frame_index")
+      ->type_name("CSV");
+  command
+      ->add_option("--every", given.sampling.every,
+                   "Every so many frames are looked at (else about 300 frames)")
+      ->type_name("N")
+      ->check(CLI::PositiveNumber);
+}
+
+RigSources RigArguments::sources() const {
+  RigSources result = given;
+  result.videos = ctl::parse_camera_files(videos, "--video");
+  result.images = ctl::parse_camera_files(images, "--images");
+  return result;
+}
+
+std::vector<NamedSource> open_sources(const RigSources& sources) {
+  const int given = !sources.videos.empty() + !sources.images.empty() + !sources.take.empty();
+  if (given != 1) throw InputError("give one of --video, --images and --take");
+  std::vector<NamedSource> opened;
+  for (const auto& [camera, file] : sources.videos) {
+    Sampling sampling = sources.sampling;
+    // A table of time stamps says which frames belong together, so none may be passed over.
+    if (!sources.time_stamps.empty() && sampling.every == 0) sampling.every = 1;
+    opened.push_back({camera, open_video(file, sampling)});
+  }
+  for (const auto& [camera, pattern] : sources.images) {
+    opened.push_back({camera, open_images(pattern)});
+  }
+  if (!sources.take.empty()) {
+    for (const std::string& camera : load_take_info(TakePaths{sources.take}).cameras) {
+      opened.push_back({camera, open_take(sources.take, camera, sources.sampling)});
+    }
+  }
+  return opened;
+}
 
 RigBoards find_rig_boards(const RigSources& sources, const calib::BoardDetector& detector) {
   calib::TimeStamps stamps;

@@ -21,12 +21,32 @@ struct RigSources {
   Sampling sampling;
 };
 
+/// The options that say where the pictures of all cameras come from.
+struct RigArguments {
+  std::vector<std::string> videos;
+  std::vector<std::string> images;
+  RigSources given;
+
+  void add_to(CLI::App* command);
+  /// Throws InputError for a malformed or repeated CAM=FILE.
+  RigSources sources() const;
+};
+
+struct NamedSource {
+  std::string camera;
+  PictureSource source;
+};
+
+/// By camera, in the order given. Throws InputError where not exactly one kind of source is given,
+/// or a file cannot be opened.
+std::vector<NamedSource> open_sources(const RigSources& sources);
+
 struct RigBoards {
   std::vector<calib::CameraSightings> cameras;
   std::vector<FoundBoards> found;  ///< by camera
 };
 
-/// Throws InputError as find_boards() does, and where not exactly one kind of source is given.
+/// Throws InputError as find_boards() and open_sources() do.
 RigBoards find_rig_boards(const RigSources& sources, const calib::BoardDetector& detector);
 
 }  // namespace v3d::calibrate

@@ -4,6 +4,10 @@
 
 #include "base/calib_file.h"
 #include "base/error.h"
+#include "base/file.h"
+#include "base/jpeg.h"
+#include "calib/advice.h"
+#include "calib/report.h"
 #include "calib/rig_fit.h"
 #include "calibrate/commands.h"
 #include "calibrate/rig_boards.h"
@@ -17,11 +21,10 @@ using Json = nlohmann::ordered_json;
 
 struct Arguments {
   std::string board;
-  std::vector<std::string> videos;
-  std::vector<std::string> images;
-  RigSources sources;
+  RigArguments sources;
   std::string before;
   std::string out;
+  std::string report;
   bool json = false;
 };
 
@@ -48,11 +51,9 @@ Json to_json(const calib::RigFit& fit) {
                         {"instant", sighting.instant},
                         {"reason", sighting.reason}});
   }
-  return {{"rms_px", fit.rms_px},
-          {"boards", fit.world_from_board.size()},
-          {"cameras", cameras},
-          {"pairs", pairs},
-          {"rejected", rejected}};
+  return {{"rms_px", fit.rms_px}, {"boards", fit.world_from_board.size()},
+          {"cameras", cameras},   {"weak", advice(fit)},
+          {"pairs", pairs},       {"rejected", rejected}};
 }
 
 void print_text(const calib::RigFit& fit) {
@@ -66,6 +67,7 @@ void print_text(const calib::RigFit& fit) {
     if (camera.rejected > 0) std::printf(", %d left out", camera.rejected);
     std::printf("\n");
   }
+  for (const std::string& weak : advice(fit)) std::printf("weak: %s\n", weak.c_str());
   std::printf("rig: %.2f px RMS, %s, %s\n", fit.rms_px,
               ctl::count_of(std::ssize(fit.rig), "camera").c_str(),
               ctl::count_of(std::ssize(fit.world_from_board), "board").c_str());
@@ -78,18 +80,31 @@ void note_lateness(const std::vector<calib::CameraSightings>& cameras, const cal
   if (!text.empty()) note("v3dctl: " + text + "; put right here, but the next take needs a mend");
 }
 
+/// By camera the picture that shows most of the board, for the report.
+std::vector<std::string> pictures_of(const RigBoards& boards) {
+  constexpr int kQuality = 60;
+  std::vector<std::string> pictures;
+  for (const FoundBoards& found : boards.found) {
+    pictures.push_back(
+        found.example ? calib::data_url(encode_jpeg(to_rgb(found.example->view()).view(), kQuality))
+                      : std::string());
+  }
+  return pictures;
+}
+
 int run(Arguments arguments) {
-  arguments.sources.videos = ctl::parse_camera_files(arguments.videos, "--video");
-  arguments.sources.images = ctl::parse_camera_files(arguments.images, "--images");
   const calib::BoardDetector detector(calib::parse_board(arguments.board));
   calib::RigOptions options;
   if (!arguments.before.empty()) options.before = load_calib(arguments.before);
   ctl::catch_interrupts();
-  const RigBoards boards = find_rig_boards(arguments.sources, detector);
+  const RigBoards boards = find_rig_boards(arguments.sources.sources(), detector);
   if (boards.cameras.size() < 2) throw InputError("a rig has two cameras or more");
   const calib::RigFit fit = fit_rig(detector.board(), boards.cameras, options);
   note_lateness(boards.cameras, fit);
   save_calib(arguments.out, fit.rig);
+  if (!arguments.report.empty()) {
+    replace_file(arguments.report, report_html(detector.board(), fit, pictures_of(boards)));
+  }
   if (arguments.json) {
     std::printf("%s\n", to_json(fit).dump(2).c_str());
   } else {
@@ -110,25 +125,8 @@ void add_rig(ctl::CommandLine& line, CLI::App* calibrate) {
        "v3dctl calibrate rig --board charuco:4x5:54mm:40.5mm:DICT_4X4_50 --out calib.toml \\",
        "    --video cam1=1.mp4 --video cam2=2.mp4"});
   auto arguments = std::make_shared<Arguments>();
-  RigSources& sources = arguments->sources;
   add_board_option(command, arguments->board);
-  command->add_option("--video", arguments->videos, "The video of a camera; once for each")
-      ->type_name("CAM=FILE");
-  command
-      ->add_option("--images", arguments->images,
-                   "The pictures of a camera, the n-th of all cameras of one instant; quote it")
-      ->type_name("CAM=GLOB");
-  command->add_option("--take", sources.take, "A take of the board, all its cameras")
-      ->type_name("TAKE");
-  command
-      ->add_option("--timestamps", sources.time_stamps,
-                   "Which frames of the videos belong together: sync_index,cam_id,frame_index")
-      ->type_name("CSV");
-  command
-      ->add_option("--every", sources.sampling.every,
-                   "Every so many frames are looked at (else about 300 frames)")
-      ->type_name("N")
-      ->check(CLI::PositiveNumber);
+  arguments->sources.add_to(command);
   command
       ->add_option("--before", arguments->before,
                    "The cameras as calibrated before: their lenses stay; swapped cameras and "
@@ -137,6 +135,10 @@ void add_rig(ctl::CommandLine& line, CLI::App* calibrate) {
   command->add_option("--out", arguments->out, "The calibration to write")
       ->type_name("FILE")
       ->required();
+  command
+      ->add_option("--report", arguments->report,
+                   "A page for people: errors, coverage, shared views, and what to mend")
+      ->type_name("FILE.html");
   ctl::add_json_flag(command, arguments->json);
   line.on_run(command, [arguments] { return run(*arguments); });
 }

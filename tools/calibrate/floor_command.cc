@@ -1,0 +1,75 @@
+#include <cstdio>
+#include <nlohmann/json.hpp>
+
+#include "base/calib_file.h"
+#include "base/error.h"
+#include "calib/floor.h"
+#include "calibrate/commands.h"
+#include "calibrate/floor_boards.h"
+#include "common/console.h"
+#include "v3dctl/interrupt.h"
+
+namespace v3d::calibrate {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+struct Arguments {
+  std::string board;
+  std::string calib;
+  RigArguments sources;
+  std::string out;
+  bool json = false;
+};
+
+Json to_json(const calib::FloorFit& fit) {
+  Json cameras = Json::array();
+  for (const int camera : fit.cameras) cameras.push_back(fit.rig[camera].name);
+  return {{"rms_px", fit.rms_px},
+          {"cameras", cameras},
+          {"board_by_rig", fit.board_by_rig},
+          {"scaled", fit.scaled}};
+}
+
+void print_text(const calib::FloorFit& fit) {
+  std::printf("floor: %.2f px RMS in %s; lengths of the board by those of the rig: %.4f%s\n",
+              fit.rms_px, ctl::count_of(std::ssize(fit.cameras), "camera").c_str(),
+              fit.board_by_rig, fit.scaled ? ", so the rig was scaled" : "");
+}
+
+int run(Arguments arguments) {
+  const calib::BoardDetector detector(calib::parse_board(arguments.board));
+  const Rig rig = load_calib(arguments.calib);
+  ctl::catch_interrupts();
+  const auto cameras = find_floor_boards(arguments.sources.sources(), rig, detector);
+  const calib::FloorFit fit = fit_floor(rig, detector.board(), cameras);
+  save_calib(arguments.out, fit.rig);
+  if (arguments.json) {
+    std::printf("%s\n", to_json(fit).dump(2).c_str());
+  } else {
+    print_text(fit);
+  }
+  return kExitDone;
+}
+
+}  // namespace
+
+void add_floor(ctl::CommandLine& line, CLI::App* calibrate) {
+  CLI::App* command =
+      add_under(calibrate, "floor", "Origin, up and scale from a board that lies on the floor",
+                {"v3dctl calibrate floor --calib calib.toml --board chess:8x6:115mm \\",
+                 "    --take floor-01 --out calib.toml"});
+  auto arguments = std::make_shared<Arguments>();
+  add_board_option(command, arguments->board);
+  command->add_option("--calib", arguments->calib, "The calibrated rig")
+      ->type_name("FILE")
+      ->required();
+  arguments->sources.add_to(command);
+  command->add_option("--out", arguments->out, "The same rig in the world of the floor")
+      ->type_name("FILE")
+      ->required();
+  ctl::add_json_flag(command, arguments->json);
+  line.on_run(command, [arguments] { return run(*arguments); });
+}
+
+}  // namespace v3d::calibrate
