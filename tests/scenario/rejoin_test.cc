@@ -92,9 +92,15 @@ class StudioOfThree : public Studio4 {
     EXPECT_GE(camera.missing.front(), 20) << camera.name;
     EXPECT_LT(camera.missing.back(), verified_.ledger.commanded - 10) << camera.name;
     EXPECT_THAT(camera.duplicate, IsEmpty()) << camera.name;
-    EXPECT_THAT(camera.suspect, IsEmpty()) << camera.name;
+    // A host that hesitates makes the first frames late: no wrong number, but a doubt.
+    EXPECT_THAT(camera.suspect,
+                IsSubsetOf(range(camera.missing.back() + 1, camera.missing.back() + kMostInDoubt)))
+        << camera.name;
     EXPECT_EQ(camera.written + std::ssize(camera.missing), verified_.ledger.commanded);
   }
+
+  /// Of a camera: then its arrivals have proved the number (PulseMatcher).
+  static constexpr int64_t kMostInDoubt = 12;
 
   Answer stopped_;
   Verification verified_;
