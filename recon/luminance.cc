@@ -23,7 +23,7 @@ void blur_row(const uint8_t* row, int width, uint16_t* sums) {
 }
 
 std::vector<uint8_t> from_bayer(const Image& image) {
-  const auto [width, height] = image.size;
+  const int width = image.size.width, height = image.size.height;
   std::vector<uint16_t> sums(static_cast<size_t>(width) * height);
   for (int y = 0; y < height; ++y) {
     blur_row(image.row(y), width, sums.data() + static_cast<size_t>(y) * width);
