@@ -19,8 +19,8 @@ inline constexpr char kDisk[] = "Stop the take, then make room: v3dctl takes lis
 inline constexpr char kQueue[] =
     "Close other programs on this PC; stop the take before frames are lost, or take a faster disk";
 inline constexpr char kTakeEnded[] =
-    "What was recorded is whole; make room before the next take: v3dctl takes lists what lies "
-    "there";
+    "What was recorded is kept; before the next take make room (v3dctl takes lists what lies "
+    "there), or look after the disk (journalctl -k)";
 inline constexpr char kTrigger[] =
     "Stop the take; check the trigger's cable and power, then arm again";
 inline constexpr char kSenseLine[] =

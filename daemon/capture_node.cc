@@ -472,15 +472,19 @@ DiskDemand CaptureNode::disk_demand() const {
           .queue_frames = NodeCameras::kQueueFrames};
 }
 
+DiskProgress CaptureNode::disk_progress() const {
+  return {.dropped = cameras_.dropped(), .refused = totals().frames.write_errors};
+}
+
 std::string CaptureNode::look_at_disks() {
   if (!disk_) return "";
   events_.keep_told(Severity::kAlarm, "queue", disk_->queue_trouble(cameras_.most_waiting()),
                     advice::kQueue);
-  const std::string here = disk_->must_end();
+  const std::string here = disk_->must_end(disk_progress());
   disk_is_full_ = !here.empty();
   const std::string elsewhere = full_disks_ ? full_disks_->full_node() : "";
   if (here.empty() && elsewhere.empty()) return "";
-  const std::string why = disk_is_full_ ? here : "the disk of " + elsewhere + " is nearly full";
+  const std::string why = disk_is_full_ ? here : "the disk of " + elsewhere + " is full or broken";
   events_.send(Severity::kAlarm, "take", info_.name + " was ended: " + why, advice::kTakeEnded);
   return why;
 }
@@ -560,8 +564,7 @@ void CaptureNode::report_health(HealthMessage& health) {
 
 void CaptureNode::tell_troubles(const TakeTotals& sum) {
   if (disk_) {
-    const DiskProgress progress{.dropped = cameras_.dropped(), .refused = sum.frames.write_errors};
-    events_.keep_told(Severity::kAlarm, "disk", disk_->trouble(progress), advice::kDisk);
+    events_.keep_told(Severity::kAlarm, "disk", disk_->trouble(disk_progress()), advice::kDisk);
   }
   events_.keep_told(Severity::kAlarm, "trigger", trigger_trouble(sum), advice::kTrigger);
   events_.keep_told(Severity::kAlarm, "sense line",

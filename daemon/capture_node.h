@@ -96,8 +96,9 @@ class CaptureNode : public NodeWork {
   /// What the cameras record, at the rate of the last order.
   double bytes_per_second() const;
   DiskDemand disk_demand() const;
-  /// Why a full disk ends the take, here or elsewhere; empty while none does. Tells when frames
-  /// wait.
+  DiskProgress disk_progress() const;
+  /// Why a full or broken disk ends the take, here or elsewhere; empty while none does. Tells when
+  /// frames wait.
   std::string look_at_disks();
   std::string trouble() const;
   /// Troubles of the disk and the trigger, told when they begin, change and end.
@@ -128,7 +129,7 @@ class CaptureNode : public NodeWork {
   TakeInfo info_;
   std::unique_ptr<PulseRecorder> pulses_;
   std::unique_ptr<TakeDisk> disk_;   ///< of the open take
-  bool disk_is_full_ = false;        ///< that ended the last take here
+  bool disk_is_full_ = false;        ///< or broken: that ended the last take here
   std::vector<std::string> unkept_;  ///< cameras whose last frames the disk took and did not keep
   std::unique_ptr<LiveGate> gate_;
   std::vector<std::unique_ptr<CameraLane>> lanes_;

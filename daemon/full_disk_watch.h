@@ -1,4 +1,4 @@
-// Whether a disk elsewhere is full, for the node that makes the pulses.
+// Whether a disk elsewhere is full or broken, for the node that makes the pulses.
 #pragma once
 
 #include <memory>
@@ -9,8 +9,8 @@
 
 namespace v3d {
 
-/// The name of the value by which a node's health tells that it ended its part of the take for want
-/// of room: 1, until the next take.
+/// The name of the value by which a node's health tells that it ended its part of the take because
+/// its disk is full or refuses frames: 1, until the next take.
 inline constexpr char kDiskFull[] = "disk_full_flag";
 
 /// Listens to the health of other nodes. Health comes again every second: one that is lost does no

@@ -85,7 +85,8 @@ TakeDisk::~TakeDisk() { unlink(take_.reserve().c_str()); }
 
 double TakeDisk::free_bytes() const { return space_of(take_.folder); }
 
-std::string TakeDisk::must_end() const {
+std::string TakeDisk::must_end(const DiskProgress& progress) const {
+  if (progress.refused > 0) return takes() + " refuses frames: it is full or broken";
   std::error_code error;
   if (!fs::exists(take_.info(), error))
     return "";  // nothing to be measured any more: see trouble()

@@ -47,8 +47,9 @@ class TakeDisk {
   TakeDisk(const TakeDisk&) = delete;
   TakeDisk& operator=(const TakeDisk&) = delete;
 
-  /// Why the pulses must end now, while there is room for the frames on their way; empty: go on.
-  std::string must_end() const;
+  /// Why the pulses must end now: the disk refused a frame, or there is just room for the frames on
+  /// their way. Empty: go on.
+  std::string must_end(const DiskProgress& progress) const;
   /// Told before the first frame is dropped: half the queue is full. The same text until it is
   /// nearly empty again.
   std::string queue_trouble(int64_t waiting);

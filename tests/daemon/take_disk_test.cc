@@ -83,9 +83,15 @@ TEST_F(TakeDiskTest, tells_what_the_disk_refused_and_what_came_too_fast_for_it) 
 
 TEST_F(TakeDiskTest, ends_the_take_when_the_frames_on_their_way_would_not_fit) {
   DiskDemand demand = xga({});
-  EXPECT_EQ(TakeDisk(paths_, demand).must_end(), "");
+  EXPECT_EQ(TakeDisk(paths_, demand).must_end({}), "");
   demand.bytes_per_pulse = 1e18;
-  EXPECT_THAT(TakeDisk(paths_, demand).must_end(), HasSubstr("is nearly full"));
+  EXPECT_THAT(TakeDisk(paths_, demand).must_end({}), HasSubstr("is nearly full"));
+}
+
+TEST_F(TakeDiskTest, ends_the_take_when_it_refuses_frames) {
+  const TakeDisk disk(paths_, xga({}));
+  EXPECT_EQ(disk.must_end({.dropped = 3, .refused = 0}), "");
+  EXPECT_THAT(disk.must_end({.dropped = 0, .refused = 1}), HasSubstr("is full or broken"));
 }
 
 TEST_F(TakeDiskTest, whose_take_is_gone_says_so_and_does_not_measure_another_disk) {
@@ -94,7 +100,7 @@ TEST_F(TakeDiskTest, whose_take_is_gone_says_so_and_does_not_measure_another_dis
   const TakeDisk disk(paths_, demand);
   std::filesystem::remove_all(paths_.folder);
   EXPECT_THAT(disk.trouble({}), HasSubstr("the folder of the take is gone"));
-  EXPECT_EQ(disk.must_end(), "");
+  EXPECT_EQ(disk.must_end({}), "");
 }
 
 }  // namespace

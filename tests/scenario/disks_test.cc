@@ -89,27 +89,40 @@ TEST_F(SmallDiskStudio4, says_at_once_that_the_disk_is_gone_and_is_at_fault_with
 }
 
 /// The environment of the daemons that are started while it lives.
-struct SlowDiskPreloaded {
-  SlowDiskPreloaded() {
-    setenv("LD_PRELOAD", V3D_SLOW_DISK_LIBRARY, 1);
-    setenv("V3D_SLOW_DISK", control().c_str(), 1);
+struct BadDiskPreloaded {
+  BadDiskPreloaded() {
+    setenv("LD_PRELOAD", V3D_BAD_DISK_LIBRARY, 1);
+    setenv("V3D_BAD_DISK", control().c_str(), 1);
   }
-  ~SlowDiskPreloaded() {
+  ~BadDiskPreloaded() {
     unsetenv("LD_PRELOAD");
-    unsetenv("V3D_SLOW_DISK");
+    unsetenv("V3D_BAD_DISK");
   }
-  std::filesystem::path control() const { return folder_ / "milliseconds"; }
+  std::filesystem::path control() const { return folder_ / "illness"; }
 
  private:
   const test::TemporaryFolder folder_;
 };
 
-/// A disk that a test can make slow.
-class SlowDiskStudio4 : private SlowDiskPreloaded, public Studio4 {
+/// A disk that a test can make bad (support/bad_disk.cc).
+class BadDiskStudio4 : private BadDiskPreloaded, public Studio4 {
  protected:
+  void become(const std::string& illness) { test::write_text(control(), illness); }
   /// Each write takes longer than a period of the trigger (50 ms).
-  void become_slow() { test::write_text(control(), "70"); }
+  void become_slow() { become("slow 70"); }
   void recover() { std::filesystem::remove(control()); }
+
+  /// Received by number, written or missing by name. A trigger whose host hesitates leaves pulses
+  /// out.
+  void expect_every_frame_accounted_for(const Verification& verified) const {
+    const auto left_out = std::ssize(load_ledger(take().ledger()).unsensed);
+    for (const CameraLedger& camera : verified.ledger.cameras) {
+      EXPECT_GE(camera.written, 10) << camera.name;
+      EXPECT_EQ(camera.received, verified.ledger.commanded - left_out) << camera.name;
+      EXPECT_EQ(camera.received - camera.written, std::ssize(camera.missing) - left_out)
+          << camera.name;
+    }
+  }
 
   /// Waits for an alarm about `subject`.
   bool hear(Subscription<EventMessage>& events, const std::string& subject) {
@@ -123,7 +136,7 @@ class SlowDiskStudio4 : private SlowDiskPreloaded, public Studio4 {
   }
 };
 
-TEST_F(SlowDiskStudio4, tells_of_a_slow_disk_before_the_first_frame_is_lost) {
+TEST_F(BadDiskStudio4, tells_of_a_slow_disk_before_the_first_frame_is_lost) {
   Bus bus(studio_.network.lcm_url);
   Subscription<EventMessage> events(bus, kEventChannel, 256);
   arm_and_start(0);
@@ -135,7 +148,7 @@ TEST_F(SlowDiskStudio4, tells_of_a_slow_disk_before_the_first_frame_is_lost) {
   EXPECT_TRUE(nlohmann::json::parse(stopped.replies.at("cap01").detail)["complete"]) << log();
 }
 
-TEST_F(SlowDiskStudio4, loses_the_oldest_frames_of_a_full_queue_and_names_each) {
+TEST_F(BadDiskStudio4, loses_the_oldest_frames_of_a_full_queue_and_names_each) {
   Bus bus(studio_.network.lcm_url);
   Subscription<EventMessage> events(bus, kEventChannel, 256);
   arm_and_start(0);
@@ -148,11 +161,36 @@ TEST_F(SlowDiskStudio4, loses_the_oldest_frames_of_a_full_queue_and_names_each) 
   ASSERT_TRUE(stopped.done()) << text_of(stopped) << log();
   const Verification verified = verify_take(take());
   EXPECT_THAT(verified.disagreements, IsEmpty());
-  for (const CameraLedger& camera : verified.ledger.cameras) {
-    EXPECT_EQ(camera.received, verified.ledger.commanded) << camera.name;
-    EXPECT_EQ(camera.received - camera.written, std::ssize(camera.missing)) << camera.name;
-  }
+  expect_every_frame_accounted_for(verified);
   EXPECT_GT(verified.ledger.cameras[0].missing.size(), 0U);
+}
+
+TEST_F(BadDiskStudio4, ends_the_take_at_an_error_of_the_disk_and_accounts_for_every_frame) {
+  Bus bus(studio_.network.lcm_url);
+  Subscription<EventMessage> events(bus, kEventChannel, 256);
+  arm_and_start(0);
+  ASSERT_TRUE(reaches("cap01", "frames_written", 40)) << log();
+  become("broken");
+  ASSERT_TRUE(hear(events, "take")) << log();
+  ASSERT_TRUE(becomes_idle()) << log();
+  recover();
+  const Answer stopped = command(CommandVerb::kStop);
+  ASSERT_TRUE(stopped.done()) << text_of(stopped) << log();
+  const Verification verified = verify_take(take());
+  EXPECT_THAT(verified.disagreements, testing::Each(HasSubstr("pulses.lcmlog: holds ")))
+      << "the ledger knows of pulses, too, that the disk refused";
+  EXPECT_EQ(verified.info.state, TakeState::kComplete);
+  EXPECT_FALSE(verified.ledger.complete());
+  expect_every_frame_accounted_for(verified);
+}
+
+TEST_F(BadDiskStudio4, calls_no_take_complete_whose_frames_the_disk_did_not_keep) {
+  arm_and_start(20);
+  become("forgets");
+  ASSERT_TRUE(reaches("cap01", "pulses_sensed", 20)) << log();
+  const Answer stopped = command(CommandVerb::kStop);
+  EXPECT_THAT(stopped.replies.at("cap01").text,
+              HasSubstr("did not keep the last frames of cam01, cam02, cam03, cam04"));
 }
 
 }  // namespace

@@ -1,0 +1,64 @@
+// Preloaded into a daemon (LD_PRELOAD), makes the disk of its takes a bad one: while the file
+// $V3D_BAD_DISK exists, it says what becomes of the event logs.
+//   slow N    every write takes N milliseconds
+//   broken    every write fails (EIO)
+//   forgets   writes succeed, and fsync() says that they did not reach the disk (EIO)
+#include <dlfcn.h>
+#include <sys/uio.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <cstdio>
+#include <cstdlib>
+#include <ctime>
+#include <string>
+#include <string_view>
+
+namespace {
+
+bool is_event_log(int fd) {
+  char link[64], path[4096];
+  std::snprintf(link, sizeof link, "/proc/self/fd/%d", fd);
+  const ssize_t length = readlink(link, path, sizeof path);
+  return length > 0 && std::string_view(path, static_cast<size_t>(length)).ends_with(".lcmlog");
+}
+
+struct Illness {
+  std::string name;
+  long milliseconds = 0;
+};
+
+Illness illness() {
+  const char* control = std::getenv("V3D_BAD_DISK");
+  std::FILE* file = control != nullptr ? std::fopen(control, "re") : nullptr;
+  if (file == nullptr) return {};
+  char name[16] = "";
+  long n = 0;
+  const int read = std::fscanf(file, "%15s %ld", name, &n);
+  std::fclose(file);
+  return {name, read == 2 ? n : 0};
+}
+
+template <class Function>
+Function* real(const char* name) {
+  return reinterpret_cast<Function*>(dlsym(RTLD_NEXT, name));
+}
+
+}  // namespace
+
+extern "C" ssize_t writev(int fd, const iovec* parts, int count) {
+  static auto* const next = real<ssize_t(int, const iovec*, int)>("writev");
+  const Illness ill = is_event_log(fd) ? illness() : Illness();
+  const timespec pause{0, ill.milliseconds * 1'000'000};
+  nanosleep(&pause, nullptr);
+  if (ill.name != "broken") return next(fd, parts, count);
+  errno = EIO;
+  return -1;
+}
+
+extern "C" int fsync(int fd) {
+  static auto* const next = real<int(int)>("fsync");
+  if (!is_event_log(fd) || illness().name != "forgets") return next(fd);
+  errno = EIO;
+  return -1;
+}
