@@ -74,8 +74,6 @@ std::vector<BoardPose> board_poses(const CameraModel& camera, const Board& board
   }
   std::vector<BoardPose> poses;
   for (size_t i = 0; i < rotations.size(); ++i) {
-    cv::solvePnPRefineLM(points.board, points.seen, identity, cv::noArray(), rotations[i],
-                         translations[i]);
     const RigidTransform pose = to_transform(rotations[i], translations[i]) *
                                 RigidTransform{Eigen::Matrix3d::Identity(), -board.centre()};
     // A board seen from behind, or behind the camera, is no board that was seen.

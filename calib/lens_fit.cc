@@ -15,6 +15,7 @@ namespace {
 
 constexpr std::array kModels = {4, 5, 8};
 constexpr int kFolds = 5;
+constexpr int kFoldIterations = 10;  // from the fit to all views, which is near
 // More coefficients must foretell so much better, or they only follow the noise.
 constexpr double kWorthMore = 0.95;
 constexpr double kOutlierFactor = 3;  // of the median view
@@ -51,7 +52,7 @@ class LensFitter {
   }
 
   /// `coefficients` 0: only the boards move; else the lens has no others.
-  void improve(Fit& fit, int coefficients) const {
+  void improve(Fit& fit, int coefficients, int iterations = 60) const {
     if (fit.views.empty()) return;
     if (coefficients > 0) fit.lens = with_coefficients(fit.lens, coefficients);
     Bundle bundle{board_, {fit.lens}, fit.poses, {}};
@@ -63,6 +64,8 @@ class LensFitter {
     }
     BundleOptions options;
     options.coefficients = {coefficients};
+    options.iterations = iterations;
+    options.threads = 1;  // callers have several cameras
     adjust(bundle, options);
     fit.lens = bundle.cameras.front();
     fit.poses = bundle.world_from_board;
@@ -160,9 +163,9 @@ Validation cross_validate(const LensFitter& fitter, const Fit& fit, int coeffici
   int64_t corners = 0;
   for (int fold = 0; fold < kFolds; ++fold) {
     Fit others = fitter.posed(fit.lens, fold_of(fit.views, fold, false));
-    fitter.improve(others, coefficients);
+    fitter.improve(others, coefficients, kFoldIterations);
     Fit held_out = fitter.posed(others.lens, fold_of(fit.views, fold, true));
-    fitter.improve(held_out, 0);
+    fitter.improve(held_out, 0, kFoldIterations);
     for (size_t i = 0; i < held_out.views.size(); ++i) {
       for (const auto& miss : fitter.misses_of(held_out, i)) {
         squares += miss.squaredNorm();

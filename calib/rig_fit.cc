@@ -2,8 +2,12 @@
 
 #include <Eigen/Dense>
 #include <algorithm>
+#include <atomic>
 #include <cmath>
 #include <cstdio>
+#include <exception>
+#include <functional>
+#include <future>
 #include <memory>
 #include <set>
 
@@ -96,21 +100,46 @@ class RigFitter {
   // --- lenses -----------------------------------------------------------------------------------
 
   void find_lenses() {
-    for (const CameraSightings& camera : cameras_) {
-      if (options_.before) {
-        lenses_.push_back(lens_before(camera));
-        coefficients_.push_back(0);
-        continue;
-      }
+    if (options_.before) {
+      for (const CameraSightings& camera : cameras_) lenses_.push_back(lens_before(camera));
+      coefficients_.assign(cameras_.size(), 0);
+      require_own_lenses();
+      return;
+    }
+    lenses_.resize(cameras_.size());
+    coefficients_.resize(cameras_.size());
+    for_every_camera([&](int i) {
+      const CameraSightings& camera = cameras_[i];
       std::vector<LensView> views;
       for (const auto& [instant, sighting] : camera.sightings) {
         views.push_back({std::to_string(instant), sighting});
       }
       const LensFit lens = fit_lens(camera.name, board_, camera.size, views, {});
-      lenses_.push_back(lens.lens);
-      coefficients_.push_back(lens.coefficients);
+      lenses_[i] = lens.lens;
+      coefficients_[i] = lens.coefficients;
+    });
+  }
+
+  /// On so many threads as the options say. What is thrown for the first camera is thrown here.
+  void for_every_camera(const std::function<void(int)>& work) const {
+    std::vector<std::exception_ptr> errors(cameras_.size());
+    std::atomic<int> next = 0;
+    std::vector<std::future<void>> workers;
+    for (int t = 0; t < options_.threads; ++t) {
+      workers.push_back(std::async(std::launch::async, [&] {
+        for (int i = next++; i < count(); i = next++) {
+          try {
+            work(i);
+          } catch (...) {
+            errors[i] = std::current_exception();
+          }
+        }
+      }));
     }
-    if (options_.before) require_own_lenses();
+    for (std::future<void>& worker : workers) worker.get();
+    for (const std::exception_ptr& error : errors) {
+      if (error) std::rethrow_exception(error);
+    }
   }
 
   CameraModel lens_before(const CameraSightings& camera) const {
@@ -163,10 +192,8 @@ class RigFitter {
   // --- places -----------------------------------------------------------------------------------
 
   void find_poses() {
-    poses_.clear();
-    for (size_t i = 0; i < cameras_.size(); ++i) {
-      poses_.push_back(possible_poses(lenses_[i], board_, cameras_[i]));
-    }
+    poses_.assign(cameras_.size(), {});
+    for_every_camera([&](int i) { poses_[i] = possible_poses(lenses_[i], board_, cameras_[i]); });
     result_.pairs = pair_poses(poses_);
   }
 
