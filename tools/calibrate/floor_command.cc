@@ -37,7 +37,7 @@ void print_text(const calib::FloorFit& fit) {
               fit.board_by_rig, fit.scaled ? ", so the rig was scaled" : "");
 }
 
-int run(Arguments arguments) {
+int run(const Arguments& arguments) {
   const calib::BoardDetector detector(calib::parse_board(arguments.board));
   const Rig rig = load_calib(arguments.calib);
   ctl::catch_interrupts();

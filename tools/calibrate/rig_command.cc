@@ -92,7 +92,7 @@ std::vector<std::string> pictures_of(const RigBoards& boards) {
   return pictures;
 }
 
-int run(Arguments arguments) {
+int run(const Arguments& arguments) {
   const calib::BoardDetector detector(calib::parse_board(arguments.board));
   calib::RigOptions options;
   if (!arguments.before.empty()) options.before = load_calib(arguments.before);
