@@ -1,4 +1,4 @@
-// A simulated studio of four small cameras with its real daemons, for stories.
+// A simulated studio of four small cameras (or more) with its real daemons, for stories.
 #pragma once
 
 #include <gtest/gtest.h>
@@ -22,6 +22,8 @@ namespace v3d::test {
 inline constexpr int kEmptyPulses = 12;
 
 struct Studio4Options {
+  int cameras = 4;
+  std::string size = "320x240";
   std::string voxel = "40mm";
   std::string more{};    ///< of the studio file's last section, which is [reconstruction]
   std::string faults{};  ///< a fault script; empty: none
@@ -30,7 +32,7 @@ struct Studio4Options {
   bool two_nodes = false;   ///< cam03 and cam04 are of cap02, which has a disk of its own: cap02/
 };
 
-/// Four cameras whose background has been learnt, and the daemons.
+/// Cameras whose background has been learnt, and the daemons.
 class Studio4 : public testing::Test {
  protected:
   explicit Studio4(const Studio4Options& options = {}) {
@@ -88,9 +90,9 @@ class Studio4 : public testing::Test {
                                         "studio",
                                         folder_.path(),
                                         "--cameras",
-                                        "4",
+                                        std::to_string(options.cameras),
                                         "--size",
-                                        "320x240",
+                                        options.size,
                                         "--rate",
                                         options.rate,
                                         "--loop-frames",
