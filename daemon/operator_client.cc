@@ -158,7 +158,7 @@ class OperatorClient::Impl {
   std::optional<HealthMessage> next_health(MonotonicInstant deadline) {
     auto health = healths.wait(deadline);
     if (!health) return std::nullopt;
-    *health = fit_for_screen(*std::move(health));
+    health = fit_for_screen(std::move(*health));
     remember(*health);
     return health;
   }
@@ -229,7 +229,7 @@ std::optional<HealthMessage> OperatorClient::next_health(MonotonicInstant deadli
 
 std::optional<EventMessage> OperatorClient::next_event(MonotonicInstant deadline) {
   auto event = impl_->events.wait(deadline);
-  if (event) *event = fit_for_screen(*std::move(event));
+  if (event) event = fit_for_screen(std::move(*event));
   return event;
 }
 
