@@ -47,6 +47,9 @@ function(v3d_check_layers)
   endforeach()
 endfunction()
 
+# All that ctest -L unit runs.
+add_custom_target(v3d_unit_tests)
+
 # v3d_test(<name> SOURCES ... LINK <target>... [LABELS <label>...])
 # A GoogleTest program; every test in it becomes a CTest test with the labels (default: unit). Properties run with
 # a fixed seed; RC_PARAMS=seed=N on the program itself tries others. tests/support is included as "support/name.h".
@@ -56,6 +59,9 @@ function(v3d_test name)
     set(ARG_LABELS unit)
   endif()
   add_executable(${name} ${ARG_SOURCES})
+  if(unit IN_LIST ARG_LABELS)
+    add_dependencies(v3d_unit_tests ${name})
+  endif()
   target_link_libraries(${name} PRIVATE ${ARG_LINK} GTest::gtest GTest::gmock GTest::gtest_main rapidcheck)
   target_include_directories(${name} PRIVATE ${CMAKE_SOURCE_DIR}/tests)
   set_target_properties(${name} PROPERTIES RUNTIME_OUTPUT_DIRECTORY ${CMAKE_BINARY_DIR}/tests)

@@ -152,6 +152,8 @@ class OperatorClient::Impl {
 
   void remember(const HealthMessage& health) {
     if (!is_node(health.node)) return;
+    last_health.erase(health.node);
+    unbelieved.erase(health.node);
     (is_believed(health) ? last_health : unbelieved)[health.node] = health;
   }
 

@@ -28,7 +28,7 @@ struct CameraDrift {
 /// pulses each), because the hull of the others is wider than the body, and more so on one side.
 inline constexpr double kKnockedPx = 1.5;
 /// Fewer outline pixels prove nothing.
-inline constexpr int64_t kLeastOutlinePx = 500;
+inline constexpr int64_t kLeastOutlinePx = 200;
 /// A shift of more is not found.
 inline constexpr int kMostDriftPx = 16;
 

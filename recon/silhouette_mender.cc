@@ -231,6 +231,19 @@ class SilhouetteMender::Trial {
     }
   }
 
+  /// Where one other camera alone denies a piece, that one may be the one that is wrong.
+  bool is_disputed(size_t camera, const Mask& piece) {
+    std::vector<const Mask*> masks = all();
+    for (size_t other = 0; other < masks.size(); ++other) {
+      if (other == camera || masks[other] == nullptr) continue;
+      const Mask* const denies = std::exchange(masks[other], nullptr);
+      const Mask expected = mender_.hulls_.silhouette(masks, camera);
+      masks[other] = denies;
+      if (2 * both(expected, piece).count() > piece.count()) return true;
+    }
+    return false;
+  }
+
   void look_for_phantoms(size_t camera) {
     const Mask expected = mender_.hulls_.silhouette(all(), camera);
     const Mask outside = only_first(*masks_[camera], expected);
@@ -240,6 +253,7 @@ class SilhouetteMender::Trial {
     for (size_t p = 0; p < pieces.count(); ++p) {
       if (pieces.area(p) < least_pixels(camera)) continue;
       const Mask piece = both(grown(mask_of(pieces, p, expected.size()), radius(camera)), outside);
+      if (is_disputed(camera, piece)) continue;
       phantom += piece.count();
       report(camera, SilhouetteFaultKind::kPhantomPiece, piece);
       masks_[camera] = only_first(std::move(*masks_[camera]), piece);

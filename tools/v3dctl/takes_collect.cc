@@ -137,8 +137,10 @@ class Collector {
     return part;
   }
 
-  void copy(const TakeSource& source, const std::vector<std::string>& options,
-            const std::string& from, const TakePaths& part) {
+  /// What an earlier run left is not believed by its size and time: every file is gone through.
+  void copy(const TakeSource& source, std::vector<std::string> options, const std::string& from,
+            const TakePaths& part) {
+    options.push_back("--ignore-times");
     const ProcessResult copied = rsync_.run(options, from, part.folder, Output::kShow);
     if (copied.status != 0) {
       throw std::runtime_error("rsync from " + source.node + " ended with " +
