@@ -140,11 +140,12 @@ std::string fields(const CameraFit& camera, ImageSize size) {
   std::string svg;
   for (size_t i = 0; i < counts.size(); ++i) {
     if (counts[i] == 0) continue;
+    const size_t column = i % kCoverageColumns, row = i / kCoverageColumns;
     svg += print(
         "<rect x=\"%.1f\" y=\"%.1f\" width=\"%.1f\" height=\"%.1f\" fill=\"#2a7\" "
         "fill-opacity=\"%.2f\"/>\n",
-        w * static_cast<double>(i % kCoverageColumns),
-        h * static_cast<double>(i / kCoverageColumns), w, h, 0.15 + 0.4 * counts[i] / most);
+        w * static_cast<double>(column), h * static_cast<double>(row), w, h,
+        0.15 + 0.4 * counts[i] / most);
   }
   return svg;
 }

@@ -113,7 +113,8 @@ namespace v3d {
 HWY_EXPORT(correlate_any);
 
 bool window_fits(const WindowView& view, const CorrelationOptions& options) {
-  const auto half = static_cast<float>(options.side / 2);
+  const int reach = options.side / 2;
+  const auto half = static_cast<float>(reach);
   const float last = options.first + kDepthSteps - 1;
   const float u_reach = half * (std::abs(view.u_across) + std::abs(view.u_down));
   const float v_reach = half * (std::abs(view.v_across) + std::abs(view.v_down));
