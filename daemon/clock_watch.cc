@@ -1,11 +1,7 @@
 #include "daemon/clock_watch.h"
 
 #include <arpa/inet.h>
-#include <poll.h>
-#include <sys/socket.h>
-#include <unistd.h>
 
-#include <array>
 #include <cmath>
 
 namespace v3d {
@@ -25,23 +21,10 @@ constexpr size_t kRmsOffset = 76;
 constexpr size_t kRootDelay = 92;
 constexpr size_t kRootDispersion = 96;
 
-/// A question without an answer for so many seconds: nobody is there.
-constexpr int kPatience = 3;
-
-uint32_t number(std::span<const uint8_t> bytes, size_t at, size_t size) {
-  uint32_t n = 0;
-  for (size_t i = 0; i < size; ++i) n = n << 8 | bytes[at + i];
-  return n;
-}
-
-void put(std::vector<uint8_t>& bytes, size_t at, size_t size, uint32_t n) {
-  for (size_t i = 0; i < size; ++i) bytes[at + i] = static_cast<uint8_t>(n >> 8 * (size - 1 - i));
-}
-
 /// chrony's own: 7 bits of exponent and 25 of coefficient, both in two's complement.
 double real(std::span<const uint8_t> bytes, size_t at) {
   constexpr int kCoefficientBits = 25;
-  const auto word = static_cast<int32_t>(number(bytes, at, 4));
+  const auto word = static_cast<int32_t>(number_at(bytes, at, 4));
   const int exponent = word >> kCoefficientBits;
   const int32_t coefficient = static_cast<int32_t>(static_cast<uint32_t>(word) << 7) >> 7;
   return std::ldexp(static_cast<double>(coefficient), exponent - kCoefficientBits);
@@ -53,20 +36,20 @@ std::vector<uint8_t> tracking_request(uint32_t sequence) {
   std::vector<uint8_t> request(kReplySize);  // chronyd wants a question as long as its answer
   request[0] = kVersion;
   request[1] = kRequest;
-  put(request, 4, 2, kTracking);
-  put(request, 8, 4, sequence);
+  put_number(request, 4, 2, kTracking);
+  put_number(request, 8, 4, sequence);
   return request;
 }
 
 std::optional<ClockTracking> parse_tracking(std::span<const uint8_t> reply, uint32_t sequence) {
   const bool is_answer = reply.size() == kReplySize && reply[0] == kVersion && reply[1] == kReply &&
-                         number(reply, 4, 2) == kTracking &&
-                         number(reply, 6, 2) == kTrackingReply && number(reply, 8, 2) == 0 &&
-                         number(reply, 16, 4) == sequence;
+                         number_at(reply, 4, 2) == kTracking &&
+                         number_at(reply, 6, 2) == kTrackingReply && number_at(reply, 8, 2) == 0 &&
+                         number_at(reply, 16, 4) == sequence;
   if (!is_answer) return std::nullopt;
   // chronyd gives what it will add to the clock.
   const double offset = -real(reply, kOffset);
-  return ClockTracking{.synchronised = number(reply, kLeapStatus, 2) != kNotSynchronised,
+  return ClockTracking{.synchronised = number_at(reply, kLeapStatus, 2) != kNotSynchronised,
                        .offset_s = offset,
                        .rms_offset_s = real(reply, kRmsOffset),
                        .error_bound_s = std::abs(offset) + real(reply, kRootDispersion) +
@@ -74,53 +57,30 @@ std::optional<ClockTracking> parse_tracking(std::span<const uint8_t> reply, uint
 }
 
 ClockWatch::ClockWatch(uint16_t port, std::filesystem::path root)
-    : root_(std::move(root)),
-      socket_(socket(AF_INET, SOCK_DGRAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0)) {
-  sockaddr_in chronyd{};
-  chronyd.sin_family = AF_INET;
-  chronyd.sin_port = htons(port);
-  chronyd.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+    : root_(std::move(root)), chronyd_(AF_INET) {
+  sockaddr_in there{};
+  there.sin_family = AF_INET;
+  there.sin_port = htons(port);
+  there.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
   // Where it fails, send() does.
-  static_cast<void>(connect(socket_, reinterpret_cast<const sockaddr*>(&chronyd), sizeof chronyd));
+  static_cast<void>(
+      connect(chronyd_.socket_fd(), reinterpret_cast<const sockaddr*>(&there), sizeof there));
   ask();
-}
-
-ClockWatch::~ClockWatch() {
-  if (socket_ >= 0) close(socket_);
 }
 
 void ClockWatch::ask() {
   const std::vector<uint8_t> request = tracking_request(++sequence_);
-  if (send(socket_, request.data(), request.size(), 0) < 0) {
+  if (send(chronyd_.socket_fd(), request.data(), request.size(), 0) < 0) {
     // The refusal of the question before; this one was not sent. Where nobody is, nothing is lost.
-    send(socket_, request.data(), request.size(), 0);
+    send(chronyd_.socket_fd(), request.data(), request.size(), 0);
   }
-}
-
-std::optional<ClockTracking> ClockWatch::hear() {
-  std::array<uint8_t, 512> bytes{};
-  for (;;) {
-    const ssize_t size = recv(socket_, bytes.data(), bytes.size(), 0);
-    if (size < 0) return std::nullopt;
-    const std::span reply(bytes.data(), static_cast<size_t>(size));
-    if (const auto tracking = parse_tracking(reply, sequence_)) return tracking;
-  }
-}
-
-void ClockWatch::wait(std::chrono::milliseconds most) const {
-  pollfd answer{socket_, POLLIN, 0};
-  poll(&answer, 1, static_cast<int>(most.count()));
 }
 
 void ClockWatch::report(std::map<std::string, double>& values) {
-  if (const auto heard = hear()) {
-    known_ = heard;
-    unanswered_ = 0;
-  } else if (++unanswered_ >= kPatience) {
-    known_.reset();
-  }
+  const std::optional<ClockTracking>& known = chronyd_.hear(
+      [&](std::span<const uint8_t> reply) { return parse_tracking(reply, sequence_); });
   ask();
-  if (!known_) {
+  if (!known) {
     // systemd-timesyncd tells no more than that it does. The kernel's word would need adjtimex(),
     // which the daemon's sandbox has no need to allow.
     std::error_code error;
@@ -129,11 +89,11 @@ void ClockWatch::report(std::map<std::string, double>& values) {
     }
     return;
   }
-  values["clock_synchronised_flag"] = known_->synchronised ? 1 : 0;
-  if (!known_->synchronised) return;
-  values["clock_offset_us"] = 1e6 * known_->offset_s;
-  values["clock_offset_rms_us"] = 1e6 * known_->rms_offset_s;
-  values["clock_error_bound_us"] = 1e6 * known_->error_bound_s;
+  values["clock_synchronised_flag"] = known->synchronised ? 1 : 0;
+  if (!known->synchronised) return;
+  values["clock_offset_us"] = 1e6 * known->offset_s;
+  values["clock_offset_rms_us"] = 1e6 * known->rms_offset_s;
+  values["clock_error_bound_us"] = 1e6 * known->error_bound_s;
 }
 
 }  // namespace v3d

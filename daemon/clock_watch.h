@@ -10,6 +10,8 @@
 #include <string>
 #include <vector>
 
+#include "daemon/asked_service.h"
+
 namespace v3d {
 
 /// What chronyd tells of the system's clock (candm.h of chrony 4: the reply to "tracking").
@@ -34,12 +36,9 @@ class ClockWatch {
   static constexpr uint16_t kCommandPort = 323;
   /// `port` on 127.0.0.1: where chronyd is asked. `root`: where run/ is.
   explicit ClockWatch(uint16_t port = kCommandPort, std::filesystem::path root = "/");
-  ~ClockWatch();
-  ClockWatch(const ClockWatch&) = delete;
-  ClockWatch& operator=(const ClockWatch&) = delete;
 
   /// Until chronyd has answered or cannot, but no longer than `most`. For those who look once.
-  void wait(std::chrono::milliseconds most) const;
+  void wait(std::chrono::milliseconds most) const { chronyd_.wait(most); }
   /// Adds
   ///   clock_synchronised_flag  1 or 0; left out when nobody can be asked
   ///   clock_offset_us, clock_offset_rms_us, clock_error_bound_us  from chronyd, once synchronised
@@ -47,13 +46,10 @@ class ClockWatch {
 
  private:
   void ask();
-  std::optional<ClockTracking> hear();
 
   const std::filesystem::path root_;
-  int socket_ = -1;
+  AskedService<ClockTracking> chronyd_;
   uint32_t sequence_ = 0;
-  int unanswered_ = 0;
-  std::optional<ClockTracking> known_;
 };
 
 }  // namespace v3d

@@ -10,6 +10,8 @@
 #include <string>
 #include <vector>
 
+#include "daemon/asked_service.h"
+
 namespace v3d {
 
 /// IEEE 1588's CURRENT_DATA_SET, as far as it matters here.
@@ -31,9 +33,6 @@ class PtpWatch {
  public:
   /// `root`: where run/ is.
   explicit PtpWatch(std::filesystem::path root = "/");
-  ~PtpWatch();
-  PtpWatch(const PtpWatch&) = delete;
-  PtpWatch& operator=(const PtpWatch&) = delete;
 
   /// Until ptp4l has answered, but no longer than `most`. For those who look once.
   void wait(std::chrono::milliseconds most) const;
@@ -45,14 +44,11 @@ class PtpWatch {
  private:
   void ask();
   bool send_to(const std::filesystem::path& socket, std::span<const uint8_t> request) const;
-  std::optional<PtpStanding> hear();
 
   const std::filesystem::path root_;
-  int socket_ = -1;
+  AskedService<PtpStanding> ptp4l_;
   uint16_t sequence_ = 0;
-  int unanswered_ = 0;
   bool asked_ = false;
-  std::optional<PtpStanding> known_;
 };
 
 }  // namespace v3d

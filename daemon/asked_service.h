@@ -1,0 +1,83 @@
+// A service of this machine that is asked a question every second over a datagram socket, and
+// answers when it likes: chronyd, ptp4l.
+#pragma once
+
+#include <poll.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#include <array>
+#include <chrono>
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+#include <span>
+
+namespace v3d {
+
+/// A number of `size` bytes, big-endian. Requires at + size <= bytes.size().
+inline uint64_t number_at(std::span<const uint8_t> bytes, size_t at, size_t size) {
+  uint64_t n = 0;
+  for (size_t i = 0; i < size; ++i) n = n << 8 | bytes[at + i];
+  return n;
+}
+inline void put_number(std::span<uint8_t> bytes, size_t at, size_t size, uint64_t n) {
+  for (size_t i = 0; i < size; ++i) bytes[at + i] = static_cast<uint8_t>(n >> 8 * (size - 1 - i));
+}
+
+/// What was last heard of the service, for so long as it answers. One thread, never waits but in
+/// wait().
+template <class Answer>
+class AskedService {
+ public:
+  /// `family`: of a datagram socket. Without one nobody is ever heard.
+  explicit AskedService(int family)
+      : socket_(socket(family, SOCK_DGRAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0)) {}
+  ~AskedService() {
+    if (socket_ >= 0) close(socket_);
+  }
+  AskedService(const AskedService&) = delete;
+  AskedService& operator=(const AskedService&) = delete;
+
+  int socket_fd() const { return socket_; }
+
+  /// Takes what has arrived since the call before: the first datagram of which parse() makes an
+  /// answer. After three calls without one there is nobody.
+  template <class Parse>
+  const std::optional<Answer>& hear(const Parse& parse) {
+    if (const auto heard = first_answer(parse)) {
+      known_ = heard;
+      unanswered_ = 0;
+    } else if (++unanswered_ >= kPatience) {
+      known_.reset();
+    }
+    return known_;
+  }
+
+  /// Until something has arrived or cannot, but no longer than `most`.
+  void wait(std::chrono::milliseconds most) const {
+    pollfd answer{socket_, POLLIN, 0};
+    poll(&answer, 1, static_cast<int>(most.count()));
+  }
+
+ private:
+  static constexpr int kPatience = 3;
+  static constexpr size_t kLongestDatagram = 1500;
+
+  template <class Parse>
+  std::optional<Answer> first_answer(const Parse& parse) {
+    std::array<uint8_t, kLongestDatagram> bytes{};
+    for (;;) {
+      const ssize_t size = recv(socket_, bytes.data(), bytes.size(), 0);
+      if (size < 0) return std::nullopt;
+      const std::span<const uint8_t> datagram(bytes.data(), static_cast<size_t>(size));
+      if (const std::optional<Answer> answer = parse(datagram)) return answer;
+    }
+  }
+
+  int socket_;
+  int unanswered_ = 0;
+  std::optional<Answer> known_;
+};
+
+}  // namespace v3d
