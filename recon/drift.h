@@ -20,12 +20,14 @@ struct CameraDrift {
   /// right and down.
   Eigen::Vector2d shift{0, 0};
   /// It was moved, or its lens was, since the calibration. Only the camera that lies farthest aside
-  /// is named: a hull that one camera cuts wrongly can put its neighbours aside by nearly as much.
+  /// is named: a hull that one camera cuts wrongly can put another aside by as much, in 2 of 24
+  /// simulated studios by more (v3d-silhouette-faults).
   bool knocked = false;
 };
 
 /// Cameras in their place come to no more than 0.8 pixels (24 simulated rigs of 15 XGA cameras, 6
-/// pulses each), because the hull of the others is wider than the body, and more so on one side.
+/// pulses each: v3d-silhouette-faults), because the hull of the others is wider than the body, and
+/// more so on one side.
 inline constexpr double kKnockedPx = 1.5;
 /// Fewer outline pixels prove nothing.
 inline constexpr int64_t kLeastOutlinePx = 200;
