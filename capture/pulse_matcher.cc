@@ -15,6 +15,7 @@ constexpr double kArrivalJitter = 0.1;           ///< standard deviation, period
 constexpr double kLargestArrivalResidual = 0.4;  ///< periods, of a frame that is not late
 constexpr double kLargestArrivalDoubt = 0.2;     ///< standard deviation of the fit, periods
 constexpr double kLatestFrame = 1000;            ///< periods; nothing waits so long anywhere
+constexpr double kLatestAfterOpening = 10;       ///< periods; a host that opens a camera is busy
 constexpr int kSecond = 1;                       ///< confirmations of two witnesses out of three
 constexpr int kMany = 8;                         ///< confirmations of the arrival alone
 constexpr int kFewStragglers = 3;                ///< in a row
@@ -136,18 +137,23 @@ bool PulseMatcher::clock_objects(const Evidence& e) const {
   return apart > kLargestArrivalResidual + kManyDeviations * fit_.doubt(e.clock_pulse);
 }
 
-/// The clock's or the counter's pulse, whichever the arrival is nearer to.
+/// The clock's or the counter's pulse, whichever the arrival is nearer to. The counter of a camera
+/// that was opened again says nothing, and its clock goes on if its frame is late but little: one
+/// that began anew would hardly say a pulse so near.
 int64_t PulseMatcher::likeliest(const Evidence& e) const {
-  const auto distance = [&](int64_t pulse) {
-    return std::abs(e.by_arrival - static_cast<double>(pulse));
-  };
   if (row_ && row_->confirmations > 0) return row_->pulse;
-  const bool clock = !e.between && (reopened_ || distance(e.clock_pulse) < distance(e.by_counter));
-  int64_t pulse = clock || reopened_ ? e.clock_pulse : e.by_counter;
-  if (reopened_ ? distance(pulse) > 1 : distance(pulse) > kLatestFrame) {
-    pulse = std::llround(e.by_arrival);
+  const auto late = [&](int64_t pulse) { return e.by_arrival - static_cast<double>(pulse); };
+  if (reopened_) {
+    const double by_clock = late(e.clock_pulse);
+    const bool goes_on =
+        !e.between && by_clock > -kLargestArrivalResidual && by_clock < kLatestAfterOpening;
+    const int64_t pulse = goes_on ? e.clock_pulse : std::llround(e.by_arrival);
+    return std::max(pulse, last_pulse_ + 1);
   }
-  return std::max<int64_t>(pulse, reopened_ ? last_pulse_ + 1 : 0);
+  const bool clock = !e.between && std::abs(late(e.clock_pulse)) < std::abs(late(e.by_counter));
+  const int64_t pulse = clock ? e.clock_pulse : e.by_counter;
+  const bool possible = std::abs(late(pulse)) <= kLatestFrame;
+  return std::max<int64_t>(possible ? pulse : std::llround(e.by_arrival), 0);
 }
 
 void PulseMatcher::settle(int64_t pulse, const FrameStamp& frame) {

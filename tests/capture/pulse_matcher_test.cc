@@ -87,6 +87,27 @@ TEST(PulseMatcher, is_not_taken_in_by_a_new_clock_that_fits_by_chance_in_the_end
   EXPECT_TRUE(matcher.label({at(31), 1, frame(31.2, 0).received}).suspect);
 }
 
+TEST(PulseMatcher, labels_a_late_frame_of_a_camera_opened_again_by_its_clock_and_suspects_it) {
+  for (const double late : {0.6, 1.4, 5.0}) {
+    PulseMatcher matcher = running();
+    matcher.reopened();
+    const PulseMatch match = matcher.label(frame(30, 1, late));
+    EXPECT_EQ(match.pulse, 30) << late;
+    EXPECT_TRUE(match.suspect) << late;
+    for (int k = 31; k < 40; ++k) EXPECT_EQ(matcher.label(frame(k, k - 29)).pulse, k) << late;
+  }
+}
+
+TEST(PulseMatcher, labels_a_frame_of_a_camera_whose_clock_began_anew_by_its_arrival) {
+  for (const double clock : {-400.0, 0.0, 12.0, 31.0, 1e6}) {
+    PulseMatcher matcher = running();
+    matcher.reopened();
+    const PulseMatch match = matcher.label({at(clock), 1, frame(30, 0).received});
+    EXPECT_EQ(match.pulse, 30) << clock;
+    EXPECT_TRUE(match.suspect) << clock;
+  }
+}
+
 TEST(PulseMatcher, lets_the_counter_decide_where_the_time_is_in_doubt) {
   PulseMatcher matcher = running();
   const PulseMatch late = matcher.label(frame(10.6, 110));
