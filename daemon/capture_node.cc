@@ -27,8 +27,6 @@ constexpr int64_t kMinPlates = 2;
 constexpr int64_t kMaxPlates = 256;  // they are all in memory at once
 /// A frame later than so many periods counts as missing in health.
 constexpr int64_t kLatePeriods = 5;
-/// More frames behind one camera than a hiccup explains: the live picture waits.
-constexpr int64_t kLiveBacklog = 5;
 
 /// Commands come from the network.
 void refuse_absurd(const CommandMessage& order) {
@@ -174,14 +172,11 @@ void CaptureNode::disarm() {
   if (generator_) generator_->stop();
   cameras_.train_ended();
   learner_.reset();
-  if (!take_is_open()) pulses_.reset();
-  if (take_is_open()) {
-    const Ledger ledger = finish_take();
-    if (!checks()) {
-      close_take(studio_, info_, ledger);
-      discard_if_empty(ledger);
-    }
+  if (records_pulses()) {
+    const Ledger ledger = finish();
+    if (take_) std::exchange(take_, nullptr)->close(ledger);
   }
+  pulses_.reset();
   cameras_.disarm();
   pulse_times_.end();
 }
@@ -266,51 +261,19 @@ std::optional<NodeReport> CaptureNode::poll_draining() {
   if (train_) train_->listen(order_.take);
   if (!all_accounted_for() && Monotonic::now() < drain_began_ + kDrainWithin) return std::nullopt;
   if (check_) return check_report();
-  const Ledger ledger = finish_take();
-  const auto broken = [&](const std::string& text) {
-    return NodeReport{.event = Input::kBroken, .text = text, .detail = ledger_json(ledger)};
-  };
-  if (!close_take(studio_, info_, ledger)) {
-    return broken("cannot write the ledger of " + ledger.take + " to " +
-                  studio_.storage.takes.string());
-  }
-  if (!unkept_.empty()) {
-    return broken(studio_.storage.takes.string() + " did not keep the last frames of " +
-                  fmt::format("{}", fmt::join(unkept_, ", ")) + ": v3dctl verify tells which");
-  }
-  discard_if_empty(ledger);
-  return NodeReport{
-      .event = Input::kDrained, .text = ledger.verdict(), .detail = ledger_json(ledger)};
+  const Ledger ledger = finish();
+  const std::string broken = std::exchange(take_, nullptr)->close(ledger);
+  return NodeReport{.event = broken.empty() ? Input::kDrained : Input::kBroken,
+                    .text = broken.empty() ? ledger.verdict() : broken,
+                    .detail = ledger_json(ledger)};
 }
 
 // --- the take -----------------------------------------------------------------------------------
 
 void CaptureNode::open_take() {
-  const std::vector<CameraWorker*> ready = cameras_.ready();
-  info_ = {.name = order_.take,
-           .studio = studio_.name,
-           .rate_hz = rate_hz_,
-           .pulses = 0,
-           .state = TakeState::kRecording,
-           .software_version = V3D_VERSION,
-           .started = Realtime::now(),
-           .cameras = {}};
-  for (const CameraWorker* worker : ready) info_.cameras.push_back(worker->camera());
-  create_take(studio_, info_);
-  keep_order(studio_, node_, order_);
-  const TakePaths paths = take_paths(studio_, info_.name);
-  listen_to_pulses(paths.pulses());
-  disk_ = std::make_unique<TakeDisk>(paths, disk_demand());
-  gate_ = std::make_unique<LiveGate>([this] { return cameras_.most_waiting(); }, kLiveBacklog);
-  for (CameraWorker* worker : ready) {
-    lanes_.push_back(std::make_unique<CameraLane>(
-        *worker,
-        CameraLane::Setup{.take = info_.name,
-                          .log = paths.frames(worker->camera()),
-                          .segmenter = Segmenter(cameras_.background_of(*worker), {}),
-                          .rate_hz = rate_hz_},
-        CameraLane::Shared{bus_, places_, *gate_}));
-  }
+  auto take = NodeTake::begin(of_this_node(), plan());
+  listen_to_pulses(take->paths().pulses());
+  take_ = std::move(take);
 }
 
 std::optional<CommandMessage> CaptureNode::rejoin() {
@@ -322,7 +285,9 @@ std::optional<CommandMessage> CaptureNode::rejoin() {
   try {
     reopen_take(found->commanded);
   } catch (const InputError&) {
-    leave_take();
+    cameras_.disarm();
+    pulses_.reset();
+    drop_order(studio_, node_, order_.take);
     throw;
   }
   events_.send(Severity::kWarning, "take",
@@ -334,45 +299,14 @@ std::optional<CommandMessage> CaptureNode::rejoin() {
 
 void CaptureNode::reopen_take(int64_t commanded) {
   const TakePaths paths = take_paths(studio_, order_.take);
-  info_ = load_take_info(paths);
-  info_.state = TakeState::kRecording;
   const EdgeTimes edges = edge_times(paths);
   PulseRecorder::Past past{.sensed = {}, .commanded = commanded};
   for (const auto& [pulse, edge] : edges) past.sensed.insert(pulse);
-  disk_ = std::make_unique<TakeDisk>(paths, disk_demand());
-  gate_ = std::make_unique<LiveGate>([this] { return cameras_.most_waiting(); }, kLiveBacklog);
-  for (const auto& worker : cameras_) {
-    const auto& names = info_.cameras;
-    const bool records = std::find(names.begin(), names.end(), worker->camera()) != names.end();
-    if (records) reopen_lane(*worker, paths, edges);
-  }
+  auto take = NodeTake::go_on(of_this_node(), plan(), edges, edges_are_told());
   listen_to_pulses(paths.pulses(), std::move(past));
   train_->restart();
-  save_take_info(paths, info_);
-}
-
-void CaptureNode::reopen_lane(CameraWorker& worker, const TakePaths& paths,
-                              const EdgeTimes& edges) {
-  LanePast past = read_lane_past(paths, worker.camera(), edges);
-  worker.rejoin(period_of(rate_hz_), edges_are_told(), past.camera);
-  lanes_.push_back(std::make_unique<CameraLane>(
-      worker,
-      CameraLane::Setup{
-          .take = info_.name,
-          .log = paths.frames(worker.camera()),
-          .segmenter = Segmenter(load_background(paths.background(), worker.camera()), {}),
-          .rate_hz = rate_hz_,
-          .past = std::move(past)},
-      CameraLane::Shared{bus_, places_, *gate_}));
-}
-
-void CaptureNode::leave_take() {
-  cameras_.disarm();
-  lanes_.clear();
-  pulses_.reset();
-  gate_.reset();
-  disk_.reset();
-  drop_order(studio_, node_, order_.take);
+  take->save_as_open();
+  take_ = std::move(take);
 }
 
 void CaptureNode::listen_to_pulses(const std::filesystem::path& log,
@@ -389,7 +323,6 @@ void CaptureNode::listen_to_pulses(const std::filesystem::path& log,
 void CaptureNode::open_check() {
   const std::vector<CameraWorker*> ready = cameras_.ready();
   listen_to_pulses({});
-  gate_ = std::make_unique<LiveGate>([this] { return cameras_.most_waiting(); }, kLiveBacklog);
   check_ = std::make_unique<CameraCheck>(
       ready, CameraCheck::Setup{.rate_hz = rate_hz_, .background = studio_.storage.background},
       bus_);
@@ -404,40 +337,23 @@ NodeReport CaptureNode::check_report() {
     });
     if (!seen) not_ready.push_back(camera->camera());
   }
-  const Ledger ledger = finish_take();
+  const Ledger ledger = finish();
   return {.event = Input::kDrained,
           .text = "looked at " + std::to_string(cameras.size()) + " cameras",
           .detail = check_json(ledger, cameras, not_ready)};
 }
 
-Ledger CaptureNode::finish_take() {
+Ledger CaptureNode::finish() {
   Ledger ledger;
-  ledger.take = info_.name;
   ledger.commanded = commanded();
   // Who only listens to the trigger's node, and missed a word of it, cannot tell what was sensed.
   const bool knows = sensor_ || pulses_->sensed() >= ledger.commanded;
   if (studio_.trigger.is_sensed() && knows) pulses_->put_into(ledger, ledger.commanded);
-  unkept_.clear();
-  for (const auto& lane : lanes_) {
-    ledger.cameras.push_back(lane->close(ledger.commanded));
-    if (!lane->is_kept()) unkept_.push_back(lane->camera());
-  }
+  if (take_) take_->end(ledger);
   totals_ = totals();
-  // A daemon that is told to end while pulses run may be back before they end.
-  if (!stop_requested()) drop_order(studio_, node_, info_.name);
-  disk_.reset();
-  lanes_.clear();
   check_.reset();
-  gate_.reset();
   pulses_.reset();
   return ledger;
-}
-
-/// A take that was armed and never saw a pulse leaves nothing behind.
-void CaptureNode::discard_if_empty(const Ledger& ledger) {
-  if (ledger.commanded != 0 || ledger.sensed.value_or(0) != 0) return;
-  std::error_code error;
-  std::filesystem::remove_all(take_paths(studio_, info_.name).folder, error);
 }
 
 int64_t CaptureNode::commanded() const {
@@ -454,9 +370,7 @@ bool CaptureNode::all_accounted_for() const {
   // Elsewhere the last pulses may not have been heard of yet.
   if (!generator_ && !silent) return false;
   if (check_ && !check_->has(commanded()) && !silent) return false;
-  return std::all_of(lanes_.begin(), lanes_.end(), [&](const auto& lane) {
-    return lane->counts().received >= commanded() || (silent && lane->quiet_since(now - quiet));
-  });
+  return !take_ || take_->has_all(commanded(), silent ? std::optional(now - quiet) : std::nullopt);
 }
 
 // --- readiness ----------------------------------------------------------------------------------
@@ -472,20 +386,15 @@ DiskDemand CaptureNode::disk_demand() const {
           .queue_frames = NodeCameras::kQueueFrames};
 }
 
-DiskProgress CaptureNode::disk_progress() const {
-  return {.dropped = cameras_.dropped(), .refused = totals().frames.write_errors};
-}
-
 std::string CaptureNode::look_at_disks() {
-  if (!disk_) return "";
-  events_.keep_told(Severity::kAlarm, "queue", disk_->queue_trouble(cameras_.most_waiting()),
-                    advice::kQueue);
-  const std::string here = disk_->must_end(disk_progress());
+  if (!take_) return "";
+  events_.keep_told(Severity::kAlarm, "queue", take_->queue_trouble(), advice::kQueue);
+  const std::string here = take_->disk_must_end();
   disk_is_full_ = !here.empty();
   const std::string elsewhere = full_disks_ ? full_disks_->full_node() : "";
   if (here.empty() && elsewhere.empty()) return "";
   const std::string why = disk_is_full_ ? here : "the disk of " + elsewhere + " is full or broken";
-  events_.send(Severity::kAlarm, "take", info_.name + " was ended: " + why, advice::kTakeEnded);
+  events_.send(Severity::kAlarm, "take", order_.take + " was ended: " + why, advice::kTakeEnded);
   return why;
 }
 
@@ -511,19 +420,11 @@ std::string CaptureNode::trouble() const {
 
 /// Of the open take, else of the last one.
 CaptureNode::TakeTotals CaptureNode::totals() const {
-  if (!take_is_open()) return totals_;
-  TakeTotals sum{.frames = {},
-                 .pulses_not_live = gate_->skipped(),
-                 .sensed = pulses_->sensed(),
-                 .commanded = commanded()};
-  for (const auto& lane : lanes_) {
-    const LaneCounts counts = lane->counts();
-    sum.frames.received += counts.received;
-    sum.frames.written += counts.written;
-    sum.frames.write_errors += counts.write_errors;
-    sum.frames.published += counts.published;
-  }
-  return sum;
+  if (!records_pulses()) return totals_;
+  return {.frames = take_ ? take_->counts() : LaneCounts{},
+          .pulses_not_live = take_ ? take_->pulses_not_live() : 0,
+          .sensed = pulses_->sensed(),
+          .commanded = commanded()};
 }
 
 void CaptureNode::report_health(HealthMessage& health) {
@@ -558,19 +459,17 @@ void CaptureNode::report_health(HealthMessage& health) {
   health.values["frames_suspect"] = 0;
   health.values["cameras_streaming"] = 0;
   health.values["queue_frames"] = 0;
-  const int64_t due = take_is_open() ? std::max<int64_t>(0, commanded() - kLatePeriods) : 0;
+  const int64_t due = records_pulses() ? std::max<int64_t>(0, commanded() - kLatePeriods) : 0;
   for (const auto& camera : cameras_) camera_watch_.report(*camera, due, health);
 }
 
 void CaptureNode::tell_troubles(const TakeTotals& sum) {
-  if (disk_) {
-    events_.keep_told(Severity::kAlarm, "disk", disk_->trouble(disk_progress()), advice::kDisk);
-  }
+  if (take_) events_.keep_told(Severity::kAlarm, "disk", take_->disk_trouble(), advice::kDisk);
   events_.keep_told(Severity::kAlarm, "trigger", trigger_trouble(sum), advice::kTrigger);
   events_.keep_told(Severity::kAlarm, "sense line",
-                    sensor_ && take_is_open() ? sensor_->fault() : "", advice::kSenseLine);
+                    sensor_ && records_pulses() ? sensor_->fault() : "", advice::kSenseLine);
   events_.keep_told(Severity::kWarning, "pulses",
-                    sensor_ && take_is_open() ? pulses_->trouble() : "", advice::kPulses);
+                    sensor_ && records_pulses() ? pulses_->trouble() : "", advice::kPulses);
   events_.keep_told(Severity::kWarning, "live picture",
                     sum.pulses_not_live == 0
                         ? ""
@@ -582,14 +481,13 @@ void CaptureNode::tell_troubles(const TakeTotals& sum) {
 std::string CaptureNode::trigger_trouble(const TakeTotals& sum) const {
   if (generator_ && !generator_->fault().empty()) return generator_->fault();
   const int64_t unseen = sum.commanded - kLatePeriods - sum.sensed;
-  if (!sensor_ || !take_is_open() || unseen <= 0) return "";
+  if (!sensor_ || !records_pulses() || unseen <= 0) return "";
   return format_count(sum.commanded - sum.sensed) + " pulses commanded and not sensed";
 }
 
 bool CaptureNode::progressed_since(MonotonicInstant since) const {
-  const bool lanes = std::all_of(lanes_.begin(), lanes_.end(),
-                                 [&](const auto& lane) { return lane->progressed_since(since); });
-  return lanes && (!pulses_ || pulses_->progressed_since(since)) &&
+  return (!take_ || take_->progressed_since(since)) &&
+         (!pulses_ || pulses_->progressed_since(since)) &&
          (!learner_ || learner_->progressed_since(since)) &&
          (!check_ || check_->progressed_since(since));
 }

@@ -11,18 +11,15 @@
 #include "daemon/background_learner.h"
 #include "daemon/bus.h"
 #include "daemon/camera_check.h"
-#include "daemon/camera_lane.h"
 #include "daemon/camera_watch.h"
 #include "daemon/event_sender.h"
 #include "daemon/full_disk_watch.h"
 #include "daemon/kept_order.h"
-#include "daemon/lane_past.h"
 #include "daemon/node_cameras.h"
+#include "daemon/node_take.h"
 #include "daemon/node_work.h"
 #include "daemon/pulse_recorder.h"
-#include "daemon/take_disk.h"
 #include "daemon/train_watch.h"
-#include "take/take.h"
 #include "trigger/pulse_generator.h"
 
 namespace v3d {
@@ -79,24 +76,22 @@ class CaptureNode : public NodeWork {
   bool edges_are_told() const { return generator_ || studio_.trigger.is_sensed(); }
   /// Records into a take that this node was in before it was started anew.
   void reopen_take(int64_t commanded);
-  void reopen_lane(CameraWorker& worker, const TakePaths& paths, const EdgeTimes& edges);
-  /// As if reopen_take() had not been called.
-  void leave_take();
+  NodeTake::Node of_this_node() { return {studio_, node_, bus_, cameras_, places_}; }
+  NodeTake::Plan plan() const { return {.order = order_, .disk = disk_demand()}; }
   /// An empty `log` is not written.
   void listen_to_pulses(const std::filesystem::path& log,
                         std::optional<PulseRecorder::Past> past = {});
-  /// Ends lanes and pulses; gives the account. Requires an open take.
-  Ledger finish_take();
-  /// Or a check.
-  bool take_is_open() const { return gate_ != nullptr; }
-  void discard_if_empty(const Ledger& ledger);
+  /// Ends lanes and pulses; gives the account. Requires that pulses are recorded. A take is still
+  /// to be closed.
+  Ledger finish();
+  /// A take's, or a check's.
+  bool records_pulses() const { return pulses_ && (take_ || check_); }
   int64_t commanded() const;
   bool all_accounted_for() const;
   std::string ready_text() const;
   /// What the cameras record, at the rate of the last order.
   double bytes_per_second() const;
   DiskDemand disk_demand() const;
-  DiskProgress disk_progress() const;
   /// Why a full or broken disk ends the take, here or elsewhere; empty while none does. Tells when
   /// frames wait.
   std::string look_at_disks();
@@ -126,14 +121,10 @@ class CaptureNode : public NodeWork {
   bool first_pulse_told_ = false;
   MonotonicInstant ready_by_;
   MonotonicInstant drain_began_;
-  TakeInfo info_;
   std::unique_ptr<PulseRecorder> pulses_;
-  std::unique_ptr<TakeDisk> disk_;   ///< of the open take
-  bool disk_is_full_ = false;        ///< or broken: that ended the last take here
-  std::vector<std::string> unkept_;  ///< cameras whose last frames the disk took and did not keep
-  std::unique_ptr<LiveGate> gate_;
-  std::vector<std::unique_ptr<CameraLane>> lanes_;
-  TakeTotals totals_;  ///< of the last take
+  std::unique_ptr<NodeTake> take_;  ///< null when none is open
+  TakeTotals totals_;               ///< of the last take
+  bool disk_is_full_ = false;       ///< or broken: that ended the last take here
   std::unique_ptr<BackgroundLearner> learner_;
   std::unique_ptr<CameraCheck> check_;
 };

@@ -1,0 +1,134 @@
+#include "daemon/node_take.h"
+
+#include <spdlog/fmt/fmt.h>
+
+#include <algorithm>
+#include <filesystem>
+
+#include "daemon/kept_order.h"
+#include "daemon/service.h"
+#include "daemon/take_folder.h"
+
+namespace v3d {
+namespace {
+
+/// More frames behind one camera than a hiccup explains: the live picture waits.
+constexpr int64_t kLiveBacklog = 5;
+
+TakeInfo new_take(const NodeTake::Node& node, const NodeTake::Plan& plan) {
+  TakeInfo info{.name = plan.order.take,
+                .studio = node.studio.name,
+                .rate_hz = plan.disk.rate_hz,
+                .pulses = 0,
+                .state = TakeState::kRecording,
+                .software_version = V3D_VERSION,
+                .started = Realtime::now(),
+                .cameras = {}};
+  for (const CameraWorker* worker : node.cameras.ready()) info.cameras.push_back(worker->camera());
+  return info;
+}
+
+}  // namespace
+
+NodeTake::NodeTake(Node node, TakeInfo info, const DiskDemand& demand)
+    : node_(node),
+      info_(std::move(info)),
+      paths_(take_paths(node.studio, info_.name)),
+      disk_(std::make_unique<TakeDisk>(paths_, demand)),
+      gate_([&cameras = node.cameras] { return cameras.most_waiting(); }, kLiveBacklog) {}
+
+std::unique_ptr<NodeTake> NodeTake::begin(Node node, const Plan& plan) {
+  TakeInfo info = new_take(node, plan);
+  create_take(node.studio, info);
+  keep_order(node.studio, node.name, plan.order);
+  std::unique_ptr<NodeTake> take(new NodeTake(node, std::move(info), plan.disk));
+  for (CameraWorker* worker : node.cameras.ready()) {
+    take->add_lane(*worker, node.cameras.background_of(*worker));
+  }
+  return take;
+}
+
+std::unique_ptr<NodeTake> NodeTake::go_on(Node node, const Plan& plan, const EdgeTimes& pulses,
+                                          bool edges_are_told) {
+  TakeInfo info = load_take_info(take_paths(node.studio, plan.order.take));
+  info.state = TakeState::kRecording;
+  std::unique_ptr<NodeTake> take(new NodeTake(node, std::move(info), plan.disk));
+  for (const auto& worker : node.cameras) {
+    const std::string& camera = worker->camera();
+    if (std::ranges::find(take->info_.cameras, camera) == take->info_.cameras.end()) continue;
+    LanePast past = read_lane_past(take->paths_, camera, pulses);
+    worker->rejoin(period_of(take->info_.rate_hz), edges_are_told, past.camera);
+    take->add_lane(*worker, load_background(take->paths_.background(), camera), std::move(past));
+  }
+  return take;
+}
+
+void NodeTake::add_lane(CameraWorker& worker, const BackgroundModel& background,
+                        std::optional<LanePast> past) {
+  lanes_.push_back(
+      std::make_unique<CameraLane>(worker,
+                                   CameraLane::Setup{.take = info_.name,
+                                                     .log = paths_.frames(worker.camera()),
+                                                     .segmenter = Segmenter(background, {}),
+                                                     .rate_hz = info_.rate_hz,
+                                                     .past = std::move(past)},
+                                   CameraLane::Shared{node_.bus, node_.places, gate_}));
+}
+
+LaneCounts NodeTake::counts() const {
+  LaneCounts sum;
+  for (const auto& lane : lanes_) {
+    const LaneCounts counts = lane->counts();
+    sum.received += counts.received;
+    sum.written += counts.written;
+    sum.write_errors += counts.write_errors;
+    sum.published += counts.published;
+  }
+  return sum;
+}
+
+bool NodeTake::has_all(int64_t pulses, std::optional<MonotonicInstant> quiet_since) const {
+  return std::ranges::all_of(lanes_, [&](const auto& lane) {
+    return lane->counts().received >= pulses || (quiet_since && lane->quiet_since(*quiet_since));
+  });
+}
+
+bool NodeTake::progressed_since(MonotonicInstant since) const {
+  return std::ranges::all_of(lanes_,
+                             [&](const auto& lane) { return lane->progressed_since(since); });
+}
+
+DiskProgress NodeTake::progress() const {
+  return {.dropped = node_.cameras.dropped(), .refused = counts().write_errors};
+}
+
+void NodeTake::end(Ledger& ledger) {
+  ledger.take = info_.name;
+  for (const auto& lane : lanes_) ledger.cameras.push_back(lane->close(ledger.commanded));
+  // A daemon that is told to end while pulses run may be back before they end.
+  if (!stop_requested()) drop_order(node_.studio, node_.name, info_.name);
+}
+
+std::string NodeTake::close(const Ledger& ledger) {
+  std::vector<std::string> unkept;
+  for (const auto& lane : lanes_) {
+    if (!lane->is_kept()) unkept.push_back(lane->camera());
+  }
+  lanes_.clear();
+  disk_.reset();  // its room is the ledger's
+  const std::string takes = node_.studio.storage.takes.string();
+  if (!close_take(node_.studio, info_, ledger)) {
+    return "cannot write the ledger of " + info_.name + " to " + takes;
+  }
+  if (!unkept.empty()) {
+    return takes + " did not keep the last frames of " +
+           fmt::format("{}", fmt::join(unkept, ", ")) + ": v3dctl verify tells which";
+  }
+  if (ledger.commanded == 0 && ledger.sensed.value_or(0) == 0) {
+    std::error_code ignored;
+    std::filesystem::remove_all(paths_.folder, ignored);
+  }
+  return "";
+}
+
+}  // namespace v3d

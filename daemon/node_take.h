@@ -1,0 +1,84 @@
+// What a capture node records of one take: a lane for every camera, which of the pulses go live,
+// and the disk.
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "base/studio_file.h"
+#include "daemon/bus.h"
+#include "daemon/camera_lane.h"
+#include "daemon/lane_past.h"
+#include "daemon/live_gate.h"
+#include "daemon/node_cameras.h"
+#include "daemon/take_disk.h"
+#include "daemon/work_places.h"
+#include "take/ledger.h"
+#include "take/take.h"
+#include "wire/messages.h"
+
+namespace v3d {
+
+/// From the moment a take is armed until its ledger is written. One thread.
+class NodeTake {
+ public:
+  /// All outlive the take.
+  struct Node {
+    const Studio& studio;
+    const std::string& name;
+    Bus& bus;
+    NodeCameras& cameras;
+    WorkPlaces& places;
+  };
+  struct Plan {
+    CommandMessage order;
+    DiskDemand disk;  ///< its rate is the take's
+  };
+
+  /// Makes the folder of a new take and a lane for every camera that is ready. Throws InputError.
+  static std::unique_ptr<NodeTake> begin(Node node, const Plan& plan);
+
+  /// A take that this node was in before it was started anew: its cameras go on where `pulses` say.
+  /// Throws InputError; what it did to the cameras until then, disarming them undoes.
+  static std::unique_ptr<NodeTake> go_on(Node node, const Plan& plan, const EdgeTimes& pulses,
+                                         bool edges_are_told);
+  /// After go_on(): the folder, too, says that the take is being recorded. Throws InputError.
+  void save_as_open() const { save_take_info(paths_, info_); }
+
+  const TakePaths& paths() const { return paths_; }
+
+  /// Of all lanes together.
+  LaneCounts counts() const;
+  int64_t pulses_not_live() const { return gate_.skipped(); }
+  /// Every camera has delivered so many frames or, where a time is given, been quiet since.
+  bool has_all(int64_t pulses, std::optional<MonotonicInstant> quiet_since) const;
+  bool progressed_since(MonotonicInstant since) const;
+
+  /// As TakeDisk says.
+  std::string disk_must_end() const { return disk_->must_end(progress()); }
+  std::string disk_trouble() const { return disk_->trouble(progress()); }
+  std::string queue_trouble() { return disk_->queue_trouble(node_.cameras.most_waiting()); }
+
+  /// Ends the lanes; gives the account of every camera.
+  void end(Ledger& ledger);
+  /// After end(): writes the ledger, and removes a take that never saw a pulse. What the disk did
+  /// not keep, for a person; empty when it kept all. Nothing else may be asked afterwards.
+  std::string close(const Ledger& ledger);
+
+ private:
+  NodeTake(Node node, TakeInfo info, const DiskDemand& demand);
+  void add_lane(CameraWorker& worker, const BackgroundModel& background,
+                std::optional<LanePast> past = {});
+  DiskProgress progress() const;
+
+  const Node node_;
+  TakeInfo info_;
+  const TakePaths paths_;
+  std::unique_ptr<TakeDisk> disk_;  ///< null when closed
+  LiveGate gate_;
+  std::vector<std::unique_ptr<CameraLane>> lanes_;
+};
+
+}  // namespace v3d
