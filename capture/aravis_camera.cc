@@ -3,6 +3,7 @@
 #include <arv.h>
 
 #include <algorithm>
+#include <thread>
 #include <utility>
 
 #include "capture/aravis_find.h"
@@ -41,6 +42,11 @@ size_t payload_bytes(const StudioCamera& settings, ArvCamera* camera, size_t ima
 /// A frame waits so long for its missing packets. Frames behind it wait too, so it costs buffers;
 /// a shorter time gives up frames whose packets a busy host has only not looked at yet.
 constexpr guint kFrameRetentionUs = 400'000;
+
+/// A packet socket hears all that passes on its interface until its filter is in place. Whatever it
+/// heard of other cameras by then, Aravis has thrown away after this time, if it had no buffer to
+/// make a frame of it.
+constexpr auto kStrangersGone = std::chrono::milliseconds(30);
 
 /// Room for four frames of a camera in the socket, where packets do not come by packet socket; the
 /// kernel gives what net.core.rmem_max allows.
@@ -104,6 +110,13 @@ class AravisCamera::Link {
   ImageSize size() const { return size_; }
   ArvStream* stream() const { return stream_.get(); }
 
+  /// Frames for which there was no buffer.
+  int64_t underruns() const {
+    guint64 all = 0;
+    arv_stream_get_statistics(stream_.get(), nullptr, nullptr, &all);
+    return static_cast<int64_t>(all) - strangers_;
+  }
+
   /// Of the camera's clock from its PTP master; empty while it is not in step, or where PTP is not
   /// asked for. Asks the camera, twice in a while.
   std::optional<Duration> ptp_offset() {
@@ -131,6 +144,8 @@ class AravisCamera::Link {
     if (!stream_ || problem.happened())
       aravis::refuse(settings, "stream", "a receiver", problem.text());
     set_receiver(stream_.get(), payload, settings.packet_resend);
+    if (settings.packet_socket) std::this_thread::sleep_for(kStrangersGone);
+    strangers_ = underruns();
     for (int i = 0; i < settings.buffers; ++i) {
       arv_stream_push_buffer(stream_.get(), arv_buffer_new_allocate(payload));
     }
@@ -146,6 +161,7 @@ class AravisCamera::Link {
   Owned<ArvChunkParser> chunks_;
   std::atomic<bool>& lost_;
   gulong on_lost_ = 0;
+  int64_t strangers_ = 0;  ///< frames of other cameras, for which there was no buffer
   ImageSize size_;
   std::optional<Ptp> ptp_;
   MonotonicInstant next_ptp_look_{};
@@ -174,12 +190,6 @@ std::optional<CameraFrame> AravisCamera::wait(MonotonicInstant deadline) {
     read_statistics();
     tell_ptp(link_->ptp_offset());
     if (!buffer) return {};
-    // What reaches a packet socket before its filter is in place (other cameras' packets) begins
-    // frames that never were any.
-    if (arv_buffer_get_status(buffer) == ARV_BUFFER_STATUS_CLEARED) {
-      arv_stream_push_buffer(stream, buffer);
-      continue;
-    }
     CameraFrame frame;
     frame.received = Monotonic::now();
     frame.device_time =
@@ -205,9 +215,7 @@ void AravisCamera::tell_ptp(std::optional<Duration> offset) {
 
 void AravisCamera::read_statistics() {
   ArvStream* stream = link_->stream();
-  guint64 underruns = 0;
-  arv_stream_get_statistics(stream, nullptr, nullptr, &underruns);
-  underruns_ = static_cast<int64_t>(underruns);
+  underruns_ = link_->underruns();
   if (!ARV_IS_GV_STREAM(stream)) return;
   guint64 resent = 0;
   guint64 missing = 0;

@@ -5,9 +5,11 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <atomic>
 #include <fstream>
 #include <memory>
 #include <string>
+#include <thread>
 #include <vector>
 
 #include "base/error.h"
@@ -249,6 +251,42 @@ TEST(AravisCamera, tells_the_exposure_that_the_camera_sends_with_its_images) {
   ASSERT_TRUE(frame);
   EXPECT_EQ(frame->image.bytes, pixels) << "the chunks are no part of the image";
   EXPECT_EQ(camera.statistics().exposure_us, 2498.5);
+}
+
+/// Until the end, another camera sends small images to a port where nobody listens.
+class Neighbour {
+ public:
+  explicit Neighbour(ImageSize size)
+      : thread_([this, size](const std::stop_token& stop) {
+          const std::vector<uint8_t> pixels(static_cast<size_t>(size.width) * size.height, 99);
+          test::NetworkBytes payload;
+          payload.raw(pixels).u32(1).u32(static_cast<uint32_t>(pixels.size()));
+          for (uint16_t frame = 1; !stop.stop_requested(); frame = frame % 60'000 + 1) {
+            sender_.send_image(frame, size, payload.bytes(), 8000 - 36);
+            ++sent_;
+          }
+        }) {}
+  int64_t sent() const { return sent_; }
+
+ private:
+  test::GvspSender sender_{9};  // discard
+  std::atomic<int64_t> sent_ = 0;
+  std::jthread thread_;
+};
+
+TEST(AravisCamera, hears_no_other_camera_while_it_is_opened) {
+  const FakeCamera fake;
+  fake.write(ARV_FAKE_CAMERA_REGISTER_WIDTH, 64);
+  fake.write(ARV_FAKE_CAMERA_REGISTER_HEIGHT, 64);
+  const Neighbour neighbour({64, 64});
+  AravisCamera camera(settings());
+  for (int i = 0; i < 15; ++i) {
+    camera.start();
+    EXPECT_FALSE(camera.wait(in(milliseconds(50)))) << "opened for the " << i + 1 << ". time";
+    EXPECT_EQ(camera.statistics().damaged, 0);
+    EXPECT_EQ(camera.statistics().underruns, 0);
+  }
+  EXPECT_GT(neighbour.sent(), 1000);
 }
 
 TEST(AravisCamera, that_cannot_tell_its_exposure_is_refused_where_that_is_asked_for) {

@@ -1,5 +1,5 @@
-// Sends images with chunk data as a GigE Vision camera does, in place of Aravis' fake camera, which
-// has none.
+// Sends images as a GigE Vision camera does, in place of Aravis' fake camera: with chunk data, which
+// that one has not, and to whom and when a test wants.
 #pragma once
 
 #include <arpa/inet.h>
@@ -48,7 +48,7 @@ class GvspSender {
   GvspSender(const GvspSender&) = delete;
   GvspSender& operator=(const GvspSender&) = delete;
 
-  /// A Mono8 image and everything behind it, in packets of at most `packet_bytes` of payload.
+  /// A Mono8 image and the chunks behind it, in packets of at most `packet_bytes` of payload.
   void send_image(uint16_t frame, ImageSize size, std::span<const uint8_t> payload,
                   size_t packet_bytes) {
     constexpr uint16_t kImageWithChunks = 0x4001;
