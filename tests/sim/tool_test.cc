@@ -264,6 +264,32 @@ TEST(SimulatedTake, writes_the_true_surface_of_every_pulse) {
   write(take);
   EXPECT_TRUE(std::filesystem::exists(folder / "truth/000000.ply"));
   EXPECT_TRUE(std::filesystem::exists(folder / "truth/000001.ply"));
+  EXPECT_TRUE(std::filesystem::exists(folder / "truth/sword/000001.ply"));
+}
+
+TEST(SimulatedTake, begins_where_it_is_told_to) {
+  const TemporaryFolder folder;
+  SimulatedTake take = small_take(folder / "cut"), later = small_take(folder / "later");
+  take.truth = folder / "truth";
+  later.truth = folder / "truth-later";
+  later.begin_s = 2 / take.rate_hz;
+  write(take);
+  write(later);
+  EXPECT_EQ(read_file(folder / "truth-later/000001.ply"), read_file(folder / "truth/000003.ply"));
+}
+
+TEST(SimulatedTake, has_masks_whose_outlines_tremble_where_that_is_wanted) {
+  const TemporaryFolder folder;
+  SimulatedTake take = small_take(folder / "cut");
+  take.frames = 1;
+  take.outline_noise_px = 1.5;
+  write(take);
+  const auto frame = FrameLogReader(TakePaths{take.folder}.frames("cam01")).read(0);
+  ASSERT_TRUE(frame && frame->mask);
+  const Mask clean = true_silhouette(take.rig[0], 0, take.seed);
+  const double iou = intersection_over_union(*frame->mask, clean);
+  EXPECT_GT(iou, 0.5);
+  EXPECT_LT(iou, 0.95);
 }
 
 TEST(SimulatedTake, refuses_a_folder_that_is_no_new_take) {

@@ -12,7 +12,9 @@
 #include "common/ply_writer.h"
 #include "sim/device_clock.h"
 #include "sim/film.h"
+#include "sim/noise.h"
 #include "sim/outer_surface.h"
+#include "sim/outline_noise.h"
 #include "sim/parallel.h"
 #include "take/exposure_count.h"
 #include "take/frame_log.h"
@@ -43,7 +45,8 @@ TakePaths create_folder(const std::filesystem::path& folder) {
   return {folder};
 }
 
-void write_backgrounds(const TakePaths& paths, const Rig& rig, Film& film) {
+/// What was written.
+std::vector<BackgroundModel> write_backgrounds(const TakePaths& paths, const Rig& rig, Film& film) {
   std::vector<std::vector<Image>> plates;
   for (uint64_t i = 0; i < kPlates; ++i) {
     plates.push_back(film.shoot_all({}, i));
@@ -59,6 +62,7 @@ void write_backgrounds(const TakePaths& paths, const Rig& rig, Film& film) {
   for (size_t c = 0; c < rig.size(); ++c) {
     save_background(paths.background(), rig[c].name, models[c]);
   }
+  return models;
 }
 
 /// The recording of one camera, with its faults.
@@ -74,7 +78,8 @@ class CameraLog {
         clock_(simulated_clock(index, seed, from_ns<Monotonic>(kStartMonotonicNs))),
         writer_(paths.frames(camera_)) {}
 
-  void add(int64_t pulse, MonotonicInstant edge, RealtimeInstant edge_realtime, Image image) {
+  void add(int64_t pulse, MonotonicInstant edge, RealtimeInstant edge_realtime, Image image,
+           std::optional<Mask> mask) {
     image = shown_at(pulse, std::move(image));
     if (has_fault(faults_, camera_, pulse, FaultKind::kDrop)) {
       return;
@@ -86,6 +91,7 @@ class CameraLog {
     message.frame.roi = {0, 0, image.size.width, image.size.height};
     if (has_fault(faults_, camera_, pulse, FaultKind::kBlack)) std::ranges::fill(image.bytes, 0);
     message.frame.image = std::move(image);
+    message.frame.mask = std::move(mask);
     FrameLabel& label = message.frame.label;
     label.pulse = pulse;
     label.camera_counter = static_cast<uint64_t>(pulse);
@@ -144,7 +150,30 @@ void write_truth(const std::filesystem::path& folder, int64_t pulse, double seco
   char name[32];
   std::snprintf(name, sizeof name, "%06lld.ply", static_cast<long long>(pulse));
   write_ply(folder / name, outer_surface(performer_parts(seconds, seed), seed));
+  write_ply(folder / "sword" / name, sword_blade(seconds).mesh);
 }
+
+/// Segments like the capture daemon, and then worse.
+class NoisySegmenter {
+ public:
+  NoisySegmenter(const SimulatedTake& take, const std::vector<BackgroundModel>& models)
+      : noise_px_(take.outline_noise_px), seed_(take.seed) {
+    if (noise_px_ <= 0) return;
+    for (const BackgroundModel& model : models) segmenters_.emplace_back(model, SegmentOptions{});
+  }
+  /// Empty when no masks are wanted.
+  std::optional<Mask> segment(size_t camera, int64_t pulse, const Image& image) {
+    if (segmenters_.empty()) return std::nullopt;
+    const auto number = static_cast<uint64_t>(pulse) * segmenters_.size() + camera;
+    return with_outline_noise(segmenters_[camera].segment(image.view()), noise_px_,
+                              mix(seed_) ^ number);
+  }
+
+ private:
+  const double noise_px_;
+  const uint64_t seed_;
+  std::vector<Segmenter> segmenters_;
+};
 
 }  // namespace
 
@@ -165,7 +194,7 @@ void write_take(const SimulatedTake& take, const std::function<void(int64_t)>& p
   RenderOptions options;
   options.seed = take.seed;
   Film film(take.rig, options);
-  write_backgrounds(paths, take.rig, film);
+  NoisySegmenter segmenter(take, write_backgrounds(paths, take.rig, film));
   std::vector<CameraLog> logs;
   for (size_t c = 0; c < take.rig.size(); ++c) {
     logs.emplace_back(paths, info.name, static_cast<int>(c), take.rig[c].name, take.seed,
@@ -173,7 +202,7 @@ void write_take(const SimulatedTake& take, const std::function<void(int64_t)>& p
   }
   EventLogWriter pulses(paths.pulses());
   if (take.truth) {
-    std::filesystem::create_directories(*take.truth);
+    std::filesystem::create_directories(*take.truth / "sword");
   }
   for (int64_t pulse = 0; pulse < take.frames; ++pulse) {
     const double seconds = static_cast<double>(pulse) / take.rate_hz;
@@ -183,12 +212,14 @@ void write_take(const SimulatedTake& take, const std::function<void(int64_t)>& p
     if (!pulses.write(PulseMessage{edge_realtime, pulse, info.name, pulse, edge_realtime, edge})) {
       throw std::runtime_error(errno_message(paths.pulses().string()));
     }
-    std::vector<Image> images = film.shoot_all(seconds, static_cast<uint64_t>(kPlates + pulse));
+    const double action_s = take.begin_s + seconds;
+    std::vector<Image> images = film.shoot_all(action_s, static_cast<uint64_t>(kPlates + pulse));
     for (size_t c = 0; c < images.size(); ++c) {
-      logs[c].add(pulse, edge, edge_realtime, std::move(images[c]));
+      std::optional<Mask> mask = segmenter.segment(c, pulse, images[c]);
+      logs[c].add(pulse, edge, edge_realtime, std::move(images[c]), std::move(mask));
     }
     if (take.truth) {
-      write_truth(*take.truth, pulse, seconds, take.seed);
+      write_truth(*take.truth, pulse, action_s, take.seed);
     }
     progress(pulse + 1);
   }

@@ -17,14 +17,19 @@ struct SimulatedTake {
   Rig rig;
   int64_t frames = 0;
   double rate_hz = 25;
+  double begin_s = 0;  ///< of the action, at pulse 0
   uint64_t seed = 1;
   std::vector<Fault> faults;
-  std::optional<std::filesystem::path> truth;  ///< folder for 000012.ply, one per pulse
+  /// Frames get masks, our segmentation's with_outline_noise() of so many pixels; 0: no masks.
+  double outline_noise_px = 0;
+  /// Folder for 000012.ply, one per pulse, and sword/000012.ply, the blade alone.
+  std::optional<std::filesystem::path> truth;
 };
 
-/// Pulse k is at k / rate seconds of the action, the middle of its exposure. The same take gives
-/// the same bytes. `progress` hears how many pulses are done. Throws InputError when the folder
-/// exists and is not empty or its name is no take name, std::runtime_error when the disk refuses.
+/// Pulse k is at begin + k / rate seconds of the action, the middle of its exposure. The same take
+/// gives the same bytes. `progress` hears how many pulses are done. Throws InputError when the
+/// folder exists and is not empty or its name is no take name, std::runtime_error when the disk
+/// refuses.
 void write_take(const SimulatedTake& take, const std::function<void(int64_t)>& progress);
 
 }  // namespace v3d::sim

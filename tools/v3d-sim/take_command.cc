@@ -14,6 +14,8 @@ struct Arguments {
   std::string folder;
   int64_t frames = 0;
   StudioOptions studio;
+  double begin_s = 0;
+  double outline_noise_px = 0;
   std::string faults;
   std::string truth;
 };
@@ -26,6 +28,8 @@ int run(const Arguments& arguments) {
   take.frames = arguments.frames;
   take.rate_hz = arguments.studio.rate_hz;
   take.seed = arguments.studio.seed;
+  take.begin_s = arguments.begin_s;
+  take.outline_noise_px = arguments.outline_noise_px;
   if (!arguments.faults.empty()) {
     take.faults = load_faults(arguments.faults, take.rig, take.frames);
   }
@@ -48,12 +52,21 @@ void add_take_command(CLI::App& app, int& status) {
       ->required()
       ->check(CLI::Range(int64_t{1}, int64_t{10'000'000}));
   add_studio_options(command, arguments->studio);
+  command.add_option("--begin", arguments->begin_s, "Where the action begins")
+      ->type_name("SECONDS")
+      ->check(CLI::Range(0.0, 1e6));
+  command
+      .add_option("--outline-noise", arguments->outline_noise_px,
+                  "Frames get masks whose outlines tremble by so many pixels (standard deviation)")
+      ->type_name("PIXELS")
+      ->check(CLI::Range(0.0, 20.0));
   command.add_option(
       "--faults", arguments->faults,
       "TOML file: [[fault]] camera, pulse, kind = drop|duplicate|black|suspect|late; see "
       "v3d-sim(1)");
   command.add_option("--truth", arguments->truth,
-                     "Folder for the true surface of every pulse, 000000.ply ...");
+                     "Folder for the true surface of every pulse, 000000.ply ..., and of the "
+                     "sword's blade alone, sword/000000.ply ...");
   command.footer(
       "Examples:\n"
       "  v3d-sim take takes/cut-01 --frames 100\n"
