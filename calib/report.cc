@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <cstdio>
 
+#include "base/html.h"
 #include "calib/advice.h"
 #include "calib/view_choice.h"
 
@@ -23,39 +24,13 @@ __attribute__((format(printf, 1, 2))) std::string print(const char* format, ...)
   return text;
 }
 
-std::string escaped(const std::string& text) {
-  std::string result;
-  for (const char c : text) {
-    if (c == '<') {
-      result += "&lt;";
-    } else if (c == '&') {
-      result += "&amp;";
-    } else {
-      result += c;
-    }
-  }
-  return result;
-}
-
-constexpr char kHead[] = R"(<!DOCTYPE html>
-<html lang="en"><head><meta charset="utf-8"><title>Calibration</title>
-<style>
-body { font: 15px/1.45 sans-serif; margin: 2em auto; max-width: 70em; color: #222; }
-table { border-collapse: collapse; } th, td { padding: .2em .8em; text-align: right; }
-th { border-bottom: 1px solid #888; } td:first-child, th:first-child { text-align: left; }
-.cameras { display: flex; flex-wrap: wrap; gap: 1em; } figure { margin: 0; }
-figcaption { font-size: 90%; } svg { background: #f4f4f4; border: 1px solid #ccc; }
-li { margin: .2em 0; }
-</style></head><body>
-)";
-
 std::string table(const RigFit& fit) {
   std::string html =
       "<table><tr><th>camera</th><th>RMS, px</th><th>views</th><th>left out</th>"
       "<th>image reached</th><th>coefficients</th><th>late, pictures</th></tr>\n";
   for (size_t i = 0; i < fit.rig.size(); ++i) {
     const CameraFit& c = fit.cameras[i];
-    html += "<tr><td>" + escaped(fit.rig[i].name) +
+    html += "<tr><td>" + html_escaped(fit.rig[i].name) +
             print("</td><td>%.2f</td><td>%d</td><td>%d</td><td>%.0f %%</td><td>%s</td>", c.rms_px,
                   c.views, c.rejected, 100 * c.coverage,
                   c.coefficients ? std::to_string(c.coefficients).c_str() : "as before") +
@@ -68,7 +43,7 @@ std::string weak_points(const RigFit& fit) {
   const std::vector<std::string> weak = advice(fit);
   if (weak.empty()) return "<p>Nothing is weak.</p>\n";
   std::string html = "<ul>\n";
-  for (const std::string& sentence : weak) html += "<li>" + escaped(sentence) + "</li>\n";
+  for (const std::string& sentence : weak) html += "<li>" + html_escaped(sentence) + "</li>\n";
   return html + "</ul>\n";
 }
 
@@ -115,14 +90,14 @@ std::string shared_views(const RigFit& fit) {
                "stroke-width=\"%.1f\"><title>",
                a.x(), a.y(), b.x(), b.y(), in_tree(fit.tree, pair) ? "#d2691e" : "#9ab",
                0.5 + 6.0 * pair.agreeing / most) +
-           escaped(fit.rig[pair.a].name) + " and " + escaped(fit.rig[pair.b].name) +
+           html_escaped(fit.rig[pair.a].name) + " and " + html_escaped(fit.rig[pair.b].name) +
            print(": %d shared views, %d agree</title></line>\n", pair.shared, pair.agreeing);
   }
   for (const RigCamera& camera : fit.rig) {
     const Eigen::Vector2d at = map(camera.model.center());
     svg += print("<circle cx=\"%.1f\" cy=\"%.1f\" r=\"5\"/><text x=\"%.1f\" y=\"%.1f\">", at.x(),
                  at.y(), at.x() + 8, at.y() - 6) +
-           escaped(camera.name) + "</text>\n";
+           html_escaped(camera.name) + "</text>\n";
   }
   return svg +
          "</svg>\n<p>From above. A line is the wider the more views two cameras share; brown "
@@ -179,7 +154,7 @@ std::string camera_figure(const RigFit& fit, size_t index, const std::string& pi
             picture + "\"/>\n";
   }
   html += fields(camera, size) + arrows(camera, enlarged, size.width / 600.0) + "</svg>\n";
-  return html + "<figcaption><b>" + escaped(fit.rig[index].name) + "</b>: " +
+  return html + "<figcaption><b>" + html_escaped(fit.rig[index].name) + "</b>: " +
          print("%.2f px RMS, %d views; misses enlarged %.0f times</figcaption></figure>\n",
                camera.rms_px, camera.views, enlarged);
 }
@@ -188,8 +163,8 @@ std::string rejected(const RigFit& fit) {
   if (fit.rejected.empty()) return {};
   std::string html = "<h2>Pictures left out</h2>\n<ul>\n";
   for (const RejectedSighting& r : fit.rejected) {
-    html += "<li>" + escaped(fit.rig[r.camera].name) +
-            print(", instant %lld: ", static_cast<long long>(r.instant)) + escaped(r.reason) +
+    html += "<li>" + html_escaped(fit.rig[r.camera].name) +
+            print(", instant %lld: ", static_cast<long long>(r.instant)) + html_escaped(r.reason) +
             "</li>\n";
   }
   return html + "</ul>\n";
@@ -197,27 +172,14 @@ std::string rejected(const RigFit& fit) {
 
 }  // namespace
 
-std::string data_url(const std::vector<uint8_t>& jpeg) {
-  constexpr char kDigits[] = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
-  std::string url = "data:image/jpeg;base64,";
-  for (size_t i = 0; i < jpeg.size(); i += 3) {
-    uint32_t bits = 0;
-    for (size_t k = 0; k < 3; ++k) bits = bits << 8 | (i + k < jpeg.size() ? jpeg[i + k] : 0U);
-    for (size_t k = 0; k < 4; ++k) {
-      url += i + k <= jpeg.size() ? kDigits[bits >> (18 - 6 * k) & 63] : '=';
-    }
-  }
-  return url;
-}
-
 std::string report_html(const Board& board, const RigFit& fit,
                         const std::vector<std::string>& pictures) {
-  std::string html = kHead;
+  std::string html = html_head("Calibration");
   html += print("<h1>Calibration of %zu cameras</h1>\n<p>%.2f px RMS over %zu places of the board ",
                 fit.rig.size(), fit.rms_px, fit.world_from_board.size()) +
-          escaped(board.text()) + ".</p>\n";
+          html_escaped(board.text()) + ".</p>\n";
   html += table(fit) + "<h2>What is weak</h2>\n" + weak_points(fit) + "<h2>Shared views</h2>\n" +
-          shared_views(fit) + "<h2>Images</h2>\n<div class=\"cameras\">\n";
+          shared_views(fit) + "<h2>Images</h2>\n<div class=\"row\">\n";
   for (size_t i = 0; i < fit.rig.size(); ++i) {
     html += camera_figure(fit, i, i < pictures.size() ? pictures[i] : std::string());
   }

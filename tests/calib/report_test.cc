@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "base/html.h"
 #include "calib/advice.h"
 #include "sim/scene.h"
 

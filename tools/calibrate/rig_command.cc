@@ -5,6 +5,7 @@
 #include "base/calib_file.h"
 #include "base/error.h"
 #include "base/file.h"
+#include "base/html.h"
 #include "base/jpeg.h"
 #include "calib/advice.h"
 #include "calib/report.h"
@@ -85,9 +86,9 @@ std::vector<std::string> pictures_of(const RigBoards& boards) {
   constexpr int kQuality = 60;
   std::vector<std::string> pictures;
   for (const FoundBoards& found : boards.found) {
-    pictures.push_back(
-        found.example ? calib::data_url(encode_jpeg(to_rgb(found.example->view()).view(), kQuality))
-                      : std::string());
+    pictures.push_back(found.example
+                           ? data_url(encode_jpeg(to_rgb(found.example->view()).view(), kQuality))
+                           : std::string());
   }
   return pictures;
 }
