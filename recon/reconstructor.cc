@@ -11,6 +11,7 @@
 #include "recon/compact_frame.h"
 #include "recon/intersect.h"
 #include "recon/marching_cubes.h"
+#include "recon/steady_surface.h"
 #include "recon/texture.h"
 
 namespace v3d {
@@ -68,11 +69,12 @@ class Reconstructor::Impl {
  public:
   Impl(const Rig& rig, const ReconstructOptions& options)
       : rig_(rig),
+        models_(models_of(rig)),
         grid_(affordable_grid(options)),
         lattice_(lattice_of(grid_, options.quality)),
         deformer_(deformer_of(options, lattice_)),
         arena_(arena_size(options.threads)),
-        intersector_(grid_, models_of(rig), options.min_views) {}
+        intersector_(grid_, models_, options.min_views) {}
 
   Reconstruction reconstruct(FrameSet set) {
     SetAtWork work(std::move(set));
@@ -84,11 +86,40 @@ class Reconstructor::Impl {
   }
 
   void make_mesh(SetAtWork& work) {
+    make_surface(work);
+    make_colours(work);
+  }
+
+  void make_surface(SetAtWork& work) {
     work.result.pulse = work.set.pulse;
     work.frames = usable_frames(work.set);
     shape(work);
     if (deformer_) deform(work);
-    colour(work);
+  }
+
+  Moment moment_of(const SetAtWork& work) const { return {models_, work.frames, work.result.mesh}; }
+
+  void steady(SetAtWork& work, const Moment& now, std::span<const Moment* const> beside) const {
+    const Stopwatch steadying;
+    steady_surface(now, beside, {.voxel_m = grid_.voxel_m, .lattice = lattice_}, work.result.mesh);
+    work.result.times.steady = steadying.ms();
+  }
+
+  void make_colours(SetAtWork& work) const {
+    const Stopwatch texturing;
+    Reconstruction& result = work.result;
+    std::vector<TextureCamera> cameras;
+    for (size_t c = 0; c < work.frames.size(); ++c) {
+      if (work.frames[c] != nullptr) {
+        cameras.push_back({&rig_[c].model, work.frames[c]});
+        result.cameras.push_back(rig_[c].name);
+      }
+    }
+    std::sort(result.cameras.begin(), result.cameras.end());
+    const TextureOptions options{.depth_tolerance_m = kDepthToleranceVoxels * grid_.voxel_m,
+                                 .occluder_radius_m = kTriangleRadiusVoxels * grid_.voxel_m};
+    result.mesh.colours = colour_vertices(result.mesh, cameras, options).colours;
+    result.times.texture = texturing.ms();
   }
 
   void encode(SetAtWork& work) const {
@@ -136,23 +167,6 @@ class Reconstructor::Impl {
     work.result.times.deform = deforming.ms();
   }
 
-  void colour(SetAtWork& work) const {
-    const Stopwatch texturing;
-    Reconstruction& result = work.result;
-    std::vector<TextureCamera> cameras;
-    for (size_t c = 0; c < work.frames.size(); ++c) {
-      if (work.frames[c] != nullptr) {
-        cameras.push_back({&rig_[c].model, work.frames[c]});
-        result.cameras.push_back(rig_[c].name);
-      }
-    }
-    std::sort(result.cameras.begin(), result.cameras.end());
-    const TextureOptions options{.depth_tolerance_m = kDepthToleranceVoxels * grid_.voxel_m,
-                                 .occluder_radius_m = kTriangleRadiusVoxels * grid_.voxel_m};
-    result.mesh.colours = colour_vertices(result.mesh, cameras, options).colours;
-    result.times.texture = texturing.ms();
-  }
-
   /// The frame of each camera of the rig; null where it has none that can be used.
   std::vector<const Frame*> usable_frames(const FrameSet& set) const {
     std::vector<const Frame*> frames(rig_.size(), nullptr);
@@ -167,6 +181,7 @@ class Reconstructor::Impl {
   }
 
   const Rig rig_;
+  const std::vector<CameraModel> models_;
   const VoxelGrid grid_;
   const VertexLattice lattice_;       ///< of the compact frames
   std::optional<Deformer> deformer_;  ///< for Quality::kHigh
@@ -186,5 +201,12 @@ Reconstruction Reconstructor::reconstruct(FrameSet set) {
 }
 void Reconstructor::make_mesh(SetAtWork& work) { impl_->make_mesh(work); }
 void Reconstructor::encode(SetAtWork& work) const { impl_->encode(work); }
+void Reconstructor::make_surface(SetAtWork& work) { impl_->make_surface(work); }
+Moment Reconstructor::moment_of(const SetAtWork& work) const { return impl_->moment_of(work); }
+void Reconstructor::steady(SetAtWork& work, const Moment& now,
+                           std::span<const Moment* const> beside) const {
+  impl_->steady(work, now, beside);
+}
+void Reconstructor::make_colours(SetAtWork& work) const { impl_->make_colours(work); }
 
 }  // namespace v3d

@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <memory>
+#include <span>
 #include <string>
 #include <utility>
 #include <vector>
@@ -12,6 +13,7 @@
 #include "base/mesh.h"
 #include "base/studio_file.h"
 #include "recon/deform.h"
+#include "recon/moment.h"
 
 namespace v3d {
 
@@ -34,7 +36,7 @@ struct ReconstructOptions {
 
 /// Wall-clock milliseconds of each stage; negative where the stage did not run.
 struct StageTimes {
-  double intersect = -1, mesh = -1, deform = -1, texture = -1, encode = -1;
+  double intersect = -1, mesh = -1, deform = -1, steady = -1, texture = -1, encode = -1;
 };
 
 struct Reconstruction {
@@ -80,6 +82,14 @@ class Reconstructor {
   /// may work on different sets at the same time.
   void make_mesh(SetAtWork& work);
   void encode(SetAtWork& work) const;
+
+  /// make_mesh() in two parts, for who has pulses before and after it: the surface without colours,
+  /// then, in between, steady(), then the colours. `moment_of` wants a surface.
+  void make_surface(SetAtWork& work);
+  Moment moment_of(const SetAtWork& work) const;
+  /// steady_surface(). Requires Quality::kHigh.
+  void steady(SetAtWork& work, const Moment& now, std::span<const Moment* const> beside) const;
+  void make_colours(SetAtWork& work) const;
 
  private:
   class Impl;

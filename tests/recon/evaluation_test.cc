@@ -45,6 +45,45 @@ TEST(SurfaceDistance, tells_what_is_too_much_from_what_is_missing) {
   EXPECT_LT(extra.completeness_p90_mm, 0.01);
 }
 
+TEST(SurfaceDistance, tells_how_much_of_the_truth_is_covered) {
+  const Mesh one = shapes::sphere({0, 0, 0}, 0.2F, 24);
+  Mesh both = one;
+  shapes::append(both, shapes::sphere({1, 0, 0}, 0.2F, 24));
+  EXPECT_NEAR(compare_surfaces(one, both).covered_10mm, 0.5, 0.01);
+  EXPECT_EQ(compare_surfaces(both, one).covered_2mm, 1);
+}
+
+TEST(SurfaceChange, is_flicker_where_the_truth_stands_still_and_error_where_it_moves) {
+  // One ball stands still and is 3 mm larger the second time; one moves, and is left behind.
+  const Mesh still = shapes::sphere({0, 0, 0}, 0.200F, 64);
+  const Mesh grown = shapes::sphere({0, 0, 0}, 0.203F, 64);
+  const Mesh begin = shapes::sphere({1, 0, 0}, 0.200F, 64);
+  const Mesh end = shapes::sphere({1.05F, 0, 0}, 0.200F, 64);
+  const auto together = [](Mesh a, const Mesh& b) {
+    shapes::append(a, b);
+    return a;
+  };
+  const Mesh truth_before = together(still, begin), truth_now = together(still, end);
+  const Mesh made_now = together(grown, begin);
+  const SurfaceChange change =
+      compare_in_time({&truth_before, &truth_before}, {&made_now, &truth_now});
+  EXPECT_NEAR(change.still, 0.5, 0.05);
+  EXPECT_NEAR(change.flicker_p50_mm, 3, 0.1);
+  EXPECT_GT(change.moving, 0.4);
+  EXPECT_GT(change.moving_p50_mm, 10);
+  const SurfaceChange nothing =
+      compare_in_time({&truth_before, &truth_before}, {&truth_now, &truth_now});
+  EXPECT_LT(nothing.flicker_p90_mm, 0.01);
+  EXPECT_LT(nothing.moving_p90_mm, 0.01);
+}
+
+TEST(SurfaceChange, is_nothing_without_surfaces) {
+  const Mesh ball = shapes::sphere({0, 0, 0}, 0.2F, 8), none;
+  EXPECT_EQ(compare_in_time({&none, &ball}, {&ball, &ball}).still, 0);
+  EXPECT_EQ(compare_in_time({&ball, &ball}, {&none, &ball}).still, 0);
+  EXPECT_EQ(compare_in_time({&ball, &none}, {&ball, &ball}).moving, 0);
+}
+
 TEST(SurfaceDistance, sees_normals_that_are_turned) {
   Mesh flat = shapes::patch(0.5F, 0, 8);
   Mesh turned = flat;

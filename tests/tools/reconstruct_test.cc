@@ -18,6 +18,8 @@
 #include "take/take.h"
 #include "tools/pictures.h"
 #include "v3dctl/evaluate.h"
+#include "v3dctl/evaluation_page.h"
+#include "v3dctl/evaluation_pictures.h"
 #include "v3dctl/import.h"
 #include "v3dctl/media.h"
 #include "v3dctl/mesh_export.h"
@@ -113,28 +115,67 @@ TEST_F(Reconstruct, leaves_out_the_cameras_that_it_is_told_to) {
 TEST_F(Reconstruct, is_measured_by_a_camera_that_took_no_part) {
   request_.leave_out = {"c"};
   reconstruct_take(request_);
-  const auto reports = evaluate_held_out(request_.take, {"c"});
+  const auto reports = evaluate_held_out({request_.take}, {"c"});
   EXPECT_EQ(reports[0].frames, 1);
   EXPECT_GT(reports[0].iou, 0.8);
   EXPECT_GT(reports[0].psnr_db, 10);
 }
 
+size_t count_of_pictures(const std::string& page) {
+  size_t count = 0;
+  for (size_t at = page.find("data:image"); at != std::string::npos;
+       at = page.find("data:image", at + 1)) {
+    ++count;
+  }
+  return count;
+}
+
+TEST_F(Reconstruct, is_shown_beside_the_photograph_and_other_meshes_of_the_take) {
+  request_.leave_out = {"c"};
+  reconstruct_take(request_);
+  fs::copy_file(TakePaths{request_.take}.mesh(), folder_ / "other.v3d");
+  EvaluationPage page{.columns = {{"mesh.v3d", {request_.take}, {}, {}},
+                                  {"other", {request_.take, folder_ / "other.v3d"}, {}, {}}},
+                      .truth = {},
+                      .held_out = {"c"}};
+  for (EvaluatedColumn& column : page.columns) {
+    column.held_out = evaluate_held_out(column.evaluated, page.held_out);
+  }
+  const std::string html = evaluation_html(page);
+  EXPECT_EQ(count_of_pictures(html), 5) << "a photograph; twice a rendering and its difference";
+  EXPECT_THAT(html, AllOf(HasSubstr("photograph"), HasSubstr("c: PSNR"), HasSubstr("</html>")));
+}
+
+TEST_F(Reconstruct, is_painted_with_its_distance_from_the_truth) {
+  reconstruct_take(request_);
+  const Mesh mesh = MeshFrames(request_.take).read(0).mesh;
+  Mesh larger = mesh;
+  for (Eigen::Vector3f& v : larger.vertices) v *= 1.2F;
+  const Image right = painted_errors(mesh, mesh).at(0), wrong = painted_errors(larger, mesh).at(0);
+  const auto middle = [](const Image& image) {
+    const uint8_t* p = image.row(image.size.height / 2) + 3 * (image.size.width / 2);
+    return std::pair(p[0], p[2]);
+  };
+  EXPECT_LT(middle(right).first, middle(right).second) << "blue";
+  EXPECT_GT(middle(wrong).first, middle(wrong).second) << "red";
+}
+
 TEST_F(Reconstruct, is_not_measured_by_a_camera_that_took_part) {
   reconstruct_take(request_);
-  EXPECT_THROW(evaluate_held_out(request_.take, {"c"}), InputError);
-  EXPECT_THROW(evaluate_held_out(request_.take, {"zoe"}), InputError);
+  EXPECT_THROW(evaluate_held_out({request_.take}, {"c"}), InputError);
+  EXPECT_THROW(evaluate_held_out({request_.take}, {"zoe"}), InputError);
 }
 
 TEST_F(Reconstruct, is_measured_against_the_true_surface) {
   reconstruct_take(request_);
   fs::create_directories(folder_ / "truth");
   write_ply(folder_ / "truth/000000.ply", MeshFrames(request_.take).read(0).mesh);
-  const TruthReport report = evaluate_truth(request_.take, folder_ / "truth");
+  const TruthReport report = evaluate_truth({request_.take}, folder_ / "truth");
   EXPECT_EQ(report.frames, 1);
   EXPECT_LT(report.distance.accuracy_p90_mm, 0.01);
   EXPECT_GT(report.distance.f_score_2mm, 0.999);
   fs::remove(folder_ / "truth/000000.ply");
-  EXPECT_THROW(evaluate_truth(request_.take, folder_ / "truth"), InputError);
+  EXPECT_THROW(evaluate_truth({request_.take}, folder_ / "truth"), InputError);
 }
 
 TEST_F(Reconstruct, finds_its_space_where_most_cameras_look) {

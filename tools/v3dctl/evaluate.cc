@@ -10,7 +10,6 @@
 #include "recon/self_intersection.h"
 #include "recon/silhouette.h"
 #include "v3dctl/interrupt.h"
-#include "v3dctl/mesh_frames.h"
 #include "v3dctl/statistics.h"
 #include "v3dctl/take_frames.h"
 #include "v3dctl/view_colours.h"
@@ -26,20 +25,67 @@ fs::path truth_of(const fs::path& folder, int64_t frame) {
   return folder / name;
 }
 
-SurfaceDistance median_of(const std::vector<SurfaceDistance>& frames) {
-  constexpr double SurfaceDistance::*kFigures[] = {
-      &SurfaceDistance::accuracy_p50_mm,     &SurfaceDistance::accuracy_p90_mm,
-      &SurfaceDistance::completeness_p50_mm, &SurfaceDistance::completeness_p90_mm,
-      &SurfaceDistance::f_score_2mm,         &SurfaceDistance::f_score_5mm,
-      &SurfaceDistance::f_score_10mm,        &SurfaceDistance::normal_error_deg};
-  SurfaceDistance middle;
-  for (const auto figure : kFigures) {
+/// Figure by figure.
+template <class Figures, size_t kCount>
+Figures medians(const std::vector<Figures>& frames, double Figures::*const (&figures)[kCount]) {
+  Figures middle;
+  for (const auto figure : figures) {
     std::vector<double> values;
-    for (const SurfaceDistance& frame : frames) values.push_back(frame.*figure);
+    for (const Figures& frame : frames) values.push_back(frame.*figure);
     middle.*figure = median(values);
   }
   return middle;
 }
+
+constexpr double SurfaceDistance::*kDistances[] = {
+    &SurfaceDistance::accuracy_p50_mm,     &SurfaceDistance::accuracy_p90_mm,
+    &SurfaceDistance::completeness_p50_mm, &SurfaceDistance::completeness_p90_mm,
+    &SurfaceDistance::f_score_2mm,         &SurfaceDistance::f_score_5mm,
+    &SurfaceDistance::f_score_10mm,        &SurfaceDistance::covered_2mm,
+    &SurfaceDistance::covered_5mm,         &SurfaceDistance::covered_10mm,
+    &SurfaceDistance::normal_error_deg};
+constexpr double SurfaceChange::*kChanges[] = {
+    &SurfaceChange::still,  &SurfaceChange::flicker_p50_mm, &SurfaceChange::flicker_p90_mm,
+    &SurfaceChange::moving, &SurfaceChange::moving_p50_mm,  &SurfaceChange::moving_p90_mm};
+
+/// A frame and its true surface.
+struct KnownFrame {
+  int64_t frame = 0;
+  Mesh mesh, truth;
+};
+
+/// Figures of frames that come one after the other.
+class TruthMeter {
+ public:
+  void add(KnownFrame now) {
+    distances_.push_back(compare_surfaces(now.mesh, now.truth));
+    crossings_.push_back(static_cast<double>(self_intersections(now.mesh).size()));
+    if (before_ && before_->frame + 1 == now.frame) {
+      changes_.push_back(
+          compare_in_time({&before_->mesh, &before_->truth}, {&now.mesh, &now.truth}));
+    }
+    before_ = std::move(now);
+  }
+  TruthReport result() const {
+    TruthReport report;
+    report.frames = std::ssize(distances_);
+    report.distance = medians(distances_, kDistances);
+    report.least_covered_10mm = 1;
+    for (const SurfaceDistance& frame : distances_) {
+      report.least_covered_10mm = std::min(report.least_covered_10mm, frame.covered_10mm);
+    }
+    report.self_intersections = median(crossings_);
+    report.in_a_row = std::ssize(changes_);
+    report.change = medians(changes_, kChanges);
+    return report;
+  }
+
+ private:
+  std::optional<KnownFrame> before_;
+  std::vector<SurfaceDistance> distances_;
+  std::vector<double> crossings_;
+  std::vector<SurfaceChange> changes_;
+};
 
 void require_held_out(const CompactFrame& frame, const std::vector<std::string>& cameras) {
   for (const std::string& camera : cameras) {
@@ -66,41 +112,46 @@ void compare_with_photograph(const Mesh& mesh, const CameraModel& camera,
 
 }  // namespace
 
-TruthReport evaluate_truth(const fs::path& take, const fs::path& truth) {
-  MeshFrames meshes(take);
-  TruthReport report;
-  std::vector<SurfaceDistance> distances;
-  std::vector<double> crossings;
+MeshFrames frames_of(const Evaluated& evaluated) {
+  return evaluated.meshes ? MeshFrames(evaluated.take, *evaluated.meshes)
+                          : MeshFrames(evaluated.take);
+}
+
+std::optional<Mesh> read_truth(const fs::path& truth, int64_t frame) {
+  const fs::path file = truth_of(truth, frame);
+  return fs::exists(file) ? std::optional(read_ply(file)) : std::nullopt;
+}
+
+TruthReport evaluate_truth(const Evaluated& evaluated, const fs::path& truth) {
+  MeshFrames meshes = frames_of(evaluated);
+  TruthMeter meter;
+  int64_t without_truth = 0;
   const std::vector<int64_t> frames = meshes.frames({});
   Progress progress("compare with the truth", std::ssize(frames));
   for (const int64_t frame : frames) {
     stop_if_interrupted();
-    const fs::path file = truth_of(truth, frame);
-    if (fs::exists(file)) {
-      const Mesh mesh = meshes.read(frame).mesh;
-      distances.push_back(compare_surfaces(mesh, read_ply(file)));
-      crossings.push_back(static_cast<double>(self_intersections(mesh).size()));
+    if (auto known = read_truth(truth, frame)) {
+      meter.add({frame, meshes.read(frame).mesh, *std::move(known)});
     } else {
-      ++report.without_truth;
+      ++without_truth;
     }
     progress.advance();
   }
-  if (distances.empty()) {
+  if (without_truth == std::ssize(frames)) {
     throw InputError(
         truth_of(truth, frames.front()).string() +
         ": is not there, nor the truth of any other frame; want DIR/000012.ply for frame 12");
   }
-  report.frames = std::ssize(distances);
-  report.distance = median_of(distances);
-  report.self_intersections = median(crossings);
+  TruthReport report = meter.result();
+  report.without_truth = without_truth;
   return report;
 }
 
-std::vector<HeldOutReport> evaluate_held_out(const fs::path& take,
+std::vector<HeldOutReport> evaluate_held_out(const Evaluated& evaluated,
                                              const std::vector<std::string>& cameras,
                                              bool view_dependent) {
-  MeshFrames meshes(take);
-  TakeFrames recorded(take, cameras);
+  MeshFrames meshes = frames_of(evaluated);
+  TakeFrames recorded(evaluated.take, cameras);
   std::vector<Samples> samples(cameras.size());
   const std::vector<int64_t> frames = meshes.frames({});
   Progress progress("compare with the cameras", std::ssize(frames));
@@ -110,7 +161,7 @@ std::vector<HeldOutReport> evaluate_held_out(const fs::path& take,
     require_held_out(compact, cameras);
     const auto views = recorded.read(frame);
     std::optional<ViewColours> colours;
-    if (view_dependent) colours.emplace(take, compact);
+    if (view_dependent) colours.emplace(evaluated.take, compact);
     for (size_t i = 0; i < cameras.size(); ++i) {
       if (!views[i] || views[i]->mask.count() == 0) continue;
       const CameraModel& eye = recorded.rig()[i].model;

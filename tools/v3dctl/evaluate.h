@@ -3,23 +3,38 @@
 #pragma once
 
 #include <filesystem>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "recon/evaluation.h"
+#include "v3dctl/mesh_frames.h"
 
 namespace v3d::ctl {
+
+/// What is evaluated. Without `meshes` it is the take's mesh.v3d; another mesh file of the same
+/// take may be one of another quality, say.
+struct Evaluated {
+  std::filesystem::path take;
+  std::optional<std::filesystem::path> meshes{};
+};
+MeshFrames frames_of(const Evaluated& evaluated);
 
 /// Medians over the frames that have a true surface.
 struct TruthReport {
   int64_t frames = 0;
   int64_t without_truth = 0;  ///< reconstructed frames that have no PLY
   SurfaceDistance distance;
+  double least_covered_10mm = 0;  ///< in the worst frame
   double self_intersections = 0;  ///< pairs of triangles
+  int64_t in_a_row = 0;           ///< frames with a truth whose pulse before has one too
+  SurfaceChange change;           ///< medians over these
 };
 
 /// `truth`/000012.ply is the true surface of frame 12. Throws InputError when no frame has one.
-TruthReport evaluate_truth(const std::filesystem::path& take, const std::filesystem::path& truth);
+TruthReport evaluate_truth(const Evaluated& evaluated, const std::filesystem::path& truth);
+/// The true surface of a frame; empty when there is none.
+std::optional<Mesh> read_truth(const std::filesystem::path& truth, int64_t frame);
 
 /// Means over the frames in which the camera sees something.
 struct HeldOutReport {
@@ -32,7 +47,7 @@ struct HeldOutReport {
 
 /// `view_dependent`: the mesh is drawn in the colours that ViewColours gives it for the camera.
 /// Throws InputError for a camera that the take does not have or that took part.
-std::vector<HeldOutReport> evaluate_held_out(const std::filesystem::path& take,
+std::vector<HeldOutReport> evaluate_held_out(const Evaluated& evaluated,
                                              const std::vector<std::string>& cameras,
                                              bool view_dependent = false);
 

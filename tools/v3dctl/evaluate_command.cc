@@ -1,10 +1,11 @@
 #include <cstdio>
 #include <nlohmann/json.hpp>
-#include <optional>
 
 #include "base/error.h"
+#include "base/file.h"
 #include "v3dctl/command.h"
 #include "v3dctl/evaluate.h"
+#include "v3dctl/evaluation_page.h"
 #include "v3dctl/interrupt.h"
 #include "v3dctl/options.h"
 
@@ -16,6 +17,8 @@ using Json = nlohmann::ordered_json;
 struct Arguments {
   std::filesystem::path take;
   std::filesystem::path truth;
+  std::filesystem::path beside;
+  std::filesystem::path report;
   std::string held_out;
   bool view_dependent = false;
   bool json = false;
@@ -29,8 +32,18 @@ void put_truth(Json& json, const TruthReport& report) {
                          {"completeness_p50", d.completeness_p50_mm},
                          {"completeness_p90", d.completeness_p90_mm}};
   json["f_score"] = {{"2mm", d.f_score_2mm}, {"5mm", d.f_score_5mm}, {"10mm", d.f_score_10mm}};
+  json["covered"] = {{"2mm", d.covered_2mm},
+                     {"5mm", d.covered_5mm},
+                     {"10mm", d.covered_10mm},
+                     {"10mm_least", report.least_covered_10mm}};
   json["normal_error_deg"] = d.normal_error_deg;
   json["self_intersections"] = report.self_intersections;
+  if (report.in_a_row == 0) return;
+  const SurfaceChange& c = report.change;
+  json["flicker_mm"] = {
+      {"p50", c.flicker_p50_mm}, {"p90", c.flicker_p90_mm}, {"still_part", c.still}};
+  json["moving_mm"] = {
+      {"p50", c.moving_p50_mm}, {"p90", c.moving_p90_mm}, {"moving_part", c.moving}};
 }
 
 void put_held_out(Json& json, const std::vector<HeldOutReport>& reports) {
@@ -50,6 +63,17 @@ void put_held_out(Json& json, const std::vector<HeldOutReport>& reports) {
   }
 }
 
+void print_change(const SurfaceChange& change) {
+  if (change.still > 0) {
+    std::printf("flicker       %.2f mm half, %.2f mm nine tenths of what stands still (%.0f %%)\n",
+                change.flicker_p50_mm, change.flicker_p90_mm, 100 * change.still);
+  }
+  if (change.moving > 0) {
+    std::printf("moving        %.2f mm half, %.2f mm nine tenths of what moves (%.0f %%)\n",
+                change.moving_p50_mm, change.moving_p90_mm, 100 * change.moving);
+  }
+}
+
 void print_truth(const TruthReport& report) {
   const SurfaceDistance& d = report.distance;
   std::printf("%lld frames against the truth (medians over frames)\n",
@@ -60,9 +84,12 @@ void print_truth(const TruthReport& report) {
               d.completeness_p50_mm, d.completeness_p90_mm);
   std::printf("f-score       %.3f at 2 mm, %.3f at 5 mm, %.3f at 10 mm\n", d.f_score_2mm,
               d.f_score_5mm, d.f_score_10mm);
+  std::printf("covered       %.3f of the truth within 10 mm, %.3f in the worst frame\n",
+              d.covered_10mm, report.least_covered_10mm);
   std::printf("normals       %.1f degrees off\n", d.normal_error_deg);
   std::printf("crossings     %.0f pairs of triangles go through each other\n",
               report.self_intersections);
+  if (report.in_a_row > 0) print_change(report.change);
 }
 
 void print_held_out(const std::vector<HeldOutReport>& reports) {
@@ -73,34 +100,71 @@ void print_held_out(const std::vector<HeldOutReport>& reports) {
   }
 }
 
+EvaluatedColumn measure(const Arguments& arguments, const std::vector<std::string>& cameras,
+                        const std::string& name, const Evaluated& evaluated) {
+  EvaluatedColumn column{name, evaluated, {}, {}};
+  if (!arguments.truth.empty()) column.truth = evaluate_truth(evaluated, arguments.truth);
+  if (!cameras.empty()) {
+    column.held_out = evaluate_held_out(evaluated, cameras, arguments.view_dependent);
+  }
+  return column;
+}
+
+Json to_json(const EvaluatedColumn& column) {
+  Json json = {
+      {"frames", nullptr},     {"distance_mm", nullptr},      {"f_score", nullptr},
+      {"covered", nullptr},    {"normal_error_deg", nullptr}, {"self_intersections", nullptr},
+      {"flicker_mm", nullptr}, {"moving_mm", nullptr},        {"held_out", Json::array()}};
+  if (column.truth) put_truth(json, *column.truth);
+  if (!column.held_out.empty()) put_held_out(json, column.held_out);
+  return json;
+}
+
+void print_text(const std::vector<EvaluatedColumn>& columns) {
+  for (const EvaluatedColumn& column : columns) {
+    if (columns.size() > 1) std::printf("%s\n", column.name.c_str());
+    if (column.truth) print_truth(*column.truth);
+    if (!column.held_out.empty()) print_held_out(column.held_out);
+  }
+}
+
+void print_json(const std::vector<EvaluatedColumn>& columns) {
+  Json json = to_json(columns.front());
+  if (columns.size() > 1) json["beside"] = to_json(columns.back());
+  std::printf("%s\n", json.dump(2).c_str());
+}
+
+/// False when frames have no truth.
+bool whole(const Arguments& arguments, const EvaluatedColumn& column) {
+  if (!column.truth || column.truth->without_truth == 0) return true;
+  std::fprintf(stderr, "v3dctl: %lld frames have no truth in %s\n",
+               static_cast<long long>(column.truth->without_truth), arguments.truth.c_str());
+  return false;
+}
+
 int run(const Arguments& arguments) {
   const std::vector<std::string> cameras = parse_names(arguments.held_out, "--held-out");
   if (arguments.truth.empty() && cameras.empty()) {
     throw InputError("evaluate: give --truth DIR, --held-out CAM,... or both");
   }
   catch_interrupts();
-  Json json = {
-      {"frames", nullptr},           {"distance_mm", nullptr},        {"f_score", nullptr},
-      {"normal_error_deg", nullptr}, {"self_intersections", nullptr}, {"held_out", Json::array()}};
-  int status = kExitDone;
-  if (!arguments.truth.empty()) {
-    const TruthReport report = evaluate_truth(arguments.take, arguments.truth);
-    put_truth(json, report);
-    if (!arguments.json) print_truth(report);
-    if (report.without_truth > 0) {
-      std::fprintf(stderr, "v3dctl: %lld frames have no truth in %s\n",
-                   static_cast<long long>(report.without_truth), arguments.truth.c_str());
-      status = kExitNotWhole;
-    }
+  std::vector<EvaluatedColumn> columns = {
+      measure(arguments, cameras, "mesh.v3d", {arguments.take})};
+  if (!arguments.beside.empty()) {
+    columns.push_back(measure(arguments, cameras, arguments.beside.filename().string(),
+                              {arguments.take, arguments.beside}));
   }
-  if (!cameras.empty()) {
-    const std::vector<HeldOutReport> reports =
-        evaluate_held_out(arguments.take, cameras, arguments.view_dependent);
-    put_held_out(json, reports);
-    if (!arguments.json) print_held_out(reports);
+  if (arguments.json) {
+    print_json(columns);
+  } else {
+    print_text(columns);
   }
-  if (arguments.json) std::printf("%s\n", json.dump(2).c_str());
-  return status;
+  const bool all = whole(arguments, columns.front());
+  if (!arguments.report.empty()) {
+    replace_file(arguments.report, evaluation_html({std::move(columns), arguments.truth, cameras,
+                                                    arguments.view_dependent}));
+  }
+  return all ? kExitDone : kExitNotWhole;
 }
 
 }  // namespace
@@ -109,7 +173,8 @@ void add_evaluate(CommandLine& line) {
   CLI::App* command = line.add(
       "evaluate", "Measure the meshes of a take against the truth or against cameras left out",
       {"v3dctl evaluate sim-01 --truth truth --json",
-       "v3dctl reconstruct dancer --leave-out cam03 && v3dctl evaluate dancer --held-out cam03"});
+       "v3dctl reconstruct dancer --leave-out cam03 && v3dctl evaluate dancer --held-out cam03",
+       "v3dctl evaluate sim-01 --truth truth --beside sim-01/hull.v3d --report sim-01.html"});
   auto arguments = std::make_shared<Arguments>();
   command->add_option("TAKE", arguments->take, "The folder of a reconstructed take")->required();
   command
@@ -123,6 +188,16 @@ void add_evaluate(CommandLine& line) {
       ->type_name("CAM,...");
   command->add_flag("--view-dependent", arguments->view_dependent,
                     "Draw in the colours for the viewpoint of the camera that was left out");
+  command
+      ->add_option("--beside", arguments->beside,
+                   "Another mesh file of the same take, to be measured and shown beside: a copy of "
+                   "its mesh.v3d from before it was reconstructed otherwise")
+      ->type_name("FILE");
+  command
+      ->add_option("--report", arguments->report,
+                   "A page for people: the figures, the error painted on the mesh, photographs "
+                   "beside renderings")
+      ->type_name("FILE.html");
   add_json_flag(command, arguments->json);
   line.on_run(command, [arguments] { return run(*arguments); });
 }

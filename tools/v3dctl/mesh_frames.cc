@@ -7,13 +7,13 @@
 namespace v3d::ctl {
 namespace {
 
-std::filesystem::path mesh_of(const TakePaths& paths) {
+std::filesystem::path mesh_of(const TakePaths& paths, const std::filesystem::path& file) {
   load_take_info(paths);  // names what is missing when the folder is no take
-  if (!std::filesystem::exists(paths.mesh())) {
-    throw InputError(paths.mesh().string() + ": is not there: run v3dctl reconstruct " +
+  if (!std::filesystem::exists(file)) {
+    throw InputError(file.string() + ": is not there: run v3dctl reconstruct " +
                      paths.folder.string() + " first");
   }
-  return paths.mesh();
+  return file;
 }
 
 std::string text_of(FrameRange range) {
@@ -24,16 +24,20 @@ std::string text_of(FrameRange range) {
 
 }  // namespace
 
-MeshFrames::MeshFrames(const std::filesystem::path& take) : paths_{take}, file_(mesh_of(paths_)) {}
+MeshFrames::MeshFrames(const std::filesystem::path& take)
+    : MeshFrames(take, TakePaths{take}.mesh()) {}
+
+MeshFrames::MeshFrames(const std::filesystem::path& take, const std::filesystem::path& file)
+    : path_(mesh_of({take}, file)), file_(path_) {}
 
 std::vector<int64_t> MeshFrames::frames(FrameRange range) const {
   const std::vector<int64_t>& all = file_.pulses();
-  if (all.empty()) throw InputError(paths_.mesh().string() + ": holds no frames");
+  if (all.empty()) throw InputError(path_.string() + ": holds no frames");
   std::vector<int64_t> frames;
   std::copy_if(all.begin(), all.end(), std::back_inserter(frames),
                [&](int64_t frame) { return range.contains(frame); });
   if (frames.empty()) {
-    throw InputError("--frames " + text_of(range) + ": " + paths_.mesh().string() + " has frames " +
+    throw InputError("--frames " + text_of(range) + ": " + path_.string() + " has frames " +
                      std::to_string(all.front()) + " to " + std::to_string(all.back()));
   }
   return frames;
@@ -44,7 +48,7 @@ CompactFrame MeshFrames::read(int64_t frame) {
   std::optional<CompactFrame> compact;
   if (const auto bytes = file_.read(frame)) compact = decode_compact(*bytes);
   if (!compact) {
-    throw InputError(paths_.mesh().string() + ": frame " + std::to_string(frame) +
+    throw InputError(path_.string() + ": frame " + std::to_string(frame) +
                      " is damaged: reconstruct the take again");
   }
   return *std::move(compact);

@@ -15,6 +15,8 @@ class MeshFrames {
  public:
   /// Throws InputError when the folder is no take or was not reconstructed yet.
   explicit MeshFrames(const std::filesystem::path& take);
+  /// Another mesh file of the take, as copies of its mesh.v3d are.
+  MeshFrames(const std::filesystem::path& take, const std::filesystem::path& file);
 
   /// Frames in the range, rising. Throws InputError when there is none.
   std::vector<int64_t> frames(FrameRange range) const;
@@ -22,7 +24,7 @@ class MeshFrames {
   CompactFrame read(int64_t frame);
 
  private:
-  TakePaths paths_;
+  std::filesystem::path path_;
   MeshFileReader file_;
 };
 

@@ -20,6 +20,7 @@
 #include "take/mesh_file.h"
 #include "v3dctl/interrupt.h"
 #include "v3dctl/take_frames.h"
+#include "v3dctl/take_surfaces.h"
 #include "v3dctl/working_space.h"
 
 namespace v3d::ctl {
@@ -152,8 +153,8 @@ class SilhouetteMeter {
 };
 
 void add_stage_times(const StageTimes& times, double segment, ReconstructReport& report) {
-  const double parts[] = {segment,      times.intersect, times.mesh,
-                          times.deform, times.texture,   times.encode};
+  const double parts[] = {segment,      times.intersect, times.mesh,  times.deform,
+                          times.steady, times.texture,   times.encode};
   double total = 0;
   for (size_t stage = 0; stage < std::size(parts); ++stage) {
     if (parts[stage] < 0) continue;
@@ -187,10 +188,20 @@ ReconstructReport begin_report(const ReconstructOptions& options, const TakeFram
   report.min_views = options.min_views;
   report.threads = options.threads;
   for (const char* stage :
-       {"segment", "intersect", "mesh", "deform", "texture", "encode", "total"}) {
+       {"segment", "intersect", "mesh", "deform", "steady", "texture", "encode", "total"}) {
     report.stages.push_back({stage, {}});
   }
   return report;
+}
+
+/// The pulses beside those that are asked for are looked at too.
+std::vector<PulseFault> faults_among(const std::vector<int64_t>& pulses,
+                                     const std::vector<PulseFault>& all) {
+  std::vector<PulseFault> faults;
+  std::copy_if(all.begin(), all.end(), std::back_inserter(faults), [&](const PulseFault& fault) {
+    return std::binary_search(pulses.begin(), pulses.end(), fault.pulse);
+  });
+  return faults;
 }
 
 // The frames of a take on their way to mesh.v3d. The stages are those of the live reconstruction,
@@ -206,6 +217,8 @@ class Run {
             [&] { return SilhouetteMeter(take_.rig(), options_.bounds); })),
         mending_(request.mend ? std::optional<MaskMending>(std::in_place, take_.rig(), options_)
                               : std::nullopt),
+        surfaces_(take_, reconstructor_, mending_ ? &*mending_ : nullptr,
+                  request.steady && options_.quality == Quality::kHigh),
         report_(begin_report(options_, take_)),
         file_(take_.paths().mesh()),
         progress_("reconstruct", std::ssize(pulses_)) {
@@ -219,45 +232,36 @@ class Run {
         .wait();
     file_.finish();
     report_.mended = mending_.has_value();
-    if (mending_) report_.silhouette_faults = mending_->faults();
+    if (mending_) report_.silhouette_faults = faults_among(pulses_, mending_->faults());
     return std::move(report_);
   }
 
  private:
   struct Job {
     int64_t pulse = 0;
-    std::vector<std::optional<SegmentedFrame>> frames;
-    double segment_ms = 0;
-    SetAtWork work;
+    TakeSurface made{};
   };
 
   std::optional<Job> next() {
     stop_if_interrupted();
     if (next_ == pulses_.size()) return std::nullopt;
-    Job job;
-    job.pulse = pulses_[next_++];
-    return job;
+    return Job{pulses_[next_++]};
   }
 
   void make_mesh(Job& job) {
-    const Stopwatch segment;
-    job.frames = take_.read(job.pulse);
-    if (mending_) mending_->mend(job.pulse, job.frames);
-    job.work = SetAtWork(observe_all(job.pulse, job.frames));
-    job.work.set.exposure = take_.edge_of(job.pulse);
-    job.segment_ms = segment.ms();
-    reconstructor_.make_mesh(job.work);
+    job.made = surfaces_.make(job.pulse);
+    reconstructor_.make_colours(job.made.work);
   }
 
   void encode(Job& job) {
-    reconstructor_.encode(job.work);
-    file_.append(job.pulse, job.work.result.compact);
+    reconstructor_.encode(job.made.work);
+    file_.append(job.pulse, job.made.work.result.compact);
   }
 
   void measure(Job& job) {
-    const Reconstruction& result = job.work.result;
-    silhouettes_.measure(result.mesh, job.frames, report_);
-    add_stage_times(result.times, job.segment_ms, report_);
+    const Reconstruction& result = job.made.work.result;
+    silhouettes_.measure(result.mesh, job.made.frames, report_);
+    add_stage_times(result.times, job.made.segment_ms, report_);
     add_figures(result, report_);
     if (result.cameras.size() < take_.rig().size()) ++report_.incomplete;
     progress_.advance();
@@ -269,6 +273,7 @@ class Run {
   Reconstructor reconstructor_;
   const SilhouetteMeter silhouettes_;
   std::optional<MaskMending> mending_;
+  TakeSurfaces surfaces_;
   ReconstructReport report_;
   PendingMeshFile file_;
   Progress progress_;

@@ -21,6 +21,7 @@ struct ReconstructRequest {
   std::optional<int> min_views;    ///< else the studio's, else default_min_views()
   std::optional<Quality> quality;  ///< else the studio's, else live
   DeformOptions deform;            ///< for high quality
+  bool steady = true;              ///< with high quality: TakeSurfaces' smoothing over time
   bool mend = false;               ///< hold the silhouettes against each other first
   FrameRange frames;
   int threads = 0;  ///< 0: one per core
@@ -49,7 +50,7 @@ struct ReconstructReport {
   std::vector<std::vector<double>> camera_iou;  ///< the same, by camera
   bool mended = false;
   std::vector<PulseFault> silhouette_faults;  ///< where they were mended
-  std::vector<StageSamples> stages;  ///< segment intersect mesh deform texture encode total
+  std::vector<StageSamples> stages;  ///< segment intersect mesh deform steady texture encode total
   double seconds = 0;                ///< the whole run
   double peak_rss_mb = 0;            ///< of this process, 10^6 bytes
 };

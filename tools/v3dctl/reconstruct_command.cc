@@ -20,6 +20,7 @@ struct Arguments {
   ReconstructRequest request;
   std::string voxel, bounds, quality, deform, frames, leave_out;
   int min_views = 0;
+  bool alone = false;
   bool json = false;
 };
 
@@ -152,6 +153,10 @@ void add_options(CLI::App* command, Arguments& arguments) {
           "photometric=0.4, silhouette=0.3, window=5 samples a side, views=6 cameras at a time")
       ->type_name("NAME=VALUE,...");
   command->add_flag(
+      "--no-steady", arguments.alone,
+      "With high quality: every frame by itself, without the smoothing over time of what "
+      "stands still");
+  command->add_flag(
       "--mend", arguments.request.mend,
       "Hold the silhouettes of all cameras against each other first: fill pieces that "
       "are missing in one, drop phantoms, leave out cameras that are wrong");
@@ -175,6 +180,7 @@ int run(const CommandLine& line, Arguments arguments) {
   if (!arguments.quality.empty()) request.quality = parse_quality(arguments.quality);
   request.deform = parse_deform(arguments.deform);
   if (arguments.min_views > 0) request.min_views = arguments.min_views;
+  request.steady = !arguments.alone;
   request.frames = parse_frame_range(arguments.frames);
   request.leave_out = parse_names(arguments.leave_out, "--leave-out");
   request.studio = line.studio_of_take(request.take);

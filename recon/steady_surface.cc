@@ -1,0 +1,161 @@
+#include "recon/steady_surface.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "recon/neighbours.h"
+#include "recon/smooth_surface.h"
+#include "recon/untangle.h"
+#include "recon/vertex_loop.h"
+
+namespace v3d {
+namespace {
+
+using Eigen::Vector2f;
+using Eigen::Vector3f;
+
+constexpr float kLeastFacing = 0.3F;   ///< cosine: what is seen at a glance tells little of depth
+constexpr float kHiddenBehind = 0.6F;  ///< voxels; see SurfaceCamera::sees()
+constexpr float kMostSlant = 6;        ///< pixels' widths of depth within a pixel
+constexpr float kFarthest = 1;         ///< voxels: what lies farther away is something else
+constexpr int kNormalSmoothing = 2;
+
+/// Half resolution: less noise, and a wider view of what moves.
+constexpr int kLevel = 1;
+constexpr int kReach = 1;  ///< pixels of the level to each side that are compared
+/// Mean differences of brightness. That of two pictures of one thing is about 0.5 for the noise of
+/// a camera (1.5 grey values a pixel), 1 for a bad one.
+constexpr float kStill = 1.5F;
+constexpr float kMoving = 3;
+/// An outline may tremble by so many pixels without anything having moved.
+constexpr float kTremble = 3;
+
+/// What the moment beside says of a vertex.
+struct Witness {
+  float still = 1;   ///< 0 where something moved; the least of all cameras
+  float weight = 0;  ///< of the cameras that see both surfaces
+  float sum_m = 0;   ///< weight times the way along the normal to the other surface
+};
+
+int lattice_place(float at, float scale, float first) {
+  return static_cast<int>(std::floor(at * scale - first + 0.5F));
+}
+
+/// Mean absolute difference round a pixel of the camera; empty beyond the border of a picture.
+std::optional<float> difference(const Luminance& a, const Luminance& b, const Vector2f& pixel) {
+  constexpr int kRoom = Luminance::kBorder + kReach;
+  const auto corner = [&](const Luminance& p) -> const uint32_t* {
+    const int x = lattice_place(pixel.x(), p.scale(), p.first_u());
+    const int y = lattice_place(pixel.y(), p.scale(), p.first_v());
+    const bool inside = x >= kRoom && y >= kRoom && x < p.width() - kRoom && y < p.height() - kRoom;
+    return inside ? p.quads() + static_cast<size_t>(y) * p.width() + x : nullptr;
+  };
+  const uint32_t *from = corner(a), *to = corner(b);
+  if (from == nullptr || to == nullptr) return std::nullopt;
+  int sum = 0;
+  for (int dy = -kReach; dy <= kReach; ++dy) {
+    for (int dx = -kReach; dx <= kReach; ++dx) {
+      // The lowest byte of a quad is the pixel's own brightness.
+      sum += std::abs(static_cast<int>(from[dy * a.width() + dx] & 255) -
+                      static_cast<int>(to[dy * b.width() + dx] & 255));
+    }
+  }
+  return static_cast<float>(sum) / ((2 * kReach + 1) * (2 * kReach + 1));
+}
+
+/// True when the silhouette is nowhere near.
+bool lost(const SurfaceCamera& camera, const Vector2f& pixel) {
+  for (const Vector2f& aside : {Vector2f(0, 0), Vector2f(kTremble, 0), Vector2f(-kTremble, 0),
+                                Vector2f(0, kTremble), Vector2f(0, -kTremble)}) {
+    if (camera.in_silhouette(pixel + aside)) return false;
+  }
+  return true;
+}
+
+/// 1 where nothing moved, 0 where something did.
+float stillness(const SurfaceCamera& now, const SurfaceCamera& then, const Vector2f& pixel) {
+  if (lost(then, pixel)) return 0;
+  const auto change = difference(now.picture(kLevel), then.picture(kLevel), pixel);
+  return change ? std::clamp((kMoving - *change) / (kMoving - kStill), 0.0F, 1.0F) : 0;
+}
+
+/// A vertex as a camera sees it.
+struct SeenVertex {
+  SurfaceCamera::Seen seen;
+  float facing = 0;     ///< cosine
+  float per_depth = 0;  ///< metres along the normal for a metre of camera z
+};
+
+std::optional<SeenVertex> see(const Moment::View& view, const Vector3f& place,
+                              const Vector3f& normal, float voxel) {
+  const Vector3f way = place - view.camera.center();
+  const float facing = -way.dot(normal) / way.norm();
+  if (!(facing >= kLeastFacing)) return std::nullopt;
+  const auto seen = view.camera.project(place);
+  if (!seen) return std::nullopt;
+  const float slope = std::sqrt(std::max(0.0F, 1 - facing * facing)) / facing;
+  const float slant = view.camera.pixel_m_per_m() * seen->z * std::min(slope, kMostSlant);
+  if (!view.camera.sees(*seen, view.depth, kHiddenBehind * voxel + slant)) return std::nullopt;
+  return SeenVertex{*seen, facing, way.dot(normal) / seen->z};
+}
+
+void listen(const Moment::View& now, const Moment::View& then, const SeenVertex& vertex,
+            float farthest_m, Witness& witness) {
+  const Vector2f& pixel = vertex.seen.pixel;
+  witness.still = std::min(witness.still, stillness(now.camera, then.camera, pixel));
+  if (!then.camera.in_silhouette(pixel)) return;
+  const int x = static_cast<int>(pixel.x()), y = static_cast<int>(pixel.y());
+  const float way = (then.depth.at(x, y) - now.depth.at(x, y)) * vertex.per_depth;
+  if (!(std::abs(way) <= farthest_m)) return;
+  witness.weight += vertex.facing;
+  witness.sum_m += vertex.facing * way;
+}
+
+Witness hear(const Moment& now, const Moment& then, const Vector3f& place, const Vector3f& normal,
+             float voxel) {
+  Witness witness;
+  for (size_t c = 0; c < now.cameras(); ++c) {
+    if (!now.view(c) || !then.view(c)) continue;
+    if (const auto vertex = see(*now.view(c), place, normal, voxel)) {
+      listen(*now.view(c), *then.view(c), *vertex, kFarthest * voxel, witness);
+    }
+  }
+  return witness;
+}
+
+/// What stands still beside something that moves may move the next moment: the least of a vertex
+/// and its neighbours.
+float least_still(const std::vector<Witness>& witnesses, const Neighbours& neighbours, size_t v) {
+  float still = witnesses[v].still;
+  for (const uint32_t n : neighbours.of(v)) still = std::min(still, witnesses[n].still);
+  return still;
+}
+
+}  // namespace
+
+void steady_surface(const Moment& now, std::span<const Moment* const> beside,
+                    const SteadyOptions& options, Mesh& mesh) {
+  const auto voxel = static_cast<float>(options.voxel_m);
+  const size_t count = mesh.vertices.size();
+  const Neighbours neighbours(mesh);
+  std::vector<Vector3f> normals = vertex_normals(mesh), start = mesh.vertices, work;
+  smooth_normals(neighbours, kNormalSmoothing, normals, work);
+  std::vector<float> sums(count, 0.0F), weights(count, 1.0F);
+  std::vector<Witness> witnesses(count);
+  for (const Moment* then : beside) {
+    for_each_vertex(count, [&](size_t v) {
+      witnesses[v] = hear(now, *then, mesh.vertices[v], normals[v], voxel);
+    });
+    for_each_vertex(count, [&](size_t v) {
+      const Witness& w = witnesses[v];
+      if (!(w.weight > 0)) return;
+      const float still = least_still(witnesses, neighbours, v);
+      sums[v] += still * w.sum_m / w.weight;
+      weights[v] += still;
+    });
+  }
+  for_each_vertex(count, [&](size_t v) { mesh.vertices[v] += sums[v] / weights[v] * normals[v]; });
+  untangle(neighbours, start, options.lattice, mesh);
+}
+
+}  // namespace v3d

@@ -1,0 +1,43 @@
+// What is right and wrong about a reconstruction, to be seen.
+#pragma once
+
+#include <vector>
+
+#include "base/camera_model.h"
+#include "base/image.h"
+#include "base/mask.h"
+#include "base/mesh.h"
+#include "v3dctl/segmented_log.h"
+
+namespace v3d::ctl {
+
+/// The colours of the errors, evenly from 0 to kWorstErrorMm; what is worse has the last.
+inline constexpr double kWorstErrorMm = 20;
+inline constexpr Rgb8 kErrorColours[] = {
+    {49, 100, 180}, {116, 183, 215}, {245, 240, 190}, {247, 158, 85}, {200, 30, 40}};
+
+/// The mesh in the colours of its distance from the truth, from four sides. The cameras stand round
+/// the truth, so that pictures of several meshes are of the same places.
+std::vector<Image> painted_errors(const Mesh& mesh, const Mesh& truth);
+
+/// What a camera that took no part photographed, cut down to the person.
+class HeldOutPicture {
+ public:
+  /// Requires a mask with foreground.
+  HeldOutPicture(const CameraModel& camera, const SegmentedFrame& frame);
+  Image photograph() const;
+  /// The mesh as the camera would see it, with the colours that it has.
+  Image rendering(const Mesh& mesh) const;
+  /// How far the two are apart inside the mask: from black to white for 64 grey values and more.
+  Image difference(const Mesh& mesh) const;
+
+ private:
+  Image cut(const Image& whole) const;
+
+  const CameraModel camera_;
+  const Mask mask_;
+  const Rect place_;
+  const Image photograph_;  ///< whole
+};
+
+}  // namespace v3d::ctl

@@ -1,0 +1,50 @@
+// The surfaces of a take, pulse by pulse, each held against those of the pulses beside it.
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <optional>
+#include <vector>
+
+#include "recon/reconstructor.h"
+#include "v3dctl/mask_mending.h"
+#include "v3dctl/take_frames.h"
+
+namespace v3d::ctl {
+
+/// A pulse of a take, as far as its surface; the mesh has no colours yet.
+struct TakeSurface {
+  std::vector<std::optional<SegmentedFrame>> frames;
+  double segment_ms = 0;
+  SetAtWork work;
+};
+
+/// The window is one pulse to each side, as far as the take has them, and a surface depends on
+/// nothing else: it is the same in whatever order and in however many parts a take is
+/// reconstructed. One caller at a time, in its TBB arena.
+class TakeSurfaces {
+ public:
+  /// All are borrowed; `mending` may be null. Without `steady` every pulse stands alone.
+  TakeSurfaces(TakeFrames& take, Reconstructor& reconstructor, MaskMending* mending, bool steady);
+
+  /// Requires that pulses rise, and that the take has them. Throws as TakeFrames::read().
+  TakeSurface make(int64_t pulse);
+
+ private:
+  /// A surface before it is held against others, and what it is held against.
+  struct Raw {
+    TakeSurface surface;  ///< until it is given away
+    Moment moment;
+  };
+  TakeSurface surface_of(int64_t pulse);
+  const Moment* moment_at(int64_t pulse);
+
+  TakeFrames& take_;
+  Reconstructor& reconstructor_;
+  MaskMending* mending_;
+  const bool steady_;
+  const std::vector<int64_t> pulses_;  ///< of the take, rising
+  std::map<int64_t, Raw> window_;
+};
+
+}  // namespace v3d::ctl
