@@ -54,6 +54,21 @@ TEST_F(Studio4, records_a_take_whole_and_reconstructs_it_live) {
   EXPECT_FALSE(meshes.index_was_rebuilt());
 }
 
+/// Reconstructs a copy of the take elsewhere, without the studio (all that is needed is in the
+/// take), and gives the place of its meshes.
+std::filesystem::path reconstruct_copy(const std::string& v3dctl, const TakePaths& take,
+                                       const std::filesystem::path& folder,
+                                       const std::vector<std::string>& options = {}) {
+  const TakePaths copy{folder / "copy"};
+  std::filesystem::copy(take.folder, copy.folder, std::filesystem::copy_options::recursive);
+  std::filesystem::remove(copy.mesh());
+  std::vector<std::string> command = {v3dctl, "reconstruct", copy.folder};
+  command.insert(command.end(), options.begin(), options.end());
+  ChildProcess offline(command, folder / "v3dctl.log");
+  EXPECT_EQ(offline.wait(within(120)), 0) << offline.output();
+  return copy.mesh();
+}
+
 TEST_F(Studio4, reconstructs_a_recorded_take_to_the_same_bytes_as_live) {
   constexpr int kPulses = 40;  // so that the background is learnt from more than the first
   arm_and_start(kPulses);
@@ -61,15 +76,8 @@ TEST_F(Studio4, reconstructs_a_recorded_take_to_the_same_bytes_as_live) {
   const Answer stopped = command(CommandVerb::kStop);
   ASSERT_TRUE(stopped.done()) << text_of(stopped) << log();
 
-  // Elsewhere, without the studio: all that is needed is in the take.
-  const TakePaths copy{folder_ / "copy"};
-  std::filesystem::copy(take().folder, copy.folder, std::filesystem::copy_options::recursive);
-  std::filesystem::remove(copy.mesh());
-  ChildProcess offline({bin("v3dctl"), "reconstruct", copy.folder}, folder_ / "v3dctl.log");
-  ASSERT_EQ(offline.wait(within(120)), 0) << offline.output();
-
   MeshFileReader live(take().mesh());
-  MeshFileReader recorded(copy.mesh());
+  MeshFileReader recorded(reconstruct_copy(bin("v3dctl"), take(), folder_.path()));
   ASSERT_GE(live.pulses().size(), 1U) << log();
   EXPECT_EQ(recorded.pulses().size(), kPulses);
   for (const int64_t pulse : live.pulses()) {
@@ -81,6 +89,35 @@ TEST_F(Studio4, reconstructs_a_recorded_take_to_the_same_bytes_as_live) {
     ASSERT_TRUE(compact) << pulse.pulse;
     EXPECT_EQ(decode_compact(*compact).value().exposure, pulse.edge) << pulse.pulse;
   }
+}
+
+/// A surface that one thread cannot deform 20 times a second.
+class FineStudio4 : public Studio4 {
+ protected:
+  FineStudio4() : Studio4({.voxel = "12mm", .more = "quality = \"high\"\nthreads = 1\n"}) {}
+};
+
+TEST_F(FineStudio4, follows_in_high_quality_with_the_pulses_it_can_manage) {
+  constexpr int kPulses = 60;
+  arm_and_start(kPulses);
+  ASSERT_TRUE(reaches("cap01", "frames_written", 4 * kPulses)) << log();
+  const Answer stopped = command(CommandVerb::kStop);
+  ASSERT_TRUE(stopped.done()) << text_of(stopped) << log();
+
+  const auto recon = nlohmann::json::parse(stopped.replies.at("recon01").detail);
+  EXPECT_GT(recon["meshes"], 0) << recon;
+  EXPECT_EQ(recon["meshes"].get<int>() + recon["dropped"].get<int>(), kPulses) << recon;
+  MeshFileReader live(take().mesh());
+  ASSERT_EQ(live.pulses().size(), recon["meshes"]);
+  // Which pulses there are to compare with is chance, live: each stands alone.
+  const int64_t last = live.pulses().back();
+  const auto compact = live.read(last);
+  ASSERT_TRUE(compact);
+  EXPECT_LT(decode_compact(*compact).value().lattice.step, 0.001) << "it was deformed";
+  MeshFileReader recorded(reconstruct_copy(
+      bin("v3dctl"), take(), folder_.path(),
+      {"--no-steady", "--frames", std::to_string(last) + ":" + std::to_string(last + 1)}));
+  EXPECT_EQ(recorded.read(last), compact);
 }
 
 TEST_F(Studio4, tells_when_a_train_of_known_length_has_ended) {
