@@ -1,6 +1,8 @@
 #include "base/calib_file.h"
 
 #include <algorithm>
+#include <cmath>
+#include <span>
 #include <string>
 
 #include "base/error.h"
@@ -12,8 +14,8 @@ namespace v3d {
 namespace {
 
 ImageSize read_size(const TomlTable& camera) {
-  const std::vector<int64_t> size = camera.integers("size");
-  const auto fits = [](int64_t n) { return n > 0 && n <= kMaxImageSide; };
+  const std::vector<double> size = camera.numbers("size");  // Pose2Sim writes 1024.0
+  const auto fits = [](double n) { return n > 0 && n <= kMaxImageSide && n == std::floor(n); };
   if (size.size() != 2 || !fits(size[0]) || !fits(size[1])) {
     camera.fail("size", "expected [width, height] in pixels, each from 1 to " +
                             std::to_string(kMaxImageSide));
@@ -21,19 +23,24 @@ ImageSize read_size(const TomlTable& camera) {
   return {static_cast<int>(size[0]), static_cast<int>(size[1])};
 }
 
-Eigen::Matrix3d read_matrix(const TomlTable& camera) {
-  const auto rows = camera.rows("matrix");
+Eigen::Matrix3d read_3x3(const TomlTable& camera, std::string_view key) {
+  const auto rows = camera.rows(key);
   const bool is_3x3 = rows.size() == 3 && std::all_of(rows.begin(), rows.end(),
                                                       [](const auto& r) { return r.size() == 3; });
   if (!is_3x3) {
-    camera.fail("matrix", "expected 3 rows of 3 numbers");
+    camera.fail(key, "expected 3 rows of 3 numbers");
   }
-  Eigen::Matrix3d k;
+  Eigen::Matrix3d m;
   for (int i = 0; i < 3; ++i) {
     for (int j = 0; j < 3; ++j) {
-      k(i, j) = rows[i][j];
+      m(i, j) = rows[i][j];
     }
   }
+  return m;
+}
+
+Eigen::Matrix3d read_matrix(const TomlTable& camera) {
+  const Eigen::Matrix3d k = read_3x3(camera, "matrix");
   if (!(k(0, 0) > 0 && k(1, 1) > 0) || k(1, 0) != 0 || k.row(2) != Eigen::RowVector3d(0, 0, 1)) {
     camera.fail("matrix", "expected [[fx, skew, cx], [0, fy, cy], [0, 0, 1]] with fx, fy > 0");
   }
@@ -68,9 +75,10 @@ RigCamera read_camera(const TomlTable& camera) {
   if (camera.boolean_or("fisheye", false)) {
     camera.fail("fisheye", "fisheye lenses are not supported; calibrate with the pinhole model");
   }
-  return {name, CameraModel(read_size(camera), read_matrix(camera), read_distortion(camera),
-                            RigidTransform::from_rodrigues(read_vector(camera, "rotation"),
-                                                           read_vector(camera, "translation")))};
+  return {name,
+          CameraModel(read_size(camera), read_matrix(camera), read_distortion(camera),
+                      RigidTransform::from_rodrigues(read_vector(camera, "rotation"),
+                                                     read_vector(camera, "translation")))};
 }
 
 template <class Range>
@@ -82,18 +90,23 @@ std::string number_list(const Range& values) {
   return text + "]";
 }
 
+std::string matrix_text(const Eigen::Matrix3d& matrix) {
+  std::string text;
+  for (int i = 0; i < 3; ++i) {
+    const Eigen::RowVector3d row = matrix.row(i);
+    text += (i > 0 ? ", " : "[") + number_list(row);
+  }
+  return text + "]";
+}
+
 std::string camera_text(const RigCamera& camera) {
   const CameraModel& m = camera.model;
+  const int used = std::max(5, used_distortions(m.distortion()));  // others read the first five
   const Eigen::Vector3d rotation = m.cam_from_world().rodrigues();
   const Eigen::Vector3d& translation = m.cam_from_world().translation;
-  std::string matrix;
-  for (int i = 0; i < 3; ++i) {
-    const Eigen::RowVector3d row = m.matrix().row(i);
-    matrix += (i > 0 ? ", " : "") + number_list(row);
-  }
   return "name = " + toml_string(camera.name) + "\nsize = [" + std::to_string(m.size().width) +
-         ", " + std::to_string(m.size().height) + "]\nmatrix = [" + matrix +
-         "]\ndistortions = " + number_list(m.distortion()) +
+         ", " + std::to_string(m.size().height) + "]\nmatrix = " + matrix_text(m.matrix()) +
+         "\ndistortions = " + number_list(std::span(m.distortion()).first(used)) +
          "\nrotation = " + number_list(rotation) + "\ntranslation = " + number_list(translation) +
          "\nfisheye = false\n";
 }
@@ -104,7 +117,7 @@ Rig parse_calib(std::string_view text, const std::filesystem::path& path) {
   const TomlTable file = TomlTable::parse(text, path);
   Rig rig;
   for (const auto& [key, camera] : file.sub_tables()) {
-    if (!key.starts_with("cam")) {
+    if (!key.starts_with("cam") && !camera.has("matrix")) {
       continue;  // [metadata] and the like, which calibration tools add
     }
     RigCamera read = read_camera(camera);

@@ -7,19 +7,20 @@
 
 namespace v3d {
 
-/// One [cam_*] table per camera: name, size [width, height], matrix (3x3, pixels), distortions (0,
-/// 4, 5, 8, 12 or 14 numbers, OpenCV order), rotation (Rodrigues, cam_from_world), translation
-/// (metres). Order of the file. Throws InputError with file, line and field: missing or ill-typed
-/// fields, wrong lengths, two cameras of one name, names that are no file names, a matrix that is
-/// no camera matrix, fisheye = true (not supported).
+/// One [cam_*] table per camera (Pose2Sim's are named as it likes, and have a matrix): name, size
+/// [width, height], matrix (3x3, pixels), distortions (0, 4, 5, 8, 12 or 14 numbers, OpenCV order),
+/// rotation (Rodrigues, cam_from_world), translation (metres). Order of the
+/// file. Throws InputError with file, line and field: missing or ill-typed fields, wrong lengths,
+/// two cameras of one name, names that are no file names, a matrix that is no camera matrix,
+/// fisheye = true (not supported).
 Rig load_calib(const std::filesystem::path& path);
 
 /// The same from text; `path` names it in messages.
 Rig parse_calib(std::string_view text, const std::filesystem::path& path);
 
-/// Writes what load_calib() reads back to the last bits (a rotation vector is not a rotation
-/// matrix). Where a result must be the same to the bit, copy the file instead. Replaces the file in
-/// one step.
+/// As many distortions as are used: 5, 8, 12 or 14. Writes what load_calib() reads back to the last
+/// bits (a rotation vector is not a rotation matrix). Where a result must be the same to the bit,
+/// copy the file instead. Replaces the file in one step.
 void save_calib(const std::filesystem::path& path, const Rig& rig);
 
 }  // namespace v3d

@@ -157,6 +157,14 @@ CameraModel CameraModel::reduced(int factor) const {
   return small;
 }
 
+int used_distortions(const Distortion& distortion) {
+  for (const int count : {0, 4, 5, 8, 12}) {
+    const auto is_zero = [](double k) { return k == 0; };
+    if (std::all_of(distortion.begin() + count, distortion.end(), is_zero)) return count;
+  }
+  return static_cast<int>(distortion.size());
+}
+
 int find_camera(const Rig& rig, std::string_view name) {
   const auto found =
       std::find_if(rig.begin(), rig.end(), [&](const RigCamera& c) { return c.name == name; });

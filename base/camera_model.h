@@ -16,6 +16,8 @@ namespace v3d {
 
 /// OpenCV's order: k1 k2 p1 p2 k3 k4 k5 k6 s1 s2 s3 s4 tau_x tau_y; missing ones are 0.
 using Distortion = std::array<double, 14>;
+/// How many count: 0, 4, 5, 8, 12 or 14; what lies behind is 0.
+int used_distortions(const Distortion& distortion);
 
 /// Pixel coordinates: the centre of the first pixel is (0, 0), as in OpenCV; a point belongs to the
 /// pixel whose centre is nearest (floor(u + 0.5)). It is inside the image when that pixel exists.

@@ -25,11 +25,13 @@ std::vector<std::string_view> fields_of(std::string_view line) {
   }
 }
 
+/// From 0 on, and so small that differences of two are numbers too.
 std::optional<int64_t> whole_number(std::string_view text) {
+  constexpr int64_t kMost = int64_t{1} << 53;
   int64_t value = 0;
   const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
   if (error != std::errc() || end != text.data() + text.size()) return std::nullopt;
-  return value;
+  return value >= 0 && value < kMost ? std::optional(value) : std::nullopt;
 }
 
 struct Columns {
@@ -83,7 +85,7 @@ TimeStamps parse_time_stamps(std::string_view csv, const std::filesystem::path& 
     const auto frame = whole_number(fields[columns.frame]);
     if (!instant || !frame) {
       throw InputError(path.string() + ":" + std::to_string(line_number) +
-                       ": sync_index and frame_index must be whole numbers");
+                       ": sync_index and frame_index must be whole numbers from 0 on");
     }
     stamps[std::string(fields[columns.camera])][*frame] = *instant;
   }

@@ -59,6 +59,14 @@ TEST(CalibFile, saved_and_loaded_again_is_the_same_rig) {
       1e-14);
 }
 
+TEST(CalibFile, is_read_as_Pose2Sim_writes_it) {
+  std::string text = with("[cam_0]", "[left]");
+  text.replace(text.find("[1024, 768]"), 11, "[ 1024.0, 768.0]");
+  const Rig rig = parse_calib(text, "Calib.toml");
+  ASSERT_EQ(rig.size(), 1U);
+  EXPECT_EQ(rig[0].model.size(), (ImageSize{1024, 768}));
+}
+
 TEST(CalibFile, with_a_missing_field_names_file_line_and_field) {
   EXPECT_EQ(message_for(with("rotation = [1.98, -0.054, -0.035]\n", "")),
             "calib.toml:1: cam_0.rotation: missing");

@@ -22,21 +22,20 @@ int64_t stride_of(int64_t announced, const Sampling& sampling) {
   return std::max<int64_t>(1, (announced + sampling.most - 1) / sampling.most);
 }
 
+std::string frame_name(int64_t number) { return "frame " + std::to_string(number); }
+
+}  // namespace
+
 std::vector<fs::path> matching_files(const std::string& pattern) {
   glob_t found{};
   glob(pattern.c_str(), GLOB_TILDE, nullptr, &found);
   std::vector<fs::path> files(found.gl_pathv, found.gl_pathv + found.gl_pathc);
   globfree(&found);
-  std::erase_if(files, [](const fs::path& file) { return !ctl::has_image_name(file); });
   std::sort(files.begin(), files.end(), [](const fs::path& a, const fs::path& b) {
     return strverscmp(a.c_str(), b.c_str()) < 0;
   });
   return files;
 }
-
-std::string frame_name(int64_t number) { return "frame " + std::to_string(number); }
-
-}  // namespace
 
 PictureSource open_video(const fs::path& file, const Sampling& sampling) {
   auto reader = std::make_shared<ctl::VideoReader>(file);
@@ -55,7 +54,8 @@ PictureSource open_video(const fs::path& file, const Sampling& sampling) {
 }
 
 PictureSource open_images(const std::string& pattern) {
-  const std::vector<fs::path> files = matching_files(pattern);
+  std::vector<fs::path> files = matching_files(pattern);
+  std::erase_if(files, [](const fs::path& file) { return !ctl::has_image_name(file); });
   if (files.empty()) {
     throw InputError(pattern + ": no image has such a name (quote the pattern: 'boards/*.png')");
   }

@@ -6,6 +6,7 @@
 #include <functional>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "base/image.h"
 
@@ -31,9 +32,11 @@ struct Sampling {
   int most = 300;
 };
 
-PictureSource open_video(const std::filesystem::path& file, const Sampling& sampling);
 /// Files that match a pattern of the shell ("boards/left*.jpg"), in the order of their numbers.
-/// Throws InputError when there is none.
+std::vector<std::filesystem::path> matching_files(const std::string& pattern);
+
+PictureSource open_video(const std::filesystem::path& file, const Sampling& sampling);
+/// Images among matching_files(). Throws InputError when there is none.
 PictureSource open_images(const std::string& pattern);
 /// The frames of one camera of a take.
 PictureSource open_take(const std::filesystem::path& take, const std::string& camera,

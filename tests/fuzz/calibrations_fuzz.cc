@@ -1,0 +1,58 @@
+// Calibrations of other programs and tables of time stamps: any text is read or refused by an
+// InputError, nothing else; and what was read can be written and read again. The first byte says
+// which reader is meant.
+#include "base/error.h"
+#include "calib/colmap_text.h"
+#include "calib/middlebury_par.h"
+#include "calib/opencv_file.h"
+#include "calib/time_stamps.h"
+#include "fuzz_input.h"
+
+namespace {
+
+using namespace v3d;
+using namespace v3d::calib;
+using test::must;
+
+void read_colmap(const std::string& text) {
+  // The two files, one behind the other.
+  const size_t end = std::min(text.find('\f'), text.size());
+  const Rig rig =
+      parse_colmap({text.substr(0, end), text.substr(std::min(end + 1, text.size()))}, "sparse");
+  must(parse_colmap(colmap_text(rig), "sparse").size() == rig.size());
+}
+
+void read_middlebury(const std::string& text) {
+  const Rig rig = parse_middlebury(text, {640, 480}, "par.txt");
+  must(parse_middlebury(middlebury_text(rig), {640, 480}, "par.txt").size() == rig.size());
+}
+
+void read_opencv(const std::string& text) {
+  for (const RigCamera& camera : parse_opencv(text, {"cam", ImageSize{640, 480}}, "cam.yml")) {
+    must(parse_opencv(opencv_text(camera, OpencvFormat::kYaml), {"x"}, "cam.yml")[0].name ==
+         camera.name);
+  }
+}
+
+void read_time_stamps(const std::string& text) {
+  const TimeStamps stamps = parse_time_stamps(text, "t.csv");
+  for (const auto& [camera, frames] : stamps) {
+    must(instants_of(stamps, camera, 100, "t.csv").size() == frames.size());
+  }
+}
+
+}  // namespace
+
+extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
+  test::FuzzInput input(data, size);
+  const char kind = static_cast<char>(input.number<uint8_t>());
+  const std::string text = input.rest();
+  try {
+    if (kind == 'c') read_colmap(text);
+    if (kind == 'm') read_middlebury(text);
+    if (kind == 'o') read_opencv(text);
+    if (kind == 't') read_time_stamps(text);
+  } catch (const v3d::InputError&) {
+  }
+  return 0;
+}

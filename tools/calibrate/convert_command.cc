@@ -1,0 +1,135 @@
+#include <algorithm>
+#include <charconv>
+#include <cstdio>
+#include <nlohmann/json.hpp>
+
+#include "base/error.h"
+#include "base/units.h"
+#include "calib/foreign_rig.h"
+#include "calibrate/commands.h"
+#include "calibrate/rig_formats.h"
+#include "v3dctl/options.h"
+
+namespace v3d::calibrate {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+struct Arguments {
+  std::string in;
+  std::string out;
+  std::string from;
+  std::string to;
+  std::string size;
+  std::string unit = "1m";
+  std::string up = "z";
+  bool json = false;
+};
+
+/// The one that was named, else what the path tells.
+RigFormat format_of(const std::string& named, const std::string& option, const std::string& path) {
+  if (!named.empty()) return parse_rig_format(named, option);
+  const auto guessed = guess_rig_format(path);
+  if (!guessed) {
+    throw InputError(path + ": its name tells no format; say it: " + option +
+                     " toml, opencv, opencv-xml, colmap or middlebury");
+  }
+  return *guessed;
+}
+
+std::optional<ImageSize> size_of(const std::string& text) {
+  if (text.empty()) return std::nullopt;
+  const char* const end = text.data() + text.size();
+  ImageSize size;
+  const auto width = std::from_chars(text.data(), end, size.width);
+  const bool crossed = width.ec == std::errc() && width.ptr != end && *width.ptr == 'x';
+  const auto height = crossed ? std::from_chars(width.ptr + 1, end, size.height) : width;
+  if (!crossed || height.ec != std::errc() || height.ptr != end ||
+      !calib::is_image_size(size.width, size.height)) {
+    throw InputError("--size " + text + ": expected WIDTHxHEIGHT in pixels, like 1024x768");
+  }
+  return size;
+}
+
+/// Metres between the two cameras that are farthest apart: tells a wrong unit at a glance.
+double extent_of(const Rig& rig) {
+  double most = 0;
+  for (const RigCamera& a : rig) {
+    for (const RigCamera& b : rig) {
+      most = std::max(most, (a.model.center() - b.model.center()).norm());
+    }
+  }
+  return most;
+}
+
+Json to_json(const Rig& rig, RigFormat from, RigFormat to,
+             const std::vector<std::filesystem::path>& written) {
+  Json cameras = Json::array(), files = Json::array();
+  for (const RigCamera& camera : rig) cameras.push_back(camera.name);
+  for (const auto& file : written) files.push_back(file.string());
+  return {{"from", name(from)},
+          {"to", name(to)},
+          {"cameras", cameras},
+          {"extent_m", extent_of(rig)},
+          {"files", files}};
+}
+
+int run(const Arguments& arguments) {
+  const RigFormat from = format_of(arguments.from, "--from", arguments.in);
+  const RigFormat to = format_of(arguments.to, "--to", arguments.out);
+  const Rig rig = calib::placed_rig(load_rig({arguments.in, from, size_of(arguments.size)}),
+                                    parse_length(arguments.unit), arguments.up);
+  const auto written = save_rig(arguments.out, to, rig);
+  if (arguments.json) {
+    std::printf("%s\n", to_json(rig, from, to, written).dump(2).c_str());
+    return kExitDone;
+  }
+  std::printf("%s: %s", arguments.out.c_str(), ctl::count_of(std::ssize(rig), "camera").c_str());
+  if (extent_of(rig) == 0) {
+    std::printf(", at the origin: it tells lenses alone");
+  } else {
+    std::printf(", the farthest two %s apart", format_length(extent_of(rig)).c_str());
+  }
+  std::printf("\n");
+  return kExitDone;
+}
+
+constexpr char kFormats[] = "toml, opencv, opencv-xml, colmap or middlebury";
+
+}  // namespace
+
+void add_convert(ctl::CommandLine& line, CLI::App* calibrate) {
+  CLI::App* command =
+      add_under(calibrate, "convert", "A calibration from or for another program",
+                {"v3dctl calibrate convert sparse/0 calib.toml --unit 1.37m --up -y",
+                 "v3dctl calibrate convert 'cam*/config.xml' calib.toml --size 644x486 --unit 1mm",
+                 "v3dctl calibrate convert dinoSR_par.txt calib.toml --size 640x480",
+                 "v3dctl calibrate convert calib.toml colmap --to colmap"});
+  auto arguments = std::make_shared<Arguments>();
+  command
+      ->add_option("IN", arguments->in,
+                   "calib.toml of aniposelib or Pose2Sim, OpenCV's .yml or .xml of one camera (a "
+                   "folder or a quoted pattern for several), COLMAP's folder with cameras.txt and "
+                   "images.txt, Middlebury's _par.txt")
+      ->required();
+  command->add_option("OUT", arguments->out, "What to write; a folder for opencv and colmap")
+      ->required();
+  command->add_option("--from", arguments->from, std::string("Format of IN: ") + kFormats)
+      ->type_name("FORMAT");
+  command->add_option("--to", arguments->to, std::string("Format of OUT: ") + kFormats)
+      ->type_name("FORMAT");
+  command->add_option("--size", arguments->size, "Size of the images, where IN does not tell it")
+      ->type_name("WxH");
+  command
+      ->add_option("--unit", arguments->unit, "How long one unit of IN is: 1mm, or what scales it")
+      ->type_name("LEN")
+      ->capture_default_str();
+  command
+      ->add_option("--up", arguments->up, "Which axis of IN's world points up: x, -x, y, -y, z, -z")
+      ->type_name("AXIS")
+      ->capture_default_str();
+  ctl::add_json_flag(command, arguments->json);
+  line.on_run(command, [arguments] { return run(*arguments); });
+}
+
+}  // namespace v3d::calibrate
