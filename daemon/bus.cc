@@ -12,6 +12,8 @@
 #include <cstdio>
 #include <cstdlib>
 #include <list>
+#include <map>
+#include <mutex>
 #include <thread>
 
 #include "base/error.h"
@@ -83,22 +85,46 @@ class Bus::Impl {
                        static_cast<unsigned>(bytes.size())) == 0;
   }
 
-  void subscribe(const std::string& channels, Handler handler) {
+  Listening subscribe(const std::string& channels, Handler handler) {
     const std::lock_guard lock(mutex_);
-    handlers_.push_back(std::move(handler));
-    lcm_subscription_t* subscription =
-        lcm_subscribe(lcm_.get(), channels.c_str(), &Impl::on_message, &handlers_.back());
-    if (subscription == nullptr) fail_network(url_);
-    lcm_subscription_set_queue_capacity(subscription, kLcmQueue);
+    Topic& topic = topic_of(channels);
+    const auto place = topic.handlers.insert(topic.handlers.end(), std::move(handler));
     if (!receiver_.joinable()) receiver_ = std::thread([this] { receive(); });
+    return Listening([this, &topic, place] {
+      const std::lock_guard no_message(mutex_);
+      topic.handlers.erase(place);
+    });
   }
 
  private:
   static void on_nothing(const lcm_recv_buf_t*, const char*, void*) {}
 
-  static void on_message(const lcm_recv_buf_t* received, const char* channel, void* handler) {
-    (*static_cast<Handler*>(handler))(
-        channel, {static_cast<const uint8_t*>(received->data), received->data_size});
+  /// Those who listen to the same channels share what LCM keeps of it. That is never given back,
+  /// since LCM may be calling just then; there are few kinds of channels, and takes without end.
+  struct Topic {
+    Impl& bus;
+    std::list<Handler> handlers{};
+  };
+
+  Topic& topic_of(const std::string& channels) {
+    const auto [found, is_new] = topics_.try_emplace(channels, Topic{*this});
+    if (!is_new) return found->second;
+    lcm_subscription_t* subscription =
+        lcm_subscribe(lcm_.get(), channels.c_str(), &Impl::on_message, &found->second);
+    if (subscription == nullptr) {
+      topics_.erase(found);
+      fail_network(url_);
+    }
+    lcm_subscription_set_queue_capacity(subscription, kLcmQueue);
+    return found->second;
+  }
+
+  static void on_message(const lcm_recv_buf_t* received, const char* channel, void* user) {
+    const Topic& topic = *static_cast<Topic*>(user);
+    const std::lock_guard lock(topic.bus.mutex_);
+    for (const Handler& handler : topic.handlers) {
+      handler(channel, {static_cast<const uint8_t*>(received->data), received->data_size});
+    }
   }
 
   /// Sleeps until there is something: an idle studio costs nothing.
@@ -113,8 +139,8 @@ class Bus::Impl {
 
   const std::string url_;
   std::unique_ptr<lcm_t, Destroy> lcm_;
-  std::mutex mutex_;
-  std::list<Handler> handlers_;               // LCM holds their addresses
+  std::mutex mutex_;                          ///< the topics, while handlers run, too
+  std::map<std::string, Topic> topics_;       // LCM holds their addresses
   const int stop_ = eventfd(0, EFD_CLOEXEC);  ///< readable when the thread shall end
   std::thread receiver_;
 };
@@ -142,8 +168,8 @@ Bus::~Bus() = default;
 bool Bus::publish(const std::string& channel, std::span<const uint8_t> bytes) {
   return impl_->publish(channel, bytes);
 }
-void Bus::subscribe(const std::string& channels, Handler handler) {
-  impl_->subscribe(channels, std::move(handler));
+Bus::Listening Bus::subscribe(const std::string& channels, Handler handler) {
+  return impl_->subscribe(channels, std::move(handler));
 }
 
 }  // namespace v3d

@@ -9,6 +9,7 @@
 #include <span>
 #include <string>
 #include <type_traits>
+#include <utility>
 
 #include "daemon/bounded_queue.h"
 #include "daemon/message_seal.h"
@@ -37,12 +38,26 @@ class Bus {
   }
   MessageSeal& seal() { return seal_; }
 
-  /// `handler` runs on the receiving thread, must be short and must not throw; the bytes are only
-  /// borrowed. It is called as long as the bus lives.
+  /// A handler is called as long as this lives, which is not longer than the bus. When it is gone,
+  /// so is the handler, and does not run any more.
+  class Listening {
+   public:
+    explicit Listening(std::function<void()> end) : end_(std::move(end)) {}
+    Listening(Listening&& other) noexcept : end_(std::exchange(other.end_, nullptr)) {}
+    Listening& operator=(Listening&&) = delete;
+    ~Listening() {
+      if (end_) end_();
+    }
+
+   private:
+    std::function<void()> end_;
+  };
+  /// Runs on the receiving thread, must be short, must not throw and must not subscribe; the bytes
+  /// are only borrowed.
   using Handler = std::function<void(const std::string& channel, std::span<const uint8_t> bytes)>;
   /// `channels`: a regular expression for the whole name. Throws InputError when the network
   /// refuses.
-  void subscribe(const std::string& channels, Handler handler);
+  [[nodiscard]] Listening subscribe(const std::string& channels, Handler handler);
 
  private:
   class Impl;
@@ -78,16 +93,14 @@ class Subscription {
             }) {}
   /// `open` alone decides.
   Subscription(Bus& bus, const std::string& channels, size_t queue_limit, Open open)
-      : shared_(std::make_shared<Shared>(queue_limit, std::move(open))) {
-    // The bus keeps its handlers; this one keeps nothing alive and falls silent with us.
-    bus.subscribe(channels, [weak = std::weak_ptr<Shared>(shared_)](
-                                const std::string& channel, std::span<const uint8_t> bytes) {
-      if (const auto shared = weak.lock()) shared->receive(channel, bytes);
-    });
-  }
+      : inbox_(std::make_unique<Inbox>(queue_limit, std::move(open))),
+        listening_(bus.subscribe(channels, [inbox = inbox_.get()](const std::string& channel,
+                                                                  std::span<const uint8_t> bytes) {
+          inbox->receive(channel, bytes);
+        })) {}
 
   /// The next message, waiting until `deadline`; empty when none came.
-  std::optional<M> wait(MonotonicInstant deadline) { return shared_->queue.pop(deadline); }
+  std::optional<M> wait(MonotonicInstant deadline) { return inbox_->queue.pop(deadline); }
 
   /// The message when it is sealed and news; counted in the seal otherwise.
   static std::optional<M> open_sealed(MessageSeal& seal, NewsGate& gate,
@@ -114,10 +127,10 @@ class Subscription {
   }
 
   SubscriptionCounts counts() const {
-    return {.received = shared_->received,
-            .dropped = shared_->queue.dropped(),
-            .undecodable = shared_->undecodable,
-            .lost = shared_->lost};
+    return {.received = inbox_->received,
+            .dropped = inbox_->queue.dropped(),
+            .undecodable = inbox_->undecodable,
+            .lost = inbox_->lost};
   }
 
  private:
@@ -138,8 +151,8 @@ class Subscription {
     return true;
   }
 
-  struct Shared {
-    Shared(size_t limit, Open opener) : open(std::move(opener)), queue(limit) {}
+  struct Inbox {
+    Inbox(size_t limit, Open opener) : open(std::move(opener)), queue(limit) {}
 
     void receive(const std::string& channel, std::span<const uint8_t> bytes) {
       auto message = open(bytes);
@@ -169,8 +182,8 @@ class Subscription {
     std::atomic<int64_t> lost = 0;
   };
 
-  // Shared with the handler, which the bus may be running while this object goes away.
-  std::shared_ptr<Shared> shared_;
+  std::unique_ptr<Inbox> inbox_;
+  Bus::Listening listening_;  ///< goes first
 };
 
 }  // namespace v3d

@@ -129,6 +129,21 @@ TEST(Subscription, believes_nothing_where_somebody_insists_and_there_is_no_key) 
   EXPECT_EQ(events.counts().received, 0);
 }
 
+TEST(Bus, gives_back_what_nobody_listens_with_any_more_and_goes_on_for_the_others) {
+  Bus bus(kUrl);
+  Subscription<EventMessage> others(bus, kEventChannel, 8);
+  auto mine = std::make_shared<std::atomic<int>>(0);
+  std::optional<Bus::Listening> listening(bus.subscribe(
+      kEventChannel, [mine](const std::string&, std::span<const uint8_t>) { ++*mine; }));
+  bus.publish(kEventChannel, encode(event(1)));
+  ASSERT_TRUE(becomes_true([&] { return *mine == 1; }, within(10)));
+  listening.reset();
+  EXPECT_EQ(mine.use_count(), 1);
+  bus.publish(kEventChannel, encode(event(2)));
+  ASSERT_TRUE(becomes_true([&] { return others.counts().received == 2; }, within(10)));
+  EXPECT_EQ(*mine, 1);
+}
+
 TEST(Bus, names_the_field_and_the_remedy_when_the_network_cannot_be_joined) {
   const std::string message = test::message_of<InputError>([] { Bus bus("nonsense://"); });
   EXPECT_THAT(message, testing::HasSubstr("network.lcm_url: cannot join nonsense://"));
@@ -140,12 +155,13 @@ class FakeNode {
  public:
   FakeNode(std::string node, const StudioKey& key, std::vector<ReplyMessage::Outcome> outcomes)
       : node_(std::move(node)), key_(key), outcomes_(std::move(outcomes)), bus_(kUrl) {
-    bus_.subscribe(kCommandChannel, [this](const std::string&, std::span<const uint8_t> bytes) {
-      const auto command = decode<CommandMessage>(bytes);
-      const bool meant =
-          command && std::find(command->to.begin(), command->to.end(), node_) != command->to.end();
-      if (meant) answer(*command);
-    });
+    listening_.emplace(
+        bus_.subscribe(kCommandChannel, [this](const std::string&, std::span<const uint8_t> bytes) {
+          const auto command = decode<CommandMessage>(bytes);
+          const bool meant = command && std::find(command->to.begin(), command->to.end(), node_) !=
+                                            command->to.end();
+          if (meant) answer(*command);
+        }));
   }
 
  private:
@@ -163,6 +179,7 @@ class FakeNode {
   const std::vector<ReplyMessage::Outcome> outcomes_;
   size_t answered_ = 0;
   Bus bus_;
+  std::optional<Bus::Listening> listening_;  // last: it uses the rest
 };
 
 class OperatorClientTest : public testing::Test {

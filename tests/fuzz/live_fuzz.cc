@@ -10,6 +10,11 @@ using v3d::test::must;
 
 constexpr size_t kMostMessages = 256;
 
+/// Wraps, as what stands in a message may.
+int64_t near(int64_t pulse, int difference) {
+  return static_cast<int64_t>(static_cast<uint64_t>(pulse) + static_cast<uint64_t>(difference));
+}
+
 class Reconstruction {
  public:
   void take(v3d::test::FuzzInput& input) {
@@ -17,7 +22,7 @@ class Reconstruction {
     const auto byte = input.number<uint8_t>();
     frame.camera = "cam0" + std::to_string(byte % 4);  // of which cam03 is not expected
     // Near numbers are more telling than random ones.
-    pulse_ = byte & 4 ? input.number<int64_t>() : pulse_ + input.number<int8_t>() % 4;
+    pulse_ = byte & 4 ? input.number<int64_t>() : near(pulse_, input.number<int8_t>() % 4);
     frame.label.pulse = pulse_;
     const int64_t seq = byte & 8 ? input.number<int64_t>() : pulse_;
     now_ += std::chrono::milliseconds(byte >> 4);

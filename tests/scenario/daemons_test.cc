@@ -287,11 +287,12 @@ TEST_F(Studio4, counts_garbage_on_every_channel_and_records_all_the_same) {
 class Eavesdropper {
  public:
   explicit Eavesdropper(const std::string& url) : bus_(url) {
-    bus_.subscribe(kCommandChannel, [this](const std::string&, std::span<const uint8_t> bytes) {
-      const std::lock_guard lock(mutex_);
-      ++heard_;
-      if (recording_) recorded_.emplace_back(bytes.begin(), bytes.end());
-    });
+    listening_.emplace(
+        bus_.subscribe(kCommandChannel, [this](const std::string&, std::span<const uint8_t> bytes) {
+          const std::lock_guard lock(mutex_);
+          ++heard_;
+          if (recording_) recorded_.emplace_back(bytes.begin(), bytes.end());
+        }));
   }
   /// From now on only counts.
   std::vector<Bytes> recorded() {
@@ -315,7 +316,8 @@ class Eavesdropper {
   size_t heard_ = 0;
   bool recording_ = true;
   std::vector<Bytes> recorded_;
-  Bus bus_;  // last: its thread uses the rest
+  Bus bus_;
+  std::optional<Bus::Listening> listening_;  // last: it uses the rest
 };
 
 TEST_F(Studio4, obeys_none_of_thousands_of_forged_replayed_stale_and_changed_commands) {

@@ -27,10 +27,11 @@ class Stranger {
     Bytes bytes;
   };
   explicit Stranger(const std::string& url) : bus_(url) {
-    bus_.subscribe("V3D_.*", [this](const std::string& channel, std::span<const uint8_t> bytes) {
-      const std::lock_guard lock(mutex_);
-      if (heard_.size() < kMost) heard_.push_back({channel, {bytes.begin(), bytes.end()}});
-    });
+    listening_.emplace(bus_.subscribe(
+        "V3D_.*", [this](const std::string& channel, std::span<const uint8_t> bytes) {
+          const std::lock_guard lock(mutex_);
+          if (heard_.size() < kMost) heard_.push_back({channel, {bytes.begin(), bytes.end()}});
+        }));
   }
   std::vector<Heard> heard() {
     const std::lock_guard lock(mutex_);
@@ -42,7 +43,8 @@ class Stranger {
   static constexpr size_t kMost = 300;
   std::mutex mutex_;
   std::vector<Heard> heard_;
-  Bus bus_;  // last: its thread uses the rest
+  Bus bus_;
+  std::optional<Bus::Listening> listening_;  // last: it uses the rest
 };
 
 class ForgedStudio : public Studio4 {
