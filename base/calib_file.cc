@@ -67,6 +67,13 @@ Eigen::Vector3d read_vector(const TomlTable& camera, std::string_view key) {
   return {v[0], v[1], v[2]};
 }
 
+ColourResponse read_colour(const TomlTable& camera) {
+  ColourResponse colour;
+  if (camera.has("colour_black")) colour.black = read_vector(camera, "colour_black");
+  if (camera.has("colour_matrix")) colour.matrix = read_3x3(camera, "colour_matrix");
+  return colour;
+}
+
 RigCamera read_camera(const TomlTable& camera) {
   const std::string name = camera.text("name");
   if (!is_file_name(name)) {
@@ -78,7 +85,8 @@ RigCamera read_camera(const TomlTable& camera) {
   return {name,
           CameraModel(read_size(camera), read_matrix(camera), read_distortion(camera),
                       RigidTransform::from_rodrigues(read_vector(camera, "rotation"),
-                                                     read_vector(camera, "translation")))};
+                                                     read_vector(camera, "translation"))),
+          read_colour(camera)};
 }
 
 template <class Range>
@@ -99,6 +107,12 @@ std::string matrix_text(const Eigen::Matrix3d& matrix) {
   return text + "]";
 }
 
+std::string colour_text(const ColourResponse& colour) {
+  if (colour.is_identity()) return {};
+  return "colour_black = " + number_list(colour.black) +
+         "\ncolour_matrix = " + matrix_text(colour.matrix) + "\n";
+}
+
 std::string camera_text(const RigCamera& camera) {
   const CameraModel& m = camera.model;
   const int used = std::max(5, used_distortions(m.distortion()));  // others read the first five
@@ -108,7 +122,7 @@ std::string camera_text(const RigCamera& camera) {
          ", " + std::to_string(m.size().height) + "]\nmatrix = " + matrix_text(m.matrix()) +
          "\ndistortions = " + number_list(std::span(m.distortion()).first(used)) +
          "\nrotation = " + number_list(rotation) + "\ntranslation = " + number_list(translation) +
-         "\nfisheye = false\n";
+         "\nfisheye = false\n" + colour_text(camera.colour);
 }
 
 }  // namespace

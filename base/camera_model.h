@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "base/colour_response.h"
 #include "base/geometry.h"
 #include "base/image.h"
 
@@ -82,6 +83,7 @@ class CameraModel {
 struct RigCamera {
   std::string name;
   CameraModel model;
+  ColourResponse colour{};
 };
 using Rig = std::vector<RigCamera>;
 

@@ -2,27 +2,16 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdarg>
-#include <cstdint>
-#include <cstdio>
 
 #include "base/html.h"
 #include "calib/advice.h"
+#include "calib/print.h"
 #include "calib/view_choice.h"
 
 namespace v3d::calib {
 namespace {
 
 constexpr int kMostArrows = 600;  // of a camera: more is a smear, and a heavy file
-
-__attribute__((format(printf, 1, 2))) std::string print(const char* format, ...) {
-  char text[512];
-  va_list arguments;
-  va_start(arguments, format);
-  std::vsnprintf(text, sizeof text, format, arguments);
-  va_end(arguments);
-  return text;
-}
 
 std::string table(const RigFit& fit) {
   std::string html =

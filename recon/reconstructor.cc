@@ -111,7 +111,7 @@ class Reconstructor::Impl {
     std::vector<TextureCamera> cameras;
     for (size_t c = 0; c < work.frames.size(); ++c) {
       if (work.frames[c] != nullptr) {
-        cameras.push_back({&rig_[c].model, work.frames[c]});
+        cameras.push_back({&rig_[c].model, work.frames[c], &rig_[c].colour});
         result.cameras.push_back(rig_[c].name);
       }
     }
@@ -161,7 +161,8 @@ class Reconstructor::Impl {
     const Stopwatch deforming;
     std::vector<DeformCamera> cameras;
     for (size_t c = 0; c < work.frames.size(); ++c) {
-      if (work.frames[c] != nullptr) cameras.push_back({&rig_[c].model, work.frames[c]});
+      if (work.frames[c] != nullptr)
+        cameras.push_back({&rig_[c].model, work.frames[c], &rig_[c].colour});
     }
     deformer_->run(cameras, work.result.mesh);
     work.result.times.deform = deforming.ms();

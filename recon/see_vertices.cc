@@ -203,6 +203,18 @@ HWY_INLINE void find_seen(const VertexCamera& camera, const FacingVertices& faci
   found.count = count;
 }
 
+/// The camera's colours in the common response of its rig.
+HWY_INLINE Colour corrected(const SampleCorrection& correction, const Colour& colour) {
+  const Floats floats;
+  const auto channel = [&](int k) {
+    const Lanes sum = colour.channel[0] * correction.matrix(k, 0) +
+                      colour.channel[1] * correction.matrix(k, 1) +
+                      colour.channel[2] * correction.matrix(k, 2) + correction.offset[k];
+    return Lanes(hn::Clamp(sum.v, hn::Zero(floats), hn::Set(floats, 255.0F)));
+  };
+  return {channel(0), channel(1), channel(2)};
+}
+
 /// Adds colour and weight of every lane in `lanes` to the sums of its vertex.
 HWY_INLINE void add(const Colour& colour, Lanes weight, LaneMask lanes, LaneMask inner,
                     const int32_t* number, ColourSums& sums) {
@@ -233,7 +245,8 @@ HWY_INLINE void look_at_seen(const VertexCamera& camera, const SeenVertices& fou
     const MaskBits mask = look_at_mask(camera, pixel(u, roi.x0), pixel(v, roi.y0));
     LaneMask seen = hn::And(there, mask.foreground);
     if (bits_of(seen) == 0) continue;
-    const Colour colour = look(*camera.frame, u, v, seen);
+    Colour colour = look(*camera.frame, u, v, seen);
+    if (camera.colour) colour = corrected(*camera.colour, colour);
     const Lanes facing(hn::Load(floats, found.facing + i));
     const Lanes weight = camera.weight ? Lanes(*camera.weight) : facing;
     add(colour, weight, seen, mask.inner, found.number + i, sums);

@@ -5,6 +5,7 @@
 #include <cstddef>
 #include <optional>
 
+#include "base/colour_response.h"
 #include "base/frame.h"
 #include "recon/colour_mask.h"
 #include "recon/depth_cells.h"
@@ -12,6 +13,16 @@
 #include "recon/voxel_projection.h"
 
 namespace v3d {
+
+/// A ColourResponse as the inner loop applies it: common colour = matrix * sample + offset, kept
+/// within 0 to 255.
+struct SampleCorrection {
+  Eigen::Matrix3f matrix;
+  Eigen::Vector3f offset;
+  explicit SampleCorrection(const ColourResponse& response)
+      : matrix(response.matrix.cast<float>()),
+        offset((-response.matrix * response.black).cast<float>()) {}
+};
 
 /// A camera prepared for one frame. Immutable; safe to use from any thread.
 struct VertexCamera {
@@ -25,6 +36,7 @@ struct VertexCamera {
   float cell_m_per_m = 0;  ///< width of a depth cell in metres at one metre of distance
   /// What all its colours count; empty: the cosine between a vertex's normal and the optical axis.
   std::optional<float> weight;
+  std::optional<SampleCorrection> colour = std::nullopt;  ///< of all its samples
 };
 
 /// Sums over cameras for a block of vertices, the sums of equation (8): red, green and blue times

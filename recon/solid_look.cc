@@ -27,13 +27,15 @@ constexpr int kLeastPlaces = 12;
 constexpr double kMost = 0.6;
 
 struct View {
-  const CameraModel* model = nullptr;
+  const RigCamera* camera = nullptr;
   const Frame* frame = nullptr;
   DepthBuffer depth;  ///< reduced
 };
 
-/// Mean of a patch of the image, whatever the mask says; empty where the frame has no pixels.
-std::optional<Eigen::Vector3f> patch_colour(const Frame& frame, const Eigen::Vector2d& pixel) {
+/// Mean of a patch of the image in the common response of the rig, whatever the mask says; empty
+/// where the frame has no pixels.
+std::optional<Eigen::Vector3f> patch_colour(const RigCamera& camera, const Frame& frame,
+                                            const Eigen::Vector2d& pixel) {
   Eigen::Vector3f sum = Eigen::Vector3f::Zero();
   for (int dy = -kPatch; dy <= kPatch; dy += kPatch) {
     for (int dx = -kPatch; dx <= kPatch; dx += kPatch) {
@@ -43,7 +45,7 @@ std::optional<Eigen::Vector3f> patch_colour(const Frame& frame, const Eigen::Vec
       sum += *colour;
     }
   }
-  return sum / 9;
+  return camera.colour.corrected((sum / 9).cast<double>()).cast<float>();
 }
 
 std::vector<View> neighbours_of(const Rig& rig, std::span<const Frame* const> frames, size_t camera,
@@ -58,8 +60,7 @@ std::vector<View> neighbours_of(const Rig& rig, std::span<const Frame* const> fr
   std::vector<View> views;
   for (size_t n = 0; n < std::min(near.size(), kNeighbours); ++n) {
     const size_t c = near[n].second;
-    views.push_back(
-        {&rig[c].model, frames[c], draw_depth(surface, rig[c].model.reduced(kReduction))});
+    views.push_back({&rig[c], frames[c], draw_depth(surface, rig[c].model.reduced(kReduction))});
   }
   return views;
 }
@@ -67,15 +68,16 @@ std::vector<View> neighbours_of(const Rig& rig, std::span<const Frame* const> fr
 /// What the view sees of a place; empty where something hides it.
 std::optional<Eigen::Vector3f> colour_at(const View& view, const Eigen::Vector3d& place,
                                          double tolerance_m) {
-  const auto pixel = view.model->project(place);
-  if (!pixel || !view.model->inside_image(*pixel)) return {};
-  const double z = (view.model->cam_from_world() * place).z();
+  const CameraModel& model = view.camera->model;
+  const auto pixel = model.project(place);
+  if (!pixel || !model.inside_image(*pixel)) return {};
+  const double z = (model.cam_from_world() * place).z();
   const int x =
       std::min(static_cast<int>((pixel->x() + 0.5) / kReduction), view.depth.size.width - 1);
   const int y =
       std::min(static_cast<int>((pixel->y() + 0.5) / kReduction), view.depth.size.height - 1);
   if (z > view.depth.at(x, y) + tolerance_m) return {};
-  return patch_colour(*view.frame, *pixel);
+  return patch_colour(*view.camera, *view.frame, *pixel);
 }
 
 bool same(const Eigen::Vector3f& a, const Eigen::Vector3f& b) {
@@ -115,7 +117,7 @@ bool looks_solid(const Rig& rig, std::span<const Frame* const> frames, size_t ca
       const float z = depth.at(std::min(x / kReduction, depth.size.width - 1),
                                std::min(y / kReduction, depth.size.height - 1));
       const auto ray = model.ray(pixel);
-      const auto own = patch_colour(*frames[camera], pixel);
+      const auto own = patch_colour(rig[camera], *frames[camera], pixel);
       if (!std::isfinite(z) || !ray || !own) continue;
       const double along = z / model.viewing_direction().dot(*ray);
       const auto result =

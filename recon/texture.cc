@@ -50,6 +50,9 @@ std::vector<VertexCamera> prepare(const PointArrays& points, std::vector<Texture
     camera.axis = model.viewing_direction().cast<float>();
     camera.frame = cameras[c].frame;
     camera.mask = ColourMask(*camera.frame);
+    if (const ColourResponse* colour = cameras[c].colour; colour && !colour->is_identity()) {
+      camera.colour = SampleCorrection(*colour);
+    }
     if (options.view) camera.weight = weight_of(model, *options.view);
     camera.depth = DepthCells(points, middle, options.occluder_radius_m, model, camera.lens,
                               camera.frame->roi);

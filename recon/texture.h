@@ -24,10 +24,11 @@ std::optional<Eigen::Vector3f> sample_colour(ImageView image, double u, double v
 /// and where the frame's mask (if it has one) is background.
 std::optional<Eigen::Vector3f> sample_colour(const Frame& frame, double u, double v);
 
-/// What colours the mesh: both borrowed. Requires frame->sensor_size == model->size().
+/// What colours the mesh: borrowed. Requires frame->sensor_size == model->size().
 struct TextureCamera {
   const CameraModel* model = nullptr;
   const Frame* frame = nullptr;
+  const ColourResponse* colour = nullptr;  ///< null: its colours are taken as they are
 };
 
 /// A viewpoint as Algorithm 2 knows it.
@@ -61,12 +62,13 @@ struct Texture {
 
 /// Vertex v is visible in camera c when its normal faces the camera (V_c . N_v < 0 with V_c the
 /// optical axis), the depth cells show nothing before it, and sample_colour() finds a pixel. Its
-/// colour is the mean over those cameras, weighted by -V_c . N_v, or, for a viewpoint, by
-/// (V_eye . V_c + 2)^m, which is the same for all vertices. Beyond the paper, a camera in
-/// which the vertex is not ColourMask::inner() counts only where no other sees it: else the
-/// studio's walls would colour the rim of every silhouette. Vertices that no camera sees take the
-/// mean colour of their neighbours, pass by pass. Deterministic for any number of threads and any
-/// order of `cameras` (they are taken in the order of their names, which must differ).
+/// colour, every sample corrected by the camera's ColourResponse, is the mean over those cameras,
+/// weighted by -V_c . N_v, or, for a viewpoint, by (V_eye . V_c + 2)^m, which is the same for all
+/// vertices. Beyond the paper, a camera in which the vertex is not ColourMask::inner() counts only
+/// where no other sees it: else the studio's walls would colour the rim of every silhouette.
+/// Vertices that no camera sees take the mean colour of their neighbours, pass by pass.
+/// Deterministic for any number of threads and any order of `cameras` (they are taken in the order
+/// of their names, which must differ).
 Texture colour_vertices(const Mesh& mesh, std::span<const TextureCamera> cameras,
                         const TextureOptions& options);
 

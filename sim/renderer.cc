@@ -123,7 +123,10 @@ PerformerShot shoot(double seconds, uint64_t seed, double exposure_s) {
 }
 
 CameraRenderer::CameraRenderer(RigCamera camera, RenderOptions options)
-    : camera_(std::move(camera)), options_(options), noise_(normal_quantiles(options.noise)) {
+    : camera_(std::move(camera)),
+      options_(options),
+      sensor_(sensor_colour(camera_.name, options.colour_spread, options.seed)),
+      noise_(normal_quantiles(options.noise)) {
   const ImageSize size = camera_.model.size();
   samples_.resize(byte_count(size, options_.format));
   const std::vector<Vector3f> room = room_image(camera_.model, options_.seed);
@@ -135,7 +138,9 @@ CameraRenderer::CameraRenderer(RigCamera camera, RenderOptions options)
   plate_ = samples_;
 }
 
-void CameraRenderer::put(int x, int y, const Vector3f& colour) {
+void CameraRenderer::put(int x, int y, const Vector3f& light) {
+  const Vector3f colour =
+      options_.colour_spread == 0 ? light : Vector3f(sensor_.black + sensor_.matrix * light);
   const size_t pixel = static_cast<size_t>(y) * camera_.model.size().width + x;
   if (is_bayer(options_.format)) {
     samples_[pixel] = to_sample(colour[bayer_channel(options_.format, x, y)]);

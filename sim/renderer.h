@@ -10,6 +10,7 @@
 #include "sim/performer.h"
 #include "sim/raster.h"
 #include "sim/scene.h"
+#include "sim/sensor_colour.h"
 
 namespace v3d::sim {
 
@@ -46,11 +47,12 @@ class CameraRenderer {
   void draw_shadow(const PerformerShot& shot);
   void draw_body(const PerformerShot& shot);
   void draw_blade(const PerformerShot& shot);
-  void put(int x, int y, const Eigen::Vector3f& colour);
+  void put(int x, int y, const Eigen::Vector3f& light);
   void expose(uint64_t exposure_number, Image& image) const;
 
   RigCamera camera_;
   RenderOptions options_;
+  SensorColour sensor_;
   std::vector<uint16_t> plate_;    ///< samples of the empty room, grey value times 256
   std::vector<uint16_t> samples_;  ///< of the image being rendered, before noise
   std::vector<int16_t> noise_;     ///< quantiles of the normal distribution, grey value times 256

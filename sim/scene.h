@@ -27,6 +27,7 @@ struct RenderOptions {
   uint64_t seed = 1;
   double noise = 1.5;  ///< standard deviation, grey values
   double exposure_s = 0.001;
+  double colour_spread = 0;  ///< how much the colours of the cameras differ (sensor_colour.h)
 };
 
 /// What `camera` sees at `seconds`, the middle of the exposure; with_performer = false gives a

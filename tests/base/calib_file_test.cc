@@ -59,6 +59,20 @@ TEST(CalibFile, saved_and_loaded_again_is_the_same_rig) {
       1e-14);
 }
 
+TEST(CalibFile, tells_the_colour_response_of_a_camera_where_it_is_known) {
+  const std::filesystem::path path = testing::TempDir() + "/v3d_colour_test.toml";
+  Rig rig = parse_calib(kGood, "calib.toml");
+  EXPECT_TRUE(rig[0].colour.is_identity());
+  rig[0].colour.black = {4, 5, 6.5};
+  rig[0].colour.matrix << 1.1, 0.02, 0, -0.01, 0.9, 0, 0, 0.03, 1.25;
+  save_calib(path, rig);
+  const Rig again = load_calib(path);
+  std::filesystem::remove(path);
+  EXPECT_EQ(again[0].colour, rig[0].colour);
+  EXPECT_EQ(message_for(with("fisheye = false", "colour_black = [1, 2]")),
+            "calib.toml:8: cam_0.colour_black: expected 3 numbers, found 2");
+}
+
 TEST(CalibFile, is_read_as_Pose2Sim_writes_it) {
   std::string text = with("[cam_0]", "[left]");
   text.replace(text.find("[1024, 768]"), 11, "[ 1024.0, 768.0]");

@@ -179,6 +179,20 @@ TEST(Texture, blends_cameras_by_the_angle_between_axis_and_normal) {
   EXPECT_EQ(texture.unseen, 0);
 }
 
+TEST(Texture, corrects_every_camera_by_its_colour_response) {
+  const std::vector<Shot> shots{shot("dark", {-3, 0, 0}, {60, 55, 110}),
+                                shot("right", {3, 0, 0}, {100, 100, 200})};
+  ColourResponse dark;
+  dark.black = {10, 5, 10};
+  dark.matrix.diagonal() << 2, 2, 2;
+  std::vector<TextureCamera> cameras = borrow(shots);
+  cameras[0].colour = &dark;
+  const Mesh ball = shapes::sphere({0, 0, 0}, 0.5F, 24);
+  for (const Rgb8& colour : colour_vertices(ball, cameras, {}).colours) {
+    EXPECT_EQ(colour, (Rgb8{100, 100, 200}));
+  }
+}
+
 TEST(Texture, for_a_viewpoint_follows_the_cameras_that_look_the_same_way) {
   const double d = 3 / std::sqrt(2.0);
   const std::vector<Shot> shots{shot("a", {d, 0, d}, {200, 0, 0}),

@@ -193,6 +193,7 @@ void write_take(const SimulatedTake& take, const std::function<void(int64_t)>& p
 
   RenderOptions options;
   options.seed = take.seed;
+  options.colour_spread = take.colour_spread;
   Film film(take.rig, options);
   NoisySegmenter segmenter(take, write_backgrounds(paths, take.rig, film));
   std::vector<CameraLog> logs;

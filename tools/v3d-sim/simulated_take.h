@@ -19,6 +19,7 @@ struct SimulatedTake {
   double rate_hz = 25;
   double begin_s = 0;  ///< of the action, at pulse 0
   uint64_t seed = 1;
+  double colour_spread = 0;  ///< RenderOptions::colour_spread
   std::vector<Fault> faults;
   /// Frames get masks, our segmentation's with_outline_noise() of so many pixels; 0: no masks.
   double outline_noise_px = 0;

@@ -18,6 +18,7 @@ struct Arguments {
   double outline_noise_px = 0;
   std::string faults;
   std::string truth;
+  double colour_spread = 0;
 };
 
 int run(const Arguments& arguments) {
@@ -30,6 +31,7 @@ int run(const Arguments& arguments) {
   take.seed = arguments.studio.seed;
   take.begin_s = arguments.begin_s;
   take.outline_noise_px = arguments.outline_noise_px;
+  take.colour_spread = arguments.colour_spread;
   if (!arguments.faults.empty()) {
     take.faults = load_faults(arguments.faults, take.rig, take.frames);
   }
@@ -67,6 +69,10 @@ void add_take_command(CLI::App& app, int& status) {
   command.add_option("--truth", arguments->truth,
                      "Folder for the true surface of every pulse, 000000.ply ..., and of the "
                      "sword's blade alone, sword/000000.ply ...");
+  command
+      .add_option("--colour-spread", arguments->colour_spread,
+                  "How much the colours of the cameras differ: 1 as of unmatched cameras, 15 %")
+      ->check(CLI::Range(0.0, 4.0));
   command.footer(
       "Examples:\n"
       "  v3d-sim take takes/cut-01 --frames 100\n"

@@ -101,13 +101,14 @@ struct Samples {
   std::vector<double> psnr, similarity, iou;
 };
 
-void compare_with_photograph(const Mesh& mesh, const CameraModel& camera,
-                             const SegmentedFrame& frame, Samples& samples) {
-  const Image drawn = draw_mesh(mesh, camera);
-  const Image photograph = to_rgb(frame.raw.image.view());
+void compare_with_photograph(const Mesh& mesh, const RigCamera& camera, const SegmentedFrame& frame,
+                             Samples& samples) {
+  const Image drawn = draw_mesh(mesh, camera.model);
+  Image photograph = to_rgb(frame.raw.image.view());
+  correct(photograph, camera.colour);
   samples.psnr.push_back(psnr_db(drawn.view(), photograph.view(), frame.mask));
   samples.similarity.push_back(ssim(drawn.view(), photograph.view(), frame.mask));
-  samples.iou.push_back(intersection_over_union(draw_silhouette(mesh, camera), frame.mask));
+  samples.iou.push_back(intersection_over_union(draw_silhouette(mesh, camera.model), frame.mask));
 }
 
 }  // namespace
@@ -164,9 +165,9 @@ std::vector<HeldOutReport> evaluate_held_out(const Evaluated& evaluated,
     if (view_dependent) colours.emplace(evaluated.take, compact);
     for (size_t i = 0; i < cameras.size(); ++i) {
       if (!views[i] || views[i]->mask.count() == 0) continue;
-      const CameraModel& eye = recorded.rig()[i].model;
-      compare_with_photograph(colours ? colours->seen_by(eye, compact.mesh) : compact.mesh, eye,
-                              *views[i], samples[i]);
+      const RigCamera& eye = recorded.rig()[i];
+      compare_with_photograph(colours ? colours->seen_by(eye.model, compact.mesh) : compact.mesh,
+                              eye, *views[i], samples[i]);
     }
     progress.advance();
   }

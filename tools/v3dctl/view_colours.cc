@@ -26,7 +26,7 @@ Mesh ViewColours::seen_by(const CameraModel& eye, Mesh mesh) const {
   std::vector<TextureCamera> cameras;
   for (const Frame& frame : set_.frames) {
     const auto index = static_cast<size_t>(find_camera(rig_, frame.camera));
-    cameras.push_back({&rig_[index].model, &frame});
+    cameras.push_back({&rig_[index].model, &frame, &rig_[index].colour});
   }
   const double edge = edge_length(mesh);
   const TextureOptions options{.depth_tolerance_m = 3 * edge,

@@ -1,0 +1,198 @@
+#include <algorithm>
+#include <cstdio>
+#include <nlohmann/json.hpp>
+
+#include "base/calib_file.h"
+#include "base/error.h"
+#include "base/file.h"
+#include "calib/colour_report.h"
+#include "calibrate/colour_pictures.h"
+#include "calibrate/colour_places.h"
+#include "calibrate/commands.h"
+#include "v3dctl/interrupt.h"
+
+namespace v3d::calibrate {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+struct Arguments {
+  std::string calib;
+  std::string with = "surface,floor";
+  RigArguments sources;
+  std::vector<std::string> dark;
+  std::string out;
+  std::string report;
+  bool json = false;
+};
+
+/// What the colours are compared by.
+struct Ways {
+  bool surface = false, floor = false, chart = false, grey = false;
+};
+
+Ways parse_ways(const std::string& text) {
+  Ways ways;
+  for (const std::string& word : ctl::parse_names(text, "--with")) {
+    bool* const way = word == "surface" ? &ways.surface
+                      : word == "floor" ? &ways.floor
+                      : word == "chart" ? &ways.chart
+                      : word == "grey"  ? &ways.grey
+                                        : nullptr;
+    if (way == nullptr) {
+      throw InputError("--with " + word +
+                       ": expected chart, grey, surface, floor or surface,floor");
+    }
+    *way = true;
+  }
+  const int kinds = ways.chart + ways.grey + (ways.surface || ways.floor);
+  if (kinds != 1)
+    throw InputError("--with " + text + ": a chart, grey and views do not go together");
+  return ways;
+}
+
+std::vector<NamedSource> dark_sources(const std::vector<std::string>& patterns) {
+  std::vector<NamedSource> sources;
+  for (const auto& [camera, pattern] : ctl::parse_camera_files(patterns, "--dark")) {
+    sources.push_back({camera, open_images(pattern)});
+  }
+  return sources;
+}
+
+std::vector<calib::ColourSample> view_samples(const Ways& ways, const RigSources& sources,
+                                              const Rig& rig) {
+  if (sources.take.empty()) {
+    throw InputError("--with surface and floor look at a take: --take TAKE");
+  }
+  std::vector<calib::ColourSample> samples;
+  if (ways.surface) samples = surface_places(sources.take, rig, 0);
+  if (ways.floor) {
+    const int next = samples.empty() ? 0 : samples.back().place + 1;
+    const auto more = floor_places(sources.take, rig, next);
+    samples.insert(samples.end(), more.begin(), more.end());
+  }
+  return samples;
+}
+
+struct Result {
+  calib::ColourFit fit;
+  std::vector<calib::ColourSample> samples;
+};
+
+Result fit_colours(const Arguments& arguments, const Rig& rig) {
+  const Ways ways = parse_ways(arguments.with);
+  const RigSources sources = arguments.sources.sources();
+  calib::ColourOptions options;
+  for (const RigCamera& camera : rig) options.cameras.push_back(camera.name);
+  if (!arguments.dark.empty()) {
+    options.black = find_black(dark_sources(arguments.dark), options.cameras);
+  }
+  if (ways.chart) {
+    auto samples = find_charts(open_sources(sources), options.cameras);
+    return {fit_chart(samples, options), samples};
+  }
+  if (ways.grey) {
+    auto samples = find_grey(open_sources(sources), options.cameras);
+    return {fit_grey(samples, options), samples};
+  }
+  auto samples = view_samples(ways, sources, rig);
+  return {fit_views(samples, options), samples};
+}
+
+Json to_json(const calib::ColourDifference& difference) {
+  return {{"before", difference.before}, {"after", difference.after}};
+}
+
+Json to_json(const Rig& rig, const calib::ColourFit& fit) {
+  Json cameras = Json::array();
+  for (size_t i = 0; i < rig.size(); ++i) {
+    Json matrix = Json::array();
+    for (int row = 0; row < 3; ++row) {
+      const Eigen::RowVector3d r = rig[i].colour.matrix.row(row);
+      matrix.push_back({r[0], r[1], r[2]});
+    }
+    const Eigen::Vector3d& black = rig[i].colour.black;
+    cameras.push_back({{"name", rig[i].name},
+                       {"delta_e", to_json(fit.differences[i])},
+                       {"places", fit.differences[i].places},
+                       {"black", {black[0], black[1], black[2]}},
+                       {"matrix", matrix}});
+  }
+  return {{"delta_e", to_json(fit.overall)},
+          {"delta_e_p90", to_json(fit.ninety_percent)},
+          {"places", fit.overall.places},
+          {"cameras", cameras}};
+}
+
+void print_text(const Rig& rig, const calib::ColourFit& fit) {
+  size_t widest = 0;
+  for (const RigCamera& camera : rig) widest = std::max(widest, camera.name.size());
+  for (size_t i = 0; i < rig.size(); ++i) {
+    const calib::ColourDifference& d = fit.differences[i];
+    const std::string& name = rig[i].name;
+    if (d.places == 0) {
+      std::printf("%-*s  nothing that another camera shows too\n", static_cast<int>(widest),
+                  name.c_str());
+      continue;
+    }
+    std::printf("%-*s  Delta E %5.2f before, %5.2f after, %s\n", static_cast<int>(widest),
+                name.c_str(), d.before, d.after, ctl::count_of(d.places, "place").c_str());
+  }
+  std::printf("colour: Delta E (CIE 2000) %.2f before, %.2f after; nine tenths below %.2f, %.2f\n",
+              fit.overall.before, fit.overall.after, fit.ninety_percent.before,
+              fit.ninety_percent.after);
+}
+
+int run(const Arguments& arguments) {
+  Rig rig = load_calib(arguments.calib);
+  ctl::catch_interrupts();
+  const Result result = fit_colours(arguments, rig);
+  std::vector<std::string> names;
+  for (size_t i = 0; i < rig.size(); ++i) {
+    rig[i].colour = result.fit.responses[i];
+    names.push_back(rig[i].name);
+  }
+  save_calib(arguments.out, rig);
+  if (!arguments.report.empty()) {
+    replace_file(arguments.report, colour_report_html(names, result.fit, result.samples));
+  }
+  if (arguments.json) {
+    std::printf("%s\n", to_json(rig, result.fit).dump(2).c_str());
+  } else {
+    print_text(rig, result.fit);
+  }
+  return kExitDone;
+}
+
+}  // namespace
+
+void add_colour(ctl::CommandLine& line, CLI::App* calibrate) {
+  CLI::App* command = add_under(
+      calibrate, "colour", "Bring all cameras to one colour response",
+      {"v3dctl calibrate colour --calib calib.toml --take kendo-07 --out calib.toml",
+       "v3dctl calibrate colour --calib calib.toml --with chart --take chart-01 --out calib.toml"});
+  auto arguments = std::make_shared<Arguments>();
+  command->add_option("--calib", arguments->calib, "The calibrated rig")
+      ->type_name("FILE")
+      ->required();
+  command
+      ->add_option("--with", arguments->with,
+                   "What is compared: a chart of 24 patches, a grey card in the middle of the "
+                   "pictures, the reconstructed surface of a take, the floor in its plates")
+      ->type_name("chart|grey|surface,floor")
+      ->capture_default_str();
+  arguments->sources.add_to(command);
+  command
+      ->add_option("--dark", arguments->dark,
+                   "Pictures with the lens covered, for the black level; once for each camera")
+      ->type_name("CAM=GLOB");
+  command->add_option("--out", arguments->out, "The same rig with its colours")
+      ->type_name("FILE")
+      ->required();
+  command->add_option("--report", arguments->report, "A page for people: colours before and after")
+      ->type_name("FILE.html");
+  ctl::add_json_flag(command, arguments->json);
+  line.on_run(command, [arguments] { return run(*arguments); });
+}
+
+}  // namespace v3d::calibrate

@@ -1,0 +1,217 @@
+#include "calibrate/colour_places.h"
+
+#include <algorithm>
+#include <cmath>
+#include <optional>
+#include <span>
+
+#include "base/error.h"
+#include "capture/background.h"
+#include "common/console.h"
+#include "recon/depth_raster.h"
+#include "recon/texture.h"
+#include "take/take.h"
+#include "v3dctl/interrupt.h"
+#include "v3dctl/mesh_frames.h"
+#include "v3dctl/take_frames.h"
+
+namespace v3d::calibrate {
+namespace {
+
+using calib::ColourSample;
+using Eigen::Vector3d;
+
+constexpr size_t kMostFrames = 10;
+constexpr size_t kPlacesPerFrame = 400;
+
+/// Colours round a place, as one.
+class Patch {
+ public:
+  void add(const std::optional<Eigen::Vector3f>& colour) {
+    if (!colour) {
+      good_ = false;
+      return;
+    }
+    const Vector3d c = colour->cast<double>();
+    good_ = good_ && calib::is_well_exposed(c);
+    sum_ += c;
+    squares_ += c.cwiseProduct(c);
+    ++count_;
+  }
+  Vector3d mean() const { return sum_ / count_; }
+  /// Empty where not all colours are well exposed and within `spread` grey values of each other.
+  std::optional<Vector3d> colour(double spread) const {
+    if (!good_ || count_ == 0) return std::nullopt;
+    const Vector3d variance = squares_ / count_ - mean().cwiseProduct(mean());
+    if (variance.maxCoeff() > spread * spread) return std::nullopt;
+    return mean();
+  }
+
+ private:
+  bool good_ = true;
+  int count_ = 0;
+  Vector3d sum_ = Vector3d::Zero(), squares_ = Vector3d::Zero();
+};
+
+// --- surface
+// --------------------------------------------------------------------------------------
+
+double edge_length(const Mesh& mesh) {
+  double sum = 0;
+  for (const auto& [a, b, c] : mesh.triangles) {
+    sum += (mesh.vertices[a] - mesh.vertices[b]).norm();
+  }
+  return sum / static_cast<double>(std::max<size_t>(1, mesh.triangles.size()));
+}
+
+/// What one camera shows of a surface.
+class SurfaceView {
+ public:
+  SurfaceView(const CameraModel& model, const ctl::SegmentedFrame& frame, const Mesh& mesh)
+      : model_(model), frame_(frame), depth_(draw_depth(mesh, model)) {}
+
+  /// `tolerance_m`: how well the surface is known.
+  std::optional<Vector3d> colour_at(const Vector3d& place, const Vector3d& normal,
+                                    double tolerance_m) const {
+    constexpr double kLeastFacing = 0.5;
+    const Vector3d to_camera = (model_.center() - place).normalized();
+    const auto pixel = model_.project(place);
+    if (normal.dot(to_camera) < kLeastFacing || !pixel) return std::nullopt;
+    Patch patch;
+    constexpr int kReach = 2;
+    for (int dy = -kReach; dy <= kReach; dy += kReach) {
+      for (int dx = -kReach; dx <= kReach; dx += kReach) {
+        const Eigen::Vector2d at = *pixel + Eigen::Vector2d(dx, dy);
+        if (!shows(at, place, tolerance_m)) return std::nullopt;
+        patch.add(sample_colour(frame_.raw.image.view(), at.x(), at.y()));
+      }
+    }
+    constexpr double kAlike = 8;  // grey values; edges between colours lie elsewhere in each image
+    return patch.colour(kAlike);
+  }
+
+ private:
+  bool shows(const Eigen::Vector2d& pixel, const Vector3d& place, double tolerance_m) const {
+    if (!model_.inside_image(pixel)) return false;
+    const int x = static_cast<int>(std::floor(pixel.x() + 0.5));
+    const int y = static_cast<int>(std::floor(pixel.y() + 0.5));
+    const double z = (model_.cam_from_world() * place).z();
+    return frame_.mask.get(x, y) && std::abs(depth_.at(x, y) - z) < tolerance_m;
+  }
+
+  const CameraModel& model_;
+  const ctl::SegmentedFrame& frame_;
+  DepthBuffer depth_;
+};
+
+/// `numbers`: of the recorded cameras in the rig that is calibrated.
+void add_frame(const Mesh& mesh, const Rig& rig, const std::vector<int>& numbers,
+               const std::vector<std::optional<ctl::SegmentedFrame>>& frames, int& place,
+               std::vector<ColourSample>& samples) {
+  std::vector<std::optional<SurfaceView>> views(rig.size());
+  for (size_t c = 0; c < rig.size(); ++c) {
+    if (frames[c]) views[c].emplace(rig[c].model, *frames[c], mesh);
+  }
+  const std::vector<Eigen::Vector3f> normals = vertex_normals(mesh);
+  const double tolerance = 4 * edge_length(mesh);
+  const size_t step = std::max<size_t>(1, mesh.vertices.size() / kPlacesPerFrame);
+  for (size_t v = 0; v < mesh.vertices.size(); v += step, ++place) {
+    for (size_t c = 0; c < rig.size(); ++c) {
+      if (!views[c]) continue;
+      const auto colour = views[c]->colour_at(mesh.vertices[v].cast<double>(),
+                                              normals[v].cast<double>(), tolerance);
+      if (colour) samples.push_back({place, numbers[c], *colour});
+    }
+  }
+}
+
+std::vector<int> numbers_in(const Rig& rig, const Rig& recorded) {
+  std::vector<int> numbers;
+  for (const RigCamera& camera : recorded) {
+    numbers.push_back(find_camera(rig, camera.name));
+    if (numbers.back() < 0) {
+      throw InputError(camera.name + ": is in the take, but not in the calibration");
+    }
+  }
+  return numbers;
+}
+
+// --- floor
+// ----------------------------------------------------------------------------------------
+
+Image plate_of(const BackgroundModel& model) {
+  Image image(model.size, model.format);
+  std::ranges::transform(model.mean, image.bytes.begin(), [](float mean) {
+    return static_cast<uint8_t>(std::clamp(std::lround(mean), 0L, 255L));
+  });
+  return image;
+}
+
+/// The mean over a patch of the floor: near and far cameras see the same.
+std::optional<Vector3d> floor_colour(const CameraModel& model, ImageView plate,
+                                     const Vector3d& at) {
+  constexpr double kHalf = 0.04;  // metres
+  constexpr int kSteps = 4;
+  constexpr double kAlike = 40;  // a pattern is welcome: its mean is the same
+  Patch patch;
+  for (int j = -kSteps; j <= kSteps; ++j) {
+    for (int i = -kSteps; i <= kSteps; ++i) {
+      const auto pixel = model.project(at + kHalf / kSteps * Vector3d(i, j, 0));
+      if (!pixel) return std::nullopt;
+      patch.add(sample_colour(plate, pixel->x(), pixel->y()));
+    }
+  }
+  return patch.colour(kAlike);
+}
+
+}  // namespace
+
+std::vector<ColourSample> surface_places(const std::filesystem::path& take, const Rig& rig,
+                                         int first_place) {
+  ctl::MeshFrames meshes(take);
+  ctl::TakeFrames recorded(take, {});
+  const std::vector<int> numbers = numbers_in(rig, recorded.rig());
+  const std::vector<int64_t> frames = meshes.frames({});
+  const size_t count = std::min(kMostFrames, frames.size());
+  std::vector<ColourSample> samples;
+  int place = first_place;
+  Progress progress("compare colours", static_cast<int64_t>(count));
+  for (size_t i = 0; i < count; ++i) {
+    ctl::stop_if_interrupted();
+    const int64_t frame = frames[i * frames.size() / count];
+    add_frame(meshes.read(frame).mesh, recorded.rig(), numbers, recorded.read(frame), place,
+              samples);
+    progress.advance();
+  }
+  return samples;
+}
+
+std::vector<ColourSample> floor_places(const std::filesystem::path& take, const Rig& rig,
+                                       int first_place) {
+  constexpr double kStep = 0.12;  // metres
+  const TakePaths paths{take};
+  std::vector<std::optional<Image>> plates;
+  Eigen::Vector2d low = Eigen::Vector2d::Constant(1e9), high = -low;
+  for (const RigCamera& camera : rig) {
+    const bool known = has_background(paths.background(), camera.name);
+    plates.push_back(known
+                         ? std::optional(plate_of(load_background(paths.background(), camera.name)))
+                         : std::nullopt);
+    low = low.cwiseMin(camera.model.center().head<2>());
+    high = high.cwiseMax(camera.model.center().head<2>());
+  }
+  std::vector<ColourSample> samples;
+  int place = first_place;
+  for (double y = low.y(); y <= high.y(); y += kStep) {
+    for (double x = low.x(); x <= high.x(); x += kStep, ++place) {
+      for (size_t c = 0; c < rig.size(); ++c) {
+        if (!plates[c] || plates[c]->format == PixelFormat::kMono8) continue;
+        const auto colour = floor_colour(rig[c].model, plates[c]->view(), {x, y, 0});
+        if (colour) samples.push_back({place, static_cast<int>(c), *colour});
+      }
+    }
+  }
+  return samples;
+}
+
+}  // namespace v3d::calibrate
