@@ -31,6 +31,7 @@ void add_calibrate(ctl::CommandLine& line) {
   add_intrinsics(line, command);
   add_rig(line, command);
   add_floor(line, command);
+  add_refine(line, command);
   add_colour(line, command);
   add_convert(line, command);
 }

@@ -19,6 +19,7 @@ void add_board_option(CLI::App* command, std::string& board);
 void add_intrinsics(ctl::CommandLine& line, CLI::App* calibrate);
 void add_rig(ctl::CommandLine& line, CLI::App* calibrate);
 void add_floor(ctl::CommandLine& line, CLI::App* calibrate);
+void add_refine(ctl::CommandLine& line, CLI::App* calibrate);
 void add_colour(ctl::CommandLine& line, CLI::App* calibrate);
 void add_convert(ctl::CommandLine& line, CLI::App* calibrate);
 

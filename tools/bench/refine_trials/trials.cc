@@ -1,0 +1,150 @@
+#include "refine_trials/trials.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "base/mask_shape.h"
+#include "calib/layout.h"
+#include "calib/silhouette_refine.h"
+#include "capture/segmenter.h"
+#include "sim/film.h"
+#include "sim/noise.h"
+#include "sim/parallel.h"
+#include "sim/scene.h"
+
+namespace v3d::bench {
+namespace {
+
+using Eigen::Vector3d;
+using Masks = std::vector<std::vector<Mask>>;  // by instant, by camera
+
+constexpr double kSecondsApart = 0.37;
+
+/// Every camera turned and moved so that what it sees shifts by about so many pixels either way.
+Rig disturbed(const Rig& rig, double px, uint64_t seed) {
+  Rig result = rig;
+  for (size_t c = 0; c < rig.size(); ++c) {
+    const CameraModel& m = rig[c].model;
+    const double radians = px / m.matrix()(0, 0);
+    const auto any = [&](uint64_t k) {
+      const uint64_t n = 100 * c + k;
+      return Vector3d(sim::uniform(seed, n, -1.7, 1.7), sim::uniform(seed, n + 1, -1.7, 1.7),
+                      sim::uniform(seed, n + 2, -1.7, 1.7));
+    };
+    constexpr double kDistance = 3;  // metres to the performer
+    const RigidTransform turn =
+        RigidTransform::from_rodrigues(radians * any(0), kDistance * radians * any(5));
+    result[c].model = CameraModel(m.size(), m.matrix(), m.distortion(), turn * m.cam_from_world());
+  }
+  return result;
+}
+
+double error_px(const Rig& rig, const Rig& truth) {
+  std::vector<Vector3d> from, to;
+  for (size_t c = 0; c < rig.size(); ++c) {
+    from.push_back(rig[c].model.center());
+    to.push_back(truth[c].model.center());
+  }
+  const Rig moved = calib::moved_rig(rig, calib::align_points(from, to, true));
+  double sum = 0;
+  int count = 0;
+  for (size_t c = 0; c < rig.size(); ++c) {
+    for (int i = 0; i < 27; ++i) {
+      const Vector3d place(0.5 * (i % 3 - 1), 0.5 * (i / 3 % 3 - 1), 0.3 + 0.7 * (i / 9));
+      const auto a = moved[c].model.project(place), b = truth[c].model.project(place);
+      if (!a || !b || !truth[c].model.inside_image(*b)) continue;
+      sum += (*a - *b).squaredNorm();
+      ++count;
+    }
+  }
+  return std::sqrt(sum / std::max(1, count));
+}
+
+Masks true_masks(const Rig& rig, const RefineTrials& trials, uint64_t seed) {
+  Masks masks(trials.instants, std::vector<Mask>(rig.size()));
+  sim::for_each_index(rig.size(), [&](size_t c) {
+    for (int i = 0; i < trials.instants; ++i) {
+      masks[i][c] = sim::true_silhouette(rig[c], kSecondsApart * i, seed);
+    }
+  });
+  return masks;
+}
+
+/// As `v3dctl calibrate refine` sees them.
+Masks segmented_masks(const Rig& rig, const RefineTrials& trials, uint64_t seed) {
+  constexpr uint64_t kPlates = 8;
+  constexpr int kSpeck = 2;
+  sim::RenderOptions options;
+  options.seed = seed;
+  sim::Film film(rig, options);
+  std::vector<std::vector<Image>> plates;
+  for (uint64_t i = 0; i < kPlates; ++i) plates.push_back(film.shoot_all({}, i));
+  std::vector<Segmenter> segmenters;
+  for (size_t c = 0; c < rig.size(); ++c) {
+    std::vector<ImageView> views;
+    for (const auto& plate : plates) views.push_back(plate[c].view());
+    segmenters.emplace_back(learn_background(views), SegmentOptions());
+  }
+  Masks masks;
+  for (int i = 0; i < trials.instants; ++i) {
+    const std::vector<Image> images =
+        film.shoot_all(kSecondsApart * i, kPlates + static_cast<uint64_t>(i));
+    masks.emplace_back();
+    for (size_t c = 0; c < rig.size(); ++c) {
+      masks.back().push_back(opened(segmenters[c].segment(images[c].view()), kSpeck));
+    }
+  }
+  return masks;
+}
+
+std::vector<calib::SilhouetteSet> sets_of(const Masks& masks) {
+  std::vector<calib::SilhouetteSet> sets;
+  for (const auto& instant : masks) {
+    sets.emplace_back();
+    for (const Mask& mask : instant) sets.back().push_back(&mask);
+  }
+  return sets;
+}
+
+struct Studio {
+  Rig truth;
+  Masks exact, segmented;
+};
+
+RefineScore try_one(const std::vector<Studio>& studios, bool segmented, double px) {
+  RefineScore score{.segmented = segmented, .disturbed_px = px};
+  for (size_t s = 0; s < studios.size(); ++s) {
+    const Studio& studio = studios[s];
+    const Rig before = disturbed(studio.truth, px, 77 + s);
+    const auto result = calib::refine_by_silhouettes(
+        before, sets_of(segmented ? studio.segmented : studio.exact), {});
+    const double after = error_px(result.rig, studio.truth);
+    score.before_px += error_px(before, studio.truth) / static_cast<double>(studios.size());
+    score.after_px += after / static_cast<double>(studios.size());
+    score.worst_px = std::max(score.worst_px, after);
+    score.changed += result.better;
+    score.planes_before_px += result.before_px / static_cast<double>(studios.size());
+    score.planes_after_px += result.after_px / static_cast<double>(studios.size());
+  }
+  return score;
+}
+
+}  // namespace
+
+std::vector<RefineScore> try_refining(const RefineTrials& trials) {
+  std::vector<Studio> studios;
+  for (int s = 0; s < trials.studios; ++s) {
+    const auto seed = static_cast<uint64_t>(s) + 1;
+    const Rig rig = sim::make_rig(trials.cameras, {1024, 768}, seed);
+    studios.push_back({rig, true_masks(rig, trials, seed), segmented_masks(rig, trials, seed)});
+  }
+  std::vector<RefineScore> scores;
+  for (const bool segmented : {false, true}) {
+    for (const double px : {0.0, 0.3, 1.0, 2.0, 4.0}) {
+      scores.push_back(try_one(studios, segmented, px));
+    }
+  }
+  return scores;
+}
+
+}  // namespace v3d::bench

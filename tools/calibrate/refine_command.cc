@@ -1,0 +1,152 @@
+#include <algorithm>
+#include <cstdio>
+#include <nlohmann/json.hpp>
+
+#include "base/calib_file.h"
+#include "base/error.h"
+#include "base/mask_shape.h"
+#include "calib/silhouette_refine.h"
+#include "calibrate/commands.h"
+#include "common/console.h"
+#include "v3dctl/interrupt.h"
+#include "v3dctl/reconstruct.h"
+#include "v3dctl/take_frames.h"
+#include "v3dctl/working_space.h"
+
+namespace v3d::calibrate {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+struct Arguments {
+  std::string take;
+  std::string calib;
+  std::string out;
+  int instants = 45;
+  bool focal = false;
+  bool json = false;
+};
+
+/// Silhouettes of all cameras, spread over a take, without what lies beyond the space that the
+/// cameras look at together and without specks.
+class Silhouettes {
+ public:
+  Silhouettes(const Arguments& arguments, const Rig& rig) : take_(arguments.take, {}), rig_(rig) {
+    const int cameras = static_cast<int>(rig.size());
+    const Box space =
+        ctl::common_view(rig, std::max(ctl::default_min_views(cameras), (cameras + 1) / 2));
+    for (const RigCamera& camera : rig) views_.push_back(ctl::view_of(space, camera.model));
+    const std::vector<int64_t> pulses = take_.pulses();
+    const size_t count = std::min<size_t>(static_cast<size_t>(arguments.instants), pulses.size());
+    Progress progress("read silhouettes", static_cast<int64_t>(count));
+    for (size_t i = 0; i < count; ++i) {
+      ctl::stop_if_interrupted();
+      read(pulses[i * pulses.size() / count]);
+      progress.advance();
+    }
+  }
+
+  std::vector<calib::SilhouetteSet> sets() const {
+    std::vector<calib::SilhouetteSet> sets;
+    for (const auto& instant : instants_) {
+      sets.emplace_back();
+      for (const auto& mask : instant) sets.back().push_back(mask ? &*mask : nullptr);
+    }
+    return sets;
+  }
+
+ private:
+  void read(int64_t pulse) {
+    constexpr int kSpeck = 2;  // pixels
+    const auto frames = take_.read(pulse);
+    std::vector<std::optional<Mask>> masks(rig_.size());
+    for (size_t i = 0; i < frames.size(); ++i) {
+      const int camera = find_camera(rig_, take_.rig()[i].name);
+      if (!frames[i] || camera < 0 || frames[i]->mask.size() != views_[camera].size()) continue;
+      masks[camera] = opened(both(frames[i]->mask, views_[camera]), kSpeck);
+    }
+    instants_.push_back(std::move(masks));
+  }
+
+  ctl::TakeFrames take_;
+  const Rig& rig_;
+  std::vector<Mask> views_;
+  std::vector<std::vector<std::optional<Mask>>> instants_;
+};
+
+Json to_json(const Rig& rig, const calib::RefineResult& result) {
+  Json cameras = Json::array();
+  for (size_t i = 0; i < rig.size(); ++i) {
+    const calib::RefinedCamera& c = result.cameras[i];
+    cameras.push_back({{"name", rig[i].name},
+                       {"before_px", c.before_px},
+                       {"after_px", c.after_px},
+                       {"moved_px", c.moved_px},
+                       {"tangents", c.tangents}});
+  }
+  return {{"better", result.better},
+          {"before_px", result.before_px},
+          {"after_px", result.after_px},
+          {"cameras", cameras}};
+}
+
+void print_text(const Rig& rig, const calib::RefineResult& result, const std::string& out) {
+  size_t widest = 0;
+  for (const RigCamera& camera : rig) widest = std::max(widest, camera.name.size());
+  for (size_t i = 0; i < rig.size(); ++i) {
+    const calib::RefinedCamera& c = result.cameras[i];
+    std::printf("%-*s  silhouettes disagree by %.2f px, then %.2f; its image moved by %.2f px\n",
+                static_cast<int>(widest), rig[i].name.c_str(), c.before_px, c.after_px, c.moved_px);
+  }
+  if (result.better) {
+    std::printf("refined: %.2f px before, %.2f after, in frames that were held out; wrote %s\n",
+                result.before_px, result.after_px, out.c_str());
+  } else {
+    std::printf(
+        "left as it was: %.2f px before, %.2f after, in frames that were held out; wrote %s\n",
+        result.before_px, result.after_px, out.c_str());
+  }
+}
+
+int run(const Arguments& arguments) {
+  const std::string calib =
+      arguments.calib.empty() ? TakePaths{arguments.take}.calib().string() : arguments.calib;
+  const Rig rig = load_calib(calib);
+  ctl::catch_interrupts();
+  const Silhouettes silhouettes(arguments, rig);
+  const calib::RefineResult result =
+      calib::refine_by_silhouettes(rig, silhouettes.sets(), {.focal_lengths = arguments.focal});
+  save_calib(arguments.out, result.rig);
+  if (arguments.json) {
+    std::printf("%s\n", to_json(rig, result).dump(2).c_str());
+  } else {
+    print_text(rig, result, arguments.out);
+  }
+  return kExitDone;
+}
+
+}  // namespace
+
+void add_refine(ctl::CommandLine& line, CLI::App* calibrate) {
+  CLI::App* command =
+      add_under(calibrate, "refine", "Improve the cameras' places by the silhouettes of a take",
+                {"v3dctl calibrate refine --take kendo-07 --out calib.toml"});
+  auto arguments = std::make_shared<Arguments>();
+  command->add_option("--take", arguments->take, "Somebody moves about in it, all cameras see him")
+      ->type_name("TAKE")
+      ->required();
+  command->add_option("--calib", arguments->calib, "The calibrated rig (else the take's)")
+      ->type_name("FILE");
+  command->add_option("--out", arguments->out, "The rig, refined where that is proved to be better")
+      ->type_name("FILE")
+      ->required();
+  command->add_option("--instants", arguments->instants, "So many frames of the take are looked at")
+      ->type_name("N")
+      ->check(CLI::Range(6, 1000))
+      ->capture_default_str();
+  command->add_flag("--focal", arguments->focal, "Fit the focal lengths, too");
+  ctl::add_json_flag(command, arguments->json);
+  line.on_run(command, [arguments] { return run(*arguments); });
+}
+
+}  // namespace v3d::calibrate
