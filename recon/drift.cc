@@ -5,7 +5,10 @@
 #include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
+#include <cstdio>
 #include <cstdlib>
+#include <functional>
+#include <numeric>
 
 #include "base/mask_pieces.h"
 
@@ -16,6 +19,12 @@ namespace {
 constexpr int kReach = 4;
 /// Rows (and columns) that are looked at.
 constexpr int kStep = 3;
+/// Cameras that may be the knocked one: those that lie so much as far aside as the farthest, and no
+/// more than so many.
+constexpr double kSuspiciousPart = 0.5;
+constexpr size_t kMostSuspects = 4;
+/// Pulses in which they are measured again.
+constexpr size_t kPulsesAgain = 12;
 
 /// Where foreground begins (side -1) or ends (side 1) in a row.
 struct Edge {
@@ -119,31 +128,96 @@ std::vector<OutlineOffset> outline_offsets(const Mask& hull, const Mask& own, in
 }
 
 DriftMeter::DriftMeter(const Rig& rig) {
-  for (const RigCamera& camera : rig) names_.push_back(camera.name);
+  for (const RigCamera& camera : rig) {
+    names_.push_back(camera.name);
+    sizes_.push_back(camera.model.size());
+  }
 }
 
 void DriftMeter::add(std::span<const Mask* const> masks, std::span<const Mask> hulls) {
-  std::vector<Offsets> offsets(masks.size());
+  Pulse pulse{std::vector<Offsets>(masks.size()), std::vector<std::vector<uint8_t>>(masks.size())};
   tbb::parallel_for(size_t{0}, masks.size(), [&](size_t c) {
-    if (masks[c] != nullptr) offsets[c] = outline_offsets(hulls[c], *masks[c], kStep);
+    if (masks[c] == nullptr) return;
+    pulse.offsets[c] = outline_offsets(hulls[c], *masks[c], kStep);
+    pulse.runs[c] = encode_runs(*masks[c]);
   });
-  pulses_.push_back(std::move(offsets));
+  pulses_.push_back(std::move(pulse));
   if (pulses_.size() > kPulses) pulses_.pop_front();
 }
 
-std::vector<CameraDrift> DriftMeter::result() const {
+std::vector<CameraDrift> DriftMeter::shifts() const {
   std::vector<CameraDrift> cameras;
   for (size_t c = 0; c < names_.size(); ++c) {
     Offsets all;
-    for (const auto& pulse : pulses_) all.insert(all.end(), pulse[c].begin(), pulse[c].end());
+    for (const Pulse& pulse : pulses_) {
+      all.insert(all.end(), pulse.offsets[c].begin(), pulse.offsets[c].end());
+    }
     CameraDrift drift{.camera = names_[c], .outline_px = std::ssize(all)};
     if (drift.outline_px >= kLeastOutlinePx) drift.shift = shift_of(all);
     cameras.push_back(std::move(drift));
   }
-  const auto farthest = std::ranges::max_element(
-      cameras, {}, [](const CameraDrift& drift) { return drift.shift.norm(); });
-  if (farthest != cameras.end()) farthest->knocked = farthest->shift.norm() >= kKnockedPx;
   return cameras;
+}
+
+std::vector<Mask> DriftMeter::masks_of(const Pulse& pulse) const {
+  std::vector<Mask> masks(names_.size());
+  for (size_t c = 0; c < names_.size(); ++c) {
+    if (auto mask = decode_runs(pulse.runs[c], sizes_[c])) masks[c] = *std::move(mask);
+  }
+  return masks;
+}
+
+/// The largest shift of `cameras` against hulls to which `left_out` adds nothing.
+double DriftMeter::farthest_without(size_t left_out, std::span<const size_t> cameras,
+                                    HullOfOthers& hulls) const {
+  std::vector<Offsets> offsets(names_.size());
+  const size_t step = (pulses_.size() + kPulsesAgain - 1) / kPulsesAgain;
+  for (size_t p = 0; p < pulses_.size(); p += step) {
+    const std::vector<Mask> masks = masks_of(pulses_[p]);
+    std::vector<const Mask*> all;
+    for (const Mask& mask : masks) all.push_back(mask.size().width > 0 ? &mask : nullptr);
+    all[left_out] = nullptr;
+    for (const size_t c : cameras) {
+      if (c == left_out || all[c] == nullptr) continue;
+      const Offsets found = outline_offsets(hulls.silhouette(all, c), masks[c], kStep);
+      offsets[c].insert(offsets[c].end(), found.begin(), found.end());
+    }
+  }
+  double farthest = 0;
+  for (const Offsets& all : offsets) {
+    if (std::ssize(all) >= kLeastOutlinePx) farthest = std::max(farthest, shift_of(all).norm());
+  }
+  return farthest;
+}
+
+size_t DriftMeter::culprit(std::span<const size_t> suspects, HullOfOthers& hulls) const {
+  std::vector<double> without;
+  for (const size_t c : suspects) without.push_back(farthest_without(c, suspects, hulls));
+  return suspects[static_cast<size_t>(std::ranges::min_element(without) - without.begin())];
+}
+
+std::vector<CameraDrift> DriftMeter::result(HullOfOthers& hulls) const {
+  std::vector<CameraDrift> cameras = shifts();
+  const auto px = [&](size_t c) { return cameras[c].shift.norm(); };
+  std::vector<size_t> suspects(cameras.size());
+  std::iota(suspects.begin(), suspects.end(), size_t{0});
+  std::ranges::stable_sort(suspects, std::greater(), px);
+  if (suspects.empty() || px(suspects[0]) < kKnockedPx) return cameras;
+  const double least = kSuspiciousPart * px(suspects[0]);
+  std::erase_if(suspects, [&](size_t c) { return px(c) < least; });
+  suspects.resize(std::min(suspects.size(), kMostSuspects));
+  const size_t knocked = suspects.size() > 1 ? culprit(suspects, hulls) : suspects[0];
+  cameras[knocked].knocked = px(knocked) >= kKnockedPx;
+  return cameras;
+}
+
+std::string text_of(const CameraDrift& camera) {
+  char text[160];
+  std::snprintf(text, sizeof text,
+                "knocked since it was calibrated: its silhouettes lie %.1f pixels aside (%+.1f "
+                "right, %+.1f down)",
+                camera.shift.norm(), camera.shift.x(), camera.shift.y());
+  return text;
 }
 
 }  // namespace v3d

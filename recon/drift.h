@@ -10,6 +10,7 @@
 
 #include "base/camera_model.h"
 #include "base/mask.h"
+#include "recon/hull_of_others.h"
 
 namespace v3d {
 
@@ -19,9 +20,7 @@ struct CameraDrift {
   /// How far, in pixels, the camera's silhouettes lie from where its calibration has them: to the
   /// right and down.
   Eigen::Vector2d shift{0, 0};
-  /// It was moved, or its lens was, since the calibration. Only the camera that lies farthest aside
-  /// is named: a hull that one camera cuts wrongly can put another aside by as much, in 2 of 24
-  /// simulated studios by more (v3d-silhouette-faults).
+  /// It was moved, or its lens was, since the calibration. One camera at most is named.
   bool knocked = false;
 };
 
@@ -33,6 +32,9 @@ inline constexpr double kKnockedPx = 1.5;
 inline constexpr int64_t kLeastOutlinePx = 200;
 /// A shift of more is not found.
 inline constexpr int kMostDriftPx = 16;
+
+/// "knocked since it was calibrated: its silhouettes lie 3.1 pixels aside (+3.0 right, -0.8 down)".
+std::string text_of(const CameraDrift& camera);
 
 /// A pixel of the outline of the hull of the others: the direction out of the hull, and how far out
 /// of it the camera's own outline lies, pixels.
@@ -59,13 +61,31 @@ class DriftMeter {
   /// of a second apart tell most.
   void add(std::span<const Mask* const> masks, std::span<const Mask> hulls);
 
-  /// By camera of the rig.
-  std::vector<CameraDrift> result() const;
+  int64_t pulses() const { return std::ssize(pulses_); }
+
+  /// By camera of the rig. A camera aside cuts the hull that the others are held against, and can
+  /// put another as far aside as itself. So those that lie farthest aside are measured again, in
+  /// some of the pulses, with one of them after the other left out of the hulls: the camera that
+  /// was knocked is the one without which the others are in their places. `hulls`: as those that
+  /// add() was given were made by.
+  std::vector<CameraDrift> result(HullOfOthers& hulls) const;
 
  private:
   using Offsets = std::vector<OutlineOffset>;
+  struct Pulse {
+    std::vector<Offsets> offsets;            ///< by camera
+    std::vector<std::vector<uint8_t>> runs;  ///< of the masks, by camera; empty: none
+  };
+
+  std::vector<CameraDrift> shifts() const;
+  std::vector<Mask> masks_of(const Pulse& pulse) const;
+  size_t culprit(std::span<const size_t> suspects, HullOfOthers& hulls) const;
+  double farthest_without(size_t left_out, std::span<const size_t> cameras,
+                          HullOfOthers& hulls) const;
+
   std::vector<std::string> names_;
-  std::deque<std::vector<Offsets>> pulses_;  ///< by camera
+  std::vector<ImageSize> sizes_;
+  std::deque<Pulse> pulses_;
 };
 
 }  // namespace v3d

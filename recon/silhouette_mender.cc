@@ -7,6 +7,7 @@
 
 #include "base/mask_pieces.h"
 #include "base/mask_shape.h"
+#include "recon/late_silhouette.h"
 #include "recon/solid_look.h"
 
 namespace v3d {
@@ -14,7 +15,8 @@ namespace {
 
 /// Foreground that nothing explains counts in cells of so many pixels along each side.
 constexpr int kCell = 4;
-/// So many cells of so many other cameras must need a piece.
+/// So many cells of so many other cameras must need a piece; those of one camera alone, or of
+/// several at different places, may be explained by what no voxel is small enough to show.
 constexpr int64_t kLeastCells = 4;
 constexpr int kLeastCameras = 2;
 /// A fault covers at least so many squares as wide as twice the camera's radius.
@@ -22,14 +24,20 @@ constexpr int kLeastSquares = 2;
 /// A camera of whose expected silhouette so much is missing, or that shows so much more, is left
 /// out.
 constexpr double kMostlyWrong = 0.5;
-/// Cameras that spoil a piece of volume together are told apart one after the other.
-constexpr int kRounds = 3;
+/// Cameras are mended one after the other, no more often than this.
+constexpr int kRounds = 8;
 
 /// Voxels' width in pixels where the middle of the space is.
 double pixels_per_voxel(const CameraModel& camera, const Box& bounds, double voxel_m) {
   const Eigen::Vector3d middle = 0.5 * (bounds.min + bounds.max);
   const double distance = (camera.center() - middle).norm();
   return camera.matrix()(0, 0) * voxel_m / std::max(distance, voxel_m);
+}
+
+/// By a quarter of its size on every side.
+Box wider(const Box& box) {
+  const Eigen::Vector3d margin = 0.25 * box.size();
+  return {box.min - margin, box.max + margin};
 }
 
 /// Voxels of `a` that `b` has not, of the same grid: calls visit(i, j, k).
@@ -87,17 +95,18 @@ Mask mask_of(const MaskPieces& pieces, size_t piece, ImageSize size) {
 class SilhouetteMender::Trial {
  public:
   Trial(SilhouetteMender& mender, std::span<const Mask* const> masks,
-        std::span<const Frame* const> frames)
-      : mender_(mender), frames_(frames) {
+        std::span<const Frame* const> frames, const NeighbourMasks& neighbours)
+      : mender_(mender), given_(masks), frames_(frames), neighbours_(neighbours) {
     for (const Mask* mask : masks) masks_.push_back(mask ? std::optional(*mask) : std::nullopt);
   }
 
   MendedSilhouettes run() {
     drop_blind_cameras();
     for (int round = 0; round < kRounds && fill_missing_pieces(); ++round) continue;
+    if (!neighbours_.before.empty()) mend_late_cameras();
     remove_phantom_pieces();
     std::ranges::stable_sort(faults_, {}, &SilhouetteFault::camera);
-    return {std::move(masks_), std::move(faults_)};
+    return {std::move(masks_), std::move(shown_later_), std::move(faults_)};
   }
 
  private:
@@ -116,9 +125,14 @@ class SilhouetteMender::Trial {
     faults_.push_back({camera, kind, where.bounding_box(), where.count()});
   }
 
-  void drop(size_t camera, const Mask& where) {
+  /// The only fault of this camera.
+  void report_instead(size_t camera, SilhouetteFaultKind kind, const Mask& where) {
     std::erase_if(faults_, [&](const SilhouetteFault& fault) { return fault.camera == camera; });
-    report(camera, SilhouetteFaultKind::kWholeCamera, where);
+    report(camera, kind, where);
+  }
+
+  void drop(size_t camera, const Mask& where) {
+    report_instead(camera, SilhouetteFaultKind::kWholeCamera, where);
     masks_[camera].reset();
   }
 
@@ -157,39 +171,50 @@ class SilhouetteMender::Trial {
     return has_hole(*masks_[camera], least_pixels(camera));
   }
 
-  /// False when there was nothing to fill.
+  /// The pieces of one camera that are missing.
+  struct MissingPieces {
+    size_t camera = 0;
+    int64_t pixels = 0;
+    std::vector<Mask> pieces;
+    Mask expected;
+  };
+
+  /// Fills what the camera lacks that lacks most: in the hulls that it spoils, others seem to lack
+  /// pieces too. False when there was nothing to fill.
   bool fill_missing_pieces() {
     find_unexplained();
     const SparseVolume hull = mender_.hulls_.volume(all());
-    std::vector<std::pair<size_t, Mask>> found;
+    MissingPieces most;
     for (size_t c = 0; c < masks_.size(); ++c) {
-      if (masks_[c] && is_in_doubt(c)) look_for_missing(c, hull, found);
+      if (!masks_[c] || !is_in_doubt(c)) continue;
+      MissingPieces missing = missing_pieces(c, hull);
+      if (missing.pixels > most.pixels) most = std::move(missing);
     }
-    for (const auto& [camera, where] : found) {
-      if (masks_[camera]) masks_[camera] = either(std::move(*masks_[camera]), where);
+    for (const Mask& piece : most.pieces) {
+      report(most.camera, SilhouetteFaultKind::kMissingPiece, piece);
+      masks_[most.camera] = either(std::move(*masks_[most.camera]), piece);
     }
-    return !found.empty();
+    if (static_cast<double>(most.pixels) >
+        kMostlyWrong * static_cast<double>(most.expected.count())) {
+      drop(most.camera, most.expected);
+    }
+    return most.pixels > 0;
   }
 
-  void look_for_missing(size_t camera, const SparseVolume& hull,
-                        std::vector<std::pair<size_t, Mask>>& found) {
-    const auto masks = all();
-    const Mask expected = mender_.hulls_.silhouette(masks, camera);
-    const Mask inside = only_first(expected, *masks_[camera]);
+  MissingPieces missing_pieces(size_t camera, const SparseVolume& hull) {
+    MissingPieces missing{
+        .camera = camera, .pieces = {}, .expected = mender_.hulls_.silhouette(all(), camera)};
+    const Mask inside = only_first(missing.expected, *masks_[camera]);
     MaskPieces pieces;
     pieces.find(opened(inside, radius(camera)));
-    int64_t missing = 0;
     for (size_t p = 0; p < pieces.count(); ++p) {
       if (pieces.area(p) < least_pixels(camera)) continue;
-      const Mask piece = both(grown(mask_of(pieces, p, expected.size()), radius(camera)), inside);
+      Mask piece = both(grown(mask_of(pieces, p, inside.size()), radius(camera)), inside);
       if (!is_needed(camera, piece, hull) && !looks_solid(camera, piece)) continue;
-      missing += piece.count();
-      report(camera, SilhouetteFaultKind::kMissingPiece, piece);
-      found.emplace_back(camera, piece);
+      missing.pixels += piece.count();
+      missing.pieces.push_back(std::move(piece));
     }
-    if (static_cast<double>(missing) > kMostlyWrong * static_cast<double>(expected.count())) {
-      drop(camera, expected);
-    }
+    return missing;
   }
 
   /// Whether voxels that only this camera refutes, there, would explain foreground of others.
@@ -202,16 +227,18 @@ class SilhouetteMender::Trial {
       }
     }
     const SparseVolume& without = mender_.hulls_.volume(all(), camera);
+    std::vector<std::pair<size_t, SeenPixel>> asking;  // of one voxel
     for_each_more(without, hull, [&](int i, int j, int k) {
       const SeenPixel here = project_voxel(mender_.lenses_[camera], i, j, k);
       if (!here.seen || !piece.get(here.x, here.y)) return;
+      asking.clear();
       for (size_t c = 0; c < masks_.size(); ++c) {
         if (cells[c].size().width == 0) continue;
         const SeenPixel there = project_voxel(mender_.lenses_[c], i, j, k);
-        if (there.seen && unexplained_[c].get(there.x, there.y)) {
-          cells[c].set(there.x / kCell, there.y / kCell);
-        }
+        if (there.seen && unexplained_[c].get(there.x, there.y)) asking.emplace_back(c, there);
       }
+      if (std::ssize(asking) < kLeastCameras) return;
+      for (const auto& [c, there] : asking) cells[c].set(there.x / kCell, there.y / kCell);
     });
     return std::ranges::count_if(cells, [](const Mask& mask) {
              return mask.count() >= kLeastCells;
@@ -222,6 +249,61 @@ class SilhouetteMender::Trial {
     const auto masks = all();
     return v3d::looks_solid(mender_.rig_, frames_, camera, piece,
                             mender_.hulls_.surface(masks, camera), mender_.hulls_.grid().voxel_m);
+  }
+
+  /// The one that is late most plainly first: in the hulls that it spoils, others seem so too.
+  void mend_late_cameras() {
+    std::vector<size_t> suspects;
+    for (size_t c = 0; c < masks_.size(); ++c) {
+      if (masks_[c]) suspects.push_back(c);
+    }
+    while (const auto late = latest_of(suspects)) {
+      Mask mended = in_step(late->camera, late->before, late->now);
+      const Mask& given = *given_[late->camera];
+      report_instead(late->camera, SilhouetteFaultKind::kPulseLate,
+                     either(only_first(given, mended), only_first(mended, given)));
+      masks_[late->camera] = std::move(mended);
+      std::erase(suspects, late->camera);
+    }
+  }
+
+  struct LateCamera {
+    size_t camera = 0;
+    double excess = 0;
+    Mask before, now;  ///< what the others say of it
+  };
+
+  /// Keeps of the suspects those that are late. Judged are the masks as they were given: a late one
+  /// may have been filled where it lacks what has come.
+  std::optional<LateCamera> latest_of(std::vector<size_t>& suspects) {
+    std::optional<LateCamera> latest;
+    std::erase_if(suspects, [&](size_t c) {
+      Mask now = mender_.hulls_.silhouette(all(), c);
+      Mask before = mender_.hulls_.silhouette(neighbours_.before, c);
+      const ShownChange change = change_shown(*given_[c], now, before);
+      if (!change.is_late()) return true;
+      if (!latest || change.excess() > latest->excess) {
+        latest = {c, change.excess(), std::move(before), std::move(now)};
+      }
+      return false;
+    });
+    return latest;
+  }
+
+  /// The silhouette that a late camera should have: the next one, where that is late too; else
+  /// whatever lies between the two, for what is too much costs less than what is missing.
+  Mask in_step(size_t camera, const Mask& before, const Mask& now) {
+    const Mask* const next = neighbours_.after.empty() ? nullptr : neighbours_.after[camera];
+    Mask mask = either(*given_[camera], only_first(now, before));
+    if (next != nullptr) {
+      const Mask after = mender_.hulls_.silhouette(neighbours_.after, camera);
+      if (change_shown(*next, after, now).is_late()) {
+        shown_later_.push_back(camera);
+        return *next;
+      }
+      mask = either(std::move(mask), *next);
+    }
+    return both(std::move(mask), now);
   }
 
   void remove_phantom_pieces() {
@@ -244,6 +326,12 @@ class SilhouetteMender::Trial {
     return false;
   }
 
+  /// Whether the others see it too, but where nothing is reconstructed.
+  bool stands_beside(size_t camera, const Mask& piece) {
+    const Mask expected = grown(mender_.around_.silhouette(all(), camera), radius(camera));
+    return 2 * both(expected, piece).count() > piece.count();
+  }
+
   void look_for_phantoms(size_t camera) {
     const Mask expected = mender_.hulls_.silhouette(all(), camera);
     const Mask outside = only_first(*masks_[camera], expected);
@@ -253,7 +341,7 @@ class SilhouetteMender::Trial {
     for (size_t p = 0; p < pieces.count(); ++p) {
       if (pieces.area(p) < least_pixels(camera)) continue;
       const Mask piece = both(grown(mask_of(pieces, p, expected.size()), radius(camera)), outside);
-      if (is_disputed(camera, piece)) continue;
+      if (is_disputed(camera, piece) || stands_beside(camera, piece)) continue;
       phantom += piece.count();
       report(camera, SilhouetteFaultKind::kPhantomPiece, piece);
       masks_[camera] = only_first(std::move(*masks_[camera]), piece);
@@ -264,14 +352,19 @@ class SilhouetteMender::Trial {
   }
 
   SilhouetteMender& mender_;
+  std::span<const Mask* const> given_;
   std::span<const Frame* const> frames_;
+  const NeighbourMasks& neighbours_;
   std::vector<std::optional<Mask>> masks_;
+  std::vector<size_t> shown_later_;
   std::vector<Mask> unexplained_;  ///< of size 0 x 0 where all is explained
   std::vector<SilhouetteFault> faults_;
 };
 
 SilhouetteMender::SilhouetteMender(const Rig& rig, const Box& bounds, double voxel_m, int min_views)
-    : rig_(rig), hulls_(rig, bounds, voxel_m, min_views) {
+    : rig_(rig),
+      hulls_(rig, bounds, voxel_m, min_views),
+      around_(rig, wider(bounds), voxel_m, std::max(1, min_views - 1)) {
   for (const RigCamera& camera : rig) {
     lenses_.emplace_back(camera.model, hulls_.grid());
     const double width = pixels_per_voxel(camera.model, bounds, voxel_m);
@@ -280,8 +373,9 @@ SilhouetteMender::SilhouetteMender(const Rig& rig, const Box& bounds, double vox
 }
 
 MendedSilhouettes SilhouetteMender::mend(std::span<const Mask* const> masks,
-                                         std::span<const Frame* const> frames) {
-  return Trial(*this, masks, frames).run();
+                                         std::span<const Frame* const> frames,
+                                         const NeighbourMasks& neighbours) {
+  return Trial(*this, masks, frames, neighbours).run();
 }
 
 }  // namespace v3d

@@ -11,6 +11,7 @@
 //     the same colours as its neighbours do there, and not what lies behind.
 // Without such evidence the camera is believed: a hollow stays a hollow.
 // Where the camera shows foreground outside the silhouette, nobody else sees anything: a phantom.
+// Where both together are what moved since the pulse before, the camera shows that pulse.
 #pragma once
 
 #include <cstdint>
@@ -31,6 +32,7 @@ enum class SilhouetteFaultKind {
   kMissingPiece,  ///< background where the others show that there is something
   kPhantomPiece,  ///< foreground where the others show that there is nothing
   kWholeCamera,   ///< more of the silhouette is wrong than right
+  kPulseLate,     ///< the silhouette is that of the pulse before
 };
 
 struct SilhouetteFault {
@@ -40,9 +42,18 @@ struct SilhouetteFault {
   int64_t pixels = 0;
 };
 
+/// The masks a pulse earlier and a pulse later, one per camera of the rig, null where there is
+/// none; or nothing: then no camera is found late.
+struct NeighbourMasks {
+  std::span<const Mask* const> before;
+  std::span<const Mask* const> after;
+};
+
 struct MendedSilhouettes {
   /// By camera of the rig; empty for a camera that is better left out, or had none.
   std::vector<std::optional<Mask>> masks;
+  /// Cameras, rising, that show this pulse in their next frame; its mask was taken.
+  std::vector<size_t> shown_later;
   std::vector<SilhouetteFault> faults;  ///< by camera, then from top to bottom
 };
 
@@ -57,12 +68,14 @@ class SilhouetteMender {
   /// masks: one per camera of the rig, empty outside the view of the bounds, null where a camera
   /// takes no part. frames: the images behind them, for the evidence of colours; null where there
   /// is none.
-  MendedSilhouettes mend(std::span<const Mask* const> masks, std::span<const Frame* const> frames);
+  MendedSilhouettes mend(std::span<const Mask* const> masks, std::span<const Frame* const> frames,
+                         const NeighbourMasks& neighbours = {});
 
  private:
   class Trial;
   const Rig rig_;
   HullOfOthers hulls_;
+  HullOfOthers around_;  ///< of a wider space: what stands beside the space is no phantom
   std::vector<VoxelCamera> lenses_;
   std::vector<int> radii_;  ///< by camera: what is no wider than twice this is no fault, pixels
 };

@@ -61,7 +61,7 @@ std::vector<CameraDrift> drift_of(int camera, int right, int down) {
     for (const Mask& mask : masks) all.push_back(&mask);
     meter.add(all, hulls.silhouettes_of_each(all));
   }
-  return meter.result();
+  return meter.result(hulls);
 }
 
 TEST(Drift, names_no_camera_that_is_in_its_place) {
@@ -84,8 +84,9 @@ TEST(Drift, is_not_told_of_a_camera_that_saw_nothing) {
   const Mask nothing({320, 240});
   const std::vector<const Mask*> masks{&nothing};
   meter.add(masks, std::vector<Mask>{nothing});
-  EXPECT_FALSE(meter.result()[0].knocked);
-  EXPECT_EQ(meter.result()[0].outline_px, 0);
+  HullOfOthers hulls(rig, kSpace, 0.05, 1);
+  EXPECT_FALSE(meter.result(hulls)[0].knocked);
+  EXPECT_EQ(meter.result(hulls)[0].outline_px, 0);
 }
 
 }  // namespace

@@ -4,6 +4,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <array>
 #include <bit>
 
 #include "base/mask_shape.h"
@@ -22,6 +23,7 @@ constexpr ImageSize kSize{512, 384};
 constexpr uint64_t kSeed = 3;
 constexpr double kVoxel = 0.025;
 constexpr int kMinViews = 4;
+constexpr double kSeconds = 0.4;
 const Box kSpace{{-1.5, -1.5, 0}, {1.5, 1.5, 2}};
 
 /// What all cameras see of the performer at one instant.
@@ -46,7 +48,7 @@ struct Scene {
 };
 
 const Scene& scene() {
-  static const Scene made(0.4);
+  static const Scene made(kSeconds);
   return made;
 }
 
@@ -162,6 +164,56 @@ TEST(SilhouetteMender, leaves_out_cameras_that_see_nothing_or_everything) {
   EXPECT_THAT(left_out, testing::ElementsAre(2, 5, 9));
   for (const size_t c : left_out) EXPECT_FALSE(mended.masks[c]);
   EXPECT_LE(3 * voxels_wrong(pointers(mended.masks)), voxels_wrong(pointers(masks)));
+}
+
+/// What every camera sees so many pulses of 10 Hz later.
+std::vector<Mask> masks_at(int pulses) {
+  std::vector<Mask> masks;
+  for (const RigCamera& camera : scene().rig) {
+    masks.push_back(sim::true_silhouette(camera, kSeconds + 0.1 * pulses, kSeed));
+  }
+  return masks;
+}
+
+/// Mends pulse 0 where `camera` shows the pulses `shown` at -1, 0 and 1.
+MendedSilhouettes mend_late(size_t camera, std::array<int, 3> shown, std::vector<Mask>& masks) {
+  std::vector<Mask> before = masks_at(-1);
+  std::vector<Mask> after = masks_at(1);
+  masks = scene().masks;
+  before[camera] = masks_at(shown[0])[camera];
+  masks[camera] = masks_at(shown[1])[camera];
+  after[camera] = masks_at(shown[2])[camera];
+  SilhouetteMender mender(scene().rig, kSpace, kVoxel, kMinViews);
+  const std::vector<const Frame*> no_frames(scene().rig.size(), nullptr);
+  const auto all_before = pointers(before);
+  const auto all_after = pointers(after);
+  return mender.mend(pointers(masks), no_frames, {.before = all_before, .after = all_after});
+}
+
+TEST(SilhouetteMender, names_a_camera_that_is_a_pulse_late_and_takes_its_next_frame) {
+  constexpr size_t kCamera = 4;
+  std::vector<Mask> masks;
+  const MendedSilhouettes mended = mend_late(kCamera, {-2, -1, 0}, masks);
+  ASSERT_EQ(mended.faults.size(), 1U);
+  EXPECT_EQ(mended.faults[0].camera, kCamera);
+  EXPECT_EQ(mended.faults[0].kind, SilhouetteFaultKind::kPulseLate);
+  EXPECT_THAT(mended.shown_later, testing::ElementsAre(kCamera));
+  EXPECT_EQ(*mended.masks[kCamera], scene().masks[kCamera]);
+}
+
+TEST(SilhouetteMender, puts_what_lies_between_where_a_camera_showed_a_pulse_twice) {
+  constexpr size_t kCamera = 4;
+  std::vector<Mask> masks;
+  const MendedSilhouettes mended = mend_late(kCamera, {-1, -1, 1}, masks);
+  ASSERT_EQ(mended.faults.size(), 1U);
+  EXPECT_EQ(mended.faults[0].kind, SilhouetteFaultKind::kPulseLate);
+  EXPECT_THAT(mended.shown_later, IsEmpty());
+  EXPECT_LT(voxels_wrong(pointers(mended.masks)), voxels_wrong(pointers(masks)));
+}
+
+TEST(SilhouetteMender, finds_no_camera_late_where_all_are_in_step) {
+  std::vector<Mask> masks;
+  EXPECT_THAT(mend_late(4, {-1, 0, 1}, masks).faults, IsEmpty());
 }
 
 TEST(SilhouetteMender, believes_the_only_camera_that_looks_between_the_legs) {

@@ -10,6 +10,7 @@
 #include "base/mask_shape.h"
 #include "base/units.h"
 #include "common/console.h"
+#include "recon/box_view.h"
 #include "recon/hull_of_others.h"
 #include "v3dctl/interrupt.h"
 #include "v3dctl/options.h"
@@ -52,7 +53,7 @@ class ImageCheck {
       add(windows());
       progress_.advance();
     }
-    return {synchronism_.result(), drift_.result()};
+    return {synchronism_.result(), drift_.result(hulls_)};
   }
 
  private:
@@ -142,15 +143,6 @@ std::string text_of(const CameraSynchronism& camera) {
   return camera.camera + ": " + text;
 }
 
-std::string text_of(const CameraDrift& camera) {
-  char text[200];
-  std::snprintf(text, sizeof text,
-                "knocked since it was calibrated: its silhouettes lie %.1f pixels aside (%+.1f, "
-                "%+.1f); calibrate it again",
-                camera.shift.norm(), camera.shift.x(), camera.shift.y());
-  return camera.camera + ": " + text;
-}
-
 }  // namespace
 
 ImageCheckResult check_images(const ImageCheckRequest& request) {
@@ -165,7 +157,8 @@ std::vector<std::string> lines_of(const ImageCheckResult& result) {
   // What is out of step lies aside, too.
   if (!lines.empty()) return lines;
   for (const CameraDrift& camera : result.drift) {
-    if (camera.knocked) lines.push_back(text_of(camera));
+    if (!camera.knocked) continue;
+    lines.push_back(camera.camera + ": " + text_of(camera) + "; calibrate it again");
   }
   return lines;
 }

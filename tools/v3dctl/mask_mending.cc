@@ -7,8 +7,8 @@
 #include <map>
 
 #include "base/mask_shape.h"
+#include "recon/box_view.h"
 #include "v3dctl/options.h"
-#include "v3dctl/working_space.h"
 
 namespace v3d::ctl {
 namespace {
@@ -31,6 +31,8 @@ std::string name(SilhouetteFaultKind kind) {
       return "phantom piece";
     case SilhouetteFaultKind::kWholeCamera:
       return "whole camera";
+    case SilhouetteFaultKind::kPulseLate:
+      return "pulse late";
   }
   return "";
 }
@@ -43,37 +45,51 @@ MaskMending::MaskMending(const Rig& rig, const ReconstructOptions& options)
                     [&](size_t i) { views_[i] = view_of(options.bounds, rig_[i].model); });
 }
 
-void MaskMending::mend(int64_t pulse, std::vector<std::optional<SegmentedFrame>>& frames) {
-  std::vector<const Mask*> masks;
-  std::vector<const Frame*> images;
+/// Their masks, empty outside the view of the bounds; null where there is none that can be used.
+std::vector<const Mask*> MaskMending::cut(SegmentedFrames& frames) const {
+  std::vector<const Mask*> masks(views_.size(), nullptr);
   for (size_t c = 0; c < frames.size(); ++c) {
-    const bool usable = frames[c] && frames[c]->mask.size() == views_[c].size();
-    if (usable) frames[c]->mask = both(std::move(frames[c]->mask), views_[c]);
-    masks.push_back(usable ? &frames[c]->mask : nullptr);
-    images.push_back(usable ? &frames[c]->raw : nullptr);
+    if (!frames[c] || frames[c]->mask.size() != views_[c].size()) continue;
+    frames[c]->mask = both(std::move(frames[c]->mask), views_[c]);
+    masks[c] = &frames[c]->mask;
   }
-  MendedSilhouettes mended = mender_.mend(masks, images);
+  return masks;
+}
+
+void MaskMending::mend(int64_t pulse, SegmentedFrames& frames, SegmentedFrames& next) {
+  const std::vector<const Mask*> masks = cut(frames);
+  const std::vector<const Mask*> after = cut(next);
+  std::vector<const Frame*> images;
+  for (size_t c = 0; c < frames.size(); ++c) images.push_back(masks[c] ? &frames[c]->raw : nullptr);
+  std::vector<const Mask*> before;
+  if (pulse_before_ == pulse - 1) {
+    for (const auto& mask : before_) before.push_back(mask ? &*mask : nullptr);
+  }
+  MendedSilhouettes mended = mender_.mend(masks, images, {.before = before, .after = after});
+  for (const size_t c : mended.shown_later) frames[c]->raw.image = next[c]->raw.image;
   for (size_t c = 0; c < frames.size(); ++c) {
     if (masks[c] == nullptr) continue;
     if (mended.masks[c]) {
-      frames[c]->mask = *std::move(mended.masks[c]);
+      frames[c]->mask = *mended.masks[c];
     } else {
       frames[c].reset();
     }
   }
+  before_ = std::move(mended.masks);
+  pulse_before_ = pulse;
   for (const SilhouetteFault& fault : mended.faults) {
     faults_.push_back({pulse, rig_[fault.camera].name, fault});
   }
 }
 
 std::vector<std::string> lines_of(const std::vector<PulseFault>& faults) {
-  std::map<std::string, std::array<int64_t, 3>> counts;
+  std::map<std::string, std::array<int64_t, 4>> counts;
   for (const PulseFault& fault : faults) {
     ++counts[fault.camera][static_cast<size_t>(fault.fault.kind)];
   }
   std::vector<std::string> lines;
   for (const auto& [camera, count] : counts) {
-    const auto& [missing, phantom, whole] = count;
+    const auto& [missing, phantom, whole, late] = count;
     std::string parts;
     const auto add = [&](int64_t n, const std::string& text) {
       if (n > 0) parts += (parts.empty() ? "" : ", ") + text;
@@ -81,6 +97,7 @@ std::vector<std::string> lines_of(const std::vector<PulseFault>& faults) {
     add(missing, count_of(missing, "missing piece"));
     add(phantom, count_of(phantom, "phantom piece"));
     add(whole, "left out of " + count_of(whole, "frame"));
+    add(late, count_of(late, "frame") + " a pulse late");
     lines.push_back(camera + ": " + parts);
   }
   return lines;

@@ -18,7 +18,9 @@ struct PulseFault {
   SilhouetteFault fault;
 };
 
-/// "missing piece", "phantom piece", "whole camera".
+using SegmentedFrames = std::vector<std::optional<SegmentedFrame>>;
+
+/// "missing piece", "phantom piece", "whole camera", "pulse late".
 std::string name(SilhouetteFaultKind kind);
 
 /// One caller at a time.
@@ -28,15 +30,22 @@ class MaskMending {
   MaskMending(const Rig& rig, const ReconstructOptions& options);
 
   /// Replaces the masks of one pulse, one per camera of the rig, by mended ones, empty outside the
-  /// view of the bounds; a camera that is better left out loses its frame.
-  void mend(int64_t pulse, std::vector<std::optional<SegmentedFrame>>& frames);
+  /// view of the bounds; a camera that is better left out loses its frame, one that shows this
+  /// pulse in its next frame gets that frame's picture. `next`: the frames of the next pulse, of
+  /// which the masks are cut to the view of the bounds. Whether a camera is late is told where the
+  /// pulse before was mended just before.
+  void mend(int64_t pulse, SegmentedFrames& frames, SegmentedFrames& next);
 
   const std::vector<PulseFault>& faults() const { return faults_; }
 
  private:
+  std::vector<const Mask*> cut(SegmentedFrames& frames) const;
+
   const Rig rig_;
   SilhouetteMender mender_;
   std::vector<Mask> views_;
+  int64_t pulse_before_ = -2;
+  std::vector<std::optional<Mask>> before_;  ///< mended, of that pulse
   std::vector<PulseFault> faults_;
 };
 

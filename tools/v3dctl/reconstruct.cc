@@ -14,6 +14,7 @@
 #include "base/mask_shape.h"
 #include "base/units.h"
 #include "common/console.h"
+#include "recon/box_view.h"
 #include "recon/frame_pipeline.h"
 #include "recon/reconstructor.h"
 #include "recon/silhouette.h"

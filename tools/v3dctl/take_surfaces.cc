@@ -1,6 +1,7 @@
 #include "v3dctl/take_surfaces.h"
 
 #include <algorithm>
+#include <utility>
 
 #include "base/time.h"
 
@@ -33,13 +34,19 @@ TakeSurface TakeSurfaces::make(int64_t pulse) {
 TakeSurface TakeSurfaces::surface_of(int64_t pulse) {
   const MonotonicInstant begin = Monotonic::now();
   TakeSurface made;
-  made.frames = take_.read(pulse);
-  if (mending_ != nullptr) mending_->mend(pulse, made.frames);
+  made.frames = pulse == ahead_pulse_ ? std::move(ahead_) : take_.read(pulse);
+  if (mending_ != nullptr) mend(pulse, made.frames);
   made.work = SetAtWork(observe_all(pulse, made.frames));
   made.work.set.exposure = take_.edge_of(pulse);
   made.segment_ms = 1000 * to_seconds(Monotonic::now() - begin);
   reconstructor_.make_surface(made.work);
   return made;
+}
+
+void TakeSurfaces::mend(int64_t pulse, SegmentedFrames& frames) {
+  ahead_pulse_ = pulse + 1;
+  ahead_ = take_.read(ahead_pulse_);
+  mending_->mend(pulse, frames, ahead_);
 }
 
 /// Null for a pulse that the take does not have.

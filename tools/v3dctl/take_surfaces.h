@@ -3,7 +3,6 @@
 
 #include <cstdint>
 #include <map>
-#include <optional>
 #include <vector>
 
 #include "recon/reconstructor.h"
@@ -14,7 +13,7 @@ namespace v3d::ctl {
 
 /// A pulse of a take, as far as its surface; the mesh has no colours yet.
 struct TakeSurface {
-  std::vector<std::optional<SegmentedFrame>> frames;
+  SegmentedFrames frames;
   double segment_ms = 0;
   SetAtWork work;
 };
@@ -37,6 +36,7 @@ class TakeSurfaces {
     Moment moment;
   };
   TakeSurface surface_of(int64_t pulse);
+  void mend(int64_t pulse, SegmentedFrames& frames);
   const Moment* moment_at(int64_t pulse);
 
   TakeFrames& take_;
@@ -45,6 +45,8 @@ class TakeSurfaces {
   const bool steady_;
   const std::vector<int64_t> pulses_;  ///< of the take, rising
   std::map<int64_t, Raw> window_;
+  int64_t ahead_pulse_ = -1;
+  SegmentedFrames ahead_;  ///< of that pulse, read to mend the one before
 };
 
 }  // namespace v3d::ctl

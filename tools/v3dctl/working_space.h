@@ -3,7 +3,6 @@
 
 #include "base/camera_model.h"
 #include "base/geometry.h"
-#include "base/mask.h"
 
 namespace v3d::ctl {
 
@@ -11,9 +10,5 @@ namespace v3d::ctl {
 /// farther from the point nearest to all optical axes than the cameras are (median). Sampled on a
 /// 64^3 lattice. Throws InputError when there is no such point.
 Box common_view(const Rig& rig, int views);
-
-/// The pixels where the camera looks through the box, to blocks of 4 by 4 pixels: a block is in
-/// when the ray of one of its corners meets the box, at most half a block beyond the true outline.
-Mask view_of(const Box& box, const CameraModel& camera);
 
 }  // namespace v3d::ctl

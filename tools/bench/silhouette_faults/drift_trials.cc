@@ -1,6 +1,7 @@
 #include "silhouette_faults/drift_trials.h"
 
 #include <algorithm>
+#include <cstdio>
 
 #include "recon/drift.h"
 #include "recon/hull_of_others.h"
@@ -14,18 +15,25 @@ constexpr int kPulses = 6;
 constexpr double kVoxel = 0.012;
 constexpr int kKnockPx = 3;
 
-Mask aside(const Mask& mask) {
+struct Aside {
+  int camera = -1;  ///< whose silhouettes lie aside; -1: none
+  int right = 0;
+  int down = 0;
+};
+
+Mask moved(const Mask& mask, const Aside& aside) {
   Mask result(mask.size());
-  for (int y = 0; y < mask.size().height; ++y) {
-    for (int x = kKnockPx; x < mask.size().width; ++x) {
-      if (mask.get(x - kKnockPx, y)) result.set(x, y);
+  const ImageSize size = mask.size();
+  for (int y = std::max(0, aside.down); y < std::min(size.height, size.height + aside.down); ++y) {
+    for (int x = std::max(0, aside.right); x < std::min(size.width, size.width + aside.right);
+         ++x) {
+      if (mask.get(x - aside.right, y - aside.down)) result.set(x, y);
     }
   }
   return result;
 }
 
-/// `knocked`: the camera whose silhouettes lie aside, -1 for none.
-std::vector<CameraDrift> drift_in(uint64_t seed, int knocked) {
+std::vector<CameraDrift> drift_in(uint64_t seed, const Aside& aside) {
   const Rig cameras = sim::make_rig(kCameras, kSize, seed);
   HullOfOthers hulls(cameras, space(), kVoxel, kMinViews);
   DriftMeter meter(cameras);
@@ -34,31 +42,59 @@ std::vector<CameraDrift> drift_in(uint64_t seed, int knocked) {
     for (const RigCamera& camera : cameras) {
       masks.push_back(sim::true_silhouette(camera, 0.1 + 0.2 * pulse, seed));
     }
-    if (knocked >= 0) masks[knocked] = aside(masks[knocked]);
+    if (aside.camera >= 0) masks[aside.camera] = moved(masks[aside.camera], aside);
     const auto all = pointers_to(masks);
     meter.add(all, hulls.silhouettes_of_each(all));
   }
-  return meter.result();
+  return meter.result(hulls);
+}
+
+void print(uint64_t seed, const Aside& aside, const std::vector<CameraDrift>& cameras) {
+  std::printf("seed %llu:", static_cast<unsigned long long>(seed));
+  for (size_t c = 0; c < cameras.size(); ++c) {
+    const bool is_aside = static_cast<int>(c) == aside.camera;
+    std::printf(" %s%.2f%s", is_aside ? "aside:" : "", cameras[c].shift.norm(),
+                cameras[c].knocked ? "!" : "");
+  }
+  std::printf("\n");
+}
+
+void try_clean(uint64_t seed, bool list, DriftScore& score) {
+  const auto cameras = drift_in(seed, {});
+  if (list) print(seed, {}, cameras);
+  ++score.clean_studios;
+  for (const CameraDrift& camera : cameras) {
+    score.false_alarms += camera.knocked;
+    score.largest_clean_px = std::max(score.largest_clean_px, camera.shift.norm());
+  }
+}
+
+void try_knocked(uint64_t seed, const Aside& aside, bool list, DriftScore& score) {
+  const auto cameras = drift_in(seed, aside);
+  if (list) print(seed, aside, cameras);
+  for (size_t c = 0; c < cameras.size(); ++c) {
+    int& count = static_cast<int>(c) == aside.camera ? score.named : score.others_named;
+    count += cameras[c].knocked;
+  }
+  const double px = cameras[aside.camera].shift.norm();
+  score.least_px = score.knocked_studios == 0 ? px : std::min(score.least_px, px);
+  score.most_px = std::max(score.most_px, px);
+  ++score.knocked_studios;
 }
 
 }  // namespace
 
-DriftScore try_drift(int studios) {
+DriftScore try_drift(const DriftTrialOptions& options) {
+  static constexpr Aside kWays[] = {
+      {0, kKnockPx, 0}, {0, 0, kKnockPx}, {0, -kKnockPx, 0}, {0, 0, -kKnockPx}};
   DriftScore score;
-  for (int n = 0; n < studios; ++n) {
-    const auto seed = uint64_t{1} + static_cast<uint64_t>(n);
-    ++score.clean_studios;
-    for (const CameraDrift& camera : drift_in(seed, -1)) {
-      score.false_alarms += camera.knocked;
-      score.largest_clean_px = std::max(score.largest_clean_px, camera.shift.norm());
-    }
-    const int knocked = n % kCameras;
-    const CameraDrift found = drift_in(seed, knocked)[knocked];
-    ++score.knocked_studios;
-    score.named += found.knocked;
-    const double px = found.shift.norm();
-    score.least_px = n == 0 ? px : std::min(score.least_px, px);
-    score.most_px = std::max(score.most_px, px);
+  for (int n = 0; n < options.clean; ++n) {
+    try_clean(options.first_seed + static_cast<uint64_t>(n), options.list, score);
+  }
+  for (int n = 0; n < options.knocked; ++n) {
+    Aside aside = kWays[static_cast<size_t>(n) % std::size(kWays)];
+    aside.camera = n % kCameras;
+    try_knocked(options.first_seed + static_cast<uint64_t>(n), aside, options.list, score);
   }
   return score;
 }

@@ -1,9 +1,12 @@
 #include "silhouette_faults/fault_trials.h"
 
 #include <algorithm>
+#include <array>
 #include <bit>
+#include <cstdio>
 #include <optional>
 #include <random>
+#include <set>
 
 #include "base/mask_shape.h"
 #include "recon/silhouette_mender.h"
@@ -19,30 +22,61 @@ constexpr int64_t kLeastPixels = 300;
 constexpr int64_t kLeastSeen = 5000;
 constexpr double kPeriod = 0.04;
 
+/// What all cameras see at one pulse.
+using Masks = std::vector<Mask>;
+
+/// Pulses p - 2 ... p + 1, of which p is judged.
+enum Pulse : size_t { kTwoBefore, kBefore, kNow, kAfter, kPulses };
+
 struct Instant {
-  std::vector<Mask> masks;   ///< true
-  std::vector<Mask> before;  ///< true, a pulse earlier
-  std::vector<Frame> frames;
+  std::array<Masks, kPulses> truth;
+  std::vector<Frame> frames, frames_before;
 };
 
-Instant make_instant(sim::Film& film, double seconds, int number) {
-  Instant instant;
+Masks true_masks(const Rig& rig, double seconds, uint64_t seed) {
+  Masks masks;
+  for (const RigCamera& camera : rig) {
+    masks.push_back(sim::true_silhouette(camera, seconds, seed));
+  }
+  return masks;
+}
+
+std::vector<Frame> pictures(const Rig& rig, sim::Film& film, double seconds, int number) {
+  std::vector<Frame> frames;
   std::vector<Image> images = film.shoot_all(seconds, static_cast<uint64_t>(number));
-  for (size_t c = 0; c < rig().size(); ++c) {
-    instant.masks.push_back(sim::true_silhouette(rig()[c], seconds, kSeed));
-    instant.before.push_back(sim::true_silhouette(rig()[c], seconds - kPeriod, kSeed));
+  for (size_t c = 0; c < rig.size(); ++c) {
     Frame frame;
-    frame.camera = rig()[c].name;
+    frame.camera = rig[c].name;
     frame.sensor_size = kSize;
     frame.roi = {0, 0, kSize.width, kSize.height};
     frame.image = std::move(images[c]);
-    instant.frames.push_back(std::move(frame));
+    frames.push_back(std::move(frame));
   }
+  return frames;
+}
+
+Instant make_instant(const Rig& rig, sim::Film& film, double seconds, int number, uint64_t seed) {
+  Instant instant;
+  for (size_t p = 0; p < kPulses; ++p) {
+    const double offset = kPeriod * (static_cast<int>(p) - static_cast<int>(kNow));
+    instant.truth[p] = true_masks(rig, seconds + offset, seed);
+  }
+  instant.frames = pictures(rig, film, seconds, 2 * number);
+  instant.frames_before = pictures(rig, film, seconds - kPeriod, 2 * number + 1);
   return instant;
 }
 
-/// Puts a fault into one mask; `random` chooses where.
-using Spoil = Mask (*)(const Instant&, size_t camera, std::mt19937& random);
+/// What the cameras are said to show, and the images behind it.
+struct Shown {
+  std::array<Masks, kPulses> masks;
+  std::vector<const Frame*> frames;
+};
+
+Shown as_it_is(const Instant& instant) {
+  Shown shown{.masks = instant.truth, .frames = {}};
+  for (const Frame& frame : instant.frames) shown.frames.push_back(&frame);
+  return shown;
+}
 
 int below(std::mt19937& random, int count) {
   return static_cast<int>(random() % static_cast<uint32_t>(count));
@@ -68,38 +102,52 @@ Mask disc(int x, int y, int radius) {
   return mask;
 }
 
-Mask with_hole(const Instant& instant, size_t camera, std::mt19937& random) {
-  const auto [x, y] = place_in(instant.masks[camera], random);
-  return only_first(instant.masks[camera], disc(x, y, 10 + below(random, 15)));
+/// Puts a fault into one camera; `random` chooses where.
+using Spoil = void (*)(const Instant&, size_t camera, std::mt19937& random, Shown& shown);
+
+void punch_hole(const Instant& instant, size_t camera, std::mt19937& random, Shown& shown) {
+  const auto [x, y] = place_in(instant.truth[kNow][camera], random);
+  const Mask hole = disc(x, y, 10 + below(random, 15));
+  for (Masks& masks : shown.masks) masks[camera] = only_first(std::move(masks[camera]), hole);
 }
 
-Mask with_blob(const Instant& instant, size_t camera, std::mt19937& random) {
-  const auto [x, y] = place_in(instant.masks[camera], random);
-  return either(instant.masks[camera], disc(x + 30, y, 15 + below(random, 20)));
+void add_blob(const Instant& instant, size_t camera, std::mt19937& random, Shown& shown) {
+  const auto [x, y] = place_in(instant.truth[kNow][camera], random);
+  const Mask blob = disc(x + 30, y, 15 + below(random, 20));
+  for (Masks& masks : shown.masks) masks[camera] = either(std::move(masks[camera]), blob);
 }
 
 /// A third of the width and a quarter of the height, at one side.
-Mask without_limb(const Instant& instant, size_t camera, std::mt19937& random) {
-  const Rect box = instant.masks[camera].bounding_box();
+void lose_limb(const Instant& instant, size_t camera, std::mt19937& random, Shown& shown) {
+  const Rect box = instant.truth[kNow][camera].bounding_box();
   const int y0 = box.y0 + below(random, 3 * box.height / 4);
   const int x0 = below(random, 2) == 0 ? box.x0 : box.x0 + 2 * box.width / 3;
   Mask limb(kSize);
   for (int y = y0; y < y0 + box.height / 4; ++y) limb.fill_row(y, x0, x0 + box.width / 3);
-  return only_first(instant.masks[camera], limb);
+  for (Masks& masks : shown.masks) masks[camera] = only_first(std::move(masks[camera]), limb);
 }
 
-Mask black(const Instant&, size_t, std::mt19937&) { return Mask(kSize); }
-Mask late(const Instant& instant, size_t camera, std::mt19937&) { return instant.before[camera]; }
+void blacken(const Instant&, size_t camera, std::mt19937&, Shown& shown) {
+  for (Masks& masks : shown.masks) masks[camera] = Mask(kSize);
+}
+
+void make_late(const Instant& instant, size_t camera, std::mt19937&, Shown& shown) {
+  for (size_t p = 1; p < kPulses; ++p) shown.masks[p][camera] = instant.truth[p - 1][camera];
+  shown.frames[camera] = &instant.frames_before[camera];
+}
+
+void repeat(const Instant& instant, size_t camera, std::mt19937&, Shown& shown) {
+  shown.masks[kNow][camera] = instant.truth[kBefore][camera];
+  shown.frames[camera] = &instant.frames_before[camera];
+}
 
 struct Kind {
   const char* name;
   Spoil spoil;
 };
-constexpr Kind kKinds[] = {{"hole", with_hole},
-                           {"blob", with_blob},
-                           {"lost limb", without_limb},
-                           {"black camera", black},
-                           {"one pulse late", late}};
+constexpr Kind kKinds[] = {{"hole", punch_hole},          {"blob", add_blob},
+                           {"lost limb", lose_limb},      {"black camera", blacken},
+                           {"one pulse late", make_late}, {"frame repeated", repeat}};
 
 int64_t differing(const SparseVolume& a, const SparseVolume& b) {
   int64_t common = 0;
@@ -112,63 +160,100 @@ int64_t differing(const SparseVolume& a, const SparseVolume& b) {
   return a.count() + b.count() - 2 * common;
 }
 
+int64_t differing(const Mask& a, const Mask& b) {
+  return only_first(a, b).count() + only_first(b, a).count();
+}
+
+/// All trials of one studio.
 class Trials {
  public:
-  Trials() : mender_(rig(), space(), kVoxel, kMinViews), intersector_(intersector(kVoxel)) {}
+  Trials(uint64_t seed, bool list)
+      : seed_(seed),
+        list_(list),
+        rig_(sim::make_rig(kCameras, kSize, seed)),
+        film_(rig_, {.seed = seed}),
+        random_(static_cast<uint32_t>(seed)),
+        mender_(rig_, space(), kVoxel, kMinViews),
+        intersector_(VoxelGrid::covering(space(), kVoxel), models_of(rig_), kMinViews) {}
 
-  /// The faults that are found in these masks; adds to the voxels that are wrong.
-  std::vector<SilhouetteFault> judge(const Instant& instant, const std::vector<Mask>& masks,
-                                     FaultScore& score) {
-    std::vector<const Frame*> frames;
-    for (const Frame& frame : instant.frames) frames.push_back(&frame);
-    MendedSilhouettes mended = mender_.mend(pointers_to(masks), frames);
-    std::vector<const Mask*> after;
-    for (const auto& mask : mended.masks) after.push_back(mask ? &*mask : nullptr);
-    const SparseVolume truth = intersector_.intersect(pointers_to(instant.masks));
-    score.wrong_before += differing(intersector_.intersect(pointers_to(masks)), truth);
-    score.wrong_after += differing(intersector_.intersect(after), truth);
-    ++score.trials;
-    return std::move(mended.faults);
+  void run(int pulse, std::vector<FaultScore>& scores) {
+    const Instant instant = make_instant(rig_, film_, 0.13 + 0.31 * pulse, pulse, seed_);
+    if (list_)
+      std::printf("seed %llu, instant %d\n", static_cast<unsigned long long>(seed_), pulse);
+    judge(instant, as_it_is(instant), std::nullopt, scores[0]);
+    for (size_t k = 0; k < std::size(kKinds); ++k) try_kind(instant, kKinds[k], scores[k + 1]);
   }
 
  private:
+  void try_kind(const Instant& instant, const Kind& kind, FaultScore& score) {
+    for (int n = 0; n < kTrialsOfAKind; ++n) {
+      const size_t camera = random_() % rig_.size();
+      if (instant.truth[kNow][camera].count() < kLeastSeen) continue;
+      Shown shown = as_it_is(instant);
+      kind.spoil(instant, camera, random_, shown);
+      const int64_t changed = differing(instant.truth[kNow][camera], shown.masks[kNow][camera]);
+      if (changed >= kLeastPixels) judge(instant, shown, camera, score);
+    }
+  }
+
+  void judge(const Instant& instant, const Shown& shown, std::optional<size_t> spoilt,
+             FaultScore& score) {
+    const MendedSilhouettes mended = mender_.mend(
+        pointers_to(shown.masks[kNow]), shown.frames,
+        {.before = pointers_to(shown.masks[kBefore]), .after = pointers_to(shown.masks[kAfter])});
+    std::vector<const Mask*> after;
+    for (const auto& mask : mended.masks) after.push_back(mask ? &*mask : nullptr);
+    const SparseVolume truth = intersector_.intersect(pointers_to(instant.truth[kNow]));
+    const int64_t wrong_before =
+        differing(intersector_.intersect(pointers_to(shown.masks[kNow])), truth);
+    const int64_t wrong_after = differing(intersector_.intersect(after), truth);
+    std::set<size_t> named;
+    for (const SilhouetteFault& fault : mended.faults) named.insert(fault.camera);
+    const bool found = spoilt && named.contains(*spoilt);
+    ++score.trials;
+    score.found += found;
+    score.innocent += std::ssize(rig_) - (spoilt ? 1 : 0);
+    score.false_alarms += std::ssize(named) - (found ? 1 : 0);
+    score.wrong_before += wrong_before;
+    score.wrong_after += wrong_after;
+    if (list_) print(score.kind, spoilt, found, wrong_before, wrong_after, mended.faults);
+  }
+
+  void print(const std::string& kind, std::optional<size_t> spoilt, bool found,
+             int64_t wrong_before, int64_t wrong_after,
+             const std::vector<SilhouetteFault>& faults) const {
+    std::printf("  %-16s %-6s %-6s %9lld %9lld\n", kind.c_str(),
+                spoilt ? rig_[*spoilt].name.c_str() : "",
+                !spoilt ? ""
+                : found ? "found"
+                        : "missed",
+                static_cast<long long>(wrong_before), static_cast<long long>(wrong_after));
+    for (const SilhouetteFault& fault : faults) {
+      static constexpr const char* kNames[] = {"missing", "phantom", "whole", "late"};
+      std::printf("      %s%s %s %d,%d %dx%d %lld px\n", rig_[fault.camera].name.c_str(),
+                  fault.camera == spoilt ? "" : " (innocent)",
+                  kNames[static_cast<size_t>(fault.kind)], fault.region.x0, fault.region.y0,
+                  fault.region.width, fault.region.height, static_cast<long long>(fault.pixels));
+    }
+  }
+
+  const uint64_t seed_;
+  const bool list_;
+  const Rig rig_;
+  sim::Film film_;
+  std::mt19937 random_;
   SilhouetteMender mender_;
   Intersector intersector_;
 };
 
-void try_kind(const Instant& instant, const Kind& kind, std::mt19937& random, Trials& trials,
-              FaultScore& score) {
-  for (int n = 0; n < kTrialsOfAKind; ++n) {
-    const size_t camera = random() % rig().size();
-    const Mask& truth = instant.masks[camera];
-    if (truth.count() < kLeastSeen) continue;
-    std::vector<Mask> masks = instant.masks;
-    masks[camera] = kind.spoil(instant, camera, random);
-    const int64_t changed =
-        only_first(truth, masks[camera]).count() + only_first(masks[camera], truth).count();
-    if (changed < kLeastPixels) continue;
-    const auto faults = trials.judge(instant, masks, score);
-    const auto of_camera = [&](const SilhouetteFault& fault) { return fault.camera == camera; };
-    score.found += std::ranges::any_of(faults, of_camera);
-    score.false_alarms += static_cast<int>(std::ranges::count_if(faults, std::not_fn(of_camera)));
-  }
-}
-
 }  // namespace
 
-std::vector<FaultScore> try_faults(int pulses) {
+std::vector<FaultScore> try_faults(const FaultTrialOptions& options) {
   std::vector<FaultScore> scores{{.kind = "none"}};
   for (const Kind& kind : kKinds) scores.push_back({.kind = kind.name});
-  sim::Film film(rig(), {.seed = kSeed});
-  std::mt19937 random(7);
-  Trials trials;
-  for (int pulse = 0; pulse < pulses; ++pulse) {
-    const Instant instant = make_instant(film, 0.13 + 0.31 * pulse, pulse);
-    scores[0].false_alarms +=
-        static_cast<int>(trials.judge(instant, instant.masks, scores[0]).size());
-    for (size_t k = 0; k < std::size(kKinds); ++k) {
-      try_kind(instant, kKinds[k], random, trials, scores[k + 1]);
-    }
+  for (int n = 0; n < options.studios; ++n) {
+    Trials trials(options.first_seed + static_cast<uint64_t>(n), options.list);
+    for (int pulse = 0; pulse < options.pulses; ++pulse) trials.run(pulse, scores);
   }
   return scores;
 }

@@ -11,16 +11,25 @@ namespace v3d::bench {
 struct FaultScore {
   std::string kind;
   int trials = 0;
-  int found = 0;         ///< the camera was named
-  int false_alarms = 0;  ///< faults of other cameras
+  int found = 0;             ///< the camera was named
+  int64_t innocent = 0;      ///< silhouettes without a fault that were judged
+  int64_t false_alarms = 0;  ///< of these, called faulty
   /// Voxels in which the hull differs from that of the true silhouettes, over all trials.
   int64_t wrong_before = 0;
   int64_t wrong_after = 0;
 };
 
-/// `pulses` instants of 15 XGA cameras; at each none, and three of every kind: a hole, a blob, a
-/// lost limb, a black camera, a camera one pulse of 25 Hz late. Faults of fewer than 300 pixels,
-/// and cameras that hardly see the performer, are passed over. Fixed seed.
-std::vector<FaultScore> try_faults(int pulses);
+struct FaultTrialOptions {
+  uint64_t first_seed = 1;  ///< of the first studio; the others follow
+  int studios = 1;          ///< rigs of 15 XGA cameras
+  int pulses = 8;           ///< instants in each
+  bool list = false;        ///< prints every trial
+};
+
+/// At every instant one trial without a fault, and three of every kind: a hole, a blob, a lost
+/// limb, a black camera (all for three pulses on end), a camera one pulse of 25 Hz late, one that
+/// shows the pulse before a second time. Faults of fewer than 300 pixels, and cameras that hardly
+/// see the performer, are passed over. Seeds say everything.
+std::vector<FaultScore> try_faults(const FaultTrialOptions& options);
 
 }  // namespace v3d::bench

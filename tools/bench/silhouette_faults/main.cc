@@ -6,29 +6,53 @@
 #include "silhouette_faults/drift_trials.h"
 #include "silhouette_faults/fault_trials.h"
 
+namespace {
+
+using namespace v3d::bench;
+
+void print(const std::vector<FaultScore>& scores) {
+  std::printf("%-16s %7s %7s %10s %13s %14s %14s\n", "fault", "trials", "found", "innocent",
+              "false alarms", "voxels wrong", "when mended");
+  for (const FaultScore& score : scores) {
+    std::printf("%-16s %7d %7d %10lld %13lld %14lld %14lld\n", score.kind.c_str(), score.trials,
+                score.found, static_cast<long long>(score.innocent),
+                static_cast<long long>(score.false_alarms),
+                static_cast<long long>(score.wrong_before),
+                static_cast<long long>(score.wrong_after));
+  }
+}
+
+void print(const DriftScore& drift) {
+  std::printf("%d studios as calibrated: %d false alarms, largest shift %.2f px\n",
+              drift.clean_studios, drift.false_alarms, drift.largest_clean_px);
+  std::printf(
+      "%d with a camera 3 px aside: %d named, %d with another named; shift %.2f to %.2f px\n",
+      drift.knocked_studios, drift.named, drift.others_named, drift.least_px, drift.most_px);
+}
+
+}  // namespace
+
 int main(int argc, char** argv) {
-  using namespace v3d::bench;
-  int pulses = 8;
-  int studios = 24;
+  FaultTrialOptions faults;
+  DriftTrialOptions drift;
+  uint64_t first_seed = 1;
   CLI::App app{
       "Puts faults into the silhouettes of the simulated performer and knocks cameras, and counts "
       "what is found and what is mended."};
-  app.add_option("--pulses", pulses, "Instants with faults in the silhouettes (8)")
+  app.add_option("--first-seed", first_seed, "Of the first studio; the others follow (1)");
+  app.add_option("--studios", faults.studios, "Studios with faults in the silhouettes (1)")
       ->check(CLI::Range(0, 10'000));
-  app.add_option("--studios", studios, "Studios with and without a knocked camera (24)")
+  app.add_option("--pulses", faults.pulses, "Instants in each of them (8)")
+      ->check(CLI::Range(1, 10'000));
+  app.add_option("--knocked", drift.knocked, "Studios with a knocked camera (24)")
       ->check(CLI::Range(0, 10'000));
+  app.add_option("--clean", drift.clean, "Studios as calibrated (24)")
+      ->check(CLI::Range(0, 10'000));
+  app.add_flag("--list", faults.list, "Print every trial");
   CLI11_PARSE(app, argc, argv);
-  std::printf("%-16s %7s %7s %13s %14s %14s\n", "fault", "trials", "found", "false alarms",
-              "voxels wrong", "when mended");
-  for (const FaultScore& score : try_faults(pulses)) {
-    std::printf("%-16s %7d %7d %13d %14lld %14lld\n", score.kind.c_str(), score.trials, score.found,
-                score.false_alarms, static_cast<long long>(score.wrong_before),
-                static_cast<long long>(score.wrong_after));
-  }
-  const DriftScore drift = try_drift(studios);
-  std::printf("\n%d studios as calibrated: %d false alarms, largest shift %.2f px\n",
-              drift.clean_studios, drift.false_alarms, drift.largest_clean_px);
-  std::printf("%d with a camera 3 px aside: %d named, shift %.2f to %.2f px\n",
-              drift.knocked_studios, drift.named, drift.least_px, drift.most_px);
+  faults.first_seed = drift.first_seed = first_seed;
+  drift.list = faults.list;
+  if (faults.studios > 0) print(try_faults(faults));
+  if (drift.knocked + drift.clean > 0) print(try_drift(drift));
   return 0;
 }
