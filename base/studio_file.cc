@@ -84,6 +84,13 @@ PixelFormat read_pixel_format(const TomlTable& table, PixelFormat fallback) {
   return *format;
 }
 
+ChromaKey read_chroma_key(const TomlTable& table, ChromaKey fallback) {
+  const std::string word = table.text_or("chroma_key", name(fallback));
+  const auto key = chroma_key_from_name(word);
+  if (!key) table.fail("chroma_key", "'" + word + "' is unknown; known: none, green, blue");
+  return *key;
+}
+
 bool has_node(const Studio& studio, std::string_view name) {
   return std::any_of(studio.nodes.begin(), studio.nodes.end(),
                      [&](const StudioNode& n) { return n.name == name; });
@@ -133,6 +140,7 @@ void read_camera_settings(const TomlTable& table, const Studio& studio, StudioCa
   }
   camera.kind = choice(table, "kind", kKinds[static_cast<size_t>(camera.kind)].first, kKinds);
   camera.pixel_format = read_pixel_format(table, camera.pixel_format);
+  camera.chroma_key = read_chroma_key(table, camera.chroma_key);
   camera.exposure_us = ranged(table, "exposure_us", camera.exposure_us, 1, 1e6);
   camera.gain_db = ranged(table, "gain_db", camera.gain_db, 0, 60);
   camera.trigger_line = table.text_or("trigger_line", camera.trigger_line);
@@ -156,6 +164,10 @@ void refuse_contradictions(const TomlTable& table, const StudioCamera& camera) {
   }
   if (camera.kind == CameraKind::kV4l2 && camera.gain_db != 0) {
     table.fail("gain_db", "a V4L2 gain has no unit; expected 0, and the gain set by v4l2-ctl");
+  }
+  if (camera.chroma_key != ChromaKey::kNone && camera.pixel_format == PixelFormat::kMono8) {
+    table.fail("chroma_key",
+               "a Mono8 picture has no colour; expected none, or a pixel_format with one");
   }
 }
 

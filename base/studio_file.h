@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "base/chroma_key.h"
 #include "base/geometry.h"
 #include "base/image.h"
 
@@ -27,6 +28,7 @@ struct StudioCamera {
   CameraKind kind = CameraKind::kAravis;
   std::string address;  ///< aravis: serial number, or IP address; v4l2: device path
   PixelFormat pixel_format = PixelFormat::kBayerRG8;
+  ChromaKey chroma_key = ChromaKey::kNone;  ///< what the walls it sees are painted in
   double exposure_us = 1000;
   double gain_db = 0;
   std::string trigger_line = "Line1";

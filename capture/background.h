@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "base/chroma_key.h"
 #include "base/image.h"
 
 namespace v3d {
@@ -16,6 +17,7 @@ struct BackgroundModel {
   PixelFormat format = PixelFormat::kMono8;
   std::vector<float> mean;
   std::vector<float> spread;
+  ChromaKey key = ChromaKey::kNone;  ///< where the means have this colour, brightness tells nothing
 };
 
 /// Requires at least 2 plates of one size and format; throws InputError otherwise. Plates that are
@@ -24,7 +26,8 @@ struct BackgroundModel {
 BackgroundModel learn_background(const std::vector<ImageView>& plates);
 
 /// <folder>/<camera>.mean.png and .spread.png, 16 bit, value * 256; <camera>.toml tells the pixel
-/// format. Loading what was saved and saving again gives the same bytes.
+/// format and, where there is one, the chroma key. Loading what was saved and saving again gives
+/// the same bytes.
 void save_background(const std::filesystem::path& folder, const std::string& camera,
                      const BackgroundModel& model);
 /// Throws InputError naming the file.

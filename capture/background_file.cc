@@ -52,12 +52,15 @@ std::vector<float> load_values(const fs::path& path, PixelFormat format, ImageSi
   return values;
 }
 
-PixelFormat load_format(const fs::path& path) {
+void load_info(const fs::path& path, BackgroundModel& model) {
   const TomlTable table = TomlTable::load(path);
   const auto format = pixel_format_from_name(table.text("pixel_format"));
   if (!format) table.fail("pixel_format", "is not known; right would be e.g. \"BayerRG8\"");
+  const auto key = chroma_key_from_name(table.text_or("chroma_key", name(ChromaKey::kNone)));
+  if (!key) table.fail("chroma_key", "is not known; right would be none, green or blue");
   table.refuse_unknown();
-  return *format;
+  model.format = *format;
+  model.key = *key;
 }
 
 }  // namespace
@@ -69,13 +72,17 @@ void save_background(const fs::path& folder, const std::string& camera,
   fs::create_directories(folder, error);
   save_values(paths.mean, model.format, model.size, model.mean);
   save_values(paths.spread, model.format, model.size, model.spread);
-  replace_file(paths.info, "pixel_format = " + toml_string(name(model.format)) + "\n");
+  std::string info = "pixel_format = " + toml_string(name(model.format)) + "\n";
+  if (model.key != ChromaKey::kNone) {
+    info += "chroma_key = " + toml_string(name(model.key)) + "\n";
+  }
+  replace_file(paths.info, info);
 }
 
 BackgroundModel load_background(const fs::path& folder, const std::string& camera) {
   const Paths paths(folder, camera);
   BackgroundModel model;
-  model.format = load_format(paths.info);
+  load_info(paths.info, model);
   model.mean = load_values(paths.mean, model.format, model.size);
   model.spread = load_values(paths.spread, model.format, model.size);
   return model;

@@ -1,6 +1,7 @@
 #include "capture/background_table.h"
 
 #include <algorithm>
+#include <array>
 #include <cassert>
 #include <cmath>
 
@@ -33,10 +34,58 @@ float slope(const BackgroundModel& model, int channels, int x, int y, int channe
   return steepest / static_cast<float>(step);
 }
 
+/// Grey values by which the key's colour stands out in a quad, and how many times the others.
+constexpr float kKeyGrey = 16;
+constexpr float kKeyTimes = 1.25F;
+
+/// The mean colour of a quad.
+std::array<float, 3> colour_of_quad(const BackgroundModel& model, int x, int y) {
+  std::array<float, 3> sum{};
+  std::array<int, 3> count{};
+  for (const int v : {y, y + 1}) {
+    for (const int u : {x, x + 1}) {
+      const size_t pixel = static_cast<size_t>(v) * model.size.width + u;
+      if (is_bayer(model.format)) {
+        const int channel = bayer_channel(model.format, u, v);
+        sum[channel] += model.mean[pixel];
+        ++count[channel];
+        continue;
+      }
+      for (int channel = 0; channel < 3; ++channel) {
+        sum[channel] += model.mean[3 * pixel + channel];
+        ++count[channel];
+      }
+    }
+  }
+  for (size_t channel = 0; channel < 3; ++channel)
+    sum[channel] /= static_cast<float>(count[channel]);
+  return sum;
+}
+
+bool has_colour_of(ChromaKey key, const std::array<float, 3>& colour) {
+  const float own = colour[key == ChromaKey::kGreen ? 1 : 2];
+  const float other = std::max(colour[0], colour[key == ChromaKey::kGreen ? 2 : 1]);
+  return own - other >= kKeyGrey && own >= kKeyTimes * other;
+}
+
+Mask keyed_quads(const BackgroundModel& model) {
+  if (model.key == ChromaKey::kNone || model.format == PixelFormat::kMono8) return {};
+  Mask keyed(model.size);
+  for (int y = 0; y + 1 < model.size.height; ++y) {
+    for (int x = 0; x + 1 < model.size.width; ++x) {
+      if (has_colour_of(model.key, colour_of_quad(model, x, y))) keyed.set(x, y);
+    }
+  }
+  return keyed;
+}
+
 }  // namespace
 
 BackgroundTable::BackgroundTable(const BackgroundModel& model, const SegmentOptions& options)
-    : size(model.size), format(model.format), channels(bytes_per_pixel(model.format)) {
+    : size(model.size),
+      format(model.format),
+      channels(bytes_per_pixel(model.format)),
+      keyed(keyed_quads(model)) {
   const size_t samples = byte_count(size, format);
   assert(model.mean.size() == samples && model.spread.size() == samples);
   mean.resize(samples + kReach);

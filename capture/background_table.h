@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "base/mask.h"
 #include "capture/background.h"
 #include "capture/segment_options.h"
 
@@ -34,6 +35,9 @@ struct BackgroundTable {
   std::vector<uint8_t> sharpness;  ///< the inverse of the spread; the least spread has 255
   int sharpness_shift;
   float steps_per_spread;  ///< 4 to 8
+  /// Bit (x, y): the quad of pixels x, x + 1 and rows y, y + 1 has the key's colour. Of size 0 x 0
+  /// without a key.
+  Mask keyed;
 };
 
 }  // namespace v3d

@@ -137,9 +137,10 @@ HWY_INLINE hn::Vec<FewShorts> ratio(hn::Vec<FewShorts> a, hn::Vec<FewShorts> b, 
   return hn::DemoteTo(FewShorts(), hn::ConvertTo(Ints(), limited));
 }
 
-/// Which of the quads from pixel x on are shadows of the background.
+/// Which of the quads from pixel x on are the background in another light.
 template <int kChannels>
-HWY_INLINE uint64_t shadows(const QuadSearch& search, const RowPair& rows, size_t x) {
+HWY_INLINE uint64_t relit(const QuadSearch& search, const LightTest& test, const RowPair& rows,
+                          size_t x) {
   using V = hn::Vec<FewShorts>;
   const FewShorts shorts;
   V seen[4][kChannels], expected[4][kChannels];
@@ -160,10 +161,10 @@ HWY_INLINE uint64_t shadows(const QuadSearch& search, const RowPair& rows, size_
   }
   const V least_expected = hn::Set(shorts, 32 * kChannels);
   const V factor = ratio(seen_sum, hn::Max(expected_sum, least_expected), 32768.0F * 32 / 4);
-  const V limited = hn::Min(hn::Max(factor, hn::Set(shorts, search.test.least_factor)),
-                            hn::Set(shorts, search.test.most_factor));
-  const V part = hn::MulHigh(hn::ShiftLeft<4>(seen_sum), hn::Set(shorts, search.test.allowed_part));
-  const V allowed = hn::Add(hn::Set(shorts, search.test.allowed), part);
+  const V limited = hn::Min(hn::Max(factor, hn::Set(shorts, test.least_factor)),
+                            hn::Set(shorts, test.most_factor));
+  const V part = hn::MulHigh(hn::ShiftLeft<4>(seen_sum), hn::Set(shorts, test.allowed_part));
+  const V allowed = hn::Add(hn::Set(shorts, test.allowed), part);
   V unexplained = hn::Zero(shorts);
   for (size_t n = 0; n < 4; ++n) {
     for (int c = 0; c < kChannels; ++c) {
@@ -174,22 +175,24 @@ HWY_INLINE uint64_t shadows(const QuadSearch& search, const RowPair& rows, size_
   return bits_of(shorts, hn::And(hn::Eq(limited, factor), hn::Eq(unexplained, hn::Zero(shorts))));
 }
 
-/// Takes the shadows out of `differs`, bits of as many quads as there are Shorts.
+/// Takes what is the background in another light out of `differs`, bits of as many quads as there
+/// are Shorts.
 template <int kChannels>
-HWY_INLINE uint64_t spare_shadows(const QuadSearch& search, const RowPair& rows, size_t x,
-                                  uint64_t differs) {
+HWY_INLINE uint64_t spare_relit(const QuadSearch& search, const LightTest& test,
+                                const RowPair& rows, size_t x, uint64_t differs) {
   const size_t lanes = hn::Lanes(FewShorts());
   const uint64_t one_register = (uint64_t{1} << lanes) - 1;
   for (size_t n = 0; n < hn::Lanes(Shorts()); n += lanes) {
     if ((differs & one_register << n) == 0) continue;
-    differs &= ~(shadows<kChannels>(search, rows, x + n) << n);
+    differs &= ~(relit<kChannels>(search, test, rows, x + n) << n);
   }
   return differs;
 }
 
-/// Quads between the last two measured rows.
+/// Quads between the last two measured rows. keyed: those of the studio's colour, or null.
 template <int kChannels>
-void flag_row(const QuadSearch& search, const RowPair& rows, uint64_t* differs) {
+void flag_row(const QuadSearch& search, const RowPair& rows, const uint64_t* keyed,
+              uint64_t* differs) {
   const Shorts shorts;
   const size_t lanes = hn::Lanes(shorts);
   const auto limit = hn::Set(shorts, search.test.limit);
@@ -200,7 +203,11 @@ void flag_row(const QuadSearch& search, const RowPair& rows, uint64_t* differs) 
       const auto sum = hn::Add(hn::LoadU(shorts, column), hn::LoadU(shorts, column + 1));
       uint64_t bits = bits_of(shorts, hn::Gt(sum, limit));
       if (bits != 0 && search.test.spares_shadows) {
-        bits = spare_shadows<kChannels>(search, rows, w * kWord + n, bits);
+        bits = spare_relit<kChannels>(search, search.test.shadow, rows, w * kWord + n, bits);
+      }
+      if (const uint64_t asked = keyed ? bits & keyed[w] >> n : 0; asked != 0) {
+        bits &=
+            ~asked | spare_relit<kChannels>(search, search.test.key, rows, w * kWord + n, asked);
       }
       word |= bits << n;
     }
@@ -214,9 +221,10 @@ void measure_any_row(const QuadSearch& search, int channels, const uint8_t* seen
   measure(search, seen, mean, sharpness);
 }
 
-void flag_any_row(const QuadSearch& search, int channels, const RowPair& rows, uint64_t* differs) {
+void flag_any_row(const QuadSearch& search, int channels, const RowPair& rows,
+                  const uint64_t* keyed, uint64_t* differs) {
   const auto flag = channels == 3 ? flag_row<3> : flag_row<1>;
-  flag(search, rows, differs);
+  flag(search, rows, keyed, differs);
 }
 
 }  // namespace
@@ -233,7 +241,7 @@ HWY_EXPORT(flag_any_row);
 constexpr float kMostEvidence = 60000;  ///< of a quad; what lies far away must still exceed it
 constexpr uint16_t kFar = 127;          ///< four squares fit 16 bits
 constexpr uint16_t kFarRgb = 73;        ///< twelve squares fit 16 bits
-constexpr float kShadowNoise = 2.5F;    ///< noise floors that noise may add to a shadow's sample
+constexpr float kLightNoise = 2.5F;     ///< noise floors that noise may add to a relit sample
 
 /// The sum of `freedom` squared normal deviates that is as improbable as one deviate of `level`
 /// (Wilson and Hilferty's cube root).
@@ -249,14 +257,19 @@ uint16_t to_fixed(float value, float scale) {
 
 }  // namespace
 
+LightTest::LightTest(float least, float most, float chroma, int channels, float noise_floor)
+    : least_factor(to_fixed(least, 32768)),
+      most_factor(to_fixed(most, 32768)),
+      allowed(to_fixed(kLightNoise * noise_floor, 64)),
+      allowed_part(to_fixed(chroma / static_cast<float>(channels), 65536)) {}
+
 QuadTest::QuadTest(const BackgroundTable& background, const SegmentOptions& options)
     : far(background.channels == 3 ? kFarRgb : kFar),
       spares_shadows(background.format != PixelFormat::kMono8),
-      least_factor(to_fixed(options.shadow_min, 32768)),
-      most_factor(to_fixed(1 + (1 - options.shadow_min) / 4, 32768)),
-      allowed(to_fixed(kShadowNoise * options.noise_floor, 64)),
-      allowed_part(
-          to_fixed(options.shadow_chroma / static_cast<float>(background.channels), 65536)) {
+      shadow(options.shadow_min, 1 + (1 - options.shadow_min) / 4, options.shadow_chroma,
+             background.channels, options.noise_floor),
+      key(options.key_min, options.key_most, options.key_chroma, background.channels,
+          options.noise_floor) {
   const float steps = background.steps_per_spread;
   const float improbable =
       chi_square(static_cast<float>(4 * background.channels), options.threshold);
@@ -284,6 +297,7 @@ const Mask& DifferingQuads::find(ImageView image, const BackgroundTable& backgro
                           columns_.data()};
   const size_t reach = (search.words * 64 + 1) * channels;
   const int last = image.size.width - 1;
+  const bool has_key = background.keyed.size() == background.size;
   RowPair rows{};
   for (int y = 0; y < image.size.height; ++y) {
     const size_t first = static_cast<size_t>(y) * samples;
@@ -296,7 +310,9 @@ const Mask& DifferingQuads::find(ImageView image, const BackgroundTable& backgro
     (search, channels, rows.seen[1], rows.mean[1], background.sharpness.data() + first);
     if (y == 0) continue;
     const auto differs = quads_.row(y - 1);
-    HWY_DYNAMIC_DISPATCH(flag_any_row)(search, channels, rows, differs.data());
+    HWY_DYNAMIC_DISPATCH(flag_any_row)
+    (search, channels, rows, has_key ? background.keyed.row(y - 1).data() : nullptr,
+     differs.data());
     differs[last / 64] |= uint64_t{1} << last % 64;
   }
   return quads_;

@@ -10,6 +10,19 @@
 
 namespace v3d {
 
+/// A quad is the background in another light when one factor explains all its samples: it leaves of
+/// each at most `allowed` and `allowed_part` of the quad's mean.
+struct LightTest {
+  /// `least`, `most`, less than 2: the factor; `chroma`: `allowed_part`; `noise_floor`: of which
+  /// `allowed` is a multiple, grey values.
+  LightTest(float least, float most, float chroma, int channels, float noise_floor);
+
+  uint16_t least_factor;  ///< 1/32768
+  uint16_t most_factor;
+  uint16_t allowed;       ///< 1/64 grey value
+  uint16_t allowed_part;  ///< 1/65536; where there are three channels, a third of it
+};
+
 /// When a quad, two by two neighbouring pixels, differs. Grey values, distances and factors are
 /// fixed-point numbers.
 struct QuadTest {
@@ -17,13 +30,9 @@ struct QuadTest {
 
   uint16_t limit;  ///< a quad differs when the sum of its samples' squared distances is beyond it
   uint16_t far;    ///< distances that are greater count as this, so that the sum fits 16 bits
-  // A quad is a shadow (or a small highlight) when one factor explains all its samples: it leaves
-  // of each at most `allowed` and `allowed_part` of the quad's mean.
-  bool spares_shadows;    ///< not in grey images: they have no colour to tell a shadow by
-  uint16_t least_factor;  ///< 1/32768
-  uint16_t most_factor;
-  uint16_t allowed;       ///< 1/64 grey value
-  uint16_t allowed_part;  ///< 1/65536; where there are three channels, a third of it
+  bool spares_shadows;  ///< not in grey images: they have no colour to tell a shadow by
+  LightTest shadow;     ///< or a small highlight
+  LightTest key;        ///< the studio's colour, in any light
 };
 
 /// Keeps its working memory between calls. One thread.

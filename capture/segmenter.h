@@ -24,8 +24,11 @@ namespace v3d {
 /// quads it belongs to differ, which leaves straight edges and single-pixel lines where they are.
 /// A quad whose samples all kept the same part of their brightness is a shadow (or a small
 /// highlight) and does not differ; grey images have no colour to tell a shadow by, so there a
-/// shadow is foreground. The image's brightness as a whole is brought to that of the model first.
-/// Pieces of foreground that are background which moved a little (is_moved_background()) go.
+/// shadow is foreground. Where the background has the colour of its chroma key, a quad of that
+/// colour in any light does not differ: neither folds and dark corners of the cloth nor light that
+/// changes do, and what stands before it keeps its own colour, also where the cloth shines upon it.
+/// The image's brightness as a whole is brought to that of the model first. Pieces of foreground
+/// that are background which moved a little (is_moved_background()) go.
 ///
 /// The background follows the light slowly (BackgroundAdaptation), from every 32nd pulse of a take,
 /// and so that a mask can be made again from the recorded take: it depends on the plates, the image

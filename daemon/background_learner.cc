@@ -84,7 +84,10 @@ BackgroundLearner::Result BackgroundLearner::run() try {
     heartbeat_.beat();
     std::vector<ImageView> views;
     for (const Image& plate : plates[i]) views.push_back(plate.view());
-    save_background(plan_.folder, workers_[i]->camera(), learn_background(views));
+    const std::string& camera = workers_[i]->camera();
+    BackgroundModel model = learn_background(views);
+    if (const auto key = plan_.keys.find(camera); key != plan_.keys.end()) model.key = key->second;
+    save_background(plan_.folder, camera, model);
     plates[i].clear();
   }
   return {.learnt = true,

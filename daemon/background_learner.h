@@ -4,9 +4,11 @@
 #include <atomic>
 #include <filesystem>
 #include <future>
+#include <map>
 #include <string>
 #include <vector>
 
+#include "base/chroma_key.h"
 #include "capture/camera_worker.h"
 #include "daemon/heartbeat.h"
 #include "daemon/preview_sender.h"
@@ -18,6 +20,7 @@ struct LearnPlan {
   Duration limit{};     ///< gather no longer than this
   std::filesystem::path folder;
   double rate_hz = 0;
+  std::map<std::string, ChromaKey> keys{};  ///< by camera; none where it is not said
 };
 
 /// Begins at construction, in a thread of its own. The workers are armed and outlive the learner.

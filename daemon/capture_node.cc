@@ -132,6 +132,12 @@ bool CaptureNode::is_arming_trigger() {
   return false;
 }
 
+std::map<std::string, ChromaKey> CaptureNode::chroma_keys() const {
+  std::map<std::string, ChromaKey> keys;
+  for (const StudioCamera& camera : studio_.cameras) keys[camera.name] = camera.chroma_key;
+  return keys;
+}
+
 void CaptureNode::start() {
   first_pulse_told_ = false;
   if (order_.verb == CommandVerb::kBackground) {
@@ -141,7 +147,8 @@ void CaptureNode::start() {
         LearnPlan{.plates = plates,
                   .limit = (plates + 2) * period_of(rate_hz_) + kReadyWithin,
                   .folder = studio_.storage.background,
-                  .rate_hz = rate_hz_},
+                  .rate_hz = rate_hz_,
+                  .keys = chroma_keys()},
         bus_);
   }
   if (train_) train_->restart();

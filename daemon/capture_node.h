@@ -2,6 +2,7 @@
 // background.
 #pragma once
 
+#include <map>
 #include <memory>
 #include <string>
 #include <vector>
@@ -46,6 +47,7 @@ class CaptureNode : public NodeWork {
  private:
   void make_ready(const CommandMessage& order, std::optional<int64_t> pulses);
   void arm_cameras();
+  std::map<std::string, ChromaKey> chroma_keys() const;
   /// The generator takes its time; arms the cameras when it is done. Throws what armed() throws.
   bool is_arming_trigger();
   /// Any thread.

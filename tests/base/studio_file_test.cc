@@ -125,9 +125,22 @@ TEST(StudioFile, refuses_values_out_of_range_with_the_range) {
   EXPECT_EQ(message_for(with("\"Mono8\"", "\"Mono12\"")),
             "/etc/v3d/studio.toml:21: camera.pixel_format: 'Mono12' is unknown; known: Mono8, "
             "BayerGR8, BayerRG8, BayerGB8, BayerBG8, RGB8");
+  EXPECT_EQ(message_for(with("exposure_us = 800", "chroma_key = \"pink\"")),
+            "/etc/v3d/studio.toml:9: camera_defaults.chroma_key: 'pink' is unknown; known: none, "
+            "green, blue");
   EXPECT_EQ(message_for(with("rate_hz = 25", "rate_hz = 5000")),
             "/etc/v3d/studio.toml:24: trigger.pulse_width_us: a pulse must be shorter than the "
             "period of 200 us");
+}
+
+TEST(StudioFile, tells_which_cameras_see_a_green_studio_and_wants_colour_of_them) {
+  const std::string text =
+      with("address = \"V3D-SIM-01\"", "address = \"V3D-SIM-01\"\nchroma_key = \"green\"");
+  EXPECT_EQ(parse_studio(text, "studio.toml").cameras[0].chroma_key, ChromaKey::kGreen);
+  EXPECT_EQ(parse_studio(text, "studio.toml").cameras[1].chroma_key, ChromaKey::kNone);
+  EXPECT_EQ(message_for(with("packet_size = 1500", "chroma_key = \"green\"")),
+            "/etc/v3d/studio.toml:22: camera.chroma_key: a Mono8 picture has no colour; expected "
+            "none, or a pixel_format with one");
 }
 
 constexpr std::string_view kSimulated =

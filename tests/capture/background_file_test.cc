@@ -46,6 +46,15 @@ TEST_F(BackgroundFile, comes_back_as_it_was_learnt) {
   }
 }
 
+TEST_F(BackgroundFile, keeps_the_chroma_key) {
+  BackgroundModel model = learn_wall({16, 16}, PixelFormat::kBayerGB8);
+  model.key = ChromaKey::kGreen;
+  save_background(folder_.path(), "cam07", model);
+  EXPECT_EQ(load_background(folder_.path(), "cam07").key, ChromaKey::kGreen);
+  write("cam07.toml", "pixel_format = \"BayerGB8\"\nchroma_key = \"pink\"\n");
+  EXPECT_THAT(refusal(), HasSubstr("chroma_key: is not known"));
+}
+
 TEST_F(BackgroundFile, saves_the_same_bytes_when_it_is_loaded_and_saved_again) {
   save_background(folder_.path(), "cam07", learn_wall({53, 31}, PixelFormat::kRGB8));
   save_background(folder_.path(), "cam08", load_background(folder_.path(), "cam07"));

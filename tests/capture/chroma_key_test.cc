@@ -1,0 +1,86 @@
+// A green studio: cloth in folds, lamps that change, a floor that is not green, and performers upon
+// whom the cloth shines.
+#include <gtest/gtest.h>
+
+#include "base/mask_shape.h"
+#include "capture/segmenter.h"
+#include "studio_wall.h"
+
+namespace v3d {
+namespace {
+
+constexpr ImageSize kSize{240, 160};
+constexpr int kFloor = 140;  ///< grey from this row on
+
+/// The cloth hangs in folds that move: `shift` pixels; `light`: of the lamps.
+Colour cloth(int x, double light, double shift) {
+  const double fold = 0.8 + 0.12 * std::sin(0.15 * (x + shift));
+  return {46 * light * fold, 150 * light * fold, 58 * light * fold};
+}
+Scene empty_studio(double light, double shift) {
+  return [=](int x, int y) { return y < kFloor ? cloth(x, light, shift) : Colour{90, 92, 88}; };
+}
+/// The same and lit unevenly: one lamp has gone, another was turned up.
+Colour other_light(int x, int y) {
+  return y < kFloor ? cloth(x, 0.6 + 0.002 * x, 12) : Colour{72, 73.6, 70.4};
+}
+
+/// Five stripes of a person: skin, white, black, a warm grey, and a cloth of a green that is not
+/// the studio's. `spill`: what the studio's cloth adds.
+constexpr Colour kStripes[] = {
+    {190, 140, 118}, {215, 212, 208}, {24, 22, 24}, {120, 105, 95}, {120, 150, 60}};
+bool is_person(int x, int y) { return x >= 40 && x < 190 && y >= 20 && y < 130; }
+Scene person(double spill) {
+  return [=](int x, int y) {
+    if (!is_person(x, y)) return other_light(x, y);
+    const Colour& own = kStripes[(x - 40) / 30];
+    return Colour{own[0] + 46 * spill, own[1] + 150 * spill, own[2] + 58 * spill};
+  };
+}
+
+Mask floor() {
+  Mask mask(kSize);
+  for (int y = kFloor; y < kSize.height; ++y) mask.fill_row(y, 0, kSize.width);
+  return mask;
+}
+
+class GreenStudio : public testing::TestWithParam<PixelFormat> {
+ protected:
+  Mask segment(const Scene& scene, ChromaKey key) const {
+    BackgroundModel model = model_;
+    model.key = key;
+    return Segmenter(model, {}).segment(photograph(kSize, GetParam(), scene, 5).view());
+  }
+  const BackgroundModel model_ = learn_scene(kSize, GetParam(), empty_studio(1, 0));
+};
+
+INSTANTIATE_TEST_SUITE_P(Formats, GreenStudio,
+                         testing::Values(PixelFormat::kBayerRG8, PixelFormat::kBayerGB8,
+                                         PixelFormat::kRGB8),
+                         [](const auto& format) { return std::string(name(format.param)); });
+
+TEST_P(GreenStudio, is_background_in_any_light_and_any_folds_where_it_is_keyed) {
+  EXPECT_GT(segment(other_light, ChromaKey::kNone).count(), 2000);
+  EXPECT_EQ(segment(other_light, ChromaKey::kGreen).count(), 0);
+}
+
+TEST_P(GreenStudio, leaves_the_person_whole_also_where_the_cloth_shines_upon_him) {
+  Mask truth(kSize);
+  for (int y = 20; y < 130; ++y) truth.fill_row(y, 40, 190);
+  for (const double spill : {0.0, 0.1, 0.2}) {
+    const Mask mask = only_first(segment(person(spill), ChromaKey::kGreen), floor());
+    EXPECT_GT(intersection_over_union(mask, truth), 0.985) << spill;
+  }
+}
+
+TEST_P(GreenStudio, keys_only_what_has_the_colour) {
+  const auto on_the_floor = [](int x, int y) {
+    return y >= kFloor && x > 100 && x < 140 ? Colour{60, 130, 70} : other_light(x, y);
+  };
+  const Mask mask = segment(on_the_floor, ChromaKey::kGreen);
+  EXPECT_NEAR(static_cast<double>(mask.count()), 39 * 20, 80) << "green upon grey is somebody";
+  EXPECT_GT(segment(other_light, ChromaKey::kBlue).count(), 2000);
+}
+
+}  // namespace
+}  // namespace v3d
