@@ -38,6 +38,10 @@ inline constexpr char kBehind[] =
     "up";
 inline constexpr char kMeshesMissing[] =
     "The frames are safe on the capture PCs: v3dctl reconstruct TAKE makes every mesh later";
+inline constexpr char kKnocked[] =
+    "Look after its mount, calibrate it again, and leave it out of this take: v3dctl reconstruct "
+    "TAKE "
+    "--leave-out CAMERA";
 inline constexpr char kNoMesh[] = "v3dctl reconstruct TAKE tries again with other bounds or voxels";
 
 }  // namespace v3d::advice

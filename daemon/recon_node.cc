@@ -18,6 +18,9 @@ namespace {
 constexpr Duration kQuiet = std::chrono::milliseconds(1200);
 constexpr Duration kDrainWithin = std::chrono::seconds(20);
 
+/// A camera that was knocked once more is told again.
+constexpr double kOtherShiftPx = 1;
+
 std::map<std::string, double> values_of(const ReconCounts& c) {
   std::map<std::string, double> values = {
       {"meshes", static_cast<double>(c.meshes)},
@@ -34,6 +37,10 @@ std::map<std::string, double> values_of(const ReconCounts& c) {
       {"latency_p50_ms", c.latency_p50_ms},
       {"latency_p99_ms", c.latency_p99_ms},
       {"live_fps", c.live_fps}};
+  if (c.meshes > 0) {
+    values["silhouette_iou_percent"] = 100 * c.quality.silhouette_iou;
+    values["coverage_percent"] = 100 * c.quality.coverage;
+  }
   for (const auto& [camera, frames] : c.cameras) {
     values[camera + ".live_received"] = static_cast<double>(frames.received);
     values[camera + ".live_lost"] = static_cast<double>(frames.lost);
@@ -117,6 +124,8 @@ void ReconNode::open(const CommandMessage& order, std::optional<int64_t> goes_on
                                    .threads = recon.threads};
   const Rig rig = rig_of(sets.cameras, studio_.storage.calib);
   auto reconstructor = std::make_shared<Reconstructor>(rig, options);
+  drift_ = std::make_unique<DriftWatch>(rig, options);
+  knocked_ = {};
   pipeline_ = std::make_unique<ReconPipeline>(
       ReconPipeline::Setup{.take = order.take,
                            .mesh_file = take_paths(studio_, order.take).mesh(),
@@ -126,6 +135,7 @@ void ReconNode::open(const CommandMessage& order, std::optional<int64_t> goes_on
                            .rehearsal = goes_on_at
                                             ? std::nullopt
                                             : std::optional(rehearsal(rig, studio_.space.bounds)),
+                           .done_with = [this](FrameSet& set) { drift_->offer(set); },
                            .goes_on_at = goes_on_at},
       bus_);
 }
@@ -142,6 +152,7 @@ void ReconNode::disarm() {
   pipeline_->close();
   last_ = pipeline_->counts();
   pipeline_.reset();
+  drift_.reset();
   // A daemon that is told to end while pulses run may be back before they end.
   if (!stop_requested()) drop_order(studio_, node_, order_.take);
   if (last_.meshes > 0) return;
@@ -214,6 +225,7 @@ void ReconNode::report_health(HealthMessage& health) {
                                              : format_count(counts.write_errors) +
                                                    " meshes refused: the disk is full or broken",
                     advice::kMeshDisk);
+  report_drift(health);
   const bool behind = pipeline_ && counts.behind;
   events_.keep_told(Severity::kWarning, "reconstruction",
                     behind ? "cannot keep up: drops pulses, to show the newest" : "",
@@ -226,6 +238,21 @@ void ReconNode::report_health(HealthMessage& health) {
     health.text = format_count(counts.failed) + " pulses without a mesh: " + counts.failure;
   }
   if (counts.write_errors > 0) health.text = "meshes could not be written: the disk refuses";
+}
+
+/// The first word of a take about a camera stands, as long as it is not plainly another.
+void ReconNode::report_drift(HealthMessage& health) {
+  if (!drift_) return;
+  for (const CameraDrift& camera : drift_->result()) {
+    health.values[camera.camera + ".drift_px"] = camera.shift.norm();
+    if (!camera.knocked) continue;
+    health.text = camera.camera + " " + text_of(camera);
+    const bool told =
+        camera.camera == knocked_.camera && (camera.shift - knocked_.shift).norm() < kOtherShiftPx;
+    if (told) continue;
+    knocked_ = camera;
+    events_.send(Severity::kAlarm, camera.camera, text_of(camera), advice::kKnocked);
+  }
 }
 
 bool ReconNode::progressed_since(MonotonicInstant since) const {

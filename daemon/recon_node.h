@@ -6,6 +6,7 @@
 
 #include "base/studio_file.h"
 #include "daemon/bus.h"
+#include "daemon/drift_watch.h"
 #include "daemon/event_sender.h"
 #include "daemon/kept_order.h"
 #include "daemon/node_work.h"
@@ -36,6 +37,7 @@ class ReconNode : public NodeWork {
   NodeReport ready_report() const;
   std::optional<NodeReport> poll_recording();
   std::optional<NodeReport> poll_draining();
+  void report_drift(HealthMessage& health);
 
   const Studio& studio_;
   const std::string node_;
@@ -45,8 +47,10 @@ class ReconNode : public NodeWork {
   KeptOrders kept_orders_;
   CommandMessage order_;
   MonotonicInstant drain_began_;
-  std::unique_ptr<ReconPipeline> pipeline_;
-  ReconCounts last_;  ///< of the last take
+  std::unique_ptr<DriftWatch> drift_;
+  std::unique_ptr<ReconPipeline> pipeline_;  ///< offers its sets to the watch
+  CameraDrift knocked_;  ///< what was told last of this take; without a name: nothing
+  ReconCounts last_;     ///< of the last take
 };
 
 }  // namespace v3d

@@ -48,6 +48,7 @@ ReconPipeline::ReconPipeline(Setup setup, Bus& bus)
       cameras_(setup.sets.cameras),
       bus_(bus),
       stages_(std::move(setup.stages)),
+      done_with_(std::move(setup.done_with)),
       file_(setup.mesh_file, setup.goes_on_at ? LogOpening::kGoOn : LogOpening::kNew),
       meshes_before_(static_cast<int64_t>(file_.size())),
       assembler_(behind(setup.sets, file_.last_pulse())),
@@ -162,6 +163,7 @@ void ReconPipeline::finish(Job& job) {
   const Reconstruction& result = job.work.result;
   publish(job);
   if (!file_.append(result.pulse, result.compact)) ++write_errors_;
+  if (done_with_) done_with_(job.work.set);
   ++meshes_;
 }
 
@@ -181,10 +183,15 @@ void ReconPipeline::publish(const Job& job) {
                       .take = take_,
                       .pulse = result.pulse,
                       .pulse_edge = edge_of(result.pulse),
+                      .silhouette_iou = result.quality.silhouette_iou,
+                      .coverage = result.quality.coverage,
+                      .cameras = result.quality.cameras,
                       .missing = job.missing,
                       .compact = result.compact};
   bus_.publish_sealed(kMeshChannel, encode(message));
   note_latency(message.pulse_edge);
+  const std::lock_guard lock(mutex_);
+  quality_ = result.quality;
 }
 
 RealtimeInstant ReconPipeline::edge_of(int64_t pulse) {
@@ -226,6 +233,7 @@ ReconCounts ReconPipeline::counts() const {
                      .write_errors = write_errors_};
   const std::lock_guard lock(mutex_);
   counts.failure = failure_;
+  counts.quality = quality_;
   counts.frames_lost = sequences_.total().lost;
   for (const std::string& camera : cameras_) counts.cameras[camera] = sequences_.of(camera);
   counts.latency_p50_ms = percentile(latencies_ms_, 0.50);

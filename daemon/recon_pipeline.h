@@ -38,7 +38,8 @@ struct ReconCounts {
   int64_t write_errors = 0;
   double latency_p50_ms = 0;  ///< pulse to mesh published, over the last kLatencies meshes
   double latency_p99_ms = 0;
-  double live_fps = 0;  ///< meshes per second over the take so far
+  double live_fps = 0;     ///< meshes per second over the take so far
+  FrameQuality quality{};  ///< of the last mesh
 };
 
 /// What is done with a frame set: Reconstructor's two stages. They throw InputError for a set that
@@ -63,6 +64,9 @@ class ReconPipeline {
     int threads = 0;  ///< 0: one per core
     FrameSetOptions sets;
     std::optional<FrameSet> rehearsal{};  ///< worked on first; its mesh is thrown away
+    /// Gets every set whose mesh has been published, on the last stage's thread: what is left of it
+    /// is nobody's.
+    std::function<void(FrameSet&)> done_with{};
     /// A take that goes on: pulses of it until now. The mesh file goes on behind its last mesh.
     std::optional<int64_t> goes_on_at{};
   };
@@ -109,6 +113,7 @@ class ReconPipeline {
   const std::vector<std::string> cameras_;
   Bus& bus_;
   const MeshStages stages_;
+  const std::function<void(FrameSet&)> done_with_;
   MeshFileWriter file_;
   const int64_t meshes_before_;  ///< in the file, of a take that goes on
   FrameSetAssembler assembler_;  ///< assembling thread
@@ -139,6 +144,7 @@ class ReconPipeline {
   MonotonicInstant first_mesh_;
   MonotonicInstant last_mesh_;
   std::string failure_;
+  FrameQuality quality_;
 
   std::atomic<bool> stopping_ = false;
   std::thread assembling_thread_;

@@ -74,6 +74,8 @@ class Reconstructor::Impl {
         lattice_(lattice_of(grid_, options.quality)),
         deformer_(deformer_of(options, lattice_)),
         arena_(arena_size(options.threads)),
+        quality_(
+            arena_.execute([&] { return QualityMeter(rig, options.bounds, options.voxel_m); })),
         intersector_(grid_, models_, options.min_views) {}
 
   Reconstruction reconstruct(FrameSet set) {
@@ -135,6 +137,9 @@ class Reconstructor::Impl {
     result.compact = encode_compact(frame);
     std::swap(frame.mesh, result.mesh);
     result.times.encode = encoding.ms();
+    const Stopwatch judging;
+    result.quality = quality_.measure(result.mesh, work.frames);
+    result.times.quality = judging.ms();
   }
 
  private:
@@ -187,6 +192,7 @@ class Reconstructor::Impl {
   const VertexLattice lattice_;       ///< of the compact frames
   std::optional<Deformer> deformer_;  ///< for Quality::kHigh
   tbb::task_arena arena_;             ///< reconstruct()
+  const QualityMeter quality_;
   // What make_mesh() works with, and keeps.
   Intersector intersector_;
   SparseVolume volume_;

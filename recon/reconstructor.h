@@ -13,6 +13,7 @@
 #include "base/mesh.h"
 #include "base/studio_file.h"
 #include "recon/deform.h"
+#include "recon/frame_quality.h"
 #include "recon/moment.h"
 
 namespace v3d {
@@ -37,6 +38,7 @@ struct ReconstructOptions {
 /// Wall-clock milliseconds of each stage; negative where the stage did not run.
 struct StageTimes {
   double intersect = -1, mesh = -1, deform = -1, steady = -1, texture = -1, encode = -1;
+  double quality = -1;  ///< the score, after the mesh is encoded
 };
 
 struct Reconstruction {
@@ -45,6 +47,7 @@ struct Reconstruction {
   double volume_m3 = 0;              ///< occupied voxels times voxel volume
   std::vector<std::string> cameras;  ///< that took part
   std::vector<uint8_t> compact;
+  FrameQuality quality;
   StageTimes times;
 };
 
@@ -78,8 +81,8 @@ class Reconstructor {
   Reconstruction reconstruct(FrameSet set);
 
   /// The same in two stages, in the caller's TBB arena: first the coloured mesh, all in parallel
-  /// loops, then its compact frame, mostly one thread's work. One caller of each at a time; they
-  /// may work on different sets at the same time.
+  /// loops, then its compact frame, mostly one thread's work, and its quality. One caller of each
+  /// at a time; they may work on different sets at the same time.
   void make_mesh(SetAtWork& work);
   void encode(SetAtWork& work) const;
 

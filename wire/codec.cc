@@ -23,7 +23,7 @@ namespace {
 // As in lcmtypes/. The round trip of every message type fails when one of these is wrong.
 constexpr Layout kPulseLayout = "qqsqqq";
 constexpr Layout kFrameLayout = "qqssq?qqqiiiiiiib?qnnB0B1";
-constexpr Layout kMeshLayout = "qqsqqnnS0B1";
+constexpr Layout kMeshLayout = "qqsqqqqinnS0B1";
 constexpr Layout kCommandLayout = "qsqb?sqqnnS0S1m";
 constexpr Layout kReplyLayout = "qssqbsssm";
 constexpr Layout kHealthLayout = "qqsssbssnS0D0";
@@ -250,6 +250,9 @@ Bytes encode(const MeshMessage& m) {
   w.take = m.take;
   w.pulse = m.pulse;
   w.t_edge_ns = to_ns(m.pulse_edge);
+  w.silhouette_iou = m.silhouette_iou;
+  w.coverage = m.coverage;
+  w.cameras = m.cameras;
   w.n_missing = static_cast<int32_t>(m.missing.size());
   w.missing = m.missing;
   w.compact = m.compact;
@@ -263,11 +266,16 @@ std::optional<MeshMessage> decode(std::span<const uint8_t> bytes) {
   if (!w) return std::nullopt;
   const auto sent = instant_of(w->utime);
   if (!sent || w->seq < 0 || w->pulse < 0) return std::nullopt;
+  const auto is_part = [](double value) { return value >= 0 && value <= 1; };
+  if (!is_part(w->silhouette_iou) || !is_part(w->coverage) || w->cameras < 0) return std::nullopt;
   return MeshMessage{.sent = *sent,
                      .seq = w->seq,
                      .take = w->take,
                      .pulse = w->pulse,
                      .pulse_edge = from_ns<Realtime>(w->t_edge_ns),
+                     .silhouette_iou = w->silhouette_iou,
+                     .coverage = w->coverage,
+                     .cameras = w->cameras,
                      .missing = std::move(w->missing),
                      .compact = std::move(w->compact)};
 }

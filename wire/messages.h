@@ -39,6 +39,9 @@ struct MeshMessage {
   std::string take;
   int64_t pulse = 0;
   RealtimeInstant pulse_edge;        ///< for the latency from pulse to mesh; 0 when unknown
+  double silhouette_iou = 0;         ///< of its quality (recon/frame_quality.h)
+  double coverage = 0;               ///< the same
+  int cameras = 0;                   ///< that took part
   std::vector<std::string> missing;  ///< cameras the frame set went without
   std::vector<uint8_t> compact;
 };

@@ -72,6 +72,9 @@ inline MeshMessage any_message() {
           .take = any_text(),
           .pulse = any_count(),
           .pulse_edge = from_ns<Realtime>(*rc::gen::arbitrary<int64_t>()),
+          .silhouette_iou = *rc::gen::inRange(0, 101) * 0.01,
+          .coverage = *rc::gen::inRange(0, 101) * 0.01,
+          .cameras = *rc::gen::inRange(0, 100),
           .missing = {any_text(), any_text()},
           .compact = *rc::gen::arbitrary<std::vector<uint8_t>>()};
 }

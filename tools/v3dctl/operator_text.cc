@@ -301,6 +301,9 @@ std::string recording_line(const std::map<std::string, HealthMessage>& health) {
     std::snprintf(text, sizeof text, "live %.1f/s, %.0f ms", *rate,
                   greatest(health, "latency_p50_ms"));
     add(text);
+    if (const auto iou = total(health, "silhouette_iou_percent")) {
+      add(value_text("_percent", *iou) + " explained");
+    }
   }
   return line;
 }

@@ -154,8 +154,8 @@ class SilhouetteMeter {
 };
 
 void add_stage_times(const StageTimes& times, double segment, ReconstructReport& report) {
-  const double parts[] = {segment,      times.intersect, times.mesh,  times.deform,
-                          times.steady, times.texture,   times.encode};
+  const double parts[] = {segment,      times.intersect, times.mesh,   times.deform,
+                          times.steady, times.texture,   times.encode, times.quality};
   double total = 0;
   for (size_t stage = 0; stage < std::size(parts); ++stage) {
     if (parts[stage] < 0) continue;
@@ -172,6 +172,7 @@ void add_figures(const Reconstruction& result, ReconstructReport& report) {
   report.triangles.push_back(static_cast<double>(result.mesh.triangles.size()));
   report.components.push_back(connected_components(result.mesh));
   report.bytes.push_back(static_cast<double>(result.compact.size()));
+  report.quality.emplace_back(result.pulse, result.quality);
 }
 
 double peak_rss_mb() {
@@ -188,8 +189,8 @@ ReconstructReport begin_report(const ReconstructOptions& options, const TakeFram
   report.voxel_m = options.voxel_m;
   report.min_views = options.min_views;
   report.threads = options.threads;
-  for (const char* stage :
-       {"segment", "intersect", "mesh", "deform", "steady", "texture", "encode", "total"}) {
+  for (const char* stage : {"segment", "intersect", "mesh", "deform", "steady", "texture", "encode",
+                            "quality", "total"}) {
     report.stages.push_back({stage, {}});
   }
   return report;

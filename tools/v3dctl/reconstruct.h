@@ -4,11 +4,13 @@
 #include <filesystem>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "base/geometry.h"
 #include "base/studio_file.h"
 #include "recon/deform.h"
+#include "recon/frame_quality.h"
 #include "v3dctl/mask_mending.h"
 #include "v3dctl/options.h"
 
@@ -47,10 +49,12 @@ struct ReconstructReport {
   /// How the surface, drawn into a camera, agrees with its mask as far as that lies before the
   /// bounds; one per frame and camera.
   std::vector<double> silhouette_iou;
-  std::vector<std::vector<double>> camera_iou;  ///< the same, by camera
+  std::vector<std::vector<double>> camera_iou;            ///< the same, by camera
+  std::vector<std::pair<int64_t, FrameQuality>> quality;  ///< by pulse, as goes with live meshes
   bool mended = false;
   std::vector<PulseFault> silhouette_faults;  ///< where they were mended
-  std::vector<StageSamples> stages;  ///< segment intersect mesh deform steady texture encode total
+  std::vector<StageSamples> stages;  ///< segment intersect mesh deform steady texture encode
+                                     ///< quality total
   double seconds = 0;                ///< the whole run
   double peak_rss_mb = 0;            ///< of this process, 10^6 bytes
 };

@@ -61,6 +61,17 @@ Json faults_json(const std::vector<PulseFault>& faults) {
   return list;
 }
 
+Json quality_json(const ReconstructReport& report) {
+  Json list = Json::array();
+  for (const auto& [pulse, quality] : report.quality) {
+    list.push_back({{"pulse", pulse},
+                    {"silhouette_iou", quality.silhouette_iou},
+                    {"coverage", quality.coverage},
+                    {"cameras", quality.cameras}});
+  }
+  return list;
+}
+
 Json to_json(const ReconstructReport& report) {
   const Box& box = report.bounds;
   return {
@@ -76,6 +87,7 @@ Json to_json(const ReconstructReport& report) {
       {"vertices", median(report.vertices)},
       {"triangles", median(report.triangles)},
       {"silhouette_iou", silhouettes_json(report)},
+      {"frame_quality", quality_json(report)},
       {"silhouette_faults", report.mended ? faults_json(report.silhouette_faults) : Json(nullptr)},
       {"stages_ms", stages_json(report)},
       {"frames_per_second", static_cast<double>(report.frames) / report.seconds},

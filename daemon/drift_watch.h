@@ -1,0 +1,63 @@
+// Whether the cameras stand where they were calibrated, asked of the silhouettes while a take is
+// reconstructed.
+#pragma once
+
+#include <condition_variable>
+#include <mutex>
+#include <optional>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "recon/drift.h"
+#include "recon/reconstructor.h"
+
+namespace v3d {
+
+/// Looks at two or three pulses a second at first and, when it has an opinion, at one every five
+/// seconds. It works in spare time: on one thread, which runs when no other wants the processor
+/// (SCHED_IDLE), and nothing ever waits for it. With fewer than kLeastCameras cameras it does
+/// nothing: the hull of the others is too wide then to say where a camera stands.
+class DriftWatch {
+ public:
+  static constexpr size_t kLeastCameras = 12;
+  static constexpr int64_t kLeastPulses = 8;  ///< before it says anything
+  static constexpr Duration kFirstPeriod = std::chrono::milliseconds(400);
+  static constexpr Duration kPeriod = std::chrono::seconds(5);
+
+  DriftWatch(const Rig& rig, const ReconstructOptions& options);
+  ~DriftWatch();
+  DriftWatch(const DriftWatch&) = delete;
+  DriftWatch& operator=(const DriftWatch&) = delete;
+
+  /// Takes the masks of a set that nobody needs any more, where it has time for them; else the set
+  /// stays as it is. One thread.
+  void offer(FrameSet& set);
+
+  /// By camera of the rig, of the last pulses; empty before it has an opinion. One thread. The last
+  /// answer when there is a new one that cannot be had at once.
+  const std::vector<CameraDrift>& result();
+
+ private:
+  using Masks = std::vector<std::optional<Mask>>;
+
+  void run();
+  void look(const Masks& masks);
+
+  const Rig rig_;
+  HullOfOthers hulls_;  ///< the thread's, as are the next two
+  DriftMeter meter_;
+  std::vector<Mask> views_;
+  MonotonicInstant next_look_;     ///< offer()
+  std::vector<CameraDrift> told_;  ///< result()
+  std::mutex mutex_;               ///< what follows
+  std::condition_variable changed_;
+  bool stopping_ = false;
+  bool busy_ = false;
+  bool has_opinion_ = false;
+  std::optional<Masks> waiting_;
+  std::vector<CameraDrift> result_;
+  std::thread thread_;  ///< last: it works with all of the above
+};
+
+}  // namespace v3d

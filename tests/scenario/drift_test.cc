@@ -1,0 +1,76 @@
+// A camera that was knocked since it was calibrated is named while the take is recorded.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "base/calib_file.h"
+#include "daemon/bus.h"
+#include "studio4.h"
+#include "wire/channels.h"
+
+namespace v3d {
+namespace {
+
+using test::becomes_true;
+using test::within;
+using testing::HasSubstr;
+
+constexpr double kKnockPx = 4;
+
+/// Cameras enough to tell which of them does not fit.
+class Studio12 : public test::Studio4 {
+ protected:
+  Studio12() : Studio4({.cameras = 12, .rate = "10"}), bus_(studio_.network.lcm_url) {}
+  void SetUp() override { events_.emplace(bus_, kEventChannel, 1024); }
+
+  /// The lens of cam03 as it was before something pushed its image to the left.
+  void knock() const {
+    Rig rig = load_calib(studio_.storage.calib);
+    CameraModel& model = rig.at(static_cast<size_t>(find_camera(rig, "cam03"))).model;
+    Eigen::Matrix3d matrix = model.matrix();
+    matrix(0, 2) += kKnockPx;
+    model = CameraModel(model.size(), matrix, model.distortion(), model.cam_from_world());
+    save_calib(studio_.storage.calib, rig);
+  }
+
+  /// What was told of a camera that was knocked, until now.
+  std::vector<EventMessage> told() {
+    std::vector<EventMessage> found;
+    while (auto event = events_->wait(Monotonic::now())) {
+      if (event->text.find("knocked") != std::string::npos) found.push_back(*std::move(event));
+    }
+    return found;
+  }
+
+  Bus bus_;
+  std::optional<Subscription<EventMessage>> events_;
+};
+
+TEST_F(Studio12, names_the_camera_that_was_knocked_and_no_other_and_no_one_before) {
+  arm_and_start(0);
+  ASSERT_TRUE(reaches("recon01", "cam03.drift_px", 0)) << log();
+  ASSERT_TRUE(command(CommandVerb::kStop).done()) << log();
+  EXPECT_THAT(told(), testing::IsEmpty()) << log();
+
+  knock();
+  take_name_ = "kendo-08";
+  arm_and_start(0);
+  ASSERT_TRUE(reaches("recon01", "cam03.drift_px", kKnockPx / 2)) << log();
+  std::vector<EventMessage> events;
+  EXPECT_TRUE(becomes_true(
+      [&] {
+        events = told();
+        return !events.empty();
+      },
+      within(30)))
+      << log();
+  ASSERT_FALSE(events.empty());
+  EXPECT_EQ(events[0].subject, "cam03");
+  EXPECT_EQ(events[0].severity, Severity::kAlarm);
+  EXPECT_THAT(events[0].text, HasSubstr("pixels aside"));
+  EXPECT_THAT(events[0].text, HasSubstr("calibrate it again"));
+  EXPECT_NEAR(value("recon01", "cam03.drift_px"), kKnockPx, 1.5);
+  ASSERT_TRUE(command(CommandVerb::kStop).done()) << log();
+}
+
+}  // namespace
+}  // namespace v3d
