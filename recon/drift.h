@@ -24,7 +24,7 @@ struct CameraDrift {
   bool knocked = false;
 };
 
-/// Cameras in their place come to no more than 0.8 pixels (24 simulated rigs of 15 XGA cameras, 6
+/// Cameras in their place come to no more than 1.3 pixels (100 simulated rigs of 15 XGA cameras, 6
 /// pulses each: v3d-silhouette-faults), because the hull of the others is wider than the body, and
 /// more so on one side.
 inline constexpr double kKnockedPx = 1.5;
