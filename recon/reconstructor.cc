@@ -166,8 +166,7 @@ class Reconstructor::Impl {
     const Stopwatch deforming;
     std::vector<DeformCamera> cameras;
     for (size_t c = 0; c < work.frames.size(); ++c) {
-      if (work.frames[c] != nullptr)
-        cameras.push_back({&rig_[c].model, work.frames[c], &rig_[c].colour});
+      if (work.frames[c] != nullptr) cameras.push_back({&rig_[c].model, work.frames[c]});
     }
     deformer_->run(cameras, work.result.mesh);
     work.result.times.deform = deforming.ms();
