@@ -1,5 +1,5 @@
-// Sends images as a GigE Vision camera does, in place of Aravis' fake camera: with chunk data, which
-// that one has not, and to whom and when a test wants.
+// Sends images as a GigE Vision camera does, in place of Aravis' fake camera: with chunk data,
+// which that one has not, and to whom and when a test wants.
 #pragma once
 
 #include <arpa/inet.h>
