@@ -33,6 +33,9 @@ struct Cells {
 
 /// Vertices no farther apart than this, pixels, leave no cell within the surface empty.
 constexpr float kDense = 0.75F * kCell;
+/// Vertices lie in runs along the axes, those of the three axes between each other: with every
+/// second one, gaps are two edges long at most.
+constexpr size_t kStride = 2;
 
 int cell_of(float pixels) {
   constexpr float kFar = 1 << 20;  // whole cells, so that what lies before the image rounds alike
@@ -69,10 +72,14 @@ void reach_triangles(const Mesh& mesh, const std::vector<ScreenVertex>& vertices
   }
 }
 
-Cells reached_cells(const Mesh& mesh, const CameraModel& camera, double edge_m) {
-  const std::vector<ScreenVertex> vertices = project_vertices(mesh, camera);
+/// `sparse`: every kStride-th vertex, which is enough for a camera that is not too near.
+Cells reached_cells(const Mesh& mesh, const Mesh& sparse, const CameraModel& camera,
+                    double edge_m) {
   Cells reached(camera.size());
   const auto edge_px_m = static_cast<float>(camera.matrix()(0, 0) * edge_m);
+  const float edge = reach_vertices(project_vertices(sparse, camera), edge_px_m, reached);
+  if (kStride * edge <= kCell) return reached;
+  const std::vector<ScreenVertex> vertices = project_vertices(mesh, camera);
   if (reach_vertices(vertices, edge_px_m, reached) > kDense) {
     reach_triangles(mesh, vertices, reached);
   }
@@ -115,10 +122,10 @@ QualityMeter::QualityMeter(const Rig& rig, const Box& bounds, double edge_m)
                     [&](size_t c) { views_[c] = view_of(bounds, models_[c]); });
 }
 
-QualityMeter::Count QualityMeter::count(const Mesh& mesh, const Mask& silhouette,
-                                        size_t camera) const {
+QualityMeter::Count QualityMeter::count(const Mesh& mesh, const Mesh& sparse,
+                                        const Mask& silhouette, size_t camera) const {
   Cells pixels = pixels_in_cells(both(silhouette, views_[camera]));
-  Cells reached = reached_cells(mesh, models_[camera], edge_m_);
+  Cells reached = reached_cells(mesh, sparse, models_[camera], edge_m_);
   Count count;
   for (int y = 0; y < reached.rows; ++y) {
     for (int x = 0; x < reached.columns; ++x) {
@@ -132,9 +139,13 @@ QualityMeter::Count QualityMeter::count(const Mesh& mesh, const Mask& silhouette
 }
 
 FrameQuality QualityMeter::measure(const Mesh& mesh, std::span<const Frame* const> frames) const {
+  Mesh sparse;
+  for (size_t v = 0; v < mesh.vertices.size(); v += kStride) {
+    sparse.vertices.push_back(mesh.vertices[v]);
+  }
   std::vector<Count> counts(frames.size());
   tbb::parallel_for(size_t{0}, frames.size(), [&](size_t c) {
-    if (frames[c] != nullptr) counts[c] = count(mesh, *frames[c]->mask, c);
+    if (frames[c] != nullptr) counts[c] = count(mesh, sparse, *frames[c]->mask, c);
   });
   FrameQuality quality;
   quality.cameras = static_cast<int>(

@@ -43,7 +43,7 @@ class QualityMeter {
     int64_t explained = 0;  ///< of these
     int64_t too_much = 0;   ///< pixels beside them
   };
-  Count count(const Mesh& mesh, const Mask& silhouette, size_t camera) const;
+  Count count(const Mesh& mesh, const Mesh& sparse, const Mask& silhouette, size_t camera) const;
 
   const std::vector<CameraModel> models_;
   const double edge_m_;
