@@ -5,6 +5,8 @@
 // distCoeffs, DistortionCoeffs, dist_coeffs, D; R, rvec, Rotation (3x3 or Rodrigues); T, t, tvec,
 // Translation; image_width and image_height, or image_size, imageSize, resolution. Conventions are
 // those of base/camera_model.h; OpenCV's own functions pass over skew.
+//
+// OpenCV 4.6 dies of some XML whose attributes are broken: only for files of the user's own.
 #pragma once
 
 #include <filesystem>
