@@ -77,7 +77,7 @@ NewsGate::Verdict NewsGate::judge(const std::string& sender, int64_t seq, Realti
   Heard& heard = senders_[sender];
   if (sent <= heard.floor) return Verdict::kStale;
   if (!heard.messages.emplace(sent, seq).second) return Verdict::kHeard;
-  if (heard.messages.size() > kRemembered) {
+  while (heard.messages.size() > kRemembered || heard.messages.begin()->first < now - kOldest) {
     heard.floor = heard.messages.begin()->first;
     heard.messages.erase(heard.messages.begin());
   }

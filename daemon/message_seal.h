@@ -74,7 +74,8 @@ class NewsGate {
   Verdict judge(const std::string& sender, int64_t seq, RealtimeInstant sent, RealtimeInstant now);
 
  private:
-  /// Of each sender so many messages are remembered; what is older than all of these is stale.
+  /// Of each sender the messages of the last kOldest are remembered, and no more than so many; what
+  /// is older than all of these is stale.
   static constexpr size_t kRemembered = 1024;
   static constexpr size_t kMaxSenders = 256;
 

@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <cassert>
 #include <cerrno>
+#include <deque>
 #include <utility>
 
 #include "base/error.h"
@@ -268,7 +269,7 @@ class MeshFileWriter::Impl {
   uint64_t begin_ = mesh_file::kHeaderSize;  ///< of what is appended
   uint64_t end_ = mesh_file::kHeaderSize;
   PulseSet pulses_;
-  std::vector<Payload> payloads_;
+  std::deque<Payload> payloads_;  ///< grows by pieces, not by doubling
   bool closed_well_ = false;
 };
 

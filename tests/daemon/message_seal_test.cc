@@ -67,6 +67,13 @@ TEST(News, is_what_was_sent_shortly_before_or_by_a_clock_a_little_ahead_and_not_
   EXPECT_EQ(gate.judge("cap01", 6, kNow + 3s, kNow), Verdict::kStale);
 }
 
+TEST(News, of_long_ago_stays_stale_when_the_clock_is_set_back) {
+  NewsGate gate;
+  EXPECT_EQ(gate.judge("cap01", 1, kNow, kNow), Verdict::kNews);
+  EXPECT_EQ(gate.judge("cap01", 2, kNow + 6s, kNow + 6s), Verdict::kNews);
+  EXPECT_EQ(gate.judge("cap01", 1, kNow, kNow + 1s), Verdict::kStale);
+}
+
 /// However many there are, in whatever order they come, and whenever they are played again.
 RC_GTEST_PROP(News, is_never_told_twice, ()) {
   NewsGate gate;
