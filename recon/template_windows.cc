@@ -61,6 +61,13 @@ Vector3f axis_across(const Vector3f& normal) {
   return normal.cross(other).normalized();
 }
 
+bool corners_in_silhouette(const SurfaceCamera& camera, const Vector2f& middle,
+                           const Vector2f& across, const Vector2f& down) {
+  const Vector2f one = across + down, other = across - down;
+  return camera.in_silhouette(middle + one) && camera.in_silhouette(middle - one) &&
+         camera.in_silhouette(middle + other) && camera.in_silhouette(middle - other);
+}
+
 }  // namespace
 
 WindowViews views_of(const TemplateWindow& window, std::span<const SurfaceCamera> cameras,
@@ -73,12 +80,13 @@ WindowViews views_of(const TemplateWindow& window, std::span<const SurfaceCamera
   const Candidates candidates = those_that_see(window, cameras, depths, choice);
   for (const Candidate& candidate : candidates.all()) {
     const SurfaceCamera& camera = cameras[candidate.camera];
+    const Vector2f& seen = candidate.seen.pixel;
     const Luminance& picture = camera.picture(choice.level);
-    const Vector2f middle = candidate.seen.pixel * picture.scale();
+    const Vector2f middle = seen * picture.scale();
     const auto beside = [&](const Vector3f& way) -> Vector2f {
-      const auto seen = camera.project(window.place + way);
-      return seen ? Vector2f(seen->pixel * picture.scale() - middle)
-                  : Vector2f::Constant(std::numeric_limits<float>::quiet_NaN());
+      const auto at = camera.project(window.place + way);
+      return at ? Vector2f(at->pixel * picture.scale() - middle)
+                : Vector2f::Constant(std::numeric_limits<float>::quiet_NaN());
     };
     const Vector2f a = beside(across), d = beside(down), o = beside(out);
     const WindowView view{&picture,
@@ -90,7 +98,10 @@ WindowViews views_of(const TemplateWindow& window, std::span<const SurfaceCamera
                           d.y(),
                           o.x(),
                           o.y()};
-    if (window_fits(view, correlation)) views.view[views.count++] = view;
+    if (!window_fits(view, correlation)) continue;
+    const float reach = static_cast<float>(correlation.side / 2) / picture.scale();
+    if (views.count == 0 && !corners_in_silhouette(camera, seen, reach * a, reach * d)) return {};
+    views.view[views.count++] = view;
   }
   return views;
 }

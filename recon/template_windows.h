@@ -25,7 +25,8 @@ struct WindowChoice {
 
 /// The cameras that see the window's middle, those that it faces most first: the paper's C_v, c_m
 /// at the front. `depths` are of the mesh, one per camera. A camera in which part of the window
-/// would leave the picture is left out.
+/// would leave the picture is left out. None where the window's corners leave the silhouette of the
+/// first, at an outline or on what is slenderer than the window: the background would be compared.
 WindowViews views_of(const TemplateWindow& window, std::span<const SurfaceCamera> cameras,
                      std::span<const DepthBuffer> depths, const WindowChoice& choice,
                      const CorrelationOptions& correlation);

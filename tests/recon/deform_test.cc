@@ -45,16 +45,18 @@ Mesh body(int rings, const Radius& radius) {
   return mesh;
 }
 
-/// What the cameras see, speckled all over.
-Mesh hollow_die() {
-  Mesh die = body(110, hollow_radius);
+/// Speckled all over.
+Mesh speckled(Mesh mesh) {
   std::mt19937 random(5);
-  for (size_t v = 0; v < die.vertices.size(); ++v) {
+  for (size_t v = 0; v < mesh.vertices.size(); ++v) {
     const auto grey = static_cast<uint8_t>(60 + random() % 160);
-    die.colours.push_back({grey, grey, grey});
+    mesh.colours.push_back({grey, grey, grey});
   }
-  return die;
+  return mesh;
 }
+
+/// What the cameras see.
+Mesh hollow_die() { return speckled(body(110, hollow_radius)); }
 
 Mesh hull() { return body(90, die_radius); }
 
@@ -64,7 +66,9 @@ struct Studio {
   std::vector<Mask> masks;
   std::vector<DeformCamera> cameras;
 
-  explicit Studio(const Mesh& scene) {
+  explicit Studio(const Mesh& scene) : Studio(scene, scene) {}
+  /// `seen`: also what is no part of the scene.
+  Studio(const Mesh& scene, const Mesh& seen) {
     for (int i = 0; i < 12; ++i) {
       const double angle = 2 * std::numbers::pi * i / 12;
       models.push_back(
@@ -74,7 +78,7 @@ struct Studio {
     masks = draw_silhouettes(scene, models);
     for (size_t i = 0; i < models.size(); ++i) {
       frames.push_back(
-          observe("cam" + std::to_string(i), {}, draw_mesh(scene, models[i]).view(), masks[i]));
+          observe("cam" + std::to_string(i), {}, draw_mesh(seen, models[i]).view(), masks[i]));
     }
     for (size_t i = 0; i < models.size(); ++i) cameras.push_back({&models[i], &frames[i]});
   }
@@ -153,6 +157,32 @@ TEST(Deformer, brings_a_mesh_that_is_too_large_back_to_its_silhouettes) {
   const double before = least_iou(mesh);
   Deformer(options).run(studio().cameras, mesh);
   EXPECT_GT(least_iou(mesh), before + 0.5 * (1 - before));
+}
+
+/// A third as wide as a template window, with nothing on it that could be compared.
+Mesh rod() {
+  Mesh mesh = shapes::sphere({0, 0, 0}, 1, 60);
+  for (Eigen::Vector3f& v : mesh.vertices) {
+    v = kMiddle + Eigen::Vector3f(0.012F * v.x(), 0.012F * v.y(), 0.3F * v.z());
+  }
+  mesh.colours.assign(mesh.vertices.size(), {120, 120, 120});
+  return mesh;
+}
+
+TEST(Deformer, does_not_compare_the_background_beside_something_slender) {
+  Mesh before_a_wall = rod();
+  shapes::append(before_a_wall, speckled(shapes::sphere({0, 0, 1}, 4, 120)));
+  const Studio there(rod(), before_a_wall);
+  Mesh mesh = rod();
+  DeformOptions options;
+  options.voxel_m = kEdge;
+  Deformer(options).run(there.cameras, mesh);
+  const Mesh straight = rod();
+  double sum = 0;
+  for (size_t v = 0; v < mesh.vertices.size(); ++v) {
+    sum += (mesh.vertices[v] - straight.vertices[v]).norm();
+  }
+  EXPECT_LT(sum / std::ssize(mesh.vertices), 0.0005);
 }
 
 TEST(Deformer, leaves_no_place_where_the_surface_goes_through_itself) {
