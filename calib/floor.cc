@@ -9,18 +9,13 @@
 
 #include "base/error.h"
 #include "calib/bundle.h"
+#include "calib/median.h"
 
 namespace v3d::calib {
 namespace {
 
 constexpr double kScaleTolerance = 0.01;
 constexpr double kMostRmsPx = 5;
-
-double median(std::vector<double> values) {
-  const auto middle = values.begin() + static_cast<long>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
 
 double apart(const BoardSighting& a, const BoardSighting& b) {
   double sum = 0;

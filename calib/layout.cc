@@ -3,6 +3,8 @@
 #include <Eigen/Dense>
 #include <algorithm>
 
+#include "calib/median.h"
+
 namespace v3d::calib {
 namespace {
 
@@ -24,12 +26,6 @@ std::vector<Moved> common_cameras(const Rig& now, const Rig& before) {
         {camera.name, before[static_cast<size_t>(then)].model.center(), camera.model.center()});
   }
   return common;
-}
-
-double median(std::vector<double> values) {
-  const auto middle = values.begin() + static_cast<long>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
 }
 
 double size_of(const std::vector<Moved>& cameras) {

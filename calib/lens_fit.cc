@@ -8,6 +8,7 @@
 #include "base/error.h"
 #include "calib/board_pose.h"
 #include "calib/bundle.h"
+#include "calib/median.h"
 #include "calib/view_choice.h"
 
 namespace v3d::calib {
@@ -108,12 +109,6 @@ class LensFitter {
   ImageSize size_;
   std::span<const LensView> views_;
 };
-
-double median(std::vector<double> values) {
-  const auto middle = values.begin() + static_cast<long>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
 
 std::string outlier_reason(double rms, double usual) {
   char text[160];

@@ -6,6 +6,8 @@
 #include <numeric>
 #include <optional>
 
+#include "calib/median.h"
+
 namespace v3d::calib {
 namespace {
 
@@ -65,13 +67,6 @@ std::vector<const RigidTransform*> supporters(const std::vector<const Opinion*>&
     if (const RigidTransform* near = agreeing(*opinion, pose)) result.push_back(near);
   }
   return result;
-}
-
-double median(std::vector<double> values) {
-  if (values.empty()) return 0;
-  const auto middle = values.begin() + static_cast<long>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
 }
 
 /// Rotation: mean quaternion. Translation: median by axis.

@@ -2,19 +2,19 @@
 
 #include <Eigen/Dense>
 #include <algorithm>
-#include <atomic>
 #include <cmath>
 #include <cstdio>
-#include <exception>
-#include <functional>
-#include <future>
-#include <memory>
 #include <set>
 
 #include "base/error.h"
+#include "calib/board_places.h"
+#include "calib/board_pose.h"
 #include "calib/bundle.h"
 #include "calib/lateness.h"
 #include "calib/layout.h"
+#include "calib/median.h"
+#include "calib/on_threads.h"
+#include "calib/rig_lenses.h"
 #include "calib/synchrony.h"
 #include "calib/view_choice.h"
 
@@ -27,20 +27,6 @@ constexpr double kHarmlessPx = 1.0;
 constexpr double kHopelessPx = 30;  // after the first adjustment: it shows something else
 constexpr double kScaleTolerance = 0.02;
 constexpr double kNoticeable = 0.02;  // of an instant
-
-/// One board in one camera.
-struct Sighting {
-  int camera = 0;
-  int64_t instant = 0;
-  const BoardSighting* seen = nullptr;
-};
-
-double median(std::vector<double> values) {
-  if (values.empty()) return 0;
-  const auto middle = values.begin() + static_cast<long>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
 
 std::string names_of(const std::vector<CameraSightings>& cameras, const std::vector<int>& group) {
   constexpr size_t kMost = 6;
@@ -70,12 +56,11 @@ class RigFitter {
 
   RigFit fit() {
     require_boards();
-    find_lenses();
+    lenses_ = find_rig_lenses(board_, cameras_, options_.before, options_.threads);
     find_poses();
     put_in_step();
     result_.tree = spanning_tree(count(), result_.pairs);
     require_connection();
-    place_cameras();
     place_boards();
     adjust_all();
     put_in_step_between();
@@ -97,103 +82,12 @@ class RigFitter {
     }
   }
 
-  // --- lenses -----------------------------------------------------------------------------------
-
-  void find_lenses() {
-    if (options_.before) {
-      for (const CameraSightings& camera : cameras_) lenses_.push_back(lens_before(camera));
-      coefficients_.assign(cameras_.size(), 0);
-      require_own_lenses();
-      return;
-    }
-    lenses_.resize(cameras_.size());
-    coefficients_.resize(cameras_.size());
-    for_every_camera([&](int i) {
-      const CameraSightings& camera = cameras_[i];
-      std::vector<LensView> views;
-      for (const auto& [instant, sighting] : camera.sightings) {
-        views.push_back({std::to_string(instant), sighting});
-      }
-      const LensFit lens = fit_lens(camera.name, board_, camera.size, views, {});
-      lenses_[i] = lens.lens;
-      coefficients_[i] = lens.coefficients;
-    });
-  }
-
-  /// On so many threads as the options say. What is thrown for the first camera is thrown here.
-  void for_every_camera(const std::function<void(int)>& work) const {
-    std::vector<std::exception_ptr> errors(cameras_.size());
-    std::atomic<int> next = 0;
-    std::vector<std::future<void>> workers;
-    for (int t = 0; t < options_.threads; ++t) {
-      workers.push_back(std::async(std::launch::async, [&] {
-        for (int i = next++; i < count(); i = next++) {
-          try {
-            work(i);
-          } catch (...) {
-            errors[i] = std::current_exception();
-          }
-        }
-      }));
-    }
-    for (std::future<void>& worker : workers) worker.get();
-    for (const std::exception_ptr& error : errors) {
-      if (error) std::rethrow_exception(error);
-    }
-  }
-
-  CameraModel lens_before(const CameraSightings& camera) const {
-    const int index = find_camera(*options_.before, camera.name);
-    if (index < 0) throw InputError("the calibration before has no camera " + camera.name);
-    const CameraModel& lens = (*options_.before)[static_cast<size_t>(index)].model;
-    if (!(lens.size() == camera.size)) {
-      throw InputError(camera.name + ": its pictures are " + std::to_string(camera.size.width) +
-                       "x" + std::to_string(camera.size.height) + ", its lens was calibrated at " +
-                       std::to_string(lens.size().width) + "x" +
-                       std::to_string(lens.size().height));
-    }
-    return placed(lens, {});
-  }
-
-  /// How well some of camera's boards can be explained through a lens.
-  double explains(const CameraModel& lens, const CameraSightings& camera) const {
-    std::vector<double> rms;
-    const size_t step = 1 + camera.sightings.size() / 20;
-    size_t at = 0;
-    for (const auto& [instant, sighting] : camera.sightings) {
-      if (at++ % step != 0) continue;
-      const auto poses = board_poses(lens, board_, sighting);
-      if (!poses.empty()) rms.push_back(poses.front().rms_px);
-    }
-    return rms.empty() ? 1e9 : median(rms);
-  }
-
-  void require_own_lenses() const {
-    for (int a = 0; a < count(); ++a) {
-      for (int b = a + 1; b < count(); ++b) {
-        if (!(cameras_[a].size == cameras_[b].size)) continue;
-        const double own_a = explains(lenses_[a], cameras_[a]);
-        const double own_b = explains(lenses_[b], cameras_[b]);
-        const double other_a = explains(lenses_[b], cameras_[a]);
-        const double other_b = explains(lenses_[a], cameras_[b]);
-        if (2 * other_a < own_a && 2 * other_b < own_b && std::min(own_a, own_b) > kHarmlessPx) {
-          say_swapped(cameras_[a].name, cameras_[b].name, "the pictures of each fit the lens of");
-        }
-      }
-    }
-  }
-
-  [[noreturn]] static void say_swapped(const std::string& a, const std::string& b,
-                                       const std::string& why) {
-    throw InputError("swapped cameras: " + a + " and " + b + ": " + why +
-                     " the other: exchange their cables, addresses or files");
-  }
-
   // --- places -----------------------------------------------------------------------------------
 
   void find_poses() {
     poses_.assign(cameras_.size(), {});
-    for_every_camera([&](int i) { poses_[i] = possible_poses(lenses_[i], board_, cameras_[i]); });
+    on_threads(options_.threads, count(),
+               [&](int i) { poses_[i] = possible_poses(lenses_.lenses[i], board_, cameras_[i]); });
     result_.pairs = pair_poses(poses_);
   }
 
@@ -219,116 +113,20 @@ class RigFitter {
                      ": show it so that a camera of either side sees it at the same time");
   }
 
-  void place_cameras() {
+  /// And the cameras along the tree.
+  void place_boards() {
     std::vector<RigidTransform> places(cameras_.size());
     for (const TreeEdge& edge : result_.tree.edges) {
       places[edge.to] = edge.to_from_from * places[edge.from];
     }
+    std::vector<CameraModel> cameras;
     for (size_t i = 0; i < cameras_.size(); ++i) {
-      bundle_.cameras.push_back(placed(lenses_[i], places[i]));
+      cameras.push_back(placed(lenses_.lenses[i], places[i]));
     }
-  }
-
-  /// The pose, of all that the sightings of an instant allow, with which all of them agree best.
-  std::optional<RigidTransform> place_board(const std::vector<Sighting>& sightings) const {
-    std::optional<RigidTransform> best;
-    double least = 1e300;
-    for (const Sighting& s : sightings) {
-      const auto found = poses_[s.camera].find(s.instant);
-      if (found == poses_[s.camera].end()) continue;
-      const RigidTransform world_from_cam = bundle_.cameras[s.camera].cam_from_world().inverse();
-      for (const RigidTransform& pose : found->second) {
-        const RigidTransform world_from_board = world_from_cam * pose;
-        const double cost = disagreement(sightings, world_from_board);
-        if (cost < least) {
-          least = cost;
-          best = world_from_board;
-        }
-      }
-    }
-    return best;
-  }
-
-  /// Bounded, so that one misread picture does not decide.
-  double disagreement(const std::vector<Sighting>& sightings,
-                      const RigidTransform& world_from_board) const {
-    double sum = 0;
-    for (const Sighting& s : sightings) {
-      sum += std::min(200.0, std::min(rms_at(s, *s.seen, world_from_board),
-                                      board_.looks_same_turned()
-                                          ? rms_at(s, turned(board_, *s.seen), world_from_board)
-                                          : 1e9));
-    }
-    return sum;
-  }
-
-  /// A few corners tell.
-  double rms_at(const Sighting& s, const BoardSighting& seen,
-                const RigidTransform& world_from_board) const {
-    const CameraModel& camera = bundle_.cameras[s.camera];
-    const int step = std::max(1, seen.count() / 6);
-    double squares = 0;
-    int n = 0;
-    for (int i = 0; i < seen.count(); i += step, ++n) {
-      const auto pixel = camera.project(world_from_board * board_.corner(seen.corners[i]));
-      squares += pixel ? (*pixel - seen.pixels[i]).squaredNorm() : 1e12;
-    }
-    return std::sqrt(squares / n);
-  }
-
-  /// Instants by what they are worth: those that connect cameras which share little come first.
-  std::vector<int64_t> chosen_instants() const {
-    std::map<int64_t, std::vector<int>> who;
-    for (int i = 0; i < count(); ++i) {
-      for (const auto& [instant, poses] : poses_[i]) who[instant].push_back(i);
-    }
-    std::map<std::pair<int, int>, int> shared;
-    for (const PairPose& pair : result_.pairs) shared[{pair.a, pair.b}] = pair.shared;
-    std::vector<std::pair<double, int64_t>> worth;
-    for (const auto& [instant, cameras] : who) {
-      double sum = 0;
-      for (size_t i = 0; i < cameras.size(); ++i) {
-        for (size_t j = 0; j < i; ++j) sum += 1.0 / shared[{cameras[j], cameras[i]}];
-      }
-      if (cameras.size() > 1) worth.emplace_back(-sum, instant);
-    }
-    std::sort(worth.begin(), worth.end());
-    if (std::ssize(worth) > options_.most_instants) worth.resize(options_.most_instants);
-    std::vector<int64_t> instants;
-    for (const auto& [w, instant] : worth) instants.push_back(instant);
-    std::sort(instants.begin(), instants.end());
-    return instants;
-  }
-
-  void place_boards() {
-    bundle_.board = board_;
-    // Which end came first is arbitrary per picture: from here on all pictures say the same.
-    for (const int64_t instant : chosen_instants()) {
-      std::vector<Sighting> sightings;
-      for (int i = 0; i < count(); ++i) {
-        const auto found = cameras_[i].sightings.find(instant);
-        if (found != cameras_[i].sightings.end()) sightings.push_back({i, instant, &found->second});
-      }
-      const auto pose = place_board(sightings);
-      if (!pose) continue;
-      for (Sighting& s : sightings) add_sighting(s, *pose);
-      bundle_.world_from_board.push_back(*pose);
-      instants_.push_back(instant);
-    }
-  }
-
-  void add_sighting(Sighting s, const RigidTransform& world_from_board) {
-    if (board_.looks_same_turned()) {
-      BoardSighting other = turned(board_, *s.seen);
-      if (rms_at(s, other, world_from_board) < rms_at(s, *s.seen, world_from_board)) {
-        turned_.push_back(std::make_unique<BoardSighting>(std::move(other)));
-        s.seen = turned_.back().get();
-      }
-    }
-    for (int k = 0; k < s.seen->count(); ++k) {
-      bundle_.points.push_back({s.camera, static_cast<int>(bundle_.world_from_board.size()),
-                                s.seen->corners[k], s.seen->pixels[k]});
-    }
+    PlacedBoards boards = calib::place_boards({board_, cameras_, poses_, result_.pairs},
+                                              std::move(cameras), options_.most_instants);
+    bundle_ = std::move(boards.bundle);
+    instants_ = std::move(boards.instants);
   }
 
   // --- adjustment -------------------------------------------------------------------------------
@@ -340,7 +138,7 @@ class RigFitter {
     options.iterations = 30;
     adjust(bundle_, options);
     reject_sightings(kHopelessPx);
-    options.coefficients = coefficients_;
+    options.coefficients = lenses_.coefficients;
     for (int round = 0; round < 3; ++round) {
       adjust(bundle_, options);
       if (!reject_sightings(kHarmlessPx)) return;
@@ -479,7 +277,7 @@ class RigFitter {
     fit.views = static_cast<int>(boards.size());
     fit.found = static_cast<int>(cameras_[camera].sightings.size());
     fit.late = late_[camera];
-    fit.coefficients = coefficients_[camera];
+    fit.coefficients = lenses_.coefficients[camera];
     fit.coverage = coverage(cameras_[camera].size, {&every, 1});
     fit.rejected = static_cast<int>(
         std::count_if(result_.rejected.begin(), result_.rejected.end(),
@@ -518,7 +316,8 @@ class RigFitter {
     if (!options_.before) return;
     const LayoutChange change = compare_layouts(result_.rig, *options_.before);
     if (change.swapped.size() == 1) {
-      say_swapped(change.swapped[0].first, change.swapped[0].second, "each stands in the place of");
+      refuse_swapped(change.swapped[0].first, change.swapped[0].second,
+                     "each stands in the place of");
     }
     if (std::abs(change.scale - 1) > kScaleTolerance) {
       char text[200];
@@ -533,13 +332,11 @@ class RigFitter {
   const Board& board_;
   std::vector<CameraSightings> cameras_;
   const RigOptions& options_;
-  std::vector<CameraModel> lenses_;
-  std::vector<int> coefficients_;
+  RigLenses lenses_;
   std::vector<CameraPoses> poses_;
   std::vector<double> late_;
   Bundle bundle_;
   std::vector<int64_t> instants_;  ///< of the bundle's boards
-  std::vector<std::unique_ptr<BoardSighting>> turned_;
   RigFit result_;
 };
 

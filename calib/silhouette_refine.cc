@@ -11,6 +11,7 @@
 
 #include "base/error.h"
 #include "calib/layout.h"
+#include "calib/median.h"
 #include "calib/tangents.h"
 
 namespace v3d::calib {
@@ -117,13 +118,6 @@ Outline scaled(Outline outline, double scale) {
   for (Eigen::Vector3d& ray : outline.rays) ray.head<2>() /= scale;
   outline.middle.head<2>() /= scale;
   return outline;
-}
-
-double median(std::vector<double> values) {
-  if (values.empty()) return 0;
-  const auto middle = values.begin() + std::ssize(values) / 2;
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
 }
 
 class Refiner {
