@@ -5,9 +5,11 @@
 #include <cmath>
 #include <cstdio>
 #include <map>
+#include <numbers>
 #include <optional>
 
 #include "base/error.h"
+#include "calib/board_pose.h"
 #include "calib/bundle.h"
 #include "calib/median.h"
 
@@ -147,6 +149,38 @@ Bundle adjusted(const Rig& rig, const Board& board, const std::vector<Seen>& see
   return bundle;
 }
 
+/// The board's normal in the rig's world by one camera alone: of the two ways in which a board may
+/// lean, the one nearer to `expected`.
+Eigen::Vector3d normal_seen_by(const CameraModel& camera, const Board& board,
+                               const BoardSighting& sighting, const Eigen::Vector3d& expected) {
+  Eigen::Vector3d nearest = expected;
+  double most = -1;
+  for (const BoardPose& pose : board_poses(camera, board, sighting)) {
+    const Eigen::Vector3d normal =
+        camera.cam_from_world().rotation.transpose() * pose.cam_from_board.rotation.col(2);
+    if (normal.dot(expected) > most) {
+      most = normal.dot(expected);
+      nearest = normal;
+    }
+  }
+  return nearest;
+}
+
+double disagreement_deg(const Rig& rig, const Board& board, const std::vector<Seen>& seen,
+                        const Eigen::Vector3d& expected) {
+  std::vector<Eigen::Vector3d> normals;
+  for (const Seen& s : seen) {
+    normals.push_back(normal_seen_by(rig[s.camera].model, board, s.sighting, expected));
+  }
+  double most = 0;
+  for (const Eigen::Vector3d& a : normals) {
+    for (const Eigen::Vector3d& b : normals) {
+      most = std::max(most, std::atan2(a.cross(b).norm(), a.dot(b)));
+    }
+  }
+  return most * 180 / std::numbers::pi;
+}
+
 void require_sense(const FloorFit& fit) {
   if (!(fit.rms_px < kMostRmsPx)) {
     char text[160];
@@ -190,6 +224,8 @@ FloorFit fit_floor(const Rig& rig, const Board& board,
   fit.rig = moved_rig(rig, fit.new_from_old);
   const auto all = misses(bundle);
   fit.rms_px = rms_of(all);
+  fit.disagreement_deg =
+      disagreement_deg(rig, board, seen, bundle.world_from_board.front().rotation.col(2));
   for (const Seen& s : seen) fit.cameras.push_back(s.camera);
   require_sense(fit);
   return fit;

@@ -18,6 +18,9 @@ struct FloorFit {
   double board_by_rig = 1;
   bool scaled = false;  ///< the rig took the board's scale, because they differed by more than 1 %
   double rms_px = 0;
+  /// The largest angle between the board's normals as two cameras see it, each for itself: what the
+  /// rig's own directions are worth, degrees.
+  double disagreement_deg = 0;
   std::vector<int> cameras;  ///< of the rig, that saw it
 };
 

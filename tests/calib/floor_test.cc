@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "calib/board_pose.h"
 #include "sim/scene.h"
 #include "walked_boards.h"
 
@@ -51,6 +52,7 @@ TEST_F(Floor, becomes_the_world_to_a_millimetre) {
   EXPECT_FALSE(fit.scaled);
   EXPECT_NEAR(fit.board_by_rig, 1, 0.001);
   EXPECT_NEAR(fit.rms_px, 0.1, 0.1);
+  EXPECT_LT(fit.disagreement_deg, 0.5);
   expect_same_places(fit.rig, truth_, 0.004);
 }
 
@@ -60,6 +62,15 @@ TEST_F(Floor, gives_a_rig_of_another_scale_its_metres) {
   EXPECT_TRUE(fit.scaled);
   EXPECT_NEAR(fit.board_by_rig, 2, 1e-6);
   expect_same_places(fit.rig, truth_, 1e-5);
+}
+
+TEST_F(Floor, tells_by_how_much_a_camera_sees_it_lean_otherwise_than_the_others) {
+  constexpr double kDegree = 3.14159265 / 180;
+  const auto cameras = lying(board_, 0);
+  CameraModel& model = truth_[1].model;
+  const RigidTransform lean = RigidTransform::from_rodrigues({1.5 * kDegree, 0, 0}, {0, 0, 0});
+  model = placed(model, model.cam_from_world() * lean);
+  EXPECT_NEAR(fit_floor(truth_, board_, cameras).disagreement_deg, 1.5, 0.05);
 }
 
 TEST_F(Floor, of_a_board_that_looks_the_same_when_turned_is_at_one_end_for_all_cameras) {

@@ -1,14 +1,13 @@
-// Real recordings through the whole chain. They lie outside the repository: in $V3D_DATA, else in
-// ../shared/data beside it.
+// Real recordings through the whole chain.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <algorithm>
-#include <cstdlib>
 #include <string>
 
 #include "base/mesh.h"
 #include "base/units.h"
+#include "real_recordings.h"
 #include "support/temporary_folder.h"
 #include "v3dctl/evaluate.h"
 #include "v3dctl/import.h"
@@ -21,14 +20,10 @@ namespace {
 
 namespace fs = std::filesystem;
 
-class RealData : public testing::Test {
+class RealData : public test::RealRecordings {
  protected:
   void SetUp() override {
-    const char* variable = std::getenv("V3D_DATA");
-    data_ = variable ? fs::path(variable) : fs::path(V3D_SOURCE_DIR) / "../shared/data";
-    if (!fs::exists(data_ / "studio20")) {
-      GTEST_SKIP() << "no real data: neither $V3D_DATA nor ../shared/data holds studio20";
-    }
+    RealRecordings::SetUp();
     import_.take = request_.take = folder_ / "take";
     request_.threads = 2;
   }
@@ -37,7 +32,6 @@ class RealData : public testing::Test {
     return *std::min_element(values.begin(), values.end());
   }
 
-  fs::path data_;
   test::TemporaryFolder folder_;
   ImportOptions import_;
   ReconstructRequest request_;

@@ -14,6 +14,8 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
+constexpr double kNoticeableDeg = 1;  // a small board seen from afar is good for half of it
+
 struct Arguments {
   std::string board;
   std::string calib;
@@ -27,6 +29,7 @@ Json to_json(const calib::FloorFit& fit) {
   for (const int camera : fit.cameras) cameras.push_back(fit.rig[camera].name);
   return {{"rms_px", fit.rms_px},
           {"cameras", cameras},
+          {"disagreement_deg", fit.disagreement_deg},
           {"board_by_rig", fit.board_by_rig},
           {"scaled", fit.scaled}};
 }
@@ -35,6 +38,12 @@ void print_text(const calib::FloorFit& fit) {
   std::printf("floor: %.2f px RMS in %s; lengths of the board by those of the rig: %.4f%s\n",
               fit.rms_px, ctl::count_of(std::ssize(fit.cameras), "camera").c_str(),
               fit.board_by_rig, fit.scaled ? ", so the rig was scaled" : "");
+  if (fit.disagreement_deg > kNoticeableDeg) {
+    std::printf(
+        "weak: two cameras see the board's normal %.1f degrees apart: the rig's cameras look "
+        "elsewhere than their calibration says; calibrate the rig again\n",
+        fit.disagreement_deg);
+  }
 }
 
 int run(const Arguments& arguments) {
