@@ -96,15 +96,18 @@ void print_text(const Rig& rig, const calib::RefineResult& result, const std::st
   for (const RigCamera& camera : rig) widest = std::max(widest, camera.name.size());
   for (size_t i = 0; i < rig.size(); ++i) {
     const calib::RefinedCamera& c = result.cameras[i];
-    std::printf("%-*s  silhouettes disagree by %.2f px, then %.2f; its image moved by %.2f px\n",
-                static_cast<int>(widest), rig[i].name.c_str(), c.before_px, c.after_px, c.moved_px);
+    std::printf("%-*s  silhouettes disagree by %.2f px, %s %.2f; its image %s by %.2f px\n",
+                static_cast<int>(widest), rig[i].name.c_str(), c.before_px,
+                result.better ? "then" : "at best", c.after_px,
+                result.better ? "moved" : "would move", c.moved_px);
   }
   if (result.better) {
     std::printf("refined: %.2f px before, %.2f after, in frames that were held out; wrote %s\n",
                 result.before_px, result.after_px, out.c_str());
   } else {
     std::printf(
-        "left as it was: %.2f px before, %.2f after, in frames that were held out; wrote %s\n",
+        "left as it was: from %.2f to %.2f px in frames that were held out is not enough to be "
+        "sure; wrote %s, unchanged\n",
         result.before_px, result.after_px, out.c_str());
   }
 }
