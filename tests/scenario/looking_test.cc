@@ -12,7 +12,9 @@ namespace {
 
 using test::becomes_true;
 using test::within;
+using testing::HasSubstr;
 using testing::IsEmpty;
+using testing::StartsWith;
 
 constexpr int kPulses = 20;
 
@@ -57,6 +59,26 @@ TEST_F(LookingStudio, checks_its_cameras_without_recording_and_sends_previews) {
     EXPECT_GT(camera["foreground"], 0) << "the performer stands there: " << camera;
   }
   EXPECT_FALSE(std::filesystem::exists(take().folder)) << "nothing is recorded";
+}
+
+// There is no board to be seen: that is what the calibration says of the take that it has recorded.
+TEST_F(LookingStudio, records_a_short_take_when_it_is_calibrated_live) {
+  test::ChildProcess calibrate(
+      {bin("v3dctl"), "--studio", folder_ / "studio.toml", "calibrate", "rig", "--board",
+       "chess:9x6:25mm", "--live", "1", "--out", folder_ / "new.toml"},
+      folder_ / "calibrate.log");
+  EXPECT_EQ(calibrate.wait(within(60)), 2) << calibrate.output() << log();
+  EXPECT_THAT(calibrate.output(),
+              HasSubstr("cam01: too few boards: no chess:9x6:25mm in any of 5 pictures"));
+  for (const auto& entry : std::filesystem::directory_iterator(studio_.storage.takes)) {
+    if (entry.path().filename().string().starts_with("calibration-"))
+      take_name_ = entry.path().filename();
+  }
+  const TakeInfo info = load_take_info(take());
+  EXPECT_THAT(info.name, StartsWith("calibration-"));
+  EXPECT_EQ(info.pulses, 5);
+  EXPECT_EQ(info.rate_hz, 5);
+  EXPECT_EQ(info.state, TakeState::kComplete);
 }
 
 TEST_F(LookingStudio, tells_of_its_machine_and_its_rates_in_health) {

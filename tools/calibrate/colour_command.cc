@@ -79,9 +79,14 @@ struct Result {
   std::vector<calib::ColourSample> samples;
 };
 
-Result fit_colours(const Arguments& arguments, const Rig& rig) {
+Result fit_colours(const ctl::CommandLine& line, const Arguments& arguments, const Rig& rig) {
   const Ways ways = parse_ways(arguments.with);
-  const RigSources sources = arguments.sources.sources();
+  if (arguments.sources.live_s > 0 && !ways.chart && !ways.grey) {
+    throw InputError(
+        "--live goes with --with chart or grey; surface and floor look at a take that "
+        "is reconstructed: --take TAKE");
+  }
+  const RigSources sources = arguments.sources.sources(line);
   calib::ColourOptions options;
   for (const RigCamera& camera : rig) options.cameras.push_back(camera.name);
   if (!arguments.dark.empty()) {
@@ -143,10 +148,10 @@ void print_text(const Rig& rig, const calib::ColourFit& fit) {
               fit.ninety_percent.after);
 }
 
-int run(const Arguments& arguments) {
+int run(const ctl::CommandLine& line, const Arguments& arguments) {
   Rig rig = load_calib(arguments.calib);
   ctl::catch_interrupts();
-  const Result result = fit_colours(arguments, rig);
+  const Result result = fit_colours(line, arguments, rig);
   std::vector<std::string> names;
   for (size_t i = 0; i < rig.size(); ++i) {
     rig[i].colour = result.fit.responses[i];
@@ -192,7 +197,7 @@ void add_colour(ctl::CommandLine& line, CLI::App* calibrate) {
   command->add_option("--report", arguments->report, "A page for people: colours before and after")
       ->type_name("FILE.html");
   ctl::add_json_flag(command, arguments->json);
-  line.on_run(command, [arguments] { return run(*arguments); });
+  line.on_run(command, [&line, arguments] { return run(line, *arguments); });
 }
 
 }  // namespace v3d::calibrate

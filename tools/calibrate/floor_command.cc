@@ -46,11 +46,11 @@ void print_text(const calib::FloorFit& fit) {
   }
 }
 
-int run(const Arguments& arguments) {
+int run(const ctl::CommandLine& line, const Arguments& arguments) {
   const calib::BoardDetector detector(calib::parse_board(arguments.board));
   const Rig rig = load_calib(arguments.calib);
   ctl::catch_interrupts();
-  const auto cameras = find_floor_boards(arguments.sources.sources(), rig, detector);
+  const auto cameras = find_floor_boards(arguments.sources.sources(line), rig, detector);
   const calib::FloorFit fit = fit_floor(rig, detector.board(), cameras);
   save_calib(arguments.out, fit.rig);
   if (arguments.json) {
@@ -78,7 +78,7 @@ void add_floor(ctl::CommandLine& line, CLI::App* calibrate) {
       ->type_name("FILE")
       ->required();
   ctl::add_json_flag(command, arguments->json);
-  line.on_run(command, [arguments] { return run(*arguments); });
+  line.on_run(command, [&line, arguments] { return run(line, *arguments); });
 }
 
 }  // namespace v3d::calibrate

@@ -1,3 +1,4 @@
+#include <algorithm>
 #include <cstdio>
 #include <nlohmann/json.hpp>
 
@@ -7,6 +8,8 @@
 #include "calib/view_choice.h"
 #include "calibrate/board_search.h"
 #include "calibrate/commands.h"
+#include "calibrate/live_take.h"
+#include "calibrate/rig_boards.h"
 #include "common/console.h"
 #include "v3dctl/interrupt.h"
 #include "v3dctl/options.h"
@@ -21,6 +24,7 @@ struct Arguments {
   std::string images;
   std::string video;
   std::string take;
+  double live_s = 0;
   std::string camera = "cam";
   Sampling sampling;
   calib::LensOptions lens;
@@ -28,12 +32,25 @@ struct Arguments {
   bool json = false;
 };
 
-PictureSource open_source(const Arguments& arguments) {
-  const int given = !arguments.images.empty() + !arguments.video.empty() + !arguments.take.empty();
-  if (given != 1) throw InputError("give one of --images, --video and --take");
+void require_camera(const Studio& studio, const std::string& name) {
+  const bool known = std::any_of(studio.cameras.begin(), studio.cameras.end(),
+                                 [&](const StudioCamera& camera) { return camera.name == name; });
+  if (!known) throw InputError("--camera " + name + ": no such camera in " + studio.path.string());
+}
+
+PictureSource open_source(const ctl::CommandLine& line, const Arguments& arguments) {
+  const int given = !arguments.images.empty() + !arguments.video.empty() + !arguments.take.empty() +
+                    (arguments.live_s > 0);
+  if (given != 1) throw InputError("give one of --images, --video, --take and --live");
   if (!arguments.images.empty()) return open_images(arguments.images);
   if (!arguments.video.empty()) return open_video(arguments.video, arguments.sampling);
-  return open_take(arguments.take, arguments.camera, arguments.sampling);
+  if (!arguments.take.empty()) {
+    return open_take(arguments.take, arguments.camera, arguments.sampling);
+  }
+  const Studio studio = line.studio();
+  require_camera(studio, arguments.camera);
+  return open_take(record_live_take(studio, arguments.live_s), arguments.camera,
+                   arguments.sampling);
 }
 
 double covered(const FoundBoards& found, const calib::LensFit& fit) {
@@ -91,11 +108,11 @@ void require_sense(const Arguments& arguments) {
   }
 }
 
-int run(const Arguments& arguments) {
+int run(const ctl::CommandLine& line, const Arguments& arguments) {
   require_sense(arguments);
   const calib::BoardDetector detector(calib::parse_board(arguments.board));
   ctl::catch_interrupts();
-  const FoundBoards found = find_boards(arguments.camera, open_source(arguments), detector);
+  const FoundBoards found = find_boards(arguments.camera, open_source(line, arguments), detector);
   const calib::LensFit fit =
       fit_lens(arguments.camera, detector.board(), found.size, found.views, arguments.lens);
   if (!arguments.out.empty()) save_calib(arguments.out, {{arguments.camera, fit.lens}});
@@ -122,6 +139,7 @@ void add_intrinsics(ctl::CommandLine& line, CLI::App* calibrate) {
   command->add_option("--video", arguments->video, "A video of the board")->type_name("FILE");
   command->add_option("--take", arguments->take, "A take of the board, of the camera --camera")
       ->type_name("TAKE");
+  add_live_option(command, arguments->live_s);
   command->add_option("--camera", arguments->camera, "The camera's name (else cam)")
       ->type_name("NAME");
   command
@@ -136,7 +154,7 @@ void add_intrinsics(ctl::CommandLine& line, CLI::App* calibrate) {
   command->add_option("--out", arguments->out, "Write the lens as a calib.toml of one camera")
       ->type_name("FILE");
   ctl::add_json_flag(command, arguments->json);
-  line.on_run(command, [arguments] { return run(*arguments); });
+  line.on_run(command, [&line, arguments] { return run(line, *arguments); });
 }
 
 }  // namespace v3d::calibrate

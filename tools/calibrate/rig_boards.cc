@@ -3,10 +3,13 @@
 #include "base/error.h"
 #include "base/file.h"
 #include "calib/time_stamps.h"
+#include "calibrate/live_take.h"
 #include "take/take.h"
 
 namespace v3d::calibrate {
 namespace {
+
+constexpr std::string_view kOneKind = "give one of --video, --images, --take and --live";
 
 void require_equal_lists(const RigSources& sources, const RigBoards& boards) {
   if (sources.images.empty()) return;
@@ -41,6 +44,7 @@ void RigArguments::add_to(CLI::App* command) {
       ->type_name("CAM=GLOB");
   command->add_option("--take", given.take, "A take of the board, all its cameras")
       ->type_name("TAKE");
+  add_live_option(command, live_s);
   command
       ->add_option("--timestamps", given.time_stamps,
                    "Which frames of the videos belong together: sync_index,cam_id,frame_index")
@@ -52,16 +56,30 @@ void RigArguments::add_to(CLI::App* command) {
       ->check(CLI::PositiveNumber);
 }
 
-RigSources RigArguments::sources() const {
+RigSources RigArguments::sources(const ctl::CommandLine& line) const {
   RigSources result = given;
   result.videos = ctl::parse_camera_files(videos, "--video");
   result.images = ctl::parse_camera_files(images, "--images");
+  if (live_s > 0) {
+    if (!result.videos.empty() || !result.images.empty() || !result.take.empty()) {
+      throw InputError(std::string(kOneKind));
+    }
+    result.take = record_live_take(line.studio(), live_s);
+  }
   return result;
+}
+
+void add_live_option(CLI::App* command, double& seconds) {
+  command
+      ->add_option("--live", seconds,
+                   "Record a take now, so many seconds of it, with the studio's own cameras")
+      ->type_name("SECONDS")
+      ->check(CLI::Range(0.2, 3600.0));
 }
 
 std::vector<NamedSource> open_sources(const RigSources& sources) {
   const int given = !sources.videos.empty() + !sources.images.empty() + !sources.take.empty();
-  if (given != 1) throw InputError("give one of --video, --images and --take");
+  if (given != 1) throw InputError(std::string(kOneKind));
   std::vector<NamedSource> opened;
   for (const auto& [camera, file] : sources.videos) {
     Sampling sampling = sources.sampling;

@@ -8,6 +8,7 @@
 #include "calib/board_detector.h"
 #include "calib/pair_poses.h"
 #include "calibrate/board_search.h"
+#include "v3dctl/command.h"
 #include "v3dctl/options.h"
 
 namespace v3d::calibrate {
@@ -25,12 +26,17 @@ struct RigSources {
 struct RigArguments {
   std::vector<std::string> videos;
   std::vector<std::string> images;
+  double live_s = 0;
   RigSources given;
 
   void add_to(CLI::App* command);
-  /// Throws InputError for a malformed or repeated CAM=FILE.
-  RigSources sources() const;
+  /// Records a take first, where --live says so. Throws InputError for a malformed or repeated
+  /// CAM=FILE, and as record_live_take() does.
+  RigSources sources(const ctl::CommandLine& line) const;
 };
+
+/// --live SECONDS.
+void add_live_option(CLI::App* command, double& seconds);
 
 struct NamedSource {
   std::string camera;

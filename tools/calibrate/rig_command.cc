@@ -93,12 +93,12 @@ std::vector<std::string> pictures_of(const RigBoards& boards) {
   return pictures;
 }
 
-int run(const Arguments& arguments) {
+int run(const ctl::CommandLine& line, const Arguments& arguments) {
   const calib::BoardDetector detector(calib::parse_board(arguments.board));
   calib::RigOptions options;
   if (!arguments.before.empty()) options.before = load_calib(arguments.before);
   ctl::catch_interrupts();
-  const RigBoards boards = find_rig_boards(arguments.sources.sources(), detector);
+  const RigBoards boards = find_rig_boards(arguments.sources.sources(line), detector);
   if (boards.cameras.size() < 2) throw InputError("a rig has two cameras or more");
   const calib::RigFit fit = fit_rig(detector.board(), boards.cameras, options);
   note_lateness(boards.cameras, fit);
@@ -124,7 +124,8 @@ void add_rig(ctl::CommandLine& line, CLI::App* calibrate) {
       calibrate, "rig", "All cameras together, from a board carried through the studio",
       {"v3dctl calibrate rig --board chess:9x6:80mm --take boards-01 --out calib.toml",
        "v3dctl calibrate rig --board charuco:4x5:54mm:40.5mm:DICT_4X4_50 --out calib.toml \\",
-       "    --video cam1=1.mp4 --video cam2=2.mp4"});
+       "    --video cam1=1.mp4 --video cam2=2.mp4",
+       "v3dctl calibrate rig --board chess:9x6:80mm --live 120 --out calib.toml"});
   auto arguments = std::make_shared<Arguments>();
   add_board_option(command, arguments->board);
   arguments->sources.add_to(command);
@@ -141,7 +142,7 @@ void add_rig(ctl::CommandLine& line, CLI::App* calibrate) {
                    "A page for people: errors, coverage, shared views, and what to mend")
       ->type_name("FILE.html");
   ctl::add_json_flag(command, arguments->json);
-  line.on_run(command, [arguments] { return run(*arguments); });
+  line.on_run(command, [&line, arguments] { return run(line, *arguments); });
 }
 
 }  // namespace v3d::calibrate

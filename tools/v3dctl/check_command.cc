@@ -8,14 +8,14 @@
 #include "v3dctl/command.h"
 #include "v3dctl/interrupt.h"
 #include "v3dctl/options.h"
-#include "v3dctl/rehearse.h"
+#include "v3dctl/pulse_train.h"
 
 namespace v3d::ctl {
 namespace {
 
 struct Options {
   bool json = false;
-  Rehearsal rehearsal;
+  PulseTrain train;
 };
 
 void print_text(const CheckFindings& findings) {
@@ -29,7 +29,7 @@ int run_check(const CommandLine& line, const Options& options) {
   const Studio studio = line.studio();
   OperatorClient client(studio);
   catch_interrupts();
-  const Answer answer = rehearse(client, studio, options.rehearsal, [] {});
+  const Answer answer = run_train(client, studio, options.train, [] {});
   const CheckFindings findings = read_check(answer);
   if (options.json) {
     std::printf("%s\n", check_json(findings).dump(2).c_str());
@@ -48,12 +48,12 @@ void add_check(CommandLine& line) {
                                {"v3dctl check", "v3dctl check --pulses 500 --json"});
   auto options = std::make_shared<Options>();
   add_json_flag(command, options->json);
-  command->add_option("--pulses", options->rehearsal.pulses, "So many pulses")
+  command->add_option("--pulses", options->train.pulses, "So many pulses")
       ->type_name("N")
       ->capture_default_str()
       ->check(CLI::Range(2, 100'000));
   command
-      ->add_option("--rate", options->rehearsal.rate_hz,
+      ->add_option("--rate", options->train.rate_hz,
                    "Pulses per second (else as the studio file says)")
       ->type_name("HZ")
       ->check(CLI::Range(0.1, 1000.0));

@@ -10,7 +10,7 @@
 #include "v3dctl/contact_sheet.h"
 #include "v3dctl/interrupt.h"
 #include "v3dctl/options.h"
-#include "v3dctl/rehearse.h"
+#include "v3dctl/pulse_train.h"
 
 namespace v3d::ctl {
 namespace {
@@ -52,7 +52,7 @@ Previews see(OperatorClient& client, const Studio& studio) {
     return previews;
   }
   const auto meanwhile = [&] { gather(client, studio, Monotonic::now(), previews); };
-  rehearse(client, studio, {.pulses = 2, .rate_hz = 0}, meanwhile);
+  run_train(client, studio, {.pulses = 2, .rate_hz = 0}, meanwhile);
   gather(client, studio, Monotonic::now() + from_seconds(kLatePreviews), previews);
   return previews;
 }

@@ -1,4 +1,4 @@
-#include "v3dctl/rehearse.h"
+#include "v3dctl/pulse_train.h"
 
 #include <stdexcept>
 
@@ -8,20 +8,20 @@
 namespace v3d::ctl {
 namespace {
 
-constexpr char kName[] = "check";
+constexpr char kCheckName[] = "check";
 constexpr double kArmSeconds = 30;
 constexpr double kStartSeconds = 10;
 constexpr double kCloseSeconds = 30;
 
 MonotonicInstant in_seconds(double seconds) { return Monotonic::now() + from_seconds(seconds); }
 
-Answer command(OperatorClient& client, CommandVerb verb, const Rehearsal& rehearsal,
+Answer command(OperatorClient& client, CommandVerb verb, const PulseTrain& train,
                double timeout_s) {
   CommandMessage message;
   message.verb = verb;
-  message.take = kName;
-  message.rate_hz = rehearsal.rate_hz;
-  message.pulses = rehearsal.pulses;
+  message.take = train.take.empty() ? kCheckName : train.take;
+  message.rate_hz = train.rate_hz;
+  message.pulses = train.pulses;
   Answer answer = client.command(message, in_seconds(timeout_s));
   if (answer.done()) return answer;
   std::string said = "refused";
@@ -43,15 +43,15 @@ void wait_for_end(OperatorClient& client, const std::string& trigger_node, doubl
 
 }  // namespace
 
-Answer rehearse(OperatorClient& client, const Studio& studio, const Rehearsal& rehearsal,
-                const std::function<void()>& meanwhile) {
-  command(client, CommandVerb::kCheck, rehearsal, kArmSeconds);
+Answer run_train(OperatorClient& client, const Studio& studio, const PulseTrain& train,
+                 const std::function<void()>& meanwhile) {
+  command(client, train.take.empty() ? CommandVerb::kCheck : CommandVerb::kArm, train, kArmSeconds);
   try {
-    command(client, CommandVerb::kStart, rehearsal, kStartSeconds);
-    const double rate = rehearsal.rate_hz > 0 ? rehearsal.rate_hz : studio.trigger.rate_hz;
+    command(client, CommandVerb::kStart, train, kStartSeconds);
+    const double rate = train.rate_hz > 0 ? train.rate_hz : studio.trigger.rate_hz;
     wait_for_end(client, studio.trigger.node,
-                 static_cast<double>(rehearsal.pulses) / rate + kCloseSeconds, meanwhile);
-    return command(client, CommandVerb::kStop, rehearsal, kCloseSeconds);
+                 static_cast<double>(train.pulses) / rate + kCloseSeconds, meanwhile);
+    return command(client, CommandVerb::kStop, train, kCloseSeconds);
   } catch (...) {
     CommandMessage abort;
     abort.verb = CommandVerb::kAbort;
