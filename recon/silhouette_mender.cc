@@ -7,6 +7,7 @@
 
 #include "base/mask_pieces.h"
 #include "base/mask_shape.h"
+#include "recon/joint_denial.h"
 #include "recon/late_silhouette.h"
 #include "recon/solid_look.h"
 
@@ -26,6 +27,8 @@ constexpr int kLeastSquares = 2;
 constexpr double kMostlyWrong = 0.5;
 /// Cameras are mended one after the other, no more often than this.
 constexpr int kRounds = 8;
+/// And so often what several of them have lost together.
+constexpr int kJointRounds = 3;
 
 /// Voxels' width in pixels where the middle of the space is.
 double pixels_per_voxel(const CameraModel& camera, const Box& bounds, double voxel_m) {
@@ -102,7 +105,10 @@ class SilhouetteMender::Trial {
 
   MendedSilhouettes run() {
     drop_blind_cameras();
-    for (int round = 0; round < kRounds && fill_missing_pieces(); ++round) continue;
+    fill_missing_pieces();
+    for (int round = 0; round < kJointRounds && fill_jointly_missing_pieces(); ++round) {
+      fill_missing_pieces();
+    }
     if (!neighbours_.before.empty()) mend_late_cameras();
     remove_phantom_pieces();
     std::ranges::stable_sort(faults_, {}, &SilhouetteFault::camera);
@@ -179,9 +185,13 @@ class SilhouetteMender::Trial {
     Mask expected;
   };
 
+  void fill_missing_pieces() {
+    for (int round = 0; round < kRounds && fill_most_missing_pieces(); ++round) continue;
+  }
+
   /// Fills what the camera lacks that lacks most: in the hulls that it spoils, others seem to lack
   /// pieces too. False when there was nothing to fill.
-  bool fill_missing_pieces() {
+  bool fill_most_missing_pieces() {
     find_unexplained();
     const SparseVolume hull = mender_.hulls_.volume(all());
     MissingPieces most;
@@ -199,6 +209,37 @@ class SilhouetteMender::Trial {
       drop(most.camera, most.expected);
     }
     return most.pixels > 0;
+  }
+
+  /// What several cameras have lost together. False when there was nothing to fill.
+  bool fill_jointly_missing_pieces() {
+    find_unexplained();
+    const JointDenialOptions options{.min_views = mender_.min_views_};
+    int asking = 0;
+    for (size_t c = 0; c < masks_.size(); ++c) asking += has_unexplained(c);
+    if (asking < options.least_asking) return false;
+    const std::vector<Mask> denied =
+        jointly_denied(mender_.hulls_.grid(), mender_.lenses_, all(), unexplained_, options);
+    bool filled = false;
+    for (size_t c = 0; c < masks_.size(); ++c) {
+      if (denied[c].size().width > 0) filled |= fill_wide_pieces(c, denied[c]);
+    }
+    return filled;
+  }
+
+  bool fill_wide_pieces(size_t camera, const Mask& denied) {
+    const Mask lost = only_first(grown(denied, radius(camera)), *masks_[camera]);
+    MaskPieces pieces;
+    pieces.find(opened(lost, radius(camera)));
+    bool filled = false;
+    for (size_t p = 0; p < pieces.count(); ++p) {
+      if (pieces.area(p) < least_pixels(camera)) continue;
+      const Mask piece = both(grown(mask_of(pieces, p, lost.size()), radius(camera)), lost);
+      report(camera, SilhouetteFaultKind::kMissingPiece, piece);
+      masks_[camera] = either(std::move(*masks_[camera]), piece);
+      filled = true;
+    }
+    return filled;
   }
 
   MissingPieces missing_pieces(size_t camera, const SparseVolume& hull) {
@@ -363,6 +404,7 @@ class SilhouetteMender::Trial {
 
 SilhouetteMender::SilhouetteMender(const Rig& rig, const Box& bounds, double voxel_m, int min_views)
     : rig_(rig),
+      min_views_(min_views),
       hulls_(rig, bounds, voxel_m, min_views),
       around_(rig, wider(bounds), voxel_m, std::max(1, min_views - 1)) {
   for (const RigCamera& camera : rig) {

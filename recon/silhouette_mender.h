@@ -10,6 +10,8 @@
 //   - the piece looks solid: where the hull of the others stops the camera's rays, the camera sees
 //     the same colours as its neighbours do there, and not what lies behind.
 // Without such evidence the camera is believed: a hollow stays a hollow.
+// What several cameras have lost at once no hull of the others shows: it is what a few deny, most
+// show, and the foreground of many needs (joint_denial.h).
 // Where the camera shows foreground outside the silhouette, nobody else sees anything: a phantom.
 // Where both together are what moved since the pulse before, the camera shows that pulse.
 #pragma once
@@ -74,6 +76,7 @@ class SilhouetteMender {
  private:
   class Trial;
   const Rig rig_;
+  const int min_views_;
   HullOfOthers hulls_;
   HullOfOthers around_;  ///< of a wider space: what stands beside the space is no phantom
   std::vector<VoxelCamera> lenses_;

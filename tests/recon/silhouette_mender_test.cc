@@ -6,6 +6,7 @@
 
 #include <array>
 #include <bit>
+#include <set>
 
 #include "base/mask_shape.h"
 #include "recon/silhouette.h"
@@ -136,6 +137,21 @@ TEST(SilhouetteMender, fills_a_hole_that_looks_solid_and_believes_one_without_co
   EXPECT_EQ(mended.faults.size(), 1U);
   EXPECT_LE(3 * voxels_wrong(pointers(mended.masks)), voxels_wrong(pointers(masks)));
   EXPECT_THAT(mend(masks, false).faults, IsEmpty());
+}
+
+TEST(SilhouetteMender, fills_what_several_cameras_lost_together) {
+  std::vector<Mask> masks = scene().masks;
+  for (const size_t camera : {1U, 5U, 8U}) {
+    const Rect box = masks[camera].bounding_box();
+    for (int y = box.y0; y < box.y0 + box.height / 3; ++y) {
+      for (int x = box.x0; x < box.x0 + box.width; ++x) masks[camera].set(x, y, false);
+    }
+  }
+  const MendedSilhouettes mended = mend(masks);
+  std::set<size_t> named;
+  for (const SilhouetteFault& fault : mended.faults) named.insert(fault.camera);
+  EXPECT_THAT(named, testing::ElementsAre(1, 5, 8));
+  EXPECT_LE(10 * voxels_wrong(pointers(mended.masks)), voxels_wrong(pointers(masks)));
 }
 
 TEST(SilhouetteMender, drops_what_no_other_camera_sees) {

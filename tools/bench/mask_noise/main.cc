@@ -1,0 +1,209 @@
+// v3d-mask-noise: how much of a real recording's hull is left when its silhouettes are degraded on
+// purpose, and what clean-up and mending bring back.
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <bit>
+#include <cstdio>
+#include <numeric>
+
+#include "base/error.h"
+#include "base/mask_pieces.h"
+#include "base/mask_shape.h"
+#include "base/units.h"
+#include "capture/mask_holes.h"
+#include "capture/mask_majority.h"
+#include "capture/segment_options.h"
+#include "mask_noise/damage.h"
+#include "recon/box_view.h"
+#include "recon/hull_of_others.h"
+#include "v3dctl/mask_mending.h"
+#include "v3dctl/options.h"
+#include "v3dctl/reconstruct.h"
+#include "v3dctl/take_frames.h"
+
+namespace v3d::bench {
+namespace {
+
+using Masks = std::vector<Mask>;
+
+/// As the segmenter cleans what it has found.
+void clean(Mask& mask) {
+  const SegmentOptions options;
+  take_majority(mask);
+  MaskPieces pieces;
+  pieces.find(mask);
+  for (size_t p = 0; p < pieces.count(); ++p) {
+    if (pieces.area(p) < options.min_area) pieces.drop(p, mask);
+  }
+  MaskHoles().fill_small(mask, pieces.runs(), options.max_hole);
+}
+
+/// Parts of the undamaged hull.
+struct Score {
+  double kept = 0;   ///< what is still there
+  double added = 0;  ///< what is there besides
+};
+
+/// At three places of the chain: as spoilt, cleaned, cleaned and mended.
+struct Scores {
+  Score spoilt, cleaned, mended;
+};
+
+struct Arguments {
+  std::filesystem::path take;
+  std::string bounds, voxel, leave_out;
+  int64_t pulse = 0;
+  uint32_t first_seed = 101;
+  int seeds = 5;
+};
+
+/// One pulse of a take.
+class Recording {
+ public:
+  explicit Recording(const Arguments& arguments)
+      : take_(arguments.take,
+              ctl::cameras_without(load_take_info({arguments.take}),
+                                   ctl::parse_names(arguments.leave_out, "--leave-out"))),
+        options_(options_of(arguments, take_.rig())),
+        hulls_(take_.rig(), options_.bounds, options_.voxel_m, options_.min_views),
+        frames_(take_.read(arguments.pulse)) {
+    for (size_t c = 0; c < frames_.size(); ++c) {
+      if (!frames_[c]) throw InputError("this pulse lacks " + take_.rig()[c].name);
+      truth_.push_back(both(frames_[c]->mask, view_of(options_.bounds, take_.rig()[c].model)));
+    }
+    whole_ = hulls_.volume(pointers_to(truth_));
+  }
+
+  double volume_m3() const {
+    return static_cast<double>(whole_.count()) * std::pow(options_.voxel_m, 3);
+  }
+
+  Scores spoil(const Damage& damage, uint32_t seed) {
+    std::mt19937 random(seed);
+    Masks masks = truth_;
+    for (const size_t c : chosen(damage, random)) damage.spoil(masks[c], random);
+    Scores scores;
+    scores.spoilt = score_of(pointers_to(masks));
+    for (Mask& mask : masks) clean(mask);
+    scores.cleaned = score_of(pointers_to(masks));
+    scores.mended = mended(masks);
+    return scores;
+  }
+
+ private:
+  static ReconstructOptions options_of(const Arguments& arguments, const Rig& rig) {
+    ReconstructOptions options;
+    options.bounds = parse_bounds(arguments.bounds);
+    options.voxel_m = parse_length(arguments.voxel);
+    options.min_views = ctl::default_min_views(static_cast<int>(rig.size()));
+    return options;
+  }
+
+  static std::vector<const Mask*> pointers_to(const Masks& masks) {
+    std::vector<const Mask*> all;
+    for (const Mask& mask : masks) all.push_back(&mask);
+    return all;
+  }
+
+  /// The cameras whose masks are spoilt.
+  std::vector<size_t> chosen(const Damage& damage, std::mt19937& random) const {
+    std::vector<size_t> cameras(truth_.size());
+    std::iota(cameras.begin(), cameras.end(), size_t{0});
+    if (damage.everywhere) return cameras;
+    std::shuffle(cameras.begin(), cameras.end(), random);
+    cameras.resize(std::max<size_t>(1, cameras.size() / 4));
+    return cameras;
+  }
+
+  /// By v3dctl reconstruct --mend.
+  Score mended(const Masks& masks) {
+    ctl::SegmentedFrames frames = frames_;
+    for (size_t c = 0; c < frames.size(); ++c) frames[c]->mask = masks[c];
+    ctl::SegmentedFrames no_next(frames.size());
+    ctl::MaskMending(take_.rig(), options_).mend(0, frames, no_next);
+    std::vector<const Mask*> all;
+    for (const auto& frame : frames) all.push_back(frame ? &frame->mask : nullptr);
+    return score_of(all);
+  }
+
+  Score score_of(std::span<const Mask* const> masks) {
+    const SparseVolume& hull = hulls_.volume(masks);
+    int64_t common = 0;
+    for (size_t n = 0; n < hull.bricks().size(); ++n) {
+      const int other = whole_.index_of(hull.coords()[n]);
+      for (int z = 0; other >= 0 && z < kBrickEdge; ++z) {
+        common += std::popcount(hull.bricks()[n][z] & whole_.bricks()[other][z]);
+      }
+    }
+    const auto whole = static_cast<double>(whole_.count());
+    return {static_cast<double>(common) / whole,
+            static_cast<double>(hull.count() - common) / whole};
+  }
+
+  ctl::TakeFrames take_;
+  const ReconstructOptions options_;
+  HullOfOthers hulls_;
+  ctl::SegmentedFrames frames_;
+  Masks truth_;
+  SparseVolume whole_;
+};
+
+/// The mean over all seeds, and the least that was kept after mending.
+void print(const Damage& damage, const std::vector<Scores>& all) {
+  Scores mean;
+  double least = 1;
+  for (const Scores& one : all) {
+    const double part = 100.0 / static_cast<double>(all.size());
+    const auto add = [part](Score& sum, const Score& score) {
+      sum.kept += part * score.kept;
+      sum.added += part * score.added;
+    };
+    add(mean.spoilt, one.spoilt);
+    add(mean.cleaned, one.cleaned);
+    add(mean.mended, one.mended);
+    least = std::min(least, one.mended.kept);
+  }
+  std::printf("%-42s %6.1f +%-5.1f %6.1f +%-5.1f %6.1f +%-5.1f %6.1f\n", damage.name,
+              mean.spoilt.kept, mean.spoilt.added, mean.cleaned.kept, mean.cleaned.added,
+              mean.mended.kept, mean.mended.added, 100 * least);
+  std::fflush(stdout);
+}
+
+void try_all(const Arguments& arguments) {
+  Recording recording(arguments);
+  std::printf("the hull of the silhouettes as they are: %.4g m3\n", recording.volume_m3());
+  std::printf("%-42s %13s %13s %13s %6s\n", "kept and added, % of it", "as spoilt", "cleaned",
+              "and mended", "least");
+  for (const Damage& damage : all_damages()) {
+    std::vector<Scores> scores;
+    for (int n = 0; n < arguments.seeds; ++n) {
+      scores.push_back(recording.spoil(damage, arguments.first_seed + static_cast<uint32_t>(n)));
+    }
+    print(damage, scores);
+  }
+}
+
+}  // namespace
+}  // namespace v3d::bench
+
+int main(int argc, char** argv) {
+  v3d::bench::Arguments arguments;
+  CLI::App app{
+      "Degrades the silhouettes of one pulse of a take and tells how much of the hull is left: as "
+      "they are, after the segmenter's clean-up, and after v3dctl reconstruct --mend."};
+  app.add_option("TAKE", arguments.take)->required();
+  app.add_option("--bounds", arguments.bounds, "X0,Y0,Z0,X1,Y1,Z1, metres")->required();
+  app.add_option("--voxel", arguments.voxel, "As 8mm")->required();
+  app.add_option("--leave-out", arguments.leave_out, "CAM,...");
+  app.add_option("--pulse", arguments.pulse)->capture_default_str();
+  app.add_option("--first-seed", arguments.first_seed)->capture_default_str();
+  app.add_option("--seeds", arguments.seeds)->capture_default_str()->check(CLI::PositiveNumber);
+  CLI11_PARSE(app, argc, argv);
+  try {
+    v3d::bench::try_all(arguments);
+  } catch (const v3d::InputError& error) {
+    std::fprintf(stderr, "v3d-mask-noise: %s\n", error.what());
+    return 2;
+  }
+  return 0;
+}
