@@ -347,9 +347,10 @@ std::string lateness_text(const std::vector<CameraSightings>& cameras,
   std::string text;
   for (size_t i = 0; i < cameras.size(); ++i) {
     if (std::abs(late[i]) < kNoticeable) continue;
+    const double by = std::round(100 * std::abs(late[i])) / 100;
     char size[64];
-    std::snprintf(size, sizeof size, " is %.3g %s %s", std::abs(late[i]),
-                  std::abs(late[i]) == 1 ? "picture" : "pictures", late[i] > 0 ? "late" : "early");
+    std::snprintf(size, sizeof size, " is %g %s %s", by, by == 1 ? "picture" : "pictures",
+                  late[i] > 0 ? "late" : "early");
     text += (text.empty() ? "cameras out of sync: " : ", ") + cameras[i].name + size;
   }
   return text.empty() ? text : text + " against the others";
