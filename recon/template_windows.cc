@@ -99,7 +99,8 @@ WindowViews views_of(const TemplateWindow& window, std::span<const SurfaceCamera
                           o.x(),
                           o.y()};
     if (!window_fits(view, correlation)) continue;
-    const float reach = static_cast<float>(correlation.side / 2) / picture.scale();
+    const int samples_to_side = correlation.side / 2;
+    const float reach = static_cast<float>(samples_to_side) / picture.scale();
     if (views.count == 0 && !corners_in_silhouette(camera, seen, reach * a, reach * d)) return {};
     views.view[views.count++] = view;
   }
