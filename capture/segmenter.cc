@@ -5,7 +5,6 @@
 #include <span>
 
 #include "capture/brightness.h"
-#include "capture/mask_majority.h"
 #include "capture/moved_background.h"
 
 namespace v3d {
@@ -48,9 +47,10 @@ Mask Segmenter::segment(ImageView image) {
   if (image.size.width < 2 || image.size.height < 2) return Mask(image.size);
   const uint32_t gain = brightness_ratio(image, table_.mean);
   Mask mask = combine(quads_.find(image, table_, quad_test_, gain));
-  take_majority(mask);
-  drop_pieces(mask, image, gain);
-  holes_.fill_small(mask, pieces_.runs(), options_.max_hole);
+  const ExpectedBackground background{table_, gain, quad_test_.limit};
+  cleanup_.clean(mask, options_, [&](const MaskPieces& pieces, size_t i) {
+    return is_moved_background(pieces, i, image, background, options_.moved);
+  });
   return mask;
 }
 
@@ -63,17 +63,6 @@ void Segmenter::learn(int64_t pulse, ImageView image, const Mask& mask) {
 void Segmenter::forget() {
   learnt_ = -1;
   adaptation_.forget(table_);
-}
-
-void Segmenter::drop_pieces(Mask& mask, ImageView image, uint32_t gain) {
-  const ExpectedBackground background{table_, gain, quad_test_.limit};
-  pieces_.find(mask);
-  for (size_t i = 0; i < pieces_.count(); ++i) {
-    if (pieces_.area(i) < options_.min_area ||
-        is_moved_background(pieces_, i, image, background, options_.moved)) {
-      pieces_.drop(i, mask);
-    }
-  }
 }
 
 }  // namespace v3d

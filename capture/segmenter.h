@@ -5,12 +5,11 @@
 
 #include "base/image.h"
 #include "base/mask.h"
-#include "base/mask_pieces.h"
 #include "capture/background.h"
 #include "capture/background_adaptation.h"
 #include "capture/background_table.h"
 #include "capture/differing_quads.h"
-#include "capture/mask_holes.h"
+#include "capture/mask_cleanup.h"
 #include "capture/segment_options.h"
 
 namespace v3d {
@@ -54,14 +53,11 @@ class Segmenter {
  private:
   static constexpr int64_t kLearnEvery = 32;  ///< pulses: about a second
 
-  void drop_pieces(Mask& mask, ImageView image, uint32_t gain);
-
   SegmentOptions options_;
   BackgroundTable table_;
   QuadTest quad_test_;
   DifferingQuads quads_;
-  MaskPieces pieces_;
-  MaskHoles holes_;
+  MaskCleanup cleanup_;
   BackgroundAdaptation adaptation_;
   int64_t learnt_ = -1;  ///< the last pulse that was
 };

@@ -1,5 +1,6 @@
 # A camera whose images are one pulse late, in an account without a fault, is named by its images, and so is one that
 # was knocked by 3 pixels since the calibration. Run by cmake -P with V3DCTL, V3D_SIM and WORK.
+include(${CMAKE_CURRENT_LIST_DIR}/knock.cmake)
 file(REMOVE_RECURSE ${WORK})
 file(WRITE ${WORK}/faults.toml "[[fault]]\ncamera = \"cam03\"\npulse = 0\nkind = \"late\"\npulses = 1\n")
 function(expect_verdict take wanted_status pattern)
@@ -22,16 +23,7 @@ endfunction()
 expect_verdict(in-step 0 "commanded, 50 sensed\ntake in-step: complete")
 expect_verdict(late 3 "cam03: out of step, 1 pulse late by its images.*take late: complete" --faults ${WORK}/faults.toml)
 
-# The lens of cam03 as it was before something pushed its image 3 pixels to the left.
-set(calib ${WORK}/in-step/calib.toml)
-file(READ ${calib} text)
-set(lens "(name = 'cam03'[^[]+[[]320, 240[]]\nmatrix = [[][[][0-9.]+, 0.0, )([0-9]+)")
-if(NOT text MATCHES "${lens}")
-  message(FATAL_ERROR "no lens of cam03 in ${text}")
-endif()
-math(EXPR column "${CMAKE_MATCH_2} + 3")
-string(REGEX REPLACE "${lens}" "\\1${column}" text "${text}")
-file(WRITE ${calib} "${text}")
+knock(${WORK}/in-step/calib.toml cam03 -3)
 execute_process(COMMAND ${V3DCTL} verify ${WORK}/in-step --images
   RESULT_VARIABLE status OUTPUT_VARIABLE out ERROR_VARIABLE err)
 if(NOT status EQUAL 3 OR NOT out MATCHES "cam03: knocked since it was calibrated: its silhouettes lie [23].[0-9] pixels aside")

@@ -1,5 +1,6 @@
 # A take tells by its silhouettes that two cameras look aside of where the calibration has them, with their focal
 # lengths fitted and without, and leaves a right calibration as it is. Run by cmake -P with V3DCTL, V3D_SIM and WORK.
+include(${CMAKE_CURRENT_LIST_DIR}/knock.cmake)
 file(REMOVE_RECURSE ${WORK})
 set(take ${WORK}/take)
 execute_process(COMMAND ${V3D_SIM} take ${take} --frames 16 --rate 3 --cameras 8 --size 320x240
@@ -8,20 +9,9 @@ if(NOT status EQUAL 0)
   message(FATAL_ERROR "v3d-sim: ${err}")
 endif()
 
-# The image of `camera` lies `pixels` farther to the right than it did when it was calibrated.
-function(knock camera pixels)
-  file(READ ${WORK}/knocked.toml text)
-  set(lens "(name = '${camera}'[^[]+[[]320, 240[]]\nmatrix = [[][[][0-9.]+, 0.0, )([0-9]+)")
-  if(NOT text MATCHES "${lens}")
-    message(FATAL_ERROR "no lens of ${camera} in ${text}")
-  endif()
-  math(EXPR column "${CMAKE_MATCH_2} - ${pixels}")
-  string(REGEX REPLACE "${lens}" "\\1${column}" text "${text}")
-  file(WRITE ${WORK}/knocked.toml "${text}")
-endfunction()
 file(COPY_FILE ${take}/calib.toml ${WORK}/knocked.toml)
-knock(cam02 5)
-knock(cam05 -5)
+knock(${WORK}/knocked.toml cam02 5)
+knock(${WORK}/knocked.toml cam05 -5)
 
 function(refine calib better_wanted)
   execute_process(COMMAND ${V3DCTL} calibrate refine --take ${take} --calib ${calib} --out ${WORK}/refined.toml --json

@@ -8,11 +8,9 @@
 #include <numeric>
 
 #include "base/error.h"
-#include "base/mask_pieces.h"
 #include "base/mask_shape.h"
 #include "base/units.h"
-#include "capture/mask_holes.h"
-#include "capture/mask_majority.h"
+#include "capture/mask_cleanup.h"
 #include "capture/segment_options.h"
 #include "mask_noise/damage.h"
 #include "recon/box_view.h"
@@ -26,18 +24,6 @@ namespace v3d::bench {
 namespace {
 
 using Masks = std::vector<Mask>;
-
-/// As the segmenter cleans what it has found.
-void clean(Mask& mask) {
-  const SegmentOptions options;
-  take_majority(mask);
-  MaskPieces pieces;
-  pieces.find(mask);
-  for (size_t p = 0; p < pieces.count(); ++p) {
-    if (pieces.area(p) < options.min_area) pieces.drop(p, mask);
-  }
-  MaskHoles().fill_small(mask, pieces.runs(), options.max_hole);
-}
 
 /// Parts of the undamaged hull.
 struct Score {
@@ -85,7 +71,7 @@ class Recording {
     for (const size_t c : chosen(damage, random)) damage.spoil(masks[c], random);
     Scores scores;
     scores.spoilt = score_of(pointers_to(masks));
-    for (Mask& mask : masks) clean(mask);
+    for (Mask& mask : masks) MaskCleanup().clean(mask, SegmentOptions());
     scores.cleaned = score_of(pointers_to(masks));
     scores.mended = mended(masks);
     return scores;

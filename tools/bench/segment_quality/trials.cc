@@ -5,9 +5,7 @@
 #include <algorithm>
 #include <bit>
 
-#include "base/mask_pieces.h"
-#include "capture/mask_holes.h"
-#include "capture/mask_majority.h"
+#include "capture/mask_cleanup.h"
 #include "capture/segmenter.h"
 #include "peers/opencv_subtractor.h"
 
@@ -36,20 +34,9 @@ const std::vector<CleanUp>& clean_ups() {
   return kCleanUps;
 }
 
-void clean_up_as_we_do(Mask& mask) {
-  const SegmentOptions ours;
-  take_majority(mask);
-  MaskPieces pieces;
-  pieces.find(mask);
-  for (size_t i = 0; i < pieces.count(); ++i) {
-    if (pieces.area(i) < ours.min_area) pieces.drop(i, mask);
-  }
-  MaskHoles().fill_small(mask, pieces.runs(), ours.max_hole);
-}
-
 Mask cleaned(const Image& foreground, const CleanUp& how) {
   Mask mask = mask_from_image(open_and_close(foreground, how.open_px, how.close_px).view());
-  if (how.pieces) clean_up_as_we_do(mask);
+  if (how.pieces) MaskCleanup().clean(mask, SegmentOptions());
   return mask;
 }
 
