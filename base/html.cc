@@ -13,7 +13,8 @@ svg { background: #f4f4f4; border: 1px solid #ccc; }
 .row img { display: block; max-width: 100%; border-radius: 3px; }
 .note { color: #555; max-width: 50em; }
 .scale { height: .9em; width: 24em; border-radius: 3px; }
-.marks { display: flex; justify-content: space-between; width: 24em; font-size: 85%; }
+.marks { display: flex; justify-content: space-between; width: 24em; }
+.marks span { display: flex; justify-content: center; width: 0; font-size: 85%; white-space: nowrap; }
 </style>)";
 
 }  // namespace

@@ -34,7 +34,7 @@ constexpr int64_t kShortTake = 12 * kRateHz;
 constexpr int64_t kPulsesBetweenFaults = 3 * kRateHz;
 /// A camera that was unplugged is back before the take ends.
 constexpr int64_t kNoFaultAtTheEnd = 6 * kRateHz;
-/// Takes until the daemons have all that they will need, at least.
+/// Takes until the daemons have all that they will need.
 constexpr int kWarmUpTakes = 3;
 constexpr double kWarmUpSeconds = 20;
 
@@ -51,12 +51,6 @@ double most_kb_per_hour(const std::vector<ProcessSample>& samples) {
   constexpr double kMegabyte = 1024;
   const double seconds = samples.back().seconds - samples.front().seconds;
   return seconds >= 600 ? kMegabyte : kMegabyte + kMegabyte * 3600 / seconds;
-}
-
-/// A quarter of the short takes: of the arenas of an allocator each grows until it has seen the
-/// largest frame.
-int warm_up_takes(const Pulses& takes) {
-  return std::max(kWarmUpTakes, static_cast<int>(takes.size() - 1) / 4);
 }
 
 /// The lengths of all takes, in pulses.
@@ -282,7 +276,7 @@ TEST_F(Soak, of_fifteen_faulty_cameras_leaves_memory_and_descriptors_as_they_wer
   const double long_take = observed_.front()->meter.now() + kWarmUpSeconds;
   for (const auto& daemon : observed_) {
     daemon->between_takes.erase(daemon->between_takes.begin(),
-                                daemon->between_takes.begin() + warm_up_takes(takes));
+                                daemon->between_takes.begin() + kWarmUpTakes);
   }
   take(takes.back());
   std::printf("%d takes, %lld pulses, %lld not sensed, %lld frames, %lld missing, %lld suspect\n",

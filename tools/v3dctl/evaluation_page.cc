@@ -1,5 +1,6 @@
 #include "v3dctl/evaluation_page.h"
 
+#include <algorithm>
 #include <cstdio>
 
 #include "base/html.h"
@@ -33,9 +34,12 @@ std::string truth_rows(const EvaluationPage& page) {
     return row(page, name,
                [&](const EvaluatedColumn& c) { return number(c.truth->distance.*figure, digits); });
   };
-  // Empty where nothing was of that kind.
+  // Empty where nothing was of that kind, as of a single frame.
   const auto of_change = [&](const char* name, double SurfaceChange::*part,
                              double SurfaceChange::*figure) {
+    const bool any = std::ranges::any_of(
+        page.columns, [&](const EvaluatedColumn& c) { return c.truth->change.*part > 0; });
+    if (!any) return std::string();
     return row(page, name, [&](const EvaluatedColumn& c) {
       return c.truth->change.*part > 0 ? number(c.truth->change.*figure, 2) : "";
     });
