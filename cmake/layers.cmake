@@ -2,16 +2,17 @@
 #   - a layer's headers are reachable only through the include directory of its own target, so that an
 #     #include of a layer that is not linked does not compile;
 #   - v3d_check_layers() fails the configuration when a layer links one that it may not use.
-set(V3D_LAYERS base wire take trigger capture recon calib sim daemon)
+set(V3D_LAYERS base codec wire take trigger capture recon calib sim daemon)
 set(V3D_MAY_USE_base "")
 set(V3D_MAY_USE_wire base)
-set(V3D_MAY_USE_take base wire)
+set(V3D_MAY_USE_codec "")
+set(V3D_MAY_USE_take base codec wire)
 set(V3D_MAY_USE_trigger base)
 set(V3D_MAY_USE_capture base)
-set(V3D_MAY_USE_recon base)
+set(V3D_MAY_USE_recon base codec)
 set(V3D_MAY_USE_calib base)
 set(V3D_MAY_USE_sim base)
-set(V3D_MAY_USE_daemon base wire take trigger capture recon)
+set(V3D_MAY_USE_daemon base codec wire take trigger capture recon)
 
 # v3d_include_as(<target> <name>): the headers beside the target are included as "<name>/header.h".
 function(v3d_include_as target name)

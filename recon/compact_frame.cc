@@ -9,7 +9,7 @@
 #include <utility>
 
 #include "base/error.h"
-#include "recon/byte_stream.h"
+#include "codec/byte_stream.h"
 #include "recon/zstd_section.h"
 
 namespace v3d {

@@ -1,7 +1,6 @@
-// Discrete marching cubes: the surface of a volume.
-// Source: Kenmochi, Kotani and Imiya, "Marching cubes method with connectivity", ICIP 1999, as used
-// by Takai et al., "3D Video Technologies", section 2.3; the cases are our own
-// (recon/cube_cases.h).
+// Discrete marching cubes: the surface of a volume, as used by Takai et al., "3D Video
+// Technologies", section 2.3. How it is made: codec/brick_surface.h, which the decoder of compact
+// frames shares.
 #pragma once
 
 #include <memory>

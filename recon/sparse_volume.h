@@ -6,19 +6,12 @@
 #include <span>
 #include <vector>
 
-#include "recon/brick_map.h"
+#include "codec/brick.h"
+#include "codec/brick_map.h"
+#include "codec/brick_surface.h"
 #include "recon/voxel_grid.h"
 
 namespace v3d {
-
-/// 8 x 8 x 8 voxels: voxel (x, y, z) of the brick is bit 8 * y + x (least significant first) of
-/// word z.
-using Brick = std::array<uint64_t, 8>;
-
-inline constexpr int kBrickEdge = 8;
-inline constexpr uint64_t kFullLayer = ~uint64_t{0};
-inline constexpr Brick kFullBrick{kFullLayer, kFullLayer, kFullLayer, kFullLayer,
-                                  kFullLayer, kFullLayer, kFullLayer, kFullLayer};
 
 struct PlacedBrick {
   BrickCoord at;
@@ -54,6 +47,7 @@ class SparseVolume {
   int index_of(BrickCoord at) const { return occupied_.index_of(at); }
   /// The bricks that are stored.
   const BrickMap& occupied() const { return occupied_; }
+  BrickVolume view() const { return {&occupied_, bricks_, coords_}; }
 
   /// Outside the grid everything is empty.
   bool get(int i, int j, int k) const;

@@ -8,7 +8,7 @@
 #include <span>
 #include <vector>
 
-#include "take/crc32.h"
+#include "codec/crc32.h"
 
 namespace v3d::mesh_file {
 

@@ -9,7 +9,7 @@
 #include <numbers>
 #include <set>
 
-#include "recon/cube_cases.h"
+#include "codec/cube_cases.h"
 #include "tests/recon/random_rig.h"
 #include "tests/recon/volumes.h"
 

@@ -7,7 +7,7 @@
 #include "base/file.h"
 #include "support/message_of.h"
 #include "support/temporary_folder.h"
-#include "take/crc32.h"
+#include "codec/crc32.h"
 
 namespace v3d {
 namespace {

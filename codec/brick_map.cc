@@ -1,4 +1,4 @@
-#include "recon/brick_map.h"
+#include "codec/brick_map.h"
 
 namespace v3d {
 

@@ -1,4 +1,4 @@
-#include "take/crc32.h"
+#include "codec/crc32.h"
 
 #include <array>
 

@@ -1,4 +1,4 @@
-#include "recon/cube_cases.h"
+#include "codec/cube_cases.h"
 
 #include <cassert>
 #include <limits>
