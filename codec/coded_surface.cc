@@ -1,0 +1,41 @@
+#include "codec/coded_surface.h"
+
+namespace v3d {
+
+void CodedSurface::measure() {
+  surface.begin(volume.view());
+  for (size_t brick = 0; brick < surface.bricks().size(); ++brick) surface.examine(brick);
+  surface.number();
+}
+
+void CodedSurface::make(bool with_values) {
+  places.resize(surface.vertex_count());
+  triangles.resize(surface.triangle_count());
+  HalfVoxels origin;
+  for (int axis = 0; axis < 3; ++axis) origin[axis] = 2 * kBrickEdge * volume.first[axis];
+  for (size_t brick = 0; brick < surface.bricks().size(); ++brick) {
+    surface.for_each_vertex(brick, [&](uint32_t vertex, const HalfVoxels& half) {
+      for (int axis = 0; axis < 3; ++axis) places[vertex][axis] = origin[axis] + half[axis];
+    });
+    surface.write_triangles(brick, triangles);
+  }
+  if (with_values) known.make(triangles, surface.vertex_count());
+}
+
+const VertexValues* CodedSurface::colour_on(const LatticeEdge& edge) const {
+  LatticeEdge in_box = edge;
+  for (int axis = 0; axis < 3; ++axis) in_box.voxel[axis] -= kBrickEdge * volume.first[axis];
+  const int64_t vertex = surface.vertex_on(in_box);
+  return vertex < 0 ? nullptr : &colours[static_cast<size_t>(vertex)];
+}
+
+const VertexValues* FormerColours::at(uint32_t vertex) const {
+  LatticeEdge edge = edge_at(now_.places[vertex]);
+  for (const int move : {0, 1, -2}) {
+    edge.voxel[edge.axis] += move;  // here, then one further, then one back
+    if (const VertexValues* colour = before_.colour_on(edge)) return colour;
+  }
+  return nullptr;
+}
+
+}  // namespace v3d

@@ -1,0 +1,31 @@
+// Colours as luma and chroma.
+#pragma once
+
+#include <array>
+#include <cstdint>
+
+#include "codec/vertex_values.h"
+
+namespace v3d {
+
+/// R, G, B.
+using VertexColour = std::array<uint8_t, 3>;
+
+/// Luma (0 to 255), Co and Cg (-255 to 255) of the reversible YCoCg-R: colour_of() gives every
+/// colour back. Source: Malvar and Sullivan, "YCoCg-R: a color space with RGB reversibility and low
+/// dynamic range", JVT-I014, 2003.
+VertexValues luma_chroma_of(const VertexColour& colour);
+/// Of any numbers: clamped to 0 to 255.
+VertexColour colour_of(const VertexValues& luma_chroma);
+
+/// How luma and chroma are coded. Requires steps from 1 to kMostColourStep; 1, 1, 1 keeps every
+/// bit.
+///
+/// A step q leaves an error of q * q / 12 on average and q / 2 at most; luma's counts fully in R, G
+/// and B, that of Co a sixth and that of Cg a fourth. So the default leaves a mean squared error of
+/// at most 9.1, which is 38.5 dB.
+inline constexpr int kMostColourStep = 64;
+inline constexpr std::array<uint8_t, 3> kDefaultColourSteps{6, 15, 12};
+ValueRange colour_range(const std::array<uint8_t, 3>& steps);
+
+}  // namespace v3d

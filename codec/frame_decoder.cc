@@ -1,0 +1,94 @@
+#include <utility>
+
+#include "codec/frame_codec.h"
+#include "codec/frame_parts.h"
+#include "codec/triangle_code.h"
+
+namespace v3d {
+
+class FrameDecoder::Impl {
+ public:
+  DecodeStatus decode(std::span<const uint8_t> bytes) {
+    auto header = read_header(bytes);
+    if (!header) return DecodeStatus::kMalformed;
+    if (header->is(FrameHeader::kInter) && !follows(*header)) return DecodeStatus::kNeedsReference;
+    auto names = decode_names(section(bytes, *header, kNames), header->cameras);
+    if (!names) return DecodeStatus::kMalformed;
+    header->facts.cameras = *std::move(names);
+    FrameState& now = states_[1 - last_];
+    now.header = *std::move(header);
+    if (!decode_shape(bytes, now) || !decode_displacements(bytes, now) ||
+        !decode_colours(bytes, now)) {
+      return DecodeStatus::kMalformed;
+    }
+    make_mesh(now, frame_);
+    frame_.triangles.swap(now.surface.triangles);
+    last_ = 1 - last_;
+    there_ = true;
+    return DecodeStatus::kOk;
+  }
+  const DecodedFrame& frame() const { return frame_; }
+
+ private:
+  bool follows(const FrameHeader& header) const {
+    const FrameHeader& before = states_[last_].header;
+    return there_ && before.checksum == header.reference && before.key_pulse == header.key_pulse &&
+           before.is(FrameHeader::kColours) && !before.is(FrameHeader::kExplicit);
+  }
+
+  static bool decode_shape(std::span<const uint8_t> bytes, FrameState& now) {
+    const FrameHeader& h = now.header;
+    const auto shape = section(bytes, h, kShape);
+    if (h.is(FrameHeader::kExplicit)) {
+      auto triangles = decode_triangles(shape, h.triangles, h.vertices);
+      if (!triangles) return false;
+      now.surface.triangles = *std::move(triangles);
+      now.surface.known.make(now.surface.triangles, h.vertices);
+      return true;
+    }
+    now.surface.volume.clear({h.first_brick[0], h.first_brick[1], h.first_brick[2]},
+                             {h.bricks[0], h.bricks[1], h.bricks[2]});
+    if (!decode_occupancy(shape, now.surface.volume)) return false;
+    now.surface.measure();
+    if (now.surface.surface.vertex_count() != h.vertices ||
+        now.surface.surface.triangle_count() != h.triangles) {
+      return false;
+    }
+    now.surface.make(h.is(FrameHeader::kDisplaced) || h.is(FrameHeader::kColours));
+    return true;
+  }
+
+  static bool decode_displacements(std::span<const uint8_t> bytes, FrameState& now) {
+    now.displacements.clear();
+    const auto coded = section(bytes, now.header, kDisplacements);
+    if (coded.empty()) return true;
+    auto values = decode_values(coded, now.surface.known, position_range(now.header), nullptr);
+    if (!values) return false;
+    now.displacements = *std::move(values);
+    return true;
+  }
+
+  bool decode_colours(std::span<const uint8_t> bytes, FrameState& now) const {
+    now.surface.colours.clear();
+    const auto coded = section(bytes, now.header, kColours);
+    if (coded.empty()) return true;
+    const FormerColours former(states_[last_].surface, now.surface);
+    auto values = decode_values(coded, now.surface.known, colour_range(now.header.colour_steps),
+                                now.header.is(FrameHeader::kInter) ? &former : nullptr);
+    if (!values) return false;
+    now.surface.colours = *std::move(values);
+    return true;
+  }
+
+  std::array<FrameState, 2> states_;
+  int last_ = 0;        ///< of states_
+  bool there_ = false;  ///< states_[last_] is a frame
+  DecodedFrame frame_;
+};
+
+FrameDecoder::FrameDecoder() : impl_(std::make_unique<Impl>()) {}
+FrameDecoder::~FrameDecoder() = default;
+DecodeStatus FrameDecoder::decode(std::span<const uint8_t> bytes) { return impl_->decode(bytes); }
+const DecodedFrame& FrameDecoder::frame() const { return impl_->frame(); }
+
+}  // namespace v3d

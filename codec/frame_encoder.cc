@@ -1,0 +1,219 @@
+#include <algorithm>
+#include <cassert>
+#include <cmath>
+#include <utility>
+
+#include "codec/frame_codec.h"
+#include "codec/frame_parts.h"
+#include "codec/triangle_code.h"
+
+namespace v3d {
+namespace {
+
+bool facts_fit(const FrameFacts& facts) {
+  const auto fits = [](const std::string& name) {
+    return !name.empty() && name.size() <= FrameLimits::kNameBytes;
+  };
+  return facts.pulse >= 0 && facts.cameras.size() <= FrameLimits::kCameras && facts.missing >= 0 &&
+         facts.missing <= FrameLimits::kCameras && std::isfinite(facts.step) && facts.step > 0 &&
+         std::all_of(facts.cameras.begin(), facts.cameras.end(), fits) &&
+         std::is_sorted(facts.cameras.begin(), facts.cameras.end(), std::less_equal<>());
+}
+
+/// The nearest number of the lattice; empty beyond `most` and for no number.
+std::optional<int32_t> lattice_number(double metres, double origin, double step, double most) {
+  const double number = std::floor((metres - origin) / step + 0.5);
+  if (!(number >= -most && number <= most)) return std::nullopt;
+  return static_cast<int32_t>(number);
+}
+
+bool all_zero(std::span<const VertexValues> values) {
+  return std::all_of(values.begin(), values.end(),
+                     [](const VertexValues& v) { return v == VertexValues{}; });
+}
+
+}  // namespace
+
+class FrameEncoder::Impl {
+ public:
+  explicit Impl(const EncoderOptions& options) : options_(options) {
+    assert(options.key_every >= 1 && options.displacement_step_m > 0);
+  }
+
+  std::optional<std::vector<uint8_t>> encode(const FrameContent& content) {
+    FrameState& now = states_[1 - last_];
+    Sections sections;
+    if (!begin(content, now) || !encode_shape(content, now, sections[kShape]) ||
+        !encode_positions(content, now, sections[kDisplacements]) ||
+        !encode_colours(content, now, sections[kColours])) {
+      since_key_ = 0;
+      return std::nullopt;
+    }
+    sections[kNames] = encode_names(content.facts.cameras);
+    std::vector<uint8_t> bytes = write_frame(now.header, sections);
+    last_ = 1 - last_;
+    since_key_ = now.header.is(FrameHeader::kExplicit) ? 0 : (since_key_ + 1) % options_.key_every;
+    return bytes;
+  }
+  void restart() { since_key_ = 0; }
+
+  const FrameState& last() const { return states_[last_]; }
+
+ private:
+  bool begin(const FrameContent& content, FrameState& now) {
+    now.header = {};
+    now.header.facts = content.facts;
+    now.header.cameras = static_cast<uint16_t>(content.facts.cameras.size());
+    now.header.key_pulse = content.facts.pulse;
+    now.displacements.clear();
+    now.surface.colours.clear();
+    return facts_fit(content.facts);
+  }
+
+  static bool encode_shape(const FrameContent& content, FrameState& now,
+                           std::vector<uint8_t>& bytes) {
+    return content.volume != nullptr ? encode_volume(content, now, bytes)
+                                     : encode_mesh(content, now, bytes);
+  }
+
+  static bool encode_volume(const FrameContent& content, FrameState& now,
+                            std::vector<uint8_t>& bytes) {
+    CodedSurface& surface = now.surface;
+    if (!surface.volume.assign(*content.volume)) return false;
+    surface.measure();
+    FrameHeader& h = now.header;
+    h.vertices = surface.surface.vertex_count();
+    h.triangles = surface.surface.triangle_count();
+    if (h.vertices > FrameLimits::kVertices || h.triangles > FrameLimits::kTriangles) return false;
+    for (int axis = 0; axis < 3; ++axis) {
+      h.first_brick[axis] = static_cast<uint16_t>(surface.volume.first[axis]);
+      h.bricks[axis] = static_cast<uint16_t>(surface.volume.counts()[axis]);
+    }
+    surface.make(!content.positions.empty() || !content.colours.empty());
+    bytes = encode_occupancy(surface.volume);
+    return true;
+  }
+
+  static bool encode_mesh(const FrameContent& content, FrameState& now,
+                          std::vector<uint8_t>& bytes) {
+    FrameHeader& h = now.header;
+    if (content.positions.size() > FrameLimits::kVertices ||
+        content.triangles.size() > FrameLimits::kTriangles) {
+      return false;
+    }
+    h.flags |= FrameHeader::kExplicit;
+    h.vertices = static_cast<uint32_t>(content.positions.size());
+    h.triangles = static_cast<uint32_t>(content.triangles.size());
+    auto coded = encode_triangles(content.triangles, h.vertices);
+    if (!coded) return false;
+    bytes = *std::move(coded);
+    now.surface.triangles.assign(content.triangles.begin(), content.triangles.end());
+    now.surface.known.make(now.surface.triangles, h.vertices);
+    return true;
+  }
+
+  bool encode_positions(const FrameContent& content, FrameState& now,
+                        std::vector<uint8_t>& bytes) const {
+    FrameHeader& h = now.header;
+    const bool is_explicit = h.is(FrameHeader::kExplicit);
+    if (!is_explicit && content.positions.empty()) return true;
+    if (content.positions.size() != h.vertices) return false;
+    if (!is_explicit) subdivide(h);
+    std::vector<VertexValues> numbers(h.vertices);
+    for (size_t v = 0; v < numbers.size(); ++v) {
+      if (!number_of(content.positions[v], now, v, numbers[v])) return false;
+    }
+    if (!is_explicit && all_zero(numbers)) {
+      h.subdivision = 1;
+      h.facts.step = content.facts.step;
+      return true;
+    }
+    if (!is_explicit) h.flags |= FrameHeader::kDisplaced;
+    CodedValues coded = encode_values(numbers, now.surface.known, position_range(h), nullptr);
+    bytes = std::move(coded.bytes);
+    now.displacements = std::move(coded.decoded);
+    return true;
+  }
+
+  void subdivide(FrameHeader& h) const {
+    const double steps = std::ceil(h.facts.step / options_.displacement_step_m - 1e-6);
+    h.subdivision = static_cast<uint16_t>(
+        std::clamp(steps, 1.0, static_cast<double>(FrameLimits::kSubdivision)));
+    h.facts.step /= h.subdivision;
+  }
+
+  /// Lattice steps from the vertex's place, or from the origin where it has none.
+  static bool number_of(const VertexPosition& position, const FrameState& now, size_t vertex,
+                        VertexValues& number) {
+    const FrameHeader& h = now.header;
+    const bool is_explicit = h.is(FrameHeader::kExplicit);
+    const ValueRange range = position_range(h);
+    for (int axis = 0; axis < 3; ++axis) {
+      constexpr double kMost = 1 << 30;
+      const auto at =
+          lattice_number(double{position[axis]}, h.facts.origin[axis], h.facts.step, kMost);
+      if (!at) return false;
+      const int32_t from = is_explicit ? 0 : now.surface.places[vertex][axis] * h.subdivision;
+      number[axis] = *at - from;
+      if (number[axis] < range.least[axis] || number[axis] > range.most[axis]) return false;
+    }
+    return true;
+  }
+
+  bool encode_colours(const FrameContent& content, FrameState& now, std::vector<uint8_t>& bytes) {
+    FrameHeader& h = now.header;
+    if (content.colours.empty()) return true;
+    if (content.colours.size() != h.vertices) return false;
+    h.flags |= FrameHeader::kColours;
+    h.colour_steps = options_.colour_steps;
+    std::vector<VertexValues> wanted(h.vertices);
+    std::transform(content.colours.begin(), content.colours.end(), wanted.begin(), luma_chroma_of);
+    const FormerColours former(last().surface, now.surface);
+    const bool follows = may_follow(h);
+    if (follows) {
+      h.flags |= FrameHeader::kInter;
+      h.key_pulse = last().header.key_pulse;
+      h.reference = last().header.checksum;
+    }
+    CodedValues coded = encode_values(wanted, now.surface.known, colour_range(h.colour_steps),
+                                      follows ? &former : nullptr);
+    bytes = std::move(coded.bytes);
+    now.surface.colours = std::move(coded.decoded);
+    return true;
+  }
+
+  bool may_follow(const FrameHeader& h) const {
+    const FrameHeader& before = last().header;
+    return since_key_ > 0 && !h.is(FrameHeader::kExplicit) && before.is(FrameHeader::kColours) &&
+           before.facts.pulse < h.facts.pulse;
+  }
+
+  const EncoderOptions options_;
+  std::array<FrameState, 2> states_;
+  int last_ = 0;       ///< of states_
+  int since_key_ = 0;  ///< frames since the last key frame; 0: the next one is one
+};
+
+FrameEncoder::FrameEncoder(const EncoderOptions& options)
+    : impl_(std::make_unique<Impl>(options)) {}
+FrameEncoder::~FrameEncoder() = default;
+
+std::optional<std::vector<uint8_t>> FrameEncoder::encode(const FrameContent& content) {
+  return impl_->encode(content);
+}
+void FrameEncoder::restart() { impl_->restart(); }
+
+DecodedFrame FrameEncoder::decoded() const {
+  DecodedFrame frame;
+  make_mesh(impl_->last(), frame);
+  frame.triangles = impl_->last().surface.triangles;
+  return frame;
+}
+
+FrameBytes FrameEncoder::bytes() const {
+  const auto& bytes = impl_->last().header.section_bytes;
+  return {FrameHeader::kBytes + bytes[kNames], bytes[kShape], bytes[kDisplacements],
+          bytes[kColours]};
+}
+
+}  // namespace v3d

@@ -1,0 +1,191 @@
+#include "codec/frame_header.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "codec/byte_stream.h"
+#include "codec/colour.h"
+#include "codec/crc32.h"
+#include "codec/occupancy.h"
+
+namespace v3d {
+namespace {
+
+constexpr std::array<uint8_t, 8> kMagic{'V', '3', 'D', 'F', 0x0D, 0x0A, 0x1A, 0x0A};
+constexpr uint16_t kVersion = 2;
+constexpr size_t kChecked = 16;  // the checksum is of everything from here on
+
+template <class Array>
+void write_all(ByteWriter& out, const Array& numbers) {
+  for (const auto number : numbers) out.number(number);
+}
+template <class Array>
+void read_all(ByteReader& in, Array& numbers) {
+  for (auto& number : numbers) number = in.number<typename Array::value_type>();
+}
+
+/// From kChecked on.
+void write_rest(ByteWriter& out, const FrameHeader& h) {
+  out.number(h.flags);
+  out.number(h.cameras);
+  out.number(static_cast<uint16_t>(h.facts.missing));
+  out.number(h.subdivision);
+  out.number(h.facts.pulse);
+  out.number(h.facts.exposure_ns);
+  out.number(h.key_pulse);
+  out.number(h.reference);
+  out.number(h.facts.quality);
+  write_all(out, h.facts.origin);
+  out.number(h.facts.step);
+  write_all(out, h.colour_steps);
+  out.number(uint8_t{0});
+  out.number(h.vertices);
+  out.number(h.triangles);
+  write_all(out, h.first_brick);
+  write_all(out, h.bricks);
+  write_all(out, h.section_bytes);
+}
+
+/// False: the byte that is 0 is not.
+bool read_rest(ByteReader& in, FrameHeader& h) {
+  h.flags = in.number<uint16_t>();
+  h.cameras = in.number<uint16_t>();
+  h.facts.missing = in.number<uint16_t>();
+  h.subdivision = in.number<uint16_t>();
+  h.facts.pulse = in.number<int64_t>();
+  h.facts.exposure_ns = in.number<int64_t>();
+  h.key_pulse = in.number<int64_t>();
+  h.reference = in.number<uint32_t>();
+  h.facts.quality = in.number<float>();
+  read_all(in, h.facts.origin);
+  h.facts.step = in.number<double>();
+  read_all(in, h.colour_steps);
+  const bool zero = in.number<uint8_t>() == 0;
+  h.vertices = in.number<uint32_t>();
+  h.triangles = in.number<uint32_t>();
+  read_all(in, h.first_brick);
+  read_all(in, h.bricks);
+  read_all(in, h.section_bytes);
+  return zero;
+}
+
+bool flags_are_sound(const FrameHeader& h) {
+  constexpr unsigned kKnown = FrameHeader::kColours | FrameHeader::kDisplaced |
+                              FrameHeader::kInter | FrameHeader::kExplicit;
+  // Where vertices have no places of the lattice, nothing is known of the frame before.
+  const bool explicit_key = !h.is(FrameHeader::kExplicit) ||
+                            (!h.is(FrameHeader::kDisplaced) && !h.is(FrameHeader::kInter));
+  const bool inter_coloured = !h.is(FrameHeader::kInter) || h.is(FrameHeader::kColours);
+  return (h.flags & ~kKnown) == 0 && explicit_key && inter_coloured;
+}
+
+bool facts_are_sound(const FrameFacts& f) {
+  const bool finite = std::all_of(f.origin.begin(), f.origin.end(),
+                                  [](double metres) { return std::isfinite(metres); });
+  return f.missing <= FrameLimits::kCameras && f.pulse >= 0 && finite && std::isfinite(f.step) &&
+         f.step > 0 && (std::isnan(f.quality) || (f.quality >= 0 && f.quality <= 1));
+}
+
+bool box_is_sound(const FrameHeader& h) {
+  int64_t bricks = 1;
+  for (int axis = 0; axis < 3; ++axis) {
+    if (h.first_brick[axis] + h.bricks[axis] > Occupancy::kMostAlongAxis) return false;
+    bricks *= h.bricks[axis];
+  }
+  return bricks <= Occupancy::kMostInBox;
+}
+
+bool colours_are_sound(const FrameHeader& h) {
+  const bool coloured = h.is(FrameHeader::kColours);
+  return std::all_of(h.colour_steps.begin(), h.colour_steps.end(), [&](uint8_t step) {
+    return coloured ? step >= 1 && step <= kMostColourStep : step == 0;
+  });
+}
+
+bool sections_are_sound(const FrameHeader& h, size_t bytes) {
+  uint64_t sum = FrameHeader::kBytes;
+  for (const uint32_t section : h.section_bytes) sum += section;
+  const bool has_displacements = h.is(FrameHeader::kDisplaced) || h.is(FrameHeader::kExplicit);
+  return sum == bytes && (h.section_bytes[kDisplacements] > 0) == has_displacements &&
+         (h.section_bytes[kColours] > 0) == h.is(FrameHeader::kColours);
+}
+
+bool is_sound(const FrameHeader& h, size_t bytes) {
+  const bool key = !h.is(FrameHeader::kInter);
+  return flags_are_sound(h) && facts_are_sound(h.facts) && box_is_sound(h) &&
+         colours_are_sound(h) && sections_are_sound(h, bytes) &&
+         h.cameras <= FrameLimits::kCameras && h.subdivision >= 1 &&
+         h.subdivision <= FrameLimits::kSubdivision && h.key_pulse >= 0 &&
+         (key ? h.key_pulse == h.facts.pulse && h.reference == 0 : h.key_pulse < h.facts.pulse) &&
+         h.vertices <= FrameLimits::kVertices && h.triangles <= FrameLimits::kTriangles;
+}
+
+}  // namespace
+
+std::vector<uint8_t> write_frame(FrameHeader& header, const Sections& sections) {
+  ByteWriter rest;
+  for (size_t n = 0; n < sections.size(); ++n) {
+    header.section_bytes[n] = static_cast<uint32_t>(sections[n].size());
+  }
+  write_rest(rest, header);
+  for (const auto& section : sections) rest.bytes(section);
+  const std::vector<uint8_t> checked = rest.take();
+  header.checksum = crc32(checked);
+  ByteWriter out;
+  out.bytes(kMagic);
+  out.number(kVersion);
+  out.number(static_cast<uint16_t>(FrameHeader::kBytes));
+  out.number(header.checksum);
+  out.bytes(checked);
+  return out.take();
+}
+
+std::optional<FrameHeader> read_header(std::span<const uint8_t> bytes) {
+  if (bytes.size() < FrameHeader::kBytes ||
+      !std::equal(kMagic.begin(), kMagic.end(), bytes.begin())) {
+    return std::nullopt;
+  }
+  ByteReader in(bytes.subspan(kMagic.size()));
+  FrameHeader h;
+  if (in.number<uint16_t>() != kVersion || in.number<uint16_t>() != FrameHeader::kBytes) {
+    return std::nullopt;
+  }
+  h.checksum = in.number<uint32_t>();
+  if (!read_rest(in, h) || !is_sound(h, bytes.size()) ||
+      crc32(bytes.subspan(kChecked)) != h.checksum) {
+    return std::nullopt;
+  }
+  return h;
+}
+
+std::span<const uint8_t> section(std::span<const uint8_t> bytes, const FrameHeader& header,
+                                 Section section) {
+  size_t begin = FrameHeader::kBytes;
+  for (int n = 0; n < section; ++n) begin += header.section_bytes[n];
+  return bytes.subspan(begin, header.section_bytes[section]);
+}
+
+std::vector<uint8_t> encode_names(const std::vector<std::string>& names) {
+  std::vector<uint8_t> bytes;
+  for (const std::string& name : names) {
+    bytes.push_back(static_cast<uint8_t>(name.size()));
+    bytes.insert(bytes.end(), name.begin(), name.end());
+  }
+  return bytes;
+}
+
+std::optional<std::vector<std::string>> decode_names(std::span<const uint8_t> bytes, int count) {
+  std::vector<std::string> names;
+  for (int i = 0; i < count; ++i) {
+    const size_t length = bytes.empty() ? 0 : bytes[0];
+    if (length == 0 || length > FrameLimits::kNameBytes || length >= bytes.size()) {
+      return std::nullopt;
+    }
+    names.emplace_back(reinterpret_cast<const char*>(bytes.data()) + 1, length);
+    if (i > 0 && !(names[i - 1] < names[i])) return std::nullopt;
+    bytes = bytes.subspan(1 + length);
+  }
+  return bytes.empty() ? std::optional(names) : std::nullopt;
+}
+
+}  // namespace v3d

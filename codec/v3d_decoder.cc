@@ -1,0 +1,75 @@
+#include "codec/v3d_decoder.h"
+
+#include <exception>
+#include <new>
+#include <vector>
+
+#include "codec/frame_codec.h"
+
+struct v3d_decoder {  // NOLINT(readability-identifier-naming): named by the C header
+  v3d::FrameDecoder decoder;
+  std::vector<const char*> names;
+  v3d_frame frame{};
+  bool there = false;
+};
+
+namespace {
+
+void show(v3d_decoder& decoder) {
+  const v3d::DecodedFrame& from = decoder.decoder.frame();
+  decoder.names.clear();
+  for (const std::string& name : from.facts.cameras) decoder.names.push_back(name.c_str());
+  v3d_frame& to = decoder.frame;
+  to.pulse = from.facts.pulse;
+  to.exposure_ns = from.facts.exposure_ns;
+  to.key_pulse = from.key_pulse;
+  to.quality = from.facts.quality;
+  to.step_m = from.facts.step;
+  for (int axis = 0; axis < 3; ++axis) to.origin_m[axis] = from.facts.origin[axis];
+  to.cameras = decoder.names.size();
+  to.camera_names = decoder.names.data();
+  to.missing_cameras = static_cast<size_t>(from.facts.missing);
+  to.vertices = from.positions.size();
+  to.positions = from.positions.empty() ? nullptr : from.positions.front().data();
+  to.colours = from.colours.empty() ? nullptr : from.colours.front().data();
+  to.triangles = from.triangles.size();
+  to.indices = from.triangles.empty() ? nullptr : from.triangles.front().data();
+  decoder.there = true;
+}
+
+v3d_status status_of(v3d::DecodeStatus status) {
+  switch (status) {
+    case v3d::DecodeStatus::kOk:
+      return V3D_OK;
+    case v3d::DecodeStatus::kNeedsReference:
+      return V3D_NEEDS_REFERENCE;
+    default:
+      return V3D_MALFORMED;
+  }
+}
+
+}  // namespace
+
+v3d_decoder* v3d_decoder_new() {
+  try {
+    return new v3d_decoder;
+  } catch (const std::exception&) {
+    return nullptr;
+  }
+}
+
+void v3d_decoder_free(v3d_decoder* decoder) { delete decoder; }
+
+v3d_status v3d_decoder_decode(v3d_decoder* decoder, const uint8_t* bytes, size_t size) {
+  try {
+    const v3d_status status = status_of(decoder->decoder.decode({bytes, size}));
+    if (status == V3D_OK) show(*decoder);
+    return status;
+  } catch (const std::exception&) {
+    return V3D_OUT_OF_MEMORY;
+  }
+}
+
+const v3d_frame* v3d_decoder_frame(const v3d_decoder* decoder) {
+  return decoder->there ? &decoder->frame : nullptr;
+}

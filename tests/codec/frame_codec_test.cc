@@ -1,0 +1,340 @@
+#include "codec/frame_codec.h"
+
+#include <gtest/gtest.h>
+#include <rapidcheck/gtest.h>
+
+#include <cmath>
+
+#include "codec/crc32.h"
+#include "recon/marching_cubes.h"
+#include "tests/recon/volumes.h"
+
+extern "C" size_t vertices_in_c(const uint8_t* bytes, size_t size);
+
+namespace v3d {
+namespace {
+
+uint32_t hash(uint32_t a, uint32_t b) {
+  uint32_t h = a * 73856093U ^ b * 83492791U;
+  h = (h ^ h >> 15) * 0x2C1B3C6DU;
+  h = (h ^ h >> 12) * 0x297A2D39U;
+  return h ^ h >> 15;
+}
+
+/// Voxels by a hash: from sparse dust to nearly solid.
+SparseVolume dust(const VoxelGrid& grid, uint32_t seed, uint32_t per_thousand) {
+  return make_volume(grid, [&](int i, int j, int k) {
+    const auto voxel = static_cast<uint32_t>(i + 1000 * (j + 1000 * k));
+    return hash(voxel, seed) % 1000 < per_thousand;
+  });
+}
+
+SparseVolume ball(double radius, double middle_x = 25) {
+  return make_volume(small_grid(50, 50, 50), [&](int i, int j, int k) {
+    return std::hypot(i - middle_x, j - 25, k - 25) <= radius;
+  });
+}
+
+/// What a frame is made of, and the mesh that recon makes of it.
+struct Scene {
+  SparseVolume volume;
+  BrickVolume view;
+  Mesh mesh;
+  std::vector<VertexColour> colours;
+  std::vector<VertexPosition> moved;
+
+  explicit Scene(SparseVolume of) : volume(std::move(of)), mesh(marching_cubes(volume)) {
+    view = volume.view();
+  }
+
+  /// Smooth, with a little noise.
+  void paint(uint32_t seed) {
+    for (size_t v = 0; v < mesh.vertices.size(); ++v) {
+      const auto p = mesh.vertices[v];
+      const auto level = [&](float wave) {
+        const double smooth = 128 + 90 * std::sin(wave);
+        return static_cast<uint8_t>(smooth + hash(static_cast<uint32_t>(v), seed) % 16);
+      };
+      colours.push_back({level(20 * p.x()), level(15 * p.y()), level(30 * p.z())});
+    }
+  }
+
+  void move(double most_m) {
+    for (size_t v = 0; v < mesh.vertices.size(); ++v) {
+      VertexPosition& p = moved.emplace_back();
+      for (int axis = 0; axis < 3; ++axis) {
+        const double part = hash(static_cast<uint32_t>(3 * v + axis), 7) % 2001 / 1000.0 - 1;
+        p[axis] = static_cast<float>(mesh.vertices[v][axis] + most_m * part);
+      }
+    }
+  }
+
+  FrameContent content(int64_t pulse) const {
+    FrameContent c;
+    c.facts.pulse = pulse;
+    c.facts.exposure_ns = 1'700'000'000'000'000'000 + pulse;
+    c.facts.cameras = {"cam01", "cam02"};
+    c.facts.missing = 3;
+    c.facts.quality = 0.75F;
+    const VoxelGrid& grid = volume.grid();
+    c.facts.origin = {grid.origin.x(), grid.origin.y(), grid.origin.z()};
+    c.facts.step = grid.voxel_m / 2;
+    c.volume = &view;
+    c.positions = moved;
+    c.colours = colours;
+    return c;
+  }
+};
+
+bool same_surface(const DecodedFrame& a, const Mesh& b) {
+  if (a.positions.size() != b.vertices.size() || a.triangles != b.triangles) return false;
+  for (size_t v = 0; v < a.positions.size(); ++v) {
+    const auto& p = a.positions[v];
+    if (p[0] != b.vertices[v].x() || p[1] != b.vertices[v].y() || p[2] != b.vertices[v].z()) {
+      return false;
+    }
+  }
+  return true;
+}
+
+bool same(const DecodedFrame& a, const DecodedFrame& b) {
+  return a.positions == b.positions && a.triangles == b.triangles && a.colours == b.colours;
+}
+
+double psnr_db(const std::vector<VertexColour>& a, const std::vector<VertexColour>& b) {
+  double sum = 0;
+  for (size_t v = 0; v < a.size(); ++v) {
+    for (int c = 0; c < 3; ++c) sum += (a[v][c] - b[v][c]) * (a[v][c] - b[v][c]);
+  }
+  return 10 * std::log10(255 * 255 * 3 * static_cast<double>(a.size()) / sum);
+}
+
+RC_GTEST_PROP(FrameCodec, gives_the_surface_of_any_volume_as_marching_cubes_make_it, ()) {
+  const auto edge = rc::gen::inRange(1, 30);
+  const Scene scene(dust(small_grid(*edge, *edge, *edge), *rc::gen::arbitrary<uint32_t>(),
+                         *rc::gen::inRange<uint32_t>(0, 1001)));
+  const auto bytes = FrameEncoder({}).encode(scene.content(0));
+  RC_ASSERT(bytes.has_value());
+  FrameDecoder decoder;
+  RC_ASSERT(decoder.decode(*bytes) == DecodeStatus::kOk);
+  RC_ASSERT(same_surface(decoder.frame(), scene.mesh));
+}
+
+TEST(FrameCodec, gives_back_what_a_frame_says_of_itself) {
+  const Scene scene(ball(10));
+  FrameDecoder decoder;
+  ASSERT_EQ(decoder.decode(FrameEncoder({}).encode(scene.content(9)).value()), DecodeStatus::kOk);
+  const FrameFacts& facts = decoder.frame().facts;
+  const FrameFacts expected = scene.content(9).facts;
+  EXPECT_EQ(facts.pulse, 9);
+  EXPECT_EQ(decoder.frame().key_pulse, 9);
+  EXPECT_EQ(facts.exposure_ns, expected.exposure_ns);
+  EXPECT_EQ(facts.cameras, expected.cameras);
+  EXPECT_EQ(facts.missing, 3);
+  EXPECT_EQ(facts.quality, 0.75F);
+  EXPECT_EQ(facts.origin, expected.origin);
+  EXPECT_EQ(facts.step, expected.step);
+}
+
+TEST(FrameCodec, codes_the_occupancy_of_a_ball_in_less_than_a_bit_per_vertex_and_no_displacement) {
+  const Scene scene(ball(22));
+  FrameEncoder encoder({});
+  ASSERT_TRUE(encoder.encode(scene.content(0)));
+  EXPECT_LT(8 * encoder.bytes().shape, scene.mesh.vertices.size());
+  EXPECT_EQ(encoder.bytes().displacements, 0U);
+}
+
+TEST(FrameCodec, keeps_colours_to_38_db_in_key_frames_and_between) {
+  FrameEncoder encoder({});
+  FrameDecoder decoder;
+  for (int n = 0; n < 3; ++n) {
+    Scene scene(ball(20, 25 + n));
+    scene.paint(n);
+    ASSERT_EQ(decoder.decode(encoder.encode(scene.content(n)).value()), DecodeStatus::kOk);
+    EXPECT_GE(psnr_db(decoder.frame().colours, scene.colours), 38);
+    EXPECT_TRUE(same(decoder.frame(), encoder.decoded()));
+  }
+}
+
+TEST(FrameCodec, keeps_every_bit_of_the_colours_when_their_steps_are_1) {
+  Scene scene(ball(15));
+  scene.paint(1);
+  FrameEncoder encoder({.colour_steps = {1, 1, 1}});
+  FrameDecoder decoder;
+  ASSERT_EQ(decoder.decode(encoder.encode(scene.content(0)).value()), DecodeStatus::kOk);
+  EXPECT_EQ(decoder.frame().colours, scene.colours);
+}
+
+TEST(FrameCodec, keeps_moved_vertices_to_half_a_step) {
+  Scene scene(ball(15));
+  scene.move(0.02);
+  FrameEncoder encoder({.displacement_step_m = 0.001});
+  FrameDecoder decoder;
+  ASSERT_EQ(decoder.decode(encoder.encode(scene.content(0)).value()), DecodeStatus::kOk);
+  for (size_t v = 0; v < scene.moved.size(); ++v) {
+    for (int axis = 0; axis < 3; ++axis) {
+      ASSERT_NEAR(decoder.frame().positions[v][axis], scene.moved[v][axis], 0.000501);
+    }
+  }
+  EXPECT_EQ(decoder.frame().triangles, scene.mesh.triangles);
+  EXPECT_TRUE(same(decoder.frame(), encoder.decoded()));
+}
+
+TEST(FrameCodec, codes_still_colours_between_key_frames_in_a_fraction_of_a_key_frame) {
+  Scene scene(ball(20));
+  scene.paint(1);
+  FrameEncoder encoder({});
+  encoder.encode(scene.content(0));
+  const size_t key = encoder.bytes().colours;
+  encoder.encode(scene.content(1));
+  EXPECT_LT(10 * encoder.bytes().colours, key);
+}
+
+/// A ball that moves, with a key frame every 4 frames.
+std::vector<std::vector<uint8_t>> moving_ball(int frames) {
+  FrameEncoder encoder({.key_every = 4});
+  std::vector<std::vector<uint8_t>> all;
+  for (int n = 0; n < frames; ++n) {
+    Scene scene(ball(8, 25 + n % 5));
+    scene.paint(3);
+    all.push_back(encoder.encode(scene.content(10 + n)).value());
+  }
+  return all;
+}
+
+TEST(FrameCodec, goes_on_at_the_next_key_frame_after_a_loss_and_shows_nothing_wrong_until_then) {
+  const auto frames = moving_ball(10);
+  FrameDecoder whole, lossy;
+  for (size_t n = 0; n < frames.size(); ++n) {
+    ASSERT_EQ(whole.decode(frames[n]), DecodeStatus::kOk);
+    if (n == 1) continue;  // lost
+    const bool hidden = n == 2 || n == 3;
+    EXPECT_EQ(lossy.decode(frames[n]), hidden ? DecodeStatus::kNeedsReference : DecodeStatus::kOk);
+    EXPECT_EQ(same(lossy.frame(), whole.frame()), !hidden) << n;
+    EXPECT_EQ(whole.frame().key_pulse, 10 + static_cast<int>(n) / 4 * 4);
+  }
+}
+
+TEST(FrameCodec, begins_anew_with_a_key_frame_when_told_to_and_when_pulses_do_not_rise) {
+  Scene scene(ball(8));
+  scene.paint(3);
+  FrameEncoder encoder({});
+  encoder.encode(scene.content(5));
+  encoder.encode(scene.content(6));
+  EXPECT_EQ(encoder.decoded().key_pulse, 5);
+  encoder.encode(scene.content(6));
+  EXPECT_EQ(encoder.decoded().key_pulse, 6);
+  encoder.restart();
+  encoder.encode(scene.content(7));
+  EXPECT_EQ(encoder.decoded().key_pulse, 7);
+}
+
+/// Any mesh: its vertices are numbered as the triangles first use them.
+struct AnyMesh {
+  std::vector<VertexPosition> positions{
+      {0, 0, 0}, {0.5F, 0, 0}, {0, 0.25F, 0}, {1, 1, 1}, {2, 2, 2}};
+  std::vector<VertexTriangle> triangles{{0, 1, 2}, {2, 1, 3}, {0, 0, 3}};
+  std::vector<VertexColour> colours{{1, 2, 3}, {4, 5, 6}, {255, 0, 255}, {0, 0, 0}, {9, 9, 9}};
+
+  FrameContent content() const {
+    FrameContent c;
+    c.facts.step = 0.25;
+    c.positions = positions;
+    c.triangles = triangles;
+    c.colours = colours;
+    return c;
+  }
+};
+
+TEST(FrameCodec, keeps_a_mesh_without_a_volume) {
+  const AnyMesh mesh;
+  FrameEncoder encoder({.colour_steps = {1, 1, 1}});
+  FrameDecoder decoder;
+  ASSERT_EQ(decoder.decode(encoder.encode(mesh.content()).value()), DecodeStatus::kOk);
+  EXPECT_EQ(decoder.frame().positions, mesh.positions);
+  EXPECT_EQ(decoder.frame().triangles, mesh.triangles);
+  EXPECT_EQ(decoder.frame().colours, mesh.colours);
+}
+
+TEST(FrameCodec, refuses_what_a_frame_cannot_hold) {
+  FrameEncoder encoder({});
+  AnyMesh jumping;
+  jumping.triangles[0] = {1, 0, 2};
+  EXPECT_FALSE(encoder.encode(jumping.content()));
+  AnyMesh outside;
+  outside.positions[4][0] = 65536 * 0.25F;
+  EXPECT_FALSE(encoder.encode(outside.content()));
+  AnyMesh nowhere;
+  nowhere.positions[0][2] = NAN;
+  EXPECT_FALSE(encoder.encode(nowhere.content()));
+  Scene far(ball(5));
+  far.paint(0);
+  far.moved.assign(far.mesh.vertices.size(), {1000, 0, 0});
+  EXPECT_FALSE(encoder.encode(far.content(0)));
+  FrameContent unsorted = AnyMesh().content();
+  unsorted.facts.cameras = {"b", "a"};
+  EXPECT_FALSE(encoder.encode(unsorted));
+}
+
+TEST(FrameCodec, refuses_a_frame_that_is_cut_or_changed_anywhere) {
+  const auto frame = moving_ball(1)[0];
+  FrameDecoder decoder;
+  for (size_t size = 0; size < frame.size(); size += size < 140 ? 1 : 37) {
+    ASSERT_EQ(decoder.decode(std::span(frame).first(size)), DecodeStatus::kMalformed) << size;
+  }
+  for (size_t at = 0; at < frame.size(); at += at < 140 ? 1 : 37) {
+    auto changed = frame;
+    changed[at] ^= 0x40;
+    ASSERT_EQ(decoder.decode(changed), DecodeStatus::kMalformed) << at;
+  }
+}
+
+/// With a right checksum again, as a stranger would send it.
+std::vector<uint8_t> sealed(std::vector<uint8_t> frame) {
+  const uint32_t sum = crc32(std::span(frame).subspan(16));
+  for (int n = 0; n < 4; ++n) frame[12 + n] = static_cast<uint8_t>(sum >> (8 * n));
+  return frame;
+}
+
+RC_GTEST_PROP(FrameCodec, made_of_hostile_bytes_is_nothing_or_a_sound_mesh, ()) {
+  static const auto kFrames = moving_ball(2);
+  FrameDecoder decoder;
+  decoder.decode(kFrames[0]);
+  std::vector<uint8_t> frame = kFrames[*rc::gen::inRange(0, 2)];
+  for (int changes = *rc::gen::inRange(1, 4); changes > 0; --changes) {
+    frame[*rc::gen::inRange<size_t>(16, frame.size())] = *rc::gen::arbitrary<uint8_t>();
+  }
+  if (decoder.decode(sealed(frame)) != DecodeStatus::kOk) return;
+  for (const auto& triangle : decoder.frame().triangles) {
+    for (const uint32_t v : triangle) RC_ASSERT(v < decoder.frame().positions.size());
+  }
+}
+
+TEST(FrameCodec, refuses_boxes_and_counts_beyond_its_limits_without_reading_on) {
+  const auto frame = moving_ball(1)[0];
+  FrameDecoder decoder;
+  const auto with = [&](size_t at, std::initializer_list<uint8_t> bytes) {
+    auto changed = frame;
+    std::copy(bytes.begin(), bytes.end(), changed.begin() + static_cast<std::ptrdiff_t>(at));
+    return decoder.decode(sealed(changed));
+  };
+  EXPECT_EQ(with(16, {0x10, 0}), DecodeStatus::kMalformed);                  // unknown flag
+  EXPECT_EQ(with(106, {0, 16, 0, 16, 0, 16}), DecodeStatus::kMalformed);     // 4096^3 bricks
+  EXPECT_EQ(with(100, {0, 16}), DecodeStatus::kMalformed);                   // far brick
+  EXPECT_EQ(with(92, {1, 0, 0, 0}), DecodeStatus::kMalformed);               // one vertex
+  EXPECT_EQ(with(92, {0, 0, 0, 1}), DecodeStatus::kMalformed);               // 16 million
+  EXPECT_EQ(with(88, {0}), DecodeStatus::kMalformed);                        // step of luma
+  EXPECT_EQ(with(52, {0, 0, 0, 0x40}), DecodeStatus::kMalformed);            // quality 2
+  EXPECT_EQ(with(22, {0, 0}), DecodeStatus::kMalformed);                     // subdivision 0
+  EXPECT_EQ(with(112, {0xFF, 0xFF, 0xFF, 0xFF}), DecodeStatus::kMalformed);  // names
+  EXPECT_EQ(with(16, {1, 0}), DecodeStatus::kOk);
+}
+
+TEST(CDecoder, decodes_in_c) {
+  const auto frame = moving_ball(1)[0];
+  EXPECT_EQ(vertices_in_c(frame.data(), frame.size()), Scene(ball(8)).mesh.vertices.size());
+  EXPECT_EQ(vertices_in_c(frame.data(), frame.size() - 1), 0U);
+}
+
+}  // namespace
+}  // namespace v3d
