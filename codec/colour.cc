@@ -12,7 +12,7 @@ VertexValues luma_chroma_of(const VertexColour& colour) {
 }
 
 VertexColour colour_of(const VertexValues& luma_chroma) {
-  const auto [luma, co, cg] = luma_chroma;
+  const auto [luma, co, cg, unused] = luma_chroma;
   const int middle = luma - (cg >> 1);
   const int blue = middle - (co >> 1);
   const auto byte = [](int value) { return static_cast<uint8_t>(std::clamp(value, 0, 255)); };

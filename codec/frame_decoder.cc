@@ -59,12 +59,17 @@ class FrameDecoder::Impl {
   }
 
   static bool decode_displacements(std::span<const uint8_t> bytes, FrameState& now) {
-    now.displacements.clear();
+    now.numbers.clear();
     const auto coded = section(bytes, now.header, kDisplacements);
     if (coded.empty()) return true;
     auto values = decode_values(coded, now.surface.known, position_range(now.header), nullptr);
     if (!values) return false;
-    now.displacements = *std::move(values);
+    now.numbers = *std::move(values);
+    if (now.header.is(FrameHeader::kExplicit)) return true;
+    const auto from = smoothed_places(now.surface, now.header.subdivision);
+    for (size_t v = 0; v < from.size(); ++v) {
+      for (int axis = 0; axis < 3; ++axis) now.numbers[v][axis] += from[v][axis];
+    }
     return true;
   }
 

@@ -20,16 +20,31 @@ bool facts_fit(const FrameFacts& facts) {
          std::is_sorted(facts.cameras.begin(), facts.cameras.end(), std::less_equal<>());
 }
 
-/// The nearest number of the lattice; empty beyond `most` and for no number.
-std::optional<int32_t> lattice_number(double metres, double origin, double step, double most) {
-  const double number = std::floor((metres - origin) / step + 0.5);
-  if (!(number >= -most && number <= most)) return std::nullopt;
-  return static_cast<int32_t>(number);
+/// The nearest numbers of the lattice; empty where they are absurd, or positions no numbers.
+std::optional<std::vector<VertexValues>> numbers_of(std::span<const VertexPosition> positions,
+                                                    const FrameFacts& facts) {
+  constexpr double kAbsurd = 1 << 29;
+  std::vector<VertexValues> numbers(positions.size());
+  for (size_t v = 0; v < positions.size(); ++v) {
+    for (int axis = 0; axis < 3; ++axis) {
+      const double at =
+          std::floor((double{positions[v][axis]} - facts.origin[axis]) / facts.step + 0.5);
+      if (!(at >= -kAbsurd && at <= kAbsurd)) return std::nullopt;
+      numbers[v][axis] = static_cast<int32_t>(at);
+    }
+  }
+  return numbers;
 }
 
-bool all_zero(std::span<const VertexValues> values) {
-  return std::all_of(values.begin(), values.end(),
-                     [](const VertexValues& v) { return v == VertexValues{}; });
+/// Whether the vertices are where the volume has them.
+bool are_places(std::span<const VertexValues> numbers, const FrameState& state) {
+  for (size_t v = 0; v < numbers.size(); ++v) {
+    for (int axis = 0; axis < 3; ++axis) {
+      if (numbers[v][axis] != state.surface.places[v][axis] * state.header.subdivision)
+        return false;
+    }
+  }
+  return true;
 }
 
 }  // namespace
@@ -65,7 +80,7 @@ class FrameEncoder::Impl {
     now.header.facts = content.facts;
     now.header.cameras = static_cast<uint16_t>(content.facts.cameras.size());
     now.header.key_pulse = content.facts.pulse;
-    now.displacements.clear();
+    now.numbers.clear();
     now.surface.colours.clear();
     return facts_fit(content.facts);
   }
@@ -119,20 +134,19 @@ class FrameEncoder::Impl {
     if (!is_explicit && content.positions.empty()) return true;
     if (content.positions.size() != h.vertices) return false;
     if (!is_explicit) subdivide(h);
-    std::vector<VertexValues> numbers(h.vertices);
-    for (size_t v = 0; v < numbers.size(); ++v) {
-      if (!number_of(content.positions[v], now, v, numbers[v])) return false;
+    auto numbers = numbers_of(content.positions, h.facts);
+    if (!numbers) return false;
+    std::vector<VertexValues> from(h.vertices);
+    if (!is_explicit) {
+      if (are_places(*numbers, now)) {
+        h.subdivision = 1;
+        h.facts.step = content.facts.step;
+        return true;
+      }
+      h.flags |= FrameHeader::kDisplaced;
+      from = smoothed_places(now.surface, h.subdivision);
     }
-    if (!is_explicit && all_zero(numbers)) {
-      h.subdivision = 1;
-      h.facts.step = content.facts.step;
-      return true;
-    }
-    if (!is_explicit) h.flags |= FrameHeader::kDisplaced;
-    CodedValues coded = encode_values(numbers, now.surface.known, position_range(h), nullptr);
-    bytes = std::move(coded.bytes);
-    now.displacements = std::move(coded.decoded);
-    return true;
+    return encode_numbers(*std::move(numbers), from, now, bytes);
   }
 
   void subdivide(FrameHeader& h) const {
@@ -142,21 +156,18 @@ class FrameEncoder::Impl {
     h.facts.step /= h.subdivision;
   }
 
-  /// Lattice steps from the vertex's place, or from the origin where it has none.
-  static bool number_of(const VertexPosition& position, const FrameState& now, size_t vertex,
-                        VertexValues& number) {
-    const FrameHeader& h = now.header;
-    const bool is_explicit = h.is(FrameHeader::kExplicit);
-    const ValueRange range = position_range(h);
-    for (int axis = 0; axis < 3; ++axis) {
-      constexpr double kMost = 1 << 30;
-      const auto at =
-          lattice_number(double{position[axis]}, h.facts.origin[axis], h.facts.step, kMost);
-      if (!at) return false;
-      const int32_t from = is_explicit ? 0 : now.surface.places[vertex][axis] * h.subdivision;
-      number[axis] = *at - from;
-      if (number[axis] < range.least[axis] || number[axis] > range.most[axis]) return false;
+  static bool encode_numbers(std::vector<VertexValues> numbers, std::span<const VertexValues> from,
+                             FrameState& now, std::vector<uint8_t>& bytes) {
+    const ValueRange range = position_range(now.header);
+    std::vector<VertexValues> values(numbers.size());
+    for (size_t v = 0; v < numbers.size(); ++v) {
+      for (int axis = 0; axis < 3; ++axis) {
+        values[v][axis] = numbers[v][axis] - from[v][axis];
+        if (values[v][axis] < range.least[axis] || values[v][axis] > range.most[axis]) return false;
+      }
     }
+    bytes = encode_values(values, now.surface.known, range, nullptr).bytes;
+    now.numbers = std::move(numbers);
     return true;
   }
 

@@ -7,12 +7,35 @@ namespace v3d {
 ValueRange position_range(const FrameHeader& header) {
   ValueRange range;
   if (header.is(FrameHeader::kExplicit)) {
-    range.most.fill(kMostLatticeNumber);
+    range.most = {kMostLatticeNumber, kMostLatticeNumber, kMostLatticeNumber};
   } else {
-    range.least.fill(-kMostDisplacement);
-    range.most.fill(kMostDisplacement);
+    range.least = {-kMostDisplacement, -kMostDisplacement, -kMostDisplacement};
+    range.most = {kMostDisplacement, kMostDisplacement, kMostDisplacement};
   }
   return range;
+}
+
+std::vector<VertexValues> smoothed_places(const CodedSurface& surface, int subdivision) {
+  std::vector<VertexValues> sums(surface.places.size());  // the fourth counts
+  const auto add = [&](uint32_t from, uint32_t to) {
+    for (int axis = 0; axis < 3; ++axis) sums[to][axis] += surface.places[from][axis];
+    ++sums[to][3];
+  };
+  for (const auto& [a, b, c] : surface.triangles) {
+    add(a, b);
+    add(b, c);
+    add(c, a);
+  }
+  for (size_t v = 0; v < sums.size(); ++v) {
+    const int64_t count = sums[v][3];
+    for (int axis = 0; axis < 3; ++axis) {
+      // A third of its own place and two thirds of its neighbours' mean, rounded.
+      const int64_t thirds = surface.places[v][axis] * count + 2 * int64_t{sums[v][axis]};
+      sums[v][axis] = static_cast<int32_t>((2 * thirds * subdivision + 3 * count) / (6 * count));
+    }
+    sums[v][3] = 0;
+  }
+  return sums;
 }
 
 namespace {
@@ -41,14 +64,10 @@ void place_on_lattice(const FrameState& state, std::span<VertexPosition> out) {
   }
 }
 
-void place_beside_lattice(const FrameState& state, std::span<VertexPosition> out) {
-  const FrameHeader& header = state.header;
-  const bool on_lattice = !header.is(FrameHeader::kExplicit);
+void place_by_number(const FrameState& state, std::span<VertexPosition> out) {
   for (size_t v = 0; v < out.size(); ++v) {
     for (int axis = 0; axis < 3; ++axis) {
-      const int64_t place =
-          on_lattice ? int64_t{state.surface.places[v][axis]} * header.subdivision : 0;
-      out[v][axis] = position(header.facts, axis, place + state.displacements[v][axis]);
+      out[v][axis] = position(state.header.facts, axis, state.numbers[v][axis]);
     }
   }
 }
@@ -59,8 +78,8 @@ void make_mesh(const FrameState& state, DecodedFrame& out) {
   out.facts = state.header.facts;
   out.key_pulse = state.header.key_pulse;
   out.positions.resize(state.header.vertices);
-  state.displacements.empty() ? place_on_lattice(state, out.positions)
-                              : place_beside_lattice(state, out.positions);
+  state.numbers.empty() ? place_on_lattice(state, out.positions)
+                        : place_by_number(state, out.positions);
   const std::vector<VertexValues>& colours = state.surface.colours;
   out.colours.resize(colours.size());
   std::transform(colours.begin(), colours.end(), out.colours.begin(), colour_of);

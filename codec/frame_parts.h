@@ -13,7 +13,8 @@ namespace v3d {
 struct FrameState {
   FrameHeader header;
   CodedSurface surface;
-  std::vector<VertexValues> displacements;  ///< in lattice steps; of explicit frames the positions
+  /// [vertex]: steps of the lattice from its origin. Empty: vertices are where the volume has them.
+  std::vector<VertexValues> numbers;
 };
 
 inline constexpr int kMostDisplacement = 32767;
@@ -21,6 +22,11 @@ inline constexpr int kMostLatticeNumber = 65535;
 
 /// Of displacements, or of the positions of a frame without a volume.
 ValueRange position_range(const FrameHeader& header);
+
+/// Where vertices of a volume would lie if the steps of its voxels were smoothed away, in steps of
+/// the lattice: what displacements are counted from. For surfaces that were moved to where they are
+/// smooth, that is nearer than where the volume has them. Normative: docs/compact-frame.md.
+std::vector<VertexValues> smoothed_places(const CodedSurface& surface, int subdivision);
 
 /// All of `out` but its triangles, which are those of state.surface.
 void make_mesh(const FrameState& state, DecodedFrame& out);

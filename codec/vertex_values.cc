@@ -25,16 +25,15 @@ struct Guess {
 };
 
 inline Guess guess_from(std::span<const uint32_t> known, std::span<const VertexValues> values) {
-  VertexValues sum{};
-  VertexValues least = values[known[0]];
-  VertexValues most = least;
-  for (const uint32_t vertex : known) {
-    for (int n = 0; n < 3; ++n) {
-      const int32_t value = values[vertex][n];
-      sum[n] += value;
-      least[n] = std::min(least[n], value);
-      most[n] = std::max(most[n], value);
-    }
+  // Loops over four, each for itself: the compiler makes vectors of them.
+  constexpr int kLanes = 4;
+  VertexValues sum = values[known[0]];
+  VertexValues least = sum, most = sum;
+  for (size_t k = 1; k < known.size(); ++k) {
+    const VertexValues value = values[known[k]];
+    for (int n = 0; n < kLanes; ++n) sum[n] += value[n];
+    for (int n = 0; n < kLanes; ++n) least[n] = std::min(value[n], least[n]);
+    for (int n = 0; n < kLanes; ++n) most[n] = std::max(value[n], most[n]);
   }
   Guess guess;
   for (int n = 0; n < 3; ++n) {

@@ -12,7 +12,8 @@
 
 namespace v3d {
 
-using VertexValues = std::array<int32_t, 3>;
+/// The fourth is 0: so they fit a vector register.
+using VertexValues = std::array<int32_t, 4>;
 
 /// What a kind of values is like. Requires -2^19 <= least <= first <= most < 2^19.
 struct ValueRange {

@@ -4,6 +4,8 @@
 #include <rapidcheck/gtest.h>
 
 #include <cmath>
+#include <fstream>
+#include <iterator>
 
 #include "codec/crc32.h"
 #include "recon/marching_cubes.h"
@@ -328,6 +330,41 @@ TEST(FrameCodec, refuses_boxes_and_counts_beyond_its_limits_without_reading_on) 
   EXPECT_EQ(with(22, {0, 0}), DecodeStatus::kMalformed);                     // subdivision 0
   EXPECT_EQ(with(112, {0xFF, 0xFF, 0xFF, 0xFF}), DecodeStatus::kMalformed);  // names
   EXPECT_EQ(with(16, {1, 0}), DecodeStatus::kOk);
+}
+
+/// Of everything that a decoder gives.
+uint32_t checksum_of(const DecodedFrame& frame) {
+  std::vector<uint8_t> bytes;
+  const auto add = [&](const auto& numbers) {
+    const auto* first = reinterpret_cast<const uint8_t*>(numbers.data());
+    bytes.insert(bytes.end(), first, first + numbers.size() * sizeof(numbers[0]));
+  };
+  add(frame.positions);
+  add(frame.triangles);
+  add(frame.colours);
+  return crc32(bytes);
+}
+
+/// A file of the fuzzer's corpus: the length of the first of two frames, and both.
+std::vector<uint32_t> checksums_in(const std::string& file) {
+  std::ifstream in(V3D_CORPUS "/" + file, std::ios::binary);
+  const std::vector<char> text(std::istreambuf_iterator<char>(in), {});
+  const std::span<const uint8_t> bytes(reinterpret_cast<const uint8_t*>(text.data()), text.size());
+  const size_t first = bytes[0] | bytes[1] << 8;
+  FrameDecoder decoder;
+  std::vector<uint32_t> sums;
+  for (const auto frame : {bytes.subspan(2, first), bytes.subspan(2 + first)}) {
+    EXPECT_EQ(decoder.decode(frame), DecodeStatus::kOk);
+    sums.push_back(checksum_of(decoder.frame()));
+  }
+  return sums;
+}
+
+TEST(FrameCodec, decodes_frames_of_before_as_a_second_decoder_did_that_was_written_from_the_text) {
+  using Sums = std::vector<uint32_t>;
+  EXPECT_EQ(checksums_in("key-and-next"), (Sums{0x62B3582D, 0x47B4C743}));
+  EXPECT_EQ(checksums_in("moved"), (Sums{0xC34F2D1D, 0xC34F2D1D}));
+  EXPECT_EQ(checksums_in("any-mesh"), (Sums{0x56100BDB, 0x2B1E6B71}));
 }
 
 TEST(CDecoder, decodes_in_c) {
