@@ -9,9 +9,6 @@
 namespace v3d::bench {
 namespace {
 
-constexpr int kPlates = 8;
-constexpr double kInstantSeconds = 1.5;
-
 struct Pictures {
   std::vector<std::vector<Image>> plates;  ///< of the empty studio, one vector per camera
   std::vector<Image> frames;

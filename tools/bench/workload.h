@@ -17,6 +17,8 @@ inline constexpr int kCameras = 15;
 inline constexpr ImageSize kSize{1024, 768};
 inline constexpr uint64_t kSeed = 1;
 inline constexpr int kMinViews = 4;
+inline constexpr int kPlates = 8;               ///< of the empty studio
+inline constexpr double kInstantSeconds = 1.5;  ///< of raw_frames(), in the cut
 
 /// The space the paper reconstructs.
 Box space();
