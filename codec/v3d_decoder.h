@@ -13,6 +13,10 @@
 extern "C" {
 #endif
 
+#define V3D_API __attribute__((visibility("default")))
+
+/* NOLINTBEGIN(readability-identifier-naming): named as C libraries name things */
+
 typedef struct v3d_decoder v3d_decoder;
 
 typedef enum v3d_status {
@@ -41,16 +45,18 @@ typedef struct v3d_frame {
 } v3d_frame;
 
 /* NULL when there is no memory. To be given to v3d_decoder_free(). */
-v3d_decoder* v3d_decoder_new(void);
+V3D_API v3d_decoder* v3d_decoder_new(void);
 /* NULL is allowed. */
-void v3d_decoder_free(v3d_decoder* decoder);
+V3D_API void v3d_decoder_free(v3d_decoder* decoder);
 
 /* Decodes one compact frame. `bytes` are not needed afterwards. Unless V3D_OK, the frame decoded
  * before stays. Whatever the bytes, memory stays below 1 GB. */
-v3d_status v3d_decoder_decode(v3d_decoder* decoder, const uint8_t* bytes, size_t size);
+V3D_API v3d_status v3d_decoder_decode(v3d_decoder* decoder, const uint8_t* bytes, size_t size);
 
 /* The last frame that was decoded; NULL before the first. */
-const v3d_frame* v3d_decoder_frame(const v3d_decoder* decoder);
+V3D_API const v3d_frame* v3d_decoder_frame(const v3d_decoder* decoder);
+
+/* NOLINTEND(readability-identifier-naming) */
 
 #ifdef __cplusplus
 }
