@@ -84,7 +84,7 @@ enum class DecodeStatus {
 };
 
 /// Decodes a sequence of frames; whatever the bytes, time is at most in proportion to their number
-/// plus to the limits, and memory below 1 GB. One caller at a time.
+/// plus to the limits, and memory below 2 GB. One caller at a time.
 class FrameDecoder {
  public:
   FrameDecoder();

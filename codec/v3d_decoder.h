@@ -50,7 +50,7 @@ V3D_API v3d_decoder* v3d_decoder_new(void);
 V3D_API void v3d_decoder_free(v3d_decoder* decoder);
 
 /* Decodes one compact frame. `bytes` are not needed afterwards. Unless V3D_OK, the frame decoded
- * before stays. Whatever the bytes, memory stays below 1 GB. */
+ * before stays. Whatever the bytes, memory stays below 2 GB. */
 V3D_API v3d_status v3d_decoder_decode(v3d_decoder* decoder, const uint8_t* bytes, size_t size);
 
 /* The last frame that was decoded; NULL before the first. */
