@@ -8,6 +8,8 @@
 #include <iterator>
 
 #include "codec/crc32.h"
+#include "codec/frame_header.h"
+#include "codec/occupancy.h"
 #include "recon/marching_cubes.h"
 #include "tests/recon/volumes.h"
 
@@ -312,24 +314,45 @@ RC_GTEST_PROP(FrameCodec, made_of_hostile_bytes_is_nothing_or_a_sound_mesh, ()) 
   }
 }
 
-TEST(FrameCodec, refuses_boxes_and_counts_beyond_its_limits_without_reading_on) {
+TEST(FrameCodec, refuses_headers_beyond_its_limits_before_it_makes_room_for_anything) {
   const auto frame = moving_ball(1)[0];
-  FrameDecoder decoder;
-  const auto with = [&](size_t at, std::initializer_list<uint8_t> bytes) {
+  const auto accepts = [&](size_t at, std::initializer_list<uint8_t> bytes) {
     auto changed = frame;
     std::copy(bytes.begin(), bytes.end(), changed.begin() + static_cast<std::ptrdiff_t>(at));
-    return decoder.decode(sealed(changed));
+    return read_header(sealed(changed)).has_value();
   };
-  EXPECT_EQ(with(16, {0x10, 0}), DecodeStatus::kMalformed);                  // unknown flag
-  EXPECT_EQ(with(106, {0, 16, 0, 16, 0, 16}), DecodeStatus::kMalformed);     // 4096^3 bricks
-  EXPECT_EQ(with(100, {0, 16}), DecodeStatus::kMalformed);                   // far brick
-  EXPECT_EQ(with(92, {1, 0, 0, 0}), DecodeStatus::kMalformed);               // one vertex
-  EXPECT_EQ(with(92, {0, 0, 0, 1}), DecodeStatus::kMalformed);               // 16 million
-  EXPECT_EQ(with(88, {0}), DecodeStatus::kMalformed);                        // step of luma
-  EXPECT_EQ(with(52, {0, 0, 0, 0x40}), DecodeStatus::kMalformed);            // quality 2
-  EXPECT_EQ(with(22, {0, 0}), DecodeStatus::kMalformed);                     // subdivision 0
-  EXPECT_EQ(with(112, {0xFF, 0xFF, 0xFF, 0xFF}), DecodeStatus::kMalformed);  // names
-  EXPECT_EQ(with(16, {1, 0}), DecodeStatus::kOk);
+  EXPECT_TRUE(accepts(16, {1, 0}));
+  EXPECT_FALSE(accepts(16, {0x11, 0}));        // unknown flag
+  EXPECT_FALSE(accepts(16, {9, 0}));           // explicit, without positions
+  EXPECT_FALSE(accepts(22, {0, 0}));           // subdivision
+  EXPECT_FALSE(accepts(40, {1}));              // a key frame that names another
+  EXPECT_FALSE(accepts(52, {0, 0, 0, 0x40}));  // quality 2
+  EXPECT_FALSE(accepts(88, {0}));              // step of luma
+  EXPECT_FALSE(accepts(91, {1}));              // reserved
+  EXPECT_FALSE(accepts(92, {1, 0, 64, 0}));    // vertices: 2^22 + 1
+  EXPECT_FALSE(accepts(96, {1, 0, 128, 0}));   // triangles: 2^23 + 1
+  EXPECT_TRUE(accepts(100, {0, 0, 0, 0, 0, 0, 0, 1, 0, 1, 0, 1}));   // 256^3 bricks
+  EXPECT_FALSE(accepts(100, {0, 0, 0, 0, 0, 0, 1, 1, 0, 1, 0, 1}));  // a layer more
+  EXPECT_FALSE(accepts(100, {0, 16}));                               // beyond 4096 along x
+  EXPECT_FALSE(accepts(112, {0xFF, 0xFF, 0xFF, 0xFF}));              // names
+}
+
+TEST(FrameCodec, refuses_counts_that_are_not_those_of_the_surface) {
+  auto frame = moving_ball(1)[0];
+  FrameDecoder decoder;
+  frame[92] ^= 1;
+  EXPECT_EQ(decoder.decode(sealed(frame)), DecodeStatus::kMalformed);
+}
+
+TEST(Occupancy, refuses_a_volume_of_too_many_bricks) {
+  const auto fits = [](int layers) {
+    const std::vector<Brick> bricks(64 * 64 * layers, Brick{1});
+    std::vector<BrickCoord> coords;
+    for (int n = 0; n < 64 * 64 * layers; ++n) coords.push_back({n % 64, n / 64 % 64, n / 4096});
+    return Occupancy().assign({nullptr, bricks, coords});
+  };
+  EXPECT_TRUE(fits(32));
+  EXPECT_FALSE(fits(33));
 }
 
 /// Of everything that a decoder gives.
