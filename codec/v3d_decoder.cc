@@ -1,7 +1,7 @@
 #include "codec/v3d_decoder.h"
 
+#include <cstddef>
 #include <exception>
-#include <new>
 #include <vector>
 
 #include "codec/frame_codec.h"
@@ -48,26 +48,44 @@ v3d_status status_of(v3d::DecodeStatus status) {
   }
 }
 
+/// What `call` gives, `otherwise` when memory ends. Built without exceptions, as WebAssembly is,
+/// the program ends there.
+template <class Call, class Result>
+Result with_memory(const Call& call, Result otherwise) {
+#ifdef __cpp_exceptions
+  try {
+    return call();
+  } catch (const std::exception&) {
+    return otherwise;
+  }
+#else
+  static_cast<void>(otherwise);
+  return call();
+#endif
+}
+
+#ifdef __wasm32__
+// codec/v3d_decoder.mjs reads the frame where it lies.
+static_assert(offsetof(v3d_frame, quality) == 24 && offsetof(v3d_frame, step_m) == 32 &&
+              offsetof(v3d_frame, origin_m) == 40 && offsetof(v3d_frame, cameras) == 64 &&
+              offsetof(v3d_frame, vertices) == 76 && offsetof(v3d_frame, indices) == 92);
+#endif
+
 }  // namespace
 
 v3d_decoder* v3d_decoder_new() {
-  try {
-    return new v3d_decoder;
-  } catch (const std::exception&) {
-    return nullptr;
-  }
+  return with_memory([] { return new v3d_decoder; }, static_cast<v3d_decoder*>(nullptr));
 }
 
 void v3d_decoder_free(v3d_decoder* decoder) { delete decoder; }
 
 v3d_status v3d_decoder_decode(v3d_decoder* decoder, const uint8_t* bytes, size_t size) {
-  try {
+  const auto decode = [&] {
     const v3d_status status = status_of(decoder->decoder.decode({bytes, size}));
     if (status == V3D_OK) show(*decoder);
     return status;
-  } catch (const std::exception&) {
-    return V3D_OUT_OF_MEMORY;
-  }
+  };
+  return with_memory(decode, V3D_OUT_OF_MEMORY);
 }
 
 const v3d_frame* v3d_decoder_frame(const v3d_decoder* decoder) {

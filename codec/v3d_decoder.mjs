@@ -1,0 +1,108 @@
+// The decoder of compact frames (v3d_decoder.h, docs/compact-frame.md) in JavaScript: v3d_decoder.wasm and what calls
+// it. Needs nothing beside it; the same in browsers, workers and node.
+
+export const OK = 0;
+/** No compact frame of version 2, or damaged. */
+export const MALFORMED = 1;
+/** Made for a frame that was not the last one decoded: go on at a key frame. */
+export const NEEDS_REFERENCE = 2;
+/** The memory that a browser gives is at its end: make a new decoder. */
+export const OUT_OF_MEMORY = 3;
+
+/**
+ * @typedef {object} Frame
+ * @property {number} pulse
+ * @property {bigint} exposureNs  start of exposure, ns since 1970; 0: unknown
+ * @property {number} keyPulse  of the key frame that decoding this one begins at
+ * @property {number} quality  0 to 1, more is better; NaN: unknown
+ * @property {number} stepM  vertices lie on a lattice of that step ...
+ * @property {[number, number, number]} originM  ... from here
+ * @property {string[]} cameras  that took part
+ * @property {number} missingCameras
+ * @property {Float32Array} positions  x, y, z of each vertex: metres, z up
+ * @property {Uint8Array | null} colours  r, g, b of each vertex (sRGB); null: the mesh has none
+ * @property {Uint32Array} indices  three of each triangle, counter-clockwise seen from outside
+ */
+
+// v3d_frame: where its fields lie.
+const PULSE = 0, EXPOSURE = 8, KEY_PULSE = 16, QUALITY = 24, STEP = 32, ORIGIN = 40, CAMERAS = 64, NAMES = 68,
+  MISSING = 72, VERTICES = 76, POSITIONS = 80, COLOURS = 84, TRIANGLES = 88, INDICES = 92;
+
+/** Decodes the frames of one sequence. */
+export class Decoder {
+  #module;
+  #c;
+  #decoder = 0;
+
+  /** @param {WebAssembly.Module} module of v3d_decoder.wasm */
+  constructor(module) {
+    this.#module = module;
+    this.#begin();
+  }
+
+  /** Forgets all; so it is also where memory has ended. */
+  #begin() {
+    // What a C library wants of a system: nothing that the decoder calls. It gets "not supported".
+    const system = {};
+    for (const { module, name } of WebAssembly.Module.imports(this.#module)) {
+      (system[module] ??= {})[name] = () => 52;
+    }
+    this.#c = new WebAssembly.Instance(this.#module, system).exports;
+    this.#c._initialize();
+    this.#decoder = this.#c.v3d_decoder_new();
+  }
+
+  /**
+   * Unless OK, the frame decoded before stays.
+   * @param {Uint8Array} bytes one compact frame
+   * @returns {number}
+   */
+  decode(bytes) {
+    try {
+      const at = this.#c.malloc(bytes.length);
+      if (at === 0) return OUT_OF_MEMORY;
+      new Uint8Array(this.#c.memory.buffer, at, bytes.length).set(bytes);
+      const status = this.#c.v3d_decoder_decode(this.#decoder, at, bytes.length);
+      this.#c.free(at);
+      return status;
+    } catch (error) {
+      if (!(error instanceof WebAssembly.RuntimeError)) throw error;
+      this.#begin();
+      return OUT_OF_MEMORY;
+    }
+  }
+
+  /**
+   * The last frame that was decoded, null before the first. Its arrays are views into the decoder's memory, good until
+   * the next call of decode(): copy what is to stay.
+   * @returns {Frame | null}
+   */
+  frame() {
+    const frame = this.#c.v3d_decoder_frame(this.#decoder);
+    if (frame === 0) return null;
+    const memory = this.#c.memory.buffer;
+    const view = new DataView(memory, frame);
+    const word = (at) => view.getUint32(at, true);
+    const vertices = word(VERTICES);
+    const colours = word(COLOURS);
+    return {
+      pulse: Number(view.getBigInt64(PULSE, true)),
+      exposureNs: view.getBigInt64(EXPOSURE, true),
+      keyPulse: Number(view.getBigInt64(KEY_PULSE, true)),
+      quality: view.getFloat32(QUALITY, true),
+      stepM: view.getFloat64(STEP, true),
+      originM: [0, 8, 16].map((axis) => view.getFloat64(ORIGIN + axis, true)),
+      cameras: Array.from(new Uint32Array(memory, word(NAMES), word(CAMERAS)), (at) => text(memory, at)),
+      missingCameras: word(MISSING),
+      positions: new Float32Array(memory, word(POSITIONS), 3 * vertices),
+      colours: colours === 0 ? null : new Uint8Array(memory, colours, 3 * vertices),
+      indices: new Uint32Array(memory, word(INDICES), 3 * word(TRIANGLES)),
+    };
+  }
+}
+
+/** A string of C. */
+function text(memory, at) {
+  const bytes = new Uint8Array(memory, at);
+  return new TextDecoder().decode(bytes.subarray(0, bytes.indexOf(0)));
+}

@@ -1,0 +1,70 @@
+#include <gtest/gtest.h>
+
+#include <cstdio>
+#include <filesystem>
+#include <fstream>
+
+#include "tests/codec/scene.h"
+
+namespace v3d {
+namespace {
+
+/// A sequence with a loss, damage, moved vertices and one frame that needs another.
+std::vector<std::vector<uint8_t>> frames() {
+  std::vector<std::vector<uint8_t>> all = moving_ball(9);
+  all.erase(all.begin() + 5);
+  all[2][300] ^= 1;
+  Scene scene(ball(15));
+  scene.paint(1);
+  scene.move(0.02);
+  all.push_back(FrameEncoder({}).encode(scene.content(0)).value());
+  return all;
+}
+
+template <class Numbers>
+void append(std::string& text, const Numbers& numbers) {
+  text.append(reinterpret_cast<const char*>(numbers.data()), numbers.size() * sizeof(numbers[0]));
+}
+
+/// What decode.mjs writes of them.
+std::string decoded_here(const std::vector<std::vector<uint8_t>>& frames) {
+  FrameDecoder decoder;
+  std::string text;
+  for (const auto& frame : frames) {
+    text.push_back(static_cast<char>(decoder.decode(frame)));
+    append(text, decoder.frame().positions);
+    append(text, decoder.frame().triangles);
+    append(text, decoder.frame().colours);
+  }
+  return text;
+}
+
+std::string decoded_in_node(const std::vector<std::vector<uint8_t>>& frames) {
+  const auto file = std::filesystem::path(testing::TempDir()) / "v3d-wasm-frames";
+  std::ofstream out(file, std::ios::binary);
+  for (const auto& frame : frames) {
+    const auto size = static_cast<uint32_t>(frame.size());
+    out.write(reinterpret_cast<const char*>(&size), sizeof size);
+    out.write(reinterpret_cast<const char*>(frame.data()), size);
+  }
+  out.close();
+  FILE* node = popen(("node " V3D_DECODE_MJS " " V3D_WASM " " + file.string()).c_str(), "r");
+  std::string text(1 << 20, 0);
+  size_t size = 0;
+  while (const size_t more = fread(&text[size], 1, text.size() - size, node)) {
+    size += more;
+    text.resize(size + (1 << 20));
+  }
+  EXPECT_EQ(pclose(node), 0) << "node is there? tools/install-deps";
+  std::filesystem::remove(file);
+  text.resize(size);
+  return text;
+}
+
+TEST(WasmDecoder, gives_every_frame_to_the_bit_as_the_native_decoder_does) {
+  const auto given = frames();
+  EXPECT_TRUE(decoded_in_node(given) == decoded_here(given));
+}
+
+}  // namespace
+}  // namespace v3d
