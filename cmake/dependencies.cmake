@@ -24,7 +24,6 @@ pkg_check_modules(SPNG REQUIRED IMPORTED_TARGET spng)
 pkg_check_modules(TURBOJPEG REQUIRED IMPORTED_TARGET libturbojpeg)
 pkg_check_modules(SYSTEMD REQUIRED IMPORTED_TARGET libsystemd)
 pkg_check_modules(XXHASH REQUIRED IMPORTED_TARGET libxxhash>=0.8)
-pkg_check_modules(ZSTD REQUIRED IMPORTED_TARGET libzstd)
 find_program(LCM_GEN lcm-gen REQUIRED)
 
 if(V3D_BENCH_PEERS)

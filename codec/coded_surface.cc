@@ -8,18 +8,22 @@ void CodedSurface::measure() {
   surface.number();
 }
 
-void CodedSurface::make(bool with_values) {
+void CodedSurface::make_places() {
   places.resize(surface.vertex_count());
-  triangles.resize(surface.triangle_count());
   HalfVoxels origin;
   for (int axis = 0; axis < 3; ++axis) origin[axis] = 2 * kBrickEdge * volume.first[axis];
   for (size_t brick = 0; brick < surface.bricks().size(); ++brick) {
     surface.for_each_vertex(brick, [&](uint32_t vertex, const HalfVoxels& half) {
       for (int axis = 0; axis < 3; ++axis) places[vertex][axis] = origin[axis] + half[axis];
     });
+  }
+}
+
+void CodedSurface::make_triangles() {
+  triangles.resize(surface.triangle_count());
+  for (size_t brick = 0; brick < surface.bricks().size(); ++brick) {
     surface.write_triangles(brick, triangles);
   }
-  if (with_values) known.make(triangles, surface.vertex_count());
 }
 
 const VertexValues* CodedSurface::colour_on(const LatticeEdge& edge) const {

@@ -25,8 +25,10 @@ struct CodedSurface {
 
   /// Counts the surface of `volume`.
   void measure();
-  /// Requires measure(): makes places and triangles, and `known` when values are to be coded.
-  void make(bool with_values);
+  /// Require measure(). `known` is made of the triangles.
+  void make_places();
+  void make_triangles();
+  void make_known() { known.make(triangles, surface.vertex_count()); }
   /// Null where no vertex stands.
   const VertexValues* colour_on(const LatticeEdge& edge) const;
 };

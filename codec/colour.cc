@@ -1,7 +1,5 @@
 #include "codec/colour.h"
 
-#include <algorithm>
-
 namespace v3d {
 
 VertexValues luma_chroma_of(const VertexColour& colour) {
@@ -9,14 +7,6 @@ VertexValues luma_chroma_of(const VertexColour& colour) {
   const int middle = colour[2] + (co >> 1);
   const int cg = colour[1] - middle;
   return {middle + (cg >> 1), co, cg};
-}
-
-VertexColour colour_of(const VertexValues& luma_chroma) {
-  const auto [luma, co, cg, unused] = luma_chroma;
-  const int middle = luma - (cg >> 1);
-  const int blue = middle - (co >> 1);
-  const auto byte = [](int value) { return static_cast<uint8_t>(std::clamp(value, 0, 255)); };
-  return {byte(blue + co), byte(cg + middle), byte(blue)};
 }
 
 ValueRange colour_range(const std::array<uint8_t, 3>& steps) {

@@ -1,6 +1,7 @@
 // Colours as luma and chroma.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstdint>
 
@@ -16,7 +17,13 @@ using VertexColour = std::array<uint8_t, 3>;
 /// dynamic range", JVT-I014, 2003.
 VertexValues luma_chroma_of(const VertexColour& colour);
 /// Of any numbers: clamped to 0 to 255.
-VertexColour colour_of(const VertexValues& luma_chroma);
+inline VertexColour colour_of(const VertexValues& luma_chroma) {
+  const auto [luma, co, cg, unused] = luma_chroma;
+  const int middle = luma - (cg >> 1);
+  const int blue = middle - (co >> 1);
+  const auto byte = [](int value) { return static_cast<uint8_t>(std::clamp(value, 0, 255)); };
+  return {byte(blue + co), byte(cg + middle), byte(blue)};
+}
 
 /// How luma and chroma are coded. Requires steps from 1 to kMostColourStep; 1, 1, 1 keeps every
 /// bit.

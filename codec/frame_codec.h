@@ -22,17 +22,20 @@ struct FrameContent {
   /// `step` is half a voxel of the volume; without a volume, the step of the lattice that vertices
   /// are rounded to.
   FrameFacts facts;
-  /// The volume whose discrete marching cubes made the mesh: `triangles` is not looked at. Null:
-  /// any mesh, its vertices numbered in the order in which the triangles first use them.
+  /// The volume whose discrete marching cubes made the mesh. Null: any mesh, its vertices numbered
+  /// in the order in which the triangles first use them.
   const BrickVolume* volume = nullptr;
   /// Of all vertices. With a volume, empty for vertices that were not moved.
   std::span<const VertexPosition> positions;
+  /// With a volume, empty or those that BrickSurface makes of it: who has them saves the encoder
+  /// making them.
   std::span<const VertexTriangle> triangles;
   std::span<const VertexColour> colours;  ///< of all vertices, or of none
 };
 
 struct EncoderOptions {
-  /// A frame in so many is a key frame, which can be decoded without others.
+  /// Of every so many pulses the first that is encoded is a key frame, which can be decoded without
+  /// others. So sequences that lack different pulses agree again, to the byte, from there on.
   int key_every = 25;
   /// Moved vertices come back to half of it along each axis, metres; less where half a voxel is no
   /// multiple of it.
@@ -70,6 +73,7 @@ class FrameEncoder {
 
   /// Of the last frame encoded.
   DecodedFrame decoded() const;
+  std::vector<VertexColour> decoded_colours() const;  ///< these alone, of decoded()
   FrameBytes bytes() const;
 
  private:

@@ -54,7 +54,9 @@ class FrameDecoder::Impl {
         now.surface.surface.triangle_count() != h.triangles) {
       return false;
     }
-    now.surface.make(h.is(FrameHeader::kDisplaced) || h.is(FrameHeader::kColours));
+    now.surface.make_places();
+    now.surface.make_triangles();
+    if (h.is(FrameHeader::kDisplaced) || h.is(FrameHeader::kColours)) now.surface.make_known();
     return true;
   }
 

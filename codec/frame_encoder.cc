@@ -61,16 +61,16 @@ class FrameEncoder::Impl {
     if (!begin(content, now) || !encode_shape(content, now, sections[kShape]) ||
         !encode_positions(content, now, sections[kDisplacements]) ||
         !encode_colours(content, now, sections[kColours])) {
-      since_key_ = 0;
+      restart();
       return std::nullopt;
     }
     sections[kNames] = encode_names(content.facts.cameras);
     std::vector<uint8_t> bytes = write_frame(now.header, sections);
     last_ = 1 - last_;
-    since_key_ = now.header.is(FrameHeader::kExplicit) ? 0 : (since_key_ + 1) % options_.key_every;
+    there_ = true;
     return bytes;
   }
-  void restart() { since_key_ = 0; }
+  void restart() { there_ = false; }
 
   const FrameState& last() const { return states_[last_]; }
 
@@ -104,7 +104,14 @@ class FrameEncoder::Impl {
       h.first_brick[axis] = static_cast<uint16_t>(surface.volume.first[axis]);
       h.bricks[axis] = static_cast<uint16_t>(surface.volume.counts()[axis]);
     }
-    surface.make(!content.positions.empty() || !content.colours.empty());
+    surface.make_places();
+    if (content.triangles.empty()) {
+      surface.make_triangles();
+    } else {
+      if (content.triangles.size() != h.triangles) return false;
+      surface.triangles.assign(content.triangles.begin(), content.triangles.end());
+    }
+    if (!content.positions.empty() || !content.colours.empty()) surface.make_known();
     bytes = encode_occupancy(surface.volume);
     return true;
   }
@@ -195,14 +202,16 @@ class FrameEncoder::Impl {
 
   bool may_follow(const FrameHeader& h) const {
     const FrameHeader& before = last().header;
-    return since_key_ > 0 && !h.is(FrameHeader::kExplicit) && before.is(FrameHeader::kColours) &&
-           before.facts.pulse < h.facts.pulse;
+    const int64_t now = h.facts.pulse, then = before.facts.pulse;
+    return there_ && !h.is(FrameHeader::kExplicit) && !before.is(FrameHeader::kExplicit) &&
+           before.is(FrameHeader::kColours) && then < now &&
+           then / options_.key_every == now / options_.key_every;
   }
 
   const EncoderOptions options_;
   std::array<FrameState, 2> states_;
-  int last_ = 0;       ///< of states_
-  int since_key_ = 0;  ///< frames since the last key frame; 0: the next one is one
+  int last_ = 0;        ///< of states_
+  bool there_ = false;  ///< states_[last_] is a frame that the next one may need
 };
 
 FrameEncoder::FrameEncoder(const EncoderOptions& options)
@@ -219,6 +228,10 @@ DecodedFrame FrameEncoder::decoded() const {
   make_mesh(impl_->last(), frame);
   frame.triangles = impl_->last().surface.triangles;
   return frame;
+}
+
+std::vector<VertexColour> FrameEncoder::decoded_colours() const {
+  return colours_of(impl_->last().surface.colours);
 }
 
 FrameBytes FrameEncoder::bytes() const {

@@ -74,15 +74,19 @@ void place_by_number(const FrameState& state, std::span<VertexPosition> out) {
 
 }  // namespace
 
+std::vector<VertexColour> colours_of(std::span<const VertexValues> values) {
+  std::vector<VertexColour> colours(values.size());
+  std::transform(values.begin(), values.end(), colours.begin(), colour_of);
+  return colours;
+}
+
 void make_mesh(const FrameState& state, DecodedFrame& out) {
   out.facts = state.header.facts;
   out.key_pulse = state.header.key_pulse;
   out.positions.resize(state.header.vertices);
   state.numbers.empty() ? place_on_lattice(state, out.positions)
                         : place_by_number(state, out.positions);
-  const std::vector<VertexValues>& colours = state.surface.colours;
-  out.colours.resize(colours.size());
-  std::transform(colours.begin(), colours.end(), out.colours.begin(), colour_of);
+  out.colours = colours_of(state.surface.colours);
 }
 
 }  // namespace v3d

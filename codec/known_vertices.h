@@ -28,11 +28,13 @@ class KnownVertices {
  private:
   struct Known {
     uint32_t count = 0;
-    std::array<uint32_t, kMost> vertices{};
+    std::array<uint32_t, kMost + 1> vertices{};  ///< the last one takes what is too much
   };
+  /// Without a branch: half of the sides run upwards.
   void add(uint32_t from, uint32_t to) {
     Known& known = known_[to];
-    if (from < to && known.count < kMost) known.vertices[known.count++] = from;
+    known.vertices[known.count] = from;
+    known.count += static_cast<uint32_t>(from < to) & static_cast<uint32_t>(known.count < kMost);
   }
 
   std::vector<Known> known_;

@@ -11,6 +11,7 @@ namespace v3d {
 namespace {
 
 constexpr uint32_t kGroup = 64;  // vertices that are predicted alike
+constexpr uint32_t kSample = 4;  // of these the encoder looks at one in so many to decide
 
 /// sum / count, rounded; count 1 to 4. Normative: a decoder computes exactly this.
 int rounded_mean(int64_t sum, size_t count) {
@@ -164,13 +165,13 @@ void ValueCode<Coder>::code(Coder& coder, uint32_t vertex, const VertexValues* f
   }
 }
 
-/// By the first value of the group that begins at `vertex`, as if nothing were quantised.
+/// By the first value of some of the group that begins at `vertex`, as if nothing were quantised.
 template <class Coder>
 bool ValueCode<Coder>::former_is_nearer(uint32_t vertex,
                                         std::span<const VertexValues> wanted) const {
   int64_t from_surface = 0, from_former = 0;
   const auto end = static_cast<uint32_t>(std::min<size_t>(vertex + kGroup, wanted.size()));
-  for (; vertex < end; ++vertex) {
+  for (; vertex < end; vertex += kSample) {
     const VertexValues* former = former_->at(vertex);
     if (former == nullptr) continue;
     from_surface += std::abs(wanted[vertex][0] - guess(vertex, wanted).mean[0]);

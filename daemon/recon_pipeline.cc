@@ -31,7 +31,8 @@ double percentile(std::vector<double> values, double part) {
 
 MeshStages stages_of(const std::shared_ptr<Reconstructor>& reconstructor) {
   return {.make_mesh = [reconstructor](SetAtWork& work) { reconstructor->make_mesh(work); },
-          .encode = [reconstructor](SetAtWork& work) { reconstructor->encode(work); }};
+          .encode = [reconstructor](SetAtWork& work) { reconstructor->encode(work); },
+          .begin_sequence = [reconstructor] { reconstructor->begin_sequence(); }};
 }
 
 namespace {
@@ -158,11 +159,14 @@ void ReconPipeline::attempt(const std::function<void(SetAtWork&)>& stage, Job& j
 void ReconPipeline::finish(Job& job) {
   job.work.set.exposure = edge_of(job.work.set.pulse);
   attempt(stages_.encode, job);
-  if (job.rehearsal) return;
+  if (job.rehearsal) return stages_.begin_sequence();
   if (!job.failure.empty()) return note_failure(job);
   const Reconstruction& result = job.work.result;
   publish(job);
-  if (!file_.append(result.pulse, result.compact)) ++write_errors_;
+  if (!file_.append(result.pulse, result.compact)) {
+    ++write_errors_;
+    stages_.begin_sequence();
+  }
   if (done_with_) done_with_(job.work.set);
   ++meshes_;
 }

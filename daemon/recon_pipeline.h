@@ -47,6 +47,8 @@ struct ReconCounts {
 struct MeshStages {
   std::function<void(SetAtWork&)> make_mesh;
   std::function<void(SetAtWork&)> encode;
+  /// What was encoded before the next set has not reached, or not all of, its receivers.
+  std::function<void()> begin_sequence = [] {};
 };
 /// The stages keep the reconstructor alive, as std::functions keep what they call.
 MeshStages stages_of(const std::shared_ptr<Reconstructor>& reconstructor);

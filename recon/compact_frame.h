@@ -1,8 +1,9 @@
-// The compact frame: one coloured mesh as it travels and is stored. Layout: docs/compact-frame.md.
+// A compact frame as the rest of the project knows it: what it says of itself, and its mesh. The
+// format: codec/frame_codec.h.
 #pragma once
 
-#include <Eigen/Core>
 #include <cstdint>
+#include <limits>
 #include <optional>
 #include <span>
 #include <string>
@@ -10,47 +11,39 @@
 
 #include "base/mesh.h"
 #include "base/time.h"
+#include "codec/frame_codec.h"
+#include "recon/vertex_lattice.h"
 
 namespace v3d {
-
-inline constexpr uint32_t kMaxCompactVertices = 1U << 22;
-inline constexpr uint32_t kMaxCompactTriangles = 1U << 23;
-inline constexpr int kMaxCompactCameras = 256;
-inline constexpr int kMaxCompactNameBytes = 64;
-
-/// The lattice that the vertices lie on: position = float(origin + h * step) per axis, with h a
-/// whole number from 0 to 65535.
-struct VertexLattice {
-  Eigen::Vector3d origin = Eigen::Vector3d::Zero();  ///< world, metres
-  double step = 0;                                   ///< metres; half a voxel
-  friend bool operator==(const VertexLattice&, const VertexLattice&) = default;
-};
-
-/// The nearest lattice point, for a place outside the lattice on its border: what decode_compact()
-/// gives for it, to the bit.
-Eigen::Vector3f rounded_to(const VertexLattice& lattice, const Eigen::Vector3f& position);
 
 struct CompactFrame {
   int64_t pulse = 0;
   RealtimeInstant exposure;          ///< start: the pulse's edge; 0 when unknown
   std::vector<std::string> cameras;  ///< that took part, ascending
   int missing = 0;                   ///< cameras of the rig that did not
+  float quality =
+      std::numeric_limits<float>::quiet_NaN();  ///< 0 to 1, more is better; NaN: unknown
   VertexLattice lattice;
   Mesh mesh;
 };
 
-/// Renumbers the vertices in the order in which the triangles first use them (unused ones last, in
-/// their old order): the order in which they are coded. Positions, triangles and their order stay.
-Mesh in_coding_order(Mesh mesh);
+/// Decodes a sequence: FrameDecoder's contract.
+class CompactDecoder {
+ public:
+  DecodeStatus decode(std::span<const uint8_t> bytes) { return decoder_.decode(bytes); }
+  /// The last frame decoded.
+  CompactFrame frame() const;
 
-/// Positions are rounded to the nearest lattice point; those of a lattice mesh come back equal to
-/// the bit. decode_compact() gives in_coding_order(frame.mesh). Equal frames give equal bytes,
-/// whatever the number of threads that code the sections. Throws InputError for a frame beyond the
-/// limits above or a vertex outside the lattice.
-std::vector<uint8_t> encode_compact(const CompactFrame& frame);
+ private:
+  FrameDecoder decoder_;
+};
 
-/// Hostile bytes give nothing; memory is bounded by the limits above (about 300 MB) whatever the
-/// bytes say.
+/// One key frame; empty for any other bytes.
 std::optional<CompactFrame> decode_compact(std::span<const uint8_t> bytes);
+
+/// What an encoder makes of the mesh's colours, and back.
+std::vector<VertexColour> vertex_colours(std::span<const Rgb8> colours);
+std::vector<Rgb8> rgb_colours(std::span<const VertexColour> colours);
+std::vector<VertexPosition> vertex_positions(std::span<const Eigen::Vector3f> vertices);
 
 }  // namespace v3d

@@ -7,8 +7,8 @@
 #include <span>
 
 #include "base/mesh.h"
-#include "recon/compact_frame.h"
 #include "recon/surface_camera.h"
+#include "recon/vertex_lattice.h"
 
 namespace v3d {
 

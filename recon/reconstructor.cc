@@ -39,16 +39,19 @@ VoxelGrid affordable_grid(const ReconstructOptions& options) {
   return grid;
 }
 
-/// Half voxels for the discrete marching cubes. A deformed surface gets the finest fraction of them
-/// with which 65536 steps reach through the grid: 0.08 mm for 3 m at 5 mm.
+/// A deformed surface is told to a tenth of a voxel: half of that is what it may be off.
+constexpr int kStepsInHalfVoxel = 5;
+
+/// Half voxels for the discrete marching cubes.
 VertexLattice lattice_of(const VoxelGrid& grid, Quality quality) {
-  VertexLattice lattice{grid.origin, grid.voxel_m / 2};
-  int64_t steps = 2 * *std::ranges::max_element(grid.counts);
-  while (quality == Quality::kHigh && 2 * steps <= 0xFFFF) {
-    lattice.step /= 2;
-    steps *= 2;
-  }
-  return lattice;
+  const double half_voxel = grid.voxel_m / 2;
+  return {grid.origin, quality == Quality::kHigh ? half_voxel / kStepsInHalfVoxel : half_voxel};
+}
+
+EncoderOptions encoder_options(const VertexLattice& lattice) {
+  EncoderOptions options;
+  options.displacement_step_m = lattice.step;
+  return options;
 }
 
 std::optional<Deformer> deformer_of(const ReconstructOptions& options,
@@ -76,10 +79,12 @@ class Reconstructor::Impl {
         arena_(arena_size(options.threads)),
         quality_(
             arena_.execute([&] { return QualityMeter(rig, options.bounds, options.voxel_m); })),
-        intersector_(grid_, models_, options.min_views) {}
+        intersector_(grid_, models_, options.min_views),
+        encoder_(encoder_options(lattice_)) {}
 
   Reconstruction reconstruct(FrameSet set) {
     SetAtWork work(std::move(set));
+    begin_sequence();
     arena_.execute([&] {
       make_mesh(work);
       encode(work);
@@ -124,25 +129,52 @@ class Reconstructor::Impl {
     result.times.texture = texturing.ms();
   }
 
-  void encode(SetAtWork& work) const {
-    const Stopwatch encoding;
+  void encode(SetAtWork& work) {
     Reconstruction& result = work.result;
-    CompactFrame frame;
-    frame.pulse = result.pulse;
-    frame.exposure = work.set.exposure;
-    frame.cameras = result.cameras;
-    frame.missing = static_cast<int>(rig_.size() - result.cameras.size());
-    frame.lattice = lattice_;
-    std::swap(frame.mesh, result.mesh);
-    result.compact = encode_compact(frame);
-    std::swap(frame.mesh, result.mesh);
-    result.times.encode = encoding.ms();
     const Stopwatch judging;
     result.quality = quality_.measure(result.mesh, work.frames);
     result.times.quality = judging.ms();
+    const Stopwatch encoding;
+    result.compact = compact_frame_of(work);
+    // What is lost on the way is lost here, too.
+    result.mesh.colours = rgb_colours(encoder_.decoded_colours());
+    result.times.encode = encoding.ms();
   }
 
+  void begin_sequence() { encoder_.restart(); }
+
  private:
+  std::vector<uint8_t> compact_frame_of(const SetAtWork& work) {
+    const Reconstruction& result = work.result;
+    const Eigen::Vector3d& origin = grid_.origin;
+    const BrickVolume volume = work.volume.view();
+    const std::vector<VertexColour> colours = vertex_colours(result.mesh.colours);
+    std::vector<VertexPosition> moved;
+    if (deformer_) moved = vertex_positions(result.mesh.vertices);
+    FrameContent content;
+    content.facts = {.pulse = result.pulse,
+                     .exposure_ns = to_ns(work.set.exposure),
+                     .cameras = result.cameras,
+                     .missing = static_cast<int>(rig_.size() - result.cameras.size()),
+                     .quality = static_cast<float>(result.quality.silhouette_iou),
+                     .origin = {origin.x(), origin.y(), origin.z()},
+                     .step = grid_.voxel_m / 2};
+    content.volume = &volume;
+    content.positions = moved;
+    content.triangles = result.mesh.triangles;
+    content.colours = colours;
+    auto compact = encoder_.encode(content);
+    if (!compact) refuse(result);
+    return *std::move(compact);
+  }
+
+  [[noreturn]] static void refuse(const Reconstruction& result) {
+    throw InputError("pulse " + std::to_string(result.pulse) + ": a surface of " +
+                     std::to_string(result.mesh.vertices.size()) +
+                     " vertices does not fit a compact frame (docs/compact-frame.md has its "
+                     "limits): use a larger voxel");
+  }
+
   void shape(SetAtWork& work) {
     Reconstruction& result = work.result;
     const Stopwatch intersecting;
@@ -151,14 +183,12 @@ class Reconstructor::Impl {
     for (const Frame* frame : work.frames) {
       masks.push_back(frame != nullptr ? &*frame->mask : nullptr);
     }
-    intersector_.intersect(masks, volume_);
-    result.volume_m3 = static_cast<double>(volume_.count()) * grid_.voxel_volume_m3();
+    intersector_.intersect(masks, work.volume);
+    result.volume_m3 = static_cast<double>(work.volume.count()) * grid_.voxel_volume_m3();
     result.times.intersect = intersecting.ms();
 
     const Stopwatch meshing;
-    // The order of the compact frame: so the mesh here is the one that every receiver decodes.
-    marching_cubes_.run(volume_, result.mesh);
-    result.mesh = in_coding_order(std::move(result.mesh));
+    marching_cubes_.run(work.volume, result.mesh);
     result.times.mesh = meshing.ms();
   }
 
@@ -188,14 +218,14 @@ class Reconstructor::Impl {
   const Rig rig_;
   const std::vector<CameraModel> models_;
   const VoxelGrid grid_;
-  const VertexLattice lattice_;       ///< of the compact frames
+  const VertexLattice lattice_;       ///< where vertices end
   std::optional<Deformer> deformer_;  ///< for Quality::kHigh
   tbb::task_arena arena_;             ///< reconstruct()
   const QualityMeter quality_;
   // What make_mesh() works with, and keeps.
   Intersector intersector_;
-  SparseVolume volume_;
   MarchingCubes marching_cubes_;
+  FrameEncoder encoder_;  ///< encode()
 };
 
 Reconstructor::Reconstructor(const Rig& rig, const ReconstructOptions& options)
@@ -206,7 +236,8 @@ Reconstruction Reconstructor::reconstruct(FrameSet set) {
   return impl_->reconstruct(std::move(set));
 }
 void Reconstructor::make_mesh(SetAtWork& work) { impl_->make_mesh(work); }
-void Reconstructor::encode(SetAtWork& work) const { impl_->encode(work); }
+void Reconstructor::encode(SetAtWork& work) { impl_->encode(work); }
+void Reconstructor::begin_sequence() { impl_->begin_sequence(); }
 void Reconstructor::make_surface(SetAtWork& work) { impl_->make_surface(work); }
 Moment Reconstructor::moment_of(const SetAtWork& work) const { return impl_->moment_of(work); }
 void Reconstructor::steady(SetAtWork& work, const Moment& now,

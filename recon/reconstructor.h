@@ -15,6 +15,7 @@
 #include "recon/deform.h"
 #include "recon/frame_quality.h"
 #include "recon/moment.h"
+#include "recon/sparse_volume.h"
 
 namespace v3d {
 
@@ -38,7 +39,7 @@ struct ReconstructOptions {
 /// Wall-clock milliseconds of each stage; negative where the stage did not run.
 struct StageTimes {
   double intersect = -1, mesh = -1, deform = -1, steady = -1, texture = -1, encode = -1;
-  double quality = -1;  ///< the score, after the mesh is encoded
+  double quality = -1;  ///< the score, which the compact frame tells
 };
 
 struct Reconstruction {
@@ -61,13 +62,14 @@ struct SetAtWork {
 
   FrameSet set;
   std::vector<const Frame*>
-      frames;  ///< of `set`, by camera of the rig; null: none that can be used
+      frames;           ///< of `set`, by camera of the rig; null: none that can be used
+  SparseVolume volume;  ///< that the mesh is the surface of
   Reconstruction result;
 };
 
-/// Holds what is computed once per rig. The result is deterministic: the same frames give the same
-/// bytes whatever the number of threads and the order of the frames, one set at a time or in a
-/// FramePipeline.
+/// Holds what is computed once per rig. The result is deterministic: the same frame sets, one after
+/// the other, give the same bytes whatever the number of threads and the order of the frames, one
+/// set at a time or in a FramePipeline.
 class Reconstructor {
  public:
   /// Throws InputError when the grid needs more memory than there is (the message shows the
@@ -75,16 +77,20 @@ class Reconstructor {
   Reconstructor(const Rig& rig, const ReconstructOptions& options);
   ~Reconstructor();
   /// Frames of cameras that are not in the rig, or whose mask has another size than the rig says,
-  /// are left out. The mesh is the one that decode_compact() gives for `compact`, to the bit.
-  /// Throws InputError when the surface outgrows a compact frame (4 million vertices). One caller
-  /// at a time.
+  /// are left out. The mesh is the one that receivers decode from `compact`, to the bit; that is a
+  /// key frame. Throws InputError when the surface outgrows a compact frame (4 million vertices).
+  /// One caller at a time.
   Reconstruction reconstruct(FrameSet set);
 
   /// The same in two stages, in the caller's TBB arena: first the coloured mesh, all in parallel
-  /// loops, then its compact frame, mostly one thread's work, and its quality. One caller of each
-  /// at a time; they may work on different sets at the same time.
+  /// loops, then its quality and its compact frame, mostly one thread's work. One caller of each at
+  /// a time; they may work on different sets at the same time. What is encoded is one sequence: a
+  /// compact frame may need those before it since the last key frame.
   void make_mesh(SetAtWork& work);
-  void encode(SetAtWork& work) const;
+  void encode(SetAtWork& work);
+  /// The next set is encoded as a key frame: where one that was encoded did not reach its
+  /// receivers.
+  void begin_sequence();
 
   /// make_mesh() in two parts, for who has pulses before and after it: the surface without colours,
   /// then, in between, steady(), then the colours. `moment_of` wants a surface.

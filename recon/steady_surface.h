@@ -5,8 +5,8 @@
 #include <span>
 
 #include "base/mesh.h"
-#include "recon/compact_frame.h"
 #include "recon/moment.h"
+#include "recon/vertex_lattice.h"
 
 namespace v3d {
 

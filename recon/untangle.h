@@ -4,8 +4,8 @@
 #include <optional>
 
 #include "base/mesh.h"
-#include "recon/compact_frame.h"
 #include "recon/neighbours.h"
+#include "recon/vertex_lattice.h"
 
 namespace v3d {
 

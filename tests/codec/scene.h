@@ -84,14 +84,15 @@ struct Scene {
   }
 };
 
-/// A ball that moves, with a key frame every 4 frames.
-inline std::vector<std::vector<uint8_t>> moving_ball(int frames) {
+/// A ball that moves, from pulse 8 on, with a key frame every 4 pulses; without the pulse that is
+/// left out.
+inline std::vector<std::vector<uint8_t>> moving_ball(int frames, int left_out = -1) {
   FrameEncoder encoder({.key_every = 4});
   std::vector<std::vector<uint8_t>> all;
   for (int n = 0; n < frames; ++n) {
     Scene scene(ball(8, 25 + n % 5));
     scene.paint(3);
-    all.push_back(encoder.encode(scene.content(10 + n)).value());
+    if (8 + n != left_out) all.push_back(encoder.encode(scene.content(8 + n)).value());
   }
   return all;
 }

@@ -67,18 +67,20 @@ TEST_F(ReconPipelineOnBus, counts_a_pulse_that_a_stage_refuses_and_goes_on) {
 }
 
 TEST_F(ReconPipelineOnBus, rehearses_first_and_leaves_no_trace_of_it) {
-  std::vector<int64_t> seen;
-  begin({.make_mesh =
+  constexpr int64_t kBegin = -1;
+  std::vector<int64_t> encoded;
+  begin({.make_mesh = name_pulse,
+         .encode =
              [&](SetAtWork& work) {
-               seen.push_back(work.set.pulse);
-               name_pulse(work);
+               encoded.push_back(work.set.pulse);
+               write_pulse(work);
              },
-         .encode = write_pulse},
+         .begin_sequence = [&] { encoded.push_back(kBegin); }},
         FrameSet{.pulse = -7, .frames = {}});
   send(0);
   ASSERT_TRUE(becomes_true([&] { return pipeline_->counts().meshes == 1; }, within(30)));
   EXPECT_TRUE(pipeline_->close());
-  EXPECT_EQ(seen, (std::vector<int64_t>{-7, 0}));
+  EXPECT_EQ(encoded, (std::vector<int64_t>{-7, kBegin, 0}));
   EXPECT_EQ(pipeline_->counts().meshes, 1);
   EXPECT_EQ(MeshFileReader(folder_ / "mesh.v3d").pulses(), std::vector<int64_t>{0});
 }

@@ -110,6 +110,38 @@ TEST(Reconstructor, gives_out_the_mesh_that_receivers_decode) {
   EXPECT_EQ(decoded->mesh.colours, result.mesh.colours);
   EXPECT_EQ(decoded->cameras, result.cameras);
   EXPECT_EQ(decoded->pulse, 12);
+  EXPECT_EQ(decoded->quality, static_cast<float>(result.quality.silhouette_iou));
+}
+
+/// The compact frames of pulses 24 to 26 in the two stages, of a photograph that stands still.
+std::vector<Reconstruction> stages_of_a_still(const Rig& rig, bool begin_anew) {
+  Reconstructor reconstructor(rig, options());
+  std::vector<Reconstruction> results;
+  for (int64_t pulse = 23; pulse < 27; ++pulse) {
+    SetAtWork work(photograph(two_coloured_ball(), rig));
+    work.set.pulse = pulse;
+    reconstructor.make_mesh(work);
+    reconstructor.encode(work);
+    if (begin_anew) reconstructor.begin_sequence();
+    results.push_back(std::move(work.result));
+  }
+  return results;
+}
+
+TEST(Reconstructor, makes_one_sequence_of_what_it_encodes_with_key_frames_at_fixed_pulses) {
+  const Rig rig = ring(8);
+  const auto sequence = stages_of_a_still(rig, false);
+  CompactDecoder decoder;
+  for (const Reconstruction& result : sequence) {
+    EXPECT_EQ(decode_compact(result.compact).has_value(), result.pulse == 23 || result.pulse == 25);
+    ASSERT_EQ(decoder.decode(result.compact), DecodeStatus::kOk);
+    EXPECT_EQ(decoder.frame().mesh.vertices, result.mesh.vertices);
+    EXPECT_EQ(decoder.frame().mesh.colours, result.mesh.colours);
+  }
+  EXPECT_LT(sequence[1].compact.size(), sequence[0].compact.size());
+  for (const Reconstruction& result : stages_of_a_still(rig, true)) {
+    EXPECT_TRUE(decode_compact(result.compact)) << result.pulse;
+  }
 }
 
 TEST(Reconstructor, gives_the_same_bytes_for_any_threads_and_any_order_of_frames) {

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
 #include <numbers>
 
 #include "base/calib_file.h"
@@ -102,6 +103,49 @@ TEST_F(Reconstruct, gives_the_same_bytes_for_any_number_of_threads) {
   request_.threads = 1;
   reconstruct_take(request_);
   EXPECT_EQ(read_file(TakePaths{request_.take}.mesh()), two);
+}
+
+/// Frames 3 to 6 of a voxel that gets lighter: a key frame and three that need those before.
+void write_sequence(const fs::path& file, int64_t left_out = -1) {
+  BrickMap occupied;
+  occupied.clear({1, 1, 1});
+  occupied.word({0, 0, 0}) = 1;
+  occupied.number();
+  const std::vector<Brick> bricks{Brick{1}};
+  const std::vector<BrickCoord> coords{{0, 0, 0}};
+  const BrickVolume volume{&occupied, bricks, coords};
+  MeshFileWriter writer(file);
+  FrameEncoder encoder({});
+  for (int64_t pulse = 3; pulse <= 6; ++pulse) {
+    const auto grey = static_cast<uint8_t>(30 * pulse);
+    const std::vector<VertexColour> colours(6, VertexColour{grey, grey, grey});
+    FrameContent content;
+    content.facts.pulse = pulse;
+    content.facts.step = 0.01;
+    content.volume = &volume;
+    content.colours = colours;
+    const auto bytes = encoder.encode(content).value();
+    if (pulse != left_out) writer.append(pulse, bytes);
+  }
+}
+
+TEST_F(Reconstruct, is_read_in_any_order_of_its_frames) {
+  write_sequence(TakePaths{request_.take}.mesh());
+  MeshFrames rising(request_.take), jumping(request_.take);
+  std::map<int64_t, std::vector<Rgb8>> colours;
+  for (int64_t frame = 3; frame <= 6; ++frame) colours[frame] = rising.read(frame).mesh.colours;
+  EXPECT_NE(colours[3], colours[4]);
+  for (const int64_t frame : {5, 3, 6, 6, 4}) {
+    EXPECT_EQ(jumping.read(frame).mesh.colours, colours[frame]) << frame;
+  }
+}
+
+TEST_F(Reconstruct, is_refused_where_a_frame_is_gone_that_another_needs) {
+  write_sequence(TakePaths{request_.take}.mesh(), 4);
+  MeshFrames meshes(request_.take);
+  meshes.read(3);
+  EXPECT_THAT(test::message_of<InputError>([&] { meshes.read(5); }),
+              HasSubstr("frame 5 is damaged, or of an earlier version: reconstruct"));
 }
 
 TEST_F(Reconstruct, leaves_out_the_cameras_that_it_is_told_to) {

@@ -34,13 +34,13 @@ foreach(text "Evaluation of take" "mesh.v3d" "alone.v3d" "flicker" "data:image/j
   endif()
 endforeach()
 
-# A part of the take: the pulses beside it count all the same.
+# A part of the take, from a key frame on: the pulses beside it count all the same.
 run(${V3DCTL} export ${take} --format ply --frames 1:2 ${WORK}/whole)
-reconstruct(--frames 1:2 --threads 1)
+reconstruct(--frames 0:2 --threads 1)
 run(${V3DCTL} export ${take} --format ply --frames 1:2 ${WORK}/part)
 file(SHA256 ${WORK}/whole/000001.ply whole)
 file(SHA256 ${WORK}/part/000001.ply part)
 if(NOT whole STREQUAL part)
-  message(SEND_ERROR "frame 1 alone is not what it is in the whole take")
+  message(SEND_ERROR "frame 1 in a part is not what it is in the whole take")
 endif()
 file(REMOVE_RECURSE ${WORK})

@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "base/error.h"
+#include "codec/frame_header.h"
 
 namespace v3d::ctl {
 namespace {
@@ -45,13 +46,28 @@ std::vector<int64_t> MeshFrames::frames(FrameRange range) const {
 
 CompactFrame MeshFrames::read(int64_t frame) {
   frames({frame, frame + 1});
-  std::optional<CompactFrame> compact;
-  if (const auto bytes = file_.read(frame)) compact = decode_compact(*bytes);
-  if (!compact) {
-    throw InputError(path_.string() + ": frame " + std::to_string(frame) +
-                     " is damaged: reconstruct the take again");
+  const auto bytes = file_.read(frame);
+  const auto header = bytes ? read_header(*bytes) : std::nullopt;
+  if (!header) refuse(frame);
+  DecodeStatus status = decoder_.decode(*bytes);
+  if (status == DecodeStatus::kNeedsReference) {
+    for (const int64_t before : file_.pulses()) {
+      if (before >= header->key_pulse && before < frame) decode(before);
+    }
+    status = decoder_.decode(*bytes);
   }
-  return *std::move(compact);
+  if (status != DecodeStatus::kOk) refuse(frame);
+  return decoder_.frame();
+}
+
+void MeshFrames::decode(int64_t frame) {
+  const auto bytes = file_.read(frame);
+  if (!bytes || decoder_.decode(*bytes) != DecodeStatus::kOk) refuse(frame);
+}
+
+void MeshFrames::refuse(int64_t frame) const {
+  throw InputError(path_.string() + ": frame " + std::to_string(frame) +
+                   " is damaged, or of an earlier version: reconstruct the take again");
 }
 
 }  // namespace v3d::ctl

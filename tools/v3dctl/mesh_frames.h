@@ -20,12 +20,17 @@ class MeshFrames {
 
   /// Frames in the range, rising. Throws InputError when there is none.
   std::vector<int64_t> frames(FrameRange range) const;
-  /// Throws InputError when there is no such frame or it is damaged.
+  /// Throws InputError when there is no such frame or it is damaged, or one that it needs. Fast in
+  /// rising order: otherwise decoding begins at the key frame before.
   CompactFrame read(int64_t frame);
 
  private:
+  void decode(int64_t frame);
+  [[noreturn]] void refuse(int64_t frame) const;
+
   std::filesystem::path path_;
   MeshFileReader file_;
+  CompactDecoder decoder_;
 };
 
 }  // namespace v3d::ctl
