@@ -134,6 +134,26 @@ TEST(FrameCodec, goes_on_at_the_next_key_frame_after_a_loss_and_shows_nothing_wr
   }
 }
 
+TEST(FrameCodec, shows_whole_frames_alone_when_one_in_twenty_is_lost) {
+  FrameDecoder whole, lossy;
+  int lost = 0, shown = 0;
+  bool complete = true;  // all since the key frame arrived
+  for (const auto& frame : moving_ball(80)) {
+    ASSERT_EQ(whole.decode(frame), DecodeStatus::kOk);
+    const int64_t pulse = whole.frame().facts.pulse;
+    const bool arrives = hash(static_cast<uint32_t>(pulse), 5) % 20 != 0;
+    complete = (complete || whole.frame().key_pulse == pulse) && arrives;
+    lost += arrives ? 0 : 1;
+    if (!arrives) continue;
+    ASSERT_EQ(lossy.decode(frame) == DecodeStatus::kOk, complete) << pulse;
+    if (!complete) continue;
+    ASSERT_TRUE(same(lossy.frame(), whole.frame())) << pulse;
+    ++shown;
+  }
+  EXPECT_GE(lost, 2);
+  EXPECT_GE(shown, 80 - 4 * lost);
+}
+
 TEST(FrameCodec,
      gives_the_same_bytes_from_the_next_key_frame_on_whatever_pulses_were_missing_before) {
   auto whole = moving_ball(6);

@@ -5,9 +5,9 @@
 
 #include "base/error.h"
 #include "base/file.h"
+#include "codec/crc32.h"
 #include "support/message_of.h"
 #include "support/temporary_folder.h"
-#include "codec/crc32.h"
 
 namespace v3d {
 namespace {
