@@ -39,8 +39,9 @@ VoxelGrid affordable_grid(const ReconstructOptions& options) {
   return grid;
 }
 
-/// A deformed surface is told to a tenth of a voxel: half of that is what it may be off.
-constexpr int kStepsInHalfVoxel = 5;
+/// A deformed surface is told to a fiftieth of a voxel, which hides in what it flickers by
+/// (docs/deformation.md has other steps).
+constexpr int kStepsInHalfVoxel = 25;
 
 /// Half voxels for the discrete marching cubes.
 VertexLattice lattice_of(const VoxelGrid& grid, Quality quality) {

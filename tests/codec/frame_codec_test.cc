@@ -96,19 +96,26 @@ TEST(FrameCodec, keeps_every_bit_of_the_colours_when_their_steps_are_1) {
   EXPECT_EQ(decoder.frame().colours, scene.colours);
 }
 
-TEST(FrameCodec, keeps_moved_vertices_to_half_a_step) {
+TEST(FrameCodec, keeps_moved_vertices_to_half_of_any_step_and_tells_it) {
   Scene scene(ball(15));
   scene.move(0.02);
-  FrameEncoder encoder({.displacement_step_m = 0.001});
-  FrameDecoder decoder;
-  ASSERT_EQ(decoder.decode(encoder.encode(scene.content(0)).value()), DecodeStatus::kOk);
-  for (size_t v = 0; v < scene.moved.size(); ++v) {
-    for (int axis = 0; axis < 3; ++axis) {
-      ASSERT_NEAR(decoder.frame().positions[v][axis], scene.moved[v][axis], 0.000501);
+  size_t coarser = 0;
+  for (const double step_m : {0.001, 0.0005, 0.0001}) {
+    FrameEncoder encoder({.displacement_step_m = step_m});
+    FrameDecoder decoder;
+    ASSERT_EQ(decoder.decode(encoder.encode(scene.content(0)).value()), DecodeStatus::kOk);
+    const DecodedFrame& frame = decoder.frame();
+    EXPECT_DOUBLE_EQ(frame.facts.step, step_m);
+    for (size_t v = 0; v < scene.moved.size(); ++v) {
+      for (int axis = 0; axis < 3; ++axis) {
+        ASSERT_NEAR(frame.positions[v][axis], scene.moved[v][axis], 0.5 * step_m + 1e-6);
+      }
     }
+    EXPECT_EQ(frame.triangles, scene.mesh.triangles);
+    EXPECT_TRUE(same(frame, encoder.decoded()));
+    EXPECT_GT(encoder.bytes().displacements, coarser);
+    coarser = encoder.bytes().displacements;
   }
-  EXPECT_EQ(decoder.frame().triangles, scene.mesh.triangles);
-  EXPECT_TRUE(same(decoder.frame(), encoder.decoded()));
 }
 
 TEST(FrameCodec, codes_still_colours_between_key_frames_in_a_fraction_of_a_key_frame) {

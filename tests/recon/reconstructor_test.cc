@@ -164,7 +164,9 @@ TEST(Reconstructor, of_high_quality_gives_the_same_bytes_for_any_threads) {
   opts.quality = Quality::kHigh;
   const Reconstruction expected = Reconstructor(rig, opts).reconstruct(set);
   EXPECT_GE(expected.times.deform, 0);
-  EXPECT_EQ(decode_compact(expected.compact)->mesh.vertices, expected.mesh.vertices);
+  const auto decoded = decode_compact(expected.compact);
+  EXPECT_EQ(decoded->mesh.vertices, expected.mesh.vertices);
+  EXPECT_DOUBLE_EQ(decoded->lattice.step, opts.voxel_m / 50);
   EXPECT_LT(compare_surfaces(expected.mesh, two_coloured_ball()).normal_error_deg, 15);
   EXPECT_TRUE(self_intersections(expected.mesh).empty());
   for (const int threads : {1, 2, 5}) {
