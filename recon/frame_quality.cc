@@ -3,12 +3,12 @@
 #include <tbb/parallel_for.h>
 
 #include <algorithm>
-#include <bit>
-#include <cmath>
+#include <array>
 #include <cstdint>
+#include <cstring>
 
-#include "base/mask_shape.h"
 #include "recon/box_view.h"
+#include "recon/locate_points.h"
 #include "recon/screen_vertex.h"
 
 namespace v3d {
@@ -16,26 +16,45 @@ namespace {
 
 constexpr int kCellShift = 3;
 constexpr int kCell = 1 << kCellShift;
+constexpr int kCellsOfWord = 64 / kCell;
 
-/// Cells of an image with a ring of one round it, so that neighbours need no care.
+/// Cells of an image with a ring of one round it, so that neighbours need no care, and with room
+/// for whole words of a mask's row.
 struct Cells {
   explicit Cells(ImageSize size)
       : columns((size.width + kCell - 1) / kCell),
         rows((size.height + kCell - 1) / kCell),
-        values(static_cast<size_t>(columns + 2) * (rows + 2)) {}
+        pitch((size.width + 63) / 64 * kCellsOfWord + 2),
+        values(static_cast<size_t>(pitch) * (rows + 2) + 1) {}
   uint8_t& at(int column, int row) {
-    return values[static_cast<size_t>(row + 1) * (columns + 2) + column + 1];
+    return values[static_cast<size_t>(row + 1) * pitch + column + 1];
+  }
+  /// For locate_points(): indices into `values`, the last one for points that are not seen. What is
+  /// nearer than `whole_from_z`, metres, has none.
+  CellGrid grid(float whole_from_z) const {
+    constexpr float kRing = -kCell;
+    return {kRing, kRing, 1.0F / kCell, pitch, rows + 2, whole_from_z};
   }
 
   int columns, rows;
+  int pitch;  ///< from row to row
   std::vector<uint8_t> values;
 };
 
-/// Vertices no farther apart than this, pixels, leave no cell within the surface empty.
-constexpr float kDense = 0.75F * kCell;
+/// Points no farther apart than this, pixels, leave no cell within the surface empty.
+constexpr double kSparse = kCell;
+constexpr double kDense = 0.75 * kCell;
 /// Vertices lie in runs along the axes, those of the three axes between each other: with every
 /// second one, gaps are two edges long at most.
 constexpr size_t kStride = 2;
+
+std::vector<Eigen::Vector3f> every_second(const std::vector<Eigen::Vector3f>& vertices,
+                                          size_t first) {
+  std::vector<Eigen::Vector3f> half;
+  half.reserve(vertices.size() / kStride + 1);
+  for (size_t v = first; v < vertices.size(); v += kStride) half.push_back(vertices[v]);
+  return half;
+}
 
 int cell_of(float pixels) {
   constexpr float kFar = 1 << 20;  // whole cells, so that what lies before the image rounds alike
@@ -43,22 +62,9 @@ int cell_of(float pixels) {
          kCellShift;
 }
 
-/// Marks the cells of the vertices; the width in pixels of `edge_m` where the nearest one is.
-float reach_vertices(const std::vector<ScreenVertex>& vertices, float edge_px_m, Cells& reached) {
-  float nearest = 0;
-  for (const ScreenVertex& vertex : vertices) {
-    if (!vertex.on_screen()) continue;
-    const int column = cell_of(vertex.x);
-    const int row = cell_of(vertex.y);
-    if (column < 0 || row < 0 || column >= reached.columns || row >= reached.rows) continue;
-    reached.at(column, row) = 1;
-    nearest = std::max(nearest, vertex.inverse_z);
-  }
-  return nearest * edge_px_m;
-}
-
 /// Marks the cells that triangles touch with their bounding boxes.
-void reach_triangles(const Mesh& mesh, const std::vector<ScreenVertex>& vertices, Cells& reached) {
+void reach_triangles(const Mesh& mesh, const CameraModel& camera, Cells& reached) {
+  const std::vector<ScreenVertex> vertices = project_vertices(mesh, camera);
   for (const auto& [i, j, k] : mesh.triangles) {
     const ScreenVertex &a = vertices[i], &b = vertices[j], &c = vertices[k];
     if (!a.on_screen() || !b.on_screen() || !c.on_screen()) continue;
@@ -72,34 +78,60 @@ void reach_triangles(const Mesh& mesh, const std::vector<ScreenVertex>& vertices
   }
 }
 
-/// `sparse`: every kStride-th vertex, which is enough for a camera that is not too near.
-Cells reached_cells(const Mesh& mesh, const Mesh& sparse, const CameraModel& camera,
-                    double edge_m) {
-  Cells reached(camera.size());
-  const auto edge_px_m = static_cast<float>(camera.matrix()(0, 0) * edge_m);
-  const float edge = reach_vertices(project_vertices(sparse, camera), edge_px_m, reached);
-  if (kStride * edge <= kCell) return reached;
-  const std::vector<ScreenVertex> vertices = project_vertices(mesh, camera);
-  if (reach_vertices(vertices, edge_px_m, reached) > kDense) {
-    reach_triangles(mesh, vertices, reached);
+/// Marks the cells of the points; false when there is one nearer than `whole_from_z`, metres.
+bool reach_points(const PointArrays& points, const VoxelCamera& lens, double whole_from_z,
+                  Cells& reached) {
+  const CellGrid grid = reached.grid(static_cast<float>(whole_from_z));
+  LocatedPoints located;
+  bool all = true;
+  for (size_t block = 0; block < points.blocks(); ++block) {
+    locate_points(lens, grid, points, block * PointArrays::kBlock, located);
+    for (const int32_t cell : located.cell) {
+      if (cell == LocatedPoints::kNear) {
+        all = false;
+      } else {
+        reached.values[cell] = 1;
+      }
+    }
   }
+  return all;
+}
+
+/// Half of the vertices are enough for a camera that is not too near.
+Cells reached_cells(const Mesh& mesh, std::span<const PointArrays, 2> halves,
+                    const CameraModel& camera, double edge_m) {
+  Cells reached(camera.size());
+  const VoxelCamera lens = camera_of_metres(camera);
+  const double edge_px_m = camera.matrix()(0, 0) * edge_m;  // of an edge, at a metre
+  if (reach_points(halves[0], lens, kStride * edge_px_m / kSparse, reached)) return reached;
+  const double dense_from_z = edge_px_m / kDense;
+  const bool first = reach_points(halves[0], lens, dense_from_z, reached);
+  const bool second = reach_points(halves[1], lens, dense_from_z, reached);
+  if (!first || !second) reach_triangles(mesh, camera, reached);
   return reached;
 }
 
-/// Pixels of the mask in every cell.
-Cells pixels_in_cells(const Mask& mask) {
-  constexpr int kCellsOfWord = 64 / kCell;
+/// The number of bits in every byte.
+uint64_t bits_of_bytes(uint64_t word) {
+  word -= (word >> 1) & 0x5555'5555'5555'5555;
+  word = (word & 0x3333'3333'3333'3333) + ((word >> 2) & 0x3333'3333'3333'3333);
+  return (word + (word >> 4)) & 0x0F0F'0F0F'0F0F'0F0F;
+}
+
+/// Pixels of both masks in every cell: at most 64, so that the eight cells of a word add up without
+/// a carry from one to the next.
+Cells pixels_in_cells(const Mask& mask, const Mask& within) {
   Cells cells(mask.size());
   for (int y = 0; y < mask.size().height; ++y) {
-    const auto row = mask.row(y);
+    const auto row = mask.row(y), inner = within.row(y);
     for (size_t w = 0; w < row.size(); ++w) {
-      for (uint64_t rest = row[w]; rest != 0;) {
-        const int n = std::countr_zero(rest) >> kCellShift;
-        const uint64_t cell = uint64_t{0xFF} << (n << kCellShift);
-        cells.at(static_cast<int>(w) * kCellsOfWord + n, y >> kCellShift) +=
-            static_cast<uint8_t>(std::popcount(rest & cell));
-        rest &= ~cell;
-      }
+      const uint64_t word = row[w] & inner[w];
+      if (word == 0) continue;
+      uint8_t* counts = &cells.at(static_cast<int>(w) * kCellsOfWord, y >> kCellShift);
+      uint64_t sums = 0;
+      std::memcpy(&sums, counts, sizeof sums);
+      sums += bits_of_bytes(word);
+      std::memcpy(counts, &sums, sizeof sums);
     }
   }
   return cells;
@@ -122,10 +154,10 @@ QualityMeter::QualityMeter(const Rig& rig, const Box& bounds, double edge_m)
                     [&](size_t c) { views_[c] = view_of(bounds, models_[c]); });
 }
 
-QualityMeter::Count QualityMeter::count(const Mesh& mesh, const Mesh& sparse,
+QualityMeter::Count QualityMeter::count(const Mesh& mesh, std::span<const PointArrays, 2> halves,
                                         const Mask& silhouette, size_t camera) const {
-  Cells pixels = pixels_in_cells(both(silhouette, views_[camera]));
-  Cells reached = reached_cells(mesh, sparse, models_[camera], edge_m_);
+  Cells pixels = pixels_in_cells(silhouette, views_[camera]);
+  Cells reached = reached_cells(mesh, halves, models_[camera], edge_m_);
   Count count;
   for (int y = 0; y < reached.rows; ++y) {
     for (int x = 0; x < reached.columns; ++x) {
@@ -139,13 +171,11 @@ QualityMeter::Count QualityMeter::count(const Mesh& mesh, const Mesh& sparse,
 }
 
 FrameQuality QualityMeter::measure(const Mesh& mesh, std::span<const Frame* const> frames) const {
-  Mesh sparse;
-  for (size_t v = 0; v < mesh.vertices.size(); v += kStride) {
-    sparse.vertices.push_back(mesh.vertices[v]);
-  }
+  const std::array halves{PointArrays(every_second(mesh.vertices, 0)),
+                          PointArrays(every_second(mesh.vertices, 1))};
   std::vector<Count> counts(frames.size());
   tbb::parallel_for(size_t{0}, frames.size(), [&](size_t c) {
-    if (frames[c] != nullptr) counts[c] = count(mesh, sparse, *frames[c]->mask, c);
+    if (frames[c] != nullptr) counts[c] = count(mesh, halves, *frames[c]->mask, c);
   });
   FrameQuality quality;
   quality.cameras = static_cast<int>(

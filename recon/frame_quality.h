@@ -9,6 +9,7 @@
 #include "base/frame.h"
 #include "base/geometry.h"
 #include "base/mesh.h"
+#include "recon/point_arrays.h"
 
 namespace v3d {
 
@@ -43,7 +44,8 @@ class QualityMeter {
     int64_t explained = 0;  ///< of these
     int64_t too_much = 0;   ///< pixels beside them
   };
-  Count count(const Mesh& mesh, const Mesh& sparse, const Mask& silhouette, size_t camera) const;
+  Count count(const Mesh& mesh, std::span<const PointArrays, 2> halves, const Mask& silhouette,
+              size_t camera) const;
 
   const std::vector<CameraModel> models_;
   const double edge_m_;

@@ -75,9 +75,7 @@ static_assert(sizeof(ScreenVertex) == 4 * sizeof(float));
 
 void project_vertices(const Mesh& mesh, const CameraModel& camera,
                       std::vector<ScreenVertex>& screen) {
-  // The projection of the volume intersection, for a grid whose voxel indices are metres.
-  const VoxelGrid metres{Eigen::Vector3d::Constant(-0.5), 1, {}};
-  const VoxelCamera lens(camera, metres);
+  const VoxelCamera lens = camera_of_metres(camera);
   screen.resize(mesh.vertices.size());
   HWY_DYNAMIC_DISPATCH(project_any)
   (lens, reinterpret_cast<const float*>(mesh.vertices.data()), screen.size(),

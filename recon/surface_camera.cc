@@ -3,16 +3,10 @@
 #include "recon/screen_vertex.h"
 
 namespace v3d {
-namespace {
-
-/// A grid whose voxel indices are metres.
-const VoxelGrid kMetres{Eigen::Vector3d::Constant(-0.5), 1, {}};
-
-}  // namespace
 
 SurfaceCamera::SurfaceCamera(const DeformCamera& camera)
     : frame_(camera.frame),
-      lens_(*camera.model, kMetres),
+      lens_(camera_of_metres(*camera.model)),
       center_(camera.model->center().cast<float>()) {
   pictures_[0] = Luminance(*frame_);
   for (int level = 1; level < kLevels; ++level) {

@@ -12,9 +12,6 @@
 namespace v3d {
 namespace {
 
-/// A grid whose voxel indices are metres.
-const VoxelGrid kMetres{Eigen::Vector3d::Constant(-0.5), 1, {}};
-
 Eigen::Vector3f centroid(const PointArrays& points) {
   if (points.count == 0) {
     return Eigen::Vector3f::Zero();
@@ -46,7 +43,7 @@ std::vector<VertexCamera> prepare(const PointArrays& points, std::vector<Texture
   tbb::parallel_for(size_t{0}, cameras.size(), [&](size_t c) {
     const CameraModel& model = *cameras[c].model;
     VertexCamera& camera = prepared[c];
-    camera.lens = VoxelCamera(model, kMetres);
+    camera.lens = camera_of_metres(model);
     camera.axis = model.viewing_direction().cast<float>();
     camera.frame = cameras[c].frame;
     camera.mask = ColourMask(*camera.frame);

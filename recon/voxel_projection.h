@@ -36,6 +36,11 @@ struct VoxelCamera {
   VoxelCamera(const CameraModel& camera, const VoxelGrid& grid);
 };
 
+/// For points given in metres in the world, in place of voxel indices.
+inline VoxelCamera camera_of_metres(const CameraModel& camera) {
+  return {camera, VoxelGrid{Eigen::Vector3d::Constant(-0.5), 1, {}}};
+}
+
 inline float square(float x) { return x * x; }
 inline float reciprocal(float x) { return 1.0F / x; }
 inline float times(float a, float b) { return a * b; }

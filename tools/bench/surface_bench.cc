@@ -2,6 +2,7 @@
 
 #include "rates.h"
 #include "recon/depth_raster.h"
+#include "recon/frame_quality.h"
 #include "recon/texture.h"
 #include "workload.h"
 
@@ -25,6 +26,19 @@ void texture(benchmark::State& state, int threads) {
   });
 }
 
+/// How well a mesh explains the silhouettes it was made of.
+void score(benchmark::State& state) {
+  const QualityMeter meter(rig(), options(0.01, 0).bounds, 0.01);
+  std::vector<const Frame*> frames;
+  for (const Frame& frame : frame_set().frames) frames.push_back(&frame);
+  const Mesh& mesh = mesh_10mm();
+  tbb::task_arena arena(1);
+  FrameQuality quality;
+  measure(state, 1, 0, [&] { arena.execute([&] { quality = meter.measure(mesh, frames); }); });
+  state.counters["iou"] = quality.silhouette_iou;
+  state.counters["coverage"] = quality.coverage;
+}
+
 /// The depth buffers of the whole rig, reduced by `factor`.
 void raster(benchmark::State& state, int factor) {
   std::vector<CameraModel> models;
@@ -40,6 +54,7 @@ void raster(benchmark::State& state, int factor) {
 
 BENCHMARK_CAPTURE(texture, one, 1)->Name("texture/10mm");
 BENCHMARK_CAPTURE(texture, two, 2)->Name("texture/10mm/threads:2");
+BENCHMARK(score)->Name("score/10mm");
 BENCHMARK_CAPTURE(raster, whole, 1)->Name("raster/depth_15xXGA");
 BENCHMARK_CAPTURE(raster, half, 2)->Name("raster/depth_15xXGA/half");
 BENCHMARK_CAPTURE(raster, quarter, 4)->Name("raster/depth_15xXGA/quarter");
