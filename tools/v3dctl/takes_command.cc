@@ -8,8 +8,8 @@
 #include "common/console.h"
 #include "take/verified.h"
 #include "v3dctl/command.h"
+#include "v3dctl/listing_text.h"
 #include "v3dctl/options.h"
-#include "v3dctl/take_listing.h"
 #include "v3dctl/takes_collect.h"
 
 namespace v3d::ctl {
@@ -85,7 +85,10 @@ void print_listing(const std::vector<TakeListing>& takes, bool json) {
 }
 
 int run_list(const CommandLine& line, const Arguments& arguments) {
-  print_listing(find_takes(folder_of(line, arguments)), arguments.json);
+  const auto passed_over = [](const InputError& error) {
+    note(std::string("v3dctl: passed over: ") + error.what());
+  };
+  print_listing(find_takes(folder_of(line, arguments), passed_over), arguments.json);
   return kExitDone;
 }
 

@@ -3,14 +3,16 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <functional>
 #include <string>
 #include <string_view>
 #include <vector>
 
+#include "base/error.h"
 #include "take/slate.h"
 #include "take/take.h"
 
-namespace v3d::ctl {
+namespace v3d {
 
 struct TakeListing {
   TakePaths paths;
@@ -29,13 +31,9 @@ struct TakeListing {
 /// Throws InputError when the folder is no take, or a file of it cannot be read.
 TakeListing look_at_take(const TakePaths& paths);
 
-/// The takes in a folder, oldest first. A folder that cannot be read as a take is told about on
-/// stderr and passed over. Throws InputError when `folder` is none.
-std::vector<TakeListing> find_takes(const std::filesystem::path& folder);
+/// The takes in a folder, oldest first. One that cannot be read is passed over, and `passed_over`
+/// told why. Throws InputError when `folder` is none.
+std::vector<TakeListing> find_takes(const std::filesystem::path& folder,
+                                    const std::function<void(const InputError&)>& passed_over);
 
-/// "0:50", "1:02:03"
-std::string format_length_of_time(double seconds);
-/// One line each, in columns.
-std::vector<std::string> listing_lines(const std::vector<TakeListing>& takes);
-
-}  // namespace v3d::ctl
+}  // namespace v3d

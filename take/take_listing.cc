@@ -1,0 +1,63 @@
+#include "take/take_listing.h"
+
+#include <algorithm>
+#include <tuple>
+
+#include "take/ledger.h"
+#include "take/mesh_file.h"
+#include "take/verified.h"
+
+namespace v3d {
+namespace {
+
+namespace fs = std::filesystem;
+
+int64_t bytes_in(const fs::path& folder) {
+  int64_t bytes = 0;
+  std::error_code error;
+  for (const auto& entry : fs::recursive_directory_iterator(folder, error)) {
+    if (entry.is_regular_file(error)) bytes += static_cast<int64_t>(entry.file_size(error));
+  }
+  return bytes;
+}
+
+}  // namespace
+
+std::string_view TakeListing::verdict() const {
+  if (info.state == TakeState::kRecording) return "recording";
+  if (!whole) return "incomplete";
+  return info.state == TakeState::kRecovered ? "recovered" : "complete";
+}
+
+TakeListing look_at_take(const TakePaths& paths) {
+  TakeListing take;
+  take.paths = paths;
+  take.info = load_take_info(paths);
+  if (fs::exists(paths.ledger())) take.whole = load_ledger(paths.ledger()).complete();
+  if (fs::exists(paths.mesh())) take.meshes = std::ssize(MeshFileReader(paths.mesh()).pulses());
+  take.verified = load_verified(paths).has_value();
+  take.bytes = bytes_in(paths.folder);
+  take.slate = load_slate(paths.slate());
+  return take;
+}
+
+std::vector<TakeListing> find_takes(const fs::path& folder,
+                                    const std::function<void(const InputError&)>& passed_over) {
+  if (!fs::is_directory(folder)) throw InputError(folder.string() + ": is no folder of takes");
+  std::vector<TakeListing> takes;
+  for (const fs::directory_entry& entry : fs::directory_iterator(folder)) {
+    const TakePaths paths{entry.path()};
+    if (!fs::exists(paths.info())) continue;
+    try {
+      takes.push_back(look_at_take(paths));
+    } catch (const InputError& error) {
+      passed_over(error);
+    }
+  }
+  std::sort(takes.begin(), takes.end(), [](const TakeListing& a, const TakeListing& b) {
+    return std::tie(a.info.started, a.info.name) < std::tie(b.info.started, b.info.name);
+  });
+  return takes;
+}
+
+}  // namespace v3d
