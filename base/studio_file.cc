@@ -388,6 +388,17 @@ void read_reconstruction(const TomlTable& file, Studio& studio) {
   table.refuse_unknown();
 }
 
+void read_viewer(const TomlTable& file, Studio& studio) {
+  if (!file.has("viewer")) {
+    return;
+  }
+  const TomlTable table = file.table("viewer");
+  studio.viewer.listen = table.text_or("listen", studio.viewer.listen);
+  if (table.has("token")) studio.viewer.token = resolve(studio, table.text("token"));
+  studio.viewer.page = resolve(studio, table.text_or("page", studio.viewer.page.string()));
+  table.refuse_unknown();
+}
+
 }  // namespace
 
 std::string StudioInstrument::text() const {
@@ -417,6 +428,7 @@ Studio parse_studio(std::string_view text, const std::filesystem::path& path) {
   read_network(file, studio);
   read_storage(file, studio);
   read_reconstruction(file, studio);
+  read_viewer(file, studio);
   file.refuse_unknown();
   return studio;
 }

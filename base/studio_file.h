@@ -126,6 +126,13 @@ struct StudioReconstruction {
       200;  ///< a frame set waits so long for its last camera, counted from its first
 };
 
+/// [viewer]; relative paths are taken from the folder of the studio file.
+struct StudioViewer {
+  std::string listen = "127.0.0.1:8330";  ///< v3d-viewd's address and port
+  std::filesystem::path token;            ///< file with the token browsers must show; empty: none
+  std::filesystem::path page = "/usr/share/v3d/viewer";  ///< folder of the built page
+};
+
 struct Studio {
   std::string name;
   std::filesystem::path path;  ///< the file it was read from
@@ -136,6 +143,7 @@ struct Studio {
   StudioNetwork network;
   StudioStorage storage;
   StudioReconstruction reconstruction;
+  StudioViewer viewer;
 
   std::vector<StudioCamera> cameras_of(std::string_view node) const;
 };

@@ -1,6 +1,6 @@
 # Debian packages, one per role of a PC: cpack --config build/release/CPackConfig.cmake -B build/packages
-# A capture PC wants v3d-capture, the reconstruction PC v3d-recon, an operator's PC v3d-tools; v3d-common is the
-# user, the group and the settings that they share.
+# A capture PC wants v3d-capture, the reconstruction PC v3d-recon and, for browsers, v3d-viewer, an operator's PC
+# v3d-tools; v3d-common is the user, the group and the settings that they share.
 set(CPACK_GENERATOR DEB)
 set(CPACK_PACKAGE_NAME v3d)
 set(CPACK_PACKAGE_CONTACT "V3D <v3d@localhost>")
@@ -10,7 +10,7 @@ set(CPACK_STRIP_FILES ON)
 set(CPACK_VERBATIM_VARIABLES ON)
 set(CPACK_DEB_COMPONENT_INSTALL ON)
 set(CPACK_COMPONENTS_GROUPING IGNORE)
-set(CPACK_COMPONENTS_ALL common capture recon tools import)
+set(CPACK_COMPONENTS_ALL common capture recon viewer tools import)
 set(CPACK_DEBIAN_FILE_NAME DEB-DEFAULT)
 set(CPACK_DEBIAN_PACKAGE_SHLIBDEPS ON)
 set(CPACK_DEBIAN_PACKAGE_SECTION video)
@@ -38,6 +38,7 @@ v3d_package(capture "V3D studio: daemon of a capture PC, cameras and trigger"
   DEPENDS ${common} RECOMMENDS rsync openssh-server)
 v3d_package(recon "V3D studio: daemon of the reconstruction PC"
   DEPENDS ${common} RECOMMENDS rsync openssh-server)
+v3d_package(viewer "V3D studio: the studio and its takes in a browser" DEPENDS ${common})
 v3d_package(tools "V3D studio: v3dctl for operators, v3d-sim for rehearsals"
   RECOMMENDS rsync openssh-client)
 set(CPACK_DEBIAN_TOOLS_PACKAGE_SUGGESTS "default-jre, liblcm-java, libjchart2d-java")

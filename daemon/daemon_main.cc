@@ -30,9 +30,11 @@ int daemon_main(int argc, char** argv, const DaemonProgram& program, const Daemo
   std::string log_level = "info";
   app.set_version_flag("--version", V3D_VERSION);
   app.add_option("--studio", studio, "the studio file")->required()->type_name("studio.toml");
-  app.add_option("--node", node, "the [[node]] of the studio file that this process is")
-      ->required(program.node_is_required)
-      ->type_name("NAME");
+  if (program.is_a_node) {
+    app.add_option("--node", node, "the [[node]] of the studio file that this process is")
+        ->required(program.node_is_required)
+        ->type_name("NAME");
+  }
   app.add_option("--log-level", log_level, "trace, debug, info, warning, error or off")
       ->capture_default_str();
   bool errand = false;

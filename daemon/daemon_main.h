@@ -24,6 +24,7 @@ struct DaemonProgram {
   std::string name;     ///< "v3d-captured"
   std::string purpose;  ///< one line for --help
   bool node_is_required = true;
+  bool is_a_node = true;  ///< otherwise it knows no --node
   std::optional<DaemonErrand> errand = {};
 };
 

@@ -93,6 +93,15 @@ TEST(StudioFile, takes_relative_paths_from_its_own_folder) {
   EXPECT_EQ(studio.trigger.wire, "/etc/v3d/trigger.sock");
 }
 
+TEST(StudioFile, shows_itself_to_this_pc_alone_unless_it_says_otherwise) {
+  EXPECT_EQ(parse_studio(kGood, "/studio/studio.toml").viewer.listen, "127.0.0.1:8330");
+  const Studio studio = parse_studio(
+      std::string(kGood) + "[viewer]\nlisten = \"0.0.0.0:80\"\ntoken = \"viewer.token\"\n",
+      "/studio/studio.toml");
+  EXPECT_EQ(studio.viewer.listen, "0.0.0.0:80");
+  EXPECT_EQ(studio.viewer.token, "/studio/viewer.token");
+}
+
 TEST(StudioFile, with_two_cameras_or_two_nodes_of_one_name_is_refused) {
   EXPECT_EQ(message_for(with("\"cam02\"", "\"cam01\"")),
             "/etc/v3d/studio.toml:18: camera.name: two cameras are named 'cam01'");

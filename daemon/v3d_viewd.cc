@@ -1,0 +1,73 @@
+// v3d-viewd: shows the studio and its takes to browsers.
+#include <spdlog/spdlog.h>
+
+#include "base/error.h"
+#include "daemon/daemon_main.h"
+#include "daemon/operator_client.h"
+#include "daemon/service.h"
+#include "daemon/viewd/live_feed.h"
+#include "daemon/viewd/page_files.h"
+#include "daemon/viewd/studio_board.h"
+#include "daemon/viewd/web_server.h"
+#include "daemon/viewd/web_site.h"
+
+namespace {
+
+constexpr v3d::Duration kLook = std::chrono::milliseconds(20);
+
+std::string token_of(const v3d::Studio& studio, const v3d::WebAddress& address) {
+  if (!studio.viewer.token.empty()) return v3d::load_web_token(studio.viewer.token);
+  if (address.is_loopback()) return "";
+  throw v3d::InputError(studio.path.string() + ": viewer.listen: " + studio.viewer.listen +
+                        " is open to the network, so it wants viewer.token, a file with a token "
+                        "that browsers must show; or 127.0.0.1 for this PC alone");
+}
+
+/// Brings what is heard on the studio's network to who watches.
+void listen(v3d::OperatorClient& client, v3d::WebServer& server, v3d::LiveFeed& feed,
+            v3d::StudioBoard& board) {
+  const auto mesh = client.next_mesh(v3d::Monotonic::now() + kLook);
+  const v3d::MonotonicInstant now = v3d::Monotonic::now();
+  server.run_inside([&](int64_t watchers) {
+    if (mesh) feed.add(*mesh);
+    while (const auto health = client.next_health(now)) board.hear(*health, now);
+    while (const auto event = client.next_event(now)) board.hear(*event);
+    while (const auto preview = client.next_preview(now)) board.hear(*preview);
+    board.set_watchers(watchers);
+    board.turn(now);
+  });
+}
+
+void run(const v3d::Studio& studio, const std::string& /*node*/) {
+  const v3d::WebAddress address =
+      v3d::parse_web_address(studio.viewer.listen, studio.path.string() + ": viewer.listen");
+  v3d::WebSite site(studio, v3d::WebAccess(token_of(studio, address)),
+                    v3d::find_page_files(studio.viewer.page));
+  v3d::OperatorClient client(studio);
+  if (!client.not_verified().empty()) spdlog::warn("not verified: {}", client.not_verified());
+  v3d::LiveFeed feed;
+  v3d::StudioBoard board(studio, client.nodes(), client.not_verified());
+  const auto watch = [&](v3d::WebSite::StreamKind kind) {
+    return kind == v3d::WebSite::StreamKind::kLive ? feed.watch() : board.watch();
+  };
+  v3d::WebServer server(address, site, watch);
+  const std::string host =
+      address.host.find(':') == std::string::npos ? address.host : "[" + address.host + "]";
+  spdlog::info("serves http://{}:{}/", host, server.port());
+  v3d::service::ready();
+  while (!v3d::stop_requested()) {
+    listen(client, server, feed, board);
+    v3d::service::feed_watchdog();
+  }
+  v3d::service::stopping();
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  return v3d::daemon_main(argc, argv,
+                          {.name = "v3d-viewd",
+                           .purpose = "Shows a studio and its takes to browsers.",
+                           .is_a_node = false},
+                          run);
+}

@@ -1,0 +1,85 @@
+#include "daemon/viewd/studio_board.h"
+
+#include <algorithm>
+#include <utility>
+
+namespace v3d {
+
+class StudioBoard::Watcher : public WebStream {
+ public:
+  explicit Watcher(const StudioBoard& board) : board_(board) {}
+
+  std::optional<WebMessage> next() override {
+    if (board_.shown_.number > state_) {
+      state_ = board_.shown_.number;
+      return WebMessage{.is_text = true, .bytes = board_.shown_.text};
+    }
+    for (const Note& event : board_.events_) {
+      if (event.number <= event_) continue;
+      event_ = event.number;
+      return WebMessage{.is_text = true, .bytes = event.text};
+    }
+    for (const auto& [camera, preview] : board_.previews_) {
+      int64_t& last = previews_[camera];
+      if (preview.number <= last) continue;
+      last = preview.number;
+      return WebMessage{.is_text = false, .bytes = preview.text};
+    }
+    return {};
+  }
+
+ private:
+  const StudioBoard& board_;
+  int64_t state_ = 0;
+  int64_t event_ = 0;
+  std::map<std::string, int64_t> previews_;
+};
+
+StudioBoard::StudioBoard(const Studio& studio, const std::vector<std::string>& nodes,
+                         std::string not_verified) {
+  state_.studio = studio.name;
+  state_.not_verified = std::move(not_verified);
+  state_.nodes = nodes;
+  for (const StudioCamera& camera : studio.cameras) {
+    state_.cameras[camera.node].push_back(camera.name);
+    previews_[camera.name] = {};
+  }
+}
+
+StudioBoard::Note StudioBoard::note(std::string text) {
+  return {++numbers_, std::make_shared<const std::string>(std::move(text))};
+}
+
+void StudioBoard::hear(const HealthMessage& health, MonotonicInstant now) {
+  if (std::ranges::find(state_.nodes, health.node) == state_.nodes.end()) return;
+  state_.health[health.node] = health;
+  heard_[health.node] = now;
+  changed_ = true;
+}
+
+void StudioBoard::hear(const EventMessage& event) {
+  events_.push_back(note(event_json(event)));
+  if (events_.size() > kEventsKept) events_.pop_front();
+}
+
+void StudioBoard::hear(const PreviewMessage& preview) {
+  const auto found = previews_.find(preview.camera);
+  if (found != previews_.end()) found->second = note(preview_message(preview));
+}
+
+void StudioBoard::set_watchers(int64_t watchers) {
+  changed_ = changed_ || watchers != state_.watchers;
+  state_.watchers = watchers;
+}
+
+void StudioBoard::turn(MonotonicInstant now) {
+  for (const auto& [node, at] : heard_) {
+    if (now - at > kSilentAfter && state_.health.erase(node) > 0) changed_ = true;
+  }
+  if (!std::exchange(changed_, false)) return;
+  shown_ = note(state_json(state_));
+}
+
+std::unique_ptr<WebStream> StudioBoard::watch() const { return std::make_unique<Watcher>(*this); }
+
+}  // namespace v3d

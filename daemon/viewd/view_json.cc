@@ -1,0 +1,169 @@
+#include "daemon/viewd/view_json.h"
+
+#include <nlohmann/json.hpp>
+
+#include "base/mask.h"
+
+namespace v3d {
+namespace {
+
+using Json = nlohmann::json;
+
+std::string text_of(const Json& json) {
+  return json.dump(-1, ' ', false, Json::error_handler_t::replace);
+}
+
+double milliseconds(RealtimeInstant t) { return static_cast<double>(to_ns(t)) * 1e-6; }
+
+Json slate_json(const Slate& slate) {
+  return {{"scene", slate.scene},
+          {"take", slate.take},
+          {"note", slate.note},
+          {"mark", name(slate.mark)}};
+}
+
+Json take_json(const TakeListing& take) {
+  std::error_code error;
+  const auto bytes = std::filesystem::file_size(take.paths.mesh(), error);
+  return {{"name", take.info.name},
+          {"studio", take.info.studio},
+          {"started_ns", to_ns(take.info.started)},
+          {"state", take.verdict()},
+          {"verified", take.verified},
+          {"rate_hz", take.info.rate_hz},
+          {"pulses", take.info.pulses},
+          {"seconds", take.seconds()},
+          {"bytes", take.bytes},
+          {"mesh_bytes", error ? 0 : bytes},
+          {"cameras", take.info.cameras},
+          {"meshes", take.meshes},
+          {"slate", slate_json(take.slate)}};
+}
+
+Json matrix_json(const Eigen::Matrix3d& m) {
+  Json rows = Json::array();
+  for (int row = 0; row < 3; ++row) rows.push_back({m(row, 0), m(row, 1), m(row, 2)});
+  return rows;
+}
+
+Json camera_json(const RigCamera& camera) {
+  const CameraModel& model = camera.model;
+  const Eigen::Vector3d& t = model.cam_from_world().translation;
+  return {{"name", camera.name},
+          {"width", model.size().width},
+          {"height", model.size().height},
+          {"matrix", matrix_json(model.matrix())},
+          {"distortion", model.distortion()},
+          {"rotation", matrix_json(model.cam_from_world().rotation)},
+          {"translation", {t.x(), t.y(), t.z()}}};
+}
+
+std::string framed(const Json& head) {
+  const std::string text = text_of(head);
+  std::string message;
+  for (int byte = 0; byte < 4; ++byte) {
+    message += static_cast<char>(text.size() >> (8 * byte) & 0xff);
+  }
+  return message + text;
+}
+
+void append(std::string& message, const std::vector<uint8_t>& bytes) {
+  message.append(bytes.begin(), bytes.end());
+}
+
+std::string_view word(Severity severity) {
+  switch (severity) {
+    case Severity::kInfo:
+      return "info";
+    case Severity::kWarning:
+      return "warning";
+    case Severity::kAlarm:
+      return "alarm";
+  }
+  return "";
+}
+
+Json node_json(const StudioState& state, const std::string& node) {
+  const auto cameras = state.cameras.find(node);
+  const auto found = state.health.find(node);
+  Json json = {{"name", node}, {"heard", found != state.health.end()}};
+  json["cameras"] = cameras == state.cameras.end() ? Json::array() : Json(cameras->second);
+  if (found == state.health.end()) return json;
+  const HealthMessage& health = found->second;
+  json["program"] = health.program;
+  json["version"] = health.version;
+  json["state"] = name(health.state);
+  json["take"] = health.take;
+  json["text"] = health.text;
+  json["values"] = health.values;
+  return json;
+}
+
+}  // namespace
+
+std::string takes_json(const std::vector<TakeListing>& takes) {
+  Json list = Json::array();
+  for (const TakeListing& take : takes) list.push_back(take_json(take));
+  return text_of({{"takes", list}});
+}
+
+std::string rig_json(const Rig& rig) {
+  Json cameras = Json::array();
+  for (const RigCamera& camera : rig) cameras.push_back(camera_json(camera));
+  return text_of({{"cameras", cameras}});
+}
+
+std::string mesh_message(const MeshMessage& mesh, int64_t number) {
+  const bool timed = to_ns(mesh.pulse_edge) != 0;
+  std::string message = framed({{"type", "mesh"},
+                                {"number", number},
+                                {"take", mesh.take},
+                                {"pulse", mesh.pulse},
+                                {"edge_ms", timed ? Json(milliseconds(mesh.pulse_edge)) : Json()},
+                                {"sent_ms", milliseconds(mesh.sent)},
+                                {"silhouette_iou", mesh.silhouette_iou},
+                                {"coverage", mesh.coverage},
+                                {"cameras", mesh.cameras},
+                                {"missing", mesh.missing}});
+  append(message, mesh.compact);
+  return message;
+}
+
+std::string preview_message(const PreviewMessage& preview) {
+  const std::vector<uint8_t> runs =
+      preview.mask ? encode_runs(*preview.mask) : std::vector<uint8_t>();
+  std::string message = framed({{"type", "preview"},
+                                {"camera", preview.camera},
+                                {"pulse", preview.pulse},
+                                {"width", preview.size.width},
+                                {"height", preview.size.height},
+                                {"runs", runs.size()}});
+  append(message, runs);
+  append(message, preview.jpeg);
+  return message;
+}
+
+std::string event_json(const EventMessage& event) {
+  return text_of({{"type", "event"},
+                  {"node", event.node},
+                  {"severity", word(event.severity)},
+                  {"subject", event.subject},
+                  {"text", event.text},
+                  {"sent_ms", milliseconds(event.sent)}});
+}
+
+std::string state_json(const StudioState& state) {
+  Json nodes = Json::array();
+  for (const std::string& node : state.nodes) nodes.push_back(node_json(state, node));
+  return text_of({{"type", "state"},
+                  {"studio", state.studio},
+                  {"not_verified", state.not_verified},
+                  {"watchers", state.watchers},
+                  {"nodes", nodes}});
+}
+
+std::string pong_json(int64_t ping, RealtimeInstant now) {
+  return text_of({{"type", "pong"}, {"ping", ping}, {"now_ms", milliseconds(now)}});
+}
+
+}  // namespace v3d

@@ -1,0 +1,133 @@
+#include "daemon/viewd/web_access.h"
+
+#include <arpa/inet.h>
+#include <sys/stat.h>
+
+#include <algorithm>
+#include <array>
+#include <cctype>
+#include <charconv>
+#include <cstring>
+
+#include "base/error.h"
+#include "base/file.h"
+
+namespace v3d {
+namespace {
+
+constexpr std::string_view kCookie = "v3d_token=";
+constexpr std::string_view kBearer = "Bearer ";
+
+bool is_ip_address(const std::string& host) {
+  std::array<unsigned char, sizeof(in6_addr)> bytes{};
+  return inet_pton(AF_INET, host.c_str(), bytes.data()) == 1 ||
+         inet_pton(AF_INET6, host.c_str(), bytes.data()) == 1;
+}
+
+bool is_loopback_name(std::string_view host) {
+  return host == "localhost" || host == "::1" ||
+         (host.starts_with("127.") && is_ip_address(std::string(host)));
+}
+
+/// "localhost:8330" and "[::1]:8330" without the port and the brackets.
+std::string_view name_in(std::string_view host) {
+  if (host.starts_with('[')) {
+    const size_t end = host.find(']');
+    return end == std::string_view::npos ? "" : host.substr(1, end - 1);
+  }
+  return host.substr(0, host.find(':'));
+}
+
+bool is_token_letter(char c) {
+  return std::isalnum(static_cast<unsigned char>(c)) || c == '-' || c == '_';
+}
+
+std::string_view without_end_of_line(std::string_view text) {
+  while (text.ends_with('\n') || text.ends_with('\r')) text.remove_suffix(1);
+  return text;
+}
+
+void refuse_open_file(const std::filesystem::path& path) {
+  struct stat state {};
+  if (stat(path.c_str(), &state) != 0) {
+    throw InputError(errno_message("viewer.token: " + path.string()) +
+                     "; make one: (umask 027; openssl rand -hex 24 > " + path.string() + ")");
+  }
+  if ((state.st_mode & S_IRWXO) == 0) return;
+  throw InputError(path.string() + ": others may read the viewer's token; try: chmod 640 " +
+                   path.string());
+}
+
+}  // namespace
+
+bool WebAddress::is_loopback() const { return is_loopback_name(host); }
+
+WebAddress parse_web_address(std::string_view text, const std::string& field) {
+  const size_t colon = text.rfind(':');
+  WebAddress address;
+  if (colon != std::string_view::npos) {
+    const std::string_view port = text.substr(colon + 1);
+    const char* end = port.data() + port.size();
+    const auto parsed = std::from_chars(port.data(), end, address.port);
+    address.host = name_in(text.starts_with('[') ? text : text.substr(0, colon));
+    if (parsed.ec == std::errc() && parsed.ptr == end && is_ip_address(address.host)) {
+      return address;
+    }
+  }
+  throw InputError(field + ": '" + std::string(text) +
+                   "': expected ADDRESS:PORT, such as 127.0.0.1:8330 for this PC alone or "
+                   "0.0.0.0:8330 for the network");
+}
+
+std::string load_web_token(const std::filesystem::path& path) {
+  refuse_open_file(path);
+  const std::string text = read_file(path);
+  const std::string token(without_end_of_line(text));
+  if (token.size() < 16 || token.size() > 256 || !std::ranges::all_of(token, is_token_letter)) {
+    throw InputError(path.string() +
+                     ": expected one line of 16 to 256 letters, digits, '-' and '_'");
+  }
+  return token;
+}
+
+bool WebAccess::is_token(std::string_view text) const {
+  // As long for a token that is nearly right as for any other.
+  unsigned difference = text.size() == token_.size() ? 0 : 1;
+  for (size_t i = 0; i < std::min(text.size(), token_.size()); ++i) {
+    difference |= static_cast<unsigned char>(text[i] ^ token_[i]);
+  }
+  return difference == 0;
+}
+
+bool WebAccess::shows_token(const WebRequest& request) const {
+  const std::string_view field = request.authorization;
+  if (field.starts_with(kBearer) && is_token(field.substr(kBearer.size()))) return true;
+  std::string_view cookies = request.cookie;
+  while (!cookies.empty()) {
+    const std::string_view cookie = cookies.substr(0, cookies.find(';'));
+    if (cookie.starts_with(kCookie) && is_token(cookie.substr(kCookie.size()))) return true;
+    cookies.remove_prefix(std::min(cookies.size(), cookie.size() + 1));
+    while (cookies.starts_with(' ')) cookies.remove_prefix(1);
+  }
+  return false;
+}
+
+WebAccess::Verdict WebAccess::judge(const WebRequest& request, const WebTarget& target) const {
+  if (token_.empty()) {
+    return is_loopback_name(name_in(request.host)) ? Verdict::kMay : Verdict::kStrangeHost;
+  }
+  const auto shown = target.query.find("token");
+  if (shown != target.query.end() && is_token(shown->second)) return Verdict::kMayWithCookie;
+  return shows_token(request) ? Verdict::kMay : Verdict::kWantsToken;
+}
+
+bool WebAccess::is_own_page(const WebRequest& request) {
+  if (request.origin.empty()) return true;  // no browser
+  return request.origin == "http://" + request.host || request.origin == "https://" + request.host;
+}
+
+std::string WebAccess::set_cookie() const {
+  return std::string(kCookie) + token_ + "; Path=/; HttpOnly; SameSite=Strict; Max-Age=2592000";
+}
+
+}  // namespace v3d

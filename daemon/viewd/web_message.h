@@ -1,0 +1,71 @@
+// What is asked of v3d-viewd and what it answers, as plain values: between the pages, which know
+// nothing of sockets, and the server, which knows nothing of takes.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+namespace v3d {
+
+/// Fields of an HTTP request, empty where they were not sent.
+struct WebRequest {
+  std::string method = {};  ///< "GET"
+  std::string target = {};  ///< "/takes/kendo-07/mesh.v3d?x=1"
+  std::string host = {};
+  std::string origin = {};
+  std::string range = {};
+  std::string if_none_match = {};
+  std::string cookie = {};
+  std::string authorization = {};
+};
+
+/// A file that is open, closed with the last that has it.
+class OpenFile {
+ public:
+  explicit OpenFile(int fd) : fd_(fd) {}
+  ~OpenFile();
+  OpenFile(const OpenFile&) = delete;
+  OpenFile& operator=(const OpenFile&) = delete;
+  int fd() const { return fd_; }
+
+ private:
+  const int fd_;
+};
+
+/// Bytes of a file. Shared: answers are copied on their way through the server.
+struct FilePart {
+  std::shared_ptr<const OpenFile> file;
+  int64_t first = 0;
+  int64_t size = 0;
+};
+
+struct WebAnswer {
+  int status = 200;
+  std::string type = "text/plain; charset=utf-8";
+  std::string body = {};
+  std::optional<FilePart> file = {};  ///< instead of `body`
+  std::vector<std::pair<std::string, std::string>> fields = {};
+};
+
+/// A message of a WebSocket. Its bytes are made once and sent to everybody who watches: shared.
+struct WebMessage {
+  bool is_text = false;
+  std::shared_ptr<const std::string> bytes;
+};
+
+/// What one who watches over a WebSocket has not been sent yet.
+class WebStream {
+ public:
+  WebStream() = default;
+  virtual ~WebStream() = default;
+  WebStream(const WebStream&) = delete;
+  WebStream& operator=(const WebStream&) = delete;
+  /// The next message, of what there is now; empty when there is nothing new.
+  virtual std::optional<WebMessage> next() = 0;
+};
+
+}  // namespace v3d

@@ -1,0 +1,44 @@
+// HTTP and WebSocket. The adapter of Boost.Beast: knows sockets, and nothing of takes.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <memory>
+
+#include "daemon/viewd/web_access.h"
+#include "daemon/viewd/web_message.h"
+#include "daemon/viewd/web_site.h"
+
+namespace v3d {
+
+/// Answers requests and feeds WebSockets on one thread of its own. Each WebSocket has one message
+/// under way at a time, and is asked for the next (WebStream::next) when that has gone: who is slow
+/// makes nothing queue up here, and little in the kernel.
+///
+/// Bounded whatever arrives: connections (more are closed at once), the header of a request, what a
+/// WebSocket may send, the time that a request and an idle connection may take.
+class WebServer {
+ public:
+  static constexpr int kMostConnections = 128;
+  static constexpr int kMostHeaderBytes = 8192;
+
+  using Watch = std::function<std::unique_ptr<WebStream>(WebSite::StreamKind)>;
+
+  /// `site` and whatever `watch` reaches outlive the server, and are used on its thread alone.
+  /// Throws InputError when nothing can listen there. Port 0 is any that is free.
+  WebServer(const WebAddress& address, WebSite& site, Watch watch);
+  ~WebServer();
+  WebServer(const WebServer&) = delete;
+  WebServer& operator=(const WebServer&) = delete;
+
+  uint16_t port() const;
+  /// Does `work` on the server's thread, then sends all who watch what is new; returns when it is
+  /// done, so that whoever brings news cannot outrun it. `work` is told how many watch.
+  void run_inside(const std::function<void(int64_t watchers)>& work);
+
+ private:
+  class Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace v3d

@@ -1,0 +1,172 @@
+#include "daemon/viewd/web_site.h"
+
+#include <fcntl.h>
+#include <spdlog/spdlog.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include "base/calib_file.h"
+#include "base/error.h"
+#include "base/name.h"
+#include "daemon/viewd/byte_range.h"
+#include "daemon/viewd/view_json.h"
+#include "take/take_listing.h"
+
+namespace v3d {
+namespace {
+
+WebAnswer plain(int status, const std::string& text) {
+  return {.status = status, .body = text + "\n"};
+}
+
+WebAnswer json(std::string text) {
+  return {.type = "application/json",
+          .body = std::move(text),
+          .fields = {{"Cache-Control", "no-store"}}};
+}
+
+/// The file's size and time: another content has another tag.
+std::string tag_of(const struct stat& state) {
+  const int64_t changed = state.st_mtim.tv_sec * 1'000'000'000LL + state.st_mtim.tv_nsec;
+  return "\"" + std::to_string(state.st_size) + "-" + std::to_string(changed) + "\"";
+}
+
+/// A regular file, or the part of it that was asked for. Links are not followed.
+WebAnswer file_answer(const WebRequest& request, const std::filesystem::path& path) {
+  const int fd = open(path.c_str(), O_RDONLY | O_NOFOLLOW | O_CLOEXEC | O_NONBLOCK);
+  if (fd < 0) return plain(404, "there is no such file");
+  const auto file = std::make_shared<const OpenFile>(fd);
+  struct stat state {};
+  if (fstat(fd, &state) != 0 || !S_ISREG(state.st_mode)) return plain(404, "this is no file");
+  WebAnswer answer{.type = content_type(path)};
+  answer.fields = {{"ETag", tag_of(state)}, {"Accept-Ranges", "bytes"}};
+  if (request.if_none_match == tag_of(state)) {
+    answer.status = 304;
+    return answer;
+  }
+  const ByteRange range = byte_range(request.range, state.st_size);
+  const std::string all = std::to_string(state.st_size);
+  if (range.kind == ByteRange::Kind::kNotThere) {
+    answer.status = 416;
+    answer.fields.emplace_back("Content-Range", "bytes */" + all);
+    return answer;
+  }
+  if (range.kind == ByteRange::Kind::kPart) {
+    answer.status = 206;
+    answer.fields.emplace_back("Content-Range", "bytes " + std::to_string(range.first) + "-" +
+                                                    std::to_string(range.first + range.size - 1) +
+                                                    "/" + all);
+  }
+  answer.file = FilePart{.file = file, .first = range.first, .size = range.size};
+  return answer;
+}
+
+/// Files below assets/ have a name that changes with their content.
+WebAnswer page_answer(const WebRequest& request, const WebTarget& target, const PageFile& page) {
+  WebAnswer answer = file_answer(request, page.path);
+  answer.type = page.type;
+  const bool lasts = !target.path.empty() && target.path.front() == "assets";
+  answer.fields.emplace_back("Cache-Control",
+                             lasts ? "public, max-age=31536000, immutable" : "no-cache");
+  return answer;
+}
+
+WebAnswer on_with_cookie(const WebTarget& target, const std::string& cookie) {
+  WebAnswer answer = plain(303, "");
+  answer.fields = {{"Location", target.text()}, {"Set-Cookie", cookie}};
+  return answer;
+}
+
+bool is_served(const std::string& file) { return file == "mesh.v3d" || file == "calib.toml"; }
+
+}  // namespace
+
+OpenFile::~OpenFile() { close(fd_); }
+
+WebSite::WebSite(const Studio& studio, WebAccess access, std::map<std::string, PageFile> page)
+    : takes_(studio.storage.takes),
+      calib_(studio.storage.calib),
+      access_(std::move(access)),
+      page_(std::move(page)) {}
+
+std::optional<WebAnswer> WebSite::refusal(const WebRequest& request,
+                                          const std::optional<WebTarget>& target) const {
+  if (request.method != "GET" && request.method != "HEAD") {
+    WebAnswer answer = plain(405, "only GET and HEAD are answered");
+    answer.fields = {{"Allow", "GET, HEAD"}};
+    return answer;
+  }
+  if (!target) return plain(400, "no such thing can be asked for");
+  switch (access_.judge(request, *target)) {
+    case WebAccess::Verdict::kMay:
+      return {};
+    case WebAccess::Verdict::kMayWithCookie:
+      return on_with_cookie(*target, access_.set_cookie());
+    case WebAccess::Verdict::kStrangeHost:
+      return plain(403, "this server answers to localhost and 127.0.0.1 only");
+    case WebAccess::Verdict::kWantsToken:
+      break;
+  }
+  WebAnswer answer = plain(401,
+                           "This studio is shown to who has its token: open this address with "
+                           "?token=TOKEN behind it, once.");
+  answer.fields = {{"WWW-Authenticate", "Bearer"}};
+  return answer;
+}
+
+WebAnswer WebSite::answer(const WebRequest& request) {
+  try {
+    const auto target = parse_web_target(request.target);
+    if (auto refused = refusal(request, target)) return std::move(*refused);
+    return find(request, *target);
+  } catch (const InputError& error) {
+    // What a file of the studio says wrong is for its own log, with its paths.
+    spdlog::warn("{}", error.what());
+    return plain(404, "it is not there, or cannot be read; the log of v3d-viewd tells");
+  } catch (const std::exception& error) {
+    spdlog::error("{}", error.what());
+    return plain(500, "this went wrong; the log of v3d-viewd tells");
+  }
+}
+
+WebSite::Opening WebSite::open_stream(const WebRequest& request) const {
+  const auto target = parse_web_target(request.target);
+  if (auto refused = refusal(request, target)) return {{}, std::move(*refused)};
+  if (!WebAccess::is_own_page(request)) return {{}, plain(403, "another page may not look on")};
+  if (target->text() == "/api/live") return {StreamKind::kLive, {}};
+  if (target->text() == "/api/studio") return {StreamKind::kStudio, {}};
+  return {{}, plain(404, "there is no such stream")};
+}
+
+WebAnswer WebSite::find(const WebRequest& request, const WebTarget& target) {
+  const std::vector<std::string>& path = target.path;
+  if (target.text() == "/api/takes") return takes();
+  if (target.text() == "/api/rig") return json(rig_json(load_calib(calib_)));
+  if (path.size() == 4 && path[0] == "api" && path[1] == "takes" && path[3] == "rig") {
+    if (!is_file_name(path[2])) return plain(404, "there is no such take");
+    return json(rig_json(load_calib(TakePaths{takes_ / path[2]}.calib())));
+  }
+  if (path.size() == 3 && path[0] == "takes") return of_take(request, path[1], path[2]);
+  const auto page = page_.find(target.text());
+  if (page == page_.end()) return plain(404, "there is no such page");
+  return page_answer(request, target, page->second);
+}
+
+WebAnswer WebSite::takes() {
+  const MonotonicInstant now = Monotonic::now();
+  if (!listed_ || now - *listed_ > kListingLasts) {
+    listing_ = takes_json(find_takes(takes_, [](const InputError&) {}));
+    listed_ = now;
+  }
+  return json(listing_);
+}
+
+WebAnswer WebSite::of_take(const WebRequest& request, const std::string& take,
+                           const std::string& file) {
+  if (!is_file_name(take) || !is_served(file)) return plain(404, "there is no such file of a take");
+  WebAnswer answer = file_answer(request, takes_ / take / file);
+  answer.fields.emplace_back("Cache-Control", "no-cache");
+  return answer;
+}
+
+}  // namespace v3d

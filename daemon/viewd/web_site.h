@@ -1,0 +1,56 @@
+// What is served, by its path:
+//   /, /...                      the page
+//   /api/takes                   the takes (takes_json)
+//   /api/rig, /api/takes/T/rig   the calibration now, and that of a take (rig_json)
+//   /api/live, /api/studio       by WebSocket only: live meshes, and the studio's state
+//   /takes/T/FILE                mesh.v3d or calib.toml of a take, as it lies there; HTTP ranges
+#pragma once
+
+#include <filesystem>
+#include <map>
+#include <optional>
+#include <string>
+
+#include "base/studio_file.h"
+#include "base/time.h"
+#include "daemon/viewd/page_files.h"
+#include "daemon/viewd/web_access.h"
+#include "daemon/viewd/web_message.h"
+
+namespace v3d {
+
+/// Answers requests; changes nothing in the world. One thread.
+class WebSite {
+ public:
+  WebSite(const Studio& studio, WebAccess access, std::map<std::string, PageFile> page);
+
+  /// Never throws: what goes wrong is a status.
+  WebAnswer answer(const WebRequest& request);
+
+  enum class StreamKind : uint8_t { kLive, kStudio };
+  /// Of a request to open a WebSocket: which, or why not.
+  struct Opening {
+    std::optional<StreamKind> stream;
+    WebAnswer refusal;
+  };
+  Opening open_stream(const WebRequest& request) const;
+
+ private:
+  /// Folders are looked through once in so long, however many ask.
+  static constexpr Duration kListingLasts = std::chrono::seconds(1);
+
+  std::optional<WebAnswer> refusal(const WebRequest& request,
+                                   const std::optional<WebTarget>& target) const;
+  WebAnswer find(const WebRequest& request, const WebTarget& target);
+  WebAnswer takes();
+  WebAnswer of_take(const WebRequest& request, const std::string& take, const std::string& file);
+
+  const std::filesystem::path takes_;
+  const std::filesystem::path calib_;
+  const WebAccess access_;
+  const std::map<std::string, PageFile> page_;
+  std::string listing_;
+  std::optional<MonotonicInstant> listed_;
+};
+
+}  // namespace v3d
