@@ -1,0 +1,74 @@
+// usage: viewer_takes DIR: takes for the browser tests. DIR/takes/ball has 60 pulses, of which 30
+// to 32 have no mesh: a ball 40 cm wide, one metre above the floor, green for 30 pulses and then
+// blue. DIR/takes/empty has no meshes.
+#include "base/calib_file.h"
+#include "take/ledger.h"
+#include "take/mesh_file.h"
+#include "take/take.h"
+#include "tests/codec/scene.h"
+
+namespace v3d {
+namespace {
+
+constexpr int64_t kPulses = 60;
+constexpr int64_t kTurnsBlue = 30;
+constexpr int64_t kBackAgain = 33;
+
+Rig one_camera() {
+  Eigen::Matrix3d matrix;
+  matrix << 600, 0, 320, 0, 600, 240, 0, 0, 1;
+  return {{.name = "cam01",
+           .model = {{640, 480}, matrix, {}, look_at({0, -3, 1}, {0, 0, 1})},
+           .colour = {}}};
+}
+
+void save_take(const std::filesystem::path& folder, int64_t pulses) {
+  std::filesystem::create_directories(folder);
+  const TakePaths paths{folder};
+  save_take_info(paths, {.name = folder.filename(),
+                         .studio = "dojo",
+                         .rate_hz = 25,
+                         .pulses = pulses,
+                         .state = TakeState::kComplete,
+                         .software_version = "test",
+                         .started = Realtime::now(),
+                         .cameras = {"cam01"}});
+  Ledger ledger;
+  ledger.take = folder.filename();
+  ledger.commanded = pulses;
+  save_ledger(paths.ledger(), ledger);
+  save_calib(paths.calib(), one_camera());
+}
+
+/// One colour all over.
+FrameContent ball_of(Scene& scene, int64_t pulse, VertexColour colour) {
+  scene.colours.assign(scene.mesh.vertices.size(), colour);
+  FrameContent content = scene.content(pulse);
+  const double half = 25 * scene.volume.grid().voxel_m;
+  content.facts.origin = {-half, -half, 1 - half};
+  return content;
+}
+
+void save_meshes(const std::filesystem::path& path) {
+  Scene scene(ball(20));
+  FrameEncoder encoder({.key_every = 10});
+  MeshFileWriter file(path);
+  for (int64_t pulse = 0; pulse < kPulses; ++pulse) {
+    if (pulse >= kTurnsBlue && pulse < kBackAgain) continue;
+    const VertexColour colour =
+        pulse < kTurnsBlue ? VertexColour{40, 200, 40} : VertexColour{40, 40, 200};
+    file.append(pulse, *encoder.encode(ball_of(scene, pulse, colour)));
+  }
+  file.close();
+}
+
+}  // namespace
+}  // namespace v3d
+
+int main(int /*argc*/, char** argv) {
+  const std::filesystem::path takes = std::filesystem::path(argv[1]) / "takes";
+  v3d::save_take(takes / "ball", v3d::kPulses);
+  v3d::save_meshes(takes / "ball/mesh.v3d");
+  v3d::save_take(takes / "empty", 0);
+  return 0;
+}

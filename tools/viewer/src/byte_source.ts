@@ -1,0 +1,26 @@
+/** Bytes that are read in parts. */
+export interface ByteSource {
+  /** How many there are. */
+  size(): Promise<number>;
+  /** Those of [first, first + size); fewer only where they end before. */
+  read(first: number, size: number): Promise<Uint8Array>;
+}
+
+/** A file of any web server that knows ranges. */
+export class HttpSource implements ByteSource {
+  constructor(private readonly url: string) {}
+
+  async size(): Promise<number> {
+    const answer = await fetch(this.url, { method: 'HEAD', cache: 'no-cache' });
+    if (answer.status === 404) throw new Error('This take has no meshes yet.');
+    if (!answer.ok) throw new Error(`The server answered ${answer.status}.`);
+    return Number(answer.headers.get('Content-Length') ?? 0);
+  }
+
+  async read(first: number, size: number): Promise<Uint8Array> {
+    const range = `bytes=${first}-${first + size - 1}`;
+    const answer = await fetch(this.url, { headers: { Range: range } });
+    if (answer.status !== 206) throw new Error(`The server answered ${answer.status} where a part was asked for.`);
+    return new Uint8Array(await answer.arrayBuffer());
+  }
+}

@@ -1,0 +1,4 @@
+declare module 'v3d_decoder.wasm?url' {
+  const url: string;
+  export default url;
+}

@@ -1,0 +1,76 @@
+// What an operator should look at, in words. Pure.
+import type { NodeState } from './message';
+
+export type Grade = 'good' | 'warning' | 'alarm';
+export interface Judgement {
+  grade: Grade;
+  text: string;
+}
+
+const DARK_DISK_S = 60;
+const LITTLE_DISK_S = 600;
+const KNOCKED_PX = 1.5;
+const DEEP_QUEUE = 8;
+
+const plural = (n: number, one: string) => `${n.toLocaleString('en')} ${one}${n === 1 ? '' : 's'}`;
+
+/** A value of the health of a node; undefined where it was not told. */
+export function valueOf(node: NodeState | undefined, name: string): number | undefined {
+  return node?.values?.[name] ?? undefined;
+}
+
+/** A camera by the health of its node, and of the reconstruction. The worst comes first. */
+export function judgeCamera(camera: string, node: NodeState, recon: NodeState | undefined): Judgement {
+  if (!node.heard) return { grade: 'alarm', text: `${node.name} is silent` };
+  const of = (name: string) => valueOf(node, `${camera}.${name}`) ?? 0;
+  const running = node.state === 'recording' || node.state === 'armed';
+  const drift = valueOf(recon, `${camera}.drift_px`) ?? 0;
+  const found: [boolean, Grade, string][] = [
+    [running && of('streaming_flag') === 0, 'alarm', 'does not stream'],
+    [of('frames_missing') > 0, 'alarm', `${plural(of('frames_missing'), 'frame')} missing`],
+    [of('losses') > 0, 'alarm', `was lost ${plural(of('losses'), 'time')}`],
+    [of('frames_suspect') > 0, 'warning', `${plural(of('frames_suspect'), 'label')} in doubt`],
+    [drift >= KNOCKED_PX, 'warning', `lies ${drift.toFixed(1)} px aside: knocked since the calibration?`],
+    [of('frames_damaged') > 0, 'warning', `${plural(of('frames_damaged'), 'frame')} damaged on the network`],
+    [of('queue_frames') > DEEP_QUEUE, 'warning', `${plural(of('queue_frames'), 'frame')} behind`],
+  ];
+  const worst = found.find(([is, grade]) => is && grade === 'alarm') ?? found.find(([is]) => is);
+  if (worst) return { grade: worst[1], text: worst[2] };
+  return { grade: 'good', text: running && of('frames') > 0 ? 'follows every pulse' : '' };
+}
+
+export interface Fact {
+  name: string;
+  value: string;
+  grade: Grade;
+}
+
+const percent = (v: number) => `${v.toFixed(0)} %`;
+const size = (v: number) => (v >= 1e12 ? `${(v / 1e12).toFixed(1)} TB` : `${(v / 1e9).toFixed(v < 1e10 ? 1 : 0)} GB`);
+const duration = (s: number) => (s >= 36_000 ? `${(s / 3600).toFixed(0)} h` : s >= 600 ? `${(s / 60).toFixed(0)} min` : `${s.toFixed(0)} s`);
+
+/** The facts of a node that a person asks for first; what was not told is left out. */
+export function factsOf(node: NodeState): Fact[] {
+  const facts: Fact[] = [];
+  const add = (name: string, key: string, text: (v: number) => string, grade: (v: number) => Grade = () => 'good') => {
+    const value = valueOf(node, key);
+    if (value !== undefined) facts.push({ name, value: text(value), grade: grade(value) });
+  };
+  const any = (grade: Grade) => (v: number): Grade => (v > 0 ? grade : 'good');
+  const whole = (v: number) => v.toLocaleString('en', { maximumFractionDigits: 0 });
+  add('frames', 'frames_written', whole);
+  add('missing', 'frames_missing', whole, any('alarm'));
+  add('pulses', 'pulses_sensed', whole);
+  add('suspect', 'frames_suspect', whole, any('warning'));
+  add('meshes', 'meshes', whole);
+  add('live', 'live_fps', (v) => `${v.toFixed(1)}/s`);
+  add('latency', 'latency_p50_ms', (v) => `${v.toFixed(0)} ms`);
+  add('dropped', 'dropped', whole, any('warning'));
+  add('incomplete', 'incomplete_sets', whole, any('warning'));
+  add('trigger late', 'trigger_late', whole, any('warning'));
+  add('disk for', 'disk_seconds_left', duration, (v) => (v < DARK_DISK_S ? 'alarm' : v < LITTLE_DISK_S ? 'warning' : 'good'));
+  add('disk free', 'disk_free_bytes', size);
+  add('processor', 'cpu_machine_percent', percent, (v) => (v > 95 ? 'warning' : 'good'));
+  add('hottest', 'temperature_max_celsius', (v) => `${v.toFixed(0)} °C`, (v) => (v > 85 ? 'warning' : 'good'));
+  return facts;
+}

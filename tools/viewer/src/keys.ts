@@ -1,0 +1,80 @@
+// The keyboard: what each key does, and the list of them.
+import type { Look } from './stage';
+import type { Action } from './transport';
+
+export interface Deeds {
+  transport(action: Action): void;
+  look(look: Look): void;
+  wireframe(): void;
+  cameras(): void;
+  fly(): void;
+  frameAll(): void;
+  stand(steps: number): void;
+  live(): void;
+  help(): void;
+  /** While flying, W A S D Q E are the fly camera's. */
+  flying(): boolean;
+}
+
+interface Key {
+  keys: string[];
+  shown: string;
+  does: string;
+  run(deeds: Deeds, key: string): void;
+}
+
+const KEYS: Key[] = [
+  { keys: [' ', 'k'], shown: 'Space', does: 'play and pause', run: (d) => d.transport('play') },
+  { keys: ['ArrowLeft', 'ArrowRight'], shown: '← →', does: 'a frame back, on',
+    run: (d, key) => d.transport(key === 'ArrowLeft' ? 'back' : 'forward') },
+  { keys: ['Shift+ArrowLeft', 'Shift+ArrowRight'], shown: 'Shift ← →', does: 'a second back, on',
+    run: (d, key) => d.transport(key === 'Shift+ArrowLeft' ? 'second-back' : 'second-on') },
+  { keys: ['Home', 'End'], shown: 'Home End', does: 'to the in point, the out point',
+    run: (d, key) => d.transport(key === 'Home' ? 'first' : 'last') },
+  { keys: ['i', 'o'], shown: 'I O', does: 'in point, out point here', run: (d, key) => d.transport(key === 'i' ? 'in' : 'out') },
+  { keys: ['p'], shown: 'P', does: 'play the whole take again', run: (d) => d.transport('clear') },
+  { keys: ['l'], shown: 'L', does: 'loop', run: (d) => d.transport('loop') },
+  { keys: ['[', ']'], shown: '[ ]', does: 'slower, faster', run: (d, key) => d.transport(key === '[' ? 'slower' : 'faster') },
+  { keys: ['1', '2', '3'], shown: '1 2 3', does: 'colour, normals, clay',
+    run: (d, key) => d.look((['colour', 'normals', 'clay'] as const)[Number(key) - 1]) },
+  { keys: ['x'], shown: 'X', does: 'wireframe', run: (d) => d.wireframe() },
+  { keys: ['c'], shown: 'C', does: 'show the cameras of the studio', run: (d) => d.cameras() },
+  { keys: [',', '.'], shown: ', .', does: 'stand where the camera before, the next one stands',
+    run: (d, key) => d.stand(key === ',' ? -1 : 1) },
+  { keys: ['f'], shown: 'F', does: 'see all of the performer', run: (d) => d.frameAll() },
+  { keys: ['v'], shown: 'V', does: 'fly (W A S D, Q E, drag; Shift is faster), or orbit', run: (d) => d.fly() },
+  { keys: ['0'], shown: '0', does: 'live', run: (d) => d.live() },
+  { keys: ['?'], shown: '?', does: 'this list', run: (d) => d.help() },
+];
+
+const FLOWN = new Set(['w', 'a', 's', 'd', 'q', 'e']);
+
+function nameOf(event: KeyboardEvent): string {
+  const key = event.key.length === 1 ? event.key.toLowerCase() : event.key;
+  return event.shiftKey && key.startsWith('Arrow') ? `Shift+${key}` : key;
+}
+
+export function bindKeys(deeds: Deeds): void {
+  const list = document.getElementById('key-list')!;
+  for (const key of KEYS) {
+    const term = document.createElement('dt');
+    term.textContent = key.shown;
+    const does = document.createElement('dd');
+    does.textContent = key.does;
+    list.append(term, does);
+  }
+  addEventListener('keydown', (event) => {
+    if (event.ctrlKey || event.metaKey || event.altKey || document.querySelector('dialog[open]')) return;
+    const name = nameOf(event);
+    if (deeds.flying() && FLOWN.has(name)) return;
+    const onControl = event.target instanceof HTMLButtonElement || event.target instanceof HTMLSelectElement;
+    if (onControl && (name === ' ' || name.startsWith('Arrow') || name === 'Enter')) {
+      if (event.target instanceof HTMLSelectElement) return;
+      (event.target as HTMLElement).blur();
+    }
+    const key = KEYS.find((k) => k.keys.includes(name));
+    if (!key) return;
+    event.preventDefault();
+    key.run(deeds, name);
+  });
+}

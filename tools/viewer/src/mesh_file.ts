@@ -1,0 +1,148 @@
+// mesh.v3d: docs/compact-frame.md. Frames are fetched a chunk at a time, some seconds before they are needed.
+import type { ByteSource } from './byte_source';
+import { crc32 } from './crc32';
+
+export interface FrameEntry {
+  pulse: number;
+  /** Of the compact frame, in the file. */
+  offset: number;
+  length: number;
+}
+
+const HEADER = 16;
+const RECORD = 24;
+const FOOTER = 24;
+const LONGEST_FRAME = 268_435_456;
+const CHUNK = 1 << 20;
+const CHUNKS_KEPT = 8;
+
+const view = (bytes: Uint8Array) => new DataView(bytes.buffer, bytes.byteOffset, bytes.byteLength);
+const number64 = (data: DataView, at: number) => Number(data.getBigUint64(at, true));
+const magic = (bytes: Uint8Array, at: number) => String.fromCharCode(...bytes.subarray(at, at + 4));
+
+/** By the index at the end; by looking through the file where it was not closed. */
+export async function readEntries(source: ByteSource): Promise<FrameEntry[]> {
+  const size = await source.size();
+  if (size < HEADER) throw new Error('This is no mesh file.');
+  const head = await source.read(0, HEADER);
+  if (magic(head, 0) !== 'V3DM') throw new Error('This is no mesh file.');
+  return (await indexed(source, size)) ?? scanned(source, size);
+}
+
+async function indexed(source: ByteSource, size: number): Promise<FrameEntry[] | null> {
+  if (size < HEADER + 8 + FOOTER) return null;
+  const footer = await source.read(size - FOOTER, FOOTER);
+  if (magic(footer, 16) !== 'V3DE') return null;
+  const offset = number64(view(footer), 0);
+  const length = view(footer).getUint32(8, true);
+  if (offset + length !== size - FOOTER || length < 8) return null;
+  const index = await source.read(offset, length);
+  if (magic(index, 0) !== 'V3DI' || crc32(index) !== view(footer).getUint32(12, true)) return null;
+  const data = view(index);
+  const count = data.getUint32(4, true);
+  if (length !== 8 + 24 * count) return null;
+  const entries = Array.from({ length: count }, (_, n) => ({
+    pulse: number64(data, 8 + 24 * n),
+    offset: number64(data, 16 + 24 * n) + RECORD,
+    length: data.getUint32(24 + 24 * n, true),
+  }));
+  return entries.every((e) => e.offset + e.length <= offset) ? entries : null;
+}
+
+/** Records follow each other; the first that is not whole ends what can be shown. */
+async function scanned(source: ByteSource, size: number): Promise<FrameEntry[]> {
+  const entries: FrameEntry[] = [];
+  let held = new Uint8Array();
+  let from = 0;
+  let last = -1;
+  for (let at = HEADER; at + RECORD <= size; ) {
+    if (at < from || at + RECORD > from + held.length) {
+      from = at;
+      held = new Uint8Array(await source.read(at, Math.min(CHUNK, size - at)));
+    }
+    const head = held.subarray(at - from, at - from + RECORD);
+    if (head.length < RECORD || magic(head, 0) !== 'V3DR') break;
+    const data = view(head);
+    const length = data.getUint32(4, true);
+    const whole = crc32(head.subarray(0, 20)) === data.getUint32(20, true) && length <= LONGEST_FRAME;
+    if (!whole || at + RECORD + length > size) break;
+    const pulse = number64(data, 8);
+    if (pulse > last) entries.push({ pulse, offset: at + RECORD, length });
+    last = Math.max(last, pulse);
+    at += RECORD + length;
+  }
+  return entries;
+}
+
+/** The pulse of the key frame that decoding a compact frame begins at. */
+export function keyPulseOf(frame: Uint8Array): number {
+  if (frame.length < 128 || magic(frame, 0) !== 'V3DF' || view(frame).getUint16(8, true) !== 2) {
+    throw new Error('These meshes are of an older version; v3dctl reconstruct makes them anew.');
+  }
+  return number64(view(frame), 40);
+}
+
+/** The last of the entries whose pulse is not greater; 0 where there is none. */
+export function entryAt(entries: readonly { pulse: number }[], pulse: number): number {
+  let low = 0;
+  let high = entries.length;
+  while (low < high) {
+    const middle = (low + high) >> 1;
+    if (entries[middle].pulse <= pulse) low = middle + 1;
+    else high = middle;
+  }
+  return Math.max(0, low - 1);
+}
+
+/** The compact frames of a mesh file, with the last chunks kept. */
+export class FrameStore {
+  /** Frames [first, end) of each chunk, in order. */
+  private readonly chunks: { first: number; end: number }[] = [];
+  private readonly chunkOf: number[] = [];
+  private readonly held = new Map<number, Promise<Uint8Array>>();
+
+  constructor(
+    private readonly source: ByteSource,
+    readonly entries: readonly FrameEntry[],
+  ) {
+    let bytes = Infinity;
+    entries.forEach((entry, n) => {
+      if (bytes + entry.length > CHUNK) {
+        this.chunks.push({ first: n, end: n });
+        bytes = 0;
+      }
+      bytes += entry.length + RECORD;
+      this.chunks[this.chunks.length - 1].end = n + 1;
+      this.chunkOf.push(this.chunks.length - 1);
+    });
+  }
+
+  async frame(n: number): Promise<Uint8Array> {
+    const { offset, length } = this.entries[n];
+    const bytes = await this.chunk(this.chunkOf[n]);
+    const at = offset - this.entries[this.chunks[this.chunkOf[n]].first].offset;
+    return bytes.subarray(at, at + length);
+  }
+
+  /** Begins to fetch what comes after a frame, so that it is there when it is wanted. */
+  lookAhead(n: number): void {
+    const next = this.chunkOf[n] + 1;
+    if (next < this.chunks.length) this.chunk(next).catch(() => undefined);
+  }
+
+  private chunk(c: number): Promise<Uint8Array> {
+    const known = this.held.get(c);
+    if (known) {
+      this.held.delete(c); // to the end: the last used are kept
+      this.held.set(c, known);
+      return known;
+    }
+    const first = this.entries[this.chunks[c].first];
+    const last = this.entries[this.chunks[c].end - 1];
+    const fetched = this.source.read(first.offset, last.offset + last.length - first.offset);
+    fetched.catch(() => this.held.delete(c)); // asked for again next time
+    this.held.set(c, fetched);
+    if (this.held.size > CHUNKS_KEPT) this.held.delete(this.held.keys().next().value!);
+    return fetched;
+  }
+}

@@ -1,0 +1,105 @@
+// What v3d-viewd sends by WebSocket: daemon/viewd/view_json.h.
+
+export interface MeshHead {
+  type: 'mesh';
+  number: number;
+  take: string;
+  pulse: number;
+  edge_ms: number | null;
+  sent_ms: number;
+  silhouette_iou: number;
+  coverage: number;
+  cameras: number;
+  missing: string[];
+}
+
+export interface PreviewHead {
+  type: 'preview';
+  camera: string;
+  pulse: number;
+  width: number;
+  height: number;
+  runs: number;
+}
+
+export interface NodeState {
+  name: string;
+  heard: boolean;
+  cameras: string[];
+  program?: string;
+  version?: string;
+  state?: string;
+  take?: string;
+  text?: string;
+  values?: Record<string, number | null>;
+}
+
+export interface StudioState {
+  type: 'state';
+  studio: string;
+  not_verified: string;
+  watchers: number;
+  nodes: NodeState[];
+}
+
+export interface StudioEvent {
+  type: 'event';
+  node: string;
+  severity: 'info' | 'warning' | 'alarm';
+  subject: string;
+  text: string;
+  sent_ms: number;
+}
+
+export interface Pong {
+  type: 'pong';
+  ping: number;
+  now_ms: number;
+}
+
+/** A binary message: the length of its JSON, its JSON, its bytes. Null where it is none. */
+export function splitMessage<Head>(message: ArrayBuffer): { head: Head; bytes: Uint8Array } | null {
+  if (message.byteLength < 4) return null;
+  const length = new DataView(message).getUint32(0, true);
+  if (length > message.byteLength - 4) return null;
+  try {
+    const head = JSON.parse(new TextDecoder().decode(new Uint8Array(message, 4, length))) as Head;
+    return { head, bytes: new Uint8Array(message, 4 + length) };
+  } catch {
+    return null;
+  }
+}
+
+/** A mask's runs (base/mask.h): LEB128 lengths, background first. Calls `run` for those of foreground. */
+export function eachForegroundRun(runs: Uint8Array, run: (first: number, length: number) => void): void {
+  let at = 0;
+  let foreground = false;
+  for (let n = 0; n < runs.length; foreground = !foreground) {
+    let length = 0;
+    for (let shift = 1; n < runs.length; shift *= 128) {
+      const byte = runs[n++];
+      length += (byte & 127) * shift;
+      if (byte < 128) break;
+    }
+    if (foreground) run(at, length);
+    at += length;
+  }
+}
+
+/** The clock of the server against ours, by pings there and back: the quickest of the last is believed. */
+export class ServerClock {
+  private samples: { took: number; offset: number }[] = [];
+
+  /** All in milliseconds; `sent` and `now` by our clock, `server` by his. */
+  add(sent: number, server: number, now: number): void {
+    this.samples.push({ took: now - sent, offset: server - (sent + now) / 2 });
+    if (this.samples.length > 10) this.samples.shift();
+  }
+
+  /** The time there, null as long as nothing is known. */
+  at(now: number): number | null {
+    if (this.samples.length === 0) return null;
+    const best = this.samples.reduce((a, b) => (b.took < a.took ? b : a));
+    return now + best.offset;
+  }
+}

@@ -1,0 +1,117 @@
+// The studio page: what an operator looks at. It only looks.
+import { CameraWall } from './camera_wall';
+import { factsOf } from './judge';
+import { type NodeState, type PreviewHead, splitMessage, type StudioEvent, type StudioState } from './message';
+import { fetchTakes, takeItem } from './take_list';
+
+const EVENTS_KEPT = 100;
+const RECONNECT_MS = 1000;
+const TAKES_EVERY_MS = 5000;
+const TAKES_SHOWN = 12;
+
+const find = (id: string) => document.getElementById(id)!;
+function made(tag: string, text: string, look = ''): HTMLElement {
+  const element = document.createElement(tag);
+  element.textContent = text;
+  element.className = look;
+  return element;
+}
+
+const wall = new CameraWall(find('wall'));
+let lost = true;
+let notVerified = '';
+
+function showBanner(): void {
+  const text = lost ? 'The studio does not answer. Trying again every second.'
+    : notVerified && `What is shown here may be anybody's: ${notVerified}`;
+  find('banner').textContent = text;
+  find('banner').hidden = text === '';
+}
+
+function nodeCard(node: NodeState): HTMLElement {
+  const card = made('article', '', 'card');
+  const line = made('div', '', 'line');
+  const state = node.heard ? (node.state ?? '') : 'silent';
+  line.append(made('b', node.name), made('i', node.program ?? '', 'dim'));
+  line.append(made('span', [state, node.take].filter(Boolean).join('  '), state));
+  card.append(line);
+  if (!node.heard) card.append(made('p', `Try: systemctl status v3d-studio.target on ${node.name}`, 'wrong'));
+  if (node.text) card.append(made('p', node.text, 'wrong'));
+  const facts = made('dl', '');
+  for (const fact of factsOf(node)) facts.append(made('dt', fact.name), made('dd', fact.value, fact.grade));
+  card.append(facts);
+  return card;
+}
+
+function showState(state: StudioState): void {
+  notVerified = state.not_verified;
+  showBanner();
+  find('title').textContent = state.studio;
+  const { all, well } = wall.setState(state.nodes);
+  find('camera-count').textContent = well === all ? `${all}, all well` : `${well} of ${all} well`;
+  find('nodes').replaceChildren(...state.nodes.map(nodeCard));
+  const takes = new Set(state.nodes.filter((node) => node.state === 'recording').map((node) => node.take));
+  const doing = takes.size ? `recording ${[...takes].join(', ')}` : 'no take is being recorded';
+  find('facts').textContent = `${doing} · ${state.watchers} watching`;
+}
+
+function showEvent(event: StudioEvent): void {
+  const item = made('li', '', event.severity);
+  const time = made('time', new Date(event.sent_ms).toLocaleTimeString('en-GB'));
+  const what = made('span', '');
+  what.append(made('b', event.subject), ` ${event.text} `, made('span', event.node, 'dim'));
+  item.append(time, what);
+  const list = find('events');
+  list.prepend(item);
+  if (list.children.length > EVENTS_KEPT) list.lastElementChild!.remove();
+  find('no-events').hidden = true;
+}
+
+function hear(data: string | ArrayBuffer): void {
+  if (typeof data === 'string') {
+    const message = JSON.parse(data) as StudioState | StudioEvent;
+    if (message.type === 'state') showState(message);
+    else if (message.type === 'event') showEvent(message);
+    return;
+  }
+  const preview = splitMessage<PreviewHead>(data);
+  if (preview) void wall.setPreview(preview.head, preview.bytes);
+}
+
+/** The newest first; a click opens it in the viewer. */
+async function listTakes(): Promise<void> {
+  const takes = await fetchTakes().catch(() => null);
+  if (!takes) return; // the banner says that the studio does not answer
+  const open = (name: string) => location.assign(`./#take=${name}`);
+  find('takes').replaceChildren(...takes.slice(0, TAKES_SHOWN).map((take) => takeItem(take, open)));
+}
+
+function connect(): void {
+  const url = new URL('api/studio', location.href);
+  url.protocol = url.protocol === 'https:' ? 'wss:' : 'ws:';
+  const socket = new WebSocket(url);
+  socket.binaryType = 'arraybuffer';
+  socket.onopen = () => {
+    lost = false;
+    find('events').replaceChildren(); // they are sent again
+    showBanner();
+  };
+  socket.onmessage = (event) => hear(event.data as string | ArrayBuffer);
+  socket.onclose = () => {
+    lost = true;
+    showBanner();
+    setTimeout(connect, RECONNECT_MS);
+  };
+}
+
+function toggleSilhouettes(): void {
+  wall.silhouettes = !wall.silhouettes;
+  find('mask').setAttribute('aria-pressed', String(wall.silhouettes));
+}
+find('mask').addEventListener('click', toggleSilhouettes);
+addEventListener('keydown', (event) => {
+  if (event.key === 'm' && !event.ctrlKey && !event.metaKey) toggleSilhouettes();
+});
+connect();
+void listTakes();
+setInterval(() => void listTakes(), TAKES_EVERY_MS);

@@ -1,0 +1,30 @@
+/** A mesh as it goes from the worker to the screen. */
+export interface Surface {
+  positions: Float32Array;
+  normals: Float32Array;
+  colours: Uint8Array | null;
+  indices: Uint32Array;
+}
+
+/** Of each vertex the mean of its triangles' normals, by their area; (0, 0, 1) where there is none. */
+export function vertexNormals(positions: Float32Array, indices: Uint32Array): Float32Array {
+  const n = new Float32Array(positions.length);
+  for (let t = 0; t < indices.length; t += 3) {
+    const a = 3 * indices[t], b = 3 * indices[t + 1], c = 3 * indices[t + 2];
+    const ux = positions[b] - positions[a], uy = positions[b + 1] - positions[a + 1], uz = positions[b + 2] - positions[a + 2];
+    const vx = positions[c] - positions[a], vy = positions[c + 1] - positions[a + 1], vz = positions[c + 2] - positions[a + 2];
+    const x = uy * vz - uz * vy, y = uz * vx - ux * vz, z = ux * vy - uy * vx;
+    n[a] += x; n[a + 1] += y; n[a + 2] += z;
+    n[b] += x; n[b + 1] += y; n[b + 2] += z;
+    n[c] += x; n[c + 1] += y; n[c + 2] += z;
+  }
+  for (let v = 0; v < n.length; v += 3) {
+    const length = Math.sqrt(n[v] * n[v] + n[v + 1] * n[v + 1] + n[v + 2] * n[v + 2]);
+    if (length > 0) {
+      n[v] /= length; n[v + 1] /= length; n[v + 2] /= length;
+    } else {
+      n[v + 2] = 1;
+    }
+  }
+  return n;
+}

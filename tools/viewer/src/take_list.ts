@@ -1,0 +1,78 @@
+// The takes of the studio, in the side bar.
+
+export interface Take {
+  name: string;
+  studio: string;
+  started_ns: number;
+  state: 'recording' | 'incomplete' | 'recovered' | 'complete';
+  verified: boolean;
+  rate_hz: number;
+  pulses: number;
+  seconds: number;
+  bytes: number;
+  mesh_bytes: number;
+  cameras: string[];
+  meshes: number;
+  slate: { scene: string; take: string; note: string; mark: '' | 'circled' | 'rejected' };
+}
+
+export async function fetchTakes(): Promise<Take[]> {
+  const answer = await fetch('api/takes');
+  if (!answer.ok) throw new Error(`The server answered ${answer.status}.`);
+  const { takes } = (await answer.json()) as { takes: Take[] };
+  return takes.reverse(); // the newest first
+}
+
+export function formatBytes(bytes: number): string {
+  const units = ['B', 'kB', 'MB', 'GB', 'TB'];
+  let unit = 0;
+  while (bytes >= 1000 && unit < units.length - 1) {
+    bytes /= 1000;
+    ++unit;
+  }
+  return `${bytes.toFixed(unit === 0 || bytes >= 100 ? 0 : 1)} ${units[unit]}`;
+}
+
+export function formatSeconds(seconds: number): string {
+  const whole = Math.round(seconds);
+  const two = (n: number) => String(n).padStart(2, '0');
+  const hours = Math.floor(whole / 3600);
+  const minutes = Math.floor(whole / 60) % 60;
+  return hours ? `${hours}:${two(minutes)}:${two(whole % 60)}` : `${minutes}:${two(whole % 60)}`;
+}
+
+/** "scene 12, take 3, the sword slips"; empty for an empty slate. */
+export function slateText(slate: Take['slate']): string {
+  const parts = [slate.scene && `scene ${slate.scene}`, slate.take && `take ${slate.take}`, slate.note];
+  return parts.filter(Boolean).join(', ');
+}
+
+function part(tag: string, text: string, look = ''): HTMLElement {
+  const element = document.createElement(tag);
+  element.textContent = text;
+  element.className = look;
+  return element;
+}
+
+/** One take as a button. */
+export function takeItem(take: Take, open: (name: string) => void): HTMLLIElement {
+  const button = document.createElement('button');
+  button.className = take.slate.mark;
+  button.dataset.take = take.name;
+  const name = part('div', '', 'name');
+  name.append(part('span', take.name));
+  if (take.slate.mark === 'circled') name.append(part('i', '◯', 'circled'));
+  name.append(part('em', formatSeconds(take.seconds)));
+  const about = part('div', '', 'about');
+  about.append(part('span', take.state, `verdict ${take.state}`));
+  const size = take.meshes ? `${take.meshes} meshes, ${formatBytes(take.mesh_bytes)}` : 'no meshes';
+  about.append([' ', slateText(take.slate), size].filter(Boolean).join(' · '));
+  button.append(name, about);
+  button.title = [take.name, slateText(take.slate), new Date(take.started_ns / 1e6).toLocaleString(),
+    `${take.cameras.length} cameras, ${take.pulses} pulses at ${take.rate_hz} Hz, ${formatBytes(take.bytes)}`]
+    .filter(Boolean).join('\n');
+  button.addEventListener('click', () => open(take.name));
+  const item = document.createElement('li');
+  item.append(button);
+  return item;
+}

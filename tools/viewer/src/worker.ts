@@ -1,0 +1,173 @@
+// Fetches and decodes, away from the page: a take's meshes in any order, or live ones as they come.
+import moduleUrl from 'v3d_decoder.wasm?url';
+import { Decoder, type Frame } from '../../../codec/v3d_decoder.mjs';
+import { HttpSource } from './byte_source';
+import { FrameStore, readEntries } from './mesh_file';
+import { type MeshHead, type Pong, ServerClock, splitMessage } from './message';
+import { LiveQueue, shownFrame, TakeSequence } from './sequence';
+import type { FromWorker, LiveFacts, ToWorker } from './worker_messages';
+
+const RECONNECT_MS = 1000;
+const PING_MS = 2000;
+
+const wasm = WebAssembly.compileStreaming(fetch(moduleUrl));
+const now = () => performance.timeOrigin + performance.now();
+const say = (message: FromWorker, moved: Transferable[] = []) => self.postMessage(message, { transfer: moved });
+
+function show(take: number, frame: Frame, of: { number: number; bytes: number; decodeMs: number; live: LiveFacts | null }) {
+  const shown = shownFrame(frame, of);
+  const arrays = [shown.positions, shown.normals, shown.indices, ...(shown.colours ? [shown.colours] : [])];
+  say({ kind: 'frame', take, frame: shown }, arrays.map((array) => array.buffer));
+}
+
+/** Shows the frame that was wanted last, and the next when it is wanted by then. */
+class TakeWork {
+  private wanted = -1;
+  private shown = -1;
+  private busy = false;
+  private ended = false;
+  private sequence: TakeSequence | null = null;
+
+  constructor(
+    private readonly take: number,
+    private readonly url: string,
+  ) {}
+
+  async open(): Promise<void> {
+    const source = new HttpSource(this.url);
+    const entries = await readEntries(source);
+    if (entries.length === 0) throw new Error('This take has no meshes yet.');
+    this.sequence = new TakeSequence(new Decoder(await wasm), new FrameStore(source, entries));
+    say({ kind: 'opened', take: this.take, pulses: entries.map((e) => e.pulse) });
+    if (this.wanted >= 0) this.want(this.wanted);
+  }
+
+  want(frame: number): void {
+    this.wanted = frame;
+    if (!this.busy && this.sequence) this.work(this.sequence).catch((error) => trouble(this.take, error));
+  }
+
+  end(): void {
+    this.ended = true;
+  }
+
+  private async work(sequence: TakeSequence): Promise<void> {
+    this.busy = true;
+    try {
+      while (this.shown !== this.wanted && !this.ended) {
+        const wanted = this.wanted;
+        const began = performance.now();
+        // In playback the next frame is wanted while this one is decoded: this one is shown all the same.
+        const far = () => this.ended || Math.abs(this.wanted - wanted) > 50;
+        const decoded = await sequence.show(wanted, far);
+        this.shown = wanted;
+        if (!decoded || this.ended) continue;
+        const decodeMs = performance.now() - began;
+        show(this.take, decoded.frame, { number: wanted, bytes: decoded.bytes, decodeMs, live: null });
+      }
+    } finally {
+      this.shown = this.wanted;
+      this.busy = false;
+    }
+  }
+}
+
+/** Stays connected, and shows the newest. */
+class LiveWork {
+  private socket: WebSocket | null = null;
+  private readonly queue = new LiveQueue<MeshHead>();
+  private readonly clock = new ServerClock();
+  private readonly pings: number;
+  private decoder: Decoder | null = null;
+  private due = false;
+  private ended = false;
+  private last = -1;
+  private skipped = 0;
+
+  constructor(
+    private readonly take: number,
+    private readonly url: string,
+  ) {
+    this.pings = self.setInterval(() => this.ping(), PING_MS);
+  }
+
+  async open(): Promise<void> {
+    this.decoder = new Decoder(await wasm);
+    this.connect();
+  }
+
+  want(): void {}
+
+  end(): void {
+    this.ended = true;
+    clearInterval(this.pings);
+    this.socket?.close();
+  }
+
+  private connect(): void {
+    if (this.ended) return;
+    say({ kind: 'link', take: this.take, link: 'connecting' });
+    const socket = new WebSocket(this.url);
+    socket.binaryType = 'arraybuffer';
+    socket.onopen = () => {
+      this.last = -1;
+      say({ kind: 'link', take: this.take, link: 'open' });
+      this.ping();
+    };
+    socket.onmessage = (event) => this.hear(event.data as string | ArrayBuffer);
+    socket.onclose = () => setTimeout(() => this.connect(), RECONNECT_MS);
+    this.socket = socket;
+  }
+
+  private ping(): void {
+    if (this.socket?.readyState === WebSocket.OPEN) this.socket.send(`ping ${Math.round(now())}`);
+  }
+
+  private hear(data: string | ArrayBuffer): void {
+    if (typeof data === 'string') {
+      const pong = JSON.parse(data) as Pong;
+      if (pong.type === 'pong') this.clock.add(pong.ping, pong.now_ms, now());
+      return;
+    }
+    const message = splitMessage<MeshHead>(data);
+    if (!message) return;
+    if (this.last >= 0) this.skipped += message.head.number - this.last - 1;
+    this.last = message.head.number;
+    this.queue.push(message);
+    if (this.due) return;
+    this.due = true;
+    setTimeout(() => this.decode()); // behind what has come by then
+  }
+
+  private decode(): void {
+    this.due = false;
+    if (!this.decoder || this.ended) return;
+    const began = performance.now();
+    const shown = this.queue.decode(this.decoder);
+    const frame = shown && this.decoder.frame();
+    if (!shown || !frame) return;
+    const { head } = shown;
+    const there = this.clock.at(now());
+    const edgeMs = head.edge_ms === null || there === null ? null : head.edge_ms - there + now();
+    const live = { take: head.take, missing: head.missing, edgeMs, skipped: this.skipped };
+    const decodeMs = performance.now() - began;
+    show(this.take, frame, { number: head.number, bytes: shown.bytes.length, decodeMs, live });
+  }
+}
+
+function trouble(take: number, error: unknown): void {
+  say({ kind: 'trouble', take, text: error instanceof Error ? error.message : String(error) });
+}
+
+let work: TakeWork | LiveWork | null = null;
+
+self.onmessage = (event: MessageEvent<ToWorker>) => {
+  const message = event.data;
+  if (message.kind === 'want') {
+    work?.want(message.frame);
+    return;
+  }
+  work?.end();
+  work = message.kind === 'take' ? new TakeWork(message.take, message.url) : new LiveWork(message.take, message.url);
+  work.open().catch((error) => trouble(message.take, error));
+};

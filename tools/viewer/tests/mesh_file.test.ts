@@ -1,0 +1,132 @@
+import { describe, expect, it } from 'vitest';
+import type { ByteSource } from '../src/byte_source';
+import { crc32 } from '../src/crc32';
+import { entryAt, FrameStore, keyPulseOf, readEntries } from '../src/mesh_file';
+
+class Bytes implements ByteSource {
+  reads = 0;
+  constructor(readonly bytes: Uint8Array) {}
+  async size() {
+    return this.bytes.length;
+  }
+  async read(first: number, size: number) {
+    ++this.reads;
+    return this.bytes.slice(first, first + size);
+  }
+}
+
+const text = (s: string) => Uint8Array.from(s, (c) => c.charCodeAt(0));
+function join(...parts: Uint8Array[]): Uint8Array {
+  const all = new Uint8Array(parts.reduce((sum, part) => sum + part.length, 0));
+  parts.reduce((at, part) => (all.set(part, at), at + part.length), 0);
+  return all;
+}
+/** Fields of four and eight bytes, little-endian. */
+function fields(...values: (number | bigint)[]): Uint8Array {
+  return join(...values.map((value) => {
+    const bytes = new Uint8Array(typeof value === 'bigint' ? 8 : 4);
+    const data = new DataView(bytes.buffer);
+    if (typeof value === 'bigint') data.setBigUint64(0, value, true);
+    else data.setUint32(0, value, true);
+    return bytes;
+  }));
+}
+
+function frame(n: number, size: number): Uint8Array {
+  return new Uint8Array(size).fill(n);
+}
+function record(pulse: number, payload: Uint8Array): Uint8Array {
+  const head = join(text('V3DR'), fields(payload.length, BigInt(pulse), crc32(payload)));
+  return join(head, fields(crc32(head)), payload);
+}
+const header = join(text('V3DM\r\n\x1a\n'), fields(1, 0));
+
+function meshFile(frames: [number, Uint8Array][], closed = true): Uint8Array {
+  let at = 16;
+  const entries: Uint8Array[] = [];
+  const records = frames.map(([pulse, payload]) => {
+    entries.push(fields(BigInt(pulse), BigInt(at), payload.length, crc32(payload)));
+    at += 24 + payload.length;
+    return record(pulse, payload);
+  });
+  if (!closed) return join(header, ...records);
+  const index = join(text('V3DI'), fields(frames.length), ...entries);
+  const footer = join(fields(BigInt(at), index.length, crc32(index)), text('V3DE\r\n\x1a\n'));
+  return join(header, ...records, index, footer);
+}
+
+const frames: [number, Uint8Array][] = [[0, frame(1, 300)], [1, frame(2, 200)], [4, frame(3, 100)]];
+
+describe('a mesh file', () => {
+  it('checksums as PNG does', () => expect(crc32(text('123456789'))).toBe(0xcbf43926));
+
+  it('tells its frames by the index, in three reads', async () => {
+    const source = new Bytes(meshFile(frames));
+    const entries = await readEntries(source);
+    expect(entries.map((e) => e.pulse)).toEqual([0, 1, 4]);
+    expect(entries.map((e) => e.length)).toEqual([300, 200, 100]);
+    expect(source.reads).toBe(3);
+  });
+
+  it('is looked through where it was not closed', async () => {
+    const whole = await readEntries(new Bytes(meshFile(frames)));
+    expect(await readEntries(new Bytes(meshFile(frames, false)))).toEqual(whole);
+  });
+
+  it('shows what was whole when the power went', async () => {
+    const torn = meshFile(frames, false).slice(0, -1);
+    expect((await readEntries(new Bytes(torn))).map((e) => e.pulse)).toEqual([0, 1]);
+  });
+
+  it('does not believe an index that is damaged', async () => {
+    const bytes = meshFile(frames);
+    const whole = await readEntries(new Bytes(bytes));
+    bytes[bytes.length - 64] ^= 1; // where the last record but one lies
+    expect(await readEntries(new Bytes(bytes))).toEqual(whole);
+  });
+
+  it('is refused when it is none', async () => {
+    await expect(readEntries(new Bytes(text('a page that says 404, not a mesh file')))).rejects.toThrow('no mesh file');
+  });
+});
+
+describe('the store of frames', () => {
+  const large: [number, Uint8Array][] = Array.from({ length: 40 }, (_, n) => [n, frame(n, 100_000)]);
+
+  it('gives every frame, and fetches a megabyte at a time', async () => {
+    const source = new Bytes(meshFile(large));
+    const store = new FrameStore(source, await readEntries(source));
+    const before = source.reads;
+    for (let n = 0; n < 40; ++n) expect((await store.frame(n))[0]).toBe(n);
+    expect(source.reads - before).toBe(4);
+  });
+
+  it('asks again for what could not be fetched', async () => {
+    const source = new Bytes(meshFile(frames));
+    const store = new FrameStore(source, await readEntries(source));
+    const read = source.read.bind(source);
+    source.read = () => Promise.reject(new Error('offline'));
+    await expect(store.frame(0)).rejects.toThrow('offline');
+    source.read = read;
+    expect((await store.frame(0)).length).toBe(300);
+  });
+
+  it('keeps no more than some chunks, however long it is played', async () => {
+    const source = new Bytes(meshFile(large));
+    const store = new FrameStore(source, (await readEntries(source)).flatMap((e) => Array(40).fill(e)));
+    const held = (store as unknown as { held: Map<number, unknown> }).held;
+    for (let n = 0; n < 1600; n += 5) await store.frame(n);
+    expect(held.size).toBeLessThanOrEqual(8);
+  });
+});
+
+describe('frames and pulses', () => {
+  it('a pulse without a mesh shows the mesh before', () => {
+    const entries = [0, 1, 4].map((pulse) => ({ pulse }));
+    expect([-1, 0, 1, 3, 4, 9].map((pulse) => entryAt(entries, pulse))).toEqual([0, 0, 1, 1, 2, 2]);
+  });
+
+  it('a frame of another version says what to do', () => {
+    expect(() => keyPulseOf(frame(0, 200))).toThrow('v3dctl reconstruct');
+  });
+});

@@ -1,0 +1,125 @@
+import { Vector3, Vector4 } from 'three';
+import { describe, expect, it } from 'vitest';
+import { factsOf, judgeCamera } from '../src/judge';
+import { eachForegroundRun, type NodeState, ServerClock, splitMessage } from '../src/message';
+import { centerOf, projectionOf, type RigCamera, worldFromCamera } from '../src/rig';
+import { vertexNormals } from '../src/surface';
+import { slateText } from '../src/take_list';
+
+const camera: RigCamera = {
+  name: 'cam07',
+  width: 1024,
+  height: 768,
+  matrix: [[900, 0, 500], [0, 910, 390], [0, 0, 1]],
+  distortion: [],
+  rotation: [[0, 1, 0], [0, 0, -1], [-1, 0, 0]], // looks along -x, upright
+  translation: [0.1, 1, 3],
+};
+
+describe('to stand where a camera stands', () => {
+  /** Pixels of a screen. */
+  function onScreen(point: number[], width: number, height: number): [number, number] {
+    const eye = worldFromCamera(camera).invert();
+    const clip = new Vector4(...point, 1).applyMatrix4(eye).applyMatrix4(projectionOf(camera, width, height, 0.02, 200));
+    return [(0.5 + clip.x / clip.w / 2) * width, (0.5 - clip.y / clip.w / 2) * height];
+  }
+  /** Pixels of the image, by OpenCV's model. */
+  function inImage(point: number[]): [number, number] {
+    const [x, y, z] = [0, 1, 2].map((row) =>
+      camera.rotation[row].reduce((sum, r, k) => sum + r * point[k], camera.translation[row]));
+    return [900 * (x / z) + 500, 910 * (y / z) + 390];
+  }
+
+  for (const [width, height] of [[1024, 768], [512, 384], [1920, 1080], [600, 900]]) {
+    it(`shows each point where its image has it, on ${width} x ${height}`, () => {
+      const scale = Math.min(width / 1024, height / 768);
+      for (const point of [[0, 0, 1], [0.3, -0.5, 1.7], [-1, 0.4, 0.2]]) {
+        const [u, v] = inImage(point);
+        const [x, y] = onScreen(point, width, height);
+        expect(x).toBeCloseTo((u + 0.5) * scale + (width - 1024 * scale) / 2, 3);
+        expect(y).toBeCloseTo((v + 0.5) * scale + (height - 768 * scale) / 2, 3);
+      }
+    });
+  }
+
+  it('is at its optical centre', () => {
+    expect(centerOf(camera).distanceTo(new Vector3(3, -0.1, 1))).toBeLessThan(1e-12);
+  });
+});
+
+describe('normals', () => {
+  it('point away from the side that triangles turn about counter-clockwise', () => {
+    const square = new Float32Array([0, 0, 0, 1, 0, 0, 1, 1, 0, 0, 1, 0, 9, 9, 9]);
+    const normals = vertexNormals(square, new Uint32Array([0, 1, 2, 0, 2, 3]));
+    expect([...normals]).toEqual([0, 0, 1, 0, 0, 1, 0, 0, 1, 0, 0, 1, 0, 0, 1]);
+  });
+});
+
+describe('messages', () => {
+  function message(json: string, bytes: number[]): ArrayBuffer {
+    const text = new TextEncoder().encode(json);
+    const all = new Uint8Array(4 + text.length + bytes.length);
+    new DataView(all.buffer).setUint32(0, text.length, true);
+    all.set(text, 4);
+    all.set(bytes, 4 + text.length);
+    return all.buffer;
+  }
+
+  it('are a head and bytes', () => {
+    const split = splitMessage<{ type: string }>(message('{"type":"mesh"}', [7, 8]));
+    expect(split?.head.type).toBe('mesh');
+    expect([...split!.bytes]).toEqual([7, 8]);
+  });
+
+  it('that are none are passed over', () => {
+    expect(splitMessage(new ArrayBuffer(2))).toBeNull();
+    expect(splitMessage(message('{', []))).toBeNull();
+    const long = message('{}', []);
+    new DataView(long).setUint32(0, 1e9, true);
+    expect(splitMessage(long)).toBeNull();
+  });
+
+  it('carry masks as runs', () => {
+    const found: number[][] = [];
+    eachForegroundRun(Uint8Array.of(3, 2, 0x80, 0x01, 5), (first, length) => found.push([first, length]));
+    expect(found).toEqual([[3, 2], [133, 5]]);
+    found.length = 0;
+    eachForegroundRun(Uint8Array.of(0x81, 0x01, 4), (first, length) => found.push([first, length]));
+    expect(found).toEqual([[129, 4]]);
+  });
+
+  it('tell the time there by the quickest of the last pings', () => {
+    const clock = new ServerClock();
+    expect(clock.at(0)).toBeNull();
+    clock.add(100, 5100, 104);
+    clock.add(200, 5900, 900);
+    expect(clock.at(1000)).toBe(5998);
+    for (let n = 0; n < 10; ++n) clock.add(1000, 7000, 1010); // the clock there was set
+    expect(clock.at(1000)).toBe(6995);
+  });
+});
+
+describe('the studio in words', () => {
+  const node = (values: Record<string, number>, more: Partial<NodeState> = {}): NodeState =>
+    ({ name: 'cap01', heard: true, cameras: ['cam01'], state: 'recording', values, ...more });
+  const well = { 'cam01.streaming_flag': 1, 'cam01.frames': 9 };
+
+  it('names the worst of what is wrong with a camera', () => {
+    expect(judgeCamera('cam01', node(well), undefined)).toEqual({ grade: 'good', text: 'follows every pulse' });
+    expect(judgeCamera('cam01', node({ ...well, 'cam01.frames_suspect': 2, 'cam01.frames_missing': 1 }), undefined))
+      .toEqual({ grade: 'alarm', text: '1 frame missing' });
+    expect(judgeCamera('cam01', node({ 'cam01.streaming_flag': 0 }), undefined).text).toBe('does not stream');
+    expect(judgeCamera('cam01', node({}, { heard: false }), undefined).text).toBe('cap01 is silent');
+    const recon = node({ 'cam01.drift_px': 2.3 }, { name: 'recon01' });
+    expect(judgeCamera('cam01', node(well), recon).text).toContain('2.3 px aside');
+  });
+
+  it('leaves out what was not told', () => {
+    expect(factsOf(node({}))).toEqual([]);
+    expect(factsOf(node({ disk_seconds_left: 30 }))).toEqual([{ name: 'disk for', value: '30 s', grade: 'alarm' }]);
+  });
+
+  it('says a slate as the crew would', () => {
+    expect(slateText({ scene: '12', take: '3', note: '', mark: 'circled' })).toBe('scene 12, take 3');
+  });
+});

@@ -1,0 +1,24 @@
+import { fileURLToPath } from 'node:url';
+import { defineConfig } from 'vitest/config';
+
+const here = (path) => fileURLToPath(new URL(path, import.meta.url));
+
+// The decoder is built by CMake, which says where it lies; tests need none.
+const decoder = process.env.V3D_DECODER_WASM ?? here('../../build/release/codec/v3d_decoder.wasm');
+// `npx vite` beside a running v3d-viewd: what is no page comes from there.
+const daemon = 'http://127.0.0.1:8330';
+
+export default defineConfig({
+  base: './',
+  resolve: { alias: { 'v3d_decoder.wasm?url': `${decoder}?url` } },
+  worker: { format: 'es' },
+  build: {
+    outDir: process.env.V3D_VIEWER_OUT ?? 'dist',
+    emptyOutDir: true,
+    assetsInlineLimit: 0,
+    chunkSizeWarningLimit: 1000,
+    rollupOptions: { input: { index: here('index.html'), studio: here('studio.html') } },
+  },
+  server: { fs: { allow: ['../..'] }, proxy: { '/api': { target: daemon, ws: true }, '/takes': daemon } },
+  test: { include: ['tests/*.test.ts'] },
+});
