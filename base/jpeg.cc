@@ -11,6 +11,17 @@ namespace {
 
 using Handle = std::unique_ptr<void, decltype(&tjDestroy)>;
 
+std::optional<ImageSize> size_of(tjhandle decoder, std::span<const uint8_t> jpeg) {
+  ImageSize size;
+  int sampling = 0;
+  int colours = 0;
+  if (tjDecompressHeader3(decoder, jpeg.data(), jpeg.size(), &size.width, &size.height, &sampling,
+                          &colours) != 0) {
+    return std::nullopt;
+  }
+  return size;
+}
+
 }  // namespace
 
 std::vector<uint8_t> encode_jpeg(ImageView rgb, int quality) {
@@ -26,14 +37,16 @@ std::vector<uint8_t> encode_jpeg(ImageView rgb, int quality) {
   return bytes;
 }
 
+std::optional<ImageSize> jpeg_size(std::span<const uint8_t> jpeg) {
+  const Handle decoder(tjInitDecompress(), tjDestroy);
+  const auto size = size_of(decoder.get(), jpeg);
+  if (!size || size->width > kMaxImageSide || size->height > kMaxImageSide) return std::nullopt;
+  return size;
+}
+
 std::optional<Image> decode_jpeg(std::span<const uint8_t> jpeg, ImageSize size) {
   const Handle decoder(tjInitDecompress(), tjDestroy);
-  ImageSize found;
-  int sampling = 0;
-  int colours = 0;
-  const bool known = tjDecompressHeader3(decoder.get(), jpeg.data(), jpeg.size(), &found.width,
-                                         &found.height, &sampling, &colours) == 0;
-  if (!known || found != size) return std::nullopt;
+  if (size_of(decoder.get(), jpeg) != size) return std::nullopt;
   Image image(size, PixelFormat::kRGB8);
   // A progressive picture may ask for a thousand passes over it: TJFLAG_LIMITSCANS.
   const int failed =

@@ -14,6 +14,9 @@ namespace v3d {
 /// give equal bytes.
 std::vector<uint8_t> encode_jpeg(ImageView rgb, int quality);
 
+/// Of a JPEG picture, by its head; empty for anything else, and beyond kMaxImageSide.
+std::optional<ImageSize> jpeg_size(std::span<const uint8_t> jpeg);
+
 /// RGB8. Hostile bytes give nothing, and so does a picture of another size than `size`: nothing
 /// larger than that is ever allocated.
 std::optional<Image> decode_jpeg(std::span<const uint8_t> jpeg, ImageSize size);

@@ -86,6 +86,26 @@ DeepImage decode_png(std::string_view bytes, const std::filesystem::path& path) 
   return image;
 }
 
+Image decode_rgb_png(std::string_view bytes, const std::filesystem::path& path) {
+  const Context context = make_context(0);
+  spng_set_image_limits(context.get(), kMaxImageSide, kMaxImageSide);
+  spng_ihdr header{};
+  size_t size = 0;
+  const bool known = spng_set_png_buffer(context.get(), bytes.data(), bytes.size()) == 0 &&
+                     spng_get_ihdr(context.get(), &header) == 0 &&
+                     spng_decoded_image_size(context.get(), SPNG_FMT_RGB8, &size) == 0 &&
+                     static_cast<size_t>(header.width) * header.height * header.bit_depth / 8 <=
+                         kMostPerByte * bytes.size();
+  if (!known) refuse(path, "is no PNG image, or a damaged one");
+  Image image({static_cast<int>(header.width), static_cast<int>(header.height)},
+              PixelFormat::kRGB8);
+  if (size != image.bytes.size() ||
+      spng_decode_image(context.get(), image.bytes.data(), size, SPNG_FMT_RGB8, 0) != 0) {
+    refuse(path, "is no PNG image, or a damaged one");
+  }
+  return image;
+}
+
 void write_png(const std::filesystem::path& path, ImageView image) {
   const Image rgb = to_rgb(image);
   replace_file(path, encode(rgb.size, 3, 8, rgb.bytes.data(), rgb.bytes.size()));

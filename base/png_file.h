@@ -25,6 +25,9 @@ std::string encode_png(const DeepImage& image);
 /// times the bytes.
 DeepImage decode_png(std::string_view bytes, const std::filesystem::path& path);
 
+/// RGB8 of a PNG of any kind; transparency is left out. Else as decode_png().
+Image decode_rgb_png(std::string_view bytes, const std::filesystem::path& path);
+
 /// 8 bits, RGB; other formats are brought to RGB first. Throws std::runtime_error when the file
 /// cannot be written.
 void write_png(const std::filesystem::path& path, ImageView image);

@@ -40,7 +40,7 @@ v3d_package(recon "V3D studio: daemon of the reconstruction PC"
   DEPENDS ${common} RECOMMENDS rsync openssh-server)
 v3d_package(viewer "V3D studio: the studio and its takes in a browser" DEPENDS ${common})
 v3d_package(tools "V3D studio: v3dctl for operators, v3d-sim for rehearsals"
-  RECOMMENDS rsync openssh-client)
+  RECOMMENDS rsync openssh-client ffmpeg)
 set(CPACK_DEBIAN_TOOLS_PACKAGE_SUGGESTS "default-jre, liblcm-java, libjchart2d-java")
 v3d_package(import "V3D studio: images and videos (v3dctl import, v3dctl calibrate)"
   DEPENDS "v3d-tools (= ${PROJECT_VERSION})")

@@ -127,7 +127,7 @@ class Canvas {
       const float down = static_cast<float>(y) / static_cast<float>(camera_.size().height);
       const Eigen::Vector3f plain = top + down * (bottom - top);
       for (int x = 0; x < band_.width; ++x) {
-        colour_[at(x, y)] = plain;
+        colour_[at(x, y)] = options_.backdrop == nullptr ? plain : backdrop(x, y);
         if (floor != nullptr) {
           draw_floor(*floor, eye, x, y);
         }
@@ -173,6 +173,11 @@ class Canvas {
  private:
   size_t at(int x, int y) const {
     return static_cast<size_t>(y - band_.row_begin) * band_.width + x;
+  }
+
+  Eigen::Vector3f backdrop(int x, int y) const {
+    const uint8_t* rgb = options_.backdrop->row(y / kSamples) + 3 * (x / kSamples);
+    return {float(rgb[0]), float(rgb[1]), float(rgb[2])};
   }
 
   void draw_floor(const Floor& floor, const Eigen::Vector3d& eye, int x, int y) {

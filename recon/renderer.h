@@ -26,6 +26,8 @@ struct DrawOptions {
   double head_light = 0;
   Rgb8 top{58, 64, 74};  ///< the background runs evenly from the top row to the bottom row
   Rgb8 bottom{22, 24, 28};
+  /// Instead of those colours: RGB8 of camera.size(), borrowed.
+  const Image* backdrop = nullptr;
   std::optional<FloorOptions> floor = std::nullopt;
 };
 

@@ -1,10 +1,11 @@
-// Studio and calibration files are written by people and other programs: any text is read or
+// Studio, calibration and scene files are written by people and other programs: any text is read or
 // refused by an InputError, nothing else.
 #include <string_view>
 
 #include "base/calib_file.h"
 #include "base/error.h"
 #include "base/studio_file.h"
+#include "v3dctl/scene_clock.h"
 
 extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   const std::string_view text(reinterpret_cast<const char*>(data), size);
@@ -14,6 +15,12 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   }
   try {
     v3d::parse_studio(text, "studio.toml");
+  } catch (const v3d::InputError&) {
+  }
+  try {
+    const v3d::ctl::Scene scene = v3d::ctl::parse_scene(text, "scene.json");
+    v3d::ctl::camera_at(scene.camera, scene.seconds / 2);
+    for (const auto& take : scene.takes) v3d::ctl::pulse_at(take, 25, 0, 9, scene.seconds / 2);
   } catch (const v3d::InputError&) {
   }
   return 0;

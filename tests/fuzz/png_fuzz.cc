@@ -1,6 +1,7 @@
-// Bytes as a picture of a background model, which lies in every take: refused by an InputError, or
-// as many samples as its size says.
+// Bytes as a picture of a background model, which lies in every take, and as one that somebody
+// brings for a scene: refused by an InputError, or as many samples as its size says.
 #include "base/error.h"
+#include "base/picture.h"
 #include "base/png_file.h"
 #include "fuzz_input.h"
 
@@ -10,6 +11,12 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
         v3d::decode_png({reinterpret_cast<const char*>(data), size}, "cam01.mean.png");
     v3d::test::must(image.samples.size() ==
                     static_cast<size_t>(image.size.pixels()) * static_cast<size_t>(image.channels));
+  } catch (const v3d::InputError&) {
+  }
+  try {
+    const v3d::Image image =
+        v3d::decode_picture({reinterpret_cast<const char*>(data), size}, "sky.png");
+    v3d::test::must(image.bytes.size() == 3 * static_cast<size_t>(image.size.pixels()));
   } catch (const v3d::InputError&) {
   }
   return 0;

@@ -1,4 +1,4 @@
-// glTF 2.0 binary through tinygltf: the only place that sees it.
+// glTF 2.0 binary through tinygltf, which only gltf_model.cc sees beside it.
 #include <tiny_gltf.h>
 
 #include <algorithm>

@@ -1,11 +1,17 @@
+#include <charconv>
+#include <cstdio>
 #include <optional>
 
 #include "base/calib_file.h"
 #include "base/error.h"
 #include "base/png_file.h"
+#include "common/console.h"
 #include "recon/renderer.h"
 #include "v3dctl/command.h"
+#include "v3dctl/interrupt.h"
 #include "v3dctl/mesh_frames.h"
+#include "v3dctl/scene_renderer.h"
+#include "v3dctl/scene_video.h"
 #include "v3dctl/take_frames.h"
 #include "v3dctl/view_colours.h"
 
@@ -14,10 +20,16 @@ namespace {
 
 constexpr ImageSize kTurntableView{480, 560};
 
+namespace fs = std::filesystem;
+
 struct Arguments {
-  std::filesystem::path take;
-  std::filesystem::path out;
-  int64_t frame = 0;
+  fs::path take;
+  fs::path out;
+  fs::path scene;
+  std::optional<double> at_s;
+  std::string frames;
+  std::string size = "1280x720";
+  int64_t frame = -1;
   std::string camera;
   int turntable = 0;
   bool view_dependent = false;
@@ -76,10 +88,88 @@ Image turntable(const Painter& painter, int views, int64_t frame) {
   return contact_sheet(images);
 }
 
-int run(const Arguments& arguments) {
+ImageSize parse_picture_size(const std::string& text) {
+  ImageSize size;
+  const char* const end = text.data() + text.size();
+  const auto width = std::from_chars(text.data(), end, size.width);
+  if (width.ec == std::errc() && width.ptr != end && *width.ptr == 'x') {
+    const auto height = std::from_chars(width.ptr + 1, end, size.height);
+    const auto fits = [](int n) { return n >= 16 && n <= 8192; };
+    if (height.ec == std::errc() && height.ptr == end && fits(size.width) && fits(size.height)) {
+      return size;
+    }
+  }
+  throw InputError("--size " + text + ": expected WIDTHxHEIGHT in pixels, 16 to 8192 each");
+}
+
+/// Numbers of pictures of a scene.
+FrameRange frames_of(const Arguments& arguments, const Scene& scene) {
+  FrameRange range = parse_frame_range(arguments.frames);
+  range.end = std::min(range.end, scene.frames());
+  if (range.begin < range.end) return range;
+  throw InputError("--frames " + arguments.frames +
+                   " is beyond the scene, which has pictures 0 to " +
+                   std::to_string(scene.frames() - 1));
+}
+
+void draw_video(SceneRenderer& renderer, const Arguments& arguments, FrameRange range,
+                ImageSize size) {
+  VideoWriter video(arguments.out, size, renderer.scene().rate_hz);
+  Progress progress("render", range.end - range.begin);
+  for (int64_t frame = range.begin; frame < range.end; ++frame) {
+    stop_if_interrupted();
+    video.add(renderer.draw(frame));
+    progress.advance();
+  }
+  video.close();
+}
+
+void draw_folder(SceneRenderer& renderer, const Arguments& arguments, FrameRange range) {
+  std::error_code error;
+  if (!fs::create_directories(arguments.out, error) && !fs::is_directory(arguments.out)) {
+    throw InputError(arguments.out.string() + ": cannot make the folder: " + error.message());
+  }
+  Progress progress("render", range.end - range.begin);
+  for (int64_t frame = range.begin; frame < range.end; ++frame) {
+    stop_if_interrupted();
+    char name[32];
+    std::snprintf(name, sizeof name, "%06lld.png", static_cast<long long>(frame));
+    write_png(arguments.out / name, renderer.draw(frame).view());
+    progress.advance();
+  }
+}
+
+int run_scene(const Arguments& arguments) {
+  const bool picture = arguments.out.extension() == ".png";
+  if (picture != arguments.at_s.has_value()) {
+    throw InputError(picture ? "render: one picture of a scene wants --at SECONDS"
+                             : "--at: one picture is a file that ends in .png");
+  }
+  if (!picture && arguments.out.has_extension() && !VideoWriter::writes(arguments.out)) {
+    throw InputError(arguments.out.string() +
+                     ": want a folder, or a name that ends in .png, .mp4, .mov, .mkv or .webm");
+  }
+  const ImageSize size = parse_picture_size(arguments.size);
+  Scene scene = load_scene(arguments.scene);
+  const FrameRange range = frames_of(arguments, scene);
+  SceneRenderer renderer(std::move(scene),
+                         {.size = size, .view_dependent = arguments.view_dependent});
+  catch_interrupts();
+  if (picture) {
+    write_png(arguments.out, renderer.draw_at(*arguments.at_s).view());
+  } else if (VideoWriter::writes(arguments.out)) {
+    draw_video(renderer, arguments, range, size);
+  } else {
+    draw_folder(renderer, arguments, range);
+  }
+  return kExitDone;
+}
+
+int run_take(const Arguments& arguments) {
   if (arguments.camera.empty() == (arguments.turntable == 0)) {
     throw InputError("render: give either --camera CAM or --turntable K");
   }
+  if (arguments.frame < 0) throw InputError("render: --frame N is missing");
   if (arguments.out.extension() != ".png") {
     throw InputError(arguments.out.string() + ": want a name that ends in .png");
   }
@@ -91,18 +181,44 @@ int run(const Arguments& arguments) {
   return kExitDone;
 }
 
+int run(Arguments arguments) {
+  const bool of_take = arguments.scene.empty();
+  if (!of_take && arguments.out.empty()) std::swap(arguments.take, arguments.out);
+  if (arguments.out.empty() || arguments.take.empty() == of_take) {
+    throw InputError(of_take ? "render: give TAKE and OUT.png, or --scene SCENE.json and OUT"
+                             : "render: --scene SCENE.json and OUT; the scene names its takes");
+  }
+  return of_take ? run_take(arguments) : run_scene(arguments);
+}
+
 }  // namespace
 
 void add_render(CommandLine& line) {
-  CLI::App* command = line.add("render", "Draw a reconstructed frame as a PNG picture",
-                               {"v3dctl render dancer --frame 12 --camera cam03 cam03.png",
-                                "v3dctl render dancer --frame 12 --turntable 8 round.png"});
+  CLI::App* command =
+      line.add("render", "Draw a reconstructed frame, or a scene, as pictures or a video",
+               {"v3dctl render dancer --frame 12 --camera cam03 cam03.png",
+                "v3dctl render dancer --frame 12 --turntable 8 round.png",
+                "v3dctl render --scene duel/scene.json --at 2.5 duel.png",
+                "v3dctl render --scene duel/scene.json --size 1920x1080 duel.mp4"});
   auto arguments = std::make_shared<Arguments>();
-  command->add_option("TAKE", arguments->take, "The folder of a reconstructed take")->required();
-  command->add_option("OUT.png", arguments->out, "The picture")->required();
+  command->add_option("TAKE", arguments->take,
+                      "The folder of a reconstructed take; left out with --scene");
+  command->add_option("OUT", arguments->out,
+                      "The picture (.png); of a scene also a video (.mp4, .mov, .mkv, .webm; by "
+                      "ffmpeg) or a folder for 000000.png ...");
+  command
+      ->add_option("--scene", arguments->scene,
+                   "A scene file: takes, models and a camera path (docs/scene.md)")
+      ->type_name("SCENE.json");
+  command->add_option("--at", arguments->at_s, "The picture at this time of the scene")
+      ->type_name("SECONDS")
+      ->check(CLI::NonNegativeNumber);
+  command->add_option("--size", arguments->size, "Of the pictures of a scene, in pixels")
+      ->type_name("WIDTHxHEIGHT")
+      ->capture_default_str();
+  add_frames_option(command, arguments->frames);
   command->add_option("--frame", arguments->frame, "The frame, by its pulse number")
       ->type_name("N")
-      ->required()
       ->check(CLI::NonNegativeNumber);
   command->add_option("--camera", arguments->camera, "As this camera of the take sees it")
       ->type_name("CAM");

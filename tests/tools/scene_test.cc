@@ -1,0 +1,173 @@
+// Scenes: what their file says, and what they look like.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <fstream>
+#include <nlohmann/json.hpp>
+
+#include "base/error.h"
+#include "base/file.h"
+#include "base/picture.h"
+#include "base/png_file.h"
+#include "support/temporary_folder.h"
+#include "v3dctl/mesh_export.h"
+#include "v3dctl/scene_clock.h"
+#include "v3dctl/scene_renderer.h"
+
+namespace v3d::ctl {
+namespace {
+
+using nlohmann::json;
+using testing::HasSubstr;
+
+/// The same as of tools/viewer/tests/scene.test.ts.
+const json& cases() {
+  static const json cases = json::parse(read_file(V3D_SCENE_CASES));
+  return cases;
+}
+
+Eigen::Vector3d vector(const json& list) {
+  return {list[0].get<double>(), list[1].get<double>(), list[2].get<double>()};
+}
+
+TEST(SceneFile, says_what_is_where) {
+  const Scene scene = parse_scene(cases()["scene"].dump(), "takes/duel/scene.json");
+  EXPECT_EQ(scene.frames(), cases()["pictures"]);
+  EXPECT_EQ(scene.background.colour, (Rgb8{0x0a, 0x1b, 0x2c}));
+  EXPECT_EQ(scene.background.sphere, "takes/duel/sky.jpg");
+  ASSERT_EQ(scene.takes.size(), 2U);
+  EXPECT_EQ(scene.takes[0].take, "takes/a");
+  EXPECT_EQ(scene.takes[1].outside, Outside::kHold);
+  ASSERT_EQ(scene.models.size(), 1U);
+  const Eigen::Vector3d corner = scene.models[0].place.world_from_own() * Eigen::Vector3d(1, 0, 2);
+  EXPECT_LT((corner - Eigen::Vector3d(std::sqrt(0.5), std::sqrt(0.5), 2)).norm(), 1e-9);
+}
+
+TEST(SceneFile, turns_about_x_then_y_then_z) {
+  const Placement place{.move = {1, 0, 0}, .turn_deg = {90, 0, 90}, .scale = 2};
+  // Up: about x to -y, about z to +x.
+  EXPECT_LT((place.world_from_own() * Eigen::Vector3d(0, 0, 1) - Eigen::Vector3d(3, 0, 0)).norm(),
+            1e-9);
+}
+
+TEST(SceneFile, names_the_field_that_is_wrong) {
+  for (const json& refused : cases()["refused"]) {
+    json scene = cases()["scene"];
+    scene.merge_patch(refused["with"]);
+    try {
+      parse_scene(scene.dump(), "duel/scene.json");
+      ADD_FAILURE() << "accepted " << refused;
+    } catch (const InputError& error) {
+      EXPECT_THAT(error.what(),
+                  HasSubstr("duel/scene.json: " + refused["says"].get<std::string>()));
+    }
+  }
+  EXPECT_THROW(parse_scene("{", "scene.json"), InputError);
+  EXPECT_THROW(parse_scene("[]", "scene.json"), InputError);
+}
+
+TEST(SceneClock, leads_the_camera_through_its_keys) {
+  const Scene scene = parse_scene(cases()["scene"].dump(), "scene.json");
+  for (const json& wanted : cases()["cameras"]) {
+    const CameraKey key = camera_at(scene.camera, wanted["at_s"]);
+    EXPECT_LT((key.eye - vector(wanted["eye"])).norm(), 1e-9) << wanted;
+    EXPECT_LT((key.look - vector(wanted["look"])).norm(), 1e-9) << wanted;
+    EXPECT_NEAR(key.fov_deg, wanted["fov_deg"], 1e-9) << wanted;
+  }
+}
+
+TEST(SceneClock, shifts_and_stretches_takes) {
+  SceneTake take = parse_scene(cases()["scene"].dump(), "scene.json").takes[0];
+  for (const json& wanted : cases()["pulses"]) {
+    const std::string outside = wanted["outside"];
+    take.outside = outside == "hold"   ? Outside::kHold
+                   : outside == "hide" ? Outside::kHide
+                                       : Outside::kLoop;
+    const auto pulse = pulse_at(take, 25, 0, 99, wanted["at_s"]);
+    EXPECT_EQ(pulse ? json(*pulse) : json(), wanted["pulse"]) << wanted;
+  }
+}
+
+/// A cube of 40 cm on the floor, red, as a model; glTF has y up.
+Mesh red_cube() {
+  Mesh cube;
+  for (int i = 0; i < 8; ++i) {
+    cube.vertices.emplace_back(i & 1 ? 0.2F : -0.2F, i & 2 ? 0.2F : -0.2F, i & 4 ? 0.4F : 0.0F);
+  }
+  cube.triangles = {{0, 2, 3}, {0, 3, 1}, {4, 5, 7}, {4, 7, 6}, {0, 1, 5}, {0, 5, 4},
+                    {2, 6, 7}, {2, 7, 3}, {0, 4, 6}, {0, 6, 2}, {1, 3, 7}, {1, 7, 5}};
+  cube.colours.assign(8, {200, 20, 20});
+  return cube;
+}
+
+class ScenePictures : public testing::Test {
+ protected:
+  ScenePictures() {
+    write_mesh(folder_ / "cube.glb", MeshFormat::kGlb, red_cube());
+    Image sky({4, 2}, PixelFormat::kRGB8);
+    for (int x = 0; x < 4; ++x) {
+      for (int y = 0; y < 2; ++y)
+        sky.row(y)[3 * x + (x < 2 ? 1 : 2)] = 250;  // left green, right blue
+    }
+    write_png(folder_ / "sky.png", sky.view());
+  }
+
+  /// One picture of 64 x 48 from 2 m before the cube, towards +y.
+  Image picture_of(const char* changes) {
+    json scene = json::parse(R"({"v3d_scene": 1, "seconds": 1, "models": [{"model": "cube.glb"}],
+        "camera": {"keys": [{"at_s": 0, "eye": [0, -2, 0.2], "look": [0, 0, 0.2]}]}})");
+    scene.merge_patch(json::parse(changes));
+    return SceneRenderer(parse_scene(scene.dump(), folder_ / "scene.json"), {.size = {64, 48}})
+        .draw(0);
+  }
+  static Rgb8 pixel(const Image& image, int x, int y) {
+    const uint8_t* p = image.row(y) + 3 * x;
+    return {p[0], p[1], p[2]};
+  }
+
+  const test::TemporaryFolder folder_;
+};
+
+TEST_F(ScenePictures, show_models_where_they_were_put) {
+  const Image image = picture_of(R"({"background": {"colour": "#010203"}})");
+  EXPECT_EQ(pixel(image, 32, 24), (Rgb8{200, 20, 20})) << "unlit: as it is";
+  EXPECT_EQ(pixel(image, 4, 24), (Rgb8{1, 2, 3}));
+  const Image aside = picture_of(R"({"models": [{"model": "cube.glb", "move": [-0.7, 0, 0]}]})");
+  EXPECT_EQ(pixel(aside, 32, 24), (Rgb8{16, 18, 22}));
+  EXPECT_EQ(pixel(aside, 4, 24), (Rgb8{200, 20, 20}));
+}
+
+TEST_F(ScenePictures, have_a_picture_of_all_directions_behind) {
+  // Towards +y is the left half, left of it -x is the left edge, and right of it +x the middle.
+  const Image image = picture_of(R"({"background": {"sphere": "sky.png"}})");
+  EXPECT_EQ(pixel(image, 2, 2), (Rgb8{0, 250, 0}));
+  const Image turned = picture_of(R"({"background": {"sphere": "sky.png", "turn_deg": 180}})");
+  EXPECT_EQ(pixel(turned, 2, 2), (Rgb8{0, 0, 250}));
+}
+
+TEST_F(ScenePictures, have_a_still_picture_behind_that_fills_them) {
+  const Image image = picture_of(R"({"background": {"image": "sky.png"}})");
+  EXPECT_EQ(pixel(image, 2, 2), (Rgb8{0, 250, 0}));
+  EXPECT_EQ(pixel(image, 61, 46), (Rgb8{0, 0, 250}));
+}
+
+TEST_F(ScenePictures, name_what_is_missing) {
+  for (const char* changes :
+       {R"({"models": [{"model": "none.glb"}]})", R"({"models": [{"model": "sky.png"}]})",
+        R"({"background": {"image": "cube.glb"}})", R"({"takes": [{"take": "../none"}]})"}) {
+    EXPECT_THROW(picture_of(changes), InputError) << changes;
+  }
+}
+
+TEST_F(ScenePictures, light_models_from_above) {
+  ModelSurface model;
+  model.mesh.vertices.assign(2, Eigen::Vector3f::Zero());
+  model.normals = {Eigen::Vector3f::UnitZ(), -Eigen::Vector3f::UnitZ()};
+  model.albedo.assign(2, Eigen::Vector3f::Constant(0.5F));
+  model.unlit = {0, 0};
+  const Mesh lit = lit_model(model, Eigen::Affine3d::Identity());
+  EXPECT_GT(lit.colours[0].r, lit.colours[1].r + 60);
+}
+
+}  // namespace
+}  // namespace v3d::ctl
