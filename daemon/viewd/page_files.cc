@@ -10,7 +10,7 @@ namespace v3d {
 namespace fs = std::filesystem;
 
 std::string content_type(const fs::path& path) {
-  static constexpr std::array<std::pair<std::string_view, std::string_view>, 9> kTypes = {
+  static constexpr std::array<std::pair<std::string_view, std::string_view>, 14> kTypes = {
       {{".html", "text/html; charset=utf-8"},
        {".js", "text/javascript; charset=utf-8"},
        {".css", "text/css; charset=utf-8"},
@@ -18,6 +18,11 @@ std::string content_type(const fs::path& path) {
        {".json", "application/json"},
        {".svg", "image/svg+xml"},
        {".png", "image/png"},
+       {".jpg", "image/jpeg"},
+       {".jpeg", "image/jpeg"},
+       {".glb", "model/gltf-binary"},
+       {".mp4", "video/mp4"},
+       {".webm", "video/webm"},
        {".woff2", "font/woff2"},
        {".toml", "text/plain; charset=utf-8"}}};
   const std::string extension = path.extension();

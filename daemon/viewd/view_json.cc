@@ -107,6 +107,10 @@ std::string takes_json(const std::vector<TakeListing>& takes) {
   return text_of({{"takes", list}});
 }
 
+std::string scenes_json(const std::vector<std::string>& names) {
+  return text_of({{"scenes", names}});
+}
+
 std::string rig_json(const Rig& rig) {
   Json cameras = Json::array();
   for (const RigCamera& camera : rig) cameras.push_back(camera_json(camera));

@@ -20,6 +20,9 @@ namespace v3d {
 /// {"takes": [..]}; the keys of each are those of `v3dctl takes --json`, and "mesh_bytes".
 std::string takes_json(const std::vector<TakeListing>& takes);
 
+/// {"scenes": [names]}
+std::string scenes_json(const std::vector<std::string>& names);
+
 /// {"cameras": [{"name", "width", "height", "matrix" (3x3), "distortion", "rotation" (3x3) and
 /// "translation" of cam_from_world}]}
 std::string rig_json(const Rig& rig);

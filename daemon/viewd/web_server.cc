@@ -95,7 +95,7 @@ void set_head(Response& response, const WebAnswer& answer, bool keep_alive) {
   response.set("Referrer-Policy", "no-referrer");
   response.set("Content-Security-Policy",
                "default-src 'self'; script-src 'self' 'wasm-unsafe-eval'; img-src 'self' blob: "
-               "data:; connect-src 'self'; worker-src 'self'; frame-ancestors 'none'");
+               "data:; connect-src 'self' blob: data:; worker-src 'self'; frame-ancestors 'none'");
   for (const auto& [name, value] : answer.fields) response.set(name, value);
   response.keep_alive(keep_alive);
 }

@@ -9,6 +9,7 @@
 #include "base/error.h"
 #include "base/name.h"
 #include "daemon/viewd/byte_range.h"
+#include "daemon/viewd/scene_folders.h"
 #include "daemon/viewd/view_json.h"
 #include "take/take_listing.h"
 
@@ -141,6 +142,7 @@ WebSite::Opening WebSite::open_stream(const WebRequest& request) const {
 WebAnswer WebSite::find(const WebRequest& request, const WebTarget& target) {
   const std::vector<std::string>& path = target.path;
   if (target.text() == "/api/takes") return takes();
+  if (target.text() == "/api/scenes") return json(scenes_json(find_scenes(takes_)));
   if (target.text() == "/api/rig") return json(rig_json(load_calib(calib_)));
   if (path.size() == 4 && path[0] == "api" && path[1] == "takes" && path[3] == "rig") {
     if (!is_file_name(path[2])) return plain(404, "there is no such take");
@@ -163,7 +165,9 @@ WebAnswer WebSite::takes() {
 
 WebAnswer WebSite::of_take(const WebRequest& request, const std::string& take,
                            const std::string& file) {
-  if (!is_file_name(take) || !is_served(file)) return plain(404, "there is no such file of a take");
+  if (!is_file_name(take) || !(is_served(file) || is_of_scene(takes_ / take, file))) {
+    return plain(404, "there is no such file of a take");
+  }
   WebAnswer answer = file_answer(request, takes_ / take / file);
   answer.fields.emplace_back("Cache-Control", "no-cache");
   return answer;

@@ -1,9 +1,11 @@
 // What is served, by its path:
 //   /, /...                      the page
 //   /api/takes                   the takes (takes_json)
+//   /api/scenes                  the scenes (scenes_json)
 //   /api/rig, /api/takes/T/rig   the calibration now, and that of a take (rig_json)
 //   /api/live, /api/studio       by WebSocket only: live meshes, and the studio's state
-//   /takes/T/FILE                mesh.v3d or calib.toml of a take, as it lies there; HTTP ranges
+//   /takes/T/FILE                mesh.v3d or calib.toml of a take, or scene.json and what is shown
+//                                with it (scene_folders.h), as it lies there; HTTP ranges
 #pragma once
 
 #include <filesystem>

@@ -216,6 +216,20 @@ TEST_F(Site, serves_no_other_file_of_a_take_and_follows_no_link) {
   EXPECT_EQ(get("/takes/kendo-07/mesh.v3d").status, 404);
 }
 
+TEST_F(Site, serves_a_scene_and_what_is_shown_with_it) {
+  write(folder_ / "takes/duel/scene.json", "{}");
+  write(folder_ / "takes/duel/temple.glb", "glTF");
+  write(folder_ / "takes/duel/notes.txt", "secret");
+  write(folder_ / "takes/kendo-07/cam01.png", "secret");
+  EXPECT_EQ(get("/api/scenes").body, R"({"scenes":["duel"]})");
+  EXPECT_EQ(get("/takes/duel/scene.json").type, "application/json");
+  EXPECT_EQ(get("/takes/duel/temple.glb").type, "model/gltf-binary");
+  EXPECT_EQ(get("/takes/duel/notes.txt").status, 404);
+  EXPECT_EQ(get("/takes/kendo-07/cam01.png").status, 404) << "that folder holds no scene";
+  std::filesystem::create_symlink(folder_ / "outside", folder_ / "takes/duel/sky.png");
+  EXPECT_EQ(get("/takes/duel/sky.png").status, 404) << "links are not followed";
+}
+
 TEST_F(Site, tells_of_no_path_when_something_is_missing) {
   for (const char* target : {"/api/rig", "/api/takes/none/rig"}) {
     const WebAnswer answer = get(target);

@@ -1,109 +1,78 @@
 // The viewer as a person has it: v3d-viewd, the built page, Chromium.
 import assert from 'node:assert/strict';
-import { execFileSync, spawn } from 'node:child_process';
-import { mkdtempSync, rmSync, writeFileSync } from 'node:fs';
-import { createServer } from 'node:net';
-import { tmpdir } from 'node:os';
+import { execFileSync } from 'node:child_process';
+import { mkdirSync, readFileSync, writeFileSync } from 'node:fs';
 import { join } from 'node:path';
 import { after, before, test } from 'node:test';
-import { chromium } from '../../tools/viewer/node_modules/playwright-core/index.mjs';
+import { launchBrowser, NO_GL, ServedStudio, WITHIN } from './served_studio.mjs';
+import { ssim } from './ssim.mjs';
 
 const build = process.env.V3D_BUILD;
-const folder = mkdtempSync(join(tmpdir(), 'v3d-browser-'));
-const WITHIN = 30_000;
-const GL = ['--no-sandbox', '--use-gl=angle', '--use-angle=swiftshader', '--enable-unsafe-swiftshader'];
-
-const studio = (port) => `
-name = "dojo"
-[[node]]
-name = "cap01"
-[[node]]
-name = "recon01"
-[[camera]]
-name = "cam01"
-node = "cap01"
-address = "127.0.0.11"
-[trigger]
-node = "cap01"
-wire = "trigger.sock"
-[space]
-min = [-1.5, -1.5, 0.0]
-max = [1.5, 1.5, 2.5]
-[network]
-lcm_url = "udpm://239.255.76.67:7667?ttl=0"
-key = "studio.key"
-[storage]
-takes = "takes"
-background = "background"
-calib = "takes/ball/calib.toml"
-[reconstruction]
-node = "recon01"
-[viewer]
-listen = "127.0.0.1:${port}"
-page = "${build}/viewer"
-`;
-
-const freePort = () => new Promise((done) => {
-  const server = createServer().listen(0, '127.0.0.1', () => {
-    const { port } = server.address();
-    server.close(() => done(port));
-  });
-});
-
-let port, daemon, browser, page;
-
-/** Resolves when the daemon serves. */
-function startDaemon() {
-  return new Promise((done, fail) => {
-    daemon = spawn(join(build, 'bin/v3d-viewd'), ['--studio', join(folder, 'studio.toml')]);
-    let said = '';
-    daemon.stderr.on('data', (data) => {
-      said += data;
-      if (said.includes('serves http')) done();
-    });
-    daemon.on('exit', () => fail(new Error(`v3d-viewd ended: ${said}`)));
-  });
-}
-const stopDaemon = () => new Promise((done) => {
-  daemon.removeAllListeners('exit').on('exit', done);
-  daemon.kill();
-});
+const studio = new ServedStudio(build);
+const { folder } = studio;
+let browser, page;
 
 const text = (id) => page.textContent(`#${id}`);
 const shows = (id, part) => page.waitForFunction(([i, p]) => document.getElementById(i).textContent.includes(p), [id, part], { timeout: WITHIN });
-const open = (hash) => page.goto(`http://127.0.0.1:${port}/#${hash}`);
+const open = (hash) => page.goto(`${studio.address}#${hash}`);
 const shownPulse = async () => Number(/pulse (\d+)/.exec(await text('facts'))?.[1] ?? -1);
 const showsPulse = (pulse) => shows('facts', `pulse ${pulse} `);
 
-/** Of the middle of the stage: [red, green, blue]. */
-async function middle() {
+/** Pixels of a PNG: red, green, blue and 255 of each. */
+const decode = (png) => page.evaluate(async (data) => {
+  const bytes = Uint8Array.from(atob(data), (c) => c.charCodeAt(0));
+  const picture = await createImageBitmap(new Blob([bytes], { type: 'image/png' }));
+  const pen = new OffscreenCanvas(picture.width, picture.height).getContext('2d');
+  pen.drawImage(picture, 0, 0);
+  return [...pen.getImageData(0, 0, picture.width, picture.height).data];
+}, png.toString('base64'));
+
+/** Of a place of the stage, 0 to 1 of its width and height: [red, green, blue]. */
+async function colourAt(across, down) {
   const box = await page.locator('#canvas').boundingBox();
-  const at = { x: Math.round(box.x + box.width / 2), y: Math.round(box.y + box.height / 2), width: 1, height: 1 };
-  const png = (await page.screenshot({ clip: at })).toString('base64');
-  return page.evaluate(async (data) => {
-    const bytes = Uint8Array.from(atob(data), (c) => c.charCodeAt(0));
-    const picture = await createImageBitmap(new Blob([bytes], { type: 'image/png' }));
-    const pen = new OffscreenCanvas(1, 1).getContext('2d');
-    pen.drawImage(picture, 0, 0);
-    return [...pen.getImageData(0, 0, 1, 1).data.slice(0, 3)];
-  }, png);
+  const at = { x: Math.round(box.x + box.width * across), y: Math.round(box.y + box.height * down), width: 1, height: 1 };
+  return (await decode(await page.screenshot({ clip: at }))).slice(0, 3);
 }
-function near(colour, wanted) {
-  assert.ok(colour.every((c, k) => Math.abs(c - wanted[k]) <= 6), `${colour} is not ${wanted}`);
+const middle = () => colourAt(0.5, 0.5);
+const isNear = (wanted) => (colour) => colour.every((c, k) => Math.abs(c - wanted[k]) <= 6);
+/** Until the colour there is as it should be: what was asked for is drawn with the next picture. */
+async function becomes(check, what, seen = middle) {
+  const until = Date.now() + WITHIN;
+  for (let colour; !check((colour = await seen())); ) {
+    if (Date.now() > until) assert.fail(`${what}: it is ${colour}`);
+  }
 }
+const middleBecomes = (wanted) => becomes(isNear(wanted), `wanted ${wanted}`);
+
+const v3dctl = (...words) => execFileSync(join(build, 'bin/v3dctl'), words, { cwd: folder });
+
+/** The ball twice, 1.4 s apart, and as a model below them. */
+const duel = {
+  v3d_scene: 1, rate_hz: 25, seconds: 2,
+  background: { colour: '#203040' },
+  takes: [
+    { take: '../ball', move: [-0.5, 0, 0] },
+    { take: '../ball', move: [0.5, 0, 0], turn_deg: [0, 0, 90], start_s: -1.4 },
+  ],
+  models: [{ model: 'ball.glb', move: [0, 0, -0.5] }],
+  camera: { keys: [{ at_s: 0, eye: [0, -3, 1], look: [0, 0, 1] }, { at_s: 2, eye: [1, -2.5, 1.5], look: [0, 0, 1], fov_deg: 50 }] },
+};
+const GREEN = [40, 200, 40];
+const BLUE = [40, 40, 200];
 
 before(async () => {
   execFileSync(join(build, 'tests/viewer_takes'), [folder]);
-  port = await freePort();
-  writeFileSync(join(folder, 'studio.toml'), studio(port));
-  await startDaemon();
-  browser = await chromium.launch({ executablePath: '/usr/bin/chromium', args: GL });
-  page = await browser.newPage({ viewport: { width: 800, height: 600 } });
+  mkdirSync(join(folder, 'takes/duel'));
+  v3dctl('export', 'takes/ball', '--format', 'glb', '--frames', '0', 'takes/duel/ball.glb');
+  writeFileSync(join(folder, 'takes/duel/scene.json'), JSON.stringify(duel));
+  await studio.start();
+  browser = await launchBrowser();
+  page = await browser.newPage({ viewport: { width: 1000, height: 640 } });
+  page.setDefaultTimeout(WITHIN);
 });
 after(async () => {
   await browser?.close();
-  await stopDaemon();
-  rmSync(folder, { recursive: true });
+  await studio.end();
 });
 
 test('lists the takes, and says what one lacks', async () => {
@@ -117,10 +86,9 @@ test('lists the takes, and says what one lacks', async () => {
 test('shows the pulse that the address names, in the colours of the mesh', async () => {
   await open('take=ball&pulse=12');
   await showsPulse(12);
-  near(await middle(), [40, 200, 40]);
+  await middleBecomes([40, 200, 40]);
   await page.keyboard.press('2');
-  const [, , up] = await middle();
-  assert.ok(up > 100, 'normals, seen a little from above, point up as well');
+  await becomes(([red, green, up]) => up > 100 && (red !== 40 || green !== 200), 'normals, seen a little from above, point up as well');
   await page.keyboard.press('1');
 });
 
@@ -130,10 +98,10 @@ test('steps by meshes and scrubs along the time line', async () => {
   const line = await page.locator('#timeline').boundingBox();
   await page.mouse.click(line.x + line.width * (40 / 59), line.y + line.height / 2);
   await showsPulse(40);
-  near(await middle(), [40, 40, 200]);
+  await middleBecomes([40, 40, 200]);
   await page.mouse.click(line.x + line.width * (29 / 59), line.y + line.height / 2);
   await showsPulse(29);
-  near(await middle(), [40, 200, 40]);
+  await middleBecomes([40, 200, 40]);
   await page.keyboard.press('ArrowRight');
   await showsPulse(33); // 30 to 32 have none
 });
@@ -162,29 +130,80 @@ test('plays on from the in point to the out point, again and again', async () =>
 test('stands where a camera stands', async () => {
   await page.click('[data-camera=cam01]');
   await page.waitForSelector('#image-frame:not([hidden])', { timeout: WITHIN });
-  near(await middle(), [40, 40, 200]);
+  await middleBecomes([40, 40, 200]);
+});
+
+const settles = (scene) => page.waitForFunction(
+  (name) => document.getElementById('title').textContent === name && document.getElementById('canvas').dataset.settled === 'true', scene);
+
+test('composes takes and models into a scene, each at its place and time', async () => {
+  await open('scene=duel&at=0.2');
+  await settles('duel');
+  await becomes(isNear(GREEN), 'the first ball at 0.2 s', () => colourAt(0.32, 0.5));
+  await becomes(isNear(BLUE), 'the second is 1.4 s ahead', () => colourAt(0.68, 0.5));
+  await becomes(isNear(GREEN), 'the model below them', () => colourAt(0.5, 0.75));
+  await becomes(isNear([32, 48, 64]), 'behind all', () => colourAt(0.05, 0.05));
+});
+
+test('looks along the camera path of a scene as the native renderer does', async () => {
+  const { x, y, width, height } = await page.locator('#canvas').boundingBox();
+  for (const at of [0.2, 1.2]) {
+    await open(`scene=duel&at=${at}`);
+    await page.reload();
+    await page.evaluate(() => document.querySelectorAll('.stage > :not(canvas)').forEach((e) => (e.style.display = 'none')));
+    await settles('duel');
+    await becomes(isNear([32, 48, 64]), 'behind all', () => colourAt(0.02, 0.02));
+    v3dctl('render', '--scene', 'takes/duel/scene.json', '--at', String(at), '--size', `${width}x${height}`, 'native.png');
+    const native = await decode(readFileSync(join(folder, 'native.png')));
+    const shown = await decode(await page.screenshot({ clip: { x, y, width, height } }));
+    const alike = ssim(native, shown, width, height);
+    assert.ok(alike >= 0.9, `SSIM ${alike.toFixed(4)} at ${at} s`);
+  }
+  await page.reload();
+});
+
+test('saves a scene as it was edited', async () => {
+  await settles('duel');
+  await page.click('#scene-panel summary >> nth=0');
+  await page.fill('#scene-panel [data-edit=move-x] >> nth=0', '-0.25');
+  await page.keyboard.press('Tab');
+  await page.click('#scene-panel summary:has-text("Camera path")');
+  await page.click('[data-edit=key-here]');
+  const [download] = await Promise.all([page.waitForEvent('download'), page.click('[data-edit=save]')]);
+  const saved = JSON.parse(readFileSync(await download.path(), 'utf8'));
+  assert.deepEqual(saved.takes[0], { take: '../ball', move: [-0.25, 0, 0] });
+  assert.equal(saved.takes[1].start_s, -1.4);
+  assert.equal(saved.camera.keys.length, 3);
+});
+
+test('names the field of a scene that is wrong', async () => {
+  writeFileSync(join(folder, 'takes/duel/scene.json'), JSON.stringify({ ...duel, seconds: 'long' }));
+  await open('scene=duel&at=1');
+  await page.reload();
+  await shows('trouble', 'duel/scene.json: seconds: expected a number');
 });
 
 test('connects again when the service has been restarted', async () => {
   await open('live');
   await shows('live-text', 'connected');
-  await stopDaemon();
+  await studio.stop();
   await shows('live-text', 'connecting');
-  await startDaemon();
+  await studio.start();
   await shows('live-text', 'connected');
 });
 
 test('shows operators which nodes are silent', async () => {
-  await page.goto(`http://127.0.0.1:${port}/studio.html`);
+  await page.goto(`${studio.address}studio.html`);
   await shows('nodes', 'silent');
   assert.match(await text('wall'), /cam01.*cap01 is silent/s);
   assert.match(await text('banner'), /no studio key/);
 });
 
 test('says so where the browser has no WebGL 2', async () => {
-  const bare = await chromium.launch({ executablePath: '/usr/bin/chromium', args: ['--no-sandbox', '--disable-gpu', '--disable-3d-apis'] });
+  const bare = await launchBrowser(NO_GL);
   const other = await bare.newPage();
-  await other.goto(`http://127.0.0.1:${port}/`);
+  other.setDefaultTimeout(WITHIN);
+  await other.goto(studio.address);
   await other.waitForFunction(() => document.getElementById('trouble').textContent.includes('no WebGL 2'), null, { timeout: WITHIN });
   await bare.close();
 });

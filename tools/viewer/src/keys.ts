@@ -12,6 +12,7 @@ export interface Deeds {
   stand(steps: number): void;
   live(): void;
   help(): void;
+  follow(): void;
   /** While flying, W A S D Q E are the fly camera's. */
   flying(): boolean;
 }
@@ -43,6 +44,7 @@ const KEYS: Key[] = [
     run: (d, key) => d.stand(key === ',' ? -1 : 1) },
   { keys: ['f'], shown: 'F', does: 'see all of the performer', run: (d) => d.frameAll() },
   { keys: ['v'], shown: 'V', does: 'fly (W A S D, Q E, drag; Shift is faster), or orbit', run: (d) => d.fly() },
+  { keys: ['r'], shown: 'R', does: "look along the scene's camera path", run: (d) => d.follow() },
   { keys: ['0'], shown: '0', does: 'live', run: (d) => d.live() },
   { keys: ['?'], shown: '?', does: 'this list', run: (d) => d.help() },
 ];
@@ -68,6 +70,7 @@ export function bindKeys(deeds: Deeds): void {
     const name = nameOf(event);
     if (deeds.flying() && FLOWN.has(name)) return;
     const onControl = event.target instanceof HTMLButtonElement || event.target instanceof HTMLSelectElement;
+    if (event.target instanceof HTMLInputElement) return; // what is typed there is no key of ours
     if (onControl && (name === ' ' || name.startsWith('Arrow') || name === 'Enter')) {
       if (event.target instanceof HTMLSelectElement) return;
       (event.target as HTMLElement).blur();

@@ -1,9 +1,12 @@
-// The viewer: takes and the live picture, on one stage.
+// The viewer: takes, scenes of several, and the live picture, on one stage.
+import { Composition } from './composition';
 import { bindKeys } from './keys';
 import { Playback } from './playback';
 import { fetchRig, type RigCamera } from './rig';
+import { parseScene, pictureCount, PLAIN, type SceneFile, writeScene } from './scene_file';
+import { ScenePanel } from './scene_panel';
 import { type Look, Stage } from './stage';
-import { fetchTakes, formatBytes, type Take, takeItem } from './take_list';
+import { fetchScenes, fetchTakes, formatBytes, sceneItem, type Take, takeItem } from './take_list';
 import { Transport } from './transport';
 import type { FromWorker, ShownFrame, ToWorker } from './worker_messages';
 
@@ -18,19 +21,34 @@ class Viewer {
   private readonly worker = new Worker(new URL('./worker.ts', import.meta.url), { type: 'module' });
   private takes: Take[] = [];
   private rig: RigCamera[] = [];
-  /** What is open: the name of a take, or live. */
-  private open: { take: Take | null; number: number } | null = null;
+  /** What is open: a take, or live, or a scene. */
+  private open: { take: Take | null; scene: string | null; number: number } | null = null;
+  private composition: Composition | null = null;
+  private readonly panel: ScenePanel;
   private playback: Playback | null = null;
   private opened = 0;
   private wanted = -1;
   private shown: ShownFrame | null = null;
   private shownTimes: number[] = [];
+  private shownCount = 0;
   private latency: number | null = null;
   private last = 0;
 
   constructor() {
     this.stage = new Stage(find<HTMLCanvasElement>('canvas'));
-    this.stage.onLeave = () => this.markStanding(null);
+    this.stage.onLeave = () => {
+      this.markStanding(null);
+      this.setFollowing(false);
+    };
+    this.stage.onTrouble = (text) => this.trouble(text);
+    this.panel = new ScenePanel(find('scene-panel'), {
+      change: () => this.sceneChanged(),
+      keyHere: () => this.keyHere(),
+      seek: (seconds) => this.seekScene(seconds),
+      save: () => this.saveScene(),
+      takes: () => this.takes.filter((take) => take.meshes > 0).map((take) => take.name),
+      pathOf: (take) => `../${take}`,
+    });
     this.worker.onmessage = (event: MessageEvent<FromWorker>) => this.hear(event.data);
     this.bindButtons();
     bindKeys({
@@ -40,6 +58,7 @@ class Viewer {
       cameras: () => find('cameras').click(),
       fly: () => find('fly').click(),
       frameAll: () => this.stage.frameAll(),
+      follow: () => this.setFollowing(true),
       stand: (steps) => this.standNext(steps),
       help: () => find<HTMLDialogElement>('keys').showModal(),
       live: () => this.openLive(),
@@ -56,23 +75,28 @@ class Viewer {
     setInterval(() => this.listTakes(), TAKES_EVERY_MS);
   }
 
-  /** #live, #take=kendo-07, #take=kendo-07&pulse=12 */
+  /** #live, #take=kendo-07, #take=kendo-07&pulse=12, #scene=duel, #scene=duel&at=2.5 */
   private followAddress(): void {
     const wish = new URLSearchParams(location.hash.slice(1));
     const name = wish.get('take');
+    const scene = wish.get('scene');
     if (wish.has('live')) this.openLive();
+    else if (scene && this.open?.scene !== scene) void this.openScene(scene, Number(wish.get('at') ?? NaN));
     else if (name && this.open?.take?.name !== name) this.openTake(name, Number(wish.get('pulse') ?? NaN));
   }
 
   private async listTakes(): Promise<void> {
     const note = find('takes-note');
+    let scenes: string[];
     try {
       this.takes = await fetchTakes();
+      scenes = await fetchScenes();
       note.textContent = this.takes.length ? '' : 'No takes yet. v3dctl arm, start and stop make one.';
     } catch {
       note.textContent = 'The studio does not answer. Is v3d-viewd running?';
       return;
     }
+    find('scenes').replaceChildren(...scenes.map((name) => sceneItem(name, () => void this.openScene(name, NaN))));
     find('takes').replaceChildren(...this.takes.map((take) => takeItem(take, (name) => this.openTake(name))));
     this.markOpen();
   }
@@ -84,22 +108,140 @@ class Viewer {
   private openTake(name: string, pulse = NaN): void {
     const take = this.takes.find((t) => t.name === name);
     if (!take) return this.trouble(`There is no take ${name}.`);
-    this.openAs(take, `take=${name}`, `api/takes/${name}/rig`);
+    this.openAs({ take, scene: null }, `take=${name}`, `api/takes/${name}/rig`);
     this.startAt = pulse;
     this.send({ kind: 'take', take: this.opened, url: new URL(`takes/${name}/mesh.v3d`, location.href).href });
   }
   private startAt = NaN;
 
   private openLive(): void {
-    if (this.open && !this.open.take) return;
-    this.openAs(null, 'live', 'api/rig');
+    if (this.open && !this.open.take && this.open.scene === null) return;
+    this.openAs({ take: null, scene: null }, 'live', 'api/rig');
     const url = new URL('api/live', location.href);
     url.protocol = url.protocol === 'https:' ? 'wss:' : 'ws:';
     this.send({ kind: 'live', take: this.opened, url: url.href });
   }
 
-  private openAs(take: Take | null, address: string, rigUrl: string): void {
-    this.open = { take, number: ++this.opened };
+  /** A scene of the studio: scene.json in a folder beside the takes. */
+  private async openScene(name: string, at: number): Promise<void> {
+    const url = new URL(`takes/${encodeURIComponent(name)}/scene.json`, location.href).href;
+    this.openAs({ take: null, scene: name }, `scene=${name}`, null);
+    const number = this.opened;
+    try {
+      const answer = await fetch(url, { cache: 'no-cache' });
+      if (!answer.ok) throw new Error('there is no such scene.');
+      const scene = parseScene(await answer.text());
+      if (number === this.opened) this.showScene(scene, url, at);
+    } catch (error) {
+      if (number === this.opened) this.trouble(`${name}/scene.json: ${(error as Error).message}`);
+    }
+  }
+
+  /** A file of this computer; what it names is looked for beside the takes of the studio. */
+  private async openFile(file: File): Promise<void> {
+    this.openAs({ take: null, scene: '' }, '', null);
+    try {
+      this.showScene(parseScene(await file.text()), this.unsavedUrl(), NaN);
+      find('title').textContent = file.name;
+    } catch (error) {
+      this.trouble(`${file.name}: ${(error as Error).message}`);
+    }
+  }
+
+  /** Of the take that is open, seen as it is seen now. */
+  private newScene(): void {
+    const { take } = this.open ?? {};
+    const seconds = take && this.playback ? (this.playback.last - this.playback.first + 1) / take.rate_hz : 10;
+    const scene: SceneFile = {
+      rate_hz: take?.rate_hz ?? 25, seconds, background: { ...PLAIN }, floor: true, models: [],
+      takes: take ? [{ take: `../${take.name}`, move: [0, 0, 0], turn_deg: [0, 0, 0], scale: 1, start_s: 0, speed: 1,
+        in_pulse: null, out_pulse: null, outside: 'hold' }] : [],
+      camera: { keys: [this.stage.eyeAsKey(0)] },
+    };
+    this.openAs({ take: null, scene: '' }, '', null);
+    this.showScene(scene, this.unsavedUrl(), NaN);
+  }
+
+  /** As if its folder lay beside the takes. */
+  private unsavedUrl(): string {
+    return new URL('takes/unsaved/scene.json', location.href).href;
+  }
+
+  private showScene(scene: SceneFile, url: string, at: number): void {
+    const rateOf = (name: string) => this.takes.find((take) => take.name === name)?.rate_hz ?? null;
+    this.composition = new Composition(this.stage, scene, url, rateOf, (text) => this.trouble(text));
+    this.setScenePlayback(Number.isNaN(at) ? 0 : at);
+    this.playback!.playing = Number.isNaN(at);
+    this.panel.show(scene);
+    this.setFollowing(true);
+  }
+
+  private setScenePlayback(seconds: number): void {
+    const { scene } = this.composition!;
+    const pictures = Array.from({ length: pictureCount(scene) }, (_, n) => ({ pulse: n }));
+    this.playback = new Playback(pictures, scene.rate_hz);
+    this.seekScene(seconds);
+    this.transport.set(this.playback);
+  }
+
+  private seekScene(seconds: number): void {
+    this.playback?.seek(Math.floor(seconds * this.playback.rate + 1e-6));
+  }
+
+  private get sceneSeconds(): number {
+    return this.playback ? this.playback.frame / this.playback.rate : 0;
+  }
+
+  private sceneChanged(): void {
+    const composition = this.composition;
+    if (!composition || !this.playback) return;
+    this.trouble('');
+    const { scene } = composition;
+    if (pictureCount(scene) - 1 !== this.playback.last || scene.rate_hz !== this.playback.rate) {
+      const playing = this.playback.playing;
+      this.setScenePlayback(this.sceneSeconds);
+      this.playback.playing = playing;
+    }
+    composition.apply();
+  }
+
+  private keyHere(): void {
+    const { keys } = this.composition!.scene.camera;
+    const key = this.stage.eyeAsKey(this.sceneSeconds);
+    const at = keys.findIndex((k) => Math.abs(k.at_s - key.at_s) < 1e-3);
+    if (at >= 0) keys[at] = key;
+    else keys.push(key);
+    keys.sort((a, b) => a.at_s - b.at_s);
+    this.setFollowing(true);
+  }
+
+  private setFollowing(on: boolean): void {
+    find('follow').hidden = this.composition === null;
+    press(find('follow'), on && this.composition !== null);
+    if (!this.composition) return;
+    this.composition.following = on;
+    if (on) {
+      this.composition.setTime(this.sceneSeconds);
+      press(find('fly'), false);
+    }
+  }
+
+  private saveScene(): void {
+    const file = new Blob([writeScene(this.composition!.scene)], { type: 'application/json' });
+    const link = document.createElement('a');
+    link.href = URL.createObjectURL(file);
+    link.download = 'scene.json';
+    link.click();
+    URL.revokeObjectURL(link.href);
+  }
+
+  private openAs(what: { take: Take | null; scene: string | null }, address: string, rigUrl: string | null): void {
+    const { take, scene } = what;
+    this.open = { ...what, number: ++this.opened };
+    this.composition?.end();
+    this.composition = null;
+    this.panel.show(null);
+    this.send({ kind: 'nothing' });
     if (location.hash.slice(1).split('&')[0] !== address) history.replaceState(null, '', `#${address}`);
     this.playback = null;
     this.shown = null;
@@ -108,9 +250,10 @@ class Viewer {
     this.transport.set(null);
     this.stage.clear();
     this.trouble('');
-    find('title').textContent = take?.name ?? 'Live';
+    find('title').textContent = take?.name ?? (scene === null ? 'Live' : scene || 'New scene');
     this.markOpen();
     const number = this.opened;
+    if (rigUrl === null) return this.setRig([]);
     fetchRig(rigUrl).then((rig) => {
       if (number === this.opened) this.setRig(rig);
     });
@@ -120,8 +263,12 @@ class Viewer {
     for (const button of document.querySelectorAll<HTMLElement>('[data-take]')) {
       press(button, button.dataset.take === this.open?.take?.name);
     }
-    press(find('open-live'), this.open !== null && this.open.take === null);
-    if (this.open?.take !== null) {
+    for (const button of document.querySelectorAll<HTMLElement>('[data-scene]')) {
+      press(button, button.dataset.scene === this.open?.scene);
+    }
+    const live = this.open !== null && this.open.take === null && this.open.scene === null;
+    press(find('open-live'), live);
+    if (!live) {
       delete find('open-live').dataset.link;
       find('live-text').textContent = 'what the studio sees now';
     }
@@ -162,6 +309,7 @@ class Viewer {
 
   private show(frame: ShownFrame): void {
     this.shown = frame;
+    find('canvas').dataset.shown = String(++this.shownCount);
     this.trouble('');
     this.stage.show(frame);
     this.shownTimes.push(performance.now());
@@ -211,6 +359,13 @@ class Viewer {
   private bindButtons(): void {
     find('open-live').addEventListener('click', () => this.openLive());
     find('help').addEventListener('click', () => find<HTMLDialogElement>('keys').showModal());
+    find('new-scene').addEventListener('click', () => this.newScene());
+    find('follow').addEventListener('click', () => this.setFollowing(true));
+    const file = find<HTMLInputElement>('scene-file');
+    file.addEventListener('change', () => {
+      if (file.files?.[0]) void this.openFile(file.files[0]);
+      file.value = '';
+    });
     find('frame-all').addEventListener('click', () => this.stage.frameAll());
     for (const button of document.querySelectorAll<HTMLElement>('[data-look]')) {
       button.addEventListener('click', () => this.setLook(button.dataset.look as Look));
@@ -234,10 +389,12 @@ class Viewer {
       this.transport.update();
       if (this.playback.frame !== this.wanted) {
         this.wanted = this.playback.frame;
-        this.send({ kind: 'want', frame: this.wanted });
+        if (this.composition) this.composition.setTime(this.sceneSeconds);
+        else this.send({ kind: 'want', frame: this.wanted });
       }
     }
     this.stage.render(seconds);
+    find('canvas').dataset.settled = String(this.composition?.settled ?? this.shown !== null);
     this.placeImageFrame();
     this.tellFacts(now);
   }
@@ -258,7 +415,10 @@ class Viewer {
     while (this.shownTimes.length && this.shownTimes[0] < now - 2000) this.shownTimes.shift();
     const frame = this.shown;
     const facts: string[] = [];
-    if (frame) {
+    if (this.composition && this.playback) {
+      facts.push(`<b>${this.sceneSeconds.toFixed(2)} s</b>`, `${this.composition.scene.takes.length} takes`,
+        `${this.stage.triangles.toLocaleString('en')} triangles`);
+    } else if (frame) {
       facts.push(`pulse <b>${frame.pulse}</b>`, `${(frame.indices.length / 3).toLocaleString('en')} triangles`, formatBytes(frame.bytes));
       const perSecond = this.shownTimes.length / 2;
       if (perSecond > 0) facts.push(`<b>${perSecond.toFixed(0)}</b>/s`);

@@ -1,11 +1,14 @@
-// The stage: the mesh, the floor, the studio's cameras, and the eye that looks at them.
+// The stage: performers, models, the floor, the studio's cameras, and the eye that looks at them.
 import {
-  BufferAttribute, BufferGeometry, Color, DoubleSide, GridHelper, GLSL3, LineBasicMaterial, LineSegments, Matrix4, Mesh,
-  PerspectiveCamera, Scene, ShaderMaterial, Vector3, WebGLRenderer,
+  Box3, BufferGeometry, Color, DirectionalLight, DoubleSide, GridHelper, GLSL3, Group, HemisphereLight, LineBasicMaterial,
+  LineSegments, Matrix4, PerspectiveCamera, Scene, ShaderMaterial, Vector3, WebGLRenderer,
 } from 'three';
 import { OrbitControls } from 'three/addons/controls/OrbitControls.js';
+import { Backdrop } from './backdrop';
 import { Fly } from './fly';
+import { Performer } from './performer';
 import { imageOnScreen, projectionOf, worldFromCamera, type RigCamera } from './rig';
+import type { CameraKey, Vector } from './scene_file';
 import type { Surface } from './surface';
 
 export type Look = 'colour' | 'normals' | 'clay';
@@ -13,6 +16,8 @@ const LOOKS: Look[] = ['colour', 'normals', 'clay'];
 
 const NEAR = 0.02;
 const FAR = 200;
+/** Of the height, degrees, unless a scene's camera has another. */
+const FOV = 40;
 const BACKGROUND = new Color(0x101216);
 
 // Colours are shown as they are, to the byte: they are sRGB, and so is the screen.
@@ -21,9 +26,10 @@ in vec3 tint;
 out vec3 vTint; out vec3 vNormal; out vec3 vToEye;
 void main() {
   vTint = tint;
-  vNormal = normal;
-  vToEye = cameraPosition - position;
-  gl_Position = projectionMatrix * viewMatrix * vec4(position, 1.0);
+  vec4 world = modelMatrix * vec4(position, 1.0);
+  vNormal = mat3(modelMatrix) * normal; // turned, and scaled the same along all axes
+  vToEye = cameraPosition - world.xyz;
+  gl_Position = projectionMatrix * viewMatrix * world;
 }`;
 const fragmentShader = `
 precision highp float;
@@ -44,20 +50,26 @@ void main() {
 export class Stage {
   private readonly renderer: WebGLRenderer;
   private readonly scene = new Scene();
-  private readonly geometry = new BufferGeometry();
   private readonly material = new ShaderMaterial({
     vertexShader, fragmentShader, glslVersion: GLSL3, side: DoubleSide, uniforms: { look: { value: 0 } },
   });
-  private readonly mesh = new Mesh(this.geometry, this.material);
+  /** What a take or the live picture shows. */
+  private readonly single = new Performer(this.material);
+  private readonly performers = new Set([this.single]);
+  /** Of a scene. */
+  private readonly models = new Group();
+  private readonly floor = makeFloor();
+  readonly backdrop: Backdrop;
   private readonly rigLines = new LineSegments(
     new BufferGeometry(), new LineBasicMaterial({ color: 0x5b6675, transparent: true, opacity: 0.8 }));
-  private readonly eye = new PerspectiveCamera(40, 1, NEAR, FAR);
+  private readonly eye = new PerspectiveCamera(FOV, 1, NEAR, FAR);
   private readonly orbit: OrbitControls;
   private readonly fly: Fly;
   private standing: RigCamera | null = null;
   private framed = false;
   private changed = true;
-  /** Called when the one who looks moves away from where a camera stands. */
+  private following = false;
+  /** Called when the one who looks moves away from where a camera stands, or from the path of a scene. */
   onLeave: () => void = () => undefined;
 
   /** Throws where the browser has no WebGL 2. */
@@ -66,9 +78,8 @@ export class Stage {
     if (!context) throw new Error('no WebGL 2');
     this.renderer = new WebGLRenderer({ canvas, context, antialias: true });
     this.renderer.setClearColor(BACKGROUND);
-    this.scene.add(this.mesh, makeFloor(), this.rigLines);
-    this.mesh.frustumCulled = false;
-    this.mesh.visible = false;
+    this.scene.add(this.single.mesh, this.models, this.floor, this.rigLines, ...makeLights());
+    this.backdrop = new Backdrop(this.scene, () => (this.changed = true), (text) => this.onTrouble(text));
     this.rigLines.visible = false;
     this.eye.up.set(0, 0, 1);
     this.eye.position.set(3.2, -3.2, 1.9);
@@ -81,32 +92,69 @@ export class Stage {
     this.fly = new Fly(this.eye, canvas);
   }
 
-  show(surface: Surface): void {
-    this.geometry.dispose(); // the buffers on the graphics card; others are made for the new arrays
-    this.geometry.setAttribute('position', new BufferAttribute(surface.positions, 3));
-    this.geometry.setAttribute('normal', new BufferAttribute(surface.normals, 3));
-    const tint = surface.colours ?? new Uint8Array(surface.positions.length).fill(180);
-    this.geometry.setAttribute('tint', new BufferAttribute(tint, 3, true));
-    this.geometry.setIndex(new BufferAttribute(surface.indices, 1));
-    this.mesh.visible = true;
+  onTrouble: (text: string) => void = () => undefined;
+
+  /** On the performer that is always there, or on one of a scene. */
+  show(surface: Surface, performer = this.single): void {
+    performer.show(surface);
+    if (!this.framed && performer === this.single) this.frameAll();
     this.changed = true;
-    if (!this.framed) this.frameAll();
   }
 
-  /** Nothing is there until the next show(), which is framed. */
+  addPerformer(): Performer {
+    const performer = new Performer(this.material);
+    this.performers.add(performer);
+    this.scene.add(performer.mesh);
+    return performer;
+  }
+
+  removePerformer(performer: Performer): void {
+    this.performers.delete(performer);
+    this.scene.remove(performer.mesh);
+    performer.dispose();
+    this.changed = true;
+  }
+
+  setModels(models: Group[]): void {
+    this.models.clear();
+    if (models.length) this.models.add(...models);
+    this.changed = true;
+  }
+
+  set floorShown(on: boolean) {
+    this.floor.visible = on;
+    this.changed = true;
+  }
+
+  /** Something that stands on the stage was moved. */
+  redraw(): void {
+    this.changed = true;
+  }
+
+  get triangles(): number {
+    return [...this.performers].reduce((sum, performer) => sum + performer.triangles, 0);
+  }
+
+  /** As a browser without a scene shows it; nothing is there until the next show(), which is framed. */
   clear(): void {
-    this.mesh.visible = false;
+    this.single.mesh.visible = false;
+    this.setModels([]);
+    this.backdrop.clear();
+    this.floorShown = true;
     this.framed = false;
+    this.leave();
+    this.eye.fov = FOV;
     this.changed = true;
   }
 
-  /** The eye stands off as far as the performer is tall, from where it stood. */
+  /** The eye stands off as far as what is there is tall, from where it stood. */
   frameAll(): void {
     this.leave();
-    if (!this.mesh.visible || this.geometry.getIndex()!.count === 0) return;
+    const box = new Box3();
+    for (const performer of this.performers) performer.addTo(box);
+    if (this.models.children.length) box.expandByObject(this.models);
+    if (box.isEmpty()) return;
     this.framed = true;
-    this.geometry.computeBoundingBox();
-    const box = this.geometry.boundingBox!;
     const middle = box.getCenter(new Vector3());
     const half = box.getSize(new Vector3()).length() / 2;
     const away = (1.1 * half) / Math.sin((this.eye.fov * Math.PI) / 360);
@@ -115,6 +163,25 @@ export class Stage {
     this.orbit.target.copy(middle);
     this.orbit.update();
     this.changed = true;
+  }
+
+  /** Looks from the path of a scene, until the one who looks moves. */
+  follow(key: CameraKey): void {
+    if (this.flying) this.flying = false;
+    if (this.standing) this.leave();
+    this.following = true;
+    this.eye.position.set(...key.eye);
+    this.orbit.target.set(...key.look);
+    this.eye.lookAt(this.orbit.target);
+    this.eye.fov = key.fov_deg;
+    this.changed = true;
+  }
+
+  /** Where the eye is, as a key of a camera path. */
+  eyeAsKey(at_s: number): CameraKey {
+    const look = this.fly.on ? this.fly.ahead(2.5) : this.orbit.target;
+    const vector = (v: Vector3) => [v.x, v.y, v.z] as Vector;
+    return { at_s, eye: vector(this.eye.position), look: vector(look), fov_deg: this.eye.fov };
   }
 
   get look(): Look {
@@ -158,6 +225,7 @@ export class Stage {
   /** Looks as the camera does, until the one who looks moves. */
   standAt(camera: RigCamera): void {
     if (this.flying) this.flying = false;
+    this.leave();
     this.standing = camera;
     const pose = worldFromCamera(camera);
     pose.decompose(this.eye.position, this.eye.quaternion, this.eye.scale);
@@ -171,8 +239,9 @@ export class Stage {
   }
 
   private leave(): void {
-    if (!this.standing) return;
+    if (!this.standing && !this.following) return;
     this.standing = null;
+    this.following = false;
     this.changed = true;
     this.onLeave();
   }
@@ -181,12 +250,13 @@ export class Stage {
   render(seconds: number): void {
     this.fitCanvas();
     if (this.fly.on) this.changed = this.fly.move(seconds) || this.changed;
-    else if (!this.standing) this.orbit.update();
+    else if (!this.standing && !this.following) this.orbit.update();
     if (!this.changed) return;
     this.changed = false;
     this.eye.aspect = this.canvas.clientWidth / Math.max(1, this.canvas.clientHeight);
     this.eye.updateProjectionMatrix();
     if (this.standing) this.setProjection(this.standing);
+    this.backdrop.fit(this.canvas.clientWidth, this.canvas.clientHeight);
     this.renderer.render(this.scene, this.eye);
   }
 
@@ -210,6 +280,16 @@ function makeFloor(): GridHelper {
   const floor = new GridHelper(6, 12, 0x39414d, 0x22272f);
   floor.rotateX(Math.PI / 2); // z is up
   return floor;
+}
+
+/** The light of models: a sun, and a sky that is brighter than the ground (docs/scene.md). Performers have theirs. */
+function makeLights() {
+  const grey = (brightness: number) => new Color().setScalar(brightness);
+  const sky = new HemisphereLight(grey(0.65), grey(0.35), Math.PI);
+  sky.position.set(0, 0, 1);
+  const sun = new DirectionalLight(grey(0.5), Math.PI);
+  sun.position.set(-0.4, -0.6, 1);
+  return [sky, sun];
 }
 
 /** A camera of the studio as eight lines: from its centre to the corners of its image, and round them. */

@@ -76,3 +76,19 @@ export function takeItem(take: Take, open: (name: string) => void): HTMLLIElemen
   item.append(button);
   return item;
 }
+
+/** Names of the scenes that lie beside the takes. */
+export async function fetchScenes(): Promise<string[]> {
+  const answer = await fetch('api/scenes', { cache: 'no-store' });
+  return answer.ok ? ((await answer.json()) as { scenes: string[] }).scenes : [];
+}
+
+export function sceneItem(name: string, open: (name: string) => void): HTMLElement {
+  const button = document.createElement('button');
+  button.dataset.scene = name;
+  button.textContent = name;
+  button.addEventListener('click', () => open(name));
+  const item = document.createElement('li');
+  item.append(button);
+  return item;
+}

@@ -168,6 +168,8 @@ self.onmessage = (event: MessageEvent<ToWorker>) => {
     return;
   }
   work?.end();
+  work = null;
+  if (message.kind === 'nothing') return;
   work = message.kind === 'take' ? new TakeWork(message.take, message.url) : new LiveWork(message.take, message.url);
   work.open().catch((error) => trouble(message.take, error));
 };

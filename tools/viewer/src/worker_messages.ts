@@ -3,7 +3,8 @@ import type { Surface } from './surface';
 export type ToWorker =
   | { kind: 'take'; take: number; url: string }
   | { kind: 'want'; frame: number }
-  | { kind: 'live'; take: number; url: string };
+  | { kind: 'live'; take: number; url: string }
+  | { kind: 'nothing' };
 
 /** `take` is the number that it was opened with: what was opened before may still be on its way. */
 export type FromWorker =

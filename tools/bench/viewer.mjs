@@ -1,0 +1,89 @@
+// usage: viewer.mjs BUILD TAKE FRAMES: see tools/bench/viewer.
+import { readFileSync } from 'node:fs';
+import { createServer } from 'node:http';
+import { basename, dirname, join } from 'node:path';
+import { launchBrowser, ServedStudio, WITHIN } from '../../tests/viewer/served_studio.mjs';
+
+const [build, take, wanted] = process.argv.slice(2);
+const MOST_GROWTH = 32e6;
+const WARM = 1000;
+const megabytes = (bytes) => (bytes / 1e6).toFixed(1);
+
+/** Frames a second of one thread in the browser, and what one is. */
+async function decodeRate(browser) {
+  const files = {
+    '/': ['text/html', '<!doctype html>'],
+    '/v3d_decoder.mjs': ['text/javascript', readFileSync(new URL('../../codec/v3d_decoder.mjs', import.meta.url))],
+    '/v3d_decoder.wasm': ['application/wasm', readFileSync(join(build, 'codec/v3d_decoder.wasm'))],
+    '/mesh.v3d': ['application/octet-stream', readFileSync(join(take, 'mesh.v3d'))],
+  };
+  const server = createServer((request, answer) => {
+    const [type, bytes] = files[request.url] ?? ['text/plain', ''];
+    answer.setHeader('Content-Type', type).end(bytes);
+  });
+  await new Promise((done) => server.listen(0, '127.0.0.1', done));
+  const page = await browser.newPage();
+  await page.goto(`http://127.0.0.1:${server.address().port}/`);
+  const measured = await page.evaluate(async () => {
+    const { Decoder, OK } = await import('/v3d_decoder.mjs');
+    const decoder = new Decoder(await WebAssembly.compileStreaming(fetch('/v3d_decoder.wasm')));
+    const bytes = new Uint8Array(await (await fetch('/mesh.v3d')).arrayBuffer());
+    const data = new DataView(bytes.buffer);
+    const records = [];
+    // "V3DR": docs/compact-frame.md
+    for (let at = 16; at + 24 < bytes.length && data.getUint32(at) === 0x56334452; at += 24 + data.getUint32(at + 4, true)) {
+      records.push(bytes.subarray(at + 24, at + 24 + data.getUint32(at + 4, true)));
+    }
+    const all = () => records.filter((record) => decoder.decode(record) === OK).length;
+    if (all() !== records.length) throw new Error('not all meshes of the take can be decoded');
+    const began = performance.now();
+    let frames = 0;
+    while (performance.now() - began < 5000) frames += all();
+    const seconds = (performance.now() - began) / 1000;
+    return { rate: frames / seconds, triangles: decoder.frame().indices.length / 3, bytes: bytes.length / records.length };
+  });
+  await page.close();
+  server.close();
+  return measured;
+}
+
+/** What the page's processes hold, after rubbish was collected: bytes. */
+async function memoryOf(browser, page) {
+  const session = await page.context().newCDPSession(page);
+  await session.send('HeapProfiler.collectGarbage');
+  const { usedSize } = await session.send('Runtime.getHeapUsage');
+  const { processInfo } = await (await browser.newBrowserCDPSession()).send('SystemInfo.getProcessInfo');
+  const resident = processInfo.filter(({ type }) => type === 'renderer').map(({ id }) =>
+    1024 * Number(/VmRSS:\s+(\d+)/.exec(readFileSync(`/proc/${id}/status`, 'utf8'))[1]));
+  return { heap: usedSize, resident: Math.max(...resident) };
+}
+
+async function playFor(browser, frames) {
+  const studio = new ServedStudio(build, dirname(take));
+  await studio.start();
+  try {
+    const page = await browser.newPage({ viewport: { width: 640, height: 480 } });
+    await page.goto(`${studio.address}#take=${basename(take)}`);
+    await page.waitForFunction(() => Number(document.getElementById('canvas').dataset.shown) > 0, null, { timeout: WITHIN });
+    await page.selectOption('#speed', '4');
+    const shows = (n) => page.waitForFunction((most) => Number(document.getElementById('canvas').dataset.shown) >= most, n, { timeout: 0 });
+    await shows(Math.min(WARM, frames / 2));
+    const early = await memoryOf(browser, page);
+    await shows(frames);
+    return { early, late: await memoryOf(browser, page) };
+  } finally {
+    await studio.end();
+  }
+}
+
+const browser = await launchBrowser();
+try {
+  const { rate, triangles, bytes } = await decodeRate(browser);
+  console.log(`decoding: ${rate.toFixed(0)} meshes/s, of ${triangles.toLocaleString('en')} triangles in ${megabytes(bytes)} MB`);
+  const { early, late } = await playFor(browser, Number(wanted));
+  console.log(`memory after ${WARM} meshes: ${megabytes(early.heap)} MB of JavaScript, ${megabytes(early.resident)} MB resident`);
+  console.log(`memory after ${wanted} meshes: ${megabytes(late.heap)} MB of JavaScript, ${megabytes(late.resident)} MB resident`);
+  if (late.resident - early.resident > MOST_GROWTH) throw new Error('the memory of the page has grown');
+} finally {
+  await browser.close();
+}

@@ -1,0 +1,118 @@
+// What is behind everything: a colour, a picture or a video that fills the screen, or a picture of all directions.
+import {
+  BackSide, BoxGeometry, Color, GLSL3, LinearFilter, MathUtils, Mesh, type Scene, ShaderMaterial, SRGBColorSpace, type Texture,
+  TextureLoader, VideoTexture,
+} from 'three';
+import type { SceneBackground } from './scene_file';
+
+const vertexShader = `
+out vec3 direction;
+void main() {
+  direction = position;
+  gl_Position = (projectionMatrix * viewMatrix * vec4(position + cameraPosition, 1.0)).xyww;
+}`;
+// No mipmaps: the seam behind would show as a line.
+const fragmentShader = `
+precision highp float;
+uniform sampler2D sphere;
+uniform float turn;
+in vec3 direction;
+out vec4 colour;
+const float PI = 3.14159265358979;
+void main() {
+  vec3 d = normalize(direction);
+  float azimuth = atan(d.y, d.x) - turn;
+  colour = vec4(texture(sphere, vec2(fract(0.5 - azimuth / (2.0 * PI)), 1.0 - acos(clamp(d.z, -1.0, 1.0)) / PI)).rgb, 1.0);
+}`;
+
+export class Backdrop {
+  private shown = '';
+  private texture: Texture | null = null;
+  private video: HTMLVideoElement | null = null;
+  private readonly uniforms = { sphere: { value: null as Texture | null }, turn: { value: 0 } };
+  private readonly sphere = new Mesh(
+    new BoxGeometry(1, 1, 1),
+    new ShaderMaterial({ vertexShader, fragmentShader, glslVersion: GLSL3, side: BackSide, depthWrite: false, uniforms: this.uniforms }));
+
+  constructor(
+    private readonly scene: Scene,
+    private readonly changed: () => void,
+    private readonly trouble: (text: string) => void,
+  ) {
+    this.sphere.frustumCulled = false;
+    this.sphere.renderOrder = -1;
+    this.sphere.visible = false;
+    scene.add(this.sphere);
+  }
+
+  /** `url` of a file that the scene names. */
+  set(background: SceneBackground, url: (file: string) => string): void {
+    this.uniforms.turn.value = MathUtils.degToRad(background.turn_deg);
+    const file = background.image || background.video || background.sphere;
+    const what = `${background.colour} ${background.image && 'image'} ${background.sphere && 'sphere'} ${file}`;
+    if (what === this.shown) return this.changed();
+    this.clear();
+    this.shown = what;
+    this.scene.background = new Color(background.colour);
+    if (background.video) this.showVideo(url(file));
+    else if (file) this.showPicture(url(file), background.sphere !== '', what);
+    this.changed();
+  }
+
+  private showPicture(url: string, isSphere: boolean, what: string): void {
+    new TextureLoader().load(url, (texture) => {
+      if (this.shown !== what) return texture.dispose();
+      texture.generateMipmaps = false;
+      texture.minFilter = LinearFilter;
+      this.texture = texture;
+      if (isSphere) {
+        this.uniforms.sphere.value = texture; // to the byte as it is: it is drawn without a change of colours
+        this.sphere.visible = true;
+      } else {
+        texture.colorSpace = SRGBColorSpace;
+        this.scene.background = texture;
+      }
+      this.changed();
+    }, undefined, () => this.trouble(`The background ${url} is not there.`));
+  }
+
+  private showVideo(url: string): void {
+    const video = document.createElement('video');
+    Object.assign(video, { src: url, muted: true, playsInline: true, preload: 'auto' });
+    video.addEventListener('error', () => this.trouble(`The background ${url} is no video that this browser plays.`));
+    for (const event of ['seeked', 'loadeddata']) video.addEventListener(event, () => this.changed());
+    this.video = video;
+    this.texture = new VideoTexture(video);
+    this.texture.colorSpace = SRGBColorSpace;
+    this.scene.background = this.texture;
+  }
+
+  /** Of the scene, seconds: a video shows that moment of itself. */
+  setTime(seconds: number): void {
+    const video = this.video;
+    if (!video || video.readyState < 1) return;
+    const at = Math.min(seconds, video.duration || 0);
+    if (Math.abs(video.currentTime - at) > 0.02 && !video.seeking) video.currentTime = at;
+  }
+
+  /** Fills a screen of that shape: what is too much at the sides, or above and below, is cut. */
+  fit(width: number, height: number): void {
+    const image = (this.video ?? this.texture?.image) as { width?: number; height?: number; videoWidth?: number; videoHeight?: number } | null;
+    if (!this.texture || !image) return;
+    const shape = ((image.videoWidth ?? image.width) || 1) / ((image.videoHeight ?? image.height) || 1);
+    const part = shape / (width / Math.max(1, height));
+    this.texture.repeat.set(Math.min(1, 1 / part), Math.min(1, part));
+    this.texture.offset.set((1 - this.texture.repeat.x) / 2, (1 - this.texture.repeat.y) / 2);
+  }
+
+  clear(): void {
+    this.shown = '';
+    this.scene.background = null;
+    this.sphere.visible = false;
+    this.uniforms.sphere.value = null;
+    this.texture?.dispose();
+    this.texture = null;
+    this.video?.removeAttribute('src');
+    this.video = null;
+  }
+}

@@ -1,0 +1,170 @@
+// A scene on the stage: a worker for each take, models, the backdrop, all at one moment.
+import { Group, Mesh, MeshBasicMaterial, MeshLambertMaterial, type Material, type MeshStandardMaterial } from 'three';
+import { GLTFLoader } from 'three/addons/loaders/GLTFLoader.js';
+import { entryAt } from './mesh_file';
+import { type Performer, place } from './performer';
+import { cameraAt, pulseAt } from './scene_clock';
+import type { SceneFile, SceneModel, SceneTake } from './scene_file';
+import type { Stage } from './stage';
+import type { FromWorker, ToWorker } from './worker_messages';
+
+/** A take of the scene: fetched and decoded in a worker of its own. */
+class Actor {
+  readonly performer: Performer;
+  private readonly worker = new Worker(new URL('./worker.ts', import.meta.url), { type: 'module' });
+  private entries: { pulse: number }[] = [];
+  private wanted = -1;
+  shown = -1;
+
+  constructor(
+    private readonly stage: Stage,
+    readonly take: SceneTake,
+    readonly url: string,
+    readonly rate: number,
+    private readonly changed: () => void,
+    trouble: (text: string) => void,
+  ) {
+    this.performer = stage.addPerformer();
+    this.worker.onmessage = (event: MessageEvent<FromWorker>) => {
+      const message = event.data;
+      if (message.kind === 'opened') this.entries = message.pulses.map((pulse) => ({ pulse }));
+      else if (message.kind === 'trouble') trouble(`${take.take}: ${message.text}`);
+      else if (message.kind === 'frame') {
+        this.shown = message.frame.number;
+        stage.show(message.frame, this.performer);
+      }
+      changed();
+    };
+    this.send({ kind: 'take', take: 0, url });
+  }
+
+  private send(message: ToWorker): void {
+    this.worker.postMessage(message);
+  }
+
+  /** True when what belongs to that moment is on the stage. */
+  setTime(seconds: number): boolean {
+    if (this.entries.length === 0) return false;
+    const last = this.entries[this.entries.length - 1].pulse;
+    const pulse = pulseAt(this.take, this.rate, this.entries[0].pulse, last, seconds);
+    this.performer.mesh.visible = pulse !== null && this.shown >= 0;
+    if (pulse === null) return true;
+    const frame = entryAt(this.entries, pulse);
+    if (frame !== this.wanted) this.send({ kind: 'want', frame: (this.wanted = frame) });
+    return this.shown === frame;
+  }
+
+  end(): void {
+    this.worker.terminate();
+    this.stage.removePerformer(this.performer);
+    this.changed();
+  }
+}
+
+/** No light but the stage's, and no gloss: what the native renderer does. */
+function plain(material: Material): Material {
+  if (material instanceof MeshBasicMaterial) return material;
+  const { map, color, vertexColors, side } = material as MeshStandardMaterial;
+  return new MeshLambertMaterial({ map, color, vertexColors, side });
+}
+
+async function loadModel(url: string): Promise<Group> {
+  const { scene } = await new GLTFLoader().loadAsync(url);
+  scene.traverse((node) => {
+    if (node instanceof Mesh) node.material = Array.isArray(node.material) ? node.material.map(plain) : plain(node.material as Material);
+  });
+  scene.rotation.x = Math.PI / 2; // glTF has y up
+  const model = new Group();
+  model.add(scene);
+  return model;
+}
+
+export class Composition {
+  private actors = new Map<SceneTake, Actor>();
+  private models = new Map<SceneModel, { url: string; group: Promise<Group> }>();
+  private seconds = 0;
+  private ended = false;
+  /** Everything of the moment is on the stage. */
+  settled = false;
+  /** The eye is on the camera path. */
+  following = true;
+
+  constructor(
+    private readonly stage: Stage,
+    readonly scene: SceneFile,
+    /** Of the scene's file. */
+    readonly base: string,
+    /** Of a take, pulses per second, by its name. Null: there is none of that name. */
+    private readonly rateOf: (take: string) => number | null,
+    private readonly trouble: (text: string) => void,
+  ) {
+    this.apply();
+  }
+
+  private url(file: string): string {
+    return new URL(file, this.base).href;
+  }
+
+  /** After every change of the scene. */
+  apply(): void {
+    const { scene, stage } = this;
+    for (const [take, actor] of this.actors) {
+      if (scene.takes.includes(take) && actor.url === this.url(`${take.take}/mesh.v3d`)) continue;
+      actor.end();
+      this.actors.delete(take);
+    }
+    for (const take of scene.takes) {
+      if (!this.actors.has(take)) this.begin(take);
+      const actor = this.actors.get(take);
+      if (actor) place(actor.performer.mesh, take);
+    }
+    stage.floorShown = scene.floor;
+    stage.backdrop.set(scene.background, (file) => this.url(file));
+    void this.applyModels();
+    this.setTime(this.seconds);
+  }
+
+  private begin(take: SceneTake): void {
+    const url = this.url(`${take.take}/mesh.v3d`);
+    const name = decodeURIComponent(new URL(url).pathname.split('/').slice(-2)[0]);
+    const rate = this.rateOf(name);
+    if (rate === null) return this.trouble(`There is no take ${name}.`);
+    this.actors.set(take, new Actor(this.stage, take, url, rate, () => this.setTime(this.seconds), this.trouble));
+  }
+
+  private async applyModels(): Promise<void> {
+    const groups: Group[] = [];
+    for (const model of this.scene.models) {
+      const url = this.url(model.model);
+      if (this.models.get(model)?.url !== url) this.models.set(model, { url, group: loadModel(url) });
+      try {
+        const group = await this.models.get(model)!.group;
+        place(group, model);
+        groups.push(group);
+      } catch {
+        this.trouble(`The model ${model.model} is not there, or is no glTF.`);
+      }
+    }
+    if (this.ended) return;
+    this.modelsShown = this.scene.models.length;
+    this.stage.setModels(groups);
+    this.setTime(this.seconds);
+  }
+  private modelsShown = 0;
+
+  setTime(seconds: number): void {
+    if (this.ended) return;
+    this.seconds = seconds;
+    const there = [...this.actors.values()].map((actor) => actor.setTime(seconds));
+    this.settled = there.every(Boolean) && this.modelsShown === this.scene.models.length;
+    this.stage.backdrop.setTime(seconds);
+    if (this.following) this.stage.follow(cameraAt(this.scene.camera.keys, seconds));
+    this.stage.redraw();
+  }
+
+  end(): void {
+    this.ended = true;
+    for (const actor of this.actors.values()) actor.end();
+    this.actors.clear();
+  }
+}

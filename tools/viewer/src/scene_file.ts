@@ -1,0 +1,269 @@
+// A scene as a file: docs/scene.md. Pure. tools/v3dctl/scene_file.cc reads the same and refuses in the same words.
+
+export type Vector = [number, number, number];
+
+export interface Placement {
+  /** Metres, z up. */
+  move: Vector;
+  /** About the world's x, then y, then z. */
+  turn_deg: Vector;
+  scale: number;
+}
+
+export const OUTSIDES = ['hold', 'hide', 'loop'] as const;
+export type Outside = (typeof OUTSIDES)[number];
+
+export interface SceneTake extends Placement {
+  /** Its folder, from the folder of the scene. */
+  take: string;
+  start_s: number;
+  speed: number;
+  in_pulse: number | null;
+  out_pulse: number | null;
+  outside: Outside;
+}
+
+export interface SceneModel extends Placement {
+  model: string;
+}
+
+export interface SceneBackground {
+  colour: string;
+  /** At most one of these three. */
+  image: string;
+  video: string;
+  sphere: string;
+  turn_deg: number;
+}
+
+export interface CameraKey {
+  at_s: number;
+  eye: Vector;
+  look: Vector;
+  fov_deg: number;
+}
+
+export interface SceneFile {
+  rate_hz: number;
+  seconds: number;
+  background: SceneBackground;
+  floor: boolean;
+  takes: SceneTake[];
+  models: SceneModel[];
+  camera: { keys: CameraKey[] };
+}
+
+const MOST_SECONDS = 36_000;
+const MOST_METRES = 1e6;
+
+/** A value of the file, and where it stands there. */
+class Field {
+  constructor(
+    private readonly value: unknown,
+    private readonly where: string,
+  ) {}
+
+  refuse(what: string): never {
+    throw new Error(this.where ? `${this.where}: ${what}` : what);
+  }
+  expectObject(known: string[]): void {
+    if (typeof this.value !== 'object' || this.value === null || Array.isArray(this.value)) this.refuse('expected an object');
+    for (const key of Object.keys(this.value).sort()) if (!known.includes(key)) this.refuse(`there is no key '${key}'`);
+  }
+  find(key: string): Field | null {
+    const value = (this.value as Record<string, unknown>)[key];
+    return value === undefined ? null : new Field(value, this.where ? `${this.where}.${key}` : key);
+  }
+  at(key: string): Field {
+    return this.find(key) ?? this.refuse(`'${key}' is missing`);
+  }
+  list(): Field[] {
+    if (!Array.isArray(this.value)) this.refuse('expected a list');
+    return this.value.map((value, n) => new Field(value, `${this.where}[${n}]`));
+  }
+  number(least: number, most: number): number {
+    const text = (n: number) => (Number.isInteger(n) ? n.toFixed(1) : String(n));
+    if (typeof this.value === 'number' && this.value >= least && this.value <= most) return this.value;
+    return this.refuse(`expected a number from ${text(least)} to ${text(most)}`);
+  }
+  positive(): number {
+    if (typeof this.value === 'number' && this.value > 0 && this.value <= 1000) return this.value;
+    return this.refuse('expected a number above 0, at most 1000');
+  }
+  pulse(): number {
+    if (Number.isSafeInteger(this.value) && (this.value as number) >= 0) return this.value as number;
+    return this.refuse('expected the number of a pulse');
+  }
+  flag(): boolean {
+    return typeof this.value === 'boolean' ? this.value : this.refuse('expected true or false');
+  }
+  text(): string {
+    return typeof this.value === 'string' ? this.value : this.refuse('expected a text');
+  }
+  vector(): Vector {
+    const parts = Array.isArray(this.value) ? this.list() : [];
+    if (parts.length !== 3) this.refuse('expected three numbers, [x, y, z]');
+    return parts.map((part) => part.number(-MOST_METRES, MOST_METRES)) as Vector;
+  }
+  path(): string {
+    const name = this.text();
+    if (name === '' || name.startsWith('/') || /[:?#\\%]/.test(name)) {
+      this.refuse('expected a path from the folder of the scene, without any of : ? # % and backslash');
+    }
+    return name;
+  }
+  colour(): string {
+    const name = this.text();
+    return /^#[0-9a-fA-F]{6}$/.test(name) ? name.toLowerCase() : this.refuse('expected a colour such as "#101216"');
+  }
+}
+
+function readPlace(field: Field): Placement {
+  return {
+    move: field.find('move')?.vector() ?? [0, 0, 0],
+    turn_deg: field.find('turn_deg')?.vector() ?? [0, 0, 0],
+    scale: field.find('scale')?.positive() ?? 1,
+  };
+}
+
+function readOutside(field: Field): Outside {
+  const name = field.text() as Outside;
+  return OUTSIDES.includes(name) ? name : field.refuse('expected hold, hide or loop');
+}
+
+function readTake(field: Field): SceneTake {
+  field.expectObject(['take', 'move', 'turn_deg', 'scale', 'start_s', 'speed', 'in_pulse', 'out_pulse', 'outside']);
+  const outside = field.find('outside');
+  const take: SceneTake = {
+    take: field.at('take').path(),
+    ...readPlace(field),
+    start_s: field.find('start_s')?.number(-MOST_SECONDS, MOST_SECONDS) ?? 0,
+    speed: field.find('speed')?.positive() ?? 1,
+    in_pulse: field.find('in_pulse')?.pulse() ?? null,
+    out_pulse: field.find('out_pulse')?.pulse() ?? null,
+    outside: outside ? readOutside(outside) : 'hold',
+  };
+  if (take.in_pulse !== null && take.out_pulse !== null && take.out_pulse < take.in_pulse) {
+    field.at('out_pulse').refuse('expected no pulse before in_pulse');
+  }
+  return take;
+}
+
+function readModel(field: Field): SceneModel {
+  field.expectObject(['model', 'move', 'turn_deg', 'scale']);
+  return { model: field.at('model').path(), ...readPlace(field) };
+}
+
+const DARK = '#101216';
+export const PLAIN: SceneBackground = { colour: DARK, image: '', video: '', sphere: '', turn_deg: 0 };
+
+function readBackground(field: Field): SceneBackground {
+  field.expectObject(['colour', 'image', 'video', 'sphere', 'turn_deg']);
+  const background: SceneBackground = {
+    colour: field.find('colour')?.colour() ?? DARK,
+    image: field.find('image')?.path() ?? '',
+    video: field.find('video')?.path() ?? '',
+    sphere: field.find('sphere')?.path() ?? '',
+    turn_deg: field.find('turn_deg')?.number(-360, 360) ?? 0,
+  };
+  const pictures = [background.image, background.video, background.sphere].filter(Boolean);
+  if (pictures.length > 1) field.refuse('expected one of image, video and sphere');
+  return background;
+}
+
+function readKey(field: Field): CameraKey {
+  field.expectObject(['at_s', 'eye', 'look', 'fov_deg']);
+  const key: CameraKey = {
+    at_s: field.at('at_s').number(0, MOST_SECONDS),
+    eye: field.at('eye').vector(),
+    look: field.at('look').vector(),
+    fov_deg: field.find('fov_deg')?.number(1, 150) ?? 40,
+  };
+  if (Math.hypot(...key.eye.map((c, n) => key.look[n] - c)) < 1e-3) field.refuse('eye and look are the same place');
+  return key;
+}
+
+function readCamera(field: Field): CameraKey[] {
+  field.expectObject(['keys']);
+  const keys = field.at('keys');
+  const camera: CameraKey[] = [];
+  for (const entry of keys.list()) {
+    const key = readKey(entry);
+    if (camera.length && camera[camera.length - 1].at_s >= key.at_s) {
+      entry.at('at_s').refuse('expected a time after that of the key before');
+    }
+    camera.push(key);
+  }
+  if (camera.length === 0) keys.refuse('expected at least one key');
+  return camera;
+}
+
+/** Throws an error whose message names the field and what would be right. */
+export function parseScene(text: string): SceneFile {
+  let parsed: unknown;
+  try {
+    parsed = JSON.parse(text);
+  } catch {
+    throw new Error('is no JSON');
+  }
+  const field = new Field(parsed, '');
+  field.expectObject(['v3d_scene', 'rate_hz', 'seconds', 'background', 'floor', 'takes', 'models', 'camera']);
+  const version = field.at('v3d_scene');
+  if (version.number(1, 1e6) !== 1) version.refuse('this version is not known; expected 1');
+  const background = field.find('background');
+  return {
+    rate_hz: field.find('rate_hz')?.number(1, 240) ?? 25,
+    seconds: field.at('seconds').number(0.04, MOST_SECONDS),
+    background: background ? readBackground(background) : { ...PLAIN },
+    floor: field.find('floor')?.flag() ?? false,
+    takes: field.find('takes')?.list().map(readTake) ?? [],
+    models: field.find('models')?.list().map(readModel) ?? [],
+    camera: { keys: readCamera(field.at('camera')) },
+  };
+}
+
+/** To the millimetre and the millisecond; what is as it is without is left out. */
+export function writeScene(scene: SceneFile): string {
+  const round = (n: number) => Number(n.toFixed(3));
+  const vector = (v: Vector) => v.map(round);
+  const place = (p: Placement) => ({
+    ...(p.move.some(Boolean) && { move: vector(p.move) }),
+    ...(p.turn_deg.some(Boolean) && { turn_deg: vector(p.turn_deg) }),
+    ...(p.scale !== 1 && { scale: p.scale }),
+  });
+  const { background } = scene;
+  const file = {
+    v3d_scene: 1,
+    rate_hz: scene.rate_hz,
+    seconds: scene.seconds,
+    background: {
+      colour: background.colour,
+      ...(background.image && { image: background.image }),
+      ...(background.video && { video: background.video }),
+      ...(background.sphere && { sphere: background.sphere }),
+      ...(background.turn_deg && { turn_deg: background.turn_deg }),
+    },
+    floor: scene.floor,
+    takes: scene.takes.map((take) => ({
+      take: take.take,
+      ...place(take),
+      ...(take.start_s && { start_s: take.start_s }),
+      ...(take.speed !== 1 && { speed: take.speed }),
+      ...(take.in_pulse !== null && { in_pulse: take.in_pulse }),
+      ...(take.out_pulse !== null && { out_pulse: take.out_pulse }),
+      ...(take.outside !== 'hold' && { outside: take.outside }),
+    })),
+    models: scene.models.map((model) => ({ model: model.model, ...place(model) })),
+    camera: {
+      keys: scene.camera.keys.map((key) => ({
+        at_s: round(key.at_s), eye: vector(key.eye), look: vector(key.look), fov_deg: round(key.fov_deg),
+      })),
+    },
+  };
+  // Three numbers belong on one line.
+  const text = JSON.stringify(file, null, 2);
+  return `${text.replace(/\[\s+([-\d.e]+),\s+([-\d.e]+),\s+([-\d.e]+)\s+\]/g, '[$1, $2, $3]')}\n`;
+}
+
+/** How many pictures a scene has. */
+export const pictureCount = (scene: SceneFile) => Math.max(1, Math.floor(scene.seconds * scene.rate_hz + 1e-6));

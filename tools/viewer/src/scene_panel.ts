@@ -1,0 +1,251 @@
+// The panel in which a scene is edited. Every change goes to the scene itself, and is told.
+import { OUTSIDES, type Outside, type Placement, type SceneFile, type SceneTake, type Vector } from './scene_file';
+
+type Change = () => void;
+
+function part<K extends keyof HTMLElementTagNameMap>(name: K, text = '', className = ''): HTMLElementTagNameMap[K] {
+  const element = document.createElement(name);
+  element.textContent = text;
+  element.className = className;
+  return element;
+}
+
+function labelled(label: string, ...controls: HTMLElement[]): HTMLElement {
+  const row = part('label', '', 'field');
+  row.append(part('span', label), ...controls);
+  return row;
+}
+
+function button(text: string, name: string, press: () => void): HTMLButtonElement {
+  const made = part('button', text);
+  made.dataset.edit = name;
+  made.addEventListener('click', press);
+  return made;
+}
+
+interface Limits {
+  step: number;
+  min?: number;
+  max?: number;
+}
+
+/** What is no number within the limits is put back. */
+function number(name: string, value: number, limits: Limits, set: (value: number) => void): HTMLInputElement {
+  const input = part('input');
+  Object.assign(input, { type: 'number', step: limits.step, value, min: limits.min ?? '', max: limits.max ?? '' });
+  input.dataset.edit = name;
+  let last = value;
+  input.addEventListener('change', () => {
+    const typed = input.valueAsNumber;
+    const right = typed >= (limits.min ?? -Infinity) && typed <= (limits.max ?? Infinity);
+    if (right) set((last = typed));
+    else input.valueAsNumber = last;
+  });
+  return input;
+}
+
+/** Null where nothing is typed. */
+function pulse(name: string, value: number | null, set: (value: number | null) => void): HTMLInputElement {
+  const input = part('input');
+  Object.assign(input, { type: 'number', step: 1, min: 0, value: value ?? '', placeholder: 'all' });
+  input.dataset.edit = name;
+  input.addEventListener('change', () => set(input.value === '' ? null : Math.max(0, Math.round(input.valueAsNumber))));
+  return input;
+}
+
+function choice(name: string, options: readonly (readonly [string, string])[], value: string, set: (value: string) => void): HTMLSelectElement {
+  const select = part('select');
+  select.dataset.edit = name;
+  for (const [key, text] of options) select.add(new Option(text, key, false, key === value));
+  select.addEventListener('change', () => set(select.value));
+  return select;
+}
+
+function vector(name: string, value: Vector, limits: Limits, change: Change): HTMLElement[] {
+  return ['x', 'y', 'z'].map((axis, k) =>
+    number(`${name}-${axis}`, value[k], limits, (n) => {
+      value[k] = n;
+      change();
+    }));
+}
+
+function placeFields(place: Placement, change: Change): HTMLElement[] {
+  return [
+    labelled('Move, m', ...vector('move', place.move, { step: 0.05, min: -1e6, max: 1e6 }, change)),
+    labelled('Turn, °', ...vector('turn', place.turn_deg, { step: 5, min: -1e6, max: 1e6 }, change)),
+    labelled('Scale', number('scale', place.scale, { step: 0.05, min: 0.001, max: 1000 }, (n) => {
+      place.scale = n;
+      change();
+    })),
+  ];
+}
+
+function takeFields(take: SceneTake, change: Change): HTMLElement[] {
+  return [
+    ...placeFields(take, change),
+    labelled('Starts, s', number('start', take.start_s, { step: 0.04, min: -36000, max: 36000 }, (n) => {
+      take.start_s = n;
+      change();
+    })),
+    labelled('Speed', number('speed', take.speed, { step: 0.1, min: 0.001, max: 1000 }, (n) => {
+      take.speed = n;
+      change();
+    })),
+    labelled('Pulses',
+      pulse('in', take.in_pulse, (n) => {
+        take.in_pulse = n;
+        if (n !== null && take.out_pulse !== null) take.out_pulse = Math.max(n, take.out_pulse);
+        change();
+      }),
+      pulse('out', take.out_pulse, (n) => {
+        take.out_pulse = n === null ? null : Math.max(n, take.in_pulse ?? 0);
+        change();
+      })),
+    labelled('Outside', choice('outside', OUTSIDES.map((o) => [o, o] as const), take.outside, (o) => {
+      take.outside = o as Outside;
+      change();
+    })),
+  ];
+}
+
+function item(title: string, fields: HTMLElement[], remove: () => void): HTMLElement {
+  const box = part('details', '', 'item');
+  box.append(part('summary', title), ...fields, button('Remove', 'remove', remove));
+  return box;
+}
+
+export interface SceneDeeds {
+  /** The scene was changed, and is to be seen so. */
+  change(): void;
+  /** A key of the camera path where the eye is, at the moment shown. */
+  keyHere(): void;
+  seek(seconds: number): void;
+  save(): void;
+  /** Names of takes with meshes, and the path to one from the scene. */
+  takes(): string[];
+  pathOf(take: string): string;
+}
+
+export class ScenePanel {
+  constructor(
+    private readonly box: HTMLElement,
+    private readonly deeds: SceneDeeds,
+  ) {}
+
+  /** Null hides it. */
+  show(scene: SceneFile | null): void {
+    this.box.hidden = scene === null;
+    if (!scene) return this.box.replaceChildren();
+    const open = [...this.box.querySelectorAll('details')].map((details) => details.open);
+    this.box.replaceChildren(
+      part('h2', 'Scene'),
+      ...scene.takes.map((take, n) => item(`${take.take.split('/').pop()}`, takeFields(take, () => this.deeds.change()),
+        () => this.remove(scene, scene.takes, n))),
+      ...scene.models.map((model, n) => item(model.model, placeFields(model, () => this.deeds.change()),
+        () => this.remove(scene, scene.models, n))),
+      this.addFields(scene), this.backgroundFields(scene), this.cameraFields(scene), this.wholeFields(scene),
+      button('Save scene.json', 'save', () => this.deeds.save()));
+    [...this.box.querySelectorAll('details')].forEach((details, n) => (details.open = open[n] ?? false));
+  }
+
+  private again(scene: SceneFile): void {
+    this.deeds.change();
+    this.show(scene);
+  }
+
+  private remove<T>(scene: SceneFile, list: T[], n: number): void {
+    list.splice(n, 1);
+    this.again(scene);
+  }
+
+  private addFields(scene: SceneFile): HTMLElement {
+    const takes = this.deeds.takes().map((name) => [name, name] as const);
+    const fresh = (): Placement => ({ move: [0, 0, 0], turn_deg: [0, 0, 0], scale: 1 });
+    const box = part('div', '', 'adds');
+    box.append(
+      choice('add-take', [['', 'Add a take …'], ...takes], '', (name) => {
+        const take = this.deeds.pathOf(name);
+        scene.takes.push({ take, ...fresh(), start_s: 0, speed: 1, in_pulse: null, out_pulse: null, outside: 'hold' });
+        this.again(scene);
+      }),
+      button('Add a model …', 'add-model', () => {
+        const file = prompt('File of the model (.glb), from the folder of the scene:')?.trim();
+        if (!file) return;
+        scene.models.push({ model: file, ...fresh() });
+        this.again(scene);
+      }));
+    return box;
+  }
+
+  private backgroundFields(scene: SceneFile): HTMLElement {
+    const { background } = scene;
+    const kinds = ['image', 'video', 'sphere'] as const;
+    const kind = kinds.find((k) => background[k]) ?? '';
+    const colour = part('input');
+    Object.assign(colour, { type: 'color', value: background.colour });
+    colour.dataset.edit = 'colour';
+    colour.addEventListener('input', () => {
+      background.colour = colour.value;
+      this.deeds.change();
+    });
+    const texts = [['', 'colour alone'], ['image', 'still picture …'], ['video', 'video …'], ['sphere', 'all directions …']] as const;
+    const select = choice('background', texts, kind, (chosen) => {
+      const file = chosen ? prompt('File, from the folder of the scene:')?.trim() : '';
+      for (const k of kinds) background[k] = k === chosen ? (file ?? '') : '';
+      this.again(scene);
+    });
+    const box = part('details', '', 'item');
+    box.append(part('summary', 'Background'), labelled('Behind', select), labelled('Colour', colour));
+    if (kind) box.append(part('p', background[kind], 'note'));
+    if (kind === 'sphere') {
+      box.append(labelled('Turn, °', number('background-turn', background.turn_deg, { step: 5, min: -360, max: 360 }, (n) => {
+        background.turn_deg = n;
+        this.deeds.change();
+      })));
+    }
+    return box;
+  }
+
+  private cameraFields(scene: SceneFile): HTMLElement {
+    const keys = scene.camera.keys;
+    const box = part('details', '', 'item');
+    box.append(part('summary', `Camera path, ${keys.length} ${keys.length === 1 ? 'key' : 'keys'}`));
+    keys.forEach((key, n) => {
+      const row = part('div', '', 'field');
+      const angle = number('fov', key.fov_deg, { step: 1, min: 1, max: 150 }, (degrees) => {
+        key.fov_deg = degrees;
+        this.deeds.change();
+      });
+      row.append(button(`${key.at_s.toFixed(2)} s`, 'key', () => this.deeds.seek(key.at_s)), angle, part('span', '°'));
+      if (keys.length > 1) row.append(button('✕', 'remove-key', () => this.remove(scene, keys, n)));
+      box.append(row);
+    });
+    box.append(button('Key here', 'key-here', () => {
+      this.deeds.keyHere();
+      this.again(scene);
+    }));
+    return box;
+  }
+
+  private wholeFields(scene: SceneFile): HTMLElement {
+    const floor = part('input');
+    Object.assign(floor, { type: 'checkbox', checked: scene.floor });
+    floor.dataset.edit = 'floor';
+    floor.addEventListener('change', () => {
+      scene.floor = floor.checked;
+      this.deeds.change();
+    });
+    const box = part('div');
+    box.append(
+      labelled('Lasts, s', number('seconds', scene.seconds, { step: 0.5, min: 0.04, max: 36000 }, (n) => {
+        scene.seconds = n;
+        this.deeds.change();
+      })),
+      labelled('Pictures/s', number('rate', scene.rate_hz, { step: 1, min: 1, max: 240 }, (n) => {
+        scene.rate_hz = n;
+        this.deeds.change();
+      })),
+      labelled('Floor', floor));
+    return box;
+  }
+}

@@ -1,0 +1,63 @@
+import { Object3D, Vector3 } from 'three';
+import { expect, test } from 'vitest';
+import { place } from '../src/performer';
+import { cameraAt, pulseAt } from '../src/scene_clock';
+import shared from '../../../tests/tools/scene_cases.json';
+import { type CameraKey, type Outside, parseScene, pictureCount, type SceneTake, writeScene } from '../src/scene_file';
+
+// The same as of tests/tools/scene_test.cc.
+const cases = shared as unknown as {
+  scene: Record<string, unknown>;
+  pictures: number;
+  cameras: CameraKey[];
+  pulses: { outside: Outside; at_s: number; pulse: number | null }[];
+  refused: { with: Record<string, unknown>; says: string }[];
+};
+const scene = () => parseScene(JSON.stringify(cases.scene));
+
+test('a scene says what is where', () => {
+  expect(pictureCount(scene())).toBe(cases.pictures);
+  expect(scene().background).toMatchObject({ colour: '#0a1b2c', sphere: 'sky.jpg', turn_deg: 90 });
+  expect(scene().takes[0]).toMatchObject({ take: '../a', move: [1, 2, 3], speed: 0.5, out_pulse: 19, outside: 'loop' });
+  expect(scene().takes[1]).toMatchObject({ take: '../b', scale: 1, start_s: 0, in_pulse: null, outside: 'hold' });
+});
+
+test('a scene that is written reads back the same', () => {
+  expect(parseScene(writeScene(scene()))).toEqual(scene());
+  expect(writeScene(scene())).toContain('"move": [1, 2, 3]');
+});
+
+test('a scene that is wrong is refused, and the field is named', () => {
+  for (const { with: changes, says } of cases.refused) {
+    const wrong: Record<string, unknown> = { ...cases.scene, ...changes };
+    // Merged as RFC 7396 has it: objects within are merged, what is null is taken away.
+    if (changes.background) wrong.background = { ...(cases.scene.background as object), ...(changes.background as object) };
+    for (const key of Object.keys(wrong)) if (wrong[key] === null) delete wrong[key];
+    expect(() => parseScene(JSON.stringify(wrong)), says).toThrowError(says);
+  }
+  expect(() => parseScene('{')).toThrowError('is no JSON');
+});
+
+test('the camera goes through its keys', () => {
+  for (const wanted of cases.cameras) {
+    const key = cameraAt(scene().camera.keys, wanted.at_s);
+    wanted.eye.forEach((n, k) => expect(key.eye[k]).toBeCloseTo(n, 9));
+    wanted.look.forEach((n, k) => expect(key.look[k]).toBeCloseTo(n, 9));
+    expect(key.fov_deg).toBeCloseTo(wanted.fov_deg, 9);
+  }
+});
+
+test('takes are shifted and stretched', () => {
+  for (const { outside, at_s, pulse } of cases.pulses) {
+    const take: SceneTake = { ...scene().takes[0], outside };
+    expect(pulseAt(take, 25, 0, 99, at_s), `${outside} at ${at_s}`).toBe(pulse);
+  }
+});
+
+test('what stands on the stage is turned about x, then y, then z', () => {
+  const thing = new Object3D();
+  place(thing, { move: [1, 0, 0], turn_deg: [90, 0, 90], scale: 2 });
+  thing.updateMatrixWorld();
+  const up = new Vector3(0, 0, 1).applyMatrix4(thing.matrixWorld); // about x to -y, about z to +x
+  expect(up.distanceTo(new Vector3(3, 0, 0))).toBeLessThan(1e-9);
+});
