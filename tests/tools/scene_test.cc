@@ -2,7 +2,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include <fstream>
+#include <algorithm>
+#include <cstdlib>
 #include <nlohmann/json.hpp>
 
 #include "base/error.h"
@@ -13,6 +14,7 @@
 #include "v3dctl/mesh_export.h"
 #include "v3dctl/scene_clock.h"
 #include "v3dctl/scene_renderer.h"
+#include "v3dctl/scene_video.h"
 
 namespace v3d::ctl {
 namespace {
@@ -157,6 +159,43 @@ TEST_F(ScenePictures, name_what_is_missing) {
         R"({"background": {"image": "cube.glb"}})", R"({"takes": [{"take": "../none"}]})"}) {
     EXPECT_THROW(picture_of(changes), InputError) << changes;
   }
+}
+
+TEST_F(ScenePictures, become_a_video_and_a_video_is_their_background) {
+  if (std::system("command -v ffmpeg >/dev/null") != 0) GTEST_SKIP() << "there is no ffmpeg";
+  VideoWriter video(folder_ / "street.mp4", {64, 48}, 25);
+  for (const uint8_t grey : {40, 120, 200}) {
+    Image picture({64, 48}, PixelFormat::kRGB8);
+    std::ranges::fill(picture.bytes, grey);
+    video.add(picture);
+  }
+  video.close();
+  VideoReader reader(folder_ / "street.mp4", {32, 24}, 25);
+  EXPECT_NEAR(pixel(reader.picture(0), 16, 12).g, 40, 3);
+  EXPECT_NEAR(pixel(reader.picture(2), 16, 12).g, 200, 3);
+  EXPECT_NEAR(pixel(reader.picture(9), 16, 12).g, 200, 3) << "the last stays";
+  const Image scene = picture_of(R"({"background": {"video": "street.mp4"}})");
+  EXPECT_NEAR(pixel(scene, 2, 2).r, 40, 3);
+  EXPECT_EQ(pixel(scene, 32, 24), (Rgb8{200, 20, 20}));
+  VideoReader none(folder_ / "cube.glb", {32, 24}, 25);
+  EXPECT_THROW(none.picture(0), InputError);
+}
+
+TEST(ProcessStream, tells_when_the_other_program_no_longer_reads) {
+  ProcessStream gone({"true"}, ProcessStream::End::kItsInput);
+  const std::vector<uint8_t> bytes(1 << 20);
+  while (gone.write(bytes)) {
+  }
+  EXPECT_EQ(gone.finish(), 0);
+  EXPECT_THROW(ProcessStream({"v3d-none"}, ProcessStream::End::kItsInput), InputError);
+}
+
+TEST(ProcessStream, brings_what_the_other_program_says) {
+  ProcessStream said({"echo", "takes"}, ProcessStream::End::kItsOutput);
+  std::vector<uint8_t> bytes(5);
+  EXPECT_TRUE(said.read(bytes));
+  EXPECT_EQ(std::string(bytes.begin(), bytes.end()), "takes");
+  EXPECT_FALSE(said.read(bytes)) << "there is no more than the end of the line";
 }
 
 TEST_F(ScenePictures, light_models_from_above) {

@@ -1,5 +1,5 @@
 // A scene on the stage: a worker for each take, models, the backdrop, all at one moment.
-import { Group, Mesh, MeshBasicMaterial, MeshLambertMaterial, type Material, type MeshStandardMaterial } from 'three';
+import { type BufferGeometry, Group, Mesh, MeshBasicMaterial, MeshLambertMaterial, type Material, type MeshStandardMaterial } from 'three';
 import { GLTFLoader } from 'three/addons/loaders/GLTFLoader.js';
 import { entryAt } from './mesh_file';
 import { type Performer, place } from './performer';
@@ -77,6 +77,18 @@ async function loadModel(url: string): Promise<Group> {
   const model = new Group();
   model.add(scene);
   return model;
+}
+
+/** What it has on the graphics card. */
+function disposeOf(model: Group): void {
+  model.traverse((node) => {
+    if (!(node instanceof Mesh)) return;
+    (node.geometry as BufferGeometry).dispose();
+    for (const material of [node.material].flat() as MeshLambertMaterial[]) {
+      material.map?.dispose();
+      material.dispose();
+    }
+  });
 }
 
 export class Composition {
@@ -166,5 +178,6 @@ export class Composition {
     this.ended = true;
     for (const actor of this.actors.values()) actor.end();
     this.actors.clear();
+    for (const { group } of this.models.values()) group.then(disposeOf, () => undefined);
   }
 }
