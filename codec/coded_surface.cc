@@ -26,18 +26,18 @@ void CodedSurface::make_triangles() {
   }
 }
 
-const VertexValues* CodedSurface::colour_on(const LatticeEdge& edge) const {
+const LumaChroma* CodedSurface::colour_on(const LatticeEdge& edge) const {
   LatticeEdge in_box = edge;
   for (int axis = 0; axis < 3; ++axis) in_box.voxel[axis] -= kBrickEdge * volume.first[axis];
   const int64_t vertex = surface.vertex_on(in_box);
   return vertex < 0 ? nullptr : &colours[static_cast<size_t>(vertex)];
 }
 
-const VertexValues* FormerColours::at(uint32_t vertex) const {
+const LumaChroma* ColoursBefore::at(uint32_t vertex) const {
   LatticeEdge edge = edge_at(now_.places[vertex]);
   for (const int move : {0, 1, -2}) {
     edge.voxel[edge.axis] += move;  // here, then one further, then one back
-    if (const VertexValues* colour = before_.colour_on(edge)) return colour;
+    if (const LumaChroma* colour = before_.colour_on(edge)) return colour;
   }
   return nullptr;
 }

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "codec/brick_surface.h"
+#include "codec/colour_code.h"
 #include "codec/known_vertices.h"
 #include "codec/occupancy.h"
 #include "codec/vertex_values.h"
@@ -21,7 +22,7 @@ struct CodedSurface {
   std::vector<HalfVoxels> places;  ///< [vertex], of the whole grid
   std::vector<std::array<uint32_t, 3>> triangles;
   KnownVertices known;
-  std::vector<VertexValues> colours;  ///< [vertex], as decoded; empty: none
+  std::vector<LumaChroma> colours;  ///< [vertex], as decoded; empty: none
 
   /// Counts the surface of `volume`.
   void measure();
@@ -30,15 +31,15 @@ struct CodedSurface {
   void make_triangles();
   void make_known() { known.make(triangles, surface.vertex_count()); }
   /// Null where no vertex stands.
-  const VertexValues* colour_on(const LatticeEdge& edge) const;
+  const LumaChroma* colour_on(const LatticeEdge& edge) const;
 };
 
 /// Colours of `before` where the vertices of `now` stand: on the same edge, or one voxel along it.
 /// Borrows both.
-class FormerColours : public FormerValues {
+class ColoursBefore : public FormerColours {
  public:
-  FormerColours(const CodedSurface& before, const CodedSurface& now) : before_(before), now_(now) {}
-  const VertexValues* at(uint32_t vertex) const override;
+  ColoursBefore(const CodedSurface& before, const CodedSurface& now) : before_(before), now_(now) {}
+  const LumaChroma* at(uint32_t vertex) const override;
 
  private:
   const CodedSurface& before_;

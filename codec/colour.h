@@ -5,19 +5,20 @@
 #include <array>
 #include <cstdint>
 
-#include "codec/vertex_values.h"
-
 namespace v3d {
 
 /// R, G, B.
 using VertexColour = std::array<uint8_t, 3>;
 
+/// Luma, Co, Cg and a 0, so they fit a vector register.
+using LumaChroma = std::array<int16_t, 4>;
+
 /// Luma (0 to 255), Co and Cg (-255 to 255) of the reversible YCoCg-R: colour_of() gives every
 /// colour back. Source: Malvar and Sullivan, "YCoCg-R: a color space with RGB reversibility and low
 /// dynamic range", JVT-I014, 2003.
-VertexValues luma_chroma_of(const VertexColour& colour);
+LumaChroma luma_chroma_of(const VertexColour& colour);
 /// Of any numbers: clamped to 0 to 255.
-inline VertexColour colour_of(const VertexValues& luma_chroma) {
+inline VertexColour colour_of(const LumaChroma& luma_chroma) {
   const auto [luma, co, cg, unused] = luma_chroma;
   const int middle = luma - (cg >> 1);
   const int blue = middle - (co >> 1);
@@ -32,7 +33,7 @@ inline VertexColour colour_of(const VertexValues& luma_chroma) {
 /// and B, that of Co a sixth and that of Cg a fourth. So the default leaves a mean squared error of
 /// at most 9.1, which is 38.5 dB.
 inline constexpr int kMostColourStep = 64;
-inline constexpr std::array<uint8_t, 3> kDefaultColourSteps{6, 15, 12};
-ValueRange colour_range(const std::array<uint8_t, 3>& steps);
+using ColourSteps = std::array<uint8_t, 3>;
+inline constexpr ColourSteps kDefaultColourSteps{6, 15, 12};
 
 }  // namespace v3d

@@ -64,7 +64,7 @@ class FrameDecoder::Impl {
     now.numbers.clear();
     const auto coded = section(bytes, now.header, kDisplacements);
     if (coded.empty()) return true;
-    auto values = decode_values(coded, now.surface.known, position_range(now.header), nullptr);
+    auto values = decode_values(coded, now.surface.known, position_range(now.header));
     if (!values) return false;
     now.numbers = *std::move(values);
     if (now.header.is(FrameHeader::kExplicit)) return true;
@@ -79,9 +79,9 @@ class FrameDecoder::Impl {
     now.surface.colours.clear();
     const auto coded = section(bytes, now.header, kColours);
     if (coded.empty()) return true;
-    const FormerColours former(states_[last_].surface, now.surface);
-    auto values = decode_values(coded, now.surface.known, colour_range(now.header.colour_steps),
-                                now.header.is(FrameHeader::kInter) ? &former : nullptr);
+    const ColoursBefore former(states_[last_].surface, now.surface);
+    auto values = v3d::decode_colours(coded, now.surface.known, now.header.colour_steps,
+                                      now.header.is(FrameHeader::kInter) ? &former : nullptr);
     if (!values) return false;
     now.surface.colours = *std::move(values);
     return true;

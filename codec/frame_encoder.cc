@@ -170,10 +170,10 @@ class FrameEncoder::Impl {
     for (size_t v = 0; v < numbers.size(); ++v) {
       for (int axis = 0; axis < 3; ++axis) {
         values[v][axis] = numbers[v][axis] - from[v][axis];
-        if (values[v][axis] < range.least[axis] || values[v][axis] > range.most[axis]) return false;
+        if (values[v][axis] < range.least || values[v][axis] > range.most) return false;
       }
     }
-    bytes = encode_values(values, now.surface.known, range, nullptr).bytes;
+    bytes = encode_values(values, now.surface.known, range);
     now.numbers = std::move(numbers);
     return true;
   }
@@ -184,17 +184,17 @@ class FrameEncoder::Impl {
     if (content.colours.size() != h.vertices) return false;
     h.flags |= FrameHeader::kColours;
     h.colour_steps = options_.colour_steps;
-    std::vector<VertexValues> wanted(h.vertices);
+    std::vector<LumaChroma> wanted(h.vertices);
     std::transform(content.colours.begin(), content.colours.end(), wanted.begin(), luma_chroma_of);
-    const FormerColours former(last().surface, now.surface);
+    const ColoursBefore former(last().surface, now.surface);
     const bool follows = may_follow(h);
     if (follows) {
       h.flags |= FrameHeader::kInter;
       h.key_pulse = last().header.key_pulse;
       h.reference = last().header.checksum;
     }
-    CodedValues coded = encode_values(wanted, now.surface.known, colour_range(h.colour_steps),
-                                      follows ? &former : nullptr);
+    CodedColours coded =
+        v3d::encode_colours(wanted, now.surface.known, h.colour_steps, follows ? &former : nullptr);
     bytes = std::move(coded.bytes);
     now.surface.colours = std::move(coded.decoded);
     return true;

@@ -5,14 +5,8 @@
 namespace v3d {
 
 ValueRange position_range(const FrameHeader& header) {
-  ValueRange range;
-  if (header.is(FrameHeader::kExplicit)) {
-    range.most = {kMostLatticeNumber, kMostLatticeNumber, kMostLatticeNumber};
-  } else {
-    range.least = {-kMostDisplacement, -kMostDisplacement, -kMostDisplacement};
-    range.most = {kMostDisplacement, kMostDisplacement, kMostDisplacement};
-  }
-  return range;
+  if (header.is(FrameHeader::kExplicit)) return {0, kMostLatticeNumber};
+  return {-kMostDisplacement, kMostDisplacement};
 }
 
 std::vector<VertexValues> smoothed_places(const CodedSurface& surface, int subdivision) {
@@ -74,7 +68,7 @@ void place_by_number(const FrameState& state, std::span<VertexPosition> out) {
 
 }  // namespace
 
-std::vector<VertexColour> colours_of(std::span<const VertexValues> values) {
+std::vector<VertexColour> colours_of(std::span<const LumaChroma> values) {
   std::vector<VertexColour> colours(values.size());
   std::transform(values.begin(), values.end(), colours.begin(), colour_of);
   return colours;

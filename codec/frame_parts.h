@@ -28,7 +28,7 @@ ValueRange position_range(const FrameHeader& header);
 /// smooth, that is nearer than where the volume has them. Normative: docs/compact-frame.md.
 std::vector<VertexValues> smoothed_places(const CodedSurface& surface, int subdivision);
 
-std::vector<VertexColour> colours_of(std::span<const VertexValues> values);
+std::vector<VertexColour> colours_of(std::span<const LumaChroma> values);
 
 /// All of `out` but its triangles, which are those of state.surface.
 void make_mesh(const FrameState& state, DecodedFrame& out);

@@ -9,8 +9,8 @@ void KnownVertices::make(std::span<const std::array<uint32_t, 3>> triangles, uin
     add(b, c);
     add(c, a);
   }
-  for (uint32_t vertex = 1; vertex < vertices; ++vertex) {
-    if (known_[vertex].count == 0) known_[vertex] = {1, {vertex - 1}};
+  for (uint32_t vertex = 0; vertex < vertices; ++vertex) {
+    known_[vertex].repeat(vertex - uint32_t{vertex > 0});
   }
 }
 

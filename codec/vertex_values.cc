@@ -6,18 +6,12 @@
 #include <utility>
 
 #include "codec/range_coder.h"
+#include "codec/spread_class.h"
 
 namespace v3d {
 namespace {
 
-constexpr uint32_t kGroup = 64;  // vertices that are predicted alike
-constexpr uint32_t kSample = 4;  // of these the encoder looks at one in so many to decide
-
-/// sum / count, rounded; count 1 to 4. Normative: a decoder computes exactly this.
-int rounded_mean(int64_t sum, size_t count) {
-  constexpr std::array<int64_t, 5> kInverse{0, 65536, 32768, 21845, 16384};
-  return static_cast<int>((sum * kInverse[count] + 32768) >> 16);
-}
+constexpr uint32_t kGroup = 64;  // vertices between two looks at the end of the bytes
 
 /// Prediction of one vertex, and how much that differs what it comes from.
 struct Guess {
@@ -25,42 +19,26 @@ struct Guess {
   VertexValues spread{};
 };
 
-inline Guess guess_from(std::span<const uint32_t> known, std::span<const VertexValues> values) {
-  // Loops over four, each for itself: the compiler makes vectors of them.
-  constexpr int kLanes = 4;
-  VertexValues sum = values[known[0]];
-  VertexValues least = sum, most = sum;
-  for (size_t k = 1; k < known.size(); ++k) {
-    const VertexValues value = values[known[k]];
-    for (int n = 0; n < kLanes; ++n) sum[n] += value[n];
-    for (int n = 0; n < kLanes; ++n) least[n] = std::min(value[n], least[n]);
-    for (int n = 0; n < kLanes; ++n) most[n] = std::max(value[n], most[n]);
-  }
+inline Guess guess_from(KnownVertices::Four known, std::span<const VertexValues> values) {
+  constexpr int kLanes = 4;  // each loop for itself: the compiler makes vectors of them
+  const VertexValues a = values[known[0]], b = values[known[1]];
+  const VertexValues c = values[known[2]], d = values[known[3]];
   Guess guess;
-  for (int n = 0; n < 3; ++n) {
-    guess.mean[n] = rounded_mean(sum[n], known.size());
-    guess.spread[n] = most[n] - least[n];
+  for (int n = 0; n < kLanes; ++n) guess.mean[n] = (a[n] + b[n] + c[n] + d[n] + 2) >> 2;
+  for (int n = 0; n < kLanes; ++n) {
+    const int least = std::min(std::min(a[n], b[n]), std::min(c[n], d[n]));
+    const int most = std::max(std::max(a[n], b[n]), std::max(c[n], d[n]));
+    guess.spread[n] = most - least;
   }
   return guess;
-}
-
-/// To the nearest whole number of steps, halves towards 0: what has not changed since the frame
-/// before is not touched again.
-int steps_in(int difference, int step) {
-  const int half = (step - 1) / 2;
-  return difference < 0 ? -((half - difference) / step) : (difference + half) / step;
 }
 
 /// What the spread of the known values tells of the residual.
 class SpreadClasses {
  public:
-  static constexpr int kCount = 6;
-  explicit SpreadClasses(int step) {
-    constexpr std::array<int, kCount - 1> kBounds{1, 3, 6, 10, 16};  // half steps
+  SpreadClasses() {
     for (size_t spread = 0; spread < classes_.size(); ++spread) {
-      const int halves = 2 * static_cast<int>(spread) / step;
-      classes_[spread] = static_cast<uint8_t>(
-          std::count_if(kBounds.begin(), kBounds.end(), [&](int b) { return halves >= b; }));
+      classes_[spread] = static_cast<uint8_t>(spread_class(static_cast<int>(spread), 1));
     }
   }
   int operator[](int spread) const {
@@ -68,52 +46,44 @@ class SpreadClasses {
   }
 
  private:
-  std::array<uint8_t, 512> classes_{};
+  std::array<uint8_t, 9> classes_{};  ///< all above are like the last
 };
 
-/// For each way to predict: learns how far values are from there.
+/// Learns how far values are from where they were guessed.
 class Models {
  public:
   /// `before`: residuals of the same vertex that are coded already.
-  ResidualModel& at(int n, int spread_class, size_t known, const VertexValues& before) {
-    if (n == 0) return first_[spread_class][known > 1 ? 1 : 0];
+  ResidualModel& at(int n, int its_class, const VertexValues& before) {
+    if (n == 0) return first_[its_class];
     const int first = std::min(std::abs(before[0]), 2);
     const int second = n == 1 ? 0 : std::min(std::abs(before[1]), 1);
-    return others_[n - 1][spread_class][first][second];
+    return others_[n - 1][its_class][first][second];
   }
 
  private:
   using Others = std::array<std::array<ResidualModel, 2>, 3>;
-  std::array<std::array<ResidualModel, 2>, SpreadClasses::kCount> first_;
-  std::array<std::array<Others, SpreadClasses::kCount>, 2> others_;
+  std::array<ResidualModel, kSpreadClasses> first_;
+  std::array<std::array<Others, kSpreadClasses>, 2> others_;
 };
 
 /// `Coder` is RangeEncoder or RangeDecoder; the decoder has no `wanted` values.
 template <class Coder>
 class ValueCode {
  public:
-  ValueCode(Coder& coder, const KnownVertices& known, const ValueRange& range,
-            const FormerValues* former)
-      : coder_(coder), known_(known), range_(range), former_(former) {}
+  ValueCode(Coder& coder, const KnownVertices& known, const ValueRange& range)
+      : coder_(coder), known_(known), range_(range) {}
 
   /// False: beyond the end of the bytes.
   bool run(std::span<const VertexValues> wanted) {
-    decoded_.resize(known_.vertices());
-    BitModel model;
-    bool from_former = false;
+    decoded_.assign(known_.vertices(), {});
     for (uint32_t vertex = 0; vertex < decoded_.size(); ++vertex) {
-      if (vertex % kGroup == 0) {
-        if (overran()) return false;
-        from_former =
-            former_ != nullptr && coder_.bit(model, !kDecodes && former_is_nearer(vertex, wanted));
-      }
-      const VertexValues* former = from_former ? former_->at(vertex) : nullptr;
+      if (vertex % kGroup == 0 && overran()) return false;
       if constexpr (kDecodes) {
         RangeDecoder in_registers = coder_;
-        code(in_registers, vertex, former, wanted);
+        code(in_registers, vertex, wanted);
         coder_ = in_registers;
       } else {
-        code(coder_, vertex, former, wanted);
+        code(coder_, vertex, wanted);
       }
     }
     return true;
@@ -127,76 +97,44 @@ class ValueCode {
     if constexpr (kDecodes) return coder_.overran();
     return false;
   }
-
-  Guess guess(uint32_t vertex, std::span<const VertexValues> values) const {
-    const std::span<const uint32_t> known = known_.of(vertex);
-    return known.empty() ? Guess{range_.first} : guess_from(known, values);
-  }
-
-  bool former_is_nearer(uint32_t vertex, std::span<const VertexValues> wanted) const;
-  void code(Coder& coder, uint32_t vertex, const VertexValues* former,
-            std::span<const VertexValues> wanted);
+  void code(Coder& coder, uint32_t vertex, std::span<const VertexValues> wanted);
 
   Coder& coder_;
   const KnownVertices& known_;
   const ValueRange& range_;
-  const FormerValues* const former_;
   std::vector<VertexValues> decoded_;
-  std::array<Models, 2> models_;  ///< from the surface, from the frame before
-  std::array<SpreadClasses, 3> classes_{
-      SpreadClasses(range_.step[0]), SpreadClasses(range_.step[1]), SpreadClasses(range_.step[2])};
+  Models models_;
+  SpreadClasses classes_;
 };
 
 template <class Coder>
-void ValueCode<Coder>::code(Coder& coder, uint32_t vertex, const VertexValues* former,
-                            std::span<const VertexValues> wanted) {
-  Guess from = guess(vertex, decoded_);
-  if (former != nullptr) from.mean = *former;
-  Models& models = models_[former != nullptr ? 1 : 0];
-  const size_t known = known_.of(vertex).size();
+void ValueCode<Coder>::code(Coder& coder, uint32_t vertex, std::span<const VertexValues> wanted) {
+  const Guess from = guess_from(known_.of(vertex), decoded_);
   VertexValues residual{};
   VertexValues& decoded = decoded_[vertex];
   for (int n = 0; n < 3; ++n) {
-    const int step = range_.step[n];
-    if (!kDecodes) residual[n] = steps_in(wanted[vertex][n] - from.mean[n], step);
-    ResidualModel& model = models.at(n, classes_[n][from.spread[n]], known, residual);
+    if (!kDecodes) residual[n] = wanted[vertex][n] - from.mean[n];
+    ResidualModel& model = models_.at(n, classes_[from.spread[n]], residual);
     residual[n] = model.code(coder, residual[n]);
-    decoded[n] = std::clamp(from.mean[n] + residual[n] * step, range_.least[n], range_.most[n]);
+    decoded[n] = std::clamp(from.mean[n] + residual[n], range_.least, range_.most);
   }
-}
-
-/// By the first value of some of the group that begins at `vertex`, as if nothing were quantised.
-template <class Coder>
-bool ValueCode<Coder>::former_is_nearer(uint32_t vertex,
-                                        std::span<const VertexValues> wanted) const {
-  int64_t from_surface = 0, from_former = 0;
-  const auto end = static_cast<uint32_t>(std::min<size_t>(vertex + kGroup, wanted.size()));
-  for (; vertex < end; vertex += kSample) {
-    const VertexValues* former = former_->at(vertex);
-    if (former == nullptr) continue;
-    from_surface += std::abs(wanted[vertex][0] - guess(vertex, wanted).mean[0]);
-    from_former += std::abs(wanted[vertex][0] - (*former)[0]);
-  }
-  return 4 * from_former < 3 * from_surface;  // looking there costs the decoder time
 }
 
 }  // namespace
 
-CodedValues encode_values(std::span<const VertexValues> values, const KnownVertices& known,
-                          const ValueRange& range, const FormerValues* former) {
+std::vector<uint8_t> encode_values(std::span<const VertexValues> values, const KnownVertices& known,
+                                   const ValueRange& range) {
   assert(values.size() == known.vertices());
   RangeEncoder coder;
-  ValueCode code(coder, known, range, former);
-  code.run(values);
-  return {coder.take(), std::move(code.decoded())};
+  ValueCode(coder, known, range).run(values);
+  return coder.take();
 }
 
 std::optional<std::vector<VertexValues>> decode_values(std::span<const uint8_t> bytes,
                                                        const KnownVertices& known,
-                                                       const ValueRange& range,
-                                                       const FormerValues* former) {
+                                                       const ValueRange& range) {
   RangeDecoder coder(bytes);
-  ValueCode code(coder, known, range, former);
+  ValueCode code(coder, known, range);
   if (!code.run({}) || !coder.ended()) return std::nullopt;
   return std::move(code.decoded());
 }

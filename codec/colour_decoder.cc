@@ -1,0 +1,136 @@
+#include <utility>
+
+#include "codec/byte_stream.h"
+#include "codec/colour_code.h"
+#include "codec/colour_model.h"
+#include "codec/rans.h"
+#include "codec/symbol_table.h"
+
+namespace v3d {
+namespace {
+
+class ColourDecoder {
+ public:
+  ColourDecoder(std::span<const uint8_t> head, std::span<const uint8_t> symbols,
+                const KnownVertices& known, const ColourSteps& steps, const FormerColours* former)
+      : head_(head),
+        symbols_(symbols),
+        known_(known),
+        steps_(steps),
+        former_(former),
+        contexts_(steps) {
+    for (uint32_t symbol = 0; symbol < kSymbols; ++symbol) {
+      bool beyond = false;
+      for (int n = 0; n < 3; ++n) {
+        const int residual = ColourSymbol::residual(symbol, n);
+        moves_[symbol][n] = static_cast<int16_t>(residual * steps[n]);
+        beyond = beyond || ColourSymbol::is_beyond(residual, n);
+      }
+      moves_[symbol][3] = static_cast<int16_t>(beyond);
+    }
+  }
+
+  /// False: not what an encoder writes.
+  bool run() {
+    if (!read_tables() || !read_groups()) return false;
+    decoded_.resize(known_.vertices());
+    if (!decoded_.empty()) decoded_[0] = kFirstColour;
+    for (uint32_t first = 0; first < known_.vertices(); first += kColourGroup) {
+      const uint32_t end = std::min(first + kColourGroup, known_.vertices());
+      groups_[first / kColourGroup] ? decode<true>(first, end) : decode<false>(first, end);
+      if (!sound_ || head_.overran()) return false;
+    }
+    return head_.ended() && symbols_.ended();
+  }
+  std::vector<LumaChroma>& decoded() { return decoded_; }
+
+ private:
+  bool read_tables();
+  bool read_groups();
+  template <bool kFromFormer>
+  void decode(uint32_t first, uint32_t end);
+  LumaChroma beyond(uint32_t entry, const LumaChroma& guess);
+
+  RangeDecoder head_;
+  RansDecoder symbols_;
+  const KnownVertices& known_;
+  const ColourSteps& steps_;
+  const FormerColours* const former_;
+  const ColourContexts contexts_;
+  std::array<LumaChroma, kSymbols> moves_{};  ///< the fourth: not all that is to be known
+  std::vector<SlotTable> tables_ = std::vector<SlotTable>(ColourContexts::kCount);
+  std::vector<bool> groups_;  ///< from the frame before
+  BeyondModel beyond_;
+  bool sound_ = true;
+  std::vector<LumaChroma> decoded_;
+};
+
+bool ColourDecoder::read_tables() {
+  SlotsModel model;
+  for (SlotTable& table : tables_) {
+    SymbolSlots slots{};
+    if (!model.code(head_, slots) || head_.overran()) return false;
+    fill(slots, table);
+  }
+  return true;
+}
+
+bool ColourDecoder::read_groups() {
+  BitModel model;
+  for (uint32_t first = 0; first < known_.vertices(); first += kColourGroup) {
+    groups_.push_back(former_ != nullptr && head_.bit(model));
+    if (head_.overran()) return false;
+  }
+  return true;
+}
+
+template <bool kFromFormer>
+void ColourDecoder::decode(uint32_t first, uint32_t end) {
+  RansDecoder in_registers = symbols_;
+  LumaChroma* const decoded = decoded_.data();
+  for (uint32_t vertex = first; vertex < end; ++vertex) {
+    ColourGuess guess = guess_from(known_.of(vertex), decoded);
+    uint32_t table = contexts_.of(guess.spread);
+    if constexpr (kFromFormer) {
+      if (const LumaChroma* former = former_->at(vertex)) {
+        guess.mean = lanes_of(*former);
+        table = ColourContexts::kFormer;
+      }
+    }
+    const uint32_t entry = tables_[table][in_registers.slot()];
+    in_registers.take(slots_in(entry), place_in(entry));
+    const LumaChroma& move = moves_[symbol_in(entry)];
+    decoded[vertex] = clamped(guess.mean + lanes_of(move));
+    if (move[3] != 0) [[unlikely]]
+      decoded[vertex] = beyond(entry, colour_in(guess.mean));
+  }
+  symbols_ = in_registers;
+}
+
+[[gnu::noinline]] LumaChroma ColourDecoder::beyond(uint32_t entry, const LumaChroma& guess) {
+  sound_ = sound_ && entry != kNoSymbol;
+  LumaChroma colour{};
+  for (int n = 0; n < 3; ++n) {
+    int residual = ColourSymbol::residual(symbol_in(entry), n);
+    if (ColourSymbol::is_beyond(residual, n)) residual = beyond_.code(head_, n, 0);
+    colour[n] = stepped(guess[n], residual, steps_[n], n);
+  }
+  return colour;
+}
+
+}  // namespace
+
+std::optional<std::vector<LumaChroma>> decode_colours(std::span<const uint8_t> bytes,
+                                                      const KnownVertices& known,
+                                                      const ColourSteps& steps,
+                                                      const FormerColours* former) {
+  if (bytes.size() < sizeof(uint32_t)) return std::nullopt;
+  const auto head = ByteReader(bytes).number<uint32_t>();
+  bytes = bytes.subspan(sizeof(head));
+  if (head > bytes.size()) return std::nullopt;
+  ColourDecoder decoder(bytes.first(head), bytes.subspan(head), known, steps, former);
+  if (!decoder.run()) return std::nullopt;
+  return std::move(decoder.decoded());
+}
+
+}  // namespace v3d
