@@ -158,7 +158,7 @@ class Reader {
     }
     std::vector<Eigen::Vector3f> values;
     for (size_t n = 0; n < accessor.count; ++n) {
-      const auto* at = element(accessor, n, static_cast<size_t>(size * width));
+      const auto* at = element(accessor, n, static_cast<size_t>(size) * static_cast<size_t>(width));
       Eigen::Vector3f value = Eigen::Vector3f::Zero();
       for (int k = 0; k < width; ++k) value[k] = number_at(at + k * size, accessor.componentType);
       values.push_back(value);
