@@ -58,7 +58,7 @@ async function memoryOf(browser, page) {
   return { heap: usedSize, resident: Math.max(...resident) };
 }
 
-async function playFor(browser, frames) {
+async function playFor(browser, frames, warm) {
   const studio = new ServedStudio(build, dirname(take));
   await studio.start();
   try {
@@ -67,7 +67,7 @@ async function playFor(browser, frames) {
     await page.waitForFunction(() => Number(document.getElementById('canvas').dataset.shown) > 0, null, { timeout: WITHIN });
     await page.selectOption('#speed', '4');
     const shows = (n) => page.waitForFunction((most) => Number(document.getElementById('canvas').dataset.shown) >= most, n, { timeout: 0 });
-    await shows(Math.min(WARM, frames / 2));
+    await shows(warm);
     const early = await memoryOf(browser, page);
     await shows(frames);
     return { early, late: await memoryOf(browser, page) };
@@ -79,9 +79,10 @@ async function playFor(browser, frames) {
 const browser = await launchBrowser();
 try {
   const { rate, triangles, bytes } = await decodeRate(browser);
-  console.log(`decoding: ${rate.toFixed(0)} meshes/s, of ${triangles.toLocaleString('en')} triangles in ${megabytes(bytes)} MB`);
-  const { early, late } = await playFor(browser, Number(wanted));
-  console.log(`memory after ${WARM} meshes: ${megabytes(early.heap)} MB of JavaScript, ${megabytes(early.resident)} MB resident`);
+  console.log(`decoding: ${rate.toFixed(0)} meshes/s, of ${triangles.toLocaleString('en')} triangles in ${(bytes / 1000).toFixed(0)} kB`);
+  const warm = Math.min(WARM, Math.floor(Number(wanted) / 2));
+  const { early, late } = await playFor(browser, Number(wanted), warm);
+  console.log(`memory after ${warm} meshes: ${megabytes(early.heap)} MB of JavaScript, ${megabytes(early.resident)} MB resident`);
   console.log(`memory after ${wanted} meshes: ${megabytes(late.heap)} MB of JavaScript, ${megabytes(late.resident)} MB resident`);
   if (late.resident - early.resident > MOST_GROWTH) throw new Error('the memory of the page has grown');
 } finally {
