@@ -155,9 +155,8 @@ void ReconNode::disarm() {
   last_ = pipeline_->counts();
   pipeline_.reset();
   drift_.reset();
-  // What the take's buffers leave free in the C library's arenas goes back to the system, or a day
-  // of takes touches more and more of it. The rehearsal of the next take takes it again, before any
-  // pulse.
+  // What the take's buffers leave free goes back to the system, or a day of takes touches more and
+  // more of it. The rehearsal of the next take takes it again, before any pulse.
   malloc_trim(0);
   // A daemon that is told to end while pulses run may be back before they end.
   if (!stop_requested()) drop_order(studio_, node_, order_.take);
