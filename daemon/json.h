@@ -1,11 +1,13 @@
-// JSON for the details of replies. The adapter of nlohmann::json.
+// JSON for the details of replies, and for lists of takes. The adapter of nlohmann::json.
 #pragma once
 
 #include <map>
 #include <string>
+#include <vector>
 
 #include "daemon/camera_check.h"
 #include "take/ledger.h"
+#include "take/take_listing.h"
 
 namespace v3d {
 
@@ -17,6 +19,10 @@ std::string ledger_json(const Ledger& ledger);
 /// not_ready [names].
 std::string check_json(const Ledger& ledger, const std::vector<CheckedCamera>& cameras,
                        const std::vector<std::string>& not_ready);
+/// What `v3dctl takes --json` prints and v3d-viewd serves: {"takes": [{name, studio, started_ns,
+/// state, verified, rate_hz, pulses, seconds, bytes, mesh_bytes, cameras, meshes, slate {scene,
+/// take, note, mark}}]}. Text that is not UTF-8 is mended. `indent` as that of nlohmann's dump().
+std::string takes_json(const std::vector<TakeListing>& takes, int indent = -1);
 std::string numbers_json(const std::map<std::string, double>& values);
 
 }  // namespace v3d

@@ -15,31 +15,6 @@ std::string text_of(const Json& json) {
 
 double milliseconds(RealtimeInstant t) { return static_cast<double>(to_ns(t)) * 1e-6; }
 
-Json slate_json(const Slate& slate) {
-  return {{"scene", slate.scene},
-          {"take", slate.take},
-          {"note", slate.note},
-          {"mark", name(slate.mark)}};
-}
-
-Json take_json(const TakeListing& take) {
-  std::error_code error;
-  const auto bytes = std::filesystem::file_size(take.paths.mesh(), error);
-  return {{"name", take.info.name},
-          {"studio", take.info.studio},
-          {"started_ns", to_ns(take.info.started)},
-          {"state", take.verdict()},
-          {"verified", take.verified},
-          {"rate_hz", take.info.rate_hz},
-          {"pulses", take.info.pulses},
-          {"seconds", take.seconds()},
-          {"bytes", take.bytes},
-          {"mesh_bytes", error ? 0 : bytes},
-          {"cameras", take.info.cameras},
-          {"meshes", take.meshes},
-          {"slate", slate_json(take.slate)}};
-}
-
 Json matrix_json(const Eigen::Matrix3d& m) {
   Json rows = Json::array();
   for (int row = 0; row < 3; ++row) rows.push_back({m(row, 0), m(row, 1), m(row, 2)});
@@ -100,12 +75,6 @@ Json node_json(const StudioState& state, const std::string& node) {
 }
 
 }  // namespace
-
-std::string takes_json(const std::vector<TakeListing>& takes) {
-  Json list = Json::array();
-  for (const TakeListing& take : takes) list.push_back(take_json(take));
-  return text_of({{"takes", list}});
-}
 
 std::string scenes_json(const std::vector<std::string>& names) {
   return text_of({{"scenes", names}});

@@ -12,13 +12,9 @@
 
 #include "base/camera_model.h"
 #include "base/studio_file.h"
-#include "take/take_listing.h"
 #include "wire/messages.h"
 
 namespace v3d {
-
-/// {"takes": [..]}; the keys of each are those of `v3dctl takes --json`, and "mesh_bytes".
-std::string takes_json(const std::vector<TakeListing>& takes);
 
 /// {"scenes": [names]}
 std::string scenes_json(const std::vector<std::string>& names);

@@ -8,6 +8,7 @@
 #include "base/calib_file.h"
 #include "base/error.h"
 #include "base/name.h"
+#include "daemon/json.h"
 #include "daemon/viewd/byte_range.h"
 #include "daemon/viewd/scene_folders.h"
 #include "daemon/viewd/view_json.h"

@@ -10,6 +10,7 @@
 
 #include "base/error.h"
 #include "codec/frame_header.h"
+#include "daemon/json.h"
 #include "daemon/viewd/byte_range.h"
 #include "daemon/viewd/live_feed.h"
 #include "daemon/viewd/studio_board.h"
@@ -417,6 +418,13 @@ TEST_F(Board, keeps_the_last_events_and_the_last_preview_of_each_camera) {
   size_t messages = 1;
   while (const auto message = watcher->next()) ++messages;
   EXPECT_EQ(messages, StudioBoard::kEventsKept + 1) << "and one preview, of the camera there is";
+}
+
+TEST(TakesJson, mends_a_slate_that_is_no_utf8) {
+  TakeListing take;
+  take.info.rate_hz = 25;
+  take.slate.note = "caf\xe9";
+  EXPECT_NE(takes_json({take}).find("caf\xEF\xBF\xBD"), std::string::npos);
 }
 
 }  // namespace

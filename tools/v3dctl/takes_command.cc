@@ -6,6 +6,7 @@
 #include "base/name.h"
 #include "base/units.h"
 #include "common/console.h"
+#include "daemon/json.h"
 #include "take/verified.h"
 #include "v3dctl/command.h"
 #include "v3dctl/listing_text.h"
@@ -50,35 +51,9 @@ std::vector<TakeListing> named_takes(const CommandLine& line, const Arguments& a
   return takes;
 }
 
-Json slate_json(const Slate& slate) {
-  return {{"scene", slate.scene},
-          {"take", slate.take},
-          {"note", slate.note},
-          {"mark", name(slate.mark)}};
-}
-
-Json listing_json(const std::vector<TakeListing>& takes) {
-  Json list = Json::array();
-  for (const TakeListing& take : takes) {
-    list.push_back({{"name", take.info.name},
-                    {"studio", take.info.studio},
-                    {"started_ns", to_ns(take.info.started)},
-                    {"state", take.verdict()},
-                    {"verified", take.verified},
-                    {"rate_hz", take.info.rate_hz},
-                    {"pulses", take.info.pulses},
-                    {"seconds", take.seconds()},
-                    {"bytes", take.bytes},
-                    {"cameras", take.info.cameras},
-                    {"meshes", take.meshes},
-                    {"slate", slate_json(take.slate)}});
-  }
-  return {{"takes", list}};
-}
-
 void print_listing(const std::vector<TakeListing>& takes, bool json) {
   if (json) {
-    std::printf("%s\n", listing_json(takes).dump(2).c_str());
+    std::printf("%s\n", takes_json(takes, 2).c_str());
     return;
   }
   for (const std::string& line : listing_lines(takes)) std::printf("%s\n", line.c_str());
