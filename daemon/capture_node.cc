@@ -94,7 +94,6 @@ void CaptureNode::learn(const CommandMessage& order) {
 }
 
 void CaptureNode::begin_order(const CommandMessage& order, std::optional<int64_t> pulses) {
-  kept_orders_.forget();
   order_ = order;
   rate_hz_ = order.rate_hz > 0 ? order.rate_hz : studio_.trigger.rate_hz;
   pulse_train_ = {.rate_hz = rate_hz_,
@@ -108,6 +107,7 @@ void CaptureNode::begin_order(const CommandMessage& order, std::optional<int64_t
 
 void CaptureNode::make_ready(const CommandMessage& order, std::optional<int64_t> pulses) {
   refuse_absurd(order);
+  kept_orders_.forget();
   begin_order(order, pulses);
   if (generator_) {
     generator_->stop();

@@ -65,13 +65,12 @@ std::optional<KeptOrders::Found> KeptOrders::running(TrainWatch& train) {
   const auto found = orders_.find(running->take);
   std::optional<Found> order;
   if (found != orders_.end()) order = {std::move(found->second), running->commanded};
-  if (order) orders_.erase(found);
-  forget();
+  orders_.clear();
   return order;
 }
 
 void KeptOrders::forget() {
-  for (const auto& [take, order] : orders_) drop_order(studio_, node_, take);
+  for (const auto& [take, order] : kept_orders(studio_, node_)) drop_order(studio_, node_, take);
   orders_.clear();
 }
 

@@ -1,5 +1,5 @@
-// The order that a node is at, kept in the folder of the take, for a daemon that is started anew in
-// the middle.
+// The order of a node's last take, kept in the folder of the take, for a daemon that is started
+// anew in the middle of it, or before somebody has asked how it ended.
 #pragma once
 
 #include <map>
@@ -12,11 +12,12 @@
 
 namespace v3d {
 
-/// From the moment the take is armed until it has come to its end. A disk that refuses is none's
+/// From the moment the take is armed until something new is ordered. A disk that refuses is none's
 /// business here: the node could then not go on with the take.
 void keep_order(const Studio& studio, const std::string& node, const CommandMessage& order);
 void drop_order(const Studio& studio, const std::string& node, const std::string& take);
-/// Of all takes that this node did not bring to their end, by the names of the takes.
+/// By the names of the takes: the last take of this node, be it over or not. More than one where
+/// folders were copied here.
 std::map<std::string, CommandMessage> kept_orders(const Studio& studio, const std::string& node);
 
 /// Finds out whether one of the kept orders is of the take that runs. One thread.
@@ -28,10 +29,10 @@ class KeptOrders {
     CommandMessage order;
     int64_t commanded = 0;  ///< pulses of the take until now, or a little fewer
   };
-  /// Once, and only as long as the trigger's node has not been heard to be at something else: then
-  /// all orders are dropped. To be called often, until forget().
+  /// Once, and only as long as the trigger's node has not been heard to be at something else: from
+  /// then on none runs. To be called often, until forget().
   std::optional<Found> running(TrainWatch& train);
-  /// Something new was ordered.
+  /// Something new was ordered: all kept orders are dropped, on the disk too.
   void forget();
 
  private:

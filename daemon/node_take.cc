@@ -6,7 +6,6 @@
 #include <filesystem>
 
 #include "daemon/kept_order.h"
-#include "daemon/service.h"
 #include "daemon/take_folder.h"
 
 namespace v3d {
@@ -105,8 +104,6 @@ DiskProgress NodeTake::progress() const {
 void NodeTake::end(Ledger& ledger) {
   ledger.take = info_.name;
   for (const auto& lane : lanes_) ledger.cameras.push_back(lane->close(ledger.commanded));
-  // A daemon that is told to end while pulses run may be back before they end.
-  if (!stop_requested()) drop_order(node_.studio, node_.name, info_.name);
 }
 
 std::string NodeTake::close(const Ledger& ledger) {

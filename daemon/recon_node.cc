@@ -159,9 +159,9 @@ void ReconNode::disarm() {
   // more of it. The rehearsal of the next take takes it again, before any pulse.
   malloc_trim(0);
   // A daemon that is told to end while pulses run may be back before they end.
-  if (!stop_requested()) drop_order(studio_, node_, order_.take);
-  if (last_.meshes > 0) return;
+  if (last_.meshes > 0 || stop_requested()) return;
   // A take that never saw a pulse leaves nothing behind; the folder goes with its last file.
+  drop_order(studio_, node_, order_.take);
   const TakePaths paths = take_paths(studio_, order_.take);
   std::error_code error;
   std::filesystem::remove(paths.mesh(), error);

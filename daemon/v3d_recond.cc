@@ -22,12 +22,17 @@ void refuse_capture_node(const v3d::Studio& studio, const std::string& node) {
                         "same PC)");
 }
 
-/// What there is of a take that this node was at when it ended: its mesh file gets an index.
+/// Of a take that this node was at when it ended. A file that was not closed gets an index.
+int64_t recovered_meshes(const std::filesystem::path& mesh) {
+  const v3d::MeshFileReader meshes(mesh);
+  if (meshes.index_was_rebuilt()) v3d::MeshFileWriter(mesh, v3d::LogOpening::kGoOn).close();
+  return static_cast<int64_t>(meshes.pulses().size());
+}
+
 void remember_take(const std::filesystem::path& mesh, const std::string& take,
                    v3d::NodeLoop& loop) {
   try {
-    const v3d::MeshFileWriter meshes(mesh, v3d::LogOpening::kGoOn);
-    const auto count = static_cast<int64_t>(meshes.size());
+    const int64_t count = recovered_meshes(mesh);
     loop.remember(take, v3d::format_count(count) + " meshes recovered",
                   v3d::numbers_json({{"meshes", static_cast<double>(count)}}));
   } catch (const v3d::InputError& error) {

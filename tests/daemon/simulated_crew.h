@@ -116,6 +116,7 @@ class SimulatedNode {
     gate_ = std::make_unique<CommandGate>(name_, clock(now));
     gate_->set_key(world_.key);
     due_.reset();
+    may_rejoin_ = true;
   }
   /// Called when pulses begin here.
   std::function<void(const std::string& take)> on_start;
@@ -170,6 +171,7 @@ class SimulatedNode {
     switch (work) {
       case Work::kArm:
       case Work::kLearn:
+        kept_.reset();
         return later(10, 800, Input::kReady);
       case Work::kStart:
         if (controller_->order().verb == CommandVerb::kArm) kept_ = controller_->order();
@@ -178,18 +180,16 @@ class SimulatedNode {
       case Work::kDrain:
         return later(100, 1500, Input::kDrained);
       case Work::kDisarm:
-        kept_.reset();
         return due_.reset();
       case Work::kNone:
         return;
     }
   }
   void rejoin(MonotonicInstant now) {
-    if (phase() != Phase::kIdle || !kept_ || now < hears_of_trigger_ || !trigger_records) return;
-    if (trigger_records(kept_->take))
-      controller_->rejoined(*kept_);
-    else
-      kept_.reset();
+    if (!may_rejoin_ || !kept_ || !trigger_records) return;
+    if (phase() != Phase::kIdle || now < hears_of_trigger_) return;
+    may_rejoin_ = false;
+    if (trigger_records(kept_->take)) controller_->rejoined(*kept_);
   }
   /// As by the health of the trigger's node.
   void watch_train(MonotonicInstant now) {
@@ -210,7 +210,8 @@ class SimulatedNode {
   std::optional<std::pair<MonotonicInstant, Input>> due_;
   MonotonicInstant prepared_since_;
   MonotonicInstant train_ran_;
-  std::optional<CommandMessage> kept_;
+  std::optional<CommandMessage> kept_;  ///< on its disk: of its last take, be it over or not
+  bool may_rejoin_ = false;
   MonotonicInstant hears_of_trigger_;
 };
 

@@ -91,6 +91,15 @@ class StudioOfThree : public Studio4 {
     }
     EXPECT_GE(same, 5);
   }
+  void expect_all_become_idle() {
+    const auto is_idle = [&](const char* node) {
+      const auto health = client_->health(within(5));
+      return health.contains(node) && health.at(node).state == NodeState::kIdle;
+    };
+    for (const char* node : {"cap01", "cap02", "recon01"}) {
+      EXPECT_TRUE(test::becomes_true([&] { return is_idle(node); }, within(60))) << node << log();
+    }
+  }
   /// One gap, and nothing else amiss.
   void expect_one_gap(const CameraLedger& camera) const {
     ASSERT_THAT(camera.missing, testing::Not(IsEmpty())) << camera.name;
@@ -160,13 +169,7 @@ TEST_F(StudioOfThree, ends_the_take_everywhere_when_the_node_of_the_trigger_is_k
   ASSERT_TRUE(reaches("cap02", "frames_written", 40)) << log();
   end(captured_, SIGKILL);
   start_captured();
-  const auto is_idle = [&](const char* node) {
-    const auto health = client_->health(within(5));
-    return health.contains(node) && health.at(node).state == NodeState::kIdle;
-  };
-  for (const char* node : {"cap01", "cap02", "recon01"}) {
-    ASSERT_TRUE(test::becomes_true([&] { return is_idle(node); }, within(60))) << node << log();
-  }
+  expect_all_become_idle();
   const Answer stopped = command(CommandVerb::kStop);
   ASSERT_TRUE(stopped.done()) << text_of(stopped) << log();
   check_joined();
@@ -174,6 +177,28 @@ TEST_F(StudioOfThree, ends_the_take_everywhere_when_the_node_of_the_trigger_is_k
     EXPECT_GE(camera.written, 20) << camera.name;
     EXPECT_THAT(camera.suspect, IsEmpty()) << camera.name;
   }
+}
+
+TEST_F(StudioOfThree, answers_for_a_take_that_was_over_before_all_daemons_were_started_anew) {
+  constexpr int64_t kPulses = 20;
+  arm_and_start(kPulses);
+  ASSERT_TRUE(reaches("cap01", "frames_written", 2 * kPulses)) << log();
+  expect_all_become_idle();
+  for (auto* daemon : {&captured_, &second_captured_, &recond_}) end(*daemon, SIGTERM);
+  start_captured();
+  start_second_captured();
+  start_recond();
+  client_.emplace(studio_);
+  expect_all_become_idle();
+
+  const Answer stopped = command(CommandVerb::kStop);
+  ASSERT_TRUE(stopped.done()) << text_of(stopped) << log();
+  for (const char* node : {"cap01", "cap02"}) {
+    const auto told = nlohmann::json::parse(stopped.replies.at(node).detail);
+    EXPECT_EQ(told["cameras"][0]["written"].get<int64_t>(), kPulses) << node;
+  }
+  const auto recon = nlohmann::json::parse(stopped.replies.at("recon01").detail);
+  EXPECT_EQ(recon["meshes"].get<int64_t>(), std::ssize(MeshFileReader(take().mesh()).pulses()));
 }
 
 }  // namespace
