@@ -116,7 +116,7 @@ class SimulatedNode {
     gate_ = std::make_unique<CommandGate>(name_, clock(now));
     gate_->set_key(world_.key);
     due_.reset();
-    may_rejoin_ = true;
+    may_rejoin_ = kept_.has_value();
   }
   /// Called when pulses begin here.
   std::function<void(const std::string& take)> on_start;
@@ -172,6 +172,7 @@ class SimulatedNode {
       case Work::kArm:
       case Work::kLearn:
         kept_.reset();
+        may_rejoin_ = false;
         return later(10, 800, Input::kReady);
       case Work::kStart:
         if (controller_->order().verb == CommandVerb::kArm) kept_ = controller_->order();
@@ -186,7 +187,7 @@ class SimulatedNode {
     }
   }
   void rejoin(MonotonicInstant now) {
-    if (!may_rejoin_ || !kept_ || !trigger_records) return;
+    if (!may_rejoin_ || !trigger_records) return;
     if (phase() != Phase::kIdle || now < hears_of_trigger_) return;
     may_rejoin_ = false;
     if (trigger_records(kept_->take)) controller_->rejoined(*kept_);
@@ -211,7 +212,7 @@ class SimulatedNode {
   MonotonicInstant prepared_since_;
   MonotonicInstant train_ran_;
   std::optional<CommandMessage> kept_;  ///< on its disk: of its last take, be it over or not
-  bool may_rejoin_ = false;
+  bool may_rejoin_ = false;             ///< with what was kept when it was started anew
   MonotonicInstant hears_of_trigger_;
 };
 
