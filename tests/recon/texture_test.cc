@@ -9,6 +9,7 @@
 #include <functional>
 #include <random>
 
+#include "recon/camera_colours.h"
 #include "shapes.h"
 
 namespace v3d {
@@ -339,6 +340,87 @@ TEST(Texture, adds_cameras_in_one_order_down_to_the_last_bit) {
     std::swap(cameras[1], cameras[6]);
     EXPECT_EQ(colour_vertices(plane, cameras, {}).colours, expected);
   }
+}
+
+Sight sight(const CameraColours& colours, size_t vertex) {
+  return Sight{colours.vertices[vertex][3]};
+}
+
+TEST(CameraColours, are_each_cameras_own_and_tell_what_it_does_not_see) {
+  // By rising name, whatever the order of the cameras.
+  const std::vector<Shot> shots{shot("right", {3, 0, 0}, {10, 200, 30}),
+                                shot("left", {-3, 0, 0}, {200, 10, 20})};
+  const Mesh ball = shapes::sphere({0, 0, 0}, 0.5F, 24);
+  const std::vector<CameraColours> colours = camera_colours(ball, borrow(shots), {});
+  ASSERT_EQ(colours.size(), 2U);
+  EXPECT_EQ(colours[0].camera, "left");
+  EXPECT_EQ(colours[1].camera, "right");
+  using Rgba = std::array<uint8_t, 4>;
+  for (size_t v = 0; v < ball.vertices.size(); ++v) {
+    const float x = ball.vertices[v].x();
+    if (std::abs(x) < 0.2F) continue;
+    EXPECT_EQ(colours[0].vertices[v], x < 0 ? (Rgba{200, 10, 20, 255}) : Rgba{});
+    EXPECT_EQ(colours[1].vertices[v], x > 0 ? (Rgba{10, 200, 30, 255}) : Rgba{});
+  }
+}
+
+TEST(CameraColours, are_corrected_as_those_of_the_texture_are) {
+  const std::vector<Shot> shots{shot("dark", {0, 0, 3}, {60, 55, 110})};
+  ColourResponse dark;
+  dark.black = {10, 5, 10};
+  dark.matrix.diagonal() << 2, 2, 2;
+  std::vector<TextureCamera> cameras = borrow(shots);
+  cameras[0].colour = &dark;
+  const Mesh plane = shapes::patch(0.2F, 0, 4);
+  const CameraColours colours = camera_colours(plane, cameras, {}).at(0);
+  for (const auto& rgba : colours.vertices) {
+    EXPECT_EQ(rgba, (std::array<uint8_t, 4>{100, 100, 200, 255}));
+  }
+}
+
+TEST(CameraColours, see_nothing_behind_an_occluder) {
+  const std::vector<Shot> shots{shot("above", {0, 0, 3}, {250, 0, 0})};
+  Mesh mesh = shapes::patch(0.5F, 0, 20);
+  const size_t lower = mesh.vertices.size();
+  shapes::append(mesh, shapes::patch(0.2F, 0.5F, 8));
+  const CameraColours colours = camera_colours(mesh, borrow(shots), {}).at(0);
+  for (size_t v = 0; v < lower; ++v) {
+    const float reach = mesh.vertices[v].head<2>().cwiseAbs().maxCoeff();
+    if (reach < 0.2F) {
+      EXPECT_EQ(sight(colours, v), Sight::kNone);
+    } else if (reach > 0.3F) {
+      EXPECT_EQ(sight(colours, v), Sight::kFull);
+    }
+  }
+}
+
+TEST(CameraColours, tell_a_silhouettes_rim_from_its_inside) {
+  std::vector<Shot> shots{shot("above", {0, 0, 3}, {250, 0, 0})};
+  Mask mask({160, 120});
+  for (int y = 0; y < 120; ++y) mask.fill_row(y, 0, 80);
+  shots[0].frame.mask = mask;
+  const Mesh plane = shapes::patch(0.5F, 0, 20);
+  const CameraColours colours = camera_colours(plane, borrow(shots), {}).at(0);
+  std::array<int, 256> count{};
+  for (size_t v = 0; v < plane.vertices.size(); ++v) {
+    const double x = shots[0].model.project(plane.vertices[v].cast<double>())->x();
+    const Sight wanted = x < 77.4 ? Sight::kFull : x < 79.4 ? Sight::kRim : Sight::kNone;
+    EXPECT_EQ(sight(colours, v), wanted) << x;
+    ++count[static_cast<size_t>(wanted)];
+  }
+  for (const Sight each : {Sight::kNone, Sight::kRim, Sight::kFull}) {
+    EXPECT_GT(count[static_cast<size_t>(each)], 0);
+  }
+}
+
+TEST(CameraColours, of_a_camera_without_pixels_and_of_an_empty_mesh_are_nothing) {
+  std::vector<Shot> shots{shot("blind", {0, 0, 3}, {250, 0, 0})};
+  EXPECT_TRUE(camera_colours({}, borrow(shots), {}).at(0).vertices.empty());
+  shots[0].frame.roi = {};
+  const Mesh plane = shapes::patch(0.2F, 0, 4);
+  const CameraColours colours = camera_colours(plane, borrow(shots), {}).at(0);
+  ASSERT_EQ(colours.vertices.size(), plane.vertices.size());
+  for (size_t v = 0; v < plane.vertices.size(); ++v) EXPECT_EQ(sight(colours, v), Sight::kNone);
 }
 
 }  // namespace
