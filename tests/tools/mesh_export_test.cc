@@ -6,18 +6,21 @@
 
 #include <Eigen/Geometry>
 #include <cmath>
-#include <cstring>
-#include <nlohmann/json.hpp>
 
 #include "base/error.h"
 #include "base/file.h"
 #include "common/ply_reader.h"
+#include "support/message_of.h"
 #include "support/temporary_folder.h"
+#include "tools/glb.h"
 
 namespace v3d::ctl {
 namespace {
 
 using nlohmann::json;
+using test::Glb;
+using test::parse_glb;
+using testing::HasSubstr;
 
 Mesh tetrahedron() {
   Mesh mesh;
@@ -31,36 +34,6 @@ void expect_equal(const Mesh& a, const Mesh& b) {
   EXPECT_EQ(a.vertices, b.vertices);
   EXPECT_EQ(a.triangles, b.triangles);
   EXPECT_EQ(a.colours, b.colours);
-}
-
-// The two chunks of a GLB file, its framing checked on the way.
-struct Glb {
-  json scene;
-  std::string buffer;
-};
-
-uint32_t word_at(const std::string& bytes, size_t offset) {
-  uint32_t word = 0;
-  std::memcpy(&word, bytes.data() + offset, sizeof word);
-  return word;
-}
-
-Glb parse_glb(const std::string& bytes) {
-  Glb glb;
-  EXPECT_EQ(bytes.substr(0, 4), "glTF");
-  EXPECT_EQ(word_at(bytes, 4), 2U);
-  EXPECT_EQ(word_at(bytes, 8), bytes.size());
-  const size_t json_size = word_at(bytes, 12);
-  EXPECT_EQ(json_size % 4, 0U);
-  EXPECT_EQ(word_at(bytes, 16), 0x4E4F534AU);
-  glb.scene = json::parse(bytes.substr(20, json_size));
-  if (bytes.size() == 20 + json_size) return glb;
-  const size_t buffer_at = 20 + json_size;
-  EXPECT_EQ(word_at(bytes, buffer_at) % 4, 0U);
-  EXPECT_EQ(word_at(bytes, buffer_at + 4), 0x004E4942U);
-  glb.buffer = bytes.substr(buffer_at + 8);
-  EXPECT_EQ(glb.buffer.size(), word_at(bytes, buffer_at));
-  return glb;
 }
 
 class MeshExport : public testing::Test {
@@ -86,9 +59,9 @@ TEST_F(MeshExport, ply_of_a_mesh_without_colours_has_none) {
 
 TEST_F(MeshExport, obj_counts_vertices_from_one_and_puts_colours_behind_positions) {
   const std::string text = written(MeshFormat::kObj, tetrahedron());
-  EXPECT_THAT(text, testing::HasSubstr("v 0 0 -3.5 0.737255 0.00392157 0\n"));
-  EXPECT_THAT(text, testing::HasSubstr("f 1 2 3\n"));
-  EXPECT_THAT(text, testing::HasSubstr("f 2 4 3\n"));
+  EXPECT_THAT(text, HasSubstr("v 0 0 -3.5 0.737255 0.00392157 0\n"));
+  EXPECT_THAT(text, HasSubstr("f 1 2 3\n"));
+  EXPECT_THAT(text, HasSubstr("f 2 4 3\n"));
 }
 
 TEST_F(MeshExport, glb_frames_its_chunks_and_aligns_its_views) {
@@ -133,12 +106,63 @@ TEST_F(MeshExport, glb_stands_upright_with_y_up) {
   EXPECT_LT((q * Eigen::Vector3d::UnitZ() - Eigen::Vector3d::UnitY()).norm(), 1e-12);
 }
 
+ExportedCamera camera_that_saw(const std::string& name, size_t vertices) {
+  ExportedCamera camera{.colours = {name, {}}, .centre = {1, -2.5, 3}, .axis = {0, 1, 0}};
+  for (size_t v = 0; v < vertices; ++v) {
+    camera.colours.vertices.push_back({static_cast<uint8_t>(v), 20, 30, 255});
+  }
+  return camera;
+}
+
+TEST_F(MeshExport, ply_holds_what_each_camera_saw_behind_the_colours) {
+  const Mesh mesh = tetrahedron();
+  const std::vector<ExportedCamera> cameras{camera_that_saw("cam01", 4), camera_that_saw("a b", 4)};
+  write_mesh(folder_ / "mesh", MeshFormat::kPly, mesh, {.cameras = cameras});
+  const std::string text = read_file(folder_ / "mesh");
+  EXPECT_THAT(text, HasSubstr("comment cam01 stands at 1 -2.5 3 and looks along 0 1 0\n"));
+  EXPECT_THAT(text, HasSubstr("property uchar blue\nproperty uchar cam01_red\nproperty uchar "
+                              "cam01_green\nproperty uchar cam01_blue\nproperty uchar "
+                              "cam01_sight\nproperty uchar a_b_red\n"));
+  const size_t last = text.find("end_header\n") + 11 + 3 * (12 + 3 + 8);  // the last vertex
+  EXPECT_EQ(text.substr(last + 15, 8), std::string("\x03\x14\x1e\xff\x03\x14\x1e\xff"));
+  expect_equal(read_ply(folder_ / "mesh"), mesh);
+}
+
+TEST_F(MeshExport, glb_holds_what_each_camera_saw_and_where_it_stood) {
+  const std::vector<ExportedCamera> cameras{camera_that_saw("cam01", 4)};
+  write_mesh(folder_ / "mesh", MeshFormat::kGlb, tetrahedron(), {.cameras = cameras});
+  const Glb glb = parse_glb(read_file(folder_ / "mesh"));
+  const json& accessor = glb.accessor("_CAM01_COLOR");
+  EXPECT_EQ(accessor["componentType"], 5121);
+  EXPECT_EQ(accessor["type"], "VEC4");
+  EXPECT_TRUE(accessor["normalized"].get<bool>());
+  const size_t at = glb.scene["bufferViews"][accessor["bufferView"].get<size_t>()]["byteOffset"];
+  EXPECT_EQ(glb.buffer.substr(at + 12, 4), "\x03\x14\x1e\xff");
+  const json& camera = glb.scene["meshes"][0]["extras"]["cameras"][0];
+  EXPECT_EQ(camera["name"], "cam01");
+  EXPECT_EQ(camera["attribute"], "_CAM01_COLOR");
+  EXPECT_EQ(camera["centre"], json({1.0, -2.5, 3.0}));
+  EXPECT_EQ(camera["axis"], json({0.0, 1.0, 0.0}));
+}
+
+TEST_F(MeshExport, refuses_what_a_format_cannot_hold) {
+  EXPECT_THAT(test::message_of<InputError>(
+                  [] { check_options(MeshFormat::kPly, Compression::kDraco, false); }),
+              HasSubstr("--compress"));
+  EXPECT_THAT(test::message_of<InputError>(
+                  [] { check_options(MeshFormat::kObj, Compression::kNone, true); }),
+              HasSubstr("--view-dependent"));
+  EXPECT_NO_THROW(check_options(MeshFormat::kGlb, Compression::kMeshopt, true));
+  EXPECT_NO_THROW(check_options(MeshFormat::kPly, Compression::kNone, true));
+  EXPECT_THROW(parse_compression("zip"), InputError);
+}
+
 TEST_F(MeshExport, an_empty_mesh_is_a_valid_file_of_every_format) {
   EXPECT_EQ(parse_glb(written(MeshFormat::kGlb, {})).scene.value("meshes", json::array()).size(),
             0U);
   written(MeshFormat::kPly, {});
   EXPECT_TRUE(read_ply(folder_ / "mesh").vertices.empty());
-  EXPECT_THAT(written(MeshFormat::kObj, {}), testing::Not(testing::HasSubstr("v ")));
+  EXPECT_THAT(written(MeshFormat::kObj, {}), testing::Not(HasSubstr("v ")));
 }
 
 TEST_F(MeshExport, refuses_an_unknown_format) {

@@ -25,6 +25,7 @@
 #include "v3dctl/mesh_export.h"
 #include "v3dctl/mesh_frames.h"
 #include "v3dctl/statistics.h"
+#include "v3dctl/take_colours.h"
 #include "v3dctl/working_space.h"
 
 namespace v3d::ctl {
@@ -219,6 +220,46 @@ TEST_F(Reconstruct, is_measured_against_the_true_surface) {
   EXPECT_GT(report.distance.f_score_2mm, 0.999);
   fs::remove(folder_ / "truth/000000.ply");
   EXPECT_THROW(evaluate_truth({request_.take}, folder_ / "truth"), InputError);
+}
+
+TEST_F(Reconstruct, is_told_camera_by_camera_from_the_raw_frames) {
+  request_.leave_out = {"c"};  // saw it nevertheless
+  reconstruct_take(request_);
+  const CompactFrame frame = MeshFrames(request_.take).read(0);
+  const std::vector<ExportedCamera> cameras = TakeColours(request_.take).of(frame);
+  ASSERT_EQ(cameras.size(), 8U);
+  EXPECT_EQ(cameras[2].colours.camera, "c");
+  EXPECT_LT((cameras[2].centre + 2 * cameras[2].axis).norm(), 1e-9) << "2 m off, looks at it";
+  for (const ExportedCamera& camera : cameras) {
+    int64_t seen = 0;
+    for (const auto& rgba : camera.colours.vertices) {
+      if (rgba[3] != 255) continue;
+      ++seen;
+      EXPECT_EQ(rgba, (std::array<uint8_t, 4>{200, 120, 40, 255}));
+    }
+    const auto all = std::ssize(frame.mesh.vertices);
+    EXPECT_GT(seen, all / 5);
+    EXPECT_LT(seen, all * 3 / 5) << "one side of it";
+  }
+}
+
+TEST_F(Reconstruct, is_not_told_camera_by_camera_without_raw_frames) {
+  reconstruct_take(request_);
+  const CompactFrame frame = MeshFrames(request_.take).read(0);
+  const TakePaths paths{request_.take};
+  for (const char* camera : {"a", "b", "c", "d", "e", "f", "g"}) {
+    fs::resize_file(paths.frames(camera), 0);
+  }
+  const auto blind = TakeColours(request_.take).of(frame).at(0).colours.vertices;
+  EXPECT_EQ(blind.size(), frame.mesh.vertices.size());
+  EXPECT_TRUE(std::all_of(blind.begin(), blind.end(), [](const auto& c) { return c[3] == 0; }));
+  const auto refusal = [&] {
+    return test::message_of<InputError>([&] { TakeColours(request_.take).of(frame); });
+  };
+  fs::resize_file(paths.frames("h"), 0);
+  EXPECT_THAT(refusal(), HasSubstr("no raw frames of pulse 0"));
+  fs::remove(paths.frames("d"));
+  EXPECT_THAT(refusal(), AllOf(HasSubstr("no raw frames of d"), HasSubstr("d.lcmlog")));
 }
 
 TEST_F(Reconstruct, finds_its_space_where_most_cameras_look) {

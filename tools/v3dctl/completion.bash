@@ -27,6 +27,7 @@ _v3dctl() {
   COMPREPLY=()
   case $previous in
     --format) COMPREPLY=($(compgen -W "ply obj glb" -- "$current")); return ;;
+    --compress) COMPREPLY=($(compgen -W "none draco meshopt" -- "$current")); return ;;
     --quality) COMPREPLY=($(compgen -W "live high" -- "$current")); return ;;
   esac
   if [[ -z $command ]]; then

@@ -1,4 +1,5 @@
 #include <cstdio>
+#include <optional>
 
 #include "base/error.h"
 #include "base/units.h"
@@ -7,6 +8,7 @@
 #include "v3dctl/interrupt.h"
 #include "v3dctl/mesh_export.h"
 #include "v3dctl/mesh_frames.h"
+#include "v3dctl/take_colours.h"
 
 namespace v3d::ctl {
 namespace {
@@ -17,6 +19,8 @@ struct Arguments {
   fs::path take;
   fs::path out;
   std::string format;
+  std::string compression = "none";
+  bool view_dependent = false;
   std::string frames;
 };
 
@@ -38,6 +42,8 @@ bool is_file(const Arguments& arguments, MeshFormat format, size_t frames) {
 
 int run(const Arguments& arguments) {
   const MeshFormat format = parse_mesh_format(arguments.format);
+  const Compression compression = parse_compression(arguments.compression);
+  check_options(format, compression, arguments.view_dependent);
   MeshFrames meshes(arguments.take);
   const std::vector<int64_t> frames = meshes.frames(parse_frame_range(arguments.frames));
   const bool to_file = is_file(arguments, format, frames.size());
@@ -46,12 +52,18 @@ int run(const Arguments& arguments) {
       !fs::is_directory(arguments.out)) {
     throw InputError(arguments.out.string() + ": cannot make the folder: " + error.message());
   }
+  std::optional<TakeColours> colours;
+  if (arguments.view_dependent) colours.emplace(arguments.take);
   catch_interrupts();
   Progress progress("export", std::ssize(frames));
   for (const int64_t frame : frames) {
     stop_if_interrupted();
     const fs::path file = to_file ? arguments.out : arguments.out / file_name(frame, format);
-    write_mesh(file, format, meshes.read(frame).mesh);
+    const CompactFrame content = meshes.read(frame);
+    std::vector<ExportedCamera> cameras;
+    if (colours) cameras = colours->of(content);
+    write_mesh(file, format, content.mesh,
+               {.compression = compression, .lattice = content.lattice, .cameras = cameras});
     progress.advance();
   }
   return kExitDone;
@@ -63,7 +75,8 @@ void add_export(CommandLine& line) {
   CLI::App* command = line.add(
       "export", "Write meshes for other programs, one file a frame",
       {"v3dctl export dancer --format glb --frames 12 dancer.glb",
-       "v3dctl export dancer --format ply --frames 0:250 meshes/   # meshes/000000.ply, ..."});
+       "v3dctl export dancer --format ply --frames 0:250 meshes/   # meshes/000000.ply, ...",
+       "v3dctl export dancer --format glb --compress draco --view-dependent meshes/"});
   auto arguments = std::make_shared<Arguments>();
   command->add_option("TAKE", arguments->take, "The folder of a reconstructed take")->required();
   command
@@ -75,6 +88,15 @@ void add_export(CommandLine& line) {
                    "The kind of file; all carry colours, metres, z up (glb: y up)")
       ->type_name("ply|obj|glb")
       ->required();
+  command
+      ->add_option("--compress", arguments->compression,
+                   "glb alone: with KHR_draco_mesh_compression or EXT_meshopt_compression; "
+                   "positions lose nothing")
+      ->type_name("none|draco|meshopt")
+      ->capture_default_str();
+  command->add_flag("--view-dependent", arguments->view_dependent,
+                    "ply, glb: also what each camera saw of every vertex, from the take's raw "
+                    "frames, as attributes (docs/export.md)");
   add_frames_option(command, arguments->frames);
   line.on_run(command, [arguments] { return run(*arguments); });
 }

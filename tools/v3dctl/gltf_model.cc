@@ -1,4 +1,4 @@
-// Reads glTF through tinygltf: glb_export.cc writes it, and nothing else sees it.
+// Reads glTF through tinygltf, which nothing else sees.
 #include "v3dctl/gltf_model.h"
 
 #include <tiny_gltf.h>
@@ -78,6 +78,7 @@ class Reader {
     const bool loaded = binary
                             ? loader.LoadBinaryFromFile(&model_, &error, &warning, path_.string())
                             : loader.LoadASCIIFromFile(&model_, &error, &warning, path_.string());
+    refuse_extensions();
     if (!loaded) refuse(error.empty() ? "is no glTF 2.0" : error.substr(0, error.find('\n')));
   }
 
@@ -94,6 +95,15 @@ class Reader {
  private:
   [[noreturn]] void refuse(const std::string& what) const {
     throw InputError(path_.string() + ": " + what);
+  }
+
+  /// Whatever a file requires beyond materials may be its very triangles.
+  void refuse_extensions() const {
+    for (const std::string& name : model_.extensionsRequired) {
+      if (name.starts_with("KHR_materials_")) continue;
+      refuse("requires " + name + ", which is not read here: save it uncompressed, without " +
+             name);
+    }
   }
 
   template <class T>

@@ -16,6 +16,23 @@ double edge_length(const Mesh& mesh) {
 
 }  // namespace
 
+TextureOptions texture_options(const Mesh& mesh) {
+  const double edge = edge_length(mesh);
+  TextureOptions options;
+  options.depth_tolerance_m = 3 * edge;
+  options.occluder_radius_m = 0.71 * edge;
+  return options;
+}
+
+std::vector<TextureCamera> texture_cameras(const Rig& rig, const FrameSet& set) {
+  std::vector<TextureCamera> cameras;
+  for (const Frame& frame : set.frames) {
+    const auto index = static_cast<size_t>(find_camera(rig, frame.camera));
+    cameras.push_back({&rig[index].model, &frame, &rig[index].colour});
+  }
+  return cameras;
+}
+
 ViewColours::ViewColours(const std::filesystem::path& take, const CompactFrame& frame) {
   TakeFrames frames(take, frame.cameras);
   rig_ = frames.rig();
@@ -23,16 +40,10 @@ ViewColours::ViewColours(const std::filesystem::path& take, const CompactFrame& 
 }
 
 Mesh ViewColours::seen_by(const CameraModel& eye, Mesh mesh) const {
-  std::vector<TextureCamera> cameras;
-  for (const Frame& frame : set_.frames) {
-    const auto index = static_cast<size_t>(find_camera(rig_, frame.camera));
-    cameras.push_back({&rig_[index].model, &frame, &rig_[index].colour});
-  }
-  const double edge = edge_length(mesh);
-  const TextureOptions options{.depth_tolerance_m = 3 * edge,
-                               .occluder_radius_m = 0.71 * edge,
-                               .view = ViewDependence{eye.viewing_direction()}};
-  if (!mesh.vertices.empty()) mesh.colours = colour_vertices(mesh, cameras, options).colours;
+  if (mesh.vertices.empty()) return mesh;
+  TextureOptions options = texture_options(mesh);
+  options.view = ViewDependence{eye.viewing_direction()};
+  mesh.colours = colour_vertices(mesh, texture_cameras(rig_, set_), options).colours;
   return mesh;
 }
 

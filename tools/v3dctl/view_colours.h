@@ -8,6 +8,12 @@
 
 namespace v3d::ctl {
 
+/// How far vertices may hide each other, by the lengths of the mesh's edges.
+TextureOptions texture_options(const Mesh& mesh);
+
+/// The frames of `set` with their cameras of `rig`: borrowed from both.
+std::vector<TextureCamera> texture_cameras(const Rig& rig, const FrameSet& set);
+
 /// The colours of a reconstructed frame as Algorithm 2 blends them for the camera that looks. Reads
 /// the frames of the cameras that took part from the take. One thread.
 class ViewColours {

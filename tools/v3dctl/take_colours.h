@@ -1,0 +1,27 @@
+// What the cameras of a take saw of its reconstructed frames, camera by camera.
+#pragma once
+
+#include <filesystem>
+#include <vector>
+
+#include "recon/compact_frame.h"
+#include "v3dctl/mesh_export.h"
+#include "v3dctl/take_frames.h"
+
+namespace v3d::ctl {
+
+/// One thread; works on several cameras at a time.
+class TakeColours {
+ public:
+  /// Throws InputError: no take, a take without its raw frames, cameras whose attribute_name() is
+  /// the same.
+  explicit TakeColours(const std::filesystem::path& take);
+  /// All cameras of the take, in the order of their names; one that has no frame of this pulse sees
+  /// nothing. Throws InputError where none has. Fast in rising order of pulses.
+  std::vector<ExportedCamera> of(const CompactFrame& frame);
+
+ private:
+  TakeFrames frames_;
+};
+
+}  // namespace v3d::ctl
