@@ -1,4 +1,5 @@
 // status arm start stop abort background: the studio from the operator's chair.
+#include <array>
 #include <cstdio>
 #include <nlohmann/json.hpp>
 
@@ -24,9 +25,35 @@ constexpr double kSilentSeconds = 15;
 
 MonotonicInstant in_seconds(double seconds) { return Monotonic::now() + from_seconds(seconds); }
 
-void print_lines(const std::vector<std::string>& lines) {
-  for (const std::string& line : lines) std::printf("%s\n", line.c_str());
-}
+/// What a command has to say to the operator: at once as text, or with --json in the end, as
+/// "lines" of what it prints.
+class Report {
+ public:
+  explicit Report(bool json) : json_(json) {}
+
+  void say(const std::string& line) {
+    lines_.push_back(line);
+    if (!json_) std::printf("%s\n", line.c_str());
+  }
+  void say(const std::vector<std::string>& lines) {
+    for (const std::string& line : lines) say(line);
+  }
+  /// Also to standard error, whatever is printed.
+  void warn(const std::string& line) {
+    lines_.push_back(line);
+    std::fprintf(stderr, "%s\n", line.c_str());
+  }
+  void print(Json json) const {
+    if (!json_) return;
+    json["lines"] = lines_;
+    std::printf("%s\n", json.dump(2).c_str());
+  }
+  bool json() const { return json_; }
+
+ private:
+  const bool json_;
+  std::vector<std::string> lines_;
+};
 
 struct Options {
   bool json = false;
@@ -37,7 +64,7 @@ struct Options {
 };
 
 // Sends a command and shows what the nodes say to it.
-Answer command(OperatorClient& client, const Options& options) {
+Answer command(OperatorClient& client, const Options& options, Report& report) {
   const auto show_progress = [&](const ReplyMessage& reply) {
     if (reply.outcome == ReplyMessage::Outcome::kPending && on_terminal()) {
       note(reply.node + ": " + reply.text);
@@ -46,11 +73,11 @@ Answer command(OperatorClient& client, const Options& options) {
   const Answer answer =
       client.command(options.message, in_seconds(options.timeout_s), show_progress);
   const bool quiet = answer.done() && options.message.verb != CommandVerb::kArm;
-  if (!options.json && !quiet) {
+  if (!quiet) {
     const bool arms = options.message.verb == CommandVerb::kArm;
     std::map<std::string, HealthMessage> health;
     if (!answer.silent.empty()) health = client.health(in_seconds(kHealthSeconds));
-    print_lines(reply_lines(client.nodes(), answer, arms ? "ready" : "done", health));
+    report.say(reply_lines(client.nodes(), answer, arms ? "ready" : "done", health));
   }
   return answer;
 }
@@ -63,12 +90,14 @@ int done_count(const Answer& answer) {
   return count;
 }
 
-int refused(const OperatorClient& client, const Answer& answer, const std::string& hint) {
+// `json`: what --json prints, where that is more than the answer.
+int refused(const OperatorClient& client, const Answer& answer, const std::string& hint,
+            Report& report, const Json& json = {}) {
   const bool all_asked = answer.replies.size() + answer.silent.size() == client.nodes().size();
   const std::string count = std::to_string(done_count(answer)) + " of " +
                             std::to_string(client.nodes().size()) + " nodes ready";
-  std::fprintf(stderr, "refused%s\n",
-               all_asked ? (": " + count + hint).c_str() : ": nothing was changed");
+  report.warn("refused: " + (all_asked ? count + hint : "nothing was changed"));
+  report.print(json.is_null() ? answer_json(answer) : json);
   return kExitFailed;
 }
 
@@ -79,14 +108,11 @@ std::vector<std::string> cameras_of(const Studio& studio) {
 }
 
 // The account of a stopped take, whatever nodes said nothing.
-void print_account(const TakeAccount& account) {
-  if (account.ledger.take.empty()) {
-    std::printf("nothing was recorded\n");
-    return;
-  }
-  print_lines(trouble_lines(account.ledger));
-  std::printf("%s\n", account.ledger.verdict().c_str());
-  if (const std::string live = live_line(account); !live.empty()) std::printf("%s\n", live.c_str());
+void tell_account(const TakeAccount& account, Report& report) {
+  if (account.ledger.take.empty()) return report.say("nothing was recorded");
+  report.say(trouble_lines(account.ledger));
+  report.say(account.ledger.verdict());
+  if (const std::string live = live_line(account); !live.empty()) report.say(live);
 }
 
 // The take that the nodes are at, by their health; "" when none is.
@@ -100,10 +126,11 @@ std::string current_take(const std::map<std::string, HealthMessage>& health) {
 // Commands that need no more than "done" or the reason why not.
 int run_simple(const CommandLine& line, const Options& options, const std::string& done_text) {
   OperatorClient client(line.studio());
-  const Answer answer = command(client, options);
-  if (options.json) std::printf("%s\n", answer_json(answer).dump(2).c_str());
-  if (!answer.done()) return refused(client, answer, "");
-  if (!options.json) std::printf("%s\n", done_text.c_str());
+  Report report(options.json);
+  const Answer answer = command(client, options, report);
+  if (!answer.done()) return refused(client, answer, "", report);
+  report.say(done_text);
+  report.print(answer_json(answer));
   return kExitDone;
 }
 
@@ -123,16 +150,18 @@ int run_arm(const CommandLine& line, Options options) {
       throw InputError("--allow-missing " + name + ": no such camera in " + studio.path.string());
   }
   OperatorClient client(studio);
-  const Answer answer = command(client, options);
-  if (options.json) std::printf("%s\n", answer_json(answer).dump(2).c_str());
-  if (!answer.done())
-    return refused(client, answer, " (arm without a camera: --allow-missing CAM)");
-  if (!options.json) {
-    const double rate =
-        options.message.rate_hz > 0 ? options.message.rate_hz : studio.trigger.rate_hz;
-    std::printf("armed %s: trigger %s, %g Hz\n", options.message.take.c_str(),
-                studio.trigger.node.c_str(), rate);
+  Report report(options.json);
+  const Answer answer = command(client, options, report);
+  if (!answer.done()) {
+    return refused(client, answer, " (arm without a camera: --allow-missing CAM)", report);
   }
+  const double rate =
+      options.message.rate_hz > 0 ? options.message.rate_hz : studio.trigger.rate_hz;
+  std::array<char, 32> hertz{};
+  std::snprintf(hertz.data(), hertz.size(), "%g Hz", rate);
+  report.say("armed " + options.message.take + ": trigger " + studio.trigger.node + ", " +
+             hertz.data());
+  report.print(answer_json(answer));
   return kExitDone;
 }
 
@@ -163,9 +192,10 @@ int wait_for_end(OperatorClient& client, const std::string& trigger_node) {
 int run_start(const CommandLine& line, const Options& options) {
   const Studio studio = line.studio();
   OperatorClient client(studio);
-  const Answer answer = command(client, options);
-  if (options.json) std::printf("%s\n", answer_json(answer).dump(2).c_str());
-  if (!answer.done()) return refused(client, answer, ": v3dctl arm NAME comes first");
+  Report report(options.json);
+  const Answer answer = command(client, options, report);
+  if (!answer.done()) return refused(client, answer, ": v3dctl arm NAME comes first", report);
+  report.print(answer_json(answer));
   if (options.wait) return wait_for_end(client, studio.trigger.node);
   if (!options.json) {
     const auto health = client.health(in_seconds(kHealthSeconds));
@@ -186,25 +216,24 @@ int run_stop(const CommandLine& line, const Options& options) {
   const Studio studio = line.studio();
   OperatorClient client(studio);
   client.next_pulse(Monotonic::now());  // listens from now on
-  const Answer answer = command(client, options);
+  Report report(options.json);
+  const Answer answer = command(client, options, report);
   TakeAccount account = merge_ledgers(answer);
   const bool recorded = !account.ledger.take.empty();
   // A node that says nothing has an account all the same: everything is missing.
   if (recorded && !answer.done()) account = merge_ledgers(answer, cameras_of(studio));
-  if (options.json) {
-    Json json = answer_json(answer);
-    json["take"] = account.ledger.take;
-    json["verdict"] = account.ledger.verdict();
-    json["ledger"] = to_json(account.ledger);
-    json["live_lost"] = account.live_lost;
-    json["seconds_after_last_pulse"] = seconds_after_last_pulse(client);
-    std::printf("%s\n", json.dump(2).c_str());
-  } else if (answer.done() || recorded) {
-    print_account(account);
+  if (answer.done() || recorded) tell_account(account, report);
+  for (const std::string& node : account.unreadable) {
+    report.warn("v3dctl: no readable account from " + node);
   }
-  for (const std::string& node : account.unreadable)
-    note("v3dctl: no readable account from " + node);
-  if (!answer.done()) return refused(client, answer, "");
+  Json json = answer_json(answer);
+  json["take"] = account.ledger.take;
+  json["verdict"] = account.ledger.verdict();
+  json["ledger"] = to_json(account.ledger);
+  json["live_lost"] = account.live_lost;
+  if (report.json()) json["seconds_after_last_pulse"] = seconds_after_last_pulse(client);
+  if (!answer.done()) return refused(client, answer, "", report, json);
+  report.print(std::move(json));
   if (!recorded) return kExitDone;
   return account.ledger.complete() && account.unreadable.empty() ? kExitDone : kExitNotWhole;
 }
@@ -216,7 +245,9 @@ int run_status(const CommandLine& line, const Options& options) {
   if (options.json) {
     std::printf("%s\n", health_json(client.nodes(), health).dump(2).c_str());
   } else {
-    print_lines(status_lines(client.nodes(), health));
+    for (const std::string& text : status_lines(client.nodes(), health)) {
+      std::printf("%s\n", text.c_str());
+    }
     const std::string recording = recording_line(health);
     if (!current_take(health).empty() && !recording.empty()) std::printf("%s\n", recording.c_str());
   }
