@@ -396,6 +396,9 @@ void read_viewer(const TomlTable& file, Studio& studio) {
   studio.viewer.listen = table.text_or("listen", studio.viewer.listen);
   if (table.has("token")) studio.viewer.token = resolve(studio, table.text("token"));
   studio.viewer.page = resolve(studio, table.text_or("page", studio.viewer.page.string()));
+  studio.viewer.control = table.boolean_or("control", studio.viewer.control);
+  studio.viewer.operator_token =
+      resolve(studio, table.text_or("operator_token", studio.viewer.operator_token.string()));
   table.refuse_unknown();
 }
 

@@ -131,6 +131,9 @@ struct StudioViewer {
   std::string listen = "127.0.0.1:8330";  ///< v3d-viewd's address and port
   std::filesystem::path token;            ///< file with the token browsers must show; empty: none
   std::filesystem::path page = "/usr/share/v3d/viewer";  ///< folder of the built page
+  bool control = false;  ///< the studio page may arm, start, stop and abort
+  /// File with the token that operators type into it.
+  std::filesystem::path operator_token = "/etc/v3d/operator.token";
 };
 
 struct Studio {

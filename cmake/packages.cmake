@@ -38,7 +38,8 @@ v3d_package(capture "V3D studio: daemon of a capture PC, cameras and trigger"
   DEPENDS ${common} RECOMMENDS rsync openssh-server)
 v3d_package(recon "V3D studio: daemon of the reconstruction PC"
   DEPENDS ${common} RECOMMENDS rsync openssh-server)
-v3d_package(viewer "V3D studio: the studio and its takes in a browser" DEPENDS ${common})
+v3d_package(viewer "V3D studio: the studio and its takes in a browser"
+  DEPENDS ${common} RECOMMENDS v3d-tools)
 v3d_package(tools "V3D studio: v3dctl for operators, v3d-sim for rehearsals"
   RECOMMENDS rsync openssh-client ffmpeg)
 set(CPACK_DEBIAN_TOOLS_PACKAGE_SUGGESTS "default-jre, liblcm-java, libjchart2d-java")

@@ -6,6 +6,8 @@
 #include "daemon/operator_client.h"
 #include "daemon/service.h"
 #include "daemon/viewd/live_feed.h"
+#include "daemon/viewd/operator_desk.h"
+#include "daemon/viewd/order_runner.h"
 #include "daemon/viewd/page_files.h"
 #include "daemon/viewd/studio_board.h"
 #include "daemon/viewd/web_server.h"
@@ -16,47 +18,68 @@ namespace {
 constexpr v3d::Duration kLook = std::chrono::milliseconds(20);
 
 std::string token_of(const v3d::Studio& studio, const v3d::WebAddress& address) {
-  if (!studio.viewer.token.empty()) return v3d::load_web_token(studio.viewer.token);
+  if (!studio.viewer.token.empty()) return v3d::load_web_token(studio.viewer.token, "viewer.token");
   if (address.is_loopback()) return "";
   throw v3d::InputError(studio.path.string() + ": viewer.listen: " + studio.viewer.listen +
                         " is open to the network, so it wants viewer.token, a file with a token "
                         "that browsers must show; or 127.0.0.1 for this PC alone");
 }
 
+/// What the server's thread works with.
+struct Served {
+  v3d::LiveFeed& feed;
+  v3d::StudioBoard& board;
+  v3d::OperatorDesk& desk;
+};
+
+/// Brings orders to who carries them out, and what came of them to who watches.
+void turn(Served served, v3d::OrderRunner& runner, v3d::MonotonicInstant now) {
+  if (const auto end = runner.poll(now)) served.desk.finish(*end);
+  if (const auto order = served.desk.next()) runner.begin(*order, now);
+  while (const auto event = served.desk.next_event()) served.board.hear(*event);
+  served.board.set_order(served.desk.last());
+}
+
 /// Brings what is heard on the studio's network to who watches.
-void listen(v3d::OperatorClient& client, v3d::WebServer& server, v3d::LiveFeed& feed,
-            v3d::StudioBoard& board) {
+void listen(v3d::OperatorClient& client, v3d::WebServer& server, Served served,
+            v3d::OrderRunner& runner) {
   const auto mesh = client.next_mesh(v3d::Monotonic::now() + kLook);
   const v3d::MonotonicInstant now = v3d::Monotonic::now();
   server.run_inside([&](int64_t watchers) {
-    if (mesh) feed.add(*mesh);
-    while (const auto health = client.next_health(now)) board.hear(*health, now);
-    while (const auto event = client.next_event(now)) board.hear(*event);
-    while (const auto preview = client.next_preview(now)) board.hear(*preview);
-    board.set_watchers(watchers);
-    board.turn(now);
+    if (mesh) served.feed.add(*mesh);
+    while (const auto health = client.next_health(now)) served.board.hear(*health, now);
+    while (const auto event = client.next_event(now)) served.board.hear(*event);
+    while (const auto preview = client.next_preview(now)) served.board.hear(*preview);
+    turn(served, runner, now);
+    served.board.set_watchers(watchers);
+    served.board.turn(now);
   });
 }
 
 void run(const v3d::Studio& studio, const std::string& /*node*/) {
   const v3d::WebAddress address =
       v3d::parse_web_address(studio.viewer.listen, studio.path.string() + ": viewer.listen");
-  v3d::WebSite site(studio, v3d::WebAccess(token_of(studio, address)),
-                    v3d::find_page_files(studio.viewer.page));
+  const std::string token = token_of(studio, address);
+  v3d::OperatorDesk desk(studio, v3d::load_operator_token(studio, token));
+  v3d::OrderRunner runner(studio);
+  if (desk.is_open()) runner.refuse_without_v3dctl();
+  v3d::WebSite site(studio, v3d::WebAccess(token), v3d::find_page_files(studio.viewer.page), desk);
   v3d::OperatorClient client(studio);
   if (!client.not_verified().empty()) spdlog::warn("not verified: {}", client.not_verified());
   v3d::LiveFeed feed;
   v3d::StudioBoard board(studio, client.nodes(), client.not_verified());
+  board.set_control(desk.is_open());
   const auto watch = [&](v3d::WebSite::StreamKind kind) {
     return kind == v3d::WebSite::StreamKind::kLive ? feed.watch() : board.watch();
   };
   v3d::WebServer server(address, site, watch);
   const std::string host =
       address.host.find(':') == std::string::npos ? address.host : "[" + address.host + "]";
-  spdlog::info("serves http://{}:{}/", host, server.port());
+  spdlog::info("serves http://{}:{}/{}", host, server.port(),
+               desk.is_open() ? ", and takes orders" : "");
   v3d::service::ready();
   while (!v3d::stop_requested()) {
-    listen(client, server, feed, board);
+    listen(client, server, {feed, board, desk}, runner);
     v3d::service::feed_watchdog();
   }
   v3d::service::stopping();

@@ -14,6 +14,10 @@ class StudioBoard::Watcher : public WebStream {
       state_ = board_.shown_.number;
       return WebMessage{.is_text = true, .bytes = board_.shown_.text};
     }
+    if (board_.order_.number > order_) {
+      order_ = board_.order_.number;
+      return WebMessage{.is_text = true, .bytes = board_.order_.text};
+    }
     for (const Note& event : board_.events_) {
       if (event.number <= event_) continue;
       event_ = event.number;
@@ -31,6 +35,7 @@ class StudioBoard::Watcher : public WebStream {
  private:
   const StudioBoard& board_;
   int64_t state_ = 0;
+  int64_t order_ = 0;
   int64_t event_ = 0;
   std::map<std::string, int64_t> previews_;
 };
@@ -70,6 +75,19 @@ void StudioBoard::hear(const PreviewMessage& preview) {
 void StudioBoard::set_watchers(int64_t watchers) {
   changed_ = changed_ || watchers != state_.watchers;
   state_.watchers = watchers;
+}
+
+void StudioBoard::set_control(bool takes_orders) {
+  changed_ = changed_ || takes_orders != state_.control;
+  state_.control = takes_orders;
+}
+
+void StudioBoard::set_order(const OrderReport& order) {
+  const bool same = order.number == order_number_ && order.under_way == order_under_way_;
+  if (same) return;
+  order_number_ = order.number;
+  order_under_way_ = order.under_way;
+  order_ = note(order_json(order));
 }
 
 void StudioBoard::turn(MonotonicInstant now) {

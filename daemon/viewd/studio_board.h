@@ -10,6 +10,7 @@
 
 #include "base/studio_file.h"
 #include "base/time.h"
+#include "daemon/viewd/operator_order.h"
 #include "daemon/viewd/view_json.h"
 #include "daemon/viewd/web_message.h"
 
@@ -32,6 +33,9 @@ class StudioBoard {
   void hear(const EventMessage& event);
   void hear(const PreviewMessage& preview);
   void set_watchers(int64_t watchers);
+  void set_control(bool takes_orders);
+  /// The last order; number 0: there was none.
+  void set_order(const OrderReport& order);
   /// Forgets who has fallen silent, and makes the state known when it has changed.
   void turn(MonotonicInstant now);
 
@@ -51,6 +55,9 @@ class StudioBoard {
   bool changed_ = true;
   int64_t numbers_ = 0;
   Note shown_;
+  Note order_;
+  int64_t order_number_ = 0;
+  bool order_under_way_ = false;
   std::deque<Note> events_;
   std::map<std::string, Note> previews_;  ///< by camera
 };

@@ -132,6 +132,7 @@ std::string state_json(const StudioState& state) {
                   {"studio", state.studio},
                   {"not_verified", state.not_verified},
                   {"watchers", state.watchers},
+                  {"control", state.control},
                   {"nodes", nodes}});
 }
 

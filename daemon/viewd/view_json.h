@@ -43,9 +43,10 @@ struct StudioState {
   std::map<std::string, std::vector<std::string>> cameras;  ///< of a node
   std::map<std::string, HealthMessage> health;              ///< of those that are heard
   int64_t watchers = 0;                                     ///< browsers that are connected
+  bool control = false;                                     ///< orders are taken
 };
-/// {"type": "state", "studio", "not_verified", "watchers", "nodes": [{"name", "heard", "cameras";
-/// if heard: "program", "version", "state", "take", "text", "values"}]}
+/// {"type": "state", "studio", "not_verified", "watchers", "control", "nodes": [{"name", "heard",
+/// "cameras"; if heard: "program", "version", "state", "take", "text", "values"}]}
 std::string state_json(const StudioState& state);
 
 /// {"type": "pong", "ping", "now_ms"}: for the page's clock.

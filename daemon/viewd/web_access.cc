@@ -47,14 +47,15 @@ std::string_view without_end_of_line(std::string_view text) {
   return text;
 }
 
-void refuse_open_file(const std::filesystem::path& path) {
+/// Nobody but the owner may change a token, nobody but the owner and the group may know it.
+void refuse_open_file(const std::filesystem::path& path, const std::string& field) {
   struct stat state {};
   if (stat(path.c_str(), &state) != 0) {
-    throw InputError(errno_message("viewer.token: " + path.string()) +
+    throw InputError(errno_message(field + ": " + path.string()) +
                      "; make one: (umask 027; openssl rand -hex 24 > " + path.string() + ")");
   }
-  if ((state.st_mode & S_IRWXO) == 0) return;
-  throw InputError(path.string() + ": others may read the viewer's token; try: chmod 640 " +
+  if ((state.st_mode & (S_IRWXO | S_IWGRP | S_IXGRP)) == 0) return;
+  throw InputError(path.string() + ": others may read or change the token; try: chmod 640 " +
                    path.string());
 }
 
@@ -79,8 +80,8 @@ WebAddress parse_web_address(std::string_view text, const std::string& field) {
                    "0.0.0.0:8330 for the network");
 }
 
-std::string load_web_token(const std::filesystem::path& path) {
-  refuse_open_file(path);
+std::string load_web_token(const std::filesystem::path& path, const std::string& field) {
+  refuse_open_file(path, field);
   const std::string text = read_file(path);
   const std::string token(without_end_of_line(text));
   if (token.size() < 16 || token.size() > 256 || !std::ranges::all_of(token, is_token_letter)) {
@@ -90,22 +91,23 @@ std::string load_web_token(const std::filesystem::path& path) {
   return token;
 }
 
-bool WebAccess::is_token(std::string_view text) const {
-  // As long for a token that is nearly right as for any other.
-  unsigned difference = text.size() == token_.size() ? 0 : 1;
-  for (size_t i = 0; i < std::min(text.size(), token_.size()); ++i) {
-    difference |= static_cast<unsigned char>(text[i] ^ token_[i]);
+bool is_same_token(std::string_view text, std::string_view token) {
+  unsigned difference = text.size() == token.size() ? 0 : 1;
+  for (size_t i = 0; i < std::min(text.size(), token.size()); ++i) {
+    difference |= static_cast<unsigned char>(text[i] ^ token[i]);
   }
   return difference == 0;
 }
 
 bool WebAccess::shows_token(const WebRequest& request) const {
   const std::string_view field = request.authorization;
-  if (field.starts_with(kBearer) && is_token(field.substr(kBearer.size()))) return true;
+  if (field.starts_with(kBearer) && is_same_token(field.substr(kBearer.size()), token_))
+    return true;
   std::string_view cookies = request.cookie;
   while (!cookies.empty()) {
     const std::string_view cookie = cookies.substr(0, cookies.find(';'));
-    if (cookie.starts_with(kCookie) && is_token(cookie.substr(kCookie.size()))) return true;
+    if (cookie.starts_with(kCookie) && is_same_token(cookie.substr(kCookie.size()), token_))
+      return true;
     cookies.remove_prefix(std::min(cookies.size(), cookie.size() + 1));
     while (cookies.starts_with(' ')) cookies.remove_prefix(1);
   }
@@ -117,7 +119,8 @@ WebAccess::Verdict WebAccess::judge(const WebRequest& request, const WebTarget& 
     return is_loopback_name(name_in(request.host)) ? Verdict::kMay : Verdict::kStrangeHost;
   }
   const auto shown = target.query.find("token");
-  if (shown != target.query.end() && is_token(shown->second)) return Verdict::kMayWithCookie;
+  if (shown != target.query.end() && is_same_token(shown->second, token_))
+    return Verdict::kMayWithCookie;
   return shows_token(request) ? Verdict::kMay : Verdict::kWantsToken;
 }
 

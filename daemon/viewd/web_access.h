@@ -19,9 +19,13 @@ struct WebAddress {
 /// Throws InputError; `field` names it in the message.
 WebAddress parse_web_address(std::string_view text, const std::string& field);
 
-/// The only line of the file, 16 to 256 letters, digits, '-' and '_'. Throws InputError when there
-/// is none, or others than the owner's group may read it.
-std::string load_web_token(const std::filesystem::path& path);
+/// The only line of the file, 16 to 256 letters, digits, '-' and '_'. Throws InputError, with the
+/// remedy, when there is none, when others than its owner and its group may read it or others than
+/// its owner may write it; `field` names it in the message.
+std::string load_web_token(const std::filesystem::path& path, const std::string& field);
+
+/// Takes as long for a text that is nearly the token as for any other of its length.
+bool is_same_token(std::string_view text, std::string_view token);
 
 /// Without a token (then the server listens on this PC alone) whoever names this PC by a name of
 /// its own may look on, so that no page of a stranger reaches us through a name that he lets point
@@ -43,7 +47,6 @@ class WebAccess {
   std::string set_cookie() const;
 
  private:
-  bool is_token(std::string_view text) const;
   bool shows_token(const WebRequest& request) const;
 
   const std::string token_;  ///< empty: none is asked for

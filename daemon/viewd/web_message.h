@@ -21,6 +21,11 @@ struct WebRequest {
   std::string if_none_match = {};
   std::string cookie = {};
   std::string authorization = {};
+  std::string content_type = {};
+  std::string operator_token = {};  ///< the field X-V3D-Operator
+  std::string address = {};         ///< whom it comes from: "10.0.7.2"
+  std::string body = {};
+  bool has_unread_body = false;  ///< it was too large, or of unknown size
 };
 
 /// A file that is open, closed with the last that has it.
@@ -50,6 +55,16 @@ struct WebAnswer {
   std::optional<FilePart> file = {};  ///< instead of `body`
   std::vector<std::pair<std::string, std::string>> fields = {};
 };
+
+/// One line.
+inline WebAnswer plain_answer(int status, const std::string& text) {
+  return {.status = status, .body = text + "\n"};
+}
+inline WebAnswer json_answer(std::string text) {
+  return {.type = "application/json",
+          .body = std::move(text),
+          .fields = {{"Cache-Control", "no-store"}}};
+}
 
 /// A message of a WebSocket. Its bytes are made once and sent to everybody who watches: shared.
 struct WebMessage {

@@ -70,11 +70,11 @@ struct FilePartBody {
 
 // NOLINTEND(readability-identifier-naming)
 
-using Request = http::request<http::empty_body>;
+using Request = http::request<http::string_body>;
 
 std::string text(boost::string_view view) { return {view.data(), view.size()}; }
 
-WebRequest plain(const Request& request) {
+WebRequest plain(const Request& request, const std::string& address) {
   return {.method = text(request.method_string()),
           .target = text(request.target()),
           .host = text(request[http::field::host]),
@@ -82,7 +82,11 @@ WebRequest plain(const Request& request) {
           .range = text(request[http::field::range]),
           .if_none_match = text(request[http::field::if_none_match]),
           .cookie = text(request[http::field::cookie]),
-          .authorization = text(request[http::field::authorization])};
+          .authorization = text(request[http::field::authorization]),
+          .content_type = text(request[http::field::content_type]),
+          .operator_token = text(request["X-V3D-Operator"]),
+          .address = address,
+          .body = request.body()};
 }
 
 /// What every answer says: nothing is guessed, framed or fetched from elsewhere.
@@ -208,7 +212,10 @@ class Watcher : public std::enable_shared_from_this<Watcher> {
 class Connection : public std::enable_shared_from_this<Connection> {
  public:
   Connection(Shared& shared, tcp::socket socket)
-      : counted_(std::make_unique<Counted>(shared)), socket_(std::move(socket)) {}
+      : counted_(std::make_unique<Counted>(shared)), socket_(std::move(socket)) {
+    error_code ignored;
+    address_ = socket_.socket().remote_endpoint(ignored).address().to_string();
+  }
 
   void read() {
     parser_.emplace();
@@ -218,21 +225,40 @@ class Connection : public std::enable_shared_from_this<Connection> {
     socket_.expires_after(kRequestWithin);
     http::async_read_header(socket_, buffer_, *parser_,
                             [self = shared_from_this()](error_code error, size_t) {
-                              if (!error) self->take(self->parser_->get());
+                              if (!error) self->take_header();
                             });
   }
 
  private:
-  void take(const Request& request) {
+  /// Only a POST has a body that is read, and only a short one. Any other would be taken for the
+  /// next request: the connection ends with the answer.
+  void take_header() {
+    const Request& request = parser_->get();
+    const auto size = parser_->content_length();
+    const bool has_body = parser_->chunked() || (size && *size > 0);
+    keep_alive_ = request.keep_alive() && !has_body;
+    if (!has_body) return take(false);
+    if (request.method() != http::verb::post || parser_->chunked() ||
+        *size > WebServer::kMostBodyBytes) {
+      return take(true);
+    }
+    parser_->body_limit(WebServer::kMostBodyBytes);
+    http::async_read(socket_, buffer_, *parser_,
+                     [self = shared_from_this()](error_code error, size_t) {
+                       if (!error) self->take(false);
+                     });
+  }
+
+  void take(bool has_unread_body) {
+    const Request& request = parser_->get();
     WebSite& site = counted_->shared().site;
-    // A body would be taken for the next request: nothing of ours has one.
-    keep_alive_ =
-        request.keep_alive() && request[http::field::content_length].empty() && !request.chunked();
+    WebRequest asked = plain(request, address_);
+    asked.has_unread_body = has_unread_body;
     if (!websocket::is_upgrade(request)) {
-      answer(site.answer(plain(request)), request.method() == http::verb::head);
+      answer(site.answer(asked), request.method() == http::verb::head);
       return;
     }
-    WebSite::Opening opening = site.open_stream(plain(request));
+    WebSite::Opening opening = site.open_stream(asked);
     if (!opening.stream) {
       answer(std::move(opening.refusal), false);
       return;
@@ -298,7 +324,8 @@ class Connection : public std::enable_shared_from_this<Connection> {
   std::unique_ptr<Counted> counted_;
   beast::tcp_stream socket_;
   beast::flat_buffer buffer_;
-  boost::optional<http::request_parser<http::empty_body>> parser_;
+  boost::optional<http::request_parser<http::string_body>> parser_;
+  std::string address_;
   bool keep_alive_ = false;
 };
 

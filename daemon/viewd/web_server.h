@@ -15,12 +15,13 @@ namespace v3d {
 /// under way at a time, and is asked for the next (WebStream::next) when that has gone: who is slow
 /// makes nothing queue up here, and little in the kernel.
 ///
-/// Bounded whatever arrives: connections (more are closed at once), the header of a request, what a
-/// WebSocket may send, the time that a request and an idle connection may take.
+/// Bounded whatever arrives: connections (more are closed at once), header and body of a request,
+/// what a WebSocket may send, the time that a request and an idle connection may take.
 class WebServer {
  public:
   static constexpr int kMostConnections = 128;
   static constexpr int kMostHeaderBytes = 8192;
+  static constexpr uint64_t kMostBodyBytes = 4096;
 
   using Watch = std::function<std::unique_ptr<WebStream>(WebSite::StreamKind)>;
 

@@ -17,16 +17,6 @@
 namespace v3d {
 namespace {
 
-WebAnswer plain(int status, const std::string& text) {
-  return {.status = status, .body = text + "\n"};
-}
-
-WebAnswer json(std::string text) {
-  return {.type = "application/json",
-          .body = std::move(text),
-          .fields = {{"Cache-Control", "no-store"}}};
-}
-
 /// The file's size and time: another content has another tag.
 std::string tag_of(const struct stat& state) {
   const int64_t changed = state.st_mtim.tv_sec * 1'000'000'000LL + state.st_mtim.tv_nsec;
@@ -36,10 +26,11 @@ std::string tag_of(const struct stat& state) {
 /// A regular file, or the part of it that was asked for. Links are not followed.
 WebAnswer file_answer(const WebRequest& request, const std::filesystem::path& path) {
   const int fd = open(path.c_str(), O_RDONLY | O_NOFOLLOW | O_CLOEXEC | O_NONBLOCK);
-  if (fd < 0) return plain(404, "there is no such file");
+  if (fd < 0) return plain_answer(404, "there is no such file");
   const auto file = std::make_shared<const OpenFile>(fd);
   struct stat state {};
-  if (fstat(fd, &state) != 0 || !S_ISREG(state.st_mode)) return plain(404, "this is no file");
+  if (fstat(fd, &state) != 0 || !S_ISREG(state.st_mode))
+    return plain_answer(404, "this is no file");
   WebAnswer answer{.type = content_type(path)};
   answer.fields = {{"ETag", tag_of(state)}, {"Accept-Ranges", "bytes"}};
   if (request.if_none_match == tag_of(state)) {
@@ -74,9 +65,13 @@ WebAnswer page_answer(const WebRequest& request, const WebTarget& target, const 
 }
 
 WebAnswer on_with_cookie(const WebTarget& target, const std::string& cookie) {
-  WebAnswer answer = plain(303, "");
+  WebAnswer answer = plain_answer(303, "");
   answer.fields = {{"Location", target.text()}, {"Set-Cookie", cookie}};
   return answer;
+}
+
+bool is_order(const WebRequest& request, const std::optional<WebTarget>& target) {
+  return request.method == "POST" && target && target->text() == "/api/order";
 }
 
 bool is_served(const std::string& file) { return file == "mesh.v3d" || file == "calib.toml"; }
@@ -85,33 +80,36 @@ bool is_served(const std::string& file) { return file == "mesh.v3d" || file == "
 
 OpenFile::~OpenFile() { close(fd_); }
 
-WebSite::WebSite(const Studio& studio, WebAccess access, std::map<std::string, PageFile> page)
+WebSite::WebSite(const Studio& studio, WebAccess access, std::map<std::string, PageFile> page,
+                 OperatorDesk& desk)
     : takes_(studio.storage.takes),
       calib_(studio.storage.calib),
       access_(std::move(access)),
-      page_(std::move(page)) {}
+      page_(std::move(page)),
+      desk_(desk) {}
 
 std::optional<WebAnswer> WebSite::refusal(const WebRequest& request,
                                           const std::optional<WebTarget>& target) const {
-  if (request.method != "GET" && request.method != "HEAD") {
-    WebAnswer answer = plain(405, "only GET and HEAD are answered");
+  if (request.method != "GET" && request.method != "HEAD" && !is_order(request, target)) {
+    WebAnswer answer = plain_answer(405, "only GET and HEAD are answered");
     answer.fields = {{"Allow", "GET, HEAD"}};
     return answer;
   }
-  if (!target) return plain(400, "no such thing can be asked for");
+  if (!target) return plain_answer(400, "no such thing can be asked for");
   switch (access_.judge(request, *target)) {
     case WebAccess::Verdict::kMay:
       return {};
     case WebAccess::Verdict::kMayWithCookie:
       return on_with_cookie(*target, access_.set_cookie());
     case WebAccess::Verdict::kStrangeHost:
-      return plain(403, "this server answers to localhost and 127.0.0.1 only");
+      return plain_answer(403, "this server answers to localhost and 127.0.0.1 only");
     case WebAccess::Verdict::kWantsToken:
       break;
   }
-  WebAnswer answer = plain(401,
-                           "This studio is shown to who has its token: open this address with "
-                           "?token=TOKEN behind it, once.");
+  WebAnswer answer =
+      plain_answer(401,
+                   "This studio is shown to who has its token: open this address with "
+                   "?token=TOKEN behind it, once.");
   answer.fields = {{"WWW-Authenticate", "Bearer"}};
   return answer;
 }
@@ -120,38 +118,41 @@ WebAnswer WebSite::answer(const WebRequest& request) {
   try {
     const auto target = parse_web_target(request.target);
     if (auto refused = refusal(request, target)) return std::move(*refused);
+    if (is_order(request, target)) return desk_.take(request, Monotonic::now());
     return find(request, *target);
   } catch (const InputError& error) {
     // What a file of the studio says wrong is for its own log, with its paths.
     spdlog::warn("{}", error.what());
-    return plain(404, "it is not there, or cannot be read; the log of v3d-viewd tells");
+    return plain_answer(404, "it is not there, or cannot be read; the log of v3d-viewd tells");
   } catch (const std::exception& error) {
     spdlog::error("{}", error.what());
-    return plain(500, "this went wrong; the log of v3d-viewd tells");
+    return plain_answer(500, "this went wrong; the log of v3d-viewd tells");
   }
 }
 
 WebSite::Opening WebSite::open_stream(const WebRequest& request) const {
   const auto target = parse_web_target(request.target);
   if (auto refused = refusal(request, target)) return {{}, std::move(*refused)};
-  if (!WebAccess::is_own_page(request)) return {{}, plain(403, "another page may not look on")};
+  if (!WebAccess::is_own_page(request))
+    return {{}, plain_answer(403, "another page may not look on")};
   if (target->text() == "/api/live") return {StreamKind::kLive, {}};
   if (target->text() == "/api/studio") return {StreamKind::kStudio, {}};
-  return {{}, plain(404, "there is no such stream")};
+  return {{}, plain_answer(404, "there is no such stream")};
 }
 
 WebAnswer WebSite::find(const WebRequest& request, const WebTarget& target) {
   const std::vector<std::string>& path = target.path;
   if (target.text() == "/api/takes") return takes();
-  if (target.text() == "/api/scenes") return json(scenes_json(find_scenes(takes_)));
-  if (target.text() == "/api/rig") return json(rig_json(load_calib(calib_)));
+  if (target.text() == "/api/scenes") return json_answer(scenes_json(find_scenes(takes_)));
+  if (target.text() == "/api/order") return desk_.report();
+  if (target.text() == "/api/rig") return json_answer(rig_json(load_calib(calib_)));
   if (path.size() == 4 && path[0] == "api" && path[1] == "takes" && path[3] == "rig") {
-    if (!is_file_name(path[2])) return plain(404, "there is no such take");
-    return json(rig_json(load_calib(TakePaths{takes_ / path[2]}.calib())));
+    if (!is_file_name(path[2])) return plain_answer(404, "there is no such take");
+    return json_answer(rig_json(load_calib(TakePaths{takes_ / path[2]}.calib())));
   }
   if (path.size() == 3 && path[0] == "takes") return of_take(request, path[1], path[2]);
   const auto page = page_.find(target.text());
-  if (page == page_.end()) return plain(404, "there is no such page");
+  if (page == page_.end()) return plain_answer(404, "there is no such page");
   return page_answer(request, target, page->second);
 }
 
@@ -161,13 +162,13 @@ WebAnswer WebSite::takes() {
     listing_ = takes_json(find_takes(takes_, [](const InputError&) {}));
     listed_ = now;
   }
-  return json(listing_);
+  return json_answer(listing_);
 }
 
 WebAnswer WebSite::of_take(const WebRequest& request, const std::string& take,
                            const std::string& file) {
   if (!is_file_name(take) || !(is_served(file) || is_of_scene(takes_ / take, file))) {
-    return plain(404, "there is no such file of a take");
+    return plain_answer(404, "there is no such file of a take");
   }
   WebAnswer answer = file_answer(request, takes_ / take / file);
   answer.fields.emplace_back("Cache-Control", "no-cache");

@@ -3,6 +3,8 @@
 //   /api/takes                   the takes (takes_json)
 //   /api/scenes                  the scenes (scenes_json)
 //   /api/rig, /api/takes/T/rig   the calibration now, and that of a take (rig_json)
+//   /api/order                   GET: the last order and what came of it (order_json); POST: an
+//                                order (operator_desk.h), the only thing that is no look
 //   /api/live, /api/studio       by WebSocket only: live meshes, and the studio's state
 //   /takes/T/FILE                mesh.v3d or calib.toml of a take, or scene.json and what is shown
 //                                with it (scene_folders.h), as it lies there; HTTP ranges
@@ -15,16 +17,19 @@
 
 #include "base/studio_file.h"
 #include "base/time.h"
+#include "daemon/viewd/operator_desk.h"
 #include "daemon/viewd/page_files.h"
 #include "daemon/viewd/web_access.h"
 #include "daemon/viewd/web_message.h"
 
 namespace v3d {
 
-/// Answers requests; changes nothing in the world. One thread.
+/// Answers requests; changes nothing in the world but what the operators' desk takes. One thread.
 class WebSite {
  public:
-  WebSite(const Studio& studio, WebAccess access, std::map<std::string, PageFile> page);
+  /// `desk` outlives it.
+  WebSite(const Studio& studio, WebAccess access, std::map<std::string, PageFile> page,
+          OperatorDesk& desk);
 
   /// Never throws: what goes wrong is a status.
   WebAnswer answer(const WebRequest& request);
@@ -51,6 +56,7 @@ class WebSite {
   const std::filesystem::path calib_;
   const WebAccess access_;
   const std::map<std::string, PageFile> page_;
+  OperatorDesk& desk_;
   std::string listing_;
   std::optional<MonotonicInstant> listed_;
 };

@@ -102,6 +102,15 @@ TEST(StudioFile, shows_itself_to_this_pc_alone_unless_it_says_otherwise) {
   EXPECT_EQ(studio.viewer.token, "/studio/viewer.token");
 }
 
+TEST(StudioFile, lets_nobody_command_from_a_browser_unless_it_says_so) {
+  EXPECT_FALSE(parse_studio(kGood, "/studio/studio.toml").viewer.control);
+  const Studio studio = parse_studio(
+      std::string(kGood) + "[viewer]\ncontrol = true\noperator_token = \"operator.token\"\n",
+      "/studio/studio.toml");
+  EXPECT_TRUE(studio.viewer.control);
+  EXPECT_EQ(studio.viewer.operator_token, "/studio/operator.token");
+}
+
 TEST(StudioFile, with_two_cameras_or_two_nodes_of_one_name_is_refused) {
   EXPECT_EQ(message_for(with("\"cam02\"", "\"cam01\"")),
             "/etc/v3d/studio.toml:18: camera.name: two cameras are named 'cam01'");

@@ -109,14 +109,16 @@ class WebToken : public testing::Test {
 };
 
 TEST_F(WebToken, is_one_line_that_others_cannot_read) {
-  EXPECT_THROW(load_web_token(path_), InputError) << "there is none";
+  EXPECT_THROW(load_web_token(path_, "f"), InputError) << "there is none";
   save("0123456789abcdef\n", 0640);
-  EXPECT_EQ(load_web_token(path_), "0123456789abcdef");
+  EXPECT_EQ(load_web_token(path_, "f"), "0123456789abcdef");
   save("0123456789abcdef\n", 0644);
-  EXPECT_THROW(load_web_token(path_), InputError) << "others may read it";
+  EXPECT_THROW(load_web_token(path_, "f"), InputError) << "others may read it";
+  save("0123456789abcdef\n", 0660);
+  EXPECT_THROW(load_web_token(path_, "f"), InputError) << "its group may change it";
   for (const char* odd : {"", "short\n", "0123456789 abcdef\n", "0123456789abcdef\nanother\n"}) {
     save(odd, 0600);
-    EXPECT_THROW(load_web_token(path_), InputError) << odd;
+    EXPECT_THROW(load_web_token(path_, "f"), InputError) << odd;
   }
 }
 
@@ -166,10 +168,11 @@ class Site : public testing::Test {
     return site().answer(
         {.method = "GET", .target = target, .host = "127.0.0.1:8330", .range = range});
   }
-  WebSite site() { return {studio_, WebAccess(""), find_page_files(folder_ / "page")}; }
+  WebSite site() { return {studio_, WebAccess(""), find_page_files(folder_ / "page"), desk_}; }
 
   const TemporaryFolder folder_;
   Studio studio_;
+  OperatorDesk desk_{studio_, ""};
 };
 
 TEST_F(Site, serves_the_page_and_nothing_beside_it) {
@@ -240,7 +243,7 @@ TEST_F(Site, tells_of_no_path_when_something_is_missing) {
   EXPECT_EQ(get("/api/takes").body, R"({"takes":[]})") << "what is no take is passed over";
 }
 
-TEST_F(Site, changes_nothing_for_anybody) {
+TEST_F(Site, looks_only_whoever_asks) {
   for (const char* method : {"POST", "PUT", "DELETE", "OPTIONS", ""}) {
     const WebAnswer answer =
         site().answer({.method = method, .target = "/api/takes", .host = "localhost"});

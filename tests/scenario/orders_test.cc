@@ -1,0 +1,112 @@
+// A take that an operator takes from a browser: orders by HTTP to the real v3d-viewd.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <nlohmann/json.hpp>
+
+#include "viewed_studio.h"
+
+namespace v3d {
+namespace {
+
+using test::becomes_true;
+using test::Connection;
+using test::within;
+using testing::HasSubstr;
+using Json = nlohmann::json;
+
+class CommandedStudio : public test::ViewedStudio {
+ protected:
+  CommandedStudio() : ViewedStudio("control = true\noperator_token = \"operator.token\"\n") {}
+
+  std::unique_ptr<Connection> post(const std::string& order, const std::string& token) const {
+    return std::make_unique<Connection>(
+        port_, "/api/order",
+        "Connection: close\r\nContent-Type: application/json\r\nX-V3D-Operator: " + token +
+            "\r\nContent-Length: " + std::to_string(order.size()) + "\r\n",
+        "POST", order);
+  }
+  /// What there is to tell of the last order.
+  Json last() const {
+    const auto told = get("/api/order");
+    if (!told->hears("\"under_way\"")) return {};
+    return Json::parse(told->text().substr(told->text().find("\r\n\r\n")), nullptr, false);
+  }
+  /// The report of an order, once it has ended.
+  Json carried_out(const std::string& order) {
+    const auto taken = post(order, test::kOperatorToken);
+    EXPECT_TRUE(taken->hears("202 Accepted")) << taken->text();
+    Json told;
+    EXPECT_TRUE(becomes_true(
+        [&] {
+          told = last();
+          return told.value("under_way", true) == false;
+        },
+        within(90)))
+        << told << viewd_->output();
+    return told;
+  }
+};
+
+TEST_F(CommandedStudio, takes_a_whole_take_by_orders_from_a_browser) {
+  const auto watcher = watch("/api/studio");
+  const Json armed = carried_out(R"({"do": "arm", "take": "kendo-07"})");
+  EXPECT_EQ(armed["status"], 0) << armed;
+  EXPECT_THAT(armed["lines"].back().get<std::string>(), HasSubstr("armed kendo-07: trigger cap01"));
+  const Json started = carried_out(R"({"do": "start"})");
+  EXPECT_EQ(started["status"], 0) << started;
+  EXPECT_TRUE(reaches("cap01", "frames_written", 4 * 20)) << log();
+  const Json stopped = carried_out(R"({"do": "stop"})");
+  EXPECT_EQ(stopped["status"], 0) << stopped;
+  EXPECT_THAT(stopped["lines"].back().get<std::string>(), HasSubstr("take kendo-07: complete"));
+  test::ChildProcess verify({bin("v3dctl"), "verify", take().folder}, folder_ / "verify.log");
+  EXPECT_EQ(verify.wait(within(60)), 0) << verify.output();
+  EXPECT_TRUE(watcher->hears("127.0.0.1: stop: done: take kendo-07: complete")) << "an event tells";
+  EXPECT_THAT(viewd_->output(), HasSubstr("operator at 127.0.0.1: arm kendo-07"));
+}
+
+TEST_F(CommandedStudio, ends_a_take_by_itself_after_the_seconds_of_the_order) {
+  carried_out(R"({"do": "arm", "take": "kendo-07", "seconds": 1.5})");
+  EXPECT_EQ(carried_out(R"({"do": "start"})")["status"], 0);
+  ASSERT_TRUE(becomes_idle()) << log();
+  const Json stopped = carried_out(R"({"do": "stop"})");
+  EXPECT_THAT(stopped["lines"].back().get<std::string>(), HasSubstr("x 30 pulses")) << stopped;
+}
+
+TEST_F(CommandedStudio, hears_the_words_of_v3dctl_when_the_studio_refuses) {
+  const Json refused = carried_out(R"({"do": "start"})");
+  EXPECT_EQ(refused["status"], 1) << refused;
+  EXPECT_THAT(refused["lines"].dump(), HasSubstr("refused: ")) << refused;
+}
+
+TEST_F(CommandedStudio, is_commanded_by_nobody_else) {
+  EXPECT_TRUE(post(R"({"do": "arm", "take": "kendo-07"})", "")->hears("401 Unauthorized"));
+  EXPECT_TRUE(post(R"({"do": "start"})", "operators-012345678X")->hears("401 Unauthorized"));
+  EXPECT_TRUE(post(R"({"do": "start"})", test::kOperatorToken)->hears("429 Too Many Requests"));
+  Connection large(port_, "/api/order",
+                   "Content-Type: application/json\r\nX-V3D-Operator: operators-0123456789"
+                   "\r\nContent-Length: 1000000000\r\n",
+                   "POST", "{");
+  EXPECT_TRUE(large.hears("413 Payload Too Large")) << large.text();
+  Connection chunked(port_, "/api/order",
+                     "Content-Type: application/json\r\nX-V3D-Operator: operators-0123456789"
+                     "\r\nTransfer-Encoding: chunked\r\n",
+                     "POST", "5\r\n{\"do\"\r\n");
+  EXPECT_TRUE(chunked.hears("413 Payload Too Large")) << chunked.text();
+  EXPECT_EQ(last()["number"], 0) << "nothing was carried out";
+  EXPECT_TRUE(viewd_->runs());
+}
+
+class WatchedStudio : public test::ViewedStudio {};
+
+TEST_F(WatchedStudio, takes_no_order_unless_its_file_says_so) {
+  Connection order(port_, "/api/order",
+                   "Content-Type: application/json\r\nX-V3D-Operator: operators-0123456789"
+                   "\r\nContent-Length: 15\r\n",
+                   "POST", R"({"do": "start"})");
+  EXPECT_TRUE(order.hears("403 Forbidden")) << order.text();
+  EXPECT_TRUE(order.hears("[viewer] control"));
+}
+
+}  // namespace
+}  // namespace v3d

@@ -1,0 +1,97 @@
+// A studio of four simulated cameras that v3d-viewd shows, and HTTP to it, for stories.
+#pragma once
+
+#include <arpa/inet.h>
+#include <poll.h>
+#include <sys/socket.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <memory>
+#include <regex>
+
+#include "studio4.h"
+
+namespace v3d::test {
+
+/// One HTTP connection, or WebSocket, as bytes.
+class Connection {
+ public:
+  Connection(int port, const std::string& target, const std::string& more_fields,
+             const std::string& method = "GET", const std::string& content = "")
+      : fd_(socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0)) {
+    sockaddr_in there{};
+    there.sin_family = AF_INET;
+    there.sin_port = htons(static_cast<uint16_t>(port));
+    there.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+    if (connect(fd_, reinterpret_cast<const sockaddr*>(&there), sizeof there) != 0) return;
+    const std::string request = method + " " + target +
+                                " HTTP/1.1\r\nHost: 127.0.0.1:" + std::to_string(port) + "\r\n" +
+                                more_fields + "\r\n" + content;
+    send(fd_, request.data(), request.size(), MSG_NOSIGNAL);
+  }
+  ~Connection() { close(fd_); }
+  Connection(const Connection&) = delete;
+  Connection& operator=(const Connection&) = delete;
+
+  /// Everything that has come.
+  const std::string& text() {
+    pollfd ready{fd_, POLLIN, 0};
+    char part[65536];
+    while (poll(&ready, 1, 0) > 0) {
+      const ssize_t got = recv(fd_, part, sizeof part, 0);
+      if (got <= 0) break;
+      text_.append(part, static_cast<size_t>(got));
+    }
+    return text_;
+  }
+  bool hears(const std::string& what) {
+    return becomes_true([&] { return text().find(what) != std::string::npos; }, within(30));
+  }
+
+ private:
+  const int fd_;
+  std::string text_;
+};
+
+inline constexpr char kOperatorToken[] = "operators-0123456789";
+
+class ViewedStudio : public Studio4 {
+ protected:
+  /// `more`: of the studio file's section [viewer].
+  explicit ViewedStudio(const std::string& more = "")
+      : Studio4({.more = "\n[viewer]\nlisten = \"127.0.0.1:0\"\npage = \"page\"\n" + more}) {
+    write_text(folder_ / "operator.token", std::string(kOperatorToken) + "\n");
+    chmod((folder_ / "operator.token").c_str(), 0600);
+    std::filesystem::create_directories(folder_ / "page");
+    std::ofstream(folder_ / "page/index.html") << "<!doctype html>";
+    viewd_.emplace(std::vector<std::string>{bin("v3d-viewd"), "--studio", folder_ / "studio.toml"},
+                   folder_ / "v3d-viewd.log");
+    std::smatch found;
+    const std::regex serves("serves http://127.0.0.1:(\\d+)/");
+    becomes_true(
+        [&] {
+          said_ = viewd_->output();
+          return std::regex_search(said_, found, serves);
+        },
+        within(30));
+    if (found.empty()) throw std::runtime_error("v3d-viewd: " + said_);
+    port_ = std::stoi(found[1]);
+  }
+
+  std::unique_ptr<Connection> get(const std::string& target) const {
+    return std::make_unique<Connection>(port_, target, "Connection: close\r\n");
+  }
+  std::unique_ptr<Connection> watch(const std::string& target) const {
+    return std::make_unique<Connection>(
+        port_, target,
+        "Upgrade: websocket\r\nConnection: Upgrade\r\nSec-WebSocket-Version: 13\r\n"
+        "Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n");
+  }
+
+  std::optional<ChildProcess> viewd_;
+  std::string said_;
+  int port_ = 0;
+};
+
+}  // namespace v3d::test
