@@ -9,6 +9,8 @@ import { chromium } from '../../tools/viewer/node_modules/playwright-core/index.
 /** Of everything that is waited for, ms: the machine may be busy with other things. */
 export const WITHIN = 60_000;
 
+export const LCM_URL = 'udpm://239.255.76.67:7667?ttl=0';
+
 const GL = ['--no-sandbox', '--use-gl=angle', '--use-angle=swiftshader', '--enable-unsafe-swiftshader'];
 export const NO_GL = ['--no-sandbox', '--disable-gpu', '--disable-3d-apis'];
 
@@ -32,7 +34,7 @@ wire = "trigger.sock"
 min = [-1.5, -1.5, 0.0]
 max = [1.5, 1.5, 2.5]
 [network]
-lcm_url = "udpm://239.255.76.67:7667?ttl=0"
+lcm_url = "${LCM_URL}"
 key = "studio.key"
 [storage]
 takes = "${takes}"
@@ -45,7 +47,7 @@ listen = "127.0.0.1:${port}"
 page = "${page}"
 `;
 
-const freePort = () => new Promise((done) => {
+export const freePort = () => new Promise((done) => {
   const server = createServer().listen(0, '127.0.0.1', () => {
     const { port } = server.address();
     server.close(() => done(port));

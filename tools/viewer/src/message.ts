@@ -39,6 +39,7 @@ export interface StudioState {
   studio: string;
   not_verified: string;
   watchers: number;
+  control: boolean;
   nodes: NodeState[];
 }
 
@@ -49,6 +50,20 @@ export interface StudioEvent {
   subject: string;
   text: string;
   sent_ms: number;
+}
+
+/** Of the last order that the studio was given from a page, whoever gave it. */
+export interface OrderReport {
+  type: 'order';
+  number: number;
+  by: string;
+  at_ms: number;
+  do: 'look' | 'arm' | 'start' | 'stop' | 'abort';
+  take: string;
+  text: string;
+  under_way: boolean;
+  status: number;
+  lines: string[];
 }
 
 export interface Pong {

@@ -1,7 +1,9 @@
-// The studio page: what an operator looks at. It only looks.
+// The studio page: what an operator looks at and, where the studio file lets browsers, commands from.
 import { CameraWall } from './camera_wall';
 import { factsOf } from './judge';
-import { type NodeState, type PreviewHead, splitMessage, type StudioEvent, type StudioState } from './message';
+import { type NodeState, type OrderReport, type PreviewHead, splitMessage, type StudioEvent, type StudioState } from './message';
+import { doingOf, recordingFacts } from './operator';
+import { OperatorPanel } from './operator_panel';
 import { fetchTakes, takeItem } from './take_list';
 
 const EVENTS_KEPT = 100;
@@ -18,6 +20,7 @@ function made(tag: string, text: string, look = ''): HTMLElement {
 }
 
 const wall = new CameraWall(find('wall'));
+const panel = new OperatorPanel();
 let lost = true;
 let notVerified = '';
 
@@ -43,6 +46,17 @@ function nodeCard(node: NodeState): HTMLElement {
   return card;
 }
 
+/** Nobody who sees the page may miss that a take is recorded. */
+function showRecording(nodes: NodeState[]): void {
+  const { phase, take } = doingOf(nodes);
+  const recording = phase === 'recording' && !lost;
+  document.body.classList.toggle('recording', recording);
+  find('recording').hidden = !recording;
+  find('recording-take').textContent = take;
+  find('recording-facts').textContent = recordingFacts(nodes);
+  document.title = recording ? `● ${take} - V3D studio` : 'V3D studio';
+}
+
 function showState(state: StudioState): void {
   notVerified = state.not_verified;
   showBanner();
@@ -50,8 +64,10 @@ function showState(state: StudioState): void {
   const { all, well } = wall.setState(state.nodes);
   find('camera-count').textContent = well === all ? `${all}, all well` : `${well} of ${all} well`;
   find('nodes').replaceChildren(...state.nodes.map(nodeCard));
-  const takes = new Set(state.nodes.filter((node) => node.state === 'recording').map((node) => node.take));
-  const doing = takes.size ? `recording ${[...takes].join(', ')}` : 'no take is being recorded';
+  panel.setState(state.control, state.nodes);
+  showRecording(state.nodes);
+  const { phase, take } = doingOf(state.nodes);
+  const doing = phase === 'idle' || phase === 'silent' ? 'no take is being recorded' : `${phase} ${take}`;
   find('facts').textContent = `${doing} · ${state.watchers} watching`;
 }
 
@@ -69,9 +85,10 @@ function showEvent(event: StudioEvent): void {
 
 function hear(data: string | ArrayBuffer): void {
   if (typeof data === 'string') {
-    const message = JSON.parse(data) as StudioState | StudioEvent;
+    const message = JSON.parse(data) as StudioState | StudioEvent | OrderReport;
     if (message.type === 'state') showState(message);
     else if (message.type === 'event') showEvent(message);
+    else if (message.type === 'order') panel.setLast(message);
     return;
   }
   const preview = splitMessage<PreviewHead>(data);
@@ -82,6 +99,7 @@ function hear(data: string | ArrayBuffer): void {
 async function listTakes(): Promise<void> {
   const takes = await fetchTakes().catch(() => null);
   if (!takes) return; // the banner says that the studio does not answer
+  if (takes.length) panel.setNewestTake(takes[0].name);
   const open = (name: string) => location.assign(`./#take=${name}`);
   find('takes').replaceChildren(...takes.slice(0, TAKES_SHOWN).map((take) => takeItem(take, open)));
 }
@@ -100,6 +118,7 @@ function connect(): void {
   socket.onclose = () => {
     lost = true;
     showBanner();
+    showRecording([]); // whether it still is, nobody here knows
     setTimeout(connect, RECONNECT_MS);
   };
 }

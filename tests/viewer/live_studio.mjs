@@ -1,0 +1,94 @@
+// A simulated studio of four small cameras with its real daemons, and v3d-viewd that takes orders: for browser tests.
+import { execFile, spawn } from 'node:child_process';
+import { mkdirSync, mkdtempSync, readFileSync, rmSync, writeFileSync } from 'node:fs';
+import { tmpdir } from 'node:os';
+import { join } from 'node:path';
+import { promisify } from 'node:util';
+import { freePort } from './served_studio.mjs';
+
+export const OPERATOR_TOKEN = 'operators-0123456789';
+const EMPTY_PULSES = '16'; // as many as v3dctl background learns from
+
+/** Resolves when the program says `ready`. */
+function begin(program, words, ready) {
+  const child = spawn(program, words);
+  return new Promise((done, fail) => {
+    let said = '';
+    const hear = (data) => {
+      said += data;
+      if (said.includes(ready)) done(child);
+    };
+    child.stdout.on('data', hear);
+    child.stderr.on('data', hear);
+    child.on('exit', (status) => fail(new Error(`${program} ended with ${status}: ${said}`)));
+  });
+}
+
+export class LiveStudio {
+  folder = mkdtempSync(join(tmpdir(), 'v3d-live-'));
+  #build;
+  #children = [];
+  #viewd = null;
+  #port = 0;
+
+  constructor(build) {
+    this.#build = build;
+  }
+
+  get address() {
+    return `http://127.0.0.1:${this.#port}/`;
+  }
+  #bin(program) {
+    return join(this.#build, 'bin', program);
+  }
+  get #file() {
+    return join(this.folder, 'studio.toml');
+  }
+
+  /** Resolves with what it prints; rejects where it fails. */
+  async v3dctl(...words) {
+    const { stdout } = await promisify(execFile)(this.#bin('v3dctl'), ['--studio', this.#file, ...words]);
+    return stdout;
+  }
+
+  /** Resolves when the background has been learnt and browsers are served. */
+  async start() {
+    const cameras = ['--cameras', '4', '--size', '320x240', '--rate', '20', '--loop-frames', '10', '--voxel', '40mm'];
+    const simulator = await begin(this.#bin('v3d-sim'), ['studio', this.folder, ...cameras, '--empty-pulses', EMPTY_PULSES], 'ready\n');
+    this.#children.push(simulator);
+    this.#port = await freePort();
+    mkdirSync(join(this.folder, 'takes'));
+    writeFileSync(join(this.folder, 'operator.token'), `${OPERATOR_TOKEN}\n`, { mode: 0o600 });
+    const viewer = `\n[viewer]\nlisten = "127.0.0.1:${this.#port}"\npage = "${join(this.#build, 'viewer')}"\n`
+      + 'control = true\noperator_token = "operator.token"\n';
+    writeFileSync(this.#file, readFileSync(this.#file, 'utf8').replace('takes = "."', 'takes = "takes"') + viewer);
+    for (const [program, ...words] of [['v3d-captured', '--node', 'cap01'], ['v3d-recond']]) {
+      this.#children.push(spawn(this.#bin(program), ['--studio', this.#file, ...words], { stdio: 'ignore' }));
+    }
+    await this.startViewd();
+    await this.v3dctl('background');
+  }
+
+  async startViewd() {
+    this.#viewd = await begin(this.#bin('v3d-viewd'), ['--studio', this.#file], 'serves http');
+  }
+  async stopViewd() {
+    await LiveStudio.#end(this.#viewd);
+  }
+
+  static async #end(child) {
+    if (!child || child.exitCode !== null || child.signalCode !== null) return;
+    await new Promise((done) => {
+      child.removeAllListeners('exit').on('exit', done);
+      child.kill();
+    });
+  }
+
+  /** The daemons first, the cameras last. */
+  async end() {
+    await this.stopViewd();
+    for (const child of this.#children.reverse()) await LiveStudio.#end(child);
+    rmSync(this.folder, { recursive: true });
+  }
+}
+

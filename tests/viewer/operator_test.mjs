@@ -1,0 +1,181 @@
+// The studio page as an operator has it: a simulated studio with its real daemons, v3d-viewd that takes orders, Chromium.
+import assert from 'node:assert/strict';
+import { mkdirSync } from 'node:fs';
+import { join } from 'node:path';
+import { after, before, test } from 'node:test';
+import { LiveStudio, OPERATOR_TOKEN } from './live_studio.mjs';
+import { launchBrowser, WITHIN } from './served_studio.mjs';
+
+const studio = new LiveStudio(process.env.V3D_BUILD);
+let browser, page;
+
+const text = (id) => page.textContent(`#${id}`);
+const shows = (id, part) => page.waitForFunction(([i, p]) => document.getElementById(i).textContent.includes(p), [id, part], { timeout: WITHIN });
+const offers = (order) => page.waitForSelector(`[data-order=${order}]:enabled`, { timeout: WITHIN });
+const recordsNow = () => page.waitForSelector('body.recording', { timeout: WITHIN });
+const complete = async (take) => assert.match(await studio.v3dctl('verify', join(studio.folder, 'takes', take)), /complete/);
+
+/** With V3D_PICTURES=FOLDER: what it looks like, for people. */
+async function picture(name) {
+  if (!process.env.V3D_PICTURES) return;
+  mkdirSync(process.env.V3D_PICTURES, { recursive: true });
+  await page.screenshot({ path: join(process.env.V3D_PICTURES, `${name}.png`) });
+}
+
+async function unlock() {
+  await page.fill('#token', OPERATOR_TOKEN);
+  await page.click('#unlock button');
+  await page.waitForSelector('#orders:not([hidden])', { timeout: WITHIN });
+}
+async function arm(take, seconds = '') {
+  await offers('arm');
+  await page.fill('#take-name', take);
+  await page.fill('#take-seconds', seconds);
+  await page.click('[data-order=arm]');
+  await offers('start');
+}
+
+before(async () => {
+  await studio.start();
+  browser = await launchBrowser();
+  page = await browser.newPage({ viewport: { width: 1280, height: 800 } });
+  page.setDefaultTimeout(WITHIN);
+  await page.goto(`${studio.address}studio.html`);
+});
+after(async () => {
+  await browser?.close();
+  await studio.end();
+});
+
+test('offers no order to who has not shown the operators\' token', async () => {
+  await page.waitForSelector('#operator:not([hidden])');
+  assert.ok(await page.isHidden('#orders'));
+  await page.fill('#token', 'operators-9876543210');
+  await page.keyboard.press('Enter');
+  await shows('order-trouble', "not the operators' token");
+  assert.equal(await page.inputValue('#token'), '', 'it does not stay in the field');
+  assert.ok(await page.isHidden('#orders'));
+  await picture('locked');
+});
+
+test('is unlocked for this tab alone, once the pause after a wrong token is over', async () => {
+  const until = Date.now() + WITHIN;
+  while (await page.isHidden('#orders')) {
+    assert.ok(Date.now() < until, await text('order-trouble'));
+    await page.fill('#token', OPERATOR_TOKEN);
+    const [answer] = await Promise.all([page.waitForResponse('**/api/order'), page.click('#unlock button')]);
+    await answer.finished();
+  }
+  assert.ok(!page.url().includes(OPERATOR_TOKEN));
+  await page.reload();
+  await page.waitForSelector('#orders:not([hidden])');
+  const other = await browser.newPage();
+  await other.goto(`${studio.address}studio.html`);
+  await other.waitForSelector('#unlock:not([hidden])', { timeout: WITHIN });
+  await other.close();
+});
+
+test('arms nothing by the keyboard or under an odd name', async () => {
+  await offers('arm');
+  await page.fill('#take-name', '../kendo');
+  await page.keyboard.press('Enter');
+  await page.click('#title');
+  for (const key of ['a', 's', 'r', ' ', 'Enter']) await page.keyboard.press(key);
+  await page.click('[data-order=arm]');
+  await shows('order-trouble', 'letters, digits');
+  assert.match(await text('doing'), /No take is armed/);
+  assert.ok(await page.isHidden('#last-order'), 'nothing was ordered');
+});
+
+test('arms by a click, and does not start by a second one', async () => {
+  await page.fill('#take-name', 'kendo-07');
+  await page.dblclick('[data-order=arm]');
+  await shows('last-order', 'armed kendo-07: trigger cap01, 20 Hz');
+  await shows('doing', 'kendo-07 is armed');
+  await offers('start');
+  assert.ok(await page.isHidden('#arming'));
+  await picture('armed');
+});
+
+test('records in red until it is stopped, and tells the verdict in the words of v3dctl', async () => {
+  await page.click('[data-order=start]');
+  await recordsNow();
+  assert.match(await text('recording'), /RECORDING.*kendo-07/s);
+  assert.match(await page.title(), /^● kendo-07/);
+  await page.waitForFunction(() => parseInt(document.getElementById('recording-facts').textContent) >= 30, null, { timeout: WITHIN });
+  await picture('recording');
+  await offers('stop');
+  await page.click('[data-order=stop]');
+  await shows('last-order', 'take kendo-07: complete');
+  await page.waitForSelector('body:not(.recording)');
+  await page.waitForSelector('[data-take=kendo-07] .verdict.complete', { timeout: WITHIN });
+  await picture('stopped');
+  await complete('kendo-07');
+  await shows('events', '127.0.0.1: stop: done: take kendo-07: complete');
+});
+
+test('proposes the name of the next take', async () => {
+  await page.waitForFunction(() => document.getElementById('take-name').value === 'kendo-08', null, { timeout: WITHIN });
+});
+
+test('tells the verdict of a take that ended by itself', async () => {
+  await arm('kendo-08', '1');
+  await page.click('[data-order=start]');
+  await offers('verdict');
+  await page.click('[data-order=verdict]');
+  await shows('last-order', 'x 20 pulses');
+  await complete('kendo-08');
+});
+
+test('aborts only when it is asked twice', async () => {
+  await arm('kendo-09');
+  await page.click('[data-order=abort]');
+  await page.waitForSelector('#sure[open]');
+  await picture('sure');
+  await page.keyboard.press('Enter'); // rests on "Go on"
+  await page.waitForSelector('#sure:not([open])', { state: 'attached' });
+  await page.click('[data-order=abort]');
+  await page.keyboard.press('Escape');
+  assert.match(await text('doing'), /kendo-09 is armed/);
+  await page.click('[data-order=abort]');
+  await page.click('#sure .abort');
+  await shows('last-order', 'aborted');
+  await shows('doing', 'No take is armed');
+});
+
+test('shows a refusal in the words of v3dctl', async () => {
+  await offers('arm');
+  await page.fill('#take-name', 'kendo-07'); // there is one
+  await page.click('[data-order=arm]');
+  await page.waitForSelector('#last-order .alarm');
+  await shows('last-order', 'refused: ');
+  await picture('refused');
+});
+
+test('is locked again when the operator leaves', async () => {
+  await page.click('#lock');
+  assert.ok(await page.isHidden('#orders'));
+  await page.reload();
+  await page.waitForSelector('#operator:not([hidden])');
+  assert.ok(await page.isHidden('#orders'));
+});
+
+test('is worked by touch on a tablet', async () => {
+  const context = await browser.newContext({ viewport: { width: 768, height: 1024 }, hasTouch: true });
+  page = await context.newPage();
+  page.setDefaultTimeout(WITHIN);
+  await page.goto(`${studio.address}studio.html`);
+  await unlock();
+  await offers('arm');
+  await page.fill('#take-name', 'kendo-10');
+  await page.tap('[data-order=arm]');
+  await offers('start');
+  await page.tap('[data-order=start]');
+  await recordsNow();
+  await picture('tablet');
+  await offers('stop');
+  const { height } = await page.locator('[data-order=stop]').boundingBox();
+  assert.ok(height >= 44, `a finger wants 44 px, not ${height}`);
+  await page.tap('[data-order=stop]');
+  await shows('last-order', 'take kendo-10: complete');
+});

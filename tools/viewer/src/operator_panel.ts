@@ -1,0 +1,193 @@
+// Where an operator arms, starts and stops: only what makes sense now, and nothing by accident.
+import type { NodeState, OrderReport } from './message';
+import { type Action, actionsIn, camerasNamed, type Doing, doingOf, gradeOf, isTakeName, linesOf, NAME_RULE, nextName } from './operator';
+import { OperatorToken, type Order, send } from './orders';
+
+/** New buttons stand where others stood: a second tap of the same finger is not meant for them. */
+const NEW_BUTTONS_WAIT_MS = 700;
+
+const WORDS: Record<Action, string> = { arm: 'Arm', start: 'Start recording', stop: 'Stop', abort: 'Abort…', verdict: 'Tell the verdict' };
+
+const find = <T extends HTMLElement>(id: string) => document.getElementById(id) as T;
+
+function made(tag: string, text: string, look = ''): HTMLElement {
+  const element = document.createElement(tag);
+  element.textContent = text;
+  element.className = look;
+  return element;
+}
+
+export class OperatorPanel {
+  private readonly token = new OperatorToken();
+  private readonly name = find<HTMLInputElement>('take-name');
+  private readonly seconds = find<HTMLInputElement>('take-seconds');
+  private doing: Doing = { phase: 'silent', take: '' };
+  private cameras: string[] = [];
+  private last: OrderReport | null = null;
+  private without = new Set<string>();
+  private sending = false;
+  private readonly shown: Record<string, string> = {};
+  private named = false;
+
+  constructor() {
+    find('unlock').addEventListener('submit', (event) => {
+      event.preventDefault();
+      void this.unlock();
+    });
+    find('lock').addEventListener('click', () => this.lock());
+    this.name.addEventListener('input', () => (this.named = true));
+    find<HTMLDialogElement>('sure').addEventListener('close', (event) => {
+      const dialog = event.target as HTMLDialogElement;
+      if (dialog.returnValue === 'abort') void this.order({ do: 'abort' });
+      dialog.returnValue = '';
+    });
+    // Whoever rests on a key orders nothing twice.
+    find('operator').addEventListener('keydown', (event) => event.repeat && event.key === 'Enter' && event.preventDefault());
+  }
+
+  setState(control: boolean, nodes: readonly NodeState[]): void {
+    find('operator').hidden = !control;
+    this.doing = doingOf(nodes);
+    this.cameras = nodes.flatMap((node) => node.cameras);
+    this.draw();
+  }
+
+  setLast(report: OrderReport): void {
+    if (report.number === 0) return; // nobody has ordered anything yet
+    this.last = report;
+    if (report.do !== 'arm' || report.status === 0) this.without.clear();
+    if (report.do === 'arm' && report.status === 0 && !report.under_way) this.named = false;
+    this.say(null);
+    this.draw();
+  }
+
+  /** The newest take: the next one's name is made of it, as long as nobody has typed one. */
+  setNewestTake(name: string): void {
+    if (!this.named && this.doing.phase === 'idle') this.name.value = nextName(name);
+  }
+
+  private async unlock(): Promise<void> {
+    const field = find<HTMLInputElement>('token');
+    const token = field.value.trim();
+    field.value = '';
+    const sent = await send({ do: 'look' }, token);
+    if ('report' in sent) this.token.value = token;
+    this.say('refusal' in sent ? sent.refusal : null);
+    this.draw();
+  }
+
+  private lock(): void {
+    this.token.value = '';
+    this.draw();
+  }
+
+  private async order(order: Order): Promise<void> {
+    if (this.sending) return;
+    this.sending = true;
+    this.draw();
+    const sent = await send(order, this.token.value);
+    this.sending = false;
+    if ('report' in sent) this.setLast(sent.report);
+    else {
+      if (sent.wrongToken) this.token.value = '';
+      this.say(sent.refusal);
+    }
+    this.draw();
+  }
+
+  private act(action: Action): void {
+    if (action === 'arm') return this.arm();
+    if (action === 'abort') return find<HTMLDialogElement>('sure').showModal();
+    void this.order({ do: action === 'verdict' ? 'stop' : action });
+  }
+
+  private arm(): void {
+    const take = this.name.value.trim();
+    if (!isTakeName(take)) {
+      this.say(NAME_RULE);
+      this.name.focus();
+      return;
+    }
+    const order: Order = { do: 'arm', take };
+    if (this.seconds.value) order.seconds = Number(this.seconds.value);
+    if (this.without.size) order.without = [...this.without];
+    void this.order(order);
+  }
+
+  /** What the server or this page has against an order; null: nothing. */
+  private say(trouble: string | null): void {
+    find('order-trouble').textContent = trouble ?? '';
+    find('order-trouble').hidden = !trouble;
+  }
+
+  private draw(): void {
+    const open = this.token.value !== '';
+    find('unlock').hidden = open;
+    find('orders').hidden = !open;
+    find('lock').hidden = !open;
+    const actions = this.sending ? [] : actionsIn(this.doing.phase, this.last);
+    this.drawButtons(actions);
+    find('arming').hidden = !actions.includes('arm');
+    this.drawWithout(actions.includes('arm'));
+    this.drawLast();
+    const { phase, take } = this.doing;
+    const doing = phase === 'idle' ? 'No take is armed.' : phase === 'silent' ? 'No node is heard.' : `${take} is ${phase}.`;
+    find('doing').textContent = this.last?.under_way ? `${this.last.text}: under way…` : doing;
+    find('sure-text').textContent = phase === 'recording'
+      ? `${take} is being recorded. What is on the disks stays there, but nobody counts it: Stop ends a take and tells its verdict.`
+      : `${take} is armed; nothing of it was recorded.`;
+  }
+
+  /** Whether a part must be made anew: a button that is being pressed stays where it is. */
+  private isNew(part: string, content: unknown): boolean {
+    const text = JSON.stringify(content);
+    if (this.shown[part] === text) return false;
+    this.shown[part] = text;
+    return true;
+  }
+
+  private drawButtons(actions: Action[]): void {
+    if (!this.isNew('buttons', actions)) return;
+    const buttons = actions.map((action) => {
+      const button = made('button', WORDS[action], action) as HTMLButtonElement;
+      button.type = 'button';
+      button.dataset.order = action;
+      button.disabled = true;
+      setTimeout(() => (button.disabled = false), NEW_BUTTONS_WAIT_MS);
+      button.addEventListener('click', () => this.act(action));
+      return button;
+    });
+    find('order-buttons').replaceChildren(...buttons);
+    if (!actions.includes('abort')) find<HTMLDialogElement>('sure').close('');
+  }
+
+  /** After a refusal: the cameras that it names may be left out. */
+  private drawWithout(arming: boolean): void {
+    const refused = arming && this.last?.do === 'arm' && this.last.status !== 0;
+    const named = refused ? camerasNamed(this.last!.lines, this.cameras) : [];
+    find('without').hidden = named.length === 0;
+    if (!this.isNew('without', [named, this.last?.number])) return;
+    find('without-cameras').replaceChildren(...named.map((camera) => {
+      const button = made('button', camera) as HTMLButtonElement;
+      button.type = 'button';
+      button.setAttribute('aria-pressed', String(this.without.has(camera)));
+      button.addEventListener('click', () => {
+        if (!this.without.delete(camera)) this.without.add(camera);
+        button.setAttribute('aria-pressed', String(this.without.has(camera)));
+      });
+      return button;
+    }));
+  }
+
+  private drawLast(): void {
+    find('last-order').hidden = this.last === null;
+    if (!this.last || !this.isNew('last', this.last)) return;
+    const at = new Date(this.last.at_ms).toLocaleTimeString('en-GB');
+    const head = made('p', '', 'line');
+    head.append(made('b', this.last.text), made('span', `${at}, ${this.last.by}`, 'dim'));
+    const lines = linesOf(this.last).map((line) => made('li', line));
+    const list = made('ol', '', gradeOf(this.last));
+    list.append(...lines);
+    find('last-order').replaceChildren(head, list);
+  }
+}

@@ -1,0 +1,50 @@
+// Sends orders to v3d-viewd (daemon/viewd/operator_desk.h), with the operators' token of this tab.
+import type { OrderReport } from './message';
+
+const TOKEN_KEPT_AS = 'v3d-operator-token';
+
+export interface Order {
+  do: 'look' | 'arm' | 'start' | 'stop' | 'abort';
+  take?: string;
+  seconds?: number;
+  without?: string[];
+}
+
+export type Sent = { report: OrderReport } | { refusal: string; wrongToken: boolean };
+
+/** Kept for this tab alone, and gone with it. */
+export class OperatorToken {
+  private token = '';
+
+  constructor() {
+    try {
+      this.token = sessionStorage.getItem(TOKEN_KEPT_AS) ?? '';
+    } catch {
+      // without storage it is asked for again after a reload
+    }
+  }
+
+  get value(): string {
+    return this.token;
+  }
+  set value(token: string) {
+    this.token = token;
+    try {
+      if (token) sessionStorage.setItem(TOKEN_KEPT_AS, token);
+      else sessionStorage.removeItem(TOKEN_KEPT_AS);
+    } catch {
+      // as above
+    }
+  }
+}
+
+export async function send(order: Order, token: string): Promise<Sent> {
+  const answer = await fetch('api/order', {
+    method: 'POST',
+    headers: { 'Content-Type': 'application/json', 'X-V3D-Operator': token },
+    body: JSON.stringify(order),
+  }).catch(() => null);
+  if (!answer) return { refusal: 'No answer: whether the studio was told is not known. Look at the nodes.', wrongToken: false };
+  if (answer.ok) return { report: (await answer.json()) as OrderReport };
+  return { refusal: (await answer.text()).trim() || `The server answered ${answer.status}.`, wrongToken: answer.status === 401 };
+}

@@ -1,0 +1,81 @@
+import { describe, expect, it } from 'vitest';
+import type { NodeState, OrderReport } from '../src/message';
+import {
+  actionsIn, camerasNamed, doingOf, gradeOf, isTakeName, linesOf, nextName, recordingFacts,
+} from '../src/operator';
+
+const node = (name: string, state: string, take = '', values: Record<string, number> = {}): NodeState =>
+  ({ name, heard: true, cameras: [], state, take, values });
+const silent: NodeState = { name: 'cap09', heard: false, cameras: [] };
+const report = (more: Partial<OrderReport>): OrderReport =>
+  ({ type: 'order', number: 1, by: '127.0.0.1', at_ms: 0, do: 'arm', take: '', text: '', under_way: false, status: 0, lines: [], ...more });
+
+describe('an operator', () => {
+  it('is told by whoever is farthest into a take what the studio is at', () => {
+    expect(doingOf([silent])).toEqual({ phase: 'silent', take: '' });
+    expect(doingOf([silent, node('recon01', 'idle')])).toEqual({ phase: 'idle', take: '' });
+    expect(doingOf([node('cap01', 'armed', 'kendo-07'), node('recon01', 'recording', 'kendo-07')]))
+      .toEqual({ phase: 'recording', take: 'kendo-07' });
+    expect(doingOf([node('cap01', 'draining', 'kendo-07'), node('recon01', 'armed', 'x')]).phase).toBe('draining');
+    expect(doingOf([node('cap01', 'fault'), node('recon01', 'armed', 'kendo-07')]).take).toBe('kendo-07');
+  });
+
+  it('may do only what makes sense', () => {
+    expect(actionsIn('idle', null)).toEqual(['arm']);
+    expect(actionsIn('armed', null)).toEqual(['start', 'abort']);
+    expect(actionsIn('recording', null)).toEqual(['stop', 'abort']);
+    expect(actionsIn('draining', null)).toEqual([]);
+    expect(actionsIn('silent', null)).toEqual([]);
+  });
+
+  it('waits for the order that is under way', () => {
+    for (const phase of ['idle', 'armed', 'recording'] as const) {
+      expect(actionsIn(phase, report({ under_way: true }))).toEqual([]);
+    }
+  });
+
+  it('can ask for the verdict of a take that ended by itself', () => {
+    expect(actionsIn('idle', report({ do: 'start' }))).toEqual(['verdict', 'arm']);
+    expect(actionsIn('idle', report({ do: 'start', status: 1 }))).toEqual(['arm']);
+    expect(actionsIn('idle', report({ do: 'stop' }))).toEqual(['arm']);
+  });
+
+  it('finds the name of the next take made', () => {
+    expect(nextName('kendo-07')).toBe('kendo-08');
+    expect(nextName('kendo-99')).toBe('kendo-100');
+    expect(nextName('7')).toBe('8');
+    expect(nextName('dance')).toBe('dance-02');
+    expect(nextName('')).toBe('');
+    expect(nextName('take-99999999999999999999')).toBe('take-100000000000000000000');
+  });
+
+  it('names a take by what can be the name of a folder', () => {
+    for (const name of ['kendo-07', '_x', 'A.b_c-9', 'a'.repeat(64)]) expect(isTakeName(name), name).toBe(true);
+    for (const name of ['', '.x', '-x', '../x', 'a b', 'a/b', 'ä', 'a'.repeat(65), 'a\n']) expect(isTakeName(name), name).toBe(false);
+  });
+
+  it('is offered the cameras that a refusal names', () => {
+    const lines = ['cap01         not ready: cam07 (GV-4103) silent since 14:03:11. Try: v3dctl doctor cap01'];
+    expect(camerasNamed(lines, ['cam01', 'cam07', 'cam070'])).toEqual(['cam07']);
+    expect(camerasNamed([], ['cam01'])).toEqual([]);
+  });
+
+  it('reads how the recording goes', () => {
+    const nodes = [
+      node('cap01', 'recording', 'k', { pulses_sensed: 1300, cameras_streaming: 8, cameras: 8, frames_missing: 1 }),
+      node('cap02', 'recording', 'k', { cameras_streaming: 6, cameras: 7, frames_missing: 2 }),
+      node('recon01', 'recording', 'k', { live_fps: 24.96 }),
+    ];
+    expect(recordingFacts(nodes)).toBe('1,300 pulses · 14/15 cameras · 3 missing · live 25.0/s');
+    expect(recordingFacts([silent])).toBe('');
+  });
+
+  it('sees by its colour whether an order went well', () => {
+    expect(gradeOf(report({}))).toBe('good');
+    expect(gradeOf(report({ status: 3 }))).toBe('warning');
+    expect(gradeOf(report({ status: 1 }))).toBe('alarm');
+    expect(linesOf(report({ lines: ['armed'] }))).toEqual(['armed']);
+    expect(linesOf(report({ under_way: true, lines: ['old'] }))).toEqual(['under way']);
+    expect(linesOf(report({ status: 143 }))).toEqual(['v3dctl ended with status 143, and said nothing']);
+  });
+});
