@@ -4,47 +4,23 @@ import { execFileSync } from 'node:child_process';
 import { mkdirSync, readFileSync, writeFileSync } from 'node:fs';
 import { join } from 'node:path';
 import { after, before, test } from 'node:test';
+import { Eyes, isNear } from './eyes.mjs';
 import { launchBrowser, NO_GL, ServedStudio, WITHIN } from './served_studio.mjs';
 import { ssim } from './ssim.mjs';
 
 const build = process.env.V3D_BUILD;
 const studio = new ServedStudio(build);
 const { folder } = studio;
-let browser, page;
+let browser, page, eyes;
 
-const text = (id) => page.textContent(`#${id}`);
-const shows = (id, part) => page.waitForFunction(([i, p]) => document.getElementById(i).textContent.includes(p), [id, part], { timeout: WITHIN });
+const text = (id) => eyes.text(id);
+const shows = (id, part) => eyes.shows(id, part);
 const open = (hash) => page.goto(`${studio.address}#${hash}`);
-const shownPulse = async () => Number(/pulse (\d+)/.exec(await text('facts'))?.[1] ?? -1);
-const showsPulse = (pulse) => shows('facts', `pulse ${pulse} `);
-
-/** Pixels of a PNG: red, green, blue and 255 of each. */
-const decode = async (png) => Buffer.from(await page.evaluate(async (data) => {
-  const bytes = Uint8Array.from(atob(data), (c) => c.charCodeAt(0));
-  const picture = await createImageBitmap(new Blob([bytes], { type: 'image/png' }));
-  const pen = new OffscreenCanvas(picture.width, picture.height).getContext('2d');
-  pen.drawImage(picture, 0, 0);
-  const pixels = pen.getImageData(0, 0, picture.width, picture.height).data;
-  let text = ''; // a list of a million numbers would be on its way for half a minute
-  for (let at = 0; at < pixels.length; at += 8192) text += String.fromCharCode(...pixels.subarray(at, at + 8192));
-  return btoa(text);
-}, png.toString('base64')), 'base64');
-
-/** Of a place of the stage, 0 to 1 of its width and height: [red, green, blue]. */
-async function colourAt(across, down) {
-  const box = await page.locator('#canvas').boundingBox();
-  const at = { x: Math.round(box.x + box.width * across), y: Math.round(box.y + box.height * down), width: 1, height: 1 };
-  return [...(await decode(await page.screenshot({ clip: at }))).subarray(0, 3)];
-}
-const middle = () => colourAt(0.5, 0.5);
-const isNear = (wanted) => (colour) => colour.every((c, k) => Math.abs(c - wanted[k]) <= 6);
-/** Until the colour there is as it should be: what was asked for is drawn with the next picture. */
-async function becomes(check, what, seen = middle) {
-  const until = Date.now() + WITHIN;
-  for (let colour; !check((colour = await seen())); ) {
-    if (Date.now() > until) assert.fail(`${what}: it is ${colour}`);
-  }
-}
+const shownPulse = () => eyes.shownPulse();
+const showsPulse = (pulse) => eyes.showsPulse(pulse);
+const decode = (png) => eyes.decode(png);
+const colourAt = (across, down) => eyes.colourAt(across, down);
+const becomes = (check, what, seen) => eyes.becomes(check, what, seen);
 const middleBecomes = (wanted) => becomes(isNear(wanted), `wanted ${wanted}`);
 
 const v3dctl = (...words) => execFileSync(join(build, 'bin/v3dctl'), words, { cwd: folder });
@@ -72,6 +48,7 @@ before(async () => {
   browser = await launchBrowser();
   page = await browser.newPage({ viewport: { width: 1000, height: 640 } });
   page.setDefaultTimeout(WITHIN);
+  eyes = new Eyes(page);
 });
 after(async () => {
   await browser?.close();
@@ -136,8 +113,7 @@ test('stands where a camera stands', async () => {
   await middleBecomes([40, 40, 200]);
 });
 
-const settles = (scene) => page.waitForFunction(
-  (name) => document.getElementById('title').textContent === name && document.getElementById('canvas').dataset.settled === 'true', scene);
+const settles = (scene) => eyes.settles(scene);
 
 test('composes takes and models into a scene, each at its place and time', async () => {
   await open('scene=duel&at=0.2');

@@ -5,7 +5,7 @@
 #include "take/ledger.h"
 #include "take/mesh_file.h"
 #include "take/take.h"
-#include "tests/codec/scene.h"
+#include "tests/viewer/ball_frames.h"
 
 namespace v3d {
 namespace {
@@ -40,15 +40,6 @@ void save_take(const std::filesystem::path& folder, int64_t pulses) {
   save_calib(paths.calib(), one_camera());
 }
 
-/// One colour all over.
-FrameContent ball_of(Scene& scene, int64_t pulse, VertexColour colour) {
-  scene.colours.assign(scene.mesh.vertices.size(), colour);
-  FrameContent content = scene.content(pulse);
-  const double half = 25 * scene.volume.grid().voxel_m;
-  content.facts.origin = {-half, -half, 1 - half};
-  return content;
-}
-
 void save_meshes(const std::filesystem::path& path) {
   Scene scene(ball(20));
   FrameEncoder encoder({.key_every = 10});
@@ -57,7 +48,7 @@ void save_meshes(const std::filesystem::path& path) {
     if (pulse >= kTurnsBlue && pulse < kBackAgain) continue;
     const VertexColour colour =
         pulse < kTurnsBlue ? VertexColour{40, 200, 40} : VertexColour{40, 40, 200};
-    file.append(pulse, *encoder.encode(ball_of(scene, pulse, colour)));
+    file.append(pulse, *encoder.encode(ball_frame(scene, pulse, colour)));
   }
   file.close();
 }

@@ -2,12 +2,12 @@
 import { readFileSync } from 'node:fs';
 import { createServer } from 'node:http';
 import { basename, dirname, join } from 'node:path';
+import { megabytes, memoryOf } from '../../tests/viewer/page_memory.mjs';
 import { launchBrowser, ServedStudio, WITHIN } from '../../tests/viewer/served_studio.mjs';
 
 const [build, take, wanted] = process.argv.slice(2);
 const MOST_GROWTH = 32e6;
 const WARM = 1000;
-const megabytes = (bytes) => (bytes / 1e6).toFixed(1);
 
 /** Frames a second of one thread in the browser, and what one is. */
 async function decodeRate(browser) {
@@ -45,17 +45,6 @@ async function decodeRate(browser) {
   await page.close();
   server.close();
   return measured;
-}
-
-/** What the page's processes hold, after rubbish was collected: bytes. */
-async function memoryOf(browser, page) {
-  const session = await page.context().newCDPSession(page);
-  await session.send('HeapProfiler.collectGarbage');
-  const { usedSize } = await session.send('Runtime.getHeapUsage');
-  const { processInfo } = await (await browser.newBrowserCDPSession()).send('SystemInfo.getProcessInfo');
-  const resident = processInfo.filter(({ type }) => type === 'renderer').map(({ id }) =>
-    1024 * Number(/VmRSS:\s+(\d+)/.exec(readFileSync(`/proc/${id}/status`, 'utf8'))[1]));
-  return { heap: usedSize, resident: Math.max(...resident) };
 }
 
 async function playFor(browser, frames, warm) {

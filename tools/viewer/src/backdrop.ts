@@ -29,6 +29,7 @@ export class Backdrop {
   private shown = '';
   private texture: Texture | null = null;
   private video: HTMLVideoElement | null = null;
+  private videoAt = 0;
   private readonly uniforms = { sphere: { value: null as Texture | null }, turn: { value: 0 } };
   private readonly sphere = new Mesh(
     new BoxGeometry(1, 1, 1),
@@ -80,18 +81,30 @@ export class Backdrop {
     const video = document.createElement('video');
     Object.assign(video, { src: url, muted: true, playsInline: true, preload: 'auto' });
     video.addEventListener('error', () => this.trouble(`The background ${url} is no video that this browser plays.`));
-    for (const event of ['seeked', 'loadeddata']) video.addEventListener(event, () => this.changed());
     this.video = video;
-    this.texture = new VideoTexture(video);
+    const texture = (this.texture = new VideoTexture(video));
     this.texture.colorSpace = SRGBColorSpace;
     this.scene.background = this.texture;
+    video.addEventListener('loadedmetadata', () => this.seekVideo());
+    for (const event of ['seeked', 'loadeddata']) {
+      video.addEventListener(event, () => {
+        texture.needsUpdate = true;
+        this.changed();
+        this.seekVideo(); // another moment may be wanted by now
+      });
+    }
   }
 
   /** Of the scene, seconds: a video shows that moment of itself. */
   setTime(seconds: number): void {
+    this.videoAt = seconds;
+    this.seekVideo();
+  }
+
+  private seekVideo(): void {
     const video = this.video;
     if (!video || video.readyState < 1) return;
-    const at = Math.min(seconds, video.duration || 0);
+    const at = Math.min(this.videoAt, video.duration || 0);
     if (Math.abs(video.currentTime - at) > 0.02 && !video.seeking) video.currentTime = at;
   }
 

@@ -1,0 +1,62 @@
+// What can be seen on a page of the viewer.
+import assert from 'node:assert/strict';
+import { WITHIN } from './served_studio.mjs';
+
+/** No colour is farther from what it should be. */
+const NEAR = 6;
+
+export const isNear = (wanted) => (colour) => colour.every((c, k) => Math.abs(c - wanted[k]) <= NEAR);
+
+export class Eyes {
+  constructor(page) {
+    this.page = page;
+  }
+
+  text(id) {
+    return this.page.textContent(`#${id}`);
+  }
+  shows(id, part) {
+    const has = ([i, p]) => document.getElementById(i).textContent.includes(p);
+    return this.page.waitForFunction(has, [id, part], { timeout: WITHIN });
+  }
+  showsPulse(pulse) {
+    return this.shows('facts', `pulse ${pulse} `);
+  }
+  async shownPulse() {
+    return Number(/pulse (\d+)/.exec(await this.text('facts'))?.[1] ?? -1);
+  }
+  /** Until all of a scene has been loaded and drawn. */
+  settles(scene) {
+    return this.page.waitForFunction((name) => document.getElementById('title').textContent === name
+      && document.getElementById('canvas').dataset.settled === 'true', scene, { timeout: WITHIN });
+  }
+
+  /** Pixels of a PNG: red, green, blue and 255 of each. */
+  async decode(png) {
+    return Buffer.from(await this.page.evaluate(async (data) => {
+      const bytes = Uint8Array.from(atob(data), (c) => c.charCodeAt(0));
+      const picture = await createImageBitmap(new Blob([bytes], { type: 'image/png' }));
+      const pen = new OffscreenCanvas(picture.width, picture.height).getContext('2d');
+      pen.drawImage(picture, 0, 0);
+      const pixels = pen.getImageData(0, 0, picture.width, picture.height).data;
+      let text = ''; // a list of a million numbers would be on its way for half a minute
+      for (let at = 0; at < pixels.length; at += 8192) text += String.fromCharCode(...pixels.subarray(at, at + 8192));
+      return btoa(text);
+    }, png.toString('base64')), 'base64');
+  }
+
+  /** Of a place of the stage, 0 to 1 of its width and height: [red, green, blue]. */
+  async colourAt(across, down) {
+    const box = await this.page.locator('#canvas').boundingBox();
+    const at = { x: Math.round(box.x + box.width * across), y: Math.round(box.y + box.height * down), width: 1, height: 1 };
+    return [...(await this.decode(await this.page.screenshot({ clip: at }))).subarray(0, 3)];
+  }
+
+  /** Until the colour there is as it should be: what was asked for is drawn with the next picture. */
+  async becomes(check, what, seen = () => this.colourAt(0.5, 0.5)) {
+    const until = Date.now() + WITHIN;
+    for (let colour; !check((colour = await seen())); ) {
+      if (Date.now() > until) assert.fail(`${what}: it is ${colour}`);
+    }
+  }
+}

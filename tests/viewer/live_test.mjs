@@ -1,0 +1,146 @@
+// Live meshes in the viewer, sent by viewer_live (send_live.cc) through LCM and the real v3d-viewd. Every mesh that the page
+// shows is judged: it must be the whole ball of its pulse, whatever was lost before it.
+import assert from 'node:assert/strict';
+import { spawn } from 'node:child_process';
+import { join } from 'node:path';
+import { after, before, test } from 'node:test';
+import { Eyes } from './eyes.mjs';
+import { launchBrowser, LCM_URL, ServedStudio, WITHIN } from './served_studio.mjs';
+
+const build = process.env.V3D_BUILD;
+const studio = new ServedStudio(build);
+const RATE = 20;
+const SEED = 8;
+let browser, page, eyes;
+
+/** Says what became of each pulse; `over` resolves with all of that. */
+function sendLive(pulses, lostPercent) {
+  const sender = spawn(join(build, 'tests/viewer_live'), [LCM_URL, pulses, RATE, lostPercent, SEED].map(String));
+  let said = '';
+  sender.stdout.on('data', (data) => (said += data));
+  const over = new Promise((done, fail) => sender.on('exit', (status) => {
+    if (status !== 0) return fail(new Error(`viewer_live ended with ${status}`));
+    done(said.trim().split('\n').map((line) => {
+      const [pulse, kind, fate] = line.split(' ');
+      return { pulse: Number(pulse), key: kind === 'key', lost: fate === 'lost' };
+    }));
+  }));
+  return { over, end: () => sender.kill() };
+}
+
+/** In the page, before its scripts: looks at every mesh on its way from the worker to the screen. */
+function judgeMeshes() {
+  const seen = (globalThis.seenMeshes = []);
+  const wrong = ({ pulse, positions, colours, indices }) => {
+    const vertices = positions.length / 3;
+    if (vertices < 1000 || indices.length < 3 * vertices) return `${vertices} vertices, ${indices.length} indices`;
+    if (indices.some((index) => index >= vertices)) return 'a triangle without a vertex';
+    const radius = 0.01 * (12 + (Math.floor(pulse / 5) % 8));
+    const level = (factor) => 40 + (pulse * factor) % 170;
+    const wanted = [level(67), level(101), level(139)];
+    const each = colours.length / vertices;
+    for (let v = 0; v < vertices; ++v) {
+      const r = Math.hypot(positions[3 * v], positions[3 * v + 1], positions[3 * v + 2] - 1);
+      if (Math.abs(r - radius) > 0.015) return `a vertex ${r.toFixed(3)} m from the middle, not ${radius}`;
+      for (let c = 0; c < 3; ++c) {
+        if (Math.abs(colours[each * v + c] - wanted[c]) > 12) return `the colour ${colours.slice(each * v, each * v + 3)}, not ${wanted}`;
+      }
+    }
+    return '';
+  };
+  globalThis.Worker = class extends Worker {
+    constructor(...how) {
+      super(...how);
+      this.addEventListener('message', ({ data }) => {
+        if (data.kind === 'frame') seen.push({ pulse: data.frame.pulse, wrong: wrong(data.frame) });
+      });
+    }
+  };
+}
+const seenMeshes = () => page.evaluate(() => globalThis.seenMeshes);
+const seesPulse = (least) => page.waitForFunction((n) => globalThis.seenMeshes.some(({ pulse }) => pulse >= n), least, { timeout: WITHIN });
+
+before(async () => {
+  await studio.start();
+  browser = await launchBrowser();
+  page = await browser.newPage({ viewport: { width: 500, height: 400 } });
+  page.setDefaultTimeout(WITHIN);
+  eyes = new Eyes(page);
+  await page.addInitScript(judgeMeshes);
+  await page.goto(`${studio.address}#live`);
+  await eyes.shows('live-text', 'connected');
+});
+after(async () => {
+  await browser?.close();
+  await studio.end();
+});
+
+test('says so as long as nothing is live', async () => {
+  await eyes.shows('trouble', 'Nothing is recorded at the moment');
+});
+
+test('recovers at the next key frame where frames were lost, and never shows a broken mesh', async (story) => {
+  const sender = sendLive(400, 5);
+  const fates = await sender.over;
+  const canBeShown = [];
+  let whole = false;
+  for (const { pulse, key, lost } of fates) {
+    whole = !lost && (key || whole);
+    if (whole) canBeShown.push(pulse);
+  }
+  const last = canBeShown.at(-1);
+  await seesPulse(last);
+  const seen = await seenMeshes();
+  const lost = fates.filter((fate) => fate.lost);
+  story.diagnostic(`${lost.length} of ${fates.length} frames lost, ${fates.length - canBeShown.length} not to be shown, ${seen.length} shown`);
+  assert.ok(lost.some(({ key }) => key) && lost.some(({ key }) => !key), 'key frames are lost, and others');
+  assert.deepEqual(seen.filter(({ wrong }) => wrong), [], 'no mesh is broken');
+  assert.deepEqual(seen.filter(({ pulse }) => !canBeShown.includes(pulse)), [], 'none is shown that lacks the frame before');
+  assert.ok(seen.every(({ pulse }, n) => n === 0 || pulse > seen[n - 1].pulse), 'they are shown in their order');
+  // Of what is whole the newest is shown; a busy machine may leave some out, but no stretch between two losses.
+  const stretches = [];
+  for (const pulse of canBeShown) {
+    if (pulse === stretches.at(-1)?.at(-1) + 1) stretches.at(-1).push(pulse);
+    else stretches.push([pulse]);
+  }
+  const unseen = stretches.filter((stretch) => stretch.length >= RATE / 4 && !seen.some(({ pulse }) => stretch.includes(pulse)));
+  assert.deepEqual(unseen, [], 'it recovers after every loss');
+});
+
+test('tells how far behind the pulse it is', async () => {
+  const sender = sendLive(200, 0);
+  try {
+    await eyes.shows('facts', 'behind the pulse');
+    const [, latency] = /(\d+) ms behind the pulse/.exec(await eyes.text('facts'));
+    assert.ok(Number(latency) >= 0);
+    await eyes.shows('title', 'Live: lossy');
+  } finally {
+    sender.end();
+    await sender.over.catch(() => {});
+  }
+});
+
+test('goes on with live meshes when the service has been restarted', async () => {
+  const sender = sendLive(2000, 0);
+  try {
+    await studio.stop();
+    await eyes.shows('live-text', 'connecting');
+    const before = (await seenMeshes()).length;
+    await studio.start();
+    await page.waitForFunction((n) => globalThis.seenMeshes.length > n + 5, before, { timeout: WITHIN });
+    assert.deepEqual((await seenMeshes()).filter(({ wrong }) => wrong), []);
+    assert.match(await eyes.text('live-text'), /connected/);
+  } finally {
+    sender.end();
+    await sender.over.catch(() => {});
+  }
+});
+
+test('takes up the studio page again when the service has been restarted', async () => {
+  await page.goto(`${studio.address}studio.html`);
+  await eyes.shows('nodes', 'silent');
+  await studio.stop();
+  await eyes.shows('banner', 'does not answer');
+  await studio.start();
+  await eyes.shows('banner', 'no studio key');
+});

@@ -1,0 +1,47 @@
+// Ten thousand meshes, one after the other, as fast as the page shows them: the memory stays what it was.
+import assert from 'node:assert/strict';
+import { execFileSync } from 'node:child_process';
+import { join } from 'node:path';
+import { after, before, test } from 'node:test';
+import { megabytes, memoryOf } from './page_memory.mjs';
+import { launchBrowser, ServedStudio, WITHIN } from './served_studio.mjs';
+
+const build = process.env.V3D_BUILD;
+const studio = new ServedStudio(build);
+const MESHES = Number(process.env.V3D_MESHES ?? 10_000);
+const SAMPLES = 10;
+// The first samples are left out: code is compiled, buffers find their size. A leak of one of a mesh's arrays in a hundred
+// meshes would be more than either.
+const MOST_HEAP_GROWTH = 4e6;
+const MOST_RESIDENT_GROWTH = 32e6;
+let browser, page;
+
+before(async () => {
+  execFileSync(join(build, 'tests/viewer_takes'), [studio.folder]);
+  await studio.start();
+  browser = await launchBrowser();
+  page = await browser.newPage({ viewport: { width: 420, height: 320 } });
+  page.setDefaultTimeout(WITHIN);
+});
+after(async () => {
+  await browser?.close();
+  await studio.end();
+});
+
+test('takes no more memory the longer it plays', async (story) => {
+  await page.goto(`${studio.address}#take=ball`);
+  await page.waitForFunction(() => Number(document.getElementById('canvas').dataset.shown) > 0);
+  await page.selectOption('#speed', '4');
+  const samples = [];
+  for (let n = 1; n <= SAMPLES; ++n) {
+    const meshes = Math.round((MESHES * n) / SAMPLES);
+    await page.waitForFunction((most) => Number(document.getElementById('canvas').dataset.shown) >= most, meshes, { timeout: 0 });
+    const { heap, resident } = await memoryOf(browser, page);
+    samples.push({ heap, resident });
+    story.diagnostic(`after ${meshes} meshes: ${megabytes(heap)} MB of JavaScript, ${megabytes(resident)} MB resident`);
+  }
+  const growth = (what) => samples.at(-1)[what] - Math.max(...samples.slice(0, 2).map((sample) => sample[what]));
+  story.diagnostic(`growth: ${megabytes(growth('heap'))} MB of JavaScript, ${megabytes(growth('resident'))} MB resident`);
+  assert.ok(growth('heap') <= MOST_HEAP_GROWTH, `JavaScript has grown by ${growth('heap')} bytes`);
+  assert.ok(growth('resident') <= MOST_RESIDENT_GROWTH, `the renderer has grown by ${growth('resident')} bytes`);
+});

@@ -1,0 +1,70 @@
+// usage: viewer_live LCM_URL PULSES RATE_HZ LOST_PERCENT SEED: live meshes as v3d-recond sends
+// them, of which the network loses some: a ball whose size and colour tell its pulse (live_test.mjs
+// has the same rules). Prints a line for each pulse: its number, "key" or "inter", "sent" or
+// "lost".
+#include <cstdio>
+#include <cstdlib>
+#include <random>
+#include <thread>
+
+#include "base/time.h"
+#include "codec/frame_header.h"
+#include "daemon/bus.h"
+#include "tests/viewer/ball_frames.h"
+
+namespace v3d {
+namespace {
+
+constexpr int kKeyEvery = 10;
+
+/// No two pulses near each other have nearly the same.
+VertexColour colour_of(int64_t pulse) {
+  const auto level = [&](int64_t factor) {
+    return static_cast<uint8_t>(40 + pulse * factor % 170);
+  };
+  return {level(67), level(101), level(139)};
+}
+
+/// The same for some pulses, so that frames are told from those before.
+double radius_of(int64_t pulse) { return static_cast<double>(12 + pulse / 5 % 8); }
+
+MeshMessage message_of(int64_t pulse, std::vector<uint8_t> compact) {
+  MeshMessage message;
+  message.sent = Realtime::now();
+  message.seq = pulse;
+  message.take = "lossy";
+  message.pulse = pulse;
+  message.pulse_edge = Realtime::now();
+  message.cameras = 1;
+  message.compact = std::move(compact);
+  return message;
+}
+
+void send(const std::string& url, int64_t pulses, double rate_hz, double lost_percent,
+          uint32_t seed) {
+  Bus bus(url);
+  FrameEncoder encoder({.key_every = kKeyEvery});
+  std::mt19937 random(seed);
+  MonotonicInstant due = Monotonic::now();
+  for (int64_t pulse = 0; pulse < pulses; ++pulse) {
+    Scene scene(ball(radius_of(pulse)));
+    auto compact = *encoder.encode(ball_frame(scene, pulse, colour_of(pulse)));
+    const bool key = !read_header(compact)->is(FrameHeader::kInter);
+    const bool lost = random() % 10'000 < lost_percent * 100;
+    if (!lost) bus.publish(kMeshChannel, encode(message_of(pulse, std::move(compact))));
+    std::printf("%lld %s %s\n", static_cast<long long>(pulse), key ? "key" : "inter",
+                lost ? "lost" : "sent");
+    std::fflush(stdout);
+    due += period_of(rate_hz);
+    std::this_thread::sleep_until(due);
+  }
+}
+
+}  // namespace
+}  // namespace v3d
+
+int main(int /*argc*/, char** argv) {
+  v3d::send(argv[1], std::atoll(argv[2]), std::atof(argv[3]), std::atof(argv[4]),
+            static_cast<uint32_t>(std::atoll(argv[5])));
+  return 0;
+}
