@@ -1,10 +1,14 @@
 // v3d-viewd: shows the studio and its takes to browsers.
 #include <spdlog/spdlog.h>
+#include <unistd.h>
+
+#include <thread>
 
 #include "base/error.h"
 #include "daemon/daemon_main.h"
 #include "daemon/operator_client.h"
 #include "daemon/service.h"
+#include "daemon/viewd/hearing.h"
 #include "daemon/viewd/live_feed.h"
 #include "daemon/viewd/operator_desk.h"
 #include "daemon/viewd/order_runner.h"
@@ -16,6 +20,9 @@
 namespace {
 
 constexpr v3d::Duration kLook = std::chrono::milliseconds(20);
+/// Who stops all processes of a service tells one before the other.
+constexpr v3d::Duration kStopArrivesWithin = std::chrono::seconds(1);
+constexpr char kHear[] = "--hear";
 
 std::string token_of(const v3d::Studio& studio, const v3d::WebAddress& address) {
   if (!studio.viewer.token.empty()) return v3d::load_web_token(studio.viewer.token, "viewer.token");
@@ -40,20 +47,47 @@ void turn(Served served, v3d::OrderRunner& runner, v3d::MonotonicInstant now) {
   served.board.set_order(served.desk.last());
 }
 
+/// Where a message belongs.
+struct Take {
+  Served served;
+  v3d::MonotonicInstant now;
+  void operator()(const v3d::NotVerified& heard) const {
+    if (!heard.why.empty()) spdlog::warn("not verified: {}", heard.why);
+    served.board.set_not_verified(heard.why);
+  }
+  void operator()(const v3d::MeshMessage& mesh) const { served.feed.add(mesh); }
+  void operator()(const v3d::HealthMessage& health) const { served.board.hear(health, now); }
+  void operator()(const v3d::EventMessage& event) const { served.board.hear(event); }
+  void operator()(const v3d::PreviewMessage& preview) const { served.board.hear(preview); }
+};
+
 /// Brings what is heard on the studio's network to who watches.
-void listen(v3d::OperatorClient& client, v3d::WebServer& server, Served served,
+void listen(v3d::Hearing& hearing, v3d::WebServer& server, Served served,
             v3d::OrderRunner& runner) {
-  const auto mesh = client.next_mesh(v3d::Monotonic::now() + kLook);
+  hearing.wait(v3d::Monotonic::now() + kLook);
   const v3d::MonotonicInstant now = v3d::Monotonic::now();
   server.run_inside([&](int64_t watchers) {
-    if (mesh) served.feed.add(*mesh);
-    while (const auto health = client.next_health(now)) served.board.hear(*health, now);
-    while (const auto event = client.next_event(now)) served.board.hear(*event);
-    while (const auto preview = client.next_preview(now)) served.board.hear(*preview);
+    while (const auto heard = hearing.next()) std::visit(Take{served, now}, *heard);
     turn(served, runner, now);
     served.board.set_watchers(watchers);
     served.board.turn(now);
   });
+}
+
+/// What is heard until the service is to stop: then the one who hears may be gone before us.
+void serve(v3d::Hearing& hearing, v3d::WebServer& server, Served served, v3d::OrderRunner& runner) {
+  try {
+    while (!v3d::stop_requested()) {
+      listen(hearing, server, served, runner);
+      v3d::service::feed_watchdog();
+    }
+  } catch (const v3d::HearingEnded&) {
+    const v3d::MonotonicInstant deadline = v3d::Monotonic::now() + kStopArrivesWithin;
+    while (!v3d::stop_requested()) {
+      if (v3d::Monotonic::now() > deadline) throw;
+      std::this_thread::sleep_for(kLook);
+    }
+  }
 }
 
 void run(const v3d::Studio& studio, const std::string& /*node*/) {
@@ -64,10 +98,9 @@ void run(const v3d::Studio& studio, const std::string& /*node*/) {
   v3d::OrderRunner runner(studio);
   if (desk.is_open()) runner.refuse_without_v3dctl();
   v3d::WebSite site(studio, v3d::WebAccess(token), v3d::find_page_files(studio.viewer.page), desk);
-  v3d::OperatorClient client(studio);
-  if (!client.not_verified().empty()) spdlog::warn("not verified: {}", client.not_verified());
+  v3d::Hearing hearing(studio, kHear);
   v3d::LiveFeed feed;
-  v3d::StudioBoard board(studio, client.nodes(), client.not_verified());
+  v3d::StudioBoard board(studio, v3d::commanded_nodes(studio), "");
   board.set_control(desk.is_open());
   const auto watch = [&](v3d::WebSite::StreamKind kind) {
     return kind == v3d::WebSite::StreamKind::kLive ? feed.watch() : board.watch();
@@ -78,19 +111,26 @@ void run(const v3d::Studio& studio, const std::string& /*node*/) {
   spdlog::info("serves http://{}:{}/{}", host, server.port(),
                desk.is_open() ? ", and takes orders" : "");
   v3d::service::ready();
-  while (!v3d::stop_requested()) {
-    listen(client, server, {feed, board, desk}, runner);
-    v3d::service::feed_watchdog();
-  }
+  serve(hearing, server, {feed, board, desk}, runner);
   v3d::service::stopping();
+}
+
+void hear(const v3d::Studio& studio, const std::string& /*node*/) {
+  v3d::tell_what_is_heard(studio, STDOUT_FILENO);
 }
 
 }  // namespace
 
 int main(int argc, char** argv) {
-  return v3d::daemon_main(argc, argv,
-                          {.name = "v3d-viewd",
-                           .purpose = "Shows a studio and its takes to browsers.",
-                           .is_a_node = false},
-                          run);
+  return v3d::daemon_main(
+      argc, argv,
+      {.name = "v3d-viewd",
+       .purpose = "Shows a studio and its takes to browsers.",
+       .is_a_node = false,
+       .errand =
+           v3d::DaemonErrand{.flag = kHear,
+                             .purpose = "Tell on standard output what is heard on the studio's "
+                                        "network: v3d-viewd starts itself so",
+                             .run = hear}},
+      run);
 }

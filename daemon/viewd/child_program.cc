@@ -46,6 +46,34 @@ class Attributes {
 
 }  // namespace
 
+pid_t spawn_program(const std::vector<std::string>& words, int output, int errors) {
+  std::vector<char*> arguments;
+  for (const std::string& word : words) arguments.push_back(const_cast<char*>(word.c_str()));
+  arguments.push_back(nullptr);
+  posix_spawn_file_actions_t actions;
+  posix_spawn_file_actions_init(&actions);
+  posix_spawn_file_actions_addopen(&actions, STDIN_FILENO, "/dev/null", O_RDONLY, 0);
+  posix_spawn_file_actions_adddup2(&actions, output, STDOUT_FILENO);
+  posix_spawn_file_actions_adddup2(&actions, errors, STDERR_FILENO);
+  // Not every library opens its sockets so that they close by themselves.
+  posix_spawn_file_actions_addclosefrom_np(&actions, STDERR_FILENO + 1);
+  const Attributes attributes;
+  pid_t child = -1;
+  const int error = posix_spawn(&child, arguments[0], &actions, attributes.get(), arguments.data(),
+                                environment().data());
+  posix_spawn_file_actions_destroy(&actions);
+  if (error == 0) return child;
+  errno = error;
+  return -1;
+}
+
+void end_program(pid_t child) {
+  if (child < 0) return;
+  kill(child, SIGKILL);
+  while (waitpid(child, nullptr, 0) < 0 && errno == EINTR) {
+  }
+}
+
 void ChildProgram::Pipe::close() {
   if (fd >= 0) ::close(fd);
   fd = -1;
@@ -67,9 +95,10 @@ ChildProgram::ChildProgram(const std::vector<std::string>& words, MonotonicInsta
   std::array<int, 2> output{-1, -1};
   std::array<int, 2> errors{-1, -1};
   if (pipe2(output.data(), O_CLOEXEC) == 0 && pipe2(errors.data(), O_CLOEXEC) == 0) {
-    spawn(words, output[1], errors[1]);
-  } else {
-    end_ = {.status = kCannotRun, .errors = errno_message("pipe")};
+    child_ = spawn_program(words, output[1], errors[1]);
+  }
+  if (child_ < 0) {
+    end_ = {.status = kCannotRun, .errors = errno_message("cannot run " + words.front())};
   }
   for (const int fd : {output[1], errors[1]}) {
     if (fd >= 0) ::close(fd);
@@ -81,34 +110,10 @@ ChildProgram::ChildProgram(const std::vector<std::string>& words, MonotonicInsta
   }
 }
 
-void ChildProgram::spawn(const std::vector<std::string>& words, int output, int errors) {
-  std::vector<char*> arguments;
-  for (const std::string& word : words) arguments.push_back(const_cast<char*>(word.c_str()));
-  arguments.push_back(nullptr);
-  posix_spawn_file_actions_t actions;
-  posix_spawn_file_actions_init(&actions);
-  posix_spawn_file_actions_addopen(&actions, STDIN_FILENO, "/dev/null", O_RDONLY, 0);
-  posix_spawn_file_actions_adddup2(&actions, output, STDOUT_FILENO);
-  posix_spawn_file_actions_adddup2(&actions, errors, STDERR_FILENO);
-  // Not every library opens its sockets so that they close by themselves.
-  posix_spawn_file_actions_addclosefrom_np(&actions, STDERR_FILENO + 1);
-  const Attributes attributes;
-  const int error = posix_spawn(&child_, arguments[0], &actions, attributes.get(), arguments.data(),
-                                environment().data());
-  posix_spawn_file_actions_destroy(&actions);
-  if (error == 0) return;
-  child_ = -1;
-  errno = error;
-  end_ = {.status = kCannotRun, .errors = errno_message("cannot run " + words.front())};
-}
-
 ChildProgram::~ChildProgram() {
   output_.close();
   errors_.close();
-  if (child_ < 0) return;
-  kill(child_, SIGKILL);
-  while (waitpid(child_, nullptr, 0) < 0 && errno == EINTR) {
-  }
+  end_program(child_);
 }
 
 void ChildProgram::hurry(MonotonicInstant now) {

@@ -18,8 +18,15 @@ struct ProgramEnd {
   std::string errors = {};
 };
 
-/// Runs without a shell, with an environment of its own, no file of ours open, no signal blocked,
-/// and nothing to read. It is asked to end (SIGTERM) at the deadline, and killed a little later. Of
+/// Without a shell, with an environment of its own, no file of ours open but its output and errors,
+/// no signal blocked, and nothing to read. -1, with errno, where it cannot be run. `words`: a path,
+/// and the arguments.
+pid_t spawn_program(const std::vector<std::string>& words, int output, int errors);
+
+/// Kills it, and takes leave of it.
+void end_program(pid_t child);
+
+/// A spawn_program() that is asked to end (SIGTERM) at its deadline, and killed a little later. Of
 /// what it prints the first megabyte is kept. One thread.
 class ChildProgram {
  public:
@@ -42,7 +49,6 @@ class ChildProgram {
     void read_into(std::string& text);
     void close();
   };
-  void spawn(const std::vector<std::string>& words, int output, int errors);
   void hurry(MonotonicInstant now);
 
   pid_t child_ = -1;  ///< -1: it is over

@@ -72,6 +72,11 @@ void StudioBoard::hear(const PreviewMessage& preview) {
   if (found != previews_.end()) found->second = note(preview_message(preview));
 }
 
+void StudioBoard::set_not_verified(std::string why) {
+  changed_ = changed_ || why != state_.not_verified;
+  state_.not_verified = std::move(why);
+}
+
 void StudioBoard::set_watchers(int64_t watchers) {
   changed_ = changed_ || watchers != state_.watchers;
   state_.watchers = watchers;

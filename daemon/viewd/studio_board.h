@@ -32,6 +32,7 @@ class StudioBoard {
   void hear(const HealthMessage& health, MonotonicInstant now);
   void hear(const EventMessage& event);
   void hear(const PreviewMessage& preview);
+  void set_not_verified(std::string why);
   void set_watchers(int64_t watchers);
   void set_control(bool takes_orders);
   /// The last order; number 0: there was none.

@@ -15,6 +15,35 @@ using test::within;
 using testing::HasSubstr;
 using Json = nlohmann::json;
 
+/// Whether a process has these bytes anywhere in what it may write.
+bool holds(pid_t pid, const std::string& bytes) {
+  const std::string process = "/proc/" + std::to_string(pid);
+  std::ifstream maps(process + "/maps");
+  std::ifstream memory(process + "/mem", std::ios::binary);
+  EXPECT_TRUE(maps.good() && memory.good());
+  for (std::string line; std::getline(maps, line);) {
+    uint64_t first = 0;
+    uint64_t end = 0;
+    char modes[5] = {};
+    if (std::sscanf(line.c_str(), "%lx-%lx %4s", &first, &end, modes) != 3) continue;
+    if (modes[0] != 'r' || modes[1] != 'w') continue;
+    std::string part(end - first, 0);
+    memory.clear();
+    memory.seekg(static_cast<std::streamoff>(first));
+    memory.read(part.data(), static_cast<std::streamsize>(part.size()));
+    if (part.find(bytes) != std::string::npos) return true;
+  }
+  return false;
+}
+
+pid_t child_of(pid_t pid) {
+  const std::string process = "/proc/" + std::to_string(pid) + "/task/" + std::to_string(pid);
+  std::ifstream children(process + "/children");
+  pid_t child = -1;
+  children >> child;
+  return child;
+}
+
 class CommandedStudio : public test::ViewedStudio {
  protected:
   CommandedStudio() : ViewedStudio("control = true\noperator_token = \"operator.token\"\n") {}
@@ -25,6 +54,16 @@ class CommandedStudio : public test::ViewedStudio {
         "Connection: close\r\nContent-Type: application/json\r\nX-V3D-Operator: " + token +
             "\r\nContent-Length: " + std::to_string(order.size()) + "\r\n",
         "POST", order);
+  }
+  /// The bytes of the studio key.
+  std::string studio_secret() const {
+    const std::string text = read_file(studio_.network.key);
+    const size_t line = text.find_last_of('\n', text.size() - 2) + 1;
+    std::string secret;
+    for (size_t at = line; at + 1 < text.size(); at += 2) {
+      secret += static_cast<char>(std::stoi(text.substr(at, 2), nullptr, 16));
+    }
+    return secret;
   }
   /// What there is to tell of the last order.
   Json last() const {
@@ -63,6 +102,10 @@ TEST_F(CommandedStudio, takes_a_whole_take_by_orders_from_a_browser) {
   EXPECT_EQ(verify.wait(within(60)), 0) << verify.output();
   EXPECT_TRUE(watcher->hears("127.0.0.1: stop: done: take kendo-07: complete")) << "an event tells";
   EXPECT_THAT(viewd_->output(), HasSubstr("operator at 127.0.0.1: arm kendo-07"));
+  const std::string secret = studio_secret();
+  ASSERT_EQ(secret.size(), 32U);
+  EXPECT_FALSE(holds(viewd_->pid(), secret)) << "the process that reads what browsers send";
+  EXPECT_TRUE(holds(child_of(viewd_->pid()), secret)) << "the one that hears the studio";
 }
 
 TEST_F(CommandedStudio, ends_a_take_by_itself_after_the_seconds_of_the_order) {
