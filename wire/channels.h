@@ -14,9 +14,13 @@ inline constexpr char kEventChannel[] = "V3D_EVENT";
 inline constexpr char kFramePrefix[] = "V3D_FRAME_";
 inline constexpr char kHealthPrefix[] = "V3D_HEALTH_";
 inline constexpr char kPreviewPrefix[] = "V3D_PREVIEW_";
+inline constexpr char kShardPrefix[] = "V3D_SHARD_";
+inline constexpr char kShardMeshPrefix[] = "V3D_MESH_";
 
 inline std::string frame_channel(const std::string& camera) { return kFramePrefix + camera; }
 inline std::string health_channel(const std::string& node) { return kHealthPrefix + node; }
 inline std::string preview_channel(const std::string& camera) { return kPreviewPrefix + camera; }
+inline std::string shard_channel(const std::string& node) { return kShardPrefix + node; }
+inline std::string shard_mesh_channel(const std::string& node) { return kShardMeshPrefix + node; }
 
 }  // namespace v3d

@@ -29,6 +29,8 @@ Bytes encode(const ReplyMessage& message);
 Bytes encode(const HealthMessage& message);
 Bytes encode(const EventMessage& message);
 Bytes encode(const PreviewMessage& message);
+Bytes encode(const ShardMessage& message);
+Bytes encode(const ShardMeshMessage& message);
 
 /// An encoded FrameMessage up to its pixels, whose checksum it holds; `message.frame.image.bytes`
 /// are the rest of it. For writers that need not copy the pixels.
@@ -54,6 +56,10 @@ template <>
 std::optional<EventMessage> decode(std::span<const uint8_t> bytes);
 template <>
 std::optional<PreviewMessage> decode(std::span<const uint8_t> bytes);
+template <>
+std::optional<ShardMessage> decode(std::span<const uint8_t> bytes);
+template <>
+std::optional<ShardMeshMessage> decode(std::span<const uint8_t> bytes);
 
 /// What a frame message says before its pixels: enough to index a log without reading it whole.
 struct FrameHead {

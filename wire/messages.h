@@ -46,6 +46,24 @@ struct MeshMessage {
   std::vector<uint8_t> compact;
 };
 
+/// V3D_MESH_<node>: what one of several reconstruction nodes made, before all are put in order.
+struct ShardMeshMessage : MeshMessage {
+  std::string node;
+};
+
+/// V3D_SHARD_<node>: where one of several reconstruction nodes stands. -1: no pulse.
+struct ShardMessage {
+  RealtimeInstant sent;
+  int64_t seq = 0;
+  std::string take;
+  std::string node;
+  int64_t first = -1;             ///< answers for its share from this pulse on; -1: not yet
+  int64_t done = -1;              ///< its share is made or given up as far as this
+  int64_t ordered = -1;           ///< its stream has come as far as this
+  int64_t shown = -1;             ///< the newest that it knows of on V3D_MESH
+  std::vector<int64_t> given_up;  ///< of its share, without a mesh for good; the last ones
+};
+
 enum class CommandVerb : uint8_t { kArm = 1, kStart, kStop, kAbort, kBackground, kCommit, kCheck };
 /// Makes the nodes ready for pulses: a take's, or others.
 constexpr bool is_order(CommandVerb verb) {

@@ -23,6 +23,8 @@ void for_every_type(Check check) {
   check(HealthMessage{});
   check(EventMessage{});
   check(PreviewMessage{});
+  check(ShardMessage{});
+  check(ShardMeshMessage{});
 }
 
 FrameMessage small_frame() {
@@ -86,6 +88,19 @@ RC_GTEST_PROP(Codec, gives_back_every_field_of_a_health_message, ()) {
   RC_ASSERT(back->state == m.state);
   RC_ASSERT(back->text == m.text);
   RC_ASSERT(back->values == m.values);
+}
+
+RC_GTEST_PROP(Codec, gives_back_every_field_of_where_a_shard_stands, ()) {
+  const auto m = any_message<ShardMessage>();
+  const auto back = decode<ShardMessage>(encode(m));
+  RC_ASSERT(back.has_value());
+  RC_ASSERT(back->node == m.node);
+  RC_ASSERT(back->take == m.take);
+  RC_ASSERT(back->first == m.first);
+  RC_ASSERT(back->done == m.done);
+  RC_ASSERT(back->ordered == m.ordered);
+  RC_ASSERT(back->shown == m.shown);
+  RC_ASSERT(back->given_up == m.given_up);
 }
 
 RC_GTEST_PROP(Codec, refuses_a_message_cut_at_any_length, ()) {
@@ -167,6 +182,17 @@ TEST(Codec, refuses_values_out_of_their_enumeration) {
       refused<HealthMessage>([](HealthMessage& m) { m.state = static_cast<NodeState>(0); }));
   EXPECT_TRUE(
       refused<EventMessage>([](EventMessage& m) { m.severity = static_cast<Severity>(9); }));
+}
+
+TEST(Codec, refuses_pulses_of_a_shard_that_no_take_has) {
+  EXPECT_FALSE(refused<ShardMessage>([](ShardMessage& m) { m.first = 0; }));
+  EXPECT_TRUE(refused<ShardMessage>([](ShardMessage& m) { m.first = -2; }));
+  EXPECT_TRUE(refused<ShardMessage>([](ShardMessage& m) { m.done = INT64_MIN; }));
+  EXPECT_TRUE(refused<ShardMessage>([](ShardMessage& m) { m.given_up = {3, -1}; }));
+}
+
+TEST(Codec, takes_no_mesh_of_a_shard_for_one_that_is_in_order) {
+  EXPECT_FALSE(decode<MeshMessage>(encode(ShardMeshMessage{})));
 }
 
 TEST(Codec, refuses_a_preview_that_is_too_large_or_whose_mask_has_another_size) {

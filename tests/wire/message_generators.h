@@ -80,6 +80,28 @@ inline MeshMessage any_message() {
 }
 
 template <>
+inline ShardMeshMessage any_message() {
+  ShardMeshMessage message;
+  static_cast<MeshMessage&>(message) = any_message<MeshMessage>();
+  message.node = any_text();
+  return message;
+}
+
+template <>
+inline ShardMessage any_message() {
+  const auto pulse = [] { return *rc::gen::inRange<int64_t>(-1, INT64_MAX); };
+  return {.sent = any_sent(),
+          .seq = any_count(),
+          .take = any_text(),
+          .node = any_text(),
+          .first = pulse(),
+          .done = pulse(),
+          .ordered = pulse(),
+          .shown = pulse(),
+          .given_up = {any_count(), any_count()}};
+}
+
+template <>
 inline CommandMessage any_message() {
   return {.sent = any_sent(),
           .sender = "v3dctl" + any_text(),
