@@ -5,6 +5,7 @@
 #include "base/error.h"
 #include "base/file.h"
 #include "take/ledger.h"
+#include "take/mesh_file.h"
 
 namespace v3d {
 namespace {
@@ -26,6 +27,15 @@ void put(const fs::path& file, const fs::path& place) {
 
 void put_if_there(const fs::path& file, const fs::path& place) {
   if (fs::exists(file) && !fs::exists(place)) put(file, place);
+}
+
+/// What cannot be read has none.
+size_t mesh_count(const TakePaths& part) {
+  try {
+    return MeshFileReader(part.mesh()).pulses().size();
+  } catch (const InputError&) {
+    return 0;
+  }
 }
 
 std::vector<Part> recorded_parts(const std::vector<TakePaths>& parts) {
@@ -52,7 +62,6 @@ void refuse_other_take(const Part& first, const Part& other) {
 void put_shared(const TakePaths& part, const TakePaths& into) {
   put_if_there(part.calib(), into.calib());
   put_if_there(part.studio(), into.studio());
-  put_if_there(part.mesh(), into.mesh());
   put_if_there(part.slate(), into.slate());
   if (!fs::is_directory(part.background())) return;
   for (const auto& entry : fs::directory_iterator(part.background())) {
@@ -72,6 +81,19 @@ void put_frames(const Part& part, const TakePaths& into, TakeInfo& info) {
 
 }  // namespace
 
+const TakePaths* part_with_meshes(const std::vector<TakePaths>& parts) {
+  const TakePaths* best = nullptr;
+  size_t most = 0;
+  for (const TakePaths& part : parts) {
+    if (!fs::exists(part.mesh())) continue;
+    const size_t meshes = mesh_count(part);
+    if (best && meshes <= most) continue;
+    best = &part;
+    most = meshes;
+  }
+  return best;
+}
+
 TakeInfo join_parts(const std::vector<TakePaths>& parts, const TakePaths& into) {
   const std::vector<Part> recorded = recorded_parts(parts);
   TakeInfo info = recorded.front().info;
@@ -86,6 +108,7 @@ TakeInfo join_parts(const std::vector<TakePaths>& parts, const TakePaths& into) 
     ledgers.push_back(part.ledger);
   }
   for (const TakePaths& part : parts) put_shared(part, into);
+  if (const TakePaths* meshes = part_with_meshes(parts)) put_if_there(meshes->mesh(), into.mesh());
   const auto sensed_most = std::max_element(
       recorded.begin(), recorded.end(),
       [](const Part& a, const Part& b) { return a.ledger.sensed < b.ledger.sensed; });

@@ -10,6 +10,7 @@
 #include "support/message_of.h"
 #include "support/temporary_folder.h"
 #include "take/frame_log.h"
+#include "take/mesh_file.h"
 #include "take/verified.h"
 #include "take/verify.h"
 
@@ -94,6 +95,25 @@ TEST_F(Parts, that_contradict_each_other_are_refused) {
   std::filesystem::remove_all(whole_.folder);
   record("cap02", {"cam01"}, 3);
   EXPECT_THAT(refusal(), HasSubstr("another part has cam01 too"));
+}
+
+TEST_F(Parts, have_the_meshes_of_the_node_that_has_most) {
+  const auto reconstruct = [&](const std::string& node, int64_t meshes) {
+    std::filesystem::create_directories(part(node).folder);
+    MeshFileWriter file(part(node).mesh());
+    for (int64_t pulse = 0; pulse < meshes; ++pulse) file.append(pulse, std::vector<uint8_t>{1});
+    file.close();
+  };
+  reconstruct("recon02", 2);
+  reconstruct("recon03", 3);
+  reconstruct("recon04", 3);
+  const std::vector<TakePaths> parts = {part("recon01"), part("recon02"), part("cap01"),
+                                        part("cap02"),   part("recon03"), part("recon04")};
+  ASSERT_NE(part_with_meshes(parts), nullptr);
+  EXPECT_EQ(part_with_meshes(parts)->folder, part("recon03").folder);
+  join_parts(parts, whole_);
+  EXPECT_EQ(MeshFileReader(whole_.mesh()).pulses().size(), 3U);
+  EXPECT_EQ(part_with_meshes({part("cap01")}), nullptr);
 }
 
 TEST_F(Parts, without_any_recording_are_no_take) {

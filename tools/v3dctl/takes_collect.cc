@@ -103,7 +103,8 @@ class Collector {
   }
 
   CollectedTake collect(const std::string& take, const Sources& sources) {
-    CollectedTake result{.name = take, .was_there = false, .problem = {}, .verification = {}};
+    CollectedTake result{
+        .name = take, .was_there = false, .problem = {}, .meshes_of = {}, .verification = {}};
     const TakePaths place{request_.to / take};
     if (fs::exists(place.info())) {
       result.was_there = true;
@@ -113,6 +114,7 @@ class Collector {
     try {
       std::vector<TakePaths> parts;
       for (const TakeSource* source : sources) parts.push_back(fetch(take, *source));
+      result.meshes_of = chosen_meshes(parts);
       result.verification = join(take, parts, place);
     } catch (const std::exception& error) {
       result.problem = error.what();
@@ -148,6 +150,12 @@ class Collector {
     }
   }
 
+  static std::string chosen_meshes(const std::vector<TakePaths>& parts) {
+    const auto have = std::count_if(parts.begin(), parts.end(),
+                                    [](const TakePaths& part) { return fs::exists(part.mesh()); });
+    return have > 1 ? part_with_meshes(parts)->folder.filename().string() : "";
+  }
+
   Verification join(const std::string& take, const std::vector<TakePaths>& parts,
                     const TakePaths& place) {
     const fs::path staged = stage(take);
@@ -176,8 +184,7 @@ std::vector<TakeSource> sources_of(const Studio& studio) {
   const std::string folder = fs::absolute(studio.storage.takes).lexically_normal();
   for (const StudioNode& node : studio.nodes) {
     const bool has_takes = !studio.cameras_of(node.name).empty() ||
-                           studio.trigger.node == node.name ||
-                           studio.reconstruction.node == node.name;
+                           studio.trigger.node == node.name || studio.reconstructs(node.name);
     if (!has_takes) continue;
     sources.push_back({node.name, node.name == here ? folder : node.name + ":" + folder});
   }

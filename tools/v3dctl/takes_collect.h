@@ -28,6 +28,7 @@ struct CollectedTake {
   std::string name;
   bool was_there = false;  ///< already; nothing was done
   std::string problem;     ///< why it is not there yet; empty: it is
+  std::string meshes_of;   ///< the node whose mesh.v3d it has, where several have one
   Verification verification;
 };
 

@@ -146,6 +146,8 @@ std::string text_of(const CollectedTake& take) {
   if (!take.problem.empty()) return "take " + take.name + ": not collected: " + take.problem;
   std::string text;
   for (const std::string& line : take.verification.disagreements) text += line + "\n";
+  if (!take.meshes_of.empty())
+    text += "mesh.v3d of " + take.meshes_of + ", which has most meshes\n";
   return text + take.verification.ledger.verdict();
 }
 
@@ -156,6 +158,7 @@ Json collected_json(const std::vector<CollectedTake>& takes) {
                     {"collected", take.problem.empty()},
                     {"was_there", take.was_there},
                     {"problem", take.problem},
+                    {"meshes_of", take.meshes_of},
                     {"complete", is_whole(take)},
                     {"disagreements", take.verification.disagreements}});
   }
