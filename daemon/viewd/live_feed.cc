@@ -37,6 +37,12 @@ bool LiveFeed::follows(uint32_t reference, int64_t key_pulse) const {
          group_.size() < kMostFrames && group_bytes_ < kMostBytes;
 }
 
+/// A take of the same name that begins again, later, is none that goes back.
+bool LiveFeed::goes_back(const MeshMessage& mesh) const {
+  constexpr Duration kAnotherTime = std::chrono::seconds(5);
+  return mesh.take == take_ && mesh.pulse <= pulse_ && mesh.sent - sent_ < kAnotherTime;
+}
+
 void LiveFeed::add(const MeshMessage& mesh) {
   ++counts_.frames;
   const auto header = read_header(mesh.compact);
@@ -44,6 +50,13 @@ void LiveFeed::add(const MeshMessage& mesh) {
     ++counts_.unusable;
     return;
   }
+  if (goes_back(mesh)) {
+    ++counts_.returned;
+    return;
+  }
+  take_ = mesh.take;
+  pulse_ = mesh.pulse;
+  sent_ = mesh.sent;
   const bool is_key = !header->is(FrameHeader::kInter);
   if (!is_key && !follows(header->reference, header->key_pulse)) {
     // Whoever watches keeps what he has; the group is over, for what follows lacks this one.

@@ -324,6 +324,28 @@ TEST(LiveFeed, sends_who_is_slow_the_newest_key_frame_next) {
   EXPECT_EQ(feed.counts().skipped, 19);
 }
 
+TEST(LiveFeed, never_goes_back_in_a_take) {
+  LiveFeed feed;
+  Meshes meshes;
+  const auto watcher = feed.watch();
+  const MeshMessage first = meshes.next(true);
+  MeshMessage second = meshes.next(true);
+  feed.add(first);
+  feed.add(second);
+  EXPECT_EQ(pulse_in(watcher->next()), 1);
+  feed.add(first);
+  feed.add(second);
+  EXPECT_EQ(pulse_in(watcher->next()), -1);
+  EXPECT_EQ(feed.counts().returned, 2);
+  MeshMessage again = first;
+  again.sent += std::chrono::minutes(1);
+  feed.add(again);
+  EXPECT_EQ(pulse_in(watcher->next()), 0) << "the same name, another time";
+  second.take = "another";
+  feed.add(second);
+  EXPECT_EQ(pulse_in(watcher->next()), 1);
+}
+
 TEST(LiveFeed, begins_with_a_key_frame_for_who_comes_later) {
   LiveFeed feed;
   Meshes meshes;
