@@ -96,11 +96,14 @@ bool has_node(const Studio& studio, std::string_view name) {
                      [&](const StudioNode& n) { return n.name == name; });
 }
 
+void refuse_unknown_node(const TomlTable& table, std::string_view key, const Studio& studio,
+                         const std::string& node) {
+  if (!has_node(studio, node)) table.fail(key, "there is no [[node]] named '" + node + "'");
+}
+
 std::string read_node(const TomlTable& table, const Studio& studio) {
   const std::string node = table.text("node");
-  if (!has_node(studio, node)) {
-    table.fail("node", "there is no [[node]] named '" + node + "'");
-  }
+  refuse_unknown_node(table, "node", studio, node);
   return node;
 }
 
@@ -373,12 +376,25 @@ void read_storage(const TomlTable& file, Studio& studio) {
   table.refuse_unknown();
 }
 
+/// `node`, or `nodes` where several share the pulses.
+std::vector<std::string> read_reconstruction_nodes(const TomlTable& table, const Studio& studio) {
+  if (!table.has("nodes")) return {read_node(table, studio)};
+  if (table.has("node")) table.fail("node", "expected either node or nodes, found both");
+  std::vector<std::string> nodes = table.texts("nodes");
+  if (nodes.empty()) table.fail("nodes", "expected the names of [[node]]s, found none");
+  for (const std::string& node : nodes) refuse_unknown_node(table, "nodes", studio, node);
+  std::sort(nodes.begin(), nodes.end());
+  const auto twice = std::adjacent_find(nodes.begin(), nodes.end());
+  if (twice != nodes.end()) table.fail("nodes", "names '" + *twice + "' twice");
+  return nodes;
+}
+
 void read_reconstruction(const TomlTable& file, Studio& studio) {
   static constexpr std::array<std::pair<std::string_view, Quality>, 2> kQualities = {
       {{"live", Quality::kLive}, {"high", Quality::kHigh}}};
   const TomlTable table = file.table("reconstruction");
   StudioReconstruction& r = studio.reconstruction;
-  r.node = read_node(table, studio);
+  r.nodes = read_reconstruction_nodes(table, studio);
   r.voxel_m = ranged(table, "voxel_m", r.voxel_m, 1e-4, 1);
   const int cameras = static_cast<int>(studio.cameras.size());
   r.min_views = ranged_int(table, "min_views", std::min(r.min_views, cameras), 1, cameras);
@@ -416,6 +432,11 @@ std::vector<StudioCamera> Studio::cameras_of(std::string_view node) const {
   std::copy_if(cameras.begin(), cameras.end(), std::back_inserter(found),
                [&](const StudioCamera& c) { return c.node == node; });
   return found;
+}
+
+bool Studio::reconstructs(std::string_view node) const {
+  return std::find(reconstruction.nodes.begin(), reconstruction.nodes.end(), node) !=
+         reconstruction.nodes.end();
 }
 
 Studio parse_studio(std::string_view text, const std::filesystem::path& path) {

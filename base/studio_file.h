@@ -117,7 +117,8 @@ enum class Quality { kLive, kHigh };
 
 /// [reconstruction]
 struct StudioReconstruction {
-  std::string node;
+  /// `node`, or `nodes`, which share the pulses; sorted. Never empty.
+  std::vector<std::string> nodes;
   double voxel_m = 0.01;
   int min_views = 4;  ///< fewer cameras than this see a voxel: it is empty
   Quality quality = Quality::kLive;
@@ -149,6 +150,8 @@ struct Studio {
   StudioViewer viewer;
 
   std::vector<StudioCamera> cameras_of(std::string_view node) const;
+  /// The node is one of the reconstruction.
+  bool reconstructs(std::string_view node) const;
 };
 
 /// Throws InputError with file, line and field for anything missing, ill-typed, unknown (a misspelt

@@ -92,4 +92,11 @@ std::string numbers_json(const std::map<std::string, double>& values) {
   return nlohmann::json(values).dump();
 }
 
+std::string recon_json(const std::map<std::string, double>& values,
+                       const std::vector<int64_t>& without_mesh) {
+  nlohmann::json json(values);
+  json["without_mesh"] = without_mesh;
+  return json.dump();
+}
+
 }  // namespace v3d

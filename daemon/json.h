@@ -24,5 +24,9 @@ std::string check_json(const Ledger& ledger, const std::vector<CheckedCamera>& c
 /// take, note, mark}}]}. Text that is not UTF-8 is mended. `indent` as that of nlohmann's dump().
 std::string takes_json(const std::vector<TakeListing>& takes, int indent = -1);
 std::string numbers_json(const std::map<std::string, double>& values);
+/// The account of a reconstruction: its numbers, and where several nodes share the take, the pulses
+/// without a mesh: `without_mesh` [..].
+std::string recon_json(const std::map<std::string, double>& values,
+                       const std::vector<int64_t>& without_mesh);
 
 }  // namespace v3d

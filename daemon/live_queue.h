@@ -4,6 +4,7 @@
 #include <condition_variable>
 #include <cstdint>
 #include <deque>
+#include <functional>
 #include <mutex>
 #include <optional>
 #include <utility>
@@ -28,9 +29,11 @@ class LiveQueue {
     size_t limit = 25;  ///< a second at 25 Hz
     Duration patience = std::chrono::seconds(10);
     Duration calm = std::chrono::seconds(10);
+    /// Is told what is dropped. Runs with the queue locked.
+    std::function<void(const T&)> on_drop = [](const T&) {};
   };
   LiveQueue() : LiveQueue(Options{}) {}
-  explicit LiveQueue(Options options) : options_(options) {}
+  explicit LiveQueue(Options options) : options_(std::move(options)) {}
 
   void push(T value, MonotonicInstant now) {
     {
@@ -85,6 +88,7 @@ class LiveQueue {
            (left_waiting_since_ && now - *left_waiting_since_ >= options_.patience);
   }
   void drop_oldest(MonotonicInstant now) {
+    options_.on_drop(queue_.front());
     queue_.pop_front();
     ++dropped_;
     last_drop_ = now;

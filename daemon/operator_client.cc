@@ -97,7 +97,7 @@ std::vector<std::string> commanded_nodes(const Studio& studio) {
   std::vector<std::string> nodes;
   for (const StudioNode& node : studio.nodes) {
     const bool captures = node.name == studio.trigger.node || !studio.cameras_of(node.name).empty();
-    if (captures || node.name == studio.reconstruction.node) nodes.push_back(node.name);
+    if (captures || studio.reconstructs(node.name)) nodes.push_back(node.name);
   }
   return nodes;
 }

@@ -16,7 +16,7 @@
 namespace v3d {
 
 /// The nodes that answer commands, in the order of the file: those with a camera or the trigger (a
-/// v3d-captured each), and the node of the reconstruction (v3d-recond).
+/// v3d-captured each), and the nodes of the reconstruction (v3d-recond).
 std::vector<std::string> commanded_nodes(const Studio& studio);
 
 /// False of health that carries no seal of the key here: its node has none or another, or somebody

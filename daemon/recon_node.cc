@@ -12,6 +12,7 @@
 #include "daemon/service.h"
 #include "daemon/take_folder.h"
 #include "recon/rehearsal.h"
+#include "take/ledger.h"
 
 namespace v3d {
 namespace {
@@ -22,6 +23,34 @@ constexpr Duration kDrainWithin = std::chrono::seconds(20);
 
 /// A camera that was knocked once more is told again.
 constexpr double kOtherShiftPx = 1;
+
+std::map<std::string, double> values_of(const ShardCounts& c) {
+  return {{"shard_pulses", static_cast<double>(c.made)},
+          {"shard_taken_over", static_cast<double>(c.taken_over)},
+          {"shard_repeated", static_cast<double>(c.repeated)},
+          {"shard_duplicates", static_cast<double>(c.duplicates)},
+          {"shard_let_go", static_cast<double>(c.let_go)},
+          {"shard_given_up", static_cast<double>(c.given_up)},
+          {"shard_lost", static_cast<double>(c.lost)},
+          {"shard_nodes", static_cast<double>(c.living)}};
+}
+
+/// The last ones of many.
+std::string last_of(const std::vector<int64_t>& pulses) {
+  constexpr ptrdiff_t kTold = 24;
+  if (std::ssize(pulses) <= kTold) return number_ranges(pulses);
+  return format_count(std::ssize(pulses)) + " pulses, the last " +
+         number_ranges({pulses.end() - kTold, pulses.end()});
+}
+
+/// What this node did of a shared take, in words.
+std::string share_text(const ReconCounts& counts) {
+  if (!counts.shard) return "";
+  const std::vector<int64_t>& without = counts.without_mesh;
+  return ", " + format_count(counts.shard->made) + " made here, " +
+         format_count(counts.shard->taken_over) + " taken over" +
+         (without.empty() ? "" : "; no mesh of " + last_of(without));
+}
 
 std::map<std::string, double> values_of(const ReconCounts& c) {
   std::map<std::string, double> values = {
@@ -43,12 +72,18 @@ std::map<std::string, double> values_of(const ReconCounts& c) {
     values["silhouette_iou_percent"] = 100 * c.quality.silhouette_iou;
     values["coverage_percent"] = 100 * c.quality.coverage;
   }
+  if (c.shard) values.merge(values_of(*c.shard));
   for (const auto& [camera, frames] : c.cameras) {
     values[camera + ".live_received"] = static_cast<double>(frames.received);
     values[camera + ".live_lost"] = static_cast<double>(frames.lost);
     values[camera + ".live_late"] = static_cast<double>(frames.late);
   }
   return values;
+}
+
+std::string detail_of(const ReconCounts& counts) {
+  if (!counts.shard) return numbers_json(values_of(counts));
+  return recon_json(values_of(counts), counts.without_mesh);
 }
 
 /// The cameras that this take may count on.
@@ -138,8 +173,20 @@ void ReconNode::open(const CommandMessage& order, std::optional<int64_t> goes_on
                                             ? std::nullopt
                                             : std::optional(rehearsal(rig, studio_.space.bounds)),
                            .done_with = [this](FrameSet& set) { drift_->offer(set); },
-                           .goes_on_at = goes_on_at},
+                           .goes_on_at = goes_on_at,
+                           .shard = share_of(order, goes_on_at.has_value())},
       bus_);
+}
+
+std::optional<Shard::Setup> ReconNode::share_of(const CommandMessage& order,
+                                                bool comes_later) const {
+  const std::vector<std::string>& nodes = studio_.reconstruction.nodes;
+  if (nodes.size() == 1) return std::nullopt;
+  return Shard::Setup{.take = order.take,
+                      .roster = nodes,
+                      .me = node_,
+                      .rate_hz = order.rate_hz > 0 ? order.rate_hz : studio_.trigger.rate_hz,
+                      .comes_later = comes_later};
 }
 
 void ReconNode::learn(const CommandMessage& order) {
@@ -211,14 +258,14 @@ std::optional<NodeReport> ReconNode::poll_draining() {
   if (!closed) {
     return NodeReport{.event = Input::kBroken,
                       .text = "cannot write " + take_paths(studio_, order_.take).mesh().string(),
-                      .detail = numbers_json(values_of(counts))};
+                      .detail = detail_of(counts)};
   }
-  return NodeReport{.event = Input::kDrained,
-                    .text = format_count(counts.meshes) + " meshes, " +
-                            format_count(counts.dropped) + " dropped, " +
-                            format_count(counts.failed) + " failed, " +
-                            format_count(counts.incomplete_sets) + " of incomplete sets",
-                    .detail = numbers_json(values_of(counts))};
+  return NodeReport{
+      .event = Input::kDrained,
+      .text = format_count(counts.meshes) + " meshes, " + format_count(counts.dropped) +
+              " dropped, " + format_count(counts.failed) + " failed, " +
+              format_count(counts.incomplete_sets) + " of incomplete sets" + share_text(counts),
+      .detail = detail_of(counts)};
 }
 
 void ReconNode::report_health(HealthMessage& health) {
@@ -231,6 +278,10 @@ void ReconNode::report_health(HealthMessage& health) {
                                                    " meshes refused: the disk is full or broken",
                     advice::kMeshDisk);
   report_drift(health);
+  if (!counts.without_mesh.empty()) health.text = "no mesh of " + last_of(counts.without_mesh);
+  const int64_t lost = counts.shard ? counts.shard->lost : 0;
+  events_.keep_told(Severity::kWarning, "share",
+                    lost == 0 ? "" : "pulses that no node made a mesh of", advice::kMeshesMissing);
   const bool behind = pipeline_ && counts.behind;
   events_.keep_told(Severity::kWarning, "reconstruction",
                     behind ? "cannot keep up: drops pulses, to show the newest" : "",

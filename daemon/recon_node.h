@@ -34,6 +34,8 @@ class ReconNode : public NodeWork {
  private:
   /// `goes_on_at`: as ReconPipeline's.
   void open(const CommandMessage& order, std::optional<int64_t> goes_on_at);
+  /// This node's part, where several reconstruct.
+  std::optional<Shard::Setup> share_of(const CommandMessage& order, bool comes_later) const;
   NodeReport ready_report() const;
   std::optional<NodeReport> poll_recording();
   std::optional<NodeReport> poll_draining();

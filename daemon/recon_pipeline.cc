@@ -55,14 +55,26 @@ ReconPipeline::ReconPipeline(Setup setup, Bus& bus)
       assembler_(behind(setup.sets, file_.last_pulse())),
       frames_(bus, std::string(kFramePrefix) + ".*", kFrameQueue),
       pulses_(bus, kPulseChannel, kPulseQueue),
+      ready_({.on_drop =
+                  [this](const ReadySet& ready) {
+                    if (shared_) shared_->gave_up(ready.set.pulse);
+                  }}),
       rehearsal_(std::move(setup.rehearsal)),
       newest_pulse_(setup.goes_on_at.value_or(0)),
       last_frame_ns_(to_ns(Monotonic::now())),
       sequences_(!setup.goes_on_at),
+      shared_(share(setup.shard)),
       pipeline_(setup.threads, [this] { return next_job(); },
                 {[this](Job& job) { attempt(stages_.make_mesh, job); },
                  [this](Job& job) { finish(job); }}) {
   assembling_thread_ = std::thread([this] { assemble(); });
+}
+
+std::unique_ptr<SharedTake> ReconPipeline::share(const std::optional<Shard::Setup>& setup) {
+  if (!setup) return nullptr;
+  const auto work = [this](ReadySet set) { ready_.push(std::move(set), Monotonic::now()); };
+  const auto ordered = [this](const MeshMessage& mesh) { keep(mesh); };
+  return std::make_unique<SharedTake>(*setup, bus_, SharedTake::Receivers{work, ordered});
 }
 
 ReconPipeline::~ReconPipeline() { close(); }
@@ -71,6 +83,7 @@ void ReconPipeline::end() {
   stopping_ = true;
   if (assembling_thread_.joinable()) assembling_thread_.join();
   pipeline_.wait();
+  if (shared_) shared_->end();
 }
 
 bool ReconPipeline::close() {
@@ -123,7 +136,11 @@ void ReconPipeline::hand_over(std::vector<ReadySet> ready) {
   for (ReadySet& set : ready) {
     if (!set.missing.empty()) ++incomplete_;
     ++handed_over_;
-    ready_.push(std::move(set), Monotonic::now());
+    if (shared_) {
+      shared_->add(std::move(set));
+    } else {
+      ready_.push(std::move(set), Monotonic::now());
+    }
   }
   open_sets_ = assembler_.next_deadline() ? 1 : 0;
 }
@@ -140,6 +157,7 @@ std::optional<ReconPipeline::Job> ReconPipeline::next_job() {
     reconstructing_.beat();
     ready_.wait(Monotonic::now() + kLook);
     if (auto ready = ready_.take(Monotonic::now())) {
+      if (shared_ && !shared_->begin(ready->set.pulse)) continue;
       return Job{SetAtWork(std::move(ready->set)), std::move(ready->missing), {}, false};
     }
   }
@@ -158,16 +176,28 @@ void ReconPipeline::attempt(const std::function<void(SetAtWork&)>& stage, Job& j
 
 void ReconPipeline::finish(Job& job) {
   job.work.set.exposure = edge_of(job.work.set.pulse);
+  if (shared_) stages_.begin_sequence();
   attempt(stages_.encode, job);
   if (job.rehearsal) return stages_.begin_sequence();
   if (!job.failure.empty()) return note_failure(job);
-  const Reconstruction& result = job.work.result;
-  publish(job);
-  if (!file_.append(result.pulse, result.compact)) {
-    ++write_errors_;
-    stages_.begin_sequence();
+  MeshMessage mesh = message_of(job);
+  if (shared_) {
+    shared_->made(std::move(mesh));
+  } else {
+    mesh.seq = seq_++;
+    bus_.publish_sealed(kMeshChannel, encode(mesh));
+    keep(mesh);
   }
   if (done_with_) done_with_(job.work.set);
+}
+
+/// The last stage, or, where nodes share the take, the receiver of what they made.
+void ReconPipeline::keep(const MeshMessage& mesh) {
+  note_mesh(mesh);
+  if (!file_.append(mesh.pulse, mesh.compact)) {
+    ++write_errors_;
+    if (!shared_) stages_.begin_sequence();
+  }
   ++meshes_;
 }
 
@@ -178,24 +208,28 @@ void ReconPipeline::note_failure(const Job& job) {
     failure_ = job.failure;
   }
   ++failed_;
+  if (shared_) shared_->gave_up(job.work.set.pulse);
 }
 
-void ReconPipeline::publish(const Job& job) {
+MeshMessage ReconPipeline::message_of(const Job& job) {
   const Reconstruction& result = job.work.result;
-  MeshMessage message{.sent = Realtime::now(),
-                      .seq = seq_++,
-                      .take = take_,
-                      .pulse = result.pulse,
-                      .pulse_edge = edge_of(result.pulse),
-                      .silhouette_iou = result.quality.silhouette_iou,
-                      .coverage = result.quality.coverage,
-                      .cameras = result.quality.cameras,
-                      .missing = job.missing,
-                      .compact = result.compact};
-  bus_.publish_sealed(kMeshChannel, encode(message));
-  note_latency(message.pulse_edge);
+  return {.sent = Realtime::now(),
+          .seq = 0,
+          .take = take_,
+          .pulse = result.pulse,
+          .pulse_edge = edge_of(result.pulse),
+          .silhouette_iou = result.quality.silhouette_iou,
+          .coverage = result.quality.coverage,
+          .cameras = result.quality.cameras,
+          .missing = job.missing,
+          .compact = result.compact};
+}
+
+void ReconPipeline::note_mesh(const MeshMessage& mesh) {
+  note_latency(mesh.pulse_edge);
   const std::lock_guard lock(mutex_);
-  quality_ = result.quality;
+  quality_ = {
+      .silhouette_iou = mesh.silhouette_iou, .coverage = mesh.coverage, .cameras = mesh.cameras};
 }
 
 RealtimeInstant ReconPipeline::edge_of(int64_t pulse) {
@@ -235,6 +269,11 @@ ReconCounts ReconPipeline::counts() const {
                      .cameras = {},
                      .undecodable = frames.undecodable + pulses_.counts().undecodable,
                      .write_errors = write_errors_};
+  if (shared_) {
+    counts.shard = shared_->counts();
+    counts.without_mesh = shared_->without_mesh();
+    counts.undecodable += shared_->undecodable();
+  }
   const std::lock_guard lock(mutex_);
   counts.failure = failure_;
   counts.quality = quality_;
@@ -248,8 +287,9 @@ ReconCounts ReconPipeline::counts() const {
 }
 
 bool ReconPipeline::drained(Duration quiet) const {
-  return last_frame_ns_ < to_ns(Monotonic::now() - quiet) && open_sets_ == 0 &&
-         meshes_ + failed_ + ready_.dropped() == handed_over_;
+  const bool is_quiet = last_frame_ns_ < to_ns(Monotonic::now() - quiet) && open_sets_ == 0;
+  if (shared_) return is_quiet && shared_->is_settled();
+  return is_quiet && meshes_ + failed_ + ready_.dropped() == handed_over_;
 }
 
 }  // namespace v3d

@@ -14,6 +14,7 @@
 #include "daemon/bus.h"
 #include "daemon/heartbeat.h"
 #include "daemon/live_queue.h"
+#include "daemon/shared_take.h"
 #include "recon/frame_pipeline.h"
 #include "recon/frame_set.h"
 #include "recon/reconstructor.h"
@@ -40,6 +41,9 @@ struct ReconCounts {
   double latency_p99_ms = 0;
   double live_fps = 0;     ///< meshes per second over the take so far
   FrameQuality quality{};  ///< of the last mesh
+  /// Of a take that several nodes share; `meshes`, latencies and quality are then of all of them.
+  std::optional<ShardCounts> shard{};
+  std::vector<int64_t> without_mesh{};  ///< the pulses of such a take that have no mesh
 };
 
 /// What is done with a frame set: Reconstructor's two stages. They throw InputError for a set that
@@ -57,6 +61,8 @@ MeshStages stages_of(const std::shared_ptr<Reconstructor>& reconstructor);
 /// stages of a FramePipeline make meshes of them, so that a set is begun while the one before is
 /// encoded and published. When they cannot keep up, whole pulses are dropped by LiveQueue's rule
 /// and counted. A pulse whose stage refuses it is counted, told in the log, and has no mesh.
+/// Where nodes share the take, the stages get this node's share (daemon/shard.h), every mesh is a
+/// key frame, since nobody knows whose is the one before, and the file has the meshes of all.
 class ReconPipeline {
  public:
   struct Setup {
@@ -71,6 +77,8 @@ class ReconPipeline {
     std::function<void(FrameSet&)> done_with{};
     /// A take that goes on: pulses of it until now. The mesh file goes on behind its last mesh.
     std::optional<int64_t> goes_on_at{};
+    /// Where several nodes share the take.
+    std::optional<Shard::Setup> shard{};
   };
   /// `bus` outlives the pipeline. Throws InputError when the mesh file cannot be made.
   ReconPipeline(Setup setup, Bus& bus);
@@ -82,7 +90,8 @@ class ReconPipeline {
   /// Everything that came has been reconstructed or dropped, and nothing has come for `quiet`.
   bool drained(Duration quiet) const;
   bool progressed_since(MonotonicInstant since) const {
-    return assembling_.since(since) && reconstructing_.since(since);
+    return assembling_.since(since) && reconstructing_.since(since) &&
+           (!shared_ || shared_->progressed_since(since));
   }
   /// Ends the threads and closes the mesh file; false when the disk refused.
   bool close();
@@ -98,6 +107,7 @@ class ReconPipeline {
     bool rehearsal = false;
   };
 
+  std::unique_ptr<SharedTake> share(const std::optional<Shard::Setup>& setup);
   void assemble();
   void note_arrival(const FrameMessage& message);
   void hand_over(std::vector<ReadySet> ready);
@@ -106,8 +116,10 @@ class ReconPipeline {
   void attempt(const std::function<void(SetAtWork&)>& stage, Job& job);
   void finish(Job& job);
   void note_failure(const Job& job);
-  void publish(const Job& job);
+  MeshMessage message_of(const Job& job);
+  void keep(const MeshMessage& mesh);
   RealtimeInstant edge_of(int64_t pulse);
+  void note_mesh(const MeshMessage& mesh);
   void note_latency(RealtimeInstant edge);
   void end();
 
@@ -148,6 +160,7 @@ class ReconPipeline {
   std::string failure_;
   FrameQuality quality_;
 
+  std::unique_ptr<SharedTake> shared_;  ///< where several nodes share the take
   std::atomic<bool> stopping_ = false;
   std::thread assembling_thread_;
   FramePipeline<Job> pipeline_;  ///< last: it works with all of the above

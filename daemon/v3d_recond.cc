@@ -5,6 +5,7 @@
 #include "base/error.h"
 #include "base/units.h"
 #include "daemon/daemon_main.h"
+#include "daemon/folder_claim.h"
 #include "daemon/json.h"
 #include "daemon/kept_order.h"
 #include "daemon/node_loop.h"
@@ -17,7 +18,7 @@ namespace {
 /// Both daemons of one node would answer under one name.
 void refuse_capture_node(const v3d::Studio& studio, const std::string& node) {
   if (studio.cameras_of(node).empty() && studio.trigger.node != node) return;
-  throw v3d::InputError(studio.path.string() + ": reconstruction.node: '" + node +
+  throw v3d::InputError(studio.path.string() + ": reconstruction: '" + node +
                         "' captures; give the reconstruction a [[node]] of its own (it may be the "
                         "same PC)");
 }
@@ -40,14 +41,26 @@ void remember_take(const std::filesystem::path& mesh, const std::string& take,
   }
 }
 
+/// The node that this is.
+std::string node_of(const v3d::Studio& studio, const std::string& given) {
+  const std::vector<std::string>& nodes = studio.reconstruction.nodes;
+  if (given.empty() && nodes.size() == 1) return nodes.front();
+  if (studio.reconstructs(given)) return given;
+  std::string names;
+  for (const std::string& node : nodes) names += (names.empty() ? "'" : ", '") + node + "'";
+  throw v3d::InputError("--node: the reconstruction runs on " + names + ", says " +
+                        studio.path.string());
+}
+
 void run(const v3d::Studio& studio, const std::string& given) {
   const v3d::RealtimeInstant began = v3d::Realtime::now();
-  const std::string node = given.empty() ? studio.reconstruction.node : given;
-  if (node != studio.reconstruction.node) {
-    throw v3d::InputError("--node: the reconstruction runs on '" + studio.reconstruction.node +
-                          "', says " + studio.path.string());
-  }
+  const std::string node = node_of(studio, given);
   refuse_capture_node(studio, node);
+  // Each has the whole take in its mesh file.
+  std::optional<v3d::FolderClaim> claim;
+  if (studio.reconstruction.nodes.size() > 1) {
+    claim.emplace(studio.storage.takes, ".v3d-recond", node);
+  }
   const std::string problem = v3d::receive_buffer_problem(studio.network.lcm_url);
   if (!problem.empty()) spdlog::warn("{}", problem);
   v3d::Bus bus(studio.network.lcm_url);

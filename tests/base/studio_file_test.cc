@@ -74,6 +74,7 @@ TEST(StudioFile, gives_every_camera_its_own_settings_above_the_defaults) {
   EXPECT_EQ(studio.cameras[1].exposure_us, 800);
   EXPECT_EQ(studio.cameras_of("cap01").size(), 2U);
   EXPECT_TRUE(studio.cameras_of("recon01").empty());
+  EXPECT_EQ(studio.reconstruction.nodes, std::vector<std::string>{"recon01"});
   EXPECT_EQ(studio.reconstruction.voxel_m, 0.008);
 }
 
@@ -121,6 +122,29 @@ TEST(StudioFile, with_two_cameras_or_two_nodes_of_one_name_is_refused) {
 TEST(StudioFile, names_a_node_that_does_not_exist) {
   EXPECT_EQ(message_for(with("node = \"cap01\"", "node = \"cap02\"")),
             "/etc/v3d/studio.toml:14: camera.node: there is no [[node]] named 'cap02'");
+}
+
+TEST(StudioFile, has_one_node_that_reconstructs_or_several) {
+  const std::string text =
+      with("[camera_defaults]", "[[node]]\nname = \"recon02\"\n[camera_defaults]");
+  const auto shared = [&](const std::string& line) {
+    std::string changed = text;
+    changed.replace(changed.find("node = \"recon01\""), 16, line);
+    return changed;
+  };
+  const Studio studio = parse_studio(shared("nodes = [\"recon02\", \"recon01\"]"), "studio.toml");
+  EXPECT_EQ(studio.reconstruction.nodes, (std::vector<std::string>{"recon01", "recon02"}));
+  EXPECT_TRUE(studio.reconstructs("recon02"));
+  EXPECT_FALSE(studio.reconstructs("cap01"));
+  const std::string where = "/etc/v3d/studio.toml:42: reconstruction.";
+  EXPECT_EQ(message_for(shared("nodes = [\"recon01\", \"recon03\"]")),
+            where + "nodes: there is no [[node]] named 'recon03'");
+  EXPECT_EQ(message_for(shared("nodes = [\"recon01\", \"recon01\"]")),
+            where + "nodes: names 'recon01' twice");
+  EXPECT_EQ(message_for(shared("nodes = []")),
+            where + "nodes: expected the names of [[node]]s, found none");
+  EXPECT_EQ(message_for(shared("node = \"recon01\"\nnodes = [\"recon02\"]")),
+            where + "node: expected either node or nodes, found both");
 }
 
 TEST(StudioFile, names_a_misspelt_field_and_the_known_ones) {

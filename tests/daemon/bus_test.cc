@@ -188,7 +188,7 @@ class OperatorClientTest : public testing::Test {
     key_.save(folder_ / "studio.key");
     studio_.nodes = {{"cap01"}, {"recon01"}, {"desk"}};
     studio_.trigger.node = "cap01";
-    studio_.reconstruction.node = "recon01";
+    studio_.reconstruction.nodes = {"recon01"};
     studio_.network.lcm_url = kUrl;
     studio_.network.key = folder_ / "studio.key";
   }

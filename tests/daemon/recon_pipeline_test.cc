@@ -3,9 +3,11 @@
 
 #include <gtest/gtest.h>
 
+#include <atomic>
 #include <semaphore>
 
 #include "base/error.h"
+#include "base/file.h"
 #include "support/child_process.h"
 #include "support/temporary_folder.h"
 #include "take/mesh_file.h"
@@ -110,6 +112,63 @@ TEST_F(ReconPipelineOnBus, drops_whole_pulses_while_a_stage_is_slow_and_accounts
   const std::vector<int64_t> pulses = MeshFileReader(folder_ / "mesh.v3d").pulses();
   EXPECT_EQ(std::ssize(pulses), pipeline_->counts().meshes);
   EXPECT_EQ(pulses.back(), kPulses - 1) << "the newest is never dropped";
+}
+
+/// Two nodes of one take, each with a connection and a disk of its own.
+class SharedPipelines : public ReconPipelineOnBus {
+ protected:
+  struct Node {
+    Bus bus{"udpm://239.255.76.67:7667?ttl=0"};
+    std::atomic<int> sequences = 0;
+    std::optional<ReconPipeline> pipeline;
+  };
+  void begin(Node& node, const std::string& name) {
+    node.pipeline.emplace(
+        ReconPipeline::Setup{
+            .take = "kendo-07",
+            .mesh_file = folder_ / (name + ".v3d"),
+            .stages = {.make_mesh = name_pulse,
+                       .encode = write_pulse,
+                       .begin_sequence = [&node] { ++node.sequences; }},
+            .threads = 2,
+            .sets = {.cameras = {"cam01"}},
+            .shard =
+                Shard::Setup{.take = "kendo-07", .roster = {"recon01", "recon02"}, .me = name}},
+        node.bus);
+  }
+  static bool have(Node& a, Node& b, auto what) {
+    return becomes_true([&] { return what(a.pipeline->counts()) && what(b.pipeline->counts()); },
+                        within(30));
+  }
+};
+
+TEST_F(SharedPipelines, make_half_of_the_meshes_each_and_both_have_all_in_order) {
+  constexpr int64_t kPulses = 24;
+  Node one, two;
+  begin(one, "recon01");
+  begin(two, "recon02");
+  ASSERT_TRUE(have(one, two, [](const ReconCounts& c) { return c.shard->living == 2; }));
+  Subscription<MeshMessage> shown(bus_, kMeshChannel, 100);
+  for (int64_t pulse = 0; pulse < kPulses; ++pulse) send(pulse);
+  ASSERT_TRUE(have(one, two, [](const ReconCounts& c) { return c.meshes == kPulses; }));
+  for (Node* node : {&one, &two}) {
+    ASSERT_TRUE(
+        becomes_true([&] { return node->pipeline->drained(Duration::zero()); }, within(30)));
+    const ReconCounts counts = node->pipeline->counts();
+    EXPECT_EQ(counts.shard->made, kPulses / 2);
+    EXPECT_EQ(counts.without_mesh, std::vector<int64_t>{});
+    EXPECT_EQ(node->sequences, kPulses / 2) << "every mesh is a key frame";
+    EXPECT_TRUE(node->pipeline->close());
+  }
+  for (int64_t pulse = 0; pulse < kPulses; ++pulse) {
+    const auto mesh = shown.wait(within(5));
+    ASSERT_TRUE(mesh);
+    EXPECT_EQ(mesh->pulse, pulse);
+    EXPECT_EQ(mesh->seq, pulse);
+  }
+  EXPECT_FALSE(shown.wait(Monotonic::now())) << "one node shows them";
+  EXPECT_EQ(MeshFileReader(folder_ / "recon01.v3d").pulses().size(), size_t{kPulses});
+  EXPECT_EQ(read_file(folder_ / "recon01.v3d"), read_file(folder_ / "recon02.v3d"));
 }
 
 }  // namespace

@@ -119,6 +119,28 @@ TEST(TakeAccounts, hold_what_cameras_sent_live_against_what_arrived) {
   EXPECT_EQ(live_line(merge_ledgers(answer)), "") << "an older reconstruction does not tell";
 }
 
+TEST(TakeAccounts, count_the_meshes_of_a_shared_take_once) {
+  const auto share = [](int meshes, int made, int taken_over, const std::string& without) {
+    return reply(Outcome::kDone, "",
+                 "{\"meshes\": " + std::to_string(meshes) +
+                     ", \"shard_pulses\": " + std::to_string(made) +
+                     ", \"shard_taken_over\": " + std::to_string(taken_over) +
+                     ", \"cam01.live_received\": " + std::to_string(meshes) +
+                     ", \"without_mesh\": [" + without + "]}");
+  };
+  Answer answer;
+  answer.replies["cap01"] = reply(Outcome::kDone, "", detail("cam01", 0));
+  answer.replies["recon1"] = share(8, 3, 0, "4, 5");
+  answer.replies["recon2"] = share(2, 1, 0, "");  // it came later
+  answer.replies["recon3"] = share(8, 4, 2, "4, 5");
+  const TakeAccount account = merge_ledgers(answer);
+  EXPECT_EQ(shards_line(account),
+            "meshes: 8, recon1 3, recon2 1, recon3 4 (2 taken over); no mesh of 4-5");
+  EXPECT_EQ(shards_json(account)["nodes"].size(), 3U);
+  EXPECT_EQ(account.live_lost.at("cam01"), 2) << "of the node that heard most";
+  EXPECT_EQ(shards_line(TakeAccount{}), "") << "of one node";
+}
+
 TEST(TakeAccounts, name_the_node_whose_account_cannot_be_read) {
   for (const char* hostile :
        {"{", "[]", "7", "{\"cameras\": 3}", "{\"pulses\":{\"commanded\":\"ten\"},\"cameras\":[]}",

@@ -112,7 +112,9 @@ void tell_account(const TakeAccount& account, Report& report) {
   if (account.ledger.take.empty()) return report.say("nothing was recorded");
   report.say(trouble_lines(account.ledger));
   report.say(account.ledger.verdict());
-  if (const std::string live = live_line(account); !live.empty()) report.say(live);
+  for (const std::string& line : {live_line(account), shards_line(account)}) {
+    if (!line.empty()) report.say(line);
+  }
 }
 
 // The take that the nodes are at, by their health; "" when none is.
@@ -231,6 +233,7 @@ int run_stop(const CommandLine& line, const Options& options) {
   json["verdict"] = account.ledger.verdict();
   json["ledger"] = to_json(account.ledger);
   json["live_lost"] = account.live_lost;
+  if (!account.shards.empty()) json["shards"] = shards_json(account);
   if (report.json()) json["seconds_after_last_pulse"] = seconds_after_last_pulse(client);
   if (!answer.done()) return refused(client, answer, "", report, json);
   report.print(std::move(json));

@@ -171,6 +171,31 @@ std::map<std::string, int64_t> live_lost_of(const Ledger& ledger, const Json& re
 
 }  // namespace
 
+namespace {
+
+/// What one of several nodes did. Throws a Json exception where a count is none.
+void add_shard(const std::string& node, const Json& detail, TakeAccount& account) {
+  account.shards.push_back({.node = node,
+                            .made = count_in(detail.at("shard_pulses")),
+                            .taken_over = count_in(detail.at("shard_taken_over"))});
+  const int64_t meshes = count_in(detail.at("meshes"));
+  if (meshes < account.meshes) return;
+  account.meshes = meshes;
+  account.without_mesh = detail.at("without_mesh").get<std::vector<int64_t>>();
+}
+
+/// Every node that reconstructs hears all cameras: what reached one of them counts.
+void keep_most(const Json& detail, Json& most) {
+  for (const auto& [name, value] : detail.items()) {
+    const auto known = most.find(name);
+    const bool is_less = known != most.end() && known->is_number() && value.is_number() &&
+                         value.get<double>() < known->get<double>();
+    if (!is_less) most[name] = value;
+  }
+}
+
+}  // namespace
+
 TakeAccount merge_ledgers(const Answer& answer, const std::vector<std::string>& expected) {
   TakeAccount account;
   std::vector<Ledger> parts;
@@ -180,7 +205,8 @@ TakeAccount merge_ledgers(const Answer& answer, const std::vector<std::string>& 
     try {
       const Json detail = Json::parse(reply.detail);
       if (detail.is_object() && !detail.contains("cameras")) {
-        reconstruction.update(detail);
+        keep_most(detail, reconstruction);
+        if (detail.contains("shard_pulses")) add_shard(node, detail, account);
         continue;
       }
       parts.push_back(parse_ledger(detail));
@@ -209,6 +235,25 @@ std::string live_line(const TakeAccount& account) {
   if (lost == 0) return "";
   return "live: " + format_count(lost) + " of " + format_count(sent) +
          " frames lost on the network" + cameras;
+}
+
+std::string shards_line(const TakeAccount& account) {
+  if (account.shards.empty()) return "";
+  std::string line = "meshes: " + format_count(account.meshes);
+  for (const ShardAccount& shard : account.shards) {
+    line += ", " + shard.node + " " + format_count(shard.made);
+    if (shard.taken_over > 0) line += " (" + format_count(shard.taken_over) + " taken over)";
+  }
+  if (account.without_mesh.empty()) return line;
+  return line + "; no mesh of " + number_ranges(account.without_mesh);
+}
+
+Json shards_json(const TakeAccount& account) {
+  Json nodes = Json::array();
+  for (const ShardAccount& shard : account.shards) {
+    nodes.push_back({{"node", shard.node}, {"made", shard.made}, {"taken_over", shard.taken_over}});
+  }
+  return {{"meshes", account.meshes}, {"without_mesh", account.without_mesh}, {"nodes", nodes}};
 }
 
 Json to_json(const Ledger& ledger) { return Json::parse(ledger_json(ledger)); }
@@ -296,13 +341,13 @@ std::string recording_line(const std::map<std::string, HealthMessage>& health) {
     add(count(*alive) + "/" + count(total(health, "cameras").value_or(*alive)) + " cameras");
   }
   if (const auto missing = total(health, "frames_missing")) add(count(*missing) + " missing");
-  if (const auto rate = total(health, "live_fps")) {
+  if (total(health, "live_fps")) {  // of the stream, where several nodes make it
     char text[64];
-    std::snprintf(text, sizeof text, "live %.1f/s, %.0f ms", *rate,
+    std::snprintf(text, sizeof text, "live %.1f/s, %.0f ms", greatest(health, "live_fps"),
                   greatest(health, "latency_p50_ms"));
     add(text);
-    if (const auto iou = total(health, "silhouette_iou_percent")) {
-      add(value_text("_percent", *iou) + " explained");
+    if (total(health, "silhouette_iou_percent")) {
+      add(value_text("_percent", greatest(health, "silhouette_iou_percent")) + " explained");
     }
   }
   return line;

@@ -26,18 +26,33 @@ Json answer_json(const Answer& answer);
 /// The ledger of the whole take from the details that nodes give at its stop: cameras side by side;
 /// commanded and sensed by the node that counts most. Details without cameras (of a reconstruction)
 /// are passed over.
+struct ShardAccount {
+  std::string node;
+  int64_t made = 0;
+  int64_t taken_over = 0;
+};
 struct TakeAccount {
   Ledger ledger;
   std::vector<std::string> unreadable;  ///< nodes whose detail is no ledger and nothing else
   /// Live frames that were sent and did not reach the reconstruction, by camera; empty when that is
   /// not known.
   std::map<std::string, int64_t> live_lost;
+  /// What each node did, where several share the reconstruction. Each has the meshes of all: those
+  /// of the take, and the pulses without one, are as the node says that has most.
+  std::vector<ShardAccount> shards;
+  int64_t meshes = 0;
+  std::vector<int64_t> without_mesh;
 };
 /// A node that ended before the take did knows nothing of the later pulses: its cameras miss them.
 /// So do the cameras among `expected` of which no account came.
 TakeAccount merge_ledgers(const Answer& answer, const std::vector<std::string>& expected = {});
 /// "live: 12 of 15,000 frames lost on the network: cam03 7, cam05 5"; empty when none was.
 std::string live_line(const TakeAccount& account);
+/// "meshes: 1,250, recon01 420, recon02 430 (12 taken over), recon03 400; no mesh of 17-18"; empty
+/// where one node reconstructs.
+std::string shards_line(const TakeAccount& account);
+/// {"meshes", "without_mesh" [..], "nodes" [{"node", "made", "taken_over"}]}
+Json shards_json(const TakeAccount& account);
 /// The keys of `v3dctl verify --json`.
 Json to_json(const Ledger& ledger);
 

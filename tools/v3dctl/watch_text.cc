@@ -156,6 +156,20 @@ std::pair<WatchLine, bool> camera_line(const std::string& camera, const HealthMe
   return {line, look};
 }
 
+/// What one of several nodes that reconstruct did of the take; empty for others.
+std::string share_text(const HealthMessage& health) {
+  const auto made = find(health, "shard_pulses");
+  if (!made) return "";
+  std::string text = value_text("", *made) + " meshes made here";
+  for (const auto& [name, words] :
+       {std::pair("shard_taken_over", " taken over"), std::pair("shard_repeated", " made again"),
+        std::pair("shard_lost", " lost")}) {
+    const double count = find(health, name).value_or(0);
+    if (count > 0) text += ", " + value_text("", count) + words;
+  }
+  return text;
+}
+
 WatchLine head_line() {
   Row row;
   for (const Column& column : kColumns) row.add(column.head);
@@ -177,10 +191,14 @@ Body body_of(const StudioView& view) {
     add(node_line(node, view), false);
     const auto health = view.health.find(node);
     const auto cameras = view.cameras.find(node);
-    if (health == view.health.end() || cameras == view.cameras.end()) continue;
+    if (health == view.health.end()) continue;
     if (!health->second.text.empty()) {
       add({{{"  " + health->second.text, Look::kWarning}}}, false);
     }
+    if (const std::string share = share_text(health->second); !share.empty()) {
+      add({{{"  " + share, Look::kNone}}}, true);
+    }
+    if (cameras == view.cameras.end()) continue;
     for (const std::string& camera : cameras->second) {
       const auto [line, look] = camera_line(camera, health->second);
       add(line, !look);
