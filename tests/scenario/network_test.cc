@@ -2,20 +2,14 @@
 // network that loses, delays and reorders. Every host is a network namespace.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <sched.h>
-#include <sys/prctl.h>
-#include <sys/wait.h>
-#include <unistd.h>
 
-#include <csignal>
-#include <cstdlib>
-#include <fstream>
 #include <nlohmann/json.hpp>
 
 #include "base/file.h"
 #include "daemon/operator_client.h"
 #include "sim/trigger_cable.h"
 #include "support/child_process.h"
+#include "support/host_network.h"
 #include "support/lossy_switch.h"
 #include "support/temporary_folder.h"
 #include "take/verify.h"
@@ -33,70 +27,12 @@ using test::within;
 constexpr int kCameras = 15;
 constexpr size_t kRecon = kCameras;  ///< port of the reconstruction's host
 constexpr double kRateHz = 20;
-constexpr char kLink[] = " mtu 65535 multicast on up";
-
-std::string run(const std::string& command) {
-  return std::system((command + " >/dev/null 2>&1").c_str()) == 0 ? "" : command + " failed";
-}
-
-/// A network namespace of its own, as long as it lives.
-class Host {
- public:
-  Host() {
-    int ready[2];
-    if (pipe(ready) != 0) std::abort();
-    pid_ = fork();
-    if (pid_ == 0) {
-      prctl(PR_SET_PDEATHSIG, SIGKILL);
-      if (unshare(CLONE_NEWNET) == 0 && write(ready[1], "", 1) == 1) {
-        while (true) pause();
-      }
-      _exit(1);
-    }
-    close(ready[1]);
-    char byte = 0;
-    if (read(ready[0], &byte, 1) != 1) ADD_FAILURE() << "no network namespace";
-    close(ready[0]);
-  }
-  ~Host() {
-    kill(pid_, SIGKILL);
-    waitpid(pid_, nullptr, 0);
-  }
-  Host(const Host&) = delete;
-  Host& operator=(const Host&) = delete;
-
-  /// In front of a command that shall run there.
-  std::vector<std::string> enter() const {
-    return {"/usr/bin/nsenter", "--net=/proc/" + std::to_string(pid_) + "/ns/net"};
-  }
-  pid_t pid() const { return pid_; }
-
- private:
-  pid_t pid_ = -1;
-};
-
-/// Moves this process, before any thread begins, onto the operator's host.
-class OperatorsHost : public testing::Environment {
- public:
-  void SetUp() override {
-    const uid_t user = getuid();
-    const gid_t group = getgid();
-    if (unshare(CLONE_NEWUSER | CLONE_NEWNET) != 0) GTEST_SKIP() << "no network namespace here";
-    std::ofstream("/proc/self/setgroups") << "deny";
-    std::ofstream("/proc/self/uid_map") << "0 " << user << " 1";
-    std::ofstream("/proc/self/gid_map") << "0 " << group << " 1";
-    ASSERT_EQ(run("ip link set lo up"), "");
-  }
-};
-[[maybe_unused]] const auto* const kOperatorsHost =
-    testing::AddGlobalTestEnvironment(new OperatorsHost);
 
 class StudioOf16 : public testing::Test {
  protected:
   StudioOf16() {
-    for (size_t i = 0; i <= kRecon; ++i) lay_cable(i);
-    lay_operators_cable();
-    switch_.emplace(ports_, test::Road{.loss = 0.02, .slowest = std::chrono::milliseconds(10)});
+    switch_.emplace(network_.ports(),
+                    test::Road{.loss = 0.02, .slowest = std::chrono::milliseconds(10)});
     for (int i = 0; i < kCameras; ++i) start_cameras(i);
     connect_trigger();
     for (int i = 0; i < kCameras; ++i) start(node(i), "v3d-captured", static_cast<size_t>(i));
@@ -109,32 +45,9 @@ class StudioOf16 : public testing::Test {
   }
   static std::string node(int i) { return "cap" + std::to_string(101 + i).substr(1); }
 
-  void lay_cable(size_t i) {
-    const std::string number = std::to_string(i);
-    const std::string host = "h" + number, port = "sw" + number;
-    const std::string pid = std::to_string(hosts_.emplace_back(std::make_unique<Host>())->pid());
-    EXPECT_EQ(run("ip link add " + host + kPair + port + " && ip link set " + host + " netns " +
-                  pid + " && ip link set " + port + kLink),
-              "");
-    EXPECT_EQ(
-        run("nsenter --net=/proc/" + pid + "/ns/net sh -c 'ip addr add 10.7.0." +
-            std::to_string(i + 1) + "/24 dev " + host + " && ip link set " + host + kLink +
-            " && ip route add 224.0.0.0/4 dev " + host + " && ip link set lo up mtu 65536 && " +
-            "for i in $(seq 11 25); do ip addr add 127.0.0.$i/32 dev lo; done'"),
-        "");
-    ports_.push_back(port);
-  }
-  void lay_operators_cable() {
-    EXPECT_EQ(run("ip link add desk" + std::string(kPair) + "swdesk && ip link set swdesk" + kLink +
-                  " && ip addr add 10.7.0.99/24 dev desk && ip link set desk" + kLink +
-                  " && ip route add 224.0.0.0/4 dev desk"),
-              "");
-    ports_.push_back("swdesk");
-  }
-
   ChildProcess& start_at(size_t host, const std::vector<std::string>& command,
                          const std::string& log) {
-    std::vector<std::string> all = hosts_[host]->enter();
+    std::vector<std::string> all = network_.enter(host);
     all.insert(all.end(), command.begin(), command.end());
     return *processes_.emplace_back(std::make_unique<ChildProcess>(all, folder_ / log));
   }
@@ -285,11 +198,9 @@ class StudioOf16 : public testing::Test {
   }
 
   static constexpr int64_t kPulses = 12;
-  static constexpr char kPair[] = " mtu 65535 type veth peer name ";
 
   const test::TemporaryFolder folder_;
-  std::vector<std::unique_ptr<Host>> hosts_;
-  std::vector<std::string> ports_;
+  const test::HostNetwork network_{kRecon + 1};
   std::optional<LossySwitch> switch_;
   std::vector<std::unique_ptr<WireSocket>> wires_;
   std::optional<sim::TriggerCable> cable_;

@@ -1,0 +1,319 @@
+// Three nodes that share the reconstruction, each on a host of its own, beside one that captures
+// fifteen simulated cameras. What is judged is what they wrote and what was published, by the
+// ledger of the cameras: a host that hesitates is no failure.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <array>
+#include <csignal>
+#include <nlohmann/json.hpp>
+
+#include "base/file.h"
+#include "daemon/bus.h"
+#include "daemon/operator_client.h"
+#include "support/child_process.h"
+#include "support/host_network.h"
+#include "support/lossy_switch.h"
+#include "support/temporary_folder.h"
+#include "take/mesh_file.h"
+#include "take/take.h"
+#include "wire/channels.h"
+
+namespace v3d {
+namespace {
+
+using test::becomes_true;
+using test::ChildProcess;
+using test::within;
+
+using Pulses = std::vector<int64_t>;
+using Json = nlohmann::json;
+
+constexpr char kTake[] = "kendo-07";
+constexpr int kNodes = 3;
+constexpr int64_t kRateHz = 8;
+
+/// Everything that is seen on V3D_MESH.
+class Onlooker {
+ public:
+  Onlooker(const std::string& url, const std::filesystem::path& key)
+      : bus_(url), meshes_(key_of(key), kMeshChannel, 10'000) {}
+
+  /// The pulses as a viewer shows them, who lets none go back; and how many came again.
+  void look() {
+    while (const auto mesh = meshes_.wait(Monotonic::now())) {
+      if (shown_.empty() || mesh->pulse > shown_.back()) {
+        shown_.push_back(mesh->pulse);
+      } else {
+        ++returned_;
+      }
+    }
+  }
+  const Pulses& shown() const { return shown_; }
+  int returned() const { return returned_; }
+  int64_t lost() const { return meshes_.counts().lost; }
+
+ private:
+  Bus& key_of(const std::filesystem::path& key) {
+    bus_.seal().set_key(StudioKey::load(key));
+    return bus_;
+  }
+
+  Bus bus_;
+  Subscription<MeshMessage> meshes_;
+  Pulses shown_;
+  int returned_ = 0;
+};
+
+class SharedStudio : public testing::Test {
+ protected:
+  SharedStudio() : switch_(network_.ports(), {}) {
+    start_cameras();
+    write_studio_files();
+    start_at(
+        0, {bin("v3d-captured"), "--studio", folder_ / "cap01" / "studio.toml", "--node", "cap01"},
+        "cap01");
+    for (int i = 0; i < kNodes; ++i) start_recond(i);
+    const Studio studio = load_studio(folder_ / "cap01" / "studio.toml");
+    client_.emplace(studio);
+    onlooker_.emplace(studio.network.lcm_url, studio.network.key);
+    const Answer learnt = command(CommandVerb::kBackground, 8);
+    if (!learnt.done()) throw std::runtime_error("background: " + text_of(learnt));
+  }
+
+  static std::string bin(const std::string& program) {
+    return std::string(V3D_BIN) + "/" + program;
+  }
+  static std::string node(int i) { return "recon0" + std::to_string(i + 1); }
+
+  std::unique_ptr<ChildProcess> start_at(size_t host, const std::vector<std::string>& command,
+                                         const std::string& name, bool keep = true) {
+    std::vector<std::string> all = network_.enter(host);
+    all.insert(all.end(), command.begin(), command.end());
+    auto process = std::make_unique<ChildProcess>(all, folder_ / (name + ".log"));
+    if (!keep) return process;
+    others_.push_back(std::move(process));
+    return nullptr;
+  }
+  void start_recond(int i) {
+    reconds_[i] = start_at(
+        static_cast<size_t>(i) + 1,
+        {bin("v3d-recond"), "--studio", folder_ / node(i) / "studio.toml", "--node", node(i)},
+        node(i), false);
+  }
+  void start_cameras() {
+    start_at(0,
+             {bin("v3d-sim"), "studio", folder_ / "cap01", "--cameras", "15", "--size", "160x120",
+              "--rate", std::to_string(kRateHz), "--loop-frames", "8", "--empty-pulses", "8",
+              "--voxel", "40mm"},
+             "sim");
+    ChildProcess& simulator = *others_.front();
+    const bool serves = becomes_true(
+        [&] { return simulator.output().find("ready\n") != std::string::npos; }, within(60));
+    if (!serves) throw std::runtime_error("v3d-sim: " + simulator.output());
+  }
+  /// One studio, and a disk of its own for every node.
+  void write_studio_files() {
+    std::string text = read_file(folder_ / "cap01" / "studio.toml");
+    const auto replace = [&](const std::string& from, const std::string& to) {
+      const size_t at = text.find(from);
+      ASSERT_NE(at, std::string::npos) << from;
+      text.replace(at, from.size(), to);
+    };
+    replace("[[node]]\nname = \"recon01\"",
+            "[[node]]\nname = \"recon01\"\n[[node]]\nname = \"recon02\"\n[[node]]\nname = "
+            "\"recon03\"");
+    replace("node = \"recon01\"", "nodes = [\"recon01\", \"recon02\", \"recon03\"]\nthreads = 1");
+    replace("ttl=0", "ttl=1");
+    for (const char* file : {"trigger.sock", "studio.key"}) {
+      replace("\"" + std::string(file) + "\"", "\"" + (folder_ / "cap01" / file).string() + "\"");
+    }
+    test::write_text(folder_ / "cap01" / "studio.toml", text);
+    for (int i = 0; i < kNodes; ++i) {
+      std::filesystem::create_directory(folder_ / node(i));
+      std::filesystem::copy(folder_ / "cap01" / "calib.toml", folder_ / node(i) / "calib.toml");
+      test::write_text(folder_ / node(i) / "studio.toml", text);
+    }
+  }
+
+  Answer command(CommandVerb verb, int64_t pulses = 0, int seconds = 60) {
+    CommandMessage order;
+    order.verb = verb;
+    order.take = kTake;
+    order.pulses = pulses;
+    return client_->command(order, within(seconds));
+  }
+  std::string text_of(const Answer& answer) const {
+    std::string text;
+    for (const auto& [name, reply] : answer.replies) text += name + ": " + reply.text + "\n";
+    for (const std::string& name : answer.silent) text += name + ": silent\n";
+    for (int i = 0; i < kNodes; ++i) text += reconds_[i]->output();
+    return text;
+  }
+  void arm_and_start() {
+    const Answer armed = command(CommandVerb::kArm);
+    ASSERT_TRUE(armed.done()) << text_of(armed);
+    const Answer started = command(CommandVerb::kStart);
+    ASSERT_TRUE(started.done()) << text_of(started);
+  }
+
+  double value(int i, const std::string& name) {
+    onlooker_->look();
+    while (client_->next_health(Monotonic::now())) {
+    }
+    const auto health = client_->health(within(2));
+    const auto found = health.find(node(i));
+    if (found == health.end() || !found->second.values.contains(name)) return -1;
+    return found->second.values.at(name);
+  }
+  void wait_for(int i, const std::string& name, double wanted) {
+    ASSERT_TRUE(becomes_true([&] { return value(i, name) >= wanted; }, within(120)))
+        << node(i) << " " << name << " " << value(i, name) << "\n"
+        << reconds_[i]->output();
+  }
+  /// Some pulses more.
+  void go_on(int i, double meshes) { wait_for(i, "meshes", value(i, "meshes") + meshes); }
+
+  void kill_node(int i) {
+    reconds_[i]->signal(SIGKILL);
+    ASSERT_TRUE(reconds_[i]->wait(within(30)));
+    client_.emplace(load_studio(folder_ / "cap01" / "studio.toml"));  // forgets its health
+  }
+  /// Where a node is dead, it is waited for as long as an operator does who says so.
+  void stop(const std::vector<std::string>& dead = {}) {
+    stopped_ = command(CommandVerb::kStop, 0, dead.empty() ? 60 : 25);
+    ASSERT_EQ(stopped_.silent, dead) << text_of(stopped_);
+    ASSERT_EQ(stopped_.done(), dead.empty()) << text_of(stopped_);
+    onlooker_->look();
+  }
+
+  // --- the account ------------------------------------------------------------------------------
+
+  /// Pulses of which frames went over the network: a busy capture node leaves some out.
+  int64_t commanded() const { return ledger()["pulses"]["commanded"].get<int64_t>(); }
+  int64_t not_live() const {
+    int64_t least = 0;
+    for (const auto& camera : ledger()["cameras"]) {
+      least = std::max(least, commanded() - camera["published"].get<int64_t>());
+    }
+    return least;
+  }
+  Json ledger() const { return Json::parse(stopped_.replies.at("cap01").detail); }
+  Json account(int i) const { return Json::parse(stopped_.replies.at(node(i)).detail); }
+  Pulses file(int i) const {
+    MeshFileReader reader(TakePaths{folder_ / node(i) / kTake}.mesh());
+    for (const int64_t pulse : reader.pulses()) EXPECT_TRUE(reader.read(pulse)) << pulse;
+    return reader.pulses();
+  }
+  static Pulses range(int64_t first, int64_t end) {
+    Pulses pulses;
+    for (int64_t pulse = first; pulse < end; ++pulse) pulses.push_back(pulse);
+    return pulses;
+  }
+  /// Every pulse is once in the file, in order, or it is named; no more than `most` are. The end of
+  /// a train that nobody had frames of is not known to who reconstructs.
+  void expect_whole(int i, int64_t most) const {
+    const Pulses meshes = file(i);
+    EXPECT_EQ(std::ssize(meshes), account(i)["meshes"].get<int64_t>()) << node(i);
+    Pulses all = account(i)["without_mesh"].get<Pulses>();
+    EXPECT_LE(std::ssize(all), most + not_live()) << node(i) << testing::PrintToString(all);
+    std::printf("%s: %zd meshes, %zd pulses without one, %lld that were not live\n",
+                node(i).c_str(), std::ssize(meshes), std::ssize(all),
+                static_cast<long long>(not_live()));
+    for (const int64_t pulse : all) EXPECT_EQ(std::count(meshes.begin(), meshes.end(), pulse), 0);
+    all.insert(all.end(), meshes.begin(), meshes.end());
+    std::sort(all.begin(), all.end());
+    EXPECT_EQ(all, range(0, std::ssize(all))) << node(i);
+    EXPECT_GE(std::ssize(all), commanded() - not_live()) << node(i);
+  }
+  /// What was published is what this node has; what the network lost on the way to who looked on
+  /// is known.
+  void expect_shown_as(int i) const {
+    const Pulses meshes = file(i);
+    EXPECT_THAT(onlooker_->shown(), testing::IsSubsetOf(meshes));
+    EXPECT_GE(std::ssize(onlooker_->shown()) + onlooker_->lost(), std::ssize(meshes));
+  }
+
+  const test::TemporaryFolder folder_;
+  const test::HostNetwork network_{1 + kNodes};
+  test::LossySwitch switch_;
+  std::vector<std::unique_ptr<ChildProcess>> others_;
+  std::array<std::unique_ptr<ChildProcess>, kNodes> reconds_;
+  std::optional<OperatorClient> client_;
+  std::optional<Onlooker> onlooker_;
+  Answer stopped_;
+};
+
+TEST_F(SharedStudio, makes_of_every_pulse_one_mesh_and_shows_them_in_order) {
+  arm_and_start();
+  wait_for(0, "meshes", 60);
+  stop();
+  int64_t made = 0;
+  for (int i = 0; i < kNodes; ++i) {
+    expect_whole(i, 0);
+    expect_shown_as(i);
+    EXPECT_EQ(file(i), file(0));
+    EXPECT_GE(account(i)["shard_pulses"].get<int64_t>(), 10) << "its share";
+    EXPECT_EQ(account(i)["shard_let_go"], 0);
+    made += account(i)["shard_pulses"].get<int64_t>();
+  }
+  EXPECT_GE(made, std::ssize(file(0)));
+}
+
+TEST_F(SharedStudio, loses_nothing_when_a_node_is_killed) {
+  arm_and_start();
+  wait_for(2, "shard_pulses", 8);
+  kill_node(2);
+  go_on(0, 40);
+  stop({"recon03"});
+  for (const int i : {0, 1}) {
+    expect_whole(i, kRateHz);
+    expect_shown_as(i);
+    EXPECT_GE(account(i)["shard_taken_over"].get<int64_t>(), 3);
+  }
+  const Pulses before = file(2);
+  EXPECT_EQ(before, range(0, std::ssize(before))) << "what the dead one had is whole";
+}
+
+TEST_F(SharedStudio, goes_on_showing_when_the_node_that_shows_is_killed) {
+  arm_and_start();
+  wait_for(0, "shard_pulses", 8);
+  kill_node(0);
+  go_on(1, 40);
+  stop({"recon01"});
+  for (const int i : {1, 2}) {
+    expect_whole(i, kRateHz);
+    expect_shown_as(i);
+  }
+}
+
+TEST_F(SharedStudio, gives_a_share_to_a_node_that_was_killed_and_started_anew) {
+  arm_and_start();
+  wait_for(0, "shard_pulses", 6);
+  kill_node(0);
+  go_on(1, 16);
+  start_recond(0);
+  wait_for(0, "shard_pulses", 6);
+  go_on(1, 16);
+  stop();
+  for (const int i : {1, 2}) {
+    expect_whole(i, kRateHz);
+    expect_shown_as(i);
+  }
+  const Pulses rejoined = file(0);
+  EXPECT_THAT(rejoined, testing::IsSubsetOf(file(1)));
+  EXPECT_GE(account(0)["shard_pulses"].get<int64_t>(), 6) << "since it was started anew";
+  EXPECT_TRUE(std::is_sorted(rejoined.begin(), rejoined.end()));
+  EXPECT_EQ(rejoined.back(), file(1).back());
+}
+
+TEST_F(SharedStudio, refuses_a_second_node_in_a_folder_of_takes) {
+  ChildProcess second(
+      {bin("v3d-recond"), "--studio", folder_ / "recon01" / "studio.toml", "--node", "recon02"},
+      folder_ / "second.log");
+  EXPECT_EQ(second.wait(within(30)), 2);
+  EXPECT_THAT(second.output(), testing::HasSubstr("recon01 writes its takes here already"));
+}
+
+}  // namespace
+}  // namespace v3d
