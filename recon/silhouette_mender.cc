@@ -109,10 +109,17 @@ class SilhouetteMender::Trial {
     for (int round = 0; round < kJointRounds && fill_jointly_missing_pieces(); ++round) {
       fill_missing_pieces();
     }
-    if (!neighbours_.before.empty()) mend_late_cameras();
+    std::optional<Trial> alone;
+    if (!neighbours_.before.empty()) {
+      alone.emplace(*this);
+      // Where no camera is late, nothing was changed.
+      if (!mend_late_cameras()) alone.reset();
+    }
     remove_phantom_pieces();
+    if (alone) alone->remove_phantom_pieces();
     std::ranges::stable_sort(faults_, {}, &SilhouetteFault::camera);
-    return {std::move(masks_), std::move(shown_later_), std::move(faults_)};
+    std::vector<std::optional<Mask>> masks_alone = alone ? std::move(alone->masks_) : masks_;
+    return {std::move(masks_), std::move(masks_alone), std::move(shown_later_), std::move(faults_)};
   }
 
  private:
@@ -293,7 +300,9 @@ class SilhouetteMender::Trial {
   }
 
   /// The one that is late most plainly first: in the hulls that it spoils, others seem so too.
-  void mend_late_cameras() {
+  /// False when there was none.
+  bool mend_late_cameras() {
+    bool found = false;
     std::vector<size_t> suspects;
     for (size_t c = 0; c < masks_.size(); ++c) {
       if (masks_[c]) suspects.push_back(c);
@@ -305,7 +314,9 @@ class SilhouetteMender::Trial {
                      either(only_first(given, mended), only_first(mended, given)));
       masks_[late->camera] = std::move(mended);
       std::erase(suspects, late->camera);
+      found = true;
     }
+    return found;
   }
 
   struct LateCamera {

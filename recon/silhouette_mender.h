@@ -54,6 +54,9 @@ struct NeighbourMasks {
 struct MendedSilhouettes {
   /// By camera of the rig; empty for a camera that is better left out, or had none.
   std::vector<std::optional<Mask>> masks;
+  /// The same as they are without the neighbours: what the next pulse is held against, which
+  /// otherwise would depend on all pulses before it.
+  std::vector<std::optional<Mask>> alone;
   /// Cameras, rising, that show this pulse in their next frame; its mask was taken.
   std::vector<size_t> shown_later;
   std::vector<SilhouetteFault> faults;  ///< by camera, then from top to bottom

@@ -227,6 +227,15 @@ TEST(SilhouetteMender, puts_what_lies_between_where_a_camera_showed_a_pulse_twic
   EXPECT_LT(voxels_wrong(pointers(mended.masks)), voxels_wrong(pointers(masks)));
 }
 
+TEST(SilhouetteMender, tells_what_a_pulse_is_without_its_neighbours) {
+  std::vector<Mask> masks;
+  const MendedSilhouettes late = mend_late(4, {-2, -1, 0}, masks);
+  const MendedSilhouettes by_itself = mend(masks, false);
+  EXPECT_EQ(late.alone, by_itself.masks);
+  EXPECT_NE(late.alone, late.masks);
+  EXPECT_EQ(by_itself.alone, by_itself.masks);
+}
+
 TEST(SilhouetteMender, finds_no_camera_late_where_all_are_in_step) {
   std::vector<Mask> masks;
   EXPECT_THAT(mend_late(4, {-1, 0, 1}, masks).faults, IsEmpty());

@@ -56,16 +56,27 @@ std::vector<const Mask*> MaskMending::cut(SegmentedFrames& frames) const {
   return masks;
 }
 
+MendedSilhouettes MaskMending::held_together(const SegmentedFrames& frames,
+                                             std::span<const Mask* const> masks,
+                                             const NeighbourMasks& neighbours) {
+  std::vector<const Frame*> images;
+  for (size_t c = 0; c < frames.size(); ++c) images.push_back(masks[c] ? &frames[c]->raw : nullptr);
+  return mender_.mend(masks, images, neighbours);
+}
+
+void MaskMending::look_at(int64_t pulse, SegmentedFrames frames) {
+  known_ = held_together(frames, cut(frames), {}).alone;
+  known_pulse_ = pulse;
+}
+
 void MaskMending::mend(int64_t pulse, SegmentedFrames& frames, SegmentedFrames& next) {
   const std::vector<const Mask*> masks = cut(frames);
   const std::vector<const Mask*> after = cut(next);
-  std::vector<const Frame*> images;
-  for (size_t c = 0; c < frames.size(); ++c) images.push_back(masks[c] ? &frames[c]->raw : nullptr);
   std::vector<const Mask*> before;
-  if (pulse_before_ == pulse - 1) {
-    for (const auto& mask : before_) before.push_back(mask ? &*mask : nullptr);
+  if (knows(pulse - 1)) {
+    for (const auto& mask : known_) before.push_back(mask ? &*mask : nullptr);
   }
-  MendedSilhouettes mended = mender_.mend(masks, images, {.before = before, .after = after});
+  MendedSilhouettes mended = held_together(frames, masks, {.before = before, .after = after});
   for (const size_t c : mended.shown_later) frames[c]->raw.image = next[c]->raw.image;
   for (size_t c = 0; c < frames.size(); ++c) {
     if (masks[c] == nullptr) continue;
@@ -75,8 +86,8 @@ void MaskMending::mend(int64_t pulse, SegmentedFrames& frames, SegmentedFrames& 
       frames[c].reset();
     }
   }
-  before_ = std::move(mended.masks);
-  pulse_before_ = pulse;
+  known_ = std::move(mended.alone);
+  known_pulse_ = pulse;
   for (const SilhouetteFault& fault : mended.faults) {
     faults_.push_back({pulse, rig_[fault.camera].name, fault});
   }

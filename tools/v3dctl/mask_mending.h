@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -33,19 +34,26 @@ class MaskMending {
   /// view of the bounds; a camera that is better left out loses its frame, one that shows this
   /// pulse in its next frame gets that frame's picture. `next`: the frames of the next pulse, of
   /// which the masks are cut to the view of the bounds. Whether a camera is late is told where the
-  /// pulse before was mended just before.
+  /// pulse before is known. That is held against nothing itself: what is made of a pulse depends on
+  /// three pulses, in whatever parts a take is reconstructed.
   void mend(int64_t pulse, SegmentedFrames& frames, SegmentedFrames& next);
+
+  /// The pulse that is known is the one looked at or mended last.
+  bool knows(int64_t pulse) const { return pulse == known_pulse_; }
+  void look_at(int64_t pulse, SegmentedFrames frames);
 
   const std::vector<PulseFault>& faults() const { return faults_; }
 
  private:
   std::vector<const Mask*> cut(SegmentedFrames& frames) const;
+  MendedSilhouettes held_together(const SegmentedFrames& frames, std::span<const Mask* const> masks,
+                                  const NeighbourMasks& neighbours);
 
   const Rig rig_;
   SilhouetteMender mender_;
   std::vector<Mask> views_;
-  int64_t pulse_before_ = -2;
-  std::vector<std::optional<Mask>> before_;  ///< mended, of that pulse
+  int64_t known_pulse_ = -2;
+  std::vector<std::optional<Mask>> known_;  ///< of that pulse, mended by itself
   std::vector<PulseFault> faults_;
 };
 

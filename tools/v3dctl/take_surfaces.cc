@@ -34,6 +34,7 @@ TakeSurface TakeSurfaces::make(int64_t pulse) {
 TakeSurface TakeSurfaces::surface_of(int64_t pulse) {
   const MonotonicInstant begin = Monotonic::now();
   TakeSurface made;
+  if (mending_ != nullptr) look_at_before(pulse);
   made.frames = pulse == ahead_pulse_ ? std::move(ahead_) : take_.read(pulse);
   if (mending_ != nullptr) mend(pulse, made.frames);
   made.work = SetAtWork(observe_all(pulse, made.frames));
@@ -43,15 +44,25 @@ TakeSurface TakeSurfaces::surface_of(int64_t pulse) {
   return made;
 }
 
+/// The pulse before, where a part of the take begins.
+void TakeSurfaces::look_at_before(int64_t pulse) {
+  if (!has(pulse - 1) || mending_->knows(pulse - 1)) return;
+  mending_->look_at(pulse - 1, take_.read(pulse - 1));
+}
+
 void TakeSurfaces::mend(int64_t pulse, SegmentedFrames& frames) {
   ahead_pulse_ = pulse + 1;
   ahead_ = take_.read(ahead_pulse_);
   mending_->mend(pulse, frames, ahead_);
 }
 
+bool TakeSurfaces::has(int64_t pulse) const {
+  return std::binary_search(pulses_.begin(), pulses_.end(), pulse);
+}
+
 /// Null for a pulse that the take does not have.
 const Moment* TakeSurfaces::moment_at(int64_t pulse) {
-  if (!std::binary_search(pulses_.begin(), pulses_.end(), pulse)) return nullptr;
+  if (!has(pulse)) return nullptr;
   auto found = window_.find(pulse);
   if (found == window_.end()) {
     TakeSurface surface = surface_of(pulse);

@@ -18,9 +18,9 @@ struct TakeSurface {
   SetAtWork work;
 };
 
-/// The window is one pulse to each side, as far as the take has them, and a surface depends on
-/// nothing else: it is the same in whatever order and in however many parts a take is
-/// reconstructed. One caller at a time, in its TBB arena.
+/// The window is one pulse to each side, as far as the take has them, and two where silhouettes are
+/// mended; a surface depends on nothing else: it is the same in whatever order and in however many
+/// parts a take is reconstructed. One caller at a time, in its TBB arena.
 class TakeSurfaces {
  public:
   /// All are borrowed; `mending` may be null. Without `steady` every pulse stands alone.
@@ -35,7 +35,9 @@ class TakeSurfaces {
     TakeSurface surface;  ///< until it is given away
     Moment moment;
   };
+  bool has(int64_t pulse) const;
   TakeSurface surface_of(int64_t pulse);
+  void look_at_before(int64_t pulse);
   void mend(int64_t pulse, SegmentedFrames& frames);
   const Moment* moment_at(int64_t pulse);
 
