@@ -2,11 +2,15 @@
 
 #include <fcntl.h>
 #include <spawn.h>
+#include <sys/mman.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
 #include <cerrno>
+#include <cstdlib>
+#include <sstream>
 #include <stdexcept>
+#include <utility>
 
 #include "base/error.h"
 
@@ -24,14 +28,15 @@ std::string read_all(int fd) {
   }
 }
 
-/// The child's standard output goes to `to`.
-pid_t spawn(const std::vector<std::string>& words, int to) {
+/// The child's standard output goes to `to`, its standard error to `errors`.
+pid_t spawn(const std::vector<std::string>& words, int to, int errors) {
   std::vector<char*> arguments;
   for (const std::string& word : words) arguments.push_back(const_cast<char*>(word.c_str()));
   arguments.push_back(nullptr);
   posix_spawn_file_actions_t actions;
   posix_spawn_file_actions_init(&actions);
   posix_spawn_file_actions_adddup2(&actions, to, STDOUT_FILENO);
+  posix_spawn_file_actions_adddup2(&actions, errors, STDERR_FILENO);
   pid_t child = -1;
   const int error =
       posix_spawnp(&child, arguments[0], &actions, nullptr, arguments.data(), environ);
@@ -48,25 +53,58 @@ int wait_for(pid_t child) {
   return WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status);
 }
 
+/// A file descriptor that closes itself.
+class Descriptor {
+ public:
+  explicit Descriptor(int fd) : fd_(fd) {
+    if (fd < 0) throw std::runtime_error(errno_message("cannot run another program"));
+  }
+  ~Descriptor() { reset(); }
+  Descriptor(const Descriptor&) = delete;
+  Descriptor& operator=(const Descriptor&) = delete;
+  int get() const { return fd_; }
+  void reset() {
+    if (fd_ >= 0) close(std::exchange(fd_, -1));
+  }
+
+ private:
+  int fd_;
+};
+
+ProcessResult run_captured(const std::vector<std::string>& words, int errors) {
+  int channel[2];
+  if (pipe2(channel, O_CLOEXEC) != 0) throw std::runtime_error(errno_message("pipe"));
+  const Descriptor ours(channel[0]);
+  Descriptor its(channel[1]);
+  const pid_t child = spawn(words, its.get(), errors);
+  its.reset();
+  std::string text = read_all(ours.get());
+  return {.status = wait_for(child), .output = std::move(text), .errors = {}};
+}
+
 }  // namespace
 
 ProcessResult run_process(const std::vector<std::string>& words, Output output) {
   if (output == Output::kShow) {
-    return {.status = wait_for(spawn(words, STDERR_FILENO)), .output = {}};
+    const pid_t child = spawn(words, STDERR_FILENO, STDERR_FILENO);
+    return {.status = wait_for(child), .output = {}, .errors = {}};
   }
-  int channel[2];
-  if (pipe2(channel, O_CLOEXEC) != 0) throw std::runtime_error(errno_message("pipe"));
-  try {
-    const pid_t child = spawn(words, channel[1]);
-    close(channel[1]);
-    std::string text = read_all(channel[0]);
-    close(channel[0]);
-    return {.status = wait_for(child), .output = std::move(text)};
-  } catch (...) {
-    close(channel[0]);
-    close(channel[1]);
-    throw;
+  if (output == Output::kCapture) return run_captured(words, STDERR_FILENO);
+  // Not a second pipe: one that nobody reads meanwhile would stop it.
+  const Descriptor errors(memfd_create("errors", MFD_CLOEXEC));
+  ProcessResult result = run_captured(words, errors.get());
+  lseek(errors.get(), 0, SEEK_SET);
+  result.errors = read_all(errors.get());
+  return result;
+}
+
+bool has_program(const std::string& name) {
+  const char* path = std::getenv("PATH");
+  std::istringstream folders(path != nullptr ? path : "/usr/bin:/bin");
+  for (std::string folder; std::getline(folders, folder, ':');) {
+    if (access((folder + "/" + name).c_str(), X_OK) == 0) return true;
   }
+  return false;
 }
 
 }  // namespace v3d

@@ -78,6 +78,7 @@ void add_all_commands(CommandLine& line) {
   add_external(line, "import", "Make a take of recordings that come from elsewhere");
   add_external(line, "calibrate", "Measure lenses and places of the cameras, and say what is weak");
   add_reconstruct(line);
+  add_reconstruct_pieces(line);
   add_evaluate(line);
   add_export(line);
   add_render(line);

@@ -54,6 +54,7 @@ void add_external(CommandLine& line, const std::string& name, const std::string&
 
 void add_import(CommandLine& line);  ///< only in v3dctl-import
 void add_reconstruct(CommandLine& line);
+void add_reconstruct_pieces(CommandLine& line);  ///< hidden: what the one above begins
 void add_verify(CommandLine& line);
 void add_takes(CommandLine& line);
 void add_evaluate(CommandLine& line);

@@ -4,11 +4,16 @@
 
 #include "base/error.h"
 #include "base/units.h"
+#include "common/console.h"
+#include "common/subprocess.h"
 #include "take/take.h"
 #include "v3dctl/command.h"
 #include "v3dctl/deform_options.h"
 #include "v3dctl/interrupt.h"
+#include "v3dctl/local_tasks.h"
 #include "v3dctl/reconstruct.h"
+#include "v3dctl/shared_reconstruct.h"
+#include "v3dctl/slurm_tasks.h"
 #include "v3dctl/statistics.h"
 
 namespace v3d::ctl {
@@ -19,7 +24,10 @@ using Json = nlohmann::ordered_json;
 struct Arguments {
   ReconstructRequest request;
   std::string voxel, bounds, quality, deform, frames, leave_out;
+  std::string partition;
   int min_views = 0;
+  int processes = 0;
+  bool slurm = false;
   bool alone = false;
   bool json = false;
 };
@@ -72,6 +80,11 @@ Json quality_json(const ReconstructReport& report) {
   return list;
 }
 
+/// Of those that this run made.
+double frames_per_second(const ReconstructReport& report) {
+  return static_cast<double>(report.frames - report.frames_kept) / report.seconds;
+}
+
 Json to_json(const ReconstructReport& report) {
   const Box& box = report.bounds;
   return {
@@ -83,6 +96,8 @@ Json to_json(const ReconstructReport& report) {
       {"bounds_m", {box.min.x(), box.min.y(), box.min.z(), box.max.x(), box.max.y(), box.max.z()}},
       {"min_views", report.min_views},
       {"threads", report.threads},
+      {"processes", report.processes > 0 ? Json(report.processes) : Json(nullptr)},
+      {"frames_kept", report.frames_kept},
       {"volume_m3", median(report.volume_m3)},
       {"vertices", median(report.vertices)},
       {"triangles", median(report.triangles)},
@@ -90,7 +105,7 @@ Json to_json(const ReconstructReport& report) {
       {"frame_quality", quality_json(report)},
       {"silhouette_faults", report.mended ? faults_json(report.silhouette_faults) : Json(nullptr)},
       {"stages_ms", stages_json(report)},
-      {"frames_per_second", static_cast<double>(report.frames) / report.seconds},
+      {"frames_per_second", frames_per_second(report)},
       {"bytes_per_frame", mean(report.bytes)},
       {"peak_rss_mb", report.peak_rss_mb}};
 }
@@ -127,8 +142,7 @@ void print_text(const ReconstructReport& report) {
                 percentile(stage.ms, 50), percentile(stage.ms, 99));
   }
   std::printf("whole run    %.1f s, %.2f frames/s on %d threads, %.0f MB memory\n", report.seconds,
-              static_cast<double>(report.frames) / report.seconds, report.threads,
-              report.peak_rss_mb);
+              frames_per_second(report), report.threads, report.peak_rss_mb);
 }
 
 Quality parse_quality(const std::string& text) {
@@ -178,11 +192,59 @@ void add_options(CLI::App* command, Arguments& arguments) {
                    "Worker threads (else one per core); the result is the same")
       ->type_name("N")
       ->check(CLI::Range(1, 1024));
+  CLI::Option* processes =
+      command
+          ->add_option("--processes", arguments.processes,
+                       "Share the take out to so many processes; the result is the same, and a run "
+                       "that was interrupted goes on where it was")
+          ->type_name("N")
+          ->check(CLI::Range(1, 1024));
+  CLI::Option* slurm = command->add_flag(
+      "--slurm", arguments.slurm,
+      "Share it out to the nodes of a Slurm cluster; without Slurm to a process per core");
+  slurm->excludes(processes);
+  command->add_option("--partition", arguments.partition, "The partition of the cluster")
+      ->type_name("NAME")
+      ->needs(slurm);
   command
       ->add_option("--leave-out", arguments.leave_out,
                    "Cameras that do not take part, to be compared with later")
       ->type_name("CAM,...");
   add_json_flag(command, arguments.json);
+}
+
+ReconstructReport by_processes(const ReconstructRequest& request, int processes) {
+  const int threads = std::max(1, threads_of(request) / processes);
+  ReconstructReport report = reconstruct_shared(
+      request, threads * processes, [&](const PieceFolder& folder, const ReconstructRequest&) {
+        return std::make_unique<LocalTasks>(folder, processes, threads);
+      });
+  report.processes = processes;
+  return report;
+}
+
+/// Few enough that a take keeps a cluster busy, enough that beginning a task costs little beside.
+constexpr int64_t kPiecesOfATask = 4;
+
+ReconstructReport by_slurm(const ReconstructRequest& request, const std::string& partition) {
+  const int threads = std::max(1, request.threads);
+  ReconstructReport report = reconstruct_shared(
+      request, threads, [&](const PieceFolder& folder, const ReconstructRequest& settled) {
+        const int64_t pieces = settled.quality == Quality::kHigh ? 1 : kPiecesOfATask;
+        return std::make_unique<SlurmTasks>(folder, partition, threads, pieces);
+      });
+  report.processes = 0;
+  return report;
+}
+
+ReconstructReport reconstruct(const Arguments& arguments) {
+  if (arguments.processes > 0) return by_processes(arguments.request, arguments.processes);
+  if (!arguments.slurm) return reconstruct_take(arguments.request);
+  if (has_program("sbatch")) return by_slurm(arguments.request, arguments.partition);
+  const int cores = threads_of({});
+  note("no Slurm here (no sbatch on the PATH): with " + std::to_string(cores) +
+       " processes of this PC");
+  return by_processes(arguments.request, cores);
 }
 
 int run(const CommandLine& line, Arguments arguments) {
@@ -197,7 +259,7 @@ int run(const CommandLine& line, Arguments arguments) {
   request.leave_out = parse_names(arguments.leave_out, "--leave-out");
   request.studio = line.studio_of_take(request.take);
   catch_interrupts();
-  const ReconstructReport report = reconstruct_take(request);
+  const ReconstructReport report = reconstruct(arguments);
   if (arguments.json) {
     std::printf("%s\n", to_json(report).dump(2).c_str());
   } else {
@@ -215,7 +277,8 @@ void add_reconstruct(CommandLine& line) {
   CLI::App* command =
       line.add("reconstruct", "Make the meshes of a take (mesh.v3d)",
                {"v3dctl reconstruct dancer --voxel 8mm --bounds -0.6,-0.6,-0.1,0.6,0.6,1.9",
-                "v3dctl reconstruct dancer --frames 100:200 --leave-out cam03,cam11 --json"});
+                "v3dctl reconstruct dancer --frames 100:200 --leave-out cam03,cam11 --json",
+                "v3dctl reconstruct kendo-07 --quality high --slurm --partition night"});
   auto arguments = std::make_shared<Arguments>();
   add_options(command, *arguments);
   line.on_run(command, [&line, arguments] { return run(line, *arguments); });

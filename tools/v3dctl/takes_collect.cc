@@ -1,7 +1,5 @@
 #include "v3dctl/takes_collect.h"
 
-#include <unistd.h>
-
 #include <algorithm>
 #include <map>
 #include <sstream>
@@ -12,17 +10,12 @@
 #include "common/subprocess.h"
 #include "take/join_parts.h"
 #include "take/verified.h"
+#include "v3dctl/host_name.h"
 
 namespace v3d::ctl {
 namespace {
 
 namespace fs = std::filesystem;
-
-std::string host_name() {
-  char text[256] = {};
-  gethostname(text, sizeof text - 1);
-  return text;
-}
 
 /// rsync, as it is called for everything here.
 class Rsync {
@@ -133,7 +126,8 @@ class Collector {
     }
     if (on_terminal()) note(source.node + "  " + take);
     // In place, so that a copy that was cut off goes on where it was.
-    std::vector<std::string> options = {"--inplace", "--no-whole-file", "--exclude=/verified.toml"};
+    std::vector<std::string> options = {"--inplace", "--no-whole-file", "--exclude=/verified.toml",
+                                        "--exclude=/.pieces-*"};
     if (on_terminal()) options.emplace_back("--info=progress2");
     copy(source, options, from, part);
     return part;
