@@ -210,16 +210,30 @@ class SharedStudio : public testing::Test {
     for (int64_t pulse = first; pulse < end; ++pulse) pulses.push_back(pulse);
     return pulses;
   }
-  /// Every pulse is once in the file, in order, or it is named; no more than `most` are. The end of
-  /// a train that nobody had frames of is not known to who reconstructs.
+  /// Pulses that nodes who answered say that they had no time for.
+  int64_t dropped() const {
+    int64_t dropped = 0;
+    for (const auto& [name, reply] : stopped_.replies) {
+      if (name != "cap01") dropped += Json::parse(reply.detail)["dropped"].get<int64_t>();
+    }
+    return dropped;
+  }
+  /// Every pulse is once in the file, in order, or it is named. No more than `most` are lost: what
+  /// a host had no time for it says itself. The end of a train that nobody had frames of is not
+  /// known to who reconstructs.
   void expect_whole(int i, int64_t most) const {
     const Pulses meshes = file(i);
     EXPECT_EQ(std::ssize(meshes), account(i)["meshes"].get<int64_t>()) << node(i);
     Pulses all = account(i)["without_mesh"].get<Pulses>();
-    EXPECT_LE(std::ssize(all), most + not_live()) << node(i) << testing::PrintToString(all);
-    std::printf("%s: %zd meshes, %zd pulses without one, %lld that were not live\n",
-                node(i).c_str(), std::ssize(meshes), std::ssize(all),
+    const auto lost = account(i)["shard_lost"].get<int64_t>();
+    const auto given_up = account(i)["shard_given_up"].get<int64_t>();
+    std::printf("%s: %zd meshes, %lld pulses lost, %lld given up, %lld dropped, %lld not live\n",
+                node(i).c_str(), std::ssize(meshes), static_cast<long long>(lost),
+                static_cast<long long>(given_up), static_cast<long long>(dropped()),
                 static_cast<long long>(not_live()));
+    EXPECT_LE(lost, most + not_live()) << node(i) << testing::PrintToString(all);
+    EXPECT_EQ(std::ssize(all), lost + given_up) << "all are named";
+    EXPECT_TRUE(given_up == 0 || dropped() > 0) << "a node that gives up says why";
     for (const int64_t pulse : all) EXPECT_EQ(std::count(meshes.begin(), meshes.end(), pulse), 0);
     all.insert(all.end(), meshes.begin(), meshes.end());
     std::sort(all.begin(), all.end());
