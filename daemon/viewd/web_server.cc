@@ -12,6 +12,7 @@
 #include <boost/beast/websocket.hpp>
 #include <charconv>
 #include <future>
+#include <limits>
 #include <set>
 #include <thread>
 
@@ -220,7 +221,9 @@ class Connection : public std::enable_shared_from_this<Connection> {
   void read() {
     parser_.emplace();
     parser_->header_limit(WebServer::kMostHeaderBytes);
-    parser_->body_limit(boost::none);
+    // No limit as yet, for what has too large a body gets an answer; Beast takes none at all for
+    // zero.
+    parser_->body_limit(std::numeric_limits<uint64_t>::max());
     parser_->eager(false);
     socket_.expires_after(kRequestWithin);
     http::async_read_header(socket_, buffer_, *parser_,
