@@ -81,7 +81,7 @@ class Deformer::Impl {
       : options_(options), voxel_(static_cast<float>(options.voxel_m)) {}
 
   void run(std::span<const DeformCamera> cameras, Mesh& mesh) {
-    prepare(cameras);
+    prepare(cameras, middle_of(mesh));
     if (cameras_.empty() || mesh.vertices.empty()) return;
     neighbours_ = Neighbours(mesh);
     start_ = mesh.vertices;
@@ -94,7 +94,7 @@ class Deformer::Impl {
   }
 
  private:
-  void prepare(std::span<const DeformCamera> cameras) {
+  void prepare(std::span<const DeformCamera> cameras, const Vector3f& middle) {
     std::vector<const DeformCamera*> with_pixels;
     models_.clear();
     for (const DeformCamera& camera : cameras) {
@@ -103,7 +103,9 @@ class Deformer::Impl {
       models_.push_back(*camera.model);
     }
     std::vector<std::optional<SurfaceCamera>> made(with_pixels.size());
-    tbb::parallel_for(size_t{0}, made.size(), [&](size_t c) { made[c].emplace(*with_pixels[c]); });
+    tbb::parallel_for(size_t{0}, made.size(), [&](size_t c) {
+      made[c].emplace(*with_pixels[c], needless_halvings(models_[c], middle, options_.voxel_m));
+    });
     cameras_.clear();
     for (auto& camera : made) cameras_.push_back(std::move(*camera));
   }

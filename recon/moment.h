@@ -19,10 +19,10 @@ class Moment {
   };
 
   /// One entry of `models` and `frames` per camera of the rig; a frame is null, or without pixels,
-  /// where the camera saw nothing. Frames have masks and are copied. Works in the caller's TBB
-  /// arena.
+  /// where the camera saw nothing. Frames have masks and are copied. `voxel_m` is of the volume
+  /// that the surface comes from. Works in the caller's TBB arena.
   Moment(std::span<const CameraModel> models, std::span<const Frame* const> frames,
-         const Mesh& surface);
+         const Mesh& surface, double voxel_m);
   // Copies would refer to the frames of the original.
   Moment(Moment&&) = default;
   Moment& operator=(Moment&&) = default;

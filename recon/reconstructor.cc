@@ -105,7 +105,9 @@ class Reconstructor::Impl {
     if (deformer_) deform(work);
   }
 
-  Moment moment_of(const SetAtWork& work) const { return {models_, work.frames, work.result.mesh}; }
+  Moment moment_of(const SetAtWork& work) const {
+    return {models_, work.frames, work.result.mesh, grid_.voxel_m};
+  }
 
   void steady(SetAtWork& work, const Moment& now, std::span<const Moment* const> beside) const {
     const Stopwatch steadying;

@@ -8,13 +8,15 @@ namespace {
 using Eigen::Vector2f;
 
 constexpr float kMostFacing = 0.35F;  ///< cosine: the normal runs across the view
-constexpr float kOutlinePixels = 2;   ///< a vertex farther from the mesh's outline is not on it
-constexpr float kSearchPixels = 8;    ///< how far the observed outline may be
+// In pixels of SurfaceCamera::picture(0).
+constexpr float kOutlinePixels = 2;  ///< a vertex farther from the mesh's outline is not on it
+constexpr float kSearchPixels = 8;   ///< how far the observed outline may be
 constexpr float kStepPixels = 0.25F;
 constexpr float kProbeMetres = 0.005F;
 
 /// The way from `from` along `direction` to the nearest change of `inside`: outwards from an inner
-/// pixel, inwards from an outer one. Pixels.
+/// pixel, inwards from an outer one. `direction` is as long as one of picture(0)'s pixels, and the
+/// answer is in such lengths.
 template <class Inside>
 std::optional<float> outline_along(const Vector2f& from, const Vector2f& direction, float reach,
                                    const Inside& inside) {
@@ -26,11 +28,10 @@ std::optional<float> outline_along(const Vector2f& from, const Vector2f& directi
   return std::nullopt;
 }
 
-bool deep_inside(const Vector2f& pixel, ImageSize size) {
-  constexpr float kRoom = kSearchPixels + 1;
-  return pixel.x() >= kRoom && pixel.y() >= kRoom &&
-         pixel.x() < static_cast<float>(size.width) - kRoom &&
-         pixel.y() < static_cast<float>(size.height) - kRoom;
+bool deep_inside(const Vector2f& pixel, ImageSize size, float room) {
+  return pixel.x() >= room && pixel.y() >= room &&
+         pixel.x() < static_cast<float>(size.width) - room &&
+         pixel.y() < static_cast<float>(size.height) - room;
 }
 
 }  // namespace
@@ -41,9 +42,10 @@ std::optional<float> way_to_silhouette(const SurfaceCamera& camera, const DepthB
   const Eigen::Vector3f to_camera = camera.center() - place;
   if (!(std::abs(to_camera.dot(normal)) <= kMostFacing * to_camera.norm())) return std::nullopt;
   const auto seen = camera.project(place), beside = camera.project(place + kProbeMetres * normal);
-  if (!seen || !beside || !deep_inside(seen->pixel, depth.size)) return std::nullopt;
+  const float room = (kSearchPixels + 1) * camera.coarseness();
+  if (!seen || !beside || !deep_inside(seen->pixel, depth.size, room)) return std::nullopt;
   const Vector2f across = beside->pixel - seen->pixel;
-  const float length = across.norm();
+  const float length = across.norm() / camera.coarseness();
   if (!(length > 0)) return std::nullopt;
   const Vector2f direction = across / length;
   const auto drawn = [&](const Vector2f& p) {

@@ -27,7 +27,7 @@ constexpr int kReach = 1;  ///< pixels of the level to each side that are compar
 /// a camera (1.5 grey values a pixel), 1 for a bad one.
 constexpr float kStill = 1.5F;
 constexpr float kMoving = 3;
-/// An outline may tremble by so many pixels without anything having moved.
+/// An outline may tremble by so many pixels of picture(0) without anything having moved.
 constexpr float kTremble = 3;
 
 /// What the moment beside says of a vertex.
@@ -65,8 +65,9 @@ std::optional<float> difference(const Luminance& a, const Luminance& b, const Ve
 
 /// True when the silhouette is nowhere near.
 bool lost(const SurfaceCamera& camera, const Vector2f& pixel) {
-  for (const Vector2f& aside : {Vector2f(0, 0), Vector2f(kTremble, 0), Vector2f(-kTremble, 0),
-                                Vector2f(0, kTremble), Vector2f(0, -kTremble)}) {
+  const float tremble = kTremble * camera.coarseness();
+  for (const Vector2f& aside : {Vector2f(0, 0), Vector2f(tremble, 0), Vector2f(-tremble, 0),
+                                Vector2f(0, tremble), Vector2f(0, -tremble)}) {
     if (camera.in_silhouette(pixel + aside)) return false;
   }
   return true;

@@ -1,14 +1,23 @@
 #include "recon/surface_camera.h"
 
+#include <algorithm>
+#include <cmath>
+
 #include "recon/screen_vertex.h"
 
 namespace v3d {
+namespace {
 
-SurfaceCamera::SurfaceCamera(const DeformCamera& camera)
+constexpr int kMostHalvings = 8;
+
+}  // namespace
+
+SurfaceCamera::SurfaceCamera(const DeformCamera& camera, int halvings)
     : frame_(camera.frame),
       lens_(camera_of_metres(*camera.model)),
       center_(camera.model->center().cast<float>()) {
   pictures_[0] = Luminance(*frame_);
+  for (; halvings > 0; --halvings) pictures_[0] = pictures_[0].halved();
   for (int level = 1; level < kLevels; ++level) {
     pictures_[level] = pictures_[level - 1].halved();
   }
@@ -32,6 +41,21 @@ bool SurfaceCamera::sees(const Seen& seen, const DepthBuffer& depth, float toler
   return in_silhouette(seen.pixel) &&
          seen.z <= depth.at(static_cast<int>(seen.pixel.x()), static_cast<int>(seen.pixel.y())) +
                        tolerance_m;
+}
+
+int needless_halvings(const CameraModel& camera, const Eigen::Vector3f& place, double voxel_m) {
+  const double z = (camera.cam_from_world() * place.cast<double>()).z();
+  const double pixel_m = z / camera.matrix()(0, 0);
+  if (!(pixel_m > 0)) return 0;
+  return std::clamp(static_cast<int>(std::ceil(std::log2(voxel_m / 4 / pixel_m))), 0,
+                    kMostHalvings);
+}
+
+Eigen::Vector3f middle_of(const Mesh& mesh) {
+  Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+  for (const Eigen::Vector3f& vertex : mesh.vertices) sum += vertex.cast<double>();
+  if (!mesh.vertices.empty()) sum /= static_cast<double>(mesh.vertices.size());
+  return sum.cast<float>();
 }
 
 }  // namespace v3d

@@ -30,11 +30,14 @@ class SurfaceCamera {
     float z = 0;                  ///< metres along the optical axis
   };
 
-  /// Requires that the frame has pixels.
-  explicit SurfaceCamera(const DeformCamera& camera);
+  /// Requires that the frame has pixels. `halvings`: how often its picture is halved before it is
+  /// picture(0); see needless_halvings().
+  explicit SurfaceCamera(const DeformCamera& camera, int halvings = 0);
 
   const Eigen::Vector3f& center() const { return center_; }
   const Luminance& picture(int level) const { return pictures_[level]; }
+  /// Pixels of the camera along a side of one of picture(0).
+  float coarseness() const { return 1 / pictures_[0].scale(); }
   /// Metres that one pixel covers at a distance of 1 m.
   float pixel_m_per_m() const { return 1 / lens_.pixel_from_lens[0][0]; }
 
@@ -52,5 +55,13 @@ class SurfaceCamera {
   Eigen::Vector3f center_;
   std::array<Luminance, kLevels> pictures_;
 };
+
+/// How often a picture can be halved until its pixels are as wide as a quarter of a voxel, or
+/// wider, at the distance of `place` (world). Windows are sampled by the voxel, and outlines are
+/// looked for around them: pixels that are finer would be passed over, each with its noise.
+int needless_halvings(const CameraModel& camera, const Eigen::Vector3f& place, double voxel_m);
+
+/// The mean of the vertices, for needless_halvings(); (0, 0, 0) of an empty mesh.
+Eigen::Vector3f middle_of(const Mesh& mesh);
 
 }  // namespace v3d
