@@ -67,13 +67,13 @@ struct Studio {
   std::vector<DeformCamera> cameras;
 
   explicit Studio(const Mesh& scene) : Studio(scene, scene) {}
-  /// `seen`: also what is no part of the scene.
-  Studio(const Mesh& scene, const Mesh& seen) {
+  /// `seen`: also what is no part of the scene. `finer`: so many pixels for one along a side.
+  Studio(const Mesh& scene, const Mesh& seen, int finer = 1) {
     for (int i = 0; i < 12; ++i) {
       const double angle = 2 * std::numbers::pi * i / 12;
-      models.push_back(
-          shapes::camera({2 * std::cos(angle), 2 * std::sin(angle), 1 + 0.5 * (i % 3 - 1)},
-                         {0, 0, 1}, kSize, 600, {-0.1, 0.02}));
+      models.push_back(shapes::camera(
+          {2 * std::cos(angle), 2 * std::sin(angle), 1 + 0.5 * (i % 3 - 1)}, {0, 0, 1},
+          {finer * kSize.width, finer * kSize.height}, finer * 600.0, {-0.1, 0.02}));
     }
     masks = draw_silhouettes(scene, models);
     for (size_t i = 0; i < models.size(); ++i) {
@@ -83,6 +83,17 @@ struct Studio {
     for (size_t i = 0; i < models.size(); ++i) cameras.push_back({&models[i], &frames[i]});
   }
 };
+
+/// Every sample is wrong by up to `most` grey values.
+void add_noise(Studio& studio, int most) {
+  std::mt19937 random(9);
+  for (Frame& frame : studio.frames) {
+    for (uint8_t& sample : frame.image.bytes) {
+      const int wrong = static_cast<int>(random() % (2 * most + 1)) - most;
+      sample = static_cast<uint8_t>(std::clamp(sample + wrong, 0, 255));
+    }
+  }
+}
 
 const Studio& studio() {
   static const Studio kStudio(hollow_die());
@@ -108,6 +119,17 @@ double error_in_hollow(const Mesh& mesh) {
   return errors[errors.size() / 2];
 }
 
+/// The same of a hull that noisy pictures were asked for, so fine as `finer` says.
+double error_with_noise(int finer) {
+  Studio noisy(hollow_die(), hollow_die(), finer);
+  add_noise(noisy, 40);
+  DeformOptions options;
+  options.voxel_m = kEdge;
+  Mesh mesh = hull();
+  Deformer(options).run(noisy.cameras, mesh);
+  return error_in_hollow(mesh);
+}
+
 double least_iou(const Mesh& mesh) {
   const std::vector<Mask> drawn = draw_silhouettes(mesh, studio().models);
   double least = 1;
@@ -121,6 +143,20 @@ TEST(Deformer, finds_a_hollow_that_no_silhouette_shows) {
   const double before = error_in_hollow(hull());
   EXPECT_GT(before, 0.030);
   EXPECT_LT(error_in_hollow(deformed({})), 0.1 * before);
+}
+
+TEST(Deformer, uses_all_pixels_of_cameras_that_see_much_finer_than_a_voxel) {
+  EXPECT_LT(error_with_noise(4), 0.7 * error_with_noise(1));
+}
+
+TEST(NeedlessHalvings, leave_pixels_of_a_quarter_of_a_voxel_and_never_make_finer_ones) {
+  const CameraModel camera = shapes::camera({2, 0, 1}, {0, 0, 1}, kSize, 600, {});
+  const Eigen::Vector3f at_2m(0, 0, 1);  // a pixel covers 3.33 mm
+  EXPECT_EQ(needless_halvings(camera, at_2m, 0.005), 0);
+  EXPECT_EQ(needless_halvings(camera, at_2m, 0.0133), 0);
+  EXPECT_EQ(needless_halvings(camera, at_2m, 0.0134), 1);
+  EXPECT_EQ(needless_halvings(camera, at_2m, 0.050), 2);
+  EXPECT_EQ(needless_halvings(camera, {4, 0, 1}, 0.050), 0) << "behind the camera";
 }
 
 TEST(Deformer, the_papers_steps_come_closer_from_near) {
