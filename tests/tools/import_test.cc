@@ -9,10 +9,10 @@
 #include "base/error.h"
 #include "base/file.h"
 #include "base/png_file.h"
+#include "daemon/recorded/take_frames.h"
 #include "support/temporary_folder.h"
 #include "take/verify.h"
 #include "tools/pictures.h"
-#include "v3dctl/take_frames.h"
 
 namespace v3d::ctl {
 namespace {

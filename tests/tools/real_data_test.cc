@@ -7,11 +7,11 @@
 
 #include "base/mesh.h"
 #include "base/units.h"
+#include "daemon/recorded/mesh_frames.h"
 #include "real_recordings.h"
 #include "support/temporary_folder.h"
 #include "v3dctl/evaluate.h"
 #include "v3dctl/import.h"
-#include "v3dctl/mesh_frames.h"
 #include "v3dctl/reconstruct.h"
 #include "v3dctl/statistics.h"
 

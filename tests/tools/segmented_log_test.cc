@@ -1,5 +1,5 @@
 // What was segmented live comes out of the recorded take again.
-#include "v3dctl/segmented_log.h"
+#include "daemon/recorded/segmented_log.h"
 
 #include <gtest/gtest.h>
 

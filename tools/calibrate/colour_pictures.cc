@@ -20,7 +20,7 @@ int camera_of(const NamedSource& source, const std::vector<std::string>& names) 
   const auto found = std::ranges::find(names, source.camera);
   if (found == names.end()) {
     throw InputError(source.camera + ": the calibration has no such camera, but " +
-                     ctl::join_names(names));
+                     join_names(names));
   }
   return static_cast<int>(found - names.begin());
 }

@@ -8,12 +8,12 @@
 #include "base/error.h"
 #include "capture/background.h"
 #include "common/console.h"
+#include "daemon/recorded/mesh_frames.h"
+#include "daemon/recorded/take_frames.h"
 #include "recon/depth_raster.h"
 #include "recon/texture.h"
 #include "take/take.h"
 #include "v3dctl/interrupt.h"
-#include "v3dctl/mesh_frames.h"
-#include "v3dctl/take_frames.h"
 
 namespace v3d::calibrate {
 namespace {
@@ -67,7 +67,7 @@ double edge_length(const Mesh& mesh) {
 /// What one camera shows of a surface.
 class SurfaceView {
  public:
-  SurfaceView(const CameraModel& model, const ctl::SegmentedFrame& frame, const Mesh& mesh)
+  SurfaceView(const CameraModel& model, const SegmentedFrame& frame, const Mesh& mesh)
       : model_(model), frame_(frame), depth_(draw_depth(mesh, model)) {}
 
   /// `tolerance_m`: how well the surface is known.
@@ -100,13 +100,13 @@ class SurfaceView {
   }
 
   const CameraModel& model_;
-  const ctl::SegmentedFrame& frame_;
+  const SegmentedFrame& frame_;
   DepthBuffer depth_;
 };
 
 /// `numbers`: of the recorded cameras in the rig that is calibrated.
 void add_frame(const Mesh& mesh, const Rig& rig, const std::vector<int>& numbers,
-               const std::vector<std::optional<ctl::SegmentedFrame>>& frames, int& place,
+               const std::vector<std::optional<SegmentedFrame>>& frames, int& place,
                std::vector<ColourSample>& samples) {
   std::vector<std::optional<SurfaceView>> views(rig.size());
   for (size_t c = 0; c < rig.size(); ++c) {
@@ -168,8 +168,8 @@ std::optional<Vector3d> floor_colour(const CameraModel& model, ImageView plate,
 
 std::vector<ColourSample> surface_places(const std::filesystem::path& take, const Rig& rig,
                                          int first_place) {
-  ctl::MeshFrames meshes(take);
-  ctl::TakeFrames recorded(take, {});
+  MeshFrames meshes(take);
+  TakeFrames recorded(take, {});
   const std::vector<int> numbers = numbers_in(rig, recorded.rig());
   const std::vector<int64_t> frames = meshes.frames({});
   const size_t count = std::min(kMostFrames, frames.size());

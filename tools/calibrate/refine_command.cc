@@ -8,10 +8,10 @@
 #include "calib/silhouette_refine.h"
 #include "calibrate/commands.h"
 #include "common/console.h"
+#include "daemon/recorded/take_frames.h"
 #include "recon/box_view.h"
 #include "v3dctl/interrupt.h"
 #include "v3dctl/reconstruct.h"
-#include "v3dctl/take_frames.h"
 #include "v3dctl/working_space.h"
 
 namespace v3d::calibrate {
@@ -69,7 +69,7 @@ class Silhouettes {
     instants_.push_back(std::move(masks));
   }
 
-  ctl::TakeFrames take_;
+  TakeFrames take_;
   const Rig& rig_;
   std::vector<Mask> views_;
   std::vector<std::vector<std::optional<Mask>>> instants_;

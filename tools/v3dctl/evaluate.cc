@@ -6,13 +6,13 @@
 #include "base/error.h"
 #include "common/console.h"
 #include "common/ply_reader.h"
+#include "daemon/recorded/take_frames.h"
+#include "daemon/recorded/view_colours.h"
 #include "recon/renderer.h"
 #include "recon/self_intersection.h"
 #include "recon/silhouette.h"
 #include "v3dctl/interrupt.h"
 #include "v3dctl/statistics.h"
-#include "v3dctl/take_frames.h"
-#include "v3dctl/view_colours.h"
 
 namespace v3d::ctl {
 namespace {

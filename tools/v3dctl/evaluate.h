@@ -7,8 +7,8 @@
 #include <string>
 #include <vector>
 
+#include "daemon/recorded/mesh_frames.h"
 #include "recon/evaluation.h"
-#include "v3dctl/mesh_frames.h"
 
 namespace v3d::ctl {
 

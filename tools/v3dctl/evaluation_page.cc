@@ -5,10 +5,10 @@
 
 #include "base/html.h"
 #include "base/jpeg.h"
+#include "daemon/recorded/take_frames.h"
+#include "daemon/recorded/view_colours.h"
 #include "v3dctl/evaluation_pictures.h"
 #include "v3dctl/options.h"
-#include "v3dctl/take_frames.h"
-#include "v3dctl/view_colours.h"
 
 namespace v3d::ctl {
 namespace {

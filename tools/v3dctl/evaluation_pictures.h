@@ -7,7 +7,7 @@
 #include "base/image.h"
 #include "base/mask.h"
 #include "base/mesh.h"
-#include "v3dctl/segmented_log.h"
+#include "daemon/recorded/segmented_log.h"
 
 namespace v3d::ctl {
 

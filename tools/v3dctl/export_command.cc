@@ -4,10 +4,10 @@
 #include "base/error.h"
 #include "base/units.h"
 #include "common/console.h"
+#include "daemon/recorded/mesh_frames.h"
 #include "v3dctl/command.h"
 #include "v3dctl/interrupt.h"
 #include "v3dctl/mesh_export.h"
-#include "v3dctl/mesh_frames.h"
 #include "v3dctl/take_colours.h"
 
 namespace v3d::ctl {

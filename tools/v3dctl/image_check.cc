@@ -10,12 +10,12 @@
 #include "base/mask_shape.h"
 #include "base/units.h"
 #include "common/console.h"
+#include "daemon/recorded/take_frames.h"
 #include "recon/box_view.h"
 #include "recon/hull_of_others.h"
 #include "v3dctl/interrupt.h"
 #include "v3dctl/options.h"
 #include "v3dctl/reconstruct.h"
-#include "v3dctl/take_frames.h"
 #include "v3dctl/working_space.h"
 
 namespace v3d::ctl {

@@ -7,9 +7,9 @@
 #include <string>
 #include <vector>
 
+#include "daemon/recorded/segmented_log.h"
 #include "recon/reconstructor.h"
 #include "recon/silhouette_mender.h"
-#include "v3dctl/segmented_log.h"
 
 namespace v3d::ctl {
 

@@ -78,14 +78,6 @@ std::string count_of(int64_t n, const std::string& singular) {
   return format_count(n) + " " + singular + (n == 1 ? "" : "s");
 }
 
-std::string join_names(const std::vector<std::string>& names) {
-  constexpr size_t kMost = 24;
-  std::string joined;
-  for (size_t i = 0; i < std::min(names.size(), kMost); ++i) joined += (i ? ", " : "") + names[i];
-  if (names.size() > kMost) joined += ", ...";
-  return joined;
-}
-
 void add_frames_option(CLI::App* command, std::string& value) {
   command
       ->add_option("--frames", value,

@@ -4,21 +4,15 @@
 #include <CLI/App.hpp>
 #include <cstdint>
 #include <filesystem>
-#include <limits>
 #include <string>
 #include <string_view>
 #include <utility>
 #include <vector>
 
-namespace v3d::ctl {
+#include "base/name_list.h"
+#include "daemon/recorded/frame_range.h"
 
-/// Frames by number (the pulse, counted from 0): begin <= n < end.
-struct FrameRange {
-  int64_t begin = 0;
-  int64_t end = std::numeric_limits<int64_t>::max();
-  bool contains(int64_t frame) const { return frame >= begin && frame < end; }
-  friend bool operator==(const FrameRange&, const FrameRange&) = default;
-};
+namespace v3d::ctl {
 
 /// "A:B" is A to B - 1, "A:" from A on, ":B" up to B - 1, "A" that frame alone, "" all. Throws
 /// InputError for anything else and for an empty range.
@@ -35,9 +29,6 @@ std::vector<std::string> parse_names(std::string_view text, std::string_view opt
 
 /// "1 frame", "1,250 frames".
 std::string count_of(int64_t n, const std::string& singular);
-
-/// For messages: "cam00, cam01, ..." cut after two dozen.
-std::string join_names(const std::vector<std::string>& names);
 
 /// Adds the option that several commands have in common.
 void add_frames_option(CLI::App* command, std::string& value);

@@ -6,6 +6,7 @@
 
 #include "base/error.h"
 #include "common/console.h"
+#include "v3dctl/left_out.h"
 #include "v3dctl/working_space.h"
 
 namespace v3d::ctl {

@@ -9,10 +9,10 @@
 
 #include "base/geometry.h"
 #include "base/studio_file.h"
+#include "daemon/recorded/take_frames.h"
 #include "recon/deform.h"
 #include "recon/reconstructor.h"
 #include "v3dctl/options.h"
-#include "v3dctl/take_frames.h"
 
 namespace v3d::ctl {
 

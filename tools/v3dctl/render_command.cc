@@ -6,14 +6,14 @@
 #include "base/error.h"
 #include "base/png_file.h"
 #include "common/console.h"
+#include "daemon/recorded/mesh_frames.h"
+#include "daemon/recorded/take_frames.h"
+#include "daemon/recorded/view_colours.h"
 #include "recon/renderer.h"
 #include "v3dctl/command.h"
 #include "v3dctl/interrupt.h"
-#include "v3dctl/mesh_frames.h"
 #include "v3dctl/scene_renderer.h"
 #include "v3dctl/scene_video.h"
-#include "v3dctl/take_frames.h"
-#include "v3dctl/view_colours.h"
 
 namespace v3d::ctl {
 namespace {

@@ -6,8 +6,8 @@
 
 #include "base/error.h"
 #include "base/picture.h"
+#include "daemon/recorded/view_colours.h"
 #include "recon/renderer.h"
-#include "v3dctl/view_colours.h"
 
 namespace v3d::ctl {
 namespace {

@@ -5,8 +5,8 @@
 #include <vector>
 
 #include "base/image.h"
+#include "daemon/recorded/mesh_frames.h"
 #include "v3dctl/gltf_model.h"
-#include "v3dctl/mesh_frames.h"
 #include "v3dctl/scene_clock.h"
 #include "v3dctl/scene_file.h"
 #include "v3dctl/scene_video.h"

@@ -4,9 +4,9 @@
 #include <filesystem>
 #include <vector>
 
+#include "daemon/recorded/take_frames.h"
 #include "recon/compact_frame.h"
 #include "v3dctl/mesh_export.h"
-#include "v3dctl/take_frames.h"
 
 namespace v3d::ctl {
 

@@ -6,10 +6,10 @@
 #include <memory>
 #include <span>
 
+#include "daemon/recorded/take_frames.h"
 #include "v3dctl/pending_mesh_file.h"
 #include "v3dctl/reconstruct_report.h"
 #include "v3dctl/reconstruct_request.h"
-#include "v3dctl/take_frames.h"
 
 namespace v3d::ctl {
 

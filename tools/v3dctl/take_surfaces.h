@@ -5,9 +5,9 @@
 #include <map>
 #include <vector>
 
+#include "daemon/recorded/take_frames.h"
 #include "recon/reconstructor.h"
 #include "v3dctl/mask_mending.h"
-#include "v3dctl/take_frames.h"
 
 namespace v3d::ctl {
 

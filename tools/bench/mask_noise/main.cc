@@ -12,13 +12,14 @@
 #include "base/units.h"
 #include "capture/mask_cleanup.h"
 #include "capture/segment_options.h"
+#include "daemon/recorded/take_frames.h"
 #include "mask_noise/damage.h"
 #include "recon/box_view.h"
 #include "recon/hull_of_others.h"
+#include "v3dctl/left_out.h"
 #include "v3dctl/mask_mending.h"
 #include "v3dctl/options.h"
 #include "v3dctl/reconstruct.h"
-#include "v3dctl/take_frames.h"
 
 namespace v3d::bench {
 namespace {
@@ -127,7 +128,7 @@ class Recording {
             static_cast<double>(hull.count() - common) / whole};
   }
 
-  ctl::TakeFrames take_;
+  TakeFrames take_;
   const ReconstructOptions options_;
   HullOfOthers hulls_;
   ctl::SegmentedFrames frames_;

@@ -1,8 +1,8 @@
-#include "v3dctl/view_colours.h"
+#include "daemon/recorded/view_colours.h"
 
 #include <algorithm>
 
-namespace v3d::ctl {
+namespace v3d {
 namespace {
 
 /// The mean length of an edge, metres: the voxel that the mesh was made of, near enough.
@@ -47,4 +47,4 @@ Mesh ViewColours::seen_by(const CameraModel& eye, Mesh mesh) const {
   return mesh;
 }
 
-}  // namespace v3d::ctl
+}  // namespace v3d

@@ -1,4 +1,4 @@
-#include "v3dctl/take_frames.h"
+#include "daemon/recorded/take_frames.h"
 
 #include <tbb/parallel_for.h>
 
@@ -7,10 +7,10 @@
 
 #include "base/calib_file.h"
 #include "base/error.h"
+#include "base/name_list.h"
 #include "take/frame_log.h"
-#include "v3dctl/options.h"
 
-namespace v3d::ctl {
+namespace v3d {
 namespace {
 
 bool holds(const std::vector<std::string>& names, const std::string& name) {
@@ -76,20 +76,4 @@ FrameSet observe_all(int64_t pulse, const std::vector<std::optional<SegmentedFra
   return set;
 }
 
-std::vector<std::string> cameras_without(const TakeInfo& info,
-                                         const std::vector<std::string>& left_out) {
-  for (const std::string& name : left_out) {
-    if (!holds(info.cameras, name)) {
-      throw InputError("--leave-out " + name + ": the take has no such camera; it has " +
-                       join_names(info.cameras));
-    }
-  }
-  std::vector<std::string> cameras;
-  for (const std::string& name : info.cameras) {
-    if (!holds(left_out, name)) cameras.push_back(name);
-  }
-  if (cameras.empty()) throw InputError("--leave-out: leaves no camera of the take");
-  return cameras;
-}
-
-}  // namespace v3d::ctl
+}  // namespace v3d

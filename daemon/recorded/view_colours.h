@@ -2,11 +2,11 @@
 // compact frame does not hold.
 #pragma once
 
+#include "daemon/recorded/take_frames.h"
 #include "recon/compact_frame.h"
 #include "recon/texture.h"
-#include "v3dctl/take_frames.h"
 
-namespace v3d::ctl {
+namespace v3d {
 
 /// How far vertices may hide each other, by the lengths of the mesh's edges.
 TextureOptions texture_options(const Mesh& mesh);
@@ -28,4 +28,4 @@ class ViewColours {
   FrameSet set_;
 };
 
-}  // namespace v3d::ctl
+}  // namespace v3d

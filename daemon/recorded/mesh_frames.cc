@@ -1,11 +1,11 @@
-#include "v3dctl/mesh_frames.h"
+#include "daemon/recorded/mesh_frames.h"
 
 #include <algorithm>
 
 #include "base/error.h"
 #include "codec/frame_header.h"
 
-namespace v3d::ctl {
+namespace v3d {
 namespace {
 
 std::filesystem::path mesh_of(const TakePaths& paths, const std::filesystem::path& file) {
@@ -70,4 +70,4 @@ void MeshFrames::refuse(int64_t frame) const {
                    " is damaged, or of an earlier version: reconstruct the take again");
 }
 
-}  // namespace v3d::ctl
+}  // namespace v3d

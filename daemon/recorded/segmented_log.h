@@ -13,7 +13,7 @@
 #include "take/frame_log.h"
 #include "take/take.h"
 
-namespace v3d::ctl {
+namespace v3d {
 
 /// A raw frame and its silhouette.
 struct SegmentedFrame {
@@ -48,4 +48,4 @@ class SegmentedLog {
   size_t passed_ = 0;  ///< places of the log that the segmenter has behind it
 };
 
-}  // namespace v3d::ctl
+}  // namespace v3d

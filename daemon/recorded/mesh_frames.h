@@ -4,12 +4,12 @@
 #include <filesystem>
 #include <vector>
 
+#include "daemon/recorded/frame_range.h"
 #include "recon/compact_frame.h"
 #include "take/mesh_file.h"
 #include "take/take.h"
-#include "v3dctl/options.h"
 
-namespace v3d::ctl {
+namespace v3d {
 
 class MeshFrames {
  public:
@@ -33,4 +33,4 @@ class MeshFrames {
   CompactDecoder decoder_;
 };
 
-}  // namespace v3d::ctl
+}  // namespace v3d

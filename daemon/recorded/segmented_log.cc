@@ -1,8 +1,8 @@
-#include "v3dctl/segmented_log.h"
+#include "daemon/recorded/segmented_log.h"
 
 #include "base/error.h"
 
-namespace v3d::ctl {
+namespace v3d {
 
 SegmentedLog::SegmentedLog(const TakePaths& paths, const std::string& camera)
     : paths_(paths), log_(paths.frames(camera)) {
@@ -57,4 +57,4 @@ Mask SegmentedLog::segment(const Frame& raw) {
   return segmenter_->segment(raw.image.view());
 }
 
-}  // namespace v3d::ctl
+}  // namespace v3d

@@ -8,11 +8,11 @@
 #include <vector>
 
 #include "base/camera_model.h"
+#include "daemon/recorded/segmented_log.h"
 #include "recon/reconstructor.h"
 #include "take/take.h"
-#include "v3dctl/segmented_log.h"
 
-namespace v3d::ctl {
+namespace v3d {
 
 /// One thread; works on several cameras at a time.
 class TakeFrames {
@@ -46,9 +46,4 @@ class TakeFrames {
 /// observe() of every frame there is; the masks are copied into the set.
 FrameSet observe_all(int64_t pulse, const std::vector<std::optional<SegmentedFrame>>& frames);
 
-/// Cameras of a take without those in `left_out`. Throws InputError for a name that the take does
-/// not have and when none remains.
-std::vector<std::string> cameras_without(const TakeInfo& info,
-                                         const std::vector<std::string>& left_out);
-
-}  // namespace v3d::ctl
+}  // namespace v3d
