@@ -46,6 +46,19 @@ void append(std::string& message, const std::vector<uint8_t>& bytes) {
   message.append(bytes.begin(), bytes.end());
 }
 
+void append(std::string& message, const CameraColours& view) {
+  const size_t sights = message.size();
+  message.resize(sights + (view.vertices.size() + 3) / 4);
+  for (size_t v = 0; v < view.vertices.size(); ++v) {
+    const auto& [r, g, b, seen] = view.vertices[v];
+    const auto sight = static_cast<Sight>(seen);
+    if (sight == Sight::kNone) continue;
+    const unsigned bits = sight == Sight::kFull ? 2 : 1;
+    message[sights + v / 4] |= static_cast<char>(bits << (2 * (v % 4)));
+    message += {static_cast<char>(r), static_cast<char>(g), static_cast<char>(b)};
+  }
+}
+
 std::string_view word(Severity severity) {
   switch (severity) {
     case Severity::kInfo:
@@ -99,6 +112,19 @@ std::string mesh_message(const MeshMessage& mesh, int64_t number) {
                                 {"cameras", mesh.cameras},
                                 {"missing", mesh.missing}});
   append(message, mesh.compact);
+  return message;
+}
+
+std::string vertex_views_message(int64_t pulse, int64_t vertices,
+                                 const std::vector<CameraColours>& views, const Rig& rig) {
+  Json cameras = Json::array();
+  for (const CameraColours& view : views) {
+    const auto index = static_cast<size_t>(find_camera(rig, view.camera));
+    const Eigen::Vector3d axis = rig[index].model.viewing_direction();
+    cameras.push_back({{"name", view.camera}, {"axis", {axis.x(), axis.y(), axis.z()}}});
+  }
+  std::string message = framed({{"pulse", pulse}, {"vertices", vertices}, {"cameras", cameras}});
+  for (const CameraColours& view : views) append(message, view);
   return message;
 }
 

@@ -12,6 +12,7 @@
 
 #include "base/camera_model.h"
 #include "base/studio_file.h"
+#include "recon/camera_colours.h"
 #include "wire/messages.h"
 
 namespace v3d {
@@ -27,6 +28,13 @@ std::string rig_json(const Rig& rig);
 /// 1970 (edge_ms null when unknown), "silhouette_iou", "coverage", "cameras", "missing"}, then the
 /// compact frame.
 std::string mesh_message(const MeshMessage& mesh, int64_t number);
+
+/// {"pulse", "vertices", "cameras": [{"name", "axis" (unit vector of where it looks, world)}]};
+/// then of each camera how it sees the vertices, two bits each, the first lowest in its byte (0:
+/// not, 1: Sight::kRim, 2: Sight::kFull), and then red, green and blue of those that it sees.
+/// Requires that `rig` has the cameras.
+std::string vertex_views_message(int64_t pulse, int64_t vertices,
+                                 const std::vector<CameraColours>& views, const Rig& rig);
 
 /// {"type": "preview", "camera", "pulse", "width", "height", "runs"}, then so many bytes of the
 /// mask's runs (base/mask.h), then a JPEG.

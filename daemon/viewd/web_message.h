@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <string>
@@ -54,6 +55,9 @@ struct WebAnswer {
   std::string body = {};
   std::optional<FilePart> file = {};  ///< instead of `body`
   std::vector<std::pair<std::string, std::string>> fields = {};
+  /// Makes the answer, where that takes long: on another thread, one such at a time. Never throws,
+  /// and what it returns has no work. All else counts for nothing then.
+  std::function<WebAnswer()> work = {};
 };
 
 /// One line.

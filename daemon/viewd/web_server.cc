@@ -7,6 +7,8 @@
 #include <array>
 #include <boost/asio/ip/tcp.hpp>
 #include <boost/asio/post.hpp>
+#include <boost/asio/steady_timer.hpp>
+#include <boost/asio/thread_pool.hpp>
 #include <boost/beast/core.hpp>
 #include <boost/beast/http.hpp>
 #include <boost/beast/websocket.hpp>
@@ -15,6 +17,7 @@
 #include <limits>
 #include <set>
 #include <thread>
+#include <utility>
 
 #include "base/error.h"
 #include "daemon/viewd/view_json.h"
@@ -31,6 +34,7 @@ using boost::system::error_code;
 
 constexpr std::chrono::seconds kRequestWithin{30};
 constexpr std::chrono::seconds kWatcherSilentFor{20};
+constexpr std::chrono::milliseconds kAcceptAgain{100};
 constexpr size_t kMostFromWatcher = 256;
 /// What the kernel may hold for one who watches: some frames, or live would not be live.
 constexpr int kSendBuffer = 256 << 10;
@@ -124,6 +128,9 @@ struct Shared {
   WebServer::Watch watch;
   int connections = 0;
   std::set<Watcher*> watchers;
+  /// Does `work` on the thread for it, then calls `done` on the server's. False when too much waits
+  /// there.
+  std::function<bool(std::function<WebAnswer()> work, std::function<void(WebAnswer)> done)> defer;
 };
 
 /// Counts a connection for as long as it is there.
@@ -258,7 +265,7 @@ class Connection : public std::enable_shared_from_this<Connection> {
     WebRequest asked = plain(request, address_);
     asked.has_unread_body = has_unread_body;
     if (!websocket::is_upgrade(request)) {
-      answer(site.answer(asked), request.method() == http::verb::head);
+      answer_or_work(site.answer(asked), request.method() == http::verb::head);
       return;
     }
     WebSite::Opening opening = site.open_stream(asked);
@@ -271,6 +278,21 @@ class Connection : public std::enable_shared_from_this<Connection> {
     std::make_shared<Watcher>(std::move(counted_), socket_.release_socket(),
                               shared.watch(*opening.stream))
         ->begin(request);
+  }
+
+  void answer_or_work(WebAnswer first, bool head_only) {
+    if (!first.work) return answer(std::move(first), head_only);
+    const bool waits = counted_->shared().defer(
+        std::move(first.work), [self = shared_from_this(), head_only](WebAnswer made) {
+          self->answer(std::move(made), head_only);
+        });
+    if (!waits) answer(busy(), head_only);
+  }
+
+  static WebAnswer busy() {
+    return {.status = 503,
+            .body = "too much is being asked for; try again\n",
+            .fields = {{"Retry-After", "1"}}};
   }
 
   void answer(WebAnswer answer, bool head_only) {
@@ -337,7 +359,12 @@ class Connection : public std::enable_shared_from_this<Connection> {
 class WebServer::Impl {
  public:
   Impl(const WebAddress& address, WebSite& site, Watch watch)
-      : shared_{.site = site, .watch = std::move(watch), .watchers = {}}, acceptor_(io_) {
+      : shared_{.site = site,
+                .watch = std::move(watch),
+                .watchers = {},
+                .defer = [this](auto work,
+                                auto done) { return defer(std::move(work), std::move(done)); }},
+        acceptor_(io_) {
     const tcp::endpoint here(asio::ip::make_address(address.host), address.port);
     error_code error;
     acceptor_.open(here.protocol(), error);
@@ -355,6 +382,8 @@ class WebServer::Impl {
   ~Impl() {
     io_.stop();
     thread_.join();
+    worker_.stop();
+    worker_.join();
   }
 
   Impl(const Impl&) = delete;
@@ -384,9 +413,23 @@ class WebServer::Impl {
     }
   }
 
+  bool defer(std::function<WebAnswer()> work, std::function<void(WebAnswer)> done) {
+    if (deferred_ >= kMostDeferred) return false;
+    ++deferred_;
+    asio::post(worker_, [this, work = std::move(work), done = std::move(done)]() mutable {
+      asio::post(io_, [this, done = std::move(done), answer = work()]() mutable {
+        --deferred_;
+        done(std::move(answer));
+      });
+    });
+    return true;
+  }
+
   void accept() {
     acceptor_.async_accept([this](error_code error, tcp::socket socket) {
-      if (!error && shared_.connections < kMostConnections) {
+      if (error) return accept_later(error);
+      if (std::exchange(accept_failed_, false)) spdlog::info("connections are taken again");
+      if (shared_.connections < kMostConnections) {
         error_code ignored;
         socket.set_option(tcp::no_delay(true), ignored);
         std::make_shared<Connection>(shared_, std::move(socket))->read();
@@ -395,10 +438,28 @@ class WebServer::Impl {
     });
   }
 
+  /// Who could not be taken still waits: with no descriptor left, to ask again at once would fail
+  /// at once.
+  void accept_later(error_code error) {
+    if (error == asio::error::operation_aborted) return;
+    if (!std::exchange(accept_failed_, true)) {
+      spdlog::warn("cannot take a connection: {}; trying again until it can be", error.message());
+    }
+    spdlog::debug("a connection was not taken");
+    accept_again_.expires_after(kAcceptAgain);
+    accept_again_.async_wait([this](error_code stopped) {
+      if (!stopped) accept();
+    });
+  }
+
   Shared shared_;  ///< outlives what is in io_
   asio::io_context io_{1};
   tcp::acceptor acceptor_;
+  asio::steady_timer accept_again_{io_};
+  bool accept_failed_ = false;
   std::thread thread_;
+  int deferred_ = 0;  ///< the server's thread only
+  asio::thread_pool worker_{1};
 };
 
 WebServer::WebServer(const WebAddress& address, WebSite& site, Watch watch)

@@ -15,13 +15,18 @@ namespace v3d {
 /// under way at a time, and is asked for the next (WebStream::next) when that has gone: who is slow
 /// makes nothing queue up here, and little in the kernel.
 ///
+/// What takes long (WebAnswer::work) is done on a second thread, one after the other, and keeps
+/// nobody waiting who asks for something else.
+///
 /// Bounded whatever arrives: connections (more are closed at once), header and body of a request,
-/// what a WebSocket may send, the time that a request and an idle connection may take.
+/// what a WebSocket may send, the time that a request and an idle connection may take, the work
+/// that waits (more is answered by 503).
 class WebServer {
  public:
   static constexpr int kMostConnections = 128;
   static constexpr int kMostHeaderBytes = 8192;
   static constexpr uint64_t kMostBodyBytes = 4096;
+  static constexpr int kMostDeferred = 64;
 
   using Watch = std::function<std::unique_ptr<WebStream>(WebSite::StreamKind)>;
 

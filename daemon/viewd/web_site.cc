@@ -10,18 +10,13 @@
 #include "base/name.h"
 #include "daemon/json.h"
 #include "daemon/viewd/byte_range.h"
+#include "daemon/viewd/file_stamp.h"
 #include "daemon/viewd/scene_folders.h"
 #include "daemon/viewd/view_json.h"
 #include "take/take_listing.h"
 
 namespace v3d {
 namespace {
-
-/// The file's size and time: another content has another tag.
-std::string tag_of(const struct stat& state) {
-  const int64_t changed = state.st_mtim.tv_sec * 1'000'000'000LL + state.st_mtim.tv_nsec;
-  return "\"" + std::to_string(state.st_size) + "-" + std::to_string(changed) + "\"";
-}
 
 /// A regular file, or the part of it that was asked for. Links are not followed.
 WebAnswer file_answer(const WebRequest& request, const std::filesystem::path& path) {
@@ -32,8 +27,9 @@ WebAnswer file_answer(const WebRequest& request, const std::filesystem::path& pa
   if (fstat(fd, &state) != 0 || !S_ISREG(state.st_mode))
     return plain_answer(404, "this is no file");
   WebAnswer answer{.type = content_type(path)};
-  answer.fields = {{"ETag", tag_of(state)}, {"Accept-Ranges", "bytes"}};
-  if (request.if_none_match == tag_of(state)) {
+  const std::string tag = tag_of(stamp_of(state));
+  answer.fields = {{"ETag", tag}, {"Accept-Ranges", "bytes"}};
+  if (request.if_none_match == tag) {
     answer.status = 304;
     return answer;
   }
@@ -86,7 +82,8 @@ WebSite::WebSite(const Studio& studio, WebAccess access, std::map<std::string, P
       calib_(studio.storage.calib),
       access_(std::move(access)),
       page_(std::move(page)),
-      desk_(desk) {}
+      desk_(desk),
+      pictures_(takes_) {}
 
 std::optional<WebAnswer> WebSite::refusal(const WebRequest& request,
                                           const std::optional<WebTarget>& target) const {
@@ -150,6 +147,7 @@ WebAnswer WebSite::find(const WebRequest& request, const WebTarget& target) {
     if (!is_file_name(path[2])) return plain_answer(404, "there is no such take");
     return json_answer(rig_json(load_calib(TakePaths{takes_ / path[2]}.calib())));
   }
+  if (auto pictures = pictures_.answer(request, target)) return std::move(*pictures);
   if (path.size() == 3 && path[0] == "takes") return of_take(request, path[1], path[2]);
   const auto page = page_.find(target.text());
   if (page == page_.end()) return plain_answer(404, "there is no such page");

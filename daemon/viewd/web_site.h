@@ -5,6 +5,7 @@
 //   /api/rig, /api/takes/T/rig   the calibration now, and that of a take (rig_json)
 //   /api/order                   GET: the last order and what came of it (order_json); POST: an
 //                                order (operator_desk.h), the only thing that is no look
+//   /api/takes/T/photographs/... what the cameras saw (take_pictures.h)
 //   /api/live, /api/studio       by WebSocket only: live meshes, and the studio's state
 //   /takes/T/FILE                mesh.v3d or calib.toml of a take, or scene.json and what is shown
 //                                with it (scene_folders.h), as it lies there; HTTP ranges
@@ -19,12 +20,14 @@
 #include "base/time.h"
 #include "daemon/viewd/operator_desk.h"
 #include "daemon/viewd/page_files.h"
+#include "daemon/viewd/take_pictures.h"
 #include "daemon/viewd/web_access.h"
 #include "daemon/viewd/web_message.h"
 
 namespace v3d {
 
-/// Answers requests; changes nothing in the world but what the operators' desk takes. One thread.
+/// Answers requests; changes nothing in the world but what the operators' desk takes. One thread;
+/// the work of its answers is done on any other, one at a time, and may outlive it.
 class WebSite {
  public:
   /// `desk` outlives it.
@@ -57,6 +60,7 @@ class WebSite {
   const WebAccess access_;
   const std::map<std::string, PageFile> page_;
   OperatorDesk& desk_;
+  const TakePictures pictures_;
   std::string listing_;
   std::optional<MonotonicInstant> listed_;
 };

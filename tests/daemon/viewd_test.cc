@@ -5,7 +5,6 @@
 #include <sys/stat.h>
 
 #include <filesystem>
-#include <fstream>
 #include <set>
 
 #include "base/error.h"
@@ -15,29 +14,19 @@
 #include "daemon/viewd/live_feed.h"
 #include "daemon/viewd/studio_board.h"
 #include "daemon/viewd/web_access.h"
-#include "daemon/viewd/web_site.h"
 #include "daemon/viewd/web_target.h"
-#include "support/temporary_folder.h"
+#include "viewed_site.h"
 
 namespace v3d {
 namespace {
 
+using test::field;
 using test::TemporaryFolder;
+using test::ViewedSite;
+using test::write;
 using testing::ElementsAre;
 using testing::HasSubstr;
 using testing::Not;
-
-void write(const std::filesystem::path& path, const std::string& text) {
-  std::filesystem::create_directories(path.parent_path());
-  std::ofstream(path) << text;
-}
-
-std::string field(const WebAnswer& answer, const std::string& name) {
-  for (const auto& [known, value] : answer.fields) {
-    if (known == name) return value;
-  }
-  return "";
-}
 
 TEST(WebTarget, is_a_path_and_a_query_with_the_percents_undone) {
   const auto target = parse_web_target("/takes/kendo-07/mesh.v3d?token=a%2Db&x");
@@ -152,30 +141,7 @@ TEST(WebAccess, with_a_token_is_for_who_shows_it) {
   }
 }
 
-class Site : public testing::Test {
- protected:
-  Site() {
-    write(folder_ / "page/index.html", "<!doctype html>");
-    write(folder_ / "page/assets/a.js", "let a");
-    write(folder_ / "takes/kendo-07/mesh.v3d", "0123456789");
-    write(folder_ / "takes/kendo-07/studio.toml", "secret");
-    write(folder_ / "outside", "secret");
-    studio_.storage.takes = folder_ / "takes";
-    studio_.storage.calib = folder_ / "calib.toml";
-  }
-
-  WebAnswer get(const std::string& target, const std::string& range = "") {
-    return site().answer(
-        {.method = "GET", .target = target, .host = "127.0.0.1:8330", .range = range});
-  }
-  WebSite site() { return {studio_, WebAccess(""), find_page_files(folder_ / "page"), desk_}; }
-
-  const TemporaryFolder folder_;
-  Studio studio_;
-  OperatorDesk desk_{studio_, ""};
-};
-
-TEST_F(Site, serves_the_page_and_nothing_beside_it) {
+TEST_F(ViewedSite, serves_the_page_and_nothing_beside_it) {
   EXPECT_EQ(get("/").type, "text/html; charset=utf-8");
   EXPECT_THAT(field(get("/assets/a.js"), "Cache-Control"), HasSubstr("immutable"));
   EXPECT_EQ(get("/assets").status, 404);
@@ -185,7 +151,7 @@ TEST_F(Site, serves_the_page_and_nothing_beside_it) {
   EXPECT_EQ(get("/link").status, 404) << "a link is no file of the page";
 }
 
-TEST_F(Site, serves_a_mesh_file_in_the_parts_that_are_asked_for) {
+TEST_F(ViewedSite, serves_a_mesh_file_in_the_parts_that_are_asked_for) {
   const WebAnswer whole = get("/takes/kendo-07/mesh.v3d");
   EXPECT_EQ(whole.status, 200);
   EXPECT_EQ(whole.file->size, 10);
@@ -197,7 +163,7 @@ TEST_F(Site, serves_a_mesh_file_in_the_parts_that_are_asked_for) {
   EXPECT_EQ(get("/takes/kendo-07/mesh.v3d", "bytes=10-").status, 416);
 }
 
-TEST_F(Site, says_so_when_a_file_is_what_it_was) {
+TEST_F(ViewedSite, says_so_when_a_file_is_what_it_was) {
   WebSite site = this->site();
   WebRequest request{.method = "GET", .target = "/takes/kendo-07/mesh.v3d", .host = "localhost"};
   request.if_none_match = field(site.answer(request), "ETag");
@@ -206,7 +172,7 @@ TEST_F(Site, says_so_when_a_file_is_what_it_was) {
   EXPECT_EQ(site.answer(request).status, 200);
 }
 
-TEST_F(Site, serves_no_other_file_of_a_take_and_follows_no_link) {
+TEST_F(ViewedSite, serves_no_other_file_of_a_take_and_follows_no_link) {
   for (const char* target :
        {"/takes/kendo-07/studio.toml", "/takes/kendo-07/cam01.lcmlog", "/takes/none/mesh.v3d",
         "/takes/kendo-07/%2e%2e/outside", "/takes/-x/mesh.v3d", "/takes/kendo-07"}) {
@@ -220,7 +186,7 @@ TEST_F(Site, serves_no_other_file_of_a_take_and_follows_no_link) {
   EXPECT_EQ(get("/takes/kendo-07/mesh.v3d").status, 404);
 }
 
-TEST_F(Site, serves_a_scene_and_what_is_shown_with_it) {
+TEST_F(ViewedSite, serves_a_scene_and_what_is_shown_with_it) {
   write(folder_ / "takes/duel/scene.json", "{}");
   write(folder_ / "takes/duel/temple.glb", "glTF");
   write(folder_ / "takes/duel/notes.txt", "secret");
@@ -234,7 +200,7 @@ TEST_F(Site, serves_a_scene_and_what_is_shown_with_it) {
   EXPECT_EQ(get("/takes/duel/sky.png").status, 404) << "links are not followed";
 }
 
-TEST_F(Site, tells_of_no_path_when_something_is_missing) {
+TEST_F(ViewedSite, tells_of_no_path_when_something_is_missing) {
   for (const char* target : {"/api/rig", "/api/takes/none/rig"}) {
     const WebAnswer answer = get(target);
     EXPECT_EQ(answer.status, 404);
@@ -243,7 +209,7 @@ TEST_F(Site, tells_of_no_path_when_something_is_missing) {
   EXPECT_EQ(get("/api/takes").body, R"({"takes":[]})") << "what is no take is passed over";
 }
 
-TEST_F(Site, looks_only_whoever_asks) {
+TEST_F(ViewedSite, looks_only_whoever_asks) {
   for (const char* method : {"POST", "PUT", "DELETE", "OPTIONS", ""}) {
     const WebAnswer answer =
         site().answer({.method = method, .target = "/api/takes", .host = "localhost"});
@@ -251,7 +217,7 @@ TEST_F(Site, looks_only_whoever_asks) {
   }
 }
 
-TEST_F(Site, opens_streams_to_its_own_page_only) {
+TEST_F(ViewedSite, opens_streams_to_its_own_page_only) {
   WebRequest request{.method = "GET",
                      .target = "/api/live",
                      .host = "127.0.0.1:8330",

@@ -56,6 +56,21 @@ class Connection {
 
 inline constexpr char kOperatorToken[] = "operators-0123456789";
 
+/// Where v3d-viewd serves, once it does.
+inline int served_port(const ChildProcess& viewd) {
+  std::string said;
+  std::smatch found;
+  const std::regex serves("serves http://127.0.0.1:(\\d+)/");
+  becomes_true(
+      [&] {
+        said = viewd.output();
+        return std::regex_search(said, found, serves);
+      },
+      within(30));
+  if (found.empty()) throw std::runtime_error("v3d-viewd: " + said);
+  return std::stoi(found[1]);
+}
+
 class ViewedStudio : public Studio4 {
  protected:
   /// `more`: of the studio file's section [viewer].
@@ -67,16 +82,7 @@ class ViewedStudio : public Studio4 {
     std::ofstream(folder_ / "page/index.html") << "<!doctype html>";
     viewd_.emplace(std::vector<std::string>{bin("v3d-viewd"), "--studio", folder_ / "studio.toml"},
                    folder_ / "v3d-viewd.log");
-    std::smatch found;
-    const std::regex serves("serves http://127.0.0.1:(\\d+)/");
-    becomes_true(
-        [&] {
-          said_ = viewd_->output();
-          return std::regex_search(said_, found, serves);
-        },
-        within(30));
-    if (found.empty()) throw std::runtime_error("v3d-viewd: " + said_);
-    port_ = std::stoi(found[1]);
+    port_ = served_port(*viewd_);
   }
 
   std::unique_ptr<Connection> get(const std::string& target) const {
@@ -90,7 +96,6 @@ class ViewedStudio : public Studio4 {
   }
 
   std::optional<ChildProcess> viewd_;
-  std::string said_;
   int port_ = 0;
 };
 

@@ -1,0 +1,103 @@
+#include "daemon/viewd/take_pictures.h"
+
+#include <spdlog/spdlog.h>
+
+#include <algorithm>
+#include <charconv>
+
+#include "base/error.h"
+#include "base/name.h"
+#include "daemon/viewd/file_stamp.h"
+#include "daemon/viewd/take_photographs.h"
+#include "daemon/viewd/take_views.h"
+#include "take/take.h"
+
+namespace v3d {
+namespace {
+
+/// "12"; empty for whatever is no pulse.
+std::optional<int64_t> parse_pulse(const std::string& text) {
+  int64_t pulse = 0;
+  const char* end = text.data() + text.size();
+  const auto parsed = std::from_chars(text.data(), end, pulse);
+  if (parsed.ec != std::errc() || parsed.ptr != end || pulse < 0) return {};
+  return pulse;
+}
+
+/// Whatever goes wrong in `make` is a status. Paths are for the log alone.
+template <class Make>
+WebAnswer guarded(const Make& make) {
+  try {
+    return make();
+  } catch (const InputError& error) {
+    spdlog::warn("{}", error.what());
+    return plain_answer(404, "it is not there, or cannot be read; the log of v3d-viewd tells");
+  } catch (const std::exception& error) {
+    spdlog::error("{}", error.what());
+    return plain_answer(500, "this went wrong; the log of v3d-viewd tells");
+  }
+}
+
+/// Of what is made of files with that tag: 304 where the browser has it, else `make` is work.
+template <class Make>
+WebAnswer made(const WebRequest& request, const std::string& tag, Make make) {
+  std::vector<std::pair<std::string, std::string>> fields = {{"ETag", tag},
+                                                             {"Cache-Control", "no-cache"}};
+  if (request.if_none_match == tag) return {.status = 304, .fields = std::move(fields)};
+  return {.work = [fields = std::move(fields), make = std::move(make)] {
+    WebAnswer answer = guarded(make);
+    if (answer.status == 200) answer.fields = fields;
+    return answer;
+  }};
+}
+
+}  // namespace
+
+TakePictures::TakePictures(const std::filesystem::path& takes)
+    : takes_(takes),
+      photographs_(std::make_shared<TakePhotographs>(takes)),
+      views_(std::make_shared<TakeViews>(takes)) {}
+
+std::optional<WebAnswer> TakePictures::answer(const WebRequest& request,
+                                              const WebTarget& target) const {
+  const std::vector<std::string>& path = target.path;
+  if (path.size() < 4 || path[0] != "api" || path[1] != "takes") return {};
+  if (path.size() == 6 && path[3] == "photographs") {
+    return photograph(request, path[2], path[4], path[5]);
+  }
+  if (path.size() == 5 && path[3] == "views") return views(request, path[2], path[4]);
+  return {};
+}
+
+WebAnswer TakePictures::photograph(const WebRequest& request, const std::string& take,
+                                   const std::string& pulse_text, const std::string& file) const {
+  constexpr std::string_view kEnding = ".jpg";
+  const auto pulse = parse_pulse(pulse_text);
+  const std::string camera = file.substr(0, file.size() - std::min(kEnding.size(), file.size()));
+  if (!pulse || !file.ends_with(kEnding) || !is_file_name(take) || !is_file_name(camera)) {
+    return plain_answer(404, "there is no such photograph");
+  }
+  const auto log = stamp_of(TakePaths{takes_ / take}.frames(camera));
+  if (!log) return plain_answer(404, "there are no frames of this camera in such a take");
+  return made(request, tag_of(*log),
+              [all = photographs_, take, camera, pulse = *pulse]() -> WebAnswer {
+                const auto jpeg = all->read(take, pulse, camera);
+                if (!jpeg) return plain_answer(404, "this camera has no frame of this pulse");
+                return {.type = "image/jpeg", .body = {jpeg->begin(), jpeg->end()}};
+              });
+}
+
+WebAnswer TakePictures::views(const WebRequest& request, const std::string& take,
+                              const std::string& pulse_text) const {
+  const auto pulse = parse_pulse(pulse_text);
+  if (!pulse || !is_file_name(take)) return plain_answer(404, "there is no such view");
+  const auto tag = TakeViews::tag(takes_ / take);
+  if (!tag) return plain_answer(404, "there is no such take, or its raw frames are not here");
+  return made(request, *tag, [all = views_, take, pulse = *pulse]() -> WebAnswer {
+    auto message = all->read(take, pulse);
+    if (!message) return plain_answer(404, "there is no mesh of this pulse");
+    return {.type = "application/octet-stream", .body = std::move(*message)};
+  });
+}
+
+}  // namespace v3d

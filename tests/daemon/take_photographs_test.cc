@@ -1,0 +1,132 @@
+// Photographs of recorded takes, as browsers ask v3d-viewd for them.
+#include "daemon/viewd/take_photographs.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+
+#include "base/calib_file.h"
+#include "base/jpeg.h"
+#include "support/child_process.h"
+#include "viewed_site.h"
+
+namespace v3d {
+namespace {
+
+using test::field;
+using test::write;
+using testing::HasSubstr;
+using testing::Not;
+
+/// A take whose cam01 has frames of the pulses 0 to 2, each of one grey.
+class PhotographSite : public test::ViewedSite {
+ protected:
+  static constexpr ImageSize kSize{64, 48};
+
+  PhotographSite() { add_frames(LogOpening::kNew, 0, 3); }
+
+  static FrameMessage frame(int64_t pulse) {
+    FrameMessage message;
+    message.frame.camera = "cam01";
+    message.frame.label.pulse = pulse;
+    message.frame.sensor_size = kSize;
+    message.frame.roi = {0, 0, kSize.width, kSize.height};
+    message.frame.image = Image(kSize, PixelFormat::kBayerRG8);
+    std::ranges::fill(message.frame.image.bytes, static_cast<uint8_t>(50 + 40 * pulse));
+    return message;
+  }
+  void add_frames(LogOpening opening, int64_t first, int64_t end) const {
+    EventLogWriter log(folder_ / "takes/kendo-07/cam01.lcmlog", opening);
+    for (int64_t pulse = first; pulse < end; ++pulse) ASSERT_TRUE(log.write(frame(pulse)));
+    ASSERT_TRUE(log.close());
+  }
+  static std::optional<Image> picture_of(const WebAnswer& answer) {
+    return decode_jpeg({reinterpret_cast<const uint8_t*>(answer.body.data()), answer.body.size()},
+                       kSize);
+  }
+};
+
+TEST_F(PhotographSite, shows_what_a_camera_saw_at_a_pulse) {
+  for (int pulse = 0; pulse < 3; ++pulse) {
+    const WebAnswer answer =
+        get("/api/takes/kendo-07/photographs/" + std::to_string(pulse) + "/cam01.jpg");
+    EXPECT_EQ(answer.status, 200);
+    EXPECT_EQ(answer.type, "image/jpeg");
+    const auto picture = picture_of(answer);
+    ASSERT_TRUE(picture);
+    for (int c = 0; c < 3; ++c) EXPECT_NEAR(picture->row(20)[3 * 30 + c], 50 + 40 * pulse, 2);
+  }
+}
+
+TEST_F(PhotographSite, shows_it_in_the_colours_that_the_calibration_says) {
+  RigCamera camera{.name = "cam01", .model = {kSize, Eigen::Matrix3d::Identity(), {}, {}}};
+  camera.colour.matrix.diagonal() << 2, 1, 0.5;
+  save_calib(folder_ / "takes/kendo-07/calib.toml", {camera});
+  const auto picture = picture_of(get("/api/takes/kendo-07/photographs/1/cam01.jpg"));
+  ASSERT_TRUE(picture);
+  EXPECT_NEAR(picture->row(20)[3 * 30], 180, 3);
+  EXPECT_NEAR(picture->row(20)[3 * 30 + 2], 45, 3);
+}
+
+TEST_F(PhotographSite, says_so_when_the_browser_has_it) {
+  WebSite site = this->site();
+  WebRequest request{.method = "GET",
+                     .target = "/api/takes/kendo-07/photographs/1/cam01.jpg",
+                     .host = "localhost"};
+  const WebAnswer first = done(site.answer(request));
+  EXPECT_EQ(field(first, "Cache-Control"), "no-cache");
+  request.if_none_match = field(first, "ETag");
+  EXPECT_EQ(done(site.answer(request)).status, 304);
+}
+
+TEST_F(PhotographSite, knows_no_photograph_outside_the_takes_and_none_that_is_not_there) {
+  write(folder_ / "cam02.lcmlog", "");
+  std::filesystem::create_symlink(folder_ / "takes/kendo-07/cam01.lcmlog",
+                                  folder_ / "takes/kendo-07/cam03.lcmlog");
+  const std::string of = "/api/takes/kendo-07/photographs/";
+  for (const std::string& target :
+       {of + "3/cam01.jpg", of + "-1/cam01.jpg", of + "1.5/cam01.jpg", of + "x/cam01.jpg",
+        of + "99999999999999999999/cam01.jpg", of + "1/cam02.jpg", of + "1/cam03.jpg",
+        of + "1/cam01.png", of + "1/cam01", of + "1/.jpg", of + "1", of + "1/%2e%2e.jpg",
+        of + "1/..%2f..%2fcam02.jpg", std::string("/api/takes/none/photographs/1/cam01.jpg"),
+        std::string("/api/takes/%2e%2e/photographs/1/cam02.jpg")}) {
+    const WebAnswer answer = get(target);
+    EXPECT_THAT(answer.status, testing::AnyOf(404, 400)) << target;
+    EXPECT_EQ(std::ranges::count(answer.body, '\n'), 1) << answer.body;
+    EXPECT_THAT(answer.body, Not(HasSubstr(folder_.path().string())));
+  }
+}
+
+TEST_F(PhotographSite, follows_a_log_that_is_another_one_now) {
+  WebSite site = this->site();
+  const WebRequest request{.method = "GET",
+                           .target = "/api/takes/kendo-07/photographs/7/cam01.jpg",
+                           .host = "localhost"};
+  EXPECT_EQ(done(site.answer(request)).status, 404);
+  std::filesystem::remove(folder_ / "takes/kendo-07/cam01.lcmlog");
+  EXPECT_EQ(done(site.answer(request)).status, 404);
+  add_frames(LogOpening::kNew, 0, 9);
+  EXPECT_EQ(done(site.answer(request)).status, 200);
+}
+
+TEST_F(PhotographSite, finds_what_was_recorded_since_it_looked) {
+  WebSite site = this->site();
+  const WebRequest request{.method = "GET",
+                           .target = "/api/takes/kendo-07/photographs/3/cam01.jpg",
+                           .host = "localhost"};
+  EXPECT_EQ(done(site.answer(request)).status, 404);
+  add_frames(LogOpening::kGoOn, 3, 5);
+  EXPECT_TRUE(test::becomes_true([&] { return done(site.answer(request)).status == 200; },
+                                 test::within(20)));
+}
+
+TEST_F(PhotographSite, outlives_a_log_that_is_damaged) {
+  write(folder_ / "takes/kendo-07/cam01.lcmlog", std::string(5000, 'x'));
+  const WebAnswer answer = get("/api/takes/kendo-07/photographs/1/cam01.jpg");
+  EXPECT_EQ(answer.status, 404);
+  EXPECT_THAT(answer.body, Not(HasSubstr(folder_.path().string())));
+}
+
+}  // namespace
+}  // namespace v3d
