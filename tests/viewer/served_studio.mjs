@@ -17,7 +17,7 @@ export const NO_GL = ['--no-sandbox', '--disable-gpu', '--disable-3d-apis'];
 /** Debian's; it draws with the processor. */
 export const launchBrowser = (args = GL) => chromium.launch({ executablePath: '/usr/bin/chromium', args, timeout: WITHIN });
 
-const studioFile = (port, page, takes) => `
+const studioFile = (port, page, takes, calib) => `
 name = "dojo"
 [[node]]
 name = "cap01"
@@ -39,7 +39,7 @@ key = "studio.key"
 [storage]
 takes = "${takes}"
 background = "background"
-calib = "takes/ball/calib.toml"
+calib = "${calib}"
 [reconstruction]
 node = "recon01"
 [viewer]
@@ -59,10 +59,11 @@ export class ServedStudio {
   port = 0;
   #daemon = null;
 
-  /** `build`: a build folder; `takes`: a folder of takes, where it is not the studio's own. */
-  constructor(build, takes = 'takes') {
+  /** `build`: a build folder; `takes`: a folder of takes, where it is not the studio's own; `calib`: the rig as it is now. */
+  constructor(build, takes = 'takes', calib = 'takes/ball/calib.toml') {
     this.build = build;
     this.takes = takes;
+    this.calib = calib;
   }
 
   get address() {
@@ -73,7 +74,7 @@ export class ServedStudio {
   async start() {
     if (this.port === 0) {
       this.port = await freePort();
-      writeFileSync(join(this.folder, 'studio.toml'), studioFile(this.port, join(this.build, 'viewer'), this.takes));
+      writeFileSync(join(this.folder, 'studio.toml'), studioFile(this.port, join(this.build, 'viewer'), this.takes, this.calib));
     }
     await new Promise((done, fail) => {
       this.#daemon = spawn(join(this.build, 'bin/v3d-viewd'), ['--studio', join(this.folder, 'studio.toml')]);

@@ -3,8 +3,10 @@ import { type BufferGeometry, Group, Mesh, MeshBasicMaterial, MeshLambertMateria
 import { GLTFLoader } from 'three/addons/loaders/GLTFLoader.js';
 import { entryAt } from './mesh_file';
 import { type Performer, place } from './performer';
+import { PerformerViews, takeOfMeshes, type ViewsState } from './performer_views';
 import { cameraAt, pulseAt } from './scene_clock';
 import type { SceneFile, SceneModel, SceneTake } from './scene_file';
+import { wantsViews } from './shading';
 import type { Stage } from './stage';
 import type { FromWorker, ToWorker } from './worker_messages';
 
@@ -12,8 +14,11 @@ import type { FromWorker, ToWorker } from './worker_messages';
 class Actor {
   readonly performer: Performer;
   private readonly worker = new Worker(new URL('./worker.ts', import.meta.url), { type: 'module' });
+  private readonly views: PerformerViews;
   private entries: { pulse: number }[] = [];
   private wanted = -1;
+  private seconds = 0;
+  private playing = false;
   shown = -1;
 
   constructor(
@@ -25,6 +30,7 @@ class Actor {
     trouble: (text: string) => void,
   ) {
     this.performer = stage.addPerformer();
+    this.views = new PerformerViews(takeOfMeshes(url), this.performer, () => wantsViews(stage.look), changed);
     this.worker.onmessage = (event: MessageEvent<FromWorker>) => {
       const message = event.data;
       if (message.kind === 'opened') this.entries = message.pulses.map((pulse) => ({ pulse }));
@@ -32,6 +38,7 @@ class Actor {
       else if (message.kind === 'frame') {
         this.shown = message.frame.number;
         stage.show(message.frame, this.performer);
+        this.views.show(message.frame.pulse, this.next());
       }
       changed();
     };
@@ -42,8 +49,26 @@ class Actor {
     this.worker.postMessage(message);
   }
 
+  /** The pulses that come next in playback, when what is fetched of them now is there. */
+  private next(): number[] {
+    if (!this.playing) return [];
+    const skip = Math.ceil((this.views.tookMs / 1000) * this.rate * this.take.speed);
+    return this.entries.slice(this.shown + Math.max(1, skip)).slice(0, 2).map(({ pulse }) => pulse);
+  }
+
+  /** Null: nobody wants to know. */
+  get viewsState(): ViewsState | null {
+    return wantsViews(this.stage.look) && this.performer.mesh.visible ? this.views.state : null;
+  }
+
+  lookChanged(): void {
+    this.views.apply();
+  }
+
   /** True when what belongs to that moment is on the stage. */
   setTime(seconds: number): boolean {
+    this.playing = seconds > this.seconds;
+    this.seconds = seconds;
     if (this.entries.length === 0) return false;
     const last = this.entries[this.entries.length - 1].pulse;
     const pulse = pulseAt(this.take, this.rate, this.entries[0].pulse, last, seconds);
@@ -51,11 +76,12 @@ class Actor {
     if (pulse === null) return true;
     const frame = entryAt(this.entries, pulse);
     if (frame !== this.wanted) this.send({ kind: 'want', frame: (this.wanted = frame) });
-    return this.shown === frame;
+    return this.shown === frame && this.viewsState !== 'coming';
   }
 
   end(): void {
     this.worker.terminate();
+    this.views.end();
     this.stage.removePerformer(this.performer);
     this.changed();
   }
@@ -136,9 +162,20 @@ export class Composition {
     this.setTime(this.seconds);
   }
 
+  lookChanged(): void {
+    for (const actor of this.actors.values()) actor.lookChanged();
+    this.setTime(this.seconds);
+  }
+
+  /** Of all takes on the stage, the worst. */
+  get viewsState(): ViewsState {
+    const states = [...this.actors.values()].map((actor) => actor.viewsState);
+    return states.includes('none') ? 'none' : states.includes('coming') ? 'coming' : 'here';
+  }
+
   private begin(take: SceneTake): void {
     const url = this.url(`${take.take}/mesh.v3d`);
-    const name = decodeURIComponent(new URL(url).pathname.split('/').slice(-2)[0]);
+    const name = takeOfMeshes(url);
     const rate = this.rateOf(name);
     if (rate === null) return this.trouble(`There is no take ${name}.`);
     this.actors.set(take, new Actor(this.stage, take, url, rate, () => this.setTime(this.seconds), this.trouble));

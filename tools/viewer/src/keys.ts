@@ -1,5 +1,5 @@
 // The keyboard: what each key does, and the list of them.
-import type { Look } from './stage';
+import { type Look, LOOKS } from './shading';
 import type { Action } from './transport';
 
 export interface Deeds {
@@ -10,6 +10,9 @@ export interface Deeds {
   fly(): void;
   frameAll(): void;
   stand(steps: number): void;
+  /** Lays the photograph over the view, or takes it away; more of it or less. */
+  photograph(): void;
+  blend(by: number): void;
   live(): void;
   help(): void;
   follow(): void;
@@ -36,12 +39,15 @@ const KEYS: Key[] = [
   { keys: ['p'], shown: 'P', does: 'play the whole take again', run: (d) => d.transport('clear') },
   { keys: ['l'], shown: 'L', does: 'loop', run: (d) => d.transport('loop') },
   { keys: ['[', ']'], shown: '[ ]', does: 'slower, faster', run: (d, key) => d.transport(key === '[' ? 'slower' : 'faster') },
-  { keys: ['1', '2', '3'], shown: '1 2 3', does: 'colour, normals, clay',
-    run: (d, key) => d.look((['colour', 'normals', 'clay'] as const)[Number(key) - 1]) },
+  { keys: ['1', '2', '3'], shown: '1 2 3', does: 'colour, normals, clay', run: (d, key) => d.look(LOOKS[Number(key) - 1]) },
+  { keys: ['4'], shown: '4', does: 'colours for where you stand: cameras that look the same way count most', run: (d) => d.look('view') },
+  { keys: ['5'], shown: '5', does: 'confidence: how many cameras see it and agree', run: (d) => d.look('confidence') },
   { keys: ['x'], shown: 'X', does: 'wireframe', run: (d) => d.wireframe() },
   { keys: ['c'], shown: 'C', does: 'show the cameras of the studio', run: (d) => d.cameras() },
   { keys: [',', '.'], shown: ', .', does: 'stand where the camera before, the next one stands',
     run: (d, key) => d.stand(key === ',' ? -1 : 1) },
+  { keys: ['b'], shown: 'B', does: "that camera's photograph over the view, or not", run: (d) => d.photograph() },
+  { keys: ['-', '+', '='], shown: '- +', does: 'less, more of the photograph', run: (d, key) => d.blend(key === '-' ? -0.1 : 0.1) },
   { keys: ['f'], shown: 'F', does: 'see all of the performer', run: (d) => d.frameAll() },
   { keys: ['v'], shown: 'V', does: 'fly (W A S D, Q E, drag; Shift is faster), or orbit', run: (d) => d.fly() },
   { keys: ['r'], shown: 'R', does: "look along the scene's camera path", run: (d) => d.follow() },

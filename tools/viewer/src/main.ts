@@ -1,11 +1,13 @@
 // The viewer: takes, scenes of several, and the live picture, on one stage.
 import { Composition } from './composition';
 import { bindKeys } from './keys';
+import { CONFIDENCE_IN_WORDS, Pictures } from './pictures';
 import { Playback } from './playback';
 import { fetchRig, type RigCamera } from './rig';
 import { parseScene, pictureCount, PLAIN, type SceneFile, writeScene } from './scene_file';
 import { ScenePanel } from './scene_panel';
-import { type Look, Stage } from './stage';
+import type { Look } from './shading';
+import { Stage } from './stage';
 import { fetchScenes, fetchTakes, formatBytes, sceneItem, type Take, takeItem } from './take_list';
 import { Transport } from './transport';
 import type { FromWorker, ShownFrame, ToWorker } from './worker_messages';
@@ -25,6 +27,7 @@ class Viewer {
   private open: { take: Take | null; scene: string | null; number: number } | null = null;
   private composition: Composition | null = null;
   private readonly panel: ScenePanel;
+  private readonly pictures: Pictures;
   private playback: Playback | null = null;
   private opened = 0;
   private wanted = -1;
@@ -38,9 +41,13 @@ class Viewer {
     this.stage = new Stage(find<HTMLCanvasElement>('canvas'));
     this.stage.onLeave = () => {
       this.markStanding(null);
+      this.pictures.stand(null);
       this.setFollowing(false);
     };
     this.stage.onTrouble = (text) => this.trouble(text);
+    this.pictures = new Pictures(this.stage, (tookMs) => this.playback?.ahead(2, tookMs / 1000) ?? [],
+      () => this.composition?.viewsState ?? null);
+    find('confidence-note').textContent = CONFIDENCE_IN_WORDS;
     this.panel = new ScenePanel(find('scene-panel'), {
       change: () => this.sceneChanged(),
       keyHere: () => this.keyHere(),
@@ -60,6 +67,8 @@ class Viewer {
       frameAll: () => this.stage.frameAll(),
       follow: () => this.setFollowing(true),
       stand: (steps) => this.standNext(steps),
+      photograph: () => this.pictures.toggle(),
+      blend: (by) => this.pictures.step(by),
       help: () => find<HTMLDialogElement>('keys').showModal(),
       live: () => this.openLive(),
       flying: () => this.stage.flying,
@@ -249,6 +258,7 @@ class Viewer {
     this.wanted = -1;
     this.transport.set(null);
     this.stage.clear();
+    this.pictures.open(take?.name ?? null);
     this.trouble('');
     find('title').textContent = take?.name ?? (scene === null ? 'Live' : scene || 'New scene');
     this.markOpen();
@@ -312,6 +322,7 @@ class Viewer {
     find('canvas').dataset.shown = String(++this.shownCount);
     this.trouble('');
     this.stage.show(frame);
+    this.pictures.show(frame.pulse);
     this.shownTimes.push(performance.now());
     if (frame.live?.edgeMs != null) {
       // Drawn at the next refresh of the screen: that is when the pulse is seen.
@@ -334,6 +345,7 @@ class Viewer {
 
   private stand(camera: RigCamera): void {
     this.stage.standAt(camera);
+    this.pictures.stand(camera);
     press(find('fly'), false);
     this.markStanding(camera.name);
   }
@@ -353,6 +365,8 @@ class Viewer {
 
   private setLook(look: Look): void {
     this.stage.look = look;
+    this.composition?.lookChanged();
+    this.pictures.look();
     for (const button of document.querySelectorAll<HTMLElement>('[data-look]')) press(button, button.dataset.look === look);
   }
 
@@ -394,7 +408,7 @@ class Viewer {
       }
     }
     this.stage.render(seconds);
-    find('canvas').dataset.settled = String(this.composition?.settled ?? this.shown !== null);
+    find('canvas').dataset.settled = String(this.composition?.settled ?? (this.shown !== null && this.pictures.settled));
     this.placeImageFrame();
     this.tellFacts(now);
   }
@@ -412,6 +426,7 @@ class Viewer {
   private tellFacts(now: number): void {
     if (now - this.toldFacts < 250) return;
     this.toldFacts = now;
+    this.pictures.tell();
     while (this.shownTimes.length && this.shownTimes[0] < now - 2000) this.shownTimes.shift();
     const frame = this.shown;
     const facts: string[] = [];

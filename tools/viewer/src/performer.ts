@@ -1,19 +1,28 @@
 // A sequence of surfaces on the stage, and where it stands there.
-import { type Box3, BufferAttribute, BufferGeometry, MathUtils, Mesh, type Object3D, type ShaderMaterial } from 'three';
+import {
+  type Box3, BufferAttribute, BufferGeometry, type Camera, DataArrayTexture, MathUtils, Matrix4, Mesh, NoColorSpace, type Object3D,
+  type ShaderMaterial, Vector3,
+} from 'three';
 import type { Placement } from './scene_file';
+import { NO_VIEWS } from './shading';
 import type { Surface } from './surface';
+import { ROW, type VertexViews } from './vertex_views';
 
 export class Performer {
   private readonly geometry = new BufferGeometry();
+  private views: VertexViews | null = null;
+  private texture: DataArrayTexture | null = null;
   readonly mesh: Mesh;
 
   /** The material is the stage's: all performers have the same. */
-  constructor(material: ShaderMaterial) {
+  constructor(private readonly material: ShaderMaterial) {
     this.mesh = new Mesh(this.geometry, material);
     this.mesh.frustumCulled = false;
     this.mesh.visible = false;
+    this.mesh.onBeforeRender = (_renderer, _scene, camera) => this.tellShading(camera);
   }
 
+  /** What cameras see of it is not known until setViews(). */
   show(surface: Surface): void {
     this.geometry.dispose(); // the buffers on the graphics card; others are made for the new arrays
     this.geometry.setAttribute('position', new BufferAttribute(surface.positions, 3));
@@ -23,6 +32,35 @@ export class Performer {
     this.geometry.setIndex(new BufferAttribute(surface.indices, 1));
     this.geometry.boundingBox = null;
     this.mesh.visible = true;
+    this.setViews(null);
+  }
+
+  /** Of the surface that is shown; what is of another is not taken. */
+  setViews(views: VertexViews | null): void {
+    const fits = views !== null && views.vertices === this.geometry.getAttribute('position')?.count;
+    if (fits && views === this.views) return;
+    this.texture?.dispose();
+    this.texture = null;
+    this.views = fits ? views : null;
+    if (!this.views) return;
+    this.texture = new DataArrayTexture(this.views.texels, ROW, this.views.rows, this.views.cameras.length);
+    this.texture.colorSpace = NoColorSpace;
+    this.texture.needsUpdate = true;
+  }
+
+  get hasViews(): boolean {
+    return this.views !== null;
+  }
+
+  /** The uniforms that are of this performer alone. Where the eye looks counts as its take sees it. */
+  private tellShading(camera: Camera): void {
+    const { uniforms } = this.material;
+    uniforms.views.value = this.texture ?? NO_VIEWS;
+    uniforms.viewCount.value = this.views?.cameras.length ?? 0;
+    const own = new Matrix4().copy(this.mesh.matrixWorld).invert();
+    camera.getWorldDirection(uniforms.eyeAxis.value as Vector3).transformDirection(own);
+    this.views?.cameras.forEach(({ axis }, n) => (uniforms.axes.value as Vector3[])[n].set(...axis));
+    this.material.uniformsNeedUpdate = true;
   }
 
   get triangles(): number {
@@ -37,6 +75,7 @@ export class Performer {
   }
 
   dispose(): void {
+    this.setViews(null);
     this.geometry.dispose();
   }
 }

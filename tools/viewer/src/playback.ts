@@ -48,6 +48,18 @@ export class Playback {
     }
   }
 
+  /** Pulses of the next meshes while it plays, but for those that are over in so many seconds; none when it is paused. */
+  ahead(count: number, inSeconds: number): number[] {
+    if (!this.playing || this.entries.length === 0) return [];
+    const step = Math.max(1, Math.round(this.speed));
+    const first = Math.floor(this.position + inSeconds * this.rate * this.speed) + step;
+    const span = this.outPulse + 1 - this.inPulse;
+    const pulses = Array.from({ length: count }, (_, n) => first + n * step)
+      .map((pulse) => (pulse <= this.outPulse ? pulse : this.loop ? this.inPulse + ((pulse - this.inPulse) % span) : this.outPulse))
+      .map((pulse) => this.entries[entryAt(this.entries, pulse)].pulse);
+    return [...new Set(pulses)];
+  }
+
   toggle(): void {
     this.playing = !this.playing;
     const atEnd = this.pulse >= this.outPulse || this.pulse < this.inPulse;

@@ -39,7 +39,9 @@ export function projectionOf(camera: RigCamera, width: number, height: number, n
   // Centres of pixels are whole numbers: the image begins half a pixel before.
   const x = (screen: number) => (((screen - image.left) / image.scale - 0.5 - camera.matrix[0][2]) / fx) * near;
   const y = (screen: number) => (((screen - image.top) / image.scale - 0.5 - camera.matrix[1][2]) / fy) * near;
-  return new Matrix4().makePerspective(x(0), x(width), -y(0), -y(height), near, far);
+  const projection = new Matrix4().makePerspective(x(0), x(width), -y(0), -y(height), near, far);
+  projection.elements[4] = (-2 * camera.matrix[0][1] * image.scale) / width; // its columns may lean
+  return projection;
 }
 
 export function centerOf(camera: RigCamera): Vector3 {

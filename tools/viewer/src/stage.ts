@@ -1,18 +1,17 @@
 // The stage: performers, models, the floor, the studio's cameras, and the eye that looks at them.
 import {
-  Box3, BufferGeometry, Color, DirectionalLight, DoubleSide, GridHelper, GLSL3, Group, HemisphereLight, LineBasicMaterial,
-  LineSegments, Matrix4, PerspectiveCamera, Scene, ShaderMaterial, Vector3, WebGLRenderer,
+  Box3, BufferGeometry, Color, DirectionalLight, GridHelper, Group, HemisphereLight, LineBasicMaterial, LineSegments, Matrix4,
+  PerspectiveCamera, Scene, Vector3, WebGLRenderer,
 } from 'three';
 import { OrbitControls } from 'three/addons/controls/OrbitControls.js';
 import { Backdrop } from './backdrop';
 import { Fly } from './fly';
 import { Performer } from './performer';
+import { Photograph } from './photograph';
 import { imageOnScreen, projectionOf, worldFromCamera, type RigCamera } from './rig';
 import type { CameraKey, Vector } from './scene_file';
+import { type Look, LOOKS, makeShading } from './shading';
 import type { Surface } from './surface';
-
-export type Look = 'colour' | 'normals' | 'clay';
-const LOOKS: Look[] = ['colour', 'normals', 'clay'];
 
 const NEAR = 0.02;
 const FAR = 200;
@@ -20,41 +19,14 @@ const FAR = 200;
 const FOV = 40;
 const BACKGROUND = new Color(0x101216);
 
-// Colours are shown as they are, to the byte: they are sRGB, and so is the screen.
-const vertexShader = `
-in vec3 tint;
-out vec3 vTint; out vec3 vNormal; out vec3 vToEye;
-void main() {
-  vTint = tint;
-  vec4 world = modelMatrix * vec4(position, 1.0);
-  vNormal = mat3(modelMatrix) * normal; // turned, and scaled the same along all axes
-  vToEye = cameraPosition - world.xyz;
-  gl_Position = projectionMatrix * viewMatrix * world;
-}`;
-const fragmentShader = `
-precision highp float;
-uniform int look;
-in vec3 vTint; in vec3 vNormal; in vec3 vToEye;
-out vec4 colour;
-void main() {
-  vec3 n = normalize(vNormal);
-  if (look == 0) colour = vec4(vTint, 1.0);
-  else if (look == 1) colour = vec4(0.5 + 0.5 * n, 1.0);
-  else {
-    float front = max(dot(n, normalize(vToEye)), 0.0);
-    float sky = 0.5 + 0.5 * n.z;
-    colour = vec4(vec3(0.80, 0.79, 0.77) * (0.25 + 0.55 * front + 0.25 * sky), 1.0);
-  }
-}`;
-
 export class Stage {
   private readonly renderer: WebGLRenderer;
   private readonly scene = new Scene();
-  private readonly material = new ShaderMaterial({
-    vertexShader, fragmentShader, glslVersion: GLSL3, side: DoubleSide, uniforms: { look: { value: 0 } },
-  });
+  private readonly material = makeShading();
   /** What a take or the live picture shows. */
   private readonly single = new Performer(this.material);
+  /** Over all, while the eye stands at the place of a camera. */
+  readonly photograph = new Photograph();
   private readonly performers = new Set([this.single]);
   /** Of a scene. */
   private readonly models = new Group();
@@ -78,7 +50,7 @@ export class Stage {
     if (!context) throw new Error('no WebGL 2');
     this.renderer = new WebGLRenderer({ canvas, context, antialias: true });
     this.renderer.setClearColor(BACKGROUND);
-    this.scene.add(this.single.mesh, this.models, this.floor, this.rigLines, ...makeLights());
+    this.scene.add(this.single.mesh, this.models, this.floor, this.rigLines, this.photograph.mesh, ...makeLights());
     this.backdrop = new Backdrop(this.scene, () => (this.changed = true), (text) => this.onTrouble(text));
     this.rigLines.visible = false;
     this.eye.up.set(0, 0, 1);
@@ -99,6 +71,11 @@ export class Stage {
     performer.show(surface);
     if (!this.framed && performer === this.single) this.frameAll();
     this.changed = true;
+  }
+
+  /** The one that is always there. */
+  get performer(): Performer {
+    return this.single;
   }
 
   addPerformer(): Performer {

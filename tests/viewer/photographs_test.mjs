@@ -1,0 +1,227 @@
+// What the cameras saw, as a person looks at it: photographs over the view, colours for where one stands, confidence. Of two
+// simulated takes with raw frames, of 15 cameras and of 4, and one without.
+import assert from 'node:assert/strict';
+import { execFileSync } from 'node:child_process';
+import { cpSync, mkdirSync, readFileSync, writeFileSync } from 'node:fs';
+import { join } from 'node:path';
+import { after, before, test } from 'node:test';
+import { Eyes } from './eyes.mjs';
+import { launchBrowser, ServedStudio, WITHIN } from './served_studio.mjs';
+import { ssim } from './ssim.mjs';
+
+const build = process.env.V3D_BUILD;
+const studio = new ServedStudio(build, 'takes', 'takes/four/calib.toml');
+const { folder } = studio;
+let browser, page, eyes;
+
+const run = (program, ...words) => execFileSync(join(build, 'bin', program), words, { cwd: folder, stdio: 'pipe' });
+const shows = (id, part) => eyes.shows(id, part);
+const settled = () => page.waitForFunction(() => document.getElementById('canvas').dataset.settled === 'true', null, { timeout: WITHIN });
+const hidden = (id) => page.evaluate((i) => document.getElementById(i).hidden, id);
+/** Two more pictures are drawn: what is settled is on the screen. */
+const drawn = () => page.evaluate(() => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(() => setTimeout(done)))));
+
+async function open(hash) {
+  await page.goto(`${studio.address}#${hash}`);
+  await page.reload();
+}
+const veil = (visibility) => page.evaluate((v) => {
+  for (const over of document.querySelectorAll('.stage > :not(canvas)')) over.style.visibility = v;
+}, visibility);
+/** The stage, or a part of it, without what lies over it. */
+async function picture(part = null) {
+  const { x, y, width, height } = part ?? (await page.locator('#canvas').boundingBox());
+  await veil('hidden');
+  await drawn();
+  const png = await page.screenshot({ clip: { x, y, width, height } });
+  await veil('');
+  return { pixels: await eyes.decode(png), width, height };
+}
+const alike = (a, b) => ssim(a.pixels, b.pixels, a.width, a.height);
+
+/** Whole pixels of the screen inside the image of the camera that the eye stands at. */
+const imageBox = () => page.evaluate(() => {
+  const canvas = document.getElementById('canvas').getBoundingClientRect();
+  const { left, top, width, height } = document.getElementById('image-frame').style;
+  const [l, t, w, h] = [left, top, width, height].map(parseFloat);
+  const x = Math.ceil(canvas.left + l), y = Math.ceil(canvas.top + t);
+  return { x, y, width: Math.floor(w) - 1, height: Math.floor(h) - 1, left: canvas.left + l, top: canvas.top + t, scale: w };
+});
+
+/** The photograph as an eye without a lens sees it there: its distortion is looked up, pixel by pixel. */
+async function photographAsSeen(take, pulse, camera, box) {
+  const pixels = await page.evaluate(async ([t, p, c, at]) => {
+    const rig = (await (await fetch(`api/takes/${t}/rig`)).json()).cameras.find(({ name }) => name === c);
+    const jpeg = await fetch(`api/takes/${t}/photographs/${p}/${c}.jpg`);
+    if (!jpeg.ok) throw new Error(`${jpeg.status}`);
+    const image = await createImageBitmap(await jpeg.blob());
+    const pen = new OffscreenCanvas(image.width, image.height).getContext('2d');
+    pen.drawImage(image, 0, 0);
+    const from = pen.getImageData(0, 0, image.width, image.height).data;
+    const [k1, k2, p1, p2, k3] = [0, 1, 2, 3, 4].map((n) => rig.distortion[n] ?? 0);
+    if (rig.distortion.slice(5).some((k) => k !== 0)) throw new Error('a lens that this test does not know');
+    const [[fx, , cx], [, fy, cy]] = rig.matrix;
+    const scale = at.scale / rig.width;
+    let text = '';
+    for (let row = 0; row < at.height; ++row) {
+      for (let column = 0; column < at.width; ++column) {
+        const x = ((at.x + column + 0.5 - at.left) / scale - 0.5 - cx) / fx;
+        const y = ((at.y + row + 0.5 - at.top) / scale - 0.5 - cy) / fy;
+        const s = x * x + y * y, radial = 1 + s * (k1 + s * (k2 + s * k3));
+        const u = Math.round(fx * (x * radial + 2 * p1 * x * y + p2 * (s + 2 * x * x)) + cx);
+        const v = Math.round(fy * (y * radial + p1 * (s + 2 * y * y) + 2 * p2 * x * y) + cy);
+        const n = 4 * (v * image.width + u);
+        const inside = u >= 0 && v >= 0 && u < image.width && v < image.height;
+        text += inside ? String.fromCharCode(from[n], from[n + 1], from[n + 2], 255) : '\x10\x12\x16\xff';
+      }
+    }
+    return btoa(text);
+  }, [take, pulse, camera, box]);
+  return { pixels: Buffer.from(pixels, 'base64'), width: box.width, height: box.height };
+}
+
+const scene = (take) => ({
+  v3d_scene: 1, rate_hz: 25, seconds: 0.08, floor: false, background: { colour: '#203040' }, takes: [{ take: `../${take}`, turn_deg: [0, 0, 70] }],
+  camera: { keys: [{ at_s: 0, eye: [1.1, -1.9, 1.4], look: [0, 0, 0.95] }] },
+});
+
+before(async () => {
+  mkdirSync(join(folder, 'takes'));
+  for (const [take, cameras] of [['dome', '15'], ['four', '4']]) {
+    run('v3d-sim', 'take', `takes/${take}`, '--frames', '3', '--cameras', cameras, '--size', '640x480');
+    run('v3dctl', 'reconstruct', `takes/${take}`, '--voxel', '15mm');
+    mkdirSync(join(folder, `takes/scene-${take}`));
+    writeFileSync(join(folder, `takes/scene-${take}/scene.json`), JSON.stringify(scene(take)));
+  }
+  mkdirSync(join(folder, 'takes/meshes-alone'));
+  for (const file of ['take.toml', 'calib.toml', 'mesh.v3d']) {
+    cpSync(join(folder, 'takes/four', file), join(folder, 'takes/meshes-alone', file));
+  }
+  await studio.start();
+  browser = await launchBrowser();
+  page = await browser.newPage({ viewport: { width: 1100, height: 720 } });
+  page.setDefaultTimeout(WITHIN);
+  eyes = new Eyes(page);
+});
+after(async () => {
+  await browser?.close();
+  await studio.end();
+});
+
+test('lays the photograph over what is seen from where its camera stands, its lens undone', async (story) => {
+  await open('take=dome&pulse=1');
+  await shows('facts', 'pulse 1 ');
+  await page.click('[data-camera=cam07]');
+  await page.waitForSelector('#blend:not([hidden])');
+  const box = await imageBox();
+  const without = await picture(box);
+  await page.keyboard.press('b');
+  for (let n = 0; n < 6; ++n) await page.keyboard.press('+');
+  await settled();
+  const photograph = await photographAsSeen('dome', 1, 'cam07', box);
+  const over = alike(await picture(box), photograph);
+  story.diagnostic(`SSIM ${over.toFixed(4)}, without it ${alike(without, photograph).toFixed(4)}`);
+  assert.ok(over >= 0.95, `SSIM ${over.toFixed(4)}`);
+  await page.keyboard.press('b');
+  assert.ok(alike(await picture(box), without) > 0.999, 'taken away again');
+});
+
+test('lays the photograph of the pulse that is shown over the view, also behind playback', async (story) => {
+  await page.keyboard.press('b');
+  await page.keyboard.press(' ');
+  await page.waitForFunction(() => {
+    const seen = (window.pulsesSeen ??= new Set());
+    seen.add(/pulse (\d+)/.exec(document.getElementById('facts').textContent)?.[1]);
+    return seen.size >= 3;
+  }, null, { timeout: WITHIN });
+  await page.keyboard.press(' ');
+  await page.keyboard.press('Home');
+  await page.keyboard.press('ArrowRight');
+  await page.keyboard.press('ArrowRight');
+  await shows('facts', 'pulse 2 ');
+  await settled();
+  const box = await imageBox();
+  const shown = await picture(box);
+  const right = alike(shown, await photographAsSeen('dome', 2, 'cam07', box));
+  const wrong = alike(shown, await photographAsSeen('dome', 0, 'cam07', box));
+  story.diagnostic(`SSIM ${right.toFixed(4)}; with the first pulse's ${wrong.toFixed(4)}`);
+  assert.ok(right >= 0.95 && right > wrong, `SSIM ${right.toFixed(4)}, ${wrong.toFixed(4)}`);
+});
+
+test('takes the photograph away when the one who looks moves away', async () => {
+  const { x, y, width, height } = await page.locator('#canvas').boundingBox();
+  await page.mouse.move(x + width / 2, y + height / 2);
+  await page.mouse.down();
+  await page.mouse.move(x + width / 2 + 60, y + height / 2 + 10, { steps: 4 });
+  await page.mouse.up();
+  await page.waitForSelector('#blend', { state: 'hidden' });
+});
+
+for (const take of ['dome', 'four']) {
+  test(`shades for where one stands as the native renderer does, from ${take}`, async (story) => {
+    await open(`scene=scene-${take}&at=0`);
+    await shows('title', `scene-${take}`);
+    await settled();
+    const plain = await picture();
+    await page.keyboard.press('4');
+    await settled();
+    const shaded = await picture();
+    run('v3dctl', 'render', '--scene', `takes/scene-${take}/scene.json`, '--view-dependent', '--at', '0', '--size', `${plain.width}x${plain.height}`, 'native.png');
+    const native = { ...plain, pixels: await eyes.decode(readFileSync(join(folder, 'native.png'))) };
+    const [right, wrong] = [alike(shaded, native), alike(plain, native)];
+    story.diagnostic(`SSIM ${right.toFixed(4)}; colours as from everywhere ${wrong.toFixed(4)}`);
+    assert.ok(right >= 0.9 && right > wrong, `SSIM ${right.toFixed(4)}, ${wrong.toFixed(4)}`);
+  });
+}
+
+/** How much of the picture has the colour of a place where six cameras agree, or more: yellow in any light. */
+async function sureParts() {
+  const { pixels, width, height } = await picture();
+  let sure = 0;
+  for (let n = 0; n < 4 * width * height; n += 4) {
+    const [r, g, b] = pixels.subarray(n, n + 3);
+    if (r > 130 && g > 120 && b < 0.3 * r) ++sure;
+  }
+  return sure / (width * height);
+}
+
+test('tells how many cameras agree about the surface', async (story) => {
+  await open('take=dome&pulse=1');
+  await shows('facts', 'pulse 1 ');
+  await page.keyboard.press('5');
+  await page.waitForSelector('#legend:not([hidden])');
+  await settled();
+  const dome = await sureParts();
+  await open('take=four&pulse=1');
+  await shows('facts', 'pulse 1 ');
+  await page.keyboard.press('5');
+  await page.waitForSelector('#legend:not([hidden])');
+  await settled();
+  const four = await sureParts();
+  story.diagnostic(`six cameras agree: ${(100 * dome).toFixed(2)} % of the picture of 15, ${(100 * four).toFixed(2)} % of that of 4`);
+  assert.ok(dome > 0.002, `${dome}`);
+  assert.ok(four < 0.0002, `four cameras cannot be six: ${four}`);
+  await page.keyboard.press('?');
+  await shows('confidence-note', 'number of cameras that see a place');
+});
+
+test('says so where a take has no raw frames', async () => {
+  await open('take=meshes-alone&pulse=1');
+  await shows('facts', 'pulse 1 ');
+  await page.keyboard.press('4');
+  await shows('look-note', 'raw frames that tell what each camera sees are not here');
+  await page.keyboard.press('1');
+  await page.click('[data-camera=cam02]');
+  await page.keyboard.press('b');
+  await shows('blend-note', 'no photograph of cam02');
+  await page.keyboard.press('b');
+  assert.equal(await hidden('look-note'), true);
+});
+
+test('answers 404 for what is no photograph', async () => {
+  const statuses = await page.evaluate(async () => Promise.all([
+    'four/photographs/1/cam01.jpg', 'four/photographs/3/cam01.jpg', 'four/photographs/1/cam99.jpg', 'none/photographs/1/cam01.jpg',
+    'four/photographs/1/..%2fcam01.jpg', 'four/views/1', 'four/views/3', 'meshes-alone/views/1', 'none/views/1',
+  ].map(async (path) => (await fetch(`api/takes/${path}`)).status)));
+  assert.deepEqual(statuses, [200, 404, 404, 404, 400, 200, 404, 404, 404]);
+});

@@ -1,0 +1,91 @@
+// What a camera saw, over what the one who stands in its place sees: its lens taken away.
+import {
+  BufferAttribute, BufferGeometry, DataTexture, GLSL3, LinearFilter, Matrix3, Mesh, NoColorSpace, ShaderMaterial, Texture,
+} from 'three';
+import { coefficientsOf, LENS_GLSL, mostRadius2, tiltOf } from './lens';
+import type { RigCamera } from './rig';
+
+// One triangle over all of the screen; a ray through each place of it.
+const vertexShader = `
+out vec3 ray;
+void main() {
+  vec4 near = inverse(projectionMatrix) * vec4(position.xy, -1.0, 1.0);
+  ray = near.xyz / near.w;
+  gl_Position = vec4(position.xy, 0.0, 1.0);
+}`;
+const fragmentShader = `
+precision highp float;
+${LENS_GLSL}
+uniform sampler2D photograph;
+uniform float amount;
+in vec3 ray;
+out vec4 colour;
+void main() {
+  vec2 at = inImage(vec2(ray.x, -ray.y) / -ray.z);
+  if (any(lessThan(at, vec2(0.0))) || any(greaterThan(at, vec2(1.0)))) discard;
+  colour = vec4(texture(photograph, at).rgb, amount);
+}`;
+
+export class Photograph {
+  private readonly material = new ShaderMaterial({
+    vertexShader, fragmentShader, glslVersion: GLSL3, transparent: true, depthTest: false, depthWrite: false,
+    uniforms: {
+      lens: { value: new Array<number>(14).fill(0) }, tilt: { value: new Matrix3() }, matrix: { value: new Matrix3() },
+      imageSize: { value: [1, 1] }, mostRadius2: { value: 1 }, amount: { value: 0 },
+      photograph: { value: new DataTexture(new Uint8Array(4), 1, 1) as Texture },
+    },
+  });
+  readonly mesh: Mesh;
+  private there = false;
+
+  constructor() {
+    const geometry = new BufferGeometry();
+    geometry.setAttribute('position', new BufferAttribute(new Float32Array([-1, -1, 0, 3, -1, 0, -1, 3, 0]), 3));
+    this.mesh = new Mesh(geometry, this.material);
+    this.mesh.frustumCulled = false;
+    this.mesh.renderOrder = 1000;
+    this.update();
+  }
+
+  /** 0: none of it, 1: nothing else. */
+  get amount(): number {
+    return this.material.uniforms.amount.value as number;
+  }
+  set amount(amount: number) {
+    this.material.uniforms.amount.value = amount;
+    this.update();
+  }
+
+  /** Through whose lens it was taken. */
+  of(camera: RigCamera): void {
+    const { uniforms } = this.material;
+    uniforms.lens.value = coefficientsOf(camera);
+    uniforms.tilt.value = tiltOf(camera);
+    const [a, b, c] = camera.matrix;
+    uniforms.matrix.value = new Matrix3(a[0], a[1], a[2], b[0], b[1], b[2], c[0], c[1], c[2]);
+    uniforms.imageSize.value = [camera.width, camera.height];
+    uniforms.mostRadius2.value = mostRadius2(camera);
+  }
+
+  /** Null: there is none. The picture stays the caller's, and is needed until the next is shown. */
+  show(picture: ImageBitmap | null): void {
+    const { uniforms } = this.material;
+    if (picture && this.there && (uniforms.photograph.value as Texture).image === picture) return;
+    this.there = picture !== null;
+    if (picture) {
+      (uniforms.photograph.value as Texture).dispose();
+      const texture = new Texture(picture);
+      texture.flipY = false;
+      texture.generateMipmaps = false;
+      texture.minFilter = texture.magFilter = LinearFilter;
+      texture.colorSpace = NoColorSpace; // shown to the byte, as the surface is
+      texture.needsUpdate = true;
+      uniforms.photograph.value = texture;
+    }
+    this.update();
+  }
+
+  private update(): void {
+    this.mesh.visible = this.there && this.amount > 0;
+  }
+}

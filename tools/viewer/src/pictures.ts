@@ -1,0 +1,163 @@
+// Photographs and views of the take that is open: the photograph over the view from a camera's place, and what the page says
+// of them.
+import { PerformerViews, type ViewsState } from './performer_views';
+import { fetchThere, PulseStore } from './pulse_store';
+import type { RigCamera } from './rig';
+import { AGREEING, CONFIDENCE_COLOURS, wantsViews } from './shading';
+import type { Stage } from './stage';
+
+const find = <E extends HTMLElement>(id: string) => document.getElementById(id) as E;
+
+/** How much the photograph covers when it is laid over at once. */
+const HALF = 0.5;
+
+async function fetchPhotograph(take: string, pulse: number, camera: string): Promise<ImageBitmap | null> {
+  const answer = await fetchThere(`api/takes/${encodeURIComponent(take)}/photographs/${pulse}/${encodeURIComponent(camera)}.jpg`);
+  if (!answer) return null;
+  return createImageBitmap(await answer.blob(), { premultiplyAlpha: 'none', colorSpaceConversion: 'none' });
+}
+
+export class Pictures {
+  private take: string | null = null;
+  private views: PerformerViews | null = null;
+  private camera: RigCamera | null = null;
+  private photographs: PulseStore<ImageBitmap> | null = null;
+  private shown = -1;
+  /** Of the photograph that is over the view; -1: none is. */
+  private photographed = -1;
+  private last = HALF;
+  private readonly slider = find<HTMLInputElement>('blend-amount');
+
+  constructor(
+    private readonly stage: Stage,
+    /** The pulses that come next in playback, later the longer fetching takes; none when it is paused. */
+    private readonly ahead: (tookMs: number) => number[],
+    /** Of all takes of the scene that is open, the worst; null while none is. */
+    private readonly sceneState: () => ViewsState | null,
+  ) {
+    this.slider.addEventListener('input', () => this.setAmount(Number(this.slider.value) / 100));
+    this.slider.addEventListener('change', () => this.slider.blur()); // the keys are the page's again
+    find('legend-bar').style.background =
+      `linear-gradient(to right, ${CONFIDENCE_COLOURS.map((c, n) => `${c} ${(100 * n) / (CONFIDENCE_COLOURS.length - 1)}%`).join(', ')})`;
+    this.tell();
+  }
+
+  /** Null: no take of which there could be pictures. */
+  open(take: string | null): void {
+    this.views?.end();
+    this.take = take;
+    this.shown = -1;
+    this.views = take === null ? null
+      : new PerformerViews(take, this.stage.performer, () => wantsViews(this.stage.look), () => this.stage.redraw());
+    this.stand(null);
+  }
+
+  /** The camera whose place the eye has; null: it has none's. */
+  stand(camera: RigCamera | null): void {
+    if (camera && camera === this.camera) return;
+    this.camera = camera;
+    this.photographs?.end();
+    this.photographs = null;
+    this.photographed = -1;
+    this.stage.photograph.show(null);
+    const { take } = this;
+    if (camera && take !== null) {
+      this.stage.photograph.of(camera);
+      this.photographs = new PulseStore<ImageBitmap>({
+        fetch: (pulse) => fetchPhotograph(take, pulse, camera.name),
+        ready: (pulse) => {
+          if (pulse === this.shown) this.lay();
+        },
+        dispose: (picture) => picture.close(),
+      });
+    }
+    this.lay();
+  }
+
+  /** The surface of this pulse is on the stage. */
+  show(pulse: number): void {
+    this.shown = pulse;
+    this.views?.show(pulse, this.ahead(this.views.tookMs));
+    this.lay();
+  }
+
+  /** The look is another, or playback has begun or stopped. */
+  look(): void {
+    this.views?.apply();
+    this.tell();
+  }
+
+  toggle(): void {
+    this.setAmount(this.amount > 0 ? 0 : this.last);
+  }
+  step(by: number): void {
+    this.setAmount(Math.round(10 * (this.amount + by)) / 10);
+  }
+  private get amount(): number {
+    return this.stage.photograph.amount;
+  }
+  private setAmount(amount: number): void {
+    this.stage.photograph.amount = Math.min(1, Math.max(0, amount));
+    if (this.amount > 0) this.last = this.amount;
+    this.slider.value = String(Math.round(100 * this.amount));
+    this.lay();
+  }
+
+  /** Everything that is wanted of the pulse that is shown is on the stage, or is not to be had. */
+  get settled(): boolean {
+    const photograph = !this.photographs || this.amount === 0 || this.photographs.get(this.shown) !== undefined;
+    return photograph && (!this.views || !wantsViews(this.stage.look) || this.views.state !== 'coming');
+  }
+
+  /** The photograph of the pulse that is shown; until it is there, the one before stays, and the page says so. */
+  private lay(): void {
+    if (this.photographs && this.amount > 0 && this.shown >= 0) {
+      this.photographs.want(this.shown, this.ahead(this.photographs.tookMs));
+      const picture = this.photographs.get(this.shown);
+      if (picture !== undefined) {
+        this.photographed = picture ? this.shown : -1;
+        this.stage.photograph.show(picture);
+      }
+    }
+    this.stage.redraw();
+    this.tell();
+  }
+
+  /** What is seen, in words. */
+  tell(): void {
+    find('blend').hidden = this.camera === null;
+    find('blend-note').textContent = this.blendText();
+    this.slider.disabled = this.take === null;
+    find('legend').hidden = this.stage.look !== 'confidence' || (this.sceneState() ?? this.views?.state) !== 'here';
+    const note = this.lookText();
+    find('look-note').textContent = note;
+    find('look-note').hidden = note === '';
+  }
+
+  private blendText(): string {
+    if (!this.camera) return '';
+    if (this.take === null) return 'There are photographs of recorded takes only.';
+    if (this.amount === 0 || this.shown < 0) return '';
+    const here = this.photographs?.get(this.shown);
+    if (here === null) return `There is no photograph of ${this.camera.name} at this pulse here.`;
+    if (here === undefined) return this.photographed < 0 ? 'The photograph is coming …' : `photograph of pulse ${this.photographed}`;
+    return '';
+  }
+
+  private lookText(): string {
+    if (!wantsViews(this.stage.look)) return '';
+    const instead = this.stage.look === 'view' ? 'Colours as from everywhere' : 'Shape alone';
+    const state = this.sceneState() ?? (this.views && this.shown >= 0 ? this.views.state : null);
+    if (state === 'here') return '';
+    if (state === 'coming') return this.ahead(0).length ? '' : `${instead}, until it is known what each camera sees …`;
+    if (state === 'none') return `${instead}: the raw frames that tell what each camera sees are not here.`;
+    return this.views ? '' : `${instead}: what each camera sees is known of recorded takes only.`;
+  }
+}
+
+/** For the help. */
+export const CONFIDENCE_IN_WORDS =
+  'Confidence is the number of cameras that see a place of the surface and agree about its colour: those that lie within '
+  + `${Math.round(255 * AGREEING)} (of 255, in red, green and blue together) of the mean of all that see it. Grey is seen by none: shape and `
+  + 'colour are guessed there. One camera has nobody to agree with. A place where many agree lies where it is; where many see and '
+  + 'few agree, the true surface lies elsewhere, as in a hollow that no silhouette shows.';

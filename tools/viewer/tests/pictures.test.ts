@@ -1,0 +1,193 @@
+import { Vector4 } from 'three';
+import { describe, expect, it } from 'vitest';
+import { distort, mostRadius2 } from '../src/lens';
+import { Playback } from '../src/playback';
+import { PulseStore } from '../src/pulse_store';
+import { projectionOf, type RigCamera, worldFromCamera } from '../src/rig';
+import { parseVertexViews, ROW } from '../src/vertex_views';
+
+const camera = (distortion: number[], skew = 0): RigCamera => ({
+  name: 'cam07', width: 1024, height: 768, matrix: [[900, skew, 500], [0, 910, 390], [0, 0, 1]], distortion,
+  rotation: [[1, 0, 0], [0, 1, 0], [0, 0, 1]], translation: [0, 0, 0],
+});
+
+describe('a lens', () => {
+  it('without distortion leaves everything where it is', () => {
+    expect(distort(camera([]), 0.3, -0.2)).toEqual([0.3, -0.2]);
+    expect(mostRadius2(camera([]))).toBeGreaterThan(1000);
+  });
+
+  // By hand, term by term of OpenCV's formula.
+  const CASES: [string, number[], [number, number], [number, number]][] = [
+    ['bends rays to its centre', [-0.28, 0.09, 0.0012, -0.0007], [0.35, -0.25], [0.3324370875, -0.2373255625]],
+    ['divides by its second polynomial', [0, 0, 0, 0, 0, 0.1, 0, 0], [0.5, 0], [0.487804878, 0]],
+    ['is a thin prism', [0, 0, 0, 0, 0, 0, 0, 0, 0.01, 0, 0, 0.02], [0.6, 0.8], [0.61, 0.82]],
+  ];
+  for (const [does, distortion, [x, y], wanted] of CASES) {
+    it(does, () => {
+      const [u, v] = distort(camera(distortion), x, y);
+      expect(u).toBeCloseTo(wanted[0], 4);
+      expect(v).toBeCloseTo(wanted[1], 4);
+    });
+  }
+
+  it('leans with its sensor', () => {
+    // tau_x alone turns the sensor about x: the middle stays, what is above and below is scaled by another z.
+    const [tau] = [0.1];
+    const leaning = camera([0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, tau, 0]);
+    expect(distort(leaning, 0, 0)).toEqual([0, 0]);
+    const [u, v] = distort(leaning, 0.2, 0.3);
+    const depth = Math.cos(tau) - 0.3 * Math.sin(tau);
+    expect(u).toBeCloseTo((0.2 * Math.cos(tau)) / depth, 9);
+    expect(v).toBeCloseTo((0.3 * (Math.cos(tau) ** 2 + Math.sin(tau) ** 2)) / depth, 9);
+  });
+
+  it('is not believed beyond where it folds back', () => {
+    const most = mostRadius2(camera([-0.3, 0, 0, 0]));
+    expect(most).toBeCloseTo(1 / 0.9, 1); // the derivative 1 - 0.9 r^2 is 0 there
+  });
+
+  it('whose columns lean shows points where its image has them', () => {
+    const leaning = camera([], 12);
+    const clip = new Vector4(0.3, -0.2, 1.5, 1).applyMatrix4(worldFromCamera(leaning).invert())
+      .applyMatrix4(projectionOf(leaning, 1024, 768, 0.02, 200));
+    expect((0.5 + clip.x / clip.w / 2) * 1024).toBeCloseTo(900 * 0.2 + 12 * (-0.2 / 1.5) + 500 + 0.5, 3);
+  });
+});
+
+describe('what belongs to pulses', () => {
+  /** A store whose answers come when the test says so. */
+  function storeByHand(more: { keep?: number; atOnce?: number } = {}) {
+    const asked = new Map<number, { resolve(thing: string | null): void; reject(): void }>();
+    const ready: number[] = [];
+    const disposed: string[] = [];
+    const store = new PulseStore<string>({
+      fetch: (pulse) => new Promise((resolve, reject) => asked.set(pulse, { resolve, reject })),
+      ready: (pulse) => ready.push(pulse),
+      dispose: (thing) => disposed.push(thing),
+      ...more,
+    });
+    const answer = async (pulse: number, thing: string | null = `of ${pulse}`) => {
+      asked.get(pulse)!.resolve(thing);
+      asked.delete(pulse);
+      await new Promise((done) => setTimeout(done));
+    };
+    return { store, asked, ready, disposed, answer };
+  }
+
+  it('is fetched once, the pulse that is shown first', async () => {
+    const { store, asked, ready, answer } = storeByHand({ atOnce: 1 });
+    store.want(5, [6]);
+    store.want(5, [6]);
+    expect([...asked.keys()]).toEqual([5]);
+    await answer(5);
+    expect([...asked.keys()]).toEqual([6]);
+    expect(store.get(5)).toBe('of 5');
+    expect(store.get(6)).toBeUndefined();
+    expect(ready).toEqual([5]);
+  });
+
+  it('is dropped when it comes too late', async () => {
+    const { store, asked, ready, disposed, answer } = storeByHand({ atOnce: 1 });
+    store.want(5);
+    store.want(9);
+    await answer(5);
+    expect([ready, disposed, [...asked.keys()]]).toEqual([[], ['of 5'], [9]]);
+  });
+
+  it('is not asked for again where there is none', async () => {
+    const { store, asked, answer } = storeByHand();
+    store.want(5);
+    await answer(5, null);
+    store.want(5);
+    expect(store.get(5)).toBeNull();
+    expect(asked.size).toBe(0);
+  });
+
+  it('is kept for so many pulses, and given up with the store', async () => {
+    const { store, disposed, answer } = storeByHand({ keep: 2, atOnce: 1 });
+    for (const pulse of [1, 2, 3]) {
+      store.want(pulse);
+      await answer(pulse);
+    }
+    expect(disposed).toEqual(['of 1']);
+    store.end();
+    expect(disposed).toEqual(['of 1', 'of 2', 'of 3']);
+  });
+
+  it('is left alone for a while where nobody answers', async () => {
+    const { store, asked } = storeByHand();
+    store.want(5);
+    asked.get(5)!.reject();
+    asked.delete(5);
+    await new Promise((done) => setTimeout(done));
+    store.want(5);
+    expect(asked.size).toBe(0);
+  });
+});
+
+describe('playback', () => {
+  const entries = Array.from({ length: 20 }, (_, n) => ({ pulse: 10 + n }));
+
+  it('knows what comes next, and what is over before it could be there', () => {
+    const playback = new Playback(entries, 25);
+    expect(playback.ahead(2, 0)).toEqual([]);
+    playback.playing = true;
+    expect(playback.ahead(2, 0)).toEqual([11, 12]);
+    expect(playback.ahead(2, 0.1)).toEqual([13, 14]);
+    playback.speed = 2;
+    expect(playback.ahead(2, 0)).toEqual([12, 14]);
+  });
+
+  it('goes on at the in point behind the out point, if it goes round', () => {
+    const playback = new Playback(entries, 25);
+    playback.playing = true;
+    playback.seek(29);
+    expect(playback.ahead(2, 0)).toEqual([10, 11]);
+    playback.loop = false;
+    expect(playback.ahead(2, 0)).toEqual([29]);
+  });
+});
+
+describe('views of vertices', () => {
+  function message(head: object, bytes: number[]): ArrayBuffer {
+    const text = new TextEncoder().encode(JSON.stringify(head));
+    const all = new Uint8Array(4 + text.length + bytes.length);
+    new DataView(all.buffer).setUint32(0, text.length, true);
+    all.set(text, 4);
+    all.set(bytes, 4 + text.length);
+    return all.buffer;
+  }
+  const axis = [0, 0, 1];
+  const two = { pulse: 7, vertices: 5, cameras: [{ name: 'a', axis }, { name: 'b', axis }] };
+  // a sees the first and the fifth, b the second at the rim of its silhouette.
+  const bytes = [0b00000010, 0b10, 1, 2, 3, 4, 5, 6, 0b00000100, 0, 7, 8, 9];
+
+  it('lie in a layer for each camera', () => {
+    const views = parseVertexViews(message(two, bytes))!;
+    const texel = (camera: number, vertex: number) => [...views.texels.subarray(4 * (camera * ROW + vertex), 4 * (camera * ROW + vertex) + 4)];
+    expect(views.rows).toBe(1);
+    expect([0, 1, 2, 3, 4].map((vertex) => texel(0, vertex))).toEqual(
+      [[1, 2, 3, 255], [0, 0, 0, 0], [0, 0, 0, 0], [0, 0, 0, 0], [4, 5, 6, 255]]);
+    expect(texel(1, 1)).toEqual([7, 8, 9, 128]);
+    expect(texel(1, 0)).toEqual([0, 0, 0, 0]);
+  });
+
+  it('fill as many rows as they need', () => {
+    const many = { pulse: 0, vertices: ROW + 1, cameras: [{ name: 'a', axis }] };
+    const views = parseVertexViews(message(many, new Array<number>(Math.ceil((ROW + 1) / 4)).fill(0)))!;
+    expect(views.rows).toBe(2);
+    expect(views.texels.length).toBe(2 * ROW * 4);
+  });
+
+  it('that are cut off, too long, or too many are none', () => {
+    expect(parseVertexViews(message(two, bytes.slice(0, -1)))).toBeNull();
+    expect(parseVertexViews(message(two, [...bytes, 0]))).toBeNull();
+    expect(parseVertexViews(message({ ...two, vertices: 1e9 }, bytes))).toBeNull();
+    expect(parseVertexViews(message({ ...two, vertices: -1 }, bytes))).toBeNull();
+    expect(parseVertexViews(message({}, bytes))).toBeNull();
+    expect(parseVertexViews(new ArrayBuffer(3))).toBeNull();
+    const crowd = { ...two, vertices: 0, cameras: Array.from({ length: 65 }, () => ({ name: 'a', axis })) };
+    expect(parseVertexViews(message(crowd, []))).toBeNull();
+  });
+});
