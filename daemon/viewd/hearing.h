@@ -30,7 +30,7 @@ class HeardReader {
  public:
   static constexpr size_t kMostBytes = 64 << 20;  ///< of a record
 
-  /// Throws std::runtime_error for what heard_record() does not make.
+  /// Passes over what does not decode. Throws std::runtime_error where no record begins.
   void read(std::string_view bytes);
   std::optional<Heard> next();
 

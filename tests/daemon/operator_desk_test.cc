@@ -240,6 +240,7 @@ TEST_F(Desk, takes_no_order_for_the_token_of_those_who_look) {
   request.authorization = "Bearer " + viewer_token_;
   request.operator_token = viewer_token_;
   expect_refused(request, 401, "not the operators' token");
+  request.address = "127.0.0.2";  // has not tried yet
   request.target = "/api/order?token=" + std::string(kToken);
   request.operator_token = "";
   expect_refused(request, 401, "orders want the operators' token");
