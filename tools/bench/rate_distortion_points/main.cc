@@ -18,6 +18,8 @@ using nlohmann::json;
 namespace fs = std::filesystem;
 
 constexpr double kHalfVoxelM = 0.005;
+/// Room below the grid for vertices that were moved out of it; whole steps of every lattice here.
+constexpr double kMarginM = 0.1;
 
 /// Root of the mean squared distance between vertices, millimetres.
 double position_error_mm(const std::vector<VertexPosition>& found, const Mesh& mesh) {
@@ -133,7 +135,8 @@ class Points {
     Mean smallest, usual, meshopt;
     json streams;
     for (const Pulse& pulse : pulses) {
-      const Accuracy accuracy{pulse.volume.grid().origin, step_mm / 1000, colour_step};
+      const Eigen::Vector3d low = pulse.volume.grid().origin.array() - kMarginM;
+      const Accuracy accuracy{low, step_mm / 1000, colour_step};
       const auto add = [&](Mean& mean, const Coded& coded) {
         mean.add(static_cast<double>(coded.bytes), coded.positions, coded.colours, pulse);
       };
