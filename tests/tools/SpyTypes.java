@@ -24,16 +24,21 @@ public class SpyTypes {
     System.exit(names.length > 0 ? 0 : 1);
   }
 
-  private static byte[] sealed(Class<?> type) throws Exception {
+  private static LCMEncodable made(Class<?> type) throws Exception {
     LCMEncodable message = (LCMEncodable) type.getConstructor().newInstance();
     for (Field field : type.getFields()) {
       if (field.getType() == String.class) field.set(message, "cap01");
+      if (LCMEncodable.class.isAssignableFrom(field.getType())) field.set(message, made(field.getType()));
       if (field.getType().isArray() && field.get(message) == null) {
         field.set(message, Array.newInstance(field.getType().getComponentType(), 0));
       }
     }
+    return message;
+  }
+
+  private static byte[] sealed(Class<?> type) throws Exception {
     ByteArrayOutputStream bytes = new ByteArrayOutputStream();
-    message.encode(new DataOutputStream(bytes));
+    made(type).encode(new DataOutputStream(bytes));
     bytes.write(new byte[SEAL_SIZE]);
     return bytes.toByteArray();
   }
