@@ -63,7 +63,7 @@ Moment moment(const Mesh& scene, const Mesh& surface) {
         observe("cam" + std::to_string(i), {}, draw_mesh(scene, models()[i]).view(), masks[i]));
   }
   for (const Frame& frame : frames) pointers.push_back(&frame);
-  return {models(), pointers, surface, 0.01};
+  return {models(), pointers, surface, kOptions.voxel_m};
 }
 
 Mesh steadied(Mesh mesh, const Moment& now, const Moment& before, const Moment& after) {
@@ -129,7 +129,7 @@ TEST(SteadySurface, is_the_surface_itself_beside_the_same_surfaces_and_without_c
   const Moment same = moment(ball(kMiddle, 1), now);
   EXPECT_EQ(steadied(now, same, same, same).vertices, now.vertices);
   const std::vector<const Frame*> nothing(models().size(), nullptr);
-  const Moment blind(models(), nothing, made_of(kMiddle, 2));
+  const Moment blind(models(), nothing, made_of(kMiddle, 2), kOptions.voxel_m);
   EXPECT_EQ(steadied(now, same, blind, blind).vertices, now.vertices);
   EXPECT_EQ(steadied(now, blind, same, same).vertices, now.vertices);
 }

@@ -8,6 +8,7 @@
 #include "v3dctl/command.h"
 #include "v3dctl/interrupt.h"
 #include "v3dctl/mesh_export.h"
+#include "v3dctl/options.h"
 #include "v3dctl/take_colours.h"
 
 namespace v3d::ctl {

@@ -4,6 +4,7 @@
 
 #include "base/calib_file.h"
 #include "base/error.h"
+#include "base/name_list.h"
 #include "base/png_file.h"
 #include "common/console.h"
 #include "daemon/recorded/mesh_frames.h"
@@ -12,6 +13,7 @@
 #include "recon/renderer.h"
 #include "v3dctl/command.h"
 #include "v3dctl/interrupt.h"
+#include "v3dctl/options.h"
 #include "v3dctl/scene_renderer.h"
 #include "v3dctl/scene_video.h"
 
