@@ -15,7 +15,7 @@ namespace {
 using Json = nlohmann::json;
 using Verb = OperatorOrder::Verb;
 
-constexpr double kLongestTake_s = 24 * 3600;
+constexpr double kLongestTakeSeconds = 24 * 3600;
 constexpr int kDeepest = 4;
 constexpr size_t kMostLines = 200;
 
@@ -60,7 +60,7 @@ std::string take_of(const Json& value) {
 
 int64_t pulses_of(const Json& value, const Studio& studio) {
   const double seconds = value.is_number() ? value.get<double>() : 0;
-  if (!(seconds > 0 && seconds <= kLongestTake_s)) {
+  if (!(seconds > 0 && seconds <= kLongestTakeSeconds)) {
     throw Wrong("seconds: expected more than 0 and no more than 86400, a day");
   }
   return std::max<int64_t>(1, std::llround(seconds * studio.trigger.rate_hz));

