@@ -67,13 +67,13 @@ struct Studio {
   std::vector<DeformCamera> cameras;
 
   explicit Studio(const Mesh& scene) : Studio(scene, scene) {}
-  /// `seen`: also what is no part of the scene. `finer`: so many pixels for one along a side.
-  Studio(const Mesh& scene, const Mesh& seen, int finer = 1) {
+  /// `seen`: also what is no part of the scene.
+  Studio(const Mesh& scene, const Mesh& seen) {
     for (int i = 0; i < 12; ++i) {
       const double angle = 2 * std::numbers::pi * i / 12;
-      models.push_back(shapes::camera(
-          {2 * std::cos(angle), 2 * std::sin(angle), 1 + 0.5 * (i % 3 - 1)}, {0, 0, 1},
-          {finer * kSize.width, finer * kSize.height}, finer * 600.0, {-0.1, 0.02}));
+      models.push_back(
+          shapes::camera({2 * std::cos(angle), 2 * std::sin(angle), 1 + 0.5 * (i % 3 - 1)},
+                         {0, 0, 1}, kSize, 600, {-0.1, 0.02}));
     }
     masks = draw_silhouettes(scene, models);
     for (size_t i = 0; i < models.size(); ++i) {
@@ -83,17 +83,6 @@ struct Studio {
     for (size_t i = 0; i < models.size(); ++i) cameras.push_back({&models[i], &frames[i]});
   }
 };
-
-/// Every sample is wrong by up to `most` grey values.
-void add_noise(Studio& studio, int most) {
-  std::mt19937 random(9);
-  for (Frame& frame : studio.frames) {
-    for (uint8_t& sample : frame.image.bytes) {
-      const int wrong = static_cast<int>(random() % (2 * most + 1)) - most;
-      sample = static_cast<uint8_t>(std::clamp(sample + wrong, 0, 255));
-    }
-  }
-}
 
 const Studio& studio() {
   static const Studio kStudio(hollow_die());
@@ -119,17 +108,6 @@ double error_in_hollow(const Mesh& mesh) {
   return errors[errors.size() / 2];
 }
 
-/// The same of a hull that noisy pictures were asked for, so fine as `finer` says.
-double error_with_noise(int finer) {
-  Studio noisy(hollow_die(), hollow_die(), finer);
-  add_noise(noisy, 40);
-  DeformOptions options;
-  options.voxel_m = kEdge;
-  Mesh mesh = hull();
-  Deformer(options).run(noisy.cameras, mesh);
-  return error_in_hollow(mesh);
-}
-
 double least_iou(const Mesh& mesh) {
   const std::vector<Mask> drawn = draw_silhouettes(mesh, studio().models);
   double least = 1;
@@ -143,11 +121,6 @@ TEST(Deformer, finds_a_hollow_that_no_silhouette_shows) {
   const double before = error_in_hollow(hull());
   EXPECT_GT(before, 0.030);
   EXPECT_LT(error_in_hollow(deformed({})), 0.1 * before);
-}
-
-/// Where most of their pixels are passed over, and each that is not brings its noise, it is worse.
-TEST(Deformer, makes_of_cameras_that_see_much_finer_than_a_voxel_no_worse_a_surface) {
-  EXPECT_LT(error_with_noise(4), error_with_noise(1));
 }
 
 TEST(NeedlessHalvings, leave_pixels_of_a_quarter_of_a_voxel_and_never_make_finer_ones) {
