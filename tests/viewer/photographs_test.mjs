@@ -97,6 +97,8 @@ before(async () => {
   for (const file of ['take.toml', 'calib.toml', 'mesh.v3d']) {
     cpSync(join(folder, 'takes/four', file), join(folder, 'takes/meshes-alone', file));
   }
+  const toml = join(folder, 'takes/meshes-alone/take.toml');
+  writeFileSync(toml, readFileSync(toml, 'utf8').replace(/^name = .*$/m, "name = 'meshes-alone'"));
   await studio.start();
   browser = await launchBrowser();
   page = await browser.newPage({ viewport: { width: 1100, height: 720 } });
