@@ -121,7 +121,7 @@ test('composes takes and models into a scene, each at its place and time', async
   await becomes(isNear(GREEN), 'the first ball at 0.2 s', () => colourAt(0.32, 0.5));
   await becomes(isNear(BLUE), 'the second is 1.4 s ahead', () => colourAt(0.68, 0.5));
   await becomes(isNear(GREEN), 'the model below them', () => colourAt(0.5, 0.75));
-  await becomes(isNear([32, 48, 64]), 'behind all', () => colourAt(0.05, 0.05));
+  await becomes(isNear([32, 48, 64]), 'behind all', () => colourAt(0.05, 0.5));
 });
 
 test('looks along the camera path of a scene as the native renderer does', async (story) => {
