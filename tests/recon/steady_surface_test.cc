@@ -17,7 +17,7 @@ namespace {
 
 constexpr ImageSize kSize{320, 240};
 constexpr float kRadius = 0.25F;
-constexpr SteadyOptions kOptions{.voxel_m = 0.010};
+const SteadyOptions kOptions{.voxel_m = 0.010};
 const Eigen::Vector3f kMiddle{0, 0, 1};
 
 const std::vector<CameraModel>& models() {
