@@ -9,6 +9,7 @@
 
 #include "base/error.h"
 #include "base/file.h"
+#include "base/lcm_group.h"
 #include "base/name.h"
 #include "base/toml_file.h"
 
@@ -357,12 +358,35 @@ void read_space(const TomlTable& file, Studio& studio) {
   table.refuse_unknown();
 }
 
+/// A socket hears all groups of its port that anybody on its PC has joined.
+void read_frame_groups(const TomlTable& table, StudioNetwork& network) {
+  if (!table.has("frame_groups")) return;
+  network.frame_groups = table.texts("frame_groups");
+  std::vector<std::string> urls = {network.lcm_url};
+  for (const std::string& url : network.frame_groups) {
+    const auto group = lcm_group(url);
+    if (!group) {
+      table.fail(
+          "frame_groups",
+          "'" + url + "' is no multicast group; expected one like udpm://239.255.76.68:7668");
+    }
+    for (const std::string& other : urls) {
+      const auto taken = lcm_group(other);
+      if (!taken || (group->address != taken->address && group->port != taken->port)) continue;
+      table.fail("frame_groups", "'" + url + "' and '" + other +
+                                     "' share an address or a port; expected others for each");
+    }
+    urls.push_back(url);
+  }
+}
+
 void read_network(const TomlTable& file, Studio& studio) {
   if (!file.has("network")) {
     return;
   }
   const TomlTable table = file.table("network");
   studio.network.lcm_url = table.text_or("lcm_url", studio.network.lcm_url);
+  read_frame_groups(table, studio.network);
   studio.network.key = resolve(studio, table.text_or("key", studio.network.key.string()));
   studio.network.metrics = table.text_or("metrics", studio.network.metrics);
   table.refuse_unknown();

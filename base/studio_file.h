@@ -102,6 +102,9 @@ inline constexpr char kDefaultKey[] = "/etc/v3d/studio.key";
 /// [network]; a relative path is taken from the folder of the studio file.
 struct StudioNetwork {
   std::string lcm_url = "udpm://239.255.76.67:7667?ttl=1&recv_buf_size=16777216";
+  /// Where live frames travel instead: those of a pulse in the group pulse modulo size(). Empty:
+  /// with all else. Each has an address and a port of its own.
+  std::vector<std::string> frame_groups;
   std::filesystem::path key = kDefaultKey;  ///< file of the studio key (wire/studio_key.h)
   std::string metrics;  ///< where daemons serve Prometheus, "127.0.0.1:9464"; empty: nowhere
 };

@@ -7,10 +7,11 @@
 #include <sys/socket.h>
 #include <unistd.h>
 
-#include <array>
+#include <algorithm>
 #include <cerrno>
 #include <cstdio>
 #include <cstdlib>
+#include <iterator>
 #include <list>
 #include <map>
 #include <mutex>
@@ -60,29 +61,85 @@ class QuietStderr {
 
 }  // namespace
 
+/// One multicast group.
+class Bus::Group {
+ public:
+  explicit Group(std::string url) : url_(std::move(url)), lcm_(lcm_create(url_.c_str())) {
+    if (!lcm_) fail_network(url_);
+  }
+  Group(const Group&) = delete;
+  Group& operator=(const Group&) = delete;
+
+  bool publish(const std::string& channel, std::span<const uint8_t> bytes) {
+    return lcm_publish(lcm_.get(), channel.c_str(), bytes.data(),
+                       static_cast<unsigned>(bytes.size())) == 0;
+  }
+  /// The first subscription joins the group; to send needs none.
+  void join() {
+    const auto on_nothing = [](const lcm_recv_buf_t*, const char*, void*) {};
+    lcm_unsubscribe(lcm_.get(), subscribe("", on_nothing, nullptr));
+  }
+  lcm_subscription_t* subscribe(const std::string& channels, lcm_msg_handler_t handler,
+                                void* user) {
+    lcm_subscription_t* subscription = lcm_subscribe(lcm_.get(), channels.c_str(), handler, user);
+    if (subscription == nullptr) fail_network(url_);
+    lcm_subscription_set_queue_capacity(subscription, kLcmQueue);
+    return subscription;
+  }
+  int readable() const { return lcm_get_fileno(lcm_.get()); }
+  void handle() { lcm_handle(lcm_.get()); }
+
+ private:
+  const std::string url_;
+  const std::unique_ptr<lcm_t, Destroy> lcm_;
+};
+
 class Bus::Impl {
  public:
-  explicit Impl(const std::string& url) : url_(url) {
+  Impl(const std::string& url, const std::vector<std::string>& frame_groups)
+      : frame_urls_(frame_groups) {
     const QuietStderr quiet;
-    lcm_.reset(lcm_create(url.c_str()));
-    if (!lcm_) fail_network(url_);
-    // The first subscription opens the socket, with more advice.
-    lcm_subscription_t* first = lcm_subscribe(lcm_.get(), "", &Impl::on_nothing, nullptr);
-    if (first == nullptr) fail_network(url_);
-    lcm_unsubscribe(lcm_.get(), first);
+    common_ = std::make_shared<Group>(url);
+    common_->join();
+    for (const std::string& group : frame_urls_) {
+      frame_senders_.push_back(std::make_unique<Group>(group));
+    }
+    heard_.resize(frame_urls_.size());
   }
 
   ~Impl() {
-    eventfd_write(stop_, 1);
+    stopping_ = true;
+    eventfd_write(changed_, 1);
     if (receiver_.joinable()) receiver_.join();
-    close(stop_);
+    close(changed_);
   }
   Impl(const Impl&) = delete;
   Impl& operator=(const Impl&) = delete;
 
   bool publish(const std::string& channel, std::span<const uint8_t> bytes) {
-    return lcm_publish(lcm_.get(), channel.c_str(), bytes.data(),
-                       static_cast<unsigned>(bytes.size())) == 0;
+    return common_->publish(channel, bytes);
+  }
+
+  size_t frame_groups() const { return std::max<size_t>(frame_urls_.size(), 1); }
+  bool publish_frame(int64_t pulse, const std::string& channel, std::span<const uint8_t> bytes) {
+    if (frame_urls_.empty()) return publish(channel, bytes);
+    return frame_senders_[FrameNumbers::group_of(pulse, frame_senders_.size())]->publish(channel,
+                                                                                         bytes);
+  }
+
+  void hear_frames(const FrameGroupSet& groups) {
+    const std::lock_guard lock(mutex_);
+    for (size_t i = 0; i < heard_.size(); ++i) {
+      if (!groups.contains(i)) {
+        heard_[i].reset();
+      } else if (!heard_[i]) {
+        auto group = std::make_shared<Group>(frame_urls_[i]);
+        group->join();
+        for (auto& [channels, topic] : topics_) subscribe_at(*group, channels, topic);
+        heard_[i] = std::move(group);
+      }
+    }
+    eventfd_write(changed_, 1);
   }
 
   Listening subscribe(const std::string& channels, Handler handler) {
@@ -97,8 +154,6 @@ class Bus::Impl {
   }
 
  private:
-  static void on_nothing(const lcm_recv_buf_t*, const char*, void*) {}
-
   /// Those who listen to the same channels share what LCM keeps of it. That is never given back,
   /// since LCM may be calling just then; there are few kinds of channels, and takes without end.
   struct Topic {
@@ -109,14 +164,19 @@ class Bus::Impl {
   Topic& topic_of(const std::string& channels) {
     const auto [found, is_new] = topics_.try_emplace(channels, Topic{*this});
     if (!is_new) return found->second;
-    lcm_subscription_t* subscription =
-        lcm_subscribe(lcm_.get(), channels.c_str(), &Impl::on_message, &found->second);
-    if (subscription == nullptr) {
+    try {
+      subscribe_at(*common_, channels, found->second);
+    } catch (const InputError&) {
       topics_.erase(found);
-      fail_network(url_);
+      throw;
     }
-    lcm_subscription_set_queue_capacity(subscription, kLcmQueue);
+    for (const auto& group : heard_) {
+      if (group) subscribe_at(*group, channels, found->second);
+    }
     return found->second;
+  }
+  static void subscribe_at(Group& group, const std::string& channels, Topic& topic) {
+    group.subscribe(channels, &Impl::on_message, &topic);
   }
 
   static void on_message(const lcm_recv_buf_t* received, const char* channel, void* user) {
@@ -127,21 +187,41 @@ class Bus::Impl {
     }
   }
 
-  /// Sleeps until there is something: an idle studio costs nothing.
-  void receive() {
-    std::array<pollfd, 2> watched = {{{lcm_get_fileno(lcm_.get()), POLLIN, 0}, {stop_, POLLIN, 0}}};
-    for (;;) {
-      if (poll(watched.data(), watched.size(), -1) < 0 && errno != EINTR) return;
-      if (watched[1].revents != 0) return;
-      if (watched[0].revents != 0) lcm_handle(lcm_.get());
-    }
+  std::vector<std::shared_ptr<Group>> joined() {
+    const std::lock_guard lock(mutex_);
+    std::vector<std::shared_ptr<Group>> groups = {common_};
+    std::copy_if(heard_.begin(), heard_.end(), std::back_inserter(groups),
+                 [](const auto& group) { return group != nullptr; });
+    return groups;
   }
 
-  const std::string url_;
-  std::unique_ptr<lcm_t, Destroy> lcm_;
-  std::mutex mutex_;                          ///< the topics, while handlers run, too
-  std::map<std::string, Topic> topics_;       // LCM holds their addresses
-  const int stop_ = eventfd(0, EFD_CLOEXEC);  ///< readable when the thread shall end
+  void receive() {
+    while (!stopping_) receive_from(joined());
+  }
+
+  /// Until the groups change. Sleeps until there is something: an idle studio costs nothing.
+  void receive_from(const std::vector<std::shared_ptr<Group>>& groups) {
+    std::vector<pollfd> watched = {{changed_, POLLIN, 0}};
+    for (const auto& group : groups) watched.push_back({group->readable(), POLLIN, 0});
+    for (;;) {
+      if (poll(watched.data(), watched.size(), -1) < 0 && errno != EINTR) return;
+      if (watched[0].revents != 0) break;
+      for (size_t i = 0; i < groups.size(); ++i) {
+        if (watched[i + 1].revents != 0) groups[i]->handle();
+      }
+    }
+    eventfd_t changes = 0;
+    eventfd_read(changed_, &changes);
+  }
+
+  const std::vector<std::string> frame_urls_;
+  std::shared_ptr<Group> common_;
+  std::vector<std::unique_ptr<Group>> frame_senders_;  ///< these hear nothing
+  std::mutex mutex_;                                   ///< what follows, while handlers run, too
+  std::map<std::string, Topic> topics_;                // LCM holds their addresses
+  std::vector<std::shared_ptr<Group>> heard_;  ///< of the frame groups; empty where it is not heard
+  const int changed_ = eventfd(0, EFD_CLOEXEC);  ///< readable when the thread shall look
+  std::atomic<bool> stopping_ = false;
   std::thread receiver_;
 };
 
@@ -163,11 +243,17 @@ std::string receive_buffer_problem(const std::string& lcm_url) {
          "; try: sysctl net.core.rmem_max=" + std::to_string(wanted);
 }
 
-Bus::Bus(const std::string& lcm_url) : impl_(std::make_unique<Impl>(lcm_url)) {}
+Bus::Bus(const std::string& lcm_url, const std::vector<std::string>& frame_groups)
+    : impl_(std::make_unique<Impl>(lcm_url, frame_groups)) {}
 Bus::~Bus() = default;
 bool Bus::publish(const std::string& channel, std::span<const uint8_t> bytes) {
   return impl_->publish(channel, bytes);
 }
+size_t Bus::frame_groups() const { return impl_->frame_groups(); }
+bool Bus::publish_frame(int64_t pulse, const std::string& channel, Bytes message) {
+  return impl_->publish_frame(pulse, channel, seal_.closed(std::move(message)));
+}
+void Bus::hear_frames(const FrameGroupSet& groups) { impl_->hear_frames(groups); }
 Bus::Listening Bus::subscribe(const std::string& channels, Handler handler) {
   return impl_->subscribe(channels, std::move(handler));
 }

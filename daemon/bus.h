@@ -10,8 +10,10 @@
 #include <string>
 #include <type_traits>
 #include <utility>
+#include <vector>
 
 #include "daemon/bounded_queue.h"
+#include "daemon/frame_groups.h"
 #include "daemon/message_seal.h"
 #include "daemon/sequence.h"
 #include "wire/channels.h"
@@ -22,10 +24,11 @@ namespace v3d {
 /// One connection to the studio's network. publish() from any thread; a thread of its own receives.
 class Bus {
  public:
-  /// `lcm_url` as in the studio file. Throws InputError when the network cannot be reached (usually
-  /// a missing multicast route), with the remedy. Construct it before threads that write to stderr:
-  /// LCM's own words there are kept from it.
-  explicit Bus(const std::string& lcm_url);
+  /// `lcm_url` and `frame_groups` as in the studio file; nothing is heard of the latter before
+  /// hear_frames(). Throws InputError when the network cannot be reached (usually a missing
+  /// multicast route), with the remedy. Construct it before threads that write to stderr: LCM's own
+  /// words there are kept from it.
+  explicit Bus(const std::string& lcm_url, const std::vector<std::string>& frame_groups = {});
   ~Bus();
   Bus(const Bus&) = delete;
   Bus& operator=(const Bus&) = delete;
@@ -37,6 +40,15 @@ class Bus {
     return publish(channel, seal_.closed(std::move(message)));
   }
   MessageSeal& seal() { return seal_; }
+
+  /// 1 where frames travel with all else.
+  size_t frame_groups() const;
+  /// A live frame with its seal, in the group of its pulse.
+  bool publish_frame(int64_t pulse, const std::string& channel, Bytes message);
+  /// Joins these frame groups and leaves the others: of those nothing comes to this machine. All
+  /// subscriptions hear all groups. Nothing to do where frames travel with all else. Throws
+  /// InputError when a group cannot be joined.
+  void hear_frames(const FrameGroupSet& groups);
 
   /// A handler is called as long as this lives, which is not longer than the bus. When it is gone,
   /// so is the handler, and does not run any more.
@@ -60,6 +72,7 @@ class Bus {
   [[nodiscard]] Listening subscribe(const std::string& channels, Handler handler);
 
  private:
+  class Group;
   class Impl;
   MessageSeal seal_;
   std::unique_ptr<Impl> impl_;  ///< last: its thread uses the seal

@@ -23,6 +23,7 @@ CameraLane::CameraLane(CameraWorker& worker, Setup setup, Shared shared)
       segmenter_(std::move(setup.segmenter)),
       log_(setup.log, goes_on_ ? LogOpening::kGoOn : LogOpening::kNew),
       preview_(shared.bus, worker.camera(), setup.rate_hz),
+      live_numbers_(shared.bus.frame_groups()),
       last_frame_ns_(to_ns(Monotonic::now())) {
   if (setup.past) go_on_from(*setup.past);
   thread_ = std::thread([this] { run(); });
@@ -128,8 +129,9 @@ void CameraLane::go_live(FrameMessage message, Mask mask) {
   const Frame raw = std::move(message.frame);
   message.frame = observe(raw.camera, raw.label, raw.image.view(), std::move(mask));
   message.sent = Realtime::now();
-  message.seq = live_seq_++;
-  if (shared_.bus.publish_sealed(frame_channel(camera()), encode(message))) ++published_;
+  const int64_t pulse = raw.label.pulse;
+  message.seq = live_numbers_.next(pulse);
+  if (shared_.bus.publish_frame(pulse, frame_channel(camera()), encode(message))) ++published_;
 }
 
 LaneCounts CameraLane::counts() const {

@@ -91,7 +91,7 @@ class CameraLane {
   EventLogWriter log_;
   PreviewSender preview_;
   int64_t log_seq_ = 0;
-  int64_t live_seq_ = 0;
+  FrameNumbers live_numbers_;
   CameraAccount account_;  // of the lane's thread until close()
   ExposureCount exposures_;
   bool kept_ = true;

@@ -186,7 +186,8 @@ std::optional<Shard::Setup> ReconNode::share_of(const CommandMessage& order,
                       .roster = nodes,
                       .me = node_,
                       .rate_hz = order.rate_hz > 0 ? order.rate_hz : studio_.trigger.rate_hz,
-                      .comes_later = comes_later};
+                      .comes_later = comes_later,
+                      .frame_groups = bus_.frame_groups()};
 }
 
 void ReconNode::learn(const CommandMessage& order) {

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "base/error.h"
 #include "wire/channels.h"
 
 namespace v3d {
@@ -74,7 +75,8 @@ std::unique_ptr<SharedTake> ReconPipeline::share(const std::optional<Shard::Setu
   if (!setup) return nullptr;
   const auto work = [this](ReadySet set) { ready_.push(std::move(set), Monotonic::now()); };
   const auto ordered = [this](const MeshMessage& mesh) { keep(mesh); };
-  return std::make_unique<SharedTake>(*setup, bus_, SharedTake::Receivers{work, ordered});
+  const auto hear = [this](const FrameGroupSet& groups) { this->hear(groups); };
+  return std::make_unique<SharedTake>(*setup, bus_, SharedTake::Receivers{work, ordered, hear});
 }
 
 ReconPipeline::~ReconPipeline() { close(); }
@@ -115,11 +117,33 @@ void ReconPipeline::assemble() {
   }
 }
 
+void ReconPipeline::hear(const FrameGroupSet& groups) {
+  {
+    const std::lock_guard lock(mutex_);
+    for (const size_t group : groups) {
+      if (!heard_ || heard_->contains(group)) continue;
+      for (const std::string& camera : cameras_) sequences_.listen_anew(series_of(camera, group));
+    }
+    heard_ = groups;
+  }
+  try {
+    bus_.hear_frames(groups);
+  } catch (const InputError& error) {
+    spdlog::warn("{}", error.what());
+  }
+}
+
+std::string ReconPipeline::series_of(const std::string& camera, size_t group) const {
+  return camera + " " + std::to_string(group);
+}
+
 void ReconPipeline::note_arrival(const FrameMessage& message) {
   const std::string& camera = message.frame.camera;
   if (std::find(cameras_.begin(), cameras_.end(), camera) == cameras_.end()) return;
+  const auto groups = static_cast<int64_t>(bus_.frame_groups());
+  const auto group = static_cast<size_t>(message.seq % groups);
   const std::lock_guard lock(mutex_);
-  sequences_.note(camera, message.seq, message.sent);
+  sequences_.note(series_of(camera, group), message.seq / groups, message.sent);
 }
 
 void ReconPipeline::note_pulses() {
@@ -278,7 +302,11 @@ ReconCounts ReconPipeline::counts() const {
   counts.failure = failure_;
   counts.quality = quality_;
   counts.frames_lost = sequences_.total().lost;
-  for (const std::string& camera : cameras_) counts.cameras[camera] = sequences_.of(camera);
+  for (const std::string& camera : cameras_) {
+    for (size_t group = 0; group < bus_.frame_groups(); ++group) {
+      counts.cameras[camera] += sequences_.of(series_of(camera, group));
+    }
+  }
   counts.latency_p50_ms = percentile(latencies_ms_, 0.50);
   counts.latency_p99_ms = percentile(latencies_ms_, 0.99);
   const double seconds = to_seconds(last_mesh_ - first_mesh_);

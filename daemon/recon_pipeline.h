@@ -109,6 +109,8 @@ class ReconPipeline {
 
   std::unique_ptr<SharedTake> share(const std::optional<Shard::Setup>& setup);
   void assemble();
+  void hear(const FrameGroupSet& groups);
+  std::string series_of(const std::string& camera, size_t group) const;
   void note_arrival(const FrameMessage& message);
   void hand_over(std::vector<ReadySet> ready);
   void note_pulses();
@@ -150,8 +152,9 @@ class ReconPipeline {
   Heartbeat assembling_;
   Heartbeat reconstructing_;
 
-  mutable std::mutex mutex_;  ///< what follows
-  SequenceTracker sequences_;
+  mutable std::mutex mutex_;              ///< what follows
+  SequenceTracker sequences_;             ///< by camera and frame group
+  std::optional<FrameGroupSet> heard_{};  ///< what a shared take hears
   std::map<int64_t, RealtimeInstant> edges_;
   std::vector<double> latencies_ms_;
   size_t next_latency_ = 0;

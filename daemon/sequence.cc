@@ -14,7 +14,7 @@ SequenceCounts& SequenceCounts::operator+=(const SequenceCounts& other) {
 
 void SequenceTracker::note(const std::string& key, int64_t seq, RealtimeInstant sent) {
   if (senders_.size() == kMaxKeys && !senders_.contains(key)) return;
-  Sender& sender = senders_[key];
+  Sender& sender = senders_.try_emplace(key, Sender{.from_start = from_start_}).first->second;
   const SequenceCounts what = arrived(sender, seq, sent);
   sender.counts += what;
   total_ += what;
@@ -24,8 +24,10 @@ SequenceCounts SequenceTracker::arrived(Sender& sender, int64_t seq, RealtimeIns
   const bool overtaken = seq <= sender.newest && sent <= sender.newest_sent;
   if (overtaken && sender.awaited.erase(seq) > 0) return {.received = 1, .lost = -1, .late = 1};
   if (overtaken) return {.duplicate = 1};
-  if (seq <= sender.newest) sender = {.newest = -1, .counts = sender.counts};  // begins again
-  const bool first = sender.newest < 0 && !from_start_;
+  if (seq <= sender.newest) {  // begins again
+    sender = {.newest = -1, .counts = sender.counts, .from_start = from_start_};
+  }
+  const bool first = sender.newest < 0 && !sender.from_start;
   const int64_t missed = first ? 0 : std::min(seq - (sender.newest + 1), kMaxMissed);
   const int64_t awaited = std::min(missed, kMaxAwaited);
   for (int64_t n = seq - awaited; n < seq; ++n) sender.awaited.insert(sender.awaited.end(), n);
@@ -33,6 +35,12 @@ SequenceCounts SequenceTracker::arrived(Sender& sender, int64_t seq, RealtimeIns
   sender.newest = seq;
   sender.newest_sent = std::max(sender.newest_sent, sent);
   return {.received = 1, .lost = missed};
+}
+
+void SequenceTracker::listen_anew(const std::string& key) {
+  if (senders_.size() == kMaxKeys && !senders_.contains(key)) return;
+  Sender& sender = senders_[key];
+  sender = {.newest = -1, .counts = sender.counts, .from_start = false};
 }
 
 SequenceCounts SequenceTracker::of(const std::string& key) const {

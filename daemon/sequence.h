@@ -32,6 +32,9 @@ class SequenceTracker {
   /// sender: a number that does not rise, but was sent later, is of a sender that started again.
   void note(const std::string& key, int64_t seq, RealtimeInstant sent);
 
+  /// What was sent of `key` until now was not listened to, and is not lost.
+  void listen_anew(const std::string& key);
+
   /// Of one key, and of all.
   SequenceCounts of(const std::string& key) const;
   const SequenceCounts& total() const { return total_; }
@@ -39,7 +42,7 @@ class SequenceTracker {
  private:
   /// Anybody can invent channels and numbers: so many are followed, so many believed to be missing
   /// at once, and so many of each key waited for.
-  static constexpr size_t kMaxKeys = 256;
+  static constexpr size_t kMaxKeys = 1024;
   static constexpr int64_t kMaxMissed = 1'000'000;
   static constexpr int64_t kMaxAwaited = 4096;
 
@@ -48,6 +51,7 @@ class SequenceTracker {
     RealtimeInstant newest_sent = {};
     std::set<int64_t> awaited = {};  ///< numbers below the newest that have not come
     SequenceCounts counts = {};
+    bool from_start = false;  ///< as above
   };
   /// What this message adds to the counts.
   SequenceCounts arrived(Sender& sender, int64_t seq, RealtimeInstant sent) const;

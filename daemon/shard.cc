@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "daemon/shard_share.h"
 #include "take/take.h"
 
 namespace v3d {
@@ -28,6 +29,8 @@ size_t byte_count(const ReadySet& set) {
 
 Shard::Shard(const Setup& setup)
     : setup_(setup), me_(place_in(setup.roster, setup.me)), members_(setup.roster, me_) {
+  // Nobody has spoken yet.
+  heard_ = all_frame_groups(setup.frame_groups);
   if (setup.comes_later) return;
   first_ = 0;
   members_.join(first_);
@@ -36,6 +39,7 @@ Shard::Shard(const Setup& setup)
 
 void Shard::turn(MonotonicInstant now) {
   now_ = clock_.turn(now);
+  choose_frame_groups();
   if (!order_) return;
   look_through_held();
   put_in_order();
@@ -46,6 +50,28 @@ void Shard::join_behind(int64_t pulse) {
   first_ = pulse + 1 + static_cast<int64_t>(std::ceil(setup_.rate_hz * to_seconds(kAhead)));
   members_.join(first_);
   order_.emplace(first_);
+}
+
+// --- what is heard ------------------------------------------------------------------------------
+
+void Shard::choose_frame_groups() {
+  if (setup_.frame_groups == 1) return;
+  const int64_t newest = known_.empty() ? 0 : known_.back().first;
+  FrameGroupSet wanted = groups_of(me_, members_.size(), setup_.frame_groups);
+  for (size_t place = 0; place < members_.size(); ++place) {
+    if (place == me_ || members_.is_there(place, newest, now_)) continue;
+    wanted.merge(groups_of(place, members_.size(), setup_.frame_groups));
+  }
+  for (const size_t group : wanted) {
+    if (!heard_.contains(group)) just_joined_.insert(group);
+  }
+  heard_ = std::move(wanted);
+}
+
+/// The first set of a group that was joined in the middle of its frames.
+bool Shard::may_be_cut(const ReadySet& set) {
+  const size_t group = FrameNumbers::group_of(set.set.pulse, setup_.frame_groups);
+  return just_joined_.erase(group) > 0 && !set.missing.empty();
 }
 
 // --- what there is ------------------------------------------------------------------------------
@@ -71,6 +97,7 @@ void Shard::add(ReadySet set) {
   if (!order_ || pulse < first_) return;
   if (pulse - order_->next() > kMaxJump) return;
   note_known(pulse);
+  if (may_be_cut(set)) return;
   if (!order_->has(pulse)) hold(std::move(set));
 }
 

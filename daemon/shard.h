@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "daemon/attentive_clock.h"
+#include "daemon/frame_groups.h"
 #include "daemon/mesh_order.h"
 #include "daemon/shard_members.h"
 #include "recon/frame_set.h"
@@ -36,6 +37,10 @@ struct ShardCounts {
 /// the others listen how far that came. Where nodes disagree for a moment about who lives, a pulse
 /// is made twice, and the order drops one; it is never lost.
 ///
+/// Where frames are spread over groups, a node hears those of its share, and of the share of nodes
+/// that are not there. It holds nothing of the others then: what a node that dies has not made by
+/// the time the others hear its groups is lost.
+///
 /// Pure: what to do comes out of the take_..() functions after turn(). One thread.
 class Shard {
  public:
@@ -57,6 +62,7 @@ class Shard {
     std::string me;                   ///< of the roster
     double rate_hz = 25;
     bool comes_later = false;  ///< the take runs already
+    size_t frame_groups = 1;   ///< frame_groups.h
   };
   explicit Shard(const Setup& setup);
 
@@ -83,6 +89,8 @@ class Shard {
   std::vector<MeshMessage> take_ordered() { return std::exchange(ordered_, {}); }
   /// Of these, what this node shows on V3D_MESH.
   std::vector<MeshMessage> take_to_show() { return std::exchange(to_show_, {}); }
+  /// Whose frames this node has to hear.
+  const FrameGroupSet& frame_groups() const { return heard_; }
   /// What to tell the others, but for when and which number.
   ShardMessage word() const;
 
@@ -106,6 +114,8 @@ class Shard {
   static constexpr size_t kMostUnshown = 512;
 
   void join_behind(int64_t pulse);
+  void choose_frame_groups();
+  bool may_be_cut(const ReadySet& set);
   void note_known(int64_t pulse);
   std::optional<Duration> known_since(int64_t pulse) const;
   void hold(ReadySet set);
@@ -128,6 +138,8 @@ class Shard {
   ShardMembers members_;
   int64_t first_ = -1;              ///< this node answers from here on; -1: not yet
   std::optional<MeshOrder> order_;  ///< once it does
+  FrameGroupSet heard_;
+  FrameGroupSet just_joined_;  ///< of these no set has come yet
   int64_t newest_set_ = -1;
   std::map<int64_t, Held> held_;
   size_t held_bytes_ = 0;

@@ -30,6 +30,8 @@ class ShardMembers {
   size_t size() const { return members_.size(); }
   bool lives(size_t place, Duration now) const;
   size_t living(Duration now) const;
+  /// Lives and answers for its share at `pulse`.
+  bool is_there(size_t place, int64_t pulse, Duration now) const;
   /// Who makes the mesh of `pulse`, and who shows it; this node when nobody is there.
   size_t maker(int64_t pulse, Duration now) const;
   size_t shower(int64_t pulse, Duration now) const;
@@ -49,7 +51,6 @@ class ShardMembers {
     std::optional<Duration> heard;
     std::set<int64_t> given_up;
   };
-  bool is_there(size_t place, int64_t pulse, Duration now) const;
   std::vector<bool> who_is_there(int64_t pulse, Duration now) const;
 
   const std::vector<std::string> roster_;

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cassert>
+#include <numeric>
 
 namespace v3d {
 
@@ -15,6 +16,14 @@ size_t maker_of(int64_t pulse, const std::vector<bool>& there) {
   }
   assert(false);
   return slot;
+}
+
+FrameGroupSet groups_of(size_t place, size_t nodes, size_t groups) {
+  // A pulse is `place` modulo `nodes` and g modulo `groups` at once for every g of this kind.
+  const size_t step = std::gcd(nodes, groups);
+  FrameGroupSet found;
+  for (size_t group = place % step; group < groups; group += step) found.insert(group);
+  return found;
 }
 
 }  // namespace v3d

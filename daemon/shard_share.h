@@ -5,6 +5,8 @@
 #include <cstdint>
 #include <vector>
 
+#include "daemon/frame_groups.h"
+
 namespace v3d {
 
 /// The place in the roster of the node that makes the mesh of `pulse` (0 or more). `there`: by
@@ -13,5 +15,9 @@ namespace v3d {
 /// the others. So a death moves the pulses of the dead alone, evenly, and every node that knows who
 /// is there knows who makes what.
 size_t maker_of(int64_t pulse, const std::vector<bool>& there);
+
+/// The frame groups, of `groups`, in which frames of the pulses of `place` travel, in a roster of
+/// `nodes`. A node hears no other pulses than its own where `nodes` divides `groups`.
+FrameGroupSet groups_of(size_t place, size_t nodes, size_t groups);
 
 }  // namespace v3d

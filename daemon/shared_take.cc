@@ -63,6 +63,10 @@ void SharedTake::act() {
   }
   for (const int64_t pulse : given_up) shard_.gave_up(pulse);
   shard_.turn(Monotonic::now());
+  if (heard_ != shard_.frame_groups()) {
+    heard_ = shard_.frame_groups();
+    receivers_.hear(*heard_);
+  }
   for (ReadySet& set : shard_.take_work()) receivers_.work(std::move(set));
   for (MeshMessage& mesh : shard_.take_to_show()) {
     mesh.seq = shown_seq_++;

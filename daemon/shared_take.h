@@ -24,6 +24,8 @@ class SharedTake {
     /// The meshes of all nodes in the order of their pulses, each once, before or after they are
     /// shown. One call at a time, on whatever thread.
     std::function<void(const MeshMessage&)> ordered;
+    /// The frame groups to be heard from now on. One call at a time, on whatever thread.
+    std::function<void(const FrameGroupSet&)> hear;
   };
   /// `bus` outlives it.
   SharedTake(const Shard::Setup& setup, Bus& bus, Receivers receivers);
@@ -65,6 +67,7 @@ class SharedTake {
 
   mutable std::mutex mutex_;  ///< what follows
   Shard shard_;
+  std::optional<FrameGroupSet> heard_;
   int64_t shown_seq_ = 0;
   int64_t word_seq_ = 0;
   MonotonicInstant next_word_;

@@ -147,6 +147,34 @@ TEST(StudioFile, has_one_node_that_reconstructs_or_several) {
             where + "node: expected either node or nodes, found both");
 }
 
+std::string with_frame_groups(const std::string& groups) {
+  return std::string(kGood) + "[network]\nframe_groups = [" + groups + "]\n";
+}
+
+TEST(StudioFile, may_spread_live_frames_over_multicast_groups) {
+  EXPECT_TRUE(parse_studio(kGood, "studio.toml").network.frame_groups.empty());
+  const Studio studio = parse_studio(
+      with_frame_groups(R"("udpm://239.255.76.68:7668?ttl=1", "udpm://239.255.76.69:7669")"),
+      "studio.toml");
+  EXPECT_EQ(
+      studio.network.frame_groups,
+      (std::vector<std::string>{"udpm://239.255.76.68:7668?ttl=1", "udpm://239.255.76.69:7669"}));
+}
+
+TEST(StudioFile, wants_an_address_and_a_port_of_its_own_for_each_group_of_frames) {
+  for (const char* groups : {R"("udpm://239.255.76.68:7667")", R"("udpm://239.255.76.67:7668")",
+                             R"("udpm://239.255.76.68:7668", "udpm://239.255.76.69:7668")",
+                             R"("udpm://239.255.76.68:7668", "udpm://239.255.76.68:7669")"}) {
+    EXPECT_THAT(message_for(with_frame_groups(groups)),
+                HasSubstr("network.frame_groups: 'udpm://239.255.76.6"));
+    EXPECT_THAT(message_for(with_frame_groups(groups)),
+                HasSubstr("share an address or a port; expected others for each"));
+  }
+  EXPECT_THAT(message_for(with_frame_groups(R"("udpm://10.0.0.1:7668")")),
+              HasSubstr("'udpm://10.0.0.1:7668' is no multicast group; expected one like "
+                        "udpm://239.255.76.68:7668"));
+}
+
 TEST(StudioFile, names_a_misspelt_field_and_the_known_ones) {
   const std::string message = message_for(with("packet_size = 1500", "packetsize = 1500"));
   EXPECT_EQ(message.find("/etc/v3d/studio.toml:22: camera.packetsize: unknown field; known here: "),

@@ -55,6 +55,78 @@ TEST(Bus, carries_a_message_of_several_datagrams) {
   EXPECT_EQ(got->frame.image.bytes[70'000], 77);
 }
 
+class FrameGroups : public testing::Test {
+ protected:
+  void send(int64_t pulse) {
+    sender_.publish_frame(pulse, frame_channel("cam07"), encode(frame_of(pulse)));
+  }
+  static FrameMessage frame_of(int64_t pulse) {
+    FrameMessage message;
+    FrameLabel label;
+    label.pulse = pulse;
+    const Image raw({16, 8}, PixelFormat::kBayerRG8);
+    message.frame = observe("cam07", label, raw.view(), Mask({16, 8}));
+    return message;
+  }
+  /// The pulses of frames that arrive until that of `last` does.
+  std::vector<int64_t> until(int64_t last) {
+    std::vector<int64_t> pulses;
+    while (const auto frame = frames_.wait(within(10))) {
+      pulses.push_back(frame->frame.label.pulse);
+      if (pulses.back() == last) break;
+    }
+    return pulses;
+  }
+
+  const std::vector<std::string> urls_ = {"udpm://239.255.76.68:7668?ttl=0",
+                                          "udpm://239.255.76.69:7669?ttl=0",
+                                          "udpm://239.255.76.70:7670?ttl=0"};
+  Bus sender_{kUrl, urls_};
+  Bus receiver_{kUrl, urls_};
+  Subscription<FrameMessage> frames_{receiver_, "V3D_FRAME_.*", 100};
+};
+
+TEST_F(FrameGroups, bring_the_frames_of_some_pulses_and_of_no_others) {
+  receiver_.hear_frames({1});
+  for (int64_t pulse = 0; pulse < 11; ++pulse) send(pulse);
+  EXPECT_EQ(until(10), (std::vector<int64_t>{1, 4, 7, 10}));
+}
+
+TEST_F(FrameGroups, are_joined_and_left_while_frames_come) {
+  receiver_.hear_frames({0});
+  for (int64_t pulse = 0; pulse < 4; ++pulse) send(pulse);
+  EXPECT_EQ(until(3), (std::vector<int64_t>{0, 3}));
+  receiver_.hear_frames({0, 1, 2});
+  for (int64_t pulse = 4; pulse < 7; ++pulse) send(pulse);
+  auto all = until(6);
+  // Each group has a way of its own.
+  if (all.size() < 3) all.push_back(until(5).back());
+  EXPECT_THAT(all, testing::IsSupersetOf({4, 6}));
+  receiver_.hear_frames({2});
+  for (int64_t pulse = 9; pulse < 12; ++pulse) send(pulse);
+  EXPECT_THAT(until(11), testing::Not(testing::Contains(9)));
+}
+
+TEST_F(FrameGroups, leave_everything_else_where_it_is) {
+  Bus without_groups(kUrl);
+  Subscription<EventMessage> events(without_groups, kEventChannel, 8);
+  Subscription<EventMessage> events_too(receiver_, kEventChannel, 8);
+  receiver_.hear_frames({0, 1, 2});
+  ASSERT_TRUE(sender_.publish(kEventChannel, encode(event(3))));
+  EXPECT_TRUE(events.wait(within(10)));
+  EXPECT_TRUE(events_too.wait(within(10)));
+  EXPECT_EQ(events_too.counts().received, 1);
+}
+
+TEST_F(FrameGroups, are_one_where_the_studio_has_none) {
+  Bus one(kUrl);
+  EXPECT_EQ(one.frame_groups(), 1U);
+  EXPECT_EQ(sender_.frame_groups(), 3U);
+  Subscription<FrameMessage> frames(one, "V3D_FRAME_.*", 8);
+  one.publish_frame(5, frame_channel("cam07"), encode(frame_of(5)));
+  EXPECT_TRUE(frames.wait(within(10)));
+}
+
 TEST(Subscription, counts_what_it_drops_what_was_lost_and_what_is_no_message) {
   Bus bus(kUrl);
   Subscription<EventMessage> events(bus, kEventChannel, 2);

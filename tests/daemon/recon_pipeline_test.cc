@@ -20,6 +20,7 @@ using test::becomes_true;
 using test::within;
 
 constexpr ImageSize kSize{16, 8};
+constexpr char kUrl[] = "udpm://239.255.76.67:7667?ttl=0";
 
 /// A pipeline of one camera, fed over the bus, whose stages are the test's.
 class ReconPipelineOnBus : public testing::Test {
@@ -36,20 +37,24 @@ class ReconPipelineOnBus : public testing::Test {
   void send(int64_t pulse) {
     FrameMessage message;
     message.take = "kendo-07";
-    message.seq = pulse;
     FrameLabel label;
     label.pulse = pulse;
     const Image raw(kSize, PixelFormat::kBayerRG8);
     message.frame = observe("cam01", label, raw.view(), Mask(kSize));
-    bus_.publish(frame_channel("cam01"), encode(message));
+    message.seq = numbers_.next(pulse);
+    bus_.publish_frame(pulse, frame_channel("cam01"), encode(message));
   }
   static void name_pulse(SetAtWork& work) { work.result.pulse = work.set.pulse; }
   static void write_pulse(SetAtWork& work) {
     work.result.compact.assign(3, static_cast<uint8_t>(work.result.pulse));
   }
 
+  explicit ReconPipelineOnBus(const std::vector<std::string>& frame_groups = {})
+      : bus_(kUrl, frame_groups), numbers_(bus_.frame_groups()) {}
+
   const test::TemporaryFolder folder_;
-  Bus bus_{"udpm://239.255.76.67:7667?ttl=0"};
+  Bus bus_;
+  FrameNumbers numbers_;
   std::optional<ReconPipeline> pipeline_;
 };
 
@@ -117,23 +122,27 @@ TEST_F(ReconPipelineOnBus, drops_whole_pulses_while_a_stage_is_slow_and_accounts
 /// Two nodes of one take, each with a connection and a disk of its own.
 class SharedPipelines : public ReconPipelineOnBus {
  protected:
+  using ReconPipelineOnBus::ReconPipelineOnBus;
+
   struct Node {
-    Bus bus{"udpm://239.255.76.67:7667?ttl=0"};
+    explicit Node(const std::vector<std::string>& frame_groups = {}) : bus(kUrl, frame_groups) {}
+    Bus bus;
     std::atomic<int> sequences = 0;
     std::optional<ReconPipeline> pipeline;
   };
   void begin(Node& node, const std::string& name) {
     node.pipeline.emplace(
-        ReconPipeline::Setup{
-            .take = "kendo-07",
-            .mesh_file = folder_ / (name + ".v3d"),
-            .stages = {.make_mesh = name_pulse,
-                       .encode = write_pulse,
-                       .begin_sequence = [&node] { ++node.sequences; }},
-            .threads = 2,
-            .sets = {.cameras = {"cam01"}},
-            .shard =
-                Shard::Setup{.take = "kendo-07", .roster = {"recon01", "recon02"}, .me = name}},
+        ReconPipeline::Setup{.take = "kendo-07",
+                             .mesh_file = folder_ / (name + ".v3d"),
+                             .stages = {.make_mesh = name_pulse,
+                                        .encode = write_pulse,
+                                        .begin_sequence = [&node] { ++node.sequences; }},
+                             .threads = 2,
+                             .sets = {.cameras = {"cam01"}},
+                             .shard = Shard::Setup{.take = "kendo-07",
+                                                   .roster = {"recon01", "recon02"},
+                                                   .me = name,
+                                                   .frame_groups = node.bus.frame_groups()}},
         node.bus);
   }
   static bool have(Node& a, Node& b, auto what) {
@@ -169,6 +178,60 @@ TEST_F(SharedPipelines, make_half_of_the_meshes_each_and_both_have_all_in_order)
   EXPECT_FALSE(shown.wait(Monotonic::now())) << "one node shows them";
   EXPECT_EQ(MeshFileReader(folder_ / "recon01.v3d").pulses().size(), size_t{kPulses});
   EXPECT_EQ(read_file(folder_ / "recon01.v3d"), read_file(folder_ / "recon02.v3d"));
+}
+
+/// The same with a group of frames for each.
+class SharedPipelinesInGroups : public SharedPipelines {
+ protected:
+  SharedPipelinesInGroups() : SharedPipelines(kGroups) {}
+  inline static const std::vector<std::string> kGroups = {"udpm://239.255.76.68:7668?ttl=0",
+                                                          "udpm://239.255.76.69:7669?ttl=0"};
+  /// One after the other: frames of two groups may overtake each other.
+  bool send_and_wait(int64_t first, int64_t end, Node& node) {
+    for (int64_t pulse = first; pulse < end; ++pulse) {
+      send(pulse);
+      if (!becomes_true([&] { return node.pipeline->counts().meshes == pulse + 1; }, within(30))) {
+        return false;
+      }
+    }
+    return true;
+  }
+  static int64_t frames_heard(const Node& node) {
+    return node.pipeline->counts().cameras.at("cam01").received;
+  }
+};
+
+TEST_F(SharedPipelinesInGroups, hear_the_frames_of_their_own_pulses_and_have_all_meshes) {
+  constexpr int64_t kPulses = 24;
+  Node one(kGroups), two(kGroups);
+  begin(one, "recon01");
+  begin(two, "recon02");
+  ASSERT_TRUE(have(one, two, [](const ReconCounts& c) { return c.shard->living == 2; }));
+  ASSERT_TRUE(send_and_wait(0, kPulses, one));
+  ASSERT_TRUE(have(one, two, [](const ReconCounts& c) { return c.meshes == kPulses; }));
+  for (Node* node : {&one, &two}) {
+    EXPECT_EQ(frames_heard(*node), kPulses / 2);
+    EXPECT_EQ(node->pipeline->counts().frames_lost, 0) << "what is not heard is not lost";
+    EXPECT_EQ(node->pipeline->counts().without_mesh, std::vector<int64_t>{});
+    EXPECT_TRUE(node->pipeline->close());
+  }
+  EXPECT_EQ(read_file(folder_ / "recon01.v3d"), read_file(folder_ / "recon02.v3d"));
+}
+
+TEST_F(SharedPipelinesInGroups, take_over_the_group_of_one_that_is_gone) {
+  constexpr int64_t kPulses = 12;
+  Node one(kGroups);
+  {
+    Node two(kGroups);
+    begin(one, "recon01");
+    begin(two, "recon02");
+    ASSERT_TRUE(have(one, two, [](const ReconCounts& c) { return c.shard->living == 2; }));
+    ASSERT_TRUE(send_and_wait(0, kPulses, one));
+  }
+  ASSERT_TRUE(becomes_true([&] { return one.pipeline->counts().shard->living == 1; }, within(30)));
+  ASSERT_TRUE(send_and_wait(kPulses, 2 * kPulses, one));
+  EXPECT_EQ(one.pipeline->counts().frames_lost, 0);
+  EXPECT_EQ(one.pipeline->counts().shard->taken_over, kPulses / 2);
 }
 
 }  // namespace

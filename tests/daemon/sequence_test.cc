@@ -27,6 +27,17 @@ TEST(SequenceTracker, counts_from_the_first_where_it_listened_from_the_start) {
   EXPECT_EQ(tracker.of("a"), (SequenceCounts{.received = 2, .lost = 2}));
 }
 
+TEST(SequenceTracker, counts_nothing_as_lost_that_it_did_not_listen_to) {
+  SequenceTracker tracker(true);
+  tracker.listen_anew("joined in the middle");
+  note(tracker, "joined in the middle", {7, 9});
+  EXPECT_EQ(tracker.of("joined in the middle"), (SequenceCounts{.received = 2, .lost = 1}));
+  note(tracker, "left and joined again", {0, 2});
+  tracker.listen_anew("left and joined again");
+  note(tracker, "left and joined again", {20, 21});
+  EXPECT_EQ(tracker.of("left and joined again"), (SequenceCounts{.received = 4, .lost = 1}));
+}
+
 TEST(SequenceTracker, believes_no_number_of_a_stranger_to_be_more_than_a_million_losses) {
   SequenceTracker tracker(true);
   tracker.note("a", INT64_MAX, sent(1));

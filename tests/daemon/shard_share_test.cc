@@ -52,6 +52,25 @@ RC_GTEST_PROP(ShardShare, is_the_same_for_all_who_are_there_over_a_round, ()) {
   }
 }
 
+RC_GTEST_PROP(ShardShare, lets_a_node_hear_every_group_of_its_pulses, ()) {
+  const auto nodes = *rc::gen::inRange<size_t>(1, 10);
+  const auto groups = *rc::gen::inRange<size_t>(1, 10);
+  for (int64_t pulse = 0; pulse < 100; ++pulse) {
+    const size_t maker = maker_of(pulse, std::vector<bool>(nodes, true));
+    RC_ASSERT(groups_of(maker, nodes, groups).contains(FrameNumbers::group_of(pulse, groups)));
+  }
+}
+
+RC_GTEST_PROP(ShardShare, lets_a_node_hear_no_pulses_of_others_in_a_multiple_of_groups, ()) {
+  const auto nodes = *rc::gen::inRange<size_t>(1, 10);
+  const size_t groups = nodes * *rc::gen::inRange<size_t>(1, 4);
+  std::vector<int> heard(groups);
+  for (size_t place = 0; place < nodes; ++place) {
+    for (const size_t group : groups_of(place, nodes, groups)) ++heard[group];
+  }
+  RC_ASSERT(heard == std::vector<int>(groups, 1));
+}
+
 TEST(AttentiveClock, counts_no_time_in_which_its_loop_stood_still) {
   using std::chrono::milliseconds;
   AttentiveClock clock;

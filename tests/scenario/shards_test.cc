@@ -7,6 +7,8 @@
 #include <array>
 #include <csignal>
 #include <nlohmann/json.hpp>
+#include <numeric>
+#include <sstream>
 
 #include "base/file.h"
 #include "daemon/bus.h"
@@ -67,9 +69,10 @@ class Onlooker {
 
 class SharedStudio : public testing::Test {
  protected:
-  SharedStudio() : switch_(network_.ports(), {}) {
+  /// `frame_groups` as in the studio file.
+  explicit SharedStudio(const std::string& frame_groups = "[]") : switch_(network_.ports(), {}) {
     start_cameras();
-    write_studio_files();
+    write_studio_files(frame_groups);
     start_at(
         0, {bin("v3d-captured"), "--studio", folder_ / "cap01" / "studio.toml", "--node", "cap01"},
         "cap01");
@@ -113,7 +116,7 @@ class SharedStudio : public testing::Test {
     if (!serves) throw std::runtime_error("v3d-sim: " + simulator.output());
   }
   /// One studio, and a disk of its own for every node.
-  void write_studio_files() {
+  void write_studio_files(const std::string& frame_groups) {
     std::string text = read_file(folder_ / "cap01" / "studio.toml");
     const auto replace = [&](const std::string& from, const std::string& to) {
       const size_t at = text.find(from);
@@ -125,6 +128,7 @@ class SharedStudio : public testing::Test {
             "\"recon03\"");
     replace("node = \"recon01\"", "nodes = [\"recon01\", \"recon02\", \"recon03\"]\nthreads = 1");
     replace("ttl=0", "ttl=1");
+    replace("[network]\n", "[network]\nframe_groups = " + frame_groups + "\n");
     for (const char* file : {"trigger.sock", "studio.key"}) {
       replace("\"" + std::string(file) + "\"", "\"" + (folder_ / "cap01" / file).string() + "\"");
     }
@@ -192,11 +196,17 @@ class SharedStudio : public testing::Test {
   /// Pulses of which frames went over the network: a busy capture node leaves some out.
   int64_t commanded() const { return ledger()["pulses"]["commanded"].get<int64_t>(); }
   int64_t not_live() const {
-    int64_t least = 0;
-    for (const auto& camera : ledger()["cameras"]) {
-      least = std::max(least, commanded() - camera["published"].get<int64_t>());
+    int64_t most = 0;
+    for (const int64_t published : published_by_camera()) {
+      most = std::max(most, commanded() - published);
     }
-    return least;
+    return most;
+  }
+  Pulses published_by_camera() const {
+    Pulses published;
+    const Json account = ledger();
+    for (const auto& camera : account["cameras"]) published.push_back(camera["published"]);
+    return published;
   }
   Json ledger() const { return Json::parse(stopped_.replies.at("cap01").detail); }
   Json account(int i) const { return Json::parse(stopped_.replies.at(node(i)).detail); }
@@ -319,6 +329,61 @@ TEST_F(SharedStudio, gives_a_share_to_a_node_that_was_killed_and_started_anew) {
   EXPECT_GE(account(0)["shard_pulses"].get<int64_t>(), 6) << "since it was started anew";
   EXPECT_TRUE(std::is_sorted(rejoined.begin(), rejoined.end()));
   EXPECT_EQ(rejoined.back(), file(1).back());
+}
+
+/// The same with a multicast group for the frames of each node.
+class SharedStudioInGroups : public SharedStudio {
+ protected:
+  SharedStudioInGroups()
+      : SharedStudio(R"(["udpm://239.255.76.68:7668?ttl=1&recv_buf_size=4194304",
+                "udpm://239.255.76.69:7669?ttl=1&recv_buf_size=4194304",
+                "udpm://239.255.76.70:7670?ttl=1&recv_buf_size=4194304"])") {}
+
+  /// What the kernel of a host had for its programs so far.
+  int64_t datagrams(size_t host) const {
+    std::istringstream table(
+        read_file("/proc/" + std::to_string(network_.pid(host)) + "/net/snmp"));
+    for (std::string line; std::getline(table, line);) {
+      long long received = 0;
+      if (std::sscanf(line.c_str(), "Udp: %lld", &received) == 1) return received;
+    }
+    return -1;
+  }
+};
+
+TEST_F(SharedStudioInGroups, makes_of_every_pulse_one_mesh_where_no_kernel_hears_the_others) {
+  arm_and_start();
+  wait_for(0, "meshes", 20);
+  const std::array before = {datagrams(1), datagrams(2), datagrams(3)};
+  const double pulses_before = value(0, "meshes");
+  wait_for(0, "meshes", pulses_before + 40);
+  const std::array after = {datagrams(1), datagrams(2), datagrams(3)};
+  const double pulses = value(0, "meshes") - pulses_before;
+  stop();
+  const Pulses all = published_by_camera();
+  for (int i = 0; i < kNodes; ++i) {
+    expect_whole(i, 0);
+    expect_shown_as(i);
+    EXPECT_EQ(file(i), file(0));
+    EXPECT_EQ(account(i)["frames_lost"], 0) << "what is not heard is not lost";
+    // Five of the 15 frames of a pulse in the mean, and some ten messages that all hear: meshes,
+    // pulses, health, previews.
+    EXPECT_LT(static_cast<double>(after[i] - before[i]), 20 * pulses) << node(i);
+  }
+  EXPECT_GE(std::accumulate(all.begin(), all.end(), int64_t{0}), 14 * commanded()) << "frames";
+}
+
+TEST_F(SharedStudioInGroups, loses_at_most_a_second_of_a_node_that_is_killed_and_names_it) {
+  arm_and_start();
+  wait_for(2, "shard_pulses", 8);
+  kill_node(2);
+  go_on(0, 40);
+  stop({"recon03"});
+  for (const int i : {0, 1}) {
+    expect_whole(i, kRateHz);
+    expect_shown_as(i);
+    EXPECT_GE(account(i)["shard_taken_over"].get<int64_t>(), 3);
+  }
 }
 
 TEST_F(SharedStudio, refuses_a_second_node_in_a_folder_of_takes) {

@@ -71,7 +71,7 @@ HostNetwork::~HostNetwork() {
 }
 
 std::vector<std::string> HostNetwork::enter(size_t host) const {
-  return {"/usr/bin/nsenter", "--net=/proc/" + std::to_string(hosts_[host]->pid()) + "/ns/net"};
+  return {"/usr/bin/nsenter", "--net=/proc/" + std::to_string(pid(host)) + "/ns/net"};
 }
 
 void HostNetwork::lay_cable(size_t i) {

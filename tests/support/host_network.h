@@ -34,6 +34,8 @@ class HostNetwork {
   HostNetwork(const HostNetwork&) = delete;
   HostNetwork& operator=(const HostNetwork&) = delete;
 
+  /// Of a process whose network is the host's.
+  pid_t pid(size_t host) const { return hosts_[host]->pid(); }
   /// In front of a command that shall run there.
   std::vector<std::string> enter(size_t host) const;
   /// The other ends of the cables, in the order of the hosts; the last is the operator's.

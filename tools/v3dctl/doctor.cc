@@ -17,6 +17,7 @@
 #include <map>
 
 #include "base/error.h"
+#include "base/lcm_group.h"
 #include "base/units.h"
 #include "v3dctl/doctor_key.h"
 #include "v3dctl/doctor_machine.h"
@@ -48,14 +49,6 @@ bool parse_address(const std::string& text, uint16_t port, sockaddr_in& address)
   address.sin_family = AF_INET;
   address.sin_port = htons(port);
   return inet_pton(AF_INET, text.c_str(), &address.sin_addr) == 1;
-}
-
-// "udpm://239.255.76.67:7667?ttl=1" to "239.255.76.67".
-std::string group_of(const std::string& lcm_url) {
-  const size_t begin = lcm_url.find("://");
-  if (begin == std::string::npos) return "";
-  const size_t end = lcm_url.find_first_of(":?", begin + 3);
-  return lcm_url.substr(begin + 3, end == std::string::npos ? end : end - begin - 3);
 }
 
 long long read_rmem_max() {
@@ -125,16 +118,16 @@ Finding check_disk(const std::string& path) {
 }
 
 Finding check_multicast(const std::string& lcm_url) {
+  const auto group = lcm_group(lcm_url);
   sockaddr_in address{};
-  const std::string group = group_of(lcm_url);
-  if (!parse_address(group, 7667, address)) {
+  if (!group || !parse_address(group->address, group->port, address)) {
     return {Verdict::kUnknown, "multicast", "no group address in " + lcm_url, ""};
   }
   const Socket socket(AF_INET, SOCK_DGRAM, 0);
   if (connect(socket.fd(), reinterpret_cast<const sockaddr*>(&address), sizeof address) == 0) {
-    return {Verdict::kGood, "multicast", group + " has a route", ""};
+    return {Verdict::kGood, "multicast", group->address + " has a route", ""};
   }
-  return {Verdict::kBad, "multicast", errno_message(group),
+  return {Verdict::kBad, "multicast", errno_message(group->address),
           "sudo ip route add 224.0.0.0/4 dev eth0, with the interface of the studio network"};
 }
 
@@ -183,6 +176,9 @@ std::vector<Finding> examine(const Studio& studio, const std::string& node) {
   std::vector<Finding> findings = {check_receive_buffer(read_rmem_max()),
                                    check_multicast(studio.network.lcm_url), check_packet_socket(),
                                    check_disk(studio.storage.takes)};
+  for (const std::string& url : studio.network.frame_groups) {
+    findings.push_back(check_multicast(url));
+  }
   const std::vector<StudioCamera> cameras = node.empty() ? studio.cameras : studio.cameras_of(node);
   for (const auto& more :
        {examine_machine(studio, cameras), check_cameras(cameras), examine_keys(studio)}) {

@@ -1,0 +1,21 @@
+// The multicast groups of LCM.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+
+namespace v3d {
+
+/// Address and port that a network's members listen to.
+struct LcmGroup {
+  std::string address = "239.255.76.67";  ///< what LCM takes where its URL says nothing
+  uint16_t port = 7667;
+  friend bool operator==(const LcmGroup&, const LcmGroup&) = default;
+};
+
+/// Of a URL like "udpm://239.255.76.67:7667?ttl=1". Empty when that is none of LCM's for multicast,
+/// or its address no multicast address of IPv4.
+std::optional<LcmGroup> lcm_group(const std::string& url);
+
+}  // namespace v3d
