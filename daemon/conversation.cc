@@ -69,8 +69,11 @@ void Conversation::next_round() {
   rounds_.pop_front();
   round_began_.reset();
   next_due_ = MonotonicInstant();
+  if (rounds_.empty()) return;
   // The same command goes to more nodes, or another one follows.
-  if (!rounds_.empty() && rounds_.front().verb != verb) begin_round();
+  if (rounds_.front().verb != verb) return begin_round();
+  // There are no more where the studio has one node.
+  if (is_settled()) end_of_round();
 }
 
 std::optional<CommandMessage> Conversation::poll(MonotonicInstant now) {

@@ -22,11 +22,12 @@ const Commanded kStudio = {{"cap01", "cap02", "recon01"}, "cap01"};
 
 class Talk : public testing::Test {
  protected:
-  Conversation begin(CommandVerb verb, const std::string& take = "") {
+  Conversation begin(CommandVerb verb, const std::string& take = "",
+                     const Commanded& studio = kStudio) {
     CommandMessage order;
     order.verb = verb;
     order.take = take;
-    return {order, 0, kStudio, now_ + 10s};
+    return {order, 0, studio, now_ + 10s};
   }
   /// What is sent now: "arm@cap01,cap02", or "" when nothing is due.
   std::string sent(Conversation& talk) {
@@ -161,6 +162,33 @@ TEST_F(Talk, stops_the_others_when_the_triggers_node_has_nothing_to_stop) {
   all_say(talk, Outcome::kDone);
   EXPECT_TRUE(talk.over());
   EXPECT_FALSE(talk.answer().done());
+}
+
+TEST_F(Talk, with_one_node_is_over_as_soon_as_it_has_said_what_it_has_to) {
+  const Commanded one = {{"cap01"}, "cap01"};
+  for (const CommandVerb verb : {CommandVerb::kStop, CommandVerb::kAbort}) {
+    for (const Outcome outcome : {Outcome::kDone, Outcome::kRefused}) {
+      Conversation talk = begin(verb, "", one);
+      EXPECT_NE(sent(talk), "");
+      say(talk, "cap01", outcome);
+      EXPECT_TRUE(talk.over()) << name(verb);
+      EXPECT_EQ(talk.answer().done(), outcome == Outcome::kDone);
+      EXPECT_THAT(talk.answer().silent, IsEmpty());
+    }
+  }
+  Conversation arm = begin(CommandVerb::kArm, "kendo-07", one);
+  EXPECT_EQ(sent(arm), "arm@cap01");
+  say(arm, "cap01", Outcome::kDone);
+  EXPECT_EQ(sent(arm), "commit@cap01");
+  say(arm, "cap01", Outcome::kDone);
+  EXPECT_TRUE(arm.answer().done() && arm.over());
+  Conversation drains = begin(CommandVerb::kStop, "", one);
+  sent(drains);
+  say(drains, "cap01", Outcome::kPending);
+  EXPECT_FALSE(drains.over());
+  sent(drains);
+  say(drains, "cap01", Outcome::kDone);
+  EXPECT_TRUE(drains.over());
 }
 
 TEST_F(Talk, learns_the_background_in_all_nodes_and_tells_the_result_of_each) {
