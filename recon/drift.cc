@@ -15,9 +15,9 @@
 namespace v3d {
 namespace {
 
-/// The slope of an outline is taken over so many rows on both sides.
+/// The slope of an outline is taken over so many rows on both sides, times the scale.
 constexpr int kReach = 4;
-/// Rows (and columns) that are looked at.
+/// Rows (and columns) that are looked at, times the scale.
 constexpr int kStep = 3;
 /// Cameras that may be the knocked one: those that lie so much as far aside as the farthest, and no
 /// more than so many.
@@ -54,22 +54,24 @@ const Edge* nearest(const std::vector<Edge>& edges, const Edge& to, int reach) {
 }
 
 /// Edges that run within 45 degrees of upright, of rows that are multiples of `step`.
-std::vector<OutlineOffset> offsets_in_rows(const Mask& hull, const Mask& own, int step) {
+std::vector<OutlineOffset> offsets_in_rows(const Mask& hull, const Mask& own, int step, int scale) {
   std::vector<OutlineOffset> offsets;
+  const int reach = kReach * scale;
   const Rect box = hull.bounding_box();
-  const int first = (box.y0 + kReach + step - 1) / step * step;
-  for (int y = first; y < box.y0 + box.height - kReach; y += step) {
-    const auto above = edges_of(hull, y - kReach);
-    const auto below = edges_of(hull, y + kReach);
+  const int first = (box.y0 + reach + step - 1) / step * step;
+  for (int y = first; y < box.y0 + box.height - reach; y += step) {
+    const auto above = edges_of(hull, y - reach);
+    const auto below = edges_of(hull, y + reach);
     const auto ours = edges_of(own, y);
     for (const Edge& edge : edges_of(hull, y)) {
-      const Edge* const up = nearest(above, edge, kReach);
-      const Edge* const down = nearest(below, edge, kReach);
-      const Edge* const match = nearest(ours, edge, kMostDriftPx);
+      const Edge* const up = nearest(above, edge, reach);
+      const Edge* const down = nearest(below, edge, reach);
+      const Edge* const match = nearest(ours, edge, kMostDriftPx * scale);
       if (up == nullptr || down == nullptr || match == nullptr) continue;
-      const float slope = static_cast<float>(down->x - up->x) / (2 * kReach);
+      const float slope = static_cast<float>(down->x - up->x) / static_cast<float>(2 * reach);
       const float nx = static_cast<float>(edge.side) / std::sqrt(1 + slope * slope);
-      offsets.push_back({nx, -slope * nx, static_cast<float>(match->x - edge.x) * nx});
+      const float aside = static_cast<float>(match->x - edge.x) / static_cast<float>(scale);
+      offsets.push_back({nx, -slope * nx, aside * nx});
     }
   }
   return offsets;
@@ -118,9 +120,15 @@ Eigen::Vector2d shift_of(std::span<const OutlineOffset> offsets) {
 
 }  // namespace
 
+int drift_scale(ImageSize size) {
+  constexpr int kXgaWidth = 1024;
+  return std::max(1, (std::max(size.width, size.height) + kXgaWidth / 2) / kXgaWidth);
+}
+
 std::vector<OutlineOffset> outline_offsets(const Mask& hull, const Mask& own, int step) {
-  std::vector<OutlineOffset> offsets = offsets_in_rows(hull, own, step);
-  for (OutlineOffset o : offsets_in_rows(transposed(hull), transposed(own), step)) {
+  const int scale = drift_scale(hull.size());
+  std::vector<OutlineOffset> offsets = offsets_in_rows(hull, own, step * scale, scale);
+  for (OutlineOffset o : offsets_in_rows(transposed(hull), transposed(own), step * scale, scale)) {
     std::swap(o.nx, o.ny);
     offsets.push_back(o);
   }
@@ -153,7 +161,7 @@ std::vector<CameraDrift> DriftMeter::shifts() const {
       all.insert(all.end(), pulse.offsets[c].begin(), pulse.offsets[c].end());
     }
     CameraDrift drift{.camera = names_[c], .outline_px = std::ssize(all)};
-    if (drift.outline_px >= kLeastOutlinePx) drift.shift = shift_of(all);
+    if (drift.outline_px >= kLeastOutlinePx) drift.shift = drift_scale(sizes_[c]) * shift_of(all);
     cameras.push_back(std::move(drift));
   }
   return cameras;
@@ -198,7 +206,7 @@ size_t DriftMeter::culprit(std::span<const size_t> suspects, HullOfOthers& hulls
 
 std::vector<CameraDrift> DriftMeter::result(HullOfOthers& hulls) const {
   std::vector<CameraDrift> cameras = shifts();
-  const auto px = [&](size_t c) { return cameras[c].shift.norm(); };
+  const auto px = [&](size_t c) { return cameras[c].shift.norm() / drift_scale(sizes_[c]); };
   std::vector<size_t> suspects(cameras.size());
   std::iota(suspects.begin(), suspects.end(), size_t{0});
   std::ranges::stable_sort(suspects, std::greater(), px);

@@ -24,20 +24,25 @@ struct CameraDrift {
   bool knocked = false;
 };
 
+/// How many pixels of an image count as one here: 1 to 1,535 pixels a side, 4 at 4096x3072. The
+/// hull of the others is off by parts of the body and of voxels, which are so many times as many
+/// pixels.
+int drift_scale(ImageSize size);
+
 /// Cameras in their place come to no more than 1.3 pixels (100 simulated rigs of 15 XGA cameras, 6
 /// pulses each: v3d-silhouette-faults), because the hull of the others is wider than the body, and
-/// more so on one side.
+/// more so on one side. Times drift_scale().
 inline constexpr double kKnockedPx = 1.5;
 /// Fewer outline pixels prove nothing.
 inline constexpr int64_t kLeastOutlinePx = 200;
-/// A shift of more is not found.
+/// A shift of more is not found. Times drift_scale().
 inline constexpr int kMostDriftPx = 16;
 
 /// "knocked since it was calibrated: its silhouettes lie 3.1 pixels aside (+3.0 right, -0.8 down)".
 std::string text_of(const CameraDrift& camera);
 
 /// A pixel of the outline of the hull of the others: the direction out of the hull, and how far out
-/// of it the camera's own outline lies, pixels.
+/// of it the camera's own outline lies, pixels by drift_scale().
 struct OutlineOffset {
   float nx = 0;
   float ny = 0;
@@ -45,7 +50,7 @@ struct OutlineOffset {
 };
 
 /// Wherever the outline of `hull` has a slope that can be told and `own` has an outline within
-/// kMostDriftPx of it; in rows and columns that are multiples of `step`. Pure.
+/// kMostDriftPx of it; in rows and columns that are multiples of `step`, times drift_scale(). Pure.
 std::vector<OutlineOffset> outline_offsets(const Mask& hull, const Mask& own, int step);
 
 /// Looks at the last pulses that it was shown. One caller at a time; works in the caller's TBB

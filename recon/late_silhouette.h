@@ -10,6 +10,7 @@ namespace v3d {
 /// What the hull of the others lost and won from the pulse before to this one, and how much of
 /// either a camera's silhouette shows; pixels.
 struct ShownChange {
+  int64_t pixels = 0;  ///< of the image
   int64_t lost = 0;
   int64_t lost_shown = 0;
   int64_t won = 0;

@@ -40,15 +40,34 @@ TEST(OutlineOffsets, of_a_silhouette_moved_aside_point_out_of_the_hull_on_that_s
   }
 }
 
-/// A ring of cameras round a ball on its way; `camera` shows it moved aside.
-std::vector<CameraDrift> drift_of(int camera, int right, int down) {
+TEST(OutlineOffsets, of_images_eight_times_as_wide_are_as_many_and_say_the_same) {
+  const auto offsets = [](int scale) {
+    const ImageSize size{320 * scale, 240 * scale};
+    const CameraModel camera = shapes::camera({3, 0, 0}, {0, 0, 0}, size, 500 * scale);
+    const Mask hull = draw_silhouette(shapes::sphere({0, 0, 0}, 0.4F, 64), camera);
+    const int wider = drift_scale(size);
+    return outline_offsets(hull, moved(hull, 5 * wider, -3 * wider), 1);
+  };
+  EXPECT_EQ(drift_scale({1024, 768}), 1);
+  EXPECT_EQ(drift_scale({1280, 1024}), 1);
+  EXPECT_EQ(drift_scale({2048, 1536}), 2);
+  EXPECT_EQ(drift_scale({4096, 3072}), 4);
+  const auto large =
+      offsets(8);  // 2560 pixels: three count as one, and the ball is 2.7 times as wide
+  EXPECT_GT(large.size(), 2 * offsets(1).size());
+  EXPECT_LT(large.size(), 3 * offsets(1).size());
+  for (const OutlineOffset& o : large) EXPECT_NEAR(o.distance, 5 * o.nx - 3 * o.ny, 1.5);
+}
+
+/// A ring of cameras round a ball on its way; `camera` shows it moved aside. `scale`: of images.
+std::vector<CameraDrift> drift_of(int camera, int right, int down, int scale = 1) {
   constexpr int kCameras = 10;
   Rig rig;
   for (int i = 0; i < kCameras; ++i) {
     const double angle = 2 * std::numbers::pi * i / kCameras;
     rig.push_back({"cam" + std::to_string(i),
                    shapes::camera({3 * std::cos(angle), 3 * std::sin(angle), i % 2 ? 1.0 : -1.0},
-                                  {0, 0, 0}, {320, 240}, 500)});
+                                  {0, 0, 0}, {320 * scale, 240 * scale}, 500. * scale)});
   }
   HullOfOthers hulls(rig, kSpace, 0.01, 3);
   DriftMeter meter(rig);
@@ -76,6 +95,16 @@ TEST(Drift, names_the_camera_that_was_knocked_and_by_how_much) {
   for (size_t c = 0; c < cameras.size(); ++c) EXPECT_EQ(cameras[c].knocked, c == 3) << c;
   EXPECT_NEAR(cameras[3].shift.x(), 2, 0.5);
   EXPECT_NEAR(cameras[3].shift.y(), -3, 0.5);
+}
+
+TEST(Drift, of_a_larger_image_must_be_so_much_larger) {
+  constexpr int kScale = 8;  // 2560 pixels a side: by drift_scale() three count as one
+  for (const CameraDrift& camera : drift_of(3, 3, 2, kScale))
+    EXPECT_FALSE(camera.knocked) << camera.camera;
+  const auto cameras = drift_of(3, 6, -30, kScale);
+  for (size_t c = 0; c < cameras.size(); ++c) EXPECT_EQ(cameras[c].knocked, c == 3) << c;
+  EXPECT_NEAR(cameras[3].shift.x(), 6, 2);
+  EXPECT_NEAR(cameras[3].shift.y(), -30, 2);
 }
 
 TEST(Drift, is_not_told_of_a_camera_that_saw_nothing) {
