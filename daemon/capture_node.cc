@@ -19,6 +19,8 @@ namespace {
 constexpr Duration kReadyWithin = std::chrono::seconds(15);
 constexpr Duration kDrainWithin = std::chrono::seconds(15);
 constexpr Duration kLongestQuiet = std::chrono::seconds(1);
+/// A pulse is known of so long after its end.
+constexpr Duration kSensedWithin = std::chrono::milliseconds(100);
 constexpr int64_t kDefaultPlates = 16;
 constexpr int64_t kDefaultCheckPulses = 100;
 /// A check waits no longer for a camera: it is to tell which ones are not there.
@@ -363,8 +365,12 @@ Ledger CaptureNode::finish() {
   return ledger;
 }
 
+bool CaptureNode::only_sensor_counts() const {
+  return generator_ && sensor_ && !generator_->counts_exactly();
+}
+
 int64_t CaptureNode::commanded() const {
-  if (generator_ && sensor_ && !generator_->counts_exactly()) return pulses_->seen();
+  if (only_sensor_counts()) return pulses_->seen();
   // Elsewhere, the last pulses may have been left out, or their messages lost.
   return generator_ ? generator_->commanded() : std::max(pulses_->seen(), train_->commanded());
 }
@@ -374,6 +380,9 @@ bool CaptureNode::all_accounted_for() const {
   const Duration quiet = std::min<Duration>(kLongestQuiet, 10 * period_of(rate_hz_));
   const bool silent = now - drain_began_ > quiet;
   if (generator_ && pulses_->sensed() < commanded() && !silent) return false;
+  // A pulse that was under way when they were turned off is known of at its end.
+  const Duration width = from_seconds(studio_.trigger.pulse_width_us * 1e-6);
+  if (only_sensor_counts() && now - drain_began_ < width + kSensedWithin) return false;
   // Elsewhere the last pulses may not have been heard of yet.
   if (!generator_ && !silent) return false;
   if (check_ && !check_->has(commanded()) && !silent) return false;

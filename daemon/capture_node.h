@@ -88,6 +88,7 @@ class CaptureNode : public NodeWork {
   Ledger finish();
   /// A take's, or a check's.
   bool records_pulses() const { return pulses_ && (take_ || check_); }
+  bool only_sensor_counts() const;
   int64_t commanded() const;
   bool all_accounted_for() const;
   std::string ready_text() const;
