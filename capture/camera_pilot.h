@@ -44,13 +44,15 @@ class CameraPilot {
   /// Nothing to do before this instant (a camera that could not be opened); in the past otherwise.
   MonotonicInstant idle_until() const { return retry_at_; }
 
+  /// Lets the camera go. The next step() opens it again.
+  void close();
+
   /// `dropped` is not known here.
   CameraWorkerStatus status() const;
 
  private:
   void go_on();
   void open();
-  void close();
   void reopen(const std::string& why);
   void miss(const std::string& why);
   void check_quiet(MonotonicInstant now);

@@ -138,6 +138,9 @@ class CameraWorker::Impl {
         changed_.wait_for(lock, idle, [&] { return quit_ || !requests_.empty(); });
       }
     }
+    // Here, so that cameras that no longer answer are waited for all at once.
+    lock.unlock();
+    pilot_.close();
   }
 
   void deliver(Frame frame) {

@@ -60,7 +60,8 @@ class CameraWorker {
   /// Opens in the background. An InputError of the factory or of Camera::start() becomes `text`.
   CameraWorker(std::string camera, Factory make_camera, CameraWorkerOptions options = {});
   ~CameraWorker();
-  /// Lets the thread end soon, so that the destructors of several workers need not wait in turn.
+  /// Lets the thread close the camera and end, so that the destructors of several workers need not
+  /// wait in turn: a camera that no longer answers takes seconds.
   void end();
   CameraWorker(const CameraWorker&) = delete;
   CameraWorker& operator=(const CameraWorker&) = delete;

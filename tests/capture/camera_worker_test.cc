@@ -7,6 +7,7 @@
 #include <functional>
 #include <mutex>
 #include <thread>
+#include <vector>
 
 #include "base/error.h"
 
@@ -147,6 +148,47 @@ TEST_F(CameraWorkerTest, ends_at_any_moment) {
     const auto w = worker(4);
     if (i % 2) w->arm(milliseconds(1));
   }
+}
+
+/// Cameras that take as long to close as it takes until all are being closed.
+struct Closing {
+  std::mutex mutex;
+  std::condition_variable changed;
+  int cameras = 0;
+  bool together = true;
+};
+
+class SlowlyClosedCamera : public HandFedCamera {
+ public:
+  static constexpr int kCameras = 3;
+
+  SlowlyClosedCamera(std::shared_ptr<Hand> hand, Closing& closing)
+      : HandFedCamera(std::move(hand)), closing_(closing) {}
+  ~SlowlyClosedCamera() override {
+    std::unique_lock lock(closing_.mutex);
+    ++closing_.cameras;
+    closing_.changed.notify_all();
+    if (!closing_.changed.wait_for(lock, seconds(10),
+                                   [&] { return closing_.cameras == kCameras; })) {
+      closing_.together = false;
+    }
+  }
+
+ private:
+  Closing& closing_;
+};
+
+TEST_F(CameraWorkerTest, told_to_end_close_their_cameras_all_at_once) {
+  Closing closing;
+  std::vector<std::unique_ptr<CameraWorker>> workers;
+  for (int i = 0; i < SlowlyClosedCamera::kCameras; ++i) {
+    workers.push_back(std::make_unique<CameraWorker>(
+        "cam07", [&] { return std::make_unique<SlowlyClosedCamera>(hand_, closing); }));
+    ASSERT_TRUE(eventually([&] { return workers[i]->status().state == CameraState::kIdle; }));
+  }
+  for (const auto& worker : workers) worker->end();
+  workers.clear();
+  EXPECT_TRUE(closing.together);
 }
 
 }  // namespace
