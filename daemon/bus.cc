@@ -1,7 +1,9 @@
 #include "daemon/bus.h"
 
+#include <arpa/inet.h>
 #include <fcntl.h>
 #include <lcm/lcm.h>
+#include <netinet/in.h>
 #include <poll.h>
 #include <sys/eventfd.h>
 #include <sys/socket.h>
@@ -11,13 +13,17 @@
 #include <cerrno>
 #include <cstdio>
 #include <cstdlib>
+#include <filesystem>
 #include <iterator>
 #include <list>
 #include <map>
 #include <mutex>
+#include <set>
+#include <string>
 #include <thread>
 
 #include "base/error.h"
+#include "base/lcm_group.h"
 
 namespace v3d {
 namespace {
@@ -59,6 +65,27 @@ class QuietStderr {
       "route add 239.255.76.67/32 dev IFACE (IFACE: lo on a single machine)");
 }
 
+std::set<int> open_files() {
+  std::set<int> files;
+  for (const auto& entry : std::filesystem::directory_iterator("/proc/self/fd")) {
+    files.insert(std::atoi(entry.path().filename().c_str()));
+  }
+  return files;
+}
+
+/// What was opened since leaves the group. LCM joins with the socket that it sends from as well,
+/// and does not show it; a switch would send all frames to whoever can send one.
+void leave_with_what_is_new(const std::set<int>& before, const std::string& url) {
+  const auto group = lcm_group(url);
+  ip_mreq membership{};
+  if (!group || inet_pton(AF_INET, group->address.c_str(), &membership.imr_multiaddr) != 1) return;
+  for (const int file : open_files()) {
+    if (before.contains(file)) continue;
+    // Fails where it is no socket, or was no member.
+    setsockopt(file, IPPROTO_IP, IP_DROP_MEMBERSHIP, &membership, sizeof membership);
+  }
+}
+
 }  // namespace
 
 /// One multicast group.
@@ -69,6 +96,14 @@ class Bus::Group {
   }
   Group(const Group&) = delete;
   Group& operator=(const Group&) = delete;
+
+  /// Is sent to, and not heard.
+  static std::unique_ptr<Group> to_send(const std::string& url) {
+    const std::set<int> before = open_files();
+    auto group = std::make_unique<Group>(url);
+    leave_with_what_is_new(before, url);
+    return group;
+  }
 
   bool publish(const std::string& channel, std::span<const uint8_t> bytes) {
     return lcm_publish(lcm_.get(), channel.c_str(), bytes.data(),
@@ -102,7 +137,7 @@ class Bus::Impl {
     common_ = std::make_shared<Group>(url);
     common_->join();
     for (const std::string& group : frame_urls_) {
-      frame_senders_.push_back(std::make_unique<Group>(group));
+      frame_senders_.push_back(Group::to_send(group));
     }
     heard_.resize(frame_urls_.size());
   }
@@ -216,9 +251,9 @@ class Bus::Impl {
 
   const std::vector<std::string> frame_urls_;
   std::shared_ptr<Group> common_;
-  std::vector<std::unique_ptr<Group>> frame_senders_;  ///< these hear nothing
-  std::mutex mutex_;                                   ///< what follows, while handlers run, too
-  std::map<std::string, Topic> topics_;                // LCM holds their addresses
+  std::vector<std::unique_ptr<Group>> frame_senders_;
+  std::mutex mutex_;                           ///< what follows, while handlers run, too
+  std::map<std::string, Topic> topics_;        // LCM holds their addresses
   std::vector<std::shared_ptr<Group>> heard_;  ///< of the frame groups; empty where it is not heard
   const int changed_ = eventfd(0, EFD_CLOEXEC);  ///< readable when the thread shall look
   std::atomic<bool> stopping_ = false;

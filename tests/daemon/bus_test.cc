@@ -5,6 +5,10 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <array>
+#include <cstdio>
+#include <fstream>
+#include <iterator>
 
 #include "base/error.h"
 #include "daemon/operator_client.h"
@@ -19,6 +23,8 @@ namespace {
 
 using test::becomes_true;
 using test::within;
+using testing::ElementsAre;
+using testing::IsEmpty;
 
 constexpr char kUrl[] = "udpm://239.255.76.67:7667?ttl=0";
 
@@ -78,6 +84,19 @@ class FrameGroups : public testing::Test {
     return pulses;
   }
 
+  /// The groups that this host would be sent by a switch.
+  static std::vector<int> joined() {
+    std::ifstream file("/proc/net/igmp");
+    const std::string memberships((std::istreambuf_iterator<char>(file)), {});
+    std::vector<int> groups;
+    for (int i = 0; i < 3; ++i) {
+      std::array<char, 9> hex{};
+      std::snprintf(hex.data(), hex.size(), "%02X4CFFEF", 68 + i);
+      if (memberships.find(hex.data()) != std::string::npos) groups.push_back(i);
+    }
+    return groups;
+  }
+
   const std::vector<std::string> urls_ = {"udpm://239.255.76.68:7668?ttl=0",
                                           "udpm://239.255.76.69:7669?ttl=0",
                                           "udpm://239.255.76.70:7670?ttl=0"};
@@ -116,6 +135,15 @@ TEST_F(FrameGroups, leave_everything_else_where_it_is) {
   EXPECT_TRUE(events.wait(within(10)));
   EXPECT_TRUE(events_too.wait(within(10)));
   EXPECT_EQ(events_too.counts().received, 1);
+}
+
+TEST_F(FrameGroups, are_joined_by_who_hears_them_and_not_by_who_sends) {
+  send(0);
+  EXPECT_THAT(joined(), IsEmpty());
+  receiver_.hear_frames({1, 2});
+  EXPECT_THAT(joined(), ElementsAre(1, 2));
+  receiver_.hear_frames({2});
+  EXPECT_TRUE(becomes_true([] { return joined() == std::vector{2}; }, within(10)));
 }
 
 TEST_F(FrameGroups, are_one_where_the_studio_has_none) {
