@@ -3,6 +3,7 @@
 #include <spdlog/fmt/fmt.h>
 
 #include <algorithm>
+#include <filesystem>
 
 #include "base/calib_file.h"
 #include "base/error.h"
@@ -67,6 +68,10 @@ std::string NodeCameras::not_ready(const std::vector<std::string>& may_be_missin
 }
 
 void NodeCameras::refuse_unprepared(const std::vector<std::string>& may_be_missing) const {
+  if (!std::filesystem::exists(studio_.storage.calib)) {
+    throw InputError(studio_.storage.calib.string() +
+                     ": is not there; v3dctl calibrate guess makes a first one");
+  }
   const Rig rig = load_calib(studio_.storage.calib);
   for (const auto& worker : workers_) {
     const std::string& camera = worker->camera();

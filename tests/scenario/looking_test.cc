@@ -18,7 +18,24 @@ using testing::StartsWith;
 
 constexpr int kPulses = 20;
 
-class LookingStudio : public test::Studio4 {};
+class LookingStudio : public test::Studio4 {
+ protected:
+  /// `v3dctl ARGUMENTS`, which ends with `status`; what it said.
+  std::string run_v3dctl(const std::vector<std::string>& arguments, int status) {
+    std::vector<std::string> line = {bin("v3dctl"), "--studio", folder_ / "studio.toml"};
+    line.insert(line.end(), arguments.begin(), arguments.end());
+    test::ChildProcess v3dctl(line, folder_ / "v3dctl.log");
+    EXPECT_EQ(v3dctl.wait(within(60)), status) << v3dctl.output() << log();
+    return v3dctl.output();
+  }
+  /// There is no board to be seen: that is what it says of the take that it has recorded.
+  void calibrate_live() {
+    EXPECT_THAT(run_v3dctl({"calibrate", "rig", "--board", "chess:9x6:25mm", "--live", "1", "--out",
+                            folder_ / "new.toml"},
+                           2),
+                HasSubstr("cam01: too few boards: no chess:9x6:25mm in any of 5 pictures"));
+  }
+};
 
 TEST_F(LookingStudio, checks_its_cameras_without_recording_and_sends_previews) {
   take_name_ = "check";
@@ -61,15 +78,8 @@ TEST_F(LookingStudio, checks_its_cameras_without_recording_and_sends_previews) {
   EXPECT_FALSE(std::filesystem::exists(take().folder)) << "nothing is recorded";
 }
 
-// There is no board to be seen: that is what the calibration says of the take that it has recorded.
 TEST_F(LookingStudio, records_a_short_take_when_it_is_calibrated_live) {
-  test::ChildProcess calibrate(
-      {bin("v3dctl"), "--studio", folder_ / "studio.toml", "calibrate", "rig", "--board",
-       "chess:9x6:25mm", "--live", "1", "--out", folder_ / "new.toml"},
-      folder_ / "calibrate.log");
-  EXPECT_EQ(calibrate.wait(within(60)), 2) << calibrate.output() << log();
-  EXPECT_THAT(calibrate.output(),
-              HasSubstr("cam01: too few boards: no chess:9x6:25mm in any of 5 pictures"));
+  calibrate_live();
   for (const auto& entry : std::filesystem::directory_iterator(studio_.storage.takes)) {
     if (entry.path().filename().string().starts_with("calibration-"))
       take_name_ = entry.path().filename();
@@ -79,6 +89,19 @@ TEST_F(LookingStudio, records_a_short_take_when_it_is_calibrated_live) {
   EXPECT_EQ(info.pulses, 5);
   EXPECT_EQ(info.rate_hz, 5);
   EXPECT_EQ(info.state, TakeState::kComplete);
+}
+
+TEST_F(LookingStudio, that_nobody_has_measured_yet_records_boards_by_a_guess) {
+  std::filesystem::remove(studio_.storage.calib);
+  take_name_ = "boards";
+  const Answer refused = command(CommandVerb::kArm);
+  EXPECT_FALSE(refused.done());
+  EXPECT_THAT(text_of(refused), HasSubstr("v3dctl calibrate guess makes a first one"));
+  const std::vector<std::string> guess = {"calibrate", "guess", "--size",
+                                          "160x120",   "--out", studio_.storage.calib.string()};
+  run_v3dctl(guess, 0);
+  EXPECT_THAT(run_v3dctl(guess, 2), HasSubstr("a guess replaces nothing"));
+  calibrate_live();
 }
 
 TEST_F(LookingStudio, tells_of_its_machine_and_its_rates_in_health) {

@@ -1,3 +1,7 @@
+#include <charconv>
+
+#include "base/error.h"
+#include "calib/foreign_rig.h"
 #include "calibrate/commands.h"
 
 namespace v3d::calibrate {
@@ -21,6 +25,19 @@ void add_board_option(CLI::App* command, std::string& board) {
       ->required();
 }
 
+ImageSize parse_size(const std::string& text) {
+  const char* const end = text.data() + text.size();
+  ImageSize size;
+  const auto width = std::from_chars(text.data(), end, size.width);
+  const bool crossed = width.ec == std::errc() && width.ptr != end && *width.ptr == 'x';
+  const auto height = crossed ? std::from_chars(width.ptr + 1, end, size.height) : width;
+  if (!crossed || height.ec != std::errc() || height.ptr != end ||
+      !calib::is_image_size(size.width, size.height)) {
+    throw InputError("--size " + text + ": expected WIDTHxHEIGHT in pixels, like 1024x768");
+  }
+  return size;
+}
+
 void add_calibrate(ctl::CommandLine& line) {
   CLI::App* command =
       line.add("calibrate", "Measure lenses and places of the cameras, and say what is weak",
@@ -28,6 +45,7 @@ void add_calibrate(ctl::CommandLine& line) {
                 "v3dctl calibrate rig --board charuco:4x5:54mm:40.5mm:DICT_4X4_50 \\",
                 "    --take boards-01 --out calib.toml"});
   command->require_subcommand(1);
+  add_guess(line, command);
   add_intrinsics(line, command);
   add_rig(line, command);
   add_floor(line, command);

@@ -1,5 +1,4 @@
 #include <algorithm>
-#include <charconv>
 #include <cstdio>
 #include <nlohmann/json.hpp>
 
@@ -38,17 +37,7 @@ RigFormat format_of(const std::string& named, const std::string& option, const s
 }
 
 std::optional<ImageSize> size_of(const std::string& text) {
-  if (text.empty()) return std::nullopt;
-  const char* const end = text.data() + text.size();
-  ImageSize size;
-  const auto width = std::from_chars(text.data(), end, size.width);
-  const bool crossed = width.ec == std::errc() && width.ptr != end && *width.ptr == 'x';
-  const auto height = crossed ? std::from_chars(width.ptr + 1, end, size.height) : width;
-  if (!crossed || height.ec != std::errc() || height.ptr != end ||
-      !calib::is_image_size(size.width, size.height)) {
-    throw InputError("--size " + text + ": expected WIDTHxHEIGHT in pixels, like 1024x768");
-  }
-  return size;
+  return text.empty() ? std::nullopt : std::optional(parse_size(text));
 }
 
 /// Metres between the two cameras that are farthest apart: tells a wrong unit at a glance.

@@ -1,0 +1,69 @@
+#include <cstdio>
+#include <filesystem>
+#include <nlohmann/json.hpp>
+
+#include "base/calib_file.h"
+#include "base/error.h"
+#include "base/studio_file.h"
+#include "calib/guess.h"
+#include "calibrate/commands.h"
+#include "common/console.h"
+#include "v3dctl/options.h"
+
+namespace v3d::calibrate {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+struct Arguments {
+  std::string size;
+  double across_deg = 60;
+  std::string out;
+  bool json = false;
+};
+
+int run(const ctl::CommandLine& line, const Arguments& arguments) {
+  const ImageSize size = parse_size(arguments.size);
+  if (std::filesystem::exists(arguments.out)) {
+    throw InputError(arguments.out +
+                     ": is there already, and a guess replaces nothing; name another file, or "
+                     "move this one away");
+  }
+  const Studio studio = line.studio();
+  std::vector<std::string> names;
+  for (const StudioCamera& camera : studio.cameras) names.push_back(camera.name);
+  const Rig rig = calib::guessed_rig(names, size, arguments.across_deg, studio.space.bounds);
+  save_calib(arguments.out, rig);
+  if (arguments.json) {
+    std::printf("%s\n", Json{{"cameras", names}, {"out", arguments.out}}.dump(2).c_str());
+    return kExitDone;
+  }
+  std::printf(
+      "%s: %s, guessed, in a ring round the space. Good for recording boards, not for "
+      "meshes: next comes v3dctl calibrate rig --live\n",
+      arguments.out.c_str(), ctl::count_of(std::ssize(rig), "camera").c_str());
+  return kExitDone;
+}
+
+}  // namespace
+
+void add_guess(ctl::CommandLine& line, CLI::App* calibrate) {
+  CLI::App* command =
+      add_under(calibrate, "guess", "A first calib.toml for a new studio, so that it can record",
+                {"v3dctl calibrate guess --size 1024x768 --out /etc/v3d/calib.toml"});
+  auto arguments = std::make_shared<Arguments>();
+  command->add_option("--size", arguments->size, "Size of the images of all cameras")
+      ->type_name("WxH")
+      ->required();
+  command->add_option("--across", arguments->across_deg, "Degrees that an image is wide")
+      ->type_name("DEG")
+      ->check(CLI::Range(5., 150.))
+      ->capture_default_str();
+  command->add_option("--out", arguments->out, "Where to write it; must not be there")
+      ->type_name("FILE")
+      ->required();
+  ctl::add_json_flag(command, arguments->json);
+  line.on_run(command, [&line, arguments] { return run(line, *arguments); });
+}
+
+}  // namespace v3d::calibrate
