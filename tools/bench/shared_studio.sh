@@ -1,4 +1,4 @@
-# Sourced by tools/bench/shards and tools/bench/network: a simulated studio that several nodes reconstruct.
+# Sourced by the scripts here that run a simulated studio, also one that several nodes reconstruct.
 # shellcheck shell=bash
 
 # wait_for TEXT COMMAND...: until what the command prints has the text, two minutes at most. fail() is the caller's.
@@ -6,7 +6,8 @@ wait_for() {
   local text=$1 i
   shift
   for ((i = 0; i < 1200; ++i)); do
-    if "$@" 2>/dev/null | grep -q "$text"; then return; fi
+    # grep -q would end before the command has said all, which fails it.
+    if [ "$("$@" 2>/dev/null | grep -c "$text")" != 0 ]; then return; fi
     sleep 0.1
   done
   fail "never heard '$text'"
