@@ -15,8 +15,8 @@ constexpr int64_t kXgaPixels = 1024 * 768;
 /// So many times as large must the part be that is shown of what was lost.
 constexpr double kClearly = 2;
 /// And by so many standard deviations, as of an image of XGA. With few cameras hulls err more:
-/// clean silhouettes of 8 came to 1.8, late ones of 15 to 2.8 and more (v3d-silhouette-faults,
-/// seeds 1 and 7).
+/// clean silhouettes of 8 came to 1.8. Of 15 as many late ones are found as without it
+/// (v3d-silhouette-faults, seeds 1 and 7).
 constexpr double kLeastExcess = 2.3;
 
 }  // namespace
