@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <Eigen/LU>
 
 #include "base/image.h"
 
@@ -17,6 +18,9 @@ struct ColourResponse {
   bool is_identity() const { return black.isZero(0) && matrix.isIdentity(0); }
   /// What the others would show; may lie outside 0 to 255.
   Eigen::Vector3d corrected(const Eigen::Vector3d& grey) const { return matrix * (grey - black); }
+  /// From the common response to what the camera would show. Requires a matrix that can be
+  /// inverted.
+  ColourResponse inverse() const { return {-(matrix * black), matrix.inverse()}; }
   friend bool operator==(const ColourResponse&, const ColourResponse&) = default;
 };
 

@@ -44,31 +44,6 @@ std::optional<PixelFormat> find_format(Predicate predicate) {
   return found == kFormats.end() ? std::nullopt : std::optional(found->format);
 }
 
-/// Mean of the samples of each colour in the 3x3 neighbourhood: bilinear demosaicing, cut at the
-/// border.
-std::array<uint8_t, 3> demosaic_pixel(ImageView source, const std::array<int, 4>& tile, int x,
-                                      int y) {
-  std::array<int, 3> sum{};
-  std::array<int, 3> weight{};
-  for (int j = std::max(y - 1, 0); j <= std::min(y + 1, source.size.height - 1); ++j) {
-    for (int i = std::max(x - 1, 0); i <= std::min(x + 1, source.size.width - 1); ++i) {
-      const int w = (i == x ? 2 : 1) * (j == y ? 2 : 1);
-      const int channel = tile[(j & 1) * 2 + (i & 1)];
-      sum[channel] += w * source.row(j)[i];
-      weight[channel] += w;
-    }
-  }
-  // The pixel's own sample is exact.
-  const int own = tile[(y & 1) * 2 + (x & 1)];
-  sum[own] = source.row(y)[x];
-  weight[own] = 1;
-  std::array<uint8_t, 3> rgb{};
-  for (int c = 0; c < 3; ++c) {
-    rgb[c] = weight[c] > 0 ? static_cast<uint8_t>((sum[c] + weight[c] / 2) / weight[c]) : 0;
-  }
-  return rgb;
-}
-
 }  // namespace
 
 int bytes_per_pixel(PixelFormat format) { return facts(format).bytes_per_pixel; }
@@ -113,27 +88,6 @@ Image crop(ImageView source, Rect rect) {
     std::memcpy(part.row(y), source.row(rect.y0 + y) + rect.x0 * pixel, rect.width * pixel);
   }
   return part;
-}
-
-Image to_rgb(ImageView source) {
-  Image rgb(source.size, PixelFormat::kRGB8);
-  const FormatFacts& format = facts(source.format);
-  for (int y = 0; y < source.size.height; ++y) {
-    uint8_t* out = rgb.row(y);
-    if (source.format == PixelFormat::kRGB8) {
-      std::memcpy(out, source.row(y), static_cast<size_t>(source.size.width) * 3);
-      continue;
-    }
-    for (int x = 0; x < source.size.width; ++x, out += 3) {
-      if (source.format == PixelFormat::kMono8) {
-        out[0] = out[1] = out[2] = source.row(y)[x];
-      } else {
-        const auto pixel = demosaic_pixel(source, format.tile, x, y);
-        std::copy(pixel.begin(), pixel.end(), out);
-      }
-    }
-  }
-  return rgb;
 }
 
 }  // namespace v3d

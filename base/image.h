@@ -94,7 +94,4 @@ size_t byte_count(ImageSize size, PixelFormat format);
 /// x0 and y0 are even, so that the part has the same filter pattern as the whole.
 Image crop(ImageView source, Rect rect);
 
-/// RGB for people and files (previews, PNG): bilinear demosaicing, grey copied to three channels.
-Image to_rgb(ImageView source);
-
 }  // namespace v3d

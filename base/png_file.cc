@@ -7,6 +7,7 @@
 #include <memory>
 #include <new>
 
+#include "base/demosaic.h"
 #include "base/error.h"
 #include "base/file.h"
 

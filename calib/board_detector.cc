@@ -7,6 +7,8 @@
 #include <opencv2/imgproc.hpp>
 #include <utility>
 
+#include "base/demosaic.h"
+
 namespace v3d::calib {
 namespace {
 

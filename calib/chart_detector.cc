@@ -5,6 +5,8 @@
 #include <opencv2/imgproc.hpp>
 #include <opencv2/mcc.hpp>
 
+#include "base/demosaic.h"
+
 namespace v3d::calib {
 namespace {
 

@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "base/calib_file.h"
+#include "base/demosaic.h"
 #include "base/error.h"
 #include "base/jpeg.h"
 #include "take/take.h"

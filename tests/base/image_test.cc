@@ -32,31 +32,6 @@ TEST(PixelFormat, names_the_colours_of_the_first_two_pixels_of_a_bayer_image) {
   }
 }
 
-TEST(ToRgb, gives_a_flat_scene_its_colour_back_from_every_bayer_pattern_up_to_the_border) {
-  constexpr uint8_t kScene[3] = {200, 120, 40};
-  for (const PixelFormat format : kAll) {
-    if (!is_bayer(format)) {
-      continue;
-    }
-    Image raw({6, 5}, format);
-    for (int y = 0; y < 5; ++y) {
-      for (int x = 0; x < 6; ++x) {
-        raw.row(y)[x] = kScene[bayer_channel(format, x, y)];
-      }
-    }
-    const Image rgb = to_rgb(raw.view());
-    for (size_t i = 0; i < rgb.bytes.size(); ++i) {
-      ASSERT_EQ(rgb.bytes[i], kScene[i % 3]) << name(format) << " at byte " << i;
-    }
-  }
-}
-
-TEST(ToRgb, keeps_the_sample_that_was_measured) {
-  Image raw({4, 4}, PixelFormat::kBayerRG8);
-  raw.row(2)[2] = 255;  // red
-  EXPECT_EQ(to_rgb(raw.view()).row(2)[2 * 3], 255);
-}
-
 TEST(Crop, of_a_colour_image_takes_whole_pixels) {
   Image raw({5, 3}, PixelFormat::kRGB8);
   raw.row(1)[3 * 3 + 2] = 99;

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 
+#include "base/demosaic.h"
 #include "base/error.h"
 #include "recon/compact_frame.h"
 #include "recon/evaluation.h"
@@ -41,23 +42,13 @@ Rig ring(int count) {
   return rig;
 }
 
-Image mosaic(const Image& rgb, PixelFormat format) {
-  Image raw(rgb.size, format);
-  for (int y = 0; y < rgb.size.height; ++y) {
-    for (int x = 0; x < rgb.size.width; ++x) {
-      raw.row(y)[x] = rgb.row(y)[3 * x + bayer_channel(format, x, y)];
-    }
-  }
-  return raw;
-}
-
 FrameSet photograph(const Mesh& mesh, const Rig& rig) {
   FrameSet set;
   set.pulse = 12;
   FrameLabel label;
   label.pulse = 12;
   for (const RigCamera& camera : rig) {
-    const Image raw = mosaic(draw_mesh(mesh, camera.model), PixelFormat::kBayerRG8);
+    const Image raw = mosaic(draw_mesh(mesh, camera.model).view(), PixelFormat::kBayerRG8);
     set.frames.push_back(
         observe(camera.name, label, raw.view(), draw_silhouette(mesh, camera.model)));
   }

@@ -4,6 +4,7 @@
 #include <array>
 #include <optional>
 
+#include "base/demosaic.h"
 #include "base/error.h"
 #include "calib/chart_detector.h"
 #include "v3dctl/interrupt.h"

@@ -3,6 +3,7 @@
 #include <nlohmann/json.hpp>
 
 #include "base/calib_file.h"
+#include "base/demosaic.h"
 #include "base/error.h"
 #include "base/file.h"
 #include "base/html.h"

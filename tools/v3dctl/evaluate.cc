@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cstdio>
 
+#include "base/demosaic.h"
 #include "base/error.h"
 #include "common/console.h"
 #include "common/ply_reader.h"

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "base/demosaic.h"
 #include "recon/evaluation.h"
 #include "recon/renderer.h"
 

@@ -214,14 +214,4 @@ std::vector<Scene> make_scenes(const std::filesystem::path& data, const Conditio
   return scenes;
 }
 
-Image mosaic(ImageView rgb) {
-  Image raw(rgb.size, PixelFormat::kBayerRG8);
-  for (int y = 0; y < rgb.size.height; ++y) {
-    for (int x = 0; x < rgb.size.width; ++x) {
-      raw.row(y)[x] = rgb.row(y)[3 * x + bayer_channel(raw.format, x, y)];
-    }
-  }
-  return raw;
-}
-
 }  // namespace v3d::bench

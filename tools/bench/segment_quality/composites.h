@@ -40,7 +40,4 @@ struct Scene {
 /// Throws InputError naming the file that is missing.
 std::vector<Scene> make_scenes(const std::filesystem::path& data, const Condition& condition);
 
-/// The image that a sensor behind a BayerRG8 filter would have given: a third of the samples.
-Image mosaic(ImageView rgb);
-
 }  // namespace v3d::bench

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <bit>
 
+#include "base/demosaic.h"
 #include "capture/mask_cleanup.h"
 #include "capture/segmenter.h"
 #include "peers/opencv_subtractor.h"
@@ -59,9 +60,10 @@ struct Input {
   Image (*of)(ImageView rgb);
 };
 Image copy(ImageView rgb) { return crop(rgb, {0, 0, rgb.size.width, rgb.size.height}); }
-Image demosaiced(ImageView rgb) { return to_rgb(mosaic(rgb).view()); }
+Image filtered(ImageView rgb) { return mosaic(rgb, PixelFormat::kBayerRG8); }
+Image demosaiced(ImageView rgb) { return to_rgb(filtered(rgb).view()); }
 
-constexpr Input kCameraInputs[] = {{"raw", mosaic}, {"demosaiced", demosaiced}};
+constexpr Input kCameraInputs[] = {{"raw", filtered}, {"demosaiced", demosaiced}};
 constexpr Input kColourInputs[] = {{"colour", copy}};
 std::span<const Input> inputs_of(Sight sight) {
   if (sight == Sight::kCamera) return kCameraInputs;
@@ -167,7 +169,7 @@ Trial our_trial(const std::vector<Scene>& scenes) {
   for (const Scene& scene : scenes) {
     Segmenter segmenter = our_segmenter(scene);
     for (const Composite& composite : scene.composites) {
-      trial.score.add(segmenter.segment(mosaic(composite.colour.view()).view()), composite.truth);
+      trial.score.add(segmenter.segment(filtered(composite.colour.view()).view()), composite.truth);
     }
   }
   return trial;
@@ -185,7 +187,7 @@ std::vector<Trial> peer_trials(const std::string& method, Sight sight,
 }
 
 Mask our_mask(const Scene& scene, const Composite& composite) {
-  return our_segmenter(scene).segment(mosaic(composite.colour.view()).view());
+  return our_segmenter(scene).segment(filtered(composite.colour.view()).view());
 }
 
 }  // namespace v3d::bench
