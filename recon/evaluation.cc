@@ -7,66 +7,13 @@
 #include <cmath>
 #include <limits>
 #include <numbers>
-#include <random>
 #include <vector>
 
 #include "recon/nearest_triangle.h"
+#include "recon/surface_samples.h"
 
 namespace v3d {
 namespace {
-
-struct Sample {
-  Eigen::Vector3d position;
-  Eigen::Vector3d normal;
-};
-
-Eigen::Vector3d interpolated(const Mesh& mesh, const std::vector<Eigen::Vector3f>& values,
-                             uint32_t triangle, const Eigen::Vector3d& weights) {
-  Eigen::Vector3d sum = Eigen::Vector3d::Zero();
-  for (int k = 0; k < 3; ++k) {
-    sum += weights[k] * values[mesh.triangles[triangle][k]].cast<double>();
-  }
-  return sum;
-}
-
-/// Area up to and including each triangle.
-std::vector<double> cumulative_area(const Mesh& mesh) {
-  std::vector<double> area(mesh.triangles.size());
-  double sum = 0;
-  for (size_t t = 0; t < area.size(); ++t) {
-    const auto& [a, b, c] = mesh.triangles[t];
-    const Eigen::Vector3d ab = (mesh.vertices[b] - mesh.vertices[a]).cast<double>();
-    const Eigen::Vector3d ac = (mesh.vertices[c] - mesh.vertices[a]).cast<double>();
-    sum += 0.5 * ab.cross(ac).norm();
-    area[t] = sum;
-  }
-  return area;
-}
-
-/// Evenly spread by area. The standard fixes the engine's numbers, not those of its distributions:
-/// so the distributions are made here, and are the same everywhere.
-std::vector<Sample> sample_surface(const Mesh& mesh, const SurfaceDistanceOptions& options) {
-  std::vector<Sample> samples;
-  const std::vector<double> area = cumulative_area(mesh);
-  if (area.empty() || !(area.back() > 0)) {
-    return samples;
-  }
-  const std::vector<Eigen::Vector3f> normals = vertex_normals(mesh);
-  std::mt19937_64 engine(options.seed);
-  const auto uniform = [&] { return static_cast<double>(engine() >> 11) * 0x1p-53; };
-  samples.reserve(options.samples);
-  for (int i = 0; i < options.samples; ++i) {
-    const double target = (i + uniform()) / options.samples * area.back();
-    const auto found = std::upper_bound(area.begin(), area.end(), target);
-    const auto t =
-        static_cast<uint32_t>(std::min<ptrdiff_t>(found - area.begin(), std::ssize(area) - 1));
-    const double r = std::sqrt(uniform()), s = uniform();
-    const Eigen::Vector3d weights(1 - r, r * (1 - s), r * s);
-    samples.push_back({interpolated(mesh, mesh.vertices, t, weights),
-                       interpolated(mesh, normals, t, weights).normalized()});
-  }
-  return samples;
-}
 
 struct Comparison {
   std::vector<double> distance_m;  ///< one per sample
@@ -77,7 +24,7 @@ double angle_deg(const Eigen::Vector3d& a, const Eigen::Vector3d& b) {
   return std::atan2(a.cross(b).norm(), a.dot(b)) * 180 / std::numbers::pi;
 }
 
-Comparison compare(const std::vector<Sample>& samples, const Mesh& other) {
+Comparison compare(const std::vector<SurfaceSample>& samples, const Mesh& other) {
   const NearestTriangle nearest(other);
   const std::vector<Eigen::Vector3f> normals = vertex_normals(other);
   Comparison result;
@@ -125,8 +72,8 @@ struct PointChange {
   double error_m = 0;    ///< to the truth of now
 };
 
-std::vector<PointChange> changes_of(const std::vector<Sample>& samples, const MeshAndTruth& before,
-                                    const MeshAndTruth& now) {
+std::vector<PointChange> changes_of(const std::vector<SurfaceSample>& samples,
+                                    const MeshAndTruth& before, const MeshAndTruth& now) {
   const NearestTriangle truth(*now.truth), truth_before(*before.truth), earlier(*before.mesh);
   std::vector<PointChange> changes(samples.size());
   tbb::parallel_for(size_t{0}, samples.size(), [&](size_t i) {
@@ -176,8 +123,10 @@ SurfaceDistance without_surface(bool both) {
 
 SurfaceDistance compare_surfaces(const Mesh& reconstructed, const Mesh& truth,
                                  const SurfaceDistanceOptions& options) {
-  const std::vector<Sample> from_result = sample_surface(reconstructed, options);
-  const std::vector<Sample> from_truth = sample_surface(truth, options);
+  const std::vector<SurfaceSample> from_result =
+      sample_surface(reconstructed, options.samples, options.seed);
+  const std::vector<SurfaceSample> from_truth =
+      sample_surface(truth, options.samples, options.seed);
   if (from_result.empty() || from_truth.empty()) {
     return without_surface(from_result.empty() && from_truth.empty());
   }
@@ -203,7 +152,8 @@ SurfaceChange compare_in_time(const MeshAndTruth& before, const MeshAndTruth& no
   for (const Mesh* mesh : {before.mesh, before.truth, now.truth}) {
     if (mesh->triangles.empty()) return {};
   }
-  const auto changes = changes_of(sample_surface(*now.mesh, options), before, now);
+  const auto changes =
+      changes_of(sample_surface(*now.mesh, options.samples, options.seed), before, now);
   const Middle still = middle_of(changes, &PointChange::flicker_m,
                                  [](const PointChange& c) { return c.motion_m <= kStillM; });
   const Middle moving = middle_of(changes, &PointChange::error_m,

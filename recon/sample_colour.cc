@@ -45,7 +45,7 @@ float pixel_at(const ImageView& image, int x, int y, int step = 1, int channel =
   return image.bytes[(static_cast<size_t>(row) * image.size.width + column) * step + channel];
 }
 
-/// sample_bayer_lanes.inc does the same for many points at once: change both.
+/// sample_colour_lanes.inc does the same for many points at once: change both.
 Eigen::Vector3f sample_bayer(const ImageView& image, float u, float v) {
   // The pattern repeats every 2 x 2 pixels: find where red lies; blue lies diagonally across.
   int red = 0;
@@ -89,16 +89,6 @@ std::optional<Eigen::Vector3f> sample_colour(ImageView image, double u, double v
     return Eigen::Vector3f(channel(0), channel(1), channel(2));
   }
   return Eigen::Vector3f::Constant(channel(0));
-}
-
-std::optional<Eigen::Vector3f> sample_colour(const Frame& frame, double u, double v) {
-  const double x = std::floor(u + 0.5), y = std::floor(v + 0.5);
-  const bool inside = x >= frame.roi.x0 && y >= frame.roi.y0 &&
-                      x < frame.roi.x0 + frame.roi.width && y < frame.roi.y0 + frame.roi.height;
-  if (!inside || (frame.mask && !frame.mask->get(static_cast<int>(x), static_cast<int>(y)))) {
-    return std::nullopt;
-  }
-  return sample_colour(frame.image.view(), u - frame.roi.x0, v - frame.roi.y0);
 }
 
 }  // namespace v3d

@@ -20,7 +20,7 @@ namespace {
 namespace hn = hwy::HWY_NAMESPACE;
 
 #include "recon/lanes.inc"
-#include "recon/sample_bayer_lanes.inc"
+#include "recon/sample_colour_lanes.inc"
 #include "recon/voxel_projection_steps.inc"
 
 static_assert(PointArrays::kBlock % kMostLanes == 0);
@@ -111,17 +111,18 @@ HWY_INLINE MaskBits look_at_mask(const VertexCamera& camera, hn::Vec<Ints> x, hn
   return {has(1), has(1U << 16)};
 }
 
-/// sample_colour() for every lane in `wanted`, which shrinks to the lanes that have a colour.
-HWY_INLINE Colour look_one_by_one(const Frame& frame, Lanes u, Lanes v, LaneMask& wanted) {
+/// sample_colour() at (x, y), pixels of the picture, for every lane in `wanted`, which shrinks to
+/// the lanes that have a colour.
+HWY_INLINE Colour look_one_by_one(const ImageView& picture, Lanes x, Lanes y, LaneMask& wanted) {
   const Floats floats;
-  alignas(64) float x[kLanes], y[kLanes];
+  alignas(64) float across[kLanes], down[kLanes];
   alignas(64) float colour[3][kLanes] = {};
   alignas(64) float found[kLanes] = {};
-  hn::Store(u.v, floats, x);
-  hn::Store(v.v, floats, y);
+  hn::Store(x.v, floats, across);
+  hn::Store(y.v, floats, down);
   for (uint64_t rest = bits_of(wanted); rest != 0; rest &= rest - 1) {
     const int i = std::countr_zero(rest);
-    if (const auto c = sample_colour(frame, x[i] - 0.5F, y[i] - 0.5F)) {
+    if (const auto c = sample_colour(picture, across[i], down[i])) {
       for (int k = 0; k < 3; ++k) colour[k][i] = (*c)[k];
       found[i] = 1;
     }
@@ -131,18 +132,23 @@ HWY_INLINE Colour look_one_by_one(const Frame& frame, Lanes u, Lanes v, LaneMask
   return {channel(0), channel(1), channel(2)};
 }
 
-/// The colours of all lanes in `lanes`, which shrinks to those that have one.
-HWY_INLINE Colour look(const Frame& frame, Lanes u, Lanes v, LaneMask& lanes) {
-  if (!is_bayer(frame.image.format)) return look_one_by_one(frame, u, v, lanes);
+/// The colours at all lanes in `lanes`, which shrinks to those that have one. (u, v) are pixel
+/// coordinates of PixelPoint.
+HWY_INLINE Colour look(const VertexCamera& camera, Lanes u, Lanes v, LaneMask& lanes) {
+  const Frame& frame = *camera.frame;
+  const ImageView picture = camera.demosaiced ? camera.demosaiced->view() : frame.image.view();
   const Lanes x = u - (static_cast<float>(frame.roi.x0) + 0.5F);
   const Lanes y = v - (static_cast<float>(frame.roi.y0) + 0.5F);
-  LaneMask quick = hn::And(lanes, far_from_border(frame.image, x, y));
-  if (bits_of(quick) == 0) return look_one_by_one(frame, u, v, lanes);
-  Colour colour = sample_bayer(frame.image, Lanes(hn::IfThenElseZero(quick, x.v)),
-                               Lanes(hn::IfThenElseZero(quick, y.v)), quick);
+  if (picture.format == PixelFormat::kMono8) return look_one_by_one(picture, x, y, lanes);
+  LaneMask quick = hn::And(lanes, far_from_border(picture, x, y));
+  if (bits_of(quick) == 0) return look_one_by_one(picture, x, y, lanes);
+  const Lanes x_quick(hn::IfThenElseZero(quick, x.v)), y_quick(hn::IfThenElseZero(quick, y.v));
+  Colour colour = picture.format == PixelFormat::kRGB8
+                      ? sample_rgb(picture, x_quick, y_quick)
+                      : sample_bayer(picture, x_quick, y_quick, quick);
   LaneMask slow = hn::AndNot(quick, lanes);
   if (bits_of(slow) != 0) {
-    const Colour other = look_one_by_one(frame, u, v, slow);
+    const Colour other = look_one_by_one(picture, x, y, slow);
     for (int k = 0; k < 3; ++k) {
       colour.channel[k] = Lanes(hn::IfThenElse(slow, other.channel[k].v, colour.channel[k].v));
     }
@@ -245,7 +251,7 @@ HWY_INLINE void look_at_seen(const VertexCamera& camera, const SeenVertices& fou
     const MaskBits mask = look_at_mask(camera, pixel(u, roi.x0), pixel(v, roi.y0));
     LaneMask seen = hn::And(there, mask.foreground);
     if (bits_of(seen) == 0) continue;
-    Colour colour = look(*camera.frame, u, v, seen);
+    Colour colour = look(camera, u, v, seen);
     if (camera.colour) colour = corrected(*camera.colour, colour);
     const Lanes facing(hn::Load(floats, found.facing + i));
     const Lanes weight = camera.weight ? Lanes(*camera.weight) : facing;

@@ -29,6 +29,9 @@ struct VertexCamera {
   VoxelCamera lens;  ///< for points in metres
   Eigen::Vector3f axis{0, 0, 1};
   const Frame* frame = nullptr;  ///< borrowed; its roi is not empty
+  /// The pixels of its roi where not the frame's own are to be sampled: what those are in whole
+  /// colours.
+  std::optional<Image> demosaiced = std::nullopt;
   ColourMask mask;
   DepthCells depth;
   float tolerance_m = 0;   ///< see TextureOptions::depth_tolerance_m

@@ -20,10 +20,6 @@ namespace v3d {
 /// point).
 std::optional<Eigen::Vector3f> sample_colour(ImageView image, double u, double v);
 
-/// The same in whole-image coordinates: `frame.image` covers only frame.roi. Empty outside the roi
-/// and where the frame's mask (if it has one) is background.
-std::optional<Eigen::Vector3f> sample_colour(const Frame& frame, double u, double v);
-
 /// What colours the mesh: borrowed. Requires frame->sensor_size == model->size().
 struct TextureCamera {
   const CameraModel* model = nullptr;
@@ -47,6 +43,9 @@ struct TextureOptions {
   /// The surface hides what lies behind it through points no farther apart than this lets
   /// (see occluding_points()); depth cells are as wide. 0.71 voxels: the vertices alone.
   double occluder_radius_m = 0.0071;
+  /// Pictures of a filter mosaic are demosaiced whole before they are sampled, which shows finer
+  /// detail than each colour on its own lattice and costs a pass over the pixels of every roi.
+  bool demosaic = false;
   int fill_passes = 64;  ///< how far colour spreads to vertices that no camera sees, in edges
   /// Colours for this viewpoint alone: a camera counts the more, the more it looks the same way.
   std::optional<ViewDependence> view = std::nullopt;

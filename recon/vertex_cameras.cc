@@ -5,6 +5,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "base/demosaic.h"
+
 namespace v3d {
 namespace {
 
@@ -44,6 +46,7 @@ std::vector<VertexCamera> vertex_cameras(const PointArrays& occluders,
     camera.lens = camera_of_metres(model);
     camera.axis = model.viewing_direction().cast<float>();
     camera.frame = cameras[c].frame;
+    if (options.demosaic) camera.demosaiced = to_rgb(camera.frame->image.view());
     camera.mask = ColourMask(*camera.frame);
     if (const ColourResponse* colour = cameras[c].colour; colour && !colour->is_identity()) {
       camera.colour = SampleCorrection(*colour);

@@ -3,7 +3,7 @@
 #include <algorithm>
 
 #include "base/error.h"
-#include "daemon/recorded/view_colours.h"
+#include "daemon/recorded/frame_colours.h"
 #include "daemon/viewd/view_json.h"
 #include "take/take.h"
 

@@ -3,9 +3,12 @@
 #include <gtest/gtest.h>
 #include <hwy/targets.h>
 
+#include <cmath>
 #include <memory>
+#include <optional>
 #include <random>
 
+#include "base/demosaic.h"
 #include "recon/screen.h"
 #include "recon/texture.h"
 #include "shapes.h"
@@ -59,6 +62,16 @@ std::vector<ColourSums> see(const VertexCamera& camera) {
   return blocks;
 }
 
+/// The colour at (u, v), pixels of the whole image, inside the roi and the mask.
+std::optional<Eigen::Vector3f> colour_at(const VertexCamera& camera, float u, float v) {
+  const Frame& frame = *camera.frame;
+  const int x = static_cast<int>(std::floor(u + 0.5F)), y = static_cast<int>(std::floor(v + 0.5F));
+  if (!frame.roi.contains(x, y) || (frame.mask && !frame.mask->get(x, y))) return std::nullopt;
+  const Image& picture = camera.demosaiced ? *camera.demosaiced : frame.image;
+  return sample_colour(picture.view(), u - static_cast<float>(frame.roi.x0),
+                       v - static_cast<float>(frame.roi.y0));
+}
+
 /// The same, one vertex at a time through the public functions. Returns how many were seen.
 int expect_sums_of_single_samples(const CameraModel& model, const VertexCamera& camera) {
   const auto screen = project_vertices(ball(), model);
@@ -71,7 +84,7 @@ int expect_sums_of_single_samples(const CameraModel& model, const VertexCamera& 
     const Eigen::Vector3f& n = normals[v];
     const Eigen::Vector3f& a = camera.axis;
     const float facing = 0.0F - (n.x() * a.x() + n.y() * a.y() + n.z() * a.z());
-    const auto colour = sample_colour(*camera.frame, screen[v].x, screen[v].y);
+    const auto colour = colour_at(camera, screen[v].x, screen[v].y);
     const bool seen = facing > 0 && screen[v].on_screen() && colour;
     const bool inner = seen && camera.mask.inner(static_cast<int>(screen[v].x + 0.5F),
                                                  static_cast<int>(screen[v].y + 0.5F));
@@ -98,8 +111,10 @@ TEST(SeeVertices, takes_the_very_samples_that_sample_colour_takes) {
       for (const bool with_mask : {false, true}) {
         const CameraModel model = shapes::camera({0.1, -2, 0.4}, {0, 0, 0}, kSize, 260, lens);
         const Frame frame = noise(format, with_mask);
-        EXPECT_GT(expect_sums_of_single_samples(model, prepared(model, frame)), 300)
-            << name(format);
+        VertexCamera camera = prepared(model, frame);
+        EXPECT_GT(expect_sums_of_single_samples(model, camera), 300) << name(format);
+        camera.demosaiced = to_rgb(frame.image.view());
+        EXPECT_GT(expect_sums_of_single_samples(model, camera), 300) << name(format);
       }
     }
   }

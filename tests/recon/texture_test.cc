@@ -9,6 +9,7 @@
 #include <functional>
 #include <random>
 
+#include "base/demosaic.h"
 #include "recon/camera_colours.h"
 #include "shapes.h"
 
@@ -91,33 +92,6 @@ TEST(SampleColour, finds_nothing_outside_the_image_or_in_one_too_small) {
   EXPECT_TRUE(sample_colour(Image({1, 1}, PixelFormat::kMono8).view(), 0.3, -0.2));
 }
 
-TEST(SampleColour, of_a_frame_is_that_of_the_whole_image_inside_roi_and_mask) {
-  const ImageSize size{40, 30};
-  const Image raw = picture(size, PixelFormat::kBayerGB8, [](int c, int x, int y) {
-    return static_cast<uint8_t>(x * 5 + y * 3 + c * 17);
-  });
-  Mask mask(size);
-  for (int y = 11; y < 20; ++y) {
-    mask.fill_row(y, 13, 25);
-  }
-  const Frame frame = observe("cam01", {}, raw.view(), mask);
-  ASSERT_LT(frame.image.size.width, size.width);
-  for (double v = 0; v < 29; v += 0.4) {
-    for (double u = 0; u < 39; u += 0.4) {
-      const bool inside = mask.get(int(std::floor(u + 0.5)), int(std::floor(v + 0.5)));
-      const auto colour = sample_colour(frame, u, v);
-      ASSERT_EQ(colour.has_value(), inside) << u << " " << v;
-      if (inside) {
-        EXPECT_TRUE(colour->isApprox(*sample_colour(raw.view(), u, v), 1e-5F)) << u << " " << v;
-      }
-    }
-  }
-  Frame without_mask = frame;
-  without_mask.mask.reset();
-  EXPECT_TRUE(sample_colour(without_mask, frame.roi.x0, frame.roi.y0));
-  EXPECT_FALSE(sample_colour(without_mask, frame.roi.x0 - 1, frame.roi.y0));
-}
-
 /// A camera and the frame it took: one colour all over, no mask.
 struct Shot {
   CameraModel model;
@@ -192,6 +166,21 @@ TEST(Texture, corrects_every_camera_by_its_colour_response) {
   for (const Rgb8& colour : colour_vertices(ball, cameras, {}).colours) {
     EXPECT_EQ(colour, (Rgb8{100, 100, 200}));
   }
+}
+
+TEST(Texture, of_demosaiced_pictures_is_that_of_cameras_that_give_whole_colours) {
+  std::vector<Shot> raw{shot("left", {-3, 0, 0}, {0, 0, 0}), shot("right", {3, 0, 0}, {0, 0, 0})};
+  std::vector<Shot> whole = raw;
+  std::mt19937 random(3);
+  for (size_t i = 0; i < raw.size(); ++i) {
+    Image& image = raw[i].frame.image = Image({160, 120}, PixelFormat::kBayerGB8);
+    for (uint8_t& byte : image.bytes) byte = static_cast<uint8_t>(random());
+    whole[i].frame.image = to_rgb(image.view());
+  }
+  const Mesh ball = shapes::sphere({0, 0, 0}, 0.5F, 24);
+  const auto colours = colour_vertices(ball, borrow(raw), {.demosaic = true}).colours;
+  EXPECT_EQ(colours, colour_vertices(ball, borrow(whole), {}).colours);
+  EXPECT_NE(colours, colour_vertices(ball, borrow(raw), {}).colours);
 }
 
 TEST(Texture, for_a_viewpoint_follows_the_cameras_that_look_the_same_way) {

@@ -24,6 +24,20 @@ struct Arguments {
   bool json = false;
 };
 
+Json to_json(const SightReport& sight) {
+  Json json;
+  constexpr const char* kCameras[] = {"none", "one", "two", "more"};
+  for (size_t n = 0; n < sight.seen_by.size(); ++n) {
+    const SightFigures& f = sight.seen_by[n];
+    json[kCameras[n]] = {{"truth", f.truth},
+                         {"truth_within_5mm", f.truth_within},
+                         {"reconstructed", f.reconstructed},
+                         {"reconstructed_within_5mm", f.reconstructed_within}};
+  }
+  json["f_score_5mm_if_right_from_two"] = sight.f_score_if_right_from(2);
+  return json;
+}
+
 void put_truth(Json& json, const TruthReport& report) {
   const SurfaceDistance& d = report.distance;
   json["frames"] = report.frames;
@@ -38,6 +52,7 @@ void put_truth(Json& json, const TruthReport& report) {
                      {"10mm_least", report.least_covered_10mm}};
   json["normal_error_deg"] = d.normal_error_deg;
   json["self_intersections"] = report.self_intersections;
+  json["seen_by"] = to_json(report.sight);
   if (report.in_a_row == 0) return;
   const SurfaceChange& c = report.change;
   json["flicker_mm"] = {
@@ -46,19 +61,22 @@ void put_truth(Json& json, const TruthReport& report) {
       {"p50", c.moving_p50_mm}, {"p90", c.moving_p90_mm}, {"moving_part", c.moving}};
 }
 
+Json to_json(const PictureFigures& figures) {
+  return {{"psnr_db", figures.psnr_db}, {"ssim", figures.ssim}};
+}
+
 void put_held_out(Json& json, const std::vector<HeldOutReport>& reports) {
   json["held_out"] = Json::array();
   for (const HeldOutReport& report : reports) {
-    Json entry = {{"camera", report.camera},
-                  {"frames", report.frames},
-                  {"psnr_db", nullptr},
-                  {"ssim", nullptr},
-                  {"iou", nullptr}};
+    Json entry = {{"camera", report.camera}, {"frames", report.frames}, {"psnr_db", nullptr},
+                  {"ssim", nullptr},         {"iou", nullptr},          {"whole_mask", nullptr},
+                  {"true_surface", nullptr}};
     if (report.frames > 0) {
-      entry["psnr_db"] = report.psnr_db;
-      entry["ssim"] = report.ssim;
+      entry.update(to_json(report.inside));
       entry["iou"] = report.iou;
+      entry["whole_mask"] = to_json(report.whole_mask);
     }
+    if (report.true_surface) entry["true_surface"] = to_json(*report.true_surface);
     json["held_out"].push_back(entry);
   }
 }
@@ -86,6 +104,11 @@ void print_truth(const TruthReport& report) {
               d.f_score_5mm, d.f_score_10mm);
   std::printf("covered       %.3f of the truth within 10 mm, %.3f in the worst frame\n",
               d.covered_10mm, report.least_covered_10mm);
+  const auto& seen = report.sight.seen_by;
+  std::printf(
+      "seen          %.3f of the truth by no camera, %.3f by one; were all right within 5 mm "
+      "that two see: f-score %.3f\n",
+      seen[0].truth, seen[1].truth, report.sight.f_score_if_right_from(2));
   std::printf("normals       %.1f degrees off\n", d.normal_error_deg);
   std::printf("crossings     %.0f pairs of triangles go through each other\n",
               report.self_intersections);
@@ -95,8 +118,11 @@ void print_truth(const TruthReport& report) {
 void print_held_out(const std::vector<HeldOutReport>& reports) {
   for (const HeldOutReport& report : reports) {
     std::printf("%-12s  %.2f dB PSNR, %.4f SSIM, %.4f IoU over %lld frames\n",
-                report.camera.c_str(), report.psnr_db, report.ssim, report.iou,
+                report.camera.c_str(), report.inside.psnr_db, report.inside.ssim, report.iou,
                 static_cast<long long>(report.frames));
+    if (!report.true_surface) continue;
+    std::printf("%-12s  %.2f dB PSNR, %.4f SSIM with the true surface\n", "",
+                report.true_surface->psnr_db, report.true_surface->ssim);
   }
 }
 
@@ -105,16 +131,18 @@ EvaluatedColumn measure(const Arguments& arguments, const std::vector<std::strin
   EvaluatedColumn column{name, evaluated, {}, {}};
   if (!arguments.truth.empty()) column.truth = evaluate_truth(evaluated, arguments.truth);
   if (!cameras.empty()) {
-    column.held_out = evaluate_held_out(evaluated, cameras, arguments.view_dependent);
+    column.held_out =
+        evaluate_held_out(evaluated, {cameras, arguments.view_dependent, arguments.truth});
   }
   return column;
 }
 
 Json to_json(const EvaluatedColumn& column) {
-  Json json = {
-      {"frames", nullptr},     {"distance_mm", nullptr},      {"f_score", nullptr},
-      {"covered", nullptr},    {"normal_error_deg", nullptr}, {"self_intersections", nullptr},
-      {"flicker_mm", nullptr}, {"moving_mm", nullptr},        {"held_out", Json::array()}};
+  Json json = {{"frames", nullptr},           {"distance_mm", nullptr},
+               {"f_score", nullptr},          {"covered", nullptr},
+               {"normal_error_deg", nullptr}, {"self_intersections", nullptr},
+               {"seen_by", nullptr},          {"flicker_mm", nullptr},
+               {"moving_mm", nullptr},        {"held_out", Json::array()}};
   if (column.truth) put_truth(json, *column.truth);
   if (!column.held_out.empty()) put_held_out(json, column.held_out);
   return json;

@@ -5,8 +5,8 @@
 
 #include "base/html.h"
 #include "base/jpeg.h"
+#include "daemon/recorded/frame_colours.h"
 #include "daemon/recorded/take_frames.h"
-#include "daemon/recorded/view_colours.h"
 #include "v3dctl/evaluation_pictures.h"
 #include "v3dctl/options.h"
 
@@ -69,9 +69,9 @@ std::string held_out_rows(const EvaluationPage& page) {
   std::string html;
   for (size_t i = 0; i < page.held_out.size(); ++i) {
     html += row(page, page.held_out[i] + ": PSNR, dB",
-                [&](const EvaluatedColumn& c) { return number(c.held_out[i].psnr_db, 2); }) +
+                [&](const EvaluatedColumn& c) { return number(c.held_out[i].inside.psnr_db, 2); }) +
             row(page, page.held_out[i] + ": SSIM",
-                [&](const EvaluatedColumn& c) { return number(c.held_out[i].ssim, 3); }) +
+                [&](const EvaluatedColumn& c) { return number(c.held_out[i].inside.ssim, 3); }) +
             row(page, page.held_out[i] + ": silhouette, IoU",
                 [&](const EvaluatedColumn& c) { return number(c.held_out[i].iou, 4); });
   }
@@ -126,17 +126,17 @@ std::string painted_meshes(const EvaluationPage& page, const std::vector<Compact
 
 std::string photograph_and_renderings(const EvaluationPage& page,
                                       const std::vector<CompactFrame>& meshes, size_t camera,
-                                      const CameraModel& eye, const SegmentedFrame& frame) {
+                                      const RigCamera& eye, const SegmentedFrame& frame) {
   const HeldOutPicture picture(eye, frame);
   std::string drawn, apart;
   for (size_t i = 0; i < meshes.size(); ++i) {
     const EvaluatedColumn& column = page.columns[i];
     const Mesh mesh =
         page.view_dependent
-            ? ViewColours(column.evaluated.take, meshes[i]).seen_by(eye, meshes[i].mesh)
+            ? FrameColours(column.evaluated.take, meshes[i]).seen_by(eye.model, meshes[i].mesh)
             : meshes[i].mesh;
     drawn += figure(picture.rendering(mesh),
-                    column.name + ": " + number(column.held_out[camera].psnr_db, 2, " dB"));
+                    column.name + ": " + number(column.held_out[camera].inside.psnr_db, 2, " dB"));
     apart += figure(picture.difference(mesh), column.name + ": difference");
   }
   return "<h3>" + html_escaped(page.held_out[camera]) + "</h3>\n<div class=\"row\">\n" +
@@ -152,7 +152,7 @@ std::string held_out_pictures(const EvaluationPage& page, const std::vector<Comp
       "how far these are apart inside the silhouette: white for 64 grey values and more.</p>\n";
   for (size_t i = 0; i < views.size(); ++i) {
     if (!views[i] || views[i]->mask.count() == 0) continue;
-    html += photograph_and_renderings(page, meshes, i, recorded.rig()[i].model, *views[i]);
+    html += photograph_and_renderings(page, meshes, i, recorded.rig()[i], *views[i]);
   }
   return html;
 }

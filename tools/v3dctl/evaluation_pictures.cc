@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "base/demosaic.h"
 #include "recon/evaluation.h"
 #include "recon/renderer.h"
 
@@ -49,25 +48,23 @@ std::vector<Image> painted_errors(const Mesh& mesh, const Mesh& truth) {
   return views;
 }
 
-HeldOutPicture::HeldOutPicture(const CameraModel& camera, const SegmentedFrame& frame)
-    : camera_(camera),
-      mask_(frame.mask),
-      place_(with_room(frame.mask.bounding_box(), frame.mask.size())),
-      photograph_(to_rgb(frame.raw.image.view())) {}
+HeldOutPicture::HeldOutPicture(const RigCamera& camera, const SegmentedFrame& frame)
+    : view_(camera, frame), place_(with_room(frame.mask.bounding_box(), frame.mask.size())) {}
 
-Image HeldOutPicture::photograph() const { return cut(photograph_); }
+Image HeldOutPicture::photograph() const { return cut(view_.photograph()); }
 
-Image HeldOutPicture::rendering(const Mesh& mesh) const { return cut(draw_mesh(mesh, camera_)); }
+Image HeldOutPicture::rendering(const Mesh& mesh) const { return cut(view_.drawn(mesh)); }
 
 Image HeldOutPicture::difference(const Mesh& mesh) const {
-  const Image drawn = draw_mesh(mesh, camera_);
+  const Image drawn = view_.drawn(mesh);
+  const Image& photograph = view_.photograph();
   Image apart(drawn.size, PixelFormat::kRGB8);
   for (int y = 0; y < drawn.size.height; ++y) {
     for (int x = 0; x < drawn.size.width; ++x) {
-      if (!mask_.get(x, y)) continue;
+      if (!view_.inside().get(x, y)) continue;
       int most = 0;
       for (int i = 3 * x; i < 3 * x + 3; ++i) {
-        most = std::max(most, std::abs(drawn.row(y)[i] - photograph_.row(y)[i]));
+        most = std::max(most, std::abs(drawn.row(y)[i] - photograph.row(y)[i]));
       }
       const int grey = std::min(255, most * 255 / kWorstGrey);
       std::fill_n(apart.row(y) + 3 * x, 3, static_cast<uint8_t>(grey));

@@ -3,11 +3,7 @@
 
 #include <vector>
 
-#include "base/camera_model.h"
-#include "base/image.h"
-#include "base/mask.h"
-#include "base/mesh.h"
-#include "daemon/recorded/segmented_log.h"
+#include "v3dctl/held_out_view.h"
 
 namespace v3d::ctl {
 
@@ -20,24 +16,23 @@ inline constexpr Rgb8 kErrorColours[] = {
 /// the truth, so that pictures of several meshes are of the same places.
 std::vector<Image> painted_errors(const Mesh& mesh, const Mesh& truth);
 
-/// What a camera that took no part photographed, cut down to the person.
+/// The pictures of a HeldOutView, cut down to the person.
 class HeldOutPicture {
  public:
-  /// Requires a mask with foreground.
-  HeldOutPicture(const CameraModel& camera, const SegmentedFrame& frame);
+  /// Requires a mask with foreground. `camera` is borrowed.
+  HeldOutPicture(const RigCamera& camera, const SegmentedFrame& frame);
   Image photograph() const;
-  /// The mesh as the camera would see it, with the colours that it has.
+  /// The mesh as the camera would have photographed it, with the colours that it has.
   Image rendering(const Mesh& mesh) const;
-  /// How far the two are apart inside the mask: from black to white for 64 grey values and more.
+  /// How far the two are apart inside the silhouette: from black to white for 64 grey values and
+  /// more.
   Image difference(const Mesh& mesh) const;
 
  private:
   Image cut(const Image& whole) const;
 
-  const CameraModel camera_;
-  const Mask mask_;
+  const HeldOutView view_;
   const Rect place_;
-  const Image photograph_;  ///< whole
 };
 
 }  // namespace v3d::ctl

@@ -7,9 +7,9 @@
 #include "base/name_list.h"
 #include "base/png_file.h"
 #include "common/console.h"
+#include "daemon/recorded/frame_colours.h"
 #include "daemon/recorded/mesh_frames.h"
 #include "daemon/recorded/take_frames.h"
-#include "daemon/recorded/view_colours.h"
 #include "recon/renderer.h"
 #include "v3dctl/command.h"
 #include "v3dctl/interrupt.h"
@@ -50,7 +50,7 @@ class Painter {
 
  private:
   Mesh mesh_;
-  std::optional<ViewColours> colours_;
+  std::optional<FrameColours> colours_;
 };
 
 Image through_camera(const Arguments& arguments, const Painter& painter) {

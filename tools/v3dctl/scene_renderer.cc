@@ -6,7 +6,7 @@
 
 #include "base/error.h"
 #include "base/picture.h"
-#include "daemon/recorded/view_colours.h"
+#include "daemon/recorded/frame_colours.h"
 #include "recon/renderer.h"
 
 namespace v3d::ctl {
@@ -87,7 +87,7 @@ void SceneRenderer::add_take(Actor& actor, const CameraModel& eye, double second
   CompactFrame frame = actor.meshes->read(*(next == actor.pulses.begin() ? next : next - 1));
   Mesh mesh = std::move(frame.mesh);
   if (options_.view_dependent) {
-    mesh = ViewColours(actor.take.take, frame)
+    mesh = FrameColours(actor.take.take, frame)
                .seen_by(seen_from_take(eye, actor.take.place), std::move(mesh));
   }
   const Eigen::Affine3f place = actor.take.place.world_from_own().cast<float>();

@@ -4,7 +4,7 @@
 #include <map>
 
 #include "base/error.h"
-#include "daemon/recorded/view_colours.h"
+#include "daemon/recorded/frame_colours.h"
 
 namespace v3d::ctl {
 namespace {
