@@ -142,6 +142,7 @@ class Deformer::Impl {
     normals_ = vertex_normals(mesh);
     smooth_normals(neighbours_, kNormalSmoothing, normals_, work_);
     draw_depths(mesh, models_, depths_);
+    if (round.outlines && options_.silhouette > 0) find_outlines();
     profiles_.resize(count);
     known_.resize(count);
     pulls_.resize(count);
@@ -168,12 +169,18 @@ class Deformer::Impl {
     return true;
   }
 
+  void find_outlines() {
+    near_.resize(cameras_.size());
+    tbb::parallel_for(size_t{0}, near_.size(),
+                      [&](size_t c) { near_[c] = near_outline(cameras_[c], depths_[c]); });
+  }
+
   OutlinePull pull_of_outlines(const Vector3f& place, const Vector3f& normal) const {
     OutlinePull pull;
     if (options_.silhouette <= 0) return pull;
     const float each = weight(kPullOfSilhouette, options_.silhouette);
     for (size_t c = 0; c < cameras_.size(); ++c) {
-      if (const auto way = way_to_silhouette(cameras_[c], depths_[c], place, normal)) {
+      if (const auto way = way_to_silhouette(cameras_[c], depths_[c], near_[c], place, normal)) {
         pull.weight += each;
         pull.sum_m += each * *way;
       }
@@ -224,6 +231,7 @@ class Deformer::Impl {
   std::vector<SurfaceCamera> cameras_;
   std::vector<CameraModel> models_;
   std::vector<DepthBuffer> depths_;
+  std::vector<Mask> near_;  ///< see near_outline()
   Neighbours neighbours_;
   std::vector<Vector3f> start_, normals_, work_;
   std::vector<DepthProfile> profiles_;

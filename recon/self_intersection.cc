@@ -2,12 +2,14 @@
 
 #include <tbb/concurrent_vector.h>
 #include <tbb/parallel_for.h>
-#include <tbb/parallel_sort.h>
 
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <numeric>
+
+#include "recon/mesh_edges.h"
 
 namespace v3d {
 namespace {
@@ -48,19 +50,20 @@ Box3 box_of(const Mesh& mesh, uint32_t t) {
   return Box3(mesh.vertices[a]).extend(mesh.vertices[b]).extend(mesh.vertices[c]);
 }
 
-/// Cubes about two edges wide, so that a triangle is in few of them and a cube has few triangles.
+/// Cubes a little wider than an edge, so that a triangle is in few of them and a cube has few
+/// triangles.
 class Cells {
  public:
   explicit Cells(const Mesh& mesh) {
-    double edges = 0;
-    for (const auto& [a, b, c] : mesh.triangles) {
-      edges += (mesh.vertices[a] - mesh.vertices[b]).norm();
-    }
-    for (const Eigen::Vector3f& v : mesh.vertices) all_.extend(v);
-    const double mean = edges / static_cast<double>(mesh.triangles.size());
-    width_ = static_cast<float>(
-        std::max(2 * mean, double{all_.sizes().maxCoeff()} / (kMostPerAxis - 2) + 1e-9));
+    Box3 all;
+    for (const Eigen::Vector3f& v : mesh.vertices) all.extend(v);
+    first_ = all.min();
+    double width = std::max(1.3 * mean_edge(mesh), 1e-9);
+    while ((all.sizes().cast<double>().array() / width + 1).prod() > kMost) width *= 1.2;
+    per_metre_ = static_cast<float>(1 / width);
+    along_ = numbers(all.max()) + 1;
   }
+  size_t count() const { return static_cast<size_t>(along_.cast<int64_t>().prod()); }
   uint32_t at(const Eigen::Vector3f& place) const { return key(numbers(place)); }
   template <class Visit>
   void for_each(const Box3& box, const Visit& visit) const {
@@ -74,45 +77,60 @@ class Cells {
   }
 
  private:
-  static constexpr int kMostPerAxis = 1 << 10;
+  static constexpr double kMost = 1 << 22;
   Eigen::Array3i numbers(const Eigen::Vector3f& place) const {
-    return ((place - all_.min()).array() / width_).cast<int>();
+    return ((place - first_).array() * per_metre_).cast<int>();
   }
-  static uint32_t key(const Eigen::Array3i& at) {
-    return static_cast<uint32_t>(at[0] + kMostPerAxis * (at[1] + kMostPerAxis * at[2]));
+  uint32_t key(const Eigen::Array3i& at) const {
+    return static_cast<uint32_t>(at[0] + along_[0] * (at[1] + along_[1] * at[2]));
   }
 
-  Box3 all_;
-  float width_ = 1;
+  Eigen::Vector3f first_;
+  float per_metre_ = 1;
+  Eigen::Array3i along_{1, 1, 1};
 };
-
-/// A cell and one of the triangles whose boxes touch it; sorted, cells stand together.
-using Entry = uint64_t;
-Entry entry(uint32_t cell, uint32_t triangle) { return uint64_t{cell} << 32 | triangle; }
-uint32_t cell_of(Entry e) { return static_cast<uint32_t>(e >> 32); }
-uint32_t triangle_of(Entry e) { return static_cast<uint32_t>(e); }
 
 using Chosen = std::vector<uint8_t>;  ///< one per triangle
 
-/// What is in the cells that chosen triangles touch; cell by cell.
-std::vector<Entry> fill(const Cells& cells, const std::vector<Box3>& boxes, const Chosen& chosen) {
-  std::vector<uint32_t> wanted;
-  const bool all = std::find(chosen.begin(), chosen.end(), 0) == chosen.end();
-  for (uint32_t t = 0; t < chosen.size() && !all; ++t) {
-    if (chosen[t]) cells.for_each(boxes[t], [&](uint32_t cell) { wanted.push_back(cell); });
-  }
-  std::sort(wanted.begin(), wanted.end());
-  wanted.erase(std::unique(wanted.begin(), wanted.end()), wanted.end());
-  std::vector<Entry> entries;
+/// The triangles whose boxes touch a cell, rising, one cell after the other.
+struct FilledCells {
+  std::vector<uint32_t> first;  ///< of each cell, in `triangles`; and the end
+  std::vector<uint32_t> triangles;
+};
+
+/// The triangles in the cells that chosen ones touch; rising.
+std::vector<uint32_t> beside(const Cells& cells, const std::vector<Box3>& boxes,
+                             const Chosen& chosen) {
+  std::vector<uint8_t> wanted(cells.count(), 0);
   for (uint32_t t = 0; t < chosen.size(); ++t) {
-    cells.for_each(boxes[t], [&](uint32_t cell) {
-      if (all || std::binary_search(wanted.begin(), wanted.end(), cell)) {
-        entries.push_back(entry(cell, t));
-      }
-    });
+    if (chosen[t]) cells.for_each(boxes[t], [&](uint32_t cell) { wanted[cell] = 1; });
   }
-  tbb::parallel_sort(entries);
-  return entries;
+  std::vector<uint8_t> touches(boxes.size(), 0);
+  tbb::parallel_for(size_t{0}, boxes.size(), [&](size_t t) {
+    cells.for_each(boxes[t], [&](uint32_t cell) { touches[t] |= wanted[cell]; });
+  });
+  std::vector<uint32_t> found;
+  for (uint32_t t = 0; t < touches.size(); ++t) {
+    if (touches[t]) found.push_back(t);
+  }
+  return found;
+}
+
+FilledCells fill(const Cells& cells, const std::vector<Box3>& boxes,
+                 std::span<const uint32_t> triangles) {
+  FilledCells filled;
+  filled.first.assign(cells.count() + 2, 0);  // one more: where the next triangle goes, at first
+  for (const uint32_t t : triangles) {
+    cells.for_each(boxes[t], [&](uint32_t cell) { ++filled.first[cell + 2]; });
+  }
+  std::partial_sum(filled.first.begin(), filled.first.end(), filled.first.begin());
+  filled.triangles.resize(filled.first.back());
+  for (const uint32_t t : triangles) {
+    cells.for_each(boxes[t],
+                   [&](uint32_t cell) { filled.triangles[filled.first[cell + 1]++] = t; });
+  }
+  filled.first.pop_back();
+  return filled;
 }
 
 Corners corners_of(const Mesh& mesh, uint32_t t) {
@@ -124,8 +142,9 @@ Corners corners_of(const Mesh& mesh, uint32_t t) {
 std::vector<Crossing> find(const Mesh& mesh, const Chosen& chosen) {
   const Cells cells(mesh);
   std::vector<Box3> boxes(mesh.triangles.size());
-  for (uint32_t t = 0; t < boxes.size(); ++t) boxes[t] = box_of(mesh, t);
-  const std::vector<Entry> entries = fill(cells, boxes, chosen);
+  tbb::parallel_for(size_t{0}, boxes.size(),
+                    [&](size_t t) { boxes[t] = box_of(mesh, static_cast<uint32_t>(t)); });
+  const FilledCells filled = fill(cells, boxes, beside(cells, boxes, chosen));
   const auto is_crossing = [&](uint32_t cell, uint32_t s, uint32_t t) {
     if ((!chosen[s] && !chosen[t]) || !boxes[s].intersects(boxes[t]) ||
         share_vertex(mesh.triangles[s], mesh.triangles[t])) {
@@ -136,11 +155,13 @@ std::vector<Crossing> find(const Mesh& mesh, const Chosen& chosen) {
            cross(corners_of(mesh, s), corners_of(mesh, t));
   };
   tbb::concurrent_vector<Crossing> found;
-  tbb::parallel_for(size_t{0}, entries.size(), [&](size_t i) {
-    const uint32_t cell = cell_of(entries[i]), s = triangle_of(entries[i]);
-    for (size_t j = i + 1; j < entries.size() && cell_of(entries[j]) == cell; ++j) {
-      const uint32_t t = triangle_of(entries[j]);
-      if (is_crossing(cell, s, t)) found.push_back({s, t});
+  tbb::parallel_for(uint32_t{0}, static_cast<uint32_t>(cells.count()), [&](uint32_t cell) {
+    const uint32_t end = filled.first[cell + 1];
+    for (uint32_t i = filled.first[cell]; i < end; ++i) {
+      for (uint32_t j = i + 1; j < end; ++j) {
+        const uint32_t s = filled.triangles[i], t = filled.triangles[j];
+        if (is_crossing(cell, s, t)) found.push_back({s, t});
+      }
     }
   });
   std::vector<Crossing> all(found.begin(), found.end());

@@ -2,6 +2,8 @@
 
 #include <cmath>
 
+#include "base/mask_shape.h"
+
 namespace v3d {
 namespace {
 
@@ -34,16 +36,41 @@ bool deep_inside(const Vector2f& pixel, ImageSize size, float room) {
          pixel.y() < static_cast<float>(size.height) - room;
 }
 
+Mask drawn_pixels(const DepthBuffer& depth) {
+  Mask drawn(depth.size);
+  for (int y = 0; y < depth.size.height; ++y) {
+    const float* z = depth.z.data() + static_cast<size_t>(y) * depth.size.width;
+    for (int x = 0; x < depth.size.width; ++x) {
+      drawn.row(y)[x / 64] |= uint64_t{std::isfinite(z[x])} << (x % 64);
+    }
+  }
+  return drawn;
+}
+
 }  // namespace
 
+Mask near_outline(const SurfaceCamera& camera, const DepthBuffer& depth) {
+  const int radius = static_cast<int>(std::ceil(kOutlinePixels * camera.coarseness()));
+  const Mask drawn = drawn_pixels(depth);
+  if (radius <= kMostRadius) return only_first(grown(drawn, radius), shrunk(drawn, radius));
+  Mask anywhere(depth.size);
+  for (int y = 0; y < depth.size.height; ++y) anywhere.fill_row(y, 0, depth.size.width);
+  return anywhere;
+}
+
 std::optional<float> way_to_silhouette(const SurfaceCamera& camera, const DepthBuffer& depth,
-                                       const Eigen::Vector3f& place,
+                                       const Mask& near, const Eigen::Vector3f& place,
                                        const Eigen::Vector3f& normal) {
   const Eigen::Vector3f to_camera = camera.center() - place;
   if (!(std::abs(to_camera.dot(normal)) <= kMostFacing * to_camera.norm())) return std::nullopt;
-  const auto seen = camera.project(place), beside = camera.project(place + kProbeMetres * normal);
+  const auto seen = camera.project(place);
   const float room = (kSearchPixels + 1) * camera.coarseness();
-  if (!seen || !beside || !deep_inside(seen->pixel, depth.size, room)) return std::nullopt;
+  if (!seen || !deep_inside(seen->pixel, depth.size, room)) return std::nullopt;
+  if (!near.get(static_cast<int>(seen->pixel.x()), static_cast<int>(seen->pixel.y()))) {
+    return std::nullopt;
+  }
+  const auto beside = camera.project(place + kProbeMetres * normal);
+  if (!beside) return std::nullopt;
   const Vector2f across = beside->pixel - seen->pixel;
   const float length = across.norm() / camera.coarseness();
   if (!(length > 0)) return std::nullopt;

@@ -7,12 +7,18 @@
 
 namespace v3d {
 
+/// The pixels from which the outline of the mesh, as `camera` sees it, is near enough for a vertex
+/// there to be on it, and perhaps a few more. `depth` is of the mesh.
+Mask near_outline(const SurfaceCamera& camera, const DepthBuffer& depth);
+
 /// How far (metres along the normal) a vertex on the outline of the mesh, as `camera` sees it, must
 /// move for the outline to fall on that of the observed silhouette. Both outlines are looked for
 /// along the normal's way in the image, in the pixels that the two pictures consist of, so a mesh
 /// that fills its silhouette feels nothing. Empty for a vertex that is not on the outline, and
-/// where the observed one is not near. `depth` is of the mesh.
+/// where the observed one is not near. `depth` is of the mesh, and `near` of it: most vertices are
+/// not on the outline, and that is known by one pixel.
 std::optional<float> way_to_silhouette(const SurfaceCamera& camera, const DepthBuffer& depth,
-                                       const Eigen::Vector3f& place, const Eigen::Vector3f& normal);
+                                       const Mask& near, const Eigen::Vector3f& place,
+                                       const Eigen::Vector3f& normal);
 
 }  // namespace v3d

@@ -52,10 +52,11 @@ void pull_back(const Marks& marks, const std::vector<Vector3f>& start, float par
   });
 }
 
-void settle(const std::optional<VertexLattice>& lattice, Mesh& mesh) {
+void settle(const std::optional<VertexLattice>& lattice, const Marks& marks, Mesh& mesh) {
   if (!lattice) return;
-  for_each_vertex(mesh.vertices.size(),
-                  [&](size_t v) { mesh.vertices[v] = rounded_to(*lattice, mesh.vertices[v]); });
+  for_each_vertex(mesh.vertices.size(), [&](size_t v) {
+    if (marks[v]) mesh.vertices[v] = rounded_to(*lattice, mesh.vertices[v]);
+  });
 }
 
 std::vector<uint32_t> triangles_at(const Marks& marks, const Mesh& mesh) {
@@ -71,7 +72,7 @@ std::vector<uint32_t> triangles_at(const Marks& marks, const Mesh& mesh) {
 
 size_t untangle(const Neighbours& neighbours, const std::vector<Vector3f>& start,
                 const std::optional<VertexLattice>& lattice, Mesh& mesh) {
-  settle(lattice, mesh);
+  settle(lattice, Marks(mesh.vertices.size(), 1), mesh);
   std::vector<Crossing> crossings = self_intersections(mesh);
   for (int pass = 0; pass < kUntanglings && !crossings.empty(); ++pass) {
     Marks marks = corners_of(crossings, mesh);
@@ -83,7 +84,7 @@ size_t untangle(const Neighbours& neighbours, const std::vector<Vector3f>& start
       const bool last = pass + 2 >= kUntanglings;
       pull_back(marks, start, last ? 1.0F : 0.5F, mesh);
     }
-    settle(lattice, mesh);
+    settle(lattice, marks, mesh);
     // Crossings that none of the moved triangles takes part in are gone already.
     crossings = self_intersections(mesh, triangles_at(marks, mesh));
   }
