@@ -1,27 +1,23 @@
-// What a capture node does: makes its cameras and the trigger ready, records takes, learns the
-// background.
+// What a capture node does: makes its cameras and the trigger ready for what is ordered, follows
+// the take that is under way, and tells of both.
 #pragma once
 
-#include <map>
 #include <memory>
+#include <optional>
 #include <string>
-#include <vector>
 
 #include "base/studio_file.h"
 #include "capture/pulse_times.h"
-#include "daemon/background_learner.h"
 #include "daemon/bus.h"
-#include "daemon/camera_check.h"
 #include "daemon/camera_watch.h"
 #include "daemon/event_sender.h"
 #include "daemon/full_disk_watch.h"
 #include "daemon/kept_order.h"
 #include "daemon/node_cameras.h"
-#include "daemon/node_take.h"
+#include "daemon/node_trigger.h"
 #include "daemon/node_work.h"
-#include "daemon/pulse_recorder.h"
-#include "daemon/train_watch.h"
-#include "trigger/pulse_generator.h"
+#include "daemon/take_under_way.h"
+#include "daemon/work_places.h"
 
 namespace v3d {
 
@@ -45,91 +41,58 @@ class CaptureNode : public NodeWork {
   bool progressed_since(MonotonicInstant since) const override;
 
  private:
+  void begin_order(const CommandMessage& order, std::optional<int64_t> pulses);
   void make_ready(const CommandMessage& order, std::optional<int64_t> pulses);
   void arm_cameras();
-  std::map<std::string, ChromaKey> chroma_keys() const;
   /// The generator takes its time; arms the cameras when it is done. Throws what armed() throws.
   bool is_arming_trigger();
+  bool checks() const { return plan_.order.verb == CommandVerb::kCheck; }
+  std::string ready_text() const;
+
+  TakeUnderWay::Node of_this_node();
   /// Any thread.
   void tell_cameras(const PulseEdge& edge);
-  /// Where no line senses the pulses, it was when it was commanded.
-  void tell_first_pulse();
 
-  bool train_is_over();
   NodeReport poll_arming();
   std::optional<NodeReport> poll_learning();
   std::optional<NodeReport> poll_recording();
   std::optional<NodeReport> poll_draining();
+  NodeReport check_report(const TakeAccount& account) const;
+  /// Requires that it is counted.
+  TakeAccount close_take();
 
-  bool checks() const { return order_.verb == CommandVerb::kCheck; }
-  /// Looks with the cameras that are ready, whatever the others do.
-  void open_check();
-  NodeReport check_report();
-
-  struct TakeTotals {
-    LaneCounts frames;
-    int64_t pulses_not_live = 0;
-    int64_t sensed = 0;
-    int64_t commanded = 0;
-  };
-  TakeTotals totals() const;
-  void open_take();
-  void begin_order(const CommandMessage& order, std::optional<int64_t> pulses);
-  bool edges_are_told() const { return generator_ || studio_.trigger.is_sensed(); }
-  /// Records into a take that this node was in before it was started anew.
-  void reopen_take(int64_t commanded);
-  NodeTake::Node of_this_node() { return {studio_, node_, bus_, cameras_, places_}; }
-  NodeTake::Plan plan() const { return {.order = order_, .disk = disk_demand()}; }
-  /// An empty `log` is not written.
-  void listen_to_pulses(const std::filesystem::path& log,
-                        std::optional<PulseRecorder::Past> past = {});
-  /// Ends lanes and pulses; gives the account. Requires that pulses are recorded. A take is still
-  /// to be closed.
-  Ledger finish();
-  /// A take's, or a check's.
-  bool records_pulses() const { return pulses_ && (take_ || check_); }
-  bool only_sensor_counts() const;
-  int64_t commanded() const;
-  bool all_accounted_for() const;
-  std::string ready_text() const;
+  bool counts_take() const { return take_ && take_->is_counted(); }
+  /// Of the take that is under way, else of the last one.
+  TakeCounts take_counts() const { return counts_take() ? take_->counts() : last_; }
   /// What the cameras record, at the rate of the last order.
   double bytes_per_second() const;
-  DiskDemand disk_demand() const;
   /// Why a full or broken disk ends the take, here or elsewhere; empty while none does. Tells when
   /// frames wait.
   std::string look_at_disks();
   std::string trouble() const;
+  void report_take(const TakeCounts& counts, HealthMessage& health) const;
   /// Troubles of the disk and the trigger, told when they begin, change and end.
-  void tell_troubles(const TakeTotals& sum);
-  std::string trigger_trouble(const TakeTotals& sum) const;
+  void tell_troubles(const TakeCounts& counts);
+  std::string trigger_trouble(const TakeCounts& counts) const;
 
   const Studio& studio_;
   const std::string node_;
   Bus& bus_;
   EventSender events_;
   CameraWatch camera_watch_;
-  std::unique_ptr<PulseGenerator> generator_;  ///< null where another node has the trigger
-  std::unique_ptr<PulseSensor> sensor_;        ///< null with it, and without a sense line
-  PulseTimes pulse_times_;                     ///< as sensed here
-  std::unique_ptr<TrainWatch> train_;          ///< null where the trigger is here
-  std::unique_ptr<FullDiskWatch> full_disks_;  ///< null where it is not
+  PulseTimes pulse_times_;  ///< as sensed here
+  NodeTrigger trigger_;
+  std::unique_ptr<FullDiskWatch> full_disks_;  ///< null where the trigger is not
   KeptOrders kept_orders_;
   NodeCameras cameras_;
   WorkPlaces places_;
 
-  CommandMessage order_;
+  TakeUnderWay::Plan plan_;     ///< of the last order
   bool cameras_armed_ = false;  ///< for the order
-  double rate_hz_ = 0;
-  PulseTrain pulse_train_;
-  bool first_pulse_told_ = false;
   MonotonicInstant ready_by_;
-  MonotonicInstant drain_began_;
-  std::unique_ptr<PulseRecorder> pulses_;
-  std::unique_ptr<NodeTake> take_;  ///< null when none is open
-  TakeTotals totals_;               ///< of the last take
-  bool disk_is_full_ = false;       ///< or broken: that ended the last take here
-  std::unique_ptr<BackgroundLearner> learner_;
-  std::unique_ptr<CameraCheck> check_;
+  std::unique_ptr<TakeUnderWay> take_;  ///< null when none is under way
+  TakeCounts last_;                     ///< of the last take
+  bool disk_is_full_ = false;           ///< or broken: that ended the last take here
 };
 
 }  // namespace v3d

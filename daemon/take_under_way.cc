@@ -1,0 +1,182 @@
+#include "daemon/take_under_way.h"
+
+#include <algorithm>
+#include <map>
+#include <utility>
+
+#include "daemon/take_folder.h"
+
+namespace v3d {
+namespace {
+
+constexpr Duration kDrainWithin = std::chrono::seconds(15);
+constexpr Duration kLongestQuiet = std::chrono::seconds(1);
+/// A pulse is known of so long after its end.
+constexpr Duration kSensedWithin = std::chrono::milliseconds(100);
+/// The plates of the background, beyond their train.
+constexpr Duration kPlatesWithin = std::chrono::seconds(15);
+
+std::map<std::string, ChromaKey> chroma_keys(const Studio& studio) {
+  std::map<std::string, ChromaKey> keys;
+  for (const StudioCamera& camera : studio.cameras) keys[camera.name] = camera.chroma_key;
+  return keys;
+}
+
+}  // namespace
+
+// --- begins -------------------------------------------------------------------------------------
+
+std::unique_ptr<TakeUnderWay> TakeUnderWay::begin(Node node, Plan plan) {
+  std::unique_ptr<TakeUnderWay> take(new TakeUnderWay(std::move(node), std::move(plan)));
+  switch (take->plan_.order.verb) {
+    case CommandVerb::kArm:
+      take->record();
+      break;
+    case CommandVerb::kCheck:
+      take->look();
+      break;
+    default:
+      take->listen_to_pulses({});
+  }
+  return take;
+}
+
+std::unique_ptr<TakeUnderWay> TakeUnderWay::go_on(Node node, Plan plan, int64_t commanded) {
+  std::unique_ptr<TakeUnderWay> take(new TakeUnderWay(std::move(node), std::move(plan)));
+  take->record_again(commanded);
+  return take;
+}
+
+DiskDemand TakeUnderWay::disk_demand(const NodeCameras& cameras, const Plan& plan) {
+  return {.rate_hz = plan.train.rate_hz,
+          .bytes_per_pulse = cameras.bytes_per_pulse(),
+          .pulses = plan.order.pulses > 0 ? std::optional(plan.order.pulses) : std::nullopt,
+          .queue_frames = NodeCameras::kQueueFrames};
+}
+
+NodeTake::Plan TakeUnderWay::recording_plan() const {
+  return {.order = plan_.order, .disk = disk_demand(node_.cameras, plan_)};
+}
+
+void TakeUnderWay::record() {
+  const NodeTake::Plan plan = recording_plan();
+  refuse_unfit_disk(node_.studio.storage.takes, plan.disk);
+  auto recording = NodeTake::begin(recorder(), plan);
+  listen_to_pulses(recording->paths().pulses());
+  recording_ = std::move(recording);
+}
+
+void TakeUnderWay::record_again(int64_t commanded) {
+  const TakePaths paths = take_paths(node_.studio, plan_.order.take);
+  const EdgeTimes edges = edge_times(paths);
+  PulseRecorder::Past past{.sensed = {}, .commanded = commanded};
+  for (const auto& [pulse, edge] : edges) past.sensed.insert(pulse);
+  auto recording =
+      NodeTake::go_on(recorder(), recording_plan(), edges, node_.trigger.tells_edges());
+  listen_to_pulses(paths.pulses(), std::move(past));
+  node_.trigger.start();
+  recording->save_as_open();
+  recording_ = std::move(recording);
+}
+
+void TakeUnderWay::look() {
+  const std::vector<CameraWorker*> ready = node_.cameras.ready();
+  listen_to_pulses({});
+  check_ = std::make_unique<CameraCheck>(
+      ready,
+      CameraCheck::Setup{.rate_hz = plan_.train.rate_hz,
+                         .background = node_.studio.storage.background},
+      node_.bus);
+}
+
+void TakeUnderWay::listen_to_pulses(const std::filesystem::path& log,
+                                    std::optional<PulseRecorder::Past> past) {
+  pulses_ = std::make_unique<PulseRecorder>(node_.trigger.sensor(), node_.bus,
+                                            PulseRecorder::Setup{.take = plan_.order.take,
+                                                                 .train = plan_.train,
+                                                                 .log = log,
+                                                                 .on_edge = node_.on_edge,
+                                                                 .past = std::move(past)});
+}
+
+void TakeUnderWay::start() {
+  if (plan_.order.verb != CommandVerb::kBackground) return;
+  const int64_t plates = plan_.train.count.value();
+  learner_ = std::make_unique<BackgroundLearner>(
+      node_.cameras.ready(),
+      LearnPlan{.plates = plates,
+                .limit = (plates + 2) * period_of(plan_.train.rate_hz) + kPlatesWithin,
+                .folder = node_.studio.storage.background,
+                .rate_hz = plan_.train.rate_hz,
+                .keys = chroma_keys(node_.studio)},
+      node_.bus);
+}
+
+// --- goes on ------------------------------------------------------------------------------------
+
+std::optional<BackgroundLearner::Result> TakeUnderWay::learnt() { return learner_->poll(); }
+
+TakeCounts TakeUnderWay::counts() const {
+  return {.frames = recording_ ? recording_->counts() : LaneCounts{},
+          .pulses_not_live = recording_ ? recording_->pulses_not_live() : 0,
+          .sensed = pulses_->sensed(),
+          .commanded = commanded()};
+}
+
+bool TakeUnderWay::progressed_since(MonotonicInstant since) const {
+  return (!recording_ || recording_->progressed_since(since)) && pulses_->progressed_since(since) &&
+         (!learner_ || learner_->progressed_since(since)) &&
+         (!check_ || check_->progressed_since(since));
+}
+
+// --- ends ---------------------------------------------------------------------------------------
+
+void TakeUnderWay::train_ended() {
+  node_.cameras.train_ended();
+  if (learner_) learner_->train_ended();
+  ended_ = Monotonic::now();
+}
+
+/// Those of the train, as far as they will ever be.
+bool TakeUnderWay::pulses_are_known(bool silent) const {
+  const NodeTrigger& trigger = node_.trigger;
+  // Elsewhere the last ones may not have been heard of yet.
+  if (!trigger.is_here()) return silent;
+  if (pulses_->sensed() < commanded() && !silent) return false;
+  // A pulse that was under way when they were turned off is known of at its end.
+  return !trigger.only_sensor_counts() ||
+         Monotonic::now() - ended_ >= plan_.train.width + kSensedWithin;
+}
+
+bool TakeUnderWay::is_accounted_for() const {
+  const Duration since = Monotonic::now() - ended_;
+  if (since >= kDrainWithin) return true;
+  const Duration quiet = std::min<Duration>(kLongestQuiet, 10 * period_of(plan_.train.rate_hz));
+  const bool silent = since > quiet;
+  if (!pulses_are_known(silent)) return false;
+  if (check_) return silent || check_->has(commanded());
+  return recording_->has_all(commanded(),
+                             silent ? std::optional(Monotonic::now() - quiet) : std::nullopt);
+}
+
+/// Who only listens to the trigger's node, and missed a word of it, cannot tell.
+bool TakeUnderWay::knows_what_was_sensed(int64_t commanded) const {
+  return node_.studio.trigger.is_sensed() &&
+         (node_.trigger.sensor() != nullptr || pulses_->sensed() >= commanded);
+}
+
+TakeAccount TakeUnderWay::close() {
+  TakeAccount account;
+  Ledger& ledger = account.ledger;
+  ledger.commanded = commanded();
+  if (check_) account.checked = check_->close(ledger.commanded);
+  if (knows_what_was_sensed(ledger.commanded)) pulses_->put_into(ledger, ledger.commanded);
+  if (recording_) recording_->end(ledger);
+  account.counts = counts();
+  check_.reset();
+  pulses_.reset();
+  if (recording_) account.unkept = std::exchange(recording_, nullptr)->close(ledger);
+  return account;
+}
+
+}  // namespace v3d
