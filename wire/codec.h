@@ -1,7 +1,7 @@
-// Bytes to messages and back: the one place that sees the types generated from lcmtypes/. Decoders
-// treat bytes as hostile: anything wrong (fingerprint, truncation, trailing bytes, negative or
-// absurd lengths, values out of their enumeration, a mask or image that does not fit its size, a
-// frame's checksum that is not its own)
+// Bytes to messages and back. Implemented by codec_*.cc, a file for what belongs together; they
+// alone see the types generated from lcmtypes/. Decoders treat bytes as hostile: anything wrong
+// (fingerprint, truncation, trailing bytes, negative or absurd lengths, values out of their
+// enumeration, a mask or image that does not fit its size, a frame's checksum that is not its own)
 // gives nothing. They never throw and never allocate more than a small multiple of the input (a
 // mask, which is sent as runs: no more than its size says, at most kMaxImageSide squared bits).
 //

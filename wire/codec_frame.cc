@@ -1,0 +1,159 @@
+#include <algorithm>
+#include <array>
+#include <utility>
+
+#include "base/checksum.h"
+#include "v3d/frame_t.hpp"
+#include "wire/codec.h"
+#include "wire/packing.h"
+
+namespace v3d {
+namespace {
+
+constexpr Layout kFrameLayout = "qqssq?qqqiiiiiiib?qnnB0B1";
+constexpr int8_t kRawEncoding = 0;
+constexpr size_t kChecksumSize = 8;
+/// The checksum of a frame_t and the two counts behind it, before its arrays.
+constexpr size_t kFrameTail = kChecksumSize + 2 * 4;
+
+bool is_side(int32_t n) { return n >= 1 && n <= kMaxImageSide; }
+
+/// The part lies inside the image and keeps its Bayer pattern.
+bool is_part(const Rect& roi, ImageSize whole) {
+  return roi.x0 >= 0 && roi.y0 >= 0 && roi.width >= 0 && roi.height >= 0 && roi.x0 % 2 == 0 &&
+         roi.y0 % 2 == 0 && roi.x0 <= whole.width - roi.width &&
+         roi.y0 <= whole.height - roi.height;
+}
+
+frame_t frame_without_pixels(const FrameMessage& m) {
+  const Frame& f = m.frame;
+  frame_t w;
+  w.utime = utime_of(m.sent);
+  w.seq = m.seq;
+  w.take = m.take;
+  w.camera = f.camera;
+  w.pulse = f.label.pulse;
+  w.suspect = f.label.suspect;
+  w.camera_counter = static_cast<int64_t>(f.label.camera_counter);
+  w.t_exposure_ns = to_ns(f.label.device_time);
+  w.t_received_ns = to_ns(f.label.received);
+  w.width = f.sensor_size.width;
+  w.height = f.sensor_size.height;
+  w.roi_x0 = f.roi.x0;
+  w.roi_y0 = f.roi.y0;
+  w.roi_width = f.roi.width;
+  w.roi_height = f.roi.height;
+  w.pixel_format = static_cast<int32_t>(f.image.format);
+  w.encoding = kRawEncoding;
+  w.has_mask = f.mask.has_value();
+  if (f.mask) w.runs = encode_runs(*f.mask);
+  w.checksum = 0;
+  w.n_runs = static_cast<int32_t>(w.runs.size());
+  w.n_bytes = 0;
+  return w;
+}
+
+FrameLabel label_of(const frame_t& w) {
+  return {.pulse = w.pulse,
+          .suspect = w.suspect != 0,
+          .camera_counter = static_cast<uint64_t>(w.camera_counter),
+          .device_time = from_ns<DeviceClock>(w.t_exposure_ns),
+          .received = from_ns<Realtime>(w.t_received_ns)};
+}
+
+/// The silhouette, when there is one; false when it is not right.
+bool read_mask(const frame_t& w, Frame& frame) {
+  if (!w.has_mask) return w.n_runs == 0;
+  frame.mask = decode_runs(w.runs, frame.sensor_size);
+  return frame.mask.has_value();
+}
+
+/// Takes the pixels out of `w` without a copy.
+bool take_pixels(frame_t& w, Frame& frame) {
+  const auto format = pixel_format_from_code(static_cast<uint32_t>(w.pixel_format));
+  if (!format || w.encoding != kRawEncoding) return false;
+  frame.roi = {w.roi_x0, w.roi_y0, w.roi_width, w.roi_height};
+  if (!is_part(frame.roi, frame.sensor_size)) return false;
+  frame.image.size = {w.roi_width, w.roi_height};
+  frame.image.format = *format;
+  if (byte_count(frame.image.size, *format) != w.bytes.size()) return false;
+  frame.image.bytes = std::move(w.bytes);
+  return true;
+}
+
+void put_big_endian(uint64_t value, std::span<uint8_t> to) {
+  for (size_t i = 0; i < to.size(); ++i) {
+    to[i] = static_cast<uint8_t>(value >> (8 * (to.size() - 1 - i)));
+  }
+}
+
+/// The pixels are the last field; their count and the checksum stand before the runs of the mask.
+Bytes pack_head(const FrameMessage& m, size_t room) {
+  const frame_t w = frame_without_pixels(m);
+  Bytes bytes = pack(w, room);
+  const Bytes& pixels = m.frame.image.bytes;
+  const std::span fields = std::span(bytes).first(bytes.size() - w.runs.size());
+  put_big_endian(pixels.size(), fields.last(4));
+  put_big_endian(checksum({bytes, pixels}), fields.last(kFrameTail).first(kChecksumSize));
+  return bytes;
+}
+
+/// `bytes`: the message that `w` was decoded from.
+bool checksum_is_right(const frame_t& w, std::span<const uint8_t> bytes) {
+  constexpr std::array<uint8_t, kChecksumSize> kZero{};
+  const auto arrays = static_cast<size_t>(w.n_runs) + static_cast<size_t>(w.n_bytes);
+  const size_t at = bytes.size() - arrays - kFrameTail;
+  const uint64_t right = checksum({bytes.first(at), kZero, bytes.subspan(at + kChecksumSize)});
+  return static_cast<uint64_t>(w.checksum) == right;
+}
+
+}  // namespace
+
+Bytes encode_head(const FrameMessage& m) { return pack_head(m, 0); }
+
+Bytes encode(const FrameMessage& m) {
+  const Bytes& pixels = m.frame.image.bytes;
+  Bytes bytes = pack_head(m, pixels.size());
+  bytes.insert(bytes.end(), pixels.begin(), pixels.end());
+  return bytes;
+}
+
+template <>
+std::optional<FrameMessage> decode(std::span<const uint8_t> bytes) {
+  auto w = unpack<frame_t>(kFrameLayout, bytes);
+  if (!w || !is_side(w->width) || !is_side(w->height)) return std::nullopt;
+  const auto sent = instant_of(w->utime);
+  if (!sent || w->seq < 0 || w->pulse < -1) return std::nullopt;
+  FrameMessage m{.sent = *sent, .seq = w->seq, .take = w->take, .frame = {}};
+  m.frame.camera = w->camera;
+  m.frame.label = label_of(*w);
+  m.frame.sensor_size = {w->width, w->height};
+  // Judged last: a fuzzer, which cannot make a checksum, reaches everything before it.
+  const bool sound = checksum_is_right(*w, bytes);
+  if (!take_pixels(*w, m.frame) || !read_mask(*w, m.frame) || !sound) return std::nullopt;
+  return m;
+}
+
+std::optional<FrameHead> decode_frame_head(std::span<const uint8_t> first_bytes) {
+  if (first_bytes.size() < kFingerprintSize) return std::nullopt;
+  const auto before = bytes_before_arrays(kFrameLayout, first_bytes.subspan(kFingerprintSize));
+  if (!before) return std::nullopt;
+  const size_t head_size = kFingerprintSize + *before;
+  const auto big_endian = [&](size_t at) {
+    uint32_t n = 0;
+    for (size_t i = 0; i < 4; ++i) n = n << 8 | first_bytes[at + i];
+    return size_t{n};
+  };
+  const size_t arrays = big_endian(head_size - 8) + big_endian(head_size - 4);
+  // The generated decoder sees the same message with both arrays empty.
+  Bytes head(first_bytes.begin(), first_bytes.begin() + static_cast<ptrdiff_t>(head_size));
+  std::fill(head.end() - 8, head.end(), uint8_t{0});
+  const auto w = unpack<frame_t>(kFrameLayout, head);
+  if (!w || w->pulse < -1) return std::nullopt;
+  return FrameHead{.take = w->take,
+                   .camera = w->camera,
+                   .label = label_of(*w),
+                   .message_size = head_size + arrays};
+}
+
+}  // namespace v3d

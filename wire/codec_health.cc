@@ -1,0 +1,78 @@
+#include "v3d/event_t.hpp"
+#include "v3d/health_t.hpp"
+#include "wire/codec.h"
+#include "wire/packing.h"
+
+namespace v3d {
+namespace {
+
+constexpr Layout kHealthLayout = "qqsssbssnS0D0";
+constexpr Layout kEventLayout = "qqsbss";
+
+}  // namespace
+
+Bytes encode(const HealthMessage& m) {
+  health_t w;
+  w.utime = utime_of(m.sent);
+  w.seq = m.seq;
+  w.node = m.node;
+  w.program = m.program;
+  w.version = m.version;
+  w.state = static_cast<int8_t>(m.state);
+  w.take = m.take;
+  w.text = m.text;
+  w.n_values = static_cast<int32_t>(m.values.size());
+  for (const auto& [value_name, value] : m.values) {
+    w.names.push_back(value_name);
+    w.values.push_back(value);
+  }
+  return pack(w);
+}
+
+template <>
+std::optional<HealthMessage> decode(std::span<const uint8_t> bytes) {
+  auto w = unpack<health_t>(kHealthLayout, bytes);
+  if (!w) return std::nullopt;
+  const auto sent = instant_of(w->utime);
+  const auto state = enumerator(w->state, NodeState::kFault);
+  if (!sent || !state || w->seq < 0) return std::nullopt;
+  HealthMessage m{.sent = *sent,
+                  .seq = w->seq,
+                  .node = w->node,
+                  .program = w->program,
+                  .version = w->version,
+                  .state = *state,
+                  .take = w->take,
+                  .text = std::move(w->text),
+                  .values = {}};
+  for (size_t i = 0; i < w->names.size(); ++i) m.values[w->names[i]] = w->values[i];
+  return m;
+}
+
+Bytes encode(const EventMessage& m) {
+  event_t w;
+  w.utime = utime_of(m.sent);
+  w.seq = m.seq;
+  w.node = m.node;
+  w.severity = static_cast<int8_t>(m.severity);
+  w.subject = m.subject;
+  w.text = m.text;
+  return pack(w);
+}
+
+template <>
+std::optional<EventMessage> decode(std::span<const uint8_t> bytes) {
+  auto w = unpack<event_t>(kEventLayout, bytes);
+  if (!w) return std::nullopt;
+  const auto sent = instant_of(w->utime);
+  const auto severity = enumerator(w->severity, Severity::kAlarm);
+  if (!sent || !severity || w->seq < 0) return std::nullopt;
+  return EventMessage{.sent = *sent,
+                      .seq = w->seq,
+                      .node = w->node,
+                      .severity = *severity,
+                      .subject = w->subject,
+                      .text = std::move(w->text)};
+}
+
+}  // namespace v3d
