@@ -51,7 +51,7 @@ CameraCheck::CameraCheck(const std::vector<CameraWorker*>& workers, const Setup&
   for (CameraWorker* worker : workers) {
     seats_.push_back(std::make_unique<Seat>(*worker, setup, bus));
   }
-  thread_ = std::thread([this] { run(); });
+  if (!seats_.empty()) thread_ = std::thread([this] { run(); });
 }
 
 CameraCheck::~CameraCheck() { end(); }

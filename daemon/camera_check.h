@@ -43,7 +43,9 @@ class CameraCheck {
 
   /// Every camera has given so many frames.
   bool has(int64_t frames) const;
-  bool progressed_since(MonotonicInstant since) const { return heartbeat_.since(since); }
+  bool progressed_since(MonotonicInstant since) const {
+    return seats_.empty() || heartbeat_.since(since);
+  }
 
   /// Ends the thread and gives the account.
   std::vector<CheckedCamera> close(int64_t commanded);
@@ -57,7 +59,7 @@ class CameraCheck {
   std::vector<std::unique_ptr<Seat>> seats_;
   Heartbeat heartbeat_;
   std::atomic<bool> stopping_ = false;
-  std::thread thread_;
+  std::thread thread_;  ///< none where there is no camera to wait for
 };
 
 }  // namespace v3d

@@ -222,7 +222,10 @@ NodeReport CaptureNode::poll_arming() {
 }
 
 std::optional<NodeReport> CaptureNode::poll_learning() {
-  if (trigger_.train_is_over(plan_.order.take)) take_->train_ended();
+  const bool over = trigger_.train_is_over(plan_.order.take);
+  if (over) take_->train_ended();
+  // Other nodes learn of the pulses that are still to come.
+  if (trigger_.is_here() && !over) return std::nullopt;
   const auto result = take_->learnt();
   if (!result) return std::nullopt;
   return NodeReport{
