@@ -11,6 +11,8 @@ figure { margin: 0; } figcaption { font-size: 90%; } li { margin: .2em 0; }
 svg { background: #f4f4f4; border: 1px solid #ccc; }
 .row { display: flex; flex-wrap: wrap; gap: 1em; margin: .5em 0 1.5em; }
 .row img { display: block; max-width: 100%; border-radius: 3px; }
+.beside { display: grid; grid-auto-flow: column; grid-auto-columns: minmax(0, 1fr); gap: 1em; margin: .5em 0 1em; }
+.beside img { display: block; width: 100%; border-radius: 3px; }
 .note { color: #555; max-width: 50em; }
 .scale { height: .9em; width: 24em; border-radius: 3px; }
 .marks { display: flex; justify-content: space-between; width: 24em; }

@@ -54,6 +54,10 @@ std::string truth_rows(const EvaluationPage& page) {
          of_distance("f-score at 5 mm", &SurfaceDistance::f_score_5mm, 3) +
          of_distance("f-score at 10 mm", &SurfaceDistance::f_score_10mm, 3) +
          of_distance("normals off by, degrees", &SurfaceDistance::normal_error_deg, 1) +
+         row(page, "f-score at 5 mm if all were right that two cameras see",
+             [](const EvaluatedColumn& c) {
+               return number(c.truth->sight.f_score_if_right_from(2), 3);
+             }) +
          row(page, "triangles that go through others",
              [](const EvaluatedColumn& c) { return number(c.truth->self_intersections, 0); }) +
          of_change("flicker of what stands still: half within, mm", &SurfaceChange::still,
@@ -65,11 +69,24 @@ std::string truth_rows(const EvaluationPage& page) {
          of_change("nine tenths within, mm", &SurfaceChange::moving, &SurfaceChange::moving_p90_mm);
 }
 
+/// Empty without a truth.
+std::string true_surface_row(const EvaluationPage& page, size_t camera) {
+  const auto reached = [&](const EvaluatedColumn& c) { return c.held_out[camera].true_surface; };
+  const auto is_known = [&](const EvaluatedColumn& c) { return reached(c).has_value(); };
+  if (std::ranges::none_of(page.columns, is_known)) return "";
+  return row(page, page.held_out[camera] + ": PSNR of the true surface, dB",
+             [&](const EvaluatedColumn& c) {
+               const auto figures = reached(c);
+               return figures ? number(figures->psnr_db, 2) : "";
+             });
+}
+
 std::string held_out_rows(const EvaluationPage& page) {
   std::string html;
   for (size_t i = 0; i < page.held_out.size(); ++i) {
     html += row(page, page.held_out[i] + ": PSNR, dB",
                 [&](const EvaluatedColumn& c) { return number(c.held_out[i].inside.psnr_db, 2); }) +
+            true_surface_row(page, i) +
             row(page, page.held_out[i] + ": SSIM",
                 [&](const EvaluatedColumn& c) { return number(c.held_out[i].inside.ssim, 3); }) +
             row(page, page.held_out[i] + ": silhouette, IoU",
@@ -91,6 +108,11 @@ std::string table(const EvaluationPage& page) {
 std::string figure(const Image& picture, const std::string& caption) {
   return "<figure><img alt=\"\" src=\"" + data_url(encode_jpeg(picture.view(), kQuality)) +
          "\"><figcaption>" + html_escaped(caption) + "</figcaption></figure>\n";
+}
+
+/// Pictures of equal width in one row.
+std::string beside(const std::string& figures) {
+  return "<div class=\"beside\">\n" + figures + "</div>\n";
 }
 
 std::string error_scale() {
@@ -117,9 +139,9 @@ std::string painted_meshes(const EvaluationPage& page, const std::vector<Compact
                            const Mesh& truth) {
   std::string html = "<h2>How far the surface is from the truth</h2>\n" + error_scale();
   for (size_t i = 0; i < meshes.size(); ++i) {
-    html += "<h3>" + html_escaped(page.columns[i].name) + "</h3>\n<div class=\"row\">\n";
-    for (const Image& view : painted_errors(meshes[i].mesh, truth)) html += figure(view, "");
-    html += "</div>\n";
+    std::string views;
+    for (const Image& view : painted_errors(meshes[i].mesh, truth)) views += figure(view, "");
+    html += "<h3>" + html_escaped(page.columns[i].name) + "</h3>\n" + beside(views);
   }
   return html;
 }
@@ -139,8 +161,10 @@ std::string photograph_and_renderings(const EvaluationPage& page,
                     column.name + ": " + number(column.held_out[camera].inside.psnr_db, 2, " dB"));
     apart += figure(picture.difference(mesh), column.name + ": difference");
   }
-  return "<h3>" + html_escaped(page.held_out[camera]) + "</h3>\n<div class=\"row\">\n" +
-         figure(picture.photograph(), "photograph") + drawn + apart + "</div>\n";
+  // The difference stands below its rendering.
+  return "<h3>" + html_escaped(page.held_out[camera]) + "</h3>\n" +
+         beside(figure(picture.photograph(), "photograph") + drawn) +
+         beside("<figure></figure>\n" + apart);
 }
 
 std::string held_out_pictures(const EvaluationPage& page, const std::vector<CompactFrame>& meshes,
