@@ -68,11 +68,17 @@ async function photographAsSeen(take, pulse, camera, box) {
         const x = ((at.x + column + 0.5 - at.left) / scale - 0.5 - cx) / fx;
         const y = ((at.y + row + 0.5 - at.top) / scale - 0.5 - cy) / fy;
         const s = x * x + y * y, radial = 1 + s * (k1 + s * (k2 + s * k3));
-        const u = Math.round(fx * (x * radial + 2 * p1 * x * y + p2 * (s + 2 * x * x)) + cx);
-        const v = Math.round(fy * (y * radial + p1 * (s + 2 * y * y) + 2 * p2 * x * y) + cy);
-        const n = 4 * (v * image.width + u);
-        const inside = u >= 0 && v >= 0 && u < image.width && v < image.height;
-        text += inside ? String.fromCharCode(from[n], from[n + 1], from[n + 2], 255) : '\x10\x12\x16\xff';
+        const u = fx * (x * radial + 2 * p1 * x * y + p2 * (s + 2 * x * x)) + cx;
+        const v = fy * (y * radial + p1 * (s + 2 * y * y) + 2 * p2 * x * y) + cy;
+        const left = Math.floor(u), top = Math.floor(v), right = u - left, down = v - top;
+        const between = (channel) => {
+          const pixel = (i, j) => from[4 * ((top + j) * image.width + left + i) + channel];
+          const upper = pixel(0, 0) + right * (pixel(1, 0) - pixel(0, 0));
+          const lower = pixel(0, 1) + right * (pixel(1, 1) - pixel(0, 1));
+          return Math.round(upper + down * (lower - upper));
+        };
+        const inside = left >= 0 && top >= 0 && left + 1 < image.width && top + 1 < image.height;
+        text += inside ? String.fromCharCode(between(0), between(1), between(2), 255) : '\x10\x12\x16\xff';
       }
     }
     return btoa(text);
