@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "base/error.h"
+#include "base/image_size.h"
 #include "calib/board_pose.h"
 #include "calib/lens_fit.h"
 #include "calib/median.h"
@@ -26,9 +27,8 @@ CameraModel lens_before(const Rig& before, const CameraSightings& camera) {
   if (index < 0) throw InputError("the calibration before has no camera " + camera.name);
   const CameraModel& lens = before[static_cast<size_t>(index)].model;
   if (!(lens.size() == camera.size)) {
-    throw InputError(camera.name + ": its pictures are " + std::to_string(camera.size.width) + "x" +
-                     std::to_string(camera.size.height) + ", its lens was calibrated at " +
-                     std::to_string(lens.size().width) + "x" + std::to_string(lens.size().height));
+    throw InputError(camera.name + ": its pictures are " + format_size(camera.size) +
+                     ", its lens was calibrated at " + format_size(lens.size()));
   }
   return placed(lens, {});
 }

@@ -5,6 +5,7 @@
 
 #include "base/error.h"
 #include "base/file.h"
+#include "base/image_size.h"
 #include "base/png_file.h"
 #include "base/toml_file.h"
 #include "capture/background.h"
@@ -44,7 +45,7 @@ std::vector<float> load_values(const fs::path& path, PixelFormat format, ImageSi
   if (size == ImageSize{}) size = picture.size;
   if (size != picture.size) {
     throw InputError(path.string() + ": is not of the size of the mean image, " +
-                     std::to_string(size.width) + "x" + std::to_string(size.height));
+                     format_size(size));
   }
   std::vector<float> values;
   values.reserve(picture.samples.size());

@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "base/error.h"
+#include "base/image_size.h"
 
 namespace v3d {
 namespace {
@@ -28,10 +29,6 @@ std::string text_of(uint32_t fourcc) {
   std::string text;
   for (int shift = 0; shift < 32; shift += 8) text += static_cast<char>(fourcc >> shift & 0x7f);
   return text;
-}
-
-std::string text_of(ImageSize size) {
-  return std::to_string(size.width) + "x" + std::to_string(size.height);
 }
 
 std::string hexadecimal(uint32_t id) {
@@ -108,10 +105,10 @@ class Setup {
              text_of(got.pixelformat) + "; it has " + formats());
     }
     const ImageSize got_size{static_cast<int>(got.width), static_cast<int>(got.height)};
-    if (got_size != size) refuse("size", text_of(size), text_of(got_size));
+    if (got_size != size) refuse("size", format_size(size), format_size(got_size));
     const size_t row = byte_count({size.width, 1}, settings_.pixel_format);
     if (size.width > kMaxImageSide || size.height > kMaxImageSide || got.bytesperline < row) {
-      refuse("image format", text_of(size), std::to_string(got.bytesperline) + " bytes a row");
+      refuse("image format", format_size(size), std::to_string(got.bytesperline) + " bytes a row");
     }
     return got;
   }

@@ -71,12 +71,13 @@ std::vector<ExposureLine> record_of(const std::filesystem::path& folder) {
   return record;
 }
 
-TEST(Size, takes_width_and_height_only) {
-  EXPECT_EQ(parse_size("1024x768"), (ImageSize{1024, 768}));
-  for (const char* wrong : {"", "x", "1024", "1024x", "x768", "1024x767", "8x8", "1024*768",
-                            "-16x16", "100000x100000", "1024x768x3", "64x48 "}) {
-    EXPECT_THAT(refusal([&] { parse_size(wrong); }), HasSubstr("expected WIDTHxHEIGHT")) << wrong;
-  }
+TEST(StudioOptions, ask_for_cameras_whose_mosaic_is_whole) {
+  StudioOptions options{.cameras = 3, .size = "96x64"};
+  const Rig rig = rig_of(options);
+  ASSERT_EQ(rig.size(), 3U);
+  EXPECT_EQ(rig[0].model.size(), (ImageSize{96, 64}));
+  options.size = "96x63";
+  EXPECT_THAT(refusal([&] { rig_of(options); }), HasSubstr("expected WIDTHxHEIGHT, even"));
 }
 
 TEST(Faults, are_read_from_toml) {

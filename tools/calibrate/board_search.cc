@@ -3,6 +3,7 @@
 #include <tbb/parallel_for.h>
 
 #include "base/error.h"
+#include "base/image_size.h"
 #include "common/console.h"
 #include "v3dctl/interrupt.h"
 #include "v3dctl/options.h"
@@ -29,10 +30,8 @@ std::vector<Picture> next_batch(PictureSource& source) {
 void require_one_size(const std::string& camera, const Picture& picture, FoundBoards& found) {
   if (found.pictures == 0) found.size = picture.image.size;
   if (picture.image.size == found.size) return;
-  throw InputError(camera + ": " + picture.name + " is " +
-                   std::to_string(picture.image.size.width) + "x" +
-                   std::to_string(picture.image.size.height) + ", those before are " +
-                   std::to_string(found.size.width) + "x" + std::to_string(found.size.height));
+  throw InputError(camera + ": " + picture.name + " is " + format_size(picture.image.size) +
+                   ", those before are " + format_size(found.size));
 }
 
 /// Pictures without the board, a few and spread out, to ask what else is in them.

@@ -1,7 +1,3 @@
-#include <charconv>
-
-#include "base/error.h"
-#include "calib/foreign_rig.h"
 #include "calibrate/commands.h"
 
 namespace v3d::calibrate {
@@ -23,19 +19,6 @@ void add_board_option(CLI::App* command, std::string& board) {
                    "(squares); :inverted behind it for a print white on black")
       ->type_name("BOARD")
       ->required();
-}
-
-ImageSize parse_size(const std::string& text) {
-  const char* const end = text.data() + text.size();
-  ImageSize size;
-  const auto width = std::from_chars(text.data(), end, size.width);
-  const bool crossed = width.ec == std::errc() && width.ptr != end && *width.ptr == 'x';
-  const auto height = crossed ? std::from_chars(width.ptr + 1, end, size.height) : width;
-  if (!crossed || height.ec != std::errc() || height.ptr != end ||
-      !calib::is_image_size(size.width, size.height)) {
-    throw InputError("--size " + text + ": expected WIDTHxHEIGHT in pixels, like 1024x768");
-  }
-  return size;
 }
 
 void add_calibrate(ctl::CommandLine& line) {

@@ -17,9 +17,6 @@ CLI::App* add_under(CLI::App* calibrate, const std::string& name, const std::str
                     const std::vector<std::string>& examples);
 void add_board_option(CLI::App* command, std::string& board);
 
-/// "1024x768". Throws InputError that names --size.
-ImageSize parse_size(const std::string& text);
-
 void add_guess(ctl::CommandLine& line, CLI::App* calibrate);
 void add_intrinsics(ctl::CommandLine& line, CLI::App* calibrate);
 void add_rig(ctl::CommandLine& line, CLI::App* calibrate);

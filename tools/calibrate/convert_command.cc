@@ -3,6 +3,7 @@
 #include <nlohmann/json.hpp>
 
 #include "base/error.h"
+#include "base/image_size.h"
 #include "base/units.h"
 #include "calib/foreign_rig.h"
 #include "calibrate/commands.h"

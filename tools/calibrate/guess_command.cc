@@ -4,6 +4,7 @@
 
 #include "base/calib_file.h"
 #include "base/error.h"
+#include "base/image_size.h"
 #include "base/studio_file.h"
 #include "calib/guess.h"
 #include "calibrate/commands.h"

@@ -1,8 +1,7 @@
 #include "v3d-sim/options.h"
 
-#include <charconv>
-
-#include "base/error.h"
+#include "base/image_size.h"
+#include "sim/scene.h"
 
 namespace v3d::sim {
 
@@ -19,20 +18,8 @@ void add_studio_options(CLI::App& command, StudioOptions& options) {
       ->capture_default_str();
 }
 
-ImageSize parse_size(const std::string& text) {
-  const auto side = [&](std::string_view digits) {
-    int value = 0;
-    const auto [end, error] = std::from_chars(digits.data(), digits.data() + digits.size(), value);
-    const bool whole = error == std::errc{} && end == digits.data() + digits.size();
-    if (!whole || value < 16 || value > 8192 || value % 2 != 0) {
-      throw InputError("--size " + text +
-                       ": expected WIDTHxHEIGHT, even numbers from 16 to 8192, e.g. 1024x768");
-    }
-    return value;
-  };
-  const size_t cross = std::min(text.find('x'), text.size());
-  const std::string_view all = text;
-  return {side(all.substr(0, cross)), side(cross < all.size() ? all.substr(cross + 1) : "")};
+Rig rig_of(const StudioOptions& options) {
+  return make_rig(options.cameras, parse_size(options.size, Sides::kEven), options.seed);
 }
 
 }  // namespace v3d::sim

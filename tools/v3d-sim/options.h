@@ -5,7 +5,7 @@
 #include <cstdint>
 #include <string>
 
-#include "base/image.h"
+#include "base/calib_file.h"
 
 namespace v3d::sim {
 
@@ -20,7 +20,7 @@ struct StudioOptions {
 /// --cameras --size --seed --rate.
 void add_studio_options(CLI::App& command, StudioOptions& options);
 
-/// "1024x768"; sides from 16 to 8192, even (a filter mosaic is 2x2). Throws InputError.
-ImageSize parse_size(const std::string& text);
+/// Its cameras. Throws InputError when their size is none.
+Rig rig_of(const StudioOptions& options);
 
 }  // namespace v3d::sim

@@ -127,8 +127,7 @@ int run(Arguments arguments) {
   if (arguments.loop_frames == 0) {
     arguments.loop_frames = std::max(1L, std::lround(kActionPeriodSeconds * rate));
   }
-  const Rig rig =
-      make_rig(arguments.studio.cameras, parse_size(arguments.studio.size), arguments.studio.seed);
+  const Rig rig = rig_of(arguments.studio);
   const std::vector<Fault> faults =
       arguments.faults.empty() ? std::vector<Fault>() : load_faults(arguments.faults, rig, {});
   const StudioText text{rate, parse_length(arguments.voxel)};

@@ -24,8 +24,7 @@ struct Arguments {
 int run(const Arguments& arguments) {
   SimulatedTake take;
   take.folder = arguments.folder;
-  take.rig =
-      make_rig(arguments.studio.cameras, parse_size(arguments.studio.size), arguments.studio.seed);
+  take.rig = rig_of(arguments.studio);
   take.frames = arguments.frames;
   take.rate_hz = arguments.studio.rate_hz;
   take.seed = arguments.studio.seed;

@@ -7,6 +7,7 @@
 
 #include "base/calib_file.h"
 #include "base/error.h"
+#include "base/image_size.h"
 #include "base/units.h"
 #include "capture/segmenter.h"
 #include "common/console.h"
@@ -24,16 +25,12 @@ struct CameraSource {
   std::unique_ptr<FrameSource> pictures;
 };
 
-std::string text_of(ImageSize size) {
-  return std::to_string(size.width) + "x" + std::to_string(size.height);
-}
-
 void require_size(ImageSize found, ImageSize expected, const std::string& where,
                   const std::string& by) {
   if (found == expected) return;
   const bool rotated = found == ImageSize{expected.height, expected.width};
-  throw InputError(where + ": is " + text_of(found) + ", but " + by + " is " + text_of(expected) +
-                   (rotated ? ": it was rotated" : ""));
+  throw InputError(where + ": is " + format_size(found) + ", but " + by + " is " +
+                   format_size(expected) + (rotated ? ": it was rotated" : ""));
 }
 
 const RigCamera& camera_of(const Rig& rig, const std::string& name, const std::string& option,

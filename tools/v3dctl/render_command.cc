@@ -1,9 +1,9 @@
-#include <charconv>
 #include <cstdio>
 #include <optional>
 
 #include "base/calib_file.h"
 #include "base/error.h"
+#include "base/image_size.h"
 #include "base/name_list.h"
 #include "base/png_file.h"
 #include "common/console.h"
@@ -90,20 +90,6 @@ Image turntable(const Painter& painter, int views, int64_t frame) {
   return contact_sheet(images);
 }
 
-ImageSize parse_picture_size(const std::string& text) {
-  ImageSize size;
-  const char* const end = text.data() + text.size();
-  const auto width = std::from_chars(text.data(), end, size.width);
-  if (width.ec == std::errc() && width.ptr != end && *width.ptr == 'x') {
-    const auto height = std::from_chars(width.ptr + 1, end, size.height);
-    const auto fits = [](int n) { return n >= 16 && n <= 8192; };
-    if (height.ec == std::errc() && height.ptr == end && fits(size.width) && fits(size.height)) {
-      return size;
-    }
-  }
-  throw InputError("--size " + text + ": expected WIDTHxHEIGHT in pixels, 16 to 8192 each");
-}
-
 /// Numbers of pictures of a scene.
 FrameRange frames_of(const Arguments& arguments, const Scene& scene) {
   FrameRange range = parse_frame_range(arguments.frames);
@@ -151,7 +137,7 @@ int run_scene(const Arguments& arguments) {
     throw InputError(arguments.out.string() +
                      ": want a folder, or a name that ends in .png, .mp4, .mov, .mkv or .webm");
   }
-  const ImageSize size = parse_picture_size(arguments.size);
+  const ImageSize size = parse_size(arguments.size);
   Scene scene = load_scene(arguments.scene);
   const FrameRange range = frames_of(arguments, scene);
   SceneRenderer renderer(std::move(scene),

@@ -7,22 +7,19 @@
 #include <vector>
 
 #include "base/error.h"
+#include "base/image_size.h"
 
 namespace v3d::ctl {
 namespace {
 
 namespace fs = std::filesystem;
 
-std::string text_of(ImageSize size) {
-  return std::to_string(size.width) + "x" + std::to_string(size.height);
-}
-
 /// A relative path may begin with '-': ffmpeg is not to take it for an option.
 std::string file_word(const fs::path& path) { return "file:" + path.string(); }
 
 std::vector<std::string> writer_words(const fs::path& path, ImageSize size, double rate_hz) {
   if (size.width % 2 != 0 || size.height % 2 != 0) {
-    throw InputError("--size " + text_of(size) + ": a video wants even numbers");
+    throw InputError("--size " + format_size(size) + ": a video wants even numbers");
   }
   std::vector<std::string> words{"ffmpeg",
                                  "-hide_banner",
@@ -34,7 +31,7 @@ std::vector<std::string> writer_words(const fs::path& path, ImageSize size, doub
                                  "-pixel_format",
                                  "rgb24",
                                  "-video_size",
-                                 text_of(size),
+                                 format_size(size),
                                  "-framerate",
                                  std::to_string(rate_hz),
                                  "-i",
