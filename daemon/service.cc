@@ -1,10 +1,16 @@
 #include "daemon/service.h"
 
+#include <poll.h>
 #include <spdlog/sinks/stdout_color_sinks.h>
 #include <spdlog/sinks/systemd_sink.h>
 #include <spdlog/spdlog.h>
+#include <sys/eventfd.h>
 #include <systemd/sd-daemon.h>
+#include <unistd.h>
 
+#include <algorithm>
+#include <cerrno>
+#include <climits>
 #include <csignal>
 #include <cstdlib>
 
@@ -14,8 +20,15 @@ namespace v3d {
 namespace {
 
 volatile std::sig_atomic_t g_stop_requested = 0;
+int g_stop_event = -1;  ///< eventfd: readable when it is so, whichever thread the signal reaches
 
-void on_stop_signal(int) { g_stop_requested = 1; }
+void on_stop_signal(int) {
+  const int error = errno;
+  g_stop_requested = 1;
+  const uint64_t one = 1;
+  [[maybe_unused]] const ssize_t written = write(g_stop_event, &one, sizeof(one));
+  errno = error;
+}
 
 }  // namespace
 
@@ -34,6 +47,7 @@ void begin_logging(const std::string& program, const std::string& level) {
 }
 
 void catch_stop_signals() {
+  g_stop_event = eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK);
   struct sigaction action {};
   action.sa_handler = on_stop_signal;
   sigaction(SIGTERM, &action, nullptr);
@@ -42,6 +56,16 @@ void catch_stop_signals() {
 }
 
 bool stop_requested() { return g_stop_requested != 0; }
+
+bool stop_requested_by(MonotonicInstant deadline) {
+  while (!stop_requested()) {
+    const auto left = std::chrono::ceil<std::chrono::milliseconds>(deadline - Monotonic::now());
+    if (left.count() <= 0) return false;
+    pollfd event{g_stop_event, POLLIN, 0};
+    poll(&event, 1, static_cast<int>(std::min<int64_t>(left.count(), INT_MAX)));
+  }
+  return true;
+}
 
 namespace service {
 

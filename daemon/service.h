@@ -16,6 +16,8 @@ void begin_logging(const std::string& program, const std::string& level);
 /// SIGTERM and SIGINT ask to stop from now on; call before threads begin.
 void catch_stop_signals();
 bool stop_requested();
+/// Waits for that until `deadline`; true when it is so.
+bool stop_requested_by(MonotonicInstant deadline);
 
 namespace service {
 void ready();

@@ -2,8 +2,6 @@
 #include <spdlog/spdlog.h>
 #include <unistd.h>
 
-#include <thread>
-
 #include "base/error.h"
 #include "daemon/daemon_main.h"
 #include "daemon/operator_client.h"
@@ -82,11 +80,7 @@ void serve(v3d::Hearing& hearing, v3d::WebServer& server, Served served, v3d::Or
       v3d::service::feed_watchdog();
     }
   } catch (const v3d::HearingEnded&) {
-    const v3d::MonotonicInstant deadline = v3d::Monotonic::now() + kStopArrivesWithin;
-    while (!v3d::stop_requested()) {
-      if (v3d::Monotonic::now() > deadline) throw;
-      std::this_thread::sleep_for(kLook);
-    }
+    if (!v3d::stop_requested_by(v3d::Monotonic::now() + kStopArrivesWithin)) throw;
   }
 }
 
