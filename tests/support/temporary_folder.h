@@ -1,6 +1,12 @@
-// A folder that a test may fill, gone when the test is over.
+// A folder that a test may fill, gone when the test is over. A test that is killed leaves its own
+// behind: its name holds the process, and the next test program takes it away.
 #pragma once
 
+#include <signal.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <charconv>
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
@@ -9,10 +15,34 @@
 
 namespace v3d::test {
 
+/// In front of the number of the process.
+inline constexpr char kTemporaryPrefix[] = "v3d-test-";
+
+/// The process that a folder of this name belongs to; 0 where it is no temporary folder.
+inline pid_t temporary_owner(const std::string& name) {
+  if (!name.starts_with(kTemporaryPrefix)) return 0;
+  const char* const end = name.data() + name.size();
+  pid_t pid = 0;
+  const auto number = std::from_chars(name.data() + sizeof(kTemporaryPrefix) - 1, end, pid);
+  return number.ec == std::errc() && number.ptr != end && *number.ptr == '-' ? pid : 0;
+}
+
+/// Removes the temporary folders in `where` whose processes exist no more, and nothing else.
+inline void remove_leftovers(const std::filesystem::path& where) {
+  std::error_code ignored;
+  for (const auto& entry : std::filesystem::directory_iterator(where, ignored)) {
+    const pid_t owner = temporary_owner(entry.path().filename());
+    if (owner > 0 && kill(owner, 0) != 0 && errno == ESRCH) {
+      std::filesystem::remove_all(entry.path(), ignored);
+    }
+  }
+}
+
 class TemporaryFolder {
  public:
-  TemporaryFolder() {
-    std::string pattern = std::filesystem::temp_directory_path() / "v3d-test-XXXXXX";
+  explicit TemporaryFolder(const std::filesystem::path& where = usual_place()) {
+    const std::string name = kTemporaryPrefix + std::to_string(getpid()) + "-XXXXXX";
+    std::string pattern = where / name;
     if (!mkdtemp(pattern.data())) throw std::runtime_error("mkdtemp");
     path_ = pattern;
   }
@@ -27,6 +57,16 @@ class TemporaryFolder {
   std::filesystem::path operator/(const std::string& name) const { return path_ / name; }
 
  private:
+  /// Swept once by each process.
+  static std::filesystem::path usual_place() {
+    static const std::filesystem::path place = [] {
+      std::filesystem::path temporary = std::filesystem::temp_directory_path();
+      remove_leftovers(temporary);
+      return temporary;
+    }();
+    return place;
+  }
+
   std::filesystem::path path_;
 };
 

@@ -17,15 +17,13 @@
 #include <vector>
 
 #include "base/trigger_wire.h"
+#include "support/temporary_folder.h"
 
 namespace v3d {
 
 class CableServer {
  public:
   CableServer() {
-    static int number = 0;
-    path_ = std::filesystem::temp_directory_path() /
-            ("v3d-cable-" + std::to_string(getpid()) + "-" + std::to_string(number++));
     listen_ = socket(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC, 0);
     sockaddr_un address{};
     address.sun_family = AF_UNIX;
@@ -100,7 +98,8 @@ class CableServer {
     for (int client : clients_) send(client, &edge, sizeof(edge), MSG_NOSIGNAL | MSG_DONTWAIT);
   }
 
-  std::filesystem::path path_;
+  const test::TemporaryFolder folder_;
+  const std::filesystem::path path_ = folder_ / "cable";
   int listen_ = -1;
   int quit_ = eventfd(0, EFD_CLOEXEC);
   std::thread thread_;
