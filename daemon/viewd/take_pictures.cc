@@ -1,13 +1,11 @@
 #include "daemon/viewd/take_pictures.h"
 
-#include <spdlog/spdlog.h>
-
 #include <algorithm>
 #include <charconv>
 
-#include "base/error.h"
 #include "base/name.h"
 #include "daemon/viewd/file_stamp.h"
+#include "daemon/viewd/guarded_answer.h"
 #include "daemon/viewd/take_photographs.h"
 #include "daemon/viewd/take_views.h"
 #include "take/take.h"
@@ -24,20 +22,6 @@ std::optional<int64_t> parse_pulse(const std::string& text) {
   return pulse;
 }
 
-/// Whatever goes wrong in `make` is a status. Paths are for the log alone.
-template <class Make>
-WebAnswer guarded(const Make& make) {
-  try {
-    return make();
-  } catch (const InputError& error) {
-    spdlog::warn("{}", error.what());
-    return plain_answer(404, "it is not there, or cannot be read; the log of v3d-viewd tells");
-  } catch (const std::exception& error) {
-    spdlog::error("{}", error.what());
-    return plain_answer(500, "this went wrong; the log of v3d-viewd tells");
-  }
-}
-
 /// Of what is made of files with that tag: 304 where the browser has it, else `make` is work.
 template <class Make>
 WebAnswer made(const WebRequest& request, const std::string& tag, Make make) {
@@ -45,7 +29,7 @@ WebAnswer made(const WebRequest& request, const std::string& tag, Make make) {
                                                              {"Cache-Control", "no-cache"}};
   if (request.if_none_match == tag) return {.status = 304, .fields = std::move(fields)};
   return {.work = [fields = std::move(fields), make = std::move(make)] {
-    WebAnswer answer = guarded(make);
+    WebAnswer answer = guarded_answer(make);
     if (answer.status == 200) answer.fields = fields;
     return answer;
   }};

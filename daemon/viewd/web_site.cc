@@ -1,7 +1,6 @@
 #include "daemon/viewd/web_site.h"
 
 #include <fcntl.h>
-#include <spdlog/spdlog.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -11,6 +10,7 @@
 #include "daemon/json.h"
 #include "daemon/viewd/byte_range.h"
 #include "daemon/viewd/file_stamp.h"
+#include "daemon/viewd/guarded_answer.h"
 #include "daemon/viewd/scene_folders.h"
 #include "daemon/viewd/view_json.h"
 #include "take/take_listing.h"
@@ -112,19 +112,12 @@ std::optional<WebAnswer> WebSite::refusal(const WebRequest& request,
 }
 
 WebAnswer WebSite::answer(const WebRequest& request) {
-  try {
+  return guarded_answer([&]() -> WebAnswer {
     const auto target = parse_web_target(request.target);
     if (auto refused = refusal(request, target)) return std::move(*refused);
     if (is_order(request, target)) return desk_.take(request, Monotonic::now());
     return find(request, *target);
-  } catch (const InputError& error) {
-    // What a file of the studio says wrong is for its own log, with its paths.
-    spdlog::warn("{}", error.what());
-    return plain_answer(404, "it is not there, or cannot be read; the log of v3d-viewd tells");
-  } catch (const std::exception& error) {
-    spdlog::error("{}", error.what());
-    return plain_answer(500, "this went wrong; the log of v3d-viewd tells");
-  }
+  });
 }
 
 WebSite::Opening WebSite::open_stream(const WebRequest& request) const {
