@@ -5,6 +5,7 @@
 
 #include "base/mask.h"
 #include "base/mask_pieces.h"
+#include "capture/frayed_outline.h"
 #include "capture/mask_holes.h"
 #include "capture/mask_majority.h"
 #include "capture/segment_options.h"
@@ -12,12 +13,26 @@
 namespace v3d {
 
 /// Makes it smooth, drops pieces of foreground that are too small or unwanted, fills small holes.
-/// Keeps its working memory between masks. One thread.
+/// Where the outline turns out to be frayed, its notches are filled first. Keeps its working memory
+/// between masks, but for frayed ones. One thread.
 class MaskCleanup {
  public:
   /// `is_unwanted(pieces, i)`: whether the i-th piece goes whatever its size.
   template <class IsUnwanted>
   void clean(Mask& mask, const SegmentOptions& options, const IsUnwanted& is_unwanted) {
+    raw_ = mask;
+    smoothen(mask, options, is_unwanted);
+    if (!is_frayed(raw_, mask)) return;
+    mask = without_notches(raw_, mask);
+    smoothen(mask, options, is_unwanted);
+  }
+  void clean(Mask& mask, const SegmentOptions& options) {
+    clean(mask, options, [](const MaskPieces&, size_t) { return false; });
+  }
+
+ private:
+  template <class IsUnwanted>
+  void smoothen(Mask& mask, const SegmentOptions& options, const IsUnwanted& is_unwanted) {
     take_majority(mask);
     pieces_.find(mask);
     for (size_t i = 0; i < pieces_.count(); ++i) {
@@ -25,11 +40,8 @@ class MaskCleanup {
     }
     holes_.fill_small(mask, pieces_.runs(), options.max_hole);
   }
-  void clean(Mask& mask, const SegmentOptions& options) {
-    clean(mask, options, [](const MaskPieces&, size_t) { return false; });
-  }
 
- private:
+  Mask raw_;
   MaskPieces pieces_;
   MaskHoles holes_;
 };
