@@ -16,14 +16,15 @@ struct FlatPoints {
 FlatPoints flat_points(const CameraModel& camera, const Board& board,
                        const BoardSighting& sighting) {
   FlatPoints points;
-  const CameraModel here = placed(camera, {});
+  const Eigen::Matrix3d& cam_from_world = camera.cam_from_world().rotation;
   for (int i = 0; i < sighting.count(); ++i) {
-    const auto ray = here.ray(sighting.pixels[i]);
-    if (!ray) continue;
+    const auto in_world = camera.ray(sighting.pixels[i]);
+    if (!in_world) continue;
+    const Eigen::Vector3d ray = cam_from_world * *in_world;
     // Round the board's centre: the planar solver wants it so.
     const Eigen::Vector3d corner = board.corner(sighting.corners[i]) - board.centre();
     points.board.emplace_back(corner.x(), corner.y(), corner.z());
-    points.seen.emplace_back(ray->x() / ray->z(), ray->y() / ray->z());
+    points.seen.emplace_back(ray.x() / ray.z(), ray.y() / ray.z());
   }
   return points;
 }
@@ -50,10 +51,12 @@ double rms_of(std::span<const Eigen::Vector2d> misses) {
 std::vector<Eigen::Vector2d> misses(const CameraModel& camera, const Board& board,
                                     const RigidTransform& cam_from_board,
                                     const BoardSighting& sighting) {
-  const CameraModel here = placed(camera, cam_from_board);
+  // Another camera would have to find the reach of its lens again, which takes longer than all
+  // this.
+  const RigidTransform world_from_board = camera.cam_from_world().inverse() * cam_from_board;
   std::vector<Eigen::Vector2d> result;
   for (int i = 0; i < sighting.count(); ++i) {
-    const auto pixel = here.project(board.corner(sighting.corners[i]));
+    const auto pixel = camera.project(world_from_board * board.corner(sighting.corners[i]));
     result.push_back(pixel ? Eigen::Vector2d(sighting.pixels[i] - *pixel)
                            : Eigen::Vector2d(1e6, 1e6));
   }

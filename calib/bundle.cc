@@ -67,6 +67,9 @@ class Turn {
               c * cross_matrix(axis);
     }
   }
+  bool is_of(const double* vector) const {
+    return vector_ == Eigen::Map<const Eigen::Vector3d>(vector);
+  }
   const Eigen::Matrix3d& matrix() const { return matrix_; }
   /// By the vector, of the point that was turned to `turned`.
   Eigen::Matrix3d slope(const Eigen::Vector3d& turned) const {
@@ -77,6 +80,20 @@ class Turn {
   Eigen::Vector3d vector_;
   Eigen::Matrix3d matrix_;
   Eigen::Matrix3d left_ = Eigen::Matrix3d::Identity();
+};
+
+/// The turn of a vector that is mostly the one of the call before: one camera sees all corners of a
+/// board before another is asked.
+class LastTurn {
+ public:
+  const Turn& of(const double* vector) {
+    if (!turn_.is_of(vector)) turn_ = Turn(vector);
+    return turn_;
+  }
+
+ private:
+  static constexpr double kNone[3] = {};
+  Turn turn_{kNone};
 };
 
 using Slopes = Eigen::Matrix<double, 2, 12>;
@@ -121,7 +138,9 @@ class CornerMiss final : public ceres::SizedCostFunction<2, kLensSize, kPoseSize
 
   bool Evaluate(double const* const* blocks, double* miss, double** slopes) const override {
     const double* lens = blocks[0];
-    const Turn camera(blocks[1]), board(blocks[2]);
+    thread_local LastTurn last_camera, last_board;
+    const Turn& camera = last_camera.of(blocks[1]);
+    const Turn& board = last_board.of(blocks[2]);
     const Eigen::Vector3d turned_corner = board.matrix() * corner_;
     const Eigen::Vector3d world = turned_corner + Eigen::Map<const Eigen::Vector3d>(blocks[2] + 3);
     const Eigen::Vector3d turned_world = camera.matrix() * world;
