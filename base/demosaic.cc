@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <array>
 #include <cassert>
-#include <cstring>
 #include <vector>
 
 namespace v3d {
@@ -100,11 +99,9 @@ void demosaic(ImageView source, Image& rgb) {
 Image to_rgb(ImageView source) {
   Image rgb(source.size, PixelFormat::kRGB8);
   if (source.format == PixelFormat::kRGB8) {
-    std::memcpy(rgb.bytes.data(), source.bytes.data(), rgb.bytes.size());
+    std::copy_n(source.bytes.begin(), rgb.bytes.size(), rgb.bytes.begin());
   } else if (!is_bayer(source.format)) {
-    for (size_t i = 0; i < source.bytes.size(); ++i) {
-      std::fill_n(rgb.bytes.begin() + static_cast<ptrdiff_t>(3 * i), 3, source.bytes[i]);
-    }
+    for (size_t i = 0; i < rgb.bytes.size(); ++i) rgb.bytes[i] = source.bytes[i / 3];
   } else if (source.size.pixels() > 0) {
     demosaic(source, rgb);
   }

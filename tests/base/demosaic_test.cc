@@ -93,8 +93,11 @@ TEST(ToRgb, copies_grey_to_three_channels_and_colour_as_it_is) {
 TEST(ToRgb, takes_images_smaller_than_its_filters) {
   for (const ImageSize size : {ImageSize{0, 0}, ImageSize{1, 1}, ImageSize{2, 1}, ImageSize{1, 3},
                                ImageSize{2, 2}, ImageSize{3, 2}}) {
-    const Image raw(size, PixelFormat::kBayerRG8);
-    EXPECT_EQ(to_rgb(raw.view()).bytes, std::vector<uint8_t>(size.pixels() * 3));
+    for (const PixelFormat format :
+         {PixelFormat::kBayerRG8, PixelFormat::kMono8, PixelFormat::kRGB8}) {
+      const Image raw(size, format);
+      EXPECT_EQ(to_rgb(raw.view()).bytes, std::vector<uint8_t>(size.pixels() * 3));
+    }
   }
 }
 
