@@ -167,13 +167,9 @@ std::optional<CommandMessage> CaptureNode::rejoin() {
 }
 
 TakeUnderWay::Node CaptureNode::of_this_node() {
-  return {.studio = studio_,
-          .name = node_,
-          .bus = bus_,
-          .cameras = cameras_,
-          .places = places_,
-          .trigger = trigger_,
-          .on_edge = [this](const PulseEdge& edge) { tell_cameras(edge); }};
+  return {{studio_, node_, bus_, cameras_, places_}, trigger_, [this](const PulseEdge& edge) {
+            tell_cameras(edge);
+          }};
 }
 
 void CaptureNode::tell_cameras(const PulseEdge& edge) {

@@ -61,7 +61,7 @@ NodeTake::Plan TakeUnderWay::recording_plan() const {
 void TakeUnderWay::record() {
   const NodeTake::Plan plan = recording_plan();
   refuse_unfit_disk(node_.studio.storage.takes, plan.disk);
-  auto recording = NodeTake::begin(recorder(), plan);
+  auto recording = NodeTake::begin(node_, plan);
   listen_to_pulses(recording->paths().pulses());
   recording_ = std::move(recording);
 }
@@ -71,8 +71,7 @@ void TakeUnderWay::record_again(int64_t commanded) {
   const EdgeTimes edges = edge_times(paths);
   PulseRecorder::Past past{.sensed = {}, .commanded = commanded};
   for (const auto& [pulse, edge] : edges) past.sensed.insert(pulse);
-  auto recording =
-      NodeTake::go_on(recorder(), recording_plan(), edges, node_.trigger.tells_edges());
+  auto recording = NodeTake::go_on(node_, recording_plan(), edges, node_.trigger.tells_edges());
   listen_to_pulses(paths.pulses(), std::move(past));
   node_.trigger.start();
   recording->save_as_open();

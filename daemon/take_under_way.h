@@ -43,12 +43,7 @@ struct TakeAccount {
 class TakeUnderWay {
  public:
   /// All outlive it.
-  struct Node {
-    const Studio& studio;
-    const std::string& name;
-    Bus& bus;
-    NodeCameras& cameras;
-    WorkPlaces& places;
+  struct Node : NodeTake::Node {
     NodeTrigger& trigger;
     std::function<void(const PulseEdge&)> on_edge;  ///< for every pulse, on a thread of its own
   };
@@ -91,9 +86,6 @@ class TakeUnderWay {
 
  private:
   TakeUnderWay(Node node, Plan plan) : node_(std::move(node)), plan_(std::move(plan)) {}
-  NodeTake::Node recorder() const {
-    return {node_.studio, node_.name, node_.bus, node_.cameras, node_.places};
-  }
   NodeTake::Plan recording_plan() const;
   void record();
   void record_again(int64_t commanded);

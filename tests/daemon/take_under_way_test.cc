@@ -45,7 +45,7 @@ class TakeUnderWayTest : public testing::Test {
     return studio;
   }
   TakeUnderWay::Node here() {
-    return {studio_, node_, bus_, cameras_, places_, trigger_, [](const PulseEdge&) {}};
+    return {{studio_, node_, bus_, cameras_, places_}, trigger_, [](const PulseEdge&) {}};
   }
   static TakeUnderWay::Plan plan(CommandVerb verb) {
     CommandMessage order;
