@@ -2,11 +2,11 @@
 #pragma once
 
 #include <cstdint>
-#include <span>
 #include <utility>
 #include <vector>
 
 #include "base/mesh.h"
+#include "recon/box_tree.h"
 
 namespace v3d {
 
@@ -18,7 +18,23 @@ using Crossing = std::pair<uint32_t, uint32_t>;
 /// to the rounding of double precision. Rising; the same for any number of threads.
 std::vector<Crossing> self_intersections(const Mesh& mesh);
 
-/// Only the pairs that one of `among` (rising numbers of triangles) takes part in.
-std::vector<Crossing> self_intersections(const Mesh& mesh, std::span<const uint32_t> among);
+/// The same for a mesh whose vertices move: what does not is not looked at again. Borrows the mesh.
+/// Works in the caller's TBB arena.
+class CrossingFinder {
+ public:
+  explicit CrossingFinder(const Mesh& mesh);
+
+  std::vector<Crossing> all() const;
+  /// `moved`: one per vertex, those that moved since the question before. Only the pairs that a
+  /// triangle with such a corner takes part in.
+  std::vector<Crossing> of_moved(const std::vector<uint8_t>& moved);
+
+ private:
+  using Chosen = std::vector<BoxTree::Places>;  ///< one per leaf
+  std::vector<Crossing> find(const Chosen& chosen) const;
+
+  const Mesh& mesh_;
+  BoxTree tree_;  ///< of the triangles' boxes
+};
 
 }  // namespace v3d

@@ -1,7 +1,5 @@
 #include "recon/untangle.h"
 
-#include <algorithm>
-
 #include "recon/self_intersection.h"
 #include "recon/smooth_surface.h"
 #include "recon/vertex_loop.h"
@@ -14,79 +12,84 @@ using Eigen::Vector3f;
 constexpr int kSmoothings = 4;
 constexpr int kStepsPerSmoothing = 4;
 
-using Marks = std::vector<uint8_t>;  ///< one per vertex
-
-Marks corners_of(const std::vector<Crossing>& crossings, const Mesh& mesh) {
-  Marks marks(mesh.vertices.size(), 0);
-  for (const auto& [s, t] : crossings) {
-    for (const uint32_t v : mesh.triangles[s]) marks[v] = 1;
-    for (const uint32_t v : mesh.triangles[t]) marks[v] = 1;
-  }
-  return marks;
-}
-
-/// And their neighbours.
-Marks widened(const Neighbours& neighbours, const Marks& marks) {
-  Marks wider = marks;
-  for_each_vertex(marks.size(), [&](size_t v) {
-    const auto around = neighbours.of(v);
-    if (std::any_of(around.begin(), around.end(), [&](uint32_t n) { return marks[n]; })) {
-      wider[v] = 1;
+/// Vertices of a mesh; few of many.
+class Region {
+ public:
+  /// The corners of all triangles that cross.
+  Region(const std::vector<Crossing>& crossings, const Mesh& mesh)
+      : marks_(mesh.vertices.size(), 0) {
+    for (const auto& [s, t] : crossings) {
+      for (const uint32_t v : mesh.triangles[s]) add(v);
+      for (const uint32_t v : mesh.triangles[t]) add(v);
     }
-  });
-  return wider;
-}
+  }
+
+  /// By the neighbours of its vertices.
+  void widen(const Neighbours& neighbours) {
+    const size_t end = vertices_.size();
+    for (; widened_ < end; ++widened_) {
+      for (const uint32_t n : neighbours.of(vertices_[widened_])) add(n);
+    }
+  }
+
+  const std::vector<uint8_t>& marks() const { return marks_; }  ///< one per vertex of the mesh
+  const std::vector<uint32_t>& vertices() const { return vertices_; }
+
+  template <class Work>
+  void for_each(const Work& work) const {
+    for_each_vertex(vertices_.size(), [&](size_t i) { work(vertices_[i]); });
+  }
+
+ private:
+  void add(uint32_t v) {
+    if (marks_[v]) return;
+    marks_[v] = 1;
+    vertices_.push_back(v);
+  }
+
+  std::vector<uint8_t> marks_;
+  std::vector<uint32_t> vertices_;
+  size_t widened_ = 0;  ///< vertices whose neighbours are in it
+};
 
 /// A step towards the mean of the neighbours.
-void smooth(const Neighbours& neighbours, const Marks& marks, Mesh& mesh) {
-  std::vector<Vector3f> moved = mesh.vertices;
-  for_each_vertex(marks.size(), [&](size_t v) {
-    if (marks[v]) moved[v] += 0.5F * internal_force(neighbours, mesh.vertices, v);
+void smooth(const Neighbours& neighbours, const Region& region, Mesh& mesh) {
+  const std::vector<uint32_t>& vertices = region.vertices();
+  std::vector<Vector3f> moved(vertices.size());
+  for_each_vertex(moved.size(), [&](size_t i) {
+    moved[i] =
+        mesh.vertices[vertices[i]] + 0.5F * internal_force(neighbours, mesh.vertices, vertices[i]);
   });
-  mesh.vertices.swap(moved);
+  for_each_vertex(moved.size(), [&](size_t i) { mesh.vertices[vertices[i]] = moved[i]; });
 }
 
-void pull_back(const Marks& marks, const std::vector<Vector3f>& start, float part, Mesh& mesh) {
-  for_each_vertex(marks.size(), [&](size_t v) {
-    if (marks[v]) mesh.vertices[v] += part * (start[v] - mesh.vertices[v]);
-  });
-}
-
-void settle(const std::optional<VertexLattice>& lattice, const Marks& marks, Mesh& mesh) {
-  if (!lattice) return;
-  for_each_vertex(mesh.vertices.size(), [&](size_t v) {
-    if (marks[v]) mesh.vertices[v] = rounded_to(*lattice, mesh.vertices[v]);
-  });
-}
-
-std::vector<uint32_t> triangles_at(const Marks& marks, const Mesh& mesh) {
-  std::vector<uint32_t> touched;
-  for (uint32_t t = 0; t < mesh.triangles.size(); ++t) {
-    const auto& [a, b, c] = mesh.triangles[t];
-    if (marks[a] || marks[b] || marks[c]) touched.push_back(t);
-  }
-  return touched;
+void pull_back(const Region& region, const std::vector<Vector3f>& start, float part, Mesh& mesh) {
+  region.for_each([&](uint32_t v) { mesh.vertices[v] += part * (start[v] - mesh.vertices[v]); });
 }
 
 }  // namespace
 
 size_t untangle(const Neighbours& neighbours, const std::vector<Vector3f>& start,
                 const std::optional<VertexLattice>& lattice, Mesh& mesh) {
-  settle(lattice, Marks(mesh.vertices.size(), 1), mesh);
-  std::vector<Crossing> crossings = self_intersections(mesh);
+  const auto settle = [&](size_t v) {
+    if (lattice) mesh.vertices[v] = rounded_to(*lattice, mesh.vertices[v]);
+  };
+  for_each_vertex(mesh.vertices.size(), settle);
+  CrossingFinder finder(mesh);
+  std::vector<Crossing> crossings = finder.all();
   for (int pass = 0; pass < kUntanglings && !crossings.empty(); ++pass) {
-    Marks marks = corners_of(crossings, mesh);
+    Region region(crossings, mesh);
     if (pass < kSmoothings) {
-      marks = widened(neighbours, marks);
-      for (int i = 0; i < kStepsPerSmoothing; ++i) smooth(neighbours, marks, mesh);
+      region.widen(neighbours);
+      for (int i = 0; i < kStepsPerSmoothing; ++i) smooth(neighbours, region, mesh);
     } else {
-      for (int i = kSmoothings; i < pass; ++i) marks = widened(neighbours, marks);
+      for (int i = kSmoothings; i < pass; ++i) region.widen(neighbours);
       const bool last = pass + 2 >= kUntanglings;
-      pull_back(marks, start, last ? 1.0F : 0.5F, mesh);
+      pull_back(region, start, last ? 1.0F : 0.5F, mesh);
     }
-    settle(lattice, marks, mesh);
+    region.for_each(settle);
     // Crossings that none of the moved triangles takes part in are gone already.
-    crossings = self_intersections(mesh, triangles_at(marks, mesh));
+    crossings = finder.of_moved(region.marks());
   }
   return crossings.size();
 }

@@ -45,8 +45,9 @@ TEST(SelfIntersection, finds_every_pair_that_a_search_through_all_pairs_finds) {
   }
   EXPECT_GT(expected.size(), 100);
   EXPECT_EQ(self_intersections(mesh), expected);
-  const std::vector<uint32_t> ten{0, 1, 2, 3, 4, 5, 6, 7, 8, 9};
-  EXPECT_EQ(self_intersections(mesh, ten), of_first_ten);
+  std::vector<uint8_t> corners_of_first_ten(mesh.vertices.size(), 0);
+  std::fill_n(corners_of_first_ten.begin(), 30, 1);
+  EXPECT_EQ(CrossingFinder(mesh).of_moved(corners_of_first_ten), of_first_ten);
 }
 
 TEST(SelfIntersection, sees_a_ball_that_was_pushed_through_itself) {
@@ -55,6 +56,23 @@ TEST(SelfIntersection, sees_a_ball_that_was_pushed_through_itself) {
     if (v.x() > 0.8F) v.x() -= 2.5F;
   }
   EXPECT_GT(self_intersections(ball).size(), 10);
+}
+
+TEST(SelfIntersection, finds_what_moved_vertices_cross_and_nothing_when_they_are_back) {
+  const Mesh round = shapes::sphere({0, 0, 0}, 1, 30);
+  Mesh ball = round;
+  CrossingFinder finder(ball);
+  EXPECT_TRUE(finder.all().empty());
+  std::vector<uint8_t> moved(ball.vertices.size(), 0);
+  for (size_t v = 0; v < moved.size(); ++v) moved[v] = ball.vertices[v].x() > 0.8F;
+  for (size_t v = 0; v < moved.size(); ++v) {
+    if (moved[v]) ball.vertices[v].x() -= 2.5F;
+  }
+  const std::vector<Crossing> crossings = finder.of_moved(moved);
+  EXPECT_GT(crossings.size(), 10);
+  EXPECT_EQ(crossings, self_intersections(ball));
+  ball.vertices = round.vertices;
+  EXPECT_TRUE(finder.of_moved(moved).empty());
 }
 
 }  // namespace
