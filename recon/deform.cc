@@ -112,11 +112,12 @@ class Deformer::Impl {
 
   void search(Mesh& mesh) {
     const bool smooth = options_.internal > 0;
+    rows_ = NeighbourRows(neighbours_);
     smooth_surface(neighbours_, smooth ? kSmoothingBefore : 0, mesh.vertices, work_);
     for (const Round& round : kSearchRounds) {
       look(round, mesh);
       const std::span<const float> way =
-          field_.solve(neighbours_, profiles_, known_, pulls_,
+          field_.solve(rows_, profiles_, known_, pulls_,
                        {.first = round.first,
                         .step_m = round.step * voxel_,
                         .smoothness = weight(kSmoothnessOfInternal, options_.internal),
@@ -233,6 +234,7 @@ class Deformer::Impl {
   std::vector<DepthBuffer> depths_;
   std::vector<Mask> near_;  ///< see near_outline()
   Neighbours neighbours_;
+  NeighbourRows rows_;  ///< the same for field_
   std::vector<Vector3f> start_, normals_, work_;
   std::vector<DepthProfile> profiles_;
   std::vector<uint8_t> known_;

@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "recon/correlation.h"
-#include "recon/neighbours.h"
+#include "recon/neighbour_rows.h"
 
 namespace v3d {
 
@@ -30,24 +30,37 @@ struct DepthFieldOptions {
 /// refined below a step by a parabola; the field becomes a smooth one through these picks and the
 /// outlines' pulls. (The scheme of Newcombe, Lovegrove and Davison, DTAM, ICCV 2011, section 2.2.3,
 /// on a mesh.) Keeps its memory. Works in the caller's TBB arena; the result does not depend on the
-/// number of threads.
+/// number of threads. Vectorised for the processor it runs on; every processor gives the same bits.
 class DepthField {
  public:
+  using Values = NeighbourRows::Values;
+
+  /// What a group of vertices wants, the same in all sweeps. A profile of zeros wants nothing.
+  struct Wishes {
+    std::array<Values, kDepthSteps> profile;
+    Values mean;  ///< of the profile
+    Values pull_weight, pull_steps;
+  };
+  /// Where its vertices are drawn to, steps times weight.
+  struct Picks {
+    Values weight, steps;
+  };
+
   /// `known`: vertices that have a profile. The field in metres, one number per vertex, lives until
   /// the next call.
-  std::span<const float> solve(const Neighbours& neighbours, std::span<const DepthProfile> profiles,
+  std::span<const float> solve(const NeighbourRows& neighbours,
+                               std::span<const DepthProfile> profiles,
                                std::span<const uint8_t> known, std::span<const OutlinePull> pulls,
                                const DepthFieldOptions& options);
 
  private:
-  struct Pick {
-    float weight = 0;
-    float steps = 0;
-  };
-  void smooth_once(const Neighbours& neighbours, const DepthFieldOptions& options);
+  void gather_wishes(std::span<const DepthProfile> profiles, std::span<const uint8_t> known,
+                     std::span<const OutlinePull> pulls, float step_m);
 
-  std::vector<Pick> picks_;
-  std::vector<float> field_, next_;  ///< steps
+  std::vector<Wishes> wishes_;
+  std::vector<Picks> picks_;
+  /// Steps. One more than there are vertices in `neighbours`: the field of nobody, always 0.
+  std::vector<float> field_, next_;
 };
 
 }  // namespace v3d

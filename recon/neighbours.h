@@ -14,6 +14,7 @@ class Neighbours {
  public:
   Neighbours() = default;
   explicit Neighbours(const Mesh& mesh);
+  size_t size() const { return first_.empty() ? 0 : first_.size() - 1; }  ///< vertices
   std::span<const uint32_t> of(size_t vertex) const {
     return {list_.data() + first_[vertex], first_[vertex + 1] - first_[vertex]};
   }
