@@ -9,6 +9,7 @@
 
 #include <cmath>
 #include <cstring>
+#include <span>
 
 HWY_BEFORE_NAMESPACE();
 namespace v3d::HWY_NAMESPACE {
@@ -103,6 +104,51 @@ void correlate_any(const WindowViews& views, const CorrelationOptions& options,
   }
 }
 
+HWY_INLINE Lanes higher(Lanes a, Lanes b) { return Lanes(hn::Max(a.v, b.v)); }
+HWY_INLINE Lanes lower(Lanes a, Lanes b) { return Lanes(hn::Min(a.v, b.v)); }
+
+/// Of kLanes depths.
+struct Pairs {
+  alignas(64) float score[kLanes];
+  alignas(64) float best_of[kMostWindowViews][kLanes];  ///< of each view with any other
+};
+
+HWY_INLINE void compare_pairs(std::span<const Patch> patches, int samples, Pairs& pairs) {
+  for (auto& best : pairs.best_of) put(Lanes(0.0F), best);
+  Lanes best(0.0F), second(0.0F);
+  for (size_t a = 0; a < patches.size(); ++a) {
+    for (size_t b = a + 1; b < patches.size(); ++b) {
+      const Lanes ncc = correlation(patches[a], patches[b], samples);
+      second = higher(second, lower(best, ncc));
+      best = higher(best, ncc);
+      for (const size_t c : {a, b}) put(higher(lanes_at(pairs.best_of[c]), ncc), pairs.best_of[c]);
+    }
+  }
+  put(Lanes(0.5F) * (best + second), pairs.score);
+}
+
+void correlate_pairs_any(const WindowViews& views, const CorrelationOptions& options, float least,
+                         PairAgreement& agreement) {
+  std::array<Patch, kMostWindowViews> patches;
+  Pairs pairs;
+  alignas(64) float steps[kDepthSteps];
+  for (int k = 0; k < kDepthSteps; ++k) steps[k] = options.first + static_cast<float>(k);
+  for (size_t k = 0; k < kDepthSteps; k += kLanes) {
+    for (int c = 0; c < views.count; ++c) {
+      take(views.view[c], options.side, options.noise, lanes_at(steps + k), patches[c]);
+    }
+    compare_pairs(std::span(patches).first(views.count), options.side * options.side, pairs);
+    for (size_t lane = 0; lane < kLanes; ++lane) {
+      uint32_t agreeing = 0;
+      for (int c = 0; c < views.count; ++c) {
+        agreeing |= static_cast<uint32_t>(pairs.best_of[c][lane] >= least) << c;
+      }
+      agreement.score[k + lane] = pairs.score[lane];
+      agreement.agreeing[k + lane] = static_cast<uint8_t>(agreeing);
+    }
+  }
+}
+
 }  // namespace
 }  // namespace v3d::HWY_NAMESPACE
 HWY_AFTER_NAMESPACE();
@@ -111,6 +157,7 @@ HWY_AFTER_NAMESPACE();
 namespace v3d {
 
 HWY_EXPORT(correlate_any);
+HWY_EXPORT(correlate_pairs_any);
 
 bool window_fits(const WindowView& view, const CorrelationOptions& options) {
   const int reach = options.side / 2;
@@ -132,6 +179,11 @@ bool window_fits(const WindowView& view, const CorrelationOptions& options) {
 
 void correlate(const WindowViews& views, const CorrelationOptions& options, DepthProfile& profile) {
   HWY_DYNAMIC_DISPATCH(correlate_any)(views, options, profile);
+}
+
+void correlate_pairs(const WindowViews& views, const CorrelationOptions& options, float least,
+                     PairAgreement& agreement) {
+  HWY_DYNAMIC_DISPATCH(correlate_pairs_any)(views, options, least, agreement);
 }
 
 }  // namespace v3d

@@ -27,7 +27,8 @@ using DepthProfile = std::array<float, kDepthSteps>;
 
 struct WindowViews {
   int count = 0;
-  std::array<WindowView, kMostWindowViews> view;  ///< the first is the reference camera
+  std::array<WindowView, kMostWindowViews> view;    ///< the first is the reference camera
+  std::array<uint32_t, kMostWindowViews> camera{};  ///< what views_of() numbers it
 };
 
 struct CorrelationOptions {
@@ -37,6 +38,14 @@ struct CorrelationOptions {
   bool robust = true;  ///< cameras that contradict the reference do not count against it
 };
 
+/// How well any two cameras agree, where others may look at something else.
+struct PairAgreement {
+  /// Mean of the correlations of the two pairs that agree best; negative ones count as 0.
+  DepthProfile score{};
+  /// A bit per view: it correlates with another one by `least` or more.
+  std::array<uint8_t, kDepthSteps> agreeing{};
+};
+
 /// True when every sample of the window, at every depth, lies in the image.
 bool window_fits(const WindowView& view, const CorrelationOptions& options);
 
@@ -44,5 +53,9 @@ bool window_fits(const WindowView& view, const CorrelationOptions& options);
 /// kDepthSteps windows along the normal. Requires two views or more, all of them window_fits().
 /// Vectorised for the processor it runs on; every processor gives the same bits.
 void correlate(const WindowViews& views, const CorrelationOptions& options, DepthProfile& profile);
+
+/// The same for every pair of cameras, without a reference. `robust` says nothing here.
+void correlate_pairs(const WindowViews& views, const CorrelationOptions& options, float least,
+                     PairAgreement& agreement);
 
 }  // namespace v3d

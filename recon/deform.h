@@ -29,6 +29,9 @@ struct DeformOptions {
   double silhouette = 0.3;   ///< gamma
   int window = 5;            ///< samples along a side of the template window; odd, 3 to 11
   int views = 6;             ///< cameras that take part in a correlation, 2 to 8
+  /// Search only: first the hull gets the hollows that cameras see into (HollowCarver). For who
+  /// makes the mesh; a Deformer keeps the one it is given.
+  bool hollows = true;
   /// Where the vertices end; empty: anywhere. Requires that the mesh begins on it.
   std::optional<VertexLattice> lattice = std::nullopt;
 };

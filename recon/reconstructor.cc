@@ -9,6 +9,7 @@
 #include "base/file.h"
 #include "base/time.h"
 #include "recon/compact_frame.h"
+#include "recon/hollows.h"
 #include "recon/intersect.h"
 #include "recon/marching_cubes.h"
 #include "recon/steady_surface.h"
@@ -65,6 +66,17 @@ std::optional<Deformer> deformer_of(const ReconstructOptions& options,
   return std::optional<Deformer>(std::in_place, deform);
 }
 
+std::optional<HollowCarver> hollows_of(const ReconstructOptions& options) {
+  const DeformOptions& deform = options.deform;
+  const bool wanted = options.quality == Quality::kHigh && deform.hollows &&
+                      deform.mode == DeformMode::kSearch && deform.photometric > 0;
+  return wanted ? std::optional<HollowCarver>(std::in_place) : std::nullopt;
+}
+
+double volume_m3(const SparseVolume& volume) {
+  return static_cast<double>(volume.count()) * volume.grid().voxel_volume_m3();
+}
+
 int arena_size(int threads) { return threads > 0 ? threads : tbb::task_arena::automatic; }
 
 }  // namespace
@@ -77,6 +89,7 @@ class Reconstructor::Impl {
         grid_(affordable_grid(options)),
         lattice_(lattice_of(grid_, options.quality)),
         deformer_(deformer_of(options, lattice_)),
+        hollows_(hollows_of(options)),
         arena_(arena_size(options.threads)),
         quality_(
             arena_.execute([&] { return QualityMeter(rig, options.bounds, options.voxel_m); })),
@@ -188,7 +201,7 @@ class Reconstructor::Impl {
       masks.push_back(frame != nullptr ? &*frame->mask : nullptr);
     }
     intersector_.intersect(masks, work.volume);
-    result.volume_m3 = static_cast<double>(work.volume.count()) * grid_.voxel_volume_m3();
+    result.volume_m3 = volume_m3(work.volume);
     result.times.intersect = intersecting.ms();
 
     const Stopwatch meshing;
@@ -201,6 +214,11 @@ class Reconstructor::Impl {
     std::vector<DeformCamera> cameras;
     for (size_t c = 0; c < work.frames.size(); ++c) {
       if (work.frames[c] != nullptr) cameras.push_back({&rig_[c].model, work.frames[c]});
+    }
+    if (hollows_) {
+      work.volume = hollows_->carve(cameras, work.result.mesh, work.volume);
+      work.result.volume_m3 = volume_m3(work.volume);
+      marching_cubes_.run(work.volume, work.result.mesh);
     }
     deformer_->run(cameras, work.result.mesh);
     work.result.times.deform = deforming.ms();
@@ -224,7 +242,8 @@ class Reconstructor::Impl {
   const VoxelGrid grid_;
   const VertexLattice lattice_;       ///< where vertices end
   std::optional<Deformer> deformer_;  ///< for Quality::kHigh
-  tbb::task_arena arena_;             ///< reconstruct()
+  std::optional<HollowCarver> hollows_;
+  tbb::task_arena arena_;  ///< reconstruct()
   const QualityMeter quality_;
   // What make_mesh() works with, and keeps.
   Intersector intersector_;

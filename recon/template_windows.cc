@@ -102,6 +102,7 @@ WindowViews views_of(const TemplateWindow& window, std::span<const SurfaceCamera
     const int samples_to_side = correlation.side / 2;
     const float reach = static_cast<float>(samples_to_side) / picture.scale();
     if (views.count == 0 && !corners_in_silhouette(camera, seen, reach * a, reach * d)) return {};
+    views.camera[views.count] = static_cast<uint32_t>(candidate.camera);
     views.view[views.count++] = view;
   }
   return views;

@@ -70,6 +70,30 @@ TEST(Correlation, robust_keeps_a_camera_that_contradicts_from_counting_against) 
   EXPECT_GE(*std::min_element(robust.begin(), robust.end()), 0);
 }
 
+PairAgreement pairs_of(const WindowViews& views) {
+  PairAgreement agreement;
+  correlate_pairs(views, {}, 0.5F, agreement);
+  return agreement;
+}
+
+TEST(Correlation, of_pairs_lets_two_agree_whatever_the_others_look_at) {
+  const Luminance one(noise(0)), same(noise(3)), another(noise(50)), third(noise(6));
+  WindowViews views;
+  views.count = 3;
+  views.view = {window_at(another, 80, 60, 1), window_at(one, 80, 60, 0),
+                window_at(same, 80, 60, 1)};
+  const PairAgreement two = pairs_of(views);
+  const auto best = std::max_element(two.score.begin(), two.score.end()) - two.score.begin();
+  EXPECT_EQ(best - 8, 3);  // steps out
+  EXPECT_EQ(two.agreeing[11], 0b110);
+  EXPECT_EQ(two.agreeing[8], 0);
+  EXPECT_GT(two.score[11], 0.49F);  // the next pair says little
+  EXPECT_LT(two.score[11], 0.7F);
+  views.view[0] = window_at(third, 80, 60, 2);
+  EXPECT_GT(pairs_of(views).score[11], 0.98F);
+  EXPECT_EQ(pairs_of(views).agreeing[11], 0b111);
+}
+
 TEST(Correlation, a_window_fits_when_all_its_samples_at_all_depths_do) {
   const Luminance image(noise(0));
   EXPECT_TRUE(window_fits(window_at(image, 80, 60, 1), {}));
@@ -90,9 +114,12 @@ TEST(Correlation, is_the_same_to_the_bit_on_every_instruction_set) {
       views.view[c] = window_at(c % 2 ? shifted : reference, place(), place(), 0.37F);
     }
     const DepthProfile expected = profile_of(views);
+    const PairAgreement pairs = pairs_of(views);
     for (int64_t rest = hwy::SupportedTargets(); rest != 0; rest &= rest - 1) {
       hwy::SetSupportedTargetsForTest(rest & -rest);
       EXPECT_EQ(profile_of(views), expected);
+      EXPECT_EQ(pairs_of(views).score, pairs.score);
+      EXPECT_EQ(pairs_of(views).agreeing, pairs.agreeing);
       hwy::SetSupportedTargetsForTest(0);
     }
   }

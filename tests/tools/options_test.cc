@@ -59,18 +59,20 @@ TEST(Names, must_not_be_empty) {
 }
 
 TEST(Deform, takes_any_of_its_numbers_in_any_order) {
-  const DeformOptions o = parse_deform("window=7,mode=paper,silhouette=0,views=4");
+  const DeformOptions o = parse_deform("window=7,mode=paper,silhouette=0,views=4,hollows=0");
   EXPECT_EQ(o.mode, DeformMode::kPaper);
   EXPECT_EQ(o.window, 7);
   EXPECT_EQ(o.views, 4);
   EXPECT_EQ(o.silhouette, 0);
   EXPECT_EQ(o.photometric, 0.4);
+  EXPECT_FALSE(o.hollows);
+  EXPECT_TRUE(parse_deform("hollows=1").hollows);
   EXPECT_EQ(parse_deform("").mode, DeformMode::kSearch);
 }
 
 TEST(Deform, refuses_what_it_does_not_know) {
   for (const char* text : {"window", "window=", "window=x", "window=4", "mode=fast", "alpha=1",
-                           "internal=-1", "views=6.5"}) {
+                           "internal=-1", "views=6.5", "hollows=2"}) {
     EXPECT_THROW(parse_deform(text), InputError) << text;
   }
 }

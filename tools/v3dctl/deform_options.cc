@@ -12,7 +12,7 @@ namespace {
 [[noreturn]] void refuse(const std::string& part) {
   throw InputError("--deform " + part +
                    ": want NAME=VALUE of mode (search or paper), internal, photometric, "
-                   "silhouette, window, views");
+                   "silhouette, window, views, hollows (0 or 1)");
 }
 
 template <class Number>
@@ -42,6 +42,8 @@ void set(DeformOptions& options, const std::string& part) {
     options.window = number_of<int>(value, part);
   } else if (name == "views") {
     options.views = number_of<int>(value, part);
+  } else if (name == "hollows" && (value == "0" || value == "1")) {
+    options.hollows = value == "1";
   } else {
     refuse(part);
   }

@@ -75,7 +75,8 @@ Json deform_to_json(const DeformOptions& deform) {
           {"photometric", deform.photometric},
           {"silhouette", deform.silhouette},
           {"window", deform.window},
-          {"views", deform.views}};
+          {"views", deform.views},
+          {"hollows", deform.hollows}};
 }
 
 DeformOptions deform_of(const Json& json) {
@@ -86,6 +87,7 @@ DeformOptions deform_of(const Json& json) {
   deform.silhouette = json.at("silhouette");
   deform.window = json.at("window");
   deform.views = json.at("views");
+  deform.hollows = json.at("hollows");
   return deform;
 }
 

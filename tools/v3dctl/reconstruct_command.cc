@@ -176,7 +176,8 @@ void add_options(CLI::App* command, Arguments& arguments) {
       ->add_option(
           "--deform", arguments.deform,
           "With high quality: mode=search|paper, the weights of the forces internal=0.3, "
-          "photometric=0.4, silhouette=0.3, window=5 samples a side, views=6 cameras at a time")
+          "photometric=0.4, silhouette=0.3, window=5 samples a side, views=6 cameras at a time, "
+          "hollows=1 to carve first where cameras see through the hull")
       ->type_name("NAME=VALUE,...");
   command->add_flag(
       "--no-steady", arguments.alone,

@@ -1,0 +1,239 @@
+#include "recon/hollows.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+
+#include "recon/label_field.h"
+#include "recon/neighbours.h"
+#include "recon/sight_votes.h"
+#include "recon/smooth_surface.h"
+#include "recon/template_windows.h"
+#include "recon/vertex_loop.h"
+#include "recon/volume_cut.h"
+
+namespace v3d {
+namespace {
+
+using Eigen::Vector3f;
+
+// Where the surface is looked for; lengths in voxels. A label of LabelField is a depth.
+constexpr size_t kEvery = 4;   ///< only so many-th vertex looks, about two voxels apart
+constexpr float kStep = 0.8F;  ///< between depths
+constexpr float kSpacing = 2;  ///< between the samples of a template window
+constexpr int kSide = 5;       ///< of the window, samples
+constexpr int kLevel = 1;      ///< of the pictures: half resolution
+constexpr int kMostViews = 6;  ///< cameras that look at a place
+constexpr float kHiddenBehind = 0.6F;
+constexpr float kNoiseVariance = 2;  ///< squared grey values
+constexpr int kSmoothing = 2, kNormalSmoothing = 4;
+
+/// Correlation by which a depth must be better than one a step less deep: what lies deep competes
+/// with many. That is where the best of the near depths stands out of the far ones, nearly all of
+/// which are wrong, by kContrast in the median, as with cameras that are calibrated well. Where it
+/// stands out less, wrong depths win more often, and the price grows with the cube.
+constexpr float kPriceOfStep = 1.0F / 64;
+constexpr float kContrast = 0.31F;
+constexpr float kMostShortfall = 2;
+constexpr float kUnit = 512;  ///< of LabelField's costs, for a correlation of 1
+constexpr int16_t kSlope = 128;
+constexpr int kRounds = 10;
+
+/// Correlation with another camera from which on a camera is said to see the place.
+constexpr float kAgreeing = 0.4F;
+// Voxels along a ray from the place: the first that is seen through, and the last where the ray
+// leaves the hull on a slant. The votes count one voxel around.
+constexpr float kFirstFree = 3.5F;
+constexpr float kMostSlant = 3, kBeyondSkin = 2;
+constexpr int kSolid = 3;  ///< voxels from the place inwards
+
+constexpr int kLeastVotes = 4;
+constexpr int kCutSmoothing = 8;
+constexpr int kCrumb = 2000;  ///< voxels
+
+constexpr int kLabels = LabelField::kLabels;
+static_assert(kLabels == 2 * kDepthSteps);
+
+CorrelationOptions depths_from(int first) {
+  return {.side = kSide, .first = static_cast<float>(first), .noise = kNoiseVariance};
+}
+const CorrelationOptions kNear = depths_from(1 - kDepthSteps), kFar = depths_from(1 - kLabels);
+
+void keep(const CorrelationOptions& options, WindowViews& views) {
+  int kept = 0;
+  for (int c = 0; c < views.count; ++c) {
+    if (!window_fits(views.view[c], options)) continue;
+    views.view[kept] = views.view[c];
+    views.camera[kept++] = views.camera[c];
+  }
+  views.count = kept;
+}
+
+}  // namespace
+
+class HollowCarver::Impl {
+ public:
+  SparseVolume carve(std::span<const DeformCamera> cameras, const Mesh& hull,
+                     const SparseVolume& volume) {
+    voxel_ = static_cast<float>(volume.grid().voxel_m);
+    prepare(cameras, hull);
+    if (cameras_.size() < 2 || hull.vertices.empty()) return volume;
+    look();
+    price();
+    connect();
+    SightVotes votes(volume);
+    vote(labels_.solve(costs_, edges_, {.slope = kSlope, .rounds = kRounds}), votes);
+    VolumeCut cut(volume, votes.seen_through(kLeastVotes));
+    cut.smooth(kCutSmoothing);
+    cut.add_crumbs(kCrumb);
+    return cut.remaining();
+  }
+
+ private:
+  /// What a vertex sees; the arrays are by label.
+  struct Sight {
+    WindowViews views;
+    std::array<float, kLabels> score{};       ///< see PairAgreement
+    std::array<uint8_t, kLabels> agreeing{};  ///< likewise
+
+    bool sees() const { return views.count >= 2; }
+    /// By how much the best near depth stands out of the far ones.
+    float contrast() const {
+      const auto far = score.begin() + kDepthSteps;
+      return *std::max_element(score.begin(), far) -
+             std::accumulate(far, score.end(), 0.0F) / (kLabels - kDepthSteps);
+    }
+  };
+
+  void prepare(std::span<const DeformCamera> cameras, const Mesh& hull) {
+    mesh_ = hull;
+    neighbours_ = Neighbours(mesh_);
+    smooth_surface(neighbours_, kSmoothing, mesh_.vertices, work_);
+    normals_ = vertex_normals(mesh_);
+    smooth_normals(neighbours_, kNormalSmoothing, normals_, work_);
+    cameras_.clear();
+    models_.clear();
+    for (const DeformCamera& camera : cameras) {
+      if (camera.frame->roi.empty()) continue;
+      models_.push_back(*camera.model);
+      cameras_.emplace_back(camera, needless_halvings(*camera.model, middle_of(mesh_), voxel_));
+    }
+    draw_depths(mesh_, models_, depths_);
+  }
+
+  void look() {
+    const size_t count = (mesh_.vertices.size() + kEvery - 1) / kEvery;
+    sights_.resize(count);
+    for_each_vertex(count, [&](size_t i) { look_from(i); });
+  }
+
+  void look_from(size_t i) {
+    Sight& sight = sights_[i];
+    const size_t v = i * kEvery;
+    const TemplateWindow window{mesh_.vertices[v], normals_[v], kSpacing * voxel_, kStep * voxel_};
+    const WindowChoice choice{
+        .level = kLevel, .most_views = kMostViews, .tolerance_m = kHiddenBehind * voxel_};
+    sight.views = views_of(window, cameras_, depths_, choice, kFar);
+    keep(kNear, sight.views);
+    if (!sight.sees()) return;
+    PairAgreement near, far;
+    correlate_pairs(sight.views, kNear, kAgreeing, near);
+    correlate_pairs(sight.views, kFar, kAgreeing, far);
+    for (int label = 0; label < kLabels; ++label) {
+      // Label 0 is the last depth of the near profile.
+      const PairAgreement& half = label < kDepthSteps ? near : far;
+      const int k = kDepthSteps - 1 - label % kDepthSteps;
+      sight.score[label] = half.score[k];
+      sight.agreeing[label] = half.agreeing[k];
+    }
+  }
+
+  /// What labels cost.
+  void price() {
+    const float contrast = median_contrast();
+    const float short_of = std::min(kMostShortfall, kContrast / std::max(contrast, 1e-3F));
+    const float step = kPriceOfStep * std::max(1.0F, short_of * short_of * short_of);
+    costs_.resize(sights_.size());
+    for_each_vertex(sights_.size(), [&](size_t i) {
+      for (int label = 0; label < kLabels; ++label) {
+        const float disagreement = sights_[i].sees() ? 1 - sights_[i].score[label] : 0;
+        const float cost = kUnit * (disagreement + step * static_cast<float>(label));
+        costs_[i].of[label] =
+            static_cast<int16_t>(std::min(std::lround(cost), long{LabelField::kMostCost}));
+      }
+    });
+  }
+
+  float median_contrast() {
+    contrasts_.clear();
+    for (const Sight& sight : sights_) {
+      if (sight.sees()) contrasts_.push_back(sight.contrast());
+    }
+    if (contrasts_.empty()) return 0;
+    const auto middle = contrasts_.begin() + std::ssize(contrasts_) / 2;
+    std::nth_element(contrasts_.begin(), middle, contrasts_.end());
+    return *middle;
+  }
+
+  /// Those who look are neighbours when they are two edges apart at most.
+  void connect() {
+    edges_.clear();
+    for (size_t i = 0; i < costs_.size(); ++i) {
+      around_.clear();
+      for (const uint32_t n : neighbours_.of(i * kEvery)) {
+        around_.push_back(n);
+        for (const uint32_t m : neighbours_.of(n)) around_.push_back(m);
+      }
+      std::sort(around_.begin(), around_.end());
+      around_.erase(std::unique(around_.begin(), around_.end()), around_.end());
+      for (const uint32_t n : around_) {
+        if (n % kEvery == 0 && n / kEvery > i) edges_.emplace_back(i, n / kEvery);
+      }
+    }
+  }
+
+  void vote(std::span<const uint8_t> labels, SightVotes& votes) const {
+    for_each_vertex(labels.size(), [&](size_t i) {
+      const Sight& sight = sights_[i];
+      if (!sight.sees()) return;
+      const int label = labels[i];
+      const size_t v = i * kEvery;
+      const float depth = kStep * static_cast<float>(label);
+      const Vector3f place = mesh_.vertices[v] - depth * voxel_ * normals_[v];
+      const uint32_t agreeing = sight.agreeing[label];
+      for (int c = 0; c < sight.views.count; ++c) {
+        if ((agreeing >> c & 1) == 0) continue;
+        const Vector3f out = (cameras_[sight.views.camera[c]].center() - place).normalized();
+        for (float way = kFirstFree; way < kMostSlant * depth + kBeyondSkin; ++way) {
+          votes.seen_through(place + way * voxel_ * out);
+        }
+      }
+      for (int way = 0; agreeing != 0 && way < kSolid; ++way) {
+        votes.seen_there(place - static_cast<float>(way) * voxel_ * normals_[v]);
+      }
+    });
+  }
+
+  float voxel_ = 0;
+  Mesh mesh_;
+  Neighbours neighbours_;
+  std::vector<SurfaceCamera> cameras_;
+  std::vector<CameraModel> models_;
+  std::vector<DepthBuffer> depths_;
+  std::vector<Vector3f> normals_, work_;
+  std::vector<Sight> sights_;
+  std::vector<float> contrasts_;
+  std::vector<LabelField::Costs> costs_;
+  std::vector<LabelField::Edge> edges_;
+  std::vector<uint32_t> around_;
+  LabelField labels_;
+};
+
+HollowCarver::HollowCarver() : impl_(std::make_unique<Impl>()) {}
+HollowCarver::~HollowCarver() = default;
+SparseVolume HollowCarver::carve(std::span<const DeformCamera> cameras, const Mesh& hull,
+                                 const SparseVolume& volume) {
+  return impl_->carve(cameras, hull, volume);
+}
+
+}  // namespace v3d

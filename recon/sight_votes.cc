@@ -1,0 +1,54 @@
+#include "recon/sight_votes.h"
+
+#include <tbb/parallel_for.h>
+
+#include <cmath>
+
+#include "recon/brick_halo.h"
+
+namespace v3d {
+
+SightVotes::SightVotes(const SparseVolume& volume)
+    : volume_(volume),
+      origin_(volume.grid().origin.cast<float>()),
+      per_metre_(static_cast<float>(1 / volume.grid().voxel_m)),
+      votes_(512 * volume.bricks().size()) {}
+
+void SightVotes::vote(const Eigen::Vector3f& place, uint32_t what) {
+  const Eigen::Vector3f at = (place - origin_) * per_metre_;
+  for (int axis = 0; axis < 3; ++axis) {
+    if (!(at[axis] >= 0 && at[axis] < VoxelGrid::kMaxCount)) return;
+  }
+  const Eigen::Vector3i voxel = at.cast<int>();
+  const int brick = volume_.index_of({voxel.x() / 8, voxel.y() / 8, voxel.z() / 8});
+  if (brick < 0) return;
+  const int inside = 64 * (voxel.z() % 8) + 8 * (voxel.y() % 8) + voxel.x() % 8;
+  votes_[512 * static_cast<size_t>(brick) + inside].fetch_add(what, std::memory_order_relaxed);
+}
+
+std::vector<Brick> SightVotes::seen_through(int least) const {
+  struct Counts {
+    uint32_t through = 0, there = 0;
+    Counts operator+(const Counts& other) const {
+      return {through + other.through, there + other.there};
+    }
+  };
+  std::vector<Brick> result(volume_.bricks().size(), kEmptyBrick);
+  tbb::parallel_for(size_t{0}, result.size(), [&](size_t b) {
+    const auto counts_of = [&](size_t brick, int voxel) -> Counts {
+      const uint32_t both = votes_[512 * brick + voxel].load(std::memory_order_relaxed);
+      return {both % kThere, both / kThere};
+    };
+    const auto sums = sums_of_27<Counts>(bricks_around(volume_, b), counts_of);
+    for (int voxel = 0; voxel < 512; ++voxel) {
+      const auto& [through, there] = sums[voxel];
+      if (through >= static_cast<uint32_t>(least) && through > there) {
+        result[b][voxel / 64] |= uint64_t{1} << (voxel % 64);
+      }
+    }
+    for (size_t z = 0; z < result[b].size(); ++z) result[b][z] &= volume_.bricks()[b][z];
+  });
+  return result;
+}
+
+}  // namespace v3d

@@ -1,0 +1,39 @@
+// What cameras that agree about a place say of the voxels before and behind it.
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+#include <vector>
+
+#include "recon/sparse_volume.h"
+
+namespace v3d {
+
+/// Votes of two kinds for the voxels of a volume: something was seen through them, and something
+/// was seen there. Votes may come from several threads at a time; sums do not depend on the order.
+class SightVotes {
+ public:
+  /// `volume` is borrowed and must not change.
+  explicit SightVotes(const SparseVolume& volume);
+
+  // Places in the world, metres; votes outside the volume are lost.
+  void seen_through(const Eigen::Vector3f& place) { vote(place, kThrough); }
+  void seen_there(const Eigen::Vector3f& place) { vote(place, kThere); }
+
+  /// The occupied voxels that were seen through at least `least` times, and more often than
+  /// something was seen there; votes count for the voxel and the 26 around it. A brick for each of
+  /// the volume. Works in the caller's TBB arena.
+  std::vector<Brick> seen_through(int least) const;
+
+ private:
+  // Both counts in one number, so that one addition is one vote.
+  static constexpr uint32_t kThrough = 1, kThere = 1 << 16;
+  void vote(const Eigen::Vector3f& place, uint32_t what);
+
+  const SparseVolume& volume_;
+  const Eigen::Vector3f origin_;
+  const float per_metre_;
+  std::vector<std::atomic<uint32_t>> votes_;  ///< 512 a brick
+};
+
+}  // namespace v3d

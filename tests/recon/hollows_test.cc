@@ -1,0 +1,176 @@
+#include "recon/hollows.h"
+
+#include <gtest/gtest.h>
+#include <tbb/task_arena.h>
+
+#include <algorithm>
+#include <random>
+
+#include "recon/intersect.h"
+#include "recon/marching_cubes.h"
+#include "recon/renderer.h"
+#include "recon/silhouette.h"
+#include "shapes.h"
+#include "volumes.h"
+
+namespace v3d {
+namespace {
+
+constexpr ImageSize kSize{320, 240};
+constexpr double kVoxelM = 0.010;
+/// Between the two arms of the scene, in front of its body.
+constexpr float kInside = 0.09F, kBelly = 0.02F, kArms = 0.16F, kTop = 0.15F;
+
+/// Its sides are nets, whose vertices can be speckled.
+Mesh fine_box(const Eigen::Vector3f& low, const Eigen::Vector3f& high) {
+  constexpr int kParts = 40;
+  Mesh mesh;
+  for (int axis = 0; axis < 3; ++axis) {
+    for (const bool far : {false, true}) {
+      Mesh side = shapes::patch(1, 0, kParts);
+      for (Eigen::Vector3f& v : side.vertices) {
+        Eigen::Vector3f at;
+        at[axis] = far ? 1.0F : -1.0F;
+        at[(axis + 1) % 3] = far ? v.x() : -v.x();
+        at[(axis + 2) % 3] = v.y();
+        v = (0.5F * (low + high).array() + 0.5F * (high - low).array() * at.array()).matrix();
+      }
+      shapes::append(mesh, side);
+    }
+  }
+  return mesh;
+}
+
+/// A body that holds its arms before it: no silhouette of a camera beside it shows the belly.
+Mesh embrace() {
+  const float z = 1;
+  Mesh mesh = fine_box({-kArms, -kArms, z - kTop}, {kBelly, kArms, z + kTop});
+  shapes::append(mesh, fine_box({kBelly, -kArms, z - kTop}, {kArms, -kInside, z + kTop}));
+  shapes::append(mesh, fine_box({kBelly, kInside, z - kTop}, {kArms, kArms, z + kTop}));
+  return mesh;
+}
+
+bool in_hollow(const Eigen::Vector3d& p) {
+  return p.x() > kBelly && p.x() < kArms && std::abs(p.y()) < kInside && std::abs(p.z() - 1) < kTop;
+}
+
+Mesh speckled(Mesh mesh) {
+  std::mt19937 random(5);
+  for (size_t v = 0; v < mesh.vertices.size(); ++v) {
+    const auto grey = static_cast<uint8_t>(40 + random() % 200);
+    mesh.colours.push_back({grey, grey, grey});
+  }
+  return mesh;
+}
+
+Mesh plain(Mesh mesh) {
+  mesh.colours.assign(mesh.vertices.size(), {120, 120, 120});
+  return mesh;
+}
+
+struct Studio {
+  std::vector<CameraModel> models;
+  std::vector<Frame> frames;
+  std::vector<DeformCamera> cameras;
+  SparseVolume volume;
+  Mesh hull;
+
+  explicit Studio(const Mesh& scene) {
+    for (int i = 0; i < 14; ++i) {
+      // All round, and a few closer together where one can look in.
+      const double angle = i < 8 ? 2 * std::numbers::pi * (i + 0.5) / 8 : 0.14 * (i - 10.5);
+      models.push_back(
+          shapes::camera({2 * std::cos(angle), 2 * std::sin(angle), 1 + 0.12 * (i % 3 - 1)},
+                         {0, 0, 1}, kSize, 700, {-0.1, 0.02}));
+    }
+    const std::vector<Mask> masks = draw_silhouettes(scene, models);
+    std::vector<const Mask*> borrowed;
+    for (size_t i = 0; i < models.size(); ++i) {
+      frames.push_back(
+          observe("cam" + std::to_string(i), {}, draw_mesh(scene, models[i]).view(), masks[i]));
+      borrowed.push_back(&masks[i]);
+    }
+    for (size_t i = 0; i < models.size(); ++i) cameras.push_back({&models[i], &frames[i]});
+    const VoxelGrid grid = VoxelGrid::covering({{-0.3, -0.3, 0.7}, {0.3, 0.3, 1.3}}, kVoxelM);
+    volume = Intersector(grid, models, 3).intersect(borrowed);
+    hull = marching_cubes(volume);
+  }
+
+  SparseVolume carved() const {
+    HollowCarver carver;
+    return carver.carve(cameras, hull, volume);
+  }
+};
+
+const Studio& studio() {
+  static const Studio kStudio(speckled(embrace()));
+  return kStudio;
+}
+
+bool in_body(const Eigen::Vector3d& p) {
+  const bool arm = std::abs(p.y()) > kInside && p.x() < kArms;
+  return (p.x() < kBelly || arm) && p.x() > -kArms && std::abs(p.y()) < kArms &&
+         std::abs(p.z() - 1) < kTop;
+}
+
+/// Occupied voxels in the hollow, and in body and arms.
+std::pair<int, int> count(const SparseVolume& volume) {
+  std::pair<int, int> counts;
+  const auto& n = volume.grid().counts;
+  for (int k = 0; k < n[2]; ++k) {
+    for (int j = 0; j < n[1]; ++j) {
+      for (int i = 0; i < n[0]; ++i) {
+        if (!volume.get(i, j, k)) continue;
+        const Eigen::Vector3d at = volume.grid().center(i, j, k);
+        counts.first += in_hollow(at);
+        counts.second += in_body(at);
+      }
+    }
+  }
+  return counts;
+}
+
+TEST(HollowCarver, empties_what_cameras_see_into_and_leaves_what_is_solid) {
+  const auto [hollow, solid] = count(studio().volume);
+  EXPECT_GT(hollow, 4'500) << "the silhouettes span it";
+  const auto [left, kept] = count(studio().carved());
+  EXPECT_LT(left, 0.65 * hollow);
+  EXPECT_GT(kept, 0.98 * solid);
+}
+
+TEST(HollowCarver, takes_nothing_where_there_is_nothing_to_compare) {
+  const Studio blank(plain(embrace()));
+  EXPECT_EQ(blank.carved(), blank.volume);
+}
+
+TEST(HollowCarver, needs_two_cameras) {
+  HollowCarver carver;
+  const auto some = [&](size_t cameras) {
+    return carver.carve(std::span(studio().cameras).first(cameras), studio().hull, studio().volume);
+  };
+  EXPECT_EQ(some(0), studio().volume);
+  EXPECT_EQ(some(1), studio().volume);
+  const SparseVolume nothing(studio().volume.grid());
+  EXPECT_EQ(carver.carve(studio().cameras, Mesh{}, nothing), nothing);
+}
+
+TEST(HollowCarver, gives_the_same_volume_for_any_number_of_threads) {
+  const auto with_threads = [](int threads) {
+    return tbb::task_arena(threads).execute([] { return studio().carved(); });
+  };
+  const SparseVolume expected = with_threads(1);
+  EXPECT_EQ(with_threads(2), expected);
+  EXPECT_EQ(with_threads(5), expected);
+}
+
+TEST(HollowCarver, keeps_no_memory_of_the_frame_before) {
+  HollowCarver carver;
+  const SparseVolume box = make_volume(studio().volume.grid(), [](int i, int j, int k) {
+    return i > 20 && i < 40 && j > 20 && j < 40 && k > 20 && k < 40;
+  });
+  carver.carve(studio().cameras, marching_cubes(box), box);
+  EXPECT_EQ(carver.carve(studio().cameras, studio().hull, studio().volume), studio().carved());
+}
+
+}  // namespace
+}  // namespace v3d
