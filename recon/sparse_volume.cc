@@ -87,4 +87,20 @@ int64_t SparseVolume::count() const {
   return n;
 }
 
+int64_t count_common(const SparseVolume& a, const SparseVolume& b) {
+  assert(a.grid() == b.grid());
+  int64_t common = 0;
+  for (size_t n = 0; n < a.bricks().size(); ++n) {
+    const int other = b.index_of(a.coords()[n]);
+    for (int z = 0; other >= 0 && z < kBrickEdge; ++z) {
+      common += bit_count(a.bricks()[n][z] & b.bricks()[other][z]);
+    }
+  }
+  return common;
+}
+
+int64_t count_differing(const SparseVolume& a, const SparseVolume& b) {
+  return a.count() + b.count() - 2 * count_common(a, b);
+}
+
 }  // namespace v3d

@@ -69,4 +69,9 @@ class SparseVolume {
   BrickMap occupied_;
 };
 
+/// Voxels that both have. Requires the same grid, here and below.
+int64_t count_common(const SparseVolume& a, const SparseVolume& b);
+/// Voxels that one has and the other has not.
+int64_t count_differing(const SparseVolume& a, const SparseVolume& b);
+
 }  // namespace v3d

@@ -227,5 +227,15 @@ TEST(SparseVolume, counts_and_finds_its_voxels) {
   EXPECT_EQ(volume.index_of({0, 0, 0}), -1);
 }
 
+TEST(SparseVolume, counts_what_two_have_in_common_and_what_one_has_alone) {
+  const VoxelGrid grid = small_grid(20, 9, 17);
+  const auto low = make_volume(grid, [](int i, int, int) { return i < 12; });
+  const auto high = make_volume(grid, [](int i, int, int) { return i >= 10 && i < 15; });
+  EXPECT_EQ(count_common(low, high), 2 * 9 * 17);
+  EXPECT_EQ(count_differing(low, high), (10 + 3) * 9 * 17);
+  EXPECT_EQ(count_differing(high, low), (10 + 3) * 9 * 17);
+  EXPECT_EQ(count_differing(low, SparseVolume(grid)), low.count());
+}
+
 }  // namespace
 }  // namespace v3d

@@ -2,7 +2,6 @@
 // purpose, and what clean-up and mending bring back.
 #include <CLI/CLI.hpp>
 #include <algorithm>
-#include <bit>
 #include <cmath>
 #include <cstdio>
 #include <numeric>
@@ -116,13 +115,7 @@ class Recording {
 
   Score score_of(std::span<const Mask* const> masks) {
     const SparseVolume& hull = hulls_.volume(masks);
-    int64_t common = 0;
-    for (size_t n = 0; n < hull.bricks().size(); ++n) {
-      const int other = whole_.index_of(hull.coords()[n]);
-      for (int z = 0; other >= 0 && z < kBrickEdge; ++z) {
-        common += std::popcount(hull.bricks()[n][z] & whole_.bricks()[other][z]);
-      }
-    }
+    const int64_t common = count_common(hull, whole_);
     const auto whole = static_cast<double>(whole_.count());
     return {static_cast<double>(common) / whole,
             static_cast<double>(hull.count() - common) / whole};

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <array>
-#include <bit>
 #include <cstdio>
 #include <optional>
 #include <random>
@@ -149,17 +148,6 @@ constexpr Kind kKinds[] = {{"hole", punch_hole},          {"blob", add_blob},
                            {"lost limb", lose_limb},      {"black camera", blacken},
                            {"one pulse late", make_late}, {"frame repeated", repeat}};
 
-int64_t differing(const SparseVolume& a, const SparseVolume& b) {
-  int64_t common = 0;
-  for (size_t n = 0; n < a.bricks().size(); ++n) {
-    const int other = b.index_of(a.coords()[n]);
-    for (int z = 0; other >= 0 && z < kBrickEdge; ++z) {
-      common += std::popcount(a.bricks()[n][z] & b.bricks()[other][z]);
-    }
-  }
-  return a.count() + b.count() - 2 * common;
-}
-
 int64_t differing(const Mask& a, const Mask& b) {
   return only_first(a, b).count() + only_first(b, a).count();
 }
@@ -205,8 +193,8 @@ class Trials {
     for (const auto& mask : mended.masks) after.push_back(mask ? &*mask : nullptr);
     const SparseVolume truth = intersector_.intersect(pointers_to(instant.truth[kNow]));
     const int64_t wrong_before =
-        differing(intersector_.intersect(pointers_to(shown.masks[kNow])), truth);
-    const int64_t wrong_after = differing(intersector_.intersect(after), truth);
+        count_differing(intersector_.intersect(pointers_to(shown.masks[kNow])), truth);
+    const int64_t wrong_after = count_differing(intersector_.intersect(after), truth);
     std::set<size_t> named;
     for (const SilhouetteFault& fault : mended.faults) named.insert(fault.camera);
     const bool found = spoilt && named.contains(*spoilt);
