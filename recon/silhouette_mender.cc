@@ -9,6 +9,7 @@
 #include "base/mask_shape.h"
 #include "recon/joint_denial.h"
 #include "recon/late_silhouette.h"
+#include "recon/silhouette.h"
 #include "recon/solid_look.h"
 
 namespace v3d {
@@ -22,6 +23,8 @@ constexpr int64_t kLeastCells = 4;
 constexpr int kLeastCameras = 2;
 /// A fault covers at least so many squares as wide as twice the camera's radius.
 constexpr int kLeastSquares = 2;
+/// Where colours speak for it, a piece may be so many times as narrow.
+constexpr int kNarrower = 2;
 /// A camera of whose expected silhouette so much is missing, or that shows so much more, is left
 /// out.
 constexpr double kMostlyWrong = 0.5;
@@ -60,27 +63,9 @@ void for_each_more(const SparseVolume& a, const SparseVolume& b, Visit&& visit) 
   }
 }
 
-/// Background that foreground surrounds, of at least `least` pixels.
-bool has_hole(const Mask& mask, int64_t least) {
-  const Rect box = mask.bounding_box();
-  Mask background(mask.size());
-  for (int y = box.y0; y < box.y0 + box.height; ++y) {
-    background.fill_row(y, box.x0, box.x0 + box.width);
-  }
-  background = only_first(std::move(background), mask);
-  MaskPieces pieces;
-  pieces.find(background);
-  for (size_t p = 0; p < pieces.count(); ++p) {
-    if (pieces.area(p) < least) continue;
-    bool enclosed = true;
-    pieces.for_each_run(p, [&](const Run& run) {
-      enclosed = run.y > box.y0 && run.y < box.y0 + box.height - 1 && run.begin > box.x0 &&
-                 run.end < box.x0 + box.width;
-      return enclosed;
-    });
-    if (enclosed) return true;
-  }
-  return false;
+int64_t least_pixels(int radius) {
+  const int64_t edge = 2 * radius + 1;
+  return kLeastSquares * edge * edge;
 }
 
 Mask mask_of(const MaskPieces& pieces, size_t piece, ImageSize size) {
@@ -92,6 +77,19 @@ Mask mask_of(const MaskPieces& pieces, size_t piece, ImageSize size) {
   return mask;
 }
 
+/// Pieces of a mask that are wider than 2 * radius pixels and cover so many squares of that width.
+std::vector<Mask> wide_pieces(const Mask& mask, int radius) {
+  const int64_t least = least_pixels(radius);
+  MaskPieces pieces;
+  pieces.find(opened(mask, radius));
+  std::vector<Mask> wide;
+  for (size_t p = 0; p < pieces.count(); ++p) {
+    if (pieces.area(p) < least) continue;
+    wide.push_back(both(grown(mask_of(pieces, p, mask.size()), radius), mask));
+  }
+  return wide;
+}
+
 }  // namespace
 
 /// The silhouettes of one pulse while they are mended.
@@ -101,6 +99,7 @@ class SilhouetteMender::Trial {
         std::span<const Frame* const> frames, const NeighbourMasks& neighbours)
       : mender_(mender), given_(masks), frames_(frames), neighbours_(neighbours) {
     for (const Mask* mask : masks) masks_.push_back(mask ? std::optional(*mask) : std::nullopt);
+    expected_.resize(masks.size());
   }
 
   MendedSilhouettes run() {
@@ -129,9 +128,20 @@ class SilhouetteMender::Trial {
     return masks;
   }
   int radius(size_t camera) const { return mender_.radii_[camera]; }
-  int64_t least_pixels(size_t camera) const {
-    const int64_t edge = 2 * radius(camera) + 1;
-    return kLeastSquares * edge * edge;
+  double voxel_m() const { return mender_.hulls_.grid().voxel_m; }
+
+  /// What the others expect of a camera; reckoned once, until one of them changes.
+  const Mask& expected(size_t camera) {
+    Mask& mask = expected_[camera];
+    if (mask.size().width == 0) mask = mender_.hulls_.silhouette(all(), camera);
+    return mask;
+  }
+  /// The one way in which masks change.
+  void put(size_t camera, std::optional<Mask> mask) {
+    masks_[camera] = std::move(mask);
+    for (size_t c = 0; c < expected_.size(); ++c) {
+      if (c != camera) expected_[c] = Mask();
+    }
   }
 
   void report(size_t camera, SilhouetteFaultKind kind, const Mask& where) {
@@ -146,7 +156,7 @@ class SilhouetteMender::Trial {
 
   void drop(size_t camera, const Mask& where) {
     report_instead(camera, SilhouetteFaultKind::kWholeCamera, where);
-    masks_[camera].reset();
+    put(camera, {});
   }
 
   /// One black image leaves nothing of the volume, and two of them hide each other.
@@ -160,7 +170,7 @@ class SilhouetteMender::Trial {
     for (const size_t c : blind) others[c] = nullptr;
     const std::vector<Mask> expected = mender_.hulls_.silhouettes(others);
     for (const size_t c : blind) {
-      if (expected[c].count() >= least_pixels(c)) drop(c, expected[c]);
+      if (expected[c].count() >= least_pixels(radius(c))) drop(c, expected[c]);
     }
   }
 
@@ -177,19 +187,11 @@ class SilhouetteMender::Trial {
   }
   bool has_unexplained(size_t camera) const { return unexplained_[camera].size().width > 0; }
 
-  bool is_in_doubt(size_t camera) const {
-    for (size_t c = 0; c < masks_.size(); ++c) {
-      if (c != camera && has_unexplained(c)) return true;
-    }
-    return has_hole(*masks_[camera], least_pixels(camera));
-  }
-
   /// The pieces of one camera that are missing.
   struct MissingPieces {
     size_t camera = 0;
     int64_t pixels = 0;
     std::vector<Mask> pieces;
-    Mask expected;
   };
 
   void fill_missing_pieces() {
@@ -203,19 +205,25 @@ class SilhouetteMender::Trial {
     const SparseVolume hull = mender_.hulls_.volume(all());
     MissingPieces most;
     for (size_t c = 0; c < masks_.size(); ++c) {
-      if (!masks_[c] || !is_in_doubt(c)) continue;
+      if (!masks_[c]) continue;
       MissingPieces missing = missing_pieces(c, hull);
       if (missing.pixels > most.pixels) most = std::move(missing);
     }
-    for (const Mask& piece : most.pieces) {
-      report(most.camera, SilhouetteFaultKind::kMissingPiece, piece);
-      masks_[most.camera] = either(std::move(*masks_[most.camera]), piece);
-    }
-    if (static_cast<double>(most.pixels) >
-        kMostlyWrong * static_cast<double>(most.expected.count())) {
-      drop(most.camera, most.expected);
-    }
+    if (most.pixels > 0) fill(most);
     return most.pixels > 0;
+  }
+
+  void fill(const MissingPieces& missing) {
+    Mask mask = std::move(*masks_[missing.camera]);
+    for (const Mask& piece : missing.pieces) {
+      report(missing.camera, SilhouetteFaultKind::kMissingPiece, piece);
+      mask = either(std::move(mask), piece);
+    }
+    put(missing.camera, std::move(mask));
+    const Mask& whole = expected(missing.camera);
+    if (static_cast<double>(missing.pixels) > kMostlyWrong * static_cast<double>(whole.count())) {
+      drop(missing.camera, whole);
+    }
   }
 
   /// What several cameras have lost together. False when there was nothing to fill.
@@ -236,37 +244,43 @@ class SilhouetteMender::Trial {
 
   bool fill_wide_pieces(size_t camera, const Mask& denied) {
     const Mask lost = only_first(grown(denied, radius(camera)), *masks_[camera]);
-    MaskPieces pieces;
-    pieces.find(opened(lost, radius(camera)));
-    bool filled = false;
-    for (size_t p = 0; p < pieces.count(); ++p) {
-      if (pieces.area(p) < least_pixels(camera)) continue;
-      const Mask piece = both(grown(mask_of(pieces, p, lost.size()), radius(camera)), lost);
+    const std::vector<Mask> pieces = wide_pieces(lost, radius(camera));
+    for (const Mask& piece : pieces) {
       report(camera, SilhouetteFaultKind::kMissingPiece, piece);
-      masks_[camera] = either(std::move(*masks_[camera]), piece);
-      filled = true;
+      put(camera, either(std::move(*masks_[camera]), piece));
     }
-    return filled;
+    return !pieces.empty();
   }
 
   MissingPieces missing_pieces(size_t camera, const SparseVolume& hull) {
-    MissingPieces missing{
-        .camera = camera, .pieces = {}, .expected = mender_.hulls_.silhouette(all(), camera)};
-    const Mask inside = only_first(missing.expected, *masks_[camera]);
-    MaskPieces pieces;
-    pieces.find(opened(inside, radius(camera)));
-    for (size_t p = 0; p < pieces.count(); ++p) {
-      if (pieces.area(p) < least_pixels(camera)) continue;
-      Mask piece = both(grown(mask_of(pieces, p, inside.size()), radius(camera)), inside);
-      if (!is_needed(camera, piece, hull) && !looks_solid(camera, piece)) continue;
+    const Mesh& surface = mender_.hulls_.surface(all(), camera);
+    expected_[camera] = draw_silhouette(surface, mender_.rig_[camera].model);
+    Mask inside = only_first(expected_[camera], *masks_[camera]);
+    MissingPieces missing{.camera = camera, .pieces = {}};
+    const auto take = [&](Mask piece) {
+      inside = only_first(std::move(inside), piece);
       missing.pixels += piece.count();
       missing.pieces.push_back(std::move(piece));
+    };
+    std::optional<SolidLook> look;
+    const auto is_solid = [&](const Mask& piece) {
+      if (!look) look.emplace(mender_.rig_, frames_, camera, surface, voxel_m());
+      return look->within(piece).is_solid();
+    };
+    for (Mask& piece : wide_pieces(inside, radius(camera))) {
+      if (is_solid(piece) || is_needed(camera, piece, hull)) take(std::move(piece));
+    }
+    for (Mask& piece : wide_pieces(inside, radius(camera) / kNarrower)) {
+      if (is_solid(piece)) take(std::move(piece));
     }
     return missing;
   }
 
   /// Whether voxels that only this camera refutes, there, would explain foreground of others.
   bool is_needed(size_t camera, const Mask& piece, const SparseVolume& hull) {
+    int64_t others = 0;
+    for (size_t c = 0; c < masks_.size(); ++c) others += c != camera && has_unexplained(c);
+    if (others < kLeastCameras) return false;
     std::vector<Mask> cells(masks_.size());
     for (size_t c = 0; c < masks_.size(); ++c) {
       if (c != camera && has_unexplained(c)) {
@@ -293,12 +307,6 @@ class SilhouetteMender::Trial {
            }) >= kLeastCameras;
   }
 
-  bool looks_solid(size_t camera, const Mask& piece) {
-    const auto masks = all();
-    return v3d::looks_solid(mender_.rig_, frames_, camera, piece,
-                            mender_.hulls_.surface(masks, camera), mender_.hulls_.grid().voxel_m);
-  }
-
   /// The one that is late most plainly first: in the hulls that it spoils, others seem so too.
   /// False when there was none.
   bool mend_late_cameras() {
@@ -312,7 +320,7 @@ class SilhouetteMender::Trial {
       const Mask& given = *given_[late->camera];
       report_instead(late->camera, SilhouetteFaultKind::kPulseLate,
                      either(only_first(given, mended), only_first(mended, given)));
-      masks_[late->camera] = std::move(mended);
+      put(late->camera, std::move(mended));
       std::erase(suspects, late->camera);
       found = true;
     }
@@ -330,12 +338,12 @@ class SilhouetteMender::Trial {
   std::optional<LateCamera> latest_of(std::vector<size_t>& suspects) {
     std::optional<LateCamera> latest;
     std::erase_if(suspects, [&](size_t c) {
-      Mask now = mender_.hulls_.silhouette(all(), c);
+      const Mask& now = expected(c);
       Mask before = mender_.hulls_.silhouette(neighbours_.before, c);
       const ShownChange change = change_shown(*given_[c], now, before);
       if (!change.is_late()) return true;
       if (!latest || change.excess() > latest->excess) {
-        latest = {c, change.excess(), std::move(before), std::move(now)};
+        latest = {c, change.excess(), std::move(before), now};
       }
       return false;
     });
@@ -380,27 +388,21 @@ class SilhouetteMender::Trial {
 
   /// Whether the others see it too, but where nothing is reconstructed.
   bool stands_beside(size_t camera, const Mask& piece) {
-    const Mask expected = grown(mender_.around_.silhouette(all(), camera), radius(camera));
+    const Mask expected = mender_.around_.silhouette(all(), camera);
     return 2 * both(expected, piece).count() > piece.count();
   }
 
   void look_for_phantoms(size_t camera) {
-    const Mask expected = mender_.hulls_.silhouette(all(), camera);
-    const Mask outside = only_first(*masks_[camera], expected);
-    MaskPieces pieces;
-    pieces.find(opened(outside, radius(camera)));
+    const Mask outside = only_first(*masks_[camera], expected(camera));
     int64_t phantom = 0;
-    for (size_t p = 0; p < pieces.count(); ++p) {
-      if (pieces.area(p) < least_pixels(camera)) continue;
-      const Mask piece = both(grown(mask_of(pieces, p, expected.size()), radius(camera)), outside);
+    for (const Mask& piece : wide_pieces(outside, radius(camera))) {
       if (is_disputed(camera, piece) || stands_beside(camera, piece)) continue;
       phantom += piece.count();
       report(camera, SilhouetteFaultKind::kPhantomPiece, piece);
-      masks_[camera] = only_first(std::move(*masks_[camera]), piece);
+      put(camera, only_first(std::move(*masks_[camera]), piece));
     }
-    if (static_cast<double>(phantom) > (1 + kMostlyWrong) * static_cast<double>(expected.count())) {
-      drop(camera, outside);
-    }
+    const auto seen = static_cast<double>(expected(camera).count());
+    if (static_cast<double>(phantom) > (1 + kMostlyWrong) * seen) drop(camera, outside);
   }
 
   SilhouetteMender& mender_;
@@ -408,6 +410,7 @@ class SilhouetteMender::Trial {
   std::span<const Frame* const> frames_;
   const NeighbourMasks& neighbours_;
   std::vector<std::optional<Mask>> masks_;
+  std::vector<Mask> expected_;  ///< of size 0 x 0 where it is not known
   std::vector<size_t> shown_later_;
   std::vector<Mask> unexplained_;  ///< of size 0 x 0 where all is explained
   std::vector<SilhouetteFault> faults_;

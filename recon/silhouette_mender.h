@@ -66,8 +66,8 @@ struct MendedSilhouettes {
 /// depends on nothing but the arguments.
 class SilhouetteMender {
  public:
-  /// Throws InputError as Intersector does. Faults narrower than about five voxels' pixels are not
-  /// found.
+  /// Throws InputError as Intersector does. Faults narrower than about five voxels' pixels, three
+  /// where colours tell of them, are not found.
   SilhouetteMender(const Rig& rig, const Box& bounds, double voxel_m, int min_views);
 
   /// masks: one per camera of the rig, empty outside the view of the bounds, null where a camera

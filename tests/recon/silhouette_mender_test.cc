@@ -5,7 +5,7 @@
 #include <gtest/gtest.h>
 
 #include <array>
-#include <bit>
+#include <cmath>
 #include <set>
 
 #include "base/mask_shape.h"
@@ -78,16 +78,7 @@ SparseVolume volume(std::span<const Mask* const> masks) {
 
 /// Voxels in which the hull of the masks differs from that of the true ones.
 int64_t voxels_wrong(std::span<const Mask* const> masks) {
-  const SparseVolume a = volume(masks);
-  const SparseVolume b = volume(pointers(scene().masks));
-  int64_t both = 0;
-  for (size_t n = 0; n < a.bricks().size(); ++n) {
-    const int other = b.index_of(a.coords()[n]);
-    for (int z = 0; other >= 0 && z < kBrickEdge; ++z) {
-      both += std::popcount(a.bricks()[n][z] & b.bricks()[other][z]);
-    }
-  }
-  return a.count() + b.count() - 2 * both;
+  return count_differing(volume(masks), volume(pointers(scene().masks)));
 }
 
 std::vector<Mask> with_hole(size_t camera, Rect hole) {
@@ -139,6 +130,18 @@ TEST(SilhouetteMender, fills_a_hole_that_looks_solid_and_believes_one_without_co
   EXPECT_THAT(mend(masks, false).faults, IsEmpty());
 }
 
+TEST(SilhouetteMender, fills_what_looks_solid_where_no_camera_contradicts) {
+  // From the outline inwards, so that it is no hole; the frames of the other cameras lack nothing.
+  constexpr size_t kCamera = 3;
+  const Rect hole = solid_part(scene().masks[kCamera], 16);
+  const auto masks = with_hole(kCamera, {0, hole.y0, hole.x0 + hole.width, hole.height});
+  const MendedSilhouettes mended = mend(masks);
+  ASSERT_EQ(mended.faults.size(), 1U);
+  EXPECT_EQ(mended.faults[0].camera, kCamera);
+  EXPECT_EQ(mended.faults[0].kind, SilhouetteFaultKind::kMissingPiece);
+  EXPECT_LE(3 * voxels_wrong(pointers(mended.masks)), voxels_wrong(pointers(masks)));
+}
+
 TEST(SilhouetteMender, fills_what_several_cameras_lost_together) {
   std::vector<Mask> masks = scene().masks;
   for (const size_t camera : {1U, 5U, 8U}) {
@@ -164,6 +167,32 @@ TEST(SilhouetteMender, drops_what_no_other_camera_sees) {
   EXPECT_EQ(mended.faults[0].region.x0, 20);
   EXPECT_EQ(mended.faults[0].pixels, 40 * 50);
   EXPECT_EQ(*mended.masks[kCamera], scene().masks[kCamera]);
+}
+
+/// With part of a disc added at the right of the silhouette, so many pixels beyond its outline.
+std::vector<Mask> with_bulge(size_t camera, int pixels) {
+  constexpr int kRadius = 20;
+  std::vector<Mask> masks = scene().masks;
+  Mask& mask = masks[camera];
+  const Rect box = mask.bounding_box();
+  const int row = box.y0 + box.height * 3 / 10;
+  int edge = box.x0 + box.width - 1;
+  while (!mask.get(edge, row)) --edge;
+  for (int v = -kRadius; v <= kRadius; ++v) {
+    const int half = static_cast<int>(std::sqrt(kRadius * kRadius - v * v));
+    const int middle = edge + pixels - kRadius;
+    mask.fill_row(row + v, middle - half, middle + half);
+  }
+  return masks;
+}
+
+TEST(SilhouetteMender, drops_what_bulges_a_little_beyond_the_outline) {
+  for (const size_t camera : {0U, 5U, 8U, 9U}) {
+    const MendedSilhouettes mended = mend(with_bulge(camera, 8), false);
+    ASSERT_EQ(mended.faults.size(), 1U) << camera;
+    EXPECT_EQ(mended.faults[0].camera, camera);
+    EXPECT_EQ(mended.faults[0].kind, SilhouetteFaultKind::kPhantomPiece);
+  }
 }
 
 TEST(SilhouetteMender, leaves_out_cameras_that_see_nothing_or_everything) {
