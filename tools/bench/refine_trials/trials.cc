@@ -1,65 +1,21 @@
 #include "refine_trials/trials.h"
 
 #include <algorithm>
-#include <cmath>
 
 #include "base/mask_shape.h"
-#include "calib/layout.h"
 #include "calib/silhouette_refine.h"
 #include "capture/segmenter.h"
 #include "sim/film.h"
-#include "sim/noise.h"
 #include "sim/parallel.h"
 #include "sim/scene.h"
+#include "support/knocked_rig.h"
 
 namespace v3d::bench {
 namespace {
 
-using Eigen::Vector3d;
 using Masks = std::vector<std::vector<Mask>>;  // by instant, by camera
 
 constexpr double kSecondsApart = 0.37;
-
-/// Every camera turned and moved so that what it sees shifts by about so many pixels either way.
-Rig disturbed(const Rig& rig, double px, uint64_t seed) {
-  Rig result = rig;
-  for (size_t c = 0; c < rig.size(); ++c) {
-    const CameraModel& m = rig[c].model;
-    const double radians = px / m.matrix()(0, 0);
-    const auto any = [&](uint64_t k) {
-      const uint64_t n = 100 * c + k;
-      return Vector3d(sim::uniform(seed, n, -1.7, 1.7), sim::uniform(seed, n + 1, -1.7, 1.7),
-                      sim::uniform(seed, n + 2, -1.7, 1.7));
-    };
-    constexpr double kDistance = 3;  // metres to the performer
-    const RigidTransform turn =
-        RigidTransform::from_rodrigues(radians * any(0), kDistance * radians * any(5));
-    result[c].model = CameraModel(m.size(), m.matrix(), m.distortion(), turn * m.cam_from_world());
-  }
-  return result;
-}
-
-double error_px(const Rig& rig, const Rig& truth) {
-  std::vector<Vector3d> from, to;
-  for (size_t c = 0; c < rig.size(); ++c) {
-    from.push_back(rig[c].model.center());
-    to.push_back(truth[c].model.center());
-  }
-  const Rig moved = calib::moved_rig(rig, calib::align_points(from, to, true));
-  double sum = 0;
-  int count = 0;
-  for (size_t c = 0; c < rig.size(); ++c) {
-    for (int i = 0; i < 27; ++i) {
-      const int right = i % 3 - 1, ahead = i / 3 % 3 - 1, up = i / 9;
-      const Vector3d place(0.5 * right, 0.5 * ahead, 0.3 + 0.7 * up);
-      const auto a = moved[c].model.project(place), b = truth[c].model.project(place);
-      if (!a || !b || !truth[c].model.inside_image(*b)) continue;
-      sum += (*a - *b).squaredNorm();
-      ++count;
-    }
-  }
-  return std::sqrt(sum / std::max(1, count));
-}
 
 Masks true_masks(const Rig& rig, const RefineTrials& trials, uint64_t seed) {
   Masks masks(trials.instants, std::vector<Mask>(rig.size()));
@@ -116,11 +72,11 @@ RefineScore try_one(const std::vector<Studio>& studios, bool segmented, double p
   RefineScore score{.segmented = segmented, .disturbed_px = px};
   for (size_t s = 0; s < studios.size(); ++s) {
     const Studio& studio = studios[s];
-    const Rig before = disturbed(studio.truth, px, 77 + s);
+    const Rig before = test::knocked(studio.truth, px, 77 + s);
     const auto result = calib::refine_by_silhouettes(
         before, sets_of(segmented ? studio.segmented : studio.exact), {});
-    const double after = error_px(result.rig, studio.truth);
-    score.before_px += error_px(before, studio.truth) / static_cast<double>(studios.size());
+    const double after = test::error_px(result.rig, studio.truth);
+    score.before_px += test::error_px(before, studio.truth) / static_cast<double>(studios.size());
     score.after_px += after / static_cast<double>(studios.size());
     score.worst_px = std::max(score.worst_px, after);
     score.changed += result.better;

@@ -1,0 +1,61 @@
+// Rigs whose cameras are not where they are said to be, and how far two rigs are apart: for the
+// tests and the trials of what sets a rig right.
+#pragma once
+
+#include <Eigen/Core>
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <vector>
+
+#include "base/camera_model.h"
+#include "calib/layout.h"
+#include "sim/noise.h"
+
+namespace v3d::test {
+
+/// Every camera turned and moved so that what it sees, 3 m away, shifts by about so many pixels
+/// either way.
+inline Rig knocked(const Rig& rig, double px, uint64_t seed) {
+  constexpr double kDistance = 3;  // metres to the performer
+  Rig result = rig;
+  for (size_t c = 0; c < rig.size(); ++c) {
+    const CameraModel& m = rig[c].model;
+    const double radians = px / m.matrix()(0, 0);
+    const auto any = [&](uint64_t k) {
+      const uint64_t n = 100 * c + k;
+      return Eigen::Vector3d(sim::uniform(seed, n, -1.7, 1.7), sim::uniform(seed, n + 1, -1.7, 1.7),
+                             sim::uniform(seed, n + 2, -1.7, 1.7));
+    };
+    const RigidTransform turn =
+        RigidTransform::from_rodrigues(radians * any(0), kDistance * radians * any(5));
+    result[c].model = CameraModel(m.size(), m.matrix(), m.distortion(), turn * m.cam_from_world());
+  }
+  return result;
+}
+
+/// Root mean square distance of where the two rigs see 27 places of the performer's space, pixels,
+/// after the worlds are brought together.
+inline double error_px(const Rig& rig, const Rig& truth) {
+  std::vector<Eigen::Vector3d> from, to;
+  for (size_t c = 0; c < rig.size(); ++c) {
+    from.push_back(rig[c].model.center());
+    to.push_back(truth[c].model.center());
+  }
+  const Rig moved = calib::moved_rig(rig, calib::align_points(from, to, true));
+  double sum = 0;
+  int count = 0;
+  for (size_t c = 0; c < rig.size(); ++c) {
+    for (int i = 0; i < 27; ++i) {
+      const int right = i % 3 - 1, ahead = i / 3 % 3 - 1, up = i / 9;
+      const Eigen::Vector3d place(0.5 * right, 0.5 * ahead, 0.3 + 0.7 * up);
+      const auto a = moved[c].model.project(place), b = truth[c].model.project(place);
+      if (!a || !b || !truth[c].model.inside_image(*b)) continue;
+      sum += (*a - *b).squaredNorm();
+      ++count;
+    }
+  }
+  return std::sqrt(sum / std::max(1, count));
+}
+
+}  // namespace v3d::test
