@@ -1,5 +1,7 @@
 #include "recon/deform.h"
 
+#include <tbb/enumerable_thread_specific.h>
+
 #include <algorithm>
 #include <cmath>
 #include <string>
@@ -8,9 +10,9 @@
 #include "recon/depth_field.h"
 #include "recon/depth_raster.h"
 #include "recon/neighbours.h"
+#include "recon/onlookers.h"
 #include "recon/silhouette_force.h"
 #include "recon/smooth_surface.h"
-#include "recon/template_windows.h"
 #include "recon/untangle.h"
 #include "recon/vertex_loop.h"
 
@@ -145,48 +147,66 @@ class Deformer::Impl {
     draw_depths(mesh, models_, depths_);
     if (round.outlines && options_.silhouette > 0) find_outlines();
     profiles_.resize(count);
-    known_.resize(count);
-    pulls_.resize(count);
-    for_each_vertex(count, [&](size_t v) {
-      const Vector3f& place = mesh.vertices[v];
-      known_[v] = v % round.every == 0 && correlate_at(round, place, normals_[v], profiles_[v]);
-      pulls_[v] = round.outlines ? pull_of_outlines(place, normals_[v]) : OutlinePull{};
+    known_.assign(count, 0);
+    pulls_.assign(count, {});
+    constexpr size_t kBlock = BlockSight::kMost;
+    tbb::enumerable_thread_specific<Onlookers> of_threads;
+    tbb::parallel_for(size_t{0}, (count + kBlock - 1) / kBlock, [&](size_t block) {
+      look_at_block(round, mesh, block * kBlock, of_threads.local());
     });
   }
 
-  bool correlate_at(const Round& round, const Vector3f& place, const Vector3f& normal,
-                    DepthProfile& profile) const {
-    if (options_.photometric <= 0) return false;
+  void look_at_block(const Round& round, const Mesh& mesh, size_t first, Onlookers& onlookers) {
+    const size_t count = std::min(BlockSight::kMost, mesh.vertices.size() - first);
+    const auto places = std::span(mesh.vertices).subspan(first, count);
+    const auto normals = std::span<const Vector3f>(normals_).subspan(first, count);
+    onlookers.look(places, normals, cameras_, depths_, {.tolerance_m = kHiddenBehind * voxel_});
+    if (options_.photometric > 0) correlate_block(round, places, first, onlookers);
+    if (round.outlines && options_.silhouette > 0) pull_block(places, first, onlookers.sights());
+  }
+
+  void correlate_block(const Round& round, std::span<const Vector3f> places, size_t first,
+                       Onlookers& onlookers) {
     const CorrelationOptions correlation{.side = options_.window,
                                          .first = round.first,
                                          .noise = kNoiseVariance,
                                          .robust = options_.mode != DeformMode::kPaper};
-    const TemplateWindow window{place, normal, round.spacing * voxel_, round.step * voxel_};
-    const WindowChoice choice{
-        .level = round.level, .most_views = options_.views, .tolerance_m = kHiddenBehind * voxel_};
-    const WindowViews views = views_of(window, cameras_, depths_, choice, correlation);
-    if (views.count < 2) return false;
-    correlate(views, correlation, profile);
-    return true;
+    static_assert(BlockSight::kMost % 2 == 0, "every second vertex, in each block");
+    onlookers.windows.find(places, std::span<const Vector3f>(normals_).subspan(first), cameras_,
+                           onlookers.sights(),
+                           {.level = round.level,
+                            .most_views = options_.views,
+                            .every = round.every,
+                            .spacing_m = round.spacing * voxel_,
+                            .step_m = round.step * voxel_},
+                           correlation);
+    for (size_t i = 0; i < places.size(); ++i) {
+      const WindowViews& views = onlookers.windows.views(i);
+      if (views.count < 2) continue;
+      correlate(views, correlation, profiles_[first + i]);
+      known_[first + i] = 1;
+    }
+  }
+
+  void pull_block(std::span<const Vector3f> places, size_t first,
+                  std::span<const BlockSight> sights) {
+    const float each = weight(kPullOfSilhouette, options_.silhouette);
+    for (size_t c = 0; c < cameras_.size(); ++c) {
+      for (size_t i = 0; i < places.size(); ++i) {
+        if (!is_aside(sights[c].facing[i])) continue;
+        const auto way = way_to_silhouette(cameras_[c], depths_[c], near_[c], places[i],
+                                           normals_[first + i], sights[c].at(i));
+        if (!way) continue;
+        pulls_[first + i].weight += each;
+        pulls_[first + i].sum_m += each * *way;
+      }
+    }
   }
 
   void find_outlines() {
     near_.resize(cameras_.size());
     tbb::parallel_for(size_t{0}, near_.size(),
                       [&](size_t c) { near_[c] = near_outline(cameras_[c], depths_[c]); });
-  }
-
-  OutlinePull pull_of_outlines(const Vector3f& place, const Vector3f& normal) const {
-    OutlinePull pull;
-    if (options_.silhouette <= 0) return pull;
-    const float each = weight(kPullOfSilhouette, options_.silhouette);
-    for (size_t c = 0; c < cameras_.size(); ++c) {
-      if (const auto way = way_to_silhouette(cameras_[c], depths_[c], near_[c], place, normal)) {
-        pull.weight += each;
-        pull.sum_m += each * *way;
-      }
-    }
-    return pull;
   }
 
   /// Equation (1), and step 3 for every vertex. The largest motion, metres.

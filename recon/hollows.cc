@@ -1,14 +1,17 @@
 #include "recon/hollows.h"
 
+#include <tbb/enumerable_thread_specific.h>
+#include <tbb/parallel_for.h>
+
 #include <algorithm>
 #include <cmath>
 #include <numeric>
 
 #include "recon/label_field.h"
 #include "recon/neighbours.h"
+#include "recon/onlookers.h"
 #include "recon/sight_votes.h"
 #include "recon/smooth_surface.h"
-#include "recon/template_windows.h"
 #include "recon/vertex_loop.h"
 #include "recon/volume_cut.h"
 
@@ -122,18 +125,33 @@ class HollowCarver::Impl {
   }
 
   void look() {
-    const size_t count = (mesh_.vertices.size() + kEvery - 1) / kEvery;
-    sights_.resize(count);
-    for_each_vertex(count, [&](size_t i) { look_from(i); });
+    constexpr size_t kBlock = BlockSight::kMost;
+    sights_.resize((mesh_.vertices.size() + kEvery - 1) / kEvery);
+    tbb::enumerable_thread_specific<Onlookers> of_threads;
+    tbb::parallel_for(size_t{0}, (sights_.size() + kBlock - 1) / kBlock,
+                      [&](size_t block) { look_at_block(block * kBlock, of_threads.local()); });
   }
 
-  void look_from(size_t i) {
-    Sight& sight = sights_[i];
-    const size_t v = i * kEvery;
-    const TemplateWindow window{mesh_.vertices[v], normals_[v], kSpacing * voxel_, kStep * voxel_};
-    const WindowChoice choice{
-        .level = kLevel, .most_views = kMostViews, .tolerance_m = kHiddenBehind * voxel_};
-    sight.views = views_of(window, cameras_, depths_, choice, kFar);
+  void look_at_block(size_t first, Onlookers& onlookers) {
+    const size_t count = std::min(BlockSight::kMost, sights_.size() - first);
+    std::array<Vector3f, BlockSight::kMost> places, normals;
+    for (size_t i = 0; i < count; ++i) {
+      places[i] = mesh_.vertices[kEvery * (first + i)];
+      normals[i] = normals_[kEvery * (first + i)];
+    }
+    const auto where = std::span(places).first(count), facing = std::span(normals).first(count);
+    onlookers.look(where, facing, cameras_, depths_, {.tolerance_m = kHiddenBehind * voxel_});
+    onlookers.windows.find(where, facing, cameras_, onlookers.sights(),
+                           {.level = kLevel,
+                            .most_views = kMostViews,
+                            .spacing_m = kSpacing * voxel_,
+                            .step_m = kStep * voxel_},
+                           kFar);
+    for (size_t i = 0; i < count; ++i) compare(onlookers.windows.views(i), sights_[first + i]);
+  }
+
+  static void compare(const WindowViews& views, Sight& sight) {
+    sight = {.views = views};
     keep(kNear, sight.views);
     if (!sight.sees()) return;
     PairAgreement near, far;

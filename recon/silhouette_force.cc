@@ -9,7 +9,6 @@ namespace {
 
 using Eigen::Vector2f;
 
-constexpr float kMostFacing = 0.35F;  ///< cosine: the normal runs across the view
 // In pixels of SurfaceCamera::picture(0).
 constexpr float kOutlinePixels = 2;  ///< a vertex farther from the mesh's outline is not on it
 constexpr float kSearchPixels = 8;   ///< how far the observed outline may be
@@ -60,28 +59,26 @@ Mask near_outline(const SurfaceCamera& camera, const DepthBuffer& depth) {
 
 std::optional<float> way_to_silhouette(const SurfaceCamera& camera, const DepthBuffer& depth,
                                        const Mask& near, const Eigen::Vector3f& place,
-                                       const Eigen::Vector3f& normal) {
-  const Eigen::Vector3f to_camera = camera.center() - place;
-  if (!(std::abs(to_camera.dot(normal)) <= kMostFacing * to_camera.norm())) return std::nullopt;
-  const auto seen = camera.project(place);
+                                       const Eigen::Vector3f& normal,
+                                       const SurfaceCamera::Seen& seen) {
   const float room = (kSearchPixels + 1) * camera.coarseness();
-  if (!seen || !deep_inside(seen->pixel, depth.size, room)) return std::nullopt;
-  if (!near.get(static_cast<int>(seen->pixel.x()), static_cast<int>(seen->pixel.y()))) {
+  if (!deep_inside(seen.pixel, depth.size, room)) return std::nullopt;
+  if (!near.get(static_cast<int>(seen.pixel.x()), static_cast<int>(seen.pixel.y()))) {
     return std::nullopt;
   }
   const auto beside = camera.project(place + kProbeMetres * normal);
   if (!beside) return std::nullopt;
-  const Vector2f across = beside->pixel - seen->pixel;
+  const Vector2f across = beside->pixel - seen.pixel;
   const float length = across.norm() / camera.coarseness();
   if (!(length > 0)) return std::nullopt;
   const Vector2f direction = across / length;
   const auto drawn = [&](const Vector2f& p) {
     return std::isfinite(depth.at(static_cast<int>(p.x()), static_cast<int>(p.y())));
   };
-  const auto mine = outline_along(seen->pixel, direction, kOutlinePixels, drawn);
+  const auto mine = outline_along(seen.pixel, direction, kOutlinePixels, drawn);
   if (!mine) return std::nullopt;
   const auto observed = [&](const Vector2f& p) { return camera.in_silhouette(p); };
-  const auto theirs = outline_along(seen->pixel, direction, kSearchPixels, observed);
+  const auto theirs = outline_along(seen.pixel, direction, kSearchPixels, observed);
   if (!theirs) return std::nullopt;
   return (*theirs - *mine) * (kProbeMetres / length);
 }

@@ -31,12 +31,6 @@ std::optional<SurfaceCamera::Seen> SurfaceCamera::project(const Eigen::Vector3f&
   return Seen{{pixel.u, pixel.v}, p.z};
 }
 
-bool SurfaceCamera::in_silhouette(const Eigen::Vector2f& pixel) const {
-  const bool exists =
-      pixel.x() >= 0 && pixel.y() >= 0 && pixel.x() < lens_.width && pixel.y() < lens_.height;
-  return exists && frame_->mask->get(static_cast<int>(pixel.x()), static_cast<int>(pixel.y()));
-}
-
 bool SurfaceCamera::sees(const Seen& seen, const DepthBuffer& depth, float tolerance_m) const {
   return in_silhouette(seen.pixel) &&
          seen.z <= depth.at(static_cast<int>(seen.pixel.x()), static_cast<int>(seen.pixel.y())) +

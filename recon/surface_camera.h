@@ -35,6 +35,8 @@ class SurfaceCamera {
   explicit SurfaceCamera(const DeformCamera& camera, int halvings = 0);
 
   const Eigen::Vector3f& center() const { return center_; }
+  const VoxelCamera& lens() const { return lens_; }  ///< for places in metres
+  const Mask& silhouette() const { return *frame_->mask; }
   const Luminance& picture(int level) const { return pictures_[level]; }
   /// Pixels of the camera along a side of one of picture(0).
   float coarseness() const { return 1 / pictures_[0].scale(); }
@@ -44,14 +46,18 @@ class SurfaceCamera {
   /// Where a place (world, metres) appears, also outside the image.
   std::optional<Seen> project(const Eigen::Vector3f& place) const;
   /// True when the pixel exists and is foreground.
-  bool in_silhouette(const Eigen::Vector2f& pixel) const;
+  bool in_silhouette(const Eigen::Vector2f& pixel) const {
+    const bool exists =
+        pixel.x() >= 0 && pixel.y() >= 0 && pixel.x() < lens_.width && pixel.y() < lens_.height;
+    return exists && frame_->mask->get(static_cast<int>(pixel.x()), static_cast<int>(pixel.y()));
+  }
   /// Step 1 of the deformation: `seen` is foreground, and no more than `tolerance_m` behind what
   /// `depth` shows of the mesh.
   bool sees(const Seen& seen, const DepthBuffer& depth, float tolerance_m) const;
 
  private:
   const Frame* frame_;
-  VoxelCamera lens_;  ///< for places in metres
+  VoxelCamera lens_;
   Eigen::Vector3f center_;
   std::array<Luminance, kLevels> pictures_;
 };

@@ -10,51 +10,6 @@ namespace {
 using Eigen::Vector2f;
 using Eigen::Vector3f;
 
-struct Candidate {
-  float facing = 0;
-  size_t camera = 0;
-  SurfaceCamera::Seen seen;
-};
-
-/// The best so far, those that face most first.
-class Candidates {
- public:
-  explicit Candidates(int most) : most_(std::min(most, kMostWindowViews)) {}
-  bool wants(float facing) const { return count_ < most_ || facing > list_[count_ - 1].facing; }
-  void add(const Candidate& candidate) {
-    int i = count_ < most_ ? count_++ : count_ - 1;
-    for (; i > 0 && list_[i - 1].facing < candidate.facing; --i) list_[i] = list_[i - 1];
-    list_[i] = candidate;
-  }
-  std::span<const Candidate> all() const { return {list_.data(), static_cast<size_t>(count_)}; }
-
- private:
-  int most_;
-  int count_ = 0;
-  std::array<Candidate, kMostWindowViews> list_;
-};
-
-/// A slanted surface changes its depth within a pixel; by no more than this many pixels' widths.
-constexpr float kMostSlant = 6;
-
-Candidates those_that_see(const TemplateWindow& window, std::span<const SurfaceCamera> cameras,
-                          std::span<const DepthBuffer> depths, const WindowChoice& choice) {
-  Candidates best(choice.most_views);
-  for (size_t c = 0; c < cameras.size(); ++c) {
-    const Vector3f way = cameras[c].center() - window.place;
-    const float facing = way.dot(window.normal) / way.norm();
-    if (!(facing >= choice.least_facing) || !best.wants(facing)) continue;
-    const auto seen = cameras[c].project(window.place);
-    if (!seen) continue;
-    const float slope = std::sqrt(std::max(0.0F, 1 - facing * facing)) / facing;
-    const float slant = cameras[c].pixel_m_per_m() * seen->z * std::min(slope, kMostSlant);
-    if (cameras[c].sees(*seen, depths[c], choice.tolerance_m + slant)) {
-      best.add({facing, c, *seen});
-    }
-  }
-  return best;
-}
-
 /// One of the window's axes; which, does not matter.
 Vector3f axis_across(const Vector3f& normal) {
   const Vector3f other = std::abs(normal.z()) < 0.9F ? Vector3f::UnitZ() : Vector3f::UnitX();
@@ -70,25 +25,76 @@ bool corners_in_silhouette(const SurfaceCamera& camera, const Vector2f& middle,
 
 }  // namespace
 
-WindowViews views_of(const TemplateWindow& window, std::span<const SurfaceCamera> cameras,
-                     std::span<const DepthBuffer> depths, const WindowChoice& choice,
-                     const CorrelationOptions& correlation) {
-  const Vector3f across = window.spacing_m * axis_across(window.normal);
-  const Vector3f down = window.normal.cross(across);
-  const Vector3f out = window.step_m * window.normal;
-  WindowViews views;
-  const Candidates candidates = those_that_see(window, cameras, depths, choice);
-  for (const Candidate& candidate : candidates.all()) {
+void WindowBlock::find(std::span<const Vector3f> places, std::span<const Vector3f> normals,
+                       std::span<const SurfaceCamera> cameras, std::span<const BlockSight> sights,
+                       const WindowOptions& options, const CorrelationOptions& correlation) {
+  const int most = std::min(options.most_views, kMostWindowViews);
+  for (size_t i = 0; i < places.size(); ++i) {
+    candidates_[i].count = 0;
+    if (i % options.every == 0) choose_cameras(i, sights, most);
+  }
+  for (uint32_t c = 0; c < cameras.size(); ++c) {
+    look_beside(places, normals, cameras[c], c, options);
+  }
+  for (size_t i = 0; i < places.size(); ++i) make_views(i, cameras, sights, options, correlation);
+}
+
+void WindowBlock::choose_cameras(size_t i, std::span<const BlockSight> sights, int most) {
+  auto& [count, list] = candidates_[i];
+  for (uint32_t c = 0; c < sights.size(); ++c) {
+    const float facing = sights[c].seen[i];
+    if (facing < 0 || (count == most && !(facing > list[count - 1].facing))) continue;
+    int k = count < most ? count++ : count - 1;
+    for (; k > 0 && list[k - 1].facing < facing; --k) list[k] = list[k - 1];
+    list[k].facing = facing;
+    list[k].camera = c;
+  }
+}
+
+/// Finds the pixels beside the middles of all windows that the camera looks at, side by side.
+void WindowBlock::look_beside(std::span<const Vector3f> places, std::span<const Vector3f> normals,
+                              const SurfaceCamera& camera, uint32_t number,
+                              const WindowOptions& options) {
+  PointBlock points;
+  PixelBlock pixels;
+  std::array<Candidate*, BlockSight::kMost> looking;
+  static_assert(3 * BlockSight::kMost <= PointBlock::kMost);
+  size_t count = 0;
+  for (size_t i = 0; i < places.size(); ++i) {
+    auto& [candidates, list] = candidates_[i];
+    const auto end = list.begin() + candidates;
+    const auto found =
+        std::find_if(list.begin(), end, [&](const auto& c) { return c.camera == number; });
+    if (found == end) continue;
+    const Vector3f across = options.spacing_m * axis_across(normals[i]);
+    points.set(3 * count, places[i] + across);
+    points.set(3 * count + 1, places[i] + normals[i].cross(across));
+    points.set(3 * count + 2, places[i] + options.step_m * normals[i]);
+    looking[count++] = &*found;
+  }
+  points.count = 3 * count;
+  project_block(camera, points, pixels);
+  const auto pixel = [&](size_t i) { return Vector2f(pixels.u[i], pixels.v[i]); };
+  for (size_t i = 0; i < count; ++i) {
+    looking[i]->across = pixel(3 * i);
+    looking[i]->down = pixel(3 * i + 1);
+    looking[i]->out = pixel(3 * i + 2);
+  }
+}
+
+void WindowBlock::make_views(size_t i, std::span<const SurfaceCamera> cameras,
+                             std::span<const BlockSight> sights, const WindowOptions& options,
+                             const CorrelationOptions& correlation) {
+  WindowViews& views = views_[i];
+  views.count = 0;
+  for (int k = 0; k < candidates_[i].count; ++k) {
+    const Candidate& candidate = candidates_[i].list[k];
     const SurfaceCamera& camera = cameras[candidate.camera];
-    const Vector2f& seen = candidate.seen.pixel;
-    const Luminance& picture = camera.picture(choice.level);
-    const Vector2f middle = seen * picture.scale();
-    const auto beside = [&](const Vector3f& way) -> Vector2f {
-      const auto at = camera.project(window.place + way);
-      return at ? Vector2f(at->pixel * picture.scale() - middle)
-                : Vector2f::Constant(std::numeric_limits<float>::quiet_NaN());
-    };
-    const Vector2f a = beside(across), d = beside(down), o = beside(out);
+    const Luminance& picture = camera.picture(options.level);
+    const Vector2f seen = sights[candidate.camera].at(i).pixel, middle = seen * picture.scale();
+    const Vector2f a = candidate.across * picture.scale() - middle;
+    const Vector2f d = candidate.down * picture.scale() - middle;
+    const Vector2f o = candidate.out * picture.scale() - middle;
     const WindowView view{&picture,
                           middle.x() - picture.first_u(),
                           middle.y() - picture.first_v(),
@@ -101,11 +107,10 @@ WindowViews views_of(const TemplateWindow& window, std::span<const SurfaceCamera
     if (!window_fits(view, correlation)) continue;
     const int samples_to_side = correlation.side / 2;
     const float reach = static_cast<float>(samples_to_side) / picture.scale();
-    if (views.count == 0 && !corners_in_silhouette(camera, seen, reach * a, reach * d)) return {};
-    views.camera[views.count] = static_cast<uint32_t>(candidate.camera);
+    if (views.count == 0 && !corners_in_silhouette(camera, seen, reach * a, reach * d)) return;
+    views.camera[views.count] = candidate.camera;
     views.view[views.count++] = view;
   }
-  return views;
 }
 
 }  // namespace v3d

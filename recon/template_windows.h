@@ -1,34 +1,60 @@
-// The template windows of a vertex: which cameras look at it, and where the window falls in their
+// The template windows of vertices: which cameras look at each, and where the window falls in their
 // pictures.
 #pragma once
 
 #include <span>
 
+#include "recon/block_sight.h"
 #include "recon/correlation.h"
-#include "recon/surface_camera.h"
 
 namespace v3d {
 
-/// A window tangent to the surface.
-struct TemplateWindow {
-  Eigen::Vector3f place, normal;  ///< world; metres, unit length
-  float spacing_m = 0;            ///< between two samples
-  float step_m = 0;               ///< between two depths of a profile
+/// Windows tangent to the surface.
+struct WindowOptions {
+  int level = 0;        ///< of SurfaceCamera::picture()
+  int most_views = 6;   ///< at most kMostWindowViews
+  size_t every = 1;     ///< only so many-th vertex of a block has a window
+  float spacing_m = 0;  ///< between two samples
+  float step_m = 0;     ///< between two depths of a profile
 };
 
-struct WindowChoice {
-  int level = 0;              ///< of SurfaceCamera::picture()
-  int most_views = 6;         ///< at most kMostWindowViews
-  float least_facing = 0.3F;  ///< cosine between the normal and the way to a camera
-  float tolerance_m = 0;      ///< see SurfaceCamera::sees(); grows with the slant
-};
+/// The windows of a block of vertices. Keeps its memory.
+class WindowBlock {
+ public:
+  /// `sights`: one per camera, of the vertices at `places` with these normals (unit length), no
+  /// more than BlockSight::kMost. Of every vertex: the cameras that see it, those that it faces
+  /// most first: the paper's C_v, c_m at the front. A camera in which part of the window would
+  /// leave the picture is left out. None where the window's corners leave the silhouette of the
+  /// first, at an outline or on what is slenderer than the window: the background would be
+  /// compared.
+  void find(std::span<const Eigen::Vector3f> places, std::span<const Eigen::Vector3f> normals,
+            std::span<const SurfaceCamera> cameras, std::span<const BlockSight> sights,
+            const WindowOptions& options, const CorrelationOptions& correlation);
 
-/// The cameras that see the window's middle, those that it faces most first: the paper's C_v, c_m
-/// at the front. `depths` are of the mesh, one per camera. A camera in which part of the window
-/// would leave the picture is left out. None where the window's corners leave the silhouette of the
-/// first, at an outline or on what is slenderer than the window: the background would be compared.
-WindowViews views_of(const TemplateWindow& window, std::span<const SurfaceCamera> cameras,
-                     std::span<const DepthBuffer> depths, const WindowChoice& choice,
-                     const CorrelationOptions& correlation);
+  /// Those of a vertex of the block.
+  const WindowViews& views(size_t i) const { return views_[i]; }
+
+ private:
+  /// A camera that sees the middle of a window, and the pixels beside it, one step along each axis.
+  struct Candidate {
+    float facing = 0;
+    uint32_t camera = 0;
+    Eigen::Vector2f across, down, out;
+  };
+  struct Candidates {
+    int count = 0;
+    std::array<Candidate, kMostWindowViews> list;
+  };
+  void choose_cameras(size_t i, std::span<const BlockSight> sights, int most);
+  void look_beside(std::span<const Eigen::Vector3f> places,
+                   std::span<const Eigen::Vector3f> normals, const SurfaceCamera& camera,
+                   uint32_t number, const WindowOptions& options);
+  void make_views(size_t i, std::span<const SurfaceCamera> cameras,
+                  std::span<const BlockSight> sights, const WindowOptions& options,
+                  const CorrelationOptions& correlation);
+
+  std::array<Candidates, BlockSight::kMost> candidates_;
+  std::array<WindowViews, BlockSight::kMost> views_;
+};
 
 }  // namespace v3d
