@@ -88,31 +88,56 @@ void project_any(const VoxelCamera& lens, const PointBlock& points, PixelBlock& 
   }
 }
 
+/// Those of the lanes whose pixel exists.
+HWY_INLINE LaneMask in_image(Lanes u, Lanes v, ImageSize size, LaneMask lanes) {
+  const Floats floats;
+  const auto within = [&](Lanes at, int end) {
+    return hn::And(hn::Ge(at.v, hn::Zero(floats)),
+                   hn::Lt(at.v, hn::Set(floats, static_cast<float>(end))));
+  };
+  return hn::And(lanes, hn::And(within(u, size.width), within(v, size.height)));
+}
+
+/// The pixel of each of the lanes; the first of all in the others.
+HWY_INLINE hn::Vec<Ints> whole(Lanes at, LaneMask lanes) {
+  return truncate(Lanes(hn::IfThenElseZero(lanes, at.v)));
+}
+
+HWY_INLINE LaneMask has(const Mask& mask, hn::Vec<Ints> x, hn::Vec<Ints> y) {
+  const Ints ints;
+  const auto words_in_row = hn::Set(ints, 2 * mask.words_per_row());  // of 32 bits
+  const auto word = hn::Add(hn::Mul(y, words_in_row), hn::ShiftRight<5>(x));
+  const auto* words = reinterpret_cast<const int32_t*>(mask.row(0).data());
+  const auto bits = hn::BitCast(Words(), hn::GatherIndex(ints, words, word));
+  const auto place = hn::BitCast(Words(), hn::And(x, hn::Set(ints, 31)));
+  return hn::RebindMask(Floats(), hn::TestBit(hn::Shr(bits, place), hn::Set(Words(), 1)));
+}
+
 /// SurfaceCamera::sees() in the lanes `wanted`.
 HWY_INLINE LaneMask sees(const SurfaceCamera& camera, const DepthBuffer& depth, const Pixels& p,
                          Lanes tolerance, LaneMask wanted) {
-  const Floats floats;
-  const Ints ints;
-  const auto in_image = [&](Lanes at, float size) {
-    return hn::And(hn::Ge(at.v, hn::Zero(floats)), hn::Lt(at.v, hn::Set(floats, size)));
-  };
-  wanted = hn::And(
-      wanted, hn::And(in_image(p.u, camera.lens().width), in_image(p.v, camera.lens().height)));
+  wanted = in_image(p.u, p.v, depth.size, wanted);
   if (bits_of(wanted) == 0) return wanted;
-  const auto x = truncate(Lanes(hn::IfThenElseZero(wanted, p.u.v)));
-  const auto y = truncate(Lanes(hn::IfThenElseZero(wanted, p.v.v)));
-  const Mask& mask = camera.silhouette();
-  const auto words_in_row = hn::Set(ints, 2 * mask.words_per_row());
-  const auto word = hn::Add(hn::Mul(y, words_in_row), hn::ShiftRight<5>(x));
-  const auto* bits = reinterpret_cast<const int32_t*>(mask.row(0).data());
-  const auto place = hn::And(x, hn::Set(ints, 31));
-  const auto pixel =
-      hn::Shr(hn::BitCast(Words(), hn::GatherIndex(ints, bits, word)), hn::BitCast(Words(), place));
-  const auto foreground = hn::RebindMask(floats, hn::TestBit(pixel, hn::Set(Words(), 1)));
-  const auto index = hn::Add(hn::Mul(y, hn::Set(ints, depth.size.width)), x);
-  const Lanes nearest(hn::GatherIndex(floats, depth.z.data(), index));
+  const auto x = whole(p.u, wanted), y = whole(p.v, wanted);
+  const auto index = hn::Add(hn::Mul(y, hn::Set(Ints(), depth.size.width)), x);
+  const Lanes nearest(hn::GatherIndex(Floats(), depth.z.data(), index));
   const auto before = hn::Le(p.z.v, (nearest + tolerance).v);
-  return hn::And(wanted, hn::And(foreground, before));
+  return hn::And(wanted, hn::And(has(camera.silhouette(), x, y), before));
+}
+
+void aside_any(const Mask& pixels, const BlockSight& sight, size_t count, float most_facing,
+               BlockBits& bits) {
+  const Floats floats;
+  for (size_t i = 0; i < count; i += kLanes) {
+    const auto facing = hn::Abs(get(sight.facing, i).v);
+    const auto aside =
+        hn::And(hn::Le(facing, hn::Set(floats, most_facing)), hn::FirstN(floats, count - i));
+    const Lanes u = get(sight.u, i), v = get(sight.v, i);
+    const auto wanted = in_image(u, v, pixels.size(), aside);
+    if (bits_of(wanted) == 0) continue;
+    const auto found = hn::And(wanted, has(pixels, whole(u, wanted), whole(v, wanted)));
+    bits[i / 64] |= bits_of(found) << (i % 64);
+  }
 }
 
 template <Lens kLens>
@@ -162,6 +187,7 @@ namespace v3d {
 
 HWY_EXPORT(project_any);
 HWY_EXPORT(see_any);
+HWY_EXPORT(aside_any);
 
 void project_block(const SurfaceCamera& camera, const PointBlock& points, PixelBlock& pixels) {
   HWY_DYNAMIC_DISPATCH(project_any)(camera.lens(), points, pixels);
@@ -170,6 +196,12 @@ void project_block(const SurfaceCamera& camera, const PointBlock& points, PixelB
 void see_block(const SurfaceCamera& camera, const DepthBuffer& depth, const PointBlock& places,
                const PointBlock& normals, const SightOptions& options, BlockSight& sight) {
   HWY_DYNAMIC_DISPATCH(see_any)(camera, depth, places, normals, options, sight);
+}
+
+BlockBits aside_at(const Mask& pixels, const BlockSight& sight, size_t count, float most_facing) {
+  BlockBits bits{};
+  HWY_DYNAMIC_DISPATCH(aside_any)(pixels, sight, count, most_facing, bits);
+  return bits;
 }
 
 }  // namespace v3d

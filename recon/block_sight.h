@@ -49,4 +49,10 @@ struct BlockSight {
 void see_block(const SurfaceCamera& camera, const DepthBuffer& depth, const PointBlock& places,
                const PointBlock& normals, const SightOptions& options, BlockSight& sight);
 
+/// Of the first `count` vertices: those that are seen from aside (the cosine of `facing` is no more
+/// than `most_facing`, before or behind) at a pixel that `pixels` has. A bit each; the others are
+/// 0.
+using BlockBits = std::array<uint64_t, BlockSight::kMost / 64>;
+BlockBits aside_at(const Mask& pixels, const BlockSight& sight, size_t count, float most_facing);
+
 }  // namespace v3d

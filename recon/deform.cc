@@ -3,6 +3,7 @@
 #include <tbb/enumerable_thread_specific.h>
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
 #include <string>
 
@@ -57,6 +58,15 @@ constexpr float kSmallMotion = 0.02F;  ///< voxels: when no vertex moves farther
 constexpr float kHiddenBehind = 0.6F;
 /// Variance of a brightness that says nothing, squared grey values: the noise of a camera.
 constexpr float kNoiseVariance = 2;
+
+template <class Work>
+void for_each_bit(const BlockBits& bits, const Work& work) {
+  for (size_t word = 0; word < bits.size(); ++word) {
+    for (uint64_t rest = bits[word]; rest != 0; rest &= rest - 1) {
+      work(64 * word + static_cast<size_t>(std::countr_zero(rest)));
+    }
+  }
+}
 
 }  // namespace
 
@@ -192,14 +202,14 @@ class Deformer::Impl {
                   std::span<const BlockSight> sights) {
     const float each = weight(kPullOfSilhouette, options_.silhouette);
     for (size_t c = 0; c < cameras_.size(); ++c) {
-      for (size_t i = 0; i < places.size(); ++i) {
-        if (!is_aside(sights[c].facing[i])) continue;
-        const auto way = way_to_silhouette(cameras_[c], depths_[c], near_[c], places[i],
-                                           normals_[first + i], sights[c].at(i));
-        if (!way) continue;
+      const BlockBits near = aside_at(near_[c], sights[c], places.size(), kMostFacingOfOutline);
+      for_each_bit(near, [&](size_t i) {
+        const auto way = way_to_silhouette(cameras_[c], depths_[c], places[i], normals_[first + i],
+                                           sights[c].at(i));
+        if (!way) return;
         pulls_[first + i].weight += each;
         pulls_[first + i].sum_m += each * *way;
-      }
+      });
     }
   }
 

@@ -1,6 +1,7 @@
 #include "recon/silhouette_force.h"
 
 #include <cmath>
+#include <cstring>
 
 #include "base/mask_shape.h"
 
@@ -35,12 +36,22 @@ bool deep_inside(const Vector2f& pixel, ImageSize size, float room) {
          pixel.y() < static_cast<float>(size.height) - room;
 }
 
+/// Eight bytes, each 0 or 1, as the bits of one, the first the lowest.
+uint64_t bits_of_bytes(const uint8_t* bytes) {
+  uint64_t word = 0;
+  std::memcpy(&word, bytes, sizeof word);
+  return word * 0x0102'0408'1020'4080 >> 56;  // byte i times 2^(56 - 7 i) is bit 56 + i
+}
+
 Mask drawn_pixels(const DepthBuffer& depth) {
   Mask drawn(depth.size);
+  std::vector<uint8_t> finite(64 * static_cast<size_t>(drawn.words_per_row()), 0);
   for (int y = 0; y < depth.size.height; ++y) {
     const float* z = depth.z.data() + static_cast<size_t>(y) * depth.size.width;
-    for (int x = 0; x < depth.size.width; ++x) {
-      drawn.row(y)[x / 64] |= uint64_t{std::isfinite(z[x])} << (x % 64);
+    for (int x = 0; x < depth.size.width; ++x) finite[x] = std::isfinite(z[x]);
+    const std::span<uint64_t> row = drawn.row(y);
+    for (size_t byte = 0; byte < finite.size() / 8; ++byte) {
+      row[byte / 8] |= bits_of_bytes(&finite[8 * byte]) << (byte % 8 * 8);
     }
   }
   return drawn;
@@ -58,14 +69,10 @@ Mask near_outline(const SurfaceCamera& camera, const DepthBuffer& depth) {
 }
 
 std::optional<float> way_to_silhouette(const SurfaceCamera& camera, const DepthBuffer& depth,
-                                       const Mask& near, const Eigen::Vector3f& place,
-                                       const Eigen::Vector3f& normal,
+                                       const Eigen::Vector3f& place, const Eigen::Vector3f& normal,
                                        const SurfaceCamera::Seen& seen) {
   const float room = (kSearchPixels + 1) * camera.coarseness();
   if (!deep_inside(seen.pixel, depth.size, room)) return std::nullopt;
-  if (!near.get(static_cast<int>(seen.pixel.x()), static_cast<int>(seen.pixel.y()))) {
-    return std::nullopt;
-  }
   const auto beside = camera.project(place + kProbeMetres * normal);
   if (!beside) return std::nullopt;
   const Vector2f across = beside->pixel - seen.pixel;

@@ -1,7 +1,6 @@
 // The silhouette preserving force, equation (6) of the paper.
 #pragma once
 
-#include <cmath>
 #include <optional>
 
 #include "recon/surface_camera.h"
@@ -12,20 +11,18 @@ namespace v3d {
 /// there to be on it, and perhaps a few more. `depth` is of the mesh.
 Mask near_outline(const SurfaceCamera& camera, const DepthBuffer& depth);
 
-/// A vertex on an outline is seen from aside. `facing`: the cosine between its normal and the way
-/// to the camera.
-inline bool is_aside(float facing) { return std::abs(facing) <= 0.35F; }
+/// A vertex on an outline is seen from aside: the cosine between its normal and the way to the
+/// camera.
+inline constexpr float kMostFacingOfOutline = 0.35F;
 
 /// How far (metres along the normal) a vertex on the outline of the mesh, as `camera` sees it, must
 /// move for the outline to fall on that of the observed silhouette. Both outlines are looked for
 /// along the normal's way in the image, in the pixels that the two pictures consist of, so a mesh
-/// that fills its silhouette feels nothing. Requires a vertex that is_aside(). Empty for a vertex
-/// that is not on the outline, and where the observed one is not near. `depth` is of the mesh, and
-/// `near` of it: most vertices are not on the outline, and that is known by one pixel. `seen` is
-/// camera.project(place), its pixel not a number where there is none.
+/// that fills its silhouette feels nothing. Empty for a vertex that is not on the outline, and
+/// where the observed one is not near. `depth` is of the mesh, `seen` is camera.project(place).
+/// Requires a vertex that is seen from aside near_outline(): most are not.
 std::optional<float> way_to_silhouette(const SurfaceCamera& camera, const DepthBuffer& depth,
-                                       const Mask& near, const Eigen::Vector3f& place,
-                                       const Eigen::Vector3f& normal,
+                                       const Eigen::Vector3f& place, const Eigen::Vector3f& normal,
                                        const SurfaceCamera::Seen& seen);
 
 }  // namespace v3d

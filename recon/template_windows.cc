@@ -33,8 +33,9 @@ void WindowBlock::find(std::span<const Vector3f> places, std::span<const Vector3
     candidates_[i].count = 0;
     if (i % options.every == 0) choose_cameras(i, sights, most);
   }
-  for (uint32_t c = 0; c < cameras.size(); ++c) {
-    look_beside(places, normals, cameras[c], c, options);
+  note_lookers(normals.first(places.size()), options, cameras.size());
+  for (size_t c = 0; c < cameras.size(); ++c) {
+    look_beside(places, normals, cameras[c], lookers_[c], options);
   }
   for (size_t i = 0; i < places.size(); ++i) make_views(i, cameras, sights, options, correlation);
 }
@@ -51,34 +52,41 @@ void WindowBlock::choose_cameras(size_t i, std::span<const BlockSight> sights, i
   }
 }
 
+/// Sorts what is to be looked at by camera.
+void WindowBlock::note_lookers(std::span<const Vector3f> normals, const WindowOptions& options,
+                               size_t cameras) {
+  lookers_.resize(cameras);
+  for (std::vector<Looker>& lookers : lookers_) lookers.clear();
+  for (size_t i = 0; i < normals.size(); ++i) {
+    auto& [count, list] = candidates_[i];
+    if (count > 0) across_[i] = options.spacing_m * axis_across(normals[i]);
+    for (int k = 0; k < count; ++k) lookers_[list[k].camera].push_back({i, &list[k]});
+  }
+}
+
 /// Finds the pixels beside the middles of all windows that the camera looks at, side by side.
 void WindowBlock::look_beside(std::span<const Vector3f> places, std::span<const Vector3f> normals,
-                              const SurfaceCamera& camera, uint32_t number,
+                              const SurfaceCamera& camera, std::span<const Looker> lookers,
                               const WindowOptions& options) {
   PointBlock points;
   PixelBlock pixels;
-  std::array<Candidate*, BlockSight::kMost> looking;
   static_assert(3 * BlockSight::kMost <= PointBlock::kMost);
-  size_t count = 0;
-  for (size_t i = 0; i < places.size(); ++i) {
-    auto& [candidates, list] = candidates_[i];
-    const auto end = list.begin() + candidates;
-    const auto found =
-        std::find_if(list.begin(), end, [&](const auto& c) { return c.camera == number; });
-    if (found == end) continue;
-    const Vector3f across = options.spacing_m * axis_across(normals[i]);
-    points.set(3 * count, places[i] + across);
-    points.set(3 * count + 1, places[i] + normals[i].cross(across));
-    points.set(3 * count + 2, places[i] + options.step_m * normals[i]);
-    looking[count++] = &*found;
+  for (const auto& [i, candidate] : lookers) {
+    points.set(points.count++, places[i] + across_[i]);
+    points.set(points.count++, places[i] + normals[i].cross(across_[i]));
+    points.set(points.count++, places[i] + options.step_m * normals[i]);
   }
-  points.count = 3 * count;
   project_block(camera, points, pixels);
-  const auto pixel = [&](size_t i) { return Vector2f(pixels.u[i], pixels.v[i]); };
-  for (size_t i = 0; i < count; ++i) {
-    looking[i]->across = pixel(3 * i);
-    looking[i]->down = pixel(3 * i + 1);
-    looking[i]->out = pixel(3 * i + 2);
+  size_t at = 0;
+  const auto next_pixel = [&] {
+    const Vector2f pixel(pixels.u[at], pixels.v[at]);
+    ++at;
+    return pixel;
+  };
+  for (const auto& [i, candidate] : lookers) {
+    candidate->across = next_pixel();
+    candidate->down = next_pixel();
+    candidate->out = next_pixel();
   }
 }
 

@@ -45,15 +45,24 @@ class WindowBlock {
     int count = 0;
     std::array<Candidate, kMostWindowViews> list;
   };
+  /// A vertex of the block, and its candidate that is a certain camera.
+  struct Looker {
+    size_t vertex;
+    Candidate* candidate;
+  };
   void choose_cameras(size_t i, std::span<const BlockSight> sights, int most);
+  void note_lookers(std::span<const Eigen::Vector3f> normals, const WindowOptions& options,
+                    size_t cameras);
   void look_beside(std::span<const Eigen::Vector3f> places,
                    std::span<const Eigen::Vector3f> normals, const SurfaceCamera& camera,
-                   uint32_t number, const WindowOptions& options);
+                   std::span<const Looker> lookers, const WindowOptions& options);
   void make_views(size_t i, std::span<const SurfaceCamera> cameras,
                   std::span<const BlockSight> sights, const WindowOptions& options,
                   const CorrelationOptions& correlation);
 
   std::array<Candidates, BlockSight::kMost> candidates_;
+  std::array<Eigen::Vector3f, BlockSight::kMost> across_;  ///< the windows' first axes, one step
+  std::vector<std::vector<Looker>> lookers_;               ///< by camera
   std::array<WindowViews, BlockSight::kMost> views_;
 };
 

@@ -121,6 +121,30 @@ TEST(BlockSight, sees_what_faces_the_camera_and_nothing_hides_to_the_bit) {
   }
 }
 
+TEST(BlockSight, finds_what_is_seen_from_aside_at_certain_pixels) {
+  const Scene scene({});
+  std::mt19937 random(9);
+  BlockSight sight;
+  const auto along = [&] { return static_cast<float>(random() % 2600) / 10 - 30; };
+  for (size_t i = 0; i < BlockSight::kMost; ++i) {
+    sight.u[i] = i % 9 == 0 ? std::nanf("") : along();
+    sight.v[i] = along();
+    sight.facing[i] = static_cast<float>(random() % 200) / 100 - 1;
+  }
+  on_every_instruction_set([&] {
+    for (const size_t count : {size_t{0}, size_t{77}, BlockSight::kMost}) {
+      BlockBits expected{};
+      for (size_t i = 0; i < count; ++i) {
+        const bool found = std::abs(sight.facing[i]) <= 0.5F &&
+                           scene.camera->in_silhouette({sight.u[i], sight.v[i]});
+        expected[i / 64] |= uint64_t{found} << (i % 64);
+      }
+      EXPECT_TRUE(count == 0 || expected[0] != 0);
+      EXPECT_EQ(aside_at(scene.camera->silhouette(), sight, count, 0.5F), expected);
+    }
+  });
+}
+
 TEST(WindowBlock, names_the_cameras_that_a_vertex_faces_most_first_and_no_more_than_asked) {
   const Scene scene({});
   const std::vector<SurfaceCamera> cameras(3, *scene.camera);
