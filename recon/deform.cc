@@ -92,8 +92,9 @@ class Deformer::Impl {
   explicit Impl(const DeformOptions& options)
       : options_(options), voxel_(static_cast<float>(options.voxel_m)) {}
 
-  void run(std::span<const DeformCamera> cameras, Mesh& mesh) {
-    prepare(cameras, middle_of(mesh));
+  void run(const SurfaceCameras& cameras, Mesh& mesh) {
+    cameras_ = cameras.cameras;
+    models_ = cameras.models;
     if (cameras_.empty() || mesh.vertices.empty()) return;
     neighbours_ = Neighbours(mesh);
     start_ = mesh.vertices;
@@ -106,22 +107,6 @@ class Deformer::Impl {
   }
 
  private:
-  void prepare(std::span<const DeformCamera> cameras, const Vector3f& middle) {
-    std::vector<const DeformCamera*> with_pixels;
-    models_.clear();
-    for (const DeformCamera& camera : cameras) {
-      if (camera.frame->roi.empty()) continue;
-      with_pixels.push_back(&camera);
-      models_.push_back(*camera.model);
-    }
-    std::vector<std::optional<SurfaceCamera>> made(with_pixels.size());
-    tbb::parallel_for(size_t{0}, made.size(), [&](size_t c) {
-      made[c].emplace(*with_pixels[c], needless_halvings(models_[c], middle, options_.voxel_m));
-    });
-    cameras_.clear();
-    for (auto& camera : made) cameras_.push_back(std::move(*camera));
-  }
-
   void search(Mesh& mesh) {
     const bool smooth = options_.internal > 0;
     rows_ = NeighbourRows(neighbours_);
@@ -259,8 +244,8 @@ class Deformer::Impl {
 
   const DeformOptions options_;
   const float voxel_;
-  std::vector<SurfaceCamera> cameras_;
-  std::vector<CameraModel> models_;
+  std::span<const SurfaceCamera> cameras_;  ///< of the frame at work
+  std::span<const CameraModel> models_;
   std::vector<DepthBuffer> depths_;
   std::vector<Mask> near_;  ///< see near_outline()
   Neighbours neighbours_;
@@ -275,6 +260,6 @@ class Deformer::Impl {
 
 Deformer::Deformer(const DeformOptions& options) : impl_(std::make_unique<Impl>(options)) {}
 Deformer::~Deformer() = default;
-void Deformer::run(std::span<const DeformCamera> cameras, Mesh& mesh) { impl_->run(cameras, mesh); }
+void Deformer::run(const SurfaceCameras& cameras, Mesh& mesh) { impl_->run(cameras, mesh); }
 
 }  // namespace v3d

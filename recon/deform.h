@@ -46,9 +46,9 @@ class Deformer {
   explicit Deformer(const DeformOptions& options);
   ~Deformer();
 
-  /// Moves the vertices of a closed mesh; its triangles stay as they are. Cameras without pixels
-  /// take no part. The result depends neither on the number of threads nor on the instruction set.
-  void run(std::span<const DeformCamera> cameras, Mesh& mesh);
+  /// Moves the vertices of a closed mesh; its triangles stay as they are. The result depends
+  /// neither on the number of threads nor on the instruction set.
+  void run(const SurfaceCameras& cameras, Mesh& mesh);
 
  private:
   class Impl;

@@ -76,11 +76,11 @@ void keep(const CorrelationOptions& options, WindowViews& views) {
 
 class HollowCarver::Impl {
  public:
-  SparseVolume carve(std::span<const DeformCamera> cameras, const Mesh& hull,
-                     const SparseVolume& volume) {
+  SparseVolume carve(const SurfaceCameras& cameras, const Mesh& hull, const SparseVolume& volume) {
     voxel_ = static_cast<float>(volume.grid().voxel_m);
-    prepare(cameras, hull);
+    cameras_ = cameras.cameras;
     if (cameras_.size() < 2 || hull.vertices.empty()) return volume;
+    prepare(hull, cameras.models);
     look();
     price();
     connect();
@@ -108,20 +108,13 @@ class HollowCarver::Impl {
     }
   };
 
-  void prepare(std::span<const DeformCamera> cameras, const Mesh& hull) {
+  void prepare(const Mesh& hull, std::span<const CameraModel> models) {
     mesh_ = hull;
     neighbours_ = Neighbours(mesh_);
     smooth_surface(neighbours_, kSmoothing, mesh_.vertices, work_);
     normals_ = vertex_normals(mesh_);
     smooth_normals(neighbours_, kNormalSmoothing, normals_, work_);
-    cameras_.clear();
-    models_.clear();
-    for (const DeformCamera& camera : cameras) {
-      if (camera.frame->roi.empty()) continue;
-      models_.push_back(*camera.model);
-      cameras_.emplace_back(camera, needless_halvings(*camera.model, middle_of(mesh_), voxel_));
-    }
-    draw_depths(mesh_, models_, depths_);
+    draw_depths(mesh_, models, depths_);
   }
 
   void look() {
@@ -235,8 +228,7 @@ class HollowCarver::Impl {
   float voxel_ = 0;
   Mesh mesh_;
   Neighbours neighbours_;
-  std::vector<SurfaceCamera> cameras_;
-  std::vector<CameraModel> models_;
+  std::span<const SurfaceCamera> cameras_;  ///< of the frame at work
   std::vector<DepthBuffer> depths_;
   std::vector<Vector3f> normals_, work_;
   std::vector<Sight> sights_;
@@ -249,7 +241,7 @@ class HollowCarver::Impl {
 
 HollowCarver::HollowCarver() : impl_(std::make_unique<Impl>()) {}
 HollowCarver::~HollowCarver() = default;
-SparseVolume HollowCarver::carve(std::span<const DeformCamera> cameras, const Mesh& hull,
+SparseVolume HollowCarver::carve(const SurfaceCameras& cameras, const Mesh& hull,
                                  const SparseVolume& volume) {
   return impl_->carve(cameras, hull, volume);
 }

@@ -3,7 +3,6 @@
 #pragma once
 
 #include <memory>
-#include <span>
 
 #include "base/mesh.h"
 #include "recon/sparse_volume.h"
@@ -28,9 +27,8 @@ class HollowCarver {
   HollowCarver();
   ~HollowCarver();
 
-  /// `hull` is the surface of `volume`. Cameras without pixels take no part.
-  SparseVolume carve(std::span<const DeformCamera> cameras, const Mesh& hull,
-                     const SparseVolume& volume);
+  /// `hull` is the surface of `volume`.
+  SparseVolume carve(const SurfaceCameras& cameras, const Mesh& hull, const SparseVolume& volume);
 
  private:
   class Impl;

@@ -215,12 +215,13 @@ class Reconstructor::Impl {
     for (size_t c = 0; c < work.frames.size(); ++c) {
       if (work.frames[c] != nullptr) cameras.push_back({&rig_[c].model, work.frames[c]});
     }
+    const SurfaceCameras seen(cameras, work.result.mesh, grid_.voxel_m);
     if (hollows_) {
-      work.volume = hollows_->carve(cameras, work.result.mesh, work.volume);
+      work.volume = hollows_->carve(seen, work.result.mesh, work.volume);
       work.result.volume_m3 = volume_m3(work.volume);
       marching_cubes_.run(work.volume, work.result.mesh);
     }
-    deformer_->run(cameras, work.result.mesh);
+    deformer_->run(seen, work.result.mesh);
     work.result.times.deform = deforming.ms();
   }
 

@@ -1,5 +1,7 @@
 #include "recon/surface_camera.h"
 
+#include <tbb/parallel_for.h>
+
 #include <algorithm>
 #include <cmath>
 
@@ -35,6 +37,23 @@ bool SurfaceCamera::sees(const Seen& seen, const DepthBuffer& depth, float toler
   return in_silhouette(seen.pixel) &&
          seen.z <= depth.at(static_cast<int>(seen.pixel.x()), static_cast<int>(seen.pixel.y())) +
                        tolerance_m;
+}
+
+SurfaceCameras::SurfaceCameras(std::span<const DeformCamera> given, const Mesh& mesh,
+                               double voxel_m) {
+  std::vector<const DeformCamera*> with_pixels;
+  for (const DeformCamera& camera : given) {
+    if (!camera.frame->roi.empty()) with_pixels.push_back(&camera);
+  }
+  const Eigen::Vector3f middle = middle_of(mesh);
+  std::vector<std::optional<SurfaceCamera>> made(with_pixels.size());
+  tbb::parallel_for(size_t{0}, made.size(), [&](size_t c) {
+    made[c].emplace(*with_pixels[c], needless_halvings(*with_pixels[c]->model, middle, voxel_m));
+  });
+  for (size_t c = 0; c < made.size(); ++c) {
+    cameras.push_back(std::move(*made[c]));
+    models.push_back(*with_pixels[c]->model);
+  }
 }
 
 int needless_halvings(const CameraModel& camera, const Eigen::Vector3f& place, double voxel_m) {

@@ -4,6 +4,8 @@
 
 #include <array>
 #include <optional>
+#include <span>
+#include <vector>
 
 #include "base/camera_model.h"
 #include "base/frame.h"
@@ -60,6 +62,17 @@ class SurfaceCamera {
   VoxelCamera lens_;
   Eigen::Vector3f center_;
   std::array<Luminance, kLevels> pictures_;
+};
+
+/// The cameras of a frame set that have pixels, before a surface. Immutable; any thread.
+struct SurfaceCameras {
+  SurfaceCameras() = default;
+  /// In the same order. Where `mesh` is says how finely they can see it. Works in the caller's TBB
+  /// arena.
+  SurfaceCameras(std::span<const DeformCamera> cameras, const Mesh& mesh, double voxel_m);
+
+  std::vector<SurfaceCamera> cameras;
+  std::vector<CameraModel> models;  ///< of each
 };
 
 /// How often a picture can be halved until its pixels are as wide as a quarter of a voxel, or

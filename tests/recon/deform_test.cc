@@ -66,6 +66,11 @@ struct Studio {
   std::vector<Mask> masks;
   std::vector<DeformCamera> cameras;
 
+  /// The first `count` of them before a mesh.
+  SurfaceCameras before(const Mesh& mesh, size_t count = 12) const {
+    return {std::span(cameras).first(count), mesh, kEdge};
+  }
+
   explicit Studio(const Mesh& scene) : Studio(scene, scene) {}
   /// `seen`: also what is no part of the scene.
   Studio(const Mesh& scene, const Mesh& seen) {
@@ -92,7 +97,7 @@ const Studio& studio() {
 Mesh deformed(DeformOptions options) {
   options.voxel_m = kEdge;
   Mesh mesh = hull();
-  Deformer(options).run(studio().cameras, mesh);
+  Deformer(options).run(studio().before(mesh), mesh);
   return mesh;
 }
 
@@ -141,7 +146,7 @@ TEST(Deformer, the_papers_steps_come_closer_from_near) {
     return 0.2F * die_radius(direction) + 0.8F * hollow_radius(direction);
   });
   const double before = error_in_hollow(mesh);
-  Deformer(paper).run(studio().cameras, mesh);
+  Deformer(paper).run(studio().before(mesh), mesh);
   EXPECT_LT(error_in_hollow(mesh), 0.5 * before);
 }
 
@@ -165,7 +170,7 @@ TEST(Deformer, brings_a_mesh_that_is_too_large_back_to_its_silhouettes) {
   options.voxel_m = kEdge;
   options.photometric = 0;
   const double before = least_iou(mesh);
-  Deformer(options).run(studio().cameras, mesh);
+  Deformer(options).run(studio().before(mesh), mesh);
   EXPECT_GT(least_iou(mesh), before + 0.5 * (1 - before));
 }
 
@@ -186,7 +191,7 @@ TEST(Deformer, does_not_compare_the_background_beside_something_slender) {
   Mesh mesh = rod();
   DeformOptions options;
   options.voxel_m = kEdge;
-  Deformer(options).run(there.cameras, mesh);
+  Deformer(options).run(there.before(mesh), mesh);
   const Mesh straight = rod();
   double sum = 0;
   for (size_t v = 0; v < mesh.vertices.size(); ++v) {
@@ -226,10 +231,10 @@ TEST(Deformer, keeps_no_memory_of_the_frame_before) {
   options.voxel_m = kEdge;
   Deformer deformer(options);
   Mesh first = hull(), other = shapes::box({-0.2F, -0.2F, 0.8F}, {0.2F, 0.2F, 1.2F});
-  deformer.run(studio().cameras, first);
-  deformer.run(std::span(studio().cameras).first(5), other);
+  deformer.run(studio().before(first), first);
+  deformer.run(studio().before(other, 5), other);
   Mesh again = hull();
-  deformer.run(studio().cameras, again);
+  deformer.run(studio().before(again), again);
   EXPECT_EQ(again.vertices, first.vertices);
 }
 
@@ -238,7 +243,7 @@ TEST(Deformer, leaves_a_mesh_alone_that_nobody_sees) {
   Deformer({}).run({}, mesh);
   EXPECT_EQ(mesh.vertices, hull().vertices);
   Mesh nothing;
-  Deformer({}).run(studio().cameras, nothing);
+  Deformer({}).run(studio().before(nothing), nothing);
   EXPECT_TRUE(nothing.vertices.empty());
 }
 

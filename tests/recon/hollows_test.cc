@@ -98,7 +98,12 @@ struct Studio {
 
   SparseVolume carved() const {
     HollowCarver carver;
-    return carver.carve(cameras, hull, volume);
+    return carver.carve(before(hull), hull, volume);
+  }
+
+  /// The first `count` cameras before a mesh.
+  SurfaceCameras before(const Mesh& mesh, size_t count = 14) const {
+    return {std::span(cameras).first(count), mesh, kVoxelM};
   }
 };
 
@@ -146,12 +151,12 @@ TEST(HollowCarver, takes_nothing_where_there_is_nothing_to_compare) {
 TEST(HollowCarver, needs_two_cameras) {
   HollowCarver carver;
   const auto some = [&](size_t cameras) {
-    return carver.carve(std::span(studio().cameras).first(cameras), studio().hull, studio().volume);
+    return carver.carve(studio().before(studio().hull, cameras), studio().hull, studio().volume);
   };
   EXPECT_EQ(some(0), studio().volume);
   EXPECT_EQ(some(1), studio().volume);
   const SparseVolume nothing(studio().volume.grid());
-  EXPECT_EQ(carver.carve(studio().cameras, Mesh{}, nothing), nothing);
+  EXPECT_EQ(carver.carve(studio().before({}), Mesh{}, nothing), nothing);
 }
 
 TEST(HollowCarver, gives_the_same_volume_for_any_number_of_threads) {
@@ -168,8 +173,9 @@ TEST(HollowCarver, keeps_no_memory_of_the_frame_before) {
   const SparseVolume box = make_volume(studio().volume.grid(), [](int i, int j, int k) {
     return i > 20 && i < 40 && j > 20 && j < 40 && k > 20 && k < 40;
   });
-  carver.carve(studio().cameras, marching_cubes(box), box);
-  EXPECT_EQ(carver.carve(studio().cameras, studio().hull, studio().volume), studio().carved());
+  carver.carve(studio().before(marching_cubes(box)), marching_cubes(box), box);
+  EXPECT_EQ(carver.carve(studio().before(studio().hull), studio().hull, studio().volume),
+            studio().carved());
 }
 
 }  // namespace

@@ -25,7 +25,7 @@ void deform(benchmark::State& state, int threads) {
   Mesh mesh;
   measure(state, 1, 0, [&] {
     mesh = hull;
-    arena.execute([&] { deformer.run(cameras, mesh); });
+    arena.execute([&] { deformer.run(SurfaceCameras(cameras, mesh, kVoxelM), mesh); });
     benchmark::DoNotOptimize(mesh.vertices.data());
   });
   state.counters["vertices"] = static_cast<double>(hull.vertices.size());

@@ -37,7 +37,7 @@ Pulse make_pulse(const FrameSet& set, bool deformed) {
   if (deformed) {
     DeformOptions options;
     options.voxel_m = kVoxelM;
-    Deformer(options).run(deforming, pulse.mesh);
+    Deformer(options).run(SurfaceCameras(deforming, pulse.mesh, options.voxel_m), pulse.mesh);
     for (const auto& v : pulse.mesh.vertices) pulse.positions.push_back({v.x(), v.y(), v.z()});
   }
   pulse.mesh.colours = colour_vertices(pulse.mesh, colouring, {}).colours;
