@@ -7,7 +7,9 @@
 #include <cmath>
 #include <numeric>
 
+#include "recon/cover.h"
 #include "recon/label_field.h"
+#include "recon/marching_cubes.h"
 #include "recon/neighbours.h"
 #include "recon/onlookers.h"
 #include "recon/sight_votes.h"
@@ -89,6 +91,7 @@ class HollowCarver::Impl {
     VolumeCut cut(volume, votes.seen_through(kLeastVotes));
     cut.smooth(kCutSmoothing);
     cut.add_crumbs(kCrumb);
+    cut.keep(needed_voxels(volume, cut, cameras.models));
     return cut.remaining();
   }
 
@@ -225,6 +228,19 @@ class HollowCarver::Impl {
     });
   }
 
+  /// Those of the cut without which cameras would look through the hull where they see something: a
+  /// blade that was taken for air.
+  std::vector<Brick> needed_voxels(const SparseVolume& volume, const VolumeCut& cut,
+                                   std::span<const CameraModel> models) {
+    marching_cubes_.run(cut.remaining(), left_);
+    draw_depths(left_, models, left_depths_);
+    std::vector<Mask> open(cameras_.size());
+    tbb::parallel_for(size_t{0}, open.size(), [&](size_t c) {
+      open[c] = uncovered(cameras_[c], depths_[c], left_depths_[c]);
+    });
+    return voxels_at(open, cameras_, volume, cut.bricks());
+  }
+
   float voxel_ = 0;
   Mesh mesh_;
   Neighbours neighbours_;
@@ -237,6 +253,9 @@ class HollowCarver::Impl {
   std::vector<LabelField::Edge> edges_;
   std::vector<uint32_t> around_;
   LabelField labels_;
+  MarchingCubes marching_cubes_;
+  Mesh left_;  ///< surface of what the cut leaves
+  std::vector<DepthBuffer> left_depths_;
 };
 
 HollowCarver::HollowCarver() : impl_(std::make_unique<Impl>()) {}

@@ -161,6 +161,12 @@ void VolumeCut::add_crumbs(int voxels) {
   }
 }
 
+void VolumeCut::keep(std::span<const Brick> voxels) {
+  for (size_t b = 0; b < cut_.size(); ++b) {
+    for (size_t z = 0; z < cut_[b].size(); ++z) cut_[b][z] &= ~voxels[b][z];
+  }
+}
+
 SparseVolume VolumeCut::remaining() const {
   std::vector<PlacedBrick> left(cut_.size());
   for (size_t b = 0; b < left.size(); ++b) {

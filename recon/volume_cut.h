@@ -24,6 +24,9 @@ class VolumeCut {
   /// joined by faces and edges, as MarchingCubes joins them.
   void add_crumbs(int voxels);
 
+  /// Of the volume's bricks, those voxels do not go.
+  void keep(std::span<const Brick> voxels);
+
   const std::vector<Brick>& bricks() const { return cut_; }
   SparseVolume remaining() const;
 

@@ -75,7 +75,9 @@ struct Studio {
   SparseVolume volume;
   Mesh hull;
 
-  explicit Studio(const Mesh& scene) {
+  explicit Studio(const Mesh& scene) : Studio(scene, scene) {}
+  /// `seen`: what is in the pictures, if not all that the silhouettes show.
+  Studio(const Mesh& scene, const Mesh& seen) {
     for (int i = 0; i < 14; ++i) {
       // All round, and a few closer together where one can look in.
       const double angle = i < 8 ? 2 * std::numbers::pi * (i + 0.5) / 8 : 0.14 * (i - 10.5);
@@ -87,7 +89,7 @@ struct Studio {
     std::vector<const Mask*> borrowed;
     for (size_t i = 0; i < models.size(); ++i) {
       frames.push_back(
-          observe("cam" + std::to_string(i), {}, draw_mesh(scene, models[i]).view(), masks[i]));
+          observe("cam" + std::to_string(i), {}, draw_mesh(seen, models[i]).view(), masks[i]));
       borrowed.push_back(&masks[i]);
     }
     for (size_t i = 0; i < models.size(); ++i) cameras.push_back({&models[i], &frames[i]});
@@ -141,6 +143,28 @@ TEST(HollowCarver, empties_what_cameras_see_into_and_leaves_what_is_solid) {
   const auto [left, kept] = count(studio().carved());
   EXPECT_LT(left, 0.65 * hollow);
   EXPECT_GT(kept, 0.98 * solid);
+}
+
+/// Upright before the arms.
+Mesh blade() { return shapes::box({0.24F, -0.02F, 0.9F}, {0.26F, 0.02F, 1.1F}); }
+
+TEST(HollowCarver, opens_no_silhouette) {
+  Mesh with_blade = embrace();
+  shapes::append(with_blade, blade());
+  // Pictures look through the blade, as through one that mirrors what is around it.
+  const Studio there(with_blade, speckled(embrace()));
+  const SparseVolume left = there.carved();
+  EXPECT_LT(count(left).first, 0.8 * count(there.volume).first);
+  const VoxelGrid& grid = left.grid();
+  for (double z = 0.91; z < 1.1; z += kVoxelM) {
+    const Eigen::Vector3d at = (Eigen::Vector3d(0.25, 0, z) - grid.origin) / kVoxelM;
+    int kept = 0;  // of its section
+    for (int n = 0; n < 36; ++n) {
+      kept += left.get(static_cast<int>(at.x()) + n % 6 - 3, static_cast<int>(at.y()) + n / 6 - 3,
+                       static_cast<int>(at.z()));
+    }
+    EXPECT_GE(kept, 4) << "at a height of " << z << " m";
+  }
 }
 
 TEST(HollowCarver, takes_nothing_where_there_is_nothing_to_compare) {

@@ -110,6 +110,14 @@ TEST(VolumeCut, joins_voxels_by_edges_but_not_by_corners) {
   }
 }
 
+TEST(VolumeCut, can_be_told_to_keep_voxels) {
+  const SparseVolume volume = block_with_bud();
+  const auto stalk = [](int i, int, int) { return i >= 12 && i < 16; };
+  VolumeCut cut(volume, bricks_of(volume, stalk));
+  cut.keep(bricks_of(volume, [](int i, int, int) { return i < 14; }));
+  EXPECT_EQ(cut.remaining().count(), volume.count() - 2);
+}
+
 TEST(VolumeCut, of_everything_leaves_nothing) {
   const SparseVolume volume = block_with_bud();
   VolumeCut cut(volume, bricks_of(volume, [](int, int, int) { return true; }));

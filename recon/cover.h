@@ -1,0 +1,22 @@
+// Foreground that a volume covered before a part was taken out of it, and does not cover after.
+#pragma once
+
+#include <span>
+#include <vector>
+
+#include "recon/sparse_volume.h"
+#include "recon/surface_camera.h"
+
+namespace v3d {
+
+/// The foreground pixels of a camera, and those next to them, where `before` shows a surface and
+/// `after` none. Something is there, and so a hull must be. Rims of one or two pixels are left out:
+/// put back, they would stand out as fins.
+Mask uncovered(const SurfaceCamera& camera, const DepthBuffer& before, const DepthBuffer& after);
+
+/// Of `some` voxels of the volume those whose centre a camera sees at one of its `pixels`; a brick
+/// for each of the volume. Works in the caller's TBB arena.
+std::vector<Brick> voxels_at(std::span<const Mask> pixels, std::span<const SurfaceCamera> cameras,
+                             const SparseVolume& volume, std::span<const Brick> some);
+
+}  // namespace v3d
