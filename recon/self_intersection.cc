@@ -46,8 +46,8 @@ bool cross(const Corners& s, const Corners& t) {
 }
 
 bool share_vertex(const Triangle& a, const Triangle& b) {
-  bool shared = false;  // mostly true: nine comparisons are quicker than a few branches
-  for (const uint32_t v : a) shared |= (v == b[0]) | (v == b[1]) | (v == b[2]);
+  bool shared = false;  // mostly it becomes true: no need to stop early
+  for (const uint32_t v : a) shared |= v == b[0] || v == b[1] || v == b[2];
   return shared;
 }
 
