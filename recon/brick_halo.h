@@ -3,6 +3,7 @@
 
 #include <array>
 #include <cstddef>
+#include <cstdint>
 
 #include "recon/sparse_volume.h"
 
@@ -21,36 +22,53 @@ inline BricksAround bricks_around(const SparseVolume& volume, size_t brick) {
   return around;
 }
 
-/// Sums of a value over the 27 voxels in and round each voxel of a brick, x fastest.
-/// value(brick, voxel) is that of voxel 64 z + 8 y + x; 0 where no brick is stored.
-template <class Sum, class Value>
-std::array<Sum, 512> sums_of_27(const BricksAround& around, const Value& value) {
+/// A number for each of the eight voxels of a row along x.
+template <class Number>
+using BrickRow = std::array<Number, kBrickEdge>;
+
+/// 0 or 1 for the voxels of row 8 z + y.
+inline const BrickRow<uint8_t>& bits_of_row(const Brick& brick, int row) {
+  static constexpr auto kRows = [] {
+    std::array<BrickRow<uint8_t>, 256> rows{};
+    for (int bits = 0; bits < 256; ++bits) {
+      for (int x = 0; x < kBrickEdge; ++x) rows[bits][x] = bits >> x & 1;
+    }
+    return rows;
+  }();
+  return kRows[brick[row / 8] >> (8 * (row % 8)) & 255];
+}
+
+/// Sums of a number over the 27 voxels in and round each voxel of a brick, x fastest.
+/// row_of(brick, row) is a BrickRow of row 8 z + y; all are 0 where no brick is stored.
+template <class Sum, class RowOf>
+std::array<Sum, 512> sums_of_27(const BricksAround& around, const RowOf& row_of) {
   constexpr int kWide = kBrickEdge + 2;
-  // Along one axis after the other; `wide` is of all voxels, the others lose the border.
-  std::array<Sum, kWide * kWide * kWide> wide{};
+  // Of the brick and one voxel around it, along one axis after the other.
+  std::array<Sum, kWide * kWide * kBrickEdge> along_x{};
   const auto brick_of = [](int i) { return i == 0 ? 0 : i > kBrickEdge ? 2 : 1; };
-  for (int z = 0, to = 0; z < kWide; ++z) {
-    for (int y = 0; y < kWide; ++y) {
-      const int row = 9 * brick_of(z) + 3 * brick_of(y);
-      const int voxel = 64 * ((z + 7) % 8) + 8 * ((y + 7) % 8);
-      for (int x = 0; x < kWide; ++x, ++to) {
-        const int brick = around[row + brick_of(x)];
-        if (brick >= 0) wide[to] = value(static_cast<size_t>(brick), voxel + (x + 7) % 8);
+  Sum* to = along_x.data();
+  for (int z = 0; z < kWide; ++z) {
+    for (int y = 0; y < kWide; ++y, to += kBrickEdge) {
+      const int* bricks = &around[9 * brick_of(z) + 3 * brick_of(y)];
+      const int row = 8 * ((z + 7) % 8) + (y + 7) % 8;
+      std::array<Sum, kWide> wide{};
+      if (bricks[0] >= 0) wide.front() = row_of(bricks[0], row)[kBrickEdge - 1];
+      if (bricks[2] >= 0) wide.back() = row_of(bricks[2], row)[0];
+      if (bricks[1] >= 0) {
+        const auto middle = row_of(bricks[1], row);
+        for (int x = 0; x < kBrickEdge; ++x) wide[x + 1] = middle[x];
       }
+      for (int x = 0; x < kBrickEdge; ++x) to[x] = wide[x] + wide[x + 1] + wide[x + 2];
     }
   }
-  std::array<Sum, kWide * kWide * kBrickEdge> flat{};
-  constexpr int kLayer = kWide * kWide;
-  for (size_t i = 0; i < flat.size(); ++i)
-    flat[i] = wide[i] + wide[i + kLayer] + wide[i + 2 * kLayer];
+  constexpr int kLayer = kWide * kBrickEdge;
   std::array<Sum, 512> sums{};
-  for (int z = 0, to = 0; z < kBrickEdge; ++z) {
-    for (int y = 0; y < kBrickEdge; ++y) {
-      const Sum* row = &flat[z * kLayer + y * kWide];
-      std::array<Sum, kWide> columns;
-      for (int x = 0; x < kWide; ++x) columns[x] = row[x] + row[x + kWide] + row[x + 2 * kWide];
-      for (int x = 0; x < kBrickEdge; ++x, ++to)
-        sums[to] = columns[x] + columns[x + 1] + columns[x + 2];
+  for (int z = 0; z < kBrickEdge; ++z) {
+    std::array<Sum, kLayer> along_z;
+    const Sum* from = &along_x[z * kLayer];
+    for (int i = 0; i < kLayer; ++i) along_z[i] = from[i] + from[i + kLayer] + from[i + 2 * kLayer];
+    for (int i = 0; i < 64; ++i) {
+      sums[64 * z + i] = along_z[i] + along_z[i + kBrickEdge] + along_z[i + 2 * kBrickEdge];
     }
   }
   return sums;

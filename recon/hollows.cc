@@ -191,18 +191,30 @@ class HollowCarver::Impl {
 
   /// Those who look are neighbours when they are two edges apart at most.
   void connect() {
+    constexpr size_t kBlock = 1024;
+    const size_t count = sights_.size();
+    std::vector<std::vector<LabelField::Edge>> of_blocks((count + kBlock - 1) / kBlock);
+    tbb::parallel_for(size_t{0}, of_blocks.size(), [&](size_t block) {
+      const size_t end = std::min(count, (block + 1) * kBlock);
+      for (size_t i = block * kBlock; i < end; ++i) connect(i, of_blocks[block]);
+    });
     edges_.clear();
-    for (size_t i = 0; i < costs_.size(); ++i) {
-      around_.clear();
-      for (const uint32_t n : neighbours_.of(i * kEvery)) {
-        around_.push_back(n);
-        for (const uint32_t m : neighbours_.of(n)) around_.push_back(m);
+    for (const auto& edges : of_blocks) edges_.insert(edges_.end(), edges.begin(), edges.end());
+  }
+
+  /// Appends the edges to later ones.
+  void connect(size_t i, std::vector<LabelField::Edge>& edges) const {
+    const auto first = std::ssize(edges);
+    const auto add = [&](uint32_t vertex) {
+      if (vertex % kEvery != 0 || vertex / kEvery <= i) return;
+      const LabelField::Edge edge(i, vertex / kEvery);
+      if (std::find(edges.begin() + first, edges.end(), edge) == edges.end()) {
+        edges.push_back(edge);
       }
-      std::sort(around_.begin(), around_.end());
-      around_.erase(std::unique(around_.begin(), around_.end()), around_.end());
-      for (const uint32_t n : around_) {
-        if (n % kEvery == 0 && n / kEvery > i) edges_.emplace_back(i, n / kEvery);
-      }
+    };
+    for (const uint32_t n : neighbours_.of(i * kEvery)) {
+      add(n);
+      for (const uint32_t m : neighbours_.of(n)) add(m);
     }
   }
 
@@ -251,7 +263,6 @@ class HollowCarver::Impl {
   std::vector<float> contrasts_;
   std::vector<LabelField::Costs> costs_;
   std::vector<LabelField::Edge> edges_;
-  std::vector<uint32_t> around_;
   LabelField labels_;
   MarchingCubes marching_cubes_;
   Mesh left_;  ///< surface of what the cut leaves

@@ -6,6 +6,7 @@
 #define HWY_TARGET_INCLUDE "recon/label_field.cc"
 #include <hwy/foreach_target.h>  // compiles this file once per instruction set
 #include <hwy/highway.h>
+#include <tbb/parallel_for.h>
 
 #include <algorithm>
 
@@ -72,9 +73,8 @@ HWY_INLINE void reach(size_t far, int16_t price, Padded& costs) {
 /// then costs, less the least of all; halfway from what it told before, which keeps circles of
 /// nodes from swinging.
 HWY_INLINE void tell(const Costs& belief, const Costs& heard, int16_t slope, const Costs& before,
-                     Costs& told) {
+                     Padded& costs, Costs& told) {
   const Shorts shorts;
-  Padded costs;
   auto least = hn::Set(shorts, INT16_MAX);
   for_each_register([&](size_t k) {
     // Not what was heard along the same edge.
@@ -94,11 +94,15 @@ HWY_INLINE void tell(const Costs& belief, const Costs& heard, int16_t slope, con
   });
 }
 
+/// Nodes begin to end - 1 tell all their neighbours.
 void tell_all(std::span<const Costs> costs, const uint32_t* first, const uint32_t* answer,
-              const Costs* messages, int16_t slope, size_t node, Costs* next) {
-  const Costs sum = belief(costs[node], messages + first[node], first[node + 1] - first[node]);
-  for (size_t slot = first[node]; slot < first[node + 1]; ++slot) {
-    tell(sum, messages[slot], slope, messages[answer[slot]], next[answer[slot]]);
+              const Costs* messages, int16_t slope, size_t begin, size_t end, Costs* next) {
+  Padded work;
+  for (size_t node = begin; node < end; ++node) {
+    const Costs sum = belief(costs[node], messages + first[node], first[node + 1] - first[node]);
+    for (size_t slot = first[node]; slot < first[node + 1]; ++slot) {
+      tell(sum, messages[slot], slope, messages[answer[slot]], work, next[answer[slot]]);
+    }
   }
 }
 
@@ -114,6 +118,11 @@ HWY_AFTER_NAMESPACE();
 
 #if HWY_ONCE
 namespace v3d {
+namespace {
+
+constexpr size_t kSome = 512;  ///< nodes that one thread lets talk at a time
+
+}  // namespace
 
 HWY_EXPORT(tell_all);
 HWY_EXPORT(cheapest);
@@ -123,9 +132,10 @@ std::span<const uint8_t> LabelField::solve(std::span<const Costs> costs,
                                            const LabelFieldOptions& options) {
   connect(costs.size(), edges);
   for (int round = 0; round < options.rounds; ++round) {
-    for_each_vertex(costs.size(), [&](size_t node) {
+    tbb::parallel_for(size_t{0}, (costs.size() + kSome - 1) / kSome, [&](size_t some) {
       HWY_DYNAMIC_DISPATCH(tell_all)
-      (costs, first_.data(), answer_.data(), messages_.data(), options.slope, node, next_.data());
+      (costs, first_.data(), answer_.data(), messages_.data(), options.slope, some * kSome,
+       std::min(costs.size(), (some + 1) * kSome), next_.data());
     });
     messages_.swap(next_);
   }

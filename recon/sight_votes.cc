@@ -27,21 +27,21 @@ void SightVotes::vote(const Eigen::Vector3f& place, uint32_t what) {
 }
 
 std::vector<Brick> SightVotes::seen_through(int least) const {
-  struct Counts {
-    uint32_t through = 0, there = 0;
-    Counts operator+(const Counts& other) const {
-      return {through + other.through, there + other.there};
-    }
-  };
   std::vector<Brick> result(volume_.bricks().size(), kEmptyBrick);
   tbb::parallel_for(size_t{0}, result.size(), [&](size_t b) {
-    const auto counts_of = [&](size_t brick, int voxel) -> Counts {
-      const uint32_t both = votes_[512 * brick + voxel].load(std::memory_order_relaxed);
-      return {both % kThere, both / kThere};
+    const auto counts_of = [&](size_t brick, int row) {
+      BrickRow<uint64_t> counts;
+      for (int x = 0; x < kBrickEdge; ++x) {
+        const uint32_t both =
+            votes_[512 * brick + kBrickEdge * row + x].load(std::memory_order_relaxed);
+        counts[x] = both % kThere | uint64_t{both / kThere} << 32;
+      }
+      return counts;
     };
-    const auto sums = sums_of_27<Counts>(bricks_around(volume_, b), counts_of);
+    const auto sums = sums_of_27<uint64_t>(bricks_around(volume_, b), counts_of);
     for (int voxel = 0; voxel < 512; ++voxel) {
-      const auto& [through, there] = sums[voxel];
+      const auto through = static_cast<uint32_t>(sums[voxel]),
+                 there = static_cast<uint32_t>(sums[voxel] >> 32);
       if (through >= static_cast<uint32_t>(least) && through > there) {
         result[b][voxel / 64] |= uint64_t{1} << (voxel % 64);
       }

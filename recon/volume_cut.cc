@@ -26,11 +26,12 @@ VolumeCut::VolumeCut(const SparseVolume& volume, std::vector<Brick> cut)
   }
 }
 
-/// Bricks that hold a cut voxel, and those around them.
-std::vector<uint8_t> VolumeCut::near_cut() const {
+/// The bricks for which chosen(brick), and those around them.
+template <class Chosen>
+std::vector<uint8_t> VolumeCut::near(const Chosen& chosen) const {
   std::vector<uint8_t> near(cut_.size(), 0);
   for (size_t b = 0; b < cut_.size(); ++b) {
-    if (cut_[b] == kEmptyBrick) continue;
+    if (!chosen(b)) continue;
     for (const int n : bricks_around(volume_, b)) {
       if (n >= 0) near[n] = 1;
     }
@@ -39,29 +40,35 @@ std::vector<uint8_t> VolumeCut::near_cut() const {
 }
 
 void VolumeCut::smooth(int passes) {
-  struct Counts {
-    uint8_t cut = 0, occupied = 0;
-    Counts operator+(const Counts& other) const {
-      return {static_cast<uint8_t>(cut + other.cut),
-              static_cast<uint8_t>(occupied + other.occupied)};
+  // Voxels that are cut count 1, occupied ones 256.
+  const auto counts_of = [&](size_t brick, int row) {
+    const BrickRow<uint8_t>& cut = bits_of_row(cut_[brick], row);
+    const BrickRow<uint8_t>& occupied = bits_of_row(volume_.bricks()[brick], row);
+    BrickRow<uint16_t> counts;
+    for (int x = 0; x < kBrickEdge; ++x) {
+      counts[x] = static_cast<uint16_t>(cut[x] | occupied[x] << 8);
     }
+    return counts;
   };
+  std::vector<uint8_t> open = near([&](size_t b) { return cut_[b] != kEmptyBrick; });
   for (std::vector<Brick> next; passes > 0; --passes) {
-    const std::vector<uint8_t> near = near_cut();
     next = cut_;
     tbb::parallel_for(size_t{0}, cut_.size(), [&](size_t b) {
-      if (!near[b]) return;
-      const auto counts_of = [&](size_t brick, int voxel) -> Counts {
-        return {has(cut_[brick], voxel), has(volume_.bricks()[brick], voxel)};
-      };
-      const auto sums = sums_of_27<Counts>(bricks_around(volume_, b), counts_of);
-      for (int voxel = 0; voxel < 512; ++voxel) {
-        if (!has(volume_.bricks()[b], voxel)) continue;
-        const int twice = 2 * sums[voxel].cut, all = sums[voxel].occupied;
-        if (twice != all) set(next[b], voxel, twice > all);
+      if (!open[b]) return;
+      const auto sums = sums_of_27<uint16_t>(bricks_around(volume_, b), counts_of);
+      for (size_t z = 0; z < kBrickEdge; ++z) {
+        uint64_t more = 0, less = 0;
+        for (int i = 0; i < 64; ++i) {
+          const int twice = 2 * (sums[64 * z + i] & 255), all = sums[64 * z + i] >> 8;
+          more |= uint64_t{twice > all} << i;
+          less |= uint64_t{twice < all} << i;
+        }
+        next[b][z] = ((next[b][z] & ~less) | more) & volume_.bricks()[b][z];
       }
     });
     cut_.swap(next);
+    // The others would find what they found before.
+    open = near([&](size_t b) { return cut_[b] != next[b]; });
   }
 }
 
@@ -146,12 +153,14 @@ class VolumeCut::Crumbs {
 void VolumeCut::add_crumbs(int voxels) {
   // A severed piece has voxels beside the cut.
   std::vector<Brick> beside(cut_.size(), kEmptyBrick);
-  const std::vector<uint8_t> near = near_cut();
+  const std::vector<uint8_t> open = near([&](size_t b) { return cut_[b] != kEmptyBrick; });
   tbb::parallel_for(size_t{0}, cut_.size(), [&](size_t b) {
-    if (!near[b]) return;
-    const auto cut_at = [&](size_t brick, int voxel) { return uint8_t{has(cut_[brick], voxel)}; };
+    if (!open[b]) return;
+    const auto cut_at = [&](size_t brick, int row) { return bits_of_row(cut_[brick], row); };
     const auto sums = sums_of_27<uint8_t>(bricks_around(volume_, b), cut_at);
-    for (int voxel = 0; voxel < 512; ++voxel) set(beside[b], voxel, sums[voxel] > 0);
+    for (int voxel = 0; voxel < 512; ++voxel) {
+      beside[b][voxel / 64] |= uint64_t{sums[voxel] > 0} << (voxel % 64);
+    }
   });
   Crumbs crumbs(volume_, cut_, voxels);
   for (size_t b = 0; b < beside.size(); ++b) {

@@ -32,7 +32,8 @@ class VolumeCut {
 
  private:
   class Crumbs;
-  std::vector<uint8_t> near_cut() const;
+  template <class Chosen>
+  std::vector<uint8_t> near(const Chosen& chosen) const;
 
   const SparseVolume& volume_;
   std::vector<Brick> cut_;
