@@ -6,7 +6,6 @@
 #define HWY_TARGET_INCLUDE "recon/depth_field.cc"
 #include <hwy/foreach_target.h>  // compiles this file once per instruction set
 #include <hwy/highway.h>
-#include <tbb/parallel_for.h>
 
 #include <algorithm>
 #include <cstring>
@@ -146,13 +145,7 @@ namespace {
 constexpr size_t kWidth = NeighbourRows::kWidth;
 constexpr int kSmoothingsPerSweep = 4;
 
-/// Calls work(begin, end) for all groups, some at a time.
-template <class Work>
-void for_some_groups(size_t groups, const Work& work) {
-  constexpr size_t kSome = 32;
-  tbb::parallel_for(size_t{0}, (groups + kSome - 1) / kSome,
-                    [&](size_t task) { work(task * kSome, std::min(groups, (task + 1) * kSome)); });
-}
+constexpr size_t kGroupsAtATime = 32;
 
 }  // namespace
 
@@ -172,13 +165,13 @@ std::span<const float> DepthField::solve(const NeighbourRows& neighbours,
   next_.assign(neighbours.vertices() + 1, 0.0F);
   for (int sweep = 0; sweep < options.sweeps; ++sweep) {
     const float strict = static_cast<float>(sweep) / static_cast<float>(options.sweeps - 1);
-    for_some_groups(groups, [&](size_t begin, size_t end) {
+    for_each_block<kGroupsAtATime>(groups, [&](size_t begin, size_t end) {
       HWY_DYNAMIC_DISPATCH(pick_any)
       (std::span(wishes_).subspan(begin, end - begin), &field_[begin * kWidth], options,
        options.coupling * strict, &picks_[begin]);
     });
     for (int i = 0; i < kSmoothingsPerSweep; ++i) {
-      for_some_groups(groups, [&](size_t begin, size_t end) {
+      for_each_block<kGroupsAtATime>(groups, [&](size_t begin, size_t end) {
         HWY_DYNAMIC_DISPATCH(smooth_any)
         (neighbours, begin, end, picks_, options.smoothness, field_.data(), next_.data());
       });
@@ -208,7 +201,7 @@ void DepthField::gather_wishes(std::span<const DepthProfile> profiles,
       wishes.mean.of[lane] = sum / kDepthSteps;
     }
   };
-  for_some_groups(wishes_.size(), [&](size_t begin, size_t end) {
+  for_each_block<kGroupsAtATime>(wishes_.size(), [&](size_t begin, size_t end) {
     for (size_t group = begin; group < end; ++group) gather(group);
   });
 }

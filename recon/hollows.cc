@@ -121,15 +121,15 @@ class HollowCarver::Impl {
   }
 
   void look() {
-    constexpr size_t kBlock = BlockSight::kMost;
     sights_.resize((mesh_.vertices.size() + kEvery - 1) / kEvery);
     tbb::enumerable_thread_specific<Onlookers> of_threads;
-    tbb::parallel_for(size_t{0}, (sights_.size() + kBlock - 1) / kBlock,
-                      [&](size_t block) { look_at_block(block * kBlock, of_threads.local()); });
+    for_each_block<BlockSight::kMost>(sights_.size(), [&](size_t begin, size_t end) {
+      look_at_block(begin, end, of_threads.local());
+    });
   }
 
-  void look_at_block(size_t first, Onlookers& onlookers) {
-    const size_t count = std::min(BlockSight::kMost, sights_.size() - first);
+  void look_at_block(size_t first, size_t end, Onlookers& onlookers) {
+    const size_t count = end - first;
     std::array<Vector3f, BlockSight::kMost> places, normals;
     for (size_t i = 0; i < count; ++i) {
       places[i] = mesh_.vertices[kEvery * (first + i)];
@@ -192,11 +192,9 @@ class HollowCarver::Impl {
   /// Those who look are neighbours when they are two edges apart at most.
   void connect() {
     constexpr size_t kBlock = 1024;
-    const size_t count = sights_.size();
-    std::vector<std::vector<LabelField::Edge>> of_blocks((count + kBlock - 1) / kBlock);
-    tbb::parallel_for(size_t{0}, of_blocks.size(), [&](size_t block) {
-      const size_t end = std::min(count, (block + 1) * kBlock);
-      for (size_t i = block * kBlock; i < end; ++i) connect(i, of_blocks[block]);
+    std::vector<std::vector<LabelField::Edge>> of_blocks(sights_.size() / kBlock + 1);
+    for_each_block<kBlock>(sights_.size(), [&](size_t begin, size_t end) {
+      for (size_t i = begin; i < end; ++i) connect(i, of_blocks[begin / kBlock]);
     });
     edges_.clear();
     for (const auto& edges : of_blocks) edges_.insert(edges_.end(), edges.begin(), edges.end());

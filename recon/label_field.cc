@@ -6,7 +6,6 @@
 #define HWY_TARGET_INCLUDE "recon/label_field.cc"
 #include <hwy/foreach_target.h>  // compiles this file once per instruction set
 #include <hwy/highway.h>
-#include <tbb/parallel_for.h>
 
 #include <algorithm>
 
@@ -118,11 +117,6 @@ HWY_AFTER_NAMESPACE();
 
 #if HWY_ONCE
 namespace v3d {
-namespace {
-
-constexpr size_t kSome = 512;  ///< nodes that one thread lets talk at a time
-
-}  // namespace
 
 HWY_EXPORT(tell_all);
 HWY_EXPORT(cheapest);
@@ -132,10 +126,10 @@ std::span<const uint8_t> LabelField::solve(std::span<const Costs> costs,
                                            const LabelFieldOptions& options) {
   connect(costs.size(), edges);
   for (int round = 0; round < options.rounds; ++round) {
-    tbb::parallel_for(size_t{0}, (costs.size() + kSome - 1) / kSome, [&](size_t some) {
+    for_each_block<512>(costs.size(), [&](size_t begin, size_t end) {
       HWY_DYNAMIC_DISPATCH(tell_all)
-      (costs, first_.data(), answer_.data(), messages_.data(), options.slope, some * kSome,
-       std::min(costs.size(), (some + 1) * kSome), next_.data());
+      (costs, first_.data(), answer_.data(), messages_.data(), options.slope, begin, end,
+       next_.data());
     });
     messages_.swap(next_);
   }

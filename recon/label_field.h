@@ -11,7 +11,7 @@
 namespace v3d {
 
 struct LabelFieldOptions {
-  int16_t slope = 128;  ///< what neighbours pay for each label between theirs
+  int16_t slope = 128;  ///< what neighbours pay for each label between theirs; at most 256
   int rounds = 10;      ///< in which every node hears of nodes one edge farther away
 };
 
@@ -29,7 +29,6 @@ class LabelField {
     std::array<int16_t, kLabels> of{};
   };
   static constexpr int16_t kMostCost = 2048;
-  static constexpr int16_t kMostSlope = 256;
   using Edge = std::pair<uint32_t, uint32_t>;
 
   /// `edges`: each once, in any order. A label per node; lives until the next call.

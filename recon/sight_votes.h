@@ -26,7 +26,8 @@ class SightVotes {
   std::vector<Brick> seen_through(int least) const;
 
  private:
-  // Both counts in one number, so that one addition is one vote.
+  // Both counts in one number, so that one addition is one vote. A frame gives a voxel some
+  // hundreds; more than 65,535 would count for the other kind.
   static constexpr uint32_t kThrough = 1, kThere = 1 << 16;
   void vote(const Eigen::Vector3f& place, uint32_t what);
 

@@ -8,13 +8,20 @@
 
 namespace v3d {
 
-/// Calls work(v) for each v below `count`, in blocks; each call writes only what belongs to v.
+/// Calls work(begin, end) for all below `count`, kBlock at a time; a call writes only what belongs
+/// to its own.
+template <size_t kBlock, class Work>
+void for_each_block(size_t count, const Work& work) {
+  tbb::parallel_for(size_t{0}, (count + kBlock - 1) / kBlock, [&](size_t block) {
+    work(block * kBlock, std::min(count, (block + 1) * kBlock));
+  });
+}
+
+/// Calls work(v) for each v below `count`; each call writes only what belongs to v.
 template <class Work>
 void for_each_vertex(size_t count, const Work& work) {
-  constexpr size_t kBlock = 512;
-  tbb::parallel_for(size_t{0}, (count + kBlock - 1) / kBlock, [&](size_t block) {
-    const size_t end = std::min(count, (block + 1) * kBlock);
-    for (size_t v = block * kBlock; v < end; ++v) work(v);
+  for_each_block<512>(count, [&](size_t begin, size_t end) {
+    for (size_t v = begin; v < end; ++v) work(v);
   });
 }
 
