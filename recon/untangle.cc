@@ -9,26 +9,31 @@ namespace {
 
 using Eigen::Vector3f;
 
+// Passes of each kind, at most; those that give back go on until nothing crosses.
 constexpr int kSmoothings = 4;
+constexpr int kHalfWaysBack = 6;
 constexpr int kStepsPerSmoothing = 4;
 
 /// Vertices of a mesh; few of many.
 class Region {
  public:
+  explicit Region(const Mesh& mesh) : marks_(mesh.vertices.size(), 0) {}
+
   /// The corners of all triangles that cross.
-  Region(const std::vector<Crossing>& crossings, const Mesh& mesh)
-      : marks_(mesh.vertices.size(), 0) {
+  void add_corners(const std::vector<Crossing>& crossings, const Mesh& mesh) {
     for (const auto& [s, t] : crossings) {
       for (const uint32_t v : mesh.triangles[s]) add(v);
       for (const uint32_t v : mesh.triangles[t]) add(v);
     }
   }
 
-  /// By the neighbours of its vertices.
-  void widen(const Neighbours& neighbours) {
-    const size_t end = vertices_.size();
-    for (; widened_ < end; ++widened_) {
-      for (const uint32_t n : neighbours.of(vertices_[widened_])) add(n);
+  /// By the neighbours of its vertices, so many times.
+  void widen(const Neighbours& neighbours, int rings) {
+    for (int ring = 0; ring < rings; ++ring) {
+      const size_t end = vertices_.size();
+      for (; widened_ < end; ++widened_) {
+        for (const uint32_t n : neighbours.of(vertices_[widened_])) add(n);
+      }
     }
   }
 
@@ -77,19 +82,28 @@ size_t untangle(const Neighbours& neighbours, const std::vector<Vector3f>& start
   for_each_vertex(mesh.vertices.size(), settle);
   CrossingFinder finder(mesh);
   std::vector<Crossing> crossings = finder.all();
-  for (int pass = 0; pass < kUntanglings && !crossings.empty(); ++pass) {
-    Region region(crossings, mesh);
+  for (int pass = 0; pass < kSmoothings + kHalfWaysBack && !crossings.empty(); ++pass) {
+    Region region(mesh);
+    region.add_corners(crossings, mesh);
     if (pass < kSmoothings) {
-      region.widen(neighbours);
+      region.widen(neighbours, 1);
       for (int i = 0; i < kStepsPerSmoothing; ++i) smooth(neighbours, region, mesh);
     } else {
-      for (int i = kSmoothings; i < pass; ++i) region.widen(neighbours);
-      const bool last = pass + 2 >= kUntanglings;
-      pull_back(region, start, last ? 1.0F : 0.5F, mesh);
+      region.widen(neighbours, pass - kSmoothings);
+      pull_back(region, start, 0.5F, mesh);
     }
     region.for_each(settle);
     // Crossings that none of the moved triangles takes part in are gone already.
     crossings = finder.of_moved(region.marks());
+  }
+  Region given_back(mesh);
+  for (size_t before = 0; !crossings.empty(); before = given_back.vertices().size()) {
+    given_back.add_corners(crossings, mesh);
+    given_back.widen(neighbours, kHalfWaysBack);
+    if (given_back.vertices().size() == before) break;  // `start` crosses itself
+    pull_back(given_back, start, 1.0F, mesh);
+    given_back.for_each(settle);
+    crossings = finder.of_moved(given_back.marks());
   }
   return crossings.size();
 }

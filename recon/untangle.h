@@ -9,14 +9,13 @@
 
 namespace v3d {
 
-inline constexpr int kUntanglings = 12;  ///< passes at most
-
 /// Smooths the surface round every self-intersection: folds and spikes are gone after that. What is
 /// left is moved back towards `start`, where the surface had none, half way at a time and in a
-/// wider region each time; the last passes go all the way.
+/// wider region each time; where even that does not help, all the way, in a region that grows until
+/// nothing crosses.
 /// All vertices end on the lattice, if there is one, which `start` must lie on.
-/// Returns the number of crossings that are left. Works in the caller's TBB arena; the same for any
-/// number of threads.
+/// Returns the number of crossings that are left: none, unless `start` crosses itself. Works in the
+/// caller's TBB arena; the same for any number of threads.
 size_t untangle(const Neighbours& neighbours, const std::vector<Eigen::Vector3f>& start,
                 const std::optional<VertexLattice>& lattice, Mesh& mesh);
 

@@ -217,6 +217,24 @@ TEST(Untangle, takes_back_what_went_through_the_other_side) {
   EXPECT_TRUE(self_intersections(pushed).empty());
 }
 
+TEST(Untangle, gives_back_as_much_as_it_must_where_the_way_back_crosses_what_is_left) {
+  const Mesh ball = shapes::sphere({0, 0, 0}, 1, 60);
+  Mesh moved = ball;
+  for (Eigen::Vector3f& v : moved.vertices) {
+    v.x() += v.x() > 0.8F ? 0.5F : 3;  // a cap that goes through the other side, like its way back
+  }
+  ASSERT_FALSE(self_intersections(moved).empty());
+  EXPECT_EQ(untangle(Neighbours(ball), ball.vertices, std::nullopt, moved), 0);
+  EXPECT_TRUE(self_intersections(moved).empty());
+}
+
+TEST(Untangle, ends_where_the_surface_to_go_back_to_crosses_itself) {
+  Mesh crossed = shapes::sphere({0, 0, 0}, 1, 20);
+  shapes::append(crossed, shapes::sphere({0.5F, 0, 0}, 1, 20));
+  const std::vector<Eigen::Vector3f> start = crossed.vertices;
+  EXPECT_GT(untangle(Neighbours(crossed), start, std::nullopt, crossed), 0);
+}
+
 TEST(Deformer, gives_the_same_surface_for_any_number_of_threads) {
   const auto with_threads = [](int threads) {
     return tbb::task_arena(threads).execute([] { return deformed({}).vertices; });
