@@ -17,7 +17,7 @@ namespace {
 
 namespace hn = hwy::HWY_NAMESPACE;
 
-#include "recon/lanes.inc"
+#include "recon/halves.inc"
 
 // A lane is a depth: no sum goes across lanes, so their number does not matter.
 static_assert(kDepthSteps % kLanes == 0);
@@ -25,62 +25,101 @@ static_assert(kDepthSteps % kLanes == 0);
 HWY_INLINE Lanes lanes_at(const float* from) { return Lanes(hn::Load(Floats(), from)); }
 HWY_INLINE void put(Lanes value, float* to) { hn::Store(value.v, Floats(), to); }
 
+// Places are whole numbers of 1 / 65,536 of a pixel.
+constexpr float kPlaceOne = 65536;
+
+// A sample is a whole number, so many to a grey value: two of them share a lane, and the sum of all
+// products of the largest window fits in one.
+constexpr int kSampleShift = 18;
+constexpr float kSampleOne = 127.0F * 32767 / (1 << kSampleShift);
+constexpr auto kMostSample = static_cast<int64_t>(255 * kSampleOne);
+static_assert(kMostSample * kMostSample * kMostWindowSide * kMostWindowSide < INT32_MAX);
+
+constexpr int kMostPairs = (kMostWindowSide * kMostWindowSide + 1) / 2;
+
+/// Samples of a window at kLanes depths.
 struct Patch {
-  alignas(64) float sample[kMostWindowSide * kMostWindowSide][kLanes];
-  alignas(64) float mean[kLanes];
+  alignas(64) int32_t pair[kMostPairs][kLanes];  ///< the first of each two in the low half
+  alignas(64) float sum[kLanes];
   alignas(64) float inverse_deviation[kLanes];  ///< 1 / sqrt(sum of squared differences)
 };
 
-template <int kByte>
-HWY_INLINE Lanes byte(hn::Vec<Words> word) {
-  const auto value = hn::And(hn::ShiftRight<8 * kByte>(word), hn::Set(Words(), 255));
-  return Lanes(hn::ConvertTo(Floats(), hn::BitCast(Ints(), value)));
+/// Where the samples of a window lie, from its middle.
+struct Offsets {
+  int32_t u[kMostWindowSide * kMostWindowSide + 1], v[kMostWindowSide * kMostWindowSide + 1];
+};
+
+HWY_INLINE int32_t place(float pixels) { return static_cast<int32_t>(kPlaceOne * pixels); }
+HWY_INLINE IntLanes place(Lanes pixels) { return truncate(Lanes(kPlaceOne) * pixels); }
+
+void find_offsets(const WindowView& view, int side, Offsets& offsets) {
+  const int32_t u_across = place(view.u_across), v_across = place(view.v_across);
+  const int32_t u_down = place(view.u_down), v_down = place(view.v_down);
+  const int half = side / 2;
+  int n = 0;
+  for (int j = -half; j <= half; ++j) {
+    for (int i = -half; i <= half; ++i) {
+      offsets.u[n] = i * u_across + j * u_down;
+      offsets.v[n++] = i * v_across + j * v_down;
+    }
+  }
 }
 
-/// Between the pixels of a Luminance; (u, v) must lie in it.
-HWY_INLINE Lanes sample(const Luminance& image, Lanes u, Lanes v) {
-  const Ints ints;
-  const auto x = truncate(u), y = truncate(v);
-  const Lanes right = u - Lanes(hn::ConvertTo(Floats(), x));
-  const Lanes down = v - Lanes(hn::ConvertTo(Floats(), y));
-  const auto index = hn::Add(hn::Mul(y, hn::Set(ints, image.width())), x);
-  const auto quad = hn::BitCast(
-      Words(), hn::GatherIndex(ints, reinterpret_cast<const int32_t*>(image.quads()), index));
-  const Lanes upper_left = byte<0>(quad), lower_left = byte<2>(quad);
-  const Lanes upper = upper_left + right * (byte<1>(quad) - upper_left);
-  const Lanes lower = lower_left + right * (byte<3>(quad) - lower_left);
-  return upper + down * (lower - upper);
+/// Between the pixels of a Luminance, times 2^kSampleShift; (u, v) must lie in it.
+HWY_INLINE IntLanes sample(const int32_t* quads, IntLanes row_length, IntLanes u, IntLanes v) {
+  const auto pixel = hn::Or(hn::And(v, all(0xFFFF0000)), hn::ShiftRight<16>(u));
+  const auto quad = hn::GatherIndex(Ints(), quads, products_of_halves(pixel, row_length));
+  // Along the rows by 127ths: 127 - right and right, for both.
+  const auto right = hn::And(hn::ShiftRight<1>(second_byte_everywhere(u)), all(0x7F7F7F7F));
+  const auto rows = products_of_bytes(quad, hn::Xor(right, all(0x007F007F)));
+  // Between them by 32,767ths.
+  const auto down = hn::And(hn::ShiftRight<1>(low_half_everywhere(v)), all(0x7FFF7FFF));
+  return products_of_halves(rows, hn::Xor(down, all(0x00007FFF)));
 }
 
 HWY_INLINE void take(const WindowView& view, int side, float noise, Lanes depth, Patch& patch) {
-  const Lanes u_middle = Lanes(view.u) + depth * view.u_out;
-  const Lanes v_middle = Lanes(view.v) + depth * view.v_out;
-  Lanes sum(0.0F), squares(0.0F);
-  float(*to)[kLanes] = patch.sample;
-  const int half = side / 2;
-  for (int j = -half; j <= half; ++j) {
-    for (int i = -half; i <= half; ++i) {
-      const auto across = static_cast<float>(i), down = static_cast<float>(j);
-      const Lanes value =
-          sample(*view.image, u_middle + (across * view.u_across + down * view.u_down),
-                 v_middle + (across * view.v_across + down * view.v_down));
-      sum = sum + value;
-      squares = squares + value * value;
-      put(value, *to++);
-    }
+  const Ints ints;
+  Offsets offsets;
+  find_offsets(view, side, offsets);
+  const auto* quads = reinterpret_cast<const int32_t*>(view.image->quads());
+  const auto row_length = hn::Set(ints, view.image->width() << 16 | 1);
+  const auto u = place(Lanes(view.u) + depth * view.u_out);
+  const auto v = place(Lanes(view.v) + depth * view.v_out);
+  const auto at = [&](int n) {
+    return sample(quads, row_length, hn::Add(u, hn::Set(ints, offsets.u[n])),
+                  hn::Add(v, hn::Set(ints, offsets.v[n])));
+  };
+  auto sum = hn::Zero(ints), squares = hn::Zero(ints);
+  const auto keep = [&](int pair, IntLanes both) {
+    sum = hn::Add(sum, products_of_halves(both, all(0x00010001)));
+    squares = hn::Add(squares, products_of_halves(both, both));
+    hn::Store(both, ints, patch.pair[pair]);
+  };
+  const int samples = side * side;  // an odd number
+  for (int n = 0; n + 1 < samples; n += 2) {
+    const auto second = hn::And(hn::ShiftRight<kSampleShift - 16>(at(n + 1)), all(0xFFFF0000));
+    keep(n / 2, hn::Or(hn::ShiftRight<kSampleShift>(at(n)), second));
   }
-  const auto count = static_cast<float>(side * side);
-  const Lanes mean = sum * (1 / count);
-  const Lanes variance(hn::Max((squares - sum * mean).v, hn::Zero(Floats())));
-  put(mean, patch.mean);
-  put(Lanes(1.0F) / Lanes(hn::Sqrt((variance + count * noise).v)), patch.inverse_deviation);
+  keep(samples / 2, hn::ShiftRight<kSampleShift>(at(samples - 1)));
+
+  const auto count = static_cast<float>(samples);
+  const Lanes total(hn::ConvertTo(Floats(), sum));
+  const Lanes of_squares(hn::ConvertTo(Floats(), squares));
+  const Lanes variance(hn::Max((of_squares - total * total * (1 / count)).v, hn::Zero(Floats())));
+  const float unsure = count * noise * kSampleOne * kSampleOne;
+  put(total, patch.sum);
+  put(Lanes(1.0F) / Lanes(hn::Sqrt((variance + unsure).v)), patch.inverse_deviation);
 }
 
 HWY_INLINE Lanes correlation(const Patch& a, const Patch& b, int samples) {
-  Lanes sum(0.0F);
-  for (int i = 0; i < samples; ++i) sum = sum + lanes_at(a.sample[i]) * lanes_at(b.sample[i]);
-  const Lanes covariance =
-      sum - static_cast<float>(samples) * (lanes_at(a.mean) * lanes_at(b.mean));
+  const Ints ints;
+  auto sum = hn::Zero(ints);
+  for (int pair = 0; pair < samples / 2 + 1; ++pair) {
+    sum = hn::Add(sum,
+                  products_of_halves(hn::Load(ints, a.pair[pair]), hn::Load(ints, b.pair[pair])));
+  }
+  const Lanes mean = lanes_at(a.sum) * lanes_at(b.sum) * (1 / static_cast<float>(samples));
+  const Lanes covariance = Lanes(hn::ConvertTo(Floats(), sum)) - mean;
   return covariance * (lanes_at(a.inverse_deviation) * lanes_at(b.inverse_deviation));
 }
 

@@ -4,7 +4,6 @@
 #include <tbb/parallel_for.h>
 
 #include <algorithm>
-#include <cmath>
 #include <numeric>
 
 #include "recon/cover.h"
@@ -173,7 +172,7 @@ class HollowCarver::Impl {
         const float disagreement = sights_[i].sees() ? 1 - sights_[i].score[label] : 0;
         const float cost = kUnit * (disagreement + step * static_cast<float>(label));
         costs_[i].of[label] =
-            static_cast<int16_t>(std::min(std::lround(cost), long{LabelField::kMostCost}));
+            static_cast<int16_t>(std::min(cost + 0.5F, float{LabelField::kMostCost}));
       }
     });
   }

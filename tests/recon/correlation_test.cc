@@ -50,6 +50,66 @@ TEST(Correlation, is_one_at_the_depth_where_the_pictures_agree) {
   EXPECT_LT(profile[9], 0.7F);
 }
 
+double sample(const Luminance& image, double u, double v) {
+  const int x = static_cast<int>(u), y = static_cast<int>(v);
+  const uint32_t quad = image.quads()[y * image.width() + x];
+  const auto byte = [&](int k) { return static_cast<double>(quad >> 8 * k & 255); };
+  const double upper = std::lerp(byte(0), byte(1), u - x),
+               lower = std::lerp(byte(2), byte(3), u - x);
+  return std::lerp(upper, lower, v - y);
+}
+
+/// Equation (5), with `noise` added to both variances.
+double plain_correlation(const WindowView& a, const WindowView& b, double depth, int side,
+                         double noise) {
+  const int half = side / 2, count = side * side;
+  double sum_a = 0, sum_b = 0, aa = 0, bb = 0, ab = 0;
+  for (int j = -half; j <= half; ++j) {
+    for (int i = -half; i <= half; ++i) {
+      const auto of = [&](const WindowView& view) {
+        return sample(*view.image,
+                      view.u + i * view.u_across + j * view.u_down + depth * view.u_out,
+                      view.v + i * view.v_across + j * view.v_down + depth * view.v_out);
+      };
+      const double in_a = of(a), in_b = of(b);
+      sum_a += in_a, sum_b += in_b;
+      aa += in_a * in_a, bb += in_b * in_b, ab += in_a * in_b;
+    }
+  }
+  const auto variance = [&](double squares, double sum) {
+    return squares - sum * sum / count + count * noise;
+  };
+  return (ab - sum_a * sum_b / count) / std::sqrt(variance(aa, sum_a) * variance(bb, sum_b));
+}
+
+TEST(Correlation, is_that_of_the_paper_at_any_place_and_for_windows_of_any_size) {
+  const Luminance one(noise(0)), other(noise(3));
+  std::mt19937 random(11);
+  const auto between = [&](float low, float high) {
+    return std::uniform_real_distribution<float>(low, high)(random);
+  };
+  for (const int side : {3, 5, 7, 9, kMostWindowSide}) {
+    const CorrelationOptions options{.side = side, .noise = 2, .robust = false};
+    for (int i = 0; i < 20; ++i) {
+      WindowViews views;
+      views.count = 2;
+      for (WindowView* view : {&views.view[0], &views.view[1]}) {
+        *view = window_at(view == &views.view[0] ? one : other, between(60, 90), between(50, 70),
+                          between(-1, 1));
+        view->u_across = between(-1.5F, 1.5F), view->v_across = between(-1.5F, 1.5F);
+        view->u_down = between(-1.5F, 1.5F), view->v_down = between(-1.5F, 1.5F);
+        view->v_out = between(-1, 1);
+      }
+      const DepthProfile profile = profile_of(views, options);
+      for (int k = 0; k < kDepthSteps; ++k) {
+        EXPECT_NEAR(profile[k],
+                    plain_correlation(views.view[0], views.view[1], options.first + k, side, 2),
+                    0.02);
+      }
+    }
+  }
+}
+
 TEST(Correlation, does_not_feel_brightness_and_contrast) {
   const Luminance reference(noise(0)), brighter(noise(0, 2));
   WindowViews views;
