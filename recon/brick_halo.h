@@ -26,18 +26,6 @@ inline BricksAround bricks_around(const SparseVolume& volume, size_t brick) {
 template <class Number>
 using BrickRow = std::array<Number, kBrickEdge>;
 
-/// 0 or 1 for the voxels of row 8 z + y.
-inline const BrickRow<uint8_t>& bits_of_row(const Brick& brick, int row) {
-  static constexpr auto kRows = [] {
-    std::array<BrickRow<uint8_t>, 256> rows{};
-    for (int bits = 0; bits < 256; ++bits) {
-      for (int x = 0; x < kBrickEdge; ++x) rows[bits][x] = bits >> x & 1;
-    }
-    return rows;
-  }();
-  return kRows[brick[row / 8] >> (8 * (row % 8)) & 255];
-}
-
 /// Sums of a number over the 27 voxels in and round each voxel of a brick, x fastest.
 /// row_of(brick, row) is a BrickRow of row 8 z + y; all are 0 where no brick is stored.
 template <class Sum, class RowOf>

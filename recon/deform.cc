@@ -139,7 +139,7 @@ class Deformer::Impl {
     const size_t count = mesh.vertices.size();
     normals_ = vertex_normals(mesh);
     smooth_normals(neighbours_, kNormalSmoothing, normals_, work_);
-    draw_depths(mesh, models_, depths_);
+    draw_depths(mesh, models_, depths_, Faces::kFront);
     if (round.outlines && options_.silhouette > 0) find_outlines();
     profiles_.resize(count);
     known_.assign(count, 0);

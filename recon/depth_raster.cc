@@ -33,10 +33,11 @@ void draw_cut(const Mesh& mesh, const CameraModel& camera, const Workspace& work
     }
   }
   std::vector<uint32_t> none;
-  draw_triangles(corners, triangles, buffer.size, buffer.z.data(), none);
+  draw_triangles(corners, triangles, buffer.size, Faces::kBoth, buffer.z.data(), none);
 }
 
-void draw(const Mesh& mesh, const CameraModel& camera, Workspace& work, DepthBuffer& buffer) {
+void draw(const Mesh& mesh, const CameraModel& camera, Faces faces, Workspace& work,
+          DepthBuffer& buffer) {
   constexpr float kNothing = std::numeric_limits<float>::infinity();
   const ImageSize size = camera.size();
   project_vertices(mesh, camera, work.vertices);
@@ -53,7 +54,7 @@ void draw(const Mesh& mesh, const CameraModel& camera, Workspace& work, DepthBuf
   for (int y = drawn.y0; y < drawn.y0 + drawn.height; ++y) {
     std::fill_n(row(y), drawn.width, 0.0F);
   }
-  draw_triangles(work.vertices, mesh.triangles, size, buffer.z.data(), work.cut);
+  draw_triangles(work.vertices, mesh.triangles, size, faces, buffer.z.data(), work.cut);
   if (!work.cut.empty()) {
     draw_cut(mesh, camera, work, buffer);
   }
@@ -64,19 +65,20 @@ void draw(const Mesh& mesh, const CameraModel& camera, Workspace& work, DepthBuf
 
 }  // namespace
 
-DepthBuffer draw_depth(const Mesh& mesh, const CameraModel& camera) {
+DepthBuffer draw_depth(const Mesh& mesh, const CameraModel& camera, Faces faces) {
   Workspace work;
   DepthBuffer buffer;
-  draw(mesh, camera, work, buffer);
+  draw(mesh, camera, faces, work, buffer);
   return buffer;
 }
 
 void draw_depths(const Mesh& mesh, std::span<const CameraModel> cameras,
-                 std::vector<DepthBuffer>& buffers) {
+                 std::vector<DepthBuffer>& buffers, Faces faces) {
   buffers.resize(cameras.size());
   tbb::enumerable_thread_specific<Workspace> workspaces;
-  tbb::parallel_for(size_t{0}, cameras.size(),
-                    [&](size_t i) { draw(mesh, cameras[i], workspaces.local(), buffers[i]); });
+  tbb::parallel_for(size_t{0}, cameras.size(), [&](size_t i) {
+    draw(mesh, cameras[i], faces, workspaces.local(), buffers[i]);
+  });
 }
 
 }  // namespace v3d

@@ -6,6 +6,7 @@
 
 #include "base/camera_model.h"
 #include "base/mesh.h"
+#include "recon/draw_triangles.h"
 
 namespace v3d {
 
@@ -16,15 +17,15 @@ struct DepthBuffer {
   float at(int x, int y) const { return z[static_cast<size_t>(y) * size.width + x]; }
 };
 
-/// The nearest surface, front or back side. The lens model holds at the vertices; triangles are
+/// The nearest surface. The lens model holds at the vertices; triangles are
 /// straight between them, with 1/z linear across the image. What lies before the near plane is cut
-/// away. Pure; one thread; the same bits on every processor. For a buffer of reduced size, give
-/// camera.reduced().
-DepthBuffer draw_depth(const Mesh& mesh, const CameraModel& camera);
+/// away, and drawn from both sides. Pure; one thread; the same bits on every processor. For a
+/// buffer of reduced size, give camera.reduced().
+DepthBuffer draw_depth(const Mesh& mesh, const CameraModel& camera, Faces faces = Faces::kBoth);
 
 /// One buffer per camera, cameras in parallel; the result does not depend on the number of threads.
 /// `buffers` keeps its memory.
 void draw_depths(const Mesh& mesh, std::span<const CameraModel> cameras,
-                 std::vector<DepthBuffer>& buffers);
+                 std::vector<DepthBuffer>& buffers, Faces faces = Faces::kBoth);
 
 }  // namespace v3d

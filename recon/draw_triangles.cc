@@ -87,10 +87,26 @@ HWY_INLINE Range between(IntLanes low, IntLanes high, int size) {
 HWY_INLINE IntLanes least(const IntLanes (&v)[3]) { return hn::Min(v[0], hn::Min(v[1], v[2])); }
 HWY_INLINE IntLanes most(const IntLanes (&v)[3]) { return hn::Max(v[0], hn::Max(v[1], v[2])); }
 
-/// Keeps those of a block of triangles whose box holds a pixel centre. Notes those to be cut.
+/// Requires corners no farther than kMostExtent apart.
+HWY_INLINE IntLanes twice_area(const IntLanes (&x)[3], const IntLanes (&y)[3]) {
+  return hn::Sub(hn::Mul(hn::Sub(x[1], x[0]), hn::Sub(y[2], y[0])),
+                 hn::Mul(hn::Sub(x[2], x[0]), hn::Sub(y[1], y[0])));
+}
+
+/// Those of triangles that fit in kMostExtent, by the same numbers that the edges go by: twice the
+/// area on the screen is positive. (y runs down there.)
+HWY_INLINE LaneMask shows_back(const IntLanes (&x)[3], const IntLanes (&y)[3]) {
+  const Ints ints;
+  const IntLanes extent = hn::Max(hn::Sub(most(x), least(x)), hn::Sub(most(y), least(y)));
+  const auto small = hn::Lt(extent, hn::Set(ints, kMostExtent * kFixedOne));
+  return hn::RebindMask(Floats(), hn::And(small, hn::Gt(twice_area(x, y), hn::Zero(ints))));
+}
+
+/// Keeps those of a block of triangles whose box holds a pixel centre, and whose side is asked for.
+/// Notes those to be cut.
 HWY_INLINE void take_corners(const ScreenVertex* vertices, const std::array<uint32_t, 3>* triangles,
-                             uint32_t first, size_t count, ImageSize size, Corners& kept,
-                             std::vector<uint32_t>& cut) {
+                             uint32_t first, size_t count, ImageSize size, Faces faces,
+                             Corners& kept, std::vector<uint32_t>& cut) {
   alignas(64) float fetched[3][4 * kBlock];
   for (size_t i = 0; i < count; ++i) {
     for (int k = 0; k < 3; ++k) {
@@ -116,7 +132,8 @@ HWY_INLINE void take_corners(const ScreenVertex* vertices, const std::array<uint
     const Range columns = between(least(fx), most(fx), size.width);
     const Range rows = between(least(fy), most(fy), size.height);
     const auto centres = hn::And(hn::Lt(columns.begin, columns.end), hn::Lt(rows.begin, rows.end));
-    const LaneMask kept_lanes = hn::And(whole, hn::RebindMask(floats, centres));
+    LaneMask kept_lanes = hn::And(whole, hn::RebindMask(floats, centres));
+    if (faces == Faces::kFront) kept_lanes = hn::AndNot(shows_back(fx, fy), kept_lanes);
     const auto append = [&](hn::Vec<Floats> v, float* array) {
       hn::StoreU(hn::Compress(v, kept_lanes), floats, array + kept.count);
     };
@@ -196,8 +213,7 @@ HWY_INLINE uint64_t draw_small(const Corners& corners, size_t i, ImageSize size,
   const uint64_t others = bits_of(hn::RebindMask(floats, hn::AndNot(small, there)));
 
   // Corners in the order that puts the triangle on the positive side of its edges.
-  const IntLanes area = hn::Sub(hn::Mul(hn::Sub(x[1], x[0]), hn::Sub(y[2], y[0])),
-                                hn::Mul(hn::Sub(x[2], x[0]), hn::Sub(y[1], y[0])));
+  const IntLanes area = twice_area(x, y);
   const auto turned = hn::Lt(area, hn::Zero(ints));
   const IntLanes x1 = hn::IfThenElse(turned, x[2], x[1]), y1 = hn::IfThenElse(turned, y[2], y[1]);
   const IntLanes x2 = hn::IfThenElse(turned, x[1], x[2]), y2 = hn::IfThenElse(turned, y[1], y[2]);
@@ -282,12 +298,12 @@ void draw_large(const Corners& corners, size_t i, ImageSize size, float* inverse
 }
 
 void draw_all(const ScreenVertex* vertices, std::span<const std::array<uint32_t, 3>> triangles,
-              ImageSize size, float* inverse_z, std::vector<uint32_t>& cut) {
+              ImageSize size, Faces faces, float* inverse_z, std::vector<uint32_t>& cut) {
   Corners corners;
   Samples samples;
   for (size_t first = 0; first < triangles.size(); first += kBlock) {
     take_corners(vertices, triangles.data(), static_cast<uint32_t>(first),
-                 std::min(kBlock, triangles.size() - first), size, corners, cut);
+                 std::min(kBlock, triangles.size() - first), size, faces, corners, cut);
     for (size_t i = 0; i < corners.count; i += kLanes) {
       for (uint64_t rest = draw_small(corners, i, size, samples); rest != 0; rest &= rest - 1) {
         draw_large(corners, i + static_cast<size_t>(std::countr_zero(rest)), size, inverse_z);
@@ -350,9 +366,9 @@ HWY_EXPORT(covered);
 HWY_EXPORT(invert_all);
 
 void draw_triangles(const std::vector<ScreenVertex>& vertices,
-                    std::span<const std::array<uint32_t, 3>> triangles, ImageSize size,
+                    std::span<const std::array<uint32_t, 3>> triangles, ImageSize size, Faces faces,
                     float* inverse_z, std::vector<uint32_t>& cut) {
-  HWY_DYNAMIC_DISPATCH(draw_all)(vertices.data(), triangles, size, inverse_z, cut);
+  HWY_DYNAMIC_DISPATCH(draw_all)(vertices.data(), triangles, size, faces, inverse_z, cut);
 }
 
 Rect covered_by(const std::vector<ScreenVertex>& vertices, ImageSize size) {

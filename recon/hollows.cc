@@ -41,7 +41,7 @@ constexpr float kContrast = 0.31F;
 constexpr float kMostShortfall = 2;
 constexpr float kUnit = 512;  ///< of LabelField's costs, for a correlation of 1
 constexpr int16_t kSlope = 128;
-constexpr int kRounds = 10;
+constexpr int kRounds = 6;
 
 /// Correlation with another camera from which on a camera is said to see the place.
 constexpr float kAgreeing = 0.4F;
@@ -116,7 +116,7 @@ class HollowCarver::Impl {
     smooth_surface(neighbours_, kSmoothing, mesh_.vertices, work_);
     normals_ = vertex_normals(mesh_);
     smooth_normals(neighbours_, kNormalSmoothing, normals_, work_);
-    draw_depths(mesh_, models, depths_);
+    draw_depths(mesh_, models, depths_, Faces::kFront);
   }
 
   void look() {
@@ -242,7 +242,7 @@ class HollowCarver::Impl {
   std::vector<Brick> needed_voxels(const SparseVolume& volume, const VolumeCut& cut,
                                    std::span<const CameraModel> models) {
     marching_cubes_.run(cut.remaining(), left_);
-    draw_depths(left_, models, left_depths_);
+    draw_depths(left_, models, left_depths_, Faces::kFront);
     std::vector<Mask> open(cameras_.size());
     tbb::parallel_for(size_t{0}, open.size(), [&](size_t c) {
       open[c] = uncovered(cameras_[c], depths_[c], left_depths_[c]);

@@ -13,7 +13,7 @@ Moment::Moment(std::span<const CameraModel> models, std::span<const Frame* const
     frames_[c] = *frames[c];
     views_[c].emplace(View{
         SurfaceCamera({&models[c], &frames_[c]}, needless_halvings(models[c], middle, voxel_m)),
-        draw_depth(surface, models[c])});
+        draw_depth(surface, models[c], Faces::kFront)});
   });
 }
 

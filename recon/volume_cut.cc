@@ -3,9 +3,11 @@
 #include <tbb/parallel_for.h>
 
 #include <array>
+#include <bit>
+#include <optional>
 #include <utility>
 
-#include "recon/brick_halo.h"
+#include "recon/brick_counts.h"
 
 namespace v3d {
 namespace {
@@ -40,30 +42,21 @@ std::vector<uint8_t> VolumeCut::near(const Chosen& chosen) const {
 }
 
 void VolumeCut::smooth(int passes) {
-  // Voxels that are cut count 1, occupied ones 256.
-  const auto counts_of = [&](size_t brick, int row) {
-    const BrickRow<uint8_t>& cut = bits_of_row(cut_[brick], row);
-    const BrickRow<uint8_t>& occupied = bits_of_row(volume_.bricks()[brick], row);
-    BrickRow<uint16_t> counts;
-    for (int x = 0; x < kBrickEdge; ++x) {
-      counts[x] = static_cast<uint16_t>(cut[x] | occupied[x] << 8);
-    }
-    return counts;
+  const auto cut_of = [&](size_t brick, int z) { return cut_[brick][z]; };
+  const auto staying_of = [&](size_t brick, int z) {
+    return volume_.bricks()[brick][z] & ~cut_[brick][z];
   };
   std::vector<uint8_t> open = near([&](size_t b) { return cut_[b] != kEmptyBrick; });
   for (std::vector<Brick> next; passes > 0; --passes) {
     next = cut_;
     tbb::parallel_for(size_t{0}, cut_.size(), [&](size_t b) {
       if (!open[b]) return;
-      const auto sums = sums_of_27<uint16_t>(bricks_around(volume_, b), counts_of);
+      const BricksAround around = bricks_around(volume_, b);
+      const BrickCounts cut = counts_of_27(around, cut_of);
+      const BrickCounts staying = counts_of_27(around, staying_of);
+      const Brick more = larger(cut, staying), less = larger(staying, cut);
       for (size_t z = 0; z < kBrickEdge; ++z) {
-        uint64_t more = 0, less = 0;
-        for (int i = 0; i < 64; ++i) {
-          const int twice = 2 * (sums[64 * z + i] & 255), all = sums[64 * z + i] >> 8;
-          more |= uint64_t{twice > all} << i;
-          less |= uint64_t{twice < all} << i;
-        }
-        next[b][z] = ((next[b][z] & ~less) | more) & volume_.bricks()[b][z];
+        next[b][z] = ((next[b][z] & ~less[z]) | more[z]) & volume_.bricks()[b][z];
       }
     });
     cut_.swap(next);
@@ -113,21 +106,27 @@ class VolumeCut::Crumbs {
     return true;
   }
 
-  /// Adds the neighbours of a voxel to the piece; stops at one of a large piece.
-  bool grows_into_large(const Voxel& v) {
-    const BrickCoord at = volume_.coords()[v.brick];
-    const std::array<int, 3> place{8 * at.x + v.number % 8, 8 * at.y + v.number / 8 % 8,
-                                   8 * at.z + v.number / 64};
+  /// Adds the neighbours of a voxel (by value: the piece moves) to the piece; stops at one of a
+  /// large piece.
+  bool grows_into_large(Voxel v) {
     for (const auto& [x, y, z] : kWays) {
-      const int i = place[0] + x, j = place[1] + y, k = place[2] + z;
-      const int brick = i < 0 || j < 0 || k < 0 ? -1 : volume_.index_of({i / 8, j / 8, k / 8});
-      if (brick < 0) continue;
-      const Voxel n{static_cast<size_t>(brick), 64 * (k % 8) + 8 * (j % 8) + i % 8};
-      if (!stays(n)) continue;
-      if (has(large_[n.brick], n.number)) return true;
-      if (!has(reached_[n.brick], n.number)) reach(n);
+      const std::optional<Voxel> n = beside(v, x, y, z);
+      if (!n || !stays(*n)) continue;
+      if (has(large_[n->brick], n->number)) return true;
+      if (!has(reached_[n->brick], n->number)) reach(*n);
     }
     return false;
+  }
+
+  /// The voxel one step away; empty where no brick is stored.
+  std::optional<Voxel> beside(const Voxel& v, int dx, int dy, int dz) const {
+    const int x = v.number % 8 + dx, y = v.number / 8 % 8 + dy, z = v.number / 64 + dz;
+    const int number = 64 * (z & 7) + 8 * (y & 7) + (x & 7);
+    if (((x | y | z) & ~7) == 0) return Voxel{v.brick, number};
+    const BrickCoord at = volume_.coords()[v.brick];
+    const int brick = volume_.index_of({at.x + (x >> 3), at.y + (y >> 3), at.z + (z >> 3)});
+    if (brick < 0) return std::nullopt;
+    return Voxel{static_cast<size_t>(brick), number};
   }
 
   /// To the 18 voxels that share a face or an edge.
@@ -156,16 +155,16 @@ void VolumeCut::add_crumbs(int voxels) {
   const std::vector<uint8_t> open = near([&](size_t b) { return cut_[b] != kEmptyBrick; });
   tbb::parallel_for(size_t{0}, cut_.size(), [&](size_t b) {
     if (!open[b]) return;
-    const auto cut_at = [&](size_t brick, int row) { return bits_of_row(cut_[brick], row); };
-    const auto sums = sums_of_27<uint8_t>(bricks_around(volume_, b), cut_at);
-    for (int voxel = 0; voxel < 512; ++voxel) {
-      beside[b][voxel / 64] |= uint64_t{sums[voxel] > 0} << (voxel % 64);
-    }
+    const auto cut_of = [&](size_t brick, int z) { return cut_[brick][z]; };
+    const BrickCounts counts = counts_of_27(bricks_around(volume_, b), cut_of);
+    beside[b] = larger(counts, {});
   });
   Crumbs crumbs(volume_, cut_, voxels);
   for (size_t b = 0; b < beside.size(); ++b) {
-    for (int voxel = 0; voxel < 512; ++voxel) {
-      if (has(beside[b], voxel)) crumbs.add_piece_of(b, voxel);
+    for (int z = 0; z < kBrickEdge; ++z) {
+      for (uint64_t rest = beside[b][z]; rest != 0; rest &= rest - 1) {
+        crumbs.add_piece_of(b, 64 * z + std::countr_zero(rest));
+      }
     }
   }
 }
