@@ -60,14 +60,15 @@ struct SensedPulse {
   std::optional<Duration> width = {};  ///< empty where the line does not tell
 };
 
-/// The line that sees the pulses themselves.
+/// The line that sees the pulses themselves. One thread calls, but for wait(): that may be another,
+/// while the first asks for faults.
 class PulseSensor {
  public:
   virtual ~PulseSensor() = default;
   /// Forgets edges that nobody took and counts from 0 again. Throws InputError when the line cannot
   /// be reached.
   virtual void reset() = 0;
-  /// The next pulse, waiting until `deadline`; empty when none came. One thread.
+  /// The next pulse, waiting until `deadline`; empty when none came. Not during reset().
   virtual std::optional<SensedPulse> wait(MonotonicInstant deadline) = 0;
   /// What went wrong, one line; empty when nothing did. A sensor with a fault senses nothing.
   virtual std::string fault() const = 0;

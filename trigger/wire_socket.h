@@ -1,6 +1,7 @@
 // One end of the simulated trigger cable (base/trigger_wire.h).
 #pragma once
 
+#include <atomic>
 #include <filesystem>
 #include <optional>
 
@@ -10,7 +11,7 @@
 namespace v3d {
 
 /// A connected client. Owns the socket. A cable whose other end vanished neither blocks nor
-/// signals: the functions say so.
+/// signals: the functions say so. One thread, but for vanished().
 class WireSocket {
  public:
   /// Throws InputError when nobody listens at `path`.
@@ -25,14 +26,14 @@ class WireSocket {
   std::optional<TriggerEdge> receive(MonotonicInstant deadline);
   /// Throws away what has arrived.
   void drain();
-  bool vanished() const { return vanished_; }
+  bool vanished() const { return vanished_; }  ///< any thread
 
  private:
   /// One packet that is already there.
   std::optional<TriggerEdge> receive_now();
 
   int fd_ = -1;
-  bool vanished_ = false;
+  std::atomic<bool> vanished_ = false;
 };
 
 }  // namespace v3d

@@ -3,8 +3,10 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <atomic>
 #include <cmath>
 #include <functional>
+#include <thread>
 
 #include "base/error.h"
 #include "cable_server.h"
@@ -238,6 +240,20 @@ TEST(SimulatedSensor, reports_a_wire_that_vanishes_and_takes_a_new_one) {
   EXPECT_FALSE(sensor.wait(Monotonic::now() + milliseconds(1)));
   EXPECT_THAT(sensor.fault(), HasSubstr("vanished"));
   EXPECT_THROW(sensor.reset(), InputError);
+}
+
+TEST(SimulatedSensor, tells_of_a_wire_that_vanishes_while_another_thread_waits) {
+  CableServer cable;
+  SimulatedSensor sensor(cable.path());
+  sensor.reset();
+  std::atomic<bool> told = false;
+  std::thread waiting([&] {
+    while (!told) sensor.wait(Monotonic::now() + milliseconds(5));
+  });
+  cable.vanish();
+  EXPECT_TRUE(eventually([&] { return !sensor.fault().empty(); }));
+  told = true;
+  waiting.join();
 }
 
 TEST(SimulatedSensor, takes_a_packet_that_is_no_edge_for_a_broken_wire) {
