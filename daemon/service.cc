@@ -9,6 +9,7 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <atomic>
 #include <cerrno>
 #include <climits>
 #include <csignal>
@@ -19,12 +20,14 @@
 namespace v3d {
 namespace {
 
-volatile std::sig_atomic_t g_stop_requested = 0;
+/// Atomic, for the signal reaches any thread, and others look.
+std::atomic<bool> g_stop_requested = false;
+static_assert(std::atomic<bool>::is_always_lock_free, "a signal's handler may not wait");
 int g_stop_event = -1;  ///< eventfd: readable when it is so, whichever thread the signal reaches
 
 void on_stop_signal(int) {
   const int error = errno;
-  g_stop_requested = 1;
+  g_stop_requested = true;
   const uint64_t one = 1;
   [[maybe_unused]] const ssize_t written = write(g_stop_event, &one, sizeof(one));
   errno = error;
@@ -55,7 +58,7 @@ void catch_stop_signals() {
   std::signal(SIGPIPE, SIG_IGN);
 }
 
-bool stop_requested() { return g_stop_requested != 0; }
+bool stop_requested() { return g_stop_requested; }
 
 bool stop_requested_by(MonotonicInstant deadline) {
   while (!stop_requested()) {

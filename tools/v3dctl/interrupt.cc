@@ -1,14 +1,17 @@
 #include "v3dctl/interrupt.h"
 
+#include <atomic>
 #include <csignal>
 #include <stdexcept>
 
 namespace v3d::ctl {
 namespace {
 
-volatile std::sig_atomic_t g_interrupted = 0;
+/// Atomic, for the signal reaches any thread, and others look.
+std::atomic<bool> g_interrupted = false;
+static_assert(std::atomic<bool>::is_always_lock_free, "a signal's handler may not wait");
 
-void remember(int) { g_interrupted = 1; }
+void remember(int) { g_interrupted = true; }
 
 }  // namespace
 
@@ -19,7 +22,7 @@ void catch_interrupts() {
   sigaction(SIGTERM, &action, nullptr);
 }
 
-bool interrupted() { return g_interrupted != 0; }
+bool interrupted() { return g_interrupted; }
 
 void stop_if_interrupted() {
   if (interrupted()) throw std::runtime_error("interrupted");
