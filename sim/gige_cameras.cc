@@ -360,7 +360,7 @@ GigeCameras::GigeCameras(std::vector<GigeCamera> cameras, Picture picture, Repor
   }
 }
 
-GigeCameras::~GigeCameras() = default;
+GigeCameras::~GigeCameras() { later_.end(); }
 
 void GigeCameras::trigger(int64_t edge, MonotonicInstant edge_time) {
   for (const auto& device : devices_) {

@@ -78,8 +78,8 @@ class GigeCameras {
   const Picture picture_;
   const Report report_;
   const std::unique_ptr<GenicamFile> genicam_;
+  Later later_;  ///< ends before the devices, which ask it until their threads have ended
   std::vector<std::unique_ptr<Device>> devices_;
-  Later later_;  ///< last: what it does, it does to the devices
 };
 
 }  // namespace v3d::sim

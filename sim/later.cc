@@ -6,13 +6,13 @@ namespace v3d::sim {
 
 Later::Later() : thread_([this] { run(); }) {}
 
-Later::~Later() {
+void Later::end() {
   {
     const std::lock_guard lock(mutex_);
     quit_ = true;
   }
   changed_.notify_all();
-  thread_.join();
+  if (thread_.joinable()) thread_.join();
 }
 
 void Later::at(MonotonicInstant due, std::function<void()> thing) {
