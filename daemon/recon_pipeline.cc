@@ -210,19 +210,19 @@ void ReconPipeline::finish(Job& job) {
   } else {
     mesh.seq = seq_++;
     bus_.publish_sealed(kMeshChannel, encode(mesh));
-    keep(mesh);
+    if (!keep(mesh)) stages_.begin_sequence();
   }
   if (done_with_) done_with_(job.work.set);
 }
 
-/// The last stage, or, where nodes share the take, the receiver of what they made.
-void ReconPipeline::keep(const MeshMessage& mesh) {
+/// The last stage, or, where nodes share the take, the receiver of what they made: that one may be
+/// called while shared_ is still being set. False when the disk refused.
+bool ReconPipeline::keep(const MeshMessage& mesh) {
   note_mesh(mesh);
-  if (!file_.append(mesh.pulse, mesh.compact)) {
-    ++write_errors_;
-    if (!shared_) stages_.begin_sequence();
-  }
+  const bool kept = file_.append(mesh.pulse, mesh.compact);
+  if (!kept) ++write_errors_;
   ++meshes_;
+  return kept;
 }
 
 void ReconPipeline::note_failure(const Job& job) {

@@ -119,7 +119,7 @@ class ReconPipeline {
   void finish(Job& job);
   void note_failure(const Job& job);
   MeshMessage message_of(const Job& job);
-  void keep(const MeshMessage& mesh);
+  bool keep(const MeshMessage& mesh);
   RealtimeInstant edge_of(int64_t pulse);
   void note_mesh(const MeshMessage& mesh);
   void note_latency(RealtimeInstant edge);
