@@ -22,6 +22,7 @@ namespace {
 using Eigen::Vector3f;
 
 // Where the surface is looked for; lengths in voxels. A label of LabelField is a depth.
+constexpr int kLooks = 2;      ///< the later ones only where the ones before opened something
 constexpr size_t kEvery = 4;   ///< only so many-th vertex looks, about two voxels apart
 constexpr float kStep = 0.8F;  ///< between depths
 constexpr float kSpacing = 2;  ///< between the samples of a template window
@@ -80,24 +81,37 @@ class HollowCarver::Impl {
   SparseVolume carve(const SurfaceCameras& cameras, const Mesh& hull, const SparseVolume& volume) {
     voxel_ = static_cast<float>(volume.grid().voxel_m);
     cameras_ = cameras.cameras;
+    models_ = cameras.models;
     if (cameras_.size() < 2 || hull.vertices.empty()) return volume;
-    prepare(hull, cameras.models);
-    look();
-    price();
-    connect();
     SightVotes votes(volume);
-    vote(labels_.solve(costs_, edges_, {.slope = kSlope, .rounds = kRounds}), votes);
-    VolumeCut cut(volume, votes.seen_through(kLeastVotes));
-    cut.smooth(kCutSmoothing);
+    look(hull, [](const Vector3f&) { return true; });
+    price_of_step_ = find_price_of_step();
+    vote(votes);
+    hull_depths_.swap(depths_);
+    for (int again = 1; again < kLooks; ++again) {
+      // What has been opened shows the cameras more.
+      const VolumeCut opened = cut_of(volume, votes);
+      marching_cubes_.run(opened.remaining(), left_);
+      const std::vector<uint8_t> near = opened.bricks_near();
+      look(left_, [&](const Vector3f& place) {
+        const int brick = votes.brick_at(place);
+        return brick >= 0 && near[brick] != 0;
+      });
+      vote(votes);
+    }
+    VolumeCut cut = cut_of(volume, votes);
     cut.add_crumbs(kCrumb);
-    cut.keep(needed_voxels(volume, cut, cameras.models));
+    cut.keep(needed_voxels(volume, cut));
     return cut.remaining();
   }
 
  private:
+  static constexpr uint32_t kNobody = UINT32_MAX;
+
   /// What a vertex sees; the arrays are by label.
   struct Sight {
-    WindowViews views;
+    uint32_t vertex = 0;
+    WindowViews views = {};
     std::array<float, kLabels> score{};       ///< see PairAgreement
     std::array<uint8_t, kLabels> agreeing{};  ///< likewise
 
@@ -110,29 +124,38 @@ class HollowCarver::Impl {
     }
   };
 
-  void prepare(const Mesh& hull, std::span<const CameraModel> models) {
-    mesh_ = hull;
+  void prepare(const Mesh& surface) {
+    mesh_ = surface;
     neighbours_ = Neighbours(mesh_);
     smooth_surface(neighbours_, kSmoothing, mesh_.vertices, work_);
     normals_ = vertex_normals(mesh_);
     smooth_normals(neighbours_, kNormalSmoothing, normals_, work_);
-    draw_depths(mesh_, models, depths_, Faces::kFront);
+    draw_depths(mesh_, models_, depths_, Faces::kFront);
   }
 
-  void look() {
-    sights_.resize((mesh_.vertices.size() + kEvery - 1) / kEvery);
+  /// From every kEvery-th vertex of the surface for which where(place).
+  template <class Where>
+  void look(const Mesh& surface, const Where& where) {
+    prepare(surface);
+    sights_.clear();
+    node_of_.assign(mesh_.vertices.size(), kNobody);
+    for (size_t v = 0; v < mesh_.vertices.size(); v += kEvery) {
+      if (!where(mesh_.vertices[v])) continue;
+      node_of_[v] = static_cast<uint32_t>(sights_.size());
+      sights_.push_back({.vertex = static_cast<uint32_t>(v)});
+    }
     tbb::enumerable_thread_specific<Onlookers> of_threads;
     for_each_block<BlockSight::kMost>(sights_.size(), [&](size_t begin, size_t end) {
-      look_at_block(begin, end, of_threads.local());
+      look_at_block(std::span(sights_).subspan(begin, end - begin), of_threads.local());
     });
   }
 
-  void look_at_block(size_t first, size_t end, Onlookers& onlookers) {
-    const size_t count = end - first;
+  void look_at_block(std::span<Sight> sights, Onlookers& onlookers) {
+    const size_t count = sights.size();
     std::array<Vector3f, BlockSight::kMost> places, normals;
     for (size_t i = 0; i < count; ++i) {
-      places[i] = mesh_.vertices[kEvery * (first + i)];
-      normals[i] = normals_[kEvery * (first + i)];
+      places[i] = mesh_.vertices[sights[i].vertex];
+      normals[i] = normals_[sights[i].vertex];
     }
     const auto where = std::span(places).first(count), facing = std::span(normals).first(count);
     onlookers.look(where, facing, cameras_, depths_, {.tolerance_m = kHiddenBehind * voxel_});
@@ -142,11 +165,11 @@ class HollowCarver::Impl {
                             .spacing_m = kSpacing * voxel_,
                             .step_m = kStep * voxel_},
                            kFar);
-    for (size_t i = 0; i < count; ++i) compare(onlookers.windows.views(i), sights_[first + i]);
+    for (size_t i = 0; i < count; ++i) compare(onlookers.windows.views(i), sights[i]);
   }
 
   static void compare(const WindowViews& views, Sight& sight) {
-    sight = {.views = views};
+    sight.views = views;
     keep(kNear, sight.views);
     if (!sight.sees()) return;
     PairAgreement near, far;
@@ -161,16 +184,19 @@ class HollowCarver::Impl {
     }
   }
 
-  /// What labels cost.
-  void price() {
+  float find_price_of_step() {
     const float contrast = median_contrast();
     const float short_of = std::min(kMostShortfall, kContrast / std::max(contrast, 1e-3F));
-    const float step = kPriceOfStep * std::max(1.0F, short_of * short_of * short_of);
+    return kPriceOfStep * std::max(1.0F, short_of * short_of * short_of);
+  }
+
+  /// What labels cost.
+  void price() {
     costs_.resize(sights_.size());
     for_each_vertex(sights_.size(), [&](size_t i) {
       for (int label = 0; label < kLabels; ++label) {
         const float disagreement = sights_[i].sees() ? 1 - sights_[i].score[label] : 0;
-        const float cost = kUnit * (disagreement + step * static_cast<float>(label));
+        const float cost = kUnit * (disagreement + price_of_step_ * static_cast<float>(label));
         costs_[i].of[label] =
             static_cast<int16_t>(std::min(cost + 0.5F, float{LabelField::kMostCost}));
       }
@@ -203,49 +229,61 @@ class HollowCarver::Impl {
   void connect(size_t i, std::vector<LabelField::Edge>& edges) const {
     const auto first = std::ssize(edges);
     const auto add = [&](uint32_t vertex) {
-      if (vertex % kEvery != 0 || vertex / kEvery <= i) return;
-      const LabelField::Edge edge(i, vertex / kEvery);
+      const uint32_t node = node_of_[vertex];
+      if (node == kNobody || node <= i) return;
+      const LabelField::Edge edge(i, node);
       if (std::find(edges.begin() + first, edges.end(), edge) == edges.end()) {
         edges.push_back(edge);
       }
     };
-    for (const uint32_t n : neighbours_.of(i * kEvery)) {
+    for (const uint32_t n : neighbours_.of(sights_[i].vertex)) {
       add(n);
       for (const uint32_t m : neighbours_.of(n)) add(m);
     }
   }
 
-  void vote(std::span<const uint8_t> labels, SightVotes& votes) const {
+  /// Those who look agree about depths, and vote for what they see through.
+  void vote(SightVotes& votes) {
+    price();
+    connect();
+    const std::span<const uint8_t> labels =
+        labels_.solve(costs_, edges_, {.slope = kSlope, .rounds = kRounds});
     for_each_vertex(labels.size(), [&](size_t i) {
-      const Sight& sight = sights_[i];
-      if (!sight.sees()) return;
-      const int label = labels[i];
-      const size_t v = i * kEvery;
-      const float depth = kStep * static_cast<float>(label);
-      const Vector3f place = mesh_.vertices[v] - depth * voxel_ * normals_[v];
-      const uint32_t agreeing = sight.agreeing[label];
-      for (int c = 0; c < sight.views.count; ++c) {
-        if ((agreeing >> c & 1) == 0) continue;
-        const Vector3f out = (cameras_[sight.views.camera[c]].center() - place).normalized();
-        for (float way = kFirstFree; way < kMostSlant * depth + kBeyondSkin; ++way) {
-          votes.seen_through(place + way * voxel_ * out);
-        }
-      }
-      for (int way = 0; agreeing != 0 && way < kSolid; ++way) {
-        votes.seen_there(place - static_cast<float>(way) * voxel_ * normals_[v]);
-      }
+      if (sights_[i].sees()) vote(sights_[i], labels[i], votes);
     });
+  }
+
+  void vote(const Sight& sight, int label, SightVotes& votes) const {
+    const float depth = kStep * static_cast<float>(label);
+    const Vector3f& normal = normals_[sight.vertex];
+    const Vector3f place = mesh_.vertices[sight.vertex] - depth * voxel_ * normal;
+    const uint32_t agreeing = sight.agreeing[label];
+    for (int c = 0; c < sight.views.count; ++c) {
+      if ((agreeing >> c & 1) == 0) continue;
+      const Vector3f out = (cameras_[sight.views.camera[c]].center() - place).normalized();
+      for (float way = kFirstFree; way < kMostSlant * depth + kBeyondSkin; ++way) {
+        votes.seen_through(place + way * voxel_ * out);
+      }
+    }
+    for (int way = 0; agreeing != 0 && way < kSolid; ++way) {
+      votes.seen_there(place - static_cast<float>(way) * voxel_ * normal);
+    }
+  }
+
+  static VolumeCut cut_of(const SparseVolume& volume, const SightVotes& votes) {
+    VolumeCut cut(volume, votes.seen_through(kLeastVotes));
+    cut.smooth(kCutSmoothing);
+    return cut;
   }
 
   /// Those of the cut without which cameras would look through the hull where they see something: a
   /// blade that was taken for air.
-  std::vector<Brick> needed_voxels(const SparseVolume& volume, const VolumeCut& cut,
-                                   std::span<const CameraModel> models) {
+  std::vector<Brick> needed_voxels(const SparseVolume& volume, const VolumeCut& cut) {
     marching_cubes_.run(cut.remaining(), left_);
-    draw_depths(left_, models, left_depths_, Faces::kFront);
+    draw_depths(left_, models_, depths_, Faces::kFront);
     std::vector<Mask> open(cameras_.size());
     tbb::parallel_for(size_t{0}, open.size(), [&](size_t c) {
-      open[c] = uncovered(cameras_[c], depths_[c], left_depths_[c]);
+      open[c] = uncovered(cameras_[c], hull_depths_[c], depths_[c]);
     });
     return voxels_at(open, cameras_, volume, cut.bricks());
   }
@@ -254,16 +292,19 @@ class HollowCarver::Impl {
   Mesh mesh_;
   Neighbours neighbours_;
   std::span<const SurfaceCamera> cameras_;  ///< of the frame at work
+  std::span<const CameraModel> models_;
   std::vector<DepthBuffer> depths_;
   std::vector<Vector3f> normals_, work_;
-  std::vector<Sight> sights_;
+  std::vector<Sight> sights_;      ///< of those who look: the nodes of labels_
+  std::vector<uint32_t> node_of_;  ///< by vertex
+  float price_of_step_ = 0;
   std::vector<float> contrasts_;
   std::vector<LabelField::Costs> costs_;
   std::vector<LabelField::Edge> edges_;
   LabelField labels_;
   MarchingCubes marching_cubes_;
   Mesh left_;  ///< surface of what the cut leaves
-  std::vector<DepthBuffer> left_depths_;
+  std::vector<DepthBuffer> hull_depths_;
 };
 
 HollowCarver::HollowCarver() : impl_(std::make_unique<Impl>()) {}

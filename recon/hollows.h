@@ -14,7 +14,8 @@ namespace v3d {
 /// deep, with what neighbours find as a guide (correlate_pairs(), LabelField). Where they agree
 /// about a place, they see it through all that lies before it: voxels that are seen through more
 /// often than something is seen in them go (SightVotes, VolumeCut), but none without which a camera
-/// would look through the hull where it sees something (uncovered()). After the probabilistic
+/// would look through the hull where it sees something (uncovered()). What that opens is looked at
+/// once more, from its own surface, and votes with the rest. After the probabilistic
 /// visibility of Hernandez, Vogiatzis and Cipolla (CVPR 2007), with belief propagation on the
 /// surface in the place of depth maps and a majority in the place of a cut of least cost.
 ///

@@ -14,15 +14,28 @@ SightVotes::SightVotes(const SparseVolume& volume)
       per_metre_(static_cast<float>(1 / volume.grid().voxel_m)),
       votes_(512 * volume.bricks().size()) {}
 
-void SightVotes::vote(const Eigen::Vector3f& place, uint32_t what) {
+std::optional<Eigen::Vector3i> SightVotes::voxel_at(const Eigen::Vector3f& place) const {
   const Eigen::Vector3f at = (place - origin_) * per_metre_;
   for (int axis = 0; axis < 3; ++axis) {
-    if (!(at[axis] >= 0 && at[axis] < VoxelGrid::kMaxCount)) return;
+    if (!(at[axis] >= 0 && at[axis] < VoxelGrid::kMaxCount)) return std::nullopt;
   }
-  const Eigen::Vector3i voxel = at.cast<int>();
-  const int brick = volume_.index_of({voxel.x() / 8, voxel.y() / 8, voxel.z() / 8});
+  return at.cast<int>();
+}
+
+int SightVotes::brick_of(const Eigen::Vector3i& voxel) const {
+  return volume_.index_of({voxel.x() / 8, voxel.y() / 8, voxel.z() / 8});
+}
+
+int SightVotes::brick_at(const Eigen::Vector3f& place) const {
+  const auto voxel = voxel_at(place);
+  return voxel ? brick_of(*voxel) : -1;
+}
+
+void SightVotes::vote(const Eigen::Vector3f& place, uint32_t what) {
+  const auto voxel = voxel_at(place);
+  const int brick = voxel ? brick_of(*voxel) : -1;
   if (brick < 0) return;
-  const int inside = 64 * (voxel.z() % 8) + 8 * (voxel.y() % 8) + voxel.x() % 8;
+  const int inside = 64 * (voxel->z() % 8) + 8 * (voxel->y() % 8) + voxel->x() % 8;
   votes_[512 * static_cast<size_t>(brick) + inside].fetch_add(what, std::memory_order_relaxed);
 }
 

@@ -3,6 +3,7 @@
 
 #include <atomic>
 #include <cstdint>
+#include <optional>
 #include <vector>
 
 #include "recon/sparse_volume.h"
@@ -15,6 +16,9 @@ class SightVotes {
  public:
   /// `volume` is borrowed and must not change.
   explicit SightVotes(const SparseVolume& volume);
+
+  /// The volume's brick that holds a place in the world, metres; -1 where none is stored.
+  int brick_at(const Eigen::Vector3f& place) const;
 
   // Places in the world, metres; votes outside the volume are lost.
   void seen_through(const Eigen::Vector3f& place) { vote(place, kThrough); }
@@ -29,6 +33,9 @@ class SightVotes {
   // Both counts in one number, so that one addition is one vote. A frame gives a voxel some
   // hundreds; more than 65,535 would count for the other kind.
   static constexpr uint32_t kThrough = 1, kThere = 1 << 16;
+  /// The voxel; empty where there can be none.
+  std::optional<Eigen::Vector3i> voxel_at(const Eigen::Vector3f& place) const;
+  int brick_of(const Eigen::Vector3i& voxel) const;
   void vote(const Eigen::Vector3f& place, uint32_t what);
 
   const SparseVolume& volume_;

@@ -41,12 +41,16 @@ std::vector<uint8_t> VolumeCut::near(const Chosen& chosen) const {
   return near;
 }
 
+std::vector<uint8_t> VolumeCut::bricks_near() const {
+  return near([&](size_t b) { return cut_[b] != kEmptyBrick; });
+}
+
 void VolumeCut::smooth(int passes) {
   const auto cut_of = [&](size_t brick, int z) { return cut_[brick][z]; };
   const auto staying_of = [&](size_t brick, int z) {
     return volume_.bricks()[brick][z] & ~cut_[brick][z];
   };
-  std::vector<uint8_t> open = near([&](size_t b) { return cut_[b] != kEmptyBrick; });
+  std::vector<uint8_t> open = bricks_near();
   for (std::vector<Brick> next; passes > 0; --passes) {
     next = cut_;
     tbb::parallel_for(size_t{0}, cut_.size(), [&](size_t b) {
@@ -152,7 +156,7 @@ class VolumeCut::Crumbs {
 void VolumeCut::add_crumbs(int voxels) {
   // A severed piece has voxels beside the cut.
   std::vector<Brick> beside(cut_.size(), kEmptyBrick);
-  const std::vector<uint8_t> open = near([&](size_t b) { return cut_[b] != kEmptyBrick; });
+  const std::vector<uint8_t> open = bricks_near();
   tbb::parallel_for(size_t{0}, cut_.size(), [&](size_t b) {
     if (!open[b]) return;
     const auto cut_of = [&](size_t brick, int z) { return cut_[brick][z]; };

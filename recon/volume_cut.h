@@ -28,6 +28,8 @@ class VolumeCut {
   void keep(std::span<const Brick> voxels);
 
   const std::vector<Brick>& bricks() const { return cut_; }
+  /// One per brick of the volume: not 0 where something is cut in it or in one around it.
+  std::vector<uint8_t> bricks_near() const;
   SparseVolume remaining() const;
 
  private:
