@@ -41,6 +41,21 @@ void for_each_block(const VoxelGrid& grid, const BrickCoord& at, const Brick& vo
   if (block.places.count > 0) work(block);
 }
 
+/// The pixels of a mask for which chosen(x, y).
+template <class Chosen>
+Mask those_of(const Mask& mask, const Chosen& chosen) {
+  Mask those(mask.size());
+  for (int y = 0; y < mask.size().height; ++y) {
+    for (int w = 0; w < mask.words_per_row(); ++w) {
+      for (uint64_t rest = mask.row(y)[w]; rest != 0; rest &= rest - 1) {
+        const int x = 64 * w + std::countr_zero(rest);
+        if (chosen(x, y)) those.set(x, y);
+      }
+    }
+  }
+  return those;
+}
+
 bool has(const Mask& mask, float u, float v) {
   const bool exists = u >= 0 && v >= 0 && u < static_cast<float>(mask.size().width) &&
                       v < static_cast<float>(mask.size().height);
@@ -49,21 +64,13 @@ bool has(const Mask& mask, float u, float v) {
 
 }  // namespace
 
-Mask uncovered(const SurfaceCamera& camera, const DepthBuffer& before, const DepthBuffer& after) {
-  const Mask& silhouette = camera.silhouette();
-  Mask open(silhouette.size());
-  bool any = false;
-  for (int y = 0; y < open.size().height; ++y) {
-    for (int w = 0; w < open.words_per_row(); ++w) {
-      for (uint64_t rest = silhouette.row(y)[w]; rest != 0; rest &= rest - 1) {
-        const int x = 64 * w + std::countr_zero(rest);
-        if (std::isinf(before.at(x, y)) || !std::isinf(after.at(x, y))) continue;
-        open.set(x, y);
-        any = true;
-      }
-    }
-  }
-  return any ? grown(opened(open, kRim), kRim) : open;
+Mask covered(const SurfaceCamera& camera, const DepthBuffer& depth) {
+  return those_of(camera.silhouette(), [&](int x, int y) { return std::isfinite(depth.at(x, y)); });
+}
+
+Mask uncovered(const Mask& before, const DepthBuffer& after) {
+  const Mask open = those_of(before, [&](int x, int y) { return std::isinf(after.at(x, y)); });
+  return open.bounding_box().empty() ? open : grown(opened(open, kRim), kRim);
 }
 
 std::vector<Brick> voxels_at(std::span<const Mask> pixels, std::span<const SurfaceCamera> cameras,

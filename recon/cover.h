@@ -9,10 +9,13 @@
 
 namespace v3d {
 
-/// The foreground pixels of a camera, and those next to them, where `before` shows a surface and
-/// `after` none. Something is there, and so a hull must be. Rims of one or two pixels are left out:
-/// put back, they would stand out as fins.
-Mask uncovered(const SurfaceCamera& camera, const DepthBuffer& before, const DepthBuffer& after);
+/// The foreground pixels of a camera where `depth` shows a surface.
+Mask covered(const SurfaceCamera& camera, const DepthBuffer& depth);
+
+/// The pixels of `before`, and those next to them, where `after` shows no surface. If they are
+/// covered() foreground, something is there, and so a hull must be. Rims of one or two pixels are
+/// left out: put back, they would stand out as fins.
+Mask uncovered(const Mask& before, const DepthBuffer& after);
 
 /// Of `some` voxels of the volume those whose centre a camera sees at one of its `pixels`; a brick
 /// for each of the volume. Works in the caller's TBB arena.

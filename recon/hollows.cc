@@ -13,6 +13,7 @@
 #include "recon/onlookers.h"
 #include "recon/sight_votes.h"
 #include "recon/smooth_surface.h"
+#include "recon/stillness.h"
 #include "recon/vertex_loop.h"
 #include "recon/volume_cut.h"
 
@@ -22,13 +23,12 @@ namespace {
 using Eigen::Vector3f;
 
 // Where the surface is looked for; lengths in voxels. A label of LabelField is a depth.
-constexpr int kLooks = 2;      ///< the later ones only where the ones before opened something
 constexpr size_t kEvery = 4;   ///< only so many-th vertex looks, about two voxels apart
 constexpr float kStep = 0.8F;  ///< between depths
 constexpr float kSpacing = 2;  ///< between the samples of a template window
 constexpr int kSide = 5;       ///< of the window, samples
 constexpr int kLevel = 1;      ///< of the pictures: half resolution
-constexpr int kMostViews = 6;  ///< cameras that look at a place
+constexpr int kMostViews = HollowSights::kMostCameras;  ///< that look at a place
 constexpr float kHiddenBehind = 0.6F;
 constexpr float kNoiseVariance = 2;  ///< squared grey values
 constexpr int kSmoothing = 2, kNormalSmoothing = 4;
@@ -78,30 +78,45 @@ void keep(const CorrelationOptions& options, WindowViews& views) {
 
 class HollowCarver::Impl {
  public:
-  SparseVolume carve(const SurfaceCameras& cameras, const Mesh& hull, const SparseVolume& volume) {
+  HollowSights look(const SurfaceCameras& cameras, const Mesh& hull, const SparseVolume& volume) {
+    HollowSights found;
     voxel_ = static_cast<float>(volume.grid().voxel_m);
     cameras_ = cameras.cameras;
     models_ = cameras.models;
-    if (cameras_.size() < 2 || hull.vertices.empty()) return volume;
-    SightVotes votes(volume);
+    if (cameras_.size() < 2 || hull.vertices.empty()) return found;
     look(hull, [](const Vector3f&) { return true; });
+    found.covered.resize(cameras_.size());
+    tbb::parallel_for(size_t{0}, cameras_.size(),
+                      [&](size_t c) { found.covered[c] = covered(cameras_[c], depths_[c]); });
     price_of_step_ = find_price_of_step();
-    vote(votes);
-    hull_depths_.swap(depths_);
-    for (int again = 1; again < kLooks; ++again) {
-      // What has been opened shows the cameras more.
-      const VolumeCut opened = cut_of(volume, votes);
-      marching_cubes_.run(opened.remaining(), left_);
-      const std::vector<uint8_t> near = opened.bricks_near();
-      look(left_, [&](const Vector3f& place) {
-        const int brick = votes.brick_at(place);
-        return brick >= 0 && near[brick] != 0;
-      });
-      vote(votes);
-    }
+    agree(found.sights);
+
+    // What that opens shows the cameras more.
+    SightVotes votes(volume);
+    vote(found, votes);
+    const VolumeCut opened = cut_of(volume, votes);
+    marching_cubes_.run(opened.remaining(), left_);
+    const std::vector<uint8_t> near = opened.bricks_near();
+    look(left_, [&](const Vector3f& place) {
+      const int brick = votes.brick_at(place);
+      return brick >= 0 && near[brick] != 0;
+    });
+    agree(found.sights);
+    return found;
+  }
+
+  SparseVolume carve(const SurfaceCameras& cameras, const SparseVolume& volume,
+                     const HollowSights& sights, std::span<const SightsBeside> beside) {
+    voxel_ = static_cast<float>(volume.grid().voxel_m);
+    cameras_ = cameras.cameras;
+    models_ = cameras.models;
+    if (sights.sights.empty()) return volume;
+    SightVotes votes(volume);
+    vote(sights, votes);
+    for (const SightsBeside& other : beside) vote(other, votes);
     VolumeCut cut = cut_of(volume, votes);
     cut.add_crumbs(kCrumb);
-    cut.keep(needed_voxels(volume, cut));
+    cut.keep(needed_voxels(volume, cut, sights.covered));
     return cut.remaining();
   }
 
@@ -242,31 +257,64 @@ class HollowCarver::Impl {
     }
   }
 
-  /// Those who look agree about depths, and vote for what they see through.
-  void vote(SightVotes& votes) {
+  /// Those who look agree about depths; appends what they saw.
+  void agree(std::vector<HollowSights::Sight>& found) {
     price();
     connect();
     const std::span<const uint8_t> labels =
         labels_.solve(costs_, edges_, {.slope = kSlope, .rounds = kRounds});
-    for_each_vertex(labels.size(), [&](size_t i) {
-      if (sights_[i].sees()) vote(sights_[i], labels[i], votes);
+    for (size_t i = 0; i < labels.size(); ++i) {
+      if (sights_[i].agreeing[labels[i]] != 0) found.push_back(sight_of(sights_[i], labels[i]));
+    }
+  }
+
+  HollowSights::Sight sight_of(const Sight& sight, int label) const {
+    HollowSights::Sight seen;
+    seen.depth_m = kStep * static_cast<float>(label) * voxel_;
+    seen.outwards = normals_[sight.vertex];
+    seen.place = mesh_.vertices[sight.vertex] - seen.depth_m * seen.outwards;
+    for (int c = 0; c < sight.views.count; ++c) {
+      if ((sight.agreeing[label] >> c & 1) == 0) continue;
+      seen.cameras[seen.count++] = static_cast<uint16_t>(sight.views.camera[c]);
+    }
+    return seen;
+  }
+
+  void vote(const HollowSights& sights, SightVotes& votes) const {
+    for_each_vertex(sights.sights.size(), [&](size_t i) {
+      vote(
+          sights.sights[i], [&](uint16_t camera) { return &cameras_[camera]; }, votes);
     });
   }
 
-  void vote(const Sight& sight, int label, SightVotes& votes) const {
-    const float depth = kStep * static_cast<float>(label);
-    const Vector3f& normal = normals_[sight.vertex];
-    const Vector3f place = mesh_.vertices[sight.vertex] - depth * voxel_ * normal;
-    const uint32_t agreeing = sight.agreeing[label];
-    for (int c = 0; c < sight.views.count; ++c) {
-      if ((agreeing >> c & 1) == 0) continue;
-      const Vector3f out = (cameras_[sight.views.camera[c]].center() - place).normalized();
-      for (float way = kFirstFree; way < kMostSlant * depth + kBeyondSkin; ++way) {
-        votes.seen_through(place + way * voxel_ * out);
+  void vote(const SightsBeside& beside, SightVotes& votes) const {
+    const std::vector<HollowSights::Sight>& sights = beside.sights->sights;
+    for_each_vertex(sights.size(), [&](size_t i) {
+      const auto still = [&](uint16_t camera) -> const SurfaceCamera* {
+        const auto& [then, now] = beside.cameras[camera];
+        const auto seen = now != nullptr ? now->project(sights[i].place) : std::nullopt;
+        return seen && stillness(*now, *then, seen->pixel) > 0 ? now : nullptr;
+      };
+      vote(sights[i], still, votes);
+    });
+  }
+
+  /// camera_of(number): null for one that does not count.
+  template <class CameraOf>
+  void vote(const HollowSights::Sight& sight, const CameraOf& camera_of, SightVotes& votes) const {
+    const float last = kMostSlant * sight.depth_m / voxel_ + kBeyondSkin;
+    int cameras = 0;
+    for (int c = 0; c < sight.count; ++c) {
+      const SurfaceCamera* camera = camera_of(sight.cameras[c]);
+      if (camera == nullptr) continue;
+      ++cameras;
+      const Vector3f out = (camera->center() - sight.place).normalized();
+      for (float way = kFirstFree; way < last; ++way) {
+        votes.seen_through(sight.place + way * voxel_ * out);
       }
     }
-    for (int way = 0; agreeing != 0 && way < kSolid; ++way) {
-      votes.seen_there(place - static_cast<float>(way) * voxel_ * normal);
+    for (int way = 0; cameras >= 2 && way < kSolid; ++way) {
+      votes.seen_there(sight.place - static_cast<float>(way) * voxel_ * sight.outwards);
     }
   }
 
@@ -278,13 +326,13 @@ class HollowCarver::Impl {
 
   /// Those of the cut without which cameras would look through the hull where they see something: a
   /// blade that was taken for air.
-  std::vector<Brick> needed_voxels(const SparseVolume& volume, const VolumeCut& cut) {
+  std::vector<Brick> needed_voxels(const SparseVolume& volume, const VolumeCut& cut,
+                                   std::span<const Mask> before) {
     marching_cubes_.run(cut.remaining(), left_);
     draw_depths(left_, models_, depths_, Faces::kFront);
     std::vector<Mask> open(cameras_.size());
-    tbb::parallel_for(size_t{0}, open.size(), [&](size_t c) {
-      open[c] = uncovered(cameras_[c], hull_depths_[c], depths_[c]);
-    });
+    tbb::parallel_for(size_t{0}, open.size(),
+                      [&](size_t c) { open[c] = uncovered(before[c], depths_[c]); });
     return voxels_at(open, cameras_, volume, cut.bricks());
   }
 
@@ -304,14 +352,17 @@ class HollowCarver::Impl {
   LabelField labels_;
   MarchingCubes marching_cubes_;
   Mesh left_;  ///< surface of what the cut leaves
-  std::vector<DepthBuffer> hull_depths_;
 };
 
 HollowCarver::HollowCarver() : impl_(std::make_unique<Impl>()) {}
 HollowCarver::~HollowCarver() = default;
-SparseVolume HollowCarver::carve(const SurfaceCameras& cameras, const Mesh& hull,
-                                 const SparseVolume& volume) {
-  return impl_->carve(cameras, hull, volume);
+HollowSights HollowCarver::look(const SurfaceCameras& cameras, const Mesh& hull,
+                                const SparseVolume& volume) {
+  return impl_->look(cameras, hull, volume);
+}
+SparseVolume HollowCarver::carve(const SurfaceCameras& cameras, const SparseVolume& volume,
+                                 const HollowSights& sights, std::span<const SightsBeside> beside) {
+  return impl_->carve(cameras, volume, sights, beside);
 }
 
 }  // namespace v3d

@@ -112,14 +112,42 @@ class Reconstructor::Impl {
   }
 
   void make_surface(SetAtWork& work) {
+    make_hull(work);
+    if (!deformer_) return;
+    const Stopwatch deforming;
+    const SurfaceCameras seen(deform_cameras(work), work.result.mesh, grid_.voxel_m);
+    if (hollows_) {
+      const Mesh& hull = work.result.mesh;
+      carve(work, seen, hollows_->look(seen, hull, work.volume), {});
+    }
+    deformer_->run(seen, work.result.mesh);
+    work.result.times.deform = deforming.ms();
+  }
+
+  void make_hull(SetAtWork& work) {
     work.result.pulse = work.set.pulse;
     work.frames = usable_frames(work.set);
     shape(work);
-    if (deformer_) deform(work);
   }
 
-  Moment moment_of(const SetAtWork& work) const {
-    return {models_, work.frames, work.result.mesh, grid_.voxel_m};
+  Moment look(SetAtWork& work) {
+    const Stopwatch looking;
+    Moment moment(models_, work.frames, work.result.mesh, grid_.voxel_m);
+    if (hollows_) moment.hollows = hollows_->look(moment.seeing(), work.result.mesh, work.volume);
+    work.result.times.deform = looking.ms();
+    return moment;
+  }
+
+  void make_surface(SetAtWork& work, Moment& now, std::span<const Moment* const> beside) {
+    const Stopwatch deforming;
+    if (hollows_) {
+      std::vector<SightsBeside> sights;
+      for (const Moment* then : beside) sights.push_back(sights_beside(now, *then));
+      carve(work, now.seeing(), now.hollows, sights);
+    }
+    deformer_->run(now.seeing(), work.result.mesh);
+    now.set_surface(work.result.mesh);
+    work.result.times.deform += deforming.ms();
   }
 
   void steady(SetAtWork& work, const Moment& now, std::span<const Moment* const> beside) const {
@@ -209,20 +237,19 @@ class Reconstructor::Impl {
     result.times.mesh = meshing.ms();
   }
 
-  void deform(SetAtWork& work) {
-    const Stopwatch deforming;
+  std::vector<DeformCamera> deform_cameras(const SetAtWork& work) const {
     std::vector<DeformCamera> cameras;
     for (size_t c = 0; c < work.frames.size(); ++c) {
       if (work.frames[c] != nullptr) cameras.push_back({&rig_[c].model, work.frames[c]});
     }
-    const SurfaceCameras seen(cameras, work.result.mesh, grid_.voxel_m);
-    if (hollows_) {
-      work.volume = hollows_->carve(seen, work.result.mesh, work.volume);
-      work.result.volume_m3 = volume_m3(work.volume);
-      marching_cubes_.run(work.volume, work.result.mesh);
-    }
-    deformer_->run(seen, work.result.mesh);
-    work.result.times.deform = deforming.ms();
+    return cameras;
+  }
+
+  void carve(SetAtWork& work, const SurfaceCameras& cameras, const HollowSights& sights,
+             std::span<const SightsBeside> beside) {
+    work.volume = hollows_->carve(cameras, work.volume, sights, beside);
+    work.result.volume_m3 = volume_m3(work.volume);
+    marching_cubes_.run(work.volume, work.result.mesh);
   }
 
   /// The frame of each camera of the rig; null where it has none that can be used.
@@ -263,7 +290,12 @@ void Reconstructor::make_mesh(SetAtWork& work) { impl_->make_mesh(work); }
 void Reconstructor::encode(SetAtWork& work) { impl_->encode(work); }
 void Reconstructor::begin_sequence() { impl_->begin_sequence(); }
 void Reconstructor::make_surface(SetAtWork& work) { impl_->make_surface(work); }
-Moment Reconstructor::moment_of(const SetAtWork& work) const { return impl_->moment_of(work); }
+void Reconstructor::make_hull(SetAtWork& work) { impl_->make_hull(work); }
+Moment Reconstructor::look(SetAtWork& work) { return impl_->look(work); }
+void Reconstructor::make_surface(SetAtWork& work, Moment& now,
+                                 std::span<const Moment* const> beside) {
+  impl_->make_surface(work, now, beside);
+}
 void Reconstructor::steady(SetAtWork& work, const Moment& now,
                            std::span<const Moment* const> beside) const {
   impl_->steady(work, now, beside);

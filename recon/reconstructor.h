@@ -92,11 +92,16 @@ class Reconstructor {
   /// receivers.
   void begin_sequence();
 
-  /// make_mesh() in two parts, for who has pulses before and after it: the surface without colours,
-  /// then, in between, steady(), then the colours. `moment_of` wants a surface.
+  /// make_surface() of a pulse by itself, of any quality.
   void make_surface(SetAtWork& work);
-  Moment moment_of(const SetAtWork& work) const;
-  /// steady_surface(). Requires Quality::kHigh.
+  /// make_mesh() in parts, for who has pulses before and after it; all but the colours require
+  /// Quality::kHigh. The hull;
+  void make_hull(SetAtWork& work);
+  /// what the cameras saw of it, and of its hollows;
+  Moment look(SetAtWork& work);
+  /// the surface without colours, carved and deformed, which `now` is told;
+  void make_surface(SetAtWork& work, Moment& now, std::span<const Moment* const> beside);
+  /// steady_surface(); and the colours.
   void steady(SetAtWork& work, const Moment& now, std::span<const Moment* const> beside) const;
   void make_colours(SetAtWork& work) const;
 

@@ -5,6 +5,7 @@
 
 #include "recon/neighbours.h"
 #include "recon/smooth_surface.h"
+#include "recon/stillness.h"
 #include "recon/untangle.h"
 #include "recon/vertex_loop.h"
 
@@ -20,65 +21,12 @@ constexpr float kMostSlant = 6;        ///< pixels' widths of depth within a pix
 constexpr float kFarthest = 1;         ///< voxels: what lies farther away is something else
 constexpr int kNormalSmoothing = 2;
 
-/// Half resolution: less noise, and a wider view of what moves.
-constexpr int kLevel = 1;
-constexpr int kReach = 1;  ///< pixels of the level to each side that are compared
-/// Mean differences of brightness. That of two pictures of one thing is about 0.5 for the noise of
-/// a camera (1.5 grey values a pixel), 1 for a bad one.
-constexpr float kStill = 1.5F;
-constexpr float kMoving = 3;
-/// An outline may tremble by so many pixels of picture(0) without anything having moved.
-constexpr float kTremble = 3;
-
 /// What the moment beside says of a vertex.
 struct Witness {
   float still = 1;   ///< 0 where something moved; the least of all cameras
   float weight = 0;  ///< of the cameras that see both surfaces
   float sum_m = 0;   ///< weight times the way along the normal to the other surface
 };
-
-int lattice_place(float at, float scale, float first) {
-  return static_cast<int>(std::floor(at * scale - first + 0.5F));
-}
-
-/// Mean absolute difference round a pixel of the camera; empty beyond the border of a picture.
-std::optional<float> difference(const Luminance& a, const Luminance& b, const Vector2f& pixel) {
-  constexpr int kRoom = Luminance::kBorder + kReach;
-  const auto corner = [&](const Luminance& p) -> const uint32_t* {
-    const int x = lattice_place(pixel.x(), p.scale(), p.first_u());
-    const int y = lattice_place(pixel.y(), p.scale(), p.first_v());
-    const bool inside = x >= kRoom && y >= kRoom && x < p.width() - kRoom && y < p.height() - kRoom;
-    return inside ? p.quads() + static_cast<size_t>(y) * p.width() + x : nullptr;
-  };
-  const uint32_t *from = corner(a), *to = corner(b);
-  if (from == nullptr || to == nullptr) return std::nullopt;
-  int sum = 0;
-  for (int dy = -kReach; dy <= kReach; ++dy) {
-    for (int dx = -kReach; dx <= kReach; ++dx) {
-      // The lowest byte of a quad is the pixel's own brightness.
-      sum += std::abs(static_cast<int>(from[dy * a.width() + dx] & 255) -
-                      static_cast<int>(to[dy * b.width() + dx] & 255));
-    }
-  }
-  return static_cast<float>(sum) / ((2 * kReach + 1) * (2 * kReach + 1));
-}
-
-/// True when the silhouette is nowhere near.
-bool lost(const SurfaceCamera& camera, const Vector2f& pixel) {
-  const float tremble = kTremble * camera.coarseness();
-  for (const Vector2f& aside : {Vector2f(0, 0), Vector2f(tremble, 0), Vector2f(-tremble, 0),
-                                Vector2f(0, tremble), Vector2f(0, -tremble)}) {
-    if (camera.in_silhouette(pixel + aside)) return false;
-  }
-  return true;
-}
-
-/// 1 where nothing moved, 0 where something did.
-float stillness(const SurfaceCamera& now, const SurfaceCamera& then, const Vector2f& pixel) {
-  if (lost(then, pixel)) return 0;
-  const auto change = difference(now.picture(kLevel), then.picture(kLevel), pixel);
-  return change ? std::clamp((kMoving - *change) / (kMoving - kStill), 0.0F, 1.0F) : 0;
-}
 
 /// A vertex as a camera sees it.
 struct SeenVertex {
@@ -116,9 +64,10 @@ Witness hear(const Moment& now, const Moment& then, const Vector3f& place, const
              float voxel) {
   Witness witness;
   for (size_t c = 0; c < now.cameras(); ++c) {
-    if (!now.view(c) || !then.view(c)) continue;
-    if (const auto vertex = see(*now.view(c), place, normal, voxel)) {
-      listen(*now.view(c), *then.view(c), *vertex, kFarthest * voxel, witness);
+    const auto here = now.view(c), there = then.view(c);
+    if (!here || !there) continue;
+    if (const auto vertex = see(*here, place, normal, voxel)) {
+      listen(*here, *there, *vertex, kFarthest * voxel, witness);
     }
   }
   return witness;

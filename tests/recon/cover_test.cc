@@ -24,7 +24,7 @@ struct View {
   }
   static Mesh whole() { return shapes::box({-0.2F, -0.3F, 0.8F}, {0.2F, 0.3F, 1.2F}); }
   Mask open_without(const Mesh& after) const {
-    return uncovered(cameras[0], draw_depth(whole(), model), draw_depth(after, model));
+    return uncovered(covered(cameras[0], draw_depth(whole(), model)), draw_depth(after, model));
   }
 };
 

@@ -54,8 +54,8 @@ bool in_hollow(const Eigen::Vector3d& p) {
   return p.x() > kBelly && p.x() < kArms && std::abs(p.y()) < kInside && std::abs(p.z() - 1) < kTop;
 }
 
-Mesh speckled(Mesh mesh) {
-  std::mt19937 random(5);
+Mesh speckled(Mesh mesh, unsigned seed = 5) {
+  std::mt19937 random(seed);
   for (size_t v = 0; v < mesh.vertices.size(); ++v) {
     const auto grey = static_cast<uint8_t>(40 + random() % 200);
     mesh.colours.push_back({grey, grey, grey});
@@ -66,6 +66,11 @@ Mesh speckled(Mesh mesh) {
 Mesh plain(Mesh mesh) {
   mesh.colours.assign(mesh.vertices.size(), {120, 120, 120});
   return mesh;
+}
+
+SparseVolume carved_by(HollowCarver& carver, const SurfaceCameras& cameras, const Mesh& hull,
+                       const SparseVolume& volume) {
+  return carver.carve(cameras, volume, carver.look(cameras, hull, volume), {});
 }
 
 struct Studio {
@@ -100,7 +105,7 @@ struct Studio {
 
   SparseVolume carved() const {
     HollowCarver carver;
-    return carver.carve(before(hull), hull, volume);
+    return carved_by(carver, before(hull), hull, volume);
   }
 
   /// The first `count` cameras before a mesh.
@@ -169,6 +174,28 @@ TEST(HollowCarver, opens_no_silhouette) {
   }
 }
 
+/// What is left when next to nothing is seen now, but much was the pulse before.
+SparseVolume carved_by_the_pulse_before(const Studio& then, size_t cameras_now = 14) {
+  const Studio& now = studio();
+  const SurfaceCameras seeing = now.before(now.hull), seen = then.before(then.hull);
+  HollowCarver carver;
+  HollowSights little = carver.look(seeing, now.hull, now.volume);
+  little.sights.resize(1);
+  const HollowSights much = carver.look(seen, then.hull, then.volume);
+  SightsBeside before{&much, {}};
+  for (size_t c = 0; c < seen.cameras.size(); ++c) {
+    before.cameras.push_back({&seen.cameras[c], c < cameras_now ? &seeing.cameras[c] : nullptr});
+  }
+  EXPECT_EQ(carver.carve(seeing, now.volume, little, {}), now.volume);
+  return carver.carve(seeing, now.volume, little, {&before, 1});
+}
+
+TEST(HollowCarver, believes_the_pulse_before_where_nothing_moved_in_the_pictures) {
+  EXPECT_LT(count(carved_by_the_pulse_before(studio())).first, 0.47 * count(studio().volume).first);
+  EXPECT_EQ(carved_by_the_pulse_before(Studio(speckled(embrace(), 8))), studio().volume);
+  EXPECT_EQ(carved_by_the_pulse_before(studio(), 0), studio().volume) << "cameras that are gone";
+}
+
 TEST(HollowCarver, takes_nothing_where_there_is_nothing_to_compare) {
   const Studio blank(plain(embrace()));
   EXPECT_EQ(blank.carved(), blank.volume);
@@ -177,12 +204,13 @@ TEST(HollowCarver, takes_nothing_where_there_is_nothing_to_compare) {
 TEST(HollowCarver, needs_two_cameras) {
   HollowCarver carver;
   const auto some = [&](size_t cameras) {
-    return carver.carve(studio().before(studio().hull, cameras), studio().hull, studio().volume);
+    return carved_by(carver, studio().before(studio().hull, cameras), studio().hull,
+                     studio().volume);
   };
   EXPECT_EQ(some(0), studio().volume);
   EXPECT_EQ(some(1), studio().volume);
   const SparseVolume nothing(studio().volume.grid());
-  EXPECT_EQ(carver.carve(studio().before({}), Mesh{}, nothing), nothing);
+  EXPECT_EQ(carved_by(carver, studio().before({}), Mesh{}, nothing), nothing);
 }
 
 TEST(HollowCarver, gives_the_same_volume_for_any_number_of_threads) {
@@ -199,8 +227,8 @@ TEST(HollowCarver, keeps_no_memory_of_the_frame_before) {
   const SparseVolume box = make_volume(studio().volume.grid(), [](int i, int j, int k) {
     return i > 20 && i < 40 && j > 20 && j < 40 && k > 20 && k < 40;
   });
-  carver.carve(studio().before(marching_cubes(box)), marching_cubes(box), box);
-  EXPECT_EQ(carver.carve(studio().before(studio().hull), studio().hull, studio().volume),
+  carved_by(carver, studio().before(marching_cubes(box)), marching_cubes(box), box);
+  EXPECT_EQ(carved_by(carver, studio().before(studio().hull), studio().hull, studio().volume),
             studio().carved());
 }
 

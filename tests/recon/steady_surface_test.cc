@@ -63,7 +63,9 @@ Moment moment(const Mesh& scene, const Mesh& surface) {
         observe("cam" + std::to_string(i), {}, draw_mesh(scene, models()[i]).view(), masks[i]));
   }
   for (const Frame& frame : frames) pointers.push_back(&frame);
-  return {models(), pointers, surface, kOptions.voxel_m};
+  Moment moment(models(), pointers, surface, kOptions.voxel_m);
+  moment.set_surface(surface);
+  return moment;
 }
 
 Mesh steadied(Mesh mesh, const Moment& now, const Moment& before, const Moment& after) {

@@ -16,22 +16,24 @@ TakeSurfaces::TakeSurfaces(TakeFrames& take, Reconstructor& reconstructor, MaskM
       pulses_(take.pulses()) {}
 
 TakeSurface TakeSurfaces::make(int64_t pulse) {
-  if (!steady_) return surface_of(pulse);
-  std::erase_if(window_, [&](const auto& entry) {
-    return entry.first < pulse - 1 || entry.first > pulse + 1;
-  });
-  const Moment *before = moment_at(pulse - 1), *now = moment_at(pulse),
-               *after = moment_at(pulse + 1);
-  std::vector<const Moment*> beside;
-  for (const Moment* moment : {before, after}) {
-    if (moment != nullptr) beside.push_back(moment);
+  if (!steady_) {
+    TakeSurface made = read(pulse);
+    reconstructor_.make_surface(made.work);
+    return made;
   }
-  TakeSurface made = std::move(window_.at(pulse).surface);
-  reconstructor_.steady(made.work, *now, beside);
+  constexpr int kReach = 2;
+  std::erase_if(window_, [&](const auto& entry) {
+    return entry.first < pulse - kReach || entry.first > pulse + kReach;
+  });
+  for (int64_t p = pulse - kReach; p <= pulse + kReach; ++p) look_at(p);
+  for (int64_t p = pulse - 1; p <= pulse + 1; ++p) deform(p);
+  Raw& now = window_.at(pulse);
+  TakeSurface made = std::move(now.surface);
+  reconstructor_.steady(made.work, now.moment, beside(pulse));
   return made;
 }
 
-TakeSurface TakeSurfaces::surface_of(int64_t pulse) {
+TakeSurface TakeSurfaces::read(int64_t pulse) {
   const MonotonicInstant begin = Monotonic::now();
   TakeSurface made;
   if (mending_ != nullptr) look_at_before(pulse);
@@ -40,7 +42,6 @@ TakeSurface TakeSurfaces::surface_of(int64_t pulse) {
   made.work = SetAtWork(observe_all(pulse, made.frames));
   made.work.set.exposure = take_.edge_of(pulse);
   made.segment_ms = 1000 * to_seconds(Monotonic::now() - begin);
-  reconstructor_.make_surface(made.work);
   return made;
 }
 
@@ -60,16 +61,33 @@ bool TakeSurfaces::has(int64_t pulse) const {
   return std::binary_search(pulses_.begin(), pulses_.end(), pulse);
 }
 
-/// Null for a pulse that the take does not have.
-const Moment* TakeSurfaces::moment_at(int64_t pulse) {
-  if (!has(pulse)) return nullptr;
-  auto found = window_.find(pulse);
-  if (found == window_.end()) {
-    TakeSurface surface = surface_of(pulse);
-    Moment moment = reconstructor_.moment_of(surface.work);
-    found = window_.emplace(pulse, Raw{std::move(surface), std::move(moment)}).first;
+/// The hull and its hollows, once.
+void TakeSurfaces::look_at(int64_t pulse) {
+  if (!has(pulse) || window_.contains(pulse)) return;
+  TakeSurface surface = read(pulse);
+  reconstructor_.make_hull(surface.work);
+  Moment moment = reconstructor_.look(surface.work);
+  window_.emplace(pulse, Raw{std::move(surface), std::move(moment)});
+}
+
+/// The surface, once. Requires that the pulses beside it were looked at.
+void TakeSurfaces::deform(int64_t pulse) {
+  const auto found = window_.find(pulse);
+  if (found == window_.end() || found->second.deformed) return;
+  auto& [surface, moment, deformed] = found->second;
+  reconstructor_.make_surface(surface.work, moment, beside(pulse));
+  deformed = true;
+}
+
+/// Of the pulses before and after, as far as the take has them.
+std::vector<const Moment*> TakeSurfaces::beside(int64_t pulse) const {
+  std::vector<const Moment*> beside;
+  for (const int64_t p : {pulse - 1, pulse + 1}) {
+    if (const auto found = window_.find(p); found != window_.end()) {
+      beside.push_back(&found->second.moment);
+    }
   }
-  return &found->second.moment;
+  return beside;
 }
 
 }  // namespace v3d::ctl

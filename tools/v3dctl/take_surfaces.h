@@ -18,9 +18,11 @@ struct TakeSurface {
   SetAtWork work;
 };
 
-/// The window is one pulse to each side, as far as the take has them, and two where silhouettes are
-/// mended; a surface depends on nothing else: it is the same in whatever order and in however many
-/// parts a take is reconstructed. One caller at a time, in its TBB arena.
+/// A surface is held against those one pulse to each side, which were carved with what was seen one
+/// more pulse away; where silhouettes are mended these depend on those beside them. So the window
+/// is two pulses to each side, or three, as far as the take has them; a surface depends on nothing
+/// else: it is the same in whatever order and in however many parts a take is reconstructed. One
+/// caller at a time, in its TBB arena.
 class TakeSurfaces {
  public:
   /// All are borrowed; `mending` may be null. Without `steady` every pulse stands alone.
@@ -32,14 +34,17 @@ class TakeSurfaces {
  private:
   /// A surface before it is held against others, and what it is held against.
   struct Raw {
-    TakeSurface surface;  ///< until it is given away
+    TakeSurface surface;  ///< a hull at first; until it is given away
     Moment moment;
+    bool deformed = false;
   };
   bool has(int64_t pulse) const;
-  TakeSurface surface_of(int64_t pulse);
+  TakeSurface read(int64_t pulse);
   void look_at_before(int64_t pulse);
   void mend(int64_t pulse, SegmentedFrames& frames);
-  const Moment* moment_at(int64_t pulse);
+  void look_at(int64_t pulse);
+  void deform(int64_t pulse);
+  std::vector<const Moment*> beside(int64_t pulse) const;
 
   TakeFrames& take_;
   Reconstructor& reconstructor_;
