@@ -138,28 +138,33 @@ bool reject_outliers(const LensFitter& fitter, Fit& fit, std::vector<RejectedVie
   return any;
 }
 
-std::vector<int> fold_of(const std::vector<int>& views, int fold, bool inside) {
-  std::vector<int> some;
-  for (size_t i = 0; i < views.size(); ++i) {
-    if ((static_cast<int>(i) % kFolds == fold) == inside) some.push_back(views[i]);
+/// The views of a fold, or all others, as they stand.
+Fit part_of(const Fit& fit, int fold, bool inside) {
+  Fit part{fit.lens, {}, {}};
+  for (size_t i = 0; i < fit.views.size(); ++i) {
+    if ((static_cast<int>(i) % kFolds == fold) != inside) continue;
+    part.views.push_back(fit.views[i]);
+    part.poses.push_back(fit.poses[i]);
   }
-  return some;
+  return part;
 }
 
 struct Validation {
+  Fit fit;  ///< to all views
   LensTrial trial;
   double focal_spread_px = 0;
 };
 
 /// Every fifth of the views is foretold by a lens fitted to the others: only the board's place in
 /// the held-out picture is fitted.
-Validation cross_validate(const LensFitter& fitter, const Fit& fit, int coefficients) {
+Validation cross_validate(const LensFitter& fitter, Fit fit, int coefficients) {
   double squares = 0, focal = 0, focal_squares = 0;
   int64_t corners = 0;
   for (int fold = 0; fold < kFolds; ++fold) {
-    Fit others = fitter.posed(fit.lens, fold_of(fit.views, fold, false));
+    Fit others = part_of(fit, fold, false);
     fitter.improve(others, coefficients, kFoldIterations);
-    Fit held_out = fitter.posed(others.lens, fold_of(fit.views, fold, true));
+    Fit held_out = part_of(fit, fold, true);
+    held_out.lens = others.lens;
     fitter.improve(held_out, 0, kFoldIterations);
     for (size_t i = 0; i < held_out.views.size(); ++i) {
       for (const auto& miss : fitter.misses_of(held_out, i)) {
@@ -172,7 +177,8 @@ Validation cross_validate(const LensFitter& fitter, const Fit& fit, int coeffici
     focal_squares += fx * fx / kFolds;
   }
   const double rms = std::sqrt(squares / static_cast<double>(std::max<int64_t>(1, corners)));
-  return {{coefficients, rms}, std::sqrt(std::max(0.0, focal_squares - focal * focal))};
+  const double spread = std::sqrt(std::max(0.0, focal_squares - focal * focal));
+  return {std::move(fit), {coefficients, rms}, spread};
 }
 
 /// The smallest model that foretells as well as any.
@@ -190,13 +196,13 @@ void choose_model(const LensFitter& fitter, const LensOptions& options, Fit& fit
     if (options.coefficients != 0 && options.coefficients != coefficients) continue;
     Fit start = fit;
     fitter.improve(start, coefficients);
-    tried.push_back(cross_validate(fitter, start, coefficients));
+    tried.push_back(cross_validate(fitter, std::move(start), coefficients));
     result.trials.push_back(tried.back().trial);
   }
-  const Validation& best = tried[best_of(tried)];
+  Validation& best = tried[best_of(tried)];
   result.coefficients = best.trial.coefficients;
   result.focal_spread_px = best.focal_spread_px;
-  fitter.improve(fit, result.coefficients);
+  fit = std::move(best.fit);
 }
 
 void require_views(const std::string& camera, size_t usable, size_t found) {
