@@ -31,28 +31,36 @@ DriftWatch::DriftWatch(const Rig& rig, const ReconstructOptions& options)
       meter_(rig) {
   if (rig_.size() < kLeastCameras) return;
   for (const RigCamera& camera : rig_) views_.push_back(view_of(options.bounds, camera.model));
-  thread_ = std::thread([this] { run(); });
+  ended_ = false;
+  thread_ = std::thread([this] {
+    run();
+    ended_ = true;
+  });
 }
 
 DriftWatch::~DriftWatch() {
+  end();
+  if (thread_.joinable()) thread_.join();
+}
+
+void DriftWatch::end() {
   {
     const std::lock_guard lock(mutex_);
     stopping_ = true;
   }
   changed_.notify_one();
-  if (thread_.joinable()) thread_.join();
 }
 
 void DriftWatch::offer(FrameSet& set) {
   const MonotonicInstant now = Monotonic::now();
   if (!thread_.joinable() || now < next_look_) return;
   const std::unique_lock lock(mutex_, std::try_to_lock);
-  if (!lock || busy_) return;
+  if (!lock || busy_ || stopping_) return;
   Masks masks(rig_.size());
   for (Frame& frame : set.frames) {
     const int c = find_camera(rig_, frame.camera);
     if (c >= 0 && frame.mask && frame.mask->size() == rig_[c].model.size()) {
-      masks[c] = std::move(frame.mask);
+      masks[c] = std::exchange(frame.mask, std::nullopt);
     }
   }
   waiting_ = std::move(masks);

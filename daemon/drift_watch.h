@@ -2,6 +2,7 @@
 // reconstructed.
 #pragma once
 
+#include <atomic>
 #include <condition_variable>
 #include <mutex>
 #include <optional>
@@ -16,8 +17,8 @@ namespace v3d {
 
 /// Looks at two or three pulses a second at first and, when it has an opinion, at one every five
 /// seconds. It works in spare time: on one thread, which runs when no other wants the processor
-/// (SCHED_IDLE), and nothing ever waits for it. With fewer than kLeastCameras cameras it does
-/// nothing: the hull of the others is too wide then to say where a camera stands.
+/// (SCHED_IDLE), and nothing ever waits for it but the destructor. With fewer than kLeastCameras
+/// cameras it does nothing: the hull of the others is too wide then to say where a camera stands.
 class DriftWatch {
  public:
   static constexpr size_t kLeastCameras = 12;
@@ -26,6 +27,7 @@ class DriftWatch {
   static constexpr Duration kPeriod = std::chrono::seconds(5);
 
   DriftWatch(const Rig& rig, const ReconstructOptions& options);
+  /// Waits for what the thread is at, which may be long where others want the processor: see end().
   ~DriftWatch();
   DriftWatch(const DriftWatch&) = delete;
   DriftWatch& operator=(const DriftWatch&) = delete;
@@ -37,6 +39,11 @@ class DriftWatch {
   /// By camera of the rig, of the last pulses; empty before it has an opinion. One thread. The last
   /// answer when there is a new one that cannot be had at once.
   const std::vector<CameraDrift>& result();
+
+  /// Nothing more is looked at but what the thread is at.
+  void end();
+  /// The destructor would wait for nothing.
+  bool has_ended() const { return ended_; }
 
  private:
   using Masks = std::vector<std::optional<Mask>>;
@@ -50,7 +57,8 @@ class DriftWatch {
   std::vector<Mask> views_;
   MonotonicInstant next_look_;     ///< offer()
   std::vector<CameraDrift> told_;  ///< result()
-  std::mutex mutex_;               ///< what follows
+  std::atomic<bool> ended_ = true;
+  std::mutex mutex_;  ///< what follows
   std::condition_variable changed_;
   bool stopping_ = false;
   bool busy_ = false;

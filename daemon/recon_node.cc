@@ -202,7 +202,7 @@ void ReconNode::disarm() {
   pipeline_->close();
   last_ = pipeline_->counts();
   pipeline_.reset();
-  drift_.reset();
+  end_drift_watch();
   // What the take's buffers leave free goes back to the system, or a day of takes touches more and
   // more of it. The rehearsal of the next take takes it again, before any pulse.
   malloc_trim(0);
@@ -216,7 +216,14 @@ void ReconNode::disarm() {
   std::filesystem::remove(paths.folder, error);
 }
 
+/// Without waiting: it works in spare time, and there may be none.
+void ReconNode::end_drift_watch() {
+  drift_->end();
+  leaving_.push_back(std::move(drift_));
+}
+
 std::optional<NodeReport> ReconNode::poll(Phase phase) {
+  std::erase_if(leaving_, [](const auto& watch) { return watch->has_ended(); });
   switch (phase) {
     case Phase::kArming:
       return ready_report();

@@ -3,6 +3,7 @@
 
 #include <memory>
 #include <string>
+#include <vector>
 
 #include "base/studio_file.h"
 #include "daemon/bus.h"
@@ -40,6 +41,7 @@ class ReconNode : public NodeWork {
   std::optional<NodeReport> poll_recording();
   std::optional<NodeReport> poll_draining();
   void report_drift(HealthMessage& health);
+  void end_drift_watch();
 
   const Studio& studio_;
   const std::string node_;
@@ -50,7 +52,8 @@ class ReconNode : public NodeWork {
   CommandMessage order_;
   MonotonicInstant drain_began_;
   std::unique_ptr<DriftWatch> drift_;
-  std::unique_ptr<ReconPipeline> pipeline_;  ///< offers its sets to the watch
+  std::vector<std::unique_ptr<DriftWatch>> leaving_;  ///< of takes before: told to end, and at work
+  std::unique_ptr<ReconPipeline> pipeline_;           ///< offers its sets to the watch
   CameraDrift knocked_;  ///< what was told last of this take; without a name: nothing
   ReconCounts last_;     ///< of the last take
 };
