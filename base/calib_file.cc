@@ -1,5 +1,7 @@
 #include "base/calib_file.h"
 
+#include <Eigen/Geometry>
+#include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
 #include <span>
@@ -74,19 +76,55 @@ ColourResponse read_colour(const TomlTable& camera) {
   return colour;
 }
 
-RigCamera read_camera(const TomlTable& camera) {
-  const std::string name = camera.text("name");
-  if (!is_file_name(name)) {
-    camera.fail("name", "'" + name + "' cannot name a camera: " + std::string(kFileNameRule));
+RigidTransform read_cam_from_world(const TomlTable& camera) {
+  const Eigen::Vector3d translation = read_vector(camera, "translation");
+  if (!camera.is_rows("rotation")) {
+    return RigidTransform::from_rodrigues(read_vector(camera, "rotation"), translation);
   }
+  constexpr double kRounding = 1e-6;
+  const Eigen::Matrix3d rotation = read_3x3(camera, "rotation");
+  if (!rotation.isUnitary(kRounding) || !(rotation.determinant() > 0)) {
+    camera.fail("rotation", "expected a rotation: a Rodrigues vector, or the rows of its matrix");
+  }
+  return {Eigen::Quaterniond(rotation).normalized().toRotationMatrix(), translation};
+}
+
+RigCamera read_camera(const TomlTable& camera, const std::string& name) {
   if (camera.boolean_or("fisheye", false)) {
     camera.fail("fisheye", "fisheye lenses are not supported; calibrate with the pinhole model");
   }
   return {name,
           CameraModel(read_size(camera), read_matrix(camera), read_distortion(camera),
-                      RigidTransform::from_rodrigues(read_vector(camera, "rotation"),
-                                                     read_vector(camera, "translation"))),
+                      read_cam_from_world(camera)),
           read_colour(camera)};
+}
+
+RigCamera read_named_camera(const TomlTable& camera) {
+  const std::string name = camera.text("name");
+  if (!is_file_name(name)) {
+    camera.fail("name", "'" + name + "' cannot name a camera: " + std::string(kFileNameRule));
+  }
+  return read_camera(camera, name);
+}
+
+void add(RigCamera camera, const TomlTable& table, Rig& rig) {
+  if (find_camera(rig, camera.name) >= 0) {
+    const std::string twice = "two cameras are named '" + camera.name + "'";
+    if (table.has("name")) table.fail("name", twice);
+    table.fail_here(twice);
+  }
+  rig.push_back(std::move(camera));
+}
+
+/// As caliscope keeps them, by their numbers.
+void read_camera_array(const TomlTable& cameras, Rig& rig) {
+  for (const auto& [number, camera] : cameras.sub_tables()) {
+    const std::string name = "cam_" + number;
+    if (!is_file_name(name)) {
+      camera.fail_here("'" + name + "' cannot name a camera: " + std::string(kFileNameRule));
+    }
+    if (!camera.boolean_or("ignore", false)) add(read_camera(camera, name), camera, rig);
+  }
 }
 
 template <class Range>
@@ -134,11 +172,11 @@ Rig parse_calib(std::string_view text, const std::filesystem::path& path) {
     if (!key.starts_with("cam") && !camera.has("matrix")) {
       continue;  // [metadata] and the like, which calibration tools add
     }
-    RigCamera read = read_camera(camera);
-    if (find_camera(rig, read.name) >= 0) {
-      camera.fail("name", "two cameras are named '" + read.name + "'");
+    if (key == "cameras" && !camera.has("matrix") && !camera.has("name")) {
+      read_camera_array(camera, rig);
+      continue;
     }
-    rig.push_back(std::move(read));
+    add(read_named_camera(camera), camera, rig);
   }
   if (rig.empty()) {
     throw InputError(path.string() + ": no camera: expected one [cam_*] table per camera");

@@ -100,6 +100,12 @@ bool TomlTable::is_text(std::string_view key) const {
   return node != nullptr && node->is_string();
 }
 
+bool TomlTable::is_rows(std::string_view key) const {
+  const toml::node* node = node_->find(key);
+  const toml::array* array = node != nullptr ? node->as_array() : nullptr;
+  return array != nullptr && !array->empty() && array->front().is_array();
+}
+
 std::string TomlTable::text(std::string_view key) const {
   const toml::node& node = node_->require(key);
   if (!node.is_string()) {

@@ -23,6 +23,8 @@ class TomlTable {
 
   bool has(std::string_view key) const;
   bool is_text(std::string_view key) const;
+  /// Whether rows() may be asked: an array that begins with an array.
+  bool is_rows(std::string_view key) const;
 
   std::string text(std::string_view key) const;
   std::string text_or(std::string_view key, std::string_view fallback) const;

@@ -81,6 +81,55 @@ TEST(CalibFile, is_read_as_Pose2Sim_writes_it) {
   EXPECT_EQ(rig[0].model.size(), (ImageSize{1024, 768}));
 }
 
+constexpr std::string_view kArray = R"([cameras.0]
+cam_id = 0
+rotation_count = 0
+error = 0.5
+ignore = false
+size = [1280, 720]
+matrix = [[900.0, 0.0, 640.0], [0.0, 910.0, 360.0], [0.0, 0.0, 1.0]]
+distortions = [-0.3, 0.05, -0.004, 0.004, 0.07]
+translation = [0.1, -0.2, 0.7]
+rotation = [[0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]]
+
+[cameras.1]
+ignore = true
+
+[cameras.12]
+size = [640, 480]
+matrix = [[500, 0, 320], [0, 500, 240], [0, 0, 1]]
+distortions = []
+translation = [1, 2, 3]
+rotation = [0.5, 0, 0]
+)";
+
+TEST(CalibFile, is_read_as_caliscope_keeps_its_cameras) {
+  const Rig rig = parse_calib(kArray, "camera_array.toml");
+  ASSERT_EQ(rig.size(), 2U);
+  EXPECT_EQ(rig[0].name, "cam_0");
+  EXPECT_EQ(rig[1].name, "cam_12");
+  EXPECT_EQ(rig[0].model.size(), (ImageSize{1280, 720}));
+  EXPECT_EQ(rig[0].model.distortion()[4], 0.07);
+  const RigidTransform& place = rig[0].model.cam_from_world();
+  EXPECT_LT((place * Eigen::Vector3d(1, 0, 0) - Eigen::Vector3d(0.1, -0.2, 1.7)).norm(), 1e-12);
+  EXPECT_LT((place * Eigen::Vector3d(0, 1, 0) - Eigen::Vector3d(-0.9, -0.2, 0.7)).norm(), 1e-12);
+  EXPECT_NEAR(rig[1].model.cam_from_world().rodrigues().x(), 0.5, 1e-12);
+}
+
+TEST(CalibFile, of_caliscope_whose_cameras_have_no_place_or_no_rotation_says_which) {
+  const auto message_with = [](std::string_view from, std::string_view to) {
+    std::string text(kArray);
+    text.replace(text.find(from), from.size(), to);
+    return test::message_of<InputError>([&] { parse_calib(text, "camera_array.toml"); });
+  };
+  EXPECT_EQ(message_with("rotation = [0.5, 0, 0]\n", ""),
+            "camera_array.toml:15: cameras.12.rotation: missing");
+  EXPECT_EQ(message_with("[[0.0, -1.0, 0.0]", "[[0.0, 1.0, 0.0]"),
+            "camera_array.toml:10: cameras.0.rotation: expected a rotation: a Rodrigues vector, or "
+            "the rows of its matrix");
+  EXPECT_EQ(message_with("[cameras.12]", "[cameras.\"../12\"]").find("camera_array.toml:15: "), 0U);
+}
+
 TEST(CalibFile, with_a_missing_field_names_file_line_and_field) {
   EXPECT_EQ(message_for(with("rotation = [1.98, -0.054, -0.035]\n", "")),
             "calib.toml:1: cam_0.rotation: missing");
@@ -108,6 +157,8 @@ TEST(CalibFile, with_two_cameras_of_one_name_is_refused) {
   const std::string text = std::string(kGood) + with("[cam_0]", "\n[cam_1]");
   EXPECT_EQ(message_for(text.substr(0, text.rfind("[metadata]"))),
             "calib.toml:14: cam_1.name: two cameras are named 'cam00'");
+  const std::string both = with("cam00", "cam_0") + std::string(kArray);
+  EXPECT_NE(message_for(both).find("two cameras are named 'cam_0'"), std::string::npos);
 }
 
 TEST(CalibFile, with_a_name_that_leaves_the_folder_is_refused) {

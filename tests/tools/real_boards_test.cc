@@ -79,24 +79,11 @@ struct TheirCamera {
 };
 
 std::vector<TheirCamera> load_camera_array(const fs::path& file) {
-  const auto number = [](const toml::node& node) { return *node.value<double>(); };
   std::vector<TheirCamera> cameras;
   const toml::table text = toml::parse_file(file.string());
-  for (const auto& [name, node] : *text["cameras"].as_table()) {
-    const toml::table& table = *node.as_table();
-    Eigen::Matrix3d matrix;
-    RigidTransform cam_from_world;
-    for (int row = 0; row < 3; ++row) {
-      for (int column = 0; column < 3; ++column) {
-        matrix(row, column) = number(*table["matrix"][row][column].node());
-        cam_from_world.rotation(row, column) = number(*table["rotation"][row][column].node());
-      }
-      cam_from_world.translation[row] = number(*table["translation"][row].node());
-    }
-    Distortion distortion{};
-    for (size_t i = 0; i < 5; ++i) distortion[i] = number(*table["distortions"][i].node());
-    cameras.push_back(
-        {{{1280, 720}, matrix, distortion, cam_from_world}, *table["error"].value<double>()});
+  for (const RigCamera& camera : load_calib(file)) {
+    const std::string number = camera.name.substr(camera.name.find('_') + 1);
+    cameras.push_back({camera.model, *text["cameras"][number]["error"].value<double>()});
   }
   return cameras;
 }

@@ -12,7 +12,7 @@
 namespace v3d::calibrate {
 
 enum class RigFormat {
-  kToml,        ///< calib.toml of aniposelib, Pose2Sim, caliscope; ours
+  kToml,        ///< calib.toml of aniposelib, Pose2Sim, caliscope; ours; camera_array.toml, read
   kOpencv,      ///< YAML of OpenCV, a file for each camera
   kOpencvXml,   ///< the same as XML
   kColmap,      ///< a folder with cameras.txt and images.txt
