@@ -42,7 +42,7 @@ constexpr float kContrast = 0.31F;
 constexpr float kMostShortfall = 2;
 constexpr float kUnit = 512;  ///< of LabelField's costs, for a correlation of 1
 constexpr int16_t kSlope = 128;
-constexpr int kRounds = 10;
+constexpr int kRounds = 6;
 
 /// Correlation with another camera from which on a camera is said to see the place.
 constexpr float kAgreeing = 0.4F;

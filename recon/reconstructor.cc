@@ -169,7 +169,8 @@ class Reconstructor::Impl {
     std::sort(result.cameras.begin(), result.cameras.end());
     const TextureOptions options{.depth_tolerance_m = kDepthToleranceVoxels * grid_.voxel_m,
                                  .occluder_radius_m = kTriangleRadiusVoxels * grid_.voxel_m,
-                                 .demosaic = deformer_.has_value()};
+                                 .demosaic = deformer_.has_value(),
+                                 .by_resolution = deformer_.has_value()};
     result.mesh.colours = colour_vertices(result.mesh, cameras, options).colours;
     result.times.texture = texturing.ms();
   }

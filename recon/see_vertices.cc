@@ -54,7 +54,7 @@ struct FacingVertices {
 /// Those that nothing hides.
 struct SeenVertices {
   alignas(64) float u[kRoom], v[kRoom];  ///< pixel coordinates of PixelPoint
-  alignas(64) float facing[kRoom];
+  alignas(64) float weight[kRoom];
   alignas(64) int32_t number[kRoom];
   size_t count;
 };
@@ -179,6 +179,13 @@ HWY_INLINE void find_facing(const VertexCamera& camera, const PointArrays& verti
   found.count = count;
 }
 
+/// What the camera's colours of these vertices count.
+HWY_INLINE Lanes weight_of(const VertexCamera& camera, const View& view) {
+  if (camera.weight) return Lanes(*camera.weight);
+  if (camera.resolution > 0) return square(view.facing * camera.resolution / view.z);
+  return view.facing;
+}
+
 template <Lens kLens>
 HWY_INLINE void find_seen(const VertexCamera& camera, const FacingVertices& facing,
                           SeenVertices& found) {
@@ -201,7 +208,7 @@ HWY_INLINE void find_seen(const VertexCamera& camera, const FacingVertices& faci
     const LaneMask seen = hn::And(view.lanes, not_hidden(camera, view));
     append(floats, q.u.v, seen, found.u + count);
     append(floats, q.v.v, seen, found.v + count);
-    append(floats, view.facing.v, seen, found.facing + count);
+    append(floats, weight_of(camera, view).v, seen, found.weight + count);
     append(ints, hn::Load(ints, facing.number + i), hn::RebindMask(ints, seen),
            found.number + count);
     count += hn::CountTrue(floats, seen);
@@ -253,9 +260,8 @@ HWY_INLINE void look_at_seen(const VertexCamera& camera, const SeenVertices& fou
     if (bits_of(seen) == 0) continue;
     Colour colour = look(camera, u, v, seen);
     if (camera.colour) colour = corrected(*camera.colour, colour);
-    const Lanes facing(hn::Load(floats, found.facing + i));
-    const Lanes weight = camera.weight ? Lanes(*camera.weight) : facing;
-    add(colour, weight, seen, mask.inner, found.number + i, sums);
+    add(colour, Lanes(hn::Load(floats, found.weight + i)), seen, mask.inner, found.number + i,
+        sums);
   }
 }
 

@@ -37,8 +37,10 @@ struct VertexCamera {
   float tolerance_m = 0;   ///< see TextureOptions::depth_tolerance_m
   float most_slant = 0;    ///< see TextureOptions::most_slant
   float cell_m_per_m = 0;  ///< width of a depth cell in metres at one metre of distance
-  /// What all its colours count; empty: the cosine between a vertex's normal and the optical axis.
+  /// What all its colours count; empty: the cosine between a vertex's normal and the optical axis,
   std::optional<float> weight;
+  /// or the square of this times the cosine over depth; 0: the cosine alone.
+  float resolution = 0;
   std::optional<SampleCorrection> colour = std::nullopt;  ///< of all its samples
 };
 

@@ -46,6 +46,9 @@ struct TextureOptions {
   /// Pictures of a filter mosaic are demosaiced whole before they are sampled, which shows finer
   /// detail than each colour on its own lattice and costs a pass over the pixels of every roi.
   bool demosaic = false;
+  /// A camera counts by the square of its resolution on the surface, along the slant: -V_c . N_v
+  /// times focal length over depth. (Not of the paper, where distance does not count.)
+  bool by_resolution = false;
   int fill_passes = 64;  ///< how far colour spreads to vertices that no camera sees, in edges
   /// Colours for this viewpoint alone: a camera counts the more, the more it looks the same way.
   std::optional<ViewDependence> view = std::nullopt;
@@ -62,12 +65,12 @@ struct Texture {
 /// Vertex v is visible in camera c when its normal faces the camera (V_c . N_v < 0 with V_c the
 /// optical axis), the depth cells show nothing before it, and sample_colour() finds a pixel. Its
 /// colour, every sample corrected by the camera's ColourResponse, is the mean over those cameras,
-/// weighted by -V_c . N_v, or, for a viewpoint, by (V_eye . V_c + 2)^m, which is the same for all
-/// vertices. Beyond the paper, a camera in which the vertex is not ColourMask::inner() counts only
-/// where no other sees it: else the studio's walls would colour the rim of every silhouette.
-/// Vertices that no camera sees take the mean colour of their neighbours, pass by pass.
-/// Deterministic for any number of threads and any order of `cameras` (they are taken in the order
-/// of their names, which must differ).
+/// weighted by -V_c . N_v or by_resolution, or, for a viewpoint, by (V_eye . V_c + 2)^m, which is
+/// the same for all vertices. Beyond the paper, a camera in which the vertex is not
+/// ColourMask::inner() counts only where no other sees it: else the studio's walls would colour the
+/// rim of every silhouette. Vertices that no camera sees take the mean colour of their neighbours,
+/// pass by pass. Deterministic for any number of threads and any order of `cameras` (they are taken
+/// in the order of their names, which must differ).
 Texture colour_vertices(const Mesh& mesh, std::span<const TextureCamera> cameras,
                         const TextureOptions& options);
 

@@ -24,6 +24,9 @@ Eigen::Vector3f centroid(const PointArrays& points) {
   return {mean(points.x), mean(points.y), mean(points.z)};
 }
 
+/// Of a camera: weights by resolution are about 1.
+constexpr float kUsualPixelsPerMetre = 300;
+
 /// Algorithm 2, up to a factor that equation (7) takes away again. At most 1.
 float weight_of(const CameraModel& camera, const ViewDependence& view) {
   const double cosine = view.direction.dot(camera.viewing_direction());
@@ -52,6 +55,9 @@ std::vector<VertexCamera> vertex_cameras(const PointArrays& occluders,
       camera.colour = SampleCorrection(*colour);
     }
     if (options.view) camera.weight = weight_of(model, *options.view);
+    if (options.by_resolution) {
+      camera.resolution = static_cast<float>(model.matrix()(0, 0)) / kUsualPixelsPerMetre;
+    }
     camera.depth = DepthCells(occluders, middle, options.occluder_radius_m, model, camera.lens,
                               camera.frame->roi);
     camera.tolerance_m = static_cast<float>(options.depth_tolerance_m);

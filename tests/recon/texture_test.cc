@@ -154,6 +154,19 @@ TEST(Texture, blends_cameras_by_the_angle_between_axis_and_normal) {
   EXPECT_EQ(texture.unseen, 0);
 }
 
+TEST(Texture, by_resolution_counts_cameras_by_the_square_of_their_pixels_along_the_slant) {
+  // In front at 3 m, and 45 degrees aside at 6 m: sqrt(1/2) / 2 of the pixels.
+  const double d = 6 / std::sqrt(2.0);
+  const std::vector<Shot> shots{shot("aside", {d, 0, d}, {0, 200, 0}),
+                                shot("front", {0, 0, 3}, {200, 0, 0})};
+  const Texture texture =
+      colour_vertices(shapes::patch(0.02F, 0, 2), borrow(shots), {.by_resolution = true});
+  for (const Rgb8& c : texture.colours) {
+    EXPECT_NEAR(c.r, 200 * 8 / 9.0, 1);
+    EXPECT_NEAR(c.g, 200 * 1 / 9.0, 1);
+  }
+}
+
 TEST(Texture, corrects_every_camera_by_its_colour_response) {
   const std::vector<Shot> shots{shot("dark", {-3, 0, 0}, {60, 55, 110}),
                                 shot("right", {3, 0, 0}, {100, 100, 200})};

@@ -157,15 +157,15 @@ int run_take(const Arguments& arguments) {
   if (arguments.camera.empty() == (arguments.turntable == 0)) {
     throw InputError("render: give either --camera CAM or --turntable K");
   }
-  if (arguments.frame < 0) throw InputError("render: --frame N is missing");
   if (arguments.out.extension() != ".png") {
     throw InputError(arguments.out.string() + ": want a name that ends in .png");
   }
-  const Painter painter(arguments, MeshFrames(arguments.take).read(arguments.frame));
-  write_png(arguments.out,
-            (arguments.camera.empty() ? turntable(painter, arguments.turntable, arguments.frame)
-                                      : through_camera(arguments, painter))
-                .view());
+  MeshFrames meshes(arguments.take);
+  const int64_t frame = arguments.frame >= 0 ? arguments.frame : meshes.frames({}).front();
+  const Painter painter(arguments, meshes.read(frame));
+  const Image drawn = arguments.camera.empty() ? turntable(painter, arguments.turntable, frame)
+                                               : through_camera(arguments, painter);
+  write_png(arguments.out, drawn.view());
   return kExitDone;
 }
 
@@ -205,7 +205,8 @@ void add_render(CommandLine& line) {
       ->type_name("WIDTHxHEIGHT")
       ->capture_default_str();
   add_frames_option(command, arguments->frames);
-  command->add_option("--frame", arguments->frame, "The frame, by its pulse number")
+  command
+      ->add_option("--frame", arguments->frame, "The frame, by its pulse number (else the first)")
       ->type_name("N")
       ->check(CLI::NonNegativeNumber);
   command->add_option("--camera", arguments->camera, "As this camera of the take sees it")
