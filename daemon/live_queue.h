@@ -59,6 +59,12 @@ class LiveQueue {
     return value;
   }
 
+  /// Nobody will take what waits.
+  void drop_all(MonotonicInstant now) {
+    const std::lock_guard lock(mutex_);
+    while (!queue_.empty()) drop_oldest(now);
+  }
+
   /// False when nothing came until `deadline`.
   bool wait(MonotonicInstant deadline) {
     std::unique_lock lock(mutex_);

@@ -85,6 +85,7 @@ void ReconPipeline::end() {
   stopping_ = true;
   if (assembling_thread_.joinable()) assembling_thread_.join();
   pipeline_.wait();
+  ready_.drop_all(Monotonic::now());
   if (shared_) shared_->end();
 }
 

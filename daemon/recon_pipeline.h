@@ -93,7 +93,8 @@ class ReconPipeline {
     return assembling_.since(since) && reconstructing_.since(since) &&
            (!shared_ || shared_->progressed_since(since));
   }
-  /// Ends the threads and closes the mesh file; false when the disk refused.
+  /// Ends the threads and closes the mesh file; what still waits is dropped. False when the disk
+  /// refused.
   bool close();
 
  private:

@@ -94,6 +94,16 @@ TEST(LiveQueue, tells_when_something_waits) {
   EXPECT_TRUE(queue.wait(Monotonic::now()));
 }
 
+TEST(LiveQueue, tells_of_all_that_nobody_will_take) {
+  std::vector<int> told;
+  LiveQueue<int> queue({.on_drop = [&](int dropped) { told.push_back(dropped); }});
+  for (int n = 0; n < 3; ++n) queue.push(n, at({}));
+  queue.drop_all(at({}));
+  EXPECT_EQ(told, (std::vector<int>{0, 1, 2}));
+  EXPECT_EQ(queue.dropped(), 3);
+  EXPECT_EQ(queue.size(), 0U);
+}
+
 RC_GTEST_PROP(LiveQueue, gives_or_drops_every_pulse_once_and_in_order, ()) {
   LiveQueue<int> queue({.limit = 4, .patience = milliseconds(100), .calm = milliseconds(300)});
   Duration now{};

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <atomic>
+#include <future>
 #include <semaphore>
 
 #include "base/error.h"
@@ -117,6 +118,27 @@ TEST_F(ReconPipelineOnBus, drops_whole_pulses_while_a_stage_is_slow_and_accounts
   const std::vector<int64_t> pulses = MeshFileReader(folder_ / "mesh.v3d").pulses();
   EXPECT_EQ(std::ssize(pulses), pipeline_->counts().meshes);
   EXPECT_EQ(pulses.back(), kPulses - 1) << "the newest is never dropped";
+}
+
+TEST_F(ReconPipelineOnBus, counts_what_still_waits_at_its_end_as_dropped) {
+  constexpr int64_t kPulses = 20;
+  std::counting_semaphore<> go(0);
+  begin({.make_mesh =
+             [&](SetAtWork& work) {
+               go.acquire();
+               name_pulse(work);
+             },
+         .encode = write_pulse});
+  for (int64_t pulse = 0; pulse < kPulses; ++pulse) send(pulse);
+  ASSERT_TRUE(becomes_true([&] { return pipeline_->counts().waiting == kPulses - 1; }, within(30)));
+  auto closed = std::async(std::launch::async, [&] { return pipeline_->close(); });
+  do {
+    go.release();
+  } while (closed.wait_for(std::chrono::milliseconds(10)) != std::future_status::ready);
+  EXPECT_TRUE(closed.get());
+  const ReconCounts counts = pipeline_->counts();
+  EXPECT_EQ(counts.meshes + counts.dropped, kPulses);
+  EXPECT_EQ(counts.waiting, 0);
 }
 
 /// Two nodes of one take, each with a connection and a disk of its own.
