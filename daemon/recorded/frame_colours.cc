@@ -10,6 +10,7 @@ TextureOptions texture_options(const Mesh& mesh) {
   options.depth_tolerance_m = 3 * edge;
   options.occluder_radius_m = 0.71 * edge;
   options.demosaic = true;
+  options.by_resolution = true;
   return options;
 }
 
