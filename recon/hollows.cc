@@ -95,8 +95,9 @@ class HollowCarver::Impl {
     SightVotes votes(volume);
     vote(found, votes);
     const VolumeCut opened = cut_of(volume, votes);
-    marching_cubes_.run(opened.remaining(), left_);
     const std::vector<uint8_t> near = opened.bricks_near();
+    if (std::find(near.begin(), near.end(), 1) == near.end()) return found;
+    marching_cubes_.run(opened.remaining(), left_);
     look(left_, [&](const Vector3f& place) {
       const int brick = votes.brick_at(place);
       return brick >= 0 && near[brick] != 0;

@@ -68,8 +68,8 @@ void smooth(const Neighbours& neighbours, const Region& region, Mesh& mesh) {
   for_each_vertex(moved.size(), [&](size_t i) { mesh.vertices[vertices[i]] = moved[i]; });
 }
 
-void pull_back(const Region& region, const std::vector<Vector3f>& start, float part, Mesh& mesh) {
-  region.for_each([&](uint32_t v) { mesh.vertices[v] += part * (start[v] - mesh.vertices[v]); });
+void pull_half_way_back(const Region& region, const std::vector<Vector3f>& start, Mesh& mesh) {
+  region.for_each([&](uint32_t v) { mesh.vertices[v] += 0.5F * (start[v] - mesh.vertices[v]); });
 }
 
 }  // namespace
@@ -90,7 +90,7 @@ size_t untangle(const Neighbours& neighbours, const std::vector<Vector3f>& start
       for (int i = 0; i < kStepsPerSmoothing; ++i) smooth(neighbours, region, mesh);
     } else {
       region.widen(neighbours, pass - kSmoothings);
-      pull_back(region, start, 0.5F, mesh);
+      pull_half_way_back(region, start, mesh);
     }
     region.for_each(settle);
     // Crossings that none of the moved triangles takes part in are gone already.
@@ -101,8 +101,7 @@ size_t untangle(const Neighbours& neighbours, const std::vector<Vector3f>& start
     given_back.add_corners(crossings, mesh);
     given_back.widen(neighbours, kHalfWaysBack);
     if (given_back.vertices().size() == before) break;  // `start` crosses itself
-    pull_back(given_back, start, 1.0F, mesh);
-    given_back.for_each(settle);
+    given_back.for_each([&](uint32_t v) { mesh.vertices[v] = start[v]; });
     crossings = finder.of_moved(given_back.marks());
   }
   return crossings.size();

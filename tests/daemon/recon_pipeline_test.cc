@@ -50,6 +50,16 @@ class ReconPipelineOnBus : public testing::Test {
     work.result.compact.assign(3, static_cast<uint8_t>(work.result.pulse));
   }
 
+  /// Every pulse waits for `go` in the first stage.
+  void begin_held(std::counting_semaphore<>& go) {
+    begin({.make_mesh =
+               [&go](SetAtWork& work) {
+                 go.acquire();
+                 name_pulse(work);
+               },
+           .encode = write_pulse});
+  }
+
   explicit ReconPipelineOnBus(const std::vector<std::string>& frame_groups = {})
       : bus_(kUrl, frame_groups), numbers_(bus_.frame_groups()) {}
 
@@ -96,12 +106,7 @@ TEST_F(ReconPipelineOnBus, rehearses_first_and_leaves_no_trace_of_it) {
 TEST_F(ReconPipelineOnBus, drops_whole_pulses_while_a_stage_is_slow_and_accounts_for_every_one) {
   constexpr int64_t kPulses = 60;
   std::counting_semaphore<> go(0);
-  begin({.make_mesh =
-             [&](SetAtWork& work) {
-               go.acquire();
-               name_pulse(work);
-             },
-         .encode = write_pulse});
+  begin_held(go);
   for (int64_t pulse = 0; pulse < kPulses; ++pulse) send(pulse);
   // More wait than the queue holds, and the stage has not even done the first.
   ASSERT_TRUE(becomes_true([&] { return pipeline_->counts().dropped >= 20; }, within(30)));
@@ -123,12 +128,7 @@ TEST_F(ReconPipelineOnBus, drops_whole_pulses_while_a_stage_is_slow_and_accounts
 TEST_F(ReconPipelineOnBus, counts_what_still_waits_at_its_end_as_dropped) {
   constexpr int64_t kPulses = 20;
   std::counting_semaphore<> go(0);
-  begin({.make_mesh =
-             [&](SetAtWork& work) {
-               go.acquire();
-               name_pulse(work);
-             },
-         .encode = write_pulse});
+  begin_held(go);
   for (int64_t pulse = 0; pulse < kPulses; ++pulse) send(pulse);
   ASSERT_TRUE(becomes_true([&] { return pipeline_->counts().waiting == kPulses - 1; }, within(30)));
   auto closed = std::async(std::launch::async, [&] { return pipeline_->close(); });
