@@ -35,7 +35,7 @@ struct Round {
 /// A hull is too large, by much in its hollows: the first round looks 6.6 voxels inwards and 2.4
 /// outwards, the others correct it. The hull fills its silhouettes, so the first need not ask them.
 constexpr Round kSearchRounds[] = {
-    {1, 2.0F, 0.6F, -11, 2, false}, {0, 1.2F, 0.3F, -8, 1, true}, {0, 1.0F, 0.15F, -8, 1, true}};
+    {1, 2.0F, 0.6F, -11, 3, false}, {0, 1.2F, 0.3F, -8, 2, true}, {0, 1.0F, 0.2F, -8, 1, true}};
 constexpr Round kPaperRound{0, 1.0F, 0.25F, -8, 1, true};
 
 // What the weights of equation (1) are multiplied by in the search, so that the paper's values are
@@ -166,7 +166,6 @@ class Deformer::Impl {
                                          .first = round.first,
                                          .noise = kNoiseVariance,
                                          .robust = options_.mode != DeformMode::kPaper};
-    static_assert(BlockSight::kMost % 2 == 0, "every second vertex, in each block");
     onlookers.windows.find(places, std::span<const Vector3f>(normals_).subspan(first), cameras_,
                            onlookers.sights(),
                            {.level = round.level,

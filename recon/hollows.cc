@@ -40,6 +40,8 @@ constexpr int kSmoothing = 2, kNormalSmoothing = 4;
 constexpr float kPriceOfStep = 1.0F / 64;
 constexpr float kContrast = 0.31F;
 constexpr float kMostShortfall = 2;
+constexpr size_t kEveryContrast = 8;  ///< of those who look tells it
+static_assert(BlockSight::kMost % kEveryContrast == 0, "the same ones by block");
 constexpr float kUnit = 512;  ///< of LabelField's costs, for a correlation of 1
 constexpr int16_t kSlope = 128;
 constexpr int kRounds = 6;
@@ -128,7 +130,7 @@ class HollowCarver::Impl {
   struct Sight {
     uint32_t vertex = 0;
     WindowViews views = {};
-    std::array<float, kLabels> score{};       ///< see PairAgreement
+    std::array<float, kLabels> score{};       ///< see PairAgreement; 0 where nobody looked
     std::array<uint8_t, kLabels> agreeing{};  ///< likewise
 
     bool sees() const { return views.count >= 2; }
@@ -181,23 +183,38 @@ class HollowCarver::Impl {
                             .spacing_m = kSpacing * voxel_,
                             .step_m = kStep * voxel_},
                            kFar);
-    for (size_t i = 0; i < count; ++i) compare(onlookers.windows.views(i), sights[i]);
+    for (size_t i = 0; i < count; ++i) {
+      compare(onlookers.windows.views(i), sights[i], i % kEveryContrast == 0);
+    }
   }
 
-  static void compare(const WindowViews& views, Sight& sight) {
+  /// `all`: of the far depths, too, whatever the near ones are like.
+  static void compare(const WindowViews& views, Sight& sight, bool all) {
     sight.views = views;
     keep(kNear, sight.views);
     if (!sight.sees()) return;
-    PairAgreement near, far;
-    correlate_pairs(sight.views, kNear, kAgreeing, near);
-    correlate_pairs(sight.views, kFar, kAgreeing, far);
-    for (int label = 0; label < kLabels; ++label) {
-      // Label 0 is the last depth of the near profile.
-      const PairAgreement& half = label < kDepthSteps ? near : far;
-      const int k = kDepthSteps - 1 - label % kDepthSteps;
-      sight.score[label] = half.score[k];
-      sight.agreeing[label] = half.agreeing[k];
+    compare(kNear, 0, sight);
+    if (all || may_be_far(sight)) compare(kFar, kDepthSteps, sight);
+  }
+
+  /// Half of the labels, from `first` on, which is the last depth of the profile.
+  static void compare(const CorrelationOptions& depths, int first, Sight& sight) {
+    PairAgreement half;
+    correlate_pairs(sight.views, depths, kAgreeing, half);
+    for (int k = 0; k < kDepthSteps; ++k) {
+      sight.score[first + k] = half.score[kDepthSteps - 1 - k];
+      sight.agreeing[first + k] = half.agreeing[kDepthSteps - 1 - k];
     }
+  }
+
+  /// Whether a far depth that agreed perfectly would cost less than all near ones. Mostly not, and
+  /// then nobody looks there.
+  static bool may_be_far(const Sight& sight) {
+    for (int label = 0; label < kDepthSteps; ++label) {
+      const auto steps = static_cast<float>(kDepthSteps - label);
+      if (1 - sight.score[label] < kPriceOfStep * steps) return false;
+    }
+    return true;
   }
 
   float find_price_of_step() {
@@ -221,8 +238,8 @@ class HollowCarver::Impl {
 
   float median_contrast() {
     contrasts_.clear();
-    for (const Sight& sight : sights_) {
-      if (sight.sees()) contrasts_.push_back(sight.contrast());
+    for (size_t i = 0; i < sights_.size(); i += kEveryContrast) {
+      if (sights_[i].sees()) contrasts_.push_back(sights_[i].contrast());
     }
     if (contrasts_.empty()) return 0;
     const auto middle = contrasts_.begin() + std::ssize(contrasts_) / 2;

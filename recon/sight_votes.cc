@@ -2,7 +2,8 @@
 
 #include <tbb/parallel_for.h>
 
-#include <cmath>
+#include <algorithm>
+#include <cassert>
 
 #include "recon/brick_halo.h"
 
@@ -12,7 +13,8 @@ SightVotes::SightVotes(const SparseVolume& volume)
     : volume_(volume),
       origin_(volume.grid().origin.cast<float>()),
       per_metre_(static_cast<float>(1 / volume.grid().voxel_m)),
-      votes_(512 * volume.bricks().size()) {}
+      votes_(512 * volume.bricks().size()),
+      passed_(volume.bricks().size()) {}
 
 std::optional<Eigen::Vector3i> SightVotes::voxel_at(const Eigen::Vector3f& place) const {
   const Eigen::Vector3f at = (place - origin_) * per_metre_;
@@ -37,11 +39,19 @@ void SightVotes::vote(const Eigen::Vector3f& place, uint32_t what) {
   if (brick < 0) return;
   const int inside = 64 * (voxel->z() % 8) + 8 * (voxel->y() % 8) + voxel->x() % 8;
   votes_[512 * static_cast<size_t>(brick) + inside].fetch_add(what, std::memory_order_relaxed);
+  if (what != kThrough || passed_[brick].load(std::memory_order_relaxed)) return;
+  passed_[brick].store(true, std::memory_order_relaxed);
 }
 
 std::vector<Brick> SightVotes::seen_through(int least) const {
+  assert(least >= 1);
   std::vector<Brick> result(volume_.bricks().size(), kEmptyBrick);
+  const auto passed = [&](int brick) {
+    return brick >= 0 && passed_[brick].load(std::memory_order_relaxed);
+  };
   tbb::parallel_for(size_t{0}, result.size(), [&](size_t b) {
+    const BricksAround around = bricks_around(volume_, b);
+    if (std::ranges::none_of(around, passed)) return;  // as most are
     const auto counts_of = [&](size_t brick, int row) {
       BrickRow<uint64_t> counts;
       for (int x = 0; x < kBrickEdge; ++x) {
@@ -51,7 +61,7 @@ std::vector<Brick> SightVotes::seen_through(int least) const {
       }
       return counts;
     };
-    const auto sums = sums_of_27<uint64_t>(bricks_around(volume_, b), counts_of);
+    const auto sums = sums_of_27<uint64_t>(around, counts_of);
     for (int voxel = 0; voxel < 512; ++voxel) {
       const auto through = static_cast<uint32_t>(sums[voxel]),
                  there = static_cast<uint32_t>(sums[voxel] >> 32);

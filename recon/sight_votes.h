@@ -24,9 +24,9 @@ class SightVotes {
   void seen_through(const Eigen::Vector3f& place) { vote(place, kThrough); }
   void seen_there(const Eigen::Vector3f& place) { vote(place, kThere); }
 
-  /// The occupied voxels that were seen through at least `least` times, and more often than
-  /// something was seen there; votes count for the voxel and the 26 around it. A brick for each of
-  /// the volume. Works in the caller's TBB arena.
+  /// The occupied voxels that were seen through at least `least` times (1 or more), and more often
+  /// than something was seen there; votes count for the voxel and the 26 around it. A brick for
+  /// each of the volume. Works in the caller's TBB arena.
   std::vector<Brick> seen_through(int least) const;
 
  private:
@@ -42,6 +42,7 @@ class SightVotes {
   const Eigen::Vector3f origin_;
   const float per_metre_;
   std::vector<std::atomic<uint32_t>> votes_;  ///< 512 a brick
+  std::vector<std::atomic<bool>> passed_;     ///< bricks with voxels that were seen through
 };
 
 }  // namespace v3d

@@ -2,6 +2,7 @@
 
 #include <tbb/parallel_for.h>
 
+#include <algorithm>
 #include <array>
 #include <bit>
 #include <optional>
@@ -77,11 +78,15 @@ class VolumeCut::Crumbs {
         cut_(cut),
         voxels_(static_cast<size_t>(voxels)),
         reached_(cut.size(), kEmptyBrick),
-        large_(cut.size(), kEmptyBrick) {}
+        large_(cut.size(), kEmptyBrick) {
+    tbb::parallel_for(size_t{0}, cut.size(), [&](size_t b) {
+      if (is_core(b)) large_[b].fill(~uint64_t{0});
+    });
+  }
 
   /// Adds the piece that the voxel belongs to, if it stays and its piece is small.
   void add_piece_of(size_t brick, int voxel) {
-    if (!stays({brick, voxel}) || has(reached_[brick], voxel)) return;
+    if (!stays({brick, voxel}) || has(reached_[brick], voxel) || has(large_[brick], voxel)) return;
     piece_.clear();
     reach({brick, voxel});
     const bool small = flood();
@@ -93,6 +98,25 @@ class VolumeCut::Crumbs {
     size_t brick;
     int number;
   };
+
+  bool is_whole(size_t brick) const {
+    return std::ranges::all_of(volume_.bricks()[brick], [](uint64_t z) { return z + 1 == 0; }) &&
+           cut_[brick] == kEmptyBrick;
+  }
+  /// Whether the brick stays, and enough of those on its faces, whole: floods end at it early.
+  bool is_core(size_t brick) const {
+    if (!is_whole(brick)) return false;
+    size_t voxels = 512;
+    const BrickCoord at = volume_.coords()[brick];
+    for (const int way : {-1, 1}) {
+      for (const int beside :
+           {volume_.index_of({at.x + way, at.y, at.z}), volume_.index_of({at.x, at.y + way, at.z}),
+            volume_.index_of({at.x, at.y, at.z + way})}) {
+        if (beside >= 0 && is_whole(beside)) voxels += 512;
+      }
+    }
+    return voxels >= voxels_;
+  }
 
   bool stays(const Voxel& v) const {
     return has(volume_.bricks()[v.brick], v.number) && !has(cut_[v.brick], v.number);
@@ -149,7 +173,7 @@ class VolumeCut::Crumbs {
   std::vector<Brick>& cut_;
   const size_t voxels_;
   std::vector<Brick> reached_;  ///< in a piece
-  std::vector<Brick> large_;    ///< in one that stays
+  std::vector<Brick> large_;    ///< in one that is large enough to stay
   std::vector<Voxel> piece_;    ///< at work
 };
 

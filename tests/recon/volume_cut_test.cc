@@ -86,6 +86,19 @@ TEST(VolumeCut, takes_severed_crumbs_along_but_neither_large_pieces_nor_stranger
   EXPECT_EQ(elsewhere.remaining().count(), volume.count() - 2 * 12 * 12);
 }
 
+TEST(VolumeCut, counts_pieces_of_whole_bricks_to_the_voxel) {
+  // Five bricks in a row, of which the cut takes a quarter of the second.
+  const SparseVolume volume = make_volume(small_grid(40, 8, 8), [](int, int, int) { return true; });
+  const auto slit = bricks_of(volume, [](int i, int, int) { return i == 8 || i == 9; });
+  constexpr int kOne = 512, kOther = 3 * 512 + 6 * 64;
+  for (const int crumb : {1, kOne, kOne + 1, 3 * 512, 3 * 512 + 1, kOther, kOther + 1, 2560}) {
+    VolumeCut cut(volume, slit);
+    cut.add_crumbs(crumb);
+    const int left = (kOne >= crumb ? kOne : 0) + (kOther >= crumb ? kOther : 0);
+    EXPECT_EQ(cut.remaining().count(), left) << "with crumbs below " << crumb;
+  }
+}
+
 TEST(VolumeCut, a_piece_that_was_apart_before_is_no_crumb) {
   const SparseVolume volume = make_volume(small_grid(30, 16, 16), [](int i, int j, int k) {
     return (i < 12 && j < 12 && k < 12) || (i >= 20 && i < 22 && j < 2 && k < 2);
