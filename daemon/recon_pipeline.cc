@@ -62,7 +62,6 @@ ReconPipeline::ReconPipeline(Setup setup, Bus& bus)
                   }}),
       rehearsal_(std::move(setup.rehearsal)),
       newest_pulse_(setup.goes_on_at.value_or(0)),
-      last_frame_ns_(to_ns(Monotonic::now())),
       sequences_(!setup.goes_on_at),
       shared_(share(setup.shard)),
       pipeline_(setup.threads, [this] { return next_job(); },
@@ -101,17 +100,19 @@ void ReconPipeline::assemble() {
     assembling_.beat();
     note_pulses();
     const MonotonicInstant look = Monotonic::now() + kLook;
-    auto message = frames_.wait(std::min(look, assembler_.next_deadline().value_or(look)));
+    const MonotonicInstant until = std::min(look, assembler_.next_deadline().value_or(look));
+    auto message = frames_.wait(until);
     const MonotonicInstant now = Monotonic::now();
     if (!message) {
       hand_over(assembler_.poll(now));
+      quiet_.found_none(until);  // by `now`, after a pause, there may be one
       continue;
     }
     if (message->take != take_ || !message->frame.mask) {
       ++foreign_;
       continue;
     }
-    last_frame_ns_ = to_ns(now);
+    quiet_.took_one(now);
     note_arrival(*message);
     hand_over(assembler_.add(std::move(message->frame), now));
     late_ = assembler_.counters().late;
@@ -316,7 +317,7 @@ ReconCounts ReconPipeline::counts() const {
 }
 
 bool ReconPipeline::drained(Duration quiet) const {
-  const bool is_quiet = last_frame_ns_ < to_ns(Monotonic::now() - quiet) && open_sets_ == 0;
+  const bool is_quiet = quiet_.lasted(quiet) && open_sets_ == 0;
   if (shared_) return is_quiet && shared_->is_settled();
   return is_quiet && meshes_ + failed_ + ready_.dropped() == handed_over_;
 }

@@ -13,6 +13,7 @@
 #include "base/studio_file.h"
 #include "daemon/bus.h"
 #include "daemon/heartbeat.h"
+#include "daemon/inbox_quiet.h"
 #include "daemon/live_queue.h"
 #include "daemon/shared_take.h"
 #include "recon/frame_pipeline.h"
@@ -87,7 +88,8 @@ class ReconPipeline {
   ReconPipeline& operator=(const ReconPipeline&) = delete;
 
   ReconCounts counts() const;
-  /// Everything that came has been reconstructed or dropped, and nothing has come for `quiet`.
+  /// Everything that came has been reconstructed or dropped, and nothing has come for `quiet`, as
+  /// of the assembling thread's last look.
   bool drained(Duration quiet) const;
   bool progressed_since(MonotonicInstant since) const {
     return assembling_.since(since) && reconstructing_.since(since) &&
@@ -149,7 +151,7 @@ class ReconPipeline {
   std::atomic<int64_t> late_ = 0;
   std::atomic<int64_t> write_errors_ = 0;
   std::atomic<int64_t> open_sets_ = 0;
-  std::atomic<int64_t> last_frame_ns_ = 0;
+  InboxQuiet quiet_;  ///< of frames_
   Heartbeat assembling_;
   Heartbeat reconstructing_;
 
