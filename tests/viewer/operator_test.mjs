@@ -152,6 +152,20 @@ test('shows a refusal in the words of v3dctl', async () => {
   await picture('refused');
 });
 
+test('is not held up by an answer that comes later than the end of its order', async () => {
+  const refused = () => page.waitForSelector('#last-order:has-text("kendo-08") .alarm', { timeout: WITHIN });
+  await page.route('**/api/order', async (route) => {
+    const answer = await route.fetch();
+    await refused();
+    await route.fulfill({ response: answer });
+  });
+  await page.fill('#take-name', 'kendo-08'); // there is one
+  await page.click('[data-order=arm]');
+  await offers('arm');
+  await refused();
+  await page.unroute('**/api/order');
+});
+
 test('is locked again when the operator leaves', async () => {
   await page.click('#lock');
   assert.ok(await page.isHidden('#orders'));

@@ -22,6 +22,9 @@ export function doingOf(nodes: readonly NodeState[]): Doing {
 /** A take that ended by itself was started here and not stopped: its verdict was told to nobody. */
 const endedByItself = (last: OrderReport | null) => last?.do === 'start' && last.status === 0;
 
+/** The answer to an order may come later than what the socket tells of it, and then says that it is still under way. */
+export const isNews = (answer: OrderReport, last: OrderReport | null) => !last || answer.number > last.number;
+
 /** What makes sense now; nothing while an order is under way. */
 export function actionsIn(phase: Phase, last: OrderReport | null): Action[] {
   if (last?.under_way) return [];

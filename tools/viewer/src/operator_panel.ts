@@ -1,6 +1,6 @@
 // Where an operator arms, starts and stops: only what makes sense now, and nothing by accident.
 import type { NodeState, OrderReport } from './message';
-import { type Action, actionsIn, camerasNamed, type Doing, doingOf, gradeOf, isTakeName, linesOf, NAME_RULE, nextName } from './operator';
+import { type Action, actionsIn, camerasNamed, type Doing, doingOf, gradeOf, isNews, isTakeName, linesOf, NAME_RULE, nextName } from './operator';
 import { OperatorToken, type Order, send } from './orders';
 
 /** New buttons stand where others stood: a second tap of the same finger is not meant for them. */
@@ -87,8 +87,9 @@ export class OperatorPanel {
     this.draw();
     const sent = await send(order, this.token.value);
     this.sending = false;
-    if ('report' in sent) this.setLast(sent.report);
-    else {
+    if ('report' in sent) {
+      if (isNews(sent.report, this.last)) this.setLast(sent.report);
+    } else {
       if (sent.wrongToken) this.token.value = '';
       this.say(sent.refusal);
     }
