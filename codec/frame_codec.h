@@ -68,12 +68,6 @@ class FrameEncoder {
   /// next frame is then a key frame. So it is after a frame without a volume, and where pulses do
   /// not rise.
   std::optional<std::vector<uint8_t>> encode(const FrameContent& content);
-  /// encode() in two parts, for who has colours and quality later than the shape: first all but
-  /// these, which are ignored in `content`; false for what encode() would have nothing for. Then
-  /// the colours, of all vertices or none, and FrameFacts::quality. The same bytes.
-  bool encode_shape(const FrameContent& content);
-  std::optional<std::vector<uint8_t>> encode_colours(std::span<const VertexColour> colours,
-                                                     float quality);
   /// The next frame is a key frame.
   void restart();
 

@@ -55,27 +55,17 @@ class FrameEncoder::Impl {
     assert(options.key_every >= 1 && options.displacement_step_m > 0);
   }
 
-  bool encode_shape(const FrameContent& content) {
+  std::optional<std::vector<uint8_t>> encode(const FrameContent& content) {
     FrameState& now = states_[1 - last_];
-    sections_ = {};
-    if (!begin(content, now) || !write_shape(content, now, sections_[kShape]) ||
-        !write_positions(content, now, sections_[kDisplacements])) {
-      restart();
-      return false;
-    }
-    sections_[kNames] = encode_names(content.facts.cameras);
-    return true;
-  }
-
-  std::optional<std::vector<uint8_t>> encode_colours(std::span<const VertexColour> colours,
-                                                     float quality) {
-    FrameState& now = states_[1 - last_];
-    now.header.facts.quality = quality;
-    if (!write_colours(colours, now, sections_[kColours])) {
+    Sections sections;
+    if (!begin(content, now) || !encode_shape(content, now, sections[kShape]) ||
+        !encode_positions(content, now, sections[kDisplacements]) ||
+        !encode_colours(content, now, sections[kColours])) {
       restart();
       return std::nullopt;
     }
-    std::vector<uint8_t> bytes = write_frame(now.header, sections_);
+    sections[kNames] = encode_names(content.facts.cameras);
+    std::vector<uint8_t> bytes = write_frame(now.header, sections);
     last_ = 1 - last_;
     there_ = true;
     return bytes;
@@ -95,14 +85,14 @@ class FrameEncoder::Impl {
     return facts_fit(content.facts);
   }
 
-  static bool write_shape(const FrameContent& content, FrameState& now,
-                          std::vector<uint8_t>& bytes) {
-    return content.volume != nullptr ? write_volume(content, now, bytes)
-                                     : write_mesh(content, now, bytes);
+  static bool encode_shape(const FrameContent& content, FrameState& now,
+                           std::vector<uint8_t>& bytes) {
+    return content.volume != nullptr ? encode_volume(content, now, bytes)
+                                     : encode_mesh(content, now, bytes);
   }
 
-  static bool write_volume(const FrameContent& content, FrameState& now,
-                           std::vector<uint8_t>& bytes) {
+  static bool encode_volume(const FrameContent& content, FrameState& now,
+                            std::vector<uint8_t>& bytes) {
     CodedSurface& surface = now.surface;
     if (!surface.volume.assign(*content.volume)) return false;
     surface.measure();
@@ -121,13 +111,13 @@ class FrameEncoder::Impl {
       if (content.triangles.size() != h.triangles) return false;
       surface.triangles.assign(content.triangles.begin(), content.triangles.end());
     }
-    surface.make_known();
+    if (!content.positions.empty() || !content.colours.empty()) surface.make_known();
     bytes = encode_occupancy(surface.volume);
     return true;
   }
 
-  static bool write_mesh(const FrameContent& content, FrameState& now,
-                         std::vector<uint8_t>& bytes) {
+  static bool encode_mesh(const FrameContent& content, FrameState& now,
+                          std::vector<uint8_t>& bytes) {
     FrameHeader& h = now.header;
     if (content.positions.size() > FrameLimits::kVertices ||
         content.triangles.size() > FrameLimits::kTriangles) {
@@ -144,8 +134,8 @@ class FrameEncoder::Impl {
     return true;
   }
 
-  bool write_positions(const FrameContent& content, FrameState& now,
-                       std::vector<uint8_t>& bytes) const {
+  bool encode_positions(const FrameContent& content, FrameState& now,
+                        std::vector<uint8_t>& bytes) const {
     FrameHeader& h = now.header;
     const bool is_explicit = h.is(FrameHeader::kExplicit);
     if (!is_explicit && content.positions.empty()) return true;
@@ -163,7 +153,7 @@ class FrameEncoder::Impl {
       h.flags |= FrameHeader::kDisplaced;
       from = smoothed_places(now.surface, h.subdivision);
     }
-    return write_numbers(*std::move(numbers), from, now, bytes);
+    return encode_numbers(*std::move(numbers), from, now, bytes);
   }
 
   void subdivide(FrameHeader& h) const {
@@ -173,8 +163,8 @@ class FrameEncoder::Impl {
     h.facts.step /= h.subdivision;
   }
 
-  static bool write_numbers(std::vector<VertexValues> numbers, std::span<const VertexValues> from,
-                            FrameState& now, std::vector<uint8_t>& bytes) {
+  static bool encode_numbers(std::vector<VertexValues> numbers, std::span<const VertexValues> from,
+                             FrameState& now, std::vector<uint8_t>& bytes) {
     const ValueRange range = position_range(now.header);
     std::vector<VertexValues> values(numbers.size());
     for (size_t v = 0; v < numbers.size(); ++v) {
@@ -188,15 +178,14 @@ class FrameEncoder::Impl {
     return true;
   }
 
-  bool write_colours(std::span<const VertexColour> colours, FrameState& now,
-                     std::vector<uint8_t>& bytes) {
+  bool encode_colours(const FrameContent& content, FrameState& now, std::vector<uint8_t>& bytes) {
     FrameHeader& h = now.header;
-    if (colours.empty()) return true;
-    if (colours.size() != h.vertices) return false;
+    if (content.colours.empty()) return true;
+    if (content.colours.size() != h.vertices) return false;
     h.flags |= FrameHeader::kColours;
     h.colour_steps = options_.colour_steps;
     std::vector<LumaChroma> wanted(h.vertices);
-    std::transform(colours.begin(), colours.end(), wanted.begin(), luma_chroma_of);
+    std::transform(content.colours.begin(), content.colours.end(), wanted.begin(), luma_chroma_of);
     const ColoursBefore former(last().surface, now.surface);
     const bool follows = may_follow(h);
     if (follows) {
@@ -221,7 +210,6 @@ class FrameEncoder::Impl {
 
   const EncoderOptions options_;
   std::array<FrameState, 2> states_;
-  Sections sections_;   ///< of the frame at work
   int last_ = 0;        ///< of states_
   bool there_ = false;  ///< states_[last_] is a frame that the next one may need
 };
@@ -231,15 +219,7 @@ FrameEncoder::FrameEncoder(const EncoderOptions& options)
 FrameEncoder::~FrameEncoder() = default;
 
 std::optional<std::vector<uint8_t>> FrameEncoder::encode(const FrameContent& content) {
-  if (!impl_->encode_shape(content)) return std::nullopt;
-  return impl_->encode_colours(content.colours, content.facts.quality);
-}
-bool FrameEncoder::encode_shape(const FrameContent& content) {
-  return impl_->encode_shape(content);
-}
-std::optional<std::vector<uint8_t>> FrameEncoder::encode_colours(
-    std::span<const VertexColour> colours, float quality) {
-  return impl_->encode_colours(colours, quality);
+  return impl_->encode(content);
 }
 void FrameEncoder::restart() { impl_->restart(); }
 

@@ -1,6 +1,5 @@
 #include "recon/reconstructor.h"
 
-#include <tbb/parallel_invoke.h>
 #include <tbb/task_arena.h>
 
 #include <algorithm>
@@ -101,15 +100,8 @@ class Reconstructor::Impl {
     SetAtWork work(std::move(set));
     begin_sequence();
     arena_.execute([&] {
-      make_surface(work);
-      // The shape is coded by one thread, while the others see the colours.
-      tbb::parallel_invoke(
-          [&] {
-            make_colours(work);
-            judge(work);
-          },
-          [&] { encode_shape(work); });
-      encode_colours(work);
+      make_mesh(work);
+      encode(work);
     });
     return std::move(work.result);
   }
@@ -135,7 +127,6 @@ class Reconstructor::Impl {
   void make_hull(SetAtWork& work) {
     work.result.pulse = work.set.pulse;
     work.frames = usable_frames(work.set);
-    name_cameras(work);
     shape(work);
   }
 
@@ -172,8 +163,10 @@ class Reconstructor::Impl {
     for (size_t c = 0; c < work.frames.size(); ++c) {
       if (work.frames[c] != nullptr) {
         cameras.push_back({&rig_[c].model, work.frames[c], &rig_[c].colour});
+        result.cameras.push_back(rig_[c].name);
       }
     }
+    std::sort(result.cameras.begin(), result.cameras.end());
     const TextureOptions options{.depth_tolerance_m = kDepthToleranceVoxels * grid_.voxel_m,
                                  .occluder_radius_m = kTriangleRadiusVoxels * grid_.voxel_m,
                                  .demosaic = deformer_.has_value(),
@@ -183,25 +176,25 @@ class Reconstructor::Impl {
   }
 
   void encode(SetAtWork& work) {
-    judge(work);
-    encode_shape(work);
-    encode_colours(work);
+    Reconstruction& result = work.result;
+    const Stopwatch judging;
+    result.quality = quality_.measure(result.mesh, work.frames);
+    result.times.quality = judging.ms();
+    const Stopwatch encoding;
+    result.compact = compact_frame_of(work);
+    // What is lost on the way is lost here, too.
+    result.mesh.colours = rgb_colours(encoder_.decoded_colours());
+    result.times.encode = encoding.ms();
   }
 
   void begin_sequence() { encoder_.restart(); }
 
  private:
-  void judge(SetAtWork& work) const {
-    const Stopwatch judging;
-    work.result.quality = quality_.measure(work.result.mesh, work.frames);
-    work.result.times.quality = judging.ms();
-  }
-
-  void encode_shape(SetAtWork& work) {
-    const Stopwatch encoding;
-    Reconstruction& result = work.result;
+  std::vector<uint8_t> compact_frame_of(const SetAtWork& work) {
+    const Reconstruction& result = work.result;
     const Eigen::Vector3d& origin = grid_.origin;
     const BrickVolume volume = work.volume.view();
+    const std::vector<VertexColour> colours = vertex_colours(result.mesh.colours);
     std::vector<VertexPosition> moved;
     if (deformer_) moved = vertex_positions(result.mesh.vertices);
     FrameContent content;
@@ -209,25 +202,16 @@ class Reconstructor::Impl {
                      .exposure_ns = to_ns(work.set.exposure),
                      .cameras = result.cameras,
                      .missing = static_cast<int>(rig_.size() - result.cameras.size()),
+                     .quality = static_cast<float>(result.quality.silhouette_iou),
                      .origin = {origin.x(), origin.y(), origin.z()},
                      .step = grid_.voxel_m / 2};
     content.volume = &volume;
     content.positions = moved;
     content.triangles = result.mesh.triangles;
-    if (!encoder_.encode_shape(content)) refuse(result);
-    result.times.encode = encoding.ms();
-  }
-
-  void encode_colours(SetAtWork& work) {
-    const Stopwatch encoding;
-    Reconstruction& result = work.result;
-    auto compact = encoder_.encode_colours(vertex_colours(result.mesh.colours),
-                                           static_cast<float>(result.quality.silhouette_iou));
+    content.colours = colours;
+    auto compact = encoder_.encode(content);
     if (!compact) refuse(result);
-    result.compact = *std::move(compact);
-    // What is lost on the way is lost here, too.
-    result.mesh.colours = rgb_colours(encoder_.decoded_colours());
-    result.times.encode += encoding.ms();
+    return *std::move(compact);
   }
 
   [[noreturn]] static void refuse(const Reconstruction& result) {
@@ -235,14 +219,6 @@ class Reconstructor::Impl {
                      std::to_string(result.mesh.vertices.size()) +
                      " vertices does not fit a compact frame (docs/compact-frame.md has its "
                      "limits): use a larger voxel");
-  }
-
-  void name_cameras(SetAtWork& work) const {
-    std::vector<std::string>& names = work.result.cameras;
-    for (size_t c = 0; c < work.frames.size(); ++c) {
-      if (work.frames[c] != nullptr) names.push_back(rig_[c].name);
-    }
-    std::sort(names.begin(), names.end());
   }
 
   void shape(SetAtWork& work) {

@@ -87,40 +87,6 @@ TEST(FrameCodec, keeps_colours_to_38_db_in_key_frames_and_between) {
   }
 }
 
-TEST(FrameCodec, encodes_shape_and_colours_one_after_the_other_as_both_at_once) {
-  FrameEncoder at_once({}), in_parts({});
-  for (int n = 0; n < 4; ++n) {
-    Scene scene(ball(20, 25 + n));
-    if (n % 2 == 1) scene.move(0.002);
-    if (n != 2) scene.paint(n);
-    FrameContent shape = scene.content(n);
-    shape.colours = {};
-    shape.facts.quality = 0;
-    ASSERT_TRUE(in_parts.encode_shape(shape));
-    EXPECT_EQ(in_parts.encode_colours(scene.colours, 0.75F), at_once.encode(scene.content(n)));
-  }
-}
-
-TEST(FrameCodec, begins_anew_after_a_shape_or_colours_that_do_not_fit) {
-  Scene scene(ball(10));
-  scene.paint(1);
-  FrameEncoder encoder({});
-  FrameDecoder decoder;
-  const std::vector<VertexColour> too_few(3);
-  for (int n = 0; n < 6; ++n) {
-    FrameContent content = scene.content(n);
-    if (n == 2) content.facts.step = 0;
-    const bool shape_fits = encoder.encode_shape(content);
-    ASSERT_EQ(shape_fits, n != 2);
-    if (!shape_fits) continue;
-    const auto bytes = encoder.encode_colours(n == 4 ? std::span(too_few) : content.colours, 0.5F);
-    ASSERT_EQ(bytes.has_value(), n != 4);
-    if (!bytes) continue;
-    ASSERT_EQ(decoder.decode(*bytes), DecodeStatus::kOk);
-    EXPECT_EQ(decoder.frame().key_pulse, n == 1 ? 0 : n) << "a key frame, but for pulse 1";
-  }
-}
-
 TEST(FrameCodec, keeps_every_bit_of_the_colours_when_their_steps_are_1) {
   Scene scene(ball(15));
   scene.paint(1);
