@@ -1,6 +1,7 @@
 #include "recon/deform.h"
 
 #include <tbb/enumerable_thread_specific.h>
+#include <tbb/parallel_invoke.h>
 
 #include <algorithm>
 #include <bit>
@@ -137,9 +138,12 @@ class Deformer::Impl {
   /// Step 1, and what steps 2 and 3 read: correlations and silhouettes.
   void look(const Round& round, const Mesh& mesh) {
     const size_t count = mesh.vertices.size();
-    normals_ = vertex_normals(mesh);
-    smooth_normals(neighbours_, kNormalSmoothing, normals_, work_);
-    draw_depths(mesh, models_, depths_, Faces::kFront);
+    tbb::parallel_invoke(
+        [&] {
+          normals_ = vertex_normals(mesh);
+          smooth_normals(neighbours_, kNormalSmoothing, normals_, work_);
+        },
+        [&] { draw_depths(mesh, models_, depths_, Faces::kFront); });
     if (round.outlines && options_.silhouette > 0) find_outlines();
     profiles_.resize(count);
     known_.assign(count, 0);

@@ -2,6 +2,7 @@
 
 #include <tbb/enumerable_thread_specific.h>
 #include <tbb/parallel_for.h>
+#include <tbb/parallel_invoke.h>
 
 #include <algorithm>
 #include <numeric>
@@ -23,11 +24,13 @@ namespace {
 using Eigen::Vector3f;
 
 // Where the surface is looked for; lengths in voxels. A label of LabelField is a depth.
-constexpr size_t kEvery = 4;   ///< only so many-th vertex looks, about two voxels apart
-constexpr float kStep = 0.8F;  ///< between depths
-constexpr float kSpacing = 2;  ///< between the samples of a template window
-constexpr int kSide = 5;       ///< of the window, samples
-constexpr int kLevel = 1;      ///< of the pictures: half resolution
+constexpr int kLooks = 3;          ///< each from the surface that those before have opened
+constexpr size_t kEvery = 4;       ///< only so many-th vertex looks, about two voxels apart
+constexpr size_t kEveryLater = 6;  ///< in the looks after the first
+constexpr float kStep = 0.8F;      ///< between depths
+constexpr float kSpacing = 2;      ///< between the samples of a template window
+constexpr int kSide = 5;           ///< of the window, samples
+constexpr int kLevel = 1;          ///< of the pictures: half resolution
 constexpr int kMostViews = HollowSights::kMostCameras;  ///< that look at a place
 constexpr float kHiddenBehind = 0.6F;
 constexpr float kNoiseVariance = 2;  ///< squared grey values
@@ -54,7 +57,7 @@ constexpr float kFirstFree = 3.5F;
 constexpr float kMostSlant = 3, kBeyondSkin = 2;
 constexpr int kSolid = 3;  ///< voxels from the place inwards
 
-constexpr int kLeastVotes = 4;
+constexpr int kLeastVotes = 16;  ///< of vertices
 constexpr int kCutSmoothing = 8;
 constexpr int kCrumb = 2000;  ///< voxels
 
@@ -86,7 +89,7 @@ class HollowCarver::Impl {
     cameras_ = cameras.cameras;
     models_ = cameras.models;
     if (cameras_.size() < 2 || hull.vertices.empty()) return found;
-    look(hull, [](const Vector3f&) { return true; });
+    look(hull, kEvery, [](const Vector3f&) { return true; });
     found.covered.resize(cameras_.size());
     tbb::parallel_for(size_t{0}, cameras_.size(),
                       [&](size_t c) { found.covered[c] = covered(cameras_[c], depths_[c]); });
@@ -95,16 +98,21 @@ class HollowCarver::Impl {
 
     // What that opens shows the cameras more.
     SightVotes votes(volume);
-    vote(found, votes);
-    const VolumeCut opened = cut_of(volume, votes);
-    const std::vector<uint8_t> near = opened.bricks_near();
-    if (std::find(near.begin(), near.end(), 1) == near.end()) return found;
-    marching_cubes_.run(opened.remaining(), left_);
-    look(left_, [&](const Vector3f& place) {
-      const int brick = votes.brick_at(place);
-      return brick >= 0 && near[brick] != 0;
-    });
-    agree(found.sights);
+    std::vector<Brick> opened(volume.bricks().size(), kEmptyBrick);
+    for (size_t voted = 0, looks = 1; looks < kLooks; ++looks) {
+      vote(std::span(found.sights).subspan(voted), votes);
+      voted = found.sights.size();
+      const VolumeCut cut = cut_of(volume, votes);
+      const std::vector<uint8_t> near = cut.bricks_near_more_than(opened);
+      if (std::find(near.begin(), near.end(), 1) == near.end()) break;
+      opened = cut.bricks();
+      marching_cubes_.run(cut.remaining(), left_);
+      look(left_, kEveryLater, [&](const Vector3f& place) {
+        const int brick = votes.brick_at(place);
+        return brick >= 0 && near[brick] != 0;
+      });
+      agree(found.sights);
+    }
     return found;
   }
 
@@ -115,7 +123,7 @@ class HollowCarver::Impl {
     models_ = cameras.models;
     if (sights.sights.empty()) return volume;
     SightVotes votes(volume);
-    vote(sights, votes);
+    vote(sights.sights, votes);
     for (const SightsBeside& other : beside) vote(other, votes);
     VolumeCut cut = cut_of(volume, votes);
     cut.add_crumbs(kCrumb);
@@ -146,18 +154,22 @@ class HollowCarver::Impl {
     mesh_ = surface;
     neighbours_ = Neighbours(mesh_);
     smooth_surface(neighbours_, kSmoothing, mesh_.vertices, work_);
-    normals_ = vertex_normals(mesh_);
-    smooth_normals(neighbours_, kNormalSmoothing, normals_, work_);
-    draw_depths(mesh_, models_, depths_, Faces::kFront);
+    tbb::parallel_invoke(
+        [&] {
+          normals_ = vertex_normals(mesh_);
+          smooth_normals(neighbours_, kNormalSmoothing, normals_, work_);
+        },
+        [&] { draw_depths(mesh_, models_, depths_, Faces::kFront); });
   }
 
-  /// From every kEvery-th vertex of the surface for which where(place).
+  /// From every so many-th vertex of the surface for which where(place).
   template <class Where>
-  void look(const Mesh& surface, const Where& where) {
+  void look(const Mesh& surface, size_t every, const Where& where) {
     prepare(surface);
+    every_ = every;
     sights_.clear();
     node_of_.assign(mesh_.vertices.size(), kNobody);
-    for (size_t v = 0; v < mesh_.vertices.size(); v += kEvery) {
+    for (size_t v = 0; v < mesh_.vertices.size(); v += every) {
       if (!where(mesh_.vertices[v])) continue;
       node_of_[v] = static_cast<uint32_t>(sights_.size());
       sights_.push_back({.vertex = static_cast<uint32_t>(v)});
@@ -288,6 +300,7 @@ class HollowCarver::Impl {
 
   HollowSights::Sight sight_of(const Sight& sight, int label) const {
     HollowSights::Sight seen;
+    seen.vertices = static_cast<uint8_t>(every_);
     seen.depth_m = kStep * static_cast<float>(label) * voxel_;
     seen.outwards = normals_[sight.vertex];
     seen.place = mesh_.vertices[sight.vertex] - seen.depth_m * seen.outwards;
@@ -298,10 +311,10 @@ class HollowCarver::Impl {
     return seen;
   }
 
-  void vote(const HollowSights& sights, SightVotes& votes) const {
-    for_each_vertex(sights.sights.size(), [&](size_t i) {
+  void vote(std::span<const HollowSights::Sight> sights, SightVotes& votes) const {
+    for_each_vertex(sights.size(), [&](size_t i) {
       vote(
-          sights.sights[i], [&](uint16_t camera) { return &cameras_[camera]; }, votes);
+          sights[i], [&](uint16_t camera) { return &cameras_[camera]; }, votes);
     });
   }
 
@@ -328,11 +341,12 @@ class HollowCarver::Impl {
       ++cameras;
       const Vector3f out = (camera->center() - sight.place).normalized();
       for (float way = kFirstFree; way < last; ++way) {
-        votes.seen_through(sight.place + way * voxel_ * out);
+        votes.seen_through(sight.place + way * voxel_ * out, sight.vertices);
       }
     }
     for (int way = 0; cameras >= 2 && way < kSolid; ++way) {
-      votes.seen_there(sight.place - static_cast<float>(way) * voxel_ * sight.outwards);
+      votes.seen_there(sight.place - static_cast<float>(way) * voxel_ * sight.outwards,
+                       sight.vertices);
     }
   }
 
@@ -361,6 +375,7 @@ class HollowCarver::Impl {
   std::span<const CameraModel> models_;
   std::vector<DepthBuffer> depths_;
   std::vector<Vector3f> normals_, work_;
+  size_t every_ = kEvery;          ///< vertex looked last
   std::vector<Sight> sights_;      ///< of those who look: the nodes of labels_
   std::vector<uint32_t> node_of_;  ///< by vertex
   float price_of_step_ = 0;

@@ -24,6 +24,7 @@ struct HollowSights {
     float depth_m = 0;         ///< below it
     std::array<uint16_t, kMostCameras> cameras{};  ///< of the SurfaceCameras
     uint8_t count = 0;                             ///< of these, 2 or more
+    uint8_t vertices = 0;                          ///< that it speaks for: its votes
   };
   std::vector<Sight> sights;
   std::vector<Mask> covered;  ///< by camera: covered() of the hull
@@ -45,7 +46,7 @@ struct SightsBeside {
 /// about a place, they see it through all that lies before it: voxels that are seen through more
 /// often than something is seen in them go (SightVotes, VolumeCut), but none without which a camera
 /// would look through the hull where it sees something (uncovered()). What that opens is looked at
-/// once more, from its own surface. Sights of the pulses before and after vote, too, camera by
+/// twice more, from its own surface. Sights of the pulses before and after vote, too, camera by
 /// camera, where nothing moved in the picture: what stands still is carved alike. After the
 /// probabilistic visibility of Hernandez, Vogiatzis and Cipolla (CVPR 2007), with belief
 /// propagation on the surface in the place of depth maps and a majority in the place of a cut of

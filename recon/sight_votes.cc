@@ -39,7 +39,7 @@ void SightVotes::vote(const Eigen::Vector3f& place, uint32_t what) {
   if (brick < 0) return;
   const int inside = 64 * (voxel->z() % 8) + 8 * (voxel->y() % 8) + voxel->x() % 8;
   votes_[512 * static_cast<size_t>(brick) + inside].fetch_add(what, std::memory_order_relaxed);
-  if (what != kThrough || passed_[brick].load(std::memory_order_relaxed)) return;
+  if (what >= kThere || passed_[brick].load(std::memory_order_relaxed)) return;
   passed_[brick].store(true, std::memory_order_relaxed);
 }
 

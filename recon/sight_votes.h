@@ -20,9 +20,12 @@ class SightVotes {
   /// The volume's brick that holds a place in the world, metres; -1 where none is stored.
   int brick_at(const Eigen::Vector3f& place) const;
 
-  // Places in the world, metres; votes outside the volume are lost.
-  void seen_through(const Eigen::Vector3f& place) { vote(place, kThrough); }
-  void seen_there(const Eigen::Vector3f& place) { vote(place, kThere); }
+  // Places in the world, metres; each gives the voxel so many votes. Those outside the volume are
+  // lost.
+  void seen_through(const Eigen::Vector3f& place, uint32_t votes = 1) {
+    vote(place, kThrough * votes);
+  }
+  void seen_there(const Eigen::Vector3f& place, uint32_t votes = 1) { vote(place, kThere * votes); }
 
   /// The occupied voxels that were seen through at least `least` times (1 or more), and more often
   /// than something was seen there; votes count for the voxel and the 26 around it. A brick for
@@ -30,8 +33,8 @@ class SightVotes {
   std::vector<Brick> seen_through(int least) const;
 
  private:
-  // Both counts in one number, so that one addition is one vote. A frame gives a voxel some
-  // hundreds; more than 65,535 would count for the other kind.
+  // Both counts in one number, so that votes are one addition. A frame gives a voxel some
+  // thousands; more than 65,535 would count for the other kind.
   static constexpr uint32_t kThrough = 1, kThere = 1 << 16;
   /// The voxel; empty where there can be none.
   std::optional<Eigen::Vector3i> voxel_at(const Eigen::Vector3f& place) const;

@@ -46,6 +46,15 @@ std::vector<uint8_t> VolumeCut::bricks_near() const {
   return near([&](size_t b) { return cut_[b] != kEmptyBrick; });
 }
 
+std::vector<uint8_t> VolumeCut::bricks_near_more_than(std::span<const Brick> less) const {
+  return near([&](size_t b) {
+    for (size_t z = 0; z < cut_[b].size(); ++z) {
+      if ((cut_[b][z] & ~less[b][z]) != 0) return true;
+    }
+    return false;
+  });
+}
+
 void VolumeCut::smooth(int passes) {
   const auto cut_of = [&](size_t brick, int z) { return cut_[brick][z]; };
   const auto staying_of = [&](size_t brick, int z) {

@@ -30,6 +30,8 @@ class VolumeCut {
   const std::vector<Brick>& bricks() const { return cut_; }
   /// One per brick of the volume: not 0 where something is cut in it or in one around it.
   std::vector<uint8_t> bricks_near() const;
+  /// The same of what goes beyond another cut of the volume, `less`.
+  std::vector<uint8_t> bricks_near_more_than(std::span<const Brick> less) const;
   SparseVolume remaining() const;
 
  private:

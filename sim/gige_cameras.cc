@@ -3,6 +3,7 @@
 #include <arpa/inet.h>
 #include <arv.h>
 #include <netinet/in.h>
+#include <sys/mman.h>
 #include <sys/prctl.h>
 #include <sys/socket.h>
 #include <unistd.h>
@@ -12,7 +13,6 @@
 #include <cstdlib>
 #include <cstring>
 #include <deque>
-#include <filesystem>
 #include <mutex>
 
 #include "base/error.h"
@@ -90,29 +90,24 @@ std::string gige_serial(int camera) {
   return "V3D-SIM-" + std::string(number.size() < 2 ? "0" : "") + number;
 }
 
-/// Aravis reads the description from a file whenever a camera is created.
+/// Aravis reads the description from a file whenever a camera is created. This one has a name only
+/// as long as the process lives, however that ends.
 class GigeCameras::GenicamFile {
  public:
-  GenicamFile() {
-    std::string name = std::filesystem::temp_directory_path() / "v3d-sim-genicam-XXXXXX";
-    const int file = mkstemp(name.data());
+  GenicamFile() : file_(memfd_create("genicam.xml", MFD_CLOEXEC)) {
     const std::string xml = genicam_xml();
-    if (file < 0 || ::write(file, xml.data(), xml.size()) != static_cast<ssize_t>(xml.size())) {
-      throw InputError(errno_message(name));
+    if (file_ < 0 || ::write(file_, xml.data(), xml.size()) != static_cast<ssize_t>(xml.size())) {
+      throw InputError(errno_message("the cameras' description, in memory"));
     }
-    ::close(file);
-    path_ = name;
   }
-  ~GenicamFile() {
-    std::error_code ignored;
-    std::filesystem::remove(path_, ignored);
-  }
+  ~GenicamFile() { ::close(file_); }
   GenicamFile(const GenicamFile&) = delete;
   GenicamFile& operator=(const GenicamFile&) = delete;
   const char* c_str() const { return path_.c_str(); }
 
  private:
-  std::string path_;
+  const int file_;
+  const std::string path_ = "/proc/self/fd/" + std::to_string(file_);
 };
 
 /// One camera: the fake camera with its thread while it is plugged in, and the images that wait to

@@ -51,6 +51,17 @@ TEST(SightVotes, must_outnumber_those_for_something_that_was_seen_there) {
   EXPECT_EQ(count(votes.seen_through(4)), 18) << "the 9 between them are even";
 }
 
+TEST(SightVotes, may_be_several_at_once) {
+  const SparseVolume volume = full(16, 16, 16);
+  SightVotes votes(volume);
+  votes.seen_through(middle_of(volume, 5, 5, 5), 6);
+  for (int i = 0; i < 5; ++i) votes.seen_there(middle_of(volume, 5, 5, 5));
+  EXPECT_EQ(count(votes.seen_through(6)), 27);
+  EXPECT_EQ(count(votes.seen_through(7)), 0);
+  votes.seen_there(middle_of(volume, 5, 5, 5), 2);
+  EXPECT_EQ(count(votes.seen_through(6)), 0);
+}
+
 TEST(SightVotes, are_lost_where_the_volume_is_not) {
   const SparseVolume volume =
       make_volume(small_grid(20, 16, 16), [](int i, int j, int) { return i == 9 && j < 8; });

@@ -123,6 +123,19 @@ TEST(VolumeCut, joins_voxels_by_edges_but_not_by_corners) {
   }
 }
 
+TEST(VolumeCut, tells_bricks_near_what_goes_beyond_a_smaller_cut) {
+  const SparseVolume volume = make_volume(small_grid(80, 8, 8), [](int, int, int) { return true; });
+  const auto less = [](int i, int, int) { return i < 4 || i == 60; };
+  const VolumeCut cut(volume, bricks_of(volume, [&](int i, int j, int k) {
+                        return (less(i, j, k) && i != 60) || (i == 33 && j == 2 && k == 5);
+                      }));
+  const std::vector<uint8_t> near = cut.bricks_near_more_than(bricks_of(volume, less));
+  for (size_t b = 0; b < near.size(); ++b) {
+    const int x = volume.coords()[b].x;
+    EXPECT_EQ(near[b] != 0, x >= 3 && x <= 5) << "brick " << x;
+  }
+}
+
 TEST(VolumeCut, can_be_told_to_keep_voxels) {
   const SparseVolume volume = block_with_bud();
   const auto stalk = [](int i, int, int) { return i >= 12 && i < 16; };
