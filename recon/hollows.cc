@@ -45,9 +45,9 @@ constexpr float kContrast = 0.31F;
 constexpr float kMostShortfall = 2;
 constexpr size_t kEveryContrast = 8;  ///< of those who look tells it
 static_assert(BlockSight::kMost % kEveryContrast == 0, "the same ones by block");
-constexpr float kUnit = 512;  ///< of LabelField's costs, for a correlation of 1
-constexpr int16_t kSlope = 128;
-constexpr int kRounds = 6;
+constexpr float kUnit = 124;  ///< of LabelField's costs, for a correlation of 1
+constexpr uint8_t kSlope = 31;
+constexpr int kRounds = 4;
 
 /// Correlation with another camera from which on a camera is said to see the place.
 constexpr float kAgreeing = 0.4F;

@@ -11,8 +11,8 @@
 namespace v3d {
 
 struct LabelFieldOptions {
-  int16_t slope = 128;  ///< what neighbours pay for each label between theirs; at most 256
-  int rounds = 10;      ///< in which every node hears of nodes one edge farther away
+  uint8_t slope = 31;  ///< what neighbours pay for each label between theirs; at most 31
+  int rounds = 10;     ///< in which every node hears of nodes one edge farther away
 };
 
 /// Min-sum belief propagation with truncated linear costs of edges (Felzenszwalb and Huttenlocher,
@@ -28,7 +28,11 @@ class LabelField {
   struct alignas(64) Costs {
     std::array<int16_t, kLabels> of{};
   };
-  static constexpr int16_t kMostCost = 2048;
+  static constexpr int16_t kMostCost = 512;
+  /// What a node hears along an edge: costs of its labels, as far as they are not the same for all.
+  struct alignas(32) Message {
+    std::array<uint8_t, kLabels> of{};
+  };
   using Edge = std::pair<uint32_t, uint32_t>;
 
   /// `edges`: each once, in any order. A label per node; lives until the next call.
@@ -38,9 +42,9 @@ class LabelField {
  private:
   void connect(size_t nodes, std::span<const Edge> edges);
 
-  std::vector<uint32_t> first_;         ///< of each node, in messages_; and the end
-  std::vector<uint32_t> answer_;        ///< where the other end of the edge hears of this one
-  std::vector<Costs> messages_, next_;  ///< what a node hears, edge by edge
+  std::vector<uint32_t> first_;           ///< of each node, in messages_; and the end
+  std::vector<uint32_t> answer_;          ///< where the other end of the edge hears of this one
+  std::vector<Message> messages_, next_;  ///< what a node hears, edge by edge
   std::vector<uint8_t> labels_;
 };
 

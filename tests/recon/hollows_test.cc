@@ -119,23 +119,30 @@ const Studio& studio() {
   return kStudio;
 }
 
-bool in_body(const Eigen::Vector3d& p) {
-  const bool arm = std::abs(p.y()) > kInside && p.x() < kArms;
-  return (p.x() < kBelly || arm) && p.x() > -kArms && std::abs(p.y()) < kArms &&
-         std::abs(p.z() - 1) < kTop;
+/// In body or arms, so far below their surface at least.
+bool in_body(const Eigen::Vector3d& p, double below = 0) {
+  const bool arm = std::abs(p.y()) > kInside + below && p.x() < kArms - below;
+  return (p.x() < kBelly - below || arm) && p.x() > -kArms + below &&
+         std::abs(p.y()) < kArms - below && std::abs(p.z() - 1) < kTop - below;
 }
 
-/// Occupied voxels in the hollow, and in body and arms.
-std::pair<int, int> count(const SparseVolume& volume) {
-  std::pair<int, int> counts;
+/// Occupied voxels.
+struct Count {
+  int hollow = 0, solid = 0;
+  int core = 0;  ///< of the solid ones, those a voxel below its surface
+};
+
+Count count(const SparseVolume& volume) {
+  Count counts;
   const auto& n = volume.grid().counts;
   for (int k = 0; k < n[2]; ++k) {
     for (int j = 0; j < n[1]; ++j) {
       for (int i = 0; i < n[0]; ++i) {
         if (!volume.get(i, j, k)) continue;
         const Eigen::Vector3d at = volume.grid().center(i, j, k);
-        counts.first += in_hollow(at);
-        counts.second += in_body(at);
+        counts.hollow += in_hollow(at);
+        counts.solid += in_body(at);
+        counts.core += in_body(at, kVoxelM);
       }
     }
   }
@@ -143,13 +150,14 @@ std::pair<int, int> count(const SparseVolume& volume) {
 }
 
 TEST(HollowCarver, empties_what_cameras_see_into_and_leaves_what_is_solid) {
-  const auto [hollow, solid] = count(studio().volume);
-  EXPECT_GT(hollow, 4'500) << "the silhouettes span it";
-  const auto [left, kept] = count(studio().carved());
-  // A single look leaves 0.54 of it: three voxels before what is found are not voted for, and
-  // cameras see into the depth only over what the first look opens.
-  EXPECT_LT(left, 0.37 * hollow);
-  EXPECT_GT(kept, 0.98 * solid);
+  const Count hull = count(studio().volume), carved = count(studio().carved());
+  EXPECT_GT(hull.hollow, 4'500) << "the silhouettes span it";
+  // A single look leaves 0.54 of it, and two 0.40: three voxels before what is found are not voted
+  // for, and cameras see into the depth only over what the looks before have opened.
+  EXPECT_LT(carved.hollow, 0.32 * hull.hollow);
+  // Where walls are laid bare, the face may be off by a part of a voxel.
+  EXPECT_GT(carved.solid, 0.97 * hull.solid);
+  EXPECT_GT(carved.core, 0.98 * hull.core);
 }
 
 /// Upright before the arms.
@@ -161,7 +169,7 @@ TEST(HollowCarver, opens_no_silhouette) {
   // Pictures look through the blade, as through one that mirrors what is around it.
   const Studio there(with_blade, speckled(embrace()));
   const SparseVolume left = there.carved();
-  EXPECT_LT(count(left).first, 0.8 * count(there.volume).first);
+  EXPECT_LT(count(left).hollow, 0.8 * count(there.volume).hollow);
   const VoxelGrid& grid = left.grid();
   for (double z = 0.91; z < 1.1; z += kVoxelM) {
     const Eigen::Vector3d at = (Eigen::Vector3d(0.25, 0, z) - grid.origin) / kVoxelM;
@@ -191,7 +199,8 @@ SparseVolume carved_by_the_pulse_before(const Studio& then, size_t cameras_now =
 }
 
 TEST(HollowCarver, believes_the_pulse_before_where_nothing_moved_in_the_pictures) {
-  EXPECT_LT(count(carved_by_the_pulse_before(studio())).first, 0.47 * count(studio().volume).first);
+  EXPECT_LT(count(carved_by_the_pulse_before(studio())).hollow,
+            0.32 * count(studio().volume).hollow);
   EXPECT_EQ(carved_by_the_pulse_before(Studio(speckled(embrace(), 8))), studio().volume);
   EXPECT_EQ(carved_by_the_pulse_before(studio(), 0), studio().volume) << "cameras that are gone";
 }

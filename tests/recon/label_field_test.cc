@@ -11,7 +11,7 @@ namespace v3d {
 namespace {
 
 constexpr int kLabels = LabelField::kLabels;
-constexpr int16_t kSlope = 128;
+constexpr uint8_t kSlope = 31;
 
 struct Graph {
   std::vector<LabelField::Costs> costs;
@@ -83,7 +83,7 @@ TEST(LabelField, is_the_cheapest_of_all_where_nodes_form_a_chain) {
   for (int i = 0; i < 20; ++i) {
     Graph graph = chain(12);
     for (LabelField::Costs& costs : graph.costs) {
-      for (int16_t& cost : costs.of) cost = static_cast<int16_t>(random() % 1000);
+      for (int16_t& cost : costs.of) cost = static_cast<int16_t>(random() % 250);
     }
     // Messages go half of what is left each round: many rounds, and a rest of whole numbers.
     const int64_t price = price_of(graph, graph.solve({.slope = kSlope, .rounds = 60}));
@@ -93,21 +93,21 @@ TEST(LabelField, is_the_cheapest_of_all_where_nodes_form_a_chain) {
 
 TEST(LabelField, takes_those_that_know_nothing_along_with_their_neighbours) {
   Graph graph = chain(7);
-  graph.costs[0] = wish(9, 500);
-  graph.costs[6] = wish(9, 500);
+  graph.costs[0] = wish(9, 125);
+  graph.costs[6] = wish(9, 125);
   for (const uint8_t label : graph.solve()) EXPECT_EQ(label, 9);
 }
 
 TEST(LabelField, lets_neighbours_overrule_one_that_errs) {
   Graph graph = chain(9);
-  for (auto& costs : graph.costs) costs = wish(4, 600);
-  graph.costs[4] = wish(29, 600);
+  for (auto& costs : graph.costs) costs = wish(4, 150);
+  graph.costs[4] = wish(29, 150);
   EXPECT_EQ(graph.solve()[4], 4);
 }
 
 TEST(LabelField, breaks_where_both_sides_are_sure) {
   Graph graph = chain(10);
-  for (size_t n = 0; n < 10; ++n) graph.costs[n] = wish(n < 5 ? 2 : 30, 1500);
+  for (size_t n = 0; n < 10; ++n) graph.costs[n] = wish(n < 5 ? 2 : 30, 375);
   const std::vector<uint8_t> labels = graph.solve();
   for (size_t n = 0; n < 10; ++n) EXPECT_EQ(labels[n], n < 5 ? 2 : 30);
 }
