@@ -55,7 +55,7 @@ constexpr float kAgreeing = 0.4F;
 // leaves the hull on a slant. The votes count one voxel around.
 constexpr float kFirstFree = 3.5F;
 constexpr float kMostSlant = 3, kBeyondSkin = 2;
-constexpr int kSolid = 3;  ///< voxels from the place inwards
+constexpr int kSolid = 5;  ///< voxels from the place inwards
 
 constexpr int kLeastVotes = 16;  ///< of vertices
 constexpr int kCutSmoothing = 8;

@@ -87,7 +87,7 @@ TEST(LabelField, is_the_cheapest_of_all_where_nodes_form_a_chain) {
     }
     // Messages go half of what is left each round: many rounds, and a rest of whole numbers.
     const int64_t price = price_of(graph, graph.solve({.slope = kSlope, .rounds = 60}));
-    EXPECT_LE(price, least_price(graph) + 24);
+    EXPECT_LE(price, least_price(graph) + 6);
   }
 }
 
