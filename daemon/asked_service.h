@@ -13,16 +13,16 @@
 #include <optional>
 #include <span>
 
+#include "base/io/big_endian.h"
+
 namespace v3d {
 
 /// A number of `size` bytes, big-endian. Requires at + size <= bytes.size().
 inline uint64_t number_at(std::span<const uint8_t> bytes, size_t at, size_t size) {
-  uint64_t n = 0;
-  for (size_t i = 0; i < size; ++i) n = n << 8 | bytes[at + i];
-  return n;
+  return read_big_endian(bytes.subspan(at, size));
 }
 inline void put_number(std::span<uint8_t> bytes, size_t at, size_t size, uint64_t n) {
-  for (size_t i = 0; i < size; ++i) bytes[at + i] = static_cast<uint8_t>(n >> 8 * (size - 1 - i));
+  write_big_endian(n, bytes.subspan(at, size));
 }
 
 /// What was last heard of the service, for so long as it answers. One thread, never waits but in

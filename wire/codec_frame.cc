@@ -3,6 +3,7 @@
 #include <utility>
 
 #include "base/checksum.h"
+#include "base/io/big_endian.h"
 #include "v3d/frame_t.hpp"
 #include "wire/codec.h"
 #include "wire/packing.h"
@@ -81,20 +82,14 @@ bool take_pixels(frame_t& w, Frame& frame) {
   return true;
 }
 
-void put_big_endian(uint64_t value, std::span<uint8_t> to) {
-  for (size_t i = 0; i < to.size(); ++i) {
-    to[i] = static_cast<uint8_t>(value >> (8 * (to.size() - 1 - i)));
-  }
-}
-
 /// The pixels are the last field; their count and the checksum stand before the runs of the mask.
 Bytes pack_head(const FrameMessage& m, size_t room) {
   const frame_t w = frame_without_pixels(m);
   Bytes bytes = pack(w, room);
   const Bytes& pixels = m.frame.image.bytes;
   const std::span fields = std::span(bytes).first(bytes.size() - w.runs.size());
-  put_big_endian(pixels.size(), fields.last(4));
-  put_big_endian(checksum({bytes, pixels}), fields.last(kFrameTail).first(kChecksumSize));
+  write_big_endian(pixels.size(), fields.last(4));
+  write_big_endian(checksum({bytes, pixels}), fields.last(kFrameTail).first(kChecksumSize));
   return bytes;
 }
 
@@ -139,12 +134,8 @@ std::optional<FrameHead> decode_frame_head(std::span<const uint8_t> first_bytes)
   const auto before = bytes_before_arrays(kFrameLayout, first_bytes.subspan(kFingerprintSize));
   if (!before) return std::nullopt;
   const size_t head_size = kFingerprintSize + *before;
-  const auto big_endian = [&](size_t at) {
-    uint32_t n = 0;
-    for (size_t i = 0; i < 4; ++i) n = n << 8 | first_bytes[at + i];
-    return size_t{n};
-  };
-  const size_t arrays = big_endian(head_size - 8) + big_endian(head_size - 4);
+  const auto counts = first_bytes.first(head_size).last(8);
+  const size_t arrays = read_big_endian(counts.first(4)) + read_big_endian(counts.last(4));
   // The generated decoder sees the same message with both arrays empty.
   Bytes head(first_bytes.begin(), first_bytes.begin() + static_cast<ptrdiff_t>(head_size));
   std::fill(head.end() - 8, head.end(), uint8_t{0});

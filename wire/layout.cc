@@ -3,6 +3,8 @@
 #include <array>
 #include <cstring>
 
+#include "base/io/big_endian.h"
+
 namespace v3d {
 namespace {
 
@@ -57,8 +59,7 @@ class Walker {
 
   std::optional<size_t> length() {
     if (left() < 4) return std::nullopt;
-    const uint8_t* p = body_.data() + position_;
-    const uint32_t n = uint32_t{p[0]} << 24 | uint32_t{p[1]} << 16 | uint32_t{p[2]} << 8 | p[3];
+    const uint64_t n = read_big_endian(body_.subspan(position_, 4));
     if (n > INT32_MAX) return std::nullopt;
     position_ += 4;
     return n;

@@ -1,0 +1,31 @@
+// Unsigned integers in big-endian byte order: LCM messages and logs, PTP, chrony.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+namespace v3d {
+
+/// The number in `bytes`, most significant byte first; 0 of no bytes.
+/// Requires at most 8 bytes.
+constexpr uint64_t read_big_endian(std::span<const uint8_t> bytes) {
+  uint64_t value = 0;
+  for (const uint8_t byte : bytes) value = value << 8 | byte;
+  return value;
+}
+
+/// Writes the lowest 8 * to.size() bits of `value`, most significant byte first.
+/// Requires at most 8 bytes.
+constexpr void write_big_endian(uint64_t value, std::span<uint8_t> to) {
+  for (size_t i = to.size(); i > 0; --i, value >>= 8) to[i - 1] = static_cast<uint8_t>(value);
+}
+
+/// Appends the lowest `size` bytes of `value`, most significant byte first. Requires size <= 8.
+constexpr void put_big_endian(std::vector<uint8_t>& bytes, uint64_t value, size_t size) {
+  bytes.resize(bytes.size() + size);
+  write_big_endian(value, std::span(bytes).last(size));
+}
+
+}  // namespace v3d
