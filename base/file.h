@@ -1,4 +1,4 @@
-// Whole files, read and replaced in one step.
+// Whole files for set-up and commands: the functions of base/io/file.h, with exceptions.
 #pragma once
 
 #include <cstdint>
@@ -8,12 +8,10 @@
 
 namespace v3d {
 
-/// Throws InputError naming the file when it cannot be read.
+/// io::read_file(). Throws InputError with path and cause.
 std::string read_file(const std::filesystem::path& path);
 
-/// Readers see the old text or the new, never a part; after return it survives a power cut
-/// (temporary file, fsync, rename, fsync of the folder). Throws std::runtime_error with the path
-/// and the cause.
+/// io::replace_file(). Throws std::runtime_error with path and cause.
 void replace_file(const std::filesystem::path& path, std::string_view text);
 
 /// Memory that can be had without swapping (MemAvailable of /proc/meminfo), bytes.

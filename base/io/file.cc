@@ -1,0 +1,246 @@
+#include "base/io/file.h"
+
+#include <fcntl.h>
+#include <sys/stat.h>
+#include <sys/uio.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <array>
+#include <atomic>
+#include <cassert>
+#include <string>
+#include <vector>
+
+namespace v3d::io {
+namespace {
+
+namespace fs = std::filesystem;
+
+fs::path folder_of(const fs::path& path) {
+  return path.has_parent_path() ? path.parent_path() : fs::path(".");
+}
+
+int flags_of(OpenMode mode) {
+  // A FIFO would block without O_NONBLOCK; regular files ignore it.
+  constexpr int kAlways = O_CLOEXEC | O_NONBLOCK | O_NOCTTY;
+  switch (mode) {
+    case OpenMode::kRead:
+      return O_RDONLY | kAlways;
+    case OpenMode::kCreate:
+      return O_RDWR | O_CREAT | O_EXCL | kAlways;
+    case OpenMode::kWriteExisting:
+      return O_RDWR | kAlways;
+  }
+  return O_RDONLY | kAlways;
+}
+
+std::string_view action_of(OpenMode mode) {
+  return mode == OpenMode::kRead ? "read" : mode == OpenMode::kCreate ? "create" : "write";
+}
+
+/// Retries a system call that a signal interrupted.
+template <class Call>
+auto uninterrupted(Call call) {
+  auto result = call();
+  while (result < 0 && errno == EINTR) result = call();
+  return result;
+}
+
+/// Not the name of any file there: this process, this moment.
+fs::path temporary_beside(const fs::path& path) {
+  static std::atomic<uint64_t> count = 0;
+  return path.string() + ".part-" + std::to_string(getpid()) + "-" + std::to_string(++count);
+}
+
+/// A new file beside `path`; the name may be left over from a process that had our number.
+Result<File> create_beside(const fs::path& path) {
+  for (;;) {
+    auto file = File::open(temporary_beside(path), OpenMode::kCreate);
+    if (file || file.error().code != EEXIST) return file;
+  }
+}
+
+std::span<const uint8_t> bytes_of(std::string_view text) {
+  return {reinterpret_cast<const uint8_t*>(text.data()), text.size()};
+}
+
+/// Syncs the written file and renames it to its name; removes it when anything fails.
+Status put_in_place(File file, Status status, const fs::path& path) {
+  if (status) status = file.sync();
+  if (status && ::rename(file.path().c_str(), path.c_str()) != 0) {
+    status = io_error("replace", path);
+  }
+  if (!status) ::unlink(file.path().c_str());
+  return status;
+}
+
+/// As renameat2(RENAME_NOREPLACE), also on file systems that do not know the flag (NFS).
+int rename_no_replace(const fs::path& from, const fs::path& to) {
+  if (renameat2(AT_FDCWD, from.c_str(), AT_FDCWD, to.c_str(), RENAME_NOREPLACE) == 0) return 0;
+  if (errno != EINVAL) return -1;
+  struct stat status {};
+  if (lstat(to.c_str(), &status) == 0) {
+    errno = EEXIST;
+    return -1;
+  }
+  return ::rename(from.c_str(), to.c_str());
+}
+
+Status copy_bytes(const File& from, File& to) {
+  std::vector<uint8_t> chunk(1 << 20);
+  for (uint64_t offset = 0;;) {
+    const auto got = from.read(offset, chunk);
+    if (!got) return tl::make_unexpected(got.error());
+    if (*got == 0) return {};
+    if (Status status = to.write(offset, {std::span(chunk).first(*got)}); !status) return status;
+    offset += *got;
+  }
+}
+
+}  // namespace
+
+Result<File> File::open(fs::path path, OpenMode mode) {
+  UniqueFd fd(uninterrupted([&] { return ::open(path.c_str(), flags_of(mode), 0644); }));
+  if (!fd) return io_error(action_of(mode), path);
+  struct stat status {};
+  if (fstat(fd.get(), &status) != 0) return io_error(action_of(mode), path);
+  if (!S_ISREG(status.st_mode)) {
+    return io_error(action_of(mode), path, "it is not a regular file");
+  }
+  return File(std::move(path), std::move(fd));
+}
+
+Result<uint64_t> File::size() const {
+  struct stat status {};
+  if (fstat(fd_.get(), &status) != 0) return io_error("read", path_);
+  return static_cast<uint64_t>(status.st_size);
+}
+
+Result<size_t> File::read(uint64_t offset, std::span<uint8_t> bytes) const {
+  size_t done = 0;
+  while (done < bytes.size()) {
+    const ssize_t n = uninterrupted([&] {
+      return pread(fd_.get(), bytes.data() + done, bytes.size() - done,
+                   static_cast<off_t>(offset + done));
+    });
+    if (n < 0) return io_error("read", path_);
+    if (n == 0) break;
+    done += static_cast<size_t>(n);
+  }
+  return done;
+}
+
+Status File::write(uint64_t offset, std::initializer_list<std::span<const uint8_t>> parts) {
+  constexpr size_t kMaxParts = 4;
+  std::array<iovec, kMaxParts> vectors{};
+  assert(parts.size() <= kMaxParts);
+  size_t count = 0;
+  for (const auto part : parts) {  // pwritev() only reads
+    if (!part.empty()) vectors[count++] = {const_cast<uint8_t*>(part.data()), part.size()};
+  }
+  std::span<iovec> left(vectors.data(), count);
+  while (!left.empty()) {
+    const ssize_t n = uninterrupted([&] {
+      return pwritev(fd_.get(), left.data(), static_cast<int>(left.size()),
+                     static_cast<off_t>(offset));
+    });
+    if (n < 0) return io_error("write", path_);
+    if (n == 0) return io_error("write", path_, "the disk takes no bytes", EIO);
+    offset += static_cast<uint64_t>(n);
+    auto taken = static_cast<size_t>(n);
+    while (!left.empty() && taken >= left.front().iov_len) {
+      taken -= left.front().iov_len;
+      left = left.subspan(1);
+    }
+    if (taken > 0) {
+      left.front().iov_base = static_cast<uint8_t*>(left.front().iov_base) + taken;
+      left.front().iov_len -= taken;
+    }
+  }
+  return {};
+}
+
+Status File::sync() {
+  if (uninterrupted([&] { return fsync(fd_.get()); }) != 0) return io_error("sync", path_);
+  return {};
+}
+
+Status sync_folder(const fs::path& folder) {
+  const UniqueFd fd(
+      uninterrupted([&] { return ::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC); }));
+  if (!fd) return io_error("sync folder", folder);
+  // File systems without it (some FUSE mounts) say EINVAL; there is nothing to wait for there.
+  if (uninterrupted([&] { return fsync(fd.get()); }) != 0 && errno != EINVAL) {
+    return io_error("sync folder", folder);
+  }
+  return {};
+}
+
+Result<std::string> read_file(const fs::path& path, uint64_t max_bytes) {
+  const auto file = File::open(path, OpenMode::kRead);
+  if (!file) return tl::make_unexpected(file.error());
+  std::string content;
+  std::array<uint8_t, 1 << 16> chunk{};
+  for (;;) {  // files of /proc have no length before they are read
+    const auto got = file->read(content.size(), chunk);
+    if (!got) return tl::make_unexpected(got.error());
+    if (*got == 0) return content;
+    content.append(reinterpret_cast<const char*>(chunk.data()), *got);
+    if (content.size() > max_bytes) {
+      return io_error("read", path, "it is longer than " + std::to_string(max_bytes) + " bytes",
+                      EFBIG);
+    }
+  }
+}
+
+Status replace_file(const fs::path& path, std::string_view content) {
+  auto file = create_beside(path);
+  if (!file) return tl::make_unexpected(file.error());
+  Status status = file->write(0, {bytes_of(content)});
+  status = put_in_place(*std::move(file), std::move(status), path);
+  return status ? sync_folder(folder_of(path)) : status;
+}
+
+Status copy_file(const fs::path& from, const fs::path& to) {
+  const auto source = File::open(from, OpenMode::kRead);
+  if (!source) return tl::make_unexpected(source.error());
+  auto file = create_beside(to);
+  if (!file) return tl::make_unexpected(file.error());
+  Status status = copy_bytes(*source, *file);
+  return put_in_place(*std::move(file), std::move(status), to);
+}
+
+Result<std::vector<fs::path>> list_folder(const fs::path& folder) {
+  std::error_code error;
+  std::vector<fs::path> entries;
+  for (fs::directory_iterator entry(folder, error), end; !error && entry != end;
+       entry.increment(error)) {
+    entries.push_back(entry->path());
+  }
+  if (error) return io_error("list folder", folder, error.message(), error.value());
+  std::sort(entries.begin(), entries.end());
+  return entries;
+}
+
+Status create_folders(const fs::path& folder) {
+  std::error_code error;
+  if (fs::is_directory(folder, error)) return {};
+  const fs::path parent = folder_of(folder);
+  if (parent != folder) {
+    if (Status status = create_folders(parent); !status) return status;
+  }
+  if (::mkdir(folder.c_str(), 0777) != 0 && errno != EEXIST) return io_error("make folder", folder);
+  if (!fs::is_directory(folder, error)) {
+    return io_error("make folder", folder, "the name is taken by a file", EEXIST);
+  }
+  return sync_folder(parent);
+}
+
+Status rename_new(const fs::path& from, const fs::path& to) {
+  if (rename_no_replace(from, to) != 0) return io_error("rename " + from.string() + " to", to);
+  if (Status status = sync_folder(folder_of(to)); !status) return status;
+  return folder_of(from) == folder_of(to) ? Status() : sync_folder(folder_of(from));
+}
+
+}  // namespace v3d::io

@@ -1,0 +1,180 @@
+#include <fcntl.h>
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <sys/resource.h>
+#include <sys/stat.h>
+
+#include <csignal>
+#include <thread>
+
+#include "base/io/file.h"
+#include "support/temporary_folder.h"
+
+namespace v3d::io {
+namespace {
+
+namespace fs = std::filesystem;
+using testing::ElementsAre;
+using testing::HasSubstr;
+
+std::vector<uint8_t> bytes_of(std::string_view text) { return {text.begin(), text.end()}; }
+
+TEST(UniqueFd, closes_its_descriptor_once_and_gives_it_away_by_moving) {
+  int number = -1;
+  {
+    UniqueFd first(open("/dev/null", O_RDONLY | O_CLOEXEC));
+    number = first.get();
+    const UniqueFd second(std::move(first));
+    EXPECT_FALSE(first);  // NOLINT(bugprone-use-after-move): what moving leaves is the test
+    EXPECT_EQ(second.get(), number);
+    EXPECT_GE(fcntl(number, F_GETFD), 0);
+  }
+  EXPECT_LT(fcntl(number, F_GETFD), 0);
+}
+
+TEST(IoFile, tells_data_from_the_end_of_the_file_and_from_an_error) {
+  const test::TemporaryFolder folder;
+  test::write_text(folder / "a", "0123456789");
+  const auto file = File::open(folder / "a", OpenMode::kRead);
+  ASSERT_TRUE(file);
+  std::vector<uint8_t> bytes(4);
+  EXPECT_EQ(file->read(0, bytes).value(), 4U);
+  EXPECT_EQ(bytes, bytes_of("0123"));
+  EXPECT_EQ(file->read(8, bytes).value(), 2U);
+  EXPECT_EQ(file->read(10, bytes).value(), 0U);
+  EXPECT_EQ(file->size().value(), 10U);
+  close(file->fd());
+  const auto failed = file->read(0, bytes);
+  ASSERT_FALSE(failed);
+  EXPECT_EQ(failed.error().code, EBADF);
+  EXPECT_EQ(failed.error().message,
+            "cannot read " + (folder / "a").string() + ": Bad file descriptor");
+}
+
+TEST(IoFile, writes_all_parts_one_behind_the_other_where_it_is_told) {
+  const test::TemporaryFolder folder;
+  {
+    auto file = File::open(folder / "a", OpenMode::kCreate);
+    ASSERT_TRUE(file);
+    EXPECT_TRUE(file->write(0, {bytes_of("ab"), bytes_of(""), bytes_of("cdef")}));
+    EXPECT_TRUE(file->write(1, {bytes_of("XY")}));
+    EXPECT_TRUE(file->sync());
+  }
+  EXPECT_EQ(read_file(folder / "a").value(), "aXYdef");
+}
+
+TEST(IoFile, reports_the_bytes_that_the_disk_does_not_take) {
+  const test::TemporaryFolder folder;
+  auto file = File::open(folder / "a", OpenMode::kCreate);
+  ASSERT_TRUE(file);
+  const auto handler = std::signal(SIGXFSZ, SIG_IGN);
+  rlimit before{};
+  getrlimit(RLIMIT_FSIZE, &before);
+  const rlimit limit{5, before.rlim_max};
+  setrlimit(RLIMIT_FSIZE, &limit);
+  const Status written = file->write(0, {bytes_of("0123456789")});
+  setrlimit(RLIMIT_FSIZE, &before);
+  std::signal(SIGXFSZ, handler);
+  ASSERT_FALSE(written);
+  EXPECT_EQ(written.error().code, EFBIG);
+  EXPECT_THAT(written.error().message, HasSubstr("cannot write " + (folder / "a").string()));
+}
+
+TEST(IoFile, is_never_created_where_a_file_stands) {
+  const test::TemporaryFolder folder;
+  test::write_text(folder / "a", "footage");
+  const auto file = File::open(folder / "a", OpenMode::kCreate);
+  ASSERT_FALSE(file);
+  EXPECT_EQ(file.error().code, EEXIST);
+  EXPECT_EQ(read_file(folder / "a").value(), "footage");
+}
+
+TEST(IoFile, refuses_a_fifo_and_a_folder_at_once) {
+  const test::TemporaryFolder folder;
+  ASSERT_EQ(mkfifo((folder / "fifo").c_str(), 0644), 0);
+  for (const fs::path& path : {folder / "fifo", folder.path()}) {
+    const auto content = read_file(path);
+    ASSERT_FALSE(content);
+    EXPECT_EQ(content.error().message,
+              "cannot read " + path.string() + ": it is not a regular file");
+  }
+}
+
+TEST(ReadFile, refuses_a_file_that_is_too_long) {
+  const test::TemporaryFolder folder;
+  test::write_text(folder / "a", std::string(100'000, 'x'));
+  EXPECT_EQ(read_file(folder / "a", 100'000)->size(), 100'000U);
+  EXPECT_THAT(read_file(folder / "a", 99'999).error().message,
+              HasSubstr("it is longer than 99999 bytes"));
+}
+
+TEST(ReplaceFile, by_many_threads_at_once_leaves_one_whole_content_and_no_temporary_file) {
+  const test::TemporaryFolder folder;
+  std::vector<std::thread> threads;
+  for (int t = 0; t < 4; ++t) {
+    threads.emplace_back([&, t] {
+      for (int i = 0; i < 20; ++i) {
+        EXPECT_TRUE(replace_file(folder / "a", std::string(50'000, static_cast<char>('a' + t))));
+      }
+    });
+  }
+  for (std::thread& thread : threads) thread.join();
+  const std::string content = read_file(folder / "a").value();
+  EXPECT_EQ(content, std::string(50'000, content.front()));
+  EXPECT_EQ(std::distance(fs::directory_iterator(folder.path()), {}), 1);
+}
+
+TEST(ReplaceFile, keeps_the_old_content_and_no_temporary_file_when_it_fails) {
+  const test::TemporaryFolder folder;
+  fs::create_directories(folder / "a/b");  // a folder cannot be replaced by a file
+  const Status status = replace_file(folder / "a", "new");
+  ASSERT_FALSE(status);
+  EXPECT_THAT(status.error().message, HasSubstr("cannot replace " + (folder / "a").string()));
+  EXPECT_TRUE(fs::is_directory(folder / "a/b"));
+  EXPECT_EQ(std::distance(fs::directory_iterator(folder.path()), {}), 1);
+}
+
+TEST(SyncFolder, reports_a_folder_that_is_not_there) {
+  EXPECT_EQ(sync_folder("/nonexistent").error().message,
+            "cannot sync folder /nonexistent: No such file or directory");
+}
+
+TEST(ListFolder, gives_the_entries_by_name_and_reports_what_it_cannot_list) {
+  const test::TemporaryFolder folder;
+  test::write_text(folder / "b", "");
+  test::write_text(folder / "a", "");
+  EXPECT_THAT(list_folder(folder.path()).value(), ElementsAre(folder / "a", folder / "b"));
+  EXPECT_EQ(list_folder(folder / "none").error().code, ENOENT);
+}
+
+TEST(RenameNew, does_not_replace_what_stands_at_its_place) {
+  const test::TemporaryFolder folder;
+  test::write_text(folder / "a", "one");
+  test::write_text(folder / "b", "two");
+  EXPECT_EQ(rename_new(folder / "a", folder / "b").error().code, EEXIST);
+  EXPECT_EQ(read_file(folder / "b").value(), "two");
+  EXPECT_TRUE(rename_new(folder / "a", folder / "c"));
+  EXPECT_EQ(read_file(folder / "c").value(), "one");
+}
+
+TEST(CopyFile, copies_every_byte_and_reports_a_source_that_is_not_there) {
+  const test::TemporaryFolder folder;
+  const std::string content(3'000'000, 'x');
+  test::write_text(folder / "a", content);
+  EXPECT_TRUE(io::copy_file(folder / "a", folder / "b"));
+  EXPECT_EQ(read_file(folder / "b").value(), content);
+  EXPECT_THAT(io::copy_file(folder / "none", folder / "b").error().message,
+              HasSubstr("cannot read " + (folder / "none").string()));
+}
+
+TEST(CreateFolders, makes_all_that_are_missing_and_refuses_a_file_in_the_way) {
+  const test::TemporaryFolder folder;
+  EXPECT_TRUE(create_folders(folder / "a/b/c"));
+  EXPECT_TRUE(create_folders(folder / "a/b/c"));
+  EXPECT_TRUE(fs::is_directory(folder / "a/b/c"));
+  test::write_text(folder / "file", "");
+  EXPECT_FALSE(create_folders(folder / "file/b"));
+}
+
+}  // namespace
+}  // namespace v3d::io
