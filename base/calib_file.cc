@@ -101,8 +101,8 @@ RigCamera read_camera(const TomlTable& camera, const std::string& name) {
 
 RigCamera read_named_camera(const TomlTable& camera) {
   const std::string name = camera.text("name");
-  if (!is_file_name(name)) {
-    camera.fail("name", "'" + name + "' cannot name a camera: " + std::string(kFileNameRule));
+  if (!is_camera_name(name)) {
+    camera.fail("name", "'" + name + "' cannot name a camera: " + std::string(kCameraNameRule));
   }
   return read_camera(camera, name);
 }

@@ -1,6 +1,7 @@
 #include "base/name.h"
 
 #include <algorithm>
+#include <cstddef>
 
 namespace v3d {
 namespace {
@@ -17,6 +18,15 @@ bool is_file_name(std::string_view name) {
          std::all_of(name.begin(), name.end(), [](char c) {
            return is_letter_or_digit(c) || c == '-' || c == '_' || c == '.';
          });
+}
+
+bool is_camera_name(std::string_view name) {
+  constexpr size_t kSegmentDigits = 4;
+  if (!is_file_name(name) || name == "pulses") return false;
+  const size_t dot = name.rfind('.');
+  if (dot == std::string_view::npos || name.size() - dot - 1 != kSegmentDigits) return true;
+  return !std::all_of(name.begin() + static_cast<ptrdiff_t>(dot) + 1, name.end(),
+                      [](char c) { return c >= '0' && c <= '9'; });
 }
 
 }  // namespace v3d

@@ -11,4 +11,11 @@ bool is_file_name(std::string_view name);
 inline constexpr std::string_view kFileNameRule =
     "use letters, digits, '-', '_' and '.', 64 at most, the first a letter or digit or '_'";
 
+/// A file name that names a camera. "pulses" and names that end in a dot and four digits are taken:
+/// by the log of the pulses, and by the later segments of a log ("cam07.0001.lcmlog").
+bool is_camera_name(std::string_view name);
+inline constexpr std::string_view kCameraNameRule =
+    "use letters, digits, '-', '_' and '.', 64 at most, the first a letter or digit or '_'; not "
+    "\"pulses\", and no dot and four digits at the end";
+
 }  // namespace v3d

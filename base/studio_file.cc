@@ -199,6 +199,10 @@ void read_cameras(const TomlTable& file, Studio& studio) {
   for (const TomlTable& table : file.tables("camera")) {
     StudioCamera camera = defaults;
     camera.name = read_name(table);
+    if (!is_camera_name(camera.name)) {
+      table.fail("name",
+                 "'" + camera.name + "' cannot name a camera: " + std::string(kCameraNameRule));
+    }
     const auto same_name = [&](const StudioCamera& c) { return c.name == camera.name; };
     if (std::any_of(studio.cameras.begin(), studio.cameras.end(), same_name)) {
       table.fail("name", "two cameras are named '" + camera.name + "'");
