@@ -110,8 +110,8 @@ void CameraLane::process(Frame frame) {
 bool CameraLane::record(const FrameMessage& message) {
   const FrameLabel& label = message.frame.label;
   exposures_.add(label.camera_counter);
-  if (!log_.write(message)) {
-    ++write_errors_;
+  if (const io::Status written = log_.write(message); !written) {
+    if (++write_errors_ == 1) spdlog::error("{}: {}", camera(), written.error().message);
     return false;
   }
   ++written_;
@@ -148,7 +148,9 @@ bool CameraLane::quiet_since(MonotonicInstant since) const {
 
 CameraLedger CameraLane::close(int64_t commanded) {
   end();
-  kept_ = log_.close();
+  const io::Status kept = log_.sync();
+  if (!kept) spdlog::error("{}: {}", camera(), kept.error().message);
+  kept_ = kept.has_value();
   CameraLedger ledger = account_.ledger(camera(), commanded);
   ledger.exposed = exposures_.exposed();
   ledger.received = worker_.status().frames;

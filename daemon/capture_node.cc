@@ -240,15 +240,18 @@ std::optional<NodeReport> CaptureNode::poll_draining() {
   if (!take_->is_accounted_for()) return std::nullopt;
   const TakeAccount account = close_take();
   if (checks()) return check_report(account);
-  const bool kept = account.unkept.empty();
+  const bool kept = account.closing.unkept.empty();
   return NodeReport{.event = kept ? Input::kDrained : Input::kBroken,
-                    .text = kept ? account.ledger.verdict() : account.unkept,
+                    .text = kept ? account.ledger.verdict() : account.closing.unkept,
                     .detail = ledger_json(account.ledger)};
 }
 
 TakeAccount CaptureNode::close_take() {
   TakeAccount account = std::exchange(take_, nullptr)->close();
   last_ = account.counts;
+  if (!account.closing.notice.empty()) {
+    events_.send(Severity::kInfo, "take", account.closing.notice, advice::kQuarantined);
+  }
   return account;
 }
 

@@ -2,9 +2,9 @@
 
 #include <spdlog/spdlog.h>
 
-#include "base/error.h"
-#include "base/file.h"
+#include "base/io/file.h"
 #include "daemon/take_folder.h"
+#include "take/take_removal.h"
 #include "wire/codec.h"
 
 namespace v3d {
@@ -18,38 +18,30 @@ fs::path order_file(const fs::path& take, const std::string& node) {
 }
 
 std::optional<CommandMessage> read_order(const fs::path& file) {
-  try {
-    const std::string text = read_file(file);
-    return decode<CommandMessage>(Bytes(text.begin(), text.end()));
-  } catch (const InputError&) {
-    return std::nullopt;
-  }
+  const auto text = io::read_file(file);
+  if (!text) return std::nullopt;
+  return decode<CommandMessage>(Bytes(text->begin(), text->end()));
 }
 
 }  // namespace
 
 void keep_order(const Studio& studio, const std::string& node, const CommandMessage& order) {
   const Bytes bytes = encode(order);
-  try {
-    replace_file(order_file(take_paths(studio, order.take).folder, node),
-                 std::string(bytes.begin(), bytes.end()));
-  } catch (const std::exception& error) {
-    spdlog::warn("{}", error.what());
-  }
+  const auto kept = io::replace_file(order_file(take_paths(studio, order.take).folder, node),
+                                     std::string(bytes.begin(), bytes.end()));
+  if (!kept) spdlog::warn("{}", kept.error().message);
 }
 
 void drop_order(const Studio& studio, const std::string& node, const std::string& take) {
-  std::error_code error;
-  fs::remove(order_file(take_paths(studio, take).folder, node), error);
+  remove_working_file(order_file(take_paths(studio, take).folder, node));
 }
 
 std::map<std::string, CommandMessage> kept_orders(const Studio& studio, const std::string& node) {
   std::map<std::string, CommandMessage> orders;
-  std::error_code error;
-  for (const auto& take : fs::directory_iterator(studio.storage.takes, error)) {
-    if (!fs::exists(order_file(take.path(), node), error)) continue;
-    const std::string name = take.path().filename().string();
-    auto order = read_order(order_file(take.path(), node));
+  const auto takes = io::list_folder(studio.storage.takes);
+  for (const fs::path& take : takes.value_or(std::vector<fs::path>())) {
+    const std::string name = take.filename().string();
+    auto order = read_order(order_file(take, node));
     if (order && order->take == name) orders.emplace(name, std::move(*order));
   }
   return orders;

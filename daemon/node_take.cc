@@ -3,10 +3,11 @@
 #include <spdlog/fmt/fmt.h>
 
 #include <algorithm>
-#include <filesystem>
 
+#include "base/io/file.h"
 #include "daemon/kept_order.h"
 #include "daemon/take_folder.h"
+#include "take/take_removal.h"
 
 namespace v3d {
 namespace {
@@ -44,6 +45,7 @@ std::unique_ptr<NodeTake> NodeTake::begin(Node node, const Plan& plan) {
   for (CameraWorker* worker : node.cameras.ready()) {
     take->add_lane(*worker, node.cameras.background_of(*worker));
   }
+  take->sync_names();
   return take;
 }
 
@@ -59,7 +61,16 @@ std::unique_ptr<NodeTake> NodeTake::go_on(Node node, const Plan& plan, const Edg
     worker->rejoin(period_of(take->info_.rate_hz), edges_are_told, past.camera);
     take->add_lane(*worker, load_background(take->paths_.background(), camera), std::move(past));
   }
+  take->sync_names();
   return take;
+}
+
+void NodeTake::save_as_open() const {
+  if (auto saved = save_take_info(paths_, info_); !saved) io::throw_input_error(saved.error());
+}
+
+void NodeTake::sync_names() const {
+  if (auto synced = io::sync_folder(paths_.folder); !synced) io::throw_input_error(synced.error());
 }
 
 void NodeTake::add_lane(CameraWorker& worker, const BackgroundModel& background,
@@ -106,7 +117,7 @@ void NodeTake::end(Ledger& ledger) {
   for (const auto& lane : lanes_) ledger.cameras.push_back(lane->close(ledger.commanded));
 }
 
-std::string NodeTake::close(const Ledger& ledger) {
+TakeClosing NodeTake::close(const Ledger& ledger) {
   std::vector<std::string> unkept;
   for (const auto& lane : lanes_) {
     if (!lane->is_kept()) unkept.push_back(lane->camera());
@@ -115,17 +126,19 @@ std::string NodeTake::close(const Ledger& ledger) {
   disk_.reset();  // its room is the ledger's
   const std::string takes = node_.studio.storage.takes.string();
   if (!close_take(node_.studio, info_, ledger)) {
-    return "cannot write the ledger of " + info_.name + " to " + takes;
+    return {.unkept = "cannot write the ledger of " + info_.name + " to " + takes, .notice = {}};
   }
   if (!unkept.empty()) {
-    return takes + " did not keep the last frames of " +
-           fmt::format("{}", fmt::join(unkept, ", ")) + ": v3dctl verify tells which";
+    return {.unkept = takes + " did not keep the last frames of " +
+                      fmt::format("{}", fmt::join(unkept, ", ")) + ": v3dctl verify tells which",
+            .notice = {}};
   }
-  if (ledger.commanded == 0 && ledger.sensed.value_or(0) == 0) {
-    std::error_code ignored;
-    std::filesystem::remove_all(paths_.folder, ignored);
-  }
-  return "";
+  const bool saw_pulses = ledger.commanded > 0 || ledger.sensed.value_or(0) > 0;
+  if (saw_pulses || may_hold_frames(paths_)) return {};
+  const auto place = quarantine_take(paths_);
+  return {.unkept = {},
+          .notice = info_.name + " has neither pulses nor frames" +
+                    (place ? ": moved to " + place->string() : ", and " + place.error().message)};
 }
 
 }  // namespace v3d

@@ -21,6 +21,12 @@
 
 namespace v3d {
 
+/// How the closing of a take went, for a person.
+struct TakeClosing {
+  std::string unkept;  ///< what the disk did not keep; empty when it kept all
+  std::string notice;  ///< that the take was moved to the quarantine; mostly empty
+};
+
 /// From the moment a take is armed until its ledger is written. One thread.
 class NodeTake {
  public:
@@ -45,7 +51,7 @@ class NodeTake {
   static std::unique_ptr<NodeTake> go_on(Node node, const Plan& plan, const EdgeTimes& pulses,
                                          bool edges_are_told);
   /// After go_on(): the folder, too, says that the take is being recorded. Throws InputError.
-  void save_as_open() const { save_take_info(paths_, info_); }
+  void save_as_open() const;
 
   const TakePaths& paths() const { return paths_; }
 
@@ -63,15 +69,17 @@ class NodeTake {
 
   /// Ends the lanes; gives the account of every camera.
   void end(Ledger& ledger);
-  /// After end(): writes the ledger, and removes a take that never saw a pulse. What the disk did
-  /// not keep, for a person; empty when it kept all. Nothing else may be asked afterwards.
-  std::string close(const Ledger& ledger);
+  /// After end(): writes the ledger, and moves a take without pulses and frames to the quarantine
+  /// (take/take_removal.h). Nothing else may be asked afterwards.
+  TakeClosing close(const Ledger& ledger);
 
  private:
   NodeTake(Node node, TakeInfo info, const DiskDemand& demand);
   void add_lane(CameraWorker& worker, const BackgroundModel& background,
                 std::optional<LanePast> past = {});
   DiskProgress progress() const;
+  /// The names of the logs survive a power cut from now on. Throws InputError.
+  void sync_names() const;
 
   const Node node_;
   TakeInfo info_;

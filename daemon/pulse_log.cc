@@ -5,6 +5,8 @@ namespace {
 
 constexpr Duration kLook = std::chrono::milliseconds(50);
 constexpr size_t kQueuePulses = 4096;
+/// A power cut loses at most the pulses of this time.
+constexpr Duration kSyncEvery = std::chrono::seconds(1);
 
 }  // namespace
 
@@ -21,10 +23,16 @@ PulseLog::~PulseLog() {
 void PulseLog::write(const PulseMessage& pulse) { queue_.push(pulse); }
 
 void PulseLog::run() {
+  MonotonicInstant next_sync = Monotonic::now() + kSyncEvery;
   for (;;) {
     const bool last_look = stopping_;
     const auto pulse = queue_.pop(last_look ? Monotonic::now() : Monotonic::now() + kLook);
     if (pulse && !log_.write(*pulse)) ++refused_;
+    if (pulse && Monotonic::now() >= next_sync) {
+      // A failure shows at the next write, which then fails, too.
+      static_cast<void>(log_.sync());
+      next_sync = Monotonic::now() + kSyncEvery;
+    }
     if (!pulse && last_look) return;
   }
 }

@@ -13,6 +13,7 @@
 #include "daemon/take_folder.h"
 #include "recon/rehearsal.h"
 #include "take/ledger.h"
+#include "take/take_removal.h"
 
 namespace v3d {
 namespace {
@@ -210,10 +211,7 @@ void ReconNode::disarm() {
   if (last_.meshes > 0 || stop_requested()) return;
   // A take that never saw a pulse leaves nothing behind; the folder goes with its last file.
   drop_order(studio_, node_, order_.take);
-  const TakePaths paths = take_paths(studio_, order_.take);
-  std::error_code error;
-  std::filesystem::remove(paths.mesh(), error);
-  std::filesystem::remove(paths.folder, error);
+  remove_mesh_file_without_meshes(take_paths(studio_, order_.take));
 }
 
 /// Without waiting: it works in spare time, and there may be none.

@@ -90,7 +90,9 @@ void ReconPipeline::end() {
 
 bool ReconPipeline::close() {
   end();
-  return file_.close();
+  const io::Status closed = file_.close();
+  if (!closed) spdlog::error("{}", closed.error().message);
+  return closed.has_value();
 }
 
 // --- frames to sets -----------------------------------------------------------------------------
@@ -221,10 +223,10 @@ void ReconPipeline::finish(Job& job) {
 /// called while shared_ is still being set. False when the disk refused.
 bool ReconPipeline::keep(const MeshMessage& mesh) {
   note_mesh(mesh);
-  const bool kept = file_.append(mesh.pulse, mesh.compact);
-  if (!kept) ++write_errors_;
+  const io::Status kept = file_.append(mesh.pulse, mesh.compact);
+  if (!kept && ++write_errors_ == 1) spdlog::error("{}", kept.error().message);
   ++meshes_;
-  return kept;
+  return kept.has_value();
 }
 
 void ReconPipeline::note_failure(const Job& job) {

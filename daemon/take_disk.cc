@@ -9,6 +9,7 @@
 
 #include "base/error.h"
 #include "base/units.h"
+#include "take/take_removal.h"
 
 namespace v3d {
 namespace {
@@ -76,12 +77,12 @@ TakeDisk::TakeDisk(TakePaths take, const DiskDemand& demand)
   const int error = fd < 0 ? errno : posix_fallocate(fd, 0, kLedgerBytes);
   if (fd >= 0) close(fd);
   if (error == 0) return;
-  unlink(take_.reserve().c_str());
+  remove_working_file(take_.reserve());
   errno = error;
   throw InputError(errno_message("cannot set room for the ledger aside in " + takes()));
 }
 
-TakeDisk::~TakeDisk() { unlink(take_.reserve().c_str()); }
+TakeDisk::~TakeDisk() { remove_working_file(take_.reserve()); }
 
 double TakeDisk::free_bytes() const { return space_of(take_.folder); }
 

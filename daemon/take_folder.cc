@@ -5,7 +5,9 @@
 #include <algorithm>
 
 #include "base/error.h"
+#include "base/io/file.h"
 #include "base/name.h"
+#include "take/take_removal.h"
 #include "take/verify.h"
 #include "wire/messages.h"
 
@@ -14,16 +16,44 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// Runs file operations; their exceptions become the InputError of set-up.
-template <class Operations>
-void as_input_error(const fs::path& folder, Operations operations) {
-  try {
-    operations();
-  } catch (const InputError&) {
-    throw;
-  } catch (const std::exception& error) {
-    throw InputError("cannot make take " + folder.string() + ": " + error.what());
+/// The plates of the cameras, brought into the take.
+io::Status copy_plates(const Studio& studio, const TakeInfo& info, const fs::path& to) {
+  const auto plates = io::list_folder(studio.storage.background);
+  if (!plates) return tl::make_unexpected(plates.error());
+  for (const std::string& camera : info.cameras) {
+    for (const fs::path& plate : *plates) {
+      if (!plate.filename().string().starts_with(camera + ".")) continue;
+      if (auto copied = io::copy_file(plate, to / plate.filename()); !copied) return copied;
+    }
   }
+  return io::sync_folder(to);
+}
+
+io::Status make_take(const Studio& studio, const TakeInfo& info, const TakePaths& paths) {
+  io::Status status = io::create_folders(paths.background());
+  if (status) status = io::copy_file(studio.storage.calib, paths.calib());
+  if (status) status = io::copy_file(studio.path, paths.studio());
+  if (status) status = copy_plates(studio, info, paths.background());
+  if (status) status = save_take_info(paths, info);  // syncs the folder, too
+  return status;
+}
+
+bool holds_logs(const TakePaths& paths) {
+  std::error_code error;
+  if (!fs::exists(paths.folder, error)) return false;
+  const auto entries = io::list_folder(paths.folder);
+  return !entries || std::ranges::any_of(*entries, [](const fs::path& entry) {
+    return entry.extension() == ".lcmlog";
+  });
+}
+
+/// What a recovery found, for the daemon's log.
+std::string line_of(const Verification& found) {
+  std::string line = "recovered " + found.ledger.verdict();
+  for (const std::string& text : found.disagreements) {
+    if (text.starts_with("cannot read")) line += "; " + text;
+  }
+  return line;
 }
 
 bool is_open_take_of(const TakeInfo& info, const std::vector<std::string>& cameras) {
@@ -47,11 +77,16 @@ void refuse_take_name(const std::string& take) {
     if (take != name(verb)) continue;
     throw InputError(cannot + "v3dctl " + take + " goes by this name; choose another");
   }
+  if (take == kQuarantineFolder) {
+    throw InputError(cannot + "takes that look empty are kept there; choose another");
+  }
 }
 
 void refuse_bad_take(const Studio& studio, const std::string& take) {
   refuse_take_name(take);
-  if (fs::exists(take_paths(studio, take).info())) {
+  const TakePaths paths = take_paths(studio, take);
+  std::error_code error;
+  if (fs::exists(paths.info(), error) || holds_logs(paths)) {
     throw InputError("take " + take + " exists already in " + studio.storage.takes.string() +
                      "; choose another name");
   }
@@ -59,49 +94,38 @@ void refuse_bad_take(const Studio& studio, const std::string& take) {
 
 void create_take(const Studio& studio, const TakeInfo& info) {
   const TakePaths paths = take_paths(studio, info.name);
-  as_input_error(paths.folder, [&] {
-    fs::create_directories(paths.background());
-    fs::copy_file(studio.storage.calib, paths.calib(), fs::copy_options::overwrite_existing);
-    fs::copy_file(studio.path, paths.studio(), fs::copy_options::overwrite_existing);
-    for (const std::string& camera : info.cameras) {
-      for (const auto& entry : fs::directory_iterator(studio.storage.background)) {
-        if (entry.path().filename().string().starts_with(camera + ".")) {
-          fs::copy_file(entry.path(), paths.background() / entry.path().filename(),
-                        fs::copy_options::overwrite_existing);
-        }
-      }
-    }
-    save_take_info(paths, info);
-  });
+  const io::Status made = make_take(studio, info, paths);
+  if (!made) {
+    throw InputError("cannot make take " + paths.folder.string() + ": " + made.error().message);
+  }
 }
 
 bool close_take(const Studio& studio, TakeInfo info, const Ledger& ledger) {
   const TakePaths paths = take_paths(studio, info.name);
   info.pulses = ledger.commanded;
   info.state = TakeState::kComplete;
-  try {
-    save_ledger(paths.ledger(), ledger);
-    save_take_info(paths, info);
-    return true;
-  } catch (const std::exception& error) {
-    spdlog::error("take {}: {}", info.name, error.what());
-    return false;
-  }
+  io::Status status = save_ledger(paths.ledger(), ledger);
+  if (status) status = save_take_info(paths, info);
+  if (!status) spdlog::error("take {}: {}", info.name, status.error().message);
+  return status.has_value();
 }
 
 std::vector<RecoveredTake> recover_open_takes(const Studio& studio,
                                               const std::vector<std::string>& cameras) {
   std::vector<RecoveredTake> takes;
   std::error_code error;
-  for (const auto& entry : fs::directory_iterator(studio.storage.takes, error)) {
-    const TakePaths paths{entry.path()};
+  if (!fs::exists(studio.storage.takes, error) && !error) return takes;
+  const auto folders = io::list_folder(studio.storage.takes);
+  if (!folders) takes.push_back({"cannot look for open takes: " + folders.error().message, {}});
+  for (const fs::path& folder : folders.value_or(std::vector<fs::path>())) {
+    const TakePaths paths{folder};
     if (!fs::exists(paths.info(), error)) continue;
     try {
       if (!is_open_take_of(load_take_info(paths), cameras)) continue;
-      Ledger ledger = recover_take(paths).ledger;
-      takes.push_back({"recovered " + ledger.verdict(), std::move(ledger)});
+      Verification found = recover_take(paths);
+      takes.push_back({line_of(found), std::move(found.ledger)});
     } catch (const std::exception& problem) {
-      takes.push_back({"cannot recover " + entry.path().string() + ": " + problem.what(), {}});
+      takes.push_back({"cannot recover " + folder.string() + ": " + problem.what(), {}});
     }
   }
   return takes;

@@ -18,14 +18,15 @@ TakePaths take_paths(const Studio& studio, const std::string& take);
 /// armed for a check or to learn the background.
 void refuse_take_name(const std::string& take);
 
-/// The same, and when the take exists already.
+/// The same, and when the take exists already or its folder holds logs without a take.toml.
 void refuse_bad_take(const Studio& studio, const std::string& take);
 
-/// Makes the folder with take.toml (state: recording), calib.toml, studio.toml and
-/// background/. Throws InputError naming what could not be made.
+/// Makes the folder with take.toml (state: recording), calib.toml, studio.toml and background/.
+/// When it returns, all of this survives a power cut. Throws InputError naming what could not be
+/// made.
 void create_take(const Studio& studio, const TakeInfo& info);
 
-/// Writes the ledger and the final take.toml. False, and logged, when the disk refused.
+/// Writes the ledger and the final take.toml. False, and logged, when the disk reports an error.
 bool close_take(const Studio& studio, TakeInfo info, const Ledger& ledger);
 
 struct RecoveredTake {

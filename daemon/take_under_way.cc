@@ -174,7 +174,7 @@ TakeAccount TakeUnderWay::close() {
   account.counts = counts();
   check_.reset();
   pulses_.reset();
-  if (recording_) account.unkept = std::exchange(recording_, nullptr)->close(ledger);
+  if (recording_) account.closing = std::exchange(recording_, nullptr)->close(ledger);
   return account;
 }
 

@@ -32,7 +32,7 @@ struct TakeCounts {
 /// What there is to tell at its end.
 struct TakeAccount {
   Ledger ledger;                       ///< without cameras where nothing was recorded
-  std::string unkept;                  ///< what the disk did not keep; empty when it kept all
+  TakeClosing closing;                 ///< of a take that was recorded
   std::vector<CheckedCamera> checked;  ///< by a check
   TakeCounts counts;
 };

@@ -1,17 +1,13 @@
 #include "take/event_log.h"
 
-#include <fcntl.h>
-#include <sys/stat.h>
-#include <unistd.h>
-
 #include <algorithm>
 #include <array>
-#include <cerrno>
-#include <cstring>
+#include <numeric>
 #include <optional>
 #include <utility>
 
 #include "base/error.h"
+#include "base/io/big_endian.h"
 
 namespace v3d {
 namespace {
@@ -19,127 +15,176 @@ namespace {
 // An event, as LCM's documentation of log files gives it, all numbers big-endian: sync word, event
 // number (8 bytes), time (8), length of the channel's name (4), length of the data (4), name, data.
 constexpr size_t kLongestChannel = 63;  // LCM_MAX_CHANNEL_NAME_LENGTH
-
-uint64_t big_endian(const uint8_t* p, int bytes) {
-  uint64_t n = 0;
-  for (int i = 0; i < bytes; ++i) n = n << 8 | p[i];
-  return n;
-}
-
-/// As many of the bytes as there are.
-size_t read_at(int fd, uint64_t offset, std::span<uint8_t> bytes) {
-  size_t done = 0;
-  while (done < bytes.size()) {
-    const ssize_t n =
-        pread(fd, bytes.data() + done, bytes.size() - done, static_cast<off_t>(offset + done));
-    if (n < 0 && errno == EINTR) continue;
-    if (n <= 0) break;
-    done += static_cast<size_t>(n);
-  }
-  return done;
-}
-
-/// The event whose header is at `offset`, if a whole one is.
-std::optional<EventSpan> event_at(int fd, uint64_t offset, uint64_t file_size) {
-  std::array<uint8_t, kEventHeaderSize + kLongestChannel> head{};
-  const size_t got = read_at(fd, offset, head);
-  if (got < kEventHeaderSize || big_endian(head.data(), 4) != kEventSyncWord) return std::nullopt;
-  const uint64_t channel_size = big_endian(head.data() + 20, 4);
-  const uint64_t data_size = big_endian(head.data() + 24, 4);
-  if (channel_size == 0 || channel_size > kLongestChannel || data_size > INT32_MAX) {
-    return std::nullopt;
-  }
-  const uint64_t data_offset = offset + kEventHeaderSize + channel_size;
-  if (data_offset > file_size || data_size > file_size - data_offset) return std::nullopt;
-  return EventSpan{.channel = std::string(
-                       head.begin() + kEventHeaderSize,
-                       head.begin() + kEventHeaderSize + static_cast<ptrdiff_t>(channel_size)),
-                   .utime = static_cast<int64_t>(big_endian(head.data() + 12, 8)),
-                   .data_offset = data_offset,
-                   .data_size = static_cast<uint32_t>(data_size)};
-}
+constexpr std::array<uint8_t, 4> kSyncBytes = {0xED, 0xA1, 0xDA, 0x01};
 
 uint64_t end_of(const EventSpan& event) { return event.data_offset + event.data_size; }
 
-/// The first place from `from` on, and before `until`, where a whole event begins.
-std::optional<uint64_t> next_event(int fd, uint64_t from, uint64_t until, uint64_t file_size) {
-  constexpr std::array<uint8_t, 4> kSync = {0xED, 0xA1, 0xDA, 0x01};
-  std::vector<uint8_t> chunk(1 << 16);
-  while (from < until) {
-    const size_t got = read_at(fd, from, chunk);
-    if (got < kSync.size()) break;
-    const uint8_t* const stop = chunk.data() + got;
-    for (const uint8_t* at = chunk.data();;) {
-      at = static_cast<const uint8_t*>(
-          memmem(at, static_cast<size_t>(stop - at), kSync.data(), kSync.size()));
-      if (at == nullptr) break;
-      const uint64_t offset = from + static_cast<uint64_t>(at - chunk.data());
-      if (offset >= until) return std::nullopt;
-      if (event_at(fd, offset, file_size)) return offset;
-      ++at;
+/// Finds the events of one segment.
+class SegmentScan {
+ public:
+  explicit SegmentScan(LogSegment& segment)
+      : segment_(segment), end_(segment.index ? segment.index->whole_bytes : segment.bytes) {}
+
+  /// Appends the segment's events and fills in the rest of LogSegment.
+  void run(uint32_t number, std::vector<EventSpan>& events) {
+    uint64_t offset = 0;
+    auto event = event_at(offset);
+    while (offset < end_) {
+      auto behind = event ? event_at(end_of(*event)) : std::nullopt;
+      // Where no event follows, this one may have a damaged length and contain others.
+      const bool is_sure = event && (behind || end_of(*event) == end_);
+      const uint64_t until = event ? end_of(*event) : end_;
+      const auto next = is_sure ? std::nullopt : next_event(offset + 1, until);
+      if (event && !next) {
+        offset = end_of(*event);
+        event->segment = number;
+        events.push_back(*std::exchange(event, std::move(behind)));
+        ++segment_.events;
+        continue;
+      }
+      if (!next) break;
+      ++segment_.damaged_places;
+      offset = *next;
+      event = event_at(offset);
     }
-    from += got - (kSync.size() - 1);
+    segment_.torn_bytes = end_ - offset;
   }
-  return std::nullopt;
+
+ private:
+  /// The bytes that the disk gives; the first error is kept.
+  size_t read(uint64_t offset, std::span<uint8_t> bytes) {
+    const auto got = segment_.file.read(offset, bytes);
+    failed_ = !got;
+    if (got) return *got;
+    if (segment_.read_error.empty()) {
+      segment_.read_error = got.error().message + " (at byte " + std::to_string(offset) + ")";
+    }
+    return 0;
+  }
+
+  /// The event whose header is at `offset`, if a whole one is.
+  std::optional<EventSpan> event_at(uint64_t offset) {
+    std::array<uint8_t, kEventHeaderSize + kLongestChannel> bytes{};
+    const std::span<const uint8_t> head(bytes);
+    const size_t got = read(offset, bytes);
+    if (got < kEventHeaderSize || read_big_endian(head.first(4)) != kEventSyncWord) {
+      return std::nullopt;
+    }
+    const uint64_t channel_size = read_big_endian(head.subspan(20, 4));
+    const uint64_t data_size = read_big_endian(head.subspan(24, 4));
+    if (channel_size == 0 || channel_size > kLongestChannel || data_size > INT32_MAX) {
+      return std::nullopt;
+    }
+    const uint64_t data_offset = offset + kEventHeaderSize + channel_size;
+    if (data_offset > end_ || data_size > end_ - data_offset) return std::nullopt;
+    const auto channel = head.subspan(kEventHeaderSize, channel_size);
+    return EventSpan{.channel = std::string(channel.begin(), channel.end()),
+                     .utime = static_cast<int64_t>(read_big_endian(head.subspan(12, 8))),
+                     .data_offset = data_offset,
+                     .data_size = static_cast<uint32_t>(data_size)};
+  }
+
+  /// The first place from `from` on, and before `until`, where a whole event begins. Passes over
+  /// blocks that cannot be read, in steps that double: a dead disk must not take for ever.
+  std::optional<uint64_t> next_event(uint64_t from, uint64_t until) {
+    constexpr size_t kBlock = 4096;
+    constexpr uint64_t kMaxStep = 1 << 20;
+    std::vector<uint8_t> chunk(1 << 16);
+    size_t size = chunk.size();
+    for (uint64_t step = kBlock; from < until;) {
+      const size_t got = read(from, std::span(chunk).first(size));
+      if (failed_ && size > kBlock) {
+        size = kBlock;  // some block in it can be read, perhaps
+      } else if (failed_) {
+        from = from - from % kBlock + step;
+        step = std::min(2 * step, kMaxStep);
+      } else {
+        if (got < kSyncBytes.size()) break;
+        const auto found = event_in(std::span(chunk).first(got), from, until);
+        if (found) return found;
+        from += got - (kSyncBytes.size() - 1);
+        size = chunk.size();
+        step = kBlock;
+      }
+    }
+    return std::nullopt;
+  }
+
+  /// The first event that begins in these bytes, which lie at `base`, and before `until`.
+  std::optional<uint64_t> event_in(std::span<const uint8_t> bytes, uint64_t base, uint64_t until) {
+    for (auto at = bytes.begin();; ++at) {
+      at = std::search(at, bytes.end(), kSyncBytes.begin(), kSyncBytes.end());
+      const uint64_t offset = base + static_cast<uint64_t>(at - bytes.begin());
+      if (at == bytes.end() || offset >= until) return std::nullopt;
+      if (event_at(offset)) return offset;
+    }
+  }
+
+  LogSegment& segment_;
+  const uint64_t end_;   ///< of what is searched
+  bool failed_ = false;  ///< the last read was
+};
+
+io::Result<LogSegment> open_segment(const std::filesystem::path& path) {
+  auto file = io::File::open(path, io::OpenMode::kRead);
+  if (!file) return tl::make_unexpected(file.error());
+  const auto bytes = file->size();
+  if (!bytes) return tl::make_unexpected(bytes.error());
+  return LogSegment{.file = *std::move(file),
+                    .bytes = *bytes,
+                    .index = load_segment_index(path, *bytes),
+                    .read_error = {}};
 }
 
 }  // namespace
 
-EventLogReader::EventLogReader(const std::filesystem::path& path)
-    : fd_(open(path.c_str(), O_RDONLY | O_CLOEXEC)) {
-  if (fd_ < 0) throw InputError(errno_message("cannot open log " + path.string()));
-  struct stat status {};
-  const bool is_file = fstat(fd_, &status) == 0 && S_ISREG(status.st_mode);
-  if (is_file) index(static_cast<uint64_t>(status.st_size));
-  if (!is_file || (events_.empty() && torn_bytes_ > static_cast<int64_t>(kEventHeaderSize))) {
-    close(fd_);
-    throw InputError(path.string() + ": is no LCM event log: it holds no whole event");
+io::Result<EventLogReader> EventLogReader::open(const std::filesystem::path& log) {
+  std::vector<std::filesystem::path> paths = existing_segments(log);
+  if (paths.empty()) paths.push_back(log);  // opening it tells what is wrong
+  EventLogReader reader;
+  for (const auto& path : paths) {
+    auto segment = open_segment(path);
+    if (!segment) return tl::make_unexpected(segment.error());
+    reader.segments_.push_back(*std::move(segment));
+    SegmentScan(reader.segments_.back())
+        .run(static_cast<uint32_t>(reader.segments_.size() - 1), reader.events_);
   }
+  return reader;
 }
 
-EventLogReader::~EventLogReader() {
-  if (fd_ >= 0) close(fd_);
+EventLogReader::EventLogReader(const std::filesystem::path& log)
+    : EventLogReader(io::value_or_throw(open(log))) {
+  const std::vector<std::string> errors = read_errors();
+  if (!events_.empty() || torn_bytes() <= static_cast<int64_t>(kEventHeaderSize)) return;
+  throw InputError(errors.empty() ? log.string() + ": is no LCM event log: it holds no whole event"
+                                  : errors.front());
 }
 
-EventLogReader::EventLogReader(EventLogReader&& other) noexcept
-    : fd_(std::exchange(other.fd_, -1)),
-      events_(std::move(other.events_)),
-      damaged_places_(other.damaged_places_),
-      torn_bytes_(other.torn_bytes_) {}
-
-EventLogReader& EventLogReader::operator=(EventLogReader&& other) noexcept {
-  std::swap(fd_, other.fd_);
-  events_ = std::move(other.events_);
-  damaged_places_ = other.damaged_places_;
-  torn_bytes_ = other.torn_bytes_;
-  return *this;
+int64_t EventLogReader::damaged_places() const {
+  return std::accumulate(segments_.begin(), segments_.end(), int64_t{0},
+                         [](int64_t n, const LogSegment& s) { return n + s.damaged_places; });
 }
 
-void EventLogReader::index(uint64_t file_size) {
-  uint64_t offset = 0;
-  auto event = event_at(fd_, offset, file_size);
-  while (offset < file_size) {
-    auto behind = event ? event_at(fd_, end_of(*event), file_size) : std::nullopt;
-    // Where nothing right follows, an event may have a damaged length, and hold others.
-    const bool is_sure = event && (behind || end_of(*event) == file_size);
-    const uint64_t until = event ? end_of(*event) : file_size;
-    const auto next = is_sure ? std::nullopt : next_event(fd_, offset + 1, until, file_size);
-    if (event && !next) {
-      offset = end_of(*event);
-      events_.push_back(*std::exchange(event, std::move(behind)));
-      continue;
-    }
-    if (!next) break;
-    ++damaged_places_;
-    offset = *next;
-    event = event_at(fd_, offset, file_size);
+int64_t EventLogReader::torn_bytes() const {
+  return std::accumulate(
+      segments_.begin(), segments_.end(), int64_t{0},
+      [](int64_t n, const LogSegment& s) { return n + static_cast<int64_t>(s.torn_bytes); });
+}
+
+std::vector<std::string> EventLogReader::read_errors() const {
+  std::vector<std::string> errors;
+  for (const LogSegment& segment : segments_) {
+    if (!segment.read_error.empty()) errors.push_back(segment.read_error);
   }
-  torn_bytes_ = static_cast<int64_t>(file_size - offset);
+  return errors;
 }
 
-Bytes EventLogReader::read(const EventSpan& event, size_t limit) const {
+io::Result<Bytes> EventLogReader::read(const EventSpan& event, size_t limit) const {
+  const io::File& file = segments_[event.segment].file;
   Bytes bytes(std::min<size_t>(event.data_size, limit));
-  bytes.resize(read_at(fd_, event.data_offset, bytes));
+  const auto got = file.read(event.data_offset, bytes);
+  if (!got) return tl::make_unexpected(got.error());
+  if (*got < bytes.size()) return io::io_error("read", file.path(), "it has become shorter", EIO);
   return bytes;
 }
 

@@ -1,15 +1,16 @@
 #include "take/frame_log.h"
 
 #include <fcntl.h>
-#include <sys/uio.h>
-#include <unistd.h>
 
 #include <cerrno>
 #include <span>
 #include <unordered_map>
 
 #include "base/error.h"
+#include "base/io/big_endian.h"
+#include "base/io/file.h"
 #include "take/event_log.h"
+#include "take/log_segments.h"
 #include "wire/channels.h"
 #include "wire/codec.h"
 
@@ -24,12 +25,6 @@ constexpr int64_t kDrainBytes = 4 << 20;
 /// moment at which the disk is noticed to be too slow, to the end of the take.
 constexpr int64_t kMostWaiting = 32 << 20;
 
-void put_big_endian(Bytes& bytes, uint64_t value, int size) {
-  for (int shift = 8 * (size - 1); shift >= 0; shift -= 8) {
-    bytes.push_back(static_cast<uint8_t>(value >> shift));
-  }
-}
-
 /// What stands before an event's data (see event_log.cc).
 Bytes event_head(int64_t number, const std::string& channel, RealtimeInstant at, size_t data_size) {
   Bytes head;
@@ -43,91 +38,73 @@ Bytes event_head(int64_t number, const std::string& channel, RealtimeInstant at,
   return head;
 }
 
-/// All of the parts, one behind the other; false when the disk refuses.
-bool write_all(int fd, std::span<iovec> parts) {
-  while (!parts.empty()) {
-    ssize_t written = writev(fd, parts.data(), static_cast<int>(parts.size()));
-    if (written < 0 && errno == EINTR) continue;
-    if (written < 0) return false;
-    while (!parts.empty() && written >= static_cast<ssize_t>(parts.front().iov_len)) {
-      written -= static_cast<ssize_t>(parts.front().iov_len);
-      parts = parts.subspan(1);
-    }
-    if (written > 0) {
-      parts.front().iov_base = static_cast<uint8_t*>(parts.front().iov_base) + written;
-      parts.front().iov_len -= static_cast<size_t>(written);
-    }
+/// Events that recoveries counted in the segments.
+int64_t counted_events(const std::vector<std::filesystem::path>& segments) {
+  int64_t events = 0;
+  for (const auto& segment : segments) {
+    std::error_code error;
+    const auto index = load_segment_index(segment, std::filesystem::file_size(segment, error));
+    events += index ? index->events : 0;
   }
-  return true;
+  return events;
 }
 
 }  // namespace
 
 class EventLogWriter::Impl {
  public:
-  Impl(const std::filesystem::path& path, LogOpening opening)
-      : fd_(open(path.c_str(),
-                 O_WRONLY | O_CREAT | O_CLOEXEC | (opening == LogOpening::kNew ? O_TRUNC : 0),
-                 0666)) {
-    if (fd_ < 0) throw InputError(errno_message("cannot create log " + path.string()));
-    if (opening == LogOpening::kGoOn) go_on(path);
-  }
-  ~Impl() {
-    sync();
-    ::close(fd_);
-  }
+  Impl(const std::filesystem::path& log, LogOpening opening)
+      : file_(io::value_or_throw(create(log, opening))),
+        events_(opening == LogOpening::kNew ? 0 : counted_events(existing_segments(log))) {}
+  ~Impl() { static_cast<void>(sync()); }  // close() reports
   Impl(const Impl&) = delete;
   Impl& operator=(const Impl&) = delete;
 
   /// The data are `first` and `rest`. Not buffered: what was written is the kernel's, whatever
-  /// becomes of us, and a full disk is noticed at the event that it hits.
-  bool write(const std::string& channel, RealtimeInstant at, const Bytes& first,
-             const Bytes& rest = {}) {
-    if (broken_) return false;
+  /// becomes of this process, and a full disk is noticed at the event that it hits. The bytes of an
+  /// event that failed are overwritten by the next one; nobody was told that they are there.
+  io::Status write(const std::string& channel, RealtimeInstant at, const Bytes& first,
+                   const Bytes& rest = {}) {
+    if (!lost_) return lost_;
     const Bytes head = event_head(events_, channel, at, first.size() + rest.size());
-    iovec parts[] = {part_of(head), part_of(first), part_of(rest)};
-    if (!write_all(fd_, parts)) {
-      cut_back();
-      return false;
-    }
+    const io::Status written = file_.write(static_cast<uint64_t>(bytes_), {head, first, rest});
+    if (!written) return written;
     ++events_;
     bytes_ += static_cast<int64_t>(head.size() + first.size() + rest.size());
     drain();
-    return true;
+    return written;
   }
 
   int64_t bytes() const { return bytes_; }
+  const std::filesystem::path& path() const { return file_.path(); }
 
-  bool sync() {
-    const bool refused = fsync(fd_) != 0 && is_of_the_disk(errno);
-    broken_ = broken_ || refused;
-    return !broken_;
+  io::Status sync() {
+    const io::Status synced = file_.sync();
+    if (lost_ && !synced && is_of_the_disk(synced.error().code)) lost_ = synced;
+    return lost_;
   }
 
  private:
-  void go_on(const std::filesystem::path& path) {
-    events_ = static_cast<int64_t>(EventLogReader(path).events().size());
-    bytes_ = given_ = taken_ = lseek(fd_, 0, SEEK_END);
-  }
-
-  /// writev() only reads.
-  static iovec part_of(const Bytes& bytes) {
-    return {const_cast<uint8_t*>(bytes.data()), bytes.size()};
+  /// Never a file that exists.
+  static io::Result<io::File> create(const std::filesystem::path& log, LogOpening opening) {
+    const size_t number = opening == LogOpening::kNew ? 0 : existing_segments(log).size();
+    return io::File::open(segment_path(log, static_cast<int>(number)), io::OpenMode::kCreate);
   }
 
   /// What the disk has meanwhile taken leaves the page cache: a take is many times the memory, and
   /// pages used again are still warm, where fresh ones cost several times the copy.
   void drain() {
     if (bytes_ - given_ < kDrainBytes) return;
-    sync_file_range(fd_, given_, bytes_ - given_, SYNC_FILE_RANGE_WRITE);
+    sync_file_range(file_.fd(), given_, bytes_ - given_, SYNC_FILE_RANGE_WRITE);
     given_ = bytes_;
     const int64_t due = given_ - kMostWaiting;
     if (due > taken_) {
-      const int refused = sync_file_range(fd_, taken_, due - taken_, SYNC_FILE_RANGE_WAIT_BEFORE);
-      broken_ = refused != 0 && is_of_the_disk(errno);
+      const int failed =
+          sync_file_range(file_.fd(), taken_, due - taken_, SYNC_FILE_RANGE_WAIT_BEFORE);
+      if (failed != 0 && is_of_the_disk(errno)) lost_ = io::io_error("write", file_.path());
       taken_ = due;
     }
-    posix_fadvise(fd_, 0, given_ - kDrainBytes, POSIX_FADV_DONTNEED);
+    posix_fadvise(file_.fd(), 0, given_ - kDrainBytes, POSIX_FADV_DONTNEED);
   }
 
   /// Other errors say that this is no file that can be synchronised.
@@ -135,17 +112,12 @@ class EventLogWriter::Impl {
     return error == EIO || error == ENOSPC || error == EDQUOT || error == EROFS;
   }
 
-  /// Removes what was written of an event that did not fit.
-  void cut_back() const {
-    if (ftruncate(fd_, bytes_) == 0) lseek(fd_, bytes_, SEEK_SET);
-  }
-
-  const int fd_;
+  io::File file_;
   int64_t events_ = 0;
   int64_t bytes_ = 0;
-  int64_t given_ = 0;    ///< bytes that the disk has been asked to take
-  int64_t taken_ = 0;    ///< bytes that it has taken
-  bool broken_ = false;  ///< it refused some of them
+  int64_t given_ = 0;  ///< bytes that the disk has been asked to take
+  int64_t taken_ = 0;  ///< bytes that it has taken
+  io::Status lost_;    ///< an error when the disk lost some of them
 };
 
 EventLogWriter::EventLogWriter(const std::filesystem::path& path, LogOpening opening)
@@ -154,22 +126,24 @@ EventLogWriter::~EventLogWriter() = default;
 EventLogWriter::EventLogWriter(EventLogWriter&&) noexcept = default;
 EventLogWriter& EventLogWriter::operator=(EventLogWriter&&) noexcept = default;
 
-bool EventLogWriter::write(const FrameMessage& message) {
+io::Status EventLogWriter::write(const FrameMessage& message) {
   return impl_->write(frame_channel(message.frame.camera), message.sent, encode_head(message),
                       message.frame.image.bytes);
 }
-bool EventLogWriter::write(const PulseMessage& message) {
+io::Status EventLogWriter::write(const PulseMessage& message) {
   return impl_->write(kPulseChannel, message.sent, encode(message));
 }
 int64_t EventLogWriter::bytes() const { return impl_->bytes(); }
-bool EventLogWriter::close() { return impl_->sync(); }
+const std::filesystem::path& EventLogWriter::path() const { return impl_->path(); }
+io::Status EventLogWriter::sync() { return impl_->sync(); }
 
 class FrameLogReader::Impl {
  public:
-  explicit Impl(const std::filesystem::path& path) : log_(path) {
+  explicit Impl(const std::filesystem::path& path) : log_(path), read_errors_(log_.read_errors()) {
     damaged_ = log_.damaged_places();
     for (const EventSpan& event : log_.events()) {
-      const auto head = decode_frame_head(log_.read(event, kFrameHeadSize));
+      const auto bytes = read(event, kFrameHeadSize);
+      const auto head = bytes ? decode_frame_head(*bytes) : std::nullopt;
       if (!head || head->message_size != event.data_size) {
         ++damaged_;
         continue;
@@ -179,10 +153,11 @@ class FrameLogReader::Impl {
     }
   }
 
-  std::optional<Frame> read(int64_t pulse) const {
+  std::optional<Frame> read(int64_t pulse) {
     const auto found = first_of_.find(pulse);
     if (found == first_of_.end()) return std::nullopt;
-    auto message = decode<FrameMessage>(log_.read(*found->second));
+    const auto bytes = read(*found->second, SIZE_MAX);
+    auto message = bytes ? decode<FrameMessage>(*bytes) : std::nullopt;
     if (!message) return std::nullopt;
     return std::move(message->frame);
   }
@@ -190,11 +165,22 @@ class FrameLogReader::Impl {
   const std::vector<FrameLabel>& labels() const { return labels_; }
   int64_t damaged() const { return damaged_; }
   int64_t torn_bytes() const { return log_.torn_bytes(); }
+  const std::vector<std::string>& read_errors() const { return read_errors_; }
 
  private:
+  /// Empty, and reported, where the disk does not give the bytes.
+  std::optional<Bytes> read(const EventSpan& event, size_t limit) {
+    auto bytes = log_.read(event, limit);
+    if (bytes) return *std::move(bytes);
+    if (read_errors_.size() < kMaxReadErrors) read_errors_.push_back(bytes.error().message);
+    return std::nullopt;
+  }
+
+  static constexpr size_t kMaxReadErrors = 16;
   EventLogReader log_;
   std::vector<FrameLabel> labels_;
   std::unordered_map<int64_t, const EventSpan*> first_of_;
+  std::vector<std::string> read_errors_;
   int64_t damaged_ = 0;
 };
 
@@ -207,13 +193,17 @@ FrameLogReader& FrameLogReader::operator=(FrameLogReader&&) noexcept = default;
 const std::vector<FrameLabel>& FrameLogReader::labels() const { return impl_->labels(); }
 int64_t FrameLogReader::damaged_events() const { return impl_->damaged(); }
 int64_t FrameLogReader::torn_bytes() const { return impl_->torn_bytes(); }
+const std::vector<std::string>& FrameLogReader::read_errors() const { return impl_->read_errors(); }
 std::optional<Frame> FrameLogReader::read(int64_t pulse) { return impl_->read(pulse); }
 
 std::vector<PulseMessage> read_pulses(const std::filesystem::path& path) {
   const EventLogReader log(path);
+  if (!log.read_errors().empty()) throw InputError(log.read_errors().front());
   std::vector<PulseMessage> pulses;
   for (const EventSpan& event : log.events()) {
-    if (auto pulse = decode<PulseMessage>(log.read(event))) pulses.push_back(std::move(*pulse));
+    const auto bytes = log.read(event);
+    if (!bytes) throw InputError(bytes.error().message);
+    if (auto pulse = decode<PulseMessage>(*bytes)) pulses.push_back(std::move(*pulse));
   }
   return pulses;
 }

@@ -1,4 +1,5 @@
-// <camera>.lcmlog: frames as LCM event logs, so that lcm-logplayer and lcm-spy open them.
+// EventLogWriter and FrameLogReader: the frames of one camera as LCM event logs (<camera>.lcmlog),
+// which lcm-logplayer and lcm-spy open.
 #pragma once
 
 #include <cstdint>
@@ -9,42 +10,45 @@
 #include <string>
 #include <vector>
 
+#include "base/io/result.h"
 #include "take/log_opening.h"
 #include "wire/messages.h"
 
 namespace v3d {
 
-/// Appends events; one thread. A log that goes on must end with a whole event (recover_take()).
-/// Nothing is buffered here: what write() said yes to survives the end of the program, and a crash
+/// Appends events to a new segment of a log (take/log_segments.h); one thread. Nothing is buffered
+/// here: a frame for which write() returned true survives the end of the program, and a crash
 /// leaves at most one unfinished event behind it. At most 32 MB are not on the disk yet: write()
-/// then waits for the disk, so that close() is quick.
+/// then waits for the disk, so that sync() is quick. No byte of an existing file is changed.
 class EventLogWriter {
  public:
-  /// Creates the file where there is none. Throws InputError when that fails.
+  /// kNew creates the first segment and fails when the log exists; kGoOn creates the segment behind
+  /// the last one. Throws InputError when the file cannot be created. The caller syncs the folder.
   explicit EventLogWriter(const std::filesystem::path& path, LogOpening opening = LogOpening::kNew);
   ~EventLogWriter();
   EventLogWriter(EventLogWriter&&) noexcept;
   EventLogWriter& operator=(EventLogWriter&&) noexcept;
 
-  /// False when the disk refused, now or what it had been given before; the log then ends with the
-  /// event before.
-  bool write(const FrameMessage& message);
-  bool write(const PulseMessage& message);
-  int64_t bytes() const;
-  /// Waits until everything is on the disk, and ends the log. False when the disk refused any of
-  /// it.
-  bool close();
+  /// Fails when the disk reports an error: the event is then not in the log, and a later one may
+  /// be. Once the disk has lost bytes that it had accepted, every call fails.
+  [[nodiscard]] io::Status write(const FrameMessage& message);
+  [[nodiscard]] io::Status write(const PulseMessage& message);
+  int64_t bytes() const;                      ///< of this segment
+  const std::filesystem::path& path() const;  ///< of this segment
+  /// Waits until everything is on the disk. Fails when the disk lost any of it, now or before.
+  [[nodiscard]] io::Status sync();
 
  private:
   class Impl;
   std::unique_ptr<Impl> impl_;
 };
 
-/// Random access to the frames of one camera by pulse number. Opening reads the headers of all
-/// events; a torn last event is left out and reported. One thread per reader.
+/// Random access to the frames of one camera by pulse number, over all segments of its log. Opening
+/// reads the headers of all events; a torn last event is left out and reported. One thread per
+/// reader.
 class FrameLogReader {
  public:
-  /// Throws InputError when the file is missing or is no event log.
+  /// Throws InputError as EventLogReader does.
   explicit FrameLogReader(const std::filesystem::path& path);
   ~FrameLogReader();
   FrameLogReader(FrameLogReader&&) noexcept;
@@ -55,7 +59,9 @@ class FrameLogReader {
   /// Events that do not decode, and bytes behind the last whole event.
   int64_t damaged_events() const;
   int64_t torn_bytes() const;
-  /// The first frame of this pulse; empty when there is none or it is damaged.
+  /// What the disk did not give until now, at most some lines with path and cause.
+  const std::vector<std::string>& read_errors() const;
+  /// The first frame of this pulse; empty when there is none, or it is damaged or cannot be read.
   std::optional<Frame> read(int64_t pulse);
 
  private:
@@ -64,7 +70,7 @@ class FrameLogReader {
 };
 
 /// All pulses of pulses.lcmlog, in order; damaged events are passed over. Throws InputError as
-/// FrameLogReader does.
+/// FrameLogReader does, and when the disk does not give all bytes.
 std::vector<PulseMessage> read_pulses(const std::filesystem::path& path);
 
 }  // namespace v3d

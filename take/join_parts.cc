@@ -4,7 +4,9 @@
 
 #include "base/error.h"
 #include "base/file.h"
+#include "base/io/file.h"
 #include "take/ledger.h"
+#include "take/log_segments.h"
 #include "take/mesh_file.h"
 
 namespace v3d {
@@ -22,11 +24,20 @@ struct Part {
 void put(const fs::path& file, const fs::path& place) {
   std::error_code error;
   fs::create_hard_link(file, place, error);
-  if (error) fs::copy_file(file, place);
+  if (error) io::throw_if_failed(io::copy_file(file, place));
 }
 
 void put_if_there(const fs::path& file, const fs::path& place) {
   if (fs::exists(file) && !fs::exists(place)) put(file, place);
+}
+
+/// All segments of a log, with what recoveries found in them.
+void put_log(const fs::path& log, const fs::path& place) {
+  for (const fs::path& segment : existing_segments(log)) {
+    const fs::path to = place.parent_path() / segment.filename();
+    put_if_there(segment, to);
+    put_if_there(segment_index_path(segment), segment_index_path(to));
+  }
 }
 
 /// What cannot be read has none.
@@ -75,7 +86,7 @@ void put_frames(const Part& part, const TakePaths& into, TakeInfo& info) {
       throw InputError(part.paths.folder.string() + ": another part has " + camera + " too");
     }
     info.cameras.push_back(camera);
-    put_if_there(part.paths.frames(camera), into.frames(camera));
+    put_log(part.paths.frames(camera), into.frames(camera));
   }
 }
 
@@ -112,11 +123,11 @@ TakeInfo join_parts(const std::vector<TakePaths>& parts, const TakePaths& into) 
   const auto sensed_most = std::max_element(
       recorded.begin(), recorded.end(),
       [](const Part& a, const Part& b) { return a.ledger.sensed < b.ledger.sensed; });
-  put_if_there(sensed_most->paths.pulses(), into.pulses());
+  put_log(sensed_most->paths.pulses(), into.pulses());
   const Ledger ledger = merge(ledgers);
   info.pulses = ledger.commanded;
-  save_ledger(into.ledger(), ledger);
-  save_take_info(into, info);
+  io::throw_if_failed(save_ledger(into.ledger(), ledger));
+  io::throw_if_failed(save_take_info(into, info));
   return info;
 }
 

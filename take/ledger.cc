@@ -5,6 +5,7 @@
 
 #include "base/error.h"
 #include "base/file.h"
+#include "base/io/file.h"
 #include "base/toml_file.h"
 #include "base/units.h"
 #include "take/take.h"
@@ -199,7 +200,7 @@ Ledger parse_ledger(std::string_view text, const std::filesystem::path& path) {
   return ledger;
 }
 
-void save_ledger(const std::filesystem::path& path, const Ledger& ledger) {
+io::Status save_ledger(const std::filesystem::path& path, const Ledger& ledger) {
   std::string text = "take = " + toml_string(ledger.take) +
                      "\ncommanded = " + std::to_string(ledger.commanded) +
                      "\nsense_line = " + (ledger.sensed ? "true" : "false") + "\n";
@@ -217,7 +218,7 @@ void save_ledger(const std::filesystem::path& path, const Ledger& ledger) {
         "\nduplicate = " + number_list(c.duplicate) + "\nsuspect = " + number_list(c.suspect) +
         "\n";
   }
-  replace_file(path, text);
+  return io::replace_file(path, text);
 }
 
 }  // namespace v3d

@@ -9,6 +9,7 @@
 #include <string_view>
 #include <vector>
 
+#include "base/io/result.h"
 #include "take/pulse_set.h"
 
 namespace v3d {
@@ -76,7 +77,7 @@ std::vector<std::string> table_lines(const Ledger& ledger);
 /// Throws InputError with file, line and field; also when the file is not there.
 Ledger load_ledger(const std::filesystem::path& path);
 Ledger parse_ledger(std::string_view text, const std::filesystem::path& path);
-/// Replaces the file in one step; throws std::runtime_error when the disk refuses.
-void save_ledger(const std::filesystem::path& path, const Ledger& ledger);
+/// io::replace_file() of ledger.toml.
+[[nodiscard]] io::Status save_ledger(const std::filesystem::path& path, const Ledger& ledger);
 
 }  // namespace v3d

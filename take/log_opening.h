@@ -6,8 +6,8 @@
 namespace v3d {
 
 enum class LogOpening : uint8_t {
-  kNew,   ///< what stood there is gone
-  kGoOn,  ///< behind what stands there
+  kNew,   ///< a file that does not exist yet
+  kGoOn,  ///< continues what a restarted daemon left
 };
 
 }  // namespace v3d

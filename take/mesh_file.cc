@@ -1,16 +1,12 @@
 #include "take/mesh_file.h"
 
-#include <fcntl.h>
-#include <sys/stat.h>
-#include <unistd.h>
-
 #include <algorithm>
 #include <cassert>
-#include <cerrno>
 #include <deque>
 #include <utility>
 
 #include "base/error.h"
+#include "base/io/file.h"
 #include "take/mesh_file_layout.h"
 #include "take/pulse_set.h"
 
@@ -19,74 +15,49 @@ namespace {
 
 using mesh_file::Entry;
 
-bool write_all(int fd, uint64_t offset, std::span<const uint8_t> bytes) {
-  while (!bytes.empty()) {
-    const ssize_t n = pwrite(fd, bytes.data(), bytes.size(), static_cast<off_t>(offset));
-    if (n < 0 && errno == EINTR) continue;
-    if (n <= 0) return false;
-    bytes = bytes.subspan(static_cast<size_t>(n));
-    offset += static_cast<uint64_t>(n);
-  }
-  return true;
-}
-
-/// Fewer bytes than asked for at the end of the file.
-std::vector<uint8_t> read_at(int fd, uint64_t offset, size_t size) {
-  std::vector<uint8_t> bytes(size);
-  size_t done = 0;
-  while (done < size) {
-    const ssize_t n =
-        pread(fd, bytes.data() + done, size - done, static_cast<off_t>(offset + done));
-    if (n < 0 && errno == EINTR) continue;
-    if (n <= 0) break;
-    done += static_cast<size_t>(n);
-  }
-  bytes.resize(done);
-  return bytes;
+io::File open_mesh_file(const std::filesystem::path& path) {
+  return io::value_or_throw(io::File::open(path, io::OpenMode::kRead));
 }
 
 /// A mesh file and where everything in it lies.
 class IndexedFile {
  public:
+  /// Throws InputError when it is no mesh file, and when the disk does not give its index.
   explicit IndexedFile(const std::filesystem::path& path)
-      : fd_(open(path.c_str(), O_RDONLY | O_CLOEXEC)) {
-    if (fd_ < 0) throw InputError(errno_message("cannot open mesh file " + path.string()));
-    struct stat status {};
-    if (fstat(fd_, &status) == 0) file_size_ = static_cast<uint64_t>(status.st_size);
-    const auto head = read_at(fd_, 0, mesh_file::kHeaderSize);
+      : file_(open_mesh_file(path)), file_size_(io::value_or_throw(file_.size())) {
+    const auto head = read_at(0, mesh_file::kHeaderSize);
     if (head.size() < mesh_file::kHeaderSize ||
         !mesh_file::magic_at(head, 0, mesh_file::kFileMagic)) {
-      refuse(path.string() + ": is no mesh file (mesh.v3d)");
+      throw InputError(path.string() + ": is no mesh file (mesh.v3d)");
     }
     if (mesh_file::u32_at(head, 8) != mesh_file::kVersion || mesh_file::u32_at(head, 12) != 0) {
-      refuse(path.string() + ": is a mesh file of a version that this program does not know");
+      throw InputError(path.string() +
+                       ": is a mesh file of a version that this program does not know");
     }
     if (!load_index()) rebuild_index();
     for (const Entry& entry : entries_) pulses_.push_back(entry.pulse);
   }
-  ~IndexedFile() { close(fd_); }
-  IndexedFile(const IndexedFile&) = delete;
-  IndexedFile& operator=(const IndexedFile&) = delete;
-
   std::optional<std::vector<uint8_t>> read(int64_t pulse) const {
     const auto entry = std::lower_bound(entries_.begin(), entries_.end(), pulse,
                                         [](const Entry& e, int64_t p) { return e.pulse < p; });
     if (entry == entries_.end() || entry->pulse != pulse) return std::nullopt;
-    auto payload = read_at(fd_, entry->offset + mesh_file::kRecordSize, entry->payload_size);
-    if (payload.size() != entry->payload_size || crc32(payload) != entry->payload_crc) {
-      return std::nullopt;
-    }
+    std::vector<uint8_t> payload(entry->payload_size);
+    const auto got = file_.read(entry->offset + mesh_file::kRecordSize, payload);
+    if (got != payload.size() || crc32(payload) != entry->payload_crc) return std::nullopt;
     return payload;
   }
 
   const std::vector<Entry>& entries() const { return entries_; }
   const std::vector<int64_t>& pulses() const { return pulses_; }
   bool index_was_rebuilt() const { return rebuilt_; }
+  uint64_t file_size() const { return file_size_; }
 
  private:
-  [[noreturn]] void refuse(const std::string& message) const {
-    close(fd_);
-    throw InputError(message);
+  /// Fewer bytes than asked for at the end of the file only.
+  std::vector<uint8_t> read_at(uint64_t offset, size_t size) const {
+    std::vector<uint8_t> bytes(size);
+    bytes.resize(io::value_or_throw(file_.read(offset, bytes)));
+    return bytes;
   }
 
   /// The bytes of the index, when the footer points at them rightly.
@@ -94,12 +65,12 @@ class IndexedFile {
     using namespace mesh_file;
     if (file_size_ < kHeaderSize + kIndexHeadSize + kFooterSize) return {};
     const uint64_t footer_offset = file_size_ - kFooterSize;
-    const auto footer = read_at(fd_, footer_offset, kFooterSize);
+    const auto footer = read_at(footer_offset, kFooterSize);
     if (footer.size() != kFooterSize || !magic_at(footer, 16, kFooterMagic)) return {};
     const uint64_t offset = u64_at(footer, 0);
     const uint32_t size = u32_at(footer, 8);
     if (offset < kHeaderSize || offset > footer_offset || size != footer_offset - offset) return {};
-    auto bytes = read_at(fd_, offset, size);
+    auto bytes = read_at(offset, size);
     if (bytes.size() != size || crc32(bytes) != u32_at(footer, 12)) return {};
     return bytes;
   }
@@ -133,9 +104,21 @@ class IndexedFile {
   }
 
   std::optional<Entry> record_at(uint64_t offset) const {
-    const auto head = read_at(fd_, offset, mesh_file::kRecordSize);
+    const auto head = read_at(offset, mesh_file::kRecordSize);
     const auto entry = mesh_file::read_record_head(head, offset);
     return entry && inside_file(*entry) ? entry : std::nullopt;
+  }
+
+  /// The record ends where another begins, the index does, or the file does; or its checksum is
+  /// right. Else it is the unfinished record of a program that was killed, and what was appended
+  /// later lies where its payload would be.
+  bool is_whole(const Entry& entry) const {
+    const uint64_t end = entry.offset + mesh_file::kRecordSize + entry.payload_size;
+    if (end == file_size_ || record_at(end)) return true;
+    const auto magic = read_at(end, mesh_file::kIndexMagic.size());
+    if (mesh_file::magic_at(magic, 0, mesh_file::kIndexMagic)) return true;
+    const auto payload = read_at(entry.offset + mesh_file::kRecordSize, entry.payload_size);
+    return crc32(payload) == entry.payload_crc;
   }
 
   /// The next offset from `from` at which a right record begins, or the end of the file.
@@ -143,7 +126,7 @@ class IndexedFile {
     constexpr size_t kChunk = 1 << 16;
     const auto& magic = mesh_file::kRecordMagic;
     while (from + mesh_file::kRecordSize <= file_size_) {
-      const auto chunk = read_at(fd_, from, kChunk);
+      const auto chunk = read_at(from, kChunk);
       if (chunk.size() < magic.size()) break;
       for (auto hit = chunk.begin();; ++hit) {
         hit = std::search(hit, chunk.end(), magic.begin(), magic.end());
@@ -161,7 +144,7 @@ class IndexedFile {
     uint64_t offset = mesh_file::kHeaderSize;
     while (offset < file_size_) {
       const auto entry = record_at(offset);
-      if (!entry) {
+      if (!entry || !is_whole(*entry)) {
         offset = next_record(offset + 1);
         continue;
       }
@@ -170,7 +153,7 @@ class IndexedFile {
     }
   }
 
-  int fd_;
+  io::File file_;
   uint64_t file_size_ = 0;
   std::vector<Entry> entries_;
   std::vector<int64_t> pulses_;
@@ -181,45 +164,49 @@ class IndexedFile {
 
 class MeshFileWriter::Impl {
  public:
-  Impl(const std::filesystem::path& path, LogOpening opening) {
-    if (opening == LogOpening::kGoOn) find_end(path);
-    fd_ = open(path.c_str(), O_WRONLY | O_CREAT | O_CLOEXEC, 0644);
-    if (fd_ < 0 || ftruncate(fd_, static_cast<off_t>(end_)) != 0 ||
-        !write_all(fd_, 0, mesh_file::header())) {
-      const std::string message = errno_message("cannot create mesh file " + path.string());
-      if (fd_ >= 0) ::close(fd_);
-      throw InputError(message);
+  Impl(const std::filesystem::path& path, LogOpening opening)
+      : path_(path),
+        file_(io::value_or_throw(opening == LogOpening::kGoOn ? go_on(path) : create(path))) {
+    if (begin_ > 0) return;
+    begin_ = end_ = mesh_file::kHeaderSize;
+    if (auto written = file_->write(0, {mesh_file::header()}); !written) {
+      io::throw_input_error(written.error());
     }
   }
-  ~Impl() { close(); }
+  ~Impl() { static_cast<void>(close()); }
   Impl(const Impl&) = delete;
   Impl& operator=(const Impl&) = delete;
 
-  bool append(int64_t pulse, std::span<const uint8_t> compact) {
+  io::Status append(int64_t pulse, std::span<const uint8_t> compact) {
     assert(!last_pulse() || pulse > *last_pulse());
-    if (fd_ < 0 || compact.size() > mesh_file::kMaxPayload) return false;
+    if (!file_) return io::io_error("write", path_, "it is closed", EBADF);
+    if (compact.size() > mesh_file::kMaxPayload) {
+      return io::io_error("write", path_, "the mesh is too large", EFBIG);
+    }
     const Entry entry{.pulse = pulse,
                       .offset = end_,
                       .payload_size = static_cast<uint32_t>(compact.size()),
                       .payload_crc = crc32(compact)};
-    if (!write_all(fd_, end_, mesh_file::record_head(entry)) ||
-        !write_all(fd_, end_ + mesh_file::kRecordSize, compact)) {
-      cut_back();
-      return false;
-    }
+    // After a failure the next record overwrites what the disk took of this one.
+    auto written = file_->write(end_, {mesh_file::record_head(entry), compact});
+    if (!written) return written;
     end_ += mesh_file::kRecordSize + compact.size();
     pulses_.insert(pulse);
     payloads_.push_back({entry.payload_size, entry.payload_crc});
-    return true;
+    return written;
   }
 
-  bool close() {
-    if (fd_ < 0) return closed_well_;
-    closed_well_ = write_all(fd_, end_, mesh_file::index(entries(), end_));
-    if (!closed_well_) cut_back();
-    closed_well_ = fsync(fd_) == 0 && closed_well_;
-    ::close(std::exchange(fd_, -1));
-    return closed_well_;
+  io::Status sync() { return file_->sync(); }
+
+  io::Status close() {
+    if (!file_) return closed_;
+    // The index ends the file, also behind the bytes of a record that failed.
+    const auto size = file_->size();
+    const uint64_t offset = std::max(end_, size.value_or(end_));
+    closed_ = file_->write(offset, {mesh_file::index(entries(), offset)});
+    if (const auto synced = file_->sync(); closed_) closed_ = synced;
+    file_.reset();
+    return closed_;
   }
 
   size_t size() const { return found_.size() + payloads_.size(); }
@@ -234,16 +221,24 @@ class MeshFileWriter::Impl {
     uint32_t size, crc;
   };
 
-  /// Of a file that holds no mesh nothing is kept.
-  void find_end(const std::filesystem::path& path) {
-    try {
-      found_ = IndexedFile(path).entries();
-    } catch (const InputError&) {
-      return;
-    }
-    if (found_.empty()) return;
-    const Entry& last = found_.back();
-    begin_ = end_ = last.offset + mesh_file::kRecordSize + last.payload_size;
+  static io::Result<io::File> create(const std::filesystem::path& path) {
+    return io::File::open(path, io::OpenMode::kCreate);
+  }
+
+  /// Behind everything that is there: an index that closed the file before, or the bytes of an
+  /// unfinished record, stay where they are, and readers pass over them. A file that ended before
+  /// its header was whole begins anew.
+  io::Result<io::File> go_on(const std::filesystem::path& path) {
+    auto file = io::File::open(path, io::OpenMode::kWriteExisting);
+    if (!file && file.error().code == ENOENT) return create(path);
+    if (!file) return file;
+    const auto size = file->size();
+    if (!size) return tl::make_unexpected(size.error());
+    if (*size < mesh_file::kHeaderSize) return file;
+    const IndexedFile found(path);
+    found_ = found.entries();
+    begin_ = end_ = found.file_size();
+    return file;
   }
 
   /// What the index says. Our own records lie one behind the other.
@@ -259,30 +254,27 @@ class MeshFileWriter::Impl {
     return entries;
   }
 
-  /// What the disk took of an unfinished piece goes; if that fails too, readers pass over it.
-  void cut_back() {
-    if (ftruncate(fd_, static_cast<off_t>(end_)) != 0) return;
-  }
-
-  int fd_ = -1;
-  std::vector<Entry> found_;                 ///< that were in the file before
-  uint64_t begin_ = mesh_file::kHeaderSize;  ///< of what is appended
-  uint64_t end_ = mesh_file::kHeaderSize;
+  std::filesystem::path path_;
+  std::vector<Entry> found_;  ///< that were in the file before
+  uint64_t begin_ = 0;        ///< of what is appended
+  uint64_t end_ = 0;
   PulseSet pulses_;
   std::deque<Payload> payloads_;  ///< grows by pieces, not by doubling
-  bool closed_well_ = false;
+  std::optional<io::File> file_;  ///< empty when closed; after what go_on() fills in
+  io::Status closed_;
 };
 
 MeshFileWriter::MeshFileWriter(const std::filesystem::path& path, LogOpening opening)
     : impl_(std::make_unique<Impl>(path, opening)) {}
 MeshFileWriter::~MeshFileWriter() = default;
 MeshFileWriter::MeshFileWriter(MeshFileWriter&&) noexcept = default;
-bool MeshFileWriter::append(int64_t pulse, std::span<const uint8_t> compact) {
+io::Status MeshFileWriter::append(int64_t pulse, std::span<const uint8_t> compact) {
   return impl_->append(pulse, compact);
 }
 size_t MeshFileWriter::size() const { return impl_->size(); }
 std::optional<int64_t> MeshFileWriter::last_pulse() const { return impl_->last_pulse(); }
-bool MeshFileWriter::close() { return impl_->close(); }
+io::Status MeshFileWriter::sync() { return impl_->sync(); }
+io::Status MeshFileWriter::close() { return impl_->close(); }
 
 class MeshFileReader::Impl : public IndexedFile {
  public:

@@ -9,25 +9,30 @@
 #include <span>
 #include <vector>
 
+#include "base/io/result.h"
 #include "take/log_opening.h"
 
 namespace v3d {
 
 class MeshFileWriter {
  public:
-  /// To go on is to write behind the last whole mesh; what stands behind it is cut off. Throws
-  /// InputError when the file cannot be written.
+  /// kNew creates the file and fails when the name is taken. kGoOn appends behind the last byte of
+  /// an existing file, changes none of its bytes, and creates it where there is none. Throws
+  /// InputError when the file cannot be created, opened, read or is no mesh file.
   explicit MeshFileWriter(const std::filesystem::path& path, LogOpening opening = LogOpening::kNew);
   ~MeshFileWriter();  ///< closes without throwing
   MeshFileWriter(MeshFileWriter&&) noexcept;
 
-  /// Pulses must rise. False when the disk refused.
-  bool append(int64_t pulse, std::span<const uint8_t> compact);
+  /// Pulses must rise. Fails when the disk reports an error; the mesh is then not in the file, and
+  /// a later one may be.
+  [[nodiscard]] io::Status append(int64_t pulse, std::span<const uint8_t> compact);
   /// Meshes in the file, and the pulse of the last.
   size_t size() const;
   std::optional<int64_t> last_pulse() const;
-  /// Writes the index. False when the disk refused; the file stays readable.
-  bool close();
+  /// Waits until the disk has every mesh. Not after close().
+  [[nodiscard]] io::Status sync();
+  /// Writes the index and waits for the disk. After a failure the file stays readable.
+  io::Status close();
 
  private:
   class Impl;

@@ -1,6 +1,7 @@
 #include "take/slate.h"
 
 #include "base/file.h"
+#include "base/io/file.h"
 #include "base/toml_file.h"
 
 namespace v3d {
@@ -58,11 +59,11 @@ Slate parse_slate(std::string_view text, const std::filesystem::path& path) {
   return slate;
 }
 
-void save_slate(const std::filesystem::path& path, const Slate& slate) {
-  replace_file(path, "scene = " + toml_string(slate.scene) +      //
-                         "\ntake = " + toml_string(slate.take) +  //
-                         "\nnote = " + toml_string(slate.note) +  //
-                         "\nmark = " + toml_string(name(slate.mark)) + "\n");
+io::Status save_slate(const std::filesystem::path& path, const Slate& slate) {
+  return io::replace_file(path, "scene = " + toml_string(slate.scene) +      //
+                                    "\ntake = " + toml_string(slate.take) +  //
+                                    "\nnote = " + toml_string(slate.note) +  //
+                                    "\nmark = " + toml_string(name(slate.mark)) + "\n");
 }
 
 }  // namespace v3d

@@ -7,6 +7,8 @@
 #include <string>
 #include <string_view>
 
+#include "base/io/result.h"
+
 namespace v3d {
 
 enum class Mark : uint8_t { kNone, kCircled, kRejected };
@@ -27,7 +29,7 @@ struct Slate {
 /// The empty slate when there is no file. Throws InputError with file, line and field.
 Slate load_slate(const std::filesystem::path& path);
 Slate parse_slate(std::string_view text, const std::filesystem::path& path);
-/// Replaces the file in one step; throws std::runtime_error when the disk refuses.
-void save_slate(const std::filesystem::path& path, const Slate& slate);
+/// io::replace_file() of slate.toml.
+[[nodiscard]] io::Status save_slate(const std::filesystem::path& path, const Slate& slate);
 
 }  // namespace v3d

@@ -2,6 +2,7 @@
 
 #include "base/error.h"
 #include "base/file.h"
+#include "base/io/file.h"
 #include "base/name.h"
 #include "base/toml_file.h"
 #include "base/units.h"
@@ -76,20 +77,21 @@ TakeInfo parse_take_info(std::string_view text, const std::filesystem::path& pat
   return info;
 }
 
-void save_take_info(const TakePaths& paths, const TakeInfo& info) {
+io::Status save_take_info(const TakePaths& paths, const TakeInfo& info) {
   std::string cameras;
   for (const std::string& camera : info.cameras) {
     cameras += (cameras.empty() ? "" : ", ") + toml_string(camera);
   }
-  replace_file(paths.info(), "name = " + toml_string(info.name) +                //
-                                 "\nstudio = " + toml_string(info.studio) +      //
-                                 "\nrate_hz = " + toml_number(info.rate_hz) +    //
-                                 "\npulses = " + std::to_string(info.pulses) +   //
-                                 "\nstate = " + toml_string(name(info.state)) +  //
-                                 "\nsoftware_version = " + toml_string(info.software_version) +
-                                 "\nstarted_ns = " + std::to_string(to_ns(info.started)) +
-                                 "  # since 1970, CLOCK_REALTIME" +  //
-                                 "\ncameras = [" + cameras + "]\n");
+  return io::replace_file(paths.info(),
+                          "name = " + toml_string(info.name) +                //
+                              "\nstudio = " + toml_string(info.studio) +      //
+                              "\nrate_hz = " + toml_number(info.rate_hz) +    //
+                              "\npulses = " + std::to_string(info.pulses) +   //
+                              "\nstate = " + toml_string(name(info.state)) +  //
+                              "\nsoftware_version = " + toml_string(info.software_version) +
+                              "\nstarted_ns = " + std::to_string(to_ns(info.started)) +
+                              "  # since 1970, CLOCK_REALTIME" +  //
+                              "\ncameras = [" + cameras + "]\n");
 }
 
 }  // namespace v3d

@@ -1,6 +1,7 @@
 // A take on disk: a folder (see ARCHITECTURE.md, "A take is a folder").
 //   take.toml  ledger.toml  calib.toml  studio.toml  pulses.lcmlog  <camera>.lcmlog  background/
 //   mesh.v3d  slate.toml  verified.toml
+//   after a restart in the take: <camera>.0001.lcmlog, ... and <camera>.lcmlog.index, ...
 #pragma once
 
 #include <cstdint>
@@ -9,6 +10,7 @@
 #include <string_view>
 #include <vector>
 
+#include "base/io/result.h"
 #include "base/time.h"
 
 namespace v3d {
@@ -40,6 +42,7 @@ struct TakePaths {
   std::filesystem::path calib() const { return folder / "calib.toml"; }
   /// The studio file as it was; absent in takes that come from elsewhere.
   std::filesystem::path studio() const { return folder / "studio.toml"; }
+  /// The first segment of the log, as frames() is (take/log_segments.h).
   std::filesystem::path pulses() const { return folder / "pulses.lcmlog"; }
   std::filesystem::path frames(const std::string& camera) const {
     return folder / (camera + ".lcmlog");
@@ -57,7 +60,7 @@ struct TakePaths {
 /// Throws InputError when the folder is no take, with what is missing.
 TakeInfo load_take_info(const TakePaths& paths);
 TakeInfo parse_take_info(std::string_view text, const std::filesystem::path& path);
-/// Replaces take.toml in one step; throws std::runtime_error when the disk refuses.
-void save_take_info(const TakePaths& paths, const TakeInfo& info);
+/// io::replace_file() of take.toml.
+[[nodiscard]] io::Status save_take_info(const TakePaths& paths, const TakeInfo& info);
 
 }  // namespace v3d

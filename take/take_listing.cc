@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <tuple>
 
+#include "base/io/file.h"
 #include "take/ledger.h"
 #include "take/mesh_file.h"
 #include "take/verified.h"
@@ -45,9 +46,10 @@ std::vector<TakeListing> find_takes(const fs::path& folder,
                                     const std::function<void(const InputError&)>& passed_over) {
   if (!fs::is_directory(folder)) throw InputError(folder.string() + ": is no folder of takes");
   std::vector<TakeListing> takes;
-  for (const fs::directory_entry& entry : fs::directory_iterator(folder)) {
-    const TakePaths paths{entry.path()};
-    if (!fs::exists(paths.info())) continue;
+  for (const fs::path& entry : io::value_or_throw(io::list_folder(folder))) {
+    const TakePaths paths{entry};
+    std::error_code ignored;
+    if (!fs::exists(paths.info(), ignored)) continue;
     try {
       takes.push_back(look_at_take(paths));
     } catch (const InputError& error) {

@@ -4,7 +4,9 @@
 
 #include "base/error.h"
 #include "base/file.h"
+#include "base/io/file.h"
 #include "base/toml_file.h"
+#include "take/log_segments.h"
 
 namespace v3d {
 namespace {
@@ -22,8 +24,12 @@ std::optional<VerifiedFile> look_at(const fs::path& file) {
 }
 
 std::vector<VerifiedFile> recorded_files(const TakePaths& paths, const TakeInfo& info) {
-  std::vector<fs::path> places = {paths.info(), paths.ledger(), paths.calib(), paths.pulses()};
-  for (const std::string& camera : info.cameras) places.push_back(paths.frames(camera));
+  std::vector<fs::path> places = {paths.info(), paths.ledger(), paths.calib()};
+  const auto add_log = [&](const fs::path& log) {
+    for (const fs::path& segment : existing_segments(log)) places.push_back(segment);
+  };
+  add_log(paths.pulses());
+  for (const std::string& camera : info.cameras) add_log(paths.frames(camera));
   std::vector<VerifiedFile> files;
   for (const fs::path& place : places) {
     if (auto file = look_at(place)) files.push_back(std::move(*file));
@@ -33,7 +39,7 @@ std::vector<VerifiedFile> recorded_files(const TakePaths& paths, const TakeInfo&
 
 }  // namespace
 
-void save_verified(const TakePaths& paths, const Verification& verification) {
+io::Status save_verified(const TakePaths& paths, const Verification& verification) {
   std::string text = "verdict = " + toml_string(verification.ledger.verdict()) +
                      "\nwhole = " + (verification.whole() ? "true" : "false") +
                      "\nat_ns = " + std::to_string(to_ns(Realtime::now())) +
@@ -43,7 +49,7 @@ void save_verified(const TakePaths& paths, const Verification& verification) {
             "\nbytes = " + std::to_string(file.bytes) +
             "\nchanged_ns = " + std::to_string(file.changed_ns) + "\n";
   }
-  replace_file(paths.verified(), text);
+  return io::replace_file(paths.verified(), text);
 }
 
 std::optional<Verified> load_verified(const TakePaths& paths) {

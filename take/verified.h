@@ -28,8 +28,8 @@ struct Verified {
   std::vector<VerifiedFile> files;  ///< what was recorded: take, ledger, calibration and logs
 };
 
-/// Throws std::runtime_error when the disk refuses.
-void save_verified(const TakePaths& paths, const Verification& verification);
+/// io::replace_file() of verified.toml.
+[[nodiscard]] io::Status save_verified(const TakePaths& paths, const Verification& verification);
 
 /// Empty when the take was never verified, or one of its files has changed since, or the record
 /// cannot be read.

@@ -7,7 +7,9 @@
 #include "take/event_log.h"
 #include "take/exposure_count.h"
 #include "take/frame_log.h"
+#include "take/log_segments.h"
 #include "take/mesh_file.h"
+#include "take/take_removal.h"
 
 namespace v3d {
 namespace {
@@ -16,14 +18,14 @@ namespace {
 enum class Depth : uint8_t { kFrames, kLabels };
 
 /// The label of the frame, if it is one of this camera and, as far as it is read, undamaged.
-std::optional<FrameLabel> label_of(const EventLogReader& log, const EventSpan& event,
+std::optional<FrameLabel> label_in(const Bytes& bytes, const EventSpan& event,
                                    const std::string& camera, Depth depth) {
   if (depth == Depth::kFrames) {
-    const auto message = decode<FrameMessage>(log.read(event));
+    const auto message = decode<FrameMessage>(bytes);
     if (!message || message->frame.camera != camera) return std::nullopt;
     return message->frame.label;
   }
-  const auto head = decode_frame_head(log.read(event, kFrameHeadSize));
+  const auto head = decode_frame_head(bytes);
   if (!head || head->camera != camera || head->message_size != event.data_size) return std::nullopt;
   return head->label;
 }
@@ -98,32 +100,46 @@ class Verifier {
   }
 
   CameraLedger count_frames(const std::string& camera) {
-    const std::filesystem::path file = paths_.frames(camera);
     CameraAccount account;
     ExposureCount exposures;
-    try {
-      const EventLogReader log(file);
-      int64_t damaged = log.damaged_places();
-      for (const EventSpan& event : log.events()) {
-        const auto label = label_of(log, event, camera, depth_);
-        if (!label) {
-          ++damaged;
-          continue;
-        }
-        account.add(label->pulse, label->suspect);
-        exposures.add(label->camera_counter);
-      }
-      if (damaged > 0) disagree(file, format_count(damaged) + " damaged events");
-      if (log.torn_bytes() > 0) {
-        disagree(file, "ends in an unfinished event of " + format_count(log.torn_bytes()) +
-                           " bytes, which is left out");
-      }
-    } catch (const InputError& error) {
-      result_.disagreements.emplace_back(error.what());
+    if (const auto log = EventLogReader::open(paths_.frames(camera))) {
+      count_events(*log, camera, account, exposures);
+    } else {
+      result_.disagreements.push_back(log.error().message);
     }
     CameraLedger counted = account.ledger(camera, result_.ledger.commanded);
     counted.exposed = exposures.exposed();
     return counted;
+  }
+
+  void count_events(const EventLogReader& log, const std::string& camera, CameraAccount& account,
+                    ExposureCount& exposures) {
+    const std::filesystem::path file = paths_.frames(camera);
+    const size_t limit = depth_ == Depth::kFrames ? SIZE_MAX : kFrameHeadSize;
+    int64_t damaged = log.damaged_places(), unreadable = 0;
+    std::vector<std::string> errors = log.read_errors();
+    for (const EventSpan& event : log.events()) {
+      const auto bytes = log.read(event, limit);
+      if (!bytes) {
+        ++unreadable;
+        if (errors.empty()) errors.push_back(bytes.error().message);
+        continue;
+      }
+      const auto label = label_in(*bytes, event, camera, depth_);
+      if (!label) {
+        ++damaged;
+        continue;
+      }
+      account.add(label->pulse, label->suspect);
+      exposures.add(label->camera_counter);
+    }
+    for (std::string& error : errors) result_.disagreements.push_back(std::move(error));
+    if (unreadable > 0) disagree(file, format_count(unreadable) + " events cannot be read");
+    if (damaged > 0) disagree(file, format_count(damaged) + " damaged events");
+    if (log.torn_bytes() > 0) {
+      disagree(file, "ends in an unfinished event of " + format_count(log.torn_bytes()) +
+                         " bytes, which is left out");
+    }
   }
 
   void compare(const Ledger& stored, CameraLedger& counted) {
@@ -168,33 +184,51 @@ class Verifier {
   Verification result_;
 };
 
-/// Where the log's last undamaged event ends. The disk may have kept the length of the last events,
-/// and not their bytes; of more than what waited for the disk, the fault lies elsewhere, and it
-/// stays.
+/// What a recovery finds in a segment. A power cut may leave the length of the last events without
+/// their bytes; these events are not counted. Damage farther back than what can have waited for the
+/// disk has another cause and stays inside the log. Fails when the disk does not give an event.
 template <class Message>
-uint64_t sound_end(const EventLogReader& log) {
-  constexpr uint64_t kMostWaiting = 64 << 20;
-  const std::vector<EventSpan>& events = log.events();
-  if (events.empty()) return 0;
-  const uint64_t end = events.back().data_offset + events.back().data_size;
-  for (auto event = events.rbegin(); event != events.rend(); ++event) {
+io::Result<SegmentIndex> index_of(const EventLogReader& log, uint32_t number) {
+  constexpr uint64_t kMaxUnwrittenBytes = 64 << 20;
+  const LogSegment& segment = log.segments()[number];
+  SegmentIndex index{.bytes = segment.bytes,
+                     .whole_bytes = 0,
+                     .events = segment.events,
+                     .damaged_places = segment.damaged_places};
+  uint64_t end = 0;
+  int64_t left_out = 0;
+  for (auto event = log.events().rbegin(); event != log.events().rend(); ++event) {
+    if (event->segment != number) continue;
     const uint64_t event_end = event->data_offset + event->data_size;
-    if (end - event_end > kMostWaiting) break;
-    if (decode<Message>(log.read(*event))) return event_end;
+    if (end == 0) end = index.whole_bytes = event_end;
+    if (end - event_end > kMaxUnwrittenBytes) return index;
+    const auto bytes = log.read(*event);
+    if (!bytes) return tl::make_unexpected(bytes.error());
+    if (decode<Message>(*bytes)) {
+      index.whole_bytes = event_end;
+      index.events -= left_out;
+      return index;
+    }
+    ++left_out;
   }
-  return end;
+  return index;
 }
 
-/// A log that does not open holds no event: nothing is lost with it.
+/// Writes the index of every segment that has none. A segment that the disk does not give whole
+/// gets none: the verification reports it, and the next recovery tries again.
 template <class Message>
-void cut_behind_last_event(const std::filesystem::path& path) {
-  if (!std::filesystem::is_regular_file(path)) return;
-  uint64_t end = 0;
-  try {
-    end = sound_end<Message>(EventLogReader(path));
-  } catch (const InputError&) {
+io::Status index_segments(const std::filesystem::path& path) {
+  if (existing_segments(path).empty()) return {};  // the verification reports it
+  const auto log = EventLogReader::open(path);
+  if (!log) return tl::make_unexpected(log.error());
+  for (uint32_t number = 0; number < log->segments().size(); ++number) {
+    const LogSegment& segment = log->segments()[number];
+    if (segment.index || !segment.read_error.empty()) continue;
+    const auto index = index_of<Message>(*log, number);
+    if (!index) continue;
+    if (auto saved = save_segment_index(segment.file.path(), *index); !saved) return saved;
   }
-  if (end < std::filesystem::file_size(path)) std::filesystem::resize_file(path, end);
+  return {};
 }
 
 }  // namespace
@@ -202,16 +236,16 @@ void cut_behind_last_event(const std::filesystem::path& path) {
 Verification verify_take(const TakePaths& paths) { return Verifier(paths, Depth::kFrames).run(); }
 
 Verification recover_take(const TakePaths& paths) {
-  cut_behind_last_event<PulseMessage>(paths.pulses());
+  io::throw_if_failed(index_segments<PulseMessage>(paths.pulses()));
   for (const std::string& camera : load_take_info(paths).cameras) {
-    cut_behind_last_event<FrameMessage>(paths.frames(camera));
+    io::throw_if_failed(index_segments<FrameMessage>(paths.frames(camera)));
   }
   Verification result = Verifier(paths, Depth::kLabels).run();
-  std::filesystem::remove(paths.reserve());
+  remove_working_file(paths.reserve());
   result.info.state = TakeState::kRecovered;
   result.info.pulses = result.ledger.commanded;
-  save_ledger(paths.ledger(), result.ledger);
-  save_take_info(paths, result.info);
+  io::throw_if_failed(save_ledger(paths.ledger(), result.ledger));
+  io::throw_if_failed(save_take_info(paths, result.info));
   return result;
 }
 

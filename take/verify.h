@@ -23,10 +23,13 @@ struct Verification {
 /// A missing or damaged log is a disagreement, and its camera misses every pulse.
 Verification verify_take(const TakePaths& paths);
 
-/// Gives a take that nobody closed its ledger and the state "recovered". What stands behind the
-/// last whole event of a log is cut off. Quick: of older events only the labels are read, as many
-/// as nobody waits for a disk to have; verify_take() reads the rest. Requires: nobody records into
-/// it any more. Throws as verify_take() does, and when the folder cannot be written.
+/// Gives a take that nobody closed its ledger and the state "recovered". Changes no byte of a log:
+/// where the whole events of a segment end is written beside it (SegmentIndex). Quick: of older
+/// events only the labels are read, of the last ones as many as can have waited for the disk;
+/// verify_take() reads the rest. Requires: nobody records into the take. Idempotent. Throws
+/// InputError as verify_take() does, and std::runtime_error with path and cause when a log cannot
+/// be opened or a file cannot be written; the take then stays as it is, and a later call may
+/// succeed.
 Verification recover_take(const TakePaths& paths);
 
 }  // namespace v3d

@@ -1,5 +1,9 @@
 #include "daemon/viewd/file_stamp.h"
 
+#include <algorithm>
+
+#include "take/log_segments.h"
+
 namespace v3d {
 
 FileStamp stamp_of(const struct stat& state) {
@@ -12,6 +16,21 @@ std::optional<FileStamp> stamp_of(const std::filesystem::path& path) {
   struct stat state {};
   if (lstat(path.c_str(), &state) != 0 || !S_ISREG(state.st_mode)) return {};
   return stamp_of(state);
+}
+
+std::optional<FileStamp> stamp_of_log(const std::filesystem::path& log) {
+  std::optional<FileStamp> sum;
+  for (const std::filesystem::path& path : existing_segments(log)) {
+    const auto segment = stamp_of(path);
+    if (!segment) return {};
+    if (!sum) {
+      sum = segment;
+      continue;
+    }
+    sum->size += segment->size;
+    sum->changed_ns = std::max(sum->changed_ns, segment->changed_ns);
+  }
+  return sum;
 }
 
 std::string tag_of(const FileStamp& stamp) {

@@ -20,6 +20,9 @@ struct FileStamp {
 FileStamp stamp_of(const struct stat& state);
 /// Of a regular file; empty for anything else, links included.
 std::optional<FileStamp> stamp_of(const std::filesystem::path& path);
+/// Of all segments of an event log: inode of the first, bytes of all, the last change of any. Empty
+/// when there is none or one is no regular file.
+std::optional<FileStamp> stamp_of_log(const std::filesystem::path& log);
 
 /// For HTTP, with its quotation marks: another content has another tag.
 std::string tag_of(const FileStamp& stamp);

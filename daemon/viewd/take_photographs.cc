@@ -41,7 +41,7 @@ std::optional<Frame> TakePhotographs::frame(const std::string& take, int64_t pul
   OpenLog* log = find(take, camera);
   if (log == nullptr) return {};
   if (auto found = log->reader.read(pulse)) return found;
-  const auto now_is = stamp_of(log->path);
+  const auto now_is = stamp_of_log(log->path);
   if (!now_is || *now_is == log->stamp || Monotonic::now() - log->opened < kIndexLasts) return {};
   return open(take, camera, *now_is)->reader.read(pulse);
 }
@@ -49,7 +49,7 @@ std::optional<Frame> TakePhotographs::frame(const std::string& take, int64_t pul
 TakePhotographs::OpenLog* TakePhotographs::find(const std::string& take,
                                                 const std::string& camera) {
   const std::filesystem::path path = TakePaths{takes_ / take}.frames(camera);
-  const auto stamp = stamp_of(path);
+  const auto stamp = stamp_of_log(path);
   const auto known = std::ranges::find(logs_, path, &OpenLog::path);
   const bool same = known != logs_.end() && stamp && known->stamp.inode == stamp->inode &&
                     known->stamp.size <= stamp->size;

@@ -61,7 +61,7 @@ WebAnswer TakePictures::photograph(const WebRequest& request, const std::string&
   if (!pulse || !file.ends_with(kEnding) || !is_file_name(take) || !is_file_name(camera)) {
     return plain_answer(404, "there is no such photograph");
   }
-  const auto log = stamp_of(TakePaths{takes_ / take}.frames(camera));
+  const auto log = stamp_of_log(TakePaths{takes_ / take}.frames(camera));
   if (!log) return plain_answer(404, "there are no frames of this camera in such a take");
   return made(request, tag_of(*log),
               [all = photographs_, take, camera, pulse = *pulse]() -> WebAnswer {

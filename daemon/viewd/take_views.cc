@@ -16,7 +16,7 @@ std::optional<std::string> TakeViews::tag(const std::filesystem::path& take) {
   if (!mesh || !info || !calib) return {};
   std::string tag = std::to_string(mesh->inode) + tag_of(*mesh) + tag_of(*calib);
   for (const std::string& camera : load_take_info(paths).cameras) {
-    const auto log = stamp_of(paths.frames(camera));
+    const auto log = stamp_of_log(paths.frames(camera));
     if (!log) return {};
     tag += tag_of(*log);
   }

@@ -20,7 +20,7 @@ TEST(FullDisk, still_takes_the_ledger_for_which_room_was_set_aside) {
   studio.storage.takes = folder / "takes";
   const TakePaths paths = take_paths(studio, info.name);
   std::filesystem::create_directories(paths.folder);
-  save_take_info(paths, info);
+  EXPECT_TRUE(save_take_info(paths, info));
   const Ledger ledger{.take = "kendo-07", .commanded = 3, .sensed = 3, .cameras = {}};
   {
     const TakeDisk kept(paths,

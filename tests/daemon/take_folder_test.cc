@@ -86,13 +86,15 @@ TEST_F(TakeFolderTest, is_recovered_when_a_crash_left_it_open) {
   {
     EventLogWriter pulses(paths.pulses());
     PulseMessage m;
-    pulses.write(m);
+    EXPECT_TRUE(pulses.write(m));
   }
   EXPECT_TRUE(recover_open_takes(studio_, {"cam02"}).empty());  // not of this node
   const auto recovered = recover_open_takes(studio_, {"cam01"});
   ASSERT_EQ(recovered.size(), 1U);
   EXPECT_EQ(recovered[0].line,
-            "recovered take kendo-07: incomplete, 1 cameras x 1 pulses, 1 missing, 0 suspect");
+            "recovered take kendo-07: incomplete, 1 cameras x 1 pulses, 1 missing, 0 suspect; "
+            "cannot read " +
+                paths.frames("cam01").string() + ": No such file or directory");
   ASSERT_TRUE(recovered[0].ledger);
   EXPECT_EQ(recovered[0].ledger->take, "kendo-07");
   EXPECT_EQ(load_take_info(paths).state, TakeState::kRecovered);

@@ -39,7 +39,7 @@ class PhotographSite : public test::ViewedSite {
   void add_frames(LogOpening opening, int64_t first, int64_t end) const {
     EventLogWriter log(folder_ / "takes/kendo-07/cam01.lcmlog", opening);
     for (int64_t pulse = first; pulse < end; ++pulse) ASSERT_TRUE(log.write(frame(pulse)));
-    ASSERT_TRUE(log.close());
+    ASSERT_TRUE(log.sync());
   }
   static std::optional<Image> picture_of(const WebAnswer& answer) {
     return decode_jpeg({reinterpret_cast<const uint8_t*>(answer.body.data()), answer.body.size()},

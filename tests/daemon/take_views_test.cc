@@ -28,14 +28,14 @@ class ViewedBall : public test::ViewedSite {
 
   ViewedBall() {
     const TakePaths paths{folder_ / "takes/kendo-07"};
-    save_take_info(paths, {.name = "kendo-07",
-                           .studio = "dojo",
-                           .rate_hz = 25,
-                           .pulses = 3,
-                           .state = TakeState::kComplete,
-                           .software_version = "test",
-                           .started = Realtime::now(),
-                           .cameras = {"left", "right"}});
+    EXPECT_TRUE(save_take_info(paths, {.name = "kendo-07",
+                                       .studio = "dojo",
+                                       .rate_hz = 25,
+                                       .pulses = 3,
+                                       .state = TakeState::kComplete,
+                                       .software_version = "test",
+                                       .started = Realtime::now(),
+                                       .cameras = {"left", "right"}}));
     save_calib(paths.calib(), {camera("left", {-3, 0, 1}), camera("right", {3, 0, 1})});
     save_frames(paths, "left", kLeft);
     save_frames(paths, "right", kRight);
@@ -64,7 +64,7 @@ class ViewedBall : public test::ViewedSite {
       for (int y = 0; y < kSize.height; ++y) message.frame.mask->fill_row(y, 0, kSize.width);
       ASSERT_TRUE(log.write(message));
     }
-    ASSERT_TRUE(log.close());
+    ASSERT_TRUE(log.sync());
   }
   void save_meshes(const std::filesystem::path& path) {
     Scene scene(ball(20));
@@ -77,7 +77,7 @@ class ViewedBall : public test::ViewedSite {
       const double half = 25 * scene.volume.grid().voxel_m;
       content.facts.origin = {-half, -half, 1 - half};
       content.facts.cameras = {"left", "right"};
-      file.append(pulse, *encoder.encode(content));
+      EXPECT_TRUE(file.append(pulse, *encoder.encode(content)));
     }
     file.close();
   }

@@ -57,16 +57,30 @@ TEST(FrameLog, gives_back_every_frame_by_its_pulse) {
   EXPECT_FALSE(reader.read(4));
 }
 
-TEST(FrameLog, goes_on_behind_what_stands_there) {
+TEST(FrameLog, continues_in_a_segment_of_its_own_that_readers_join) {
   const TemporaryFolder folder;
-  write_frames(folder / "cam07.lcmlog", {0, 1, 2, 7, 8});
-  write_frames(folder / "parts.lcmlog", {0, 1, 2});
-  {
-    EventLogWriter writer(folder / "parts.lcmlog", LogOpening::kGoOn);
-    for (const int64_t pulse : {7, 8}) ASSERT_TRUE(writer.write(frame_of(pulse)));
+  write_frames(folder / "cam07.lcmlog", {0, 1, 2});
+  const std::string before = read_file(folder / "cam07.lcmlog");
+  for (const int64_t pulse : {7, 8}) {
+    EventLogWriter writer(folder / "cam07.lcmlog", LogOpening::kGoOn);
+    ASSERT_TRUE(writer.write(frame_of(pulse)));
   }
-  EXPECT_EQ(read_file(folder / "parts.lcmlog"), read_file(folder / "cam07.lcmlog"))
-      << "event numbers, too";
+  EXPECT_EQ(read_file(folder / "cam07.lcmlog"), before);
+  EXPECT_TRUE(std::filesystem::exists(folder / "cam07.0001.lcmlog"));
+  EXPECT_TRUE(std::filesystem::exists(folder / "cam07.0002.lcmlog"));
+  FrameLogReader reader(folder / "cam07.lcmlog");
+  EXPECT_EQ(pulses_of(reader), (std::vector<int64_t>{0, 1, 2, 7, 8}));
+  EXPECT_EQ(reader.read(8)->image.bytes, frame_of(8).frame.image.bytes);
+  EXPECT_EQ(reader.read(0)->image.bytes, frame_of(0).frame.image.bytes);
+}
+
+TEST(FrameLog, is_never_created_over_a_log_that_exists) {
+  const TemporaryFolder folder;
+  write_frames(folder / "cam07.lcmlog", {0, 1, 2});
+  EXPECT_THAT(
+      test::message_of<InputError>([&] { EventLogWriter writer(folder / "cam07.lcmlog"); }),
+      testing::HasSubstr("cannot create " + (folder / "cam07.lcmlog").string() + ": File exists"));
+  EXPECT_EQ(pulses_of(FrameLogReader(folder / "cam07.lcmlog")), (std::vector<int64_t>{0, 1, 2}));
 }
 
 TEST(FrameLog, gives_the_first_of_two_frames_of_one_pulse) {
@@ -75,8 +89,8 @@ TEST(FrameLog, gives_the_first_of_two_frames_of_one_pulse) {
     EventLogWriter writer(folder / "log");
     FrameMessage second = frame_of(5);
     second.frame.image.bytes[0] = 99;
-    writer.write(frame_of(5));
-    writer.write(second);
+    EXPECT_TRUE(writer.write(frame_of(5)));
+    EXPECT_TRUE(writer.write(second));
   }
   FrameLogReader reader(folder / "log");
   EXPECT_EQ(pulses_of(reader), (std::vector<int64_t>{5, 5}));
@@ -162,8 +176,8 @@ TEST(FrameLog, counts_events_that_are_no_frames) {
   const TemporaryFolder folder;
   {
     EventLogWriter writer(folder / "log");
-    writer.write(frame_of(0));
-    writer.write(PulseMessage{});
+    EXPECT_TRUE(writer.write(frame_of(0)));
+    EXPECT_TRUE(writer.write(PulseMessage{}));
   }
   FrameLogReader reader(folder / "log");
   EXPECT_EQ(reader.labels().size(), 1U);
@@ -184,7 +198,7 @@ TEST(FrameLog, refuses_what_is_no_log_and_names_it) {
   };
   EXPECT_THAT(refusal("notes.txt"), testing::HasSubstr("notes.txt: is no LCM event log"));
   EXPECT_THAT(refusal("missing.lcmlog"), testing::HasSubstr("missing.lcmlog: No such file"));
-  EXPECT_THAT(refusal("."), testing::HasSubstr("is no LCM event log"));
+  EXPECT_THAT(refusal("."), testing::HasSubstr("it is not a regular file"));
 }
 
 TEST(FrameLog, cannot_be_created_in_a_folder_that_is_not_there) {
@@ -241,7 +255,7 @@ TEST(PulseLog, gives_back_every_pulse_in_order) {
       PulseMessage m;
       m.pulse = pulse;
       m.edge = from_ns<Realtime>(pulse * 40'000'003);
-      writer.write(m);
+      EXPECT_TRUE(writer.write(m));
     }
   }
   const auto pulses = read_pulses(folder / "pulses.lcmlog");

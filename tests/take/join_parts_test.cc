@@ -10,6 +10,7 @@
 #include "support/message_of.h"
 #include "support/temporary_folder.h"
 #include "take/frame_log.h"
+#include "take/log_segments.h"
 #include "take/mesh_file.h"
 #include "take/verified.h"
 #include "take/verify.h"
@@ -35,30 +36,31 @@ class Parts : public testing::Test {
 
   void record(const std::string& node, const std::vector<std::string>& cameras, int64_t pulses) {
     const TakePaths paths = part(node);
+    std::filesystem::remove_all(paths.folder);
     std::filesystem::create_directories(paths.background());
     TakeInfo info = test::begun_take(cameras);
     info.pulses = pulses;
     info.state = TakeState::kComplete;
-    save_take_info(paths, info);
+    EXPECT_TRUE(save_take_info(paths, info));
     test::write_text(paths.calib(), "# the rig\n");
     Ledger ledger{.take = "kendo-07", .commanded = pulses, .sensed = pulses, .cameras = {}};
     EventLogWriter sensed(paths.pulses());
     for (int64_t pulse = 0; pulse < pulses; ++pulse) {
       PulseMessage message;
       message.pulse = pulse;
-      sensed.write(message);
+      EXPECT_TRUE(sensed.write(message));
     }
     for (const std::string& camera : cameras) {
       test::write_text(paths.background() / (camera + ".toml"), camera);
       EventLogWriter frames(paths.frames(camera));
       std::vector<int64_t> written;
       for (int64_t pulse = 0; pulse < pulses; ++pulse) {
-        frames.write(test::recorded_frame(camera, pulse, {4, 2}));
+        EXPECT_TRUE(frames.write(test::recorded_frame(camera, pulse, {4, 2})));
         written.push_back(pulse);
       }
       ledger.cameras.push_back(account(camera, written, {}, pulses));
     }
-    save_ledger(paths.ledger(), ledger);
+    EXPECT_TRUE(save_ledger(paths.ledger(), ledger));
   }
 
   TakeInfo join() const {
@@ -88,6 +90,19 @@ TEST_F(Parts, of_which_one_counted_fewer_pulses_miss_the_rest) {
   EXPECT_THAT(verified.ledger.cameras[2].missing, ElementsAre(2));
 }
 
+TEST_F(Parts, bring_every_segment_of_their_logs) {
+  {
+    EventLogWriter later(part("cap01").frames("cam01"), LogOpening::kGoOn);
+    EXPECT_TRUE(later.write(test::recorded_frame("cam01", 2, {4, 2})));
+  }
+  const SegmentIndex index{.bytes = 1, .whole_bytes = 1, .events = 1, .damaged_places = 0};
+  EXPECT_TRUE(save_segment_index(part("cap01").frames("cam01"), index));
+  join();
+  EXPECT_EQ(existing_segments(whole_.frames("cam01")).size(), 2U);
+  EXPECT_TRUE(std::filesystem::exists(segment_index_path(whole_.frames("cam01"))));
+  EXPECT_THAT(verify_take(whole_).ledger.cameras[0].duplicate, ElementsAre(2));
+}
+
 TEST_F(Parts, that_contradict_each_other_are_refused) {
   const auto refusal = [&] { return test::message_of<InputError>([&] { join(); }); };
   test::write_text(part("cap02").calib(), "# another rig\n");
@@ -101,7 +116,8 @@ TEST_F(Parts, have_the_meshes_of_the_node_that_has_most) {
   const auto reconstruct = [&](const std::string& node, int64_t meshes) {
     std::filesystem::create_directories(part(node).folder);
     MeshFileWriter file(part(node).mesh());
-    for (int64_t pulse = 0; pulse < meshes; ++pulse) file.append(pulse, std::vector<uint8_t>{1});
+    for (int64_t pulse = 0; pulse < meshes; ++pulse)
+      EXPECT_TRUE(file.append(pulse, std::vector<uint8_t>{1}));
     file.close();
   };
   reconstruct("recon02", 2);
@@ -124,12 +140,13 @@ TEST_F(Parts, without_any_recording_are_no_take) {
 TEST_F(Parts, are_known_to_be_verified_until_a_file_changes) {
   const TakePaths paths = part("cap01");
   EXPECT_FALSE(load_verified(paths));
-  save_verified(paths, verify_take(paths));
+  EXPECT_TRUE(save_verified(paths, verify_take(paths)));
   const auto verified = load_verified(paths);
   ASSERT_TRUE(verified);
   EXPECT_TRUE(verified->whole);
   EXPECT_THAT(verified->verdict, HasSubstr("kendo-07: complete"));
-  EventLogWriter(paths.frames("cam02")).write(test::recorded_frame("cam02", 0, {4, 2}));
+  EventLogWriter later(paths.frames("cam02"), LogOpening::kGoOn);
+  EXPECT_TRUE(later.write(test::recorded_frame("cam02", 0, {4, 2})));
   EXPECT_FALSE(load_verified(paths));
 }
 

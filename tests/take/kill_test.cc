@@ -81,7 +81,7 @@ std::map<size_t, std::set<int64_t>> record_and_kill(const TakePaths& paths, int 
 TakePaths begin_take(const std::filesystem::path& folder) {
   const TakePaths paths{folder};
   std::filesystem::create_directories(folder);
-  save_take_info(paths, test::begun_take(kCameras));
+  EXPECT_TRUE(save_take_info(paths, test::begun_take(kCameras)));
   test::write_text(paths.calib(), "");
   return paths;
 }

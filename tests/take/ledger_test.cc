@@ -77,7 +77,7 @@ TEST(Ledger, comes_back_from_its_file) {
   Ledger ledger = whole_ledger();
   ledger.cameras[2] = account("cam2", {0, 1, 1, 5}, {5}, 7);
   ledger.cameras[2].published = 3;
-  save_ledger(folder / "ledger.toml", ledger);
+  EXPECT_TRUE(save_ledger(folder / "ledger.toml", ledger));
   const Ledger back = load_ledger(folder / "ledger.toml");
   EXPECT_EQ(back.verdict(), ledger.verdict());
   EXPECT_EQ(back.cameras[2].name, "cam2");

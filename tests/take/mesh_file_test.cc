@@ -71,6 +71,52 @@ TEST(MeshFile, goes_on_behind_its_last_whole_mesh_wherever_it_was_torn) {
   }
 }
 
+TEST(MeshFile, that_is_continued_changes_no_byte_that_was_there) {
+  const test::TemporaryFolder folder;
+  write_meshes(folder / "whole", {0, 1, 5});
+  const std::string whole = read_file(folder / "whole");
+  for (size_t size = 16; size <= whole.size(); ++size) {
+    test::write_text(folder / "mesh.v3d", whole.substr(0, size));
+    {
+      MeshFileWriter writer(folder / "mesh.v3d", LogOpening::kGoOn);
+      ASSERT_TRUE(writer.append(7, payload_of(7)));
+    }
+    EXPECT_EQ(read_file(folder / "mesh.v3d").substr(0, size), whole.substr(0, size));
+  }
+}
+
+TEST(MeshFile, that_is_continued_and_torn_again_keeps_every_whole_mesh) {
+  const test::TemporaryFolder folder;
+  write_meshes(folder / "whole", {0, 1, 5});
+  const std::string whole = read_file(folder / "whole");
+  for (size_t size = 16; size <= whole.size(); ++size) {
+    test::write_text(folder / "mesh.v3d", whole.substr(0, size));
+    size_t before = 0;
+    {
+      MeshFileWriter writer(folder / "mesh.v3d", LogOpening::kGoOn);
+      before = writer.size();
+      for (int64_t pulse = 7; pulse < 17; ++pulse) {
+        ASSERT_TRUE(writer.append(pulse, payload_of(pulse)));
+      }
+    }
+    const std::string continued = read_file(folder / "mesh.v3d");
+    test::write_text(folder / "mesh.v3d", continued.substr(0, continued.size() - 1));  // no index
+    MeshFileReader reader(folder / "mesh.v3d");
+    EXPECT_TRUE(reader.index_was_rebuilt());
+    ASSERT_EQ(reader.pulses().size(), before + 10) << size << " bytes";
+    for (const int64_t pulse : reader.pulses()) EXPECT_EQ(reader.read(pulse), payload_of(pulse));
+  }
+}
+
+TEST(MeshFile, is_not_continued_where_another_file_stands) {
+  const test::TemporaryFolder folder;
+  test::write_text(folder / "mesh.v3d", std::string(100, 'x'));
+  EXPECT_THAT(test::message_of<InputError>(
+                  [&] { MeshFileWriter writer(folder / "mesh.v3d", LogOpening::kGoOn); }),
+              testing::HasSubstr("is no mesh file"));
+  EXPECT_EQ(read_file(folder / "mesh.v3d"), std::string(100, 'x'));
+}
+
 TEST(MeshFile, may_be_empty) {
   const test::TemporaryFolder folder;
   write_meshes(folder / "mesh.v3d", {});

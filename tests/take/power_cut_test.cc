@@ -13,6 +13,7 @@
 #include "support/temporary_folder.h"
 #include "take/event_log.h"
 #include "take/frame_log.h"
+#include "take/log_segments.h"
 #include "take/verify.h"
 
 namespace v3d {
@@ -57,7 +58,8 @@ class Recording {
 };
 
 std::optional<int64_t> pulse_of(const EventLogReader& log, size_t event) {
-  const auto message = decode<FrameMessage>(log.read(log.events()[event]));
+  const auto bytes = log.read(log.events()[event]);
+  const auto message = bytes ? decode<FrameMessage>(*bytes) : std::nullopt;
   return message ? std::optional(message->frame.label.pulse) : std::nullopt;
 }
 
@@ -105,7 +107,7 @@ TEST(POWER_CUT, with_garbage_behind_loses_only_the_frame_it_hits) {
 class CutTake : public testing::Test {
  protected:
   CutTake() {
-    save_take_info(paths_, test::begun_take({kCamera}));
+    EXPECT_TRUE(save_take_info(paths_, test::begun_take({kCamera})));
     test::write_text(paths_.calib(), "");
     record();
     event_bytes_ = static_cast<int64_t>(std::filesystem::file_size(paths_.frames(kCamera))) / 10;
@@ -116,8 +118,8 @@ class CutTake : public testing::Test {
     for (int64_t pulse = 0; pulse < 10; ++pulse) {
       PulseMessage sensed;
       sensed.pulse = pulse;
-      pulses.write(sensed);
-      frames.write(test::recorded_frame(kCamera, pulse, kSize));
+      EXPECT_TRUE(pulses.write(sensed));
+      EXPECT_TRUE(frames.write(test::recorded_frame(kCamera, pulse, kSize)));
     }
   }
   void resize(int64_t bytes) const {
@@ -125,12 +127,17 @@ class CutTake : public testing::Test {
   }
   /// Recovered, files and account agree, and so many frames are left.
   void expect_recovered(int64_t frames) const {
+    const std::string before = read_file(paths_.frames(kCamera));
     EXPECT_EQ(recover_take(paths_).ledger.cameras[0].written, frames);
     const Verification verified = verify_take(paths_);
     EXPECT_EQ(verified.ledger.cameras[0].written, frames);
     EXPECT_THAT(verified.disagreements, IsEmpty());
-    EXPECT_EQ(static_cast<int64_t>(std::filesystem::file_size(paths_.frames(kCamera))),
-              frames * event_bytes_);
+    const auto bytes = std::filesystem::file_size(paths_.frames(kCamera));
+    const auto index = load_segment_index(paths_.frames(kCamera), bytes);
+    ASSERT_TRUE(index);
+    EXPECT_EQ(static_cast<int64_t>(index->whole_bytes), frames * event_bytes_);
+    EXPECT_EQ(index->events, frames);
+    EXPECT_EQ(read_file(paths_.frames(kCamera)), before) << "recovery changes no byte";
   }
 
   const test::TemporaryFolder folder_;

@@ -14,7 +14,7 @@ TEST(Slate, comes_back_from_its_file) {
   const test::TemporaryFolder folder;
   for (const Mark mark : {Mark::kNone, Mark::kCircled, Mark::kRejected}) {
     const Slate slate{.scene = "12a", .take = "3", .note = "she said \"cut\"\n", .mark = mark};
-    save_slate(folder / "slate.toml", slate);
+    EXPECT_TRUE(save_slate(folder / "slate.toml", slate));
     EXPECT_EQ(load_slate(folder / "slate.toml"), slate);
   }
 }

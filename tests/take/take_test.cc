@@ -28,7 +28,7 @@ TEST(TakeInfo, comes_back_from_its_file) {
        {TakeState::kRecording, TakeState::kComplete, TakeState::kRecovered}) {
     TakeInfo info = some_info();
     info.state = state;
-    save_take_info(paths, info);
+    EXPECT_TRUE(save_take_info(paths, info));
     const TakeInfo back = load_take_info(paths);
     EXPECT_EQ(back.name, info.name);
     EXPECT_EQ(back.studio, info.studio);
@@ -56,7 +56,7 @@ TEST(TakeInfo, names_the_field_that_is_wrong) {
   const auto refusal_with = [&](auto change) {
     TakeInfo info = some_info();
     change(info);
-    save_take_info(paths, info);
+    EXPECT_TRUE(save_take_info(paths, info));
     return test::message_of<InputError>([&] { load_take_info(paths); });
   };
   EXPECT_THAT(refusal_with([](TakeInfo& i) { i.rate_hz = 0; }), testing::HasSubstr(": rate_hz: "));

@@ -34,21 +34,22 @@ class TakeFolder : public testing::Test {
     info_ = test::begun_take({"cam01", "cam02"});
     info_.pulses = 3;
     info_.state = TakeState::kComplete;
-    save_take_info(paths_, info_);
+    EXPECT_TRUE(save_take_info(paths_, info_));
     test::write_text(paths_.calib(), "");
     Ledger ledger{.take = "kendo-07", .commanded = 3, .sensed = 3, .cameras = {}};
     EventLogWriter pulses(paths_.pulses());
     for (int64_t pulse = 0; pulse < 3; ++pulse) {
       PulseMessage m;
       m.pulse = pulse;
-      pulses.write(m);
+      EXPECT_TRUE(pulses.write(m));
     }
     for (const std::string& camera : info_.cameras) {
       EventLogWriter frames(paths_.frames(camera));
-      for (int64_t pulse = 0; pulse < 3; ++pulse) frames.write(frame_of(camera, pulse));
+      for (int64_t pulse = 0; pulse < 3; ++pulse)
+        EXPECT_TRUE(frames.write(frame_of(camera, pulse)));
       ledger.cameras.push_back(account(camera, {0, 1, 2}, {}, 3));
     }
-    save_ledger(paths_.ledger(), ledger);
+    EXPECT_TRUE(save_ledger(paths_.ledger(), ledger));
   }
 
   const test::TemporaryFolder folder_;
@@ -101,7 +102,7 @@ TEST_F(TakeFolder, of_which_a_log_is_gone_misses_every_pulse_of_that_camera) {
 }
 
 TEST_F(TakeFolder, tells_of_pulses_that_were_not_sensed) {
-  EventLogWriter pulses(paths_.pulses());
+  test::write_text(paths_.pulses(), "");
   EXPECT_THAT(verify_take(paths_).disagreements,
               ElementsAre("pulses.lcmlog: holds 0 pulses, the ledger says 3"));
 }
@@ -110,7 +111,7 @@ TEST_F(TakeFolder, tells_of_a_ledger_that_lies) {
   Ledger ledger = load_ledger(paths_.ledger());
   ledger.cameras[0].missing = {1};
   ledger.cameras.pop_back();
-  save_ledger(paths_.ledger(), ledger);
+  EXPECT_TRUE(save_ledger(paths_.ledger(), ledger));
   EXPECT_THAT(
       verify_take(paths_).disagreements,
       ElementsAre(
@@ -122,7 +123,7 @@ TEST_F(TakeFolder, that_nobody_closed_is_recovered_from_its_logs) {
   std::filesystem::remove(paths_.ledger());
   info_.state = TakeState::kRecording;
   info_.pulses = 0;
-  save_take_info(paths_, info_);
+  EXPECT_TRUE(save_take_info(paths_, info_));
   EXPECT_THAT(verify_take(paths_).disagreements, ElementsAre(HasSubstr("ledger.toml: missing")));
   test::write_text(paths_.reserve(), "room");
   recover_take(paths_);
@@ -136,13 +137,14 @@ TEST_F(TakeFolder, that_nobody_closed_is_recovered_from_its_logs) {
 TEST_F(TakeFolder, tells_of_a_pulse_number_that_no_take_reaches) {
   std::filesystem::remove(paths_.ledger());
   info_.state = TakeState::kRecording;
-  save_take_info(paths_, info_);
+  EXPECT_TRUE(save_take_info(paths_, info_));
+  std::filesystem::remove(paths_.pulses());
   {
     EventLogWriter pulses(paths_.pulses());
     for (const int64_t pulse : {int64_t{0}, int64_t{1}, int64_t{2}, INT64_MAX - 1}) {
       PulseMessage m;
       m.pulse = pulse;
-      pulses.write(m);
+      EXPECT_TRUE(pulses.write(m));
     }
   }
   const Verification v = verify_take(paths_);

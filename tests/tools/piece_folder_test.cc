@@ -49,7 +49,8 @@ class FinishedPiece : public testing::Test {
 
   void write(const std::vector<int64_t>& pulses) {
     MeshFileWriter file(folder_.mesh(piece_));
-    for (const int64_t pulse : pulses) file.append(pulse, std::vector<uint8_t>(100, 7));
+    for (const int64_t pulse : pulses)
+      EXPECT_TRUE(file.append(pulse, std::vector<uint8_t>(100, 7)));
     file.close();
   }
   void spoil(const std::filesystem::path& path, size_t at) {

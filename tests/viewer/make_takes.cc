@@ -25,18 +25,18 @@ Rig one_camera() {
 void save_take(const std::filesystem::path& folder, int64_t pulses) {
   std::filesystem::create_directories(folder);
   const TakePaths paths{folder};
-  save_take_info(paths, {.name = folder.filename(),
-                         .studio = "dojo",
-                         .rate_hz = 25,
-                         .pulses = pulses,
-                         .state = TakeState::kComplete,
-                         .software_version = "test",
-                         .started = Realtime::now(),
-                         .cameras = {"cam01"}});
+  io::throw_if_failed(save_take_info(paths, {.name = folder.filename(),
+                                             .studio = "dojo",
+                                             .rate_hz = 25,
+                                             .pulses = pulses,
+                                             .state = TakeState::kComplete,
+                                             .software_version = "test",
+                                             .started = Realtime::now(),
+                                             .cameras = {"cam01"}}));
   Ledger ledger;
   ledger.take = folder.filename();
   ledger.commanded = pulses;
-  save_ledger(paths.ledger(), ledger);
+  io::throw_if_failed(save_ledger(paths.ledger(), ledger));
   save_calib(paths.calib(), one_camera());
 }
 
@@ -48,7 +48,7 @@ void save_meshes(const std::filesystem::path& path) {
     if (pulse >= kTurnsBlue && pulse < kBackAgain) continue;
     const VertexColour colour =
         pulse < kTurnsBlue ? VertexColour{40, 200, 40} : VertexColour{40, 40, 200};
-    file.append(pulse, *encoder.encode(ball_frame(scene, pulse, colour)));
+    io::throw_if_failed(file.append(pulse, *encoder.encode(ball_frame(scene, pulse, colour))));
   }
   file.close();
 }

@@ -19,6 +19,11 @@ class ScratchFolder {
   ScratchFolder(const ScratchFolder&) = delete;
   ScratchFolder& operator=(const ScratchFolder&) = delete;
   const std::filesystem::path& path() const { return path_; }
+  void clear() const {
+    for (const auto& entry : std::filesystem::directory_iterator(path_)) {
+      std::filesystem::remove(entry);
+    }
+  }
 
  private:
   std::filesystem::path path_;
@@ -38,6 +43,7 @@ std::vector<FrameMessage> one_pulse() {
 
 std::vector<EventLogWriter> new_logs(const ScratchFolder& folder,
                                      const std::vector<FrameMessage>& messages) {
+  folder.clear();
   std::vector<EventLogWriter> logs;
   for (const FrameMessage& m : messages) {
     logs.emplace_back(folder.path() / (m.frame.camera + ".lcmlog"));
@@ -50,7 +56,7 @@ bool write_pulse(std::vector<EventLogWriter>& logs, std::vector<FrameMessage>& m
   bool written = true;
   for (int c = 0; c < kCameras; ++c) {
     messages[c].frame.label.pulse = pulse;
-    written = logs[c].write(messages[c]) && written;
+    written = logs[c].write(messages[c]).has_value() && written;
   }
   return written;
 }
@@ -88,7 +94,7 @@ void record_to_disk(benchmark::State& state) {
     for (int64_t pulse = 0; pulse < kSyncedPulses; ++pulse) {
       written = write_pulse(logs, messages, pulse) && written;
     }
-    for (EventLogWriter& log : logs) written = log.close() && written;
+    for (EventLogWriter& log : logs) written = log.sync().has_value() && written;
     if (!written) state.SkipWithError("the disk refused");
   });
 }

@@ -106,9 +106,7 @@ class CameraLog {
     for (int copy = 0; copy < (twice ? 2 : 1); ++copy) {
       message.seq = static_cast<int64_t>(pulses_.size());
       message.sent = label.received + Duration(copy);
-      if (!writer_.write(message)) {
-        throw std::runtime_error(errno_message(camera_ + ".lcmlog"));
-      }
+      io::throw_if_failed(writer_.write(message));
       pulses_.push_back(pulse);
       exposures_.add(label.camera_counter);
     }
@@ -188,7 +186,7 @@ void write_take(const SimulatedTake& take, const std::function<void(int64_t)>& p
   for (const RigCamera& camera : take.rig) {
     info.cameras.push_back(camera.name);
   }
-  save_take_info(paths, info);
+  io::throw_if_failed(save_take_info(paths, info));
   save_calib(paths.calib(), take.rig);
 
   RenderOptions options;
@@ -210,9 +208,8 @@ void write_take(const SimulatedTake& take, const std::function<void(int64_t)>& p
     const Duration since = from_seconds(seconds);
     const MonotonicInstant edge = from_ns<Monotonic>(kStartMonotonicNs) + since;
     const RealtimeInstant edge_realtime = from_ns<Realtime>(kStartRealtimeNs) + since;
-    if (!pulses.write(PulseMessage{edge_realtime, pulse, info.name, pulse, edge_realtime, edge})) {
-      throw std::runtime_error(errno_message(paths.pulses().string()));
-    }
+    io::throw_if_failed(
+        pulses.write(PulseMessage{edge_realtime, pulse, info.name, pulse, edge_realtime, edge}));
     const double action_s = take.begin_s + seconds;
     std::vector<Image> images = film.shoot_all(action_s, static_cast<uint64_t>(kPlates + pulse));
     for (size_t c = 0; c < images.size(); ++c) {
@@ -232,10 +229,10 @@ void write_take(const SimulatedTake& take, const std::function<void(int64_t)>& p
   for (const CameraLog& log : logs) {
     ledger.cameras.push_back(log.close(take.frames));
   }
-  save_ledger(paths.ledger(), ledger);
+  io::throw_if_failed(save_ledger(paths.ledger(), ledger));
   info.pulses = take.frames;
   info.state = TakeState::kComplete;
-  save_take_info(paths, info);
+  io::throw_if_failed(save_take_info(paths, info));
 }
 
 }  // namespace v3d::sim

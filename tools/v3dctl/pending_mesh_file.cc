@@ -2,8 +2,7 @@
 
 #include <unistd.h>
 
-#include <stdexcept>
-
+#include "base/io/file.h"
 #include "v3dctl/host_name.h"
 
 namespace v3d::ctl {
@@ -22,17 +21,14 @@ PendingMeshFile::~PendingMeshFile() {
 }
 
 void PendingMeshFile::append(int64_t pulse, const std::vector<uint8_t>& compact) {
-  if (!file_.append(pulse, compact)) refuse();
+  io::throw_if_failed(file_.append(pulse, compact));
 }
 
 void PendingMeshFile::finish() {
-  if (!file_.close()) refuse();
+  io::throw_if_failed(file_.close());
   fs::rename(path_, place_);
   moved_ = true;
-}
-
-void PendingMeshFile::refuse() const {
-  throw std::runtime_error(path_.string() + ": cannot write: is the disk full?");
+  io::throw_if_failed(io::sync_folder(fs::absolute(place_).parent_path()));
 }
 
 }  // namespace v3d::ctl

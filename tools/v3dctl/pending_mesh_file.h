@@ -18,14 +18,13 @@ class PendingMeshFile {
   PendingMeshFile(const PendingMeshFile&) = delete;
   PendingMeshFile& operator=(const PendingMeshFile&) = delete;
 
-  /// Pulses rise. Throws std::runtime_error when the disk refuses; so does finish().
+  /// Pulses rise. Throws std::runtime_error with path and cause when the disk reports an error; so
+  /// does finish().
   void append(int64_t pulse, const std::vector<uint8_t>& compact);
   /// On the disk, and in its place.
   void finish();
 
  private:
-  [[noreturn]] void refuse() const;
-
   std::filesystem::path place_;
   std::filesystem::path path_;
   MeshFileWriter file_;

@@ -6,6 +6,7 @@
 
 #include "base/calib_file.h"
 #include "base/error.h"
+#include "base/io/file.h"
 #include "base/name.h"
 #include "take/ledger.h"
 
@@ -34,10 +35,6 @@ fs::path make_temporary_beside(const fs::path& folder) {
   if (!mkdtemp(pattern.data())) throw InputError(errno_message(folder.parent_path().string()));
   fs::permissions(pattern, fs::perms(0755));
   return pattern;
-}
-
-void require_written(bool written, const fs::path& path) {
-  if (!written) throw std::runtime_error(path.string() + ": cannot write: is the disk full?");
 }
 
 }  // namespace
@@ -85,14 +82,14 @@ void TakeBuilder::add_pulse(std::vector<Shot> shots) {
     frame.mask = std::move(shots[camera].mask);
     frame.sensor_size = frame.image.size;
     frame.roi = {0, 0, frame.image.size.width, frame.image.size.height};
-    require_written(frame_logs_[camera].write(message), paths_.frames(frame.camera));
+    io::throw_if_failed(frame_logs_[camera].write(message));
   }
   PulseMessage pulse;
   pulse.sent = pulse.edge = message.sent;
   pulse.edge_monotonic = MonotonicInstant(message.frame.label.device_time.time_since_epoch());
   pulse.seq = pulse.pulse = pulses_;
   pulse.take = info_.name;
-  require_written(pulse_log_->write(pulse), paths_.pulses());
+  io::throw_if_failed(pulse_log_->write(pulse));
   ++pulses_;
 }
 
@@ -108,9 +105,11 @@ void TakeBuilder::finish() {
   }
   info_.pulses = pulses_;
   info_.state = TakeState::kComplete;
-  save_ledger(paths_.ledger(), ledger);
-  save_take_info(paths_, info_);
-  fs::rename(paths_.folder, folder_);
+  for (EventLogWriter& log : frame_logs_) io::throw_if_failed(log.sync());
+  io::throw_if_failed(pulse_log_->sync());
+  io::throw_if_failed(save_ledger(paths_.ledger(), ledger));
+  io::throw_if_failed(save_take_info(paths_, info_));
+  io::throw_if_failed(io::rename_new(paths_.folder, folder_));
   finished_ = true;
 }
 

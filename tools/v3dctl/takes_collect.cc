@@ -157,7 +157,7 @@ class Collector {
     fs::remove_all(whole.folder);
     join_parts(parts, whole);
     Verification verification = verify_take(whole);
-    save_verified(whole, verification);
+    io::throw_if_failed(save_verified(whole, verification));
     fs::rename(whole.folder, place.folder);
     fs::remove_all(staged);
     std::error_code not_empty;

@@ -7,6 +7,7 @@
 #include "base/units.h"
 #include "common/console.h"
 #include "daemon/json.h"
+#include "take/take_removal.h"
 #include "take/verified.h"
 #include "v3dctl/command.h"
 #include "v3dctl/listing_text.h"
@@ -73,7 +74,7 @@ int change_slates(const CommandLine& line, const Arguments& arguments, Change ch
   std::vector<TakeListing> takes = named_takes(line, arguments);
   for (TakeListing& take : takes) {
     change(take.slate);
-    save_slate(take.paths.slate(), take.slate);
+    io::throw_if_failed(save_slate(take.paths.slate(), take.slate));
   }
   print_listing(takes, arguments.json);
   return kExitDone;
@@ -96,15 +97,6 @@ void refuse_to_delete(const TakeListing& take) {
   }
 }
 
-/// Gone from the list at once, whatever interrupts the rest.
-void delete_take(const TakeListing& take) {
-  const fs::path& folder = take.paths.folder;
-  const fs::path doomed = folder.parent_path() / (".deleted-" + folder.filename().string());
-  fs::remove_all(doomed);
-  fs::rename(folder, doomed);
-  fs::remove_all(doomed);
-}
-
 int run_delete(const CommandLine& line, const Arguments& arguments) {
   const std::vector<TakeListing> takes = named_takes(line, arguments);
   double bytes = 0;
@@ -117,7 +109,7 @@ int run_delete(const CommandLine& line, const Arguments& arguments) {
     throw InputError(format_bytes(bytes) + " would be gone for good; to delete them add --yes");
   }
   for (const TakeListing& take : takes) {
-    delete_take(take);
+    io::throw_if_failed(delete_take(take.paths));
     std::printf("deleted %s\n", take.info.name.c_str());
   }
   return kExitDone;

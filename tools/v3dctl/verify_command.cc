@@ -57,11 +57,8 @@ void print_text(const Verification& verification) {
 
 // So that the take may be deleted one day. Where the folder cannot be written, it is not.
 void remember(const TakePaths& paths, const Verification& verification) {
-  try {
-    save_verified(paths, verification);
-  } catch (const std::exception& error) {
-    note(std::string("v3dctl: verified, but not marked so: ") + error.what());
-  }
+  const io::Status saved = save_verified(paths, verification);
+  if (!saved) note("v3dctl: verified, but not marked so: " + saved.error().message);
 }
 
 int run(const CommandLine& line, const Arguments& arguments) {

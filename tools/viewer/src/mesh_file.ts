@@ -49,27 +49,80 @@ async function indexed(source: ByteSource, size: number): Promise<FrameEntry[] |
   return entries.every((e) => e.offset + e.length <= offset) ? entries : null;
 }
 
-/** Records follow each other; the first that is not whole ends what can be shown. */
-async function scanned(source: ByteSource, size: number): Promise<FrameEntry[]> {
-  const entries: FrameEntry[] = [];
-  let held = new Uint8Array();
-  let from = 0;
-  let last = -1;
-  for (let at = HEADER; at + RECORD <= size; ) {
-    if (at < from || at + RECORD > from + held.length) {
-      from = at;
-      held = new Uint8Array(await source.read(at, Math.min(CHUNK, size - at)));
+interface FileRecord extends FrameEntry {
+  /** Of the record, in the file. */
+  at: number;
+  crc: number;
+}
+
+/** Finds records by their heads; keeps the last chunk that it read. */
+class RecordScan {
+  private held = new Uint8Array();
+  private from = 0;
+
+  constructor(
+    private readonly source: ByteSource,
+    readonly size: number,
+  ) {}
+
+  /** `length` bytes at `at`; fewer only at the end of the file. */
+  private async bytes(at: number, length: number): Promise<Uint8Array> {
+    if (at < this.from || at + length > this.from + this.held.length) {
+      this.from = at;
+      this.held = new Uint8Array(await this.source.read(at, Math.min(Math.max(CHUNK, length), this.size - at)));
     }
-    const head = held.subarray(at - from, at - from + RECORD);
-    if (head.length < RECORD || magic(head, 0) !== 'V3DR') break;
+    return this.held.subarray(at - this.from, at - this.from + length);
+  }
+
+  async recordAt(at: number): Promise<FileRecord | null> {
+    if (at + RECORD > this.size) return null;
+    const head = await this.bytes(at, RECORD);
+    if (head.length < RECORD || magic(head, 0) !== 'V3DR') return null;
     const data = view(head);
     const length = data.getUint32(4, true);
-    const whole = crc32(head.subarray(0, 20)) === data.getUint32(20, true) && length <= LONGEST_FRAME;
-    if (!whole || at + RECORD + length > size) break;
-    const pulse = number64(data, 8);
-    if (pulse > last) entries.push({ pulse, offset: at + RECORD, length });
+    const right = crc32(head.subarray(0, 20)) === data.getUint32(20, true) && length <= LONGEST_FRAME;
+    if (!right || at + RECORD + length > this.size) return null;
+    return { at, pulse: number64(data, 8), offset: at + RECORD, length, crc: data.getUint32(16, true) };
+  }
+
+  /** As MeshFileReader decides it: an unfinished record hides what was appended behind it. */
+  async isWhole(record: FileRecord): Promise<boolean> {
+    const end = record.offset + record.length;
+    if (end === this.size || (await this.recordAt(end))) return true;
+    const next = await this.bytes(end, Math.min(4, this.size - end));
+    if (next.length === 4 && magic(next, 0) === 'V3DI') return true;
+    return crc32(await this.bytes(record.offset, record.length)) === record.crc;
+  }
+
+  /** The next place from `at` on where a record begins; the end of the file where there is none. */
+  async next(from: number): Promise<number> {
+    for (let at = from; at + RECORD <= this.size; ) {
+      const chunk = await this.bytes(at, Math.min(CHUNK, this.size - at));
+      for (let i = chunk.indexOf(0x56); i >= 0; i = chunk.indexOf(0x56, i + 1)) {
+        const possible = i + 4 > chunk.length || magic(chunk, i) === 'V3DR';
+        if (possible && (await this.recordAt(at + i))) return at + i;
+      }
+      at += chunk.length;
+    }
+    return this.size;
+  }
+}
+
+/** Of a file that was not closed, or was continued after a restart: what is no record is passed over. */
+async function scanned(source: ByteSource, size: number): Promise<FrameEntry[]> {
+  const scan = new RecordScan(source, size);
+  const entries: FrameEntry[] = [];
+  let last = -1;
+  for (let at = HEADER; at + RECORD <= size; ) {
+    const record = await scan.recordAt(at);
+    if (!record || !(await scan.isWhole(record))) {
+      at = await scan.next(at + 1);
+      continue;
+    }
+    const { pulse, offset, length } = record;
+    if (pulse > last) entries.push({ pulse, offset, length });
     last = Math.max(last, pulse);
-    at += RECORD + length;
+    at = offset + length;
   }
   return entries;
 }

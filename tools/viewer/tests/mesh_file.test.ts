@@ -78,6 +78,13 @@ describe('a mesh file', () => {
     expect((await readEntries(new Bytes(torn))).map((e) => e.pulse)).toEqual([0, 1]);
   });
 
+  it('shows what a restarted daemon appended behind an unfinished mesh, or behind an index', async () => {
+    const later = record(7, frame(4, 400));
+    const pulses = async (bytes: Uint8Array) => (await readEntries(new Bytes(bytes))).map((e) => e.pulse);
+    expect(await pulses(join(meshFile(frames, false).slice(0, -1), later))).toEqual([0, 1, 7]);
+    expect(await pulses(join(meshFile(frames), later))).toEqual([0, 1, 4, 7]);
+  });
+
   it('does not believe an index that is damaged', async () => {
     const bytes = meshFile(frames);
     const whole = await readEntries(new Bytes(bytes));

@@ -1,0 +1,71 @@
+#include "take/take_removal.h"
+
+#include <unistd.h>
+
+#include <cassert>
+#include <string>
+
+#include "base/io/file.h"
+#include "take/mesh_file_layout.h"
+
+namespace v3d {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr const char* kLogExtension = ".lcmlog";
+
+}  // namespace
+
+io::Status delete_take(const TakePaths& paths) {
+  const fs::path& folder = paths.folder;
+  const fs::path doomed = folder.parent_path() / (".deleted-" + folder.filename().string());
+  std::error_code error;
+  fs::remove_all(doomed, error);  // what an interrupted call left
+  if (auto renamed = io::rename_new(folder, doomed); !renamed) return renamed;
+  fs::remove_all(doomed, error);
+  if (error) return io::io_error("delete", doomed, error.message(), error.value());
+  return io::sync_folder(folder.parent_path());
+}
+
+bool may_hold_frames(const TakePaths& paths) {
+  const auto entries = io::list_folder(paths.folder);
+  if (!entries) return true;
+  for (const fs::path& entry : *entries) {
+    const std::string name = entry.filename();
+    if (entry.extension() != kLogExtension || name.starts_with("pulses.")) continue;
+    std::error_code error;
+    if (fs::file_size(entry, error) > 0) return true;  // -1 after an error
+  }
+  return false;
+}
+
+io::Result<fs::path> quarantine_take(const TakePaths& paths) {
+  const fs::path quarantine = paths.folder.parent_path() / kQuarantineFolder;
+  if (auto made = io::create_folders(quarantine); !made) return tl::make_unexpected(made.error());
+  const std::string name = paths.folder.filename();
+  for (int number = 1;; ++number) {
+    const fs::path place = quarantine / (number == 1 ? name : name + "." + std::to_string(number));
+    const io::Status moved = io::rename_new(paths.folder, place);
+    if (moved) return place;
+    if (moved.error().code != EEXIST && moved.error().code != ENOTEMPTY) {
+      return tl::make_unexpected(moved.error());
+    }
+  }
+}
+
+void remove_mesh_file_without_meshes(const TakePaths& paths) {
+  constexpr uint64_t kEmptyFile =
+      mesh_file::kHeaderSize + mesh_file::kIndexHeadSize + mesh_file::kFooterSize;
+  std::error_code error;
+  if (fs::file_size(paths.mesh(), error) > kEmptyFile) return;  // -1 after an error
+  unlink(paths.mesh().c_str());
+  rmdir(paths.folder.c_str());  // fails where something else is in it
+}
+
+void remove_working_file(const fs::path& file) {
+  assert(file.filename().string().starts_with("."));
+  unlink(file.c_str());
+}
+
+}  // namespace v3d

@@ -1,0 +1,221 @@
+// Recovery of a take while the disk or the process has a fault: nothing that was recorded is lost.
+#include <dlfcn.h>
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <sys/resource.h>
+#include <unistd.h>
+
+#include <atomic>
+#include <cerrno>
+#include <map>
+
+#include "base/error.h"
+#include "base/file.h"
+#include "recording.h"
+#include "support/begun_take.h"
+#include "support/message_of.h"
+#include "support/temporary_folder.h"
+#include "take/event_log.h"
+#include "take/frame_log.h"
+#include "take/mesh_file.h"
+#include "take/verify.h"
+
+namespace v3d::test {
+namespace {
+
+/// Unless negative: reads of this byte of a log or mesh file fail with EIO.
+std::atomic<off_t> unreadable_byte = -1;
+
+bool is_recorded(int fd) {
+  const std::filesystem::path file =
+      std::filesystem::read_symlink("/proc/self/fd/" + std::to_string(fd));
+  return file.extension() == ".lcmlog" || file.extension() == ".v3d";
+}
+
+class UnreadableByte {
+ public:
+  explicit UnreadableByte(off_t at) { unreadable_byte = at; }
+  ~UnreadableByte() { unreadable_byte = -1; }
+  UnreadableByte(const UnreadableByte&) = delete;
+  UnreadableByte& operator=(const UnreadableByte&) = delete;
+};
+
+}  // namespace
+}  // namespace v3d::test
+
+// Takes the place of the C library's.
+extern "C" ssize_t pread(int fd, void* bytes, size_t size, off_t offset) {
+  static auto* const next =
+      reinterpret_cast<ssize_t (*)(int, void*, size_t, off_t)>(dlsym(RTLD_NEXT, "pread"));
+  const off_t bad = v3d::test::unreadable_byte;
+  const bool is_hit = bad >= 0 && offset <= bad && bad < offset + static_cast<off_t>(size);
+  if (is_hit && v3d::test::is_recorded(fd)) {
+    errno = EIO;
+    return -1;
+  }
+  return next(fd, bytes, size, offset);
+}
+
+namespace v3d {
+namespace {
+
+using testing::Contains;
+using testing::ElementsAre;
+using testing::HasSubstr;
+
+constexpr ImageSize kSize{64, 48};
+constexpr int64_t kFrames = 20;
+const std::string kCamera = "cam07";
+
+/// No file can be opened while this lives.
+class NoDescriptorsLeft {
+ public:
+  NoDescriptorsLeft() {
+    getrlimit(RLIMIT_NOFILE, &before_);
+    const rlimit none{3, before_.rlim_max};
+    setrlimit(RLIMIT_NOFILE, &none);
+  }
+  ~NoDescriptorsLeft() { setrlimit(RLIMIT_NOFILE, &before_); }
+  NoDescriptorsLeft(const NoDescriptorsLeft&) = delete;
+  NoDescriptorsLeft& operator=(const NoDescriptorsLeft&) = delete;
+
+ private:
+  rlimit before_{};
+};
+
+/// A take of one camera that nobody closed, with a torn event at its end.
+class OpenTake : public testing::Test {
+ protected:
+  OpenTake() {
+    EXPECT_TRUE(save_take_info(paths_, test::begun_take({kCamera})));
+    test::write_text(paths_.calib(), "");
+    EventLogWriter pulses(paths_.pulses());
+    {
+      EventLogWriter frames(log());
+      for (int64_t pulse = 0; pulse <= kFrames; ++pulse) {
+        PulseMessage sensed;
+        sensed.pulse = pulse;
+        EXPECT_TRUE(pulses.write(sensed));
+        EXPECT_TRUE(frames.write(test::recorded_frame(kCamera, pulse, kSize)));
+      }
+      event_bytes_ = frames.bytes() / (kFrames + 1);
+    }
+    std::filesystem::resize_file(log(), std::filesystem::file_size(log()) - 100);
+    before_ = contents();
+  }
+
+  std::filesystem::path log() const { return paths_.frames(kCamera); }
+  /// Of the files that recording wrote.
+  std::map<std::string, std::string> contents() const {
+    std::map<std::string, std::string> files;
+    for (const auto& entry : std::filesystem::directory_iterator(paths_.folder)) {
+      if (entry.path().extension() != ".lcmlog") continue;
+      files[entry.path().filename()] = read_file(entry.path());
+    }
+    return files;
+  }
+  void expect_every_frame() const {
+    FrameLogReader reader(log());
+    for (int64_t pulse = 0; pulse < kFrames; ++pulse) {
+      const auto frame = reader.read(pulse);
+      ASSERT_TRUE(frame) << "pulse " << pulse;
+      EXPECT_EQ(frame->image.bytes, test::recorded_frame(kCamera, pulse, kSize).frame.image.bytes);
+    }
+  }
+
+  const test::TemporaryFolder folder_;
+  const TakePaths paths_{folder_.path()};
+  int64_t event_bytes_ = 0;
+  std::map<std::string, std::string> before_;
+};
+
+TEST_F(OpenTake, keeps_every_frame_when_the_disk_does_not_give_a_header) {
+  for (const int64_t event : {0, 1, 10, 19}) {
+    {
+      const test::UnreadableByte bad(event * event_bytes_ + 20);
+      const Verification recovered = recover_take(paths_);
+      EXPECT_THAT(recovered.disagreements,
+                  Contains(HasSubstr("cannot read " + log().string() + ": Input/output error")));
+      EXPECT_LT(recovered.ledger.cameras[0].written, kFrames);
+      EXPECT_GT(recovered.ledger.cameras[0].written, kFrames - 8) << "events behind are searched";
+    }
+    EXPECT_EQ(contents(), before_) << "header of event " << event;
+    expect_every_frame();
+  }
+}
+
+TEST_F(OpenTake, keeps_every_frame_when_no_file_can_be_opened) {
+  {
+    const NoDescriptorsLeft none;
+    EXPECT_THROW(recover_take(paths_), std::exception);
+  }
+  EXPECT_EQ(contents(), before_);
+  expect_every_frame();
+}
+
+TEST_F(OpenTake, reports_path_and_cause_when_its_log_cannot_be_opened) {
+  std::filesystem::rename(log(), paths_.folder / "elsewhere");
+  std::filesystem::create_directory(log());
+  EXPECT_THAT(test::message_of<std::runtime_error>([&] { recover_take(paths_); }),
+              HasSubstr("cannot read " + log().string() + ": it is not a regular file"));
+  EXPECT_EQ(load_take_info(paths_).state, TakeState::kRecording) << "the next start tries again";
+}
+
+TEST_F(OpenTake, is_recovered_twice_to_the_same) {
+  const Verification once = recover_take(paths_);
+  const auto index = read_file(segment_index_path(log()));
+  const auto ledger = read_file(paths_.ledger());
+  const Verification twice = recover_take(paths_);
+  EXPECT_EQ(once.ledger.cameras[0].written, kFrames);
+  EXPECT_EQ(twice.ledger.cameras[0].written, kFrames);
+  EXPECT_EQ(read_file(segment_index_path(log())), index);
+  EXPECT_EQ(read_file(paths_.ledger()), ledger);
+  EXPECT_EQ(contents(), before_);
+}
+
+TEST_F(OpenTake, is_continued_in_a_segment_and_verified_as_one_log) {
+  recover_take(paths_);
+  {
+    EventLogWriter frames(log(), LogOpening::kGoOn);
+    EXPECT_EQ(frames.path(), segment_path(log(), 1));
+    for (const int64_t pulse : {kFrames, kFrames + 1}) {
+      EXPECT_TRUE(frames.write(test::recorded_frame(kCamera, pulse, kSize)));
+    }
+  }
+  EXPECT_EQ(read_file(log()), before_.at("cam07.lcmlog"));
+  const EventLogReader joined(log());
+  EXPECT_EQ(joined.events().size(), static_cast<size_t>(kFrames) + 2);
+  EXPECT_EQ(joined.torn_bytes(), 0) << "the recovery knows of the torn event";
+  const Verification whole = verify_take(paths_);
+  EXPECT_EQ(whole.ledger.cameras[0].written, kFrames + 2);
+}
+
+TEST_F(OpenTake, reports_frames_that_the_disk_does_not_give) {
+  recover_take(paths_);
+  const test::UnreadableByte bad(10 * event_bytes_ + 2000);  // inside the pixels of a frame
+  const Verification found = verify_take(paths_);
+  EXPECT_THAT(found.disagreements, Contains("cam07.lcmlog: 1 events cannot be read"));
+  EXPECT_THAT(found.ledger.cameras[0].missing, ElementsAre(10, kFrames));
+}
+
+TEST(MeshFileRecovery, changes_no_byte_when_the_disk_does_not_give_a_record) {
+  const test::TemporaryFolder folder;
+  const std::filesystem::path path = folder / "mesh.v3d";
+  {
+    MeshFileWriter file(path);
+    for (int64_t pulse = 0; pulse < 5; ++pulse) {
+      EXPECT_TRUE(file.append(pulse, std::vector<uint8_t>(100, 7)));
+    }
+  }
+  std::filesystem::resize_file(path, 16 + 5 * 124);  // killed before the index
+  const std::string before = read_file(path);
+  {
+    const test::UnreadableByte bad(16 + 124 + 10);  // in the head of the second record
+    EXPECT_THROW(MeshFileWriter(path, LogOpening::kGoOn), InputError);
+  }
+  EXPECT_EQ(read_file(path), before);
+  EXPECT_EQ(MeshFileReader(path).pulses().size(), 5U);
+}
+
+}  // namespace
+}  // namespace v3d

@@ -1,0 +1,134 @@
+// The promise that only `v3dctl takes delete` deletes footage: over the source, and over behaviour.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <map>
+#include <set>
+#include <sstream>
+
+#include "base/file.h"
+#include "recording.h"
+#include "support/begun_take.h"
+#include "support/temporary_folder.h"
+#include "take/frame_log.h"
+#include "take/mesh_file.h"
+#include "take/take_removal.h"
+
+namespace v3d {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// Sources that may remove or shorten files, and which files these are. None is a file that
+/// recording wrote, but for take_removal.
+const std::map<std::string, std::string> kMayRemove = {
+    {"take/take_removal.cc", "the one place: takes delete, quarantine, working files"},
+    {"base/io/file.cc", "its own temporary file, when it cannot replace the file"},
+    {"daemon/folder_claim.cc", "the lock file that says who uses a folder"},
+    {"sim/trigger_cable.cc", "the socket of the simulated trigger cable"},
+    {"tools/bench/record_bench.cc", "its own scratch folder"},
+    {"tools/v3dctl/doctor_machine.cc", "the file that it tests the disk's speed with"},
+    {"tools/v3dctl/pending_mesh_file.cc", "its own unfinished mesh file"},
+    {"tools/v3dctl/piece_folder.cc", "pieces of a reconstruction"},
+    {"tools/v3dctl/take_builder.cc", "its own unfinished import"},
+    {"tools/v3dctl/takes_collect.cc", "its own copies in .collect"},
+    {"wire/studio_key.cc", "its own unfinished key file"},
+};
+
+std::vector<fs::path> sources() {
+  std::vector<fs::path> files;
+  for (const char* folder : {"base", "calib", "capture", "codec", "daemon", "recon", "sim", "take",
+                             "tools", "trigger", "wire"}) {
+    for (const auto& entry : fs::recursive_directory_iterator(fs::path(V3D_SOURCE_DIR) / folder)) {
+      const fs::path extension = entry.path().extension();
+      if (extension == ".cc" || extension == ".h") files.push_back(entry.path());
+    }
+  }
+  return files;
+}
+
+/// Comments do not count.
+bool removes_files(const fs::path& file) {
+  std::istringstream lines(read_file(file));
+  for (std::string line; std::getline(lines, line);) {
+    line.resize(std::min(line.size(), line.find("//")));
+    for (const char* call :
+         {"unlink(", "unlinkat(", "rmdir(", "remove_all(", "resize_file(", "ftruncate(",
+          "ftruncate64(", " ::truncate(", "fs::remove(", "filesystem::remove(", "O_TRUNC"}) {
+      if (line.find(call) != std::string::npos) return true;
+    }
+  }
+  return false;
+}
+
+TEST(Sources, that_remove_or_shorten_files_are_those_of_the_list) {
+  std::set<std::string> found;
+  for (const fs::path& file : sources()) {
+    if (removes_files(file)) found.insert(fs::relative(file, V3D_SOURCE_DIR).string());
+  }
+  std::set<std::string> allowed;
+  for (const auto& [file, reason] : kMayRemove) allowed.insert(file);
+  EXPECT_EQ(found, allowed);
+}
+
+class RecordedTake : public testing::Test {
+ protected:
+  RecordedTake() {
+    fs::create_directories(paths_.folder);
+    EXPECT_TRUE(save_take_info(paths_, test::begun_take({"cam07"})));
+  }
+  void record() const {
+    EventLogWriter frames(paths_.frames("cam07"));
+    EXPECT_TRUE(frames.write(test::recorded_frame("cam07", 0, {64, 48})));
+  }
+
+  const test::TemporaryFolder folder_;
+  const TakePaths paths_{folder_ / "kendo-07"};
+};
+
+TEST_F(RecordedTake, may_hold_frames_as_soon_as_one_is_written_in_any_segment) {
+  EXPECT_FALSE(may_hold_frames(paths_));
+  { const EventLogWriter empty(paths_.frames("cam07")); }
+  EXPECT_FALSE(may_hold_frames(paths_));
+  {
+    EventLogWriter second(paths_.frames("cam07"), LogOpening::kGoOn);
+    EXPECT_TRUE(second.write(test::recorded_frame("cam07", 0, {64, 48})));
+  }
+  EXPECT_TRUE(may_hold_frames(paths_));
+  EXPECT_TRUE(may_hold_frames({folder_ / "unreadable"}));
+}
+
+TEST_F(RecordedTake, is_moved_to_the_quarantine_whole_and_beside_others_of_its_name) {
+  record();
+  const auto first = quarantine_take(paths_);
+  ASSERT_TRUE(first) << first.error().message;
+  EXPECT_EQ(*first, folder_ / "quarantine/kendo-07");
+  EXPECT_EQ(FrameLogReader(TakePaths{*first}.frames("cam07")).labels().size(), 1U);
+  fs::create_directories(paths_.folder);
+  record();
+  EXPECT_EQ(quarantine_take(paths_).value_or(""), folder_ / "quarantine/kendo-07.2");
+}
+
+TEST_F(RecordedTake, keeps_a_mesh_file_that_holds_a_mesh_and_loses_an_empty_one) {
+  {
+    MeshFileWriter meshes(paths_.mesh());
+    EXPECT_TRUE(meshes.append(0, std::vector<uint8_t>{1}));
+  }
+  remove_mesh_file_without_meshes(paths_);
+  EXPECT_TRUE(fs::exists(paths_.mesh()));
+  fs::remove(paths_.mesh());
+  { const MeshFileWriter empty(paths_.mesh()); }
+  remove_mesh_file_without_meshes(paths_);
+  EXPECT_FALSE(fs::exists(paths_.mesh()));
+  EXPECT_TRUE(fs::exists(paths_.info())) << "the folder holds more and stays";
+}
+
+TEST_F(RecordedTake, is_gone_after_delete) {
+  record();
+  const auto deleted = delete_take(paths_);
+  EXPECT_TRUE(deleted) << deleted.error().message;
+  EXPECT_TRUE(fs::is_empty(folder_.path()));
+}
+
+}  // namespace
+}  // namespace v3d
