@@ -102,7 +102,7 @@ class Subscription {
       : Subscription(
             bus, channels, queue_limit,
             [seal = &bus.seal(), gate = NewsGate()](std::span<const uint8_t> bytes) mutable {
-              return open_sealed(*seal, gate, bytes);
+              return open_sealed(*seal, gate, bytes, Realtime::now());
             }) {}
   /// `open` alone decides.
   Subscription(Bus& bus, const std::string& channels, size_t queue_limit, Open open)
@@ -117,7 +117,7 @@ class Subscription {
 
   /// The message when it is sealed and news; counted in the seal otherwise.
   static std::optional<M> open_sealed(MessageSeal& seal, NewsGate& gate,
-                                      std::span<const uint8_t> bytes) {
+                                      std::span<const uint8_t> bytes, RealtimeInstant now) {
     const auto inside = seal.open(bytes);
     if (!inside) return std::nullopt;
     auto message = decode<M>(*inside);
@@ -125,7 +125,6 @@ class Subscription {
     const bool looks_on = !message && !seal.asks_for_news() && bytes.size() > kSealSize;
     if (looks_on) message = decode<M>(bytes.first(bytes.size() - kSealSize));
     if (!message || !seal.asks_for_news()) return message;
-    const RealtimeInstant now = Realtime::now();
     switch (gate.judge(sender_of(*message), message->seq, message->sent, now)) {
       case NewsGate::Verdict::kNews:
         return message;

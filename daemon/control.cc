@@ -1,128 +1,31 @@
 #include "daemon/control.h"
 
 #include <algorithm>
+#include <array>
 
 namespace v3d {
 namespace {
 
-Transition stay(Phase phase, Verdict verdict) { return {phase, Work::kNone, verdict}; }
-
-bool is_command(Input input) { return input <= Input::kCheck; }
+using Table = std::array<std::array<Transition, kInputCount>, kPhaseCount>;
 
 /// Out of place: commands are refused, reports come late and change nothing.
-Transition out_of_place(Phase phase, Input input) {
-  return stay(phase, is_command(input) ? Verdict::kRefused : Verdict::kNone);
+constexpr Transition out_of_place(Phase phase, Input input) {
+  return {phase, Work::kNone, is_command(input) ? Verdict::kRefused : Verdict::kNone};
 }
 
-/// Everything off, and back to idle.
-Transition give_up(Verdict verdict) { return {Phase::kIdle, Work::kDisarm, verdict}; }
-
-Transition from_idle(Input input) {
-  switch (input) {
-    case Input::kArm:
-    case Input::kCheck:
-      return {Phase::kArming, Work::kArm, Verdict::kPending};
-    case Input::kBackground:
-      return {Phase::kArming, Work::kLearn, Verdict::kPending};
-    case Input::kAbort:
-      return stay(Phase::kIdle, Verdict::kDone);
-    case Input::kRejoined:
-      return stay(Phase::kRecording, Verdict::kNone);
-    default:
-      return out_of_place(Phase::kIdle, input);
+/// Every phase and input.
+consteval Table whole_table() {
+  Table table{};
+  for (int phase = 0; phase < kPhaseCount; ++phase) {
+    for (int input = 0; input < kInputCount; ++input) {
+      table[static_cast<size_t>(phase)][static_cast<size_t>(input)] =
+          out_of_place(static_cast<Phase>(phase), static_cast<Input>(input));
+    }
   }
-}
-
-Transition from_arming(Input input) {
-  switch (input) {
-    case Input::kReady:
-      return stay(Phase::kPrepared, Verdict::kNone);
-    case Input::kFailed:
-      return give_up(Verdict::kNone);
-    case Input::kAbort:
-      return give_up(Verdict::kDone);
-    default:
-      return out_of_place(Phase::kArming, input);
+  for (const TransitionRow& row : kTransitionTable) {
+    table[static_cast<size_t>(row.phase)][static_cast<size_t>(row.input)] = row.transition;
   }
-}
-
-Transition from_prepared(Input input) {
-  switch (input) {
-    case Input::kCommit:
-      return stay(Phase::kArmed, Verdict::kDone);
-    case Input::kExpired:
-      return give_up(Verdict::kNone);
-    case Input::kAbort:
-      return give_up(Verdict::kDone);
-    default:
-      return out_of_place(Phase::kPrepared, input);
-  }
-}
-
-/// A stop ends what is armed too: of two operators one may stop what the other is just starting,
-/// node by node, and all nodes must end in one state.
-Transition from_armed(Input input) {
-  switch (input) {
-    case Input::kCommit:
-      return stay(Phase::kArmed, Verdict::kDone);
-    case Input::kStart:
-      return {Phase::kRecording, Work::kStart, Verdict::kDone};
-    case Input::kLearn:
-      return {Phase::kLearning, Work::kStart, Verdict::kDone};
-    case Input::kStop:
-    case Input::kAbort:
-      return give_up(Verdict::kDone);
-    default:
-      return out_of_place(Phase::kArmed, input);
-  }
-}
-
-Transition from_learning(Input input) {
-  switch (input) {
-    case Input::kLearn:
-      return stay(Phase::kLearning, Verdict::kDone);
-    case Input::kStop:
-      return stay(Phase::kLearning, Verdict::kPending);
-    case Input::kReady:
-    case Input::kFailed:
-      return give_up(Verdict::kNone);
-    case Input::kAbort:
-      return give_up(Verdict::kDone);
-    default:
-      return out_of_place(Phase::kLearning, input);
-  }
-}
-
-Transition from_recording(Input input) {
-  switch (input) {
-    case Input::kStart:
-      return stay(Phase::kRecording, Verdict::kDone);
-    case Input::kStop:
-    case Input::kAbort:
-      return {Phase::kDraining, Work::kDrain, Verdict::kPending};
-    case Input::kTrainEnded:
-      return {Phase::kDraining, Work::kDrain, Verdict::kNone};
-    default:
-      return out_of_place(Phase::kRecording, input);
-  }
-}
-
-Transition from_draining(Input input) {
-  switch (input) {
-    case Input::kStop:
-      return stay(Phase::kDraining, Verdict::kPending);
-    case Input::kAbort:
-      return give_up(Verdict::kDone);
-    case Input::kDrained:
-      return give_up(Verdict::kNone);
-    default:
-      return out_of_place(Phase::kDraining, input);
-  }
-}
-
-Transition from_fault(Input input) {
-  if (input == Input::kAbort) return give_up(Verdict::kDone);
-  return out_of_place(Phase::kFault, input);
+  return table;
 }
 
 /// "anna@desk" of "anna@desk/4711/1763..."
@@ -201,30 +104,8 @@ Input input_of(CommandVerb verb) {
 }
 
 Transition transition(Phase phase, Input input) {
-  if (input == Input::kBroken) {
-    return {Phase::kFault,
-            phase == Phase::kIdle || phase == Phase::kFault ? Work::kNone : Work::kDisarm,
-            Verdict::kNone};
-  }
-  switch (phase) {
-    case Phase::kIdle:
-      return from_idle(input);
-    case Phase::kArming:
-      return from_arming(input);
-    case Phase::kPrepared:
-      return from_prepared(input);
-    case Phase::kArmed:
-      return from_armed(input);
-    case Phase::kLearning:
-      return from_learning(input);
-    case Phase::kRecording:
-      return from_recording(input);
-    case Phase::kDraining:
-      return from_draining(input);
-    case Phase::kFault:
-      return from_fault(input);
-  }
-  return out_of_place(phase, input);
+  static constexpr Table kTable = whole_table();
+  return kTable[static_cast<size_t>(phase)][static_cast<size_t>(input)];
 }
 
 Controller::Heard& Controller::heard_from(const std::string& sender) {

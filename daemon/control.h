@@ -10,65 +10,18 @@
 #include <utility>
 #include <vector>
 
+#include "daemon/control_table.h"
 #include "wire/messages.h"
 
 namespace v3d {
 
-/// Finer than NodeState, which is what health shows.
-enum class Phase : uint8_t {
-  kIdle,
-  kArming,     ///< cameras are being made ready
-  kPrepared,   ///< ready, and waits to hear that every node is
-  kArmed,      ///< every node is ready: the next pulse is pulse 0
-  kRecording,  ///< pulses run
-  kDraining,   ///< pulses have stopped; frames are still on their way
-  kLearning,   ///< the background is being learnt
-  kFault,      ///< cannot work; abort clears it
-};
 NodeState node_state(Phase phase);
 
-/// Commands, and what the node's own work reports.
-enum class Input : uint8_t {
-  kArm,
-  kStart,
-  kStop,
-  kAbort,
-  kBackground,
-  kCommit,      ///< every node has said that it is ready
-  kLearn,       ///< start, where the background is to be learnt
-  kCheck,       ///< as kArm, and nothing is recorded
-  kReady,       ///< arming or learning has succeeded
-  kFailed,      ///< arming or learning has failed
-  kExpired,     ///< ready for long, and nobody said that the others are
-  kTrainEnded,  ///< the train had a known length and is over
-  kDrained,     ///< everything is accounted for, and the take is closed
-  kBroken,      ///< the node cannot go on
-  kRejoined,    ///< started anew, it records again the take that it was in
-};
 Input input_of(CommandVerb verb);
 
-/// What the node has to do now.
-enum class Work : uint8_t {
-  kNone,
-  kArm,     ///< begin to make ready
-  kStart,   ///< pulses on
-  kDrain,   ///< pulses off, wait for what is on its way, close
-  kDisarm,  ///< pulses off, close at once what is open, back to idle
-  kLearn,   ///< begin to learn the background
-};
-
-/// The answer to the command that is the input; kNone for inputs that are no commands.
-enum class Verdict : uint8_t { kNone, kDone, kPending, kRefused };
-
-struct Transition {
-  Phase next;
-  Work work;
-  Verdict verdict;
-  friend bool operator==(const Transition&, const Transition&) = default;
-};
-
-/// Total: every input has an answer in every phase. Pulses run only from kArmed, by kStart or
-/// kLearn; every other way out of a phase with pulses turns them off (kDrain or kDisarm).
+/// As kTransitionTable says. Total: every input has an answer in every phase. Pulses run only from
+/// kArmed, by kStart or kLearn; every other way out of a phase with pulses turns them off (kDrain
+/// or kDisarm).
 Transition transition(Phase phase, Input input);
 
 /// Carries commands through the machine. The same (sender, counter) is answered again and not

@@ -19,6 +19,12 @@ bool Answer::done() const {
          });
 }
 
+void CommandStamp::put_on(CommandMessage& message, RealtimeInstant now) {
+  last_ = std::max(now, last_ + std::chrono::microseconds(1));
+  message.sender = sender_;
+  message.sent = last_;
+}
+
 Conversation::Conversation(CommandMessage order, int64_t counter, Commanded studio,
                            MonotonicInstant deadline)
     : order_(std::move(order)), counter_(counter), studio_(std::move(studio)), deadline_(deadline) {

@@ -6,6 +6,7 @@
 #include <map>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "base/time.h"
@@ -20,6 +21,20 @@ struct Answer {
 
   /// Every node replied "done".
   bool done() const;
+};
+
+/// Sender and time of an operator's messages. Nodes take each message of a sender that is not later
+/// than the one before for a replay, so time rises whatever the clock does. Pure. One thread.
+class CommandStamp {
+ public:
+  /// `sender`: unique per run of the tool that sends.
+  explicit CommandStamp(std::string sender) : sender_(std::move(sender)) {}
+  void put_on(CommandMessage& message, RealtimeInstant now);
+  const std::string& sender() const { return sender_; }
+
+ private:
+  std::string sender_;
+  RealtimeInstant last_;
 };
 
 /// The nodes that commands go to.

@@ -9,6 +9,11 @@ constexpr size_t kHealthQueue = 8;
 
 }  // namespace
 
+bool reports_full_disk(const HealthMessage& health) {
+  const auto full = health.values.find(kDiskFull);
+  return full != health.values.end() && full->second > 0;
+}
+
 FullDiskWatch::FullDiskWatch(Bus& bus, const std::vector<std::string>& nodes) {
   for (const std::string& node : nodes) {
     nodes_.push_back({node, std::make_unique<Subscription<HealthMessage>>(bus, health_channel(node),
@@ -26,8 +31,7 @@ void FullDiskWatch::restart() {
 std::string FullDiskWatch::full_node() {
   for (const Node& node : nodes_) {
     while (const auto health = node.health->wait(Monotonic::now())) {
-      const auto full = health->values.find(kDiskFull);
-      if (full != health->values.end() && full->second > 0) return node.name;
+      if (reports_full_disk(*health)) return node.name;
     }
   }
   return "";

@@ -13,6 +13,9 @@ namespace v3d {
 /// its disk is full or refuses frames: 1, until the next take.
 inline constexpr char kDiskFull[] = "disk_full_flag";
 
+/// True of the health of a node that ended its part of the take because of its disk.
+bool reports_full_disk(const HealthMessage& health);
+
 /// Listens to the health of other nodes. Health comes again every second: one that is lost does no
 /// harm. One thread.
 class FullDiskWatch {

@@ -47,23 +47,26 @@ std::map<std::string, CommandMessage> kept_orders(const Studio& studio, const st
   return orders;
 }
 
-KeptOrders::KeptOrders(const Studio& studio, std::string node)
-    : studio_(studio), node_(std::move(node)), orders_(kept_orders(studio, node_)) {}
-
-std::optional<KeptOrders::Found> KeptOrders::running(TrainWatch& train) {
-  if (orders_.empty()) return std::nullopt;
-  const auto running = train.running();
-  if (!running) return std::nullopt;
-  const auto found = orders_.find(running->take);
+std::optional<RejoinDecision::Found> RejoinDecision::decide(const TrainMonitor::Running& running) {
+  const auto found = orders_.find(running.take);
   std::optional<Found> order;
-  if (found != orders_.end()) order = {std::move(found->second), running->commanded};
+  if (found != orders_.end()) order = {std::move(found->second), running.commanded};
   orders_.clear();
   return order;
 }
 
+KeptOrders::KeptOrders(const Studio& studio, std::string node)
+    : studio_(studio), node_(std::move(node)), decision_(kept_orders(studio, node_)) {}
+
+std::optional<KeptOrders::Found> KeptOrders::running(TrainWatch& train) {
+  if (!decision_.is_open()) return std::nullopt;
+  const auto running = train.running();
+  return running ? decision_.decide(*running) : std::nullopt;
+}
+
 void KeptOrders::forget() {
   for (const auto& [take, order] : kept_orders(studio_, node_)) drop_order(studio_, node_, take);
-  orders_.clear();
+  decision_.close();
 }
 
 }  // namespace v3d

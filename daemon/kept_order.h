@@ -5,6 +5,7 @@
 #include <map>
 #include <optional>
 #include <string>
+#include <utility>
 
 #include "base/studio_file.h"
 #include "daemon/train_watch.h"
@@ -20,15 +21,33 @@ void drop_order(const Studio& studio, const std::string& node, const std::string
 /// folders were copied here.
 std::map<std::string, CommandMessage> kept_orders(const Studio& studio, const std::string& node);
 
+/// Decides once, for a node that has restarted, whether it rejoins the take that runs. Pure. One
+/// thread.
+class RejoinDecision {
+ public:
+  struct Found {
+    CommandMessage order;
+    int64_t commanded = 0;  ///< pulses of the take until now, or a little fewer
+  };
+  /// `kept`: the orders on this node's disk, by the names of their takes.
+  explicit RejoinDecision(std::map<std::string, CommandMessage> kept) : orders_(std::move(kept)) {}
+
+  bool is_open() const { return !orders_.empty(); }
+  /// At the first word of what the trigger's node records; it closes the decision.
+  std::optional<Found> decide(const TrainMonitor::Running& running);
+  /// Something new was ordered.
+  void close() { orders_.clear(); }
+
+ private:
+  std::map<std::string, CommandMessage> orders_;
+};
+
 /// Finds out whether one of the kept orders is of the take that runs. One thread.
 class KeptOrders {
  public:
   KeptOrders(const Studio& studio, std::string node);
 
-  struct Found {
-    CommandMessage order;
-    int64_t commanded = 0;  ///< pulses of the take until now, or a little fewer
-  };
+  using Found = RejoinDecision::Found;
   /// Once, and only as long as the trigger's node has not been heard to be at something else: from
   /// then on none runs. To be called often, until forget().
   std::optional<Found> running(TrainWatch& train);
@@ -38,7 +57,7 @@ class KeptOrders {
  private:
   const Studio& studio_;
   const std::string node_;
-  std::map<std::string, CommandMessage> orders_;
+  RejoinDecision decision_;
 };
 
 }  // namespace v3d

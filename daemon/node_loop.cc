@@ -19,13 +19,14 @@ NodeLoop::NodeLoop(NodeIdentity identity, Bus& bus, NodeWork& work)
     : me_(std::move(identity)),
       bus_(bus),
       work_(work),
-      controller_(me_.node),
+      protocol_(
+          me_.node, work, [this](ReplyMessage reply) { publish(std::move(reply)); },
+          Monotonic::now()),
       gate_(me_.node, me_.began),
       commands_(
           bus, kCommandChannel, kCommandQueue,
           [this](std::span<const uint8_t> bytes) { return gate_.admit(bytes, Realtime::now()); }),
       metrics_(serve_metrics(me_.metrics)),
-      next_health_(Monotonic::now()),
       watchdog_(service::watchdog_period()),
       last_fed_(Monotonic::now()) {
   look_for_key();
@@ -58,107 +59,37 @@ void NodeLoop::turn() {
   if (const auto command = commands_.wait(next_turn())) {
     spdlog::debug("{} {} from {} #{}", name(command->verb), command->take, command->sender,
                   command->counter);
-    carry_out(controller_.on_command(*command));
+    protocol_.on_command(*command);
   }
-  if (const auto report = work_.poll(controller_.phase())) {
-    spdlog::info("{}", report->text);
-    carry_out(controller_.on_event(report->event, report->text, report->detail));
-  }
-  let_go_what_nobody_confirms();
-  rejoin_running_take();
-  // Others act on a change of state; they shall not wait for it.
-  if (Monotonic::now() >= next_health_ || controller_.phase() != told_phase_) publish_health();
+  // Without a key nobody may command this node, and nothing that it hears is believed either.
+  protocol_.poll(Monotonic::now(), key_.has_value());
+  if (protocol_.is_health_due(Monotonic::now())) publish_health();
   feed_watchdog();
-}
-
-void NodeLoop::let_go_what_nobody_confirms() {
-  const MonotonicInstant now = Monotonic::now();
-  if (controller_.phase() != Phase::kPrepared) {
-    ready_since_ = now;
-  } else if (now - ready_since_ > kConfirmWithin) {
-    const std::string text = controller_.order().take + " was not confirmed in time: arm it again";
-    spdlog::warn("{}", text);
-    carry_out(controller_.on_event(Input::kExpired, text));
-  }
-}
-
-void NodeLoop::rejoin_running_take() {
-  // Whom nobody may command, believes nobody either.
-  if (controller_.phase() != Phase::kIdle || !key_) return;
-  try {
-    if (const auto order = work_.rejoin()) controller_.rejoined(*order);
-  } catch (const InputError& error) {
-    spdlog::error("cannot go on with the take that runs: {}", error.what());
-  }
 }
 
 MonotonicInstant NodeLoop::next_turn() const {
   const MonotonicInstant now = Monotonic::now();
-  const bool idle = controller_.phase() == Phase::kIdle || controller_.phase() == Phase::kFault;
-  Duration turn = idle ? kIdleTurn : kTurn;
-  if (watchdog_) turn = std::min(turn, *watchdog_ / 4);
-  return std::clamp(next_health_, now, now + turn);
+  const MonotonicInstant next = protocol_.next_turn(now);
+  return watchdog_ ? std::min(next, now + *watchdog_ / 4) : next;
 }
 
-void NodeLoop::carry_out(const Controller::Step& step) {
-  // First the work, then the word: "done" is said of what is done.
-  std::optional<Controller::Step> failure;
-  try {
-    begin(step.work);
-  } catch (const InputError& error) {
-    spdlog::warn("{}", error.what());
-    failure = step.work == Work::kStart ? controller_.on_start_failed(error.what())
-                                        : controller_.on_event(Input::kFailed, error.what());
-  }
-  if (!failure) return publish(step.replies);
-  if (step.work != Work::kStart) publish(step.replies);
-  carry_out(*failure);
-}
-
-void NodeLoop::publish(std::vector<ReplyMessage> replies) {
+void NodeLoop::publish(ReplyMessage reply) {
   // Who has no key has believed no command.
   if (!key_) return;
-  for (ReplyMessage& reply : replies) {
-    reply.sent = Realtime::now();
-    bus_.publish(kReplyChannel, encode_sealed(reply, *key_));
-  }
-}
-
-void NodeLoop::begin(Work work) {
-  switch (work) {
-    case Work::kNone:
-      return;
-    case Work::kArm:
-      return work_.arm(controller_.order());
-    case Work::kLearn:
-      return work_.learn(controller_.order());
-    case Work::kStart:
-      return work_.start();
-    case Work::kDrain:
-      return work_.drain();
-    case Work::kDisarm:
-      return work_.disarm();
-  }
+  reply.sent = Realtime::now();
+  bus_.publish(kReplyChannel, encode_sealed(reply, *key_));
 }
 
 void NodeLoop::publish_health() {
-  next_health_ = Monotonic::now() + kHealthEvery;
   look_for_key();
-  HealthMessage health;
+  HealthMessage health = protocol_.health(Monotonic::now());
   health.sent = Realtime::now();
-  health.seq = health_seq_++;
-  health.node = me_.node;
   health.program = me_.program;
   health.version = V3D_VERSION;
-  told_phase_ = controller_.phase();
-  health.state = node_state(told_phase_);
-  health.take = controller_.phase() == Phase::kIdle ? std::string() : controller_.order().take;
   machine_.report(health.values);
   clock_.report(health.values);
   ptp_.report(health.values);
-  work_.report_health(health);
   report_commands(health);
-  if (controller_.phase() == Phase::kFault) health.text = controller_.fault();
   bus_.publish_sealed(health_channel(me_.node), encode(health));
   if (metrics_) metrics_->update(health);
   service::status(std::string(name(health.state)) + (health.take.empty() ? "" : " ") + health.take +
@@ -184,7 +115,8 @@ void NodeLoop::report_commands(HealthMessage& health) const {
   value("messages_replayed", messages.replayed);
   std::string trouble = key_ ? gate_.trouble(Realtime::now()) : no_key_;
   if (trouble.empty()) trouble = bus_.seal().trouble(Realtime::now());
-  if (health.text.empty() || !key_) health.text = trouble;
+  const bool is_free = health.state != NodeState::kFault && (health.text.empty() || !key_);
+  if (is_free) health.text = trouble;
 }
 
 void NodeLoop::feed_watchdog() {
@@ -197,11 +129,8 @@ void NodeLoop::feed_watchdog() {
 
 void NodeLoop::shut_down() {
   spdlog::info("{} stopping", me_.node);
-  if (controller_.phase() == Phase::kRecording) {
-    carry_out(controller_.on_event(Input::kTrainEnded, "the daemon was asked to stop"));
-  }
-  const MonotonicInstant deadline = Monotonic::now() + kLastDrain;
-  while (controller_.phase() == Phase::kDraining && Monotonic::now() < deadline) turn();
+  protocol_.begin_to_end(Monotonic::now());
+  while (!protocol_.may_end(Monotonic::now())) turn();
   work_.disarm();
   publish_health();
 }

@@ -11,9 +11,9 @@
 #include "daemon/bus.h"
 #include "daemon/clock_watch.h"
 #include "daemon/command_gate.h"
-#include "daemon/control.h"
 #include "daemon/machine_health.h"
 #include "daemon/metrics_server.h"
+#include "daemon/node_protocol.h"
 #include "daemon/node_work.h"
 #include "daemon/ptp_watch.h"
 
@@ -37,7 +37,7 @@ class NodeLoop {
 
   /// A take that the daemon was at when it ended before (Controller::remember).
   void remember(const std::string& take, const std::string& text, const std::string& detail) {
-    controller_.remember(take, text, detail);
+    protocol_.remember(take, text, detail);
   }
 
   /// Runs until stop_requested(), then closes what is open: a take that is being recorded is
@@ -47,29 +47,17 @@ class NodeLoop {
  private:
   void turn();
   MonotonicInstant next_turn() const;
-  void carry_out(const Controller::Step& step);
-  void begin(Work work);
-  void publish(std::vector<ReplyMessage> replies);
+  void publish(ReplyMessage reply);
   void publish_health();
   void report_commands(HealthMessage& health) const;
   void look_for_key();
-  void let_go_what_nobody_confirms();
-  void rejoin_running_take();
   void feed_watchdog();
   void shut_down();
-
-  static constexpr Duration kTurn = std::chrono::milliseconds(20);
-  /// When nothing goes on. A command ends the wait at once.
-  static constexpr Duration kIdleTurn = std::chrono::milliseconds(200);
-  static constexpr Duration kHealthEvery = std::chrono::seconds(1);
-  /// Ready for so long: whoever asked is gone, or would not wait for the slowest node either.
-  static constexpr Duration kConfirmWithin = std::chrono::seconds(60);
-  static constexpr Duration kLastDrain = std::chrono::seconds(5);
 
   const NodeIdentity me_;
   Bus& bus_;
   NodeWork& work_;
-  Controller controller_;
+  NodeProtocol protocol_;
   CommandGate gate_;
   std::optional<StudioKey> key_;
   std::string no_key_;  ///< why there is none
@@ -78,10 +66,6 @@ class NodeLoop {
   ClockWatch clock_;
   PtpWatch ptp_;
   const std::unique_ptr<MetricsServer> metrics_;  ///< or null
-  int64_t health_seq_ = 0;
-  Phase told_phase_ = Phase::kIdle;  ///< by the last health message
-  MonotonicInstant next_health_;
-  MonotonicInstant ready_since_;  ///< while nobody has confirmed
   std::optional<Duration> watchdog_;
   MonotonicInstant last_fed_;
 };

@@ -6,6 +6,7 @@
 
 #include "base/io/file.h"
 #include "daemon/kept_order.h"
+#include "daemon/known_pulses.h"
 #include "daemon/take_folder.h"
 #include "take/take_removal.h"
 
@@ -133,8 +134,7 @@ TakeClosing NodeTake::close(const Ledger& ledger) {
                       fmt::format("{}", fmt::join(unkept, ", ")) + ": v3dctl verify tells which",
             .notice = {}};
   }
-  const bool saw_pulses = ledger.commanded > 0 || ledger.sensed.value_or(0) > 0;
-  if (saw_pulses || may_hold_frames(paths_)) return {};
+  if (!is_empty_take(ledger) || may_hold_frames(paths_)) return {};
   const auto place = quarantine_take(paths_);
   return {.unkept = {},
           .notice = info_.name + " has neither pulses nor frames" +

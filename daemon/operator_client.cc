@@ -42,7 +42,7 @@ class HealthReader {
   explicit HealthReader(MessageSeal& seal) : seal_(seal) {}
 
   std::optional<HealthMessage> operator()(std::span<const uint8_t> bytes) {
-    auto health = Subscription<HealthMessage>::open_sealed(seal_, gate_, bytes);
+    auto health = Subscription<HealthMessage>::open_sealed(seal_, gate_, bytes, Realtime::now());
     const MonotonicInstant now = Monotonic::now();
     if (health) {
       if (heard_.size() < kMaxNodes) heard_[health->node] = now;
@@ -110,7 +110,7 @@ class OperatorClient::Impl {
       : nodes(commanded_nodes(studio)),
         trigger(studio.trigger.node),
         key_file(studio.network.key),
-        sender(make_sender()),
+        stamp(make_sender()),
         bus(studio.network.lcm_url),
         not_verified(read_key()),
         healths(bus, std::string(kHealthPrefix) + ".*", kQueue, HealthReader(bus.seal())),
@@ -143,10 +143,8 @@ class OperatorClient::Impl {
         });
   }
 
-  /// Every message of a sender must be later than the one before, whatever the clock does.
   void send(CommandMessage message) {
-    message.sender = sender;
-    message.sent = last_sent = std::max(Realtime::now(), last_sent + std::chrono::microseconds(1));
+    stamp.put_on(message, Realtime::now());
     bus.publish(kCommandChannel, encode_sealed(message, *key));
   }
 
@@ -176,10 +174,9 @@ class OperatorClient::Impl {
   const std::vector<std::string> nodes;
   const std::string trigger;
   const std::filesystem::path key_file;
-  const std::string sender;
+  CommandStamp stamp;
   std::optional<StudioKey> key;
   int64_t counter = 0;
-  RealtimeInstant last_sent;
   std::map<std::string, HealthMessage> last_health;
   std::map<std::string, HealthMessage> unbelieved;
   Bus bus;
@@ -206,7 +203,7 @@ Answer OperatorClient::command(CommandMessage command, MonotonicInstant deadline
   while (!conversation.over()) {
     if (const auto message = conversation.poll(Monotonic::now())) impl_->send(*message);
     auto reply = impl_->replies->wait(conversation.next_due());
-    if (!reply || reply->command_sender != impl_->sender) continue;
+    if (!reply || reply->command_sender != impl_->stamp.sender()) continue;
     reply->text = printable(reply->text);
     if (conversation.hear(*reply) && heard) heard(*reply);
   }

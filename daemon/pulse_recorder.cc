@@ -1,7 +1,5 @@
 #include "daemon/pulse_recorder.h"
 
-#include <algorithm>
-
 #include "base/units.h"
 #include "wire/channels.h"
 
@@ -10,8 +8,6 @@ namespace {
 
 constexpr Duration kLook = std::chrono::milliseconds(50);
 constexpr size_t kPulseQueue = 256;
-/// A pulse number from the network so far ahead of all before is not believed.
-constexpr int64_t kMaxJump = 15'000;
 /// A pulse that another host says is older, or still to come, was timed by a clock that is not
 /// ours; then it was when it was heard of.
 constexpr Duration kLongestOnTheWay = std::chrono::milliseconds(200);
@@ -22,6 +18,10 @@ constexpr int kSaidAgain = 3;
 /// The same instant on the wall clock. The clocks are read together: their difference holds now.
 RealtimeInstant to_realtime(MonotonicInstant t) { return Realtime::now() - (Monotonic::now() - t); }
 
+KnownPulses known_pulses(const std::string& take, const std::optional<PulseRecorder::Past>& past) {
+  return past ? KnownPulses(take, past->sensed, past->commanded) : KnownPulses(take);
+}
+
 }  // namespace
 
 PulseRecorder::PulseRecorder(PulseSensor* sensor, Bus& bus, Setup setup)
@@ -29,23 +29,17 @@ PulseRecorder::PulseRecorder(PulseSensor* sensor, Bus& bus, Setup setup)
       bus_(bus),
       take_(std::move(setup.take)),
       on_edge_(std::move(setup.on_edge)),
-      numbers_(setup.train) {
+      numbers_(setup.train),
+      known_(known_pulses(take_, setup.past)) {
   if (!setup.log.empty()) {
     log_.emplace(setup.log, setup.past ? LogOpening::kGoOn : LogOpening::kNew);
   }
-  if (setup.past) remember(*setup.past);
   if (sensor_ != nullptr) {
     sensor_->reset();
   } else {
     heard_ = std::make_unique<Subscription<PulseMessage>>(bus_, kPulseChannel, kPulseQueue);
   }
   thread_ = std::thread([this] { run(); });
-}
-
-void PulseRecorder::remember(const Past& past) {
-  constexpr int64_t kOnTheirWay = 2;  // pulses that were commanded, and not heard of yet
-  seen_ = std::max(past.sensed.last() + 1, past.commanded - kOnTheirWay);
-  sensed_ = past.sensed;
 }
 
 PulseRecorder::~PulseRecorder() {
@@ -81,8 +75,7 @@ void PulseRecorder::record(const PulseMessage& pulse) {
     to_say_again_ = kSaidAgain;
   }
   const std::lock_guard lock(mutex_);
-  sensed_.insert(pulse.pulse);
-  seen_ = std::max<int64_t>(seen_, pulse.pulse + 1);
+  known_.add(pulse.pulse);
 }
 
 PulseEdge PulseRecorder::edge_of(const PulseMessage& pulse) const {
@@ -96,13 +89,17 @@ PulseEdge PulseRecorder::edge_of(const PulseMessage& pulse) const {
 
 int64_t PulseRecorder::sensed() const {
   const std::lock_guard lock(mutex_);
-  return sensed_.size();
+  return known_.count();
+}
+
+int64_t PulseRecorder::seen() const {
+  const std::lock_guard lock(mutex_);
+  return known_.seen();
 }
 
 void PulseRecorder::put_into(Ledger& ledger, int64_t commanded) const {
   const std::lock_guard lock(mutex_);
-  ledger.sensed = sensed_.size();
-  ledger.unsensed = sensed_.missing(commanded);
+  known_.put_into(ledger, commanded);
   ledger.extra = numbers_.extra();
   ledger.runt = numbers_.runts();
 }
@@ -135,9 +132,8 @@ std::optional<PulseMessage> PulseRecorder::sense() {
 
 std::optional<PulseMessage> PulseRecorder::hear() {
   auto pulse = heard_->wait(Monotonic::now() + kLook);
-  const bool ours =
-      pulse && pulse->take == take_ && pulse->pulse >= seen_ && pulse->pulse - seen_ < kMaxJump;
-  return ours ? std::move(pulse) : std::nullopt;
+  const std::lock_guard lock(mutex_);
+  return pulse && known_.accepts(*pulse) ? std::move(pulse) : std::nullopt;
 }
 
 }  // namespace v3d

@@ -14,6 +14,7 @@
 #include "capture/train_start.h"
 #include "daemon/bus.h"
 #include "daemon/heartbeat.h"
+#include "daemon/known_pulses.h"
 #include "daemon/pulse_log.h"
 #include "take/ledger.h"
 #include "trigger/pulse_generator.h"
@@ -51,7 +52,7 @@ class PulseRecorder {
   /// "2 extra pulses, 1 runt pulse", or nothing.
   std::string trouble() const;
   /// The highest pulse number seen, plus one.
-  int64_t seen() const { return seen_; }
+  int64_t seen() const;
   int64_t write_errors() const { return log_ ? log_->errors() : 0; }
   /// Messages of the trigger's node that did not arrive here; 0 on that node.
   int64_t lost() const { return heard_ ? heard_->counts().lost : 0; }
@@ -60,7 +61,6 @@ class PulseRecorder {
  private:
   void run();
   std::optional<PulseMessage> next();
-  void remember(const Past& past);
   /// By this host's clock.
   PulseEdge edge_of(const PulseMessage& pulse) const;
   std::optional<PulseMessage> sense();
@@ -77,12 +77,11 @@ class PulseRecorder {
   int64_t seq_ = 0;
   std::vector<uint8_t> last_said_;  ///< the recorder's thread only, as is the next
   int to_say_again_ = 0;
-  std::atomic<int64_t> seen_ = 0;
   Heartbeat heartbeat_;
   std::atomic<bool> stopping_ = false;
   mutable std::mutex mutex_;  ///< what was sensed
   SensedTrain numbers_;
-  PulseSet sensed_;
+  KnownPulses known_;
   std::thread thread_;
 };
 

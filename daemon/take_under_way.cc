@@ -4,6 +4,7 @@
 #include <map>
 #include <utility>
 
+#include "daemon/known_pulses.h"
 #include "daemon/take_folder.h"
 
 namespace v3d {
@@ -158,10 +159,10 @@ bool TakeUnderWay::is_accounted_for() const {
                              silent ? std::optional(Monotonic::now() - quiet) : std::nullopt);
 }
 
-/// Who only listens to the trigger's node, and missed a word of it, cannot tell.
 bool TakeUnderWay::knows_what_was_sensed(int64_t commanded) const {
-  return node_.studio.trigger.is_sensed() &&
-         (node_.trigger.sensor() != nullptr || pulses_->sensed() >= commanded);
+  return v3d::knows_what_was_sensed(node_.studio.trigger.is_sensed(),
+                                    node_.trigger.sensor() != nullptr, pulses_->sensed(),
+                                    commanded);
 }
 
 TakeAccount TakeUnderWay::close() {

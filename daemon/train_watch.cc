@@ -18,41 +18,20 @@ std::optional<int64_t> commanded_by(const HealthMessage& health) {
 
 }  // namespace
 
-TrainWatch::TrainWatch(Bus& bus, const std::string& trigger_node)
-    : health_(bus, health_channel(trigger_node), kHealthQueue) {}
-
-void TrainWatch::restart() {
-  while (health_.wait(Monotonic::now())) {
-  }
-  ended_ = false;
-  runs_ = false;
-  first_.reset();
-  newest_ = {};
-  commanded_ = 0;
-}
-
-void TrainWatch::listen(const std::string& take) {
-  while (const auto health = health_.wait(Monotonic::now())) hear(*health, take);
-}
-
 /// The network reorders.
-bool TrainWatch::is_news(const HealthMessage& health) {
+bool TrainMonitor::is_news(const HealthMessage& health) {
   if (health.sent <= newest_) return false;
   newest_ = health.sent;
   return true;
 }
 
-std::optional<TrainWatch::Running> TrainWatch::running() {
-  std::optional<Running> running;
-  while (const auto health = health_.wait(Monotonic::now())) {
-    if (!is_news(*health)) continue;
-    const bool records = health->state == NodeState::kRecording;
-    running = {.take = records ? health->take : "", .commanded = commanded_by(*health).value_or(0)};
-  }
-  return running;
+std::optional<TrainMonitor::Running> TrainMonitor::running(const HealthMessage& health) {
+  if (!is_news(health)) return std::nullopt;
+  const bool records = health.state == NodeState::kRecording;
+  return Running{.take = records ? health.take : "", .commanded = commanded_by(health).value_or(0)};
 }
 
-void TrainWatch::hear(const HealthMessage& health, const std::string& take) {
+void TrainMonitor::on_health(const HealthMessage& health, const std::string& take) {
   if (!is_news(health)) return;
   if (!first_) first_ = health.sent;
   const bool ours = health.take == take;
@@ -63,6 +42,27 @@ void TrainWatch::hear(const HealthMessage& health, const std::string& take) {
   const bool counts = runs_ || health.sent - *first_ > kOnItsWay;
   ended_ = ended_ || (!runs && counts);
   if (ours) commanded_ = commanded_by(health).value_or(commanded_);
+}
+
+TrainWatch::TrainWatch(Bus& bus, const std::string& trigger_node)
+    : health_(bus, health_channel(trigger_node), kHealthQueue) {}
+
+void TrainWatch::restart() {
+  while (health_.wait(Monotonic::now())) {
+  }
+  train_.restart();
+}
+
+void TrainWatch::listen(const std::string& take) {
+  while (const auto health = health_.wait(Monotonic::now())) train_.on_health(*health, take);
+}
+
+std::optional<TrainWatch::Running> TrainWatch::running() {
+  std::optional<Running> running;
+  while (const auto health = health_.wait(Monotonic::now())) {
+    if (auto news = train_.running(*health)) running = std::move(news);
+  }
+  return running;
 }
 
 }  // namespace v3d

@@ -78,17 +78,7 @@ class Verifier {
     } catch (const InputError& error) {
       result_.disagreements.emplace_back(error.what());
     }
-    const bool has_sense_line = !stored || stored->sensed;
-    if (has_sense_line) ledger.sensed = sensed.size();
-    // A take that nobody closed does not know how many pulses were commanded: those that were
-    // sensed tell.
-    ledger.commanded =
-        stored ? stored->commanded : std::max(result_.info.pulses, sensed.last() + 1);
-    if (has_sense_line) ledger.unsensed = sensed.missing(ledger.commanded);
-    if (stored) {
-      ledger.extra = stored->extra;  // not in the log
-      ledger.runt = stored->runt;
-    }
+    recount_pulses(sensed, result_.info.pulses, stored, ledger);
     if (stored && stored->sensed && *stored->sensed != sensed.size()) {
       disagree(paths_.pulses(), "holds " + format_count(sensed.size()) +
                                     " pulses, the ledger says " + format_count(*stored->sensed));
@@ -232,6 +222,17 @@ io::Status index_segments(const std::filesystem::path& path) {
 }
 
 }  // namespace
+
+void recount_pulses(const PulseSet& sensed, int64_t known, const std::optional<Ledger>& stored,
+                    Ledger& ledger) {
+  const bool has_sense_line = !stored || stored->sensed;
+  if (has_sense_line) ledger.sensed = sensed.size();
+  ledger.commanded = stored ? stored->commanded : std::max(known, sensed.last() + 1);
+  if (has_sense_line) ledger.unsensed = sensed.missing(ledger.commanded);
+  if (!stored) return;
+  ledger.extra = stored->extra;  // not in the log
+  ledger.runt = stored->runt;
+}
 
 Verification verify_take(const TakePaths& paths) { return Verifier(paths, Depth::kFrames).run(); }
 

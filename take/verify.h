@@ -1,10 +1,13 @@
 // What a take folder really holds, counted from its files.
 #pragma once
 
+#include <cstdint>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "take/ledger.h"
+#include "take/pulse_set.h"
 #include "take/take.h"
 
 namespace v3d {
@@ -17,6 +20,12 @@ struct Verification {
 
   bool whole() const { return ledger.complete() && disagreements.empty(); }
 };
+
+/// The pulses of a take, counted anew: `sensed` from its log, `known` from take.toml, the rest from
+/// the `stored` ledger. A take that nobody closed does not know how many pulses were commanded:
+/// those that were sensed tell.
+void recount_pulses(const PulseSet& sensed, int64_t known, const std::optional<Ledger>& stored,
+                    Ledger& ledger);
 
 /// Reads every event of every log. `exposed`, `received` and `published` are known to the stored
 /// ledger only and taken from it where there is one. Throws InputError when the folder is no take.

@@ -17,7 +17,6 @@ constexpr Input kInputs[] = {
     Input::kCommit, Input::kLearn,      Input::kCheck,   Input::kExpired, Input::kReady,
     Input::kFailed, Input::kTrainEnded, Input::kDrained, Input::kBroken,  Input::kRejoined};
 
-bool is_command(Input input) { return input <= Input::kCheck; }
 bool pulses_may_run(Phase phase) { return phase == Phase::kRecording || phase == Phase::kLearning; }
 
 // The whole table: what is not named here stays where it is, refused when it is a command.

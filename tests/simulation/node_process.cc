@@ -1,0 +1,240 @@
+#include "simulation/node_process.h"
+
+#include <algorithm>
+#include <utility>
+
+#include "daemon/bus.h"
+#include "daemon/json.h"
+#include "take/verify.h"
+
+namespace v3d::simulation {
+namespace {
+
+template <class M>
+std::optional<M> open_sealed(MessageSeal& seal, NewsGate& gate, const Bytes& bytes,
+                             RealtimeInstant now) {
+  return Subscription<M>::open_sealed(seal, gate, bytes, now);
+}
+
+Cause cause_of(const CommandMessage& command) {
+  if (command.verb == CommandVerb::kAbort && command.own_only) return Cause::kTakeBack;
+  const bool ends = command.verb == CommandVerb::kStop || command.verb == CommandVerb::kAbort;
+  return ends ? Cause::kStopOrAbort : Cause::kOtherCommand;
+}
+
+std::string text_of(const CommandMessage& command) {
+  return std::string(name(command.verb)) + " " + command.take + (command.own_only ? " own" : "") +
+         " from " + order_id(command);
+}
+
+}  // namespace
+
+NodeProcess::NodeProcess(World& world, Trace& trace, Host host, bool is_trigger)
+    : world_(world), trace_(trace), host_(std::move(host)), is_trigger_(is_trigger) {
+  const auto interest = [this](Channel channel, size_t from) {
+    if (channel == Channel::kCommand) return true;
+    if (channel == Channel::kReply) return false;
+    if (is_trigger_) return channel == Channel::kHealth && host_.captures;
+    return from == trigger_place_ && (channel == Channel::kHealth || host_.captures);
+  };
+  place_ = world_.network.join(interest, [this](Channel channel, size_t from, const Bytes& bytes) {
+    receive(channel, from, bytes);
+  });
+}
+
+// --- the process --------------------------------------------------------------------------------
+
+void NodeProcess::boot() {
+  if (is_up()) return;
+  trace_.add([&] { return host_.name + " starts"; });
+  recover_takes();
+  if (host_.captures) {
+    work_ = std::make_unique<SimulatedCapture>(world_, host_);
+  } else {
+    work_ = std::make_unique<SimulatedRecon>(world_, host_);
+  }
+  seal_ = std::make_unique<MessageSeal>();
+  seal_->insist();
+  seal_->set_key(world_.key);
+  gate_ = std::make_unique<CommandGate>(host_.name, clock());
+  gate_->set_key(world_.key);
+  health_gates_.clear();
+  pulse_gate_ = {};
+  commands_.clear();
+  waiting_.clear();
+  is_paused_ = is_ending_ = false;
+  protocol_ = std::make_unique<NodeProtocol>(
+      host_.name, *work_, [this](ReplyMessage reply) { publish(std::move(reply)); },
+      world_.time.now());
+  for (const auto& [name, order] : host_.disk.kept_orders()) {
+    const TakeOnDisk& take = host_.disk.takes.at(name);
+    if (!host_.captures) protocol_->remember(name, "meshes recovered", "{}");
+    if (!take.ledger) continue;
+    protocol_->remember(name, "recovered " + take.ledger->verdict(), ledger_json(*take.ledger));
+  }
+  plan_turn(world_.time.now());
+}
+
+/// As recover_open_takes() does with the files.
+void NodeProcess::recover_takes() {
+  for (auto& [name, take] : host_.disk.takes) {
+    if (!take.is_open || !host_.captures) continue;
+    Ledger ledger;
+    ledger.take = name;
+    recount_pulses(take.pulses, 0, take.ledger, ledger);
+    for (const std::string& camera : take.cameras) {
+      ledger.cameras.push_back(account(camera, take.frames[camera], {}, ledger.commanded));
+    }
+    take.ledger = ledger;
+    take.is_open = false;
+  }
+}
+
+void NodeProcess::end(Cause cause) {
+  if (host_.trigger != nullptr && host_.trigger->is_running()) {
+    world_.truth.on_trigger_lost();
+    host_.trigger->stop();
+  }
+  world_.truth.on_change({.node = host_.name,
+                          .from = protocol_->phase(),
+                          .to = Phase::kIdle,
+                          .order = protocol_->order(),
+                          .cause = cause,
+                          .command = {}});
+  protocol_.reset();
+  work_.reset();
+  gate_.reset();
+  seal_.reset();
+  ++turn_;
+}
+
+void NodeProcess::crash() {
+  if (!is_up()) return;
+  trace_.add([&] { return host_.name + " crashes"; });
+  end(Cause::kEnded);
+}
+
+void NodeProcess::ask_to_end() {
+  if (!is_up() || is_ending_) return;
+  trace_.add([&] { return host_.name + " is asked to end"; });
+  resume();
+  is_ending_ = true;
+  if (host_.trigger != nullptr && host_.trigger->is_running()) world_.truth.on_trigger_lost();
+  watch(Cause::kEnded, {}, [&] { protocol_->begin_to_end(world_.time.now()); });
+  plan_turn(world_.time.now());
+}
+
+void NodeProcess::pause() {
+  if (!is_up()) return;
+  trace_.add([&] { return host_.name + " stands still"; });
+  is_paused_ = true;
+}
+
+void NodeProcess::resume() {
+  if (!is_up() || !is_paused_) return;
+  trace_.add([&] { return host_.name + " goes on"; });
+  is_paused_ = false;
+  for (const Datagram& datagram : std::exchange(waiting_, {})) {
+    take_in(datagram.channel, datagram.from, datagram.bytes);
+  }
+  plan_turn(world_.time.now());
+}
+
+// --- what comes in ------------------------------------------------------------------------------
+
+void NodeProcess::receive(Channel channel, size_t from, const Bytes& bytes) {
+  if (!is_up()) return;
+  if (is_paused_) {
+    waiting_.push_back({channel, from, bytes});
+    return;
+  }
+  take_in(channel, from, bytes);
+}
+
+void NodeProcess::take_in(Channel channel, size_t from, const Bytes& bytes) {
+  if (channel == Channel::kCommand) {
+    auto command = gate_->admit(bytes, clock());
+    if (!command) return;
+    commands_.push_back(std::move(*command));
+    plan_turn(world_.time.now());
+  } else if (channel == Channel::kPulse) {
+    const auto pulse = open_sealed<PulseMessage>(*seal_, pulse_gate_, bytes, clock());
+    if (pulse) work_->on_pulse_message(*pulse);
+  } else if (channel == Channel::kHealth) {
+    const auto health = open_sealed<HealthMessage>(*seal_, health_gates_[from], bytes, clock());
+    if (health && from == trigger_place_) work_->on_trigger_health(*health);
+    if (health) work_->on_other_health(*health);
+  }
+}
+
+// --- the loop, as in NodeLoop -------------------------------------------------------------------
+
+void NodeProcess::plan_turn(MonotonicInstant at) {
+  world_.time.at(at, [this, number = ++turn_] {
+    if (number == turn_ && is_up() && !is_paused_) turn();
+  });
+}
+
+void NodeProcess::turn() {
+  const MonotonicInstant now = world_.time.now();
+  if (!commands_.empty()) {
+    const CommandMessage command = std::move(commands_.front());
+    commands_.pop_front();
+    watch(cause_of(command), command, [&] { protocol_->on_command(command); });
+  }
+  watch(Cause::kReport, {}, [&] { protocol_->poll(now, true); });
+  if (protocol_->is_health_due(now)) publish_health();
+  if (is_ending_ && protocol_->may_end(now)) {
+    work_->disarm();
+    return end(Cause::kEnded);
+  }
+  plan_turn(commands_.empty() ? protocol_->next_turn(now) : now);
+}
+
+/// Tells the truth of what the action has changed.
+void NodeProcess::watch(Cause cause, const CommandMessage& command,
+                        const std::function<void()>& action) {
+  const Phase before = protocol_->phase();
+  CommandMessage order = protocol_->order();
+  action();
+  const Phase after = protocol_->phase();
+  if (before == after) return;
+  if (before == Phase::kIdle) order = protocol_->order();
+  if (cause == Cause::kReport && after == Phase::kRecording) cause = Cause::kRejoined;
+  if (cause == Cause::kReport && work_->ended_by_disk()) cause = Cause::kDisk;
+  trace_.add([&] {
+    return host_.name + ": " + std::string(name(before)) + " -> " + std::string(name(after)) +
+           " (" + order.take + ", " + (command.sender.empty() ? "report" : text_of(command)) + ")";
+  });
+  world_.truth.on_change({.node = host_.name,
+                          .from = before,
+                          .to = after,
+                          .order = order,
+                          .cause = cause,
+                          .command = command});
+}
+
+// --- what goes out ------------------------------------------------------------------------------
+
+void NodeProcess::publish(ReplyMessage reply) {
+  reply.sent = clock();
+  world_.network.send(place_, Channel::kReply, encode_sealed(reply, world_.key));
+}
+
+void NodeProcess::publish_health() {
+  HealthMessage health = protocol_->health(world_.time.now());
+  health.sent = clock();
+  world_.network.send(place_, Channel::kHealth, seal_->closed(encode(health)));
+}
+
+void NodeProcess::send_pulse(int64_t pulse) {
+  PulseMessage message;
+  message.sent = message.edge = clock();
+  message.seq = pulse_seq_++;
+  message.take = protocol_->order().take;
+  message.pulse = pulse;
+  const Bytes bytes = seal_->closed(encode(message));
+  world_.network.send(place_, Channel::kPulse, bytes);
+}
+
+}  // namespace v3d::simulation

@@ -1,0 +1,88 @@
+// One daemon of a simulated studio: the real gate, state machine and protocol on simulated work.
+#pragma once
+
+#include <deque>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "daemon/command_gate.h"
+#include "daemon/message_seal.h"
+#include "daemon/node_protocol.h"
+#include "simulation/node_setting.h"
+#include "simulation/simulated_work.h"
+#include "simulation/trace.h"
+
+namespace v3d::simulation {
+
+/// Survives its own crashes, as a host does; the daemon on it does not. One thread.
+class NodeProcess {
+ public:
+  NodeProcess(World& world, Trace& trace, Host host, bool is_trigger);
+
+  void boot();
+  /// Everything in memory is gone, at once.
+  void crash();
+  /// As systemd ends a daemon: a take is drained for some seconds.
+  void ask_to_end();
+  /// The process stands still; datagrams wait for it.
+  void pause();
+  void resume();
+
+  bool is_up() const { return protocol_ != nullptr; }
+  bool is_trigger() const { return is_trigger_; }
+  Phase phase() const { return is_up() ? protocol_->phase() : Phase::kIdle; }
+  std::string id() const { return is_up() ? order_id(protocol_->order()) : ""; }
+  Host& host() { return host_; }
+  size_t place() const { return place_; }
+  CommandCounts counts() const { return gate_ ? gate_->counts() : CommandCounts{}; }
+  SimulatedWork* work() { return work_.get(); }
+
+  /// Tells the places whose health this node listens to: that of the trigger's node, or of all
+  /// others.
+  void listen_to_trigger_at(size_t place) { trigger_place_ = place; }
+  void send_pulse(int64_t pulse);
+
+ private:
+  void recover_takes();
+  void receive(Channel channel, size_t from, const Bytes& bytes);
+  void take_in(Channel channel, size_t from, const Bytes& bytes);
+  void turn();
+  void plan_turn(MonotonicInstant at);
+  void watch(Cause cause, const CommandMessage& command, const std::function<void()>& action);
+  void publish(ReplyMessage reply);
+  void publish_health();
+  void end(Cause cause);
+  RealtimeInstant clock() const { return wall_clock(world_, host_.clock_error); }
+
+  struct Datagram {
+    Channel channel;
+    size_t from;
+    Bytes bytes;
+  };
+
+  World& world_;
+  Trace& trace_;
+  Host host_;
+  const bool is_trigger_;
+  size_t place_ = 0;
+  size_t trigger_place_ = 0;
+
+  // Of the process.
+  std::unique_ptr<SimulatedWork> work_;
+  std::unique_ptr<NodeProtocol> protocol_;
+  std::unique_ptr<CommandGate> gate_;
+  std::unique_ptr<MessageSeal> seal_;
+  std::map<size_t, NewsGate> health_gates_;
+  NewsGate pulse_gate_;
+  std::deque<CommandMessage> commands_;
+  int64_t pulse_seq_ = 0;
+  bool is_paused_ = false;
+  bool is_ending_ = false;
+  std::vector<Datagram> waiting_;  ///< while it is paused
+  int64_t turn_ = 0;               ///< counts plans: one that was replaced comes to nothing
+};
+
+}  // namespace v3d::simulation

@@ -1,0 +1,42 @@
+// What the simulated nodes of one studio share, and what is theirs.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "simulation/network.h"
+#include "simulation/node_disk.h"
+#include "simulation/trigger.h"
+#include "simulation/truth.h"
+#include "simulation/virtual_time.h"
+#include "wire/studio_key.h"
+
+namespace v3d::simulation {
+
+struct World {
+  VirtualTime& time;
+  Draws& draws;
+  Network& network;
+  Truth& truth;
+  const StudioKey& key;
+  bool has_sense_line = true;
+  double rate_hz = 10;
+};
+
+/// A host: it outlives the processes on it.
+struct Host {
+  std::string name;
+  bool captures = true;
+  std::vector<std::string> cameras;
+  Trigger* trigger = nullptr;  ///< null where it is not
+  NodeDisk disk;
+  double frame_loss = 0;  ///< share of the frames that a camera does not deliver
+  Duration clock_error{};
+};
+
+/// CLOCK_REALTIME of a host.
+inline RealtimeInstant wall_clock(const World& world, Duration error) {
+  return from_ns<Realtime>(1'700'000'000'000'000'000 + to_ns(world.time.now())) + error;
+}
+
+}  // namespace v3d::simulation

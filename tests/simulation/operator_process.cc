@@ -1,0 +1,84 @@
+#include "simulation/operator_process.h"
+
+#include <algorithm>
+#include <utility>
+
+namespace v3d::simulation {
+
+OperatorProcess::OperatorProcess(World& world, Trace& trace, std::string name, Commanded studio)
+    : world_(world), trace_(trace), name_(std::move(name)), studio_(std::move(studio)) {
+  place_ = world_.network.join([](Channel channel, size_t) { return channel == Channel::kReply; },
+                               [this](Channel, size_t, const Bytes& bytes) { receive(bytes); });
+}
+
+void OperatorProcess::begin(std::deque<OperatorStep> steps) {
+  steps_ = std::move(steps);
+  all_done_ = true;
+  answer_.reset();
+  begin_next();
+}
+
+void OperatorProcess::kill() {
+  if (!is_busy()) return;
+  trace_.add([&] { return name_ + " is killed"; });
+  steps_.clear();
+  conversation_.reset();
+  all_done_ = false;
+  ++plan_;
+}
+
+void OperatorProcess::begin_next() {
+  if (steps_.empty()) return;
+  const OperatorStep& step = steps_.front();
+  stamp_.emplace(name_ + "@desk/" + std::to_string(++runs_));
+  world_.truth.on_conversation(stamp_->sender(), step.order.verb);
+  trace_.add([&] {
+    return stamp_->sender() + ": v3dctl " + std::string(name(step.order.verb)) + " " +
+           step.order.take;
+  });
+  conversation_.emplace(step.order, 0, studio_, world_.time.now() + step.timeout);
+  poll();
+}
+
+/// As OperatorClient::command() goes round.
+void OperatorProcess::poll() {
+  while (conversation_ && !conversation_->over()) {
+    auto message = conversation_->poll(world_.time.now());
+    if (!message) break;
+    stamp_->put_on(*message, wall_clock(world_, clock_error_));
+    world_.network.send(place_, Channel::kCommand, encode_sealed(*message, world_.key));
+  }
+  if (conversation_->over()) return finish();
+  world_.time.at(conversation_->next_due(), [this, number = ++plan_] {
+    if (number == plan_) poll();
+  });
+}
+
+void OperatorProcess::receive(const Bytes& bytes) {
+  if (!conversation_ || !world_.key.has_sealed(bytes)) return;
+  const auto reply = decode<ReplyMessage>(bytes);
+  if (!reply || reply->command_sender != stamp_->sender()) return;
+  conversation_->hear(*reply);
+  poll();
+}
+
+void OperatorProcess::finish() {
+  answer_ = conversation_->answer();
+  conversation_.reset();
+  trace_.add([&] {
+    std::string text = stamp_->sender() + (answer_->done() ? ": done" : ": not done");
+    for (const auto& [node, reply] : answer_->replies) text += "; " + node + ": " + reply.text;
+    for (const std::string& node : answer_->silent) text += "; " + node + " is silent";
+    return text;
+  });
+  const OperatorStep step = std::move(steps_.front());
+  steps_.pop_front();
+  world_.truth.on_answer(step.order, stamp_->sender(), 1, *answer_);
+  all_done_ = all_done_ && answer_->done();
+  if (steps_.empty()) return;
+  world_.time.after(step.then, [this, number = ++plan_] {
+    if (number == plan_) begin_next();
+  });
+}
+
+}  // namespace v3d::simulation

@@ -1,0 +1,60 @@
+// An operator of a simulated studio: runs of v3dctl, one after the other, with the real
+// Conversation.
+#pragma once
+
+#include <deque>
+#include <functional>
+#include <optional>
+#include <string>
+
+#include "daemon/conversation.h"
+#include "simulation/node_setting.h"
+#include "simulation/trace.h"
+
+namespace v3d::simulation {
+
+struct OperatorStep {
+  CommandMessage order;  ///< verb, take, pulses
+  Duration timeout;      ///< of the order
+  Duration then{};       ///< how long the operator waits afterwards
+};
+
+/// Each step is a process of its own, with a sender of its own. One thread.
+class OperatorProcess {
+ public:
+  OperatorProcess(World& world, Trace& trace, std::string name, Commanded studio);
+
+  void begin(std::deque<OperatorStep> steps);
+  /// The process is killed in the middle of what it does; the operator does nothing more.
+  void kill();
+  void set_clock_error(Duration error) { clock_error_ = error; }
+
+  bool is_busy() const { return !steps_.empty() || conversation_.has_value(); }
+  size_t place() const { return place_; }
+  /// The last answer; empty while there is none.
+  const std::optional<Answer>& answer() const { return answer_; }
+  /// All steps of the last begin() were answered "done".
+  bool was_done() const { return !is_busy() && all_done_; }
+
+ private:
+  void begin_next();
+  void poll();
+  void receive(const Bytes& bytes);
+  void finish();
+
+  World& world_;
+  Trace& trace_;
+  const std::string name_;
+  const Commanded studio_;
+  size_t place_ = 0;
+  Duration clock_error_{};
+  std::deque<OperatorStep> steps_;
+  std::optional<CommandStamp> stamp_;
+  std::optional<Conversation> conversation_;
+  std::optional<Answer> answer_;
+  bool all_done_ = true;
+  int runs_ = 0;
+  int64_t plan_ = 0;  ///< counts plans: one that was replaced comes to nothing
+};
+
+}  // namespace v3d::simulation

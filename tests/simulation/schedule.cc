@@ -1,0 +1,416 @@
+#include "simulation/schedule.h"
+
+#include <algorithm>
+#include <memory>
+#include <utility>
+
+#include "simulation/network.h"
+#include "simulation/node_process.h"
+#include "simulation/operator_process.h"
+#include "simulation/trace.h"
+#include "simulation/trigger.h"
+#include "simulation/truth.h"
+
+namespace v3d::simulation {
+namespace {
+
+using std::chrono::seconds;
+
+/// After the faults, nothing goes on unattended for longer: a node that is ready lets go after 60
+/// s, conversations last 60 s, and a take drains for 15 s.
+constexpr Duration kSettlesWithin = seconds(100);
+/// A stop and an abort by an operator make every node idle.
+constexpr Duration kIdleWithin = seconds(30);
+
+CommandMessage order_of(CommandVerb verb, const std::string& take = "", int64_t pulses = 0) {
+  CommandMessage order;
+  order.verb = verb;
+  order.take = take;
+  order.pulses = pulses;
+  return order;
+}
+
+/// As v3dctl's own timeouts.
+Duration timeout_of(CommandVerb verb) {
+  if (verb == CommandVerb::kArm) return seconds(30);
+  return verb == CommandVerb::kStart || verb == CommandVerb::kAbort ? seconds(10) : seconds(60);
+}
+
+OperatorStep step(CommandMessage order, Duration then = {}) {
+  const Duration timeout = timeout_of(order.verb);
+  return {.order = std::move(order), .timeout = timeout, .then = then};
+}
+
+class Schedule {
+ public:
+  Schedule(uint64_t seed, bool with_trace)
+      : draws_(seed),
+        trace_(time_, with_trace),
+        network_(time_, draws_),
+        trigger_(
+            time_, draws_, [this](const CommandMessage& order) { truth_.on_train(order); },
+            [this](int64_t pulse, bool sensed) { on_pulse(pulse, sensed); }),
+        truth_(draw_studio()),
+        world_{time_, draws_, network_, truth_, key()} {}
+
+  Outcome play();
+
+ private:
+  /// Making one takes random numbers of the kernel; which key it is plays no part.
+  static const StudioKey& key() {
+    static const StudioKey key = StudioKey::make();
+    return key;
+  }
+
+  // --- what is drawn
+  Truth::Studio draw_studio();
+  void make_nodes();
+  void make_operators();
+  std::deque<OperatorStep> draw_steps(int person);
+  void draw_faults();
+  void draw_fault(Duration at);
+  NodeProcess& any_node() {
+    return *nodes_[static_cast<size_t>(draws_.integer(0, static_cast<int>(nodes_.size()) - 1))];
+  }
+
+  // --- how it goes
+  void on_pulse(int64_t pulse, bool sensed);
+  void deliver_frame(NodeProcess& node, const std::string& camera, int64_t pulse);
+  void heal();
+  bool is_broken() const { return !truth_.violation().empty(); }
+  bool run_until(Duration within, const std::function<bool()>& done);
+  bool is_settled() const;
+  bool is_idle() const;
+  void settle();
+  void make_idle();
+  void restart_deaf_nodes();
+  void take_one_more();
+  void check_disks();
+  Outcome outcome();
+
+  VirtualTime time_;
+  Draws draws_;
+  Trace trace_;
+  Network network_;
+  Trigger trigger_;
+  Commanded commanded_;
+  std::map<std::string, std::vector<std::string>> cameras_;
+  bool steps_clocks_ = false;
+  Truth truth_;
+  World world_;
+  std::vector<std::unique_ptr<NodeProcess>> nodes_;
+  std::vector<std::unique_ptr<OperatorProcess>> operators_;
+  Duration faults_end_{};
+  Outcome outcome_;
+};
+
+// --- what is drawn ------------------------------------------------------------------------------
+
+Truth::Studio Schedule::draw_studio() {
+  const int captures = draws_.integer(1, 5);
+  const int recons = draws_.integer(0, 3);
+  // The trigger's node may have cameras, or none.
+  const bool trigger_has_cameras = captures == 1 || draws_.chance(0.7);
+  for (int i = 1; i <= captures; ++i) {
+    const std::string name = "cap" + std::to_string(i);
+    commanded_.nodes.push_back(name);
+    const int count = i == 1 && !trigger_has_cameras ? 0 : draws_.integer(1, 2);
+    for (int c = 1; c <= count; ++c) cameras_[name].push_back(name + "cam" + std::to_string(c));
+  }
+  for (int i = 1; i <= recons; ++i) commanded_.nodes.push_back("recon" + std::to_string(i));
+  commanded_.trigger = "cap1";
+  steps_clocks_ = draws_.chance(0.3);
+  return {.commanded = commanded_, .cameras = cameras_, .has_clock_steps = steps_clocks_};
+}
+
+void Schedule::make_nodes() {
+  world_.has_sense_line = draws_.chance(0.7);
+  world_.rate_hz = draws_.integer(2, 12);
+  trigger_.set_unsensed(world_.has_sense_line && draws_.chance(0.1) ? 0.05 : 0);
+  const double frame_loss = draws_.chance(0.3) ? 0.03 : 0;
+  for (const std::string& name : commanded_.nodes) {
+    const bool is_trigger = name == commanded_.trigger;
+    Host host{.name = name,
+              .captures = name.starts_with("cap"),
+              .cameras = cameras_.contains(name) ? cameras_.at(name) : std::vector<std::string>(),
+              .trigger = is_trigger ? &trigger_ : nullptr,
+              .disk = {},
+              .frame_loss = frame_loss,
+              .clock_error = draws_.seconds(-0.4, 0.4)};
+    nodes_.push_back(std::make_unique<NodeProcess>(world_, trace_, std::move(host), is_trigger));
+    nodes_.back()->listen_to_trigger_at(nodes_.front()->place());
+    time_.after(draws_.seconds(0, 2), [node = nodes_.back().get()] { node->boot(); });
+  }
+}
+
+std::deque<OperatorStep> Schedule::draw_steps(int person) {
+  std::deque<OperatorStep> steps;
+  const int takes = draws_.integer(1, 3);
+  for (int i = 0; i < takes; ++i) {
+    const bool is_known = draws_.chance(0.05);
+    const std::string take =
+        is_known ? "kendo-0-0" : "kendo-" + std::to_string(person) + "-" + std::to_string(i);
+    const int64_t pulses = draws_.chance(0.25) ? draws_.integer(3, 40) : 0;
+    const int kind = draws_.integer(0, 19);
+    if (kind == 0) {
+      steps.push_back(step(order_of(CommandVerb::kBackground, "", draws_.integer(2, 12))));
+      continue;
+    }
+    if (kind == 1) steps.push_back(step(order_of(CommandVerb::kCheck, "check", 10)));
+    if (kind > 1) steps.push_back(step(order_of(CommandVerb::kArm, take, pulses)));
+    steps.back().then = draws_.seconds(0, 2);
+    if (kind == 2) continue;
+    if (kind > 3) steps.push_back(step(order_of(CommandVerb::kStart), draws_.seconds(0.2, 8)));
+    const bool names_it = draws_.chance(0.3);
+    const CommandVerb verb = draws_.chance(0.8) ? CommandVerb::kStop : CommandVerb::kAbort;
+    steps.push_back(step(order_of(verb, names_it && kind > 1 ? take : ""), draws_.seconds(0, 3)));
+  }
+  return steps;
+}
+
+void Schedule::make_operators() {
+  const int people = draws_.integer(1, 3);
+  for (int i = 0; i < people; ++i) {
+    operators_.push_back(std::make_unique<OperatorProcess>(
+        world_, trace_, "person" + std::to_string(i), commanded_));
+    time_.after(
+        draws_.seconds(0, i == 0 ? 3 : 12),
+        [person = operators_.back().get(), steps = draw_steps(i)] { person->begin(steps); });
+  }
+}
+
+void Schedule::draw_faults() {
+  const double badness = draws_.chance(0.5) ? draws_.between(0, 1) : 0;
+  network_.set_faults({.loss = 0.3 * badness,
+                       .repeat = 0.3 * draws_.between(0, badness),
+                       .late = 0.1 * draws_.between(0, badness),
+                       .latest = draws_.seconds(0.1, 6)});
+  faults_end_ = draws_.seconds(12, 30);
+  outcome_.faults = draws_.chance(0.15) ? 0 : draws_.integer(1, 6);
+  for (int i = 0; i < outcome_.faults; ++i) {
+    draw_fault(draws_.seconds(2, to_seconds(faults_end_) - 1));
+  }
+}
+
+void Schedule::draw_fault(Duration at) {
+  NodeProcess* const node = &any_node();
+  const Duration lasts = draws_.seconds(0.05, draws_.chance(0.5) ? 1.5 : 8);
+  const auto begin_and_end = [&](const std::function<void()>& begin,
+                                 const std::function<void()>& end) {
+    time_.after(at, begin);
+    time_.after(std::min(at + lasts, faults_end_), end);
+  };
+  const auto reboot = [node] { node->boot(); };
+  switch (draws_.integer(0, steps_clocks_ ? 8 : 6)) {
+    case 0:
+    case 1:
+      return begin_and_end([node] { node->crash(); }, reboot);
+    case 2:
+      return begin_and_end([node] { node->ask_to_end(); }, reboot);
+    case 3:
+      return begin_and_end([node] { node->pause(); }, [node] { node->resume(); });
+    case 4: {
+      std::vector<size_t> places;
+      for (const auto& host : nodes_) {
+        if (draws_.chance(0.4)) places.push_back(host->place());
+      }
+      for (const auto& person : operators_) {
+        if (draws_.chance(0.4)) places.push_back(person->place());
+      }
+      return begin_and_end(
+          [this, places] {
+            trace_.add([] { return std::string("the network is in two parts"); });
+            for (const size_t place : places) network_.put_into_part(place, 1);
+          },
+          [this] {
+            trace_.add([] { return std::string("the network is in one part"); });
+            network_.join_parts();
+          });
+    }
+    case 5:
+      time_.after(at, [this, node] {
+        trace_.add([&] { return "the disk of " + node->host().name + " is full"; });
+        node->host().disk.is_full = true;
+      });
+      return;
+    case 6:
+      time_.after(at, [person = operators_[static_cast<size_t>(draws_.integer(
+                                               0, static_cast<int>(operators_.size()) - 1))]
+                                    .get()] { person->kill(); });
+      return;
+    default: {
+      const double size = draws_.chance(0.5) ? draws_.between(1, 10) : draws_.between(10, 3600);
+      const Duration by = from_seconds(draws_.chance(0.5) ? size : -size);
+      time_.after(at, [this, node, by] {
+        trace_.add([&] {
+          return "the clock of " + node->host().name + " steps by " +
+                 std::to_string(to_seconds(by)) + " s";
+        });
+        node->host().clock_error += by;
+      });
+    }
+  }
+}
+
+// --- how it goes --------------------------------------------------------------------------------
+
+void Schedule::on_pulse(int64_t pulse, bool sensed) {
+  ++outcome_.pulses;
+  truth_.on_pulse(pulse, sensed);
+  for (const auto& node : nodes_) {
+    if (!node->is_up()) continue;
+    if (node->is_trigger() && world_.has_sense_line && sensed) {
+      node->work()->on_sensed(pulse);
+      node->send_pulse(pulse);
+    }
+    if (!node->host().captures) deliver_frame(*node, "", pulse);
+    for (const std::string& camera : node->host().cameras) deliver_frame(*node, camera, pulse);
+  }
+}
+
+void Schedule::deliver_frame(NodeProcess& node, const std::string& camera, int64_t pulse) {
+  if (draws_.chance(node.host().frame_loss)) return;
+  time_.after(draws_.seconds(0.005, 0.04), [&node, camera, pulse, work = node.work()] {
+    if (node.is_up() && node.work() == work) work->on_frame(camera, pulse);
+  });
+}
+
+bool Schedule::run_until(Duration within, const std::function<bool()>& done) {
+  return time_.run_until(time_.now() + within, [&] { return is_broken() || done(); });
+}
+
+void Schedule::heal() {
+  trace_.add([] { return std::string("the faults end"); });
+  network_.set_faults({});
+  network_.join_parts();
+  for (const auto& node : nodes_) {
+    node->host().clock_error = {};
+    node->host().disk.is_full = false;
+    node->host().frame_loss = 0;
+    node->resume();
+    node->boot();
+  }
+}
+
+/// Nothing goes on but what waits for an operator: a take that is armed, or that runs.
+bool Schedule::is_settled() const {
+  const Phase trigger = nodes_.front()->phase();
+  const bool waits = trigger == Phase::kArmed || trigger == Phase::kRecording;
+  const bool nodes_rest = std::ranges::all_of(nodes_, [&](const auto& node) {
+    const Phase phase = node->phase();
+    if (phase == Phase::kRecording) return waits && node->id() == nodes_.front()->id();
+    return phase == Phase::kIdle || phase == Phase::kFault || phase == Phase::kArmed;
+  });
+  return nodes_rest && std::ranges::none_of(operators_, [](const auto& o) { return o->is_busy(); });
+}
+
+bool Schedule::is_idle() const {
+  return std::ranges::all_of(nodes_,
+                             [](const auto& node) { return node->phase() == Phase::kIdle; });
+}
+
+/// A node that is asked to end may still be at it.
+void Schedule::settle() {
+  const MonotonicInstant began = time_.now();
+  const auto all_up = [&] {
+    for (const auto& node : nodes_) node->boot();
+    return is_settled();
+  };
+  const bool settled = run_until(kSettlesWithin, all_up);
+  outcome_.settled_s = to_seconds(time_.now() - began);
+  if (settled || is_broken() || steps_clocks_) return;
+  truth_.violate("the studio does not come to rest after the faults");
+}
+
+void Schedule::make_idle() {
+  const MonotonicInstant began = time_.now();
+  OperatorProcess& person = *operators_.front();
+  person.begin({step(order_of(CommandVerb::kStop)), step(order_of(CommandVerb::kAbort))});
+  run_until(kIdleWithin, [&] { return !person.is_busy() && is_idle(); });
+  outcome_.idle_s = to_seconds(time_.now() - began);
+  if (is_broken() || is_idle()) return;
+  if (!steps_clocks_) return truth_.violate("a stop and an abort do not make every node idle");
+  restart_deaf_nodes();
+}
+
+/// The known limit, and its remedy: a node whose clock was ahead when it started believes no
+/// command until the right time has reached its start. An operator restarts it.
+void Schedule::restart_deaf_nodes() {
+  run_until(seconds(70), [&] { return !operators_.front()->is_busy(); });
+  for (const auto& node : nodes_) {
+    const CommandCounts counts = node->counts();
+    if (counts.early == 0 && counts.stale == 0) continue;
+    ++outcome_.remedies;
+    node->crash();
+    node->boot();
+  }
+  operators_.front()->begin(
+      {step(order_of(CommandVerb::kAbort)), step(order_of(CommandVerb::kAbort))});
+  const bool idle =
+      run_until(kIdleWithin, [&] { return !operators_.front()->is_busy() && is_idle(); });
+  if (!idle && !is_broken()) truth_.violate("restarting the nodes that refuse does not help");
+}
+
+/// The studio works as if nothing had been.
+void Schedule::take_one_more() {
+  OperatorProcess& person = *operators_.front();
+  // A node whose clock was ahead may be deaf though it is idle.
+  const auto attempt = [&](const std::string& take) {
+    person.begin({step(order_of(CommandVerb::kArm, take)),
+                  step(order_of(CommandVerb::kStart), seconds(1)),
+                  step(order_of(CommandVerb::kStop))});
+    run_until(seconds(130), [&] { return !person.is_busy(); });
+    return person.was_done();
+  };
+  for (int i = 0; i < 5 && !is_broken(); ++i) {  // cameras fail now and then
+    const std::string take = "last-" + std::to_string(i);
+    if (attempt(take)) return;
+    if (is_broken()) return;
+    if (i == 2 && steps_clocks_) restart_deaf_nodes();
+    if (!is_broken()) make_idle();
+  }
+  if (!is_broken()) truth_.violate("no take succeeds after the faults");
+}
+
+void Schedule::check_disks() {
+  run_until(seconds(5), [] { return false; });
+  for (const auto& node : nodes_) truth_.check_disk(node->host().name, node->host().disk);
+  for (const std::string& take : truth_.takes()) {
+    std::vector<Ledger> parts;
+    bool has_triggers = false;
+    for (const auto& node : nodes_) {
+      const auto kept = node->host().disk.takes.find(take);
+      if (kept == node->host().disk.takes.end() || !kept->second.ledger) continue;
+      parts.push_back(*kept->second.ledger);
+      has_triggers = has_triggers || node->is_trigger();
+    }
+    truth_.check_joined(take, parts, has_triggers);
+    ++outcome_.takes;
+    outcome_.complete += merge(parts).complete() ? 1 : 0;
+  }
+}
+
+Outcome Schedule::outcome() {
+  outcome_.violation = truth_.violation();
+  outcome_.trace = trace_.lines();
+  return std::move(outcome_);
+}
+
+Outcome Schedule::play() {
+  make_nodes();
+  make_operators();
+  draw_faults();
+  run_until(faults_end_, [] { return false; });
+  if (!is_broken()) heal();
+  if (!is_broken()) settle();
+  if (!is_broken()) make_idle();
+  if (!is_broken()) take_one_more();
+  if (!is_broken()) check_disks();
+  return outcome();
+}
+
+}  // namespace
+
+Outcome play_schedule(uint64_t seed, bool with_trace) { return Schedule(seed, with_trace).play(); }
+
+}  // namespace v3d::simulation

@@ -1,0 +1,342 @@
+#include "simulation/simulated_work.h"
+
+#include <algorithm>
+
+#include "base/error.h"
+#include "daemon/full_disk_watch.h"
+#include "daemon/json.h"
+#include "daemon/take_folder.h"
+
+namespace v3d::simulation {
+namespace {
+
+// As in CaptureNode, TakeUnderWay and ReconNode.
+constexpr Duration kReadyWithin = std::chrono::seconds(15);
+constexpr Duration kDrainWithin = std::chrono::seconds(15);
+constexpr Duration kLongestQuiet = std::chrono::seconds(1);
+constexpr Duration kPlatesWithin = std::chrono::seconds(15);
+constexpr Duration kReconQuiet = std::chrono::milliseconds(1200);
+
+}  // namespace
+
+// --- what both kinds do -------------------------------------------------------------------------
+
+std::optional<RejoinDecision::Found> SimulatedWork::running_take() {
+  if (!rejoin_.is_open()) return std::nullopt;
+  std::optional<TrainMonitor::Running> running;
+  for (const HealthMessage& health : std::exchange(trigger_health_, {})) {
+    if (auto news = train_.running(health)) running = std::move(news);
+  }
+  return running ? rejoin_.decide(*running) : std::nullopt;
+}
+
+void SimulatedWork::listen_to_train() {
+  for (const HealthMessage& health : std::exchange(trigger_health_, {})) {
+    train_.on_health(health, order_.take);
+  }
+}
+
+void SimulatedWork::forget_kept_orders() {
+  host_.disk.forget_orders();
+  rejoin_.close();
+}
+
+void SimulatedWork::create_take(const std::vector<std::string>& cameras) {
+  TakeOnDisk& take = host_.disk.takes[order_.take];
+  take = {};
+  take.cameras = cameras;
+  take.kept_order = order_;
+}
+
+void SimulatedWork::remove_take() {
+  const auto take = host_.disk.takes.find(order_.take);
+  if (take == host_.disk.takes.end()) return;
+  world_.truth.on_removed(host_.name, order_.take, take->second);
+  host_.disk.takes.erase(take);
+}
+
+void SimulatedWork::refuse_existing(const CommandMessage& order) const {
+  refuse_take_name(order.take);
+  if (!host_.disk.takes.contains(order.take)) return;
+  throw InputError("take " + order.take + " exists already; choose another name");
+}
+
+// --- capture ------------------------------------------------------------------------------------
+
+void SimulatedCapture::arm(const CommandMessage& order) {
+  if (order.verb == CommandVerb::kArm) refuse_existing(order);
+  make_ready(order);
+}
+
+void SimulatedCapture::make_ready(const CommandMessage& order) {
+  forget_kept_orders();
+  order_ = order;
+  disk_is_full_ = ended_by_disk_ = false;
+  if (host_.trigger != nullptr) host_.trigger->arm(order, world_.rate_hz, train_length());
+  is_ready_ = !world_.draws.chance(0.02);
+  ready_at_ = now() + (is_ready_ ? world_.draws.seconds(0.01, 0.8) : kReadyWithin);
+}
+
+std::optional<int64_t> SimulatedCapture::train_length() const {
+  return order_.pulses > 0 ? std::optional(order_.pulses) : std::nullopt;
+}
+
+NodeReport SimulatedCapture::poll_arming() {
+  if (now() < ready_at_) return {.event = Input::kFailed, .text = "", .detail = {}};
+  if (!is_ready_) return {.event = Input::kFailed, .text = "not ready: cam", .detail = {}};
+  if (order_.verb == CommandVerb::kArm && host_.disk.is_full) {
+    return {.event = Input::kFailed, .text = "needs 29 GB, 1 GB free", .detail = {}};
+  }
+  open_take();
+  return {.event = Input::kReady, .text = "ready", .detail = {}};
+}
+
+void SimulatedCapture::open_take() {
+  is_open_ = true;
+  is_draining_ = false;
+  pulses_ = KnownPulses(order_.take);
+  accounts_.clear();
+  received_.clear();
+  write_errors_ = 0;
+  if (!records()) return;
+  create_take(host_.cameras);
+}
+
+void SimulatedCapture::start() {
+  listen_to_train();
+  train_.restart();
+  full_elsewhere_.clear();
+  learn_by_ =
+      now() + from_seconds(static_cast<double>(order_.pulses + 2) / world_.rate_hz) + kPlatesWithin;
+  if (host_.trigger == nullptr) return;
+  if (world_.draws.chance(0.02)) throw InputError("the trigger's line does not answer");
+  host_.trigger->start();
+}
+
+void SimulatedCapture::drain() {
+  if (host_.trigger != nullptr) host_.trigger->stop();
+  ended_ = now();
+  is_draining_ = true;
+}
+
+void SimulatedCapture::disarm() {
+  if (host_.trigger != nullptr) host_.trigger->stop();
+  if (is_counted()) close_take();
+  is_open_ = false;
+}
+
+std::optional<CommandMessage> SimulatedCapture::rejoin() {
+  if (host_.trigger != nullptr) return std::nullopt;
+  const auto found = running_take();
+  if (!found) return std::nullopt;
+  order_ = found->order;
+  TakeOnDisk& take = on_disk();
+  pulses_ = KnownPulses(order_.take, take.pulses, found->commanded);
+  accounts_.clear();
+  for (const auto& [camera, frames] : take.frames) {
+    for (const int64_t pulse : frames) accounts_[camera].add(pulse, false);
+    received_[camera] = std::ssize(frames);
+  }
+  take.is_open = is_open_ = true;
+  is_draining_ = false;
+  disk_is_full_ = false;
+  write_errors_ = 0;
+  train_.restart();
+  return order_;
+}
+
+std::optional<NodeReport> SimulatedCapture::poll(Phase phase) {
+  switch (phase) {
+    case Phase::kArming: {
+      NodeReport report = poll_arming();
+      if (report.text.empty()) return std::nullopt;
+      return report;
+    }
+    case Phase::kLearning:
+      return poll_learning();
+    case Phase::kRecording:
+      return poll_recording();
+    case Phase::kDraining:
+      return poll_draining();
+    default:
+      return std::nullopt;
+  }
+}
+
+bool SimulatedCapture::train_is_over() {
+  listen_to_train();
+  return host_.trigger != nullptr ? host_.trigger->is_finished() : train_.ended();
+}
+
+std::optional<NodeReport> SimulatedCapture::poll_learning() {
+  const bool over = train_is_over();
+  if (host_.trigger != nullptr && !over) return std::nullopt;
+  const bool learnt = std::ranges::all_of(
+      host_.cameras, [&](const std::string& camera) { return received_[camera] >= order_.pulses; });
+  if (!learnt && now() < learn_by_) return std::nullopt;
+  return NodeReport{.event = learnt ? Input::kReady : Input::kFailed,
+                    .text = learnt ? "learnt the background" : "only some plates arrived",
+                    .detail = {}};
+}
+
+std::optional<NodeReport> SimulatedCapture::poll_recording() {
+  disk_is_full_ = records() && (write_errors_ > 0 || host_.disk.is_full);
+  ended_by_disk_ = disk_is_full_ || !full_elsewhere_.empty();
+  if (ended_by_disk_) {
+    return NodeReport{.event = Input::kTrainEnded, .text = "a disk is full", .detail = {}};
+  }
+  if (!train_is_over()) return std::nullopt;
+  return NodeReport{.event = Input::kTrainEnded, .text = "pulses have ended", .detail = {}};
+}
+
+int64_t SimulatedCapture::commanded() const {
+  return host_.trigger != nullptr ? host_.trigger->commanded()
+                                  : std::max(pulses_.seen(), train_.commanded());
+}
+
+bool SimulatedCapture::is_accounted_for() const {
+  const Duration since = now() - ended_;
+  if (since >= kDrainWithin) return true;
+  const Duration quiet = std::min<Duration>(kLongestQuiet, 10 * period_of(world_.rate_hz));
+  const bool silent = since > quiet;
+  const bool pulses_known =
+      host_.trigger != nullptr ? silent || pulses_.count() >= commanded() : silent;
+  return pulses_known && has_all(commanded(), silent, quiet);
+}
+
+bool SimulatedCapture::has_all(int64_t pulses, bool silent, Duration quiet) const {
+  if (silent && last_frame_ < now() - quiet) return true;
+  return std::ranges::all_of(host_.cameras, [&](const std::string& camera) {
+    const auto received = received_.find(camera);
+    return (received == received_.end() ? 0 : received->second) >= pulses;
+  });
+}
+
+std::optional<NodeReport> SimulatedCapture::poll_draining() {
+  listen_to_train();
+  if (!is_accounted_for()) return std::nullopt;
+  const Ledger ledger = close_take();
+  if (order_.verb == CommandVerb::kCheck) {
+    return NodeReport{.event = Input::kDrained, .text = "looked at cameras", .detail = {}};
+  }
+  return NodeReport{
+      .event = Input::kDrained, .text = ledger.verdict(), .detail = ledger_json(ledger)};
+}
+
+Ledger SimulatedCapture::close_take() {
+  Ledger ledger;
+  ledger.take = order_.take;
+  ledger.commanded = commanded();
+  const bool knows = knows_what_was_sensed(world_.has_sense_line, host_.trigger != nullptr,
+                                           pulses_.count(), ledger.commanded);
+  if (knows) pulses_.put_into(ledger, ledger.commanded);
+  is_open_ = is_draining_ = false;
+  if (order_.verb != CommandVerb::kArm) return ledger;
+  for (const std::string& camera : host_.cameras) {
+    ledger.cameras.push_back(accounts_[camera].ledger(camera, ledger.commanded));
+  }
+  on_disk().ledger = ledger;
+  on_disk().is_open = false;
+  if (is_empty_take(ledger)) remove_take();
+  return ledger;
+}
+
+void SimulatedCapture::report_health(HealthMessage& health) {
+  const bool counts = is_counted();
+  health.values["pulses_commanded"] = static_cast<double>(counts ? commanded() : 0);
+  health.values[kDiskFull] = disk_is_full_ ? 1 : 0;
+}
+
+void SimulatedCapture::on_other_health(const HealthMessage& health) {
+  if (host_.trigger != nullptr && reports_full_disk(health)) full_elsewhere_ = health.node;
+}
+
+void SimulatedCapture::on_pulse_message(const PulseMessage& pulse) {
+  if (is_open_ && host_.trigger == nullptr && pulses_.accepts(pulse)) {
+    pulses_.add(pulse.pulse);
+    if (records()) on_disk().pulses.insert(pulse.pulse);
+  }
+}
+
+void SimulatedCapture::on_sensed(int64_t pulse) {
+  if (!is_open_) return;
+  pulses_.add(pulse);
+  if (records()) on_disk().pulses.insert(pulse);
+}
+
+void SimulatedCapture::on_frame(const std::string& camera, int64_t pulse) {
+  if (!is_open_) return;
+  last_frame_ = now();
+  ++received_[camera];
+  if (records()) write(camera, pulse);
+}
+
+void SimulatedCapture::write(const std::string& camera, int64_t pulse) {
+  if (host_.disk.is_full) {
+    ++write_errors_;
+    return;
+  }
+  on_disk().frames[camera].push_back(pulse);
+  accounts_[camera].add(pulse, false);
+  world_.truth.on_frame_written(host_.name, order_.take, order_id(order_), camera, pulse);
+}
+
+// --- reconstruction -----------------------------------------------------------------------------
+
+void SimulatedRecon::arm(const CommandMessage& order) {
+  forget_kept_orders();
+  order_ = order;
+  ready_at_ = now() + world_.draws.seconds(0.01, 2);
+  if (order.verb == CommandVerb::kCheck) return;
+  refuse_existing(order);
+  create_take({});
+  is_open_ = true;
+}
+
+void SimulatedRecon::learn(const CommandMessage& order) {
+  forget_kept_orders();
+  order_ = order;
+  ready_at_ = now();
+}
+
+void SimulatedRecon::disarm() {
+  if (!std::exchange(is_open_, false)) return;
+  if (on_disk().meshes == 0) remove_take();
+}
+
+std::optional<CommandMessage> SimulatedRecon::rejoin() {
+  const auto found = running_take();
+  if (!found) return std::nullopt;
+  order_ = found->order;
+  is_open_ = true;
+  train_.restart();
+  return order_;
+}
+
+std::optional<NodeReport> SimulatedRecon::poll(Phase phase) {
+  const auto report = [](Input event, const char* text) {
+    return NodeReport{.event = event, .text = text, .detail = {}};
+  };
+  switch (phase) {
+    case Phase::kArming:
+      if (now() < ready_at_) return std::nullopt;
+      return report(Input::kReady, "reconstructs at 10 mm");
+    case Phase::kLearning:
+      return report(Input::kReady, "nothing to learn here");
+    case Phase::kRecording:
+      listen_to_train();
+      if (!train_.ended()) return std::nullopt;
+      return report(Input::kTrainEnded, "pulses have ended");
+    case Phase::kDraining:
+      if (is_open_ && now() - drain_began_ <= kReconQuiet) return std::nullopt;
+      return report(Input::kDrained, "meshes");
+    default:
+      return std::nullopt;
+  }
+}
+
+void SimulatedRecon::on_frame(const std::string&, int64_t) {
+  if (is_open_) ++on_disk().meshes;
+}
+
+}  // namespace v3d::simulation

@@ -1,0 +1,132 @@
+// What simulated nodes do for their studio. It mirrors CaptureNode and ReconNode, whose cameras,
+// threads and files cannot be simulated, around the same decisions: TrainMonitor, RejoinDecision,
+// KnownPulses, CameraAccount and the ledger are the daemons' own.
+#pragma once
+
+#include <map>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "daemon/kept_order.h"
+#include "daemon/known_pulses.h"
+#include "daemon/node_work.h"
+#include "daemon/train_watch.h"
+#include "simulation/node_setting.h"
+
+namespace v3d::simulation {
+
+/// The part that capture and reconstruction nodes have in common. One thread.
+class SimulatedWork : public NodeWork {
+ public:
+  SimulatedWork(World& world, Host& host)
+      : world_(world), host_(host), rejoin_(host.disk.kept_orders()) {}
+
+  /// Health of the trigger's node, and of others, as it is believed.
+  void on_trigger_health(const HealthMessage& health) { trigger_health_.push_back(health); }
+  virtual void on_other_health(const HealthMessage&) {}
+  virtual void on_pulse_message(const PulseMessage&) {}
+  /// A camera of this node has delivered the frame of a pulse.
+  virtual void on_frame(const std::string&, int64_t) {}
+  /// The sense line of this node has seen a pulse.
+  virtual void on_sensed(int64_t) {}
+  /// Whether the last report was due to a disk.
+  virtual bool ended_by_disk() const { return false; }
+  bool progressed_since(MonotonicInstant) const override { return true; }
+
+ protected:
+  MonotonicInstant now() const { return world_.time.now(); }
+  /// What was heard of the trigger's node, once.
+  std::optional<RejoinDecision::Found> running_take();
+  void listen_to_train();
+  void forget_kept_orders();
+  TakeOnDisk& on_disk() { return host_.disk.takes.at(order_.take); }
+  /// Its folder, with the order.
+  void create_take(const std::vector<std::string>& cameras);
+  void remove_take();
+  void refuse_existing(const CommandMessage& order) const;
+
+  World& world_;
+  Host& host_;
+  CommandMessage order_;
+  TrainMonitor train_;
+
+ private:
+  RejoinDecision rejoin_;
+  std::vector<HealthMessage> trigger_health_;  ///< not looked at yet
+};
+
+class SimulatedCapture : public SimulatedWork {
+ public:
+  SimulatedCapture(World& world, Host& host) : SimulatedWork(world, host) {}
+
+  void arm(const CommandMessage& order) override;
+  void learn(const CommandMessage& order) override { make_ready(order); }
+  void start() override;
+  void drain() override;
+  void disarm() override;
+  std::optional<CommandMessage> rejoin() override;
+  std::optional<NodeReport> poll(Phase phase) override;
+  void report_health(HealthMessage& health) override;
+
+  void on_other_health(const HealthMessage& health) override;
+  void on_pulse_message(const PulseMessage& pulse) override;
+  void on_frame(const std::string& camera, int64_t pulse) override;
+  void on_sensed(int64_t pulse) override;
+  bool ended_by_disk() const override { return ended_by_disk_; }
+
+ private:
+  bool records() const { return is_open_ && order_.verb == CommandVerb::kArm; }
+  bool is_counted() const { return is_open_ && order_.verb != CommandVerb::kBackground; }
+  void make_ready(const CommandMessage& order);
+  std::optional<int64_t> train_length() const;
+  NodeReport poll_arming();
+  void open_take();
+  std::optional<NodeReport> poll_learning();
+  std::optional<NodeReport> poll_recording();
+  std::optional<NodeReport> poll_draining();
+  bool train_is_over();
+  bool is_accounted_for() const;
+  bool has_all(int64_t pulses, bool silent, Duration quiet) const;
+  int64_t commanded() const;
+  Ledger close_take();
+  void write(const std::string& camera, int64_t pulse);
+
+  MonotonicInstant ready_at_;
+  bool is_ready_ = false;  ///< or the cameras never will be
+  bool is_open_ = false;
+  bool is_draining_ = false;
+  MonotonicInstant ended_;
+  MonotonicInstant last_frame_;
+  MonotonicInstant learn_by_;
+  KnownPulses pulses_{""};
+  std::map<std::string, CameraAccount> accounts_;
+  std::map<std::string, int64_t> received_;
+  int64_t write_errors_ = 0;
+  bool disk_is_full_ = false;   ///< that ended the last take here
+  std::string full_elsewhere_;  ///< node, where the trigger is here
+  bool ended_by_disk_ = false;
+};
+
+class SimulatedRecon : public SimulatedWork {
+ public:
+  SimulatedRecon(World& world, Host& host) : SimulatedWork(world, host) {}
+
+  void arm(const CommandMessage& order) override;
+  void learn(const CommandMessage& order) override;
+  void start() override { train_.restart(); }
+  void drain() override { drain_began_ = now(); }
+  void disarm() override;
+  std::optional<CommandMessage> rejoin() override;
+  std::optional<NodeReport> poll(Phase phase) override;
+  void report_health(HealthMessage&) override {}
+  void on_frame(const std::string& camera, int64_t pulse) override;
+
+ private:
+  bool is_open_ = false;
+  MonotonicInstant ready_at_;
+  MonotonicInstant drain_began_;
+};
+
+}  // namespace v3d::simulation

@@ -1,0 +1,36 @@
+// The events of a schedule, for a person who looks for the cause of a violation.
+#pragma once
+
+#include <cstdio>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "simulation/virtual_time.h"
+
+namespace v3d::simulation {
+
+/// Keeps nothing until it is turned on: a schedule that fails is played again with it. One thread.
+class Trace {
+ public:
+  Trace(const VirtualTime& time, bool is_on) : time_(time), is_on_(is_on) {}
+
+  bool is_on() const { return is_on_; }
+  /// `text` returns the line, and is called only while the trace is on.
+  template <class Text>
+  void add(const Text& text) {
+    if (!is_on_) return;
+    char at[32];
+    std::snprintf(at, sizeof at, "%9.3f  ", 1e-9 * static_cast<double>(to_ns(time_.now()) % kHour));
+    lines_.push_back(at + text());
+  }
+  const std::vector<std::string>& lines() const { return lines_; }
+
+ private:
+  static constexpr int64_t kHour = 3'600'000'000'000;
+  const VirtualTime& time_;
+  const bool is_on_;
+  std::vector<std::string> lines_;
+};
+
+}  // namespace v3d::simulation

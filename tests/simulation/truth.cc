@@ -1,0 +1,219 @@
+#include "simulation/truth.h"
+
+#include <algorithm>
+
+#include "v3dctl/operator_text.h"
+
+namespace v3d::simulation {
+namespace {
+
+bool is_at_pulses(Phase phase) { return phase == Phase::kRecording || phase == Phase::kLearning; }
+
+}  // namespace
+
+void Truth::on_change(const Change& change) {
+  Node& node = nodes_[change.node];
+  const std::string id = order_id(change.order);
+  if (change.cause == Cause::kTakeBack) check_take_back(change, node);
+  if (is_at_pulses(change.from) && !is_at_pulses(change.to)) node.left[node.id] = change.cause;
+  node.phase = change.to;
+  node.id = change.to == Phase::kIdle || change.to == Phase::kFault ? "" : id;
+  if (change.to == Phase::kArmed) node.committed.insert(id);
+  if (!is_at_pulses(change.to)) return;
+  node.started.insert(id);
+  node.left.erase(id);
+  if (change.command.verb == CommandVerb::kStart) node.started_by = change.command.sender;
+}
+
+/// Nobody takes back what another has begun; but a start that fails ends what was armed by
+/// whomever.
+void Truth::check_take_back(const Change& change, const Node& node) {
+  const std::string& sender = change.command.sender;
+  const bool armed = change.from == Phase::kArmed && verbs_[sender] == CommandVerb::kStart;
+  const std::string& owner = is_at_pulses(change.from) ? node.started_by : change.order.sender;
+  if (armed || sender == owner || change.from == Phase::kDraining) return;
+  violate(change.node + ": " + sender + " takes back what " + owner + " has begun");
+}
+
+void Truth::on_train(const CommandMessage& order) {
+  const std::string id = order_id(order);
+  running_ = id;
+  const bool is_known = trains_.contains(id);
+  trains_[id] = {.take = order.take, .verb = order.verb};
+  if (order.verb == CommandVerb::kArm) {
+    if (is_known || by_take_.contains(order.take)) violate(order.take + " has two trains");
+    by_take_[order.take] = id;
+  }
+  for (const std::string& name : studio_.commanded.nodes) {
+    if (name == studio_.commanded.trigger) continue;
+    if (!nodes_[name].started.contains(id)) {
+      violate("pulses of " + order.take + " run, and " + name + " never recorded it");
+    }
+  }
+}
+
+void Truth::on_pulse(int64_t pulse, bool sensed) {
+  Train& train = trains_[running_];
+  if (pulse != train.pulses) violate(train.take + ": pulse numbers have a gap");
+  ++train.pulses;
+  train.sensed += sensed ? 1 : 0;
+  if (train.verb == CommandVerb::kBackground) return;  // a node may have learnt before the end
+  for (const std::string& name : studio_.commanded.nodes) {
+    if (name != studio_.commanded.trigger) check_recording(name, nodes_[name], running_);
+  }
+}
+
+/// While pulses run, a node records unless it ended, its disk is full, or an operator stopped it.
+void Truth::check_recording(const std::string& name, const Node& node, const std::string& id) {
+  if (node.phase == Phase::kRecording && node.id == id) return;
+  const auto left = node.left.find(id);
+  const Cause cause = left == node.left.end() ? Cause::kOtherCommand : left->second;
+  if (cause == Cause::kEnded || cause == Cause::kDisk || cause == Cause::kStopOrAbort) return;
+  // A node whose clock is wrong does not believe the health of the trigger's node.
+  if (cause == Cause::kReport && studio_.has_clock_steps) return;
+  violate("pulses of " + trains_[id].take + " run, and " + name + " does not record it: " +
+          (cause == Cause::kTakeBack ? "a failed start was taken back there"
+           : cause == Cause::kReport ? "it took the train for ended"
+                                     : "no reason is known"));
+}
+
+void Truth::on_frame_written(const std::string& node, const std::string& take,
+                             const std::string& id, const std::string& camera, int64_t pulse) {
+  if (id != running_) {
+    violate(node + " writes a frame of " + trains_[running_].take + " into " + take);
+  }
+  if (!nodes_[node].written[take][camera].insert(pulse).second) {
+    violate(node + " has two frames of one pulse");
+  }
+}
+
+void Truth::on_removed(const std::string& node, const std::string& take, const TakeOnDisk& disk) {
+  if (disk.has_frames()) violate(node + " removes " + take + ", which has frames");
+}
+
+bool Truth::has_frame(const std::string& take, const std::string& camera, int64_t pulse) const {
+  for (const auto& [name, node] : nodes_) {
+    const auto written = node.written.find(take);
+    if (written == node.written.end()) continue;
+    const auto frames = written->second.find(camera);
+    if (frames != written->second.end() && frames->second.contains(pulse)) return true;
+  }
+  return false;
+}
+
+// --- answers ------------------------------------------------------------------------------------
+
+void Truth::on_answer(const CommandMessage& order, const std::string& sender, int64_t counter,
+                      const Answer& answer) {
+  if (order.verb == CommandVerb::kStop) return check_stop(answer);
+  if (!answer.done()) return;
+  if (order.verb == CommandVerb::kStart && !trains_.contains(running_)) {
+    violate("a start was answered 'done', and no pulse was made");
+  }
+  if (order.verb != CommandVerb::kArm && order.verb != CommandVerb::kCheck) return;
+  CommandMessage armed = order;
+  armed.sender = sender;
+  armed.counter = counter;
+  for (const std::string& name : studio_.commanded.nodes) {
+    if (nodes_[name].committed.contains(order_id(armed))) continue;
+    violate("arm " + order.take + " was answered 'done', and " + name + " was never armed for it");
+  }
+}
+
+void Truth::check_stop(const Answer& answer) {
+  std::vector<std::string> cameras;
+  for (const auto& [node, names] : studio_.cameras) {
+    cameras.insert(cameras.end(), names.begin(), names.end());
+  }
+  ctl::TakeAccount account = ctl::merge_ledgers(answer);
+  if (account.ledger.take.empty()) return;
+  if (!account.unreadable.empty()) violate("a ledger is not readable");
+  if (!answer.done()) account = ctl::merge_ledgers(answer, cameras);
+  const Ledger& ledger = account.ledger;
+  check_complete(ledger);
+  const auto id = by_take_.find(ledger.take);
+  if (id == by_take_.end() || !answer.done()) return;
+  const Train& train = trains_[id->second];
+  if (ledger.commanded > train.pulses)
+    violate("the account of " + ledger.take + " has too many pulses");
+  if (ledger.commanded < train.pulses && !train.trigger_lost) {
+    violate("the account of " + ledger.take + " lacks pulses, and nobody says so");
+  }
+  check_cameras("the account", ledger);
+}
+
+/// "Complete" is never wrong.
+void Truth::check_complete(const Ledger& ledger) {
+  if (!ledger.complete()) return;
+  const int64_t pulses = pulses_of(ledger.take);
+  if (ledger.commanded != pulses) violate(ledger.take + " is called complete, and lacks pulses");
+  for (const auto& [node, cameras] : studio_.cameras) {
+    for (const std::string& camera : cameras) {
+      for (int64_t pulse = 0; pulse < pulses; ++pulse) {
+        if (!has_frame(ledger.take, camera, pulse)) {
+          violate(ledger.take + " is called complete, and " + camera + " lacks a frame");
+        }
+      }
+    }
+  }
+}
+
+/// What is called missing has no frame, and what has none is called missing.
+void Truth::check_cameras(const std::string& where, const Ledger& ledger) {
+  for (const CameraLedger& camera : ledger.cameras) {
+    const std::set<int64_t> missing(camera.missing.begin(), camera.missing.end());
+    for (const int64_t pulse : missing) {
+      if (!has_frame(ledger.take, camera.name, pulse)) continue;
+      violate(where + " of " + ledger.take + " says that " + camera.name + " misses pulse " +
+              std::to_string(pulse) + ", whose frame is on the disk");
+    }
+    for (int64_t pulse = 0; pulse < ledger.commanded; ++pulse) {
+      if (missing.contains(pulse) || has_frame(ledger.take, camera.name, pulse)) continue;
+      violate(where + " of " + ledger.take + " does not say that " + camera.name +
+              " misses pulse " + std::to_string(pulse));
+    }
+  }
+}
+
+// --- disks --------------------------------------------------------------------------------------
+
+void Truth::check_disk(const std::string& node, const NodeDisk& disk) {
+  for (const auto& [take, cameras] : nodes_[node].written) {
+    for (const auto& [camera, pulses] : cameras) {
+      const auto kept = disk.takes.find(take);
+      const bool is_there = kept != disk.takes.end() && kept->second.frames.contains(camera) &&
+                            kept->second.frames.at(camera).size() == pulses.size();
+      if (!is_there) violate(node + " has lost frames of " + take);
+      if (is_there && !kept->second.ledger) violate(node + " has no ledger of " + take);
+      if (is_there && kept->second.ledger) check_cameras(node + "'s ledger", *kept->second.ledger);
+    }
+  }
+}
+
+void Truth::check_joined(const std::string& take, const std::vector<Ledger>& parts,
+                         bool has_triggers) {
+  const Ledger joined = merge(parts);
+  const Train& train = trains_[by_take_[take]];
+  check_complete(joined);
+  check_cameras("the joined ledger", joined);
+  if (joined.commanded > train.pulses)
+    violate("the joined ledger of " + take + " has too many pulses");
+  if (has_triggers && !train.trigger_lost && joined.commanded < train.pulses) {
+    violate("the joined ledger of " + take + " lacks pulses");
+  }
+}
+
+std::vector<std::string> Truth::takes() const {
+  std::vector<std::string> takes;
+  for (const auto& [take, id] : by_take_) {
+    if (trains_.at(id).pulses > 0) takes.push_back(take);
+  }
+  return takes;
+}
+
+int64_t Truth::pulses_of(const std::string& take) const {
+  const auto id = by_take_.find(take);
+  return id == by_take_.end() ? 0 : trains_.at(id->second).pulses;
+}
+
+}  // namespace v3d::simulation

@@ -1,0 +1,106 @@
+// What the simulator knows of a studio, against which every word and every ledger is checked.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <map>
+#include <set>
+#include <string>
+#include <vector>
+
+#include "daemon/control.h"
+#include "daemon/conversation.h"
+#include "simulation/node_disk.h"
+#include "take/ledger.h"
+
+namespace v3d::simulation {
+
+/// What brought a node from one phase into another.
+enum class Cause : uint8_t {
+  kStopOrAbort,   ///< an operator's own word
+  kTakeBack,      ///< an abort of what the sender began (CommandMessage::own_only)
+  kOtherCommand,  ///< arm, commit, start ...
+  kReport,        ///< of the node's own work
+  kDisk,          ///< the same: its disk is full, or that of another node
+  kRejoined,
+  kEnded,  ///< the process crashed or was asked to end
+};
+
+/// The invariants of docs/protocol.md, checked at every event. The first violation is kept. One
+/// thread.
+class Truth {
+ public:
+  struct Studio {
+    Commanded commanded;
+    std::map<std::string, std::vector<std::string>> cameras;  ///< by node
+    bool has_clock_steps = false;
+  };
+  explicit Truth(Studio studio) : studio_(std::move(studio)) {}
+
+  const std::string& violation() const { return violation_; }
+  void violate(const std::string& what) {
+    if (violation_.empty()) violation_ = what;
+  }
+
+  // --- what happens
+  struct Change {
+    std::string node;
+    Phase from{};
+    Phase to{};
+    CommandMessage order;  ///< that the node is, or was, at
+    Cause cause{};
+    CommandMessage command;  ///< the cause, where it is one
+  };
+  void on_change(const Change& change);
+  void on_conversation(const std::string& sender, CommandVerb verb) { verbs_[sender] = verb; }
+  void on_train(const CommandMessage& order);
+  void on_pulse(int64_t pulse, bool sensed);
+  void on_trigger_lost() { trains_[running_].trigger_lost = true; }
+  void on_frame_written(const std::string& node, const std::string& take, const std::string& id,
+                        const std::string& camera, int64_t pulse);
+  /// A node removes a take from its disk.
+  void on_removed(const std::string& node, const std::string& take, const TakeOnDisk& disk);
+  void on_answer(const CommandMessage& order, const std::string& sender, int64_t counter,
+                 const Answer& answer);
+  /// A ledger that a node keeps on its disk at the end.
+  void check_disk(const std::string& node, const NodeDisk& disk);
+  /// The accounts of all nodes, joined.
+  void check_joined(const std::string& take, const std::vector<Ledger>& parts, bool has_triggers);
+
+  /// Takes for which pulses were made.
+  std::vector<std::string> takes() const;
+  int64_t pulses_of(const std::string& take) const;
+
+ private:
+  struct Train {
+    std::string take;
+    CommandVerb verb{};
+    int64_t pulses = 0;
+    int64_t sensed = 0;
+    bool trigger_lost = false;  ///< its node ended while the pulses ran
+  };
+  struct Node {
+    Phase phase{};
+    std::string id;                            ///< of the order it is at
+    std::string started_by;                    ///< sender
+    std::set<std::string> committed, started;  ///< orders, ever
+    std::map<std::string, Cause> left;         ///< recordings, by order
+    std::map<std::string, std::map<std::string, std::set<int64_t>>> written;  ///< take, camera
+  };
+  void check_take_back(const Change& change, const Node& node);
+  void check_recording(const std::string& name, const Node& node, const std::string& id);
+  void check_stop(const Answer& answer);
+  void check_complete(const Ledger& ledger);
+  void check_cameras(const std::string& where, const Ledger& ledger);
+  bool has_frame(const std::string& take, const std::string& camera, int64_t pulse) const;
+
+  const Studio studio_;
+  std::string violation_;
+  std::map<std::string, CommandVerb> verbs_;  ///< of conversations, by sender
+  std::map<std::string, Node> nodes_;
+  std::map<std::string, Train> trains_;         ///< by order
+  std::map<std::string, std::string> by_take_;  ///< orders by take
+  std::string running_;
+};
+
+}  // namespace v3d::simulation
