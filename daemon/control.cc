@@ -183,7 +183,11 @@ ReplyMessage Controller::carry_out(const CommandMessage& command, Step& step) {
   const Transition next = transition(phase_, learns ? Input::kLearn : input_of(command.verb));
   ReplyMessage reply = judge(command, next);
   step.work = next.work;
-  if (next.work == Work::kArm || next.work == Work::kLearn) order_ = command;
+  if (next.work == Work::kArm || next.work == Work::kLearn) {
+    order_ = command;
+    // Should this take end without an account, a stop must not get that of the one before.
+    last_take_.clear();
+  }
   if (next.work == Work::kStart) started_by_ = command;
   phase_ = next.next;
   if (next.verdict == Verdict::kDone && command.verb == CommandVerb::kAbort) {

@@ -36,7 +36,8 @@ bool knows_what_was_sensed(bool has_sense_line, bool senses_here, int64_t sensed
   return has_sense_line && (senses_here || sensed >= commanded);
 }
 
-bool is_empty_take(const Ledger& ledger) {
+bool is_empty_take(const Ledger& ledger, bool was_started, bool trigger_is_here) {
+  if (was_started && !trigger_is_here) return false;
   const bool no_pulse = ledger.commanded == 0 && ledger.sensed.value_or(0) == 0;
   return no_pulse && std::all_of(ledger.cameras.begin(), ledger.cameras.end(),
                                  [](const CameraLedger& camera) { return camera.written == 0; });

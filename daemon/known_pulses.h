@@ -42,9 +42,11 @@ class KnownPulses {
 bool knows_what_was_sensed(bool has_sense_line, bool senses_here, int64_t sensed,
                            int64_t commanded);
 
-/// True of an account in which nothing happened: no pulse is known, and no frame is on the disk.
-/// Such a take is removed. Frames alone keep it: a node that heard neither pulses nor the health of
-/// the trigger's node knows of no pulse, and has recorded all the same.
-bool is_empty_take(const Ledger& ledger);
+/// Whether a take that ends with this account is moved to the quarantine, because nothing happened
+/// in it. Frames keep it: a node that heard neither pulses nor the health of the trigger's node
+/// knows of no pulse, and has recorded all the same. So does its start, where the trigger is
+/// elsewhere: pulses may have run after this node's part ended, and its cameras have to be named as
+/// missing them.
+bool is_empty_take(const Ledger& ledger, bool was_started, bool trigger_is_here);
 
 }  // namespace v3d

@@ -6,7 +6,6 @@
 
 #include "base/io/file.h"
 #include "daemon/kept_order.h"
-#include "daemon/known_pulses.h"
 #include "daemon/take_folder.h"
 #include "take/take_removal.h"
 
@@ -118,7 +117,7 @@ void NodeTake::end(Ledger& ledger) {
   for (const auto& lane : lanes_) ledger.cameras.push_back(lane->close(ledger.commanded));
 }
 
-TakeClosing NodeTake::close(const Ledger& ledger) {
+TakeClosing NodeTake::close(const Ledger& ledger, bool is_empty) {
   std::vector<std::string> unkept;
   for (const auto& lane : lanes_) {
     if (!lane->is_kept()) unkept.push_back(lane->camera());
@@ -134,7 +133,7 @@ TakeClosing NodeTake::close(const Ledger& ledger) {
                       fmt::format("{}", fmt::join(unkept, ", ")) + ": v3dctl verify tells which",
             .notice = {}};
   }
-  if (!is_empty_take(ledger) || may_hold_frames(paths_)) return {};
+  if (!is_empty || may_hold_frames(paths_)) return {};
   const auto place = quarantine_take(paths_);
   return {.unkept = {},
           .notice = info_.name + " has neither pulses nor frames" +

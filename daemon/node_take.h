@@ -69,9 +69,9 @@ class NodeTake {
 
   /// Ends the lanes; gives the account of every camera.
   void end(Ledger& ledger);
-  /// After end(): writes the ledger, and moves a take without pulses and frames to the quarantine
-  /// (take/take_removal.h). Nothing else may be asked afterwards.
-  TakeClosing close(const Ledger& ledger);
+  /// After end(): writes the ledger, and moves the take to the quarantine (take/take_removal.h)
+  /// where `is_empty` and no log of a camera has a byte. Nothing else may be asked afterwards.
+  TakeClosing close(const Ledger& ledger, bool is_empty);
 
  private:
   NodeTake(Node node, TakeInfo info, const DiskDemand& demand);

@@ -75,6 +75,7 @@ void TakeUnderWay::record_again(int64_t commanded) {
   auto recording = NodeTake::go_on(node_, recording_plan(), edges, node_.trigger.tells_edges());
   listen_to_pulses(paths.pulses(), std::move(past));
   node_.trigger.start();
+  was_started_ = true;
   recording->save_as_open();
   recording_ = std::move(recording);
 }
@@ -100,6 +101,7 @@ void TakeUnderWay::listen_to_pulses(const std::filesystem::path& log,
 }
 
 void TakeUnderWay::start() {
+  was_started_ = true;
   if (plan_.order.verb != CommandVerb::kBackground) return;
   const int64_t plates = plan_.train.count.value();
   learner_ = std::make_unique<BackgroundLearner>(
@@ -175,7 +177,10 @@ TakeAccount TakeUnderWay::close() {
   account.counts = counts();
   check_.reset();
   pulses_.reset();
-  if (recording_) account.closing = std::exchange(recording_, nullptr)->close(ledger);
+  if (recording_) {
+    const bool is_empty = is_empty_take(ledger, was_started_, node_.trigger.is_here());
+    account.closing = std::exchange(recording_, nullptr)->close(ledger, is_empty);
+  }
   return account;
 }
 

@@ -99,6 +99,7 @@ class TakeUnderWay {
 
   const Node node_;
   const Plan plan_;
+  bool was_started_ = false;
   MonotonicInstant ended_;
   std::unique_ptr<PulseRecorder> pulses_;  ///< outlives what is made of the frames
   std::unique_ptr<NodeTake> recording_;    ///< at most one of these three

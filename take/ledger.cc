@@ -27,12 +27,14 @@ int64_t read_count(const TomlTable& table, std::string_view key) {
   return n;
 }
 
-/// Pulses that a camera's node did not count, up to as many as hours of recording have.
+/// Pulses that a camera's node did not count, up to as many as hours of recording have. A frame of
+/// such a pulse is suspect there, and it is not missing.
 void add_missing(CameraLedger& camera, int64_t counted, int64_t commanded) {
   constexpr int64_t kMostAdded = 1'000'000;
   if (commanded - counted > kMostAdded) return;  // a count that nobody believes
+  const std::set<int64_t> recorded(camera.suspect.begin(), camera.suspect.end());
   for (int64_t pulse = std::max<int64_t>(counted, 0); pulse < commanded; ++pulse) {
-    camera.missing.push_back(pulse);
+    if (!recorded.contains(pulse)) camera.missing.push_back(pulse);
   }
 }
 

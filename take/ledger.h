@@ -63,7 +63,8 @@ CameraLedger account(const std::string& camera, const std::vector<int64_t>& puls
                      const std::vector<int64_t>& suspect, int64_t commanded);
 
 /// The account of a whole take from those of its nodes: cameras side by side; the pulses by the
-/// node that counts most. A camera whose node counted fewer pulses misses the rest of them.
+/// node that counts most. A camera whose node counted fewer pulses misses the rest of them, but for
+/// those of which it has a frame: these stay suspect.
 Ledger merge(const std::vector<Ledger>& parts);
 
 /// "3-17, 20": numbers that rise, neighbours as a range.

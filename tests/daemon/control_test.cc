@@ -146,6 +146,20 @@ TEST_F(ControllerTest, stops_the_take_that_it_records_again_after_it_was_started
   EXPECT_EQ(controller_.on_event(Input::kDrained, "incomplete").replies.at(0).text, "incomplete");
 }
 
+TEST_F(ControllerTest, does_not_answer_for_the_take_before_when_the_last_one_was_aborted) {
+  arm_and_start();
+  send(command(CommandVerb::kStop, 4));
+  controller_.on_event(Input::kDrained, "kendo-07: complete", "{}");
+  EXPECT_EQ(send(command(CommandVerb::kStop, 5, "")).text, "kendo-07: complete");
+  send(command(CommandVerb::kArm, 6, "kendo-08"));
+  controller_.on_event(Input::kReady, "15 cameras");
+  send(command(CommandVerb::kCommit, 7, "kendo-08"));
+  send(command(CommandVerb::kStart, 8, "kendo-08"));
+  controller_.on_event(Input::kTrainEnded, "pulses have ended");
+  EXPECT_EQ(send(command(CommandVerb::kAbort, 9, "kendo-08")).outcome, Outcome::kDone);
+  EXPECT_EQ(send(command(CommandVerb::kStop, 10, "")).outcome, Outcome::kRefused);
+}
+
 TEST_F(ControllerTest, rejoins_nothing_when_it_has_been_ordered_something_since) {
   send(command(CommandVerb::kArm, 1, "kendo-08"));
   controller_.rejoined(command(CommandVerb::kArm, 7));

@@ -60,6 +60,7 @@ void NodeProcess::boot() {
   gate_->set_key(world_.key);
   health_gates_.clear();
   pulse_gate_ = {};
+  pulse_seq_ = 0;
   commands_.clear();
   waiting_.clear();
   is_paused_ = is_ending_ = false;
@@ -235,6 +236,17 @@ void NodeProcess::send_pulse(int64_t pulse) {
   message.pulse = pulse;
   const Bytes bytes = seal_->closed(encode(message));
   world_.network.send(place_, Channel::kPulse, bytes);
+  send_again(bytes, pulse_seq_, 3);
+}
+
+void NodeProcess::send_again(const Bytes& bytes, int64_t seq, int times) {
+  constexpr Duration kAgainAfter = std::chrono::milliseconds(50);
+  if (times == 0) return;
+  world_.time.after(kAgainAfter, [this, bytes, seq, times] {
+    if (!is_up() || is_paused_ || pulse_seq_ != seq) return;
+    world_.network.send(place_, Channel::kPulse, bytes);
+    send_again(bytes, seq, times - 1);
+  });
 }
 
 }  // namespace v3d::simulation

@@ -43,9 +43,12 @@ class NodeProcess {
   /// Tells the places whose health this node listens to: that of the trigger's node, or of all
   /// others.
   void listen_to_trigger_at(size_t place) { trigger_place_ = place; }
+  /// As PulseRecorder does: the last pulse is sent three times more, since no later one would tell
+  /// of its loss.
   void send_pulse(int64_t pulse);
 
  private:
+  void send_again(const Bytes& bytes, int64_t seq, int times);
   void recover_takes();
   void receive(Channel channel, size_t from, const Bytes& bytes);
   void take_in(Channel channel, size_t from, const Bytes& bytes);

@@ -65,6 +65,7 @@ void OperatorProcess::receive(const Bytes& bytes) {
 void OperatorProcess::finish() {
   answer_ = conversation_->answer();
   conversation_.reset();
+  ++plan_;
   trace_.add([&] {
     std::string text = stamp_->sender() + (answer_->done() ? ": done" : ": not done");
     for (const auto& [node, reply] : answer_->replies) text += "; " + node + ": " + reply.text;

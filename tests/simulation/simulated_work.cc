@@ -36,6 +36,12 @@ void SimulatedWork::listen_to_train() {
   }
 }
 
+/// As TrainWatch::restart() does.
+void SimulatedWork::restart_train() {
+  trigger_health_.clear();
+  train_.restart();
+}
+
 void SimulatedWork::forget_kept_orders() {
   host_.disk.forget_orders();
   rejoin_.close();
@@ -93,7 +99,7 @@ NodeReport SimulatedCapture::poll_arming() {
 
 void SimulatedCapture::open_take() {
   is_open_ = true;
-  is_draining_ = false;
+  was_started_ = false;
   pulses_ = KnownPulses(order_.take);
   accounts_.clear();
   received_.clear();
@@ -103,8 +109,8 @@ void SimulatedCapture::open_take() {
 }
 
 void SimulatedCapture::start() {
-  listen_to_train();
-  train_.restart();
+  was_started_ = true;
+  restart_train();
   full_elsewhere_.clear();
   learn_by_ =
       now() + from_seconds(static_cast<double>(order_.pulses + 2) / world_.rate_hz) + kPlatesWithin;
@@ -116,7 +122,6 @@ void SimulatedCapture::start() {
 void SimulatedCapture::drain() {
   if (host_.trigger != nullptr) host_.trigger->stop();
   ended_ = now();
-  is_draining_ = true;
 }
 
 void SimulatedCapture::disarm() {
@@ -137,11 +142,10 @@ std::optional<CommandMessage> SimulatedCapture::rejoin() {
     for (const int64_t pulse : frames) accounts_[camera].add(pulse, false);
     received_[camera] = std::ssize(frames);
   }
-  take.is_open = is_open_ = true;
-  is_draining_ = false;
+  take.is_open = is_open_ = was_started_ = true;
   disk_is_full_ = false;
   write_errors_ = 0;
-  train_.restart();
+  restart_train();
   return order_;
 }
 
@@ -230,14 +234,14 @@ Ledger SimulatedCapture::close_take() {
   const bool knows = knows_what_was_sensed(world_.has_sense_line, host_.trigger != nullptr,
                                            pulses_.count(), ledger.commanded);
   if (knows) pulses_.put_into(ledger, ledger.commanded);
-  is_open_ = is_draining_ = false;
+  is_open_ = false;
   if (order_.verb != CommandVerb::kArm) return ledger;
   for (const std::string& camera : host_.cameras) {
     ledger.cameras.push_back(accounts_[camera].ledger(camera, ledger.commanded));
   }
   on_disk().ledger = ledger;
   on_disk().is_open = false;
-  if (is_empty_take(ledger)) remove_take();
+  if (is_empty_take(ledger, was_started_, host_.trigger != nullptr)) remove_take();
   return ledger;
 }
 
@@ -309,7 +313,7 @@ std::optional<CommandMessage> SimulatedRecon::rejoin() {
   if (!found) return std::nullopt;
   order_ = found->order;
   is_open_ = true;
-  train_.restart();
+  restart_train();
   return order_;
 }
 

@@ -40,6 +40,7 @@ class SimulatedWork : public NodeWork {
   /// What was heard of the trigger's node, once.
   std::optional<RejoinDecision::Found> running_take();
   void listen_to_train();
+  void restart_train();
   void forget_kept_orders();
   TakeOnDisk& on_disk() { return host_.disk.takes.at(order_.take); }
   /// Its folder, with the order.
@@ -96,7 +97,7 @@ class SimulatedCapture : public SimulatedWork {
   MonotonicInstant ready_at_;
   bool is_ready_ = false;  ///< or the cameras never will be
   bool is_open_ = false;
-  bool is_draining_ = false;
+  bool was_started_ = false;
   MonotonicInstant ended_;
   MonotonicInstant last_frame_;
   MonotonicInstant learn_by_;
@@ -115,7 +116,7 @@ class SimulatedRecon : public SimulatedWork {
 
   void arm(const CommandMessage& order) override;
   void learn(const CommandMessage& order) override;
-  void start() override { train_.restart(); }
+  void start() override { restart_train(); }
   void drain() override { drain_began_ = now(); }
   void disarm() override;
   std::optional<CommandMessage> rejoin() override;

@@ -31,7 +31,9 @@ void Truth::check_take_back(const Change& change, const Node& node) {
   const std::string& sender = change.command.sender;
   const bool armed = change.from == Phase::kArmed && verbs_[sender] == CommandVerb::kStart;
   const std::string& owner = is_at_pulses(change.from) ? node.started_by : change.order.sender;
-  if (armed || sender == owner || change.from == Phase::kDraining) return;
+  const bool is_over = change.from == Phase::kDraining || change.from == Phase::kFault;
+  const bool is_left = nodes_[studio_.commanded.trigger].id != order_id(change.order);
+  if (armed || sender == owner || is_over || is_left) return;
   violate(change.node + ": " + sender + " takes back what " + owner + " has begun");
 }
 

@@ -89,6 +89,16 @@ TEST(Ledger, comes_back_from_its_file) {
   EXPECT_EQ(back.cameras[2].suspect, ledger.cameras[2].suspect);
 }
 
+TEST(Ledger, of_a_take_does_not_call_missing_what_a_node_recorded_without_word_of_the_pulse) {
+  Ledger first{.take = "kendo-07", .commanded = 4, .sensed = 4, .cameras = {}};
+  first.cameras.push_back(account("cam01", {0, 1, 2, 3}, {}, 4));
+  Ledger second{.take = "kendo-07", .commanded = 2, .sensed = std::nullopt, .cameras = {}};
+  second.cameras.push_back(account("cam02", {0, 1, 2}, {}, 2));
+  const Ledger whole = merge({first, second});
+  EXPECT_EQ(whole.cameras[1].missing, std::vector<int64_t>{3});
+  EXPECT_EQ(whole.cameras[1].suspect, std::vector<int64_t>{2});
+}
+
 TEST(Ledger, of_a_take_has_the_cameras_of_all_nodes_and_the_pulses_of_the_one_that_counts_most) {
   Ledger first{.take = "kendo-07", .commanded = 3, .sensed = 3, .cameras = {}};
   first.cameras.push_back(account("cam01", {0, 1, 2}, {}, 3));
