@@ -6,8 +6,6 @@
 #include <optional>
 #include <utility>
 
-#include "base/error.h"
-
 namespace v3d {
 
 NodeProtocol::NodeProtocol(std::string node, NodeWork& work, Reply reply, MonotonicInstant now)
@@ -23,12 +21,32 @@ void NodeProtocol::on_command(const CommandMessage& command) {
 }
 
 void NodeProtocol::poll(MonotonicInstant now, bool believes) {
-  if (const auto report = work_.poll(controller_.phase())) {
+  if (const auto report = poll_work()) {
     spdlog::info("{}", report->text);
     carry_out(controller_.on_event(report->event, report->text, report->detail));
   }
   let_go_what_nobody_confirms(now);
   if (believes && controller_.phase() == Phase::kIdle) rejoin_running_take();
+}
+
+std::optional<NodeReport> NodeProtocol::poll_work() {
+  try {
+    return work_.poll(controller_.phase());
+  } catch (const std::exception& error) {
+    return on_poll_error(error.what());
+  }
+}
+
+/// A take that is recorded goes on: its frames are written by other threads.
+std::optional<NodeReport> NodeProtocol::on_poll_error(const std::string& error) {
+  const Phase phase = controller_.phase();
+  if (phase == Phase::kRecording) {
+    if (error != poll_error_) spdlog::error("while recording: {}", error);
+    poll_error_ = error;
+    return std::nullopt;
+  }
+  const Input event = phase == Phase::kDraining ? Input::kBroken : Input::kFailed;
+  return NodeReport{.event = event, .text = error, .detail = {}};
 }
 
 MonotonicInstant NodeProtocol::next_turn(MonotonicInstant now) const {
@@ -49,8 +67,8 @@ void NodeProtocol::let_go_what_nobody_confirms(MonotonicInstant now) {
 void NodeProtocol::rejoin_running_take() {
   try {
     if (const auto order = work_.rejoin()) controller_.rejoined(*order);
-  } catch (const InputError& error) {
-    spdlog::error("cannot go on with the take that runs: {}", error.what());
+  } catch (const std::exception& error) {
+    spdlog::error("cannot rejoin the running take: {}", error.what());
   }
 }
 
@@ -59,10 +77,13 @@ void NodeProtocol::carry_out(const Controller::Step& step) {
   std::optional<Controller::Step> failure;
   try {
     begin(step.work);
-  } catch (const InputError& error) {
+  } catch (const std::exception& error) {
     spdlog::warn("{}", error.what());
-    failure = step.work == Work::kStart ? controller_.on_start_failed(error.what())
-                                        : controller_.on_event(Input::kFailed, error.what());
+    if (step.work == Work::kStart) failure = controller_.on_start_failed(error.what());
+    // Disarming is the answer to a failure; there is nothing to fall back to.
+    if (step.work != Work::kStart && step.work != Work::kDisarm) {
+      failure = controller_.on_event(Input::kFailed, error.what());
+    }
   }
   if (!failure) return publish(step.replies);
   if (step.work != Work::kStart) publish(step.replies);

@@ -4,6 +4,7 @@
 #pragma once
 
 #include <functional>
+#include <optional>
 #include <string>
 
 #include "base/time.h"
@@ -58,6 +59,8 @@ class NodeProtocol {
   const CommandMessage& order() const { return controller_.order(); }
 
  private:
+  std::optional<NodeReport> poll_work();
+  std::optional<NodeReport> on_poll_error(const std::string& error);
   void carry_out(const Controller::Step& step);
   void begin(Work work);
   void publish(const std::vector<ReplyMessage>& replies) const;
@@ -73,6 +76,7 @@ class NodeProtocol {
   MonotonicInstant next_health_;
   MonotonicInstant ready_since_;  ///< while nobody has confirmed
   MonotonicInstant end_by_;
+  std::string poll_error_;  ///< that was logged last
 };
 
 }  // namespace v3d

@@ -16,8 +16,8 @@ struct NodeReport {
   std::string detail;            ///< JSON, or empty
 };
 
-/// One thread calls; no function waits, except disarm() for threads to end. InputErrors of arm(),
-/// learn() and start() become refusals or faults.
+/// One thread calls; no function waits, except disarm() for threads to end. What arm(), learn(),
+/// start(), drain() and poll() throw becomes a refusal or a fault; no exception ends the daemon.
 class NodeWork {
  public:
   virtual ~NodeWork() = default;
