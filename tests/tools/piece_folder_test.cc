@@ -109,12 +109,52 @@ TEST_F(FinishedPiece, goes_behind_others_in_the_report_of_the_whole) {
   EXPECT_EQ(whole.peak_rss_mb, 321.5);
 }
 
+using LockState = PieceFolderLock::State;
+
 TEST(FolderOfPieces, is_waited_for_by_one_at_a_time) {
   const test::TemporaryFolder temporary;
   const PieceFolder folder(temporary / ".");
   const PieceFolderLock first(folder);
-  EXPECT_TRUE(first.held());
-  EXPECT_FALSE(PieceFolderLock(folder).held());
+  EXPECT_EQ(first.state(), LockState::kHeld);
+  EXPECT_EQ(PieceFolderLock(folder).state(), LockState::kHeldByAnother);
+}
+
+TEST(FolderOfPieces, whose_lock_cannot_be_opened_says_so_and_is_not_held) {
+  const test::TemporaryFolder temporary;
+  std::filesystem::create_directory(temporary / "lock");
+  const PieceFolderLock lock(PieceFolder(temporary.path()));
+  EXPECT_EQ(lock.state(), LockState::kUnknown);
+  EXPECT_EQ(lock.error(), (temporary / "lock").string() + ": Is a directory");
+}
+
+class OtherFolderOfPieces : public testing::Test {
+ protected:
+  OtherFolderOfPieces() {
+    for (const PieceFolder& folder : {own_, other_}) {
+      std::filesystem::create_directory(folder.path());
+      folder.refuse("a file of the run");
+    }
+  }
+  bool other_is_left() {
+    own_.remove_others();
+    EXPECT_TRUE(own_.refusal());
+    return other_.refusal().has_value();
+  }
+
+  test::TemporaryFolder take_;
+  const PieceFolder own_{take_ / ".pieces-1"}, other_{take_ / ".pieces-2"};
+};
+
+TEST_F(OtherFolderOfPieces, is_removed_when_its_lock_is_free) { EXPECT_FALSE(other_is_left()); }
+
+TEST_F(OtherFolderOfPieces, stays_while_another_run_holds_its_lock) {
+  const PieceFolderLock running(other_);
+  EXPECT_TRUE(other_is_left());
+}
+
+TEST_F(OtherFolderOfPieces, stays_when_its_lock_cannot_be_opened) {
+  std::filesystem::create_directory(other_.path() / "lock");
+  EXPECT_TRUE(other_is_left());
 }
 
 }  // namespace

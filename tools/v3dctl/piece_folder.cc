@@ -267,14 +267,20 @@ void PieceFolder::remove_others() const {
   for (const fs::path& path : entries_of(path_.parent_path(), kPrefix)) {
     if (path == path_) continue;
     const PieceFolder other(path);
-    if (PieceFolderLock(other).held()) other.remove();
+    if (PieceFolderLock(other).state() == PieceFolderLock::State::kHeld) other.remove();
   }
 }
 
-PieceFolderLock::PieceFolderLock(const PieceFolder& folder)
-    : fd_(open((folder.path() / "lock").c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0644)) {
-  // Where a network disk knows no locks, whoever works there twice does it twice.
-  held_ = flock(fd_, LOCK_EX | LOCK_NB) == 0 || errno != EWOULDBLOCK;
+PieceFolderLock::PieceFolderLock(const PieceFolder& folder) {
+  const fs::path path = folder.path() / "lock";
+  fd_ = open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0644);
+  if (fd_ < 0) {
+    error_ = errno_message(path.string());
+  } else if (flock(fd_, LOCK_EX | LOCK_NB) == 0) {
+    state_ = State::kHeld;
+  } else if (errno == EWOULDBLOCK) {
+    state_ = State::kHeldByAnother;
+  }
 }
 
 PieceFolderLock::~PieceFolderLock() {

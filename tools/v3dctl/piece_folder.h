@@ -64,7 +64,8 @@ class PieceFolder {
   void forget_refusals() const;
 
   void remove() const;
-  /// What runs with other options left behind, as far as nobody works on it.
+  /// Removes what runs with other options left behind. A folder stays unless its lock could be
+  /// taken: a process may still work in it.
   void remove_others() const;
 
  private:
@@ -73,19 +74,29 @@ class PieceFolder {
   std::filesystem::path path_;
 };
 
-/// One process at a time waits for the pieces of a folder.
+/// The lock of a folder of pieces (flock(2) on its file `lock`), held until destruction. One
+/// process at a time waits for the pieces of a folder.
 class PieceFolderLock {
  public:
+  enum class State {
+    kHeld,           ///< by this object
+    kHeldByAnother,  ///< by another process or object
+    kUnknown,        ///< the file could not be opened, or its disk has no locks
+  };
+
   explicit PieceFolderLock(const PieceFolder& folder);
   ~PieceFolderLock();
   PieceFolderLock(const PieceFolderLock&) = delete;
   PieceFolderLock& operator=(const PieceFolderLock&) = delete;
-  /// False where another process has it.
-  bool held() const { return held_; }
+
+  State state() const { return state_; }
+  /// Path and cause if the file could not be opened; else empty.
+  const std::string& error() const { return error_; }
 
  private:
-  int fd_;
-  bool held_;
+  int fd_ = -1;
+  State state_ = State::kUnknown;
+  std::string error_;
 };
 
 }  // namespace v3d::ctl

@@ -43,10 +43,7 @@ class SharedRun {
       : SharedRun(request, threads, make_tasks, open_take(request)) {}
 
   ReconstructReport all() {
-    if (!lock_.held()) {
-      throw InputError(folder_.path().string() +
-                       ": another v3dctl reconstruct waits for these pieces already");
-    }
+    require_lock();
     folder_.forget_refusals();
     look();
     report_.frames_kept = frames_found_;
@@ -79,6 +76,15 @@ class SharedRun {
         tasks_(make_tasks(folder_, settled_)),
         progress_("reconstruct", frames()) {
     report_.incomplete = pulses_without_frames(request, take);
+  }
+
+  /// A disk without locks is accepted: two runs in one folder then do the same work twice.
+  void require_lock() const {
+    if (lock_.state() == PieceFolderLock::State::kHeldByAnother) {
+      throw InputError(folder_.path().string() +
+                       ": another v3dctl reconstruct waits for these pieces already");
+    }
+    if (!lock_.error().empty()) throw std::runtime_error(lock_.error());
   }
 
   void make_all() {
