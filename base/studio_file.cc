@@ -11,6 +11,7 @@
 #include "base/file.h"
 #include "base/lcm_group.h"
 #include "base/name.h"
+#include "base/pulse_rate.h"
 #include "base/toml_file.h"
 
 namespace v3d {
@@ -320,7 +321,7 @@ void read_trigger(const TomlTable& file, Studio& studio) {
   StudioTrigger& trigger = studio.trigger;
   trigger.node = read_node(table, studio);
   trigger.kind = choice(table, "kind", "simulated", kKinds);
-  trigger.rate_hz = ranged(table, "rate_hz", trigger.rate_hz, 0.01, 10'000);
+  trigger.rate_hz = ranged(table, "rate_hz", trigger.rate_hz, kMinPulseRateHz, kMaxPulseRateHz);
   trigger.pulse_width_us = ranged(table, "pulse_width_us", trigger.pulse_width_us, 0.1, 1e6);
   if (trigger.pulse_width_us >= 1e6 / trigger.rate_hz) {
     table.fail("pulse_width_us", "a pulse must be shorter than the period of " +

@@ -6,6 +6,7 @@
 #include <thread>
 
 #include "base/error.h"
+#include "base/pulse_rate.h"
 #include "base/units.h"
 #include "daemon/advice.h"
 #include "daemon/json.h"
@@ -28,9 +29,8 @@ constexpr int64_t kLatePeriods = 5;
 
 /// Commands come from the network.
 void refuse_absurd(const CommandMessage& order) {
-  if (order.rate_hz != 0 && !(order.rate_hz >= kMinRateHz && order.rate_hz <= kMaxRateHz)) {
-    throw InputError("a rate of " + std::to_string(order.rate_hz) +
-                     " Hz is not possible; expected 0.01 to 1000");
+  if (order.rate_hz != 0 && !is_pulse_rate(order.rate_hz)) {
+    throw InputError(impossible_pulse_rate(order.rate_hz));
   }
   const bool learns = order.verb == CommandVerb::kBackground;
   if (learns && order.pulses != 0 && (order.pulses < kMinPlates || order.pulses > kMaxPlates)) {

@@ -1,6 +1,7 @@
 #include "trigger/pulse_train.h"
 
 #include "base/error.h"
+#include "base/pulse_rate.h"
 
 namespace v3d {
 
@@ -9,9 +10,7 @@ void refuse_impossible(const PulseTrain& train, const std::string& who) {
     throw InputError(who + ": " + what + "; right would be " + right);
   };
   const double rate = train.rate_hz;
-  if (!(rate >= kMinRateHz && rate <= kMaxRateHz)) {
-    refuse("rate " + std::to_string(rate) + " Hz", "0.01 to 1000 Hz");
-  }
+  if (!is_pulse_rate(rate)) throw InputError(who + ": " + impossible_pulse_rate(rate));
   if (train.width <= Duration::zero() || train.width >= period_of(rate)) {
     refuse("pulse width " + std::to_string(train.width.count()) + " ns at " + std::to_string(rate) +
                " Hz",

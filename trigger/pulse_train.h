@@ -15,9 +15,6 @@ struct PulseTrain {
   std::optional<int64_t> count;  ///< empty: until stopped
 };
 
-inline constexpr double kMinRateHz = 0.01;
-inline constexpr double kMaxRateHz = 1000;
-
 /// Throws InputError when no generator could make the train. `who` begins the message.
 void refuse_impossible(const PulseTrain& train, const std::string& who);
 

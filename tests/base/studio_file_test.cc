@@ -199,8 +199,11 @@ TEST(StudioFile, refuses_values_out_of_range_with_the_range) {
             "/etc/v3d/studio.toml:9: camera_defaults.chroma_key: 'pink' is unknown; known: none, "
             "green, blue");
   EXPECT_EQ(message_for(with("rate_hz = 25", "rate_hz = 5000")),
-            "/etc/v3d/studio.toml:24: trigger.pulse_width_us: a pulse must be shorter than the "
-            "period of 200 us");
+            "/etc/v3d/studio.toml:27: trigger.rate_hz: expected a number from 0.01 to 1000, found "
+            "5000");
+  EXPECT_EQ(message_for(with("rate_hz = 25", "rate_hz = 25\npulse_width_us = 40000")),
+            "/etc/v3d/studio.toml:28: trigger.pulse_width_us: a pulse must be shorter than the "
+            "period of 40000 us");
 }
 
 TEST(StudioFile, tells_which_cameras_see_a_green_studio_and_wants_colour_of_them) {

@@ -1,6 +1,7 @@
 #include "v3d-sim/options.h"
 
 #include "base/image_size.h"
+#include "common/pulse_rate_option.h"
 #include "sim/scene.h"
 
 namespace v3d::sim {
@@ -14,7 +15,7 @@ void add_studio_options(CLI::App& command, StudioOptions& options) {
   command.add_option("--seed", options.seed, "The same seed gives the same bytes")
       ->capture_default_str();
   command.add_option("--rate", options.rate_hz, "Pulses per second")
-      ->check(CLI::Range(0.1, 1000.0))
+      ->check(check_pulse_rate)
       ->capture_default_str();
 }
 

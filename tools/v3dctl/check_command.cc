@@ -4,6 +4,7 @@
 
 #include "base/error.h"
 #include "common/console.h"
+#include "common/pulse_rate_option.h"
 #include "v3dctl/check_text.h"
 #include "v3dctl/command.h"
 #include "v3dctl/interrupt.h"
@@ -56,7 +57,7 @@ void add_check(CommandLine& line) {
       ->add_option("--rate", options->train.rate_hz,
                    "Pulses per second (else as the studio file says)")
       ->type_name("HZ")
-      ->check(CLI::Range(0.1, 1000.0));
+      ->check(check_pulse_rate);
   line.on_run(command, [&line, options] { return run_check(line, *options); });
 }
 

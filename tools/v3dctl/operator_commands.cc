@@ -7,6 +7,7 @@
 #include "base/name.h"
 #include "base/units.h"
 #include "common/console.h"
+#include "common/pulse_rate_option.h"
 #include "daemon/operator_client.h"
 #include "take/take.h"
 #include "v3dctl/command.h"
@@ -279,7 +280,7 @@ void add_arm(CommandLine& line) {
       ->add_option("--rate", options->message.rate_hz,
                    "Pulses per second (else as the studio file says)")
       ->type_name("HZ")
-      ->check(CLI::Range(0.1, 1000.0));
+      ->check(check_pulse_rate);
   command
       ->add_option("--pulses", options->message.pulses,
                    "End by itself after N pulses (else until stop)")

@@ -1,0 +1,18 @@
+// An option that sets the rate of the pulses.
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <string>
+
+#include "base/pulse_rate.h"
+
+namespace v3d {
+
+/// For CLI::Option::check(): what is wrong, or nothing.
+inline std::string check_pulse_rate(const std::string& text) {
+  double hz = 0;
+  if (!CLI::detail::lexical_cast(text, hz)) return "expected a number of Hz, found '" + text + "'";
+  return is_pulse_rate(hz) ? std::string() : impossible_pulse_rate(hz);
+}
+
+}  // namespace v3d
