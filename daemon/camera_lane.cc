@@ -99,12 +99,11 @@ void CameraLane::process(Frame frame) {
   const bool learn = recorded && segmenter_.learns_from(pulse);
   const bool live = shared_.gate.admits(pulse);
   if (!learn && !live) return;
-  shared_.places.acquire(pulse);
+  const WorkPlace place(shared_.places, pulse);
   Mask mask = segment(message.frame, learn);
   // Previews are made of what was segmented anyway: a node that is behind sends none.
   if (preview_.wants(pulse)) preview_.send(pulse, image.view(), &mask);
   if (live) go_live(std::move(message), std::move(mask));
-  shared_.places.release();
 }
 
 bool CameraLane::record(const FrameMessage& message) {

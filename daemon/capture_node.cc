@@ -184,11 +184,8 @@ std::optional<NodeReport> CaptureNode::poll(Phase phase) {
   if (const auto edge = trigger_.unsensed_first_pulse()) tell_cameras(*edge);
   try {
     switch (phase) {
-      case Phase::kArming: {
-        NodeReport report = poll_arming();
-        if (report.text.empty()) return std::nullopt;
-        return report;
-      }
+      case Phase::kArming:
+        return poll_arming();
       case Phase::kLearning:
         return poll_learning();
       case Phase::kRecording:
@@ -203,18 +200,18 @@ std::optional<NodeReport> CaptureNode::poll(Phase phase) {
   }
 }
 
-/// An empty text while it takes its time.
-NodeReport CaptureNode::poll_arming() {
-  if (is_arming_trigger()) return {.event = Input::kFailed, .text = "", .detail = {}};
+std::optional<NodeReport> CaptureNode::poll_arming() {
+  if (is_arming_trigger()) return std::nullopt;
   const std::string waiting = cameras_.not_ready(plan_.order.allow_missing);
   const bool late = Monotonic::now() > ready_by_;
-  if (!waiting.empty() && !(late && checks())) {
-    return {.event = Input::kFailed, .text = late ? "not ready: " + waiting : "", .detail = {}};
+  if (!waiting.empty() && !late) return std::nullopt;
+  if (!waiting.empty() && !checks()) {
+    return NodeReport{.event = Input::kFailed, .text = "not ready: " + waiting, .detail = {}};
   }
   take_ = TakeUnderWay::begin(of_this_node(), plan_);
   std::string text = checks() ? "ready" : ready_text();
   if (!waiting.empty()) text = "without " + waiting;
-  return {.event = Input::kReady, .text = std::move(text), .detail = {}};
+  return NodeReport{.event = Input::kReady, .text = std::move(text), .detail = {}};
 }
 
 std::optional<NodeReport> CaptureNode::poll_learning() {

@@ -53,7 +53,7 @@ class CaptureNode : public NodeWork {
   /// Any thread.
   void tell_cameras(const PulseEdge& edge);
 
-  NodeReport poll_arming();
+  std::optional<NodeReport> poll_arming();
   std::optional<NodeReport> poll_learning();
   std::optional<NodeReport> poll_recording();
   std::optional<NodeReport> poll_draining();

@@ -1,4 +1,4 @@
-// So many threads work at a time as there are cores, the oldest pulse first.
+// Priority semaphore: as many threads work at a time as there are cores, the oldest pulse first.
 #pragma once
 
 #include <condition_variable>
@@ -14,7 +14,16 @@ class WorkPlaces {
  public:
   explicit WorkPlaces(int places) : free_(places) {}
 
-  /// Waits for a place; among those who wait, the lowest pulse goes first.
+  /// Workers that wait for a place.
+  size_t waiting() const {
+    const std::lock_guard lock(mutex_);
+    return waiting_.size();
+  }
+
+ private:
+  friend class WorkPlace;
+
+  /// Waits for a place; the waiting thread with the lowest pulse gets the next one.
   void acquire(int64_t pulse) {
     std::unique_lock lock(mutex_);
     if (free_ > 0) {
@@ -38,13 +47,6 @@ class WorkPlaces {
     next.turn.notify_one();  // under the lock: the waiter lives on its thread's stack
   }
 
-  /// Workers that wait for a place.
-  size_t waiting() const {
-    const std::lock_guard lock(mutex_);
-    return waiting_.size();
-  }
-
- private:
   struct Waiter {
     std::condition_variable turn;
     bool has_place = false;
@@ -52,6 +54,18 @@ class WorkPlaces {
   mutable std::mutex mutex_;
   int free_;
   std::multimap<int64_t, Waiter*> waiting_;
+};
+
+/// A place, held from construction, which waits for it, to destruction.
+class WorkPlace {
+ public:
+  WorkPlace(WorkPlaces& places, int64_t pulse) : places_(places) { places.acquire(pulse); }
+  ~WorkPlace() { places_.release(); }
+  WorkPlace(const WorkPlace&) = delete;
+  WorkPlace& operator=(const WorkPlace&) = delete;
+
+ private:
+  WorkPlaces& places_;
 };
 
 }  // namespace v3d

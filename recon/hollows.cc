@@ -86,13 +86,12 @@ class HollowCarver::Impl {
   HollowSights look(const SurfaceCameras& cameras, const Mesh& hull, const SparseVolume& volume) {
     HollowSights found;
     voxel_ = static_cast<float>(volume.grid().voxel_m);
-    cameras_ = cameras.cameras;
-    models_ = cameras.models;
-    if (cameras_.size() < 2 || hull.vertices.empty()) return found;
-    look(hull, kEvery, [](const Vector3f&) { return true; });
-    found.covered.resize(cameras_.size());
-    tbb::parallel_for(size_t{0}, cameras_.size(),
-                      [&](size_t c) { found.covered[c] = covered(cameras_[c], depths_[c]); });
+    if (cameras.cameras.size() < 2 || hull.vertices.empty()) return found;
+    look(cameras, hull, kEvery, [](const Vector3f&) { return true; });
+    found.covered.resize(cameras.cameras.size());
+    tbb::parallel_for(size_t{0}, found.covered.size(), [&](size_t c) {
+      found.covered[c] = covered(cameras.cameras[c], depths_[c]);
+    });
     price_of_step_ = find_price_of_step();
     agree(found.sights);
 
@@ -100,14 +99,14 @@ class HollowCarver::Impl {
     SightVotes votes(volume);
     std::vector<Brick> opened(volume.bricks().size(), kEmptyBrick);
     for (size_t voted = 0, looks = 1; looks < kLooks; ++looks) {
-      vote(std::span(found.sights).subspan(voted), votes);
+      vote(cameras, std::span(found.sights).subspan(voted), votes);
       voted = found.sights.size();
       const VolumeCut cut = cut_of(volume, votes);
       const std::vector<uint8_t> near = cut.bricks_near_more_than(opened);
       if (std::find(near.begin(), near.end(), 1) == near.end()) break;
       opened = cut.bricks();
       marching_cubes_.run(cut.remaining(), left_);
-      look(left_, kEveryLater, [&](const Vector3f& place) {
+      look(cameras, left_, kEveryLater, [&](const Vector3f& place) {
         const int brick = votes.brick_at(place);
         return brick >= 0 && near[brick] != 0;
       });
@@ -119,15 +118,13 @@ class HollowCarver::Impl {
   SparseVolume carve(const SurfaceCameras& cameras, const SparseVolume& volume,
                      const HollowSights& sights, std::span<const SightsBeside> beside) {
     voxel_ = static_cast<float>(volume.grid().voxel_m);
-    cameras_ = cameras.cameras;
-    models_ = cameras.models;
     if (sights.sights.empty()) return volume;
     SightVotes votes(volume);
-    vote(sights.sights, votes);
+    vote(cameras, sights.sights, votes);
     for (const SightsBeside& other : beside) vote(other, votes);
     VolumeCut cut = cut_of(volume, votes);
     cut.add_crumbs(kCrumb);
-    cut.keep(needed_voxels(volume, cut, sights.covered));
+    cut.keep(needed_voxels(cameras, volume, cut, sights.covered));
     return cut.remaining();
   }
 
@@ -150,7 +147,7 @@ class HollowCarver::Impl {
     }
   };
 
-  void prepare(const Mesh& surface) {
+  void prepare(const SurfaceCameras& cameras, const Mesh& surface) {
     mesh_ = surface;
     neighbours_ = Neighbours(mesh_);
     smooth_surface(neighbours_, kSmoothing, mesh_.vertices, work_);
@@ -159,13 +156,13 @@ class HollowCarver::Impl {
           normals_ = vertex_normals(mesh_);
           smooth_normals(neighbours_, kNormalSmoothing, normals_, work_);
         },
-        [&] { draw_depths(mesh_, models_, depths_, Faces::kFront); });
+        [&] { draw_depths(mesh_, cameras.models, depths_, Faces::kFront); });
   }
 
   /// From every so many-th vertex of the surface for which where(place).
   template <class Where>
-  void look(const Mesh& surface, size_t every, const Where& where) {
-    prepare(surface);
+  void look(const SurfaceCameras& cameras, const Mesh& surface, size_t every, const Where& where) {
+    prepare(cameras, surface);
     every_ = every;
     sights_.clear();
     node_of_.assign(mesh_.vertices.size(), kNobody);
@@ -176,11 +173,13 @@ class HollowCarver::Impl {
     }
     tbb::enumerable_thread_specific<Onlookers> of_threads;
     for_each_block<BlockSight::kMost>(sights_.size(), [&](size_t begin, size_t end) {
-      look_at_block(std::span(sights_).subspan(begin, end - begin), of_threads.local());
+      look_at_block(cameras.cameras, std::span(sights_).subspan(begin, end - begin),
+                    of_threads.local());
     });
   }
 
-  void look_at_block(std::span<Sight> sights, Onlookers& onlookers) {
+  void look_at_block(std::span<const SurfaceCamera> cameras, std::span<Sight> sights,
+                     Onlookers& onlookers) {
     const size_t count = sights.size();
     std::array<Vector3f, BlockSight::kMost> places, normals;
     for (size_t i = 0; i < count; ++i) {
@@ -188,8 +187,8 @@ class HollowCarver::Impl {
       normals[i] = normals_[sights[i].vertex];
     }
     const auto where = std::span(places).first(count), facing = std::span(normals).first(count);
-    onlookers.look(where, facing, cameras_, depths_, {.tolerance_m = kHiddenBehind * voxel_});
-    onlookers.windows.find(where, facing, cameras_, onlookers.sights(),
+    onlookers.look(where, facing, cameras, depths_, {.tolerance_m = kHiddenBehind * voxel_});
+    onlookers.windows.find(where, facing, cameras, onlookers.sights(),
                            {.level = kLevel,
                             .most_views = kMostViews,
                             .spacing_m = kSpacing * voxel_,
@@ -311,10 +310,11 @@ class HollowCarver::Impl {
     return seen;
   }
 
-  void vote(std::span<const HollowSights::Sight> sights, SightVotes& votes) const {
+  void vote(const SurfaceCameras& cameras, std::span<const HollowSights::Sight> sights,
+            SightVotes& votes) const {
     for_each_vertex(sights.size(), [&](size_t i) {
       vote(
-          sights[i], [&](uint16_t camera) { return &cameras_[camera]; }, votes);
+          sights[i], [&](uint16_t camera) { return &cameras.cameras[camera]; }, votes);
     });
   }
 
@@ -358,21 +358,19 @@ class HollowCarver::Impl {
 
   /// Those of the cut without which cameras would look through the hull where they see something: a
   /// blade that was taken for air.
-  std::vector<Brick> needed_voxels(const SparseVolume& volume, const VolumeCut& cut,
-                                   std::span<const Mask> before) {
+  std::vector<Brick> needed_voxels(const SurfaceCameras& cameras, const SparseVolume& volume,
+                                   const VolumeCut& cut, std::span<const Mask> before) {
     marching_cubes_.run(cut.remaining(), left_);
-    draw_depths(left_, models_, depths_, Faces::kFront);
-    std::vector<Mask> open(cameras_.size());
+    draw_depths(left_, cameras.models, depths_, Faces::kFront);
+    std::vector<Mask> open(cameras.cameras.size());
     tbb::parallel_for(size_t{0}, open.size(),
                       [&](size_t c) { open[c] = uncovered(before[c], depths_[c]); });
-    return voxels_at(open, cameras_, volume, cut.bricks());
+    return voxels_at(open, cameras.cameras, volume, cut.bricks());
   }
 
   float voxel_ = 0;
   Mesh mesh_;
   Neighbours neighbours_;
-  std::span<const SurfaceCamera> cameras_;  ///< of the frame at work
-  std::span<const CameraModel> models_;
   std::vector<DepthBuffer> depths_;
   std::vector<Vector3f> normals_, work_;
   size_t every_ = kEvery;          ///< vertex looked last

@@ -38,7 +38,12 @@ void SightVotes::vote(const Eigen::Vector3f& place, uint32_t what) {
   const int brick = voxel ? brick_of(*voxel) : -1;
   if (brick < 0) return;
   const int inside = 64 * (voxel->z() % 8) + 8 * (voxel->y() % 8) + voxel->x() % 8;
-  votes_[512 * static_cast<size_t>(brick) + inside].fetch_add(what, std::memory_order_relaxed);
+  std::atomic<uint32_t>& both = votes_[512 * static_cast<size_t>(brick) + inside];
+  const uint32_t full = what >= kThere ? kMostVotes * kThere : kMostVotes;
+  uint32_t before = both.load(std::memory_order_relaxed);
+  do {
+    if ((before & full) != 0) return;
+  } while (!both.compare_exchange_weak(before, before + what, std::memory_order_relaxed));
   if (what >= kThere || passed_[brick].load(std::memory_order_relaxed)) return;
   passed_[brick].store(true, std::memory_order_relaxed);
 }
@@ -57,7 +62,9 @@ std::vector<Brick> SightVotes::seen_through(int least) const {
       for (int x = 0; x < kBrickEdge; ++x) {
         const uint32_t both =
             votes_[512 * brick + kBrickEdge * row + x].load(std::memory_order_relaxed);
-        counts[x] = both % kThere | uint64_t{both / kThere} << 32;
+        const uint32_t through = std::min(both % kThere, kMostVotes),
+                       there = std::min(both / kThere, kMostVotes);
+        counts[x] = through | uint64_t{there} << 32;
       }
       return counts;
     };

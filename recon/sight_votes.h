@@ -12,8 +12,11 @@ namespace v3d {
 
 /// Votes of two kinds for the voxels of a volume: something was seen through them, and something
 /// was seen there. Votes may come from several threads at a time; sums do not depend on the order.
+/// A voxel counts up to kMostVotes votes of a kind; further ones change nothing.
 class SightVotes {
  public:
+  static constexpr uint32_t kMostVotes = 1 << 15;
+
   /// `volume` is borrowed and must not change.
   explicit SightVotes(const SparseVolume& volume);
 
@@ -22,10 +25,10 @@ class SightVotes {
 
   // Places in the world, metres; each gives the voxel so many votes. Those outside the volume are
   // lost.
-  void seen_through(const Eigen::Vector3f& place, uint32_t votes = 1) {
+  void seen_through(const Eigen::Vector3f& place, uint8_t votes = 1) {
     vote(place, kThrough * votes);
   }
-  void seen_there(const Eigen::Vector3f& place, uint32_t votes = 1) { vote(place, kThere * votes); }
+  void seen_there(const Eigen::Vector3f& place, uint8_t votes = 1) { vote(place, kThere * votes); }
 
   /// The occupied voxels that were seen through at least `least` times (1 or more), and more often
   /// than something was seen there; votes count for the voxel and the 26 around it. A brick for
@@ -33,9 +36,11 @@ class SightVotes {
   std::vector<Brick> seen_through(int least) const;
 
  private:
-  // Both counts in one number, so that votes are one addition. A frame gives a voxel some
-  // thousands; more than 65,535 would count for the other kind.
+  // Both counts in one number, so that votes are one addition. A count that has reached kMostVotes
+  // takes no more, so it stays below kMostVotes + 256 and never reaches the other half. A frame
+  // gives a voxel some thousands.
   static constexpr uint32_t kThrough = 1, kThere = 1 << 16;
+  static_assert(kMostVotes + UINT8_MAX < kThere);
   /// The voxel; empty where there can be none.
   std::optional<Eigen::Vector3i> voxel_at(const Eigen::Vector3f& place) const;
   int brick_of(const Eigen::Vector3i& voxel) const;

@@ -3,7 +3,10 @@
 #include <gtest/gtest.h>
 
 #include <atomic>
+#include <chrono>
 #include <mutex>
+#include <optional>
+#include <stdexcept>
 #include <thread>
 #include <vector>
 
@@ -35,22 +38,19 @@ TEST(LiveGate, counts_a_skipped_pulse_once) {
 
 TEST(WorkPlaces, go_to_the_oldest_pulse_first) {
   WorkPlaces places(1);
-  places.acquire(0);
+  std::optional<WorkPlace> first(std::in_place, places, 0);
   std::mutex mutex;
   std::vector<int64_t> order;
   std::vector<std::thread> workers;
   for (const int64_t pulse : {9, 4, 6}) {
     workers.emplace_back([&, pulse] {
-      places.acquire(pulse);
-      {
-        const std::lock_guard lock(mutex);
-        order.push_back(pulse);
-      }
-      places.release();
+      const WorkPlace place(places, pulse);
+      const std::lock_guard lock(mutex);
+      order.push_back(pulse);
     });
   }
   while (places.waiting() < 3) std::this_thread::yield();
-  places.release();
+  first.reset();
   for (std::thread& worker : workers) worker.join();
   EXPECT_EQ(order, (std::vector<int64_t>{4, 6, 9}));
 }
@@ -63,18 +63,35 @@ TEST(WorkPlaces, let_no_more_work_at_a_time_than_there_are) {
   for (int i = 0; i < 8; ++i) {
     workers.emplace_back([&] {
       for (int64_t pulse = 0; pulse < 200; ++pulse) {
-        places.acquire(pulse);
+        const WorkPlace place(places, pulse);
         const int now = ++working;
         for (int seen = most; now > seen && !most.compare_exchange_weak(seen, now);) {
         }
         --working;
-        places.release();
       }
     });
   }
   for (std::thread& worker : workers) worker.join();
   EXPECT_LE(most, 2);
   EXPECT_EQ(places.waiting(), 0U);
+}
+
+TEST(WorkPlaces, are_free_again_after_an_exception) {
+  WorkPlaces places(1);
+  const auto fail = [&] {
+    const WorkPlace place(places, 0);
+    throw std::runtime_error("a frame that cannot be segmented");
+  };
+  EXPECT_THROW(fail(), std::runtime_error);
+  std::atomic<bool> worked = false;
+  std::thread worker([&] {
+    const WorkPlace place(places, 1);
+    worked = true;
+  });
+  const auto deadline = std::chrono::steady_clock::now() + std::chrono::seconds(10);
+  while (!worked && std::chrono::steady_clock::now() < deadline) std::this_thread::yield();
+  ASSERT_TRUE(worked) << "waits for a place that nobody holds";
+  worker.join();
 }
 
 }  // namespace

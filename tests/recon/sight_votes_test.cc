@@ -85,5 +85,20 @@ TEST(SightVotes, may_come_from_many_threads) {
   EXPECT_EQ(count(votes.seen_through(kVotes + 1)), 0);
 }
 
+TEST(SightVotes, of_one_kind_never_become_votes_of_the_other_however_many_there_are) {
+  const SparseVolume volume = full(8, 8, 8);
+  const Eigen::Vector3f middle = middle_of(volume, 4, 4, 4);
+  SightVotes through(volume), there(volume);
+  constexpr int kAll = 2 * 65'536 / 255;
+  tbb::parallel_for(0, kAll, [&](int) {
+    through.seen_through(middle, 255);
+    there.seen_there(middle, 255);
+  });
+  EXPECT_EQ(count(through.seen_through(SightVotes::kMostVotes)), 27);
+  EXPECT_EQ(count(through.seen_through(SightVotes::kMostVotes + 1)), 0);
+  there.seen_through(middle);
+  EXPECT_EQ(count(there.seen_through(1)), 0);
+}
+
 }  // namespace
 }  // namespace v3d
