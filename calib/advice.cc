@@ -4,6 +4,8 @@
 #include <cmath>
 #include <cstdio>
 
+#include "base/statistics.h"
+
 namespace v3d::calib {
 namespace {
 
@@ -90,8 +92,7 @@ void judge_coverage(const RigFit& fit, std::vector<std::string>& weak) {
 void judge_errors(const RigFit& fit, std::vector<std::string>& weak) {
   std::vector<double> rms;
   for (const CameraFit& camera : fit.cameras) rms.push_back(camera.rms_px);
-  std::nth_element(rms.begin(), rms.begin() + static_cast<long>(rms.size() / 2), rms.end());
-  const double usual = rms[rms.size() / 2];
+  const double usual = upper_median(rms);
   for (size_t i = 0; i < fit.rig.size(); ++i) {
     const CameraFit& camera = fit.cameras[i];
     if (camera.rms_px > kMuchWorse * usual) {

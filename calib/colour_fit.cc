@@ -8,6 +8,7 @@
 #include <string>
 
 #include "base/error.h"
+#include "base/statistics.h"
 #include "calib/colour_difference.h"
 
 namespace v3d::calib {
@@ -21,13 +22,6 @@ using Places = std::map<int, std::vector<const ColourSample*>>;
 
 constexpr double kWhite = 255;
 constexpr int kHoldOutEvery = 5;
-
-double quantile(std::vector<double> values, double part) {
-  if (values.empty()) return 0;
-  const auto at = values.begin() + static_cast<long>(part * static_cast<double>(values.size() - 1));
-  std::nth_element(values.begin(), at, values.end());
-  return *at;
-}
 
 /// Places that two cameras or more show.
 Places shared_places(std::span<const ColourSample> samples) {
@@ -96,7 +90,7 @@ class Differences {
       before.push_back(pair.before);
       after.push_back(pair.after);
     }
-    return {static_cast<int>(pairs.size()), quantile(before, part), quantile(after, part)};
+    return {static_cast<int>(pairs.size()), percentile(before, part), percentile(after, part)};
   }
 
   std::vector<ColourResponse> responses_;
@@ -158,7 +152,7 @@ class ViewSolver {
       const Vector3d mean = place_of(seen).colour;
       for (const ColourSample* sample : seen) misses.push_back((corrected(*sample) - mean).norm());
     }
-    return std::max(1e-6, quantile(misses, 0.5));
+    return std::max(1e-6, percentile(misses, 0.5));
   }
 
   /// The quadratic form of the misses, places eliminated: the same for all channels.

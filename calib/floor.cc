@@ -9,9 +9,9 @@
 #include <optional>
 
 #include "base/error.h"
+#include "base/statistics.h"
 #include "calib/board_pose.h"
 #include "calib/bundle.h"
-#include "calib/median.h"
 
 namespace v3d::calib {
 namespace {
@@ -44,7 +44,7 @@ BoardSighting at_rest(const Board& board, const CameraSightings& camera) {
   BoardSighting result;
   for (auto& [corner, place] : places) {
     result.corners.push_back(corner);
-    result.pixels.emplace_back(median(place.first), median(place.second));
+    result.pixels.emplace_back(upper_median(place.first), upper_median(place.second));
   }
   return result;
 }

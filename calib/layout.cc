@@ -3,7 +3,7 @@
 #include <Eigen/Dense>
 #include <algorithm>
 
-#include "calib/median.h"
+#include "base/statistics.h"
 
 namespace v3d::calib {
 namespace {
@@ -53,7 +53,7 @@ double scale_of(const std::vector<Moved>& cameras) {
   for (size_t i = 0; i < then.size(); ++i) {
     if (then[i] > 0) ratios.push_back(now[i] / then[i]);
   }
-  return ratios.empty() ? 1 : median(ratios);
+  return ratios.empty() ? 1 : upper_median(ratios);
 }
 
 /// How far the places now are from those of then, after the best fit, when the cameras i and j

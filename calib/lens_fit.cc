@@ -6,9 +6,9 @@
 #include <cstdio>
 
 #include "base/error.h"
+#include "base/statistics.h"
 #include "calib/board_pose.h"
 #include "calib/bundle.h"
-#include "calib/median.h"
 #include "calib/view_choice.h"
 
 namespace v3d::calib {
@@ -123,7 +123,7 @@ std::string outlier_reason(double rms, double usual) {
 bool reject_outliers(const LensFitter& fitter, Fit& fit, std::vector<RejectedView>& rejected) {
   std::vector<double> rms;
   for (size_t i = 0; i < fit.views.size(); ++i) rms.push_back(fitter.rms_of_view(fit, i));
-  const double usual = median(rms);
+  const double usual = upper_median(rms);
   Fit kept{fit.lens, {}, {}};
   for (size_t i = 0; i < fit.views.size(); ++i) {
     if (rms[i] > std::max(kHarmlessPx, kOutlierFactor * usual)) {

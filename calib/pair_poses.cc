@@ -6,7 +6,7 @@
 #include <numeric>
 #include <optional>
 
-#include "calib/median.h"
+#include "base/statistics.h"
 
 namespace v3d::calib {
 namespace {
@@ -80,7 +80,8 @@ RigidTransform middle_of(const std::vector<const RigidTransform*>& poses) {
     for (int i = 0; i < 3; ++i) axes[i].push_back(pose->translation[i]);
   }
   const Eigen::Quaterniond mean(Eigen::Vector4d(sum.normalized()));
-  return {mean.toRotationMatrix(), {median(axes[0]), median(axes[1]), median(axes[2])}};
+  return {mean.toRotationMatrix(),
+          {upper_median(axes[0]), upper_median(axes[1]), upper_median(axes[2])}};
 }
 
 /// About `most` of them, evenly.
@@ -132,7 +133,7 @@ PairPose pair_pose(const CameraPoses& a, const CameraPoses& b, int64_t b_is_late
   for (const RigidTransform* pose : best) {
     apart.push_back((pose->translation - result.b_from_a.translation).norm());
   }
-  result.spread_m = median(std::move(apart));
+  result.spread_m = upper_median(std::move(apart));
   return result;
 }
 

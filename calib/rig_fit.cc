@@ -7,12 +7,12 @@
 #include <set>
 
 #include "base/error.h"
+#include "base/statistics.h"
 #include "calib/board_places.h"
 #include "calib/board_pose.h"
 #include "calib/bundle.h"
 #include "calib/lateness.h"
 #include "calib/layout.h"
-#include "calib/median.h"
 #include "calib/on_threads.h"
 #include "calib/rig_lenses.h"
 #include "calib/synchrony.h"
@@ -188,7 +188,7 @@ class RigFitter {
     for (const auto& [key, some] : by_sighting) by_camera[key.first].push_back(rms_of(some));
     std::set<std::pair<int, int>> bad;
     for (const auto& [key, some] : by_sighting) {
-      const double usual = median(by_camera[key.first]);
+      const double usual = upper_median(by_camera[key.first]);
       const double rms = rms_of(some);
       if (rms > std::max(harmless_px, kOutlierFactor * usual)) {
         bad.insert(key);

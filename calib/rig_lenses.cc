@@ -4,9 +4,9 @@
 
 #include "base/error.h"
 #include "base/image_size.h"
+#include "base/statistics.h"
 #include "calib/board_pose.h"
 #include "calib/lens_fit.h"
-#include "calib/median.h"
 #include "calib/on_threads.h"
 
 namespace v3d::calib {
@@ -43,7 +43,7 @@ double misfit(const CameraModel& lens, const Board& board, const CameraSightings
     const auto poses = board_poses(lens, board, sighting);
     if (!poses.empty()) rms.push_back(poses.front().rms_px);
   }
-  return rms.empty() ? 1e9 : median(rms);
+  return rms.empty() ? 1e9 : upper_median(rms);
 }
 
 void refuse_exchanged_lenses(const Board& board, const std::vector<CameraSightings>& cameras,

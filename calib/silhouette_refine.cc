@@ -10,8 +10,8 @@
 #include <string>
 
 #include "base/error.h"
+#include "base/statistics.h"
 #include "calib/layout.h"
-#include "calib/median.h"
 #include "calib/tangents.h"
 
 namespace v3d::calib {
@@ -172,7 +172,7 @@ class Refiner {
     for (const Miss& miss : misses) {
       if (camera < 0 || miss.a == camera || miss.b == camera) values.push_back(miss.px);
     }
-    return median(std::move(values));
+    return upper_median(std::move(values));
   }
 
   std::vector<CameraModel> cameras() const {

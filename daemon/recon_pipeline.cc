@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "base/error.h"
+#include "base/statistics.h"
 #include "wire/channels.h"
 
 namespace v3d {
@@ -19,14 +20,6 @@ constexpr size_t kPulseQueue = 256;
 constexpr int64_t kMaxJump = 15'000;
 /// Pulses whose edge is remembered for the latency.
 constexpr size_t kMaxEdges = 512;
-
-double percentile(std::vector<double> values, double part) {
-  if (values.empty()) return 0;
-  const auto rank = static_cast<size_t>(std::ceil(part * static_cast<double>(values.size()))) - 1;
-  const auto nth = values.begin() + static_cast<ptrdiff_t>(std::min(rank, values.size() - 1));
-  std::nth_element(values.begin(), nth, values.end());
-  return *nth;
-}
 
 }  // namespace
 

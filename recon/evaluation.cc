@@ -9,6 +9,7 @@
 #include <numbers>
 #include <vector>
 
+#include "base/statistics.h"
 #include "recon/nearest_triangle.h"
 #include "recon/surface_samples.h"
 
@@ -40,14 +41,6 @@ Comparison compare(const std::vector<SurfaceSample>& samples, const Mesh& other)
     result.mean_angle_deg += a / static_cast<double>(angle.size());
   }
   return result;
-}
-
-/// Nearest rank; reorders `values`.
-double percentile(std::vector<double>& values, double part) {
-  const auto rank = static_cast<size_t>(std::ceil(part * static_cast<double>(values.size())));
-  const auto nth = values.begin() + static_cast<ptrdiff_t>(std::max<size_t>(rank, 1) - 1);
-  std::nth_element(values.begin(), nth, values.end());
-  return *nth;
 }
 
 double part_within(const std::vector<double>& distances, double limit_m) {

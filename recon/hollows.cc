@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <numeric>
 
+#include "base/statistics.h"
 #include "recon/cover.h"
 #include "recon/label_field.h"
 #include "recon/marching_cubes.h"
@@ -252,10 +253,7 @@ class HollowCarver::Impl {
     for (size_t i = 0; i < sights_.size(); i += kEveryContrast) {
       if (sights_[i].sees()) contrasts_.push_back(sights_[i].contrast());
     }
-    if (contrasts_.empty()) return 0;
-    const auto middle = contrasts_.begin() + std::ssize(contrasts_) / 2;
-    std::nth_element(contrasts_.begin(), middle, contrasts_.end());
-    return *middle;
+    return upper_median(contrasts_);
   }
 
   /// Those who look are neighbours when they are two edges apart at most.

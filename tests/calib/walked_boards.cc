@@ -22,11 +22,6 @@ std::vector<CameraSightings> walk_with(const Board& board, const Rig& rig,
   return cameras;
 }
 
-double median_of(std::vector<double> values) {
-  std::sort(values.begin(), values.end());
-  return values[values.size() / 2];
-}
-
 PoseErrors pose_errors(const Rig& found, const Rig& truth) {
   std::vector<Eigen::Vector3d> from, to;
   for (size_t i = 0; i < found.size(); ++i) {

@@ -17,7 +17,6 @@ struct PoseErrors {
   std::vector<double> angle_deg;
 };
 PoseErrors pose_errors(const Rig& found, const Rig& truth);
-double median_of(std::vector<double> values);
 
 /// What the InputError says; empty when nothing was thrown.
 template <class Call>

@@ -7,6 +7,7 @@
 #include <random>
 
 #include "base/error.h"
+#include "base/statistics.h"
 #include "recon/renderer.h"
 #include "recon/self_intersection.h"
 #include "recon/silhouette.h"
@@ -109,8 +110,7 @@ double error_in_hollow(const Mesh& mesh) {
     if (angle_to_x(out) > 0.3F) continue;
     errors.push_back(std::abs((v - kMiddle).norm() - hollow_radius(out)));
   }
-  std::nth_element(errors.begin(), errors.begin() + std::ssize(errors) / 2, errors.end());
-  return errors[errors.size() / 2];
+  return upper_median(std::move(errors));
 }
 
 double least_iou(const Mesh& mesh) {

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <random>
 
+#include "base/statistics.h"
 #include "recon/evaluation.h"
 #include "recon/renderer.h"
 #include "recon/self_intersection.h"
@@ -76,9 +77,7 @@ Mesh steadied(Mesh mesh, const Moment& now, const Moment& before, const Moment& 
 
 /// Half of the vertices are nearer to the other surface.
 double median_apart_mm(const Mesh& mesh, const Mesh& other) {
-  std::vector<double> mm = vertex_distances_mm(mesh, other);
-  std::nth_element(mm.begin(), mm.begin() + std::ssize(mm) / 2, mm.end());
-  return mm[mm.size() / 2];
+  return upper_median(vertex_distances_mm(mesh, other));
 }
 
 TEST(SteadySurface, flickers_half_as_much_where_nothing_moves) {

@@ -4,6 +4,7 @@
 #include <filesystem>
 #include <fstream>
 
+#include "base/statistics.h"
 #include "support/child_process.h"
 
 namespace v3d::test {
@@ -74,10 +75,7 @@ double resident_kb_per_hour(const std::vector<ProcessSample>& samples) {
                        (samples[j].seconds - samples[i].seconds));
     }
   }
-  if (slopes.empty()) return 0;
-  const auto middle = slopes.begin() + static_cast<ptrdiff_t>(slopes.size() / 2);
-  std::nth_element(slopes.begin(), middle, slopes.end());
-  return 3600 * *middle;
+  return 3600 * upper_median(std::move(slopes));
 }
 
 }  // namespace v3d::test

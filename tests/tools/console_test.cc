@@ -4,8 +4,6 @@
 
 #include <algorithm>
 
-#include "v3dctl/statistics.h"
-
 namespace v3d::ctl {
 namespace {
 
@@ -29,24 +27,6 @@ TEST(Progress, prints_a_line_for_every_tenth_when_there_is_no_terminal) {
   EXPECT_EQ(std::count(text.begin(), text.end(), '\n'), 10);
   EXPECT_NE(text.find("import 100 of 100 frames\n"), std::string::npos);
   EXPECT_EQ(text.find('\r'), std::string::npos);
-}
-
-TEST(Statistics, percentiles_are_values_that_occurred) {
-  EXPECT_EQ(percentile({3, 1, 2, 4}, 50), 2);
-  EXPECT_EQ(percentile({3, 1, 2, 4}, 99), 4);
-  EXPECT_EQ(percentile({7}, 50), 7);
-  EXPECT_EQ(percentile({}, 50), 0);
-}
-
-TEST(Statistics, the_median_of_an_even_number_lies_in_the_middle) {
-  EXPECT_EQ(median({4, 1, 3, 2}), 2.5);
-  EXPECT_EQ(median({5, 1, 3}), 3);
-  EXPECT_EQ(median({}), 0);
-}
-
-TEST(Statistics, the_mean_is_the_sum_over_the_number) {
-  EXPECT_EQ(mean({1, 2, 6}), 3);
-  EXPECT_EQ(mean({}), 0);
 }
 
 }  // namespace

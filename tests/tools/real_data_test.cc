@@ -6,6 +6,7 @@
 #include <string>
 
 #include "base/mesh.h"
+#include "base/statistics.h"
 #include "base/units.h"
 #include "daemon/recorded/mesh_frames.h"
 #include "real_recordings.h"
@@ -13,7 +14,6 @@
 #include "v3dctl/evaluate.h"
 #include "v3dctl/import.h"
 #include "v3dctl/reconstruct.h"
-#include "v3dctl/statistics.h"
 
 namespace v3d::ctl {
 namespace {

@@ -12,6 +12,7 @@
 #include "base/error.h"
 #include "base/file.h"
 #include "base/png_file.h"
+#include "base/statistics.h"
 #include "common/ply_writer.h"
 #include "daemon/recorded/mesh_frames.h"
 #include "support/message_of.h"
@@ -24,7 +25,6 @@
 #include "v3dctl/import.h"
 #include "v3dctl/media.h"
 #include "v3dctl/mesh_export.h"
-#include "v3dctl/statistics.h"
 #include "v3dctl/take_colours.h"
 #include "v3dctl/working_space.h"
 

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <semaphore>
 
+#include "base/statistics.h"
 #include "base/time.h"
 #include "rates.h"
 #include "recon/frame_pipeline.h"
@@ -19,14 +20,6 @@ struct Pulse {
   MonotonicInstant taken;
   SetAtWork work;
 };
-
-double percentile(std::vector<double>& values, double part) {
-  if (values.empty()) return 0;
-  const double rank = std::ceil(part * static_cast<double>(values.size())) - 1;
-  const auto nth = values.begin() + static_cast<ptrdiff_t>(rank);
-  std::nth_element(values.begin(), nth, values.end());
-  return *nth;
-}
 
 class Chain {
  public:

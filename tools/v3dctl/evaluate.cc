@@ -5,6 +5,7 @@
 
 #include "base/calib_file.h"
 #include "base/error.h"
+#include "base/statistics.h"
 #include "common/console.h"
 #include "common/ply_reader.h"
 #include "daemon/recorded/frame_colours.h"
@@ -14,7 +15,6 @@
 #include "recon/silhouette.h"
 #include "v3dctl/held_out_view.h"
 #include "v3dctl/interrupt.h"
-#include "v3dctl/statistics.h"
 
 namespace v3d::ctl {
 namespace {

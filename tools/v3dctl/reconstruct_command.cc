@@ -3,6 +3,7 @@
 #include <nlohmann/json.hpp>
 
 #include "base/error.h"
+#include "base/statistics.h"
 #include "base/units.h"
 #include "common/console.h"
 #include "common/subprocess.h"
@@ -14,7 +15,6 @@
 #include "v3dctl/reconstruct.h"
 #include "v3dctl/shared_reconstruct.h"
 #include "v3dctl/slurm_tasks.h"
-#include "v3dctl/statistics.h"
 
 namespace v3d::ctl {
 namespace {
@@ -41,7 +41,7 @@ Json stages_json(const ReconstructReport& report) {
   for (const StageSamples& stage : report.stages) {
     stages[stage.name] = nullptr;
     if (stage.ms.empty()) continue;
-    stages[stage.name] = {{"p50", percentile(stage.ms, 50)}, {"p99", percentile(stage.ms, 99)}};
+    stages[stage.name] = {{"p50", percentile(stage.ms, 0.50)}, {"p99", percentile(stage.ms, 0.99)}};
   }
   return stages;
 }
@@ -139,7 +139,7 @@ void print_text(const ReconstructReport& report) {
   for (const StageSamples& stage : report.stages) {
     if (stage.ms.empty()) continue;
     std::printf("%-12s %.1f ms, 99 of 100 within %.1f ms\n", stage.name.c_str(),
-                percentile(stage.ms, 50), percentile(stage.ms, 99));
+                percentile(stage.ms, 0.50), percentile(stage.ms, 0.99));
   }
   std::printf("whole run    %.1f s, %.2f frames/s on %d threads, %.0f MB memory\n", report.seconds,
               frames_per_second(report), report.threads, report.peak_rss_mb);

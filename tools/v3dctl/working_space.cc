@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "base/error.h"
-#include "v3dctl/statistics.h"
+#include "base/statistics.h"
 
 namespace v3d::ctl {
 namespace {

@@ -19,6 +19,7 @@
 
 #include "base/calib_file.h"
 #include "base/error.h"
+#include "base/statistics.h"
 #include "base/units.h"
 #include "capture/segmenter.h"
 #include "recon/compact_frame.h"
@@ -198,11 +199,7 @@ class Chain {
 };
 
 /// What is disturbed takes longer, never less.
-double undisturbed(std::vector<double> values) {
-  const auto quarter = values.begin() + std::ssize(values) / 4;
-  std::nth_element(values.begin(), quarter, values.end());
-  return *quarter;
-}
+double undisturbed(std::vector<double> values) { return percentile(std::move(values), 0.25); }
 
 /// A setting of the reconstruction, and how long its stages took for each pulse, round by round.
 struct Setting {
