@@ -15,6 +15,7 @@
 #include "base/error.h"
 #include "base/file.h"
 #include "codec/frame_codec.h"
+#include "take/log_segments.h"
 #include "take/mesh_file.h"
 #include "v3dctl/host_name.h"
 
@@ -59,9 +60,16 @@ Json inputs_of(const TakeFrames& take) {
   const TakePaths& paths = take.paths();
   Json list = Json::array();
   const auto add = [&](const fs::path& path) { list.push_back(input(path, paths.folder)); };
-  for (const fs::path& path : {paths.info(), paths.calib(), paths.pulses()}) add(path);
+  const auto add_log = [&](const fs::path& log) {
+    for (const fs::path& segment : existing_segments(log)) {
+      add(segment);
+      add(segment_index_path(segment));
+    }
+  };
+  for (const fs::path& path : {paths.info(), paths.calib()}) add(path);
+  add_log(paths.pulses());
   for (const RigCamera& camera : take.rig()) {
-    add(paths.frames(camera.name));
+    add_log(paths.frames(camera.name));
     for (const char* end : {".mean.png", ".spread.png", ".toml"}) {
       add(paths.background() / (camera.name + end));
     }
@@ -127,15 +135,8 @@ std::string name_of(const Piece& piece, const char* end) {
   return text;
 }
 
-/// Of several processes, hosts and moments.
+/// Another for every process of every host.
 std::string own_ending() { return host_name() + "-" + std::to_string(getpid()); }
-
-/// As replace_file(), where others may write the same file at the same time.
-void put_file(const fs::path& path, const std::string& text) {
-  const fs::path own = path.string() + ".own-" + own_ending();
-  replace_file(own, text);
-  fs::rename(own, path);
-}
 
 std::vector<fs::path> entries_of(const fs::path& folder, const std::string& prefix) {
   std::vector<fs::path> entries;
@@ -169,7 +170,7 @@ PieceFolder PieceFolder::of(const ReconstructRequest& settled, const TakeFrames&
   std::error_code error;
   fs::create_directory(folder.path(), error);
   if (error) throw std::runtime_error(folder.path().string() + ": " + error.message());
-  put_file(folder.path() / "order.json", text);
+  replace_file(folder.path() / "order.json", text);
   return folder;
 }
 
@@ -200,7 +201,7 @@ fs::path PieceFolder::report(const Piece& piece) const { return path_ / name_of(
 void PieceFolder::save(const Piece& piece, const ReconstructReport& report) const {
   const Json samples = samples_to_json(report);
   const std::string sum = checksum_of({bytes_of(read_file(mesh(piece))), bytes_of(samples.dump())});
-  put_file(this->report(piece), Json{{"checksum", sum}, {"samples", samples}}.dump());
+  replace_file(this->report(piece), Json{{"checksum", sum}, {"samples", samples}}.dump());
 }
 
 std::optional<ReconstructReport> PieceFolder::find(const Piece& piece,
@@ -243,7 +244,7 @@ std::set<int64_t> PieceFolder::saved() const {
 }
 
 void PieceFolder::refuse(const std::string& reason) const {
-  put_file(path_ / ("refused-" + own_ending()), reason);
+  replace_file(path_ / ("refused-" + own_ending()), reason);
 }
 
 std::optional<std::string> PieceFolder::refusal() const {
