@@ -243,6 +243,7 @@ void Controller::rejoined(const CommandMessage& order) {
   const Transition next = transition(phase_, Input::kRejoined);
   if (next.next == phase_) return;
   order_ = started_by_ = order;
+  last_take_.clear();  // what was recovered is no longer all
   phase_ = next.next;
 }
 

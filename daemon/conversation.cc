@@ -180,19 +180,20 @@ void Conversation::learn_take() {
 // --- when it goes wrong -------------------------------------------------------------------------
 
 /// What cannot be armed or started everywhere is armed nowhere. What another operator has begun
-/// meanwhile stays (own_only), and so does a take that runs: its trigger's node says so.
+/// meanwhile stays (own_only), and so does a take that runs, or may run: its trigger's node says
+/// so. Nodes that record without pulses end by themselves when they hear that node at something
+/// else.
 void Conversation::plan_to_take_back() {
-  const auto round = [](std::vector<std::string> nodes, Duration patience = {}) {
-    return Round{.verb = CommandVerb::kAbort,
-                 .nodes = std::move(nodes),
-                 .accepted_is_enough = true,
-                 .patience = patience};
+  const auto round = [](std::vector<std::string> nodes) {
+    return Round{
+        .verb = CommandVerb::kAbort, .nodes = std::move(nodes), .accepted_is_enough = true};
   };
   const bool first = rounds_.front().verb == order_.verb && rounds_.front().accepted_is_enough;
   const std::vector<std::string> asked = rounds_.front().nodes;
   rounds_.clear();
   if (order_.verb == CommandVerb::kStart) {
-    rounds_.push_back(round({studio_.trigger}, kTriggerFirst));
+    // Only its word ends the others: as long as it is silent, pulses may run.
+    rounds_.push_back(round({studio_.trigger}));
     rounds_.push_back(round(studio_.nodes));
   } else if (orders() && !first) {
     rounds_.push_back(round(studio_.nodes));

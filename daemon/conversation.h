@@ -51,7 +51,8 @@ struct Commanded {
 ///   background:  the same, then start as below, then the result of every node
 ///   start:       everywhere but at the trigger's node; there
 ///   stop, abort: at the trigger's node; everywhere
-/// When a node refuses or is silent, what was armed or started for this order is taken back.
+/// When a node refuses or is silent, what was armed or started for this order is taken back; a
+/// start only when the trigger's node has said that no pulses run.
 class Conversation {
  public:
   /// A message is repeated after this.

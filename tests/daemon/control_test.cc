@@ -160,6 +160,14 @@ TEST_F(ControllerTest, does_not_answer_for_the_take_before_when_the_last_one_was
   EXPECT_EQ(send(command(CommandVerb::kStop, 10, "")).outcome, Outcome::kRefused);
 }
 
+TEST_F(ControllerTest, does_not_answer_with_what_was_recovered_once_it_has_recorded_more) {
+  controller_.remember("kendo-07", "recovered 6 pulses", "{}");
+  controller_.rejoined(command(CommandVerb::kArm, 7));
+  controller_.on_event(Input::kTrainEnded, "pulses have ended");
+  EXPECT_EQ(send(command(CommandVerb::kAbort, 1)).outcome, Outcome::kDone);
+  EXPECT_EQ(send(command(CommandVerb::kStop, 2, "")).outcome, Outcome::kRefused);
+}
+
 TEST_F(ControllerTest, rejoins_nothing_when_it_has_been_ordered_something_since) {
   send(command(CommandVerb::kArm, 1, "kendo-08"));
   controller_.rejoined(command(CommandVerb::kArm, 7));

@@ -137,6 +137,22 @@ TEST_F(Talk, starts_no_pulses_when_one_node_is_not_armed) {
   EXPECT_EQ(last_->take, "kendo-07");
 }
 
+TEST_F(Talk, takes_a_start_back_nowhere_while_the_triggers_node_is_silent) {
+  Conversation talk = begin(CommandVerb::kStart);
+  sent(talk);
+  all_say(talk, Outcome::kDone);
+  EXPECT_EQ(sent(talk), "start@cap01");
+  now_ += 10s;
+  for (int i = 0; i < 14; ++i) {
+    EXPECT_EQ(sent(talk), "abort@cap01") << "pulses may run";
+    now_ += Conversation::kRepeatAfter;
+  }
+  now_ += Conversation::kTakeBackWithin;
+  EXPECT_EQ(sent(talk), "");
+  EXPECT_TRUE(talk.over());
+  EXPECT_THAT(talk.answer().silent, ElementsAre("cap01"));
+}
+
 TEST_F(Talk, leaves_a_running_take_alone_when_a_second_start_is_refused) {
   Conversation talk = begin(CommandVerb::kStart);
   sent(talk);

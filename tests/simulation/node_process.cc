@@ -91,11 +91,15 @@ void NodeProcess::recover_takes() {
   }
 }
 
+/// Without its account, the exact number of pulses is lost.
+void NodeProcess::lose_trigger() {
+  if (host_.trigger == nullptr) return;
+  if (phase() == Phase::kRecording || phase() == Phase::kDraining) world_.truth.on_trigger_lost();
+  host_.trigger->stop();
+}
+
 void NodeProcess::end(Cause cause) {
-  if (host_.trigger != nullptr && host_.trigger->is_running()) {
-    world_.truth.on_trigger_lost();
-    host_.trigger->stop();
-  }
+  lose_trigger();
   world_.truth.on_change({.node = host_.name,
                           .from = protocol_->phase(),
                           .to = Phase::kIdle,
@@ -120,7 +124,7 @@ void NodeProcess::ask_to_end() {
   trace_.add([&] { return host_.name + " is asked to end"; });
   resume();
   is_ending_ = true;
-  if (host_.trigger != nullptr && host_.trigger->is_running()) world_.truth.on_trigger_lost();
+  if (phase() == Phase::kRecording && host_.trigger != nullptr) world_.truth.on_trigger_lost();
   watch(Cause::kEnded, {}, [&] { protocol_->begin_to_end(world_.time.now()); });
   plan_turn(world_.time.now());
 }

@@ -57,6 +57,7 @@ class NodeProcess {
   void watch(Cause cause, const CommandMessage& command, const std::function<void()>& action);
   void publish(ReplyMessage reply);
   void publish_health();
+  void lose_trigger();
   void end(Cause cause);
   RealtimeInstant clock() const { return wall_clock(world_, host_.clock_error); }
 

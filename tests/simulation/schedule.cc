@@ -69,6 +69,7 @@ class Schedule {
   std::deque<OperatorStep> draw_steps(int person);
   void draw_faults();
   void draw_fault(Duration at);
+  std::vector<size_t> draw_part();
   NodeProcess& any_node() {
     return *nodes_[static_cast<size_t>(draws_.integer(0, static_cast<int>(nodes_.size()) - 1))];
   }
@@ -192,6 +193,21 @@ void Schedule::draw_faults() {
   }
 }
 
+/// Hosts on one side of a broken network: a single one, or some.
+std::vector<size_t> Schedule::draw_part() {
+  std::vector<size_t> all;
+  for (const auto& host : nodes_) all.push_back(host->place());
+  for (const auto& person : operators_) all.push_back(person->place());
+  if (draws_.chance(0.3)) return {nodes_.front()->place()};
+  if (draws_.chance(0.3))
+    return {all[static_cast<size_t>(draws_.integer(0, static_cast<int>(all.size()) - 1))]};
+  std::vector<size_t> part;
+  for (const size_t place : all) {
+    if (draws_.chance(0.4)) part.push_back(place);
+  }
+  return part;
+}
+
 void Schedule::draw_fault(Duration at) {
   NodeProcess* const node = &any_node();
   const Duration lasts = draws_.seconds(0.05, draws_.chance(0.5) ? 1.5 : 8);
@@ -210,13 +226,7 @@ void Schedule::draw_fault(Duration at) {
     case 3:
       return begin_and_end([node] { node->pause(); }, [node] { node->resume(); });
     case 4: {
-      std::vector<size_t> places;
-      for (const auto& host : nodes_) {
-        if (draws_.chance(0.4)) places.push_back(host->place());
-      }
-      for (const auto& person : operators_) {
-        if (draws_.chance(0.4)) places.push_back(person->place());
-      }
+      const std::vector<size_t> places = draw_part();
       return begin_and_end(
           [this, places] {
             trace_.add([] { return std::string("the network is in two parts"); });

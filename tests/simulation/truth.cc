@@ -130,11 +130,12 @@ void Truth::check_stop(const Answer& answer) {
   ctl::TakeAccount account = ctl::merge_ledgers(answer);
   if (account.ledger.take.empty()) return;
   if (!account.unreadable.empty()) violate("a ledger is not readable");
-  if (!answer.done()) account = ctl::merge_ledgers(answer, cameras);
+  const bool from_all = answer.done() && account.of_another_take.empty();
+  if (!from_all) account = ctl::merge_ledgers(answer, cameras);
   const Ledger& ledger = account.ledger;
   check_complete(ledger);
   const auto id = by_take_.find(ledger.take);
-  if (id == by_take_.end() || !answer.done()) return;
+  if (id == by_take_.end() || !from_all) return;
   const Train& train = trains_[id->second];
   if (ledger.commanded > train.pulses)
     violate("the account of " + ledger.take + " has too many pulses");

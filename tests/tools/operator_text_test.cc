@@ -107,6 +107,19 @@ TEST(TakeAccounts, let_cameras_miss_everything_of_which_nobody_gives_an_account)
   }
 }
 
+TEST(TakeAccounts, are_not_made_of_different_takes) {
+  std::string other = detail("cam03", 0);
+  other.replace(other.find("kendo"), 5, "naginata");
+  Answer answer;
+  answer.replies["cap01"] = reply(Outcome::kDone, "", detail("cam01", 0));
+  answer.replies["cap02"] = reply(Outcome::kDone, "", detail("cam02", 0));
+  answer.replies["cap03"] = reply(Outcome::kDone, "", other);
+  const TakeAccount account = merge_ledgers(answer);
+  EXPECT_EQ(account.ledger.take, "kendo");
+  EXPECT_EQ(account.ledger.cameras.size(), 2U);
+  EXPECT_THAT(account.of_another_take, ElementsAre("cap03"));
+}
+
 TEST(TakeAccounts, hold_what_cameras_sent_live_against_what_arrived) {
   Answer answer;
   answer.replies["cap01"] = reply(Outcome::kDone, "", detail("cam01", 0));

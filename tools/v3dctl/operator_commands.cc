@@ -224,10 +224,15 @@ int run_stop(const CommandLine& line, const Options& options) {
   TakeAccount account = merge_ledgers(answer);
   const bool recorded = !account.ledger.take.empty();
   // A node that says nothing has an account all the same: everything is missing.
-  if (recorded && !answer.done()) account = merge_ledgers(answer, cameras_of(studio));
+  const bool from_all = answer.done() && account.of_another_take.empty();
+  if (recorded && !from_all) account = merge_ledgers(answer, cameras_of(studio));
   if (answer.done() || recorded) tell_account(account, report);
   for (const std::string& node : account.unreadable) {
     report.warn("v3dctl: no readable account from " + node);
+  }
+  for (const std::string& node : account.of_another_take) {
+    report.warn("v3dctl: " + node + " answers for another take; its part of " +
+                account.ledger.take + " is on its disk: v3dctl takes");
   }
   Json json = answer_json(answer);
   json["take"] = account.ledger.take;
@@ -239,7 +244,8 @@ int run_stop(const CommandLine& line, const Options& options) {
   if (!answer.done()) return refused(client, answer, "", report, json);
   report.print(std::move(json));
   if (!recorded) return kExitDone;
-  return account.ledger.complete() && account.unreadable.empty() ? kExitDone : kExitNotWhole;
+  return account.ledger.complete() && account.unreadable.empty() && from_all ? kExitDone
+                                                                             : kExitNotWhole;
 }
 
 int run_status(const CommandLine& line, const Options& options) {

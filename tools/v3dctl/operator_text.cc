@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cstdio>
+#include <map>
 #include <nlohmann/json.hpp>
 #include <optional>
 
@@ -196,9 +197,32 @@ void keep_most(const Json& detail, Json& most) {
 
 }  // namespace
 
+namespace {
+
+/// A stop that names no take is answered by each node for its last one. These differ where a node
+/// was ordered something since that the others were not.
+std::vector<Ledger> ledgers_of_one_take(const std::vector<std::pair<std::string, Ledger>>& ledgers,
+                                        TakeAccount& account) {
+  std::map<std::string, int> count;
+  for (const auto& [node, ledger] : ledgers) ++count[ledger.take];
+  const auto most = std::max_element(
+      count.begin(), count.end(), [](const auto& a, const auto& b) { return a.second < b.second; });
+  std::vector<Ledger> parts;
+  for (const auto& [node, ledger] : ledgers) {
+    if (ledger.take == most->first) {
+      parts.push_back(ledger);
+    } else {
+      account.of_another_take.push_back(node);
+    }
+  }
+  return parts;
+}
+
+}  // namespace
+
 TakeAccount merge_ledgers(const Answer& answer, const std::vector<std::string>& expected) {
   TakeAccount account;
-  std::vector<Ledger> parts;
+  std::vector<std::pair<std::string, Ledger>> ledgers;
   Json reconstruction = Json::object();
   for (const auto& [node, reply] : answer.replies) {
     if (reply.detail.empty()) continue;
@@ -209,11 +233,12 @@ TakeAccount merge_ledgers(const Answer& answer, const std::vector<std::string>& 
         if (detail.contains("shard_pulses")) add_shard(node, detail, account);
         continue;
       }
-      parts.push_back(parse_ledger(detail));
+      ledgers.emplace_back(node, parse_ledger(detail));
     } catch (const Json::exception&) {
       account.unreadable.push_back(node);
     }
   }
+  std::vector<Ledger> parts = ledgers_of_one_take(ledgers, account);
   if (!expected.empty()) parts.insert(parts.begin(), account_of_the_silent(expected, parts));
   account.ledger = merge(parts);
   account.live_lost = live_lost_of(account.ledger, reconstruction);

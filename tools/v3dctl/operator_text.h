@@ -34,6 +34,8 @@ struct ShardAccount {
 struct TakeAccount {
   Ledger ledger;
   std::vector<std::string> unreadable;  ///< nodes whose detail is no ledger and nothing else
+  /// Nodes whose ledger is of another take than that of most: it is left out.
+  std::vector<std::string> of_another_take;
   /// Live frames that were sent and did not reach the reconstruction, by camera; empty when that is
   /// not known.
   std::map<std::string, int64_t> live_lost;
