@@ -18,4 +18,15 @@ struct LcmGroup {
 /// or its address no multicast address of IPv4.
 std::optional<LcmGroup> lcm_group(const std::string& url);
 
+/// What an LCM URL says behind its '?'. Other options are ignored, as liblcm does.
+struct LcmOptions {
+  int ttl = 0;            ///< routers that a datagram may pass; 0: none leaves the machine
+  int recv_buf_size = 0;  ///< bytes of the socket's receive buffer; 0: the kernel's default
+  friend bool operator==(const LcmOptions&, const LcmOptions&) = default;
+};
+
+/// Of a URL like "udpm://239.255.76.67:7667?ttl=1&recv_buf_size=16777216". Empty when one of the
+/// two is no number, `ttl` above 255 or `recv_buf_size` beyond 2^30.
+std::optional<LcmOptions> lcm_options(const std::string& url);
+
 }  // namespace v3d

@@ -1,5 +1,5 @@
-// The LCM bus: bytes in, bytes out. Everything that arrives may come from anybody: what is not
-// believed (message_seal.h) or does not decode is counted and forgotten.
+// The LCM bus: bytes in, bytes out. Everything that arrives may come from anybody: what fails a
+// check (message_receiver.h) or does not decode is counted and dropped.
 #pragma once
 
 #include <atomic>
@@ -13,7 +13,9 @@
 #include <vector>
 
 #include "daemon/bounded_queue.h"
+#include "daemon/channel_list.h"
 #include "daemon/frame_groups.h"
+#include "daemon/message_receiver.h"
 #include "daemon/message_seal.h"
 #include "daemon/sequence.h"
 #include "wire/channels.h"
@@ -21,30 +23,38 @@
 
 namespace v3d {
 
+/// What this process did not receive, by cause.
+struct ReceptionCounts {
+  DatagramCounts datagrams;
+  int64_t dropped_by_kernel = 0;  ///< datagrams: the receive buffer was full
+};
+
 /// One connection to the studio's network. publish() from any thread; a thread of its own receives.
 class Bus {
  public:
-  /// `lcm_url` and `frame_groups` as in the studio file; nothing is heard of the latter before
-  /// hear_frames(). Throws InputError when the network cannot be reached (usually a missing
-  /// multicast route), with the remedy. Construct it before threads that write to stderr: LCM's own
-  /// words there are kept from it.
-  explicit Bus(const std::string& lcm_url, const std::vector<std::string>& frame_groups = {});
+  /// `lcm_url` and `frame_groups` as in the studio file; of the latter nothing is received before
+  /// hear_frames(). `channels`: what may arrive. Throws InputError when the network cannot be
+  /// reached (usually a missing multicast route), with the remedy.
+  explicit Bus(const std::string& lcm_url, const std::vector<std::string>& frame_groups = {},
+               ChannelList channels = {});
   ~Bus();
   Bus(const Bus&) = delete;
   Bus& operator=(const Bus&) = delete;
 
-  /// False when the network refused; what was sent may still not arrive.
+  /// Without a MAC: for messages that hold their own. False when the network refused or the message
+  /// is too long; what was sent may still not arrive.
   bool publish(const std::string& channel, std::span<const uint8_t> bytes);
-  /// With its seal.
-  bool publish_sealed(const std::string& channel, Bytes message) {
-    return publish(channel, seal_.closed(std::move(message)));
-  }
+  /// Each datagram with a MAC, where there is a key.
+  bool publish_sealed(const std::string& channel, std::span<const uint8_t> message);
+  /// For replies, which hold a MAC of their own: a reply of several datagrams has one in each, too.
+  bool publish_reply(std::span<const uint8_t> message);
   MessageSeal& seal() { return seal_; }
+  ReceptionCounts reception() const;
 
   /// 1 where frames travel with all else.
   size_t frame_groups() const;
-  /// A live frame with its seal, in the group of its pulse.
-  bool publish_frame(int64_t pulse, const std::string& channel, Bytes message);
+  /// As publish_sealed(), in the group of its pulse.
+  bool publish_frame(int64_t pulse, const std::string& channel, std::span<const uint8_t> message);
   /// Joins these frame groups and leaves the others: of those nothing comes to this machine. All
   /// subscriptions hear all groups. Nothing to do where frames travel with all else. Throws
   /// InputError when a group cannot be joined.
@@ -64,15 +74,15 @@ class Bus {
    private:
     std::function<void()> end_;
   };
-  /// Runs on the receiving thread, must be short, must not throw and must not subscribe; the bytes
+  /// Runs on the receiving thread, must be short, must not throw and must not subscribe; the views
   /// are only borrowed.
-  using Handler = std::function<void(const std::string& channel, std::span<const uint8_t> bytes)>;
-  /// `channels`: a regular expression for the whole name. Throws InputError when the network
-  /// refuses.
-  [[nodiscard]] Listening subscribe(const std::string& channels, Handler handler);
+  using Handler = std::function<void(const ReceivedMessage&)>;
+  enum class Accept : uint8_t { kAccepted, kUnverifiedToo };
+  /// `channels`: the name of one, or the beginning of several followed by ".*".
+  [[nodiscard]] Listening subscribe(const std::string& channels, Handler handler,
+                                    Accept accept = Accept::kAccepted);
 
  private:
-  class Group;
   class Impl;
   MessageSeal seal_;
   std::unique_ptr<Impl> impl_;  ///< last: its thread uses the seal
@@ -94,36 +104,32 @@ struct SubscriptionCounts {
 template <class M>
 class Subscription {
  public:
-  /// What makes a message of bytes, or nothing. Runs on the receiving thread.
-  using Open = std::function<std::optional<M>(std::span<const uint8_t>)>;
+  /// Makes a message of what was received, or nothing. Runs on the receiving thread.
+  using Open = std::function<std::optional<M>(const ReceivedMessage&)>;
 
-  /// Messages that the bus's seal lets pass.
+  /// Messages that the bus accepts, and that are recent and new by what they say themselves.
   Subscription(Bus& bus, const std::string& channels, size_t queue_limit)
-      : Subscription(
-            bus, channels, queue_limit,
-            [seal = &bus.seal(), gate = NewsGate()](std::span<const uint8_t> bytes) mutable {
-              return open_sealed(*seal, gate, bytes, Realtime::now());
-            }) {}
-  /// `open` alone decides.
-  Subscription(Bus& bus, const std::string& channels, size_t queue_limit, Open open)
+      : Subscription(bus, channels, queue_limit,
+                     [seal = &bus.seal(), gate = NewsGate()](const ReceivedMessage& in) mutable {
+                       return open_sealed(*seal, gate, in, Realtime::now());
+                     }) {}
+  /// `open` decides.
+  Subscription(Bus& bus, const std::string& channels, size_t queue_limit, Open open,
+               Bus::Accept accept = Bus::Accept::kAccepted)
       : inbox_(std::make_unique<Inbox>(queue_limit, std::move(open))),
-        listening_(bus.subscribe(channels, [inbox = inbox_.get()](const std::string& channel,
-                                                                  std::span<const uint8_t> bytes) {
-          inbox->receive(channel, bytes);
-        })) {}
+        listening_(bus.subscribe(
+            channels,
+            [inbox = inbox_.get()](const ReceivedMessage& received) { inbox->receive(received); },
+            accept)) {}
 
   /// The next message, waiting until `deadline`; empty when none came.
   std::optional<M> wait(MonotonicInstant deadline) { return inbox_->queue.pop(deadline); }
 
-  /// The message when it is sealed and news; counted in the seal otherwise.
+  /// The message when it is accepted and new; counted in the seal otherwise.
   static std::optional<M> open_sealed(MessageSeal& seal, NewsGate& gate,
-                                      std::span<const uint8_t> bytes, RealtimeInstant now) {
-    const auto inside = seal.open(bytes);
-    if (!inside) return std::nullopt;
-    auto message = decode<M>(*inside);
-    // Who has no key passes over a seal that he cannot check.
-    const bool looks_on = !message && !seal.asks_for_news() && bytes.size() > kSealSize;
-    if (looks_on) message = decode<M>(bytes.first(bytes.size() - kSealSize));
+                                      const ReceivedMessage& received, RealtimeInstant now) {
+    if (!received.is_accepted) return std::nullopt;
+    auto message = decode<M>(received.bytes);
     if (!message || !seal.asks_for_news()) return message;
     switch (gate.judge(sender_of(*message), message->seq, message->sent, now)) {
       case NewsGate::Verdict::kNews:
@@ -158,7 +164,7 @@ class Subscription {
       return {};
     }
   }
-  static bool is_of_channel(const M& message, const std::string& channel) {
+  static bool is_of_channel(const M& message, std::string_view channel) {
     if constexpr (std::is_same_v<M, HealthMessage>) return channel == health_channel(message.node);
     return true;
   }
@@ -166,24 +172,25 @@ class Subscription {
   struct Inbox {
     Inbox(size_t limit, Open opener) : open(std::move(opener)), queue(limit) {}
 
-    void receive(const std::string& channel, std::span<const uint8_t> bytes) {
-      auto message = open(bytes);
-      if (!message || !is_of_channel(*message, channel)) {
+    void receive(const ReceivedMessage& in) {
+      auto message = open(in);
+      if (!message || !is_of_channel(*message, in.channel)) {
         ++undecodable;
         return;
       }
       ++received;
       if constexpr (requires { message->seq; }) {
-        sequences.note(sequence_key(channel, *message), message->seq, message->sent);
+        sequences.note(sequence_key(in.channel, *message), message->seq, message->sent);
         lost = sequences.total().lost;
       }
       queue.push(std::move(*message));
     }
 
     /// Several nodes send events on one channel, each with its own count.
-    static std::string sequence_key(const std::string& channel, const M& message) {
-      if constexpr (requires { message.node; }) return channel + " " + message.node;
-      return channel;
+    static std::string sequence_key(std::string_view channel, const M& message) {
+      std::string key(channel);
+      if constexpr (requires { message.node; }) key += " " + message.node;
+      return key;
     }
 
     Open open;  ///< receiving thread only

@@ -1,5 +1,6 @@
 #include "daemon/message_seal.h"
 
+#include <cmath>
 #include <cstdio>
 
 namespace v3d {
@@ -12,35 +13,21 @@ constexpr Duration kTold = std::chrono::seconds(10);
 
 void MessageSeal::set_key(const StudioKey& key) {
   const std::lock_guard lock(mutex_);
-  key_ = key;
+  mac_ = std::make_shared<const DatagramMac>(key);
   has_key_ = true;
 }
 
-void MessageSeal::insist() { insists_ = true; }
-
-std::optional<StudioKey> MessageSeal::key() const {
-  if (!has_key_) return std::nullopt;
+std::shared_ptr<const DatagramMac> MessageSeal::mac() const {
+  if (!has_key_) return nullptr;
   const std::lock_guard lock(mutex_);
-  return key_;
+  return mac_;
 }
 
-Bytes MessageSeal::closed(Bytes message) const {
-  const auto key = this->key();
-  if (!key) return message;
-  message.resize(message.size() + kSealSize);
-  key->seal(message);
-  return message;
-}
-
-std::optional<std::span<const uint8_t>> MessageSeal::open(std::span<const uint8_t> bytes) {
-  const auto key = this->key();
-  if (!key && !insists_) return bytes;
-  if (key && key->has_sealed(bytes)) return bytes.first(bytes.size() - kSealSize);
+void MessageSeal::count_forged() {
   ++forged_;
   note(
       "messages without the studio's seal are refused: a stranger, or another studio key than "
       "here");
-  return std::nullopt;
 }
 
 void MessageSeal::count_stale(Duration age) {
@@ -62,7 +49,7 @@ std::string MessageSeal::trouble(RealtimeInstant now) const {
   return now - troubled_ < kTold ? trouble_ : "";
 }
 
-void MessageSeal::note(const std::string& trouble) {
+void MessageSeal::note(std::string_view trouble) {
   const std::lock_guard lock(mutex_);
   trouble_ = trouble;
   troubled_ = Realtime::now();

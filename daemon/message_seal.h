@@ -1,55 +1,55 @@
-// What is believed of all that is no command: sealed with the studio key, of now, and not heard
-// before.
+// Which messages that are no commands are accepted: authenticated with the studio key, recent, and
+// not received before.
 #pragma once
 
 #include <atomic>
 #include <cstdint>
 #include <map>
+#include <memory>
 #include <mutex>
-#include <optional>
 #include <set>
-#include <span>
 #include <string>
+#include <string_view>
 #include <utility>
 
 #include "base/time.h"
-#include "wire/studio_key.h"
+#include "wire/datagram_mac.h"
 
 namespace v3d {
 
-/// Messages that were not believed, by why.
+/// What was rejected, by cause.
 struct SealCounts {
-  int64_t forged = 0;    ///< without the studio's seal, or changed since
-  int64_t stale = 0;     ///< sealed, but sent too long ago, or in the future
-  int64_t replayed = 0;  ///< heard before; a network that repeats does that, too
+  int64_t forged = 0;    ///< datagrams without the studio's MAC, or changed since
+  int64_t stale = 0;     ///< authentic, but sent too long ago, or in the future
+  int64_t replayed = 0;  ///< received before; a network that repeats does that, too
 };
 
-/// The seal stands behind the message: tools that know the type pass over it, and logs of messages
-/// hold none. With a key, what is sent is sealed, and only what is sealed is believed. Without one
-/// nothing is sealed, and anything is taken for what it says, unless somebody insists: daemons do,
-/// who only look on do not. Any thread.
+/// The studio key of this process, and the account of what was rejected under it. With a key, what
+/// is sent carries a MAC in each datagram (wire/datagram_mac.h), and only what carries one is
+/// accepted. Without a key nothing carries one, and every message is accepted, unless a daemon has
+/// called insist(): `v3dctl watch` without a key only shows. Any thread.
 class MessageSeal {
  public:
   void set_key(const StudioKey& key);
-  /// Nothing is believed without a key, either.
-  void insist();
+  /// Nothing is accepted without a key, either.
+  void insist() { insists_ = true; }
 
-  /// The message with its seal, where there is a key.
-  Bytes closed(Bytes message) const;
-  /// The message in `bytes`; empty, and counted, when it is not believed.
-  std::optional<std::span<const uint8_t>> open(std::span<const uint8_t> bytes);
-  /// Only what is of now is believed (NewsGate).
+  /// Null as long as there is no key.
+  std::shared_ptr<const DatagramMac> mac() const;
+  /// Whether messages must be authenticated.
+  bool is_required() const { return has_key_ || insists_; }
+  /// Only recent messages are accepted (NewsGate).
   bool asks_for_news() const { return has_key_; }
 
+  void count_forged();
   void count_stale(Duration age);
   void count_replayed() { ++replayed_; }
   SealCounts counts() const;
-  /// One line for a person when messages were refused shortly before `now`, else empty.
+  /// One line for a person when messages were rejected shortly before `now`, else empty.
   std::string trouble(RealtimeInstant now) const;
 
  private:
-  std::optional<StudioKey> key() const;
-  void note(const std::string& trouble);
+  void note(std::string_view trouble);
 
   std::atomic<bool> has_key_ = false;
   std::atomic<bool> insists_ = false;
@@ -57,7 +57,7 @@ class MessageSeal {
   std::atomic<int64_t> stale_ = 0;
   std::atomic<int64_t> replayed_ = 0;
   mutable std::mutex mutex_;  ///< what follows
-  std::optional<StudioKey> key_;
+  std::shared_ptr<const DatagramMac> mac_;
   std::string trouble_;
   RealtimeInstant troubled_;
 };

@@ -25,7 +25,7 @@ NodeLoop::NodeLoop(NodeIdentity identity, Bus& bus, NodeWork& work)
       gate_(me_.node, me_.began),
       commands_(
           bus, kCommandChannel, kCommandQueue,
-          [this](std::span<const uint8_t> bytes) { return gate_.admit(bytes, Realtime::now()); }),
+          [this](const ReceivedMessage& in) { return gate_.admit(in.bytes, Realtime::now()); }),
       metrics_(serve_metrics(me_.metrics)),
       watchdog_(service::watchdog_period()),
       last_fed_(Monotonic::now()) {
@@ -77,7 +77,7 @@ void NodeLoop::publish(ReplyMessage reply) {
   // Who has no key has believed no command.
   if (!key_) return;
   reply.sent = Realtime::now();
-  bus_.publish(kReplyChannel, encode_sealed(reply, *key_));
+  bus_.publish_reply(encode_sealed(reply, *key_));
 }
 
 void NodeLoop::publish_health() {
@@ -113,6 +113,12 @@ void NodeLoop::report_commands(HealthMessage& health) const {
   value("messages_forged", messages.forged);
   value("messages_stale", messages.stale);
   value("messages_replayed", messages.replayed);
+  const ReceptionCounts reception = bus_.reception();
+  value("messages_incomplete", reception.datagrams.incomplete);
+  value("datagrams_malformed", reception.datagrams.malformed);
+  value("datagrams_foreign", reception.datagrams.foreign);
+  value("datagrams_oversized", reception.datagrams.oversized);
+  value("datagrams_dropped_by_kernel", reception.dropped_by_kernel);
   std::string trouble = key_ ? gate_.trouble(Realtime::now()) : no_key_;
   if (trouble.empty()) trouble = bus_.seal().trouble(Realtime::now());
   const bool is_free = health.state != NodeState::kFault && (health.text.empty() || !key_);

@@ -41,17 +41,14 @@ class HealthReader {
  public:
   explicit HealthReader(MessageSeal& seal) : seal_(seal) {}
 
-  std::optional<HealthMessage> operator()(std::span<const uint8_t> bytes) {
-    auto health = Subscription<HealthMessage>::open_sealed(seal_, gate_, bytes, Realtime::now());
+  std::optional<HealthMessage> operator()(const ReceivedMessage& in) {
+    auto health = Subscription<HealthMessage>::open_sealed(seal_, gate_, in, Realtime::now());
     const MonotonicInstant now = Monotonic::now();
     if (health) {
       if (heard_.size() < kMaxNodes) heard_[health->node] = now;
       return health;
     }
-    health = decode<HealthMessage>(bytes);
-    if (!health && bytes.size() > kSealSize) {  // sealed by another key than here
-      health = decode<HealthMessage>(bytes.first(bytes.size() - kSealSize));
-    }
+    health = decode<HealthMessage>(in.bytes);
     if (!health) return std::nullopt;
     const auto known = heard_.find(health->node);
     if (known != heard_.end() && now - known->second < kForgotten) return std::nullopt;
@@ -111,9 +108,10 @@ class OperatorClient::Impl {
         trigger(studio.trigger.node),
         key_file(studio.network.key),
         stamp(make_sender()),
-        bus(studio.network.lcm_url),
+        bus(studio.network.lcm_url, {}, ChannelList(studio)),
         not_verified(read_key()),
-        healths(bus, std::string(kHealthPrefix) + ".*", kQueue, HealthReader(bus.seal())),
+        healths(bus, std::string(kHealthPrefix) + ".*", kQueue, HealthReader(bus.seal()),
+                Bus::Accept::kUnverifiedToo),
         events(bus, kEventChannel, kQueue) {}
 
   /// The key is not needed to look on. Why there is none, or nothing.
@@ -137,9 +135,9 @@ class OperatorClient::Impl {
     bus.seal().set_key(*key);
     replies = std::make_unique<Subscription<ReplyMessage>>(
         bus, kReplyChannel, kQueue,
-        [k = *key](std::span<const uint8_t> bytes) -> std::optional<ReplyMessage> {
-          if (!k.has_sealed(bytes)) return std::nullopt;
-          return decode<ReplyMessage>(bytes);
+        [k = *key](const ReceivedMessage& in) -> std::optional<ReplyMessage> {
+          if (!k.has_sealed(in.bytes)) return std::nullopt;
+          return decode<ReplyMessage>(in.bytes);
         });
   }
 

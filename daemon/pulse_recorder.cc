@@ -64,14 +64,14 @@ void PulseRecorder::run() {
 void PulseRecorder::say_again() {
   if (to_say_again_ == 0) return;
   --to_say_again_;
-  bus_.publish(kPulseChannel, last_said_);
+  bus_.publish_sealed(kPulseChannel, last_said_);
 }
 
 void PulseRecorder::record(const PulseMessage& pulse) {
   if (log_) log_->write(pulse);
   if (sensor_ != nullptr) {
-    last_said_ = bus_.seal().closed(encode(pulse));
-    bus_.publish(kPulseChannel, last_said_);
+    last_said_ = encode(pulse);
+    bus_.publish_sealed(kPulseChannel, last_said_);
     to_say_again_ = kSaidAgain;
   }
   const std::lock_guard lock(mutex_);

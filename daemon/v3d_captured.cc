@@ -39,7 +39,7 @@ void run(const v3d::Studio& studio, const std::string& node) {
   for (const v3d::RecoveredTake& take : recovered) spdlog::warn("{}", take.line);
   const std::string problem = v3d::receive_buffer_problem(studio.network.lcm_url);
   if (!problem.empty()) spdlog::warn("{}", problem);
-  v3d::Bus bus(studio.network.lcm_url, studio.network.frame_groups);
+  v3d::Bus bus(studio.network.lcm_url, studio.network.frame_groups, v3d::ChannelList(studio));
   bus.seal().insist();
   v3d::CaptureNode work(studio, node, bus);
   v3d::NodeLoop loop({node, "v3d-captured", studio.network.key, began, studio.network.metrics}, bus,

@@ -63,7 +63,7 @@ void run(const v3d::Studio& studio, const std::string& given) {
   }
   const std::string problem = v3d::receive_buffer_problem(studio.network.lcm_url);
   if (!problem.empty()) spdlog::warn("{}", problem);
-  v3d::Bus bus(studio.network.lcm_url, studio.network.frame_groups);
+  v3d::Bus bus(studio.network.lcm_url, studio.network.frame_groups, v3d::ChannelList(studio));
   bus.hear_frames(v3d::all_frame_groups(bus.frame_groups()));
   bus.seal().insist();
   v3d::ReconNode work(studio, node, bus);

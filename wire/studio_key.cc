@@ -123,4 +123,12 @@ bool StudioKey::has_sealed(std::span<const uint8_t> message) const {
   return crypto_auth_verify(message.data() + size, message.data(), size, secret_.data()) == 0;
 }
 
+StudioKey::Derived StudioKey::derive(std::string_view purpose) const {
+  Derived derived{};
+  crypto_generichash(derived.data(), derived.size(),
+                     reinterpret_cast<const unsigned char*>(purpose.data()), purpose.size(),
+                     secret_.data(), secret_.size());
+  return derived;
+}
+
 }  // namespace v3d

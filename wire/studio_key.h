@@ -39,6 +39,10 @@ class StudioKey {
   /// Takes the same time whatever is wrong with the seal.
   bool has_sealed(std::span<const uint8_t> message) const;
 
+  /// A key of its own for another `purpose`: keyed BLAKE2b of that text.
+  using Derived = std::array<uint8_t, 32>;
+  Derived derive(std::string_view purpose) const;
+
  private:
   StudioKey() = default;
   std::array<uint8_t, 32> secret_{};

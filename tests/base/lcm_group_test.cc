@@ -26,5 +26,22 @@ TEST(LcmGroup, is_none_where_the_url_names_none) {
   }
 }
 
+TEST(LcmOptions, are_read_from_behind_the_question_mark_in_any_order) {
+  EXPECT_EQ(lcm_options("udpm://239.255.76.67:7667?ttl=1&recv_buf_size=16777216"),
+            (LcmOptions{1, 16'777'216}));
+  EXPECT_EQ(lcm_options("udpm://?recv_buf_size=4096&transmit_only=true&ttl=2"),
+            (LcmOptions{2, 4096}));
+  EXPECT_EQ(lcm_options("udpm://239.255.76.67:7667"), LcmOptions{});
+  EXPECT_EQ(lcm_options("udpm://?"), LcmOptions{});
+}
+
+TEST(LcmOptions, are_none_where_a_number_is_none_or_out_of_range) {
+  for (const char* url :
+       {"udpm://?ttl=", "udpm://?ttl", "udpm://?ttl=256", "udpm://?ttl=-1", "udpm://?ttl=1x",
+        "udpm://?recv_buf_size=9999999999", "udpm://?ttl=1&recv_buf_size=much"}) {
+    EXPECT_FALSE(lcm_options(url)) << url;
+  }
+}
+
 }  // namespace
 }  // namespace v3d

@@ -14,45 +14,26 @@ using Verdict = NewsGate::Verdict;
 
 constexpr RealtimeInstant kNow = from_ns<Realtime>(1'700'000'000'000'000'000);
 
-Bytes health() {
-  HealthMessage message;
-  message.node = "cap01";
-  message.values["pulses_commanded"] = 77;
-  return encode(message);
+TEST(Seal, says_for_a_while_that_something_was_rejected_and_why) {
+  MessageSeal seal;
+  seal.set_key(StudioKey::make());
+  EXPECT_EQ(seal.trouble(Realtime::now()), "");
+  seal.count_forged();
+  EXPECT_EQ(seal.counts().forged, 1);
+  EXPECT_THAT(seal.trouble(Realtime::now()), testing::HasSubstr("another studio key"));
+  seal.count_stale(60s);
+  EXPECT_THAT(seal.trouble(Realtime::now()), testing::HasSubstr("60.0 s ago"));
+  EXPECT_EQ(seal.trouble(Realtime::now() + 60s), "");
 }
 
-class Seal : public testing::Test {
- protected:
-  Seal() { seal_.set_key(key_); }
-  const StudioKey key_ = StudioKey::make();
-  MessageSeal seal_;
-};
-
-TEST_F(Seal, gives_back_what_it_has_closed) {
-  const Bytes closed = seal_.closed(health());
-  const auto opened = seal_.open(closed);
-  ASSERT_TRUE(opened);
-  EXPECT_EQ(Bytes(opened->begin(), opened->end()), health());
-  EXPECT_EQ(seal_.counts().forged, 0);
-}
-
-TEST_F(Seal, opens_nothing_that_was_changed_cut_or_closed_by_another) {
-  const Bytes closed = seal_.closed(health());
-  for (size_t bit = 0; bit < 8 * closed.size(); ++bit) {
-    Bytes changed = closed;
-    changed[bit / 8] ^= static_cast<uint8_t>(1 << bit % 8);
-    EXPECT_FALSE(seal_.open(changed)) << "bit " << bit;
-  }
-  for (size_t size = 0; size < closed.size(); ++size) {
-    EXPECT_FALSE(seal_.open(std::span(closed).first(size))) << size << " bytes";
-  }
-  MessageSeal stranger;
-  stranger.set_key(StudioKey::make());
-  EXPECT_FALSE(seal_.open(stranger.closed(health())));
-  EXPECT_FALSE(seal_.open(health()));
-  EXPECT_EQ(seal_.counts().forged, static_cast<int64_t>(9 * closed.size() + 2));
-  EXPECT_THAT(seal_.trouble(Realtime::now()), testing::HasSubstr("another studio key"));
-  EXPECT_EQ(seal_.trouble(Realtime::now() + 60s), "");
+TEST(Seal, is_required_with_a_key_and_where_somebody_insists) {
+  MessageSeal seal;
+  EXPECT_FALSE(seal.is_required());
+  seal.insist();
+  EXPECT_TRUE(seal.is_required());
+  EXPECT_EQ(seal.mac(), nullptr);
+  seal.set_key(StudioKey::make());
+  EXPECT_NE(seal.mac(), nullptr);
 }
 
 TEST(News, is_what_was_sent_shortly_before_or_by_a_clock_a_little_ahead_and_not_heard_yet) {

@@ -141,7 +141,7 @@ class TakeOfAnotherNode : public TakeUnderWayTest {
     PulseMessage message;
     message.take = kTake;
     message.pulse = pulse;
-    bus_.publish(kPulseChannel, bus_.seal().closed(encode(message)));
+    bus_.publish_sealed(kPulseChannel, encode(message));
   }
   void say_commanded(int64_t pulses) {
     HealthMessage health;

@@ -13,7 +13,8 @@ namespace {
 template <class M>
 std::optional<M> open_sealed(MessageSeal& seal, NewsGate& gate, const Bytes& bytes,
                              RealtimeInstant now) {
-  return Subscription<M>::open_sealed(seal, gate, bytes, now);
+  const ReceivedMessage received{.channel = {}, .bytes = bytes};
+  return Subscription<M>::open_sealed(seal, gate, received, now);
 }
 
 Cause cause_of(const CommandMessage& command) {
@@ -229,7 +230,7 @@ void NodeProcess::publish(ReplyMessage reply) {
 void NodeProcess::publish_health() {
   HealthMessage health = protocol_->health(world_.time.now());
   health.sent = clock();
-  world_.network.send(place_, Channel::kHealth, seal_->closed(encode(health)));
+  world_.network.send(place_, Channel::kHealth, encode(health));
 }
 
 void NodeProcess::send_pulse(int64_t pulse) {
@@ -238,7 +239,7 @@ void NodeProcess::send_pulse(int64_t pulse) {
   message.seq = pulse_seq_++;
   message.take = protocol_->order().take;
   message.pulse = pulse;
-  const Bytes bytes = seal_->closed(encode(message));
+  const Bytes bytes = encode(message);
   world_.network.send(place_, Channel::kPulse, bytes);
   send_again(bytes, pulse_seq_, 3);
 }

@@ -1,0 +1,265 @@
+// Datagrams of the studio, of strangers, and of recordings, as a receiver judges them. In this
+// program every allocation is counted.
+#include "daemon/message_receiver.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <rapidcheck/gtest.h>
+
+#include <algorithm>
+#include <random>
+
+#include "support/allocation_count.h"
+#include "support/raw_datagrams.h"
+#include "wire/channels.h"
+
+namespace v3d {
+namespace {
+
+using namespace std::chrono_literals;
+using test::RawDatagram;
+
+constexpr RealtimeInstant kNow = from_ns<Realtime>(1'700'000'000'000'000'000);
+constexpr uint64_t kSource = 1;
+
+Studio studio() {
+  Studio studio;
+  studio.nodes = {{"cap01"}};
+  studio.cameras.resize(1);
+  studio.cameras[0].name = "cam01";
+  return studio;
+}
+
+/// As MulticastSender, without a network.
+class Sender {
+ public:
+  explicit Sender(const StudioKey& key) : mac_(key) {}
+
+  std::vector<RawDatagram> datagrams(std::string_view channel, std::span<const uint8_t> message,
+                                     RealtimeInstant sent = kNow) {
+    std::vector<RawDatagram> all;
+    for (OutgoingDatagram& datagram : split_message(sequence_++, channel, message, true)) {
+      datagram.trailer.session = session_;
+      datagram.trailer.sent = sent;
+      mac_.sign(datagram.head(), datagram.data, datagram.trailer);
+      RawDatagram bytes(datagram.head().begin(), datagram.head().end());
+      bytes.insert(bytes.end(), datagram.data.begin(), datagram.data.end());
+      const auto trailer = datagram.trailer.bytes();
+      bytes.insert(bytes.end(), trailer.begin(), trailer.end());
+      all.push_back(std::move(bytes));
+    }
+    return all;
+  }
+
+ private:
+  DatagramMac mac_;
+  uint32_t sequence_ = 0;
+  uint32_t session_ = random_session();
+};
+
+class Receiver : public testing::Test {
+ protected:
+  Receiver() { seal_.set_key(key_); }
+
+  std::optional<ReceivedMessage> receive(const RawDatagram& bytes, RealtimeInstant now = kNow) {
+    return receiver_.receive(bytes, kSource, now);
+  }
+  static std::vector<uint8_t> message(size_t size) {
+    std::vector<uint8_t> bytes(size);
+    for (size_t i = 0; i < size; ++i) bytes[i] = static_cast<uint8_t>(i * 31 + i / 256);
+    return bytes;
+  }
+
+  const StudioKey key_ = StudioKey::make();
+  MessageSeal seal_;
+  std::string_view unwanted_ = "V3D_PREVIEW_cam01";
+  MessageReceiver receiver_{ChannelList(studio()), seal_,
+                            [this](std::string_view channel) { return channel != unwanted_; }};
+  Sender sender_{key_};
+};
+
+TEST_F(Receiver, gives_a_message_of_the_studio_without_its_trailer) {
+  const auto sent = message(100);
+  const RawDatagram datagram = sender_.datagrams(kEventChannel, sent).at(0);
+  const auto got = receive(datagram);
+  ASSERT_TRUE(got);
+  EXPECT_EQ(got->channel, kEventChannel);
+  EXPECT_THAT(got->bytes, testing::ElementsAreArray(sent));
+}
+
+TEST_F(Receiver, gives_a_long_message_in_whatever_order_its_datagrams_come) {
+  std::mt19937 random(7);
+  const auto sent = message(300'000);
+  for (int i = 0; i < 20; ++i) {
+    auto datagrams = sender_.datagrams("V3D_FRAME_cam01", sent);
+    std::shuffle(datagrams.begin(), datagrams.end(), random);
+    std::optional<ReceivedMessage> got;
+    for (const RawDatagram& datagram : datagrams) {
+      ASSERT_FALSE(got);
+      got = receive(datagram);
+    }
+    ASSERT_TRUE(got);
+    EXPECT_TRUE(std::ranges::equal(got->bytes, sent));
+  }
+}
+
+TEST_F(Receiver, rejects_a_datagram_with_any_bit_flipped) {
+  const RawDatagram whole = sender_.datagrams(kEventChannel, message(40)).at(0);
+  for (size_t bit = 0; bit < 8 * whole.size(); ++bit) {
+    RawDatagram changed = whole;
+    changed[bit / 8] ^= static_cast<uint8_t>(1 << bit % 8);
+    EXPECT_FALSE(receive(changed)) << "bit " << bit;
+  }
+  EXPECT_TRUE(receive(whole));
+}
+
+TEST_F(Receiver, rejects_each_fragment_with_a_header_that_was_changed) {
+  const auto sent = message(200'000);
+  for (size_t bit = 0; bit < 8 * 20; ++bit) {
+    auto datagrams = sender_.datagrams("V3D_FRAME_cam01", sent);
+    for (RawDatagram datagram : datagrams) {
+      datagram[bit / 8] ^= static_cast<uint8_t>(1 << bit % 8);
+      EXPECT_FALSE(receive(datagram)) << "bit " << bit;
+    }
+    std::optional<ReceivedMessage> got;
+    for (const RawDatagram& datagram : datagrams) got = receive(datagram);
+    ASSERT_TRUE(got) << "none of the changed ones had a part in it, bit " << bit;
+    EXPECT_TRUE(std::ranges::equal(got->bytes, sent));
+  }
+}
+
+TEST_F(Receiver, takes_no_fragment_of_one_message_for_one_of_another) {
+  const auto a = sender_.datagrams("V3D_FRAME_cam01", message(100'000));
+  Sender other(key_);
+  const auto b = other.datagrams("V3D_FRAME_cam01", message(100'000));
+  EXPECT_FALSE(receive(a[0]));
+  EXPECT_FALSE(receive(b[1])) << "same number and sizes, another session";
+  EXPECT_TRUE(receive(a[1]));
+}
+
+TEST_F(Receiver, accepts_nothing_again_nothing_old_and_nothing_of_the_future) {
+  const RawDatagram first = sender_.datagrams(kEventChannel, message(40)).at(0);
+  EXPECT_TRUE(receive(first));
+  EXPECT_FALSE(receive(first));
+  EXPECT_EQ(seal_.counts().replayed, 1);
+  const auto frame = sender_.datagrams("V3D_FRAME_cam01", message(100'000));
+  EXPECT_FALSE(receive(frame[0]));
+  EXPECT_TRUE(receive(frame[1]));
+  EXPECT_FALSE(receive(frame[0]));
+  EXPECT_FALSE(receive(frame[1]));
+  EXPECT_EQ(seal_.counts().replayed, 2);
+  EXPECT_FALSE(receive(sender_.datagrams(kEventChannel, message(40), kNow - 6s).at(0)));
+  EXPECT_FALSE(receive(sender_.datagrams(kEventChannel, message(40), kNow + 3s).at(0)));
+  EXPECT_EQ(seal_.counts().stale, 2);
+}
+
+TEST_F(Receiver, drops_channels_and_sizes_that_the_studio_does_not_have_before_any_hash) {
+  EXPECT_FALSE(receive(sender_.datagrams("V3D_FRAME_invented", message(40)).at(0)));
+  EXPECT_FALSE(receive(sender_.datagrams("LCM_SELF_TEST", message(40)).at(0)));
+  EXPECT_FALSE(receive(sender_.datagrams(kPulseChannel, message(5000)).at(0)));
+  EXPECT_FALSE(receive(test::short_datagram(1, "V3D_COMMAND")));
+  EXPECT_EQ(receiver_.counts().foreign, 2);
+  EXPECT_EQ(receiver_.counts().oversized, 1);
+  EXPECT_EQ(receiver_.counts().malformed, 1);
+  EXPECT_EQ(seal_.counts().forged, 0);
+}
+
+TEST_F(Receiver, skips_the_rest_of_a_message_that_nobody_wants) {
+  const auto preview = sender_.datagrams("V3D_PREVIEW_cam01", message(200'000));
+  for (const RawDatagram& datagram : preview) EXPECT_FALSE(receive(datagram));
+  RawDatagram changed = preview[1];
+  changed.back() ^= 1;
+  receive(changed);
+  EXPECT_EQ(seal_.counts().forged, 0) << "not even hashed";
+}
+
+TEST_F(Receiver, shows_unverified_health_as_such_and_nothing_else) {
+  Sender stranger(StudioKey::make());
+  const auto health = receive(stranger.datagrams("V3D_HEALTH_cap01", message(40)).at(0));
+  ASSERT_TRUE(health);
+  EXPECT_FALSE(health->is_accepted);
+  EXPECT_EQ(health->bytes.size(), 40U);
+  EXPECT_FALSE(receive(stranger.datagrams(kEventChannel, message(40)).at(0)));
+  EXPECT_EQ(seal_.counts().forged, 2);
+}
+
+TEST_F(Receiver, passes_commands_on_to_the_gate_that_checks_their_own_MAC) {
+  RawDatagram command = test::short_datagram(1, "V3D_COMMAND");
+  command.resize(command.size() + 20);
+  EXPECT_EQ(receive(command).value().bytes.size(), 19U);
+}
+
+TEST(KeylessReceiver, reads_messages_with_and_without_trailers) {
+  MessageSeal seal;
+  MessageReceiver receiver(ChannelList(studio()), seal, [](std::string_view) { return true; });
+  Sender sender(StudioKey::make());
+  const std::vector<uint8_t> sent(100'000, 77);
+  std::optional<ReceivedMessage> got;
+  auto datagrams = sender.datagrams("V3D_FRAME_cam01", sent);
+  std::reverse(datagrams.begin(), datagrams.end());
+  for (const auto& datagram : datagrams) got = receiver.receive(datagram, kSource, kNow);
+  ASSERT_TRUE(got);
+  EXPECT_TRUE(std::ranges::equal(got->bytes, sent));
+  for (const OutgoingDatagram& plain : split_message(9, "V3D_FRAME_cam01", sent, false)) {
+    RawDatagram bytes(plain.head().begin(), plain.head().end());
+    bytes.insert(bytes.end(), plain.data.begin(), plain.data.end());
+    got = receiver.receive(bytes, kSource, kNow);
+  }
+  ASSERT_TRUE(got);
+  EXPECT_TRUE(std::ranges::equal(got->bytes, sent));
+}
+
+TEST(InsistingReceiver, accepts_nothing_without_a_key) {
+  MessageSeal seal;
+  seal.insist();
+  MessageReceiver receiver(ChannelList(studio()), seal, [](std::string_view) { return true; });
+  Sender sender(StudioKey::make());
+  for (const auto& datagram : sender.datagrams("V3D_FRAME_cam01", std::vector<uint8_t>(100'000))) {
+    EXPECT_FALSE(receiver.receive(datagram, kSource, kNow));
+  }
+  EXPECT_EQ(seal.counts().forged, 2);
+}
+
+/// What somebody without the key can send: noise, invented names, forged and changed fragments.
+std::vector<RawDatagram> hostile_datagrams(Sender& studio_sender) {
+  std::mt19937 random(7);
+  std::vector<RawDatagram> all;
+  Sender stranger(StudioKey::make());
+  const std::vector<uint8_t> bytes(100'000, 5);
+  for (int i = 0; i < 1000; ++i) {
+    all.push_back(test::short_datagram(random(), "V3D_COMMAND"));
+    all.push_back(test::short_datagram(1, "V3D_FRAME_" + std::to_string(random()) + '\0'));
+    RawDatagram huge = test::fragment_header(
+        {.message_size = 256U << 20, .number = 0, .count = static_cast<uint16_t>(random())});
+    test::put_text(huge, std::string("V3D_MESH") + '\0');
+    all.push_back(huge);
+    for (auto& datagram : stranger.datagrams("V3D_FRAME_cam01", bytes)) all.push_back(datagram);
+    for (auto datagram : studio_sender.datagrams("V3D_FRAME_cam01", bytes)) {
+      datagram[random() % datagram.size()] ^= static_cast<uint8_t>(1 << random() % 8);
+      all.push_back(datagram);
+    }
+    RawDatagram noise(random() % 300);
+    for (uint8_t& byte : noise) byte = static_cast<uint8_t>(random());
+    all.push_back(noise);
+  }
+  return all;
+}
+
+TEST_F(Receiver, neither_allocates_for_strangers_nor_lets_them_displace_a_message) {
+  const auto sent = message(100'000);
+  const auto frame = sender_.datagrams("V3D_FRAME_cam01", sent);
+  Sender other(key_);
+  const auto hostile = hostile_datagrams(other);
+  seal_.count_forged();  // the text of the trouble has its memory now
+  EXPECT_FALSE(receive(frame[0]));
+  const int64_t before = test::allocations();
+  int64_t accepted = 0;
+  for (const RawDatagram& datagram : hostile) accepted += receive(datagram) ? 1 : 0;
+  EXPECT_EQ(test::allocations() - before, 0);
+  EXPECT_GT(seal_.counts().forged, 1000);
+  EXPECT_EQ(accepted, 0);
+  EXPECT_TRUE(receive(frame[1])) << "its first half was still there";
+}
+
+}  // namespace
+}  // namespace v3d

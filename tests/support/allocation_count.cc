@@ -1,0 +1,22 @@
+#include "support/allocation_count.h"
+
+#include <atomic>
+#include <cstdlib>
+#include <new>
+
+namespace {
+std::atomic<int64_t> count = 0;
+}  // namespace
+
+void* operator new(size_t size) {
+  ++count;
+  void* const bytes = std::malloc(size > 0 ? size : 1);
+  if (bytes == nullptr) throw std::bad_alloc();
+  return bytes;
+}
+void operator delete(void* bytes) noexcept { std::free(bytes); }
+void operator delete(void* bytes, size_t) noexcept { std::free(bytes); }
+
+namespace v3d::test {
+int64_t allocations() { return count; }
+}  // namespace v3d::test

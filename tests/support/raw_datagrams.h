@@ -1,0 +1,116 @@
+// Datagrams as they are on the network: sent as they stand, and recorded.
+#pragma once
+
+#include <arpa/inet.h>
+#include <netinet/in.h>
+#include <poll.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#include <cstdint>
+#include <stdexcept>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "base/lcm_group.h"
+#include "base/time.h"
+
+namespace v3d::test {
+
+using RawDatagram = std::vector<uint8_t>;
+
+inline void put32(RawDatagram& bytes, uint32_t value) {
+  for (int shift = 24; shift >= 0; shift -= 8) {
+    bytes.push_back(static_cast<uint8_t>(value >> shift));
+  }
+}
+inline void put_text(RawDatagram& bytes, std::string_view text) {
+  bytes.insert(bytes.end(), text.begin(), text.end());
+}
+
+/// A short message's head, and `channel` without a NUL behind it.
+inline RawDatagram short_datagram(uint32_t sequence, std::string_view channel) {
+  RawDatagram bytes = {'L', 'C', '0', '2'};
+  put32(bytes, sequence);
+  put_text(bytes, channel);
+  return bytes;
+}
+
+struct RawFragment {
+  uint32_t sequence = 0;
+  uint32_t message_size = 0;
+  uint32_t offset = 0;
+  uint16_t number = 0;
+  uint16_t count = 2;
+};
+/// A fragment's header alone; for number 0, the channel with its NUL is to follow.
+inline RawDatagram fragment_header(const RawFragment& fragment) {
+  RawDatagram bytes = {'L', 'C', '0', '3'};
+  for (const uint32_t field : {fragment.sequence, fragment.message_size, fragment.offset}) {
+    put32(bytes, field);
+  }
+  put32(bytes, static_cast<uint32_t>(fragment.number) << 16 | fragment.count);
+  return bytes;
+}
+
+/// One socket of somebody on the network: sends to a group, and receives what is sent to it.
+class RawSocket {
+ public:
+  explicit RawSocket(const std::string& url) {
+    const auto group = lcm_group(url).value();
+    group_.sin_family = AF_INET;
+    group_.sin_port = htons(group.port);
+    inet_pton(AF_INET, group.address.c_str(), &group_.sin_addr);
+    const int on = 1;
+    const int room = 4 << 20;
+    ip_mreq membership{};
+    membership.imr_multiaddr = group_.sin_addr;
+    setsockopt(listener_, SOL_SOCKET, SO_REUSEADDR, &on, sizeof on);
+    setsockopt(listener_, SOL_SOCKET, SO_RCVBUF, &room, sizeof room);
+    if (bind(listener_, generic(), sizeof group_) != 0 ||
+        setsockopt(listener_, IPPROTO_IP, IP_ADD_MEMBERSHIP, &membership, sizeof membership) != 0) {
+      throw std::runtime_error("cannot join " + url);
+    }
+  }
+  ~RawSocket() {
+    close(sender_);
+    close(listener_);
+  }
+  RawSocket(const RawSocket&) = delete;
+  RawSocket& operator=(const RawSocket&) = delete;
+
+  void send(const RawDatagram& bytes) const {
+    sendto(sender_, bytes.data(), bytes.size(), 0, generic(), sizeof group_);
+  }
+  /// What has been sent to the group, one at a time; empty after `wait`.
+  RawDatagram receive(Duration wait) const {
+    pollfd watched = {listener_, POLLIN, 0};
+    const auto ms = std::chrono::duration_cast<std::chrono::milliseconds>(wait).count();
+    if (poll(&watched, 1, static_cast<int>(ms)) <= 0) return {};
+    RawDatagram bytes(65'536);
+    const ssize_t size = recv(listener_, bytes.data(), bytes.size(), 0);
+    bytes.resize(size > 0 ? static_cast<size_t>(size) : 0);
+    return bytes;
+  }
+  /// All that is sent until `wait` passes without anything, or there are `count`.
+  std::vector<RawDatagram> receive_all(size_t count, Duration wait) const {
+    std::vector<RawDatagram> all;
+    while (all.size() < count) {
+      all.push_back(receive(wait));
+      if (all.back().empty()) {
+        all.pop_back();
+        break;
+      }
+    }
+    return all;
+  }
+
+ private:
+  const sockaddr* generic() const { return reinterpret_cast<const sockaddr*>(&group_); }
+  const int sender_ = socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0);
+  const int listener_ = socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0);
+  sockaddr_in group_{};
+};
+
+}  // namespace v3d::test

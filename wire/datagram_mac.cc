@@ -1,0 +1,83 @@
+#include "wire/datagram_mac.h"
+
+#include <sodium.h>
+
+#include <algorithm>
+#include <limits>
+
+namespace v3d {
+namespace {
+
+constexpr std::array<uint8_t, 4> kMagic = {'V', '3', 'D', '1'};
+constexpr int64_t kNsPerUs = 1000;
+constexpr size_t kUntagged = kMacTrailerSize - 16;
+
+static_assert(crypto_onetimeauth_BYTES == 16);
+static_assert(crypto_onetimeauth_KEYBYTES == 32);
+
+template <class Integer>
+void put(uint8_t*& at, Integer value) {
+  for (int shift = 8 * (sizeof value - 1); shift >= 0; shift -= 8) {
+    *at++ = static_cast<uint8_t>(value >> shift);
+  }
+}
+
+template <class Integer>
+Integer take(const uint8_t*& at) {
+  Integer value = 0;
+  for (size_t i = 0; i < sizeof value; ++i) value = static_cast<Integer>(value << 8 | *at++);
+  return value;
+}
+
+}  // namespace
+
+std::array<uint8_t, kMacTrailerSize> MacTrailer::bytes() const {
+  std::array<uint8_t, kMacTrailerSize> bytes{};
+  uint8_t* at = std::copy(kMagic.begin(), kMagic.end(), bytes.data());
+  put(at, session);
+  put(at, static_cast<uint64_t>(to_ns(sent) / kNsPerUs));
+  std::copy(tag.begin(), tag.end(), at);
+  return bytes;
+}
+
+std::optional<MacTrailer> read_trailer(std::span<const uint8_t, kMacTrailerSize> bytes) {
+  if (!std::equal(kMagic.begin(), kMagic.end(), bytes.begin())) return std::nullopt;
+  const uint8_t* at = bytes.data() + kMagic.size();
+  MacTrailer trailer;
+  trailer.session = take<uint32_t>(at);
+  const auto sent_us = take<uint64_t>(at);
+  if (sent_us > std::numeric_limits<int64_t>::max() / kNsPerUs) return std::nullopt;
+  trailer.sent = from_ns<Realtime>(static_cast<int64_t>(sent_us) * kNsPerUs);
+  std::copy_n(at, trailer.tag.size(), trailer.tag.begin());
+  return trailer;
+}
+
+uint32_t random_session() { return randombytes_random(); }
+
+DatagramMac::DatagramMac(const StudioKey& key) : key_(key.derive("v3d datagram MAC")) {}
+
+DatagramMac::OneTimeKey DatagramMac::one_time_key(std::span<const uint8_t> head,
+                                                  const MacTrailer& trailer) const {
+  const std::array<uint8_t, kMacTrailerSize> bytes = trailer.bytes();
+  crypto_generichash_state state;
+  OneTimeKey key{};
+  crypto_generichash_init(&state, key_.data(), key_.size(), key.size());
+  crypto_generichash_update(&state, bytes.data(), kUntagged);
+  crypto_generichash_update(&state, head.data(), head.size());
+  crypto_generichash_final(&state, key.data(), key.size());
+  return key;
+}
+
+void DatagramMac::sign(std::span<const uint8_t> head, std::span<const uint8_t> data,
+                       MacTrailer& trailer) const {
+  const OneTimeKey key = one_time_key(head, trailer);
+  crypto_onetimeauth(trailer.tag.data(), data.data(), data.size(), key.data());
+}
+
+bool DatagramMac::verify(std::span<const uint8_t> head, std::span<const uint8_t> data,
+                         const MacTrailer& trailer) const {
+  const OneTimeKey key = one_time_key(head, trailer);
+  return crypto_onetimeauth_verify(trailer.tag.data(), data.data(), data.size(), key.data()) == 0;
+}
+
+}  // namespace v3d
