@@ -72,7 +72,7 @@ class SegmentScan {
     }
     const uint64_t channel_size = read_big_endian(head.subspan(20, 4));
     const uint64_t data_size = read_big_endian(head.subspan(24, 4));
-    if (channel_size == 0 || channel_size > kLongestChannel || data_size > INT32_MAX) {
+    if (channel_size == 0 || channel_size > kLongestChannel || data_size > kMaxEventBytes) {
       return std::nullopt;
     }
     const uint64_t data_offset = offset + kEventHeaderSize + channel_size;

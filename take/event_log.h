@@ -18,6 +18,8 @@ namespace v3d {
 
 inline constexpr uint32_t kEventSyncWord = 0xEDA1DA01;
 inline constexpr size_t kEventHeaderSize = 28;  ///< before the channel's name
+/// A longer event is damage: the largest frame, 65536 x 1024 pixels of 16 bits, has half of that.
+inline constexpr uint64_t kMaxEventBytes = 256 << 20;
 
 /// Where one event lies.
 struct EventSpan {

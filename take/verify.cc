@@ -17,17 +17,19 @@ namespace {
 /// How much of a log is read: the whole frames, or their labels.
 enum class Depth : uint8_t { kFrames, kLabels };
 
-/// The label of the frame, if it is one of this camera and, as far as it is read, undamaged.
-std::optional<FrameLabel> label_in(const Bytes& bytes, const EventSpan& event,
-                                   const std::string& camera, Depth depth) {
-  if (depth == Depth::kFrames) {
-    const auto message = decode<FrameMessage>(bytes);
-    if (!message || message->frame.camera != camera) return std::nullopt;
-    return message->frame.label;
-  }
-  const auto head = decode_frame_head(bytes);
+/// The label of the frame; empty when it is none of this camera or, as far as it is read, damaged.
+/// Of bytes that do not begin as a frame no more is read: their length is not to be trusted.
+io::Result<std::optional<FrameLabel>> read_label(const EventLogReader& log, const EventSpan& event,
+                                                 const std::string& camera, Depth depth) {
+  const auto begin = log.read(event, kFrameHeadSize);
+  if (!begin) return tl::make_unexpected(begin.error());
+  const auto head = decode_frame_head(*begin);
   if (!head || head->camera != camera || head->message_size != event.data_size) return std::nullopt;
-  return head->label;
+  if (depth == Depth::kLabels) return head->label;
+  const auto whole = log.read(event);
+  if (!whole) return tl::make_unexpected(whole.error());
+  const auto message = decode<FrameMessage>(*whole);
+  return message ? std::optional(message->frame.label) : std::nullopt;
 }
 
 class Verifier {
@@ -105,23 +107,19 @@ class Verifier {
   void count_events(const EventLogReader& log, const std::string& camera, CameraAccount& account,
                     ExposureCount& exposures) {
     const std::filesystem::path file = paths_.frames(camera);
-    const size_t limit = depth_ == Depth::kFrames ? SIZE_MAX : kFrameHeadSize;
     int64_t damaged = log.damaged_places(), unreadable = 0;
     std::vector<std::string> errors = log.read_errors();
     for (const EventSpan& event : log.events()) {
-      const auto bytes = log.read(event, limit);
-      if (!bytes) {
-        ++unreadable;
-        if (errors.empty()) errors.push_back(bytes.error().message);
-        continue;
-      }
-      const auto label = label_in(*bytes, event, camera, depth_);
+      const auto label = read_label(log, event, camera, depth_);
       if (!label) {
+        ++unreadable;
+        if (errors.empty()) errors.push_back(label.error().message);
+      } else if (!*label) {
         ++damaged;
-        continue;
+      } else {
+        account.add((*label)->pulse, (*label)->suspect);
+        exposures.add((*label)->camera_counter);
       }
-      account.add(label->pulse, label->suspect);
-      exposures.add(label->camera_counter);
     }
     for (std::string& error : errors) result_.disagreements.push_back(std::move(error));
     if (unreadable > 0) disagree(file, format_count(unreadable) + " events cannot be read");

@@ -101,16 +101,20 @@ TEST_F(TakeOfTheTriggersNode, accounts_for_every_pulse_and_is_closed) {
   // What a busy host did not send in time is named.
   EXPECT_EQ(account.ledger.sensed.value() + std::ssize(account.ledger.unsensed), kPulses);
   EXPECT_EQ(account.counts.commanded, kPulses);
-  EXPECT_EQ(account.unkept, "");
+  EXPECT_EQ(account.closing.unkept, "");
   EXPECT_EQ(load_take_info(paths()).state, TakeState::kComplete);
   EXPECT_EQ(std::ssize(edge_times(paths())), account.ledger.sensed.value());
 }
 
-TEST_F(TakeOfTheTriggersNode, leaves_nothing_when_it_never_saw_a_pulse) {
+TEST_F(TakeOfTheTriggersNode, is_moved_to_the_quarantine_when_it_never_saw_a_pulse) {
   const auto take = begun(CommandVerb::kArm);
   EXPECT_TRUE(exists(paths().info()));
-  EXPECT_EQ(take->close().ledger.commanded, 0);
-  EXPECT_FALSE(exists(paths().folder));
+  const TakeAccount account = take->close();
+  EXPECT_EQ(account.ledger.commanded, 0);
+  EXPECT_FALSE(exists(paths().folder)) << "its name is free again";
+  const auto place = paths().folder.parent_path() / "quarantine" / paths().folder.filename();
+  EXPECT_TRUE(exists(place / "take.toml"));
+  EXPECT_THAT(account.closing.notice, testing::HasSubstr("moved to " + place.string()));
 }
 
 TEST_F(TakeOfTheTriggersNode, records_nothing_when_it_is_a_check) {

@@ -2,6 +2,7 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <sys/resource.h>
 
 #include "base/error.h"
 #include "base/file.h"
@@ -99,6 +100,22 @@ TEST_F(TakeFolder, of_which_a_log_is_gone_misses_every_pulse_of_that_camera) {
   const Verification v = verify_take(paths_);
   EXPECT_THAT(v.ledger.cameras[0].missing, ElementsAre(0, 1, 2));
   EXPECT_THAT(v.disagreements[0], HasSubstr("cam01.lcmlog: No such file"));
+}
+
+/// A file with holes may claim an event of any length in four kilobytes.
+TEST_F(TakeFolder, reads_no_body_of_an_event_that_does_not_begin_as_a_frame) {
+  constexpr uint32_t kClaimed = 200 << 20;
+  std::string head("\xED\xA1\xDA\x01", 4);
+  head += std::string(16, '\0') + std::string("\0\0\0\x0f", 4);
+  for (int shift = 24; shift >= 0; shift -= 8) head += static_cast<char>(kClaimed >> shift);
+  test::write_text(paths_.frames("cam01"), head + "V3D_FRAME_cam01");
+  std::filesystem::resize_file(paths_.frames("cam01"), head.size() + 15 + kClaimed);
+  rusage before{}, after{};
+  getrusage(RUSAGE_SELF, &before);
+  EXPECT_THAT(verify_take(paths_).disagreements,
+              testing::Contains("cam01.lcmlog: 1 damaged events"));
+  getrusage(RUSAGE_SELF, &after);
+  EXPECT_LT(after.ru_maxrss - before.ru_maxrss, 50 << 10) << "kB";
 }
 
 TEST_F(TakeFolder, tells_of_pulses_that_were_not_sensed) {
