@@ -46,12 +46,12 @@ Function* real(const char* name) {
 
 }  // namespace
 
-extern "C" ssize_t writev(int fd, const iovec* parts, int count) {
-  static auto* const next = real<ssize_t(int, const iovec*, int)>("writev");
+extern "C" ssize_t pwritev(int fd, const iovec* parts, int count, off_t offset) {
+  static auto* const next = real<ssize_t(int, const iovec*, int, off_t)>("pwritev");
   const Illness ill = is_event_log(fd) ? illness() : Illness();
   const timespec pause{0, ill.milliseconds * 1'000'000};
   nanosleep(&pause, nullptr);
-  if (ill.name != "broken") return next(fd, parts, count);
+  if (ill.name != "broken") return next(fd, parts, count, offset);
   errno = EIO;
   return -1;
 }
