@@ -1,13 +1,14 @@
 #include "base/colour_response.h"
 
 #include <algorithm>
-#include <cassert>
 #include <cmath>
+
+#include "base/check.h"
 
 namespace v3d {
 
 void correct(Image& image, const ColourResponse& response) {
-  assert(image.format == PixelFormat::kRGB8);
+  V3D_CHECK(image.format == PixelFormat::kRGB8);
   if (response.is_identity()) return;
   for (size_t i = 0; i + 2 < image.bytes.size(); i += 3) {
     uint8_t* const pixel = &image.bytes[i];

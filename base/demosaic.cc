@@ -2,8 +2,9 @@
 
 #include <algorithm>
 #include <array>
-#include <cassert>
 #include <vector>
+
+#include "base/check.h"
 
 namespace v3d {
 namespace {
@@ -109,7 +110,7 @@ Image to_rgb(ImageView source) {
 }
 
 Image mosaic(ImageView rgb, PixelFormat format) {
-  assert(rgb.format == PixelFormat::kRGB8 && is_bayer(format));
+  V3D_CHECK(rgb.format == PixelFormat::kRGB8 && is_bayer(format));
   Image raw(rgb.size, format);
   for (int y = 0; y < rgb.size.height; ++y) {
     const std::array channel = {bayer_channel(format, 0, y), bayer_channel(format, 1, y)};

@@ -1,5 +1,6 @@
 // The three kinds of error:
-//   - a bug: assert;
+//   - a bug: V3D_CHECK (base/check.h), which aborts in every build; only the inner loops of kernels
+//   check in debug builds alone;
 //   - bad input or set-up: InputError, thrown once with what, where and what would be right, caught
 //   in main;
 //   - while running (a drop, an unplug, a bad packet): data. Counted and shown, never thrown.

@@ -1,8 +1,9 @@
 #include "base/frame.h"
 
 #include <algorithm>
-#include <cassert>
 #include <utility>
+
+#include "base/check.h"
 
 namespace v3d {
 namespace {
@@ -27,7 +28,7 @@ Rect neighbourhood(Rect box, int margin, ImageSize size) {
 
 Frame observe(const std::string& camera, const FrameLabel& label, ImageView raw, Mask mask,
               int margin) {
-  assert(mask.size() == raw.size);
+  V3D_CHECK(mask.size() == raw.size);
   Frame frame;
   frame.camera = camera;
   frame.label = label;

@@ -2,8 +2,9 @@
 
 #include <algorithm>
 #include <array>
-#include <cassert>
 #include <cstring>
+
+#include "base/check.h"
 
 namespace v3d {
 namespace {
@@ -34,7 +35,7 @@ constexpr std::array<FormatFacts, 6> kFormats = {{
 const FormatFacts& facts(PixelFormat format) {
   const auto* found = std::find_if(kFormats.begin(), kFormats.end(),
                                    [&](const FormatFacts& f) { return f.format == format; });
-  assert(found != kFormats.end());
+  V3D_CHECK(found != kFormats.end());
   return *found;
 }
 
@@ -76,9 +77,9 @@ size_t byte_count(ImageSize size, PixelFormat format) {
 }
 
 Image crop(ImageView source, Rect rect) {
-  assert(rect.x0 >= 0 && rect.y0 >= 0 && rect.x0 + rect.width <= source.size.width &&
-         rect.y0 + rect.height <= source.size.height);
-  assert(!is_bayer(source.format) || (rect.x0 % 2 == 0 && rect.y0 % 2 == 0));
+  V3D_CHECK(rect.x0 >= 0 && rect.y0 >= 0 && rect.x0 + rect.width <= source.size.width &&
+            rect.y0 + rect.height <= source.size.height);
+  V3D_CHECK(!is_bayer(source.format) || (rect.x0 % 2 == 0 && rect.y0 % 2 == 0));
   if (rect.empty()) {
     return {ImageSize{0, 0}, source.format};
   }

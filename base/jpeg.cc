@@ -2,9 +2,10 @@
 
 #include <turbojpeg.h>
 
-#include <cassert>
 #include <memory>
 #include <stdexcept>
+
+#include "base/check.h"
 
 namespace v3d {
 namespace {
@@ -25,7 +26,7 @@ std::optional<ImageSize> size_of(tjhandle decoder, std::span<const uint8_t> jpeg
 }  // namespace
 
 std::vector<uint8_t> encode_jpeg(ImageView rgb, int quality) {
-  assert(rgb.format == PixelFormat::kRGB8 && rgb.size.pixels() > 0);
+  V3D_CHECK(rgb.format == PixelFormat::kRGB8 && rgb.size.pixels() > 0);
   const Handle jpeg(tjInitCompress(), tjDestroy);
   unsigned long size = tjBufSize(rgb.size.width, rgb.size.height, TJSAMP_420);
   std::vector<uint8_t> bytes(size);

@@ -2,7 +2,8 @@
 
 #include <algorithm>
 #include <bit>
-#include <cassert>
+
+#include "base/check.h"
 
 namespace v3d {
 namespace {
@@ -143,7 +144,7 @@ std::optional<Mask> decode_runs(std::span<const uint8_t> runs, ImageSize size) {
 }
 
 Mask mask_from_image(ImageView image) {
-  assert(image.format == PixelFormat::kMono8);
+  V3D_CHECK(image.format == PixelFormat::kMono8);
   Mask mask(image.size);
   for (int y = 0; y < image.size.height; ++y) {
     const uint8_t* in = image.row(y);
@@ -166,7 +167,7 @@ Image image_from_mask(const Mask& mask) {
 }
 
 double intersection_over_union(const Mask& a, const Mask& b) {
-  assert(a.size() == b.size());
+  V3D_CHECK(a.size() == b.size());
   int64_t both = 0;
   int64_t either = 0;
   for (int y = 0; y < a.size().height; ++y) {

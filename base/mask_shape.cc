@@ -1,14 +1,15 @@
 #include "base/mask_shape.h"
 
 #include <algorithm>
-#include <cassert>
+
+#include "base/check.h"
 
 namespace v3d {
 namespace {
 
 template <class F>
 Mask word_by_word(Mask a, const Mask& b, F f) {
-  assert(a.size() == b.size());
+  V3D_CHECK(a.size() == b.size());
   for (int y = 0; y < a.size().height; ++y) {
     const auto row = a.row(y);
     std::transform(row.begin(), row.end(), b.row(y).begin(), row.begin(), f);
@@ -76,7 +77,7 @@ Mask either(Mask a, const Mask& b) {
 }
 
 Mask grown(const Mask& mask, int radius) {
-  assert(radius >= 0 && radius <= kMostRadius);
+  V3D_CHECK(radius >= 0 && radius <= kMostRadius);
   return grown_along_columns(grown_along_rows(mask, radius), radius);
 }
 

@@ -2,11 +2,11 @@
 
 #include <spng.h>
 
-#include <cassert>
 #include <cstdlib>
 #include <memory>
 #include <new>
 
+#include "base/check.h"
 #include "base/demosaic.h"
 #include "base/error.h"
 #include "base/file.h"
@@ -31,7 +31,7 @@ Context make_context(int flags) {
 
 /// `samples` lie in memory as the machine keeps numbers.
 std::string encode(ImageSize size, int channels, int bits, const void* samples, size_t bytes) {
-  assert(channels == 1 || channels == 3);
+  V3D_CHECK(channels == 1 || channels == 3);
   const Context context = make_context(SPNG_CTX_ENCODER);
   spng_set_option(context.get(), SPNG_ENCODE_TO_BUFFER, 1);
   spng_ihdr header{};

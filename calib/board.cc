@@ -2,10 +2,10 @@
 
 #include <algorithm>
 #include <array>
-#include <cassert>
 #include <charconv>
 #include <optional>
 
+#include "base/check.h"
 #include "base/error.h"
 #include "base/units.h"
 
@@ -120,7 +120,7 @@ Board parse_board(std::string_view text) {
 }
 
 BoardSighting turned(const Board& board, const BoardSighting& sighting) {
-  assert(board.looks_same_turned());
+  V3D_CHECK(board.looks_same_turned());
   BoardSighting other;
   for (int i = sighting.count() - 1; i >= 0; --i) {
     other.corners.push_back(board.corners() - 1 - sighting.corners[i]);

@@ -6,7 +6,8 @@
 #include <hwy/highway.h>
 
 #include <algorithm>
-#include <cassert>
+
+#include "base/check.h"
 
 #ifndef V3D_CAPTURE_BACKGROUND_STEP
 #define V3D_CAPTURE_BACKGROUND_STEP
@@ -116,7 +117,7 @@ void BackgroundAdaptation::mark_busy_cells(const Mask& mask) {
 
 void BackgroundAdaptation::follow(ImageView image, const Mask& mask, uint32_t gain,
                                   BackgroundTable& table) {
-  assert(image.size == table.size && image.format == table.format && mask.size() == table.size);
+  V3D_CHECK(image.size == table.size && image.format == table.format && mask.size() == table.size);
   mark_busy_cells(mask);
   const Pace pace{static_cast<uint16_t>(gain), table.sharpness_shift,
                   static_cast<uint16_t>(kFarthest * table.steps_per_spread)};

@@ -2,8 +2,9 @@
 
 #include <algorithm>
 #include <array>
-#include <cassert>
 #include <cmath>
+
+#include "base/check.h"
 
 namespace v3d {
 namespace {
@@ -87,7 +88,7 @@ BackgroundTable::BackgroundTable(const BackgroundModel& model, const SegmentOpti
       channels(bytes_per_pixel(model.format)),
       keyed(keyed_quads(model)) {
   const size_t samples = byte_count(size, format);
-  assert(model.mean.size() == samples && model.spread.size() == samples);
+  V3D_CHECK(model.mean.size() == samples && model.spread.size() == samples);
   mean.resize(samples + kReach);
   sharpness.resize(samples + kReach);
   const float least = std::clamp(options.noise_floor, kLeastSpread, kMostSpread);

@@ -8,9 +8,10 @@
 #include <hwy/highway.h>
 
 #include <algorithm>
-#include <cassert>
 #include <cmath>
 #include <cstring>
+
+#include "base/check.h"
 
 #ifndef V3D_CAPTURE_QUAD_SEARCH
 #define V3D_CAPTURE_QUAD_SEARCH
@@ -285,8 +286,8 @@ DifferingQuads::DifferingQuads(const BackgroundTable& background) : quads_(backg
 
 const Mask& DifferingQuads::find(ImageView image, const BackgroundTable& background,
                                  const QuadTest& test, uint32_t gain) {
-  assert(image.size == background.size && image.format == background.format);
-  assert(image.size.width >= 2 && image.size.height >= 2);
+  V3D_CHECK(image.size == background.size && image.format == background.format);
+  V3D_CHECK(image.size.width >= 2 && image.size.height >= 2);
   const int channels = background.channels;
   const size_t samples = static_cast<size_t>(image.size.width) * channels;
   const QuadSearch search{test,

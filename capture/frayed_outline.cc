@@ -2,10 +2,10 @@
 
 #include <algorithm>
 #include <bit>
-#include <cassert>
 #include <cstdint>
 #include <span>
 
+#include "base/check.h"
 #include "base/mask_shape.h"
 
 namespace v3d {
@@ -204,14 +204,14 @@ double notches_per_pixel(const Mask& raw, const Mask& smooth, int every) {
 }  // namespace
 
 bool is_frayed(const Mask& raw, const Mask& smooth) {
-  assert(raw.size() == smooth.size());
+  V3D_CHECK(raw.size() == smooth.size());
   // Most outlines are clean, and a few rows tell.
   return notches_per_pixel(raw, smooth, 8) > kFrayed / 2 &&
          notches_per_pixel(raw, smooth, 1) > kFrayed;
 }
 
 Mask without_notches(const Mask& raw, const Mask& smooth) {
-  assert(raw.size() == smooth.size());
+  V3D_CHECK(raw.size() == smooth.size());
   const Rect box = wider(smooth.bounding_box(), kNear);
   const Mask near = both(raw, grown(smooth, kNear));
   return without_bumps(filled_notches(without_specks_inside(near, box), box), box);

@@ -2,9 +2,10 @@
 
 #include <algorithm>
 #include <array>
-#include <cassert>
 #include <cstdint>
 #include <utility>
+
+#include "base/check.h"
 
 namespace v3d {
 namespace {
@@ -63,7 +64,7 @@ void take_majority(Mask& mask) {
   const int height = mask.size().height;
   const auto words = static_cast<size_t>(mask.words_per_row());
   if (height == 0 || words == 0) return;
-  assert(words <= kMostWords);
+  V3D_CHECK(words <= kMostWords);
   const int last = (mask.size().width - 1) % 64;
   CountedRow rows[3];
   CountedRow* above = &rows[0];

@@ -1,7 +1,8 @@
 #include "capture/preview.h"
 
 #include <array>
-#include <cassert>
+
+#include "base/check.h"
 
 namespace v3d {
 namespace {
@@ -44,7 +45,7 @@ void put_rgb_quad(const uint8_t* upper, const uint8_t* lower, uint8_t* rgb) {
 
 Image preview_of(ImageView raw) {
   const ImageSize half{raw.size.width / 2, raw.size.height / 2};
-  assert(half.pixels() > 0);
+  V3D_CHECK(half.pixels() > 0);
   Image small(half, PixelFormat::kRGB8);
   const QuadColours colours = colours_of(raw.format);
   for (int y = 0; y < half.height; ++y) {

@@ -1,9 +1,9 @@
 #include "capture/segmenter.h"
 
 #include <algorithm>
-#include <cassert>
 #include <span>
 
+#include "base/check.h"
 #include "capture/brightness.h"
 #include "capture/moved_background.h"
 
@@ -43,7 +43,7 @@ Segmenter::Segmenter(const BackgroundModel& model, const SegmentOptions& options
       adaptation_(table_) {}
 
 Mask Segmenter::segment(ImageView image) {
-  assert(image.size == size() && image.format == format());
+  V3D_CHECK(image.size == size() && image.format == format());
   if (image.size.width < 2 || image.size.height < 2) return Mask(image.size);
   const uint32_t gain = brightness_ratio(image, table_.mean);
   Mask mask = combine(quads_.find(image, table_, quad_test_, gain));
@@ -55,7 +55,7 @@ Mask Segmenter::segment(ImageView image) {
 }
 
 void Segmenter::learn(int64_t pulse, ImageView image, const Mask& mask) {
-  assert(learns_from(pulse));
+  V3D_CHECK(learns_from(pulse));
   learnt_ = pulse;
   adaptation_.follow(image, mask, brightness_ratio(image, table_.mean), table_);
 }

@@ -4,9 +4,9 @@
 
 #include <algorithm>
 #include <bit>
-#include <cassert>
 #include <string>
 
+#include "base/check.h"
 #include "base/error.h"
 
 namespace v3d {
@@ -45,7 +45,7 @@ SparseVolume Intersector::intersect(std::span<const Mask* const> masks) {
 }
 
 void Intersector::intersect(std::span<const Mask* const> masks, SparseVolume& volume) {
-  assert(masks.size() == cameras_.size());
+  V3D_CHECK(masks.size() == cameras_.size());
   tbb::parallel_for(size_t{0}, masks.size(), [&](size_t c) {
     if (masks[c] != nullptr) masks_[c].build(*masks[c]);
   });

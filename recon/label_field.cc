@@ -8,8 +8,8 @@
 #include <hwy/highway.h>
 
 #include <algorithm>
-#include <cassert>
 
+#include "base/check.h"
 #include "recon/vertex_loop.h"
 
 HWY_BEFORE_NAMESPACE();
@@ -165,7 +165,7 @@ HWY_EXPORT(cheapest);
 std::span<const uint8_t> LabelField::solve(std::span<const Costs> costs,
                                            std::span<const Edge> edges,
                                            const LabelFieldOptions& options) {
-  assert(kFarthest * options.slope <= UINT8_MAX);
+  V3D_CHECK(kFarthest * options.slope <= UINT8_MAX);
   connect(costs.size(), edges);
   for (int round = 0; round < options.rounds; ++round) {
     for_each_block<512>(costs.size(), [&](size_t begin, size_t end) {

@@ -8,8 +8,9 @@
 #include <hwy/highway.h>
 
 #include <algorithm>
-#include <cassert>
 #include <cstring>
+
+#include "base/check.h"
 
 #ifndef V3D_RECON_MASK_PYRAMID_ONCE
 #define V3D_RECON_MASK_PYRAMID_ONCE
@@ -111,7 +112,7 @@ CellRange cells_of(const Rect& box, int level) {
 }  // namespace
 
 MaskPyramid::MaskPyramid(ImageSize size) {
-  assert(size.width > 0 && size.height > 0);
+  V3D_CHECK(size.width > 0 && size.height > 0);
   for (;;) {
     Level level;
     level.size = size;
@@ -125,7 +126,7 @@ MaskPyramid::MaskPyramid(ImageSize size) {
 }
 
 void MaskPyramid::build(const Mask& mask) {
-  assert(mask.size() == size());
+  V3D_CHECK(mask.size() == size());
   if (!filled_.empty()) clear();
   filled_ = mask.bounding_box();
   if (filled_.empty()) return;
@@ -190,7 +191,8 @@ void MaskPyramid::halve(int level) {
 }
 
 Coverage MaskPyramid::coverage(int x0, int y0, int x1, int y1) const {
-  assert(0 <= x0 && x0 <= x1 && x1 < size().width && 0 <= y0 && y0 <= y1 && y1 < size().height);
+  V3D_DEBUG_CHECK(0 <= x0 && x0 <= x1 && x1 < size().width && 0 <= y0 && y0 <= y1 &&
+                  y1 < size().height);
   return HWY_DYNAMIC_DISPATCH(coverage)(*this, x0, y0, x1, y1);
 }
 

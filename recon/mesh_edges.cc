@@ -1,9 +1,10 @@
 #include "recon/mesh_edges.h"
 
 #include <algorithm>
-#include <cassert>
 #include <optional>
 #include <unordered_map>
+
+#include "base/check.h"
 
 namespace v3d {
 namespace {
@@ -68,7 +69,7 @@ double mean_edge(const Mesh& mesh) {
 }
 
 Mesh with_short_edges(const Mesh& mesh, double most_m) {
-  assert(most_m > 0);
+  V3D_CHECK(most_m > 0);
   Mesh fine{mesh.vertices, mesh.triangles, {}};
   for (bool again = true; again;) {
     EdgeHalver halver(most_m, fine.vertices);

@@ -3,8 +3,8 @@
 #include <tbb/parallel_for.h>
 
 #include <algorithm>
-#include <cassert>
 
+#include "base/check.h"
 #include "recon/brick_halo.h"
 
 namespace v3d {
@@ -49,7 +49,7 @@ void SightVotes::vote(const Eigen::Vector3f& place, uint32_t what) {
 }
 
 std::vector<Brick> SightVotes::seen_through(int least) const {
-  assert(least >= 1);
+  V3D_CHECK(least >= 1);
   std::vector<Brick> result(volume_.bricks().size(), kEmptyBrick);
   const auto passed = [&](int brick) {
     return brick >= 0 && passed_[brick].load(std::memory_order_relaxed);

@@ -4,8 +4,9 @@
 
 #include <algorithm>
 #include <atomic>
-#include <cassert>
 #include <utility>
+
+#include "base/check.h"
 
 namespace v3d {
 
@@ -37,7 +38,7 @@ void SparseVolume::assign(const VoxelGrid& grid,
   grid_ = grid;
   std::array<int, 3> counts{};
   for (int axis = 0; axis < 3; ++axis) {
-    assert(grid.counts[axis] > 0 && grid.counts[axis] <= VoxelGrid::kMaxCount);
+    V3D_CHECK(grid.counts[axis] > 0 && grid.counts[axis] <= VoxelGrid::kMaxCount);
     counts[axis] = static_cast<int>((grid.counts[axis] + kBrickEdge - 1) / kBrickEdge);
   }
   occupied_.clear(counts);
@@ -88,7 +89,7 @@ int64_t SparseVolume::count() const {
 }
 
 int64_t count_common(const SparseVolume& a, const SparseVolume& b) {
-  assert(a.grid() == b.grid());
+  V3D_CHECK(a.grid() == b.grid());
   int64_t common = 0;
   for (size_t n = 0; n < a.bricks().size(); ++n) {
     const int other = b.index_of(a.coords()[n]);

@@ -1,10 +1,10 @@
 // Where the cameras of a turntable stand, and their pictures side by side.
 #include <algorithm>
-#include <cassert>
 #include <cmath>
 #include <limits>
 #include <numbers>
 
+#include "base/check.h"
 #include "recon/renderer.h"
 
 namespace v3d {
@@ -88,7 +88,7 @@ std::vector<CameraModel> turntable_cameras(const Box& bounds, int count, ImageSi
 }
 
 Image contact_sheet(std::span<const Image> views, int columns) {
-  assert(!views.empty());
+  V3D_CHECK(!views.empty());
   const ImageSize view = views[0].size;
   const int count = static_cast<int>(views.size());
   if (columns <= 0) {
@@ -104,7 +104,7 @@ Image contact_sheet(std::span<const Image> views, int columns) {
     sheet.bytes[i + 2] = kBorderColour.b;
   }
   for (int i = 0; i < count; ++i) {
-    assert(views[i].size == view && views[i].format == PixelFormat::kRGB8);
+    V3D_CHECK(views[i].size == view && views[i].format == PixelFormat::kRGB8);
     const int x0 = kBorder + i % columns * (view.width + kBorder);
     const int y0 = kBorder + i / columns * (view.height + kBorder);
     for (int y = 0; y < view.height; ++y) {

@@ -1,10 +1,10 @@
 #include <algorithm>
 #include <array>
-#include <cassert>
 #include <cmath>
 #include <cstdio>
 #include <numbers>
 
+#include "base/check.h"
 #include "sim/noise.h"
 #include "sim/scene.h"
 
@@ -59,7 +59,7 @@ RigCamera make_camera(int index, int count, ImageSize size, uint64_t studio_seed
 }  // namespace
 
 Rig make_rig(int cameras, ImageSize size, uint64_t seed) {
-  assert(cameras > 0 && size.width > 0 && size.height > 0);
+  V3D_CHECK(cameras > 0 && size.width > 0 && size.height > 0);
   Rig rig;
   for (int i = 0; i < cameras; ++i) {
     rig.push_back(make_camera(i, cameras, size, seed));

@@ -1,8 +1,9 @@
 #include "sim/tube.h"
 
-#include <cassert>
 #include <cmath>
 #include <numbers>
+
+#include "base/check.h"
 
 namespace v3d::sim {
 namespace {
@@ -34,7 +35,7 @@ void add_triangles(Mesh& mesh, uint32_t rings, uint32_t sides) {
 
 Part make_tube(Material material, const std::vector<Ring>& rings, int sides, const RingShape& shape,
                const Vector3d& start_cap, const Vector3d& end_cap) {
-  assert(rings.size() >= 2 && sides >= 3);
+  V3D_CHECK(rings.size() >= 2 && sides >= 3);
   Part part;
   part.material = material;
   const Vector3d axis = rings.front().u.cross(rings.front().v).normalized();

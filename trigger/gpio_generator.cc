@@ -1,9 +1,9 @@
 #include "trigger/gpio_generator.h"
 
 #include <algorithm>
-#include <cassert>
 #include <utility>
 
+#include "base/check.h"
 #include "base/error.h"
 #include "base/punctual.h"
 
@@ -46,7 +46,7 @@ void GpioGenerator::arm(const PulseTrain& train) {
 }
 
 void GpioGenerator::start() {
-  assert(output_ && "arm() comes first");
+  V3D_CHECK(output_ && "arm() comes first");
   train_.start();
 }
 

@@ -1,8 +1,9 @@
 #include "trigger/scpi_generator.h"
 
 #include <algorithm>
-#include <cassert>
 #include <utility>
+
+#include "base/check.h"
 
 namespace v3d {
 namespace {
@@ -143,7 +144,7 @@ void ScpiGenerator::program(const PulseTrain& train) {
 }
 
 void ScpiGenerator::start() {
-  assert(instrument_ && "arm() comes first");
+  V3D_CHECK(instrument_ && "arm() comes first");
   patience_ = clock_.now() + kPatience;
   may_run_ = true;
   try {

@@ -1,8 +1,8 @@
 #include "trigger/simulated.h"
 
-#include <cassert>
 #include <utility>
 
+#include "base/check.h"
 #include "trigger/pulse_train.h"
 #include "trigger/wire_socket.h"
 
@@ -29,7 +29,7 @@ void SimulatedGenerator::arm(const PulseTrain& train) {
 }
 
 void SimulatedGenerator::start() {
-  assert(wire_ && "arm() comes first");
+  V3D_CHECK(wire_ && "arm() comes first");
   train_.start();
 }
 

@@ -2,10 +2,10 @@
 // wire/codec_*.cc only, which alone see the types generated from lcmtypes/.
 #pragma once
 
-#include <cassert>
 #include <optional>
 #include <span>
 
+#include "base/check.h"
 #include "base/time.h"
 #include "wire/codec.h"
 #include "wire/layout.h"
@@ -31,7 +31,7 @@ Bytes pack(const Wire& wire, size_t room = 0) {
   bytes.reserve(size + room);
   bytes.resize(size);
   const int used = wire.encode(bytes.data(), 0, static_cast<int>(size));
-  assert(used >= 0);
+  V3D_CHECK(used >= 0);
   bytes.resize(static_cast<size_t>(used));
   return bytes;
 }

@@ -7,11 +7,11 @@
 #include <unistd.h>
 
 #include <algorithm>
-#include <cassert>
 #include <cerrno>
 #include <cstdio>
 #include <string>
 
+#include "base/check.h"
 #include "base/error.h"
 #include "base/file.h"
 
@@ -112,7 +112,7 @@ void StudioKey::save(const std::filesystem::path& path, const char* group) const
 }
 
 void StudioKey::seal(Bytes& message) const {
-  assert(message.size() > kSealSize);
+  V3D_CHECK(message.size() > kSealSize);
   const size_t size = message.size() - kSealSize;
   crypto_auth(message.data() + size, message.data(), size, secret_.data());
 }

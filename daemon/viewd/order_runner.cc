@@ -2,8 +2,7 @@
 
 #include <unistd.h>
 
-#include <cassert>
-
+#include "base/check.h"
 #include "base/error.h"
 
 namespace v3d {
@@ -25,7 +24,7 @@ void OrderRunner::refuse_without_v3dctl() const {
 }
 
 void OrderRunner::begin(const OperatorOrder& order, MonotonicInstant now) {
-  assert(!program_);
+  V3D_CHECK(!program_);
   std::vector<std::string> words = {v3dctl_, "--studio", studio_};
   for (std::string& word : order.words()) words.push_back(std::move(word));
   program_.emplace(words, now + from_seconds(order.patience_s() + kOverPatienceSeconds));

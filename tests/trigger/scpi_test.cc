@@ -280,6 +280,13 @@ TEST(ScpiGenerator, says_that_pulses_may_go_on_when_it_cannot_stop_them) {
   EXPECT_THAT(generator->fault(), HasSubstr("pulses may go on: usb:0957:2c07: was unplugged, and"));
 }
 
+TEST(ScpiGeneratorDeathTest,
+     ends_the_program_with_the_reason_when_it_is_started_before_it_was_armed) {
+  Bench bench("keysight33500");
+  const auto generator = generator_on(bench, trigger_of(Dialect::kKeysight33500));
+  EXPECT_DEATH(generator->start(), "check failed: .*arm\\(\\) comes first");
+}
+
 TEST(ScpiAnswers, are_read_in_every_notation_that_means_the_same) {
   EXPECT_TRUE(says("+2.500000000000000E+01", "", "25"));
   EXPECT_TRUE(says("25HZ", "", "25"));

@@ -1,7 +1,6 @@
 #include "v3dctl/shared_reconstruct.h"
 
 #include <algorithm>
-#include <cassert>
 #include <map>
 #include <stdexcept>
 
