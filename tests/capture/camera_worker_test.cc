@@ -143,11 +143,15 @@ TEST_F(CameraWorkerTest, tells_in_its_text_what_the_factory_threw) {
   EXPECT_EQ(w.status().state, CameraState::kOpening);
 }
 
-TEST_F(CameraWorkerTest, ends_at_any_moment) {
+TEST_F(CameraWorkerTest, ends_at_any_moment_and_closes_its_camera) {
+  const MonotonicInstant begin = Monotonic::now();
   for (int i = 0; i < 50; ++i) {
     const auto w = worker(4);
-    if (i % 2) w->arm(milliseconds(1));
+    if (i % 3 > 0) w->arm(milliseconds(1));
+    if (i % 3 > 1) hand_->expose();
   }
+  EXPECT_EQ(hand_.use_count(), 1) << "a camera or its factory is left";
+  EXPECT_LT(Monotonic::now() - begin, seconds(20)) << "one waited for a frame or for reopening";
 }
 
 /// Cameras that take as long to close as it takes until all are being closed.

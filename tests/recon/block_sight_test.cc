@@ -1,12 +1,11 @@
 #include "recon/block_sight.h"
 
 #include <gtest/gtest.h>
-#include <hwy/targets.h>
 
 #include <cmath>
-#include <functional>
 #include <random>
 
+#include "instruction_sets.h"
 #include "recon/template_windows.h"
 #include "shapes.h"
 
@@ -39,14 +38,6 @@ struct Scene {
 /// Lenses of all three kinds of projection.
 const Distortion kLenses[] = {
     {}, {-0.1, 0.02, 0.001, -0.002}, {-0.1, 0.02, 0.001, -0.002, 0.01, 0.02, 0.01, 0.01}};
-
-void on_every_instruction_set(const std::function<void()>& work) {
-  for (int64_t rest = hwy::SupportedTargets(); rest != 0; rest &= rest - 1) {
-    hwy::SetSupportedTargetsForTest(rest & -rest);
-    work();
-    hwy::SetSupportedTargetsForTest(0);
-  }
-}
 
 TEST(BlockSight, projects_as_the_camera_does_to_the_bit) {
   for (const Distortion& lens : kLenses) {
