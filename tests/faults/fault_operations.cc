@@ -1,0 +1,252 @@
+#include "fault_operations.h"
+
+#include <sys/wait.h>
+
+#include <cstdlib>
+#include <map>
+#include <sstream>
+#include <stdexcept>
+
+#include "base/file.h"
+#include "recorded_take.h"
+#include "support/temporary_folder.h"
+#include "take/frame_log.h"
+#include "take/verify.h"
+
+namespace v3d::test {
+namespace {
+
+namespace fs = std::filesystem;
+using Lost = std::vector<std::string>;
+
+const std::string kTake = "take";
+
+// --- the driver ---------------------------------------------------------------------------------
+
+TakePaths driven_take(const FaultyWorkplace& place) {
+  return {driven_studio(place.disk()).storage.takes / kDrivenTake};
+}
+
+std::vector<std::string> driver(const FaultyWorkplace& place, const std::string& operation) {
+  return {V3D_RECORD_DRIVER, operation, place.disk(), place.marks()};
+}
+
+void expect_marked_frame(const TakePaths& take, const std::string& mark, Lost& lost) {
+  std::istringstream words(mark);
+  std::string word, camera;
+  int64_t pulse = 0;
+  if (!(words >> word >> camera >> pulse) || word != "frame") return;
+  try {
+    const auto frame = FrameLogReader(take.frames(camera)).read(pulse);
+    const auto recorded = recorded_frame(camera, pulse, kDrivenSize).frame.image.bytes;
+    if (!frame) {
+      lost.push_back("acknowledged " + mark + " cannot be read");
+    } else if (frame->image.bytes != recorded) {
+      lost.push_back("acknowledged " + mark + " has other pixels");
+    }
+  } catch (const std::exception& error) {
+    lost.push_back("acknowledged " + mark + ": " + error.what());
+  }
+}
+
+/// Every frame that was acknowledged is there; what was called complete is whole.
+Lost check_driven(const FaultyWorkplace& place, const ProgramResult& /*result*/) {
+  Lost lost;
+  const TakePaths take = driven_take(place);
+  const auto marks = place.marked();
+  for (const std::string& mark : marks) expect_marked_frame(take, mark, lost);
+  const bool is_complete = !marks.empty() && marks.back() == "complete";
+  if (!is_complete) return lost;
+  try {
+    if (!verify_take(take).whole()) lost.push_back("called complete, but verify disagrees");
+  } catch (const std::exception& error) {
+    lost.push_back(std::string("called complete: ") + error.what());
+  }
+  return lost;
+}
+
+void run_driver_to_cut(const FaultyWorkplace& place) {
+  make_driven_studio(place.disk());
+  if (place.run(driver(place, "cut"), {}).status != 0) throw std::runtime_error("record_driver cut");
+}
+
+FaultOperation driven(const std::string& name) {
+  FaultOperation operation{
+      .name = name,
+      .program = {},
+      .prepare = [](const FaultyWorkplace& place) { make_driven_studio(place.disk()); },
+      .command = [name](const FaultyWorkplace& place) { return driver(place, name); },
+      .check = check_driven};
+  if (name == "restart") operation.prepare = run_driver_to_cut;
+  return operation;
+}
+
+// --- v3dctl -------------------------------------------------------------------------------------
+
+void run_or_throw(const std::string& command) {
+  const int status = std::system((command + " >/dev/null 2>&1").c_str());
+  if (!WIFEXITED(status) || WEXITSTATUS(status) != 0) throw std::runtime_error(command);
+}
+
+/// A simulated, verified take with a slate, made once.
+const fs::path& simulated_take() {
+  static const TemporaryFolder folder("/dev/shm");
+  static const fs::path take = [] {
+    fs::path made = folder / kTake;
+    run_or_throw(V3D_BIN "/v3d-sim take " + made.string() + " --frames 2 --cameras 3 --size 64x48");
+    run_or_throw(V3D_BIN "/v3dctl takes slate --dir " + folder.path().string() + " " + kTake +
+                 " --scene 11");
+    return made;
+  }();
+  return take;
+}
+
+fs::path takes_of(const FaultyWorkplace& place) { return place.disk() / "takes"; }
+
+bool is_recorded(const std::string& file) {
+  return file.ends_with(".lcmlog") || file.ends_with("calib.toml") ||
+         file.find("background/") != std::string::npos;
+}
+
+/// Every file that recording wrote is as it was.
+Lost check_recorded(const fs::path& take) {
+  Lost lost;
+  const auto now = contents_of(take);
+  for (const auto& [file, content] : contents_of(simulated_take())) {
+    const auto found = now.find(file);
+    if (!is_recorded(file)) continue;
+    if (found == now.end()) {
+      lost.push_back(file + " is gone");
+    } else if (found->second != content) {
+      lost.push_back(file + " has changed");
+    }
+  }
+  return lost;
+}
+
+void expect_whole_text(const fs::path& file, const std::string& end, Lost& lost) {
+  try {
+    if (read_file(file).find(end) == std::string::npos) lost.push_back(file.string() + " is torn");
+  } catch (const std::exception& error) {
+    lost.emplace_back(error.what());
+  }
+}
+
+FaultOperation of_simulated_take(const std::string& name, const fs::path& programs,
+                                 std::vector<std::string> words) {
+  return {.name = name,
+          .program = "v3dctl",
+          .prepare =
+              [](const FaultyWorkplace& place) {
+                copy_tree(simulated_take(), takes_of(place) / kTake);
+              },
+          .command =
+              [=](const FaultyWorkplace& place) {
+                std::vector<std::string> command = {programs / "v3dctl"};
+                for (const std::string& word : words) {
+                  const bool is_place = word.starts_with("@");
+                  command.push_back(is_place ? (place.disk() / word.substr(1)).string() : word);
+                }
+                return command;
+              },
+          .check =
+              [](const FaultyWorkplace& place, const ProgramResult&) {
+                Lost lost = check_recorded(takes_of(place) / kTake);
+                expect_whole_text(takes_of(place) / kTake / "take.toml", "cameras", lost);
+                expect_whole_text(takes_of(place) / kTake / "ledger.toml", "cam03", lost);
+                expect_whole_text(takes_of(place) / kTake / "slate.toml", "mark = ", lost);
+                return lost;
+              }};
+}
+
+FaultOperation recover_operation(const fs::path& programs) {
+  FaultOperation operation =
+      of_simulated_take("recover", programs, {"verify", "--recover", "@takes/take"});
+  operation.prepare = [](const FaultyWorkplace& place) {
+    const TakePaths take{takes_of(place) / kTake};
+    copy_tree(simulated_take(), take.folder);
+    std::string info = read_file(take.info());
+    const std::string complete = "'complete'";
+    info.replace(info.find(complete), complete.size(), "'recording'");
+    write_text(take.info(), info);
+    fs::remove(take.ledger());
+  };
+  operation.check = [](const FaultyWorkplace& place, const ProgramResult&) {
+    Lost lost = check_recorded(takes_of(place) / kTake);
+    expect_whole_text(takes_of(place) / kTake / "take.toml", "cameras", lost);
+    return lost;
+  };
+  return operation;
+}
+
+FaultOperation delete_operation(const fs::path& programs) {
+  FaultOperation operation = of_simulated_take(
+      "delete", programs, {"takes", "delete", "--dir", "@takes", kTake, "--yes"});
+  operation.prepare = [](const FaultyWorkplace& place) {
+    copy_tree(simulated_take(), takes_of(place) / kTake);
+    run_or_throw(V3D_BIN "/v3dctl verify " + (takes_of(place) / kTake).string());
+  };
+  operation.check = [](const FaultyWorkplace& place, const ProgramResult& result) {
+    const bool is_listed = fs::exists(takes_of(place) / kTake);
+    Lost lost;
+    if (is_listed) lost = check_recorded(takes_of(place) / kTake);
+    if (is_listed && result.status == 0) lost.push_back("reported as deleted, and still there");
+    return lost;
+  };
+  return operation;
+}
+
+
+/// The archive has the whole take or none of that name, and the same command completes it.
+Lost check_collected(const FaultyWorkplace& place, const ProgramResult& result,
+                     const std::vector<std::string>& command) {
+  const fs::path collected = place.disk() / "archive" / kTake;
+  Lost lost = check_recorded(takes_of(place) / kTake);
+  const auto check_archive = [&](const char* when) {
+    for (const std::string& what : check_recorded(collected)) {
+      lost.push_back("in the archive" + std::string(when) + ", " + what);
+    }
+  };
+  if (fs::exists(collected)) check_archive("");
+  if (result.status == 0) return lost;
+  const ProgramResult again = place.run(command, {});
+  if (again.status != 0) lost.push_back("the same command does not complete it: " + again.err);
+  check_archive(" after the same command again");
+  return lost;
+}
+
+FaultOperation collect_operation(const std::string& name, const fs::path& programs) {
+  FaultOperation operation = of_simulated_take(name, programs, {});
+  operation.command = [programs](const FaultyWorkplace& place) {
+    return std::vector<std::string>{programs / "v3dctl", "takes", "collect", "--to",
+                                    place.disk() / "archive", "--from",
+                                    "cap01=" + takes_of(place).string()};
+  };
+  operation.check = [command = operation.command](const FaultyWorkplace& place,
+                                                  const ProgramResult& result) {
+    return check_collected(place, result, command(place));
+  };
+  if (name == "collect_rsync") operation.program = "rsync";
+  return operation;
+}
+
+}  // namespace
+
+FaultOperation fault_operation(const std::string& name, const fs::path& programs) {
+  if (name == "record" || name == "restart" || name == "quarantine") return driven(name);
+  if (name == "recover") return recover_operation(programs);
+  if (name == "delete") return delete_operation(programs);
+  if (name.starts_with("collect")) return collect_operation(name, programs);
+  if (name == "verify") return of_simulated_take(name, programs, {"verify", "@takes/take"});
+  if (name == "slate") {
+    return of_simulated_take(
+        name, programs, {"takes", "slate", "--dir", "@takes", kTake, "--scene", "12"});
+  }
+  FaultOperation reconstruct = of_simulated_take(
+      name, programs,
+      {"reconstruct", "@takes/take", "--voxel", "10cm", "--min-views", "2", "--threads", "1"});
+  reconstruct.has_steady_output = false;  // it tells times
+  return reconstruct;
+}
+
+}  // namespace v3d::test

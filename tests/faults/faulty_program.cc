@@ -1,0 +1,174 @@
+#include "faulty_program.h"
+
+#include <fcntl.h>
+#include <spawn.h>
+#include <sys/mman.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <csignal>
+#include <sstream>
+#include <stdexcept>
+
+#include "base/file.h"
+#include "base/time.h"
+#include "support/temporary_folder.h"
+
+namespace v3d::test {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr Duration kLongestRun = std::chrono::seconds(60);
+
+/// The shared memory of the injector.
+class MappedReport {
+ public:
+  explicit MappedReport(const fs::path& file) {
+    write_text(file, std::string(sizeof(FaultReport), '\0'));
+    const int fd = open(file.c_str(), O_RDWR | O_CLOEXEC);
+    void* const memory =
+        mmap(nullptr, sizeof(FaultReport), PROT_READ | PROT_WRITE, MAP_SHARED, fd, 0);
+    close(fd);
+    if (memory == MAP_FAILED) throw std::runtime_error("mmap " + file.string());
+    report_ = static_cast<FaultReport*>(memory);
+  }
+  ~MappedReport() { munmap(report_, sizeof(FaultReport)); }
+  MappedReport(const MappedReport&) = delete;
+  MappedReport& operator=(const MappedReport&) = delete;
+
+  void read(ProgramResult& result) const {
+    for (size_t i = 0; i < kFaultCalls.size(); ++i) {
+      if (report_->calls[i] > 0) result.calls.emplace(kFaultCalls[i], report_->calls[i]);
+    }
+    result.fired = report_->fired > 0;
+    result.fired_on = report_->fired_on.data();
+  }
+
+ private:
+  FaultReport* report_ = nullptr;
+};
+
+std::vector<char*> pointers(const std::vector<std::string>& texts) {
+  std::vector<char*> pointers;
+  for (const std::string& text : texts) pointers.push_back(const_cast<char*>(text.c_str()));
+  pointers.push_back(nullptr);
+  return pointers;
+}
+
+pid_t spawn(const std::vector<std::string>& command, const std::vector<std::string>& environment,
+            const fs::path& out, const fs::path& err) {
+  posix_spawn_file_actions_t files;
+  posix_spawn_file_actions_init(&files);
+  constexpr int kWrite = O_WRONLY | O_CREAT | O_TRUNC;
+  posix_spawn_file_actions_addopen(&files, STDIN_FILENO, "/dev/null", O_RDONLY, 0);
+  posix_spawn_file_actions_addopen(&files, STDOUT_FILENO, out.c_str(), kWrite, 0644);
+  posix_spawn_file_actions_addopen(&files, STDERR_FILENO, err.c_str(), kWrite, 0644);
+  pid_t child = -1;
+  const int error = posix_spawn(&child, command[0].c_str(), &files, nullptr,
+                                pointers(command).data(), pointers(environment).data());
+  posix_spawn_file_actions_destroy(&files);
+  if (error != 0) throw std::runtime_error("cannot run " + command[0]);
+  return child;
+}
+
+int wait_for(pid_t child) {
+  const MonotonicInstant deadline = Monotonic::now() + kLongestRun;
+  for (int status = 0;;) {
+    const bool is_late = Monotonic::now() > deadline;
+    if (is_late) kill(child, SIGKILL);
+    if (waitpid(child, &status, is_late ? 0 : WNOHANG) == child) {
+      if (is_late) return -1;
+      return WIFSIGNALED(status) ? 128 + WTERMSIG(status) : WEXITSTATUS(status);
+    }
+    const timespec poll_interval{0, 500'000};
+    nanosleep(&poll_interval, nullptr);
+  }
+}
+
+}  // namespace
+
+bool ProgramResult::tells(const std::string& cause) const {
+  std::istringstream lines(err + "\n" + out);
+  for (std::string line; std::getline(lines, line);) {
+    const bool names_file = line.find('/') != std::string::npos ||
+                            line.find(".toml") != std::string::npos ||
+                            line.find(".lcmlog") != std::string::npos;
+    if (names_file && line.find(cause) != std::string::npos) return true;
+  }
+  return false;
+}
+
+FaultyWorkplace::FaultyWorkplace(fs::path root) : root_(std::move(root)) { clear(); }
+
+void FaultyWorkplace::clear() const {
+  fs::remove_all(disk());
+  fs::create_directories(disk());
+  fs::remove(marks());
+  fs::remove(trace());
+}
+
+std::vector<std::string> FaultyWorkplace::marked() const {
+  std::vector<std::string> marks;
+  if (!fs::exists(this->marks())) return marks;
+  std::istringstream lines(read_file(this->marks()));
+  for (std::string line; std::getline(lines, line);) marks.push_back(line);
+  return marks;
+}
+
+ProgramResult FaultyWorkplace::run(const std::vector<std::string>& command,
+                                   const Fault& fault) const {
+  return run_with(command,
+                  {"V3D_FAULT_CALL=" + fault.call, "V3D_FAULT_KIND=" + fault.kind,
+                   "V3D_FAULT_NUMBER=" + std::to_string(fault.number),
+                   "V3D_FAULT_PROGRAM=" + fault.program});
+}
+
+ProgramResult FaultyWorkplace::run_traced(const std::vector<std::string>& command) const {
+  return run_with(command, {"V3D_FAULT_TRACE=" + trace().string(),
+                            "V3D_FAULT_MARKS=" + marks().string()});
+}
+
+ProgramResult FaultyWorkplace::run_with(const std::vector<std::string>& command,
+                                        std::vector<std::string> environment) const {
+  const MappedReport report(root_ / "report");
+  environment.push_back("LD_PRELOAD=" V3D_FAULT_INJECTOR);
+  environment.push_back("V3D_FAULT_PREFIX=" + disk().string());
+  environment.push_back("V3D_FAULT_REPORT=" + (root_ / "report").string());
+  for (char** variable = environ; *variable != nullptr; ++variable) {
+    environment.emplace_back(*variable);
+  }
+  const fs::path out = root_ / "out", err = root_ / "err";
+  ProgramResult result;
+  result.status = wait_for(spawn(command, environment, out, err));
+  result.out = read_file(out);
+  result.err = read_file(err);
+  report.read(result);
+  return result;
+}
+
+void copy_tree(const fs::path& from, const fs::path& to) {
+  fs::create_directories(to);
+  for (const auto& entry : fs::directory_iterator(from)) {
+    const fs::path place = to / entry.path().filename();
+    if (entry.is_directory()) {
+      copy_tree(entry.path(), place);
+    } else {
+      fs::copy_file(entry.path(), place);
+      fs::last_write_time(place, entry.last_write_time());
+    }
+  }
+  fs::last_write_time(to, fs::last_write_time(from));
+}
+
+std::map<std::string, std::string> contents_of(const fs::path& folder) {
+  std::map<std::string, std::string> contents;
+  if (!fs::exists(folder)) return contents;
+  for (const auto& entry : fs::recursive_directory_iterator(folder)) {
+    if (!entry.is_regular_file()) continue;
+    contents[entry.path().lexically_relative(folder)] = read_file(entry.path());
+  }
+  return contents;
+}
+
+}  // namespace v3d::test

@@ -1,0 +1,221 @@
+// Records a take with the classes of v3d-captured, in the order in which CaptureNode uses them, and
+// reports to MARKS what it has been told is safe:
+//   record_driver record FOLDER MARKS      a whole take
+//   record_driver cut FOLDER MARKS         the same, ended by _exit() before the take is closed
+//   record_driver restart FOLDER MARKS     recovers open takes, continues the take and closes it
+//   record_driver recover FOLDER MARKS     recovers open takes
+//   record_driver quarantine FOLDER MARKS  a take without pulses
+// Marks, one line each: "ready", "frame CAMERA PULSE", "recovered", "complete", "quarantined PATH".
+// Exit status: 0 done, 3 done but not whole, 2 InputError, 1 anything else; every error is a line on
+// stderr.
+#include <fcntl.h>
+#include <spdlog/sinks/stdout_sinks.h>
+#include <spdlog/spdlog.h>
+#include <unistd.h>
+
+#include <cstdio>
+#include <memory>
+
+#include "base/error.h"
+#include "base/io/file.h"
+#include "daemon/kept_order.h"
+#include "daemon/lane_past.h"
+#include "daemon/pulse_log.h"
+#include "daemon/take_disk.h"
+#include "daemon/take_folder.h"
+#include "recorded_take.h"
+#include "take/frame_log.h"
+#include "take/take_removal.h"
+
+namespace v3d::test {
+namespace {
+
+constexpr const char* kNode = "cap01";
+constexpr DiskDemand kDemand{
+    .rate_hz = 25, .bytes_per_pulse = 2 * 64 * 48, .pulses = 12, .queue_frames = 8};
+
+class Driver {
+ public:
+  Driver(const std::filesystem::path& folder, const char* marks)
+      : studio_(driven_studio(folder)),
+        paths_(take_paths(studio_, kDrivenTake)),
+        marks_(open(marks, O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC, 0644)) {
+    info_ = {.name = kDrivenTake,
+             .studio = studio_.name,
+             .rate_hz = kDemand.rate_hz,
+             .pulses = 0,
+             .state = TakeState::kRecording,
+             .software_version = "0.1.0",
+             .started = {},
+             .cameras = kDrivenCameras};
+  }
+
+  void begin() {
+    refuse_unfit_disk(studio_.storage.takes, kDemand);
+    create_take(studio_, info_);
+    CommandMessage order;
+    order.take = kDrivenTake;
+    keep_order(studio_, kNode, order);
+    disk_ = std::make_unique<TakeDisk>(paths_, kDemand);
+    open_logs(LogOpening::kNew);
+    mark("ready");
+  }
+
+  void recover() {
+    for (const RecoveredTake& take : recover_open_takes(studio_, kDrivenCameras)) {
+      if (take.ledger) {
+        mark("recovered");
+      } else {
+        fail(take.line);
+      }
+    }
+  }
+
+  void go_on() {
+    recover();
+    const EdgeTimes edges = edge_times(paths_);
+    info_ = load_take_info(paths_);
+    info_.state = TakeState::kRecording;
+    first_pulse_ = kDrivenPulses;
+    for (const auto& [pulse, edge] : edges) sensed_.insert(pulse);
+    disk_ = std::make_unique<TakeDisk>(paths_, kDemand);
+    for (size_t c = 0; c < kDrivenCameras.size(); ++c) {
+      accounts_[c] = read_lane_past(paths_, kDrivenCameras[c], edges).account;
+    }
+    open_logs(LogOpening::kGoOn);
+    if (auto saved = save_take_info(paths_, info_); !saved) io::throw_input_error(saved.error());
+    mark("ready");
+  }
+
+  void record() {
+    for (int64_t n = 0; n < kDrivenPulses; ++n) {
+      const int64_t pulse = first_pulse_ + n;
+      PulseMessage sensed;
+      sensed.pulse = pulse;
+      pulses_->write(sensed);
+      sensed_.insert(pulse);
+      for (size_t c = 0; c < logs_.size(); ++c) record_frame(c, pulse);
+      // Longer takes reach the disk while they are recorded.
+      if (n == kDrivenPulses / 2) sync_logs();
+    }
+  }
+
+  void close() {
+    sync_logs();
+    logs_.clear();
+    const int64_t refused = pulses_->errors();
+    pulses_.reset();
+    if (refused > 0) fail(paths_.pulses().string() + ": " + std::to_string(refused) + " pulses lost");
+    disk_.reset();
+    const Ledger ledger = account();
+    if (!close_take(studio_, info_, ledger)) return fail("cannot close " + paths_.folder.string());
+    if (!ledger.complete()) return fail(paths_.folder.string() + ": " + ledger.verdict());
+    if (status_ == 0) mark("complete");
+  }
+
+  void quarantine() {
+    logs_.clear();
+    pulses_.reset();
+    disk_.reset();
+    if (!close_take(studio_, info_, Ledger{.take = kDrivenTake, .sensed = {}, .cameras = {}})) {
+      return fail("cannot close " + paths_.folder.string());
+    }
+    if (may_hold_frames(paths_)) return fail(paths_.folder.string() + ": may hold frames");
+    const auto place = quarantine_take(paths_);
+    if (!place) return fail(place.error().message);
+    mark("quarantined " + place->string());
+  }
+
+  int status() const { return status_; }
+
+ private:
+  void open_logs(LogOpening opening) {
+    for (const std::string& camera : kDrivenCameras) {
+      logs_.emplace_back(paths_.frames(camera), opening);
+    }
+    if (auto synced = io::sync_folder(paths_.folder); !synced) {
+      io::throw_input_error(synced.error());
+    }
+    pulses_ = std::make_unique<PulseLog>(paths_.pulses(), opening);
+  }
+
+  void record_frame(size_t camera, int64_t pulse) {
+    const auto message = recorded_frame(kDrivenCameras[camera], pulse, kDrivenSize);
+    if (auto written = logs_[camera].write(message); !written) return fail(written.error().message);
+    accounts_[camera].add(pulse, false);
+    mark("frame " + kDrivenCameras[camera] + " " + std::to_string(pulse));
+  }
+
+  void sync_logs() {
+    for (EventLogWriter& log : logs_) {
+      if (auto synced = log.sync(); !synced) fail(synced.error().message);
+    }
+  }
+
+  Ledger account() const {
+    Ledger ledger{.take = kDrivenTake, .sensed = {}, .cameras = {}};
+    ledger.commanded = first_pulse_ + kDrivenPulses;
+    ledger.sensed = sensed_.size();
+    ledger.unsensed = sensed_.missing(ledger.commanded);
+    for (size_t c = 0; c < kDrivenCameras.size(); ++c) {
+      ledger.cameras.push_back(accounts_[c].ledger(kDrivenCameras[c], ledger.commanded));
+    }
+    return ledger;
+  }
+
+  void mark(const std::string& text) const {
+    const std::string line = text + "\n";
+    if (write(marks_, line.data(), line.size()) != static_cast<ssize_t>(line.size())) _exit(1);
+  }
+
+  void fail(const std::string& what) {
+    std::fprintf(stderr, "record_driver: %s\n", what.c_str());
+    status_ = 3;
+  }
+
+  const Studio studio_;
+  const TakePaths paths_;
+  const int marks_;
+  TakeInfo info_;
+  int64_t first_pulse_ = 0;
+  std::unique_ptr<TakeDisk> disk_;
+  std::vector<EventLogWriter> logs_;
+  std::array<CameraAccount, 2> accounts_;
+  PulseSet sensed_;
+  std::unique_ptr<PulseLog> pulses_;
+  int status_ = 0;
+};
+
+int run(const std::string& operation, const std::filesystem::path& folder, const char* marks) {
+  Driver driver(folder, marks);
+  if (operation == "recover") {
+    driver.recover();
+    return driver.status();
+  }
+  operation == "restart" ? driver.go_on() : driver.begin();
+  if (operation == "quarantine") {
+    driver.quarantine();
+    return driver.status();
+  }
+  driver.record();
+  if (operation == "cut") _exit(driver.status());
+  driver.close();
+  return driver.status();
+}
+
+}  // namespace
+}  // namespace v3d::test
+
+int main(int argc, char** argv) {
+  if (argc != 4) return 2;
+  spdlog::set_default_logger(spdlog::stderr_logger_mt("record_driver"));
+  try {
+    return v3d::test::run(argv[1], argv[2], argv[3]);
+  } catch (const v3d::InputError& error) {
+    std::fprintf(stderr, "record_driver: %s\n", error.what());
+    return 2;
+  } catch (const std::exception& error) {
+    std::fprintf(stderr, "record_driver: %s\n", error.what());
+    return 1;
+  }
+}
