@@ -303,8 +303,9 @@ class Eavesdropper {
       if (recording_) recorded_.emplace_back(received.bytes.begin(), received.bytes.end());
     }));
   }
-  /// From now on only counts.
-  std::vector<Bytes> recorded() {
+  /// Waits for so many; from then on only counts.
+  std::vector<Bytes> recorded(size_t at_least) {
+    EXPECT_TRUE(becomes_true([&] { return heard() >= at_least; }, within(30)));
     const std::lock_guard lock(mutex_);
     recording_ = false;
     return recorded_;
@@ -334,7 +335,8 @@ TEST_F(Studio4, obeys_none_of_thousands_of_forged_replayed_stale_and_changed_com
   constexpr int kEach = 20;
   Eavesdropper stranger(studio_.network.lcm_url);
   arm_and_start(0);
-  const std::vector<Bytes> recorded = stranger.recorded();
+  // Arm, commit, and start for one node and then for the other.
+  const std::vector<Bytes> recorded = stranger.recorded(4);
   ASSERT_GE(recorded.size(), 4U);
   const StudioKey key = StudioKey::load(studio_.network.key);
   CommandMessage stop;
