@@ -1,0 +1,289 @@
+/* The control protocol as Spin sees it (docs/protocol.md). What a node does with an input is the daemons' own table:
+ * transitions.pml is generated from daemon/control_table.h.
+ *
+ * Operators arm, start and stop, each a take of their own, and may give up at every step; a last one, who comes when they
+ * are gone, stops and aborts. Node 0 has the trigger. Messages are lost, repeated and overtaken: whatever an
+ * operator has sent may reach a node at any later time, once, unless the node has obeyed a later one of that
+ * operator. Replies reach the operator at any later time, or not before it gives up. A node may crash once. */
+#include "transitions.pml"
+
+/* Two sizes are checked: NODES=2 with PEOPLE=2, and NODES=3 with PEOPLE=1. */
+#ifndef NODES
+#define NODES 2
+#endif
+#ifndef PEOPLE
+#define PEOPLE 2
+#endif
+#define TRIGGER 0
+#define ALL ((1 << NODES) - 1)
+#define OTHERS (ALL - 1)
+#define OPERATORS (PEOPLE + 1)
+#define LAST PEOPLE /* the operator who ends everything */
+#define NOBODY 3
+
+#define O_none 0
+#define O_pending 1
+#define O_done 2
+#define O_refused 3
+
+/* Nodes. A take is named by the operator who arms it. */
+byte phase[NODES];
+byte take[NODES] = NOBODY;
+byte starter[NODES] = NOBODY;
+byte kept[NODES] = NOBODY;    /* on the disk: the last take that was armed */
+bool may_rejoin[NODES];
+byte waiting[NODES];          /* operators that wait for a final reply */
+byte records[NODES] = NOBODY; /* the last take whose start was obeyed, ever */
+byte heard[NODES * OPERATORS];                /* by operator and node: the last command that was obeyed */
+byte said[NODES * OPERATORS];                 /* the same: the answer to it */
+
+/* Commands, by operator and counter. */
+byte verb[8 * OPERATORS];
+byte addressed[8 * OPERATORS]; /* nodes */
+byte about[8 * OPERATORS];     /* take; NOBODY: any */
+bool own[8 * OPERATORS];
+byte sent[OPERATORS];
+
+bool crashed;
+bool ending; /* the last operator has come */
+byte gone;   /* operators that will say nothing more */
+hidden byte next_phase, work, verdict;
+
+#define at(op, node) ((op) * NODES + (node))
+#define cmd(op, counter) ((op) * 8 + (counter))
+#define has(set, node) (((set) >> (node)) & 1)
+
+inline finish(n, outcome) {
+  for (o : 0 .. LAST) {
+    if
+    :: has(waiting[n], o) -> said[at(o, n)] = outcome
+    :: else
+    fi
+  }
+  waiting[n] = 0
+}
+
+/* The first promise: pulses never precede what every node records. */
+inline start_pulses(n) {
+  if
+  :: n == TRIGGER ->
+    for (o : 1 .. NODES - 1) {
+      assert(records[o] == take[TRIGGER] || crashed)
+    }
+  :: else
+  fi
+}
+
+/* Controller::carry_out(). */
+inline obey(op, n, c) {
+  heard[at(op, n)] = c;
+  misses = false;
+  if
+  :: verb[cmd(op, c)] != I_arm && phase[n] != P_idle && phase[n] != P_fault ->
+    owner = (phase[n] > P_armed -> starter[n] : take[n]);
+    misses = (about[cmd(op, c)] != NOBODY && about[cmd(op, c)] != take[n]) ||
+             ((verb[cmd(op, c)] == I_commit || (own[cmd(op, c)] && phase[n] != P_armed)) && op != owner)
+  :: else
+  fi;
+  if
+  :: misses -> said[at(op, n)] = O_refused
+  :: else ->
+    /* What a failed start takes back does not run. */
+    assert(!(own[cmd(op, c)] && n != TRIGGER && phase[n] == P_recording && phase[TRIGGER] == P_recording &&
+             take[TRIGGER] == take[n]));
+    lookup(phase[n], verb[cmd(op, c)]);
+    if
+    :: work == W_arm -> take[n] = op; kept[n] = op; may_rejoin[n] = false
+    :: work == W_start -> starter[n] = op; records[n] = take[n]; start_pulses(n)
+    :: else
+    fi;
+    phase[n] = next_phase;
+    said[at(op, n)] = (verdict == V_done -> O_done : (verdict == V_pending -> O_pending : O_refused));
+    if
+    :: verdict == V_done && verb[cmd(op, c)] == I_abort -> finish(n, O_refused); said[at(op, n)] = O_done
+    :: verdict == V_pending -> waiting[n] = waiting[n] | (1 << op)
+    :: else
+    fi
+  fi
+}
+
+/* Controller::on_event(). */
+inline report(n, input, outcome) {
+  lookup(phase[n], input);
+  if
+  :: next_phase != phase[n] && input != I_train_ended -> finish(n, outcome)
+  :: else
+  fi;
+  phase[n] = next_phase
+}
+
+#define can(op, c) (c <= sent[op] && c > heard[at(op, n)] && has(addressed[cmd(op, c)], n))
+
+/* What may happen at node n: a message of any operator arrives, or its own work reports. */
+proctype Node(byte n) {
+  byte op, c, owner, o;
+  bool misses;
+end:
+  do
+  :: atomic {
+       /* A command that this node has not obeyed, nor a later one of its sender. */
+       if
+       :: can(0, 1) -> op = 0; c = 1
+       :: can(0, 2) -> op = 0; c = 2
+       :: can(0, 3) -> op = 0; c = 3
+       :: can(0, 4) -> op = 0; c = 4
+       :: can(0, 5) -> op = 0; c = 5
+       :: can(0, 6) -> op = 0; c = 6
+       :: can(1, 1) -> op = 1; c = 1
+       :: can(1, 2) -> op = 1; c = 2
+       :: can(1, 3) -> op = 1; c = 3
+       :: can(1, 4) -> op = 1; c = 4
+       :: can(1, 5) -> op = 1; c = 5
+       :: can(1, 6) -> op = 1; c = 6
+#if PEOPLE == 2
+       :: can(2, 1) -> op = 2; c = 1
+       :: can(2, 2) -> op = 2; c = 2
+       :: can(2, 3) -> op = 2; c = 3
+       :: can(2, 4) -> op = 2; c = 4
+       :: can(2, 5) -> op = 2; c = 5
+       :: can(2, 6) -> op = 2; c = 6
+#endif
+       fi;
+       obey(op, n, c); op = 0; c = 0; o = 0; owner = 0; misses = false
+     }
+  :: atomic { phase[n] == P_arming -> report(n, I_ready, O_done) }
+  :: atomic { phase[n] == P_arming && !ending -> report(n, I_failed, O_refused) }
+  :: atomic { phase[n] == P_prepared -> report(n, I_expired, O_refused) }
+  :: atomic { phase[n] == P_draining -> report(n, I_drained, O_done) }
+  :: atomic { /* the health of the trigger's node */
+       n != TRIGGER && phase[n] == P_recording &&
+           !(take[TRIGGER] == take[n] && (phase[TRIGGER] == P_armed || phase[TRIGGER] == P_recording)) ->
+         report(n, I_train_ended, O_done)
+     }
+  :: atomic {
+       n != TRIGGER && may_rejoin[n] && phase[n] == P_idle && phase[TRIGGER] == P_recording -> may_rejoin[n] = false;
+       if
+       :: kept[n] == take[TRIGGER] -> report(n, I_rejoined, O_done); take[n] = kept[n]; starter[n] = kept[n]
+       :: else
+       fi
+     }
+  :: atomic {
+       !crashed && !ending -> crashed = true;
+       phase[n] = P_idle; waiting[n] = 0; may_rejoin[n] = (kept[n] != NOBODY);
+       /* Nothing that was sent before is believed, but the last command, which is sent again. */
+       for (o : 0 .. LAST) {
+         heard[at(o, n)] = (sent[o] > 0 -> sent[o] - 1 : 0);
+         said[at(o, n)] = O_none
+       }
+       o = 0
+     }
+  od
+}
+
+#define answered(op, n, counter) (heard[at(op, n)] == (counter) && said[at(op, n)] != O_none)
+#define final(op, n, counter) (answered(op, n, counter) && said[at(op, n)] != O_pending)
+#define refused(op, n, counter) (answered(op, n, counter) && said[at(op, n)] == O_refused)
+#if NODES == 3
+#define others_final(op, counter) (final(op, 1, counter) && final(op, 2, counter))
+#define other_refused(op, counter) (refused(op, 1, counter) || refused(op, 2, counter))
+#define all_idle (phase[0] == P_idle && phase[1] == P_idle && phase[2] == P_idle)
+#else
+#define others_final(op, counter) final(op, 1, counter)
+#define other_refused(op, counter) refused(op, 1, counter)
+#define all_idle (phase[0] == P_idle && phase[1] == P_idle)
+#endif
+#define all_final(op, counter) (final(op, 0, counter) && others_final(op, counter))
+#define one_refused(op, counter) (refused(op, 0, counter) || other_refused(op, counter))
+
+inline say(what, nodes, whose, only_own) {
+  atomic {
+    sent[id]++;
+    verb[cmd(id, sent[id])] = what; addressed[cmd(id, sent[id])] = nodes;
+    about[cmd(id, sent[id])] = whose; own[cmd(id, sent[id])] = only_own
+  }
+}
+
+/* The same command goes to more nodes. */
+inline say_to(nodes) { atomic { addressed[cmd(id, sent[id])] = nodes } }
+
+proctype Operator(byte id) {
+  bool ok;
+  say(I_arm, 1, id, false);
+  if
+  :: answered(id, TRIGGER, sent[id]) && !refused(id, TRIGGER, sent[id])
+  :: refused(id, TRIGGER, sent[id]) -> goto quit
+  :: true -> say(I_abort, 1, id, true); goto quit /* the deadline has come */
+  fi;
+  say_to(ALL);
+  if
+  :: all_final(id, sent[id]) && !one_refused(id, sent[id])
+  :: one_refused(id, sent[id]) -> say(I_abort, ALL, id, true); goto quit
+  :: true -> say(I_abort, ALL, id, true); goto quit
+  fi;
+  say(I_commit, ALL, id, false);
+  if
+  :: all_final(id, sent[id]) && !one_refused(id, sent[id])
+  :: one_refused(id, sent[id]) -> say(I_abort, ALL, id, true); goto quit
+  :: true -> say(I_abort, ALL, id, true); goto quit
+  fi;
+  if
+  :: goto quit
+  :: true
+  fi;
+  say(I_start, OTHERS, id, false);
+  if
+  :: others_final(id, sent[id]) && !other_refused(id, sent[id])
+  :: other_refused(id, sent[id]) -> goto take_back
+  :: true -> goto take_back
+  fi;
+  say_to(ALL);
+  if
+  :: final(id, TRIGGER, sent[id]) && !refused(id, TRIGGER, sent[id]) -> goto stop
+  :: refused(id, TRIGGER, sent[id]) -> goto take_back
+  :: true -> goto take_back
+  fi;
+take_back:
+  say(I_abort, 1, id, true);
+  if
+  :: refused(id, TRIGGER, sent[id])
+  :: answered(id, TRIGGER, sent[id]) && !refused(id, TRIGGER, sent[id]) ->
+    atomic { own[cmd(id, sent[id])] = false; addressed[cmd(id, sent[id])] = ALL }
+#ifdef TAKE_BACK_UNHEARD /* as it was: a silent trigger's node did not keep a start from being taken back elsewhere */
+  :: true -> say_to(ALL)
+#endif
+  :: true
+  fi;
+  goto quit;
+stop:
+  say(I_stop, 1, id, false);
+  if
+  :: answered(id, TRIGGER, sent[id])
+  :: true
+  fi;
+  say_to(ALL);
+quit:
+  gone++
+}
+
+/* The second promise: a stop is obeyed in the end. */
+proctype LastOperator() {
+  byte id = LAST;
+  gone == PEOPLE;
+  ending = true;
+  say(I_stop, ALL, NOBODY, false);
+  all_final(LAST, sent[LAST]);
+  say(I_abort, ALL, NOBODY, false);
+  all_final(LAST, sent[LAST])
+}
+
+init {
+  byte i;
+  atomic {
+    fill_table();
+    for (i : 0 .. NODES - 1) { run Node(i) }
+    for (i : 0 .. PEOPLE - 1) { run Operator(i) }
+    run LastOperator()
+  }
+  /* Nothing can happen any more. */
+  timeout -> assert(ending && all_idle)
+}

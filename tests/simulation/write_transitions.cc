@@ -1,0 +1,73 @@
+// Writes the transition table (daemon/control_table.h) for others: as Promela for the Spin model,
+// or as the table of docs/protocol.md.
+#include <cstdio>
+#include <string>
+#include <string_view>
+
+#include "daemon/control.h"
+
+namespace v3d {
+namespace {
+
+template <class Enum>
+void define_all(const char* prefix, int count) {
+  for (int i = 0; i < count; ++i) {
+    const std::string_view word = name(static_cast<Enum>(i));
+    std::printf("#define %s_%s %d\n", prefix, word == "-" ? "none" : std::string(word).c_str(), i);
+  }
+}
+
+/// transition() of every phase and input. Hidden: the table is no part of a state.
+void write_promela() {
+  std::puts("/* Generated from daemon/control_table.h by write_transitions. */");
+  define_all<Phase>("P", kPhaseCount);
+  define_all<Input>("I", kInputCount);
+  define_all<Work>("W", 6);
+  define_all<Verdict>("V", 4);
+  const int size = kPhaseCount * kInputCount;
+  for (const char* column : {"next", "work", "verdict"}) {
+    std::printf("hidden byte table_%s[%d];\n", column, size);
+  }
+  std::puts("inline fill_table() {");
+  for (int i = 0; i < size; ++i) {
+    const Transition t =
+        transition(static_cast<Phase>(i / kInputCount), static_cast<Input>(i % kInputCount));
+    std::printf("  table_next[%d] = %d; table_work[%d] = %d; table_verdict[%d] = %d;\n", i,
+                static_cast<int>(t.next), i, static_cast<int>(t.work), i,
+                static_cast<int>(t.verdict));
+  }
+  std::printf(
+      "}\n#define row(phase, input) ((phase) * %d + (input))\n"
+      "inline lookup(phase, input) {\n"
+      "  next_phase = table_next[row(phase, input)];\n"
+      "  work = table_work[row(phase, input)];\n"
+      "  verdict = table_verdict[row(phase, input)]\n}\n",
+      kInputCount);
+}
+
+void write_markdown() {
+  std::puts("| phase | input | next phase | work | answer |\n| --- | --- | --- | --- | --- |");
+  for (const TransitionRow& row : kTransitionTable) {
+    const auto cell = [](std::string_view word) { return std::string(word); };
+    std::printf("| %s | %s | %s | %s | %s |\n", cell(name(row.phase)).c_str(),
+                cell(name(row.input)).c_str(), cell(name(row.transition.next)).c_str(),
+                cell(name(row.transition.work)).c_str(),
+                cell(name(row.transition.verdict)).c_str());
+  }
+}
+
+}  // namespace
+}  // namespace v3d
+
+int main(int argc, char** argv) {
+  const std::string_view format = argc == 2 ? argv[1] : "";
+  if (format == "promela") {
+    v3d::write_promela();
+  } else if (format == "markdown") {
+    v3d::write_markdown();
+  } else {
+    std::fputs("usage: write_transitions promela|markdown\n", stderr);
+    return 2;
+  }
+  return 0;
+}
