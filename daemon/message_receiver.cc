@@ -5,6 +5,11 @@
 namespace v3d {
 namespace {
 
+constexpr char kMalformed[] =
+    "malformed datagrams are rejected: a stranger, or a broken program on the studio's network";
+constexpr char kOversized[] =
+    "messages longer than any of their channel are rejected: a stranger, or another version of V3D";
+
 MessageIdentity identity_of(const Datagram& datagram, const DatagramParts& parts, uint64_t sender) {
   const size_t trailer = parts.trailer ? kMacTrailerSize : 0;
   return {.sender = sender,
@@ -24,6 +29,7 @@ std::optional<ReceivedMessage> MessageReceiver::receive(std::span<const uint8_t>
   const auto datagram = parse_datagram(bytes);
   if (!datagram) {
     ++malformed_;
+    seal_.report(kMalformed);
     return std::nullopt;
   }
   const ChannelKind* kind = nullptr;
@@ -35,6 +41,7 @@ std::optional<ReceivedMessage> MessageReceiver::receive(std::span<const uint8_t>
     }
     if (datagram->message_size > kind->max_bytes) {
       ++oversized_;
+      seal_.report(kOversized);
       return std::nullopt;
     }
   }

@@ -25,7 +25,7 @@ std::shared_ptr<const DatagramMac> MessageSeal::mac() const {
 
 void MessageSeal::count_forged() {
   ++forged_;
-  note(
+  report(
       "messages without the studio's seal are refused: a stranger, or another studio key than "
       "here");
 }
@@ -37,7 +37,7 @@ void MessageSeal::count_stale(Duration age) {
                 "messages are refused that were sent %.1f s %s; do the clocks agree? Try: chronyc "
                 "tracking",
                 std::abs(to_seconds(age)), age > Duration::zero() ? "ago" : "in the future");
-  note(text);
+  report(text);
 }
 
 SealCounts MessageSeal::counts() const {
@@ -49,7 +49,7 @@ std::string MessageSeal::trouble(RealtimeInstant now) const {
   return now - troubled_ < kTold ? trouble_ : "";
 }
 
-void MessageSeal::note(std::string_view trouble) {
+void MessageSeal::report(std::string_view trouble) {
   const std::lock_guard lock(mutex_);
   trouble_ = trouble;
   troubled_ = Realtime::now();

@@ -45,12 +45,12 @@ class MessageSeal {
   void count_stale(Duration age);
   void count_replayed() { ++replayed_; }
   SealCounts counts() const;
+  /// Something was rejected that no count here holds. Allocates nothing after the first time.
+  void report(std::string_view trouble);
   /// One line for a person when messages were rejected shortly before `now`, else empty.
   std::string trouble(RealtimeInstant now) const;
 
  private:
-  void note(std::string_view trouble);
-
   std::atomic<bool> has_key_ = false;
   std::atomic<bool> insists_ = false;
   std::atomic<int64_t> forged_ = 0;

@@ -79,15 +79,20 @@ struct DatagramBatch::Buffers {
   alignas(cmsghdr) std::array<Control, kSize> controls{};
   std::array<Received, kSize> received{};
 
-  void prepare() {
+  Buffers() {
     for (size_t i = 0; i < kSize; ++i) {
       places[i] = {bytes.get() + i * kRoom, kRoom};
-      messages[i] = {};
       messages[i].msg_hdr.msg_name = &sources[i];
-      messages[i].msg_hdr.msg_namelen = sizeof sources[i];
       messages[i].msg_hdr.msg_iov = &places[i];
       messages[i].msg_hdr.msg_iovlen = 1;
       messages[i].msg_hdr.msg_control = controls[i].data();
+    }
+    prepare(kSize);
+  }
+  /// What the kernel has changed of the first `count`.
+  void prepare(size_t count) {
+    for (size_t i = 0; i < count; ++i) {
+      messages[i].msg_hdr.msg_namelen = sizeof sources[i];
       messages[i].msg_hdr.msg_controllen = controls[i].size();
     }
   }
@@ -129,7 +134,6 @@ MulticastReceiver::MulticastReceiver(const std::string& url) {
 
 std::span<const DatagramBatch::Received> MulticastReceiver::receive(DatagramBatch& batch) {
   DatagramBatch::Buffers& buffers = *batch.buffers_;
-  buffers.prepare();
   const int count =
       recvmmsg(fd(), buffers.messages.data(), DatagramBatch::kSize, MSG_DONTWAIT, nullptr);
   if (count <= 0) return {};
@@ -137,6 +141,7 @@ std::span<const DatagramBatch::Received> MulticastReceiver::receive(DatagramBatc
     buffers.received[i] = buffers.datagram(i);
     dropped_ = std::max<int64_t>(dropped_, buffers.drops(i));
   }
+  buffers.prepare(count);
   return std::span(buffers.received).first(count);
 }
 
