@@ -58,7 +58,9 @@ class Bus::Impl {
   ~Impl() {
     stopping_ = true;
     eventfd_write(changed_, 1);
-    if (thread_.joinable()) thread_.join();
+    ring_.stop();
+    if (receiving_.joinable()) receiving_.join();
+    if (handling_.joinable()) handling_.join();
     close(changed_);
   }
   Impl(const Impl&) = delete;
@@ -92,7 +94,10 @@ class Bus::Impl {
     const std::lock_guard lock(mutex_);
     const auto place =
         topics_.insert(topics_.end(), Topic{ChannelPattern(channels), std::move(handler), accept});
-    if (!thread_.joinable()) thread_ = std::thread([this] { receive(); });
+    if (!receiving_.joinable()) {
+      receiving_ = std::thread([this] { receive(); });
+      handling_ = std::thread([this] { handle(); });
+    }
     return Listening([this, place] {
       const std::lock_guard no_message(mutex_);
       topics_.erase(place);
@@ -148,17 +153,25 @@ class Bus::Impl {
       if (poll(watched.data(), watched.size(), -1) < 0 && errno != EINTR) return;
       if (watched[0].revents != 0) break;
       for (size_t i = 0; i < groups.size(); ++i) {
-        if (watched[i + 1].revents != 0) receive_batch(*groups[i]);
+        if (watched[i + 1].revents != 0) groups[i]->receive(ring_);
       }
     }
     eventfd_t changes = 0;
     eventfd_read(changed_, &changes);
   }
 
-  void receive_batch(MulticastReceiver& group) {
-    for (const DatagramBatch::Received& datagram : group.receive(batch_)) {
-      const auto message = receiver_.receive(datagram.bytes, datagram.source, Realtime::now());
-      if (message) deliver(*message);
+  /// Checks, reassembles and delivers. What comes meanwhile waits in the ring, not in the kernel's
+  /// buffer, which is small.
+  void handle() {
+    constexpr size_t kAtOnce = 8;  // places become free while the rest is handled
+    for (;;) {
+      const auto datagrams = ring_.wait(kAtOnce);
+      if (datagrams.empty()) return;
+      for (const DatagramRing::Received& datagram : datagrams) {
+        const auto message = receiver_.receive(datagram.bytes, datagram.source, Realtime::now());
+        if (message) deliver(*message);
+      }
+      ring_.release(datagrams.size());
     }
   }
 
@@ -171,12 +184,13 @@ class Bus::Impl {
   std::shared_ptr<MulticastReceiver> common_;
   /// Of the frame groups; empty where it is not received.
   std::vector<std::shared_ptr<MulticastReceiver>> heard_;
-  int64_t dropped_before_ = 0;                   ///< by groups that were left
-  MessageReceiver receiver_;                     ///< receiving thread only
-  DatagramBatch batch_;                          ///< receiving thread only
+  int64_t dropped_before_ = 0;  ///< by groups that were left
+  DatagramRing ring_;
+  MessageReceiver receiver_;                     ///< handling thread only
   const int changed_ = eventfd(0, EFD_CLOEXEC);  ///< readable when the thread shall look
   std::atomic<bool> stopping_ = false;
-  std::thread thread_;
+  std::thread receiving_;  ///< empties the sockets into the ring
+  std::thread handling_;   ///< runs the handlers
 };
 
 std::string receive_buffer_problem(const std::string& lcm_url) {

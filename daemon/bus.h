@@ -74,7 +74,7 @@ class Bus {
    private:
     std::function<void()> end_;
   };
-  /// Runs on the receiving thread, must be short, must not throw and must not subscribe; the views
+  /// Runs on the handling thread, must be short, must not throw and must not subscribe; the views
   /// are only borrowed.
   using Handler = std::function<void(const ReceivedMessage&)>;
   enum class Accept : uint8_t { kAccepted, kUnverifiedToo };
@@ -104,7 +104,7 @@ struct SubscriptionCounts {
 template <class M>
 class Subscription {
  public:
-  /// Makes a message of what was received, or nothing. Runs on the receiving thread.
+  /// Makes a message of what was received, or nothing. Runs on the handling thread.
   using Open = std::function<std::optional<M>(const ReceivedMessage&)>;
 
   /// Messages that the bus accepts, and that are recent and new by what they say themselves.
@@ -193,9 +193,9 @@ class Subscription {
       return key;
     }
 
-    Open open;  ///< receiving thread only
+    Open open;  ///< handling thread only
     BoundedQueue<M> queue;
-    SequenceTracker sequences;  ///< receiving thread only
+    SequenceTracker sequences;  ///< handling thread only
     std::atomic<int64_t> received = 0;
     std::atomic<int64_t> undecodable = 0;
     std::atomic<int64_t> lost = 0;

@@ -67,31 +67,31 @@ Socket::~Socket() { close(fd_); }
 
 // --- receiving ----------------------------------------------------------------------------------
 
-struct DatagramBatch::Buffers {
+struct DatagramRing::Buffers {
   static constexpr size_t kRoom = 65'536;
   /// Space for the count of drops (SO_RXQ_OVFL).
   using Control = std::array<uint8_t, CMSG_SPACE(sizeof(uint32_t))>;
 
-  std::unique_ptr<uint8_t[]> bytes = std::make_unique_for_overwrite<uint8_t[]>(kSize * kRoom);
-  std::array<mmsghdr, kSize> messages{};
-  std::array<iovec, kSize> places{};
-  std::array<sockaddr_in, kSize> sources{};
-  alignas(cmsghdr) std::array<Control, kSize> controls{};
-  std::array<Received, kSize> received{};
+  std::unique_ptr<uint8_t[]> bytes = std::make_unique_for_overwrite<uint8_t[]>(kPlaces * kRoom);
+  std::array<mmsghdr, kPlaces> messages{};
+  std::array<iovec, kPlaces> places{};
+  std::array<sockaddr_in, kPlaces> sources{};
+  alignas(cmsghdr) std::array<Control, kPlaces> controls{};
+  std::array<Received, kPlaces> received{};
 
   Buffers() {
-    for (size_t i = 0; i < kSize; ++i) {
+    for (size_t i = 0; i < kPlaces; ++i) {
       places[i] = {bytes.get() + i * kRoom, kRoom};
       messages[i].msg_hdr.msg_name = &sources[i];
       messages[i].msg_hdr.msg_iov = &places[i];
       messages[i].msg_hdr.msg_iovlen = 1;
       messages[i].msg_hdr.msg_control = controls[i].data();
     }
-    prepare(kSize);
+    prepare({0, kPlaces});
   }
-  /// What the kernel has changed of the first `count`.
-  void prepare(size_t count) {
-    for (size_t i = 0; i < count; ++i) {
+  /// What the kernel has changed in these places.
+  void prepare(Room room) {
+    for (size_t i = room.first; i < room.first + room.count; ++i) {
       messages[i].msg_hdr.msg_namelen = sizeof sources[i];
       messages[i].msg_hdr.msg_controllen = controls[i].size();
     }
@@ -113,8 +113,49 @@ struct DatagramBatch::Buffers {
   }
 };
 
-DatagramBatch::DatagramBatch() : buffers_(std::make_unique<Buffers>()) {}
-DatagramBatch::~DatagramBatch() = default;
+DatagramRing::DatagramRing() : buffers_(std::make_unique<Buffers>()) {}
+DatagramRing::~DatagramRing() = default;
+
+std::span<const DatagramRing::Received> DatagramRing::wait(size_t limit) {
+  std::unique_lock lock(mutex_);
+  changed_.wait(lock, [&] { return received_ > handled_ || stopped_; });
+  if (stopped_) return {};
+  const size_t first = handled_ % kPlaces;
+  const size_t in_a_row = std::min<uint64_t>(received_ - handled_, kPlaces - first);
+  return std::span(buffers_->received).subspan(first, std::min(in_a_row, limit));
+}
+
+void DatagramRing::release(size_t count) {
+  {
+    const std::lock_guard lock(mutex_);
+    handled_ += count;
+  }
+  changed_.notify_all();
+}
+
+void DatagramRing::stop() {
+  {
+    const std::lock_guard lock(mutex_);
+    stopped_ = true;
+  }
+  changed_.notify_all();
+}
+
+DatagramRing::Room DatagramRing::wait_for_room() {
+  std::unique_lock lock(mutex_);
+  changed_.wait(lock, [&] { return received_ - handled_ < kPlaces || stopped_; });
+  if (stopped_) return {};
+  const size_t first = received_ % kPlaces;
+  return {first, std::min<size_t>(kPlaces - (received_ - handled_), kPlaces - first)};
+}
+
+void DatagramRing::add(size_t count) {
+  {
+    const std::lock_guard lock(mutex_);
+    received_ += count;
+  }
+  changed_.notify_all();
+}
 
 MulticastReceiver::MulticastReceiver(const std::string& url) {
   const sockaddr_in group = address_of(url);
@@ -132,17 +173,22 @@ MulticastReceiver::MulticastReceiver(const std::string& url) {
   must(set_option(fd, IPPROTO_IP, IP_ADD_MEMBERSHIP, membership), url);
 }
 
-std::span<const DatagramBatch::Received> MulticastReceiver::receive(DatagramBatch& batch) {
-  DatagramBatch::Buffers& buffers = *batch.buffers_;
-  const int count =
-      recvmmsg(fd(), buffers.messages.data(), DatagramBatch::kSize, MSG_DONTWAIT, nullptr);
-  if (count <= 0) return {};
-  for (int i = 0; i < count; ++i) {
+size_t MulticastReceiver::receive(DatagramRing& ring) {
+  constexpr size_t kAtOnce = 32;
+  const DatagramRing::Room room = ring.wait_for_room();
+  if (room.count == 0) return 0;
+  DatagramRing::Buffers& buffers = *ring.buffers_;
+  const auto limit = static_cast<unsigned>(std::min(room.count, kAtOnce));
+  const int got = recvmmsg(fd(), &buffers.messages[room.first], limit, MSG_DONTWAIT, nullptr);
+  if (got <= 0) return 0;
+  const auto count = static_cast<size_t>(got);
+  for (size_t i = room.first; i < room.first + count; ++i) {
     buffers.received[i] = buffers.datagram(i);
     dropped_ = std::max<int64_t>(dropped_, buffers.drops(i));
   }
-  buffers.prepare(count);
-  return std::span(buffers.received).first(count);
+  buffers.prepare({room.first, count});
+  ring.add(count);
+  return count;
 }
 
 // --- sending ------------------------------------------------------------------------------------

@@ -5,6 +5,7 @@
 
 #include <array>
 #include <atomic>
+#include <condition_variable>
 #include <cstdint>
 #include <memory>
 #include <mutex>
@@ -30,24 +31,47 @@ class Socket {
   const int fd_;
 };
 
-/// Memory for datagrams that arrive together: 2 MiB, allocated once.
-class DatagramBatch {
+/// Datagrams that were received and not handled yet: a ring of 512 places of 64 KiB, allocated
+/// once. One thread receives into it (MulticastReceiver), one handles; so the kernel's buffer is
+/// emptied while a handler works. 512 places hold almost three pulses of 15 raw XGA images.
+class DatagramRing {
  public:
-  static constexpr size_t kSize = 32;
+  static constexpr size_t kPlaces = 512;
 
   struct Received {
     std::span<const uint8_t> bytes;
     uint64_t source = 0;  ///< address and port of the sender
   };
-  DatagramBatch();
-  ~DatagramBatch();
-  DatagramBatch(const DatagramBatch&) = delete;
-  DatagramBatch& operator=(const DatagramBatch&) = delete;
+  DatagramRing();
+  ~DatagramRing();
+  DatagramRing(const DatagramRing&) = delete;
+  DatagramRing& operator=(const DatagramRing&) = delete;
+
+  /// The handling thread: waits for datagrams, at most `limit` of them, in the order of arrival.
+  /// They are valid until release(). Empty after stop().
+  std::span<const Received> wait(size_t limit = kPlaces);
+  /// The handling thread: the first `count` of wait() are handled.
+  void release(size_t count);
+  /// Wakes both threads for good. Any thread.
+  void stop();
 
  private:
   friend class MulticastReceiver;
   struct Buffers;
+  /// Places in a row that are free, from `first` on.
+  struct Room {
+    size_t first = 0;
+    size_t count = 0;
+  };
+  Room wait_for_room();
+  void add(size_t count);
+
   const std::unique_ptr<Buffers> buffers_;
+  std::mutex mutex_;  ///< what follows
+  std::condition_variable changed_;
+  uint64_t received_ = 0;  ///< datagrams, since the beginning
+  uint64_t handled_ = 0;
+  bool stopped_ = false;
 };
 
 /// A member of a multicast group, until it is destroyed. One thread, but dropped().
@@ -57,9 +81,8 @@ class MulticastReceiver {
   explicit MulticastReceiver(const std::string& url);
 
   int fd() const { return socket_.fd(); }
-  /// What is there, without waiting; fewer than DatagramBatch::kSize when that is all. The spans
-  /// are valid until the next call with this batch.
-  std::span<const DatagramBatch::Received> receive(DatagramBatch& batch);
+  /// Brings what is there into the ring. Waits for room in the ring, not for datagrams. How many.
+  size_t receive(DatagramRing& ring);
   /// Datagrams that the kernel dropped because its receive buffer was full.
   int64_t dropped() const { return dropped_; }
 
