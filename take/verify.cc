@@ -58,7 +58,10 @@ class Verifier {
 
   std::optional<Ledger> stored_ledger() {
     try {
-      return load_ledger(paths_.ledger());
+      Ledger stored = load_ledger(paths_.ledger());
+      // Of a recovery, after which a daemon continued the take: it knows less than the logs.
+      if (result_.info.state == TakeState::kRecording) return std::nullopt;
+      return stored;
     } catch (const InputError& error) {
       result_.disagreements.emplace_back(error.what());
       return std::nullopt;

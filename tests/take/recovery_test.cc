@@ -190,6 +190,28 @@ TEST_F(OpenTake, is_continued_in_a_segment_and_verified_as_one_log) {
   EXPECT_EQ(whole.ledger.cameras[0].written, kFrames + 2);
 }
 
+TEST_F(OpenTake, that_was_continued_is_recovered_again_with_the_pulses_since) {
+  recover_take(paths_);
+  TakeInfo info = load_take_info(paths_);
+  info.state = TakeState::kRecording;
+  ASSERT_TRUE(save_take_info(paths_, info));
+  {
+    EventLogWriter pulses(paths_.pulses(), LogOpening::kGoOn);
+    EventLogWriter frames(log(), LogOpening::kGoOn);
+    for (const int64_t pulse : {kFrames + 1, kFrames + 2}) {
+      PulseMessage sensed;
+      sensed.pulse = pulse;
+      EXPECT_TRUE(pulses.write(sensed));
+      EXPECT_TRUE(frames.write(test::recorded_frame(kCamera, pulse, kSize)));
+    }
+  }
+  const Ledger ledger = recover_take(paths_).ledger;
+  EXPECT_EQ(ledger.commanded, kFrames + 3);
+  EXPECT_EQ(ledger.cameras[0].written, kFrames + 2);
+  EXPECT_THAT(ledger.cameras[0].missing, ElementsAre(kFrames)) << "it was torn";
+  EXPECT_THAT(ledger.cameras[0].suspect, testing::IsEmpty());
+}
+
 TEST_F(OpenTake, reports_frames_that_the_disk_does_not_give) {
   recover_take(paths_);
   const test::UnreadableByte bad(10 * event_bytes_ + 2000);  // inside the pixels of a frame
