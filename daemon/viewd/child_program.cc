@@ -1,8 +1,6 @@
 #include "daemon/viewd/child_program.h"
 
 #include <fcntl.h>
-#include <spawn.h>
-#include <sys/wait.h>
 #include <unistd.h>
 
 #include <array>
@@ -10,68 +8,20 @@
 #include <csignal>
 
 #include "base/error.h"
+#include "base/io/process.h"
 
 namespace v3d {
 namespace {
 
 constexpr int kCannotRun = 127;
 
-/// Of ours nothing: where systemd is told of readiness, for one, is not its business.
-std::array<char*, 3> environment() {
-  static char path[] = "PATH=/usr/bin:/bin";
-  static char language[] = "LC_ALL=C.UTF-8";
-  return {path, language, nullptr};
-}
-
-/// What a program inherits: all signals as they are by default.
-class Attributes {
- public:
-  Attributes() {
-    posix_spawnattr_init(&attributes_);
-    posix_spawnattr_setflags(&attributes_, POSIX_SPAWN_SETSIGMASK | POSIX_SPAWN_SETSIGDEF);
-    sigset_t set;
-    sigemptyset(&set);
-    posix_spawnattr_setsigmask(&attributes_, &set);
-    sigfillset(&set);
-    posix_spawnattr_setsigdefault(&attributes_, &set);
-  }
-  ~Attributes() { posix_spawnattr_destroy(&attributes_); }
-  Attributes(const Attributes&) = delete;
-  Attributes& operator=(const Attributes&) = delete;
-  const posix_spawnattr_t* get() const { return &attributes_; }
-
- private:
-  posix_spawnattr_t attributes_{};
-};
-
 }  // namespace
 
 pid_t spawn_program(const std::vector<std::string>& words, int output, int errors) {
-  std::vector<char*> arguments;
-  for (const std::string& word : words) arguments.push_back(const_cast<char*>(word.c_str()));
-  arguments.push_back(nullptr);
-  posix_spawn_file_actions_t actions;
-  posix_spawn_file_actions_init(&actions);
-  posix_spawn_file_actions_addopen(&actions, STDIN_FILENO, "/dev/null", O_RDONLY, 0);
-  posix_spawn_file_actions_adddup2(&actions, output, STDOUT_FILENO);
-  posix_spawn_file_actions_adddup2(&actions, errors, STDERR_FILENO);
-  // Not every library opens its sockets so that they close by themselves.
-  posix_spawn_file_actions_addclosefrom_np(&actions, STDERR_FILENO + 1);
-  const Attributes attributes;
-  pid_t child = -1;
-  const int error = posix_spawn(&child, arguments[0], &actions, attributes.get(), arguments.data(),
-                                environment().data());
-  posix_spawn_file_actions_destroy(&actions);
-  if (error == 0) return child;
-  errno = error;
-  return -1;
-}
-
-void end_program(pid_t child) {
-  if (child < 0) return;
-  kill(child, SIGKILL);
-  while (waitpid(child, nullptr, 0) < 0 && errno == EINTR) {
-  }
+  return spawn_process(words, {.output = output,
+                               .errors = errors,
+                               .default_signals = true,
+                               .environment = {{"PATH=/usr/bin:/bin", "LC_ALL=C.UTF-8"}}});
 }
 
 void ChildProgram::Pipe::close() {
@@ -113,7 +63,7 @@ ChildProgram::ChildProgram(const std::vector<std::string>& words, MonotonicInsta
 ChildProgram::~ChildProgram() {
   output_.close();
   errors_.close();
-  end_program(child_);
+  kill_process(child_);
 }
 
 void ChildProgram::hurry(MonotonicInstant now) {
@@ -126,15 +76,15 @@ std::optional<ProgramEnd> ChildProgram::poll(MonotonicInstant now) {
   output_.read_into(end_.output);
   errors_.read_into(end_.errors);
   if (child_ < 0) return end_;
-  int status = 0;
-  if (waitpid(child_, &status, WNOHANG) != child_) {
+  const std::optional<int> status = poll_process(child_);
+  if (!status) {
     hurry(now);
     return {};
   }
   child_ = -1;
   output_.read_into(end_.output);  // its last words
   errors_.read_into(end_.errors);
-  end_.status = WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status);
+  end_.status = *status;
   return end_;
 }
 

@@ -18,13 +18,9 @@ struct ProgramEnd {
   std::string errors = {};
 };
 
-/// Without a shell, with an environment of its own, no file of ours open but its output and errors,
-/// no signal blocked, and nothing to read. -1, with errno, where it cannot be run. `words`: a path,
-/// and the arguments.
+/// spawn_process() with an environment of its own, in which systemd's notification socket is not,
+/// no signal blocked, and nothing to read. `words`: a path, and the arguments.
 pid_t spawn_program(const std::vector<std::string>& words, int output, int errors);
-
-/// Kills it, and takes leave of it.
-void end_program(pid_t child);
 
 /// A spawn_program() that is asked to end (SIGTERM) at its deadline, and killed a little later. Of
 /// what it prints the first megabyte is kept. One thread.

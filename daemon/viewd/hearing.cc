@@ -12,6 +12,7 @@
 #include <stdexcept>
 
 #include "base/error.h"
+#include "base/io/process.h"
 #include "daemon/operator_client.h"
 #include "daemon/viewd/child_program.h"
 #include "wire/codec.h"
@@ -144,7 +145,7 @@ Hearing::Hearing(const Studio& studio, const std::string& flag) {
 
 Hearing::~Hearing() {
   close(from_);
-  end_program(child_);
+  kill_process(child_);
 }
 
 void Hearing::wait(MonotonicInstant deadline) {

@@ -1,9 +1,7 @@
 #include "common/subprocess.h"
 
 #include <fcntl.h>
-#include <spawn.h>
 #include <sys/mman.h>
-#include <sys/wait.h>
 #include <unistd.h>
 
 #include <cerrno>
@@ -13,6 +11,7 @@
 #include <utility>
 
 #include "base/error.h"
+#include "base/io/process.h"
 
 namespace v3d {
 namespace {
@@ -28,29 +27,10 @@ std::string read_all(int fd) {
   }
 }
 
-/// The child's standard output goes to `to`, its standard error to `errors`.
-pid_t spawn(const std::vector<std::string>& words, int to, int errors) {
-  std::vector<char*> arguments;
-  for (const std::string& word : words) arguments.push_back(const_cast<char*>(word.c_str()));
-  arguments.push_back(nullptr);
-  posix_spawn_file_actions_t actions;
-  posix_spawn_file_actions_init(&actions);
-  posix_spawn_file_actions_adddup2(&actions, to, STDOUT_FILENO);
-  posix_spawn_file_actions_adddup2(&actions, errors, STDERR_FILENO);
-  pid_t child = -1;
-  const int error =
-      posix_spawnp(&child, arguments[0], &actions, nullptr, arguments.data(), environ);
-  posix_spawn_file_actions_destroy(&actions);
-  if (error == 0) return child;
-  errno = error;
-  throw InputError(errno_message("cannot run " + words.front()));
-}
-
-int wait_for(pid_t child) {
-  int status = 0;
-  while (waitpid(child, &status, 0) < 0 && errno == EINTR) {
-  }
-  return WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status);
+pid_t start(const std::vector<std::string>& words, int output, int errors) {
+  const pid_t child = spawn_process(words, {.output = output, .errors = errors, .on_path = true});
+  if (child < 0) throw InputError(errno_message("cannot run " + words.front()));
+  return child;
 }
 
 /// A file descriptor that closes itself.
@@ -76,18 +56,18 @@ ProcessResult run_captured(const std::vector<std::string>& words, int errors) {
   if (pipe2(channel, O_CLOEXEC) != 0) throw std::runtime_error(errno_message("pipe"));
   const Descriptor ours(channel[0]);
   Descriptor its(channel[1]);
-  const pid_t child = spawn(words, its.get(), errors);
+  const pid_t child = start(words, its.get(), errors);
   its.reset();
   std::string text = read_all(ours.get());
-  return {.status = wait_for(child), .output = std::move(text), .errors = {}};
+  return {.status = wait_for_process(child), .output = std::move(text), .errors = {}};
 }
 
 }  // namespace
 
 ProcessResult run_process(const std::vector<std::string>& words, Output output) {
   if (output == Output::kShow) {
-    const pid_t child = spawn(words, STDERR_FILENO, STDERR_FILENO);
-    return {.status = wait_for(child), .output = {}, .errors = {}};
+    const pid_t child = start(words, STDERR_FILENO, STDERR_FILENO);
+    return {.status = wait_for_process(child), .output = {}, .errors = {}};
   }
   if (output == Output::kCapture) return run_captured(words, STDERR_FILENO);
   // Not a second pipe: one that nobody reads meanwhile would stop it.

@@ -16,8 +16,8 @@ struct ProcessResult {
 /// standard error is ours, unless both are captured.
 enum class Output { kCapture, kShow, kCaptureBoth };
 
-/// `words`: the program, found on the PATH, and its arguments. Throws InputError when there is no
-/// such program.
+/// `words`: the program, found on the PATH, and its arguments; it has nothing to read. Throws
+/// InputError when there is no such program.
 ProcessResult run_process(const std::vector<std::string>& words, Output output);
 
 /// Whether the PATH has such a program.

@@ -1,8 +1,7 @@
-#include <unistd.h>
-
 #include <stdexcept>
 
 #include "base/error.h"
+#include "base/io/process.h"
 #include "v3dctl/command.h"
 
 namespace v3d::ctl {
@@ -19,12 +18,9 @@ fs::path find_program(const std::string& name) {
                            " is not installed on this PC; it comes with the package v3d-import");
 }
 
-int hand_over(const std::string& name, std::vector<std::string> words) {
+int hand_over(const std::string& name, const std::vector<std::string>& words) {
   const fs::path program = find_program("v3dctl-" + name);
-  std::vector<char*> arguments;
-  for (std::string& word : words) arguments.push_back(word.data());
-  arguments.push_back(nullptr);
-  execv(program.c_str(), arguments.data());
+  become_program(program, words);
   throw std::runtime_error(errno_message(program.string()));
 }
 

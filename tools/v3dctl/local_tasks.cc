@@ -1,17 +1,16 @@
 #include "v3dctl/local_tasks.h"
 
 #include <fcntl.h>
-#include <sys/wait.h>
 #include <unistd.h>
 
 #include <algorithm>
-#include <cerrno>
 #include <csignal>
 #include <ctime>
 #include <filesystem>
 #include <stdexcept>
 
 #include "base/error.h"
+#include "base/io/process.h"
 #include "base/time.h"
 
 namespace v3d::ctl {
@@ -28,23 +27,13 @@ void pause() {
 }
 
 /// A process that reads nothing and writes to `log` alone.
-pid_t spawn(std::vector<std::string> words, const std::filesystem::path& log) {
-  std::vector<char*> arguments;
-  for (std::string& word : words) arguments.push_back(word.data());
-  arguments.push_back(nullptr);
+pid_t start_task(const std::vector<std::string>& words, const std::filesystem::path& log) {
   const int output = open(log.c_str(), O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC, 0644);
-  const int input = open("/dev/null", O_RDONLY | O_CLOEXEC);
-  const pid_t child = fork();
-  if (child == 0) {
-    dup2(input, STDIN_FILENO);
-    dup2(output, STDOUT_FILENO);
-    dup2(output, STDERR_FILENO);
-    execv(arguments[0], arguments.data());
-    _exit(127);
-  }
+  if (output < 0) throw std::runtime_error(errno_message(log.string()));
+  const pid_t child = spawn_process(words, {.output = output, .errors = output});
+  const std::string problem = errno_message("cannot run " + words.front());
   close(output);
-  close(input);
-  if (child < 0) throw std::runtime_error(errno_message("cannot begin a process"));
+  if (child < 0) throw std::runtime_error(problem);
   return child;
 }
 
@@ -77,7 +66,7 @@ void LocalTasks::begin(const Task& task) {
   std::vector<std::string> words =
       task_words(folder_.path(), first + ":" + std::to_string(task.end), threads_);
   words.insert(words.end(), {"--parent", std::to_string(getpid())});
-  running_.push_back(spawn(std::move(words), folder_.path() / ("task-" + first + ".log")));
+  running_.push_back(start_task(words, folder_.path() / ("task-" + first + ".log")));
 }
 
 bool LocalTasks::runs() {
@@ -91,7 +80,7 @@ bool LocalTasks::runs() {
 }
 
 void LocalTasks::reap() {
-  std::erase_if(running_, [](pid_t child) { return waitpid(child, nullptr, WNOHANG) == child; });
+  std::erase_if(running_, [](pid_t child) { return poll_process(child).has_value(); });
 }
 
 void LocalTasks::signal(int number) const {
@@ -104,10 +93,7 @@ void LocalTasks::cancel() {
   signal(SIGTERM);
   const MonotonicInstant deadline = Monotonic::now() + kPatience;
   for (reap(); !running_.empty() && Monotonic::now() < deadline; reap()) pause();
-  signal(SIGKILL);
-  for (const pid_t child : running_) {
-    while (waitpid(child, nullptr, 0) < 0 && errno == EINTR) continue;
-  }
+  for (const pid_t child : running_) kill_process(child);
   running_.clear();
 }
 

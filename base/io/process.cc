@@ -1,0 +1,122 @@
+#include "base/io/process.h"
+
+#include <fcntl.h>
+#include <spawn.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <csignal>
+
+namespace v3d {
+namespace {
+
+constexpr int kUnknownEnd = 127;
+
+/// As exec(3) wants them. Borrows the words.
+std::vector<char*> pointers_to(const std::vector<std::string>& words) {
+  std::vector<char*> pointers;
+  for (const std::string& word : words) pointers.push_back(const_cast<char*>(word.c_str()));
+  pointers.push_back(nullptr);
+  return pointers;
+}
+
+class FileActions {
+ public:
+  FileActions() { posix_spawn_file_actions_init(&actions_); }
+  ~FileActions() { posix_spawn_file_actions_destroy(&actions_); }
+  FileActions(const FileActions&) = delete;
+  FileActions& operator=(const FileActions&) = delete;
+
+  void connect(int fd, int its) {
+    if (fd >= 0) {
+      posix_spawn_file_actions_adddup2(&actions_, fd, its);
+    } else {
+      posix_spawn_file_actions_addopen(&actions_, its, "/dev/null", O_RDWR, 0);
+    }
+  }
+  /// Not every library opens its files close-on-exec.
+  void close_others() { posix_spawn_file_actions_addclosefrom_np(&actions_, STDERR_FILENO + 1); }
+  const posix_spawn_file_actions_t* get() const { return &actions_; }
+
+ private:
+  posix_spawn_file_actions_t actions_{};
+};
+
+class Attributes {
+ public:
+  explicit Attributes(bool default_signals) {
+    posix_spawnattr_init(&attributes_);
+    if (!default_signals) return;
+    posix_spawnattr_setflags(&attributes_, POSIX_SPAWN_SETSIGMASK | POSIX_SPAWN_SETSIGDEF);
+    sigset_t set;
+    sigemptyset(&set);
+    posix_spawnattr_setsigmask(&attributes_, &set);
+    sigfillset(&set);
+    posix_spawnattr_setsigdefault(&attributes_, &set);
+  }
+  ~Attributes() { posix_spawnattr_destroy(&attributes_); }
+  Attributes(const Attributes&) = delete;
+  Attributes& operator=(const Attributes&) = delete;
+  const posix_spawnattr_t* get() const { return &attributes_; }
+
+ private:
+  posix_spawnattr_t attributes_{};
+};
+
+/// Of waitpid(2).
+int exit_status(int status) {
+  return WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status);
+}
+
+pid_t wait_for(pid_t child, int& status, int flags) {
+  for (;;) {
+    const pid_t ended = waitpid(child, &status, flags);
+    if (ended >= 0 || errno != EINTR) return ended;
+  }
+}
+
+}  // namespace
+
+pid_t spawn_process(const std::vector<std::string>& words, const SpawnOptions& options) {
+  FileActions actions;
+  actions.connect(options.output, STDOUT_FILENO);
+  actions.connect(options.errors, STDERR_FILENO);
+  actions.connect(options.input, STDIN_FILENO);
+  actions.close_others();
+  const Attributes attributes(options.default_signals);
+  const std::vector<char*> arguments = pointers_to(words);
+  std::vector<char*> variables;
+  if (options.environment) variables = pointers_to(*options.environment);
+  const auto start = options.on_path ? posix_spawnp : posix_spawn;
+  pid_t child = -1;
+  const int error = start(&child, arguments[0], actions.get(), attributes.get(), arguments.data(),
+                          options.environment ? variables.data() : environ);
+  if (error == 0) return child;
+  errno = error;
+  return -1;
+}
+
+int wait_for_process(pid_t child) {
+  int status = 0;
+  return wait_for(child, status, 0) == child ? exit_status(status) : kUnknownEnd;
+}
+
+std::optional<int> poll_process(pid_t child) {
+  int status = 0;
+  const pid_t ended = wait_for(child, status, WNOHANG);
+  if (ended == 0) return std::nullopt;
+  return ended == child ? exit_status(status) : kUnknownEnd;
+}
+
+void kill_process(pid_t child) {
+  if (child < 0) return;
+  kill(child, SIGKILL);
+  wait_for_process(child);
+}
+
+void become_program(const std::string& path, const std::vector<std::string>& words) {
+  execv(path.c_str(), pointers_to(words).data());
+}
+
+}  // namespace v3d
