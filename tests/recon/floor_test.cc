@@ -58,6 +58,7 @@ TEST(Floor, is_darkest_below_what_stands_on_it_and_bright_a_metre_beside) {
 TEST(Floor, is_less_dark_below_what_is_higher) {
   const Floor standing(box_at_height(0), {}), jumping(box_at_height(0.6F), {});
   const float expected = hit_at(standing, {0, 0, 0})->shadow * std::exp(-1.0F);
+  ASSERT_GT(expected, 0.1F);
   EXPECT_NEAR(hit_at(jumping, {0, 0, 0})->shadow, expected, 0.02F);
 }
 
