@@ -23,7 +23,8 @@ struct Board {
 
   int corners() const { return corner_columns * corner_rows; }
   Eigen::Vector3d corner(int index) const {
-    return {index % corner_columns * square_m, index / corner_columns * square_m, 0};
+    const int column = index % corner_columns, row = index / corner_columns;
+    return {column * square_m, row * square_m, 0};
   }
   Eigen::Vector3d centre() const { return 0.5 * corner(corners() - 1); }
   /// Turned by half it looks the same: which end is which, no picture of it alone can tell.
