@@ -1,8 +1,9 @@
 #include "daemon/datagram.h"
 
 #include <algorithm>
-#include <cassert>
 #include <cstring>
+
+#include "base/check.h"
 
 namespace v3d {
 namespace {
@@ -149,7 +150,7 @@ std::vector<OutgoingDatagram> split_message(uint32_t sequence, std::string_view 
     offset += datagram.data.size();
     datagrams.push_back(datagram);
   }
-  assert(offset == message.size());
+  V3D_CHECK(offset == message.size());
   return datagrams;
 }
 

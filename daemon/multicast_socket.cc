@@ -2,7 +2,6 @@
 
 #include <arpa/inet.h>
 #include <sys/socket.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <cerrno>
@@ -52,18 +51,20 @@ const sockaddr* generic(const sockaddr_in& address) {
   return reinterpret_cast<const sockaddr*>(&address);
 }
 
+/// UDP over IPv4. Throws InputError with errno's text.
+io::UniqueFd udp_socket() {
+  io::UniqueFd fd(socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0));
+  if (!fd) throw InputError(errno_message("network: no UDP socket"));
+  return fd;
+}
+
 /// Asks the kernel whether it knows a way to the group, by a socket that sends nothing.
 void check_route(const sockaddr_in& group, const std::string& url) {
-  const Socket probe;
-  must(connect(probe.fd(), generic(group), sizeof group) == 0, url);
+  const io::UniqueFd probe = udp_socket();
+  must(connect(probe.get(), generic(group), sizeof group) == 0, url);
 }
 
 }  // namespace
-
-Socket::Socket() : fd_(socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0)) {
-  if (fd_ < 0) throw InputError(errno_message("network: no UDP socket"));
-}
-Socket::~Socket() { close(fd_); }
 
 // --- receiving ----------------------------------------------------------------------------------
 
@@ -157,10 +158,10 @@ void DatagramRing::add(size_t count) {
   changed_.notify_all();
 }
 
-MulticastReceiver::MulticastReceiver(const std::string& url) {
+MulticastReceiver::MulticastReceiver(const std::string& url) : socket_(udp_socket()) {
   const sockaddr_in group = address_of(url);
   const LcmOptions options = options_of(url);
-  const int fd = socket_.fd();
+  const int fd = socket_.get();
   // Several processes of one machine listen. Bound to the group's address, the socket is given
   // what was sent to the group and nothing else.
   must(set_option(fd, SOL_SOCKET, SO_REUSEADDR, 1), url);
@@ -194,10 +195,10 @@ size_t MulticastReceiver::receive(DatagramRing& ring) {
 // --- sending ------------------------------------------------------------------------------------
 
 MulticastSender::MulticastSender(const std::string& url)
-    : group_(address_of(url)), session_(random_session()) {
+    : socket_(udp_socket()), group_(address_of(url)), session_(random_session()) {
   const auto ttl = static_cast<uint8_t>(options_of(url).ttl);
   check_route(group_, url);
-  must(set_option(socket_.fd(), IPPROTO_IP, IP_MULTICAST_TTL, ttl), url);
+  must(set_option(socket_.get(), IPPROTO_IP, IP_MULTICAST_TTL, ttl), url);
 }
 
 bool MulticastSender::send(std::string_view channel, std::span<const uint8_t> message,
@@ -237,7 +238,7 @@ bool MulticastSender::send_all(std::span<const OutgoingDatagram> datagrams, bool
   }
   const std::lock_guard lock(one_message_);
   for (size_t sent = 0; sent < messages.size();) {
-    const int count = sendmmsg(socket_.fd(), messages.data() + sent,
+    const int count = sendmmsg(socket_.get(), messages.data() + sent,
                                static_cast<unsigned>(messages.size() - sent), 0);
     if (count < 0 && errno == EINTR) continue;
     if (count <= 0) return false;

@@ -12,24 +12,11 @@
 #include <span>
 #include <string>
 
+#include "base/io/unique_fd.h"
 #include "daemon/datagram.h"
 #include "daemon/message_seal.h"
 
 namespace v3d {
-
-/// A file descriptor that is closed with the object.
-class Socket {
- public:
-  /// UDP over IPv4. Throws InputError with errno's text.
-  Socket();
-  ~Socket();
-  Socket(const Socket&) = delete;
-  Socket& operator=(const Socket&) = delete;
-  int fd() const { return fd_; }
-
- private:
-  const int fd_;
-};
 
 /// Datagrams that were received and not handled yet: a ring of 512 places of 64 KiB, allocated
 /// once. One thread receives into it (MulticastReceiver), one handles; so the kernel's buffer is
@@ -80,14 +67,14 @@ class MulticastReceiver {
   /// `url` as LCM writes it. Throws InputError with the remedy when the group cannot be joined.
   explicit MulticastReceiver(const std::string& url);
 
-  int fd() const { return socket_.fd(); }
+  int fd() const { return socket_.get(); }
   /// Brings what is there into the ring. Waits for room in the ring, not for datagrams. How many.
   size_t receive(DatagramRing& ring);
   /// Datagrams that the kernel dropped because its receive buffer was full.
   int64_t dropped() const { return dropped_; }
 
  private:
-  const Socket socket_;
+  const io::UniqueFd socket_;
   std::atomic<int64_t> dropped_ = 0;
 };
 
@@ -105,7 +92,7 @@ class MulticastSender {
  private:
   bool send_all(std::span<const OutgoingDatagram> datagrams, bool with_trailer);
 
-  const Socket socket_;
+  const io::UniqueFd socket_;
   sockaddr_in group_{};
   const uint32_t session_;
   std::atomic<uint32_t> next_sequence_ = 0;

@@ -1,8 +1,9 @@
 #include "daemon/reassembly.h"
 
 #include <algorithm>
-#include <cassert>
 #include <cstring>
+
+#include "base/check.h"
 
 namespace v3d {
 
@@ -10,8 +11,8 @@ Reassembly::Reassembly()
     : bytes_(std::make_unique_for_overwrite<uint8_t[]>(kBytes)), slots_(kSlots) {}
 
 std::optional<Reassembly::Message> Reassembly::add(const MessageFragment& fragment) {
-  assert(fragment.of.size <= kMaxMessage && fragment.number < fragment.of.count);
-  assert(size_t{fragment.offset} + fragment.data.size() <= fragment.of.size);
+  V3D_CHECK(fragment.of.size <= kMaxMessage && fragment.number < fragment.of.count);
+  V3D_CHECK(size_t{fragment.offset} + fragment.data.size() <= fragment.of.size);
   Slot* found = find(fragment.of);
   Slot& slot = found != nullptr ? *found : open(fragment.of);
   if (slot.arrived[fragment.number]) return std::nullopt;

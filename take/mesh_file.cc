@@ -1,10 +1,10 @@
 #include "take/mesh_file.h"
 
 #include <algorithm>
-#include <cassert>
 #include <deque>
 #include <utility>
 
+#include "base/check.h"
 #include "base/error.h"
 #include "base/io/file.h"
 #include "take/mesh_file_layout.h"
@@ -178,7 +178,7 @@ class MeshFileWriter::Impl {
   Impl& operator=(const Impl&) = delete;
 
   io::Status append(int64_t pulse, std::span<const uint8_t> compact) {
-    assert(!last_pulse() || pulse > *last_pulse());
+    V3D_CHECK(!last_pulse() || pulse > *last_pulse());
     if (!file_) return io::io_error("write", path_, "it is closed", EBADF);
     if (compact.size() > mesh_file::kMaxPayload) {
       return io::io_error("write", path_, "the mesh is too large", EFBIG);

@@ -2,9 +2,9 @@
 
 #include <unistd.h>
 
-#include <cassert>
 #include <string>
 
+#include "base/check.h"
 #include "base/io/file.h"
 #include "take/mesh_file_layout.h"
 
@@ -64,7 +64,7 @@ void remove_mesh_file_without_meshes(const TakePaths& paths) {
 }
 
 void remove_working_file(const fs::path& file) {
-  assert(file.filename().string().starts_with("."));
+  V3D_CHECK(file.filename().string().starts_with("."));
   unlink(file.c_str());
 }
 

@@ -8,9 +8,10 @@
 #include <algorithm>
 #include <array>
 #include <atomic>
-#include <cassert>
 #include <string>
 #include <vector>
+
+#include "base/check.h"
 
 namespace v3d::io {
 namespace {
@@ -134,7 +135,7 @@ Result<size_t> File::read(uint64_t offset, std::span<uint8_t> bytes) const {
 Status File::write(uint64_t offset, std::initializer_list<std::span<const uint8_t>> parts) {
   constexpr size_t kMaxParts = 4;
   std::array<iovec, kMaxParts> vectors{};
-  assert(parts.size() <= kMaxParts);
+  V3D_CHECK(parts.size() <= kMaxParts);
   size_t count = 0;
   for (const auto part : parts) {  // pwritev() only reads
     if (!part.empty()) vectors[count++] = {const_cast<uint8_t*>(part.data()), part.size()};

@@ -12,6 +12,7 @@
 
 #include "base/error.h"
 #include "base/io/process.h"
+#include "base/io/unique_fd.h"
 
 namespace v3d {
 namespace {
@@ -33,29 +34,11 @@ pid_t start(const std::vector<std::string>& words, int output, int errors) {
   return child;
 }
 
-/// A file descriptor that closes itself.
-class Descriptor {
- public:
-  explicit Descriptor(int fd) : fd_(fd) {
-    if (fd < 0) throw std::runtime_error(errno_message("cannot run another program"));
-  }
-  ~Descriptor() { reset(); }
-  Descriptor(const Descriptor&) = delete;
-  Descriptor& operator=(const Descriptor&) = delete;
-  int get() const { return fd_; }
-  void reset() {
-    if (fd_ >= 0) close(std::exchange(fd_, -1));
-  }
-
- private:
-  int fd_;
-};
-
 ProcessResult run_captured(const std::vector<std::string>& words, int errors) {
   int channel[2];
   if (pipe2(channel, O_CLOEXEC) != 0) throw std::runtime_error(errno_message("pipe"));
-  const Descriptor ours(channel[0]);
-  Descriptor its(channel[1]);
+  const io::UniqueFd ours(channel[0]);
+  io::UniqueFd its(channel[1]);
   const pid_t child = start(words, its.get(), errors);
   its.reset();
   std::string text = read_all(ours.get());
@@ -71,7 +54,8 @@ ProcessResult run_process(const std::vector<std::string>& words, Output output) 
   }
   if (output == Output::kCapture) return run_captured(words, STDERR_FILENO);
   // Not a second pipe: one that nobody reads meanwhile would stop it.
-  const Descriptor errors(memfd_create("errors", MFD_CLOEXEC));
+  const io::UniqueFd errors(memfd_create("errors", MFD_CLOEXEC));
+  if (!errors) throw std::runtime_error(errno_message("cannot run another program"));
   ProcessResult result = run_captured(words, errors.get());
   lseek(errors.get(), 0, SEEK_SET);
   result.errors = read_all(errors.get());
