@@ -1,10 +1,13 @@
 #include "daemon/lane_past.h"
 
+#include <spdlog/spdlog.h>
+
 #include <algorithm>
 
 #include "base/error.h"
 #include "capture/train_start.h"
 #include "take/frame_log.h"
+#include "take/log_segments.h"
 
 namespace v3d {
 namespace {
@@ -14,10 +17,15 @@ constexpr size_t kTold = 256;
 /// No camera takes so long; the clocks of this host and the trigger's are apart.
 constexpr Duration kLongestLatency = std::chrono::seconds(1);
 
+/// A log that cannot be read has none, and the daemon's log says why.
 std::vector<FrameLabel> labels_of(const std::filesystem::path& log) {
+  if (existing_segments(log).empty()) return {};
   try {
-    return FrameLogReader(log).labels();
-  } catch (const InputError&) {
+    const FrameLogReader reader(log);
+    for (const std::string& error : reader.read_errors()) spdlog::error("{}", error);
+    return reader.labels();
+  } catch (const InputError& error) {
+    spdlog::error("{}", error.what());
     return {};
   }
 }
@@ -62,9 +70,11 @@ std::optional<Duration> latency_of(const std::vector<FrameLabel>& labels, const 
 
 EdgeTimes edge_times(const TakePaths& take) {
   EdgeTimes edges;
+  if (existing_segments(take.pulses()).empty()) return edges;
   try {
     for (const PulseMessage& pulse : read_pulses(take.pulses())) edges[pulse.pulse] = pulse.edge;
-  } catch (const InputError&) {  // none was heard of
+  } catch (const InputError& error) {
+    spdlog::error("{}", error.what());
   }
   return edges;
 }

@@ -1,5 +1,9 @@
 #include "daemon/pulse_log.h"
 
+#include <spdlog/spdlog.h>
+
+#include "base/io/file.h"
+
 namespace v3d {
 namespace {
 
@@ -12,12 +16,23 @@ constexpr Duration kSyncEvery = std::chrono::seconds(1);
 
 PulseLog::PulseLog(const std::filesystem::path& path, LogOpening opening)
     : log_(path, opening), queue_(kQueuePulses) {
+  if (auto synced = io::sync_folder(path.parent_path()); !synced) {
+    io::throw_input_error(synced.error());
+  }
   thread_ = std::thread([this] { run(); });
 }
 
-PulseLog::~PulseLog() {
+PulseLog::~PulseLog() { close(); }
+
+void PulseLog::close() {
+  if (!thread_.joinable()) return;
   stopping_ = true;
   thread_.join();
+  note(log_.sync());
+}
+
+void PulseLog::note(const io::Status& status) {
+  if (!status && ++refused_ == 1) spdlog::error("{}", status.error().message);
 }
 
 void PulseLog::write(const PulseMessage& pulse) { queue_.push(pulse); }
@@ -27,7 +42,7 @@ void PulseLog::run() {
   for (;;) {
     const bool last_look = stopping_;
     const auto pulse = queue_.pop(last_look ? Monotonic::now() : Monotonic::now() + kLook);
-    if (pulse && !log_.write(*pulse)) ++refused_;
+    if (pulse) note(log_.write(*pulse));
     if (pulse && Monotonic::now() >= next_sync) {
       // A failure shows at the next write, which then fails, too.
       static_cast<void>(log_.sync());

@@ -12,20 +12,25 @@ namespace v3d {
 
 class PulseLog {
  public:
-  /// Throws InputError when the log cannot be made.
+  /// The name of the log survives a power cut from then on. Throws InputError when the log cannot
+  /// be made.
   PulseLog(const std::filesystem::path& path, LogOpening opening);
-  /// Writes what waits.
+  /// As close().
   ~PulseLog();
   PulseLog(const PulseLog&) = delete;
   PulseLog& operator=(const PulseLog&) = delete;
 
   /// Returns at once; of a disk that is minutes behind, the oldest pulses are lost, and counted.
   void write(const PulseMessage& pulse);
-  /// Pulses that the disk refused, or that it was too slow for.
+  /// Writes what waits, and waits until the disk has it. errors() is final then.
+  void close();
+  /// Pulses that could not be written, or for which the disk was too slow, and 1 when the disk did
+  /// not keep what was written. The first of them is in the daemon's log, too.
   int64_t errors() const { return refused_ + queue_.dropped(); }
 
  private:
   void run();
+  void note(const io::Status& status);
 
   EventLogWriter log_;
   BoundedQueue<PulseMessage> queue_;

@@ -42,9 +42,14 @@ PulseRecorder::PulseRecorder(PulseSensor* sensor, Bus& bus, Setup setup)
   thread_ = std::thread([this] { run(); });
 }
 
-PulseRecorder::~PulseRecorder() {
+PulseRecorder::~PulseRecorder() { close(); }
+
+int64_t PulseRecorder::close() {
   stopping_ = true;
-  thread_.join();
+  if (thread_.joinable()) thread_.join();
+  if (!log_) return 0;
+  log_->close();
+  return log_->errors();
 }
 
 void PulseRecorder::run() {

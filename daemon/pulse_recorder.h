@@ -53,7 +53,8 @@ class PulseRecorder {
   std::string trouble() const;
   /// The highest pulse number seen, plus one.
   int64_t seen() const;
-  int64_t write_errors() const { return log_ ? log_->errors() : 0; }
+  /// Ends the recording. Returns PulseLog::errors(); 0 without a log.
+  int64_t close();
   /// Messages of the trigger's node that did not arrive here; 0 on that node.
   int64_t lost() const { return heard_ ? heard_->counts().lost : 0; }
   bool progressed_since(MonotonicInstant since) const { return heartbeat_.since(since); }

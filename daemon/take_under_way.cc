@@ -4,6 +4,7 @@
 #include <map>
 #include <utility>
 
+#include "base/units.h"
 #include "daemon/known_pulses.h"
 #include "daemon/take_folder.h"
 
@@ -176,10 +177,16 @@ TakeAccount TakeUnderWay::close() {
   if (recording_) recording_->end(ledger);
   account.counts = counts();
   check_.reset();
+  const int64_t lost_pulses = pulses_->close();
   pulses_.reset();
   if (recording_) {
     const bool is_empty = is_empty_take(ledger, was_started_, node_.trigger.is_here());
     account.closing = std::exchange(recording_, nullptr)->close(ledger, is_empty);
+  }
+  if (lost_pulses > 0 && account.closing.unkept.empty()) {
+    account.closing.unkept = node_.studio.storage.takes.string() + " did not keep " +
+                             format_count(lost_pulses) + " of the pulses in the log of " +
+                             ledger.take + ": v3dctl verify tells which";
   }
   return account;
 }

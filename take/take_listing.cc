@@ -1,8 +1,12 @@
 #include "take/take_listing.h"
 
+#include <sys/stat.h>
+
 #include <algorithm>
+#include <cerrno>
 #include <tuple>
 
+#include "base/error.h"
 #include "base/io/file.h"
 #include "take/ledger.h"
 #include "take/mesh_file.h"
@@ -13,11 +17,18 @@ namespace {
 
 namespace fs = std::filesystem;
 
+/// Throws InputError when the folder cannot be read. A file that is removed meanwhile counts
+/// nothing.
 int64_t bytes_in(const fs::path& folder) {
   int64_t bytes = 0;
-  std::error_code error;
-  for (const auto& entry : fs::recursive_directory_iterator(folder, error)) {
-    if (entry.is_regular_file(error)) bytes += static_cast<int64_t>(entry.file_size(error));
+  for (const fs::path& entry : io::value_or_throw(io::list_folder(folder))) {
+    struct stat status {};
+    if (lstat(entry.c_str(), &status) != 0) {
+      if (errno == ENOENT) continue;
+      throw InputError(errno_message("cannot read " + entry.string()));
+    }
+    if (S_ISREG(status.st_mode)) bytes += status.st_size;
+    if (S_ISDIR(status.st_mode)) bytes += bytes_in(entry);
   }
   return bytes;
 }

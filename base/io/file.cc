@@ -232,9 +232,9 @@ Status create_folders(const fs::path& folder) {
     if (Status status = create_folders(parent); !status) return status;
   }
   if (::mkdir(folder.c_str(), 0777) != 0 && errno != EEXIST) return io_error("make folder", folder);
-  if (!fs::is_directory(folder, error)) {
-    return io_error("make folder", folder, "the name is taken by a file", EEXIST);
-  }
+  const bool is_folder = fs::is_directory(folder, error);
+  if (error) return io_error("make folder", folder, error.message(), error.value());
+  if (!is_folder) return io_error("make folder", folder, "the name is taken by a file", EEXIST);
   return sync_folder(parent);
 }
 

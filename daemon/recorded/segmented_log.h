@@ -28,6 +28,8 @@ class SegmentedLog {
   SegmentedLog(const TakePaths& paths, const std::string& camera);
 
   const std::vector<FrameLabel>& labels() const { return log_.labels(); }
+  /// FrameLogReader::read_errors()
+  const std::vector<std::string>& read_errors() const { return log_.read_errors(); }
 
   /// Empty where the camera has no (whole) frame of this pulse. A stored mask is taken as it is,
   /// else the take's background model makes it, which has followed the light up to this frame as it

@@ -9,22 +9,13 @@
 #include "base/error.h"
 #include "base/name_list.h"
 #include "take/frame_log.h"
+#include "take/log_segments.h"
 
 namespace v3d {
 namespace {
 
 bool holds(const std::vector<std::string>& names, const std::string& name) {
   return std::find(names.begin(), names.end(), name) != names.end();
-}
-
-/// None where they are not known: an import has none, and frames are worth more than their times.
-std::unordered_map<int64_t, RealtimeInstant> edges_of(const TakePaths& paths) {
-  std::unordered_map<int64_t, RealtimeInstant> edges;
-  try {
-    for (const PulseMessage& pulse : read_pulses(paths.pulses())) edges[pulse.pulse] = pulse.edge;
-  } catch (const InputError&) {
-  }
-  return edges;
 }
 
 }  // namespace
@@ -42,7 +33,27 @@ TakeFrames::TakeFrames(const std::filesystem::path& take, const std::vector<std:
     rig_.push_back(rig[static_cast<size_t>(index)]);
     cameras_.emplace_back(paths_, name);
   }
-  edges_ = edges_of(paths_);
+  read_edges();
+}
+
+/// None where they are not known: an import has none, and frames are worth more than their times.
+void TakeFrames::read_edges() {
+  if (existing_segments(paths_.pulses()).empty()) return;
+  try {
+    for (const PulseMessage& pulse : read_pulses(paths_.pulses())) edges_[pulse.pulse] = pulse.edge;
+  } catch (const InputError& error) {
+    edges_.clear();
+    edges_error_ = error.what();
+  }
+}
+
+std::vector<std::string> TakeFrames::read_errors() const {
+  std::vector<std::string> errors;
+  if (!edges_error_.empty()) errors.push_back(edges_error_);
+  for (const SegmentedLog& camera : cameras_) {
+    errors.insert(errors.end(), camera.read_errors().begin(), camera.read_errors().end());
+  }
+  return errors;
 }
 
 RealtimeInstant TakeFrames::edge_of(int64_t pulse) const {

@@ -35,12 +35,18 @@ class TakeFrames {
   /// SegmentedLog::read() by opened camera.
   std::vector<std::optional<SegmentedFrame>> read(int64_t pulse);
 
+  /// What could not be read until now, some lines with path and cause.
+  std::vector<std::string> read_errors() const;
+
  private:
+  void read_edges();
+
   TakePaths paths_;
   TakeInfo info_;
   Rig rig_;
   std::vector<SegmentedLog> cameras_;
   std::unordered_map<int64_t, RealtimeInstant> edges_;
+  std::string edges_error_;  ///< empty: pulses.lcmlog was read, or there is none
 };
 
 /// observe() of every frame there is; the masks are copied into the set.

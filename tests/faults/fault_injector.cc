@@ -75,8 +75,7 @@ uint64_t inode_of(int fd) {
 
 uint64_t inode_of(const std::string& path) {
   struct stat status {};
-  const long failed =
-      syscall(SYS_newfstatat, AT_FDCWD, path.c_str(), &status, AT_SYMLINK_NOFOLLOW);
+  const long failed = syscall(SYS_newfstatat, AT_FDCWD, path.c_str(), &status, AT_SYMLINK_NOFOLLOW);
   return failed == 0 ? status.st_ino : 0;
 }
 
@@ -132,9 +131,8 @@ void record_sync(int fd) {
 
 void record_length(int fd, off_t length) {
   if (!plan().traces()) return;
-  append({.change = Change::kTruncate,
-          .file = inode_of(fd),
-          .offset = static_cast<uint64_t>(length)});
+  append(
+      {.change = Change::kTruncate, .file = inode_of(fd), .offset = static_cast<uint64_t>(length)});
 }
 
 void record_names(Change change, const std::string& path, const std::string& other = {}) {
@@ -176,13 +174,13 @@ bool has_mode(int flags) { return (flags & (O_CREAT | O_TMPFILE)) != 0; }
 
 using namespace v3d::test;
 
-#define MODE_AFTER(flags)                                \
-  mode_t mode = 0;                                       \
-  if (has_mode(flags)) {                                 \
-    va_list arguments;                                   \
-    va_start(arguments, flags);                          \
-    mode = va_arg(arguments, mode_t);                    \
-    va_end(arguments);                                   \
+#define MODE_AFTER(flags)             \
+  mode_t mode = 0;                    \
+  if (has_mode(flags)) {              \
+    va_list arguments;                \
+    va_start(arguments, flags);       \
+    mode = va_arg(arguments, mode_t); \
+    va_end(arguments);                \
   }
 
 extern "C" {
@@ -195,9 +193,8 @@ int open(const char* path, int flags, ...) {
 int open64(const char* path, int flags, ...) __attribute__((alias("open")));
 
 int __open_2(const char* path, int flags) {
-  return open_file(absolute_path(AT_FDCWD, path), flags, [&] {
-    return static_cast<int>(syscall(SYS_openat, AT_FDCWD, path, flags, 0));
-  });
+  return open_file(absolute_path(AT_FDCWD, path), flags,
+                   [&] { return static_cast<int>(syscall(SYS_openat, AT_FDCWD, path, flags, 0)); });
 }
 int __open64_2(const char* path, int flags) __attribute__((alias("__open_2")));
 
@@ -209,9 +206,8 @@ int openat(int at, const char* path, int flags, ...) {
 int openat64(int at, const char* path, int flags, ...) __attribute__((alias("openat")));
 
 int __openat_2(int at, const char* path, int flags) {
-  return open_file(absolute_path(at, path), flags, [&] {
-    return static_cast<int>(syscall(SYS_openat, at, path, flags, 0));
-  });
+  return open_file(absolute_path(at, path), flags,
+                   [&] { return static_cast<int>(syscall(SYS_openat, at, path, flags, 0)); });
 }
 
 int mkstemp(char* pattern) {
@@ -376,8 +372,7 @@ ssize_t sendfile(int to, int from, off_t* offset, size_t size) {
   return transfer(plan().next("copy", path, path_of(from)), size,
                   [&](size_t n) { return next(to, from, offset, n); });
 }
-ssize_t sendfile64(int to, int from, off_t* offset, size_t size)
-    __attribute__((alias("sendfile")));
+ssize_t sendfile64(int to, int from, off_t* offset, size_t size) __attribute__((alias("sendfile")));
 
 ssize_t copy_file_range(int from, off_t* from_offset, int to, off_t* to_offset, size_t size,
                         unsigned flags) {
@@ -394,8 +389,7 @@ ssize_t copy_file_range(int from, off_t* from_offset, int to, off_t* to_offset, 
 
 void* mmap(void* address, size_t size, int protection, int flags, int fd, off_t offset) {
   static auto* const next = real<void*(void*, size_t, int, int, int, off_t)>("mmap");
-  const FaultKind kind =
-      fd < 0 ? FaultKind::kNone : plan().next("mmap", path_of(fd));
+  const FaultKind kind = fd < 0 ? FaultKind::kNone : plan().next("mmap", path_of(fd));
   if (kind == FaultKind::kNone) return next(address, size, protection, flags, fd, offset);
   errno = plan().error();
   return MAP_FAILED;
@@ -449,9 +443,7 @@ int renameat2(int from_at, const char* from, int to_at, const char* to, unsigned
   if (failed == 0) record_names(Change::kRename, old_name, new_name);
   return failed;
 }
-int rename(const char* from, const char* to) {
-  return renameat2(AT_FDCWD, from, AT_FDCWD, to, 0);
-}
+int rename(const char* from, const char* to) { return renameat2(AT_FDCWD, from, AT_FDCWD, to, 0); }
 int renameat(int from_at, const char* from, int to_at, const char* to) {
   return renameat2(from_at, from, to_at, to, 0);
 }
@@ -520,8 +512,8 @@ int fallocate(int fd, int mode, off_t offset, off_t size) {
   static auto* const next = real<int(int, int, off_t, off_t)>("fallocate");
   const std::string path = path_of(fd);
   const TraceLock lock;
-  const int failed = unless_faulty(plan().next("fallocate", path),
-                                   [&] { return next(fd, mode, offset, size); });
+  const int failed =
+      unless_faulty(plan().next("fallocate", path), [&] { return next(fd, mode, offset, size); });
   if (failed == 0 && mode == 0 && plan().is_below(path)) record_length(fd, offset + size);
   return failed;
 }
@@ -536,7 +528,6 @@ int posix_fallocate(int fd, off_t offset, off_t size) {
   if (error == 0 && plan().is_below(path)) record_length(fd, offset + size);
   return error;
 }
-int posix_fallocate64(int fd, off_t offset, off_t size)
-    __attribute__((alias("posix_fallocate")));
+int posix_fallocate64(int fd, off_t offset, off_t size) __attribute__((alias("posix_fallocate")));
 
 }  // extern "C"

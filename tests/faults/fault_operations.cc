@@ -67,7 +67,8 @@ Lost check_driven(const FaultyWorkplace& place, const ProgramResult& /*result*/)
 
 void run_driver_to_cut(const FaultyWorkplace& place) {
   make_driven_studio(place.disk());
-  if (place.run(driver(place, "cut"), {}).status != 0) throw std::runtime_error("record_driver cut");
+  if (place.run(driver(place, "cut"), {}).status != 0)
+    throw std::runtime_error("record_driver cut");
 }
 
 FaultOperation driven(const std::string& name) {
@@ -77,6 +78,7 @@ FaultOperation driven(const std::string& name) {
       .prepare = [](const FaultyWorkplace& place) { make_driven_studio(place.disk()); },
       .command = [name](const FaultyWorkplace& place) { return driver(place, name); },
       .check = check_driven};
+  operation.may_do_less = name == "quarantine";  // a take that may hold frames stays
   if (name == "restart") operation.prepare = run_driver_to_cut;
   return operation;
 }
@@ -176,12 +178,13 @@ FaultOperation recover_operation(const fs::path& programs) {
     expect_whole_text(takes_of(place) / kTake / "take.toml", "cameras", lost);
     return lost;
   };
+  operation.done = 3;  // the ledger was missing, and it says so
   return operation;
 }
 
 FaultOperation delete_operation(const fs::path& programs) {
-  FaultOperation operation = of_simulated_take(
-      "delete", programs, {"takes", "delete", "--dir", "@takes", kTake, "--yes"});
+  FaultOperation operation =
+      of_simulated_take("delete", programs, {"takes", "delete", "--dir", "@takes", kTake, "--yes"});
   operation.prepare = [](const FaultyWorkplace& place) {
     copy_tree(simulated_take(), takes_of(place) / kTake);
     run_or_throw(V3D_BIN "/v3dctl verify " + (takes_of(place) / kTake).string());
@@ -193,9 +196,9 @@ FaultOperation delete_operation(const fs::path& programs) {
     if (is_listed && result.status == 0) lost.push_back("reported as deleted, and still there");
     return lost;
   };
+  operation.refusal = "is not verified, or has changed since: v3dctl verify";
   return operation;
 }
-
 
 /// The archive has the whole take or none of that name, and the same command completes it.
 Lost check_collected(const FaultyWorkplace& place, const ProgramResult& result,
@@ -218,8 +221,12 @@ Lost check_collected(const FaultyWorkplace& place, const ProgramResult& result,
 FaultOperation collect_operation(const std::string& name, const fs::path& programs) {
   FaultOperation operation = of_simulated_take(name, programs, {});
   operation.command = [programs](const FaultyWorkplace& place) {
-    return std::vector<std::string>{programs / "v3dctl", "takes", "collect", "--to",
-                                    place.disk() / "archive", "--from",
+    return std::vector<std::string>{programs / "v3dctl",
+                                    "takes",
+                                    "collect",
+                                    "--to",
+                                    place.disk() / "archive",
+                                    "--from",
                                     "cap01=" + takes_of(place).string()};
   };
   operation.check = [command = operation.command](const FaultyWorkplace& place,
@@ -239,8 +246,8 @@ FaultOperation fault_operation(const std::string& name, const fs::path& programs
   if (name.starts_with("collect")) return collect_operation(name, programs);
   if (name == "verify") return of_simulated_take(name, programs, {"verify", "@takes/take"});
   if (name == "slate") {
-    return of_simulated_take(
-        name, programs, {"takes", "slate", "--dir", "@takes", kTake, "--scene", "12"});
+    return of_simulated_take(name, programs,
+                             {"takes", "slate", "--dir", "@takes", kTake, "--scene", "12"});
   }
   FaultOperation reconstruct = of_simulated_take(
       name, programs,

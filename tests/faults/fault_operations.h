@@ -18,12 +18,19 @@ struct FaultOperation {
   std::function<void(const FaultyWorkplace&)> prepare;
   std::function<std::vector<std::string>(const FaultyWorkplace&)> command;
   std::function<std::vector<std::string>(const FaultyWorkplace&, const ProgramResult&)> check;
-  /// A result on stdout is the same in every run that succeeds.
+  /// Exit status of a run without faults.
+  int done = 0;
+  /// What it prints is the same in every run that succeeds.
   bool has_steady_output = true;
+  /// With status `done` it may have done less, where that loses nothing.
+  bool may_do_less = false;
+  /// A line that is reported in place of path and cause, and leads to them; may be empty.
+  std::string refusal = {};
 };
 
 /// By name: record, restart, quarantine, verify, recover, reconstruct, collect, collect_rsync,
-/// slate, delete. `v3dctl`: the folder of the programs that are tested.
+/// slate, delete. `programs`: the folder of the v3dctl that is
+/// tested.
 FaultOperation fault_operation(const std::string& name, const std::filesystem::path& programs);
 
 }  // namespace v3d::test

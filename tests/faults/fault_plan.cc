@@ -48,8 +48,7 @@ int error_number(std::string_view name) {
 
 std::string read_link(const char* path) {
   std::array<char, 4096> target{};
-  const long length =
-      syscall(SYS_readlinkat, AT_FDCWD, path, target.data(), target.size());
+  const long length = syscall(SYS_readlinkat, AT_FDCWD, path, target.data(), target.size());
   return length > 0 ? std::string(target.data(), static_cast<size_t>(length)) : std::string();
 }
 

@@ -13,10 +13,29 @@
 namespace v3d::test {
 
 /// Families of system calls that a fault can hit; "open64" counts as "open", and so on.
-inline constexpr std::array<std::string_view, 23> kFaultCalls = {
-    "open",   "opendir",  "readdir", "stat",    "read",    "pread",     "write", "writev",
-    "pwrite", "pwritev",  "fsync",   "syncfs",  "sync_file_range",      "rename", "unlink",
-    "rmdir",  "truncate", "mkdir",   "statvfs", "link",    "fallocate", "copy",   "mmap"};
+inline constexpr std::array<std::string_view, 23> kFaultCalls = {"open",
+                                                                 "opendir",
+                                                                 "readdir",
+                                                                 "stat",
+                                                                 "read",
+                                                                 "pread",
+                                                                 "write",
+                                                                 "writev",
+                                                                 "pwrite",
+                                                                 "pwritev",
+                                                                 "fsync",
+                                                                 "syncfs",
+                                                                 "sync_file_range",
+                                                                 "rename",
+                                                                 "unlink",
+                                                                 "rmdir",
+                                                                 "truncate",
+                                                                 "mkdir",
+                                                                 "statvfs",
+                                                                 "link",
+                                                                 "fallocate",
+                                                                 "copy",
+                                                                 "mmap"};
 
 /// Position in kFaultCalls; kFaultCalls.size() when there is no such family.
 constexpr size_t fault_call(std::string_view name) {

@@ -14,13 +14,13 @@ std::vector<TracedChange> read_trace(const std::filesystem::path& file) {
     std::memcpy(&head, text.data() + at, sizeof head);
     at += sizeof head;
     if (at + head.path_size + head.other_size + head.bytes_size > text.size()) break;
-    TracedChange change{.change = head.change,
-                        .file = head.file,
-                        .offset = head.offset,
-                        .path = text.substr(at, head.path_size),
-                        .other = text.substr(at + head.path_size, head.other_size),
-                        .bytes = text.substr(at + head.path_size + head.other_size,
-                                             head.bytes_size)};
+    TracedChange change{
+        .change = head.change,
+        .file = head.file,
+        .offset = head.offset,
+        .path = text.substr(at, head.path_size),
+        .other = text.substr(at + head.path_size, head.other_size),
+        .bytes = text.substr(at + head.path_size + head.other_size, head.bytes_size)};
     at += head.path_size + head.other_size + head.bytes_size;
     changes.push_back(std::move(change));
   }

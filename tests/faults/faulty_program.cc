@@ -118,15 +118,14 @@ std::vector<std::string> FaultyWorkplace::marked() const {
 
 ProgramResult FaultyWorkplace::run(const std::vector<std::string>& command,
                                    const Fault& fault) const {
-  return run_with(command,
-                  {"V3D_FAULT_CALL=" + fault.call, "V3D_FAULT_KIND=" + fault.kind,
-                   "V3D_FAULT_NUMBER=" + std::to_string(fault.number),
-                   "V3D_FAULT_PROGRAM=" + fault.program});
+  return run_with(command, {"V3D_FAULT_CALL=" + fault.call, "V3D_FAULT_KIND=" + fault.kind,
+                            "V3D_FAULT_NUMBER=" + std::to_string(fault.number),
+                            "V3D_FAULT_PROGRAM=" + fault.program});
 }
 
 ProgramResult FaultyWorkplace::run_traced(const std::vector<std::string>& command) const {
-  return run_with(command, {"V3D_FAULT_TRACE=" + trace().string(),
-                            "V3D_FAULT_MARKS=" + marks().string()});
+  return run_with(command,
+                  {"V3D_FAULT_TRACE=" + trace().string(), "V3D_FAULT_MARKS=" + marks().string()});
 }
 
 ProgramResult FaultyWorkplace::run_with(const std::vector<std::string>& command,

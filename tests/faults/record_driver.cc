@@ -6,8 +6,8 @@
 //   record_driver recover FOLDER MARKS     recovers open takes
 //   record_driver quarantine FOLDER MARKS  a take without pulses
 // Marks, one line each: "ready", "frame CAMERA PULSE", "recovered", "complete", "quarantined PATH".
-// Exit status: 0 done, 3 done but not whole, 2 InputError, 1 anything else; every error is a line on
-// stderr.
+// Exit status: 0 done, 3 done but not whole, 2 InputError, 1 anything else; every error is a line
+// on stderr.
 #include <fcntl.h>
 #include <spdlog/sinks/stdout_sinks.h>
 #include <spdlog/spdlog.h>
@@ -63,11 +63,9 @@ class Driver {
 
   void recover() {
     for (const RecoveredTake& take : recover_open_takes(studio_, kDrivenCameras)) {
-      if (take.ledger) {
-        mark("recovered");
-      } else {
-        fail(take.line);
-      }
+      if (!take.ledger) status_ = 3;
+      std::fprintf(stderr, "record_driver: %s\n", take.line.c_str());
+      if (take.ledger) mark("recovered");
     }
   }
 
@@ -103,9 +101,11 @@ class Driver {
   void close() {
     sync_logs();
     logs_.clear();
+    pulses_->close();
     const int64_t refused = pulses_->errors();
     pulses_.reset();
-    if (refused > 0) fail(paths_.pulses().string() + ": " + std::to_string(refused) + " pulses lost");
+    if (refused > 0)
+      fail(paths_.pulses().string() + ": " + std::to_string(refused) + " pulses lost");
     disk_.reset();
     const Ledger ledger = account();
     if (!close_take(studio_, info_, ledger)) return fail("cannot close " + paths_.folder.string());
@@ -120,11 +120,14 @@ class Driver {
     if (!close_take(studio_, info_, Ledger{.take = kDrivenTake, .sensed = {}, .cameras = {}})) {
       return fail("cannot close " + paths_.folder.string());
     }
-    if (may_hold_frames(paths_)) return fail(paths_.folder.string() + ": may hold frames");
+    if (may_hold_frames(paths_)) return;  // it stays
     const auto place = quarantine_take(paths_);
     if (!place) return fail(place.error().message);
     mark("quarantined " + place->string());
   }
+
+  /// A daemon that crashes has lost what waits for the thread of the pulse log; here nothing does.
+  void wait_for_pulses() { pulses_->close(); }
 
   int status() const { return status_; }
 
@@ -198,7 +201,10 @@ int run(const std::string& operation, const std::filesystem::path& folder, const
     return driver.status();
   }
   driver.record();
-  if (operation == "cut") _exit(driver.status());
+  if (operation == "cut") {
+    driver.wait_for_pulses();
+    _exit(driver.status());
+  }
   driver.close();
   return driver.status();
 }

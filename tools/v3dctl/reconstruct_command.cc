@@ -266,7 +266,8 @@ int run(const CommandLine& line, Arguments arguments) {
   } else {
     print_text(report);
   }
-  if (report.incomplete == 0) return kExitDone;
+  for (const std::string& error : report.read_errors) note("v3dctl: " + error);
+  if (report.incomplete == 0) return report.read_errors.empty() ? kExitDone : kExitNotWhole;
   std::fprintf(stderr, "v3dctl: a camera is missing in %s: see v3dctl verify %s\n",
                count_of(report.incomplete, "frame").c_str(), request.take.c_str());
   return kExitNotWhole;

@@ -64,6 +64,7 @@ ReconstructReport begin_report(const Rig& rig, const ReconstructOptions& options
 void append(ReconstructReport& whole, const ReconstructReport& piece) {
   whole.frames += piece.frames;
   whole.incomplete += piece.incomplete;
+  put_behind(whole.read_errors, piece.read_errors);
   for (const FrameSamples& of : kFrameSamples) put_behind(whole.*of.values, piece.*of.values);
   for (size_t c = 0; c < whole.camera_iou.size(); ++c) {
     put_behind(whole.camera_iou[c], piece.camera_iou[c]);
@@ -77,7 +78,9 @@ void append(ReconstructReport& whole, const ReconstructReport& piece) {
 }
 
 Json samples_to_json(const ReconstructReport& piece) {
-  Json json = {{"frames", piece.frames}, {"incomplete", piece.incomplete}};
+  Json json = {{"frames", piece.frames},
+               {"incomplete", piece.incomplete},
+               {"read_errors", piece.read_errors}};
   for (const FrameSamples& of : kFrameSamples) json[of.name] = piece.*of.values;
   json["camera_iou"] = piece.camera_iou;
   json["quality"] = Json::array();
@@ -97,6 +100,7 @@ Json samples_to_json(const ReconstructReport& piece) {
 void read_samples(const Json& json, ReconstructReport& piece) {
   piece.frames = json.at("frames");
   piece.incomplete = json.at("incomplete");
+  piece.read_errors = json.at("read_errors").get<std::vector<std::string>>();
   for (const FrameSamples& of : kFrameSamples) {
     piece.*of.values = json.at(of.name).get<std::vector<double>>();
   }

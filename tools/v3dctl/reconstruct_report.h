@@ -28,6 +28,7 @@ struct ReconstructReport {
   int threads = 0;  ///< in all; of an array job, of one task
   int64_t frames = 0;
   int64_t incomplete = 0;  ///< frames to which a camera was missing, and pulses without any frame
+  std::vector<std::string> read_errors;  ///< what of the take could not be read; path and cause
   std::vector<double> volume_m3, vertices, triangles, components, bytes;  ///< one per frame
   /// How the surface, drawn into a camera, agrees with its mask as far as that lies before the
   /// bounds; one per frame and camera.

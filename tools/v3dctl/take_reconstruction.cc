@@ -121,6 +121,7 @@ class TakeReconstruction::Impl {
                         }})
         .wait();
     if (mending_) report.silhouette_faults = faults_among(pulses, mending_->faults());
+    report.read_errors = take_.read_errors();
     report.peak_rss_mb = peak_rss_mb();
     return report;
   }

@@ -5,6 +5,8 @@
 #include <sstream>
 
 #include "base/error.h"
+#include "base/io/file.h"
+#include "base/io/file_system.h"
 #include "base/name.h"
 #include "common/console.h"
 #include "common/subprocess.h"
@@ -50,7 +52,7 @@ class Collector {
   explicit Collector(const CollectRequest& request) : request_(request), rsync_(request.rsh) {}
 
   std::vector<CollectedTake> run() {
-    fs::create_directories(request_.to);
+    io::throw_if_failed(io::create_folders(fs::absolute(request_.to)));
     for (const TakeSource& source : request_.sources) list(source);
     refuse_unknown_takes();
     std::vector<CollectedTake> collected;
@@ -158,7 +160,9 @@ class Collector {
     join_parts(parts, whole);
     Verification verification = verify_take(whole);
     io::throw_if_failed(save_verified(whole, verification));
-    fs::rename(whole.folder, place.folder);
+    // A take of this name is whole, whatever happens to the power: rsync does not sync.
+    io::throw_if_failed(io::sync_file_system(whole.folder));
+    io::throw_if_failed(io::rename_new(whole.folder, place.folder));
     fs::remove_all(staged);
     std::error_code not_empty;
     fs::remove(staged.parent_path(), not_empty);

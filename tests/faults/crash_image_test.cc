@@ -1,0 +1,332 @@
+// Power cuts at any moment of a take: what was recorded and synced is there after it, and what was
+// reported as safe is whole. The images are made from a trace of the real programs (crash_image.h).
+//
+// V3D_CRASH_IMAGES=N makes N images of each trace and mode; V3D_CRASH_SEED=N takes other ones.
+#include "crash_image.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cstdlib>
+#include <functional>
+#include <iostream>
+#include <sstream>
+
+#include "daemon/take_folder.h"
+#include "faulty_program.h"
+#include "recorded_take.h"
+#include "support/temporary_folder.h"
+#include "take/frame_log.h"
+#include "take/verify.h"
+
+namespace v3d::test {
+namespace {
+
+namespace fs = std::filesystem;
+using Files = std::map<std::string, std::string>;
+using Lost = std::vector<std::string>;
+
+unsigned long number_from(const char* variable, unsigned long usual) {
+  const char* const text = std::getenv(variable);
+  return text == nullptr ? usual : std::strtoul(text, nullptr, 10);
+}
+
+bool is_working_file(const std::string& file) {
+  return fs::path(file).filename().string().starts_with(".");
+}
+
+/// Checks one image, which lies where the folder of the trace lay.
+using Check = std::function<Lost(const fs::path& image, size_t count)>;
+
+class CrashImage : public testing::TestWithParam<CrashMode> {
+ protected:
+  std::string mode_name() const { return GetParam() == CrashMode::kOrdered ? "ordered" : "harsh"; }
+
+  /// A model whose trace, done to the end, makes what the programs made.
+  void expect_right_model(const CrashModel& model) {
+    const fs::path whole = folder_ / "whole";
+    model.make_whole(whole);
+    const Files made = contents_of(whole), real = contents_of(place_.disk());
+    ASSERT_EQ(made.size(), real.size());
+    for (const auto& [file, content] : real) {
+      ASSERT_TRUE(made.contains(file)) << file;
+      ASSERT_TRUE(made.at(file) == content) << file;
+    }
+  }
+
+  void check_images(const std::string& what, const CrashModel& model, const Check& check) {
+    std::mt19937 random(static_cast<unsigned>(number_from("V3D_CRASH_SEED", 1994)));
+    const unsigned long images = number_from("V3D_CRASH_IMAGES", kImages);
+    int bad = 0;
+    for (unsigned long i = 0; i < images; ++i) {
+      const size_t count = random() % (model.trace().size() + 1);
+      const fs::path image = folder_ / "image";
+      model.make_image(image, count, GetParam(), random);
+      const Lost lost = check(image, count);
+      fs::remove_all(image);
+      if (lost.empty()) continue;
+      ++bad;
+      if (bad > kShown) continue;
+      std::string text;
+      for (const std::string& line : lost) text += "\n  " + line;
+      ADD_FAILURE() << what << ", " << mode_name() << ": image " << i << ", before change " << count
+                    << " of " << model.trace().size() << text;
+    }
+    std::cout << what << ", " << mode_name() << ": " << images << " images of "
+              << model.trace().size() << " changes, " << bad << " violations\n";
+  }
+
+  static constexpr unsigned long kImages = 170;
+  static constexpr int kShown = 8;
+  const TemporaryFolder folder_{"/dev/shm"};
+  const FaultyWorkplace place_{folder_.path() / "traced"};
+};
+
+// --- recording ----------------------------------------------------------------------------------
+
+/// What the driver reported, and where in the trace.
+class Marks {
+ public:
+  explicit Marks(const CrashModel& model) : model_(model) {
+    for (size_t at = 0; at < model.trace().size(); ++at) {
+      if (model.trace()[at].change != Change::kMark) continue;
+      std::istringstream words(model.trace()[at].bytes);
+      Mark mark{.at = at, .what = {}, .camera = {}, .pulse = 0};
+      words >> mark.what >> mark.camera >> mark.pulse;
+      marks_.push_back(std::move(mark));
+    }
+  }
+
+  bool has(const std::string& what, size_t count) const { return last(what, count) > 0; }
+
+  /// Frames whose bytes were synced, or were acknowledged before the driver called the take
+  /// recovered or complete.
+  std::vector<std::pair<std::string, int64_t>> safe_frames(size_t count) const {
+    const size_t promised = std::max(last("recovered", count), last("complete", count));
+    std::vector<std::pair<std::string, int64_t>> frames;
+    for (const Mark& mark : marks_) {
+      if (mark.what != "frame" || mark.at >= count) continue;
+      const bool is_safe =
+          mark.at < promised || model_.is_synced(write_before(mark.at, mark.camera), count);
+      if (is_safe) frames.emplace_back(mark.camera, mark.pulse);
+    }
+    return frames;
+  }
+
+ private:
+  struct Mark {
+    size_t at;
+    std::string what, camera;
+    int64_t pulse;
+  };
+
+  /// Of the last mark of this kind; 0 when there is none.
+  size_t last(const std::string& what, size_t count) const {
+    size_t at = 0;
+    for (const Mark& mark : marks_) {
+      if (mark.what == what && mark.at < count) at = mark.at;
+    }
+    return at;
+  }
+
+  size_t write_before(size_t at, const std::string& camera) const {
+    while (at-- > 0) {
+      const bool is_write = model_.trace()[at].change == Change::kWrite;
+      if (is_write && model_.file_of(at).starts_with(camera + ".")) return at;
+    }
+    throw std::runtime_error("trace: a frame was acknowledged that was not written");
+  }
+
+  const CrashModel& model_;
+  std::vector<Mark> marks_;
+};
+
+void expect_frame(const TakePaths& take, const std::string& camera, int64_t pulse, Lost& lost) {
+  const std::string name = camera + ", pulse " + std::to_string(pulse);
+  try {
+    const auto frame = FrameLogReader(take.frames(camera)).read(pulse);
+    const auto recorded = recorded_frame(camera, pulse, kDrivenSize).frame.image.bytes;
+    if (!frame || frame->image.bytes != recorded) lost.push_back("lost: " + name);
+  } catch (const std::exception& error) {
+    lost.push_back("lost: " + name + ": " + error.what());
+  }
+}
+
+/// Every file of `before` is as it was; only take.toml, ledger.toml and working files may change.
+void expect_untouched(const Files& before, const Files& now, Lost& lost) {
+  for (const auto& [file, content] : before) {
+    const auto found = now.find(file);
+    const std::string name = fs::path(file).filename();
+    if (is_working_file(file)) continue;
+    if (found == now.end()) {
+      lost.push_back("recovery removed " + file);
+    } else if (found->second != content && !name.ends_with(".toml") && !name.ends_with(".index")) {
+      lost.push_back("recovery changed " + file);
+    }
+  }
+}
+
+/// take.toml and what is copied into a take when it begins.
+void expect_begun_take(const Files& image, Lost& lost) {
+  const std::string take = "takes/" + kDrivenTake + "/";
+  const auto expect_copy = [&](const std::string& of, const std::string& as) {
+    const auto found = image.find(take + as);
+    if (found == image.end() || found->second != image.at(of)) lost.push_back("not whole: " + as);
+  };
+  expect_copy("calib.toml", "calib.toml");
+  expect_copy("studio.toml", "studio.toml");
+  for (const std::string& camera : kDrivenCameras) {
+    for (const char* plate : {".mean.png", ".spread.png", ".toml"}) {
+      expect_copy("background/" + camera + plate, "background/" + camera + plate);
+    }
+  }
+}
+
+void expect_complete(const TakePaths& take, Lost& lost) {
+  const Verification verified = verify_take(take);
+  if (verified.info.state != TakeState::kComplete) lost.emplace_back("is not complete any more");
+  if (!verified.ledger.complete()) lost.push_back("complete take: " + verified.ledger.verdict());
+  for (const std::string& line : verified.disagreements) lost.push_back("complete take: " + line);
+}
+
+/// What a daemon does that is started after the power cut, and what is there then.
+Lost check_recorded(const fs::path& image, const Marks& marks, size_t count) {
+  Lost lost;
+  const Studio studio = driven_studio(image);
+  const TakePaths take = take_paths(studio, kDrivenTake);
+  const Files before = contents_of(image);
+  try {
+    const bool is_ready = marks.has("ready", count);
+    if (is_ready) expect_begun_take(before, lost);
+    for (const RecoveredTake& found : recover_open_takes(studio, kDrivenCameras)) {
+      if (is_ready && !found.ledger) lost.push_back("not recovered: " + found.line);
+    }
+    const Files recovered = contents_of(image);
+    expect_untouched(before, recovered, lost);
+    for (const auto& [camera, pulse] : marks.safe_frames(count)) {
+      expect_frame(take, camera, pulse, lost);
+    }
+    if (is_ready) {
+      const bool was_open = load_take_info(take).state == TakeState::kRecovered;
+      if (was_open && !recover_take(take).info.name.empty() && contents_of(image) != recovered) {
+        lost.emplace_back("recovering twice gives something else");
+      }
+      verify_take(take);
+    }
+    if (marks.has("complete", count)) expect_complete(take, lost);
+  } catch (const std::exception& error) {
+    lost.push_back(std::string("exception: ") + error.what());
+  }
+  return lost;
+}
+
+TEST_P(CrashImage, of_a_recorded_take_has_every_frame_that_was_synced) {
+  make_driven_studio(place_.disk());
+  CrashModel model(place_.disk());
+  const std::vector<std::string> record = {V3D_RECORD_DRIVER, "record", place_.disk(),
+                                           place_.marks()};
+  ASSERT_EQ(place_.run_traced(record).status, 0);
+  model.add(read_trace(place_.trace()));
+  ASSERT_NO_FATAL_FAILURE(expect_right_model(model));
+  const Marks marks(model);
+  check_images("record", model, [&](const fs::path& image, size_t count) {
+    return check_recorded(image, marks, count);
+  });
+}
+
+TEST_P(CrashImage, of_a_take_with_a_restart_has_every_frame_that_was_synced_or_called_recovered) {
+  make_driven_studio(place_.disk());
+  CrashModel model(place_.disk());
+  for (const char* operation : {"cut", "restart"}) {
+    const std::vector<std::string> drive = {V3D_RECORD_DRIVER, operation, place_.disk(),
+                                            place_.marks()};
+    ASSERT_EQ(place_.run_traced(drive).status, 0);
+  }
+  model.add(read_trace(place_.trace()));
+  ASSERT_NO_FATAL_FAILURE(expect_right_model(model));
+  const Marks marks(model);
+  check_images("restart", model, [&](const fs::path& image, size_t count) {
+    return check_recorded(image, marks, count);
+  });
+}
+
+// --- collecting and deleting --------------------------------------------------------------------
+
+/// A take of this name is as it was recorded, or there is none.
+Lost check_whole_or_absent(const fs::path& take, const Files& recorded, bool must_exist) {
+  if (!fs::exists(take)) return must_exist ? Lost{"the take is gone"} : Lost();
+  Lost lost;
+  const Files files = contents_of(take);
+  for (const auto& [file, content] : recorded) {
+    const auto found = files.find(file);
+    if (found == files.end() || found->second != content) lost.push_back("not whole: " + file);
+  }
+  try {
+    for (const std::string& line : verify_take({take}).disagreements) lost.push_back(line);
+  } catch (const std::exception& error) {
+    lost.emplace_back(error.what());
+  }
+  return lost;
+}
+
+class OfCompleteTake : public CrashImage {
+ protected:
+  OfCompleteTake() {
+    make_driven_studio(place_.disk());
+    place_.run({V3D_RECORD_DRIVER, "record", place_.disk(), place_.marks()}, {});
+    fs::remove(place_.marks());
+    for (auto& [file, content] : contents_of(take_in(place_.disk()))) {
+      if (!is_working_file(file)) recorded_[file] = content;
+    }
+  }
+  static fs::path take_in(const fs::path& disk) {
+    return driven_studio(disk).storage.takes / kDrivenTake;
+  }
+
+  Files recorded_;
+};
+
+TEST_P(OfCompleteTake, that_is_collected_is_whole_in_the_archive_or_not_there) {
+  CrashModel model(place_.disk());
+  const ProgramResult collected =
+      place_.run_traced({V3D_BIN "/v3dctl", "takes", "collect", "--to", place_.disk() / "archive",
+                         "--from", "cap01=" + (place_.disk() / "takes").string()});
+  ASSERT_EQ(collected.status, 0) << collected.out << collected.err;
+  model.add(read_trace(place_.trace()));
+  ASSERT_NO_FATAL_FAILURE(expect_right_model(model));
+  Files data = recorded_;  // the ledger of the joined take is written anew
+  std::erase_if(data, [](const auto& file) {
+    return file.first == "take.toml" || file.first == "ledger.toml";
+  });
+  check_images("collect", model, [&](const fs::path& image, size_t count) {
+    Lost lost = check_whole_or_absent(take_in(image), recorded_, true);
+    const bool is_over = count == model.trace().size();
+    const Lost archived = check_whole_or_absent(image / "archive" / kDrivenTake, data, is_over);
+    for (const std::string& line : archived) lost.push_back("in the archive: " + line);
+    return lost;
+  });
+}
+
+TEST_P(OfCompleteTake, that_is_deleted_is_whole_or_not_in_the_list) {
+  ASSERT_EQ(place_.run({V3D_BIN "/v3dctl", "verify", take_in(place_.disk())}, {}).status, 0);
+  CrashModel model(place_.disk());
+  const ProgramResult deleted = place_.run_traced({V3D_BIN "/v3dctl", "takes", "delete", "--dir",
+                                                   place_.disk() / "takes", kDrivenTake, "--yes"});
+  ASSERT_EQ(deleted.status, 0) << deleted.out << deleted.err;
+  model.add(read_trace(place_.trace()));
+  ASSERT_NO_FATAL_FAILURE(expect_right_model(model));
+  check_images("delete", model, [&](const fs::path& image, size_t) {
+    return check_whole_or_absent(take_in(image), recorded_, false);
+  });
+}
+
+constexpr auto kModeName = [](const auto& mode) {
+  return mode.param == CrashMode::kOrdered ? "ordered" : "harsh";
+};
+INSTANTIATE_TEST_SUITE_P(PowerCut, CrashImage,
+                         testing::Values(CrashMode::kOrdered, CrashMode::kHarsh), kModeName);
+INSTANTIATE_TEST_SUITE_P(PowerCut, OfCompleteTake,
+                         testing::Values(CrashMode::kOrdered, CrashMode::kHarsh), kModeName);
+
+}  // namespace
+}  // namespace v3d::test
