@@ -197,11 +197,11 @@ std::string receive_buffer_problem(const std::string& lcm_url) {
   const auto options = lcm_options(lcm_url);
   const int wanted = options ? options->recv_buf_size : 0;
   if (wanted == 0) return "";
-  const Socket probe;
+  const io::UniqueFd probe = udp_socket();
   int reported = 0;
   socklen_t size = sizeof reported;
-  setsockopt(probe.fd(), SOL_SOCKET, SO_RCVBUF, &wanted, sizeof wanted);
-  if (getsockopt(probe.fd(), SOL_SOCKET, SO_RCVBUF, &reported, &size) != 0) return "";
+  setsockopt(probe.get(), SOL_SOCKET, SO_RCVBUF, &wanted, sizeof wanted);
+  if (getsockopt(probe.get(), SOL_SOCKET, SO_RCVBUF, &reported, &size) != 0) return "";
   const int granted = reported / 2;  // Linux reports twice what it grants: socket(7)
   if (granted >= wanted) return "";
   return "network: the kernel gives a receive buffer of " + std::to_string(granted) +

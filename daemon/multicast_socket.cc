@@ -51,13 +51,6 @@ const sockaddr* generic(const sockaddr_in& address) {
   return reinterpret_cast<const sockaddr*>(&address);
 }
 
-/// UDP over IPv4. Throws InputError with errno's text.
-io::UniqueFd udp_socket() {
-  io::UniqueFd fd(socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0));
-  if (!fd) throw InputError(errno_message("network: no UDP socket"));
-  return fd;
-}
-
 /// Asks the kernel whether it knows a way to the group, by a socket that sends nothing.
 void check_route(const sockaddr_in& group, const std::string& url) {
   const io::UniqueFd probe = udp_socket();
@@ -65,6 +58,12 @@ void check_route(const sockaddr_in& group, const std::string& url) {
 }
 
 }  // namespace
+
+io::UniqueFd udp_socket() {
+  io::UniqueFd fd(socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0));
+  if (!fd) throw InputError(errno_message("network: no UDP socket"));
+  return fd;
+}
 
 // --- receiving ----------------------------------------------------------------------------------
 

@@ -18,6 +18,9 @@
 
 namespace v3d {
 
+/// UDP over IPv4. Throws InputError with errno's text.
+io::UniqueFd udp_socket();
+
 /// Datagrams that were received and not handled yet: a ring of 512 places of 64 KiB, allocated
 /// once. One thread receives into it (MulticastReceiver), one handles; so the kernel's buffer is
 /// emptied while a handler works. 512 places hold almost three pulses of 15 raw XGA images.
