@@ -214,6 +214,8 @@ io::Status index_segments(const std::filesystem::path& path) {
   if (!log) return tl::make_unexpected(log.error());
   for (uint32_t number = 0; number < log->segments().size(); ++number) {
     const LogSegment& segment = log->segments()[number];
+    // What the ledger is about to say must not survive a power cut that these bytes do not.
+    if (auto synced = segment.file.sync(); !synced) return synced;
     if (segment.index || !segment.read_error.empty()) continue;
     const auto index = index_of<Message>(*log, number);
     if (!index) continue;

@@ -33,7 +33,8 @@ void recount_pulses(const PulseSet& sensed, int64_t known, const std::optional<L
 Verification verify_take(const TakePaths& paths);
 
 /// Gives a take that nobody closed its ledger and the state "recovered". Changes no byte of a log:
-/// where the whole events of a segment end is written beside it (SegmentIndex). Quick: of older
+/// where the whole events of a segment end is written beside it (SegmentIndex). The logs are on the
+/// disk before the ledger is. Quick: of older
 /// events only the labels are read, of the last ones as many as can have waited for the disk;
 /// verify_take() reads the rest. Requires: nobody records into the take. Idempotent. Throws
 /// InputError as verify_take() does, and std::runtime_error with path and cause when a log cannot

@@ -162,7 +162,7 @@ Status File::write(uint64_t offset, std::initializer_list<std::span<const uint8_
   return {};
 }
 
-Status File::sync() {
+Status File::sync() const {
   if (uninterrupted([&] { return fsync(fd_.get()); }) != 0) return io_error("sync", path_);
   return {};
 }

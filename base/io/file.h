@@ -39,7 +39,7 @@ class File {
   [[nodiscard]] Status write(uint64_t offset,
                              std::initializer_list<std::span<const uint8_t>> parts);
   /// Waits until the disk has data and length (fsync).
-  [[nodiscard]] Status sync();
+  [[nodiscard]] Status sync() const;
 
  private:
   File(std::filesystem::path path, UniqueFd fd) : path_(std::move(path)), fd_(std::move(fd)) {}
