@@ -47,10 +47,11 @@ std::string cause_of(const Fault& fault) {
 }
 
 /// By a line with path and cause; or with the very file, where the next call on it failed
-/// otherwise.
+/// otherwise. The name of a folder is part of most paths and says nothing.
 bool tells(const ProgramResult& result, const Fault& fault) {
+  const std::filesystem::path hit = result.fired_on;
   return result.tells(cause_of(fault)) ||
-         result.tells(std::filesystem::path(result.fired_on).filename());
+         (!std::filesystem::is_directory(hit) && result.tells(hit.filename()));
 }
 
 std::vector<Fault> all_faults(const ProgramResult& counted, const std::string& program) {
@@ -171,7 +172,8 @@ TEST_P(Injection, of_one_failed_system_call_loses_nothing_and_is_reported) {
   }
   std::cout << operation_.name << ": " << chosen.size() << " of " << faults.size()
             << " injections run, " << fired_ << " fired, " << bad << " violations\n";
-  EXPECT_GT(fired_, 0);
+  // Programs that run side by side do not always make the same calls.
+  EXPECT_GE(10 * fired_, 9 * static_cast<int>(chosen.size()));
 }
 
 INSTANTIATE_TEST_SUITE_P(Faults, Injection,
