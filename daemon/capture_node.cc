@@ -154,9 +154,10 @@ std::optional<CommandMessage> CaptureNode::rejoin() {
   const std::string& take = plan_.order.take;
   try {
     take_ = TakeUnderWay::go_on(of_this_node(), plan_, found->commanded);
-  } catch (const InputError&) {
+  } catch (const std::exception&) {
     cameras_.disarm();
     drop_order(studio_, node_, take);
+    close_reopened_take(take_paths(studio_, take));
     throw;
   }
   events_.send(Severity::kWarning, "take",

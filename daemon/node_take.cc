@@ -51,8 +51,8 @@ std::unique_ptr<NodeTake> NodeTake::begin(Node node, const Plan& plan) {
 
 std::unique_ptr<NodeTake> NodeTake::go_on(Node node, const Plan& plan, const EdgeTimes& pulses,
                                           bool edges_are_told) {
-  TakeInfo info = load_take_info(take_paths(node.studio, plan.order.take));
-  info.state = TakeState::kRecording;
+  // First: a crash in what follows must find an open take, and recover what is recorded meanwhile.
+  TakeInfo info = reopen_take(take_paths(node.studio, plan.order.take));
   std::unique_ptr<NodeTake> take(new NodeTake(node, std::move(info), plan.disk));
   for (const auto& worker : node.cameras) {
     const std::string& camera = worker->camera();
@@ -63,10 +63,6 @@ std::unique_ptr<NodeTake> NodeTake::go_on(Node node, const Plan& plan, const Edg
   }
   take->sync_names();
   return take;
-}
-
-void NodeTake::save_as_open() const {
-  if (auto saved = save_take_info(paths_, info_); !saved) io::throw_input_error(saved.error());
 }
 
 void NodeTake::sync_names() const {

@@ -50,8 +50,6 @@ class NodeTake {
   /// Throws InputError; what it did to the cameras until then, disarming them undoes.
   static std::unique_ptr<NodeTake> go_on(Node node, const Plan& plan, const EdgeTimes& pulses,
                                          bool edges_are_told);
-  /// After go_on(): the folder, too, says that the take is being recorded. Throws InputError.
-  void save_as_open() const;
 
   const TakePaths& paths() const { return paths_; }
 

@@ -100,6 +100,21 @@ void create_take(const Studio& studio, const TakeInfo& info) {
   }
 }
 
+TakeInfo reopen_take(const TakePaths& paths) {
+  TakeInfo info = load_take_info(paths);
+  info.state = TakeState::kRecording;
+  if (auto saved = save_take_info(paths, info); !saved) io::throw_input_error(saved.error());
+  return info;
+}
+
+void close_reopened_take(const TakePaths& paths) {
+  try {
+    recover_take(paths);
+  } catch (const std::exception& error) {
+    spdlog::error("{}", error.what());
+  }
+}
+
 bool close_take(const Studio& studio, TakeInfo info, const Ledger& ledger) {
   const TakePaths paths = take_paths(studio, info.name);
   info.pulses = ledger.commanded;

@@ -26,6 +26,14 @@ void refuse_bad_take(const Studio& studio, const std::string& take);
 /// made.
 void create_take(const Studio& studio, const TakeInfo& info);
 
+/// Marks a take as being recorded again, before anything more is recorded into it. Throws
+/// InputError with path and cause.
+TakeInfo reopen_take(const TakePaths& paths);
+
+/// Gives a take that could not be continued the ledger and state of a recovered one. A failure is
+/// logged; the next start of the daemon tries again.
+void close_reopened_take(const TakePaths& paths);
+
 /// Writes the ledger and the final take.toml. False, and logged, when the disk reports an error.
 bool close_take(const Studio& studio, TakeInfo info, const Ledger& ledger);
 

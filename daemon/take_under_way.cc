@@ -77,7 +77,6 @@ void TakeUnderWay::record_again(int64_t commanded) {
   listen_to_pulses(paths.pulses(), std::move(past));
   node_.trigger.start();
   was_started_ = true;
-  recording->save_as_open();
   recording_ = std::move(recording);
 }
 

@@ -38,13 +38,18 @@ Bytes event_head(int64_t number, const std::string& channel, RealtimeInstant at,
   return head;
 }
 
-/// Events that recoveries counted in the segments.
-int64_t counted_events(const std::vector<std::filesystem::path>& segments) {
+/// Events in the segments, as recoveries counted them, or else counted now; 0 of a log that cannot
+/// be opened. Only the numbers of the events that follow depend on it.
+int64_t count_events(const std::filesystem::path& log) {
   int64_t events = 0;
-  for (const auto& segment : segments) {
+  for (const auto& segment : existing_segments(log)) {
     std::error_code error;
     const auto index = load_segment_index(segment, std::filesystem::file_size(segment, error));
-    events += index ? index->events : 0;
+    if (!index) {
+      const auto reader = EventLogReader::open(log);
+      return reader ? static_cast<int64_t>(reader->events().size()) : 0;
+    }
+    events += index->events;
   }
   return events;
 }
@@ -54,8 +59,8 @@ int64_t counted_events(const std::vector<std::filesystem::path>& segments) {
 class EventLogWriter::Impl {
  public:
   Impl(const std::filesystem::path& log, LogOpening opening)
-      : file_(io::value_or_throw(create(log, opening))),
-        events_(opening == LogOpening::kNew ? 0 : counted_events(existing_segments(log))) {}
+      : events_(opening == LogOpening::kNew ? 0 : count_events(log)),
+        file_(io::value_or_throw(create(log, opening))) {}
   ~Impl() { static_cast<void>(sync()); }  // close() reports
   Impl(const Impl&) = delete;
   Impl& operator=(const Impl&) = delete;
@@ -112,8 +117,8 @@ class EventLogWriter::Impl {
     return error == EIO || error == ENOSPC || error == EDQUOT || error == EROFS;
   }
 
-  io::File file_;
   int64_t events_ = 0;
+  io::File file_;
   int64_t bytes_ = 0;
   int64_t given_ = 0;  ///< bytes that the disk has been asked to take
   int64_t taken_ = 0;  ///< bytes that it has taken

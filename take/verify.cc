@@ -1,6 +1,7 @@
 #include "take/verify.h"
 
 #include <algorithm>
+#include <cerrno>
 
 #include "base/error.h"
 #include "base/units.h"
@@ -59,8 +60,11 @@ class Verifier {
   std::optional<Ledger> stored_ledger() {
     try {
       Ledger stored = load_ledger(paths_.ledger());
-      // Of a recovery, after which a daemon continued the take: it knows less than the logs.
-      if (result_.info.state == TakeState::kRecording) return std::nullopt;
+      // Of a recovery, after which a daemon may have continued the take: it knows less than the
+      // logs.
+      const TakeState state = result_.info.state;
+      const bool recovers = depth_ == Depth::kLabels && state == TakeState::kRecovered;
+      if (recovers || state == TakeState::kRecording) return std::nullopt;
       return stored;
     } catch (const InputError& error) {
       result_.disagreements.emplace_back(error.what());
@@ -206,9 +210,10 @@ io::Result<SegmentIndex> index_of(const EventLogReader& log, uint32_t number) {
 }
 
 /// Writes the index of every segment that has none. A segment that the disk does not give whole
-/// gets none: the verification reports it, and the next recovery tries again.
+/// gets none; `read_errors` says so, and the next recovery tries again.
 template <class Message>
-io::Status index_segments(const std::filesystem::path& path) {
+io::Status index_segments(const std::filesystem::path& path,
+                          std::vector<std::string>& read_errors) {
   if (existing_segments(path).empty()) return {};  // the verification reports it
   const auto log = EventLogReader::open(path);
   if (!log) return tl::make_unexpected(log.error());
@@ -216,10 +221,15 @@ io::Status index_segments(const std::filesystem::path& path) {
     const LogSegment& segment = log->segments()[number];
     // What the ledger is about to say must not survive a power cut that these bytes do not.
     if (auto synced = segment.file.sync(); !synced) return synced;
-    if (segment.index || !segment.read_error.empty()) continue;
-    const auto index = index_of<Message>(*log, number);
-    if (!index) continue;
-    if (auto saved = save_segment_index(segment.file.path(), *index); !saved) return saved;
+    if (segment.index) continue;
+    io::Result<SegmentIndex> index =
+        tl::make_unexpected(io::IoError{.code = EIO, .message = segment.read_error});
+    if (segment.read_error.empty()) index = index_of<Message>(*log, number);
+    if (!index) {
+      read_errors.push_back(index.error().message);
+    } else if (auto saved = save_segment_index(segment.file.path(), *index); !saved) {
+      return saved;
+    }
   }
   return {};
 }
@@ -240,11 +250,17 @@ void recount_pulses(const PulseSet& sensed, int64_t known, const std::optional<L
 Verification verify_take(const TakePaths& paths) { return Verifier(paths, Depth::kFrames).run(); }
 
 Verification recover_take(const TakePaths& paths) {
-  io::throw_if_failed(index_segments<PulseMessage>(paths.pulses()));
+  std::vector<std::string> read_errors;
+  io::throw_if_failed(index_segments<PulseMessage>(paths.pulses(), read_errors));
   for (const std::string& camera : load_take_info(paths).cameras) {
-    io::throw_if_failed(index_segments<FrameMessage>(paths.frames(camera)));
+    io::throw_if_failed(index_segments<FrameMessage>(paths.frames(camera), read_errors));
   }
   Verification result = Verifier(paths, Depth::kLabels).run();
+  for (const std::string& error : read_errors) {
+    const bool is_known =
+        std::ranges::find(result.disagreements, error) != result.disagreements.end();
+    if (!is_known) result.disagreements.push_back(error);
+  }
   remove_working_file(paths.reserve());
   result.info.state = TakeState::kRecovered;
   result.info.pulses = result.ledger.commanded;

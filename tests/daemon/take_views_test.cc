@@ -71,6 +71,7 @@ class ViewedBall : public test::ViewedSite {
     scene.colours.assign(scene.mesh.vertices.size(), VertexColour{1, 2, 3});
     vertices_ = static_cast<int64_t>(scene.mesh.vertices.size());
     FrameEncoder encoder({.key_every = 10});
+    std::filesystem::remove(path);  // the site's own is no mesh file
     MeshFileWriter file(path);
     for (const int64_t pulse : {0, 2}) {
       FrameContent content = scene.content(pulse);

@@ -76,7 +76,7 @@ std::vector<Fault> sampled(std::vector<Fault> faults) {
 /// Helps the next run, and nobody else: it may be missing, or be left behind.
 bool is_auxiliary(const std::string& file) {
   const std::string name = std::filesystem::path(file).filename();
-  return name.starts_with(".") || name == "verified.toml" ||
+  return name.starts_with(".") || name == "verified.toml" || name.ends_with(".index") ||
          name.find(".part-") != std::string::npos || file.find("/.") != std::string::npos;
 }
 

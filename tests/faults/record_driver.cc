@@ -72,8 +72,7 @@ class Driver {
   void go_on() {
     recover();
     const EdgeTimes edges = edge_times(paths_);
-    info_ = load_take_info(paths_);
-    info_.state = TakeState::kRecording;
+    info_ = reopen_take(paths_);
     first_pulse_ = kDrivenPulses;
     for (const auto& [pulse, edge] : edges) sensed_.insert(pulse);
     disk_ = std::make_unique<TakeDisk>(paths_, kDemand);
@@ -81,7 +80,6 @@ class Driver {
       accounts_[c] = read_lane_past(paths_, kDrivenCameras[c], edges).account;
     }
     open_logs(LogOpening::kGoOn);
-    if (auto saved = save_take_info(paths_, info_); !saved) io::throw_input_error(saved.error());
     mark("ready");
   }
 

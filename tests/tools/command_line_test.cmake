@@ -43,6 +43,7 @@ function(expect_refusal)
   if(NOT status EQUAL 2 OR NOT count EQUAL 1 OR NOT out STREQUAL "")
     message(SEND_ERROR "v3dctl ${ARGN}: status ${status}, want 2 and one line, got: ${out}${err}")
   endif()
+  set(err "${err}" PARENT_SCOPE)
 endfunction()
 
 # As expect_refusal(), and the line names what would be right.
