@@ -19,7 +19,7 @@ constexpr Duration kLongestLatency = std::chrono::seconds(1);
 
 /// A log that cannot be read has none, and the daemon's log says why.
 std::vector<FrameLabel> labels_of(const std::filesystem::path& log) {
-  if (existing_segments(log).empty()) return {};
+  if (is_absent_log(log)) return {};
   try {
     const FrameLogReader reader(log);
     for (const std::string& error : reader.read_errors()) spdlog::error("{}", error);
@@ -70,7 +70,7 @@ std::optional<Duration> latency_of(const std::vector<FrameLabel>& labels, const 
 
 EdgeTimes edge_times(const TakePaths& take) {
   EdgeTimes edges;
-  if (existing_segments(take.pulses()).empty()) return edges;
+  if (is_absent_log(take.pulses())) return edges;
   try {
     for (const PulseMessage& pulse : read_pulses(take.pulses())) edges[pulse.pulse] = pulse.edge;
   } catch (const InputError& error) {

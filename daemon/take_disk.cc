@@ -67,7 +67,10 @@ void refuse_unfit_disk(const fs::path& takes, const DiskDemand& demand) {
   if (access(takes.c_str(), W_OK) != 0) {
     throw InputError(errno_message("cannot record into " + takes.string()));
   }
-  const std::string lack = lack_of_room(demand, space_of(takes));
+  std::error_code error;
+  const fs::space_info space = fs::space(takes, error);
+  if (error) throw InputError("cannot tell the room in " + takes.string() + ": " + error.message());
+  const std::string lack = lack_of_room(demand, static_cast<double>(space.available));
   if (!lack.empty()) throw InputError(takes.string() + ": " + lack);
 }
 

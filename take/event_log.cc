@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cerrno>
 #include <numeric>
 #include <optional>
 #include <utility>
@@ -139,7 +140,9 @@ io::Result<LogSegment> open_segment(const std::filesystem::path& path) {
 }  // namespace
 
 io::Result<EventLogReader> EventLogReader::open(const std::filesystem::path& log) {
-  std::vector<std::filesystem::path> paths = existing_segments(log);
+  auto found = existing_segments(log);
+  if (!found && found.error().code != ENOENT) return tl::make_unexpected(found.error());
+  std::vector<std::filesystem::path> paths = found.value_or(std::vector<std::filesystem::path>());
   if (paths.empty()) paths.push_back(log);  // opening it tells what is wrong
   EventLogReader reader;
   for (const auto& path : paths) {

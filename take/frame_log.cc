@@ -42,7 +42,9 @@ Bytes event_head(int64_t number, const std::string& channel, RealtimeInstant at,
 /// be opened. Only the numbers of the events that follow depend on it.
 int64_t count_events(const std::filesystem::path& log) {
   int64_t events = 0;
-  for (const auto& segment : existing_segments(log)) {
+  const auto segments = existing_segments(log);
+  if (!segments) return 0;
+  for (const auto& segment : *segments) {
     std::error_code error;
     const auto index = load_segment_index(segment, std::filesystem::file_size(segment, error));
     if (!index) {
@@ -92,8 +94,10 @@ class EventLogWriter::Impl {
  private:
   /// Never a file that exists.
   static io::Result<io::File> create(const std::filesystem::path& log, LogOpening opening) {
-    const size_t number = opening == LogOpening::kNew ? 0 : existing_segments(log).size();
-    return io::File::open(segment_path(log, static_cast<int>(number)), io::OpenMode::kCreate);
+    if (opening == LogOpening::kNew) return io::File::open(log, io::OpenMode::kCreate);
+    const auto segment = next_segment(log);
+    if (!segment) return tl::make_unexpected(segment.error());
+    return io::File::open(*segment, io::OpenMode::kCreate);
   }
 
   /// What the disk has meanwhile taken leaves the page cache: a take is many times the memory, and

@@ -33,7 +33,7 @@ void put_if_there(const fs::path& file, const fs::path& place) {
 
 /// All segments of a log, with what recoveries found in them.
 void put_log(const fs::path& log, const fs::path& place) {
-  for (const fs::path& segment : existing_segments(log)) {
+  for (const fs::path& segment : io::value_or_throw(existing_segments(log))) {
     const fs::path to = place.parent_path() / segment.filename();
     put_if_there(segment, to);
     put_if_there(segment_index_path(segment), segment_index_path(to));

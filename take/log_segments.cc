@@ -1,6 +1,8 @@
 #include "take/log_segments.h"
 
 #include <algorithm>
+#include <charconv>
+#include <map>
 #include <string>
 
 #include "base/error.h"
@@ -30,6 +32,20 @@ SegmentIndex parse_index(std::string_view text, const fs::path& path) {
   return index;
 }
 
+/// Which segment of the log a file of this name is; empty for other files.
+std::optional<int> number_of(const std::string& file, const fs::path& log) {
+  if (file == log.filename()) return 0;
+  const std::string before = log.stem().string() + ".", after = log.extension().string();
+  if (file.size() != before.size() + kDigits + after.size()) return std::nullopt;
+  if (!file.starts_with(before) || !file.ends_with(after)) return std::nullopt;
+  int number = 0;
+  const char* const begin = file.data() + before.size();
+  const auto parsed = std::from_chars(begin, begin + kDigits, number);
+  return parsed.ec == std::errc() && parsed.ptr == begin + kDigits && number > 0
+             ? std::optional(number)
+             : std::nullopt;
+}
+
 }  // namespace
 
 fs::path segment_path(const fs::path& log, int number) {
@@ -39,16 +55,31 @@ fs::path segment_path(const fs::path& log, int number) {
   return log.parent_path() / (log.stem().string() + "." + digits + log.extension().string());
 }
 
-std::vector<fs::path> existing_segments(const fs::path& log) {
-  std::vector<fs::path> segments;
-  for (int number = 0; number < kMaxSegments; ++number) {
-    fs::path segment = segment_path(log, number);
-    std::error_code error;
-    const bool is_missing = fs::symlink_status(segment, error).type() == fs::file_type::not_found;
-    if (!is_missing) segments.push_back(std::move(segment));
-    if (is_missing && number > 0) break;
+io::Result<std::vector<fs::path>> existing_segments(const fs::path& log) {
+  const fs::path folder = log.has_parent_path() ? log.parent_path() : fs::path(".");
+  const auto entries = io::list_folder(folder);
+  if (!entries) return tl::make_unexpected(entries.error());
+  std::map<int, fs::path> segments;
+  for (const fs::path& entry : *entries) {
+    const auto number = number_of(entry.filename().string(), log);
+    if (number) segments.emplace(*number, segment_path(log, *number));
   }
-  return segments;
+  std::vector<fs::path> paths;
+  for (auto& [number, path] : segments) paths.push_back(std::move(path));
+  return paths;
+}
+
+bool is_absent_log(const fs::path& log) {
+  const auto segments = existing_segments(log);
+  return segments && segments->empty();
+}
+
+io::Result<fs::path> next_segment(const fs::path& log) {
+  const auto segments = existing_segments(log);
+  if (!segments) return tl::make_unexpected(segments.error());
+  const int last =
+      segments->empty() ? -1 : number_of(segments->back().filename().string(), log).value_or(0);
+  return segment_path(log, last + 1);
 }
 
 fs::path segment_index_path(const fs::path& segment) { return segment.string() + ".index"; }

@@ -18,8 +18,16 @@ inline constexpr int kMaxSegments = 10'000;
 /// The file of segment `number`, 0 to kMaxSegments - 1; segment 0 is `log` itself.
 std::filesystem::path segment_path(const std::filesystem::path& log, int number);
 
-/// The segments of `log` that exist, in order. Empty when there is none.
-std::vector<std::filesystem::path> existing_segments(const std::filesystem::path& log);
+/// The segments of `log` that exist, in order, by the names in its folder: a gap in their numbers
+/// hides none. Empty when there is none. Fails when the folder cannot be listed.
+[[nodiscard]] io::Result<std::vector<std::filesystem::path>> existing_segments(
+    const std::filesystem::path& log);
+
+/// True when the log surely has no segment; false when the folder cannot be listed.
+bool is_absent_log(const std::filesystem::path& log);
+
+/// The file that recording into `log` continues in: behind the last segment that exists.
+[[nodiscard]] io::Result<std::filesystem::path> next_segment(const std::filesystem::path& log);
 
 /// What a recovery found in a segment, kept beside it as `<segment>.index`. The segment itself is
 /// never changed: bytes behind `whole_bytes` stay, and readers pass over them.

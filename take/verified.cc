@@ -26,7 +26,8 @@ std::optional<VerifiedFile> look_at(const fs::path& file) {
 std::vector<VerifiedFile> recorded_files(const TakePaths& paths, const TakeInfo& info) {
   std::vector<fs::path> places = {paths.info(), paths.ledger(), paths.calib()};
   const auto add_log = [&](const fs::path& log) {
-    for (const fs::path& segment : existing_segments(log)) places.push_back(segment);
+    const auto segments = existing_segments(log);
+    if (segments) places.insert(places.end(), segments->begin(), segments->end());
   };
   add_log(paths.pulses());
   for (const std::string& camera : info.cameras) add_log(paths.frames(camera));

@@ -214,7 +214,7 @@ io::Result<SegmentIndex> index_of(const EventLogReader& log, uint32_t number) {
 template <class Message>
 io::Status index_segments(const std::filesystem::path& path,
                           std::vector<std::string>& read_errors) {
-  if (existing_segments(path).empty()) return {};  // the verification reports it
+  if (is_absent_log(path)) return {};  // the verification reports it
   const auto log = EventLogReader::open(path);
   if (!log) return tl::make_unexpected(log.error());
   for (uint32_t number = 0; number < log->segments().size(); ++number) {

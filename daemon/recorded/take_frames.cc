@@ -38,7 +38,7 @@ TakeFrames::TakeFrames(const std::filesystem::path& take, const std::vector<std:
 
 /// None where they are not known: an import has none, and frames are worth more than their times.
 void TakeFrames::read_edges() {
-  if (existing_segments(paths_.pulses()).empty()) return;
+  if (is_absent_log(paths_.pulses())) return;
   try {
     for (const PulseMessage& pulse : read_pulses(paths_.pulses())) edges_[pulse.pulse] = pulse.edge;
   } catch (const InputError& error) {

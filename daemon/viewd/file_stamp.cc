@@ -20,7 +20,9 @@ std::optional<FileStamp> stamp_of(const std::filesystem::path& path) {
 
 std::optional<FileStamp> stamp_of_log(const std::filesystem::path& log) {
   std::optional<FileStamp> sum;
-  for (const std::filesystem::path& path : existing_segments(log)) {
+  const auto segments = existing_segments(log);
+  if (!segments) return {};
+  for (const std::filesystem::path& path : *segments) {
     const auto segment = stamp_of(path);
     if (!segment) return {};
     if (!sum) {

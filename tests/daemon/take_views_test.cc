@@ -48,6 +48,7 @@ class ViewedBall : public test::ViewedSite {
     return {.name = name, .model = {kSize, matrix, {}, look_at(eye, {0, 0, 1})}, .colour = {}};
   }
   static void save_frames(const TakePaths& paths, const std::string& camera, Rgb8 colour) {
+    std::filesystem::remove(paths.frames(camera));
     EventLogWriter log(paths.frames(camera));
     for (int64_t pulse = 0; pulse < 3; ++pulse) {
       FrameMessage message;

@@ -98,7 +98,7 @@ TEST_F(Parts, bring_every_segment_of_their_logs) {
   const SegmentIndex index{.bytes = 1, .whole_bytes = 1, .events = 1, .damaged_places = 0};
   EXPECT_TRUE(save_segment_index(part("cap01").frames("cam01"), index));
   join();
-  EXPECT_EQ(existing_segments(whole_.frames("cam01")).size(), 2U);
+  EXPECT_EQ(existing_segments(whole_.frames("cam01"))->size(), 2U);
   EXPECT_TRUE(std::filesystem::exists(segment_index_path(whole_.frames("cam01"))));
   EXPECT_THAT(verify_take(whole_).ledger.cameras[0].duplicate, ElementsAre(2));
 }

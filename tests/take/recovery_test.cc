@@ -190,6 +190,17 @@ TEST_F(OpenTake, is_continued_in_a_segment_and_verified_as_one_log) {
   EXPECT_EQ(whole.ledger.cameras[0].written, kFrames + 2);
 }
 
+TEST_F(OpenTake, joins_its_segments_across_a_gap_in_their_numbers) {
+  recover_take(paths_);
+  {
+    EventLogWriter second(log(), LogOpening::kGoOn);
+    EXPECT_TRUE(second.write(test::recorded_frame(kCamera, kFrames, kSize)));
+  }
+  std::filesystem::rename(segment_path(log(), 1), segment_path(log(), 3));
+  EXPECT_EQ(EventLogReader(log()).events().size(), static_cast<size_t>(kFrames) + 1);
+  EXPECT_EQ(next_segment(log()).value(), segment_path(log(), 4));
+}
+
 TEST_F(OpenTake, that_was_continued_is_recovered_again_with_the_pulses_since) {
   recover_take(paths_);
   TakeInfo info = load_take_info(paths_);

@@ -61,7 +61,7 @@ Json inputs_of(const TakeFrames& take) {
   Json list = Json::array();
   const auto add = [&](const fs::path& path) { list.push_back(input(path, paths.folder)); };
   const auto add_log = [&](const fs::path& log) {
-    for (const fs::path& segment : existing_segments(log)) {
+    for (const fs::path& segment : io::value_or_throw(existing_segments(log))) {
       add(segment);
       add(segment_index_path(segment));
     }
