@@ -1,3 +1,5 @@
+#include "base/io/file.h"
+
 #include <fcntl.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -7,7 +9,6 @@
 #include <csignal>
 #include <thread>
 
-#include "base/io/file.h"
 #include "support/temporary_folder.h"
 
 namespace v3d::io {
