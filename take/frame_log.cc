@@ -38,22 +38,36 @@ Bytes event_head(int64_t number, const std::string& channel, RealtimeInstant at,
   return head;
 }
 
-/// Events in the segments, as recoveries counted them, or else counted now; 0 of a log that cannot
-/// be opened. Only the numbers of the events that follow depend on it.
-int64_t count_events(const std::filesystem::path& log) {
+/// Where recording into a log begins.
+struct LogPlace {
+  std::filesystem::path segment;
+  int64_t events = 0;  ///< in the segments before
+};
+
+/// Events in the segments, as recoveries counted them, or else counted now.
+io::Result<int64_t> count_events(const std::filesystem::path& log,
+                                 const std::vector<std::filesystem::path>& segments) {
   int64_t events = 0;
-  const auto segments = existing_segments(log);
-  if (!segments) return 0;
-  for (const auto& segment : *segments) {
+  for (const auto& segment : segments) {
     std::error_code error;
     const auto index = load_segment_index(segment, std::filesystem::file_size(segment, error));
     if (!index) {
       const auto reader = EventLogReader::open(log);
-      return reader ? static_cast<int64_t>(reader->events().size()) : 0;
+      if (!reader) return tl::make_unexpected(reader.error());
+      return static_cast<int64_t>(reader->events().size());
     }
     events += index->events;
   }
   return events;
+}
+
+io::Result<LogPlace> place_of(const std::filesystem::path& log, LogOpening opening) {
+  if (opening == LogOpening::kNew) return LogPlace{log, 0};
+  const auto segments = existing_segments(log);
+  if (!segments) return tl::make_unexpected(segments.error());
+  const auto events = count_events(log, *segments);
+  if (!events) return tl::make_unexpected(events.error());
+  return LogPlace{next_segment(log, *segments), *events};
 }
 
 }  // namespace
@@ -61,8 +75,11 @@ int64_t count_events(const std::filesystem::path& log) {
 class EventLogWriter::Impl {
  public:
   Impl(const std::filesystem::path& log, LogOpening opening)
-      : events_(opening == LogOpening::kNew ? 0 : count_events(log)),
-        file_(io::value_or_throw(create(log, opening))) {}
+      : Impl(io::value_or_throw(place_of(log, opening))) {}
+  /// Never a file that exists.
+  explicit Impl(const LogPlace& place)
+      : events_(place.events),
+        file_(io::value_or_throw(io::File::open(place.segment, io::OpenMode::kCreate))) {}
   ~Impl() { static_cast<void>(sync()); }  // close() reports
   Impl(const Impl&) = delete;
   Impl& operator=(const Impl&) = delete;
@@ -92,14 +109,6 @@ class EventLogWriter::Impl {
   }
 
  private:
-  /// Never a file that exists.
-  static io::Result<io::File> create(const std::filesystem::path& log, LogOpening opening) {
-    if (opening == LogOpening::kNew) return io::File::open(log, io::OpenMode::kCreate);
-    const auto segment = next_segment(log);
-    if (!segment) return tl::make_unexpected(segment.error());
-    return io::File::open(*segment, io::OpenMode::kCreate);
-  }
-
   /// What the disk has meanwhile taken leaves the page cache: a take is many times the memory, and
   /// pages used again are still warm, where fresh ones cost several times the copy.
   void drain() {

@@ -74,11 +74,9 @@ bool is_absent_log(const fs::path& log) {
   return segments && segments->empty();
 }
 
-io::Result<fs::path> next_segment(const fs::path& log) {
-  const auto segments = existing_segments(log);
-  if (!segments) return tl::make_unexpected(segments.error());
+fs::path next_segment(const fs::path& log, const std::vector<fs::path>& segments) {
   const int last =
-      segments->empty() ? -1 : number_of(segments->back().filename().string(), log).value_or(0);
+      segments.empty() ? -1 : number_of(segments.back().filename().string(), log).value_or(0);
   return segment_path(log, last + 1);
 }
 

@@ -26,8 +26,9 @@ std::filesystem::path segment_path(const std::filesystem::path& log, int number)
 /// True when the log surely has no segment; false when the folder cannot be listed.
 bool is_absent_log(const std::filesystem::path& log);
 
-/// The file that recording into `log` continues in: behind the last segment that exists.
-[[nodiscard]] io::Result<std::filesystem::path> next_segment(const std::filesystem::path& log);
+/// The file that recording into `log` continues in: behind the last of its existing `segments`.
+std::filesystem::path next_segment(const std::filesystem::path& log,
+                                   const std::vector<std::filesystem::path>& segments);
 
 /// What a recovery found in a segment, kept beside it as `<segment>.index`. The segment itself is
 /// never changed: bytes behind `whole_bytes` stay, and readers pass over them.
