@@ -32,11 +32,11 @@ enum class Input : uint8_t {
   kCheck,       ///< as kArm, and nothing is recorded
   kReady,       ///< arming or learning has succeeded
   kFailed,      ///< arming or learning has failed
-  kExpired,     ///< ready for long, and nobody said that the others are
+  kExpired,     ///< prepared for too long without a commit
   kTrainEnded,  ///< the train had a known length and is over
   kDrained,     ///< everything is accounted for, and the take is closed
   kBroken,      ///< the node cannot go on
-  kRejoined,    ///< started anew, it records again the take that it was in
+  kRejoined,    ///< after a restart the node records its take again
 };
 inline constexpr int kInputCount = 15;
 

@@ -74,7 +74,7 @@ class NodeProtocol {
   int64_t health_seq_ = 0;
   Phase told_phase_ = Phase::kIdle;  ///< by the last health message
   MonotonicInstant next_health_;
-  MonotonicInstant ready_since_;  ///< while nobody has confirmed
+  MonotonicInstant ready_since_;  ///< prepared and not committed
   MonotonicInstant end_by_;
   std::string poll_error_;  ///< that was logged last
 };

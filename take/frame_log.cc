@@ -86,7 +86,7 @@ class EventLogWriter::Impl {
 
   /// The data are `first` and `rest`. Not buffered: what was written is the kernel's, whatever
   /// becomes of this process, and a full disk is noticed at the event that it hits. The bytes of an
-  /// event that failed are overwritten by the next one; nobody was told that they are there.
+  /// event that failed are overwritten by the next one; write() reported that event as failed.
   io::Status write(const std::string& channel, RealtimeInstant at, const Bytes& first,
                    const Bytes& rest = {}) {
     if (!lost_) return lost_;

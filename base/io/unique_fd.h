@@ -7,7 +7,7 @@
 
 namespace v3d::io {
 
-/// Closes the descriptor when it is destroyed. -1 stands for none. Move only.
+/// Closes the descriptor when it is destroyed. -1 means that it owns none. Move only.
 class UniqueFd {
  public:
   UniqueFd() = default;
