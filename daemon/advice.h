@@ -29,6 +29,9 @@ inline constexpr char kSenseLine[] =
     "The take goes on without being sensed; check the sense line's cable before the next";
 inline constexpr char kPulses[] =
     "Look for a loose trigger cable or a second generator on the line";
+inline constexpr char kPulsesRefused[] =
+    "The frames carry their pulse numbers themselves; v3dctl verify names the pulses that "
+    "the log lacks";
 inline constexpr char kLivePicture[] =
     "Nothing to do for this take, all is recorded; close other programs on this PC";
 

@@ -250,6 +250,9 @@ TakeAccount CaptureNode::close_take() {
   if (!account.closing.notice.empty()) {
     events_.send(Severity::kInfo, "take", account.closing.notice, advice::kQuarantined);
   }
+  if (!account.closing.lost_pulses.empty()) {
+    events_.send(Severity::kWarning, "pulses", account.closing.lost_pulses, advice::kPulsesRefused);
+  }
   return account;
 }
 

@@ -28,11 +28,9 @@ void PulseLog::close() {
   if (!thread_.joinable()) return;
   stopping_ = true;
   thread_.join();
-  note(log_.sync());
-}
-
-void PulseLog::note(const io::Status& status) {
-  if (!status && ++refused_ == 1) spdlog::error("{}", status.error().message);
+  const io::Status synced = log_.sync();
+  kept_ = synced.has_value();
+  if (!kept_) spdlog::error("{}", synced.error().message);
 }
 
 void PulseLog::write(const PulseMessage& pulse) { queue_.push(pulse); }
@@ -42,7 +40,10 @@ void PulseLog::run() {
   for (;;) {
     const bool last_look = stopping_;
     const auto pulse = queue_.pop(last_look ? Monotonic::now() : Monotonic::now() + kLook);
-    if (pulse) note(log_.write(*pulse));
+    if (pulse) {
+      const io::Status written = log_.write(*pulse);
+      if (!written && ++refused_ == 1) spdlog::error("{}", written.error().message);
+    }
     if (pulse && Monotonic::now() >= next_sync) {
       // A failure shows at the next write, which then fails, too.
       static_cast<void>(log_.sync());

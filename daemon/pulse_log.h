@@ -22,19 +22,21 @@ class PulseLog {
 
   /// Returns at once; of a disk that is minutes behind, the oldest pulses are lost, and counted.
   void write(const PulseMessage& pulse);
-  /// Writes what waits, and waits until the disk has it. errors() is final then.
+  /// Writes what waits, and waits until the disk has it. lost() is final then.
   void close();
-  /// Pulses that could not be written, or for which the disk was too slow, and 1 when the disk did
-  /// not keep what was written. The first of them is in the daemon's log, too.
-  int64_t errors() const { return refused_ + queue_.dropped(); }
+  /// Pulses that could not be written, or for which the disk was too slow. The first error is in
+  /// the daemon's log, too.
+  int64_t lost() const { return refused_ + queue_.dropped(); }
+  /// After close(): the disk has kept what it took.
+  bool is_kept() const { return kept_; }
 
  private:
   void run();
-  void note(const io::Status& status);
 
   EventLogWriter log_;
   BoundedQueue<PulseMessage> queue_;
   std::atomic<int64_t> refused_ = 0;
+  bool kept_ = true;
   std::atomic<bool> stopping_ = false;
   std::thread thread_;
 };

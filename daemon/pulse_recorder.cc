@@ -44,12 +44,10 @@ PulseRecorder::PulseRecorder(PulseSensor* sensor, Bus& bus, Setup setup)
 
 PulseRecorder::~PulseRecorder() { close(); }
 
-int64_t PulseRecorder::close() {
+void PulseRecorder::close() {
   stopping_ = true;
   if (thread_.joinable()) thread_.join();
-  if (!log_) return 0;
-  log_->close();
-  return log_->errors();
+  if (log_) log_->close();
 }
 
 void PulseRecorder::run() {

@@ -53,8 +53,11 @@ class PulseRecorder {
   std::string trouble() const;
   /// The highest pulse number seen, plus one.
   int64_t seen() const;
-  /// Ends the recording. Returns PulseLog::errors(); 0 without a log.
-  int64_t close();
+  /// Ends the recording.
+  void close();
+  /// After close(): PulseLog::lost() and PulseLog::is_kept(); 0 and true without a log.
+  int64_t lost_in_log() const { return log_ ? log_->lost() : 0; }
+  bool is_kept() const { return !log_ || log_->is_kept(); }
   /// Messages of the trigger's node that did not arrive here; 0 on that node.
   int64_t lost() const { return heard_ ? heard_->counts().lost : 0; }
   bool progressed_since(MonotonicInstant since) const { return heartbeat_.since(since); }

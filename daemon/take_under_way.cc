@@ -176,16 +176,20 @@ TakeAccount TakeUnderWay::close() {
   if (recording_) recording_->end(ledger);
   account.counts = counts();
   check_.reset();
-  const int64_t lost_pulses = pulses_->close();
-  pulses_.reset();
+  pulses_->close();
+  const auto pulses = std::exchange(pulses_, nullptr);
   if (recording_) {
     const bool is_empty = is_empty_take(ledger, was_started_, node_.trigger.is_here());
     account.closing = std::exchange(recording_, nullptr)->close(ledger, is_empty);
   }
-  if (lost_pulses > 0 && account.closing.unkept.empty()) {
-    account.closing.unkept = node_.studio.storage.takes.string() + " did not keep " +
-                             format_count(lost_pulses) + " of the pulses in the log of " +
-                             ledger.take + ": v3dctl verify tells which";
+  const std::string takes = node_.studio.storage.takes.string();
+  if (!pulses->is_kept() && account.closing.unkept.empty()) {
+    account.closing.unkept = takes + " did not keep the last pulses in the log of " + ledger.take +
+                             ": v3dctl verify tells which";
+  }
+  if (pulses->lost_in_log() > 0) {
+    account.closing.lost_pulses = takes + " refused " + format_count(pulses->lost_in_log()) +
+                                  " of the pulses in the log of " + ledger.take;
   }
   return account;
 }

@@ -100,10 +100,13 @@ class Driver {
     sync_logs();
     logs_.clear();
     pulses_->close();
-    const int64_t refused = pulses_->errors();
+    const int64_t lost = pulses_->lost();
+    const bool kept = pulses_->is_kept();
     pulses_.reset();
-    if (refused > 0)
-      fail(paths_.pulses().string() + ": " + std::to_string(refused) + " pulses lost");
+    if (lost > 0 || !kept) {
+      fail(paths_.pulses().string() + ": " + std::to_string(lost) + " pulses lost" +
+           (kept ? "" : ", and what it took is not kept"));
+    }
     disk_.reset();
     const Ledger ledger = account();
     if (!close_take(studio_, info_, ledger)) return fail("cannot close " + paths_.folder.string());

@@ -124,11 +124,12 @@ class BadDiskStudio4 : private BadDiskPreloaded, public Studio4 {
     }
   }
 
-  /// Waits for an alarm about `subject`.
-  bool hear(Subscription<EventMessage>& events, const std::string& subject) {
+  /// Waits for an event about `subject`.
+  bool hear(Subscription<EventMessage>& events, const std::string& subject,
+            Severity severity = Severity::kAlarm) {
     const auto heard = [&] {
       while (const auto event = events.wait(Monotonic::now())) {
-        if (event->subject == subject && event->severity == Severity::kAlarm) return true;
+        if (event->subject == subject && event->severity == severity) return true;
       }
       return false;
     };
@@ -172,6 +173,7 @@ TEST_F(BadDiskStudio4, ends_the_take_at_an_error_of_the_disk_and_accounts_for_ev
   ASSERT_TRUE(reaches("cap01", "frames_written", 40)) << log();
   become("broken");
   ASSERT_TRUE(hear(events, "take")) << log();
+  EXPECT_TRUE(hear(events, "pulses", Severity::kWarning)) << "of those the log lacks" << log();
   ASSERT_TRUE(becomes_idle()) << log();
   recover();
   const Answer stopped = command(CommandVerb::kStop);
