@@ -83,12 +83,18 @@ class LastHealth : public prometheus::Collectable {
   HealthMessage health_;
 };
 
+/// civetweb keeps a thread for each connection until its request is read, so a client that never
+/// ends its request holds one of these for the whole time limit.
+std::vector<std::string> server_options(const std::string& address) {
+  return {"listening_ports", address, "num_threads", "32", "request_timeout_ms", "1000"};
+}
+
 }  // namespace
 
 class MetricsServer::Impl {
  public:
   explicit Impl(const std::string& address)
-      : health_(std::make_shared<LastHealth>()), exposer_(address, 1) {
+      : health_(std::make_shared<LastHealth>()), exposer_(server_options(address)) {
     exposer_.RegisterCollectable(health_);
   }
   void update(const HealthMessage& health) { health_->set(health); }

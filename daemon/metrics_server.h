@@ -9,8 +9,9 @@
 namespace v3d {
 
 /// Serves the last health at http://ADDRESS/metrics: every value as v3d_NAME with the labels `node`
-/// and, for a camera's, `camera`; and v3d_info with state, take, program and version. Answers in
-/// threads of its own.
+/// and, for a camera's, `camera`; and v3d_info with state, take, program and version. Answers in 32
+/// threads of its own; a client has 1 s for its whole request, so that slow ones keep no scraper
+/// from its answer.
 class MetricsServer {
  public:
   /// `address`: "127.0.0.1:9464". Throws InputError when nothing can listen there.
