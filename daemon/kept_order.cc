@@ -12,13 +12,15 @@ namespace {
 
 namespace fs = std::filesystem;
 
+constexpr uint64_t kMaxOrderBytes = 1 << 20;
+
 /// Several nodes may be one PC, and share the folder.
 fs::path order_file(const fs::path& take, const std::string& node) {
   return take / (".order-" + node);
 }
 
 std::optional<CommandMessage> read_order(const fs::path& file) {
-  const auto text = io::read_file(file);
+  const auto text = io::read_file(file, kMaxOrderBytes, io::OpenMode::kReadWithinFolder);
   if (!text) return std::nullopt;
   return decode<CommandMessage>(Bytes(text->begin(), text->end()));
 }

@@ -127,7 +127,7 @@ class SegmentScan {
 };
 
 io::Result<LogSegment> open_segment(const std::filesystem::path& path) {
-  auto file = io::File::open(path, io::OpenMode::kRead);
+  auto file = io::File::open(path, io::OpenMode::kReadWithinFolder);
   if (!file) return tl::make_unexpected(file.error());
   const auto bytes = file->size();
   if (!bytes) return tl::make_unexpected(bytes.error());

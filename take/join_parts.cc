@@ -64,7 +64,7 @@ void refuse_other_take(const Part& first, const Part& other) {
   if (first.info.name != other.info.name || first.info.rate_hz != other.info.rate_hz) {
     throw InputError(files + ": are not of one take: another name or rate");
   }
-  if (read_file(first.paths.calib()) != read_file(other.paths.calib())) {
+  if (read_take_file(first.paths.calib()) != read_take_file(other.paths.calib())) {
     throw InputError(files + ": have different calibrations (calib.toml)");
   }
 }

@@ -183,7 +183,7 @@ Ledger load_ledger(const std::filesystem::path& path) {
     throw InputError(path.string() +
                      ": missing; the take was not ended: v3dctl verify recounts it");
   }
-  return parse_ledger(read_file(path), path);
+  return parse_ledger(read_take_file(path), path);
 }
 
 Ledger parse_ledger(std::string_view text, const std::filesystem::path& path) {

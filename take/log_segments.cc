@@ -84,7 +84,7 @@ fs::path segment_index_path(const fs::path& segment) { return segment.string() +
 
 std::optional<SegmentIndex> load_segment_index(const fs::path& segment, uint64_t segment_bytes) {
   const fs::path path = segment_index_path(segment);
-  const auto text = io::read_file(path, 4096);
+  const auto text = io::read_file(path, 4096, io::OpenMode::kReadWithinFolder);
   if (!text) return std::nullopt;
   try {
     const SegmentIndex index = parse_index(*text, path);

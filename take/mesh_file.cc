@@ -16,7 +16,7 @@ namespace {
 using mesh_file::Entry;
 
 io::File open_mesh_file(const std::filesystem::path& path) {
-  return io::value_or_throw(io::File::open(path, io::OpenMode::kRead));
+  return io::value_or_throw(io::File::open(path, io::OpenMode::kReadWithinFolder));
 }
 
 /// A mesh file and where everything in it lies.

@@ -45,7 +45,7 @@ std::string Slate::text() const {
 
 Slate load_slate(const std::filesystem::path& path) {
   if (!std::filesystem::exists(path)) return {};
-  return parse_slate(read_file(path), path);
+  return parse_slate(read_take_file(path), path);
 }
 
 Slate parse_slate(std::string_view text, const std::filesystem::path& path) {

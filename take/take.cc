@@ -1,5 +1,6 @@
 #include "take/take.h"
 
+#include "base/calib_file.h"
 #include "base/error.h"
 #include "base/file.h"
 #include "base/io/file.h"
@@ -52,7 +53,11 @@ TakeInfo load_take_info(const TakePaths& paths) {
   if (!std::filesystem::exists(paths.info())) {
     throw InputError(paths.folder.string() + ": is no take: take.toml is missing");
   }
-  return parse_take_info(read_file(paths.info()), paths.info());
+  return parse_take_info(read_take_file(paths.info()), paths.info());
+}
+
+Rig load_take_calib(const TakePaths& paths) {
+  return parse_calib(read_take_file(paths.calib()), paths.calib());
 }
 
 TakeInfo parse_take_info(std::string_view text, const std::filesystem::path& path) {

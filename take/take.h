@@ -10,6 +10,7 @@
 #include <string_view>
 #include <vector>
 
+#include "base/camera_model.h"
 #include "base/io/result.h"
 #include "base/time.h"
 
@@ -59,6 +60,8 @@ struct TakePaths {
 
 /// Throws InputError when the folder is no take, with what is missing.
 TakeInfo load_take_info(const TakePaths& paths);
+/// The rig as it was when the take was recorded: load_calib() of a take, by read_take_file().
+Rig load_take_calib(const TakePaths& paths);
 TakeInfo parse_take_info(std::string_view text, const std::filesystem::path& path);
 /// io::replace_file() of take.toml.
 [[nodiscard]] io::Status save_take_info(const TakePaths& paths, const TakeInfo& info);

@@ -55,7 +55,7 @@ io::Status save_verified(const TakePaths& paths, const Verification& verificatio
 
 std::optional<Verified> load_verified(const TakePaths& paths) {
   try {
-    Verified verified = parse_verified(read_file(paths.verified()), paths.verified());
+    Verified verified = parse_verified(read_take_file(paths.verified()), paths.verified());
     if (verified.files != recorded_files(paths, load_take_info(paths))) return std::nullopt;
     return verified;
   } catch (const InputError&) {

@@ -28,16 +28,27 @@ int flags_of(OpenMode mode) {
   switch (mode) {
     case OpenMode::kRead:
       return O_RDONLY | kAlways;
+    case OpenMode::kReadWithinFolder:
+      return O_RDONLY | O_NOFOLLOW | kAlways;
     case OpenMode::kCreate:
       return O_RDWR | O_CREAT | O_EXCL | kAlways;
     case OpenMode::kWriteExisting:
-      return O_RDWR | kAlways;
+      return O_RDWR | O_NOFOLLOW | kAlways;
   }
   return O_RDONLY | kAlways;
 }
 
 std::string_view action_of(OpenMode mode) {
-  return mode == OpenMode::kRead ? "read" : mode == OpenMode::kCreate ? "create" : "write";
+  switch (mode) {
+    case OpenMode::kRead:
+    case OpenMode::kReadWithinFolder:
+      return "read";
+    case OpenMode::kCreate:
+      return "create";
+    case OpenMode::kWriteExisting:
+      return "write";
+  }
+  return "open";
 }
 
 /// Retries a system call that a signal interrupted.
@@ -103,6 +114,9 @@ Status copy_bytes(const File& from, File& to) {
 
 Result<File> File::open(fs::path path, OpenMode mode) {
   UniqueFd fd(uninterrupted([&] { return ::open(path.c_str(), flags_of(mode), 0644); }));
+  if (!fd && errno == ELOOP && (flags_of(mode) & O_NOFOLLOW) != 0) {
+    return io_error(action_of(mode), path, "it is a symbolic link, or lies behind too many", ELOOP);
+  }
   if (!fd) return io_error(action_of(mode), path);
   struct stat status {};
   if (fstat(fd.get(), &status) != 0) return io_error(action_of(mode), path);
@@ -178,8 +192,8 @@ Status sync_folder(const fs::path& folder) {
   return {};
 }
 
-Result<std::string> read_file(const fs::path& path, uint64_t max_bytes) {
-  const auto file = File::open(path, OpenMode::kRead);
+Result<std::string> read_file(const fs::path& path, uint64_t max_bytes, OpenMode mode) {
+  const auto file = File::open(path, mode);
   if (!file) return tl::make_unexpected(file.error());
   std::string content;
   std::array<uint8_t, 1 << 16> chunk{};

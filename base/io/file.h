@@ -16,9 +16,10 @@
 namespace v3d::io {
 
 enum class OpenMode : uint8_t {
-  kRead,           ///< an existing regular file
-  kCreate,         ///< a new file for writing; fails with EEXIST when the name is taken
-  kWriteExisting,  ///< an existing regular file for writing; keeps its content
+  kRead,              ///< an existing regular file
+  kReadWithinFolder,  ///< an existing regular file; fails with ELOOP where it is a symbolic link
+  kCreate,            ///< a new file for writing; fails with EEXIST when the name is taken
+  kWriteExisting,     ///< an existing regular file for writing, no symbolic link; keeps its content
 };
 
 /// One thread at a time for writes; read() is safe from several threads.
@@ -52,9 +53,11 @@ class File {
 [[nodiscard]] Status sync_folder(const std::filesystem::path& folder);
 
 inline constexpr uint64_t kMaxTextBytes = 1 << 30;
-/// A whole regular file. Fails when it is longer than `max_bytes`.
+/// A whole regular file. Fails when it is longer than `max_bytes`. `mode`: how to open it, for
+/// reading.
 [[nodiscard]] Result<std::string> read_file(const std::filesystem::path& path,
-                                            uint64_t max_bytes = kMaxTextBytes);
+                                            uint64_t max_bytes = kMaxTextBytes,
+                                            OpenMode mode = OpenMode::kRead);
 
 /// Replaces a file in one step: readers see the old content or the new, never a part. After
 /// success the new content survives a power cut (temporary file with a unique name, fsync, rename,

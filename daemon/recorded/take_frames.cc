@@ -22,7 +22,7 @@ bool holds(const std::vector<std::string>& names, const std::string& name) {
 
 TakeFrames::TakeFrames(const std::filesystem::path& take, const std::vector<std::string>& cameras)
     : paths_{take}, info_(load_take_info(paths_)) {
-  const Rig rig = load_calib(paths_.calib());
+  const Rig rig = load_take_calib(paths_);
   for (const std::string& name : cameras.empty() ? info_.cameras : cameras) {
     if (!holds(info_.cameras, name)) {
       throw InputError(paths_.info().string() + ": no camera " + name + "; the take has " +

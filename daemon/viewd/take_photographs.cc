@@ -16,7 +16,7 @@ constexpr int kQuality = 90;
 /// Colours as they are where nothing else is known: a photograph is worth more than its tint.
 ColourResponse response_of(const TakePaths& paths, const std::string& camera) {
   try {
-    const Rig rig = load_calib(paths.calib());
+    const Rig rig = load_take_calib(paths);
     const int index = find_camera(rig, camera);
     if (index >= 0) return rig[static_cast<size_t>(index)].colour;
   } catch (const InputError&) {
