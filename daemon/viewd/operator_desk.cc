@@ -48,10 +48,19 @@ std::vector<std::string> lines_of(const ProgramEnd& end) {
 OperatorDesk::OperatorDesk(const Studio& studio, std::string token)
     : studio_(studio), token_(std::move(token)) {}
 
+bool OperatorDesk::is_operator(const WebRequest& request) const {
+  return is_open() && is_same_token(request.operator_token, token_);
+}
+
 WebAnswer OperatorDesk::report() const { return json_answer(order_json(last_)); }
 
 std::optional<WebAnswer> OperatorDesk::refusal_of_token(const WebRequest& request,
                                                         MonotonicInstant now) {
+  // Before anything else: wrong tokens, from whatever address, never keep the right one out.
+  if (is_same_token(request.operator_token, token_)) {
+    wrong_tokens_.right(request.address);
+    return {};
+  }
   const Duration pause = wrong_tokens_.pause_of(request.address, now);
   if (pause > Duration::zero()) {
     const auto seconds = static_cast<int64_t>(std::ceil(to_seconds(pause)));
@@ -59,10 +68,6 @@ std::optional<WebAnswer> OperatorDesk::refusal_of_token(const WebRequest& reques
         plain_answer(429, "too many wrong tokens: try again in " + std::to_string(seconds) + " s");
     answer.fields = {{"Retry-After", std::to_string(seconds)}};
     return answer;
-  }
-  if (is_same_token(request.operator_token, token_)) {
-    wrong_tokens_.right(request.address);
-    return {};
   }
   // An empty one is a page that was not unlocked, and no guess.
   if (!request.operator_token.empty()) wrong_tokens_.wrong(request.address, now);

@@ -26,6 +26,9 @@ class OperatorDesk {
   OperatorDesk(const Studio& studio, std::string token);
 
   bool is_open() const { return !token_.empty(); }
+  /// Whether a request has the operators' token; false where the studio file lets no browser
+  /// command.
+  bool is_operator(const WebRequest& request) const;
   /// The report of the last order, to GET.
   WebAnswer report() const;
   /// The answer to a POST. WebAccess has let it in.

@@ -42,6 +42,12 @@ bool is_token_letter(char c) {
   return std::isalnum(static_cast<unsigned char>(c)) || c == '-' || c == '_';
 }
 
+/// Of names, addresses in brackets with a zone ("[fe80::1%eth0]"), and ports.
+bool is_host_letter(char c) {
+  return std::isalnum(static_cast<unsigned char>(c)) ||
+         std::string_view("-._:[]%").find(c) != std::string_view::npos;
+}
+
 std::string_view without_end_of_line(std::string_view text) {
   while (text.ends_with('\n') || text.ends_with('\r')) text.remove_suffix(1);
   return text;
@@ -122,6 +128,12 @@ WebAccess::Verdict WebAccess::judge(const WebRequest& request, const WebTarget& 
   if (shown != target.query.end() && is_same_token(shown->second, token_))
     return Verdict::kMayWithCookie;
   return shows_token(request) ? Verdict::kMay : Verdict::kWantsToken;
+}
+
+std::string WebAccess::host_error(const WebRequest& request) {
+  if (request.has_several_hosts) return "Host: expected one such field";
+  if (std::ranges::all_of(request.host, is_host_letter)) return {};
+  return "Host: expected a name or an IP address and at most a port, no user information";
 }
 
 bool WebAccess::is_own_page(const WebRequest& request) {

@@ -42,6 +42,10 @@ class WebAccess {
     kStrangeHost
   };
   Verdict judge(const WebRequest& request, const WebTarget& target) const;
+  /// What is wrong with the field Host, in one line; empty where it is right. Right is one field: a
+  /// name or an IP address and at most a port. User information ("user@host") would make the name
+  /// that is checked another than the one that a proxy or a browser goes by.
+  static std::string host_error(const WebRequest& request);
   /// A browser says which page opens a WebSocket; only ours may.
   static bool is_own_page(const WebRequest& request);
   std::string set_cookie() const;

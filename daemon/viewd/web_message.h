@@ -16,7 +16,8 @@ namespace v3d {
 struct WebRequest {
   std::string method = {};  ///< "GET"
   std::string target = {};  ///< "/takes/kendo-07/mesh.v3d?x=1"
-  std::string host = {};
+  std::string host = {};    ///< the first, where there are several
+  bool has_several_hosts = false;
   std::string origin = {};
   std::string range = {};
   std::string if_none_match = {};
@@ -58,6 +59,9 @@ struct WebAnswer {
   /// Makes the answer, where that takes long: on another thread, one such at a time. Never throws,
   /// and what it returns has no work. All else counts for nothing then.
   std::function<WebAnswer()> work = {};
+  /// With `work`: it lists folders, and this names what. Such work has a thread of its own, and
+  /// requests for the same listing share one run (listing_runner.h).
+  std::string listing = {};
 };
 
 /// One line.

@@ -15,11 +15,14 @@
 #include <charconv>
 #include <future>
 #include <limits>
+#include <map>
 #include <set>
 #include <thread>
 #include <utility>
 
 #include "base/error.h"
+#include "daemon/viewd/connection_places.h"
+#include "daemon/viewd/listing_runner.h"
 #include "daemon/viewd/view_json.h"
 
 namespace v3d {
@@ -32,7 +35,8 @@ namespace websocket = beast::websocket;
 using asio::ip::tcp;
 using boost::system::error_code;
 
-constexpr std::chrono::seconds kRequestWithin{30};
+constexpr std::chrono::seconds kSendWithin{30};  ///< each piece of an answer
+constexpr std::chrono::seconds kIdleFor{30};     ///< between requests
 constexpr std::chrono::seconds kWatcherSilentFor{20};
 constexpr std::chrono::milliseconds kAcceptAgain{100};
 constexpr size_t kMostFromWatcher = 256;
@@ -83,6 +87,7 @@ WebRequest plain(const Request& request, const std::string& address) {
   return {.method = text(request.method_string()),
           .target = text(request.target()),
           .host = text(request[http::field::host]),
+          .has_several_hosts = request.count(http::field::host) > 1,
           .origin = text(request[http::field::origin]),
           .range = text(request[http::field::range]),
           .if_none_match = text(request[http::field::if_none_match]),
@@ -120,30 +125,35 @@ std::optional<int64_t> ping_in(std::string_view message) {
   return parsed.ec == std::errc() && parsed.ptr == end ? std::optional(number) : std::nullopt;
 }
 
+class Connection;
 class Watcher;
 
 /// What all connections share; the server's thread only.
 struct Shared {
   WebSite& site;
   WebServer::Watch watch;
-  int connections = 0;
-  std::set<Watcher*> watchers;
-  /// Does `work` on the thread for it, then calls `done` on the server's. False when too much waits
-  /// there.
-  std::function<bool(std::function<WebAnswer()> work, std::function<void(WebAnswer)> done)> defer;
+  WebLimits limits;
+  ConnectionPlaces places = {};
+  std::map<ConnectionPlaces::Id, Connection*> connections = {};
+  std::set<Watcher*> watchers = {};
+  /// Does the work of an answer on the thread for it, then calls `done` on the server's. False when
+  /// too much waits there.
+  std::function<bool(WebAnswer answer, std::function<void(WebAnswer)> done)> defer;
 };
 
-/// Counts a connection for as long as it is there.
+/// Holds the place of a connection.
 class Counted {
  public:
-  explicit Counted(Shared& shared) : shared_(shared) { ++shared_.connections; }
-  ~Counted() { --shared_.connections; }
+  Counted(Shared& shared, ConnectionPlaces::Place place) : shared_(shared), place_(place) {}
+  ~Counted() { shared_.places.leave(place_.id); }
   Counted(const Counted&) = delete;
   Counted& operator=(const Counted&) = delete;
   Shared& shared() const { return shared_; }
+  const ConnectionPlaces::Place& place() const { return place_; }
 
  private:
   Shared& shared_;
+  const ConnectionPlaces::Place place_;
 };
 
 /// One who watches over a WebSocket. Shared by the operations that are under way, which end it.
@@ -160,7 +170,7 @@ class Watcher : public std::enable_shared_from_this<Watcher> {
     socket_.next_layer().socket().set_option(asio::socket_base::send_buffer_size(kSendBuffer),
                                              ignored);
     websocket::stream_base::timeout limits{};
-    limits.handshake_timeout = kRequestWithin;
+    limits.handshake_timeout = kSendWithin;
     limits.idle_timeout = kWatcherSilentFor;
     limits.keep_alive_pings = true;
     socket_.set_option(limits);
@@ -219,12 +229,22 @@ class Watcher : public std::enable_shared_from_this<Watcher> {
 /// One HTTP connection. Shared by the operations that are under way, which end it.
 class Connection : public std::enable_shared_from_this<Connection> {
  public:
-  Connection(Shared& shared, tcp::socket socket)
-      : counted_(std::make_unique<Counted>(shared)), socket_(std::move(socket)) {
-    error_code ignored;
-    address_ = socket_.socket().remote_endpoint(ignored).address().to_string();
+  Connection(Shared& shared, ConnectionPlaces::Place place, tcp::socket socket, std::string address)
+      : shared_(shared),
+        id_(place.id),
+        counted_(std::make_unique<Counted>(shared, place)),
+        socket_(std::move(socket)),
+        address_(std::move(address)) {
+    shared_.connections[id_] = this;
   }
+  ~Connection() { shared_.connections.erase(id_); }
+  Connection(const Connection&) = delete;
+  Connection& operator=(const Connection&) = delete;
 
+  /// Ends the operation under way, which ends the connection.
+  void close() { socket_.close(); }
+
+  /// One time limit for the whole request, however slowly its bytes come.
   void read() {
     parser_.emplace();
     parser_->header_limit(WebServer::kMostHeaderBytes);
@@ -232,14 +252,29 @@ class Connection : public std::enable_shared_from_this<Connection> {
     // zero.
     parser_->body_limit(std::numeric_limits<uint64_t>::max());
     parser_->eager(false);
-    socket_.expires_after(kRequestWithin);
+    socket_.expires_after(shared_.limits.request_within);
     http::async_read_header(socket_, buffer_, *parser_,
                             [self = shared_from_this()](error_code error, size_t) {
-                              if (!error) self->take_header();
+                              if (!error && self->is_open()) self->take_header();
                             });
   }
 
  private:
+  /// Not so when it has been closed for another, and its last operation had ended just before.
+  bool is_open() const { return socket_.socket().is_open(); }
+
+  /// The first bytes of a request may take longer than the request.
+  void read_next() {
+    if (buffer_.size() > 0) return read();
+    socket_.expires_after(kIdleFor);
+    socket_.async_read_some(buffer_.prepare(WebServer::kMostHeaderBytes),
+                            [self = shared_from_this()](error_code error, size_t bytes) {
+                              if (error || !self->is_open()) return;
+                              self->buffer_.commit(bytes);
+                              self->read();
+                            });
+  }
+
   /// Only a POST has a body that is read, and only a short one. Any other would be taken for the
   /// next request: the connection ends with the answer.
   void take_header() {
@@ -255,15 +290,23 @@ class Connection : public std::enable_shared_from_this<Connection> {
     parser_->body_limit(WebServer::kMostBodyBytes);
     http::async_read(socket_, buffer_, *parser_,
                      [self = shared_from_this()](error_code error, size_t) {
-                       if (!error) self->take(false);
+                       if (!error && self->is_open()) self->take(false);
                      });
   }
 
   void take(bool has_unread_body) {
     const Request& request = parser_->get();
-    WebSite& site = counted_->shared().site;
+    WebSite& site = shared_.site;
     WebRequest asked = plain(request, address_);
     asked.has_unread_body = has_unread_body;
+    const Visitor visitor = site.visitor(asked);
+    shared_.places.set_visitor(id_, visitor);
+    if (counted_->place().is_reserved) {
+      keep_alive_ = false;  // the place is for the next operator
+      if (visitor != Visitor::kOperator || websocket::is_upgrade(request)) {
+        return answer(busy(), request.method() == http::verb::head);
+      }
+    }
     if (!websocket::is_upgrade(request)) {
       answer_or_work(site.answer(asked), request.method() == http::verb::head);
       return;
@@ -273,17 +316,16 @@ class Connection : public std::enable_shared_from_this<Connection> {
       answer(std::move(opening.refusal), false);
       return;
     }
-    Shared& shared = counted_->shared();
     socket_.expires_never();
     std::make_shared<Watcher>(std::move(counted_), socket_.release_socket(),
-                              shared.watch(*opening.stream))
+                              shared_.watch(*opening.stream))
         ->begin(request);
   }
 
   void answer_or_work(WebAnswer first, bool head_only) {
     if (!first.work) return answer(std::move(first), head_only);
-    const bool waits = counted_->shared().defer(
-        std::move(first.work), [self = shared_from_this(), head_only](WebAnswer made) {
+    const bool waits =
+        shared_.defer(std::move(first), [self = shared_from_this(), head_only](WebAnswer made) {
           self->answer(std::move(made), head_only);
         });
     if (!waits) answer(busy(), head_only);
@@ -331,7 +373,7 @@ class Connection : public std::enable_shared_from_this<Connection> {
   /// In pieces, each within its time: a large file takes long on a slow line.
   template <class Sending>
   void send_some(const std::shared_ptr<Sending>& sending) {
-    socket_.expires_after(kRequestWithin);
+    socket_.expires_after(kSendWithin);
     http::async_write_some(socket_, sending->serializer,
                            [self = shared_from_this(), sending](error_code error, size_t) {
                              if (error) return;
@@ -341,16 +383,18 @@ class Connection : public std::enable_shared_from_this<Connection> {
   }
 
   void after_answer() {
-    if (keep_alive_) return read();
+    if (keep_alive_) return read_next();
     error_code ignored;
     socket_.socket().shutdown(tcp::socket::shutdown_send, ignored);
   }
 
+  Shared& shared_;
+  const ConnectionPlaces::Id id_;
   std::unique_ptr<Counted> counted_;
   beast::tcp_stream socket_;
   beast::flat_buffer buffer_;
   boost::optional<http::request_parser<http::string_body>> parser_;
-  std::string address_;
+  const std::string address_;
   bool keep_alive_ = false;
 };
 
@@ -358,12 +402,12 @@ class Connection : public std::enable_shared_from_this<Connection> {
 
 class WebServer::Impl {
  public:
-  Impl(const WebAddress& address, WebSite& site, Watch watch)
+  Impl(const WebAddress& address, WebSite& site, Watch watch, const WebLimits& limits)
       : shared_{.site = site,
                 .watch = std::move(watch),
-                .watchers = {},
-                .defer = [this](auto work,
-                                auto done) { return defer(std::move(work), std::move(done)); }},
+                .limits = limits,
+                .defer = [this](auto answer,
+                                auto done) { return defer(std::move(answer), std::move(done)); }},
         acceptor_(io_) {
     const tcp::endpoint here(asio::ip::make_address(address.host), address.port);
     error_code error;
@@ -413,10 +457,13 @@ class WebServer::Impl {
     }
   }
 
-  bool defer(std::function<WebAnswer()> work, std::function<void(WebAnswer)> done) {
+  bool defer(WebAnswer answer, std::function<void(WebAnswer)> done) {
+    if (!answer.listing.empty()) {
+      return listings_.run(answer.listing, std::move(answer.work), std::move(done));
+    }
     if (deferred_ >= kMostDeferred) return false;
     ++deferred_;
-    asio::post(worker_, [this, work = std::move(work), done = std::move(done)]() mutable {
+    asio::post(worker_, [this, work = std::move(answer.work), done = std::move(done)]() mutable {
       asio::post(io_, [this, done = std::move(done), answer = work()]() mutable {
         --deferred_;
         done(std::move(answer));
@@ -429,13 +476,22 @@ class WebServer::Impl {
     acceptor_.async_accept([this](error_code error, tcp::socket socket) {
       if (error) return accept_later(error);
       if (std::exchange(accept_failed_, false)) spdlog::info("connections are taken again");
-      if (shared_.connections < kMostConnections) {
-        error_code ignored;
-        socket.set_option(tcp::no_delay(true), ignored);
-        std::make_shared<Connection>(shared_, std::move(socket))->read();
-      }
+      enter(std::move(socket));
       accept();
     });
+  }
+
+  void enter(tcp::socket socket) {
+    error_code ignored;
+    socket.set_option(tcp::no_delay(true), ignored);
+    const std::string from = socket.remote_endpoint(ignored).address().to_string();
+    const auto place = shared_.places.enter(from);
+    if (!place) return;
+    if (place->replaced) {
+      const auto replaced = shared_.connections.find(*place->replaced);
+      if (replaced != shared_.connections.end()) replaced->second->close();
+    }
+    std::make_shared<Connection>(shared_, *place, std::move(socket), from)->read();
   }
 
   /// Who could not be taken still waits: with no descriptor left, to ask again at once would fail
@@ -460,10 +516,11 @@ class WebServer::Impl {
   std::thread thread_;
   int deferred_ = 0;  ///< the server's thread only
   asio::thread_pool worker_{1};
+  ListingRunner listings_{io_, shared_.limits.listing_within};
 };
 
-WebServer::WebServer(const WebAddress& address, WebSite& site, Watch watch)
-    : impl_(std::make_unique<Impl>(address, site, std::move(watch))) {}
+WebServer::WebServer(const WebAddress& address, WebSite& site, Watch watch, const WebLimits& limits)
+    : impl_(std::make_unique<Impl>(address, site, std::move(watch), limits)) {}
 WebServer::~WebServer() = default;
 uint16_t WebServer::port() const { return impl_->port(); }
 void WebServer::run_inside(const std::function<void(int64_t)>& work) { impl_->run_inside(work); }

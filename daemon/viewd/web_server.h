@@ -1,6 +1,7 @@
 // HTTP and WebSocket. The adapter of Boost.Beast: knows sockets, and nothing of takes.
 #pragma once
 
+#include <chrono>
 #include <cstdint>
 #include <functional>
 #include <memory>
@@ -11,6 +12,13 @@
 
 namespace v3d {
 
+struct WebLimits {
+  /// From the first byte of a request (of the first one: from the connection) to its last byte.
+  std::chrono::nanoseconds request_within = std::chrono::seconds(5);
+  /// Until a request for a listing of folders is answered by 503.
+  std::chrono::nanoseconds listing_within = std::chrono::seconds(10);
+};
+
 /// Answers requests and feeds WebSockets on one thread of its own. Each WebSocket has one message
 /// under way at a time, and is asked for the next (WebStream::next) when that has gone: who is slow
 /// makes nothing queue up here, and little in the kernel.
@@ -18,12 +26,13 @@ namespace v3d {
 /// What takes long (WebAnswer::work) is done on a second thread, one after the other, and keeps
 /// nobody waiting who asks for something else.
 ///
-/// Bounded whatever arrives: connections (more are closed at once), header and body of a request,
-/// what a WebSocket may send, the time that a request and an idle connection may take, the work
-/// that waits (more is answered by 503).
+/// Listings of folders have a third thread (listing_runner.h).
+///
+/// Bounded whatever arrives: connections (connection_places.h), header and body of a request, what
+/// a WebSocket may send, the time that a request and an idle connection may take, the work that
+/// waits (more is answered by 503).
 class WebServer {
  public:
-  static constexpr int kMostConnections = 128;
   static constexpr int kMostHeaderBytes = 8192;
   static constexpr uint64_t kMostBodyBytes = 4096;
   static constexpr int kMostDeferred = 64;
@@ -32,7 +41,7 @@ class WebServer {
 
   /// `site` and whatever `watch` reaches outlive the server, and are used on its thread alone.
   /// Throws InputError when nothing can listen there. Port 0 is any that is free.
-  WebServer(const WebAddress& address, WebSite& site, Watch watch);
+  WebServer(const WebAddress& address, WebSite& site, Watch watch, const WebLimits& limits = {});
   ~WebServer();
   WebServer(const WebServer&) = delete;
   WebServer& operator=(const WebServer&) = delete;

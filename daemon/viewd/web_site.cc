@@ -7,13 +7,13 @@
 #include "base/calib_file.h"
 #include "base/error.h"
 #include "base/name.h"
+#include "base/time.h"
 #include "daemon/json.h"
 #include "daemon/viewd/byte_range.h"
 #include "daemon/viewd/file_stamp.h"
 #include "daemon/viewd/guarded_answer.h"
 #include "daemon/viewd/scene_folders.h"
 #include "daemon/viewd/view_json.h"
-#include "take/take_listing.h"
 
 namespace v3d {
 namespace {
@@ -74,19 +74,71 @@ bool is_served(const std::string& file) { return file == "mesh.v3d" || file == "
 
 }  // namespace
 
+/// JSON of a listing, made anew when a request comes and the last is older than kLasts. Used by one
+/// thread at a time.
+class WebSite::CachedListing {
+ public:
+  explicit CachedListing(std::function<std::string()> list) : list_(std::move(list)) {}
+
+  const std::string& json() {
+    const MonotonicInstant now = Monotonic::now();
+    if (!listed_ || now - *listed_ > kLasts) {
+      json_ = list_();
+      listed_ = Monotonic::now();
+    }
+    return json_;
+  }
+
+  static WebAnswer answer(const std::string& name, const std::shared_ptr<CachedListing>& listing) {
+    return {
+        .work = [listing] { return guarded_answer([&] { return json_answer(listing->json()); }); },
+        .listing = name};
+  }
+
+ private:
+  static constexpr Duration kLasts = std::chrono::seconds(1);
+
+  const std::function<std::string()> list_;
+  std::string json_;
+  std::optional<MonotonicInstant> listed_;
+};
+
+std::vector<TakeListing> WebSite::list_takes(const std::filesystem::path& folder) {
+  std::vector<TakeListing> takes = find_takes(folder, [](const InputError&) {});
+  if (takes.size() > kMaxListed) takes.erase(takes.begin(), takes.end() - kMaxListed);
+  return takes;
+}
+
 OpenFile::~OpenFile() { close(fd_); }
 
 WebSite::WebSite(const Studio& studio, WebAccess access, std::map<std::string, PageFile> page,
-                 OperatorDesk& desk)
+                 OperatorDesk& desk, const ListTakes& list)
     : takes_(studio.storage.takes),
       calib_(studio.storage.calib),
       access_(std::move(access)),
       page_(std::move(page)),
       desk_(desk),
-      pictures_(takes_) {}
+      pictures_(takes_),
+      take_listing_(std::make_shared<CachedListing>(
+          [list, takes = takes_] { return takes_json(list(takes)); })),
+      scene_listing_(std::make_shared<CachedListing>(
+          [takes = takes_] { return scenes_json(find_scenes(takes)); })) {}
+
+Visitor WebSite::visitor(const WebRequest& request) const {
+  const auto target = parse_web_target(request.target);
+  if (!target || !WebAccess::host_error(request).empty()) return Visitor::kStranger;
+  const WebAccess::Verdict verdict = access_.judge(request, *target);
+  if (verdict == WebAccess::Verdict::kWantsToken || verdict == WebAccess::Verdict::kStrangeHost) {
+    return Visitor::kStranger;
+  }
+  return desk_.is_operator(request) ? Visitor::kOperator : Visitor::kViewer;
+}
 
 std::optional<WebAnswer> WebSite::refusal(const WebRequest& request,
                                           const std::optional<WebTarget>& target) const {
+  if (const std::string wrong = WebAccess::host_error(request); !wrong.empty()) {
+    return plain_answer(400, wrong);
+  }
   if (request.method != "GET" && request.method != "HEAD" && !is_order(request, target)) {
     WebAnswer answer = plain_answer(405, "only GET and HEAD are answered");
     answer.fields = {{"Allow", "GET, HEAD"}};
@@ -132,28 +184,19 @@ WebSite::Opening WebSite::open_stream(const WebRequest& request) const {
 
 WebAnswer WebSite::find(const WebRequest& request, const WebTarget& target) {
   const std::vector<std::string>& path = target.path;
-  if (target.text() == "/api/takes") return takes();
-  if (target.text() == "/api/scenes") return json_answer(scenes_json(find_scenes(takes_)));
+  if (target.text() == "/api/takes") return CachedListing::answer("takes", take_listing_);
+  if (target.text() == "/api/scenes") return CachedListing::answer("scenes", scene_listing_);
   if (target.text() == "/api/order") return desk_.report();
   if (target.text() == "/api/rig") return json_answer(rig_json(load_calib(calib_)));
   if (path.size() == 4 && path[0] == "api" && path[1] == "takes" && path[3] == "rig") {
     if (!is_file_name(path[2])) return plain_answer(404, "there is no such take");
-    return json_answer(rig_json(load_calib(TakePaths{takes_ / path[2]}.calib())));
+    return json_answer(rig_json(load_take_calib(TakePaths{takes_ / path[2]})));
   }
   if (auto pictures = pictures_.answer(request, target)) return std::move(*pictures);
   if (path.size() == 3 && path[0] == "takes") return of_take(request, path[1], path[2]);
   const auto page = page_.find(target.text());
   if (page == page_.end()) return plain_answer(404, "there is no such page");
   return page_answer(request, target, page->second);
-}
-
-WebAnswer WebSite::takes() {
-  const MonotonicInstant now = Monotonic::now();
-  if (!listed_ || now - *listed_ > kListingLasts) {
-    listing_ = takes_json(find_takes(takes_, [](const InputError&) {}));
-    listed_ = now;
-  }
-  return json_answer(listing_);
 }
 
 WebAnswer WebSite::of_take(const WebRequest& request, const std::string& take,

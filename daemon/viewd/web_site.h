@@ -12,17 +12,20 @@
 #pragma once
 
 #include <filesystem>
+#include <functional>
 #include <map>
+#include <memory>
 #include <optional>
 #include <string>
 
 #include "base/studio_file.h"
-#include "base/time.h"
+#include "daemon/viewd/connection_places.h"
 #include "daemon/viewd/operator_desk.h"
 #include "daemon/viewd/page_files.h"
 #include "daemon/viewd/take_pictures.h"
 #include "daemon/viewd/web_access.h"
 #include "daemon/viewd/web_message.h"
+#include "take/take_listing.h"
 
 namespace v3d {
 
@@ -30,12 +33,21 @@ namespace v3d {
 /// the work of its answers is done on any other, one at a time, and may outlive it.
 class WebSite {
  public:
+  /// The takes of a folder, oldest first. Used on the thread that lists folders.
+  using ListTakes = std::function<std::vector<TakeListing>(const std::filesystem::path& folder)>;
+  static std::vector<TakeListing> list_takes(const std::filesystem::path& folder);
+  /// Of more takes the newest are shown.
+  static constexpr size_t kMaxListed = 10'000;
+
   /// `desk` outlives it.
   WebSite(const Studio& studio, WebAccess access, std::map<std::string, PageFile> page,
-          OperatorDesk& desk);
+          OperatorDesk& desk, const ListTakes& list = list_takes);
 
   /// Never throws: what goes wrong is a status.
   WebAnswer answer(const WebRequest& request);
+
+  /// Who has sent a request: a stranger where answer() would refuse it for its sender.
+  Visitor visitor(const WebRequest& request) const;
 
   enum class StreamKind : uint8_t { kLive, kStudio };
   /// Of a request to open a WebSocket: which, or why not.
@@ -46,13 +58,11 @@ class WebSite {
   Opening open_stream(const WebRequest& request) const;
 
  private:
-  /// Folders are looked through once in so long, however many ask.
-  static constexpr Duration kListingLasts = std::chrono::seconds(1);
+  class CachedListing;
 
   std::optional<WebAnswer> refusal(const WebRequest& request,
                                    const std::optional<WebTarget>& target) const;
   WebAnswer find(const WebRequest& request, const WebTarget& target);
-  WebAnswer takes();
   WebAnswer of_take(const WebRequest& request, const std::string& take, const std::string& file);
 
   const std::filesystem::path takes_;
@@ -61,8 +71,8 @@ class WebSite {
   const std::map<std::string, PageFile> page_;
   OperatorDesk& desk_;
   const TakePictures pictures_;
-  std::string listing_;
-  std::optional<MonotonicInstant> listed_;
+  const std::shared_ptr<CachedListing> take_listing_;
+  const std::shared_ptr<CachedListing> scene_listing_;
 };
 
 }  // namespace v3d

@@ -1,4 +1,4 @@
-// Slows down who guesses.
+// Throttle of wrong tokens.
 #pragma once
 
 #include <cstddef>
@@ -10,9 +10,10 @@
 
 namespace v3d {
 
-/// After a wrong token the next of the same address is not looked at for a second, after another
-/// for two, then four, up to a minute; a right one clears that. What is remembered is bounded: of
-/// more addresses than that, all others are counted as one. One thread.
+/// Throttle of wrong tokens, by address: after a wrong token the next wrong one of the same address
+/// gets no answer but 429 for 1 s, after another for 2 s, then 4 s, up to a minute. A right token
+/// is never asked for a pause (OperatorDesk compares first), and clears its address. Memory is
+/// bounded: of more addresses than kMostAddresses, all others are counted as one. One thread.
 class WrongTokens {
  public:
   static constexpr size_t kMostAddresses = 64;
@@ -21,7 +22,7 @@ class WrongTokens {
   /// Who has not tried for so long is forgotten.
   static constexpr Duration kForgottenAfter = std::chrono::minutes(10);
 
-  /// How long from `now` until a token of this address is looked at; zero: it is.
+  /// How long from `now` a wrong token of this address is answered by 429; zero: by 401.
   Duration pause_of(const std::string& address, MonotonicInstant now) const;
   void wrong(const std::string& address, MonotonicInstant now);
   void right(const std::string& address);

@@ -228,9 +228,24 @@ TEST_F(Desk, takes_no_order_without_the_operators_token) {
   expect_refused(request, 401, "orders want the operators' token");
   request.operator_token = std::string(kToken) + "x";
   expect_refused(request, 401, "not the operators' token");
-  request.operator_token = kToken;
   expect_refused(request, 429, "try again in 1 s");
-  EXPECT_EQ(desk_.take(request, Monotonic::now() + std::chrono::seconds(2)).status, 202);
+  request.operator_token = kToken;
+  EXPECT_EQ(take(request).status, 202);
+}
+
+TEST_F(Desk, admits_the_right_token_however_many_wrong_ones_came_from_whatever_address) {
+  WebRequest guess = order(R"({"do":"stop"})");
+  guess.operator_token = std::string(kToken) + "x";
+  for (int i = 0; i < 200; ++i) {
+    guess.address = "10.0.7." + std::to_string(i);
+    take(guess);
+  }
+  EXPECT_EQ(take(guess).status, 429) << "wrong tokens are throttled";
+  WebRequest right = order(R"({"do":"look"})");
+  right.address = "10.0.9.1";
+  EXPECT_EQ(take(right).status, 200) << "an address that never erred";
+  right.address = "10.0.7.1";
+  EXPECT_EQ(take(right).status, 200) << "an address that sent a wrong token";
 }
 
 TEST_F(Desk, takes_no_order_for_the_token_of_those_who_look) {

@@ -4,6 +4,7 @@
 #include <rapidcheck/gtest.h>
 #include <sys/stat.h>
 
+#include <algorithm>
 #include <filesystem>
 #include <set>
 
@@ -215,6 +216,23 @@ TEST_F(ViewedSite, looks_only_whoever_asks) {
         site().answer({.method = method, .target = "/api/takes", .host = "localhost"});
     EXPECT_EQ(answer.status, 405) << method;
   }
+}
+
+TEST_F(ViewedSite, rejects_a_host_field_with_user_information) {
+  for (const char* host :
+       {"localhost@evil.example", "evil.example@localhost", "a:b@127.0.0.1:8330", "local host"}) {
+    const WebAnswer answer = site().answer({.method = "GET", .target = "/", .host = host});
+    EXPECT_EQ(answer.status, 400) << host;
+    EXPECT_THAT(answer.body, testing::StartsWith("Host: ")) << host;
+    EXPECT_EQ(std::ranges::count(answer.body, '\n'), 1) << "one line";
+  }
+}
+
+TEST_F(ViewedSite, rejects_several_host_fields) {
+  const WebAnswer answer = site().answer(
+      {.method = "GET", .target = "/", .host = "localhost", .has_several_hosts = true});
+  EXPECT_EQ(answer.status, 400);
+  EXPECT_THAT(answer.body, testing::StartsWith("Host: "));
 }
 
 TEST_F(ViewedSite, opens_streams_to_its_own_page_only) {
