@@ -77,8 +77,8 @@ void refuse_unfit_disk(const fs::path& takes, const DiskDemand& demand) {
 TakeDisk::TakeDisk(TakePaths take, const DiskDemand& demand)
     : take_(std::move(take)), demand_(demand) {
   // O_NONBLOCK: a FIFO of that name fails and does not block.
-  const int fd = open(take_.reserve().c_str(),
-                      O_WRONLY | O_CREAT | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK, 0644);
+  const int fd =
+      open(take_.reserve().c_str(), O_WRONLY | O_CREAT | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK, 0644);
   const int error = fd < 0 ? errno : posix_fallocate(fd, 0, kLedgerBytes);
   if (fd >= 0) close(fd);
   if (error == 0) return;
