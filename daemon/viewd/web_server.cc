@@ -260,7 +260,7 @@ class Connection : public std::enable_shared_from_this<Connection> {
   }
 
  private:
-  /// Not so when it has been closed for another, and its last operation had ended just before.
+  /// False after close(): an operation that had succeeded just before is then ignored.
   bool is_open() const { return socket_.socket().is_open(); }
 
   /// The first bytes of a request may take longer than the request.
