@@ -8,6 +8,7 @@
 #include "base/error.h"
 #include "base/io/file.h"
 #include "take/mesh_file_layout.h"
+#include "take/periodic_sync.h"
 #include "take/pulse_set.h"
 
 namespace v3d {
@@ -167,10 +168,15 @@ class MeshFileWriter::Impl {
   Impl(const std::filesystem::path& path, LogOpening opening)
       : path_(path),
         file_(io::value_or_throw(opening == LogOpening::kGoOn ? go_on(path) : create(path))) {
+    sync_ = std::make_unique<PeriodicSync>(*file_, kSyncEvery);
     if (begin_ > 0) return;
     begin_ = end_ = mesh_file::kHeaderSize;
     if (auto written = file_->write(0, {mesh_file::header()}); !written) {
       io::throw_input_error(written.error());
+    }
+    // A file that has no name after a power cut is lost with all its bytes.
+    if (auto synced = io::sync_folder(path.parent_path()); !synced) {
+      io::throw_input_error(synced.error());
     }
   }
   ~Impl() { static_cast<void>(close()); }
@@ -187,24 +193,30 @@ class MeshFileWriter::Impl {
                       .offset = end_,
                       .payload_size = static_cast<uint32_t>(compact.size()),
                       .payload_crc = crc32(compact)};
+    if (has_new_loss()) return kept_;
     // After a failure the next record overwrites what the disk took of this one.
     auto written = file_->write(end_, {mesh_file::record_head(entry), compact});
     if (!written) return written;
+    sync_->note_write();
     end_ += mesh_file::kRecordSize + compact.size();
     pulses_.insert(pulse);
     payloads_.push_back({entry.payload_size, entry.payload_crc});
     return written;
   }
 
-  io::Status sync() { return file_->sync(); }
+  io::Status sync() {
+    const io::Status synced = file_->sync();
+    return kept_ ? synced : kept_;
+  }
 
   io::Status close() {
     if (!file_) return closed_;
+    stop_syncs();
     // The index ends the file, also behind the bytes of a record that failed.
     const auto size = file_->size();
     const uint64_t offset = std::max(end_, size.value_or(end_));
     closed_ = file_->write(offset, {mesh_file::index(entries(), offset)});
-    if (const auto synced = file_->sync(); closed_) closed_ = synced;
+    if (const auto synced = sync(); closed_) closed_ = synced;
     file_.reset();
     return closed_;
   }
@@ -216,6 +228,20 @@ class MeshFileWriter::Impl {
   }
 
  private:
+  /// A power cut loses at most the meshes of this time.
+  static constexpr Duration kSyncEvery = std::chrono::seconds(1);
+
+  /// True once: the disk has lost meshes that it had accepted.
+  bool has_new_loss() {
+    if (kept_) kept_ = sync_->take_failure();
+    return !kept_ && !std::exchange(loss_is_reported_, true);
+  }
+
+  void stop_syncs() {
+    if (kept_) kept_ = sync_->take_failure();
+    sync_.reset();
+  }
+
   /// All that is kept of a record until the index is written: a take may last hours.
   struct Payload {
     uint32_t size, crc;
@@ -259,8 +285,11 @@ class MeshFileWriter::Impl {
   uint64_t begin_ = 0;        ///< of what is appended
   uint64_t end_ = 0;
   PulseSet pulses_;
-  std::deque<Payload> payloads_;  ///< grows by pieces, not by doubling
-  std::optional<io::File> file_;  ///< empty when closed; after what go_on() fills in
+  std::deque<Payload> payloads_;        ///< grows by pieces, not by doubling
+  std::optional<io::File> file_;        ///< empty when closed; after what go_on() fills in
+  std::unique_ptr<PeriodicSync> sync_;  ///< null when closed
+  io::Status kept_;                     ///< the first failure of a periodic sync
+  bool loss_is_reported_ = false;       ///< by append()
   io::Status closed_;
 };
 

@@ -14,6 +14,8 @@
 
 namespace v3d {
 
+/// A thread of its own syncs the file once a second while meshes are appended, so that a power cut
+/// loses at most the meshes of the last second; append() does not wait for it. One thread.
 class MeshFileWriter {
  public:
   /// kNew creates the file and fails when the name is taken. kGoOn appends behind the last byte of
@@ -24,7 +26,8 @@ class MeshFileWriter {
   MeshFileWriter(MeshFileWriter&&) noexcept;
 
   /// Pulses must rise. Fails when the disk reports an error; the mesh is then not in the file, and
-  /// a later one may be.
+  /// a later one may be. Fails once after the disk has lost meshes that it had accepted; sync() and
+  /// close() then fail, too.
   [[nodiscard]] io::Status append(int64_t pulse, std::span<const uint8_t> compact);
   /// Meshes in the file, and the pulse of the last.
   size_t size() const;

@@ -1,0 +1,129 @@
+// When a mesh file is synced, and by which thread: this program's fsync() counts, and fails or
+// waits where a test asks for it.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <sys/stat.h>
+#include <sys/syscall.h>
+#include <unistd.h>
+
+#include <atomic>
+#include <cerrno>
+#include <condition_variable>
+#include <mutex>
+#include <thread>
+#include <utility>
+#include <vector>
+
+#include "base/time.h"
+#include "support/child_process.h"
+#include "support/temporary_folder.h"
+#include "take/mesh_file.h"
+
+namespace v3d {
+namespace {
+
+using testing::HasSubstr;
+
+/// The calls of fsync() on regular files while one exists.
+class SyncWatch {
+ public:
+  SyncWatch() { current() = this; }
+  ~SyncWatch() { current() = nullptr; }
+  SyncWatch(const SyncWatch&) = delete;
+  SyncWatch& operator=(const SyncWatch&) = delete;
+
+  static std::atomic<SyncWatch*>& current() {
+    static std::atomic<SyncWatch*> watch = nullptr;
+    return watch;
+  }
+
+  /// What the call returns; -1 with errno when it shall fail.
+  int on_sync(int fd) {
+    std::unique_lock lock(mutex_);
+    ++syncs_;
+    thread_ = std::this_thread::get_id();
+    changed_.notify_all();
+    changed_.wait(lock, [this] { return !holds_; });
+    if (!std::exchange(fails_, false)) return static_cast<int>(syscall(SYS_fsync, fd));
+    errno = EIO;
+    return -1;
+  }
+
+  /// False when there were not so many syncs within ten seconds.
+  bool wait_for(int syncs) {
+    std::unique_lock lock(mutex_);
+    return changed_.wait_for(lock, std::chrono::seconds(10), [&] { return syncs_ >= syncs; });
+  }
+  void hold(bool holds) {
+    const std::lock_guard lock(mutex_);
+    holds_ = holds;
+    changed_.notify_all();
+  }
+  void fail_next() {
+    const std::lock_guard lock(mutex_);
+    fails_ = true;
+  }
+  std::thread::id thread() const { return thread_; }
+
+ private:
+  std::mutex mutex_;
+  std::condition_variable changed_;
+  int syncs_ = 0;
+  bool holds_ = false;
+  bool fails_ = false;
+  std::thread::id thread_;
+};
+
+const std::vector<uint8_t> kMesh(1000, 7);
+
+class MeshSync : public testing::Test {
+ protected:
+  const test::TemporaryFolder folder_;
+  SyncWatch watch_;
+  MeshFileWriter file_{folder_ / "mesh.v3d"};
+};
+
+TEST_F(MeshSync, happens_while_meshes_are_appended_and_on_another_thread) {
+  const MonotonicInstant begin = Monotonic::now();
+  EXPECT_TRUE(file_.append(0, kMesh));
+  ASSERT_TRUE(watch_.wait_for(1));
+  EXPECT_LT(Monotonic::now() - begin, std::chrono::milliseconds(1900))
+      << "a second, and some slack";
+  EXPECT_NE(watch_.thread(), std::this_thread::get_id());
+  EXPECT_TRUE(file_.append(1, kMesh));
+  EXPECT_TRUE(watch_.wait_for(2)) << "again in the next second";
+}
+
+TEST_F(MeshSync, does_not_keep_append_waiting_for_the_disk) {
+  watch_.hold(true);
+  EXPECT_TRUE(file_.append(0, kMesh));
+  ASSERT_TRUE(watch_.wait_for(1)) << "the sync waits now";
+  EXPECT_TRUE(file_.append(1, kMesh));
+  watch_.hold(false);
+  EXPECT_TRUE(file_.close());
+}
+
+TEST_F(MeshSync, that_fails_is_reported_once_by_append_and_by_close) {
+  watch_.fail_next();
+  EXPECT_TRUE(file_.append(0, kMesh));
+  int64_t pulse = 0;
+  const auto is_reported = [&] { return !file_.append(++pulse, kMesh); };
+  ASSERT_TRUE(test::becomes_true(is_reported, test::within(10)));
+  EXPECT_TRUE(file_.append(++pulse, kMesh));
+  const io::Status closed = file_.close();
+  ASSERT_FALSE(closed);
+  EXPECT_THAT(closed.error().message, HasSubstr("cannot sync"));
+  EXPECT_EQ(MeshFileReader(folder_ / "mesh.v3d").pulses().back(), pulse);
+}
+
+}  // namespace
+}  // namespace v3d
+
+/// Instead of that of the C library, for this whole program.
+extern "C" int fsync(int fd) {
+  v3d::SyncWatch* const watch = v3d::SyncWatch::current();
+  struct stat status {};
+  const bool is_file = fstat(fd, &status) == 0 && S_ISREG(status.st_mode);
+  return watch != nullptr && is_file ? watch->on_sync(fd)
+                                     : static_cast<int>(syscall(SYS_fsync, fd));
+}
