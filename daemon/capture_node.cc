@@ -156,8 +156,10 @@ std::optional<CommandMessage> CaptureNode::rejoin() {
     take_ = TakeUnderWay::go_on(of_this_node(), plan_, found->commanded);
   } catch (const std::exception&) {
     cameras_.disarm();
+    const TakePaths paths = take_paths(studio_, take);
+    if (!recorder_of(paths).empty()) throw;  // another process of this node's name has the order
     drop_order(studio_, node_, take);
-    close_reopened_take(take_paths(studio_, take));
+    close_reopened_take(paths, node_);
     throw;
   }
   events_.send(Severity::kWarning, "take",

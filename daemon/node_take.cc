@@ -30,18 +30,20 @@ TakeInfo new_take(const NodeTake::Node& node, const NodeTake::Plan& plan) {
 
 }  // namespace
 
-NodeTake::NodeTake(Node node, TakeInfo info, const DiskDemand& demand)
+NodeTake::NodeTake(Node node, TakeInfo info, const DiskDemand& demand, TakeLock lock)
     : node_(node),
       info_(std::move(info)),
       paths_(take_paths(node.studio, info_.name)),
+      lock_(std::move(lock)),
       disk_(std::make_unique<TakeDisk>(paths_, demand)),
       gate_([&cameras = node.cameras] { return cameras.most_waiting(); }, kLiveBacklog) {}
 
 std::unique_ptr<NodeTake> NodeTake::begin(Node node, const Plan& plan) {
   TakeInfo info = new_take(node, plan);
+  TakeLock lock = lock_take(take_paths(node.studio, info.name), node.name);
   create_take(node.studio, info);
   keep_order(node.studio, node.name, plan.order);
-  std::unique_ptr<NodeTake> take(new NodeTake(node, std::move(info), plan.disk));
+  std::unique_ptr<NodeTake> take(new NodeTake(node, std::move(info), plan.disk, std::move(lock)));
   for (CameraWorker* worker : node.cameras.ready()) {
     take->add_lane(*worker, node.cameras.background_of(*worker));
   }
@@ -51,9 +53,11 @@ std::unique_ptr<NodeTake> NodeTake::begin(Node node, const Plan& plan) {
 
 std::unique_ptr<NodeTake> NodeTake::go_on(Node node, const Plan& plan, const EdgeTimes& pulses,
                                           bool edges_are_told) {
+  const TakePaths paths = take_paths(node.studio, plan.order.take);
+  TakeLock lock = lock_take(paths, node.name);
   // First: a crash in what follows must find an open take, and recover what is recorded meanwhile.
-  TakeInfo info = reopen_take(take_paths(node.studio, plan.order.take));
-  std::unique_ptr<NodeTake> take(new NodeTake(node, std::move(info), plan.disk));
+  TakeInfo info = reopen_take(paths);
+  std::unique_ptr<NodeTake> take(new NodeTake(node, std::move(info), plan.disk, std::move(lock)));
   for (const auto& worker : node.cameras) {
     const std::string& camera = worker->camera();
     if (std::ranges::find(take->info_.cameras, camera) == take->info_.cameras.end()) continue;
@@ -126,6 +130,7 @@ TakeClosing NodeTake::close(const Ledger& ledger, bool is_empty) {
             .lost_pulses = {},
             .notice = {}};
   }
+  lock_.reset();  // before the folder may be moved
   if (!unkept.empty()) {
     return {.unkept = takes + " did not keep the last frames of " +
                       fmt::format("{}", fmt::join(unkept, ", ")) + ": v3dctl verify tells which",

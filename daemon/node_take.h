@@ -17,6 +17,7 @@
 #include "daemon/work_places.h"
 #include "take/ledger.h"
 #include "take/take.h"
+#include "take/take_lock.h"
 #include "wire/messages.h"
 
 namespace v3d {
@@ -44,7 +45,8 @@ class NodeTake {
     DiskDemand disk;  ///< its rate is the take's
   };
 
-  /// Makes the folder of a new take and a lane for every camera that is ready. Throws InputError.
+  /// Makes the folder of a new take and a lane for every camera that is ready. Throws InputError,
+  /// also while another process records into it as this node.
   static std::unique_ptr<NodeTake> begin(Node node, const Plan& plan);
 
   /// A take that this node was in before it was started anew: its cameras go on where `pulses` say.
@@ -73,7 +75,7 @@ class NodeTake {
   TakeClosing close(const Ledger& ledger, bool is_empty);
 
  private:
-  NodeTake(Node node, TakeInfo info, const DiskDemand& demand);
+  NodeTake(Node node, TakeInfo info, const DiskDemand& demand, TakeLock lock);
   void add_lane(CameraWorker& worker, const BackgroundModel& background,
                 std::optional<LanePast> past = {});
   DiskProgress progress() const;
@@ -83,6 +85,7 @@ class NodeTake {
   const Node node_;
   TakeInfo info_;
   const TakePaths paths_;
+  std::optional<TakeLock> lock_;    ///< empty when closed
   std::unique_ptr<TakeDisk> disk_;  ///< null when closed
   LiveGate gate_;
   std::vector<std::unique_ptr<CameraLane>> lanes_;

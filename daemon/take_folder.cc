@@ -107,8 +107,19 @@ TakeInfo reopen_take(const TakePaths& paths) {
   return info;
 }
 
-void close_reopened_take(const TakePaths& paths) {
+TakeLock lock_take(const TakePaths& paths, const std::string& node) {
+  if (auto made = io::create_folders(paths.folder); !made) io::throw_input_error(made.error());
+  TakeLock lock = io::value_or_throw(TakeLock::acquire(paths, node));
+  if (!lock.excludes()) {
+    spdlog::warn("{}: the file system has no locks; nothing keeps a second daemon of {} out",
+                 paths.folder.string(), node);
+  }
+  return lock;
+}
+
+void close_reopened_take(const TakePaths& paths, const std::string& node) {
   try {
+    const TakeLock lock = lock_take(paths, node);
     recover_take(paths);
   } catch (const std::exception& error) {
     spdlog::error("{}", error.what());
@@ -125,7 +136,7 @@ bool close_take(const Studio& studio, TakeInfo info, const Ledger& ledger) {
   return status.has_value();
 }
 
-std::vector<RecoveredTake> recover_open_takes(const Studio& studio,
+std::vector<RecoveredTake> recover_open_takes(const Studio& studio, const std::string& node,
                                               const std::vector<std::string>& cameras) {
   std::vector<RecoveredTake> takes;
   std::error_code error;
@@ -137,6 +148,7 @@ std::vector<RecoveredTake> recover_open_takes(const Studio& studio,
     if (!fs::exists(paths.info(), error)) continue;
     try {
       if (!is_open_take_of(load_take_info(paths), cameras)) continue;
+      const TakeLock lock = lock_take(paths, node);
       Verification found = recover_take(paths);
       takes.push_back({line_of(found), std::move(found.ledger)});
     } catch (const std::exception& problem) {

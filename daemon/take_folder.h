@@ -8,6 +8,7 @@
 #include "base/studio_file.h"
 #include "take/ledger.h"
 #include "take/take.h"
+#include "take/take_lock.h"
 
 namespace v3d {
 
@@ -30,9 +31,14 @@ void create_take(const Studio& studio, const TakeInfo& info);
 /// InputError with path and cause.
 TakeInfo reopen_take(const TakePaths& paths);
 
-/// Gives a take that could not be continued the ledger and state of a recovered one. A failure is
-/// logged; the next start of the daemon tries again.
-void close_reopened_take(const TakePaths& paths);
+/// The lock of a node on a take that it is about to record into. Makes the folder where there is
+/// none. Throws InputError while another process holds it, and when the lock file cannot be made.
+/// Where the file system knows no locks, a warning is logged.
+TakeLock lock_take(const TakePaths& paths, const std::string& node);
+
+/// Gives a take that could not be continued the ledger and state of a recovered one, unless another
+/// process records into it. A failure is logged; the next start of the daemon tries again.
+void close_reopened_take(const TakePaths& paths, const std::string& node);
 
 /// Writes the ledger and the final take.toml. False, and logged, when the disk reports an error.
 bool close_take(const Studio& studio, TakeInfo info, const Ledger& ledger);
@@ -41,8 +47,9 @@ struct RecoveredTake {
   std::string line;              ///< for a person
   std::optional<Ledger> ledger;  ///< empty when it could not be recovered
 };
-/// Gives takes of these cameras that a crash left open their ledger and the state "recovered".
-std::vector<RecoveredTake> recover_open_takes(const Studio& studio,
+/// Gives takes of these cameras that a crash left open their ledger and the state "recovered". A
+/// take that another process records into as `node` is left alone; its line says so.
+std::vector<RecoveredTake> recover_open_takes(const Studio& studio, const std::string& node,
                                               const std::vector<std::string>& cameras);
 
 /// Bytes that can still be written where takes lie; 0 when that cannot be told.

@@ -35,7 +35,7 @@ void run(const v3d::Studio& studio, const std::string& node) {
   std::vector<std::string> cameras;
   for (const v3d::StudioCamera& camera : studio.cameras_of(node)) cameras.push_back(camera.name);
   v3d::service::status("looking for takes that were left open");
-  const std::vector<v3d::RecoveredTake> recovered = v3d::recover_open_takes(studio, cameras);
+  const std::vector<v3d::RecoveredTake> recovered = v3d::recover_open_takes(studio, node, cameras);
   for (const v3d::RecoveredTake& take : recovered) spdlog::warn("{}", take.line);
   const std::string problem = v3d::receive_buffer_problem(studio.network.lcm_url);
   if (!problem.empty()) spdlog::warn("{}", problem);

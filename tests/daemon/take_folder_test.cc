@@ -6,6 +6,7 @@
 #include "base/error.h"
 #include "base/file.h"
 #include "support/begun_take.h"
+#include "support/lock_holder.h"
 #include "support/message_of.h"
 #include "support/temporary_folder.h"
 #include "take/frame_log.h"
@@ -88,8 +89,8 @@ TEST_F(TakeFolderTest, is_recovered_when_a_crash_left_it_open) {
     PulseMessage m;
     EXPECT_TRUE(pulses.write(m));
   }
-  EXPECT_TRUE(recover_open_takes(studio_, {"cam02"}).empty());  // not of this node
-  const auto recovered = recover_open_takes(studio_, {"cam01"});
+  EXPECT_TRUE(recover_open_takes(studio_, "cap01", {"cam02"}).empty());  // not of this node
+  const auto recovered = recover_open_takes(studio_, "cap01", {"cam01"});
   ASSERT_EQ(recovered.size(), 1U);
   EXPECT_EQ(recovered[0].line,
             "recovered take kendo-07: incomplete, 1 cameras x 1 pulses, 1 missing, 0 suspect; "
@@ -98,7 +99,26 @@ TEST_F(TakeFolderTest, is_recovered_when_a_crash_left_it_open) {
   ASSERT_TRUE(recovered[0].ledger);
   EXPECT_EQ(recovered[0].ledger->take, "kendo-07");
   EXPECT_EQ(load_take_info(paths).state, TakeState::kRecovered);
-  EXPECT_TRUE(recover_open_takes(studio_, {"cam01"}).empty());
+  EXPECT_TRUE(recover_open_takes(studio_, "cap01", {"cam01"}).empty());
+}
+
+TEST_F(TakeFolderTest, is_not_recovered_while_another_process_of_the_node_records_it) {
+  create_take(studio_, info_);
+  const TakePaths paths = take_paths(studio_, "kendo-07");
+  test::LockHolder other(paths, "cap01");
+  const auto found = recover_open_takes(studio_, "cap01", {"cam01"});
+  ASSERT_EQ(found.size(), 1U);
+  EXPECT_FALSE(found[0].ledger);
+  EXPECT_THAT(found[0].line,
+              testing::ContainsRegex("kendo-07.*process [0-9]+ on .* records into it"));
+  close_reopened_take(paths, "cap01");
+  EXPECT_EQ(load_take_info(paths).state, TakeState::kRecording);
+  EXPECT_FALSE(std::filesystem::exists(paths.ledger()));
+  EXPECT_THAT(test::message_of<InputError>([&] { lock_take(paths, "cap01"); }),
+              HasSubstr("records into it"));
+  other.kill();
+  EXPECT_TRUE(recover_open_takes(studio_, "cap01", {"cam01"}).at(0).ledger);
+  EXPECT_EQ(load_take_info(paths).state, TakeState::kRecovered);
 }
 
 }  // namespace

@@ -198,7 +198,7 @@ Lost check_recorded(const fs::path& image, const Marks& marks, size_t count) {
   try {
     const bool is_ready = marks.has("ready", count);
     if (is_ready) expect_begun_take(before, lost);
-    for (const RecoveredTake& found : recover_open_takes(studio, kDrivenCameras)) {
+    for (const RecoveredTake& found : recover_open_takes(studio, kDrivenNode, kDrivenCameras)) {
       if (is_ready && !found.ledger) lost.push_back("not recovered: " + found.line);
     }
     const Files recovered = contents_of(image);
@@ -310,8 +310,9 @@ TEST_P(OfCompleteTake, that_is_collected_is_whole_in_the_archive_or_not_there) {
 TEST_P(OfCompleteTake, that_is_deleted_is_whole_or_not_in_the_list) {
   ASSERT_EQ(place_.run({V3D_BIN "/v3dctl", "verify", take_in(place_.disk())}, {}).status, 0);
   CrashModel model(place_.disk());
-  const ProgramResult deleted = place_.run_traced({V3D_BIN "/v3dctl", "takes", "delete", "--dir",
-                                                   place_.disk() / "takes", kDrivenTake, "--yes"});
+  const ProgramResult deleted =
+      place_.run_traced({V3D_BIN "/v3dctl", "takes", "delete", "--dir", place_.disk() / "takes",
+                         kDrivenTake, "--yes"});
   ASSERT_EQ(deleted.status, 0) << deleted.out << deleted.err;
   model.add(read_trace(place_.trace()));
   ASSERT_NO_FATAL_FAILURE(expect_right_model(model));

@@ -30,7 +30,6 @@
 namespace v3d::test {
 namespace {
 
-constexpr const char* kNode = "cap01";
 constexpr DiskDemand kDemand{
     .rate_hz = 25, .bytes_per_pulse = 2 * 64 * 48, .pulses = 12, .queue_frames = 8};
 
@@ -52,17 +51,18 @@ class Driver {
 
   void begin() {
     refuse_unfit_disk(studio_.storage.takes, kDemand);
+    lock_.emplace(lock_take(paths_, kDrivenNode));
     create_take(studio_, info_);
     CommandMessage order;
     order.take = kDrivenTake;
-    keep_order(studio_, kNode, order);
+    keep_order(studio_, kDrivenNode, order);
     disk_ = std::make_unique<TakeDisk>(paths_, kDemand);
     open_logs(LogOpening::kNew);
     mark("ready");
   }
 
   void recover() {
-    for (const RecoveredTake& take : recover_open_takes(studio_, kDrivenCameras)) {
+    for (const RecoveredTake& take : recover_open_takes(studio_, kDrivenNode, kDrivenCameras)) {
       if (!take.ledger) status_ = 3;
       std::fprintf(stderr, "record_driver: %s\n", take.line.c_str());
       if (take.ledger) mark("recovered");
@@ -72,6 +72,7 @@ class Driver {
   void go_on() {
     recover();
     const EdgeTimes edges = edge_times(paths_);
+    lock_.emplace(lock_take(paths_, kDrivenNode));
     info_ = reopen_take(paths_);
     first_pulse_ = kDrivenPulses;
     for (const auto& [pulse, edge] : edges) sensed_.insert(pulse);
@@ -110,6 +111,7 @@ class Driver {
     disk_.reset();
     const Ledger ledger = account();
     if (!close_take(studio_, info_, ledger)) return fail("cannot close " + paths_.folder.string());
+    lock_.reset();
     if (!ledger.complete()) return fail(paths_.folder.string() + ": " + ledger.verdict());
     if (status_ == 0) mark("complete");
   }
@@ -121,6 +123,7 @@ class Driver {
     if (!close_take(studio_, info_, Ledger{.take = kDrivenTake, .sensed = {}, .cameras = {}})) {
       return fail("cannot close " + paths_.folder.string());
     }
+    lock_.reset();
     if (may_hold_frames(paths_)) return;  // it stays
     const auto place = quarantine_take(paths_);
     if (!place) return fail(place.error().message);
@@ -182,6 +185,7 @@ class Driver {
   const int marks_;
   TakeInfo info_;
   int64_t first_pulse_ = 0;
+  std::optional<TakeLock> lock_;
   std::unique_ptr<TakeDisk> disk_;
   std::vector<EventLogWriter> logs_;
   std::array<CameraAccount, 2> accounts_;

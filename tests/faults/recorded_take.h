@@ -11,6 +11,7 @@
 namespace v3d::test {
 
 inline const std::string kDrivenTake = "kendo-07";
+inline const std::string kDrivenNode = "cap01";
 inline const std::vector<std::string> kDrivenCameras = {"cam01", "cam02"};
 inline constexpr ImageSize kDrivenSize{64, 48};
 /// Of one run of the driver; a restart in the take records as many more.

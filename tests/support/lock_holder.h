@@ -1,0 +1,53 @@
+// Another process that holds the lock of a node on a take.
+#pragma once
+
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <csignal>
+#include <stdexcept>
+#include <string>
+
+#include "base/io/unique_fd.h"
+#include "take/take_lock.h"
+
+namespace v3d::test {
+
+class LockHolder {
+ public:
+  /// Returns when the process holds the lock.
+  LockHolder(const TakePaths& paths, const std::string& node) {
+    int ends[2];
+    if (pipe(ends) != 0) throw std::runtime_error("pipe");
+    const io::UniqueFd reader(ends[0]);
+    io::UniqueFd writer(ends[1]);
+    pid_ = fork();
+    if (pid_ == 0) hold(paths, node, writer.get());
+    writer.reset();
+    char held = 0;
+    if (read(reader.get(), &held, 1) != 1) throw std::runtime_error("the lock was not granted");
+  }
+  ~LockHolder() { kill(); }
+  LockHolder(const LockHolder&) = delete;
+  LockHolder& operator=(const LockHolder&) = delete;
+
+  pid_t pid() const { return pid_; }
+  /// Ends it as a crash does: its lock file stays.
+  void kill() {
+    if (pid_ <= 0) return;
+    ::kill(pid_, SIGKILL);
+    waitpid(pid_, nullptr, 0);
+    pid_ = -1;
+  }
+
+ private:
+  [[noreturn]] static void hold(const TakePaths& paths, const std::string& node, int report) {
+    const auto lock = TakeLock::acquire(paths, node);
+    if (!lock || write(report, "x", 1) != 1) _exit(1);
+    for (;;) pause();
+  }
+
+  pid_t pid_ = -1;
+};
+
+}  // namespace v3d::test
