@@ -7,15 +7,27 @@
 
 namespace v3d {
 
+namespace {
+
+XXH3_state_t* xxh(void* state) { return static_cast<XXH3_state_t*>(state); }
+
+}  // namespace
+
+RunningChecksum::RunningChecksum()
+    : state_(XXH3_createState(), [](void* state) { XXH3_freeState(xxh(state)); }) {
+  if (!state_) throw std::bad_alloc();
+  XXH3_64bits_reset(xxh(state_.get()));
+}
+
+void RunningChecksum::add(std::span<const uint8_t> bytes) {
+  XXH3_64bits_update(xxh(state_.get()), bytes.data(), bytes.size());
+}
+uint64_t RunningChecksum::value() const { return XXH3_64bits_digest(xxh(state_.get())); }
+
 uint64_t checksum(std::initializer_list<std::span<const uint8_t>> parts) {
-  const std::unique_ptr<XXH3_state_t, decltype(&XXH3_freeState)> state(XXH3_createState(),
-                                                                       &XXH3_freeState);
-  if (!state) throw std::bad_alloc();
-  XXH3_64bits_reset(state.get());
-  for (const std::span<const uint8_t> part : parts) {
-    XXH3_64bits_update(state.get(), part.data(), part.size());
-  }
-  return XXH3_64bits_digest(state.get());
+  RunningChecksum running;
+  for (const std::span<const uint8_t> part : parts) running.add(part);
+  return running.value();
 }
 
 }  // namespace v3d

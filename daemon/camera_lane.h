@@ -64,6 +64,8 @@ class CameraLane {
 
   /// Ends the thread, closes the log and gives the account.
   CameraLedger close(int64_t commanded);
+  /// After close(): what the lane has written, for the ledger.
+  TakeFile file() const { return log_.file(); }
   /// After close(): the disk has kept what it took.
   bool is_kept() const { return kept_; }
 

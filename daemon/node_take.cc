@@ -114,7 +114,10 @@ DiskProgress NodeTake::progress() const {
 
 void NodeTake::end(Ledger& ledger) {
   ledger.take = info_.name;
-  for (const auto& lane : lanes_) ledger.cameras.push_back(lane->close(ledger.commanded));
+  for (const auto& lane : lanes_) {
+    ledger.cameras.push_back(lane->close(ledger.commanded));
+    ledger.files.push_back(lane->file());
+  }
 }
 
 TakeClosing NodeTake::close(const Ledger& ledger, bool is_empty) {

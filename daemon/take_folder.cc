@@ -7,6 +7,7 @@
 #include "base/error.h"
 #include "base/io/file.h"
 #include "base/name.h"
+#include "take/take_account.h"
 #include "take/take_removal.h"
 #include "take/verify.h"
 #include "wire/messages.h"
@@ -130,8 +131,7 @@ bool close_take(const Studio& studio, TakeInfo info, const Ledger& ledger) {
   const TakePaths paths = take_paths(studio, info.name);
   info.pulses = ledger.commanded;
   info.state = TakeState::kComplete;
-  io::Status status = save_ledger(paths.ledger(), ledger);
-  if (status) status = save_take_info(paths, info);
+  const io::Status status = save_account(paths, info, ledger);
   if (!status) spdlog::error("take {}: {}", info.name, status.error().message);
   return status.has_value();
 }

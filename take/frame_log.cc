@@ -6,6 +6,7 @@
 #include <span>
 #include <unordered_map>
 
+#include "base/checksum.h"
 #include "base/error.h"
 #include "base/io/big_endian.h"
 #include "base/io/file.h"
@@ -93,6 +94,7 @@ class EventLogWriter::Impl {
     const Bytes head = event_head(events_, channel, at, first.size() + rest.size());
     const io::Status written = file_.write(static_cast<uint64_t>(bytes_), {head, first, rest});
     if (!written) return written;
+    for (const Bytes* part : {&head, &first, &rest}) checksum_.add(*part);
     ++events_;
     bytes_ += static_cast<int64_t>(head.size() + first.size() + rest.size());
     drain();
@@ -101,6 +103,10 @@ class EventLogWriter::Impl {
 
   int64_t bytes() const { return bytes_; }
   const std::filesystem::path& path() const { return file_.path(); }
+  TakeFile file() const {
+    return {
+        .name = path().filename(), .bytes = bytes_, .changed_ns = 0, .checksum = checksum_.value()};
+  }
 
   io::Status sync() {
     const io::Status synced = file_.sync();
@@ -133,9 +139,10 @@ class EventLogWriter::Impl {
   int64_t events_ = 0;
   io::File file_;
   int64_t bytes_ = 0;
-  int64_t given_ = 0;  ///< bytes that the disk has been asked to take
-  int64_t taken_ = 0;  ///< bytes that it has taken
-  io::Status lost_;    ///< an error when the disk lost some of them
+  RunningChecksum checksum_;  ///< of these bytes
+  int64_t given_ = 0;         ///< bytes that the disk has been asked to take
+  int64_t taken_ = 0;         ///< bytes that it has taken
+  io::Status lost_;           ///< an error when the disk lost some of them
 };
 
 EventLogWriter::EventLogWriter(const std::filesystem::path& path, LogOpening opening)
@@ -153,6 +160,7 @@ io::Status EventLogWriter::write(const PulseMessage& message) {
 }
 int64_t EventLogWriter::bytes() const { return impl_->bytes(); }
 const std::filesystem::path& EventLogWriter::path() const { return impl_->path(); }
+TakeFile EventLogWriter::file() const { return impl_->file(); }
 io::Status EventLogWriter::sync() { return impl_->sync(); }
 
 class FrameLogReader::Impl {

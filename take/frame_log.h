@@ -12,6 +12,7 @@
 
 #include "base/io/result.h"
 #include "take/log_opening.h"
+#include "take/take_files.h"
 #include "wire/messages.h"
 
 namespace v3d {
@@ -35,6 +36,8 @@ class EventLogWriter {
   [[nodiscard]] io::Status write(const PulseMessage& message);
   int64_t bytes() const;                      ///< of this segment
   const std::filesystem::path& path() const;  ///< of this segment
+  /// Name, length and checksum of this segment, as they were given to the kernel.
+  TakeFile file() const;
   /// Waits until everything is on the disk. Fails when the disk lost any of it, now or before.
   [[nodiscard]] io::Status sync();
 

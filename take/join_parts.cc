@@ -8,6 +8,7 @@
 #include "take/ledger.h"
 #include "take/log_segments.h"
 #include "take/mesh_file.h"
+#include "take/take_account.h"
 
 namespace v3d {
 namespace {
@@ -90,6 +91,23 @@ void put_frames(const Part& part, const TakePaths& into, TakeInfo& info) {
   }
 }
 
+/// What the ledgers of the parts say of the files that were brought. The log of the pulses is that
+/// of one part.
+std::vector<TakeFile> joined_files(const std::vector<Part>& parts, const Ledger& of_pulses,
+                                   const TakePaths& into) {
+  const std::string pulses = into.pulses().stem().string() + ".";
+  std::vector<TakeFile> files;
+  for (const std::string& name : io::value_or_throw(take_file_names(into))) {
+    const TakeFile* entry = name.starts_with(pulses) ? of_pulses.file(name) : nullptr;
+    for (auto part = parts.begin(); !entry && !name.starts_with(pulses) && part != parts.end();
+         ++part) {
+      entry = part->ledger.file(name);
+    }
+    if (entry) files.push_back(*entry);
+  }
+  return files;
+}
+
 }  // namespace
 
 const TakePaths* part_with_meshes(const std::vector<TakePaths>& parts) {
@@ -124,10 +142,10 @@ TakeInfo join_parts(const std::vector<TakePaths>& parts, const TakePaths& into) 
       recorded.begin(), recorded.end(),
       [](const Part& a, const Part& b) { return a.ledger.sensed < b.ledger.sensed; });
   put_log(sensed_most->paths.pulses(), into.pulses());
-  const Ledger ledger = merge(ledgers);
+  Ledger ledger = merge(ledgers);
+  ledger.files = joined_files(recorded, sensed_most->ledger, into);
   info.pulses = ledger.commanded;
-  io::throw_if_failed(save_ledger(into.ledger(), ledger));
-  io::throw_if_failed(save_take_info(into, info));
+  io::throw_if_failed(save_account(into, info, std::move(ledger)));
   return info;
 }
 

@@ -52,6 +52,26 @@ CameraLedger read_camera(const TomlTable& table) {
   return camera;
 }
 
+TakeFile read_file_entry(const TomlTable& table) {
+  TakeFile file;
+  file.name = table.text("name");
+  file.bytes = table.integer("bytes");
+  if (file.bytes < 0) table.fail("bytes", "expected a length, 0 or more");
+  if (table.has("xxh3")) {
+    file.checksum = parse_checksum(table.text("xxh3"));
+    if (!file.checksum) table.fail("xxh3", "expected 16 hexadecimal digits");
+  }
+  table.refuse_unknown();
+  return file;
+}
+
+std::string text_of(const TakeFile& file) {
+  std::string text = "\n[[file]]\nname = " + toml_string(file.name) +
+                     "\nbytes = " + std::to_string(file.bytes) + "\n";
+  if (file.checksum) text += "xxh3 = " + toml_string(checksum_text(*file.checksum)) + "\n";
+  return text;
+}
+
 }  // namespace
 
 bool Ledger::complete() const {
@@ -82,6 +102,11 @@ std::string Ledger::verdict() const {
   if (extra > 0) text += ", " + format_count(extra) + " extra pulses";
   if (!runt.empty()) text += ", " + count(runt.size()) + " runt pulses";
   return text;
+}
+
+const TakeFile* Ledger::file(std::string_view name) const {
+  const auto found = std::ranges::find(files, name, &TakeFile::name);
+  return found == files.end() ? nullptr : &*found;
 }
 
 void CameraAccount::add(int64_t pulse, bool suspect) {
@@ -198,6 +223,7 @@ Ledger parse_ledger(std::string_view text, const std::filesystem::path& path) {
   for (const TomlTable& camera : table.tables("camera")) {
     ledger.cameras.push_back(read_camera(camera));
   }
+  for (const TomlTable& file : table.tables("file")) ledger.files.push_back(read_file_entry(file));
   table.refuse_unknown();
   return ledger;
 }
@@ -220,6 +246,7 @@ io::Status save_ledger(const std::filesystem::path& path, const Ledger& ledger) 
         "\nduplicate = " + number_list(c.duplicate) + "\nsuspect = " + number_list(c.suspect) +
         "\n";
   }
+  for (const TakeFile& file : ledger.files) text += text_of(file);
   return io::replace_file(path, text);
 }
 

@@ -11,6 +11,7 @@
 
 #include "base/io/result.h"
 #include "take/pulse_set.h"
+#include "take/take_files.h"
 
 namespace v3d {
 
@@ -33,11 +34,17 @@ struct Ledger {
   int64_t extra = 0;                   ///< pulses that it saw between those of the train
   std::vector<int64_t> runt = {};      ///< pulses that it saw too short
   std::vector<CameraLedger> cameras;
+  /// The files of the take, but for those of is_written_after_ledger(). Empty in ledgers of
+  /// versions before 2026-12, which had no list. A log without a checksum is one that a recovery
+  /// found.
+  std::vector<TakeFile> files = {};
 
   /// Every pulse sensed, where there is a sense line, and nothing else; every frame written.
   bool complete() const;
   /// "take kendo-07: complete, 15 cameras x 1,250 pulses, 0 missing, 0 suspect"
   std::string verdict() const;
+  /// The file of this name; null where the ledger does not name it.
+  const TakeFile* file(std::string_view name) const;
 };
 
 /// What a camera's frames make of its ledger, one after the other. Takes memory for what is wrong

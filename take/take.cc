@@ -82,21 +82,24 @@ TakeInfo parse_take_info(std::string_view text, const std::filesystem::path& pat
   return info;
 }
 
-io::Status save_take_info(const TakePaths& paths, const TakeInfo& info) {
+std::string take_info_text(const TakeInfo& info) {
   std::string cameras;
   for (const std::string& camera : info.cameras) {
     cameras += (cameras.empty() ? "" : ", ") + toml_string(camera);
   }
-  return io::replace_file(paths.info(),
-                          "name = " + toml_string(info.name) +                //
-                              "\nstudio = " + toml_string(info.studio) +      //
-                              "\nrate_hz = " + toml_number(info.rate_hz) +    //
-                              "\npulses = " + std::to_string(info.pulses) +   //
-                              "\nstate = " + toml_string(name(info.state)) +  //
-                              "\nsoftware_version = " + toml_string(info.software_version) +
-                              "\nstarted_ns = " + std::to_string(to_ns(info.started)) +
-                              "  # since 1970, CLOCK_REALTIME" +  //
-                              "\ncameras = [" + cameras + "]\n");
+  return "name = " + toml_string(info.name) +            //
+         "\nstudio = " + toml_string(info.studio) +      //
+         "\nrate_hz = " + toml_number(info.rate_hz) +    //
+         "\npulses = " + std::to_string(info.pulses) +   //
+         "\nstate = " + toml_string(name(info.state)) +  //
+         "\nsoftware_version = " + toml_string(info.software_version) +
+         "\nstarted_ns = " + std::to_string(to_ns(info.started)) +
+         "  # since 1970, CLOCK_REALTIME" +  //
+         "\ncameras = [" + cameras + "]\n";
+}
+
+io::Status save_take_info(const TakePaths& paths, const TakeInfo& info) {
+  return io::replace_file(paths.info(), take_info_text(info));
 }
 
 }  // namespace v3d

@@ -63,6 +63,8 @@ TakeInfo load_take_info(const TakePaths& paths);
 /// The rig as it was when the take was recorded: load_calib() of a take, by read_take_file().
 Rig load_take_calib(const TakePaths& paths);
 TakeInfo parse_take_info(std::string_view text, const std::filesystem::path& path);
+/// The content of take.toml.
+std::string take_info_text(const TakeInfo& info);
 /// io::replace_file() of take.toml.
 [[nodiscard]] io::Status save_take_info(const TakePaths& paths, const TakeInfo& info);
 

@@ -47,7 +47,9 @@ TakeListing look_at_take(const TakePaths& paths) {
   take.info = load_take_info(paths);
   if (fs::exists(paths.ledger())) take.whole = load_ledger(paths.ledger()).complete();
   if (fs::exists(paths.mesh())) take.meshes = std::ssize(MeshFileReader(paths.mesh()).pulses());
-  take.verified = load_verified(paths).has_value();
+  const auto verified = load_verified(paths);
+  take.examined = verified.has_value();
+  take.verified = verified && verified->agrees;
   take.bytes = bytes_in(paths.folder);
   take.slate = load_slate(paths.slate());
   return take;

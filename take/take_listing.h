@@ -18,7 +18,8 @@ struct TakeListing {
   TakePaths paths;
   TakeInfo info;
   bool whole = false;     ///< by its ledger
-  bool verified = false;  ///< and nothing of it has changed since
+  bool examined = false;  ///< v3dctl verify read it, with whatever result, and nothing has changed
+  bool verified = false;  ///< the same, and all its files agreed with its ledger
   int64_t bytes = 0;      ///< of all its files
   int64_t meshes = 0;
   Slate slate;

@@ -1,41 +1,45 @@
 #include "take/verified.h"
 
-#include <sys/stat.h>
+#include <algorithm>
 
 #include "base/error.h"
 #include "base/file.h"
 #include "base/io/file.h"
 #include "base/toml_file.h"
-#include "take/log_segments.h"
 
 namespace v3d {
 namespace {
 
 namespace fs = std::filesystem;
 
-/// As it is now; empty when it is not there.
-std::optional<VerifiedFile> look_at(const fs::path& file) {
-  struct stat status {};
-  if (stat(file.c_str(), &status) != 0) return std::nullopt;
-  return VerifiedFile{
-      .name = file.filename(),
-      .bytes = status.st_size,
-      .changed_ns = status.st_mtim.tv_sec * 1'000'000'000LL + status.st_mtim.tv_nsec};
+bool is_compared(const std::string& name) {
+  const TakePaths paths;
+  return name != paths.slate() && name != paths.verified();
 }
 
-std::vector<VerifiedFile> recorded_files(const TakePaths& paths, const TakeInfo& info) {
-  std::vector<fs::path> places = {paths.info(), paths.ledger(), paths.calib()};
-  const auto add_log = [&](const fs::path& log) {
-    const auto segments = existing_segments(log);
-    if (segments) places.insert(places.end(), segments->begin(), segments->end());
-  };
-  add_log(paths.pulses());
-  for (const std::string& camera : info.cameras) add_log(paths.frames(camera));
-  std::vector<VerifiedFile> files;
-  for (const fs::path& place : places) {
-    if (auto file = look_at(place)) files.push_back(std::move(*file));
+/// Whether every file has the length and the time of change that it had.
+bool is_unchanged(const TakePaths& paths, const std::vector<TakeFile>& files) {
+  const auto names = take_file_names(paths);
+  if (!names) return false;
+  size_t known = 0;
+  for (const TakeFile& file : files) {
+    if (!is_compared(file.name)) continue;
+    ++known;
+    const auto now = stat_take_file(paths, file.name);
+    if (!now || now->bytes != file.bytes || now->changed_ns != file.changed_ns) return false;
   }
-  return files;
+  return known == static_cast<size_t>(std::ranges::count_if(*names, is_compared));
+}
+
+/// Without a checksum it is a record of an older version, which does not count.
+TakeFile read_entry(const TomlTable& table) {
+  TakeFile file{.name = table.text("name"),
+                .bytes = table.integer("bytes"),
+                .changed_ns = table.integer("changed_ns"),
+                .checksum = parse_checksum(table.text("xxh3"))};
+  if (!file.checksum) table.fail("xxh3", "expected 16 hexadecimal digits");
+  table.refuse_unknown();
+  return file;
 }
 
 }  // namespace
@@ -43,12 +47,14 @@ std::vector<VerifiedFile> recorded_files(const TakePaths& paths, const TakeInfo&
 io::Status save_verified(const TakePaths& paths, const Verification& verification) {
   std::string text = "verdict = " + toml_string(verification.ledger.verdict()) +
                      "\nwhole = " + (verification.whole() ? "true" : "false") +
+                     "\nagrees = " + (verification.disagreements.empty() ? "true" : "false") +
                      "\nat_ns = " + std::to_string(to_ns(Realtime::now())) +
                      "  # since 1970, CLOCK_REALTIME\n";
-  for (const VerifiedFile& file : recorded_files(paths, verification.info)) {
+  for (const TakeFile& file : verification.files) {
     text += "\n[[file]]\nname = " + toml_string(file.name) +
             "\nbytes = " + std::to_string(file.bytes) +
-            "\nchanged_ns = " + std::to_string(file.changed_ns) + "\n";
+            "\nchanged_ns = " + std::to_string(file.changed_ns) +
+            "\nxxh3 = " + toml_string(checksum_text(file.checksum.value())) + "\n";
   }
   return io::replace_file(paths.verified(), text);
 }
@@ -56,7 +62,7 @@ io::Status save_verified(const TakePaths& paths, const Verification& verificatio
 std::optional<Verified> load_verified(const TakePaths& paths) {
   try {
     Verified verified = parse_verified(read_take_file(paths.verified()), paths.verified());
-    if (verified.files != recorded_files(paths, load_take_info(paths))) return std::nullopt;
+    if (!is_unchanged(paths, verified.files)) return std::nullopt;
     return verified;
   } catch (const InputError&) {
     return std::nullopt;
@@ -69,12 +75,8 @@ Verified parse_verified(std::string_view text, const fs::path& path) {
   verified.verdict = table.text("verdict");
   verified.whole = table.boolean_or("whole", false);
   verified.at = from_ns<Realtime>(table.integer("at_ns"));
-  for (const TomlTable& file : table.tables("file")) {
-    verified.files.push_back({.name = file.text("name"),
-                              .bytes = file.integer("bytes"),
-                              .changed_ns = file.integer("changed_ns")});
-    file.refuse_unknown();
-  }
+  verified.agrees = table.boolean_or("agrees", false);
+  for (const TomlTable& file : table.tables("file")) verified.files.push_back(read_entry(file));
   table.refuse_unknown();
   return verified;
 }

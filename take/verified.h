@@ -13,26 +13,22 @@
 
 namespace v3d {
 
-struct VerifiedFile {
-  std::string name;
-  int64_t bytes = 0;
-  int64_t changed_ns = 0;  ///< since 1970
-
-  friend bool operator==(const VerifiedFile&, const VerifiedFile&) = default;
-};
-
 struct Verified {
   std::string verdict;
   bool whole = false;
+  /// Nothing disagreed with the ledger; frames may be missing, if the ledger says so.
+  bool agrees = false;
   RealtimeInstant at;
-  std::vector<VerifiedFile> files;  ///< what was recorded: take, ledger, calibration and logs
+  std::vector<TakeFile> files;  ///< every file of the take, with its checksum
 };
 
 /// io::replace_file() of verified.toml.
 [[nodiscard]] io::Status save_verified(const TakePaths& paths, const Verification& verification);
 
-/// Empty when the take was never verified, or one of its files has changed since, or the record
-/// cannot be read.
+/// Empty when the take was never verified, or one of its files has another length or time of change
+/// now, is missing or new, or the record cannot be read or is of an older version without
+/// checksums. Reads no other file: quick. A slate that has changed does not count, since the crew
+/// writes on it.
 std::optional<Verified> load_verified(const TakePaths& paths);
 
 /// Throws InputError with file, line and field.

@@ -10,6 +10,7 @@
 #include "take/frame_log.h"
 #include "take/log_segments.h"
 #include "take/mesh_file.h"
+#include "take/take_account.h"
 #include "take/take_removal.h"
 
 namespace v3d {
@@ -33,22 +34,122 @@ io::Result<std::optional<FrameLabel>> read_label(const EventLogReader& log, cons
   return message ? std::optional(message->frame.label) : std::nullopt;
 }
 
+/// Files that programs read as parts of a take: in a folder of a take they need an account.
+bool is_part_of_take(const std::string& name) {
+  const TakePaths paths;
+  return name.ends_with(".lcmlog") || name.ends_with(".lcmlog.index") || name == paths.calib() ||
+         name == paths.studio() || name.starts_with(paths.background().string() + "/");
+}
+
+/// Reads the files of a take and compares them with the list of its ledger.
+class FileCheck {
+ public:
+  FileCheck(const TakePaths& paths, const Ledger* stored, ReadFrom from, Verification& result)
+      : paths_(paths), stored_(stored), from_(from), result_(result) {}
+
+  /// Reads all segments of a log. What reads them afterwards finds them in the page cache.
+  void read_log(const std::filesystem::path& log) {
+    const auto segments = existing_segments(log);
+    if (!segments) return;  // opening the log reports it
+    for (const auto& segment : *segments) read(segment.filename());
+  }
+
+  /// Reads every other file, and reports what is missing and what the ledger does not name.
+  void finish() {
+    const auto names = take_file_names(paths_);
+    if (!names) return result_.disagreements.push_back(names.error().message);
+    for (const std::string& name : *names) {
+      if (name != paths_.verified().filename()) read(name);
+    }
+    std::ranges::sort(result_.files, {}, &TakeFile::name);
+    if (!has_list()) return;
+    for (const TakeFile& file : stored_->files) {
+      if (!std::ranges::binary_search(*names, file.name)) report_missing(file);
+    }
+  }
+
+ private:
+  bool has_list() const { return stored_ && !stored_->files.empty(); }
+
+  void read(const std::string& name) {
+    if (std::ranges::find(result_.files, name, &TakeFile::name) != result_.files.end()) return;
+    const TakeFile* const entry = has_list() ? stored_->file(name) : nullptr;
+    auto file = read_take_file(paths_, name, from_, entry ? entry->bytes : INT64_MAX);
+    if (!file) return result_.disagreements.push_back(file.error().message);
+    if (entry) compare(*entry, *file);
+    if (has_list() && !entry && !is_written_after_ledger(name)) report_unnamed(name);
+    result_.files.push_back(*std::move(file));
+  }
+
+  void compare(const TakeFile& entry, const TakeFile& file) {
+    if (file.bytes != entry.bytes) {
+      disagree(file.name, "has " + format_count(file.bytes) + " bytes, the ledger says " +
+                              format_count(entry.bytes));
+    } else if (entry.checksum && entry.checksum != file.checksum) {
+      disagree(file.name, "has the checksum " + checksum_text(*file.checksum) +
+                              ", the ledger says " + checksum_text(*entry.checksum));
+    } else if (!entry.checksum) {
+      result_.notes.push_back(file.name +
+                              ": the ledger has no checksum of it, as after a recovery");
+    }
+  }
+
+  /// Once: what counted the frames may have reported it.
+  void report_missing(const TakeFile& file) {
+    const std::string path = (paths_.folder / file.name).string();
+    const bool is_known = std::ranges::any_of(result_.disagreements, [&](const std::string& line) {
+      return line.find(path) != std::string::npos || line.starts_with(file.name + ": missing");
+    });
+    if (!is_known) {
+      disagree(file.name, "missing; the ledger has it with " + format_count(file.bytes) + " bytes");
+    }
+  }
+
+  void report_unnamed(const std::string& name) {
+    const std::string what = "is not named in the ledger";
+    if (is_part_of_take(name)) return disagree(name, what + "; move it out of the take");
+    result_.notes.push_back(name + ": " + what);
+  }
+
+  void disagree(const std::string& name, const std::string& what) {
+    result_.disagreements.push_back(name + ": " + what);
+  }
+
+  const TakePaths& paths_;
+  const Ledger* const stored_;
+  const ReadFrom from_;
+  Verification& result_;
+};
+
 class Verifier {
  public:
-  Verifier(const TakePaths& paths, Depth depth) : paths_(paths), depth_(depth) {
+  Verifier(const TakePaths& paths, Depth depth, ReadFrom from)
+      : paths_(paths), depth_(depth), from_(from) {
     result_.info = load_take_info(paths);
   }
 
   Verification run() {
     const std::optional<Ledger> stored = stored_ledger();
+    FileCheck files(paths_, stored ? &*stored : nullptr, from_, result_);
+    // First for its checksum, then event by event while it is in the page cache.
+    const bool reads_files =
+        depth_ == Depth::kFrames && result_.info.state != TakeState::kRecording;
+    if (reads_files) files.read_log(paths_.pulses());
     count_pulses(stored);
     for (const std::string& camera : result_.info.cameras) {
+      if (reads_files) files.read_log(paths_.frames(camera));
       CameraLedger counted = count_frames(camera);
       if (stored) compare(*stored, counted);
       result_.ledger.cameras.push_back(std::move(counted));
     }
     check_calib();
+    if (reads_files) files.finish();
     check_mesh();
+    if (stored && stored->files.empty() && reads_files) {
+      result_.notes.push_back(
+          "ledger.toml: has no checksums of files (of an older version): frames were compared with "
+          "their own checksums, calibration, plates and pulses with none");
+    }
     return std::move(result_);
   }
 
@@ -176,6 +277,7 @@ class Verifier {
 
   const TakePaths paths_;
   const Depth depth_;
+  const ReadFrom from_;
   Verification result_;
 };
 
@@ -247,7 +349,9 @@ void recount_pulses(const PulseSet& sensed, int64_t known, const std::optional<L
   ledger.runt = stored->runt;
 }
 
-Verification verify_take(const TakePaths& paths) { return Verifier(paths, Depth::kFrames).run(); }
+Verification verify_take(const TakePaths& paths, ReadFrom from) {
+  return Verifier(paths, Depth::kFrames, from).run();
+}
 
 Verification recover_take(const TakePaths& paths) {
   std::vector<std::string> read_errors;
@@ -255,7 +359,7 @@ Verification recover_take(const TakePaths& paths) {
   for (const std::string& camera : load_take_info(paths).cameras) {
     io::throw_if_failed(index_segments<FrameMessage>(paths.frames(camera), read_errors));
   }
-  Verification result = Verifier(paths, Depth::kLabels).run();
+  Verification result = Verifier(paths, Depth::kLabels, ReadFrom::kPageCache).run();
   for (const std::string& error : read_errors) {
     const bool is_known =
         std::ranges::find(result.disagreements, error) != result.disagreements.end();
@@ -264,8 +368,7 @@ Verification recover_take(const TakePaths& paths) {
   remove_working_file(paths.reserve());
   result.info.state = TakeState::kRecovered;
   result.info.pulses = result.ledger.commanded;
-  io::throw_if_failed(save_ledger(paths.ledger(), result.ledger));
-  io::throw_if_failed(save_take_info(paths, result.info));
+  io::throw_if_failed(save_account(paths, result.info, result.ledger));
   return result;
 }
 

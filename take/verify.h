@@ -17,6 +17,11 @@ struct Verification {
   Ledger ledger;  ///< counted anew from the logs
   /// Where files and account differ, or a file is damaged; one line each, naming the file.
   std::vector<std::string> disagreements;
+  /// What a person should know and is no fault, one line each: a ledger of an older version, files
+  /// that belong to no take.
+  std::vector<std::string> notes;
+  /// Every file of the take as it was read, with its checksum. Empty while it is recorded.
+  std::vector<TakeFile> files;
 
   bool whole() const { return ledger.complete() && disagreements.empty(); }
 };
@@ -27,10 +32,13 @@ struct Verification {
 void recount_pulses(const PulseSet& sensed, int64_t known, const std::optional<Ledger>& stored,
                     Ledger& ledger);
 
-/// Reads every event of every log. `exposed`, `received` and `published` are known to the stored
-/// ledger only and taken from it where there is one. Throws InputError when the folder is no take.
-/// A missing or damaged log is a disagreement, and its camera misses every pulse.
-Verification verify_take(const TakePaths& paths);
+/// Reads every event of every log, and every file for its checksum, which is compared with that of
+/// the ledger. A file that differs, is missing, or is read by programs and not named in the ledger
+/// is a disagreement; mesh.v3d has checksums of its own (docs/compact-frame.md). `exposed`,
+/// `received` and `published` are known to the stored ledger only and taken from it where there is
+/// one. Throws InputError when the folder is no take. A missing or damaged log is a disagreement,
+/// and its camera misses every pulse.
+Verification verify_take(const TakePaths& paths, ReadFrom from = ReadFrom::kPageCache);
 
 /// Gives a take that nobody closed its ledger and the state "recovered". Changes no byte of a log:
 /// where the whole events of a segment end is written beside it (SegmentIndex). The logs are on the

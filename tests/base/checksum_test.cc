@@ -18,5 +18,17 @@ TEST(Checksum, does_not_depend_on_where_the_parts_are_cut) {
   }
 }
 
+TEST(RunningChecksum, is_the_checksum_of_all_bytes_until_now) {
+  const std::vector<uint8_t> bytes = {1, 2, 3, 4, 5};
+  const std::span<const uint8_t> whole(bytes);
+  RunningChecksum running;
+  EXPECT_EQ(running.value(), checksum({}));
+  running.add(whole.first(2));
+  EXPECT_EQ(running.value(), checksum({whole.first(2)}));
+  RunningChecksum moved = std::move(running);
+  moved.add(whole.subspan(2));
+  EXPECT_EQ(moved.value(), checksum({whole}));
+}
+
 }  // namespace
 }  // namespace v3d

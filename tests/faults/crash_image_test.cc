@@ -312,7 +312,7 @@ TEST_P(OfCompleteTake, that_is_deleted_is_whole_or_not_in_the_list) {
   CrashModel model(place_.disk());
   const ProgramResult deleted =
       place_.run_traced({V3D_BIN "/v3dctl", "takes", "delete", "--dir", place_.disk() / "takes",
-                         kDrivenTake, "--yes"});
+                         kDrivenTake, "--no-copy", "--yes"});
   ASSERT_EQ(deleted.status, 0) << deleted.out << deleted.err;
   model.add(read_trace(place_.trace()));
   ASSERT_NO_FATAL_FAILURE(expect_right_model(model));

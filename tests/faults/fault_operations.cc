@@ -182,18 +182,27 @@ FaultOperation recover_operation(const fs::path& programs) {
   return operation;
 }
 
-FaultOperation delete_operation(const fs::path& programs) {
-  FaultOperation operation =
-      of_simulated_take("delete", programs, {"takes", "delete", "--dir", "@takes", kTake, "--yes"});
-  operation.prepare = [](const FaultyWorkplace& place) {
+/// With a copy, which is read back first, or without one.
+FaultOperation delete_operation(const std::string& name, const fs::path& programs) {
+  const bool with_copy = name == "delete_copied";
+  std::vector<std::string> words = {"takes", "delete", "--dir", "@takes", kTake, "--yes"};
+  if (with_copy) words.insert(words.end(), {"--copy", "@archive"});
+  if (!with_copy) words.emplace_back("--no-copy");
+  FaultOperation operation = of_simulated_take(name, programs, words);
+  operation.prepare = [with_copy](const FaultyWorkplace& place) {
     copy_tree(simulated_take(), takes_of(place) / kTake);
     run_or_throw(V3D_BIN "/v3dctl verify " + (takes_of(place) / kTake).string());
+    if (with_copy) copy_tree(takes_of(place) / kTake, place.disk() / "archive" / kTake);
   };
-  operation.check = [](const FaultyWorkplace& place, const ProgramResult& result) {
+  operation.check = [with_copy](const FaultyWorkplace& place, const ProgramResult& result) {
     const bool is_listed = fs::exists(takes_of(place) / kTake);
     Lost lost;
     if (is_listed) lost = check_recorded(takes_of(place) / kTake);
     if (is_listed && result.status == 0) lost.push_back("reported as deleted, and still there");
+    if (!with_copy) return lost;
+    for (const std::string& what : check_recorded(place.disk() / "archive" / kTake)) {
+      lost.push_back("in the archive, " + what);
+    }
     return lost;
   };
   operation.refusal = "is not verified, or has changed since: v3dctl verify";
@@ -242,7 +251,7 @@ FaultOperation collect_operation(const std::string& name, const fs::path& progra
 FaultOperation fault_operation(const std::string& name, const fs::path& programs) {
   if (name == "record" || name == "restart" || name == "quarantine") return driven(name);
   if (name == "recover") return recover_operation(programs);
-  if (name == "delete") return delete_operation(programs);
+  if (name.starts_with("delete")) return delete_operation(name, programs);
   if (name.starts_with("collect")) return collect_operation(name, programs);
   if (name == "verify") return of_simulated_take(name, programs, {"verify", "@takes/take"});
   if (name == "slate") {

@@ -179,7 +179,7 @@ TEST_P(Injection, of_one_failed_system_call_loses_nothing_and_is_reported) {
 INSTANTIATE_TEST_SUITE_P(Faults, Injection,
                          testing::Values("record", "restart", "quarantine", "verify", "recover",
                                          "reconstruct", "collect", "collect_rsync", "slate",
-                                         "delete"),
+                                         "delete", "delete_copied"),
                          [](const auto& operation) { return operation.param; });
 
 }  // namespace

@@ -99,6 +99,8 @@ class Driver {
 
   void close() {
     sync_logs();
+    std::vector<TakeFile> files;
+    for (const EventLogWriter& log : logs_) files.push_back(log.file());
     logs_.clear();
     pulses_->close();
     const int64_t lost = pulses_->lost();
@@ -109,7 +111,8 @@ class Driver {
            (kept ? "" : ", and what it took is not kept"));
     }
     disk_.reset();
-    const Ledger ledger = account();
+    Ledger ledger = account();
+    ledger.files = std::move(files);
     if (!close_take(studio_, info_, ledger)) return fail("cannot close " + paths_.folder.string());
     lock_.reset();
     if (!ledger.complete()) return fail(paths_.folder.string() + ": " + ledger.verdict());

@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "base/checksum.h"
 #include "base/error.h"
 #include "base/file.h"
 #include "recording.h"
@@ -12,6 +13,7 @@
 #include "take/frame_log.h"
 #include "take/log_segments.h"
 #include "take/mesh_file.h"
+#include "take/take_account.h"
 #include "take/verified.h"
 #include "take/verify.h"
 
@@ -145,9 +147,52 @@ TEST_F(Parts, are_known_to_be_verified_until_a_file_changes) {
   ASSERT_TRUE(verified);
   EXPECT_TRUE(verified->whole);
   EXPECT_THAT(verified->verdict, HasSubstr("kendo-07: complete"));
+  EXPECT_TRUE(verified->agrees);
+  for (const TakeFile& file : verified->files) {
+    const std::string bytes = read_file(paths.folder / file.name);
+    EXPECT_EQ(file.checksum,
+              checksum({std::span(reinterpret_cast<const uint8_t*>(bytes.data()), bytes.size())}))
+        << file.name;
+  }
+  EXPECT_EQ(verified->files.size(), take_file_names(paths)->size() - 1) << "all but verified.toml";
+  test::write_text(paths.slate(), "mark = 'circled'\n");
+  EXPECT_TRUE(load_verified(paths)) << "the crew may write on a slate";
   EventLogWriter later(paths.frames("cam02"), LogOpening::kGoOn);
   EXPECT_TRUE(later.write(test::recorded_frame("cam02", 0, {4, 2})));
   EXPECT_FALSE(load_verified(paths));
+}
+
+TEST_F(Parts, of_which_a_record_has_no_checksums_are_not_verified) {
+  const TakePaths paths = part("cap01");
+  EXPECT_TRUE(save_verified(paths, verify_take(paths)));
+  std::string text = read_file(paths.verified());
+  const size_t at = text.find("xxh3");
+  text.erase(at, text.find('\n', at) - at);
+  test::write_text(paths.verified(), text);
+  EXPECT_FALSE(load_verified(paths));
+}
+
+/// Damage between the recording and the archive, which no event of LCM notices.
+TEST_F(Parts, bring_the_checksums_of_the_nodes_along) {
+  for (const std::string node : {"cap01", "cap02"}) {
+    Ledger ledger = load_ledger(part(node).ledger());
+    for (const CameraLedger& camera : ledger.cameras) {
+      ledger.files.push_back(
+          read_take_file(part(node), camera.name + ".lcmlog", ReadFrom::kPageCache).value());
+    }
+    EXPECT_TRUE(save_account(part(node), load_take_info(part(node)), ledger));
+  }
+  std::string log = read_file(part("cap02").frames("cam03"));
+  log[11] = static_cast<char>(log[11] ^ 1);  // of an event's number
+  test::write_text(part("cap02").frames("cam03"), log);
+  test::write_text(part("cap02").background() / "cam03.toml", "CAM03");
+  join();
+  std::filesystem::remove(whole_.mesh());
+  const Verification found = verify_take(whole_);
+  EXPECT_THAT(found.disagreements,
+              ElementsAre(HasSubstr("cam03.lcmlog: has the checksum"),
+                          HasSubstr("background/cam03.toml: has the checksum")));
+  EXPECT_THAT(found.notes, IsEmpty());
 }
 
 }  // namespace

@@ -1,154 +1,96 @@
-// What stands in a take folder in the place of a file: readers refuse what is not a regular file of
-// that folder, and never block.
+#include "take/take_files.h"
+
+#include <fcntl.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <sys/socket.h>
-#include <sys/stat.h>
-#include <sys/un.h>
+#include <sys/mman.h>
+#include <sys/statfs.h>
 
-#include <filesystem>
-#include <fstream>
-#include <functional>
-#include <map>
-
-#include "base/calib_file.h"
-#include "base/error.h"
+#include "base/checksum.h"
 #include "base/file.h"
 #include "base/io/unique_fd.h"
-#include "support/begun_take.h"
 #include "support/temporary_folder.h"
-#include "take/event_log.h"
-#include "take/ledger.h"
-#include "take/mesh_file.h"
-#include "take/slate.h"
-#include "take/take.h"
-#include "take/take_listing.h"
-#include "take/verified.h"
 
 namespace v3d {
 namespace {
 
 namespace fs = std::filesystem;
-using testing::HasSubstr;
+using testing::ElementsAre;
 
-constexpr const char* kCalib = R"([cam_0]
-name = "cam01"
-size = [64, 48]
-matrix = [[50.0, 0.0, 32.0], [0.0, 50.0, 24.0], [0.0, 0.0, 1.0]]
-distortions = []
-rotation = [0.0, 0.0, 0.0]
-translation = [0.0, 0.0, 0.0]
-)";
+uint64_t checksum_of(const std::string& text) {
+  return checksum({std::span(reinterpret_cast<const uint8_t*>(text.data()), text.size())});
+}
 
-void make_fifo(const fs::path& path) { ASSERT_EQ(mkfifo(path.c_str(), 0644), 0); }
+/// Pages of the file that the kernel has in memory.
+size_t cached_pages(const fs::path& path) {
+  const size_t size = fs::file_size(path);
+  const io::UniqueFd fd(open(path.c_str(), O_RDONLY | O_CLOEXEC));
+  void* const bytes = mmap(nullptr, size, PROT_READ, MAP_SHARED, fd.get(), 0);
+  EXPECT_NE(bytes, MAP_FAILED);
+  std::vector<unsigned char> pages((size + 4095) / 4096);
+  EXPECT_EQ(mincore(bytes, size, pages.data()), 0);
+  munmap(bytes, size);
+  return static_cast<size_t>(std::ranges::count_if(pages, [](auto page) { return page & 1; }));
+}
 
-void make_socket(const fs::path& path) {
-  const io::UniqueFd fd(socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0));
-  sockaddr_un here{};
-  here.sun_family = AF_UNIX;
-  ASSERT_LT(path.string().size(), sizeof here.sun_path);
-  path.string().copy(here.sun_path, sizeof here.sun_path - 1);
-  ASSERT_EQ(bind(fd.get(), reinterpret_cast<const sockaddr*>(&here), sizeof here), 0);
+/// Whether a file system has no disk behind its page cache.
+bool is_memory(const fs::path& folder) {
+  constexpr long kTmpfs = 0x01021994;
+  struct statfs status {};
+  return statfs(folder.c_str(), &status) == 0 && status.f_type == kTmpfs;
 }
 
 class TakeFiles : public testing::Test {
  protected:
   TakeFiles() {
-    fs::create_directory(take_.folder);
-    EXPECT_TRUE(save_take_info(take_, test::begun_take({"cam01"})));
-    std::ofstream(take_.slate()) << "note = \"good\"\n";
-    std::ofstream(take_.calib()) << kCalib;
-    MeshFileWriter meshes(take_.mesh());
-    EXPECT_TRUE(meshes.append(0, std::vector<uint8_t>(20, 1)));
-    EXPECT_TRUE(meshes.close());
-    std::ofstream(take_.pulses());
-  }
-
-  /// Every file is a link to the file with the same content outside of the take.
-  void link_out(const fs::path& path) {
-    const fs::path outside = folder_ / ("outside-" + path.filename().string());
-    fs::rename(path, outside);
-    fs::create_symlink(outside, path);
+    fs::create_directories(paths_.background());
+    test::write_text(paths_.calib(), "# the rig\n");
+    test::write_text(paths_.background() / "cam01.toml", "plates");
   }
 
   const test::TemporaryFolder folder_;
-  const TakePaths take_{folder_ / "kendo-07"};
-  const std::map<fs::path, std::function<void()>> readers_ = {
-      {take_.info(), [this] { load_take_info(take_); }},
-      {take_.slate(), [this] { load_slate(take_.slate()); }},
-      {take_.calib(), [this] { load_take_calib(take_); }},
-      {take_.mesh(), [this] { MeshFileReader{take_.mesh()}; }},
-      {take_.pulses(), [this] { EventLogReader{take_.pulses()}; }}};
+  const TakePaths paths_{folder_.path()};
 };
 
-TEST_F(TakeFiles, are_read_where_they_are_regular_files) {
-  for (const auto& [path, read] : readers_) EXPECT_NO_THROW(read()) << path;
-}
-
-TEST_F(TakeFiles, are_refused_where_they_are_fifos_sockets_devices_folders_or_links) {
-  const std::map<std::string, std::function<void(const fs::path&)>> wrong = {
-      {"a FIFO", make_fifo},
-      {"a socket", make_socket},
-      {"a folder", [](const fs::path& path) { fs::create_directory(path); }},
-      {"a link to a device", [](const fs::path& path) { fs::create_symlink("/dev/zero", path); }}};
-  for (const auto& [path, read] : readers_) {
-    for (const auto& [what, make] : wrong) {
-      fs::rename(path, folder_ / "kept");
-      make(path);
-      EXPECT_THROW(read(), InputError) << path << ": " << what;
-      fs::remove(path);
-      fs::rename(folder_ / "kept", path);
-    }
-    link_out(path);
-    EXPECT_THROW(read(), InputError) << path << ": a link out of the take";
+TEST_F(TakeFiles, are_those_of_the_folder_and_its_plates_without_working_files) {
+  for (const char* file : {".cap01.lock", "take.toml.part-12-1", "cam01.part-1.lcmlog"}) {
+    test::write_text(paths_.folder / file, "x");
   }
+  EXPECT_THAT(take_file_names(paths_).value(),
+              ElementsAre("background/cam01.toml", "calib.toml", "cam01.part-1.lcmlog"));
 }
 
-TEST_F(TakeFiles, are_refused_with_a_line_that_says_why) {
-  link_out(take_.slate());
-  try {
-    load_slate(take_.slate());
-    FAIL();
-  } catch (const InputError& error) {
-    EXPECT_THAT(error.what(), HasSubstr("slate.toml: it is a symbolic link"));
+TEST_F(TakeFiles, have_the_checksum_of_their_bytes_from_cache_and_from_disk) {
+  for (const ReadFrom from : {ReadFrom::kPageCache, ReadFrom::kDisk}) {
+    const auto read = read_take_file(paths_, "calib.toml", from);
+    ASSERT_TRUE(read) << read.error().message;
+    EXPECT_EQ(read->bytes, 10);
+    EXPECT_EQ(read->checksum, checksum_of("# the rig\n"));
+    EXPECT_EQ(read->changed_ns, stat_take_file(paths_, "calib.toml")->changed_ns);
   }
+  EXPECT_EQ(read_take_file(paths_, "calib.toml", ReadFrom::kPageCache, 5)->checksum,
+            checksum_of("# the"));
+  EXPECT_FALSE(read_take_file(paths_, "gone", ReadFrom::kDisk));
 }
 
-TEST_F(TakeFiles, are_read_from_a_take_folder_that_is_a_link) {
-  const TakePaths linked{folder_ / "linked"};
-  fs::create_directory_symlink(take_.folder, linked.folder);
-  EXPECT_EQ(load_take_info(linked).name, "kendo-07");
-  EXPECT_EQ(load_slate(linked.slate()).note, "good");
-  EXPECT_EQ(MeshFileReader(linked.mesh()).pulses().size(), 1u);
+/// A file that waits for the disk is in memory, whatever the disk makes of it. Of a read from the
+/// disk with a limit of one byte, no more than the first block and what the kernel reads ahead may
+/// be in memory afterwards.
+TEST_F(TakeFiles, leave_the_page_cache_before_they_are_read_from_the_disk) {
+  if (is_memory(folder_.path())) GTEST_SKIP() << "no disk behind " << folder_.path();
+  test::write_text(paths_.mesh(), std::string(16 << 20, 'm'));
+  ASSERT_EQ(cached_pages(paths_.mesh()), 4096U);
+  ASSERT_TRUE(read_take_file(paths_, "mesh.v3d", ReadFrom::kDisk, 1));
+  EXPECT_LT(cached_pages(paths_.mesh()), 1024U);
 }
 
-TEST_F(TakeFiles, of_text_have_a_limit_of_size) {
-  for (const fs::path& path : {take_.info(), take_.slate(), take_.calib()}) {
-    std::ofstream(path, std::ios::app) << "\n#" << std::string(kMaxTakeTextBytes, 'x') << "\n";
-    EXPECT_THROW(readers_.at(path)(), InputError) << path;
+TEST(ChecksumText, is_16_hexadecimal_digits_and_reads_back) {
+  EXPECT_EQ(checksum_text(0x2D06800538D394C2), "2d06800538d394c2");
+  EXPECT_EQ(checksum_text(1), "0000000000000001");
+  EXPECT_EQ(parse_checksum("2d06800538d394c2"), 0x2D06800538D394C2);
+  for (const char* text : {"", "1", "2d06800538d394c", "2d06800538d394cg", "+d06800538d394c2"}) {
+    EXPECT_FALSE(parse_checksum(text)) << text;
   }
-}
-
-TEST_F(TakeFiles, that_are_fifos_keep_no_other_take_from_the_listing) {
-  const TakePaths other{folder_ / "kendo-08"};
-  fs::copy(take_.folder, other.folder);
-  for (const char* name :
-       {"take.toml", "slate.toml", "verified.toml", "ledger.toml", "mesh.v3d", "calib.toml"}) {
-    fs::remove(take_.folder / name);
-    make_fifo(take_.folder / name);
-    const auto takes = find_takes(folder_.path(), [](const InputError&) {});
-    ASSERT_FALSE(takes.empty()) << name;
-    EXPECT_EQ(takes.back().paths.folder, other.folder) << name;
-  }
-}
-
-TEST_F(TakeFiles, ledger_and_verification_are_refused_where_they_are_links) {
-  for (const fs::path& path : {take_.ledger(), take_.verified()}) {
-    fs::create_symlink(take_.info(), path);
-    EXPECT_THAT([&] { load_ledger(path); },
-                testing::ThrowsMessage<InputError>(HasSubstr("it is a symbolic link")));
-  }
-  EXPECT_FALSE(load_verified(take_));
 }
 
 }  // namespace

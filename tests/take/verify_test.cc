@@ -4,12 +4,15 @@
 #include <gtest/gtest.h>
 #include <sys/resource.h>
 
+#include <map>
+
 #include "base/error.h"
 #include "base/file.h"
 #include "support/begun_take.h"
 #include "support/message_of.h"
 #include "support/temporary_folder.h"
 #include "take/frame_log.h"
+#include "take/take_account.h"
 
 namespace v3d {
 namespace {
@@ -172,6 +175,123 @@ TEST_F(TakeFolder, tells_of_a_pulse_number_that_no_take_reaches) {
 TEST_F(TakeFolder, tells_of_a_mesh_file_that_is_none) {
   test::write_text(paths_.mesh(), "mesh");
   EXPECT_THAT(verify_take(paths_).disagreements, ElementsAre(HasSubstr("is no mesh file")));
+}
+
+/// The same take with the list of its files in the ledger.
+class ListedTake : public TakeFolder {
+ protected:
+  ListedTake() {
+    test::write_text(paths_.calib(), "# the rig\n");
+    test::write_text(paths_.studio(), "# the studio\n");
+    std::filesystem::create_directories(paths_.background());
+    test::write_text(paths_.background() / "cam01.mean.png", "plate");
+    list({"cam01.lcmlog", "cam02.lcmlog"});
+  }
+
+  /// Writes the ledger anew, with the checksums of these logs.
+  void list(const std::vector<std::string>& logs) {
+    Ledger ledger = load_ledger(paths_.ledger());
+    ledger.files.clear();
+    EXPECT_TRUE(save_ledger(paths_.ledger(), ledger));
+    for (const std::string& log : logs) {
+      ledger.files.push_back(read_take_file(paths_, log, ReadFrom::kPageCache).value());
+    }
+    EXPECT_TRUE(save_account(paths_, info_, ledger));
+  }
+
+  void flip_a_bit(const std::string& file, size_t at) const {
+    std::string bytes = read_file(paths_.folder / file);
+    bytes.at(at) = static_cast<char>(bytes.at(at) ^ 1);
+    test::write_text(paths_.folder / file, bytes);
+  }
+};
+
+TEST_F(ListedTake, is_whole_and_every_file_was_read) {
+  const Verification v = verify_take(paths_, ReadFrom::kDisk);
+  EXPECT_THAT(v.disagreements, IsEmpty());
+  EXPECT_THAT(v.notes, IsEmpty());
+  std::vector<std::string> names;
+  for (const TakeFile& file : v.files) names.push_back(file.name);
+  EXPECT_THAT(names,
+              ElementsAre("background/cam01.mean.png", "calib.toml", "cam01.lcmlog", "cam02.lcmlog",
+                          "ledger.toml", "pulses.lcmlog", "studio.toml", "take.toml"));
+}
+
+TEST_F(ListedTake, names_the_file_of_which_one_bit_differs_and_both_checksums) {
+  const Ledger ledger = load_ledger(paths_.ledger());
+  // In take.toml a digit of the start, in pulses.lcmlog one of an event's time, in a log of frames
+  // one of an event's number: nothing else notices.
+  const size_t start = read_file(paths_.info()).find("started_ns = ") + 13;
+  const std::map<std::string, size_t> places = {
+      {"calib.toml", 3},    {"studio.toml", 3},    {"background/cam01.mean.png", 4},
+      {"take.toml", start}, {"pulses.lcmlog", 15}, {"cam02.lcmlog", 11}};
+  for (const auto& [file, place] : places) {
+    flip_a_bit(file, place);
+    const auto now = read_take_file(paths_, file, ReadFrom::kPageCache)->checksum;
+    EXPECT_THAT(
+        verify_take(paths_).disagreements,
+        ElementsAre(file + ": has the checksum " + checksum_text(now.value()) +
+                    ", the ledger says " + checksum_text(ledger.file(file)->checksum.value())));
+    flip_a_bit(file, place);
+  }
+}
+
+TEST_F(ListedTake, names_files_that_are_missing_or_shorter) {
+  std::filesystem::remove(paths_.background() / "cam01.mean.png");
+  test::write_text(paths_.studio(), "#");
+  EXPECT_THAT(verify_take(paths_).disagreements,
+              ElementsAre("studio.toml: has 1 bytes, the ledger says 13",
+                          "background/cam01.mean.png: missing; the ledger has it with 5 bytes"));
+  std::filesystem::remove(paths_.frames("cam01"));
+  EXPECT_THAT(verify_take(paths_).disagreements,
+              testing::Contains(HasSubstr("cam01.lcmlog")).Times(2))
+      << "the log and its count, and no third line";
+}
+
+TEST_F(ListedTake, names_parts_that_the_ledger_does_not_have_and_notes_other_files) {
+  test::write_text(paths_.background() / "cam09.toml", "");
+  test::write_text(paths_.folder / "notes.txt", "");
+  test::write_text(paths_.slate(), "mark = ''\n");
+  test::write_text(paths_.folder / ".cap01.lock", "");
+  const Verification v = verify_take(paths_);
+  EXPECT_THAT(v.disagreements,
+              ElementsAre("background/cam09.toml: is not named in the ledger; move it out of the "
+                          "take"));
+  EXPECT_THAT(v.notes, ElementsAre("notes.txt: is not named in the ledger"));
+}
+
+TEST_F(ListedTake, with_a_ledger_of_an_older_version_verifies_as_before_with_a_note) {
+  Ledger ledger = load_ledger(paths_.ledger());
+  ledger.files.clear();
+  EXPECT_TRUE(save_ledger(paths_.ledger(), ledger));
+  flip_a_bit("calib.toml", 3);
+  const Verification v = verify_take(paths_);
+  EXPECT_TRUE(v.whole());
+  EXPECT_THAT(v.notes, ElementsAre(HasSubstr("ledger.toml: has no checksums of files")));
+}
+
+TEST_F(ListedTake, keeps_the_checksums_of_its_logs_over_a_recovery_and_notes_logs_without) {
+  list({"cam01.lcmlog"});
+  info_.state = TakeState::kRecording;
+  EXPECT_TRUE(save_take_info(paths_, info_));
+  const std::optional<uint64_t> before =
+      load_ledger(paths_.ledger()).file("cam01.lcmlog")->checksum;
+  recover_take(paths_);
+  EXPECT_EQ(load_ledger(paths_.ledger()).file("cam01.lcmlog")->checksum, before);
+  const Verification v = verify_take(paths_);
+  EXPECT_THAT(v.disagreements, IsEmpty());
+  EXPECT_THAT(v.notes, ElementsAre("cam02.lcmlog: the ledger has no checksum of it, as after a "
+                                   "recovery"));
+}
+
+TEST(EventLogFile, has_the_checksum_of_the_bytes_on_disk) {
+  const test::TemporaryFolder folder;
+  const TakePaths paths{folder.path()};
+  EventLogWriter log(paths.frames("cam01"));
+  for (int64_t pulse = 0; pulse < 3; ++pulse) EXPECT_TRUE(log.write(frame_of("cam01", pulse)));
+  TakeFile read = read_take_file(paths, "cam01.lcmlog", ReadFrom::kPageCache).value();
+  read.changed_ns = 0;
+  EXPECT_EQ(log.file(), read);
 }
 
 TEST(Verify, refuses_a_folder_that_is_no_take) {

@@ -20,6 +20,7 @@
 #include "take/frame_log.h"
 #include "take/ledger.h"
 #include "take/take.h"
+#include "take/take_account.h"
 
 namespace v3d::sim {
 namespace {
@@ -128,6 +129,7 @@ class CameraLog {
     ledger.exposed = exposures_.exposed();
     return ledger;
   }
+  TakeFile file() const { return writer_.file(); }
 
  private:
   const std::string take_;
@@ -228,11 +230,11 @@ void write_take(const SimulatedTake& take, const std::function<void(int64_t)>& p
   ledger.sensed = take.frames;
   for (const CameraLog& log : logs) {
     ledger.cameras.push_back(log.close(take.frames));
+    ledger.files.push_back(log.file());
   }
-  io::throw_if_failed(save_ledger(paths.ledger(), ledger));
   info.pulses = take.frames;
   info.state = TakeState::kComplete;
-  io::throw_if_failed(save_take_info(paths, info));
+  io::throw_if_failed(save_account(paths, info, ledger));
 }
 
 }  // namespace v3d::sim

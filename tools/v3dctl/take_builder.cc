@@ -9,6 +9,7 @@
 #include "base/io/file.h"
 #include "base/name.h"
 #include "take/ledger.h"
+#include "take/take_account.h"
 
 namespace v3d::ctl {
 namespace {
@@ -107,8 +108,8 @@ void TakeBuilder::finish() {
   info_.state = TakeState::kComplete;
   for (EventLogWriter& log : frame_logs_) io::throw_if_failed(log.sync());
   io::throw_if_failed(pulse_log_->sync());
-  io::throw_if_failed(save_ledger(paths_.ledger(), ledger));
-  io::throw_if_failed(save_take_info(paths_, info_));
+  for (const EventLogWriter& log : frame_logs_) ledger.files.push_back(log.file());
+  io::throw_if_failed(save_account(paths_, info_, ledger));
   io::throw_if_failed(io::rename_new(paths_.folder, folder_));
   finished_ = true;
 }

@@ -110,7 +110,7 @@ class Collector {
       std::vector<TakePaths> parts;
       for (const TakeSource* source : sources) parts.push_back(fetch(take, *source));
       result.meshes_of = chosen_meshes(parts);
-      result.verification = join(take, parts, place);
+      result.verification = join(take, sources, parts, place);
     } catch (const std::exception& error) {
       result.problem = error.what();
     }
@@ -129,7 +129,7 @@ class Collector {
     if (on_terminal()) note(source.node + "  " + take);
     // In place, so that a copy that was cut off goes on where it was.
     std::vector<std::string> options = {"--inplace", "--no-whole-file", "--exclude=/verified.toml",
-                                        "--exclude=/.pieces-*"};
+                                        "--exclude=/.pieces-*", "--exclude=/.*.lock"};
     if (on_terminal()) options.emplace_back("--info=progress2");
     copy(source, options, from, part);
     return part;
@@ -152,15 +152,45 @@ class Collector {
     return have > 1 ? part_with_meshes(parts)->folder.filename().string() : "";
   }
 
-  Verification join(const std::string& take, const std::vector<TakePaths>& parts,
-                    const TakePaths& place) {
+  /// Whether every part has the bytes that its node has. rsync finds what was read back from the
+  /// disk here in the page cache.
+  bool are_as_on_nodes(const std::string& take, const Sources& sources,
+                       const std::vector<TakePaths>& parts) const {
+    for (size_t i = 0; i < parts.size(); ++i) {
+      const ProcessResult compared =
+          rsync_.run({"--checksum", "--dry-run", "--itemize-changes", "--exclude=/verified.toml",
+                      "--exclude=/.*"},
+                     sources[i]->place + "/" + take, parts[i].folder, Output::kCapture);
+      if (compared.status != 0 || compared.output.find(">f") != std::string::npos) return false;
+    }
+    return true;
+  }
+
+  /// Reads the whole take back from the disk of the copy. Throws when the copy is not what the
+  /// nodes have; a take that is damaged on its node is collected as it is, and told.
+  Verification read_back(const TakePaths& whole, const std::string& take, const Sources& sources,
+                         const std::vector<TakePaths>& parts) const {
+    // rsync does not sync.
+    io::throw_if_failed(io::sync_file_system(whole.folder));
+    Verification verification = verify_take(whole, ReadFrom::kDisk);
+    if (verification.disagreements.empty() || are_as_on_nodes(take, sources, parts)) {
+      return verification;
+    }
+    std::string lines;
+    for (const std::string& line : verification.disagreements) lines += "\n  " + line;
+    throw std::runtime_error(
+        "its copy is not what the nodes have; the same command copies it again" + lines);
+  }
+
+  Verification join(const std::string& take, const Sources& sources,
+                    const std::vector<TakePaths>& parts, const TakePaths& place) {
     const fs::path staged = stage(take);
     const TakePaths whole{joined(staged)};
     fs::remove_all(whole.folder);
     join_parts(parts, whole);
-    Verification verification = verify_take(whole);
+    Verification verification = read_back(whole, take, sources, parts);
     io::throw_if_failed(save_verified(whole, verification));
-    // A take of this name is whole, whatever happens to the power: rsync does not sync.
+    // A take of this name is whole, whatever happens to the power.
     io::throw_if_failed(io::sync_file_system(whole.folder));
     io::throw_if_failed(io::rename_new(whole.folder, place.folder));
     fs::remove_all(staged);

@@ -37,10 +37,11 @@ struct CollectedTake {
 std::vector<TakeSource> sources_of(const Studio& studio);
 
 /// Copies what every node has of a take (rsync compares checksums of what it sent, goes on where it
-/// was cut off, and leaves alone what is there), puts the parts together, verifies the whole and
-/// gives it its place in one step. What is not whole yet stays in TO/.collect, for the next time. A
-/// take that a node still records is passed over. Throws InputError when a node cannot be asked, or
-/// has no such take.
+/// was cut off, and leaves alone what is there), puts the parts together, verifies the whole by
+/// reading it back from the disk past the page cache, and gives it its place in one step. A copy
+/// that is not what the nodes have is not collected. What is not whole yet stays in TO/.collect,
+/// for the next time. A take that a node still records is passed over. Throws InputError when a
+/// node cannot be asked, or has no such take.
 std::vector<CollectedTake> collect_takes(const CollectRequest& request);
 
 }  // namespace v3d::ctl

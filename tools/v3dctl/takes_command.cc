@@ -7,6 +7,7 @@
 #include "base/units.h"
 #include "common/console.h"
 #include "daemon/json.h"
+#include "take/take_copy.h"
 #include "take/take_removal.h"
 #include "take/verified.h"
 #include "v3dctl/command.h"
@@ -31,6 +32,8 @@ struct Arguments {
   std::vector<std::string> from;
   std::string rsh;
   // delete
+  fs::path copy;
+  bool no_copy = false;
   bool yes = false;
 };
 using SharedArguments = std::shared_ptr<Arguments>;
@@ -88,7 +91,7 @@ void refuse_to_delete(const TakeListing& take) {
     throw InputError(name + " is being recorded, or was never closed: v3dctl verify --recover " +
                      take.paths.folder.string());
   }
-  if (!take.verified) {
+  if (!take.examined) {
     throw InputError(name + " is not verified, or has changed since: v3dctl verify " +
                      take.paths.folder.string());
   }
@@ -97,7 +100,25 @@ void refuse_to_delete(const TakeListing& take) {
   }
 }
 
+/// The copy is read from its disk. Throws InputError with the first of what it lacks.
+void refuse_without_copy(const TakeListing& take, const fs::path& copies) {
+  const auto verified = load_verified(take.paths);
+  if (!verified) refuse_to_delete(look_at_take(take.paths));
+  const TakePaths copy{copies / take.info.name};
+  const std::vector<std::string> missing = missing_in_copy(take.paths, verified.value(), copy);
+  if (missing.empty()) return;
+  for (const std::string& text : missing) note(text);
+  throw InputError(take.info.name + " is not deleted: its copy in " + copies.string() +
+                   " lacks something; v3dctl takes collect brings it again once " +
+                   copy.folder.string() + " is moved away");
+}
+
 int run_delete(const CommandLine& line, const Arguments& arguments) {
+  if (arguments.copy.empty() == !arguments.no_copy) {
+    throw InputError(
+        "takes delete: name the folder of the copies, which are read back first (--copy DIR), or "
+        "say that none is needed (--no-copy)");
+  }
   const std::vector<TakeListing> takes = named_takes(line, arguments);
   double bytes = 0;
   for (const TakeListing& take : takes) {
@@ -107,6 +128,9 @@ int run_delete(const CommandLine& line, const Arguments& arguments) {
   if (!arguments.yes) {
     for (const std::string& text : listing_lines(takes)) note(text);
     throw InputError(format_bytes(bytes) + " would be gone for good; to delete them add --yes");
+  }
+  for (const TakeListing& take : takes) {
+    if (!arguments.no_copy) refuse_without_copy(take, arguments.copy);
   }
   for (const TakeListing& take : takes) {
     io::throw_if_failed(delete_take(take.paths));
@@ -138,6 +162,7 @@ std::string text_of(const CollectedTake& take) {
   if (!take.problem.empty()) return "take " + take.name + ": not collected: " + take.problem;
   std::string text;
   for (const std::string& line : take.verification.disagreements) text += line + "\n";
+  for (const std::string& line : take.verification.notes) text += "note: " + line + "\n";
   if (!take.meshes_of.empty())
     text += "mesh.v3d of " + take.meshes_of + ", which has most meshes\n";
   return text + take.verification.ledger.verdict();
@@ -152,7 +177,8 @@ Json collected_json(const std::vector<CollectedTake>& takes) {
                     {"problem", take.problem},
                     {"meshes_of", take.meshes_of},
                     {"complete", is_whole(take)},
-                    {"disagreements", take.verification.disagreements}});
+                    {"disagreements", take.verification.disagreements},
+                    {"notes", take.verification.notes}});
   }
   return {{"takes", list}};
 }
@@ -237,8 +263,13 @@ void add_collect(CommandLine& line, CLI::App* takes, const SharedArguments& argu
 
 void add_delete(CommandLine& line, CLI::App* takes, const SharedArguments& arguments) {
   CLI::App* command = add_under(takes, "delete", "Delete takes that are verified and not circled",
-                                "v3dctl takes delete kendo-06 --yes");
+                                "v3dctl takes delete kendo-06 --copy /mnt/archive --yes");
   add_names(command, arguments);
+  command
+      ->add_option("--copy", arguments->copy,
+                   "Folder of takes with the copies; each is read back from its disk and compared")
+      ->type_name("DIR");
+  command->add_flag("--no-copy", arguments->no_copy, "Delete takes of which there is no copy");
   command->add_flag("--yes", arguments->yes, "Really; without it, say what would be deleted");
   line.on_run(command, [&line, arguments] { return run_delete(line, *arguments); });
 }

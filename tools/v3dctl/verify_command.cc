@@ -1,8 +1,10 @@
+#include <algorithm>
 #include <cstdio>
 #include <nlohmann/json.hpp>
 
 #include "base/error.h"
 #include "common/console.h"
+#include "take/take_lock.h"
 #include "take/verified.h"
 #include "take/verify.h"
 #include "v3dctl/command.h"
@@ -41,6 +43,7 @@ Json verification_json(const Verification& verification) {
   json["complete"] = verification.whole();
   json["state"] = name(verification.info.state);
   json["disagreements"] = verification.disagreements;
+  json["notes"] = verification.notes;
   return json;
 }
 
@@ -52,6 +55,7 @@ void print_text(const Verification& verification) {
   print_lines(table_lines(verification.ledger));
   print_lines(trouble_lines(verification.ledger));
   print_lines(verification.disagreements);
+  for (const std::string& line : verification.notes) std::printf("note: %s\n", line.c_str());
   std::printf("%s\n", verification.ledger.verdict().c_str());
 }
 
@@ -61,9 +65,24 @@ void remember(const TakePaths& paths, const Verification& verification) {
   if (!saved) note("v3dctl: verified, but not marked so: " + saved.error().message);
 }
 
+/// The result also has what the recovery found wrong before it wrote the ledger.
+Verification recover_and_verify(const TakePaths& paths) {
+  if (const std::string recorder = recorder_of(paths); !recorder.empty()) {
+    throw InputError(paths.folder.string() + ": " + recorder + " records into it; stop it first");
+  }
+  std::vector<std::string> found = recover_take(paths).disagreements;
+  Verification verification = verify_take(paths, ReadFrom::kDisk);
+  std::vector<std::string>& all = verification.disagreements;
+  std::erase_if(found,
+                [&](const std::string& line) { return std::ranges::find(all, line) != all.end(); });
+  all.insert(all.begin(), found.begin(), found.end());
+  return verification;
+}
+
 int run(const CommandLine& line, const Arguments& arguments) {
   const TakePaths paths{arguments.take};
-  Verification verification = arguments.recover ? recover_take(paths) : verify_take(paths);
+  Verification verification =
+      arguments.recover ? recover_and_verify(paths) : verify_take(paths, ReadFrom::kDisk);
   ImageCheckResult images;
   if (arguments.images) {
     catch_interrupts();

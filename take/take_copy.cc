@@ -1,0 +1,106 @@
+#include "take/take_copy.h"
+
+#include <algorithm>
+#include <set>
+
+#include "base/error.h"
+#include "base/units.h"
+#include "take/frame_log.h"
+#include "take/mesh_file.h"
+
+namespace v3d {
+namespace {
+
+namespace fs = std::filesystem;
+
+std::set<int64_t> pulses_in(const TakePaths& take) {
+  std::set<int64_t> pulses;
+  for (const PulseMessage& message : read_pulses(take.pulses())) pulses.insert(message.pulse);
+  return pulses;
+}
+
+/// The pulses whose mesh can be read.
+std::set<int64_t> meshes_in(const TakePaths& take) {
+  MeshFileReader meshes(take.mesh());
+  std::set<int64_t> pulses;
+  for (const int64_t pulse : meshes.pulses()) {
+    if (meshes.read(pulse)) pulses.insert(pulse);
+  }
+  return pulses;
+}
+
+class CopyCheck {
+ public:
+  CopyCheck(const TakePaths& original, const TakePaths& copy) : original_(original), copy_(copy) {}
+
+  std::vector<std::string> run(const Verified& verified) {
+    check_info();
+    for (const TakeFile& file : verified.files) {
+      const bool is_joined = file.name == original_.info().filename() ||
+                             file.name == original_.ledger().filename() ||
+                             file.name == original_.slate().filename();
+      if (!is_joined) check_file(file);
+    }
+    return std::move(lines_);
+  }
+
+ private:
+  void check_info() {
+    const TakeInfo original = load_take_info(original_), copy = load_take_info(copy_);
+    if (copy.name != original.name) {
+      lines_.push_back(copy_.folder.string() + ": is a copy of take " + copy.name + ", not of " +
+                       original.name);
+    }
+    if (copy.state == TakeState::kRecording) {
+      lines_.push_back(copy_.folder.string() + ": was never closed");
+    }
+    for (const std::string& camera : original.cameras) {
+      if (std::ranges::find(copy.cameras, camera) != copy.cameras.end()) continue;
+      lines_.push_back(copy_.info().string() + ": has no camera '" + camera + "'");
+    }
+  }
+
+  void check_file(const TakeFile& file) {
+    const fs::path path = copy_.folder / file.name;
+    std::error_code error;
+    if (fs::equivalent(original_.folder / file.name, path, error)) {
+      lines_.push_back(path.string() + ": is the file itself, not a copy");
+      return;
+    }
+    const auto read = read_take_file(copy_, file.name, ReadFrom::kDisk);
+    if (!read) {
+      lines_.push_back(read.error().message);
+    } else if (read->checksum != file.checksum && !may_differ(file.name)) {
+      lines_.push_back(path.string() + ": has " + format_count(read->bytes) +
+                       " bytes with the checksum " + checksum_text(*read->checksum) +
+                       ", the original " + format_count(file.bytes) + " with " +
+                       checksum_text(*file.checksum));
+    }
+  }
+
+  /// Another node's file, in which nothing is missing.
+  bool may_differ(const std::string& name) const {
+    try {
+      if (name == original_.pulses().filename()) {
+        return std::ranges::includes(pulses_in(copy_), pulses_in(original_));
+      }
+      return name == original_.mesh().filename() &&
+             std::ranges::includes(meshes_in(copy_), meshes_in(original_));
+    } catch (const InputError&) {
+      return false;
+    }
+  }
+
+  const TakePaths& original_;
+  const TakePaths& copy_;
+  std::vector<std::string> lines_;
+};
+
+}  // namespace
+
+std::vector<std::string> missing_in_copy(const TakePaths& original, const Verified& verified,
+                                         const TakePaths& copy) {
+  return CopyCheck(original, copy).run(verified);
+}
+
+}  // namespace v3d

@@ -1,0 +1,138 @@
+#include "take/take_files.h"
+
+#include <fcntl.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <array>
+#include <cerrno>
+#include <charconv>
+
+#include "base/checksum.h"
+#include "base/io/file.h"
+
+namespace v3d {
+namespace {
+
+namespace fs = std::filesystem;
+
+TakeFile file_of(const std::string& name, const struct stat& status) {
+  return {.name = name,
+          .bytes = status.st_size,
+          .changed_ns = status.st_mtim.tv_sec * 1'000'000'000LL + status.st_mtim.tv_nsec,
+          .checksum = {}};
+}
+
+/// What a power cut leaves of io::replace_file(): "take.toml.part-123-1".
+bool is_unfinished(const std::string& name) {
+  const std::string mark = ".part-";
+  const size_t at = name.rfind(mark);
+  return at != std::string::npos &&
+         name.find_first_not_of("0123456789-", at + mark.size()) == std::string::npos;
+}
+
+/// Appends the regular files of one folder. `prefix` stands before their names.
+io::Status add_names(const fs::path& folder, const std::string& prefix,
+                     std::vector<std::string>& names) {
+  const auto entries = io::list_folder(folder);
+  if (!entries) return tl::make_unexpected(entries.error());
+  for (const fs::path& entry : *entries) {
+    const std::string name = entry.filename();
+    std::error_code error;
+    if (name.starts_with(".") || is_unfinished(name)) continue;
+    if (fs::is_regular_file(entry, error)) names.push_back(prefix + name);
+  }
+  return {};
+}
+
+/// File systems that keep no dirty pages, or are mounted read-only, need not sync: EINVAL, EROFS.
+io::Status drop_from_page_cache(const io::File& file) {
+  if (fdatasync(file.fd()) != 0 && errno != EINVAL && errno != EROFS) {
+    return io::io_error("sync", file.path());
+  }
+  if (const int error = posix_fadvise(file.fd(), 0, 0, POSIX_FADV_DONTNEED); error != 0) {
+    errno = error;
+    return io::io_error("drop from the page cache", file.path());
+  }
+  return {};
+}
+
+io::Result<uint64_t> checksum_of(const io::File& file, int64_t limit) {
+  constexpr int64_t kChunk = 1 << 20;
+  std::vector<uint8_t> chunk(kChunk);
+  RunningChecksum sum;
+  for (int64_t offset = 0; offset < limit;) {
+    const auto size = static_cast<size_t>(std::min(kChunk, limit - offset));
+    const auto got = file.read(static_cast<uint64_t>(offset), std::span(chunk).first(size));
+    if (!got) return tl::make_unexpected(got.error());
+    if (*got == 0) break;
+    sum.add(std::span(chunk).first(*got));
+    offset += static_cast<int64_t>(*got);
+  }
+  return sum.value();
+}
+
+}  // namespace
+
+std::string checksum_text(uint64_t checksum) {
+  std::string text(16, '0');
+  for (auto digit = text.rbegin(); digit != text.rend(); ++digit, checksum >>= 4) {
+    *digit = "0123456789abcdef"[checksum & 15];
+  }
+  return text;
+}
+
+std::optional<uint64_t> parse_checksum(std::string_view text) {
+  uint64_t checksum = 0;
+  const char* const end = text.data() + text.size();
+  const auto parsed = std::from_chars(text.data(), end, checksum, 16);
+  if (text.size() != 16 || parsed.ec != std::errc() || parsed.ptr != end) return std::nullopt;
+  return checksum;
+}
+
+io::Result<std::vector<std::string>> take_file_names(const TakePaths& paths) {
+  std::vector<std::string> names;
+  io::Status listed = add_names(paths.folder, "", names);
+  std::error_code error;
+  if (listed && fs::is_directory(paths.background(), error)) {
+    listed = add_names(paths.background(), paths.background().filename().string() + "/", names);
+  }
+  if (!listed) return tl::make_unexpected(listed.error());
+  std::ranges::sort(names);
+  return names;
+}
+
+bool is_written_after_ledger(std::string_view name) {
+  const TakePaths paths;
+  return std::ranges::any_of(
+      std::array{paths.ledger(), paths.verified(), paths.slate(), paths.mesh()},
+      [&](const fs::path& path) { return path == name; });
+}
+
+io::Result<TakeFile> stat_take_file(const TakePaths& paths, const std::string& name) {
+  struct stat status {};
+  const fs::path path = paths.folder / name;
+  if (stat(path.c_str(), &status) != 0) return io::io_error("read", path);
+  return file_of(name, status);
+}
+
+io::Result<TakeFile> read_take_file(const TakePaths& paths, const std::string& name, ReadFrom from,
+                                    int64_t limit) {
+  const auto file = io::File::open(paths.folder / name, io::OpenMode::kRead);
+  if (!file) return tl::make_unexpected(file.error());
+  struct stat status {};
+  if (fstat(file->fd(), &status) != 0) return io::io_error("read", file->path());
+  if (from == ReadFrom::kDisk) {
+    if (auto dropped = drop_from_page_cache(*file); !dropped) {
+      return tl::make_unexpected(dropped.error());
+    }
+  }
+  const auto sum = checksum_of(*file, limit);
+  if (!sum) return tl::make_unexpected(sum.error());
+  TakeFile read = file_of(name, status);
+  read.checksum = *sum;
+  return read;
+}
+
+}  // namespace v3d

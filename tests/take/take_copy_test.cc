@@ -1,0 +1,124 @@
+#include "take/take_copy.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "base/error.h"
+#include "base/file.h"
+#include "recording.h"
+#include "support/begun_take.h"
+#include "support/temporary_folder.h"
+#include "take/frame_log.h"
+#include "take/mesh_file.h"
+#include "take/take_account.h"
+
+namespace v3d {
+namespace {
+
+namespace fs = std::filesystem;
+using testing::ElementsAre;
+using testing::HasSubstr;
+using testing::IsEmpty;
+
+/// A verified take on a node, and its copy in an archive.
+class CopiedTake : public testing::Test {
+ protected:
+  CopiedTake() {
+    fs::create_directories(node_.background());
+    test::write_text(node_.calib(), "# the rig\n");
+    test::write_text(node_.background() / "cam07.toml", "plates");
+    TakeInfo info = test::begun_take({"cam07"});
+    info.state = TakeState::kComplete;
+    info.pulses = 1;
+    Ledger ledger{.take = "kendo-07", .commanded = 1, .sensed = 1, .cameras = {}};
+    ledger.cameras.push_back(account("cam07", {0}, {}, 1));
+    EventLogWriter frames(node_.frames("cam07"));
+    EXPECT_TRUE(frames.write(test::recorded_frame("cam07", 0, {64, 48})));
+    ledger.files.push_back(frames.file());
+    record_pulses(node_, 1);
+    EXPECT_TRUE(save_account(node_, info, ledger));
+    verify();
+    fs::create_directories(archive_.folder.parent_path());
+    fs::copy(node_.folder, archive_.folder, fs::copy_options::recursive);
+  }
+
+  static void record_pulses(const TakePaths& take, int64_t pulses) {
+    fs::remove(take.pulses());
+    EventLogWriter log(take.pulses());
+    for (int64_t pulse = 0; pulse < pulses; ++pulse) {
+      PulseMessage message;
+      message.pulse = pulse;
+      EXPECT_TRUE(log.write(message));
+    }
+  }
+
+  void verify() const { EXPECT_TRUE(save_verified(node_, verify_take(node_))); }
+
+  std::vector<std::string> missing() const {
+    return missing_in_copy(node_, load_verified(node_).value(), archive_);
+  }
+
+  const test::TemporaryFolder folder_;
+  const TakePaths node_{folder_ / "node/kendo-07"};
+  const TakePaths archive_{folder_ / "archive/kendo-07"};
+};
+
+TEST_F(CopiedTake, lacks_nothing_and_may_have_another_slate_and_joined_accounts) {
+  EXPECT_THAT(missing(), IsEmpty());
+  test::write_text(node_.slate(), "mark = 'rejected'\n");
+  test::write_text(archive_.ledger(), "# joined\n");
+  EXPECT_THAT(missing(), IsEmpty());
+}
+
+TEST_F(CopiedTake, names_the_file_of_which_the_copy_lost_a_bit) {
+  std::string log = read_file(archive_.frames("cam07"));
+  log.back() = static_cast<char>(log.back() ^ 1);
+  test::write_text(archive_.frames("cam07"), log);
+  EXPECT_THAT(missing(), ElementsAre(testing::AllOf(HasSubstr("archive/kendo-07/cam07.lcmlog: has"),
+                                                    HasSubstr("the original"))));
+  fs::remove(archive_.background() / "cam07.toml");
+  EXPECT_THAT(missing(), testing::Contains(HasSubstr("background/cam07.toml: No such file")));
+}
+
+TEST_F(CopiedTake, is_no_copy_where_it_is_the_take_itself) {
+  EXPECT_THAT(missing_in_copy(node_, load_verified(node_).value(), node_),
+              testing::Contains(HasSubstr("is the file itself, not a copy")));
+  fs::remove(archive_.calib());
+  fs::create_hard_link(node_.calib(), archive_.calib());
+  EXPECT_THAT(missing(), ElementsAre(HasSubstr("calib.toml: is the file itself, not a copy")));
+}
+
+TEST_F(CopiedTake, may_have_the_pulses_and_meshes_of_a_node_that_has_more) {
+  record_pulses(archive_, 2);
+  EXPECT_THAT(missing(), IsEmpty());
+  record_pulses(archive_, 0);
+  EXPECT_THAT(missing(), ElementsAre(HasSubstr("pulses.lcmlog: has")));
+  record_pulses(archive_, 1);
+  const auto reconstruct = [](const TakePaths& take, std::vector<int64_t> pulses) {
+    fs::remove(take.mesh());
+    MeshFileWriter file(take.mesh());
+    for (const int64_t pulse : pulses) EXPECT_TRUE(file.append(pulse, std::vector<uint8_t>{1}));
+  };
+  reconstruct(node_, {0});
+  EXPECT_FALSE(load_verified(node_)) << "its meshes are new";
+  verify();
+  EXPECT_THAT(missing(), ElementsAre(HasSubstr("mesh.v3d: No such file")));
+  reconstruct(archive_, {0, 1});
+  EXPECT_THAT(missing(), IsEmpty());
+  reconstruct(archive_, {1});
+  EXPECT_THAT(missing(), ElementsAre(HasSubstr("mesh.v3d: has")));
+}
+
+TEST_F(CopiedTake, of_another_take_or_without_a_camera_is_refused) {
+  TakeInfo info = load_take_info(archive_);
+  info.name = "kendo-08";
+  info.cameras = {"cam01"};
+  EXPECT_TRUE(save_take_info(archive_, info));
+  EXPECT_THAT(missing(), ElementsAre(HasSubstr("is a copy of take kendo-08, not of kendo-07"),
+                                     HasSubstr("has no camera 'cam07'")));
+  fs::remove(archive_.info());
+  EXPECT_THROW(missing(), InputError);
+}
+
+}  // namespace
+}  // namespace v3d
