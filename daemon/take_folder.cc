@@ -131,9 +131,12 @@ bool close_take(const Studio& studio, TakeInfo info, const Ledger& ledger) {
   const TakePaths paths = take_paths(studio, info.name);
   info.pulses = ledger.commanded;
   info.state = TakeState::kComplete;
-  const io::Status status = save_account(paths, info, ledger);
-  if (!status) spdlog::error("take {}: {}", info.name, status.error().message);
-  return status.has_value();
+  const auto unread = save_account(paths, info, ledger);
+  if (!unread) spdlog::error("take {}: {}", info.name, unread.error().message);
+  for (const std::string& line : unread.value_or(std::vector<std::string>())) {
+    spdlog::error("take {}: its ledger lacks a checksum: {}", info.name, line);
+  }
+  return unread && unread->empty();
 }
 
 std::vector<RecoveredTake> recover_open_takes(const Studio& studio, const std::string& node,

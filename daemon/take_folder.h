@@ -40,7 +40,8 @@ TakeLock lock_take(const TakePaths& paths, const std::string& node);
 /// process records into it. A failure is logged; the next start of the daemon tries again.
 void close_reopened_take(const TakePaths& paths, const std::string& node);
 
-/// Writes the ledger and the final take.toml. False, and logged, when the disk reports an error.
+/// Writes the ledger and the final take.toml. False, and logged, when the disk reports an error,
+/// also when it does not give a file that the ledger names with its checksum.
 bool close_take(const Studio& studio, TakeInfo info, const Ledger& ledger);
 
 struct RecoveredTake {

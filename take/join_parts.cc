@@ -145,7 +145,7 @@ TakeInfo join_parts(const std::vector<TakePaths>& parts, const TakePaths& into) 
   Ledger ledger = merge(ledgers);
   ledger.files = joined_files(recorded, sensed_most->ledger, into);
   info.pulses = ledger.commanded;
-  io::throw_if_failed(save_account(into, info, std::move(ledger)));
+  save_whole_account(into, info, std::move(ledger));
   return info;
 }
 

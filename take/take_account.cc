@@ -1,6 +1,7 @@
 #include "take/take_account.h"
 
 #include <algorithm>
+#include <stdexcept>
 
 #include "base/checksum.h"
 #include "base/error.h"
@@ -38,30 +39,50 @@ TakeFile entry_of_text(const std::string& name, const std::string& text) {
           .checksum = checksum({bytes})};
 }
 
-TakeFile entry_of_file(const TakePaths& paths, const std::string& name) {
+TakeFile entry_of_file(const TakePaths& paths, const std::string& name,
+                       std::vector<std::string>& unread) {
   auto read = read_take_file(paths, name, ReadFrom::kPageCache);
   if (read) return *std::move(read);
+  unread.push_back(read.error().message);
   return stat_take_file(paths, name).value_or(TakeFile{.name = name, .checksum = {}});
+}
+
+/// Names what `ledger` does not name yet. Returns the files that could not be read.
+io::Result<std::vector<std::string>> add_files(const TakePaths& paths, const TakeInfo& info,
+                                               Ledger& ledger) {
+  const std::optional<Ledger> before = ledger_before(paths);
+  const auto names = take_file_names(paths);
+  if (!names) return tl::make_unexpected(names.error());
+  std::vector<std::string> unread;
+  for (const std::string& name : *names) {
+    if (is_written_after_ledger(name) || ledger.file(name)) continue;
+    ledger.files.push_back(is_camera_log(name, info) ? entry_of_camera_log(paths, name, before)
+                                                     : entry_of_file(paths, name, unread));
+  }
+  return unread;
 }
 
 }  // namespace
 
-io::Status save_account(const TakePaths& paths, const TakeInfo& info, Ledger ledger) {
-  const std::optional<Ledger> before = ledger_before(paths);
-  const auto names = take_file_names(paths);
-  if (!names) return tl::make_unexpected(names.error());
+io::Result<std::vector<std::string>> save_account(const TakePaths& paths, const TakeInfo& info,
+                                                  Ledger ledger) {
   const std::string text = take_info_text(info), info_name = paths.info().filename();
   std::erase_if(ledger.files, [&](const TakeFile& file) { return file.name == info_name; });
-  for (const std::string& name : *names) {
-    if (is_written_after_ledger(name) || ledger.file(name) || name == info_name) continue;
-    ledger.files.push_back(is_camera_log(name, info) ? entry_of_camera_log(paths, name, before)
-                                                     : entry_of_file(paths, name));
-  }
-  ledger.files.push_back(entry_of_text(info_name, text));
+  ledger.files.push_back(entry_of_text(info_name, text));  // of the file that is written below
+  auto unread = add_files(paths, info, ledger);
+  if (!unread) return unread;
   for (TakeFile& file : ledger.files) file.changed_ns = 0;
   std::ranges::sort(ledger.files, {}, &TakeFile::name);
-  const io::Status saved = save_ledger(paths.ledger(), ledger);
-  return saved ? save_take_info(paths, info) : saved;
+  io::Status saved = save_ledger(paths.ledger(), ledger);
+  if (saved) saved = save_take_info(paths, info);
+  if (!saved) return tl::make_unexpected(saved.error());
+  return unread;
+}
+
+void save_whole_account(const TakePaths& paths, const TakeInfo& info, Ledger ledger) {
+  const auto unread = save_account(paths, info, std::move(ledger));
+  if (!unread) throw std::runtime_error(unread.error().message);
+  if (!unread->empty()) throw std::runtime_error(unread->front());
 }
 
 }  // namespace v3d

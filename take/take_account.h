@@ -1,6 +1,9 @@
 // The end of a take's account: ledger.toml with the checksums of all files, and take.toml.
 #pragma once
 
+#include <string>
+#include <vector>
+
 #include "base/io/result.h"
 #include "take/ledger.h"
 #include "take/take.h"
@@ -11,7 +14,12 @@ namespace v3d {
 /// that it does not name yet: these are read for their checksum, but for logs of cameras, which may
 /// be tens of gigabytes. Such a log keeps the checksum that the ledger before had for a file of
 /// this length, or is named without one. A file that cannot be read is named without a checksum.
-/// Fails with path and cause.
-[[nodiscard]] io::Status save_account(const TakePaths& paths, const TakeInfo& info, Ledger ledger);
+/// Returns why it could not, one line each. Fails with path and cause when nothing was written.
+[[nodiscard]] io::Result<std::vector<std::string>> save_account(const TakePaths& paths,
+                                                                const TakeInfo& info,
+                                                                Ledger ledger);
+
+/// The same for programs that make a take: throws std::runtime_error for all of that.
+void save_whole_account(const TakePaths& paths, const TakeInfo& info, Ledger ledger);
 
 }  // namespace v3d

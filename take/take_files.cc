@@ -41,7 +41,8 @@ io::Status add_names(const fs::path& folder, const std::string& prefix,
     const std::string name = entry.filename();
     std::error_code error;
     if (name.starts_with(".") || is_unfinished(name)) continue;
-    if (fs::is_regular_file(entry, error)) names.push_back(prefix + name);
+    // Reading a file of which the disk does not say what it is reports why.
+    if (fs::is_regular_file(entry, error) || error) names.push_back(prefix + name);
   }
   return {};
 }
@@ -105,9 +106,10 @@ io::Result<std::vector<std::string>> take_file_names(const TakePaths& paths) {
 
 bool is_written_after_ledger(std::string_view name) {
   const TakePaths paths;
-  return std::ranges::any_of(
-      std::array{paths.ledger(), paths.verified(), paths.slate(), paths.mesh()},
-      [&](const fs::path& path) { return path == name; });
+  return name.ends_with(".lcmlog.index") ||
+         std::ranges::any_of(
+             std::array{paths.ledger(), paths.verified(), paths.slate(), paths.mesh()},
+             [&](const fs::path& path) { return path == name; });
 }
 
 io::Result<TakeFile> stat_take_file(const TakePaths& paths, const std::string& name) {

@@ -38,7 +38,7 @@ enum class ReadFrom : uint8_t {
 [[nodiscard]] io::Result<std::vector<std::string>> take_file_names(const TakePaths& paths);
 
 /// A file that is written after the ledger, so that no ledger can have its checksum: the ledger
-/// itself, verified.toml, the slate and mesh.v3d.
+/// itself, verified.toml, the slate, mesh.v3d, and what recoveries find in segments (SegmentIndex).
 bool is_written_after_ledger(std::string_view name);
 
 /// Length and time of change, without a checksum. Fails when the file cannot be asked.

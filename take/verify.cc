@@ -37,8 +37,8 @@ io::Result<std::optional<FrameLabel>> read_label(const EventLogReader& log, cons
 /// Files that programs read as parts of a take: in a folder of a take they need an account.
 bool is_part_of_take(const std::string& name) {
   const TakePaths paths;
-  return name.ends_with(".lcmlog") || name.ends_with(".lcmlog.index") || name == paths.calib() ||
-         name == paths.studio() || name.starts_with(paths.background().string() + "/");
+  return name.ends_with(".lcmlog") || name == paths.calib() || name == paths.studio() ||
+         name.starts_with(paths.background().string() + "/");
 }
 
 /// Reads the files of a take and compares them with the list of its ledger.
@@ -50,7 +50,7 @@ class FileCheck {
   /// Reads all segments of a log. What reads them afterwards finds them in the page cache.
   void read_log(const std::filesystem::path& log) {
     const auto segments = existing_segments(log);
-    if (!segments) return;  // opening the log reports it
+    if (!segments) return result_.disagreements.push_back(segments.error().message);
     for (const auto& segment : *segments) read(segment.filename());
   }
 
@@ -368,7 +368,9 @@ Verification recover_take(const TakePaths& paths) {
   remove_working_file(paths.reserve());
   result.info.state = TakeState::kRecovered;
   result.info.pulses = result.ledger.commanded;
-  io::throw_if_failed(save_account(paths, result.info, result.ledger));
+  const auto unread = save_account(paths, result.info, result.ledger);
+  if (!unread) throw std::runtime_error(unread.error().message);
+  result.disagreements.insert(result.disagreements.end(), unread->begin(), unread->end());
   return result;
 }
 

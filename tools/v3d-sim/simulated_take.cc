@@ -234,7 +234,7 @@ void write_take(const SimulatedTake& take, const std::function<void(int64_t)>& p
   }
   info.pulses = take.frames;
   info.state = TakeState::kComplete;
-  io::throw_if_failed(save_account(paths, info, ledger));
+  save_whole_account(paths, info, ledger);
 }
 
 }  // namespace v3d::sim

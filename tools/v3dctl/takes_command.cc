@@ -85,16 +85,18 @@ int change_slates(const CommandLine& line, const Arguments& arguments, Change ch
 
 // --- delete -------------------------------------------------------------------------------------
 
+[[noreturn]] void refuse_unverified(const TakeListing& take) {
+  throw InputError(take.info.name + " is not verified, or has changed since: v3dctl verify " +
+                   take.paths.folder.string());
+}
+
 void refuse_to_delete(const TakeListing& take) {
   const std::string& name = take.info.name;
   if (take.info.state == TakeState::kRecording) {
     throw InputError(name + " is being recorded, or was never closed: v3dctl verify --recover " +
                      take.paths.folder.string());
   }
-  if (!take.examined) {
-    throw InputError(name + " is not verified, or has changed since: v3dctl verify " +
-                     take.paths.folder.string());
-  }
+  if (!take.examined) refuse_unverified(take);
   if (take.slate.mark == Mark::kCircled) {
     throw InputError(name + " is circled: v3dctl takes clear " + name);
   }
@@ -103,9 +105,9 @@ void refuse_to_delete(const TakeListing& take) {
 /// The copy is read from its disk. Throws InputError with the first of what it lacks.
 void refuse_without_copy(const TakeListing& take, const fs::path& copies) {
   const auto verified = load_verified(take.paths);
-  if (!verified) refuse_to_delete(look_at_take(take.paths));
+  if (!verified) refuse_unverified(take);
   const TakePaths copy{copies / take.info.name};
-  const std::vector<std::string> missing = missing_in_copy(take.paths, verified.value(), copy);
+  const std::vector<std::string> missing = missing_in_copy(take.paths, *verified, copy);
   if (missing.empty()) return;
   for (const std::string& text : missing) note(text);
   throw InputError(take.info.name + " is not deleted: its copy in " + copies.string() +
