@@ -43,7 +43,9 @@ class SyncWatch {
     ++syncs_;
     thread_ = std::this_thread::get_id();
     changed_.notify_all();
-    changed_.wait(lock, [this] { return !holds_; });
+    const bool is_released =
+        changed_.wait_for(lock, std::chrono::seconds(10), [this] { return !holds_; });
+    is_stuck_ = is_stuck_ || !is_released;
     if (!std::exchange(fails_, false)) return static_cast<int>(syscall(SYS_fsync, fd));
     errno = EIO;
     return -1;
@@ -63,6 +65,11 @@ class SyncWatch {
     const std::lock_guard lock(mutex_);
     fails_ = true;
   }
+  /// Whether a sync was held for ten seconds.
+  bool is_stuck() {
+    const std::lock_guard lock(mutex_);
+    return is_stuck_;
+  }
   std::thread::id thread() const { return thread_; }
 
  private:
@@ -71,6 +78,7 @@ class SyncWatch {
   int syncs_ = 0;
   bool holds_ = false;
   bool fails_ = false;
+  bool is_stuck_ = false;
   std::thread::id thread_;
 };
 
@@ -97,8 +105,9 @@ TEST_F(MeshSync, happens_while_meshes_are_appended_and_on_another_thread) {
 TEST_F(MeshSync, does_not_keep_append_waiting_for_the_disk) {
   watch_.hold(true);
   EXPECT_TRUE(file_.append(0, kMesh));
-  ASSERT_TRUE(watch_.wait_for(1)) << "the sync waits now";
+  EXPECT_TRUE(watch_.wait_for(1)) << "the sync waits now";
   EXPECT_TRUE(file_.append(1, kMesh));
+  EXPECT_FALSE(watch_.is_stuck()) << "append() went on only when the sync did";
   watch_.hold(false);
   EXPECT_TRUE(file_.close());
 }
