@@ -3,6 +3,12 @@
 #include <algorithm>
 
 namespace v3d {
+namespace {
+
+/// Networks do not delay a message longer.
+constexpr Duration kOvertakenBy = std::chrono::seconds(10);
+
+}  // namespace
 
 SequenceCounts& SequenceCounts::operator+=(const SequenceCounts& other) {
   received += other.received;
@@ -21,7 +27,9 @@ void SequenceTracker::note(const std::string& key, int64_t seq, RealtimeInstant 
 }
 
 SequenceCounts SequenceTracker::arrived(Sender& sender, int64_t seq, RealtimeInstant sent) const {
-  const bool overtaken = seq <= sender.newest && sent <= sender.newest_sent;
+  // A sender whose clock was set back while it was away has started again, too.
+  const bool overtaken = seq <= sender.newest && sent <= sender.newest_sent &&
+                         sender.newest_sent - sent < kOvertakenBy;
   if (overtaken && sender.awaited.erase(seq) > 0) return {.received = 1, .lost = -1, .late = 1};
   if (overtaken) return {.duplicate = 1};
   if (seq <= sender.newest) {  // begins again

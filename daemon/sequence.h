@@ -29,7 +29,8 @@ class SequenceTracker {
   explicit SequenceTracker(bool from_start = false) : from_start_(from_start) {}
 
   /// Every message of `key`, as it arrives. `seq` is 0 or more. `sent` is by the clock of the
-  /// sender: a number that does not rise, but was sent later, is of a sender that started again.
+  /// sender: a number that does not rise, but was sent later, or ten seconds earlier or more, is of
+  /// a sender that started again.
   void note(const std::string& key, int64_t seq, RealtimeInstant sent);
 
   /// What was sent of `key` until now was not listened to, and is not lost.

@@ -50,6 +50,14 @@ TEST(SequenceTracker, takes_back_the_loss_of_a_message_that_was_only_late) {
   EXPECT_EQ(tracker.of("a"), (SequenceCounts{.received = 3, .lost = 1, .late = 1}));
 }
 
+TEST(SequenceTracker, follows_a_sender_that_starts_again_with_its_clock_set_back) {
+  SequenceTracker tracker(true);
+  note(tracker, "a", {0, 1, 2, 3});
+  const RealtimeInstant hour_before = sent(0) - std::chrono::hours(1);
+  for (const int64_t seq : {0, 1, 3}) tracker.note("a", seq, hour_before + Duration(seq));
+  EXPECT_EQ(tracker.of("a"), (SequenceCounts{.received = 7, .lost = 1}));
+}
+
 TEST(SequenceTracker, counts_a_message_that_comes_twice_once) {
   SequenceTracker tracker;
   note(tracker, "a", {0, 1, 1, 2, 0});

@@ -51,9 +51,9 @@ void make_socket(const fs::path& path) {
   ASSERT_EQ(bind(fd.get(), reinterpret_cast<const sockaddr*>(&here), sizeof here), 0);
 }
 
-class TakeFiles : public testing::Test {
+class FilesOfTakes : public testing::Test {
  protected:
-  TakeFiles() {
+  FilesOfTakes() {
     fs::create_directory(take_.folder);
     EXPECT_TRUE(save_take_info(take_, test::begun_take({"cam01"})));
     std::ofstream(take_.slate()) << "note = \"good\"\n";
@@ -81,11 +81,11 @@ class TakeFiles : public testing::Test {
       {take_.pulses(), [this] { EventLogReader{take_.pulses()}; }}};
 };
 
-TEST_F(TakeFiles, are_read_where_they_are_regular_files) {
+TEST_F(FilesOfTakes, are_read_where_they_are_regular_files) {
   for (const auto& [path, read] : readers_) EXPECT_NO_THROW(read()) << path;
 }
 
-TEST_F(TakeFiles, are_refused_where_they_are_fifos_sockets_devices_folders_or_links) {
+TEST_F(FilesOfTakes, are_refused_where_they_are_fifos_sockets_devices_folders_or_links) {
   const std::map<std::string, std::function<void(const fs::path&)>> wrong = {
       {"a FIFO", make_fifo},
       {"a socket", make_socket},
@@ -104,7 +104,7 @@ TEST_F(TakeFiles, are_refused_where_they_are_fifos_sockets_devices_folders_or_li
   }
 }
 
-TEST_F(TakeFiles, are_refused_with_a_line_that_says_why) {
+TEST_F(FilesOfTakes, are_refused_with_a_line_that_says_why) {
   link_out(take_.slate());
   try {
     load_slate(take_.slate());
@@ -114,7 +114,7 @@ TEST_F(TakeFiles, are_refused_with_a_line_that_says_why) {
   }
 }
 
-TEST_F(TakeFiles, are_read_from_a_take_folder_that_is_a_link) {
+TEST_F(FilesOfTakes, are_read_from_a_take_folder_that_is_a_link) {
   const TakePaths linked{folder_ / "linked"};
   fs::create_directory_symlink(take_.folder, linked.folder);
   EXPECT_EQ(load_take_info(linked).name, "kendo-07");
@@ -122,14 +122,14 @@ TEST_F(TakeFiles, are_read_from_a_take_folder_that_is_a_link) {
   EXPECT_EQ(MeshFileReader(linked.mesh()).pulses().size(), 1u);
 }
 
-TEST_F(TakeFiles, of_text_have_a_limit_of_size) {
+TEST_F(FilesOfTakes, of_text_have_a_limit_of_size) {
   for (const fs::path& path : {take_.info(), take_.slate(), take_.calib()}) {
     std::ofstream(path, std::ios::app) << "\n#" << std::string(kMaxTakeTextBytes, 'x') << "\n";
     EXPECT_THROW(readers_.at(path)(), InputError) << path;
   }
 }
 
-TEST_F(TakeFiles, that_are_fifos_keep_no_other_take_from_the_listing) {
+TEST_F(FilesOfTakes, that_are_fifos_keep_no_other_take_from_the_listing) {
   const TakePaths other{folder_ / "kendo-08"};
   fs::copy(take_.folder, other.folder);
   for (const char* name :
@@ -142,7 +142,7 @@ TEST_F(TakeFiles, that_are_fifos_keep_no_other_take_from_the_listing) {
   }
 }
 
-TEST_F(TakeFiles, ledger_and_verification_are_refused_where_they_are_links) {
+TEST_F(FilesOfTakes, ledger_and_verification_are_refused_where_they_are_links) {
   for (const fs::path& path : {take_.ledger(), take_.verified()}) {
     fs::create_symlink(take_.info(), path);
     EXPECT_THAT([&] { load_ledger(path); },

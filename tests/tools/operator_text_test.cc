@@ -132,6 +132,17 @@ TEST(TakeAccounts, hold_what_cameras_sent_live_against_what_arrived) {
   EXPECT_EQ(live_line(merge_ledgers(answer)), "") << "an older reconstruction does not tell";
 }
 
+TEST(TakeAccounts, say_nothing_of_live_losses_where_a_node_was_started_anew_in_the_take) {
+  Answer answer;
+  answer.replies["cap01"] = reply(Outcome::kDone, "", detail("cam01", 0));
+  answer.replies["cap02"] = reply(Outcome::kDone, "", detail("cam02", 0));
+  answer.replies["recon"] =
+      reply(Outcome::kDone, "", "{\"cam01.live_received\": 106, \"cam02.live_received\": 8}");
+  const TakeAccount account = merge_ledgers(answer);
+  EXPECT_EQ(live_line(account), "live: 2 of 10 frames lost on the network: cam02 2");
+  EXPECT_FALSE(account.live_lost.contains("cam01"));
+}
+
 TEST(TakeAccounts, count_the_meshes_of_a_shared_take_once) {
   const auto share = [](int meshes, int made, int taken_over, const std::string& without) {
     return reply(Outcome::kDone, "",

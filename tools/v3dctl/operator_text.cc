@@ -22,6 +22,8 @@ std::string_view word(ReplyMessage::Outcome outcome) {
       return "done";
     case ReplyMessage::Outcome::kRefused:
       return "refused";
+    case ReplyMessage::Outcome::kNonceMissing:
+      break;  // the client sends the command again
   }
   return "";
 }
@@ -155,14 +157,16 @@ Ledger account_of_the_silent(const std::vector<std::string>& expected,
   return silent;
 }
 
-/// What the cameras sent, less what the reconstruction says that it got.
+/// What the cameras sent, less what the reconstruction says that it got. A node that was started
+/// anew in the take has not counted what it sent before: of its cameras nothing is said.
 std::map<std::string, int64_t> live_lost_of(const Ledger& ledger, const Json& reconstruction) {
   std::map<std::string, int64_t> lost;
   for (const CameraLedger& camera : ledger.cameras) {
     const auto received = reconstruction.find(camera.name + ".live_received");
     if (received == reconstruction.end()) continue;
     try {
-      lost[camera.name] = camera.published - count_in(*received);
+      const int64_t lost_frames = camera.published - count_in(*received);
+      if (lost_frames >= 0) lost[camera.name] = lost_frames;
     } catch (const Json::exception&) {
       continue;
     }
