@@ -47,8 +47,9 @@ class Bus::Impl {
         seal_(seal),
         sender_(url),
         common_(std::make_shared<MulticastReceiver>(url)),
-        receiver_(std::move(channels), seal,
-                  [this](std::string_view channel) { return is_wanted(channel); }) {
+        receiver_(
+            std::move(channels), seal,
+            [this](std::string_view channel) { return is_wanted(channel); }, session_port()) {
     for (const std::string& group : frame_urls_) {
       frame_senders_.push_back(std::make_unique<MulticastSender>(group));
     }
@@ -132,6 +133,22 @@ class Bus::Impl {
     }
   }
 
+  SessionPort session_port() {
+    return {.newest_of_own = [this](uint32_t session) { return newest_of_own(session); },
+            .send =
+                [this](SessionMessage message) {
+                  message.sent = Realtime::now();
+                  publish(kSessionChannel, encode(message), true);
+                }};
+  }
+  std::optional<uint32_t> newest_of_own(uint32_t session) const {
+    if (sender_.session() == session) return sender_.newest();
+    for (const auto& sender : frame_senders_) {
+      if (sender->session() == session) return sender->newest();
+    }
+    return std::nullopt;
+  }
+
   using Receivers = std::vector<std::shared_ptr<MulticastReceiver>>;
   Receivers joined() const {
     const std::lock_guard lock(mutex_);
@@ -168,7 +185,8 @@ class Bus::Impl {
       const auto datagrams = ring_.wait(kAtOnce);
       if (datagrams.empty()) return;
       for (const DatagramRing::Received& datagram : datagrams) {
-        const auto message = receiver_.receive(datagram.bytes, datagram.source, Realtime::now());
+        const auto message =
+            receiver_.receive(datagram.bytes, datagram.source, ReceiverTime::now());
         if (message) deliver(*message);
       }
       ring_.release(datagrams.size());

@@ -107,12 +107,12 @@ class Subscription {
   /// Makes a message of what was received, or nothing. Runs on the handling thread.
   using Open = std::function<std::optional<M>(const ReceivedMessage&)>;
 
-  /// Messages that the bus accepts, and that are recent and new by what they say themselves.
+  /// Messages that the bus accepts.
   Subscription(Bus& bus, const std::string& channels, size_t queue_limit)
-      : Subscription(bus, channels, queue_limit,
-                     [seal = &bus.seal(), gate = NewsGate()](const ReceivedMessage& in) mutable {
-                       return open_sealed(*seal, gate, in, Realtime::now());
-                     }) {}
+      : Subscription(bus, channels, queue_limit, [](const ReceivedMessage& in) -> std::optional<M> {
+          if (!in.is_accepted) return std::nullopt;
+          return decode<M>(in.bytes);
+        }) {}
   /// `open` decides.
   Subscription(Bus& bus, const std::string& channels, size_t queue_limit, Open open,
                Bus::Accept accept = Bus::Accept::kAccepted)
@@ -125,25 +125,6 @@ class Subscription {
   /// The next message, waiting until `deadline`; empty when none came.
   std::optional<M> wait(MonotonicInstant deadline) { return inbox_->queue.pop(deadline); }
 
-  /// The message when it is accepted and new; counted in the seal otherwise.
-  static std::optional<M> open_sealed(MessageSeal& seal, NewsGate& gate,
-                                      const ReceivedMessage& received, RealtimeInstant now) {
-    if (!received.is_accepted) return std::nullopt;
-    auto message = decode<M>(received.bytes);
-    if (!message || !seal.asks_for_news()) return message;
-    switch (gate.judge(sender_of(*message), message->seq, message->sent, now)) {
-      case NewsGate::Verdict::kNews:
-        return message;
-      case NewsGate::Verdict::kStale:
-        seal.count_stale(now - message->sent);
-        break;
-      case NewsGate::Verdict::kHeard:
-        seal.count_replayed();
-        break;
-    }
-    return std::nullopt;
-  }
-
   SubscriptionCounts counts() const {
     return {.received = inbox_->received,
             .dropped = inbox_->queue.dropped(),
@@ -152,18 +133,6 @@ class Subscription {
   }
 
  private:
-  /// As the message says itself: the channel is not sealed.
-  static std::string sender_of(const M& message) {
-    if constexpr (requires { message.node; }) {
-      return message.node;
-    } else if constexpr (requires { message.camera; }) {
-      return message.camera;
-    } else if constexpr (requires { message.frame; }) {
-      return message.frame.camera;
-    } else {
-      return {};
-    }
-  }
   static bool is_of_channel(const M& message, std::string_view channel) {
     if constexpr (std::is_same_v<M, HealthMessage>) return channel == health_channel(message.node);
     return true;

@@ -17,11 +17,12 @@ constexpr size_t kMiB = 1024 * kKiB;
 
 /// Raw frames of 12 megapixels, meshes of a million triangles and ledgers of long takes fit; what
 /// nodes only state about themselves is short.
-constexpr std::array<ChannelKind, 10> kKinds = {{
+constexpr std::array<ChannelKind, 11> kKinds = {{
     {.name = kCommandChannel, .max_bytes = 16 * kKiB, .holds_own_mac = true},
     {.name = kReplyChannel, .max_bytes = 4 * kMiB, .holds_own_mac = true},
     {.name = kPulseChannel, .max_bytes = 4 * kKiB},
     {.name = kEventChannel, .max_bytes = 32 * kKiB},
+    {.name = kSessionChannel, .max_bytes = kKiB, .is_of_sessions = true},
     {.name = kMeshChannel, .max_bytes = kMaxMessage},
     {.name = kFramePrefix, .of = kCameras, .max_bytes = kMaxMessage},
     {.name = kPreviewPrefix, .of = kCameras, .max_bytes = 4 * kMiB},

@@ -19,6 +19,8 @@ struct ChannelKind {
   bool holds_own_mac = false;
   /// A person may see what cannot be verified, marked as such: a node without a key has to say so.
   bool is_shown_unverified = false;
+  /// Between the receivers themselves (SessionMessage): its nonces show that it is recent.
+  bool is_of_sessions = false;
 };
 
 /// The exact names when the studio is known. Otherwise names of the same form, up to kMaxNames that

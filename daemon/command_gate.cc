@@ -1,7 +1,7 @@
 #include "daemon/command_gate.h"
 
 #include <algorithm>
-#include <cstdio>
+#include <array>
 #include <utility>
 
 namespace v3d {
@@ -10,16 +10,10 @@ namespace {
 /// So long a refusal is worth a line in health.
 constexpr Duration kTold = std::chrono::seconds(10);
 
-std::string seconds_text(Duration d) {
-  char text[32];
-  std::snprintf(text, sizeof text, "%.1f s", to_seconds(d));
-  return text;
-}
-
 }  // namespace
 
-CommandGate::CommandGate(std::string node, RealtimeInstant began)
-    : node_(std::move(node)), floor_(began + kAhead) {}
+CommandGate::CommandGate(std::string node, std::function<int64_t()> draw)
+    : node_(std::move(node)), draw_(std::move(draw)) {}
 
 void CommandGate::set_key(const StudioKey& key) {
   const std::lock_guard lock(mutex_);
@@ -36,24 +30,50 @@ CommandCounts CommandGate::counts() const {
   return counts_;
 }
 
-std::string CommandGate::trouble(RealtimeInstant now) const {
+std::string CommandGate::trouble(MonotonicInstant now) const {
   const std::lock_guard lock(mutex_);
-  return now - troubled_ < kTold ? trouble_ : "";
+  return troubled_ && now - *troubled_ < kTold ? trouble_ : "";
 }
 
-std::optional<CommandMessage> CommandGate::admit(std::span<const uint8_t> bytes,
-                                                 RealtimeInstant now) {
+int64_t CommandGate::nonce(MonotonicInstant now) {
   const std::lock_guard lock(mutex_);
-  auto command = judge(bytes, now);
+  renew_nonces(now);
+  return nonce_.value;
+}
+
+ReplyMessage CommandGate::nonce_reply(const CommandMessage& command, MonotonicInstant now) {
+  ReplyMessage reply;
+  reply.node = node_;
+  reply.command_sender = command.sender;
+  reply.command_counter = command.counter;
+  reply.nonce = nonce(now);
+  reply.outcome = ReplyMessage::Outcome::kNonceMissing;
+  return reply;
+}
+
+std::optional<CommandGate::Admitted> CommandGate::admit(std::span<const uint8_t> bytes,
+                                                        MonotonicInstant now) {
+  const std::lock_guard lock(mutex_);
+  auto command = read(bytes, now);
   if (!command) return std::nullopt;
+  if (std::ranges::find(command->to, node_) == command->to.end()) return std::nullopt;
+  renew_nonces(now);
+  if (!has_current_nonce(*command, now)) {
+    ++counts_.without_nonce;
+    if (!may_reply_nonce(now)) return std::nullopt;
+    return Admitted{.command = std::move(*command), .is_current = false};
+  }
+  if (!is_new(*command)) {
+    ++counts_.replayed;
+    return std::nullopt;
+  }
+  remember(*command, now);
   ++counts_.believed;
-  const bool meant = std::find(command->to.begin(), command->to.end(), node_) != command->to.end();
-  if (!meant) return std::nullopt;
-  return command;
+  return Admitted{.command = std::move(*command), .is_current = true};
 }
 
-std::optional<CommandMessage> CommandGate::judge(std::span<const uint8_t> bytes,
-                                                 RealtimeInstant now) {
+std::optional<CommandMessage> CommandGate::read(std::span<const uint8_t> bytes,
+                                                MonotonicInstant now) {
   if (!key_) {
     ++counts_.unkeyed;
     return std::nullopt;
@@ -67,50 +87,60 @@ std::optional<CommandMessage> CommandGate::judge(std::span<const uint8_t> bytes,
   if (!command) {
     ++counts_.malformed;
     note("sealed commands are refused that make no sense here: another version of V3D?", now);
-    return std::nullopt;
   }
-  if (!is_fresh(*command, now) || !is_new(*command)) return std::nullopt;
-  remember(*command);
   return command;
 }
 
-bool CommandGate::is_fresh(const CommandMessage& command, RealtimeInstant now) {
-  const Duration age = now - command.sent;
-  if (age <= kOldest && -age <= kAhead) return true;
-  ++counts_.stale;
-  note("commands of " + command.sender + " are refused: sent " +
-           seconds_text(age > Duration::zero() ? age : -age) +
-           (age > Duration::zero() ? " ago" : " in the future") +
-           "; do the clocks agree? Try: chronyc tracking, here and there",
-       now);
-  return false;
+// --- nonces -------------------------------------------------------------------------------------
+
+bool CommandGate::has_current_nonce(const CommandMessage& command, MonotonicInstant now) const {
+  const auto place = std::ranges::find(command.to, node_) - command.to.begin();
+  if (place >= std::ssize(command.nonces)) return false;
+  const int64_t held = command.nonces[static_cast<size_t>(place)];
+  return std::ranges::any_of(std::array{nonce_, nonce_before_}, [&](const Nonce& nonce) {
+    return nonce.value == held && nonce.is_current(now);
+  });
 }
+
+bool CommandGate::may_reply_nonce(MonotonicInstant now) {
+  if (now - replies_since_ >= std::chrono::seconds(1)) {
+    replies_since_ = now;
+    nonce_replies_ = 0;
+  }
+  return nonce_replies_++ < kMaxNonceReplies;
+}
+
+void CommandGate::renew_nonces(MonotonicInstant now) {
+  if (!nonce_.is_current(now)) return draw_nonces(now);
+  if (now - nonce_.drawn < kNonceLife) return;
+  nonce_before_ = std::exchange(nonce_, {.value = draw_(), .drawn = now});
+  senders_before_ = std::exchange(senders_, {});
+}
+
+void CommandGate::draw_nonces(MonotonicInstant now) {
+  nonce_ = {.value = draw_(), .drawn = now};
+  nonce_before_ = {};
+  senders_.clear();
+  senders_before_.clear();
+}
+
+// --- replays ------------------------------------------------------------------------------------
 
 bool CommandGate::is_new(const CommandMessage& command) {
-  const auto known = senders_.find(command.sender);
-  if (known == senders_.end()) {
-    if (command.sent > floor_) return true;
-    ++counts_.early;
-    return false;
-  }
-  const Heard& last = known->second;
-  if (command.sent > last.sent && command.counter >= last.counter) return true;
-  ++counts_.replayed;
-  return false;
+  return std::ranges::all_of(std::array{&senders_, &senders_before_}, [&](const auto* senders) {
+    const auto known = senders->find(command.sender);
+    if (known == senders->end()) return true;
+    const Received& last = known->second;
+    return command.sent > last.sent && command.counter >= last.counter;
+  });
 }
 
-void CommandGate::remember(const CommandMessage& command) {
-  if (senders_.size() == kMaxSenders && !senders_.contains(command.sender)) {
-    const auto oldest = std::min_element(
-        senders_.begin(), senders_.end(),
-        [](const auto& a, const auto& b) { return a.second.sent < b.second.sent; });
-    floor_ = std::max(floor_, oldest->second.sent);
-    senders_.erase(oldest);
-  }
+void CommandGate::remember(const CommandMessage& command, MonotonicInstant now) {
+  if (senders_.size() == kMaxSenders && !senders_.contains(command.sender)) draw_nonces(now);
   senders_[command.sender] = {.counter = command.counter, .sent = command.sent};
 }
 
-void CommandGate::note(const std::string& trouble, RealtimeInstant now) {
+void CommandGate::note(const std::string& trouble, MonotonicInstant now) {
   trouble_ = trouble;
   troubled_ = now;
 }

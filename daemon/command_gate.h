@@ -1,7 +1,9 @@
-// Which commands a node believes: sealed with the studio key, of now, and not heard before.
+// Which commands a node obeys: authenticated with the studio key, sent a few seconds ago at most,
+// and not received before.
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <map>
 #include <mutex>
 #include <optional>
@@ -17,63 +19,86 @@ namespace v3d {
 /// Commands since the gate was made, by what became of them.
 struct CommandCounts {
   int64_t believed = 0;
-  int64_t unkeyed = 0;    ///< nobody is believed, for there is no studio key here
-  int64_t malformed = 0;  ///< no command, or none that this version understands
-  int64_t forged = 0;     ///< without the studio's seal, or changed since it was sealed
-  int64_t stale = 0;      ///< sealed, but sent too long ago, or in the future
-  int64_t early = 0;      ///< sent before this node began, or before what it can remember
-  int64_t replayed = 0;   ///< heard before, or older than what was heard of its sender
+  int64_t unkeyed = 0;        ///< there is no studio key here
+  int64_t malformed = 0;      ///< no command, or none that this version understands
+  int64_t forged = 0;         ///< without the studio's MAC, or changed since
+  int64_t without_nonce = 0;  ///< authentic, with no nonce of this node or an old one
+  int64_t replayed = 0;       ///< received before, or older than what was received of its sender
 };
 
-/// What is not believed is counted and not answered: an answer would tell a stranger which of his
-/// tries came how far, and would let him make every node talk. Any thread.
+/// A command is obeyed when it holds a nonce that this node drew less than 2 * kNonceLife ago. So
+/// clocks have no part in it: a clock that is wrong, or is set in the middle of a take, neither
+/// makes a node deaf nor makes an old command good. A node's nonce is in each of its replies. An
+/// authentic command without one, or with an old one, is answered with the present nonce, and comes
+/// again with it.
 ///
-/// Against replays every sender's last command is remembered: each message of a sender, a retry
-/// too, must be sent later than the one before. Senders that there is no room to remember, and all
-/// of them when a daemon starts, are covered by a floor: from a sender that is not known, only
-/// commands sent after the floor are believed. Nothing need be kept on disk for that: what a node
-/// had believed before it ended was sent no later than kAhead after its end, so a node that begins
-/// believes nothing that was sent up to kAhead after its beginning.
+/// Against replays within the life of a nonce, the last command of every sender is remembered: each
+/// message of a sender, a retry too, must be sent later than the one before, by the sender's own
+/// clock (CommandStamp). When there are too many senders, all nonces are drawn anew, and nothing
+/// that was recorded is worth anything. The same holds when a daemon starts.
+///
+/// What is not authentic is counted and not answered: an answer would tell a stranger which of his
+/// tries came how far, and would let him make every node talk. Any thread.
 class CommandGate {
  public:
-  /// A command may be so old: networks and clocks are slow.
-  static constexpr Duration kOldest = std::chrono::seconds(5);
-  /// So far may the clock of the sender be ahead of this node's.
-  static constexpr Duration kAhead = std::chrono::seconds(2);
+  static constexpr Duration kNonceLife = std::chrono::seconds(5);
   static constexpr size_t kMaxSenders = 64;
+  /// Replayed commands make a node answer with its nonce at most so often a second.
+  static constexpr int kMaxNonceReplies = 20;
 
-  /// `began`: when this process began, or later.
-  CommandGate(std::string node, RealtimeInstant began);
+  /// `draw` gives random numbers other than 0.
+  explicit CommandGate(std::string node, std::function<int64_t()> draw = random_nonce);
 
   void set_key(const StudioKey& key);
   bool has_key() const;
 
-  /// The command in `bytes` when it is believed and meant for this node.
-  std::optional<CommandMessage> admit(std::span<const uint8_t> bytes, RealtimeInstant now);
+  struct Admitted {
+    CommandMessage command;
+    bool is_current = false;  ///< false: reply kNonceMissing, and do nothing
+  };
+  /// The command in `bytes` when it is authentic, new, and meant for this node.
+  std::optional<Admitted> admit(std::span<const uint8_t> bytes, MonotonicInstant now);
+  /// For replies.
+  int64_t nonce(MonotonicInstant now);
+  /// To an admitted command that is not current; `sent` is the caller's.
+  ReplyMessage nonce_reply(const CommandMessage& command, MonotonicInstant now);
 
   CommandCounts counts() const;
   /// One line for a person when commands were refused shortly before `now`, else empty.
-  std::string trouble(RealtimeInstant now) const;
+  std::string trouble(MonotonicInstant now) const;
 
  private:
-  struct Heard {
+  struct Received {
     int64_t counter = 0;
     RealtimeInstant sent;
   };
-  std::optional<CommandMessage> judge(std::span<const uint8_t> bytes, RealtimeInstant now);
-  bool is_fresh(const CommandMessage& command, RealtimeInstant now);
+  std::optional<CommandMessage> read(std::span<const uint8_t> bytes, MonotonicInstant now);
+  bool has_current_nonce(const CommandMessage& command, MonotonicInstant now) const;
+  bool may_reply_nonce(MonotonicInstant now);
   bool is_new(const CommandMessage& command);
-  void remember(const CommandMessage& command);
-  void note(const std::string& trouble, RealtimeInstant now);
+  void remember(const CommandMessage& command, MonotonicInstant now);
+  void renew_nonces(MonotonicInstant now);
+  void draw_nonces(MonotonicInstant now);
+  void note(const std::string& trouble, MonotonicInstant now);
 
   const std::string node_;
+  const std::function<int64_t()> draw_;
   mutable std::mutex mutex_;  ///< what follows
   std::optional<StudioKey> key_;
   CommandCounts counts_;
-  RealtimeInstant floor_;
-  std::map<std::string, Heard> senders_;
+  struct Nonce {
+    int64_t value = 0;  ///< 0: none
+    MonotonicInstant drawn;
+    bool is_current(MonotonicInstant now) const {
+      return value != 0 && now - drawn < 2 * kNonceLife;
+    }
+  };
+  Nonce nonce_, nonce_before_;
+  std::map<std::string, Received> senders_, senders_before_;  ///< since a nonce, and before
+  MonotonicInstant replies_since_;
+  int nonce_replies_ = 0;
   std::string trouble_;
-  RealtimeInstant troubled_;
+  std::optional<MonotonicInstant> troubled_;
 };
 
 }  // namespace v3d

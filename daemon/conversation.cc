@@ -26,8 +26,12 @@ void CommandStamp::put_on(CommandMessage& message, RealtimeInstant now) {
 }
 
 Conversation::Conversation(CommandMessage order, int64_t counter, Commanded studio,
-                           MonotonicInstant deadline)
-    : order_(std::move(order)), counter_(counter), studio_(std::move(studio)), deadline_(deadline) {
+                           MonotonicInstant deadline, NodeNonces nonces)
+    : order_(std::move(order)),
+      counter_(counter),
+      studio_(std::move(studio)),
+      deadline_(deadline),
+      nonces_(std::move(nonces)) {
   if (order_.verb == CommandVerb::kBackground) order_.take = kBackgroundTake;
   plan();
   begin_round();
@@ -101,15 +105,36 @@ std::optional<CommandMessage> Conversation::poll(MonotonicInstant now) {
   message.counter = counter_;
   message.own_only = own_only_;
   message.to.clear();
+  message.nonces.clear();
   for (const std::string& node : rounds_.front().nodes) {
-    if (!is_settled(node)) message.to.push_back(node);
+    if (is_settled(node)) continue;
+    message.to.push_back(node);
+    message.nonces.push_back(nonce_of(node));
   }
   return message;
 }
 
 // --- what the nodes say -------------------------------------------------------------------------
 
+int64_t Conversation::nonce_of(const std::string& node) const {
+  const auto known = nonces_.find(node);
+  return known == nonces_.end() ? 0 : known->second;
+}
+
+/// A node that knows a newer nonce than the message held gets the message again at once.
+void Conversation::learn_nonce(const ReplyMessage& reply) {
+  const auto& nodes = studio_.nodes;
+  if (std::find(nodes.begin(), nodes.end(), reply.node) == nodes.end()) return;
+  int64_t& known = nonces_[reply.node];
+  if (reply.outcome == Outcome::kNonceMissing && reply.nonce != known) {
+    next_due_ = MonotonicInstant();
+  }
+  known = reply.nonce;
+}
+
 bool Conversation::hear(const ReplyMessage& reply) {
+  learn_nonce(reply);
+  if (reply.outcome == Outcome::kNonceMissing) return false;
   if (over() || reply.command_counter != counter_) return false;
   const auto& nodes = rounds_.front().nodes;
   if (std::find(nodes.begin(), nodes.end(), reply.node) == nodes.end()) return false;

@@ -37,6 +37,9 @@ class CommandStamp {
   RealtimeInstant last_;
 };
 
+/// What each node wants to see in the next command to it (ReplyMessage::nonce).
+using NodeNonces = std::map<std::string, int64_t>;
+
 /// The nodes that commands go to.
 struct Commanded {
   std::vector<std::string> nodes;
@@ -62,8 +65,10 @@ class Conversation {
   /// So long it is tried to take back, after the deadline.
   static constexpr Duration kTakeBackWithin = std::chrono::seconds(3);
 
-  /// `order`: verb, take and details; `counter`: that of the operator's last command.
-  Conversation(CommandMessage order, int64_t counter, Commanded studio, MonotonicInstant deadline);
+  /// `order`: verb, take and details; `counter`: that of the operator's last command; `nonces`: as
+  /// far as they are known, from the conversation before.
+  Conversation(CommandMessage order, int64_t counter, Commanded studio, MonotonicInstant deadline,
+               NodeNonces nonces = {});
 
   /// What is to be sent at `now`; empty when nothing is due. Sender and time are the caller's.
   std::optional<CommandMessage> poll(MonotonicInstant now);
@@ -77,6 +82,8 @@ class Conversation {
   const Answer& answer() const { return answer_; }
   /// That of the last command that was sent.
   int64_t counter() const { return counter_; }
+  /// As far as they were learnt.
+  const NodeNonces& nonces() const { return nonces_; }
 
  private:
   struct Round {
@@ -89,6 +96,8 @@ class Conversation {
   void plan_start();
   std::vector<std::string> others() const;
   bool orders() const;
+  void learn_nonce(const ReplyMessage& reply);
+  int64_t nonce_of(const std::string& node) const;
   bool is_settled(const std::string& node) const;
   bool is_settled() const;
   bool somebody_refused() const;
@@ -112,6 +121,7 @@ class Conversation {
   bool own_only_ = false;
   std::optional<MonotonicInstant> round_began_;  ///< empty until its first message is sent
   MonotonicInstant next_due_;
+  NodeNonces nonces_;
   Answer answer_;
 };
 

@@ -1,6 +1,13 @@
 #include "daemon/message_receiver.h"
 
+#include <fmt/format.h>
+
+#include <chrono>
+#include <cmath>
+#include <string>
 #include <utility>
+
+#include "wire/codec.h"
 
 namespace v3d {
 namespace {
@@ -9,6 +16,20 @@ constexpr char kMalformed[] =
     "malformed datagrams are rejected: a stranger, or a broken program on the studio's network";
 constexpr char kOversized[] =
     "messages longer than any of their channel are rejected: a stranger, or another version of V3D";
+
+/// Answers a second: to each of 16 nodes that ask at once, some.
+constexpr int kMaxAnswers = 100;
+
+std::string clocks_differ(Duration ahead) {
+  return fmt::format(
+      "the clock of another process is {:.1f} s {} this one; its messages are accepted. Try: "
+      "chronyc tracking, here and there",
+      std::abs(to_seconds(ahead)), ahead > Duration::zero() ? "ahead of" : "behind");
+}
+
+SessionStamp stamp_of(const Datagram& datagram, const MacTrailer& trailer) {
+  return {.session = trailer.session, .sequence = datagram.sequence, .sent = trailer.sent};
+}
 
 MessageIdentity identity_of(const Datagram& datagram, const DatagramParts& parts, uint64_t sender) {
   const size_t trailer = parts.trailer ? kMacTrailerSize : 0;
@@ -21,11 +42,15 @@ MessageIdentity identity_of(const Datagram& datagram, const DatagramParts& parts
 
 }  // namespace
 
-MessageReceiver::MessageReceiver(ChannelList channels, MessageSeal& seal, Wanted wanted)
-    : channels_(std::move(channels)), seal_(seal), wanted_(std::move(wanted)) {}
+MessageReceiver::MessageReceiver(ChannelList channels, MessageSeal& seal, Wanted wanted,
+                                 SessionPort sessions)
+    : channels_(std::move(channels)),
+      seal_(seal),
+      wanted_(std::move(wanted)),
+      sessions_(std::move(sessions)) {}
 
 std::optional<ReceivedMessage> MessageReceiver::receive(std::span<const uint8_t> bytes,
-                                                        uint64_t source, RealtimeInstant now) {
+                                                        uint64_t source, const ReceiverTime& now) {
   const auto datagram = parse_datagram(bytes);
   if (!datagram) {
     ++malformed_;
@@ -51,13 +76,13 @@ std::optional<ReceivedMessage> MessageReceiver::receive(std::span<const uint8_t>
 
 std::optional<ReceivedMessage> MessageReceiver::receive_authentic(const Datagram& datagram,
                                                                   const ChannelKind* kind,
-                                                                  RealtimeInstant now) {
+                                                                  const ReceiverTime& now) {
   const bool is_first = kind != nullptr;
-  if (datagram.is_whole() && !wanted_(datagram.channel)) return std::nullopt;
+  const bool is_of_sessions = datagram.is_whole() && kind->is_of_sessions;
+  if (datagram.is_whole() && !is_of_sessions && !wanted_(datagram.channel)) return std::nullopt;
   if (datagram.is_whole() && kind->holds_own_mac) return pass(datagram.channel, datagram.data);
   const DatagramParts parts = split_trailer(datagram);
-  if (parts.trailer &&
-      windows_.is_received(parts.trailer->session, datagram.sequence, parts.trailer->sent)) {
+  if (parts.trailer && gate_.is_received(stamp_of(datagram, *parts.trailer))) {
     if (is_first) seal_.count_replayed();
     return std::nullopt;
   }
@@ -66,17 +91,68 @@ std::optional<ReceivedMessage> MessageReceiver::receive_authentic(const Datagram
     if (!datagram.is_whole() || !kind->is_shown_unverified) return std::nullopt;
     return ReceivedMessage{datagram.channel, parts.data, false};
   }
-  const MacTrailer& trailer = *parts.trailer;
-  if (!is_recent(trailer, now)) return std::nullopt;
+  const SessionStamp stamp = stamp_of(datagram, *parts.trailer);
+  if (is_of_sessions) {
+    on_session_message(parts.data, stamp.sent, now);
+    return std::nullopt;
+  }
+  if (!gate_.is_recent(stamp, now)) {
+    seal_.count_stale();
+    ask(stamp, now);
+    return std::nullopt;
+  }
   if (is_first && !wanted_(datagram.channel)) {
-    windows_.note(trailer.session, datagram.sequence, trailer.sent);
-    reassembly_.drop(identity_of(datagram, parts, trailer.session));
+    gate_.note(stamp, now);
+    reassembly_.drop(identity_of(datagram, parts, stamp.session));
     return std::nullopt;
   }
   const auto message = datagram.is_whole() ? pass(datagram.channel, parts.data)
-                                           : reassemble(datagram, parts, trailer.session);
-  if (message) windows_.note(trailer.session, datagram.sequence, trailer.sent);
+                                           : reassemble(datagram, parts, stamp.session);
+  if (message) gate_.note(stamp, now);
   return message;
+}
+
+// --- sessions -----------------------------------------------------------------------------------
+
+void MessageReceiver::ask(const SessionStamp& stamp, const ReceiverTime& now) {
+  const auto nonce = questions_.ask(stamp.session, now.monotonic);
+  if (!nonce) return;
+  sessions_.send({.sent = {}, .session = stamp.session, .newest = 0, .nonce = *nonce});
+}
+
+void MessageReceiver::on_session_message(std::span<const uint8_t> bytes, RealtimeInstant sent,
+                                         const ReceiverTime& now) {
+  const auto message = decode<SessionMessage>(bytes);
+  if (!message) {
+    ++malformed_;
+  } else if (message->is_answer) {
+    on_answer(*message, sent, now);
+  } else {
+    answer(*message, now.monotonic);
+  }
+}
+
+void MessageReceiver::on_answer(const SessionMessage& answer, RealtimeInstant sent,
+                                const ReceiverTime& now) {
+  if (!questions_.answers(answer.session, answer.nonce, now.monotonic)) return;
+  gate_.accept({.session = answer.session, .sequence = answer.newest, .sent = sent}, now);
+  const Duration ahead = sent - now.realtime;
+  if (std::chrono::abs(ahead) > SessionGate::kAhead) seal_.report(clocks_differ(ahead));
+}
+
+/// A recorded question makes this session say what everybody may know, and not often.
+void MessageReceiver::answer(const SessionMessage& question, MonotonicInstant now) {
+  const auto newest = sessions_.newest_of_own(question.session);
+  if (!newest) return;
+  if (now - answers_since_ >= std::chrono::seconds(1)) {
+    answers_since_ = now;
+    answers_ = 0;
+  }
+  if (answers_++ >= kMaxAnswers) return;
+  SessionMessage answer = question;
+  answer.newest = *newest;
+  answer.is_answer = true;
+  sessions_.send(answer);
 }
 
 std::optional<ReceivedMessage> MessageReceiver::receive_anything(const Datagram& datagram,
@@ -99,13 +175,6 @@ std::optional<ReceivedMessage> MessageReceiver::receive_anything(const Datagram&
 bool MessageReceiver::is_authentic(const Datagram& datagram, const DatagramParts& parts) const {
   const auto mac = seal_.mac();
   return mac && parts.trailer && mac->verify(datagram.head, parts.data, *parts.trailer);
-}
-
-bool MessageReceiver::is_recent(const MacTrailer& trailer, RealtimeInstant now) {
-  const Duration age = now - trailer.sent;
-  if (age <= NewsGate::kOldest && -age <= NewsGate::kAhead) return true;
-  seal_.count_stale(age);
-  return false;
 }
 
 std::optional<ReceivedMessage> MessageReceiver::reassemble(const Datagram& datagram,

@@ -12,7 +12,8 @@
 #include "daemon/datagram.h"
 #include "daemon/message_seal.h"
 #include "daemon/reassembly.h"
-#include "daemon/sequence_window.h"
+#include "daemon/session_gate.h"
+#include "wire/messages.h"
 
 namespace v3d {
 
@@ -33,10 +34,23 @@ struct DatagramCounts {
   int64_t incomplete = 0;  ///< messages some of whose fragments did not come
 };
 
+/// How a receiver asks other sessions, and answers for those of its own process.
+struct SessionPort {
+  /// Sequence number of the last message of a session of this process; empty when it is none.
+  std::function<std::optional<uint32_t>(uint32_t session)> newest_of_own = [](uint32_t) {
+    return std::nullopt;
+  };
+  /// Sends to all, on V3D_SESSION.
+  std::function<void(SessionMessage)> send = [](const SessionMessage&) {};
+};
+
 /// In this order: structure (parse_datagram); channel and size (fragments after the first have no
-/// channel); not received before; MAC; `sent` at most NewsGate::kOldest ago and kAhead in the
-/// future. Only then does a fragment reach the reassembly, whose memory is fixed. Nothing is
-/// allocated for a datagram, and one that fails costs at most the hash of its own bytes.
+/// channel); not received before; MAC; recent (SessionGate). Only then does a fragment reach the
+/// reassembly, whose memory is fixed. Nothing is allocated for a datagram that fails, and it costs
+/// at most the hash of its own bytes.
+///
+/// Messages of a session that is in doubt are dropped, and the session is asked: where clocks do
+/// not agree, the first messages are lost until the answer is there.
 ///
 /// Where no authentication is required, the checks of MAC and time are left out. One thread, but
 /// counts().
@@ -45,12 +59,13 @@ class MessageReceiver {
   /// Whether somebody subscribes to a channel: other messages are dropped before reassembly.
   using Wanted = std::function<bool(std::string_view channel)>;
 
-  MessageReceiver(ChannelList channels, MessageSeal& seal, Wanted wanted);
+  MessageReceiver(ChannelList channels, MessageSeal& seal, Wanted wanted,
+                  SessionPort sessions = {});
 
   /// The message that `datagram` completes; valid until the next call. `source`: who sent it, by
   /// the network's account, to tell senders apart where nothing is verified.
   std::optional<ReceivedMessage> receive(std::span<const uint8_t> datagram, uint64_t source,
-                                         RealtimeInstant now);
+                                         const ReceiverTime& now);
   DatagramCounts counts() const;
 
  private:
@@ -60,11 +75,16 @@ class MessageReceiver {
     friend bool operator==(const Sequence&, const Sequence&) = default;
   };
   std::optional<ReceivedMessage> receive_authentic(const Datagram& datagram,
-                                                   const ChannelKind* kind, RealtimeInstant now);
+                                                   const ChannelKind* kind,
+                                                   const ReceiverTime& now);
   std::optional<ReceivedMessage> receive_anything(const Datagram& datagram, const ChannelKind* kind,
                                                   uint64_t source);
   bool is_authentic(const Datagram& datagram, const DatagramParts& parts) const;
-  bool is_recent(const MacTrailer& trailer, RealtimeInstant now);
+  void ask(const SessionStamp& stamp, const ReceiverTime& now);
+  void on_session_message(std::span<const uint8_t> bytes, RealtimeInstant sent,
+                          const ReceiverTime& now);
+  void on_answer(const SessionMessage& answer, RealtimeInstant sent, const ReceiverTime& now);
+  void answer(const SessionMessage& question, MonotonicInstant now);
   std::optional<ReceivedMessage> reassemble(const Datagram& datagram, const DatagramParts& parts,
                                             uint64_t sender);
   std::optional<ReceivedMessage> pass(std::string_view channel, std::span<const uint8_t> bytes);
@@ -74,7 +94,11 @@ class MessageReceiver {
   ChannelList channels_;
   MessageSeal& seal_;
   const Wanted wanted_;
-  SequenceWindows windows_;
+  const SessionPort sessions_;
+  SessionGate gate_;
+  SessionQuestions questions_;
+  MonotonicInstant answers_since_;
+  int answers_ = 0;
   Reassembly reassembly_;
   /// Messages nobody wants, where nothing is verified: by a hash of their sender.
   std::array<Sequence, 256> skipped_{};

@@ -1,8 +1,5 @@
 #include "daemon/message_seal.h"
 
-#include <cmath>
-#include <cstdio>
-
 namespace v3d {
 namespace {
 
@@ -30,16 +27,6 @@ void MessageSeal::count_forged() {
       "here");
 }
 
-void MessageSeal::count_stale(Duration age) {
-  ++stale_;
-  char text[120];
-  std::snprintf(text, sizeof text,
-                "messages are refused that were sent %.1f s %s; do the clocks agree? Try: chronyc "
-                "tracking",
-                std::abs(to_seconds(age)), age > Duration::zero() ? "ago" : "in the future");
-  report(text);
-}
-
 SealCounts MessageSeal::counts() const {
   return {.forged = forged_, .stale = stale_, .replayed = replayed_};
 }
@@ -53,22 +40,6 @@ void MessageSeal::report(std::string_view trouble) {
   const std::lock_guard lock(mutex_);
   trouble_ = trouble;
   troubled_ = Realtime::now();
-}
-
-NewsGate::Verdict NewsGate::judge(const std::string& sender, int64_t seq, RealtimeInstant sent,
-                                  RealtimeInstant now) {
-  const Duration age = now - sent;
-  if (age > kOldest || -age > kAhead) return Verdict::kStale;
-  // Who holds the key invents no senders; should they ever be so many, none is news.
-  if (senders_.size() == kMaxSenders && !senders_.contains(sender)) return Verdict::kStale;
-  Heard& heard = senders_[sender];
-  if (sent <= heard.floor) return Verdict::kStale;
-  if (!heard.messages.emplace(sent, seq).second) return Verdict::kHeard;
-  while (heard.messages.size() > kRemembered || heard.messages.begin()->first < now - kOldest) {
-    heard.floor = heard.messages.begin()->first;
-    heard.messages.erase(heard.messages.begin());
-  }
-  return Verdict::kNews;
 }
 
 }  // namespace v3d

@@ -92,6 +92,11 @@ class MulticastSender {
   /// them, or the message or the channel's name is too long.
   bool send(std::string_view channel, std::span<const uint8_t> message, const DatagramMac* mac);
 
+  /// Drawn at random; in the trailer of each datagram.
+  uint32_t session() const { return session_; }
+  /// The sequence number of the last message.
+  uint32_t newest() const { return next_sequence_ - 1; }
+
  private:
   bool send_all(std::span<const OutgoingDatagram> datagrams, bool with_trailer);
 

@@ -1,8 +1,10 @@
 #include "daemon/node_loop.h"
 
+#include <fmt/format.h>
 #include <spdlog/spdlog.h>
 
 #include <algorithm>
+#include <cmath>
 
 #include "base/error.h"
 #include "daemon/service.h"
@@ -22,10 +24,10 @@ NodeLoop::NodeLoop(NodeIdentity identity, Bus& bus, NodeWork& work)
       protocol_(
           me_.node, work, [this](ReplyMessage reply) { publish(std::move(reply)); },
           Monotonic::now()),
-      gate_(me_.node, me_.began),
+      gate_(me_.node),
       commands_(
           bus, kCommandChannel, kCommandQueue,
-          [this](const ReceivedMessage& in) { return gate_.admit(in.bytes, Realtime::now()); }),
+          [this](const ReceivedMessage& in) { return gate_.admit(in.bytes, Monotonic::now()); }),
       metrics_(serve_metrics(me_.metrics)),
       watchdog_(service::watchdog_period()),
       last_fed_(Monotonic::now()) {
@@ -56,15 +58,19 @@ void NodeLoop::run() {
 }
 
 void NodeLoop::turn() {
-  if (const auto command = commands_.wait(next_turn())) {
-    spdlog::debug("{} {} from {} #{}", name(command->verb), command->take, command->sender,
-                  command->counter);
-    protocol_.on_command(*command);
-  }
+  if (const auto admitted = commands_.wait(next_turn())) on_command(*admitted);
   // Without a key nobody may command this node, and nothing that it hears is believed either.
   protocol_.poll(Monotonic::now(), key_.has_value());
   if (protocol_.is_health_due(Monotonic::now())) publish_health();
   feed_watchdog();
+}
+
+void NodeLoop::on_command(const CommandGate::Admitted& admitted) {
+  const CommandMessage& command = admitted.command;
+  spdlog::debug("{} {} from {} #{}", name(command.verb), command.take, command.sender,
+                command.counter);
+  if (admitted.is_current) return protocol_.on_command(command);
+  publish(gate_.nonce_reply(command, Monotonic::now()));
 }
 
 MonotonicInstant NodeLoop::next_turn() const {
@@ -76,6 +82,7 @@ MonotonicInstant NodeLoop::next_turn() const {
 void NodeLoop::publish(ReplyMessage reply) {
   // Who has no key has believed no command.
   if (!key_) return;
+  reply.nonce = gate_.nonce(Monotonic::now());
   reply.sent = Realtime::now();
   bus_.publish_reply(encode_sealed(reply, *key_));
 }
@@ -83,6 +90,7 @@ void NodeLoop::publish(ReplyMessage reply) {
 void NodeLoop::publish_health() {
   look_for_key();
   HealthMessage health = protocol_.health(Monotonic::now());
+  follow_clock(health);
   health.sent = Realtime::now();
   health.program = me_.program;
   health.version = V3D_VERSION;
@@ -96,6 +104,29 @@ void NodeLoop::publish_health() {
                   (health.text.empty() ? "" : ": ") + health.text);
 }
 
+/// A take keeps the time that it began with.
+void NodeLoop::follow_clock(HealthMessage& health) {
+  const Duration step = Realtime::step();
+  health.values["clock_step_s"] = to_seconds(step);
+  const bool is_new = std::chrono::abs(step - told_step_) > RealtimeFollower::kSlew;
+  told_step_ = step;
+  if (is_new && step != Duration::zero()) {
+    ++clock_steps_;
+    const bool is_back = step < Duration::zero();
+    spdlog::warn("the clock was set {} by {:.1f} s; v3dctl doctor tells whether it is synchronised",
+                 is_back ? "back" : "ahead", std::abs(to_seconds(step)));
+  }
+  health.values["clock_steps"] = static_cast<double>(clock_steps_);
+  if (step == Duration::zero()) return;
+  if (health.state == NodeState::kIdle) {
+    told_step_ = {};
+    return Realtime::adopt_step();
+  }
+  if (!health.text.empty()) return;
+  health.text = fmt::format("the clock was set by {:+.1f} s; this take keeps the time of before",
+                            to_seconds(step));
+}
+
 void NodeLoop::report_commands(HealthMessage& health) const {
   const CommandCounts counts = gate_.counts();
   const auto value = [&](const char* name, int64_t n) {
@@ -105,8 +136,7 @@ void NodeLoop::report_commands(HealthMessage& health) const {
   value("commands_dropped", commands_.counts().dropped);
   value("commands_forged", counts.forged);
   value("commands_malformed", counts.malformed);
-  value("commands_stale", counts.stale);
-  value("commands_early", counts.early);
+  value("commands_without_nonce", counts.without_nonce);
   value("commands_replayed", counts.replayed);
   value("commands_unkeyed", counts.unkeyed);
   const SealCounts messages = bus_.seal().counts();
@@ -119,7 +149,7 @@ void NodeLoop::report_commands(HealthMessage& health) const {
   value("datagrams_foreign", reception.datagrams.foreign);
   value("datagrams_oversized", reception.datagrams.oversized);
   value("datagrams_dropped_by_kernel", reception.dropped_by_kernel);
-  std::string trouble = key_ ? gate_.trouble(Realtime::now()) : no_key_;
+  std::string trouble = key_ ? gate_.trouble(Monotonic::now()) : no_key_;
   if (trouble.empty()) trouble = bus_.seal().trouble(Realtime::now());
   const bool is_free = health.state != NodeState::kFault && (health.text.empty() || !key_);
   if (is_free) health.text = trouble;

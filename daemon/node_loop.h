@@ -22,10 +22,9 @@ namespace v3d {
 /// Who a daemon is.
 struct NodeIdentity {
   std::string node;
-  std::string program;         ///< "v3d-captured"
-  std::filesystem::path key;   ///< of the studio
-  RealtimeInstant began = {};  ///< when the program began, or later
-  std::string metrics;         ///< where health is also served for Prometheus; empty: nowhere
+  std::string program;        ///< "v3d-captured"
+  std::filesystem::path key;  ///< of the studio
+  std::string metrics;        ///< where health is also served for Prometheus; empty: nowhere
 };
 
 /// Without a studio key the node refuses every command, and says in its log and its health how to
@@ -46,9 +45,11 @@ class NodeLoop {
 
  private:
   void turn();
+  void on_command(const CommandGate::Admitted& admitted);
   MonotonicInstant next_turn() const;
   void publish(ReplyMessage reply);
   void publish_health();
+  void follow_clock(HealthMessage& health);
   void report_commands(HealthMessage& health) const;
   void look_for_key();
   void feed_watchdog();
@@ -61,7 +62,9 @@ class NodeLoop {
   CommandGate gate_;
   std::optional<StudioKey> key_;
   std::string no_key_;  ///< why there is none
-  Subscription<CommandMessage> commands_;
+  Subscription<CommandGate::Admitted> commands_;
+  int64_t clock_steps_ = 0;
+  Duration told_step_{};
   MachineHealth machine_;
   ClockWatch clock_;
   PtpWatch ptp_;

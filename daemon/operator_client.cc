@@ -39,17 +39,14 @@ constexpr char kNotBelieved[] = "not believed: ";
 /// shows as a fault, and only of nodes that are not heard otherwise.
 class HealthReader {
  public:
-  explicit HealthReader(MessageSeal& seal) : seal_(seal) {}
-
   std::optional<HealthMessage> operator()(const ReceivedMessage& in) {
-    auto health = Subscription<HealthMessage>::open_sealed(seal_, gate_, in, Realtime::now());
+    auto health = decode<HealthMessage>(in.bytes);
+    if (!health) return std::nullopt;
     const MonotonicInstant now = Monotonic::now();
-    if (health) {
+    if (in.is_accepted) {
       if (heard_.size() < kMaxNodes) heard_[health->node] = now;
       return health;
     }
-    health = decode<HealthMessage>(in.bytes);
-    if (!health) return std::nullopt;
     const auto known = heard_.find(health->node);
     if (known != heard_.end() && now - known->second < kForgotten) return std::nullopt;
     return HealthMessage{
@@ -67,8 +64,6 @@ class HealthReader {
  private:
   static constexpr Duration kForgotten = std::chrono::seconds(3);
   static constexpr size_t kMaxNodes = 256;
-  MessageSeal& seal_;
-  NewsGate gate_;
   std::map<std::string, MonotonicInstant> heard_;  ///< sealed
 };
 
@@ -110,7 +105,7 @@ class OperatorClient::Impl {
         stamp(make_sender()),
         bus(studio.network.lcm_url, {}, ChannelList(studio)),
         not_verified(read_key()),
-        healths(bus, std::string(kHealthPrefix) + ".*", kQueue, HealthReader(bus.seal()),
+        healths(bus, std::string(kHealthPrefix) + ".*", kQueue, HealthReader(),
                 Bus::Accept::kUnverifiedToo),
         events(bus, kEventChannel, kQueue) {}
 
@@ -175,6 +170,7 @@ class OperatorClient::Impl {
   CommandStamp stamp;
   std::optional<StudioKey> key;
   int64_t counter = 0;
+  NodeNonces nonces;
   std::map<std::string, HealthMessage> last_health;
   std::map<std::string, HealthMessage> unbelieved;
   Bus bus;
@@ -197,7 +193,7 @@ Answer OperatorClient::command(CommandMessage command, MonotonicInstant deadline
                                const std::function<void(const ReplyMessage&)>& heard) {
   impl_->begin_to_command();
   Conversation conversation(std::move(command), impl_->counter, {impl_->nodes, impl_->trigger},
-                            deadline);
+                            deadline, impl_->nonces);
   while (!conversation.over()) {
     if (const auto message = conversation.poll(Monotonic::now())) impl_->send(*message);
     auto reply = impl_->replies->wait(conversation.next_due());
@@ -206,6 +202,7 @@ Answer OperatorClient::command(CommandMessage command, MonotonicInstant deadline
     if (conversation.hear(*reply) && heard) heard(*reply);
   }
   impl_->counter = conversation.counter();
+  impl_->nonces = conversation.nonces();
   impl_->forget_health();
   return conversation.answer();
 }

@@ -6,6 +6,7 @@ namespace v3d {
 namespace {
 
 constexpr size_t kHealthQueue = 8;
+constexpr Duration kOvertakenBy = std::chrono::seconds(10);
 constexpr Duration kOnItsWay = std::chrono::milliseconds(500);
 
 /// A number that no train has is not believed.
@@ -18,9 +19,9 @@ std::optional<int64_t> commanded_by(const HealthMessage& health) {
 
 }  // namespace
 
-/// The network reorders.
+/// The network reorders, by less than kOvertakenBy. What seems older is of a clock that was set.
 bool TrainMonitor::is_news(const HealthMessage& health) {
-  if (health.sent <= newest_) return false;
+  if (health.sent <= newest_ && newest_ - health.sent < kOvertakenBy) return false;
   newest_ = health.sent;
   return true;
 }
@@ -39,7 +40,7 @@ void TrainMonitor::on_health(const HealthMessage& health, const std::string& tak
       ours && (health.state == NodeState::kArmed || health.state == NodeState::kRecording);
   runs_ = runs_ || runs;
   // Before it was heard to run, word from before it was armed may still be on its way.
-  const bool counts = runs_ || health.sent - *first_ > kOnItsWay;
+  const bool counts = runs_ || std::chrono::abs(health.sent - *first_) > kOnItsWay;
   ended_ = ended_ || (!runs && counts);
   if (ours) commanded_ = commanded_by(health).value_or(commanded_);
 }

@@ -31,7 +31,6 @@ std::vector<v3d::Ledger> accounts(const v3d::Studio& studio, const std::string& 
 }
 
 void run(const v3d::Studio& studio, const std::string& node) {
-  const v3d::RealtimeInstant began = v3d::Realtime::now();
   std::vector<std::string> cameras;
   for (const v3d::StudioCamera& camera : studio.cameras_of(node)) cameras.push_back(camera.name);
   v3d::service::status("looking for takes that were left open");
@@ -42,7 +41,7 @@ void run(const v3d::Studio& studio, const std::string& node) {
   v3d::Bus bus(studio.network.lcm_url, studio.network.frame_groups, v3d::ChannelList(studio));
   bus.seal().insist();
   v3d::CaptureNode work(studio, node, bus);
-  v3d::NodeLoop loop({node, "v3d-captured", studio.network.key, began, studio.network.metrics}, bus,
+  v3d::NodeLoop loop({node, "v3d-captured", studio.network.key, studio.network.metrics}, bus,
                      work);
   for (const v3d::Ledger& ledger : accounts(studio, node, recovered)) {
     loop.remember(ledger.take, "recovered " + ledger.verdict(), v3d::ledger_json(ledger));

@@ -77,6 +77,7 @@ void serve(v3d::Hearing& hearing, v3d::WebServer& server, Served served, v3d::Or
   try {
     while (!v3d::stop_requested()) {
       listen(hearing, server, served, runner);
+      v3d::Realtime::adopt_step();  // nothing here has to keep the time of before
       v3d::service::feed_watchdog();
     }
   } catch (const v3d::HearingEnded&) {

@@ -10,6 +10,7 @@ inline constexpr char kReplyChannel[] = "V3D_REPLY";
 inline constexpr char kPulseChannel[] = "V3D_PULSE";
 inline constexpr char kMeshChannel[] = "V3D_MESH";
 inline constexpr char kEventChannel[] = "V3D_EVENT";
+inline constexpr char kSessionChannel[] = "V3D_SESSION";
 /// Followed by the camera's or the node's name.
 inline constexpr char kFramePrefix[] = "V3D_FRAME_";
 inline constexpr char kHealthPrefix[] = "V3D_HEALTH_";

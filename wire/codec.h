@@ -29,6 +29,7 @@ Bytes encode(const ReplyMessage& message);
 Bytes encode(const HealthMessage& message);
 Bytes encode(const EventMessage& message);
 Bytes encode(const PreviewMessage& message);
+Bytes encode(const SessionMessage& message);
 Bytes encode(const ShardMessage& message);
 Bytes encode(const ShardMeshMessage& message);
 
@@ -56,6 +57,8 @@ template <>
 std::optional<EventMessage> decode(std::span<const uint8_t> bytes);
 template <>
 std::optional<PreviewMessage> decode(std::span<const uint8_t> bytes);
+template <>
+std::optional<SessionMessage> decode(std::span<const uint8_t> bytes);
 template <>
 std::optional<ShardMessage> decode(std::span<const uint8_t> bytes);
 template <>

@@ -9,8 +9,8 @@
 namespace v3d {
 namespace {
 
-constexpr Layout kCommandLayout = "qsqb?sqqnnS0S1m";
-constexpr Layout kReplyLayout = "qssqbsssm";
+constexpr Layout kCommandLayout = "qsqb?sqqnnS0S1D1m";
+constexpr Layout kReplyLayout = "qssqqbsssm";
 
 }  // namespace
 
@@ -28,6 +28,8 @@ Bytes encode(const CommandMessage& m) {
   w.allow_missing = m.allow_missing;
   w.n_to = static_cast<int32_t>(m.to.size());
   w.to = m.to;
+  w.nonces = m.nonces;
+  w.nonces.resize(m.to.size());
   std::fill(std::begin(w.mac), std::end(w.mac), uint8_t{0});
   return pack(w);
 }
@@ -50,7 +52,8 @@ std::optional<CommandMessage> decode(std::span<const uint8_t> bytes) {
                         .rate_hz = w->rate_hz,
                         .pulses = w->pulses,
                         .allow_missing = std::move(w->allow_missing),
-                        .to = std::move(w->to)};
+                        .to = std::move(w->to),
+                        .nonces = std::move(w->nonces)};
 }
 
 Bytes encode(const ReplyMessage& m) {
@@ -59,6 +62,7 @@ Bytes encode(const ReplyMessage& m) {
   w.node = m.node;
   w.command_sender = m.command_sender;
   w.command_counter = m.command_counter;
+  w.nonce = m.nonce;
   w.outcome = static_cast<int8_t>(m.outcome);
   w.take = m.take;
   w.text = m.text;
@@ -72,12 +76,13 @@ std::optional<ReplyMessage> decode(std::span<const uint8_t> bytes) {
   auto w = unpack<reply_t>(kReplyLayout, bytes);
   if (!w) return std::nullopt;
   const auto sent = instant_of(w->utime);
-  const auto outcome = enumerator(w->outcome, ReplyMessage::Outcome::kRefused);
+  const auto outcome = enumerator(w->outcome, ReplyMessage::Outcome::kNonceMissing);
   if (!sent || !outcome || w->command_counter < 0) return std::nullopt;
   return ReplyMessage{.sent = *sent,
                       .node = w->node,
                       .command_sender = w->command_sender,
                       .command_counter = w->command_counter,
+                      .nonce = w->nonce,
                       .outcome = *outcome,
                       .take = std::move(w->take),
                       .text = std::move(w->text),

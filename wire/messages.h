@@ -72,7 +72,8 @@ constexpr bool is_order(CommandVerb verb) {
 }
 std::string_view name(CommandVerb verb);
 
-/// V3D_COMMAND. Idempotent: the same (sender, counter) is answered again, not carried out again.
+/// V3D_COMMAND. Idempotent: the same (sender, counter) is answered again, not carried out again. A
+/// node obeys a command that holds a nonce which this node has published lately (CommandGate).
 struct CommandMessage {
   RealtimeInstant sent;
   std::string sender;   ///< unique per run of the tool that sends
@@ -84,6 +85,7 @@ struct CommandMessage {
   int64_t pulses = 0;                      ///< arm: number of pulses; 0 = until stopped
   std::vector<std::string> allow_missing;  ///< arm: cameras the take may go without
   std::vector<std::string> to;             ///< the nodes that are meant
+  std::vector<int64_t> nonces = {};        ///< one for each of `to`; 0: none is known
 };
 
 /// V3D_REPLY: what one node says to one command. A node may answer several times (pending, then
@@ -93,10 +95,26 @@ struct ReplyMessage {
   std::string node;
   std::string command_sender;
   int64_t command_counter = 0;
-  enum class Outcome : uint8_t { kPending = 1, kDone, kRefused } outcome = Outcome::kPending;
+  int64_t nonce = 0;  ///< of the node, for the next command to it
+  /// kNonceMissing: nothing was done; the same command is obeyed with `nonce`.
+  enum class Outcome : uint8_t {
+    kPending = 1,
+    kDone,
+    kRefused,
+    kNonceMissing
+  } outcome = Outcome::kPending;
   std::string take;    ///< that the node is at, or was at last
   std::string text;    ///< one line for the operator
   std::string detail;  ///< JSON: the node's ledger after a stop, else empty
+};
+
+/// V3D_SESSION: a receiver asks a session, one sending socket, whether it lives (SessionGate).
+struct SessionMessage {
+  RealtimeInstant sent;
+  uint32_t session = 0;  ///< that is asked, or answers
+  uint32_t newest = 0;   ///< of an answer: the sequence number of its last message
+  int64_t nonce = 0;     ///< of the question; not 0
+  bool is_answer = false;
 };
 
 /// The small pictures on V3D_PREVIEW_<camera> are not larger than this along a side.

@@ -131,4 +131,10 @@ StudioKey::Derived StudioKey::derive(std::string_view purpose) const {
   return derived;
 }
 
+int64_t random_nonce() {
+  uint64_t bits = 0;
+  randombytes_buf(&bits, sizeof bits);
+  return static_cast<int64_t>(std::max<uint64_t>(bits >> 1, 1));
+}
+
 }  // namespace v3d

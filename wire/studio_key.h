@@ -48,6 +48,9 @@ class StudioKey {
   std::array<uint8_t, 32> secret_{};
 };
 
+/// Above 0, from the kernel's random numbers: nobody can guess it.
+int64_t random_nonce();
+
 /// Encoded and sealed.
 template <class M>
 Bytes encode_sealed(const M& message, const StudioKey& key) {

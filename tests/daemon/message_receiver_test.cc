@@ -20,6 +20,7 @@ using namespace std::chrono_literals;
 using test::RawDatagram;
 
 constexpr RealtimeInstant kNow = from_ns<Realtime>(1'700'000'000'000'000'000);
+constexpr ReceiverTime kReceiverNow{from_ns<Monotonic>(3'600'000'000'000), kNow};
 constexpr uint64_t kSource = 1;
 
 Studio studio() {
@@ -51,6 +52,8 @@ class Sender {
     return all;
   }
 
+  uint32_t session() const { return session_; }
+
  private:
   DatagramMac mac_;
   uint32_t sequence_ = 0;
@@ -61,8 +64,8 @@ class Receiver : public testing::Test {
  protected:
   Receiver() { seal_.set_key(key_); }
 
-  std::optional<ReceivedMessage> receive(const RawDatagram& bytes, RealtimeInstant now = kNow) {
-    return receiver_.receive(bytes, kSource, now);
+  std::optional<ReceivedMessage> receive(const RawDatagram& bytes, Duration later = {}) {
+    return receiver_.receive(bytes, kSource, {kReceiverNow.monotonic + later, kNow + later});
   }
   static std::vector<uint8_t> message(size_t size) {
     std::vector<uint8_t> bytes(size);
@@ -72,9 +75,17 @@ class Receiver : public testing::Test {
 
   const StudioKey key_ = StudioKey::make();
   MessageSeal seal_;
+  static constexpr uint32_t kOwnSession = 77;
+  std::vector<SessionMessage> said_;
   std::string_view unwanted_ = "V3D_PREVIEW_cam01";
-  MessageReceiver receiver_{ChannelList(studio()), seal_,
-                            [this](std::string_view channel) { return channel != unwanted_; }};
+  MessageReceiver receiver_{ChannelList(studio()),
+                            seal_,
+                            [this](std::string_view channel) { return channel != unwanted_; },
+                            {.newest_of_own = [this](uint32_t session) -> std::optional<uint32_t> {
+                               if (session != kOwnSession) return std::nullopt;
+                               return 41;
+                             },
+                             .send = [this](const SessionMessage& m) { said_.push_back(m); }}};
   Sender sender_{key_};
 };
 
@@ -153,6 +164,68 @@ TEST_F(Receiver, accepts_nothing_again_nothing_old_and_nothing_of_the_future) {
   EXPECT_EQ(seal_.counts().stale, 2);
 }
 
+TEST_F(Receiver, asks_a_session_whose_clock_differs_and_accepts_it_when_it_answers) {
+  const Duration hour = -1h;
+  EXPECT_FALSE(receive(sender_.datagrams(kEventChannel, message(40), kNow + hour).at(0)));
+  ASSERT_EQ(said_.size(), 1U);
+  const SessionMessage question = said_[0];
+  EXPECT_EQ(question.session, sender_.session());
+  EXPECT_FALSE(receive(sender_.datagrams(kEventChannel, message(40), kNow + hour).at(0)));
+  EXPECT_EQ(said_.size(), 1U) << "it was asked a moment ago";
+  SessionMessage answer = question;
+  answer.is_answer = true;
+  answer.newest = 2;
+  SessionMessage guessed = answer;
+  guessed.nonce ^= 1;
+  receive(sender_.datagrams(kSessionChannel, encode(guessed), kNow + hour).at(0));
+  EXPECT_FALSE(receive(sender_.datagrams(kEventChannel, message(40), kNow + hour).at(0)));
+  answer.newest = 4;
+  receive(sender_.datagrams(kSessionChannel, encode(answer), kNow + hour).at(0));
+  EXPECT_TRUE(receive(sender_.datagrams(kEventChannel, message(40), kNow + hour).at(0)));
+  EXPECT_THAT(seal_.trouble(Realtime::now()), testing::HasSubstr("3600.0 s behind"));
+  EXPECT_TRUE(receive(sender_.datagrams(kEventChannel, message(40), kNow + hour + 60s).at(0), 60s))
+      << "it stays accepted";
+  EXPECT_EQ(seal_.counts().stale, 3);
+}
+
+TEST_F(Receiver, accepts_nothing_of_a_recording_though_its_questions_are_answered_again) {
+  Sender recorded(key_);
+  const Duration hour = -1h;
+  const RawDatagram event = recorded.datagrams(kEventChannel, message(40), kNow + hour).at(0);
+  SessionMessage old;
+  old.session = recorded.session();
+  old.nonce = 12345;
+  old.is_answer = true;
+  const RawDatagram answer = recorded.datagrams(kSessionChannel, encode(old), kNow + hour).at(0);
+  for (int i = 0; i < 10; ++i) {
+    EXPECT_FALSE(receive(event, i * 1s));
+    receive(answer, i * 1s);
+  }
+  EXPECT_EQ(said_.size(), 10U);
+}
+
+TEST_F(Receiver, answers_for_the_sessions_of_its_own_process_100_times_a_second) {
+  SessionMessage question;
+  question.session = kOwnSession;
+  question.nonce = 99;
+  receive(sender_.datagrams(kSessionChannel, encode(question)).at(0));
+  ASSERT_EQ(said_.size(), 1U);
+  EXPECT_TRUE(said_[0].is_answer);
+  EXPECT_EQ(said_[0].nonce, 99);
+  EXPECT_EQ(said_[0].newest, 41U);
+  question.session = 78;
+  receive(sender_.datagrams(kSessionChannel, encode(question)).at(0));
+  EXPECT_EQ(said_.size(), 1U) << "another process's";
+  question.session = kOwnSession;
+  for (int i = 0; i < 1000; ++i) {
+    receive(sender_.datagrams(kSessionChannel, encode(question)).at(0));
+  }
+  EXPECT_EQ(said_.size(), 100U);
+  Sender stranger(StudioKey::make());
+  receive(stranger.datagrams(kSessionChannel, encode(question)).at(0), 2s);
+  EXPECT_EQ(said_.size(), 100U);
+}
+
 TEST_F(Receiver, drops_channels_and_sizes_that_the_studio_does_not_have_before_any_hash) {
   EXPECT_FALSE(receive(sender_.datagrams("V3D_FRAME_invented", message(40)).at(0)));
   EXPECT_FALSE(receive(sender_.datagrams("LCM_SELF_TEST", message(40)).at(0)));
@@ -197,13 +270,13 @@ TEST(KeylessReceiver, reads_messages_with_and_without_trailers) {
   std::optional<ReceivedMessage> got;
   auto datagrams = sender.datagrams("V3D_FRAME_cam01", sent);
   std::reverse(datagrams.begin(), datagrams.end());
-  for (const auto& datagram : datagrams) got = receiver.receive(datagram, kSource, kNow);
+  for (const auto& datagram : datagrams) got = receiver.receive(datagram, kSource, kReceiverNow);
   ASSERT_TRUE(got);
   EXPECT_TRUE(std::ranges::equal(got->bytes, sent));
   for (const OutgoingDatagram& plain : split_message(9, "V3D_FRAME_cam01", sent, false)) {
     RawDatagram bytes(plain.head().begin(), plain.head().end());
     bytes.insert(bytes.end(), plain.data.begin(), plain.data.end());
-    got = receiver.receive(bytes, kSource, kNow);
+    got = receiver.receive(bytes, kSource, kReceiverNow);
   }
   ASSERT_TRUE(got);
   EXPECT_TRUE(std::ranges::equal(got->bytes, sent));
@@ -215,7 +288,7 @@ TEST(InsistingReceiver, accepts_nothing_without_a_key) {
   MessageReceiver receiver(ChannelList(studio()), seal, [](std::string_view) { return true; });
   Sender sender(StudioKey::make());
   for (const auto& datagram : sender.datagrams("V3D_FRAME_cam01", std::vector<uint8_t>(100'000))) {
-    EXPECT_FALSE(receiver.receive(datagram, kSource, kNow));
+    EXPECT_FALSE(receiver.receive(datagram, kSource, kReceiverNow));
   }
   EXPECT_EQ(seal.counts().forged, 2);
 }

@@ -22,6 +22,7 @@ class Dice {
  public:
   explicit Dice(uint32_t seed) : random_(seed) {}
   double part() { return std::uniform_real_distribution<>()(random_); }
+  int64_t nonce() { return 1 + static_cast<int64_t>(random_()); }
   Duration between_ms(int least, int most) {
     return std::chrono::milliseconds(std::uniform_int_distribution<>(least, most)(random_));
   }
@@ -113,7 +114,7 @@ class SimulatedNode {
     controller_.emplace(name_);
     if (kept_) controller_->remember(kept_->take, "recovered", "{}");
     hears_of_trigger_ = now + world_.dice.between_ms(0, 1500);
-    gate_ = std::make_unique<CommandGate>(name_, clock(now));
+    gate_ = std::make_unique<CommandGate>(name_, [this] { return world_.dice.nonce(); });
     gate_->set_key(world_.key);
     due_.reset();
     may_rejoin_ = kept_.has_value();
@@ -153,16 +154,19 @@ class SimulatedNode {
     return World::wall_clock(now) + clock_error_;
   }
   void hear(const Bytes& bytes, MonotonicInstant now) {
-    if (const auto command = gate_->admit(bytes, clock(now))) {
-      act(controller_->on_command(*command), now);
-    }
+    const auto admitted = gate_->admit(bytes, now);
+    if (!admitted) return;
+    if (admitted->is_current) return act(controller_->on_command(admitted->command), now);
+    reply(gate_->nonce_reply(admitted->command, now), now);
   }
   void act(const Controller::Step& step, MonotonicInstant now) {
     begin(step.work, now);
-    for (ReplyMessage reply : step.replies) {
-      reply.sent = clock(now);
-      world_.network.send(place_, encode_sealed(reply, world_.key), now);
-    }
+    for (const ReplyMessage& said : step.replies) reply(said, now);
+  }
+  void reply(ReplyMessage message, MonotonicInstant now) {
+    message.sent = clock(now);
+    message.nonce = gate_->nonce(now);
+    world_.network.send(place_, encode_sealed(message, world_.key), now);
   }
   void begin(Work work, MonotonicInstant now) {
     const auto later = [&](int least, int most, Input event) {
@@ -237,12 +241,14 @@ class SimulatedOperator {
   void tick(MonotonicInstant now) {
     if (!conversation_) {
       if (orders_.empty() || now < idle_until_) return;
-      conversation_.emplace(orders_.front(), counter_, studio_, now + std::chrono::seconds(25));
+      conversation_.emplace(orders_.front(), counter_, studio_, now + std::chrono::seconds(25),
+                            nonces_);
     }
     if (const auto message = conversation_->poll(now)) send(*message, now);
     if (!conversation_->over()) return;
     answers.push_back(conversation_->answer());
     counter_ = conversation_->counter();
+    nonces_ = conversation_->nonces();
     conversation_.reset();
     orders_.erase(orders_.begin());
     if (!answers.back().done()) orders_.clear();
@@ -265,6 +271,7 @@ class SimulatedOperator {
   const Commanded studio_;
   size_t place_ = 0;
   int64_t counter_ = 0;
+  NodeNonces nonces_;
   RealtimeInstant last_sent_;
   MonotonicInstant idle_until_;
   std::vector<CommandMessage> orders_;

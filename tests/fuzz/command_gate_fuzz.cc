@@ -1,5 +1,6 @@
-// Bytes as commands, before and behind the seal: without the studio's seal none is believed; with
-// it the gate believes a command of now once, and never twice. And bytes as the file of a key.
+// Bytes as commands, before and behind the MAC: without the studio's MAC none is obeyed; with it
+// the gate obeys a command that holds its nonce once, and never twice. And bytes as the file of a
+// key.
 #include <cstdlib>
 #include <string_view>
 
@@ -8,7 +9,9 @@
 
 namespace {
 
-constexpr v3d::RealtimeInstant kBegan = v3d::from_ns<v3d::Realtime>(0);
+constexpr v3d::MonotonicInstant kNow = v3d::from_ns<v3d::Monotonic>(3'600'000'000'000);
+constexpr int64_t kNonce = 7;
+int64_t draw() { return kNonce; }
 
 const v3d::StudioKey& key() {
   static const v3d::StudioKey made = v3d::StudioKey::parse(std::string(64, '7'), "studio.key");
@@ -19,17 +22,29 @@ void must(bool condition) {
   if (!condition) std::abort();
 }
 
+void obey_once(v3d::CommandMessage command) {
+  command.to[0] = "cap01";
+  command.nonces[0] = kNonce;
+  const v3d::Bytes sealed = v3d::encode_sealed(command, key());
+  v3d::CommandGate gate("cap01", draw);
+  gate.set_key(key());
+  const auto first = gate.admit(sealed, kNow);
+  must(first && first->is_current);
+  must(!gate.admit(sealed, kNow));
+}
+
 void read_as_sealed(std::span<const uint8_t> bytes) {
   v3d::Bytes sealed(bytes.begin(), bytes.end());
   if (sealed.size() <= v3d::kSealSize) return;
   key().seal(sealed);
   must(key().has_sealed(sealed));
-  const auto command = v3d::decode<v3d::CommandMessage>(sealed);
-  const v3d::RealtimeInstant now = command ? command->sent : kBegan;
-  v3d::CommandGate gate("cap01", kBegan);
+  auto command = v3d::decode<v3d::CommandMessage>(sealed);
+  v3d::CommandGate gate("cap01", draw);
   gate.set_key(key());
-  gate.admit(sealed, now);
-  must(!gate.admit(sealed, now));
+  gate.admit(sealed, kNow);
+  const auto again = gate.admit(sealed, kNow);
+  must(!again || !again->is_current);
+  if (command && !command->to.empty()) obey_once(std::move(*command));
   must(gate.counts().believed <= 1 && gate.counts().forged == 0);
 }
 
@@ -37,9 +52,9 @@ void read_as_sealed(std::span<const uint8_t> bytes) {
 
 extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   const std::span bytes(data, size);
-  v3d::CommandGate gate("cap01", kBegan);
+  v3d::CommandGate gate("cap01", draw);
   gate.set_key(key());
-  must(!gate.admit(bytes, v3d::Realtime::now()));
+  must(!gate.admit(bytes, kNow));
   read_as_sealed(bytes);
   try {
     v3d::StudioKey::parse({reinterpret_cast<const char*>(data), size}, "studio.key");

@@ -12,6 +12,7 @@ namespace {
 using namespace v3d;
 
 constexpr RealtimeInstant kNow = from_ns<Realtime>(1'700'000'000'000'000'000);
+constexpr ReceiverTime kReceiverNow{from_ns<Monotonic>(3'600'000'000'000), kNow};
 
 const StudioKey& key() {
   static const StudioKey made = StudioKey::parse(std::string(64, '7'), "studio.key");
@@ -69,14 +70,14 @@ uint64_t sum(std::span<const uint8_t> bytes) {
 void judge(Parties& parties, std::span<const uint8_t> bytes) {
   // Exactly as long as the datagram: a read beyond is seen.
   const std::vector<uint8_t> datagram(bytes.begin(), bytes.end());
-  if (const auto got = parties.keyed.receive(datagram, 1, kNow)) {
+  if (const auto got = parties.keyed.receive(datagram, 1, kReceiverNow)) {
     const bool holds_own = got->channel == "V3D_COMMAND" || got->channel == "V3D_REPLY";
     must(!got->is_accepted || holds_own);
     sum(got->bytes);
   }
-  if (const auto got = parties.keyless.receive(datagram, 1, kNow)) sum(got->bytes);
+  if (const auto got = parties.keyless.receive(datagram, 1, kReceiverNow)) sum(got->bytes);
   const auto with_mac = signed_datagram(parties.mac, datagram);
-  if (const auto got = parties.keyed.receive(with_mac, 1, kNow)) sum(got->bytes);
+  if (const auto got = parties.keyed.receive(with_mac, 1, kReceiverNow)) sum(got->bytes);
 }
 
 void carry_a_message(Parties& parties, std::span<const uint8_t> bytes) {
@@ -92,7 +93,7 @@ void carry_a_message(Parties& parties, std::span<const uint8_t> bytes) {
     datagram.insert(datagram.end(), out.data.begin(), out.data.end());
     const auto end = out.trailer.bytes();
     datagram.insert(datagram.end(), end.begin(), end.end());
-    got = parties.keyed.receive(datagram, 1, kNow);
+    got = parties.keyed.receive(datagram, 1, kReceiverNow);
     if (bytes.size() > 1) judge(parties, bytes);
   }
   must(got && std::ranges::equal(got->bytes, message));

@@ -12,7 +12,7 @@
 
 namespace v3d::simulation {
 
-enum class Channel : uint8_t { kCommand, kReply, kHealth, kPulse };
+enum class Channel : uint8_t { kCommand, kReply, kHealth, kPulse, kSession };
 
 struct NetworkFaults {
   double loss = 0;    ///< share of the datagrams, for each receiver

@@ -3,18 +3,37 @@
 #include <algorithm>
 #include <utility>
 
-#include "daemon/bus.h"
+#include "base/io/big_endian.h"
 #include "daemon/json.h"
 #include "take/verify.h"
 
 namespace v3d::simulation {
 namespace {
 
-template <class M>
-std::optional<M> open_sealed(MessageSeal& seal, NewsGate& gate, const Bytes& bytes,
-                             RealtimeInstant now) {
-  const ReceivedMessage received{.channel = {}, .bytes = bytes};
-  return Subscription<M>::open_sealed(seal, gate, received, now);
+/// What the trailers of a message's datagrams say, in front of the message.
+struct StampedMessage {
+  SessionStamp stamp;
+  std::span<const uint8_t> message;
+};
+constexpr size_t kStampSize = 16;
+
+Bytes put_stamp(const SessionStamp& stamp, const Bytes& message) {
+  Bytes bytes(kStampSize);
+  write_big_endian(stamp.session, std::span(bytes).subspan(0, 4));
+  write_big_endian(stamp.sequence, std::span(bytes).subspan(4, 4));
+  write_big_endian(static_cast<uint64_t>(to_ns(stamp.sent)), std::span(bytes).subspan(8, 8));
+  bytes.insert(bytes.end(), message.begin(), message.end());
+  return bytes;
+}
+
+StampedMessage take_stamp(std::span<const uint8_t> bytes) {
+  const auto number = [&](size_t at, size_t size) {
+    return read_big_endian(bytes.subspan(at, size));
+  };
+  return {{.session = static_cast<uint32_t>(number(0, 4)),
+           .sequence = static_cast<uint32_t>(number(4, 4)),
+           .sent = from_ns<Realtime>(static_cast<int64_t>(number(8, 8)))},
+          bytes.subspan(kStampSize)};
 }
 
 Cause cause_of(const CommandMessage& command) {
@@ -33,7 +52,7 @@ std::string text_of(const CommandMessage& command) {
 NodeProcess::NodeProcess(World& world, Trace& trace, Host host, bool is_trigger)
     : world_(world), trace_(trace), host_(std::move(host)), is_trigger_(is_trigger) {
   const auto interest = [this](Channel channel, size_t from) {
-    if (channel == Channel::kCommand) return true;
+    if (channel == Channel::kCommand || channel == Channel::kSession) return true;
     if (channel == Channel::kReply) return false;
     if (is_trigger_) return channel == Channel::kHealth && host_.captures;
     return from == trigger_place_ && (channel == Channel::kHealth || host_.captures);
@@ -54,13 +73,13 @@ void NodeProcess::boot() {
   } else {
     work_ = std::make_unique<SimulatedRecon>(world_, host_);
   }
-  seal_ = std::make_unique<MessageSeal>();
-  seal_->insist();
-  seal_->set_key(world_.key);
-  gate_ = std::make_unique<CommandGate>(host_.name, clock());
+  clock_error_ = host_.clock_error;
+  gate_ = std::make_unique<CommandGate>(host_.name, [this] { return world_.draws.nonce(); });
   gate_->set_key(world_.key);
-  health_gates_.clear();
-  pulse_gate_ = {};
+  session_ = static_cast<uint32_t>(world_.draws.nonce());
+  sequence_ = 0;
+  sessions_ = {};
+  questions_ = {};
   pulse_seq_ = 0;
   commands_.clear();
   waiting_.clear();
@@ -110,7 +129,6 @@ void NodeProcess::end(Cause cause) {
   protocol_.reset();
   work_.reset();
   gate_.reset();
-  seal_.reset();
   ++turn_;
 }
 
@@ -159,18 +177,54 @@ void NodeProcess::receive(Channel channel, size_t from, const Bytes& bytes) {
 
 void NodeProcess::take_in(Channel channel, size_t from, const Bytes& bytes) {
   if (channel == Channel::kCommand) {
-    auto command = gate_->admit(bytes, clock());
-    if (!command) return;
-    commands_.push_back(std::move(*command));
+    auto admitted = gate_->admit(bytes, world_.time.now());
+    if (!admitted) return;
+    commands_.push_back(std::move(*admitted));
     plan_turn(world_.time.now());
-  } else if (channel == Channel::kPulse) {
-    const auto pulse = open_sealed<PulseMessage>(*seal_, pulse_gate_, bytes, clock());
-    if (pulse) work_->on_pulse_message(*pulse);
-  } else if (channel == Channel::kHealth) {
-    const auto health = open_sealed<HealthMessage>(*seal_, health_gates_[from], bytes, clock());
-    if (health && from == trigger_place_) work_->on_trigger_health(*health);
-    if (health) work_->on_other_health(*health);
+    return;
   }
+  const auto [stamp, message] = take_stamp(bytes);
+  if (channel == Channel::kSession) {
+    on_session_message(*decode<SessionMessage>(message), stamp);
+  } else if (accepts(stamp)) {
+    if (channel == Channel::kPulse) work_->on_pulse_message(*decode<PulseMessage>(message));
+    if (channel != Channel::kHealth) return;
+    const HealthMessage health = *decode<HealthMessage>(message);
+    if (from == trigger_place_) work_->on_trigger_health(health);
+    work_->on_other_health(health);
+  }
+}
+
+/// As MessageReceiver does.
+bool NodeProcess::accepts(const SessionStamp& stamp) {
+  if (sessions_.is_received(stamp)) return false;
+  if (sessions_.is_recent(stamp, receiver_time())) {
+    sessions_.note(stamp, receiver_time());
+    return true;
+  }
+  if (const auto nonce = questions_.ask(stamp.session, world_.time.now())) {
+    send(Channel::kSession,
+         encode(SessionMessage{.sent = clock(), .session = stamp.session, .nonce = *nonce}));
+  }
+  return false;
+}
+
+void NodeProcess::on_session_message(const SessionMessage& message, const SessionStamp& stamp) {
+  if (!message.is_answer) {
+    if (message.session != session_) return;
+    SessionMessage answer = message;
+    answer.newest = sequence_;
+    answer.is_answer = true;
+    return send(Channel::kSession, encode(answer));
+  }
+  if (!questions_.answers(message.session, message.nonce, world_.time.now())) return;
+  sessions_.accept({.session = message.session, .sequence = message.newest, .sent = stamp.sent},
+                   receiver_time());
+}
+
+void NodeProcess::send(Channel channel, const Bytes& message) {
+  const SessionStamp stamp{.session = session_, .sequence = ++sequence_, .sent = clock()};
+  world_.network.send(place_, channel, put_stamp(stamp, message));
 }
 
 // --- the loop, as in NodeLoop -------------------------------------------------------------------
@@ -184,9 +238,13 @@ void NodeProcess::plan_turn(MonotonicInstant at) {
 void NodeProcess::turn() {
   const MonotonicInstant now = world_.time.now();
   if (!commands_.empty()) {
-    const CommandMessage command = std::move(commands_.front());
+    const auto [command, is_current] = std::move(commands_.front());
     commands_.pop_front();
-    watch(cause_of(command), command, [&] { protocol_->on_command(command); });
+    if (is_current) {
+      watch(cause_of(command), command, [&] { protocol_->on_command(command); });
+    } else {
+      publish(gate_->nonce_reply(command, now));
+    }
   }
   watch(Cause::kReport, {}, [&] { protocol_->poll(now, true); });
   if (protocol_->is_health_due(now)) publish_health();
@@ -224,13 +282,15 @@ void NodeProcess::watch(Cause cause, const CommandMessage& command,
 
 void NodeProcess::publish(ReplyMessage reply) {
   reply.sent = clock();
+  reply.nonce = gate_->nonce(world_.time.now());
   world_.network.send(place_, Channel::kReply, encode_sealed(reply, world_.key));
 }
 
 void NodeProcess::publish_health() {
   HealthMessage health = protocol_->health(world_.time.now());
+  if (health.state == NodeState::kIdle) clock_error_ = host_.clock_error;
   health.sent = clock();
-  world_.network.send(place_, Channel::kHealth, encode(health));
+  send(Channel::kHealth, encode(health));
 }
 
 void NodeProcess::send_pulse(int64_t pulse) {
@@ -240,7 +300,7 @@ void NodeProcess::send_pulse(int64_t pulse) {
   message.take = protocol_->order().take;
   message.pulse = pulse;
   const Bytes bytes = encode(message);
-  world_.network.send(place_, Channel::kPulse, bytes);
+  send(Channel::kPulse, bytes);
   send_again(bytes, pulse_seq_, 3);
 }
 
@@ -249,7 +309,7 @@ void NodeProcess::send_again(const Bytes& bytes, int64_t seq, int times) {
   if (times == 0) return;
   world_.time.after(kAgainAfter, [this, bytes, seq, times] {
     if (!is_up() || is_paused_ || pulse_seq_ != seq) return;
-    world_.network.send(place_, Channel::kPulse, bytes);
+    send(Channel::kPulse, bytes);
     send_again(bytes, seq, times - 1);
   });
 }

@@ -9,8 +9,8 @@
 #include <vector>
 
 #include "daemon/command_gate.h"
-#include "daemon/message_seal.h"
 #include "daemon/node_protocol.h"
+#include "daemon/session_gate.h"
 #include "simulation/node_setting.h"
 #include "simulation/simulated_work.h"
 #include "simulation/trace.h"
@@ -59,7 +59,12 @@ class NodeProcess {
   void publish_health();
   void lose_trigger();
   void end(Cause cause);
-  RealtimeInstant clock() const { return wall_clock(world_, host_.clock_error); }
+  /// As Realtime::now(): the host's clock without its steps.
+  RealtimeInstant clock() const { return wall_clock(world_, clock_error_); }
+  ReceiverTime receiver_time() const { return {world_.time.now(), clock()}; }
+  void send(Channel channel, const Bytes& message);
+  bool accepts(const SessionStamp& stamp);
+  void on_session_message(const SessionMessage& message, const SessionStamp& stamp);
 
   struct Datagram {
     Channel channel;
@@ -78,10 +83,12 @@ class NodeProcess {
   std::unique_ptr<SimulatedWork> work_;
   std::unique_ptr<NodeProtocol> protocol_;
   std::unique_ptr<CommandGate> gate_;
-  std::unique_ptr<MessageSeal> seal_;
-  std::map<size_t, NewsGate> health_gates_;
-  NewsGate pulse_gate_;
-  std::deque<CommandMessage> commands_;
+  Duration clock_error_{};
+  uint32_t session_ = 0;
+  uint32_t sequence_ = 0;
+  SessionGate sessions_;
+  SessionQuestions questions_;
+  std::deque<CommandGate::Admitted> commands_;
   int64_t pulse_seq_ = 0;
   bool is_paused_ = false;
   bool is_ending_ = false;

@@ -84,7 +84,6 @@ class Schedule {
   bool is_idle() const;
   void settle();
   void make_idle();
-  void restart_deaf_nodes();
   void take_one_more();
   void check_disks();
   Outcome outcome();
@@ -121,7 +120,7 @@ Truth::Studio Schedule::draw_studio() {
   for (int i = 1; i <= recons; ++i) commanded_.nodes.push_back("recon" + std::to_string(i));
   commanded_.trigger = "cap1";
   steps_clocks_ = draws_.chance(0.3);
-  return {.commanded = commanded_, .cameras = cameras_, .has_clock_steps = steps_clocks_};
+  return {.commanded = commanded_, .cameras = cameras_};
 }
 
 void Schedule::make_nodes() {
@@ -294,7 +293,6 @@ void Schedule::heal() {
   network_.set_faults({});
   network_.join_parts();
   for (const auto& node : nodes_) {
-    node->host().clock_error = {};
     node->host().disk.is_full = false;
     node->host().frame_loss = 0;
     node->resume();
@@ -328,7 +326,7 @@ void Schedule::settle() {
   };
   const bool settled = run_until(kSettlesWithin, all_up);
   outcome_.settled_s = to_seconds(time_.now() - began);
-  if (settled || is_broken() || steps_clocks_) return;
+  if (settled || is_broken()) return;
   truth_.violate("the studio does not come to rest after the faults");
 }
 
@@ -339,32 +337,12 @@ void Schedule::make_idle() {
   run_until(kIdleWithin, [&] { return !person.is_busy() && is_idle(); });
   outcome_.idle_s = to_seconds(time_.now() - began);
   if (is_broken() || is_idle()) return;
-  if (!steps_clocks_) return truth_.violate("a stop and an abort do not make every node idle");
-  restart_deaf_nodes();
-}
-
-/// The known limit, and its remedy: a node whose clock was ahead when it started believes no
-/// command until the right time has reached its start. An operator restarts it.
-void Schedule::restart_deaf_nodes() {
-  run_until(seconds(70), [&] { return !operators_.front()->is_busy(); });
-  for (const auto& node : nodes_) {
-    const CommandCounts counts = node->counts();
-    if (counts.early == 0 && counts.stale == 0) continue;
-    ++outcome_.remedies;
-    node->crash();
-    node->boot();
-  }
-  operators_.front()->begin(
-      {step(order_of(CommandVerb::kAbort)), step(order_of(CommandVerb::kAbort))});
-  const bool idle =
-      run_until(kIdleWithin, [&] { return !operators_.front()->is_busy() && is_idle(); });
-  if (!idle && !is_broken()) truth_.violate("restarting the nodes that refuse does not help");
+  truth_.violate("a stop and an abort do not make every node idle");
 }
 
 /// The studio works as if nothing had been.
 void Schedule::take_one_more() {
   OperatorProcess& person = *operators_.front();
-  // A node whose clock was ahead may be deaf though it is idle.
   const auto attempt = [&](const std::string& take) {
     person.begin({step(order_of(CommandVerb::kArm, take)),
                   step(order_of(CommandVerb::kStart), seconds(1)),
@@ -376,8 +354,7 @@ void Schedule::take_one_more() {
     const std::string take = "last-" + std::to_string(i);
     if (attempt(take)) return;
     if (is_broken()) return;
-    if (i == 2 && steps_clocks_) restart_deaf_nodes();
-    if (!is_broken()) make_idle();
+    make_idle();
   }
   if (!is_broken()) truth_.violate("no take succeeds after the faults");
 }

@@ -15,7 +15,6 @@ struct Outcome {
   int takes = 0;
   int complete = 0;      ///< takes whose joined ledger is complete
   int faults = 0;        ///< crashes, partitions, full disks ...
-  int remedies = 0;      ///< nodes that an operator had to restart because of their clock
   double settled_s = 0;  ///< after the faults ended, until nothing went on unattended
   double idle_s = 0;     ///< and from the operator's stop until every node was idle
 };

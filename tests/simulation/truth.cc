@@ -37,13 +37,19 @@ void Truth::check_take_back(const Change& change, const Node& node) {
   violate(change.node + ": " + sender + " takes back what " + owner + " has begun");
 }
 
+/// A take that ended before its first pulse goes to the quarantine, and its name is free again.
+bool Truth::has_pulses(const std::string& take) const {
+  const auto known = by_take_.find(take);
+  return known != by_take_.end() && trains_.at(known->second).pulses > 0;
+}
+
 void Truth::on_train(const CommandMessage& order) {
   const std::string id = order_id(order);
   running_ = id;
   const bool is_known = trains_.contains(id);
   trains_[id] = {.take = order.take, .verb = order.verb};
   if (order.verb == CommandVerb::kArm) {
-    if (is_known || by_take_.contains(order.take)) violate(order.take + " has two trains");
+    if (is_known || has_pulses(order.take)) violate(order.take + " has two trains");
     by_take_[order.take] = id;
   }
   for (const std::string& name : studio_.commanded.nodes) {
@@ -71,8 +77,6 @@ void Truth::check_recording(const std::string& name, const Node& node, const std
   const auto left = node.left.find(id);
   const Cause cause = left == node.left.end() ? Cause::kOtherCommand : left->second;
   if (cause == Cause::kEnded || cause == Cause::kDisk || cause == Cause::kStopOrAbort) return;
-  // A node whose clock is wrong does not believe the health of the trigger's node.
-  if (cause == Cause::kReport && studio_.has_clock_steps) return;
   violate("pulses of " + trains_[id].take + " run, and " + name + " does not record it: " +
           (cause == Cause::kTakeBack ? "a failed start was taken back there"
            : cause == Cause::kReport ? "it took the train for ended"

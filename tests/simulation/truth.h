@@ -33,7 +33,6 @@ class Truth {
   struct Studio {
     Commanded commanded;
     std::map<std::string, std::vector<std::string>> cameras;  ///< by node
-    bool has_clock_steps = false;
   };
   explicit Truth(Studio studio) : studio_(std::move(studio)) {}
 
@@ -92,6 +91,7 @@ class Truth {
   void check_stop(const Answer& answer);
   void check_complete(const Ledger& ledger);
   void check_cameras(const std::string& where, const Ledger& ledger);
+  bool has_pulses(const std::string& take) const;
   bool has_frame(const std::string& take, const std::string& camera, int64_t pulse) const;
 
   const Studio studio_;

@@ -61,6 +61,7 @@ class Draws {
   bool chance(double probability) { return part() < probability; }
   int integer(int least, int most) { return least + static_cast<int>(part() * (most - least + 1)); }
   double between(double least, double most) { return least + part() * (most - least); }
+  int64_t nonce() { return static_cast<int64_t>(random_() >> 1) | 1; }
   Duration seconds(double least, double most) { return from_seconds(between(least, most)); }
 
  private:

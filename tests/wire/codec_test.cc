@@ -23,6 +23,7 @@ void for_every_type(Check check) {
   check(HealthMessage{});
   check(EventMessage{});
   check(PreviewMessage{});
+  check(SessionMessage{});
   check(ShardMessage{});
   check(ShardMeshMessage{});
 }
@@ -77,6 +78,8 @@ RC_GTEST_PROP(Codec, gives_back_every_field_of_a_command, ()) {
   RC_ASSERT(back->rate_hz == m.rate_hz);
   RC_ASSERT(back->pulses == m.pulses);
   RC_ASSERT(back->allow_missing == m.allow_missing);
+  RC_ASSERT(back->to == m.to);
+  RC_ASSERT(back->nonces == m.nonces);
 }
 
 RC_GTEST_PROP(Codec, gives_back_every_field_of_a_health_message, ()) {

@@ -95,7 +95,8 @@ CommandMessage command() {
           .rate_hz = 12.5,
           .pulses = 250,
           .allow_missing = {"cam03"},
-          .to = {"cap01", "recon02"}};
+          .to = {"cap01", "recon02"},
+          .nonces = {0x0102030405060708, 9}};
 }
 
 ReplyMessage reply() {
@@ -103,10 +104,15 @@ ReplyMessage reply() {
           .node = "cap01",
           .command_sender = "anna@desk/1/2",
           .command_counter = 8,
+          .nonce = 0x0102030405060708,
           .outcome = ReplyMessage::Outcome::kRefused,
           .take = "kendo-07",
           .text = "not armed",
           .detail = "{}"};
+}
+
+SessionMessage session() {
+  return {.sent = kSent, .session = 0xfedcba98, .newest = 77, .nonce = 9, .is_answer = true};
 }
 
 HealthMessage health() {
@@ -182,16 +188,21 @@ TEST(GoldenBytes, of_where_a_shard_stands) {
 }
 TEST(GoldenBytes, of_a_command) {
   expect_bytes(command(),
-               "bca439874981f15700060a24182022400000000e616e6e61406465736b2f312f3200000000000000"
+               "fbd8b097708b2f2c00060a24182022400000000e616e6e61406465736b2f312f3200000000000000"
                "00080601000000096b656e646f2d303700402900000000000000000000000000fa00000001000000"
-               "020000000663616d30330000000006636170303100000000087265636f6e30320000000000000000"
-               "00000000000000000000000000000000000000000000000000");
+               "020000000663616d30330000000006636170303100000000087265636f6e30320001020304050607"
+               "08000000000000000900000000000000000000000000000000000000000000000000000000000000"
+               "00");
 }
 TEST(GoldenBytes, of_a_reply) {
   expect_bytes(reply(),
-               "b610016dedefc31d00060a2418202240000000066361703031000000000e616e6e61406465736b2f"
-               "312f3200000000000000000803000000096b656e646f2d3037000000000a6e6f742061726d656400"
-               "000000037b7d000000000000000000000000000000000000000000000000000000000000000000");
+               "90d0c8cd366ac57f00060a2418202240000000066361703031000000000e616e6e61406465736b2f"
+               "312f32000000000000000008010203040506070803000000096b656e646f2d3037000000000a6e6f"
+               "742061726d656400000000037b7d0000000000000000000000000000000000000000000000000000"
+               "00000000000000");
+}
+TEST(GoldenBytes, of_a_question_to_a_session) {
+  expect_bytes(session(), "8ec65f99c61dd5d300060a2418202240fedcba980000004d000000000000000901");
 }
 TEST(GoldenBytes, of_health) {
   expect_bytes(health(),

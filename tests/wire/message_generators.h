@@ -102,6 +102,15 @@ inline ShardMessage any_message() {
 }
 
 template <>
+inline SessionMessage any_message() {
+  return {.sent = any_sent(),
+          .session = *rc::gen::arbitrary<uint32_t>(),
+          .newest = *rc::gen::arbitrary<uint32_t>(),
+          .nonce = 1 + any_count() / 2,
+          .is_answer = *rc::gen::arbitrary<bool>()};
+}
+
+template <>
 inline CommandMessage any_message() {
   return {.sent = any_sent(),
           .sender = "v3dctl" + any_text(),
@@ -112,7 +121,8 @@ inline CommandMessage any_message() {
           .rate_hz = *rc::gen::inRange(0, 1000) / 8.0,
           .pulses = any_count(),
           .allow_missing = {any_text()},
-          .to = {any_text(), any_text()}};
+          .to = {any_text(), any_text()},
+          .nonces = {any_count(), any_count()}};
 }
 
 template <>
@@ -121,7 +131,8 @@ inline ReplyMessage any_message() {
           .node = any_text(),
           .command_sender = any_text(),
           .command_counter = any_count(),
-          .outcome = static_cast<ReplyMessage::Outcome>(*rc::gen::inRange(1, 4)),
+          .nonce = any_count(),
+          .outcome = static_cast<ReplyMessage::Outcome>(*rc::gen::inRange(1, 5)),
           .take = any_text(),
           .text = any_text(),
           .detail = any_text()};

@@ -1,0 +1,118 @@
+// Which authentic messages are recent, and each once: anti-replay windows and clocks of the sending
+// sessions.
+#pragma once
+
+#include <array>
+#include <bitset>
+#include <cstdint>
+#include <optional>
+#include <vector>
+
+#include "base/time.h"
+
+namespace v3d {
+
+/// Of a message, by the trailers of its datagrams. A session is one sending socket.
+struct SessionStamp {
+  uint32_t session = 0;
+  uint32_t sequence = 0;
+  RealtimeInstant sent;
+};
+
+/// The clocks of the receiver, read together.
+struct ReceiverTime {
+  MonotonicInstant monotonic;
+  RealtimeInstant realtime;
+  static ReceiverTime now() { return {Monotonic::now(), Realtime::now()}; }
+};
+
+/// A message is accepted once, and when it is recent.
+///
+/// Once: messages may overtake each other by up to kWindow - 1; older ones count as received.
+///
+/// Recent: the time of sending advances in a session as this host's CLOCK_MONOTONIC does, but for
+/// kDrift, from the message that was fastest. So a known session needs no agreement of clocks, and
+/// clocks may be set. A session that is not known is accepted when its time agrees with this host's
+/// CLOCK_REALTIME. Where it does not, the message is in doubt: the session is asked
+/// (SessionQuestions), and its answer, which nobody can have recorded, is given to accept().
+///
+/// kMaxSessions are remembered; when there are more, the one that was silent longest is forgotten,
+/// and unknown sessions are in doubt with what was sent before its last message. Only authentic
+/// messages may be noted, so nobody without the key changes anything here. Allocates nothing after
+/// construction. One thread.
+/// Source: RFC 6479, with one bit a message.
+class SessionGate {
+ public:
+  static constexpr uint32_t kWindow = 1024;
+  static constexpr size_t kMaxSessions = 256;
+  /// A message may be so old: networks are slow.
+  static constexpr Duration kOldest = std::chrono::seconds(5);
+  /// So far may a sender be ahead.
+  static constexpr Duration kAhead = std::chrono::seconds(2);
+  /// Two clocks differ in rate by no more than this: crystals are good to 100 ppm, NTP slews by 500.
+  static constexpr double kDrift = 1e-3;
+
+  SessionGate() { sessions_.reserve(kMaxSessions); }
+
+  /// Before anything is verified. Sequence numbers wrap.
+  bool is_received(const SessionStamp& stamp) const;
+  /// Of an authentic message. False: it is in doubt.
+  bool is_recent(const SessionStamp& stamp, const ReceiverTime& now) const;
+  /// An authentic, recent message is accepted.
+  void note(const SessionStamp& stamp, const ReceiverTime& now);
+  /// The session has just answered a question: `newest.sent` is its time now, `newest.sequence` its
+  /// last message. Older messages of a session that was not known are not accepted any more.
+  void accept(const SessionStamp& newest, const ReceiverTime& now);
+
+ private:
+  struct Session {
+    uint32_t id = 0;
+    uint32_t newest = 0;
+    RealtimeInstant newest_sent = RealtimeInstant::min();
+    MonotonicInstant received_at;  ///< the last of them
+    // A message that was fast: when it was sent, and received.
+    RealtimeInstant fast_sent;
+    MonotonicInstant fast_received;
+    std::bitset<kWindow> received;  ///< by sequence number modulo kWindow
+
+    /// How much longer the message took than the fast one; negative when it was faster.
+    Duration delay(RealtimeInstant sent, MonotonicInstant now) const {
+      return (now - fast_received) - (sent - fast_sent);
+    }
+    Duration drift(MonotonicInstant now) const {
+      return from_seconds(kDrift * to_seconds(now - fast_received));
+    }
+  };
+  const Session* find(uint32_t session) const;
+  Session& find_or_add(const SessionStamp& stamp, const ReceiverTime& now);
+
+  std::vector<Session> sessions_;
+  RealtimeInstant floor_ = RealtimeInstant::min();
+};
+
+/// Which sessions have been asked for a sign of life, and with which nonce. One thread.
+class SessionQuestions {
+ public:
+  /// A session is asked at most so often, and so many are waited for at once.
+  static constexpr Duration kAgainAfter = std::chrono::milliseconds(200);
+  static constexpr Duration kAnsweredWithin = std::chrono::seconds(2);
+  static constexpr size_t kMaxPending = 16;
+
+  /// The nonce to ask the session with; empty when it was asked a moment ago.
+  std::optional<int64_t> ask(uint32_t session, MonotonicInstant now);
+  /// Whether this answers a question that is pending, which then is not any more.
+  bool answers(uint32_t session, int64_t nonce, MonotonicInstant now);
+
+ private:
+  struct Question {
+    uint32_t session = 0;
+    int64_t nonce = 0;  ///< 0: free
+    MonotonicInstant first_asked, last_asked;
+    bool is_pending(MonotonicInstant now) const {
+      return nonce != 0 && now - first_asked < kAnsweredWithin;
+    }
+  };
+  std::array<Question, kMaxPending> questions_;
+};
+
+}  // namespace v3d

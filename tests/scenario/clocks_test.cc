@@ -1,0 +1,73 @@
+// Stories of the wall clock of a capture PC that is set while its daemon runs.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cstdlib>
+#include <nlohmann/json.hpp>
+
+#include "studio4.h"
+#include "support/temporary_folder.h"
+#include "take/verify.h"
+
+namespace v3d {
+namespace {
+
+using test::becomes_true;
+using test::Studio4;
+using test::within;
+using testing::HasSubstr;
+
+/// The environment of the daemons that are started while it lives.
+struct SetClockPreloaded {
+  SetClockPreloaded() {
+    setenv("LD_PRELOAD", V3D_SET_CLOCK_LIBRARY, 1);
+    setenv("V3D_SET_CLOCK", control().c_str(), 1);
+    setenv("V3D_SET_CLOCK_OF", "v3d-captured", 1);
+  }
+  ~SetClockPreloaded() {
+    for (const char* name : {"LD_PRELOAD", "V3D_SET_CLOCK", "V3D_SET_CLOCK_OF"}) unsetenv(name);
+  }
+  std::filesystem::path control() const { return folder_ / "seconds"; }
+
+ private:
+  const test::TemporaryFolder folder_;
+};
+
+class ClockStudio4 : private SetClockPreloaded, public Studio4 {
+ protected:
+  /// Of cap01.
+  void set_clock(int seconds) { test::write_text(control(), std::to_string(seconds)); }
+
+  void expect_whole_take_with_live_meshes() {
+    const Answer stopped = command(CommandVerb::kStop);
+    ASSERT_TRUE(stopped.done()) << text_of(stopped) << log();
+    const Verification verified = verify_take(take());
+    EXPECT_TRUE(verified.whole()) << verified.ledger.verdict() << log();
+    const auto recon = nlohmann::json::parse(stopped.replies.at("recon01").detail);
+    EXPECT_GT(recon["meshes"], 0) << recon;
+  }
+};
+
+TEST_F(ClockStudio4, obeys_and_is_heard_after_the_clock_was_set_back_by_an_hour) {
+  set_clock(-3600);
+  ASSERT_TRUE(reaches("cap01", "clock_steps", 1)) << log();
+  EXPECT_THAT(log(), HasSubstr("the clock was set back by 3600.0 s"));
+  arm_and_start(20);
+  ASSERT_TRUE(becomes_idle()) << log();
+  expect_whole_take_with_live_meshes();
+}
+
+TEST_F(ClockStudio4, loses_no_live_frame_when_the_clock_is_set_back_during_a_take) {
+  arm_and_start(0);
+  ASSERT_TRUE(reaches("cap01", "frames_written", 20)) << log();
+  const double refused = value("recon01", "messages_stale");
+  set_clock(-60);
+  ASSERT_TRUE(reaches("cap01", "clock_steps", 1)) << log();
+  EXPECT_THAT(client_->health(within(5)).at("cap01").text, HasSubstr("keeps the time of before"));
+  ASSERT_TRUE(reaches("cap01", "frames_written", value("cap01", "frames_written") + 80)) << log();
+  EXPECT_EQ(value("recon01", "messages_stale"), refused);
+  expect_whole_take_with_live_meshes();
+}
+
+}  // namespace
+}  // namespace v3d
