@@ -30,7 +30,8 @@ struct Host {
   std::vector<std::string> cameras;
   Trigger* trigger = nullptr;  ///< null where it is not
   NodeDisk disk;
-  double frame_loss = 0;  ///< share of the frames that a camera does not deliver
+  double not_ready = 0.02;  ///< share of the orders for which a device of the node is not ready
+  double frame_loss = 0;    ///< share of the frames that a camera does not deliver
   Duration clock_error{};
 };
 

@@ -79,7 +79,7 @@ void SimulatedCapture::make_ready(const CommandMessage& order) {
   order_ = order;
   disk_is_full_ = ended_by_disk_ = false;
   if (host_.trigger != nullptr) host_.trigger->arm(order, world_.rate_hz, train_length());
-  is_ready_ = !world_.draws.chance(0.02);
+  is_ready_ = !world_.draws.chance(host_.not_ready);
   ready_at_ = now() + (is_ready_ ? world_.draws.seconds(0.01, 0.8) : kReadyWithin);
 }
 
@@ -115,7 +115,7 @@ void SimulatedCapture::start() {
   learn_by_ =
       now() + from_seconds(static_cast<double>(order_.pulses + 2) / world_.rate_hz) + kPlatesWithin;
   if (host_.trigger == nullptr) return;
-  if (world_.draws.chance(0.02)) throw InputError("the trigger's line does not answer");
+  if (world_.draws.chance(host_.not_ready)) throw InputError("the trigger's line does not answer");
   host_.trigger->start();
 }
 
