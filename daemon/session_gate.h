@@ -49,7 +49,7 @@ class SessionGate {
   static constexpr Duration kOldest = std::chrono::seconds(5);
   /// So far may a sender be ahead.
   static constexpr Duration kAhead = std::chrono::seconds(2);
-  /// Two clocks differ in rate by no more than this: crystals are good to 100 ppm, NTP slews by 500.
+  /// Two clocks differ in rate by no more: crystals are good to 100 ppm, NTP slews by 500.
   static constexpr double kDrift = 1e-3;
 
   SessionGate() { sessions_.reserve(kMaxSessions); }
