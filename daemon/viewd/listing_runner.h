@@ -1,5 +1,6 @@
 // Runs listings of folders on a thread of their own, so that a slow disk keeps only those waiting
-// that asked for a listing. Beside web_server.cc the only user of Boost.Asio.
+// that asked for a listing. Uses Boost.Asio, as
+// web_server.cc and web_connection.h do.
 #pragma once
 
 #include <boost/asio/io_context.hpp>

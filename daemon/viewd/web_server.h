@@ -1,4 +1,5 @@
-// HTTP and WebSocket. The adapter of Boost.Beast: knows sockets, and nothing of takes.
+// The server of HTTP and WebSocket: accepts connections. With web_connection.h and web_watcher.h
+// it is the adapter of Boost.Beast; it knows sockets and no takes.
 #pragma once
 
 #include <chrono>

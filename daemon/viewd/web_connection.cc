@@ -1,0 +1,215 @@
+#include "daemon/viewd/web_connection.h"
+
+#include <chrono>
+#include <limits>
+#include <utility>
+
+#include "daemon/viewd/file_part_body.h"
+#include "daemon/viewd/web_watcher.h"
+
+namespace v3d {
+namespace {
+
+namespace beast = boost::beast;
+namespace http = beast::http;
+namespace websocket = beast::websocket;
+using boost::asio::ip::tcp;
+using boost::system::error_code;
+using Request = WebWatcher::Request;
+
+constexpr std::chrono::seconds kSendWithin{30};  ///< each piece of an answer
+constexpr std::chrono::seconds kIdleFor{30};     ///< between requests
+
+std::string text(boost::string_view view) { return {view.data(), view.size()}; }
+
+WebRequest plain(const Request& request, const std::string& address) {
+  return {.method = text(request.method_string()),
+          .target = text(request.target()),
+          .host = text(request[http::field::host]),
+          .has_several_hosts = request.count(http::field::host) > 1,
+          .origin = text(request[http::field::origin]),
+          .range = text(request[http::field::range]),
+          .if_none_match = text(request[http::field::if_none_match]),
+          .cookie = text(request[http::field::cookie]),
+          .authorization = text(request[http::field::authorization]),
+          .content_type = text(request[http::field::content_type]),
+          .operator_token = text(request["X-V3D-Operator"]),
+          .address = address,
+          .body = request.body()};
+}
+
+/// What every answer says: nothing is guessed, framed or fetched from elsewhere.
+template <class Response>
+void set_head(Response& response, const WebAnswer& answer, bool keep_alive) {
+  response.result(static_cast<unsigned>(answer.status));
+  response.set(http::field::server, "v3d-viewd");
+  response.set(http::field::content_type, answer.type);
+  response.set("X-Content-Type-Options", "nosniff");
+  response.set("Referrer-Policy", "no-referrer");
+  response.set("Content-Security-Policy",
+               "default-src 'self'; script-src 'self' 'wasm-unsafe-eval'; img-src 'self' blob: "
+               "data:; connect-src 'self' blob: data:; worker-src 'self'; frame-ancestors 'none'");
+  for (const auto& [name, value] : answer.fields) response.set(name, value);
+  response.keep_alive(keep_alive);
+}
+
+WebAnswer busy() {
+  return {.status = 503,
+          .body = "too much is being asked for; try again\n",
+          .fields = {{"Retry-After", "1"}}};
+}
+
+}  // namespace
+
+WebConnection::WebConnection(WebConnections& all, ConnectionPlaces::Place place, tcp::socket socket,
+                             std::string address)
+    : all_(all),
+      id_(place.id),
+      place_(std::make_unique<HeldPlace>(all, place)),
+      socket_(std::move(socket)),
+      address_(std::move(address)) {
+  all_.open[id_] = this;
+}
+
+WebConnection::~WebConnection() { all_.open.erase(id_); }
+
+// --- requests -----------------------------------------------------------------------------------
+
+// close() may come after an operation has succeeded and before its handler runs: handlers look
+// whether the socket is open.
+
+void WebConnection::read() {
+  parser_.emplace();
+  parser_->header_limit(WebServer::kMostHeaderBytes);
+  // No limit as yet, for what has too large a body gets an answer; Beast takes none at all for
+  // zero.
+  parser_->body_limit(std::numeric_limits<uint64_t>::max());
+  parser_->eager(false);
+  socket_.expires_after(all_.limits.request_within);
+  http::async_read_header(socket_, buffer_, *parser_,
+                          [self = shared_from_this()](error_code error, size_t) {
+                            if (!error && self->is_open()) self->take_header();
+                          });
+}
+
+/// The first bytes of a request may take longer than the request.
+void WebConnection::read_next() {
+  if (buffer_.size() > 0) return read();
+  socket_.expires_after(kIdleFor);
+  socket_.async_read_some(buffer_.prepare(WebServer::kMostHeaderBytes),
+                          [self = shared_from_this()](error_code error, size_t bytes) {
+                            if (error || !self->is_open()) return;
+                            self->buffer_.commit(bytes);
+                            self->read();
+                          });
+}
+
+/// Only a POST has a body that is read, and only a short one. Any other would be taken for the
+/// next request: the connection ends with the answer.
+void WebConnection::take_header() {
+  const Request& request = parser_->get();
+  const auto size = parser_->content_length();
+  const bool has_body = parser_->chunked() || (size && *size > 0);
+  keep_alive_ = request.keep_alive() && !has_body;
+  if (!has_body) return take(false);
+  if (request.method() != http::verb::post || parser_->chunked() ||
+      *size > WebServer::kMostBodyBytes) {
+    return take(true);
+  }
+  parser_->body_limit(WebServer::kMostBodyBytes);
+  http::async_read(socket_, buffer_, *parser_,
+                   [self = shared_from_this()](error_code error, size_t) {
+                     if (!error && self->is_open()) self->take(false);
+                   });
+}
+
+void WebConnection::take(bool has_unread_body) {
+  const Request& request = parser_->get();
+  WebSite& site = all_.site;
+  WebRequest asked = plain(request, address_);
+  asked.has_unread_body = has_unread_body;
+  const Visitor visitor = site.visitor(asked);
+  all_.places.set_visitor(id_, visitor);
+  if (place_->is_reserved()) {
+    keep_alive_ = false;  // the place is for the next operator
+    if (visitor != Visitor::kOperator || websocket::is_upgrade(request)) {
+      return answer(busy(), request.method() == http::verb::head);
+    }
+  }
+  if (!websocket::is_upgrade(request)) {
+    answer_or_work(site.answer(asked), request.method() == http::verb::head);
+    return;
+  }
+  WebSite::Opening opening = site.open_stream(asked);
+  if (!opening.stream) {
+    answer(std::move(opening.refusal), false);
+    return;
+  }
+  socket_.expires_never();
+  std::make_shared<WebWatcher>(std::move(place_), socket_.release_socket(),
+                               all_.watch(*opening.stream))
+      ->begin(request);
+}
+
+void WebConnection::answer_or_work(WebAnswer first, bool head_only) {
+  if (!first.work) return answer(std::move(first), head_only);
+  const bool waits =
+      all_.defer(std::move(first), [self = shared_from_this(), head_only](WebAnswer made) {
+        self->answer(std::move(made), head_only);
+      });
+  if (!waits) answer(busy(), head_only);
+}
+
+// --- answers ------------------------------------------------------------------------------------
+
+/// In pieces, each within its time: a large file takes long on a slow line.
+template <class Sending>
+void WebConnection::send_some(const std::shared_ptr<Sending>& sending) {
+  socket_.expires_after(kSendWithin);
+  http::async_write_some(socket_, sending->serializer,
+                         [self = shared_from_this(), sending](error_code error, size_t) {
+                           if (error) return;
+                           if (!sending->serializer.is_done()) return self->send_some(sending);
+                           self->after_answer();
+                         });
+}
+
+template <class Body>
+void WebConnection::send(http::response<Body> response) {
+  // They live until the last byte has gone; the serializer refers to the response.
+  struct Sending {
+    explicit Sending(http::response<Body> from) : response(std::move(from)), serializer(response) {}
+    http::response<Body> response;
+    http::response_serializer<Body> serializer;
+  };
+  send_some(std::make_shared<Sending>(std::move(response)));
+}
+
+void WebConnection::answer(WebAnswer answer, bool head_only) {
+  if (head_only || !answer.file) {
+    http::response<http::string_body> response;
+    set_head(response, answer, keep_alive_);
+    response.body() = head_only ? "" : std::move(answer.body);
+    const auto size = answer.file ? answer.file->size : static_cast<int64_t>(answer.body.size());
+    if (head_only) {
+      response.content_length(static_cast<uint64_t>(size));
+    } else if (answer.status != 304) {
+      response.prepare_payload();
+    }
+    send(std::move(response));
+    return;
+  }
+  http::response<FilePartBody> response;
+  set_head(response, answer, keep_alive_);
+  response.content_length(static_cast<uint64_t>(answer.file->size));
+  response.body() = std::move(*answer.file);
+  send(std::move(response));
+}
+
+void WebConnection::after_answer() {
+  if (keep_alive_) return read_next();
+  error_code ignored;
+  socket_.socket().shutdown(tcp::socket::shutdown_send, ignored);
+}
+
+}  // namespace v3d

@@ -1,0 +1,45 @@
+// What the connections of a web server share: the site, their places, and who watches.
+#pragma once
+
+#include <functional>
+#include <map>
+#include <set>
+
+#include "daemon/viewd/connection_places.h"
+#include "daemon/viewd/web_server.h"
+#include "daemon/viewd/web_site.h"
+
+namespace v3d {
+
+class WebConnection;
+class WebWatcher;
+
+/// The server's thread only.
+struct WebConnections {
+  WebSite& site;
+  WebServer::Watch watch;
+  WebLimits limits;
+  ConnectionPlaces places = {};
+  std::map<ConnectionPlaces::Id, WebConnection*> open = {};
+  std::set<WebWatcher*> watchers = {};
+  /// Does the work of an answer on the thread for it, then calls `done` on the server's. False when
+  /// too much waits there.
+  std::function<bool(WebAnswer answer, std::function<void(WebAnswer)> done)> defer;
+};
+
+/// The place of a connection, until it is destroyed.
+class HeldPlace {
+ public:
+  HeldPlace(WebConnections& all, ConnectionPlaces::Place place) : all_(all), place_(place) {}
+  ~HeldPlace() { all_.places.leave(place_.id); }
+  HeldPlace(const HeldPlace&) = delete;
+  HeldPlace& operator=(const HeldPlace&) = delete;
+  WebConnections& all() const { return all_; }
+  bool is_reserved() const { return place_.is_reserved; }
+
+ private:
+  WebConnections& all_;
+  const ConnectionPlaces::Place place_;
+};
+
+}  // namespace v3d
