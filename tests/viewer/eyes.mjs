@@ -25,10 +25,23 @@ export class Eyes {
   async shownPulse() {
     return Number(/pulse (\d+)/.exec(await this.text('facts'))?.[1] ?? -1);
   }
-  /** Until all of a scene has been loaded and drawn. */
-  settles(scene) {
-    return this.page.waitForFunction((name) => document.getElementById('title').textContent === name
-      && document.getElementById('canvas').dataset.settled === 'true', scene, { timeout: WITHIN });
+  /** Waits until the page has drawn two more pictures. */
+  drawn() {
+    return this.page.evaluate(() => new Promise((done) =>
+      requestAnimationFrame(() => requestAnimationFrame(() => setTimeout(done)))));
+  }
+  /**
+   * Waits until the page has loaded and drawn all that was asked for. The page sets `data-settled` once per picture, so the
+   * value may be older than the last key or click until the next picture is drawn.
+   */
+  async settled() {
+    await this.drawn();
+    await this.page.waitForFunction(() => document.getElementById('canvas').dataset.settled === 'true', null, { timeout: WITHIN });
+  }
+  /** Waits until the page shows this scene, with all that belongs to it. */
+  async settles(scene) {
+    await this.shows('title', scene);
+    await this.settled();
   }
 
   /** Pixels of a PNG: red, green, blue and 255 of each. */

@@ -16,10 +16,8 @@ let browser, page, eyes;
 
 const run = (program, ...words) => execFileSync(join(build, 'bin', program), words, { cwd: folder, stdio: 'pipe' });
 const shows = (id, part) => eyes.shows(id, part);
-const settled = () => page.waitForFunction(() => document.getElementById('canvas').dataset.settled === 'true', null, { timeout: WITHIN });
+const settled = () => eyes.settled();
 const hidden = (id) => page.evaluate((i) => document.getElementById(i).hidden, id);
-/** Two more pictures are drawn: what is settled is on the screen. */
-const drawn = () => page.evaluate(() => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(() => setTimeout(done)))));
 
 async function open(hash) {
   await page.goto(`${studio.address}#${hash}`);
@@ -32,7 +30,7 @@ const veil = (visibility) => page.evaluate((v) => {
 async function picture(part = null) {
   const { x, y, width, height } = part ?? (await page.locator('#canvas').boundingBox());
   await veil('hidden');
-  await drawn();
+  await eyes.drawn();
   const png = await page.screenshot({ clip: { x, y, width, height } });
   await veil('');
   return { pixels: await eyes.decode(png), width, height };
