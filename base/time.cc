@@ -56,8 +56,7 @@ RealtimeInstant RealtimeFollower::follow(MonotonicInstant steady, RealtimeInstan
   int64_t known = difference_ns_.load(std::memory_order_relaxed);
   if (known == kUnknown && difference_ns_.compare_exchange_strong(known, difference)) return wall;
   const int64_t change = difference - known;
-  if (std::abs(change) > to_ns(RealtimeInstant(kSlew)))
-    return from_ns<Realtime>(to_ns(steady) + known);
+  if (std::abs(change) > kSlew.count()) return from_ns<Realtime>(to_ns(steady) + known);
   constexpr int64_t kWorthTheWrite = 1000;  // every thread reads it
   if (std::abs(change) > kWorthTheWrite)
     difference_ns_.store(difference, std::memory_order_relaxed);

@@ -20,11 +20,6 @@ void CommandGate::set_key(const StudioKey& key) {
   key_ = key;
 }
 
-bool CommandGate::has_key() const {
-  const std::lock_guard lock(mutex_);
-  return key_.has_value();
-}
-
 CommandCounts CommandGate::counts() const {
   const std::lock_guard lock(mutex_);
   return counts_;

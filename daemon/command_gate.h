@@ -50,7 +50,6 @@ class CommandGate {
   explicit CommandGate(std::string node, std::function<int64_t()> draw = random_nonce);
 
   void set_key(const StudioKey& key);
-  bool has_key() const;
 
   struct Admitted {
     CommandMessage command;

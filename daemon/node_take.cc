@@ -129,23 +129,16 @@ TakeClosing NodeTake::close(const Ledger& ledger, bool is_empty) {
   disk_.reset();  // its room is the ledger's
   const std::string takes = node_.studio.storage.takes.string();
   if (!close_take(node_.studio, info_, ledger)) {
-    return {
-        .unkept = "cannot write the ledger of " + info_.name + " to " + takes + ", or not whole",
-        .lost_pulses = {},
-        .notice = {}};
+    return {.unkept = "cannot write the whole ledger of " + info_.name + " to " + takes};
   }
   lock_.reset();  // before the folder may be moved
   if (!unkept.empty()) {
     return {.unkept = takes + " did not keep the last frames of " +
-                      fmt::format("{}", fmt::join(unkept, ", ")) + ": v3dctl verify tells which",
-            .lost_pulses = {},
-            .notice = {}};
+                      fmt::format("{}", fmt::join(unkept, ", ")) + ": v3dctl verify tells which"};
   }
   if (!is_empty || may_hold_frames(paths_)) return {};
   const auto place = quarantine_take(paths_);
-  return {.unkept = {},
-          .lost_pulses = {},
-          .notice = info_.name + " has neither pulses nor frames" +
+  return {.notice = info_.name + " has neither pulses nor frames" +
                     (place ? ": moved to " + place->string() : ", and " + place.error().message)};
 }
 

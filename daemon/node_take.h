@@ -24,9 +24,9 @@ namespace v3d {
 
 /// How the closing of a take went, for a person.
 struct TakeClosing {
-  std::string unkept;       ///< what the disk took and did not keep; empty when it kept all
-  std::string lost_pulses;  ///< that the log of the pulses has not all of them; mostly empty
-  std::string notice;       ///< that the take was moved to the quarantine; mostly empty
+  std::string unkept = {};       ///< data that the disk accepted and lost; empty when it kept all
+  std::string lost_pulses = {};  ///< that the log of the pulses is not whole; mostly empty
+  std::string notice = {};       ///< that the take was moved to the quarantine; mostly empty
 };
 
 /// From the moment a take is armed until its ledger is written. One thread.
