@@ -41,6 +41,7 @@ ReplyMessage CommandGate::nonce_reply(const CommandMessage& command, MonotonicIn
   reply.node = node_;
   reply.command_sender = command.sender;
   reply.command_counter = command.counter;
+  reply.command_sent = command.sent;
   reply.nonce = nonce(now);
   reply.outcome = ReplyMessage::Outcome::kNonceMissing;
   return reply;
@@ -55,7 +56,7 @@ std::optional<CommandGate::Admitted> CommandGate::admit(std::span<const uint8_t>
   renew_nonces(now);
   if (!has_current_nonce(*command, now)) {
     ++counts_.without_nonce;
-    if (!may_reply_nonce(now)) return std::nullopt;
+    if (!may_reply_nonce(command->sender, now)) return std::nullopt;
     return Admitted{.command = std::move(*command), .is_current = false};
   }
   if (!is_new(*command)) {
@@ -97,12 +98,18 @@ bool CommandGate::has_current_nonce(const CommandMessage& command, MonotonicInst
   });
 }
 
-bool CommandGate::may_reply_nonce(MonotonicInstant now) {
+bool CommandGate::may_reply_nonce(const std::string& sender, MonotonicInstant now) {
   if (now - replies_since_ >= std::chrono::seconds(1)) {
     replies_since_ = now;
     nonce_replies_ = 0;
+    nonce_replies_to_.clear();
   }
-  return nonce_replies_++ < kMaxNonceReplies;
+  if (nonce_replies_ == kMaxNonceReplies) return false;
+  int& to_sender = nonce_replies_to_[std::hash<std::string>()(sender)];
+  if (to_sender == kMaxNonceRepliesToSender) return false;
+  ++to_sender;
+  ++nonce_replies_;
+  return true;
 }
 
 void CommandGate::renew_nonces(MonotonicInstant now) {

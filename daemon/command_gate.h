@@ -43,8 +43,10 @@ class CommandGate {
  public:
   static constexpr Duration kNonceLife = std::chrono::seconds(5);
   static constexpr size_t kMaxSenders = 64;
-  /// Replayed commands make a node answer with its nonce at most so often a second.
-  static constexpr int kMaxNonceReplies = 20;
+  /// Limits for each second of the replies that hold only a nonce: to one sender, and to all. A
+  /// flood of recorded commands of other senders leaves an operator his share.
+  static constexpr int kMaxNonceRepliesToSender = 20;
+  static constexpr int kMaxNonceReplies = 1000;
 
   /// `draw` gives random numbers other than 0.
   explicit CommandGate(std::string node, std::function<int64_t()> draw = random_nonce);
@@ -73,7 +75,7 @@ class CommandGate {
   };
   std::optional<CommandMessage> read(std::span<const uint8_t> bytes, MonotonicInstant now);
   bool has_current_nonce(const CommandMessage& command, MonotonicInstant now) const;
-  bool may_reply_nonce(MonotonicInstant now);
+  bool may_reply_nonce(const std::string& sender, MonotonicInstant now);
   bool is_new(const CommandMessage& command);
   void remember(const CommandMessage& command, MonotonicInstant now);
   void renew_nonces(MonotonicInstant now);
@@ -96,6 +98,7 @@ class CommandGate {
   std::map<std::string, Received> senders_, senders_before_;  ///< since a nonce, and before
   MonotonicInstant replies_since_;
   int nonce_replies_ = 0;
+  std::map<size_t, int> nonce_replies_to_;  ///< by the hash of the sender's name
   std::string trouble_;
   std::optional<MonotonicInstant> troubled_;
 };

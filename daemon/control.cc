@@ -128,6 +128,7 @@ ReplyMessage Controller::reply_to(const CommandMessage& command, ReplyMessage::O
           .node = node_,
           .command_sender = command.sender,
           .command_counter = command.counter,
+          .command_sent = command.sent,
           .outcome = outcome,
           .take = phase_ == Phase::kIdle ? last_take_ : order_.take,
           .text = std::move(text),
@@ -200,7 +201,10 @@ ReplyMessage Controller::carry_out(const CommandMessage& command, Step& step) {
 
 Controller::Step Controller::on_command(const CommandMessage& command) {
   Heard& heard = heard_from(command.sender);
-  if (command.counter == heard.counter) return {.work = Work::kNone, .replies = {heard.reply}};
+  if (command.counter == heard.counter) {
+    heard.reply.command_sent = command.sent;  // of this repetition
+    return {.work = Work::kNone, .replies = {heard.reply}};
+  }
   if (command.counter < heard.counter) return {};
   Step step;
   const ReplyMessage reply = carry_out(command, step);

@@ -118,18 +118,21 @@ std::optional<CommandMessage> Conversation::poll(MonotonicInstant now) {
 
 int64_t Conversation::nonce_of(const std::string& node) const {
   const auto known = nonces_.find(node);
-  return known == nonces_.end() ? 0 : known->second;
+  return known == nonces_.end() ? 0 : known->second.value;
 }
 
-/// A node that knows a newer nonce than the message held gets the message again at once.
+/// Learns from the first reply to each message, so replies that are repeated or late bring no old
+/// nonce back. Sends a command again at once when the node rejected the nonce that it held: at most
+/// once for each message.
 void Conversation::learn_nonce(const ReplyMessage& reply) {
   const auto& nodes = studio_.nodes;
   if (std::find(nodes.begin(), nodes.end(), reply.node) == nodes.end()) return;
-  int64_t& known = nonces_[reply.node];
-  if (reply.outcome == Outcome::kNonceMissing && reply.nonce != known) {
+  NodeNonce& known = nonces_[reply.node];
+  if (reply.command_sent <= known.command_sent) return;
+  if (reply.outcome == Outcome::kNonceMissing && reply.nonce != known.value) {
     next_due_ = MonotonicInstant();
   }
-  known = reply.nonce;
+  known = {.value = reply.nonce, .command_sent = reply.command_sent};
 }
 
 bool Conversation::hear(const ReplyMessage& reply) {

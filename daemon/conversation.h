@@ -37,8 +37,12 @@ class CommandStamp {
   RealtimeInstant last_;
 };
 
-/// What each node wants to see in the next command to it (ReplyMessage::nonce).
-using NodeNonces = std::map<std::string, int64_t>;
+/// The nonce that the next command to a node must hold (ReplyMessage::nonce).
+struct NodeNonce {
+  int64_t value = 0;
+  RealtimeInstant command_sent = RealtimeInstant::min();  ///< of the command whose reply held it
+};
+using NodeNonces = std::map<std::string, NodeNonce>;  ///< by the name of the node
 
 /// The nodes that commands go to.
 struct Commanded {

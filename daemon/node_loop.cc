@@ -28,6 +28,7 @@ NodeLoop::NodeLoop(NodeIdentity identity, Bus& bus, NodeWork& work)
       commands_(
           bus, kCommandChannel, kCommandQueue,
           [this](const ReceivedMessage& in) { return gate_.admit(in.bytes, Monotonic::now()); }),
+      name_monitor_(bus, me_.node),
       metrics_(serve_metrics(me_.metrics)),
       watchdog_(service::watchdog_period()),
       last_fed_(Monotonic::now()) {
@@ -69,8 +70,18 @@ void NodeLoop::on_command(const CommandGate::Admitted& admitted) {
   const CommandMessage& command = admitted.command;
   spdlog::debug("{} {} from {} #{}", name(command.verb), command.take, command.sender,
                 command.counter);
-  if (admitted.is_current) return protocol_.on_command(command);
-  publish(gate_.nonce_reply(command, Monotonic::now()));
+  if (!admitted.is_current) return publish(gate_.nonce_reply(command, Monotonic::now()));
+  if (!is_refused_for_name(command)) protocol_.on_command(command);
+}
+
+/// Both processes refuse to begin anything. A take that runs goes on, and can be stopped.
+bool NodeLoop::is_refused_for_name(const CommandMessage& command) {
+  if (name_alarm_.empty() || !is_order(command.verb)) return false;
+  ReplyMessage reply = gate_.nonce_reply(command, Monotonic::now());
+  reply.outcome = ReplyMessage::Outcome::kRefused;
+  reply.text = name_alarm_;
+  publish(std::move(reply));
+  return true;
 }
 
 MonotonicInstant NodeLoop::next_turn() const {
@@ -98,10 +109,19 @@ void NodeLoop::publish_health() {
   clock_.report(health.values);
   ptp_.report(health.values);
   report_commands(health);
+  watch_name(health);
   bus_.publish_sealed(health_channel(me_.node), encode(health));
   if (metrics_) metrics_->update(health);
   service::status(std::string(name(health.state)) + (health.take.empty() ? "" : " ") + health.take +
                   (health.text.empty() ? "" : ": ") + health.text);
+}
+
+void NodeLoop::watch_name(HealthMessage& health) {
+  name_monitor_.mark(health);
+  const std::string alarm = name_monitor_.alarm(Monotonic::now());
+  if (!alarm.empty() && name_alarm_.empty()) spdlog::error("{}", alarm);
+  name_alarm_ = alarm;
+  if (!alarm.empty() && health.state != NodeState::kFault) health.text = alarm;
 }
 
 /// A take keeps the time that it began with.

@@ -13,6 +13,7 @@
 #include "daemon/command_gate.h"
 #include "daemon/machine_health.h"
 #include "daemon/metrics_server.h"
+#include "daemon/name_monitor.h"
 #include "daemon/node_protocol.h"
 #include "daemon/node_work.h"
 #include "daemon/ptp_watch.h"
@@ -46,6 +47,8 @@ class NodeLoop {
  private:
   void turn();
   void on_command(const CommandGate::Admitted& admitted);
+  bool is_refused_for_name(const CommandMessage& command);
+  void watch_name(HealthMessage& health);
   MonotonicInstant next_turn() const;
   void publish(ReplyMessage reply);
   void publish_health();
@@ -63,6 +66,8 @@ class NodeLoop {
   std::optional<StudioKey> key_;
   std::string no_key_;  ///< why there is none
   Subscription<CommandGate::Admitted> commands_;
+  NameMonitor name_monitor_;
+  std::string name_alarm_;  ///< empty: no other process has this node's name
   int64_t clock_steps_ = 0;
   Duration told_step_{};
   MachineHealth machine_;

@@ -10,7 +10,7 @@ namespace v3d {
 namespace {
 
 constexpr Layout kCommandLayout = "qsqb?sqqnnS0S1D1m";
-constexpr Layout kReplyLayout = "qssqqbsssm";
+constexpr Layout kReplyLayout = "qssqqqbsssm";
 
 }  // namespace
 
@@ -62,6 +62,7 @@ Bytes encode(const ReplyMessage& m) {
   w.node = m.node;
   w.command_sender = m.command_sender;
   w.command_counter = m.command_counter;
+  w.command_utime = utime_of(m.command_sent);
   w.nonce = m.nonce;
   w.outcome = static_cast<int8_t>(m.outcome);
   w.take = m.take;
@@ -76,12 +77,14 @@ std::optional<ReplyMessage> decode(std::span<const uint8_t> bytes) {
   auto w = unpack<reply_t>(kReplyLayout, bytes);
   if (!w) return std::nullopt;
   const auto sent = instant_of(w->utime);
+  const auto command_sent = instant_of(w->command_utime);
   const auto outcome = enumerator(w->outcome, ReplyMessage::Outcome::kNonceMissing);
-  if (!sent || !outcome || w->command_counter < 0) return std::nullopt;
+  if (!sent || !command_sent || !outcome || w->command_counter < 0) return std::nullopt;
   return ReplyMessage{.sent = *sent,
                       .node = w->node,
                       .command_sender = w->command_sender,
                       .command_counter = w->command_counter,
+                      .command_sent = *command_sent,
                       .nonce = w->nonce,
                       .outcome = *outcome,
                       .take = std::move(w->take),

@@ -95,7 +95,8 @@ struct ReplyMessage {
   std::string node;
   std::string command_sender;
   int64_t command_counter = 0;
-  int64_t nonce = 0;  ///< of the node, for the next command to it
+  RealtimeInstant command_sent;  ///< CommandMessage::sent of the command that is answered
+  int64_t nonce = 0;             ///< of the node, for the next command to it
   /// kNonceMissing: nothing was done; the same command is obeyed with `nonce`.
   enum class Outcome : uint8_t {
     kPending = 1,

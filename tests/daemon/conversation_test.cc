@@ -237,6 +237,27 @@ TEST_F(Talk, is_not_misled_by_replies_to_other_commands_and_of_other_nodes) {
   EXPECT_FALSE(talk.hear(reply));
 }
 
+TEST_F(Talk, learns_a_nonce_from_the_reply_to_its_newest_command_alone) {
+  Conversation talk = begin(CommandVerb::kAbort);
+  sent(talk);
+  ReplyMessage newer;
+  newer.node = "cap01";
+  newer.command_sent = from_ns<Realtime>(2'000);
+  newer.nonce = 22;
+  newer.outcome = Outcome::kNonceMissing;
+  ReplyMessage replayed = newer;
+  replayed.command_sent = from_ns<Realtime>(1'000);
+  replayed.nonce = 11;
+  talk.hear(newer);
+  ASSERT_EQ(sent(talk), "abort@cap01") << "sent again at once, with the nonce";
+  EXPECT_EQ(last_->nonces.front(), 22);
+  talk.hear(replayed);
+  EXPECT_EQ(sent(talk), "") << "an old reply sends nothing";
+  now_ += Conversation::kRepeatAfter;
+  ASSERT_NE(sent(talk), "");
+  EXPECT_EQ(last_->nonces.front(), 22);
+}
+
 // --- whole studios on bad networks --------------------------------------------------------------
 
 Weather any_weather() {

@@ -1,15 +1,23 @@
-# cmake -DWRITE_TRANSITIONS=... -DSPIN=... -DCC=... -DMODEL=... -DDIR=... -DNODES=3 -DPEOPLE=1 -P check_model.cmake
-# Makes Spin's verifier of the model with the daemons' transition table, and runs it.
+# cmake -DWRITE_TRANSITIONS=... -DSPIN=... -DCC=... -DMODEL=... -DDIR=... [-DDEFINES=...] [-DCC_DEFINES=...]
+#       [-DPAN_OPTIONS=...] [-DHAS_FAULT=yes] -P check_model.cmake
+# Makes Spin's verifier of the model with the daemons' transition table, and runs it. With HAS_FAULT the verifier must find
+# an error.
 file(MAKE_DIRECTORY ${DIR})
 file(COPY ${MODEL} DESTINATION ${DIR})
 get_filename_component(model ${MODEL} NAME)
 execute_process(COMMAND ${WRITE_TRANSITIONS} promela OUTPUT_FILE ${DIR}/transitions.pml COMMAND_ERROR_IS_FATAL ANY)
-execute_process(COMMAND ${SPIN} -o3 -a -DNODES=${NODES} -DPEOPLE=${PEOPLE} ${model} WORKING_DIRECTORY ${DIR} COMMAND_ERROR_IS_FATAL ANY)
-execute_process(COMMAND ${CC} -O1 -w -DSAFETY -DCOLLAPSE -DVECTORSZ=2048 -DMEMLIM=1000 -o pan pan.c
+execute_process(COMMAND ${SPIN} -o3 -a ${DEFINES} ${model} WORKING_DIRECTORY ${DIR} COMMAND_ERROR_IS_FATAL ANY)
+execute_process(COMMAND ${CC} -O1 -w -DCOLLAPSE -DVECTORSZ=2048 -DMEMLIM=1000 ${CC_DEFINES} -o pan pan.c
   WORKING_DIRECTORY ${DIR} COMMAND_ERROR_IS_FATAL ANY)
-execute_process(COMMAND ./pan -m200000 WORKING_DIRECTORY ${DIR} OUTPUT_VARIABLE report COMMAND_ERROR_IS_FATAL ANY)
+execute_process(COMMAND ./pan ${PAN_OPTIONS} WORKING_DIRECTORY ${DIR} OUTPUT_VARIABLE report COMMAND_ERROR_IS_FATAL ANY)
 message("${report}")
 # A search that was cut short has proved nothing.
-if(NOT report MATCHES "errors: 0" OR report MATCHES "truncated|out of memory|too small")
+if(report MATCHES "truncated|out of memory|too small")
+  message(FATAL_ERROR "the search was cut short; see ${DIR}")
+endif()
+if(HAS_FAULT AND report MATCHES "errors: 0")
+  message(FATAL_ERROR "the model does not find the fault that was put in; see ${DIR}")
+endif()
+if(NOT HAS_FAULT AND NOT report MATCHES "errors: 0")
   message(FATAL_ERROR "the model breaks a promise; see ${DIR}: ./pan -r or spin -t -p ${model}")
 endif()

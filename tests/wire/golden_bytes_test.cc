@@ -104,6 +104,7 @@ ReplyMessage reply() {
           .node = "cap01",
           .command_sender = "anna@desk/1/2",
           .command_counter = 8,
+          .command_sent = kSent - std::chrono::seconds(1),
           .nonce = 0x0102030405060708,
           .outcome = ReplyMessage::Outcome::kRefused,
           .take = "kendo-07",
@@ -196,10 +197,10 @@ TEST(GoldenBytes, of_a_command) {
 }
 TEST(GoldenBytes, of_a_reply) {
   expect_bytes(reply(),
-               "90d0c8cd366ac57f00060a2418202240000000066361703031000000000e616e6e61406465736b2f"
-               "312f32000000000000000008010203040506070803000000096b656e646f2d3037000000000a6e6f"
-               "742061726d656400000000037b7d0000000000000000000000000000000000000000000000000000"
-               "00000000000000");
+               "4920245360d3d58500060a2418202240000000066361703031000000000e616e6e61406465736b2f"
+               "312f3200000000000000000800060a241810e000010203040506070803000000096b656e646f2d30"
+               "37000000000a6e6f742061726d656400000000037b7d000000000000000000000000000000000000"
+               "000000000000000000000000000000");
 }
 TEST(GoldenBytes, of_a_question_to_a_session) {
   expect_bytes(session(), "8ec65f99c61dd5d300060a2418202240fedcba980000004d000000000000000901");

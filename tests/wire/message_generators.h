@@ -131,6 +131,7 @@ inline ReplyMessage any_message() {
           .node = any_text(),
           .command_sender = any_text(),
           .command_counter = any_count(),
+          .command_sent = any_sent(),
           .nonce = any_count(),
           .outcome = static_cast<ReplyMessage::Outcome>(*rc::gen::inRange(1, 5)),
           .take = any_text(),

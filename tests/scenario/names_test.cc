@@ -1,0 +1,71 @@
+// Two daemons with one node name: an alarm, no new take, and no harm to one that runs.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "studio4.h"
+#include "take/verify.h"
+
+namespace v3d {
+namespace {
+
+using test::becomes_true;
+using test::ChildProcess;
+using test::Studio4;
+using test::within;
+
+class TwoOfOneName : public Studio4 {
+ protected:
+  void start_namesake() {
+    namesake_.emplace(std::vector<std::string>{bin("v3d-captured"), "--studio",
+                                               folder_ / "studio.toml", "--node", "cap01"},
+                      folder_ / "namesake.log");
+  }
+  bool is_alarmed() {
+    return becomes_true(
+        [&] {
+          const auto health = client_->health(within(5));
+          const auto cap01 = health.find("cap01");
+          return cap01 != health.end() &&
+                 cap01->second.text.find("another process sends as node cap01") !=
+                     std::string::npos;
+        },
+        within(60));
+  }
+  std::optional<ChildProcess> namesake_;
+};
+
+TEST_F(TwoOfOneName, refuse_to_arm_until_one_of_them_has_ended) {
+  start_namesake();
+  ASSERT_TRUE(is_alarmed()) << log() << namesake_->output();
+  const Answer refused = command(CommandVerb::kArm, 10);
+  EXPECT_FALSE(refused.done());
+  EXPECT_THAT(text_of(refused), testing::HasSubstr("another process sends as node cap01"));
+  namesake_.reset();
+  EXPECT_TRUE(becomes_true([&] { return command(CommandVerb::kArm, 10).done(); }, within(60)))
+      << log();
+}
+
+TEST_F(TwoOfOneName, leave_a_take_whole_that_runs_when_the_second_one_starts) {
+  arm_and_start(100);
+  ASSERT_TRUE(becomes_true(
+      [&] { return client_->health(within(5))["cap01"].state == NodeState::kRecording; },
+      within(60)))
+      << log();
+  start_namesake();
+  EXPECT_TRUE(is_alarmed()) << log() << namesake_->output();
+  ASSERT_TRUE(becomes_true(
+      [&] {
+        const auto health = client_->health(within(5));
+        return std::ranges::none_of(health, [](const auto& entry) {
+          return entry.second.state == NodeState::kRecording ||
+                 entry.second.state == NodeState::kDraining;
+        });
+      },
+      within(60)))
+      << log();
+  const Verification verified = verify_take(take());
+  EXPECT_TRUE(verified.whole()) << verified.ledger.verdict() << log() << namesake_->output();
+}
+
+}  // namespace
+}  // namespace v3d
