@@ -2,6 +2,7 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <sys/stat.h>
 
 #include <fstream>
 
@@ -158,6 +159,38 @@ TEST_F(Import, refuses_a_video_that_is_none) {
   use_videos(3, 3);
   std::ofstream(folder_ / "b.avi") << "no video at all";
   EXPECT_THAT(refusal(), AllOf(HasSubstr("b.avi"), HasSubstr("no readable video")));
+}
+
+TEST_F(Import, refuses_a_video_whose_picture_size_changes_in_the_middle) {
+  use_videos(5, 5);
+  std::string motion_jpeg;
+  for (const ImageSize size : {ImageSize{64, 48}, {64, 48}, {64, 48}, {32, 24}, {64, 48}}) {
+    test::write_jpeg(folder_ / "frame.jpg", Image(size, PixelFormat::kRGB8));
+    motion_jpeg += read_file(folder_ / "frame.jpg");
+  }
+  replace_file(folder_ / "b.mjpeg", motion_jpeg);
+  options_.videos[1].second = folder_ / "b.mjpeg";
+  options_.rate_hz = 25;
+  EXPECT_THAT(refusal(), HasSubstr((folder_ / "b.mjpeg").string() +
+                                   " frame 3: is 32x24, but the frames before are 64x48"));
+  options_.frames = {4, 5};
+  EXPECT_THAT(refusal(), HasSubstr("b.mjpeg frame 3: is 32x24")) << "also where it is passed over";
+  options_.frames = {0, 3};
+  EXPECT_EQ(import_take(options_).frames, 3);
+}
+
+TEST_F(Import, refuses_what_is_no_file_in_the_place_of_a_video) {
+  use_videos(3, 3);
+  fs::create_directory(folder_ / "folder.avi");
+  replace_file(folder_ / "empty.avi", "");
+  ASSERT_EQ(mkfifo((folder_ / "fifo.avi").c_str(), 0644), 0);
+  for (const auto& [name, line] : {std::pair("folder.avi", "it is not a regular file"),
+                                   {"fifo.avi", "it is not a regular file"},
+                                   {"empty.avi", "no readable video"},
+                                   {"none.avi", "No such file"}}) {
+    options_.videos[1].second = folder_ / name;
+    EXPECT_THAT(refusal(), AllOf(HasSubstr(name), HasSubstr(line)));
+  }
 }
 
 TEST_F(Import, refuses_videos_of_different_rates_unless_told_the_rate) {
