@@ -71,6 +71,7 @@ class IndexedFile {
     const uint64_t offset = u64_at(footer, 0);
     const uint32_t size = u32_at(footer, 8);
     if (offset < kHeaderSize || offset > footer_offset || size != footer_offset - offset) return {};
+    if (size > kMaxIndex) return {};
     auto bytes = read_at(offset, size);
     if (bytes.size() != size || crc32(bytes) != u32_at(footer, 12)) return {};
     return bytes;
@@ -99,8 +100,9 @@ class IndexedFile {
   bool follows(const Entry& entry) const {
     return entry.pulse >= 0 && (entries_.empty() || entry.pulse > entries_.back().pulse);
   }
+  /// A file with holes has room for any length that an entry may claim.
   bool inside_file(const Entry& entry) const {
-    return entry.offset <= file_size_ &&
+    return entry.payload_size <= mesh_file::kMaxPayload && entry.offset <= file_size_ &&
            file_size_ - entry.offset >= mesh_file::kRecordSize + uint64_t{entry.payload_size};
   }
 

@@ -1,0 +1,145 @@
+// Files with holes: four kilobytes on the disk may claim any length. Readers take no memory for
+// what is claimed, and say what is wrong.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <fstream>
+#include <string>
+
+#include "base/error.h"
+#include "codec/crc32.h"
+#include "support/message_of.h"
+#include "support/temporary_folder.h"
+#include "take/frame_log.h"
+#include "take/mesh_file.h"
+#include "take/mesh_file_layout.h"
+
+namespace v3d {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr int64_t kMebibyte = 1 << 20;
+constexpr int64_t kMaxMebibytes = 32;
+
+/// Memory that this process had at most since reset_peak(), bytes.
+int64_t peak() {
+  std::ifstream in("/proc/self/status");
+  for (std::string key; in >> key;) {
+    int64_t kibibytes = 0;
+    if (key == "VmHWM:" && in >> kibibytes) return 1024 * kibibytes;
+  }
+  ADD_FAILURE() << "no VmHWM in /proc/self/status";
+  return 0;
+}
+void reset_peak() { std::ofstream("/proc/self/clear_refs") << "5"; }
+
+/// How much more memory than before `read` needs at once, MiB.
+template <class Read>
+int64_t mebibytes_of(Read read) {
+  reset_peak();
+  const int64_t before = peak();
+  read();
+  return (peak() - before) / kMebibyte;
+}
+
+std::string big_endian(uint64_t n, int bytes) {
+  std::string text;
+  for (int shift = 8 * (bytes - 1); shift >= 0; shift -= 8) text += static_cast<char>(n >> shift);
+  return text;
+}
+
+/// One event whose data is a hole.
+void write_sparse_event(const fs::path& path, const std::string& channel, uint32_t claimed) {
+  const std::string head = big_endian(0xEDA1DA01, 4) + big_endian(0, 8) + big_endian(0, 8) +
+                           big_endian(channel.size(), 4) + big_endian(claimed, 4) + channel;
+  std::ofstream(path) << head;
+  fs::resize_file(path, head.size() + claimed);
+}
+
+TEST(SparseLog, of_frames_costs_no_memory_of_what_it_claims) {
+  const test::TemporaryFolder folder;
+  write_sparse_event(folder / "cam01.lcmlog", "V3D_FRAME_cam01", 250 * kMebibyte);
+  EXPECT_LT(mebibytes_of([&] {
+              const FrameLogReader reader(folder / "cam01.lcmlog");
+              EXPECT_TRUE(reader.labels().empty());
+              EXPECT_EQ(reader.damaged_events(), 1);
+            }),
+            kMaxMebibytes);
+}
+
+TEST(SparseLog, of_pulses_costs_no_memory_of_what_it_claims) {
+  const test::TemporaryFolder folder;
+  write_sparse_event(folder / "pulses.lcmlog", "V3D_PULSE", 250 * kMebibyte);
+  EXPECT_LT(mebibytes_of([&] { EXPECT_TRUE(read_pulses(folder / "pulses.lcmlog").empty()); }),
+            kMaxMebibytes);
+}
+
+TEST(SparseLog, of_one_event_beyond_all_limits_is_refused_in_one_line) {
+  const test::TemporaryFolder folder;
+  const fs::path log = folder / "cam01.lcmlog";
+  write_sparse_event(log, "V3D_FRAME_cam01", 300 * kMebibyte);
+  const std::string line = log.string() + ": is no LCM event log: it holds no whole event";
+  EXPECT_LT(mebibytes_of([&] {
+              EXPECT_EQ(test::message_of<InputError>([&] { FrameLogReader reader(log); }), line);
+              EXPECT_EQ(test::message_of<InputError>([&] { read_pulses(log); }), line);
+            }),
+            kMaxMebibytes);
+}
+
+/// A mesh file of a header, a hole, and what `end` has.
+void write_sparse_meshes(const fs::path& path, uint64_t size, std::span<const uint8_t> end) {
+  const std::vector<uint8_t> header = mesh_file::header();
+  std::ofstream(path, std::ios::binary)
+      .write(reinterpret_cast<const char*>(header.data()), std::ssize(header));
+  fs::resize_file(path, size);
+  std::ofstream(path, std::ios::binary | std::ios::app)
+      .write(reinterpret_cast<const char*>(end.data()), std::ssize(end));
+}
+
+std::vector<uint8_t> footer(uint64_t index_offset, uint32_t index_size, uint32_t crc) {
+  mesh_file::Writer writer;
+  writer.u64(index_offset);
+  writer.u32(index_size);
+  writer.u32(crc);
+  writer.magic(mesh_file::kFooterMagic);
+  return writer.bytes();
+}
+
+TEST(SparseMeshFile, costs_no_memory_of_the_mesh_that_its_index_claims) {
+  const test::TemporaryFolder folder;
+  constexpr uint64_t kHole = 400 * uint64_t{kMebibyte};
+  mesh_file::Writer index;
+  index.magic(mesh_file::kIndexMagic);
+  index.u32(1);
+  index.u64(0);                       // pulse
+  index.u64(mesh_file::kHeaderSize);  // where it lies
+  index.u32(300U << 20);              // its bytes
+  index.u32(0);                       // their checksum
+  std::vector<uint8_t> end = index.bytes();
+  const auto foot = footer(kHole, static_cast<uint32_t>(end.size()), crc32(end));
+  end.insert(end.end(), foot.begin(), foot.end());
+  write_sparse_meshes(folder / "mesh.v3d", kHole, end);
+  EXPECT_LT(mebibytes_of([&] {
+              MeshFileReader reader(folder / "mesh.v3d");
+              EXPECT_TRUE(reader.pulses().empty());
+              EXPECT_FALSE(reader.read(0));
+            }),
+            kMaxMebibytes);
+}
+
+TEST(SparseMeshFile, costs_no_memory_of_the_index_that_its_footer_claims) {
+  const test::TemporaryFolder folder;
+  constexpr uint64_t kEnd = 200 * uint64_t{kMebibyte};
+  const auto size = static_cast<uint32_t>(kEnd - mesh_file::kHeaderSize);
+  write_sparse_meshes(folder / "mesh.v3d", kEnd, footer(mesh_file::kHeaderSize, size, 0));
+  EXPECT_LT(mebibytes_of([&] {
+              const MeshFileReader reader(folder / "mesh.v3d");
+              EXPECT_TRUE(reader.pulses().empty());
+            }),
+            kMaxMebibytes);
+}
+
+}  // namespace
+}  // namespace v3d
