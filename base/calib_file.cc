@@ -9,6 +9,7 @@
 
 #include "base/error.h"
 #include "base/file.h"
+#include "base/io/file.h"
 #include "base/name.h"
 #include "base/toml_file.h"
 
@@ -184,7 +185,9 @@ Rig parse_calib(std::string_view text, const std::filesystem::path& path) {
   return rig;
 }
 
-Rig load_calib(const std::filesystem::path& path) { return parse_calib(read_file(path), path); }
+Rig load_calib(const std::filesystem::path& path) {
+  return parse_calib(io::value_or_throw(io::read_file(path, kMaxTakeTextBytes)), path);
+}
 
 void save_calib(const std::filesystem::path& path, const Rig& rig) {
   std::string text = "# metres, z up; x_cam = R x_world + t; rotation = Rodrigues vector of R\n";

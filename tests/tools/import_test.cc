@@ -122,6 +122,13 @@ TEST_F(Import, grows_a_mask_more_than_it_shrinks_it_when_told_so) {
   EXPECT_LT(mask_before_black(image.view(), {0.19, 0, 2}).count(), exact);
 }
 
+TEST_F(Import, reads_no_gigabyte_of_a_file_with_a_hole) {
+  fs::resize_file(folder_ / "images" / "b.png", 300 << 20);
+  EXPECT_THAT(refusal(), AllOf(HasSubstr("b.png"), HasSubstr("longer than")));
+  fs::resize_file(folder_ / "calib.toml", 300 << 20);
+  EXPECT_THAT(refusal(), AllOf(HasSubstr("calib.toml"), HasSubstr("longer than")));
+}
+
 TEST_F(Import, takes_videos_at_their_own_rate) {
   use_videos(7, 7);
   const ImportResult result = import_take(options_);

@@ -12,12 +12,15 @@
 #include <string_view>
 
 #include "base/error.h"
-#include "base/file.h"
+#include "base/io/file.h"
 
 namespace v3d::ctl {
 namespace {
 
 namespace fs = std::filesystem;
+
+/// Of a file: pictures of cameras have some MB. A file with holes may have any length.
+constexpr uint64_t kMaxImageBytes = 256 << 20;
 
 // libjpeg fills up what a truncated file lacks with grey and only warns; a whole file has an
 // end-of-image marker, at most followed by a little padding.
@@ -55,7 +58,7 @@ class QuietLibraries {
 };
 
 cv::Mat decode(const fs::path& path, int flags) {
-  const std::string text = read_file(path);
+  const std::string text = io::value_or_throw(io::read_file(path, kMaxImageBytes));
   const std::vector<uint8_t> bytes(text.begin(), text.end());
   cv::Mat image;
   if (!bytes.empty() && !is_truncated_jpeg(bytes)) {

@@ -7,6 +7,7 @@
 #include "base/name_list.h"
 #include "base/png_file.h"
 #include "common/console.h"
+#include "common/number_option.h"
 #include "daemon/recorded/frame_colours.h"
 #include "daemon/recorded/mesh_frames.h"
 #include "daemon/recorded/take_frames.h"
@@ -200,7 +201,7 @@ void add_render(CommandLine& line) {
       ->type_name("SCENE.json");
   command->add_option("--at", arguments->at_s, "The picture at this time of the scene")
       ->type_name("SECONDS")
-      ->check(CLI::NonNegativeNumber);
+      ->check(number_in(0, 36'000));
   command->add_option("--size", arguments->size, "Of the pictures of a scene, in pixels")
       ->type_name("WIDTHxHEIGHT")
       ->capture_default_str();
