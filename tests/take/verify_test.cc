@@ -17,6 +17,7 @@
 namespace v3d {
 namespace {
 
+using testing::Contains;
 using testing::ElementsAre;
 using testing::HasSubstr;
 using testing::IsEmpty;
@@ -258,6 +259,17 @@ TEST_F(ListedTake, names_parts_that_the_ledger_does_not_have_and_notes_other_fil
               ElementsAre("background/cam09.toml: is not named in the ledger; move it out of the "
                           "take"));
   EXPECT_THAT(v.notes, ElementsAre("notes.txt: is not named in the ledger"));
+}
+
+TEST_F(ListedTake, with_one_flipped_bit_in_its_ledger_is_not_whole_until_it_is_recovered) {
+  const std::string text = read_file(paths_.ledger());
+  flip_a_bit("ledger.toml", text.find("received = ") + 11);
+  const Verification damaged = verify_take(paths_);
+  EXPECT_FALSE(damaged.whole());
+  EXPECT_THAT(damaged.disagreements, Contains(HasSubstr("ledger.toml: damaged: the checksum")));
+  const Verification recovered = recover_take(paths_);
+  EXPECT_THAT(recovered.disagreements, Contains(HasSubstr("ledger.toml: damaged: the checksum")));
+  EXPECT_NO_THROW(load_ledger(paths_.ledger()));
 }
 
 TEST_F(ListedTake, with_a_ledger_of_an_older_version_verifies_as_before_with_a_note) {
