@@ -25,8 +25,6 @@ constexpr int64_t kDrainBytes = 4 << 20;
 /// So much may wait for the disk: a second and a half of an XGA camera. More would only put off the
 /// moment at which the disk is noticed to be too slow, to the end of the take.
 constexpr int64_t kMostWaiting = 32 << 20;
-/// A longer event is no pulse: ours have 100 bytes. A file with holes may claim any length.
-constexpr uint32_t kMaxPulseBytes = 4 << 10;
 
 /// What stands before an event's data (see event_log.cc).
 Bytes event_head(int64_t number, const std::string& channel, RealtimeInstant at, size_t data_size) {
