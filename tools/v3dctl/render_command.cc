@@ -1,7 +1,6 @@
 #include <cstdio>
 #include <optional>
 
-#include "base/calib_file.h"
 #include "base/error.h"
 #include "base/image_size.h"
 #include "base/name_list.h"
@@ -56,7 +55,7 @@ class Painter {
 
 Image through_camera(const Arguments& arguments, const Painter& painter) {
   const TakePaths paths{arguments.take};
-  const Rig rig = load_calib(paths.calib());
+  const Rig rig = load_take_calib(paths);
   const int index = find_camera(rig, arguments.camera);
   if (index < 0) {
     std::vector<std::string> names;
