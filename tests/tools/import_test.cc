@@ -122,7 +122,7 @@ TEST_F(Import, grows_a_mask_more_than_it_shrinks_it_when_told_so) {
   EXPECT_LT(mask_before_black(image.view(), {0.19, 0, 2}).count(), exact);
 }
 
-TEST_F(Import, reads_no_gigabyte_of_a_file_with_a_hole) {
+TEST_F(Import, refuses_sparse_files_that_are_longer_than_their_limits) {
   fs::resize_file(folder_ / "images" / "b.png", 300 << 20);
   EXPECT_THAT(refusal(), AllOf(HasSubstr("b.png"), HasSubstr("longer than")));
   fs::resize_file(folder_ / "calib.toml", 300 << 20);
@@ -168,6 +168,41 @@ TEST_F(Import, refuses_a_video_that_is_none) {
   EXPECT_THAT(refusal(), AllOf(HasSubstr("b.avi"), HasSubstr("no readable video")));
 }
 
+/// Fills the data of one frame of an AVI file with zeros; its length stays.
+void destroy_frame(const fs::path& avi, int frame) {
+  std::string bytes = read_file(avi);
+  size_t at = bytes.find("movi");
+  for (int n = 0; n <= frame; ++n) at = bytes.find("00dc", at + 4);
+  const size_t end = bytes.find("00dc", at + 4);
+  std::fill(bytes.begin() + at + 8, bytes.begin() + end, '\0');
+  replace_file(avi, bytes);
+}
+
+TEST_F(Import, refuses_a_video_with_a_frame_that_cannot_be_decoded) {
+  use_videos(7, 7);
+  destroy_frame(folder_ / "b.avi", 3);
+  const std::string line =
+      (folder_ / "b.avi").string() + ": cannot be decoded near frame 3, 0.300 s";
+  EXPECT_THAT(refusal(), HasSubstr(line));
+  options_.frames = {4, 6};
+  EXPECT_THAT(refusal(), HasSubstr(line)) << "frames are numbered from the beginning";
+  options_.frames = {0, 3};
+  EXPECT_EQ(import_take(options_).frames, 3);
+}
+
+TEST_F(Import, refuses_a_video_that_ends_within_a_frame) {
+  use_videos(5, 5);
+  std::string motion_jpeg;
+  for (const int64_t bytes : {1'000'000, 1'000'000, 400}) {
+    test::write_jpeg(folder_ / "frame.jpg", Image({64, 48}, PixelFormat::kRGB8));
+    motion_jpeg += read_file(folder_ / "frame.jpg").substr(0, bytes);
+  }
+  replace_file(folder_ / "b.mjpeg", motion_jpeg);
+  options_.videos[1].second = folder_ / "b.mjpeg";
+  options_.rate_hz = 25;
+  EXPECT_THAT(refusal(), HasSubstr("b.mjpeg: cannot be decoded near frame 2"));
+}
+
 TEST_F(Import, refuses_a_video_whose_picture_size_changes_in_the_middle) {
   use_videos(5, 5);
   std::string motion_jpeg;
@@ -186,7 +221,7 @@ TEST_F(Import, refuses_a_video_whose_picture_size_changes_in_the_middle) {
   EXPECT_EQ(import_take(options_).frames, 3);
 }
 
-TEST_F(Import, refuses_what_is_no_file_in_the_place_of_a_video) {
+TEST_F(Import, refuses_a_video_that_is_a_folder_a_fifo_empty_or_missing) {
   use_videos(3, 3);
   fs::create_directory(folder_ / "folder.avi");
   replace_file(folder_ / "empty.avi", "");

@@ -6,7 +6,9 @@ extern "C" {
 #include <libswscale/swscale.h>
 }
 
+#include <array>
 #include <cmath>
+#include <cstdio>
 #include <cstring>
 #include <new>
 #include <string>
@@ -39,7 +41,7 @@ Owned<T> own(T* object) {
 
 struct VideoFile::Impl {
   explicit Impl(std::filesystem::path file) : path(std::move(file)) {
-    av_log_set_level(AV_LOG_QUIET);  // what matters is in our message
+    av_log_set_level(AV_LOG_QUIET);  // errors are reported by exceptions
     io::value_or_throw(io::File::open(path, io::OpenMode::kRead));
     open_file();
     open_decoder();
@@ -75,13 +77,33 @@ struct VideoFile::Impl {
     if (avcodec_open2(codec.get(), decoder, nullptr) < 0) refuse();
   }
 
-  /// The next packet of the stream goes to the decoder; at the end of the file, the word that there
-  /// is no more. False when that was said before.
+  [[noreturn]] void refuse_damage(int error) const {
+    std::array<char, AV_ERROR_MAX_STRING_SIZE> cause{};
+    av_strerror(error, cause.data(), cause.size());
+    std::array<char, 80> place{};
+    std::snprintf(place.data(), place.size(), "near frame %lld, %.3f s",
+                  static_cast<long long>(count), next_s);
+    throw InputError(path.string() + ": cannot be decoded " + place.data() + ": " + cause.data() +
+                     "; expected a video without damage");
+  }
+
+  /// A part of a packet, as at the end of a truncated file, has no whole picture.
+  void send_packet() {
+    const bool torn = (packet->flags & AV_PKT_FLAG_CORRUPT) != 0;
+    const int result = torn ? AVERROR_INVALIDDATA : avcodec_send_packet(codec.get(), packet.get());
+    if (result < 0) refuse_damage(result);
+  }
+
+  /// Sends the next packet of the stream to the decoder, or, once the file has ended, the request
+  /// to return the frames that it holds back. False when that request was sent before.
   bool feed() {
     if (drained) return false;
-    while (av_read_frame(format.get(), packet.get()) >= 0) {
+    for (;;) {
+      const int result = av_read_frame(format.get(), packet.get());
+      if (result == AVERROR_EOF) break;
+      if (result < 0) refuse_damage(result);
       const bool ours = packet->stream_index == stream->index;
-      if (ours) avcodec_send_packet(codec.get(), packet.get());
+      if (ours) send_packet();
       av_packet_unref(packet.get());
       if (ours) return true;
     }
@@ -90,20 +112,50 @@ struct VideoFile::Impl {
     return true;
   }
 
-  /// Decodes the next frame into `frame`; false behind the last.
-  bool decode() {
-    while (avcodec_receive_frame(codec.get(), frame.get()) < 0) {
-      if (!feed()) return false;
-    }
+  /// The decoder fills in what it cannot decode: such a frame is refused, too.
+  void check_whole() const {
+    const bool damaged =
+        frame->decode_error_flags != 0 || (frame->flags & AV_FRAME_FLAG_CORRUPT) != 0;
+    if (damaged) refuse_damage(AVERROR_INVALIDDATA);
+  }
+
+  void check_size() {
     const ImageSize here = {frame->width, frame->height};
     if (count == 0) size = here;
-    if (here != size) {
-      throw InputError(path.string() + " frame " + std::to_string(count) + ": is " +
-                       format_size(here) + ", but the frames before are " + format_size(size) +
-                       "; expected one size in the whole video");
+    if (here == size) return;
+    throw InputError(path.string() + " frame " + std::to_string(count) + ": is " +
+                     format_size(here) + ", but the frames before are " + format_size(size) +
+                     "; expected one size in the whole video");
+  }
+
+  /// Decodes the next frame into `frame`; false behind the last.
+  bool decode() {
+    for (;;) {
+      const int result = avcodec_receive_frame(codec.get(), frame.get());
+      if (result >= 0) break;
+      if (result != AVERROR(EAGAIN) && result != AVERROR_EOF) refuse_damage(result);
+      if (!feed()) return false;
     }
+    check_whole();
+    check_size();
     ++count;
+    note_time();
     return true;
+  }
+
+  void note_time() {
+    const double period_s = rate_hz() > 0 ? 1 / rate_hz() : 0;
+    const bool known = frame->best_effort_timestamp != AV_NOPTS_VALUE;
+    const double at_s =
+        known ? static_cast<double>(frame->best_effort_timestamp) * av_q2d(stream->time_base)
+              : next_s;
+    next_s = at_s + period_s;
+  }
+
+  /// 0 where the file has none.
+  double rate_hz() const {
+    const double rate = av_q2d(av_guess_frame_rate(format.get(), stream, nullptr));
+    return std::isfinite(rate) && rate > 0 ? rate : 0;
   }
 
   Image picture() {
@@ -130,8 +182,9 @@ struct VideoFile::Impl {
   Owned<AVFrame> frame = own(av_frame_alloc());
   Owned<AVFrame> rgb = own(av_frame_alloc());
   Owned<SwsContext> scaler;
-  ImageSize size;  ///< of the first frame
-  int64_t count = 0;
+  ImageSize size;     ///< of the first frame
+  int64_t count = 0;  ///< frames decoded
+  double next_s = 0;  ///< time of the frame behind them, seconds
   bool drained = false;
 };
 
@@ -139,10 +192,7 @@ VideoFile::VideoFile(const std::filesystem::path& path) : impl_(std::make_unique
 VideoFile::~VideoFile() = default;
 VideoFile::VideoFile(VideoFile&&) noexcept = default;
 
-double VideoFile::rate_hz() const {
-  const double rate = av_q2d(av_guess_frame_rate(impl_->format.get(), impl_->stream, nullptr));
-  return std::isfinite(rate) && rate > 0 ? rate : 0;
-}
+double VideoFile::rate_hz() const { return impl_->rate_hz(); }
 
 int64_t VideoFile::announced_frames() const {
   if (impl_->stream->nb_frames > 0) return impl_->stream->nb_frames;

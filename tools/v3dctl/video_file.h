@@ -10,9 +10,9 @@
 
 namespace v3d::ctl {
 
-/// Decodes the video of a file once, from the first frame to the last. Pictures are as they lie in
-/// the file: a rotation that the file asks for is ignored, since a calibration belongs to the
-/// sensor. A packet that cannot be decoded is passed over. One thread.
+/// Decodes the video of a file once, from the first frame to the last. Frames keep the orientation
+/// of the sensor: a rotation that the file requests is ignored, because calibrations belong to the
+/// sensor. Only the file itself is read, never files that it names. One thread.
 class VideoFile {
  public:
   /// Throws InputError when the file is missing, not a regular file, or no video.
@@ -20,13 +20,16 @@ class VideoFile {
   ~VideoFile();
   VideoFile(VideoFile&&) noexcept;
 
-  /// What the file says; 0 when it says nothing.
+  /// Frames per second according to the file; 0 where it has no rate.
   double rate_hz() const;
+  /// Number of frames according to the file; 0 where it has none. A damaged file may have fewer.
   int64_t announced_frames() const;
-  /// The next frame as RGB8; empty behind the last. Throws InputError, with the frame's number
-  /// (from 0) and both sizes, when its size is another than of the frames before.
+  /// The next frame as RGB8; empty behind the last. Throws InputError
+  /// - where the file is damaged, with the number (from 0) and time of the first frame that is not
+  ///   returned. The damage may lie some frames later, as many as the decoder reorders;
+  /// - where the size changes, with the frame's number and both sizes.
   std::optional<Image> next();
-  /// Passes over the next frame; false behind the last. Throws as next().
+  /// Decodes the next frame without converting it; false behind the last. Throws as next().
   bool skip();
 
  private:
