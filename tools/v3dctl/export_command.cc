@@ -8,6 +8,7 @@
 #include "v3dctl/command.h"
 #include "v3dctl/interrupt.h"
 #include "v3dctl/mesh_export.h"
+#include "v3dctl/missing_frames.h"
 #include "v3dctl/options.h"
 #include "v3dctl/take_colours.h"
 
@@ -67,7 +68,7 @@ int run(const Arguments& arguments) {
                {.compression = compression, .lattice = content.lattice, .cameras = cameras});
     progress.advance();
   }
-  return kExitDone;
+  return colours ? note_missing(colours->incomplete(), arguments.take) : kExitDone;
 }
 
 }  // namespace
