@@ -120,8 +120,8 @@ RC_GTEST_PROP(SequenceTracker, counts_exactly_what_a_network_lost_and_repeated, 
   RC_ASSERT(counts.received == messages - lost);
 }
 
-/// Senders that start again, listeners that do, clocks that are set, and numbers that nobody sent.
-RC_GTEST_PROP(SequenceTracker, never_counts_less_than_nothing_as_lost, (bool from_start)) {
+/// Restarted senders and receivers, clocks that are set, and sequence numbers in any order.
+RC_GTEST_PROP(SequenceTracker, never_counts_a_negative_number_of_lost_messages, (bool from_start)) {
   std::mt19937 random(*rc::gen::arbitrary<uint32_t>());
   SequenceTracker tracker(from_start);
   for (int n = 0; n < 300; ++n) {

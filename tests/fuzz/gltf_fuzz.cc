@@ -1,5 +1,5 @@
-// Bytes as a model (glTF 2.0): InputError is the only thing that may be thrown, and a model that is
-// read has numbers that can be drawn.
+// Any bytes as a glTF 2.0 model: parse_model() throws nothing but InputError, and all vertices of a
+// model that it accepts are finite.
 #include <cstddef>
 #include <cstdint>
 #include <cstdlib>

@@ -1,4 +1,4 @@
-// Models from elsewhere (glTF 2.0): what is read, and what is refused with a line that says why.
+// glTF 2.0 models of unknown origin: which are read, and which are refused, with what message.
 #include "v3dctl/gltf_model.h"
 
 #include <gmock/gmock.h>
@@ -28,7 +28,7 @@ using testing::Not;
 constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
 constexpr float kInfinity = std::numeric_limits<float>::infinity();
 
-/// A triangle with texture coordinates, as triangle.bin has it: positions, then coordinates.
+/// The content of triangle.bin: a triangle with texture coordinates.
 struct Triangle {
   std::array<float, 9> positions{0, 0, 0, 1, 0, 0, 0, 1, 0};
   std::array<float, 6> uvs{0, 0, 1, 0, 0, 1};
@@ -69,7 +69,7 @@ class GltfModel : public testing::Test {
     replace_file(path_, gltf.dump());
     return load_model(path_);
   }
-  /// The line with which the file is refused.
+  /// The message with which the file is refused.
   std::string refusal(const json& gltf) {
     const std::string line = test::message_of<InputError>([&] { load(gltf); });
     EXPECT_THAT(line, AllOf(HasSubstr(path_.string() + ": "), Not(HasSubstr("\n"))));
@@ -90,7 +90,7 @@ TEST_F(GltfModel, has_the_colours_of_its_texture) {
   EXPECT_EQ(surface.albedo.front(), Eigen::Vector3f::UnitX());
 }
 
-TEST_F(GltfModel, has_no_node_with_two_parents) {
+TEST_F(GltfModel, is_refused_where_a_node_has_two_parents) {
   // Each of 40 nodes has the next one as a child twice: 2^40 paths from the root in 1.6 kB.
   json gltf = triangle_gltf();
   for (int n = 0; n < 40; ++n) gltf["nodes"][n] = {{"children", {n + 1, n + 1}}};
@@ -102,7 +102,7 @@ TEST_F(GltfModel, has_no_node_with_two_parents) {
   EXPECT_THAT(refusal(gltf), HasSubstr("nodes[2].children: names node 3"));
 }
 
-TEST_F(GltfModel, has_no_node_within_itself_and_no_endless_chain) {
+TEST_F(GltfModel, is_refused_where_a_node_is_its_own_ancestor_or_lies_too_deep) {
   json gltf = triangle_gltf();
   gltf["nodes"] = json::parse(R"([{"children": [1]}, {"children": [0]}])");
   EXPECT_THAT(refusal(gltf), HasSubstr("nodes"));
@@ -114,7 +114,7 @@ TEST_F(GltfModel, has_no_node_within_itself_and_no_endless_chain) {
   EXPECT_THAT(refusal(gltf), HasSubstr("expected at most 64"));
 }
 
-TEST_F(GltfModel, has_scenes_of_roots_only) {
+TEST_F(GltfModel, is_refused_where_a_scene_names_a_child_or_a_node_twice) {
   json gltf = triangle_gltf();
   gltf["nodes"] = json::parse(R"([{"children": [1]}, {"mesh": 0}])");
   gltf["scenes"][0]["nodes"] = {0, 1};
@@ -125,7 +125,7 @@ TEST_F(GltfModel, has_scenes_of_roots_only) {
   EXPECT_THAT(refusal(gltf), HasSubstr("scenes[0].nodes: names node 7, which is not there"));
 }
 
-TEST_F(GltfModel, reads_no_file_out_of_its_folder) {
+TEST_F(GltfModel, reads_no_file_outside_of_its_folder) {
   fs::copy_file(folder_ / "models/triangle.bin", folder_ / "outside.bin");
   fs::copy_file(folder_ / "models/red.png", folder_ / "outside.png");
   fs::create_symlink("../outside.bin", folder_ / "models/link.bin");
@@ -168,7 +168,7 @@ TEST_F(GltfModel, reads_files_whose_names_are_percent_encoded_and_through_a_link
   EXPECT_FALSE(load_model(folder_ / "elsewhere/model.gltf").mesh.triangles.empty());
 }
 
-TEST_F(GltfModel, has_finite_positions_and_texture_coordinates) {
+TEST_F(GltfModel, is_refused_where_positions_or_texture_coordinates_are_not_finite) {
   for (const float bad : {kNan, kInfinity, -kInfinity, 3e38F}) {
     Triangle triangle;
     triangle.positions[4] = bad;
@@ -179,7 +179,7 @@ TEST_F(GltfModel, has_finite_positions_and_texture_coordinates) {
   }
 }
 
-TEST_F(GltfModel, is_near_the_scene) {
+TEST_F(GltfModel, is_refused_where_vertices_are_beyond_1000_km) {
   json gltf = triangle_gltf();
   gltf["nodes"][0]["scale"] = {1e30, 1e30, 1e30};
   EXPECT_THAT(refusal(gltf), HasSubstr("expected vertices within 1000 km"));
@@ -187,7 +187,8 @@ TEST_F(GltfModel, is_near_the_scene) {
   EXPECT_THAT(refusal(gltf), HasSubstr("expected vertices within 1000 km"));
 }
 
-TEST_F(GltfModel, has_finite_light_and_colours_where_it_is_flattened_or_repeated_far_out) {
+TEST_F(GltfModel,
+       has_finite_light_and_colours_where_a_scale_is_zero_and_the_texture_repeats_far_out) {
   json gltf = triangle_gltf();
   gltf["nodes"][0]["scale"] = {1, 0, 1};
   gltf["materials"][0]["pbrMetallicRoughness"]["baseColorFactor"] = {1e300, 1, 1, 1};
@@ -200,26 +201,26 @@ TEST_F(GltfModel, has_finite_light_and_colours_where_it_is_flattened_or_repeated
   }
 }
 
-TEST_F(GltfModel, has_views_within_their_buffers) {
+TEST_F(GltfModel, is_refused_where_a_view_ends_beyond_its_buffer) {
   json gltf = triangle_gltf();
   gltf["images"][0] = {{"bufferView", 2}, {"mimeType", "image/png"}};
   gltf["bufferViews"][2] = {{"buffer", 0}, {"byteOffset", 1'000'000'000}, {"byteLength", 1000}};
   EXPECT_THAT(refusal(gltf), HasSubstr("bufferViews[2]: ends beyond its buffer"));
 }
 
-TEST_F(GltfModel, has_pictures_that_are_whole) {
+TEST_F(GltfModel, is_refused_where_a_picture_is_damaged) {
   replace_file(folder_ / "models/red.png", "no picture");
   EXPECT_THAT(refusal(triangle_gltf()), HasSubstr("images[0]: is no PNG or JPEG picture"));
 }
 
-TEST_F(GltfModel, is_no_deep_nor_huge_json) {
+TEST_F(GltfModel, is_refused_where_its_json_is_deeper_than_64_levels) {
   const std::string deep(200'000, '[');
   replace_file(path_, R"({"asset": {"version": "2.0"}, "extras": )" + deep);
   EXPECT_THAT(test::message_of<InputError>([&] { load_model(path_); }),
               HasSubstr("expected at most 64 levels of JSON"));
 }
 
-TEST_F(GltfModel, is_a_regular_file_with_something_in_it) {
+TEST_F(GltfModel, is_refused_where_it_is_empty_truncated_or_no_regular_file) {
   for (const char* name : {"empty.glb", "empty.gltf"}) {
     replace_file(folder_ / name, "");
     EXPECT_THAT(test::message_of<InputError>([&] { load_model(folder_ / name); }),
@@ -232,8 +233,7 @@ TEST_F(GltfModel, is_a_regular_file_with_something_in_it) {
               HasSubstr("is no glTF 2.0"));
 }
 
-// What tests/fuzz found: read whole, or refused in one line.
-TEST_F(GltfModel, survives_what_was_found_by_fuzzing) {
+TEST_F(GltfModel, is_read_or_refused_in_one_line_for_every_input_of_the_fuzzer) {
   int inputs = 0;
   for (const auto& entry : fs::directory_iterator(V3D_GLTF_CORPUS)) {
     ++inputs;

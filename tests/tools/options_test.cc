@@ -16,7 +16,7 @@ TEST(FrameRange, takes_all_frames_when_nothing_is_said) {
   EXPECT_EQ(parse_frame_range(""), FrameRange{});
 }
 
-TEST(NumberOption, is_between_its_limits_and_no_nan) {
+TEST(NumberOption, accepts_numbers_within_its_limits_and_no_nan) {
   const CLI::Validator seconds = number_in(0.5, 3600);
   for (const char* good : {"0.5", "12", "3600", "1e3"}) EXPECT_EQ(seconds(std::string(good)), "");
   for (const char* bad : {"nan", "-nan", "inf", "-inf", "0.4", "3601", "1e999", "", "ten", "5s"}) {

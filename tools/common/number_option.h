@@ -1,4 +1,4 @@
-// An option that is a number between limits.
+// Validator of command line options: numbers within limits.
 #pragma once
 
 #include <CLI/CLI.hpp>
@@ -7,7 +7,8 @@
 
 namespace v3d {
 
-/// For CLI::Option::check(). As CLI::Range, which accepts NaN, and prints limits in 300 digits.
+/// Accepts numbers from `low` to `high`; for CLI::Option::check(). CLI::Range also accepts NaN, and
+/// prints limits with up to 300 digits.
 inline CLI::Validator number_in(double low, double high) {
   const auto text_of = [](double number) { return CLI::detail::to_string(number); };
   const std::string limits = text_of(low) + " to " + text_of(high);

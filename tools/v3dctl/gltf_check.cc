@@ -25,7 +25,8 @@ constexpr int kNone = -1;
   throw InputError(file.string() + ": " + what);
 }
 
-/// Refuses while it parses: values of one byte cost a hundred bytes of memory.
+/// Parses JSON and checks its limits meanwhile: a value of one byte needs a hundred bytes of
+/// memory.
 json parse_bounded(std::string_view text, const fs::path& file) {
   int64_t values = 0;
   const auto on_value = [&](int level, json::parse_event_t, const json&) {
@@ -45,7 +46,7 @@ int hex_digit(char c) {
   return kNone;
 }
 
-/// Without percent-encoding; empty where that is wrong.
+/// `uri` without percent-encoding; empty where the encoding is wrong.
 std::string decoded(const std::string& uri) {
   std::string text;
   for (size_t i = 0; i < uri.size(); ++i) {
@@ -62,7 +63,7 @@ std::string decoded(const std::string& uri) {
   return text;
 }
 
-/// A relative path that goes down only. A colon would end a scheme.
+/// Whether `path` is relative and has no "..". A colon would end the scheme of a URI.
 bool goes_down(const std::string& path) {
   constexpr std::string_view kRefused(":\\?#\0", 5);
   if (path.empty() || path.front() == '/') return false;
@@ -108,18 +109,18 @@ class Check {
     return found;
   }
 
-  /// A whole number from 0 on, or `missing` where there is none.
+  /// A whole number, 0 or more; `missing` where the object has no such key.
   uint64_t number(const json& object, const char* key, uint64_t missing,
                   const std::string& where) const {
     const auto value = object.find(key);
     if (value == object.end()) return missing;
     if (!value->is_number_unsigned()) {
-      refuse_at(where + "." + key, "expected a whole number from 0 on");
+      refuse_at(where + "." + key, "expected a whole number, 0 or more");
     }
     return value->get<uint64_t>();
   }
 
-  /// Numbers of nodes that are there.
+  /// A list of numbers of existing nodes.
   std::vector<size_t> node_list(const json& object, const char* key,
                                 const std::string& where) const {
     std::vector<size_t> nodes;
@@ -134,7 +135,7 @@ class Check {
     return nodes;
   }
 
-  /// Whatever a file requires beyond materials may be its very triangles.
+  /// Extensions other than materials can change geometry: without them the model would be wrong.
   void check_extensions() const {
     const auto required = gltf_.find("extensionsRequired");
     if (required == gltf_.end() || !required->is_array()) return;

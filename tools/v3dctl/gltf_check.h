@@ -1,5 +1,4 @@
-// Checks on the JSON of a glTF 2.0 file that tinygltf leaves out and that files from elsewhere
-// need.
+// Checks of the JSON of a glTF 2.0 file of unknown origin that tinygltf does not do.
 #pragma once
 
 #include <filesystem>
@@ -7,7 +6,7 @@
 
 namespace v3d::ctl {
 
-/// A node lies at most so many nodes below the root of its scene.
+/// Limit of the number of ancestors of a node.
 inline constexpr int kMaxNodeDepth = 64;
 
 /// Checks the JSON of `file` before tinygltf reads it:
@@ -16,13 +15,13 @@ inline constexpr int kMaxNodeDepth = 64;
 ///   scenes name roots, each once (chapters 3.5.2 and 5.25);
 /// - every `uri` of a buffer or an image is data, or names a regular file in the folder of `file`
 /// or
-///   below it, symbolic links followed (RFC 3986 paths without scheme, authority, root or "..");
+///   below it, symbolic links resolved (RFC 3986 paths without scheme, authority, root or "..");
 /// - every buffer view lies within its buffer.
 /// Throws InputError: the file, the place in it, and what would be right.
 /// Source: https://registry.khronos.org/glTF/specs/2.0/glTF-2.0.html
 void check_gltf(std::string_view text, const std::filesystem::path& file);
 
-/// Whether `path` exists and lies in `folder` or below it, symbolic links followed in both.
+/// Whether `path` exists and lies in `folder` or below it, symbolic links resolved in both.
 bool lies_within(const std::filesystem::path& path, const std::filesystem::path& folder);
 
 }  // namespace v3d::ctl

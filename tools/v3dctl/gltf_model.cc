@@ -19,17 +19,17 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr int kTexelsPerCut = 3;
-constexpr int kMostCuts = 128;  // of an edge
-constexpr size_t kMostTriangles = 4'000'000;
-/// Rows of attributes that are read, again for every node that shows a mesh: as many as the
-/// triangles above have.
-constexpr size_t kMostVertices = 12 * kMostTriangles;
-constexpr uint64_t kMostBytes = 512 << 20;
-/// Of all textures that are used: one of the largest.
-constexpr int64_t kMostTexels = int64_t{kMaxImageSide} * kMaxImageSide;
-/// Of an attribute. Far beyond use, and sums and products of some remain finite.
-constexpr float kMostValue = 1e9F;
-constexpr float kMostMetres = 1e6F;
+constexpr int kMaxCuts = 128;  // of an edge
+constexpr size_t kMaxTriangles = 4'000'000;
+/// Limit of rows of attributes, counted again for every node that shows a mesh. Three attributes of
+/// every corner of the triangles above, and indices.
+constexpr size_t kMaxVertices = 12 * kMaxTriangles;
+constexpr uint64_t kMaxBytes = 512 << 20;
+/// Limit of the pixels of all used textures together: one texture of the largest size.
+constexpr int64_t kMaxTexels = int64_t{kMaxImageSide} * kMaxImageSide;
+/// Limit of an attribute. Products of a few such numbers are finite in float.
+constexpr float kMaxValue = 1e9F;
+constexpr float kMaxMetres = 1e6F;
 
 // The light of docs/scene.md.
 const Eigen::Vector3f kSunDirection = Eigen::Vector3f(-0.4F, -0.6F, 1).normalized();
@@ -47,7 +47,7 @@ uint8_t srgb_of(float linear) {
   return static_cast<uint8_t>(std::lround(255 * std::clamp(s, 0.0F, 1.0F)));
 }
 
-/// Of length 1; zero where `v` has no direction.
+/// `v` with length 1; zero where it has no direction.
 Eigen::Vector3f direction(const Eigen::Vector3f& v) {
   const Eigen::Vector3f unit = v.normalized();
   return unit.allFinite() && unit.norm() > 0.5F ? unit : Eigen::Vector3f::Zero().eval();
@@ -86,16 +86,19 @@ float number_at(const unsigned char* at, int component) {
   }
 }
 
-/// The inverse transposed, but for a positive factor; finite also where a scale is 0.
+/// Transforms normals: the inverse transpose of `m` times a positive factor (its cofactors). Finite
+/// also where `m` is singular.
 Eigen::Matrix3f normal_transform(const Eigen::Matrix3f& m) {
   Eigen::Matrix3f cofactors;
   cofactors << m.col(1).cross(m.col(2)), m.col(2).cross(m.col(0)), m.col(0).cross(m.col(1));
   return m.determinant() < 0 ? (-cofactors).eval() : cofactors;
 }
 
-// --- what tinygltf calls ------------------------------------------------------------------------
+// --- callbacks of tinygltf
+// ------------------------------------------------------------------------
 
-/// tinygltf also looks in the working directory: only the model's folder counts.
+/// tinygltf also searches the working directory; files outside of the model's folder do not exist
+/// for it.
 bool is_in_folder(const std::string& path, void* folder) {
   return lies_within(path, *static_cast<const fs::path*>(folder));
 }
@@ -104,7 +107,7 @@ std::string same_path(const std::string& path, void*) { return path; }
 
 bool read_beside(std::vector<unsigned char>* bytes, std::string* error, const std::string& path,
                  void*) {
-  const auto text = io::read_file(path, kMostBytes);
+  const auto text = io::read_file(path, kMaxBytes);
   if (!text) {
     *error = text.error().message;
     return false;
@@ -113,7 +116,7 @@ bool read_beside(std::vector<unsigned char>* bytes, std::string* error, const st
   return true;
 }
 
-/// Keeps the picture as its file has it: it is decoded when a triangle wants it.
+/// Keeps a picture encoded: texture_of() decodes it when a triangle uses it.
 bool keep_bytes(tinygltf::Image* image, int, std::string*, std::string*, int, int,
                 const unsigned char* bytes, int size, void*) {
   image->image.assign(bytes, bytes + size);
@@ -205,7 +208,7 @@ class Reader {
     return transform.cast<float>();
   }
 
-  /// check_gltf() has limited the depth.
+  /// Recursion is as deep as the nodes, which check_gltf() limits.
   void read_node(int index, const Eigen::Affine3f& parent) {
     const tinygltf::Node& node = of(model_.nodes, index);
     const Eigen::Affine3f transform = parent * transform_of(node);
@@ -235,7 +238,7 @@ class Reader {
     if (found == primitive.attributes.end()) return {};
     const tinygltf::Accessor& accessor = of(model_.accessors, found->second);
     if (accessor.sparse.isSparse) refuse(name + " is sparse, which is not read here");
-    if (accessor.count > kMostVertices - vertices_read_) {
+    if (accessor.count > kMaxVertices - vertices_read_) {
       refuse(
           "is too large: more than 48 million rows of attributes, counted for every node that "
           "shows them");
@@ -252,7 +255,7 @@ class Reader {
       const auto* at = element(accessor, n, static_cast<size_t>(size) * static_cast<size_t>(width));
       Eigen::Vector3f value = Eigen::Vector3f::Zero();
       for (int k = 0; k < width; ++k) value[k] = number_at(at + k * size, accessor.componentType);
-      if (!(value.cwiseAbs().maxCoeff<Eigen::PropagateNaN>() <= kMostValue)) {
+      if (!(value.cwiseAbs().maxCoeff<Eigen::PropagateNaN>() <= kMaxValue)) {
         refuse(name + ": vertex " + std::to_string(n) +
                " is not finite, or beyond a thousand million; expected finite numbers");
       }
@@ -291,7 +294,7 @@ class Reader {
     Image picture =
         decode_picture(text, path_.string() + ": images[" + std::to_string(source) + "]");
     texels_ += picture.size.pixels();
-    if (texels_ > kMostTexels) refuse("has textures of more than 268 million pixels together");
+    if (texels_ > kMaxTexels) refuse("has textures of more than 268 million pixels together");
     return &textures_.emplace(source, std::move(picture)).first->second;
   }
 
@@ -310,7 +313,7 @@ class Reader {
       for (size_t k = 0; k < 3; ++k) {
         const uint32_t v = list[n + (mirrored && k > 0 ? 3 - k : k)];
         corners[k].position = transform * positions[v];
-        if (!(corners[k].position.cwiseAbs().maxCoeff<Eigen::PropagateNaN>() <= kMostMetres)) {
+        if (!(corners[k].position.cwiseAbs().maxCoeff<Eigen::PropagateNaN>() <= kMaxMetres)) {
           refuse("nodes[" + std::to_string(node) + "]: puts vertex " + std::to_string(v) +
                  " of its mesh too far away; expected vertices within 1000 km");
         }
@@ -355,14 +358,14 @@ class Reader {
       longest = std::max(longest, edge.matrix().norm());
     }
     const float cuts = std::ceil(longest / kTexelsPerCut);
-    return static_cast<int>(std::clamp(cuts, 1.0F, static_cast<float>(kMostCuts)));
+    return static_cast<int>(std::clamp(cuts, 1.0F, static_cast<float>(kMaxCuts)));
   }
 
   /// Cut into cuts * cuts triangles.
   void add(const std::array<Corner, 3>& corners) {
     const int cuts = cuts_of(corners);
     Mesh& mesh = surface_.mesh;
-    if (mesh.triangles.size() + static_cast<size_t>(cuts) * cuts > kMostTriangles) {
+    if (mesh.triangles.size() + static_cast<size_t>(cuts) * cuts > kMaxTriangles) {
       refuse("is too large: more than 4 million triangles with its textures");
     }
     const auto first = static_cast<uint32_t>(mesh.vertices.size());
@@ -429,7 +432,7 @@ ModelSurface parse_model(std::string_view bytes, const fs::path& path) {
 }
 
 ModelSurface load_model(const fs::path& path) {
-  return parse_model(io::value_or_throw(io::read_file(path, kMostBytes)), path);
+  return parse_model(io::value_or_throw(io::read_file(path, kMaxBytes)), path);
 }
 
 Mesh lit_model(const ModelSurface& model, const Eigen::Affine3d& world_from_model) {

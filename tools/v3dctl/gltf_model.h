@@ -28,7 +28,8 @@ struct ModelSurface {
 /// check_gltf() refuses, numbers that are not finite, vertices beyond 1000 km.
 ModelSurface load_model(const std::filesystem::path& path);
 
-/// The same of bytes; `path` is where they came from.
+/// As load_model(), from the bytes of a file. `path`: its path, for messages and for the folder of
+/// other files.
 ModelSurface parse_model(std::string_view bytes, const std::filesystem::path& path);
 
 /// In the world, under the light that tools/viewer puts there: from above, and from a sky that is

@@ -76,7 +76,7 @@ std::vector<std::string> reader_words(const fs::path& path, ImageSize size, doub
           "pipe:1"};
 }
 
-/// A line of what a program says; false behind the last.
+/// Reads the next line of a program's output into `line`; false behind the last.
 bool read_line(const ProcessStream& stream, std::string& line) {
   line.clear();
   for (uint8_t byte = 0; stream.read({&byte, 1});) {
@@ -86,15 +86,15 @@ bool read_line(const ProcessStream& stream, std::string& line) {
   return !line.empty();
 }
 
-/// `path`, a video whose frames are of one size: ffmpeg would scale others. Throws InputError.
-/// Decodes the whole video.
+/// Returns `path` when all frames of the video have one size; ffmpeg would scale others. Decodes
+/// the whole video. Throws InputError otherwise.
 fs::path checked(fs::path path) {
   ProcessStream ffprobe({"ffprobe", "-v", "quiet", "-select_streams", "v:0", "-show_entries",
                          "frame=width,height", "-of", "csv=p=0:s=x", file_word(path)},
                         ProcessStream::End::kItsOutput);
   std::string size, first;
   for (int64_t frame = 0; read_line(ffprobe, size); ++frame) {
-    while (size.ends_with('x')) size.pop_back();  // before data that lie beside the frame
+    while (size.ends_with('x')) size.pop_back();  // a separator, where the frame has side data
     if (size.empty()) break;
     if (first.empty()) first = size;
     if (size == first) continue;
