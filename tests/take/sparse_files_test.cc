@@ -127,6 +127,20 @@ TEST(SparseLog, is_searched_for_events_in_its_data_only) {
   EXPECT_LT(time_of([&] { EXPECT_EQ(FrameLogReader(log).damaged_events(), 1); }), kSearchLimit);
 }
 
+TEST(SparseLog, of_pulses_is_recovered_in_seconds_whatever_its_length) {
+  const test::TemporaryFolder folder;
+  const TakePaths paths{folder / "take"};
+  fs::create_directory(paths.folder);
+  io::throw_if_failed(save_take_info(paths, test::begun_take({"cam01"})));
+  write_sparse_event(paths.pulses(), "V3D_PULSE", 100);
+  fs::resize_file(paths.pulses(), kLongHole);
+  const auto recover = [&] {
+    EXPECT_THAT(recover_take(paths).disagreements,
+                testing::Contains(testing::HasSubstr("pulses.lcmlog: has no checksum")));
+  };
+  EXPECT_LT(time_of(recover), kSearchLimit);
+}
+
 /// A mesh file: header, hole, `end`.
 void write_sparse_meshes(const fs::path& path, uint64_t size, std::span<const uint8_t> end) {
   const std::vector<uint8_t> header = mesh_file::header();
