@@ -286,6 +286,10 @@ class Verifier {
       const auto damaged = std::count_if(meshes.pulses().begin(), meshes.pulses().end(),
                                          [&](int64_t pulse) { return !meshes.read(pulse); });
       if (damaged > 0) disagree(paths_.mesh(), format_count(damaged) + " damaged meshes");
+      if (meshes.index_was_rebuilt() && result_.info.state != TakeState::kRecording) {
+        disagree(paths_.mesh(), "ends without its index: truncated, or not finished; " +
+                                    format_count(std::ssize(meshes.pulses())) + " meshes are left");
+      }
     } catch (const InputError& error) {
       result_.disagreements.emplace_back(error.what());
     }

@@ -12,6 +12,7 @@
 #include "support/message_of.h"
 #include "support/temporary_folder.h"
 #include "take/frame_log.h"
+#include "take/mesh_file.h"
 #include "take/take_account.h"
 
 namespace v3d {
@@ -259,6 +260,21 @@ TEST_F(ListedTake, names_parts_that_the_ledger_does_not_have_and_notes_other_fil
               ElementsAre("background/cam09.toml: is not named in the ledger; move it out of the "
                           "take"));
   EXPECT_THAT(v.notes, ElementsAre("notes.txt: is not named in the ledger"));
+}
+
+TEST_F(ListedTake, with_a_truncated_mesh_file_is_not_whole) {
+  {
+    MeshFileWriter meshes(paths_.mesh());
+    for (int64_t pulse = 0; pulse < 3; ++pulse) {
+      EXPECT_TRUE(meshes.append(pulse, std::vector<uint8_t>(100, 1)));
+    }
+    EXPECT_TRUE(meshes.close());
+  }
+  EXPECT_TRUE(verify_take(paths_).whole());
+  std::filesystem::resize_file(paths_.mesh(), std::filesystem::file_size(paths_.mesh()) / 2);
+  const Verification v = verify_take(paths_);
+  EXPECT_FALSE(v.whole());
+  EXPECT_THAT(v.disagreements, ElementsAre(HasSubstr("mesh.v3d: ends without its index")));
 }
 
 TEST_F(ListedTake, with_one_flipped_bit_in_its_ledger_is_not_whole_until_it_is_recovered) {

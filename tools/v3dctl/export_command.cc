@@ -68,7 +68,11 @@ int run(const Arguments& arguments) {
                {.compression = compression, .lattice = content.lattice, .cameras = cameras});
     progress.advance();
   }
-  return colours ? note_missing(colours->incomplete(), arguments.take) : kExitDone;
+  const int status = colours ? note_missing(colours->incomplete(), arguments.take) : kExitDone;
+  if (!meshes.is_unfinished()) return status;
+  note("v3dctl: " + TakePaths{arguments.take}.mesh().string() +
+       ": ends without its index: truncated, or not finished; frames may be missing");
+  return kExitNotWhole;
 }
 
 }  // namespace
