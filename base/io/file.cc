@@ -203,6 +203,7 @@ Result<std::string> read_file(const fs::path& path, uint64_t max_bytes, OpenMode
   };
   if (*size > max_bytes) return too_long();
   std::string content;
+  content.reserve(*size);
   std::array<uint8_t, 1 << 16> chunk{};
   for (;;) {  // files of /proc have no length before they are read
     const auto got = file->read(content.size(), chunk);

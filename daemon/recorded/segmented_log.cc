@@ -15,6 +15,12 @@ SegmentedLog::SegmentedLog(const TakePaths& paths, const std::string& camera)
   }
 }
 
+std::optional<ImageSize> SegmentedLog::frame_size() {
+  if (labels().empty()) return std::nullopt;
+  const std::optional<Frame> first = log_.read(labels().front().pulse);
+  return first ? std::optional(first->sensor_size) : std::nullopt;
+}
+
 std::optional<SegmentedFrame> SegmentedLog::read(int64_t pulse) {
   std::optional<Frame> raw = log_.read(pulse);
   if (!raw) return std::nullopt;

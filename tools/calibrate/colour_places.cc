@@ -202,6 +202,11 @@ std::vector<ColourSample> floor_places(const std::filesystem::path& take, const 
     low = low.cwiseMin(camera.model.center().head<2>());
     high = high.cwiseMax(camera.model.center().head<2>());
   }
+  constexpr double kMaxExtent = 200;  // metres
+  if ((high - low).maxCoeff() > kMaxExtent) {
+    throw InputError(
+        "floor: the cameras are more than 200 m apart; check the unit of the calibration");
+  }
   std::vector<ColourSample> samples;
   int place = first_place;
   for (double y = low.y(); y <= high.y(); y += kStep) {
