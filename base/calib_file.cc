@@ -9,6 +9,7 @@
 
 #include "base/error.h"
 #include "base/file.h"
+#include "base/io/file.h"
 #include "base/name.h"
 #include "base/toml_file.h"
 
@@ -25,8 +26,16 @@ ImageSize read_size(const TomlTable& camera) {
   return {static_cast<int>(size[0]), static_cast<int>(size[1])};
 }
 
+/// Far beyond any camera; larger numbers come from damaged files, and products of them overflow.
+void check_limits(const TomlTable& camera, std::string_view key, const std::vector<double>& row) {
+  constexpr double kMax = 1e6;
+  const bool fits = std::ranges::all_of(row, [](double n) { return std::abs(n) <= kMax; });
+  if (!fits) camera.fail(key, "expected numbers from -1,000,000 to 1,000,000");
+}
+
 Eigen::Matrix3d read_3x3(const TomlTable& camera, std::string_view key) {
   const auto rows = camera.rows(key);
+  for (const auto& row : rows) check_limits(camera, key, row);
   const bool is_3x3 = rows.size() == 3 && std::all_of(rows.begin(), rows.end(),
                                                       [](const auto& r) { return r.size() == 3; });
   if (!is_3x3) {
@@ -56,6 +65,7 @@ Distortion read_distortion(const TomlTable& camera) {
     camera.fail("distortions", "expected 0, 4, 5, 8, 12 or 14 numbers in OpenCV's order, found " +
                                    std::to_string(given.size()));
   }
+  check_limits(camera, "distortions", given);
   Distortion distortion{};
   std::copy(given.begin(), given.end(), distortion.begin());
   return distortion;
@@ -66,6 +76,7 @@ Eigen::Vector3d read_vector(const TomlTable& camera, std::string_view key) {
   if (v.size() != 3) {
     camera.fail(key, "expected 3 numbers, found " + std::to_string(v.size()));
   }
+  check_limits(camera, key, v);
   return {v[0], v[1], v[2]};
 }
 
@@ -184,7 +195,9 @@ Rig parse_calib(std::string_view text, const std::filesystem::path& path) {
   return rig;
 }
 
-Rig load_calib(const std::filesystem::path& path) { return parse_calib(read_file(path), path); }
+Rig load_calib(const std::filesystem::path& path) {
+  return parse_calib(io::value_or_throw(io::read_file(path, kMaxTakeTextBytes)), path);
+}
 
 void save_calib(const std::filesystem::path& path, const Rig& rig) {
   std::string text = "# metres, z up; x_cam = R x_world + t; rotation = Rodrigues vector of R\n";

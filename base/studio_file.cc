@@ -9,6 +9,7 @@
 
 #include "base/error.h"
 #include "base/file.h"
+#include "base/io/file.h"
 #include "base/lcm_group.h"
 #include "base/name.h"
 #include "base/pulse_rate.h"
@@ -487,7 +488,7 @@ Studio parse_studio(std::string_view text, const std::filesystem::path& path) {
 }
 
 Studio load_studio(const std::filesystem::path& path) {
-  return parse_studio(read_file(path), path);
+  return parse_studio(io::value_or_throw(io::read_file(path, kMaxTakeTextBytes)), path);
 }
 
 }  // namespace v3d

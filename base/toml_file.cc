@@ -12,6 +12,7 @@
 
 #include "base/error.h"
 #include "base/file.h"
+#include "base/io/file.h"
 
 namespace v3d {
 
@@ -76,7 +77,7 @@ struct TomlTable::Node {
 };
 
 TomlTable TomlTable::load(const std::filesystem::path& path) {
-  return parse(read_file(path), path);
+  return parse(io::value_or_throw(io::read_file(path, kMaxTakeTextBytes)), path);
 }
 
 TomlTable TomlTable::parse(std::string_view text, const std::filesystem::path& path) {

@@ -30,7 +30,8 @@ BackgroundModel learn_background(const std::vector<ImageView>& plates);
 /// the same bytes.
 void save_background(const std::filesystem::path& folder, const std::string& camera,
                      const BackgroundModel& model);
-/// Throws InputError naming the file.
+/// Reads regular files of the folder: no symbolic links, at most 256 MiB a picture and 8 MiB of
+/// TOML. The folder itself may be a link. Throws InputError with file and cause.
 BackgroundModel load_background(const std::filesystem::path& folder, const std::string& camera);
 bool has_background(const std::filesystem::path& folder, const std::string& camera);
 

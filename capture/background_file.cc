@@ -6,6 +6,7 @@
 #include "base/error.h"
 #include "base/file.h"
 #include "base/image_size.h"
+#include "base/io/file.h"
 #include "base/png_file.h"
 #include "base/toml_file.h"
 #include "capture/background.h"
@@ -34,9 +35,15 @@ void save_values(const fs::path& path, PixelFormat format, ImageSize size,
   replace_file(path, encode_png(picture));
 }
 
+constexpr uint64_t kMaxPlatePictureBytes = 256 << 20;
+
+std::string read_plate_file(const fs::path& path, uint64_t max_bytes) {
+  return io::value_or_throw(io::read_file(path, max_bytes, io::OpenMode::kReadWithinFolder));
+}
+
 /// Values of a picture of the wanted kind; sets `size` when it is not known yet.
 std::vector<float> load_values(const fs::path& path, PixelFormat format, ImageSize& size) {
-  const DeepImage picture = decode_png(read_file(path), path);
+  const DeepImage picture = decode_png(read_plate_file(path, kMaxPlatePictureBytes), path);
   const int channels = bytes_per_pixel(format);
   if (picture.channels != channels) {
     throw InputError(path.string() + ": right would be 16 bits and " + std::to_string(channels) +
@@ -54,7 +61,7 @@ std::vector<float> load_values(const fs::path& path, PixelFormat format, ImageSi
 }
 
 void load_info(const fs::path& path, BackgroundModel& model) {
-  const TomlTable table = TomlTable::load(path);
+  const TomlTable table = TomlTable::parse(read_plate_file(path, kMaxTakeTextBytes), path);
   const auto format = pixel_format_from_name(table.text("pixel_format"));
   if (!format) table.fail("pixel_format", "is not known; right would be e.g. \"BayerRG8\"");
   const auto key = chroma_key_from_name(table.text_or("chroma_key", name(ChromaKey::kNone)));
@@ -91,7 +98,9 @@ BackgroundModel load_background(const fs::path& folder, const std::string& camer
 
 bool has_background(const fs::path& folder, const std::string& camera) {
   const Paths paths(folder, camera);
-  return fs::exists(paths.info) && fs::exists(paths.mean) && fs::exists(paths.spread);
+  std::error_code error;
+  return fs::exists(paths.info, error) && fs::exists(paths.mean, error) &&
+         fs::exists(paths.spread, error);
 }
 
 }  // namespace v3d

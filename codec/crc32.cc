@@ -22,10 +22,10 @@ constexpr auto kTable = make_table();
 
 }  // namespace
 
-uint32_t crc32(std::span<const uint8_t> bytes) {
-  uint32_t crc = 0xFFFFFFFF;
+uint32_t crc32(std::span<const uint8_t> bytes, uint32_t before) {
+  uint32_t crc = ~before;
   for (const uint8_t byte : bytes) crc = crc >> 8 ^ kTable[(crc ^ byte) & 0xFF];
-  return crc ^ 0xFFFFFFFF;
+  return ~crc;
 }
 
 }  // namespace v3d

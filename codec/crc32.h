@@ -6,7 +6,7 @@
 
 namespace v3d {
 
-/// 0xCBF43926 for "123456789".
-uint32_t crc32(std::span<const uint8_t> bytes);
+/// 0xCBF43926 for "123456789". `before`: the CRC-32 of the bytes that `bytes` follow.
+uint32_t crc32(std::span<const uint8_t> bytes, uint32_t before = 0);
 
 }  // namespace v3d

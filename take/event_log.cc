@@ -9,6 +9,7 @@
 
 #include "base/error.h"
 #include "base/io/big_endian.h"
+#include "take/sparse_file.h"
 
 namespace v3d {
 namespace {
@@ -92,7 +93,7 @@ class SegmentScan {
     constexpr uint64_t kMaxStep = 1 << 20;
     std::vector<uint8_t> chunk(1 << 16);
     size_t size = chunk.size();
-    for (uint64_t step = kBlock; from < until;) {
+    for (uint64_t step = kBlock; (from = next_data(segment_.file, from)) < until;) {
       const size_t got = read(from, std::span(chunk).first(size));
       if (failed_ && size > kBlock) {
         size = kBlock;  // some block in it can be read, perhaps

@@ -227,6 +227,7 @@ std::vector<PulseMessage> read_pulses(const std::filesystem::path& path) {
   if (!log.read_errors().empty()) throw InputError(log.read_errors().front());
   std::vector<PulseMessage> pulses;
   for (const EventSpan& event : log.events()) {
+    if (event.data_size > kMaxPulseBytes) continue;
     const auto bytes = log.read(event);
     if (!bytes) throw InputError(bytes.error().message);
     if (auto pulse = decode<PulseMessage>(*bytes)) pulses.push_back(std::move(*pulse));

@@ -72,8 +72,12 @@ class FrameLogReader {
   std::unique_ptr<Impl> impl_;
 };
 
-/// All pulses of pulses.lcmlog, in order; damaged events are passed over. Throws InputError as
-/// FrameLogReader does, and when the disk does not give all bytes.
+/// Limit of the data of a pulse event, bytes; ours have about 100. Readers ignore longer events
+/// without reading them: in a sparse file, an event can claim up to 256 MB.
+inline constexpr uint32_t kMaxPulseBytes = 4 << 10;
+
+/// All pulses of pulses.lcmlog, in order. Ignores damaged events and those above kMaxPulseBytes.
+/// Throws InputError as FrameLogReader does, and when the disk does not give all bytes.
 std::vector<PulseMessage> read_pulses(const std::filesystem::path& path);
 
 }  // namespace v3d

@@ -21,8 +21,14 @@ struct Part {
   Ledger ledger;
 };
 
-/// A second link to the same bytes; elsewhere, or where links are not permitted, a copy.
+/// The target of a symbolic link may lie outside of the take. Throws InputError.
+void refuse_link(const fs::path& path) {
+  if (fs::is_symlink(path)) throw InputError(path.string() + ": it is a symbolic link");
+}
+
+/// A second hard link to the same bytes; elsewhere, or where those are not permitted, a copy.
 void put(const fs::path& file, const fs::path& place) {
+  refuse_link(file);
   std::error_code error;
   fs::create_hard_link(file, place, error);
   if (error) io::throw_if_failed(io::copy_file(file, place));
@@ -75,6 +81,7 @@ void put_shared(const TakePaths& part, const TakePaths& into) {
   put_if_there(part.calib(), into.calib());
   put_if_there(part.studio(), into.studio());
   put_if_there(part.slate(), into.slate());
+  refuse_link(part.background());
   if (!fs::is_directory(part.background())) return;
   for (const auto& entry : fs::directory_iterator(part.background())) {
     put_if_there(entry.path(), into.background() / entry.path().filename());

@@ -82,10 +82,12 @@ std::vector<std::string> trouble_lines(const Ledger& ledger);
 /// What each camera exposed, received, wrote and published, as a table.
 std::vector<std::string> table_lines(const Ledger& ledger);
 
-/// Throws InputError with file, line and field; also when the file is not there.
+/// Throws InputError with file, line and field; also when the file is not there, and when it is
+/// damaged. Its first line has the checksum (XXH3) of all bytes behind that line. Ledgers of
+/// versions before 2026-12 have no such line.
 Ledger load_ledger(const std::filesystem::path& path);
 Ledger parse_ledger(std::string_view text, const std::filesystem::path& path);
-/// io::replace_file() of ledger.toml.
+/// io::replace_file() of ledger.toml, with its checksum.
 [[nodiscard]] io::Status save_ledger(const std::filesystem::path& path, const Ledger& ledger);
 
 }  // namespace v3d

@@ -10,6 +10,7 @@
 #include "take/mesh_file_layout.h"
 #include "take/periodic_sync.h"
 #include "take/pulse_set.h"
+#include "take/sparse_file.h"
 
 namespace v3d {
 namespace {
@@ -71,6 +72,7 @@ class IndexedFile {
     const uint64_t offset = u64_at(footer, 0);
     const uint32_t size = u32_at(footer, 8);
     if (offset < kHeaderSize || offset > footer_offset || size != footer_offset - offset) return {};
+    if (size > kMaxIndex) return {};
     auto bytes = read_at(offset, size);
     if (bytes.size() != size || crc32(bytes) != u32_at(footer, 12)) return {};
     return bytes;
@@ -99,8 +101,9 @@ class IndexedFile {
   bool follows(const Entry& entry) const {
     return entry.pulse >= 0 && (entries_.empty() || entry.pulse > entries_.back().pulse);
   }
+  /// The length that an entry claims is also limited itself: a sparse file has room for any.
   bool inside_file(const Entry& entry) const {
-    return entry.offset <= file_size_ &&
+    return entry.payload_size <= mesh_file::kMaxPayload && entry.offset <= file_size_ &&
            file_size_ - entry.offset >= mesh_file::kRecordSize + uint64_t{entry.payload_size};
   }
 
@@ -113,20 +116,36 @@ class IndexedFile {
   /// The record ends where another begins, the index does, or the file does; or its checksum is
   /// right. Else it is the unfinished record of a program that was killed, and what was appended
   /// later lies where its payload would be.
-  bool is_whole(const Entry& entry) const {
+  bool is_whole(const Entry& entry) {
     const uint64_t end = entry.offset + mesh_file::kRecordSize + entry.payload_size;
     if (end == file_size_ || record_at(end)) return true;
     const auto magic = read_at(end, mesh_file::kIndexMagic.size());
     if (mesh_file::magic_at(magic, 0, mesh_file::kIndexMagic)) return true;
-    const auto payload = read_at(entry.offset + mesh_file::kRecordSize, entry.payload_size);
-    return crc32(payload) == entry.payload_crc;
+    return has_right_checksum(entry);
+  }
+
+  /// Also false once payloads of several times the file's length were read: only records that claim
+  /// one another's bytes need that, and each may claim 256 MiB.
+  bool has_right_checksum(const Entry& entry) {
+    constexpr uint32_t kChunk = 1 << 20;
+    if (checksummed_ > 4 * file_size_) return false;
+    checksummed_ += entry.payload_size;
+    uint32_t crc = 0;
+    for (uint32_t done = 0; done < entry.payload_size;) {
+      const uint32_t size = std::min(kChunk, entry.payload_size - done);
+      const auto bytes = read_at(entry.offset + mesh_file::kRecordSize + done, size);
+      if (bytes.size() < size) return false;
+      crc = crc32(bytes, crc);
+      done += size;
+    }
+    return crc == entry.payload_crc;
   }
 
   /// The next offset from `from` at which a right record begins, or the end of the file.
   uint64_t next_record(uint64_t from) const {
     constexpr size_t kChunk = 1 << 16;
     const auto& magic = mesh_file::kRecordMagic;
-    while (from + mesh_file::kRecordSize <= file_size_) {
+    while ((from = next_data(file_, from)) + mesh_file::kRecordSize <= file_size_) {
       const auto chunk = read_at(from, kChunk);
       if (chunk.size() < magic.size()) break;
       for (auto hit = chunk.begin();; ++hit) {
@@ -156,6 +175,7 @@ class IndexedFile {
 
   io::File file_;
   uint64_t file_size_ = 0;
+  uint64_t checksummed_ = 0;  ///< bytes of payloads that has_right_checksum() has read
   std::vector<Entry> entries_;
   std::vector<int64_t> pulses_;
   bool rebuilt_ = false;

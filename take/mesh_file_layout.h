@@ -26,6 +26,9 @@ inline constexpr size_t kIndexHeadSize = 8;
 inline constexpr size_t kEntrySize = 24;
 inline constexpr size_t kFooterSize = 24;
 inline constexpr uint32_t kMaxPayload = 268'435'456;
+/// Limit of the index, bytes: 2.8 million meshes. A longer one is ignored, and rebuilt from the
+/// records.
+inline constexpr uint32_t kMaxIndex = 64 << 20;
 
 /// One record, as the index tells of it.
 struct Entry {

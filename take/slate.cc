@@ -2,6 +2,7 @@
 
 #include "base/file.h"
 #include "base/io/file.h"
+#include "base/printable.h"
 #include "base/toml_file.h"
 
 namespace v3d {
@@ -40,7 +41,7 @@ std::string Slate::text() const {
   add("take ", take);
   add("", name(mark));
   add("", note);
-  return line;
+  return printable(line);
 }
 
 Slate load_slate(const std::filesystem::path& path) {

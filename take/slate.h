@@ -21,7 +21,8 @@ struct Slate {
   std::string note;
   Mark mark = Mark::kNone;
 
-  /// "scene 12, take 3, circled, the sword slips"; empty for an empty slate.
+  /// "scene 12, take 3, circled, the sword slips", one line without control characters; empty for
+  /// an empty slate.
   std::string text() const;
   friend bool operator==(const Slate&, const Slate&) = default;
 };

@@ -60,6 +60,13 @@ Rig load_take_calib(const TakePaths& paths) {
   return parse_calib(read_take_file(paths.calib()), paths.calib());
 }
 
+std::optional<Studio> load_take_studio(const TakePaths& paths) {
+  std::error_code error;
+  const auto kind = std::filesystem::symlink_status(paths.studio(), error).type();
+  if (kind == std::filesystem::file_type::not_found) return std::nullopt;
+  return parse_studio(read_take_file(paths.studio()), paths.studio());
+}
+
 TakeInfo parse_take_info(std::string_view text, const std::filesystem::path& path) {
   const TomlTable table = TomlTable::parse(text, path);
   TakeInfo info;

@@ -6,12 +6,14 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
 
 #include "base/camera_model.h"
 #include "base/io/result.h"
+#include "base/studio_file.h"
 #include "base/time.h"
 
 namespace v3d {
@@ -62,6 +64,9 @@ struct TakePaths {
 TakeInfo load_take_info(const TakePaths& paths);
 /// The rig as it was when the take was recorded: load_calib() of a take, by read_take_file().
 Rig load_take_calib(const TakePaths& paths);
+/// The studio as it was: load_studio() of a take, by read_take_file(). Empty where the take has
+/// none.
+std::optional<Studio> load_take_studio(const TakePaths& paths);
 TakeInfo parse_take_info(std::string_view text, const std::filesystem::path& path);
 /// The content of take.toml.
 std::string take_info_text(const TakeInfo& info);

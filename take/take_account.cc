@@ -5,6 +5,7 @@
 
 #include "base/checksum.h"
 #include "base/error.h"
+#include "base/units.h"
 
 namespace v3d {
 namespace {
@@ -41,6 +42,14 @@ TakeFile entry_of_text(const std::string& name, const std::string& text) {
 
 TakeFile entry_of_file(const TakePaths& paths, const std::string& name,
                        std::vector<std::string>& unread) {
+  /// Of the pulses of the longest take, kMostPulses: 2 GB. A sparse file can have any length.
+  constexpr int64_t kMaxBytes = int64_t{4} << 30;
+  auto known = stat_take_file(paths, name);
+  if (known && known->bytes > kMaxBytes) {
+    unread.push_back(name + ": has no checksum: it has " + format_count(known->bytes) +
+                     " bytes; expected at most " + format_count(kMaxBytes));
+    return *std::move(known);
+  }
   auto read = read_take_file(paths, name, ReadFrom::kPageCache);
   if (read) return *std::move(read);
   unread.push_back(read.error().message);

@@ -13,8 +13,9 @@ namespace v3d {
 /// Writes ledger.toml, then take.toml. First completes `ledger.files` with the files of the take
 /// that it does not name yet: these are read for their checksum, but for logs of cameras, which may
 /// be tens of gigabytes. Such a log keeps the checksum that the ledger before had for a file of
-/// this length, or is named without one. A file that cannot be read is named without a checksum.
-/// Returns why it could not, one line each. Fails with path and cause when nothing was written.
+/// this length, or is named without one. A file that cannot be read, or has more than 4 GiB, is
+/// named without a checksum. Returns why it could not, one line each. Fails with path and cause
+/// when nothing was written.
 [[nodiscard]] io::Result<std::vector<std::string>> save_account(const TakePaths& paths,
                                                                 const TakeInfo& info,
                                                                 Ledger ledger);

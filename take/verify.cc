@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cerrno>
+#include <type_traits>
 
 #include "base/error.h"
 #include "base/units.h"
@@ -19,19 +20,34 @@ namespace {
 /// How much of a log is read: the whole frames, or their labels.
 enum class Depth : uint8_t { kFrames, kLabels };
 
-/// The label of the frame; empty when it is none of this camera or, as far as it is read, damaged.
-/// Of bytes that do not begin as a frame no more is read: their length is not to be trusted.
-io::Result<std::optional<FrameLabel>> read_label(const EventLogReader& log, const EventSpan& event,
-                                                 const std::string& camera, Depth depth) {
+/// The head of a frame; empty where the event does not begin as a frame of its length. Its length
+/// is then not trusted: no more of it is read.
+io::Result<std::optional<FrameHead>> read_head(const EventLogReader& log, const EventSpan& event) {
   const auto begin = log.read(event, kFrameHeadSize);
   if (!begin) return tl::make_unexpected(begin.error());
-  const auto head = decode_frame_head(*begin);
-  if (!head || head->camera != camera || head->message_size != event.data_size) return std::nullopt;
-  if (depth == Depth::kLabels) return head->label;
-  const auto whole = log.read(event);
-  if (!whole) return tl::make_unexpected(whole.error());
-  const auto message = decode<FrameMessage>(*whole);
-  return message ? std::optional(message->frame.label) : std::nullopt;
+  auto head = decode_frame_head(*begin);
+  return head && head->message_size == event.data_size ? std::move(head) : std::nullopt;
+}
+
+/// The whole message of an event; empty where it is damaged.
+template <class Message>
+io::Result<std::optional<Message>> read_message(const EventLogReader& log, const EventSpan& event) {
+  const auto bytes = log.read(event);
+  if (!bytes) return tl::make_unexpected(bytes.error());
+  return decode<Message>(*bytes);
+}
+
+/// The label of a frame; empty where the frame is of another camera or, as far as it is read,
+/// damaged.
+io::Result<std::optional<FrameLabel>> read_label(const EventLogReader& log, const EventSpan& event,
+                                                 const std::string& camera, Depth depth) {
+  const auto head = read_head(log, event);
+  if (!head) return tl::make_unexpected(head.error());
+  if (!*head || (*head)->camera != camera) return std::nullopt;
+  if (depth == Depth::kLabels) return (*head)->label;
+  const auto message = read_message<FrameMessage>(log, event);
+  if (!message) return tl::make_unexpected(message.error());
+  return *message ? std::optional((*message)->frame.label) : std::nullopt;
 }
 
 /// Files that programs read as parts of a take: in a folder of a take they need an account.
@@ -270,6 +286,10 @@ class Verifier {
       const auto damaged = std::count_if(meshes.pulses().begin(), meshes.pulses().end(),
                                          [&](int64_t pulse) { return !meshes.read(pulse); });
       if (damaged > 0) disagree(paths_.mesh(), format_count(damaged) + " damaged meshes");
+      if (meshes.index_was_rebuilt() && result_.info.state != TakeState::kRecording) {
+        disagree(paths_.mesh(), "ends without its index: truncated, or not finished; " +
+                                    format_count(std::ssize(meshes.pulses())) + " meshes are left");
+      }
     } catch (const InputError& error) {
       result_.disagreements.emplace_back(error.what());
     }
@@ -280,6 +300,22 @@ class Verifier {
   const ReadFrom from_;
   Verification result_;
 };
+
+/// Whether an event is a whole message. Its length is trusted only where such a message can have
+/// it. Fails when the disk does not give the bytes.
+template <class Message>
+io::Result<bool> is_whole(const EventLogReader& log, const EventSpan& event) {
+  if constexpr (std::is_same_v<Message, PulseMessage>) {
+    if (event.data_size > kMaxPulseBytes) return false;
+  } else {
+    const auto head = read_head(log, event);
+    if (!head) return tl::make_unexpected(head.error());
+    if (!*head) return false;
+  }
+  const auto message = read_message<Message>(log, event);
+  if (!message) return tl::make_unexpected(message.error());
+  return message->has_value();
+}
 
 /// What a recovery finds in a segment. A power cut may leave the length of the last events without
 /// their bytes; these events are not counted. Damage farther back than what can have waited for the
@@ -299,9 +335,9 @@ io::Result<SegmentIndex> index_of(const EventLogReader& log, uint32_t number) {
     const uint64_t event_end = event->data_offset + event->data_size;
     if (end == 0) end = index.whole_bytes = event_end;
     if (end - event_end > kMaxUnwrittenBytes) return index;
-    const auto bytes = log.read(*event);
-    if (!bytes) return tl::make_unexpected(bytes.error());
-    if (decode<Message>(*bytes)) {
+    const auto whole = is_whole<Message>(log, *event);
+    if (!whole) return tl::make_unexpected(whole.error());
+    if (*whole) {
       index.whole_bytes = event_end;
       index.events -= left_out;
       return index;

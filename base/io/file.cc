@@ -195,17 +195,22 @@ Status sync_folder(const fs::path& folder) {
 Result<std::string> read_file(const fs::path& path, uint64_t max_bytes, OpenMode mode) {
   const auto file = File::open(path, mode);
   if (!file) return tl::make_unexpected(file.error());
+  const auto size = file->size();
+  if (!size) return tl::make_unexpected(size.error());
+  const auto too_long = [&] {
+    return io_error("read", path, "it is longer than " + std::to_string(max_bytes) + " bytes",
+                    EFBIG);
+  };
+  if (*size > max_bytes) return too_long();
   std::string content;
+  content.reserve(*size);
   std::array<uint8_t, 1 << 16> chunk{};
   for (;;) {  // files of /proc have no length before they are read
     const auto got = file->read(content.size(), chunk);
     if (!got) return tl::make_unexpected(got.error());
     if (*got == 0) return content;
     content.append(reinterpret_cast<const char*>(chunk.data()), *got);
-    if (content.size() > max_bytes) {
-      return io_error("read", path, "it is longer than " + std::to_string(max_bytes) + " bytes",
-                      EFBIG);
-    }
+    if (content.size() > max_bytes) return too_long();
   }
 }
 

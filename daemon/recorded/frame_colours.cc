@@ -1,5 +1,6 @@
 #include "daemon/recorded/frame_colours.h"
 
+#include "base/error.h"
 #include "recon/mesh_edges.h"
 
 namespace v3d {
@@ -27,6 +28,11 @@ FrameColours::FrameColours(const std::filesystem::path& take, const CompactFrame
   TakeFrames frames(take, frame.cameras);
   rig_ = frames.rig();
   set_ = observe_all(frame.pulse, frames.read(frame.pulse));
+  if (set_.frames.size() == frame.cameras.size()) return;
+  throw InputError(frames.paths().folder.string() + ": pulse " + std::to_string(frame.pulse) +
+                   ": frames of " + std::to_string(set_.frames.size()) + " of its " +
+                   std::to_string(frame.cameras.size()) +
+                   " cameras can be read; see v3dctl verify");
 }
 
 Mesh FrameColours::coloured(Mesh mesh) const { return coloured(std::move(mesh), std::nullopt); }

@@ -18,7 +18,7 @@ std::vector<TextureCamera> texture_cameras(const Rig& rig, const FrameSet& set);
 /// Reads the frames of the cameras that took part in a reconstruction from the take. One thread.
 class FrameColours {
  public:
-  /// Throws InputError where the take no longer has the frame's pictures.
+  /// Throws InputError where the take has no readable frame of a camera that took part.
   FrameColours(const std::filesystem::path& take, const CompactFrame& frame);
   /// `mesh`, the frame's or another of the same pulse, in the colours of equations (8) and (9).
   Mesh coloured(Mesh mesh) const;

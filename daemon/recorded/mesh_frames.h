@@ -18,6 +18,8 @@ class MeshFrames {
   /// Another mesh file of the take, as copies of its mesh.v3d are.
   MeshFrames(const std::filesystem::path& take, const std::filesystem::path& file);
 
+  /// Whether the file ends without its index: it was truncated, or its writer did not finish.
+  bool is_unfinished() const { return file_.index_was_rebuilt(); }
   /// Frames in the range, rising. Throws InputError when there is none.
   std::vector<int64_t> frames(FrameRange range) const;
   /// Throws InputError when there is no such frame or it is damaged, or one that it needs. Fast in

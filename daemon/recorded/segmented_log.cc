@@ -1,6 +1,7 @@
 #include "daemon/recorded/segmented_log.h"
 
 #include "base/error.h"
+#include "daemon/recorded/take_background.h"
 
 namespace v3d {
 
@@ -9,8 +10,15 @@ SegmentedLog::SegmentedLog(const TakePaths& paths, const std::string& camera)
   for (size_t place = 0; place < labels().size(); ++place) {
     place_of_.emplace(labels()[place].pulse, place);
   }
-  if (!has_background(paths.background(), camera)) return;
-  segmenter_.emplace(load_background(paths.background(), camera), SegmentOptions{});
+  if (auto model = load_take_background(paths, camera)) {
+    segmenter_.emplace(*std::move(model), SegmentOptions{});
+  }
+}
+
+std::optional<ImageSize> SegmentedLog::frame_size() {
+  if (labels().empty()) return std::nullopt;
+  const std::optional<Frame> first = log_.read(labels().front().pulse);
+  return first ? std::optional(first->sensor_size) : std::nullopt;
 }
 
 std::optional<SegmentedFrame> SegmentedLog::read(int64_t pulse) {

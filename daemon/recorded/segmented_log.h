@@ -31,6 +31,9 @@ class SegmentedLog {
   /// FrameLogReader::read_errors()
   const std::vector<std::string>& read_errors() const { return log_.read_errors(); }
 
+  /// Of the sensor, by the first frame of the log; empty where there is none.
+  std::optional<ImageSize> frame_size();
+
   /// Empty where the camera has no (whole) frame of this pulse. A stored mask is taken as it is,
   /// else the take's background model makes it, which has followed the light up to this frame as it
   /// did live: the answer does not depend on what was read before. Going on in the order of the log

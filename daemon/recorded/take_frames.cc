@@ -7,6 +7,7 @@
 
 #include "base/calib_file.h"
 #include "base/error.h"
+#include "base/image_size.h"
 #include "base/name_list.h"
 #include "take/frame_log.h"
 #include "take/log_segments.h"
@@ -16,6 +17,15 @@ namespace {
 
 bool holds(const std::vector<std::string>& names, const std::string& name) {
   return std::find(names.begin(), names.end(), name) != names.end();
+}
+
+/// A calibration of another size would project into wrong pixels. Throws InputError.
+void check_size(SegmentedLog& log, const RigCamera& camera, const std::filesystem::path& calib) {
+  const ImageSize calibrated = camera.model.size();
+  const ImageSize size = log.frame_size().value_or(calibrated);
+  if (size == calibrated) return;
+  throw InputError(calib.string() + ": the size of " + camera.name + " is " +
+                   format_size(calibrated) + ", but its frames are " + format_size(size));
 }
 
 }  // namespace
@@ -32,6 +42,7 @@ TakeFrames::TakeFrames(const std::filesystem::path& take, const std::vector<std:
     if (index < 0) throw InputError(paths_.calib().string() + ": no calibration of " + name);
     rig_.push_back(rig[static_cast<size_t>(index)]);
     cameras_.emplace_back(paths_, name);
+    check_size(cameras_.back(), rig_.back(), paths_.calib());
   }
   read_edges();
 }

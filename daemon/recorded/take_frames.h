@@ -18,7 +18,8 @@ namespace v3d {
 class TakeFrames {
  public:
   /// Opens the logs of `cameras` (empty: all cameras of the take). Throws InputError: no take, an
-  /// unknown camera, a camera without calibration, a file that is no log, frames that have neither
+  /// unknown camera, a camera without calibration or with one
+  /// of another image size, a file that is no log, frames that have neither
   /// a stored mask nor a background model.
   TakeFrames(const std::filesystem::path& take, const std::vector<std::string>& cameras);
 

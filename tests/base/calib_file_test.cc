@@ -153,6 +153,16 @@ TEST(CalibFile, with_a_wrong_field_says_what_would_be_right) {
             "pinhole model");
 }
 
+TEST(CalibFile, with_numbers_that_no_camera_has_is_refused) {
+  const std::string limits = ": expected numbers from -1,000,000 to 1,000,000";
+  for (const char* number : {"1e308", "-1e308", "2e6"}) {
+    EXPECT_EQ(message_for(with("521.897", number)), "calib.toml:4: cam_0.matrix" + limits);
+    EXPECT_EQ(message_for(with("-0.1", number)), "calib.toml:5: cam_0.distortions" + limits);
+    EXPECT_EQ(message_for(with("1.98", number)), "calib.toml:6: cam_0.rotation" + limits);
+    EXPECT_EQ(message_for(with("0.792", number)), "calib.toml:7: cam_0.translation" + limits);
+  }
+}
+
 TEST(CalibFile, with_two_cameras_of_one_name_is_refused) {
   const std::string text = std::string(kGood) + with("[cam_0]", "\n[cam_1]");
   EXPECT_EQ(message_for(text.substr(0, text.rfind("[metadata]"))),

@@ -1,5 +1,6 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <sys/stat.h>
 
 #include <fstream>
 #include <iterator>
@@ -71,6 +72,29 @@ TEST_F(BackgroundFile, is_there_when_all_its_files_are) {
   EXPECT_FALSE(has_background(folder_.path(), "cam08"));
   fs::remove(folder_ / "cam07.spread.png");
   EXPECT_FALSE(has_background(folder_.path(), "cam07"));
+}
+
+TEST_F(BackgroundFile, is_refused_where_a_file_is_a_link_or_a_fifo) {
+  save_background(folder_.path(), "cam07", learn_wall({16, 16}, PixelFormat::kMono8));
+  for (const char* name : {"cam07.toml", "cam07.mean.png", "cam07.spread.png"}) {
+    fs::rename(folder_ / name, folder_ / "kept");
+    fs::create_symlink("kept", folder_ / name);
+    EXPECT_THAT(refusal(), AllOf(HasSubstr(name), HasSubstr("it is a symbolic link")));
+    fs::remove(folder_ / name);
+    ASSERT_EQ(mkfifo((folder_ / name).c_str(), 0644), 0);
+    EXPECT_THAT(refusal(), AllOf(HasSubstr(name), HasSubstr("it is not a regular file")));
+    fs::remove(folder_ / name);
+    fs::rename(folder_ / "kept", folder_ / name);
+  }
+  EXPECT_NO_THROW(load_background(folder_.path(), "cam07"));
+}
+
+TEST_F(BackgroundFile, has_pictures_of_256_MiB_and_texts_of_8_MiB_at_most) {
+  save_background(folder_.path(), "cam07", learn_wall({16, 16}, PixelFormat::kMono8));
+  fs::resize_file(folder_ / "cam07.mean.png", (256 << 20) + 1);
+  EXPECT_THAT(refusal(), AllOf(HasSubstr("cam07.mean.png"), HasSubstr("longer than")));
+  fs::resize_file(folder_ / "cam07.toml", (8 << 20) + 1);
+  EXPECT_THAT(refusal(), AllOf(HasSubstr("cam07.toml"), HasSubstr("longer than")));
 }
 
 TEST_F(BackgroundFile, names_the_file_that_is_missing_or_wrong) {

@@ -120,5 +120,21 @@ RC_GTEST_PROP(SequenceTracker, counts_exactly_what_a_network_lost_and_repeated, 
   RC_ASSERT(counts.received == messages - lost);
 }
 
+/// Restarted senders and receivers, clocks that are set, and sequence numbers in any order.
+RC_GTEST_PROP(SequenceTracker, never_counts_a_negative_number_of_lost_messages, (bool from_start)) {
+  std::mt19937 random(*rc::gen::arbitrary<uint32_t>());
+  SequenceTracker tracker(from_start);
+  for (int n = 0; n < 300; ++n) {
+    const std::string key(1, static_cast<char>('a' + random() % 2));
+    if (random() % 20 == 0) tracker.listen_anew(key);
+    tracker.note(key, random() % 30, sent(static_cast<int64_t>(random() % 40)));
+    RC_ASSERT(tracker.of(key).lost >= 0);
+  }
+  SequenceCounts sum = tracker.of("a");
+  sum += tracker.of("b");
+  RC_ASSERT(sum == tracker.total());
+  RC_ASSERT(sum.received + sum.duplicate == 300);
+}
+
 }  // namespace
 }  // namespace v3d

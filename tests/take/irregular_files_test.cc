@@ -40,6 +40,33 @@ rotation = [0.0, 0.0, 0.0]
 translation = [0.0, 0.0, 0.0]
 )";
 
+constexpr const char* kStudio = R"(name = "kyoto"
+[[node]]
+name = "cap01"
+[[node]]
+name = "recon01"
+[[camera]]
+name = "cam01"
+node = "cap01"
+address = "V3D-SIM-01"
+[trigger]
+node = "cap01"
+kind = "simulated"
+rate_hz = 25
+wire = "trigger.sock"
+[space]
+min = [-1.5, -1.5, 0]
+max = [1.5, 1.5, 2]
+[storage]
+takes = "takes"
+background = "/var/lib/v3d/background"
+calib = "calib.toml"
+[reconstruction]
+node = "recon01"
+voxel_m = 0.008
+min_views = 1
+)";
+
 void make_fifo(const fs::path& path) { ASSERT_EQ(mkfifo(path.c_str(), 0644), 0); }
 
 void make_socket(const fs::path& path) {
@@ -58,6 +85,7 @@ class FilesOfTakes : public testing::Test {
     EXPECT_TRUE(save_take_info(take_, test::begun_take({"cam01"})));
     std::ofstream(take_.slate()) << "note = \"good\"\n";
     std::ofstream(take_.calib()) << kCalib;
+    std::ofstream(take_.studio()) << kStudio;
     MeshFileWriter meshes(take_.mesh());
     EXPECT_TRUE(meshes.append(0, std::vector<uint8_t>(20, 1)));
     EXPECT_TRUE(meshes.close());
@@ -77,6 +105,7 @@ class FilesOfTakes : public testing::Test {
       {take_.info(), [this] { load_take_info(take_); }},
       {take_.slate(), [this] { load_slate(take_.slate()); }},
       {take_.calib(), [this] { load_take_calib(take_); }},
+      {take_.studio(), [this] { EXPECT_TRUE(load_take_studio(take_)); }},
       {take_.mesh(), [this] { MeshFileReader{take_.mesh()}; }},
       {take_.pulses(), [this] { EventLogReader{take_.pulses()}; }}};
 };
@@ -123,7 +152,7 @@ TEST_F(FilesOfTakes, are_read_from_a_take_folder_that_is_a_link) {
 }
 
 TEST_F(FilesOfTakes, of_text_have_a_limit_of_size) {
-  for (const fs::path& path : {take_.info(), take_.slate(), take_.calib()}) {
+  for (const fs::path& path : {take_.info(), take_.slate(), take_.calib(), take_.studio()}) {
     std::ofstream(path, std::ios::app) << "\n#" << std::string(kMaxTakeTextBytes, 'x') << "\n";
     EXPECT_THROW(readers_.at(path)(), InputError) << path;
   }

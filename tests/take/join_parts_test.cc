@@ -114,6 +114,21 @@ TEST_F(Parts, that_contradict_each_other_are_refused) {
   EXPECT_THAT(refusal(), HasSubstr("another part has cam01 too"));
 }
 
+TEST_F(Parts, with_symbolic_links_are_refused) {
+  namespace fs = std::filesystem;
+  const TakePaths first = part("cap01");
+  for (const fs::path& path :
+       {first.frames("cam01"), first.background() / "cam01.toml", first.background()}) {
+    fs::rename(path, folder_ / "kept");
+    fs::create_symlink(folder_ / "kept", path);
+    EXPECT_THAT(test::message_of<InputError>([&] { join(); }),
+                HasSubstr(path.string() + ": it is a symbolic link"));
+    fs::remove(path);
+    fs::rename(folder_ / "kept", path);
+    fs::remove_all(whole_.folder);
+  }
+}
+
 TEST_F(Parts, have_the_meshes_of_the_node_that_has_most) {
   const auto reconstruct = [&](const std::string& node, int64_t meshes) {
     std::filesystem::create_directories(part(node).folder);

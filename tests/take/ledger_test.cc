@@ -8,6 +8,7 @@
 #include <numeric>
 
 #include "base/error.h"
+#include "base/file.h"
 #include "support/message_of.h"
 #include "support/temporary_folder.h"
 
@@ -89,6 +90,45 @@ TEST(Ledger, comes_back_from_its_file) {
   EXPECT_EQ(back.cameras[2].suspect, ledger.cameras[2].suspect);
 }
 
+/// A small ledger with everything that a ledger can have.
+std::string ledger_text(const std::filesystem::path& path) {
+  Ledger ledger = whole_ledger();
+  ledger.cameras.resize(2);
+  ledger.cameras[1] = account("cam1", {0, 1, 1, 5}, {5}, 7);
+  ledger.files = {
+      {.name = "calib.toml", .bytes = 700, .changed_ns = 0, .checksum = 0x123456789ABCDEF0},
+      {.name = "cam1.lcmlog", .bytes = 9, .changed_ns = 0, .checksum = {}}};
+  EXPECT_TRUE(save_ledger(path, ledger));
+  return read_file(path);
+}
+
+TEST(Ledger, is_refused_with_any_flipped_bit) {
+  const test::TemporaryFolder folder;
+  std::string text = ledger_text(folder / "ledger.toml");
+  ASSERT_NO_THROW(parse_ledger(text, "ledger.toml"));
+  for (size_t bit = 0; bit < 8 * text.size(); ++bit) {
+    text[bit / 8] ^= static_cast<char>(1 << bit % 8);
+    EXPECT_THROW(parse_ledger(text, "ledger.toml"), InputError) << "bit " << bit << "\n" << text;
+    text[bit / 8] ^= static_cast<char>(1 << bit % 8);
+  }
+}
+
+TEST(Ledger, is_refused_when_it_is_truncated) {
+  const test::TemporaryFolder folder;
+  const std::string text = ledger_text(folder / "ledger.toml");
+  for (size_t size = 0; size < text.size(); ++size) {
+    EXPECT_THROW(parse_ledger(text.substr(0, size), "ledger.toml"), InputError) << size;
+  }
+}
+
+TEST(Ledger, of_an_older_version_has_no_checksum_of_its_own_and_is_read) {
+  const test::TemporaryFolder folder;
+  const std::string text = ledger_text(folder / "ledger.toml");
+  const Ledger old = parse_ledger(text.substr(text.find("take = ")), "ledger.toml");
+  EXPECT_EQ(old.verdict(), load_ledger(folder / "ledger.toml").verdict());
+  EXPECT_EQ(old.files.size(), 2U);
+}
+
 TEST(Ledger, of_a_take_does_not_call_missing_what_a_node_recorded_without_word_of_the_pulse) {
   Ledger first{.take = "kendo-07", .commanded = 4, .sensed = 4, .cameras = {}};
   first.cameras.push_back(account("cam01", {0, 1, 2, 3}, {}, 4));
@@ -151,6 +191,10 @@ TEST(Ledger, names_what_is_wrong_with_its_file) {
               testing::HasSubstr("commanded: expected a count, 0 to 10,000,000"));
   EXPECT_THAT(refusal("take = \"a\"\ncommanded = 3\n"), testing::HasSubstr("sensed: missing"));
   EXPECT_THAT(refusal("take = \"a"), testing::HasSubstr("ledger.toml:1"));
+  EXPECT_THAT(
+      refusal("xxh3 = \"0123456789abcdef\"\ntake = \"a\"\ncommanded = 0\nsensed = 0\n"),
+      testing::HasSubstr("ledger.toml: damaged: the checksum in its first line is not that of "
+                         "the other lines"));
   EXPECT_THAT(test::message_of<InputError>([&] { load_ledger(folder / "none.toml"); }),
               testing::HasSubstr("none.toml: missing"));
 }

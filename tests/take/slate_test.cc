@@ -31,6 +31,11 @@ TEST(Slate, is_one_line_of_what_it_has) {
             "rejected");
 }
 
+TEST(Slate, of_a_foreign_take_is_one_line_without_control_characters) {
+  EXPECT_EQ((Slate{.scene = "1\x1b[2J", .take = {}, .note = "a\nb", .mark = Mark::kNone}).text(),
+            "scene 1?[2J, a?b");
+}
+
 TEST(Slate, names_the_field_that_is_wrong) {
   const auto refusal = [](const char* text) {
     return test::message_of<InputError>([&] { parse_slate(text, "slate.toml"); });

@@ -12,11 +12,13 @@
 #include "support/message_of.h"
 #include "support/temporary_folder.h"
 #include "take/frame_log.h"
+#include "take/mesh_file.h"
 #include "take/take_account.h"
 
 namespace v3d {
 namespace {
 
+using testing::Contains;
 using testing::ElementsAre;
 using testing::HasSubstr;
 using testing::IsEmpty;
@@ -258,6 +260,32 @@ TEST_F(ListedTake, names_parts_that_the_ledger_does_not_have_and_notes_other_fil
               ElementsAre("background/cam09.toml: is not named in the ledger; move it out of the "
                           "take"));
   EXPECT_THAT(v.notes, ElementsAre("notes.txt: is not named in the ledger"));
+}
+
+TEST_F(ListedTake, with_a_truncated_mesh_file_is_not_whole) {
+  {
+    MeshFileWriter meshes(paths_.mesh());
+    for (int64_t pulse = 0; pulse < 3; ++pulse) {
+      EXPECT_TRUE(meshes.append(pulse, std::vector<uint8_t>(100, 1)));
+    }
+    EXPECT_TRUE(meshes.close());
+  }
+  EXPECT_TRUE(verify_take(paths_).whole());
+  std::filesystem::resize_file(paths_.mesh(), std::filesystem::file_size(paths_.mesh()) / 2);
+  const Verification v = verify_take(paths_);
+  EXPECT_FALSE(v.whole());
+  EXPECT_THAT(v.disagreements, ElementsAre(HasSubstr("mesh.v3d: ends without its index")));
+}
+
+TEST_F(ListedTake, with_one_flipped_bit_in_its_ledger_is_not_whole_until_it_is_recovered) {
+  const std::string text = read_file(paths_.ledger());
+  flip_a_bit("ledger.toml", text.find("received = ") + 11);
+  const Verification damaged = verify_take(paths_);
+  EXPECT_FALSE(damaged.whole());
+  EXPECT_THAT(damaged.disagreements, Contains(HasSubstr("ledger.toml: damaged: the checksum")));
+  const Verification recovered = recover_take(paths_);
+  EXPECT_THAT(recovered.disagreements, Contains(HasSubstr("ledger.toml: damaged: the checksum")));
+  EXPECT_NO_THROW(load_ledger(paths_.ledger()));
 }
 
 TEST_F(ListedTake, with_a_ledger_of_an_older_version_verifies_as_before_with_a_note) {

@@ -2,6 +2,7 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <sys/stat.h>
 
 #include <fstream>
 
@@ -10,6 +11,7 @@
 #include "base/file.h"
 #include "base/png_file.h"
 #include "daemon/recorded/take_frames.h"
+#include "support/message_of.h"
 #include "support/temporary_folder.h"
 #include "take/verify.h"
 #include "tools/pictures.h"
@@ -121,12 +123,30 @@ TEST_F(Import, grows_a_mask_more_than_it_shrinks_it_when_told_so) {
   EXPECT_LT(mask_before_black(image.view(), {0.19, 0, 2}).count(), exact);
 }
 
+TEST_F(Import, refuses_sparse_files_that_are_longer_than_their_limits) {
+  fs::resize_file(folder_ / "images" / "b.png", 300 << 20);
+  EXPECT_THAT(refusal(), AllOf(HasSubstr("b.png"), HasSubstr("longer than")));
+  fs::resize_file(folder_ / "calib.toml", 300 << 20);
+  EXPECT_THAT(refusal(), AllOf(HasSubstr("calib.toml"), HasSubstr("longer than")));
+}
+
 TEST_F(Import, takes_videos_at_their_own_rate) {
   use_videos(7, 7);
   const ImportResult result = import_take(options_);
   EXPECT_EQ(result.frames, 7);
   EXPECT_DOUBLE_EQ(result.rate_hz, 10);
   EXPECT_TRUE(verify_take({options_.take}).whole());
+}
+
+TEST_F(Import, makes_a_take_that_is_not_read_with_a_calibration_of_another_size) {
+  use_videos(3, 3);
+  options_.backgrounds = options_.videos;
+  import_take(options_);
+  std::string calib = read_file(options_.take / "calib.toml");
+  calib.replace(calib.find("[64, 48]"), 8, "[16384, 16384]");
+  replace_file(options_.take / "calib.toml", calib);
+  EXPECT_THAT(test::message_of<InputError>([&] { TakeFrames take(options_.take, {}); }),
+              HasSubstr("the size of a is 16384x16384, but its frames are 64x48"));
 }
 
 TEST_F(Import, learns_backgrounds_that_segment_the_frames) {
@@ -151,13 +171,80 @@ TEST_F(Import, refuses_a_video_that_ends_early_and_says_how_long_each_is) {
 TEST_F(Import, refuses_a_video_file_that_was_cut_off) {
   use_videos(60, 60);
   test::truncate_file(folder_ / "b.avi", 0.7);
-  EXPECT_THAT(refusal(), AllOf(HasSubstr("a 60, b "), HasSubstr("differ in length")));
+  EXPECT_THAT(refusal(), HasSubstr("b.avi: cannot be decoded near frame "));
 }
 
 TEST_F(Import, refuses_a_video_that_is_none) {
   use_videos(3, 3);
   std::ofstream(folder_ / "b.avi") << "no video at all";
   EXPECT_THAT(refusal(), AllOf(HasSubstr("b.avi"), HasSubstr("no readable video")));
+}
+
+/// Fills the data of one frame of an AVI file with zeros; its length stays.
+void destroy_frame(const fs::path& avi, int frame) {
+  std::string bytes = read_file(avi);
+  size_t at = bytes.find("movi");
+  for (int n = 0; n <= frame; ++n) at = bytes.find("00dc", at + 4);
+  const size_t end = bytes.find("00dc", at + 4);
+  std::fill(bytes.begin() + at + 8, bytes.begin() + end, '\0');
+  replace_file(avi, bytes);
+}
+
+TEST_F(Import, refuses_a_video_with_a_frame_that_cannot_be_decoded) {
+  use_videos(7, 7);
+  destroy_frame(folder_ / "b.avi", 3);
+  const std::string line =
+      (folder_ / "b.avi").string() + ": cannot be decoded near frame 3, 0.300 s";
+  EXPECT_THAT(refusal(), HasSubstr(line));
+  options_.frames = {4, 6};
+  EXPECT_THAT(refusal(), HasSubstr(line)) << "frames are numbered from the beginning";
+  options_.frames = {0, 3};
+  EXPECT_EQ(import_take(options_).frames, 3);
+}
+
+TEST_F(Import, refuses_a_video_that_ends_within_a_frame) {
+  use_videos(5, 5);
+  std::string motion_jpeg;
+  for (const int64_t bytes : {1'000'000, 1'000'000, 400}) {
+    test::write_jpeg(folder_ / "frame.jpg", Image({64, 48}, PixelFormat::kRGB8));
+    motion_jpeg += read_file(folder_ / "frame.jpg").substr(0, bytes);
+  }
+  replace_file(folder_ / "b.mjpeg", motion_jpeg);
+  options_.videos[1].second = folder_ / "b.mjpeg";
+  options_.rate_hz = 25;
+  EXPECT_THAT(refusal(), HasSubstr("b.mjpeg: cannot be decoded near frame 2"));
+}
+
+TEST_F(Import, refuses_a_video_whose_picture_size_changes_in_the_middle) {
+  use_videos(5, 5);
+  std::string motion_jpeg;
+  for (const ImageSize size : {ImageSize{64, 48}, {64, 48}, {64, 48}, {32, 24}, {64, 48}}) {
+    test::write_jpeg(folder_ / "frame.jpg", Image(size, PixelFormat::kRGB8));
+    motion_jpeg += read_file(folder_ / "frame.jpg");
+  }
+  replace_file(folder_ / "b.mjpeg", motion_jpeg);
+  options_.videos[1].second = folder_ / "b.mjpeg";
+  options_.rate_hz = 25;
+  EXPECT_THAT(refusal(), HasSubstr((folder_ / "b.mjpeg").string() +
+                                   " frame 3: is 32x24, but the frames before are 64x48"));
+  options_.frames = {4, 5};
+  EXPECT_THAT(refusal(), HasSubstr("b.mjpeg frame 3: is 32x24")) << "also where it is passed over";
+  options_.frames = {0, 3};
+  EXPECT_EQ(import_take(options_).frames, 3);
+}
+
+TEST_F(Import, refuses_a_video_that_is_a_folder_a_fifo_empty_or_missing) {
+  use_videos(3, 3);
+  fs::create_directory(folder_ / "folder.avi");
+  replace_file(folder_ / "empty.avi", "");
+  ASSERT_EQ(mkfifo((folder_ / "fifo.avi").c_str(), 0644), 0);
+  for (const auto& [name, line] : {std::pair("folder.avi", "it is not a regular file"),
+                                   {"fifo.avi", "it is not a regular file"},
+                                   {"empty.avi", "no readable video"},
+                                   {"none.avi", "No such file"}}) {
+    options_.videos[1].second = folder_ / name;
+    EXPECT_THAT(refusal(), AllOf(HasSubstr(name), HasSubstr(line)));
+  }
 }
 
 TEST_F(Import, refuses_videos_of_different_rates_unless_told_the_rate) {

@@ -204,6 +204,29 @@ TEST_F(PlyReader, survives_any_damage) {
   });
 }
 
+/// One vertex of doubles, whose red is a float.
+std::string ply_of(double x, float red) {
+  std::string ply =
+      "ply\nformat binary_little_endian 1.0\nelement vertex 1\nproperty double x\nproperty double "
+      "y\nproperty double z\nproperty float red\nproperty uchar green\nproperty uchar "
+      "blue\nend_header\n";
+  for (const double value : {x, 0.0, 0.0}) {
+    ply.append(reinterpret_cast<const char*>(&value), sizeof value);
+  }
+  ply.append(reinterpret_cast<const char*>(&red), sizeof red);
+  return ply + std::string(2, '\7');
+}
+
+TEST_F(PlyReader, refuses_numbers_that_are_not_finite_in_a_mesh) {
+  EXPECT_EQ(read(ply_of(0.5, 300)).colours.at(0), (Rgb8{255, 7, 7}));
+  for (const double bad : {std::nan(""), 1e300, -1e300}) {
+    EXPECT_THAT(test::message_of<InputError>([&] { read(ply_of(bad, 1)); }),
+                HasSubstr("vertex 0 is not finite"));
+  }
+  EXPECT_THAT(test::message_of<InputError>([&] { read(ply_of(0.5, std::nanf(""))); }),
+              HasSubstr("the colour of vertex 0 is not a number"));
+}
+
 TEST_F(PlyReader, refuses_an_index_without_its_vertex) {
   Mesh mesh = tetrahedron();
   mesh.triangles[1][2] = 4;

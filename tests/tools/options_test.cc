@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include "base/error.h"
+#include "common/number_option.h"
 #include "v3dctl/deform_options.h"
 
 namespace v3d::ctl {
@@ -13,6 +14,15 @@ using testing::ElementsAre;
 
 TEST(FrameRange, takes_all_frames_when_nothing_is_said) {
   EXPECT_EQ(parse_frame_range(""), FrameRange{});
+}
+
+TEST(NumberOption, accepts_numbers_within_its_limits_and_no_nan) {
+  const CLI::Validator seconds = number_in(0.5, 3600);
+  for (const char* good : {"0.5", "12", "3600", "1e3"}) EXPECT_EQ(seconds(std::string(good)), "");
+  for (const char* bad : {"nan", "-nan", "inf", "-inf", "0.4", "3601", "1e999", "", "ten", "5s"}) {
+    EXPECT_EQ(seconds(std::string(bad)),
+              std::string("expected a number from 0.5 to 3600, found '") + bad + "'");
+  }
 }
 
 TEST(FrameRange, ends_before_its_second_number) {

@@ -10,7 +10,9 @@
 #include "base/file.h"
 #include "base/picture.h"
 #include "base/png_file.h"
+#include "support/message_of.h"
 #include "support/temporary_folder.h"
+#include "tools/pictures.h"
 #include "v3dctl/mesh_export.h"
 #include "v3dctl/scene_clock.h"
 #include "v3dctl/scene_renderer.h"
@@ -179,6 +181,19 @@ TEST_F(ScenePictures, become_a_video_and_a_video_is_their_background) {
   EXPECT_EQ(pixel(scene, 32, 24), (Rgb8{200, 20, 20}));
   VideoReader none(folder_ / "cube.glb", {32, 24}, 25);
   EXPECT_THROW(none.picture(0), InputError);
+}
+
+TEST_F(ScenePictures, refuse_a_background_video_whose_size_changes) {
+  if (std::system("command -v ffmpeg >/dev/null") != 0) GTEST_SKIP() << "there is no ffmpeg";
+  std::string motion_jpeg;
+  for (const ImageSize size : {ImageSize{64, 48}, {64, 48}, {32, 24}}) {
+    test::write_jpeg(folder_ / "frame.jpg", Image(size, PixelFormat::kRGB8));
+    motion_jpeg += read_file(folder_ / "frame.jpg");
+  }
+  replace_file(folder_ / "street.mjpeg", motion_jpeg);
+  EXPECT_THAT(test::message_of<InputError>(
+                  [&] { picture_of(R"({"background": {"video": "street.mjpeg"}})"); }),
+              HasSubstr("street.mjpeg frame 2: is 32x24, but the frames before are 64x48"));
 }
 
 TEST(ProcessStream, tells_when_the_other_program_no_longer_reads) {

@@ -1,11 +1,14 @@
 // What was segmented live comes out of the recorded take again.
 #include "daemon/recorded/segmented_log.h"
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <map>
 #include <random>
 
+#include "base/error.h"
+#include "support/message_of.h"
 #include "support/temporary_folder.h"
 
 namespace v3d::ctl {
@@ -113,6 +116,14 @@ TEST_F(SegmentedLogTest, gives_them_when_pulse_numbers_are_out_of_order) {
   record({0, 1, 64, 64, 4, 32, 34, 65, 64, 70, 160, 128, 130, 133, 100, 192, 193});
   SegmentedLog log(take_, kCamera);
   for (const int64_t pulse : {1, 4, 34, 70, 100, 130, 133, 193}) expect_as_live(log, pulse);
+}
+
+TEST_F(SegmentedLogTest, does_not_follow_a_background_folder_that_is_a_link) {
+  record({0});
+  std::filesystem::rename(take_.background(), folder_ / "elsewhere");
+  std::filesystem::create_directory_symlink("elsewhere", take_.background());
+  EXPECT_THAT(test::message_of<InputError>([&] { SegmentedLog log(take_, kCamera); }),
+              testing::HasSubstr("background: it is a symbolic link"));
 }
 
 }  // namespace

@@ -6,14 +6,15 @@
 #include <span>
 
 #include "base/error.h"
-#include "capture/background.h"
 #include "common/console.h"
 #include "daemon/recorded/mesh_frames.h"
+#include "daemon/recorded/take_background.h"
 #include "daemon/recorded/take_frames.h"
 #include "recon/depth_raster.h"
 #include "recon/texture.h"
 #include "take/take.h"
 #include "v3dctl/interrupt.h"
+#include "v3dctl/missing_frames.h"
 
 namespace v3d::calibrate {
 namespace {
@@ -175,14 +176,17 @@ std::vector<ColourSample> surface_places(const std::filesystem::path& take, cons
   const size_t count = std::min(kMostFrames, frames.size());
   std::vector<ColourSample> samples;
   int place = first_place;
+  int64_t incomplete = 0;
   Progress progress("compare colours", static_cast<int64_t>(count));
   for (size_t i = 0; i < count; ++i) {
     ctl::stop_if_interrupted();
     const int64_t frame = frames[i * frames.size() / count];
-    add_frame(meshes.read(frame).mesh, recorded.rig(), numbers, recorded.read(frame), place,
-              samples);
+    const auto views = recorded.read(frame);
+    if (std::ranges::any_of(views, [](const auto& view) { return !view; })) ++incomplete;
+    add_frame(meshes.read(frame).mesh, recorded.rig(), numbers, views, place, samples);
     progress.advance();
   }
+  ctl::note_missing(incomplete, take);
   return samples;
 }
 
@@ -193,12 +197,15 @@ std::vector<ColourSample> floor_places(const std::filesystem::path& take, const 
   std::vector<std::optional<Image>> plates;
   Eigen::Vector2d low = Eigen::Vector2d::Constant(1e9), high = -low;
   for (const RigCamera& camera : rig) {
-    const bool known = has_background(paths.background(), camera.name);
-    plates.push_back(known
-                         ? std::optional(plate_of(load_background(paths.background(), camera.name)))
-                         : std::nullopt);
+    const auto model = load_take_background(paths, camera.name);
+    plates.push_back(model ? std::optional(plate_of(*model)) : std::nullopt);
     low = low.cwiseMin(camera.model.center().head<2>());
     high = high.cwiseMax(camera.model.center().head<2>());
+  }
+  constexpr double kMaxExtent = 200;  // metres
+  if ((high - low).maxCoeff() > kMaxExtent) {
+    throw InputError(
+        "floor: the cameras are more than 200 m apart; check the unit of the calibration");
   }
   std::vector<ColourSample> samples;
   int place = first_place;

@@ -9,6 +9,7 @@
 #include "calib/guess.h"
 #include "calibrate/commands.h"
 #include "common/console.h"
+#include "common/number_option.h"
 #include "v3dctl/options.h"
 
 namespace v3d::calibrate {
@@ -58,7 +59,7 @@ void add_guess(ctl::CommandLine& line, CLI::App* calibrate) {
       ->required();
   command->add_option("--across", arguments->across_deg, "Degrees that an image is wide")
       ->type_name("DEG")
-      ->check(CLI::Range(5., 150.))
+      ->check(number_in(5, 150))
       ->capture_default_str();
   command->add_option("--out", arguments->out, "Where to write it; must not be there")
       ->type_name("FILE")

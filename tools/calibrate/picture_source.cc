@@ -11,6 +11,7 @@
 #include "take/frame_log.h"
 #include "take/take.h"
 #include "v3dctl/media.h"
+#include "v3dctl/video_file.h"
 
 namespace v3d::calibrate {
 namespace {
@@ -38,7 +39,7 @@ std::vector<fs::path> matching_files(const std::string& pattern) {
 }
 
 PictureSource open_video(const fs::path& file, const Sampling& sampling) {
-  auto reader = std::make_shared<ctl::VideoReader>(file);
+  auto reader = std::make_shared<ctl::VideoFile>(file);
   const int64_t stride = stride_of(reader->announced_frames(), sampling);
   PictureSource source{file.string(), reader->announced_frames() / stride, {}};
   source.next = [reader, stride, number = int64_t{0}]() mutable -> std::optional<Picture> {

@@ -113,9 +113,8 @@ void print_text(const Rig& rig, const calib::RefineResult& result, const std::st
 }
 
 int run(const Arguments& arguments) {
-  const std::string calib =
-      arguments.calib.empty() ? TakePaths{arguments.take}.calib().string() : arguments.calib;
-  const Rig rig = load_calib(calib);
+  const Rig rig =
+      arguments.calib.empty() ? load_take_calib({arguments.take}) : load_calib(arguments.calib);
   ctl::catch_interrupts();
   const Silhouettes silhouettes(arguments, rig);
   const calib::RefineResult result =

@@ -4,6 +4,7 @@
 #include "base/file.h"
 #include "calib/time_stamps.h"
 #include "calibrate/live_take.h"
+#include "common/number_option.h"
 #include "take/take.h"
 
 namespace v3d::calibrate {
@@ -74,7 +75,7 @@ void add_live_option(CLI::App* command, double& seconds) {
       ->add_option("--live", seconds,
                    "Record a take now, so many seconds of it, with the studio's own cameras")
       ->type_name("SECONDS")
-      ->check(CLI::Range(0.2, 3600.0));
+      ->check(number_in(0.2, 3600));
 }
 
 std::vector<NamedSource> open_sources(const RigSources& sources) {

@@ -7,6 +7,7 @@
 #include "base/calib_file.h"
 #include "base/error.h"
 #include "base/file.h"
+#include "base/io/file.h"
 #include "calib/colmap_text.h"
 #include "calib/foreign_rig.h"
 #include "calib/middlebury_par.h"
@@ -51,7 +52,8 @@ Rig load_opencv(const RigFile& file) {
   Rig rig;
   for (size_t i = 0; i < files.size(); ++i) {
     for (RigCamera& camera :
-         calib::parse_opencv(read_file(files[i]), {names[i], file.size}, files[i])) {
+         calib::parse_opencv(io::value_or_throw(io::read_file(files[i], kMaxTakeTextBytes)),
+                             {names[i], file.size}, files[i])) {
       if (find_camera(rig, camera.name) >= 0) {
         throw InputError(files[i].string() + ": a second camera named " + camera.name);
       }

@@ -192,12 +192,18 @@ void read_vertices(Body& body, const Element& element, Mesh& mesh) {
   Values values;
   for (uint64_t i = 0; i < element.count; ++i) {
     read_element(body, element, values);
-    const Eigen::Vector3d p(scalar(values, x), scalar(values, y), scalar(values, z));
+    const Eigen::Vector3f p(static_cast<float>(scalar(values, x)),
+                            static_cast<float>(scalar(values, y)),
+                            static_cast<float>(scalar(values, z)));
     if (!p.allFinite()) body.fail("vertex " + std::to_string(i) + " is not finite");
-    mesh.vertices.push_back(p.cast<float>());
+    mesh.vertices.push_back(p);
     if (r < 0 || g < 0 || b < 0) continue;
     const auto channel = [&](int property) {
-      return static_cast<uint8_t>(std::clamp(scalar(values, property), 0.0, 255.0));
+      const double value = scalar(values, property);
+      if (std::isnan(value)) {
+        body.fail("the colour of vertex " + std::to_string(i) + " is not a number");
+      }
+      return static_cast<uint8_t>(std::clamp(value, 0.0, 255.0));
     };
     mesh.colours.push_back({channel(r), channel(g), channel(b)});
   }

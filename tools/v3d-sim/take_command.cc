@@ -2,6 +2,7 @@
 
 #include "base/error.h"
 #include "common/console.h"
+#include "common/number_option.h"
 #include "sim/scene.h"
 #include "v3d-sim/commands.h"
 #include "v3d-sim/options.h"
@@ -55,12 +56,12 @@ void add_take_command(CLI::App& app, int& status) {
   add_studio_options(command, arguments->studio);
   command.add_option("--begin", arguments->begin_s, "Where the action begins")
       ->type_name("SECONDS")
-      ->check(CLI::Range(0.0, 1e6));
+      ->check(number_in(0, 1e6));
   command
       .add_option("--outline-noise", arguments->outline_noise_px,
                   "Frames get masks whose outlines tremble by so many pixels (standard deviation)")
       ->type_name("PIXELS")
-      ->check(CLI::Range(0.0, 20.0));
+      ->check(number_in(0, 20));
   command.add_option(
       "--faults", arguments->faults,
       "TOML file: [[fault]] camera, pulse, kind = drop|duplicate|black|suspect|late; see "
@@ -71,7 +72,7 @@ void add_take_command(CLI::App& app, int& status) {
   command
       .add_option("--colour-spread", arguments->colour_spread,
                   "How much the colours of the cameras differ: 1 as of unmatched cameras, 15 %")
-      ->check(CLI::Range(0.0, 4.0));
+      ->check(number_in(0, 4));
   command.footer(
       "Examples:\n"
       "  v3d-sim take takes/cut-01 --frames 100\n"

@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "base/error.h"
+#include "base/printable.h"
 #include "take/take.h"
 
 namespace v3d::ctl {
@@ -54,8 +55,7 @@ std::filesystem::path CommandLine::studio_path() const {
 }
 
 std::optional<Studio> CommandLine::studio_of_take(const std::filesystem::path& take) const {
-  const TakePaths paths{take};
-  if (std::filesystem::exists(paths.studio())) return load_studio(paths.studio());
+  if (auto studio = load_take_studio({take})) return studio;
   std::filesystem::path path;
   try {
     path = studio_path();
@@ -108,10 +108,10 @@ int run_program(int argc, char** argv, void (*add_commands)(CommandLine&)) {
   try {
     return parse_and_run(argc, argv, add_commands);
   } catch (const InputError& error) {
-    std::fprintf(stderr, "v3dctl: %s\n", error.what());
+    std::fprintf(stderr, "v3dctl: %s\n", printable(error.what()).c_str());
     return kExitBadInput;
   } catch (const std::exception& error) {
-    std::fprintf(stderr, "v3dctl: %s\n", error.what());
+    std::fprintf(stderr, "v3dctl: %s\n", printable(error.what()).c_str());
     return kExitFailed;
   }
 }

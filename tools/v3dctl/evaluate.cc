@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cstdio>
 
-#include "base/calib_file.h"
 #include "base/error.h"
 #include "base/statistics.h"
 #include "common/console.h"
@@ -185,7 +184,7 @@ std::optional<Mesh> read_truth(const fs::path& truth, int64_t frame) {
 
 TruthReport evaluate_truth(const Evaluated& evaluated, const fs::path& truth) {
   MeshFrames meshes = frames_of(evaluated);
-  const Rig rig = load_calib(TakePaths{evaluated.take}.calib());
+  const Rig rig = load_take_calib({evaluated.take});
   TruthMeter meter;
   int64_t without_truth = 0;
   const std::vector<int64_t> frames = meshes.frames({});

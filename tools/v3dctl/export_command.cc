@@ -8,6 +8,7 @@
 #include "v3dctl/command.h"
 #include "v3dctl/interrupt.h"
 #include "v3dctl/mesh_export.h"
+#include "v3dctl/missing_frames.h"
 #include "v3dctl/options.h"
 #include "v3dctl/take_colours.h"
 
@@ -67,7 +68,11 @@ int run(const Arguments& arguments) {
                {.compression = compression, .lattice = content.lattice, .cameras = cameras});
     progress.advance();
   }
-  return kExitDone;
+  const int status = colours ? note_missing(colours->incomplete(), arguments.take) : kExitDone;
+  if (!meshes.is_unfinished()) return status;
+  note("v3dctl: " + TakePaths{arguments.take}.mesh().string() +
+       ": ends without its index: truncated, or not finished; frames may be missing");
+  return kExitNotWhole;
 }
 
 }  // namespace

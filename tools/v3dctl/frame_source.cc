@@ -1,6 +1,7 @@
 #include "v3dctl/frame_source.h"
 
 #include "v3dctl/media.h"
+#include "v3dctl/video_file.h"
 
 namespace v3d::ctl {
 namespace {
@@ -54,7 +55,7 @@ class VideoSource : public FrameSource {
 
  private:
   std::filesystem::path file_;
-  VideoReader video_;
+  VideoFile video_;
   int64_t at_ = 0;
 };
 

@@ -3,6 +3,7 @@
 
 #include <Eigen/Geometry>
 #include <filesystem>
+#include <string_view>
 #include <vector>
 
 #include "base/mesh.h"
@@ -20,8 +21,16 @@ struct ModelSurface {
 };
 
 /// The file's default scene: triangles, base colours and their textures; no animation, no
-/// transparency. Throws InputError for what is no glTF, or has no triangles.
+/// transparency. A binary file or JSON of at most 512 MB; other files are read from its folder only
+/// (gltf_check.h). All numbers of the result are finite. Memory is bounded: 4 million triangles,
+/// 268 million texels.
+/// Throws InputError, one line with the file and the place in it: no glTF 2.0, no triangles, what
+/// check_gltf() refuses, numbers that are not finite, vertices beyond 1000 km.
 ModelSurface load_model(const std::filesystem::path& path);
+
+/// As load_model(), from the bytes of a file. `path`: its path, for messages and for the folder of
+/// other files.
+ModelSurface parse_model(std::string_view bytes, const std::filesystem::path& path);
 
 /// In the world, under the light that tools/viewer puts there: from above, and from a sky that is
 /// brighter than the ground. Colours are sRGB.

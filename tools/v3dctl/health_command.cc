@@ -4,6 +4,7 @@
 #include <optional>
 
 #include "base/error.h"
+#include "common/number_option.h"
 #include "daemon/operator_client.h"
 #include "v3dctl/command.h"
 #include "v3dctl/health_text.h"
@@ -76,7 +77,7 @@ void add_health(CommandLine& line) {
   command->add_option("--timeout", options->timeout_s, "Give up after so many seconds")
       ->type_name("S")
       ->capture_default_str()
-      ->check(CLI::Range(0.1, 3600.0));
+      ->check(number_in(0.1, 3600));
   line.on_run(command, [&line, options] {
     const Studio studio = line.studio();
     return options->watch ? show_until_interrupted(studio, *options) : show_once(studio, *options);

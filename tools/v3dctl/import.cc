@@ -14,6 +14,7 @@
 #include "v3dctl/frame_source.h"
 #include "v3dctl/interrupt.h"
 #include "v3dctl/take_builder.h"
+#include "v3dctl/video_file.h"
 
 namespace v3d::ctl {
 namespace {
@@ -152,7 +153,7 @@ std::vector<Image> read_plates(const fs::path& file) {
     plates.assign(2, read_image(file));
   } else {
     constexpr int64_t kEnough = 100;
-    VideoReader video(file);
+    VideoFile video(file);
     const int64_t stride = std::max<int64_t>(1, (video.announced_frames() + kEnough - 1) / kEnough);
     while (std::optional<Image> plate = video.next()) {
       plates.push_back(*std::move(plate));

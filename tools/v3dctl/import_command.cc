@@ -1,6 +1,7 @@
 #include <cstdio>
 
 #include "base/error.h"
+#include "common/number_option.h"
 #include "v3dctl/command.h"
 #include "v3dctl/import.h"
 #include "v3dctl/interrupt.h"
@@ -52,7 +53,7 @@ void add_options(CLI::App* command, Arguments& arguments) {
       ->add_option("--rate", options.rate_hz,
                    "Pictures per second (else as the videos say, else 25)")
       ->type_name("HZ")
-      ->check(CLI::Range(0.01, 100000.0));
+      ->check(number_in(0.01, 100'000));
 }
 
 int run(Arguments arguments) {

@@ -5,22 +5,22 @@
 
 #include <algorithm>
 #include <cctype>
-#include <cmath>
 #include <cstdio>
-#include <fstream>
 #include <opencv2/core.hpp>
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
-#include <opencv2/videoio.hpp>
 #include <string_view>
 
 #include "base/error.h"
-#include "base/file.h"
+#include "base/io/file.h"
 
 namespace v3d::ctl {
 namespace {
 
 namespace fs = std::filesystem;
+
+/// Of a file: pictures of cameras have some MB. A file with holes may have any length.
+constexpr uint64_t kMaxImageBytes = 256 << 20;
 
 // libjpeg fills up what a truncated file lacks with grey and only warns; a whole file has an
 // end-of-image marker, at most followed by a little padding.
@@ -58,7 +58,7 @@ class QuietLibraries {
 };
 
 cv::Mat decode(const fs::path& path, int flags) {
-  const std::string text = read_file(path);
+  const std::string text = io::value_or_throw(io::read_file(path, kMaxImageBytes));
   const std::vector<uint8_t> bytes(text.begin(), text.end());
   cv::Mat image;
   if (!bytes.empty() && !is_truncated_jpeg(bytes)) {
@@ -118,45 +118,6 @@ bool has_image_name(const fs::path& path) {
   constexpr std::string_view kKnown[] = {".png",  ".jpg", ".jpeg", ".bmp", ".tif",
                                          ".tiff", ".ppm", ".pgm",  ".webp"};
   return std::find(std::begin(kKnown), std::end(kKnown), extension) != std::end(kKnown);
-}
-
-struct VideoReader::Impl {
-  cv::VideoCapture capture;
-};
-
-VideoReader::VideoReader(const fs::path& path) : impl_(std::make_unique<Impl>()) {
-  if (!std::ifstream(path)) throw InputError(errno_message(path.string()));
-  const QuietLibraries quiet;
-  impl_->capture.open(path.string(), cv::CAP_FFMPEG);
-  if (!impl_->capture.isOpened()) {
-    throw InputError(path.string() + ": no readable video: damaged or of an unknown kind");
-  }
-  impl_->capture.set(cv::CAP_PROP_ORIENTATION_AUTO, 0);
-}
-
-VideoReader::~VideoReader() = default;
-VideoReader::VideoReader(VideoReader&&) noexcept = default;
-
-double VideoReader::rate_hz() const {
-  const double rate = impl_->capture.get(cv::CAP_PROP_FPS);
-  return std::isfinite(rate) && rate > 0 ? rate : 0;
-}
-
-int64_t VideoReader::announced_frames() const {
-  const double frames = impl_->capture.get(cv::CAP_PROP_FRAME_COUNT);
-  return frames > 0 ? static_cast<int64_t>(frames) : 0;
-}
-
-std::optional<Image> VideoReader::next() {
-  const QuietLibraries quiet;
-  cv::Mat bgr;
-  if (!impl_->capture.read(bgr) || bgr.empty()) return std::nullopt;
-  return to_image(bgr);
-}
-
-bool VideoReader::skip() {
-  const QuietLibraries quiet;
-  return impl_->capture.grab();
 }
 
 }  // namespace v3d::ctl

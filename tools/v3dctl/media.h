@@ -1,10 +1,7 @@
-// Images and videos as files, through OpenCV: the only place of the tools that sees it.
+// Images as files, through OpenCV: the only place of the tools that sees it.
 #pragma once
 
-#include <cstdint>
 #include <filesystem>
-#include <memory>
-#include <optional>
 
 #include "base/image.h"
 #include "base/mask.h"
@@ -32,26 +29,5 @@ Mask mask_before_black(ImageView image, const BlackBackground& black);
 
 /// File names that read_image() is tried on: .png .jpg .jpeg .bmp .tif .tiff .ppm .pgm .webp
 bool has_image_name(const std::filesystem::path& path);
-
-/// Decodes a video once, from the first frame to the last.
-class VideoReader {
- public:
-  /// Throws InputError when the file is missing or no video.
-  explicit VideoReader(const std::filesystem::path& path);
-  ~VideoReader();
-  VideoReader(VideoReader&&) noexcept;
-
-  /// What the file says; 0 when it says nothing.
-  double rate_hz() const;
-  int64_t announced_frames() const;
-  /// The next frame as RGB8; empty behind the last.
-  std::optional<Image> next();
-  /// Passes over the next frame; false behind the last.
-  bool skip();
-
- private:
-  struct Impl;
-  std::unique_ptr<Impl> impl_;
-};
 
 }  // namespace v3d::ctl

@@ -7,6 +7,7 @@
 #include "base/name.h"
 #include "base/units.h"
 #include "common/console.h"
+#include "common/number_option.h"
 #include "common/pulse_rate_option.h"
 #include "daemon/operator_client.h"
 #include "take/take.h"
@@ -272,7 +273,7 @@ std::shared_ptr<Options> options_of(CLI::App* command, CommandVerb verb, double 
   command->add_option("--timeout", options->timeout_s, "Give up after so many seconds")
       ->type_name("S")
       ->capture_default_str()
-      ->check(CLI::Range(0.1, 3600.0));
+      ->check(number_in(0.1, 3600));
   return options;
 }
 

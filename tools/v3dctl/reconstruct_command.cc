@@ -12,6 +12,7 @@
 #include "v3dctl/deform_options.h"
 #include "v3dctl/interrupt.h"
 #include "v3dctl/local_tasks.h"
+#include "v3dctl/missing_frames.h"
 #include "v3dctl/reconstruct.h"
 #include "v3dctl/shared_reconstruct.h"
 #include "v3dctl/slurm_tasks.h"
@@ -267,10 +268,8 @@ int run(const CommandLine& line, Arguments arguments) {
     print_text(report);
   }
   for (const std::string& error : report.read_errors) note("v3dctl: " + error);
-  if (report.incomplete == 0) return report.read_errors.empty() ? kExitDone : kExitNotWhole;
-  std::fprintf(stderr, "v3dctl: a camera is missing in %s: see v3dctl verify %s\n",
-               count_of(report.incomplete, "frame").c_str(), request.take.c_str());
-  return kExitNotWhole;
+  const int status = note_missing(report.incomplete, request.take);
+  return report.read_errors.empty() ? status : kExitNotWhole;
 }
 
 }  // namespace

@@ -1,12 +1,12 @@
 #include <cstdio>
 #include <optional>
 
-#include "base/calib_file.h"
 #include "base/error.h"
 #include "base/image_size.h"
 #include "base/name_list.h"
 #include "base/png_file.h"
 #include "common/console.h"
+#include "common/number_option.h"
 #include "daemon/recorded/frame_colours.h"
 #include "daemon/recorded/mesh_frames.h"
 #include "daemon/recorded/take_frames.h"
@@ -55,7 +55,7 @@ class Painter {
 
 Image through_camera(const Arguments& arguments, const Painter& painter) {
   const TakePaths paths{arguments.take};
-  const Rig rig = load_calib(paths.calib());
+  const Rig rig = load_take_calib(paths);
   const int index = find_camera(rig, arguments.camera);
   if (index < 0) {
     std::vector<std::string> names;
@@ -200,7 +200,7 @@ void add_render(CommandLine& line) {
       ->type_name("SCENE.json");
   command->add_option("--at", arguments->at_s, "The picture at this time of the scene")
       ->type_name("SECONDS")
-      ->check(CLI::NonNegativeNumber);
+      ->check(number_in(0, 36'000));
   command->add_option("--size", arguments->size, "Of the pictures of a scene, in pixels")
       ->type_name("WIDTHxHEIGHT")
       ->capture_default_str();

@@ -8,6 +8,7 @@
 
 #include "base/error.h"
 #include "base/file.h"
+#include "base/io/file.h"
 
 namespace v3d::ctl {
 namespace {
@@ -239,6 +240,8 @@ Scene parse_scene(std::string_view text, const fs::path& path) {
   return read_scene({parsed, path, ""});
 }
 
-Scene load_scene(const fs::path& path) { return parse_scene(read_file(path), path); }
+Scene load_scene(const fs::path& path) {
+  return parse_scene(io::value_or_throw(io::read_file(path, kMaxTakeTextBytes)), path);
+}
 
 }  // namespace v3d::ctl

@@ -76,6 +76,35 @@ std::vector<std::string> reader_words(const fs::path& path, ImageSize size, doub
           "pipe:1"};
 }
 
+/// Reads the next line of a program's output into `line`; false behind the last.
+bool read_line(const ProcessStream& stream, std::string& line) {
+  line.clear();
+  for (uint8_t byte = 0; stream.read({&byte, 1});) {
+    if (byte == '\n') return true;
+    line += static_cast<char>(byte);
+  }
+  return !line.empty();
+}
+
+/// Returns `path` when all frames of the video have one size; ffmpeg would scale others. Decodes
+/// the whole video. Throws InputError otherwise.
+fs::path checked(fs::path path) {
+  ProcessStream ffprobe({"ffprobe", "-v", "quiet", "-select_streams", "v:0", "-show_entries",
+                         "frame=width,height", "-of", "csv=p=0:s=x", file_word(path)},
+                        ProcessStream::End::kItsOutput);
+  std::string size, first;
+  for (int64_t frame = 0; read_line(ffprobe, size); ++frame) {
+    while (size.ends_with('x')) size.pop_back();  // a separator, where the frame has side data
+    if (size.empty()) break;
+    if (first.empty()) first = size;
+    if (size == first) continue;
+    throw InputError(path.string() + " frame " + std::to_string(frame) + ": is " + size +
+                     ", but the frames before are " + first +
+                     "; expected one size in the whole video");
+  }
+  return path;
+}
+
 }  // namespace
 
 bool VideoWriter::writes(const fs::path& path) {
@@ -97,7 +126,7 @@ void VideoWriter::close() {
 }
 
 VideoReader::VideoReader(fs::path path, ImageSize size, double rate_hz)
-    : path_(std::move(path)),
+    : path_(checked(std::move(path))),
       ffmpeg_(reader_words(path_, size, rate_hz), ProcessStream::End::kItsOutput),
       shown_(size, PixelFormat::kRGB8),
       coming_(size, PixelFormat::kRGB8) {}

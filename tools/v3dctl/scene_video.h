@@ -32,7 +32,8 @@ class VideoWriter {
 /// stays when the video has ended. One thread.
 class VideoReader {
  public:
-  /// Throws InputError where ffmpeg is missing.
+  /// Throws InputError where ffmpeg is missing, and, with the frame's number and both sizes, for a
+  /// video whose frames are of different sizes.
   VideoReader(std::filesystem::path path, ImageSize size, double rate_hz);
   /// Picture `number`; requires that numbers never fall. Throws InputError when the video has not
   /// even one.

@@ -49,6 +49,7 @@ std::vector<ExportedCamera> TakeColours::of(const CompactFrame& frame) {
     throw InputError("--view-dependent: " + frames_.paths().folder.string() +
                      " has no raw frames of pulse " + std::to_string(frame.pulse));
   }
+  if (set.frames.size() < frames_.rig().size()) ++incomplete_;
   std::vector<CameraColours> seen =
       camera_colours(frame.mesh, texture_cameras(frames_.rig(), set), texture_options(frame.mesh));
   std::vector<ExportedCamera> cameras;

@@ -1,6 +1,7 @@
 // What the cameras of a take saw of its reconstructed frames, camera by camera.
 #pragma once
 
+#include <cstdint>
 #include <filesystem>
 #include <vector>
 
@@ -19,9 +20,12 @@ class TakeColours {
   /// All cameras of the take, in the order of their names; one that has no frame of this pulse sees
   /// nothing. Throws InputError where none has. Fast in rising order of pulses.
   std::vector<ExportedCamera> of(const CompactFrame& frame);
+  /// Frames until now that a camera of the take has not, or that cannot be read.
+  int64_t incomplete() const { return incomplete_; }
 
  private:
   TakeFrames frames_;
+  int64_t incomplete_ = 0;
 };
 
 }  // namespace v3d::ctl

@@ -4,6 +4,7 @@
 
 #include "base/error.h"
 #include "base/name.h"
+#include "base/printable.h"
 #include "base/units.h"
 #include "common/console.h"
 #include "daemon/json.h"
@@ -65,7 +66,7 @@ void print_listing(const std::vector<TakeListing>& takes, bool json) {
 
 int run_list(const CommandLine& line, const Arguments& arguments) {
   const auto passed_over = [](const InputError& error) {
-    note(std::string("v3dctl: passed over: ") + error.what());
+    note("v3dctl: passed over: " + printable(error.what()));
   };
   print_listing(find_takes(folder_of(line, arguments), passed_over), arguments.json);
   return kExitDone;
@@ -216,16 +217,24 @@ void add_names(CLI::App* command, const SharedArguments& arguments) {
   command->add_option("NAME", arguments->names, "Takes")->required();
 }
 
+/// Accepts what a slate may say, in one line of every listing.
+std::string check_slate_text(const std::string& text) {
+  constexpr size_t kMaxBytes = 4096;
+  if (text.size() <= kMaxBytes && printable(text) == text) return "";
+  return "expected at most 4,096 bytes of UTF-8 in one line, without control characters";
+}
+
 void add_slate(CommandLine& line, CLI::App* takes, const SharedArguments& arguments) {
   CLI::App* command = add_under(takes, "slate", "Write scene, take number and note on a take",
                                 "v3dctl takes slate kendo-07 --scene 12 --take 3 --note \"slips\"");
   add_names(command, arguments);
-  const CLI::Option* scene =
+  CLI::Option* const scene =
       command->add_option("--scene", arguments->scene, "Scene")->type_name("TEXT");
-  const CLI::Option* take =
+  CLI::Option* const take =
       command->add_option("--take", arguments->take, "Number of the take")->type_name("TEXT");
-  const CLI::Option* note =
+  CLI::Option* const note =
       command->add_option("--note", arguments->note, "Anything else")->type_name("TEXT");
+  for (CLI::Option* option : {scene, take, note}) option->check(check_slate_text, "");
   line.on_run(command, [&line, arguments, scene, take, note] {
     return change_slates(line, *arguments, [&](Slate& slate) {
       if (scene->count() > 0) slate.scene = arguments->scene;

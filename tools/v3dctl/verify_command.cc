@@ -3,6 +3,7 @@
 #include <nlohmann/json.hpp>
 
 #include "base/error.h"
+#include "base/printable.h"
 #include "common/console.h"
 #include "take/take_lock.h"
 #include "take/verified.h"
@@ -38,24 +39,32 @@ Json images_json(const ImageCheckResult& result) {
   return list;
 }
 
+/// File names in a take can have any bytes.
+std::vector<std::string> printable_lines(std::vector<std::string> lines) {
+  for (std::string& line : lines) line = printable(line);
+  return lines;
+}
+
 Json verification_json(const Verification& verification) {
   Json json = to_json(verification.ledger);
   json["complete"] = verification.whole();
   json["state"] = name(verification.info.state);
-  json["disagreements"] = verification.disagreements;
-  json["notes"] = verification.notes;
+  json["disagreements"] = printable_lines(verification.disagreements);
+  json["notes"] = printable_lines(verification.notes);
   return json;
 }
 
 void print_lines(const std::vector<std::string>& lines) {
-  for (const std::string& line : lines) std::printf("%s\n", line.c_str());
+  for (const std::string& line : lines) std::printf("%s\n", printable(line).c_str());
 }
 
 void print_text(const Verification& verification) {
   print_lines(table_lines(verification.ledger));
   print_lines(trouble_lines(verification.ledger));
   print_lines(verification.disagreements);
-  for (const std::string& line : verification.notes) std::printf("note: %s\n", line.c_str());
+  for (const std::string& line : verification.notes) {
+    std::printf("note: %s\n", printable(line).c_str());
+  }
   std::printf("%s\n", verification.ledger.verdict().c_str());
 }
 

@@ -6,6 +6,7 @@
 
 #include "sim/noise.h"
 #include "v3dctl/media.h"
+#include "v3dctl/video_file.h"
 
 namespace v3d::bench {
 namespace {
@@ -79,7 +80,7 @@ struct Room {
 };
 
 Room read_room(const std::filesystem::path& video) {
-  ctl::VideoReader reader(video);
+  ctl::VideoFile reader(video);
   std::vector<Image> frames;
   while (auto frame = reader.next()) frames.push_back(std::move(*frame));
   const auto half = static_cast<std::ptrdiff_t>(frames.size() / 2);

@@ -17,7 +17,6 @@
 #include <string>
 #include <vector>
 
-#include "base/calib_file.h"
 #include "base/error.h"
 #include "base/statistics.h"
 #include "base/units.h"
@@ -47,7 +46,7 @@ class Recording {
  public:
   explicit Recording(const std::filesystem::path& take) {
     const TakePaths paths{take};
-    const Rig calibrated = load_calib(paths.calib());
+    const Rig calibrated = load_take_calib(paths);
     for (const std::string& name : load_take_info(paths).cameras) {
       const int c = find_camera(calibrated, name);
       if (c < 0) throw InputError(paths.calib().string() + ": no calibration of " + name);

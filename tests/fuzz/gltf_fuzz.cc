@@ -1,0 +1,22 @@
+// Any bytes as a glTF 2.0 model: parse_model() throws nothing but InputError, and all vertices of a
+// model that it accepts are finite.
+#include <cstddef>
+#include <cstdint>
+#include <cstdlib>
+#include <string_view>
+
+#include "base/error.h"
+#include "v3dctl/gltf_model.h"
+
+extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
+  try {
+    const auto model =
+        v3d::ctl::parse_model({reinterpret_cast<const char*>(data), size}, "/nowhere/fuzz.gltf");
+    const v3d::Mesh mesh = v3d::ctl::lit_model(model, Eigen::Affine3d::Identity());
+    for (const Eigen::Vector3f& vertex : mesh.vertices) {
+      if (!vertex.allFinite()) std::abort();
+    }
+  } catch (const v3d::InputError&) {
+  }
+  return 0;
+}

@@ -1,0 +1,225 @@
+// Sparse files: a file that takes 4 KiB of the disk can claim any length. Readers allocate no
+// memory for the claimed length and report the damage.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <chrono>
+#include <filesystem>
+#include <fstream>
+#include <string>
+
+#include "base/error.h"
+#include "codec/crc32.h"
+#include "support/begun_take.h"
+#include "support/message_of.h"
+#include "support/temporary_folder.h"
+#include "take/frame_log.h"
+#include "take/mesh_file.h"
+#include "take/mesh_file_layout.h"
+#include "take/take.h"
+#include "take/verify.h"
+
+namespace v3d {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr int64_t kMebibyte = 1 << 20;
+constexpr int64_t kMaxMebibytes = 32;
+
+/// Peak memory of this process since reset_peak(), bytes.
+int64_t peak() {
+  std::ifstream in("/proc/self/status");
+  for (std::string key; in >> key;) {
+    int64_t kibibytes = 0;
+    if (key == "VmHWM:" && in >> kibibytes) return 1024 * kibibytes;
+  }
+  ADD_FAILURE() << "no VmHWM in /proc/self/status";
+  return 0;
+}
+void reset_peak() { std::ofstream("/proc/self/clear_refs") << "5"; }
+
+/// Peak memory of `read`, MiB above that of the process before.
+template <class Read>
+int64_t mebibytes_of(Read read) {
+  reset_peak();
+  const int64_t before = peak();
+  read();
+  return (peak() - before) / kMebibyte;
+}
+
+std::string big_endian(uint64_t n, int bytes) {
+  std::string text;
+  for (int shift = 8 * (bytes - 1); shift >= 0; shift -= 8) text += static_cast<char>(n >> shift);
+  return text;
+}
+
+/// One event whose data is a hole.
+void write_sparse_event(const fs::path& path, const std::string& channel, uint32_t claimed) {
+  const std::string head = big_endian(0xEDA1DA01, 4) + big_endian(0, 8) + big_endian(0, 8) +
+                           big_endian(channel.size(), 4) + big_endian(claimed, 4) + channel;
+  std::ofstream(path) << head;
+  fs::resize_file(path, head.size() + claimed);
+}
+
+TEST(SparseLog, of_frames_costs_no_memory_for_the_length_that_it_claims) {
+  const test::TemporaryFolder folder;
+  write_sparse_event(folder / "cam01.lcmlog", "V3D_FRAME_cam01", 250 * kMebibyte);
+  EXPECT_LT(mebibytes_of([&] {
+              const FrameLogReader reader(folder / "cam01.lcmlog");
+              EXPECT_TRUE(reader.labels().empty());
+              EXPECT_EQ(reader.damaged_events(), 1);
+            }),
+            kMaxMebibytes);
+}
+
+TEST(SparseLog, of_pulses_costs_no_memory_for_the_length_that_it_claims) {
+  const test::TemporaryFolder folder;
+  write_sparse_event(folder / "pulses.lcmlog", "V3D_PULSE", 250 * kMebibyte);
+  EXPECT_LT(mebibytes_of([&] { EXPECT_TRUE(read_pulses(folder / "pulses.lcmlog").empty()); }),
+            kMaxMebibytes);
+}
+
+/// A take of one camera that a crash has ended: recovery indexes its logs.
+TEST(SparseLog, costs_a_recovery_no_memory_for_the_length_that_it_claims) {
+  const test::TemporaryFolder folder;
+  const TakePaths paths{folder / "take"};
+  fs::create_directory(paths.folder);
+  io::throw_if_failed(save_take_info(paths, test::begun_take({"cam01"})));
+  write_sparse_event(paths.pulses(), "V3D_PULSE", 250 * kMebibyte);
+  write_sparse_event(paths.frames("cam01"), "V3D_FRAME_cam01", 250 * kMebibyte);
+  EXPECT_LT(mebibytes_of([&] {
+              const Verification found = recover_take(paths);
+              EXPECT_THAT(found.disagreements,
+                          testing::Contains(testing::HasSubstr("cam01.lcmlog")));
+            }),
+            kMaxMebibytes);
+}
+
+TEST(SparseLog, is_refused_in_one_line_where_its_only_event_is_above_the_limit) {
+  const test::TemporaryFolder folder;
+  const fs::path log = folder / "cam01.lcmlog";
+  write_sparse_event(log, "V3D_FRAME_cam01", 300 * kMebibyte);
+  const std::string line = log.string() + ": is no LCM event log: it holds no whole event";
+  EXPECT_LT(mebibytes_of([&] {
+              EXPECT_EQ(test::message_of<InputError>([&] { FrameLogReader reader(log); }), line);
+              EXPECT_EQ(test::message_of<InputError>([&] { read_pulses(log); }), line);
+            }),
+            kMaxMebibytes);
+}
+
+/// Reading 256 GiB of zeros takes minutes.
+constexpr uint64_t kLongHole = uint64_t{256} << 30;
+constexpr std::chrono::seconds kSearchLimit{10};
+
+template <class Read>
+std::chrono::nanoseconds time_of(Read read) {
+  const auto begin = std::chrono::steady_clock::now();
+  read();
+  return std::chrono::steady_clock::now() - begin;
+}
+
+TEST(SparseLog, is_searched_for_events_in_its_data_only) {
+  const test::TemporaryFolder folder;
+  const fs::path log = folder / "cam01.lcmlog";
+  write_sparse_event(log, "V3D_FRAME_cam01", 5000);
+  fs::resize_file(log, kLongHole);
+  EXPECT_LT(time_of([&] { EXPECT_EQ(FrameLogReader(log).damaged_events(), 1); }), kSearchLimit);
+}
+
+TEST(SparseLog, of_pulses_is_recovered_in_seconds_whatever_its_length) {
+  const test::TemporaryFolder folder;
+  const TakePaths paths{folder / "take"};
+  fs::create_directory(paths.folder);
+  io::throw_if_failed(save_take_info(paths, test::begun_take({"cam01"})));
+  write_sparse_event(paths.pulses(), "V3D_PULSE", 100);
+  fs::resize_file(paths.pulses(), kLongHole);
+  const auto recover = [&] {
+    EXPECT_THAT(recover_take(paths).disagreements,
+                testing::Contains(testing::HasSubstr("pulses.lcmlog: has no checksum")));
+  };
+  EXPECT_LT(time_of(recover), kSearchLimit);
+}
+
+/// A mesh file: header, hole, `end`.
+void write_sparse_meshes(const fs::path& path, uint64_t size, std::span<const uint8_t> end) {
+  const std::vector<uint8_t> header = mesh_file::header();
+  std::ofstream(path, std::ios::binary)
+      .write(reinterpret_cast<const char*>(header.data()), std::ssize(header));
+  fs::resize_file(path, size);
+  std::ofstream(path, std::ios::binary | std::ios::app)
+      .write(reinterpret_cast<const char*>(end.data()), std::ssize(end));
+}
+
+std::vector<uint8_t> footer(uint64_t index_offset, uint32_t index_size, uint32_t crc) {
+  mesh_file::Writer writer;
+  writer.u64(index_offset);
+  writer.u32(index_size);
+  writer.u32(crc);
+  writer.magic(mesh_file::kFooterMagic);
+  return writer.bytes();
+}
+
+TEST(SparseMeshFile, costs_no_memory_for_a_mesh_length_that_its_index_claims) {
+  const test::TemporaryFolder folder;
+  constexpr uint64_t kHole = 400 * uint64_t{kMebibyte};
+  mesh_file::Writer index;
+  index.magic(mesh_file::kIndexMagic);
+  index.u32(1);
+  index.u64(0);                       // pulse
+  index.u64(mesh_file::kHeaderSize);  // where it lies
+  index.u32(300U << 20);              // its bytes
+  index.u32(0);                       // their checksum
+  std::vector<uint8_t> end = index.bytes();
+  const auto foot = footer(kHole, static_cast<uint32_t>(end.size()), crc32(end));
+  end.insert(end.end(), foot.begin(), foot.end());
+  write_sparse_meshes(folder / "mesh.v3d", kHole, end);
+  EXPECT_LT(mebibytes_of([&] {
+              MeshFileReader reader(folder / "mesh.v3d");
+              EXPECT_TRUE(reader.pulses().empty());
+              EXPECT_FALSE(reader.read(0));
+            }),
+            kMaxMebibytes);
+}
+
+TEST(SparseMeshFile, costs_no_memory_for_an_index_length_that_its_footer_claims) {
+  const test::TemporaryFolder folder;
+  constexpr uint64_t kEnd = 200 * uint64_t{kMebibyte};
+  const auto size = static_cast<uint32_t>(kEnd - mesh_file::kHeaderSize);
+  write_sparse_meshes(folder / "mesh.v3d", kEnd, footer(mesh_file::kHeaderSize, size, 0));
+  EXPECT_LT(mebibytes_of([&] {
+              const MeshFileReader reader(folder / "mesh.v3d");
+              EXPECT_TRUE(reader.pulses().empty());
+            }),
+            kMaxMebibytes);
+}
+
+TEST(SparseMeshFile, is_searched_for_meshes_in_its_data_only) {
+  const test::TemporaryFolder folder;
+  write_sparse_meshes(folder / "mesh.v3d", kLongHole, {});
+  EXPECT_LT(time_of([&] { EXPECT_TRUE(MeshFileReader(folder / "mesh.v3d").pulses().empty()); }),
+            kSearchLimit);
+}
+
+/// 4,000 record heads one behind the other, each of which claims the 40 MiB behind it.
+TEST(SparseMeshFile, is_searched_in_seconds_where_records_claim_the_same_bytes) {
+  const test::TemporaryFolder folder;
+  constexpr uint32_t kClaim = 40U << 20;
+  std::vector<uint8_t> heads = mesh_file::header();
+  for (int64_t pulse = 0; pulse < 4000; ++pulse) {
+    const auto head = mesh_file::record_head(
+        {.pulse = pulse, .offset = 0, .payload_size = kClaim, .payload_crc = 1});
+    heads.insert(heads.end(), head.begin(), head.end());
+  }
+  std::ofstream(folder / "mesh.v3d", std::ios::binary)
+      .write(reinterpret_cast<const char*>(heads.data()), std::ssize(heads));
+  fs::resize_file(folder / "mesh.v3d", heads.size() + kClaim + 5000);
+  EXPECT_LT(mebibytes_of([&] {
+              EXPECT_LT(time_of([&] { MeshFileReader reader(folder / "mesh.v3d"); }),
+                        std::chrono::seconds(60));
+            }),
+            kMaxMebibytes);
+}
+
+}  // namespace
+}  // namespace v3d

@@ -1,0 +1,251 @@
+// glTF 2.0 models of unknown origin: which are read, and which are refused, with what message.
+#include "v3dctl/gltf_model.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <cstring>
+#include <filesystem>
+#include <limits>
+#include <nlohmann/json.hpp>
+
+#include "base/error.h"
+#include "base/file.h"
+#include "base/png_file.h"
+#include "support/message_of.h"
+#include "support/temporary_folder.h"
+
+namespace v3d::ctl {
+namespace {
+
+namespace fs = std::filesystem;
+using nlohmann::json;
+using testing::AllOf;
+using testing::HasSubstr;
+using testing::Not;
+
+constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
+constexpr float kInfinity = std::numeric_limits<float>::infinity();
+
+/// The content of triangle.bin: a triangle with texture coordinates.
+struct Triangle {
+  std::array<float, 9> positions{0, 0, 0, 1, 0, 0, 0, 1, 0};
+  std::array<float, 6> uvs{0, 0, 1, 0, 0, 1};
+};
+
+json triangle_gltf() {
+  return json::parse(R"({
+    "asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [0]}], "nodes": [{"mesh": 0}],
+    "meshes": [{"primitives": [
+      {"attributes": {"POSITION": 0, "TEXCOORD_0": 1}, "material": 0}]}],
+    "materials": [{"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}],
+    "textures": [{"source": 0}], "images": [{"uri": "red.png"}],
+    "accessors": [{"bufferView": 0, "componentType": 5126, "type": "VEC3", "count": 3},
+                  {"bufferView": 1, "componentType": 5126, "type": "VEC2", "count": 3}],
+    "bufferViews": [{"buffer": 0, "byteLength": 36},
+                    {"buffer": 0, "byteOffset": 36, "byteLength": 24}],
+    "buffers": [{"uri": "triangle.bin", "byteLength": 60}]})");
+}
+
+class GltfModel : public testing::Test {
+ protected:
+  GltfModel() {
+    fs::create_directory(folder_ / "models");
+    put(Triangle());
+    Image red({4, 4}, PixelFormat::kRGB8);
+    for (size_t i = 0; i < red.bytes.size(); i += 3) red.bytes[i] = 255;
+    write_png(folder_ / "models/red.png", red.view());
+  }
+
+  void put(const Triangle& triangle) {
+    std::string bytes(60, '\0');
+    std::memcpy(bytes.data(), triangle.positions.data(), 36);
+    std::memcpy(bytes.data() + 36, triangle.uvs.data(), 24);
+    replace_file(folder_ / "models/triangle.bin", bytes);
+  }
+
+  ModelSurface load(const json& gltf) {
+    replace_file(path_, gltf.dump());
+    return load_model(path_);
+  }
+  /// The message with which the file is refused.
+  std::string refusal(const json& gltf) {
+    const std::string line = test::message_of<InputError>([&] { load(gltf); });
+    EXPECT_THAT(line, AllOf(HasSubstr(path_.string() + ": "), Not(HasSubstr("\n"))));
+    return line;
+  }
+  std::string refusal_of(const Triangle& triangle) {
+    put(triangle);
+    return refusal(triangle_gltf());
+  }
+
+  const test::TemporaryFolder folder_;
+  const fs::path path_ = folder_ / "models/model.gltf";
+};
+
+TEST_F(GltfModel, has_the_colours_of_its_texture) {
+  const ModelSurface surface = load(triangle_gltf());
+  ASSERT_FALSE(surface.albedo.empty());
+  EXPECT_EQ(surface.albedo.front(), Eigen::Vector3f::UnitX());
+}
+
+TEST_F(GltfModel, is_refused_where_a_node_has_two_parents) {
+  // Each of 40 nodes has the next one as a child twice: 2^40 paths from the root in 1.6 kB.
+  json gltf = triangle_gltf();
+  for (int n = 0; n < 40; ++n) gltf["nodes"][n] = {{"children", {n + 1, n + 1}}};
+  gltf["nodes"][40] = json::object();
+  EXPECT_THAT(refusal(gltf), HasSubstr("nodes[0].children: names node 1, which is a child of "
+                                       "nodes[0] already; expected one parent at most"));
+  gltf["nodes"] =
+      json::parse(R"([{"children": [1, 2]}, {"children": [3]}, {"children": [3]}, {}])");
+  EXPECT_THAT(refusal(gltf), HasSubstr("nodes[2].children: names node 3"));
+}
+
+TEST_F(GltfModel, is_refused_where_a_node_is_its_own_ancestor_or_lies_too_deep) {
+  json gltf = triangle_gltf();
+  gltf["nodes"] = json::parse(R"([{"children": [1]}, {"children": [0]}])");
+  EXPECT_THAT(refusal(gltf), HasSubstr("nodes"));
+  gltf["nodes"] = json::parse(R"([{"mesh": 0}, {"children": [2]}, {"children": [1]}])");
+  EXPECT_THAT(refusal(gltf), HasSubstr("nodes[1]: lies within itself"));
+  gltf["nodes"] = json::array();
+  for (int n = 0; n < 100; ++n) gltf["nodes"].push_back({{"children", {n + 1}}});
+  gltf["nodes"].push_back({{"mesh", 0}});
+  EXPECT_THAT(refusal(gltf), HasSubstr("expected at most 64"));
+}
+
+TEST_F(GltfModel, is_refused_where_a_scene_names_a_child_or_a_node_twice) {
+  json gltf = triangle_gltf();
+  gltf["nodes"] = json::parse(R"([{"children": [1]}, {"mesh": 0}])");
+  gltf["scenes"][0]["nodes"] = {0, 1};
+  EXPECT_THAT(refusal(gltf), HasSubstr("scenes[0].nodes: names node 1"));
+  gltf["scenes"][0]["nodes"] = {0, 0};
+  EXPECT_THAT(refusal(gltf), HasSubstr("scenes[0].nodes: names node 0 twice"));
+  gltf["scenes"][0]["nodes"] = {7};
+  EXPECT_THAT(refusal(gltf), HasSubstr("scenes[0].nodes: names node 7, which is not there"));
+}
+
+TEST_F(GltfModel, reads_no_file_outside_of_its_folder) {
+  fs::copy_file(folder_ / "models/triangle.bin", folder_ / "outside.bin");
+  fs::copy_file(folder_ / "models/red.png", folder_ / "outside.png");
+  fs::create_symlink("../outside.bin", folder_ / "models/link.bin");
+  fs::create_directory_symlink("..", folder_ / "models/up");
+  const std::string absolute = folder_ / "outside.bin";
+  for (const std::string& uri :
+       {absolute, std::string("../outside.bin"), "file://" + absolute,
+        std::string("%2e%2e/outside.bin"), std::string("%2E./outside.bin"),
+        std::string("..%2foutside.bin"), std::string("link.bin"), std::string("up/outside.bin"),
+        std::string("http://a/b.bin"), std::string("x/../../outside.bin"),
+        std::string("..\\outside.bin"), std::string("triangle.bin%00"), std::string("%zz.bin")}) {
+    json gltf = triangle_gltf();
+    gltf["buffers"][0]["uri"] = uri;
+    EXPECT_THAT(refusal(gltf), HasSubstr("buffers[0].uri: ")) << uri;
+  }
+  for (const char* uri : {"../outside.png", "%2e%2e/outside.png", "up/outside.png"}) {
+    json gltf = triangle_gltf();
+    gltf["images"][0]["uri"] = uri;
+    EXPECT_THAT(refusal(gltf), HasSubstr("images[0].uri: ")) << uri;
+  }
+}
+
+TEST_F(GltfModel, reads_no_file_of_the_working_directory) {
+  const fs::path before = fs::current_path();
+  fs::create_directory(folder_ / "work");
+  fs::rename(folder_ / "models/triangle.bin", folder_ / "work/triangle.bin");
+  fs::current_path(folder_ / "work");
+  const std::string line = refusal(triangle_gltf());
+  fs::current_path(before);
+  EXPECT_THAT(line, AllOf(HasSubstr("buffers[0].uri: "), HasSubstr("No such file")));
+}
+
+TEST_F(GltfModel, reads_files_whose_names_are_percent_encoded_and_through_a_linked_folder) {
+  fs::create_directory(folder_ / "models/a b");
+  fs::rename(folder_ / "models/triangle.bin", folder_ / "models/a b/t.bin");
+  json gltf = triangle_gltf();
+  gltf["buffers"][0]["uri"] = "a%20b/t.bin";
+  EXPECT_FALSE(load(gltf).mesh.triangles.empty());
+  fs::create_directory_symlink("models", folder_ / "elsewhere");
+  EXPECT_FALSE(load_model(folder_ / "elsewhere/model.gltf").mesh.triangles.empty());
+}
+
+TEST_F(GltfModel, is_refused_where_positions_or_texture_coordinates_are_not_finite) {
+  for (const float bad : {kNan, kInfinity, -kInfinity, 3e38F}) {
+    Triangle triangle;
+    triangle.positions[4] = bad;
+    EXPECT_THAT(refusal_of(triangle), HasSubstr("POSITION: vertex 1"));
+    triangle = {};
+    triangle.uvs[5] = bad;
+    EXPECT_THAT(refusal_of(triangle), HasSubstr("TEXCOORD_0: vertex 2"));
+  }
+}
+
+TEST_F(GltfModel, is_refused_where_vertices_are_beyond_1000_km) {
+  json gltf = triangle_gltf();
+  gltf["nodes"][0]["scale"] = {1e30, 1e30, 1e30};
+  EXPECT_THAT(refusal(gltf), HasSubstr("expected vertices within 1000 km"));
+  gltf["nodes"][0] = {{"mesh", 0}, {"translation", {0, 0, 1e300}}};
+  EXPECT_THAT(refusal(gltf), HasSubstr("expected vertices within 1000 km"));
+}
+
+TEST_F(GltfModel,
+       has_finite_light_and_colours_where_a_scale_is_zero_and_the_texture_repeats_far_out) {
+  json gltf = triangle_gltf();
+  gltf["nodes"][0]["scale"] = {1, 0, 1};
+  gltf["materials"][0]["pbrMetallicRoughness"]["baseColorFactor"] = {1e300, 1, 1, 1};
+  Triangle triangle;
+  triangle.uvs = {0, 0, 1e8F, 0, 0, -1e8F};
+  put(triangle);
+  const ModelSurface surface = load(gltf);
+  for (const auto* list : {&surface.mesh.vertices, &surface.normals, &surface.albedo}) {
+    for (const Eigen::Vector3f& v : *list) ASSERT_TRUE(v.allFinite()) << v.transpose();
+  }
+}
+
+TEST_F(GltfModel, is_refused_where_a_view_ends_beyond_its_buffer) {
+  json gltf = triangle_gltf();
+  gltf["images"][0] = {{"bufferView", 2}, {"mimeType", "image/png"}};
+  gltf["bufferViews"][2] = {{"buffer", 0}, {"byteOffset", 1'000'000'000}, {"byteLength", 1000}};
+  EXPECT_THAT(refusal(gltf), HasSubstr("bufferViews[2]: ends beyond its buffer"));
+}
+
+TEST_F(GltfModel, is_refused_where_a_picture_is_damaged) {
+  replace_file(folder_ / "models/red.png", "no picture");
+  EXPECT_THAT(refusal(triangle_gltf()), HasSubstr("images[0]: is no PNG or JPEG picture"));
+}
+
+TEST_F(GltfModel, is_refused_where_its_json_is_deeper_than_64_levels) {
+  const std::string deep(200'000, '[');
+  replace_file(path_, R"({"asset": {"version": "2.0"}, "extras": )" + deep);
+  EXPECT_THAT(test::message_of<InputError>([&] { load_model(path_); }),
+              HasSubstr("expected at most 64 levels of JSON"));
+}
+
+TEST_F(GltfModel, is_refused_where_it_is_empty_truncated_or_no_regular_file) {
+  for (const char* name : {"empty.glb", "empty.gltf"}) {
+    replace_file(folder_ / name, "");
+    EXPECT_THAT(test::message_of<InputError>([&] { load_model(folder_ / name); }),
+                HasSubstr(std::string(name) + ": is no glTF 2.0"));
+  }
+  EXPECT_THAT(test::message_of<InputError>([&] { load_model(folder_.path()); }),
+              HasSubstr("is not a regular file"));
+  replace_file(folder_ / "short.glb", std::string("glTF\2\0\0\0", 8));
+  EXPECT_THAT(test::message_of<InputError>([&] { load_model(folder_ / "short.glb"); }),
+              HasSubstr("is no glTF 2.0"));
+}
+
+TEST_F(GltfModel, is_read_or_refused_in_one_line_for_every_input_of_the_fuzzer) {
+  int inputs = 0;
+  for (const auto& entry : fs::directory_iterator(V3D_GLTF_CORPUS)) {
+    ++inputs;
+    try {
+      const ModelSurface surface = load_model(entry.path());
+      EXPECT_FALSE(surface.mesh.triangles.empty()) << entry.path();
+    } catch (const InputError& error) {
+      EXPECT_THAT(error.what(), HasSubstr(entry.path().string())) << entry.path();
+    }
+  }
+  EXPECT_GE(inputs, 4);
+}
+
+}  // namespace
+}  // namespace v3d::ctl

@@ -1,0 +1,23 @@
+// Validator of command line options: numbers within limits.
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <cmath>
+#include <string>
+
+namespace v3d {
+
+/// Accepts numbers from `low` to `high`; for CLI::Option::check(). CLI::Range also accepts NaN, and
+/// prints limits with up to 300 digits.
+inline CLI::Validator number_in(double low, double high) {
+  const auto text_of = [](double number) { return CLI::detail::to_string(number); };
+  const std::string limits = text_of(low) + " to " + text_of(high);
+  const auto check = [=](const std::string& text) {
+    double number = NAN;
+    const bool good = CLI::detail::lexical_cast(text, number) && number >= low && number <= high;
+    return good ? std::string() : "expected a number from " + limits + ", found '" + text + "'";
+  };
+  return {check, "FLOAT in [" + text_of(low) + " - " + text_of(high) + "]"};
+}
+
+}  // namespace v3d
