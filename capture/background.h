@@ -33,6 +33,7 @@ void save_background(const std::filesystem::path& folder, const std::string& cam
 /// Reads regular files of the folder: no symbolic links, at most 256 MiB a picture and 8 MiB of
 /// TOML. The folder itself may be a link. Throws InputError with file and cause.
 BackgroundModel load_background(const std::filesystem::path& folder, const std::string& camera);
+/// Whether all files of a model are there. Throws InputError on an error of the disk.
 bool has_background(const std::filesystem::path& folder, const std::string& camera);
 
 }  // namespace v3d

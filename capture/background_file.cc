@@ -1,6 +1,7 @@
 // Background models on disk.
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 #include "base/error.h"
@@ -98,9 +99,10 @@ BackgroundModel load_background(const fs::path& folder, const std::string& camer
 
 bool has_background(const fs::path& folder, const std::string& camera) {
   const Paths paths(folder, camera);
-  std::error_code error;
-  return fs::exists(paths.info, error) && fs::exists(paths.mean, error) &&
-         fs::exists(paths.spread, error);
+  return std::ranges::all_of(
+      std::array{paths.info, paths.mean, paths.spread}, [](const auto& path) {
+        return io::value_or_throw(io::type_of(path)) != fs::file_type::not_found;
+      });
 }
 
 }  // namespace v3d

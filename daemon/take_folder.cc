@@ -40,8 +40,7 @@ io::Status make_take(const Studio& studio, const TakeInfo& info, const TakePaths
 }
 
 bool holds_logs(const TakePaths& paths) {
-  std::error_code error;
-  if (!fs::exists(paths.folder, error)) return false;
+  if (io::type_of(paths.folder) == fs::file_type::not_found) return false;
   const auto entries = io::list_folder(paths.folder);
   return !entries || std::ranges::any_of(*entries, [](const fs::path& entry) {
     return entry.extension() == ".lcmlog";
@@ -86,8 +85,8 @@ void refuse_take_name(const std::string& take) {
 void refuse_bad_take(const Studio& studio, const std::string& take) {
   refuse_take_name(take);
   const TakePaths paths = take_paths(studio, take);
-  std::error_code error;
-  if (fs::exists(paths.info(), error) || holds_logs(paths)) {
+  if (io::value_or_throw(io::type_of(paths.info())) != fs::file_type::not_found ||
+      holds_logs(paths)) {
     throw InputError("take " + take + " exists already in " + studio.storage.takes.string() +
                      "; choose another name");
   }
@@ -142,14 +141,13 @@ bool close_take(const Studio& studio, TakeInfo info, const Ledger& ledger) {
 std::vector<RecoveredTake> recover_open_takes(const Studio& studio, const std::string& node,
                                               const std::vector<std::string>& cameras) {
   std::vector<RecoveredTake> takes;
-  std::error_code error;
-  if (!fs::exists(studio.storage.takes, error) && !error) return takes;
+  if (io::type_of(studio.storage.takes) == fs::file_type::not_found) return takes;
   const auto folders = io::list_folder(studio.storage.takes);
   if (!folders) takes.push_back({"cannot look for open takes: " + folders.error().message, {}});
   for (const fs::path& folder : folders.value_or(std::vector<fs::path>())) {
     const TakePaths paths{folder};
-    if (!fs::exists(paths.info(), error)) continue;
     try {
+      if (io::value_or_throw(io::type_of(paths.info())) == fs::file_type::not_found) continue;
       if (!is_open_take_of(load_take_info(paths), cameras)) continue;
       const TakeLock lock = lock_take(paths, node);
       Verification found = recover_take(paths);

@@ -95,8 +95,9 @@ std::optional<uint64_t> parse_checksum(std::string_view text) {
 io::Result<std::vector<std::string>> take_file_names(const TakePaths& paths) {
   std::vector<std::string> names;
   io::Status listed = add_names(paths.folder, "", names);
-  std::error_code error;
-  if (listed && fs::is_directory(paths.background(), error)) {
+  const auto plates = io::type_of(paths.background());
+  if (!plates) return tl::make_unexpected(plates.error());
+  if (listed && *plates == fs::file_type::directory) {
     listed = add_names(paths.background(), paths.background().filename().string() + "/", names);
   }
   if (!listed) return tl::make_unexpected(listed.error());

@@ -243,6 +243,16 @@ Result<std::vector<fs::path>> list_folder(const fs::path& folder) {
   return entries;
 }
 
+Result<fs::file_type> type_of(const fs::path& path) {
+  struct stat status {};
+  if (::stat(path.c_str(), &status) == 0) {
+    if (S_ISREG(status.st_mode)) return fs::file_type::regular;
+    return S_ISDIR(status.st_mode) ? fs::file_type::directory : fs::file_type::unknown;
+  }
+  if (errno == ENOENT || errno == ENOTDIR) return fs::file_type::not_found;
+  return io_error("read", path);
+}
+
 Status create_folders(const fs::path& folder) {
   std::error_code error;
   if (fs::is_directory(folder, error)) return {};

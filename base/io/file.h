@@ -70,6 +70,10 @@ inline constexpr uint64_t kMaxTextBytes = 1 << 30;
 /// name is not before sync_folder().
 [[nodiscard]] Status copy_file(const std::filesystem::path& from, const std::filesystem::path& to);
 
+/// The kind of file at `path`, symbolic links followed; file_type::not_found where there is none.
+/// An error, unlike std::filesystem::exists(path, error), is never mistaken for "there is none".
+[[nodiscard]] Result<std::filesystem::file_type> type_of(const std::filesystem::path& path);
+
 /// The entries of a folder, sorted by name.
 [[nodiscard]] Result<std::vector<std::filesystem::path>> list_folder(
     const std::filesystem::path& folder);

@@ -24,6 +24,8 @@ execute_process(COMMAND ${V3D_SIM} take ${WORK}/whole/kendo-07 --frames 4 --came
 expect_status(0)
 file(READ ${WORK}/whole/kendo-07/take.toml info)
 file(READ ${WORK}/whole/kendo-07/ledger.toml ledger)
+# The parts below have no checksum of their own, as ledgers of earlier versions.
+string(REGEX REPLACE "^xxh3 = '[0-9a-f]+'\n" "" ledger "${ledger}")
 string(FIND "${ledger}" "[[camera]]\nname = 'cam03'" second)
 string(FIND "${ledger}" "[[camera]]" first)
 string(SUBSTRING "${ledger}" 0 ${first} head)
