@@ -129,7 +129,7 @@ TakeClosing NodeTake::close(const Ledger& ledger, bool is_empty) {
   disk_.reset();  // its room is the ledger's
   const std::string takes = node_.studio.storage.takes.string();
   if (!close_take(node_.studio, info_, ledger)) {
-    return {.unkept = "cannot write the whole ledger of " + info_.name + " to " + takes};
+    return {.unkept = "cannot write the ledger of " + info_.name + " completely to " + takes};
   }
   lock_.reset();  // before the folder may be moved
   if (!unkept.empty()) {
