@@ -1,4 +1,4 @@
-// A take on disk: a folder (see ARCHITECTURE.md, "A take is a folder").
+// A take on disk: a folder (docs/takes.md).
 //   take.toml  ledger.toml  calib.toml  studio.toml  pulses.lcmlog  <camera>.lcmlog  background/
 //   mesh.v3d  slate.toml  verified.toml
 //   after a restart in the take: <camera>.0001.lcmlog, ... and <camera>.lcmlog.index, ...
