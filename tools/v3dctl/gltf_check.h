@@ -14,8 +14,7 @@ inline constexpr int kMaxNodeDepth = 64;
 /// - the nodes are trees: each is the child of at most one node and not its own ancestor, and
 ///   scenes name roots, each once (chapters 3.5.2 and 5.25);
 /// - every `uri` of a buffer or an image is data, or names a regular file in the folder of `file`
-/// or
-///   below it, symbolic links resolved (RFC 3986 paths without scheme, authority, root or "..");
+///   or below it, links resolved (RFC 3986 paths without scheme, authority, root or "..");
 /// - every buffer view lies within its buffer.
 /// Throws InputError: the file, the place in it, and what would be right.
 /// Source: https://registry.khronos.org/glTF/specs/2.0/glTF-2.0.html
