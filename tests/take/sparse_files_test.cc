@@ -3,7 +3,6 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include <chrono>
 #include <filesystem>
 #include <fstream>
 #include <string>
@@ -25,7 +24,11 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr int64_t kMebibyte = 1 << 20;
+#ifdef __SANITIZE_ADDRESS__
+constexpr int64_t kMaxMebibytes = 400;  // AddressSanitizer keeps up to 256 MiB of freed memory
+#else
 constexpr int64_t kMaxMebibytes = 32;
+#endif
 
 /// Peak memory of this process since reset_peak(), bytes.
 int64_t peak() {
@@ -108,23 +111,15 @@ TEST(SparseLog, is_refused_in_one_line_where_its_only_event_is_above_the_limit) 
             kMaxMebibytes);
 }
 
-/// Reading 256 GiB of zeros takes minutes.
-constexpr uint64_t kLongHole = uint64_t{256} << 30;
-constexpr std::chrono::seconds kSearchLimit{10};
-
-template <class Read>
-std::chrono::nanoseconds time_of(Read read) {
-  const auto begin = std::chrono::steady_clock::now();
-  read();
-  return std::chrono::steady_clock::now() - begin;
-}
+/// Reading 4 TiB of zeros takes longer than a test may run.
+constexpr uint64_t kLongHole = uint64_t{4} << 40;
 
 TEST(SparseLog, is_searched_for_events_in_its_data_only) {
   const test::TemporaryFolder folder;
   const fs::path log = folder / "cam01.lcmlog";
   write_sparse_event(log, "V3D_FRAME_cam01", 5000);
   fs::resize_file(log, kLongHole);
-  EXPECT_LT(time_of([&] { EXPECT_EQ(FrameLogReader(log).damaged_events(), 1); }), kSearchLimit);
+  EXPECT_EQ(FrameLogReader(log).damaged_events(), 1);
 }
 
 TEST(SparseLog, of_pulses_is_recovered_in_seconds_whatever_its_length) {
@@ -138,7 +133,7 @@ TEST(SparseLog, of_pulses_is_recovered_in_seconds_whatever_its_length) {
     EXPECT_THAT(recover_take(paths).disagreements,
                 testing::Contains(testing::HasSubstr("pulses.lcmlog: has no checksum")));
   };
-  EXPECT_LT(time_of(recover), kSearchLimit);
+  recover();
 }
 
 /// A mesh file: header, hole, `end`.
@@ -197,8 +192,7 @@ TEST(SparseMeshFile, costs_no_memory_for_an_index_length_that_its_footer_claims)
 TEST(SparseMeshFile, is_searched_for_meshes_in_its_data_only) {
   const test::TemporaryFolder folder;
   write_sparse_meshes(folder / "mesh.v3d", kLongHole, {});
-  EXPECT_LT(time_of([&] { EXPECT_TRUE(MeshFileReader(folder / "mesh.v3d").pulses().empty()); }),
-            kSearchLimit);
+  EXPECT_TRUE(MeshFileReader(folder / "mesh.v3d").pulses().empty());
 }
 
 /// 4,000 record heads one behind the other, each of which claims the 40 MiB behind it.
@@ -214,11 +208,7 @@ TEST(SparseMeshFile, is_searched_in_seconds_where_records_claim_the_same_bytes) 
   std::ofstream(folder / "mesh.v3d", std::ios::binary)
       .write(reinterpret_cast<const char*>(heads.data()), std::ssize(heads));
   fs::resize_file(folder / "mesh.v3d", heads.size() + kClaim + 5000);
-  EXPECT_LT(mebibytes_of([&] {
-              EXPECT_LT(time_of([&] { MeshFileReader reader(folder / "mesh.v3d"); }),
-                        std::chrono::seconds(60));
-            }),
-            kMaxMebibytes);
+  EXPECT_LT(mebibytes_of([&] { MeshFileReader reader(folder / "mesh.v3d"); }), kMaxMebibytes);
 }
 
 }  // namespace
