@@ -10,7 +10,14 @@ const studio = new LiveStudio(process.env.V3D_BUILD);
 let browser, page;
 
 const text = (id) => page.textContent(`#${id}`);
-const shows = (id, part) => page.waitForFunction(([i, p]) => document.getElementById(i).textContent.includes(p), [id, part], { timeout: WITHIN });
+/** Waits until element `id` holds `part`; says what it holds instead. */
+async function shows(id, part) {
+  try {
+    await page.waitForFunction(([i, p]) => document.getElementById(i).textContent.includes(p), [id, part], { timeout: WITHIN });
+  } catch (error) {
+    assert.fail(`#${id} does not show "${part}" but "${await text(id)}": ${error.message}`);
+  }
+}
 const offers = (order) => page.waitForSelector(`[data-order=${order}]:enabled`, { timeout: WITHIN });
 const recordsNow = () => page.waitForSelector('body.recording', { timeout: WITHIN });
 const complete = async (take) => assert.match(await studio.v3dctl('verify', join(studio.folder, 'takes', take)), /complete/);
