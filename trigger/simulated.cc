@@ -1,5 +1,7 @@
 #include "trigger/simulated.h"
 
+#include <algorithm>
+#include <chrono>
 #include <utility>
 
 #include "base/check.h"
@@ -8,6 +10,11 @@
 
 namespace v3d {
 namespace {
+
+/// An edge that is later than this is not sent.
+Duration standstill(Duration period) {
+  return std::min<Duration>(std::chrono::seconds(1), 100 * period);
+}
 
 std::string vanished_text(const std::filesystem::path& path) {
   return "trigger wire " + path.string() + " vanished";
@@ -23,7 +30,7 @@ SimulatedGenerator::~SimulatedGenerator() = default;
 void SimulatedGenerator::arm(const PulseTrain& train) {
   refuse_impossible(train, "simulated trigger");
   const Duration period = period_of(train.rate_hz);
-  train_.plan({.period = period, .count = train.count, .skip_after = period});
+  train_.plan({.period = period, .count = train.count, .skip_after = standstill(period)});
   wire_.reset();
   wire_ = std::make_unique<WireSocket>(path_);
 }

@@ -212,8 +212,9 @@ TEST_F(Studio4, names_skipped_pulses_and_ends_the_train_everywhere_when_the_last
   arm_and_start(kPulses);
   ASSERT_TRUE(becomes_true([&] { return listen(Monotonic::now()) >= 30; }, within(30))) << log();
   captured_->signal(SIGSTOP);
-  // Nothing comes any more; meanwhile the rest of the train (half a second) becomes due.
-  listen(Monotonic::now() + std::chrono::milliseconds(700));
+  // Nothing comes any more; meanwhile the rest of the train becomes due (half a second), and late
+  // by more than the second after which edges are skipped.
+  listen(Monotonic::now() + std::chrono::milliseconds(1700));
   captured_->signal(SIGCONT);
 
   ASSERT_TRUE(becomes_idle()) << "without a stop command\n" << log();

@@ -51,6 +51,15 @@ export class LiveStudio {
     return stdout;
   }
 
+  /** The last line of `v3dctl verify`, whether the take is complete or not: a busy machine may lose a frame. */
+  async verdict(take) {
+    const lines = await this.v3dctl('verify', join(this.folder, 'takes', take)).catch(({ code, stdout }) => {
+      if (code !== 3) throw new Error(`v3dctl verify ${take} ended with ${code}: ${stdout}`);
+      return stdout;
+    });
+    return lines.trimEnd().split('\n').at(-1);
+  }
+
   /** Resolves when the background has been learnt and browsers are served. */
   async start() {
     const cameras = ['--cameras', '4', '--size', '320x240', '--rate', '20', '--loop-frames', '10', '--voxel', '40mm'];
