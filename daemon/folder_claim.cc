@@ -7,6 +7,7 @@
 #include <array>
 
 #include "base/error.h"
+#include "base/io/uninterrupted.h"
 #include "base/printable.h"
 
 namespace v3d {
@@ -27,7 +28,8 @@ FolderClaim::FolderClaim(const std::filesystem::path& folder, const std::string&
   std::error_code error;
   std::filesystem::create_directories(folder, error);  // what follows tells what is wrong
   const std::filesystem::path path = folder / name;
-  file_ = open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW, 0640);
+  file_ = io::uninterrupted(
+      [&] { return open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW, 0640); });
   if (file_ < 0) throw InputError(errno_message(path.string()));
   if (flock(file_, LOCK_EX | LOCK_NB) != 0) {
     const std::string owner = owner_in(file_);

@@ -8,6 +8,8 @@
 #include <cmath>
 
 #include "base/error.h"
+#include "base/io/uninterrupted.h"
+#include "base/io/unique_fd.h"
 #include "base/units.h"
 #include "take/take_removal.h"
 
@@ -47,6 +49,17 @@ double space_of(const fs::path& folder) {
   return error ? 0 : static_cast<double>(space.available);
 }
 
+/// Makes the file that keeps room for the ledger. Returns 0 or an errno.
+int reserve_room(const fs::path& path) {
+  // O_NONBLOCK: a FIFO of that name fails and does not block.
+  constexpr int kFlags = O_WRONLY | O_CREAT | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK;
+  const io::UniqueFd fd(io::uninterrupted([&] { return open(path.c_str(), kFlags, 0644); }));
+  if (!fd) return errno;
+  int error = EINTR;
+  while (error == EINTR) error = posix_fallocate(fd.get(), 0, kLedgerBytes);
+  return error;
+}
+
 }  // namespace
 
 std::string lack_of_room(const DiskDemand& demand, double free_bytes) {
@@ -76,11 +89,7 @@ void refuse_unfit_disk(const fs::path& takes, const DiskDemand& demand) {
 
 TakeDisk::TakeDisk(TakePaths take, const DiskDemand& demand)
     : take_(std::move(take)), demand_(demand) {
-  // O_NONBLOCK: a FIFO of that name fails and does not block.
-  const int fd =
-      open(take_.reserve().c_str(), O_WRONLY | O_CREAT | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK, 0644);
-  const int error = fd < 0 ? errno : posix_fallocate(fd, 0, kLedgerBytes);
-  if (fd >= 0) close(fd);
+  const int error = reserve_room(take_.reserve());
   if (error == 0) return;
   remove_working_file(take_.reserve());
   errno = error;

@@ -11,6 +11,7 @@
 
 #include "base/checksum.h"
 #include "base/io/file.h"
+#include "base/io/uninterrupted.h"
 
 namespace v3d {
 namespace {
@@ -49,7 +50,8 @@ io::Status add_names(const fs::path& folder, const std::string& prefix,
 
 /// File systems that keep no dirty pages, or are mounted read-only, need not sync: EINVAL, EROFS.
 io::Status drop_from_page_cache(const io::File& file) {
-  if (fdatasync(file.fd()) != 0 && errno != EINVAL && errno != EROFS) {
+  if (io::uninterrupted([&] { return fdatasync(file.fd()); }) != 0 && errno != EINVAL &&
+      errno != EROFS) {
     return io::io_error("sync", file.path());
   }
   if (const int error = posix_fadvise(file.fd(), 0, 0, POSIX_FADV_DONTNEED); error != 0) {

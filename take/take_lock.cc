@@ -9,6 +9,7 @@
 #include <cerrno>
 
 #include "base/io/file.h"
+#include "base/io/uninterrupted.h"
 #include "base/printable.h"
 #include "take/take_removal.h"
 
@@ -56,7 +57,8 @@ bool is_current(int fd, const fs::path& path) {
 io::Result<TakeLock> TakeLock::acquire(const TakePaths& paths, const std::string& node) {
   const fs::path path = paths.folder / ("." + node + std::string(kExtension));
   for (int attempt = 0; attempt < kMaxAttempts; ++attempt) {
-    io::UniqueFd fd(open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW, 0644));
+    io::UniqueFd fd(io::uninterrupted(
+        [&] { return open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW, 0644); }));
     if (!fd) return io::io_error("lock", path);
     const bool locked = flock(fd.get(), LOCK_EX | LOCK_NB) == 0;
     if (!locked && errno == EWOULDBLOCK) {

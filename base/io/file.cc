@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "base/check.h"
+#include "base/io/uninterrupted.h"
 
 namespace v3d::io {
 namespace {
@@ -49,14 +50,6 @@ std::string_view action_of(OpenMode mode) {
       return "write";
   }
   return "open";
-}
-
-/// Retries a system call that a signal interrupted.
-template <class Call>
-auto uninterrupted(Call call) {
-  auto result = call();
-  while (result < 0 && errno == EINTR) result = call();
-  return result;
 }
 
 /// Not the name of any file there: this process, this moment.
@@ -234,10 +227,13 @@ Status copy_file(const fs::path& from, const fs::path& to) {
 Result<std::vector<fs::path>> list_folder(const fs::path& folder) {
   std::error_code error;
   std::vector<fs::path> entries;
-  for (fs::directory_iterator entry(folder, error), end; !error && entry != end;
-       entry.increment(error)) {
-    entries.push_back(entry->path());
-  }
+  do {
+    entries.clear();
+    for (fs::directory_iterator entry(folder, error), end; !error && entry != end;
+         entry.increment(error)) {
+      entries.push_back(entry->path());
+    }
+  } while (error == std::errc::interrupted);
   if (error) return io_error("list folder", folder, error.message(), error.value());
   std::sort(entries.begin(), entries.end());
   return entries;

@@ -5,8 +5,9 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
-#include <cerrno>
 #include <csignal>
+
+#include "base/io/uninterrupted.h"
 
 namespace v3d {
 namespace {
@@ -70,10 +71,7 @@ int exit_status(int status) {
 }
 
 pid_t wait_for(pid_t child, int& status, int flags) {
-  for (;;) {
-    const pid_t ended = waitpid(child, &status, flags);
-    if (ended >= 0 || errno != EINTR) return ended;
-  }
+  return io::uninterrupted([&] { return waitpid(child, &status, flags); });
 }
 
 }  // namespace

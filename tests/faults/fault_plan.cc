@@ -71,6 +71,7 @@ FaultPlan::FaultPlan() {
   call_ = fault_call(environment("V3D_FAULT_CALL"));
   const std::string number(environment("V3D_FAULT_NUMBER"));
   number_ = static_cast<uint32_t>(std::strtoul(number.c_str(), nullptr, 10));
+  lasts_ = environment("V3D_FAULT_LASTS") == "1";
   const std::string_view kind = environment("V3D_FAULT_KIND");
   kind_ = kind == "SHORT" ? FaultKind::kShort : FaultKind::kError;
   error_ = error_number(kind);
@@ -85,6 +86,10 @@ bool FaultPlan::is_below(const std::string& path) const {
          (path.size() == prefix_.size() || path[prefix_.size()] == '/');
 }
 
+bool FaultPlan::is_hit(uint32_t number) const {
+  return number == number_ || (lasts_ && number_ > 0 && number > number_);
+}
+
 FaultKind FaultPlan::next(std::string_view call, const std::string& path) {
   return next(call, path, path);
 }
@@ -93,7 +98,7 @@ FaultKind FaultPlan::next(std::string_view call, const std::string& a, const std
   if (!is_below(a) && !is_below(b)) return FaultKind::kNone;
   const size_t family = fault_call(call);
   const uint32_t number = ++report_->calls.at(family);
-  if (family != call_ || number != number_) return FaultKind::kNone;
+  if (family != call_ || !is_hit(number)) return FaultKind::kNone;
   std::strncpy(report_->fired_on.data(), a.c_str(), report_->fired_on.size() - 1);
   ++report_->fired;
   return kind_;

@@ -3,6 +3,7 @@
 //   V3D_FAULT_REPORT   file outside the prefix, sizeof(FaultReport) long (fault_report.h)
 //   V3D_FAULT_CALL     family of calls that fails (kFaultCalls)
 //   V3D_FAULT_NUMBER   which call of it fails, from 1; 0: none, calls are counted only
+//   V3D_FAULT_LASTS    1: every later call of it fails as well
 //   V3D_FAULT_KIND     EIO, ENOSPC, EMFILE, EINTR, or SHORT (half of the bytes)
 //   V3D_FAULT_PROGRAM  only in programs of this name; empty: in all
 //   V3D_FAULT_TRACE    file outside the prefix: every change below the prefix is appended
@@ -37,11 +38,13 @@ class FaultPlan {
 
  private:
   FaultPlan();
+  bool is_hit(uint32_t number) const;
 
   std::string prefix_, marks_;
   FaultReport* report_ = nullptr;
   size_t call_ = kFaultCalls.size();
   uint32_t number_ = 0;
+  bool lasts_ = false;
   FaultKind kind_ = FaultKind::kNone;
   int error_ = 0;
   int trace_ = -1;

@@ -120,6 +120,7 @@ ProgramResult FaultyWorkplace::run(const std::vector<std::string>& command,
                                    const Fault& fault) const {
   return run_with(command, {"V3D_FAULT_CALL=" + fault.call, "V3D_FAULT_KIND=" + fault.kind,
                             "V3D_FAULT_NUMBER=" + std::to_string(fault.number),
+                            fault.lasts ? "V3D_FAULT_LASTS=1" : "V3D_FAULT_LASTS=0",
                             "V3D_FAULT_PROGRAM=" + fault.program});
 }
 

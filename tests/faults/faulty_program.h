@@ -16,6 +16,7 @@ struct Fault {
   uint32_t number = 0;
   std::string kind;     ///< as V3D_FAULT_KIND
   std::string program;  ///< only there; empty: in every program that is started
+  bool lasts = false;   ///< every later call of the family fails as well
 };
 
 struct ProgramResult {

@@ -27,6 +27,7 @@ using test::becomes_true;
 using test::ChildProcess;
 using test::Studio4;
 using test::within;
+using testing::AnyOf;
 using testing::HasSubstr;
 using testing::IsEmpty;
 
@@ -223,13 +224,18 @@ TEST_F(Studio4, names_skipped_pulses_and_ends_the_train_everywhere_when_the_last
   EXPECT_FALSE(ledger["complete"]);
   EXPECT_EQ(ledger["pulses"]["commanded"], kPulses);
   EXPECT_EQ(ledger["pulses"]["sensed"], last + 1);
+  // A frame of the last pulse may have been on its way when the process was stopped.
   for (const auto& camera : ledger["cameras"]) {
-    EXPECT_EQ(camera["missing"].size(), kPulses - last - 1) << camera;
-    EXPECT_EQ(camera["missing"].back(), kPulses - 1) << camera;
+    const auto missing = camera["missing"].get<std::vector<int64_t>>();
+    EXPECT_THAT(missing.front(), AnyOf(last, last + 1)) << camera;
+    EXPECT_EQ(missing.back() - missing.front() + 1, std::ssize(missing)) << camera;
+    EXPECT_EQ(missing.back(), kPulses - 1) << camera;
     EXPECT_EQ(camera["suspect"].size(), 0U) << camera;
   }
   const auto recon = nlohmann::json::parse(stopped.replies.at("recon01").detail);
-  EXPECT_EQ(recon["meshes"].get<int>() + recon["dropped"].get<int>(), last + 1) << recon;
+  EXPECT_THAT(recon["meshes"].get<int64_t>() + recon["dropped"].get<int64_t>(),
+              AnyOf(last, last + 1))
+      << recon;
 }
 
 /// Voxels that are far too small for one thread.

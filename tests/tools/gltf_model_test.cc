@@ -134,12 +134,19 @@ TEST_F(GltfModel, reads_no_file_outside_of_its_folder) {
   for (const std::string& uri :
        {absolute, std::string("../outside.bin"), "file://" + absolute,
         std::string("%2e%2e/outside.bin"), std::string("%2E./outside.bin"),
-        std::string("..%2foutside.bin"), std::string("link.bin"), std::string("up/outside.bin"),
-        std::string("http://a/b.bin"), std::string("x/../../outside.bin"),
-        std::string("..\\outside.bin"), std::string("triangle.bin%00"), std::string("%zz.bin")}) {
+        std::string("..%2foutside.bin"), std::string("http://a/b.bin"),
+        std::string("x/../../outside.bin"), std::string("..\\outside.bin"),
+        std::string("triangle.bin%00"), std::string("%zz.bin"), std::string("%7")}) {
     json gltf = triangle_gltf();
     gltf["buffers"][0]["uri"] = uri;
-    EXPECT_THAT(refusal(gltf), HasSubstr("buffers[0].uri: ")) << uri;
+    EXPECT_THAT(refusal(gltf),
+                HasSubstr("buffers[0].uri: expected the path of a file in the model's folder"))
+        << uri;
+  }
+  for (const char* uri : {"link.bin", "up/outside.bin"}) {
+    json gltf = triangle_gltf();
+    gltf["buffers"][0]["uri"] = uri;
+    EXPECT_THAT(refusal(gltf), HasSubstr("is a link out of the model's folder")) << uri;
   }
   for (const char* uri : {"../outside.png", "%2e%2e/outside.png", "up/outside.png"}) {
     json gltf = triangle_gltf();
@@ -160,9 +167,9 @@ TEST_F(GltfModel, reads_no_file_of_the_working_directory) {
 
 TEST_F(GltfModel, reads_files_whose_names_are_percent_encoded_and_through_a_linked_folder) {
   fs::create_directory(folder_ / "models/a b");
-  fs::rename(folder_ / "models/triangle.bin", folder_ / "models/a b/t.bin");
+  fs::rename(folder_ / "models/triangle.bin", folder_ / "models/a b/jk.bin");
   json gltf = triangle_gltf();
-  gltf["buffers"][0]["uri"] = "a%20b/t.bin";
+  gltf["buffers"][0]["uri"] = "a%20b/%6A%6b.bin";
   EXPECT_FALSE(load(gltf).mesh.triangles.empty());
   fs::create_directory_symlink("models", folder_ / "elsewhere");
   EXPECT_FALSE(load_model(folder_ / "elsewhere/model.gltf").mesh.triangles.empty());
@@ -218,6 +225,14 @@ TEST_F(GltfModel, is_refused_where_its_json_is_deeper_than_64_levels) {
   replace_file(path_, R"({"asset": {"version": "2.0"}, "extras": )" + deep);
   EXPECT_THAT(test::message_of<InputError>([&] { load_model(path_); }),
               HasSubstr("expected at most 64 levels of JSON"));
+}
+
+TEST_F(GltfModel, is_refused_where_its_json_has_over_4_million_values) {
+  std::string many = R"({"asset": {"version": "2.0"}, "extras": [0)";
+  for (int n = 0; n < 4'000'000; ++n) many += ",0";
+  replace_file(path_, many + "]}");
+  EXPECT_THAT(test::message_of<InputError>([&] { load_model(path_); }),
+              HasSubstr("expected at most 4 million values of JSON"));
 }
 
 TEST_F(GltfModel, is_refused_where_it_is_empty_truncated_or_no_regular_file) {

@@ -14,6 +14,7 @@
 #include "base/checksum.h"
 #include "base/error.h"
 #include "base/file.h"
+#include "base/io/uninterrupted.h"
 #include "codec/frame_codec.h"
 #include "take/log_segments.h"
 #include "take/mesh_file.h"
@@ -274,7 +275,7 @@ void PieceFolder::remove_others() const {
 
 PieceFolderLock::PieceFolderLock(const PieceFolder& folder) {
   const fs::path path = folder.path() / "lock";
-  fd_ = open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0644);
+  fd_ = io::uninterrupted([&] { return open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0644); });
   if (fd_ < 0) {
     error_ = errno_message(path.string());
   } else if (flock(fd_, LOCK_EX | LOCK_NB) == 0) {
