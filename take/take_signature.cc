@@ -249,8 +249,9 @@ class Check {
     if (signature.node != node_of(name)) {
       return disagree(name, "is the signature of node " + signature.node);
     }
-    if (signature.take != info_.name || signature.started != info_.started) {
-      return disagree(name, "is of another take, " + signature.take);
+    // The nodes of one take begin at times of their own.
+    if (signature.take != info_.name || signature.studio != info_.studio) {
+      return disagree(name, "is of another take, " + signature.take + " of " + signature.studio);
     }
     const std::string trusted = key_of(signature.node);
     const bool is_known = trusted == signature.key.text();
@@ -306,11 +307,12 @@ class Check {
   }
 
   void note_unsigned(const std::vector<std::string>& names) {
+    std::string list;
     for (const std::string& name : names) {
-      if (is_signed(paths_, name) && !signed_.contains(name)) {
-        result_.notes.push_back(name + ": nobody signed it");
-      }
+      if (is_signed(paths_, name) && !signed_.contains(name))
+        list += (list.empty() ? "" : ", ") + name;
     }
+    if (!list.empty()) result_.notes.push_back("signed by nobody: " + list);
   }
 
   void check_nodes() {

@@ -54,6 +54,7 @@ class SignedTake : public testing::Test {
     const TakePaths paths = part(node);
     fs::create_directories(paths.background());
     TakeInfo info = test::begun_take(cameras);
+    info.started = RealtimeInstant(std::chrono::seconds(cameras.size()));  // nodes begin apart
     info.pulses = kPulses;
     info.state = TakeState::kComplete;
     test::write_text(paths.calib(), "# the rig\n");
@@ -153,7 +154,7 @@ TEST_F(SignedTake, lacks_a_file_or_has_one_that_nobody_signed) {
   EXPECT_THAT(check().disagreements,
               ElementsAre(HasSubstr("calib.toml: cannot be read, and cap01")));
   test::write_text(take_.folder / "cam09.lcmlog", "");
-  EXPECT_THAT(check().notes, ElementsAre("cam09.lcmlog: nobody signed it"));
+  EXPECT_THAT(check().notes, ElementsAre("signed by nobody: cam09.lcmlog"));
 }
 
 TEST_F(SignedTake, stays_signed_when_the_crew_works_on_it) {
@@ -202,7 +203,7 @@ TEST_F(SignedTake, is_not_believed_by_the_signature_of_another_take_or_under_ano
   fs::remove(take_.folder / "signature.cap02.toml");
   change(take_.info(), "name = 'kendo-07'", "name = 'kendo-08'");
   EXPECT_THAT(check().disagreements,
-              ElementsAre("signature.cap01.toml: is of another take, kendo-07"));
+              ElementsAre("signature.cap01.toml: is of another take, kendo-07 of dojo"));
 }
 
 TEST_F(SignedTake, of_which_the_signature_was_taken_away_is_noticed) {
@@ -222,7 +223,8 @@ TEST_F(SignedTake, is_still_signed_by_all_when_its_parts_were_joined) {
   EXPECT_TRUE(found.by_all_nodes);
   fs::remove(whole.folder / "signature.cap02.toml");
   EXPECT_FALSE(check(whole).by_all_nodes);
-  EXPECT_THAT(check(whole).notes, Contains("cam03.lcmlog: nobody signed it"));
+  EXPECT_THAT(check(whole).notes,
+              Contains("signed by nobody: background/cam03.toml, cam03.lcmlog"));
 }
 
 /// As after a restart of the daemon in the take.
