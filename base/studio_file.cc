@@ -177,13 +177,24 @@ void refuse_contradictions(const TomlTable& table, const StudioCamera& camera) {
   }
 }
 
+std::string read_public_key(const TomlTable& table) {
+  constexpr size_t kDigits = 64;
+  std::string key = table.text_or("public_key", "");
+  const bool is_key =
+      key.size() == kDigits && key.find_first_not_of("0123456789abcdef") == std::string::npos;
+  if (!key.empty() && !is_key) {
+    table.fail("public_key", "expected 64 hexadecimal digits, as v3dctl key node prints them");
+  }
+  return key;
+}
+
 void read_nodes(const TomlTable& file, Studio& studio) {
   for (const TomlTable& table : file.tables("node")) {
     const std::string name = read_name(table);
     if (has_node(studio, name)) {
       table.fail("name", "two nodes are named '" + name + "'");
     }
-    studio.nodes.push_back({name});
+    studio.nodes.push_back({name, read_public_key(table)});
     table.refuse_unknown();
   }
   if (studio.nodes.empty()) {
@@ -403,6 +414,9 @@ void read_storage(const TomlTable& file, Studio& studio) {
   studio.storage.takes = resolve(studio, table.text("takes"));
   studio.storage.background = resolve(studio, table.text("background"));
   studio.storage.calib = resolve(studio, table.text("calib"));
+  if (table.has("signing_key")) {
+    studio.storage.signing_key = resolve(studio, table.text("signing_key"));
+  }
   table.refuse_unknown();
 }
 

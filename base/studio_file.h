@@ -16,6 +16,9 @@ namespace v3d {
 /// [[node]]: a PC that runs v3d-captured (cameras or the trigger hang on it) or v3d-recond.
 struct StudioNode {
   std::string name;
+  /// With which the node's signatures of takes are checked (wire/signing_key.h): 64 hexadecimal
+  /// digits; empty: its takes are not signed.
+  std::string public_key = {};
 };
 
 enum class CameraKind { kAravis, kV4l2 };
@@ -114,6 +117,8 @@ struct StudioStorage {
   std::filesystem::path takes;       ///< every take is a folder in here
   std::filesystem::path background;  ///< one plate model per camera
   std::filesystem::path calib;       ///< calib.toml
+  /// The key with which a node signs the takes it records; empty: it signs none.
+  std::filesystem::path signing_key = {};
 };
 
 enum class Quality { kLive, kHigh };

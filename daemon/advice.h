@@ -20,6 +20,8 @@ inline constexpr char kQueue[] =
     "Close other programs on this PC; stop the take before frames are lost, or take a faster disk";
 inline constexpr char kQuarantined[] =
     "Nothing to do when the take was aborted before its first pulse; the folder may be deleted";
+inline constexpr char kUnsigned[] =
+    "The take is whole; sign it on this PC: v3dctl takes sign TAKE --node NODE";
 inline constexpr char kTakeEnded[] =
     "What was recorded is kept; before the next take make room (v3dctl takes lists what lies "
     "there), or look after the disk (journalctl -k)";

@@ -21,7 +21,7 @@ CameraLane::CameraLane(CameraWorker& worker, Setup setup, Shared shared)
       path_(setup.log),
       goes_on_(setup.past),
       segmenter_(std::move(setup.segmenter)),
-      log_(setup.log, goes_on_ ? LogOpening::kGoOn : LogOpening::kNew),
+      log_(setup.log, goes_on_ ? LogOpening::kGoOn : LogOpening::kNew, setup.hashing),
       preview_(shared.bus, worker.camera(), setup.rate_hz),
       live_numbers_(shared.bus.frame_groups()),
       last_frame_ns_(to_ns(Monotonic::now())) {

@@ -42,6 +42,7 @@ class CameraLane {
     Segmenter segmenter;
     double rate_hz = 0;
     std::optional<LanePast> past{};  ///< of a take that goes on: so does the log
+    LogHashing hashing = LogHashing::kChecksum;
   };
   /// What the lanes of a node share; all outlive the lane.
   struct Shared {

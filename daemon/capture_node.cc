@@ -47,6 +47,20 @@ std::vector<std::string> other_capture_nodes(const Studio& studio, const std::st
   return others;
 }
 
+/// Also refuses a key that is not the one that the studio file has: nobody would trust it.
+std::optional<TakeSigner> signer_of(const Studio& studio, const std::string& node) {
+  if (studio.storage.signing_key.empty()) return std::nullopt;
+  TakeSigner signer{node, SigningKey::load(studio.storage.signing_key)};
+  const auto own = std::ranges::find(studio.nodes, node, &StudioNode::name);
+  const std::string listed = own == studio.nodes.end() ? "" : own->public_key;
+  const std::string key = signer.key.public_key().text();
+  if (!listed.empty() && listed != key) {
+    throw InputError(studio.storage.signing_key.string() + ": its public key is " + key + ", but " +
+                     studio.path.string() + " has another for node " + node);
+  }
+  return signer;
+}
+
 }  // namespace
 
 CaptureNode::CaptureNode(const Studio& studio, const std::string& node, Bus& bus)
@@ -59,7 +73,8 @@ CaptureNode::CaptureNode(const Studio& studio, const std::string& node, Bus& bus
       trigger_(studio, node, bus),
       kept_orders_(studio, node),
       cameras_(studio, node, pulse_times_),
-      places_(static_cast<int>(std::max(1U, std::thread::hardware_concurrency()))) {
+      places_(static_cast<int>(std::max(1U, std::thread::hardware_concurrency()))),
+      signer_(signer_of(studio, node)) {
   if (cameras_.size() == 0 && !trigger_.is_here()) {
     throw InputError(studio.path.string() + ": node '" + node +
                      "' has neither a camera nor the trigger; v3d-captured has nothing to do here");
@@ -170,9 +185,9 @@ std::optional<CommandMessage> CaptureNode::rejoin() {
 }
 
 TakeUnderWay::Node CaptureNode::of_this_node() {
-  return {{studio_, node_, bus_, cameras_, places_}, trigger_, [this](const PulseEdge& edge) {
-            tell_cameras(edge);
-          }};
+  return {{studio_, node_, bus_, cameras_, places_, signer_ ? &*signer_ : nullptr},
+          trigger_,
+          [this](const PulseEdge& edge) { tell_cameras(edge); }};
 }
 
 void CaptureNode::tell_cameras(const PulseEdge& edge) {
@@ -251,6 +266,9 @@ TakeAccount CaptureNode::close_take() {
   last_ = account.counts;
   if (!account.closing.notice.empty()) {
     events_.send(Severity::kInfo, "take", account.closing.notice, advice::kQuarantined);
+  }
+  if (!account.closing.unsigned_why.empty()) {
+    events_.send(Severity::kWarning, "take", account.closing.unsigned_why, advice::kUnsigned);
   }
   if (!account.closing.lost_pulses.empty()) {
     events_.send(Severity::kWarning, "pulses", account.closing.lost_pulses, advice::kPulsesRefused);

@@ -26,7 +26,7 @@ namespace v3d {
 class CaptureNode : public NodeWork {
  public:
   /// Opens the cameras of `node` in the background. `studio` and `bus` outlive the node. Throws
-  /// InputError when the node has neither camera nor trigger.
+  /// InputError when the node has neither camera nor trigger, or its signing key cannot be read.
   CaptureNode(const Studio& studio, const std::string& node, Bus& bus);
   ~CaptureNode() override;
 
@@ -86,6 +86,7 @@ class CaptureNode : public NodeWork {
   KeptOrders kept_orders_;
   NodeCameras cameras_;
   WorkPlaces places_;
+  const std::optional<TakeSigner> signer_;  ///< empty: takes are not signed
 
   TakeUnderWay::Plan plan_;     ///< of the last order
   bool cameras_armed_ = false;  ///< for the order

@@ -75,14 +75,16 @@ void NodeTake::sync_names() const {
 
 void NodeTake::add_lane(CameraWorker& worker, const BackgroundModel& background,
                         std::optional<LanePast> past) {
-  lanes_.push_back(
-      std::make_unique<CameraLane>(worker,
-                                   CameraLane::Setup{.take = info_.name,
-                                                     .log = paths_.frames(worker.camera()),
-                                                     .segmenter = Segmenter(background, {}),
-                                                     .rate_hz = info_.rate_hz,
-                                                     .past = std::move(past)},
-                                   CameraLane::Shared{node_.bus, node_.places, gate_}));
+  lanes_.push_back(std::make_unique<CameraLane>(
+      worker,
+      CameraLane::Setup{
+          .take = info_.name,
+          .log = paths_.frames(worker.camera()),
+          .segmenter = Segmenter(background, {}),
+          .rate_hz = info_.rate_hz,
+          .past = std::move(past),
+          .hashing = node_.signer != nullptr ? LogHashing::kTree : LogHashing::kChecksum},
+      CameraLane::Shared{node_.bus, node_.places, gate_}));
 }
 
 LaneCounts NodeTake::counts() const {
@@ -131,15 +133,23 @@ TakeClosing NodeTake::close(const Ledger& ledger, bool is_empty) {
   if (!close_take(node_.studio, info_, ledger)) {
     return {.unkept = "cannot write the ledger of " + info_.name + " completely to " + takes};
   }
+  TakeClosing closing{.unsigned_why = sign(ledger.files)};
   lock_.reset();  // before the folder may be moved
   if (!unkept.empty()) {
-    return {.unkept = takes + " did not keep the last frames of " +
-                      fmt::format("{}", fmt::join(unkept, ", ")) + ": v3dctl verify tells which"};
+    closing.unkept = takes + " did not keep the last frames of " +
+                     fmt::format("{}", fmt::join(unkept, ", ")) + ": v3dctl verify tells which";
+    return closing;
   }
-  if (!is_empty || may_hold_frames(paths_)) return {};
+  if (!is_empty || may_hold_frames(paths_)) return closing;
   const auto place = quarantine_take(paths_);
   return {.notice = info_.name + " has neither pulses nor frames" +
                     (place ? ": moved to " + place->string() : ", and " + place.error().message)};
+}
+
+std::string NodeTake::sign(const std::vector<TakeFile>& files) const {
+  if (node_.signer == nullptr) return "";
+  const io::Status done = sign_take(paths_, *node_.signer, files);
+  return done ? "" : "take " + info_.name + " is not signed: " + done.error().message;
 }
 
 }  // namespace v3d

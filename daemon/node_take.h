@@ -18,15 +18,17 @@
 #include "take/ledger.h"
 #include "take/take.h"
 #include "take/take_lock.h"
+#include "take/take_signature.h"
 #include "wire/messages.h"
 
 namespace v3d {
 
 /// How the closing of a take went, for a person.
 struct TakeClosing {
-  std::string unkept = {};       ///< data that the disk accepted and lost; empty when it kept all
-  std::string lost_pulses = {};  ///< that the log of the pulses is not whole; mostly empty
-  std::string notice = {};       ///< that the take was moved to the quarantine; mostly empty
+  std::string unkept = {};        ///< data that the disk accepted and lost; empty when it kept all
+  std::string lost_pulses = {};   ///< that the log of the pulses is not whole; mostly empty
+  std::string notice = {};        ///< that the take was moved to the quarantine; mostly empty
+  std::string unsigned_why = {};  ///< why the take is not signed, though it should be; mostly empty
 };
 
 /// From the moment a take is armed until its ledger is written. One thread.
@@ -39,6 +41,7 @@ class NodeTake {
     Bus& bus;
     NodeCameras& cameras;
     WorkPlaces& places;
+    const TakeSigner* signer = nullptr;  ///< null: takes are not signed
   };
   struct Plan {
     CommandMessage order;
@@ -79,6 +82,8 @@ class NodeTake {
   void add_lane(CameraWorker& worker, const BackgroundModel& background,
                 std::optional<LanePast> past = {});
   DiskProgress progress() const;
+  /// Why it could not; empty when it is signed, or nobody signs here.
+  std::string sign(const std::vector<TakeFile>& files) const;
   /// The names of the logs survive a power cut from now on. Throws InputError.
   void sync_names() const;
 

@@ -75,12 +75,14 @@ io::Result<LogPlace> place_of(const std::filesystem::path& log, LogOpening openi
 
 class EventLogWriter::Impl {
  public:
-  Impl(const std::filesystem::path& log, LogOpening opening)
-      : Impl(io::value_or_throw(place_of(log, opening))) {}
+  Impl(const std::filesystem::path& log, LogOpening opening, LogHashing hashing)
+      : Impl(io::value_or_throw(place_of(log, opening)), hashing) {}
   /// Never a file that exists.
-  explicit Impl(const LogPlace& place)
+  Impl(const LogPlace& place, LogHashing hashing)
       : events_(place.events),
-        file_(io::value_or_throw(io::File::open(place.segment, io::OpenMode::kCreate))) {}
+        file_(io::value_or_throw(io::File::open(place.segment, io::OpenMode::kCreate))) {
+    if (hashing == LogHashing::kTree) tree_.emplace();
+  }
   ~Impl() { static_cast<void>(sync()); }  // close() reports
   Impl(const Impl&) = delete;
   Impl& operator=(const Impl&) = delete;
@@ -94,7 +96,7 @@ class EventLogWriter::Impl {
     const Bytes head = event_head(events_, channel, at, first.size() + rest.size());
     const io::Status written = file_.write(static_cast<uint64_t>(bytes_), {head, first, rest});
     if (!written) return written;
-    for (const Bytes* part : {&head, &first, &rest}) checksum_.add(*part);
+    count({head, first, rest});
     ++events_;
     bytes_ += static_cast<int64_t>(head.size() + first.size() + rest.size());
     drain();
@@ -104,8 +106,10 @@ class EventLogWriter::Impl {
   int64_t bytes() const { return bytes_; }
   const std::filesystem::path& path() const { return file_.path(); }
   TakeFile file() const {
-    return {
+    TakeFile file{
         .name = path().filename(), .bytes = bytes_, .changed_ns = 0, .checksum = checksum_.value()};
+    if (tree_) file.root = tree_->root();
+    return file;
   }
 
   io::Status sync() {
@@ -115,6 +119,15 @@ class EventLogWriter::Impl {
   }
 
  private:
+  /// The event that was written.
+  void count(std::initializer_list<std::span<const uint8_t>> parts) {
+    for (const auto& part : parts) checksum_.add(part);
+    if (!tree_) return;
+    LeafHash event;
+    for (const auto& part : parts) event.add(part);
+    tree_->add(event.value());
+  }
+
   /// What the disk has meanwhile taken leaves the page cache: a take is many times the memory, and
   /// pages used again are still warm, where fresh ones cost several times the copy.
   void drain() {
@@ -140,13 +153,15 @@ class EventLogWriter::Impl {
   io::File file_;
   int64_t bytes_ = 0;
   RunningChecksum checksum_;  ///< of these bytes
-  int64_t given_ = 0;         ///< bytes that the disk has been asked to take
-  int64_t taken_ = 0;         ///< bytes that it has taken
-  io::Status lost_;           ///< an error when the disk lost some of them
+  std::optional<HashTree> tree_;
+  int64_t given_ = 0;  ///< bytes that the disk has been asked to take
+  int64_t taken_ = 0;  ///< bytes that it has taken
+  io::Status lost_;    ///< an error when the disk lost some of them
 };
 
-EventLogWriter::EventLogWriter(const std::filesystem::path& path, LogOpening opening)
-    : impl_(std::make_unique<Impl>(path, opening)) {}
+EventLogWriter::EventLogWriter(const std::filesystem::path& path, LogOpening opening,
+                               LogHashing hashing)
+    : impl_(std::make_unique<Impl>(path, opening, hashing)) {}
 EventLogWriter::~EventLogWriter() = default;
 EventLogWriter::EventLogWriter(EventLogWriter&&) noexcept = default;
 EventLogWriter& EventLogWriter::operator=(EventLogWriter&&) noexcept = default;

@@ -25,7 +25,8 @@ class EventLogWriter {
  public:
   /// kNew creates the first segment and fails when the log exists; kGoOn creates the segment behind
   /// the last one. Throws InputError when the file cannot be created. The caller syncs the folder.
-  explicit EventLogWriter(const std::filesystem::path& path, LogOpening opening = LogOpening::kNew);
+  explicit EventLogWriter(const std::filesystem::path& path, LogOpening opening = LogOpening::kNew,
+                          LogHashing hashing = LogHashing::kChecksum);
   ~EventLogWriter();
   EventLogWriter(EventLogWriter&&) noexcept;
   EventLogWriter& operator=(EventLogWriter&&) noexcept;
@@ -36,7 +37,8 @@ class EventLogWriter {
   [[nodiscard]] io::Status write(const PulseMessage& message);
   int64_t bytes() const;                      ///< of this segment
   const std::filesystem::path& path() const;  ///< of this segment
-  /// Name, length and checksum of this segment, as they were given to the kernel.
+  /// Name, length, checksum and, with LogHashing::kTree, root of this segment, as they were given
+  /// to the kernel.
   TakeFile file() const;
   /// Waits until everything is on the disk. Fails when the disk lost any of it, now or before.
   [[nodiscard]] io::Status sync();

@@ -81,6 +81,9 @@ void put_shared(const TakePaths& part, const TakePaths& into) {
   put_if_there(part.calib(), into.calib());
   put_if_there(part.studio(), into.studio());
   put_if_there(part.slate(), into.slate());
+  for (const std::string& name : io::value_or_throw(take_file_names(part))) {
+    if (is_signature(name)) put_if_there(part.folder / name, into.folder / name);
+  }
   refuse_link(part.background());
   if (!fs::is_directory(part.background())) return;
   for (const auto& entry : fs::directory_iterator(part.background())) {

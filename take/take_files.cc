@@ -107,9 +107,14 @@ io::Result<std::vector<std::string>> take_file_names(const TakePaths& paths) {
   return names;
 }
 
+bool is_signature(std::string_view name) {
+  return name.starts_with("signature.") && name.ends_with(".toml") &&
+         name.size() > std::string_view("signature..toml").size();
+}
+
 bool is_written_after_ledger(std::string_view name) {
   const TakePaths paths;
-  return name.ends_with(".lcmlog.index") ||
+  return name.ends_with(".lcmlog.index") || is_signature(name) ||
          std::ranges::any_of(
              std::array{paths.ledger(), paths.verified(), paths.slate(), paths.mesh()},
              [&](const fs::path& path) { return path == name; });

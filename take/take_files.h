@@ -9,6 +9,7 @@
 
 #include "base/io/result.h"
 #include "take/take.h"
+#include "wire/hash_tree.h"
 
 namespace v3d {
 
@@ -18,6 +19,7 @@ struct TakeFile {
   int64_t bytes = 0;
   int64_t changed_ns = 0;            ///< since 1970; 0 in a ledger
   std::optional<uint64_t> checksum;  ///< of base/checksum.h over all `bytes`; empty: not known
+  std::optional<Hash> root = {};     ///< as take_signature.h says; empty: not known
 
   friend bool operator==(const TakeFile&, const TakeFile&) = default;
 };
@@ -37,8 +39,12 @@ enum class ReadFrom : uint8_t {
 /// a power cut left of io::replace_file().
 [[nodiscard]] io::Result<std::vector<std::string>> take_file_names(const TakePaths& paths);
 
+/// Whether it is the name of a signature: signature.<node>.toml (take_signature.h).
+bool is_signature(std::string_view name);
+
 /// A file that is written after the ledger, so that no ledger can have its checksum: the ledger
-/// itself, verified.toml, the slate, mesh.v3d, and what recoveries find in segments (SegmentIndex).
+/// itself, verified.toml, the slate, mesh.v3d, signatures, and what recoveries find in segments
+/// (SegmentIndex).
 bool is_written_after_ledger(std::string_view name);
 
 /// Length and time of change, without a checksum. Fails when the file cannot be asked.

@@ -16,6 +16,7 @@
 #include "support/child_process.h"
 #include "support/temporary_folder.h"
 #include "take/take.h"
+#include "wire/signing_key.h"
 
 namespace v3d::test {
 
@@ -29,6 +30,7 @@ struct Studio4Options {
   std::string faults{};  ///< a fault script; empty: none
   std::string rate = "20";
   std::string takes = ".";  ///< their folder
+  bool is_signed = false;   ///< every node signs what it records
   bool two_nodes = false;   ///< cam03 and cam04 are of cap02, which has a disk of its own: cap02/
 };
 
@@ -43,6 +45,7 @@ class Studio4 : public testing::Test {
     std::ofstream(folder_ / "studio.toml", std::ios::app) << options.more;
     put_takes_into(options.takes);
     if (options.two_nodes) share_cameras_out();
+    if (options.is_signed) give_signing_keys(options.two_nodes);
     studio_ = load_studio(folder_ / "studio.toml");
     start_captured();
     if (options.two_nodes) start_second_captured();
@@ -84,6 +87,21 @@ class Studio4 : public testing::Test {
     std::filesystem::create_directory(folder_ / "cap02");
     write_text(folder_ / "studio.toml", text);
     write_text(folder_ / "cap02" / "studio.toml", text);
+  }
+  /// A key for each node, beside its studio file.
+  void give_signing_keys(bool two_nodes) const {
+    std::string text = read_file(folder_ / "studio.toml");
+    const auto give = [&](const std::string& node, const std::filesystem::path& folder) {
+      const SigningKey key = SigningKey::make();
+      key.save(folder / "node.key");
+      const std::string name = "name = \"" + node + "\"";
+      replace(text, name, name + "\npublic_key = \"" + key.public_key().text() + "\"");
+    };
+    give("cap01", folder_.path());
+    if (two_nodes) give("cap02", folder_ / "cap02");
+    replace(text, "[storage]", "[storage]\nsigning_key = \"node.key\"");
+    write_text(folder_ / "studio.toml", text);
+    if (two_nodes) write_text(folder_ / "cap02" / "studio.toml", text);
   }
   void start_simulator(const Studio4Options& options) {
     std::vector<std::string> command = {bin("v3d-sim"),

@@ -32,7 +32,7 @@ const std::map<std::string, std::string> kMayRemove = {
     {"tools/v3dctl/piece_folder.cc", "pieces of a reconstruction"},
     {"tools/v3dctl/take_builder.cc", "its own unfinished import"},
     {"tools/v3dctl/takes_collect.cc", "its own copies in .collect"},
-    {"wire/studio_key.cc", "its own unfinished key file"},
+    {"wire/key_file.cc", "its own unfinished key file"},
 };
 
 std::vector<fs::path> sources() {

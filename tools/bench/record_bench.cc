@@ -42,11 +42,12 @@ std::vector<FrameMessage> one_pulse() {
 }
 
 std::vector<EventLogWriter> new_logs(const ScratchFolder& folder,
-                                     const std::vector<FrameMessage>& messages) {
+                                     const std::vector<FrameMessage>& messages,
+                                     LogHashing hashing = LogHashing::kChecksum) {
   folder.clear();
   std::vector<EventLogWriter> logs;
   for (const FrameMessage& m : messages) {
-    logs.emplace_back(folder.path() / (m.frame.camera + ".lcmlog"));
+    logs.emplace_back(folder.path() / (m.frame.camera + ".lcmlog"), LogOpening::kNew, hashing);
   }
   return logs;
 }
@@ -63,7 +64,7 @@ bool write_pulse(std::vector<EventLogWriter>& logs, std::vector<FrameMessage>& m
 
 /// One pulse of raw frames into 15 event logs, as v3d-captured writes them; to the file system, not
 /// to the platter. The logs begin anew every 25 pulses so that a run needs 300 MB.
-void record(benchmark::State& state) {
+void record(benchmark::State& state, LogHashing hashing) {
   const ScratchFolder folder;
   std::vector<FrameMessage> messages = one_pulse();
   std::vector<EventLogWriter> logs;
@@ -72,13 +73,14 @@ void record(benchmark::State& state) {
   measure(state, kCameras, bytes, [&] {
     if (pulse % 25 == 0) {
       logs.clear();
-      logs = new_logs(folder, messages);
+      logs = new_logs(folder, messages, hashing);
     }
     if (!write_pulse(logs, messages, pulse++)) state.SkipWithError("the disk refused");
   });
 }
 
-BENCHMARK(record)->Name("record/15xXGA");
+BENCHMARK_CAPTURE(record, checksum, LogHashing::kChecksum)->Name("record/15xXGA");
+BENCHMARK_CAPTURE(record, tree, LogHashing::kTree)->Name("record/15xXGA/signed");
 
 // What the disk itself allows: 100 pulses, 1.18 GB, until they are on the platter, and as much by
 // dd with blocks of a frame. To be run by turns (docs/performance.md).

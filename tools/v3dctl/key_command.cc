@@ -1,9 +1,10 @@
-// key: the secret that commands are sealed with.
+// key: the secret that commands are sealed with, and the keys that takes are signed with.
 #include <cstdio>
 
 #include "base/error.h"
 #include "base/studio_file.h"
 #include "v3dctl/command.h"
+#include "wire/signing_key.h"
 #include "wire/studio_key.h"
 
 namespace v3d::ctl {
@@ -24,19 +25,44 @@ int run_new(const CommandLine& line, const std::string& out) {
   return kExitDone;
 }
 
+int run_node(const CommandLine& line, const std::string& out) {
+  std::filesystem::path path = out;
+  if (path.empty()) path = line.studio().storage.signing_key;
+  if (path.empty()) {
+    throw InputError(line.studio_path().string() +
+                     ": [storage] signing_key is missing; name the file there, or with --out");
+  }
+  const bool is_new = !std::filesystem::exists(path);
+  if (is_new) SigningKey::make().save(path);
+  const std::string key = SigningKey::load(path).public_key().text();
+  std::printf("%s %s; in the studio file, under the [[node]] of this PC:\npublic_key = \"%s\"\n",
+              is_new ? "made" : "read", path.c_str(), key.c_str());
+  return kExitDone;
+}
+
+/// The option --out of a command that makes a key.
+std::shared_ptr<std::string> add_out(CLI::App* command, const std::string& otherwise) {
+  command->fallthrough();
+  auto out = std::make_shared<std::string>();
+  command->add_option("--out", *out, "Where to write it (" + otherwise + ")")->type_name("FILE");
+  return out;
+}
+
 }  // namespace
 
 void add_key(CommandLine& line) {
-  CLI::App* key = line.add("key", "The studio key: who has it may command the studio",
-                           {"v3dctl key new", "v3dctl key new --out studio.key"});
+  CLI::App* key =
+      line.add("key", "Make the keys of a studio: one for commands, one per PC for takes",
+               {"v3dctl key new", "v3dctl key new --out studio.key", "v3dctl key node"});
   key->require_subcommand(1);
-  CLI::App* make = key->add_subcommand("new", "Make a key, once for all PCs of a studio");
-  make->fallthrough();
-  auto out = std::make_shared<std::string>();
-  make->add_option("--out", *out,
-                   "Where to write it (else as the studio file says, else /etc/v3d/studio.key)")
-      ->type_name("FILE");
+  CLI::App* make = key->add_subcommand(
+      "new", "Make the studio key, once for all PCs: who has it may command the studio");
+  const auto out = add_out(make, "else as the studio file says, else /etc/v3d/studio.key");
   line.on_run(make, [&line, out] { return run_new(line, *out); });
+  CLI::App* node = key->add_subcommand(
+      "node", "Make the signing key of this PC, if it has none, and print its public key");
+  const auto node_out = add_out(node, "else [storage] signing_key of the studio file");
+  line.on_run(node, [&line, node_out] { return run_node(line, *node_out); });
 }
 
 }  // namespace v3d::ctl

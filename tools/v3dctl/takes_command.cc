@@ -1,4 +1,4 @@
-// takes, and what a crew does with them: slate, circle, reject, clear, collect, delete.
+// takes, and what a crew does with them: slate, circle, reject, clear, collect, sign, delete.
 #include <cstdio>
 #include <nlohmann/json.hpp>
 
@@ -10,6 +10,7 @@
 #include "daemon/json.h"
 #include "take/take_copy.h"
 #include "take/take_removal.h"
+#include "take/take_signature.h"
 #include "take/verified.h"
 #include "v3dctl/command.h"
 #include "v3dctl/listing_text.h"
@@ -32,6 +33,9 @@ struct Arguments {
   fs::path to;
   std::vector<std::string> from;
   std::string rsh;
+  // sign
+  std::string node;
+  fs::path key;
   // delete
   fs::path copy;
   bool no_copy = false;
@@ -81,6 +85,28 @@ int change_slates(const CommandLine& line, const Arguments& arguments, Change ch
     io::throw_if_failed(save_slate(take.paths.slate(), take.slate));
   }
   print_listing(takes, arguments.json);
+  return kExitDone;
+}
+
+// --- sign ---------------------------------------------------------------------------------------
+
+int run_sign(const CommandLine& line, const Arguments& arguments) {
+  const fs::path key = arguments.key.empty() ? line.studio().storage.signing_key : arguments.key;
+  if (key.empty()) {
+    throw InputError(line.studio_path().string() +
+                     ": [storage] signing_key is missing; name the file there, or with --key");
+  }
+  const TakeSigner signer{arguments.node, SigningKey::load(key)};
+  for (const TakeListing& take : named_takes(line, arguments)) {
+    if (take.info.state == TakeState::kRecording) {
+      throw InputError(take.info.name +
+                       " is being recorded, or was never closed: v3dctl verify "
+                       "--recover " +
+                       take.paths.folder.string());
+    }
+    io::throw_if_failed(sign_recovered_take(take.paths, signer));
+    std::printf("signed %s as %s\n", take.info.name.c_str(), arguments.node.c_str());
+  }
   return kExitDone;
 }
 
@@ -272,6 +298,21 @@ void add_collect(CommandLine& line, CLI::App* takes, const SharedArguments& argu
   line.on_run(command, [&line, arguments] { return run_collect(line, *arguments); });
 }
 
+void add_sign(CommandLine& line, CLI::App* takes, const SharedArguments& arguments) {
+  CLI::App* command =
+      add_under(takes, "sign", "Sign takes that a restart left unsigned, on the PC that has them",
+                "v3dctl takes sign kendo-07 --node cap01");
+  add_names(command, arguments);
+  command->add_option("--node", arguments->node, "The node of this PC")
+      ->type_name("NODE")
+      ->required();
+  command
+      ->add_option("--key", arguments->key,
+                   "Its signing key (else [storage] signing_key of the studio file)")
+      ->type_name("FILE");
+  line.on_run(command, [&line, arguments] { return run_sign(line, *arguments); });
+}
+
 void add_delete(CommandLine& line, CLI::App* takes, const SharedArguments& arguments) {
   CLI::App* command = add_under(takes, "delete", "Delete takes that are verified and not circled",
                                 "v3dctl takes delete kendo-06 --copy /mnt/archive --yes");
@@ -300,6 +341,7 @@ void add_takes(CommandLine& line) {
   add_mark(line, command, arguments, "reject", Mark::kRejected, "Mark takes as bad");
   add_mark(line, command, arguments, "clear", Mark::kNone, "Take the mark off again");
   add_collect(line, command, arguments);
+  add_sign(line, command, arguments);
   add_delete(line, command, arguments);
 }
 

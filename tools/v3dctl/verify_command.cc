@@ -4,8 +4,10 @@
 
 #include "base/error.h"
 #include "base/printable.h"
+#include "base/units.h"
 #include "common/console.h"
 #include "take/take_lock.h"
+#include "take/take_signature.h"
 #include "take/verified.h"
 #include "take/verify.h"
 #include "v3dctl/command.h"
@@ -21,6 +23,7 @@ struct Arguments {
   std::filesystem::path take;
   bool recover = false;
   bool images = false;
+  bool is_signed = false;
   bool json = false;
 };
 
@@ -56,6 +59,43 @@ Json verification_json(const Verification& verification) {
 
 void print_lines(const std::vector<std::string>& lines) {
   for (const std::string& line : lines) std::printf("%s\n", printable(line).c_str());
+}
+
+Json signatures_json(const SignatureCheck& check) {
+  Json list = Json::array();
+  for (const SignedBy& signer : check.signers) {
+    list.push_back({{"node", signer.node},
+                    {"public_key", signer.key.text()},
+                    {"known", signer.is_known},
+                    {"files", signer.files}});
+  }
+  return {{"by_all_nodes", check.by_all_nodes}, {"signers", std::move(list)}};
+}
+
+void print_signers(const SignatureCheck& check) {
+  for (const SignedBy& signer : check.signers) {
+    std::printf("signed by %s, key %s%s: %s files are what it recorded\n", signer.node.c_str(),
+                signer.key.text().c_str(), signer.is_known ? "" : " (not in the studio file)",
+                format_count(signer.files).c_str());
+  }
+}
+
+/// Adds what it finds to the verification.
+SignatureCheck verify_signatures(const CommandLine& line, const Arguments& arguments,
+                                 Verification& verification) {
+  std::optional<Studio> studio;
+  if (line.has_studio()) studio = line.studio();
+  SignatureCheck check = check_signatures({arguments.take}, studio ? &*studio : nullptr);
+  const auto add = [](std::vector<std::string>& to, const std::vector<std::string>& lines) {
+    to.insert(to.end(), lines.begin(), lines.end());
+  };
+  add(verification.disagreements, check.disagreements);
+  add(verification.notes, check.notes);
+  if (arguments.is_signed && !check.by_all_nodes) {
+    verification.disagreements.push_back("not signed by every node that recorded it" +
+                                         std::string(studio ? "" : ", for no studio file is here"));
+  }
+  return check;
 }
 
 void print_text(const Verification& verification) {
@@ -100,11 +140,14 @@ int run(const CommandLine& line, const Arguments& arguments) {
       verification.disagreements.push_back(std::move(text));
     }
   }
+  const SignatureCheck signatures = verify_signatures(line, arguments, verification);
   if (arguments.json) {
     Json json = verification_json(verification);
+    json["signatures"] = signatures_json(signatures);
     if (arguments.images) json["images"] = images_json(images);
     std::printf("%s\n", json.dump(2).c_str());
   } else {
+    print_signers(signatures);
     print_text(verification);
   }
   if (verification.info.state == TakeState::kRecording) {
@@ -131,6 +174,9 @@ void add_verify(CommandLine& line) {
   command->add_flag("--images", arguments->images,
                     "Also hold each camera's silhouettes against the hull of the others: names "
                     "cameras that are out of step, or were knocked since the calibration");
+  command->add_flag("--signed", arguments->is_signed,
+                    "Also demand a signature of every node that recorded it, by the keys of the "
+                    "studio file");
   add_json_flag(command, arguments->json);
   line.on_run(command, [&line, arguments] { return run(line, *arguments); });
 }

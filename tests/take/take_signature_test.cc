@@ -1,0 +1,264 @@
+// Signatures of takes: every change of a signed take is found, and a copy is known to be one.
+#include "take/take_signature.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "base/error.h"
+#include "base/file.h"
+#include "recording.h"
+#include "support/begun_take.h"
+#include "support/message_of.h"
+#include "support/temporary_folder.h"
+#include "take/frame_log.h"
+#include "take/join_parts.h"
+#include "take/log_segments.h"
+#include "take/take_account.h"
+
+namespace v3d {
+namespace {
+
+namespace fs = std::filesystem;
+using testing::AllOf;
+using testing::Contains;
+using testing::ElementsAre;
+using testing::HasSubstr;
+using testing::IsEmpty;
+using testing::Not;
+using testing::SizeIs;
+
+constexpr int64_t kPulses = 3;
+
+class SignedTake : public testing::Test {
+ protected:
+  SignedTake() {
+    record("cap01", {"cam01", "cam02"}, cap01_);
+    studio_.nodes = {{"cap01", cap01_.public_key().text()}, {"cap02", cap02_.public_key().text()}};
+    add_camera("cam01", "cap01");
+    add_camera("cam02", "cap01");
+    add_camera("cam03", "cap02");
+  }
+
+  void add_camera(const std::string& name, const std::string& node) {
+    StudioCamera camera;
+    camera.name = name;
+    camera.node = node;
+    studio_.cameras.push_back(camera);
+  }
+
+  TakePaths part(const std::string& node) const { return {folder_ / node}; }
+
+  /// A closed take, signed as v3d-captured does.
+  void record(const std::string& node, const std::vector<std::string>& cameras,
+              const SigningKey& key) {
+    const TakePaths paths = part(node);
+    fs::create_directories(paths.background());
+    TakeInfo info = test::begun_take(cameras);
+    info.started = RealtimeInstant(std::chrono::seconds(cameras.size()));  // nodes begin apart
+    info.pulses = kPulses;
+    info.state = TakeState::kComplete;
+    test::write_text(paths.calib(), "# the rig\n");
+    Ledger ledger{.take = info.name, .commanded = kPulses, .sensed = kPulses, .cameras = {}};
+    EventLogWriter sensed(paths.pulses());
+    for (int64_t pulse = 0; pulse < kPulses; ++pulse) {
+      PulseMessage message;
+      message.pulse = pulse;
+      EXPECT_TRUE(sensed.write(message));
+    }
+    for (const std::string& camera : cameras) {
+      test::write_text(paths.background() / (camera + ".toml"), camera);
+      EventLogWriter frames(paths.frames(camera), LogOpening::kNew, LogHashing::kTree);
+      CameraAccount account;
+      for (int64_t pulse = 0; pulse < kPulses; ++pulse) {
+        EXPECT_TRUE(frames.write(test::recorded_frame(camera, pulse, {64, 48})));
+        account.add(pulse, false);
+      }
+      ledger.cameras.push_back(account.ledger(camera, kPulses));
+      ledger.files.push_back(frames.file());
+    }
+    save_whole_account(paths, info, ledger);
+    io::throw_if_failed(sign_take(paths, {node, key}, ledger.files));
+  }
+
+  SignatureCheck check() const { return check_signatures(take_, &studio_); }
+  SignatureCheck check(const TakePaths& paths) const { return check_signatures(paths, &studio_); }
+
+  void change(const fs::path& file, const std::string& from, const std::string& to) const {
+    std::string text = read_file(file);
+    const size_t at = text.find(from);
+    ASSERT_NE(at, std::string::npos);
+    text.replace(at, from.size(), to);
+    test::write_text(file, text);
+  }
+  fs::path signature() const { return take_.folder / "signature.cap01.toml"; }
+  std::string refusal(const std::string& text) const {
+    return test::message_of<InputError>([&] { parse_signature(text, signature()); });
+  }
+
+  const test::TemporaryFolder folder_;
+  const SigningKey cap01_ = SigningKey::make(), cap02_ = SigningKey::make();
+  const TakePaths take_ = part("cap01");
+  Studio studio_;
+};
+
+TEST_F(SignedTake, names_who_recorded_it_and_is_what_was_recorded) {
+  const SignatureCheck found = check();
+  EXPECT_THAT(found.disagreements, IsEmpty());
+  EXPECT_THAT(found.notes, IsEmpty());
+  ASSERT_THAT(found.signers, SizeIs(1));
+  EXPECT_EQ(found.signers[0].node, "cap01");
+  EXPECT_EQ(found.signers[0].key, cap01_.public_key());
+  EXPECT_TRUE(found.signers[0].is_known);
+  EXPECT_EQ(found.signers[0].files, 6) << "calibration, pulses, two logs, two plates";
+  EXPECT_TRUE(found.by_all_nodes);
+}
+
+TEST_F(SignedTake, has_the_roots_of_the_writer_when_its_logs_are_read_again) {
+  const TakeSignature before = parse_signature(read_file(signature()), signature());
+  ASSERT_TRUE(sign_recovered_take(take_, {"cap01", cap01_}));
+  const TakeSignature after = parse_signature(read_file(signature()), signature());
+  EXPECT_EQ(before.files, after.files);
+  for (const TakeFile& file : after.files) EXPECT_TRUE(file.root) << file.name;
+}
+
+TEST_F(SignedTake, is_another_where_any_byte_of_a_file_has_changed) {
+  for (const fs::path& file :
+       {take_.frames("cam01"), take_.pulses(), take_.calib(), take_.background() / "cam02.toml"}) {
+    const std::string content = read_file(file);
+    for (size_t at = 0; at < content.size(); at += std::max<size_t>(1, content.size() / 40)) {
+      std::string changed = content;
+      changed[at] = static_cast<char>(changed[at] ^ 4);
+      test::write_text(file, changed);
+      const std::string name = file.lexically_relative(take_.folder);
+      EXPECT_THAT(check().disagreements, ElementsAre(name + ": is not what cap01 signed")) << at;
+    }
+    test::write_text(file, content);
+  }
+  EXPECT_THAT(check().disagreements, IsEmpty());
+}
+
+TEST_F(SignedTake, is_another_where_frames_have_changed_places_or_one_is_repeated) {
+  const std::string content = read_file(take_.frames("cam01"));
+  const size_t event = content.size() / kPulses;
+  const std::string first = content.substr(0, event), second = content.substr(event, event);
+  for (const std::string& other :
+       {second + first + content.substr(2 * event), first + first + content.substr(2 * event),
+        content + first, content.substr(event)}) {
+    test::write_text(take_.frames("cam01"), other);
+    EXPECT_THAT(check().disagreements, ElementsAre("cam01.lcmlog: is not what cap01 signed"));
+  }
+}
+
+TEST_F(SignedTake, lacks_a_file_or_has_one_that_nobody_signed) {
+  fs::remove(take_.calib());
+  EXPECT_THAT(check().disagreements,
+              ElementsAre(HasSubstr("calib.toml: cannot be read, and cap01")));
+  test::write_text(take_.folder / "cam09.lcmlog", "");
+  EXPECT_THAT(check().notes, ElementsAre("signed by nobody: cam09.lcmlog"));
+}
+
+TEST_F(SignedTake, stays_signed_when_the_crew_works_on_it) {
+  test::write_text(take_.slate(), "mark = 'circled'\n");
+  test::write_text(take_.mesh(), "meshes");
+  test::write_text(take_.verified(), "verdict = ''\n");
+  EXPECT_THAT(check().disagreements, IsEmpty());
+  EXPECT_THAT(check().notes, IsEmpty());
+}
+
+TEST_F(SignedTake, does_not_believe_a_signature_of_which_any_byte_was_changed) {
+  const std::string text = read_file(signature());
+  for (size_t at = 0; at < text.size(); ++at) {
+    std::string changed = text;
+    changed[at] = static_cast<char>(changed[at] ^ 1);
+    EXPECT_THAT(refusal(changed), HasSubstr(signature().string())) << at;
+  }
+  test::write_text(signature(), text + "\n");
+  EXPECT_THAT(check().disagreements, ElementsAre(HasSubstr("its signature is wrong")));
+  EXPECT_THAT(check().signers, IsEmpty());
+  EXPECT_FALSE(check().by_all_nodes);
+}
+
+TEST_F(SignedTake, is_not_believed_where_another_key_signed_it) {
+  ASSERT_TRUE(sign_recovered_take(take_, {"cap01", SigningKey::make()}));
+  EXPECT_THAT(check().disagreements, ElementsAre(HasSubstr("the studio file has")));
+  EXPECT_FALSE(check().by_all_nodes);
+  studio_.nodes[0].public_key.clear();
+  EXPECT_THAT(check().disagreements, IsEmpty());
+  EXPECT_THAT(check().notes, ElementsAre(HasSubstr("which no studio file names here")));
+  EXPECT_FALSE(check().by_all_nodes) << "nobody says whose key that is";
+}
+
+TEST_F(SignedTake, is_not_believed_of_a_node_that_does_not_have_the_camera) {
+  fs::remove(signature());
+  ASSERT_TRUE(sign_recovered_take(take_, {"cap02", cap02_}));
+  EXPECT_THAT(check().disagreements,
+              Contains("cam01.lcmlog: was signed by cap02, but is of a camera of cap01"));
+  EXPECT_THAT(check().notes, Contains(HasSubstr("not signed by cap01")));
+}
+
+TEST_F(SignedTake, is_not_believed_by_the_signature_of_another_take_or_under_another_name) {
+  fs::copy_file(signature(), take_.folder / "signature.cap02.toml");
+  EXPECT_THAT(check().disagreements,
+              ElementsAre("signature.cap02.toml: is the signature of node cap01"));
+  fs::remove(take_.folder / "signature.cap02.toml");
+  change(take_.info(), "name = 'kendo-07'", "name = 'kendo-08'");
+  EXPECT_THAT(check().disagreements,
+              ElementsAre("signature.cap01.toml: is of another take, kendo-07 of dojo"));
+}
+
+TEST_F(SignedTake, of_which_the_signature_was_taken_away_is_noticed) {
+  fs::remove(signature());
+  EXPECT_THAT(check().notes, ElementsAre("not signed by cap01, whose key the studio file has"));
+  EXPECT_FALSE(check().by_all_nodes);
+  EXPECT_FALSE(check_signatures(take_, nullptr).by_all_nodes);
+}
+
+TEST_F(SignedTake, is_still_signed_by_all_when_its_parts_were_joined) {
+  record("cap02", {"cam03"}, cap02_);
+  const TakePaths whole{folder_ / "archive"};
+  join_parts({part("cap01"), part("cap02")}, whole);
+  const SignatureCheck found = check(whole);
+  EXPECT_THAT(found.disagreements, IsEmpty());
+  EXPECT_THAT(found.signers, SizeIs(2));
+  EXPECT_TRUE(found.by_all_nodes);
+  fs::remove(whole.folder / "signature.cap02.toml");
+  EXPECT_FALSE(check(whole).by_all_nodes);
+  EXPECT_THAT(check(whole).notes,
+              Contains("signed by nobody: background/cam03.toml, cam03.lcmlog"));
+}
+
+/// As after a restart of the daemon in the take.
+TEST_F(SignedTake, tells_that_a_log_of_which_no_tree_is_known_was_signed_by_its_length) {
+  ASSERT_TRUE(sign_take(take_, {"cap01", cap01_}, {}));
+  EXPECT_THAT(check().notes, ElementsAre(HasSubstr("cam01.lcmlog: cap01 signed its length only"),
+                                         HasSubstr("cam02.lcmlog: cap01 signed its length only")));
+  EXPECT_THAT(check().disagreements, IsEmpty());
+  fs::resize_file(take_.frames("cam01"), 100);
+  EXPECT_THAT(check().disagreements, ElementsAre("cam01.lcmlog: is not what cap01 signed"));
+}
+
+TEST_F(SignedTake, has_a_tree_of_a_damaged_log_too) {
+  std::string content = read_file(take_.frames("cam02"));
+  content.insert(content.size() / 2, std::string(3 << 20, 'x'));
+  test::write_text(take_.frames("cam02"), content);
+  ASSERT_TRUE(sign_recovered_take(take_, {"cap01", cap01_}));
+  EXPECT_THAT(check().disagreements, IsEmpty());
+  content.back() = static_cast<char>(content.back() ^ 1);
+  test::write_text(take_.frames("cam02"), content);
+  EXPECT_THAT(check().disagreements, ElementsAre("cam02.lcmlog: is not what cap01 signed"));
+}
+
+TEST_F(SignedTake, is_refused_in_one_line_where_its_signature_cannot_be_read) {
+  for (const std::string& text :
+       {std::string(), std::string("signature = "), std::string("signature = 'ab'\n"),
+        std::string("x\n"), "signature = '" + std::string(128, 'a') + "'\nformat = 2\n"}) {
+    EXPECT_THAT(refusal(text), AllOf(HasSubstr(signature().string()), Not(HasSubstr("\n"))))
+        << text;
+  }
+  fs::remove(signature());
+  fs::create_symlink("/etc/passwd", signature());
+  EXPECT_THAT(check().disagreements, ElementsAre(HasSubstr("symbolic link")));
+}
+
+}  // namespace
+}  // namespace v3d

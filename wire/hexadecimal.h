@@ -1,0 +1,18 @@
+// Bytes as hexadecimal digits, and back. The adapter of libsodium's conversions, which take the
+// same time for all contents of one length.
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <string>
+#include <string_view>
+
+namespace v3d {
+
+/// Two lower-case digits for each byte.
+std::string hexadecimal(std::span<const uint8_t> bytes);
+
+/// Whether `text` has exactly two digits for each of `bytes`; fills them.
+[[nodiscard]] bool parse_hexadecimal(std::string_view text, std::span<uint8_t> bytes);
+
+}  // namespace v3d

@@ -1,0 +1,36 @@
+// Files of secret keys: 64 hexadecimal digits on a line of their own, lines that begin with '#' are
+// remarks.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <filesystem>
+#include <string>
+#include <string_view>
+
+namespace v3d {
+
+using KeyBytes = std::array<uint8_t, 32>;
+
+/// What the messages about a kind of key say.
+struct KeyKind {
+  std::string_view name;     ///< "studio key"
+  std::string_view made_by;  ///< "v3dctl key new"
+  std::string_view remedy;   ///< where there is no such file: "make it once with ..."
+  std::string_view remark;   ///< first line of a new file, with '#' and line end
+};
+
+/// Throws InputError, with the remedy: when there is no such file, when others than its owner and
+/// its group may read it or others than its owner may write it, when it holds no key.
+KeyBytes load_key_file(const std::filesystem::path& path, const KeyKind& kind);
+/// `path` names the text in messages.
+KeyBytes parse_key_file(std::string_view text, const std::filesystem::path& path,
+                        const KeyKind& kind);
+
+/// Writes a file that only its owner may read and write, and, when this is root and there is a
+/// group of that name, the members of `group` may read. Throws InputError when the file exists
+/// already or cannot be written.
+void save_key_file(const std::filesystem::path& path, const KeyBytes& key, const KeyKind& kind,
+                   const char* group);
+
+}  // namespace v3d

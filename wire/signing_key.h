@@ -1,0 +1,54 @@
+// Ed25519 signatures (RFC 8032): the key of one node, with which it signs the takes that it
+// records. The adapter of libsodium.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <filesystem>
+#include <memory>
+#include <span>
+#include <string>
+#include <string_view>
+
+namespace v3d {
+
+inline constexpr size_t kSignatureSize = 64;
+using Signature = std::array<uint8_t, kSignatureSize>;
+
+/// What everybody may know: who has it can check signatures, not make them.
+struct PublicKey {
+  std::array<uint8_t, 32> bytes{};
+
+  bool has_signed(std::span<const uint8_t> message, const Signature& signature) const;
+  /// 64 hexadecimal digits.
+  std::string text() const;
+  /// Throws InputError; `where` begins the message.
+  static PublicKey parse(std::string_view text, const std::string& where);
+
+  friend bool operator==(const PublicKey&, const PublicKey&) = default;
+};
+
+/// The secret half. In its file it stands as 64 hexadecimal digits on a line of their own; lines
+/// that begin with '#' are remarks. It is in guarded memory, which is wiped when it is released.
+class SigningKey {
+ public:
+  /// A new one, from the kernel's random numbers.
+  static SigningKey make();
+  /// Throws InputError, with the remedy, as StudioKey::load() does.
+  static SigningKey load(const std::filesystem::path& path);
+
+  /// Writes a new file, as StudioKey::save() does.
+  void save(const std::filesystem::path& path, const char* group = "v3d") const;
+
+  PublicKey public_key() const;
+  Signature sign(std::span<const uint8_t> message) const;
+
+ private:
+  class Secret;
+  explicit SigningKey(std::shared_ptr<const Secret> secret);
+  static SigningKey from_seed(const std::array<uint8_t, 32>& seed);
+
+  std::shared_ptr<const Secret> secret_;
+};
+
+}  // namespace v3d
