@@ -12,6 +12,7 @@
 #include <stdexcept>
 
 #include "base/error.h"
+#include "base/punctual.h"
 
 namespace v3d::test {
 namespace {
@@ -29,6 +30,9 @@ int open_port(const std::string& name) {
   if (fd < 0 || bind(fd, reinterpret_cast<sockaddr*>(&address), sizeof address) != 0) {
     throw std::runtime_error(errno_message("switch port " + name));
   }
+  // What arrives while the host gives the switch no time waits: it loses only what it is asked to.
+  const int room = 4 << 20;
+  setsockopt(fd, SOL_SOCKET, SO_RCVBUF, &room, sizeof room);
   return fd;
 }
 
@@ -71,26 +75,33 @@ int64_t LossySwitch::lost(const std::string& channel, size_t port) const {
 }
 
 void LossySwitch::run() {
+  become_punctual();
   std::vector<pollfd> watched;
   for (const int fd : sockets_) watched.push_back({fd, POLLIN, 0});
   while (!stopping_) {
     const timespec look{0, 1'000'000};
     ppoll(watched.data(), watched.size(), &look, nullptr);
     for (size_t port = 0; port < watched.size(); ++port) {
-      if (watched[port].revents != 0) receive(port);
+      if (watched[port].revents != 0) receive_all(port);
     }
     deliver();
   }
 }
 
-void LossySwitch::receive(size_t port) {
-  Bytes frame(kLargestFrame);
-  sockaddr_ll from{};
-  socklen_t size = sizeof from;
-  const ssize_t n = recvfrom(sockets_[port], frame.data(), frame.size(), MSG_DONTWAIT,
-                             reinterpret_cast<sockaddr*>(&from), &size);
-  if (n <= 0 || from.sll_pkttype == PACKET_OUTGOING) return;
-  frame.resize(static_cast<size_t>(n));
+void LossySwitch::receive_all(size_t port) {
+  for (;;) {
+    Bytes frame(kLargestFrame);
+    sockaddr_ll from{};
+    socklen_t size = sizeof from;
+    const ssize_t n = recvfrom(sockets_[port], frame.data(), frame.size(), MSG_DONTWAIT,
+                               reinterpret_cast<sockaddr*>(&from), &size);
+    if (n <= 0) return;
+    frame.resize(static_cast<size_t>(n));
+    if (from.sll_pkttype != PACKET_OUTGOING) receive(port, std::move(frame));
+  }
+}
+
+void LossySwitch::receive(size_t port, Bytes frame) {
   const size_t udp = udp_of(frame);
   if (udp == 0) return;
   // The sender left its checksum to a card that is none; 0 says that there is no checksum.

@@ -49,7 +49,8 @@ class LossySwitch {
     }
   };
   void run();
-  void receive(size_t port);
+  void receive_all(size_t port);
+  void receive(size_t port, Bytes frame);
   void distribute(size_t from, const Bytes& frame, const std::string& channel);
   void deliver();
 

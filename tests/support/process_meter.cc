@@ -1,8 +1,12 @@
 #include "support/process_meter.h"
 
+#include <unistd.h>
+
 #include <algorithm>
 #include <filesystem>
 #include <fstream>
+#include <iterator>
+#include <sstream>
 
 #include "base/statistics.h"
 #include "support/child_process.h"
@@ -20,6 +24,20 @@ int64_t entries_of(const std::string& folder) {
   return n;
 }
 
+/// User and system time, fields 14 and 15 of proc(5)'s stat. The name in field 2 may hold spaces.
+double processor_seconds(const std::string& folder) {
+  std::ifstream file(folder + "/stat");
+  std::string text((std::istreambuf_iterator<char>(file)), {});
+  const size_t behind_name = text.rfind(')');
+  if (behind_name == std::string::npos) return 0;
+  std::istringstream fields(text.substr(behind_name + 1));
+  std::string passed_over;
+  for (int field = 3; field < 14; ++field) fields >> passed_over;
+  double user = 0, system = 0;
+  fields >> user >> system;
+  return (user + system) / static_cast<double>(sysconf(_SC_CLK_TCK));
+}
+
 }  // namespace
 
 ProcessSample sample(pid_t process) {
@@ -32,6 +50,7 @@ ProcessSample sample(pid_t process) {
       break;
     }
   }
+  sample.processor_s = processor_seconds(folder);
   sample.descriptors = entries_of(folder + "/fd");
   sample.threads = entries_of(folder + "/task");
   return sample;

@@ -16,6 +16,7 @@ namespace v3d::test {
 struct ProcessSample {
   double seconds = 0;       ///< since the meter began
   double resident_kb = 0;   ///< exactly: smaps_rollup, not the kernel's lazy counter in status
+  double processor_s = 0;   ///< of all its threads since it was started
   int64_t descriptors = 0;  ///< open
   int64_t threads = 0;
 };

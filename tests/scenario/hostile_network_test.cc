@@ -1,0 +1,289 @@
+// Every attack that is known, at once and at a stated rate, beside a take: the take is whole, stop
+// is obeyed, and what the attacks cost is bounded. docs/security.md publishes the figures that it
+// prints.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <array>
+#include <atomic>
+#include <cstdio>
+#include <thread>
+
+#include "daemon/bus.h"
+#include "support/process_meter.h"
+#include "support/raw_datagrams.h"
+#include "take/verify.h"
+#include "viewed_studio.h"
+#include "wire/channels.h"
+#include "wire/datagram_mac.h"
+
+namespace v3d {
+namespace {
+
+using namespace std::chrono_literals;
+using test::becomes_true;
+using test::fragment_header;
+using test::put_text;
+using test::RawDatagram;
+using test::RawSocket;
+using test::short_datagram;
+using test::ViewedStudio;
+using test::within;
+
+constexpr int kPulses = 100;
+/// Datagrams in a hundredth of a second: 2,000 a second.
+constexpr int kAtOnce = 20;
+constexpr Duration kPause = 10ms;
+/// Connections to v3d-viewd that never end a request; each is made again when it was ended.
+constexpr size_t kHalfOpen = 64;
+/// More than this a process does not grow by.
+constexpr double kMostGrowthKb = 16 * 1024;
+
+enum class Attack : uint8_t {
+  kNoNul,
+  kOffsetThatWraps,
+  kClaimOf256MB,
+  kClaimOf1MB,
+  kInventedChannel,
+  kRepeated,
+  kChangedByte,
+  kShortened,
+  kForgedCommand,
+};
+constexpr std::array<const char*, 9> kAttackNames = {"channel without a NUL",
+                                                     "fragment whose offset wraps",
+                                                     "claim of 256 MB",
+                                                     "command that claims 1 MB",
+                                                     "invented channel",
+                                                     "recorded datagram, repeated",
+                                                     "recorded datagram, a byte changed",
+                                                     "recorded, shortened MAC",
+                                                     "command of another key"};
+
+/// Sends all attacks in turn on a thread of its own until it is destroyed.
+class Attacker {
+ public:
+  Attacker(const std::string& url, int port) : network_(url), port_(port) {
+    thread_ = std::thread([this] { run(); });
+  }
+  ~Attacker() { stop(); }
+  Attacker(const Attacker&) = delete;
+  Attacker& operator=(const Attacker&) = delete;
+
+  void stop() {
+    stopping_ = true;
+    if (thread_.joinable()) thread_.join();
+  }
+  int64_t sent(Attack attack) const { return sent_[static_cast<size_t>(attack)]; }
+  int64_t sent() const { return total_; }
+  int64_t connections() const { return connections_; }
+
+ private:
+  void run() {
+    MonotonicInstant next = Monotonic::now();
+    while (!stopping_) {
+      record();
+      for (int i = 0; i < kAtOnce; ++i) attack();
+      keep_half_open();
+      // An attacker that the host gave no time sends no more at once afterwards.
+      next = std::max(next + kPause, Monotonic::now() + kPause / 2);
+      std::this_thread::sleep_until(next);
+    }
+  }
+
+  /// Keeps some of what the studio sends: what has a MAC, and is newer than all that was kept. So
+  /// the attacker's own datagrams, which come back, are passed over.
+  void record() {
+    for (int i = 0; i < 64; ++i) {
+      RawDatagram datagram = network_.receive(Duration::zero());
+      if (datagram.empty()) return;
+      if (datagram.size() <= kMacTrailerSize) continue;
+      const auto trailer = read_trailer(std::span(datagram).last<kMacTrailerSize>());
+      if (!trailer || trailer->sent <= newest_) continue;
+      newest_ = trailer->sent;
+      recorded_[recordings_++ % recorded_.size()] = std::move(datagram);
+    }
+  }
+
+  void attack() {
+    const auto kind = static_cast<Attack>(total_ % kAttackNames.size());
+    const RawDatagram datagram = datagram_of(kind);
+    ++total_;
+    if (datagram.empty()) return;  // nothing is recorded yet
+    network_.send(datagram);
+    ++sent_[static_cast<size_t>(kind)];
+  }
+
+  RawDatagram datagram_of(Attack kind) {
+    const auto number = static_cast<uint32_t>(total_);
+    switch (kind) {
+      case Attack::kNoNul:
+        return short_datagram(number, kCommandChannel);
+      case Attack::kOffsetThatWraps: {
+        RawDatagram bytes = fragment_header({.sequence = number,
+                                             .message_size = 8192,
+                                             .offset = 0U - 0x1000,
+                                             .number = 1,
+                                             .count = 3});
+        bytes.resize(bytes.size() + 0x1000, 'y');
+        return bytes;
+      }
+      case Attack::kClaimOf256MB:
+        return claim_of(256U << 20, number);
+      case Attack::kClaimOf1MB:
+        return claim_of(1U << 20, number);
+      case Attack::kInventedChannel:
+        return short_datagram(number, frame_channel("invented" + std::to_string(number)) + '\0');
+      case Attack::kForgedCommand:
+        return forged_command(number);
+      case Attack::kRepeated:
+      case Attack::kChangedByte:
+      case Attack::kShortened:
+        return spoilt_recording(kind);
+    }
+    return {};
+  }
+
+  /// The first byte of a command that claims so many.
+  static RawDatagram claim_of(uint32_t size, uint32_t number) {
+    const auto count = static_cast<uint16_t>(size / 60'000 + 1);
+    RawDatagram bytes = fragment_header({.sequence = number, .message_size = size, .count = count});
+    put_text(bytes, std::string(kCommandChannel) + '\0' + "x");
+    return bytes;
+  }
+
+  RawDatagram forged_command(uint32_t number) const {
+    CommandMessage command;
+    command.sender = "operator@desk/1/2";
+    command.verb = CommandVerb::kStop;
+    command.take = "kendo-07";
+    command.counter = number;
+    RawDatagram bytes = short_datagram(number, std::string(kCommandChannel) + '\0');
+    const Bytes sealed = encode_sealed(command, other_key_);
+    bytes.insert(bytes.end(), sealed.begin(), sealed.end());
+    return bytes;
+  }
+
+  RawDatagram spoilt_recording(Attack kind) {
+    const size_t kept = std::min(recordings_, recorded_.size());
+    if (kept == 0) return {};
+    RawDatagram bytes = recorded_[static_cast<size_t>(total_) % kept];
+    if (kind == Attack::kChangedByte) bytes[bytes.size() / 2] ^= 1;
+    if (kind == Attack::kShortened) bytes.resize(bytes.size() - std::min<size_t>(5, bytes.size()));
+    return bytes;
+  }
+
+  void keep_half_open() {
+    if (half_open_.size() < kHalfOpen) half_open_.emplace_back();
+    auto& oldest = half_open_[static_cast<size_t>(connections_++) % half_open_.size()];
+    oldest = std::make_unique<HalfOpen>(port_);
+  }
+
+  /// Begins a request and does not end it.
+  class HalfOpen {
+   public:
+    explicit HalfOpen(int port) : fd_(socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0)) {
+      sockaddr_in there{};
+      there.sin_family = AF_INET;
+      there.sin_port = htons(static_cast<uint16_t>(port));
+      there.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+      if (connect(fd_, reinterpret_cast<const sockaddr*>(&there), sizeof there) != 0) return;
+      const std::string begin = "GET / HTTP/1.1\r\nHo";
+      send(fd_, begin.data(), begin.size(), MSG_NOSIGNAL);
+    }
+    ~HalfOpen() { close(fd_); }
+    HalfOpen(const HalfOpen&) = delete;
+    HalfOpen& operator=(const HalfOpen&) = delete;
+
+   private:
+    const int fd_;
+  };
+
+  const RawSocket network_;
+  const int port_;
+  const StudioKey other_key_ = StudioKey::make();
+  std::array<RawDatagram, 256> recorded_;
+  size_t recordings_ = 0;
+  RealtimeInstant newest_{};
+  std::vector<std::unique_ptr<HalfOpen>> half_open_;
+  std::array<std::atomic<int64_t>, kAttackNames.size()> sent_{};
+  std::atomic<int64_t> total_ = 0, connections_ = 0;
+  std::atomic<bool> stopping_ = false;
+  std::thread thread_;
+};
+
+class HostileNetwork : public ViewedStudio {
+ protected:
+  /// What the daemons took of the machine while a take was recorded.
+  struct Cost {
+    double seconds = 0;
+    double processor_s = 0;
+    double growth_kb = 0;  ///< of the process that grew most
+    int64_t attacks = 0;
+  };
+
+  std::array<pid_t, 3> daemons() const { return {captured_->pid(), recond_->pid(), viewd_->pid()}; }
+
+  /// A take of kPulses; gives up the test where it is not whole.
+  Cost record(const std::string& name, const Attacker* attacker = nullptr) {
+    take_name_ = name;
+    arm_and_start(0);
+    std::array<test::ProcessSample, 3> before;
+    for (size_t i = 0; i < 3; ++i) before[i] = test::sample(daemons()[i]);
+    const int64_t sent = attacker != nullptr ? attacker->sent() : 0;
+    const MonotonicInstant began = Monotonic::now();
+    EXPECT_TRUE(reaches("cap01", "frames_written", 4 * kPulses)) << log();
+    Cost cost{.seconds = to_seconds(Monotonic::now() - began)};
+    if (attacker != nullptr) cost.attacks = attacker->sent() - sent;
+    for (size_t i = 0; i < 3; ++i) {
+      const test::ProcessSample now = test::sample(daemons()[i]);
+      cost.processor_s += now.processor_s - before[i].processor_s;
+      cost.growth_kb = std::max(cost.growth_kb, now.resident_kb - before[i].resident_kb);
+    }
+    const MonotonicInstant asked = Monotonic::now();
+    const Answer stopped = command(CommandVerb::kStop);
+    EXPECT_TRUE(stopped.done()) << text_of(stopped) << log();
+    std::printf("%s: stop was obeyed in %.2f s\n", name.c_str(),
+                to_seconds(Monotonic::now() - asked));
+    const Verification found = verify_take(take());
+    EXPECT_TRUE(found.whole()) << found.ledger.verdict();
+    return cost;
+  }
+  void expect_rejected(const std::string& cause) {
+    EXPECT_TRUE(reaches("cap01", cause, 50)) << cause;
+    std::printf("  %-20s %6.0f rejected by cap01\n", cause.c_str(), value("cap01", cause));
+  }
+};
+
+TEST_F(HostileNetwork, harms_no_take_and_costs_a_bounded_part_of_the_machine) {
+  const Cost quiet = record("kendo-07");
+  Attacker attacker(studio_.network.lcm_url, port_);
+  ASSERT_TRUE(becomes_true([&] { return attacker.sent() >= 2'000; }, within(60)));
+  const Cost attacked = record("kendo-08", &attacker);
+  for (const char* cause : {"datagrams_malformed", "datagrams_foreign", "datagrams_oversized",
+                            "messages_forged", "messages_replayed", "commands_forged"}) {
+    expect_rejected(cause);
+  }
+  attacker.stop();
+
+  for (size_t i = 0; i < kAttackNames.size(); ++i) {
+    std::printf("  %-34s %6lld sent\n", kAttackNames[i],
+                static_cast<long long>(attacker.sent(static_cast<Attack>(i))));
+  }
+  const auto sent = static_cast<double>(attacked.attacks);
+  const double of_a_core = attacked.processor_s / attacked.seconds;
+  std::printf(
+      "  %.0f datagrams a second, %lld half-open connections; three daemons took %.2f of a "
+      "core (%.2f without attack), %.0f us a datagram; the largest grew by %.0f KiB\n",
+      sent / attacked.seconds, static_cast<long long>(attacker.connections()), of_a_core,
+      quiet.processor_s / quiet.seconds,
+      1e6 * (of_a_core - quiet.processor_s / quiet.seconds) * attacked.seconds / sent,
+      attacked.growth_kb);
+  for (test::ChildProcess* daemon : {&*captured_, &*recond_, &*viewd_})
+    EXPECT_TRUE(daemon->runs()) << log();
+  EXPECT_LT(attacked.growth_kb, kMostGrowthKb);
+  EXPECT_TRUE(get("/index.html")->hears("200 OK")) << "browsers are served";
+}
+
+}  // namespace
+}  // namespace v3d
