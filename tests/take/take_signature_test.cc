@@ -113,6 +113,54 @@ TEST_F(SignedTake, names_who_recorded_it_and_is_what_was_recorded) {
   EXPECT_TRUE(found.by_all_nodes);
 }
 
+/// The tree as docs/takes.md has it, of pieces of these lengths.
+Hash documented_root(const std::string& content, const std::vector<size_t>& pieces) {
+  HashTree tree;
+  size_t at = 0;
+  for (const size_t piece : pieces) {
+    LeafHash leaf;
+    leaf.add({reinterpret_cast<const uint8_t*>(content.data()) + at, piece});
+    tree.add(leaf.value());
+    at += piece;
+  }
+  EXPECT_EQ(at, content.size());
+  return tree.root();
+}
+
+TEST_F(SignedTake, has_a_leaf_for_each_event_of_a_log_and_each_mebibyte_of_another_file) {
+  constexpr size_t kBlock = 1 << 20;
+  const auto root = [&](const fs::path& file) {
+    const auto size = static_cast<int64_t>(fs::file_size(file));
+    return hash_take_file(take_, file.filename(), size).value().root;
+  };
+  const std::string log = read_file(take_.frames("cam01"));
+  const size_t event = log.size() / kPulses;
+  EXPECT_EQ(root(take_.frames("cam01")), documented_root(log, {event, event, event}));
+
+  // Not an event: its sync word is damaged.
+  std::string damaged = log;
+  damaged[event] = static_cast<char>(damaged[event] ^ 1);
+  test::write_text(take_.frames("cam01"), damaged);
+  EXPECT_EQ(root(take_.frames("cam01")), documented_root(damaged, {event, 2 * event}));
+  // Nor is what ends behind the file.
+  const std::string torn = log.substr(0, 2 * event + 100);
+  test::write_text(take_.frames("cam01"), torn);
+  EXPECT_EQ(root(take_.frames("cam01")), documented_root(torn, {event, event, 100}));
+
+  const std::string text = log + std::string(2 * kBlock, ' ');
+  test::write_text(take_.calib(), text);
+  EXPECT_EQ(root(take_.calib()), documented_root(text, {kBlock, kBlock, log.size()}));
+}
+
+TEST_F(SignedTake, has_unknown_signers_where_there_is_no_studio_file) {
+  const SignatureCheck found = check_signatures(take_, nullptr);
+  EXPECT_THAT(found.disagreements, IsEmpty());
+  EXPECT_THAT(found.notes, ElementsAre(HasSubstr("which no studio file names here")));
+  ASSERT_THAT(found.signers, SizeIs(1));
+  EXPECT_FALSE(found.signers[0].is_known);
+  EXPECT_FALSE(found.by_all_nodes);
+}
+
 TEST_F(SignedTake, has_the_roots_of_the_writer_when_its_logs_are_read_again) {
   const TakeSignature before = parse_signature(read_file(signature()), signature());
   ASSERT_TRUE(sign_recovered_take(take_, {"cap01", cap01_}));
