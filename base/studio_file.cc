@@ -13,68 +13,11 @@
 #include "base/lcm_group.h"
 #include "base/name.h"
 #include "base/pulse_rate.h"
+#include "base/studio_fields.h"
 #include "base/toml_file.h"
 
 namespace v3d {
 namespace {
-
-/// A number as a person writes it.
-std::string plain(double value) {
-  std::array<char, 32> text{};
-  std::snprintf(text.data(), text.size(), "%.10g", value);
-  return text.data();
-}
-
-/// A number within [low, high].
-double ranged(const TomlTable& table, std::string_view key, double fallback, double low,
-              double high) {
-  const double value = table.number_or(key, fallback);
-  if (value < low || value > high) {
-    table.fail(key, "expected a number from " + plain(low) + " to " + plain(high) + ", found " +
-                        plain(value));
-  }
-  return value;
-}
-
-int ranged_int(const TomlTable& table, std::string_view key, int fallback, int low, int high) {
-  const int64_t value = table.integer_or(key, fallback);
-  if (value < low || value > high) {
-    table.fail(key, "expected a whole number from " + std::to_string(low) + " to " +
-                        std::to_string(high) + ", found " + std::to_string(value));
-  }
-  return static_cast<int>(value);
-}
-
-/// One of a few words, each with its meaning.
-template <class T, size_t N>
-T choice(const TomlTable& table, std::string_view key, std::string_view fallback,
-         const std::array<std::pair<std::string_view, T>, N>& choices) {
-  const std::string value = table.text_or(key, fallback);
-  std::string known;
-  for (const auto& [word, meaning] : choices) {
-    if (value == word) {
-      return meaning;
-    }
-    known += (known.empty() ? "" : ", ") + std::string(word);
-  }
-  table.fail(key, "'" + value + "' is unknown; known: " + known);
-}
-
-std::string read_name(const TomlTable& table) {
-  const std::string name = table.text("name");
-  if (!is_file_name(name)) {
-    table.fail("name", "'" + name + "': " + std::string(kFileNameRule));
-  }
-  return name;
-}
-
-Eigen::Vector3d read_point(const TomlTable& table, std::string_view key) {
-  const std::vector<double> v = table.numbers(key);
-  if (v.size() != 3) {
-    table.fail(key, "expected [x, y, z] in metres");
-  }
-  return {v[0], v[1], v[2]};
-}
 
 PixelFormat read_pixel_format(const TomlTable& table, PixelFormat fallback) {
   const std::string word = table.text_or("pixel_format", name(fallback));
@@ -92,22 +35,6 @@ ChromaKey read_chroma_key(const TomlTable& table, ChromaKey fallback) {
   const auto key = chroma_key_from_name(word);
   if (!key) table.fail("chroma_key", "'" + word + "' is unknown; known: none, green, blue");
   return *key;
-}
-
-bool has_node(const Studio& studio, std::string_view name) {
-  return std::any_of(studio.nodes.begin(), studio.nodes.end(),
-                     [&](const StudioNode& n) { return n.name == name; });
-}
-
-void refuse_unknown_node(const TomlTable& table, std::string_view key, const Studio& studio,
-                         const std::string& node) {
-  if (!has_node(studio, node)) table.fail(key, "there is no [[node]] named '" + node + "'");
-}
-
-std::string read_node(const TomlTable& table, const Studio& studio) {
-  const std::string node = table.text("node");
-  refuse_unknown_node(table, "node", studio, node);
-  return node;
 }
 
 /// What a V4L2 camera is told in place of a trigger line, packets and a gain in dB.
@@ -229,11 +156,6 @@ void read_cameras(const TomlTable& file, Studio& studio) {
   if (studio.cameras.empty()) {
     file.fail("camera", "missing: expected one [[camera]] per camera");
   }
-}
-
-/// A path of the file, relative to the folder the file is in.
-std::filesystem::path resolve(const Studio& studio, const std::string& path) {
-  return studio.path.parent_path() / path;
 }
 
 StudioLine read_line(const TomlTable& table) {

@@ -16,8 +16,8 @@ namespace v3d {
 /// [[node]]: a PC that runs v3d-captured (cameras or the trigger hang on it) or v3d-recond.
 struct StudioNode {
   std::string name;
-  /// With which the node's signatures of takes are checked (wire/signing_key.h): 64 hexadecimal
-  /// digits; empty: its takes are not signed.
+  /// Ed25519 public key that verifies the node's signatures of takes (wire/signing_key.h): 64
+  /// hexadecimal digits. Empty: the key is unknown.
   std::string public_key = {};
 };
 
@@ -117,7 +117,7 @@ struct StudioStorage {
   std::filesystem::path takes;       ///< every take is a folder in here
   std::filesystem::path background;  ///< one plate model per camera
   std::filesystem::path calib;       ///< calib.toml
-  /// The key with which a node signs the takes it records; empty: it signs none.
+  /// File of the key with which a node signs the takes it records. Empty: takes are not signed.
   std::filesystem::path signing_key = {};
 };
 

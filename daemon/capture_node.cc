@@ -47,7 +47,8 @@ std::vector<std::string> other_capture_nodes(const Studio& studio, const std::st
   return others;
 }
 
-/// Also refuses a key that is not the one that the studio file has: nobody would trust it.
+/// The signing key of this node, where the studio file names one. Throws InputError when the studio
+/// file lists another public key for the node: its signatures would be rejected.
 std::optional<TakeSigner> signer_of(const Studio& studio, const std::string& node) {
   if (studio.storage.signing_key.empty()) return std::nullopt;
   TakeSigner signer{node, SigningKey::load(studio.storage.signing_key)};

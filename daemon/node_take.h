@@ -28,7 +28,7 @@ struct TakeClosing {
   std::string unkept = {};        ///< data that the disk accepted and lost; empty when it kept all
   std::string lost_pulses = {};   ///< that the log of the pulses is not whole; mostly empty
   std::string notice = {};        ///< that the take was moved to the quarantine; mostly empty
-  std::string unsigned_why = {};  ///< why the take is not signed, though it should be; mostly empty
+  std::string unsigned_why = {};  ///< error of signing; empty on success and without a signing key
 };
 
 /// From the moment a take is armed until its ledger is written. One thread.
@@ -82,7 +82,7 @@ class NodeTake {
   void add_lane(CameraWorker& worker, const BackgroundModel& background,
                 std::optional<LanePast> past = {});
   DiskProgress progress() const;
-  /// Why it could not; empty when it is signed, or nobody signs here.
+  /// Signs the take. Returns the error; empty on success, and where the node has no signing key.
   std::string sign(const std::vector<TakeFile>& files) const;
   /// The names of the logs survive a power cut from now on. Throws InputError.
   void sync_names() const;

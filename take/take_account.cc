@@ -18,12 +18,6 @@ std::optional<Ledger> ledger_before(const TakePaths& paths) {
   }
 }
 
-bool is_camera_log(const std::string& name, const TakeInfo& info) {
-  return name.ends_with(".lcmlog") && std::ranges::any_of(info.cameras, [&](const auto& camera) {
-           return name.starts_with(camera + ".");
-         });
-}
-
 TakeFile entry_of_camera_log(const TakePaths& paths, const std::string& name,
                              const std::optional<Ledger>& before) {
   TakeFile file = stat_take_file(paths, name).value_or(TakeFile{.name = name, .checksum = {}});
@@ -72,6 +66,12 @@ io::Result<std::vector<std::string>> add_files(const TakePaths& paths, const Tak
 }
 
 }  // namespace
+
+bool is_camera_log(const std::string& name, const TakeInfo& info) {
+  return name.ends_with(".lcmlog") && std::ranges::any_of(info.cameras, [&](const auto& camera) {
+           return name.starts_with(camera + ".");
+         });
+}
 
 io::Result<std::vector<std::string>> save_account(const TakePaths& paths, const TakeInfo& info,
                                                   Ledger ledger) {

@@ -10,6 +10,9 @@
 
 namespace v3d {
 
+/// Whether `name` is a segment of the log of a camera of the take.
+bool is_camera_log(const std::string& name, const TakeInfo& info);
+
 /// Writes ledger.toml, then take.toml. First completes `ledger.files` with the files of the take
 /// that it does not name yet: these are read for their checksum, but for logs of cameras, which may
 /// be tens of gigabytes. Such a log keeps the checksum that the ledger before had for a file of

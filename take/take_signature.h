@@ -1,16 +1,15 @@
-// Signatures of takes: who recorded what, and that a copy is what was recorded.
+// Digital signatures of takes (signature.<node>.toml).
 //
-// At the end of a take every node that has a signing key writes signature.<node>.toml: the roots of
-// the hash trees (wire/hash_tree.h) of the files that it recorded, signed with Ed25519. The leaves
-// of an event log's tree are its events, whole, from sync word to last byte; where no event stands,
-// and in all other files, blocks of 1 MiB. docs/takes.md has the format.
+// When a node closes a take, it writes the roots of the hash trees (take/hashed_file.h) of the
+// files that it recorded, and signs them with its Ed25519 key. docs/takes.md describes the format;
+// take/signature_check.h verifies signatures.
 #pragma once
 
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "base/io/result.h"
-#include "base/studio_file.h"
 #include "base/time.h"
 #include "take/take.h"
 #include "take/take_files.h"
@@ -18,11 +17,7 @@
 
 namespace v3d {
 
-/// Length and root of a file. Reads all of it where it has `bytes` bytes; where it has another
-/// length, the root is empty. Memory: 1 MiB. Fails with path and cause.
-[[nodiscard]] io::Result<TakeFile> hash_take_file(const TakePaths& paths, const std::string& name,
-                                                  int64_t bytes);
-
+/// The content of signature.<node>.toml.
 struct TakeSignature {
   std::string take;
   std::string studio;
@@ -33,52 +28,36 @@ struct TakeSignature {
   double rate_hz = 0;
   int64_t pulses = 0;
   TakeState state = TakeState::kComplete;
-  /// Without those that are written after the ledger, and without take.toml, whose content stands
-  /// above. A log without a root is one that a recovery found.
+  /// All files of the node for which is_signed_file() holds. A file without a root is signed by its
+  /// length only: a camera log that was recorded before the daemon restarted.
   std::vector<TakeFile> files;
 };
 
-/// Who signs.
+/// A node and its signing key.
 struct TakeSigner {
   std::string node;
   SigningKey key;
 };
 
-/// Signs a take that is closed. `files`: what is known of them; other files, but for logs of
-/// cameras, are read. Replaces the signature of this node, if there is one. Fails with path and
-/// cause.
+/// Whether signatures cover the file of this name: every file that is written before the ledger,
+/// but for take.toml. The fields of take.toml stand in the signature itself.
+bool is_signed_file(std::string_view name);
+
+/// Signs a closed take as `signer`. `files`: roots that are known already, as of
+/// EventLogWriter::file(). Other files are read, except for camera logs. Replaces an earlier
+/// signature of this node. Fails with path and cause.
 [[nodiscard]] io::Status sign_take(const TakePaths& paths, const TakeSigner& signer,
                                    const std::vector<TakeFile>& files);
 
-/// The same, and reads the logs of the cameras, too: for a take that was recovered.
+/// Reads all files, camera logs included, and signs the take: after a recovery.
 [[nodiscard]] io::Status sign_recovered_take(const TakePaths& paths, const TakeSigner& signer);
 
-/// Throws InputError with file, line and field; also when the signature is not one of this text by
-/// its own public key.
+/// Signs `signature` with `key` and replaces signature.<node>.toml. Fails with path and cause.
+[[nodiscard]] io::Status save_signature(const TakePaths& paths, const TakeSignature& signature,
+                                        const SigningKey& key);
+
+/// Throws InputError with file, line and field; also when the signature does not match the text
+/// under the public key that the text names.
 TakeSignature parse_signature(std::string_view text, const std::filesystem::path& path);
-
-/// One signature of a take, which is right.
-struct SignedBy {
-  std::string node;
-  PublicKey key;
-  bool is_known = false;  ///< the studio file has this key for this node
-  RealtimeInstant signed_at;
-  int64_t files = 0;  ///< that are what was signed
-};
-
-struct SignatureCheck {
-  std::vector<SignedBy> signers;
-  /// A signature is wrong or by another key than the studio file's, or a file is not what was
-  /// signed; one line each.
-  std::vector<std::string> disagreements;
-  /// What nobody signed, or only somebody unknown; one line each.
-  std::vector<std::string> notes;
-  /// Every node of the studio that recorded a camera of the take has signed it.
-  bool by_all_nodes = false;
-};
-
-/// Reads every signed file. `studio`: whose keys are trusted, and which node has which camera; null
-/// where there is none: then no signer is known. Throws InputError when the folder is no take.
-SignatureCheck check_signatures(const TakePaths& paths, const Studio* studio);
 
 }  // namespace v3d

@@ -14,9 +14,8 @@ namespace v3d {
 /// Edge k stands at start + k * period on CLOCK_MONOTONIC and carries that instant as its stamp,
 /// however late this host was in sending it: a generator in hardware would have been on time, and a
 /// latency that is measured from the stamp has the lateness in it. For the same reason a busy host
-/// loses no edge: late edges follow each other at once. Only where this process stood still for a
-/// second, or for a hundred periods if that is less, edges are left out, as if the instrument had
-/// been without power.
+/// loses no edge: late edges are sent at once, one behind the other. An edge that is later than one
+/// second, or than 100 periods if that is less, is not sent, and counted as skipped.
 class SimulatedGenerator : public PulseGenerator, private PulseOutput {
  public:
   explicit SimulatedGenerator(std::filesystem::path wire, HostClock clock = {});

@@ -1,4 +1,4 @@
-// HashTree: one hash that proves many pieces of data, in their order (a Merkle tree).
+// HashTree: Merkle tree, one hash over many pieces of data in their order.
 // Source: RFC 6962, section 2.1, with BLAKE2b of 256 bits (RFC 7693) in place of SHA-256.
 #pragma once
 

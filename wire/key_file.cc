@@ -17,7 +17,7 @@
 namespace v3d {
 namespace {
 
-/// Nobody but the owner may change a key, nobody but the owner and the group may know it.
+/// Only the owner may write a key file; only the owner and the group may read it.
 void refuse_open_file(const std::filesystem::path& path, const KeyKind& kind) {
   const std::string name(kind.name);
   struct stat state {};
@@ -32,7 +32,7 @@ void refuse_open_file(const std::filesystem::path& path, const KeyKind& kind) {
                    "; try: chmod 640 " + path.string());
 }
 
-/// The only line that is no remark; empty when there is none, or are more.
+/// The one line that is no remark. Empty when there is no such line, or several.
 std::string_view without_remarks(std::string_view text) {
   std::string_view found;
   while (!text.empty()) {

@@ -1,5 +1,5 @@
-// Ed25519 signatures (RFC 8032): the key of one node, with which it signs the takes that it
-// records. The adapter of libsodium.
+// Ed25519 signatures (RFC 8032). Each node signs the takes that it records with a key of its own.
+// The adapter of libsodium.
 #pragma once
 
 #include <array>
@@ -15,7 +15,7 @@ namespace v3d {
 inline constexpr size_t kSignatureSize = 64;
 using Signature = std::array<uint8_t, kSignatureSize>;
 
-/// What everybody may know: who has it can check signatures, not make them.
+/// The public half of a key pair: verifies signatures.
 struct PublicKey {
   std::array<uint8_t, 32> bytes{};
 
@@ -28,8 +28,8 @@ struct PublicKey {
   friend bool operator==(const PublicKey&, const PublicKey&) = default;
 };
 
-/// The secret half. In its file it stands as 64 hexadecimal digits on a line of their own; lines
-/// that begin with '#' are remarks. It is in guarded memory, which is wiped when it is released.
+/// The secret half of a key pair. File format: wire/key_file.h. The key lies in guarded memory,
+/// which is wiped when it is released; the text that was read from the file is not wiped.
 class SigningKey {
  public:
   /// A new one, from the kernel's random numbers.

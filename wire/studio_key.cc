@@ -19,7 +19,7 @@ constexpr KeyKind kKind{
     .made_by = "v3dctl key new",
     .remedy = "make it once with v3dctl key new, and copy it to every PC of the studio",
     .remark =
-        "# The key of a V3D studio: who has it may command the studio. The same on every PC.\n"};
+        "# The key of a V3D studio. Its holders may command the studio. The same on every PC.\n"};
 
 /// Chooses libsodium's fastest code; cheap when it is done already.
 void begin_sodium() {

@@ -57,7 +57,7 @@ TEST_F(SignedStudio, proves_that_a_collected_take_is_what_its_nodes_recorded) {
   std::filesystem::remove(log);  // the archive has a hard link of the node's file
   test::write_text(log, frames);
   EXPECT_EQ(verify().first, 3);
-  EXPECT_THAT(verify().second, HasSubstr("cam03.lcmlog: is not what cap02 signed"));
+  EXPECT_THAT(verify().second, HasSubstr("cam03.lcmlog: does not match the signature of cap02"));
 }
 
 TEST_F(SignedStudio, starts_no_node_with_a_key_that_is_not_the_one_of_the_studio_file) {

@@ -11,8 +11,9 @@
 #include "support/message_of.h"
 #include "support/temporary_folder.h"
 #include "take/frame_log.h"
+#include "take/hashed_file.h"
 #include "take/join_parts.h"
-#include "take/log_segments.h"
+#include "take/signature_check.h"
 #include "take/take_account.h"
 
 namespace v3d {
@@ -90,9 +91,9 @@ class SignedTake : public testing::Test {
     text.replace(at, from.size(), to);
     test::write_text(file, text);
   }
-  fs::path signature() const { return take_.folder / "signature.cap01.toml"; }
+  fs::path signature_file() const { return take_.folder / "signature.cap01.toml"; }
   std::string refusal(const std::string& text) const {
-    return test::message_of<InputError>([&] { parse_signature(text, signature()); });
+    return test::message_of<InputError>([&] { parse_signature(text, signature_file()); });
   }
 
   const test::TemporaryFolder folder_;
@@ -110,7 +111,7 @@ TEST_F(SignedTake, names_who_recorded_it_and_is_what_was_recorded) {
   EXPECT_EQ(found.signers[0].key, cap01_.public_key());
   EXPECT_TRUE(found.signers[0].is_known);
   EXPECT_EQ(found.signers[0].files, 6) << "calibration, pulses, two logs, two plates";
-  EXPECT_TRUE(found.by_all_nodes);
+  EXPECT_TRUE(found.is_complete);
 }
 
 /// The tree as docs/takes.md has it, of pieces of these lengths.
@@ -155,16 +156,16 @@ TEST_F(SignedTake, has_a_leaf_for_each_event_of_a_log_and_each_mebibyte_of_anoth
 TEST_F(SignedTake, has_unknown_signers_where_there_is_no_studio_file) {
   const SignatureCheck found = check_signatures(take_, nullptr);
   EXPECT_THAT(found.disagreements, IsEmpty());
-  EXPECT_THAT(found.notes, ElementsAre(HasSubstr("which no studio file names here")));
+  EXPECT_THAT(found.notes, ElementsAre(HasSubstr("which the studio file does not list")));
   ASSERT_THAT(found.signers, SizeIs(1));
   EXPECT_FALSE(found.signers[0].is_known);
-  EXPECT_FALSE(found.by_all_nodes);
+  EXPECT_FALSE(found.is_complete);
 }
 
 TEST_F(SignedTake, has_the_roots_of_the_writer_when_its_logs_are_read_again) {
-  const TakeSignature before = parse_signature(read_file(signature()), signature());
+  const TakeSignature before = parse_signature(read_file(signature_file()), signature_file());
   ASSERT_TRUE(sign_recovered_take(take_, {"cap01", cap01_}));
-  const TakeSignature after = parse_signature(read_file(signature()), signature());
+  const TakeSignature after = parse_signature(read_file(signature_file()), signature_file());
   EXPECT_EQ(before.files, after.files);
   for (const TakeFile& file : after.files) EXPECT_TRUE(file.root) << file.name;
 }
@@ -178,7 +179,9 @@ TEST_F(SignedTake, is_another_where_any_byte_of_a_file_has_changed) {
       changed[at] = static_cast<char>(changed[at] ^ 4);
       test::write_text(file, changed);
       const std::string name = file.lexically_relative(take_.folder);
-      EXPECT_THAT(check().disagreements, ElementsAre(name + ": is not what cap01 signed")) << at;
+      EXPECT_THAT(check().disagreements,
+                  ElementsAre(name + ": does not match the signature of cap01"))
+          << at;
     }
     test::write_text(file, content);
   }
@@ -193,16 +196,17 @@ TEST_F(SignedTake, is_another_where_frames_have_changed_places_or_one_is_repeate
        {second + first + content.substr(2 * event), first + first + content.substr(2 * event),
         content + first, content.substr(event)}) {
     test::write_text(take_.frames("cam01"), other);
-    EXPECT_THAT(check().disagreements, ElementsAre("cam01.lcmlog: is not what cap01 signed"));
+    EXPECT_THAT(check().disagreements,
+                ElementsAre("cam01.lcmlog: does not match the signature of cap01"));
   }
 }
 
 TEST_F(SignedTake, lacks_a_file_or_has_one_that_nobody_signed) {
   fs::remove(take_.calib());
   EXPECT_THAT(check().disagreements,
-              ElementsAre(HasSubstr("calib.toml: cannot be read, and cap01")));
+              ElementsAre("calib.toml: missing; the signature of cap01 names it"));
   test::write_text(take_.folder / "cam09.lcmlog", "");
-  EXPECT_THAT(check().notes, ElementsAre("signed by nobody: cam09.lcmlog"));
+  EXPECT_THAT(check().notes, ElementsAre("without a signature: cam09.lcmlog"));
 }
 
 TEST_F(SignedTake, stays_signed_when_the_crew_works_on_it) {
@@ -214,38 +218,38 @@ TEST_F(SignedTake, stays_signed_when_the_crew_works_on_it) {
 }
 
 TEST_F(SignedTake, does_not_believe_a_signature_of_which_any_byte_was_changed) {
-  const std::string text = read_file(signature());
+  const std::string text = read_file(signature_file());
   for (size_t at = 0; at < text.size(); ++at) {
     std::string changed = text;
     changed[at] = static_cast<char>(changed[at] ^ 1);
-    EXPECT_THAT(refusal(changed), HasSubstr(signature().string())) << at;
+    EXPECT_THAT(refusal(changed), HasSubstr(signature_file().string())) << at;
   }
-  test::write_text(signature(), text + "\n");
+  test::write_text(signature_file(), text + "\n");
   EXPECT_THAT(check().disagreements, ElementsAre(HasSubstr("its signature is wrong")));
   EXPECT_THAT(check().signers, IsEmpty());
-  EXPECT_FALSE(check().by_all_nodes);
+  EXPECT_FALSE(check().is_complete);
 }
 
 TEST_F(SignedTake, is_not_believed_where_another_key_signed_it) {
   ASSERT_TRUE(sign_recovered_take(take_, {"cap01", SigningKey::make()}));
   EXPECT_THAT(check().disagreements, ElementsAre(HasSubstr("the studio file has")));
-  EXPECT_FALSE(check().by_all_nodes);
+  EXPECT_FALSE(check().is_complete);
   studio_.nodes[0].public_key.clear();
   EXPECT_THAT(check().disagreements, IsEmpty());
-  EXPECT_THAT(check().notes, ElementsAre(HasSubstr("which no studio file names here")));
-  EXPECT_FALSE(check().by_all_nodes) << "nobody says whose key that is";
+  EXPECT_THAT(check().notes, ElementsAre(HasSubstr("which the studio file does not list")));
+  EXPECT_FALSE(check().is_complete) << "the key is unknown";
 }
 
 TEST_F(SignedTake, is_not_believed_of_a_node_that_does_not_have_the_camera) {
-  fs::remove(signature());
+  fs::remove(signature_file());
   ASSERT_TRUE(sign_recovered_take(take_, {"cap02", cap02_}));
   EXPECT_THAT(check().disagreements,
-              Contains("cam01.lcmlog: was signed by cap02, but is of a camera of cap01"));
-  EXPECT_THAT(check().notes, Contains(HasSubstr("not signed by cap01")));
+              Contains("cam01.lcmlog: was signed by cap02, but its camera belongs to cap01"));
+  EXPECT_THAT(check().notes, Contains(HasSubstr("no signature of cap01")));
 }
 
 TEST_F(SignedTake, is_not_believed_by_the_signature_of_another_take_or_under_another_name) {
-  fs::copy_file(signature(), take_.folder / "signature.cap02.toml");
+  fs::copy_file(signature_file(), take_.folder / "signature.cap02.toml");
   EXPECT_THAT(check().disagreements,
               ElementsAre("signature.cap02.toml: is the signature of node cap01"));
   fs::remove(take_.folder / "signature.cap02.toml");
@@ -255,10 +259,11 @@ TEST_F(SignedTake, is_not_believed_by_the_signature_of_another_take_or_under_ano
 }
 
 TEST_F(SignedTake, of_which_the_signature_was_taken_away_is_noticed) {
-  fs::remove(signature());
-  EXPECT_THAT(check().notes, ElementsAre("not signed by cap01, whose key the studio file has"));
-  EXPECT_FALSE(check().by_all_nodes);
-  EXPECT_FALSE(check_signatures(take_, nullptr).by_all_nodes);
+  fs::remove(signature_file());
+  EXPECT_THAT(check().notes,
+              ElementsAre("no signature of cap01, for which the studio file has a key"));
+  EXPECT_FALSE(check().is_complete);
+  EXPECT_FALSE(check_signatures(take_, nullptr).is_complete);
 }
 
 TEST_F(SignedTake, is_still_signed_by_all_when_its_parts_were_joined) {
@@ -268,21 +273,89 @@ TEST_F(SignedTake, is_still_signed_by_all_when_its_parts_were_joined) {
   const SignatureCheck found = check(whole);
   EXPECT_THAT(found.disagreements, IsEmpty());
   EXPECT_THAT(found.signers, SizeIs(2));
-  EXPECT_TRUE(found.by_all_nodes);
+  EXPECT_TRUE(found.is_complete);
   fs::remove(whole.folder / "signature.cap02.toml");
-  EXPECT_FALSE(check(whole).by_all_nodes);
+  EXPECT_FALSE(check(whole).is_complete);
   EXPECT_THAT(check(whole).notes,
-              Contains("signed by nobody: background/cam03.toml, cam03.lcmlog"));
+              Contains("without a signature: background/cam03.toml, cam03.lcmlog"));
 }
 
 /// As after a restart of the daemon in the take.
 TEST_F(SignedTake, tells_that_a_log_of_which_no_tree_is_known_was_signed_by_its_length) {
   ASSERT_TRUE(sign_take(take_, {"cap01", cap01_}, {}));
-  EXPECT_THAT(check().notes, ElementsAre(HasSubstr("cam01.lcmlog: cap01 signed its length only"),
-                                         HasSubstr("cam02.lcmlog: cap01 signed its length only")));
+  EXPECT_THAT(check().notes,
+              ElementsAre(HasSubstr("cam01.lcmlog: only its length is signed by cap01"),
+                          HasSubstr("cam02.lcmlog: only its length is signed by cap01")));
   EXPECT_THAT(check().disagreements, IsEmpty());
   fs::resize_file(take_.frames("cam01"), 100);
-  EXPECT_THAT(check().disagreements, ElementsAre("cam01.lcmlog: is not what cap01 signed"));
+  EXPECT_THAT(check().disagreements,
+              ElementsAre("cam01.lcmlog: does not match the signature of cap01"));
+}
+
+/// An attacker with a key of their own signs what they changed.
+TEST_F(SignedTake, is_another_though_a_stranger_signed_the_changed_file) {
+  for (const fs::path& file : {take_.frames("cam01"), take_.pulses(), take_.calib()}) {
+    const std::string content = read_file(file);
+    test::write_text(file, content + "x");
+    ASSERT_TRUE(sign_recovered_take(take_, {"stranger", SigningKey::make()}));
+    const std::string name = file.filename();
+    EXPECT_THAT(check().disagreements,
+                ElementsAre(name + ": does not match the signature of cap01"));
+    EXPECT_FALSE(check().is_complete);
+    test::write_text(file, content);
+  }
+}
+
+TEST_F(SignedTake, is_not_complete_with_a_file_that_only_a_stranger_signed) {
+  test::write_text(take_.folder / "cam09.lcmlog", "frames");
+  EXPECT_FALSE(check().is_complete);
+  ASSERT_TRUE(sign_recovered_take(take_, {"stranger", SigningKey::make()}));
+  EXPECT_THAT(check().disagreements, IsEmpty());
+  EXPECT_FALSE(check().is_complete);
+  fs::remove(take_.folder / "cam09.lcmlog");
+  fs::remove(take_.folder / "signature.stranger.toml");
+  EXPECT_TRUE(check().is_complete);
+}
+
+TEST_F(SignedTake, has_the_plates_and_logs_of_a_camera_signed_by_its_node_alone) {
+  ASSERT_TRUE(sign_recovered_take(take_, {"cap02", cap02_}));
+  EXPECT_THAT(check().disagreements, IsEmpty()) << "both signed the same files";
+  test::write_text(take_.background() / "cam01.toml", "another plate");
+  ASSERT_TRUE(sign_recovered_take(take_, {"cap02", cap02_}));
+  EXPECT_THAT(check().disagreements,
+              ElementsAre("background/cam01.toml: does not match the signature of cap01"));
+}
+
+TEST_F(SignedTake, reads_no_file_outside_of_the_take_that_a_signature_names) {
+  test::write_text(folder_ / "outside", "secret");
+  for (const std::string& name : {std::string("../outside"), (folder_ / "outside").string()}) {
+    // The signature is right: its key is known, and an attacker has it.
+    ASSERT_TRUE(sign_recovered_take(take_, {"cap01", cap01_}));
+    TakeSignature signature = parse_signature(read_file(signature_file()), signature_file());
+    signature.files.push_back({.name = name, .bytes = 6, .checksum = {}});
+    ASSERT_TRUE(save_signature(take_, signature, cap01_));
+    EXPECT_THAT(check().disagreements,
+                ElementsAre(name + ": missing; the signature of cap01 names it"));
+  }
+}
+
+TEST_F(SignedTake, is_another_with_another_rate_or_number_of_pulses) {
+  TakeInfo info = load_take_info(take_);
+  info.pulses = kPulses - 1;
+  ASSERT_TRUE(save_take_info(take_, info));
+  EXPECT_THAT(check().disagreements, ElementsAre("take.toml: has 2 pulses, the signatures have 3"));
+  info.pulses = kPulses;
+  info.rate_hz = 50;
+  ASSERT_TRUE(save_take_info(take_, info));
+  EXPECT_THAT(check().disagreements,
+              ElementsAre("signature.cap01.toml: has another pulse rate than take.toml"));
+}
+
+TEST_F(SignedTake, is_not_complete_where_a_log_is_signed_by_its_length_only) {
+  ASSERT_TRUE(sign_take(take_, {"cap01", cap01_}, {}));
+  EXPECT_FALSE(check().is_complete);
+  ASSERT_TRUE(sign_recovered_take(take_, {"cap01", cap01_}));
+  EXPECT_TRUE(check().is_complete);
 }
 
 TEST_F(SignedTake, has_a_tree_of_a_damaged_log_too) {
@@ -293,18 +366,19 @@ TEST_F(SignedTake, has_a_tree_of_a_damaged_log_too) {
   EXPECT_THAT(check().disagreements, IsEmpty());
   content.back() = static_cast<char>(content.back() ^ 1);
   test::write_text(take_.frames("cam02"), content);
-  EXPECT_THAT(check().disagreements, ElementsAre("cam02.lcmlog: is not what cap01 signed"));
+  EXPECT_THAT(check().disagreements,
+              ElementsAre("cam02.lcmlog: does not match the signature of cap01"));
 }
 
 TEST_F(SignedTake, is_refused_in_one_line_where_its_signature_cannot_be_read) {
   for (const std::string& text :
        {std::string(), std::string("signature = "), std::string("signature = 'ab'\n"),
         std::string("x\n"), "signature = '" + std::string(128, 'a') + "'\nformat = 2\n"}) {
-    EXPECT_THAT(refusal(text), AllOf(HasSubstr(signature().string()), Not(HasSubstr("\n"))))
+    EXPECT_THAT(refusal(text), AllOf(HasSubstr(signature_file().string()), Not(HasSubstr("\n"))))
         << text;
   }
-  fs::remove(signature());
-  fs::create_symlink("/etc/passwd", signature());
+  fs::remove(signature_file());
+  fs::create_symlink("/etc/passwd", signature_file());
   EXPECT_THAT(check().disagreements, ElementsAre(HasSubstr("symbolic link")));
 }
 

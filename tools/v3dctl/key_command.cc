@@ -1,4 +1,4 @@
-// key: the secret that commands are sealed with, and the keys that takes are signed with.
+// key: makes the studio key, which authenticates commands, and the signing key of a PC.
 #include <cstdio>
 
 #include "base/error.h"
@@ -56,7 +56,7 @@ void add_key(CommandLine& line) {
                {"v3dctl key new", "v3dctl key new --out studio.key", "v3dctl key node"});
   key->require_subcommand(1);
   CLI::App* make = key->add_subcommand(
-      "new", "Make the studio key, once for all PCs: who has it may command the studio");
+      "new", "Make the studio key, once for all PCs; its holders may command the studio");
   const auto out = add_out(make, "else as the studio file says, else /etc/v3d/studio.key");
   line.on_run(make, [&line, out] { return run_new(line, *out); });
   CLI::App* node = key->add_subcommand(

@@ -6,8 +6,8 @@
 #include "base/printable.h"
 #include "base/units.h"
 #include "common/console.h"
+#include "take/signature_check.h"
 #include "take/take_lock.h"
-#include "take/take_signature.h"
 #include "take/verified.h"
 #include "take/verify.h"
 #include "v3dctl/command.h"
@@ -69,12 +69,12 @@ Json signatures_json(const SignatureCheck& check) {
                     {"known", signer.is_known},
                     {"files", signer.files}});
   }
-  return {{"by_all_nodes", check.by_all_nodes}, {"signers", std::move(list)}};
+  return {{"complete", check.is_complete}, {"signers", std::move(list)}};
 }
 
 void print_signers(const SignatureCheck& check) {
   for (const SignedBy& signer : check.signers) {
-    std::printf("signed by %s, key %s%s: %s files are what it recorded\n", signer.node.c_str(),
+    std::printf("signed by %s, key %s%s: %s files match\n", signer.node.c_str(),
                 signer.key.text().c_str(), signer.is_known ? "" : " (not in the studio file)",
                 format_count(signer.files).c_str());
   }
@@ -91,9 +91,10 @@ SignatureCheck verify_signatures(const CommandLine& line, const Arguments& argum
   };
   add(verification.disagreements, check.disagreements);
   add(verification.notes, check.notes);
-  if (arguments.is_signed && !check.by_all_nodes) {
-    verification.disagreements.push_back("not signed by every node that recorded it" +
-                                         std::string(studio ? "" : ", for no studio file is here"));
+  if (arguments.is_signed && !check.is_complete) {
+    verification.disagreements.emplace_back(
+        studio ? "not every node and file has a signature with a key of the studio file"
+               : "signatures cannot be checked: there is no studio file with keys; try --studio");
   }
   return check;
 }
@@ -174,9 +175,10 @@ void add_verify(CommandLine& line) {
   command->add_flag("--images", arguments->images,
                     "Also hold each camera's silhouettes against the hull of the others: names "
                     "cameras that are out of step, or were knocked since the calibration");
-  command->add_flag("--signed", arguments->is_signed,
-                    "Also demand a signature of every node that recorded it, by the keys of the "
-                    "studio file");
+  command->add_flag(
+      "--signed", arguments->is_signed,
+      "Fail unless every node that recorded the take, and every file, has a signature "
+      "with a key of the studio file");
   add_json_flag(command, arguments->json);
   line.on_run(command, [&line, arguments] { return run(line, *arguments); });
 }
