@@ -86,8 +86,8 @@ void put_shared(const TakePaths& part, const TakePaths& into) {
   }
   refuse_link(part.background());
   if (!fs::is_directory(part.background())) return;
-  for (const auto& entry : fs::directory_iterator(part.background())) {
-    put_if_there(entry.path(), into.background() / entry.path().filename());
+  for (const fs::path& plate : io::value_or_throw(io::list_folder(part.background()))) {
+    put_if_there(plate, into.background() / plate.filename());
   }
 }
 

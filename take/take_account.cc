@@ -18,11 +18,14 @@ std::optional<Ledger> ledger_before(const TakePaths& paths) {
   }
 }
 
-TakeFile entry_of_camera_log(const TakePaths& paths, const std::string& name,
-                             const std::optional<Ledger>& before) {
-  TakeFile file = stat_take_file(paths, name).value_or(TakeFile{.name = name, .checksum = {}});
+/// Fails where the length of the log cannot be read: a ledger with a wrong length is worse than
+/// none.
+io::Result<TakeFile> entry_of_camera_log(const TakePaths& paths, const std::string& name,
+                                         const std::optional<Ledger>& before) {
+  auto file = stat_take_file(paths, name);
+  if (!file) return file;
   const TakeFile* const known = before ? before->file(name) : nullptr;
-  if (known && known->bytes == file.bytes) file.checksum = known->checksum;
+  if (known && known->bytes == file->bytes) file->checksum = known->checksum;
   return file;
 }
 
@@ -59,8 +62,10 @@ io::Result<std::vector<std::string>> add_files(const TakePaths& paths, const Tak
   std::vector<std::string> unread;
   for (const std::string& name : *names) {
     if (is_written_after_ledger(name) || ledger.file(name)) continue;
-    ledger.files.push_back(is_camera_log(name, info) ? entry_of_camera_log(paths, name, before)
-                                                     : entry_of_file(paths, name, unread));
+    auto entry = is_camera_log(name, info) ? entry_of_camera_log(paths, name, before)
+                                           : entry_of_file(paths, name, unread);
+    if (!entry) return tl::make_unexpected(entry.error());
+    ledger.files.push_back(*std::move(entry));
   }
   return unread;
 }

@@ -6,6 +6,7 @@
 
 #include "base/check.h"
 #include "base/io/file.h"
+#include "base/io/uninterrupted.h"
 #include "take/mesh_file_layout.h"
 
 namespace v3d {
@@ -20,10 +21,10 @@ constexpr const char* kLogExtension = ".lcmlog";
 io::Status delete_take(const TakePaths& paths) {
   const fs::path& folder = paths.folder;
   const fs::path doomed = folder.parent_path() / (".deleted-" + folder.filename().string());
-  std::error_code error;
-  fs::remove_all(doomed, error);  // what an interrupted call left
+  const auto remove = [&](std::error_code& code) { fs::remove_all(doomed, code); };
+  io::uninterrupted_code(remove);  // what an interrupted deletion left
   if (auto renamed = io::rename_new(folder, doomed); !renamed) return renamed;
-  fs::remove_all(doomed, error);
+  const std::error_code error = io::uninterrupted_code(remove);
   if (error) return io::io_error("delete", doomed, error.message(), error.value());
   return io::sync_folder(folder.parent_path());
 }

@@ -225,15 +225,14 @@ Status copy_file(const fs::path& from, const fs::path& to) {
 }
 
 Result<std::vector<fs::path>> list_folder(const fs::path& folder) {
-  std::error_code error;
   std::vector<fs::path> entries;
-  do {
+  const std::error_code error = uninterrupted_code([&](std::error_code& code) {
     entries.clear();
-    for (fs::directory_iterator entry(folder, error), end; !error && entry != end;
-         entry.increment(error)) {
+    for (fs::directory_iterator entry(folder, code), end; !code && entry != end;
+         entry.increment(code)) {
       entries.push_back(entry->path());
     }
-  } while (error == std::errc::interrupted);
+  });
   if (error) return io_error("list folder", folder, error.message(), error.value());
   std::sort(entries.begin(), entries.end());
   return entries;

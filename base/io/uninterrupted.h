@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cerrno>
+#include <system_error>
 
 namespace v3d::io {
 
@@ -12,6 +13,17 @@ auto uninterrupted(Call call) {
   auto result = call();
   while (result < 0 && errno == EINTR) result = call();
   return result;
+}
+
+/// The same for a call that sets an std::error_code. Returns the code.
+template <class Call>
+std::error_code uninterrupted_code(Call call) {
+  std::error_code code;
+  do {
+    code.clear();
+    call(code);
+  } while (code == std::errc::interrupted);
+  return code;
 }
 
 }  // namespace v3d::io

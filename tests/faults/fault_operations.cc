@@ -90,12 +90,16 @@ void run_or_throw(const std::string& command) {
   if (!WIFEXITED(status) || WEXITSTATUS(status) != 0) throw std::runtime_error(command);
 }
 
-/// A simulated, verified take with a slate, made once.
+/// A simulated, signed take with a slate, made once.
 const fs::path& simulated_take() {
   static const TemporaryFolder folder("/dev/shm");
   static const fs::path take = [] {
     fs::path made = folder / kTake;
     run_or_throw(V3D_BIN "/v3d-sim take " + made.string() + " --frames 2 --cameras 3 --size 64x48");
+    const std::string key = folder / "node.key";
+    run_or_throw(V3D_BIN "/v3dctl key node --out " + key);
+    run_or_throw(V3D_BIN "/v3dctl takes sign --dir " + folder.path().string() + " " + kTake +
+                 " --node cap01 --key " + key);
     run_or_throw(V3D_BIN "/v3dctl takes slate --dir " + folder.path().string() + " " + kTake +
                  " --scene 11");
     return made;

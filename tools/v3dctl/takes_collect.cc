@@ -7,6 +7,7 @@
 #include "base/error.h"
 #include "base/io/file.h"
 #include "base/io/file_system.h"
+#include "base/io/uninterrupted.h"
 #include "base/name.h"
 #include "common/console.h"
 #include "common/subprocess.h"
@@ -18,6 +19,13 @@ namespace v3d::ctl {
 namespace {
 
 namespace fs = std::filesystem;
+
+/// Removes copies of the staging folder. Throws std::filesystem::filesystem_error.
+void remove_copies(const fs::path& folder) {
+  const std::error_code error =
+      io::uninterrupted_code([&](std::error_code& code) { fs::remove_all(folder, code); });
+  if (error) throw fs::filesystem_error("cannot remove", folder, error);
+}
 
 /// rsync, as it is called for everything here.
 class Rsync {
@@ -103,7 +111,7 @@ class Collector {
     const TakePaths place{request_.to / take};
     if (fs::exists(place.info())) {
       result.was_there = true;
-      fs::remove_all(stage(take));
+      remove_copies(stage(take));
       return result;
     }
     try {
@@ -186,14 +194,14 @@ class Collector {
                     const std::vector<TakePaths>& parts, const TakePaths& place) {
     const fs::path staged = stage(take);
     const TakePaths whole{joined(staged)};
-    fs::remove_all(whole.folder);
+    remove_copies(whole.folder);
     join_parts(parts, whole);
     Verification verification = read_back(whole, take, sources, parts);
     io::throw_if_failed(save_verified(whole, verification));
     // A take of this name is whole, whatever happens to the power.
     io::throw_if_failed(io::sync_file_system(whole.folder));
     io::throw_if_failed(io::rename_new(whole.folder, place.folder));
-    fs::remove_all(staged);
+    remove_copies(staged);
     std::error_code not_empty;
     fs::remove(staged.parent_path(), not_empty);
     return verification;
