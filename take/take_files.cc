@@ -40,10 +40,12 @@ io::Status add_names(const fs::path& folder, const std::string& prefix,
   if (!entries) return tl::make_unexpected(entries.error());
   for (const fs::path& entry : *entries) {
     const std::string name = entry.filename();
-    std::error_code error;
     if (name.starts_with(".") || is_unfinished(name)) continue;
-    // Reading a file of which the disk does not say what it is reports why.
-    if (fs::is_regular_file(entry, error) || error) names.push_back(prefix + name);
+    const auto type = io::type_of(entry);
+    if (!type) return tl::make_unexpected(type.error());
+    // A link to nothing is listed: reading it reports the cause.
+    const bool is_file = *type == fs::file_type::regular || *type == fs::file_type::not_found;
+    if (is_file) names.push_back(prefix + name);
   }
   return {};
 }
