@@ -9,6 +9,12 @@ namespace {
 
 TEST(Checksum, is_xxh3_of_nothing_for_nothing) { EXPECT_EQ(checksum({}), 0x2D06800538D394C2); }
 
+TEST(Checksum, is_xxh3_of_a_megabyte_as_its_reference_gives_it) {
+  std::vector<uint8_t> bytes(1 << 20);
+  for (size_t i = 0; i < bytes.size(); ++i) bytes[i] = static_cast<uint8_t>(i % 251);
+  EXPECT_EQ(checksum({bytes}), 0x6E0D7AC36B8C10FF);
+}
+
 TEST(Checksum, does_not_depend_on_where_the_parts_are_cut) {
   std::vector<uint8_t> bytes(1000);
   for (size_t i = 0; i < bytes.size(); ++i) bytes[i] = static_cast<uint8_t>(7 * i);
