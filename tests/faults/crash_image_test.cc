@@ -166,22 +166,6 @@ void expect_untouched(const Files& before, const Files& now, Lost& lost) {
   }
 }
 
-/// take.toml and what is copied into a take when it begins.
-void expect_begun_take(const Files& image, Lost& lost) {
-  const std::string take = "takes/" + kDrivenTake + "/";
-  const auto expect_copy = [&](const std::string& of, const std::string& as) {
-    const auto found = image.find(take + as);
-    if (found == image.end() || found->second != image.at(of)) lost.push_back("not whole: " + as);
-  };
-  expect_copy("calib.toml", "calib.toml");
-  expect_copy("studio.toml", "studio.toml");
-  for (const std::string& camera : kDrivenCameras) {
-    for (const char* plate : {".mean.png", ".spread.png", ".toml"}) {
-      expect_copy("background/" + camera + plate, "background/" + camera + plate);
-    }
-  }
-}
-
 void expect_complete(const TakePaths& take, Lost& lost) {
   const Verification verified = verify_take(take);
   if (verified.info.state != TakeState::kComplete) lost.emplace_back("is not complete any more");
@@ -197,7 +181,7 @@ Lost check_recorded(const fs::path& image, const Marks& marks, size_t count) {
   const Files before = contents_of(image);
   try {
     const bool is_ready = marks.has("ready", count);
-    if (is_ready) expect_begun_take(before, lost);
+    if (is_ready) lost = missing_of_begun_take(image);
     for (const RecoveredTake& found : recover_open_takes(studio, kDrivenNode, kDrivenCameras)) {
       if (is_ready && !found.ledger) lost.push_back("not recovered: " + found.line);
     }

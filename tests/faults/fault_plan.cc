@@ -6,8 +6,11 @@
 #include <unistd.h>
 
 #include <cerrno>
+#include <csignal>
 #include <cstdlib>
 #include <cstring>
+
+#include "power_cut.h"
 
 namespace v3d::test {
 namespace {
@@ -73,7 +76,9 @@ FaultPlan::FaultPlan() {
   number_ = static_cast<uint32_t>(std::strtoul(number.c_str(), nullptr, 10));
   lasts_ = environment("V3D_FAULT_LASTS") == "1";
   const std::string_view kind = environment("V3D_FAULT_KIND");
-  kind_ = kind == "SHORT" ? FaultKind::kShort : FaultKind::kError;
+  kind_ = kind == "SHORT"       ? FaultKind::kShort
+          : kind == "POWER_CUT" ? FaultKind::kPowerCut
+                                : FaultKind::kError;
   error_ = error_number(kind);
   const std::string_view trace = environment("V3D_FAULT_TRACE");
   if (!trace.empty()) {
@@ -101,6 +106,10 @@ FaultKind FaultPlan::next(std::string_view call, const std::string& a, const std
   if (family != call_ || !is_hit(number)) return FaultKind::kNone;
   std::strncpy(report_->fired_on.data(), a.c_str(), report_->fired_on.size() - 1);
   ++report_->fired;
+  if (kind_ == FaultKind::kPowerCut) {
+    if (!shut_down(prefix_.c_str())) std::abort();
+    kill(getpid(), SIGKILL);
+  }
   return kind_;
 }
 

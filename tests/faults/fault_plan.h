@@ -4,7 +4,8 @@
 //   V3D_FAULT_CALL     family of calls that fails (kFaultCalls)
 //   V3D_FAULT_NUMBER   which call of it fails, from 1; 0: none, calls are counted only
 //   V3D_FAULT_LASTS    1: every later call of it fails as well
-//   V3D_FAULT_KIND     EIO, ENOSPC, EMFILE, EINTR, or SHORT (half of the bytes)
+//   V3D_FAULT_KIND     EIO, ENOSPC, EMFILE, EINTR, SHORT (half of the bytes), or POWER_CUT: before
+//                      the call, of the ext4 file system of the prefix; the program ends with it
 //   V3D_FAULT_PROGRAM  only in programs of this name; empty: in all
 //   V3D_FAULT_TRACE    file outside the prefix: every change below the prefix is appended
 //                      (fault_trace.h)
@@ -17,7 +18,7 @@
 
 namespace v3d::test {
 
-enum class FaultKind { kNone, kError, kShort };
+enum class FaultKind { kNone, kError, kShort, kPowerCut };
 
 class FaultPlan {
  public:

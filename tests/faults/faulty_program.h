@@ -25,6 +25,8 @@ struct ProgramResult {
   std::map<std::string, uint32_t> calls;
   bool fired = false;
   std::string fired_on;
+  /// The power was cut in the run or after it: what nobody had waited for may be gone.
+  bool is_power_cut = false;
 
   /// Some line of either stream names a path and holds `cause`.
   bool tells(const std::string& cause) const;

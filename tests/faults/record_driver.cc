@@ -5,9 +5,9 @@
 //   record_driver restart FOLDER MARKS     recovers open takes, continues the take and closes it
 //   record_driver recover FOLDER MARKS     recovers open takes
 //   record_driver quarantine FOLDER MARKS  a take without pulses
-// Marks, one line each: "ready", "frame CAMERA PULSE", "recovered", "complete", "quarantined PATH".
-// Exit status: 0 done, 3 done but not whole, 2 InputError, 1 anything else; every error is a line
-// on stderr.
+// Marks, one line each: "ready", "frame CAMERA PULSE", "synced" (all frames before it),
+// "recovered", "complete", "quarantined PATH". Exit status: 0 done, 3 done but not whole, 2
+// InputError, 1 anything else; every error is a line on stderr.
 #include <fcntl.h>
 #include <spdlog/sinks/stdout_sinks.h>
 #include <spdlog/spdlog.h>
@@ -157,9 +157,13 @@ class Driver {
   }
 
   void sync_logs() {
+    bool is_synced = true;
     for (EventLogWriter& log : logs_) {
-      if (auto synced = log.sync(); !synced) fail(synced.error().message);
+      const auto synced = log.sync();
+      if (!synced) fail(synced.error().message);
+      is_synced = is_synced && synced.has_value();
     }
+    if (is_synced) mark("synced");
   }
 
   Ledger account() const {

@@ -1,6 +1,9 @@
 #include "recorded_take.h"
 
+#include "base/file.h"
+#include "base/io/file.h"
 #include "support/temporary_folder.h"
+#include "take/take.h"
 
 namespace v3d::test {
 
@@ -15,6 +18,25 @@ void make_driven_studio(const std::filesystem::path& folder) {
     write_text(studio.storage.background / (camera + ".spread.png"), std::string(300, 's'));
     write_text(studio.storage.background / (camera + ".toml"), "# plates\n");
   }
+}
+
+std::vector<std::string> missing_of_begun_take(const std::filesystem::path& folder) {
+  const Studio studio = driven_studio(folder);
+  const TakePaths take{studio.storage.takes / kDrivenTake};
+  std::vector<std::string> missing;
+  const auto expect_copy = [&](const std::filesystem::path& of, const std::filesystem::path& as) {
+    const auto copy = io::read_file(as);
+    if (!copy || *copy != read_file(of)) missing.push_back("not whole: " + as.string());
+  };
+  expect_copy(studio.storage.calib, take.calib());
+  expect_copy(studio.path, take.folder / "studio.toml");
+  for (const std::string& camera : kDrivenCameras) {
+    for (const char* plate : {".mean.png", ".spread.png", ".toml"}) {
+      expect_copy(studio.storage.background / (camera + plate),
+                  take.folder / "background" / (camera + plate));
+    }
+  }
+  return missing;
 }
 
 }  // namespace v3d::test
