@@ -86,7 +86,7 @@ void record_length(int fd, off_t length) {
       {.change = Change::kTruncate, .file = inode_of(fd), .offset = static_cast<uint64_t>(length)});
 }
 
-void record_names(Change change, const std::string& path, const std::string& other = {}) {
+void record_names(Change change, const std::string& path, const std::string& other) {
   if (!plan().traces() || !(plan().is_below(path) || plan().is_below(other))) return;
   append({.change = change,
           .file = inode_of(other.empty() ? path : other),
