@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cstdlib>
+#include <iterator>
 #include <map>
 #include <sstream>
 #include <stdexcept>
@@ -52,7 +53,7 @@ void expect_marked_frame(const TakePaths& take, const std::string& mark, Lost& l
 
 /// A daemon that starts after a power cut recovers open takes.
 void expect_recovery(const FaultyWorkplace& place, bool is_ready, Lost& lost) {
-  if (is_ready) lost = missing_of_begun_take(place.disk());
+  if (is_ready) std::ranges::move(missing_of_begun_take(place.disk()), std::back_inserter(lost));
   const ProgramResult recovered = place.run(driver(place, "recover"), {});
   // A take that was never ready may lack what a recovery needs.
   const bool is_good = recovered.status == 0 || (recovered.status == 3 && !is_ready);
@@ -67,6 +68,15 @@ size_t end_of_synced(const std::vector<std::string>& marks) {
   return static_cast<size_t>(marks.rend() - last);
 }
 
+/// A take that was reported as moved is where the report says.
+void expect_quarantined(const std::vector<std::string>& marks, Lost& lost) {
+  const std::string reported = "quarantined ";
+  for (const std::string& mark : marks) {
+    if (!mark.starts_with(reported) || fs::exists(mark.substr(reported.size()))) continue;
+    lost.push_back("is not there: " + mark);
+  }
+}
+
 /// Every frame that was acknowledged is there, after a power cut every one that was synced; what
 /// was called complete is whole.
 Lost check_driven(const FaultyWorkplace& place, const ProgramResult& result) {
@@ -74,6 +84,7 @@ Lost check_driven(const FaultyWorkplace& place, const ProgramResult& result) {
   const TakePaths take = driven_take(place);
   auto marks = place.marked();
   const bool is_complete = !marks.empty() && marks.back() == "complete";
+  expect_quarantined(marks, lost);
   if (result.is_power_cut) {
     expect_recovery(place, std::ranges::find(marks, "ready") != marks.end(), lost);
     marks.resize(end_of_synced(marks));

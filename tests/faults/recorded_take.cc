@@ -4,6 +4,7 @@
 #include "base/io/file.h"
 #include "support/temporary_folder.h"
 #include "take/take.h"
+#include "take/take_removal.h"
 
 namespace v3d::test {
 
@@ -22,7 +23,10 @@ void make_driven_studio(const std::filesystem::path& folder) {
 
 std::vector<std::string> missing_of_begun_take(const std::filesystem::path& folder) {
   const Studio studio = driven_studio(folder);
-  const TakePaths take{studio.storage.takes / kDrivenTake};
+  TakePaths take{studio.storage.takes / kDrivenTake};
+  if (!std::filesystem::exists(take.folder)) {
+    take.folder = studio.storage.takes / kQuarantineFolder / kDrivenTake;
+  }
   std::vector<std::string> missing;
   const auto expect_copy = [&](const std::filesystem::path& of, const std::filesystem::path& as) {
     const auto copy = io::read_file(as);

@@ -30,7 +30,8 @@ inline Studio driven_studio(const std::filesystem::path& folder) {
 
 /// Files and folders that a studio has before the first take.
 void make_driven_studio(const std::filesystem::path& folder);
-/// What was copied into the take when it began and is not as in the studio, one line each.
+/// What was copied into the take when it began and is not as in the studio, one line each. The take
+/// may lie in the quarantine.
 std::vector<std::string> missing_of_begun_take(const std::filesystem::path& folder);
 
 }  // namespace v3d::test
