@@ -7,7 +7,7 @@
 #include <utility>
 
 #include "base/mask_shape.h"
-#include "recon/box_view.h"
+#include "recon/hull/box_view.h"
 
 namespace v3d {
 namespace {

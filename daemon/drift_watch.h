@@ -10,8 +10,8 @@
 #include <thread>
 #include <vector>
 
-#include "recon/drift.h"
-#include "recon/reconstructor.h"
+#include "recon/pipeline/reconstructor.h"
+#include "recon/silhouettes/drift.h"
 
 namespace v3d {
 

@@ -16,9 +16,9 @@
 #include "daemon/inbox_quiet.h"
 #include "daemon/live_queue.h"
 #include "daemon/shared_take.h"
-#include "recon/frame_pipeline.h"
-#include "recon/frame_set.h"
-#include "recon/reconstructor.h"
+#include "recon/pipeline/frame_pipeline.h"
+#include "recon/pipeline/frame_set.h"
+#include "recon/pipeline/reconstructor.h"
 #include "take/mesh_file.h"
 
 namespace v3d {

@@ -12,7 +12,7 @@
 
 #include "base/camera_model.h"
 #include "base/studio_file.h"
-#include "recon/camera_colours.h"
+#include "recon/texture/camera_colours.h"
 #include "wire/messages.h"
 
 namespace v3d {

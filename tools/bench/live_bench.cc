@@ -8,7 +8,7 @@
 #include "base/statistics.h"
 #include "base/time.h"
 #include "rates.h"
-#include "recon/frame_pipeline.h"
+#include "recon/pipeline/frame_pipeline.h"
 #include "workload.h"
 
 namespace v3d::bench {

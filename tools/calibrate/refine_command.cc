@@ -9,7 +9,7 @@
 #include "calibrate/commands.h"
 #include "common/console.h"
 #include "daemon/recorded/take_frames.h"
-#include "recon/box_view.h"
+#include "recon/hull/box_view.h"
 #include "v3dctl/interrupt.h"
 #include "v3dctl/reconstruct.h"
 #include "v3dctl/working_space.h"

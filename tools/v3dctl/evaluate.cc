@@ -9,9 +9,9 @@
 #include "common/ply_reader.h"
 #include "daemon/recorded/frame_colours.h"
 #include "daemon/recorded/take_frames.h"
-#include "recon/mesh_edges.h"
-#include "recon/self_intersection.h"
-#include "recon/silhouette.h"
+#include "recon/mesh/mesh_edges.h"
+#include "recon/mesh/self_intersection.h"
+#include "recon/render/silhouette.h"
 #include "v3dctl/held_out_view.h"
 #include "v3dctl/interrupt.h"
 

@@ -8,8 +8,8 @@
 #include <vector>
 
 #include "daemon/recorded/mesh_frames.h"
-#include "recon/evaluation.h"
-#include "recon/sight.h"
+#include "recon/metrics/evaluation.h"
+#include "recon/metrics/sight.h"
 
 namespace v3d::ctl {
 

@@ -7,8 +7,8 @@
 #include <vector>
 
 #include "base/studio_file.h"
-#include "recon/drift.h"
-#include "recon/synchronism.h"
+#include "recon/silhouettes/drift.h"
+#include "recon/silhouettes/synchronism.h"
 
 namespace v3d::ctl {
 

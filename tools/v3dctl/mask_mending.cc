@@ -7,7 +7,7 @@
 #include <map>
 
 #include "base/mask_shape.h"
-#include "recon/box_view.h"
+#include "recon/hull/box_view.h"
 #include "v3dctl/options.h"
 
 namespace v3d::ctl {

@@ -8,8 +8,8 @@
 #include <vector>
 
 #include "daemon/recorded/segmented_log.h"
-#include "recon/reconstructor.h"
-#include "recon/silhouette_mender.h"
+#include "recon/pipeline/reconstructor.h"
+#include "recon/silhouettes/silhouette_mender.h"
 
 namespace v3d::ctl {
 

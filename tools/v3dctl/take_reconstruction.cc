@@ -10,9 +10,9 @@
 
 #include "base/error.h"
 #include "base/mask_shape.h"
-#include "recon/box_view.h"
-#include "recon/frame_pipeline.h"
-#include "recon/silhouette.h"
+#include "recon/hull/box_view.h"
+#include "recon/pipeline/frame_pipeline.h"
+#include "recon/render/silhouette.h"
 #include "v3dctl/interrupt.h"
 #include "v3dctl/take_surfaces.h"
 

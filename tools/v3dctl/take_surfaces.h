@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "daemon/recorded/take_frames.h"
-#include "recon/reconstructor.h"
+#include "recon/pipeline/reconstructor.h"
 #include "v3dctl/mask_mending.h"
 
 namespace v3d::ctl {

@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <cstdio>
 
-#include "recon/drift.h"
-#include "recon/hull_of_others.h"
+#include "recon/silhouettes/drift.h"
+#include "recon/silhouettes/hull_of_others.h"
 #include "sim/scene.h"
 #include "workload.h"
 

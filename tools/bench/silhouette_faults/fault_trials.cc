@@ -8,7 +8,7 @@
 #include <set>
 
 #include "base/mask_shape.h"
-#include "recon/silhouette_mender.h"
+#include "recon/silhouettes/silhouette_mender.h"
 #include "sim/film.h"
 #include "workload.h"
 

@@ -1,0 +1,69 @@
+// The template windows of vertices: which cameras look at each, and where the window falls in their
+// pictures.
+#pragma once
+
+#include <span>
+
+#include "recon/surface/correlation.h"
+#include "recon/visibility/block_sight.h"
+
+namespace v3d {
+
+/// Windows tangent to the surface.
+struct WindowOptions {
+  int level = 0;        ///< of SurfaceCamera::picture()
+  int most_views = 6;   ///< at most kMostWindowViews
+  size_t every = 1;     ///< only so many-th vertex of a block has a window
+  float spacing_m = 0;  ///< between two samples
+  float step_m = 0;     ///< between two depths of a profile
+};
+
+/// The windows of a block of vertices. Keeps its memory.
+class WindowBlock {
+ public:
+  /// `sights`: one per camera, of the vertices at `places` with these normals (unit length), no
+  /// more than BlockSight::kMost. Of every vertex: the cameras that see it, those that it faces
+  /// most first: the paper's C_v, c_m at the front. A camera in which part of the window would
+  /// leave the picture is left out. None where the window's corners leave the silhouette of the
+  /// first, at an outline or on what is slenderer than the window: the background would be
+  /// compared.
+  void find(std::span<const Eigen::Vector3f> places, std::span<const Eigen::Vector3f> normals,
+            std::span<const SurfaceCamera> cameras, std::span<const BlockSight> sights,
+            const WindowOptions& options, const CorrelationOptions& correlation);
+
+  /// Those of a vertex of the block.
+  const WindowViews& views(size_t i) const { return views_[i]; }
+
+ private:
+  /// A camera that sees the middle of a window, and the pixels beside it, one step along each axis.
+  struct Candidate {
+    float facing = 0;
+    uint32_t camera = 0;
+    Eigen::Vector2f across, down, out;
+  };
+  struct Candidates {
+    int count = 0;
+    std::array<Candidate, kMostWindowViews> list;
+  };
+  /// A vertex of the block, and its candidate that is a certain camera.
+  struct Looker {
+    size_t vertex;
+    Candidate* candidate;
+  };
+  void choose_cameras(size_t i, std::span<const BlockSight> sights, int most);
+  void note_lookers(std::span<const Eigen::Vector3f> normals, const WindowOptions& options,
+                    size_t cameras);
+  void look_beside(std::span<const Eigen::Vector3f> places,
+                   std::span<const Eigen::Vector3f> normals, const SurfaceCamera& camera,
+                   std::span<const Looker> lookers, const WindowOptions& options);
+  void make_views(size_t i, std::span<const SurfaceCamera> cameras,
+                  std::span<const BlockSight> sights, const WindowOptions& options,
+                  const CorrelationOptions& correlation);
+
+  std::array<Candidates, BlockSight::kMost> candidates_;
+  std::array<Eigen::Vector3f, BlockSight::kMost> across_;  ///< the windows' first axes, one step
+  std::vector<std::vector<Looker>> lookers_;               ///< by camera
+  std::array<WindowViews, BlockSight::kMost> views_;
+};
+
+}  // namespace v3d

@@ -1,0 +1,27 @@
+// In which depth cell a camera sees a point.
+#pragma once
+
+#include <array>
+#include <cstdint>
+
+#include "recon/hull/voxel_projection.h"
+#include "recon/visibility/depth_cells.h"
+#include "recon/visibility/point_arrays.h"
+
+namespace v3d {
+
+/// One block of points in the cells of a camera.
+struct LocatedPoints {
+  static constexpr int32_t kNear = -1;  ///< nearer than CellGrid::whole_from_z: covers many cells
+  /// Index of the cell; kNear; or CellGrid::count(): not in any cell, or not seen.
+  alignas(64) std::array<int32_t, PointArrays::kBlock> cell;
+  alignas(64) std::array<float, PointArrays::kBlock> column, row;  ///< in widths of a cell
+  alignas(64) std::array<float, PointArrays::kBlock> z;            ///< metres
+};
+
+/// Points `first` to `first` + kBlock. Vectorised for the processor it runs on; every processor
+/// gives the same bits.
+void locate_points(const VoxelCamera& lens, const CellGrid& grid, const PointArrays& points,
+                   size_t first, LocatedPoints& located);
+
+}  // namespace v3d
