@@ -67,7 +67,7 @@ inline std::array<uint64_t, 5> along_z(const Layer& a, const Layer& b, const Lay
 /// Of the 27 voxels in and round each voxel. layer_of(brick, z) gives 64 bits, y after y; all are 0
 /// where no brick is stored.
 template <class LayerOf>
-BrickCounts counts_of_27(const BricksAround& around, const LayerOf& layer_of) {
+BrickCounts neighbourhood_counts(const BricksAround& around, const LayerOf& layer_of) {
   using brick_counts::Layer;
   std::array<Layer, kBrickEdge + 2> flat;
   for (int z = 0; z < kBrickEdge + 2; ++z) {

@@ -29,7 +29,7 @@ using BrickRow = std::array<Number, kBrickEdge>;
 /// Sums of a number over the 27 voxels in and round each voxel of a brick, x fastest.
 /// row_of(brick, row) is a BrickRow of row 8 z + y; all are 0 where no brick is stored.
 template <class Sum, class RowOf>
-std::array<Sum, 512> sums_of_27(const BricksAround& around, const RowOf& row_of) {
+std::array<Sum, 512> neighbourhood_sums(const BricksAround& around, const RowOf& row_of) {
   constexpr int kWide = kBrickEdge + 2;
   // Of the brick and one voxel around it, along one axis after the other.
   std::array<Sum, kWide * kWide * kBrickEdge> along_x{};

@@ -49,7 +49,7 @@ void Intersector::intersect(std::span<const Mask* const> masks, SparseVolume& vo
   tbb::parallel_for(size_t{0}, masks.size(), [&](size_t c) {
     if (masks[c] != nullptr) masks_[c].build(*masks[c]);
   });
-  const CarveScene scene{grid_, cameras_, masks_, min_views_};
+  const IntersectionScene scene{grid_, cameras_, masks_, min_views_};
   for (auto& bricks : found_) bricks.clear();
   nodes_.assign(1, above_root(masks));
   while (!nodes_.empty() && nodes_.size() < kEnoughNodes && nodes_.front().level > 1) {
@@ -61,7 +61,8 @@ void Intersector::intersect(std::span<const Mask* const> masks, SparseVolume& vo
       tbb::blocked_range<size_t>(0, nodes_.size(), 1),
       [&](const auto& range) {
         std::vector<PlacedBrick>& bricks = found_.local();
-        for (size_t n = range.begin(); n < range.end(); ++n) carve_node(scene, nodes_[n], bricks);
+        for (size_t n = range.begin(); n < range.end(); ++n)
+          intersect_node(scene, nodes_[n], bricks);
       },
       tbb::simple_partitioner());
   parts_.clear();

@@ -10,7 +10,7 @@
 
 #include "base/camera_model.h"
 #include "base/mask.h"
-#include "recon/hull/carve_octree.h"
+#include "recon/hull/intersection_octree.h"
 #include "recon/hull/mask_pyramid.h"
 #include "recon/hull/sparse_volume.h"
 #include "recon/hull/voxel_projection.h"
@@ -29,7 +29,7 @@ namespace v3d {
 /// the result depends on nothing but the arguments.
 class Intersector {
  public:
-  static constexpr int kMaxCameras = kMostCameras;
+  static constexpr int kMaxCameras = v3d::kMaxCameras;
 
   /// Throws InputError for more than kMaxCameras cameras, min_views < 1, or a grid with an axis
   /// beyond VoxelGrid::kMaxCount.

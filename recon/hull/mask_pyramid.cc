@@ -35,9 +35,9 @@ namespace {
 
 namespace hn = hwy::HWY_NAMESPACE;
 
-#include "recon/lanes.inc"
+#include "recon/simd_float.inc"
 // Behind the lanes they work with:
-#include "recon/hull/mask_window.inc"
+#include "recon/hull/simd_mask_window.inc"
 
 /// Bits 0, 2, 4, ... of x, moved together.
 HWY_INLINE uint32_t even_bits(uint32_t x) {

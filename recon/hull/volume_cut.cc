@@ -66,8 +66,8 @@ void VolumeCut::smooth(int passes) {
     tbb::parallel_for(size_t{0}, cut_.size(), [&](size_t b) {
       if (!open[b]) return;
       const BricksAround around = bricks_around(volume_, b);
-      const BrickCounts cut = counts_of_27(around, cut_of);
-      const BrickCounts staying = counts_of_27(around, staying_of);
+      const BrickCounts cut = neighbourhood_counts(around, cut_of);
+      const BrickCounts staying = neighbourhood_counts(around, staying_of);
       const Brick more = larger(cut, staying), less = larger(staying, cut);
       for (size_t z = 0; z < kBrickEdge; ++z) {
         next[b][z] = ((next[b][z] & ~less[z]) | more[z]) & volume_.bricks()[b][z];
@@ -80,9 +80,9 @@ void VolumeCut::smooth(int passes) {
 }
 
 /// Floods what stays, from voxel to voxel.
-class VolumeCut::Crumbs {
+class VolumeCut::Fragments {
  public:
-  Crumbs(const SparseVolume& volume, std::vector<Brick>& cut, int voxels)
+  Fragments(const SparseVolume& volume, std::vector<Brick>& cut, int voxels)
       : volume_(volume),
         cut_(cut),
         voxels_(static_cast<size_t>(voxels)),
@@ -186,17 +186,17 @@ class VolumeCut::Crumbs {
   std::vector<Voxel> piece_;    ///< at work
 };
 
-void VolumeCut::add_crumbs(int voxels) {
+void VolumeCut::add_fragments(int voxels) {
   // A severed piece has voxels beside the cut.
   std::vector<Brick> beside(cut_.size(), kEmptyBrick);
   const std::vector<uint8_t> open = bricks_near();
   tbb::parallel_for(size_t{0}, cut_.size(), [&](size_t b) {
     if (!open[b]) return;
     const auto cut_of = [&](size_t brick, int z) { return cut_[brick][z]; };
-    const BrickCounts counts = counts_of_27(bricks_around(volume_, b), cut_of);
+    const BrickCounts counts = neighbourhood_counts(bricks_around(volume_, b), cut_of);
     beside[b] = larger(counts, {});
   });
-  Crumbs crumbs(volume_, cut_, voxels);
+  Fragments crumbs(volume_, cut_, voxels);
   for (size_t b = 0; b < beside.size(); ++b) {
     for (int z = 0; z < kBrickEdge; ++z) {
       for (uint64_t rest = beside[b][z]; rest != 0; rest &= rest - 1) {

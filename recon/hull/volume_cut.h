@@ -22,7 +22,7 @@ class VolumeCut {
   void smooth(int passes);
   /// Adds the pieces of fewer than `voxels` that the cut has severed from all the rest. Voxels are
   /// joined by faces and edges, as MarchingCubes joins them.
-  void add_crumbs(int voxels);
+  void add_fragments(int voxels);
 
   /// Of the volume's bricks, those voxels do not go.
   void keep(std::span<const Brick> voxels);
@@ -35,7 +35,7 @@ class VolumeCut {
   SparseVolume remaining() const;
 
  private:
-  class Crumbs;
+  class Fragments;
   template <class Chosen>
   std::vector<uint8_t> near(const Chosen& chosen) const;
 

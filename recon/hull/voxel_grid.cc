@@ -10,7 +10,7 @@
 namespace v3d {
 namespace {
 
-constexpr double kMostVoxels = 0x1p62;  // representable in int64_t and in double
+constexpr double kMaxVoxels = 0x1p62;  // representable in int64_t and in double
 
 constexpr double kSmallestVoxel = 1e-9;  // metres; keeps the arithmetic below free of underflow
 
@@ -73,7 +73,7 @@ VoxelGrid VoxelGrid::covering(const Box& box, double voxel_m) {
                        "; its minimum must be below its maximum");
     }
     const double count = std::ceil(extent / voxel_m - 1e-6);
-    grid.counts[axis] = static_cast<int64_t>(std::clamp(count, 1.0, kMostVoxels));
+    grid.counts[axis] = static_cast<int64_t>(std::clamp(count, 1.0, kMaxVoxels));
   }
   return grid;
 }

@@ -45,7 +45,7 @@ VoxelCamera::VoxelCamera(const CameraModel& camera, const VoxelGrid& grid)
     cam_from_voxel[row][3] = static_cast<float>(first[row]);
   }
   std::copy_n(camera.distortion().begin(), d.size(), d.begin());
-  is_tame = is_small(*this, grid);
+  cannot_overflow = is_small(*this, grid);
 }
 
 }  // namespace v3d

@@ -30,7 +30,7 @@ struct VoxelCamera {
   float pixel_from_lens[3][3]{};
   /// All numbers are so small that no step of the projection overflows for a point that lies 1 mm
   /// and more before the camera and within a radius2 of 1e6.
-  bool is_tame = false;
+  bool cannot_overflow = false;
 
   VoxelCamera() = default;
   VoxelCamera(const CameraModel& camera, const VoxelGrid& grid);

@@ -19,7 +19,7 @@ namespace {
 
 namespace hn = hwy::HWY_NAMESPACE;
 
-#include "recon/lanes.inc"
+#include "recon/simd_float.inc"
 
 using Box = BoxTree::Box;
 using Node = BoxTree::Node;
@@ -177,14 +177,14 @@ BoxTree::BoxTree(std::span<const Box> boxes) : order_(sorted_numbers(places_on_c
       replace(leaf, place, boxes[numbers[place]]);
     }
   });
-  settle();
+  refit();
 }
 
 std::span<const uint32_t> BoxTree::in_leaf(size_t leaf) const {
   return std::span(order_).subspan(leaf * kWidth, std::min(kWidth, order_.size() - leaf * kWidth));
 }
 
-void BoxTree::settle() {
+void BoxTree::refit() {
   for (size_t level = 1; level < levels_.size(); ++level) {
     const std::vector<Node>& below = levels_[level - 1];
     tbb::parallel_for(size_t{0}, levels_[level].size(), [&](size_t n) {
@@ -200,8 +200,8 @@ void BoxTree::settle() {
 
 HWY_EXPORT(search_any);
 
-void BoxTree::touching(size_t leaf, std::span<const Places> chosen,
-                       std::vector<Pair>& pairs) const {
+void BoxTree::overlapping(size_t leaf, std::span<const Places> chosen,
+                          std::vector<Pair>& pairs) const {
   HWY_DYNAMIC_DISPATCH(search_any)(levels_, order_.data(), chosen.data(), leaf, pairs);
 }
 

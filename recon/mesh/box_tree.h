@@ -47,12 +47,12 @@ class BoxTree {
   /// Puts another box at a place. Boxes of different leaves may be replaced at the same time; then
   /// comes settle(), before the next question.
   void replace(size_t leaf, size_t place, const Box& box) { levels_[0][leaf].set(place, box); }
-  void settle();
+  void refit();
 
   /// Appends every pair that touches (common borders are enough) of one of the boxes at
   /// `chosen[leaf]` and any other. Who asks for all leaves gets each pair once. In no particular
   /// order; any thread. Vectorised for the processor it runs on.
-  void touching(size_t leaf, std::span<const Places> chosen, std::vector<Pair>& pairs) const;
+  void overlapping(size_t leaf, std::span<const Places> chosen, std::vector<Pair>& pairs) const;
 
  private:
   std::vector<uint32_t> order_;            ///< numbers of the boxes, leaf by leaf

@@ -14,8 +14,8 @@ using Triangle = std::array<uint32_t, 3>;
 /// Halves the long edges of a mesh, each once.
 class EdgeHalver {
  public:
-  EdgeHalver(double most_m, std::vector<Eigen::Vector3f>& vertices)
-      : most_m_(static_cast<float>(most_m)), vertices_(vertices) {}
+  EdgeHalver(double max_m, std::vector<Eigen::Vector3f>& vertices)
+      : max_m_(static_cast<float>(max_m)), vertices_(vertices) {}
 
   bool halved_any() const { return !middles_.empty(); }
 
@@ -45,7 +45,7 @@ class EdgeHalver {
 
  private:
   std::optional<uint32_t> middle_of(uint32_t a, uint32_t b) {
-    if (!((vertices_[a] - vertices_[b]).norm() > most_m_)) return {};
+    if (!((vertices_[a] - vertices_[b]).norm() > max_m_)) return {};
     const auto [low, high] = std::minmax(a, b);
     const auto [found, added] =
         middles_.try_emplace(uint64_t{low} << 32 | high, static_cast<uint32_t>(vertices_.size()));
@@ -53,7 +53,7 @@ class EdgeHalver {
     return found->second;
   }
 
-  const float most_m_;
+  const float max_m_;
   std::vector<Eigen::Vector3f>& vertices_;
   std::unordered_map<uint64_t, uint32_t> middles_;
 };
@@ -68,11 +68,11 @@ double mean_edge(const Mesh& mesh) {
   return sum / static_cast<double>(std::max<size_t>(1, mesh.triangles.size()));
 }
 
-Mesh with_short_edges(const Mesh& mesh, double most_m) {
-  V3D_CHECK(most_m > 0);
+Mesh with_short_edges(const Mesh& mesh, double max_m) {
+  V3D_CHECK(max_m > 0);
   Mesh fine{mesh.vertices, mesh.triangles, {}};
   for (bool again = true; again;) {
-    EdgeHalver halver(most_m, fine.vertices);
+    EdgeHalver halver(max_m, fine.vertices);
     std::vector<Triangle> parts;
     for (const Triangle& triangle : fine.triangles) halver.divide(triangle, parts);
     fine.triangles.swap(parts);

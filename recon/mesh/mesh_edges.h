@@ -12,6 +12,6 @@ double mean_edge(const Mesh& mesh);
 /// The same surface, no edge longer than `most_m`: longer ones are halved until they are short, the
 /// triangles on both sides alike, so that no cracks open. The vertices of `mesh` keep their places
 /// and stand first; colours are left out. Requires most_m > 0.
-Mesh with_short_edges(const Mesh& mesh, double most_m);
+Mesh with_short_edges(const Mesh& mesh, double max_m);
 
 }  // namespace v3d

@@ -88,7 +88,7 @@ std::vector<Crossing> CrossingFinder::of_moved(const std::vector<uint8_t>& moved
       tree_.replace(leaf, place, box_of(mesh_, triangles[place]));
     }
   });
-  tree_.settle();
+  tree_.refit();
   return find(chosen);
 }
 
@@ -99,19 +99,19 @@ std::vector<Crossing> CrossingFinder::find(const Chosen& chosen) const {
            cross(corners_of(mesh_, std::min(s, t)), corners_of(mesh_, std::max(s, t)));
   };
   struct Found {
-    std::vector<BoxTree::Pair> touching;
+    std::vector<BoxTree::Pair> overlapping;
     std::vector<Crossing> crossings;
   };
   tbb::enumerable_thread_specific<Found> found;
   const size_t tasks = (chosen.size() + kLeavesInTask - 1) / kLeavesInTask;
   tbb::parallel_for(size_t{0}, tasks, [&](size_t task) {
-    auto& [touching, crossings] = found.local();
-    touching.clear();
+    auto& [overlapping, crossings] = found.local();
+    overlapping.clear();
     const size_t end = std::min(chosen.size(), (task + 1) * kLeavesInTask);
     for (size_t leaf = task * kLeavesInTask; leaf < end; ++leaf) {
-      if (chosen[leaf] != 0) tree_.touching(leaf, chosen, touching);
+      if (chosen[leaf] != 0) tree_.overlapping(leaf, chosen, overlapping);
     }
-    for (const BoxTree::Pair& pair : touching) {
+    for (const BoxTree::Pair& pair : overlapping) {
       if (is_crossing(pair)) crossings.emplace_back(std::minmax(pair.first, pair.second));
     }
   });

@@ -7,7 +7,7 @@
 #include <cstdint>
 #include <cstring>
 
-#include "recon/hull/box_view.h"
+#include "recon/hull/bounds_mask.h"
 #include "recon/render/screen_vertex.h"
 #include "recon/visibility/locate_points.h"
 
@@ -151,7 +151,7 @@ bool is_near_any(Cells& cells, int column, int row) {
 QualityMeter::QualityMeter(const Rig& rig, const Box& bounds, double edge_m)
     : models_(models_of(rig)), edge_m_(edge_m), views_(rig.size()) {
   tbb::parallel_for(size_t{0}, views_.size(),
-                    [&](size_t c) { views_[c] = view_of(bounds, models_[c]); });
+                    [&](size_t c) { views_[c] = bounds_mask(bounds, models_[c]); });
 }
 
 QualityMeter::Count QualityMeter::count(const Mesh& mesh, std::span<const PointArrays, 2> halves,
@@ -164,7 +164,7 @@ QualityMeter::Count QualityMeter::count(const Mesh& mesh, std::span<const PointA
       count.pixels += pixels.at(x, y);
       if (reached.at(x, y) == 0) continue;
       count.explained += pixels.at(x, y);
-      if (!is_near_any(pixels, x, y)) count.too_much += kCell * kCell;
+      if (!is_near_any(pixels, x, y)) count.excess += kCell * kCell;
     }
   }
   return count;
@@ -186,7 +186,7 @@ FrameQuality QualityMeter::measure(const Mesh& mesh, std::span<const Frame* cons
   for (const Count& count : counts) {
     all.pixels += count.pixels;
     all.explained += count.explained;
-    const int64_t joined = count.pixels + count.too_much;
+    const int64_t joined = count.pixels + count.excess;
     if (joined == 0) continue;
     sum += static_cast<double>(count.explained) / static_cast<double>(joined);
     ++seeing;

@@ -42,7 +42,7 @@ class QualityMeter {
   struct Count {
     int64_t pixels = 0;     ///< of the silhouette
     int64_t explained = 0;  ///< of these
-    int64_t too_much = 0;   ///< pixels beside them
+    int64_t excess = 0;     ///< pixels beside them
   };
   Count count(const Mesh& mesh, std::span<const PointArrays, 2> halves, const Mask& silhouette,
               size_t camera) const;

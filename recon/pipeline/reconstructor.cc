@@ -11,8 +11,8 @@
 #include "recon/hull/intersect.h"
 #include "recon/hull/marching_cubes.h"
 #include "recon/pipeline/compact_frame.h"
-#include "recon/surface/hollows.h"
-#include "recon/surface/steady_surface.h"
+#include "recon/surface/concavity_carving.h"
+#include "recon/surface/temporal_smoothing.h"
 #include "recon/texture/texture.h"
 
 namespace v3d {
@@ -66,11 +66,11 @@ std::optional<Deformer> deformer_of(const ReconstructOptions& options,
   return std::optional<Deformer>(std::in_place, deform);
 }
 
-std::optional<HollowCarver> hollows_of(const ReconstructOptions& options) {
+std::optional<ConcavityCarver> carver_of(const ReconstructOptions& options) {
   const DeformOptions& deform = options.deform;
-  const bool wanted = options.quality == Quality::kHigh && deform.hollows &&
+  const bool wanted = options.quality == Quality::kHigh && deform.carve_concavities &&
                       deform.mode == DeformMode::kSearch && deform.photometric > 0;
-  return wanted ? std::optional<HollowCarver>(std::in_place) : std::nullopt;
+  return wanted ? std::optional<ConcavityCarver>(std::in_place) : std::nullopt;
 }
 
 double volume_m3(const SparseVolume& volume) {
@@ -89,7 +89,7 @@ class Reconstructor::Impl {
         grid_(affordable_grid(options)),
         lattice_(lattice_of(grid_, options.quality)),
         deformer_(deformer_of(options, lattice_)),
-        hollows_(hollows_of(options)),
+        carver_(carver_of(options)),
         arena_(arena_size(options.threads)),
         quality_(
             arena_.execute([&] { return QualityMeter(rig, options.bounds, options.voxel_m); })),
@@ -97,7 +97,7 @@ class Reconstructor::Impl {
         encoder_(encoder_options(lattice_)) {}
 
   Reconstruction reconstruct(FrameSet set) {
-    SetAtWork work(std::move(set));
+    FrameSetJob work(std::move(set));
     begin_sequence();
     arena_.execute([&] {
       make_mesh(work);
@@ -106,57 +106,62 @@ class Reconstructor::Impl {
     return std::move(work.result);
   }
 
-  void make_mesh(SetAtWork& work) {
+  void make_mesh(FrameSetJob& work) {
     make_surface(work);
     make_colours(work);
   }
 
-  void make_surface(SetAtWork& work) {
+  void make_surface(FrameSetJob& work) {
     make_hull(work);
     if (!deformer_) return;
     const Stopwatch deforming;
     const SurfaceCameras seen(deform_cameras(work), work.result.mesh, grid_.voxel_m);
-    if (hollows_) {
+    if (carver_) {
       const Mesh& hull = work.result.mesh;
-      carve(work, seen, hollows_->look(seen, hull, work.volume), {});
+      carve(work, seen, carver_->find_samples(seen, hull, work.volume), {});
     }
     deformer_->run(seen, work.result.mesh);
     work.result.times.deform = deforming.ms();
   }
 
-  void make_hull(SetAtWork& work) {
+  void make_hull(FrameSetJob& work) {
     work.result.pulse = work.set.pulse;
     work.frames = usable_frames(work.set);
     shape(work);
   }
 
-  Moment look(SetAtWork& work) {
-    const Stopwatch looking;
-    Moment moment(models_, work.frames, work.result.mesh, grid_.voxel_m);
-    if (hollows_) moment.hollows = hollows_->look(moment.seeing(), work.result.mesh, work.volume);
-    work.result.times.deform = looking.ms();
-    return moment;
+  PulseViews make_views(FrameSetJob& work) {
+    const Stopwatch observing;
+    PulseViews views(models_, work.frames, work.result.mesh, grid_.voxel_m);
+    if (carver_)
+      views.stereo_samples =
+          carver_->find_samples(views.cameras_with_pixels(), work.result.mesh, work.volume);
+    work.result.times.deform = observing.ms();
+    return views;
   }
 
-  void make_surface(SetAtWork& work, Moment& now, std::span<const Moment* const> beside) {
+  void make_surface(FrameSetJob& work, PulseViews& now,
+                    std::span<const PulseViews* const> adjacent) {
     const Stopwatch deforming;
-    if (hollows_) {
-      std::vector<SightsBeside> sights;
-      for (const Moment* then : beside) sights.push_back(sights_beside(now, *then));
-      carve(work, now.seeing(), now.hollows, sights);
+    if (carver_) {
+      std::vector<NeighbourSamples> sights;
+      for (const PulseViews* then : adjacent) sights.push_back(neighbour_samples(now, *then));
+      carve(work, now.cameras_with_pixels(), now.stereo_samples, sights);
     }
-    deformer_->run(now.seeing(), work.result.mesh);
+    deformer_->run(now.cameras_with_pixels(), work.result.mesh);
     now.set_surface(work.result.mesh);
     work.result.times.deform += deforming.ms();
   }
 
-  void steady(SetAtWork& work, const Moment& now, std::span<const Moment* const> beside) const {
-    const Stopwatch steadying;
-    steady_surface(now, beside, {.voxel_m = grid_.voxel_m, .lattice = lattice_}, work.result.mesh);
-    work.result.times.steady = steadying.ms();
+  void smooth_over_time(FrameSetJob& work, const PulseViews& now,
+                        std::span<const PulseViews* const> adjacent) const {
+    const Stopwatch smoothing;
+    v3d::smooth_over_time(now, adjacent, {.voxel_m = grid_.voxel_m, .lattice = lattice_},
+                          work.result.mesh);
+    work.result.times.smoothing = smoothing.ms();
   }
 
-  void make_colours(SetAtWork& work) const {
+  void make_colours(FrameSetJob& work) const {
     const Stopwatch texturing;
     Reconstruction& result = work.result;
     std::vector<TextureCamera> cameras;
@@ -175,11 +180,11 @@ class Reconstructor::Impl {
     result.times.texture = texturing.ms();
   }
 
-  void encode(SetAtWork& work) {
+  void encode(FrameSetJob& work) {
     Reconstruction& result = work.result;
-    const Stopwatch judging;
+    const Stopwatch measuring;
     result.quality = quality_.measure(result.mesh, work.frames);
-    result.times.quality = judging.ms();
+    result.times.quality = measuring.ms();
     const Stopwatch encoding;
     result.compact = compact_frame_of(work);
     // What is lost on the way is lost here, too.
@@ -190,7 +195,7 @@ class Reconstructor::Impl {
   void begin_sequence() { encoder_.restart(); }
 
  private:
-  std::vector<uint8_t> compact_frame_of(const SetAtWork& work) {
+  std::vector<uint8_t> compact_frame_of(const FrameSetJob& work) {
     const Reconstruction& result = work.result;
     const Eigen::Vector3d& origin = grid_.origin;
     const BrickVolume volume = work.volume.view();
@@ -210,18 +215,18 @@ class Reconstructor::Impl {
     content.triangles = result.mesh.triangles;
     content.colours = colours;
     auto compact = encoder_.encode(content);
-    if (!compact) refuse(result);
+    if (!compact) reject(result);
     return *std::move(compact);
   }
 
-  [[noreturn]] static void refuse(const Reconstruction& result) {
+  [[noreturn]] static void reject(const Reconstruction& result) {
     throw InputError("pulse " + std::to_string(result.pulse) + ": a surface of " +
                      std::to_string(result.mesh.vertices.size()) +
                      " vertices does not fit a compact frame (docs/compact-frame.md has its "
                      "limits): use a larger voxel");
   }
 
-  void shape(SetAtWork& work) {
+  void shape(FrameSetJob& work) {
     Reconstruction& result = work.result;
     const Stopwatch intersecting;
     std::vector<const Mask*> masks;
@@ -238,7 +243,7 @@ class Reconstructor::Impl {
     result.times.mesh = meshing.ms();
   }
 
-  std::vector<DeformCamera> deform_cameras(const SetAtWork& work) const {
+  std::vector<DeformCamera> deform_cameras(const FrameSetJob& work) const {
     std::vector<DeformCamera> cameras;
     for (size_t c = 0; c < work.frames.size(); ++c) {
       if (work.frames[c] != nullptr) cameras.push_back({&rig_[c].model, work.frames[c]});
@@ -246,9 +251,9 @@ class Reconstructor::Impl {
     return cameras;
   }
 
-  void carve(SetAtWork& work, const SurfaceCameras& cameras, const HollowSights& sights,
-             std::span<const SightsBeside> beside) {
-    work.volume = hollows_->carve(cameras, work.volume, sights, beside);
+  void carve(FrameSetJob& work, const SurfaceCameras& cameras, const StereoSamples& sights,
+             std::span<const NeighbourSamples> adjacent) {
+    work.volume = carver_->carve(cameras, work.volume, sights, adjacent);
     work.result.volume_m3 = volume_m3(work.volume);
     marching_cubes_.run(work.volume, work.result.mesh);
   }
@@ -271,7 +276,7 @@ class Reconstructor::Impl {
   const VoxelGrid grid_;
   const VertexLattice lattice_;       ///< where vertices end
   std::optional<Deformer> deformer_;  ///< for Quality::kHigh
-  std::optional<HollowCarver> hollows_;
+  std::optional<ConcavityCarver> carver_;
   tbb::task_arena arena_;  ///< reconstruct()
   const QualityMeter quality_;
   // What make_mesh() works with, and keeps.
@@ -287,20 +292,20 @@ Reconstructor::~Reconstructor() = default;
 Reconstruction Reconstructor::reconstruct(FrameSet set) {
   return impl_->reconstruct(std::move(set));
 }
-void Reconstructor::make_mesh(SetAtWork& work) { impl_->make_mesh(work); }
-void Reconstructor::encode(SetAtWork& work) { impl_->encode(work); }
+void Reconstructor::make_mesh(FrameSetJob& work) { impl_->make_mesh(work); }
+void Reconstructor::encode(FrameSetJob& work) { impl_->encode(work); }
 void Reconstructor::begin_sequence() { impl_->begin_sequence(); }
-void Reconstructor::make_surface(SetAtWork& work) { impl_->make_surface(work); }
-void Reconstructor::make_hull(SetAtWork& work) { impl_->make_hull(work); }
-Moment Reconstructor::look(SetAtWork& work) { return impl_->look(work); }
-void Reconstructor::make_surface(SetAtWork& work, Moment& now,
-                                 std::span<const Moment* const> beside) {
-  impl_->make_surface(work, now, beside);
+void Reconstructor::make_surface(FrameSetJob& work) { impl_->make_surface(work); }
+void Reconstructor::make_hull(FrameSetJob& work) { impl_->make_hull(work); }
+PulseViews Reconstructor::make_views(FrameSetJob& work) { return impl_->make_views(work); }
+void Reconstructor::make_surface(FrameSetJob& work, PulseViews& now,
+                                 std::span<const PulseViews* const> adjacent) {
+  impl_->make_surface(work, now, adjacent);
 }
-void Reconstructor::steady(SetAtWork& work, const Moment& now,
-                           std::span<const Moment* const> beside) const {
-  impl_->steady(work, now, beside);
+void Reconstructor::smooth_over_time(FrameSetJob& work, const PulseViews& now,
+                                     std::span<const PulseViews* const> adjacent) const {
+  impl_->smooth_over_time(work, now, adjacent);
 }
-void Reconstructor::make_colours(SetAtWork& work) const { impl_->make_colours(work); }
+void Reconstructor::make_colours(FrameSetJob& work) const { impl_->make_colours(work); }
 
 }  // namespace v3d

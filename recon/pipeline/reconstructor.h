@@ -15,7 +15,7 @@
 #include "recon/hull/sparse_volume.h"
 #include "recon/metrics/frame_quality.h"
 #include "recon/surface/deform.h"
-#include "recon/surface/moment.h"
+#include "recon/surface/pulse_views.h"
 
 namespace v3d {
 
@@ -38,7 +38,7 @@ struct ReconstructOptions {
 
 /// Wall-clock milliseconds of each stage; negative where the stage did not run.
 struct StageTimes {
-  double intersect = -1, mesh = -1, deform = -1, steady = -1, texture = -1, encode = -1;
+  double intersect = -1, mesh = -1, deform = -1, smoothing = -1, texture = -1, encode = -1;
   double quality = -1;  ///< the score, which the compact frame tells
 };
 
@@ -53,12 +53,12 @@ struct Reconstruction {
 };
 
 /// A frame set on its way through the stages.
-struct SetAtWork {
-  SetAtWork() = default;
-  explicit SetAtWork(FrameSet frame_set) : set(std::move(frame_set)) {}
+struct FrameSetJob {
+  FrameSetJob() = default;
+  explicit FrameSetJob(FrameSet frame_set) : set(std::move(frame_set)) {}
   // Copies would point to the frames of the original.
-  SetAtWork(SetAtWork&&) = default;
-  SetAtWork& operator=(SetAtWork&&) = default;
+  FrameSetJob(FrameSetJob&&) = default;
+  FrameSetJob& operator=(FrameSetJob&&) = default;
 
   FrameSet set;
   std::vector<const Frame*>
@@ -86,24 +86,26 @@ class Reconstructor {
   /// loops, then its quality and its compact frame, mostly one thread's work. One caller of each at
   /// a time; they may work on different sets at the same time. What is encoded is one sequence: a
   /// compact frame may need those before it since the last key frame.
-  void make_mesh(SetAtWork& work);
-  void encode(SetAtWork& work);
+  void make_mesh(FrameSetJob& work);
+  void encode(FrameSetJob& work);
   /// The next set is encoded as a key frame: where one that was encoded did not reach its
   /// receivers.
   void begin_sequence();
 
   /// make_surface() of a pulse by itself, of any quality.
-  void make_surface(SetAtWork& work);
+  void make_surface(FrameSetJob& work);
   /// make_mesh() in parts, for who has pulses before and after it; all but the colours require
   /// Quality::kHigh. The hull;
-  void make_hull(SetAtWork& work);
+  void make_hull(FrameSetJob& work);
   /// what the cameras saw of it, and of its hollows;
-  Moment look(SetAtWork& work);
+  PulseViews make_views(FrameSetJob& work);
   /// the surface without colours, carved and deformed, which `now` is told;
-  void make_surface(SetAtWork& work, Moment& now, std::span<const Moment* const> beside);
-  /// steady_surface(); and the colours.
-  void steady(SetAtWork& work, const Moment& now, std::span<const Moment* const> beside) const;
-  void make_colours(SetAtWork& work) const;
+  void make_surface(FrameSetJob& work, PulseViews& now,
+                    std::span<const PulseViews* const> adjacent);
+  /// smooth_over_time(); and the colours.
+  void smooth_over_time(FrameSetJob& work, const PulseViews& now,
+                        std::span<const PulseViews* const> adjacent) const;
+  void make_colours(FrameSetJob& work) const;
 
  private:
   class Impl;

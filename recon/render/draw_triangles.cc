@@ -12,7 +12,7 @@
 #include <cstring>
 #include <limits>
 
-#include "recon/render/screen.h"
+#include "recon/render/rasteriser.h"
 
 HWY_BEFORE_NAMESPACE();
 namespace v3d::HWY_NAMESPACE {
@@ -20,7 +20,7 @@ namespace {
 
 namespace hn = hwy::HWY_NAMESPACE;
 
-#include "recon/lanes.inc"
+#include "recon/simd_float.inc"
 
 using LaneMask = hn::Mask<Floats>;
 using IntLanes = hn::Vec<Ints>;
@@ -32,11 +32,11 @@ constexpr size_t kBlock = 128;
 /// A triangle is small when its corners are so near each other, pixels along both axes, that the
 /// products of whole numbers below fit in 31 bits, and when it covers a box of at most this many
 /// pixel centres a side, which all triangles of a register are tried at.
-constexpr int kMostExtent = 32;
-constexpr int kMostBox = 8;
+constexpr int kMaxExtent = 32;
+constexpr int kMaxBox = 8;
 
 /// Below this area, twice in square pixels, 1/z is that of the first corner: no plane is defined.
-constexpr float kLeastArea = 1e-9F;
+constexpr float kMinArea = 1e-9F;
 
 /// The corners of a block of triangles, one array per corner and coordinate. Behind the last one
 /// stands room for a register.
@@ -48,9 +48,9 @@ struct Corners {
 /// What is to be kept at pixels, to be written by and by: the loop that finds it has no branch that
 /// hangs on a single triangle.
 struct Samples {
-  static constexpr size_t kMost = 1024;
-  int32_t pixel[kMost + (kMostBox * kMostBox + 1) * kLanes];
-  float value[kMost + (kMostBox * kMostBox + 1) * kLanes];
+  static constexpr size_t kCapacity = 1024;
+  int32_t pixel[kCapacity + (kMaxBox * kMaxBox + 1) * kLanes];
+  float value[kCapacity + (kMaxBox * kMaxBox + 1) * kLanes];
   size_t count = 0;
 
   void write_to(float* inverse_z) {
@@ -65,7 +65,7 @@ struct Samples {
 HWY_INLINE IntLanes fixed(hn::Vec<Floats> pixels) {
   const Floats floats;
   const auto kept =
-      hn::Min(hn::Max(hn::Set(floats, -kMostPixels), pixels), hn::Set(floats, kMostPixels));
+      hn::Min(hn::Max(hn::Set(floats, -kMaxPixels), pixels), hn::Set(floats, kMaxPixels));
   return hn::NearestInt(hn::Mul(kept, hn::Set(floats, static_cast<float>(kFixedOne))));
 }
 
@@ -98,7 +98,7 @@ HWY_INLINE IntLanes twice_area(const IntLanes (&x)[3], const IntLanes (&y)[3]) {
 HWY_INLINE LaneMask shows_back(const IntLanes (&x)[3], const IntLanes (&y)[3]) {
   const Ints ints;
   const IntLanes extent = hn::Max(hn::Sub(most(x), least(x)), hn::Sub(most(y), least(y)));
-  const auto small = hn::Lt(extent, hn::Set(ints, kMostExtent * kFixedOne));
+  const auto small = hn::Lt(extent, hn::Set(ints, kMaxExtent * kFixedOne));
   return hn::RebindMask(Floats(), hn::And(small, hn::Gt(twice_area(x, y), hn::Zero(ints))));
 }
 
@@ -181,7 +181,7 @@ HWY_INLINE Plane plane(const Corners& corners, size_t i) {
   const Lanes x1 = load(corners.x[1]) - x0, y1 = load(corners.y[1]) - y0;
   const Lanes x2 = load(corners.x[2]) - x0, y2 = load(corners.y[2]) - y0;
   const Lanes area = x1 * y2 - x2 * y1;
-  const auto defined = hn::Ge(hn::Abs(area.v), hn::Set(floats, kLeastArea));
+  const auto defined = hn::Ge(hn::Abs(area.v), hn::Set(floats, kMinArea));
   const Lanes per_area(hn::IfThenElseZero(defined, reciprocal(area).v));
   return {x0,
           y0,
@@ -208,8 +208,8 @@ HWY_INLINE uint64_t draw_small(const Corners& corners, size_t i, ImageSize size,
   const IntLanes height = hn::Sub(rows.end, rows.begin);
   const IntLanes extent = hn::Max(hn::Sub(right, left), hn::Sub(bottom, top));
   const auto there = hn::RebindMask(ints, hn::FirstN(floats, corners.count - i));
-  const auto small = hn::And(hn::Lt(extent, hn::Set(ints, kMostExtent * kFixedOne)),
-                             hn::Lt(hn::Max(width, height), hn::Set(ints, kMostBox + 1)));
+  const auto small = hn::And(hn::Lt(extent, hn::Set(ints, kMaxExtent * kFixedOne)),
+                             hn::Lt(hn::Max(width, height), hn::Set(ints, kMaxBox + 1)));
   const uint64_t others = bits_of(hn::RebindMask(floats, hn::AndNot(small, there)));
 
   // Corners in the order that puts the triangle on the positive side of its edges.
@@ -289,11 +289,11 @@ void draw_large(const Corners& corners, size_t i, ImageSize size, float* inverse
   }
   const ScreenPlane across(corner, value);
   const auto [low, high] = std::minmax({value[0], value[1], value[2]});
-  const auto least_value = static_cast<float>(low), most_value = static_cast<float>(high);
+  const auto min_value = static_cast<float>(low), max_value = static_cast<float>(high);
   for_each_span(corner, Band{size.width, 0, size.height}, [&](int y, int x_begin, int x_end) {
     keep_nearest(inverse_z + static_cast<size_t>(y) * size.width + x_begin, x_end - x_begin,
-                 static_cast<float>(across(x_begin, y)), static_cast<float>(across.dx), least_value,
-                 most_value);
+                 static_cast<float>(across(x_begin, y)), static_cast<float>(across.dx), min_value,
+                 max_value);
   });
 }
 
@@ -308,7 +308,7 @@ void draw_all(const ScreenVertex* vertices, std::span<const std::array<uint32_t,
       for (uint64_t rest = draw_small(corners, i, size, samples); rest != 0; rest &= rest - 1) {
         draw_large(corners, i + static_cast<size_t>(std::countr_zero(rest)), size, inverse_z);
       }
-      if (samples.count > Samples::kMost) samples.write_to(inverse_z);
+      if (samples.count > Samples::kCapacity) samples.write_to(inverse_z);
     }
   }
   samples.write_to(inverse_z);

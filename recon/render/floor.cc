@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "recon/render/screen.h"
+#include "recon/render/rasteriser.h"
 
 namespace v3d {
 namespace {
@@ -11,7 +11,7 @@ namespace {
 constexpr double kShadowCellMetres = 0.02;
 constexpr int kShadowBlurCells = 4;
 constexpr int kShadowMarginCells = 3 * kShadowBlurCells + 1;
-constexpr int kMostShadowCells = 1024;
+constexpr int kMaxShadowCells = 1024;
 constexpr double kShadowHeightMetres = 0.6;  // what is so high above the floor casts 1/e of it
 
 /// Running mean over 2 r + 1 cells along one line.
@@ -50,7 +50,7 @@ Floor::Floor(const Mesh& mesh, const FloorOptions& options) : options_(options) 
 void Floor::draw_shadow(const Mesh& mesh) {
   const Box bounds = bounds_of(mesh);
   const Eigen::Vector2d cells = bounds.size().head<2>() / kShadowCellMetres;
-  if (mesh.triangles.empty() || cells.maxCoeff() > kMostShadowCells) {
+  if (mesh.triangles.empty() || cells.maxCoeff() > kMaxShadowCells) {
     return;
   }
   shadow_origin_ =

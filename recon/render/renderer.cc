@@ -6,7 +6,7 @@
 #include <cmath>
 
 #include "recon/render/floor.h"
-#include "recon/render/screen.h"
+#include "recon/render/rasteriser.h"
 
 namespace v3d {
 namespace {

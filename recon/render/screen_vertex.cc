@@ -18,7 +18,7 @@ namespace {
 namespace hn = hwy::HWY_NAMESPACE;
 
 #include "recon/hull/voxel_projection_steps.inc"
-#include "recon/lanes.inc"
+#include "recon/simd_float.inc"
 
 /// As many vertices as there are lanes: x, y, z of each at `world`, a ScreenVertex of each at
 /// `screen`.

@@ -2,7 +2,7 @@
 
 #include <tbb/parallel_for.h>
 
-#include "recon/render/screen.h"
+#include "recon/render/rasteriser.h"
 
 namespace v3d {
 

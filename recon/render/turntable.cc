@@ -18,8 +18,8 @@ constexpr int kBorder = 6;
 constexpr Rgb8 kBorderColour{12, 13, 15};
 
 /// How far the middle of the box must be from the eye so that every corner is in the picture.
-double least_distance(const Box& bounds, const Eigen::Matrix3d& cam_from_world,
-                      const Eigen::Matrix3d& matrix) {
+double min_distance(const Box& bounds, const Eigen::Matrix3d& cam_from_world,
+                    const Eigen::Matrix3d& matrix) {
   double distance = 0.1;
   for (int i = 0; i < 8; ++i) {
     const Eigen::Vector3d half = 0.5 * kMargin * bounds.size();
@@ -76,7 +76,7 @@ std::vector<CameraModel> turntable_cameras(const Box& bounds, int count, ImageSi
     const double angle = 2 * std::numbers::pi * k / count - std::numbers::pi / 2;
     const Eigen::Vector3d towards(std::cos(angle), std::sin(angle), kRise);
     views.push_back(look_at(bounds.center() + towards.normalized(), bounds.center()));
-    distance = std::max(distance, least_distance(bounds, views.back().rotation, matrix));
+    distance = std::max(distance, min_distance(bounds, views.back().rotation, matrix));
   }
   std::vector<CameraModel> cameras;
   for (RigidTransform& view : views) {

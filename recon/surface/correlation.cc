@@ -17,7 +17,7 @@ namespace {
 
 namespace hn = hwy::HWY_NAMESPACE;
 
-#include "recon/halves.inc"
+#include "recon/simd_int16.inc"
 
 // A lane is a depth: no sum goes across lanes, so their number does not matter.
 static_assert(kDepthSteps % kLanes == 0);
@@ -32,21 +32,21 @@ constexpr float kPlaceOne = 65536;
 // products of the largest window fits in one.
 constexpr int kSampleShift = 18;
 constexpr float kSampleOne = 127.0F * 32767 / (1 << kSampleShift);
-constexpr auto kMostSample = static_cast<int64_t>(255 * kSampleOne);
-static_assert(kMostSample * kMostSample * kMostWindowSide * kMostWindowSide < INT32_MAX);
+constexpr auto kMaxSample = static_cast<int64_t>(255 * kSampleOne);
+static_assert(kMaxSample * kMaxSample * kMaxWindowSide * kMaxWindowSide < INT32_MAX);
 
-constexpr int kMostPairs = (kMostWindowSide * kMostWindowSide + 1) / 2;
+constexpr int kMaxPairs = (kMaxWindowSide * kMaxWindowSide + 1) / 2;
 
 /// Samples of a window at kLanes depths.
 struct Patch {
-  alignas(64) int32_t pair[kMostPairs][kLanes];  ///< the first of each two in the low half
+  alignas(64) int32_t pair[kMaxPairs][kLanes];  ///< the first of each two in the low half
   alignas(64) float sum[kLanes];
   alignas(64) float inverse_deviation[kLanes];  ///< 1 / sqrt(sum of squared differences)
 };
 
 /// Where the samples of a window lie, from its middle.
 struct Offsets {
-  int32_t u[kMostWindowSide * kMostWindowSide + 1], v[kMostWindowSide * kMostWindowSide + 1];
+  int32_t u[kMaxWindowSide * kMaxWindowSide + 1], v[kMaxWindowSide * kMaxWindowSide + 1];
 };
 
 HWY_INLINE int32_t place(float pixels) { return static_cast<int32_t>(kPlaceOne * pixels); }
@@ -149,7 +149,7 @@ HWY_INLINE Lanes lower(Lanes a, Lanes b) { return Lanes(hn::Min(a.v, b.v)); }
 /// Of kLanes depths.
 struct Pairs {
   alignas(64) float score[kLanes];
-  alignas(64) float best_of[kMostWindowViews][kLanes];  ///< of each view with any other
+  alignas(64) float best_of[kMaxWindowViews][kLanes];  ///< of each view with any other
 };
 
 HWY_INLINE void compare_pairs(std::span<const Patch> patches, int samples, Pairs& pairs) {
@@ -168,7 +168,7 @@ HWY_INLINE void compare_pairs(std::span<const Patch> patches, int samples, Pairs
 
 void correlate_pairs_any(const WindowViews& views, const CorrelationOptions& options, float least,
                          PairAgreement& agreement) {
-  std::array<Patch, kMostWindowViews> patches;
+  std::array<Patch, kMaxWindowViews> patches;
   Pairs pairs;
   alignas(64) float steps[kDepthSteps];
   for (int k = 0; k < kDepthSteps; ++k) steps[k] = options.first + static_cast<float>(k);

@@ -18,8 +18,8 @@ struct WindowView {
   float u_out = 0, v_out = 0;        ///< for one step along the normal
 };
 
-inline constexpr int kMostWindowViews = 8;
-inline constexpr int kMostWindowSide = 11;
+inline constexpr int kMaxWindowViews = 8;
+inline constexpr int kMaxWindowSide = 11;
 inline constexpr int kDepthSteps = 16;
 
 /// Numbers of steps along the normal: k-th entry stands for first + k.
@@ -27,8 +27,8 @@ using DepthProfile = std::array<float, kDepthSteps>;
 
 struct WindowViews {
   int count = 0;
-  std::array<WindowView, kMostWindowViews> view;    ///< the first is the reference camera
-  std::array<uint32_t, kMostWindowViews> camera{};  ///< what views_of() numbers it
+  std::array<WindowView, kMaxWindowViews> view;    ///< the first is the reference camera
+  std::array<uint32_t, kMaxWindowViews> camera{};  ///< what views_of() numbers it
 };
 
 struct CorrelationOptions {

@@ -10,13 +10,13 @@
 
 #include "base/error.h"
 #include "recon/mesh/neighbours.h"
+#include "recon/mesh/self_intersection_removal.h"
 #include "recon/mesh/smooth_surface.h"
-#include "recon/mesh/untangle.h"
 #include "recon/mesh/vertex_loop.h"
-#include "recon/surface/depth_field.h"
-#include "recon/surface/onlookers.h"
+#include "recon/surface/block_visibility.h"
+#include "recon/surface/displacement_field.h"
 #include "recon/surface/silhouette_force.h"
-#include "recon/visibility/depth_raster.h"
+#include "recon/visibility/depth_buffer.h"
 
 namespace v3d {
 namespace {
@@ -61,7 +61,7 @@ constexpr float kHiddenBehind = 0.6F;
 constexpr float kNoiseVariance = 2;
 
 template <class Work>
-void for_each_bit(const BlockBits& bits, const Work& work) {
+void for_each_bit(const VertexBits& bits, const Work& work) {
   for (size_t word = 0; word < bits.size(); ++word) {
     for (uint64_t rest = bits[word]; rest != 0; rest &= rest - 1) {
       work(64 * word + static_cast<size_t>(std::countr_zero(rest)));
@@ -72,19 +72,19 @@ void for_each_bit(const BlockBits& bits, const Work& work) {
 }  // namespace
 
 void check(const DeformOptions& o) {
-  const auto refuse = [](const char* field, const std::string& want) {
+  const auto reject = [](const char* field, const std::string& want) {
     throw InputError(std::string("deform: ") + field + ": want " + want);
   };
   for (const auto& [field, weight] : {std::pair{"internal", o.internal},
                                       {"photometric", o.photometric},
                                       {"silhouette", o.silhouette}}) {
-    if (!(weight >= 0 && weight <= 1)) refuse(field, "a weight from 0 to 1");
+    if (!(weight >= 0 && weight <= 1)) reject(field, "a weight from 0 to 1");
   }
-  if (o.window < 3 || o.window > kMostWindowSide || o.window % 2 == 0) {
-    refuse("window", "an odd number of samples from 3 to " + std::to_string(kMostWindowSide));
+  if (o.window < 3 || o.window > kMaxWindowSide || o.window % 2 == 0) {
+    reject("window", "an odd number of samples from 3 to " + std::to_string(kMaxWindowSide));
   }
-  if (o.views < 2 || o.views > kMostWindowViews) {
-    refuse("views", "2 to " + std::to_string(kMostWindowViews) + " cameras");
+  if (o.views < 2 || o.views > kMaxWindowViews) {
+    reject("views", "2 to " + std::to_string(kMaxWindowViews) + " cameras");
   }
 }
 
@@ -100,20 +100,20 @@ class Deformer::Impl {
     neighbours_ = Neighbours(mesh);
     start_ = mesh.vertices;
     if (options_.mode == DeformMode::kPaper) {
-      step_like_the_paper(mesh);
+      run_paper_mode(mesh);
     } else {
-      search(mesh);
+      run_search_mode(mesh);
     }
-    untangle(neighbours_, start_, options_.lattice, mesh);
+    remove_self_intersections(neighbours_, start_, options_.lattice, mesh);
   }
 
  private:
-  void search(Mesh& mesh) {
+  void run_search_mode(Mesh& mesh) {
     const bool smooth = options_.internal > 0;
     rows_ = NeighbourRows(neighbours_);
     smooth_surface(neighbours_, smooth ? kSmoothingBefore : 0, mesh.vertices, work_);
     for (const Round& round : kSearchRounds) {
-      look(round, mesh);
+      observe(round, mesh);
       const std::span<const float> way =
           field_.solve(rows_, profiles_, known_, pulls_,
                        {.first = round.first,
@@ -125,9 +125,9 @@ class Deformer::Impl {
     }
   }
 
-  void step_like_the_paper(Mesh& mesh) {
+  void run_paper_mode(Mesh& mesh) {
     for (int i = 0; i < kPaperRounds; ++i) {
-      look(kPaperRound, mesh);
+      observe(kPaperRound, mesh);
       moved_.assign(mesh.vertices.size(), 0.0F);
       float largest = 0;
       for (int step = 0; step < kStepsPerRound; ++step) largest = move_by_forces(mesh);
@@ -136,7 +136,7 @@ class Deformer::Impl {
   }
 
   /// Step 1, and what steps 2 and 3 read: correlations and silhouettes.
-  void look(const Round& round, const Mesh& mesh) {
+  void observe(const Round& round, const Mesh& mesh) {
     const size_t count = mesh.vertices.size();
     tbb::parallel_invoke(
         [&] {
@@ -148,38 +148,38 @@ class Deformer::Impl {
     profiles_.resize(count);
     known_.assign(count, 0);
     pulls_.assign(count, {});
-    constexpr size_t kBlock = BlockSight::kMost;
-    tbb::enumerable_thread_specific<Onlookers> of_threads;
+    constexpr size_t kBlock = VertexVisibility::kCapacity;
+    tbb::enumerable_thread_specific<BlockVisibility> of_threads;
     tbb::parallel_for(size_t{0}, (count + kBlock - 1) / kBlock, [&](size_t block) {
-      look_at_block(round, mesh, block * kBlock, of_threads.local());
+      observe_block(round, mesh, block * kBlock, of_threads.local());
     });
   }
 
-  void look_at_block(const Round& round, const Mesh& mesh, size_t first, Onlookers& onlookers) {
-    const size_t count = std::min(BlockSight::kMost, mesh.vertices.size() - first);
+  void observe_block(const Round& round, const Mesh& mesh, size_t first, BlockVisibility& block) {
+    const size_t count = std::min(VertexVisibility::kCapacity, mesh.vertices.size() - first);
     const auto places = std::span(mesh.vertices).subspan(first, count);
     const auto normals = std::span<const Vector3f>(normals_).subspan(first, count);
-    onlookers.look(places, normals, cameras_, depths_, {.tolerance_m = kHiddenBehind * voxel_});
-    if (options_.photometric > 0) correlate_block(round, places, first, onlookers);
-    if (round.outlines && options_.silhouette > 0) pull_block(places, first, onlookers.sights());
+    block.compute(places, normals, cameras_, depths_, {.tolerance_m = kHiddenBehind * voxel_});
+    if (options_.photometric > 0) correlate_block(round, places, first, block);
+    if (round.outlines && options_.silhouette > 0) pull_block(places, first, block.by_camera());
   }
 
   void correlate_block(const Round& round, std::span<const Vector3f> places, size_t first,
-                       Onlookers& onlookers) {
+                       BlockVisibility& block) {
     const CorrelationOptions correlation{.side = options_.window,
                                          .first = round.first,
                                          .noise = kNoiseVariance,
                                          .robust = options_.mode != DeformMode::kPaper};
-    onlookers.windows.find(places, std::span<const Vector3f>(normals_).subspan(first), cameras_,
-                           onlookers.sights(),
-                           {.level = round.level,
-                            .most_views = options_.views,
-                            .every = round.every,
-                            .spacing_m = round.spacing * voxel_,
-                            .step_m = round.step * voxel_},
-                           correlation);
+    block.windows.find(places, std::span<const Vector3f>(normals_).subspan(first), cameras_,
+                       block.by_camera(),
+                       {.level = round.level,
+                        .max_views = options_.views,
+                        .every = round.every,
+                        .spacing_m = round.spacing * voxel_,
+                        .step_m = round.step * voxel_},
+                       correlation);
     for (size_t i = 0; i < places.size(); ++i) {
-      const WindowViews& views = onlookers.windows.views(i);
+      const WindowViews& views = block.windows.views(i);
       if (views.count < 2) continue;
       correlate(views, correlation, profiles_[first + i]);
       known_[first + i] = 1;
@@ -187,13 +187,14 @@ class Deformer::Impl {
   }
 
   void pull_block(std::span<const Vector3f> places, size_t first,
-                  std::span<const BlockSight> sights) {
+                  std::span<const VertexVisibility> visibilities) {
     const float each = weight(kPullOfSilhouette, options_.silhouette);
     for (size_t c = 0; c < cameras_.size(); ++c) {
-      const BlockBits near = aside_at(near_[c], sights[c], places.size(), kMostFacingOfOutline);
+      const VertexBits near =
+          grazing_vertices(near_[c], visibilities[c], places.size(), kMaxOutlineFacing);
       for_each_bit(near, [&](size_t i) {
-        const auto way = way_to_silhouette(cameras_[c], depths_[c], places[i], normals_[first + i],
-                                           sights[c].at(i));
+        const auto way = silhouette_displacement(cameras_[c], depths_[c], places[i],
+                                                 normals_[first + i], visibilities[c].at(i));
         if (!way) return;
         pulls_[first + i].weight += each;
         pulls_[first + i].sum_m += each * *way;
@@ -258,7 +259,7 @@ class Deformer::Impl {
   std::vector<uint8_t> known_;
   std::vector<OutlinePull> pulls_;
   std::vector<float> moved_;  ///< along the normal since the last look, metres
-  DepthField field_;
+  DisplacementField field_;
 };
 
 Deformer::Deformer(const DeformOptions& options) : impl_(std::make_unique<Impl>(options)) {}

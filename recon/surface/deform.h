@@ -14,7 +14,7 @@ namespace v3d {
 
 enum class DeformMode {
   /// Our own: looks for the depth at which the pictures agree, coarse to fine, and for a smooth
-  /// field through what it finds (DepthField).
+  /// field through what it finds (DisplacementField).
   kSearch,
   /// The paper's: small steps along F = alpha F_i + beta F_e + gamma F_s until all are small.
   kPaper,
@@ -29,9 +29,9 @@ struct DeformOptions {
   double silhouette = 0.3;   ///< gamma
   int window = 5;            ///< samples along a side of the template window; odd, 3 to 11
   int views = 6;             ///< cameras that take part in a correlation, 2 to 8
-  /// Search only: first the hull gets the hollows that cameras see into (HollowCarver). For who
+  /// Search only: first the hull gets the hollows that cameras see into (ConcavityCarver). For who
   /// makes the mesh; a Deformer keeps the one it is given.
-  bool hollows = true;
+  bool carve_concavities = true;
   /// Where the vertices end; empty: anywhere. Requires that the mesh begins on it.
   std::optional<VertexLattice> lattice = std::nullopt;
 };

@@ -68,9 +68,10 @@ Mask near_outline(const SurfaceCamera& camera, const DepthBuffer& depth) {
   return anywhere;
 }
 
-std::optional<float> way_to_silhouette(const SurfaceCamera& camera, const DepthBuffer& depth,
-                                       const Eigen::Vector3f& place, const Eigen::Vector3f& normal,
-                                       const SurfaceCamera::Seen& seen) {
+std::optional<float> silhouette_displacement(const SurfaceCamera& camera, const DepthBuffer& depth,
+                                             const Eigen::Vector3f& place,
+                                             const Eigen::Vector3f& normal,
+                                             const SurfaceCamera::Seen& seen) {
   const float room = (kSearchPixels + 1) * camera.coarseness();
   if (!deep_inside(seen.pixel, depth.size, room)) return std::nullopt;
   const auto beside = camera.project(place + kProbeMetres * normal);
@@ -82,12 +83,12 @@ std::optional<float> way_to_silhouette(const SurfaceCamera& camera, const DepthB
   const auto drawn = [&](const Vector2f& p) {
     return std::isfinite(depth.at(static_cast<int>(p.x()), static_cast<int>(p.y())));
   };
-  const auto mine = outline_along(seen.pixel, direction, kOutlinePixels, drawn);
-  if (!mine) return std::nullopt;
+  const auto drawn_at = outline_along(seen.pixel, direction, kOutlinePixels, drawn);
+  if (!drawn_at) return std::nullopt;
   const auto observed = [&](const Vector2f& p) { return camera.in_silhouette(p); };
-  const auto theirs = outline_along(seen.pixel, direction, kSearchPixels, observed);
-  if (!theirs) return std::nullopt;
-  return (*theirs - *mine) * (kProbeMetres / length);
+  const auto observed_at = outline_along(seen.pixel, direction, kSearchPixels, observed);
+  if (!observed_at) return std::nullopt;
+  return (*observed_at - *drawn_at) * (kProbeMetres / length);
 }
 
 }  // namespace v3d

@@ -13,7 +13,7 @@ Mask near_outline(const SurfaceCamera& camera, const DepthBuffer& depth);
 
 /// A vertex on an outline is seen from aside: the cosine between its normal and the way to the
 /// camera.
-inline constexpr float kMostFacingOfOutline = 0.35F;
+inline constexpr float kMaxOutlineFacing = 0.35F;
 
 /// How far (metres along the normal) a vertex on the outline of the mesh, as `camera` sees it, must
 /// move for the outline to fall on that of the observed silhouette. Both outlines are looked for
@@ -21,8 +21,9 @@ inline constexpr float kMostFacingOfOutline = 0.35F;
 /// that fills its silhouette feels nothing. Empty for a vertex that is not on the outline, and
 /// where the observed one is not near. `depth` is of the mesh, `seen` is camera.project(place).
 /// Requires a vertex that is seen from aside near_outline(): most are not.
-std::optional<float> way_to_silhouette(const SurfaceCamera& camera, const DepthBuffer& depth,
-                                       const Eigen::Vector3f& place, const Eigen::Vector3f& normal,
-                                       const SurfaceCamera::Seen& seen);
+std::optional<float> silhouette_displacement(const SurfaceCamera& camera, const DepthBuffer& depth,
+                                             const Eigen::Vector3f& place,
+                                             const Eigen::Vector3f& normal,
+                                             const SurfaceCamera::Seen& seen);
 
 }  // namespace v3d

@@ -26,24 +26,27 @@ bool corners_in_silhouette(const SurfaceCamera& camera, const Vector2f& middle,
 }  // namespace
 
 void WindowBlock::find(std::span<const Vector3f> places, std::span<const Vector3f> normals,
-                       std::span<const SurfaceCamera> cameras, std::span<const BlockSight> sights,
-                       const WindowOptions& options, const CorrelationOptions& correlation) {
-  const int most = std::min(options.most_views, kMostWindowViews);
+                       std::span<const SurfaceCamera> cameras,
+                       std::span<const VertexVisibility> visibilities, const WindowOptions& options,
+                       const CorrelationOptions& correlation) {
+  const int most = std::min(options.max_views, kMaxWindowViews);
   for (size_t i = 0; i < places.size(); ++i) {
     candidates_[i].count = 0;
-    if (i % options.every == 0) choose_cameras(i, sights, most);
+    if (i % options.every == 0) choose_cameras(i, visibilities, most);
   }
-  note_lookers(normals.first(places.size()), options, cameras.size());
+  list_observers(normals.first(places.size()), options, cameras.size());
   for (size_t c = 0; c < cameras.size(); ++c) {
-    look_beside(places, normals, cameras[c], lookers_[c], options);
+    project_axes(places, normals, cameras[c], observers_[c], options);
   }
-  for (size_t i = 0; i < places.size(); ++i) make_views(i, cameras, sights, options, correlation);
+  for (size_t i = 0; i < places.size(); ++i)
+    make_views(i, cameras, visibilities, options, correlation);
 }
 
-void WindowBlock::choose_cameras(size_t i, std::span<const BlockSight> sights, int most) {
+void WindowBlock::choose_cameras(size_t i, std::span<const VertexVisibility> visibilities,
+                                 int most) {
   auto& [count, list] = candidates_[i];
-  for (uint32_t c = 0; c < sights.size(); ++c) {
-    const float facing = sights[c].seen[i];
+  for (uint32_t c = 0; c < visibilities.size(); ++c) {
+    const float facing = visibilities[c].seen[i];
     if (facing < 0 || (count == most && !(facing > list[count - 1].facing))) continue;
     int k = count < most ? count++ : count - 1;
     for (; k > 0 && list[k - 1].facing < facing; --k) list[k] = list[k - 1];
@@ -53,25 +56,25 @@ void WindowBlock::choose_cameras(size_t i, std::span<const BlockSight> sights, i
 }
 
 /// Sorts what is to be looked at by camera.
-void WindowBlock::note_lookers(std::span<const Vector3f> normals, const WindowOptions& options,
-                               size_t cameras) {
-  lookers_.resize(cameras);
-  for (std::vector<Looker>& lookers : lookers_) lookers.clear();
+void WindowBlock::list_observers(std::span<const Vector3f> normals, const WindowOptions& options,
+                                 size_t cameras) {
+  observers_.resize(cameras);
+  for (std::vector<Observer>& observers : observers_) observers.clear();
   for (size_t i = 0; i < normals.size(); ++i) {
     auto& [count, list] = candidates_[i];
     if (count > 0) across_[i] = options.spacing_m * axis_across(normals[i]);
-    for (int k = 0; k < count; ++k) lookers_[list[k].camera].push_back({i, &list[k]});
+    for (int k = 0; k < count; ++k) observers_[list[k].camera].push_back({i, &list[k]});
   }
 }
 
 /// Finds the pixels beside the middles of all windows that the camera looks at, side by side.
-void WindowBlock::look_beside(std::span<const Vector3f> places, std::span<const Vector3f> normals,
-                              const SurfaceCamera& camera, std::span<const Looker> lookers,
-                              const WindowOptions& options) {
+void WindowBlock::project_axes(std::span<const Vector3f> places, std::span<const Vector3f> normals,
+                               const SurfaceCamera& camera, std::span<const Observer> observers,
+                               const WindowOptions& options) {
   PointBlock points;
   PixelBlock pixels;
-  static_assert(3 * BlockSight::kMost <= PointBlock::kMost);
-  for (const auto& [i, candidate] : lookers) {
+  static_assert(3 * VertexVisibility::kCapacity <= PointBlock::kCapacity);
+  for (const auto& [i, candidate] : observers) {
     points.set(points.count++, places[i] + across_[i]);
     points.set(points.count++, places[i] + normals[i].cross(across_[i]));
     points.set(points.count++, places[i] + options.step_m * normals[i]);
@@ -83,7 +86,7 @@ void WindowBlock::look_beside(std::span<const Vector3f> places, std::span<const 
     ++at;
     return pixel;
   };
-  for (const auto& [i, candidate] : lookers) {
+  for (const auto& [i, candidate] : observers) {
     candidate->across = next_pixel();
     candidate->down = next_pixel();
     candidate->out = next_pixel();
@@ -91,15 +94,16 @@ void WindowBlock::look_beside(std::span<const Vector3f> places, std::span<const 
 }
 
 void WindowBlock::make_views(size_t i, std::span<const SurfaceCamera> cameras,
-                             std::span<const BlockSight> sights, const WindowOptions& options,
-                             const CorrelationOptions& correlation) {
+                             std::span<const VertexVisibility> visibilities,
+                             const WindowOptions& options, const CorrelationOptions& correlation) {
   WindowViews& views = views_[i];
   views.count = 0;
   for (int k = 0; k < candidates_[i].count; ++k) {
     const Candidate& candidate = candidates_[i].list[k];
     const SurfaceCamera& camera = cameras[candidate.camera];
     const Luminance& picture = camera.picture(options.level);
-    const Vector2f seen = sights[candidate.camera].at(i).pixel, middle = seen * picture.scale();
+    const Vector2f seen = visibilities[candidate.camera].at(i).pixel,
+                   middle = seen * picture.scale();
     const Vector2f a = candidate.across * picture.scale() - middle;
     const Vector2f d = candidate.down * picture.scale() - middle;
     const Vector2f o = candidate.out * picture.scale() - middle;

@@ -5,14 +5,14 @@
 #include <span>
 
 #include "recon/surface/correlation.h"
-#include "recon/visibility/block_sight.h"
+#include "recon/visibility/vertex_visibility.h"
 
 namespace v3d {
 
 /// Windows tangent to the surface.
 struct WindowOptions {
   int level = 0;        ///< of SurfaceCamera::picture()
-  int most_views = 6;   ///< at most kMostWindowViews
+  int max_views = 6;    ///< at most kMostWindowViews
   size_t every = 1;     ///< only so many-th vertex of a block has a window
   float spacing_m = 0;  ///< between two samples
   float step_m = 0;     ///< between two depths of a profile
@@ -22,13 +22,13 @@ struct WindowOptions {
 class WindowBlock {
  public:
   /// `sights`: one per camera, of the vertices at `places` with these normals (unit length), no
-  /// more than BlockSight::kMost. Of every vertex: the cameras that see it, those that it faces
-  /// most first: the paper's C_v, c_m at the front. A camera in which part of the window would
-  /// leave the picture is left out. None where the window's corners leave the silhouette of the
-  /// first, at an outline or on what is slenderer than the window: the background would be
+  /// more than VertexVisibility::kMost. Of every vertex: the cameras that see it, those that it
+  /// faces most first: the paper's C_v, c_m at the front. A camera in which part of the window
+  /// would leave the picture is left out. None where the window's corners leave the silhouette of
+  /// the first, at an outline or on what is slenderer than the window: the background would be
   /// compared.
   void find(std::span<const Eigen::Vector3f> places, std::span<const Eigen::Vector3f> normals,
-            std::span<const SurfaceCamera> cameras, std::span<const BlockSight> sights,
+            std::span<const SurfaceCamera> cameras, std::span<const VertexVisibility> visibilities,
             const WindowOptions& options, const CorrelationOptions& correlation);
 
   /// Those of a vertex of the block.
@@ -43,27 +43,28 @@ class WindowBlock {
   };
   struct Candidates {
     int count = 0;
-    std::array<Candidate, kMostWindowViews> list;
+    std::array<Candidate, kMaxWindowViews> list;
   };
   /// A vertex of the block, and its candidate that is a certain camera.
-  struct Looker {
+  struct Observer {
     size_t vertex;
     Candidate* candidate;
   };
-  void choose_cameras(size_t i, std::span<const BlockSight> sights, int most);
-  void note_lookers(std::span<const Eigen::Vector3f> normals, const WindowOptions& options,
-                    size_t cameras);
-  void look_beside(std::span<const Eigen::Vector3f> places,
-                   std::span<const Eigen::Vector3f> normals, const SurfaceCamera& camera,
-                   std::span<const Looker> lookers, const WindowOptions& options);
+  void choose_cameras(size_t i, std::span<const VertexVisibility> visibilities, int most);
+  void list_observers(std::span<const Eigen::Vector3f> normals, const WindowOptions& options,
+                      size_t cameras);
+  void project_axes(std::span<const Eigen::Vector3f> places,
+                    std::span<const Eigen::Vector3f> normals, const SurfaceCamera& camera,
+                    std::span<const Observer> observers, const WindowOptions& options);
   void make_views(size_t i, std::span<const SurfaceCamera> cameras,
-                  std::span<const BlockSight> sights, const WindowOptions& options,
+                  std::span<const VertexVisibility> visibilities, const WindowOptions& options,
                   const CorrelationOptions& correlation);
 
-  std::array<Candidates, BlockSight::kMost> candidates_;
-  std::array<Eigen::Vector3f, BlockSight::kMost> across_;  ///< the windows' first axes, one step
-  std::vector<std::vector<Looker>> lookers_;               ///< by camera
-  std::array<WindowViews, BlockSight::kMost> views_;
+  std::array<Candidates, VertexVisibility::kCapacity> candidates_;
+  std::array<Eigen::Vector3f, VertexVisibility::kCapacity>
+      across_;                                    ///< the windows' first axes, one step
+  std::vector<std::vector<Observer>> observers_;  ///< by camera
+  std::array<WindowViews, VertexVisibility::kCapacity> views_;
 };
 
 }  // namespace v3d

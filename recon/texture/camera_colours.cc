@@ -5,31 +5,31 @@
 #include <algorithm>
 
 #include "recon/texture/vertex_cameras.h"
-#include "recon/visibility/occluders.h"
+#include "recon/visibility/occluding_points.h"
 
 namespace v3d {
 namespace {
 
-std::array<uint8_t, 4> seen_colour(const std::array<float, 4>& sum, Sight sight) {
-  std::array<uint8_t, 4> colour{0, 0, 0, static_cast<uint8_t>(sight)};
+std::array<uint8_t, 4> seen_colour(const std::array<float, 4>& sum, Visibility visibility) {
+  std::array<uint8_t, 4> colour{0, 0, 0, static_cast<uint8_t>(visibility)};
   for (size_t k = 0; k < 3; ++k) {
     colour[k] = static_cast<uint8_t>(std::clamp(sum[k] / sum[3], 0.0F, 255.0F) + 0.5F);
   }
   return colour;
 }
 
-void look(const VertexCamera& camera, const PointArrays& vertices, const PointArrays& normals,
-          std::vector<std::array<uint8_t, 4>>& colours) {
+void accumulate(const VertexCamera& camera, const PointArrays& vertices, const PointArrays& normals,
+                std::vector<std::array<uint8_t, 4>>& colours) {
   tbb::parallel_for(size_t{0}, vertices.blocks(), [&](size_t block) {
     const size_t first = block * PointArrays::kBlock;
     ColourSums sums;
-    see_vertices(camera, vertices, normals, first, sums);
+    accumulate_vertex_colours(camera, vertices, normals, first, sums);
     for (size_t v = first; v < std::min(colours.size(), first + PointArrays::kBlock); ++v) {
       const auto &inner = sums.inner[v - first], &rim = sums.rim[v - first];
       if (inner[3] > 0) {
-        colours[v] = seen_colour(inner, Sight::kFull);
+        colours[v] = seen_colour(inner, Visibility::kFull);
       } else if (rim[3] > 0) {
-        colours[v] = seen_colour(rim, Sight::kRim);
+        colours[v] = seen_colour(rim, Visibility::kRim);
       }
     }
   });
@@ -59,7 +59,7 @@ std::vector<CameraColours> camera_colours(const Mesh& mesh, std::span<const Text
     const auto of_camera =
         std::lower_bound(colours.begin(), colours.end(), camera.frame->camera,
                          [](const auto& c, const std::string& name) { return c.camera < name; });
-    look(camera, vertices, normals, of_camera->vertices);
+    accumulate(camera, vertices, normals, of_camera->vertices);
   }
   return colours;
 }

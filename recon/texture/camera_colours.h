@@ -13,7 +13,7 @@
 namespace v3d {
 
 /// How a camera sees a vertex: as in colour_vertices().
-enum class Sight : uint8_t {
+enum class Visibility : uint8_t {
   kNone = 0,
   kRim = 128,  ///< at its silhouette's rim: the colour may be the background's
   kFull = 255
@@ -21,8 +21,8 @@ enum class Sight : uint8_t {
 
 struct CameraColours {
   std::string camera;
-  /// Red, green, blue as in the images (corrected by the camera's ColourResponse), and a Sight; all
-  /// 0 for a vertex that the camera does not see. One for each vertex.
+  /// Red, green, blue as in the images (corrected by the camera's ColourResponse), and a
+  /// Visibility; all 0 for a vertex that the camera does not see. One for each vertex.
   std::vector<std::array<uint8_t, 4>> vertices;
 };
 

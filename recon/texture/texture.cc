@@ -7,7 +7,7 @@
 #include <cmath>
 
 #include "recon/texture/vertex_cameras.h"
-#include "recon/visibility/occluders.h"
+#include "recon/visibility/occluding_points.h"
 
 namespace v3d {
 namespace {
@@ -55,7 +55,8 @@ void blend(const std::vector<VertexCamera>& cameras, const PointArrays& vertices
     std::vector<ColourSums> sums(std::min(kGroup, vertices.blocks() - first));
     for (const VertexCamera& camera : cameras) {
       for (size_t b = 0; b < sums.size(); ++b) {
-        see_vertices(camera, vertices, normals, (first + b) * PointArrays::kBlock, sums[b]);
+        accumulate_vertex_colours(camera, vertices, normals, (first + b) * PointArrays::kBlock,
+                                  sums[b]);
       }
     }
     for (size_t b = 0; b < sums.size(); ++b) {

@@ -37,9 +37,10 @@ struct TextureOptions {
   /// A vertex is occluded when the depth cells are nearer than it by more than this, metres. About
   /// three voxels: the surface is known to one, and the points that hide stand for surroundings.
   double depth_tolerance_m = 0.03;
-  /// What hides is known to a few widths of a depth cell (see DepthCells), and a surface at a slant
-  /// changes its depth within that: the tolerance grows by it, but by no more than so many widths.
-  double most_slant = 6;
+  /// What hides is known to a few widths of a depth cell (see PointDepthBuffer), and a surface at a
+  /// slant changes its depth within that: the tolerance grows by it, but by no more than so many
+  /// widths.
+  double max_slant = 6;
   /// The surface hides what lies behind it through points no farther apart than this lets
   /// (see occluding_points()); depth cells are as wide. 0.71 voxels: the vertices alone.
   double occluder_radius_m = 0.0071;

@@ -58,10 +58,10 @@ std::vector<VertexCamera> vertex_cameras(const PointArrays& occluders,
     if (options.by_resolution) {
       camera.resolution = static_cast<float>(model.matrix()(0, 0)) / kUsualPixelsPerMetre;
     }
-    camera.depth = DepthCells(occluders, middle, options.occluder_radius_m, model, camera.lens,
-                              camera.frame->roi);
+    camera.depth = PointDepthBuffer(occluders, middle, options.occluder_radius_m, model,
+                                    camera.lens, camera.frame->roi);
     camera.tolerance_m = static_cast<float>(options.depth_tolerance_m);
-    camera.most_slant = static_cast<float>(options.most_slant);
+    camera.max_slant = static_cast<float>(options.max_slant);
     camera.cell_m_per_m =
         camera.depth.grid().cell_width() / static_cast<float>(model.matrix()(0, 0));
   });

@@ -3,7 +3,7 @@
 
 #include <vector>
 
-#include "recon/texture/see_vertices.h"
+#include "recon/texture/accumulate_colours.h"
 #include "recon/texture/texture.h"
 
 namespace v3d {

@@ -18,9 +18,9 @@ namespace {
 namespace hn = hwy::HWY_NAMESPACE;
 
 #include "recon/hull/voxel_projection_steps.inc"
-#include "recon/lanes.inc"
+#include "recon/simd_float.inc"
 
-static_assert(PointArrays::kBlock % kMostLanes == 0);
+static_assert(PointArrays::kBlock % kMaxLanes == 0);
 
 HWY_INLINE Lanes load(const std::vector<float>& array, size_t i) {
   return Lanes(hn::LoadU(Floats(), array.data() + i));

@@ -5,8 +5,8 @@
 #include <cstdint>
 
 #include "recon/hull/voxel_projection.h"
-#include "recon/visibility/depth_cells.h"
 #include "recon/visibility/point_arrays.h"
+#include "recon/visibility/point_depth_buffer.h"
 
 namespace v3d {
 

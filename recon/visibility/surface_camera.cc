@@ -10,7 +10,7 @@
 namespace v3d {
 namespace {
 
-constexpr int kMostHalvings = 8;
+constexpr int kMaxHalvings = 8;
 
 }  // namespace
 
@@ -45,10 +45,10 @@ SurfaceCameras::SurfaceCameras(std::span<const DeformCamera> given, const Mesh& 
   for (const DeformCamera& camera : given) {
     if (!camera.frame->roi.empty()) with_pixels.push_back(&camera);
   }
-  const Eigen::Vector3f middle = middle_of(mesh);
+  const Eigen::Vector3f middle = vertex_centroid(mesh);
   std::vector<std::optional<SurfaceCamera>> made(with_pixels.size());
   tbb::parallel_for(size_t{0}, made.size(), [&](size_t c) {
-    made[c].emplace(*with_pixels[c], needless_halvings(*with_pixels[c]->model, middle, voxel_m));
+    made[c].emplace(*with_pixels[c], redundant_halvings(*with_pixels[c]->model, middle, voxel_m));
   });
   for (size_t c = 0; c < made.size(); ++c) {
     cameras.push_back(std::move(*made[c]));
@@ -56,15 +56,14 @@ SurfaceCameras::SurfaceCameras(std::span<const DeformCamera> given, const Mesh& 
   }
 }
 
-int needless_halvings(const CameraModel& camera, const Eigen::Vector3f& place, double voxel_m) {
+int redundant_halvings(const CameraModel& camera, const Eigen::Vector3f& place, double voxel_m) {
   const double z = (camera.cam_from_world() * place.cast<double>()).z();
   const double pixel_m = z / camera.matrix()(0, 0);
   if (!(pixel_m > 0)) return 0;
-  return std::clamp(static_cast<int>(std::ceil(std::log2(voxel_m / 4 / pixel_m))), 0,
-                    kMostHalvings);
+  return std::clamp(static_cast<int>(std::ceil(std::log2(voxel_m / 4 / pixel_m))), 0, kMaxHalvings);
 }
 
-Eigen::Vector3f middle_of(const Mesh& mesh) {
+Eigen::Vector3f vertex_centroid(const Mesh& mesh) {
   Eigen::Vector3d sum = Eigen::Vector3d::Zero();
   for (const Eigen::Vector3f& vertex : mesh.vertices) sum += vertex.cast<double>();
   if (!mesh.vertices.empty()) sum /= static_cast<double>(mesh.vertices.size());

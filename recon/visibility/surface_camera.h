@@ -10,7 +10,7 @@
 #include "base/camera_model.h"
 #include "base/frame.h"
 #include "recon/hull/voxel_projection.h"
-#include "recon/visibility/depth_raster.h"
+#include "recon/visibility/depth_buffer.h"
 #include "recon/visibility/luminance.h"
 
 namespace v3d {
@@ -33,7 +33,7 @@ class SurfaceCamera {
   };
 
   /// Requires that the frame has pixels. `halvings`: how often its picture is halved before it is
-  /// picture(0); see needless_halvings().
+  /// picture(0); see redundant_halvings().
   explicit SurfaceCamera(const DeformCamera& camera, int halvings = 0);
 
   const Eigen::Vector3f& center() const { return center_; }
@@ -78,9 +78,9 @@ struct SurfaceCameras {
 /// How often a picture can be halved until its pixels are as wide as a quarter of a voxel, or
 /// wider, at the distance of `place` (world). Windows are sampled by the voxel, and outlines are
 /// looked for around them: pixels that are finer would be passed over, each with its noise.
-int needless_halvings(const CameraModel& camera, const Eigen::Vector3f& place, double voxel_m);
+int redundant_halvings(const CameraModel& camera, const Eigen::Vector3f& place, double voxel_m);
 
-/// The mean of the vertices, for needless_halvings(); (0, 0, 0) of an empty mesh.
-Eigen::Vector3f middle_of(const Mesh& mesh);
+/// The mean of the vertices, for redundant_halvings(); (0, 0, 0) of an empty mesh.
+Eigen::Vector3f vertex_centroid(const Mesh& mesh);
 
 }  // namespace v3d

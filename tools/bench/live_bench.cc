@@ -18,7 +18,7 @@ namespace {
 /// reconstruct` run them.
 struct Pulse {
   MonotonicInstant taken;
-  SetAtWork work;
+  FrameSetJob work;
 };
 
 class Chain {

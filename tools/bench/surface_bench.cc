@@ -3,7 +3,7 @@
 #include "rates.h"
 #include "recon/metrics/frame_quality.h"
 #include "recon/texture/texture.h"
-#include "recon/visibility/depth_raster.h"
+#include "recon/visibility/depth_buffer.h"
 #include "workload.h"
 
 namespace v3d::bench {

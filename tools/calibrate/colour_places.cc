@@ -11,7 +11,7 @@
 #include "daemon/recorded/take_background.h"
 #include "daemon/recorded/take_frames.h"
 #include "recon/texture/texture.h"
-#include "recon/visibility/depth_raster.h"
+#include "recon/visibility/depth_buffer.h"
 #include "take/take.h"
 #include "v3dctl/interrupt.h"
 #include "v3dctl/missing_frames.h"

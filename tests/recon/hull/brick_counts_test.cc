@@ -18,8 +18,8 @@ int number_at(const BrickCounts& counts, int voxel) {
 }
 
 BrickCounts counts_of(const SparseVolume& volume, size_t brick) {
-  return counts_of_27(bricks_around(volume, brick),
-                      [&](size_t b, int z) { return volume.bricks()[b][z]; });
+  return neighbourhood_counts(bricks_around(volume, brick),
+                              [&](size_t b, int z) { return volume.bricks()[b][z]; });
 }
 
 TEST(BrickCounts, count_the_27_voxels_in_and_round_each_across_the_faces_of_bricks) {

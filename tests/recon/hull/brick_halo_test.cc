@@ -31,7 +31,7 @@ TEST(BrickHalo, sums_over_the_27_voxels_in_and_round_each_across_the_borders_of_
       std::copy_n(numbers[brick].begin() + 8 * row, 8, values.begin());
       return values;
     };
-    const auto sums = sums_of_27<uint32_t>(bricks_around(volume, b), row_of);
+    const auto sums = neighbourhood_sums<uint32_t>(bricks_around(volume, b), row_of);
     const BrickCoord at = volume.coords()[b];
     for (int n = 0; n < 512; ++n) {
       const int i = 8 * at.x + n % 8, j = 8 * at.y + n / 8 % 8, k = 8 * at.z + n / 64;

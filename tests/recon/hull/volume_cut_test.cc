@@ -76,13 +76,13 @@ TEST(VolumeCut, takes_severed_crumbs_along_but_neither_large_pieces_nor_stranger
   const SparseVolume volume = block_with_bud();
   const auto stalk = [](int i, int, int) { return i >= 12 && i < 16; };
   VolumeCut small(volume, bricks_of(volume, stalk));
-  small.add_crumbs(28);
+  small.add_fragments(28);
   EXPECT_EQ(small.remaining().count(), 12 * 12 * 12);
   VolumeCut large(volume, bricks_of(volume, stalk));
-  large.add_crumbs(27);
+  large.add_fragments(27);
   EXPECT_EQ(large.remaining().count(), 12 * 12 * 12 + 27);
   VolumeCut elsewhere(volume, bricks_of(volume, [](int i, int, int) { return i < 2; }));
-  elsewhere.add_crumbs(1'000);
+  elsewhere.add_fragments(1'000);
   EXPECT_EQ(elsewhere.remaining().count(), volume.count() - 2 * 12 * 12);
 }
 
@@ -93,7 +93,7 @@ TEST(VolumeCut, counts_pieces_of_whole_bricks_to_the_voxel) {
   constexpr int kOne = 512, kOther = 3 * 512 + 6 * 64;
   for (const int crumb : {1, kOne, kOne + 1, 3 * 512, 3 * 512 + 1, kOther, kOther + 1, 2560}) {
     VolumeCut cut(volume, slit);
-    cut.add_crumbs(crumb);
+    cut.add_fragments(crumb);
     const int left = (kOne >= crumb ? kOne : 0) + (kOther >= crumb ? kOther : 0);
     EXPECT_EQ(cut.remaining().count(), left) << "with crumbs below " << crumb;
   }
@@ -104,7 +104,7 @@ TEST(VolumeCut, a_piece_that_was_apart_before_is_no_crumb) {
     return (i < 12 && j < 12 && k < 12) || (i >= 20 && i < 22 && j < 2 && k < 2);
   });
   VolumeCut cut(volume, bricks_of(volume, [](int i, int, int) { return i == 11; }));
-  cut.add_crumbs(100);
+  cut.add_fragments(100);
   EXPECT_EQ(cut.remaining().count(), volume.count() - 12 * 12);
 }
 
@@ -116,7 +116,7 @@ TEST(VolumeCut, joins_voxels_by_edges_but_not_by_corners) {
     });
     VolumeCut cut(
         volume, bricks_of(volume, [](int i, int j, int k) { return i == 10 && j == 8 && k == 8; }));
-    cut.add_crumbs(50);
+    cut.add_fragments(50);
     const SparseVolume left = cut.remaining();
     EXPECT_TRUE(left.get(10, 9, z));
     EXPECT_EQ(left.get(11, 8, 8), z == 8) << "it touches by an edge, else by a corner";
@@ -148,7 +148,7 @@ TEST(VolumeCut, of_everything_leaves_nothing) {
   const SparseVolume volume = block_with_bud();
   VolumeCut cut(volume, bricks_of(volume, [](int, int, int) { return true; }));
   cut.smooth(2);
-  cut.add_crumbs(10);
+  cut.add_fragments(10);
   EXPECT_EQ(cut.remaining(), SparseVolume(volume.grid()));
 }
 

@@ -50,7 +50,7 @@ Pairs by_tree(const BoxTree& tree, const std::vector<bool>& chosen) {
     }
   }
   Pairs pairs;
-  for (size_t leaf = 0; leaf < places.size(); ++leaf) tree.touching(leaf, places, pairs);
+  for (size_t leaf = 0; leaf < places.size(); ++leaf) tree.overlapping(leaf, places, pairs);
   for (auto& [a, b] : pairs) {
     if (a > b) std::swap(a, b);
   }
@@ -92,7 +92,7 @@ TEST(BoxTree, answers_for_boxes_that_were_replaced) {
       if (random.coin()) tree.replace(leaf, i, boxes[tree.in_leaf(leaf)[i]] = random.next());
     }
   }
-  tree.settle();
+  tree.refit();
   const std::vector<bool> all(boxes.size(), true);
   EXPECT_EQ(by_tree(tree, all), by_trying_all(boxes, all));
 }

@@ -22,9 +22,9 @@ const Mesh& ball() {
 float distance_from_middle(const Vector3f& vertex) { return (vertex - Vector3f(1, 2, 3)).norm(); }
 
 /// Every vertex of the ball moved out or in by up to `most_m`.
-std::vector<Vector3f> rough_ball(float most_m) {
+std::vector<Vector3f> rough_ball(float max_m) {
   std::mt19937 random(3);
-  std::uniform_real_distribution<float> way(-most_m, most_m);
+  std::uniform_real_distribution<float> way(-max_m, max_m);
   std::vector<Vector3f> vertices = ball().vertices;
   for (Vector3f& v : vertices) v += way(random) * (v - Vector3f(1, 2, 3)) / kRadius;
   return vertices;

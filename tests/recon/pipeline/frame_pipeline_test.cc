@@ -92,7 +92,7 @@ TEST(FramePipeline, finishes_the_older_frame_first_when_there_is_one_thread) {
 
 TEST(FramePipeline, holds_no_more_frames_than_it_has_stages_and_no_more_threads_than_asked_for) {
   constexpr int kThreads = 2;
-  std::atomic<int> in_flight = 0, working = 0, most_in_flight = 0, most_working = 0;
+  std::atomic<int> in_flight = 0, working = 0, max_in_flight = 0, max_working = 0;
   const auto raise = [](std::atomic<int>& most, int value) {
     for (int known = most; known < value && !most.compare_exchange_weak(known, value);) {
     }
@@ -100,18 +100,18 @@ TEST(FramePipeline, holds_no_more_frames_than_it_has_stages_and_no_more_threads_
   int next = 0;
   const auto source = [&]() -> std::optional<int> {
     if (next == 200) return std::nullopt;
-    raise(most_in_flight, ++in_flight);
+    raise(max_in_flight, ++in_flight);
     return next++;
   };
   const auto work = [&](int&) {
     tbb::parallel_for(0, 8, [&](int) {
-      raise(most_working, ++working);
+      raise(max_working, ++working);
       --working;
     });
   };
   FramePipeline<int>(kThreads, source, {work, work, [&](int&) { --in_flight; }}).wait();
-  EXPECT_LE(most_in_flight, 3);
-  EXPECT_LE(most_working, kThreads);
+  EXPECT_LE(max_in_flight, 3);
+  EXPECT_LE(max_working, kThreads);
 }
 
 TEST(FramePipeline, asks_for_a_frame_only_when_it_can_begin_it) {
@@ -198,7 +198,7 @@ TEST(FramePipeline, gives_the_bytes_of_one_frame_at_a_time_for_any_number_of_thr
   {
     Reconstructor alone(rig, options);
     for (int64_t p = 0; p < kPulses; ++p) {
-      SetAtWork work(discs(rig, p));
+      FrameSetJob work(discs(rig, p));
       alone.make_mesh(work);
       alone.encode(work);
       expected.push_back(std::move(work.result.compact));
@@ -209,16 +209,16 @@ TEST(FramePipeline, gives_the_bytes_of_one_frame_at_a_time_for_any_number_of_thr
     Reconstructor reconstructor(rig, options);
     std::vector<std::vector<uint8_t>> compact;
     int64_t next = 0;
-    FramePipeline<SetAtWork>(threads,
-                             [&]() -> std::optional<SetAtWork> {
-                               if (next == kPulses) return std::nullopt;
-                               return SetAtWork(discs(rig, next++));
-                             },
-                             {[&](SetAtWork& work) { reconstructor.make_mesh(work); },
-                              [&](SetAtWork& work) {
-                                reconstructor.encode(work);
-                                compact.push_back(std::move(work.result.compact));
-                              }})
+    FramePipeline<FrameSetJob>(threads,
+                               [&]() -> std::optional<FrameSetJob> {
+                                 if (next == kPulses) return std::nullopt;
+                                 return FrameSetJob(discs(rig, next++));
+                               },
+                               {[&](FrameSetJob& work) { reconstructor.make_mesh(work); },
+                                [&](FrameSetJob& work) {
+                                  reconstructor.encode(work);
+                                  compact.push_back(std::move(work.result.compact));
+                                }})
         .wait();
     EXPECT_EQ(compact, expected) << threads << " threads";
   }

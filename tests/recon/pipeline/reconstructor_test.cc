@@ -10,7 +10,7 @@
 #include "recon/mesh/self_intersection.h"
 #include "recon/metrics/evaluation.h"
 #include "recon/pipeline/compact_frame.h"
-#include "recon/pipeline/rehearsal.h"
+#include "recon/pipeline/warm_up.h"
 #include "recon/render/renderer.h"
 #include "recon/render/silhouette.h"
 #include "recon/shapes.h"
@@ -109,7 +109,7 @@ std::vector<Reconstruction> stages_of_a_still(const Rig& rig, bool begin_anew) {
   Reconstructor reconstructor(rig, options());
   std::vector<Reconstruction> results;
   for (int64_t pulse = 23; pulse < 27; ++pulse) {
-    SetAtWork work(photograph(two_coloured_ball(), rig));
+    FrameSetJob work(photograph(two_coloured_ball(), rig));
     work.set.pulse = pulse;
     reconstructor.make_mesh(work);
     reconstructor.encode(work);
@@ -189,10 +189,10 @@ TEST(Reconstructor, leaves_out_frames_it_cannot_use_and_says_who_took_part) {
   EXPECT_EQ(decode_compact(result.compact)->missing, 5);
 }
 
-TEST(Rehearsal, is_a_ball_in_the_middle_of_the_space) {
+TEST(WarmUp, is_a_ball_in_the_middle_of_the_space) {
   const Rig rig = ring(8);
   const Reconstruction result =
-      Reconstructor(rig, options()).reconstruct(rehearsal(rig, options().bounds));
+      Reconstructor(rig, options()).reconstruct(warm_up_frame_set(rig, options().bounds));
   EXPECT_EQ(result.cameras.size(), rig.size());
   const double ball = 4.0 / 3 * std::numbers::pi * std::pow(0.3, 3);
   EXPECT_NEAR(result.volume_m3, ball, 0.2 * ball);

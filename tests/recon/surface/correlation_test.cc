@@ -88,7 +88,7 @@ TEST(Correlation, is_that_of_the_paper_at_any_place_and_for_windows_of_any_size)
   const auto between = [&](float low, float high) {
     return std::uniform_real_distribution<float>(low, high)(random);
   };
-  for (const int side : {3, 5, 7, 9, kMostWindowSide}) {
+  for (const int side : {3, 5, 7, 9, kMaxWindowSide}) {
     const CorrelationOptions options{.side = side, .noise = 2, .robust = false};
     for (int i = 0; i < 20; ++i) {
       WindowViews views;

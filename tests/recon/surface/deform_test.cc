@@ -9,7 +9,7 @@
 #include "base/error.h"
 #include "base/statistics.h"
 #include "recon/mesh/self_intersection.h"
-#include "recon/mesh/untangle.h"
+#include "recon/mesh/self_intersection_removal.h"
 #include "recon/render/renderer.h"
 #include "recon/render/silhouette.h"
 #include "recon/shapes.h"
@@ -113,7 +113,7 @@ double error_in_hollow(const Mesh& mesh) {
   return upper_median(std::move(errors));
 }
 
-double least_iou(const Mesh& mesh) {
+double min_iou(const Mesh& mesh) {
   const std::vector<Mask> drawn = draw_silhouettes(mesh, studio().models);
   double least = 1;
   for (size_t i = 0; i < drawn.size(); ++i) {
@@ -128,14 +128,14 @@ TEST(Deformer, finds_a_hollow_that_no_silhouette_shows) {
   EXPECT_LT(error_in_hollow(deformed({})), 0.1 * before);
 }
 
-TEST(NeedlessHalvings, leave_pixels_of_a_quarter_of_a_voxel_and_never_make_finer_ones) {
+TEST(RedundantHalvings, leave_pixels_of_a_quarter_of_a_voxel_and_never_make_finer_ones) {
   const CameraModel camera = shapes::camera({2, 0, 1}, {0, 0, 1}, kSize, 600, {});
   const Eigen::Vector3f at_2m(0, 0, 1);  // a pixel covers 3.33 mm
-  EXPECT_EQ(needless_halvings(camera, at_2m, 0.005), 0);
-  EXPECT_EQ(needless_halvings(camera, at_2m, 0.0133), 0);
-  EXPECT_EQ(needless_halvings(camera, at_2m, 0.0134), 1);
-  EXPECT_EQ(needless_halvings(camera, at_2m, 0.050), 2);
-  EXPECT_EQ(needless_halvings(camera, {4, 0, 1}, 0.050), 0) << "behind the camera";
+  EXPECT_EQ(redundant_halvings(camera, at_2m, 0.005), 0);
+  EXPECT_EQ(redundant_halvings(camera, at_2m, 0.0133), 0);
+  EXPECT_EQ(redundant_halvings(camera, at_2m, 0.0134), 1);
+  EXPECT_EQ(redundant_halvings(camera, at_2m, 0.050), 2);
+  EXPECT_EQ(redundant_halvings(camera, {4, 0, 1}, 0.050), 0) << "behind the camera";
 }
 
 TEST(Deformer, the_papers_steps_come_closer_from_near) {
@@ -159,9 +159,9 @@ TEST(Deformer, sees_no_hollow_without_the_photometric_force) {
 TEST(Deformer, keeps_the_silhouettes) {
   DeformOptions careless;
   careless.silhouette = 0;
-  const double kept = least_iou(deformed({}));
-  EXPECT_GT(kept, least_iou(hull()) - 0.015);
-  EXPECT_GT(kept, least_iou(deformed(careless)));
+  const double kept = min_iou(deformed({}));
+  EXPECT_GT(kept, min_iou(hull()) - 0.015);
+  EXPECT_GT(kept, min_iou(deformed(careless)));
 }
 
 TEST(Deformer, brings_a_mesh_that_is_too_large_back_to_its_silhouettes) {
@@ -169,9 +169,9 @@ TEST(Deformer, brings_a_mesh_that_is_too_large_back_to_its_silhouettes) {
   DeformOptions options;
   options.voxel_m = kEdge;
   options.photometric = 0;
-  const double before = least_iou(mesh);
+  const double before = min_iou(mesh);
   Deformer(options).run(studio().before(mesh), mesh);
-  EXPECT_GT(least_iou(mesh), before + 0.5 * (1 - before));
+  EXPECT_GT(min_iou(mesh), before + 0.5 * (1 - before));
 }
 
 /// A third as wide as a template window, with nothing on it that could be compared.
@@ -206,33 +206,34 @@ TEST(Deformer, leaves_no_place_where_the_surface_goes_through_itself) {
   EXPECT_TRUE(self_intersections(deformed(rough)).empty());
 }
 
-TEST(Untangle, takes_back_what_went_through_the_other_side) {
+TEST(RemoveSelfIntersections, takes_back_what_went_through_the_other_side) {
   const Mesh ball = shapes::sphere({0, 0, 0}, 1, 30);
   Mesh pushed = ball;
   for (Eigen::Vector3f& v : pushed.vertices) {
     if (v.x() > 0.8F) v.x() -= 2.5F;
   }
   ASSERT_FALSE(self_intersections(pushed).empty());
-  EXPECT_EQ(untangle(Neighbours(ball), ball.vertices, std::nullopt, pushed), 0);
+  EXPECT_EQ(remove_self_intersections(Neighbours(ball), ball.vertices, std::nullopt, pushed), 0);
   EXPECT_TRUE(self_intersections(pushed).empty());
 }
 
-TEST(Untangle, gives_back_as_much_as_it_must_where_the_way_back_crosses_what_is_left) {
+TEST(RemoveSelfIntersections,
+     gives_back_as_much_as_it_must_where_the_way_back_crosses_what_is_left) {
   const Mesh ball = shapes::sphere({0, 0, 0}, 1, 60);
   Mesh moved = ball;
   for (Eigen::Vector3f& v : moved.vertices) {
     v.x() += v.x() > 0.8F ? 0.5F : 3;  // a cap that goes through the other side, like its way back
   }
   ASSERT_FALSE(self_intersections(moved).empty());
-  EXPECT_EQ(untangle(Neighbours(ball), ball.vertices, std::nullopt, moved), 0);
+  EXPECT_EQ(remove_self_intersections(Neighbours(ball), ball.vertices, std::nullopt, moved), 0);
   EXPECT_TRUE(self_intersections(moved).empty());
 }
 
-TEST(Untangle, ends_where_the_surface_to_go_back_to_crosses_itself) {
+TEST(RemoveSelfIntersections, ends_where_the_surface_to_go_back_to_crosses_itself) {
   Mesh crossed = shapes::sphere({0, 0, 0}, 1, 20);
   shapes::append(crossed, shapes::sphere({0.5F, 0, 0}, 1, 20));
   const std::vector<Eigen::Vector3f> start = crossed.vertices;
-  EXPECT_GT(untangle(Neighbours(crossed), start, std::nullopt, crossed), 0);
+  EXPECT_GT(remove_self_intersections(Neighbours(crossed), start, std::nullopt, crossed), 0);
 }
 
 TEST(Deformer, gives_the_same_surface_for_any_number_of_threads) {

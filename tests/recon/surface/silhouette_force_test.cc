@@ -40,7 +40,7 @@ struct Scene {
       // The outline of a ball lies a little before its middle.
       if (std::abs(normal.dot(way.normalized())) > 0.02F) continue;
       const auto seen = camera->project(v);
-      found.push_back(way_to_silhouette(*camera, depth, v, normal, seen.value()));
+      found.push_back(silhouette_displacement(*camera, depth, v, normal, seen.value()));
     }
     return found;
   }
@@ -49,7 +49,7 @@ struct Scene {
 /// Metres that a pixel covers on the outline.
 constexpr float kPixelM = 3.0F / 600;
 
-TEST(WayToSilhouette, is_how_much_larger_or_smaller_the_observed_ball_is) {
+TEST(SilhouetteDisplacement, is_how_much_larger_or_smaller_the_observed_ball_is) {
   for (const float more : {-0.02F, 0.0F, 0.015F, 0.03F}) {
     const Scene scene(kRadius + more);
     const auto ways = scene.ways();
@@ -64,32 +64,32 @@ TEST(WayToSilhouette, is_how_much_larger_or_smaller_the_observed_ball_is) {
   }
 }
 
-TEST(WayToSilhouette, is_zero_to_the_bit_for_a_mesh_that_fills_its_silhouette) {
+TEST(SilhouetteDisplacement, is_zero_to_the_bit_for_a_mesh_that_fills_its_silhouette) {
   const Scene scene(kRadius);
   for (const auto& way : scene.ways()) EXPECT_EQ(way, 0.0F);
 }
 
-TEST(WayToSilhouette, is_none_where_the_observed_outline_is_not_near) {
+TEST(SilhouetteDisplacement, is_none_where_the_observed_outline_is_not_near) {
   const Scene scene(kRadius + 12 * kPixelM);
   for (const auto& way : scene.ways()) EXPECT_FALSE(way);
   const Scene coarse(kRadius + 12 * kPixelM, 1);
   for (const auto& way : coarse.ways()) EXPECT_TRUE(way) << "pixels are twice as wide";
 }
 
-TEST(WayToSilhouette, is_none_for_a_vertex_that_is_not_on_the_outline) {
+TEST(SilhouetteDisplacement, is_none_for_a_vertex_that_is_not_on_the_outline) {
   const Scene scene(kRadius + 0.02F);
   const Vector3f normal(0, 0, 1), inside = kMiddle + 0.9F * kRadius * normal;
-  EXPECT_FALSE(way_to_silhouette(*scene.camera, scene.depth, inside, normal,
-                                 scene.camera->project(inside).value()));
+  EXPECT_FALSE(silhouette_displacement(*scene.camera, scene.depth, inside, normal,
+                                       scene.camera->project(inside).value()));
 }
 
-TEST(WayToSilhouette, is_none_at_the_border_of_the_picture) {
+TEST(SilhouetteDisplacement, is_none_at_the_border_of_the_picture) {
   Scene scene(kRadius);
   const Vector3f normal(0, 0, 1), place(0, 0, 1.49F);  // two pixels below the upper border
   const auto seen = scene.camera->project(place).value();
   ASSERT_GT(seen.pixel.y(), 0);
   ASSERT_LT(seen.pixel.y(), 9);
-  EXPECT_FALSE(way_to_silhouette(*scene.camera, scene.depth, place, normal, seen));
+  EXPECT_FALSE(silhouette_displacement(*scene.camera, scene.depth, place, normal, seen));
 }
 
 TEST(NearOutline, holds_every_pixel_within_two_of_the_outline_and_none_far_from_it) {

@@ -12,7 +12,7 @@ using Eigen::Vector2f;
 using Eigen::Vector3f;
 
 constexpr ImageSize kSize{240, 180};
-constexpr WindowOptions kOptions{.most_views = 3, .spacing_m = 0.004F, .step_m = 0.005F};
+constexpr WindowOptions kOptions{.max_views = 3, .spacing_m = 0.004F, .step_m = 0.005F};
 constexpr CorrelationOptions kCorrelation{.side = 5, .first = -8};
 
 /// Cameras that look at a large plate from above, each farther aside than the one before.
@@ -21,7 +21,7 @@ struct Scene {
   std::vector<CameraModel> models;
   std::vector<Frame> frames;
   std::vector<SurfaceCamera> cameras;
-  std::vector<BlockSight> sights;
+  std::vector<VertexVisibility> visibilities;
   WindowBlock windows;
 
   explicit Scene(const std::vector<double>& aside) {
@@ -44,12 +44,12 @@ struct Scene {
       where.set(i, places[i]);
       facing.set(i, normals[i]);
     }
-    sights.resize(cameras.size());
+    visibilities.resize(cameras.size());
     for (size_t c = 0; c < cameras.size(); ++c) {
-      see_block(cameras[c], draw_depth(plate, models[c]), where, facing, {.tolerance_m = 0.01F},
-                sights[c]);
+      test_visibility(cameras[c], draw_depth(plate, models[c]), where, facing,
+                      {.tolerance_m = 0.01F}, visibilities[c]);
     }
-    windows.find(places, normals, cameras, sights, options, kCorrelation);
+    windows.find(places, normals, cameras, visibilities, options, kCorrelation);
   }
 };
 
@@ -119,7 +119,7 @@ TEST(TemplateWindows, are_made_for_every_so_many_vertex_of_a_block_alone) {
   Scene scene({0.1, -0.3});
   WindowOptions options = kOptions;
   options.every = 3;
-  std::vector<Vector3f> places(BlockSight::kMost, Vector3f(0.01F, 0, 0));
+  std::vector<Vector3f> places(VertexVisibility::kCapacity, Vector3f(0.01F, 0, 0));
   scene.find(places, options);
   for (size_t i = 0; i < places.size(); ++i) {
     EXPECT_EQ(scene.windows.views(i).count, i % 3 == 0 ? 2 : 0) << i;

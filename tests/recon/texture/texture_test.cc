@@ -344,8 +344,8 @@ TEST(Texture, adds_cameras_in_one_order_down_to_the_last_bit) {
   }
 }
 
-Sight sight(const CameraColours& colours, size_t vertex) {
-  return Sight{colours.vertices[vertex][3]};
+Visibility sight(const CameraColours& colours, size_t vertex) {
+  return VisibilityReportTest{colours.vertices[vertex][3]};
 }
 
 TEST(CameraColours, are_each_cameras_own_and_tell_what_it_does_not_see) {
@@ -389,9 +389,9 @@ TEST(CameraColours, see_nothing_behind_an_occluder) {
   for (size_t v = 0; v < lower; ++v) {
     const float reach = mesh.vertices[v].head<2>().cwiseAbs().maxCoeff();
     if (reach < 0.2F) {
-      EXPECT_EQ(sight(colours, v), Sight::kNone);
+      EXPECT_EQ(sight(colours, v), Visibility::kNone);
     } else if (reach > 0.3F) {
-      EXPECT_EQ(sight(colours, v), Sight::kFull);
+      EXPECT_EQ(sight(colours, v), Visibility::kFull);
     }
   }
 }
@@ -406,11 +406,13 @@ TEST(CameraColours, tell_a_silhouettes_rim_from_its_inside) {
   std::array<int, 256> count{};
   for (size_t v = 0; v < plane.vertices.size(); ++v) {
     const double x = shots[0].model.project(plane.vertices[v].cast<double>())->x();
-    const Sight wanted = x < 77.4 ? Sight::kFull : x < 79.4 ? Sight::kRim : Sight::kNone;
+    const VisibilityReportTest wanted = x < 77.4   ? Visibility::kFull
+                                        : x < 79.4 ? Visibility::kRim
+                                                   : Visibility::kNone;
     EXPECT_EQ(sight(colours, v), wanted) << x;
     ++count[static_cast<size_t>(wanted)];
   }
-  for (const Sight each : {Sight::kNone, Sight::kRim, Sight::kFull}) {
+  for (const VisibilityReportTest each : {Visibility::kNone, Visibility::kRim, Visibility::kFull}) {
     EXPECT_GT(count[static_cast<size_t>(each)], 0);
   }
 }
@@ -422,7 +424,8 @@ TEST(CameraColours, of_a_camera_without_pixels_and_of_an_empty_mesh_are_nothing)
   const Mesh plane = shapes::patch(0.2F, 0, 4);
   const CameraColours colours = camera_colours(plane, borrow(shots), {}).at(0);
   ASSERT_EQ(colours.vertices.size(), plane.vertices.size());
-  for (size_t v = 0; v < plane.vertices.size(); ++v) EXPECT_EQ(sight(colours, v), Sight::kNone);
+  for (size_t v = 0; v < plane.vertices.size(); ++v)
+    EXPECT_EQ(sight(colours, v), Visibility::kNone);
 }
 
 }  // namespace

@@ -6,7 +6,7 @@
 
 #include "recon/render/silhouette.h"
 #include "recon/shapes.h"
-#include "recon/surface/moment.h"
+#include "recon/surface/pulse_views.h"
 
 namespace v3d {
 namespace {
@@ -77,16 +77,16 @@ TEST(SurfaceCamera, sees_what_the_surface_does_not_hide) {
   EXPECT_FALSE(camera.sees(beside, depth, 0.01F)) << "no foreground";
 }
 
-TEST(NeedlessHalvings, end_when_pixels_are_as_wide_as_a_quarter_of_a_voxel) {
+TEST(RedundantHalvings, end_when_pixels_are_as_wide_as_a_quarter_of_a_voxel) {
   // At 2 m a pixel covers 2 / 170 m = 11.8 mm.
   const CameraModel model = shapes::camera({2, 0, 1}, {0, 0, 1}, kSize, 170);
   const Vector3f middle(0, 0, 1);
-  EXPECT_EQ(needless_halvings(model, middle, 0.040), 0);
-  EXPECT_EQ(needless_halvings(model, middle, 0.048), 1);
-  EXPECT_EQ(needless_halvings(model, middle, 0.094), 1);
-  EXPECT_EQ(needless_halvings(model, middle, 0.096), 2);
-  EXPECT_EQ(needless_halvings(model, middle, 1e9), 8) << "at most";
-  EXPECT_EQ(needless_halvings(model, {3, 0, 1}, 1), 0) << "behind the camera";
+  EXPECT_EQ(redundant_halvings(model, middle, 0.040), 0);
+  EXPECT_EQ(redundant_halvings(model, middle, 0.048), 1);
+  EXPECT_EQ(redundant_halvings(model, middle, 0.094), 1);
+  EXPECT_EQ(redundant_halvings(model, middle, 0.096), 2);
+  EXPECT_EQ(redundant_halvings(model, middle, 1e9), 8) << "at most";
+  EXPECT_EQ(redundant_halvings(model, {3, 0, 1}, 1), 0) << "behind the camera";
 }
 
 TEST(SurfaceCameras, leave_out_those_that_saw_nothing) {
@@ -110,16 +110,16 @@ TEST(SurfaceCameras, see_as_coarsely_as_the_voxels_are) {
   EXPECT_EQ(SurfaceCameras({&given, 1}, ball(), 0.09).cameras[0].coarseness(), 2);
 }
 
-TEST(MiddleOf, a_mesh_is_the_mean_of_its_vertices) {
-  EXPECT_LT((middle_of(ball()) - Vector3f(0, 0, 1)).norm(), 1e-5);
-  EXPECT_EQ(middle_of(Mesh{}), Vector3f::Zero());
+TEST(VertexCentroid, a_mesh_is_the_mean_of_its_vertices) {
+  EXPECT_LT((vertex_centroid(ball()) - Vector3f(0, 0, 1)).norm(), 1e-5);
+  EXPECT_EQ(vertex_centroid(Mesh{}), Vector3f::Zero());
 }
 
 /// Three cameras of a rig at one pulse, of which those in `blind` have no frame.
 struct Pulse {
   std::vector<CameraModel> models;
   std::vector<Frame> frames;
-  std::optional<Moment> moment;
+  std::optional<PulseViews> moment;
 
   explicit Pulse(const std::vector<size_t>& blind) : models(3, model_with({})), frames(3) {
     std::vector<const Frame*> seen;
@@ -131,10 +131,10 @@ struct Pulse {
   }
 };
 
-TEST(Moment, shows_what_each_camera_of_the_rig_saw_and_nothing_of_those_that_saw_nothing) {
+TEST(PulseViews, shows_what_each_camera_of_the_rig_saw_and_nothing_of_those_that_saw_nothing) {
   Pulse pulse({1});
   pulse.frames.clear();  // it has copied them
-  Moment& moment = *pulse.moment;
+  PulseViews& moment = *pulse.moment;
   moment.set_surface(ball());
   ASSERT_EQ(moment.cameras(), 3U);
   EXPECT_EQ(moment.seeing().cameras.size(), 2U);
@@ -148,9 +148,9 @@ TEST(Moment, shows_what_each_camera_of_the_rig_saw_and_nothing_of_those_that_saw
   EXPECT_EQ(&moment.view(2)->camera, &moment.seeing().cameras[1]);
 }
 
-TEST(SightsBeside, pair_the_cameras_of_two_pulses_by_the_rig) {
+TEST(NeighbourSamples, pair_the_cameras_of_two_pulses_by_the_rig) {
   const Pulse then({0}), now({1});
-  const SightsBeside beside = sights_beside(*now.moment, *then.moment);
+  const NeighbourSamples beside = neighbour_samples(*now.moment, *then.moment);
   EXPECT_EQ(beside.sights, &then.moment->hollows);
   ASSERT_EQ(beside.cameras.size(), 2U) << "those that saw something then: 1 and 2 of the rig";
   EXPECT_EQ(beside.cameras[0].then, &then.moment->seeing().cameras[0]);

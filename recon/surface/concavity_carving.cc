@@ -1,0 +1,401 @@
+#include "recon/surface/concavity_carving.h"
+
+#include <tbb/enumerable_thread_specific.h>
+#include <tbb/parallel_for.h>
+#include <tbb/parallel_invoke.h>
+
+#include <algorithm>
+#include <numeric>
+
+#include "base/statistics.h"
+#include "recon/hull/marching_cubes.h"
+#include "recon/hull/volume_cut.h"
+#include "recon/mesh/neighbours.h"
+#include "recon/mesh/smooth_surface.h"
+#include "recon/mesh/vertex_loop.h"
+#include "recon/surface/belief_propagation.h"
+#include "recon/surface/block_visibility.h"
+#include "recon/surface/free_space_votes.h"
+#include "recon/surface/motion_mask.h"
+#include "recon/surface/silhouette_coverage.h"
+
+namespace v3d {
+namespace {
+
+using Eigen::Vector3f;
+
+// Where the surface is looked for; lengths in voxels. A label of BeliefPropagation is a depth.
+constexpr int kPasses = 3;                 ///< each from the surface that those before have opened
+constexpr size_t kEvery = 4;               ///< only so many-th vertex looks, about two voxels apart
+constexpr size_t kEveryInLaterPasses = 6;  ///< in the looks after the first
+constexpr float kStep = 0.8F;              ///< between depths
+constexpr float kSpacing = 2;              ///< between the samples of a template window
+constexpr int kSide = 5;                   ///< of the window, samples
+constexpr int kLevel = 1;                  ///< of the pictures: half resolution
+constexpr int kMaxViews = StereoSample::kMaxCameras;  ///< that look at a place
+constexpr float kHiddenBehind = 0.6F;
+constexpr float kNoiseVariance = 2;  ///< squared grey values
+constexpr int kSmoothing = 2, kNormalSmoothing = 4;
+
+/// Correlation by which a depth must be better than one a step less deep: what lies deep competes
+/// with many. That is where the best of the near depths stands out of the far ones, nearly all of
+/// which are wrong, by kContrast in the median, as with cameras that are calibrated well. Where it
+/// stands out less, wrong depths win more often, and the price grows with the cube.
+constexpr float kStepCost = 1.0F / 64;
+constexpr float kContrast = 0.31F;
+constexpr float kMaxShortfall = 2;
+constexpr size_t kEveryContrast = 8;  ///< of those who look tells it
+static_assert(VertexVisibility::kCapacity % kEveryContrast == 0, "the same ones by block");
+constexpr float kUnit = 124;  ///< of BeliefPropagation's costs, for a correlation of 1
+constexpr uint8_t kSlope = 31;
+constexpr int kRounds = 4;
+
+/// Correlation with another camera from which on a camera is said to see the place.
+constexpr float kAgreeing = 0.4F;
+// Voxels along a ray from the place: the first that is seen through, and the last where the ray
+// leaves the hull on a slant. The votes count one voxel around.
+constexpr float kFirstFree = 3.5F;
+constexpr float kMaxSlant = 3, kBeyondSkin = 2;
+constexpr int kVotesInwards = 5;  ///< voxels from the place inwards
+
+constexpr int kMinVotes = 16;  ///< of vertices
+constexpr int kCutSmoothing = 8;
+constexpr int kFragmentVoxels = 2000;
+
+constexpr int kLabels = BeliefPropagation::kLabels;
+static_assert(kLabels == 2 * kDepthSteps);
+
+CorrelationOptions depths_from(int first) {
+  return {.side = kSide, .first = static_cast<float>(first), .noise = kNoiseVariance};
+}
+const CorrelationOptions kNear = depths_from(1 - kDepthSteps), kFar = depths_from(1 - kLabels);
+
+void keep(const CorrelationOptions& options, WindowViews& views) {
+  int kept = 0;
+  for (int c = 0; c < views.count; ++c) {
+    if (!window_fits(views.view[c], options)) continue;
+    views.view[kept] = views.view[c];
+    views.camera[kept++] = views.camera[c];
+  }
+  views.count = kept;
+}
+
+}  // namespace
+
+class ConcavityCarver::Impl {
+ public:
+  StereoSamples find_samples(const SurfaceCameras& cameras, const Mesh& hull,
+                             const SparseVolume& volume) {
+    StereoSamples found;
+    voxel_ = static_cast<float>(volume.grid().voxel_m);
+    if (cameras.cameras.size() < 2 || hull.vertices.empty()) return found;
+    search_surface(cameras, hull, kEvery, [](const Vector3f&) { return true; });
+    found.covered.resize(cameras.cameras.size());
+    tbb::parallel_for(size_t{0}, found.covered.size(), [&](size_t c) {
+      found.covered[c] = covered_pixels(cameras.cameras[c], depths_[c]);
+    });
+    step_cost_ = find_step_cost();
+    select_depths(found.samples);
+
+    // What that opens shows the cameras more.
+    FreeSpaceVotes votes(volume);
+    std::vector<Brick> opened(volume.bricks().size(), kEmptyBrick);
+    for (size_t voted = 0, pass = 1; pass < kPasses; ++pass) {
+      vote(cameras, std::span(found.samples).subspan(voted), votes);
+      voted = found.samples.size();
+      const VolumeCut cut = cut_by(volume, votes);
+      const std::vector<uint8_t> near = cut.bricks_near_more_than(opened);
+      if (std::find(near.begin(), near.end(), 1) == near.end()) break;
+      opened = cut.bricks();
+      marching_cubes_.run(cut.remaining(), left_);
+      search_surface(cameras, left_, kEveryInLaterPasses, [&](const Vector3f& place) {
+        const int brick = votes.brick_at(place);
+        return brick >= 0 && near[brick] != 0;
+      });
+      select_depths(found.samples);
+    }
+    return found;
+  }
+
+  SparseVolume carve(const SurfaceCameras& cameras, const SparseVolume& volume,
+                     const StereoSamples& samples, std::span<const NeighbourSamples> adjacent) {
+    voxel_ = static_cast<float>(volume.grid().voxel_m);
+    if (samples.samples.empty()) return volume;
+    FreeSpaceVotes votes(volume);
+    vote(cameras, samples.samples, votes);
+    for (const NeighbourSamples& other : adjacent) vote(other, votes);
+    VolumeCut cut = cut_by(volume, votes);
+    cut.add_fragments(kFragmentVoxels);
+    cut.keep(needed_voxels(cameras, volume, cut, samples.covered));
+    return cut.remaining();
+  }
+
+ private:
+  static constexpr uint32_t kNoNode = UINT32_MAX;
+
+  /// What a vertex sees; the arrays are by label.
+  struct VertexSearch {
+    uint32_t vertex = 0;
+    WindowViews views = {};
+    std::array<float, kLabels> score{};       ///< see PairAgreement; 0 where nobody looked
+    std::array<uint8_t, kLabels> agreeing{};  ///< likewise
+
+    bool has_views() const { return views.count >= 2; }
+    /// By how much the best near depth stands out of the far ones.
+    float contrast() const {
+      const auto far = score.begin() + kDepthSteps;
+      return *std::max_element(score.begin(), far) -
+             std::accumulate(far, score.end(), 0.0F) / (kLabels - kDepthSteps);
+    }
+  };
+
+  void prepare(const SurfaceCameras& cameras, const Mesh& surface) {
+    mesh_ = surface;
+    neighbours_ = Neighbours(mesh_);
+    smooth_surface(neighbours_, kSmoothing, mesh_.vertices, work_);
+    tbb::parallel_invoke(
+        [&] {
+          normals_ = vertex_normals(mesh_);
+          smooth_normals(neighbours_, kNormalSmoothing, normals_, work_);
+        },
+        [&] { draw_depths(mesh_, cameras.models, depths_, Faces::kFront); });
+  }
+
+  /// From every so many-th vertex of the surface for which where(place).
+  template <class Where>
+  void search_surface(const SurfaceCameras& cameras, const Mesh& surface, size_t every,
+                      const Where& where) {
+    prepare(cameras, surface);
+    every_ = every;
+    searches_.clear();
+    node_of_.assign(mesh_.vertices.size(), kNoNode);
+    for (size_t v = 0; v < mesh_.vertices.size(); v += every) {
+      if (!where(mesh_.vertices[v])) continue;
+      node_of_[v] = static_cast<uint32_t>(searches_.size());
+      searches_.push_back({.vertex = static_cast<uint32_t>(v)});
+    }
+    tbb::enumerable_thread_specific<BlockVisibility> of_threads;
+    for_each_block<VertexVisibility::kCapacity>(searches_.size(), [&](size_t begin, size_t end) {
+      search_block(cameras.cameras, std::span(searches_).subspan(begin, end - begin),
+                   of_threads.local());
+    });
+  }
+
+  void search_block(std::span<const SurfaceCamera> cameras, std::span<VertexSearch> searches,
+                    BlockVisibility& block) {
+    const size_t count = searches.size();
+    std::array<Vector3f, VertexVisibility::kCapacity> places, normals;
+    for (size_t i = 0; i < count; ++i) {
+      places[i] = mesh_.vertices[searches[i].vertex];
+      normals[i] = normals_[searches[i].vertex];
+    }
+    const auto where = std::span(places).first(count), facing = std::span(normals).first(count);
+    block.compute(where, facing, cameras, depths_, {.tolerance_m = kHiddenBehind * voxel_});
+    block.windows.find(where, facing, cameras, block.by_camera(),
+                       {.level = kLevel,
+                        .max_views = kMaxViews,
+                        .spacing_m = kSpacing * voxel_,
+                        .step_m = kStep * voxel_},
+                       kFar);
+    for (size_t i = 0; i < count; ++i) {
+      compare(block.windows.views(i), searches[i], i % kEveryContrast == 0);
+    }
+  }
+
+  /// `all`: of the far depths, too, whatever the near ones are like.
+  static void compare(const WindowViews& views, VertexSearch& search, bool all) {
+    search.views = views;
+    keep(kNear, search.views);
+    if (!search.has_views()) return;
+    compare(kNear, 0, search);
+    if (all || needs_far_depths(search)) compare(kFar, kDepthSteps, search);
+  }
+
+  /// Half of the labels, from `first` on, which is the last depth of the profile.
+  static void compare(const CorrelationOptions& depths, int first, VertexSearch& search) {
+    PairAgreement half;
+    correlate_pairs(search.views, depths, kAgreeing, half);
+    for (int k = 0; k < kDepthSteps; ++k) {
+      search.score[first + k] = half.score[kDepthSteps - 1 - k];
+      search.agreeing[first + k] = half.agreeing[kDepthSteps - 1 - k];
+    }
+  }
+
+  /// Whether a far depth that agreed perfectly would cost less than all near ones. Mostly not, and
+  /// then nobody looks there.
+  static bool needs_far_depths(const VertexSearch& search) {
+    for (int label = 0; label < kDepthSteps; ++label) {
+      const auto steps = static_cast<float>(kDepthSteps - label);
+      if (1 - search.score[label] < kStepCost * steps) return false;
+    }
+    return true;
+  }
+
+  float find_step_cost() {
+    const float contrast = median_contrast();
+    const float short_of = std::min(kMaxShortfall, kContrast / std::max(contrast, 1e-3F));
+    return kStepCost * std::max(1.0F, short_of * short_of * short_of);
+  }
+
+  /// What labels cost.
+  void compute_costs() {
+    costs_.resize(searches_.size());
+    for_each_vertex(searches_.size(), [&](size_t i) {
+      for (int label = 0; label < kLabels; ++label) {
+        const float disagreement = searches_[i].has_views() ? 1 - searches_[i].score[label] : 0;
+        const float cost = kUnit * (disagreement + step_cost_ * static_cast<float>(label));
+        costs_[i].of[label] =
+            static_cast<int16_t>(std::min(cost + 0.5F, float{BeliefPropagation::kMaxCost}));
+      }
+    });
+  }
+
+  float median_contrast() {
+    contrasts_.clear();
+    for (size_t i = 0; i < searches_.size(); i += kEveryContrast) {
+      if (searches_[i].has_views()) contrasts_.push_back(searches_[i].contrast());
+    }
+    return upper_median(contrasts_);
+  }
+
+  /// Those who look are neighbours when they are two edges apart at most.
+  void connect() {
+    constexpr size_t kBlock = 1024;
+    std::vector<std::vector<BeliefPropagation::Edge>> of_blocks(searches_.size() / kBlock + 1);
+    for_each_block<kBlock>(searches_.size(), [&](size_t begin, size_t end) {
+      for (size_t i = begin; i < end; ++i) connect(i, of_blocks[begin / kBlock]);
+    });
+    edges_.clear();
+    for (const auto& edges : of_blocks) edges_.insert(edges_.end(), edges.begin(), edges.end());
+  }
+
+  /// Appends the edges to later ones.
+  void connect(size_t i, std::vector<BeliefPropagation::Edge>& edges) const {
+    const auto first = std::ssize(edges);
+    const auto add = [&](uint32_t vertex) {
+      const uint32_t node = node_of_[vertex];
+      if (node == kNoNode || node <= i) return;
+      const BeliefPropagation::Edge edge(i, node);
+      if (std::find(edges.begin() + first, edges.end(), edge) == edges.end()) {
+        edges.push_back(edge);
+      }
+    };
+    for (const uint32_t n : neighbours_.of(searches_[i].vertex)) {
+      add(n);
+      for (const uint32_t m : neighbours_.of(n)) add(m);
+    }
+  }
+
+  /// Those who look agree about depths; appends what they saw.
+  void select_depths(std::vector<StereoSample>& found) {
+    compute_costs();
+    connect();
+    const std::span<const uint8_t> labels =
+        labels_.solve(costs_, edges_, {.slope = kSlope, .rounds = kRounds});
+    for (size_t i = 0; i < labels.size(); ++i) {
+      if (searches_[i].agreeing[labels[i]] != 0)
+        found.push_back(sample_of(searches_[i], labels[i]));
+    }
+  }
+
+  StereoSample sample_of(const VertexSearch& search, int label) const {
+    StereoSample sample;
+    sample.vertices = static_cast<uint8_t>(every_);
+    sample.depth_m = kStep * static_cast<float>(label) * voxel_;
+    sample.outwards = normals_[search.vertex];
+    sample.place = mesh_.vertices[search.vertex] - sample.depth_m * sample.outwards;
+    for (int c = 0; c < search.views.count; ++c) {
+      if ((search.agreeing[label] >> c & 1) == 0) continue;
+      sample.cameras[sample.count++] = static_cast<uint16_t>(search.views.camera[c]);
+    }
+    return sample;
+  }
+
+  void vote(const SurfaceCameras& cameras, std::span<const StereoSample> samples,
+            FreeSpaceVotes& votes) const {
+    for_each_vertex(samples.size(), [&](size_t i) {
+      vote(
+          samples[i], [&](uint16_t camera) { return &cameras.cameras[camera]; }, votes);
+    });
+  }
+
+  void vote(const NeighbourSamples& adjacent, FreeSpaceVotes& votes) const {
+    const std::vector<StereoSample>& samples = adjacent.samples->samples;
+    for_each_vertex(samples.size(), [&](size_t i) {
+      const auto still = [&](uint16_t camera) -> const SurfaceCamera* {
+        const auto& [then, now] = adjacent.cameras[camera];
+        const auto seen = now != nullptr ? now->project(samples[i].place) : std::nullopt;
+        return seen && static_weight(*now, *then, seen->pixel) > 0 ? now : nullptr;
+      };
+      vote(samples[i], still, votes);
+    });
+  }
+
+  /// camera_of(number): null for one that does not count.
+  template <class CameraOf>
+  void vote(const StereoSample& sample, const CameraOf& camera_of, FreeSpaceVotes& votes) const {
+    const float last = kMaxSlant * sample.depth_m / voxel_ + kBeyondSkin;
+    int cameras = 0;
+    for (int c = 0; c < sample.count; ++c) {
+      const SurfaceCamera* camera = camera_of(sample.cameras[c]);
+      if (camera == nullptr) continue;
+      ++cameras;
+      const Vector3f out = (camera->center() - sample.place).normalized();
+      for (float way = kFirstFree; way < last; ++way) {
+        votes.vote_free(sample.place + way * voxel_ * out, sample.vertices);
+      }
+    }
+    for (int way = 0; cameras >= 2 && way < kVotesInwards; ++way) {
+      votes.vote_occupied(sample.place - static_cast<float>(way) * voxel_ * sample.outwards,
+                          sample.vertices);
+    }
+  }
+
+  static VolumeCut cut_by(const SparseVolume& volume, const FreeSpaceVotes& votes) {
+    VolumeCut cut(volume, votes.free_voxels(kMinVotes));
+    cut.smooth(kCutSmoothing);
+    return cut;
+  }
+
+  /// Those of the cut without which cameras would look through the hull where they see something: a
+  /// blade that was taken for air.
+  std::vector<Brick> needed_voxels(const SurfaceCameras& cameras, const SparseVolume& volume,
+                                   const VolumeCut& cut, std::span<const Mask> before) {
+    marching_cubes_.run(cut.remaining(), left_);
+    draw_depths(left_, cameras.models, depths_, Faces::kFront);
+    std::vector<Mask> open(cameras.cameras.size());
+    tbb::parallel_for(size_t{0}, open.size(),
+                      [&](size_t c) { open[c] = uncovered_pixels(before[c], depths_[c]); });
+    return voxels_at(open, cameras.cameras, volume, cut.bricks());
+  }
+
+  float voxel_ = 0;
+  Mesh mesh_;
+  Neighbours neighbours_;
+  std::vector<DepthBuffer> depths_;
+  std::vector<Vector3f> normals_, work_;
+  size_t every_ = kEvery;               ///< vertex looked last
+  std::vector<VertexSearch> searches_;  ///< of those who look: the nodes of labels_
+  std::vector<uint32_t> node_of_;       ///< by vertex
+  float step_cost_ = 0;
+  std::vector<float> contrasts_;
+  std::vector<BeliefPropagation::Costs> costs_;
+  std::vector<BeliefPropagation::Edge> edges_;
+  BeliefPropagation labels_;
+  MarchingCubes marching_cubes_;
+  Mesh left_;  ///< surface of what the cut leaves
+};
+
+ConcavityCarver::ConcavityCarver() : impl_(std::make_unique<Impl>()) {}
+ConcavityCarver::~ConcavityCarver() = default;
+StereoSamples ConcavityCarver::find_samples(const SurfaceCameras& cameras, const Mesh& hull,
+                                            const SparseVolume& volume) {
+  return impl_->find_samples(cameras, hull, volume);
+}
+SparseVolume ConcavityCarver::carve(const SurfaceCameras& cameras, const SparseVolume& volume,
+                                    const StereoSamples& samples,
+                                    std::span<const NeighbourSamples> adjacent) {
+  return impl_->carve(cameras, volume, samples, adjacent);
+}
+
+}  // namespace v3d
