@@ -11,7 +11,7 @@
 #include "daemon/json.h"
 #include "daemon/service.h"
 #include "daemon/take_folder.h"
-#include "recon/pipeline/warm_up.h"
+#include "recon/pipeline/frame_set.h"
 #include "take/ledger.h"
 #include "take/take_removal.h"
 

@@ -62,4 +62,94 @@ std::array<Sum, 512> neighbourhood_sums(const BricksAround& around, const RowOf&
   return sums;
 }
 
+/// A number of 0 to 27 for every voxel of a brick: bit[k] has the k-th bits of all.
+struct BrickCounts {
+  std::array<Brick, 5> bit{};
+};
+
+namespace brick_counts {
+
+/// Sums of bits of equal value.
+struct Sum {
+  uint64_t value, carry;
+};
+inline Sum add(uint64_t a, uint64_t b) { return {a ^ b, a & b}; }
+inline Sum add(uint64_t a, uint64_t b, uint64_t c) { return {a ^ b ^ c, (a & b) | (c & (a ^ b))}; }
+
+/// Of a row along x, bit 8 y + x, whose ends are in the rows of other bricks: 0 to 3.
+inline Sum along_x(uint64_t before, uint64_t row, uint64_t after) {
+  constexpr uint64_t kFirst = 0x0101010101010101, kLast = kFirst << 7;
+  return add((row << 1 & ~kFirst) | (before >> 7 & kFirst), row,
+             (row >> 1 & ~kLast) | (after << 7 & kLast));
+}
+
+/// Of a layer with those beside it along x and y: 0 to 9.
+using Layer = std::array<uint64_t, 4>;
+
+inline Layer along_x_and_y(const std::array<uint64_t, 9>& layers) {
+  std::array<Sum, 3> rows;  // of three bricks along y
+  for (int y = 0; y < 3; ++y) {
+    rows[y] = along_x(layers[3 * y], layers[3 * y + 1], layers[3 * y + 2]);
+  }
+  const auto before = [](uint64_t brick, uint64_t here) { return here << 8 | brick >> 56; };
+  const auto after = [](uint64_t brick, uint64_t here) { return here >> 8 | brick << 56; };
+  const Sum ones =
+      add(before(rows[0].value, rows[1].value), rows[1].value, after(rows[2].value, rows[1].value));
+  const Sum twos =
+      add(before(rows[0].carry, rows[1].carry), rows[1].carry, after(rows[2].carry, rows[1].carry));
+  const Sum with_carry = add(twos.value, ones.carry);
+  const Sum fours = add(twos.carry, with_carry.carry);
+  return {ones.value, with_carry.value, fours.value, fours.carry};
+}
+
+/// Of three layers: 0 to 27.
+inline std::array<uint64_t, 5> along_z(const Layer& a, const Layer& b, const Layer& c) {
+  const Sum ones = add(a[0], b[0], c[0]);
+  const Sum twos = add(a[1], b[1], c[1]), twos_all = add(twos.value, ones.carry);
+  const Sum fours = add(a[2], b[2], c[2]);
+  const Sum fours_all = add(fours.value, twos.carry, twos_all.carry);
+  const Sum eights = add(a[3], b[3], c[3]);
+  const Sum eights_all = add(eights.value, fours.carry, fours_all.carry);
+  return {ones.value, twos_all.value, fours_all.value, eights_all.value,
+          eights.carry | eights_all.carry};
+}
+
+}  // namespace brick_counts
+
+/// Of the 27 voxels in and round each voxel. layer_of(brick, z) gives 64 bits, y after y; all are 0
+/// where no brick is stored.
+template <class LayerOf>
+BrickCounts neighbourhood_counts(const BricksAround& around, const LayerOf& layer_of) {
+  using brick_counts::Layer;
+  std::array<Layer, kBrickEdge + 2> flat;
+  for (int z = 0; z < kBrickEdge + 2; ++z) {
+    const int brick_z = z == 0 ? 0 : z > kBrickEdge ? 2 : 1;
+    std::array<uint64_t, 9> layers{};
+    for (int n = 0; n < 9; ++n) {
+      const int brick = around[9 * brick_z + n];
+      if (brick >= 0) layers[n] = layer_of(static_cast<size_t>(brick), (z + 7) % 8);
+    }
+    flat[z] = brick_counts::along_x_and_y(layers);
+  }
+  BrickCounts counts;
+  for (int z = 0; z < kBrickEdge; ++z) {
+    const auto sums = brick_counts::along_z(flat[z], flat[z + 1], flat[z + 2]);
+    for (size_t k = 0; k < sums.size(); ++k) counts.bit[k][z] = sums[k];
+  }
+  return counts;
+}
+
+/// Where one number is larger than another.
+inline Brick larger(const BrickCounts& a, const BrickCounts& b) {
+  Brick larger{};
+  for (size_t z = 0; z < larger.size(); ++z) {
+    uint64_t equal = ~uint64_t{0};
+    for (size_t k = a.bit.size(); k-- > 0;) {
+      larger[z] |= equal & a.bit[k][z] & ~b.bit[k][z];
+      equal &= ~(a.bit[k][z] ^ b.bit[k][z]);
+    }
+  }
+  return larger;
+}
+
 }  // namespace v3d

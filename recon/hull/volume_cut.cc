@@ -8,7 +8,7 @@
 #include <optional>
 #include <utility>
 
-#include "recon/hull/brick_counts.h"
+#include "recon/hull/brick_halo.h"
 
 namespace v3d {
 namespace {

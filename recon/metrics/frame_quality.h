@@ -9,7 +9,7 @@
 #include "base/frame.h"
 #include "base/geometry.h"
 #include "base/mesh.h"
-#include "recon/visibility/point_arrays.h"
+#include "recon/visibility/surface_points.h"
 
 namespace v3d {
 

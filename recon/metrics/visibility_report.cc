@@ -24,7 +24,7 @@ class VisibleCameras {
     draw_depths(truth, cameras, depths_);
   }
 
-  /// At most kMost.
+  /// At most kCapacity.
   size_t count(const SurfaceSample& place) const {
     size_t seeing = 0;
     for (size_t c = 0; c < cameras_.size() && seeing < kMaxCount; ++c) seeing += sees(c, place);

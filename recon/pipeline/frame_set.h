@@ -7,7 +7,9 @@
 #include <string>
 #include <vector>
 
+#include "base/camera_model.h"
 #include "base/frame.h"
+#include "base/geometry.h"
 #include "base/time.h"
 #include "recon/pipeline/reconstructor.h"
 
@@ -74,5 +76,10 @@ class FrameSetAssembler {
   std::optional<int64_t> newest_;
   FrameSetCounters counters_;
 };
+
+/// A grey ball in the middle of `bounds`, about as large as a person, as the cameras see it. The
+/// first frame set costs several times what later ones do, because all memory is fetched from the
+/// kernel for it; in a take it would be late, and those behind it, too.
+FrameSet warm_up_frame_set(const Rig& rig, const Box& bounds);
 
 }  // namespace v3d

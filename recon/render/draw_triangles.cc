@@ -87,13 +87,13 @@ HWY_INLINE Range between(IntLanes low, IntLanes high, int size) {
 HWY_INLINE IntLanes least(const IntLanes (&v)[3]) { return hn::Min(v[0], hn::Min(v[1], v[2])); }
 HWY_INLINE IntLanes most(const IntLanes (&v)[3]) { return hn::Max(v[0], hn::Max(v[1], v[2])); }
 
-/// Requires corners no farther than kMostExtent apart.
+/// Requires corners no farther than kMaxExtent apart.
 HWY_INLINE IntLanes twice_area(const IntLanes (&x)[3], const IntLanes (&y)[3]) {
   return hn::Sub(hn::Mul(hn::Sub(x[1], x[0]), hn::Sub(y[2], y[0])),
                  hn::Mul(hn::Sub(x[2], x[0]), hn::Sub(y[1], y[0])));
 }
 
-/// Those of triangles that fit in kMostExtent, by the same numbers that the edges go by: twice the
+/// Those of triangles that fit in kMaxExtent, by the same numbers that the edges go by: twice the
 /// area on the screen is positive. (y runs down there.)
 HWY_INLINE LaneMask shows_back(const IntLanes (&x)[3], const IntLanes (&y)[3]) {
   const Ints ints;

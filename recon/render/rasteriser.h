@@ -50,7 +50,7 @@ void for_each_screen_triangle(const Mesh& mesh, const CameraModel& camera,
 }
 
 /// Which pixels a triangle covers is decided in whole numbers, exactly: its corners are put on a
-/// lattice of 1/256 pixel first. What lies farther out than kMostPixels is taken to lie there, so
+/// lattice of 1/256 pixel first. What lies farther out than kMaxPixels is taken to lie there, so
 /// that every product below fits in 64 bits.
 inline constexpr int kFixedBits = 8;
 inline constexpr int kFixedOne = 1 << kFixedBits;

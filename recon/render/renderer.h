@@ -8,6 +8,7 @@
 #include "base/camera_model.h"
 #include "base/geometry.h"
 #include "base/image.h"
+#include "base/mask.h"
 #include "base/mesh.h"
 
 namespace v3d {
@@ -46,5 +47,11 @@ std::vector<CameraModel> turntable_cameras(const Box& bounds, int count, ImageSi
 /// All views in one picture, row by row, with a border between them. Requires RGB8 views of one
 /// size; at least one. `columns` 0: few empty places, and about as wide as a page.
 Image contact_sheet(std::span<const Image> views, int columns = 0);
+
+/// Foreground: the pixels of the whole image whose centres any triangle covers. Pure; one thread.
+Mask draw_silhouette(const Mesh& mesh, const CameraModel& camera);
+
+/// One mask per camera, cameras in parallel.
+std::vector<Mask> draw_silhouettes(const Mesh& mesh, std::span<const CameraModel> cameras);
 
 }  // namespace v3d

@@ -1,7 +1,7 @@
 #include "recon/silhouettes/leave_one_out_hull.h"
 
 #include "recon/hull/voxel_grid.h"
-#include "recon/render/silhouette.h"
+#include "recon/render/renderer.h"
 
 namespace v3d {
 

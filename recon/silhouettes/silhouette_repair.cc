@@ -7,7 +7,7 @@
 
 #include "base/mask_pieces.h"
 #include "base/mask_shape.h"
-#include "recon/render/silhouette.h"
+#include "recon/render/renderer.h"
 #include "recon/silhouettes/colour_consistency.h"
 #include "recon/silhouettes/frame_lag.h"
 #include "recon/silhouettes/joint_missing_foreground.h"

@@ -24,7 +24,7 @@ class BeliefPropagation {
  public:
   static constexpr int kLabels = 32;
   static constexpr int kMaxStep = 8;
-  /// What each label costs a node, at most kMostCost.
+  /// What each label costs a node, at most kMaxCost.
   struct alignas(64) Costs {
     std::array<int16_t, kLabels> of{};
   };

@@ -14,10 +14,10 @@
 #include "recon/mesh/smooth_surface.h"
 #include "recon/mesh/vertex_loop.h"
 #include "recon/surface/belief_propagation.h"
-#include "recon/surface/block_visibility.h"
 #include "recon/surface/free_space_votes.h"
 #include "recon/surface/motion_mask.h"
 #include "recon/surface/silhouette_coverage.h"
+#include "recon/surface/template_windows.h"
 
 namespace v3d {
 namespace {

@@ -32,7 +32,7 @@ struct WindowViews {
 };
 
 struct CorrelationOptions {
-  int side = 7;        ///< samples along each axis of the window; odd, at most kMostWindowSide
+  int side = 7;        ///< samples along each axis of the window; odd, at most kMaxWindowSide
   float first = -8;    ///< steps along the normal at which a profile begins
   float noise = 1;     ///< variance of a sample that says nothing, squared grey values
   bool robust = true;  ///< cameras that contradict the reference do not count against it

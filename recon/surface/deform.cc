@@ -13,9 +13,9 @@
 #include "recon/mesh/self_intersection_removal.h"
 #include "recon/mesh/smooth_surface.h"
 #include "recon/mesh/vertex_loop.h"
-#include "recon/surface/block_visibility.h"
 #include "recon/surface/displacement_field.h"
 #include "recon/surface/silhouette_force.h"
+#include "recon/surface/template_windows.h"
 #include "recon/visibility/depth_buffer.h"
 
 namespace v3d {

@@ -6,7 +6,7 @@
 #include <span>
 #include <vector>
 
-#include "recon/mesh/neighbour_rows.h"
+#include "recon/mesh/neighbours.h"
 #include "recon/surface/correlation.h"
 
 namespace v3d {

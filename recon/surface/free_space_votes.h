@@ -12,7 +12,7 @@ namespace v3d {
 
 /// Votes of two kinds for the voxels of a volume: something was seen through them, and something
 /// was seen there. Votes may come from several threads at a time; sums do not depend on the order.
-/// A voxel counts up to kMostVotes votes of a kind; further ones change nothing.
+/// A voxel counts up to kMaxVotes votes of a kind; further ones change nothing.
 class FreeSpaceVotes {
  public:
   static constexpr uint32_t kMaxVotes = 1 << 15;
@@ -36,8 +36,8 @@ class FreeSpaceVotes {
   std::vector<Brick> free_voxels(int least) const;
 
  private:
-  // Both counts in one number, so that votes are one addition. A count that has reached kMostVotes
-  // takes no more, so it stays below kMostVotes + 256 and never reaches the other half. A frame
+  // Both counts in one number, so that votes are one addition. A count that has reached kMaxVotes
+  // takes no more, so it stays below kMaxVotes + 256 and never reaches the other half. A frame
   // gives a voxel some thousands.
   static constexpr uint32_t kFree = 1, kOccupied = 1 << 16;
   static_assert(kMaxVotes + UINT8_MAX < kOccupied);

@@ -9,8 +9,8 @@
 #include "base/frame.h"
 #include "recon/hull/voxel_projection.h"
 #include "recon/texture/colour_mask.h"
-#include "recon/visibility/point_arrays.h"
 #include "recon/visibility/point_depth_buffer.h"
+#include "recon/visibility/surface_points.h"
 
 namespace v3d {
 

@@ -7,7 +7,7 @@
 #include <cmath>
 
 #include "recon/texture/vertex_cameras.h"
-#include "recon/visibility/occluding_points.h"
+#include "recon/visibility/surface_points.h"
 
 namespace v3d {
 namespace {

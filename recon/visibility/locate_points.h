@@ -5,8 +5,8 @@
 #include <cstdint>
 
 #include "recon/hull/voxel_projection.h"
-#include "recon/visibility/point_arrays.h"
 #include "recon/visibility/point_depth_buffer.h"
+#include "recon/visibility/surface_points.h"
 
 namespace v3d {
 

@@ -6,7 +6,7 @@
 
 #include "base/camera_model.h"
 #include "recon/hull/voxel_projection.h"
-#include "recon/visibility/point_arrays.h"
+#include "recon/visibility/surface_points.h"
 
 namespace v3d {
 

@@ -44,8 +44,8 @@ struct VertexVisibility {
   SurfaceCamera::Seen at(size_t i) const { return {{u[i], v[i]}, z[i]}; }
 };
 
-/// `depth` is of the mesh. Requires kMost vertices or fewer. Vectorised for the processor it runs
-/// on; every processor gives the same bits.
+/// `depth` is of the mesh. Requires kCapacity vertices or fewer. Vectorised for the processor it
+/// runs on; every processor gives the same bits.
 void test_visibility(const SurfaceCamera& camera, const DepthBuffer& depth,
                      const PointBlock& places, const PointBlock& normals,
                      const VisibilityOptions& options, VertexVisibility& visibility);

@@ -6,7 +6,6 @@
 
 #include "base/demosaic.h"
 #include "recon/render/renderer.h"
-#include "recon/render/silhouette.h"
 #include "recon/shapes.h"
 
 namespace v3d::ctl {

@@ -11,7 +11,7 @@
 #include "daemon/recorded/take_frames.h"
 #include "recon/mesh/mesh_edges.h"
 #include "recon/mesh/self_intersection.h"
-#include "recon/render/silhouette.h"
+#include "recon/render/renderer.h"
 #include "v3dctl/held_out_view.h"
 #include "v3dctl/interrupt.h"
 

@@ -8,7 +8,7 @@
 
 #include "base/studio_file.h"
 #include "recon/silhouettes/displaced_camera.h"
-#include "recon/silhouettes/sync_check.h"
+#include "recon/silhouettes/frame_lag.h"
 
 namespace v3d::ctl {
 

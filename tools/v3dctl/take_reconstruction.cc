@@ -12,7 +12,7 @@
 #include "base/mask_shape.h"
 #include "recon/hull/bounds_mask.h"
 #include "recon/pipeline/frame_pipeline.h"
-#include "recon/render/silhouette.h"
+#include "recon/render/renderer.h"
 #include "v3dctl/interrupt.h"
 #include "v3dctl/take_surfaces.h"
 

@@ -1,9 +1,8 @@
-#include "recon/hull/brick_counts.h"
-
 #include <gtest/gtest.h>
 
 #include <random>
 
+#include "recon/hull/brick_halo.h"
 #include "recon/volumes.h"
 
 namespace v3d {

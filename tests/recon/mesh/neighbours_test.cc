@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <set>
 
-#include "recon/mesh/neighbour_rows.h"
 #include "recon/shapes.h"
 
 namespace v3d {

@@ -6,7 +6,7 @@
 #include <numbers>
 
 #include "base/mask_shape.h"
-#include "recon/render/silhouette.h"
+#include "recon/render/renderer.h"
 #include "recon/shapes.h"
 
 namespace v3d {

@@ -10,9 +10,8 @@
 #include "recon/mesh/self_intersection.h"
 #include "recon/metrics/evaluation.h"
 #include "recon/pipeline/compact_frame.h"
-#include "recon/pipeline/warm_up.h"
+#include "recon/pipeline/frame_set.h"
 #include "recon/render/renderer.h"
-#include "recon/render/silhouette.h"
 #include "recon/shapes.h"
 
 namespace v3d {

@@ -3,7 +3,6 @@
 #include <gtest/gtest.h>
 #include <tbb/global_control.h>
 
-#include "recon/render/silhouette.h"
 #include "recon/shapes.h"
 
 namespace v3d {

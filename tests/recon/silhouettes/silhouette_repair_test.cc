@@ -9,7 +9,7 @@
 #include <set>
 
 #include "base/mask_shape.h"
-#include "recon/render/silhouette.h"
+#include "recon/render/renderer.h"
 #include "recon/shapes.h"
 #include "sim/film.h"
 #include "sim/scene.h"

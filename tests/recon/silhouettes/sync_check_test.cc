@@ -1,13 +1,12 @@
-#include "recon/silhouettes/sync_check.h"
-
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <cmath>
 #include <numbers>
 
-#include "recon/render/silhouette.h"
+#include "recon/render/renderer.h"
 #include "recon/shapes.h"
+#include "recon/silhouettes/frame_lag.h"
 #include "recon/silhouettes/leave_one_out_hull.h"
 
 namespace v3d {

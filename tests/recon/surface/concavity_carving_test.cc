@@ -10,7 +10,6 @@
 #include "recon/hull/intersect.h"
 #include "recon/hull/marching_cubes.h"
 #include "recon/render/renderer.h"
-#include "recon/render/silhouette.h"
 #include "recon/shapes.h"
 #include "recon/volumes.h"
 

@@ -11,7 +11,6 @@
 #include "recon/mesh/self_intersection.h"
 #include "recon/mesh/self_intersection_removal.h"
 #include "recon/render/renderer.h"
-#include "recon/render/silhouette.h"
 #include "recon/shapes.h"
 
 namespace v3d {

@@ -4,7 +4,7 @@
 
 #include <cmath>
 
-#include "recon/render/silhouette.h"
+#include "recon/render/renderer.h"
 #include "recon/shapes.h"
 
 namespace v3d {

@@ -2,7 +2,7 @@
 
 #include <gtest/gtest.h>
 
-#include "recon/render/silhouette.h"
+#include "recon/render/renderer.h"
 #include "recon/shapes.h"
 
 namespace v3d {

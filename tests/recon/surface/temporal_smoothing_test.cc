@@ -10,7 +10,6 @@
 #include "recon/mesh/self_intersection.h"
 #include "recon/metrics/evaluation.h"
 #include "recon/render/renderer.h"
-#include "recon/render/silhouette.h"
 #include "recon/shapes.h"
 
 namespace v3d {

@@ -5,7 +5,7 @@
 #include <cmath>
 
 #include "base/demosaic.h"
-#include "recon/render/silhouette.h"
+#include "recon/render/renderer.h"
 #include "recon/shapes.h"
 
 namespace v3d {

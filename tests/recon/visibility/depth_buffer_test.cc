@@ -9,7 +9,7 @@
 
 #include "recon/render/draw_triangles.h"
 #include "recon/render/rasteriser.h"
-#include "recon/render/silhouette.h"
+#include "recon/render/renderer.h"
 #include "recon/shapes.h"
 
 namespace v3d {

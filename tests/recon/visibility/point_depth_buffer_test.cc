@@ -11,7 +11,7 @@
 #include "recon/hull/marching_cubes.h"
 #include "recon/shapes.h"
 #include "recon/visibility/depth_buffer.h"
-#include "recon/visibility/occluding_points.h"
+#include "recon/visibility/surface_points.h"
 #include "recon/volumes.h"
 
 namespace v3d {

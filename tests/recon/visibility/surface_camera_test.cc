@@ -4,7 +4,7 @@
 
 #include <random>
 
-#include "recon/render/silhouette.h"
+#include "recon/render/renderer.h"
 #include "recon/shapes.h"
 #include "recon/surface/pulse_views.h"
 

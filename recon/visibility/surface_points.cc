@@ -1,4 +1,4 @@
-#include "recon/visibility/occluding_points.h"
+#include "recon/visibility/surface_points.h"
 
 #include <Eigen/Geometry>
 #include <algorithm>
