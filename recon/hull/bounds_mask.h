@@ -1,4 +1,4 @@
-// The part of an image that can show anything of the space that is reconstructed.
+// The part of an image that can show the reconstructed space.
 #pragma once
 
 #include "base/camera_model.h"
@@ -7,8 +7,9 @@
 
 namespace v3d {
 
-/// The pixels where the camera looks through the box, to blocks of 4 by 4 pixels: a block is in
-/// when the ray of one of its corners meets the box, at most half a block beyond the true outline.
+/// The pixels whose rays meet `box` (world, metres), in blocks of 4 x 4 pixels: a block is set when
+/// the ray of one of its corners meets the box. The mask exceeds the exact outline by at most half
+/// a block.
 Mask bounds_mask(const Box& box, const CameraModel& camera);
 
 }  // namespace v3d

@@ -1,4 +1,5 @@
-// A brick's voxels and those around it, for filters of a volume that look one voxel far.
+// Filters of a volume over the 27 voxels in and around each voxel, one brick of 8 x 8 x 8 voxels at
+// a time. A halo is the ring of voxels around a brick.
 #pragma once
 
 #include <array>
@@ -9,8 +10,8 @@
 
 namespace v3d {
 
-/// The numbers of a brick and of those around it: [9 (z + 1) + 3 (y + 1) + x + 1] is the one that
-/// many bricks away; -1 where none is stored.
+/// Indices of a brick and of its 26 neighbours, in the order 9 (z + 1) + 3 (y + 1) + x + 1; -1
+/// where no brick is stored.
 using BricksAround = std::array<int, 27>;
 
 inline BricksAround bricks_around(const SparseVolume& volume, size_t brick) {
@@ -22,12 +23,12 @@ inline BricksAround bricks_around(const SparseVolume& volume, size_t brick) {
   return around;
 }
 
-/// A number for each of the eight voxels of a row along x.
+/// One number for each of the eight voxels of a row along x.
 template <class Number>
 using BrickRow = std::array<Number, kBrickEdge>;
 
-/// Sums of a number over the 27 voxels in and round each voxel of a brick, x fastest.
-/// row_of(brick, row) is a BrickRow of row 8 z + y; all are 0 where no brick is stored.
+/// Sums over the 27 voxels in and around each voxel of a brick, x fastest. row_of(brick, row) is
+/// the BrickRow of row 8 z + y; rows of bricks that are not stored count as 0.
 template <class Sum, class RowOf>
 std::array<Sum, 512> neighbourhood_sums(const BricksAround& around, const RowOf& row_of) {
   constexpr int kWide = kBrickEdge + 2;
@@ -62,28 +63,30 @@ std::array<Sum, 512> neighbourhood_sums(const BricksAround& around, const RowOf&
   return sums;
 }
 
-/// A number of 0 to 27 for every voxel of a brick: bit[k] has the k-th bits of all.
+/// Bit-sliced counters: one number from 0 to 27 for every voxel of a brick. bit[k] holds the k-th
+/// bits of all, so that 64 voxels are counted at once.
 struct BrickCounts {
   std::array<Brick, 5> bit{};
 };
 
 namespace brick_counts {
 
-/// Sums of bits of equal value.
+/// Sum and carry of bits of equal value.
 struct Sum {
   uint64_t value, carry;
 };
 inline Sum add(uint64_t a, uint64_t b) { return {a ^ b, a & b}; }
 inline Sum add(uint64_t a, uint64_t b, uint64_t c) { return {a ^ b ^ c, (a & b) | (c & (a ^ b))}; }
 
-/// Of a row along x, bit 8 y + x, whose ends are in the rows of other bricks: 0 to 3.
+/// Counts of three neighbours along a row, 0 to 3. Bit 8 y + x; the ends of the rows come from the
+/// bricks before and after.
 inline Sum along_x(uint64_t before, uint64_t row, uint64_t after) {
   constexpr uint64_t kFirst = 0x0101010101010101, kLast = kFirst << 7;
   return add((row << 1 & ~kFirst) | (before >> 7 & kFirst), row,
              (row >> 1 & ~kLast) | (after << 7 & kLast));
 }
 
-/// Of a layer with those beside it along x and y: 0 to 9.
+/// Counts of the nine neighbours within a layer, 0 to 9.
 using Layer = std::array<uint64_t, 4>;
 
 inline Layer along_x_and_y(const std::array<uint64_t, 9>& layers) {
@@ -102,7 +105,7 @@ inline Layer along_x_and_y(const std::array<uint64_t, 9>& layers) {
   return {ones.value, with_carry.value, fours.value, fours.carry};
 }
 
-/// Of three layers: 0 to 27.
+/// Sum of three layers, 0 to 27.
 inline std::array<uint64_t, 5> along_z(const Layer& a, const Layer& b, const Layer& c) {
   const Sum ones = add(a[0], b[0], c[0]);
   const Sum twos = add(a[1], b[1], c[1]), twos_all = add(twos.value, ones.carry);
@@ -116,8 +119,8 @@ inline std::array<uint64_t, 5> along_z(const Layer& a, const Layer& b, const Lay
 
 }  // namespace brick_counts
 
-/// Of the 27 voxels in and round each voxel. layer_of(brick, z) gives 64 bits, y after y; all are 0
-/// where no brick is stored.
+/// Number of set voxels among the 27 in and around each voxel. layer_of(brick, z) gives the 64 bits
+/// of a layer, y after y; layers of bricks that are not stored count as 0.
 template <class LayerOf>
 BrickCounts neighbourhood_counts(const BricksAround& around, const LayerOf& layer_of) {
   using brick_counts::Layer;
@@ -139,7 +142,7 @@ BrickCounts neighbourhood_counts(const BricksAround& around, const LayerOf& laye
   return counts;
 }
 
-/// Where one number is larger than another.
+/// The voxels where `a` is larger than `b`.
 inline Brick larger(const BrickCounts& a, const BrickCounts& b) {
   Brick larger{};
   for (size_t z = 0; z < larger.size(); ++z) {

@@ -1,6 +1,5 @@
-// Volume intersection: the visual hull of silhouettes, sound for partial views.
-// Source: Takai et al., "3D Video Technologies", section 2.2 (silhouette volume intersection,
-// extended to partial views of the object).
+// Volume intersection: the visual hull of silhouettes, correct for partial views. Source: section
+// 2.2 of the paper (silhouette volume intersection, extended to partial views of the object).
 #pragma once
 
 #include <tbb/enumerable_thread_specific.h>
@@ -17,29 +16,29 @@
 
 namespace v3d {
 
-/// What "occupied" means; normative. A camera sees a voxel when the voxel's centre lies before it
-/// (z > 0), within the lens model's max_radius2(), and projects into the image (project_voxel(), in
-/// single precision). A voxel is occupied when
-///   - no camera that sees it has background at that pixel, and
-///   - at least `min_views` cameras see it.
-/// So a camera says nothing about what its image does not show: close-ups, objects cut by an
-/// image's border, and cameras inside the space need no special care.
+/// Normative definition of "occupied". A camera sees a voxel when the centre of the voxel lies in
+/// front of it (z > 0), within max_radius2() of the lens model, and projects into the image
+/// (project_voxel(), in single precision). A voxel is occupied when
+/// - no camera that sees it has background at that pixel, and
+/// - at least `min_views` cameras see it.
 ///
-/// Holds what is computed once per rig. One caller at a time; works in the caller's TBB arena, and
-/// the result depends on nothing but the arguments.
+/// So a camera decides nothing about space outside its image. Close-ups, objects cut by an image
+/// border, and cameras inside the space need no special treatment.
+///
+/// Holds what is computed once per rig. One caller at a time; works in the caller's TBB arena.
+/// Deterministic.
 class Intersector {
  public:
   static constexpr int kMaxCameras = v3d::kMaxCameras;
 
-  /// Throws InputError for more than kMaxCameras cameras, min_views < 1, or a grid with an axis
-  /// beyond VoxelGrid::kMaxCount.
+  /// Throws InputError for more than kMaxCameras cameras, min_views < 1, or more than
+  /// VoxelGrid::kMaxCount voxels along an axis.
   Intersector(const VoxelGrid& grid, std::span<const CameraModel> cameras, int min_views);
 
-  /// masks[c]: the silhouette of camera c, of its image size, or null when that camera takes no
-  /// part. Requires as many masks as cameras.
+  /// masks[c] is the silhouette of camera c, of its image size; null when that camera takes no
+  /// part. Requires one entry per camera.
   SparseVolume intersect(std::span<const Mask* const> masks);
-  /// The same, into a volume that keeps its memory: the next frame allocates only where it is the
-  /// largest so far (oneTBB's own tasks apart).
+  /// Writes the result to `volume` and reuses its memory.
   void intersect(std::span<const Mask* const> masks, SparseVolume& volume);
 
  private:
@@ -49,7 +48,7 @@ class Intersector {
   std::vector<VoxelCamera> cameras_;
   std::vector<MaskPyramid> masks_;
   int min_views_;
-  // Of the frame at work; they are here to keep their memory.
+  // Working memory of one call.
   std::vector<OctreeNode> nodes_, next_;
   tbb::enumerable_thread_specific<std::vector<PlacedBrick>> found_;
   std::vector<std::span<const PlacedBrick>> parts_;

@@ -1,4 +1,5 @@
-// A silhouette in all its coarser versions, to ask what a rectangle of pixels holds.
+// Mask pyramid: a silhouette at decreasing resolutions. It answers quickly whether a rectangle is
+// foreground, background or mixed.
 #pragma once
 
 #include <bit>
@@ -15,14 +16,14 @@ enum class Coverage {
   kAll,   ///< all foreground
 };
 
-/// Cells of level n are squares of 2^n pixels; each has a bit `any` (some pixel is foreground) and
-/// a bit `all` (every pixel that exists is). Level 0 is the mask itself. One writer; reading is
-/// safe from any thread.
+/// Cells of level n are squares of 2^n pixels. Each has a bit `any` (some pixel is foreground) and
+/// a bit `all` (every existing pixel is). Level 0 is the mask itself. One writer; any thread may
+/// read afterwards.
 class MaskPyramid {
  public:
-  /// Bits by vertical strips of 32 cells, so that rows one below the other are neighbours in
-  /// memory: cell (x, y) is bit x % 32 of words[x / 32 * rows + y]. A strip of 0 follows the last
-  /// one, and kPadding words that can be read.
+  /// Bits in vertical strips of 32 cells: cell (x, y) is bit x % 32 of words[x / 32 * rows + y]. So
+  /// successive rows are neighbours in memory. A strip of zeros follows the last one, and kPadding
+  /// readable words.
   struct Plane {
     const uint32_t* words;
     int rows;
@@ -32,17 +33,17 @@ class MaskPyramid {
   MaskPyramid() = default;
   explicit MaskPyramid(ImageSize size);
 
-  /// Takes over a mask of size(); the work is proportional to its bounding box. Allocates nothing.
+  /// Copies a mask of size(). The time is proportional to its bounding box. Allocates nothing.
   void build(const Mask& mask);
 
   ImageSize size() const { return levels_.empty() ? ImageSize{} : levels_.front().size; }
 
-  /// What pixels x0..x1, y0..y1, all inclusive and inside the image, hold. Never wrong with kNone
-  /// and kAll; exact for rectangles of up to 32 x 32 pixels; larger ones may get kSome where the
-  /// truth differs only within one cell (a 16th of the rectangle) outside its border.
+  /// Content of the pixels x0..x1, y0..y1, inclusive and inside the image. kNone and kAll are
+  /// always exact. Rectangles of up to 32 x 32 pixels are exact; a larger one may give kSome when
+  /// the truth differs within one cell (a 16th of the rectangle) outside its border.
   Coverage coverage(int x0, int y0, int x1, int y1) const;
 
-  /// The finest level on which the pixels x0..x1, y0..y1 have at most 32 cells along each side.
+  /// The finest level on which the rectangle has at most 32 cells along each side.
   static int level_for(int x0, int y0, int x1, int y1) {
     const auto longest = static_cast<unsigned>(x1 - x0 > y1 - y0 ? x1 - x0 : y1 - y0);
     const int n = std::bit_width(longest >> 5);

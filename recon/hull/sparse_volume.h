@@ -1,4 +1,4 @@
-// The volume: which voxels of a grid are occupied, stored only where there are any.
+// Sparse volume: the occupied voxels of a grid, stored in bricks of 8 x 8 x 8 voxels.
 #pragma once
 
 #include <array>
@@ -21,25 +21,25 @@ struct PlacedBrick {
 /// The bits of brick `at` that lie inside the grid.
 Brick bits_inside(const VoxelGrid& grid, BrickCoord at);
 
-/// A value; safe to read from any thread. Invariants: no stored brick is empty; bits outside the
-/// grid are 0; bricks are sorted by z, then y, then x. So equal volumes have equal bytes.
+/// A value; any thread may read. Invariants: no stored brick is empty; bits outside the grid are 0;
+/// bricks are sorted by z, then y, then x. So equal volumes have equal bytes.
 class SparseVolume {
  public:
   SparseVolume() = default;
   /// No voxel occupied.
   explicit SparseVolume(const VoxelGrid& grid);
-  /// `parts` hold distinct bricks in any order, with no bit outside the grid; empty ones are left
-  /// out. The result does not depend on the order, nor on how they are spread over the parts. Runs
-  /// in the caller's TBB arena.
+  /// `parts` hold distinct bricks in any order, with no bit outside the grid. Empty bricks are left
+  /// out. The result depends neither on the order nor on the division into parts. Works in the
+  /// caller's TBB arena.
   SparseVolume(const VoxelGrid& grid, std::span<const std::span<const PlacedBrick>> parts);
-  /// As if newly constructed; keeps its memory.
+  /// Like the constructor; reuses the memory.
   void assign(const VoxelGrid& grid, std::span<const std::span<const PlacedBrick>> parts);
 
   const VoxelGrid& grid() const { return grid_; }
-  /// Bricks along each axis, occupied or not.
+  /// Bricks of the grid along each axis, empty ones included.
   const std::array<int, 3>& brick_counts() const { return occupied_.counts(); }
 
-  /// The occupied bricks, sorted; coords()[n] is where bricks()[n] lies.
+  /// The stored bricks, sorted; coords()[n] is the place of bricks()[n].
   std::span<const Brick> bricks() const { return bricks_; }
   std::span<const BrickCoord> coords() const { return coords_; }
 
@@ -49,9 +49,9 @@ class SparseVolume {
   const BrickMap& occupied() const { return occupied_; }
   BrickVolume view() const { return {&occupied_, bricks_, coords_}; }
 
-  /// Outside the grid everything is empty.
+  /// True for an occupied voxel; false outside the grid.
   bool get(int i, int j, int k) const;
-  /// Occupied voxels.
+  /// Number of occupied voxels.
   int64_t count() const;
 
   friend bool operator==(const SparseVolume& a, const SparseVolume& b) {
@@ -69,9 +69,9 @@ class SparseVolume {
   BrickMap occupied_;
 };
 
-/// Voxels that both have. Requires the same grid, here and below.
+/// Number of voxels that are occupied in both volumes. Requires the same grid.
 int64_t count_common(const SparseVolume& a, const SparseVolume& b);
-/// Voxels that one has and the other has not.
+/// Number of voxels that are occupied in one of the volumes. Requires the same grid.
 int64_t count_differing(const SparseVolume& a, const SparseVolume& b);
 
 }  // namespace v3d

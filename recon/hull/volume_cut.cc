@@ -74,12 +74,12 @@ void VolumeCut::smooth(int passes) {
       }
     });
     cut_.swap(next);
-    // The others would find what they found before.
+    // Elsewhere the next pass would change nothing.
     open = near([&](size_t b) { return cut_[b] != next[b]; });
   }
 }
 
-/// Floods what stays, from voxel to voxel.
+/// Flood fill of the remaining voxels.
 class VolumeCut::Fragments {
  public:
   Fragments(const SparseVolume& volume, std::vector<Brick>& cut, int voxels)

@@ -1,4 +1,4 @@
-// A part of a volume that is to be taken out of it.
+// A set of voxels to be removed from a volume, with the filters that clean it up.
 #pragma once
 
 #include <cstdint>
@@ -9,29 +9,31 @@
 
 namespace v3d {
 
-/// Borrows the volume, which must not change before remaining(). One caller at a time; works in the
-/// caller's TBB arena. Results do not depend on the number of threads.
+/// Borrows the volume, which must not change. One caller at a time; works in the caller's TBB
+/// arena. Independent of thread count.
 class VolumeCut {
  public:
-  /// A brick of `cut` for each of the volume; voxels that are not occupied do not count.
+  /// One brick of `cut` for each of the volume; voxels that are not occupied are ignored.
   VolumeCut(const SparseVolume& volume, std::vector<Brick> cut);
 
-  /// Smooths the face between what goes and what stays: `passes` times every voxel does as most of
-  /// the occupied ones among the 27 in and around it. The surface of the volume elsewhere does not
-  /// count, so that slender parts stay.
+  /// Smooths the boundary between removed and kept voxels: `passes` times, each voxel takes the
+  /// majority of the occupied voxels among the 27 in and around it. Empty voxels do not count, so
+  /// that slender parts remain.
   void smooth(int passes);
-  /// Adds the pieces of fewer than `voxels` that the cut has severed from all the rest. Voxels are
-  /// joined by faces and edges, as MarchingCubes joins them.
+  /// Adds connected pieces of fewer than `voxels` voxels that the cut separated from the rest.
+  /// Voxels are connected by faces and edges, as in MarchingCubes.
   void add_fragments(int voxels);
 
-  /// Of the volume's bricks, those voxels do not go.
+  /// Takes `voxels` out of the cut; one brick for each of the volume.
   void keep(std::span<const Brick> voxels);
 
   const std::vector<Brick>& bricks() const { return cut_; }
-  /// One per brick of the volume: not 0 where something is cut in it or in one around it.
+  /// One entry per brick of the volume: 1 where something is cut in the brick or in one of its
+  /// neighbours.
   std::vector<uint8_t> bricks_near() const;
-  /// The same of what goes beyond another cut of the volume, `less`.
+  /// The same for the voxels of this cut that the cut `less` does not have.
   std::vector<uint8_t> bricks_near_more_than(std::span<const Brick> less) const;
+  /// The volume without the cut.
   SparseVolume remaining() const;
 
  private:

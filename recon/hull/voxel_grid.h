@@ -1,4 +1,4 @@
-// The lattice of voxels that fills the reconstructed space.
+// The lattice of voxels that covers the reconstructed space.
 #pragma once
 
 #include <Eigen/Core>
@@ -9,19 +9,19 @@
 
 namespace v3d {
 
-/// Voxel (i, j, k) is the cube of edge `voxel_m` round center(i, j, k); 0 <= i < counts[0] along
-/// world x, j along y, k along z.
+/// Voxel (i, j, k) is the cube of edge `voxel_m` around center(i, j, k), with i along world x, j
+/// along y and k along z, each from 0 to counts - 1.
 struct VoxelGrid {
   Eigen::Vector3d origin = Eigen::Vector3d::Zero();  ///< lowest corner of voxel (0, 0, 0), metres
   double voxel_m = 0;                                ///< edge of a voxel, metres
   std::array<int64_t, 3> counts{};
 
-  /// Most voxels along one axis that the kernels take: their lattice coordinates are 16-bit.
+  /// Largest number of voxels along an axis; lattice coordinates have 16 bits.
   static constexpr int64_t kMaxCount = 32767;
 
-  /// The grid that starts at box.min and covers the box, to a millionth of a voxel. Counts of
-  /// absurd requests stop at 2^62; see require_memory(). Throws InputError for a voxel below 1 nm
-  /// or a box without volume.
+  /// The grid that starts at box.min and covers the box, to a millionth of a voxel. Counts saturate
+  /// at 2^62; see require_memory(). Throws InputError for a voxel below 1 nm or a box without
+  /// volume.
   static VoxelGrid covering(const Box& box, double voxel_m);
 
   Eigen::Vector3d center(int i, int j, int k) const {
@@ -35,8 +35,8 @@ struct VoxelGrid {
   friend bool operator==(const VoxelGrid&, const VoxelGrid&) = default;
 };
 
-/// Throws InputError, with the arithmetic, when the whole grid at 1 bit a voxel would need more
-/// than `bytes_available`, or when an axis has more than kMaxCount voxels.
+/// Throws InputError, with the arithmetic, when the grid at 1 bit a voxel exceeds
+/// `bytes_available`, or an axis has more than kMaxCount voxels.
 void require_memory(const VoxelGrid& grid, double bytes_available);
 
 }  // namespace v3d

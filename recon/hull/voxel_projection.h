@@ -1,5 +1,5 @@
-// From a voxel to a pixel in single precision: the one projection of the volume intersection.
-// Lens model: OpenCV 4.6 calib3d, as in base/camera_model.h.
+// Projection of voxels into pixels in single precision, used by the volume intersection. Lens
+// model: OpenCV 4.6 calib3d, as in base/camera_model.h.
 #pragma once
 
 #include <array>
@@ -16,27 +16,27 @@ enum class Lens {
   kFull,        ///< any of the 14, and skew
 };
 
-/// A camera prepared for the voxels of one grid. Immutable; safe to use from any thread.
+/// A camera prepared for the voxels of one grid. Immutable; any thread.
 struct VoxelCamera {
   Lens lens = Lens::kPinhole;
   float width = 0;   ///< of the image, pixels
   float height = 0;  ///< of the image, pixels
   float max_radius2 = 0;
-  /// Rows x, y, z: voxel index (i, j, k, 1) of a voxel's centre to camera coordinates, metres.
+  /// Rows x, y, z: from voxel index (i, j, k, 1) to camera coordinates of its centre, metres.
   float cam_from_voxel[3][4]{};
   std::array<float, 12> d{};  ///< distortion, OpenCV's order, without the tilt
   /// Distorted normalised coordinates to pixels, tilt included, moved by half a pixel so that
   /// floor() names the pixel.
   float pixel_from_lens[3][3]{};
-  /// All numbers are so small that no step of the projection overflows for a point that lies 1 mm
-  /// and more before the camera and within a radius2 of 1e6.
+  /// True when no step of the projection overflows for a point at least 1 mm in front of the camera
+  /// and within a radius2 of 1e6.
   bool cannot_overflow = false;
 
   VoxelCamera() = default;
   VoxelCamera(const CameraModel& camera, const VoxelGrid& grid);
 };
 
-/// For points given in metres in the world, in place of voxel indices.
+/// A camera for points in metres in the world instead of voxel indices.
 inline VoxelCamera camera_of_metres(const CameraModel& camera) {
   return {camera, VoxelGrid{Eigen::Vector3d::Constant(-0.5), 1, {}}};
 }
@@ -47,8 +47,8 @@ inline float times(float a, float b) { return a * b; }
 
 #include "recon/hull/voxel_projection_steps.inc"
 
-/// The pixel in which a camera sees a voxel's centre. Lies within 0.02 pixels of
-/// CameraModel::project() for voxels from 0.2 m before a camera, in grids of a few metres.
+/// The pixel that contains the projection of a voxel's centre. Within 0.02 pixels of
+/// CameraModel::project() for voxels at least 0.2 m from the camera, in grids of a few metres.
 struct SeenPixel {
   bool seen = false;
   int x = 0;

@@ -45,7 +45,7 @@ HWY_INLINE Places touched(const Node& node, const Box& box) {
   return places;
 }
 
-/// A leaf's question on its way down the tree.
+/// The query of one leaf.
 class Search {
  public:
   Search(const Levels& levels, const uint32_t* order, const BoxTree::Places* chosen, size_t leaf,
@@ -76,7 +76,7 @@ class Search {
 
  private:
   void compare_with(size_t other, const Box& around_other) {
-    // Of two chosen boxes the first asks.
+    // A pair of two chosen boxes is found by the first.
     const Places others = other > leaf_ ? ~Places{0} : ~Places{chosen_[other]};
     const Node& theirs = levels_[0][other];
     Places asking = touched(mine_, around_other) & chosen_[leaf_];
@@ -97,7 +97,7 @@ class Search {
   const size_t leaf_;
   const Node& mine_;
   std::vector<BoxTree::Pair>& pairs_;
-  Box around_;  ///< the boxes that ask
+  Box around_;  ///< bounding box of the chosen boxes
 };
 
 void search_any(const Levels& levels, const uint32_t* order, const BoxTree::Places* chosen,
@@ -124,7 +124,7 @@ uint32_t spread(uint32_t bits) {
   return (bits | bits << 2) & 0x09249249;
 }
 
-/// Where on Morton's curve the middle of each box lies: what is near on it is near in space.
+/// Morton codes of the box centres: near codes are near in space.
 std::vector<uint32_t> places_on_curve(std::span<const BoxTree::Box> boxes) {
   BoxTree::Box all;
   for (const BoxTree::Box& box : boxes) all.extend(box);

@@ -1,4 +1,5 @@
-// Boxes in space, in a tree whose nodes are read by vector registers: which of them touch?
+// Bounding volume hierarchy of axis-aligned boxes with 16 children per node, for finding pairs of
+// overlapping boxes with SIMD.
 #pragma once
 
 #include <Eigen/Geometry>
@@ -10,19 +11,19 @@
 
 namespace v3d {
 
-/// Sixteen boxes in a leaf, sixteen leaves or nodes in a node. Which boxes share a leaf is decided
-/// once, by where their middles are. They may be replaced by others: answers stay right, and take
-/// the longer the farther the boxes have moved.
+/// Leaves hold 16 boxes, nodes 16 leaves or nodes. Boxes are assigned to leaves once, by the Morton
+/// code of their centres. Boxes may be replaced later: results stay correct, but queries become
+/// slower the farther the boxes move.
 class BoxTree {
  public:
   using Box = Eigen::AlignedBox3f;
   static constexpr size_t kWidth = 16;
-  using Places = uint16_t;  ///< in a leaf; the first is the lowest bit
+  using Places = uint16_t;  ///< a bit per box of a leaf; the first is the lowest
 
-  /// The numbers of two boxes that touch.
+  /// The numbers of two overlapping boxes.
   using Pair = std::pair<uint32_t, uint32_t>;
 
-  /// One array per side of the boxes. Where there is none it is empty and touches nothing.
+  /// One array per side of the boxes. An unused place holds an empty box, which overlaps nothing.
   struct Node {
     alignas(64) std::array<std::array<float, kWidth>, 3> low, high;
     Node();
@@ -42,20 +43,20 @@ class BoxTree {
   explicit BoxTree(std::span<const Box> boxes);
 
   size_t leaves() const { return (order_.size() + kWidth - 1) / kWidth; }
-  /// The numbers of a leaf's boxes, by place.
+  /// The numbers of the boxes of a leaf, by place.
   std::span<const uint32_t> in_leaf(size_t leaf) const;
-  /// Puts another box at a place. Boxes of different leaves may be replaced at the same time; then
-  /// comes settle(), before the next question.
+  /// Replaces a box. Boxes of different leaves may be replaced at the same time. Call refit()
+  /// before the next query.
   void replace(size_t leaf, size_t place, const Box& box) { levels_[0][leaf].set(place, box); }
   void refit();
 
-  /// Appends every pair that touches (common borders are enough) of one of the boxes at
-  /// `chosen[leaf]` and any other. Who asks for all leaves gets each pair once. In no particular
-  /// order; any thread. Vectorised for the processor it runs on.
+  /// Appends every pair of overlapping boxes (shared borders count) of which one is at
+  /// `chosen[leaf]`. Queries of all leaves give each pair once, in no particular order. Any thread.
+  /// Vectorised by run-time dispatch; every instruction set gives the same bits.
   void overlapping(size_t leaf, std::span<const Places> chosen, std::vector<Pair>& pairs) const;
 
  private:
-  std::vector<uint32_t> order_;            ///< numbers of the boxes, leaf by leaf
+  std::vector<uint32_t> order_;            ///< numbers of boxes, leaf by leaf
   std::vector<std::vector<Node>> levels_;  ///< leaves first; the last, not the first, has one node
 };
 

@@ -1,4 +1,4 @@
-// Which vertices of a mesh an edge joins.
+// Adjacency of the vertices of a mesh, as lists and in a layout for SIMD.
 #pragma once
 
 #include <array>
@@ -24,12 +24,12 @@ class Neighbours {
   std::vector<uint32_t> first_, list_;
 };
 
-/// Sixteen vertices stand side by side in a group; its k-th row holds the k-th neighbour of each,
-/// in the order of Neighbours. Immutable; any thread.
+/// Adjacency in groups of sixteen vertices; row k of a group holds the k-th neighbour of each of
+/// them, in the order of Neighbours. Immutable; any thread.
 class NeighbourRows {
  public:
   static constexpr size_t kWidth = 16;
-  /// Numbers of vertices; vertices() where one has fewer neighbours than others of its group.
+  /// Indices of vertices; vertices() where a vertex has fewer neighbours than others of its group.
   struct alignas(64) Row {
     std::array<int32_t, kWidth> vertex;
   };
@@ -42,12 +42,12 @@ class NeighbourRows {
   explicit NeighbourRows(const Neighbours& neighbours);
 
   size_t groups() const { return counts_.size(); }
-  /// Those that exist and those that fill the last group, which have no neighbours.
+  /// Vertices including the padding of the last group, which has no neighbours.
   size_t vertices() const { return groups() * kWidth; }
   std::span<const Row> rows(size_t group) const {
     return std::span(rows_).subspan(first_[group], first_[group + 1] - first_[group]);
   }
-  /// How many neighbours each vertex of a group has.
+  /// Number of neighbours of each vertex of a group.
   const Values& counts(size_t group) const { return counts_[group]; }
 
  private:

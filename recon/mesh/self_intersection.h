@@ -1,4 +1,4 @@
-// Where a surface goes through itself.
+// Detection of self-intersections of a triangle mesh.
 #pragma once
 
 #include <cstdint>
@@ -10,23 +10,23 @@
 
 namespace v3d {
 
-/// Two triangles, the one with the lower number first.
+/// The numbers of two triangles, ascending.
 using Crossing = std::pair<uint32_t, uint32_t>;
 
-/// Every pair of triangles that cross although they share no vertex: an edge of one goes through
-/// the inside of the other. Triangles that only touch, or lie in one plane, do not count. Exact up
-/// to the rounding of double precision. Rising; the same for any number of threads.
+/// All pairs of triangles without a common vertex of which an edge of one passes through the
+/// interior of the other. Touching and coplanar triangles do not count. Exact up to rounding in
+/// double precision. Sorted; independent of thread count.
 std::vector<Crossing> self_intersections(const Mesh& mesh);
 
-/// The same for a mesh whose vertices move: what does not is not looked at again. Borrows the mesh.
-/// Works in the caller's TBB arena.
+/// Repeated detection for a mesh whose vertices move; tests only triangles that moved. Borrows the
+/// mesh. Works in the caller's TBB arena.
 class CrossingFinder {
  public:
   explicit CrossingFinder(const Mesh& mesh);
 
   std::vector<Crossing> all() const;
-  /// `moved`: one per vertex, those that moved since the question before. Only the pairs that a
-  /// triangle with such a corner takes part in.
+  /// The crossings of triangles with a moved vertex. `moved` has one entry per vertex: 1 where it
+  /// moved since the previous query.
   std::vector<Crossing> of_moved(const std::vector<uint8_t>& moved);
 
  private:
@@ -34,7 +34,7 @@ class CrossingFinder {
   std::vector<Crossing> find(const Chosen& chosen) const;
 
   const Mesh& mesh_;
-  BoxTree tree_;  ///< of the triangles' boxes
+  BoxTree tree_;  ///< bounding boxes of the triangles
 };
 
 }  // namespace v3d

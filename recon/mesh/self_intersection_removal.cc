@@ -9,12 +9,12 @@ namespace {
 
 using Eigen::Vector3f;
 
-// Passes of each kind, at most; those that give back go on until nothing crosses.
+// Largest number of passes of each kind. Resetting to `start` continues until nothing intersects.
 constexpr int kSmoothings = 4;
 constexpr int kHalfWaysBack = 6;
 constexpr int kStepsPerSmoothing = 4;
 
-/// Vertices of a mesh; few of many.
+/// A sparse subset of the vertices of a mesh.
 class Region {
  public:
   explicit Region(const Mesh& mesh) : marks_(mesh.vertices.size(), 0) {}
@@ -27,7 +27,7 @@ class Region {
     }
   }
 
-  /// By the neighbours of its vertices, so many times.
+  /// Adds the neighbours of its vertices, `rings` times.
   void widen(const Neighbours& neighbours, int rings) {
     for (int ring = 0; ring < rings; ++ring) {
       const size_t end = vertices_.size();

@@ -1,4 +1,4 @@
-// Takes back what a deformation did where it pushed the surface through itself.
+// Removes self-intersections that a deformation added to a mesh.
 #pragma once
 
 #include <optional>
@@ -9,13 +9,13 @@
 
 namespace v3d {
 
-/// Smooths the surface round every self-intersection: folds and spikes are gone after that. What is
-/// left is moved back towards `start`, where the surface had none, half way at a time and in a
-/// wider region each time; where even that does not help, all the way, in a region that grows until
-/// nothing crosses.
-/// All vertices end on the lattice, if there is one, which `start` must lie on.
-/// Returns the number of crossings that are left: none, unless `start` crosses itself. Works in the
-/// caller's TBB arena; the same for any number of threads.
+/// Smooths the surface around every self-intersection, which removes folds and spikes. Vertices of
+/// the remaining ones move back towards `start`, where the surface had none: by half in each pass
+/// and in growing regions, at last completely, in regions that grow until nothing intersects.
+///
+/// All vertices end on `lattice`, if there is one, on which `start` must lie. Returns the number of
+/// remaining self-intersections: 0 unless `start` intersects itself. Works in the caller's TBB
+/// arena; independent of thread count.
 size_t remove_self_intersections(const Neighbours& neighbours,
                                  const std::vector<Eigen::Vector3f>& start,
                                  const std::optional<VertexLattice>& lattice, Mesh& mesh);

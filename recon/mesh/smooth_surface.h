@@ -1,4 +1,4 @@
-// Smoothing of a mesh by its edges alone.
+// Smoothing of a mesh, and the internal force of the deformation.
 #pragma once
 
 #include <vector>
@@ -8,17 +8,18 @@
 
 namespace v3d {
 
-/// Towards the mean of the neighbours and almost as far back, so that the surface becomes smooth
-/// without shrinking (Taubin, A signal processing approach to fair surface design, SIGGRAPH 1995).
-/// `work` keeps its memory. Works in the caller's TBB arena, the same for any number of threads.
+/// Taubin smoothing: `passes` steps towards the mean of the neighbours, each followed by one almost
+/// as far back, which prevents shrinking. `work` keeps its memory. Works in the caller's TBB arena;
+/// independent of thread count. Source: Taubin, A signal processing approach to fair surface
+/// design, SIGGRAPH 1995.
 void smooth_surface(const Neighbours& neighbours, int passes,
                     std::vector<Eigen::Vector3f>& vertices, std::vector<Eigen::Vector3f>& work);
 
-/// Unit normals, each the mean of its own and its neighbours', `passes` times.
+/// Replaces each unit normal by the normalised sum of itself and its neighbours, `passes` times.
 void smooth_normals(const Neighbours& neighbours, int passes, std::vector<Eigen::Vector3f>& normals,
                     std::vector<Eigen::Vector3f>& work);
 
-/// The internal force, equation (2) of the paper: from a vertex to the mean of its neighbours.
+/// Vector from a vertex to the mean of its neighbours. Source: equation (2) of the paper.
 Eigen::Vector3f internal_force(const Neighbours& neighbours,
                                const std::vector<Eigen::Vector3f>& vertices, size_t vertex);
 

@@ -1,4 +1,4 @@
-// The lattice that the vertices of a compact frame lie on.
+// The lattice to which vertices of a compact frame are quantised.
 #pragma once
 
 #include <Eigen/Core>
@@ -6,14 +6,14 @@
 
 namespace v3d {
 
-/// position = float(origin + h * step) per axis, with a whole number h.
+/// Positions float(origin + h * step) per axis, with an integer h.
 struct VertexLattice {
   Eigen::Vector3d origin = Eigen::Vector3d::Zero();  ///< world, metres
   double step = 0;                                   ///< metres
   friend bool operator==(const VertexLattice&, const VertexLattice&) = default;
 };
 
-/// The nearest point of the lattice: what receivers of a compact frame decode, to the bit.
+/// The nearest lattice point; receivers of a compact frame decode the same bits.
 inline Eigen::Vector3f rounded_to(const VertexLattice& lattice, const Eigen::Vector3f& position) {
   Eigen::Vector3f rounded;
   for (int axis = 0; axis < 3; ++axis) {

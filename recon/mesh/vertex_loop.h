@@ -1,4 +1,4 @@
-// A loop over the vertices of a mesh on all threads.
+// Parallel loops over the vertices of a mesh.
 #pragma once
 
 #include <tbb/parallel_for.h>
@@ -8,8 +8,8 @@
 
 namespace v3d {
 
-/// Calls work(begin, end) for all below `count`, kBlock at a time; a call writes only what belongs
-/// to its own.
+/// Calls work(begin, end) for consecutive blocks of kBlock indices below `count`, in parallel. A
+/// call may write only data of its own block.
 template <size_t kBlock, class Work>
 void for_each_block(size_t count, const Work& work) {
   tbb::parallel_for(size_t{0}, (count + kBlock - 1) / kBlock, [&](size_t block) {
@@ -17,7 +17,7 @@ void for_each_block(size_t count, const Work& work) {
   });
 }
 
-/// Calls work(v) for each v below `count`; each call writes only what belongs to v.
+/// Calls work(v) for each v below `count`, in parallel. A call may write only data of v.
 template <class Work>
 void for_each_vertex(size_t count, const Work& work) {
   for_each_block<512>(count, [&](size_t begin, size_t end) {

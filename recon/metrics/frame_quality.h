@@ -1,5 +1,5 @@
-// How well the surface of one pulse explains the silhouettes that it was made of: one score per
-// frame, cheap enough to go with every live mesh.
+// Quality of a reconstruction without ground truth: how well the surface of a pulse explains its
+// silhouettes. Fast enough for every live mesh.
 #pragma once
 
 #include <span>
@@ -13,16 +13,15 @@
 
 namespace v3d {
 
-/// Measured on cells of 8 x 8 pixels. A cell is reached when the camera sees a vertex of the
-/// surface in it, or, where vertices are too far apart for that, a triangle touches it with its
-/// bounding box. What of a silhouette lies in cells that are reached is explained; a cell that is
-/// reached and holds no pixel of the silhouette (nor does one beside it) is too much. Silhouettes
-/// count as far as they lie in the view of the space.
+/// Measured on cells of 8 x 8 pixels. A cell is reached when a vertex of the surface projects into
+/// it or, where vertices are too far apart, the bounding box of a projected triangle touches it.
+/// Foreground in reached cells is explained. A reached cell is excess when neither it nor a
+/// neighbour contains foreground. Only foreground inside bounds_mask() counts.
 struct FrameQuality {
-  /// Explained pixels, as part of the silhouette's and of those of the cells that are too much; the
-  /// mean over the cameras that see anything. 0 to 1; 1 where there is nothing to see.
+  /// Explained pixels as part of foreground and excess pixels, mean over the cameras that have any.
+  /// 0 to 1; 1 when no camera has any.
   double silhouette_iou = 1;
-  /// Explained pixels as part of the silhouettes', over all cameras together. 0 to 1.
+  /// Explained pixels as part of the foreground, over all cameras together. 0 to 1.
   double coverage = 1;
   int cameras = 0;  ///< that took part
 };
@@ -30,12 +29,12 @@ struct FrameQuality {
 /// Immutable; any thread.
 class QualityMeter {
  public:
-  /// `edge_m`: the longest edge of the surfaces. Works in the caller's TBB arena, for some 10 ms a
-  /// camera.
+  /// `bounds` (world, metres) is the reconstructed space, `edge_m` the longest edge of the
+  /// surfaces. Works in the caller's TBB arena, about 10 ms per camera.
   QualityMeter(const Rig& rig, const Box& bounds, double edge_m);
 
-  /// frames: one per camera of the rig, with a mask of its image size; null where a camera takes no
-  /// part. Cameras in parallel; the result does not depend on the number of threads.
+  /// `frames` has one entry per camera of the rig, with a mask of its image size; null where a
+  /// camera takes no part. Cameras in parallel; independent of thread count.
   FrameQuality measure(const Mesh& mesh, std::span<const Frame* const> frames) const;
 
  private:

@@ -1,4 +1,4 @@
-// The nearest point of a surface.
+// Nearest point of a triangle mesh.
 #pragma once
 
 #include <Eigen/Core>
@@ -17,18 +17,18 @@ struct SurfacePoint {
   Eigen::Vector3d weights = Eigen::Vector3d::Zero();  ///< barycentric in the triangle
 };
 
-/// The point of a triangle nearest to `p`, as weights of its corners (Ericson, Real-Time Collision
-/// Detection, 5.1.5: by the region of the triangle's plane that p falls into).
+/// Barycentric weights of the point of triangle a, b, c nearest to `p`. Source: Ericson, Real-Time
+/// Collision Detection, 5.1.5.
 Eigen::Vector3d nearest_weights(const Eigen::Vector3d& p, const Eigen::Vector3d& a,
                                 const Eigen::Vector3d& b, const Eigen::Vector3d& c);
 
-/// A tree of boxes over the triangles of a mesh, which is borrowed. Immutable after construction;
-/// any thread may ask.
+/// Bounding volume hierarchy over the triangles of a mesh, which is borrowed. Immutable after
+/// construction; any thread.
 class NearestTriangle {
  public:
   explicit NearestTriangle(const Mesh& mesh);
-  /// Exact; of several equally near triangles the one with the lowest number. Empty without
-  /// triangles.
+  /// The exact nearest point; of equally near triangles the one with the lowest number. Empty
+  /// without triangles.
   std::optional<SurfacePoint> find(const Eigen::Vector3d& p) const;
 
  private:

@@ -1,4 +1,4 @@
-// Points spread over a mesh.
+// Random points of a surface.
 #pragma once
 
 #include <Eigen/Core>
@@ -14,10 +14,11 @@ struct SurfaceSample {
   Eigen::Vector3d normal;  ///< interpolated from the vertices
 };
 
-/// Evenly spread by area, the same for the same seed everywhere. Empty for a mesh without area.
+/// Points distributed evenly by area; the same for the same seed on every machine. Empty for a mesh
+/// without area.
 std::vector<SurfaceSample> sample_surface(const Mesh& mesh, int samples, uint64_t seed);
 
-/// Of values at the vertices, with barycentric weights.
+/// Interpolates `values` of the vertices inside a triangle, with barycentric weights.
 Eigen::Vector3d interpolated(const Mesh& mesh, const std::vector<Eigen::Vector3f>& values,
                              uint32_t triangle, const Eigen::Vector3d& weights);
 

@@ -1,4 +1,5 @@
-// How many cameras see a place on a surface: what a reconstruction can know of it.
+// Accuracy by visibility: separates errors of the reconstruction from places that too few cameras
+// see.
 #pragma once
 
 #include <array>
@@ -10,10 +11,11 @@
 
 namespace v3d {
 
-/// Parts of two surfaces; of the reconstruction, by what can be seen of the nearest true place.
+/// Parts of two surfaces, 0 to 1. Places of the reconstruction are classified by the nearest place
+/// of the true surface.
 struct VisibilityFigures {
   double truth = 0;         ///< part of the true surface
-  double truth_within = 0;  ///< of that, what lies within the limit of the reconstruction
+  double truth_within = 0;  ///< of that, the part within the limit of the reconstruction
   double reconstructed = 0;
   double reconstructed_within = 0;
 };
@@ -22,13 +24,13 @@ struct VisibilityFigures {
 struct VisibilityReport {
   std::array<VisibilityFigures, 4> seen_by;
 
-  /// The f-score if all that at least `cameras` see were right, and the rest stayed as it is.
+  /// The f-score if all places that at least `cameras` cameras see were correct.
   double f_score_if_right_from(size_t cameras) const;
 };
 
-/// A camera sees a place in its image that faces it by less than 78 degrees off the normal and that
-/// nothing of the true surface hides. Points are chosen as by compare_surfaces(). All 0 where one
-/// of the surfaces has no area.
+/// A camera sees a place that projects into its image, faces it by less than 78 degrees, and is not
+/// hidden by the true surface. `limit_m` is the largest correct distance, metres. Points as in
+/// compare_surfaces(). All 0 when one of the surfaces has no area.
 VisibilityReport compare_by_visibility(const Mesh& reconstructed, const Mesh& truth,
                                        std::span<const CameraModel> cameras, double limit_m,
                                        const SurfaceDistanceOptions& options = {});

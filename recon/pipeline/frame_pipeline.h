@@ -1,4 +1,4 @@
-// Frames in flight: the stages of a chain work on consecutive frames at the same time.
+// Frame pipeline: several frames in flight, one per stage.
 #pragma once
 
 #include <tbb/global_control.h>
@@ -17,24 +17,23 @@
 
 namespace v3d {
 
-/// A serial part of one stage would leave the other threads without work; here they do the next
-/// stage of the frame before, or begin the frame after. Every stage holds one frame at a time, and
-/// frames pass it in order; so there are never more frames in flight than stages. Where two stages
-/// could begin and there is one thread, the older frame goes first; what no stage run needs helps
-/// in the loops of those that run.
+/// While a serial part of one stage leaves threads idle, these threads work on the other frames in
+/// flight. Each stage holds one frame at a time, and frames pass in order, so there are at most as
+/// many frames in flight as stages. When two stages could start and one thread is free, the older
+/// frame has priority; idle threads help in the parallel loops of running stages.
 ///
-/// The stages work in one TBB arena of `threads` workers, so there are never more. (It is not a
-/// tbb::parallel_pipeline, because there a source that waits for a live frame holds a worker.)
+/// All stages share one TBB arena of `threads` workers. (In a tbb::parallel_pipeline, a source that
+/// waits for a live frame would occupy a worker.)
 template <class Job>
 class FramePipeline {
  public:
-  /// The next frame; empty when there is none any more. Called by a thread of its own, and only
-  /// when the first stage is free: what waits meanwhile is the caller's to keep or to drop.
+  /// Returns the next frame; empty at the end. Called by a separate thread, only when the first
+  /// stage is free. The caller decides what happens to frames that wait meanwhile.
   using Source = std::function<std::optional<Job>()>;
   using Stage = std::function<void(Job&)>;
 
-  /// `threads` 0: one per core. Begins at once. What `source` and `stages` refer to outlives the
-  /// pipeline.
+  /// `threads` 0: one per core. Starts at once. Objects that `source` and `stages` refer to must
+  /// outlive the pipeline.
   FramePipeline(int threads, Source source, std::vector<Stage> stages)
       : threads_(threads > 0 ? threads : tbb::info::default_concurrency()),
         source_(std::move(source)),
@@ -44,13 +43,13 @@ class FramePipeline {
         arena_(threads_, 0),
         feeder_([this] { feed(); }) {}
 
-  /// Waits for the source to end and for the frames in flight.
+  /// Waits for the end of the source and for the frames in flight.
   ~FramePipeline() { join(); }
   FramePipeline(const FramePipeline&) = delete;
   FramePipeline& operator=(const FramePipeline&) = delete;
 
-  /// Returns when the source has ended and every frame is through. The first exception of the
-  /// source or of a stage ends the pipeline, and is thrown here: later frames are thrown away.
+  /// Waits until the source has ended and every frame has passed. The first exception of the source
+  /// or of a stage ends the pipeline and is rethrown here; later frames are dropped.
   void wait() {
     join();
     if (error_) std::rethrow_exception(std::exchange(error_, nullptr));
@@ -116,7 +115,7 @@ class FramePipeline {
   // --- with mutex_ held
   // ---------------------------------------------------------------------------
 
-  /// Later stages hold older frames: they go first.
+  /// Starts waiting stages, later ones first: these hold older frames.
   void begin() {
     for (size_t stage = slots_.size(); stage-- > 0 && running_ < threads_;) {
       Slot& slot = slots_[stage];
@@ -127,7 +126,7 @@ class FramePipeline {
     }
   }
 
-  /// Moves frames on into stages that have become free; gives the one that is through.
+  /// Moves finished frames into free stages; returns the one that has passed the last stage.
   std::optional<Job> advance() {
     std::optional<Job> finished;
     for (size_t stage = slots_.size(); stage-- > 0;) {

@@ -1,4 +1,4 @@
-// Frame sets: all cameras, one pulse. A late camera does not stop the others.
+// Assembles frames of all cameras to one set per pulse. A late camera does not delay the others.
 #pragma once
 
 #include <cstdint>
@@ -16,13 +16,13 @@
 namespace v3d {
 
 struct FrameSetOptions {
-  std::vector<std::string> cameras;                    ///< every set waits for these
-  Duration deadline = std::chrono::milliseconds(200);  ///< counted from the first frame of the set
-  int max_open = 16;  ///< sets that wait at a time; one more sends the oldest on its way
-  /// A frame so far ahead of all before it is a broken label, and is not believed: it would make
-  /// every later frame a late one.
+  std::vector<std::string> cameras;                    ///< a set is complete with these
+  Duration deadline = std::chrono::milliseconds(200);  ///< from the first frame of the set
+  int max_open = 16;  ///< incomplete sets at a time; one more releases the oldest
+  /// Largest plausible jump ahead. A frame beyond it is ignored, because it would make all further
+  /// frames late.
   int64_t max_jump = 15'000;
-  /// Sets up to this pulse had gone before, in a take that goes on.
+  /// Sets up to this pulse were released before a restart in this take.
   std::optional<int64_t> gone_until{};
 };
 
@@ -33,29 +33,29 @@ struct ReadySet {
 
 struct FrameSetCounters {
   int64_t complete = 0;     ///< sets with every camera
-  int64_t incomplete = 0;   ///< sets sent on without some
-  int64_t late = 0;         ///< frames whose set had gone
-  int64_t duplicate = 0;    ///< second frames of one camera and pulse; the first is kept
-  int64_t unknown = 0;      ///< frames of cameras that are not expected
+  int64_t incomplete = 0;   ///< sets released without some cameras
+  int64_t late = 0;         ///< frames of sets that were already released
+  int64_t duplicate = 0;    ///< repeated frames of one camera and pulse; the first is kept
+  int64_t unknown = 0;      ///< frames of unknown cameras
   int64_t implausible = 0;  ///< frames with a negative pulse, or beyond max_jump
   friend bool operator==(const FrameSetCounters&, const FrameSetCounters&) = default;
 };
 
-/// Sets come out in the order of their pulses, each once. A pulse of which no frame arrived has no
-/// set. Time is an argument, and `now` never goes back. One thread.
+/// Releases sets in the order of their pulses, each once. A pulse without any frame has no set.
+/// `now` is an argument and never decreases. One thread.
 class FrameSetAssembler {
  public:
   explicit FrameSetAssembler(FrameSetOptions options);
 
-  /// The sets that this frame, or the time, made ready.
+  /// Adds a frame. Returns the sets that are ready now.
   std::vector<ReadySet> add(Frame frame, MonotonicInstant now);
-  /// The sets that the time made ready.
+  /// Returns the sets whose deadline has passed.
   std::vector<ReadySet> poll(MonotonicInstant now);
-  /// All open sets, as they are: the take has ended.
+  /// Returns all open sets, at the end of a take.
   std::vector<ReadySet> flush();
-  /// When poll() has something to do next; empty when no set is open.
+  /// The next deadline; empty without open sets.
   std::optional<MonotonicInstant> next_deadline() const;
-  /// Forgets open sets and starts to count pulses anew; the counters stay.
+  /// Drops all open sets and accepts pulses from 0 again; the counters keep their values.
   void restart();
 
   const FrameSetCounters& counters() const { return counters_; }
@@ -77,9 +77,9 @@ class FrameSetAssembler {
   FrameSetCounters counters_;
 };
 
-/// A grey ball in the middle of `bounds`, about as large as a person, as the cameras see it. The
-/// first frame set costs several times what later ones do, because all memory is fetched from the
-/// kernel for it; in a take it would be late, and those behind it, too.
+/// A synthetic frame set for warm-up: a grey ball in the centre of `bounds`, about as large as a
+/// person. The first frame set takes several times as long as later ones, because the kernel
+/// provides all memory; so this set runs before the first pulse of a take.
 FrameSet warm_up_frame_set(const Rig& rig, const Box& bounds);
 
 }  // namespace v3d

@@ -1,4 +1,4 @@
-// From a frame set to a coloured mesh and its compact frame: the whole chain, live and offline.
+// Reconstruction of one frame set: hull, surface, texture, compact frame. Live and offline.
 #pragma once
 
 #include <cstdint>
@@ -19,12 +19,12 @@
 
 namespace v3d {
 
-/// All cameras, one pulse. `frames` has masks and colour (see observe()); cameras that did not
-/// deliver are not in it.
+/// The frames of one pulse. `frames` have masks and colours (see observe()); cameras that did not
+/// deliver are left out.
 struct FrameSet {
   int64_t pulse = 0;
   std::vector<Frame> frames;
-  RealtimeInstant exposure{};  ///< start, by the trigger's node: the pulse's edge; 0 when unknown
+  RealtimeInstant exposure{};  ///< start, by the trigger's node: edge of the pulse; 0: unknown
 };
 
 struct ReconstructOptions {
@@ -39,20 +39,20 @@ struct ReconstructOptions {
 /// Wall-clock milliseconds of each stage; negative where the stage did not run.
 struct StageTimes {
   double intersect = -1, mesh = -1, deform = -1, smoothing = -1, texture = -1, encode = -1;
-  double quality = -1;  ///< the score, which the compact frame tells
+  double quality = -1;  ///< QualityMeter
 };
 
 struct Reconstruction {
   int64_t pulse = 0;
   Mesh mesh;
   double volume_m3 = 0;              ///< occupied voxels times voxel volume
-  std::vector<std::string> cameras;  ///< that took part
+  std::vector<std::string> cameras;  ///< cameras that took part
   std::vector<uint8_t> compact;
   FrameQuality quality;
   StageTimes times;
 };
 
-/// A frame set on its way through the stages.
+/// A frame set and its intermediate results on the way through the stages.
 struct FrameSetJob {
   FrameSetJob() = default;
   explicit FrameSetJob(FrameSet frame_set) : set(std::move(frame_set)) {}
@@ -61,48 +61,48 @@ struct FrameSetJob {
   FrameSetJob& operator=(FrameSetJob&&) = default;
 
   FrameSet set;
-  std::vector<const Frame*>
-      frames;           ///< of `set`, by camera of the rig; null: none that can be used
-  SparseVolume volume;  ///< that the mesh is the surface of
+  std::vector<const Frame*> frames;  ///< of `set`, by camera of the rig; null: no usable frame
+  SparseVolume volume;               ///< the mesh is its surface
   Reconstruction result;
 };
 
-/// Holds what is computed once per rig. The result is deterministic: the same frame sets, one after
-/// the other, give the same bytes whatever the number of threads and the order of the frames, one
-/// set at a time or in a FramePipeline.
+/// Holds what is computed once per rig. Deterministic: the same sequence of frame sets gives the
+/// same bytes for every thread count and order of frames, one set at a time or in a FramePipeline.
 class Reconstructor {
  public:
-  /// Throws InputError when the grid needs more memory than there is (the message shows the
-  /// arithmetic), and for deform options out of their ranges.
+  /// Throws InputError when the grid needs more memory than is available (the message shows the
+  /// arithmetic), and for deform options out of range.
   Reconstructor(const Rig& rig, const ReconstructOptions& options);
   ~Reconstructor();
-  /// Frames of cameras that are not in the rig, or whose mask has another size than the rig says,
-  /// are left out. The mesh is the one that receivers decode from `compact`, to the bit; that is a
-  /// key frame. Throws InputError when the surface outgrows a compact frame (4 million vertices).
+  /// Reconstructs one set. Frames of unknown cameras, or with a mask of the wrong size, are
+  /// ignored. The mesh has the bits that receivers decode from `compact`, which is a key frame.
+  ///   ///
+  /// Throws InputError when the surface exceeds the limits of a compact frame (4 million vertices).
   /// One caller at a time.
   Reconstruction reconstruct(FrameSet set);
 
-  /// The same in two stages, in the caller's TBB arena: first the coloured mesh, all in parallel
-  /// loops, then its quality and its compact frame, mostly one thread's work. One caller of each at
-  /// a time; they may work on different sets at the same time. What is encoded is one sequence: a
-  /// compact frame may need those before it since the last key frame.
+  /// The same in two stages, in the caller's TBB arena. make_mesh() makes the coloured mesh in
+  /// parallel loops; encode() makes quality and compact frame, mostly in one thread. One caller of
+  /// each at a time; both may run at the same time on different jobs. The encoded frames form a
+  /// sequence: a frame may need those since the last key frame.
   void make_mesh(FrameSetJob& work);
   void encode(FrameSetJob& work);
-  /// The next set is encoded as a key frame: where one that was encoded did not reach its
+  /// Encodes the next set as a key frame. Call it when an encoded frame did not reach its
   /// receivers.
   void begin_sequence();
 
-  /// make_surface() of a pulse by itself, of any quality.
+  /// The surface of a single pulse, without colours, of any quality.
   void make_surface(FrameSetJob& work);
-  /// make_mesh() in parts, for who has pulses before and after it; all but the colours require
-  /// Quality::kHigh. The hull;
+  /// The steps of make_mesh(), for callers that have adjacent pulses. All except make_colours()
+  /// require Quality::kHigh. make_hull() makes volume and surface of the hull.
   void make_hull(FrameSetJob& work);
-  /// what the cameras saw of it, and of its hollows;
+  /// Cameras and stereo samples of the hull. Call after make_hull().
   PulseViews make_views(FrameSetJob& work);
-  /// the surface without colours, carved and deformed, which `now` is told;
+  /// Carves and deforms the surface with the samples of `adjacent` pulses, and passes the result to
+  /// now.set_surface(). No colours.
   void make_surface(FrameSetJob& work, PulseViews& now,
                     std::span<const PulseViews* const> adjacent);
-  /// smooth_over_time(); and the colours.
+  /// v3d::smooth_over_time() on the mesh of the job.
   void smooth_over_time(FrameSetJob& work, const PulseViews& now,
                         std::span<const PulseViews* const> adjacent) const;
   void make_colours(FrameSetJob& work) const;

@@ -1,4 +1,4 @@
-// The inner loop of the depth buffer: triangles into a picture of 1/z.
+// Rasterises triangles into a buffer of 1/z: the inner loop of the depth buffer.
 #pragma once
 
 #include <array>
@@ -11,26 +11,26 @@
 
 namespace v3d {
 
-/// Which sides of triangles are drawn. The front has its corners anticlockwise, seen from there: of
-/// a closed surface seen from outside it hides the backs, and kFront draws the same in less time,
-/// up to rounding at outlines. Of triangles that are large in the picture both may be drawn.
+/// Which sides of triangles are drawn. Corners of a front are counter-clockwise. On a closed
+/// surface seen from outside, fronts hide the backs, and kFront gives the same result faster, up to
+/// rounding at outlines. Triangles that are large in the image may be drawn from both sides.
 enum class Faces { kBoth, kFront };
 
-/// Keeps at every pixel centre that a triangle covers (see for_each_span()) the larger of what is
-/// there and the triangle's 1/z, which runs evenly across the image and stays between those of the
-/// corners. `inverse_z`: size.pixels() numbers, row by row. Triangles with a corner that is not
-/// on_screen() are not drawn: their places in `triangles` are appended to `cut`, whatever their
-/// side. Any order of the triangles gives the same bits; vectorised for the processor it runs on,
-/// with the same bits on every processor.
+/// Writes, at every pixel centre that a triangle covers (for_each_span()), the larger of the buffer
+/// and the triangle's 1/z. 1/z is linear in the image and stays between the values of the corners.
+/// `inverse_z` has size.pixels() numbers, row by row.
+///
+/// Triangles with a corner that is not on_screen() are not drawn: their indices are appended to
+/// `cut`, whatever their side. The order of the triangles has no influence. Vectorised by run-time
+/// dispatch; every instruction set gives the same bits.
 void draw_triangles(const std::vector<ScreenVertex>& vertices,
                     std::span<const std::array<uint32_t, 3>> triangles, ImageSize size, Faces faces,
                     float* inverse_z, std::vector<uint32_t>& cut);
 
-/// A rectangle of pixels that holds every corner in the image; empty without corners. Corners that
-/// are not on_screen() are not looked at.
+/// Bounding rectangle of the on_screen() corners inside the image; empty without corners.
 Rect covered_by(const std::vector<ScreenVertex>& vertices, ImageSize size);
 
-/// value > 0 ? 1 / value : infinity, for each.
+/// value > 0 ? 1 / value : infinity, for each value.
 void invert(float* values, int count);
 
 }  // namespace v3d

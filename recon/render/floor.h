@@ -1,4 +1,4 @@
-// The floor behind a rendered mesh: a grid that fades with distance, and a soft shadow.
+// The floor of a rendered scene: a grid that fades with distance, and a soft shadow.
 #pragma once
 
 #include <Eigen/Core>
@@ -11,19 +11,19 @@
 
 namespace v3d {
 
-/// What a ray finds on the floor.
+/// Intersection of a ray with the floor.
 struct FloorHit {
   double distance_m = 0;  ///< along the ray
   float light = 0;        ///< brightness of the lines over the background, 0 to 1
   float shadow = 0;       ///< 0 none, 1 full
 };
 
-/// Immutable after construction; any thread may ask.
+/// Immutable after construction; any thread.
 class Floor {
  public:
   Floor(const Mesh& mesh, const FloorOptions& options);
-  /// `pixel_rad`: the angle between two pixels, which is how sharp the lines can be. Empty when the
-  /// ray does not go down to the floor.
+  /// `eye` in the world, metres; `direction` of unit length. `pixel_rad` is the angle between two
+  /// pixels, for anti-aliasing of the lines. Empty when the ray does not meet the floor.
   std::optional<FloorHit> hit(const Eigen::Vector3d& eye, const Eigen::Vector3d& direction,
                               double pixel_rad) const;
 

@@ -1,5 +1,5 @@
-// Triangles on their way to the screen: the near plane, and the rows of pixels that a triangle
-// covers. Shared by the depth buffer, the silhouette and the renderer.
+// Triangle rasterisation: clipping at the near plane, and the rows of pixels that a triangle
+// covers. Shared by depth buffer, silhouette and renderer.
 #pragma once
 
 #include <algorithm>
@@ -14,22 +14,21 @@
 
 namespace v3d {
 
-/// A piece of a triangle in front of the near plane. `weights` are barycentric in the whole
-/// triangle, for what is interpolated across it.
+/// A clipped piece of a triangle. `weights` are barycentric in the whole triangle, for
+/// interpolation.
 struct ScreenTriangle {
   std::array<ScreenVertex, 3> corner;
   std::array<Eigen::Vector3f, 3> weights;
 };
 
-/// Cuts triangle `t` at the near plane: 0, 1 or 2 pieces. A piece with a corner that the lens model
-/// cannot place (beyond CameraModel::max_radius2()) is left out: it lies outside the field of view.
-/// `pieces` keeps its memory.
+/// Clips triangle `t` at the near plane to 0, 1 or 2 pieces. A piece with a corner beyond
+/// CameraModel::max_radius2() is left out, because it lies outside the field of view. `pieces`
+/// keeps its memory.
 void clip_to_near_plane(const Mesh& mesh, uint32_t t, const CameraModel& camera,
                         const std::vector<ScreenVertex>& vertices,
                         std::vector<ScreenTriangle>& pieces);
 
-/// Calls draw(piece) for all triangles in the order of the mesh, cut at the near plane where they
-/// must be.
+/// Calls draw(t, piece) for all triangles in the order of the mesh, clipped where necessary.
 template <class Draw>
 void for_each_screen_triangle(const Mesh& mesh, const CameraModel& camera,
                               const std::vector<ScreenVertex>& vertices, Draw&& draw) {
@@ -49,9 +48,8 @@ void for_each_screen_triangle(const Mesh& mesh, const CameraModel& camera,
   }
 }
 
-/// Which pixels a triangle covers is decided in whole numbers, exactly: its corners are put on a
-/// lattice of 1/256 pixel first. What lies farther out than kMaxPixels is taken to lie there, so
-/// that every product below fits in 64 bits.
+/// Coverage is decided exactly, in integers: corners are rounded to a lattice of 1/256 pixel.
+/// Coordinates are clamped to kMaxPixels, so that all products fit into 64 bits.
 inline constexpr int kFixedBits = 8;
 inline constexpr int kFixedOne = 1 << kFixedBits;
 inline constexpr float kMaxPixels = 1 << 22;
@@ -92,7 +90,7 @@ struct Band {
 };
 
 /// Calls emit(y, x_begin, x_end) for the pixels of the band whose centres the triangle covers. A
-/// centre on an edge belongs to the triangle on its right or below: triangles that share an edge
+/// centre on an edge belongs to the triangle on its right or below, so triangles with a common edge
 /// leave no gap and draw no pixel twice. Either orientation.
 template <class Emit>
 void for_each_span(const std::array<ScreenVertex, 3>& corner, Band band, Emit&& emit) {
@@ -115,8 +113,8 @@ void for_each_span(const std::array<ScreenVertex, 3>& corner, Band band, Emit&& 
   }
 }
 
-/// A number that changes evenly across the image: value(x, y) = at_origin + dx * x + dy * y.
-/// Deterministic; for degenerate triangles the value is that of the first corner.
+/// A linear function of the image: value(x, y) = at_origin + dx * x + dy * y. For a degenerate
+/// triangle, the value of its first corner.
 struct ScreenPlane {
   double at_origin = 0, dx = 0, dy = 0;
   ScreenPlane() = default;

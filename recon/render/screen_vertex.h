@@ -1,4 +1,4 @@
-// The vertices of a mesh as a camera sees them.
+// Projection of the vertices of a mesh into a camera.
 #pragma once
 
 #include <vector>
@@ -8,22 +8,23 @@
 
 namespace v3d {
 
-/// Nothing nearer than this to a camera is drawn: a mesh round a camera does no harm.
+/// Distance of the near plane, metres. Nothing nearer is drawn, so that a mesh around a camera does
+/// no harm.
 inline constexpr double kNearPlaneMetres = 0.05;
 
-/// x and y are pixels (centre of the first pixel: 0, 0), also outside the image.
+/// x and y are pixels with (0, 0) in the centre of the first pixel, also outside the image.
 struct ScreenVertex {
   float x = 0, y = 0;
-  float z = 0;          ///< along the optical axis, metres; right also where !on_screen()
+  float z = 0;          ///< along the optical axis, metres; valid also where !on_screen()
   float inverse_z = 0;  ///< 1 / z where on_screen(), else 0
 
-  /// In front of the near plane and inside the lens model: x and y are right.
+  /// In front of the near plane and inside the lens model: x and y are valid.
   bool on_screen() const { return inverse_z > 0; }
 };
 
-/// The whole lens model at every vertex, in single precision: within 0.02 pixels of
-/// CameraModel::project() from 0.2 m before the camera. In the order of the mesh; one thread; the
-/// same bits on every processor. `screen` keeps its memory.
+/// Projects every vertex through the whole lens model in single precision, within 0.02 pixels of
+/// CameraModel::project() from 0.2 m on. In the order of the mesh. One thread; every instruction
+/// set gives the same bits. `screen` keeps its memory.
 void project_vertices(const Mesh& mesh, const CameraModel& camera,
                       std::vector<ScreenVertex>& screen);
 std::vector<ScreenVertex> project_vertices(const Mesh& mesh, const CameraModel& camera);

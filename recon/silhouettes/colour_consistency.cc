@@ -11,25 +11,25 @@
 namespace v3d {
 namespace {
 
-/// Cameras that look from nearly the same side see the same places.
+/// Neighbours: the cameras with the most similar viewing directions.
 constexpr size_t kNeighbours = 4;
-constexpr double kSameSide = 0.2;  ///< least cosine between the viewing directions
-/// Depth buffers are drawn at a part of the image's size.
+constexpr double kSameSide = 0.2;  ///< smallest cosine between viewing directions
+/// Factor by which depth buffers are smaller than the image.
 constexpr int kReduction = 4;
 constexpr double kToleranceVoxels = 3;
-/// Colours that differ by no more are the same, grey values; the surface is known to some voxels
-/// only, so patterns are not compared pixel by pixel but as means of patches.
+/// Largest difference of equal colours, grey values. The surface is accurate to some voxels only,
+/// so means of patches are compared instead of pixels.
 constexpr float kSameColour = 24;
 constexpr int kPatch = 2;
 constexpr int kStep = 3;
-/// Of the places that could be compared, so many must be.
+/// Smallest number of comparable places.
 constexpr int kMinPlaces = 12;
-/// Part of the places where what lies behind may have the surface's colours. Where cameras rightly
-/// look past the hull of the others 0.02 agree on average, and more than this in 1 of 40 pieces
-/// (v3d-silhouette-faults, seeds 401 to 405 and 411 to 415).
+/// Part of the places that agree by chance, where the camera looks past the surface. In that case
+/// 0.02 agree on average, and more than this in 1 of 40 pieces (v3d-silhouette-faults, seeds 401 to
+/// 405 and 411 to 415).
 constexpr double kByChance = 0.2;
-/// By so many standard deviations of independent places must more agree. None of those 659 pieces
-/// comes to more than 3.
+/// Required excess over chance, in standard deviations of independent places. None of those 659
+/// pieces exceeds 3.
 constexpr double kDeviations = 3.5;
 
 struct View {
@@ -38,7 +38,7 @@ struct View {
   DepthBuffer depth;  ///< reduced
 };
 
-/// Mean of a patch of the image in the common response of the rig, whatever the mask says; empty
+/// Mean of a patch of the image in the rig's common colour response, regardless of the mask; empty
 /// where the frame has no pixels.
 std::optional<Eigen::Vector3f> patch_colour(const RigCamera& camera, const Frame& frame,
                                             const Eigen::Vector2d& pixel) {
@@ -71,7 +71,7 @@ std::vector<View> neighbours_of(const Rig& rig, std::span<const Frame* const> fr
   return views;
 }
 
-/// What the view sees of a place; empty where something hides it.
+/// Colour of a place in a view; empty where the place is hidden.
 std::optional<Eigen::Vector3f> colour_at(const View& view, const Eigen::Vector3d& place,
                                          double tolerance_m) {
   const CameraModel& model = view.camera->model;
@@ -90,7 +90,8 @@ bool same(const Eigen::Vector3f& a, const Eigen::Vector3f& b) {
   return (a - b).cwiseAbs().maxCoeff() <= kSameColour;
 }
 
-/// Whether the camera and two others agree; empty where fewer than two others see the place.
+/// True when the majority of the views, and at least two, agree with the camera; empty when fewer
+/// than two see the place.
 std::optional<bool> agrees(const Eigen::Vector3f& own, std::span<const View> views,
                            const Eigen::Vector3d& place, double tolerance_m) {
   int seen = 0;
@@ -116,8 +117,7 @@ class ColourConsistency::Views {
         others_(neighbours_of(rig, frames, camera, surface)),
         tolerance_m_(tolerance_m) {}
 
-  /// Whether the surface looks alike where the camera sees it in this pixel; empty where that
-  /// cannot be told.
+  /// Agreement at the place of the surface in this pixel; empty where it cannot be determined.
   std::optional<bool> agrees(int x, int y) const {
     const CameraModel& model = own_.camera->model;
     const Eigen::Vector2d pixel(x, y);

@@ -1,4 +1,5 @@
-// Whether a piece of an image shows the surface that it is said to show, by its colours.
+// Colour consistency test: do other cameras see the same colours at a place where one camera
+// reports background?
 #pragma once
 
 #include <memory>
@@ -11,33 +12,33 @@
 
 namespace v3d {
 
-/// Places of a surface that could be compared, and those of them that look alike.
+/// Number of places that could be compared, and of those that agree.
 struct ColourAgreement {
   int compared = 0;
   int agreeing = 0;
 
-  /// More agree than do where the camera looks past the surface: there, what lies behind it has
-  /// the surface's colours by chance alone.
+  /// True when significantly more places agree than by chance, which is what happens where the
+  /// camera looks past the surface.
   bool is_consistent() const;
 };
 
-/// What one camera sees of a surface, and what cameras beside it see at the same places. Borrows
-/// everything for as long as it lives; what it knows depends on nothing else. One thread.
+/// Compares one camera with its neighbours on a surface. Borrows all arguments while it lives. One
+/// thread.
 class ColourConsistency {
  public:
-  /// frames: one per camera of the rig, or null where there are no colours; `voxel_m`: how well
-  /// the surface is known.
+  /// `frames` has one entry per camera of the rig, null where there are no colours. `surface` is
+  /// accurate to some voxels of `voxel_m` metres.
   ColourConsistency(const Rig& rig, std::span<const Frame* const> frames, size_t camera,
                     const Mesh& surface, double voxel_m);
   ~ColourConsistency();
 
-  /// Of the places that the camera sees within `piece`: whether its image has the colours there
-  /// that the cameras beside it agree about. Nothing is compared where colours are lacking.
+  /// Compares the places of the surface that the camera sees within `piece` with its neighbours'
+  /// majority. Nothing is compared where the camera has no colours.
   ColourAgreement within(const Mask& piece) const;
 
  private:
   class Views;
-  std::unique_ptr<const Views> views_;  ///< null where the camera has no colours
+  std::unique_ptr<const Views> views_;  ///< null: the camera has no colours
 };
 
 }  // namespace v3d

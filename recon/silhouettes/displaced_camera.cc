@@ -15,18 +15,17 @@
 namespace v3d {
 namespace {
 
-/// The slope of an outline is taken over so many rows on both sides, times the scale.
+/// Rows on both sides over which the slope of an outline is measured, times the scale.
 constexpr int kReach = 4;
-/// Rows (and columns) that are looked at, times the scale.
+/// Step between measured rows and columns, times the scale.
 constexpr int kStep = 3;
-/// Cameras that may be the knocked one: those that lie so much as far aside as the farthest, and no
-/// more than so many.
+/// Suspects: cameras with at least this part of the largest shift, and at most this many.
 constexpr double kSuspiciousPart = 0.5;
 constexpr size_t kMaxSuspects = 4;
-/// Pulses in which they are measured again.
+/// Pulses in which suspects are measured again.
 constexpr size_t kPulsesAgain = 12;
 
-/// Where foreground begins (side -1) or ends (side 1) in a row.
+/// A place where foreground begins (side -1) or ends (side 1) in a row.
 struct Edge {
   int x = 0;
   int side = 0;
@@ -43,7 +42,7 @@ std::vector<Edge> edges_of(const Mask& mask, int y) {
   return edges;
 }
 
-/// The nearest one of the same side; null where none is within `reach`.
+/// The nearest edge of the same side; null where none is within `reach`.
 const Edge* nearest(const std::vector<Edge>& edges, const Edge& to, int reach) {
   const Edge* best = nullptr;
   for (const Edge& edge : edges) {
@@ -53,7 +52,7 @@ const Edge* nearest(const std::vector<Edge>& edges, const Edge& to, int reach) {
   return best;
 }
 
-/// Edges that run within 45 degrees of upright, of rows that are multiples of `step`.
+/// Edges within 45 degrees of vertical, in rows that are multiples of `step`.
 std::vector<OutlineOffset> offsets_in_rows(const Mask& hull, const Mask& own, int step, int scale) {
   std::vector<OutlineOffset> offsets;
   const int reach = kReach * scale;
@@ -90,12 +89,12 @@ Mask transposed(const Mask& mask) {
 /// Tukey's weight for a residual as part of the largest that counts.
 double weight(double r) { return std::abs(r) < 1 ? (1 - r * r) * (1 - r * r) : 0; }
 
-/// What explains the offsets: a shift, u and v, and the distance in which the outline lies from the
-/// hull's wherever it looks, because the hull is the wider one.
+/// Model of the offsets: a shift (u, v), and a constant distance, because the hull is wider than
+/// the silhouette.
 using Explanation = Eigen::Vector3d;
 
-/// One step of iteratively reweighted least squares. Offsets that `before` explains to no better
-/// than `most` pixels do not count.
+/// One step of iteratively reweighted least squares. Offsets with residuals above `most` pixels do
+/// not count.
 Explanation step_of(std::span<const OutlineOffset> offsets, const Explanation& before,
                     double most) {
   Eigen::Matrix3d a = Eigen::Matrix3d::Identity() * 1e-9;
@@ -109,7 +108,8 @@ Explanation step_of(std::span<const OutlineOffset> offsets, const Explanation& b
   return a.ldlt().solve(b);
 }
 
-/// From far to near: outlines that differ for other reasons are left out step by step.
+/// Robust fit with a decreasing limit, so that outlines that differ for other reasons are excluded
+/// step by step.
 Eigen::Vector2d shift_of(std::span<const OutlineOffset> offsets) {
   Explanation explanation = Explanation::Zero();
   for (const double most : {16., 8., 8., 5., 5., 4., 4., 4.}) {
@@ -176,7 +176,7 @@ std::vector<Mask> DisplacementMeter::masks_of(const Pulse& pulse) const {
   return masks;
 }
 
-/// The largest shift of `cameras` against hulls to which `left_out` adds nothing.
+/// The largest shift of `cameras` against hulls without `left_out`.
 double DisplacementMeter::farthest_without(size_t left_out, std::span<const size_t> cameras,
                                            LeaveOneOutHull& hulls) const {
   std::vector<Offsets> offsets(names_.size());

@@ -10,15 +10,15 @@
 namespace v3d {
 namespace {
 
-/// Fewer pixels of what was lost prove nothing: where hull and silhouette touch, some always are.
-/// Of an image of XGA; of a larger one they are as many more as it has pixels.
+/// Smallest number of lost pixels that are shown, for an XGA image, scaled with its area. Some
+/// pixels always are, where hull and silhouette touch.
 constexpr int64_t kMinShown = 60;
 constexpr int64_t kXgaPixels = 1024 * 768;
-/// So many times as large must the part be that is shown of what was lost.
+/// Required ratio of the shown parts of lost and gained pixels.
 constexpr double kClearly = 2;
-/// And by so many standard deviations, as of an image of XGA. With few cameras hulls err more:
-/// clean silhouettes of 8 came to 1.8. Of 15 as many late ones are found as without it
-/// (v3d-silhouette-faults, seeds 1 and 7).
+/// Required excess in standard deviations, for an XGA image. With few cameras hulls have larger
+/// errors: correct silhouettes of 8 cameras reach 1.8. With 15 cameras the same number of late ones
+/// is found as without this limit (v3d-silhouette-faults, seeds 1 and 7).
 constexpr double kMinExcess = 2.3;
 
 }  // namespace
@@ -29,7 +29,7 @@ bool SilhouetteChange::is_late() const {
   const double least = kMinShown * larger;
   if (static_cast<double>(lost_shown) < least) return false;
   if (static_cast<double>(gained - gained_shown) < least) return false;
-  // Neighbouring pixels are one observation where the image is larger.
+  // In a larger image, neighbouring pixels are not independent.
   if (excess() < kMinExcess * std::sqrt(larger)) return false;
   return static_cast<double>(lost_shown) * static_cast<double>(gained) >
          kClearly * static_cast<double>(gained_shown) * static_cast<double>(lost);
@@ -56,17 +56,18 @@ SilhouetteChange silhouette_change(const Mask& own, const Mask& expected,
 
 namespace {
 
-/// A camera is out of step when it disagrees less than this part as much with another pulse, and
-/// less in most frames. The hull of the others is larger than the body and lacks thin parts, at any
-/// pulse, and over a second of one movement that may favour another pulse a little. Simulated
-/// studios of 8 and 15 cameras with one a pulse late come to 0.89 to 0.63 (the longer, the
-/// clearer), cameras in step to no less than 0.92 in a second, and to 1 in two.
+/// A camera is out of step when its disagreement with another pulse is below this part of that with
+/// its own, and smaller in most frames. The leave-one-out hull is wider than the body and lacks
+/// thin parts, which may favour another pulse a little during one movement.
+///
+/// Simulated studios of 8 and 15 cameras: one late camera reaches 0.89 to 0.63, clearer with more
+/// frames; cameras in step at least 0.92 within one second, and 1 within two.
 constexpr double kClearlyBetter = 0.9;
 constexpr double kMaxFrames = 0.5;
-/// Fewer frames prove nothing.
+/// Smallest number of frames for a result.
 constexpr int64_t kMinFrames = 8;
 
-/// Pixels that are foreground of one of them only.
+/// Number of pixels that are foreground in one of the masks only.
 int64_t count_differing(const Mask& a, const Mask& b) {
   int64_t count = 0;
   for (int y = 0; y < a.size().height; ++y) {

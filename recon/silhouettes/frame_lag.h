@@ -1,4 +1,5 @@
-// Silhouettes that show the pulse before: found by what changed from one pulse to the next.
+// Frame lag: cameras whose frames show another pulse than their number. silhouette_change() tests
+// one pulse, SyncCheck the pulses of some seconds.
 #pragma once
 
 #include <array>
@@ -12,8 +13,8 @@
 
 namespace v3d {
 
-/// What the hull of the others lost and won from the pulse before to this one, and how much of
-/// either a camera's silhouette shows; pixels.
+/// What the leave-one-out hull of a camera lost and gained since the previous pulse, and how much
+/// of both its silhouette shows; pixels.
 struct SilhouetteChange {
   int64_t pixels = 0;  ///< of the image
   int64_t lost = 0;
@@ -21,50 +22,49 @@ struct SilhouetteChange {
   int64_t gained = 0;
   int64_t gained_shown = 0;
 
-  /// The silhouette shows what is no longer there, and not what has come. A camera in step shows
-  /// nothing of what was lost, for its silhouette lies inside the hull, and much of what was won;
-  /// one that is a pulse late, the reverse. False where too little moved to tell.
+  /// True when the silhouette shows what was lost and not what was gained: it is one pulse late. A
+  /// camera in step shows nothing of what was lost and much of what was gained. False when too
+  /// little moved.
   bool is_late() const;
-  /// By how much the part that is shown of what was lost exceeds that of what was won, in standard
-  /// deviations of independent pixels: to compare cameras.
+  /// Shown part of the lost pixels minus shown part of the gained pixels, in standard deviations of
+  /// independent pixels.
   double excess() const;
 };
 
-/// `expected`, `expected_before`: the silhouette of the hull of the others in this camera, at this
-/// pulse and at the one before. Requires equal sizes. Pure.
+/// `expected` and `expected_before`: the silhouette of the leave-one-out hull in this camera at
+/// this pulse and at the previous one. Requires equal sizes.
 SilhouetteChange silhouette_change(const Mask& own, const Mask& expected,
                                    const Mask& expected_before);
 
-/// Pulses before and after its own at which a camera is compared.
+/// Largest lag that is tested, pulses, in both directions.
 inline constexpr int kMaxPulsesOff = 2;
 inline constexpr int kShifts = 2 * kMaxPulsesOff + 1;
 
-/// What one camera saw at pulse p - 2, p - 1, p, p + 1, p + 2; null where it has no frame.
+/// The masks of one camera at pulses p - 2 to p + 2; null where it has no frame.
 using MaskWindow = std::array<const Mask*, kShifts>;
 
 struct CameraSync {
   std::string camera;
   int64_t frames = 0;  ///< pulses that were compared
-  /// Pixels in which the camera's silhouette of label p - 2 ... p + 2 and the hull of the others at
-  /// p differ, over all pulses, as part of its silhouettes' pixels.
+  /// By shift: pixels in which the camera's mask of pulse p + shift and the leave-one-out hull at p
+  /// differ, summed over all p, as part of the pixels of its masks.
   std::array<double, kShifts> disagreement{};
-  /// Frames in which they differ less than those of label p do.
+  /// By shift: frames in which they differ less than at shift 0.
   std::array<int64_t, kShifts> better{};
 
-  /// How many pulses the camera is late (its image of label p shows pulse p minus so many),
-  /// negative where it is early; 0 unless another pulse fits clearly better, in most
-  /// frames. What does not move looks the same at every pulse: then it is 0 too.
+  /// Pulses by which the camera is late: its image of pulse p shows pulse p minus this. Negative
+  /// when early. 0 unless another pulse fits clearly better in most frames, and when nothing moved.
   int pulses_late() const;
 };
 
-/// Compares frame by frame. The result depends on nothing but the arguments.
+/// Compares each camera with the leave-one-out hull at several pulses. One thread. Deterministic.
 class SyncCheck {
  public:
   explicit SyncCheck(const Rig& rig);
 
-  /// One pulse: a window per camera of the rig, of masks of the camera's image size, empty outside
-  /// the view of the bounds, and the hull of the others in every camera
-  /// (LeaveOneOutHull::silhouettes_of_each()). A camera with a gap in its window is not compared.
+  /// Adds one pulse. `windows` has one entry per camera of the rig, with masks cut to
+  /// bounds_mask(); `hulls` is the result of LeaveOneOutHull::silhouettes_of_each(). A camera with
+  /// a gap in its window is skipped.
   void add(std::span<const MaskWindow> windows, std::span<const Mask> hulls);
 
   /// By camera of the rig.

@@ -9,7 +9,7 @@
 namespace v3d {
 namespace {
 
-/// Foreground that asks for voxels counts in cells of so many pixels along each side.
+/// Unexplained foreground is counted in cells of this many pixels along each side.
 constexpr int kCell = 4;
 
 struct CameraPixel {
@@ -18,11 +18,11 @@ struct CameraPixel {
   int y = 0;
 };
 
-/// What the cameras say of one voxel.
+/// The pixels of one voxel.
 struct Votes {
   std::vector<CameraPixel> missing;
-  std::vector<CameraPixel> supporting;  ///< where nothing explains the foreground
-  int64_t showing = 0;                  ///< foreground, asking or not
+  std::vector<CameraPixel> supporting;  ///< unexplained foreground
+  int64_t showing = 0;                  ///< cameras that show foreground, explained or not
 };
 
 class VoxelTest {
@@ -35,7 +35,7 @@ class VoxelTest {
         options_(options),
         max_missing_(part_of(static_cast<int64_t>(masks.size()))) {}
 
-  /// Whether a few deny the voxel together, and enough ask for it.
+  /// True when a few cameras show background at the voxel, and enough support it.
   bool finds_lost(int i, int j, int k, Votes& votes) const {
     votes.missing.clear();
     votes.supporting.clear();
@@ -69,7 +69,7 @@ class VoxelTest {
   std::span<const Mask* const> masks_;
   std::span<const Mask> unexplained_;
   const JointMissingOptions& options_;
-  const int64_t max_missing_;  ///< more need not be counted
+  const int64_t max_missing_;  ///< the count stops here
 };
 
 std::vector<Votes> find_lost(const VoxelGrid& grid, const VoxelTest& test) {
@@ -87,7 +87,8 @@ std::vector<Votes> find_lost(const VoxelGrid& grid, const VoxelTest& test) {
   return lost;
 }
 
-/// By camera and cell, how few cameras must be wrong for the foreground there to be right.
+/// By camera and cell, the smallest number of background cameras of any voxel that explains the
+/// foreground there.
 class FewestWrong {
  public:
   FewestWrong(std::span<const Mask> unexplained, const std::vector<Votes>& lost) {
@@ -103,7 +104,7 @@ class FewestWrong {
     }
   }
 
-  /// Cameras that no voxel with fewer deniers would satisfy.
+  /// Number of supporting cameras for which no voxel with fewer background cameras exists.
   int64_t need(const Votes& votes) {
     return std::ranges::count_if(votes.supporting, [&](const CameraPixel& pixel) {
       return at(pixel) == votes.missing.size();

@@ -1,5 +1,5 @@
-// What the other cameras expect of one camera: the hull of their silhouettes, as that camera would
-// see it.
+// Leave-one-out hull: the visual hull of all cameras but one. It predicts what the remaining camera
+// should see.
 #pragma once
 
 #include <span>
@@ -13,28 +13,28 @@
 
 namespace v3d {
 
-/// Keeps its working memory, and what it returns by reference until the next call. One caller at a
-/// time; works in the caller's TBB arena; results depend on nothing but the arguments.
+/// Keeps its working memory. References that it returns are valid until the next call. One caller
+/// at a time; works in the caller's TBB arena. Deterministic.
 class LeaveOneOutHull {
  public:
-  /// Throws InputError as Intersector does.
+  /// `bounds` in metres in the world. Throws InputError as Intersector does.
   LeaveOneOutHull(const Rig& rig, const Box& bounds, double voxel_m, int min_views);
 
   const VoxelGrid& grid() const { return grid_; }
 
-  /// The hull of all masks but that of `camera`. masks: one per camera of the rig, null where a
-  /// camera takes no part.
+  /// The hull of all masks except that of `camera`. `masks` has one entry per camera of the rig,
+  /// null where a camera takes no part.
   const SparseVolume& volume(std::span<const Mask* const> masks, size_t camera);
-  /// Its surface.
+  /// Marching cubes surface of volume().
   const Mesh& surface(std::span<const Mask* const> masks, size_t camera);
-  /// Its silhouette in `camera`. As the true silhouette lies inside every hull, it holds the
-  /// camera's own, but for what either of them has wrong and for the width of a voxel.
+  /// Silhouette of volume() in `camera`. It contains the true silhouette, except for errors of the
+  /// other masks and the width of a voxel.
   Mask silhouette(std::span<const Mask* const> masks, size_t camera);
-  /// The same for every camera that has a mask; of size 0 x 0 for the others.
+  /// silhouette() for every camera that has a mask; of size 0 x 0 for the others.
   std::vector<Mask> silhouettes_of_each(std::span<const Mask* const> masks);
   /// The hull of all masks.
   const SparseVolume& volume(std::span<const Mask* const> masks);
-  /// Its silhouette in every camera.
+  /// The silhouette of the hull of all masks in every camera.
   std::vector<Mask> silhouettes(std::span<const Mask* const> masks);
 
  private:

@@ -15,38 +15,38 @@
 namespace v3d {
 namespace {
 
-/// Foreground that nothing explains counts in cells of so many pixels along each side.
+/// Unexplained foreground is counted in cells of this many pixels along each side.
 constexpr int kCell = 4;
-/// So many cells of so many other cameras must need a piece; those of one camera alone, or of
-/// several at different places, may be explained by what no voxel is small enough to show.
+/// A piece is needed when this many cells of this many other cameras need it. Fewer cells, or cells
+/// at different places, may belong to a detail finer than a voxel.
 constexpr int64_t kMinCells = 4;
 constexpr int kMinCameras = 2;
-/// A fault covers at least so many squares as wide as twice the camera's radius.
+/// Smallest area of a defect, in squares as wide as twice the radius of the camera.
 constexpr int kMinSquares = 2;
-/// Where colours speak for it, a piece may be so many times as narrow.
+/// With colour evidence, a piece may be narrower by this factor.
 constexpr int kNarrower = 2;
-/// A camera of whose expected silhouette so much is missing, or that shows so much more, is left
-/// out.
+/// A camera is left out when this part of its expected silhouette is missing, or when it shows this
+/// much more.
 constexpr double kMostlyWrong = 0.5;
-/// Cameras are mended one after the other, no more often than this.
+/// Largest number of single repairs, one camera each.
 constexpr int kRounds = 8;
-/// And so often what several of them have lost together.
+/// Largest number of repairs of joint missing foreground.
 constexpr int kJointRounds = 3;
 
-/// Voxels' width in pixels where the middle of the space is.
+/// Width of a voxel in pixels at the centre of the bounds.
 double pixels_per_voxel(const CameraModel& camera, const Box& bounds, double voxel_m) {
   const Eigen::Vector3d middle = 0.5 * (bounds.min + bounds.max);
   const double distance = (camera.center() - middle).norm();
   return camera.matrix()(0, 0) * voxel_m / std::max(distance, voxel_m);
 }
 
-/// By a quarter of its size on every side.
+/// The box enlarged by a quarter of its size on every side.
 Box wider(const Box& box) {
   const Eigen::Vector3d margin = 0.25 * box.size();
   return {box.min - margin, box.max + margin};
 }
 
-/// Voxels of `a` that `b` has not, of the same grid: calls visit(i, j, k).
+/// Calls visit(i, j, k) for the voxels of `a` that `b` does not have. Requires the same grid.
 template <class Visit>
 void for_each_more(const SparseVolume& a, const SparseVolume& b, Visit&& visit) {
   for (size_t n = 0; n < a.bricks().size(); ++n) {
@@ -77,7 +77,8 @@ Mask mask_of(const MaskPieces& pieces, size_t piece, ImageSize size) {
   return mask;
 }
 
-/// Pieces of a mask that are wider than 2 * radius pixels and cover so many squares of that width.
+/// Connected pieces of a mask that are wider than 2 * radius pixels and have at least
+/// min_pixels(radius).
 std::vector<Mask> wide_pieces(const Mask& mask, int radius) {
   const int64_t least = min_pixels(radius);
   MaskPieces pieces;
@@ -92,7 +93,7 @@ std::vector<Mask> wide_pieces(const Mask& mask, int radius) {
 
 }  // namespace
 
-/// The silhouettes of one pulse while they are mended.
+/// The silhouettes of one pulse during repair.
 class SilhouetteRepair::Trial {
  public:
   Trial(SilhouetteRepair& owner, std::span<const Mask* const> masks,
@@ -111,7 +112,7 @@ class SilhouetteRepair::Trial {
     std::optional<Trial> alone;
     if (!neighbours_.before.empty()) {
       alone.emplace(*this);
-      // Where no camera is late, nothing was changed.
+      // Without a late camera both results are equal.
       if (!repair_late_cameras()) alone.reset();
     }
     remove_phantom_pieces();
@@ -130,13 +131,13 @@ class SilhouetteRepair::Trial {
   int radius(size_t camera) const { return owner_.radii_[camera]; }
   double voxel_m() const { return owner_.hulls_.grid().voxel_m; }
 
-  /// What the others expect of a camera; reckoned once, until one of them changes.
+  /// Silhouette of the leave-one-out hull; computed once, until another mask changes.
   const Mask& expected(size_t camera) {
     Mask& mask = expected_[camera];
     if (mask.size().width == 0) mask = owner_.hulls_.silhouette(all(), camera);
     return mask;
   }
-  /// The one way in which masks change.
+  /// Replaces a mask. All changes of masks go through here.
   void put(size_t camera, std::optional<Mask> mask) {
     masks_[camera] = std::move(mask);
     for (size_t c = 0; c < expected_.size(); ++c) {
@@ -148,7 +149,7 @@ class SilhouetteRepair::Trial {
     faults_.push_back({camera, kind, where.bounding_box(), where.count()});
   }
 
-  /// The only fault of this camera.
+  /// Replaces all reported defects of this camera by one.
   void report_instead(size_t camera, SilhouetteFaultKind kind, const Mask& where) {
     std::erase_if(faults_, [&](const SilhouetteFault& fault) { return fault.camera == camera; });
     report(camera, kind, where);
@@ -159,7 +160,8 @@ class SilhouetteRepair::Trial {
     put(camera, {});
   }
 
-  /// One black image leaves nothing of the volume, and two of them hide each other.
+  /// Drops cameras with empty masks. One of them leaves an empty volume, and two hide each other
+  /// from the leave-one-out hulls.
   void drop_blind_cameras() {
     std::vector<size_t> blind;
     for (size_t c = 0; c < masks_.size(); ++c) {
@@ -174,7 +176,8 @@ class SilhouetteRepair::Trial {
     }
   }
 
-  /// Foreground of each camera outside the silhouette of the volume, without what is narrow.
+  /// Finds the foreground of each camera outside the silhouette of the volume, without narrow
+  /// parts.
   void find_unexplained() {
     const auto masks = all();
     const std::vector<Mask> explained = owner_.hulls_.silhouettes(masks);
@@ -187,7 +190,7 @@ class SilhouetteRepair::Trial {
   }
   bool has_unexplained(size_t camera) const { return unexplained_[camera].size().width > 0; }
 
-  /// The pieces of one camera that are missing.
+  /// Missing pieces of one camera.
   struct MissingPieces {
     size_t camera = 0;
     int64_t pixels = 0;
@@ -198,8 +201,8 @@ class SilhouetteRepair::Trial {
     for (int round = 0; round < kRounds && fill_most_missing_pieces(); ++round) continue;
   }
 
-  /// Fills what the camera lacks that lacks most: in the hulls that it spoils, others seem to lack
-  /// pieces too. False when there was nothing to fill.
+  /// Fills the pieces of the camera that lacks most, because in hulls that it spoils other cameras
+  /// seem to lack pieces too. False when there was nothing to fill.
   bool fill_most_missing_pieces() {
     find_unexplained();
     const SparseVolume hull = owner_.hulls_.volume(all());
@@ -226,7 +229,7 @@ class SilhouetteRepair::Trial {
     }
   }
 
-  /// What several cameras have lost together. False when there was nothing to fill.
+  /// Fills joint missing foreground. False when there was nothing to fill.
   bool fill_jointly_missing_pieces() {
     find_unexplained();
     const JointMissingOptions options{.min_views = owner_.min_views_};
@@ -276,7 +279,8 @@ class SilhouetteRepair::Trial {
     return missing;
   }
 
-  /// Whether voxels that only this camera refutes, there, would explain foreground of others.
+  /// True when voxels that only this camera carves, inside `piece`, would explain foreground of
+  /// other cameras.
   bool is_needed(size_t camera, const Mask& piece, const SparseVolume& hull) {
     int64_t others = 0;
     for (size_t c = 0; c < masks_.size(); ++c) others += c != camera && has_unexplained(c);
@@ -306,8 +310,8 @@ class SilhouetteRepair::Trial {
                cells, [](const Mask& mask) { return mask.count() >= kMinCells; }) >= kMinCameras;
   }
 
-  /// The one that is late most plainly first: in the hulls that it spoils, others seem so too.
-  /// False when there was none.
+  /// Repairs late cameras, the clearest first, because in hulls that it spoils other cameras seem
+  /// late too. False when there was none.
   bool repair_late_cameras() {
     bool found = false;
     std::vector<size_t> suspects;
@@ -329,11 +333,11 @@ class SilhouetteRepair::Trial {
   struct LateCamera {
     size_t camera = 0;
     double excess = 0;
-    Mask before, now;  ///< what the others say of it
+    Mask before, now;  ///< its silhouettes in the leave-one-out hulls
   };
 
-  /// Keeps of the suspects those that are late. Judged are the masks as they were given: a late one
-  /// may have been filled where it lacks what has come.
+  /// Removes suspects that are not late; returns the clearest of the rest. Tests the given masks,
+  /// because a late one may have been filled meanwhile.
   std::optional<LateCamera> latest_of(std::vector<size_t>& suspects) {
     std::optional<LateCamera> latest;
     std::erase_if(suspects, [&](size_t c) {
@@ -349,8 +353,9 @@ class SilhouetteRepair::Trial {
     return latest;
   }
 
-  /// The silhouette that a late camera should have: the next one, where that is late too; else
-  /// whatever lies between the two, for what is too much costs less than what is missing.
+  /// The mask of a late camera for this pulse: that of its next frame when that is late too.
+  /// Otherwise the union of plausible pixels, because excess foreground costs less than missing
+  /// foreground.
   Mask in_step(size_t camera, const Mask& before, const Mask& now) {
     const Mask* const next = neighbours_.after.empty() ? nullptr : neighbours_.after[camera];
     Mask mask = either(*given_[camera], only_first(now, before));
@@ -372,7 +377,7 @@ class SilhouetteRepair::Trial {
     }
   }
 
-  /// Where one other camera alone denies a piece, that one may be the one that is wrong.
+  /// True when a single other camera carves the piece: then that camera may be wrong.
   bool is_disputed(size_t camera, const Mask& piece) {
     std::vector<const Mask*> masks = all();
     for (size_t other = 0; other < masks.size(); ++other) {
@@ -385,7 +390,7 @@ class SilhouetteRepair::Trial {
     return false;
   }
 
-  /// Whether the others see it too, but where nothing is reconstructed.
+  /// True when other cameras see the piece too, outside the reconstructed space.
   bool stands_beside(size_t camera, const Mask& piece) {
     const Mask expected = owner_.around_.silhouette(all(), camera);
     return 2 * both(expected, piece).count() > piece.count();
@@ -409,7 +414,7 @@ class SilhouetteRepair::Trial {
   std::span<const Frame* const> frames_;
   const NeighbourMasks& neighbours_;
   std::vector<std::optional<Mask>> masks_;
-  std::vector<Mask> expected_;  ///< of size 0 x 0 where it is not known
+  std::vector<Mask> expected_;  ///< of size 0 x 0 where not computed
   std::vector<size_t> shown_later_;
   std::vector<Mask> unexplained_;  ///< of size 0 x 0 where all is explained
   std::vector<SilhouetteFault> faults_;

@@ -1,19 +1,20 @@
-// Silhouettes that disagree with those of the other cameras: found, told apart, and mended where
-// the evidence allows. Takai et al., "3D Video Technologies", leave this as future work.
+// Silhouette repair: detects silhouettes that contradict those of the other cameras, and corrects
+// them where there is evidence. The paper (Takai et al.) leaves this as future work.
 //
-// The hull of the others says what a camera should see. Where the camera shows background inside
-// that silhouette, either it alone looks into a hollow that no other camera sees, which is what
-// volume intersection lives on, or its mask has a piece missing, which cuts an arm off. Two things
-// tell them apart:
-//   - the piece is needed: without it, foreground of several other cameras is left that no part of
-//     the volume explains;
-//   - the piece looks solid: where the hull of the others stops the camera's rays, the camera sees
-//     the same colours as its neighbours do there, and not what lies behind.
-// Without such evidence the camera is believed: a hollow stays a hollow.
-// What several cameras have lost at once no hull of the others shows: it is what a few deny, most
-// show, and the foreground of many needs (joint_denial.h).
-// Where the camera shows foreground outside the silhouette, nobody else sees anything: a phantom.
-// Where both together are what moved since the pulse before, the camera shows that pulse.
+// The leave-one-out hull predicts what a camera should see. Where the camera shows background
+// inside this prediction, either it alone looks into a concavity, or a piece of its mask is
+// missing. A piece counts as missing when one of two tests succeeds:
+// - Need: without the piece, foreground of several other cameras is not explained by any voxel.
+// - Colour consistency: where the camera's rays meet the leave-one-out hull, it sees the same
+//   colours as its neighbours (colour_consistency.h).
+//
+// Without such evidence the mask stays as it is, so that concavities are preserved. Pieces that
+// several cameras lost at once are found voxel by voxel (joint_missing_foreground.h). Foreground
+// outside the prediction that no other camera supports is a phantom. A camera whose differences
+// match the motion since the previous pulse shows that pulse (frame_lag.h).
+//
+// Repair goes one camera at a time, largest defect first, because one bad silhouette makes correct
+// neighbours look inconsistent.
 #pragma once
 
 #include <cstdint>
@@ -31,48 +32,48 @@
 namespace v3d {
 
 enum class SilhouetteFaultKind {
-  kMissingPiece,  ///< background where the others show that there is something
-  kPhantomPiece,  ///< foreground where the others show that there is nothing
-  kWholeCamera,   ///< more of the silhouette is wrong than right
-  kPulseLate,     ///< the silhouette is that of the pulse before
+  kMissingPiece,  ///< background where the other cameras show foreground
+  kPhantomPiece,  ///< foreground where the other cameras show background
+  kWholeCamera,   ///< most of the silhouette is wrong
+  kPulseLate,     ///< the silhouette shows the previous pulse
 };
 
 struct SilhouetteFault {
   size_t camera = 0;  ///< of the rig
   SilhouetteFaultKind kind = SilhouetteFaultKind::kMissingPiece;
-  Rect region;  ///< pixels, round all of it
+  Rect region;  ///< bounding box, pixels
   int64_t pixels = 0;
 };
 
-/// The masks a pulse earlier and a pulse later, one per camera of the rig, null where there is
-/// none; or nothing: then no camera is found late.
+/// The masks of the previous and of the next pulse, one per camera of the rig, null where there is
+/// none. Both empty: frame lag is not tested.
 struct NeighbourMasks {
   std::span<const Mask* const> before;
   std::span<const Mask* const> after;
 };
 
 struct RepairedSilhouettes {
-  /// By camera of the rig; empty for a camera that is better left out, or had none.
+  /// By camera of the rig; empty for a camera that had no mask or should be left out.
   std::vector<std::optional<Mask>> masks;
-  /// The same as they are without the neighbours: what the next pulse is held against, which
-  /// otherwise would depend on all pulses before it.
+  /// The masks repaired without NeighbourMasks. Pass them as `before` at the next pulse; otherwise
+  /// its result would depend on all earlier pulses.
   std::vector<std::optional<Mask>> alone;
-  /// Cameras, rising, that show this pulse in their next frame; its mask was taken.
+  /// Cameras, ascending, that show this pulse in their next frame; the mask of that frame was used.
   std::vector<size_t> shown_later;
   std::vector<SilhouetteFault> faults;  ///< by camera, then from top to bottom
 };
 
-/// Keeps its working memory. One caller at a time; works in the caller's TBB arena; the result
-/// depends on nothing but the arguments.
+/// Keeps its working memory. One caller at a time; works in the caller's TBB arena. Deterministic.
 class SilhouetteRepair {
  public:
-  /// Throws InputError as Intersector does. Faults narrower than about five voxels' pixels, three
-  /// where colours tell of them, are not found.
+  /// `bounds` is the reconstructed space (world, metres). Defects narrower than about five voxels
+  /// in the image are not found; with colours, three.
+  ///   ///
+  /// Throws InputError as Intersector does.
   SilhouetteRepair(const Rig& rig, const Box& bounds, double voxel_m, int min_views);
 
-  /// masks: one per camera of the rig, empty outside the view of the bounds, null where a camera
-  /// takes no part. frames: the images behind them, for the evidence of colours; null where there
-  /// is none.
+  /// `masks` has one entry per camera of the rig, cut to bounds_mask(), null where a camera takes
+  /// no part. `frames` are the images of the masks for the colour test, null where there are none.
   RepairedSilhouettes repair(std::span<const Mask* const> masks,
                              std::span<const Frame* const> frames,
                              const NeighbourMasks& neighbours = {});
@@ -82,9 +83,9 @@ class SilhouetteRepair {
   const Rig rig_;
   const int min_views_;
   LeaveOneOutHull hulls_;
-  LeaveOneOutHull around_;  ///< of a wider space: what stands beside the space is no phantom
+  LeaveOneOutHull around_;  ///< of a wider space: objects beside the bounds are not phantoms
   std::vector<VoxelCamera> lenses_;
-  std::vector<int> radii_;  ///< by camera: what is no wider than twice this is no fault, pixels
+  std::vector<int> radii_;  ///< by camera, pixels: pieces up to twice as wide are ignored
 };
 
 }  // namespace v3d

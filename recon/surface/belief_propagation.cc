@@ -32,12 +32,12 @@ HWY_INLINE void for_each_register(const Work& work) {
   for (size_t k = 0; k < kLabels; k += kInRegister) work(k);
 }
 
-/// What a node heard along an edge, for labels from `k` on.
+/// Costs of an incoming message, for labels from `k` on.
 HWY_INLINE hn::Vec<Shorts> incoming_at(const Message& incoming, size_t k) {
   return hn::PromoteTo(Shorts(), hn::Load(BytesOfShorts(), &incoming.of[k]));
 }
 
-/// All that a node hears, and its own costs.
+/// Belief of a node: its own costs plus all incoming messages.
 HWY_INLINE Costs belief(const Costs& own, const Message* incoming, size_t count) {
   const Shorts shorts;
   Costs sum;
@@ -65,7 +65,7 @@ HWY_INLINE Labels load(const Message& message) {
   return labels;
 }
 
-/// What a node believes but for what it heard along one edge, less the least of all.
+/// Belief without one incoming message, minus its minimum.
 HWY_INLINE Labels rest_of(const Costs& belief, const Message& incoming) {
   const Shorts shorts;
   Costs rest;
@@ -84,7 +84,7 @@ HWY_INLINE Labels rest_of(const Costs& belief, const Message& incoming) {
   return load(above);
 }
 
-/// What is kFar labels before those of a register (kFar < 0: behind); `none` where there are none.
+/// Costs shifted by kFar labels (kFar < 0: to the left); `none` where there are none.
 template <int kFar>
 HWY_INLINE hn::Vec<Bytes> shifted(const Labels& labels, int of, hn::Vec<Bytes> none) {
   const auto at = [&](int r) { return r >= 0 && r < kRegisters ? labels.of[r] : none; };
@@ -99,7 +99,7 @@ HWY_INLINE hn::Vec<Bytes> shifted(const Labels& labels, int of, hn::Vec<Bytes> n
 #endif
 }
 
-/// Lets every label be reached from those kFar labels away, for `price`.
+/// Relaxes every label from those kFar labels away, at the cost `price`.
 template <int kFar>
 HWY_INLINE Labels reach(uint8_t price, const Labels& costs) {
   const Bytes bytes;
@@ -112,9 +112,9 @@ HWY_INLINE Labels reach(uint8_t price, const Labels& costs) {
   return reached;
 }
 
-/// What a node tells along an edge: for each label of the other end the least that its own side
-/// then costs, less the least of all; halfway from what it told before, which keeps circles of
-/// nodes from swinging. Halves are rounded up and down by turns, as they would else never go.
+/// Outgoing message along an edge: for each label of the receiver the smallest cost of the sender,
+/// minus the minimum. The mean with the previous message damps oscillations in loops. Halves are
+/// rounded up and down in turns, because otherwise they would never vanish.
 HWY_INLINE void send(const Costs& belief, const Message& incoming, uint8_t slope, int round,
                      const Message& before, Message& sent) {
   const Bytes bytes;
@@ -127,14 +127,14 @@ HWY_INLINE void send(const Costs& belief, const Message& incoming, uint8_t slope
   const auto turned = hn::Set(bytes, round % 2 == 0 ? 0 : UINT8_MAX);
   const Labels was = load(before);
   for (int r = 0; r < kRegisters; ++r) {
-    // AverageRound() adds half a unit; of what is missing to the most it takes that away.
+    // AverageRound() rounds up; on complemented values that rounds down.
     const auto mean =
         hn::AverageRound(hn::Xor(hn::Min(now.of[r], most), turned), hn::Xor(was.of[r], turned));
     hn::Store(hn::Xor(mean, turned), bytes, &sent.of[kInBytes * r]);
   }
 }
 
-/// Nodes begin to end - 1 tell all their neighbours.
+/// Sends the messages of nodes begin to end - 1.
 void send_all(std::span<const Costs> costs, const uint32_t* first, const uint32_t* reverse,
               const Message* messages, uint8_t slope, int round, size_t begin, size_t end,
               Message* next) {

@@ -24,41 +24,41 @@ namespace {
 
 using Eigen::Vector3f;
 
-// Where the surface is looked for; lengths in voxels. A label of BeliefPropagation is a depth.
-constexpr int kPasses = 3;                 ///< each from the surface that those before have opened
-constexpr size_t kEvery = 4;               ///< only so many-th vertex looks, about two voxels apart
-constexpr size_t kEveryInLaterPasses = 6;  ///< in the looks after the first
-constexpr float kStep = 0.8F;              ///< between depths
-constexpr float kSpacing = 2;              ///< between the samples of a template window
-constexpr int kSide = 5;                   ///< of the window, samples
-constexpr int kLevel = 1;                  ///< of the pictures: half resolution
-constexpr int kMaxViews = StereoSample::kMaxCameras;  ///< that look at a place
+// Parameters of the depth search; lengths in voxels. A label of BeliefPropagation is a depth.
+constexpr int kPasses = 3;    ///< each searches the surface that the earlier ones exposed
+constexpr size_t kEvery = 4;  ///< every n-th vertex is searched, about two voxels apart
+constexpr size_t kEveryInLaterPasses = 6;             ///< in the passes after the first
+constexpr float kStep = 0.8F;                         ///< between depths
+constexpr float kSpacing = 2;                         ///< between the samples of a template window
+constexpr int kSide = 5;                              ///< of the window, samples
+constexpr int kLevel = 1;                             ///< of the images: half resolution
+constexpr int kMaxViews = StereoSample::kMaxCameras;  ///< cameras per vertex
 constexpr float kHiddenBehind = 0.6F;
 constexpr float kNoiseVariance = 2;  ///< squared grey values
 constexpr int kSmoothing = 2, kNormalSmoothing = 4;
 
-/// Correlation by which a depth must be better than one a step less deep: what lies deep competes
-/// with many. That is where the best of the near depths stands out of the far ones, nearly all of
-/// which are wrong, by kContrast in the median, as with cameras that are calibrated well. Where it
-/// stands out less, wrong depths win more often, and the price grows with the cube.
+/// Correlation by which a depth must exceed one that is a step less deep, because many deep ones
+/// compete. With well calibrated cameras, the best near depth exceeds the mean of the far ones,
+/// nearly all of them wrong, by kContrast in the median. With less contrast, wrong depths win more
+/// often, and the cost grows with its cube.
 constexpr float kStepCost = 1.0F / 64;
 constexpr float kContrast = 0.31F;
 constexpr float kMaxShortfall = 2;
-constexpr size_t kEveryContrast = 8;  ///< of those who look tells it
+constexpr size_t kEveryContrast = 8;  ///< every n-th search is used for the contrast
 static_assert(VertexVisibility::kCapacity % kEveryContrast == 0, "the same ones by block");
-constexpr float kUnit = 124;  ///< of BeliefPropagation's costs, for a correlation of 1
+constexpr float kUnit = 124;  ///< cost of a correlation that is lower by 1
 constexpr uint8_t kSlope = 31;
 constexpr int kRounds = 4;
 
-/// Correlation with another camera from which on a camera is said to see the place.
+/// Least correlation with another camera for a camera to count as seeing the place.
 constexpr float kAgreeing = 0.4F;
-// Voxels along a ray from the place: the first that is seen through, and the last where the ray
-// leaves the hull on a slant. The votes count one voxel around.
+// Votes for empty along a ray, voxels from the place: the first, and the last, where an oblique ray
+// leaves the hull. Votes count one voxel around.
 constexpr float kFirstFree = 3.5F;
 constexpr float kMaxSlant = 3, kBeyondSkin = 2;
-constexpr int kVotesInwards = 5;  ///< voxels from the place inwards
+constexpr int kVotesInwards = 5;  ///< votes for occupied, voxels from the place inwards
 
-constexpr int kMinVotes = 16;  ///< of vertices
+constexpr int kMinVotes = 16;  ///< summed over vertices
 constexpr int kCutSmoothing = 8;
 constexpr int kFragmentVoxels = 2000;
 
@@ -97,7 +97,7 @@ class ConcavityCarver::Impl {
     step_cost_ = find_step_cost();
     select_depths(found.samples);
 
-    // What that opens shows the cameras more.
+    // The surface that the votes expose shows the cameras more.
     FreeSpaceVotes votes(volume);
     std::vector<Brick> opened(volume.bricks().size(), kEmptyBrick);
     for (size_t voted = 0, pass = 1; pass < kPasses; ++pass) {
@@ -133,15 +133,15 @@ class ConcavityCarver::Impl {
  private:
   static constexpr uint32_t kNoNode = UINT32_MAX;
 
-  /// What a vertex sees; the arrays are by label.
+  /// The depth search of one vertex; arrays are indexed by label.
   struct VertexSearch {
     uint32_t vertex = 0;
     WindowViews views = {};
-    std::array<float, kLabels> score{};       ///< see PairAgreement; 0 where nobody looked
+    std::array<float, kLabels> score{};       ///< see PairAgreement; 0 where not computed
     std::array<uint8_t, kLabels> agreeing{};  ///< likewise
 
     bool has_views() const { return views.count >= 2; }
-    /// By how much the best near depth stands out of the far ones.
+    /// Best score of the near depths minus the mean of the far ones.
     float contrast() const {
       const auto far = score.begin() + kDepthSteps;
       return *std::max_element(score.begin(), far) -
@@ -161,7 +161,7 @@ class ConcavityCarver::Impl {
         [&] { draw_depths(mesh_, cameras.models, depths_, Faces::kFront); });
   }
 
-  /// From every so many-th vertex of the surface for which where(place).
+  /// Searches every `every`-th vertex for which where(place) is true.
   template <class Where>
   void search_surface(const SurfaceCameras& cameras, const Mesh& surface, size_t every,
                       const Where& where) {
@@ -202,7 +202,7 @@ class ConcavityCarver::Impl {
     }
   }
 
-  /// `all`: of the far depths, too, whatever the near ones are like.
+  /// `all`: correlates the far depths even when no near one is bad enough to need them.
   static void compare(const WindowViews& views, VertexSearch& search, bool all) {
     search.views = views;
     keep(kNear, search.views);
@@ -211,7 +211,7 @@ class ConcavityCarver::Impl {
     if (all || needs_far_depths(search)) compare(kFar, kDepthSteps, search);
   }
 
-  /// Half of the labels, from `first` on, which is the last depth of the profile.
+  /// Scores of half of the labels, from `first` on, which is the last depth of the profile.
   static void compare(const CorrelationOptions& depths, int first, VertexSearch& search) {
     PairAgreement half;
     correlate_pairs(search.views, depths, kAgreeing, half);
@@ -221,8 +221,8 @@ class ConcavityCarver::Impl {
     }
   }
 
-  /// Whether a far depth that agreed perfectly would cost less than all near ones. Mostly not, and
-  /// then nobody looks there.
+  /// True when a far depth with perfect agreement would cost less than all near ones. This is rare,
+  /// and far depths are correlated only then.
   static bool needs_far_depths(const VertexSearch& search) {
     for (int label = 0; label < kDepthSteps; ++label) {
       const auto steps = static_cast<float>(kDepthSteps - label);
@@ -237,7 +237,7 @@ class ConcavityCarver::Impl {
     return kStepCost * std::max(1.0F, short_of * short_of * short_of);
   }
 
-  /// What labels cost.
+  /// Costs of all labels for BeliefPropagation.
   void compute_costs() {
     costs_.resize(searches_.size());
     for_each_vertex(searches_.size(), [&](size_t i) {
@@ -258,7 +258,7 @@ class ConcavityCarver::Impl {
     return upper_median(contrasts_);
   }
 
-  /// Those who look are neighbours when they are two edges apart at most.
+  /// Searched vertices are neighbours when they are at most two edges apart.
   void connect() {
     constexpr size_t kBlock = 1024;
     std::vector<std::vector<BeliefPropagation::Edge>> of_blocks(searches_.size() / kBlock + 1);
@@ -269,7 +269,7 @@ class ConcavityCarver::Impl {
     for (const auto& edges : of_blocks) edges_.insert(edges_.end(), edges.begin(), edges.end());
   }
 
-  /// Appends the edges to later ones.
+  /// Appends the edges from node i to nodes with larger numbers.
   void connect(size_t i, std::vector<BeliefPropagation::Edge>& edges) const {
     const auto first = std::ssize(edges);
     const auto add = [&](uint32_t vertex) {
@@ -286,7 +286,7 @@ class ConcavityCarver::Impl {
     }
   }
 
-  /// Those who look agree about depths; appends what they saw.
+  /// Selects a depth per search by BeliefPropagation; appends the samples that cameras agree about.
   void select_depths(std::vector<StereoSample>& found) {
     compute_costs();
     connect();
@@ -331,7 +331,7 @@ class ConcavityCarver::Impl {
     });
   }
 
-  /// camera_of(number): null for one that does not count.
+  /// camera_of(number) is null for a camera that does not count.
   template <class CameraOf>
   void vote(const StereoSample& sample, const CameraOf& camera_of, FreeSpaceVotes& votes) const {
     const float last = kMaxSlant * sample.depth_m / voxel_ + kBeyondSkin;
@@ -357,8 +357,8 @@ class ConcavityCarver::Impl {
     return cut;
   }
 
-  /// Those of the cut without which cameras would look through the hull where they see something: a
-  /// blade that was taken for air.
+  /// Voxels of the cut that explain foreground of some camera, such as a blade that was taken for
+  /// empty space.
   std::vector<Brick> needed_voxels(const SurfaceCameras& cameras, const SparseVolume& volume,
                                    const VolumeCut& cut, std::span<const Mask> before) {
     marching_cubes_.run(cut.remaining(), left_);
@@ -374,8 +374,8 @@ class ConcavityCarver::Impl {
   Neighbours neighbours_;
   std::vector<DepthBuffer> depths_;
   std::vector<Vector3f> normals_, work_;
-  size_t every_ = kEvery;               ///< vertex looked last
-  std::vector<VertexSearch> searches_;  ///< of those who look: the nodes of labels_
+  size_t every_ = kEvery;               ///< of the last search
+  std::vector<VertexSearch> searches_;  ///< nodes of labels_
   std::vector<uint32_t> node_of_;       ///< by vertex
   float step_cost_ = 0;
   std::vector<float> contrasts_;
@@ -383,7 +383,7 @@ class ConcavityCarver::Impl {
   std::vector<BeliefPropagation::Edge> edges_;
   BeliefPropagation labels_;
   MarchingCubes marching_cubes_;
-  Mesh left_;  ///< surface of what the cut leaves
+  Mesh left_;  ///< surface of the remaining volume
 };
 
 ConcavityCarver::ConcavityCarver() : impl_(std::make_unique<Impl>()) {}

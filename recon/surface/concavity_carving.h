@@ -1,5 +1,5 @@
-// What a visual hull has too much and cameras can tell: the space between arms and belly, over
-// which every silhouette spans a skin.
+// Concavity carving: removes voxels of a visual hull that photo-consistency shows to be empty, such
+// as the space between arms and trunk.
 #pragma once
 
 #include <array>
@@ -31,42 +31,54 @@ struct StereoSamples {
   std::vector<Mask> covered;  ///< by camera: covered_pixels() of the hull
 };
 
-/// The sights of another pulse. They hold in so far as nothing moved meanwhile before the cameras.
+/// The stereo samples of an adjacent pulse. A sample counts only for cameras in which nothing moved
+/// between the two pulses.
 struct NeighbourSamples {
   const StereoSamples* samples = nullptr;
-  /// A camera of that pulse, and the same one now; null where it sees nothing now.
+  /// One camera at that pulse and at the current one; `now` is null where it has no frame now.
   struct Camera {
     const SurfaceCamera* then = nullptr;
     const SurfaceCamera* now = nullptr;
   };
-  std::vector<Camera> cameras;  ///< by their numbers in `sights`
+  std::vector<Camera> cameras;  ///< indexed by StereoSample::cameras
 };
 
-/// Looks through the surface of the hull for the depth at which any two cameras agree, 25 voxels
-/// deep, with what neighbours find as a guide (correlate_pairs(), BeliefPropagation). Where they
-/// agree about a place, they see it through all that lies before it: voxels that are seen through
-/// more often than something is seen in them go (FreeSpaceVotes, VolumeCut), but none without which
-/// a camera would look through the hull where it sees something (uncovered_pixels()). What that
-/// opens is looked at twice more, from its own surface. Sights of the pulses before and after vote,
-/// too, camera by camera, where nothing moved in the picture: what stands still is carved alike.
-/// After the probabilistic visibility of Hernandez, Vogiatzis and Cipolla (CVPR 2007), with belief
-/// propagation on the surface in the place of depth maps and a majority in the place of a cut of
-/// least cost.
+/// Removes voxels from a visual hull in three passes.
 ///
-/// The paper deforms the mesh of the hull as it is. But a mesh that is pushed into such a hollow
-/// keeps the skin as its walls; it has to get another shape first.
+/// 1. Stereo: for a subset of the vertices, the depth below the surface is searched at which any
+/// two cameras agree, up to 25 voxels deep (correlate_pairs()). BeliefPropagation makes
+/// neighbouring vertices agree.
 ///
-/// Keeps its working memory. One caller at a time; works in the caller's TBB arena. The result
-/// depends neither on the number of threads nor on the instruction set.
+/// 2. Free-space votes: the ray from an accepted sample to each agreeing camera votes for the
+/// voxels that it crosses (FreeSpaceVotes). Voxels with more votes for empty than for occupied are
+/// removed (VolumeCut).
+///
+/// 3. The surface that this exposes is searched again, twice.
+///
+/// Voxels that explain foreground of a camera are kept (uncovered_pixels()). Samples of adjacent
+/// pulses vote too, camera by camera, where the image did not change, so that static parts are
+/// carved alike at every pulse.
+///
+/// The paper deforms the mesh of the hull as it is. A mesh that is pushed into a concavity keeps
+/// the skin over it as walls, so the volume must change first.
+///
+/// Keeps its working memory. One caller at a time; works in the caller's TBB arena. Deterministic:
+/// independent of thread count and instruction set.
+///
+/// Source: after the probabilistic visibility of Hernandez, Vogiatzis and Cipolla (CVPR 2007); with
+/// belief propagation on the surface instead of depth maps, and a majority vote instead of a
+/// minimum cut.
 class ConcavityCarver {
  public:
   ConcavityCarver();
   ~ConcavityCarver();
 
-  /// `hull` is the surface of `volume`.
+  /// Stereo samples of one pulse. `hull` is the surface of `volume`, in metres in the world. Empty
+  /// for fewer than two cameras or an empty hull.
   StereoSamples find_samples(const SurfaceCameras& cameras, const Mesh& hull,
                              const SparseVolume& volume);
-  /// `sights`: what look() saw with the same cameras in this volume.
+  /// The part of `volume` that remains. `samples` is the result of find_samples() for the same
+  /// cameras and volume; `adjacent` are the samples of the pulses before and after, or empty.
   SparseVolume carve(const SurfaceCameras& cameras, const SparseVolume& volume,
                      const StereoSamples& samples, std::span<const NeighbourSamples> adjacent);
 

@@ -1,5 +1,5 @@
-// How well cameras agree about a small piece of surface: normalised cross-correlation of template
-// windows, equations (4) and (5) of the paper, at many depths at once.
+// Photo-consistency of a surface element: normalised cross-correlation of template windows between
+// cameras, at 16 depths at once. Source: equations (4) and (5) of the paper.
 #pragma once
 
 #include <array>
@@ -8,8 +8,8 @@
 
 namespace v3d {
 
-/// Where a camera sees a template window: to first order in the window's two axes and in the way
-/// along the normal. Pixels of `image`; (0, 0) is the centre of its first.
+/// Projection of a template window into one camera, linearised in the two axes of the window and in
+/// the depth along the normal. Pixels of `image`; (0, 0) is the centre of its first pixel.
 struct WindowView {
   const Luminance* image = nullptr;
   float u = 0, v = 0;                ///< of the window's centre
@@ -22,39 +22,42 @@ inline constexpr int kMaxWindowViews = 8;
 inline constexpr int kMaxWindowSide = 11;
 inline constexpr int kDepthSteps = 16;
 
-/// Numbers of steps along the normal: k-th entry stands for first + k.
+/// Correlation at kDepthSteps depths; entry k is at `first` + k steps along the normal.
 using DepthProfile = std::array<float, kDepthSteps>;
 
 struct WindowViews {
   int count = 0;
   std::array<WindowView, kMaxWindowViews> view;    ///< the first is the reference camera
-  std::array<uint32_t, kMaxWindowViews> camera{};  ///< what views_of() numbers it
+  std::array<uint32_t, kMaxWindowViews> camera{};  ///< index of each camera
 };
 
 struct CorrelationOptions {
   int side = 7;        ///< samples along each axis of the window; odd, at most kMaxWindowSide
   float first = -8;    ///< steps along the normal at which a profile begins
-  float noise = 1;     ///< variance of a sample that says nothing, squared grey values
-  bool robust = true;  ///< cameras that contradict the reference do not count against it
+  float noise = 1;     ///< variance of image noise, squared grey values
+  bool robust = true;  ///< negative correlations count as 0
 };
 
-/// How well any two cameras agree, where others may look at something else.
+/// Agreement of any two cameras at each depth, without a reference camera.
 struct PairAgreement {
   /// Mean of the correlations of the two pairs that agree best; negative ones count as 0.
   DepthProfile score{};
-  /// A bit per view: it correlates with another one by `least` or more.
+  /// One bit per view: set where it correlates with another view by `least` or more.
   std::array<uint8_t, kDepthSteps> agreeing{};
 };
 
-/// True when every sample of the window, at every depth, lies in the image.
+/// True when every sample of the window, at every depth, lies inside the image.
 bool window_fits(const WindowView& view, const CorrelationOptions& options);
 
-/// Mean over the cameras behind the first of their normalised cross-correlation with the first, for
-/// kDepthSteps windows along the normal. Requires two views or more, all of them window_fits().
-/// Vectorised for the processor it runs on; every processor gives the same bits.
+/// Mean normalised cross-correlation of each further view with the first, at kDepthSteps depths
+/// along the normal.
+///
+/// Requires at least two views, all of them window_fits(). Vectorised by run-time dispatch; every
+/// instruction set gives the same bits.
 void correlate(const WindowViews& views, const CorrelationOptions& options, DepthProfile& profile);
 
-/// The same for every pair of cameras, without a reference. `robust` says nothing here.
+/// Correlation of every pair of views, without a reference. Requirements as for correlate();
+/// `robust` is ignored.
 void correlate_pairs(const WindowViews& views, const CorrelationOptions& options, float least,
                      PairAgreement& agreement);
 

@@ -23,41 +23,43 @@ namespace {
 
 using Eigen::Vector3f;
 
-/// A pass over the surface: how finely it looks, and how far. Lengths in voxels.
+/// Resolution and range of one round over the surface. Lengths in voxels.
 struct Round {
-  int level;      ///< of the pictures
+  int level;      ///< of the images
   float spacing;  ///< between samples of the template window
   float step;     ///< between depths
   float first;    ///< steps; negative is inwards, where the surface must lie
-  size_t every;   ///< only so many-th vertex looks; the windows of neighbours overlap
-  bool outlines;  ///< asks the silhouettes too
+  size_t every;   ///< every n-th vertex is correlated; windows of neighbours overlap
+  bool outlines;  ///< uses the silhouette force too
 };
 
-/// A hull is too large, by much in its hollows: the first round looks 6.6 voxels inwards and 2.4
-/// outwards, the others correct it. The hull fills its silhouettes, so the first need not ask them.
+/// A hull is too large, especially in concavities. The first round searches 6.6 voxels inwards and
+/// 2.4 outwards; the others correct its result. The hull fills its silhouettes, so the first round
+/// does not need them.
 constexpr Round kSearchRounds[] = {
     {1, 2.0F, 0.6F, -11, 3, false}, {0, 1.2F, 0.3F, -8, 2, true}, {0, 1.0F, 0.2F, -8, 1, true}};
 constexpr Round kPaperRound{0, 1.0F, 0.25F, -8, 1, true};
 
-// What the weights of equation (1) are multiplied by in the search, so that the paper's values are
-// the ones that measured best.
+// Factors of the weights of equation (1) in search mode, measured so that the paper's values are
+// the best.
 constexpr double kSmoothnessOfInternal = 1.0;
 constexpr double kWeightOfPhotometric = 2.5;
 constexpr double kPullOfSilhouette = 0.05;
 
-/// Of the marching cubes' few directions, before and between the rounds.
+/// Smoothing passes before and between the rounds, because marching cubes have few normal
+/// directions.
 constexpr int kSmoothingBefore = 2;
 constexpr int kSmoothingAfterRound = 1;
 constexpr int kNormalSmoothing = 2;
 
-// The paper's steps.
-constexpr int kPaperRounds = 12;  ///< at most; visibility and correlation are renewed with each
+// Parameters of the paper's mode.
+constexpr int kPaperRounds = 12;  ///< at most; each renews visibility and correlation
 constexpr int kStepsPerRound = 4;
-constexpr float kSmallMotion = 0.02F;  ///< voxels: when no vertex moves farther the work is done
+constexpr float kSmallMotion = 0.02F;  ///< voxels: end when no vertex moves farther
 
-/// A vertex is hidden by what lies this much before it, voxels, besides its slant.
+/// Depth tolerance of the visibility test, voxels, without the slant.
 constexpr float kHiddenBehind = 0.6F;
-/// Variance of a brightness that says nothing, squared grey values: the noise of a camera.
+/// Variance of image noise, squared grey values.
 constexpr float kNoiseVariance = 2;
 
 template <class Work>
@@ -135,7 +137,7 @@ class Deformer::Impl {
     }
   }
 
-  /// Step 1, and what steps 2 and 3 read: correlations and silhouettes.
+  /// Step 1 of the algorithm, and the correlations and silhouette displacements for steps 2 and 3.
   void observe(const Round& round, const Mesh& mesh) {
     const size_t count = mesh.vertices.size();
     tbb::parallel_invoke(
@@ -208,7 +210,7 @@ class Deformer::Impl {
                       [&](size_t c) { near_[c] = near_outline(cameras_[c], depths_[c]); });
   }
 
-  /// Equation (1), and step 3 for every vertex. The largest motion, metres.
+  /// Equation (1) and step 3 for every vertex. Returns the largest motion, metres.
   float move_by_forces(Mesh& mesh) {
     const size_t count = mesh.vertices.size();
     work_.resize(count);
@@ -239,7 +241,7 @@ class Deformer::Impl {
     return voxel_ * per_step / kPaperRound.step;
   }
 
-  /// Equation (6): the mean over cameras of what is left of their ways.
+  /// Equation (6): the mean over cameras of the remaining displacements.
   float silhouette_force(size_t v) const {
     return pulls_[v].weight > 0 ? pulls_[v].sum_m / pulls_[v].weight - moved_[v] : 0;
   }
@@ -248,7 +250,7 @@ class Deformer::Impl {
 
   const DeformOptions options_;
   const float voxel_;
-  std::span<const SurfaceCamera> cameras_;  ///< of the frame at work
+  std::span<const SurfaceCamera> cameras_;  ///< of the current frame
   std::span<const CameraModel> models_;
   std::vector<DepthBuffer> depths_;
   std::vector<Mask> near_;  ///< see near_outline()
@@ -258,7 +260,7 @@ class Deformer::Impl {
   std::vector<DepthProfile> profiles_;
   std::vector<uint8_t> known_;
   std::vector<OutlinePull> pulls_;
-  std::vector<float> moved_;  ///< along the normal since the last look, metres
+  std::vector<float> moved_;  ///< along the normal since observe(), metres
   DisplacementField field_;
 };
 

@@ -1,5 +1,5 @@
-// From a visual hull to the surface that the pictures agree about: the intra-frame deformation of
-// the paper's section 2.3.
+// Intra-frame deformation: moves the surface of a visual hull to where the images agree. Source:
+// section 2.3 of the paper.
 #pragma once
 
 #include <memory>
@@ -13,10 +13,10 @@
 namespace v3d {
 
 enum class DeformMode {
-  /// Our own: looks for the depth at which the pictures agree, coarse to fine, and for a smooth
-  /// field through what it finds (DisplacementField).
+  /// Searches the depth at which the images agree, coarse to fine, and fits a smooth field to the
+  /// result (DisplacementField).
   kSearch,
-  /// The paper's: small steps along F = alpha F_i + beta F_e + gamma F_s until all are small.
+  /// The paper's gradient steps along F = alpha F_i + beta F_e + gamma F_s, until all are small.
   kPaper,
 };
 
@@ -29,14 +29,15 @@ struct DeformOptions {
   double silhouette = 0.3;   ///< gamma
   int window = 5;            ///< samples along a side of the template window; odd, 3 to 11
   int views = 6;             ///< cameras that take part in a correlation, 2 to 8
-  /// Search only: first the hull gets the hollows that cameras see into (ConcavityCarver). For who
-  /// makes the mesh; a Deformer keeps the one it is given.
+  /// kSearch only: the caller carves concavities of the hull first (ConcavityCarver). Deformer
+  /// itself ignores it.
   bool carve_concavities = true;
-  /// Where the vertices end; empty: anywhere. Requires that the mesh begins on it.
+  /// Lattice of the resulting vertices; empty: none. Requires that the vertices of the mesh lie on
+  /// it.
   std::optional<VertexLattice> lattice = std::nullopt;
 };
 
-/// Throws InputError, which names the field, for numbers outside the ranges above.
+/// Throws InputError, which names the field, for a value outside its range.
 void check(const DeformOptions& options);
 
 /// Keeps its working memory. One caller at a time; works in the caller's TBB arena.
@@ -46,8 +47,9 @@ class Deformer {
   explicit Deformer(const DeformOptions& options);
   ~Deformer();
 
-  /// Moves the vertices of a closed mesh; its triangles stay as they are. The result depends
-  /// neither on the number of threads nor on the instruction set.
+  /// Moves the vertices of `mesh` (world, metres), which must be closed. Triangles do not change,
+  /// and no self-intersections are added. Deterministic: independent of thread count and
+  /// instruction set.
   void run(const SurfaceCameras& cameras, Mesh& mesh);
 
  private:

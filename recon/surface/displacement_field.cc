@@ -22,11 +22,12 @@ namespace hn = hwy::HWY_NAMESPACE;
 
 using Values = DisplacementField::Values;
 
-// A lane is a vertex. Nothing goes from lane to lane, so their number does not matter.
+// A lane is a vertex. No operation crosses lanes, so their number has no influence on the result.
 constexpr size_t kWidth = NeighbourRows::kWidth;
 static_assert(kWidth % kLanes == 0);
 
-/// A best depth at the end of the profile may be the foot of a higher peak beyond.
+/// Weight of a best depth at the end of the profile, which may be the slope of a higher peak
+/// beyond.
 constexpr float kEndWeight = 0.2F;
 
 HWY_INLINE Lanes get(const Values& values, size_t lane) {
@@ -40,10 +41,10 @@ HWY_INLINE Lanes either(hn::Mask<Floats> condition, Lanes yes, Lanes no) {
 }
 HWY_INLINE Lanes positive(Lanes a) { return Lanes(hn::Max(a.v, hn::Zero(Floats()))); }
 
-/// The highest place of the profile less `coupling` times the squared way from the field.
+/// Maximum of the profile minus `coupling` times the squared distance from the field.
 struct Peak {
-  Lanes at;                   ///< number of the depth
-  Lanes most, before, after;  ///< there, a step before and a step behind, if there are such steps
+  Lanes at;                   ///< index of the depth
+  Lanes most, before, after;  ///< value there, one step before and one behind, if these exist
   Lanes correlation;          ///< of the profile itself
 };
 
@@ -70,8 +71,8 @@ HWY_INLINE Peak find_peak(const DisplacementField::DataTerms& terms, size_t lane
   return peak;
 }
 
-/// Picks the peaks. Refined by a parabola, and weighted: a high correlation counts that stands out
-/// of its profile.
+/// Targets of the peaks, refined by a parabola. The weight is large for a high correlation that
+/// exceeds the mean of its profile.
 HWY_INLINE void pick_targets(const DisplacementField::DataTerms& terms, size_t lane, Lanes field,
                              const DisplacementFieldOptions& options, Lanes coupling,
                              DisplacementField::Targets& targets) {

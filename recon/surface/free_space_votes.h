@@ -1,4 +1,4 @@
-// What cameras that agree about a place say of the voxels before and behind it.
+// Free-space votes: cameras that agree on a depth vote against all voxels in front of it.
 #pragma once
 
 #include <atomic>
@@ -10,9 +10,10 @@
 
 namespace v3d {
 
-/// Votes of two kinds for the voxels of a volume: something was seen through them, and something
-/// was seen there. Votes may come from several threads at a time; sums do not depend on the order.
-/// A voxel counts up to kMaxVotes votes of a kind; further ones change nothing.
+/// Counts two kinds of votes for each voxel of a volume: for empty (a ray crosses it) and for
+/// occupied (a surface lies in it). Each count saturates at kMaxVotes.
+///
+/// Several threads may vote at the same time; the sums do not depend on the order.
 class FreeSpaceVotes {
  public:
   static constexpr uint32_t kMaxVotes = 1 << 15;
@@ -20,19 +21,19 @@ class FreeSpaceVotes {
   /// `volume` is borrowed and must not change.
   explicit FreeSpaceVotes(const SparseVolume& volume);
 
-  /// The volume's brick that holds a place in the world, metres; -1 where none is stored.
+  /// Index of the volume's brick that contains `place` (world, metres); -1 where no brick is
+  /// stored.
   int brick_at(const Eigen::Vector3f& place) const;
 
-  // Places in the world, metres; each gives the voxel so many votes. Those outside the volume are
-  // lost.
+  /// Adds `votes` to the voxel at `place` (world, metres). Votes outside the volume are ignored.
   void vote_free(const Eigen::Vector3f& place, uint8_t votes = 1) { vote(place, kFree * votes); }
   void vote_occupied(const Eigen::Vector3f& place, uint8_t votes = 1) {
     vote(place, kOccupied * votes);
   }
 
-  /// The occupied voxels that were seen through at least `least` times (1 or more), and more often
-  /// than something was seen there; votes count for the voxel and the 26 around it. A brick for
-  /// each of the volume. Works in the caller's TBB arena.
+  /// The occupied voxels with at least `least` votes for empty (1 or more) and more of them than
+  /// votes for occupied. Votes are summed over the voxel and the 26 around it. The result has one
+  /// brick for each of the volume's. Works in the caller's TBB arena.
   std::vector<Brick> free_voxels(int least) const;
 
  private:

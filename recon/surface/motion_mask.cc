@@ -9,21 +9,21 @@ namespace {
 
 using Eigen::Vector2f;
 
-/// Half resolution: less noise, and a wider view of what moves.
+/// Half resolution has less noise and covers a wider area.
 constexpr int kLevel = 1;
 constexpr int kReach = 1;  ///< pixels of the level to each side that are compared
-/// Mean differences of brightness. That of two pictures of one thing is about 0.5 for the noise of
-/// a camera (1.5 grey values a pixel), 1 for a bad one.
+/// Mean differences of brightness. Without motion it is about 0.5 for the noise of a good camera
+/// (1.5 grey values per pixel), and 1 for a bad one.
 constexpr float kStill = 1.5F;
 constexpr float kMoving = 3;
-/// An outline may tremble by so many pixels of picture(0) without anything having moved.
+/// Largest change of an outline without motion, pixels of picture(0).
 constexpr float kTremble = 3;
 
 int lattice_place(float at, float scale, float first) {
   return static_cast<int>(std::floor(at * scale - first + 0.5F));
 }
 
-/// Mean absolute difference round a pixel of the camera; empty beyond the border of a picture.
+/// Mean absolute difference around a pixel of the camera; empty beyond the border of an image.
 std::optional<float> difference(const Luminance& a, const Luminance& b, const Vector2f& pixel) {
   constexpr int kRoom = Luminance::kBorder + kReach;
   const auto corner = [&](const Luminance& p) -> const uint32_t* {
@@ -45,7 +45,7 @@ std::optional<float> difference(const Luminance& a, const Luminance& b, const Ve
   return static_cast<float>(sum) / ((2 * kReach + 1) * (2 * kReach + 1));
 }
 
-/// True when the silhouette is nowhere near.
+/// True when no foreground is near the pixel.
 bool lost(const SurfaceCamera& camera, const Vector2f& pixel) {
   const float tremble = kTremble * camera.coarseness();
   for (const Vector2f& aside : {Vector2f(0, 0), Vector2f(tremble, 0), Vector2f(-tremble, 0),

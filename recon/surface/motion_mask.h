@@ -1,13 +1,15 @@
-// Whether something moved between two pictures of one camera.
+// Motion mask: did the image of one camera change between two pulses?
 #pragma once
 
 #include "recon/visibility/surface_camera.h"
 
 namespace v3d {
 
-/// 1 where nothing moved between two pulses round a pixel of the camera, 0 where something did: by
-/// the brightness of 3 x 3 pixels at half resolution, which differs by no more than noise or
-/// plainly, and by the silhouette then, which the pixel has left. 0 beyond the border of a picture.
+/// 1 where the image around `pixel` did not change between the two pulses, 0 where it clearly
+/// changed, and a ramp between them.
+///
+/// Compares the brightness of 3 x 3 pixels at half resolution. 0 beyond the border of an image, and
+/// where the silhouette at `then` is not near the pixel.
 float static_weight(const SurfaceCamera& now, const SurfaceCamera& then,
                     const Eigen::Vector2f& pixel);
 

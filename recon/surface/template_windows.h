@@ -1,5 +1,5 @@
-// The template windows of vertices: which cameras look at each, and where the window falls in their
-// pictures.
+// Template windows: samples on the tangent planes of vertices, and their projections into the
+// cameras that see the vertices.
 #pragma once
 
 #include <span>
@@ -10,29 +10,30 @@
 
 namespace v3d {
 
-/// Windows tangent to the surface.
+/// Windows lie in the tangent plane of the surface.
 struct WindowOptions {
   int level = 0;        ///< of SurfaceCamera::picture()
   int max_views = 6;    ///< at most kMaxWindowViews
-  size_t every = 1;     ///< only so many-th vertex of a block has a window
+  size_t every = 1;     ///< every n-th vertex of a block has a window
   float spacing_m = 0;  ///< between two samples
   float step_m = 0;     ///< between two depths of a profile
 };
 
-/// The windows of a block of vertices. Keeps its memory.
+/// The windows of a block of vertices. Keeps its memory. One thread.
 class WindowBlock {
  public:
-  /// `sights`: one per camera, of the vertices at `places` with these normals (unit length), no
-  /// more than VertexVisibility::kCapacity. Of every vertex: the cameras that see it, those that it
-  /// faces most first: the paper's C_v, c_m at the front. A camera in which part of the window
-  /// would leave the picture is left out. None where the window's corners leave the silhouette of
-  /// the first, at an outline or on what is slenderer than the window: the background would be
-  /// compared.
+  /// For each vertex, the cameras that see it, most frontal first: C_v of the paper, with c_m at
+  /// the front.
+  ///   ///
+  /// `visibilities` has one entry per camera, for the vertices at `places` (world, metres) with
+  /// unit `normals`, at most VertexVisibility::kCapacity. A camera is left out when part of the
+  /// window would lie outside its image. A vertex has no window when corners lie outside the
+  /// silhouette of its first camera, at an outline or on a thin part: background would be compared.
   void find(std::span<const Eigen::Vector3f> places, std::span<const Eigen::Vector3f> normals,
             std::span<const SurfaceCamera> cameras, std::span<const VertexVisibility> visibilities,
             const WindowOptions& options, const CorrelationOptions& correlation);
 
-  /// Those of a vertex of the block.
+  /// The views of the i-th vertex of the block.
   const WindowViews& views(size_t i) const { return views_[i]; }
 
  private:
@@ -68,12 +69,12 @@ class WindowBlock {
   std::array<WindowViews, VertexVisibility::kCapacity> views_;
 };
 
-/// What they see of it, and where its windows fall in their pictures. Keeps its memory; one to a
-/// thread.
+/// Visibility of a block of vertices in all cameras, and the windows of the block. Keeps its
+/// memory; one object per thread.
 class BlockVisibility {
  public:
-  /// `places` and `normals` (unit length) of VertexVisibility::kCapacity vertices at most, world,
-  /// metres. `depths` are of the mesh, one per camera.
+  /// `places` (world, metres) and unit `normals` of at most VertexVisibility::kCapacity vertices.
+  /// `depths` has the depth buffer of the mesh in each camera.
   void compute(std::span<const Eigen::Vector3f> places, std::span<const Eigen::Vector3f> normals,
                std::span<const SurfaceCamera> cameras, std::span<const DepthBuffer> depths,
                const VisibilityOptions& options) {
@@ -88,10 +89,10 @@ class BlockVisibility {
     }
   }
 
-  /// One per camera, of the last look().
+  /// One entry per camera, of the last compute().
   std::span<const VertexVisibility> by_camera() const { return by_camera_; }
 
-  WindowBlock windows;  ///< to be found from sights()
+  WindowBlock windows;  ///< call find() with by_camera()
 
  private:
   PointBlock places_, normals_;

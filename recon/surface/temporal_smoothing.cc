@@ -15,20 +15,20 @@ namespace {
 using Eigen::Vector2f;
 using Eigen::Vector3f;
 
-constexpr float kMinFacing = 0.3F;     ///< cosine: what is seen at a glance tells little of depth
+constexpr float kMinFacing = 0.3F;     ///< cosine; grazing views measure depth badly
 constexpr float kHiddenBehind = 0.6F;  ///< voxels; see SurfaceCamera::sees()
-constexpr float kMaxSlant = 6;         ///< pixels' widths of depth within a pixel
-constexpr float kFarthest = 1;         ///< voxels: what lies farther away is something else
+constexpr float kMaxSlant = 6;  ///< largest change of depth within a pixel, in widths of a pixel
+constexpr float kFarthest = 1;  ///< voxels: a surface farther away is another one
 constexpr int kNormalSmoothing = 2;
 
-/// What the moment beside says of a vertex.
+/// Evidence of one adjacent pulse for a vertex.
 struct NeighbourEvidence {
-  float static_part = 1;  ///< 0 where something moved; the least of all cameras
-  float weight = 0;       ///< of the cameras that see both surfaces
-  float sum_m = 0;        ///< weight times the way along the normal to the other surface
+  float static_part = 1;  ///< 0 where the image changed; minimum over cameras
+  float weight = 0;       ///< sum over cameras that see both surfaces
+  float sum_m = 0;        ///< weight times displacement to the other surface along the normal
 };
 
-/// A vertex as a camera sees it.
+/// Projection of a vertex into a camera.
 struct VertexView {
   SurfaceCamera::Seen seen;
   float facing = 0;     ///< cosine
@@ -74,8 +74,7 @@ NeighbourEvidence gather_evidence(const PulseViews& now, const PulseViews& then,
   return evidence;
 }
 
-/// What stands still beside something that moves may move the next moment: the least of a vertex
-/// and its neighbours.
+/// Minimum over a vertex and its neighbours: a static vertex beside a moving one may move next.
 float min_static_weight(const std::vector<NeighbourEvidence>& evidence,
                         const Neighbours& neighbours, size_t v) {
   float static_part = evidence[v].static_part;

@@ -1,4 +1,4 @@
-// Less flicker: surfaces that were made one by one agree where the pictures stand still.
+// Temporal smoothing: reduces flicker between surfaces that were reconstructed pulse by pulse.
 #pragma once
 
 #include <optional>
@@ -12,23 +12,23 @@ namespace v3d {
 
 struct TemporalSmoothingOptions {
   double voxel_m = 0.005;  ///< of the volume that the surfaces come from
-  /// Where the vertices end; empty: anywhere. Requires that the mesh begins on it.
+  /// Lattice of the resulting vertices; empty: none. Requires that the vertices of the mesh lie on
+  /// it.
   std::optional<VertexLattice> lattice = std::nullopt;
 };
 
-/// Moves every vertex of `mesh`, the surface that `now` was made with, along its normal to the mean
-/// of this surface and those of `beside`: the moments of the pulse before and the pulse after, or
-/// one of them. Both, because the mean of three stays with what moves evenly; the one before alone
-/// would lag.
+/// Moves each vertex of `mesh`, the surface of `now`, along its normal to the mean of this surface
+/// and those of `adjacent`: the views of the pulse before and of the pulse after, or one of them.
+/// With both, steady motion is preserved; with one alone, the mean lags.
 ///
-/// A moment beside counts for a vertex as far as nothing moved there meanwhile, in any camera that
-/// sees the vertex: fully where brightness differs by no more than noise, not at all where it
-/// plainly differs. So what moves stays as it is, to the bit, and so does what no camera sees, and
-/// a surface that lies farther off than a voxel. Two surfaces are compared along the rays of the
-/// cameras, in the same pixel of both depth buffers: equal surfaces differ by exactly nothing.
+/// An adjacent surface counts for a vertex only as far as the images did not change there, in any
+/// camera that sees the vertex: fully where brightness differs by noise, not at all where it
+/// clearly differs. A surface that is farther than a voxel is ignored. So moving vertices, and
+/// vertices that no camera sees, stay as they are to the bit.
 ///
-/// No new self-intersection (remove_self_intersections()). Works in the caller's TBB arena; the
-/// same for any number of threads.
+/// Surfaces are compared along camera rays, in the same pixel of both depth buffers, so equal
+/// surfaces differ by exactly 0. No self-intersections are added (remove_self_intersections()).
+/// Works in the caller's TBB arena; independent of thread count.
 void smooth_over_time(const PulseViews& now, std::span<const PulseViews* const> adjacent,
                       const TemporalSmoothingOptions& options, Mesh& mesh);
 

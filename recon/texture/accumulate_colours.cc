@@ -35,13 +35,11 @@ HWY_INLINE LaneMask within(Lanes v, float low, float high) {
   return hn::And(hn::Ge(v.v, hn::Set(floats, low)), hn::Lt(v.v, hn::Set(floats, high)));
 }
 
-/// Two cells away along both axes, in widths of a cell: what PointDepthBuffer say may lie so far
-/// aside.
+/// Two cells along both axes, in widths of a cell: the largest lateral error of a PointDepthBuffer.
 constexpr float kSlantReach = 2.83F;
 
-/// Room for a block of vertices, and for a register behind the last one. After every question that
-/// a camera asks, those that are left stand side by side, so that the next one is asked of full
-/// registers.
+/// Capacity: a block of vertices, and one register more. After each test the remaining vertices are
+/// compacted, so that the next test works on full registers.
 constexpr size_t kRoom = PointArrays::kBlock + kLanes;
 
 /// Vertices that face the camera.
@@ -52,7 +50,7 @@ struct FacingVertices {
   size_t count;
 };
 
-/// Those that nothing hides.
+/// Vertices that are not hidden.
 struct SeenVertices {
   alignas(64) float u[kRoom], v[kRoom];  ///< pixel coordinates of PixelPoint
   alignas(64) float weight[kRoom];
@@ -65,7 +63,7 @@ HWY_INLINE void append(D d, hn::Vec<D> values, hn::Mask<D> lanes, hn::TFromD<D>*
   hn::StoreU(hn::Compress(values, lanes), d, end);
 }
 
-/// Where a camera sees vertices, and how well.
+/// Projections of vertices, and their weights.
 struct View {
   Lanes facing;  ///< cosine between the normal and the optical axis, the weight of equation (9)
   Lanes u, v;    ///< pixel coordinates of PixelPoint
@@ -73,7 +71,7 @@ struct View {
   LaneMask lanes;
 };
 
-/// Which of the lanes in `view` lie before the surface that the depth cells know.
+/// The lanes of `view` that are not behind the surface in the depth buffer.
 HWY_INLINE LaneMask not_hidden(const VertexCamera& camera, const View& view) {
   const Floats floats;
   const Ints ints;
@@ -180,7 +178,7 @@ HWY_INLINE void find_facing(const VertexCamera& camera, const PointArrays& verti
   found.count = count;
 }
 
-/// What the camera's colours of these vertices count.
+/// Weights of the colours of these vertices.
 HWY_INLINE Lanes weight_of(const VertexCamera& camera, const View& view) {
   if (camera.weight) return Lanes(*camera.weight);
   if (camera.resolution > 0) return square(view.facing * camera.resolution / view.z);

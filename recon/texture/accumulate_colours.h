@@ -1,4 +1,5 @@
-// What one camera says about the vertices of a mesh: the inner loop of the texture.
+// Accumulates the colours that one camera sees at the vertices of a mesh: the inner loop of the
+// texture.
 #pragma once
 
 #include <array>
@@ -14,8 +15,8 @@
 
 namespace v3d {
 
-/// A ColourResponse as the inner loop applies it: common colour = matrix * sample + offset, kept
-/// within 0 to 255.
+/// A ColourResponse in single precision: common colour = matrix * sample + offset, clamped to 0 to
+/// 255.
 struct SampleCorrection {
   Eigen::Matrix3f matrix;
   Eigen::Vector3f offset;
@@ -24,38 +25,38 @@ struct SampleCorrection {
         offset((-response.matrix * response.black).cast<float>()) {}
 };
 
-/// A camera prepared for one frame. Immutable; safe to use from any thread.
+/// A camera prepared for one frame. Immutable; any thread.
 struct VertexCamera {
   VoxelCamera lens;  ///< for points in metres
   Eigen::Vector3f axis{0, 0, 1};
   const Frame* frame = nullptr;  ///< borrowed; its roi is not empty
-  /// The pixels of its roi where not the frame's own are to be sampled: what those are in whole
-  /// colours.
+  /// The pixels of the roi in RGB, sampled instead of those of the frame where present.
   std::optional<Image> demosaiced = std::nullopt;
   ColourMask mask;
   PointDepthBuffer depth;
   float tolerance_m = 0;   ///< see TextureOptions::depth_tolerance_m
   float max_slant = 0;     ///< see TextureOptions::most_slant
   float cell_m_per_m = 0;  ///< width of a depth cell in metres at one metre of distance
-  /// What all its colours count; empty: the cosine between a vertex's normal and the optical axis,
+  /// Weight of all samples. Empty: the square of `resolution` times cosine over depth, with the
+  /// cosine between vertex normal and optical axis;
   std::optional<float> weight;
-  /// or the square of this times the cosine over depth; 0: the cosine alone.
+  /// or, with 0, the cosine alone.
   float resolution = 0;
-  std::optional<SampleCorrection> colour = std::nullopt;  ///< of all its samples
+  std::optional<SampleCorrection> colour = std::nullopt;  ///< applied to all samples
 };
 
-/// Sums over cameras for a block of vertices, the sums of equation (8): red, green and blue times
+/// Weighted sums of equation (8) over cameras for a block of vertices: red, green and blue times
 /// weight, and the weight.
 struct ColourSums {
   using Sums = std::array<std::array<float, 4>, PointArrays::kBlock>;
-  alignas(64) Sums inner{};  ///< of samples made of foreground alone
-  alignas(64) Sums rim{};    ///< of those that may show background
+  alignas(64) Sums inner{};  ///< samples of foreground pixels alone
+  alignas(64) Sums rim{};    ///< samples that may contain background
 };
 
-/// Adds what the camera sees of the vertices `first` to `first` + kBlock: where the normal faces
-/// the camera, nothing hides the vertex and sample_colour() finds a colour. `normals`: those of
-/// `vertices`, unit length or zero. Vectorised for the processor it runs on; every processor gives
-/// the same bits.
+/// Adds the colours of vertices `first` to `first` + kBlock that `camera` sees: the normal faces
+/// the camera, no nearer surface hides the vertex, and sample_colour() has a result. `normals`
+/// belong to `vertices` (world, metres) and have unit length or are zero. Vectorised by run-time
+/// dispatch; every instruction set gives the same bits.
 void accumulate_vertex_colours(const VertexCamera& camera, const PointArrays& vertices,
                                const PointArrays& normals, size_t first, ColourSums& sums);
 

@@ -1,5 +1,5 @@
-// The colours of a mesh one camera at a time, before they are blended: what is needed to colour it
-// for any viewpoint elsewhere.
+// The colours of a mesh in each camera, before blending. A renderer elsewhere needs them for
+// view-dependent texture.
 #pragma once
 
 #include <array>
@@ -12,22 +12,22 @@
 
 namespace v3d {
 
-/// How a camera sees a vertex: as in colour_vertices().
+/// Visibility of a vertex in a camera, as in colour_vertices().
 enum class Visibility : uint8_t {
   kNone = 0,
-  kRim = 128,  ///< at its silhouette's rim: the colour may be the background's
+  kRim = 128,  ///< at the rim of the silhouette: the colour may contain background
   kFull = 255
 };
 
 struct CameraColours {
   std::string camera;
-  /// Red, green, blue as in the images (corrected by the camera's ColourResponse), and a
-  /// Visibility; all 0 for a vertex that the camera does not see. One for each vertex.
+  /// One entry per vertex: red, green, blue, corrected by the ColourResponse, and a Visibility. All
+  /// 0 for a vertex that the camera does not see.
   std::vector<std::array<uint8_t, 4>> vertices;
 };
 
-/// In the order of the cameras' names; a camera whose frame has no pixels sees nothing.
-/// options.view and options.fill_passes do not matter. Deterministic for any number of threads.
+/// One entry per camera, sorted by name. A camera whose frame has no pixels sees nothing.
+/// options.view and options.fill_passes are ignored. Deterministic: independent of thread count.
 std::vector<CameraColours> camera_colours(const Mesh& mesh, std::span<const TextureCamera> cameras,
                                           const TextureOptions& options);
 

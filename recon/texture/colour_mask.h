@@ -1,4 +1,4 @@
-// Where a frame has colour for the surface, and where that colour may be the background's.
+// Which pixels of a frame are foreground, and where an interpolated colour may contain background.
 #pragma once
 
 #include <cstdint>
@@ -8,11 +8,13 @@
 
 namespace v3d {
 
-/// Two bits for every pixel of a frame's roi. Row y - roi.y0 has words_per_row() words of 16 pixels
-/// each; pixel x is in word (x - roi.x0) / 16. Bit (x - roi.x0) % 16: foreground. The bit 16 above
-/// it: foreground, and so are the four pixels two steps left, right, above and below (or the border
-/// pixel before them), so that a sample is made of foreground alone. Without a mask all bits are 1.
-/// Immutable; safe to use from any thread.
+/// Two bits for every pixel of the roi of a frame. Row y - roi.y0 has words_per_row() words of 16
+/// pixels each; pixel x is in word (x - roi.x0) / 16. Bit (x - roi.x0) % 16 is set for foreground.
+/// The bit 16 above is set when the four pixels two steps left, right, above and below are
+/// foreground as well (at the border, the border pixel counts), so that a sample contains
+/// foreground only. Without a mask all bits are 1.
+///
+/// Immutable; any thread.
 class ColourMask {
  public:
   ColourMask() = default;
@@ -21,7 +23,7 @@ class ColourMask {
   int words_per_row() const { return words_per_row_; }
   const uint32_t* words() const { return words_.data(); }
 
-  /// (x, y) in the whole image. Requires that roi contains it.
+  /// (x, y) in the whole image. Requires that the roi contains it.
   bool foreground(int x, int y) const { return bit(x, y, 0); }
   bool inner(int x, int y) const { return bit(x, y, 16); }
 

@@ -45,7 +45,7 @@ float pixel_at(const ImageView& image, int x, int y, int step = 1, int channel =
   return image.bytes[(static_cast<size_t>(row) * image.size.width + column) * step + channel];
 }
 
-/// sample_colour_lanes.inc does the same for many points at once: change both.
+/// simd_sample_colour.inc does the same for many points at once: change both.
 Eigen::Vector3f sample_bayer(const ImageView& image, float u, float v) {
   // The pattern repeats every 2 x 2 pixels: find where red lies; blue lies diagonally across.
   int red = 0;

@@ -26,11 +26,11 @@ std::optional<Rgb8> weighted_mean(const ColourSums::Sums& sums, size_t i) {
   return weight > 0 ? std::optional(rounded(colour / weight)) : std::nullopt;
 }
 
-/// Blocks of vertices that one camera looks at before the next does: neighbours in the mesh are
-/// neighbours in the image, and what is read for one block is still in the cache for the next.
+/// Blocks that one camera processes before the next: neighbours in the mesh are neighbours in the
+/// image, so its pixels are still in the cache.
 constexpr size_t kGroup = 8;
 
-/// What the block's sums say of its vertices, `first` and following.
+/// Colours of the block's vertices, `first` and following.
 void finish_block(const ColourSums& sums, size_t first, std::vector<Rgb8>& colours,
                   std::vector<uint8_t>& known) {
   const size_t count = std::min(PointArrays::kBlock, colours.size() - first);
@@ -46,7 +46,7 @@ void finish_block(const ColourSums& sums, size_t first, std::vector<Rgb8>& colou
   }
 }
 
-/// The cameras are added in one order, so that the sum is one number.
+/// Adds the cameras in a fixed order, because float sums depend on it.
 void blend(const std::vector<VertexCamera>& cameras, const PointArrays& vertices,
            const PointArrays& normals, std::vector<Rgb8>& colours, std::vector<uint8_t>& known) {
   const size_t groups = (vertices.blocks() + kGroup - 1) / kGroup;
@@ -65,7 +65,7 @@ void blend(const std::vector<VertexCamera>& cameras, const PointArrays& vertices
   });
 }
 
-/// The triangles that touch a vertex nobody has seen: all that the fill needs to look at.
+/// The triangles with a vertex of unknown colour: the only ones that matter for the fill.
 std::vector<std::array<uint32_t, 3>> unfinished(const std::vector<std::array<uint32_t, 3>>& from,
                                                 const std::vector<uint8_t>& known) {
   std::vector<std::array<uint32_t, 3>> result;

@@ -1,4 +1,5 @@
-// Cameras made ready to look at the vertices of one mesh: the paper's Algorithm 1 (visibility).
+// Prepares the cameras of a frame set for accumulate_vertex_colours(). Source: the paper, Algorithm
+// 1 (visibility).
 #pragma once
 
 #include <vector>
@@ -8,8 +9,8 @@
 
 namespace v3d {
 
-/// Masks, and depth cells of `occluders` (see occluding_points()), for the cameras whose frames
-/// have pixels, in the order of their names. What the cameras borrow stays borrowed.
+/// Colour masks and point depth buffers of `occluders` (occluding_points()) for the cameras whose
+/// frames have pixels, sorted by name. Frames and models stay borrowed.
 std::vector<VertexCamera> vertex_cameras(const PointArrays& occluders,
                                          std::vector<TextureCamera> cameras,
                                          const TextureOptions& options);

@@ -1,4 +1,4 @@
-// A picture of brightness for template matching: what the photometric force reads.
+// Brightness image for template matching, the input of the photometric force.
 #pragma once
 
 #include <cstdint>
@@ -8,9 +8,11 @@
 
 namespace v3d {
 
-/// The pixels of a frame's roi as brightness (R + 2 G + B) / 4, with a border that repeats its
-/// edge. A Bayer mosaic becomes brightness by the binomial 3 x 3 kernel, which gives every colour
-/// the same weight wherever it is put: no pattern of the mosaic is left. Immutable; any thread.
+/// Brightness (R + 2 G + B) / 4 of the pixels of a frame's roi, with a border that repeats its
+/// edge. A Bayer mosaic is filtered with the binomial 3 x 3 kernel, which weights all colours
+/// equally at every pixel, so no pattern of the mosaic remains.
+///
+/// Immutable; any thread.
 class Luminance {
  public:
   static constexpr int kBorder = 24;  ///< pixels on each side
@@ -21,17 +23,17 @@ class Luminance {
   /// Half the resolution: means of 2 x 2 pixels.
   Luminance halved() const;
 
-  /// Pixels of the level for a pixel of the camera: 1, 0.5, ...
+  /// Pixels of this image per pixel of the camera: 1, 0.5, ...
   float scale() const { return scale_; }
-  /// A place in the camera's image, (0.5, 0.5) in the middle of its first pixel, times scale() and
-  /// less this, is a place in the lattice of pixel centres here.
+  /// A place in the image of the camera, (0.5, 0.5) in the centre of its first pixel, times
+  /// scale(), minus (first_u(), first_v()), is the place in this lattice of pixel centres.
   float first_u() const { return first_u_; }
   float first_v() const { return first_v_; }
   int width() const { return width_; }
   int height() const { return height_; }
-  /// Row by row; each holds the brightness at (x, y), (x + 1, y), (x, y + 1), (x + 1, y + 1), the
-  /// first in the lowest byte: one load for a sample between pixels. The last column and row
-  /// repeat the ones before.
+  /// Row by row: the brightness at (x, y), (x + 1, y), (x, y + 1), (x + 1, y + 1), the first in the
+  /// lowest byte, so that one load is enough to interpolate. The last column and row repeat the
+  /// ones before.
   const uint32_t* quads() const { return quads_.data(); }
 
  private:

@@ -1,5 +1,5 @@
-// How far a camera sees before the surface stops it, in cells finer than the points that tell the
-// surface are apart: a depth buffer drawn without triangles.
+// Depth buffer drawn from points instead of triangles: points that cover a surface are splatted
+// into square cells. Source: the footnote of the paper on its depth buffer (Algorithm 1).
 #pragma once
 
 #include <vector>
@@ -10,38 +10,40 @@
 
 namespace v3d {
 
-/// Square cells over a part of an image and a ring of cells round it. Pixel coordinates are
-/// those of PixelPoint: the centre of the first pixel is (0.5, 0.5).
+/// Square cells over a part of an image, and a ring of cells around it. Pixel coordinates as in
+/// PixelPoint: the centre of the first pixel is (0.5, 0.5).
 struct CellGrid {
   float first_u = 0, first_v = 0;  ///< where cell (0, 0) begins
   float cells_per_pixel = 1;
   int columns = 0;
   int rows = 0;
-  /// Of a surface from here on, metres along the optical axis, no place lies more than the width of
-  /// a cell beside a point in the image.
+  /// From this depth on, metres along the optical axis, neighbouring points of the surface project
+  /// to the same or to adjacent cells.
   float whole_from_z = 0;
 
   float cell_width() const { return 1 / cells_per_pixel; }  ///< pixels
   int count() const { return columns * rows; }
 };
 
-/// The depth that hides what lies behind it, for every cell: of the nearest point in the 3 x 3
-/// cells round it. Since every place on the surface has a point within the width of a cell, no hole
-/// is left; the edge of an occluder moves outwards by one to two widths of a cell (once to twice
-/// the points' radius), so that its colours do not leak onto what lies behind.
+/// For every cell, the depth of the nearest point in the 3 x 3 cells around it.
+///
+/// Every place of the surface has a point within the width of a cell, so the buffer has no holes.
+/// The outline of an occluder grows by one to two cell widths (once to twice the radius of the
+/// points), so that its colours do not leak onto the surface behind it.
 class PointDepthBuffer {
  public:
   PointDepthBuffer() = default;
-  /// Cells for the part `roi` of the camera's image. `points` cover the surface (see
-  /// occluding_points()) to `radius_m`; their `centroid` says how wide a cell must be. Points
-  /// outside the lens model and nearer than kNearPlaneMetres hide nothing. `lens` is the camera's
-  /// for points in metres. Pure; one thread.
+  /// Cells for the part `roi` of the image. `points` cover the surface to `radius_m`
+  /// (occluding_points()); their `centroid` decides the width of the cells. World coordinates in
+  /// metres; `lens` is camera_of_metres(camera).
+  ///   ///
+  /// Points outside the lens model or nearer than kNearPlaneMetres are ignored. One thread.
   PointDepthBuffer(const PointArrays& points, const Eigen::Vector3f& centroid, double radius_m,
                    const CameraModel& camera, const VoxelCamera& lens, Rect roi);
 
   const CellGrid& grid() const { return grid_; }
-  /// Row by row, columns side by side; infinity where there is no surface. The outer ring holds no
-  /// answer.
+  /// Depth in metres, row by row; infinity where there is no surface. The outer ring of cells is
+  /// not valid.
   const float* nearest() const { return nearest_.data(); }
 
  private:

@@ -1,5 +1,5 @@
-// A camera as the deformation of a surface uses it: where it sees a place, whether the mesh hides
-// it, and the picture at several resolutions.
+// One camera as the deformation uses it: projection, visibility test, and brightness at two
+// resolutions.
 #pragma once
 
 #include <array>
@@ -15,24 +15,23 @@
 
 namespace v3d {
 
-/// A frame and what took it, both borrowed. Requires frame->sensor_size == model->size() and a
-/// mask.
+/// A frame and its camera, both borrowed. Requires frame->sensor_size == model->size() and a mask.
 struct DeformCamera {
   const CameraModel* model = nullptr;
   const Frame* frame = nullptr;
 };
 
-/// Immutable; safe to use from any thread.
+/// Immutable; any thread.
 class SurfaceCamera {
  public:
-  static constexpr int kLevels = 2;  ///< of the picture: whole and half resolution
+  static constexpr int kLevels = 2;  ///< of the image: full and half resolution
 
   struct Seen {
     Eigen::Vector2f pixel{0, 0};  ///< (0.5, 0.5) is the middle of the first pixel
     float z = 0;                  ///< metres along the optical axis
   };
 
-  /// Requires that the frame has pixels. `halvings`: how often its picture is halved before it is
+  /// Requires that the frame has pixels. `halvings`: how often its image is halved to become
   /// picture(0); see redundant_halvings().
   explicit SurfaceCamera(const DeformCamera& camera, int halvings = 0);
 
@@ -40,12 +39,13 @@ class SurfaceCamera {
   const VoxelCamera& lens() const { return lens_; }  ///< for places in metres
   const Mask& silhouette() const { return *frame_->mask; }
   const Luminance& picture(int level) const { return pictures_[level]; }
-  /// Pixels of the camera along a side of one of picture(0).
+  /// Width of a pixel of picture(0) in pixels of the camera.
   float coarseness() const { return 1 / pictures_[0].scale(); }
-  /// Metres that one pixel covers at a distance of 1 m.
+  /// Width of a pixel in metres at a distance of 1 m.
   float pixel_m_per_m() const { return 1 / lens_.pixel_from_lens[0][0]; }
 
-  /// Where a place (world, metres) appears, also outside the image.
+  /// Projection of `place` (world, metres), also outside the image. Empty before the near plane and
+  /// outside the lens model.
   std::optional<Seen> project(const Eigen::Vector3f& place) const;
   /// True when the pixel exists and is foreground.
   bool in_silhouette(const Eigen::Vector2f& pixel) const {
@@ -53,8 +53,8 @@ class SurfaceCamera {
         pixel.x() >= 0 && pixel.y() >= 0 && pixel.x() < lens_.width && pixel.y() < lens_.height;
     return exists && frame_->mask->get(static_cast<int>(pixel.x()), static_cast<int>(pixel.y()));
   }
-  /// Step 1 of the deformation: `seen` is foreground, and no more than `tolerance_m` behind what
-  /// `depth` shows of the mesh.
+  /// Visibility test: `seen` is foreground, and at most `tolerance_m` behind the surface in
+  /// `depth`, the depth buffer of the mesh.
   bool sees(const Seen& seen, const DepthBuffer& depth, float tolerance_m) const;
 
  private:
@@ -64,23 +64,23 @@ class SurfaceCamera {
   std::array<Luminance, kLevels> pictures_;
 };
 
-/// The cameras of a frame set that have pixels, before a surface. Immutable; any thread.
+/// The cameras of a frame set that have an image. Immutable; any thread.
 struct SurfaceCameras {
   SurfaceCameras() = default;
-  /// In the same order. Where `mesh` is says how finely they can see it. Works in the caller's TBB
-  /// arena.
+  /// Cameras without pixels are left out; the order is kept. The distance of `mesh` (voxels of
+  /// `voxel_m` metres) decides the image resolution. Works in the caller's TBB arena.
   SurfaceCameras(std::span<const DeformCamera> cameras, const Mesh& mesh, double voxel_m);
 
   std::vector<SurfaceCamera> cameras;
   std::vector<CameraModel> models;  ///< of each
 };
 
-/// How often a picture can be halved until its pixels are as wide as a quarter of a voxel, or
-/// wider, at the distance of `place` (world). Windows are sampled by the voxel, and outlines are
-/// looked for around them: pixels that are finer would be passed over, each with its noise.
+/// How often the image can be halved until its pixels are as wide as a quarter of a voxel at the
+/// distance of `place` (world, metres). Windows are sampled by the voxel, so finer pixels would be
+/// skipped and add noise.
 int redundant_halvings(const CameraModel& camera, const Eigen::Vector3f& place, double voxel_m);
 
-/// The mean of the vertices, for redundant_halvings(); (0, 0, 0) of an empty mesh.
+/// Mean of the vertices; (0, 0, 0) for an empty mesh.
 Eigen::Vector3f vertex_centroid(const Mesh& mesh);
 
 }  // namespace v3d

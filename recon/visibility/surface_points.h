@@ -1,4 +1,4 @@
-// What hides a surface from a camera, told by points instead of triangles.
+// Points of a surface: coordinates laid out for SIMD, and a set of points that covers the surface.
 #pragma once
 
 #include <Eigen/Core>
@@ -10,14 +10,15 @@
 
 namespace v3d {
 
-/// The vertices of the mesh, and points inside its larger triangles: no place on the surface is
-/// farther than `radius_m` from a point. Where the triangles are no larger than the radius (those
-/// of a volume whose voxels have edges of 1.41 * radius_m) these are the vertices alone; a triangle
-/// n times as large adds about n^2 / 2 points.
+/// The vertices of `mesh`, and points inside its larger triangles, so that every place of the
+/// surface is within `radius_m` metres of a point.
+///
+/// Triangles no larger than the radius need no point: for marching cubes, voxels with edges of 1.41
+/// * radius_m. A triangle n times as large adds about n^2 / 2 points.
 std::vector<Eigen::Vector3f> occluding_points(const Mesh& mesh, double radius_m);
 
-/// The coordinates of points or vectors, one array each. The arrays are padded with NaN, which no
-/// camera sees, to a whole number of kBlock.
+/// Coordinates of points or vectors, one array each, padded with NaN to a multiple of kBlock. NaN
+/// projects to no pixel.
 struct PointArrays {
   static constexpr size_t kBlock = 512;
 

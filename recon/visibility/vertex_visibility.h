@@ -1,4 +1,5 @@
-// What the cameras see of a block of vertices: step 1 of the deformation for many at once.
+// Vertex visibility: which vertices of a block does a camera see? Step 1 of the deformation
+// (section 2.3 of the paper).
 #pragma once
 
 #include <Eigen/Core>
@@ -11,7 +12,7 @@
 
 namespace v3d {
 
-/// Places in the world, metres, one array per coordinate.
+/// Points in the world, metres, one array per coordinate.
 struct PointBlock {
   static constexpr size_t kCapacity = 384;
   size_t count = 0;
@@ -22,38 +23,40 @@ struct PointBlock {
   }
 };
 
-/// Where a camera sees them: SurfaceCamera::project() of each, to the bit. Not numbers where there
-/// is no pixel.
+/// Projections of a PointBlock: equal to SurfaceCamera::project() of each point, to the bit. NaN
+/// where a point has no projection.
 struct PixelBlock {
   alignas(64) std::array<float, PointBlock::kCapacity> u, v, z;
 };
 void project_block(const SurfaceCamera& camera, const PointBlock& points, PixelBlock& pixels);
 
 struct VisibilityOptions {
-  float min_facing = 0.3F;  ///< cosine between the normal and the way to a camera
+  float min_facing = 0.3F;  ///< smallest cosine between normal and direction to the camera
   float tolerance_m = 0;    ///< see SurfaceCamera::sees(); grows with the slant
 };
 
-/// One camera and a block of vertices.
+/// A block of vertices in one camera.
 struct VertexVisibility {
-  static constexpr size_t kCapacity = 128;  ///< vertices; all of it for 15 cameras fits a cache
+  static constexpr size_t kCapacity = 128;  ///< vertices; blocks of 15 cameras fit into a cache
   alignas(64) std::array<float, kCapacity> u, v, z;  ///< as in PixelBlock
-  alignas(64) std::array<float, kCapacity> facing;   ///< cosine, also of what is hidden
-  alignas(64) std::array<float, kCapacity> seen;     ///< the same where the camera sees it, else -2
+  alignas(64) std::array<float, kCapacity> facing;   ///< cosine, also of hidden vertices
+  alignas(64)
+      std::array<float, kCapacity> seen;  ///< `facing` where the camera sees the vertex, else -2
 
   SurfaceCamera::Seen at(size_t i) const { return {{u[i], v[i]}, z[i]}; }
 };
 
-/// `depth` is of the mesh. Requires kCapacity vertices or fewer. Vectorised for the processor it
-/// runs on; every processor gives the same bits.
+/// Projects the vertices and tests each against `depth`, the depth buffer of the mesh. `normals`
+/// have unit length. Requires at most kCapacity vertices. Vectorised by run-time dispatch; every
+/// instruction set gives the same bits.
 void test_visibility(const SurfaceCamera& camera, const DepthBuffer& depth,
                      const PointBlock& places, const PointBlock& normals,
                      const VisibilityOptions& options, VertexVisibility& visibility);
 
-/// Of the first `count` vertices: those that are seen from aside (the cosine of `facing` is no more
-/// than `most_facing`, before or behind) at a pixel that `pixels` has. A bit each; the others are
-/// 0.
+/// One bit per vertex of a block.
 using VertexBits = std::array<uint64_t, VertexVisibility::kCapacity / 64>;
+/// One bit for each of the first `count` vertices: set where the absolute cosine of `facing` is at
+/// most `max_facing`, and the vertex projects to one of `pixels`.
 VertexBits grazing_vertices(const Mask& pixels, const VertexVisibility& visibility, size_t count,
                             float max_facing);
 

@@ -75,7 +75,7 @@ TEST(ColourConsistency, finds_solid_what_has_the_colours_that_cameras_beside_it_
   EXPECT_TRUE(all.is_consistent());
 }
 
-TEST(ColourConsistency, finds_hollow_what_shows_the_wall_behind) {
+TEST(ColourConsistency, rejects_what_shows_the_wall_behind) {
   Scene scene;
   scene.show_wall(kSmall);
   const ColourAgreement none = scene.within(kSmall);

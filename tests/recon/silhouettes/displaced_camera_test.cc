@@ -90,7 +90,7 @@ TEST(DisplacedCamera, names_no_camera_that_is_in_its_place) {
   }
 }
 
-TEST(DisplacedCamera, names_the_camera_that_was_knocked_and_by_how_much) {
+TEST(DisplacedCamera, names_the_camera_that_was_displaced_and_by_how_much) {
   const auto cameras = drift_of(3, 2, -3);
   for (size_t c = 0; c < cameras.size(); ++c) EXPECT_EQ(cameras[c].displaced, c == 3) << c;
   EXPECT_NEAR(cameras[3].shift.x(), 2, 0.5);

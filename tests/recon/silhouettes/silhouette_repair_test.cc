@@ -121,7 +121,7 @@ TEST(SilhouetteRepair, fills_what_one_camera_lost_of_the_body) {
   }
 }
 
-TEST(SilhouetteRepair, fills_a_hole_that_looks_solid_and_believes_one_without_colours) {
+TEST(SilhouetteRepair, fills_a_hole_that_has_consistent_colours_and_believes_one_without_colours) {
   constexpr size_t kCamera = 0;
   const auto masks = with_hole(kCamera, solid_part(scene().masks[kCamera], 16));
   ASSERT_GT(voxels_wrong(pointers(masks)), 0);
@@ -131,7 +131,7 @@ TEST(SilhouetteRepair, fills_a_hole_that_looks_solid_and_believes_one_without_co
   EXPECT_THAT(repair(masks, false).faults, IsEmpty());
 }
 
-TEST(SilhouetteRepair, fills_what_looks_solid_where_no_camera_contradicts) {
+TEST(SilhouetteRepair, fills_what_has_consistent_colours_where_no_camera_contradicts) {
   // From the outline inwards, so that it is no hole; the frames of the other cameras lack nothing.
   constexpr size_t kCamera = 3;
   const Rect hole = solid_part(scene().masks[kCamera], 16);

@@ -50,7 +50,7 @@ Mesh embrace() {
   return mesh;
 }
 
-bool in_hollow(const Eigen::Vector3d& p) {
+bool in_concavity(const Eigen::Vector3d& p) {
   return p.x() > kBelly && p.x() < kArms && std::abs(p.y()) < kInside && std::abs(p.z() - 1) < kTop;
 }
 
@@ -125,9 +125,9 @@ bool in_body(const Eigen::Vector3d& p) {
          std::abs(p.z() - 1) < kTop;
 }
 
-/// Occupied voxels in the hollow, and in body and arms.
+/// Occupied voxels in the concavity, and in body and arms.
 struct Count {
-  int hollow = 0, solid = 0;
+  int concavity = 0, solid = 0;
 };
 
 Count count(const SparseVolume& volume) {
@@ -138,7 +138,7 @@ Count count(const SparseVolume& volume) {
       for (int i = 0; i < n[0]; ++i) {
         if (!volume.get(i, j, k)) continue;
         const Eigen::Vector3d at = volume.grid().center(i, j, k);
-        counts.hollow += in_hollow(at);
+        counts.concavity += in_concavity(at);
         counts.solid += in_body(at);
       }
     }
@@ -148,10 +148,10 @@ Count count(const SparseVolume& volume) {
 
 TEST(ConcavityCarver, empties_what_cameras_see_into_and_leaves_what_is_solid) {
   const Count hull = count(studio().volume), carved = count(studio().carved());
-  EXPECT_GT(hull.hollow, 4'500) << "the silhouettes span it";
+  EXPECT_GT(hull.concavity, 4'500) << "the silhouettes span it";
   // A single look leaves 0.54 of it, and two 0.40: three voxels before what is found are not voted
   // for, and cameras see into the depth only over what the looks before have opened.
-  EXPECT_LT(carved.hollow, 0.32 * hull.hollow);
+  EXPECT_LT(carved.concavity, 0.32 * hull.concavity);
   EXPECT_GT(carved.solid, 0.98 * hull.solid);
 }
 
@@ -177,7 +177,7 @@ TEST(ConcavityCarver, opens_no_silhouette) {
   // Pictures look through the blade, as through one that mirrors what is around it.
   const Studio there(with_blade, speckled(embrace()));
   const SparseVolume left = there.carved();
-  EXPECT_LT(count(left).hollow, 0.8 * count(there.volume).hollow);
+  EXPECT_LT(count(left).concavity, 0.8 * count(there.volume).concavity);
   EXPECT_EQ(opened_pixels(there, left), 0);
   const SparseVolume without_blade = make_volume(left.grid(), [&](int i, int j, int k) {
     return left.get(i, j, k) && left.grid().center(i, j, k).x() < 0.22;
@@ -202,8 +202,8 @@ SparseVolume carved_by_the_pulse_before(const Studio& then, size_t cameras_now =
 }
 
 TEST(ConcavityCarver, believes_the_pulse_before_where_nothing_moved_in_the_pictures) {
-  EXPECT_LT(count(carved_by_the_pulse_before(studio())).hollow,
-            0.32 * count(studio().volume).hollow);
+  EXPECT_LT(count(carved_by_the_pulse_before(studio())).concavity,
+            0.32 * count(studio().volume).concavity);
   EXPECT_EQ(carved_by_the_pulse_before(Studio(speckled(embrace(), 8))), studio().volume);
   EXPECT_EQ(carved_by_the_pulse_before(studio(), 0), studio().volume) << "cameras that are gone";
 }

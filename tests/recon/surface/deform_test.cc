@@ -33,8 +33,8 @@ float die_radius(const Eigen::Vector3f& direction) {
   return kHalfEdge / std::pow(sum, 0.125F);
 }
 
-/// The same with a hollow in the face towards +x, which no silhouette shows.
-float hollow_radius(const Eigen::Vector3f& direction) {
+/// The same with a concavity in the face towards +x, which no silhouette shows.
+float concavity_radius(const Eigen::Vector3f& direction) {
   return die_radius(direction) - 0.05F * std::exp(-square(angle_to_x(direction) / 0.35F));
 }
 
@@ -56,7 +56,7 @@ Mesh speckled(Mesh mesh) {
 }
 
 /// What the cameras see.
-Mesh hollow_die() { return speckled(body(110, hollow_radius)); }
+Mesh concavity_die() { return speckled(body(110, concavity_radius)); }
 
 Mesh hull() { return body(90, die_radius); }
 
@@ -90,7 +90,7 @@ struct Studio {
 };
 
 const Studio& studio() {
-  static const Studio kStudio(hollow_die());
+  static const Studio kStudio(concavity_die());
   return kStudio;
 }
 
@@ -101,13 +101,13 @@ Mesh deformed(DeformOptions options) {
   return mesh;
 }
 
-/// In the hollow: the median way to the true surface, away from the middle, metres.
-double error_in_hollow(const Mesh& mesh) {
+/// In the concavity: the median way to the true surface, away from the middle, metres.
+double error_in_concavity(const Mesh& mesh) {
   std::vector<double> errors;
   for (const Eigen::Vector3f& v : mesh.vertices) {
     const Eigen::Vector3f out = (v - kMiddle).normalized();
     if (angle_to_x(out) > 0.3F) continue;
-    errors.push_back(std::abs((v - kMiddle).norm() - hollow_radius(out)));
+    errors.push_back(std::abs((v - kMiddle).norm() - concavity_radius(out)));
   }
   return upper_median(std::move(errors));
 }
@@ -121,10 +121,10 @@ double min_iou(const Mesh& mesh) {
   return least;
 }
 
-TEST(Deformer, finds_a_hollow_that_no_silhouette_shows) {
-  const double before = error_in_hollow(hull());
+TEST(Deformer, finds_a_concavity_that_no_silhouette_shows) {
+  const double before = error_in_concavity(hull());
   EXPECT_GT(before, 0.030);
-  EXPECT_LT(error_in_hollow(deformed({})), 0.1 * before);
+  EXPECT_LT(error_in_concavity(deformed({})), 0.1 * before);
 }
 
 TEST(RedundantHalvings, leave_pixels_of_a_quarter_of_a_voxel_and_never_make_finer_ones) {
@@ -142,17 +142,17 @@ TEST(Deformer, the_papers_steps_come_closer_from_near) {
   paper.mode = DeformMode::kPaper;
   paper.voxel_m = kEdge;
   Mesh mesh = body(90, [](const auto& direction) {
-    return 0.2F * die_radius(direction) + 0.8F * hollow_radius(direction);
+    return 0.2F * die_radius(direction) + 0.8F * concavity_radius(direction);
   });
-  const double before = error_in_hollow(mesh);
+  const double before = error_in_concavity(mesh);
   Deformer(paper).run(studio().before(mesh), mesh);
-  EXPECT_LT(error_in_hollow(mesh), 0.5 * before);
+  EXPECT_LT(error_in_concavity(mesh), 0.5 * before);
 }
 
-TEST(Deformer, sees_no_hollow_without_the_photometric_force) {
+TEST(Deformer, sees_no_concavity_without_the_photometric_force) {
   DeformOptions blind;
   blind.photometric = 0;
-  EXPECT_GT(error_in_hollow(deformed(blind)), 0.030);
+  EXPECT_GT(error_in_concavity(deformed(blind)), 0.030);
 }
 
 TEST(Deformer, keeps_the_silhouettes) {

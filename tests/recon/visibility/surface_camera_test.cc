@@ -119,7 +119,7 @@ TEST(VertexCentroid, a_mesh_is_the_mean_of_its_vertices) {
 struct Pulse {
   std::vector<CameraModel> models;
   std::vector<Frame> frames;
-  std::optional<PulseViews> moment;
+  std::optional<PulseViews> views;
 
   explicit Pulse(const std::vector<size_t>& blind) : models(3, model_with({})), frames(3) {
     std::vector<const Frame*> seen;
@@ -127,36 +127,36 @@ struct Pulse {
       frames[c] = frame_of(models[c], ball());
       seen.push_back(std::ranges::find(blind, c) == blind.end() ? &frames[c] : nullptr);
     }
-    moment.emplace(models, seen, ball(), 0.01);
+    views.emplace(models, seen, ball(), 0.01);
   }
 };
 
 TEST(PulseViews, shows_what_each_camera_of_the_rig_saw_and_nothing_of_those_that_saw_nothing) {
   Pulse pulse({1});
   pulse.frames.clear();  // it has copied them
-  PulseViews& moment = *pulse.moment;
-  moment.set_surface(ball());
-  ASSERT_EQ(moment.cameras(), 3U);
-  EXPECT_EQ(moment.seeing().cameras.size(), 2U);
-  EXPECT_FALSE(moment.view(1));
+  PulseViews& views = *pulse.views;
+  views.set_surface(ball());
+  ASSERT_EQ(views.cameras(), 3U);
+  EXPECT_EQ(views.cameras_with_pixels().cameras.size(), 2U);
+  EXPECT_FALSE(views.view(1));
   for (const size_t camera : {0, 2}) {
-    const auto view = moment.view(camera);
+    const auto view = views.view(camera);
     ASSERT_TRUE(view);
     EXPECT_GT(view->camera.silhouette().count(), 1000);
     EXPECT_EQ(view->depth.z, draw_depth(ball(), pulse.models[camera], Faces::kFront).z);
   }
-  EXPECT_EQ(&moment.view(2)->camera, &moment.seeing().cameras[1]);
+  EXPECT_EQ(&views.view(2)->camera, &views.cameras_with_pixels().cameras[1]);
 }
 
 TEST(NeighbourSamples, pair_the_cameras_of_two_pulses_by_the_rig) {
   const Pulse then({0}), now({1});
-  const NeighbourSamples beside = neighbour_samples(*now.moment, *then.moment);
-  EXPECT_EQ(beside.sights, &then.moment->hollows);
+  const NeighbourSamples beside = neighbour_samples(*now.views, *then.views);
+  EXPECT_EQ(beside.samples, &then.views->stereo_samples);
   ASSERT_EQ(beside.cameras.size(), 2U) << "those that saw something then: 1 and 2 of the rig";
-  EXPECT_EQ(beside.cameras[0].then, &then.moment->seeing().cameras[0]);
+  EXPECT_EQ(beside.cameras[0].then, &then.views->cameras_with_pixels().cameras[0]);
   EXPECT_EQ(beside.cameras[0].now, nullptr) << "camera 1 sees nothing now";
-  EXPECT_EQ(beside.cameras[1].then, &then.moment->seeing().cameras[1]);
-  EXPECT_EQ(beside.cameras[1].now, &now.moment->seeing().cameras[1]);
+  EXPECT_EQ(beside.cameras[1].then, &then.views->cameras_with_pixels().cameras[1]);
+  EXPECT_EQ(beside.cameras[1].now, &now.views->cameras_with_pixels().cameras[1]);
 }
 
 }  // namespace
