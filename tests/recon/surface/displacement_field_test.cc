@@ -12,13 +12,13 @@ namespace v3d {
 namespace {
 
 /// What vertices of a mesh could have seen.
-struct Sights {
+struct Observations {
   Neighbours neighbours;
   std::vector<DepthProfile> profiles;
   std::vector<uint8_t> known;
   std::vector<OutlinePull> pulls;
 
-  explicit Sights(const Mesh& mesh)
+  explicit Observations(const Mesh& mesh)
       : neighbours(mesh),
         profiles(mesh.vertices.size(), DepthProfile{}),
         known(profiles.size(), 0),
@@ -32,23 +32,23 @@ struct Sights {
 };
 
 /// Profiles that end high and low, some unknown, and some outlines.
-Sights random_sights() {
+Observations random_observations() {
   std::mt19937 random(3);
   const auto unit = [&] { return static_cast<float>(random() % 10'000) / 10'000; };
-  Sights sights(shapes::sphere({0, 0, 0}, 1, 13));
-  for (size_t v = 0; v < sights.profiles.size(); ++v) {
-    sights.known[v] = random() % 4 != 0;
-    for (float& p : sights.profiles[v]) p = 2 * unit() - 1;
-    if (random() % 5 == 0) sights.pulls[v] = {3 * unit(), unit() - 0.5F};
+  Observations observations(shapes::sphere({0, 0, 0}, 1, 13));
+  for (size_t v = 0; v < observations.profiles.size(); ++v) {
+    observations.known[v] = random() % 4 != 0;
+    for (float& p : observations.profiles[v]) p = 2 * unit() - 1;
+    if (random() % 5 == 0) observations.pulls[v] = {3 * unit(), unit() - 0.5F};
   }
-  return sights;
+  return observations;
 }
 
 /// The scheme again, a vertex at a time.
 class PlainField {
  public:
-  PlainField(const Sights& sights, const DisplacementFieldOptions& options)
-      : sights_(sights), o_(options), field_(sights.known.size(), 0.0F) {
+  PlainField(const Observations& observations, const DisplacementFieldOptions& options)
+      : observations_(observations), o_(options), field_(observations.known.size(), 0.0F) {
     for (int sweep = 0; sweep < o_.sweeps; ++sweep) {
       const float strict = static_cast<float>(sweep) / static_cast<float>(o_.sweeps - 1);
       std::vector<Pick> targets;
@@ -65,9 +65,9 @@ class PlainField {
   };
 
   Pick pick(size_t v, float coupling) const {
-    Pick pick{sights_.pulls[v].weight, sights_.pulls[v].sum_m / o_.step_m};
-    if (!sights_.known[v]) return pick;
-    const DepthProfile& profile = sights_.profiles[v];
+    Pick pick{observations_.pulls[v].weight, observations_.pulls[v].sum_m / o_.step_m};
+    if (!observations_.known[v]) return pick;
+    const DepthProfile& profile = observations_.profiles[v];
     std::array<float, kDepthSteps> value;
     for (int k = 0; k < kDepthSteps; ++k) {
       const float off = o_.first + static_cast<float>(k) - field_[v];
@@ -95,7 +95,7 @@ class PlainField {
   void smooth(const std::vector<Pick>& targets) {
     std::vector<float> next(field_.size());
     for (size_t v = 0; v < field_.size(); ++v) {
-      const auto around = sights_.neighbours.of(v);
+      const auto around = observations_.neighbours.of(v);
       float sum = 0;
       for (const uint32_t n : around) sum += field_[n];
       const float mean = sum / static_cast<float>(std::max<size_t>(1, around.size()));
@@ -105,50 +105,50 @@ class PlainField {
     field_.swap(next);
   }
 
-  const Sights& sights_;
+  const Observations& observations_;
   const DisplacementFieldOptions o_;
   std::vector<float> field_;
 };
 
 TEST(DisplacementField, is_that_of_a_plain_loop_to_the_bit_on_every_instruction_set) {
-  const Sights sights = random_sights();
-  ASSERT_NE(sights.known.size() % NeighbourRows::kWidth, 0);
+  const Observations observations = random_observations();
+  ASSERT_NE(observations.known.size() % NeighbourRows::kWidth, 0);
   for (const float smoothness : {0.3F, 0.0F}) {
     const DisplacementFieldOptions options{
         .step_m = 0.002F, .smoothness = smoothness, .coupling = 0.02F};
-    const PlainField plain(sights, options);
+    const PlainField plain(observations, options);
     for (int64_t rest = hwy::SupportedTargets(); rest != 0; rest &= rest - 1) {
       hwy::SetSupportedTargetsForTest(rest & -rest);
-      EXPECT_EQ(sights.solve(options), plain.field());
+      EXPECT_EQ(observations.solve(options), plain.field());
       hwy::SetSupportedTargetsForTest(0);
     }
   }
 }
 
 TEST(DisplacementField, goes_to_the_peak_of_a_parabola_where_all_have_the_same) {
-  Sights sights(shapes::sphere({0, 0, 0}, 1, 10));
-  for (size_t v = 0; v < sights.known.size(); ++v) {
-    sights.known[v] = 1;
+  Observations observations(shapes::sphere({0, 0, 0}, 1, 10));
+  for (size_t v = 0; v < observations.known.size(); ++v) {
+    observations.known[v] = 1;
     for (int k = 0; k < kDepthSteps; ++k) {
       const float off = static_cast<float>(k) - 5.3F;
-      sights.profiles[v][k] = 1 - 0.01F * off * off;
+      observations.profiles[v][k] = 1 - 0.01F * off * off;
     }
   }
-  for (const float way : sights.solve({.first = -8, .step_m = 0.002F})) {
+  for (const float way : observations.solve({.first = -8, .step_m = 0.002F})) {
     EXPECT_NEAR(way, (5.3F - 8) * 0.002F, 2e-5F);
   }
 }
 
 TEST(DisplacementField, takes_those_that_know_nothing_along_with_their_neighbours) {
-  Sights sights(shapes::sphere({0, 0, 0}, 1, 10));
-  for (size_t v = 0; v < sights.known.size(); ++v) {
-    if (v % 2 == 0) sights.pulls[v] = {1, 0.006F};
+  Observations observations(shapes::sphere({0, 0, 0}, 1, 10));
+  for (size_t v = 0; v < observations.known.size(); ++v) {
+    if (v % 2 == 0) observations.pulls[v] = {1, 0.006F};
   }
-  for (const float way : sights.solve({.step_m = 0.002F})) EXPECT_NEAR(way, 0.006F, 1e-4F);
+  for (const float way : observations.solve({.step_m = 0.002F})) EXPECT_NEAR(way, 0.006F, 1e-4F);
 }
 
 TEST(DisplacementField, is_empty_for_a_mesh_without_vertices) {
-  EXPECT_TRUE(Sights(Mesh{}).solve({.step_m = 0.002F}).empty());
+  EXPECT_TRUE(Observations(Mesh{}).solve({.step_m = 0.002F}).empty());
 }
 
 TEST(NeighbourRows, name_the_neighbours_in_their_order_and_nobody_behind_them) {

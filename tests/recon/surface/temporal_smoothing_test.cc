@@ -68,7 +68,7 @@ PulseViews views(const Mesh& scene, const Mesh& surface) {
   return views;
 }
 
-Mesh steadied(Mesh mesh, const PulseViews& now, const PulseViews& before, const PulseViews& after) {
+Mesh smoothed(Mesh mesh, const PulseViews& now, const PulseViews& before, const PulseViews& after) {
   const PulseViews* beside[] = {&before, &after};
   smooth_over_time(now, beside, kOptions, mesh);
   return mesh;
@@ -87,8 +87,8 @@ TEST(TemporalSmoothing, flickers_half_as_much_where_nothing_moves) {
     made.push_back(made_of(kMiddle, pulse + 1));
     views.push_back(views(scene, made.back()));
   }
-  const Mesh first = steadied(made[1], views[1], views[0], views[2]);
-  const Mesh second = steadied(made[2], views[2], views[1], views[3]);
+  const Mesh first = smoothed(made[1], views[1], views[0], views[2]);
+  const Mesh second = smoothed(made[2], views[2], views[1], views[3]);
   EXPECT_LT(median_apart_mm(second, first), 0.5 * median_apart_mm(made[2], made[1]));
   EXPECT_LT(median_apart_mm(first, scene), 0.75 * median_apart_mm(made[1], scene));
   EXPECT_TRUE(self_intersections(first).empty());
@@ -98,7 +98,7 @@ TEST(TemporalSmoothing, leaves_alone_what_moves_in_the_pictures) {
   const Mesh now = made_of(kMiddle, 1);
   const PulseViews here = views(ball(kMiddle, 1), now);
   const PulseViews elsewhere = views(ball(kMiddle, 2), made_of(kMiddle, 2));
-  EXPECT_EQ(steadied(now, here, elsewhere, elsewhere).vertices, now.vertices);
+  EXPECT_EQ(smoothed(now, here, elsewhere, elsewhere).vertices, now.vertices);
 }
 
 TEST(TemporalSmoothing, counts_the_side_alone_where_nothing_moved) {
@@ -110,7 +110,7 @@ TEST(TemporalSmoothing, counts_the_side_alone_where_nothing_moved) {
   Mesh expected = now;
   smooth_over_time(here, only, kOptions, expected);
   EXPECT_NE(expected.vertices, now.vertices);
-  EXPECT_EQ(steadied(now, here, still, moved).vertices, expected.vertices);
+  EXPECT_EQ(smoothed(now, here, still, moved).vertices, expected.vertices);
 }
 
 /// A plain ball gives itself away by its outline alone.
@@ -120,18 +120,18 @@ TEST(TemporalSmoothing, stays_with_what_moves_evenly_and_cannot_be_seen_to_move)
     return views(ball(at(pulse), 0), shapes::sphere(at(pulse), kRadius, 60));
   };
   const Mesh now = shapes::sphere(at(0), kRadius, 60);
-  const Mesh steady = steadied(now, of(0), of(-1), of(1));
-  EXPECT_LT(median_apart_mm(steady, now), 0.1);
+  const Mesh smooth = smoothed(now, of(0), of(-1), of(1));
+  EXPECT_LT(median_apart_mm(smooth, now), 0.1);
 }
 
 TEST(TemporalSmoothing, is_the_surface_itself_beside_the_same_surfaces_and_without_cameras) {
   const Mesh now = made_of(kMiddle, 1);
   const PulseViews same = views(ball(kMiddle, 1), now);
-  EXPECT_EQ(steadied(now, same, same, same).vertices, now.vertices);
+  EXPECT_EQ(smoothed(now, same, same, same).vertices, now.vertices);
   const std::vector<const Frame*> nothing(models().size(), nullptr);
   const PulseViews blind(models(), nothing, made_of(kMiddle, 2), kOptions.voxel_m);
-  EXPECT_EQ(steadied(now, same, blind, blind).vertices, now.vertices);
-  EXPECT_EQ(steadied(now, blind, same, same).vertices, now.vertices);
+  EXPECT_EQ(smoothed(now, same, blind, blind).vertices, now.vertices);
+  EXPECT_EQ(smoothed(now, blind, same, same).vertices, now.vertices);
 }
 
 TEST(TemporalSmoothing, is_the_same_for_any_number_of_threads) {
@@ -139,7 +139,7 @@ TEST(TemporalSmoothing, is_the_same_for_any_number_of_threads) {
   const auto with_threads = [&](int threads) {
     return tbb::task_arena(threads).execute([&] {
       const PulseViews here = views(scene, now), before = views(scene, made_of(kMiddle, 2));
-      return steadied(now, here, before, before).vertices;
+      return smoothed(now, here, before, before).vertices;
     });
   };
   EXPECT_EQ(with_threads(4), with_threads(1));

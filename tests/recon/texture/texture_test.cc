@@ -344,7 +344,7 @@ TEST(Texture, adds_cameras_in_one_order_down_to_the_last_bit) {
   }
 }
 
-Visibility sight(const CameraColours& colours, size_t vertex) {
+Visibility visibility(const CameraColours& colours, size_t vertex) {
   return VisibilityReportTest{colours.vertices[vertex][3]};
 }
 
@@ -389,9 +389,9 @@ TEST(CameraColours, see_nothing_behind_an_occluder) {
   for (size_t v = 0; v < lower; ++v) {
     const float reach = mesh.vertices[v].head<2>().cwiseAbs().maxCoeff();
     if (reach < 0.2F) {
-      EXPECT_EQ(sight(colours, v), Visibility::kNone);
+      EXPECT_EQ(visibility(colours, v), Visibility::kNone);
     } else if (reach > 0.3F) {
-      EXPECT_EQ(sight(colours, v), Visibility::kFull);
+      EXPECT_EQ(visibility(colours, v), Visibility::kFull);
     }
   }
 }
@@ -409,7 +409,7 @@ TEST(CameraColours, tell_a_silhouettes_rim_from_its_inside) {
     const VisibilityReportTest wanted = x < 77.4   ? Visibility::kFull
                                         : x < 79.4 ? Visibility::kRim
                                                    : Visibility::kNone;
-    EXPECT_EQ(sight(colours, v), wanted) << x;
+    EXPECT_EQ(visibility(colours, v), wanted) << x;
     ++count[static_cast<size_t>(wanted)];
   }
   for (const VisibilityReportTest each : {Visibility::kNone, Visibility::kRim, Visibility::kFull}) {
@@ -425,7 +425,7 @@ TEST(CameraColours, of_a_camera_without_pixels_and_of_an_empty_mesh_are_nothing)
   const CameraColours colours = camera_colours(plane, borrow(shots), {}).at(0);
   ASSERT_EQ(colours.vertices.size(), plane.vertices.size());
   for (size_t v = 0; v < plane.vertices.size(); ++v)
-    EXPECT_EQ(sight(colours, v), Visibility::kNone);
+    EXPECT_EQ(visibility(colours, v), Visibility::kNone);
 }
 
 }  // namespace
