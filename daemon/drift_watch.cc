@@ -7,7 +7,7 @@
 #include <utility>
 
 #include "base/mask_shape.h"
-#include "recon/box_view.h"
+#include "recon/hull/bounds_mask.h"
 
 namespace v3d {
 namespace {
@@ -30,7 +30,7 @@ DriftWatch::DriftWatch(const Rig& rig, const ReconstructOptions& options)
       hulls_(rig, options.bounds, voxel_for(options.bounds), options.min_views),
       meter_(rig) {
   if (rig_.size() < kLeastCameras) return;
-  for (const RigCamera& camera : rig_) views_.push_back(view_of(options.bounds, camera.model));
+  for (const RigCamera& camera : rig_) views_.push_back(bounds_mask(options.bounds, camera.model));
   ended_ = false;
   thread_ = std::thread([this] {
     run();
@@ -69,7 +69,7 @@ void DriftWatch::offer(FrameSet& set) {
   changed_.notify_one();
 }
 
-const std::vector<CameraDrift>& DriftWatch::result() {
+const std::vector<CameraDisplacement>& DriftWatch::result() {
   const std::unique_lock lock(mutex_, std::try_to_lock);
   if (lock) told_ = result_;
   return told_;
@@ -99,7 +99,7 @@ void DriftWatch::look(const Masks& given) {
     all[c] = &masks[c];
   }
   meter_.add(all, hulls_.silhouettes_of_each(all));
-  std::vector<CameraDrift> found;
+  std::vector<CameraDisplacement> found;
   if (meter_.pulses() >= kLeastPulses) found = meter_.result(hulls_);
   const std::lock_guard lock(mutex_);
   has_opinion_ = !found.empty();

@@ -10,8 +10,8 @@
 #include <thread>
 #include <vector>
 
-#include "recon/drift.h"
-#include "recon/reconstructor.h"
+#include "recon/pipeline/reconstructor.h"
+#include "recon/silhouettes/displaced_camera.h"
 
 namespace v3d {
 
@@ -38,7 +38,7 @@ class DriftWatch {
 
   /// By camera of the rig, of the last pulses; empty before it has an opinion. One thread. The last
   /// answer when there is a new one that cannot be had at once.
-  const std::vector<CameraDrift>& result();
+  const std::vector<CameraDisplacement>& result();
 
   /// Nothing more is looked at but what the thread is at.
   void end();
@@ -52,11 +52,11 @@ class DriftWatch {
   void look(const Masks& masks);
 
   const Rig rig_;
-  HullOfOthers hulls_;  ///< the thread's, as are the next two
-  DriftMeter meter_;
+  LeaveOneOutHull hulls_;  ///< the thread's, as are the next two
+  DisplacementMeter meter_;
   std::vector<Mask> views_;
-  MonotonicInstant next_look_;     ///< offer()
-  std::vector<CameraDrift> told_;  ///< result()
+  MonotonicInstant next_look_;            ///< offer()
+  std::vector<CameraDisplacement> told_;  ///< result()
   std::atomic<bool> ended_ = true;
   std::mutex mutex_;  ///< what follows
   std::condition_variable changed_;
@@ -64,7 +64,7 @@ class DriftWatch {
   bool busy_ = false;
   bool has_opinion_ = false;
   std::optional<Masks> waiting_;
-  std::vector<CameraDrift> result_;
+  std::vector<CameraDisplacement> result_;
   std::thread thread_;  ///< last: it works with all of the above
 };
 

@@ -11,7 +11,7 @@
 #include "daemon/json.h"
 #include "daemon/service.h"
 #include "daemon/take_folder.h"
-#include "recon/rehearsal.h"
+#include "recon/pipeline/frame_set.h"
 #include "take/ledger.h"
 #include "take/take_removal.h"
 
@@ -165,17 +165,17 @@ void ReconNode::open(const CommandMessage& order, std::optional<int64_t> goes_on
   drift_ = std::make_unique<DriftWatch>(rig, options);
   knocked_ = {};
   pipeline_ = std::make_unique<ReconPipeline>(
-      ReconPipeline::Setup{.take = order.take,
-                           .mesh_file = take_paths(studio_, order.take).mesh(),
-                           .stages = stages_of(reconstructor),
-                           .threads = recon.threads,
-                           .sets = sets,
-                           .rehearsal = goes_on_at
-                                            ? std::nullopt
-                                            : std::optional(rehearsal(rig, studio_.space.bounds)),
-                           .done_with = [this](FrameSet& set) { drift_->offer(set); },
-                           .goes_on_at = goes_on_at,
-                           .shard = share_of(order, goes_on_at.has_value())},
+      ReconPipeline::Setup{
+          .take = order.take,
+          .mesh_file = take_paths(studio_, order.take).mesh(),
+          .stages = stages_of(reconstructor),
+          .threads = recon.threads,
+          .sets = sets,
+          .rehearsal = goes_on_at ? std::nullopt
+                                  : std::optional(warm_up_frame_set(rig, studio_.space.bounds)),
+          .done_with = [this](FrameSet& set) { drift_->offer(set); },
+          .goes_on_at = goes_on_at,
+          .shard = share_of(order, goes_on_at.has_value())},
       bus_);
 }
 
@@ -305,9 +305,9 @@ void ReconNode::report_health(HealthMessage& health) {
 /// The first word of a take about a camera stands, as long as it is not plainly another.
 void ReconNode::report_drift(HealthMessage& health) {
   if (!drift_) return;
-  for (const CameraDrift& camera : drift_->result()) {
+  for (const CameraDisplacement& camera : drift_->result()) {
     health.values[camera.camera + ".drift_px"] = camera.shift.norm();
-    if (!camera.knocked) continue;
+    if (!camera.displaced) continue;
     health.text = camera.camera + " " + text_of(camera);
     const bool told =
         camera.camera == knocked_.camera && (camera.shift - knocked_.shift).norm() < kOtherShiftPx;

@@ -54,8 +54,8 @@ class ReconNode : public NodeWork {
   std::unique_ptr<DriftWatch> drift_;
   std::vector<std::unique_ptr<DriftWatch>> leaving_;  ///< of takes before: told to end, and at work
   std::unique_ptr<ReconPipeline> pipeline_;           ///< offers its sets to the watch
-  CameraDrift knocked_;  ///< what was told last of this take; without a name: nothing
-  ReconCounts last_;     ///< of the last take
+  CameraDisplacement knocked_;  ///< what was told last of this take; without a name: nothing
+  ReconCounts last_;            ///< of the last take
 };
 
 }  // namespace v3d

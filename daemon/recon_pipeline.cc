@@ -24,8 +24,8 @@ constexpr size_t kMaxEdges = 512;
 }  // namespace
 
 MeshStages stages_of(const std::shared_ptr<Reconstructor>& reconstructor) {
-  return {.make_mesh = [reconstructor](SetAtWork& work) { reconstructor->make_mesh(work); },
-          .encode = [reconstructor](SetAtWork& work) { reconstructor->encode(work); },
+  return {.make_mesh = [reconstructor](FrameSetJob& work) { reconstructor->make_mesh(work); },
+          .encode = [reconstructor](FrameSetJob& work) { reconstructor->encode(work); },
           .begin_sequence = [reconstructor] { reconstructor->begin_sequence(); }};
 }
 
@@ -170,7 +170,7 @@ void ReconPipeline::hand_over(std::vector<ReadySet> ready) {
 
 std::optional<ReconPipeline::Job> ReconPipeline::next_job() {
   if (rehearsal_) {
-    Job job{SetAtWork(*std::move(rehearsal_)), {}, {}, true};
+    Job job{FrameSetJob(*std::move(rehearsal_)), {}, {}, true};
     rehearsal_.reset();
     return job;
   }
@@ -179,13 +179,13 @@ std::optional<ReconPipeline::Job> ReconPipeline::next_job() {
     ready_.wait(Monotonic::now() + kLook);
     if (auto ready = ready_.take(Monotonic::now())) {
       if (shared_ && !shared_->begin(ready->set.pulse)) continue;
-      return Job{SetAtWork(std::move(ready->set)), std::move(ready->missing), {}, false};
+      return Job{FrameSetJob(std::move(ready->set)), std::move(ready->missing), {}, false};
     }
   }
   return std::nullopt;
 }
 
-void ReconPipeline::attempt(const std::function<void(SetAtWork&)>& stage, Job& job) {
+void ReconPipeline::attempt(const std::function<void(FrameSetJob&)>& stage, Job& job) {
   if (!job.failure.empty()) return;
   try {
     stage(job.work);

@@ -16,9 +16,9 @@
 #include "daemon/inbox_quiet.h"
 #include "daemon/live_queue.h"
 #include "daemon/shared_take.h"
-#include "recon/frame_pipeline.h"
-#include "recon/frame_set.h"
-#include "recon/reconstructor.h"
+#include "recon/pipeline/frame_pipeline.h"
+#include "recon/pipeline/frame_set.h"
+#include "recon/pipeline/reconstructor.h"
 #include "take/mesh_file.h"
 
 namespace v3d {
@@ -50,8 +50,8 @@ struct ReconCounts {
 /// What is done with a frame set: Reconstructor's two stages. They throw InputError for a set that
 /// cannot become a compact frame.
 struct MeshStages {
-  std::function<void(SetAtWork&)> make_mesh;
-  std::function<void(SetAtWork&)> encode;
+  std::function<void(FrameSetJob&)> make_mesh;
+  std::function<void(FrameSetJob&)> encode;
   /// What was encoded before the next set has not reached, or not all of, its receivers.
   std::function<void()> begin_sequence = [] {};
 };
@@ -104,7 +104,7 @@ class ReconPipeline {
 
   /// A frame set in the pipeline.
   struct Job {
-    SetAtWork work;
+    FrameSetJob work;
     std::vector<std::string> missing;
     std::string failure;  ///< why it has no mesh; empty as long as it may have one
     bool rehearsal = false;
@@ -118,7 +118,7 @@ class ReconPipeline {
   void hand_over(std::vector<ReadySet> ready);
   void note_pulses();
   std::optional<Job> next_job();
-  void attempt(const std::function<void(SetAtWork&)>& stage, Job& job);
+  void attempt(const std::function<void(FrameSetJob&)>& stage, Job& job);
   void finish(Job& job);
   void note_failure(const Job& job);
   MeshMessage message_of(const Job& job);

@@ -14,7 +14,7 @@
 #include "daemon/frame_groups.h"
 #include "daemon/mesh_order.h"
 #include "daemon/shard_members.h"
-#include "recon/frame_set.h"
+#include "recon/pipeline/frame_set.h"
 #include "take/pulse_set.h"
 
 namespace v3d {

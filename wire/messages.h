@@ -32,14 +32,15 @@ struct FrameMessage {
   Frame frame;
 };
 
-/// V3D_MESH: a compact frame (recon/compact_frame.h) with what must be known without decoding it.
+/// V3D_MESH: a compact frame (recon/pipeline/compact_frame.h) with what must be known without
+/// decoding it.
 struct MeshMessage {
   RealtimeInstant sent;
   int64_t seq = 0;
   std::string take;
   int64_t pulse = 0;
   RealtimeInstant pulse_edge;        ///< for the latency from pulse to mesh; 0 when unknown
-  double silhouette_iou = 0;         ///< of its quality (recon/frame_quality.h)
+  double silhouette_iou = 0;         ///< of its quality (recon/metrics/frame_quality.h)
   double coverage = 0;               ///< the same
   int cameras = 0;                   ///< that took part
   std::vector<std::string> missing;  ///< cameras the frame set went without

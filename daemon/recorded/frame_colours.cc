@@ -1,7 +1,7 @@
 #include "daemon/recorded/frame_colours.h"
 
 #include "base/error.h"
-#include "recon/mesh_edges.h"
+#include "recon/mesh/mesh_edges.h"
 
 namespace v3d {
 

@@ -3,8 +3,8 @@
 #pragma once
 
 #include "daemon/recorded/take_frames.h"
-#include "recon/compact_frame.h"
-#include "recon/texture.h"
+#include "recon/pipeline/compact_frame.h"
+#include "recon/texture/texture.h"
 
 namespace v3d {
 

@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "daemon/recorded/frame_range.h"
-#include "recon/compact_frame.h"
+#include "recon/pipeline/compact_frame.h"
 #include "take/mesh_file.h"
 #include "take/take.h"
 

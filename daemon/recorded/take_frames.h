@@ -9,7 +9,7 @@
 
 #include "base/camera_model.h"
 #include "daemon/recorded/segmented_log.h"
-#include "recon/reconstructor.h"
+#include "recon/pipeline/reconstructor.h"
 #include "take/take.h"
 
 namespace v3d {

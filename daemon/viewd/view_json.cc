@@ -51,9 +51,9 @@ void append(std::string& message, const CameraColours& view) {
   message.resize(sights + (view.vertices.size() + 3) / 4);
   for (size_t v = 0; v < view.vertices.size(); ++v) {
     const auto& [r, g, b, seen] = view.vertices[v];
-    const auto sight = static_cast<Sight>(seen);
-    if (sight == Sight::kNone) continue;
-    const unsigned bits = sight == Sight::kFull ? 2 : 1;
+    const auto sight = static_cast<Visibility>(seen);
+    if (sight == Visibility::kNone) continue;
+    const unsigned bits = sight == Visibility::kFull ? 2 : 1;
     message[sights + v / 4] |= static_cast<char>(bits << (2 * (v % 4)));
     message += {static_cast<char>(r), static_cast<char>(g), static_cast<char>(b)};
   }

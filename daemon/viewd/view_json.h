@@ -12,7 +12,7 @@
 
 #include "base/camera_model.h"
 #include "base/studio_file.h"
-#include "recon/camera_colours.h"
+#include "recon/texture/camera_colours.h"
 #include "wire/messages.h"
 
 namespace v3d {
@@ -31,8 +31,8 @@ std::string mesh_message(const MeshMessage& mesh, int64_t number);
 
 /// {"pulse", "vertices", "cameras": [{"name", "axis" (unit vector of where it looks, world)}]};
 /// then of each camera how it sees the vertices, two bits each, the first lowest in its byte (0:
-/// not, 1: Sight::kRim, 2: Sight::kFull), and then red, green and blue of those that it sees.
-/// Requires that `rig` has the cameras.
+/// not, 1: Visibility::kRim, 2: Visibility::kFull), and then red, green and blue of those that it
+/// sees. Requires that `rig` has the cameras.
 std::string vertex_views_message(int64_t pulse, int64_t vertices,
                                  const std::vector<CameraColours>& views, const Rig& rig);
 

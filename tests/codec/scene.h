@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "codec/frame_codec.h"
-#include "recon/marching_cubes.h"
+#include "recon/hull/marching_cubes.h"
 #include "tests/recon/volumes.h"
 
 namespace v3d {

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <numbers>
 
-#include "recon/silhouette.h"
+#include "recon/render/renderer.h"
 #include "support/child_process.h"
 #include "tests/recon/shapes.h"
 

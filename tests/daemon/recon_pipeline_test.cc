@@ -45,15 +45,15 @@ class ReconPipelineOnBus : public testing::Test {
     message.seq = numbers_.next(pulse);
     bus_.publish_frame(pulse, frame_channel("cam01"), encode(message));
   }
-  static void name_pulse(SetAtWork& work) { work.result.pulse = work.set.pulse; }
-  static void write_pulse(SetAtWork& work) {
+  static void name_pulse(FrameSetJob& work) { work.result.pulse = work.set.pulse; }
+  static void write_pulse(FrameSetJob& work) {
     work.result.compact.assign(3, static_cast<uint8_t>(work.result.pulse));
   }
 
   /// Every pulse waits for `go` in the first stage.
   void begin_held(std::counting_semaphore<>& go) {
     begin({.make_mesh =
-               [&go](SetAtWork& work) {
+               [&go](FrameSetJob& work) {
                  go.acquire();
                  name_pulse(work);
                },
@@ -70,7 +70,7 @@ class ReconPipelineOnBus : public testing::Test {
 };
 
 TEST_F(ReconPipelineOnBus, counts_a_pulse_that_a_stage_refuses_and_goes_on) {
-  begin({.make_mesh = name_pulse, .encode = [](SetAtWork& work) {
+  begin({.make_mesh = name_pulse, .encode = [](FrameSetJob& work) {
            if (work.result.pulse == 3) throw InputError("the surface is too large");
            write_pulse(work);
          }});
@@ -89,7 +89,7 @@ TEST_F(ReconPipelineOnBus, rehearses_first_and_leaves_no_trace_of_it) {
   std::vector<int64_t> encoded;
   begin({.make_mesh = name_pulse,
          .encode =
-             [&](SetAtWork& work) {
+             [&](FrameSetJob& work) {
                encoded.push_back(work.set.pulse);
                write_pulse(work);
              },

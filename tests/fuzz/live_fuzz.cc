@@ -2,7 +2,7 @@
 // no more sets wait than may, each comes out once and in order, and losses are counted.
 #include "daemon/sequence.h"
 #include "fuzz_input.h"
-#include "recon/frame_set.h"
+#include "recon/pipeline/frame_set.h"
 
 namespace {
 

@@ -8,7 +8,7 @@
 
 #include "base/camera_model.h"
 #include "base/mask.h"
-#include "recon/intersect.h"
+#include "recon/hull/intersect.h"
 #include "tests/recon/volumes.h"
 
 namespace v3d {
@@ -78,7 +78,7 @@ inline Mask random_mask(ImageSize size) {
   return mask;
 }
 
-/// The definition in recon/intersect.h, voxel by voxel.
+/// The definition in recon/hull/intersect.h, voxel by voxel.
 inline SparseVolume intersect_brute_force(const VoxelGrid& grid,
                                           const std::vector<CameraModel>& cameras,
                                           const std::vector<const Mask*>& masks, int min_views) {

@@ -4,7 +4,7 @@
 #include <utility>
 #include <vector>
 
-#include "recon/sparse_volume.h"
+#include "recon/hull/sparse_volume.h"
 
 namespace v3d {
 

@@ -11,7 +11,7 @@
 #include <random>
 
 #include "daemon/bus.h"
-#include "recon/compact_frame.h"
+#include "recon/pipeline/compact_frame.h"
 #include "studio4.h"
 #include "support/child_process.h"
 #include "take/frame_log.h"

@@ -5,7 +5,7 @@
 #include <csignal>
 #include <nlohmann/json.hpp>
 
-#include "recon/compact_frame.h"
+#include "recon/pipeline/compact_frame.h"
 #include "sim/exposure_record.h"
 #include "studio4.h"
 #include "take/join_parts.h"

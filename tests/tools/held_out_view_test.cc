@@ -5,9 +5,8 @@
 #include <cmath>
 
 #include "base/demosaic.h"
-#include "recon/renderer.h"
+#include "recon/render/renderer.h"
 #include "recon/shapes.h"
-#include "recon/silhouette.h"
 
 namespace v3d::ctl {
 namespace {

@@ -75,8 +75,8 @@ TEST(Deform, takes_any_of_its_numbers_in_any_order) {
   EXPECT_EQ(o.views, 4);
   EXPECT_EQ(o.silhouette, 0);
   EXPECT_EQ(o.photometric, 0.4);
-  EXPECT_FALSE(o.hollows);
-  EXPECT_TRUE(parse_deform("hollows=1").hollows);
+  EXPECT_FALSE(o.carve_concavities);
+  EXPECT_TRUE(parse_deform("hollows=1").carve_concavities);
   EXPECT_EQ(parse_deform("").mode, DeformMode::kSearch);
 }
 

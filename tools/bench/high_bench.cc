@@ -2,8 +2,8 @@
 #include <tbb/task_arena.h>
 
 #include "rates.h"
-#include "recon/deform.h"
-#include "recon/marching_cubes.h"
+#include "recon/hull/marching_cubes.h"
+#include "recon/surface/deform.h"
 #include "workload.h"
 
 namespace v3d::bench {

@@ -8,7 +8,7 @@
 #include "base/statistics.h"
 #include "base/time.h"
 #include "rates.h"
-#include "recon/frame_pipeline.h"
+#include "recon/pipeline/frame_pipeline.h"
 #include "workload.h"
 
 namespace v3d::bench {
@@ -18,7 +18,7 @@ namespace {
 /// reconstruct` run them.
 struct Pulse {
   MonotonicInstant taken;
-  SetAtWork work;
+  FrameSetJob work;
 };
 
 class Chain {

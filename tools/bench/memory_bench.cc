@@ -2,7 +2,7 @@
 #include <string>
 
 #include "rates.h"
-#include "recon/marching_cubes.h"
+#include "recon/hull/marching_cubes.h"
 #include "workload.h"
 
 namespace v3d::bench {

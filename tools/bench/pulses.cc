@@ -2,8 +2,8 @@
 
 #include <cmath>
 
-#include "recon/marching_cubes.h"
-#include "recon/texture.h"
+#include "recon/hull/marching_cubes.h"
+#include "recon/texture/texture.h"
 #include "sim/film.h"
 #include "workload.h"
 

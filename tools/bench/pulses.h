@@ -6,7 +6,7 @@
 
 #include "base/mesh.h"
 #include "codec/frame_codec.h"
-#include "recon/sparse_volume.h"
+#include "recon/hull/sparse_volume.h"
 
 namespace v3d::bench {
 

@@ -1,9 +1,9 @@
 #include <tbb/task_arena.h>
 
 #include "rates.h"
-#include "recon/depth_raster.h"
-#include "recon/frame_quality.h"
-#include "recon/texture.h"
+#include "recon/metrics/frame_quality.h"
+#include "recon/texture/texture.h"
+#include "recon/visibility/depth_buffer.h"
 #include "workload.h"
 
 namespace v3d::bench {

@@ -6,7 +6,7 @@
 #include <thread>
 
 #include "rates.h"
-#include "recon/marching_cubes.h"
+#include "recon/hull/marching_cubes.h"
 #include "sim/scene.h"
 #include "workload.h"
 

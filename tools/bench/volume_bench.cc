@@ -1,7 +1,7 @@
 #include <tbb/task_arena.h>
 
 #include "rates.h"
-#include "recon/marching_cubes.h"
+#include "recon/hull/marching_cubes.h"
 #include "workload.h"
 
 namespace v3d::bench {

@@ -7,9 +7,9 @@
 #include "base/camera_model.h"
 #include "base/frame.h"
 #include "capture/segmenter.h"
-#include "recon/compact_frame.h"
-#include "recon/intersect.h"
-#include "recon/reconstructor.h"
+#include "recon/hull/intersect.h"
+#include "recon/pipeline/compact_frame.h"
+#include "recon/pipeline/reconstructor.h"
 
 namespace v3d::bench {
 

@@ -9,7 +9,7 @@
 #include "calibrate/commands.h"
 #include "common/console.h"
 #include "daemon/recorded/take_frames.h"
-#include "recon/box_view.h"
+#include "recon/hull/bounds_mask.h"
 #include "v3dctl/interrupt.h"
 #include "v3dctl/reconstruct.h"
 #include "v3dctl/working_space.h"
@@ -36,7 +36,7 @@ class Silhouettes {
     const int cameras = static_cast<int>(rig.size());
     const Box space =
         ctl::common_view(rig, std::max(ctl::default_min_views(cameras), (cameras + 1) / 2));
-    for (const RigCamera& camera : rig) views_.push_back(view_of(space, camera.model));
+    for (const RigCamera& camera : rig) views_.push_back(bounds_mask(space, camera.model));
     const std::vector<int64_t> pulses = take_.pulses();
     const size_t count = std::min<size_t>(static_cast<size_t>(arguments.instants), pulses.size());
     Progress progress("read silhouettes", static_cast<int64_t>(count));

@@ -43,7 +43,7 @@ void set(DeformOptions& options, const std::string& part) {
   } else if (name == "views") {
     options.views = number_of<int>(value, part);
   } else if (name == "hollows" && (value == "0" || value == "1")) {
-    options.hollows = value == "1";
+    options.carve_concavities = value == "1";
   } else {
     refuse(part);
   }

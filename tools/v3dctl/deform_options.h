@@ -3,7 +3,7 @@
 
 #include <string_view>
 
-#include "recon/deform.h"
+#include "recon/surface/deform.h"
 
 namespace v3d::ctl {
 

@@ -9,9 +9,9 @@
 #include "common/ply_reader.h"
 #include "daemon/recorded/frame_colours.h"
 #include "daemon/recorded/take_frames.h"
-#include "recon/mesh_edges.h"
-#include "recon/self_intersection.h"
-#include "recon/silhouette.h"
+#include "recon/mesh/mesh_edges.h"
+#include "recon/mesh/self_intersection.h"
+#include "recon/render/renderer.h"
 #include "v3dctl/held_out_view.h"
 #include "v3dctl/interrupt.h"
 
@@ -45,16 +45,16 @@ constexpr double SurfaceDistance::*kDistances[] = {
     &SurfaceDistance::f_score_10mm,        &SurfaceDistance::covered_2mm,
     &SurfaceDistance::covered_5mm,         &SurfaceDistance::covered_10mm,
     &SurfaceDistance::normal_error_deg};
-constexpr double SightFigures::*kSightFigures[] = {
-    &SightFigures::truth, &SightFigures::truth_within, &SightFigures::reconstructed,
-    &SightFigures::reconstructed_within};
+constexpr double VisibilityFigures::*kSightFigures[] = {
+    &VisibilityFigures::truth, &VisibilityFigures::truth_within, &VisibilityFigures::reconstructed,
+    &VisibilityFigures::reconstructed_within};
 constexpr double SurfaceChange::*kChanges[] = {
     &SurfaceChange::still,  &SurfaceChange::flicker_p50_mm, &SurfaceChange::flicker_p90_mm,
     &SurfaceChange::moving, &SurfaceChange::moving_p50_mm,  &SurfaceChange::moving_p90_mm};
 
-SightReport mean_of(const std::vector<SightReport>& frames) {
-  SightReport mean;
-  for (const SightReport& frame : frames) {
+VisibilityReport mean_of(const std::vector<VisibilityReport>& frames) {
+  VisibilityReport mean;
+  for (const VisibilityReport& frame : frames) {
     for (size_t n = 0; n < mean.seen_by.size(); ++n) {
       for (const auto figure : kSightFigures) {
         mean.seen_by[n].*figure += frame.seen_by[n].*figure / static_cast<double>(frames.size());
@@ -77,7 +77,7 @@ class TruthMeter {
   void add(KnownFrame now) {
     distances_.push_back(compare_surfaces(now.mesh, now.truth));
     crossings_.push_back(static_cast<double>(self_intersections(now.mesh).size()));
-    sights_.push_back(compare_by_sight(now.mesh, now.truth, now.cameras, kSightLimitM));
+    sights_.push_back(compare_by_visibility(now.mesh, now.truth, now.cameras, kSightLimitM));
     if (before_ && before_->frame + 1 == now.frame) {
       changes_.push_back(
           compare_in_time({&before_->mesh, &before_->truth}, {&now.mesh, &now.truth}));
@@ -103,7 +103,7 @@ class TruthMeter {
   std::optional<KnownFrame> before_;
   std::vector<SurfaceDistance> distances_;
   std::vector<double> crossings_;
-  std::vector<SightReport> sights_;
+  std::vector<VisibilityReport> sights_;
   std::vector<SurfaceChange> changes_;
 };
 

@@ -8,8 +8,8 @@
 #include <vector>
 
 #include "daemon/recorded/mesh_frames.h"
-#include "recon/evaluation.h"
-#include "recon/sight.h"
+#include "recon/metrics/evaluation.h"
+#include "recon/metrics/visibility_report.h"
 
 namespace v3d::ctl {
 
@@ -30,7 +30,7 @@ struct TruthReport {
   SurfaceDistance distance;
   double least_covered_10mm = 0;  ///< in the worst frame
   double self_intersections = 0;  ///< pairs of triangles
-  SightReport sight;              ///< by the cameras that took part, within kSightLimitM; means
+  VisibilityReport sight;         ///< by the cameras that took part, within kSightLimitM; means
   int64_t in_a_row = 0;           ///< frames with a truth whose pulse before has one too
   SurfaceChange change;           ///< medians over these
 };

@@ -24,11 +24,11 @@ struct Arguments {
   bool json = false;
 };
 
-Json to_json(const SightReport& sight) {
+Json to_json(const VisibilityReport& sight) {
   Json json;
   constexpr const char* kCameras[] = {"none", "one", "two", "more"};
   for (size_t n = 0; n < sight.seen_by.size(); ++n) {
-    const SightFigures& f = sight.seen_by[n];
+    const VisibilityFigures& f = sight.seen_by[n];
     json[kCameras[n]] = {{"truth", f.truth},
                          {"truth_within_5mm", f.truth_within},
                          {"reconstructed", f.reconstructed},

@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
-#include "recon/evaluation.h"
-#include "recon/renderer.h"
+#include "recon/metrics/evaluation.h"
+#include "recon/render/renderer.h"
 
 namespace v3d::ctl {
 namespace {

@@ -1,8 +1,8 @@
 #include "v3dctl/held_out_view.h"
 
 #include "base/demosaic.h"
-#include "recon/colour_mask.h"
-#include "recon/renderer.h"
+#include "recon/render/renderer.h"
+#include "recon/texture/colour_mask.h"
 
 namespace v3d::ctl {
 namespace {

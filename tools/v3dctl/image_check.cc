@@ -11,8 +11,8 @@
 #include "base/units.h"
 #include "common/console.h"
 #include "daemon/recorded/take_frames.h"
-#include "recon/box_view.h"
-#include "recon/hull_of_others.h"
+#include "recon/hull/bounds_mask.h"
+#include "recon/silhouettes/leave_one_out_hull.h"
 #include "v3dctl/interrupt.h"
 #include "v3dctl/options.h"
 #include "v3dctl/reconstruct.h"
@@ -43,7 +43,7 @@ class ImageCheck {
         middles_(spread(take_.pulses(), request)),
         progress_("check images", std::ssize(middles_)) {
     tbb::parallel_for(size_t{0}, views_.size(),
-                      [&](size_t i) { views_[i] = view_of(bounds_, take_.rig()[i].model); });
+                      [&](size_t i) { views_[i] = bounds_mask(bounds_, take_.rig()[i].model); });
   }
 
   ImageCheckResult run() {
@@ -59,7 +59,7 @@ class ImageCheck {
  private:
   void add(const std::vector<MaskWindow>& windows) {
     std::vector<const Mask*> masks;
-    for (const MaskWindow& window : windows) masks.push_back(window[kMostPulsesOff]);
+    for (const MaskWindow& window : windows) masks.push_back(window[kMaxPulsesOff]);
     const std::vector<Mask> expected = hulls_.silhouettes_of_each(masks);
     synchronism_.add(windows, expected);
     drift_.add(masks, expected);
@@ -77,7 +77,7 @@ class ImageCheck {
   /// Pulses with neighbours on both sides.
   static std::vector<int64_t> spread(const std::vector<int64_t>& all,
                                      const ImageCheckRequest& request) {
-    const int64_t usable = std::ssize(all) - 2 * kMostPulsesOff;
+    const int64_t usable = std::ssize(all) - 2 * kMaxPulsesOff;
     if (usable < 1) {
       throw InputError(request.take.string() + ": too few pulses to compare cameras; at least " +
                        std::to_string(kShifts) + " are needed");
@@ -85,16 +85,16 @@ class ImageCheck {
     const int64_t wanted = std::min<int64_t>(request.pulses, usable);
     std::vector<int64_t> middles;
     for (int64_t i = 0; i < wanted; ++i) {
-      middles.push_back(all[static_cast<size_t>(kMostPulsesOff + i * usable / wanted)]);
+      middles.push_back(all[static_cast<size_t>(kMaxPulsesOff + i * usable / wanted)]);
     }
     return middles;
   }
 
   /// Reads on from where the window was: going on is cheap.
   void slide_to(int64_t middle) {
-    while (!window_.empty() && window_.front().pulse < middle - kMostPulsesOff) window_.pop_front();
-    int64_t next = window_.empty() ? middle - kMostPulsesOff : window_.back().pulse + 1;
-    for (; next <= middle + kMostPulsesOff; ++next) window_.push_back(read(next));
+    while (!window_.empty() && window_.front().pulse < middle - kMaxPulsesOff) window_.pop_front();
+    int64_t next = window_.empty() ? middle - kMaxPulsesOff : window_.back().pulse + 1;
+    for (; next <= middle + kMaxPulsesOff; ++next) window_.push_back(read(next));
   }
 
   Silhouettes read(int64_t pulse) {
@@ -121,24 +121,24 @@ class ImageCheck {
 
   TakeFrames take_;
   const Box bounds_;
-  HullOfOthers hulls_;
-  SynchronismMeter synchronism_;
-  DriftMeter drift_;
+  LeaveOneOutHull hulls_;
+  SyncCheck synchronism_;
+  DisplacementMeter drift_;
   std::vector<Mask> views_;
   const std::vector<int64_t> middles_;
   std::deque<Silhouettes> window_;
   Progress progress_;
 };
 
-std::string text_of(const CameraSynchronism& camera) {
+std::string text_of(const CameraSync& camera) {
   const int late = camera.pulses_late();
-  const int best = kMostPulsesOff + late;
+  const int best = kMaxPulsesOff + late;
   char text[200];
   std::snprintf(text, sizeof text,
                 "out of step, %s %s by its images: its silhouettes differ from the hull of the "
                 "others by %.1f %% of their pixels, and by %.1f %% at that pulse",
                 count_of(std::abs(late), "pulse").c_str(), late > 0 ? "late" : "early",
-                100 * camera.disagreement[kMostPulsesOff],
+                100 * camera.disagreement[kMaxPulsesOff],
                 100 * camera.disagreement[static_cast<size_t>(best)]);
   return camera.camera + ": " + text;
 }
@@ -151,13 +151,13 @@ ImageCheckResult check_images(const ImageCheckRequest& request) {
 
 std::vector<std::string> lines_of(const ImageCheckResult& result) {
   std::vector<std::string> lines;
-  for (const CameraSynchronism& camera : result.synchronism) {
+  for (const CameraSync& camera : result.synchronism) {
     if (camera.pulses_late() != 0) lines.push_back(text_of(camera));
   }
   // What is out of step lies aside, too.
   if (!lines.empty()) return lines;
-  for (const CameraDrift& camera : result.drift) {
-    if (!camera.knocked) continue;
+  for (const CameraDisplacement& camera : result.drift) {
+    if (!camera.displaced) continue;
     lines.push_back(camera.camera + ": " + text_of(camera) + "; calibrate it again");
   }
   return lines;

@@ -7,8 +7,8 @@
 #include <vector>
 
 #include "base/studio_file.h"
-#include "recon/drift.h"
-#include "recon/synchronism.h"
+#include "recon/silhouettes/displaced_camera.h"
+#include "recon/silhouettes/frame_lag.h"
 
 namespace v3d::ctl {
 
@@ -20,8 +20,8 @@ struct ImageCheckRequest {
 
 /// Both by camera.
 struct ImageCheckResult {
-  std::vector<CameraSynchronism> synchronism;
-  std::vector<CameraDrift> drift;
+  std::vector<CameraSync> synchronism;
+  std::vector<CameraDisplacement> drift;
 };
 
 /// Throws InputError as the reconstruction does: no calibration, frames with neither a mask nor a

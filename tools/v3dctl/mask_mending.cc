@@ -7,7 +7,7 @@
 #include <map>
 
 #include "base/mask_shape.h"
-#include "recon/box_view.h"
+#include "recon/hull/bounds_mask.h"
 #include "v3dctl/options.h"
 
 namespace v3d::ctl {
@@ -42,7 +42,7 @@ MaskMending::MaskMending(const Rig& rig, const ReconstructOptions& options)
       mender_(rig, options.bounds, voxel_for(options), options.min_views),
       views_(rig.size()) {
   tbb::parallel_for(size_t{0}, rig.size(),
-                    [&](size_t i) { views_[i] = view_of(options.bounds, rig_[i].model); });
+                    [&](size_t i) { views_[i] = bounds_mask(options.bounds, rig_[i].model); });
 }
 
 /// Their masks, empty outside the view of the bounds; null where there is none that can be used.
@@ -56,12 +56,12 @@ std::vector<const Mask*> MaskMending::cut(SegmentedFrames& frames) const {
   return masks;
 }
 
-MendedSilhouettes MaskMending::held_together(const SegmentedFrames& frames,
-                                             std::span<const Mask* const> masks,
-                                             const NeighbourMasks& neighbours) {
+RepairedSilhouettes MaskMending::held_together(const SegmentedFrames& frames,
+                                               std::span<const Mask* const> masks,
+                                               const NeighbourMasks& neighbours) {
   std::vector<const Frame*> images;
   for (size_t c = 0; c < frames.size(); ++c) images.push_back(masks[c] ? &frames[c]->raw : nullptr);
-  return mender_.mend(masks, images, neighbours);
+  return mender_.repair(masks, images, neighbours);
 }
 
 void MaskMending::look_at(int64_t pulse, SegmentedFrames frames) {
@@ -76,7 +76,7 @@ void MaskMending::mend(int64_t pulse, SegmentedFrames& frames, SegmentedFrames& 
   if (knows(pulse - 1)) {
     for (const auto& mask : known_) before.push_back(mask ? &*mask : nullptr);
   }
-  MendedSilhouettes mended = held_together(frames, masks, {.before = before, .after = after});
+  RepairedSilhouettes mended = held_together(frames, masks, {.before = before, .after = after});
   for (const size_t c : mended.shown_later) frames[c]->raw.image = next[c]->raw.image;
   for (size_t c = 0; c < frames.size(); ++c) {
     if (masks[c] == nullptr) continue;

@@ -8,8 +8,8 @@
 #include <vector>
 
 #include "daemon/recorded/segmented_log.h"
-#include "recon/reconstructor.h"
-#include "recon/silhouette_mender.h"
+#include "recon/pipeline/reconstructor.h"
+#include "recon/silhouettes/silhouette_repair.h"
 
 namespace v3d::ctl {
 
@@ -46,11 +46,12 @@ class MaskMending {
 
  private:
   std::vector<const Mask*> cut(SegmentedFrames& frames) const;
-  MendedSilhouettes held_together(const SegmentedFrames& frames, std::span<const Mask* const> masks,
-                                  const NeighbourMasks& neighbours);
+  RepairedSilhouettes held_together(const SegmentedFrames& frames,
+                                    std::span<const Mask* const> masks,
+                                    const NeighbourMasks& neighbours);
 
   const Rig rig_;
-  SilhouetteMender mender_;
+  SilhouetteRepair mender_;
   std::vector<Mask> views_;
   int64_t known_pulse_ = -2;
   std::vector<std::optional<Mask>> known_;  ///< of that pulse, mended by itself

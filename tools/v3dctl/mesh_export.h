@@ -6,8 +6,8 @@
 #include <string_view>
 
 #include "base/mesh.h"
-#include "recon/camera_colours.h"
-#include "recon/vertex_lattice.h"
+#include "recon/mesh/vertex_lattice.h"
+#include "recon/texture/camera_colours.h"
 
 namespace v3d::ctl {
 

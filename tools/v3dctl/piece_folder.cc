@@ -85,7 +85,7 @@ Json deform_to_json(const DeformOptions& deform) {
           {"silhouette", deform.silhouette},
           {"window", deform.window},
           {"views", deform.views},
-          {"hollows", deform.hollows}};
+          {"hollows", deform.carve_concavities}};
 }
 
 DeformOptions deform_of(const Json& json) {
@@ -96,7 +96,7 @@ DeformOptions deform_of(const Json& json) {
   deform.silhouette = json.at("silhouette");
   deform.window = json.at("window");
   deform.views = json.at("views");
-  deform.hollows = json.at("hollows");
+  deform.carve_concavities = json.at("hollows");
   return deform;
 }
 

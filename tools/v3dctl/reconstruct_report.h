@@ -8,8 +8,8 @@
 #include <vector>
 
 #include "base/geometry.h"
-#include "recon/frame_quality.h"
-#include "recon/reconstructor.h"
+#include "recon/metrics/frame_quality.h"
+#include "recon/pipeline/reconstructor.h"
 #include "v3dctl/mask_mending.h"
 
 namespace v3d::ctl {

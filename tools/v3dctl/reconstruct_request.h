@@ -10,8 +10,8 @@
 #include "base/geometry.h"
 #include "base/studio_file.h"
 #include "daemon/recorded/take_frames.h"
-#include "recon/deform.h"
-#include "recon/reconstructor.h"
+#include "recon/pipeline/reconstructor.h"
+#include "recon/surface/deform.h"
 #include "v3dctl/options.h"
 
 namespace v3d::ctl {

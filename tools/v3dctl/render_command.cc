@@ -10,7 +10,7 @@
 #include "daemon/recorded/frame_colours.h"
 #include "daemon/recorded/mesh_frames.h"
 #include "daemon/recorded/take_frames.h"
-#include "recon/renderer.h"
+#include "recon/render/renderer.h"
 #include "v3dctl/command.h"
 #include "v3dctl/interrupt.h"
 #include "v3dctl/options.h"

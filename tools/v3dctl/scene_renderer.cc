@@ -7,7 +7,7 @@
 #include "base/error.h"
 #include "base/picture.h"
 #include "daemon/recorded/frame_colours.h"
-#include "recon/renderer.h"
+#include "recon/render/renderer.h"
 
 namespace v3d::ctl {
 namespace {

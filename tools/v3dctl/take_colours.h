@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "daemon/recorded/take_frames.h"
-#include "recon/compact_frame.h"
+#include "recon/pipeline/compact_frame.h"
 #include "v3dctl/mesh_export.h"
 
 namespace v3d::ctl {

@@ -10,9 +10,9 @@
 
 #include "base/error.h"
 #include "base/mask_shape.h"
-#include "recon/box_view.h"
-#include "recon/frame_pipeline.h"
-#include "recon/silhouette.h"
+#include "recon/hull/bounds_mask.h"
+#include "recon/pipeline/frame_pipeline.h"
+#include "recon/render/renderer.h"
 #include "v3dctl/interrupt.h"
 #include "v3dctl/take_surfaces.h"
 
@@ -26,7 +26,7 @@ class SilhouetteMeter {
   SilhouetteMeter(const Rig& rig, const Box& bounds) : views_(rig.size()) {
     for (const RigCamera& camera : rig) models_.push_back(camera.model);
     tbb::parallel_for(size_t{0}, rig.size(),
-                      [&](size_t i) { views_[i] = view_of(bounds, models_[i]); });
+                      [&](size_t i) { views_[i] = bounds_mask(bounds, models_[i]); });
   }
 
   void measure(const Mesh& mesh, const std::vector<std::optional<SegmentedFrame>>& frames,
@@ -49,8 +49,8 @@ class SilhouetteMeter {
 };
 
 void add_stage_times(const StageTimes& times, double segment, ReconstructReport& report) {
-  const double parts[] = {segment,      times.intersect, times.mesh,   times.deform,
-                          times.steady, times.texture,   times.encode, times.quality};
+  const double parts[] = {segment,         times.intersect, times.mesh,   times.deform,
+                          times.smoothing, times.texture,   times.encode, times.quality};
   double total = 0;
   for (size_t stage = 0; stage < std::size(parts); ++stage) {
     if (parts[stage] < 0) continue;

@@ -29,7 +29,7 @@ TakeSurface TakeSurfaces::make(int64_t pulse) {
   for (int64_t p = pulse - 1; p <= pulse + 1; ++p) deform(p);
   Raw& now = window_.at(pulse);
   TakeSurface made = std::move(now.surface);
-  reconstructor_.steady(made.work, now.moment, beside(pulse));
+  reconstructor_.smooth_over_time(made.work, now.moment, beside(pulse));
   return made;
 }
 
@@ -39,7 +39,7 @@ TakeSurface TakeSurfaces::read(int64_t pulse) {
   if (mending_ != nullptr) look_at_before(pulse);
   made.frames = pulse == ahead_pulse_ ? std::move(ahead_) : take_.read(pulse);
   if (mending_ != nullptr) mend(pulse, made.frames);
-  made.work = SetAtWork(observe_all(pulse, made.frames));
+  made.work = FrameSetJob(observe_all(pulse, made.frames));
   made.work.set.exposure = take_.edge_of(pulse);
   made.segment_ms = 1000 * to_seconds(Monotonic::now() - begin);
   return made;
@@ -66,7 +66,7 @@ void TakeSurfaces::look_at(int64_t pulse) {
   if (!has(pulse) || window_.contains(pulse)) return;
   TakeSurface surface = read(pulse);
   reconstructor_.make_hull(surface.work);
-  Moment moment = reconstructor_.look(surface.work);
+  PulseViews moment = reconstructor_.make_views(surface.work);
   window_.emplace(pulse, Raw{std::move(surface), std::move(moment)});
 }
 
@@ -80,8 +80,8 @@ void TakeSurfaces::deform(int64_t pulse) {
 }
 
 /// Of the pulses before and after, as far as the take has them.
-std::vector<const Moment*> TakeSurfaces::beside(int64_t pulse) const {
-  std::vector<const Moment*> beside;
+std::vector<const PulseViews*> TakeSurfaces::beside(int64_t pulse) const {
+  std::vector<const PulseViews*> beside;
   for (const int64_t p : {pulse - 1, pulse + 1}) {
     if (const auto found = window_.find(p); found != window_.end()) {
       beside.push_back(&found->second.moment);

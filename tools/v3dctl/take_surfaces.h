@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "daemon/recorded/take_frames.h"
-#include "recon/reconstructor.h"
+#include "recon/pipeline/reconstructor.h"
 #include "v3dctl/mask_mending.h"
 
 namespace v3d::ctl {
@@ -15,7 +15,7 @@ namespace v3d::ctl {
 struct TakeSurface {
   SegmentedFrames frames;
   double segment_ms = 0;
-  SetAtWork work;
+  FrameSetJob work;
 };
 
 /// A surface is held against those one pulse to each side, which were carved with what was seen one
@@ -35,7 +35,7 @@ class TakeSurfaces {
   /// A surface before it is held against others, and what it is held against.
   struct Raw {
     TakeSurface surface;  ///< a hull at first; until it is given away
-    Moment moment;
+    PulseViews moment;
     bool deformed = false;
   };
   bool has(int64_t pulse) const;
@@ -44,7 +44,7 @@ class TakeSurfaces {
   void mend(int64_t pulse, SegmentedFrames& frames);
   void look_at(int64_t pulse);
   void deform(int64_t pulse);
-  std::vector<const Moment*> beside(int64_t pulse) const;
+  std::vector<const PulseViews*> beside(int64_t pulse) const;
 
   TakeFrames& take_;
   Reconstructor& reconstructor_;

@@ -30,13 +30,13 @@ struct Arguments {
 Json images_json(const ImageCheckResult& result) {
   Json list = Json::array();
   for (size_t i = 0; i < result.synchronism.size(); ++i) {
-    const CameraSynchronism& camera = result.synchronism[i];
-    const CameraDrift& drift = result.drift[i];
+    const CameraSync& camera = result.synchronism[i];
+    const CameraDisplacement& drift = result.drift[i];
     list.push_back({{"name", camera.camera},
                     {"pulses_late", camera.pulses_late()},
                     {"frames", camera.frames},
                     {"disagreement", camera.disagreement},
-                    {"knocked", drift.knocked},
+                    {"knocked", drift.displaced},
                     {"shift_px", {drift.shift.x(), drift.shift.y()}}});
   }
   return list;

@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "base/mesh.h"
-#include "recon/vertex_lattice.h"
+#include "recon/mesh/vertex_lattice.h"
 
 namespace v3d::ctl {
 

@@ -13,8 +13,8 @@
 #include "capture/segment_options.h"
 #include "daemon/recorded/take_frames.h"
 #include "mask_noise/damage.h"
-#include "recon/box_view.h"
-#include "recon/hull_of_others.h"
+#include "recon/hull/bounds_mask.h"
+#include "recon/silhouettes/leave_one_out_hull.h"
 #include "v3dctl/left_out.h"
 #include "v3dctl/mask_mending.h"
 #include "v3dctl/options.h"
@@ -56,7 +56,7 @@ class Recording {
         frames_(take_.read(arguments.pulse)) {
     for (size_t c = 0; c < frames_.size(); ++c) {
       if (!frames_[c]) throw InputError("this pulse lacks " + take_.rig()[c].name);
-      truth_.push_back(both(frames_[c]->mask, view_of(options_.bounds, take_.rig()[c].model)));
+      truth_.push_back(both(frames_[c]->mask, bounds_mask(options_.bounds, take_.rig()[c].model)));
     }
     whole_ = hulls_.volume(pointers_to(truth_));
   }
@@ -123,7 +123,7 @@ class Recording {
 
   TakeFrames take_;
   const ReconstructOptions options_;
-  HullOfOthers hulls_;
+  LeaveOneOutHull hulls_;
   ctl::SegmentedFrames frames_;
   Masks truth_;
   SparseVolume whole_;

@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <cstdio>
 
-#include "recon/drift.h"
-#include "recon/hull_of_others.h"
+#include "recon/silhouettes/displaced_camera.h"
+#include "recon/silhouettes/leave_one_out_hull.h"
 #include "sim/scene.h"
 #include "workload.h"
 
@@ -33,10 +33,10 @@ Mask moved(const Mask& mask, const Aside& aside) {
   return result;
 }
 
-std::vector<CameraDrift> drift_in(uint64_t seed, const Aside& aside) {
+std::vector<CameraDisplacement> drift_in(uint64_t seed, const Aside& aside) {
   const Rig cameras = sim::make_rig(kCameras, kSize, seed);
-  HullOfOthers hulls(cameras, space(), kVoxel, kMinViews);
-  DriftMeter meter(cameras);
+  LeaveOneOutHull hulls(cameras, space(), kVoxel, kMinViews);
+  DisplacementMeter meter(cameras);
   for (int pulse = 0; pulse < kPulses; ++pulse) {
     std::vector<Mask> masks;
     for (const RigCamera& camera : cameras) {
@@ -49,12 +49,12 @@ std::vector<CameraDrift> drift_in(uint64_t seed, const Aside& aside) {
   return meter.result(hulls);
 }
 
-void print(uint64_t seed, const Aside& aside, const std::vector<CameraDrift>& cameras) {
+void print(uint64_t seed, const Aside& aside, const std::vector<CameraDisplacement>& cameras) {
   std::printf("seed %llu:", static_cast<unsigned long long>(seed));
   for (size_t c = 0; c < cameras.size(); ++c) {
     const bool is_aside = static_cast<int>(c) == aside.camera;
     std::printf(" %s%.2f%s", is_aside ? "aside:" : "", cameras[c].shift.norm(),
-                cameras[c].knocked ? "!" : "");
+                cameras[c].displaced ? "!" : "");
   }
   std::printf("\n");
 }
@@ -63,8 +63,8 @@ void try_clean(uint64_t seed, bool list, DriftScore& score) {
   const auto cameras = drift_in(seed, {});
   if (list) print(seed, {}, cameras);
   ++score.clean_studios;
-  for (const CameraDrift& camera : cameras) {
-    score.false_alarms += camera.knocked;
+  for (const CameraDisplacement& camera : cameras) {
+    score.false_alarms += camera.displaced;
     score.largest_clean_px = std::max(score.largest_clean_px, camera.shift.norm());
   }
 }
@@ -74,7 +74,7 @@ void try_knocked(uint64_t seed, const Aside& aside, bool list, DriftScore& score
   if (list) print(seed, aside, cameras);
   for (size_t c = 0; c < cameras.size(); ++c) {
     int& count = static_cast<int>(c) == aside.camera ? score.named : score.others_named;
-    count += cameras[c].knocked;
+    count += cameras[c].displaced;
   }
   const double px = cameras[aside.camera].shift.norm();
   score.least_px = score.knocked_studios == 0 ? px : std::min(score.least_px, px);

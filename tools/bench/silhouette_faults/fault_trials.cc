@@ -8,7 +8,7 @@
 #include <set>
 
 #include "base/mask_shape.h"
-#include "recon/silhouette_mender.h"
+#include "recon/silhouettes/silhouette_repair.h"
 #include "sim/film.h"
 #include "workload.h"
 
@@ -186,7 +186,7 @@ class Trials {
 
   void judge(const Instant& instant, const Shown& shown, std::optional<size_t> spoilt,
              FaultScore& score) {
-    const MendedSilhouettes mended = mender_.mend(
+    const RepairedSilhouettes mended = mender_.repair(
         pointers_to(shown.masks[kNow]), shown.frames,
         {.before = pointers_to(shown.masks[kBefore]), .after = pointers_to(shown.masks[kAfter])});
     std::vector<const Mask*> after;
@@ -230,7 +230,7 @@ class Trials {
   const Rig rig_;
   sim::Film film_;
   std::mt19937 random_;
-  SilhouetteMender mender_;
+  SilhouetteRepair mender_;
   Intersector intersector_;
 };
 

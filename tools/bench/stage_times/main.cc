@@ -21,11 +21,11 @@
 #include "base/statistics.h"
 #include "base/units.h"
 #include "capture/segmenter.h"
-#include "recon/compact_frame.h"
-#include "recon/frame_quality.h"
-#include "recon/intersect.h"
-#include "recon/marching_cubes.h"
-#include "recon/reconstructor.h"
+#include "recon/hull/intersect.h"
+#include "recon/hull/marching_cubes.h"
+#include "recon/metrics/frame_quality.h"
+#include "recon/pipeline/compact_frame.h"
+#include "recon/pipeline/reconstructor.h"
 #include "take/frame_log.h"
 #include "take/take.h"
 
@@ -117,7 +117,7 @@ class Chain {
 
   Times run(const std::vector<Frame>& raw) {
     Times times{};
-    SetAtWork work;
+    FrameSetJob work;
     observe_all(raw, work.set, times);
     std::vector<const Mask*> masks;
     for (const Frame& frame : work.set.frames) {
@@ -157,7 +157,7 @@ class Chain {
   }
 
   /// As the reconstruction does, whatever pulse it was: one sequence.
-  void encode(SetAtWork& work) {
+  void encode(FrameSetJob& work) {
     Mesh& mesh = work.result.mesh;
     const BrickVolume volume = work.volume.view();
     const std::vector<VertexColour> colours = vertex_colours(mesh.colours);
@@ -174,7 +174,7 @@ class Chain {
     mesh.colours = rgb_colours(encoder_.decoded_colours());
   }
 
-  static Work work_of(const SetAtWork& work) {
+  static Work work_of(const FrameSetJob& work) {
     Work done;
     done.vertices = static_cast<double>(work.result.mesh.vertices.size());
     done.triangles = static_cast<double>(work.result.mesh.triangles.size());

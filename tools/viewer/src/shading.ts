@@ -10,7 +10,7 @@ export type Look = (typeof LOOKS)[number];
 /** Whether the look wants to know what each camera sees. */
 export const wantsViews = (look: Look) => look === 'view' || look === 'confidence';
 
-/** m of equation (7): the paper's value, and recon/texture.h's. */
+/** m of equation (7): the paper's value, and recon/texture/texture.h's. */
 const SHARPNESS = 10;
 /** Cameras agree on a colour that is so near their mean: a distance in red, green and blue from 0 to 1. */
 export const AGREEING = 0.15;

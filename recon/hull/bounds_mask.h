@@ -1,0 +1,15 @@
+// The part of an image that can show the reconstructed space.
+#pragma once
+
+#include "base/camera_model.h"
+#include "base/geometry.h"
+#include "base/mask.h"
+
+namespace v3d {
+
+/// The pixels whose rays meet `box` (world, metres), in blocks of 4 x 4 pixels: a block is set when
+/// the ray of one of its corners meets the box. The mask exceeds the exact outline by at most half
+/// a block.
+Mask bounds_mask(const Box& box, const CameraModel& camera);
+
+}  // namespace v3d

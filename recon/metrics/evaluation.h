@@ -1,0 +1,75 @@
+// Errors of a reconstruction: distances between surfaces, and similarity of images.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "base/image.h"
+#include "base/mask.h"
+#include "base/mesh.h"
+
+namespace v3d {
+
+struct SurfaceDistance {
+  double accuracy_p50_mm = 0, accuracy_p90_mm = 0;  ///< from the reconstruction to the truth
+  double completeness_p50_mm = 0,
+         completeness_p90_mm = 0;  ///< from the truth to the reconstruction
+  /// Harmonic mean of the parts of both surfaces within the distance of the other one, 0 to 1.
+  double f_score_2mm = 0, f_score_5mm = 0, f_score_10mm = 0;
+  /// Parts of the true surface within the distance of the reconstruction.
+  double covered_2mm = 0, covered_5mm = 0, covered_10mm = 0;
+  /// Mean angle between the normals of the reconstruction and of the nearest true points.
+  double normal_error_deg = 0;
+};
+
+struct SurfaceDistanceOptions {
+  int samples = 50'000;  ///< on each surface, distributed evenly by area
+  uint64_t seed = 1;
+};
+
+/// Distances from sampled points to the nearest triangle, exact. Normals are interpolated from the
+/// vertices, so that the steps of a lattice mesh do not count as errors. Meshes in metres.
+/// Deterministic: independent of thread count.
+///
+/// A mesh without area has infinite distances, f-score 0 and angle 180; if both have none, 0, 1 and
+/// 0.
+SurfaceDistance compare_surfaces(const Mesh& reconstructed, const Mesh& truth,
+                                 const SurfaceDistanceOptions& options = {});
+
+/// Flicker and error of the reconstructions of two successive pulses. Flicker is measured where the
+/// true surface stood still (within 0.2 mm, along the shortest distance), the error where it moved
+/// (1 mm or more), so that smoothing cannot improve one at the cost of the other unnoticed.
+struct SurfaceChange {
+  double still = 0;  ///< part of the later reconstruction where the truth stood still
+  /// Distance from there to the earlier reconstruction, millimetres; 0 where nothing stood still.
+  double flicker_p50_mm = 0, flicker_p90_mm = 0;
+  double moving = 0;  ///< part where the truth moved
+  /// Distance from there to the truth, millimetres; 0 where nothing moved.
+  double moving_p50_mm = 0, moving_p90_mm = 0;
+};
+
+/// A reconstruction and the true surface at one pulse, both borrowed.
+struct MeshAndTruth {
+  const Mesh* mesh;
+  const Mesh* truth;
+};
+
+/// Points and distances as in compare_surfaces(). All 0 when one of the four meshes has no area.
+SurfaceChange compare_in_time(const MeshAndTruth& before, const MeshAndTruth& now,
+                              const SurfaceDistanceOptions& options = {});
+
+/// Distance from each vertex of `mesh` to the nearest point of `truth`, millimetres; infinite when
+/// `truth` has no triangles.
+std::vector<double> vertex_distances_mm(const Mesh& mesh, const Mesh& truth);
+
+/// Peak signal-to-noise ratio over the three channels of the pixels in `where`, decibels; infinite
+/// for equal pixels and for an empty mask. Requires RGB8 images of the size of the mask.
+double psnr_db(ImageView a, ImageView b, const Mask& where);
+
+/// Mean structural similarity of the luma over the pixels in `where`, at most 1; 1 for an empty
+/// mask. Gaussian window of 11 pixels, sigma 1.5, K1 = 0.01, K2 = 0.03; at an image border the
+/// window is cut and its weights are normalised. Requires RGB8 images of the size of the mask.
+/// Source: Wang, Bovik, Sheikh and Simoncelli, 2004.
+double ssim(ImageView a, ImageView b, const Mask& where);
+
+}  // namespace v3d

@@ -1,0 +1,55 @@
+#include "recon/pipeline/compact_frame.h"
+
+#include <algorithm>
+
+namespace v3d {
+
+std::vector<VertexColour> vertex_colours(std::span<const Rgb8> colours) {
+  std::vector<VertexColour> coded(colours.size());
+  std::transform(colours.begin(), colours.end(), coded.begin(), [](Rgb8 c) {
+    return VertexColour{c.r, c.g, c.b};
+  });
+  return coded;
+}
+
+std::vector<Rgb8> rgb_colours(std::span<const VertexColour> colours) {
+  std::vector<Rgb8> shown(colours.size());
+  std::transform(colours.begin(), colours.end(), shown.begin(), [](const VertexColour& c) {
+    return Rgb8{c[0], c[1], c[2]};
+  });
+  return shown;
+}
+
+std::vector<VertexPosition> vertex_positions(std::span<const Eigen::Vector3f> vertices) {
+  std::vector<VertexPosition> positions(vertices.size());
+  std::transform(vertices.begin(), vertices.end(), positions.begin(), [](const Eigen::Vector3f& v) {
+    return VertexPosition{v.x(), v.y(), v.z()};
+  });
+  return positions;
+}
+
+CompactFrame CompactDecoder::frame() const {
+  const DecodedFrame& decoded = decoder_.frame();
+  const FrameFacts& facts = decoded.facts;
+  CompactFrame frame{.pulse = facts.pulse,
+                     .exposure = from_ns<Realtime>(facts.exposure_ns),
+                     .cameras = facts.cameras,
+                     .missing = facts.missing,
+                     .quality = facts.quality,
+                     .lattice = {{facts.origin[0], facts.origin[1], facts.origin[2]}, facts.step},
+                     .mesh = {}};
+  for (const VertexPosition& p : decoded.positions) {
+    frame.mesh.vertices.emplace_back(p[0], p[1], p[2]);
+  }
+  frame.mesh.triangles = decoded.triangles;
+  frame.mesh.colours = rgb_colours(decoded.colours);
+  return frame;
+}
+
+std::optional<CompactFrame> decode_compact(std::span<const uint8_t> bytes) {
+  CompactDecoder decoder;
+  if (decoder.decode(bytes) != DecodeStatus::kOk) return std::nullopt;
+  return decoder.frame();
+}
+
+}  // namespace v3d

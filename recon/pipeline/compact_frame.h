@@ -1,0 +1,49 @@
+// A decoded compact frame: metadata and mesh. Format: codec/frame_codec.h and
+// docs/compact-frame.md.
+#pragma once
+
+#include <cstdint>
+#include <limits>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "base/mesh.h"
+#include "base/time.h"
+#include "codec/frame_codec.h"
+#include "recon/mesh/vertex_lattice.h"
+
+namespace v3d {
+
+struct CompactFrame {
+  int64_t pulse = 0;
+  RealtimeInstant exposure;          ///< start of the exposure: edge of the pulse; 0: unknown
+  std::vector<std::string> cameras;  ///< cameras that took part, ascending
+  int missing = 0;                   ///< number of cameras of the rig that did not take part
+  float quality =
+      std::numeric_limits<float>::quiet_NaN();  ///< 0 to 1, more is better; NaN: unknown
+  VertexLattice lattice;
+  Mesh mesh;
+};
+
+/// Decodes a sequence of frames; the contract is that of FrameDecoder.
+class CompactDecoder {
+ public:
+  DecodeStatus decode(std::span<const uint8_t> bytes) { return decoder_.decode(bytes); }
+  /// The last decoded frame.
+  CompactFrame frame() const;
+
+ private:
+  FrameDecoder decoder_;
+};
+
+/// Decodes one key frame; empty for any other bytes.
+std::optional<CompactFrame> decode_compact(std::span<const uint8_t> bytes);
+
+/// Conversions between the types of meshes and of the codec.
+std::vector<VertexColour> vertex_colours(std::span<const Rgb8> colours);
+std::vector<Rgb8> rgb_colours(std::span<const VertexColour> colours);
+std::vector<VertexPosition> vertex_positions(std::span<const Eigen::Vector3f> vertices);
+
+}  // namespace v3d

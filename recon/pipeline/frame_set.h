@@ -1,0 +1,85 @@
+// Assembles frames of all cameras to one set per pulse. A late camera does not delay the others.
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "base/camera_model.h"
+#include "base/frame.h"
+#include "base/geometry.h"
+#include "base/time.h"
+#include "recon/pipeline/reconstructor.h"
+
+namespace v3d {
+
+struct FrameSetOptions {
+  std::vector<std::string> cameras;                    ///< a set is complete with these
+  Duration deadline = std::chrono::milliseconds(200);  ///< from the first frame of the set
+  int max_open = 16;  ///< incomplete sets at a time; one more releases the oldest
+  /// Largest plausible jump ahead. A frame beyond it is ignored, because it would make all further
+  /// frames late.
+  int64_t max_jump = 15'000;
+  /// Sets up to this pulse were released before a restart in this take.
+  std::optional<int64_t> gone_until{};
+};
+
+struct ReadySet {
+  FrameSet set;                      ///< frames in the order of their cameras' names
+  std::vector<std::string> missing;  ///< cameras that did not deliver, ascending
+};
+
+struct FrameSetCounters {
+  int64_t complete = 0;     ///< sets with every camera
+  int64_t incomplete = 0;   ///< sets released without some cameras
+  int64_t late = 0;         ///< frames of sets that were already released
+  int64_t duplicate = 0;    ///< repeated frames of one camera and pulse; the first is kept
+  int64_t unknown = 0;      ///< frames of unknown cameras
+  int64_t implausible = 0;  ///< frames with a negative pulse, or beyond max_jump
+  friend bool operator==(const FrameSetCounters&, const FrameSetCounters&) = default;
+};
+
+/// Releases sets in the order of their pulses, each once. A pulse without any frame has no set.
+/// `now` is an argument and never decreases. One thread.
+class FrameSetAssembler {
+ public:
+  explicit FrameSetAssembler(FrameSetOptions options);
+
+  /// Adds a frame. Returns the sets that are ready now.
+  std::vector<ReadySet> add(Frame frame, MonotonicInstant now);
+  /// Returns the sets whose deadline has passed.
+  std::vector<ReadySet> poll(MonotonicInstant now);
+  /// Returns all open sets, at the end of a take.
+  std::vector<ReadySet> flush();
+  /// The next deadline; empty without open sets.
+  std::optional<MonotonicInstant> next_deadline() const;
+  /// Drops all open sets and accepts pulses from 0 again; the counters keep their values.
+  void restart();
+
+  const FrameSetCounters& counters() const { return counters_; }
+
+ private:
+  struct OpenSet {
+    MonotonicInstant due;
+    std::map<std::string, Frame> frames;
+  };
+  bool is_complete(const OpenSet& set) const { return set.frames.size() == cameras_; }
+  void accept(Frame&& frame, MonotonicInstant now);
+  void send_oldest(std::vector<ReadySet>& ready);
+
+  FrameSetOptions options_;  ///< cameras sorted, each once
+  size_t cameras_;
+  std::map<int64_t, OpenSet> open_;
+  std::optional<int64_t> last_sent_;
+  std::optional<int64_t> newest_;
+  FrameSetCounters counters_;
+};
+
+/// A synthetic frame set for warm-up: a grey ball in the centre of `bounds`, about as large as a
+/// person. The first frame set takes several times as long as later ones, because the kernel
+/// provides all memory; so this set runs before the first pulse of a take.
+FrameSet warm_up_frame_set(const Rig& rig, const Box& bounds);
+
+}  // namespace v3d

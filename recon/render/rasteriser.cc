@@ -1,0 +1,96 @@
+#include "recon/render/rasteriser.h"
+
+namespace v3d {
+namespace {
+
+ScreenVertex place(const Eigen::Vector3d& world, const CameraModel& camera) {
+  ScreenVertex v;
+  const RigidTransform& pose = camera.cam_from_world();
+  v.z = static_cast<float>(pose.rotation.row(2).dot(world) + pose.translation.z());
+  // The plane itself is in front, or else what clip_to_near_plane() cuts there would be lost.
+  if (v.z < static_cast<float>(kNearPlaneMetres)) {
+    return v;
+  }
+  if (const auto pixel = camera.project(world)) {
+    v.x = static_cast<float>(pixel->x());
+    v.y = static_cast<float>(pixel->y());
+    v.inverse_z = 1.0F / v.z;
+  }
+  return v;
+}
+
+struct ClipVertex {
+  Eigen::Vector3d world;
+  Eigen::Vector3f weights;
+  ScreenVertex screen;
+  uint32_t index;
+};
+
+/// The point of edge p-q on the near plane. The ends are taken in the order of their indices, so
+/// that both triangles at the edge find the same point.
+ClipVertex cut(const ClipVertex* p, const ClipVertex* q, const CameraModel& camera) {
+  if (q->index < p->index) {
+    std::swap(p, q);
+  }
+  const double s = (kNearPlaneMetres - p->screen.z) / (double{q->screen.z} - p->screen.z);
+  ClipVertex v{p->world + s * (q->world - p->world),
+               p->weights + static_cast<float>(s) * (q->weights - p->weights),
+               {},
+               0};
+  // Rounding may leave the point a hair behind the plane it was put on.
+  const RigidTransform& pose = camera.cam_from_world();
+  const double z = pose.rotation.row(2).dot(v.world) + pose.translation.z();
+  v.world += (kNearPlaneMetres * (1 + 1e-6) - z) * camera.viewing_direction();
+  v.screen = place(v.world, camera);
+  return v;
+}
+
+}  // namespace
+
+void clip_to_near_plane(const Mesh& mesh, uint32_t t, const CameraModel& camera,
+                        const std::vector<ScreenVertex>& vertices,
+                        std::vector<ScreenTriangle>& pieces) {
+  pieces.clear();
+  std::array<ClipVertex, 3> corner;
+  for (int k = 0; k < 3; ++k) {
+    const uint32_t i = mesh.triangles[t][k];
+    corner[k] = {mesh.vertices[i].cast<double>(), Eigen::Vector3f::Unit(k), vertices[i], i};
+  }
+  const auto in_front = [](const ClipVertex& v) {
+    return v.screen.z >= static_cast<float>(kNearPlaneMetres);
+  };
+  std::array<ClipVertex, 4> polygon;  // Sutherland-Hodgman against one plane
+  int n = 0;
+  for (int k = 0; k < 3; ++k) {
+    const ClipVertex& p = corner[k];
+    const ClipVertex& q = corner[(k + 1) % 3];
+    if (in_front(p)) {
+      polygon[n++] = p;
+    }
+    if (in_front(p) != in_front(q)) {
+      polygon[n++] = cut(&p, &q, camera);
+    }
+  }
+  for (int k = 2; k < n; ++k) {
+    const std::array<const ClipVertex*, 3> v{&polygon[0], &polygon[k - 1], &polygon[k]};
+    if (v[0]->screen.on_screen() && v[1]->screen.on_screen() && v[2]->screen.on_screen()) {
+      pieces.push_back({{v[0]->screen, v[1]->screen, v[2]->screen},
+                        {v[0]->weights, v[1]->weights, v[2]->weights}});
+    }
+  }
+}
+
+ScreenPlane::ScreenPlane(const std::array<ScreenVertex, 3>& corner,
+                         const std::array<double, 3>& value) {
+  const double x1 = double{corner[1].x} - corner[0].x, y1 = double{corner[1].y} - corner[0].y;
+  const double x2 = double{corner[2].x} - corner[0].x, y2 = double{corner[2].y} - corner[0].y;
+  const double area = x1 * y2 - x2 * y1;
+  if (area != 0) {
+    const double v1 = value[1] - value[0], v2 = value[2] - value[0];
+    dx = (v1 * y2 - v2 * y1) / area;
+    dy = (v2 * x1 - v1 * x2) / area;
+  }
+  at_origin = value[0] - dx * corner[0].x - dy * corner[0].y;
+}
+
+}  // namespace v3d

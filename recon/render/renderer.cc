@@ -1,0 +1,240 @@
+#include "recon/render/renderer.h"
+
+#include <tbb/parallel_for.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "recon/render/floor.h"
+#include "recon/render/rasteriser.h"
+
+namespace v3d {
+namespace {
+
+constexpr int kSamples = 2;  // per pixel and axis
+constexpr int kBandRows = 32;
+constexpr int kNormalPasses = 4;
+constexpr double kGreyLight = 0.75;
+const Eigen::Vector3f kGrey(206, 203, 198);
+
+CameraModel enlarged(const CameraModel& camera, int factor) {
+  Eigen::Matrix3d matrix = camera.matrix();
+  matrix.topRows<2>() *= factor;
+  matrix(0, 2) = (camera.matrix()(0, 2) + 0.5) * factor - 0.5;
+  matrix(1, 2) = (camera.matrix()(1, 2) + 0.5) * factor - 0.5;
+  return {{camera.size().width * factor, camera.size().height * factor},
+          matrix,
+          camera.distortion(),
+          camera.cam_from_world()};
+}
+
+Eigen::Vector3f vector(Rgb8 c) { return {float(c.r), float(c.g), float(c.b)}; }
+
+/// Normals that each lean towards their neighbours': the half-voxel steps of a lattice mesh would
+/// else show as contour lines.
+std::vector<Eigen::Vector3f> smooth_normals(const Mesh& mesh) {
+  std::vector<Eigen::Vector3f> normals = vertex_normals(mesh);
+  for (int pass = 0; pass < kNormalPasses; ++pass) {
+    std::vector<Eigen::Vector3f> sums = normals;
+    for (const auto& [a, b, c] : mesh.triangles) {
+      const Eigen::Vector3f sum = normals[a] + normals[b] + normals[c];
+      sums[a] += sum;
+      sums[b] += sum;
+      sums[c] += sum;
+    }
+    std::transform(sums.begin(), sums.end(), normals.begin(),
+                   [](const Eigen::Vector3f& n) { return n.normalized(); });
+  }
+  return normals;
+}
+
+/// Vertex colours under the light at the camera.
+std::vector<Eigen::Vector3f> lit_colours(const Mesh& mesh, const Eigen::Vector3d& eye,
+                                         double head_light) {
+  const bool coloured = !mesh.colours.empty();
+  const auto light = static_cast<float>(coloured ? head_light : kGreyLight);
+  const auto normals =
+      light > 0 ? smooth_normals(mesh)
+                : std::vector<Eigen::Vector3f>(mesh.vertices.size(), Eigen::Vector3f::Zero());
+  std::vector<Eigen::Vector3f> colours(mesh.vertices.size());
+  for (size_t v = 0; v < colours.size(); ++v) {
+    const Eigen::Vector3f to_eye = (eye.cast<float>() - mesh.vertices[v]).normalized();
+    const float facing = std::max(0.0F, normals[v].dot(to_eye));
+    colours[v] = (coloured ? vector(mesh.colours[v]) : kGrey) * (1 - light + light * facing);
+  }
+  return colours;
+}
+
+/// Colour and 1/z of a piece of a triangle. Colour / z is linear across the image, colour is not.
+struct ShadedTriangle {
+  std::array<ScreenVertex, 3> corner;
+  ScreenPlane inverse_z;
+  std::array<ScreenPlane, 3> colour_over_z;
+  float row_begin = 0, row_end = 0;
+};
+
+ShadedTriangle shade(const ScreenTriangle& piece, const std::array<uint32_t, 3>& triangle,
+                     const std::vector<Eigen::Vector3f>& colours) {
+  ShadedTriangle shaded;
+  shaded.corner = piece.corner;
+  std::array<double, 3> inverse{};
+  std::array<std::array<double, 3>, 3> channel{};
+  for (int k = 0; k < 3; ++k) {
+    inverse[k] = piece.corner[k].inverse_z;
+    const Eigen::Vector3f colour = piece.weights[k].x() * colours[triangle[0]] +
+                                   piece.weights[k].y() * colours[triangle[1]] +
+                                   piece.weights[k].z() * colours[triangle[2]];
+    for (int c = 0; c < 3; ++c) {
+      channel[c][k] = colour[c] * inverse[k];
+    }
+  }
+  shaded.inverse_z = ScreenPlane(piece.corner, inverse);
+  for (int c = 0; c < 3; ++c) {
+    shaded.colour_over_z[c] = ScreenPlane(piece.corner, channel[c]);
+  }
+  const auto [low, high] = std::minmax({piece.corner[0].y, piece.corner[1].y, piece.corner[2].y});
+  shaded.row_begin = low;
+  shaded.row_end = high;
+  return shaded;
+}
+
+std::vector<ShadedTriangle> shaded_triangles(const Mesh& mesh, const CameraModel& camera,
+                                             double head_light) {
+  const auto colours = lit_colours(mesh, camera.center(), head_light);
+  std::vector<ShadedTriangle> triangles;
+  triangles.reserve(mesh.triangles.size());
+  for_each_screen_triangle(mesh, camera, project_vertices(mesh, camera),
+                           [&](uint32_t t, const ScreenTriangle& piece) {
+                             triangles.push_back(shade(piece, mesh.triangles[t], colours));
+                           });
+  return triangles;
+}
+
+/// Some rows of the enlarged picture.
+class Canvas {
+ public:
+  Canvas(const CameraModel& camera, const DrawOptions& options, Band band)
+      : camera_(camera),
+        options_(options),
+        band_(band),
+        colour_(static_cast<size_t>(band.width) * (band.row_end - band.row_begin)),
+        inverse_z_(colour_.size(), 0.0F) {}
+
+  void draw_background(const Floor* floor) {
+    const Eigen::Vector3f top = vector(options_.top), bottom = vector(options_.bottom);
+    const Eigen::Vector3d eye = camera_.center();
+    for (int y = band_.row_begin; y < band_.row_end; ++y) {
+      const float down = static_cast<float>(y) / static_cast<float>(camera_.size().height);
+      const Eigen::Vector3f plain = top + down * (bottom - top);
+      for (int x = 0; x < band_.width; ++x) {
+        colour_[at(x, y)] = options_.backdrop == nullptr ? plain : backdrop(x, y);
+        if (floor != nullptr) {
+          draw_floor(*floor, eye, x, y);
+        }
+      }
+    }
+  }
+
+  void draw(const ShadedTriangle& t) {
+    if (t.row_end < static_cast<float>(band_.row_begin) ||
+        t.row_begin > static_cast<float>(band_.row_end)) {
+      return;
+    }
+    for_each_span(t.corner, band_, [&](int y, int x_begin, int x_end) {
+      for (int x = x_begin; x < x_end; ++x) {
+        const double inverse = t.inverse_z(x, y);
+        if (inverse > inverse_z_[at(x, y)]) {
+          inverse_z_[at(x, y)] = static_cast<float>(inverse);
+          for (int c = 0; c < 3; ++c) {
+            colour_[at(x, y)][c] = static_cast<float>(t.colour_over_z[c](x, y) / inverse);
+          }
+        }
+      }
+    });
+  }
+
+  /// The mean of kSamples x kSamples samples per pixel.
+  void resolve_into(Image& image) const {
+    for (int y = band_.row_begin / kSamples; y < band_.row_end / kSamples; ++y) {
+      for (int x = 0; x < image.size.width; ++x) {
+        Eigen::Vector3f sum = Eigen::Vector3f::Zero();
+        for (int k = 0; k < kSamples * kSamples; ++k) {
+          sum += colour_[at(kSamples * x + k % kSamples, kSamples * y + k / kSamples)]
+                     .cwiseMax(0)
+                     .cwiseMin(255);
+        }
+        for (int c = 0; c < 3; ++c) {
+          image.row(y)[3 * x + c] = static_cast<uint8_t>(sum[c] / (kSamples * kSamples) + 0.5F);
+        }
+      }
+    }
+  }
+
+ private:
+  size_t at(int x, int y) const {
+    return static_cast<size_t>(y - band_.row_begin) * band_.width + x;
+  }
+
+  Eigen::Vector3f backdrop(int x, int y) const {
+    const uint8_t* rgb = options_.backdrop->row(y / kSamples) + 3 * (x / kSamples);
+    return {float(rgb[0]), float(rgb[1]), float(rgb[2])};
+  }
+
+  void draw_floor(const Floor& floor, const Eigen::Vector3d& eye, int x, int y) {
+    const auto ray = camera_.ray({x, y});
+    const auto hit = ray ? floor.hit(eye, *ray, 1 / camera_.matrix()(0, 0)) : std::nullopt;
+    if (hit) {
+      Eigen::Vector3f& colour = colour_[at(x, y)];
+      colour += hit->light * (Eigen::Vector3f::Constant(255) - colour);
+      colour *= 1 - hit->shadow;
+      const double z = hit->distance_m * ray->dot(camera_.viewing_direction());
+      inverse_z_[at(x, y)] = static_cast<float>(1 / z);
+    }
+  }
+
+  const CameraModel& camera_;
+  const DrawOptions& options_;
+  Band band_;
+  std::vector<Eigen::Vector3f> colour_;
+  std::vector<float> inverse_z_;
+};
+
+}  // namespace
+
+Image draw_mesh(const Mesh& mesh, const CameraModel& camera, const DrawOptions& options) {
+  const CameraModel large = enlarged(camera, kSamples);
+  const std::vector<ShadedTriangle> triangles = shaded_triangles(mesh, large, options.head_light);
+  const std::optional<Floor> floor =
+      options.floor ? std::optional<Floor>(std::in_place, mesh, *options.floor) : std::nullopt;
+  Image image(camera.size(), PixelFormat::kRGB8);
+  const int rows = large.size().height;
+  tbb::parallel_for(0, (rows + kBandRows - 1) / kBandRows, [&](int b) {
+    Canvas canvas(large, options,
+                  {large.size().width, b * kBandRows, std::min(rows, (b + 1) * kBandRows)});
+    canvas.draw_background(floor ? &*floor : nullptr);
+    for (const ShadedTriangle& t : triangles) {
+      canvas.draw(t);
+    }
+    canvas.resolve_into(image);
+  });
+  return image;
+}
+
+Mask draw_silhouette(const Mesh& mesh, const CameraModel& camera) {
+  Mask mask(camera.size());
+  const Band whole{camera.size().width, 0, camera.size().height};
+  const auto fill = [&](int y, int x_begin, int x_end) { mask.fill_row(y, x_begin, x_end); };
+  for_each_screen_triangle(
+      mesh, camera, project_vertices(mesh, camera),
+      [&](uint32_t, const ScreenTriangle& t) { for_each_span(t.corner, whole, fill); });
+  return mask;
+}
+
+std::vector<Mask> draw_silhouettes(const Mesh& mesh, std::span<const CameraModel> cameras) {
+  std::vector<Mask> masks(cameras.size());
+  tbb::parallel_for(size_t{0}, cameras.size(),
+                    [&](size_t i) { masks[i] = draw_silhouette(mesh, cameras[i]); });
+  return masks;
+}
+
+}  // namespace v3d

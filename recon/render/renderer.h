@@ -1,0 +1,56 @@
+// Software renderer: images and silhouettes of a mesh from any viewpoint.
+#pragma once
+
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "base/camera_model.h"
+#include "base/geometry.h"
+#include "base/image.h"
+#include "base/mask.h"
+#include "base/mesh.h"
+
+namespace v3d {
+
+/// A floor with a metric grid and the soft shadow of the mesh.
+struct FloorOptions {
+  double z = 0;               ///< world height, metres
+  double grid_m = 0.5;        ///< between two lines
+  double shadow_depth = 0.5;  ///< 0 none, 1 black
+};
+
+struct DrawOptions {
+  /// Part of the shading that comes from a light at the camera: 0 shows plain colours (to compare
+  /// with photographs), 1 full shading. A mesh without colours is grey, with 0.75.
+  double head_light = 0;
+  Rgb8 top{58, 64, 74};  ///< background: gradient from the top row to the bottom row
+  Rgb8 bottom{22, 24, 28};
+  /// Instead of those colours: RGB8 of camera.size(), borrowed.
+  const Image* backdrop = nullptr;
+  std::optional<FloorOptions> floor = std::nullopt;
+};
+
+/// RGB8 image of camera.size(). Vertices are projected through the whole lens model; z-buffer,
+/// perspective-correct colours, mean of 2 x 2 samples per pixel. Deterministic: independent of
+/// thread count.
+Image draw_mesh(const Mesh& mesh, const CameraModel& camera, const DrawOptions& options = {});
+
+/// Bounding box of all vertices; an empty box at the origin without vertices.
+Box bounds_of(const Mesh& mesh);
+
+/// `count` upright cameras evenly around the box, a little above its centre, that see all of it.
+/// The first is on the side of -y; they continue counter-clockwise seen from above.
+std::vector<CameraModel> turntable_cameras(const Box& bounds, int count, ImageSize size);
+
+/// All views in one image, row by row, separated by borders. Requires at least one view, RGB8,
+/// equal sizes. `columns` 0 chooses a page-like shape with few empty places.
+Image contact_sheet(std::span<const Image> views, int columns = 0);
+
+/// Silhouette of a mesh: the pixels whose centres a triangle covers. One thread.
+Mask draw_silhouette(const Mesh& mesh, const CameraModel& camera);
+
+/// One mask per camera, cameras in parallel.
+std::vector<Mask> draw_silhouettes(const Mesh& mesh, std::span<const CameraModel> cameras);
+
+}  // namespace v3d

@@ -1,0 +1,50 @@
+// Leave-one-out hull: the visual hull of all cameras but one. It predicts what the remaining camera
+// should see.
+#pragma once
+
+#include <span>
+#include <vector>
+
+#include "base/camera_model.h"
+#include "base/geometry.h"
+#include "base/mask.h"
+#include "recon/hull/intersect.h"
+#include "recon/hull/marching_cubes.h"
+
+namespace v3d {
+
+/// Keeps its working memory. References that it returns are valid until the next call. One caller
+/// at a time; works in the caller's TBB arena. Deterministic.
+class LeaveOneOutHull {
+ public:
+  /// `bounds` in metres in the world. Throws InputError as Intersector does.
+  LeaveOneOutHull(const Rig& rig, const Box& bounds, double voxel_m, int min_views);
+
+  const VoxelGrid& grid() const { return grid_; }
+
+  /// The hull of all masks except that of `camera`. `masks` has one entry per camera of the rig,
+  /// null where a camera takes no part.
+  const SparseVolume& volume(std::span<const Mask* const> masks, size_t camera);
+  /// Marching cubes surface of volume().
+  const Mesh& surface(std::span<const Mask* const> masks, size_t camera);
+  /// Silhouette of volume() in `camera`. It contains the true silhouette, except for errors of the
+  /// other masks and the width of a voxel.
+  Mask silhouette(std::span<const Mask* const> masks, size_t camera);
+  /// silhouette() for every camera that has a mask; of size 0 x 0 for the others.
+  std::vector<Mask> silhouettes_of_each(std::span<const Mask* const> masks);
+  /// The hull of all masks.
+  const SparseVolume& volume(std::span<const Mask* const> masks);
+  /// The silhouette of the hull of all masks in every camera.
+  std::vector<Mask> silhouettes(std::span<const Mask* const> masks);
+
+ private:
+  const std::vector<CameraModel> models_;
+  const VoxelGrid grid_;
+  Intersector intersector_;
+  MarchingCubes marching_cubes_;
+  std::vector<const Mask*> others_;
+  SparseVolume volume_;
+  Mesh surface_;
+};
+
+}  // namespace v3d

@@ -1,0 +1,441 @@
+#include "recon/silhouettes/silhouette_repair.h"
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+#include <utility>
+
+#include "base/mask_pieces.h"
+#include "base/mask_shape.h"
+#include "recon/render/renderer.h"
+#include "recon/silhouettes/colour_consistency.h"
+#include "recon/silhouettes/frame_lag.h"
+#include "recon/silhouettes/joint_missing_foreground.h"
+
+namespace v3d {
+namespace {
+
+/// Unexplained foreground is counted in cells of this many pixels along each side.
+constexpr int kCell = 4;
+/// A piece is needed when this many cells of this many other cameras need it. Fewer cells, or cells
+/// at different places, may belong to a detail finer than a voxel.
+constexpr int64_t kMinCells = 4;
+constexpr int kMinCameras = 2;
+/// Smallest area of a defect, in squares as wide as twice the radius of the camera.
+constexpr int kMinSquares = 2;
+/// With colour evidence, a piece may be narrower by this factor.
+constexpr int kNarrower = 2;
+/// A camera is left out when this part of its expected silhouette is missing, or when it shows this
+/// much more.
+constexpr double kMostlyWrong = 0.5;
+/// Largest number of single repairs, one camera each.
+constexpr int kRounds = 8;
+/// Largest number of repairs of joint missing foreground.
+constexpr int kJointRounds = 3;
+
+/// Width of a voxel in pixels at the centre of the bounds.
+double pixels_per_voxel(const CameraModel& camera, const Box& bounds, double voxel_m) {
+  const Eigen::Vector3d middle = 0.5 * (bounds.min + bounds.max);
+  const double distance = (camera.center() - middle).norm();
+  return camera.matrix()(0, 0) * voxel_m / std::max(distance, voxel_m);
+}
+
+/// The box enlarged by a quarter of its size on every side.
+Box wider(const Box& box) {
+  const Eigen::Vector3d margin = 0.25 * box.size();
+  return {box.min - margin, box.max + margin};
+}
+
+/// Calls visit(i, j, k) for the voxels of `a` that `b` does not have. Requires the same grid.
+template <class Visit>
+void for_each_more(const SparseVolume& a, const SparseVolume& b, Visit&& visit) {
+  for (size_t n = 0; n < a.bricks().size(); ++n) {
+    const BrickCoord at = a.coords()[n];
+    const int other = b.index_of(at);
+    for (int z = 0; z < kBrickEdge; ++z) {
+      uint64_t more = a.bricks()[n][z] & ~(other >= 0 ? b.bricks()[other][z] : 0);
+      for (; more != 0; more &= more - 1) {
+        const int bit = std::countr_zero(more);
+        visit(kBrickEdge * at.x + bit % kBrickEdge, kBrickEdge * at.y + bit / kBrickEdge,
+              kBrickEdge * at.z + z);
+      }
+    }
+  }
+}
+
+int64_t min_pixels(int radius) {
+  const int64_t edge = 2 * radius + 1;
+  return kMinSquares * edge * edge;
+}
+
+Mask mask_of(const MaskPieces& pieces, size_t piece, ImageSize size) {
+  Mask mask(size);
+  pieces.for_each_run(piece, [&](const Run& run) {
+    mask.fill_row(run.y, run.begin, run.end);
+    return true;
+  });
+  return mask;
+}
+
+/// Connected pieces of a mask that are wider than 2 * radius pixels and have at least
+/// min_pixels(radius).
+std::vector<Mask> wide_pieces(const Mask& mask, int radius) {
+  const int64_t least = min_pixels(radius);
+  MaskPieces pieces;
+  pieces.find(opened(mask, radius));
+  std::vector<Mask> wide;
+  for (size_t p = 0; p < pieces.count(); ++p) {
+    if (pieces.area(p) < least) continue;
+    wide.push_back(both(grown(mask_of(pieces, p, mask.size()), radius), mask));
+  }
+  return wide;
+}
+
+}  // namespace
+
+/// The silhouettes of one pulse during repair.
+class SilhouetteRepair::Trial {
+ public:
+  Trial(SilhouetteRepair& owner, std::span<const Mask* const> masks,
+        std::span<const Frame* const> frames, const NeighbourMasks& neighbours)
+      : owner_(owner), given_(masks), frames_(frames), neighbours_(neighbours) {
+    for (const Mask* mask : masks) masks_.push_back(mask ? std::optional(*mask) : std::nullopt);
+    expected_.resize(masks.size());
+  }
+
+  RepairedSilhouettes run() {
+    drop_blind_cameras();
+    fill_missing_pieces();
+    for (int round = 0; round < kJointRounds && fill_jointly_missing_pieces(); ++round) {
+      fill_missing_pieces();
+    }
+    std::optional<Trial> alone;
+    if (!neighbours_.before.empty()) {
+      alone.emplace(*this);
+      // Without a late camera both results are equal.
+      if (!repair_late_cameras()) alone.reset();
+    }
+    remove_phantom_pieces();
+    if (alone) alone->remove_phantom_pieces();
+    std::ranges::stable_sort(faults_, {}, &SilhouetteFault::camera);
+    std::vector<std::optional<Mask>> masks_alone = alone ? std::move(alone->masks_) : masks_;
+    return {std::move(masks_), std::move(masks_alone), std::move(shown_later_), std::move(faults_)};
+  }
+
+ private:
+  std::vector<const Mask*> all() const {
+    std::vector<const Mask*> masks;
+    for (const auto& mask : masks_) masks.push_back(mask ? &*mask : nullptr);
+    return masks;
+  }
+  int radius(size_t camera) const { return owner_.radii_[camera]; }
+  double voxel_m() const { return owner_.hulls_.grid().voxel_m; }
+
+  /// Silhouette of the leave-one-out hull; computed once, until another mask changes.
+  const Mask& expected(size_t camera) {
+    Mask& mask = expected_[camera];
+    if (mask.size().width == 0) mask = owner_.hulls_.silhouette(all(), camera);
+    return mask;
+  }
+  /// Replaces a mask. All changes of masks go through here.
+  void put(size_t camera, std::optional<Mask> mask) {
+    masks_[camera] = std::move(mask);
+    for (size_t c = 0; c < expected_.size(); ++c) {
+      if (c != camera) expected_[c] = Mask();
+    }
+  }
+
+  void report(size_t camera, SilhouetteFaultKind kind, const Mask& where) {
+    faults_.push_back({camera, kind, where.bounding_box(), where.count()});
+  }
+
+  /// Replaces all reported defects of this camera by one.
+  void report_instead(size_t camera, SilhouetteFaultKind kind, const Mask& where) {
+    std::erase_if(faults_, [&](const SilhouetteFault& fault) { return fault.camera == camera; });
+    report(camera, kind, where);
+  }
+
+  void drop(size_t camera, const Mask& where) {
+    report_instead(camera, SilhouetteFaultKind::kWholeCamera, where);
+    put(camera, {});
+  }
+
+  /// Drops cameras with empty masks. One of them leaves an empty volume, and two hide each other
+  /// from the leave-one-out hulls.
+  void drop_blind_cameras() {
+    std::vector<size_t> blind;
+    for (size_t c = 0; c < masks_.size(); ++c) {
+      if (masks_[c] && masks_[c]->count() == 0) blind.push_back(c);
+    }
+    if (blind.empty() || 2 * blind.size() > masks_.size()) return;
+    std::vector<const Mask*> others = all();
+    for (const size_t c : blind) others[c] = nullptr;
+    const std::vector<Mask> expected = owner_.hulls_.silhouettes(others);
+    for (const size_t c : blind) {
+      if (expected[c].count() >= min_pixels(radius(c))) drop(c, expected[c]);
+    }
+  }
+
+  /// Finds the foreground of each camera outside the silhouette of the volume, without narrow
+  /// parts.
+  void find_unexplained() {
+    const auto masks = all();
+    const std::vector<Mask> explained = owner_.hulls_.silhouettes(masks);
+    unexplained_.assign(masks_.size(), Mask());
+    for (size_t c = 0; c < masks_.size(); ++c) {
+      if (!masks_[c]) continue;
+      Mask rest = opened(only_first(*masks_[c], explained[c]), radius(c));
+      if (rest.count() >= kMinCells * kCell * kCell) unexplained_[c] = std::move(rest);
+    }
+  }
+  bool has_unexplained(size_t camera) const { return unexplained_[camera].size().width > 0; }
+
+  /// Missing pieces of one camera.
+  struct MissingPieces {
+    size_t camera = 0;
+    int64_t pixels = 0;
+    std::vector<Mask> pieces;
+  };
+
+  void fill_missing_pieces() {
+    for (int round = 0; round < kRounds && fill_most_missing_pieces(); ++round) continue;
+  }
+
+  /// Fills the pieces of the camera that lacks most, because in hulls that it spoils other cameras
+  /// seem to lack pieces too. False when there was nothing to fill.
+  bool fill_most_missing_pieces() {
+    find_unexplained();
+    const SparseVolume hull = owner_.hulls_.volume(all());
+    MissingPieces most;
+    for (size_t c = 0; c < masks_.size(); ++c) {
+      if (!masks_[c]) continue;
+      MissingPieces missing = missing_pieces(c, hull);
+      if (missing.pixels > most.pixels) most = std::move(missing);
+    }
+    if (most.pixels > 0) fill(most);
+    return most.pixels > 0;
+  }
+
+  void fill(const MissingPieces& missing) {
+    Mask mask = std::move(*masks_[missing.camera]);
+    for (const Mask& piece : missing.pieces) {
+      report(missing.camera, SilhouetteFaultKind::kMissingPiece, piece);
+      mask = either(std::move(mask), piece);
+    }
+    put(missing.camera, std::move(mask));
+    const Mask& whole = expected(missing.camera);
+    if (static_cast<double>(missing.pixels) > kMostlyWrong * static_cast<double>(whole.count())) {
+      drop(missing.camera, whole);
+    }
+  }
+
+  /// Fills joint missing foreground. False when there was nothing to fill.
+  bool fill_jointly_missing_pieces() {
+    find_unexplained();
+    const JointMissingOptions options{.min_views = owner_.min_views_};
+    int asking = 0;
+    for (size_t c = 0; c < masks_.size(); ++c) asking += has_unexplained(c);
+    if (asking < options.min_supporting) return false;
+    const std::vector<Mask> missing = joint_missing_foreground(owner_.hulls_.grid(), owner_.lenses_,
+                                                               all(), unexplained_, options);
+    bool filled = false;
+    for (size_t c = 0; c < masks_.size(); ++c) {
+      if (missing[c].size().width > 0) filled |= fill_wide_pieces(c, missing[c]);
+    }
+    return filled;
+  }
+
+  bool fill_wide_pieces(size_t camera, const Mask& missing) {
+    const Mask lost = only_first(grown(missing, radius(camera)), *masks_[camera]);
+    const std::vector<Mask> pieces = wide_pieces(lost, radius(camera));
+    for (const Mask& piece : pieces) {
+      report(camera, SilhouetteFaultKind::kMissingPiece, piece);
+      put(camera, either(std::move(*masks_[camera]), piece));
+    }
+    return !pieces.empty();
+  }
+
+  MissingPieces missing_pieces(size_t camera, const SparseVolume& hull) {
+    const Mesh& surface = owner_.hulls_.surface(all(), camera);
+    expected_[camera] = draw_silhouette(surface, owner_.rig_[camera].model);
+    Mask inside = only_first(expected_[camera], *masks_[camera]);
+    MissingPieces missing{.camera = camera, .pieces = {}};
+    const auto take = [&](Mask piece) {
+      inside = only_first(std::move(inside), piece);
+      missing.pixels += piece.count();
+      missing.pieces.push_back(std::move(piece));
+    };
+    std::optional<ColourConsistency> consistency;
+    const auto is_consistent = [&](const Mask& piece) {
+      if (!consistency) consistency.emplace(owner_.rig_, frames_, camera, surface, voxel_m());
+      return consistency->within(piece).is_consistent();
+    };
+    for (Mask& piece : wide_pieces(inside, radius(camera))) {
+      if (is_consistent(piece) || is_needed(camera, piece, hull)) take(std::move(piece));
+    }
+    for (Mask& piece : wide_pieces(inside, radius(camera) / kNarrower)) {
+      if (is_consistent(piece)) take(std::move(piece));
+    }
+    return missing;
+  }
+
+  /// True when voxels that only this camera carves, inside `piece`, would explain foreground of
+  /// other cameras.
+  bool is_needed(size_t camera, const Mask& piece, const SparseVolume& hull) {
+    int64_t others = 0;
+    for (size_t c = 0; c < masks_.size(); ++c) others += c != camera && has_unexplained(c);
+    if (others < kMinCameras) return false;
+    std::vector<Mask> cells(masks_.size());
+    for (size_t c = 0; c < masks_.size(); ++c) {
+      if (c != camera && has_unexplained(c)) {
+        const ImageSize size = unexplained_[c].size();
+        cells[c] = Mask({size.width / kCell + 1, size.height / kCell + 1});
+      }
+    }
+    const SparseVolume& without = owner_.hulls_.volume(all(), camera);
+    std::vector<std::pair<size_t, SeenPixel>> asking;  // of one voxel
+    for_each_more(without, hull, [&](int i, int j, int k) {
+      const SeenPixel here = project_voxel(owner_.lenses_[camera], i, j, k);
+      if (!here.seen || !piece.get(here.x, here.y)) return;
+      asking.clear();
+      for (size_t c = 0; c < masks_.size(); ++c) {
+        if (cells[c].size().width == 0) continue;
+        const SeenPixel there = project_voxel(owner_.lenses_[c], i, j, k);
+        if (there.seen && unexplained_[c].get(there.x, there.y)) asking.emplace_back(c, there);
+      }
+      if (std::ssize(asking) < kMinCameras) return;
+      for (const auto& [c, there] : asking) cells[c].set(there.x / kCell, there.y / kCell);
+    });
+    return std::ranges::count_if(
+               cells, [](const Mask& mask) { return mask.count() >= kMinCells; }) >= kMinCameras;
+  }
+
+  /// Repairs late cameras, the clearest first, because in hulls that it spoils other cameras seem
+  /// late too. False when there was none.
+  bool repair_late_cameras() {
+    bool found = false;
+    std::vector<size_t> suspects;
+    for (size_t c = 0; c < masks_.size(); ++c) {
+      if (masks_[c]) suspects.push_back(c);
+    }
+    while (const auto late = latest_of(suspects)) {
+      Mask repaired = in_step(late->camera, late->before, late->now);
+      const Mask& given = *given_[late->camera];
+      report_instead(late->camera, SilhouetteFaultKind::kPulseLate,
+                     either(only_first(given, repaired), only_first(repaired, given)));
+      put(late->camera, std::move(repaired));
+      std::erase(suspects, late->camera);
+      found = true;
+    }
+    return found;
+  }
+
+  struct LateCamera {
+    size_t camera = 0;
+    double excess = 0;
+    Mask before, now;  ///< its silhouettes in the leave-one-out hulls
+  };
+
+  /// Removes suspects that are not late; returns the clearest of the rest. Tests the given masks,
+  /// because a late one may have been filled meanwhile.
+  std::optional<LateCamera> latest_of(std::vector<size_t>& suspects) {
+    std::optional<LateCamera> latest;
+    std::erase_if(suspects, [&](size_t c) {
+      const Mask& now = expected(c);
+      Mask before = owner_.hulls_.silhouette(neighbours_.before, c);
+      const SilhouetteChange change = silhouette_change(*given_[c], now, before);
+      if (!change.is_late()) return true;
+      if (!latest || change.excess() > latest->excess) {
+        latest = {c, change.excess(), std::move(before), now};
+      }
+      return false;
+    });
+    return latest;
+  }
+
+  /// The mask of a late camera for this pulse: that of its next frame when that is late too.
+  /// Otherwise the union of plausible pixels, because excess foreground costs less than missing
+  /// foreground.
+  Mask in_step(size_t camera, const Mask& before, const Mask& now) {
+    const Mask* const next = neighbours_.after.empty() ? nullptr : neighbours_.after[camera];
+    Mask mask = either(*given_[camera], only_first(now, before));
+    if (next != nullptr) {
+      const Mask after = owner_.hulls_.silhouette(neighbours_.after, camera);
+      if (silhouette_change(*next, after, now).is_late()) {
+        shown_later_.push_back(camera);
+        return *next;
+      }
+      mask = either(std::move(mask), *next);
+    }
+    return both(std::move(mask), now);
+  }
+
+  void remove_phantom_pieces() {
+    find_unexplained();
+    for (size_t c = 0; c < masks_.size(); ++c) {
+      if (masks_[c] && has_unexplained(c)) look_for_phantoms(c);
+    }
+  }
+
+  /// True when a single other camera carves the piece: then that camera may be wrong.
+  bool is_disputed(size_t camera, const Mask& piece) {
+    std::vector<const Mask*> masks = all();
+    for (size_t other = 0; other < masks.size(); ++other) {
+      if (other == camera || masks[other] == nullptr) continue;
+      const Mask* const other_mask = std::exchange(masks[other], nullptr);
+      const Mask expected = owner_.hulls_.silhouette(masks, camera);
+      masks[other] = other_mask;
+      if (2 * both(expected, piece).count() > piece.count()) return true;
+    }
+    return false;
+  }
+
+  /// True when other cameras see the piece too, outside the reconstructed space.
+  bool stands_beside(size_t camera, const Mask& piece) {
+    const Mask expected = owner_.around_.silhouette(all(), camera);
+    return 2 * both(expected, piece).count() > piece.count();
+  }
+
+  void look_for_phantoms(size_t camera) {
+    const Mask outside = only_first(*masks_[camera], expected(camera));
+    int64_t phantom = 0;
+    for (const Mask& piece : wide_pieces(outside, radius(camera))) {
+      if (is_disputed(camera, piece) || stands_beside(camera, piece)) continue;
+      phantom += piece.count();
+      report(camera, SilhouetteFaultKind::kPhantomPiece, piece);
+      put(camera, only_first(std::move(*masks_[camera]), piece));
+    }
+    const auto seen = static_cast<double>(expected(camera).count());
+    if (static_cast<double>(phantom) > (1 + kMostlyWrong) * seen) drop(camera, outside);
+  }
+
+  SilhouetteRepair& owner_;
+  std::span<const Mask* const> given_;
+  std::span<const Frame* const> frames_;
+  const NeighbourMasks& neighbours_;
+  std::vector<std::optional<Mask>> masks_;
+  std::vector<Mask> expected_;  ///< of size 0 x 0 where not computed
+  std::vector<size_t> shown_later_;
+  std::vector<Mask> unexplained_;  ///< of size 0 x 0 where all is explained
+  std::vector<SilhouetteFault> faults_;
+};
+
+SilhouetteRepair::SilhouetteRepair(const Rig& rig, const Box& bounds, double voxel_m, int min_views)
+    : rig_(rig),
+      min_views_(min_views),
+      hulls_(rig, bounds, voxel_m, min_views),
+      around_(rig, wider(bounds), voxel_m, std::max(1, min_views - 1)) {
+  for (const RigCamera& camera : rig) {
+    lenses_.emplace_back(camera.model, hulls_.grid());
+    const double width = pixels_per_voxel(camera.model, bounds, voxel_m);
+    radii_.push_back(std::clamp(static_cast<int>(std::ceil(width)), 1, kMostRadius));
+  }
+}
+
+RepairedSilhouettes SilhouetteRepair::repair(std::span<const Mask* const> masks,
+                                             std::span<const Frame* const> frames,
+                                             const NeighbourMasks& neighbours) {
+  return Trial(*this, masks, frames, neighbours).run();
+}
+
+}  // namespace v3d

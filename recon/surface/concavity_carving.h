@@ -1,0 +1,90 @@
+// Concavity carving: removes voxels of a visual hull that photo-consistency shows to be empty, such
+// as the space between arms and trunk.
+#pragma once
+
+#include <array>
+#include <memory>
+#include <span>
+#include <vector>
+
+#include "base/mask.h"
+#include "base/mesh.h"
+#include "recon/hull/sparse_volume.h"
+#include "recon/visibility/surface_camera.h"
+
+namespace v3d {
+
+/// A place that cameras agree about: the accepted depth of one vertex.
+struct StereoSample {
+  static constexpr size_t kMaxCameras = 6;
+  Eigen::Vector3f place;     ///< world, metres
+  Eigen::Vector3f outwards;  ///< unit normal of the surface where the depth search started
+  float depth_m = 0;         ///< depth below that surface
+  std::array<uint16_t, kMaxCameras> cameras{};  ///< that agree: indices into the SurfaceCameras
+  uint8_t count = 0;                            ///< of these, 2 or more
+  uint8_t vertices = 0;  ///< number of vertices that the sample represents: its votes
+};
+
+/// The stereo samples of one pulse.
+struct StereoSamples {
+  std::vector<StereoSample> samples;
+  std::vector<Mask> covered;  ///< by camera: covered_pixels() of the hull
+};
+
+/// The stereo samples of an adjacent pulse. A sample counts only for cameras in which nothing moved
+/// between the two pulses.
+struct NeighbourSamples {
+  const StereoSamples* samples = nullptr;
+  /// One camera at that pulse and at the current one; `now` is null where it has no frame now.
+  struct Camera {
+    const SurfaceCamera* then = nullptr;
+    const SurfaceCamera* now = nullptr;
+  };
+  std::vector<Camera> cameras;  ///< indexed by StereoSample::cameras
+};
+
+/// Removes voxels from a visual hull in three passes.
+///
+/// 1. Stereo: for a subset of the vertices, the depth below the surface is searched at which any
+/// two cameras agree, up to 25 voxels deep (correlate_pairs()). BeliefPropagation makes
+/// neighbouring vertices agree.
+///
+/// 2. Free-space votes: the ray from an accepted sample to each agreeing camera votes for the
+/// voxels that it crosses (FreeSpaceVotes). Voxels with more votes for empty than for occupied are
+/// removed (VolumeCut).
+///
+/// 3. The surface that this exposes is searched again, twice.
+///
+/// Voxels that explain foreground of a camera are kept (uncovered_pixels()). Samples of adjacent
+/// pulses vote too, camera by camera, where the image did not change, so that static parts are
+/// carved alike at every pulse.
+///
+/// The paper deforms the mesh of the hull as it is. A mesh that is pushed into a concavity keeps
+/// the skin over it as walls, so the volume must change first.
+///
+/// Keeps its working memory. One caller at a time; works in the caller's TBB arena. Deterministic:
+/// independent of thread count and instruction set.
+///
+/// Source: after the probabilistic visibility of Hernandez, Vogiatzis and Cipolla (CVPR 2007); with
+/// belief propagation on the surface instead of depth maps, and a majority vote instead of a
+/// minimum cut.
+class ConcavityCarver {
+ public:
+  ConcavityCarver();
+  ~ConcavityCarver();
+
+  /// Stereo samples of one pulse. `hull` is the surface of `volume`, in metres in the world. Empty
+  /// for fewer than two cameras or an empty hull.
+  StereoSamples find_samples(const SurfaceCameras& cameras, const Mesh& hull,
+                             const SparseVolume& volume);
+  /// The part of `volume` that remains. `samples` is the result of find_samples() for the same
+  /// cameras and volume; `adjacent` are the samples of the pulses before and after, or empty.
+  SparseVolume carve(const SurfaceCameras& cameras, const SparseVolume& volume,
+                     const StereoSamples& samples, std::span<const NeighbourSamples> adjacent);
+
+ private:
+  class Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace v3d

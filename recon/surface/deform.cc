@@ -1,0 +1,271 @@
+#include "recon/surface/deform.h"
+
+#include <tbb/enumerable_thread_specific.h>
+#include <tbb/parallel_invoke.h>
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+#include <string>
+
+#include "base/error.h"
+#include "recon/mesh/neighbours.h"
+#include "recon/mesh/self_intersection_removal.h"
+#include "recon/mesh/smooth_surface.h"
+#include "recon/mesh/vertex_loop.h"
+#include "recon/surface/displacement_field.h"
+#include "recon/surface/silhouette_force.h"
+#include "recon/surface/template_windows.h"
+#include "recon/visibility/depth_buffer.h"
+
+namespace v3d {
+namespace {
+
+using Eigen::Vector3f;
+
+/// Resolution and range of one round over the surface. Lengths in voxels.
+struct Round {
+  int level;      ///< of the images
+  float spacing;  ///< between samples of the template window
+  float step;     ///< between depths
+  float first;    ///< steps; negative is inwards, where the surface must lie
+  size_t every;   ///< every n-th vertex is correlated; windows of neighbours overlap
+  bool outlines;  ///< uses the silhouette force too
+};
+
+/// A hull is too large, especially in concavities. The first round searches 6.6 voxels inwards and
+/// 2.4 outwards; the others correct its result. The hull fills its silhouettes, so the first round
+/// does not need them.
+constexpr Round kSearchRounds[] = {
+    {1, 2.0F, 0.6F, -11, 3, false}, {0, 1.2F, 0.3F, -8, 2, true}, {0, 1.0F, 0.2F, -8, 1, true}};
+constexpr Round kPaperRound{0, 1.0F, 0.25F, -8, 1, true};
+
+// Factors of the weights of equation (1) in search mode, measured so that the paper's values are
+// the best.
+constexpr double kSmoothnessOfInternal = 1.0;
+constexpr double kWeightOfPhotometric = 2.5;
+constexpr double kPullOfSilhouette = 0.05;
+
+/// Smoothing passes before and between the rounds, because marching cubes have few normal
+/// directions.
+constexpr int kSmoothingBefore = 2;
+constexpr int kSmoothingAfterRound = 1;
+constexpr int kNormalSmoothing = 2;
+
+// Parameters of the paper's mode.
+constexpr int kPaperRounds = 12;  ///< at most; each renews visibility and correlation
+constexpr int kStepsPerRound = 4;
+constexpr float kSmallMotion = 0.02F;  ///< voxels: end when no vertex moves farther
+
+/// Depth tolerance of the visibility test, voxels, without the slant.
+constexpr float kHiddenBehind = 0.6F;
+/// Variance of image noise, squared grey values.
+constexpr float kNoiseVariance = 2;
+
+template <class Work>
+void for_each_bit(const VertexBits& bits, const Work& work) {
+  for (size_t word = 0; word < bits.size(); ++word) {
+    for (uint64_t rest = bits[word]; rest != 0; rest &= rest - 1) {
+      work(64 * word + static_cast<size_t>(std::countr_zero(rest)));
+    }
+  }
+}
+
+}  // namespace
+
+void check(const DeformOptions& o) {
+  const auto reject = [](const char* field, const std::string& want) {
+    throw InputError(std::string("deform: ") + field + ": want " + want);
+  };
+  for (const auto& [field, weight] : {std::pair{"internal", o.internal},
+                                      {"photometric", o.photometric},
+                                      {"silhouette", o.silhouette}}) {
+    if (!(weight >= 0 && weight <= 1)) reject(field, "a weight from 0 to 1");
+  }
+  if (o.window < 3 || o.window > kMaxWindowSide || o.window % 2 == 0) {
+    reject("window", "an odd number of samples from 3 to " + std::to_string(kMaxWindowSide));
+  }
+  if (o.views < 2 || o.views > kMaxWindowViews) {
+    reject("views", "2 to " + std::to_string(kMaxWindowViews) + " cameras");
+  }
+}
+
+class Deformer::Impl {
+ public:
+  explicit Impl(const DeformOptions& options)
+      : options_(options), voxel_(static_cast<float>(options.voxel_m)) {}
+
+  void run(const SurfaceCameras& cameras, Mesh& mesh) {
+    cameras_ = cameras.cameras;
+    models_ = cameras.models;
+    if (cameras_.empty() || mesh.vertices.empty()) return;
+    neighbours_ = Neighbours(mesh);
+    start_ = mesh.vertices;
+    if (options_.mode == DeformMode::kPaper) {
+      run_paper_mode(mesh);
+    } else {
+      run_search_mode(mesh);
+    }
+    remove_self_intersections(neighbours_, start_, options_.lattice, mesh);
+  }
+
+ private:
+  void run_search_mode(Mesh& mesh) {
+    const bool smooth = options_.internal > 0;
+    rows_ = NeighbourRows(neighbours_);
+    smooth_surface(neighbours_, smooth ? kSmoothingBefore : 0, mesh.vertices, work_);
+    for (const Round& round : kSearchRounds) {
+      observe(round, mesh);
+      const std::span<const float> way =
+          field_.solve(rows_, profiles_, known_, pulls_,
+                       {.first = round.first,
+                        .step_m = round.step * voxel_,
+                        .smoothness = weight(kSmoothnessOfInternal, options_.internal),
+                        .photometric = weight(kWeightOfPhotometric, options_.photometric)});
+      for_each_vertex(way.size(), [&](size_t v) { mesh.vertices[v] += way[v] * normals_[v]; });
+      smooth_surface(neighbours_, smooth ? kSmoothingAfterRound : 0, mesh.vertices, work_);
+    }
+  }
+
+  void run_paper_mode(Mesh& mesh) {
+    for (int i = 0; i < kPaperRounds; ++i) {
+      observe(kPaperRound, mesh);
+      moved_.assign(mesh.vertices.size(), 0.0F);
+      float largest = 0;
+      for (int step = 0; step < kStepsPerRound; ++step) largest = move_by_forces(mesh);
+      if (largest < kSmallMotion * voxel_) return;
+    }
+  }
+
+  /// Step 1 of the algorithm, and the correlations and silhouette displacements for steps 2 and 3.
+  void observe(const Round& round, const Mesh& mesh) {
+    const size_t count = mesh.vertices.size();
+    tbb::parallel_invoke(
+        [&] {
+          normals_ = vertex_normals(mesh);
+          smooth_normals(neighbours_, kNormalSmoothing, normals_, work_);
+        },
+        [&] { draw_depths(mesh, models_, depths_, Faces::kFront); });
+    if (round.outlines && options_.silhouette > 0) find_outlines();
+    profiles_.resize(count);
+    known_.assign(count, 0);
+    pulls_.assign(count, {});
+    constexpr size_t kBlock = VertexVisibility::kCapacity;
+    tbb::enumerable_thread_specific<BlockVisibility> of_threads;
+    tbb::parallel_for(size_t{0}, (count + kBlock - 1) / kBlock, [&](size_t block) {
+      observe_block(round, mesh, block * kBlock, of_threads.local());
+    });
+  }
+
+  void observe_block(const Round& round, const Mesh& mesh, size_t first, BlockVisibility& block) {
+    const size_t count = std::min(VertexVisibility::kCapacity, mesh.vertices.size() - first);
+    const auto places = std::span(mesh.vertices).subspan(first, count);
+    const auto normals = std::span<const Vector3f>(normals_).subspan(first, count);
+    block.compute(places, normals, cameras_, depths_, {.tolerance_m = kHiddenBehind * voxel_});
+    if (options_.photometric > 0) correlate_block(round, places, first, block);
+    if (round.outlines && options_.silhouette > 0) pull_block(places, first, block.by_camera());
+  }
+
+  void correlate_block(const Round& round, std::span<const Vector3f> places, size_t first,
+                       BlockVisibility& block) {
+    const CorrelationOptions correlation{.side = options_.window,
+                                         .first = round.first,
+                                         .noise = kNoiseVariance,
+                                         .robust = options_.mode != DeformMode::kPaper};
+    block.windows.find(places, std::span<const Vector3f>(normals_).subspan(first), cameras_,
+                       block.by_camera(),
+                       {.level = round.level,
+                        .max_views = options_.views,
+                        .every = round.every,
+                        .spacing_m = round.spacing * voxel_,
+                        .step_m = round.step * voxel_},
+                       correlation);
+    for (size_t i = 0; i < places.size(); ++i) {
+      const WindowViews& views = block.windows.views(i);
+      if (views.count < 2) continue;
+      correlate(views, correlation, profiles_[first + i]);
+      known_[first + i] = 1;
+    }
+  }
+
+  void pull_block(std::span<const Vector3f> places, size_t first,
+                  std::span<const VertexVisibility> visibilities) {
+    const float each = weight(kPullOfSilhouette, options_.silhouette);
+    for (size_t c = 0; c < cameras_.size(); ++c) {
+      const VertexBits near =
+          grazing_vertices(near_[c], visibilities[c], places.size(), kMaxOutlineFacing);
+      for_each_bit(near, [&](size_t i) {
+        const auto way = silhouette_displacement(cameras_[c], depths_[c], places[i],
+                                                 normals_[first + i], visibilities[c].at(i));
+        if (!way) return;
+        pulls_[first + i].weight += each;
+        pulls_[first + i].sum_m += each * *way;
+      });
+    }
+  }
+
+  void find_outlines() {
+    near_.resize(cameras_.size());
+    tbb::parallel_for(size_t{0}, near_.size(),
+                      [&](size_t c) { near_[c] = near_outline(cameras_[c], depths_[c]); });
+  }
+
+  /// Equation (1) and step 3 for every vertex. Returns the largest motion, metres.
+  float move_by_forces(Mesh& mesh) {
+    const size_t count = mesh.vertices.size();
+    work_.resize(count);
+    for_each_vertex(count, [&](size_t v) { work_[v] = force(mesh, v); });
+    float largest2 = 0;
+    for (size_t v = 0; v < count; ++v) {
+      mesh.vertices[v] += work_[v];
+      moved_[v] += work_[v].dot(normals_[v]);
+      largest2 = std::max(largest2, work_[v].squaredNorm());
+    }
+    return std::sqrt(largest2);
+  }
+
+  Vector3f force(const Mesh& mesh, size_t v) const {
+    const Vector3f internal = internal_force(neighbours_, mesh.vertices, v);
+    const float along = static_cast<float>(options_.photometric) * photometric_force(v) +
+                        static_cast<float>(options_.silhouette) * silhouette_force(v);
+    return static_cast<float>(options_.internal) * internal + along * normals_[v];
+  }
+
+  /// Equation (3) along the normal: the gradient of the mean correlation, per voxel, in voxels. The
+  /// paper does not say in which units it is added to lengths.
+  float photometric_force(size_t v) const {
+    if (!known_[v]) return 0;
+    const float at = moved_[v] / (kPaperRound.step * voxel_) - kPaperRound.first;
+    const int k = std::clamp(static_cast<int>(at + 0.5F), 1, kDepthSteps - 2);
+    const float per_step = 0.5F * (profiles_[v][k + 1] - profiles_[v][k - 1]);
+    return voxel_ * per_step / kPaperRound.step;
+  }
+
+  /// Equation (6): the mean over cameras of the remaining displacements.
+  float silhouette_force(size_t v) const {
+    return pulls_[v].weight > 0 ? pulls_[v].sum_m / pulls_[v].weight - moved_[v] : 0;
+  }
+
+  static float weight(double factor, double option) { return static_cast<float>(factor * option); }
+
+  const DeformOptions options_;
+  const float voxel_;
+  std::span<const SurfaceCamera> cameras_;  ///< of the current frame
+  std::span<const CameraModel> models_;
+  std::vector<DepthBuffer> depths_;
+  std::vector<Mask> near_;  ///< see near_outline()
+  Neighbours neighbours_;
+  NeighbourRows rows_;  ///< the same for field_
+  std::vector<Vector3f> start_, normals_, work_;
+  std::vector<DepthProfile> profiles_;
+  std::vector<uint8_t> known_;
+  std::vector<OutlinePull> pulls_;
+  std::vector<float> moved_;  ///< along the normal since observe(), metres
+  DisplacementField field_;
+};
+
+Deformer::Deformer(const DeformOptions& options) : impl_(std::make_unique<Impl>(options)) {}
+Deformer::~Deformer() = default;
+void Deformer::run(const SurfaceCameras& cameras, Mesh& mesh) { impl_->run(cameras, mesh); }
+
+}  // namespace v3d

@@ -1,0 +1,60 @@
+// Intra-frame deformation: moves the surface of a visual hull to where the images agree. Source:
+// section 2.3 of the paper.
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <span>
+
+#include "base/mesh.h"
+#include "recon/mesh/vertex_lattice.h"
+#include "recon/visibility/surface_camera.h"
+
+namespace v3d {
+
+enum class DeformMode {
+  /// Searches the depth at which the images agree, coarse to fine, and fits a smooth field to the
+  /// result (DisplacementField).
+  kSearch,
+  /// The paper's gradient steps along F = alpha F_i + beta F_e + gamma F_s, until all are small.
+  kPaper,
+};
+
+struct DeformOptions {
+  DeformMode mode = DeformMode::kSearch;
+  double voxel_m = 0.005;  ///< of the volume that the mesh comes from
+  // The weights of equation (1), with the paper's values. In both modes 0 switches a force off.
+  double internal = 0.3;     ///< alpha
+  double photometric = 0.4;  ///< beta
+  double silhouette = 0.3;   ///< gamma
+  int window = 5;            ///< samples along a side of the template window; odd, 3 to 11
+  int views = 6;             ///< cameras that take part in a correlation, 2 to 8
+  /// kSearch only: the caller carves concavities of the hull first (ConcavityCarver). Deformer
+  /// itself ignores it.
+  bool carve_concavities = true;
+  /// Lattice of the resulting vertices; empty: none. Requires that the vertices of the mesh lie on
+  /// it.
+  std::optional<VertexLattice> lattice = std::nullopt;
+};
+
+/// Throws InputError, which names the field, for a value outside its range.
+void check(const DeformOptions& options);
+
+/// Keeps its working memory. One caller at a time; works in the caller's TBB arena.
+class Deformer {
+ public:
+  /// Requires options that pass check().
+  explicit Deformer(const DeformOptions& options);
+  ~Deformer();
+
+  /// Moves the vertices of `mesh` (world, metres), which must be closed. Triangles do not change,
+  /// and no self-intersections are added. Deterministic: independent of thread count and
+  /// instruction set.
+  void run(const SurfaceCameras& cameras, Mesh& mesh);
+
+ private:
+  class Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace v3d

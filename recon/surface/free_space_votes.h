@@ -1,0 +1,57 @@
+// Free-space votes: cameras that agree on a depth vote against all voxels in front of it.
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+#include <optional>
+#include <vector>
+
+#include "recon/hull/sparse_volume.h"
+
+namespace v3d {
+
+/// Counts two kinds of votes for each voxel of a volume: for empty (a ray crosses it) and for
+/// occupied (a surface lies in it). Each count saturates at kMaxVotes.
+///
+/// Several threads may vote at the same time; the sums do not depend on the order.
+class FreeSpaceVotes {
+ public:
+  static constexpr uint32_t kMaxVotes = 1 << 15;
+
+  /// `volume` is borrowed and must not change.
+  explicit FreeSpaceVotes(const SparseVolume& volume);
+
+  /// Index of the volume's brick that contains `place` (world, metres); -1 where no brick is
+  /// stored.
+  int brick_at(const Eigen::Vector3f& place) const;
+
+  /// Adds `votes` to the voxel at `place` (world, metres). Votes outside the volume are ignored.
+  void vote_free(const Eigen::Vector3f& place, uint8_t votes = 1) { vote(place, kFree * votes); }
+  void vote_occupied(const Eigen::Vector3f& place, uint8_t votes = 1) {
+    vote(place, kOccupied * votes);
+  }
+
+  /// The occupied voxels with at least `least` votes for empty (1 or more) and more of them than
+  /// votes for occupied. Votes are summed over the voxel and the 26 around it. The result has one
+  /// brick for each of the volume's. Works in the caller's TBB arena.
+  std::vector<Brick> free_voxels(int least) const;
+
+ private:
+  // Both counts in one number, so that votes are one addition. A count that has reached kMaxVotes
+  // takes no more, so it stays below kMaxVotes + 256 and never reaches the other half. A frame
+  // gives a voxel some thousands.
+  static constexpr uint32_t kFree = 1, kOccupied = 1 << 16;
+  static_assert(kMaxVotes + UINT8_MAX < kOccupied);
+  /// The voxel; empty where there can be none.
+  std::optional<Eigen::Vector3i> voxel_at(const Eigen::Vector3f& place) const;
+  int brick_of(const Eigen::Vector3i& voxel) const;
+  void vote(const Eigen::Vector3f& place, uint32_t what);
+
+  const SparseVolume& volume_;
+  const Eigen::Vector3f origin_;
+  const float per_metre_;
+  std::vector<std::atomic<uint32_t>> votes_;  ///< 512 a brick
+  std::vector<std::atomic<bool>> has_free_;   ///< bricks with voxels that were seen through
+};
+
+}  // namespace v3d

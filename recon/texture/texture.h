@@ -1,0 +1,81 @@
+// View-independent and view-dependent vertex colours. Source: the paper, Algorithm 1 (visibility)
+// with the weights of equations (8) and (9), or Algorithm 2 with equation (7) for one viewpoint.
+#pragma once
+
+#include <Eigen/Core>
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "base/camera_model.h"
+#include "base/frame.h"
+#include "base/mesh.h"
+
+namespace v3d {
+
+/// Interpolated colour of an image: R, G, B in grey values 0 to 255. (u, v) are pixel coordinates
+/// with (0, 0) in the centre of the first pixel. The image is mirrored at its borders; outside of
+/// it the result is empty.
+///
+/// A Bayer image is not demosaiced. Each colour is interpolated on its own lattice: red and blue
+/// bilinearly with a spacing of 2 pixels, green on the quincunx, in a diamond around the point.
+std::optional<Eigen::Vector3f> sample_colour(ImageView image, double u, double v);
+
+/// A frame and its camera, borrowed. Requires frame->sensor_size == model->size().
+struct TextureCamera {
+  const CameraModel* model = nullptr;
+  const Frame* frame = nullptr;
+  const ColourResponse* colour = nullptr;  ///< null: colours are not corrected
+};
+
+/// A viewpoint of Algorithm 2.
+struct ViewDependence {
+  Eigen::Vector3d direction;  ///< V_eye: unit vector of its optical axis, world
+  double sharpness = 10;      ///< m; the paper's value
+};
+
+struct TextureOptions {
+  /// A vertex is occluded when the depth buffer is nearer by more than this, metres. About three
+  /// voxels: one for the error of the surface, and the rest because the buffer holds points.
+  double depth_tolerance_m = 0.03;
+  /// On a slanted surface the tolerance grows by the change of depth within a cell of the
+  /// PointDepthBuffer, up to this many widths of a cell.
+  double max_slant = 6;
+  /// Radius of occluding_points(), metres, and width of the depth cells. With 0.71 voxels, vertices
+  /// alone are enough.
+  double occluder_radius_m = 0.0071;
+  /// Demosaic Bayer images before sampling. This shows finer detail than interpolation of each
+  /// colour on its own lattice, and costs a pass over the pixels of every roi.
+  bool demosaic = false;
+  /// Weight cameras by the square of their resolution on the surface, -V_c . N_v times focal length
+  /// over depth. (In the paper distance has no influence.)
+  bool by_resolution = false;
+  int fill_passes = 64;  ///< how far colour spreads to vertices that no camera sees, in edges
+  /// Colours for this viewpoint: cameras with a similar viewing direction have larger weights.
+  std::optional<ViewDependence> view = std::nullopt;
+};
+
+/// Colour of a vertex that no camera sees and no fill pass reaches.
+inline constexpr Rgb8 kUnseenColour{128, 128, 128};
+
+struct Texture {
+  std::vector<Rgb8> colours;  ///< one per vertex
+  int64_t unseen = 0;         ///< vertices that no camera sees
+};
+
+/// Vertex v is visible in camera c when its normal faces the camera (V_c . N_v < 0 with V_c the
+/// optical axis), no nearer surface is in the depth buffer, and sample_colour() has a result. The
+/// colour of v is the weighted mean of the samples of these cameras, each corrected by its
+/// ColourResponse. Weights are -V_c . N_v, or by_resolution, or for a viewpoint (V_eye . V_c + 2)^m
+/// for all vertices.
+///
+/// Two additions to the paper: a sample outside ColourMask::inner() counts only where no other
+/// camera sees the vertex, because the background shines through at the rim of a silhouette.
+/// Vertices that no camera sees take the mean colour of their neighbours, pass by pass.
+///
+/// Deterministic: independent of thread count and of the order of `cameras`, which are sorted by
+/// name. Names must differ.
+Texture colour_vertices(const Mesh& mesh, std::span<const TextureCamera> cameras,
+                        const TextureOptions& options);
+
+}  // namespace v3d

@@ -1,0 +1,86 @@
+// One camera as the deformation uses it: projection, visibility test, and brightness at two
+// resolutions.
+#pragma once
+
+#include <array>
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "base/camera_model.h"
+#include "base/frame.h"
+#include "recon/hull/voxel_projection.h"
+#include "recon/visibility/depth_buffer.h"
+#include "recon/visibility/luminance.h"
+
+namespace v3d {
+
+/// A frame and its camera, both borrowed. Requires frame->sensor_size == model->size() and a mask.
+struct DeformCamera {
+  const CameraModel* model = nullptr;
+  const Frame* frame = nullptr;
+};
+
+/// Immutable; any thread.
+class SurfaceCamera {
+ public:
+  static constexpr int kLevels = 2;  ///< of the image: full and half resolution
+
+  struct Seen {
+    Eigen::Vector2f pixel{0, 0};  ///< (0.5, 0.5) is the middle of the first pixel
+    float z = 0;                  ///< metres along the optical axis
+  };
+
+  /// Requires that the frame has pixels. `halvings`: how often its image is halved to become
+  /// picture(0); see redundant_halvings().
+  explicit SurfaceCamera(const DeformCamera& camera, int halvings = 0);
+
+  const Eigen::Vector3f& center() const { return center_; }
+  const VoxelCamera& lens() const { return lens_; }  ///< for places in metres
+  const Mask& silhouette() const { return *frame_->mask; }
+  const Luminance& picture(int level) const { return pictures_[level]; }
+  /// Width of a pixel of picture(0) in pixels of the camera.
+  float coarseness() const { return 1 / pictures_[0].scale(); }
+  /// Width of a pixel in metres at a distance of 1 m.
+  float pixel_m_per_m() const { return 1 / lens_.pixel_from_lens[0][0]; }
+
+  /// Projection of `place` (world, metres), also outside the image. Empty before the near plane and
+  /// outside the lens model.
+  std::optional<Seen> project(const Eigen::Vector3f& place) const;
+  /// True when the pixel exists and is foreground.
+  bool in_silhouette(const Eigen::Vector2f& pixel) const {
+    const bool exists =
+        pixel.x() >= 0 && pixel.y() >= 0 && pixel.x() < lens_.width && pixel.y() < lens_.height;
+    return exists && frame_->mask->get(static_cast<int>(pixel.x()), static_cast<int>(pixel.y()));
+  }
+  /// Visibility test: `seen` is foreground, and at most `tolerance_m` behind the surface in
+  /// `depth`, the depth buffer of the mesh.
+  bool sees(const Seen& seen, const DepthBuffer& depth, float tolerance_m) const;
+
+ private:
+  const Frame* frame_;
+  VoxelCamera lens_;
+  Eigen::Vector3f center_;
+  std::array<Luminance, kLevels> pictures_;
+};
+
+/// The cameras of a frame set that have an image. Immutable; any thread.
+struct SurfaceCameras {
+  SurfaceCameras() = default;
+  /// Cameras without pixels are left out; the order is kept. The distance of `mesh` (voxels of
+  /// `voxel_m` metres) decides the image resolution. Works in the caller's TBB arena.
+  SurfaceCameras(std::span<const DeformCamera> cameras, const Mesh& mesh, double voxel_m);
+
+  std::vector<SurfaceCamera> cameras;
+  std::vector<CameraModel> models;  ///< of each
+};
+
+/// How often the image can be halved until its pixels are as wide as a quarter of a voxel at the
+/// distance of `place` (world, metres). Windows are sampled by the voxel, so finer pixels would be
+/// skipped and add noise.
+int redundant_halvings(const CameraModel& camera, const Eigen::Vector3f& place, double voxel_m);
+
+/// Mean of the vertices; (0, 0, 0) for an empty mesh.
+Eigen::Vector3f vertex_centroid(const Mesh& mesh);
+
+}  // namespace v3d

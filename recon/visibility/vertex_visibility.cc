@@ -1,0 +1,212 @@
+#include "recon/visibility/vertex_visibility.h"
+
+// Registers of unknown length cannot be members of a struct.
+#define HWY_DISABLED_TARGETS (HWY_SVE | HWY_SVE2 | HWY_SVE_256 | HWY_SVE2_128 | HWY_RVV)
+#undef HWY_TARGET_INCLUDE
+#define HWY_TARGET_INCLUDE "recon/visibility/vertex_visibility.cc"
+#include <hwy/foreach_target.h>  // compiles this file once per instruction set
+#include <hwy/highway.h>
+
+#include <cstring>
+#include <limits>
+
+#include "recon/render/screen_vertex.h"
+
+HWY_BEFORE_NAMESPACE();
+namespace v3d::HWY_NAMESPACE {
+namespace {
+
+namespace hn = hwy::HWY_NAMESPACE;
+
+#include "recon/hull/voxel_projection_steps.inc"
+#include "recon/simd_float.inc"
+
+using LaneMask = hn::Mask<Floats>;
+
+static_assert(PointBlock::kCapacity % kLanes == 0 && VertexVisibility::kCapacity % kLanes == 0);
+
+/// A slanted surface changes its depth within a pixel; by no more than this many pixels' widths.
+constexpr float kMaxSlant = 6;
+constexpr float kUnseen = -2;
+
+template <size_t kCount>
+HWY_INLINE Lanes get(const std::array<float, kCount>& array, size_t i) {
+  return Lanes(hn::Load(Floats(), &array[i]));
+}
+template <size_t kCount>
+HWY_INLINE void put(Lanes value, std::array<float, kCount>& array, size_t i) {
+  hn::Store(value.v, Floats(), &array[i]);
+}
+
+/// x a + (y b + z c), in the order in which Eigen adds up three numbers.
+struct Vector {
+  Lanes x, y, z;
+};
+HWY_INLINE Lanes dot(const Vector& a, const Vector& b) {
+  return a.x * b.x + (a.y * b.y + a.z * b.z);
+}
+HWY_INLINE Vector vector_at(const PointBlock& points, size_t i) {
+  return {get(points.x, i), get(points.y, i), get(points.z, i)};
+}
+
+struct Pixels {
+  Lanes u, v, z;
+  LaneMask exist;
+};
+
+template <Lens kLens>
+HWY_INLINE Pixels project(const VoxelCamera& lens, const Vector& place) {
+  const Floats floats;
+  const CameraPoint<Lanes> p = HWY_NAMESPACE::camera_point<Lanes>(lens, place.x, place.y, place.z);
+  const PixelPoint<Lanes> q = HWY_NAMESPACE::pixel_point<kLens, Lanes>(lens, p);
+  const auto before = hn::Ge(p.z.v, hn::Set(floats, static_cast<float>(kNearPlaneMetres)));
+  const auto in_lens = hn::Le(q.radius2.v, hn::Set(floats, lens.max_radius2));
+  const auto exist = hn::And(before, in_lens);
+  const auto nowhere = hn::Set(floats, std::numeric_limits<float>::quiet_NaN());
+  return {Lanes(hn::IfThenElse(exist, q.u.v, nowhere)),
+          Lanes(hn::IfThenElse(exist, q.v.v, nowhere)), p.z, exist};
+}
+
+template <Lens kLens>
+void project_with(const VoxelCamera& lens, const PointBlock& points, PixelBlock& pixels) {
+  for (size_t i = 0; i < points.count; i += kLanes) {
+    const Pixels p = project<kLens>(lens, vector_at(points, i));
+    put(p.u, pixels.u, i);
+    put(p.v, pixels.v, i);
+    put(p.z, pixels.z, i);
+  }
+}
+
+void project_any(const VoxelCamera& lens, const PointBlock& points, PixelBlock& pixels) {
+  switch (lens.lens) {
+    case Lens::kPinhole:
+      return project_with<Lens::kPinhole>(lens, points, pixels);
+    case Lens::kPolynomial:
+      return project_with<Lens::kPolynomial>(lens, points, pixels);
+    default:
+      return project_with<Lens::kFull>(lens, points, pixels);
+  }
+}
+
+/// Those of the lanes whose pixel exists.
+HWY_INLINE LaneMask in_image(Lanes u, Lanes v, ImageSize size, LaneMask lanes) {
+  const Floats floats;
+  const auto within = [&](Lanes at, int end) {
+    return hn::And(hn::Ge(at.v, hn::Zero(floats)),
+                   hn::Lt(at.v, hn::Set(floats, static_cast<float>(end))));
+  };
+  return hn::And(lanes, hn::And(within(u, size.width), within(v, size.height)));
+}
+
+/// The pixel of each of the lanes; the first of all in the others.
+HWY_INLINE hn::Vec<Ints> whole(Lanes at, LaneMask lanes) {
+  return truncate(Lanes(hn::IfThenElseZero(lanes, at.v)));
+}
+
+HWY_INLINE LaneMask has(const Mask& mask, hn::Vec<Ints> x, hn::Vec<Ints> y) {
+  const Ints ints;
+  const auto words_in_row = hn::Set(ints, 2 * mask.words_per_row());  // of 32 bits
+  const auto word = hn::Add(hn::Mul(y, words_in_row), hn::ShiftRight<5>(x));
+  const auto* words = reinterpret_cast<const int32_t*>(mask.row(0).data());
+  const auto bits = hn::BitCast(Words(), hn::GatherIndex(ints, words, word));
+  const auto place = hn::BitCast(Words(), hn::And(x, hn::Set(ints, 31)));
+  return hn::RebindMask(Floats(), hn::TestBit(hn::Shr(bits, place), hn::Set(Words(), 1)));
+}
+
+/// SurfaceCamera::sees() in the lanes `wanted`.
+HWY_INLINE LaneMask sees(const SurfaceCamera& camera, const DepthBuffer& depth, const Pixels& p,
+                         Lanes tolerance, LaneMask wanted) {
+  wanted = in_image(p.u, p.v, depth.size, wanted);
+  if (bits_of(wanted) == 0) return wanted;
+  const auto x = whole(p.u, wanted), y = whole(p.v, wanted);
+  const auto index = hn::Add(hn::Mul(y, hn::Set(Ints(), depth.size.width)), x);
+  const Lanes nearest(hn::GatherIndex(Floats(), depth.z.data(), index));
+  const auto before = hn::Le(p.z.v, (nearest + tolerance).v);
+  return hn::And(wanted, hn::And(has(camera.silhouette(), x, y), before));
+}
+
+void grazing_any(const Mask& pixels, const VertexVisibility& visibility, size_t count,
+                 float max_facing, VertexBits& bits) {
+  const Floats floats;
+  for (size_t i = 0; i < count; i += kLanes) {
+    const auto facing = hn::Abs(get(visibility.facing, i).v);
+    const auto aside =
+        hn::And(hn::Le(facing, hn::Set(floats, max_facing)), hn::FirstN(floats, count - i));
+    const Lanes u = get(visibility.u, i), v = get(visibility.v, i);
+    const auto wanted = in_image(u, v, pixels.size(), aside);
+    if (bits_of(wanted) == 0) continue;
+    const auto found = hn::And(wanted, has(pixels, whole(u, wanted), whole(v, wanted)));
+    bits[i / 64] |= bits_of(found) << (i % 64);
+  }
+}
+
+template <Lens kLens>
+void test_with(const SurfaceCamera& camera, const DepthBuffer& depth, const PointBlock& places,
+               const PointBlock& normals, const VisibilityOptions& options,
+               VertexVisibility& visibility) {
+  const Floats floats;
+  const Eigen::Vector3f& center = camera.center();
+  for (size_t i = 0; i < places.count; i += kLanes) {
+    const Vector place = vector_at(places, i);
+    const Vector way{Lanes(center.x()) - place.x, Lanes(center.y()) - place.y,
+                     Lanes(center.z()) - place.z};
+    const Lanes facing = dot(way, vector_at(normals, i)) / Lanes(hn::Sqrt(dot(way, way).v));
+    const Pixels p = project<kLens>(camera.lens(), place);
+    const auto faces = hn::Ge(facing.v, hn::Set(floats, options.min_facing));
+    const Lanes sine2(hn::Max((Lanes(1.0F) - facing * facing).v, hn::Zero(floats)));
+    const Lanes slope = Lanes(hn::Sqrt(sine2.v)) / facing;
+    const Lanes slant =
+        Lanes(camera.pixel_m_per_m()) * p.z * Lanes(hn::Min(slope.v, hn::Set(floats, kMaxSlant)));
+    const auto seen =
+        sees(camera, depth, p, Lanes(options.tolerance_m) + slant, hn::And(p.exist, faces));
+    put(p.u, visibility.u, i);
+    put(p.v, visibility.v, i);
+    put(p.z, visibility.z, i);
+    put(facing, visibility.facing, i);
+    put(Lanes(hn::IfThenElse(seen, facing.v, hn::Set(floats, kUnseen))), visibility.seen, i);
+  }
+}
+
+void test_any(const SurfaceCamera& camera, const DepthBuffer& depth, const PointBlock& places,
+              const PointBlock& normals, const VisibilityOptions& options,
+              VertexVisibility& visibility) {
+  switch (camera.lens().lens) {
+    case Lens::kPinhole:
+      return test_with<Lens::kPinhole>(camera, depth, places, normals, options, visibility);
+    case Lens::kPolynomial:
+      return test_with<Lens::kPolynomial>(camera, depth, places, normals, options, visibility);
+    default:
+      return test_with<Lens::kFull>(camera, depth, places, normals, options, visibility);
+  }
+}
+
+}  // namespace
+}  // namespace v3d::HWY_NAMESPACE
+HWY_AFTER_NAMESPACE();
+
+#if HWY_ONCE
+namespace v3d {
+
+HWY_EXPORT(project_any);
+HWY_EXPORT(test_any);
+HWY_EXPORT(grazing_any);
+
+void project_block(const SurfaceCamera& camera, const PointBlock& points, PixelBlock& pixels) {
+  HWY_DYNAMIC_DISPATCH(project_any)(camera.lens(), points, pixels);
+}
+
+void test_visibility(const SurfaceCamera& camera, const DepthBuffer& depth,
+                     const PointBlock& places, const PointBlock& normals,
+                     const VisibilityOptions& options, VertexVisibility& visibility) {
+  HWY_DYNAMIC_DISPATCH(test_any)(camera, depth, places, normals, options, visibility);
+}
+
+VertexBits grazing_vertices(const Mask& pixels, const VertexVisibility& visibility, size_t count,
+                            float max_facing) {
+  VertexBits bits{};
+  HWY_DYNAMIC_DISPATCH(grazing_any)(pixels, visibility, count, max_facing, bits);
+  return bits;
+}
+
+}  // namespace v3d
+#endif

@@ -1,0 +1,63 @@
+// Vertex visibility: which vertices of a block does a camera see? Step 1 of the deformation
+// (section 2.3 of the paper).
+#pragma once
+
+#include <Eigen/Core>
+#include <array>
+#include <span>
+#include <vector>
+
+#include "recon/visibility/depth_buffer.h"
+#include "recon/visibility/surface_camera.h"
+
+namespace v3d {
+
+/// Points in the world, metres, one array per coordinate.
+struct PointBlock {
+  static constexpr size_t kCapacity = 384;
+  size_t count = 0;
+  alignas(64) std::array<float, kCapacity> x{}, y{}, z{};
+
+  void set(size_t i, const Eigen::Vector3f& place) {
+    x[i] = place.x(), y[i] = place.y(), z[i] = place.z();
+  }
+};
+
+/// Projections of a PointBlock: equal to SurfaceCamera::project() of each point, to the bit. NaN
+/// where a point has no projection.
+struct PixelBlock {
+  alignas(64) std::array<float, PointBlock::kCapacity> u, v, z;
+};
+void project_block(const SurfaceCamera& camera, const PointBlock& points, PixelBlock& pixels);
+
+struct VisibilityOptions {
+  float min_facing = 0.3F;  ///< smallest cosine between normal and direction to the camera
+  float tolerance_m = 0;    ///< see SurfaceCamera::sees(); grows with the slant
+};
+
+/// A block of vertices in one camera.
+struct VertexVisibility {
+  static constexpr size_t kCapacity = 128;  ///< vertices; blocks of 15 cameras fit into a cache
+  alignas(64) std::array<float, kCapacity> u, v, z;  ///< as in PixelBlock
+  alignas(64) std::array<float, kCapacity> facing;   ///< cosine, also of hidden vertices
+  alignas(64)
+      std::array<float, kCapacity> seen;  ///< `facing` where the camera sees the vertex, else -2
+
+  SurfaceCamera::Seen at(size_t i) const { return {{u[i], v[i]}, z[i]}; }
+};
+
+/// Projects the vertices and tests each against `depth`, the depth buffer of the mesh. `normals`
+/// have unit length. Requires at most kCapacity vertices. Vectorised by run-time dispatch; every
+/// instruction set gives the same bits.
+void test_visibility(const SurfaceCamera& camera, const DepthBuffer& depth,
+                     const PointBlock& places, const PointBlock& normals,
+                     const VisibilityOptions& options, VertexVisibility& visibility);
+
+/// One bit per vertex of a block.
+using VertexBits = std::array<uint64_t, VertexVisibility::kCapacity / 64>;
+/// One bit for each of the first `count` vertices: set where the absolute cosine of `facing` is at
+/// most `max_facing`, and the vertex projects to one of `pixels`.
+VertexBits grazing_vertices(const Mask& pixels, const VertexVisibility& visibility, size_t count,
+                            float max_facing);
+
+}  // namespace v3d

@@ -1,0 +1,227 @@
+#include "recon/pipeline/reconstructor.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+
+#include "base/demosaic.h"
+#include "base/error.h"
+#include "recon/mesh/self_intersection.h"
+#include "recon/metrics/evaluation.h"
+#include "recon/pipeline/compact_frame.h"
+#include "recon/pipeline/frame_set.h"
+#include "recon/render/renderer.h"
+#include "recon/shapes.h"
+
+namespace v3d {
+namespace {
+
+using testing::ElementsAre;
+
+constexpr ImageSize kSize{240, 180};
+
+/// A ball that is red towards +x and blue towards -x.
+Mesh two_coloured_ball() {
+  Mesh ball = shapes::sphere({0, 0, 1}, 0.4F, 48);
+  for (const Eigen::Vector3f& v : ball.vertices) {
+    ball.colours.push_back(v.x() > 0 ? Rgb8{220, 30, 20} : Rgb8{20, 40, 210});
+  }
+  return ball;
+}
+
+Rig ring(int count) {
+  Rig rig;
+  for (int i = 0; i < count; ++i) {
+    const double angle = 2 * std::numbers::pi * i / count;
+    rig.push_back({"cam" + std::to_string(i),
+                   shapes::camera({2 * std::cos(angle), 2 * std::sin(angle), 1 + 0.8 * (i % 3)},
+                                  {0, 0, 1}, kSize, 230, {-0.1, 0.02})});
+  }
+  return rig;
+}
+
+FrameSet photograph(const Mesh& mesh, const Rig& rig) {
+  FrameSet set;
+  set.pulse = 12;
+  FrameLabel label;
+  label.pulse = 12;
+  for (const RigCamera& camera : rig) {
+    const Image raw = mosaic(draw_mesh(mesh, camera.model).view(), PixelFormat::kBayerRG8);
+    set.frames.push_back(
+        observe(camera.name, label, raw.view(), draw_silhouette(mesh, camera.model)));
+  }
+  return set;
+}
+
+ReconstructOptions options() {
+  return {.bounds = {{-0.6, -0.6, 0.4}, {0.6, 0.6, 1.6}}, .voxel_m = 0.02, .min_views = 3};
+}
+
+TEST(Reconstructor, rebuilds_a_coloured_ball_from_its_pictures) {
+  const Mesh ball = two_coloured_ball();
+  const Rig rig = ring(12);
+  Reconstructor reconstructor(rig, options());
+  const Reconstruction result = reconstructor.reconstruct(photograph(ball, rig));
+
+  EXPECT_EQ(result.pulse, 12);
+  EXPECT_NEAR(result.volume_m3, enclosed_volume(ball), 0.05 * enclosed_volume(ball));
+  EXPECT_TRUE(is_watertight(result.mesh));
+  EXPECT_EQ(connected_components(result.mesh), 1);
+  const SurfaceDistance distance = compare_surfaces(result.mesh, ball);
+  EXPECT_LT(distance.accuracy_p90_mm, 20);
+  EXPECT_LT(distance.completeness_p90_mm, 20);
+
+  ASSERT_EQ(result.mesh.colours.size(), result.mesh.vertices.size());
+  for (size_t v = 0; v < result.mesh.vertices.size(); ++v) {
+    const Rgb8 c = result.mesh.colours[v];
+    if (result.mesh.vertices[v].z() < 0.75F) {
+      continue;  // no camera looks up: below, only rims of silhouettes show
+    }
+    if (result.mesh.vertices[v].x() > 0.1F) {
+      EXPECT_TRUE(c.r > 180 && c.b < 60) << result.mesh.vertices[v].transpose();
+    } else if (result.mesh.vertices[v].x() < -0.1F) {
+      EXPECT_TRUE(c.r < 60 && c.b > 170) << result.mesh.vertices[v].transpose();
+    }
+  }
+  EXPECT_GE(result.times.intersect, 0);
+  EXPECT_GE(result.times.encode, 0);
+  EXPECT_LT(result.times.deform, 0);  // did not run
+}
+
+TEST(Reconstructor, gives_out_the_mesh_that_receivers_decode) {
+  const Rig rig = ring(8);
+  Reconstructor reconstructor(rig, options());
+  const Reconstruction result = reconstructor.reconstruct(photograph(two_coloured_ball(), rig));
+  const auto decoded = decode_compact(result.compact);
+  ASSERT_TRUE(decoded);
+  EXPECT_EQ(decoded->mesh.vertices, result.mesh.vertices);
+  EXPECT_EQ(decoded->mesh.triangles, result.mesh.triangles);
+  EXPECT_EQ(decoded->mesh.colours, result.mesh.colours);
+  EXPECT_EQ(decoded->cameras, result.cameras);
+  EXPECT_EQ(decoded->pulse, 12);
+  EXPECT_EQ(decoded->quality, static_cast<float>(result.quality.silhouette_iou));
+}
+
+/// The compact frames of pulses 24 to 26 in the two stages, of a photograph that stands still.
+std::vector<Reconstruction> stages_of_a_still(const Rig& rig, bool begin_anew) {
+  Reconstructor reconstructor(rig, options());
+  std::vector<Reconstruction> results;
+  for (int64_t pulse = 23; pulse < 27; ++pulse) {
+    FrameSetJob work(photograph(two_coloured_ball(), rig));
+    work.set.pulse = pulse;
+    reconstructor.make_mesh(work);
+    reconstructor.encode(work);
+    if (begin_anew) reconstructor.begin_sequence();
+    results.push_back(std::move(work.result));
+  }
+  return results;
+}
+
+TEST(Reconstructor, makes_one_sequence_of_what_it_encodes_with_key_frames_at_fixed_pulses) {
+  const Rig rig = ring(8);
+  const auto sequence = stages_of_a_still(rig, false);
+  CompactDecoder decoder;
+  for (const Reconstruction& result : sequence) {
+    EXPECT_EQ(decode_compact(result.compact).has_value(), result.pulse == 23 || result.pulse == 25);
+    ASSERT_EQ(decoder.decode(result.compact), DecodeStatus::kOk);
+    EXPECT_EQ(decoder.frame().mesh.vertices, result.mesh.vertices);
+    EXPECT_EQ(decoder.frame().mesh.colours, result.mesh.colours);
+  }
+  EXPECT_LT(sequence[1].compact.size(), sequence[0].compact.size());
+  for (const Reconstruction& result : stages_of_a_still(rig, true)) {
+    EXPECT_TRUE(decode_compact(result.compact)) << result.pulse;
+  }
+}
+
+TEST(Reconstructor, gives_the_same_bytes_for_any_threads_and_any_order_of_frames) {
+  const Rig rig = ring(9);
+  FrameSet set = photograph(two_coloured_ball(), rig);
+  ReconstructOptions opts = options();
+  const auto expected = Reconstructor(rig, opts).reconstruct(set).compact;
+  for (const int threads : {1, 2, 5}) {
+    opts.threads = threads;
+    std::rotate(set.frames.begin(), set.frames.begin() + 2, set.frames.end());
+    std::swap(set.frames[0], set.frames[5]);
+    EXPECT_EQ(Reconstructor(rig, opts).reconstruct(set).compact, expected);
+  }
+}
+
+TEST(Reconstructor, of_high_quality_gives_the_same_bytes_for_any_threads) {
+  const Rig rig = ring(9);
+  const FrameSet set = photograph(two_coloured_ball(), rig);
+  ReconstructOptions opts = options();
+  opts.quality = Quality::kHigh;
+  const Reconstruction expected = Reconstructor(rig, opts).reconstruct(set);
+  EXPECT_GE(expected.times.deform, 0);
+  const auto decoded = decode_compact(expected.compact);
+  EXPECT_EQ(decoded->mesh.vertices, expected.mesh.vertices);
+  EXPECT_DOUBLE_EQ(decoded->lattice.step, opts.voxel_m / 50);
+  EXPECT_LT(compare_surfaces(expected.mesh, two_coloured_ball()).normal_error_deg, 15);
+  EXPECT_TRUE(self_intersections(expected.mesh).empty());
+  for (const int threads : {1, 2, 5}) {
+    opts.threads = threads;
+    EXPECT_EQ(Reconstructor(rig, opts).reconstruct(set).compact, expected.compact);
+  }
+}
+
+TEST(Reconstructor, does_not_remember_the_set_before) {
+  const Rig rig = ring(9);
+  const FrameSet ball = photograph(two_coloured_ball(), rig);
+  const FrameSet cube = photograph(shapes::box({-0.3F, -0.2F, 0.7F}, {0.3F, 0.2F, 1.2F}), rig);
+  Reconstructor reconstructor(rig, options());
+  const auto first = reconstructor.reconstruct(ball).compact;
+  reconstructor.reconstruct(cube);
+  EXPECT_EQ(reconstructor.reconstruct(ball).compact, first);
+}
+
+TEST(Reconstructor, leaves_out_frames_it_cannot_use_and_says_who_took_part) {
+  const Rig rig = ring(8);
+  FrameSet set = photograph(two_coloured_ball(), rig);
+  set.frames[1].camera = "stranger";
+  set.frames[2].mask = Mask({10, 10});
+  set.frames[3].mask.reset();
+  set.frames[4].image = Image({4, 4}, PixelFormat::kMono8);
+  set.frames.erase(set.frames.begin() + 5);
+  const Reconstruction result = Reconstructor(rig, options()).reconstruct(set);
+  EXPECT_THAT(result.cameras, ElementsAre("cam0", "cam6", "cam7"));
+  EXPECT_EQ(decode_compact(result.compact)->missing, 5);
+}
+
+TEST(WarmUp, is_a_ball_in_the_middle_of_the_space) {
+  const Rig rig = ring(8);
+  const Reconstruction result =
+      Reconstructor(rig, options()).reconstruct(warm_up_frame_set(rig, options().bounds));
+  EXPECT_EQ(result.cameras.size(), rig.size());
+  const double ball = 4.0 / 3 * std::numbers::pi * std::pow(0.3, 3);
+  EXPECT_NEAR(result.volume_m3, ball, 0.2 * ball);
+}
+
+TEST(Reconstructor, of_no_frames_is_an_empty_mesh) {
+  const Reconstruction result =
+      Reconstructor(ring(4), options()).reconstruct({.pulse = 3, .frames = {}});
+  EXPECT_TRUE(result.mesh.vertices.empty());
+  EXPECT_EQ(result.volume_m3, 0);
+  EXPECT_EQ(decode_compact(result.compact)->missing, 4);
+}
+
+std::string refusal(const Rig& rig, const ReconstructOptions& opts) {
+  try {
+    Reconstructor reconstructor(rig, opts);
+  } catch (const InputError& error) {
+    return error.what();
+  }
+  return {};
+}
+
+TEST(Reconstructor, refuses_what_it_cannot_do) {
+  ReconstructOptions even = options(), tiny = options();
+  even.quality = Quality::kHigh;
+  even.deform.window = 4;
+  EXPECT_EQ(refusal(ring(4), even), "deform: window: want an odd number of samples from 3 to 11");
+  tiny.voxel_m = 1e-5;
+  EXPECT_THAT(refusal(ring(4), tiny), testing::HasSubstr("voxels"));
+}
+
+}  // namespace
+}  // namespace v3d

@@ -1,0 +1,285 @@
+#include "recon/surface/deform.h"
+
+#include <gtest/gtest.h>
+#include <tbb/task_arena.h>
+
+#include <algorithm>
+#include <random>
+
+#include "base/error.h"
+#include "base/statistics.h"
+#include "recon/mesh/self_intersection.h"
+#include "recon/mesh/self_intersection_removal.h"
+#include "recon/render/renderer.h"
+#include "recon/shapes.h"
+
+namespace v3d {
+namespace {
+
+constexpr ImageSize kSize{320, 240};
+constexpr float kHalfEdge = 0.25F;
+constexpr double kEdge = 0.010;  ///< about the length of an edge: what a voxel is to the deformer
+
+const Eigen::Vector3f kMiddle{0, 0, 1};
+
+float angle_to_x(const Eigen::Vector3f& direction) {
+  return std::acos(std::clamp(direction.x(), -1.0F, 1.0F));
+}
+
+/// A die with round edges: from its middle in a direction, metres.
+float die_radius(const Eigen::Vector3f& direction) {
+  float sum = 0;
+  for (const float c : direction) sum += square(square(square(c)));
+  return kHalfEdge / std::pow(sum, 0.125F);
+}
+
+/// The same with a concavity in the face towards +x, which no silhouette shows.
+float concavity_radius(const Eigen::Vector3f& direction) {
+  return die_radius(direction) - 0.05F * std::exp(-square(angle_to_x(direction) / 0.35F));
+}
+
+template <class Radius>
+Mesh body(int rings, const Radius& radius) {
+  Mesh mesh = shapes::sphere({0, 0, 0}, 1, rings);
+  for (Eigen::Vector3f& v : mesh.vertices) v = kMiddle + radius(v) * v;
+  return mesh;
+}
+
+/// Speckled all over.
+Mesh speckled(Mesh mesh) {
+  std::mt19937 random(5);
+  for (size_t v = 0; v < mesh.vertices.size(); ++v) {
+    const auto grey = static_cast<uint8_t>(60 + random() % 160);
+    mesh.colours.push_back({grey, grey, grey});
+  }
+  return mesh;
+}
+
+/// What the cameras see.
+Mesh concavity_die() { return speckled(body(110, concavity_radius)); }
+
+Mesh hull() { return body(90, die_radius); }
+
+struct Studio {
+  std::vector<CameraModel> models;
+  std::vector<Frame> frames;
+  std::vector<Mask> masks;
+  std::vector<DeformCamera> cameras;
+
+  /// The first `count` of them before a mesh.
+  SurfaceCameras before(const Mesh& mesh, size_t count = 12) const {
+    return {std::span(cameras).first(count), mesh, kEdge};
+  }
+
+  explicit Studio(const Mesh& scene) : Studio(scene, scene) {}
+  /// `seen`: also what is no part of the scene.
+  Studio(const Mesh& scene, const Mesh& seen) {
+    for (int i = 0; i < 12; ++i) {
+      const double angle = 2 * std::numbers::pi * i / 12;
+      models.push_back(
+          shapes::camera({2 * std::cos(angle), 2 * std::sin(angle), 1 + 0.5 * (i % 3 - 1)},
+                         {0, 0, 1}, kSize, 600, {-0.1, 0.02}));
+    }
+    masks = draw_silhouettes(scene, models);
+    for (size_t i = 0; i < models.size(); ++i) {
+      frames.push_back(
+          observe("cam" + std::to_string(i), {}, draw_mesh(seen, models[i]).view(), masks[i]));
+    }
+    for (size_t i = 0; i < models.size(); ++i) cameras.push_back({&models[i], &frames[i]});
+  }
+};
+
+const Studio& studio() {
+  static const Studio kStudio(concavity_die());
+  return kStudio;
+}
+
+Mesh deformed(DeformOptions options) {
+  options.voxel_m = kEdge;
+  Mesh mesh = hull();
+  Deformer(options).run(studio().before(mesh), mesh);
+  return mesh;
+}
+
+/// In the concavity: the median way to the true surface, away from the middle, metres.
+double error_in_concavity(const Mesh& mesh) {
+  std::vector<double> errors;
+  for (const Eigen::Vector3f& v : mesh.vertices) {
+    const Eigen::Vector3f out = (v - kMiddle).normalized();
+    if (angle_to_x(out) > 0.3F) continue;
+    errors.push_back(std::abs((v - kMiddle).norm() - concavity_radius(out)));
+  }
+  return upper_median(std::move(errors));
+}
+
+double min_iou(const Mesh& mesh) {
+  const std::vector<Mask> drawn = draw_silhouettes(mesh, studio().models);
+  double least = 1;
+  for (size_t i = 0; i < drawn.size(); ++i) {
+    least = std::min(least, intersection_over_union(drawn[i], studio().masks[i]));
+  }
+  return least;
+}
+
+TEST(Deformer, finds_a_concavity_that_no_silhouette_shows) {
+  const double before = error_in_concavity(hull());
+  EXPECT_GT(before, 0.030);
+  EXPECT_LT(error_in_concavity(deformed({})), 0.1 * before);
+}
+
+TEST(RedundantHalvings, leave_pixels_of_a_quarter_of_a_voxel_and_never_make_finer_ones) {
+  const CameraModel camera = shapes::camera({2, 0, 1}, {0, 0, 1}, kSize, 600, {});
+  const Eigen::Vector3f at_2m(0, 0, 1);  // a pixel covers 3.33 mm
+  EXPECT_EQ(redundant_halvings(camera, at_2m, 0.005), 0);
+  EXPECT_EQ(redundant_halvings(camera, at_2m, 0.0133), 0);
+  EXPECT_EQ(redundant_halvings(camera, at_2m, 0.0134), 1);
+  EXPECT_EQ(redundant_halvings(camera, at_2m, 0.050), 2);
+  EXPECT_EQ(redundant_halvings(camera, {4, 0, 1}, 0.050), 0) << "behind the camera";
+}
+
+TEST(Deformer, the_papers_steps_come_closer_from_near) {
+  DeformOptions paper;
+  paper.mode = DeformMode::kPaper;
+  paper.voxel_m = kEdge;
+  Mesh mesh = body(90, [](const auto& direction) {
+    return 0.2F * die_radius(direction) + 0.8F * concavity_radius(direction);
+  });
+  const double before = error_in_concavity(mesh);
+  Deformer(paper).run(studio().before(mesh), mesh);
+  EXPECT_LT(error_in_concavity(mesh), 0.5 * before);
+}
+
+TEST(Deformer, sees_no_concavity_without_the_photometric_force) {
+  DeformOptions blind;
+  blind.photometric = 0;
+  EXPECT_GT(error_in_concavity(deformed(blind)), 0.030);
+}
+
+TEST(Deformer, keeps_the_silhouettes) {
+  DeformOptions careless;
+  careless.silhouette = 0;
+  const double kept = min_iou(deformed({}));
+  EXPECT_GT(kept, min_iou(hull()) - 0.015);
+  EXPECT_GT(kept, min_iou(deformed(careless)));
+}
+
+TEST(Deformer, brings_a_mesh_that_is_too_large_back_to_its_silhouettes) {
+  Mesh mesh = body(90, [](const auto& direction) { return 1.04F * die_radius(direction); });
+  DeformOptions options;
+  options.voxel_m = kEdge;
+  options.photometric = 0;
+  const double before = min_iou(mesh);
+  Deformer(options).run(studio().before(mesh), mesh);
+  EXPECT_GT(min_iou(mesh), before + 0.5 * (1 - before));
+}
+
+/// A third as wide as a template window, with nothing on it that could be compared.
+Mesh rod() {
+  Mesh mesh = shapes::sphere({0, 0, 0}, 1, 60);
+  for (Eigen::Vector3f& v : mesh.vertices) {
+    v = kMiddle + Eigen::Vector3f(0.012F * v.x(), 0.012F * v.y(), 0.3F * v.z());
+  }
+  mesh.colours.assign(mesh.vertices.size(), {120, 120, 120});
+  return mesh;
+}
+
+TEST(Deformer, does_not_compare_the_background_beside_something_slender) {
+  Mesh before_a_wall = rod();
+  shapes::append(before_a_wall, speckled(shapes::sphere({0, 0, 1}, 4, 120)));
+  const Studio there(rod(), before_a_wall);
+  Mesh mesh = rod();
+  DeformOptions options;
+  options.voxel_m = kEdge;
+  Deformer(options).run(there.before(mesh), mesh);
+  const Mesh straight = rod();
+  double sum = 0;
+  for (size_t v = 0; v < mesh.vertices.size(); ++v) {
+    sum += (mesh.vertices[v] - straight.vertices[v]).norm();
+  }
+  EXPECT_LT(sum / std::ssize(mesh.vertices), 0.0005);
+}
+
+TEST(Deformer, leaves_no_place_where_the_surface_goes_through_itself) {
+  DeformOptions rough;
+  rough.internal = 0.02;
+  EXPECT_TRUE(self_intersections(deformed(rough)).empty());
+}
+
+TEST(RemoveSelfIntersections, takes_back_what_went_through_the_other_side) {
+  const Mesh ball = shapes::sphere({0, 0, 0}, 1, 30);
+  Mesh pushed = ball;
+  for (Eigen::Vector3f& v : pushed.vertices) {
+    if (v.x() > 0.8F) v.x() -= 2.5F;
+  }
+  ASSERT_FALSE(self_intersections(pushed).empty());
+  EXPECT_EQ(remove_self_intersections(Neighbours(ball), ball.vertices, std::nullopt, pushed), 0);
+  EXPECT_TRUE(self_intersections(pushed).empty());
+}
+
+TEST(RemoveSelfIntersections,
+     gives_back_as_much_as_it_must_where_the_way_back_crosses_what_is_left) {
+  const Mesh ball = shapes::sphere({0, 0, 0}, 1, 60);
+  Mesh moved = ball;
+  for (Eigen::Vector3f& v : moved.vertices) {
+    v.x() += v.x() > 0.8F ? 0.5F : 3;  // a cap that goes through the other side, like its way back
+  }
+  ASSERT_FALSE(self_intersections(moved).empty());
+  EXPECT_EQ(remove_self_intersections(Neighbours(ball), ball.vertices, std::nullopt, moved), 0);
+  EXPECT_TRUE(self_intersections(moved).empty());
+}
+
+TEST(RemoveSelfIntersections, ends_where_the_surface_to_go_back_to_crosses_itself) {
+  Mesh crossed = shapes::sphere({0, 0, 0}, 1, 20);
+  shapes::append(crossed, shapes::sphere({0.5F, 0, 0}, 1, 20));
+  const std::vector<Eigen::Vector3f> start = crossed.vertices;
+  EXPECT_GT(remove_self_intersections(Neighbours(crossed), start, std::nullopt, crossed), 0);
+}
+
+TEST(Deformer, gives_the_same_surface_for_any_number_of_threads) {
+  const auto with_threads = [](int threads) {
+    return tbb::task_arena(threads).execute([] { return deformed({}).vertices; });
+  };
+  const std::vector<Eigen::Vector3f> expected = with_threads(1);
+  EXPECT_EQ(with_threads(2), expected);
+  EXPECT_EQ(with_threads(5), expected);
+}
+
+TEST(Deformer, keeps_no_memory_of_the_frame_before) {
+  DeformOptions options;
+  options.voxel_m = kEdge;
+  Deformer deformer(options);
+  Mesh first = hull(), other = shapes::box({-0.2F, -0.2F, 0.8F}, {0.2F, 0.2F, 1.2F});
+  deformer.run(studio().before(first), first);
+  deformer.run(studio().before(other, 5), other);
+  Mesh again = hull();
+  deformer.run(studio().before(again), again);
+  EXPECT_EQ(again.vertices, first.vertices);
+}
+
+TEST(Deformer, leaves_a_mesh_alone_that_nobody_sees) {
+  Mesh mesh = hull();
+  Deformer({}).run({}, mesh);
+  EXPECT_EQ(mesh.vertices, hull().vertices);
+  Mesh nothing;
+  Deformer({}).run(studio().before(nothing), nothing);
+  EXPECT_TRUE(nothing.vertices.empty());
+}
+
+std::string refusal(const DeformOptions& options) {
+  try {
+    check(options);
+  } catch (const InputError& error) {
+    return error.what();
+  }
+  return {};
+}
+
+TEST(Deformer, names_the_option_that_is_out_of_range) {
+  EXPECT_EQ(refusal({}), "");
+  EXPECT_EQ(refusal({.window = 4}), "deform: window: want an odd number of samples from 3 to 11");
+  EXPECT_EQ(refusal({.views = 1}), "deform: views: want 2 to 8 cameras");
+  EXPECT_EQ(refusal({.internal = -1}), "deform: internal: want a weight from 0 to 1");
+}
+
+}  // namespace
+}  // namespace v3d

@@ -1,0 +1,95 @@
+#include "recon/surface/motion_mask.h"
+
+#include <gtest/gtest.h>
+
+#include <random>
+
+#include "recon/shapes.h"
+
+namespace v3d {
+namespace {
+
+constexpr ImageSize kSize{120, 90};
+/// The silhouette, and a pixel well inside of it.
+constexpr Rect kSeen{20, 20, 80, 50};
+const Eigen::Vector2f kMiddle(60.5F, 45.5F);
+
+/// What a camera that never moves saw at one pulse.
+struct Picture {
+  CameraModel model = shapes::camera({2, 0, 1}, {0, 0, 1}, kSize, 100);
+  Image raw{kSize, PixelFormat::kMono8};
+  Mask mask{kSize};
+  Frame frame;
+  std::optional<SurfaceCamera> camera;
+
+  Picture() {
+    std::mt19937 random(6);
+    for (uint8_t& byte : raw.bytes) byte = static_cast<uint8_t>(50 + random() % 100);
+    for (int y = kSeen.y0; y < kSeen.y0 + kSeen.height; ++y) {
+      mask.fill_row(y, kSeen.x0, kSeen.x0 + kSeen.width);
+    }
+  }
+  const SurfaceCamera& seen() {
+    frame = observe("cam", {}, raw.view(), mask);
+    return camera.emplace(DeformCamera{&model, &frame});
+  }
+  void brighten(const Rect& where, int by) {
+    for (int y = where.y0; y < where.y0 + where.height; ++y) {
+      for (int x = where.x0; x < where.x0 + where.width; ++x) {
+        raw.row(y)[x] = static_cast<uint8_t>(raw.row(y)[x] + by);
+      }
+    }
+  }
+};
+
+float stillness_after(int brighter, const Rect& where = {0, 0, kSize.width, kSize.height}) {
+  Picture now, then;
+  now.brighten(where, brighter);
+  return static_weight(now.seen(), then.seen(), kMiddle);
+}
+
+TEST(MotionMask, is_1_where_two_pictures_are_the_same_but_for_noise) {
+  EXPECT_EQ(stillness_after(0), 1);
+  EXPECT_EQ(stillness_after(1), 1);
+}
+
+TEST(MotionMask, is_0_where_something_moved_and_falls_evenly_between) {
+  EXPECT_NEAR(stillness_after(2), (3.0 - 2.0) / 1.5, 1e-6);
+  EXPECT_EQ(stillness_after(3), 0);
+  EXPECT_EQ(stillness_after(60), 0);
+}
+
+TEST(MotionMask, counts_darker_and_brighter_pixels_alike) {
+  Picture now, then;
+  now.brighten({0, 0, kSize.width, kSize.height}, 20);
+  for (int y = 0; y < kSize.height; y += 4) now.brighten({0, y, kSize.width, 2}, -40);
+  EXPECT_EQ(static_weight(now.seen(), then.seen(), kMiddle), 0) << "the mean has not changed";
+}
+
+TEST(MotionMask, looks_at_the_surroundings_of_the_pixel_alone) {
+  EXPECT_EQ(stillness_after(60, {kSeen.x0, kSeen.y0, 20, 20}), 1);
+  EXPECT_EQ(stillness_after(60, {56, 41, 10, 10}), 0);
+}
+
+TEST(MotionMask, is_0_where_the_silhouette_was_not_then_but_for_three_pixels) {
+  Picture now, then;
+  now.mask.fill_row(45, 0, kSize.width);
+  const SurfaceCamera& current = now.seen();
+  const SurfaceCamera& former = then.seen();
+  const auto at = [&](float x) { return static_weight(current, former, {x, 45.5F}); };
+  EXPECT_EQ(at(kSeen.x0 + 6.5F), 1);
+  EXPECT_EQ(at(kSeen.x0 - 6.5F), 0);
+  then.mask = Mask(kSize);
+  then.mask.fill_row(44, 56, 58);
+  EXPECT_EQ(static_weight(current, then.seen(), {57.5F, 55.5F}), 0);
+}
+
+TEST(MotionMask, is_0_beyond_the_border_of_a_picture) {
+  Picture now, then;
+  const SurfaceCamera& current = now.seen();
+  EXPECT_EQ(static_weight(current, then.seen(), {-5, 45}), 0);
+  EXPECT_EQ(static_weight(current, then.seen(), {60, 500}), 0);
+}
+
+}  // namespace
+}  // namespace v3d

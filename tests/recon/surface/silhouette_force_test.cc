@@ -1,0 +1,119 @@
+#include "recon/surface/silhouette_force.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "recon/render/renderer.h"
+#include "recon/shapes.h"
+
+namespace v3d {
+namespace {
+
+using Eigen::Vector3f;
+
+constexpr ImageSize kSize{240, 200};
+constexpr float kRadius = 0.4F;
+const Vector3f kMiddle(0, 0, 1);
+
+Mesh ball(float radius) { return shapes::sphere(kMiddle, radius, 40); }
+
+/// A ball of kRadius as the mesh, before a camera that sees one of `observed` metres.
+struct Scene {
+  CameraModel model = shapes::camera({3, 0, 1}, {0, 0, 1}, kSize, 600);
+  Mesh mesh = ball(kRadius);
+  Frame frame;
+  DepthBuffer depth = draw_depth(mesh, model);
+  std::optional<SurfaceCamera> camera;
+
+  explicit Scene(float observed, int halvings = 0) {
+    frame = observe("cam", {}, Image(kSize, PixelFormat::kMono8).view(),
+                    draw_silhouette(ball(observed), model));
+    camera.emplace(DeformCamera{&model, &frame}, halvings);
+  }
+
+  /// Of the vertices whose normals are at a right angle to the way to the camera.
+  std::vector<std::optional<float>> ways() const {
+    std::vector<std::optional<float>> found;
+    for (const Vector3f& v : mesh.vertices) {
+      const Vector3f normal = (v - kMiddle).normalized(), way = camera->center() - v;
+      // The outline of a ball lies a little before its middle.
+      if (std::abs(normal.dot(way.normalized())) > 0.02F) continue;
+      const auto seen = camera->project(v);
+      found.push_back(silhouette_displacement(*camera, depth, v, normal, seen.value()));
+    }
+    return found;
+  }
+};
+
+/// Metres that a pixel covers on the outline.
+constexpr float kPixelM = 3.0F / 600;
+
+TEST(SilhouetteDisplacement, is_how_much_larger_or_smaller_the_observed_ball_is) {
+  for (const float more : {-0.02F, 0.0F, 0.015F, 0.03F}) {
+    const Scene scene(kRadius + more);
+    const auto ways = scene.ways();
+    ASSERT_GT(ways.size(), 10U);
+    double sum = 0;
+    for (const auto& way : ways) {
+      ASSERT_TRUE(way) << more;
+      EXPECT_NEAR(*way, more, 1.5F * kPixelM);
+      sum += *way;
+    }
+    EXPECT_NEAR(sum / static_cast<double>(ways.size()), more, 0.3F * kPixelM);
+  }
+}
+
+TEST(SilhouetteDisplacement, is_zero_to_the_bit_for_a_mesh_that_fills_its_silhouette) {
+  const Scene scene(kRadius);
+  for (const auto& way : scene.ways()) EXPECT_EQ(way, 0.0F);
+}
+
+TEST(SilhouetteDisplacement, is_none_where_the_observed_outline_is_not_near) {
+  const Scene scene(kRadius + 12 * kPixelM);
+  for (const auto& way : scene.ways()) EXPECT_FALSE(way);
+  const Scene coarse(kRadius + 12 * kPixelM, 1);
+  for (const auto& way : coarse.ways()) EXPECT_TRUE(way) << "pixels are twice as wide";
+}
+
+TEST(SilhouetteDisplacement, is_none_for_a_vertex_that_is_not_on_the_outline) {
+  const Scene scene(kRadius + 0.02F);
+  const Vector3f normal(0, 0, 1), inside = kMiddle + 0.9F * kRadius * normal;
+  EXPECT_FALSE(silhouette_displacement(*scene.camera, scene.depth, inside, normal,
+                                       scene.camera->project(inside).value()));
+}
+
+TEST(SilhouetteDisplacement, is_none_at_the_border_of_the_picture) {
+  Scene scene(kRadius);
+  const Vector3f normal(0, 0, 1), place(0, 0, 1.49F);  // two pixels below the upper border
+  const auto seen = scene.camera->project(place).value();
+  ASSERT_GT(seen.pixel.y(), 0);
+  ASSERT_LT(seen.pixel.y(), 9);
+  EXPECT_FALSE(silhouette_displacement(*scene.camera, scene.depth, place, normal, seen));
+}
+
+TEST(NearOutline, holds_every_pixel_within_two_of_the_outline_and_none_far_from_it) {
+  for (const int halvings : {0, 1}) {
+    const Scene scene(kRadius, halvings);
+    const Mask near = near_outline(*scene.camera, scene.depth);
+    const auto drawn = [&](int x, int y) { return std::isfinite(scene.depth.at(x, y)); };
+    const int within = 2 << halvings;
+    for (int y = 8; y < kSize.height - 8; ++y) {
+      for (int x = 8; x < kSize.width - 8; ++x) {
+        const auto changes = [&](int reach) {
+          for (int d = -reach; d <= reach; ++d) {
+            if (drawn(x + d, y) != drawn(x, y) || drawn(x, y + d) != drawn(x, y)) return true;
+          }
+          return false;
+        };
+        ASSERT_TRUE(!changes(within) || near.get(x, y)) << x << " " << y;
+      }
+    }
+    EXPECT_FALSE(near.get(kSize.width / 2, kSize.height / 2));
+    EXPECT_FALSE(near.get(4, 4));
+    EXPECT_LT(near.count(), (halvings + 1) * 4'000);
+  }
+}
+
+}  // namespace
+}  // namespace v3d
