@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "base/camera_model.h"
-#include "calib/layout.h"
+#include "calib/rig/rig_comparison.h"
 #include "sim/noise.h"
 
 namespace v3d::test {

@@ -6,11 +6,11 @@
 #include <opencv2/calib3d.hpp>
 
 #include "base/calib_file.h"
-#include "calib/board_places.h"
-#include "calib/board_pose.h"
-#include "calib/bundle.h"
-#include "calib/floor.h"
-#include "calib/rig_fit.h"
+#include "calib/boards/board_pose.h"
+#include "calib/lens/bundle_adjustment.h"
+#include "calib/rig/board_initialization.h"
+#include "calib/rig/floor_fit.h"
+#include "calib/rig/rig_fit.h"
 #include "calibrate/floor_boards.h"
 #include "calibrate/rig_boards.h"
 #include "real_recordings.h"

@@ -1,6 +1,6 @@
 #include <benchmark/benchmark.h>
 
-#include "calib/rig_fit.h"
+#include "calib/rig/rig_fit.h"
 #include "sim/board_walk.h"
 #include "sim/scene.h"
 

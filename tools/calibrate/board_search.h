@@ -6,8 +6,8 @@
 #include <string>
 #include <vector>
 
-#include "calib/board_detector.h"
-#include "calib/lens_fit.h"
+#include "calib/boards/board_detector.h"
+#include "calib/lens/lens_fit.h"
 #include "calibrate/picture_source.h"
 
 namespace v3d::calibrate {

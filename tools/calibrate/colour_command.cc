@@ -5,7 +5,7 @@
 #include "base/calib_file.h"
 #include "base/error.h"
 #include "base/file.h"
-#include "calib/colour_report.h"
+#include "calib/colour/colour_report.h"
 #include "calibrate/colour_pictures.h"
 #include "calibrate/colour_places.h"
 #include "calibrate/commands.h"

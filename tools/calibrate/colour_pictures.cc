@@ -6,7 +6,7 @@
 
 #include "base/demosaic.h"
 #include "base/error.h"
-#include "calib/chart_detector.h"
+#include "calib/colour/chart_detector.h"
 #include "v3dctl/interrupt.h"
 
 namespace v3d::calibrate {

@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "calib/colour_fit.h"
+#include "calib/colour/colour_fit.h"
 #include "calibrate/rig_boards.h"
 
 namespace v3d::calibrate {

@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "base/camera_model.h"
-#include "calib/colour_fit.h"
+#include "calib/colour/colour_fit.h"
 
 namespace v3d::calibrate {
 

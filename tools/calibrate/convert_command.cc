@@ -5,7 +5,7 @@
 #include "base/error.h"
 #include "base/image_size.h"
 #include "base/units.h"
-#include "calib/foreign_rig.h"
+#include "calib/formats/foreign_rig.h"
 #include "calibrate/commands.h"
 #include "calibrate/rig_formats.h"
 #include "v3dctl/options.h"

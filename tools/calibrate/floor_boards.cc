@@ -1,8 +1,8 @@
 #include "calibrate/floor_boards.h"
 
 #include "base/error.h"
-#include "calib/board_pose.h"
-#include "calib/floor.h"
+#include "calib/boards/board_pose.h"
+#include "calib/rig/floor_fit.h"
 #include "common/console.h"
 #include "v3dctl/interrupt.h"
 

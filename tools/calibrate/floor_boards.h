@@ -4,8 +4,8 @@
 
 #include <vector>
 
-#include "calib/board_detector.h"
-#include "calib/pair_poses.h"
+#include "calib/boards/board_detector.h"
+#include "calib/rig/pair_poses.h"
 #include "calibrate/rig_boards.h"
 
 namespace v3d::calibrate {

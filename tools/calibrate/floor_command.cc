@@ -3,7 +3,7 @@
 
 #include "base/calib_file.h"
 #include "base/error.h"
-#include "calib/floor.h"
+#include "calib/rig/floor_fit.h"
 #include "calibrate/commands.h"
 #include "calibrate/floor_boards.h"
 #include "common/console.h"

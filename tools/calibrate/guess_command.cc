@@ -6,7 +6,7 @@
 #include "base/error.h"
 #include "base/image_size.h"
 #include "base/studio_file.h"
-#include "calib/guess.h"
+#include "calib/rig/initial_rig.h"
 #include "calibrate/commands.h"
 #include "common/console.h"
 #include "common/number_option.h"

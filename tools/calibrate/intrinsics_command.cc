@@ -5,7 +5,7 @@
 #include "base/calib_file.h"
 #include "base/error.h"
 #include "base/name.h"
-#include "calib/view_choice.h"
+#include "calib/boards/view_selection.h"
 #include "calibrate/board_search.h"
 #include "calibrate/commands.h"
 #include "calibrate/live_take.h"

@@ -5,7 +5,7 @@
 #include "base/calib_file.h"
 #include "base/error.h"
 #include "base/mask_shape.h"
-#include "calib/silhouette_refine.h"
+#include "calib/rig/silhouette_refinement.h"
 #include "calibrate/commands.h"
 #include "common/console.h"
 #include "daemon/recorded/take_frames.h"

@@ -2,7 +2,7 @@
 
 #include "base/error.h"
 #include "base/file.h"
-#include "calib/time_stamps.h"
+#include "calib/formats/time_stamps.h"
 #include "calibrate/live_take.h"
 #include "common/number_option.h"
 #include "take/take.h"

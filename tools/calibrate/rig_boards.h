@@ -5,8 +5,8 @@
 #include <string>
 #include <vector>
 
-#include "calib/board_detector.h"
-#include "calib/pair_poses.h"
+#include "calib/boards/board_detector.h"
+#include "calib/rig/pair_poses.h"
 #include "calibrate/board_search.h"
 #include "v3dctl/command.h"
 #include "v3dctl/options.h"

@@ -8,10 +8,10 @@
 #include "base/error.h"
 #include "base/file.h"
 #include "base/io/file.h"
-#include "calib/colmap_text.h"
-#include "calib/foreign_rig.h"
-#include "calib/middlebury_par.h"
-#include "calib/opencv_file.h"
+#include "calib/formats/colmap_text.h"
+#include "calib/formats/foreign_rig.h"
+#include "calib/formats/middlebury_par.h"
+#include "calib/formats/opencv_file.h"
 #include "calibrate/picture_source.h"
 
 namespace v3d::calibrate {

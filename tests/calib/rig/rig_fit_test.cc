@@ -1,0 +1,205 @@
+#include "calib/rig/rig_fit.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+
+#include "base/statistics.h"
+#include "calib/board_walk_observations.h"
+#include "calib/rig/rig_comparison.h"
+#include "sim/scene.h"
+
+namespace v3d::calib {
+namespace {
+
+using testing::HasSubstr;
+
+const Board& board() {
+  static const Board kBoard = parse_board("chess:9x6:100mm");
+  return kBoard;
+}
+
+std::string refusal(const std::vector<CameraSightings>& cameras, const RigOptions& options = {}) {
+  return refusal_of([&] { fit_rig(board(), cameras, options); });
+}
+
+/// Lenses alone are known.
+Rig at_one_place(const Rig& rig) {
+  Rig lenses;
+  for (const RigCamera& c : rig) {
+    lenses.push_back(
+        {c.name, CameraModel(c.model.size(), c.model.matrix(), c.model.distortion(), {})});
+  }
+  return lenses;
+}
+
+class RigFitting : public testing::Test {
+ protected:
+  Rig truth_ = sim::make_rig(15, {1024, 768}, 3);
+  RigOptions lenses_known_ = {.before = at_one_place(truth_)};
+};
+
+TEST_F(RigFitting, finds_15_cameras_to_half_a_millimetre_though_no_view_is_shared_by_all) {
+  const auto cameras = walk_with(board(), truth_, {600, 0.2, 1});
+  RigOptions options;
+  options.most_instants = 600;
+  const RigFit fit = fit_rig(board(), cameras, options);
+  const PoseErrors errors = pose_errors(fit.rig, truth_);
+  EXPECT_LT(upper_median(errors.distance_mm), 0.5);
+  EXPECT_LT(upper_median(errors.angle_deg), 0.02);
+  EXPECT_NEAR(fit.rms_px, 0.28, 0.02);
+  EXPECT_EQ(fit.tree.edges.size(), 14U);
+  EXPECT_TRUE(fit.rejected.empty());
+}
+
+TEST_F(RigFitting, guesses_which_way_is_up) {
+  const RigFit fit = fit_rig(board(), walk_with(board(), truth_, {200, 0.2, 1}), lenses_known_);
+  const PoseErrors errors = pose_errors(fit.rig, truth_);
+  EXPECT_LT(upper_median(errors.distance_mm), 2);
+  // The cameras look about level, at z = 1.
+  for (const RigCamera& camera : fit.rig) {
+    EXPECT_LT(camera.model.cam_from_world().rotation(1, 2), -0.8) << camera.name;
+    EXPECT_LT(std::abs(camera.model.center().z()), 1.6) << camera.name;
+  }
+}
+
+TEST_F(RigFitting, of_a_board_that_looks_the_same_when_turned_settles_which_end_is_which) {
+  const Board even = parse_board("chess:8x6:100mm");
+  auto cameras = walk_with(even, truth_, {200, 0.2, 1});
+  for (size_t i = 0; i < cameras.size(); i += 2) {
+    for (auto& [instant, sighting] : cameras[i].sightings) {
+      if (instant % 3 == 0) sighting = turned(even, sighting);
+    }
+  }
+  const RigFit fit = fit_rig(even, cameras, lenses_known_);
+  EXPECT_NEAR(fit.rms_px, 0.28, 0.02);
+  EXPECT_LT(upper_median(pose_errors(fit.rig, truth_).distance_mm), 2);
+}
+
+TEST_F(RigFitting, leaves_out_sightings_that_show_something_else) {
+  auto cameras = walk_with(board(), truth_, {200, 0.2, 1});
+  auto& sightings = cameras[4].sightings;
+  auto first = sightings.begin();
+  auto second = std::next(first, 5);
+  std::swap(first->second, second->second);
+  const RigFit fit = fit_rig(board(), cameras, lenses_known_);
+  EXPECT_NEAR(fit.rms_px, 0.28, 0.03);
+  EXPECT_GE(fit.cameras[4].rejected, 1);
+  for (const RejectedSighting& r : fit.rejected) EXPECT_EQ(r.camera, 4);
+}
+
+TEST_F(RigFitting, names_a_camera_that_saw_too_few_boards) {
+  auto cameras = walk_with(board(), truth_, {100, 0.2, 1});
+  auto& few = cameras[6].sightings;
+  few.erase(std::next(few.begin(), 2), few.end());
+  EXPECT_THAT(refusal(cameras), HasSubstr("cam07: too few boards: found in 2 pictures"));
+}
+
+TEST_F(RigFitting, names_the_cameras_that_nothing_connects) {
+  auto cameras = walk_with(board(), truth_, {100, 0.2, 1});
+  std::map<int64_t, BoardSighting> alone;
+  for (const auto& [instant, sighting] : cameras[6].sightings) alone[1000 + instant] = sighting;
+  cameras[6].sightings = alone;
+  EXPECT_THAT(refusal(cameras, lenses_known_),
+              HasSubstr("cam07 shares fewer than 3 views of the board with cam"));
+}
+
+TEST_F(RigFitting, names_swapped_cameras_by_their_lenses) {
+  auto cameras = walk_with(board(), truth_, {200, 0.2, 1});
+  std::swap(cameras[2].sightings, cameras[3].sightings);  // cam04 is a close-up
+  EXPECT_THAT(refusal(cameras, lenses_known_), HasSubstr("swapped cameras: cam03 and cam04"));
+}
+
+TEST_F(RigFitting, names_swapped_cameras_of_like_lenses_by_their_places) {
+  // All lenses alike: only the places tell.
+  Rig alike;
+  for (const RigCamera& c : truth_) {
+    const CameraModel& lens = truth_[0].model;
+    alike.push_back({c.name, CameraModel(lens.size(), lens.matrix(), lens.distortion(),
+                                         c.model.cam_from_world())});
+  }
+  auto cameras = walk_with(board(), alike, {200, 0.2, 1});
+  std::swap(cameras[1].sightings, cameras[8].sightings);
+  RigOptions options;
+  options.before = alike;
+  EXPECT_THAT(refusal(cameras, options), HasSubstr("swapped cameras: cam02 and cam09"));
+}
+
+TEST_F(RigFitting, names_a_board_of_another_size_than_before) {
+  const auto cameras = walk_with(board(), truth_, {200, 0.2, 1});
+  RigOptions options;
+  options.before = truth_;
+  const Board larger = parse_board("chess:9x6:110mm");
+  EXPECT_THAT(refusal_of([&] { fit_rig(larger, cameras, options); }),
+              HasSubstr("are the squares 100.0 mm instead of 110.0?"));
+  EXPECT_EQ(refusal(cameras, options), "");
+}
+
+/// A board that is carried slowly past a camera's neighbours, `late` pictures behind in one.
+std::vector<CameraSightings> slow_walk(const Rig& rig, double late) {
+  const double kStep = 0.015;  // metres per picture
+  std::vector<CameraSightings> cameras;
+  for (size_t c = 0; c < rig.size(); ++c) {
+    cameras.push_back({rig[c].name, rig[c].model.size(), {}});
+    for (int n = 0; n < 120; ++n) {
+      const double t = n - (c == 2 ? late : 0);
+      const Eigen::Vector3d place(0.5 * std::sin(kStep * t / 0.5), 0.4 * std::cos(kStep * t / 0.7),
+                                  1.0 + 0.4 * std::sin(kStep * t / 0.35));
+      RigidTransform world_from_board = look_at(rig[1].model.center(), place).inverse();
+      world_from_board.rotation.col(1) *= -1;
+      world_from_board.rotation.col(2) *= -1;
+      const Eigen::Matrix3d lean =
+          Eigen::AngleAxisd(0.5 * std::sin(0.05 * t), Eigen::Vector3d(1, 0.6, 0).normalized())
+              .toRotationMatrix();
+      world_from_board.rotation = world_from_board.rotation * lean;
+      world_from_board.translation = place - world_from_board.rotation * board().centre();
+      BoardSighting sighting;
+      for (int i = 0; i < board().corners(); ++i) {
+        const auto pixel = rig[c].model.project(world_from_board * board().corner(i));
+        if (!pixel || !rig[c].model.inside_image(*pixel)) break;
+        sighting.corners.push_back(i);
+        sighting.pixels.push_back(*pixel);
+      }
+      if (sighting.count() == board().corners()) cameras.back().sightings[n] = sighting;
+    }
+  }
+  return cameras;
+}
+
+class RigOutOfStep : public testing::Test {
+ protected:
+  void SetUp() override {
+    const Rig all = sim::make_rig(15, {1024, 768}, 3);
+    for (const size_t i : {0U, 1U, 2U, 14U}) truth_.push_back(all[i]);
+    options_.before = at_one_place(truth_);
+  }
+  Rig truth_;
+  RigOptions options_;
+};
+
+TEST_F(RigOutOfStep, is_nothing_where_all_cameras_are_in_step) {
+  const RigFit fit = fit_rig(board(), slow_walk(truth_, 0), options_);
+  for (const CameraFit& camera : fit.cameras) EXPECT_EQ(camera.late, 0);
+}
+
+TEST_F(RigOutOfStep, names_the_camera_and_by_how_many_pictures) {
+  EXPECT_THAT(refusal(slow_walk(truth_, 3), options_),
+              HasSubstr("cameras out of sync: cam03 is 3 pictures late against the others"));
+  EXPECT_THAT(refusal(slow_walk(truth_, -2), options_), HasSubstr("cam03 is 2 pictures early"));
+}
+
+TEST_F(RigOutOfStep, puts_right_one_picture_and_says_so) {
+  const RigFit fit = fit_rig(board(), slow_walk(truth_, 1), options_);
+  EXPECT_NEAR(fit.cameras[2].late, 1, 0.01);
+  EXPECT_LT(upper_median(pose_errors(fit.rig, truth_).distance_mm), 0.5);
+}
+
+TEST_F(RigOutOfStep, puts_right_a_part_of_a_picture_and_says_so) {
+  const RigFit fit = fit_rig(board(), slow_walk(truth_, 0.4), options_);
+  EXPECT_NEAR(fit.cameras[2].late - fit.cameras[0].late, 0.4, 0.05);
+  EXPECT_LT(fit.rms_px, 0.2);
+}
+
+}  // namespace
+}  // namespace v3d::calib
