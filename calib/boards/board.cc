@@ -12,17 +12,18 @@
 namespace v3d::calib {
 namespace {
 
-constexpr int kLargestSide = 200;
+constexpr int kMaxSquares = 200;
 constexpr std::array kDictionaries = {
     "DICT_4X4_50",   "DICT_4X4_100",       "DICT_4X4_250",  "DICT_4X4_1000", "DICT_5X5_50",
     "DICT_5X5_100",  "DICT_5X5_250",       "DICT_5X5_1000", "DICT_6X6_50",   "DICT_6X6_100",
     "DICT_6X6_250",  "DICT_6X6_1000",      "DICT_7X7_50",   "DICT_7X7_100",  "DICT_7X7_250",
     "DICT_7X7_1000", "DICT_ARUCO_ORIGINAL"};
 
-[[noreturn]] void refuse(std::string_view text, const std::string& why) {
-  throw InputError("board '" + std::string(text) + "': " + why +
-                   "; write chess:9x6:25mm (inner corners) or charuco:4x5:54mm:40.5mm:DICT_4X4_50 "
-                   "(squares), with :inverted for a print white on black");
+[[noreturn]] void fail(std::string_view text, const std::string& why) {
+  throw InputError(
+      "board '" + std::string(text) + "': " + why +
+      "; expected chess:9x6:25mm (inner corners) or charuco:4x5:54mm:40.5mm:DICT_4X4_50 "
+      "(squares), with :inverted for a white-on-black print");
 }
 
 std::vector<std::string> split(std::string_view text) {
@@ -50,31 +51,33 @@ std::pair<int, int> parse_sides(std::string_view text, std::string_view sides) {
   if (x != std::string_view::npos) {
     const auto a = whole_number(sides.substr(0, x));
     const auto b = whole_number(sides.substr(x + 1));
-    if (a && b && *a >= 3 && *b >= 3 && *a <= kLargestSide && *b <= kLargestSide) return {*a, *b};
+    if (a && b && *a >= 3 && *b >= 3 && *a <= kMaxSquares && *b <= kMaxSquares) return {*a, *b};
   }
-  refuse(text, "'" + std::string(sides) + "' is not COLUMNSxROWS, each from 3 to " +
-                   std::to_string(kLargestSide));
+  fail(text, "'" + std::string(sides) + "' is not COLUMNSxROWS, each from 3 to " +
+                 std::to_string(kMaxSquares));
 }
 
 double parse_side(std::string_view text, const std::string& length) {
   const double metres = parse_length(length);
-  if (!(metres > 0)) refuse(text, "'" + length + "' is no length of a side");
+  if (!(metres > 0)) fail(text, "'" + length + "' is not a positive length");
   return metres;
 }
 
 Board parse_chess(std::string_view text, const std::vector<std::string>& parts) {
-  if (parts.size() != 3) refuse(text, "expected chess:COLUMNSxROWS:SQUARE");
+  if (parts.size() != 3) fail(text, "expected chess:COLUMNSxROWS:SQUARE");
   Board board;
   std::tie(board.corner_columns, board.corner_rows) = parse_sides(text, parts[1]);
   if (board.corner_columns == board.corner_rows) {
-    refuse(text, "as many columns as rows look the same when turned by a quarter");
+    fail(text,
+         "a square board looks the same after a quarter turn; use different numbers of columns and "
+         "rows");
   }
   board.square_m = parse_side(text, parts[2]);
   return board;
 }
 
 Board parse_charuco(std::string_view text, const std::vector<std::string>& parts) {
-  if (parts.size() != 5) refuse(text, "expected charuco:COLUMNSxROWS:SQUARE:MARKER:DICT");
+  if (parts.size() != 5) fail(text, "expected charuco:COLUMNSxROWS:SQUARE:MARKER:DICT");
   Board board;
   board.kind = BoardKind::kCharuco;
   const auto [columns, rows] = parse_sides(text, parts[1]);
@@ -82,10 +85,10 @@ Board parse_charuco(std::string_view text, const std::vector<std::string>& parts
   board.corner_rows = rows - 1;
   board.square_m = parse_side(text, parts[2]);
   board.marker_m = parse_side(text, parts[3]);
-  if (board.marker_m >= board.square_m) refuse(text, "the marker must be smaller than its square");
+  if (board.marker_m >= board.square_m) fail(text, "the marker must be smaller than its square");
   board.dictionary = parts[4];
   if (std::find(kDictionaries.begin(), kDictionaries.end(), parts[4]) == kDictionaries.end()) {
-    refuse(text, "no dictionary is named '" + parts[4] + "'");
+    fail(text, "unknown dictionary '" + parts[4] + "'");
   }
   return board;
 }
@@ -113,18 +116,18 @@ Board parse_board(std::string_view text) {
   std::vector<std::string> parts = split(text);
   const bool inverted = parts.size() > 1 && parts.back() == "inverted";
   if (inverted) parts.pop_back();
-  if (parts[0] != "chess" && parts[0] != "charuco") refuse(text, "unknown kind");
+  if (parts[0] != "chess" && parts[0] != "charuco") fail(text, "unknown kind of board");
   Board board = parts[0] == "chess" ? parse_chess(text, parts) : parse_charuco(text, parts);
   board.inverted = inverted;
   return board;
 }
 
-BoardSighting turned(const Board& board, const BoardSighting& sighting) {
-  V3D_CHECK(board.looks_same_turned());
-  BoardSighting other;
-  for (int i = sighting.count() - 1; i >= 0; --i) {
-    other.corners.push_back(board.corners() - 1 - sighting.corners[i]);
-    other.pixels.push_back(sighting.pixels[i]);
+BoardObservation half_turned(const Board& board, const BoardObservation& observation) {
+  V3D_CHECK(board.has_half_turn_symmetry());
+  BoardObservation other;
+  for (int i = observation.count() - 1; i >= 0; --i) {
+    other.corners.push_back(board.corners() - 1 - observation.corners[i]);
+    other.pixels.push_back(observation.pixels[i]);
   }
   return other;
 }

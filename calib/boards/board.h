@@ -1,24 +1,31 @@
-// The flat boards that cameras are calibrated with, and what a camera saw of one.
+// Planar calibration boards, and the corners of them that cameras observe.
 #pragma once
 
 #include <Eigen/Core>
+#include <cstdint>
+#include <map>
 #include <string>
 #include <string_view>
 #include <vector>
+
+#include "base/image.h"
 
 namespace v3d::calib {
 
 enum class BoardKind { kChess, kCharuco };
 
-/// Board frame: metres, right-handed, z = 0 on the print, z out of the printed side. Corners are
-/// the places where four squares meet, numbered along x, then along y; corner 0 is the origin.
+/// A chessboard or ChArUco board.
+///
+/// Board frame: metres, right-handed, z = 0 on the print, z points out of the printed side. Corners
+/// are the points where four squares meet. They are numbered along x first, then along y; corner 0
+/// is the origin.
 struct Board {
   BoardKind kind = BoardKind::kChess;
   int corner_columns = 0;  ///< along x
   int corner_rows = 0;     ///< along y
   double square_m = 0;
-  double marker_m = 0;       ///< charuco only
-  std::string dictionary{};  ///< charuco only: OpenCV's name, "DICT_4X4_1000"
+  double marker_m = 0;       ///< ChArUco only
+  std::string dictionary{};  ///< ChArUco only: OpenCV's name, such as "DICT_4X4_1000"
   bool inverted = false;     ///< printed white on black
 
   int corners() const { return corner_columns * corner_rows; }
@@ -27,27 +34,36 @@ struct Board {
     return {column * square_m, row * square_m, 0};
   }
   Eigen::Vector3d centre() const { return 0.5 * corner(corners() - 1); }
-  /// Turned by half it looks the same: which end is which, no picture of it alone can tell.
-  bool looks_same_turned() const {
+  /// The pattern looks the same after half a turn, so one image cannot show which end is which.
+  bool has_half_turn_symmetry() const {
     return kind == BoardKind::kChess && (corner_columns + corner_rows) % 2 == 0;
   }
-  /// As parse_board() reads it.
+  /// The text that parse_board() reads.
   std::string text() const;
 };
 
-/// "chess:9x6:25mm[:inverted]": inner corners. "charuco:4x5:SQUARE:MARKER:DICT[:inverted]":
-/// squares. Throws InputError that tells the syntax.
+/// Reads a board from the command line: "chess:9x6:25mm[:inverted]" counts inner corners,
+/// "charuco:4x5:SQUARE:MARKER:DICT[:inverted]" counts squares. Throws InputError with the syntax.
 Board parse_board(std::string_view text);
 
-/// The corners of the board in one picture, whole-image pixels (CameraModel's convention).
-struct BoardSighting {
-  std::vector<int> corners;  ///< rising
+/// The corners of the board that one image shows, in whole-image pixels (CameraModel's convention).
+struct BoardObservation {
+  std::vector<int> corners;  ///< in ascending order
   std::vector<Eigen::Vector2d> pixels;
 
   int count() const { return static_cast<int>(corners.size()); }
 };
 
-/// The same picture read with the board's other end first. Requires board.looks_same_turned().
-BoardSighting turned(const Board& board, const BoardSighting& sighting);
+/// The same observation with the corners numbered from the other end of the board.
+/// Requires board.has_half_turn_symmetry().
+BoardObservation half_turned(const Board& board, const BoardObservation& observation);
+
+/// The observations of one camera of the rig, by instant. An instant is a number that images of the
+/// same moment share: a pulse, a frame of synchronised videos, a row of a table of time stamps.
+struct CameraObservations {
+  std::string name;
+  ImageSize size;
+  std::map<int64_t, BoardObservation> observations{};
+};
 
 }  // namespace v3d::calib

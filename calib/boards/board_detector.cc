@@ -13,7 +13,7 @@ namespace v3d::calib {
 namespace {
 
 namespace aruco = cv::aruco;
-constexpr int kFewestCorners = 6;
+constexpr int kMinCorners = 6;
 
 cv::Ptr<aruco::Dictionary> dictionary_named(const std::string& name) {
   constexpr std::array kNames = {std::pair{"DICT_4X4_50", aruco::DICT_4X4_50},
@@ -38,8 +38,7 @@ cv::Ptr<aruco::Dictionary> dictionary_named(const std::string& name) {
   return aruco::getPredefinedDictionary(found->second);
 }
 
-/// One channel; the green pixels of a Bayer image are not told apart from the others, which blurs
-/// the corners by less than a pixel and no farther to one side than to the other.
+/// One grey channel. Demosaicing blurs the corners by less than a pixel, and symmetrically.
 cv::Mat grey_of(ImageView image) {
   const Image rgb = image.format == PixelFormat::kMono8 ? Image() : to_rgb(image);
   cv::Mat grey;
@@ -67,7 +66,7 @@ Markers find_markers(const cv::Mat& grey, const cv::Ptr<aruco::Dictionary>& dict
   return markers;
 }
 
-/// All corners, in the order that OpenCV finds them.
+/// All corners of a chessboard in OpenCV's order; empty where it finds none.
 std::vector<cv::Point2f> find_grid(const cv::Mat& grey, cv::Size pattern) {
   std::vector<cv::Point2f> points;
   const int flags = cv::CALIB_CB_NORMALIZE_IMAGE | cv::CALIB_CB_ACCURACY;
@@ -75,7 +74,7 @@ std::vector<cv::Point2f> find_grid(const cv::Mat& grey, cv::Size pattern) {
   const int fast =
       cv::CALIB_CB_ADAPTIVE_THRESH | cv::CALIB_CB_NORMALIZE_IMAGE | cv::CALIB_CB_FAST_CHECK;
   if (!cv::findChessboardCorners(grey, pattern, points, fast)) return {};
-  // The window must not reach the neighbouring corner.
+  // The search window must not include a neighbouring corner.
   float nearest = 1e9F;
   for (size_t i = 1; i < points.size(); ++i) {
     nearest = std::min(nearest, static_cast<float>(cv::norm(points[i] - points[i - 1])));
@@ -88,8 +87,8 @@ std::vector<cv::Point2f> find_grid(const cv::Mat& grey, cv::Size pattern) {
 
 double cross(const cv::Point2f& a, const cv::Point2f& b) { return a.x * b.y - a.y * b.x; }
 
-/// The rows in reverse where needed, so that the board's z comes out of the print: seen from the
-/// front, in an image whose y points down, x turns to y against the clock.
+/// Reverses the rows where needed so that z points out of the print: in an image whose y points
+/// down, the board's y is then counter-clockwise from its x.
 void order_by_handedness(std::vector<cv::Point2f>& points, const Board& board) {
   const int n = board.corner_columns;
   const cv::Point2f x = points[n - 1] - points[0];
@@ -101,8 +100,7 @@ void order_by_handedness(std::vector<cv::Point2f>& points, const Board& board) {
   }
 }
 
-/// Mean grey value of the squares whose column and row add up to an even number, less that of the
-/// others.
+/// Mean grey value of the squares with even column + row, minus that of the other squares.
 double even_less_odd(const cv::Mat& grey, const std::vector<cv::Point2f>& points,
                      const Board& board) {
   double sums[2] = {0, 0};
@@ -122,30 +120,30 @@ double even_less_odd(const cv::Mat& grey, const std::vector<cv::Point2f>& points
   return sums[0] / counts[0] - sums[1] / counts[1];
 }
 
-/// Where the two ends differ, the first is the one whose first square is dark.
+/// Without half-turn symmetry, corner 0 is at the end whose first square is dark.
 void order_by_colour(std::vector<cv::Point2f>& points, const cv::Mat& grey, const Board& board) {
-  if (board.looks_same_turned()) return;
+  if (board.has_half_turn_symmetry()) return;
   if (even_less_odd(grey, points, board) > 0) std::reverse(points.begin(), points.end());
 }
 
-/// The corners of a whole chessboard in the board's order; empty for no points.
-std::optional<BoardSighting> ordered(std::vector<cv::Point2f> points, const cv::Mat& grey,
-                                     const Board& board) {
+/// The corners of a complete chessboard in the board's order; nothing for no points.
+std::optional<BoardObservation> ordered(std::vector<cv::Point2f> points, const cv::Mat& grey,
+                                        const Board& board) {
   if (points.empty()) return std::nullopt;
   order_by_handedness(points, board);
   order_by_colour(points, grey, board);
-  BoardSighting sighting;
+  BoardObservation observation;
   for (int i = 0; i < board.corners(); ++i) {
-    sighting.corners.push_back(i);
-    sighting.pixels.emplace_back(points[i].x, points[i].y);
+    observation.corners.push_back(i);
+    observation.pixels.emplace_back(points[i].x, points[i].y);
   }
-  return sighting;
+  return observation;
 }
 
-bool on_one_line(const BoardSighting& sighting, const Board& board) {
+bool are_collinear(const BoardObservation& observation, const Board& board) {
   const auto same = [&](auto of) {
-    return std::all_of(sighting.corners.begin(), sighting.corners.end(),
-                       [&](int c) { return of(c) == of(sighting.corners.front()); });
+    return std::all_of(observation.corners.begin(), observation.corners.end(),
+                       [&](int c) { return of(c) == of(observation.corners.front()); });
   };
   return same([&](int c) { return c % board.corner_columns; }) ||
          same([&](int c) { return c / board.corner_columns; });
@@ -155,7 +153,7 @@ std::string sides(int columns, int rows) {
   return std::to_string(columns) + "x" + std::to_string(rows);
 }
 
-/// A chessboard of any size: its inner corners along its sides.
+/// Inner corners along the sides of a chessboard of any size.
 std::optional<cv::Size> any_chessboard(const cv::Mat& grey) {
   std::vector<cv::Point2f> points;
   cv::Mat grid;
@@ -164,7 +162,7 @@ std::optional<cv::Size> any_chessboard(const cv::Mat& grey) {
   return cv::Size(grid.cols, grid.rows);
 }
 
-std::optional<std::string> explain_chess(const cv::Mat& grey, const Board& board) {
+std::optional<std::string> diagnose_chess(const cv::Mat& grey, const Board& board) {
   const auto found = any_chessboard(grey);
   if (!found) return std::nullopt;
   const int longer = std::max(found->width, found->height);
@@ -174,8 +172,8 @@ std::optional<std::string> explain_chess(const cv::Mat& grey, const Board& board
     return std::nullopt;
   }
   return "wrong board size: a chessboard of " + sides(longer, shorter) +
-         " inner corners is in the picture, not " + sides(board.corner_columns, board.corner_rows) +
-         " (count the places where four squares meet)";
+         " inner corners is in the image, not " + sides(board.corner_columns, board.corner_rows) +
+         " (count the points where four squares meet)";
 }
 
 }  // namespace
@@ -185,7 +183,7 @@ struct BoardDetector::Charuco {
   cv::Ptr<aruco::CharucoBoard> board;
   int columns, rows;  // of corners
 
-  /// OpenCV counts rows from the top, which puts z into the print.
+  /// OpenCV numbers rows from the top, with z into the print; ours start at the bottom.
   int from_below(int id) const { return (rows - 1 - id / columns) * columns + id % columns; }
 
   explicit Charuco(const Board& b)
@@ -196,10 +194,10 @@ struct BoardDetector::Charuco {
         columns(b.corner_columns),
         rows(b.corner_rows) {}
 
-  BoardSighting find(const cv::Mat& grey) const {
+  BoardObservation find(const cv::Mat& grey) const {
     const Markers markers = find_markers(grey, dictionary);
-    BoardSighting sighting;
-    if (markers.ids.empty()) return sighting;
+    BoardObservation observation;
+    if (markers.ids.empty()) return observation;
     std::vector<cv::Point2f> points;
     std::vector<int> ids;
     aruco::interpolateCornersCharuco(markers.corners, markers.ids, grey, board, points, ids);
@@ -210,40 +208,41 @@ struct BoardDetector::Charuco {
     std::sort(corners.begin(), corners.end(),
               [](const auto& a, const auto& b) { return a.first < b.first; });
     for (const auto& [corner, pixel] : corners) {
-      sighting.corners.push_back(corner);
-      sighting.pixels.push_back(pixel);
+      observation.corners.push_back(corner);
+      observation.pixels.push_back(pixel);
     }
-    return sighting;
+    return observation;
   }
 
-  std::optional<std::string> explain(const cv::Mat& grey, const Board& b) const {
-    constexpr size_t kFew = 3;
+  std::optional<std::string> diagnose(const cv::Mat& grey, const Board& b) const {
+    constexpr size_t kMinMarkers = 3;
     cv::Mat mirrored;
     cv::flip(grey, mirrored, 1);
-    const Markers here = find_markers(grey, dictionary);
-    if (find_markers(mirrored, dictionary).ids.size() >= kFew + here.ids.size()) {
-      return "mirrored print: the markers can be read in a mirror only (print the board again, or "
-             "stop the camera from mirroring its pictures)";
+    const Markers found = find_markers(grey, dictionary);
+    if (find_markers(mirrored, dictionary).ids.size() >= kMinMarkers + found.ids.size()) {
+      return "mirrored print: the markers are only readable in the mirrored image (print the board "
+             "again, or turn off mirroring in the camera)";
     }
-    const auto beyond = std::max_element(here.ids.begin(), here.ids.end());
-    if (beyond != here.ids.end() && *beyond >= static_cast<int>(board->ids.size())) {
-      return "wrong board size: marker " + std::to_string(*beyond) + " is in the picture, and " +
+    const auto beyond = std::max_element(found.ids.begin(), found.ids.end());
+    if (beyond != found.ids.end() && *beyond >= static_cast<int>(board->ids.size())) {
+      return "wrong board size: marker " + std::to_string(*beyond) + " is in the image, and " +
              b.text() + " has markers 0 to " + std::to_string(board->ids.size() - 1);
     }
     const cv::Mat negative = 255 - grey;
-    if (here.ids.size() < kFew && find_markers(negative, dictionary).ids.size() >= kFew) {
+    if (found.ids.size() < kMinMarkers &&
+        find_markers(negative, dictionary).ids.size() >= kMinMarkers) {
       return std::string("the print is ") +
-             (b.inverted ? "black on white: leave ':inverted' out"
-                         : "white on black: write ':inverted' behind the board");
+             (b.inverted ? "black on white: omit ':inverted'"
+                         : "white on black: append ':inverted' to the board");
     }
-    return explain_by_dictionary(grey, here.ids.size());
+    return diagnose_dictionary(grey, found.ids.size());
   }
 
-  std::optional<std::string> explain_by_dictionary(const cv::Mat& grey, size_t here) const {
+  std::optional<std::string> diagnose_dictionary(const cv::Mat& grey, size_t found) const {
     for (const char* name : {"DICT_4X4_1000", "DICT_5X5_1000", "DICT_6X6_1000", "DICT_7X7_1000",
                              "DICT_ARUCO_ORIGINAL"}) {
-      if (find_markers(grey, dictionary_named(name)).ids.size() >= 3 + here) {
-        return "wrong dictionary: the markers are those of " + std::string(name);
+      if (find_markers(grey, dictionary_named(name)).ids.size() >= 3 + found) {
+        return "wrong dictionary: the markers belong to " + std::string(name);
       }
     }
     return std::nullopt;
@@ -254,15 +253,15 @@ BoardDetector::BoardDetector(Board board) : board_(std::move(board)) {
   if (board_.kind == BoardKind::kCharuco) charuco_ = std::make_shared<Charuco>(board_);
 }
 
-/// The board seen straight from the front, x to the right and y up, with a margin.
-class BoardDetector::Straight {
+/// A rectified image of the board from the front, x to the right and y up, with a margin.
+class BoardDetector::FrontalView {
  public:
-  Straight(const Board& board, const CameraModel& camera) : board_(board), camera_(camera) {}
+  FrontalView(const Board& board, const CameraModel& camera) : board_(board), camera_(camera) {}
 
-  cv::Mat turn(const cv::Mat& grey) const {
+  cv::Mat rectify(const cv::Mat& grey) const {
     const cv::Size size(static_cast<int>((board_.corner_columns - 1 + 2 * kMargin) * kPerSquare),
                         static_cast<int>((board_.corner_rows - 1 + 2 * kMargin) * kPerSquare));
-    cv::Mat x(size, CV_32FC1), y(size, CV_32FC1), straight;
+    cv::Mat x(size, CV_32FC1), y(size, CV_32FC1), frontal;
     for (int v = 0; v < size.height; ++v) {
       for (int u = 0; u < size.width; ++u) {
         const auto pixel = camera_.project(on_board({u, v}));
@@ -270,18 +269,18 @@ class BoardDetector::Straight {
         y.at<float>(v, u) = pixel ? static_cast<float>(pixel->y()) : -1.F;
       }
     }
-    cv::remap(grey, straight, x, y, cv::INTER_CUBIC, cv::BORDER_REPLICATE);
-    return straight;
+    cv::remap(grey, frontal, x, y, cv::INTER_CUBIC, cv::BORDER_REPLICATE);
+    return frontal;
   }
 
-  /// Back into the image that was turned.
-  std::optional<BoardSighting> turn_back(BoardSighting sighting) const {
-    for (Eigen::Vector2d& pixel : sighting.pixels) {
+  /// The observation in pixels of the original image.
+  std::optional<BoardObservation> unrectify(BoardObservation observation) const {
+    for (Eigen::Vector2d& pixel : observation.pixels) {
       const auto back = camera_.project(on_board(pixel));
       if (!back) return std::nullopt;
       pixel = *back;
     }
-    return sighting;
+    return observation;
   }
 
  private:
@@ -303,52 +302,53 @@ cv::Mat BoardDetector::prepared(ImageView image) const {
   return board_.inverted ? cv::Mat(255 - grey) : grey;
 }
 
-std::optional<BoardSighting> BoardDetector::find_in(const cv::Mat& grey) const {
+std::optional<BoardObservation> BoardDetector::find_in(const cv::Mat& grey) const {
   if (charuco_) {
-    BoardSighting sighting = charuco_->find(grey);
-    if (sighting.count() < kFewestCorners || on_one_line(sighting, board_)) return std::nullopt;
-    return sighting;
+    BoardObservation observation = charuco_->find(grey);
+    if (observation.count() < kMinCorners || are_collinear(observation, board_))
+      return std::nullopt;
+    return observation;
   }
   return ordered(find_grid(grey, {board_.corner_columns, board_.corner_rows}), grey, board_);
 }
 
-std::optional<BoardSighting> BoardDetector::find(ImageView image) const {
+std::optional<BoardObservation> BoardDetector::find(ImageView image) const {
   return find_in(prepared(image));
 }
 
-std::optional<BoardSighting> BoardDetector::find_near(ImageView image,
-                                                      const CameraModel& camera) const {
-  const Straight straight(board_, camera);
-  auto sighting = find_in(straight.turn(prepared(image)));
-  return sighting ? straight.turn_back(std::move(*sighting)) : std::nullopt;
+std::optional<BoardObservation> BoardDetector::find_at(ImageView image,
+                                                       const CameraModel& camera) const {
+  const FrontalView view(board_, camera);
+  auto observation = find_in(view.rectify(prepared(image)));
+  return observation ? view.unrectify(std::move(*observation)) : std::nullopt;
 }
 
-std::optional<BoardSighting> BoardDetector::find_small(ImageView image) const {
+std::optional<BoardObservation> BoardDetector::find_small(ImageView image) const {
   const cv::Mat grey = prepared(image);
   for (const double scale : {1.0, 2.0}) {
     cv::Mat larger;
     cv::resize(grey, larger, {}, scale, scale, cv::INTER_CUBIC);
-    auto sighting = find_in(larger);
-    if (!sighting && !charuco_) {
+    auto observation = find_in(larger);
+    if (!observation && !charuco_) {
       std::vector<cv::Point2f> points;
       const int flags = cv::CALIB_CB_NORMALIZE_IMAGE | cv::CALIB_CB_EXHAUSTIVE;
       const cv::Size pattern(board_.corner_columns, board_.corner_rows);
       if (cv::findChessboardCornersSB(larger, pattern, points, flags)) {
-        sighting = ordered(std::move(points), larger, board_);
+        observation = ordered(std::move(points), larger, board_);
       }
     }
-    if (!sighting) continue;
-    // Pixel centres are whole numbers, in either size.
+    if (!observation) continue;
+    // Pixel centres have integer coordinates in both sizes.
     const Eigen::Vector2d half(0.5, 0.5);
-    for (Eigen::Vector2d& pixel : sighting->pixels) pixel = (pixel + half) / scale - half;
-    return sighting;
+    for (Eigen::Vector2d& pixel : observation->pixels) pixel = (pixel + half) / scale - half;
+    return observation;
   }
   return std::nullopt;
 }
 
-std::optional<std::string> BoardDetector::explain(ImageView image) const {
+std::optional<std::string> BoardDetector::diagnose(ImageView image) const {
   const cv::Mat grey = prepared(image);
-  return charuco_ ? charuco_->explain(grey, board_) : explain_chess(grey, board_);
+  return charuco_ ? charuco_->diagnose(grey, board_) : diagnose_chess(grey, board_);
 }
 
 }  // namespace v3d::calib

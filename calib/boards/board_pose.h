@@ -1,5 +1,6 @@
-// Where a board was, from one picture of it; and a first lens from several. First values only: what
-// is good for the last digit is bundle.h. The adapter of OpenCV's pose and camera estimators.
+// Initial estimates of board poses and of a camera matrix, from observations of a board.
+// The adapter of OpenCV's pose and camera estimators. lens/bundle_adjustment.h refines the
+// estimates.
 #pragma once
 
 #include <optional>
@@ -11,34 +12,34 @@
 
 namespace v3d::calib {
 
-/// A pose of the board in the camera, and how far the corners then miss (pixels, root mean square
-/// of the distance).
+/// A pose of the board in the camera frame (metres).
 struct BoardPose {
   RigidTransform cam_from_board;
-  double rms_px = 0;
+  double rms_px = 0;  ///< root mean square of the reprojection errors
 };
 
-/// The better pose first, then the one with the board tilted the other way, where there is one: of
-/// a small or distant board both fit nearly as well. Only the lens of `camera` counts, not its
-/// place. Empty where no pose fits at all.
+/// Up to two poses of the board, the one with the smaller error first (IPPE).
+///
+/// A small or distant board has a second pose, tilted the other way, which fits nearly as well.
+/// Only the lens of `camera` is used, not its pose. Empty where no pose fits.
 std::vector<BoardPose> board_poses(const CameraModel& camera, const Board& board,
-                                   const BoardSighting& sighting);
+                                   const BoardObservation& observation);
 
-/// The camera matrix of an undistorted lens that explains the sightings (Zhang 2000, principal
-/// point in the middle). Requires at least one sighting.
-Eigen::Matrix3d first_camera_matrix(const Board& board, ImageSize size,
-                                    std::span<const BoardSighting* const> sightings);
+/// The camera matrix of an undistorted lens with its principal point in the middle of the image.
+/// Requires at least one observation. Source: Zhang 2000.
+Eigen::Matrix3d initial_camera_matrix(const Board& board, ImageSize size,
+                                      std::span<const BoardObservation* const> observations);
 
-/// Where the corners were seen, less where a lens like `camera`'s would see them, in pixels; 1e6
-/// for a corner that it cannot see.
-std::vector<Eigen::Vector2d> misses(const CameraModel& camera, const Board& board,
-                                    const RigidTransform& cam_from_board,
-                                    const BoardSighting& sighting);
+/// Reprojection residuals (observed minus projected, pixels) by corner of the observation, through
+/// the lens of `camera`; 1e6 for a corner that cannot be projected.
+std::vector<Eigen::Vector2d> residuals(const CameraModel& camera, const Board& board,
+                                       const RigidTransform& cam_from_board,
+                                       const BoardObservation& observation);
 
-/// Root mean square of their lengths; 0 for none.
-double rms_of(std::span<const Eigen::Vector2d> misses);
+/// Root mean square of the lengths of the residuals; 0 for none.
+double rms_of(std::span<const Eigen::Vector2d> residuals);
 
-/// The same lens at another place.
-CameraModel placed(const CameraModel& lens, const RigidTransform& cam_from_world);
+/// A camera with the lens of `lens` and the pose `cam_from_world`.
+CameraModel with_pose(const CameraModel& lens, const RigidTransform& cam_from_world);
 
 }  // namespace v3d::calib

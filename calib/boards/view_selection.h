@@ -1,4 +1,4 @@
-// Which pictures of a board are worth calibrating with: few, and as different as can be.
+// View selection: a small, diverse subset of board images for calibration, and image coverage.
 #pragma once
 
 #include <span>
@@ -9,19 +9,21 @@
 
 namespace v3d::calib {
 
-/// Indices of at most `most` sightings, rising: well spread over the image, over distances and over
-/// the directions in which the board leans. The fullest sighting first, then always the one that is
-/// most unlike all chosen before (farthest-point selection); near copies of a chosen one never.
-/// Deterministic.
-std::vector<int> choose_views(const Board& board, ImageSize size,
-                              std::span<const BoardSighting* const> sightings, int most);
+/// Indices, in ascending order, of at most `max_views` observations that differ most in image
+/// position, distance and tilt (farthest-point selection).
+///
+/// The observation with most corners comes first, then always the one that is farthest from all
+/// selected ones. Near duplicates are never selected. Deterministic.
+std::vector<int> select_views(const Board& board, ImageSize size,
+                              std::span<const BoardObservation* const> observations, int max_views);
 
-/// The part of the image, 0 to 1, in which corners were seen: of kCoverageColumns x kCoverageRows
-/// equal fields those with at least one.
+/// The share of the image, 0 to 1, in which corners were observed: of kCoverageColumns x
+/// kCoverageRows equal cells, those with at least one corner.
 inline constexpr int kCoverageColumns = 10;
 inline constexpr int kCoverageRows = 8;
-double coverage(ImageSize size, std::span<const BoardSighting* const> sightings);
-/// The corners in each field, row by row.
-std::vector<int> coverage_counts(ImageSize size, std::span<const BoardSighting* const> sightings);
+double coverage(ImageSize size, std::span<const BoardObservation* const> observations);
+/// The number of corners in each cell, row by row.
+std::vector<int> coverage_counts(ImageSize size,
+                                 std::span<const BoardObservation* const> observations);
 
 }  // namespace v3d::calib

@@ -147,12 +147,13 @@ class ViewSolver {
   }
 
   double typical_miss() const {
-    std::vector<double> misses;
+    std::vector<double> residuals;
     for (const auto& [number, seen] : places_) {
       const Vector3d mean = place_of(seen).colour;
-      for (const ColourSample* sample : seen) misses.push_back((corrected(*sample) - mean).norm());
+      for (const ColourSample* sample : seen)
+        residuals.push_back((corrected(*sample) - mean).norm());
     }
-    return std::max(1e-6, percentile(misses, 0.5));
+    return std::max(1e-6, percentile(residuals, 0.5));
   }
 
   /// The quadratic form of the misses, places eliminated: the same for all channels.

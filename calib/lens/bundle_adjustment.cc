@@ -13,13 +13,13 @@
 namespace v3d::calib {
 namespace {
 
-using LensBlock = std::array<double, kMostLensSize>;
+using LensBlock = std::array<double, kMaxLensSize>;
 using PoseBlock = std::array<double, kPoseSize>;
 
 LensBlock lens_block(const CameraModel& camera) {
   const Eigen::Matrix3d& k = camera.matrix();
   LensBlock block = {k(0, 0), k(1, 1), k(0, 2), k(1, 2)};
-  std::copy_n(camera.distortion().begin(), kMostLensSize - 4, block.begin() + 4);
+  std::copy_n(camera.distortion().begin(), kMaxLensSize - 4, block.begin() + 4);
   return block;
 }
 
@@ -39,57 +39,55 @@ CameraModel camera_of(const CameraModel& before, const LensBlock& lens, const Po
   k(0, 2) = lens[2];
   k(1, 2) = lens[3];
   Distortion distortion = before.distortion();
-  std::copy_n(lens.begin() + 4, kMostLensSize - 4, distortion.begin());
+  std::copy_n(lens.begin() + 4, kMaxLensSize - 4, distortion.begin());
   return {before.size(), k, distortion, transform_of(pose)};
 }
 
-/// All that one camera saw of one board, as Ceres asks for it: corner by corner, its own work for
-/// each residual block took longer than the corners.
-class SightingCost final : public ceres::CostFunction {
+/// One residual block for all corners of one board in one camera. With one block per corner, Ceres'
+/// overhead per block exceeds the cost of the corners.
+class ReprojectionCost final : public ceres::CostFunction {
  public:
-  explicit SightingCost(SightingMiss sighting) : sighting_(std::move(sighting)) {
-    set_num_residuals(sighting_.rows());
+  explicit ReprojectionCost(ReprojectionResidual residual) : residual_(std::move(residual)) {
+    set_num_residuals(residual_.rows());
     *mutable_parameter_block_sizes() = {kPoseSize, kPoseSize};
-    if (sighting_.lens_size() > 0) {
-      mutable_parameter_block_sizes()->push_back(sighting_.lens_size());
-    }
+    if (residual_.lens_size() > 0)
+      mutable_parameter_block_sizes()->push_back(residual_.lens_size());
   }
 
-  bool Evaluate(double const* const* blocks, double* miss, double** slopes) const override {
-    return sighting_.evaluate(blocks, miss, slopes);
+  bool Evaluate(double const* const* blocks, double* residuals, double** jacobians) const override {
+    return residual_.evaluate(blocks, residuals, jacobians);
   }
 
  private:
-  SightingMiss sighting_;
+  ReprojectionResidual residual_;
 };
 
-/// What lenses are like, where the sightings do not say: square pixels, the axis near the middle,
-/// little distortion. Weighs as much as a corner or two, and less than any board that reaches the
-/// place in question.
-class UsualLens {
+/// A weak prior for lenses: square pixels, principal point near the middle, little distortion.
+/// It weighs as much as one or two corners, so any board in an image region outweighs it.
+class LensPrior {
  public:
-  UsualLens(const CameraModel& camera, int coefficients)
+  LensPrior(const CameraModel& camera, int coefficients)
       : middle_x_(0.5 * (camera.size().width - 1)),
         middle_y_(0.5 * (camera.size().height - 1)),
         coefficients_(coefficients) {}
 
   static ceres::CostFunction* cost(const CameraModel& camera, int coefficients) {
-    auto cost = std::make_unique<ceres::DynamicAutoDiffCostFunction<UsualLens>>(
-        new UsualLens(camera, coefficients));
+    auto cost = std::make_unique<ceres::DynamicAutoDiffCostFunction<LensPrior>>(
+        new LensPrior(camera, coefficients));
     cost->AddParameterBlock(4 + coefficients);
     cost->SetNumResiduals(3 + coefficients);
     return cost.release();
   }
 
   template <class T>
-  bool operator()(const T* const* blocks, T* miss) const {
-    constexpr double kCornerPx = 0.3;  // what a corner is good for
-    constexpr double kUsual[] = {0.3, 0.3, 0.002, 0.002, 0.3, 0.3, 0.3, 0.3};
+  bool operator()(const T* const* blocks, T* residuals) const {
+    constexpr double kCornerPx = 0.3;  // standard deviation of a detected corner
+    constexpr double kStdDev[] = {0.3, 0.3, 0.002, 0.002, 0.3, 0.3, 0.3, 0.3};
     const T* lens = blocks[0];
-    miss[0] = kCornerPx / 0.003 * (lens[0] - lens[1]) / (lens[0] + lens[1]);
-    miss[1] = kCornerPx / (0.04 * middle_x_) * (lens[2] - middle_x_);
-    miss[2] = kCornerPx / (0.04 * middle_x_) * (lens[3] - middle_y_);
-    for (int i = 0; i < coefficients_; ++i) miss[3 + i] = kCornerPx / kUsual[i] * lens[4 + i];
+    residuals[0] = kCornerPx / 0.003 * (lens[0] - lens[1]) / (lens[0] + lens[1]);
+    residuals[1] = kCornerPx / (0.04 * middle_x_) * (lens[2] - middle_x_);
+    residuals[2] = kCornerPx / (0.04 * middle_x_) * (lens[3] - middle_y_);
+    for (int i = 0; i < coefficients_; ++i) residuals[3 + i] = kCornerPx / kStdDev[i] * lens[4 + i];
     return true;
   }
 
@@ -108,56 +106,56 @@ class Solver {
     for (const RigidTransform& board : bundle.world_from_board) {
       boards_.push_back(pose_block(board));
     }
-    add_points();
-    add_usual_lenses();
+    add_observations();
+    add_lens_priors();
     for (const int camera : options.fixed_cameras) {
       problem_.SetParameterBlockConstant(poses_[camera].data());
     }
   }
 
   BundleSummary solve() {
-    ceres::Solver::Options how;
-    how.linear_solver_type = ceres::SPARSE_SCHUR;
-    how.max_num_iterations = options_.iterations;
-    how.num_threads = options_.threads;
-    how.function_tolerance = 1e-9;
-    how.parameter_tolerance = 1e-10;
-    how.logging_type = ceres::SILENT;
-    how.linear_solver_ordering = boards_first();
+    ceres::Solver::Options solver_options;
+    solver_options.linear_solver_type = ceres::SPARSE_SCHUR;
+    solver_options.max_num_iterations = options_.iterations;
+    solver_options.num_threads = options_.threads;
+    solver_options.function_tolerance = 1e-9;
+    solver_options.parameter_tolerance = 1e-10;
+    solver_options.logging_type = ceres::SILENT;
+    solver_options.linear_solver_ordering = boards_first();
     ceres::Solver::Summary summary;
-    ceres::Solve(how, &problem_, &summary);
+    ceres::Solve(solver_options, &problem_, &summary);
     write_back();
     return {summary.termination_type == ceres::CONVERGENCE, summary.num_successful_steps,
             summary.message};
   }
 
  private:
-  /// Of the lens of a camera.
+  /// Number of free coefficients of the lens of a camera.
   int free_coefficients(int camera) const {
     return options_.coefficients.empty() ? 0 : options_.coefficients[camera];
   }
 
-  void add_points() {
-    std::map<std::pair<int, int>, SightingMiss> sightings;
-    for (const BundlePoint& point : bundle_.points) {
-      const auto [sighting, is_new] =
-          sightings.try_emplace({point.board, point.camera}, bundle_.cameras[point.camera],
-                                free_coefficients(point.camera), options_.robust_px);
-      sighting->second.add(bundle_.board.corner(point.corner), point.pixel);
+  void add_observations() {
+    std::map<std::pair<int, int>, ReprojectionResidual> residuals;
+    for (const CornerObservation& observation : bundle_.observations) {
+      const auto [residual, is_new] = residuals.try_emplace(
+          {observation.board, observation.camera}, bundle_.cameras[observation.camera],
+          free_coefficients(observation.camera), options_.robust_px);
+      residual->second.add(bundle_.board.corner(observation.corner), observation.pixel);
     }
-    for (auto& [key, sighting] : sightings) {
+    for (auto& [key, residual] : residuals) {
       const auto [board, camera] = key;
       std::vector<double*> blocks = {poses_[camera].data(), boards_[board].data()};
-      if (sighting.lens_size() > 0) blocks.push_back(lenses_[camera].data());
-      problem_.AddResidualBlock(new SightingCost(std::move(sighting)), nullptr, blocks);
+      if (residual.lens_size() > 0) blocks.push_back(lenses_[camera].data());
+      problem_.AddResidualBlock(new ReprojectionCost(std::move(residual)), nullptr, blocks);
     }
   }
 
-  void add_usual_lenses() {
+  void add_lens_priors() {
     for (size_t i = 0; i < lenses_.size(); ++i) {
       const int free = free_coefficients(static_cast<int>(i));
       if (free == 0) continue;
-      problem_.AddResidualBlock(UsualLens::cost(bundle_.cameras[i], free), nullptr,
+      problem_.AddResidualBlock(LensPrior::cost(bundle_.cameras[i], free), nullptr,
                                 lenses_[i].data());
     }
   }
@@ -187,7 +185,7 @@ class Solver {
   std::vector<LensBlock> lenses_;
   std::vector<PoseBlock> poses_;
   std::vector<PoseBlock> boards_;
-  ceres::Problem problem_;  // owns the costs and losses it is given
+  ceres::Problem problem_;  // owns the cost functions
 };
 
 }  // namespace
@@ -196,13 +194,13 @@ BundleSummary adjust(Bundle& bundle, const BundleOptions& options) {
   return Solver(bundle, options).solve();
 }
 
-std::vector<Eigen::Vector2d> misses(const Bundle& bundle) {
+std::vector<Eigen::Vector2d> residuals(const Bundle& bundle) {
   std::vector<Eigen::Vector2d> result;
-  result.reserve(bundle.points.size());
-  for (const BundlePoint& point : bundle.points) {
-    const auto pixel = bundle.cameras[point.camera].project(bundle.world_from_board[point.board] *
-                                                            bundle.board.corner(point.corner));
-    result.push_back(pixel ? point.pixel - *pixel : Eigen::Vector2d(1e6, 1e6));
+  result.reserve(bundle.observations.size());
+  for (const CornerObservation& observation : bundle.observations) {
+    const auto pixel = bundle.cameras[observation.camera].project(
+        bundle.world_from_board[observation.board] * bundle.board.corner(observation.corner));
+    result.push_back(pixel ? observation.pixel - *pixel : Eigen::Vector2d(1e6, 1e6));
   }
   return result;
 }

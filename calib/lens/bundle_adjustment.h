@@ -1,5 +1,4 @@
-// Bundle adjustment: lenses, cameras and boards that explain all sightings best. The adapter of the
-// Ceres solver.
+// Bundle adjustment of lenses, camera poses and board poses. The adapter of the Ceres solver.
 #pragma once
 
 #include <span>
@@ -11,30 +10,30 @@
 
 namespace v3d::calib {
 
-/// One corner of one board seen by one camera.
-struct BundlePoint {
+/// One corner of one board, observed by one camera.
+struct CornerObservation {
   int camera = 0;
-  int board = 0;  ///< place in Bundle::world_from_board
+  int board = 0;  ///< index into Bundle::world_from_board
   int corner = 0;
   Eigen::Vector2d pixel = Eigen::Vector2d::Zero();
 };
 
-/// All unknowns, and what was seen of them. World: any frame; that of the fixed camera stays.
+/// All parameters and observations. The world frame is arbitrary; fixed cameras define it.
 struct Bundle {
   Board board;
   std::vector<CameraModel> cameras;
   std::vector<RigidTransform> world_from_board;
-  std::vector<BundlePoint> points;
+  std::vector<CornerObservation> observations;
 };
 
 struct BundleOptions {
-  /// By camera, how many coefficients of its lens are free, in OpenCV's order: 4, 5 or 8 (with the
-  /// camera matrix; skew, thin prism and tilt stay); 0: the lens is known and stays whole. Empty:
-  /// all are known.
+  /// By camera, the number of free distortion coefficients in OpenCV's order: 4, 5 or 8, together
+  /// with the camera matrix (skew, thin prism and tilt are constant); 0: the whole lens is
+  /// constant. Empty: all lenses are constant.
   std::vector<int> coefficients{};
-  /// Cameras whose place stays; at least one, or the world floats.
+  /// Cameras whose poses are constant. At least one is needed to fix the gauge.
   std::vector<int> fixed_cameras = {0};
-  /// A corner that misses by more than this pulls linearly instead of quadratically (Huber).
+  /// Threshold of Huber's loss: larger residuals of a corner count linearly.
   double robust_px = 1.0;
   int iterations = 60;
   int threads = 2;
@@ -43,17 +42,19 @@ struct BundleOptions {
 struct BundleSummary {
   bool converged = false;
   int iterations = 0;
-  std::string message{};  ///< of the solver, where it did not converge
+  std::string message{};  ///< from the solver, where it did not converge
 };
 
-/// Improves `bundle` from where it stands. Levenberg-Marquardt on the reprojection error of every
-/// corner, boards eliminated first (Schur complement, sparse). A free lens is also drawn, very
-/// weakly, to what lenses are like, so that what no board told stays sane. Requires every camera
-/// and board to have points, and first values that put the corners before the cameras. The result
-/// depends on the arguments alone, up to rounding by the number of threads.
+/// Minimises the reprojection errors of all corners, starting from the values in `bundle`.
+///
+/// Levenberg-Marquardt with a sparse Schur complement that eliminates the boards first. A weak
+/// prior keeps free lenses plausible in image regions without corners. Requires that every camera
+/// and board has observations, and that the initial values put all corners in front of the cameras.
+/// Deterministic, except for rounding that depends on the number of threads.
 BundleSummary adjust(Bundle& bundle, const BundleOptions& options);
 
-/// Seen less projected, by point, in pixels; 1e6 for a corner its camera cannot see.
-std::vector<Eigen::Vector2d> misses(const Bundle& bundle);
+/// Reprojection residuals (observed minus projected, pixels) by observation; 1e6 for a corner that
+/// cannot be projected.
+std::vector<Eigen::Vector2d> residuals(const Bundle& bundle);
 
 }  // namespace v3d::calib

@@ -6,27 +6,29 @@
 #include <cstdio>
 
 #include "base/error.h"
+#include "base/image_size.h"
 #include "base/statistics.h"
 #include "calib/boards/board_pose.h"
 #include "calib/boards/view_selection.h"
 #include "calib/lens/bundle_adjustment.h"
+#include "calib/parallel_for.h"
 
 namespace v3d::calib {
 namespace {
 
 constexpr std::array kModels = {4, 5, 8};
 constexpr int kFolds = 5;
-constexpr int kFoldIterations = 10;  // from the fit to all views, which is near
-// More coefficients must foretell so much better, or they only follow the noise.
-constexpr double kWorthMore = 0.95;
+constexpr int kFoldIterations = 10;  // few, because the fit to all views is a close start
+// More coefficients must reduce the prediction error to this factor, or they only fit noise.
+constexpr double kMinImprovement = 0.95;
 constexpr double kOutlierFactor = 3;  // of the median view
-constexpr double kHarmlessPx = 0.5;
+constexpr double kAcceptableRmsPx = 0.5;
 
-/// A lens and where the boards of some views stood before it.
+/// A lens, and the poses of the board in some views.
 struct Fit {
   CameraModel lens;
   std::vector<int> views;
-  std::vector<RigidTransform> poses;  ///< by place in `views`
+  std::vector<RigidTransform> cam_from_board;  ///< by index in `views`
 };
 
 CameraModel with_coefficients(const CameraModel& lens, int count) {
@@ -40,62 +42,67 @@ class LensFitter {
   LensFitter(const Board& board, ImageSize size, std::span<const LensView> views)
       : board_(board), size_(size), views_(views) {}
 
-  /// Views of which `lens` knows no pose are left out.
-  Fit posed(const CameraModel& lens, const std::vector<int>& views) const {
+  /// The views for which board_poses() finds a pose.
+  Fit with_initial_poses(const CameraModel& lens, const std::vector<int>& views) const {
     Fit fit{lens, {}, {}};
     for (const int view : views) {
-      const auto poses = board_poses(lens, board_, views_[view].sighting);
+      const auto poses = board_poses(lens, board_, views_[view].observation);
       if (poses.empty()) continue;
       fit.views.push_back(view);
-      fit.poses.push_back(poses.front().cam_from_board);
+      fit.cam_from_board.push_back(poses.front().cam_from_board);
     }
     return fit;
   }
 
-  /// `coefficients` 0: only the boards move; else the lens has no others.
-  void improve(Fit& fit, int coefficients, int iterations = 60) const {
+  /// `coefficients` 0: adjusts only the boards; else sets all further coefficients to 0.
+  void adjust_fit(Fit& fit, int coefficients, int iterations = 60) const {
     if (fit.views.empty()) return;
     if (coefficients > 0) fit.lens = with_coefficients(fit.lens, coefficients);
-    Bundle bundle{board_, {fit.lens}, fit.poses, {}};
+    Bundle bundle{board_, {fit.lens}, fit.cam_from_board, {}};
     for (size_t i = 0; i < fit.views.size(); ++i) {
-      const BoardSighting& sighting = views_[fit.views[i]].sighting;
-      for (int k = 0; k < sighting.count(); ++k) {
-        bundle.points.push_back({0, static_cast<int>(i), sighting.corners[k], sighting.pixels[k]});
+      const BoardObservation& observation = views_[fit.views[i]].observation;
+      for (int k = 0; k < observation.count(); ++k) {
+        bundle.observations.push_back(
+            {0, static_cast<int>(i), observation.corners[k], observation.pixels[k]});
       }
     }
     BundleOptions options;
     options.coefficients = {coefficients};
     options.iterations = iterations;
-    options.threads = 1;  // callers have several cameras
+    options.threads = 1;  // fit_rig_lenses() runs one camera per thread
     adjust(bundle, options);
     fit.lens = bundle.cameras.front();
-    fit.poses = bundle.world_from_board;
+    fit.cam_from_board = bundle.world_from_board;
   }
 
-  /// From nothing. Which way a board leans is known only once the lens is, so it is asked again.
+  /// A fit without initial values. Board poses are estimated again in each round, because the tilt
+  /// of a board is ambiguous until the lens is known.
   Fit from_scratch(const std::vector<int>& views) const {
-    std::vector<const BoardSighting*> sightings;
-    for (const int view : views) sightings.push_back(&views_[view].sighting);
-    CameraModel lens(size_, first_camera_matrix(board_, size_, sightings), {}, {});
+    std::vector<const BoardObservation*> observations;
+    for (const int view : views) observations.push_back(&views_[view].observation);
+    CameraModel lens(size_, initial_camera_matrix(board_, size_, observations), {}, {});
     Fit fit;
     for (int round = 0; round < 3; ++round) {
-      fit = posed(lens, views);
-      improve(fit, 4);
+      fit = with_initial_poses(lens, views);
+      adjust_fit(fit, 4);
       lens = fit.lens;
     }
     return fit;
   }
 
-  std::vector<Eigen::Vector2d> misses_of(const Fit& fit, size_t place) const {
-    return misses(fit.lens, board_, fit.poses[place], views_[fit.views[place]].sighting);
+  std::vector<Eigen::Vector2d> residuals_of(const Fit& fit, size_t place) const {
+    return residuals(fit.lens, board_, fit.cam_from_board[place],
+                     views_[fit.views[place]].observation);
   }
 
-  double rms_of_view(const Fit& fit, size_t place) const { return rms_of(misses_of(fit, place)); }
+  double rms_of_view(const Fit& fit, size_t place) const {
+    return rms_of(residuals_of(fit, place));
+  }
 
   double rms_of_fit(const Fit& fit) const {
     std::vector<Eigen::Vector2d> all;
     for (size_t i = 0; i < fit.views.size(); ++i) {
-      const auto some = misses_of(fit, i);
+      const auto some = residuals_of(fit, i);
       all.insert(all.end(), some.begin(), some.end());
     }
     return rms_of(all);
@@ -110,27 +117,27 @@ class LensFitter {
   std::span<const LensView> views_;
 };
 
-std::string outlier_reason(double rms, double usual) {
+std::string describe_outlier(double rms, double median) {
   char text[160];
   std::snprintf(text, sizeof text,
-                "its corners miss by %.2f px, those of the median picture by %.2f: blurred, "
-                "half hidden or misread",
-                rms, usual);
+                "its RMS residual is %.2f px, the median of all images %.2f px: blurred, partly "
+                "hidden or misdetected",
+                rms, median);
   return text;
 }
 
-/// Takes the views out that fit much worse than most; true when there were any.
+/// Removes views that fit much worse than the median view. Returns whether there were any.
 bool reject_outliers(const LensFitter& fitter, Fit& fit, std::vector<RejectedView>& rejected) {
   std::vector<double> rms;
   for (size_t i = 0; i < fit.views.size(); ++i) rms.push_back(fitter.rms_of_view(fit, i));
-  const double usual = upper_median(rms);
+  const double median = upper_median(rms);
   Fit kept{fit.lens, {}, {}};
   for (size_t i = 0; i < fit.views.size(); ++i) {
-    if (rms[i] > std::max(kHarmlessPx, kOutlierFactor * usual)) {
-      rejected.push_back({fit.views[i], outlier_reason(rms[i], usual)});
+    if (rms[i] > std::max(kAcceptableRmsPx, kOutlierFactor * median)) {
+      rejected.push_back({fit.views[i], describe_outlier(rms[i], median)});
     } else {
       kept.views.push_back(fit.views[i]);
-      kept.poses.push_back(fit.poses[i]);
+      kept.cam_from_board.push_back(fit.cam_from_board[i]);
     }
   }
   const bool any = kept.views.size() < fit.views.size();
@@ -138,37 +145,37 @@ bool reject_outliers(const LensFitter& fitter, Fit& fit, std::vector<RejectedVie
   return any;
 }
 
-/// The views of a fold, or all others, as they stand.
+/// The part of a fit with the views of one fold (`inside`), or with all other views.
 Fit part_of(const Fit& fit, int fold, bool inside) {
   Fit part{fit.lens, {}, {}};
   for (size_t i = 0; i < fit.views.size(); ++i) {
     if ((static_cast<int>(i) % kFolds == fold) != inside) continue;
     part.views.push_back(fit.views[i]);
-    part.poses.push_back(fit.poses[i]);
+    part.cam_from_board.push_back(fit.cam_from_board[i]);
   }
   return part;
 }
 
 struct Validation {
-  Fit fit;  ///< to all views
+  Fit fit;  ///< of all views
   LensTrial trial;
   double focal_spread_px = 0;
 };
 
-/// Every fifth of the views is foretold by a lens fitted to the others: only the board's place in
-/// the held-out picture is fitted.
+/// Predicts each fifth of the views by a lens fitted to the others. Only the board poses of the
+/// held-out views are fitted.
 Validation cross_validate(const LensFitter& fitter, Fit fit, int coefficients) {
   double squares = 0, focal = 0, focal_squares = 0;
   int64_t corners = 0;
   for (int fold = 0; fold < kFolds; ++fold) {
     Fit others = part_of(fit, fold, false);
-    fitter.improve(others, coefficients, kFoldIterations);
+    fitter.adjust_fit(others, coefficients, kFoldIterations);
     Fit held_out = part_of(fit, fold, true);
     held_out.lens = others.lens;
-    fitter.improve(held_out, 0, kFoldIterations);
+    fitter.adjust_fit(held_out, 0, kFoldIterations);
     for (size_t i = 0; i < held_out.views.size(); ++i) {
-      for (const auto& miss : fitter.misses_of(held_out, i)) {
-        squares += miss.squaredNorm();
+      for (const auto& residual : fitter.residuals_of(held_out, i)) {
+        squares += residual.squaredNorm();
         ++corners;
       }
     }
@@ -181,21 +188,22 @@ Validation cross_validate(const LensFitter& fitter, Fit fit, int coefficients) {
   return {std::move(fit), {coefficients, rms}, spread};
 }
 
-/// The smallest model that foretells as well as any.
+/// The smallest model that predicts about as well as the best one.
 size_t best_of(const std::vector<Validation>& tried) {
   size_t best = 0;
   for (size_t i = 1; i < tried.size(); ++i) {
-    if (tried[i].trial.held_out_rms_px < kWorthMore * tried[best].trial.held_out_rms_px) best = i;
+    if (tried[i].trial.held_out_rms_px < kMinImprovement * tried[best].trial.held_out_rms_px)
+      best = i;
   }
   return best;
 }
 
-void choose_model(const LensFitter& fitter, const LensOptions& options, Fit& fit, LensFit& result) {
+void select_model(const LensFitter& fitter, const LensOptions& options, Fit& fit, LensFit& result) {
   std::vector<Validation> tried;
   for (const int coefficients : kModels) {
     if (options.coefficients != 0 && options.coefficients != coefficients) continue;
     Fit start = fit;
-    fitter.improve(start, coefficients);
+    fitter.adjust_fit(start, coefficients);
     tried.push_back(cross_validate(fitter, std::move(start), coefficients));
     result.trials.push_back(tried.back().trial);
   }
@@ -205,29 +213,83 @@ void choose_model(const LensFitter& fitter, const LensOptions& options, Fit& fit
   fit = std::move(best.fit);
 }
 
-void require_views(const std::string& camera, size_t usable, size_t found) {
-  if (usable >= kFewestLensViews) return;
+void require_enough_views(const std::string& camera, size_t usable, size_t found) {
+  if (usable >= kMinLensViews) return;
   std::string text = camera + ": too few boards: " + std::to_string(usable) + " usable " +
-                     (usable == 1 ? "picture" : "pictures");
-  if (found > usable) text += " of the " + std::to_string(found) + " in which it was found";
-  throw InputError(text + ", at least " + std::to_string(kFewestLensViews) +
-                   " are needed and 20 are good: show the board in all parts of the image, near "
-                   "and far, leaning to every side");
+                     (usable == 1 ? "image" : "images");
+  if (found > usable) text += " of the " + std::to_string(found) + " with a detected board";
+  throw InputError(
+      text + ", at least " + std::to_string(kMinLensViews) +
+      " are needed, 20 are recommended: show the board in all parts of the image, near "
+      "and far, tilted in all directions");
 }
 
-std::vector<int> chosen_views(const Board& board, ImageSize size, std::span<const LensView> views,
-                              int most) {
-  std::vector<const BoardSighting*> sightings;
-  for (const LensView& view : views) sightings.push_back(&view.sighting);
-  return sightings.empty() ? std::vector<int>() : choose_views(board, size, sightings, most);
+std::vector<int> selected_views(const Board& board, ImageSize size, std::span<const LensView> views,
+                                int most) {
+  std::vector<const BoardObservation*> observations;
+  for (const LensView& view : views) observations.push_back(&view.observation);
+  return observations.empty() ? std::vector<int>() : select_views(board, size, observations, most);
 }
 
-void describe(const LensFitter& fitter, const Fit& fit, LensFit& result) {
+void fill_result(const LensFitter& fitter, const Fit& fit, LensFit& result) {
   result.lens = fit.lens;
   result.rms_px = fitter.rms_of_fit(fit);
   for (size_t i = 0; i < fit.views.size(); ++i) {
-    result.fitted.push_back(
-        {fit.views[i], fitter.rms_of_view(fit, i), fit.poses[i], fitter.misses_of(fit, i)});
+    result.fitted.push_back({fit.views[i], fitter.rms_of_view(fit, i), fit.cam_from_board[i],
+                             fitter.residuals_of(fit, i)});
+  }
+}
+
+// --- all lenses of a rig
+
+constexpr double kSuspiciousRmsPx = 1.0;
+
+LensFit fit_own_lens(const Board& board, const CameraObservations& camera) {
+  std::vector<LensView> views;
+  for (const auto& [instant, observation] : camera.observations) {
+    views.push_back({std::to_string(instant), observation});
+  }
+  return fit_lens(camera.name, board, camera.size, views, {});
+}
+
+CameraModel previous_lens(const Rig& previous, const CameraObservations& camera) {
+  const int index = find_camera(previous, camera.name);
+  if (index < 0) throw InputError("the previous calibration has no camera " + camera.name);
+  const CameraModel& lens = previous[static_cast<size_t>(index)].model;
+  if (!(lens.size() == camera.size)) {
+    throw InputError(camera.name + ": its images are " + format_size(camera.size) +
+                     ", but its lens was calibrated at " + format_size(lens.size()));
+  }
+  return with_pose(lens, {});
+}
+
+/// Median RMS residual of a sample of the camera's observations through `lens`, pixels.
+double median_rms(const CameraModel& lens, const Board& board, const CameraObservations& camera) {
+  std::vector<double> rms;
+  const size_t step = 1 + camera.observations.size() / 20;
+  size_t position = 0;
+  for (const auto& [instant, observation] : camera.observations) {
+    if (position++ % step != 0) continue;
+    const auto poses = board_poses(lens, board, observation);
+    if (!poses.empty()) rms.push_back(poses.front().rms_px);
+  }
+  return rms.empty() ? 1e9 : upper_median(rms);
+}
+
+void require_unswapped_lenses(const Board& board, const std::vector<CameraObservations>& cameras,
+                              const std::vector<CameraModel>& lenses) {
+  for (size_t a = 0; a < cameras.size(); ++a) {
+    for (size_t b = a + 1; b < cameras.size(); ++b) {
+      if (!(cameras[a].size == cameras[b].size)) continue;
+      const double own_a = median_rms(lenses[a], board, cameras[a]);
+      const double own_b = median_rms(lenses[b], board, cameras[b]);
+      const double other_a = median_rms(lenses[b], board, cameras[a]);
+      const double other_b = median_rms(lenses[a], board, cameras[b]);
+      if (2 * other_a < own_a && 2 * other_b < own_b && std::min(own_a, own_b) > kSuspiciousRmsPx) {
+        throw_swapped_cameras(cameras[a].name, cameras[b].name,
+                              "the images of each fit the lens of");
+      }
+    }
   }
 }
 
@@ -235,24 +297,47 @@ void describe(const LensFitter& fitter, const Fit& fit, LensFit& result) {
 
 LensFit fit_lens(const std::string& camera, const Board& board, ImageSize size,
                  std::span<const LensView> views, const LensOptions& options) {
-  const std::vector<int> chosen = chosen_views(board, size, views, options.most_views);
-  require_views(camera, chosen.size(), views.size());
+  const std::vector<int> selected = selected_views(board, size, views, options.max_views);
+  require_enough_views(camera, selected.size(), views.size());
   LensFit result;
-  result.unneeded = static_cast<int>(views.size() - chosen.size());
+  result.unneeded = static_cast<int>(views.size() - selected.size());
   const LensFitter fitter(board, size, views);
-  Fit fit = fitter.from_scratch(chosen);
+  Fit fit = fitter.from_scratch(selected);
   for (int round = 0; round < 4; ++round) {
-    fitter.improve(fit, 5);
+    fitter.adjust_fit(fit, 5);
     if (!reject_outliers(fitter, fit, result.rejected)) break;
-    require_views(camera, fit.views.size(), views.size());
+    require_enough_views(camera, fit.views.size(), views.size());
   }
-  choose_model(fitter, options, fit, result);
+  select_model(fitter, options, fit, result);
   if (reject_outliers(fitter, fit, result.rejected)) {
-    require_views(camera, fit.views.size(), views.size());
-    fitter.improve(fit, result.coefficients);
+    require_enough_views(camera, fit.views.size(), views.size());
+    fitter.adjust_fit(fit, result.coefficients);
   }
-  describe(fitter, fit, result);
+  fill_result(fitter, fit, result);
   return result;
+}
+
+RigLenses fit_rig_lenses(const Board& board, const std::vector<CameraObservations>& cameras,
+                         const std::optional<Rig>& previous, int threads) {
+  RigLenses found{std::vector<CameraModel>(cameras.size()), std::vector<int>(cameras.size(), 0)};
+  if (previous) {
+    for (size_t i = 0; i < cameras.size(); ++i)
+      found.lenses[i] = previous_lens(*previous, cameras[i]);
+    require_unswapped_lenses(board, cameras, found.lenses);
+    return found;
+  }
+  parallel_for(threads, static_cast<int>(cameras.size()), [&](int i) {
+    const LensFit fit = fit_own_lens(board, cameras[i]);
+    found.lenses[i] = fit.lens;
+    found.coefficients[i] = fit.coefficients;
+  });
+  return found;
+}
+
+void throw_swapped_cameras(const std::string& a, const std::string& b,
+                           const std::string& evidence) {
+  throw InputError("swapped cameras: " + a + " and " + b + ": " + evidence +
+                   " the other: exchange their cables, addresses or files");
 }
 
 }  // namespace v3d::calib

@@ -10,9 +10,9 @@ namespace v3d::calib {
 namespace {
 
 /// One board in one camera.
-struct Sighting {
+struct Observation {
   int camera = 0;
-  const BoardSighting* seen = nullptr;
+  const BoardObservation* seen = nullptr;
 };
 
 class Placer {
@@ -22,10 +22,10 @@ class Placer {
 
   PlacedBoards place(int most) {
     for (const int64_t instant : chosen_instants(most)) {
-      const std::vector<Sighting> sightings = sightings_at(instant);
-      const auto pose = best_pose(sightings, instant);
+      const std::vector<Observation> observations = observations_at(instant);
+      const auto pose = best_pose(observations, instant);
       if (!pose) continue;
-      for (const Sighting& s : sightings) add(s, *pose);
+      for (const Observation& s : observations) add(s, *pose);
       placed_.bundle.world_from_board.push_back(*pose);
       placed_.instants.push_back(instant);
     }
@@ -58,27 +58,27 @@ class Placer {
     return instants;
   }
 
-  std::vector<Sighting> sightings_at(int64_t instant) const {
-    std::vector<Sighting> sightings;
+  std::vector<Observation> observations_at(int64_t instant) const {
+    std::vector<Observation> observations;
     for (int i = 0; i < count(); ++i) {
-      const auto found = from_.seen[i].sightings.find(instant);
-      if (found != from_.seen[i].sightings.end()) sightings.push_back({i, &found->second});
+      const auto found = from_.seen[i].observations.find(instant);
+      if (found != from_.seen[i].observations.end()) observations.push_back({i, &found->second});
     }
-    return sightings;
+    return observations;
   }
 
-  std::optional<RigidTransform> best_pose(const std::vector<Sighting>& sightings,
+  std::optional<RigidTransform> best_pose(const std::vector<Observation>& observations,
                                           int64_t instant) const {
     std::optional<RigidTransform> best;
     double least = 1e300;
-    for (const Sighting& s : sightings) {
+    for (const Observation& s : observations) {
       const auto found = from_.poses[s.camera].find(instant);
       if (found == from_.poses[s.camera].end()) continue;
       const RigidTransform world_from_cam =
           placed_.bundle.cameras[s.camera].cam_from_world().inverse();
       for (const RigidTransform& pose : found->second) {
         const RigidTransform world_from_board = world_from_cam * pose;
-        const double cost = disagreement(sightings, world_from_board);
+        const double cost = disagreement(observations, world_from_board);
         if (cost < least) {
           least = cost;
           best = world_from_board;
@@ -89,13 +89,13 @@ class Placer {
   }
 
   /// Bounded, so that one misread picture does not decide.
-  double disagreement(const std::vector<Sighting>& sightings,
+  double disagreement(const std::vector<Observation>& observations,
                       const RigidTransform& world_from_board) const {
     double sum = 0;
-    for (const Sighting& s : sightings) {
+    for (const Observation& s : observations) {
       double rms = rms_at(s.camera, *s.seen, world_from_board);
-      if (from_.board.looks_same_turned()) {
-        rms = std::min(rms, rms_at(s.camera, turned(from_.board, *s.seen), world_from_board));
+      if (from_.board.has_half_turn_symmetry()) {
+        rms = std::min(rms, rms_at(s.camera, half_turned(from_.board, *s.seen), world_from_board));
       }
       sum += std::min(200.0, rms);
     }
@@ -103,7 +103,7 @@ class Placer {
   }
 
   /// A few corners tell.
-  double rms_at(int camera, const BoardSighting& seen,
+  double rms_at(int camera, const BoardObservation& seen,
                 const RigidTransform& world_from_board) const {
     const CameraModel& model = placed_.bundle.cameras[camera];
     const int step = std::max(1, seen.count() / 6);
@@ -117,9 +117,9 @@ class Placer {
   }
 
   /// Which end came first is arbitrary per picture: from here on all pictures say the same.
-  void add(const Sighting& s, const RigidTransform& world_from_board) {
-    if (from_.board.looks_same_turned()) {
-      const BoardSighting other = turned(from_.board, *s.seen);
+  void add(const Observation& s, const RigidTransform& world_from_board) {
+    if (from_.board.has_half_turn_symmetry()) {
+      const BoardObservation other = half_turned(from_.board, *s.seen);
       if (rms_at(s.camera, other, world_from_board) < rms_at(s.camera, *s.seen, world_from_board)) {
         return add_points(s.camera, other);
       }
@@ -127,11 +127,11 @@ class Placer {
     add_points(s.camera, *s.seen);
   }
 
-  void add_points(int camera, const BoardSighting& seen) {
+  void add_points(int camera, const BoardObservation& seen) {
     for (int k = 0; k < seen.count(); ++k) {
-      placed_.bundle.points.push_back({camera,
-                                       static_cast<int>(placed_.bundle.world_from_board.size()),
-                                       seen.corners[k], seen.pixels[k]});
+      placed_.bundle.observations.push_back(
+          {camera, static_cast<int>(placed_.bundle.world_from_board.size()), seen.corners[k],
+           seen.pixels[k]});
     }
   }
 

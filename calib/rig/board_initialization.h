@@ -16,15 +16,15 @@ struct PlacedBoards {
 
 struct BoardPlaces {
   const Board& board;
-  const std::vector<CameraSightings>& seen;  ///< by camera, as all here
-  const std::vector<CameraPoses>& poses;     ///< that the sightings allow
-  const std::vector<PairPose>& pairs;        ///< what cameras share
+  const std::vector<CameraObservations>& seen;  ///< by camera, as all here
+  const std::vector<CameraPoses>& poses;        ///< that the observations allow
+  const std::vector<PairPose>& pairs;           ///< what cameras share
 };
 
 /// Takes the `most` instants that tell most, those first that connect cameras which share little.
-/// Each board gets the pose, of all that its sightings allow, with which they agree best; sightings
-/// of a board that looks the same when turned are turned so that they say the same. An instant that
-/// one camera alone saw tells nothing.
+/// Each board gets the pose, of all that its observations allow, with which they agree best;
+/// observations of a board that looks the same when turned are turned so that they say the same. An
+/// instant that one camera alone saw tells nothing.
 PlacedBoards place_boards(const BoardPlaces& from, std::vector<CameraModel> cameras, int most);
 
 }  // namespace v3d::calib

@@ -19,21 +19,21 @@ namespace {
 constexpr double kScaleTolerance = 0.01;
 constexpr double kMostRmsPx = 5;
 
-double apart(const BoardSighting& a, const BoardSighting& b) {
+double apart(const BoardObservation& a, const BoardObservation& b) {
   double sum = 0;
   for (int i = 0; i < std::min(a.count(), b.count()); ++i)
     sum += (a.pixels[i] - b.pixels[i]).norm();
   return sum;
 }
 
-/// One sighting of a board that lay still, from many.
-BoardSighting at_rest(const Board& board, const CameraSightings& camera) {
-  const BoardSighting& first = camera.sightings.begin()->second;
+/// One observation of a board that lay still, from many.
+BoardObservation at_rest(const Board& board, const CameraObservations& camera) {
+  const BoardObservation& first = camera.observations.begin()->second;
   std::map<int, std::pair<std::vector<double>, std::vector<double>>> places;
-  for (const auto& [instant, seen] : camera.sightings) {
-    BoardSighting same = seen;
-    if (board.looks_same_turned()) {
-      const BoardSighting other = turned(board, seen);
+  for (const auto& [instant, seen] : camera.observations) {
+    BoardObservation same = seen;
+    if (board.has_half_turn_symmetry()) {
+      const BoardObservation other = half_turned(board, seen);
       if (apart(other, first) < apart(seen, first)) same = other;
     }
     for (int i = 0; i < same.count(); ++i) {
@@ -41,7 +41,7 @@ BoardSighting at_rest(const Board& board, const CameraSightings& camera) {
       places[same.corners[i]].second.push_back(same.pixels[i].y());
     }
   }
-  BoardSighting result;
+  BoardObservation result;
   for (auto& [corner, place] : places) {
     result.corners.push_back(corner);
     result.pixels.emplace_back(upper_median(place.first), upper_median(place.second));
@@ -51,7 +51,7 @@ BoardSighting at_rest(const Board& board, const CameraSightings& camera) {
 
 struct Seen {
   int camera = 0;  // of the rig
-  BoardSighting sighting;
+  BoardObservation observation;
 };
 
 /// The point nearest to the rays of the cameras that saw a corner; empty where fewer than two did.
@@ -61,10 +61,10 @@ std::optional<Eigen::Vector3d> triangulate(const Rig& rig, const std::vector<See
   Eigen::Vector3d sum = Eigen::Vector3d::Zero();
   int rays = 0;
   for (const Seen& s : seen) {
-    for (int i = 0; i < s.sighting.count(); ++i) {
-      if (s.sighting.corners[i] != corner) continue;
+    for (int i = 0; i < s.observation.count(); ++i) {
+      if (s.observation.corners[i] != corner) continue;
       const CameraModel& camera = rig[s.camera].model;
-      const auto ray = camera.ray(s.sighting.pixels[i]);
+      const auto ray = camera.ray(s.observation.pixels[i]);
       if (!ray) continue;
       const Eigen::Matrix3d a = Eigen::Matrix3d::Identity() - *ray * ray->transpose();
       across += a;
@@ -101,21 +101,21 @@ std::optional<Placed> place(const Rig& rig, const Board& board, const std::vecto
 
 /// Every camera's end first, or last, such that all say the same as the first.
 void settle_ends(const Rig& rig, const Board& board, std::vector<Seen>& seen) {
-  if (!board.looks_same_turned()) return;
+  if (!board.has_half_turn_symmetry()) return;
   for (size_t i = 1; i < seen.size(); ++i) {
     const std::vector<Seen> as_seen = {seen[0], seen[i]};
     std::vector<Seen> other = as_seen;
-    other[1].sighting = turned(board, seen[i].sighting);
+    other[1].observation = half_turned(board, seen[i].observation);
     const auto a = place(rig, board, as_seen, true), b = place(rig, board, other, true);
     if (a && b && b->misfit_m < a->misfit_m) seen[i] = other[1];
   }
 }
 
 std::vector<Seen> seen_by(const Rig& rig, const Board& board,
-                          const std::vector<CameraSightings>& cameras) {
+                          const std::vector<CameraObservations>& cameras) {
   std::vector<Seen> seen;
-  for (const CameraSightings& camera : cameras) {
-    if (camera.sightings.empty()) continue;
+  for (const CameraObservations& camera : cameras) {
+    if (camera.observations.empty()) continue;
     const int index = find_camera(rig, camera.name);
     if (index < 0) throw InputError(camera.name + ": the calibration has no such camera");
     if (!(rig[static_cast<size_t>(index)].model.size() == camera.size)) {
@@ -140,9 +140,9 @@ Bundle adjusted(const Rig& rig, const Board& board, const std::vector<Seen>& see
   for (size_t i = 0; i < seen.size(); ++i) {
     bundle.cameras.push_back(rig[seen[i].camera].model);
     options.fixed_cameras.push_back(static_cast<int>(i));
-    for (int k = 0; k < seen[i].sighting.count(); ++k) {
-      bundle.points.push_back(
-          {static_cast<int>(i), 0, seen[i].sighting.corners[k], seen[i].sighting.pixels[k]});
+    for (int k = 0; k < seen[i].observation.count(); ++k) {
+      bundle.observations.push_back(
+          {static_cast<int>(i), 0, seen[i].observation.corners[k], seen[i].observation.pixels[k]});
     }
   }
   adjust(bundle, options);
@@ -152,10 +152,11 @@ Bundle adjusted(const Rig& rig, const Board& board, const std::vector<Seen>& see
 /// The board's normal in the rig's world by one camera alone: of the two ways in which a board may
 /// lean, the one nearer to `expected`.
 Eigen::Vector3d normal_seen_by(const CameraModel& camera, const Board& board,
-                               const BoardSighting& sighting, const Eigen::Vector3d& expected) {
+                               const BoardObservation& observation,
+                               const Eigen::Vector3d& expected) {
   Eigen::Vector3d nearest = expected;
   double most = -1;
-  for (const BoardPose& pose : board_poses(camera, board, sighting)) {
+  for (const BoardPose& pose : board_poses(camera, board, observation)) {
     const Eigen::Vector3d normal =
         camera.cam_from_world().rotation.transpose() * pose.cam_from_board.rotation.col(2);
     if (normal.dot(expected) > most) {
@@ -170,7 +171,7 @@ double disagreement_deg(const Rig& rig, const Board& board, const std::vector<Se
                         const Eigen::Vector3d& expected) {
   std::vector<Eigen::Vector3d> normals;
   for (const Seen& s : seen) {
-    normals.push_back(normal_seen_by(rig[s.camera].model, board, s.sighting, expected));
+    normals.push_back(normal_seen_by(rig[s.camera].model, board, s.observation, expected));
   }
   double most = 0;
   for (const Eigen::Vector3d& a : normals) {
@@ -199,7 +200,7 @@ void require_sense(const FloorFit& fit) {
 }  // namespace
 
 std::optional<Similarity> place_board(const Rig& rig, const Board& board,
-                                      const std::vector<CameraSightings>& cameras) {
+                                      const std::vector<CameraObservations>& cameras) {
   std::vector<Seen> seen = seen_by(rig, board, cameras);
   settle_ends(rig, board, seen);
   const auto found = place(rig, board, seen, true);
@@ -207,7 +208,7 @@ std::optional<Similarity> place_board(const Rig& rig, const Board& board,
 }
 
 FloorFit fit_floor(const Rig& rig, const Board& board,
-                   const std::vector<CameraSightings>& cameras) {
+                   const std::vector<CameraObservations>& cameras) {
   std::vector<Seen> seen = seen_by(rig, board, cameras);
   settle_ends(rig, board, seen);
   const auto found = place(rig, board, seen, true);
@@ -222,7 +223,7 @@ FloorFit fit_floor(const Rig& rig, const Board& board,
   const Bundle bundle = adjusted(scaled, board, seen, first);
   fit.new_from_old = {scaling.scale, bundle.world_from_board.front().inverse()};
   fit.rig = moved_rig(rig, fit.new_from_old);
-  const auto all = misses(bundle);
+  const auto all = residuals(bundle);
   fit.rms_px = rms_of(all);
   fit.disagreement_deg =
       disagreement_deg(rig, board, seen, bundle.world_from_board.front().rotation.col(2));

@@ -27,13 +27,14 @@ struct FloorFit {
 /// Where the board lies, and how large it is, by the rays of its corners alone: board from world,
 /// with scale. Empty where no four corners are seen by two cameras.
 std::optional<Similarity> place_board(const Rig& rig, const Board& board,
-                                      const std::vector<CameraSightings>& cameras);
+                                      const std::vector<CameraObservations>& cameras);
 
 /// `cameras`: all that saw the board, which lay still; where there are several pictures the median
 /// place of each corner counts. Every camera must be in the rig, by name and size. A board that
 /// looks the same when turned by half has its origin at either end. Throws InputError where fewer
 /// than two cameras saw the board, where it does not fit the rig, and where the cameras are below
 /// it.
-FloorFit fit_floor(const Rig& rig, const Board& board, const std::vector<CameraSightings>& cameras);
+FloorFit fit_floor(const Rig& rig, const Board& board,
+                   const std::vector<CameraObservations>& cameras);
 
 }  // namespace v3d::calib

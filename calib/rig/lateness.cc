@@ -5,11 +5,11 @@
 namespace v3d::calib {
 namespace {
 
-std::optional<Eigen::Vector2d> corner_at(const std::map<int64_t, BoardSighting>& sightings,
+std::optional<Eigen::Vector2d> corner_at(const std::map<int64_t, BoardObservation>& observations,
                                          int64_t instant, int corner) {
-  const auto found = sightings.find(instant);
-  if (found == sightings.end()) return std::nullopt;
-  const BoardSighting& s = found->second;
+  const auto found = observations.find(instant);
+  if (found == observations.end()) return std::nullopt;
+  const BoardObservation& s = found->second;
   const auto at = std::lower_bound(s.corners.begin(), s.corners.end(), corner);
   if (at == s.corners.end() || *at != corner) return std::nullopt;
   return s.pixels[static_cast<size_t>(at - s.corners.begin())];
@@ -17,12 +17,12 @@ std::optional<Eigen::Vector2d> corner_at(const std::map<int64_t, BoardSighting>&
 
 }  // namespace
 
-std::optional<Eigen::Vector2d> corner_velocity(const std::map<int64_t, BoardSighting>& sightings,
-                                               int64_t instant, int corner) {
-  const auto before = corner_at(sightings, instant - 1, corner);
-  const auto behind = corner_at(sightings, instant + 1, corner);
+std::optional<Eigen::Vector2d> corner_velocity(
+    const std::map<int64_t, BoardObservation>& observations, int64_t instant, int corner) {
+  const auto before = corner_at(observations, instant - 1, corner);
+  const auto behind = corner_at(observations, instant + 1, corner);
   if (before && behind) return 0.5 * (*behind - *before);
-  const auto here = corner_at(sightings, instant, corner);
+  const auto here = corner_at(observations, instant, corner);
   if (!here) return std::nullopt;
   if (behind) return *behind - *here;
   if (before) return *here - *before;

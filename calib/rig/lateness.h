@@ -13,10 +13,10 @@
 
 namespace v3d::calib {
 
-/// How fast a corner moves in the image at an instant, pixels per instant, from the sightings
+/// How fast a corner moves in the image at an instant, pixels per instant, from the observations
 /// before and behind; empty where the camera has neither.
-std::optional<Eigen::Vector2d> corner_velocity(const std::map<int64_t, BoardSighting>& sightings,
-                                               int64_t instant, int corner);
+std::optional<Eigen::Vector2d> corner_velocity(
+    const std::map<int64_t, BoardObservation>& observations, int64_t instant, int corner);
 
 /// A corner that moves, and by how much the calibration misses it (seen less projected).
 struct MovingCorner {

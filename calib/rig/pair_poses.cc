@@ -95,12 +95,12 @@ std::vector<const Opinion*> spread_out(const std::vector<Opinion>& all, size_t m
 }  // namespace
 
 CameraPoses possible_poses(const CameraModel& lens, const Board& board,
-                           const CameraSightings& camera) {
+                           const CameraObservations& camera) {
   CameraPoses result;
-  for (const auto& [instant, sighting] : camera.sightings) {
-    std::vector<BoardPose> poses = board_poses(lens, board, sighting);
-    if (board.looks_same_turned()) {
-      const auto other_end = board_poses(lens, board, turned(board, sighting));
+  for (const auto& [instant, observation] : camera.observations) {
+    std::vector<BoardPose> poses = board_poses(lens, board, observation);
+    if (board.has_half_turn_symmetry()) {
+      const auto other_end = board_poses(lens, board, half_turned(board, observation));
       poses.insert(poses.end(), other_end.begin(), other_end.end());
     }
     if (poses.empty()) continue;

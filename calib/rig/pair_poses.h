@@ -12,19 +12,11 @@
 
 namespace v3d::calib {
 
-/// What one camera of the rig saw. An instant is a number that pictures of the same moment share: a
-/// pulse, a frame of synchronised videos, a line of a table of time stamps.
-struct CameraSightings {
-  std::string name;
-  ImageSize size;
-  std::map<int64_t, BoardSighting> sightings{};
-};
-
-/// By instant, all the poses that a sighting allows: the board may lean either way, and one that
+/// By instant, all the poses that a observation allows: the board may lean either way, and one that
 /// looks the same when turned may be turned.
 using CameraPoses = std::map<int64_t, std::vector<RigidTransform>>;
 CameraPoses possible_poses(const CameraModel& lens, const Board& board,
-                           const CameraSightings& camera);
+                           const CameraObservations& camera);
 
 struct PairPose {
   int a = 0, b = 0;  ///< cameras, a < b

@@ -22,13 +22,14 @@ namespace v3d::calib {
 namespace {
 
 constexpr int kFewestBoards = 3;
-constexpr double kOutlierFactor = 4;  // of the camera's median sighting
-constexpr double kHarmlessPx = 1.0;
+constexpr double kOutlierFactor = 4;  // of the camera's median observation
+constexpr double kAcceptableRmsPx = 1.0;
 constexpr double kHopelessPx = 30;  // after the first adjustment: it shows something else
 constexpr double kScaleTolerance = 0.02;
 constexpr double kNoticeable = 0.02;  // of an instant
 
-std::string names_of(const std::vector<CameraSightings>& cameras, const std::vector<int>& group) {
+std::string names_of(const std::vector<CameraObservations>& cameras,
+                     const std::vector<int>& group) {
   constexpr size_t kMost = 6;
   std::string text;
   for (size_t i = 0; i < std::min(kMost, group.size()); ++i) {
@@ -37,17 +38,17 @@ std::string names_of(const std::vector<CameraSightings>& cameras, const std::vec
   return text + (group.size() > kMost ? ", ..." : "");
 }
 
-void shift(CameraSightings& camera, int late) {
-  std::map<int64_t, BoardSighting> in_step;
-  for (auto& [instant, sighting] : camera.sightings) {
-    in_step[instant - late] = std::move(sighting);
+void shift(CameraObservations& camera, int late) {
+  std::map<int64_t, BoardObservation> in_step;
+  for (auto& [instant, observation] : camera.observations) {
+    in_step[instant - late] = std::move(observation);
   }
-  camera.sightings = std::move(in_step);
+  camera.observations = std::move(in_step);
 }
 
 class RigFitter {
  public:
-  RigFitter(const Board& board, const std::vector<CameraSightings>& cameras,
+  RigFitter(const Board& board, const std::vector<CameraObservations>& cameras,
             const RigOptions& options)
       : board_(board), cameras_(cameras), options_(options) {}
 
@@ -56,7 +57,7 @@ class RigFitter {
 
   RigFit fit() {
     require_boards();
-    lenses_ = find_rig_lenses(board_, cameras_, options_.before, options_.threads);
+    lenses_ = fit_rig_lenses(board_, cameras_, options_.before, options_.threads);
     find_poses();
     put_in_step();
     result_.tree = spanning_tree(count(), result_.pairs);
@@ -64,7 +65,7 @@ class RigFitter {
     place_boards();
     adjust_all();
     put_in_step_between();
-    describe();
+    fill_result();
     require_layout();
     return std::move(result_);
   }
@@ -73,12 +74,12 @@ class RigFitter {
   int count() const { return static_cast<int>(cameras_.size()); }
 
   void require_boards() const {
-    for (const CameraSightings& camera : cameras_) {
-      if (std::ssize(camera.sightings) >= kFewestBoards) continue;
+    for (const CameraObservations& camera : cameras_) {
+      if (std::ssize(camera.observations) >= kFewestBoards) continue;
       throw InputError(
-          camera.name + ": too few boards: found in " + std::to_string(camera.sightings.size()) +
-          (camera.sightings.size() == 1 ? " picture" : " pictures") + ", 20 are good: show it to " +
-          camera.name + " and a neighbour at the same time");
+          camera.name + ": too few boards: found in " + std::to_string(camera.observations.size()) +
+          (camera.observations.size() == 1 ? " picture" : " pictures") +
+          ", 20 are good: show it to " + camera.name + " and a neighbour at the same time");
     }
   }
 
@@ -86,8 +87,9 @@ class RigFitter {
 
   void find_poses() {
     poses_.assign(cameras_.size(), {});
-    on_threads(options_.threads, count(),
-               [&](int i) { poses_[i] = possible_poses(lenses_.lenses[i], board_, cameras_[i]); });
+    parallel_for(options_.threads, count(), [&](int i) {
+      poses_[i] = possible_poses(lenses_.lenses[i], board_, cameras_[i]);
+    });
     result_.pairs = pair_poses(poses_);
   }
 
@@ -121,7 +123,7 @@ class RigFitter {
     }
     std::vector<CameraModel> cameras;
     for (size_t i = 0; i < cameras_.size(); ++i) {
-      cameras.push_back(placed(lenses_.lenses[i], places[i]));
+      cameras.push_back(with_pose(lenses_.lenses[i], places[i]));
     }
     PlacedBoards boards = calib::place_boards({board_, cameras_, poses_, result_.pairs},
                                               std::move(cameras), options_.most_instants);
@@ -137,11 +139,11 @@ class RigFitter {
     options.threads = options_.threads;
     options.iterations = 30;
     adjust(bundle_, options);
-    reject_sightings(kHopelessPx);
+    reject_observations(kHopelessPx);
     options.coefficients = lenses_.coefficients;
     for (int round = 0; round < 3; ++round) {
       adjust(bundle_, options);
-      if (!reject_sightings(kHarmlessPx)) return;
+      if (!reject_observations(kAcceptableRmsPx)) return;
     }
     adjust(bundle_, options);
   }
@@ -152,7 +154,7 @@ class RigFitter {
     for (int round = 0; round < 6; ++round) {
       const std::vector<double> parts = parts_late();
       if (std::all_of(parts.begin(), parts.end(), [](double p) { return p == 0; })) return;
-      for (BundlePoint& point : bundle_.points) {
+      for (CornerObservation& point : bundle_.observations) {
         point.pixel += parts[point.camera] * velocity_of(point).value_or(Eigen::Vector2d::Zero());
       }
       for (size_t i = 0; i < parts.size(); ++i) late_[i] += parts[i];
@@ -160,34 +162,36 @@ class RigFitter {
     }
   }
 
-  std::optional<Eigen::Vector2d> velocity_of(const BundlePoint& point) const {
-    return corner_velocity(cameras_[point.camera].sightings, instants_[point.board], point.corner);
+  std::optional<Eigen::Vector2d> velocity_of(const CornerObservation& point) const {
+    return corner_velocity(cameras_[point.camera].observations, instants_[point.board],
+                           point.corner);
   }
 
   std::vector<double> parts_late() const {
-    const auto all = misses(bundle_);
+    const auto all = residuals(bundle_);
     std::vector<std::vector<MovingCorner>> moving(cameras_.size());
     for (size_t i = 0; i < all.size(); ++i) {
-      const auto velocity = velocity_of(bundle_.points[i]);
-      if (velocity) moving[bundle_.points[i].camera].push_back({*velocity, all[i]});
+      const auto velocity = velocity_of(bundle_.observations[i]);
+      if (velocity) moving[bundle_.observations[i].camera].push_back({*velocity, all[i]});
     }
     std::vector<double> parts;
     for (const auto& corners : moving) parts.push_back(part_late(corners));
     return parts;
   }
 
-  /// Sightings that fit far worse than their camera's others, and worse than `harmless_px`; boards
-  /// that fewer than two cameras see then. True when there were any.
-  bool reject_sightings(double harmless_px) {
-    std::map<std::pair<int, int>, std::vector<Eigen::Vector2d>> by_sighting;
-    const auto all = misses(bundle_);
+  /// Observations that fit far worse than their camera's others, and worse than `harmless_px`;
+  /// boards that fewer than two cameras see then. True when there were any.
+  bool reject_observations(double harmless_px) {
+    std::map<std::pair<int, int>, std::vector<Eigen::Vector2d>> by_observation;
+    const auto all = residuals(bundle_);
     for (size_t i = 0; i < all.size(); ++i) {
-      by_sighting[{bundle_.points[i].camera, bundle_.points[i].board}].push_back(all[i]);
+      by_observation[{bundle_.observations[i].camera, bundle_.observations[i].board}].push_back(
+          all[i]);
     }
     std::vector<std::vector<double>> by_camera(cameras_.size());
-    for (const auto& [key, some] : by_sighting) by_camera[key.first].push_back(rms_of(some));
+    for (const auto& [key, some] : by_observation) by_camera[key.first].push_back(rms_of(some));
     std::set<std::pair<int, int>> bad;
-    for (const auto& [key, some] : by_sighting) {
+    for (const auto& [key, some] : by_observation) {
       const double usual = upper_median(by_camera[key.first]);
       const double rms = rms_of(some);
       if (rms > std::max(harmless_px, kOutlierFactor * usual)) {
@@ -196,7 +200,7 @@ class RigFitter {
       }
     }
     if (bad.empty()) return false;
-    std::erase_if(bundle_.points, [&](const BundlePoint& p) {
+    std::erase_if(bundle_.observations, [&](const CornerObservation& p) {
       return bad.contains({p.camera, p.board});
     });
     drop_lonely_boards();
@@ -215,7 +219,7 @@ class RigFitter {
 
   void drop_lonely_boards() {
     std::vector<std::set<int>> seen_by(bundle_.world_from_board.size());
-    for (const BundlePoint& p : bundle_.points) seen_by[p.board].insert(p.camera);
+    for (const CornerObservation& p : bundle_.observations) seen_by[p.board].insert(p.camera);
     std::vector<int> renumbered(seen_by.size(), -1);
     std::vector<RigidTransform> boards;
     std::vector<int64_t> instants;
@@ -225,15 +229,16 @@ class RigFitter {
       boards.push_back(bundle_.world_from_board[i]);
       instants.push_back(instants_[i]);
     }
-    std::erase_if(bundle_.points, [&](const BundlePoint& p) { return renumbered[p.board] < 0; });
-    for (BundlePoint& p : bundle_.points) p.board = renumbered[p.board];
+    std::erase_if(bundle_.observations,
+                  [&](const CornerObservation& p) { return renumbered[p.board] < 0; });
+    for (CornerObservation& p : bundle_.observations) p.board = renumbered[p.board];
     bundle_.world_from_board = std::move(boards);
     instants_ = std::move(instants);
   }
 
   void require_all_connected() const {
     std::vector<std::set<int>> boards(cameras_.size());
-    for (const BundlePoint& p : bundle_.points) boards[p.camera].insert(p.board);
+    for (const CornerObservation& p : bundle_.observations) boards[p.camera].insert(p.board);
     for (int i = 0; i < count(); ++i) {
       if (std::ssize(boards[i]) >= kFewestBoards) continue;
       throw InputError(cameras_[i].name +
@@ -245,8 +250,8 @@ class RigFitter {
 
   // --- result -----------------------------------------------------------------------------------
 
-  void describe() {
-    const auto all = misses(bundle_);
+  void fill_result() {
+    const auto all = residuals(bundle_);
     result_.rms_px = rms_of(all);
     for (int i = 0; i < count(); ++i) result_.cameras.push_back(describe_camera(i, all));
     const RigidTransform world_from_root = guess_world();
@@ -263,25 +268,25 @@ class RigFitter {
     CameraFit fit;
     std::vector<Eigen::Vector2d> own;
     std::set<int> boards;
-    BoardSighting pixels;
+    BoardObservation pixels;
     for (size_t i = 0; i < all.size(); ++i) {
-      const BundlePoint& point = bundle_.points[i];
+      const CornerObservation& point = bundle_.observations[i];
       if (point.camera != camera) continue;
       own.push_back(all[i]);
       boards.insert(point.board);
       pixels.pixels.push_back(point.pixel);
       fit.residuals.push_back({point.pixel, all[i]});
     }
-    const BoardSighting* every = &pixels;
+    const BoardObservation* every = &pixels;
     fit.rms_px = rms_of(own);
     fit.views = static_cast<int>(boards.size());
-    fit.found = static_cast<int>(cameras_[camera].sightings.size());
+    fit.found = static_cast<int>(cameras_[camera].observations.size());
     fit.late = late_[camera];
     fit.coefficients = lenses_.coefficients[camera];
     fit.coverage = coverage(cameras_[camera].size, {&every, 1});
     fit.rejected = static_cast<int>(
         std::count_if(result_.rejected.begin(), result_.rejected.end(),
-                      [&](const RejectedSighting& r) { return r.camera == camera; }));
+                      [&](const RejectedObservation& r) { return r.camera == camera; }));
     return fit;
   }
 
@@ -316,8 +321,8 @@ class RigFitter {
     if (!options_.before) return;
     const LayoutChange change = compare_layouts(result_.rig, *options_.before);
     if (change.swapped.size() == 1) {
-      refuse_swapped(change.swapped[0].first, change.swapped[0].second,
-                     "each stands in the place of");
+      throw_swapped_cameras(change.swapped[0].first, change.swapped[0].second,
+                            "each stands in the place of");
     }
     if (std::abs(change.scale - 1) > kScaleTolerance) {
       char text[200];
@@ -330,7 +335,7 @@ class RigFitter {
   }
 
   const Board& board_;
-  std::vector<CameraSightings> cameras_;
+  std::vector<CameraObservations> cameras_;
   const RigOptions& options_;
   RigLenses lenses_;
   std::vector<CameraPoses> poses_;
@@ -342,7 +347,7 @@ class RigFitter {
 
 }  // namespace
 
-std::string lateness_text(const std::vector<CameraSightings>& cameras,
+std::string lateness_text(const std::vector<CameraObservations>& cameras,
                           const std::vector<double>& late) {
   std::string text;
   for (size_t i = 0; i < cameras.size(); ++i) {
@@ -356,7 +361,7 @@ std::string lateness_text(const std::vector<CameraSightings>& cameras,
   return text.empty() ? text : text + " against the others";
 }
 
-RigFit fit_rig(const Board& board, const std::vector<CameraSightings>& cameras,
+RigFit fit_rig(const Board& board, const std::vector<CameraObservations>& cameras,
                const RigOptions& options) {
   return RigFitter(board, cameras, options).fit();
 }

@@ -42,7 +42,7 @@ struct CameraFit {
 };
 
 /// A picture that was left out, and why.
-struct RejectedSighting {
+struct RejectedObservation {
   int camera = 0;
   int64_t instant = 0;
   std::string reason;
@@ -56,19 +56,20 @@ struct RigFit {
   std::vector<CameraFit> cameras;  ///< as in the rig
   std::vector<PairPose> pairs;     ///< all that share an instant
   RigTree tree;
-  std::vector<RejectedSighting> rejected;
+  std::vector<RejectedObservation> rejected;
   std::map<int64_t, RigidTransform> world_from_board;
 };
 
 /// "cameras out of sync: cam2 is 1 picture late against the others"; empty where none is.
-std::string lateness_text(const std::vector<CameraSightings>& cameras,
+std::string lateness_text(const std::vector<CameraObservations>& cameras,
                           const std::vector<double>& late);
 
 /// Lenses where they are not known, pairwise poses, spanning tree, one robust bundle adjustment
-/// over all sightings. No instant needs to be shared by all. Throws InputError that names the cause
-/// and what to record: too few boards, a rig that falls apart, cameras out of sync, cameras that
-/// are swapped against `before`, a board of another size than then. Pure; uses so many threads.
-RigFit fit_rig(const Board& board, const std::vector<CameraSightings>& cameras,
+/// over all observations. No instant needs to be shared by all. Throws InputError that names the
+/// cause and what to record: too few boards, a rig that falls apart, cameras out of sync, cameras
+/// that are swapped against `before`, a board of another size than then. Pure; uses so many
+/// threads.
+RigFit fit_rig(const Board& board, const std::vector<CameraObservations>& cameras,
                const RigOptions& options);
 
 }  // namespace v3d::calib

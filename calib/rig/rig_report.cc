@@ -95,9 +95,9 @@ std::string shared_views(const RigFit& fit) {
 
 /// Fields that boards reached, the darker the more corners.
 std::string fields(const CameraFit& camera, ImageSize size) {
-  BoardSighting all;
+  BoardObservation all;
   for (const CornerResidual& r : camera.residuals) all.pixels.push_back(r.pixel);
-  const BoardSighting* every = &all;
+  const BoardObservation* every = &all;
   const std::vector<int> counts = coverage_counts(size, {&every, 1});
   const int most = std::max(1, *std::max_element(counts.begin(), counts.end()));
   const double w = double(size.width) / kCoverageColumns, h = double(size.height) / kCoverageRows;
@@ -151,7 +151,7 @@ std::string camera_figure(const RigFit& fit, size_t index, const std::string& pi
 std::string rejected(const RigFit& fit) {
   if (fit.rejected.empty()) return {};
   std::string html = "<h2>Pictures left out</h2>\n<ul>\n";
-  for (const RejectedSighting& r : fit.rejected) {
+  for (const RejectedObservation& r : fit.rejected) {
     html += "<li>" + html_escaped(fit.rig[r.camera].name) +
             print(", instant %lld: ", static_cast<long long>(r.instant)) + html_escaped(r.reason) +
             "</li>\n";

@@ -141,11 +141,11 @@ class Refiner {
     }
     constexpr int kRounds = 8;
     for (int round = 0; round < kRounds; ++round) improve({0, 1, 2, 3, 4, 5, kFocal});
-    const std::vector<Miss> then = misses(before_, true);
+    const std::vector<Miss> then = residuals(before_, true);
     const std::vector<int> held = options_.focal_lengths ? std::vector<int>() : std::vector{kFocal};
     for (int round = 0; round < kRounds; ++round) improve(held);
     const std::vector<CameraModel> after = put_back(cameras());
-    return judged(after, then, misses(after, true));
+    return judged(after, then, residuals(after, true));
   }
 
  private:
@@ -156,7 +156,7 @@ class Refiner {
     double px;
   };
 
-  std::vector<Miss> misses(const std::vector<CameraModel>& cameras, bool held_out) const {
+  std::vector<Miss> residuals(const std::vector<CameraModel>& cameras, bool held_out) const {
     std::vector<Miss> result;
     for (const Tangent& t : tangents(cameras, held_out)) {
       const double angle = angle_between(t, cameras[t.a], cameras[t.b]) +
@@ -167,9 +167,9 @@ class Refiner {
   }
 
   /// Median of those that have to do with a camera; of all: -1.
-  static double median_of(const std::vector<Miss>& misses, int camera) {
+  static double median_of(const std::vector<Miss>& residuals, int camera) {
     std::vector<double> values;
-    for (const Miss& miss : misses) {
+    for (const Miss& miss : residuals) {
       if (camera < 0 || miss.a == camera || miss.b == camera) values.push_back(miss.px);
     }
     return upper_median(std::move(values));
@@ -212,7 +212,7 @@ class Refiner {
   void improve(const std::vector<int>& held) {
     const std::vector<CameraModel> now = cameras();
     const std::vector<Tangent> touching = tangents(now, false);
-    const double robust = std::max(0.5, 1.5 * median_of(misses(now, false), -1));
+    const double robust = std::max(0.5, 1.5 * median_of(residuals(now, false), -1));
     std::vector<double> scales;
     for (size_t c = 0; c < now.size(); ++c) scales.push_back(scale_of(starts_[c], moves_[c]));
     ceres::Problem problem;

@@ -8,16 +8,16 @@
 
 namespace v3d::calib {
 
-std::vector<CameraSightings> walk_with(const Board& board, const Rig& rig,
-                                       const sim::BoardWalkOptions& options) {
+std::vector<CameraObservations> observe_board_walk(const Board& board, const Rig& rig,
+                                                   const sim::BoardWalkOptions& options) {
   std::vector<Eigen::Vector3d> corners;
   for (int i = 0; i < board.corners(); ++i) corners.push_back(board.corner(i));
-  std::vector<CameraSightings> cameras;
+  std::vector<CameraObservations> cameras;
   for (const RigCamera& camera : rig) cameras.push_back({camera.name, camera.model.size(), {}});
   for (const sim::SeenCorner& seen : sim::walk_board(rig, corners, options).corners) {
-    BoardSighting& sighting = cameras[seen.camera].sightings[seen.board];
-    sighting.corners.push_back(seen.corner);
-    sighting.pixels.push_back(seen.pixel);
+    BoardObservation& observation = cameras[seen.camera].observations[seen.board];
+    observation.corners.push_back(seen.corner);
+    observation.pixels.push_back(seen.pixel);
   }
   return cameras;
 }

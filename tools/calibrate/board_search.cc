@@ -12,7 +12,7 @@ namespace v3d::calibrate {
 namespace {
 
 using calib::BoardDetector;
-using calib::BoardSighting;
+using calib::BoardObservation;
 
 constexpr size_t kBatch = 8;
 constexpr size_t kMostExplained = 6;
@@ -48,7 +48,7 @@ class Puzzling {
 
   std::optional<std::string> explain(const BoardDetector& detector) const {
     for (const Picture& picture : kept_) {
-      if (auto clue = detector.explain(picture.image.view())) return picture.name + ": " + *clue;
+      if (auto clue = detector.diagnose(picture.image.view())) return picture.name + ": " + *clue;
     }
     return std::nullopt;
   }
@@ -59,11 +59,11 @@ class Puzzling {
   size_t stride_ = 1;
 };
 
-void keep(Picture& picture, BoardSighting sighting, FoundBoards& found) {
+void keep(Picture& picture, BoardObservation observation, FoundBoards& found) {
   int most = 0;
-  for (const auto& view : found.views) most = std::max(most, view.sighting.count());
-  if (sighting.count() > most) found.example = std::move(picture.image);
-  found.views.push_back({picture.name, std::move(sighting)});
+  for (const auto& view : found.views) most = std::max(most, view.observation.count());
+  if (observation.count() > most) found.example = std::move(picture.image);
+  found.views.push_back({picture.name, std::move(observation)});
   found.numbers.push_back(picture.number);
 }
 
@@ -87,15 +87,15 @@ FoundBoards find_boards(const std::string& camera, PictureSource source,
   while (true) {
     std::vector<Picture> batch = next_batch(source);
     if (batch.empty()) break;
-    std::vector<std::optional<BoardSighting>> sightings(batch.size());
+    std::vector<std::optional<BoardObservation>> observations(batch.size());
     tbb::parallel_for(size_t{0}, batch.size(),
-                      [&](size_t i) { sightings[i] = detector.find(batch[i].image.view()); });
+                      [&](size_t i) { observations[i] = detector.find(batch[i].image.view()); });
     for (size_t i = 0; i < batch.size(); ++i) {
       require_one_size(camera, batch[i], found);
       ++found.pictures;
       progress.advance();
-      if (sightings[i]) {
-        keep(batch[i], std::move(*sightings[i]), found);
+      if (observations[i]) {
+        keep(batch[i], std::move(*observations[i]), found);
       } else {
         puzzling.add(std::move(batch[i]));
       }

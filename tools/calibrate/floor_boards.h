@@ -14,7 +14,7 @@ namespace v3d::calibrate {
 /// rig tells where it must be for the others, and it is looked for there. Cameras that do not see
 /// it are left out. Throws InputError for sources as find_rig_boards() does, and for cameras that
 /// the rig does not have.
-std::vector<calib::CameraSightings> find_floor_boards(const RigSources& sources, const Rig& rig,
-                                                      const calib::BoardDetector& detector);
+std::vector<calib::CameraObservations> find_floor_boards(const RigSources& sources, const Rig& rig,
+                                                         const calib::BoardDetector& detector);
 
 }  // namespace v3d::calibrate

@@ -54,9 +54,9 @@ PictureSource open_source(const ctl::CommandLine& line, const Arguments& argumen
 }
 
 double covered(const FoundBoards& found, const calib::LensFit& fit) {
-  std::vector<const calib::BoardSighting*> sightings;
-  for (const auto& view : fit.fitted) sightings.push_back(&found.views[view.view].sighting);
-  return calib::coverage(found.size, sightings);
+  std::vector<const calib::BoardObservation*> observations;
+  for (const auto& view : fit.fitted) observations.push_back(&found.views[view.view].observation);
+  return calib::coverage(found.size, observations);
 }
 
 Json to_json(const std::string& camera, const FoundBoards& found, const calib::LensFit& fit) {

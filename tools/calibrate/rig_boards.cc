@@ -24,12 +24,12 @@ void require_equal_lists(const RigSources& sources, const RigBoards& boards) {
 }
 
 /// Frames that the table does not know belong to no instant.
-calib::CameraSightings by_time_stamp(const calib::CameraSightings& by_frame,
-                                     const std::map<int64_t, int64_t>& instants) {
-  calib::CameraSightings camera{by_frame.name, by_frame.size, {}};
-  for (const auto& [frame, sighting] : by_frame.sightings) {
+calib::CameraObservations by_time_stamp(const calib::CameraObservations& by_frame,
+                                        const std::map<int64_t, int64_t>& instants) {
+  calib::CameraObservations camera{by_frame.name, by_frame.size, {}};
+  for (const auto& [frame, observation] : by_frame.observations) {
     const auto found = instants.find(frame);
-    if (found != instants.end()) camera.sightings[found->second] = sighting;
+    if (found != instants.end()) camera.observations[found->second] = observation;
   }
   return camera;
 }
@@ -108,9 +108,9 @@ RigBoards find_rig_boards(const RigSources& sources, const calib::BoardDetector&
   for (NamedSource& named : open_sources(sources)) {
     boards.found.push_back(find_boards(named.camera, std::move(named.source), detector));
     const FoundBoards& found = boards.found.back();
-    calib::CameraSightings camera{named.camera, found.size, {}};
+    calib::CameraObservations camera{named.camera, found.size, {}};
     for (size_t i = 0; i < found.views.size(); ++i) {
-      camera.sightings[found.numbers[i]] = found.views[i].sighting;
+      camera.observations[found.numbers[i]] = found.views[i].observation;
     }
     if (!sources.time_stamps.empty()) {
       camera = by_time_stamp(

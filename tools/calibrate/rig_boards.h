@@ -48,7 +48,7 @@ struct NamedSource {
 std::vector<NamedSource> open_sources(const RigSources& sources);
 
 struct RigBoards {
-  std::vector<calib::CameraSightings> cameras;
+  std::vector<calib::CameraObservations> cameras;
   std::vector<FoundBoards> found;  ///< by camera
 };
 

@@ -48,10 +48,10 @@ Json to_json(const calib::RigFit& fit) {
                      {"shared", pair.shared},
                      {"agreeing", pair.agreeing}});
   }
-  for (const auto& sighting : fit.rejected) {
-    rejected.push_back({{"camera", fit.rig[sighting.camera].name},
-                        {"instant", sighting.instant},
-                        {"reason", sighting.reason}});
+  for (const auto& observation : fit.rejected) {
+    rejected.push_back({{"camera", fit.rig[observation.camera].name},
+                        {"instant", observation.instant},
+                        {"reason", observation.reason}});
   }
   return {{"rms_px", fit.rms_px}, {"boards", fit.world_from_board.size()},
           {"cameras", cameras},   {"weak", advice(fit)},
@@ -75,7 +75,8 @@ void print_text(const calib::RigFit& fit) {
               ctl::count_of(std::ssize(fit.world_from_board), "board").c_str());
 }
 
-void note_lateness(const std::vector<calib::CameraSightings>& cameras, const calib::RigFit& fit) {
+void note_lateness(const std::vector<calib::CameraObservations>& cameras,
+                   const calib::RigFit& fit) {
   std::vector<double> late;
   for (const calib::CameraFit& camera : fit.cameras) late.push_back(camera.late);
   const std::string text = lateness_text(cameras, late);

@@ -20,7 +20,7 @@ Image to_image(const cv::Mat& grey) {
   return image;
 }
 
-/// The print, with a margin of a square: the first corner's inner square is dark.
+/// A chessboard with a margin of one square. The inner square of the first corner is dark.
 cv::Mat print_chess(int corner_columns, int corner_rows) {
   cv::Mat print((corner_rows + 3) * kSquare, (corner_columns + 3) * kSquare, CV_8UC1, 255);
   for (int row = 0; row <= corner_rows; ++row) {
@@ -40,7 +40,7 @@ cv::Mat print_charuco(int columns, int rows) {
   return print;
 }
 
-/// Seen from a slant, on grey ground, by the homography of the four corners of the print.
+/// An oblique view on a grey background, by the homography of the four corners of the print.
 struct Photo {
   cv::Mat grey;
   cv::Mat image_from_print;
@@ -59,27 +59,27 @@ Photo photograph(const cv::Mat& print) {
 }
 
 Eigen::Vector2d in_photo(const Photo& photo, double x, double y) {
-  // Pixel centres are whole numbers: the edge between two pixels is at a half.
+  // Pixel centres have integer coordinates; the edge between two pixels is at a half.
   const std::vector<cv::Point2d> from = {{x - 0.5, y - 0.5}};
   std::vector<cv::Point2d> to;
   cv::perspectiveTransform(from, to, photo.image_from_print);
   return {to[0].x, to[0].y};
 }
 
-double handedness(const BoardSighting& s, const Board& board) {
+double handedness(const BoardObservation& s, const Board& board) {
   const Eigen::Vector2d x = s.pixels[1] - s.pixels[0];
   const Eigen::Vector2d y = s.pixels[board.corner_columns] - s.pixels[0];
   return x.x() * y.y() - x.y() * y.x();
 }
 
-TEST(BoardDetector, finds_every_corner_of_a_chessboard_to_a_tenth_of_a_pixel) {
+TEST(BoardDetector, finds_every_corner_of_a_chessboard_within_a_tenth_of_a_pixel) {
   const BoardDetector detector(parse_board("chess:9x6:25mm"));
   const Photo photo = photograph(print_chess(9, 6));
   const auto found = detector.find(to_image(photo.grey).view());
   ASSERT_TRUE(found);
   ASSERT_EQ(found->count(), 54);
-  // Corner 0 is the one whose inner square is dark: here the bottom right one or its like; y is up.
-  EXPECT_LT(handedness(*found, detector.board()), 0) << "z must come out of the print";
+  // Corner 0 is one whose inner square is dark; y points up.
+  EXPECT_LT(handedness(*found, detector.board()), 0) << "z must point out of the print";
   double sum = 0;
   for (int row = 0; row < 6; ++row) {
     for (int column = 0; column < 9; ++column) {
@@ -93,7 +93,7 @@ TEST(BoardDetector, finds_every_corner_of_a_chessboard_to_a_tenth_of_a_pixel) {
   EXPECT_LT(std::sqrt(sum / 54), 0.1);
 }
 
-TEST(BoardDetector, starts_at_the_same_corner_when_the_picture_is_turned_by_half) {
+TEST(BoardDetector, starts_at_the_same_corner_when_the_image_is_rotated_by_half_a_turn) {
   const BoardDetector detector(parse_board("chess:9x6:25mm"));
   const cv::Mat upright = photograph(print_chess(9, 6)).grey;
   cv::Mat over;
@@ -107,13 +107,13 @@ TEST(BoardDetector, starts_at_the_same_corner_when_the_picture_is_turned_by_half
   }
 }
 
-TEST(BoardDetector, finds_charuco_corners_by_their_number_also_in_half_a_board) {
+TEST(BoardDetector, numbers_charuco_corners_correctly_when_half_the_board_is_hidden) {
   const BoardDetector detector(parse_board(kCharuco));
   Photo photo = photograph(print_charuco(4, 5));
   const auto whole = detector.find(to_image(photo.grey).view());
   ASSERT_TRUE(whole);
   EXPECT_EQ(whole->count(), 12);
-  EXPECT_LT(handedness(*whole, detector.board()), 0) << "z must come out of the print";
+  EXPECT_LT(handedness(*whole, detector.board()), 0) << "z must point out of the print";
   photo.grey(cv::Rect(0, 0, 640, 190)) = 128;
   const auto half = detector.find(to_image(photo.grey).view());
   ASSERT_TRUE(half);
@@ -123,50 +123,50 @@ TEST(BoardDetector, finds_charuco_corners_by_their_number_also_in_half_a_board) 
   }
 }
 
-TEST(BoardDetector, finds_inverted_prints_and_only_where_asked_to) {
+TEST(BoardDetector, finds_inverted_prints_only_when_the_board_is_marked_inverted) {
   const Image inverted = to_image(255 - photograph(print_charuco(4, 5)).grey);
   EXPECT_TRUE(
       BoardDetector(parse_board(std::string(kCharuco) + ":inverted")).find(inverted.view()));
   const BoardDetector wrong(parse_board(kCharuco));
   EXPECT_FALSE(wrong.find(inverted.view()));
-  EXPECT_THAT(wrong.explain(inverted.view()).value_or(""), HasSubstr("':inverted'"));
+  EXPECT_THAT(wrong.diagnose(inverted.view()).value_or(""), HasSubstr("':inverted'"));
 }
 
-TEST(BoardDetector, tells_of_a_mirrored_print) {
+TEST(BoardDetector, reports_a_mirrored_print) {
   cv::Mat mirrored;
   cv::flip(print_charuco(4, 5), mirrored, 1);
   const Image image = to_image(photograph(mirrored).grey);
   const BoardDetector detector(parse_board(kCharuco));
   EXPECT_FALSE(detector.find(image.view()));
-  EXPECT_THAT(detector.explain(image.view()).value_or(""), HasSubstr("mirrored print"));
+  EXPECT_THAT(detector.diagnose(image.view()).value_or(""), HasSubstr("mirrored print"));
 }
 
-TEST(BoardDetector, tells_of_a_chessboard_of_another_size) {
+TEST(BoardDetector, reports_a_chessboard_of_another_size) {
   const Image image = to_image(photograph(print_chess(8, 5)).grey);
   const BoardDetector detector(parse_board("chess:9x6:25mm"));
   EXPECT_FALSE(detector.find(image.view()));
-  EXPECT_THAT(detector.explain(image.view()).value_or(""),
+  EXPECT_THAT(detector.diagnose(image.view()).value_or(""),
               HasSubstr("wrong board size: a chessboard of 8x5 inner corners"));
 }
 
-TEST(BoardDetector, tells_of_a_charuco_board_with_more_markers) {
+TEST(BoardDetector, reports_a_charuco_board_with_more_markers) {
   const Image image = to_image(photograph(print_charuco(6, 8)).grey);
-  EXPECT_THAT(BoardDetector(parse_board(kCharuco)).explain(image.view()).value_or(""),
+  EXPECT_THAT(BoardDetector(parse_board(kCharuco)).diagnose(image.view()).value_or(""),
               HasSubstr("wrong board size: marker 23"));
 }
 
-TEST(BoardDetector, tells_of_markers_of_another_dictionary) {
+TEST(BoardDetector, reports_markers_of_another_dictionary) {
   const Image image = to_image(photograph(print_charuco(4, 5)).grey);
   const BoardDetector detector(parse_board("charuco:4x5:40mm:30mm:DICT_6X6_50"));
-  EXPECT_THAT(detector.explain(image.view()).value_or(""), HasSubstr("DICT_4X4_1000"));
+  EXPECT_THAT(detector.diagnose(image.view()).value_or(""), HasSubstr("DICT_4X4_1000"));
 }
 
-TEST(BoardDetector, says_nothing_of_a_picture_without_a_board) {
+TEST(BoardDetector, reports_nothing_for_an_image_without_a_board) {
   const Image grey({640, 480}, PixelFormat::kMono8);
   for (const char* text : {"chess:9x6:25mm", kCharuco}) {
     const BoardDetector detector(parse_board(text));
     EXPECT_FALSE(detector.find(grey.view()));
-    EXPECT_FALSE(detector.explain(grey.view()));
+    EXPECT_FALSE(detector.diagnose(grey.view()));
   }
 }
 

@@ -3,8 +3,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "calib/board_walk_observations.h"
-
+#include "base/error.h"
+#include "support/message_of.h"
 namespace v3d::calib {
 namespace {
 
@@ -27,13 +27,14 @@ TEST(TimeStamps, whose_frames_reach_beyond_the_video_count_from_their_first) {
 }
 
 TEST(TimeStamps, name_file_and_line_of_what_is_wrong) {
-  EXPECT_THAT(refusal_of([] { parse_time_stamps("a,b\n", "t.csv"); }), HasSubstr("t.csv:1"));
+  EXPECT_THAT(test::message_of<InputError>([] { parse_time_stamps("a,b\n", "t.csv"); }),
+              HasSubstr("t.csv:1"));
   const std::string header = "sync_index,cam_id,frame_index\n";
-  EXPECT_THAT(refusal_of([&] { parse_time_stamps(header + "1,0,x\n", "t.csv"); }),
+  EXPECT_THAT(test::message_of<InputError>([&] { parse_time_stamps(header + "1,0,x\n", "t.csv"); }),
               HasSubstr("t.csv:2"));
-  EXPECT_THAT(refusal_of([&] { parse_time_stamps(header + "1,0\n", "t.csv"); }),
+  EXPECT_THAT(test::message_of<InputError>([&] { parse_time_stamps(header + "1,0\n", "t.csv"); }),
               HasSubstr("too few columns"));
-  EXPECT_THAT(refusal_of([&] {
+  EXPECT_THAT(test::message_of<InputError>([&] {
                 instants_of(parse_time_stamps(header + "1,0,1\n", "t.csv"), "cam7", 0, "t.csv");
               }),
               HasSubstr("no time stamps of camera cam7"));

@@ -9,7 +9,8 @@
 namespace v3d::calib {
 namespace {
 
-/// What is seen through `lens` of a few boards, and a start that is off by centimetres and pixels.
+/// Observations of some boards, with the true parameters and with a start that is off by
+/// centimetres.
 struct Case {
   Bundle truth;
   Bundle start;
@@ -32,56 +33,57 @@ Case make_case(const Distortion& distortion) {
   c.truth.world_from_board = walk.world_from_board;
   std::vector<bool> seen(walk.world_from_board.size(), false);
   for (const sim::SeenCorner& s : walk.corners) {
-    c.truth.points.push_back({s.camera, s.board, s.corner, s.pixel});
+    c.truth.observations.push_back({s.camera, s.board, s.corner, s.pixel});
     seen[s.board] = true;
   }
-  for (size_t i = 0; i < seen.size(); ++i) {  // a board nobody sees has no place
+  for (size_t i = 0; i < seen.size(); ++i) {  // an unobserved board has no pose
     if (!seen[i]) {
       c.truth.world_from_board[i] = c.truth.world_from_board[0];
-      c.truth.points.push_back(c.truth.points[0]);
-      c.truth.points.back().board = static_cast<int>(i);
+      c.truth.observations.push_back(c.truth.observations[0]);
+      c.truth.observations.back().board = static_cast<int>(i);
     }
   }
   c.start = c.truth;
   for (size_t i = 1; i < c.start.cameras.size(); ++i) {
     RigidTransform pose = c.start.cameras[i].cam_from_world();
     pose.translation += Eigen::Vector3d(0.03, -0.02, 0.04);
-    c.start.cameras[i] = placed(c.start.cameras[i], pose);
+    c.start.cameras[i] = with_pose(c.start.cameras[i], pose);
   }
   for (RigidTransform& pose : c.start.world_from_board) pose.translation.y() += 0.02;
   return c;
 }
 
-double worst_miss(const Bundle& bundle) {
+double worst_residual(const Bundle& bundle) {
   double worst = 0;
-  for (const auto& miss : misses(bundle)) worst = std::max(worst, miss.norm());
+  for (const auto& residual : residuals(bundle)) worst = std::max(worst, residual.norm());
   return worst;
 }
 
-TEST(Bundle, finds_places_and_lenses_of_corners_without_noise) {
+TEST(BundleAdjustment, recovers_poses_and_lenses_from_corners_without_noise) {
   Case c = make_case({-0.2, 0.05, 0.001, -0.0005, 0.01});
-  ASSERT_LT(worst_miss(c.truth), 1e-6);
-  ASSERT_GT(worst_miss(c.start), 5);
+  ASSERT_LT(worst_residual(c.truth), 1e-6);
+  ASSERT_GT(worst_residual(c.start), 5);
   BundleOptions options;
   options.coefficients.assign(c.start.cameras.size(), 5);
   EXPECT_TRUE(adjust(c.start, options).converged);
-  EXPECT_LT(worst_miss(c.start), 0.05);  // the weak pull to usual lenses remains
+  EXPECT_LT(worst_residual(c.start), 0.05);  // the effect of the weak lens prior remains
 }
 
-TEST(Bundle, knows_every_coefficient_of_the_lens_model_also_prism_and_tilt) {
+TEST(BundleAdjustment, uses_every_coefficient_of_the_lens_model_including_prism_and_tilt) {
   Case c = make_case({-0.2, 0.05, 0.001, -0.0005, 0.01, 0.1, 0.02, 0.001, 0.002, -0.001, 0.001,
                       0.0005, 0.02, -0.03});
-  ASSERT_LT(worst_miss(c.truth), 1e-6);
+  ASSERT_LT(worst_residual(c.truth), 1e-6);
   EXPECT_TRUE(adjust(c.start, {}).converged);  // lenses known
-  EXPECT_LT(worst_miss(c.start), 1e-4);
+  EXPECT_LT(worst_residual(c.start), 1e-4);
   for (size_t i = 0; i < c.truth.cameras.size(); ++i) {
     EXPECT_LT((c.start.cameras[i].center() - c.truth.cameras[i].center()).norm(), 1e-6);
   }
 }
 
-TEST(Bundle, is_not_led_astray_by_a_few_wild_corners) {
+TEST(BundleAdjustment, is_robust_to_a_few_outlier_corners) {
   Case c = make_case({-0.1});
-  for (size_t i = 0; i < c.start.points.size(); i += 50) c.start.points[i].pixel.x() += 40;
+  for (size_t i = 0; i < c.start.observations.size(); i += 50)
+    c.start.observations[i].pixel.x() += 40;
   adjust(c.start, {});
   for (size_t i = 0; i < c.truth.cameras.size(); ++i) {
     EXPECT_LT((c.start.cameras[i].center() - c.truth.cameras[i].center()).norm(), 0.002);

@@ -5,8 +5,10 @@
 
 #include <algorithm>
 
+#include "base/error.h"
 #include "calib/board_walk_observations.h"
 #include "sim/scene.h"
+#include "support/message_of.h"
 
 namespace v3d::calib {
 namespace {
@@ -16,16 +18,15 @@ using testing::HasSubstr;
 class LensFitting : public testing::Test {
  protected:
   std::vector<LensView> views_of(const CameraModel& camera, int boards, double noise_px = 0.2) {
-    const auto seen = walk_with(board_, {{"cam", camera}}, {boards, noise_px, 5});
+    const auto seen = observe_board_walk(board_, {{"cam", camera}}, {boards, noise_px, 5});
     std::vector<LensView> views;
-    for (const auto& [instant, sighting] : seen[0].sightings) {
-      views.push_back({"frame " + std::to_string(instant), sighting});
+    for (const auto& [instant, observation] : seen[0].observations) {
+      views.push_back({"frame " + std::to_string(instant), observation});
     }
     return views;
   }
 
-  /// The largest error of a pixel, over the image, after the best turn of the camera: here simply
-  /// with the axes as they are.
+  /// The largest error of a pixel over the image, for the same camera axes.
   static double worst_ray_error_px(const CameraModel& found, const CameraModel& truth) {
     const CameraModel a(found.size(), found.matrix(), found.distortion(), {});
     const CameraModel b(truth.size(), truth.matrix(), truth.distortion(), {});
@@ -44,7 +45,7 @@ class LensFitting : public testing::Test {
   Rig rig_ = sim::make_rig(8, {1024, 768}, 3);
 };
 
-TEST_F(LensFitting, finds_the_lens_behind_noisy_corners) {
+TEST_F(LensFitting, recovers_the_lens_from_noisy_corners) {
   const CameraModel& truth = rig_[0].model;
   const auto views = views_of(truth, 300);
   const LensFit fit = fit_lens("cam", board_, truth.size(), views, {});
@@ -55,11 +56,11 @@ TEST_F(LensFitting, finds_the_lens_behind_noisy_corners) {
   EXPECT_LE(std::ssize(fit.fitted), 40);
 }
 
-TEST_F(LensFitting, takes_the_fewest_coefficients_that_foretell_as_well) {
+TEST_F(LensFitting, selects_the_fewest_coefficients_that_predict_equally_well) {
   const CameraModel& simple = rig_[0].model;
   EXPECT_LE(fit_lens("cam", board_, simple.size(), views_of(simple, 300), {}).coefficients, 5);
 
-  // A wide lens bends like a fraction: no polynomial does, so far out.
+  // The distortion of a wide lens is rational; a polynomial does not fit it near the border.
   Distortion strong{};
   strong[0] = 0.4;  // k1
   strong[5] = 1.2;  // k4
@@ -72,30 +73,32 @@ TEST_F(LensFitting, takes_the_fewest_coefficients_that_foretell_as_well) {
   EXPECT_GT(fit.trials[0].held_out_rms_px, 1.05 * fit.trials[2].held_out_rms_px);
 }
 
-TEST_F(LensFitting, leaves_out_a_view_that_does_not_fit_and_says_why) {
+TEST_F(LensFitting, rejects_an_outlier_view_and_reports_the_reason) {
   const CameraModel& truth = rig_[0].model;
   auto views = views_of(truth, 300);
   const size_t bad = views.size() / 2;
-  for (size_t i = 0; i < views[bad].sighting.pixels.size(); i += 3) {
-    views[bad].sighting.pixels[i].x() += 5;
+  for (size_t i = 0; i < views[bad].observation.pixels.size(); i += 3) {
+    views[bad].observation.pixels[i].x() += 5;
   }
   LensOptions options;
-  options.most_views = 1000;
+  options.max_views = 1000;
   const LensFit fit = fit_lens("cam", board_, truth.size(), views, options);
   ASSERT_EQ(fit.rejected.size(), 1U);
   EXPECT_EQ(fit.rejected[0].view, static_cast<int>(bad));
-  EXPECT_THAT(fit.rejected[0].reason, HasSubstr("its corners miss by"));
+  EXPECT_THAT(fit.rejected[0].reason, HasSubstr("its RMS residual is"));
   EXPECT_NEAR(fit.rms_px, 0.28, 0.03);
 }
 
-TEST_F(LensFitting, names_the_camera_that_has_too_few_boards) {
+TEST_F(LensFitting, names_the_camera_with_too_few_boards) {
   const CameraModel& truth = rig_[0].model;
   auto views = views_of(truth, 300);
   views.resize(3);
-  EXPECT_THAT(refusal_of([&] { fit_lens("cam07", board_, truth.size(), views, {}); }),
-              HasSubstr("cam07: too few boards: 3 usable pictures, at least 5 are needed"));
-  EXPECT_THAT(refusal_of([&] { fit_lens("cam07", board_, truth.size(), {}, {}); }),
-              HasSubstr("too few boards"));
+  EXPECT_THAT(
+      test::message_of<InputError>([&] { fit_lens("cam07", board_, truth.size(), views, {}); }),
+      HasSubstr("cam07: too few boards: 3 usable images, at least 5 are needed"));
+  EXPECT_THAT(
+      test::message_of<InputError>([&] { fit_lens("cam07", board_, truth.size(), {}, {}); }),
+      HasSubstr("too few boards"));
 }
 
 }  // namespace

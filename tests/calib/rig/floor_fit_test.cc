@@ -3,9 +3,11 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "base/error.h"
 #include "calib/board_walk_observations.h"
 #include "calib/boards/board_pose.h"
 #include "sim/scene.h"
+#include "support/message_of.h"
 
 namespace v3d::calib {
 namespace {
@@ -15,21 +17,21 @@ using testing::HasSubstr;
 class Floor : public testing::Test {
  protected:
   /// The board lies on z = 0 with its first corner at the origin, x along the columns.
-  std::vector<CameraSightings> lying(const Board& board, double noise_px) const {
-    std::vector<CameraSightings> cameras;
+  std::vector<CameraObservations> lying(const Board& board, double noise_px) const {
+    std::vector<CameraObservations> cameras;
     for (const RigCamera& c : truth_) {
-      CameraSightings camera{c.name, c.model.size(), {}};
+      CameraObservations camera{c.name, c.model.size(), {}};
       for (int n = 0; n < 5; ++n) {
-        BoardSighting sighting;
+        BoardObservation observation;
         for (int i = 0; i < board.corners(); ++i) {
           const auto pixel = c.model.project(board.corner(i));
           if (!pixel || !c.model.inside_image(*pixel)) continue;
           const double angle = 2.4 * (7 * i + n);
-          sighting.corners.push_back(i);
-          sighting.pixels.push_back(*pixel +
-                                    noise_px * Eigen::Vector2d(std::cos(angle), std::sin(angle)));
+          observation.corners.push_back(i);
+          observation.pixels.push_back(
+              *pixel + noise_px * Eigen::Vector2d(std::cos(angle), std::sin(angle)));
         }
-        if (sighting.count() == board.corners()) camera.sightings[n] = sighting;
+        if (observation.count() == board.corners()) camera.observations[n] = observation;
       }
       cameras.push_back(camera);
     }
@@ -69,7 +71,7 @@ TEST_F(Floor, tells_by_how_much_a_camera_sees_it_lean_otherwise_than_the_others)
   const auto cameras = lying(board_, 0);
   CameraModel& model = truth_[1].model;
   const RigidTransform lean = RigidTransform::from_rodrigues({1.5 * kDegree, 0, 0}, {0, 0, 0});
-  model = placed(model, model.cam_from_world() * lean);
+  model = with_pose(model, model.cam_from_world() * lean);
   EXPECT_NEAR(fit_floor(truth_, board_, cameras).disagreement_deg, 1.5, 0.05);
 }
 
@@ -77,7 +79,8 @@ TEST_F(Floor, of_a_board_that_looks_the_same_when_turned_is_at_one_end_for_all_c
   const Board even = parse_board("chess:8x6:80mm");
   auto cameras = lying(even, 0);
   for (size_t i = 1; i < cameras.size(); i += 2) {
-    for (auto& [instant, sighting] : cameras[i].sightings) sighting = turned(even, sighting);
+    for (auto& [instant, observation] : cameras[i].observations)
+      observation = half_turned(even, observation);
   }
   const FloorFit fit = fit_floor(moved_rig(truth_, elsewhere_), even, cameras);
   EXPECT_LT(fit.rms_px, 1e-3);
@@ -86,10 +89,11 @@ TEST_F(Floor, of_a_board_that_looks_the_same_when_turned_is_at_one_end_for_all_c
 TEST_F(Floor, is_refused_where_one_camera_alone_sees_it_or_it_fits_no_rig) {
   auto cameras = lying(board_, 0);
   auto one = cameras;
-  for (size_t i = 1; i < one.size(); ++i) one[i].sightings.clear();
-  EXPECT_THAT(refusal_of([&] { fit_floor(truth_, board_, one); }), HasSubstr("too few boards"));
-  std::swap(cameras[0].sightings, cameras[1].sightings);
-  EXPECT_THAT(refusal_of([&] { fit_floor(truth_, board_, cameras); }),
+  for (size_t i = 1; i < one.size(); ++i) one[i].observations.clear();
+  EXPECT_THAT(test::message_of<InputError>([&] { fit_floor(truth_, board_, one); }),
+              HasSubstr("too few boards"));
+  std::swap(cameras[0].observations, cameras[1].observations);
+  EXPECT_THAT(test::message_of<InputError>([&] { fit_floor(truth_, board_, cameras); }),
               HasSubstr("does not fit the calibration"));
 }
 

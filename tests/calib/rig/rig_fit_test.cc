@@ -5,10 +5,12 @@
 
 #include <algorithm>
 
+#include "base/error.h"
 #include "base/statistics.h"
 #include "calib/board_walk_observations.h"
 #include "calib/rig/rig_comparison.h"
 #include "sim/scene.h"
+#include "support/message_of.h"
 
 namespace v3d::calib {
 namespace {
@@ -20,8 +22,9 @@ const Board& board() {
   return kBoard;
 }
 
-std::string refusal(const std::vector<CameraSightings>& cameras, const RigOptions& options = {}) {
-  return refusal_of([&] { fit_rig(board(), cameras, options); });
+std::string refusal(const std::vector<CameraObservations>& cameras,
+                    const RigOptions& options = {}) {
+  return test::message_of<InputError>([&] { fit_rig(board(), cameras, options); });
 }
 
 /// Lenses alone are known.
@@ -41,7 +44,7 @@ class RigFitting : public testing::Test {
 };
 
 TEST_F(RigFitting, finds_15_cameras_to_half_a_millimetre_though_no_view_is_shared_by_all) {
-  const auto cameras = walk_with(board(), truth_, {600, 0.2, 1});
+  const auto cameras = observe_board_walk(board(), truth_, {600, 0.2, 1});
   RigOptions options;
   options.most_instants = 600;
   const RigFit fit = fit_rig(board(), cameras, options);
@@ -54,7 +57,8 @@ TEST_F(RigFitting, finds_15_cameras_to_half_a_millimetre_though_no_view_is_share
 }
 
 TEST_F(RigFitting, guesses_which_way_is_up) {
-  const RigFit fit = fit_rig(board(), walk_with(board(), truth_, {200, 0.2, 1}), lenses_known_);
+  const RigFit fit =
+      fit_rig(board(), observe_board_walk(board(), truth_, {200, 0.2, 1}), lenses_known_);
   const PoseErrors errors = pose_errors(fit.rig, truth_);
   EXPECT_LT(upper_median(errors.distance_mm), 2);
   // The cameras look about level, at z = 1.
@@ -66,10 +70,10 @@ TEST_F(RigFitting, guesses_which_way_is_up) {
 
 TEST_F(RigFitting, of_a_board_that_looks_the_same_when_turned_settles_which_end_is_which) {
   const Board even = parse_board("chess:8x6:100mm");
-  auto cameras = walk_with(even, truth_, {200, 0.2, 1});
+  auto cameras = observe_board_walk(even, truth_, {200, 0.2, 1});
   for (size_t i = 0; i < cameras.size(); i += 2) {
-    for (auto& [instant, sighting] : cameras[i].sightings) {
-      if (instant % 3 == 0) sighting = turned(even, sighting);
+    for (auto& [instant, observation] : cameras[i].observations) {
+      if (instant % 3 == 0) observation = half_turned(even, observation);
     }
   }
   const RigFit fit = fit_rig(even, cameras, lenses_known_);
@@ -78,36 +82,37 @@ TEST_F(RigFitting, of_a_board_that_looks_the_same_when_turned_settles_which_end_
 }
 
 TEST_F(RigFitting, leaves_out_sightings_that_show_something_else) {
-  auto cameras = walk_with(board(), truth_, {200, 0.2, 1});
-  auto& sightings = cameras[4].sightings;
-  auto first = sightings.begin();
+  auto cameras = observe_board_walk(board(), truth_, {200, 0.2, 1});
+  auto& observations = cameras[4].observations;
+  auto first = observations.begin();
   auto second = std::next(first, 5);
   std::swap(first->second, second->second);
   const RigFit fit = fit_rig(board(), cameras, lenses_known_);
   EXPECT_NEAR(fit.rms_px, 0.28, 0.03);
   EXPECT_GE(fit.cameras[4].rejected, 1);
-  for (const RejectedSighting& r : fit.rejected) EXPECT_EQ(r.camera, 4);
+  for (const RejectedObservation& r : fit.rejected) EXPECT_EQ(r.camera, 4);
 }
 
 TEST_F(RigFitting, names_a_camera_that_saw_too_few_boards) {
-  auto cameras = walk_with(board(), truth_, {100, 0.2, 1});
-  auto& few = cameras[6].sightings;
+  auto cameras = observe_board_walk(board(), truth_, {100, 0.2, 1});
+  auto& few = cameras[6].observations;
   few.erase(std::next(few.begin(), 2), few.end());
   EXPECT_THAT(refusal(cameras), HasSubstr("cam07: too few boards: found in 2 pictures"));
 }
 
 TEST_F(RigFitting, names_the_cameras_that_nothing_connects) {
-  auto cameras = walk_with(board(), truth_, {100, 0.2, 1});
-  std::map<int64_t, BoardSighting> alone;
-  for (const auto& [instant, sighting] : cameras[6].sightings) alone[1000 + instant] = sighting;
-  cameras[6].sightings = alone;
+  auto cameras = observe_board_walk(board(), truth_, {100, 0.2, 1});
+  std::map<int64_t, BoardObservation> alone;
+  for (const auto& [instant, observation] : cameras[6].observations)
+    alone[1000 + instant] = observation;
+  cameras[6].observations = alone;
   EXPECT_THAT(refusal(cameras, lenses_known_),
               HasSubstr("cam07 shares fewer than 3 views of the board with cam"));
 }
 
 TEST_F(RigFitting, names_swapped_cameras_by_their_lenses) {
-  auto cameras = walk_with(board(), truth_, {200, 0.2, 1});
-  std::swap(cameras[2].sightings, cameras[3].sightings);  // cam04 is a close-up
+  auto cameras = observe_board_walk(board(), truth_, {200, 0.2, 1});
+  std::swap(cameras[2].observations, cameras[3].observations);  // cam04 is a close-up
   EXPECT_THAT(refusal(cameras, lenses_known_), HasSubstr("swapped cameras: cam03 and cam04"));
 }
 
@@ -119,27 +124,27 @@ TEST_F(RigFitting, names_swapped_cameras_of_like_lenses_by_their_places) {
     alike.push_back({c.name, CameraModel(lens.size(), lens.matrix(), lens.distortion(),
                                          c.model.cam_from_world())});
   }
-  auto cameras = walk_with(board(), alike, {200, 0.2, 1});
-  std::swap(cameras[1].sightings, cameras[8].sightings);
+  auto cameras = observe_board_walk(board(), alike, {200, 0.2, 1});
+  std::swap(cameras[1].observations, cameras[8].observations);
   RigOptions options;
   options.before = alike;
   EXPECT_THAT(refusal(cameras, options), HasSubstr("swapped cameras: cam02 and cam09"));
 }
 
 TEST_F(RigFitting, names_a_board_of_another_size_than_before) {
-  const auto cameras = walk_with(board(), truth_, {200, 0.2, 1});
+  const auto cameras = observe_board_walk(board(), truth_, {200, 0.2, 1});
   RigOptions options;
   options.before = truth_;
   const Board larger = parse_board("chess:9x6:110mm");
-  EXPECT_THAT(refusal_of([&] { fit_rig(larger, cameras, options); }),
+  EXPECT_THAT(test::message_of<InputError>([&] { fit_rig(larger, cameras, options); }),
               HasSubstr("are the squares 100.0 mm instead of 110.0?"));
   EXPECT_EQ(refusal(cameras, options), "");
 }
 
 /// A board that is carried slowly past a camera's neighbours, `late` pictures behind in one.
-std::vector<CameraSightings> slow_walk(const Rig& rig, double late) {
+std::vector<CameraObservations> slow_walk(const Rig& rig, double late) {
   const double kStep = 0.015;  // metres per picture
-  std::vector<CameraSightings> cameras;
+  std::vector<CameraObservations> cameras;
   for (size_t c = 0; c < rig.size(); ++c) {
     cameras.push_back({rig[c].name, rig[c].model.size(), {}});
     for (int n = 0; n < 120; ++n) {
@@ -154,14 +159,14 @@ std::vector<CameraSightings> slow_walk(const Rig& rig, double late) {
               .toRotationMatrix();
       world_from_board.rotation = world_from_board.rotation * lean;
       world_from_board.translation = place - world_from_board.rotation * board().centre();
-      BoardSighting sighting;
+      BoardObservation observation;
       for (int i = 0; i < board().corners(); ++i) {
         const auto pixel = rig[c].model.project(world_from_board * board().corner(i));
         if (!pixel || !rig[c].model.inside_image(*pixel)) break;
-        sighting.corners.push_back(i);
-        sighting.pixels.push_back(*pixel);
+        observation.corners.push_back(i);
+        observation.pixels.push_back(*pixel);
       }
-      if (sighting.count() == board().corners()) cameras.back().sightings[n] = sighting;
+      if (observation.count() == board().corners()) cameras.back().observations[n] = observation;
     }
   }
   return cameras;
