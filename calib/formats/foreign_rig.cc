@@ -87,7 +87,7 @@ Names camera_names(const std::vector<std::filesystem::path>& files,
 }
 
 Rig placed_rig(const Rig& rig, double unit_m, std::string_view up) {
-  return moved_rig(rig, {unit_m, {new_from_old(up), Eigen::Vector3d::Zero()}});
+  return transformed_rig(rig, {unit_m, {new_from_old(up), Eigen::Vector3d::Zero()}});
 }
 
 }  // namespace v3d::calib

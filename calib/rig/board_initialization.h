@@ -1,4 +1,4 @@
-// Where the board was at the instants that tell most of a rig whose cameras have first places.
+// Initial board poses for the bundle adjustment of a rig whose camera poses are roughly known.
 #pragma once
 
 #include <cstdint>
@@ -9,22 +9,24 @@
 
 namespace v3d::calib {
 
-struct PlacedBoards {
-  Bundle bundle;                  ///< the cameras, and the boards with all that was seen of them
-  std::vector<int64_t> instants;  ///< of the bundle's boards, rising
+struct InitialBoards {
+  Bundle bundle;                  ///< cameras, boards and all observations of the boards
+  std::vector<int64_t> instants;  ///< of the boards in the bundle, in ascending order
 };
 
-struct BoardPlaces {
+struct BoardInitialization {
   const Board& board;
-  const std::vector<CameraObservations>& seen;  ///< by camera, as all here
-  const std::vector<CameraPoses>& poses;        ///< that the observations allow
-  const std::vector<PairPose>& pairs;           ///< what cameras share
+  const std::vector<CameraObservations>& observations;  ///< by camera
+  const std::vector<CandidatePoses>& poses;             ///< by camera
+  const std::vector<PairPose>& pairs;
 };
 
-/// Takes the `most` instants that tell most, those first that connect cameras which share little.
-/// Each board gets the pose, of all that its observations allow, with which they agree best;
-/// observations of a board that looks the same when turned are turned so that they say the same. An
-/// instant that one camera alone saw tells nothing.
-PlacedBoards place_boards(const BoardPlaces& from, std::vector<CameraModel> cameras, int most);
+/// Selects at most `max_instants` instants and gives each board its best candidate pose.
+///
+/// Instants that connect pairs with few shared views are preferred. An instant that only one camera
+/// observed is not used. The best candidate has the smallest sum of (bounded) reprojection errors.
+/// Observations of a board with half-turn symmetry are turned so that they agree.
+InitialBoards initialize_boards(const BoardInitialization& input, std::vector<CameraModel> cameras,
+                                int max_instants);
 
 }  // namespace v3d::calib

@@ -44,16 +44,16 @@ std::vector<Point> convex_hull(std::vector<Point> points) {
 
 /// The first and the last foreground pixel of every row.
 std::vector<Vector2d> row_ends(const Mask& mask) {
-  std::vector<Vector2d> ends;
+  std::vector<Vector2d> rays;
   std::vector<Run> runs;
   for (int y = 0; y < mask.size().height; ++y) {
     runs.clear();
     append_runs(mask.row(y), y, runs);
     if (runs.empty()) continue;
-    ends.emplace_back(runs.front().begin, y);
-    ends.emplace_back(runs.back().end - 1, y);
+    rays.emplace_back(runs.front().begin, y);
+    rays.emplace_back(runs.back().end - 1, y);
   }
-  return ends;
+  return rays;
 }
 
 bool is_at_border(const Vector2d& pixel, ImageSize size) {
@@ -62,8 +62,9 @@ bool is_at_border(const Vector2d& pixel, ImageSize size) {
          pixel.y() > size.height - 1 - kNear;
 }
 
-/// The place nearest to the rays through the middles of all silhouettes.
-Vector3d place_amid(const std::vector<CameraModel>& cameras, std::span<const Outline> outlines) {
+/// The point nearest to the rays through the middles of all silhouettes.
+Vector3d scene_point_of(const std::vector<CameraModel>& cameras,
+                        std::span<const Outline> outlines) {
   Eigen::Matrix3d a = Eigen::Matrix3d::Identity() * 1e-9;
   Vector3d b = Vector3d::Zero();
   for (size_t c = 0; c < cameras.size(); ++c) {
@@ -77,49 +78,49 @@ Vector3d place_amid(const std::vector<CameraModel>& cameras, std::span<const Out
   return a.ldlt().solve(b);
 }
 
-/// The rays that the outermost planes through an axis touch; -1 where the axis runs through or
-/// close by the silhouette.
-struct Ends {
+/// Indices of the rays that the outermost planes through the baseline touch; -1 where the baseline
+/// passes through or near the silhouette.
+struct TangentRays {
   int least = -1, most = -1;
 };
 
-Ends ends_of(const Outline& outline, const Eigen::Matrix3d& turn, const Vector3d& u,
-             const Vector3d& v) {
-  constexpr double kWidest = 3;  // tangent of the angle to the middle
-  Ends ends;
+TangentRays tangent_rays(const Outline& outline, const Eigen::Matrix3d& rotation, const Vector3d& u,
+                         const Vector3d& v) {
+  constexpr double kMaxSlope = 3;  // tangent of the angle to the middle
+  TangentRays rays;
   double least = 0, most = 0;
-  const Vector3d across = turn * u, along = turn * v;
+  const Vector3d across = rotation * u, along = rotation * v;
   for (size_t i = 0; i < outline.rays.size(); ++i) {
     const double x = across.dot(outline.rays[i]), y = along.dot(outline.rays[i]);
-    if (!(y > 0) || std::abs(x) > kWidest * y) return {};
+    if (!(y > 0) || std::abs(x) > kMaxSlope * y) return {};
     const double slope = x / y;
-    if (i == 0 || slope < least) least = slope, ends.least = static_cast<int>(i);
-    if (i == 0 || slope > most) most = slope, ends.most = static_cast<int>(i);
+    if (i == 0 || slope < least) least = slope, rays.least = static_cast<int>(i);
+    if (i == 0 || slope > most) most = slope, rays.most = static_cast<int>(i);
   }
-  return ends;
+  return rays;
 }
 
-/// Radians by which the plane turns where its ray misses by a pixel.
+/// Rotation of the plane, radians, for an error of one pixel in its ray.
 double radians_per_px(const CameraModel& camera, const Vector3d& ray, const Vector3d& axis) {
   const Vector3d d = camera.cam_from_world().rotation.transpose() * ray;
   const double off_axis = d.cross(axis).norm() / d.norm();
-  // A pixel off the middle of the image is a smaller angle.
+  // The angle of a pixel decreases with the distance from the image centre.
   return d.dot(camera.viewing_direction()) / d.norm() / (camera.matrix()(0, 0) * off_axis);
 }
 
 void add_pair(const std::vector<CameraModel>& cameras, std::span<const Outline> outlines,
-              const Vector3d& amid, int a, int b, std::vector<Tangent>& tangents) {
+              const Vector3d& scene_point, int a, int b, std::vector<EpipolarTangent>& tangents) {
   const CameraModel &ca = cameras[a], &cb = cameras[b];
   const Vector3d axis = (cb.center() - ca.center()).normalized();
-  const Vector3d out = amid - ca.center();
+  const Vector3d out = scene_point - ca.center();
   const Vector3d v = (out - axis * axis.dot(out)).normalized(), u = axis.cross(v);
-  const Ends in_a = ends_of(outlines[a], ca.cam_from_world().rotation, u, v);
-  const Ends in_b = ends_of(outlines[b], cb.cam_from_world().rotation, u, v);
+  const TangentRays in_a = tangent_rays(outlines[a], ca.cam_from_world().rotation, u, v);
+  const TangentRays in_b = tangent_rays(outlines[b], cb.cam_from_world().rotation, u, v);
   if (in_a.least < 0 || in_b.least < 0) return;
   const auto add = [&](int i, int j, double side) {
     if (outlines[a].at_border[i] || outlines[b].at_border[j]) return;
     const Vector3d &ray_a = outlines[a].rays[i], &ray_b = outlines[b].rays[j];
-    tangents.push_back({a, b, ray_a, ray_b, amid, side * radians_per_px(ca, ray_a, axis),
+    tangents.push_back({a, b, ray_a, ray_b, scene_point, side * radians_per_px(ca, ray_a, axis),
                         side * radians_per_px(cb, ray_b, axis)});
   };
   add(in_a.least, in_b.least, -1);
@@ -149,20 +150,20 @@ Outline outline_of(const Mask& mask, const CameraModel& camera) {
   return outline;
 }
 
-double angle_between(const Tangent& tangent, const CameraModel& a, const CameraModel& b) {
+double angle_between(const EpipolarTangent& tangent, const CameraModel& a, const CameraModel& b) {
   return angle_between<double>(tangent, a.cam_from_world().rotation, a.center(),
                                b.cam_from_world().rotation, b.center());
 }
 
-std::vector<Tangent> tangents_of(const std::vector<CameraModel>& cameras,
-                                 std::span<const Outline> outlines) {
-  const Vector3d amid = place_amid(cameras, outlines);
-  std::vector<Tangent> tangents;
+std::vector<EpipolarTangent> epipolar_tangents(const std::vector<CameraModel>& cameras,
+                                               std::span<const Outline> outlines) {
+  const Vector3d scene_point = scene_point_of(cameras, outlines);
+  std::vector<EpipolarTangent> tangents;
   const int count = static_cast<int>(cameras.size());
   for (int b = 0; b < count; ++b) {
     for (int a = 0; a < b; ++a) {
       if (outlines[a].empty() || outlines[b].empty()) continue;
-      add_pair(cameras, outlines, amid, a, b, tangents);
+      add_pair(cameras, outlines, scene_point, a, b, tangents);
     }
   }
   return tangents;

@@ -1,39 +1,42 @@
-// World origin, up and scale from a board that lies on the floor.
+// World frame and scale of a rig, from a board that lies on the floor.
 #pragma once
 
 #include <optional>
 #include <vector>
 
 #include "base/camera_model.h"
-#include "calib/rig/pair_poses.h"
+#include "calib/boards/board.h"
 #include "calib/rig/rig_comparison.h"
 
 namespace v3d::calib {
 
 struct FloorFit {
-  /// In the new world the print is z = 0, z out of it; corner 0 is the origin, x along the columns.
+  /// World frame: metres, the print is z = 0, z points out of it, corner 0 is the origin, x is
+  /// along the columns of the board.
   Rig rig;
   Similarity new_from_old;
-  /// The board's lengths by the rig's, before: 1 where the rig's scale was right.
+  /// Ratio of the board's lengths to those of the given rig; 1 where the rig's scale is correct.
   double board_by_rig = 1;
-  bool scaled = false;  ///< the rig took the board's scale, because they differed by more than 1 %
+  bool scaled = false;  ///< the rig was scaled, because the lengths differed by more than 1 %
   double rms_px = 0;
-  /// The largest angle between the board's normals as two cameras see it, each for itself: what the
-  /// rig's own directions are worth, degrees.
+  /// The largest angle between the board normals that two cameras observe, each by itself, degrees.
+  /// It shows how accurate the directions of the cameras are.
   double disagreement_deg = 0;
-  std::vector<int> cameras;  ///< of the rig, that saw it
+  std::vector<int> cameras;  ///< indices of the cameras in the rig that observed the board
 };
 
-/// Where the board lies, and how large it is, by the rays of its corners alone: board from world,
-/// with scale. Empty where no four corners are seen by two cameras.
-std::optional<Similarity> place_board(const Rig& rig, const Board& board,
-                                      const std::vector<CameraObservations>& cameras);
+/// Pose and size of the board by triangulation of its corners. Empty where fewer than four corners
+/// are observed by two cameras. Returns board_from_world with scale.
+std::optional<Similarity> locate_board(const Rig& rig, const Board& board,
+                                       const std::vector<CameraObservations>& cameras);
 
-/// `cameras`: all that saw the board, which lay still; where there are several pictures the median
-/// place of each corner counts. Every camera must be in the rig, by name and size. A board that
-/// looks the same when turned by half has its origin at either end. Throws InputError where fewer
-/// than two cameras saw the board, where it does not fit the rig, and where the cameras are below
-/// it.
+/// Transforms a rig to the world frame of the floor.
+///
+/// `cameras`: all cameras that observed the board at rest; the median position of each corner over
+/// all instants is used. A board with half-turn symmetry may have its origin at either end.
+/// Throws InputError where the rig lacks a camera or has it with another image size, where fewer
+/// than two cameras observed the board, where the board does not fit the rig, and where a camera is
+/// below the floor. Pure.
 FloorFit fit_floor(const Rig& rig, const Board& board,
                    const std::vector<CameraObservations>& cameras);
 

@@ -6,14 +6,14 @@
 
 namespace v3d::calib {
 
-Rig guessed_rig(const std::vector<std::string>& names, ImageSize size, double across_deg,
+Rig initial_rig(const std::vector<std::string>& names, ImageSize size, double horizontal_fov_deg,
                 const Box& space) {
   const double half_width = 0.5 * size.width;
   const double half_height = 0.5 * size.height;
-  const double focal = half_width / std::tan(across_deg * std::numbers::pi / 360);
+  const double focal = half_width / std::tan(horizontal_fov_deg * std::numbers::pi / 360);
   Eigen::Matrix3d matrix;
   matrix << focal, 0, half_width, 0, focal, half_height, 0, 0, 1;
-  // The ball round the space touches the nearest borders of the image.
+  // The bounding sphere of the space touches the nearest borders of the image.
   const double narrowest = std::atan(std::min(half_width, half_height) / focal);
   const double distance = 0.5 * space.size().norm() / std::sin(narrowest);
   Rig rig;

@@ -1,4 +1,4 @@
-// Where the cameras of a studio may stand, before anybody has measured it.
+// An initial rig for a studio that is not calibrated yet.
 #pragma once
 
 #include <string>
@@ -9,11 +9,13 @@
 
 namespace v3d::calib {
 
-/// Enough to arm a take of boards with: cameras without distortion, as far apart as they can be on
-/// a level ring round `space` (metres, z up), in the order of `names`, all looking at its middle
-/// from where the whole of it is in their images. `across_deg`: the angle that an image is wide,
-/// above 0 and below 180. Requires is_image_size(size). Pure.
-Rig guessed_rig(const std::vector<std::string>& names, ImageSize size, double across_deg,
+/// Assumed camera poses and lenses, sufficient to record a take of boards.
+///
+/// The cameras have no distortion. They stand at equal distances on a level ring around `space`
+/// (world frame, metres, z up), in the order of `names`. They look at its centre from where the
+/// whole of it is in their images. `horizontal_fov_deg`: above 0 and below 180.
+/// Requires is_image_size(size). Pure.
+Rig initial_rig(const std::vector<std::string>& names, ImageSize size, double horizontal_fov_deg,
                 const Box& space);
 
 }  // namespace v3d::calib

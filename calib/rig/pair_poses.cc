@@ -7,70 +7,72 @@
 #include <optional>
 
 #include "base/statistics.h"
+#include "calib/boards/board_pose.h"
 
 namespace v3d::calib {
 namespace {
 
-constexpr double kSameAngle = 4.0 * 3.14159265358979 / 180;
-constexpr double kSameDistance = 0.05;  // of the distance to the board
-// A pose that misses by so much more than the better one is not what was seen.
-constexpr double kAmbiguous = 2.5;
-constexpr size_t kMostInstants = 60;
+constexpr double kMaxAngle = 4.0 * 3.14159265358979 / 180;
+constexpr double kMaxDistance = 0.05;  // of the distance to the board
+// A pose whose error exceeds that of the best pose by this factor is not a candidate.
+constexpr double kMaxAmbiguousRatio = 2.5;
+constexpr size_t kMaxInstants = 60;
 
-/// A shared instant's opinions on b_from_a, and how far the board was.
-struct Opinion {
+/// The candidates for b_from_a of one shared instant, and the distance of its board.
+struct PoseCandidates {
   std::vector<RigidTransform> b_from_a;
   double distance = 0;
 };
 
 bool same_direction(const Eigen::Matrix3d& a, const Eigen::Matrix3d& b) {
-  static const double kLeastTrace = 1 + 2 * std::cos(kSameAngle);
-  return a.cwiseProduct(b).sum() >= kLeastTrace;  // the trace of a^T b
+  static const double kMinTrace = 1 + 2 * std::cos(kMaxAngle);
+  return a.cwiseProduct(b).sum() >= kMinTrace;  // the trace of a^T b
 }
 
-std::vector<Opinion> opinions(const CameraPoses& a, const CameraPoses& b, int64_t b_is_late) {
-  std::vector<Opinion> all;
+std::vector<PoseCandidates> candidates_by_instant(const CandidatePoses& a, const CandidatePoses& b,
+                                                  int64_t b_offset) {
+  std::vector<PoseCandidates> all;
   for (const auto& [instant, poses_a] : a) {
-    const auto found = b.find(instant + b_is_late);
+    const auto found = b.find(instant + b_offset);
     if (found == b.end()) continue;
-    Opinion opinion;
+    PoseCandidates candidates;
     for (const RigidTransform& pose_a : poses_a) {
       for (const RigidTransform& pose_b : found->second) {
-        opinion.b_from_a.push_back(pose_b * pose_a.inverse());
-        opinion.distance = std::max(pose_a.translation.norm(), pose_b.translation.norm());
+        candidates.b_from_a.push_back(pose_b * pose_a.inverse());
+        candidates.distance = std::max(pose_a.translation.norm(), pose_b.translation.norm());
       }
     }
-    if (!opinion.b_from_a.empty()) all.push_back(std::move(opinion));
+    if (!candidates.b_from_a.empty()) all.push_back(std::move(candidates));
   }
   return all;
 }
 
-/// The opinion of the instant that is nearest to `pose`, where one is near.
-const RigidTransform* agreeing(const Opinion& opinion, const RigidTransform& pose) {
+/// The candidate nearest to `pose`, or null where none is within the tolerances.
+const RigidTransform* nearest_inlier(const PoseCandidates& candidates, const RigidTransform& pose) {
   const RigidTransform* best = nullptr;
-  // A small turn at one camera moves the other along an arc.
-  double least = (kSameDistance + kSameAngle) * opinion.distance;
-  for (const RigidTransform& other : opinion.b_from_a) {
+  // A small rotation of one camera moves the other along an arc.
+  double smallest = (kMaxDistance + kMaxAngle) * candidates.distance;
+  for (const RigidTransform& other : candidates.b_from_a) {
     if (!same_direction(other.rotation, pose.rotation)) continue;
-    const double apart = (other.translation - pose.translation).norm();
-    if (apart > least) continue;
-    least = apart;
+    const double distance = (other.translation - pose.translation).norm();
+    if (distance > smallest) continue;
+    smallest = distance;
     best = &other;
   }
   return best;
 }
 
-std::vector<const RigidTransform*> supporters(const std::vector<const Opinion*>& opinions,
-                                              const RigidTransform& pose) {
+std::vector<const RigidTransform*> find_inliers(const std::vector<const PoseCandidates*>& instants,
+                                                const RigidTransform& pose) {
   std::vector<const RigidTransform*> result;
-  for (const Opinion* opinion : opinions) {
-    if (const RigidTransform* near = agreeing(*opinion, pose)) result.push_back(near);
+  for (const PoseCandidates* candidates : instants) {
+    if (const RigidTransform* inlier = nearest_inlier(*candidates, pose)) result.push_back(inlier);
   }
   return result;
 }
 
 /// Rotation: mean quaternion. Translation: median by axis.
-RigidTransform middle_of(const std::vector<const RigidTransform*>& poses) {
+RigidTransform mean_pose(const std::vector<const RigidTransform*>& poses) {
   Eigen::Vector4d sum = Eigen::Vector4d::Zero();
   const Eigen::Vector4d first = Eigen::Quaterniond(poses.front()->rotation).coeffs();
   std::vector<double> axes[3];
@@ -84,19 +86,20 @@ RigidTransform middle_of(const std::vector<const RigidTransform*>& poses) {
           {upper_median(axes[0]), upper_median(axes[1]), upper_median(axes[2])}};
 }
 
-/// About `most` of them, evenly.
-std::vector<const Opinion*> spread_out(const std::vector<Opinion>& all, size_t most) {
-  std::vector<const Opinion*> some;
-  const size_t step = (all.size() + most - 1) / most;
+/// About `max_count` instants, evenly spaced.
+std::vector<const PoseCandidates*> subsample(const std::vector<PoseCandidates>& all,
+                                             size_t max_count) {
+  std::vector<const PoseCandidates*> some;
+  const size_t step = (all.size() + max_count - 1) / max_count;
   for (size_t i = 0; i < all.size(); i += step) some.push_back(&all[i]);
   return some;
 }
 
 }  // namespace
 
-CameraPoses possible_poses(const CameraModel& lens, const Board& board,
-                           const CameraObservations& camera) {
-  CameraPoses result;
+CandidatePoses candidate_poses(const CameraModel& lens, const Board& board,
+                               const CameraObservations& camera) {
+  CandidatePoses result;
   for (const auto& [instant, observation] : camera.observations) {
     std::vector<BoardPose> poses = board_poses(lens, board, observation);
     if (board.has_half_turn_symmetry()) {
@@ -104,40 +107,41 @@ CameraPoses possible_poses(const CameraModel& lens, const Board& board,
       poses.insert(poses.end(), other_end.begin(), other_end.end());
     }
     if (poses.empty()) continue;
-    double least = poses.front().rms_px;
-    for (const BoardPose& pose : poses) least = std::min(least, pose.rms_px);
+    double smallest = poses.front().rms_px;
+    for (const BoardPose& pose : poses) smallest = std::min(smallest, pose.rms_px);
     for (const BoardPose& pose : poses) {
-      if (pose.rms_px <= kAmbiguous * least + 1e-6) result[instant].push_back(pose.cam_from_board);
+      if (pose.rms_px <= kMaxAmbiguousRatio * smallest + 1e-6)
+        result[instant].push_back(pose.cam_from_board);
     }
   }
   return result;
 }
 
-PairPose pair_pose(const CameraPoses& a, const CameraPoses& b, int64_t b_is_late) {
-  const std::vector<Opinion> all = opinions(a, b, b_is_late);
+PairPose pair_pose(const CandidatePoses& a, const CandidatePoses& b, int64_t b_offset) {
+  const std::vector<PoseCandidates> all = candidates_by_instant(a, b, b_offset);
   PairPose result;
   result.shared = static_cast<int>(all.size());
   if (all.empty()) return result;
   std::vector<const RigidTransform*> best;
-  const std::vector<const Opinion*> some = spread_out(all, kMostInstants);
-  for (const Opinion* opinion : some) {
-    for (const RigidTransform& pose : opinion->b_from_a) {
-      auto found = supporters(some, pose);
+  const std::vector<const PoseCandidates*> some = subsample(all, kMaxInstants);
+  for (const PoseCandidates* candidates : some) {
+    for (const RigidTransform& pose : candidates->b_from_a) {
+      auto found = find_inliers(some, pose);
       if (found.size() > best.size()) best = std::move(found);
     }
   }
-  result.b_from_a = middle_of(best);
-  best = supporters(spread_out(all, all.size()), result.b_from_a);
-  result.agreeing = static_cast<int>(best.size());
-  std::vector<double> apart;
+  result.b_from_a = mean_pose(best);
+  best = find_inliers(subsample(all, all.size()), result.b_from_a);
+  result.inliers = static_cast<int>(best.size());
+  std::vector<double> distances;
   for (const RigidTransform* pose : best) {
-    apart.push_back((pose->translation - result.b_from_a.translation).norm());
+    distances.push_back((pose->translation - result.b_from_a.translation).norm());
   }
-  result.spread_m = upper_median(std::move(apart));
+  result.spread_m = upper_median(std::move(distances));
   return result;
 }
 
-std::vector<PairPose> pair_poses(const std::vector<CameraPoses>& cameras) {
+std::vector<PairPose> pair_poses(const std::vector<CandidatePoses>& cameras) {
   std::vector<PairPose> pairs;
   for (size_t a = 0; a < cameras.size(); ++a) {
     for (size_t b = a + 1; b < cameras.size(); ++b) {
@@ -152,34 +156,35 @@ std::vector<PairPose> pair_poses(const std::vector<CameraPoses>& cameras) {
 }
 
 RigTree spanning_tree(int cameras, const std::vector<PairPose>& pairs) {
-  std::vector<int> ties(cameras, 0);
+  std::vector<int> degree(cameras, 0);
   for (const PairPose& pair : pairs) {
-    ties[pair.a] += pair.agreeing;
-    ties[pair.b] += pair.agreeing;
+    degree[pair.a] += pair.inliers;
+    degree[pair.b] += pair.inliers;
   }
   RigTree tree;
-  tree.root = static_cast<int>(std::max_element(ties.begin(), ties.end()) - ties.begin());
+  tree.root = static_cast<int>(std::max_element(degree.begin(), degree.end()) - degree.begin());
   std::vector<bool> in(cameras, false);
   in[tree.root] = true;
   while (true) {
     const PairPose* best = nullptr;
     for (const PairPose& pair : pairs) {
-      if (in[pair.a] == in[pair.b] || pair.agreeing < kFewestAgreeing) continue;
-      if (!best || pair.agreeing > best->agreeing) best = &pair;
+      if (in[pair.a] == in[pair.b] || pair.inliers < kMinInliers) continue;
+      if (!best || pair.inliers > best->inliers) best = &pair;
     }
     if (!best) return tree;
     const bool forward = in[best->a];
     tree.edges.push_back({forward ? best->a : best->b, forward ? best->b : best->a,
-                          forward ? best->b_from_a : best->b_from_a.inverse(), best->agreeing});
+                          forward ? best->b_from_a : best->b_from_a.inverse(), best->inliers});
     in[best->a] = in[best->b] = true;
   }
 }
 
-std::vector<std::vector<int>> connected_groups(int cameras, const std::vector<PairPose>& pairs) {
+std::vector<std::vector<int>> connected_components(int cameras,
+                                                   const std::vector<PairPose>& pairs) {
   std::vector<int> group(cameras);
   std::iota(group.begin(), group.end(), 0);
   for (const PairPose& pair : pairs) {
-    if (pair.agreeing < kFewestAgreeing || group[pair.a] == group[pair.b]) continue;
+    if (pair.inliers < kMinInliers || group[pair.a] == group[pair.b]) continue;
     std::replace(group.begin(), group.end(), int(group[pair.b]), int(group[pair.a]));
   }
   std::map<int, std::vector<int>> members;

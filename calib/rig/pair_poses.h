@@ -1,54 +1,56 @@
-// How two cameras stand to each other, from the boards that both see at the same instant.
+// Relative poses of camera pairs, from boards that both cameras observe, and the graph of pairs.
 #pragma once
 
 #include <cstdint>
 #include <map>
-#include <string>
 #include <vector>
 
 #include "base/camera_model.h"
 #include "calib/boards/board.h"
-#include "calib/boards/board_pose.h"
 
 namespace v3d::calib {
 
-/// By instant, all the poses that a observation allows: the board may lean either way, and one that
-/// looks the same when turned may be turned.
-using CameraPoses = std::map<int64_t, std::vector<RigidTransform>>;
-CameraPoses possible_poses(const CameraModel& lens, const Board& board,
-                           const CameraObservations& camera);
+/// By instant, all poses cam_from_board that an observation allows: the tilt of a board may be
+/// ambiguous, and a board with half-turn symmetry may be turned.
+using CandidatePoses = std::map<int64_t, std::vector<RigidTransform>>;
+CandidatePoses candidate_poses(const CameraModel& lens, const Board& board,
+                               const CameraObservations& camera);
 
+/// The relative pose of two cameras.
 struct PairPose {
   int a = 0, b = 0;  ///< cameras, a < b
   RigidTransform b_from_a;
-  int shared = 0;    ///< instants at which both see the board
-  int agreeing = 0;  ///< of these, those that tell of this pose within a few degrees and per cent
-  double spread_m = 0;  ///< median distance by which the agreeing ones differ from it
+  int shared = 0;       ///< instants at which both cameras observe the board
+  int inliers = 0;      ///< shared instants whose board poses agree within 4 degrees and 5 %
+  double spread_m = 0;  ///< median distance of the inliers' translations from that of b_from_a
 };
 
-/// The pose that most shared instants agree on. `b_is_late`: the picture of b at instant n + that
-/// belongs to the one of a at n. No shared instant: shared is 0.
-PairPose pair_pose(const CameraPoses& a, const CameraPoses& b, int64_t b_is_late = 0);
+/// The relative pose with most inliers. `b_offset`: the observation of b at instant n + b_offset
+/// belongs to the observation of a at instant n. Where no instant is shared, `shared` is 0.
+PairPose pair_pose(const CandidatePoses& a, const CandidatePoses& b, int64_t b_offset = 0);
 
-/// Of all pairs that share at least one instant.
-std::vector<PairPose> pair_poses(const std::vector<CameraPoses>& cameras);
+/// The relative poses of all pairs that share at least one instant.
+std::vector<PairPose> pair_poses(const std::vector<CandidatePoses>& cameras);
 
-/// The pairs that connect the cameras best: a maximum spanning tree by the number of agreeing
-/// instants (Prim), from the camera with the most. Pairs with fewer than kFewestAgreeing do not
-/// connect. In the order of growth; fewer than cameras - 1 where the rig falls apart.
-inline constexpr int kFewestAgreeing = 3;
+/// Pairs with fewer inliers do not connect cameras.
+inline constexpr int kMinInliers = 3;
+
 struct TreeEdge {
   int from = 0, to = 0;
   RigidTransform to_from_from;
-  int agreeing = 0;
+  int inliers = 0;
 };
 struct RigTree {
   int root = 0;
   std::vector<TreeEdge> edges{};
 };
+
+/// A maximum spanning tree by the number of inliers (Prim), from the camera with most inliers.
+/// Edges are in the order of growth. There are fewer than cameras - 1 where the graph is not
+/// connected.
 RigTree spanning_tree(int cameras, const std::vector<PairPose>& pairs);
 
-/// Cameras in groups that the pairs connect, largest first.
-std::vector<std::vector<int>> connected_groups(int cameras, const std::vector<PairPose>& pairs);
+/// The connected components of the graph, largest first.
+std::vector<std::vector<int>> connected_components(int cameras, const std::vector<PairPose>& pairs);
 
 }  // namespace v3d::calib

@@ -10,59 +10,59 @@ namespace {
 
 using Eigen::Vector3d;
 
-/// Where a camera stood then, and stands now.
-struct Moved {
+/// The positions of one camera in both calibrations.
+struct MatchedCamera {
   std::string name;
-  Vector3d then;
+  Vector3d previous;
   Vector3d now;
 };
 
-std::vector<Moved> common_cameras(const Rig& now, const Rig& before) {
-  std::vector<Moved> common;
+std::vector<MatchedCamera> match_cameras(const Rig& now, const Rig& previous_rig) {
+  std::vector<MatchedCamera> matched;
   for (const RigCamera& camera : now) {
-    const int then = find_camera(before, camera.name);
-    if (then < 0) continue;
-    common.push_back(
-        {camera.name, before[static_cast<size_t>(then)].model.center(), camera.model.center()});
+    const int previous = find_camera(previous_rig, camera.name);
+    if (previous < 0) continue;
+    matched.push_back({camera.name, previous_rig[static_cast<size_t>(previous)].model.center(),
+                       camera.model.center()});
   }
-  return common;
+  return matched;
 }
 
-double size_of(const std::vector<Moved>& cameras) {
-  Vector3d low = cameras.front().then, high = low;
-  for (const Moved& camera : cameras) {
-    low = low.cwiseMin(camera.then);
-    high = high.cwiseMax(camera.then);
+double extent_of(const std::vector<MatchedCamera>& cameras) {
+  Vector3d low = cameras.front().previous, high = low;
+  for (const MatchedCamera& camera : cameras) {
+    low = low.cwiseMin(camera.previous);
+    high = high.cwiseMax(camera.previous);
   }
   return (high - low).norm();
 }
 
-/// Sum of distances between pairs is free of any world; a swap keeps the set of places, so the
-/// scale is told by the places sorted, not by name.
-double scale_of(const std::vector<Moved>& cameras) {
-  std::vector<double> then, now;
+/// Compares sorted distances between cameras. They do not depend on the world frame, nor on the
+/// names, so swapped cameras do not change the scale.
+double scale_of(const std::vector<MatchedCamera>& cameras) {
+  std::vector<double> previous, now;
   for (size_t i = 0; i < cameras.size(); ++i) {
     for (size_t j = 0; j < i; ++j) {
-      then.push_back((cameras[i].then - cameras[j].then).norm());
+      previous.push_back((cameras[i].previous - cameras[j].previous).norm());
       now.push_back((cameras[i].now - cameras[j].now).norm());
     }
   }
-  std::sort(then.begin(), then.end());
+  std::sort(previous.begin(), previous.end());
   std::sort(now.begin(), now.end());
   std::vector<double> ratios;
-  for (size_t i = 0; i < then.size(); ++i) {
-    if (then[i] > 0) ratios.push_back(now[i] / then[i]);
+  for (size_t i = 0; i < previous.size(); ++i) {
+    if (previous[i] > 0) ratios.push_back(now[i] / previous[i]);
   }
   return ratios.empty() ? 1 : upper_median(ratios);
 }
 
-/// How far the places now are from those of then, after the best fit, when the cameras i and j
-/// have changed names.
-double misfit(const std::vector<Moved>& cameras, size_t i, size_t j) {
+/// The largest distance between the positions now and before, after the best fit, with the names
+/// of cameras i and j exchanged.
+double max_distance(const std::vector<MatchedCamera>& cameras, size_t i, size_t j) {
   std::vector<Vector3d> from, to;
-  for (const Moved& camera : cameras) {
+  for (const MatchedCamera& camera : cameras) {
     from.push_back(camera.now);
-    to.push_back(camera.then);
+    to.push_back(camera.previous);
   }
   std::swap(from[i], from[j]);
   const Similarity fit = align_points(from, to, true);
@@ -88,8 +88,8 @@ Similarity align_points(const std::vector<Vector3d>& from, const std::vector<Vec
   return result;
 }
 
-Rig moved_rig(const Rig& rig, const Similarity& new_from_old) {
-  Rig moved;
+Rig transformed_rig(const Rig& rig, const Similarity& new_from_old) {
+  Rig transformed;
   const RigidTransform old_from_new = new_from_old.rigid.inverse();
   for (const RigCamera& camera : rig) {
     const CameraModel& m = camera.model;
@@ -97,27 +97,27 @@ Rig moved_rig(const Rig& rig, const Similarity& new_from_old) {
     scaled.translation *= new_from_old.scale;
     RigCamera other = camera;
     other.model = CameraModel(m.size(), m.matrix(), m.distortion(), scaled * old_from_new);
-    moved.push_back(std::move(other));
+    transformed.push_back(std::move(other));
   }
-  return moved;
+  return transformed;
 }
 
-LayoutChange compare_layouts(const Rig& now, const Rig& before) {
-  LayoutChange change;
-  const std::vector<Moved> cameras = common_cameras(now, before);
-  if (cameras.size() < 2 || !(size_of(cameras) > 1e-6)) return change;
-  change.scale = scale_of(cameras);
-  if (cameras.size() < 4) return change;
-  constexpr double kSamePlace = 0.05;  // of the rig's size
-  const double same = kSamePlace * size_of(cameras);
-  if (misfit(cameras, 0, 0) < same) return change;
+RigDifference compare_rigs(const Rig& now, const Rig& previous) {
+  RigDifference difference;
+  const std::vector<MatchedCamera> cameras = match_cameras(now, previous);
+  if (cameras.size() < 2 || !(extent_of(cameras) > 1e-6)) return difference;
+  difference.scale = scale_of(cameras);
+  if (cameras.size() < 4) return difference;
+  constexpr double kMaxDistance = 0.05;  // of the rig's size
+  const double tolerance = kMaxDistance * extent_of(cameras);
+  if (max_distance(cameras, 0, 0) < tolerance) return difference;
   for (size_t i = 0; i < cameras.size(); ++i) {
     for (size_t j = 0; j < i; ++j) {
-      if (misfit(cameras, i, j) < same)
-        change.swapped.emplace_back(cameras[j].name, cameras[i].name);
+      if (max_distance(cameras, i, j) < tolerance)
+        difference.swapped.emplace_back(cameras[j].name, cameras[i].name);
     }
   }
-  return change;
+  return difference;
 }
 
 }  // namespace v3d::calib

@@ -1,7 +1,6 @@
-// A rig held against what it was before: cameras that are swapped, a board of another size.
+// Comparison of a rig with its previous calibration, and similarity transforms of rigs.
 #pragma once
 
-#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -10,29 +9,31 @@
 
 namespace v3d::calib {
 
-/// Cameras of both rigs, by name.
-struct LayoutChange {
-  /// All distances between cameras, now by then (median); 1 where nothing can be told.
+/// Differences between two calibrations of a rig; cameras correspond by name.
+struct RigDifference {
+  /// Median ratio of the distances between cameras, now to previous; 1 where it is unknown.
   double scale = 1;
-  /// Each stands where the other stood.
+  /// Pairs of cameras with exchanged positions.
   std::vector<std::pair<std::string, std::string>> swapped;
 };
 
-/// Cameras that stood all in one place then (lenses alone) tell nothing. The two worlds need not
-/// be the same.
-LayoutChange compare_layouts(const Rig& now, const Rig& before);
+/// The two worlds may differ. Cameras that all have the same position in `previous` (calibrated
+/// lenses only) give no difference.
+RigDifference compare_rigs(const Rig& now, const Rig& previous);
 
-/// The similarity that brings `from` onto `to` best (Umeyama 1991): to = scale * rotation * from +
-/// translation. Requires three or more points that are not on a line.
+/// x -> rigid * (scale * x).
 struct Similarity {
   double scale = 1;
   RigidTransform rigid;
   Eigen::Vector3d operator*(const Eigen::Vector3d& p) const { return rigid * (scale * p); }
 };
+
+/// The least-squares similarity that maps `from` to `to`. Requires three or more points that are
+/// not collinear. `with_scale` false: the scale is 1. Source: Umeyama 1991.
 Similarity align_points(const std::vector<Eigen::Vector3d>& from,
                         const std::vector<Eigen::Vector3d>& to, bool with_scale);
 
-/// The rig in a world in which new = moved * old, lengths times scale.
-Rig moved_rig(const Rig& rig, const Similarity& new_from_old);
+/// The rig in the world frame `new`.
+Rig transformed_rig(const Rig& rig, const Similarity& new_from_old);
 
 }  // namespace v3d::calib

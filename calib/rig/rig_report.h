@@ -1,4 +1,4 @@
-// A calibration as a page for people: one HTML file with its pictures in it.
+// Assessment of a rig calibration: its weaknesses, and an HTML report.
 #pragma once
 
 #include <string>
@@ -8,11 +8,17 @@
 
 namespace v3d::calib {
 
-/// A table of the cameras, what is weak and what to record to mend it, the rig from above with the
-/// views that cameras share, and of every camera its image: where corners were seen, and arrows by
-/// how much they miss, enlarged. `pictures`: by camera an image to lay beneath, a data_url(), or
-/// empty. Needs nothing but a browser. The same fit gives the same text.
-std::string report_html(const Board& board, const RigFit& fit,
-                        const std::vector<std::string>& pictures);
+/// One sentence for each weakness, with what to record to improve it; the most severe first.
+///
+/// Criteria: views shared with neighbours, image coverage, cameras that fit worse than the others,
+/// rejected images, time offsets.
+std::vector<std::string> find_weaknesses(const RigFit& fit);
+
+/// One self-contained HTML page: a table of the cameras, the weaknesses, a map of the rig with
+/// shared views, and for each camera the coverage and the enlarged residuals.
+///
+/// `images`: by camera the data_url() of a background image, or empty. Deterministic.
+std::string rig_report_html(const Board& board, const RigFit& fit,
+                            const std::vector<std::string>& images);
 
 }  // namespace v3d::calib

@@ -18,27 +18,27 @@ namespace v3d::calib {
 namespace {
 
 constexpr int kHoldOutEvery = 3;
-constexpr double kProof = 0.6;  // of the disagreement before, or less: the new rig is better
-constexpr int kFewestTangents = 50;
+constexpr double kMaxErrorRatio = 0.6;  // of the error before; above it, the rig is kept
+constexpr int kMinTangents = 50;
 
-/// How a camera is moved, all in pixels: turned by v / f, its centre by v * distance / f, its focal
-/// length so that the image's border moves by v; and how much too narrow its silhouettes are on
-/// every side, which is no fault of the calibration.
+/// The parameters of one camera, all in pixels of image motion: rotation (3), translation (3),
+/// focal length, and the width error of its silhouettes. The width error belongs to the
+/// segmentation.
 constexpr int kFocal = 6;
 constexpr int kWidth = 7;
-constexpr int kMoves = 8;
-using Moves = std::array<double, kMoves>;
+constexpr int kParameters = 8;
+using Parameters = std::array<double, kParameters>;
 
 double focal(const CameraModel& camera) { return camera.matrix()(0, 0); }
 
-/// The camera as it was, and the units of its moves.
-struct Start {
-  Eigen::Matrix3d turn;
+/// The camera before refinement, and the units of its parameters.
+struct StartCamera {
+  Eigen::Matrix3d rotation;
   Eigen::Vector3d centre;
   double radians_per_px, metres_per_px, scale_per_px;
 
-  Start(const CameraModel& camera, double distance_m)
-      : turn(camera.cam_from_world().rotation),
+  StartCamera(const CameraModel& camera, double distance_m)
+      : rotation(camera.cam_from_world().rotation),
         centre(camera.center()),
         radians_per_px(1 / focal(camera)),
         metres_per_px(distance_m / focal(camera)),
@@ -46,74 +46,77 @@ struct Start {
 };
 
 template <class T>
-struct Placed {
-  Eigen::Matrix<T, 3, 3> turn;
+struct UpdatedPose {
+  Eigen::Matrix<T, 3, 3> rotation;
   Eigen::Matrix<T, 3, 1> centre;
 
-  Placed(const Start& start, const T* moves) {
+  UpdatedPose(const StartCamera& start, const T* parameters) {
     const Eigen::Matrix<T, 3, 1> vector =
-        Eigen::Map<const Eigen::Matrix<T, 3, 1>>(moves) * T(start.radians_per_px);
-    Eigen::Matrix<T, 3, 3> more;
-    ceres::AngleAxisToRotationMatrix(vector.data(), more.data());
-    turn = more * start.turn.cast<T>();
+        Eigen::Map<const Eigen::Matrix<T, 3, 1>>(parameters) * T(start.radians_per_px);
+    Eigen::Matrix<T, 3, 3> update;
+    ceres::AngleAxisToRotationMatrix(vector.data(), update.data());
+    rotation = update * start.rotation.cast<T>();
     centre = start.centre.cast<T>() +
-             Eigen::Map<const Eigen::Matrix<T, 3, 1>>(moves + 3) * T(start.metres_per_px);
+             Eigen::Map<const Eigen::Matrix<T, 3, 1>>(parameters + 3) * T(start.metres_per_px);
   }
 };
 
-/// By how much the planes of a tangent disagree, pixels.
-struct TangentMiss {
-  Tangent tangent;  ///< with the focal lengths now
-  const Start& start_a;
-  const Start& start_b;
-  double scale_a, scale_b;  ///< of the focal lengths now
+/// The residual of an epipolar tangent, pixels.
+struct TangentResidual {
+  EpipolarTangent tangent;  ///< with the current focal lengths
+  const StartCamera& start_a;
+  const StartCamera& start_b;
+  double scale_a, scale_b;  ///< current factors of the focal lengths
 
   template <class T>
-  bool operator()(const T* a, const T* b, T* miss) const {
-    const Placed<T> placed_a(start_a, a), placed_b(start_b, b);
+  bool operator()(const T* a, const T* b, T* residual) const {
+    const UpdatedPose<T> pose_a(start_a, a), pose_b(start_b, b);
     const T angle =
-        angle_between<T>(tangent, stretched(placed_a, start_a, a, scale_a), placed_a.centre,
-                         stretched(placed_b, start_b, b, scale_b), placed_b.centre);
-    *miss = (angle + a[kWidth] * T(tangent.wider_a) - b[kWidth] * T(tangent.wider_b)) *
-            T(tangent.px_per_radian());
+        angle_between<T>(tangent, scaled_rotation(pose_a, start_a, a, scale_a), pose_a.centre,
+                         scaled_rotation(pose_b, start_b, b, scale_b), pose_b.centre);
+    *residual =
+        (angle + a[kWidth] * T(tangent.rad_per_px_a) - b[kWidth] * T(tangent.rad_per_px_b)) *
+        T(tangent.px_per_radian());
     return true;
   }
 
-  /// A longer focal length draws the rays together: the same as a longer optical axis.
+  /// A longer focal length narrows the rays. Scaling the optical axis has the same effect.
   template <class T>
-  static Eigen::Matrix<T, 3, 3> stretched(const Placed<T>& placed, const Start& start,
-                                          const T* moves, double now) {
-    Eigen::Matrix<T, 3, 3> turn = placed.turn;
-    turn.row(2) *= (T(1) + moves[kFocal] * T(start.scale_per_px)) / T(now);
-    return turn;
+  static Eigen::Matrix<T, 3, 3> scaled_rotation(const UpdatedPose<T>& pose,
+                                                const StartCamera& start, const T* parameters,
+                                                double now) {
+    Eigen::Matrix<T, 3, 3> rotation = pose.rotation;
+    rotation.row(2) *= (T(1) + parameters[kFocal] * T(start.scale_per_px)) / T(now);
+    return rotation;
   }
 };
-using TangentCost = ceres::AutoDiffCostFunction<TangentMiss, 1, kMoves, kMoves>;
+using TangentCost = ceres::AutoDiffCostFunction<TangentResidual, 1, kParameters, kParameters>;
 
-/// Draws the moves to nothing.
-struct Stay {
+/// Prior of the parameters: 0 with standard deviation `expected_px` (width error: 1 px).
+struct ParameterPrior {
   double expected_px;
   template <class T>
-  bool operator()(const T* moves, T* miss) const {
-    for (int i = 0; i < kWidth; ++i) miss[i] = moves[i] / T(expected_px);
-    miss[kWidth] = moves[kWidth];
+  bool operator()(const T* parameters, T* residual) const {
+    for (int i = 0; i < kWidth; ++i) residual[i] = parameters[i] / T(expected_px);
+    residual[kWidth] = parameters[kWidth];
     return true;
   }
 };
-using StayCost = ceres::AutoDiffCostFunction<Stay, kMoves, kMoves>;
+using PriorCost = ceres::AutoDiffCostFunction<ParameterPrior, kParameters, kParameters>;
 
-double scale_of(const Start& start, const Moves& moves) {
-  return 1 + moves[kFocal] * start.scale_per_px;
+double scale_of(const StartCamera& start, const Parameters& parameters) {
+  return 1 + parameters[kFocal] * start.scale_per_px;
 }
 
-CameraModel moved(const CameraModel& before, const Start& start, const Moves& moves) {
-  const Placed<double> placed(start, moves.data());
+CameraModel updated(const CameraModel& before, const StartCamera& start,
+                    const Parameters& parameters) {
+  const UpdatedPose<double> pose(start, parameters.data());
   Eigen::Matrix3d k = before.matrix();
-  k.topLeftCorner<2, 2>() *= scale_of(start, moves);
-  return {before.size(), k, before.distortion(), {placed.turn, -(placed.turn * placed.centre)}};
+  k.topLeftCorner<2, 2>() *= scale_of(start, parameters);
+  return {before.size(), k, before.distortion(), {pose.rotation, -(pose.rotation * pose.centre)}};
 }
 
-/// By a lens whose focal length is `scale` times as long.
+/// The outline through a lens whose focal length is multiplied by `scale`.
 Outline scaled(Outline outline, double scale) {
   for (Eigen::Vector3d& ray : outline.rays) ray.head<2>() /= scale;
   outline.middle.head<2>() /= scale;
@@ -123,7 +126,10 @@ Outline scaled(Outline outline, double scale) {
 class Refiner {
  public:
   Refiner(const Rig& rig, const std::vector<SilhouetteSet>& sets, const RefineOptions& options)
-      : rig_(rig), before_(models_of(rig)), options_(options), moves_(rig.size(), Moves{}) {
+      : rig_(rig),
+        before_(models_of(rig)),
+        options_(options),
+        parameters_(rig.size(), Parameters{}) {
     for (const SilhouetteSet& set : sets) {
       outlines_.emplace_back();
       for (size_t c = 0; c < before_.size(); ++c) {
@@ -133,44 +139,45 @@ class Refiner {
   }
 
   RefineResult refine() {
-    const std::vector<Tangent> first = tangents(before_, false);
+    const std::vector<EpipolarTangent> first = tangents(before_, false);
     require_tangents(first);
-    amid_ = first.front().amid;
+    scene_point_ = first.front().scene_point;
     for (const CameraModel& camera : before_) {
-      starts_.emplace_back(camera, (amid_ - camera.center()).norm());
+      starts_.emplace_back(camera, (scene_point_ - camera.center()).norm());
     }
     constexpr int kRounds = 8;
-    for (int round = 0; round < kRounds; ++round) improve({0, 1, 2, 3, 4, 5, kFocal});
-    const std::vector<Miss> then = residuals(before_, true);
-    const std::vector<int> held = options_.focal_lengths ? std::vector<int>() : std::vector{kFocal};
-    for (int round = 0; round < kRounds; ++round) improve(held);
-    const std::vector<CameraModel> after = put_back(cameras());
-    return judged(after, then, residuals(after, true));
+    for (int round = 0; round < kRounds; ++round) iterate({0, 1, 2, 3, 4, 5, kFocal});
+    const std::vector<ErrorPx> before = residuals(before_, true);
+    const std::vector<int> constant =
+        options_.focal_lengths ? std::vector<int>() : std::vector{kFocal};
+    for (int round = 0; round < kRounds; ++round) iterate(constant);
+    const std::vector<CameraModel> after = restore_gauge(cameras());
+    return evaluate(after, before, residuals(after, true));
   }
 
  private:
-  /// By how much the planes of a tangent of two cameras disagree, beyond the widths of their
-  /// silhouettes.
-  struct Miss {
+  /// The residual of an epipolar tangent, corrected for the width errors of the silhouettes.
+  struct ErrorPx {
     int a, b;
     double px;
   };
 
-  std::vector<Miss> residuals(const std::vector<CameraModel>& cameras, bool held_out) const {
-    std::vector<Miss> result;
-    for (const Tangent& t : tangents(cameras, held_out)) {
+  std::vector<ErrorPx> residuals(const std::vector<CameraModel>& cameras, bool held_out) const {
+    std::vector<ErrorPx> result;
+    for (const EpipolarTangent& t : tangents(cameras, held_out)) {
       const double angle = angle_between(t, cameras[t.a], cameras[t.b]) +
-                           moves_[t.a][kWidth] * t.wider_a - moves_[t.b][kWidth] * t.wider_b;
+                           parameters_[t.a][kWidth] * t.rad_per_px_a -
+                           parameters_[t.b][kWidth] * t.rad_per_px_b;
       result.push_back({t.a, t.b, std::abs(angle) * t.px_per_radian()});
     }
     return result;
   }
 
-  /// Median of those that have to do with a camera; of all: -1.
-  static double median_of(const std::vector<Miss>& residuals, int camera) {
+  /// Median residual of one camera; `camera` -1: of all cameras.
+  static double median_of(const std::vector<ErrorPx>& residuals, int camera) {
     std::vector<double> values;
-    for (const Miss& miss : residuals) {
-      if (camera < 0 || miss.a == camera || miss.b == camera) values.push_back(miss.px);
+    for (const ErrorPx& residual : residuals) {
+      if (camera < 0 || residual.a == camera || residual.b == camera) values.push_back(residual.px);
     }
     return upper_median(std::move(values));
   }
@@ -178,15 +185,16 @@ class Refiner {
   std::vector<CameraModel> cameras() const {
     std::vector<CameraModel> result;
     for (size_t c = 0; c < before_.size(); ++c) {
-      result.push_back(moved(before_[c], starts_[c], moves_[c]));
+      result.push_back(updated(before_[c], starts_[c], parameters_[c]));
     }
     return result;
   }
 
-  /// Of the instants that are held out, or of the others. Where planes touch depends on the places
-  /// of the cameras, the rays on their focal lengths.
-  std::vector<Tangent> tangents(const std::vector<CameraModel>& cameras, bool held_out) const {
-    std::vector<Tangent> all;
+  /// The tangents of the held-out instants, or of the other ones. Points of contact depend on the
+  /// camera poses, and rays on the focal lengths.
+  std::vector<EpipolarTangent> tangents(const std::vector<CameraModel>& cameras,
+                                        bool held_out) const {
+    std::vector<EpipolarTangent> all;
     for (size_t s = 0; s < outlines_.size(); ++s) {
       if ((s % kHoldOutEvery == kHoldOutEvery - 1) != held_out) continue;
       std::vector<Outline> outlines;
@@ -194,54 +202,58 @@ class Refiner {
         outlines.push_back(
             scaled(outlines_[s][c], cameras[c].matrix()(0, 0) / before_[c].matrix()(0, 0)));
       }
-      const std::vector<Tangent> some = tangents_of(cameras, outlines);
+      const std::vector<EpipolarTangent> some = epipolar_tangents(cameras, outlines);
       all.insert(all.end(), some.begin(), some.end());
     }
     return all;
   }
 
-  static void require_tangents(const std::vector<Tangent>& tangents) {
-    if (std::ssize(tangents) >= kFewestTangents) return;
-    throw InputError("refine: the silhouettes say too little: only " +
-                     std::to_string(tangents.size()) + " planes touch those of two cameras; at " +
-                     "least " + std::to_string(kFewestTangents) + " are needed");
+  static void require_tangents(const std::vector<EpipolarTangent>& tangents) {
+    if (std::ssize(tangents) >= kMinTangents) return;
+    throw InputError("refine: too few silhouettes: only " + std::to_string(tangents.size()) +
+                     " epipolar tangents of two cameras; at least " + std::to_string(kMinTangents) +
+                     " are needed");
   }
 
-  /// One round: the tangents where they are now, and all cameras moved to where they agree best.
-  /// `held`: moves that stay.
-  void improve(const std::vector<int>& held) {
+  /// One iteration: finds the tangents of the current cameras, then fits all cameras to them.
+  /// `constant`: indices of constant parameters.
+  void iterate(const std::vector<int>& constant) {
     const std::vector<CameraModel> now = cameras();
-    const std::vector<Tangent> touching = tangents(now, false);
+    const std::vector<EpipolarTangent> touching = tangents(now, false);
     const double robust = std::max(0.5, 1.5 * median_of(residuals(now, false), -1));
     std::vector<double> scales;
-    for (size_t c = 0; c < now.size(); ++c) scales.push_back(scale_of(starts_[c], moves_[c]));
+    for (size_t c = 0; c < now.size(); ++c) scales.push_back(scale_of(starts_[c], parameters_[c]));
     ceres::Problem problem;
-    for (const Tangent& t : touching) {
-      problem.AddResidualBlock(
-          new TangentCost(new TangentMiss{t, starts_[t.a], starts_[t.b], scales[t.a], scales[t.b]}),
-          new ceres::CauchyLoss(robust), moves_[t.a].data(), moves_[t.b].data());
+    for (const EpipolarTangent& t : touching) {
+      problem.AddResidualBlock(new TangentCost(new TangentResidual{t, starts_[t.a], starts_[t.b],
+                                                                   scales[t.a], scales[t.b]}),
+                               new ceres::CauchyLoss(robust), parameters_[t.a].data(),
+                               parameters_[t.b].data());
     }
-    for (Moves& moves : moves_) hold(problem, moves, held);
+    for (Parameters& parameters : parameters_) add_prior(problem, parameters, constant);
     solve(problem);
   }
 
-  void hold(ceres::Problem& problem, Moves& moves, const std::vector<int>& held) const {
-    problem.AddResidualBlock(new StayCost(new Stay{options_.expected_px}), nullptr, moves.data());
-    if (!held.empty()) problem.SetManifold(moves.data(), new ceres::SubsetManifold(kMoves, held));
+  void add_prior(ceres::Problem& problem, Parameters& parameters,
+                 const std::vector<int>& constant) const {
+    problem.AddResidualBlock(new PriorCost(new ParameterPrior{options_.expected_px}), nullptr,
+                             parameters.data());
+    if (!constant.empty())
+      problem.SetManifold(parameters.data(), new ceres::SubsetManifold(kParameters, constant));
   }
 
   void solve(ceres::Problem& problem) const {
-    ceres::Solver::Options how;
-    how.linear_solver_type = ceres::DENSE_NORMAL_CHOLESKY;
-    how.max_num_iterations = 12;
-    how.num_threads = options_.threads;
-    how.logging_type = ceres::SILENT;
+    ceres::Solver::Options solver_options;
+    solver_options.linear_solver_type = ceres::DENSE_NORMAL_CHOLESKY;
+    solver_options.max_num_iterations = 12;
+    solver_options.num_threads = options_.threads;
+    solver_options.logging_type = ceres::SILENT;
     ceres::Solver::Summary summary;
-    ceres::Solve(how, &problem, &summary);
+    ceres::Solve(solver_options, &problem, &summary);
   }
 
-  /// Where the rig as a whole was.
-  std::vector<CameraModel> put_back(const std::vector<CameraModel>& cameras) const {
+  /// Restores position, orientation and scale of the whole rig.
+  std::vector<CameraModel> restore_gauge(const std::vector<CameraModel>& cameras) const {
     std::vector<Eigen::Vector3d> from, to;
     Rig now = rig_;
     for (size_t c = 0; c < cameras.size(); ++c) {
@@ -249,50 +261,51 @@ class Refiner {
       to.push_back(before_[c].center());
       now[c].model = cameras[c];
     }
-    return models_of(moved_rig(now, align_points(from, to, true)));
+    return models_of(transformed_rig(now, align_points(from, to, true)));
   }
 
-  RefineResult judged(const std::vector<CameraModel>& after, const std::vector<Miss>& then,
-                      const std::vector<Miss>& now) const {
+  RefineResult evaluate(const std::vector<CameraModel>& after, const std::vector<ErrorPx>& before,
+                        const std::vector<ErrorPx>& now) const {
     RefineResult result;
     result.rig = rig_;
-    result.before_px = median_of(then, -1);
+    result.before_px = median_of(before, -1);
     result.after_px = median_of(now, -1);
-    result.better = result.after_px < kProof * result.before_px;
+    result.better = result.after_px < kMaxErrorRatio * result.before_px;
     for (size_t c = 0; c < rig_.size(); ++c) {
       const auto camera = static_cast<int>(c);
-      const auto tangents = std::ranges::count_if(
-          then, [&](const Miss& miss) { return miss.a == camera || miss.b == camera; });
-      result.cameras.push_back({static_cast<int>(tangents), median_of(then, camera),
-                                median_of(now, camera), shift_px(before_[c], after[c], amid_)});
+      const auto tangents = std::ranges::count_if(before, [&](const ErrorPx& residual) {
+        return residual.a == camera || residual.b == camera;
+      });
+      result.cameras.push_back({static_cast<int>(tangents), median_of(before, camera),
+                                median_of(now, camera),
+                                shift_px(before_[c], after[c], scene_point_)});
       if (result.better) result.rig[c].model = after[c];
     }
     return result;
   }
 
   static double shift_px(const CameraModel& before, const CameraModel& after,
-                         const Eigen::Vector3d& place) {
-    const auto then = before.project(place), now = after.project(place);
-    return then && now ? (*now - *then).norm() : 0;
+                         const Eigen::Vector3d& point) {
+    const auto from = before.project(point), to = after.project(point);
+    return from && to ? (*to - *from).norm() : 0;
   }
 
   const Rig& rig_;
   const std::vector<CameraModel> before_;
   const RefineOptions& options_;
-  std::vector<std::vector<Outline>>
-      outlines_;  ///< by instant, by camera, through the lenses before
-  Eigen::Vector3d amid_ = Eigen::Vector3d::Zero();  ///< what the cameras look at
-  std::vector<Start> starts_;
-  std::vector<Moves> moves_;
+  std::vector<std::vector<Outline>> outlines_;  ///< by instant and camera, through the given lenses
+  Eigen::Vector3d scene_point_ = Eigen::Vector3d::Zero();  ///< world frame
+  std::vector<StartCamera> starts_;
+  std::vector<Parameters> parameters_;
 };
 
 }  // namespace
 
 RefineResult refine_by_silhouettes(const Rig& rig, const std::vector<SilhouetteSet>& sets,
                                    const RefineOptions& options) {
-  if (std::ssize(sets) < kFewestSets) {
+  if (std::ssize(sets) < kMinSilhouetteSets) {
     throw InputError("refine: " + std::to_string(sets.size()) + " instants are too few; at least " +
-                     std::to_string(kFewestSets) + " are needed, 40 are good");
+                     std::to_string(kMinSilhouetteSets) + " are needed, 40 are recommended");
   }
   return Refiner(rig, sets, options).refine();
 }

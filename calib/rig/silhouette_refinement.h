@@ -1,4 +1,4 @@
-// The places of calibrated cameras, improved without a board: from the silhouettes of a take.
+// Refinement of camera poses from the silhouettes of a take, without a board.
 #pragma once
 
 #include <vector>
@@ -12,38 +12,40 @@ namespace v3d::calib {
 using SilhouetteSet = std::vector<const Mask*>;
 
 struct RefineOptions {
-  bool focal_lengths = false;  ///< are fitted too
-  /// How far the cameras are thought to be off, pixels: what silhouettes do not tell stays.
+  bool focal_lengths = false;  ///< also refine the focal lengths
+  /// Standard deviation of the calibration error, pixels. It is the prior of all parameters.
   double expected_px = 3;
   int threads = 2;
 };
 
-/// What a camera's outlines say, before and after.
+/// Epipolar tangency errors of one camera, over the held-out instants.
 struct RefinedCamera {
-  int tangents = 0;  ///< that were compared, in the instants that are held out
-  /// By how much the planes that touch its silhouettes and another camera's disagree, pixels,
-  /// median.
+  int tangents = 0;  ///< number of compared epipolar tangents
+  /// Median distance between the tangent planes of this and another camera, pixels.
   double before_px = 0;
   double after_px = 0;
-  double moved_px = 0;  ///< by how much its image of the scene shifted
+  double moved_px = 0;  ///< image shift of the scene centre
 };
 
 struct RefineResult {
-  Rig rig;  ///< as it was, where the silhouettes do not prove that the new one is better
+  Rig rig;  ///< the refined rig where `better`, else the given one
   bool better = false;
-  double before_px = 0;  ///< over all cameras
+  double before_px = 0;  ///< median over all cameras
   double after_px = 0;
   std::vector<RefinedCamera> cameras;
 };
 
-/// Instants in which the performer stands or reaches elsewhere tell most; every third is held out
-/// of the fit and is the judge of it: only where the planes' disagreement falls by two fifths is
-/// the rig changed. Silhouettes cut by an image's border count where they are whole. Position, turn
-/// and scale of the rig as a whole no silhouette tells: they stay. Throws InputError for fewer than
-/// kFewestSets instants, and where hardly any planes touch two cameras' silhouettes. Pure; uses so
-/// many threads.
+inline constexpr int kMinSilhouetteSets = 6;
+
+/// Refines the poses of calibrated cameras by epipolar tangents (rig/epipolar_tangents.h).
+///
+/// `sets`: instants with different poses of the performer. Every third instant is held out. The rig
+/// is changed only where its median error on them falls below 0.6 of the error before. Silhouettes
+/// at an image border are used as far as their tangents lie inside. Position, orientation and scale
+/// of the whole rig are kept, because silhouettes do not determine them.
+/// Throws InputError for fewer than kMinSilhouetteSets instants, and for too few tangents.
+/// Pure. Uses options.threads threads.
 RefineResult refine_by_silhouettes(const Rig& rig, const std::vector<SilhouetteSet>& sets,
                                    const RefineOptions& options);
-inline constexpr int kFewestSets = 6;
 
 }  // namespace v3d::calib

@@ -28,7 +28,7 @@ PoseErrors pose_errors(const Rig& found, const Rig& truth) {
     from.push_back(found[i].model.center());
     to.push_back(truth[i].model.center());
   }
-  const Rig moved = moved_rig(found, align_points(from, to, false));
+  const Rig moved = transformed_rig(found, align_points(from, to, false));
   PoseErrors errors;
   for (size_t i = 0; i < moved.size(); ++i) {
     errors.distance_mm.push_back(1000 * (moved[i].model.center() - to[i]).norm());

@@ -93,15 +93,16 @@ std::vector<TheirCamera> load_camera_array(const fs::path& file) {
 double rms_of_rig(const calib::Board& board, const std::vector<TheirCamera>& rig,
                   const std::vector<calib::CameraObservations>& seen) {
   std::vector<CameraModel> cameras;
-  std::vector<calib::CameraPoses> poses;
+  std::vector<calib::CandidatePoses> poses;
   calib::BundleOptions options{.fixed_cameras = {}};
   for (size_t c = 0; c < rig.size(); ++c) {
     cameras.push_back(rig[c].model);
-    poses.push_back(calib::possible_poses(rig[c].model, board, seen[c]));
+    poses.push_back(calib::candidate_poses(rig[c].model, board, seen[c]));
     options.fixed_cameras.push_back(static_cast<int>(c));
   }
   const auto pairs = calib::pair_poses(poses);
-  calib::Bundle bundle = calib::place_boards({board, seen, poses, pairs}, cameras, 1000).bundle;
+  calib::Bundle bundle =
+      calib::initialize_boards({board, seen, poses, pairs}, cameras, 1000).bundle;
   adjust(bundle, options);
   return calib::rms_of(residuals(bundle));
 }
@@ -133,7 +134,7 @@ TEST_F(RealBoards, in_four_webcams_tell_that_one_is_late_and_fit_better_than_ano
     EXPECT_LE(rms_of_lens(detector.board(), boards.cameras[c]), theirs[c].error_px);
   }
   const calib::RigFit fit = fit_rig(detector.board(), boards.cameras, {});
-  EXPECT_NEAR(fit.cameras[1].late, 1, 0.1);
+  EXPECT_NEAR(fit.cameras[1].time_offset, 1, 0.1);
   EXPECT_LT(fit.rms_px, 0.65);
   EXPECT_LT(2 * fit.rms_px, rms_of_rig(detector.board(), theirs, boards.cameras));
   const double apart = (fit.rig[0].model.center() - fit.rig[2].model.center()).norm();

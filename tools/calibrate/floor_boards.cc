@@ -74,7 +74,7 @@ std::vector<CameraObservations> look_around(const std::vector<FloorCamera>& came
 std::vector<CameraObservations> look_by_rays(const std::vector<FloorCamera>& cameras,
                                              const Rig& rig, const BoardDetector& detector,
                                              const std::vector<CameraObservations>& seen) {
-  const auto found = place_board(rig, detector.board(), seen);
+  const auto found = locate_board(rig, detector.board(), seen);
   if (!found) return {};
   calib::Board as_large = detector.board();
   as_large.square_m /= found->scale;

@@ -34,7 +34,7 @@ int run(const ctl::CommandLine& line, const Arguments& arguments) {
   const Studio studio = line.studio();
   std::vector<std::string> names;
   for (const StudioCamera& camera : studio.cameras) names.push_back(camera.name);
-  const Rig rig = calib::guessed_rig(names, size, arguments.across_deg, studio.space.bounds);
+  const Rig rig = calib::initial_rig(names, size, arguments.across_deg, studio.space.bounds);
   save_calib(arguments.out, rig);
   if (arguments.json) {
     std::printf("%s\n", Json{{"cameras", names}, {"out", arguments.out}}.dump(2).c_str());

@@ -8,7 +8,6 @@
 #include "base/file.h"
 #include "base/html.h"
 #include "base/jpeg.h"
-#include "calib/rig/advice.h"
 #include "calib/rig/rig_fit.h"
 #include "calib/rig/rig_report.h"
 #include "calibrate/commands.h"
@@ -39,14 +38,14 @@ Json to_json(const calib::RigFit& fit) {
                        {"views", camera.views},
                        {"found", camera.found},
                        {"rejected", camera.rejected},
-                       {"late", camera.late},
+                       {"late", camera.time_offset},
                        {"coverage", camera.coverage},
                        {"coefficients", camera.coefficients}});
   }
   for (const calib::PairPose& pair : fit.pairs) {
     pairs.push_back({{"cameras", {fit.rig[pair.a].name, fit.rig[pair.b].name}},
                      {"shared", pair.shared},
-                     {"agreeing", pair.agreeing}});
+                     {"agreeing", pair.inliers}});
   }
   for (const auto& observation : fit.rejected) {
     rejected.push_back({{"camera", fit.rig[observation.camera].name},
@@ -54,7 +53,7 @@ Json to_json(const calib::RigFit& fit) {
                         {"reason", observation.reason}});
   }
   return {{"rms_px", fit.rms_px}, {"boards", fit.world_from_board.size()},
-          {"cameras", cameras},   {"weak", advice(fit)},
+          {"cameras", cameras},   {"weak", find_weaknesses(fit)},
           {"pairs", pairs},       {"rejected", rejected}};
 }
 
@@ -69,17 +68,17 @@ void print_text(const calib::RigFit& fit) {
     if (camera.rejected > 0) std::printf(", %d left out", camera.rejected);
     std::printf("\n");
   }
-  for (const std::string& weak : advice(fit)) std::printf("weak: %s\n", weak.c_str());
+  for (const std::string& weak : find_weaknesses(fit)) std::printf("weak: %s\n", weak.c_str());
   std::printf("rig: %.2f px RMS, %s, %s\n", fit.rms_px,
               ctl::count_of(std::ssize(fit.rig), "camera").c_str(),
               ctl::count_of(std::ssize(fit.world_from_board), "board").c_str());
 }
 
-void note_lateness(const std::vector<calib::CameraObservations>& cameras,
-                   const calib::RigFit& fit) {
+void note_time_offsets(const std::vector<calib::CameraObservations>& cameras,
+                       const calib::RigFit& fit) {
   std::vector<double> late;
-  for (const calib::CameraFit& camera : fit.cameras) late.push_back(camera.late);
-  const std::string text = lateness_text(cameras, late);
+  for (const calib::CameraFit& camera : fit.cameras) late.push_back(camera.time_offset);
+  const std::string text = time_offset_text(cameras, late);
   if (!text.empty()) note("v3dctl: " + text + "; put right here, but the next take needs a mend");
 }
 
@@ -98,15 +97,15 @@ std::vector<std::string> pictures_of(const RigBoards& boards) {
 int run(const ctl::CommandLine& line, const Arguments& arguments) {
   const calib::BoardDetector detector(calib::parse_board(arguments.board));
   calib::RigOptions options;
-  if (!arguments.before.empty()) options.before = load_calib(arguments.before);
+  if (!arguments.before.empty()) options.previous = load_calib(arguments.before);
   ctl::catch_interrupts();
   const RigBoards boards = find_rig_boards(arguments.sources.sources(line), detector);
   if (boards.cameras.size() < 2) throw InputError("a rig has two cameras or more");
   const calib::RigFit fit = fit_rig(detector.board(), boards.cameras, options);
-  note_lateness(boards.cameras, fit);
+  note_time_offsets(boards.cameras, fit);
   save_calib(arguments.out, fit.rig);
   if (!arguments.report.empty()) {
-    replace_file(arguments.report, report_html(detector.board(), fit, pictures_of(boards)));
+    replace_file(arguments.report, rig_report_html(detector.board(), fit, pictures_of(boards)));
   }
   if (arguments.json) {
     std::printf("%s\n", to_json(fit).dump(2).c_str());

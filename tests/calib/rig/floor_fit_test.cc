@@ -14,10 +14,10 @@ namespace {
 
 using testing::HasSubstr;
 
-class Floor : public testing::Test {
+class FloorFitting : public testing::Test {
  protected:
-  /// The board lies on z = 0 with its first corner at the origin, x along the columns.
-  std::vector<CameraObservations> lying(const Board& board, double noise_px) const {
+  /// Observations of a board on z = 0 with its first corner at the origin, x along the columns.
+  std::vector<CameraObservations> observe(const Board& board, double noise_px) const {
     std::vector<CameraObservations> cameras;
     for (const RigCamera& c : truth_) {
       CameraObservations camera{c.name, c.model.size(), {}};
@@ -38,7 +38,7 @@ class Floor : public testing::Test {
     return cameras;
   }
 
-  static void expect_same_places(const Rig& found, const Rig& truth, double metres) {
+  static void expect_same_positions(const Rig& found, const Rig& truth, double metres) {
     for (size_t i = 0; i < truth.size(); ++i) {
       EXPECT_LT((found[i].model.center() - truth[i].model.center()).norm(), metres);
     }
@@ -46,48 +46,50 @@ class Floor : public testing::Test {
 
   Board board_ = parse_board("chess:9x6:80mm");
   Rig truth_ = sim::make_rig(12, {1024, 768}, 3);
-  Similarity elsewhere_{1, RigidTransform::from_rodrigues({0.4, -1.1, 0.3}, {0.5, 2, -1})};
+  Similarity rig_from_world_{1, RigidTransform::from_rodrigues({0.4, -1.1, 0.3}, {0.5, 2, -1})};
 };
 
-TEST_F(Floor, becomes_the_world_to_a_millimetre) {
-  const FloorFit fit = fit_floor(moved_rig(truth_, elsewhere_), board_, lying(board_, 0.2));
+TEST_F(FloorFitting, recovers_the_world_frame_within_millimetres) {
+  const FloorFit fit =
+      fit_floor(transformed_rig(truth_, rig_from_world_), board_, observe(board_, 0.2));
   EXPECT_FALSE(fit.scaled);
   EXPECT_NEAR(fit.board_by_rig, 1, 0.001);
   EXPECT_NEAR(fit.rms_px, 0.1, 0.1);
   EXPECT_LT(fit.disagreement_deg, 0.5);
-  expect_same_places(fit.rig, truth_, 0.004);
+  expect_same_positions(fit.rig, truth_, 0.004);
 }
 
-TEST_F(Floor, gives_a_rig_of_another_scale_its_metres) {
-  elsewhere_.scale = 0.5;
-  const FloorFit fit = fit_floor(moved_rig(truth_, elsewhere_), board_, lying(board_, 0));
+TEST_F(FloorFitting, corrects_the_scale_of_the_rig) {
+  rig_from_world_.scale = 0.5;
+  const FloorFit fit =
+      fit_floor(transformed_rig(truth_, rig_from_world_), board_, observe(board_, 0));
   EXPECT_TRUE(fit.scaled);
   EXPECT_NEAR(fit.board_by_rig, 2, 1e-6);
-  expect_same_places(fit.rig, truth_, 1e-5);
+  expect_same_positions(fit.rig, truth_, 1e-5);
 }
 
-TEST_F(Floor, tells_by_how_much_a_camera_sees_it_lean_otherwise_than_the_others) {
+TEST_F(FloorFitting, reports_the_largest_angle_between_observed_board_normals) {
   constexpr double kDegree = 3.14159265 / 180;
-  const auto cameras = lying(board_, 0);
+  const auto cameras = observe(board_, 0);
   CameraModel& model = truth_[1].model;
-  const RigidTransform lean = RigidTransform::from_rodrigues({1.5 * kDegree, 0, 0}, {0, 0, 0});
-  model = with_pose(model, model.cam_from_world() * lean);
+  const RigidTransform tilt = RigidTransform::from_rodrigues({1.5 * kDegree, 0, 0}, {0, 0, 0});
+  model = with_pose(model, model.cam_from_world() * tilt);
   EXPECT_NEAR(fit_floor(truth_, board_, cameras).disagreement_deg, 1.5, 0.05);
 }
 
-TEST_F(Floor, of_a_board_that_looks_the_same_when_turned_is_at_one_end_for_all_cameras) {
+TEST_F(FloorFitting, resolves_the_half_turn_symmetry_of_a_board) {
   const Board even = parse_board("chess:8x6:80mm");
-  auto cameras = lying(even, 0);
+  auto cameras = observe(even, 0);
   for (size_t i = 1; i < cameras.size(); i += 2) {
     for (auto& [instant, observation] : cameras[i].observations)
       observation = half_turned(even, observation);
   }
-  const FloorFit fit = fit_floor(moved_rig(truth_, elsewhere_), even, cameras);
+  const FloorFit fit = fit_floor(transformed_rig(truth_, rig_from_world_), even, cameras);
   EXPECT_LT(fit.rms_px, 1e-3);
 }
 
-TEST_F(Floor, is_refused_where_one_camera_alone_sees_it_or_it_fits_no_rig) {
-  auto cameras = lying(board_, 0);
+TEST_F(FloorFitting, rejects_a_single_camera_and_a_board_that_does_not_fit) {
+  auto cameras = observe(board_, 0);
   auto one = cameras;
   for (size_t i = 1; i < one.size(); ++i) one[i].observations.clear();
   EXPECT_THAT(test::message_of<InputError>([&] { fit_floor(truth_, board_, one); }),

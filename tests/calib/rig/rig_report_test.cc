@@ -4,7 +4,6 @@
 #include <gtest/gtest.h>
 
 #include "base/html.h"
-#include "calib/rig/advice.h"
 #include "sim/scene.h"
 
 namespace v3d::calib {
@@ -32,46 +31,48 @@ RigFit good_fit() {
   return fit;
 }
 
-TEST(Advice, is_silent_where_nothing_is_weak) { EXPECT_THAT(advice(good_fit()), IsEmpty()); }
+TEST(Weaknesses, are_none_for_a_good_rig) { EXPECT_THAT(find_weaknesses(good_fit()), IsEmpty()); }
 
-TEST(Advice, tells_between_which_cameras_to_show_the_board) {
+TEST(Weaknesses, name_the_cameras_that_share_too_few_views) {
   RigFit fit = good_fit();
   for (PairPose& pair : fit.pairs) {
-    if (pair.b == 3) pair.agreeing = 2;
+    if (pair.b == 3) pair.inliers = 2;
   }
-  EXPECT_THAT(advice(fit),
+  EXPECT_THAT(find_weaknesses(fit),
               Contains(HasSubstr("cam04 shares 6 views with its neighbours: show the board between "
                                  "cam04 and cam0")));
 }
 
-TEST(Advice, tells_where_in_the_image_boards_are_missing) {
+TEST(Weaknesses, name_the_part_of_the_image_without_boards) {
   RigFit fit = good_fit();
   fit.cameras[1].coverage = 0.3;
   std::erase_if(fit.cameras[1].residuals,
                 [](const CornerResidual& r) { return r.pixel.x() > 680 && r.pixel.y() > 510; });
-  EXPECT_THAT(advice(fit), Contains(HasSubstr("cam02: boards reached 30 % of its image: show the "
-                                              "board in the lower right part")));
+  EXPECT_THAT(find_weaknesses(fit),
+              Contains(HasSubstr("cam02: boards covered 30 % of its image: show the "
+                                 "board in the lower right part")));
 }
 
-TEST(Advice, names_cameras_that_fit_worse_and_cameras_that_are_late) {
+TEST(Weaknesses, name_cameras_with_large_residuals_and_time_offsets) {
   RigFit fit = good_fit();
   fit.cameras[2].rms_px = 0.9;
-  fit.cameras[0].late = -0.4;
-  EXPECT_THAT(advice(fit),
-              Contains(HasSubstr("cam03 misses by 0.90 px, the median camera by 0.30")));
-  EXPECT_THAT(advice(fit), Contains(HasSubstr("cam01 is 0.40 pictures early")));
+  fit.cameras[0].time_offset = -0.4;
+  EXPECT_THAT(
+      find_weaknesses(fit),
+      Contains(HasSubstr("cam03 has an RMS residual of 0.90 px, the median camera 0.30 px")));
+  EXPECT_THAT(find_weaknesses(fit), Contains(HasSubstr("cam01 is 0.40 images early")));
 }
 
-TEST(Report, is_one_page_with_a_picture_of_every_camera_and_no_link_to_elsewhere) {
+TEST(RigReport, is_one_page_with_an_image_of_every_camera_and_no_external_link) {
   RigFit fit = good_fit();
   fit.rejected.push_back({1, 12, "blurred & <dark>"});
   const std::string html =
-      report_html(parse_board("chess:9x6:25mm"), fit, {data_url({1, 2, 3, 4}), "", "", ""});
+      rig_report_html(parse_board("chess:9x6:25mm"), fit, {data_url({1, 2, 3, 4}), "", "", ""});
   for (const RigCamera& camera : fit.rig)
     EXPECT_THAT(html, HasSubstr("<b>" + camera.name + "</b>"));
   EXPECT_THAT(html, HasSubstr("data:image/jpeg;base64,AQIDBA=="));
   EXPECT_THAT(html, HasSubstr("blurred &amp; &lt;dark>"));
-  EXPECT_THAT(html, HasSubstr("Nothing is weak."));
+  EXPECT_THAT(html, HasSubstr("No weaknesses."));
   EXPECT_THAT(html, Not(HasSubstr("http")));
 }
 

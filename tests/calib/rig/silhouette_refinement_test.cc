@@ -39,23 +39,23 @@ class SilhouetteRefining : public testing::Test {
   static inline std::vector<std::vector<Mask>> masks_;
 };
 
-TEST_F(SilhouetteRefining, sees_planes_agree_where_the_cameras_stand_right) {
+TEST_F(SilhouetteRefining, finds_equal_tangent_planes_for_true_cameras) {
   const std::vector<CameraModel> cameras = models_of(truth_);
   std::vector<Outline> outlines;
   for (size_t c = 0; c < cameras.size(); ++c) {
     outlines.push_back(outline_of(masks_[0][c], cameras[c]));
   }
-  const std::vector<Tangent> tangents = tangents_of(cameras, outlines);
+  const std::vector<EpipolarTangent> tangents = epipolar_tangents(cameras, outlines);
   ASSERT_GT(tangents.size(), 20U);
   int close = 0;
-  for (const Tangent& t : tangents) {
+  for (const EpipolarTangent& t : tangents) {
     const double angle = angle_between(t, cameras[t.a], cameras[t.b]);
     close += std::abs(angle) * t.px_per_radian() < 1;
   }
   EXPECT_GT(close, 0.8 * static_cast<double>(tangents.size()));
 }
 
-TEST_F(SilhouetteRefining, brings_cameras_that_are_a_pixel_off_nearer_to_their_places) {
+TEST_F(SilhouetteRefining, reduces_a_calibration_error_of_one_pixel) {
   const Rig before = test::knocked(truth_, 1, 5);
   const RefineResult result = refine_by_silhouettes(before, sets(), {});
   EXPECT_TRUE(result.better);
@@ -64,20 +64,20 @@ TEST_F(SilhouetteRefining, brings_cameras_that_are_a_pixel_off_nearer_to_their_p
   EXPECT_LT(test::error_px(result.rig, truth_), 0.6 * test::error_px(before, truth_));
 }
 
-TEST_F(SilhouetteRefining, leaves_a_rig_alone_that_is_right) {
+TEST_F(SilhouetteRefining, keeps_a_correct_rig) {
   const RefineResult result = refine_by_silhouettes(truth_, sets(), {});
   EXPECT_FALSE(result.better);
   EXPECT_LT(test::error_px(result.rig, truth_), 1e-9);
 }
 
-TEST_F(SilhouetteRefining, says_what_is_lacking) {
+TEST_F(SilhouetteRefining, reports_too_few_silhouettes) {
   std::vector<SilhouetteSet> few = sets();
   few.resize(3);
   EXPECT_THAT(test::message_of<InputError>([&] { refine_by_silhouettes(truth_, few, {}); }),
               HasSubstr("3 instants are too few"));
   const std::vector<SilhouetteSet> none(9, SilhouetteSet(truth_.size(), nullptr));
   EXPECT_THAT(test::message_of<InputError>([&] { refine_by_silhouettes(truth_, none, {}); }),
-              HasSubstr("only 0 planes touch"));
+              HasSubstr("only 0 epipolar tangents"));
 }
 
 }  // namespace
