@@ -10,8 +10,8 @@
 namespace v3d::calib {
 namespace {
 
-/// Dark patches of a linear picture run into each other; their square roots look as eyes see them,
-/// which is what the detector is made for.
+/// The square root of a linear image. The detector expects gamma-encoded images; in linear ones,
+/// dark patches are hard to distinguish.
 cv::Mat square_root(ImageView image) {
   Image rgb = to_rgb(image);
   cv::Mat table(1, 256, CV_8U);
@@ -25,7 +25,7 @@ cv::Mat square_root(ImageView image) {
   return bgr;
 }
 
-/// The detector's table: of every patch rows for R, G, B, the mean in column 1.
+/// `table`: from the detector; rows R, G, B for each patch, the mean in column 1.
 ChartColours colours_of(const cv::Mat& table) {
   ChartColours colours;
   for (int patch = 0; patch < 24; ++patch) {
@@ -44,7 +44,7 @@ std::optional<ChartColours> find_chart(ImageView image) {
   try {
     if (!detector->process(square_root(image), cv::mcc::MCC24, 1)) return std::nullopt;
   } catch (const cv::Exception&) {
-    return std::nullopt;  // it asserts on some pictures without a chart
+    return std::nullopt;  // OpenCV asserts on some images without a chart
   }
   const auto chart = detector->getBestColorChecker();
   if (!chart) return std::nullopt;

@@ -1,4 +1,4 @@
-// Colour charts with 24 patches found in pictures: the adapter of OpenCV's detector (mcc).
+// Detection of colour charts with 24 patches: the adapter of OpenCV's detector (mcc).
 #pragma once
 
 #include <array>
@@ -9,11 +9,13 @@
 
 namespace v3d::calib {
 
-/// Mean grey values of the patches, from dark skin to black.
+/// Mean R, G, B of each patch, grey values 0 to 255 in linear light, from dark skin to black.
 using ChartColours = std::array<Eigen::Vector3d, 24>;
 
-/// The chart in one picture of linear light; empty where none is found. It wants to be whole, some
-/// 150 pixels wide, and not much slanted. Any pixel format with colour.
+/// The chart in one image of linear light, or nothing.
+///
+/// `image`: any pixel format with colour. The chart must be completely visible, at least about 150
+/// px wide, and only slightly slanted.
 std::optional<ChartColours> find_chart(ImageView image);
 
 }  // namespace v3d::calib

@@ -20,7 +20,7 @@ Polar polar(double a, double b) {
   return {std::hypot(a, b), hue < 0 ? hue + 360 : hue};
 }
 
-/// Difference of two hues, -180 to 180; 0 where one colour is grey.
+/// Difference of two hues, -180 to 180 degrees; 0 where one colour is grey.
 double hue_step(const Polar& from, const Polar& to) {
   if (from.chroma * to.chroma == 0) return 0;
   const double step = to.hue - from.hue;

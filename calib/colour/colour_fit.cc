@@ -16,14 +16,14 @@ namespace {
 
 using Eigen::Vector3d;
 using Eigen::Vector4d;
-/// A row for each output channel: gains of R, G, B, and what is added; all by white, 255.
+/// One row for each output channel: gains of R, G, B and an offset, relative to white (255).
 using Correction = Eigen::Matrix<double, 3, 4>;
 using Places = std::map<int, std::vector<const ColourSample*>>;
 
 constexpr double kWhite = 255;
 constexpr int kHoldOutEvery = 5;
 
-/// Places that two cameras or more show.
+/// Places with samples of at least two cameras.
 Places shared_places(std::span<const ColourSample> samples) {
   Places places;
   for (const ColourSample& sample : samples) places[sample.place].push_back(&sample);
@@ -46,14 +46,13 @@ ColourResponse response_of(const Correction& a) {
 }
 
 // --- differences
-// ----------------------------------------------------------------------------------
 
 class Differences {
  public:
   Differences(const Places& places, std::vector<ColourResponse> responses)
       : responses_(std::move(responses)), by_camera_(responses_.size()) {
-    for (const auto& [place, seen] : places) {
-      for (const ColourSample* sample : seen) add(*sample, seen);
+    for (const auto& [place, samples] : places) {
+      for (const ColourSample* sample : samples) add(*sample, samples);
     }
   }
 
@@ -70,14 +69,14 @@ class Differences {
   };
   using Pairs = std::vector<Pair>;
 
-  void add(const ColourSample& own, const std::vector<const ColourSample*>& seen) {
+  void add(const ColourSample& own, const std::vector<const ColourSample*>& samples) {
     Vector3d before = Vector3d::Zero(), after = Vector3d::Zero();
-    for (const ColourSample* other : seen) {
+    for (const ColourSample* other : samples) {
       if (other == &own) continue;
       before += other->grey;
       after += responses_[other->camera].corrected(other->grey);
     }
-    const double scale = 1 / (kWhite * static_cast<double>(seen.size() - 1));
+    const double scale = 1 / (kWhite * static_cast<double>(samples.size() - 1));
     const Vector3d mine = responses_[own.camera].corrected(own.grey) / kWhite;
     by_camera_[own.camera].push_back(
         {delta_e_2000(lab_of(own.grey / kWhite), lab_of(before * scale)),
@@ -97,7 +96,7 @@ class Differences {
   std::vector<Pairs> by_camera_;
 };
 
-ColourFit described(const Places& places, std::vector<ColourResponse> responses) {
+ColourFit with_differences(const Places& places, std::vector<ColourResponse> responses) {
   const Differences differences(places, responses);
   ColourFit fit;
   for (size_t c = 0; c < responses.size(); ++c) fit.differences.push_back(differences.of(c));
@@ -108,7 +107,6 @@ ColourFit described(const Places& places, std::vector<ColourResponse> responses)
 }
 
 // --- views
-// ----------------------------------------------------------------------------------------
 
 /// All corrections of a rig, from places that several cameras show.
 class ViewSolver {
@@ -122,7 +120,7 @@ class ViewSolver {
   std::vector<Correction> solve() {
     constexpr int kRounds = 6;
     for (int round = 0; round < kRounds; ++round) {
-      gather();
+      build_normal_matrix();
       for (int channel = 0; channel < 3; ++channel) solve_channel(channel);
     }
     return corrections_;
@@ -131,14 +129,14 @@ class ViewSolver {
  private:
   struct Place {
     Vector3d colour;
-    double importance;
+    double weight;
   };
 
-  /// The mean of what the cameras say now. Eyes are keen on the dark: L* grows with the third root.
-  Place place_of(const std::vector<const ColourSample*>& seen) const {
+  /// The mean of the corrected samples. Dark places weigh more: L* is a cube root of the luminance.
+  Place place_of(const std::vector<const ColourSample*>& samples) const {
     Vector3d sum = Vector3d::Zero();
-    for (const ColourSample* sample : seen) sum += corrected(*sample);
-    const Vector3d mean = sum / static_cast<double>(seen.size());
+    for (const ColourSample* sample : samples) sum += corrected(*sample);
+    const Vector3d mean = sum / static_cast<double>(samples.size());
     return {mean, std::pow(std::max(0.0, mean.mean()) + 0.05, -4.0 / 3) * 0.2};
   }
 
@@ -146,41 +144,43 @@ class ViewSolver {
     return corrections_[sample.camera] * extended(sample.grey);
   }
 
-  double typical_miss() const {
+  double typical_residual() const {
     std::vector<double> residuals;
-    for (const auto& [number, seen] : places_) {
-      const Vector3d mean = place_of(seen).colour;
-      for (const ColourSample* sample : seen)
+    for (const auto& [number, samples] : places_) {
+      const Vector3d mean = place_of(samples).colour;
+      for (const ColourSample* sample : samples)
         residuals.push_back((corrected(*sample) - mean).norm());
     }
     return std::max(1e-6, percentile(residuals, 0.5));
   }
 
-  /// The quadratic form of the misses, places eliminated: the same for all channels.
-  void gather() {
+  /// The normal matrix of the residuals with the places eliminated; it is the same for all
+  /// channels.
+  void build_normal_matrix() {
     const int size = 4 * cameras_;
-    misses_ = Eigen::MatrixXd::Zero(size, size);
-    constexpr double kAlike = 30;  // so many places miss for one reason
-    const double typical = typical_miss(), most = 1.5 * typical;
-    noise_ = kAlike * typical * typical;
-    for (const auto& [number, seen] : places_) {
-      const Place place = place_of(seen);
+    normal_matrix_ = Eigen::MatrixXd::Zero(size, size);
+    constexpr double kCorrelated = 30;  // number of places with correlated errors
+    const double scale = typical_residual(), threshold = 1.5 * scale;
+    noise_ = kCorrelated * scale * scale;
+    for (const auto& [number, samples] : places_) {
+      const Place place = place_of(samples);
       Eigen::VectorXd row = Eigen::VectorXd::Zero(size);
       double total = 0;
-      for (const ColourSample* sample : seen) {
-        const double miss = (corrected(*sample) - place.colour).norm();
-        const double weight = place.importance * std::min(1.0, most / std::max(miss, 1e-12));
+      for (const ColourSample* sample : samples) {
+        const double residual = (corrected(*sample) - place.colour).norm();
+        const double weight = place.weight * std::min(1.0, threshold / std::max(residual, 1e-12));
         const Vector4d v = extended(sample->grey);
-        misses_.block<4, 4>(4L * sample->camera, 4L * sample->camera) += weight * v * v.transpose();
+        normal_matrix_.block<4, 4>(4L * sample->camera, 4L * sample->camera) +=
+            weight * v * v.transpose();
         row.segment<4>(4L * sample->camera) += weight * v;
         total += weight;
       }
-      misses_ -= row * row.transpose() / total;
+      normal_matrix_ -= row * row.transpose() / total;
     }
   }
 
-  /// What a correction is like where the places do not tell - a green floor says nothing of red -
-  /// by its variance against that of the misses.
+  /// Weights of the prior, the identity, relative to the variance of the residuals. It determines
+  /// what the places do not: a green floor contains no red.
   Vector4d prior_of(int channel) const {
     const auto weight = [&](double spread) { return noise_ / (spread * spread); };
     Vector4d prior = Vector4d::Constant(weight(0.05));
@@ -189,13 +189,13 @@ class ViewSolver {
     return prior;
   }
 
-  /// Least squares with Lagrange's multipliers for the mean over the cameras.
+  /// Least squares with Lagrange multipliers for the mean over the cameras.
   void solve_channel(int channel) {
     const int size = 4 * cameras_;
     const Vector4d unit = Vector4d::Unit(channel);
     Eigen::MatrixXd a = Eigen::MatrixXd::Zero(size + 4, size + 4);
     Eigen::VectorXd b = Eigen::VectorXd::Zero(size + 4);
-    a.topLeftCorner(size, size) = misses_;
+    a.topLeftCorner(size, size) = normal_matrix_;
     for (int c = 0; c < cameras_; ++c) {
       a.diagonal().segment<4>(4L * c) += prior_of(channel);
       b.segment<4>(4L * c) = prior_of(channel).cwiseProduct(unit);
@@ -213,11 +213,11 @@ class ViewSolver {
   int cameras_;
   bool black_known_;
   std::vector<Correction> corrections_;
-  Eigen::MatrixXd misses_;
+  Eigen::MatrixXd normal_matrix_;
   double noise_ = 0;
 };
 
-/// Less the black level, where it is known.
+/// Subtracts the black levels, where they are known.
 std::vector<ColourSample> without_black(std::span<const ColourSample> samples,
                                         const ColourOptions& options) {
   std::vector<ColourSample> result(samples.begin(), samples.end());
@@ -237,10 +237,9 @@ std::vector<ColourResponse> with_black(const std::vector<Correction>& correction
 }
 
 // --- chart
-// ----------------------------------------------------------------------------------------
 
 constexpr int kWhitePatch = 18;
-constexpr int kFewestPatches = 12;
+constexpr int kMinPatches = 12;
 
 /// sRGB of the patches of the ColorChecker Classic, from dark skin to black (X-Rite's table).
 constexpr std::array<std::array<uint8_t, 3>, 24> kChart = {
@@ -255,7 +254,7 @@ double linear_light(uint8_t srgb) {
   return v <= 0.04045 ? v / 12.92 : std::pow((v + 0.055) / 1.055, 2.4);
 }
 
-/// How bright the white patch is on the mean over the cameras, by what it truly is.
+/// Mean brightness of the white patch over the cameras, relative to its true brightness.
 double brightness_of(std::span<const ColourSample> samples) {
   double sum = 0;
   int count = 0;
@@ -267,7 +266,7 @@ double brightness_of(std::span<const ColourSample> samples) {
   return count > 0 ? sum / count / chart_colour(kWhitePatch).mean() : 1;
 }
 
-/// Least squares over one camera's patches, the dark ones weighing more, as eyes do.
+/// Least squares over the patches of one camera. Dark patches weigh more, as in L*.
 Correction fit_camera(const std::vector<const ColourSample*>& patches, double brightness,
                       bool black_known) {
   Eigen::Matrix4d a = Eigen::Matrix4d::Zero();
@@ -295,14 +294,14 @@ Vector3d chart_colour(int patch) {
 ColourFit fit_views(std::span<const ColourSample> samples, const ColourOptions& options) {
   const std::vector<ColourSample> light = without_black(samples, options);
   Places fitted = shared_places(light), held_out = shared_places(samples);
-  if (std::ssize(fitted) < kFewestPlaces) {
+  if (std::ssize(fitted) < kMinPlaces) {
     throw InputError("colour: only " + std::to_string(fitted.size()) +
-                     " places are seen by several cameras, well exposed; at least " +
-                     std::to_string(kFewestPlaces) + " are needed");
+                     " well exposed places are seen by several cameras; at least " +
+                     std::to_string(kMinPlaces) + " are needed");
   }
   std::erase_if(fitted, [](const auto& place) { return place.first % kHoldOutEvery == 0; });
   std::erase_if(held_out, [](const auto& place) { return place.first % kHoldOutEvery != 0; });
-  return described(held_out, with_black(ViewSolver(fitted, options).solve(), options));
+  return with_differences(held_out, with_black(ViewSolver(fitted, options).solve(), options));
 }
 
 ColourFit fit_chart(std::span<const ColourSample> samples, const ColourOptions& options) {
@@ -312,14 +311,14 @@ ColourFit fit_chart(std::span<const ColourSample> samples, const ColourOptions& 
   const double brightness = brightness_of(light);
   std::vector<Correction> corrections;
   for (const auto& patches : by_camera) {
-    if (std::ssize(patches) < kFewestPatches) {
+    if (std::ssize(patches) < kMinPatches) {
       throw InputError("colour: " + options.cameras[corrections.size()] + " shows " +
                        std::to_string(patches.size()) +
-                       " patches of the chart well exposed; at least 12 are needed");
+                       " well exposed patches of the chart; at least 12 are needed");
     }
     corrections.push_back(fit_camera(patches, brightness, !options.black.empty()));
   }
-  return described(shared_places(samples), with_black(corrections, options));
+  return with_differences(shared_places(samples), with_black(corrections, options));
 }
 
 ColourFit fit_grey(std::span<const ColourSample> samples, const ColourOptions& options) {
@@ -334,7 +333,7 @@ ColourFit fit_grey(std::span<const ColourSample> samples, const ColourOptions& o
   double target = 0;
   for (size_t c = 0; c < cameras; ++c) {
     if (counts[c] == 0 || !(sums[c].minCoeff() > 0)) {
-      throw InputError("colour: " + options.cameras[c] + " shows no well exposed grey");
+      throw InputError("colour: " + options.cameras[c] + " shows no well exposed grey card");
     }
     sums[c] /= counts[c];
     target += sums[c].mean() / static_cast<double>(cameras);
@@ -343,7 +342,7 @@ ColourFit fit_grey(std::span<const ColourSample> samples, const ColourOptions& o
   for (size_t c = 0; c < cameras; ++c) {
     corrections[c].leftCols<3>() = (target * sums[c].cwiseInverse()).asDiagonal();
   }
-  return described(shared_places(samples), with_black(corrections, options));
+  return with_differences(shared_places(samples), with_black(corrections, options));
 }
 
 }  // namespace v3d::calib

@@ -10,7 +10,7 @@
 namespace v3d::calib {
 namespace {
 
-constexpr int kMostPlaces = 24;  // that are shown
+constexpr int kMaxPlaces = 24;  // in the page
 
 std::string table(const std::vector<std::string>& cameras, const ColourFit& fit) {
   std::string html =
@@ -20,15 +20,15 @@ std::string table(const std::vector<std::string>& cameras, const ColourFit& fit)
     const ColourDifference& d = fit.differences[i];
     const ColourResponse& r = fit.responses[i];
     html += "<tr><td>" + html_escaped(cameras[i]) +
-            print("</td><td>%.2f</td><td>%.2f</td><td>%d</td><td>%.1f %.1f %.1f</td>", d.before,
-                  d.after, d.places, r.black[0], r.black[1], r.black[2]) +
-            print("<td>%.3f</td><td>%.3f</td><td>%.3f</td></tr>\n", r.matrix.row(0).sum(),
-                  r.matrix.row(1).sum(), r.matrix.row(2).sum());
+            formatted("</td><td>%.2f</td><td>%.2f</td><td>%d</td><td>%.1f %.1f %.1f</td>", d.before,
+                      d.after, d.places, r.black[0], r.black[1], r.black[2]) +
+            formatted("<td>%.3f</td><td>%.3f</td><td>%.3f</td></tr>\n", r.matrix.row(0).sum(),
+                      r.matrix.row(1).sum(), r.matrix.row(2).sum());
   }
   return html + "</table>\n";
 }
 
-/// Linear light as a browser shows it.
+/// The sRGB value of a linear grey value.
 int srgb_of(double grey) {
   const double v = std::clamp(grey / 255, 0.0, 1.0);
   const double s = v <= 0.0031308 ? 12.92 * v : 1.055 * std::pow(v, 1 / 2.4) - 0.055;
@@ -36,11 +36,12 @@ int srgb_of(double grey) {
 }
 
 std::string square(double x, double y, const Eigen::Vector3d& grey) {
-  return print("<rect x=\"%.0f\" y=\"%.0f\" width=\"22\" height=\"22\" fill=\"rgb(%d,%d,%d)\"/>\n",
-               x, y, srgb_of(grey[0]), srgb_of(grey[1]), srgb_of(grey[2]));
+  return formatted(
+      "<rect x=\"%.0f\" y=\"%.0f\" width=\"22\" height=\"22\" fill=\"rgb(%d,%d,%d)\"/>\n", x, y,
+      srgb_of(grey[0]), srgb_of(grey[1]), srgb_of(grey[2]));
 }
 
-/// Columns are places that most cameras show, rows are cameras.
+/// Colour squares: columns are the places with most samples, rows are cameras.
 std::string squares(const std::vector<std::string>& cameras, const ColourFit& fit,
                     std::span<const ColourSample> samples, bool after) {
   std::map<int, int> seen;
@@ -48,11 +49,11 @@ std::string squares(const std::vector<std::string>& cameras, const ColourFit& fi
   std::vector<std::pair<int, int>> order;
   for (const auto& [place, count] : seen) order.emplace_back(-count, place);
   std::ranges::sort(order);
-  order.resize(std::min<size_t>(order.size(), kMostPlaces));
+  order.resize(std::min<size_t>(order.size(), kMaxPlaces));
   std::map<int, int> column;
   for (const auto& [count, place] : order) column.emplace(place, static_cast<int>(column.size()));
   const auto rows = static_cast<double>(cameras.size());
-  std::string svg = print("<svg width=\"680\" height=\"%.0f\">\n", 24 * rows);
+  std::string svg = formatted("<svg width=\"680\" height=\"%.0f\">\n", 24 * rows);
   for (const ColourSample& sample : samples) {
     const auto place = column.find(sample.place);
     if (place == column.end()) continue;
@@ -61,7 +62,7 @@ std::string squares(const std::vector<std::string>& cameras, const ColourFit& fi
     svg += square(90 + 24.0 * place->second, 24.0 * sample.camera, grey);
   }
   for (size_t i = 0; i < cameras.size(); ++i) {
-    svg += print("<text x=\"2\" y=\"%.0f\">", 24.0 * static_cast<double>(i) + 16) +
+    svg += formatted("<text x=\"2\" y=\"%.0f\">", 24.0 * static_cast<double>(i) + 16) +
            html_escaped(cameras[i]) + "</text>\n";
   }
   return svg + "</svg>\n";
@@ -71,16 +72,16 @@ std::string squares(const std::vector<std::string>& cameras, const ColourFit& fi
 
 std::string colour_report_html(const std::vector<std::string>& cameras, const ColourFit& fit,
                                std::span<const ColourSample> samples) {
-  return html_head("Colours") + print("<h1>Colours of %zu cameras</h1>\n<p>", cameras.size()) +
-         print(
-             "How far each camera's colours are from those of the others at the same places: "
-             "&Delta;E (CIE 2000) of %.2f before, %.2f after (median); nine tenths below %.2f, "
+  return html_head("Colours") + formatted("<h1>Colours of %zu cameras</h1>\n<p>", cameras.size()) +
+         formatted(
+             "Difference between each camera's colours and those of the others at the same places: "
+             "&Delta;E (CIE 2000) %.2f before, %.2f after (median); 90th percentile %.2f, "
              "%.2f.</p>\n",
              fit.overall.before, fit.overall.after, fit.ninety_percent.before,
              fit.ninety_percent.after) +
          table(cameras, fit) + "<h2>Before</h2>\n" + squares(cameras, fit, samples, false) +
          "<h2>After</h2>\n" + squares(cameras, fit, samples, true) +
-         "<p>A column is a place, a row what one camera shows of it.</p>\n</body></html>\n";
+         "<p>Columns are places, rows are cameras.</p>\n</body></html>\n";
 }
 
 }  // namespace v3d::calib

@@ -1,4 +1,4 @@
-// A calibration of colour as a page for people.
+// HTML report of a colour calibration.
 #pragma once
 
 #include <span>
@@ -9,8 +9,8 @@
 
 namespace v3d::calib {
 
-/// A table of the cameras, and for some of the places what every camera shows of them, before and
-/// after. Needs nothing but a browser. The same fit gives the same text.
+/// One self-contained HTML page: a table of the cameras, and the colours that each camera observes
+/// at some of the places, before and after. `cameras`: names, as in `fit`. Deterministic.
 std::string colour_report_html(const std::vector<std::string>& cameras, const ColourFit& fit,
                                std::span<const ColourSample> samples);
 

@@ -15,10 +15,9 @@
 namespace v3d::calib {
 namespace {
 
-constexpr double kHalfPixel = 0.5;  // COLMAP's pixel coordinates less ours
+constexpr double kHalfPixel = 0.5;  // COLMAP's pixel coordinates minus ours
 
-/// A kind of lens: so many focal lengths, the principal point, and the first so many of our
-/// distortions.
+/// The parameters of a lens model: focal lengths, principal point, distortion coefficients.
 struct LensKind {
   std::string_view name;
   int focals;
@@ -38,8 +37,8 @@ const LensKind& kind_of(TextLine& line) {
   const auto* kind = std::ranges::find(kLensKinds, name, &LensKind::name);
   if (kind == kLensKinds.end()) {
     line.fail("lens model " + printable(name) +
-              " cannot be expressed here; SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL, RADIAL, OPENCV "
-              "and FULL_OPENCV can");
+              " is not supported; expected SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL, RADIAL, OPENCV "
+              "or FULL_OPENCV");
   }
   return *kind;
 }
@@ -64,11 +63,11 @@ CameraModel parse_lens(TextLine& line) {
 
 Lenses parse_lenses(std::string_view text, const std::filesystem::path& path) {
   Lenses lenses;
-  for (TextLine& line : lines_of(text, path)) {
+  for (TextLine& line : split_lines(text, path)) {
     if (line.done() || line.is_comment()) continue;
     const int64_t id = line.whole("CAMERA_ID");
     if (!lenses.emplace(id, parse_lens(line)).second) {
-      line.fail("a second camera with the number " + std::to_string(id));
+      line.fail("duplicate CAMERA_ID " + std::to_string(id));
     }
   }
   return lenses;
@@ -79,7 +78,7 @@ Eigen::Matrix3d parse_rotation(TextLine& line) {
   const double w = line.real("QW"), x = line.real("QX"), y = line.real("QY"), z = line.real("QZ");
   const Eigen::Quaterniond q(w, x, y, z);
   if (!(std::abs(q.norm() - 1) < kRounding)) {
-    line.fail("QW QX QY QZ: is no rotation, a quaternion of length 1");
+    line.fail("QW QX QY QZ: expected a quaternion of length 1");
   }
   return q.normalized().toRotationMatrix();
 }
@@ -101,19 +100,19 @@ PosedImage parse_image(TextLine& line, const Lenses& lenses) {
           CameraModel(m.size(), m.matrix(), m.distortion(), {rotation, translation})};
 }
 
-/// Behind every image stands the line of its points, empty or of three numbers each.
+/// Checks the line after an image: its points, three numbers each; possibly empty.
 void require_points(const TextLine& line) {
   if (line.count_words() % 3 == 0 && !line.is_comment()) return;
   line.fail(
-      "expected the points of the image in the line before, X Y POINT3D_ID each; with none, "
-      "an empty line");
+      "expected the points of the image in the previous line, X Y POINT3D_ID each, or an empty "
+      "line");
 }
 
 std::vector<PosedImage> parse_images(std::string_view text, const Lenses& lenses,
                                      const std::filesystem::path& path) {
   std::vector<PosedImage> images;
   bool points_are_next = false;
-  for (TextLine& line : lines_of(text, path)) {
+  for (TextLine& line : split_lines(text, path)) {
     if (points_are_next) {
       require_points(line);
       points_are_next = false;
@@ -130,8 +129,8 @@ void require_colmap_lens(const std::string& name, const CameraModel& model) {
                      : used_distortions(model.distortion()) > 8 ? "a thin prism or a tilted sensor"
                                                                 : nullptr;
   if (what == nullptr) return;
-  throw InputError(name + ": its lens has " + what + ", and COLMAP has no model with it; write " +
-                   "toml, or calibrate it with 8 coefficients");
+  throw InputError(name + ": its lens has " + what +
+                   ", which no COLMAP model supports; use toml, or calibrate with 8 coefficients");
 }
 
 std::string lens_text(const CameraModel& model) {
@@ -155,7 +154,7 @@ std::string pose_text(const RigidTransform& pose) {
 Rig parse_colmap(const ColmapText& text, const std::filesystem::path& folder) {
   const Lenses lenses = parse_lenses(text.cameras, folder / "cameras.txt");
   const std::vector<PosedImage> images = parse_images(text.images, lenses, folder / "images.txt");
-  if (images.empty()) throw InputError((folder / "images.txt").string() + ": has no image");
+  if (images.empty()) throw InputError((folder / "images.txt").string() + ": contains no image");
   std::vector<std::filesystem::path> files;
   for (const PosedImage& image : images) files.push_back(image.file);
   const std::vector<std::string> names = camera_names(files, folder / "images.txt");

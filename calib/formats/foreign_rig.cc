@@ -19,7 +19,7 @@ bool all_differ(const Names& names) {
   return std::set<std::string>(names.begin(), names.end()).size() == names.size();
 }
 
-/// World axes x, y, z of the new world, in the old one.
+/// The axes of the new world (z up) in the old one, for an upward axis of the old one.
 Eigen::Matrix3d new_from_old(std::string_view up) {
   struct Turn {
     std::string_view up;
@@ -74,19 +74,20 @@ Names camera_names(const std::vector<std::filesystem::path>& files,
   }
   const Names& names = all_differ(stems) ? stems : folders;
   if (!all_differ(names)) {
-    throw InputError(where.string() +
-                     ": several pictures of one camera: neither the names of the files nor those "
-                     "of their folders tell the cameras apart");
+    throw InputError(
+        where.string() +
+        ": several images of one camera: neither file names nor folder names distinguish the "
+        "cameras");
   }
   for (const std::string& name : names) {
     if (is_file_name(name)) continue;
     throw InputError(where.string() + ": '" + printable(name) +
-                     "' cannot name a camera: " + std::string(kFileNameRule));
+                     "' is not a valid camera name: " + std::string(kFileNameRule));
   }
   return names;
 }
 
-Rig placed_rig(const Rig& rig, double unit_m, std::string_view up) {
+Rig metric_rig(const Rig& rig, double unit_m, std::string_view up) {
   return transformed_rig(rig, {unit_m, {new_from_old(up), Eigen::Vector3d::Zero()}});
 }
 

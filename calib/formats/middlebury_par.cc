@@ -20,7 +20,7 @@ Camera parse_camera(TextLine& line, ImageSize size) {
   const auto r = as_rotation(line.matrix("R"));
   const Eigen::Vector3d t = line.vector("t");
   if (!is_camera_matrix(k)) line.fail("K: " + std::string(kCameraMatrixRule));
-  if (!r) line.fail("R: is no rotation matrix");
+  if (!r) line.fail("R: not a rotation matrix");
   if (!line.done()) line.fail("expected 22 words: name, K, R and t");
   return {image, CameraModel(size, k, {}, {*r, t})};
 }
@@ -30,13 +30,13 @@ std::string row_by_row(const Eigen::Matrix3d& m) { return numbers_text(m.transpo
 }  // namespace
 
 Rig parse_middlebury(std::string_view text, ImageSize size, const std::filesystem::path& path) {
-  std::vector<TextLine> lines = lines_of(text, path);
+  std::vector<TextLine> lines = split_lines(text, path);
   std::erase_if(lines, [](const TextLine& line) { return line.done(); });
   if (lines.empty()) throw InputError(path.string() + ": empty; expected the number of images");
   const int64_t announced = lines[0].whole("number of images");
   if (announced < 1 || announced != std::ssize(lines) - 1) {
-    lines[0].fail("announces " + std::to_string(announced) + " images, but has " +
-                  std::to_string(lines.size() - 1) + " lines behind");
+    lines[0].fail("expected " + std::to_string(announced) + " images, found " +
+                  std::to_string(lines.size() - 1) + " lines");
   }
   Rig rig;
   std::vector<std::filesystem::path> images;
@@ -56,8 +56,8 @@ std::string middlebury_text(const Rig& rig) {
     const CameraModel& model = camera.model;
     if (model.has_distortion()) {
       throw InputError(camera.name +
-                       ": its lens has distortion, of which Middlebury's _par.txt cannot tell; "
-                       "write colmap, opencv or toml");
+                       ": its lens has distortion, which Middlebury's _par.txt does not support; "
+                       "use colmap, opencv or toml");
     }
     const RigidTransform& pose = model.cam_from_world();
     text += camera.name + ".png" + row_by_row(model.matrix()) + row_by_row(pose.rotation) +

@@ -25,9 +25,9 @@ constexpr Keys kRotationKeys = {"R", "rvec", "Rotation"};
 constexpr Keys kTranslationKeys = {"T", "t", "tvec", "Translation"};
 constexpr Keys kSizeKeys = {"image_size", "imageSize", "resolution"};
 
-/// OpenCV's reader calls itself for every level and does not count them.
+/// OpenCV's reader is recursive and does not limit the depth.
 bool is_too_deep(std::string_view text) {
-  constexpr int kMostLevels = 60;
+  constexpr int kMaxLevels = 60;
   int level = 0, blanks = 0;
   for (size_t i = 0; i < text.size(); ++i) {
     const char next = i + 1 < text.size() ? text[i + 1] : '\0';
@@ -36,33 +36,33 @@ bool is_too_deep(std::string_view text) {
     level += text[i] == '[' || text[i] == '{' || opens;
     level -= text[i] == ']' || text[i] == '}' || closes;
     blanks = text[i] == ' ' ? blanks + 1 : 0;
-    if (level > kMostLevels || blanks > 4 * kMostLevels) return true;
+    if (level > kMaxLevels || blanks > 4 * kMaxLevels) return true;
   }
   return false;
 }
 
-/// An open file, and how it names what is wrong with it.
+/// An open file with checked access. Errors are InputError with the path.
 class File {
  public:
   File(std::string_view text, std::filesystem::path path) : path_(std::move(path)) {
-    constexpr size_t kMostBytes = 8 << 20;
-    if (text.size() > kMostBytes || is_too_deep(text)) fail("is no calibration of a camera");
+    constexpr size_t kMaxBytes = 8 << 20;
+    if (text.size() > kMaxBytes || is_too_deep(text)) fail("not a camera calibration");
     try {
       storage_.open(std::string(text), cv::FileStorage::READ | cv::FileStorage::MEMORY);
     } catch (const cv::Exception& error) {
-      fail("is no XML, YAML or JSON of OpenCV: " + printable(error.err));
+      fail("not an XML, YAML or JSON file of OpenCV: " + printable(error.err));
     }
-    if (!storage_.isOpened()) fail("is no XML, YAML or JSON of OpenCV");
+    if (!storage_.isOpened()) fail("not an XML, YAML or JSON file of OpenCV");
   }
 
-  /// The first of the keys that is there; else one that is none().
+  /// The node of the first key that exists; else an empty node.
   cv::FileNode find(Keys keys) const {
     for (const char* key : keys) {
       if (const cv::FileNode node = storage_[key]; !node.empty()) return node;
     }
     return {};
   }
-  /// All numbers under the keys, empty where none of them is there.
+  /// All numbers of find(); empty where there is no node.
   Numbers numbers(Keys keys) const {
     Numbers result;
     collect(find(keys), result);
@@ -84,9 +84,9 @@ class File {
   }
 
  private:
-  /// Of a number, a sequence, rows of one, or a matrix.
+  /// Adds the numbers of a number, a nested sequence or a matrix.
   static void collect(const cv::FileNode& node, Numbers& result) {
-    constexpr size_t kEnough = 64;  // more than any of our matrices has
+    constexpr size_t kEnough = 64;  // more than any expected matrix has
     if (result.size() >= kEnough) return;
     if (node.isInt() || node.isReal()) {
       result.push_back(node.real());
@@ -101,7 +101,7 @@ class File {
   cv::FileStorage storage_;
 };
 
-void refuse_fisheye(const File& file) {
+void reject_fisheye(const File& file) {
   const cv::FileNode flag = file.find({"fisheye_model", "fisheye"});
   const cv::FileNode model = file.find({"distortion_model", "camera_model"});
   const bool flagged = (flag.isInt() || flag.isReal()) && flag.real() != 0;
@@ -120,7 +120,7 @@ ImageSize size_of(const File& file, const OpencvDefaults& defaults) {
     size.insert(size.end(), height.begin(), height.end());
   }
   if (size.empty() && defaults.size) return *defaults.size;
-  if (size.empty()) file.fail("does not tell the size of the images; say it: --size WIDTHxHEIGHT");
+  if (size.empty()) file.fail("does not contain the image size; use --size WIDTHxHEIGHT");
   const auto whole = [](double n) { return n >= 1 && n <= kMaxImageSide && n == std::floor(n); };
   if (size.size() != 2 || !whole(size[0]) || !whole(size[1])) {
     file.fail("image_width and image_height: expected 1 to " + std::to_string(kMaxImageSide));
@@ -147,9 +147,9 @@ Distortion distortion_of(const File& file, Keys keys) {
 Eigen::Matrix3d rotation_of(const File& file) {
   const Numbers given = file.numbers(kRotationKeys);
   if (given.size() == 3) {
-    constexpr double kMostTurns = 1e3;
+    constexpr double kMaxRadians = 1e3;
     const Eigen::Vector3d vector(given[0], given[1], given[2]);
-    if (!(vector.cwiseAbs().maxCoeff() < kMostTurns)) file.fail("R: expected radians");
+    if (!(vector.cwiseAbs().maxCoeff() < kMaxRadians)) file.fail("R: expected radians");
     return RigidTransform::from_rodrigues(vector, Eigen::Vector3d::Zero()).rotation;
   }
   if (given.size() != 9) {
@@ -157,11 +157,11 @@ Eigen::Matrix3d rotation_of(const File& file) {
               std::to_string(given.size()));
   }
   const auto rotation = as_rotation(matrix_of(given));
-  if (!rotation) file.fail("R: is no rotation matrix");
+  if (!rotation) file.fail("R: not a rotation matrix");
   return *rotation;
 }
 
-/// At the origin where the file tells no place.
+/// The identity where the file contains no pose.
 RigidTransform pose_of(const File& file) {
   const bool turned = !file.numbers(kRotationKeys).empty();
   if (!turned && file.numbers(kTranslationKeys).empty()) return {};
@@ -182,7 +182,8 @@ std::string name_of(const File& file, const OpencvDefaults& defaults) {
   const cv::FileNode node = file.find({"name"});
   const std::string name = node.isString() ? node.string() : defaults.name;
   if (!is_file_name(name)) {
-    file.fail("'" + printable(name) + "' cannot name a camera: " + std::string(kFileNameRule));
+    file.fail("'" + printable(name) +
+              "' is not a valid camera name: " + std::string(kFileNameRule));
   }
   return name;
 }
@@ -200,7 +201,7 @@ cv::Mat to_mat(const Eigen::Ref<const Eigen::MatrixXd>& from) {
 Rig parse_opencv(std::string_view text, const OpencvDefaults& defaults,
                  const std::filesystem::path& path) {
   const File file(text, path);
-  refuse_fisheye(file);
+  reject_fisheye(file);
   const std::string name = name_of(file, defaults);
   const ImageSize size = size_of(file, defaults);
   const RigidTransform pose = pose_of(file);
@@ -214,7 +215,7 @@ Rig parse_opencv(std::string_view text, const OpencvDefaults& defaults,
 std::string opencv_text(const RigCamera& camera, OpencvFormat format) {
   const CameraModel& m = camera.model;
   if (m.matrix()(0, 1) != 0) {
-    throw InputError(camera.name + ": its lens has skew, which OpenCV passes over; write toml");
+    throw InputError(camera.name + ": its lens has skew, which OpenCV does not support; use toml");
   }
   const int used = std::max(4, used_distortions(m.distortion()));
   cv::FileStorage storage(format == OpencvFormat::kXml ? ".xml" : ".yml",

@@ -1,12 +1,13 @@
-// A camera in a file of OpenCV's FileStorage: XML, YAML or JSON. The adapter of that reader.
+// Camera files of OpenCV's FileStorage: XML, YAML or JSON. The adapter of OpenCV's reader.
 //
-// OpenCV fixes how a matrix is written, not what it is called. Read are the names that its samples
-// and other programs use: camera_matrix, cameraMatrix, CameraMatrix, K; distortion_coefficients,
-// distCoeffs, DistortionCoeffs, dist_coeffs, D; R, rvec, Rotation (3x3 or Rodrigues); T, t, tvec,
-// Translation; image_width and image_height, or image_size, imageSize, resolution. Conventions are
-// those of base/camera_model.h; OpenCV's own functions pass over skew.
+// OpenCV defines the notation of a matrix, but not its name. These names, which OpenCV's samples
+// and other programs use, are accepted: camera_matrix, cameraMatrix, CameraMatrix, K;
+// distortion_coefficients, distCoeffs, DistortionCoeffs, dist_coeffs, D; R, rvec, Rotation (3x3 or
+// Rodrigues); T, t, tvec, Translation; image_width and image_height, or image_size, imageSize,
+// resolution. Conventions are those of base/camera_model.h. OpenCV's own functions ignore skew.
 //
-// OpenCV 4.6 dies of some XML whose attributes are broken: only for files of the user's own.
+// Use the reader only for files of the user: OpenCV 4.6 crashes on some XML with malformed
+// attributes.
 #pragma once
 
 #include <filesystem>
@@ -18,24 +19,24 @@
 
 namespace v3d::calib {
 
-/// What a file does not tell: the camera's name where it has no `name`, and often the size of its
-/// images.
+/// Values that are used where a file does not state them.
 struct OpencvDefaults {
-  std::string name;
+  std::string name;  ///< of the camera
   std::optional<ImageSize> size{};
 };
 
-/// The camera, at the origin where the file tells no place; or two, NAME_1 and NAME_2, of a file
-/// with M1, D1, M2, D2 (and R, T: of the second from the first), as OpenCV's sample of stereo
-/// calibration writes. Throws InputError with `path`, what is missing and what would be right;
-/// fisheye lenses are refused.
+/// Reads one camera, at the origin where the file states no pose.
+///
+/// A file with M1, D1, M2, D2 (and R, T: second from first), as OpenCV's stereo sample writes it,
+/// gives two cameras, NAME_1 and NAME_2. Throws InputError with `path`, the error and what is
+/// expected; also for fisheye lenses.
 Rig parse_opencv(std::string_view text, const OpencvDefaults& defaults,
                  const std::filesystem::path& path);
 
 enum class OpencvFormat { kYaml, kXml };
 
-/// The camera as parse_opencv() reads it: name, image_width, image_height, camera_matrix,
-/// distortion_coefficients, R (3x3), T. Throws InputError for a lens with skew.
+/// Writes the camera in the form that parse_opencv() reads: name, image_width, image_height,
+/// camera_matrix, distortion_coefficients, R (3x3), T. Throws InputError for a lens with skew.
 std::string opencv_text(const RigCamera& camera, OpencvFormat format);
 
 }  // namespace v3d::calib

@@ -85,7 +85,7 @@ void TextLine::fail(const std::string& message) const {
   throw InputError(path_ + ":" + std::to_string(number_) + ": " + message);
 }
 
-std::vector<TextLine> lines_of(std::string_view text, const std::filesystem::path& path) {
+std::vector<TextLine> split_lines(std::string_view text, const std::filesystem::path& path) {
   std::vector<TextLine> lines;
   while (!text.empty()) {
     const size_t end = std::min(text.find('\n'), text.size());

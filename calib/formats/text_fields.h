@@ -1,5 +1,4 @@
-// Lines of words and numbers, as COLMAP and Middlebury write them, with errors that name file and
-// line.
+// Parser and printer for lines of words and numbers, as COLMAP and Middlebury use them.
 #pragma once
 
 #include <Eigen/Core>
@@ -11,18 +10,19 @@
 
 namespace v3d::calib {
 
-/// One line of a text, read from left to right; words stand between blanks. Borrows the text. What
-/// is missing or is no number throws InputError ("images.txt:4: QW: expected a finite number, found
-/// 'x'").
+/// Reads the words of one line from left to right. Words are separated by blanks.
+///
+/// Borrows the text. `what` names the field in messages. A missing word and an invalid number throw
+/// InputError: "images.txt:4: QW: expected a finite number, found 'x'".
 class TextLine {
  public:
   TextLine(std::string_view text, std::string path, int number);
 
-  /// Nothing is left but blanks.
+  /// Only blanks remain.
   bool done() const { return left_.empty(); }
   bool is_comment() const { return left_.starts_with('#'); }
   int number() const { return number_; }
-  /// That are left.
+  /// The number of remaining words.
   int count_words() const;
 
   std::string_view word(std::string_view what);
@@ -31,7 +31,7 @@ class TextLine {
   Eigen::Vector3d vector(std::string_view what);
   /// Row by row.
   Eigen::Matrix3d matrix(std::string_view what);
-  /// All that is left, blanks within included.
+  /// The remaining text, including inner blanks.
   std::string_view rest(std::string_view what);
 
   [[noreturn]] void fail(const std::string& message) const;
@@ -44,12 +44,12 @@ class TextLine {
   int number_ = 0;
 };
 
-/// Every line, also empty ones.
-std::vector<TextLine> lines_of(std::string_view text, const std::filesystem::path& path);
+/// All lines, including empty ones.
+std::vector<TextLine> split_lines(std::string_view text, const std::filesystem::path& path);
 
-/// Reads back to the same bits: "0.1", "3", "1e-09".
+/// The shortest text that reads back to the same bits: "0.1", "3", "1e-09".
 std::string number_text(double value);
-/// Each behind a blank.
+/// The numbers, each after a blank.
 std::string numbers_text(const Eigen::Ref<const Eigen::VectorXd>& values);
 
 }  // namespace v3d::calib

@@ -25,13 +25,13 @@ std::vector<std::string_view> fields_of(std::string_view line) {
   }
 }
 
-/// From 0 on, and so small that differences of two are numbers too.
+/// An integer from 0 to 2^53, so that differences cannot overflow.
 std::optional<int64_t> whole_number(std::string_view text) {
-  constexpr int64_t kMost = int64_t{1} << 53;
+  constexpr int64_t kMax = int64_t{1} << 53;
   int64_t value = 0;
   const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
   if (error != std::errc() || end != text.data() + text.size()) return std::nullopt;
-  return value >= 0 && value < kMost ? std::optional(value) : std::nullopt;
+  return value >= 0 && value < kMax ? std::optional(value) : std::nullopt;
 }
 
 struct Columns {
@@ -45,7 +45,7 @@ Columns find_columns(std::string_view header, const std::filesystem::path& path)
         std::find_if(names.begin(), names.end(), [&](auto n) { return n == name || n == other; });
     if (found == names.end()) {
       throw InputError(path.string() + ":1: no column " + std::string(name) +
-                       "; want sync_index,cam_id,frame_index");
+                       "; expected sync_index,cam_id,frame_index");
     }
     return static_cast<size_t>(found - names.begin());
   };
@@ -53,7 +53,7 @@ Columns find_columns(std::string_view header, const std::filesystem::path& path)
           column("frame_index", "frame_index")};
 }
 
-/// "2" of "cam_2" and "cam02"; the whole name where it ends in no number.
+/// The number at the end of a name: "2" for "cam_2" and "cam02"; else the whole name.
 std::string id_of(const std::string& camera) {
   const size_t last = camera.find_last_not_of("0123456789");
   if (last == std::string::npos || last + 1 == camera.size()) return camera;
@@ -66,7 +66,7 @@ std::string id_of(const std::string& camera) {
 TimeStamps parse_time_stamps(std::string_view csv, const std::filesystem::path& path) {
   const size_t header_end = std::min(csv.find('\n'), csv.size());
   const Columns columns = find_columns(csv.substr(0, header_end), path);
-  const size_t fewest = 1 + std::max({columns.instant, columns.camera, columns.frame});
+  const size_t min_fields = 1 + std::max({columns.instant, columns.camera, columns.frame});
   TimeStamps stamps;
   int line_number = 1;
   csv.remove_prefix(std::min(header_end + 1, csv.size()));
@@ -77,30 +77,30 @@ TimeStamps parse_time_stamps(std::string_view csv, const std::filesystem::path& 
     ++line_number;
     const auto fields = fields_of(line);
     if (fields.size() == 1 && fields[0].empty()) continue;
-    if (fields.size() < fewest) {
+    if (fields.size() < min_fields) {
       throw InputError(path.string() + ":" + std::to_string(line_number) + ": too few columns");
     }
-    if (fields[columns.frame].empty()) continue;  // this camera has no picture of the instant
+    if (fields[columns.frame].empty()) continue;  // this camera has no image of the instant
     const auto instant = whole_number(fields[columns.instant]);
     const auto frame = whole_number(fields[columns.frame]);
     if (!instant || !frame) {
       throw InputError(path.string() + ":" + std::to_string(line_number) +
-                       ": sync_index and frame_index must be whole numbers from 0 on");
+                       ": sync_index and frame_index must be integers, 0 or more");
     }
     stamps[std::string(fields[columns.camera])][*frame] = *instant;
   }
   return stamps;
 }
 
-std::map<int64_t, int64_t> instants_of(const TimeStamps& stamps, const std::string& camera,
-                                       int64_t frames, const std::filesystem::path& path) {
+std::map<int64_t, int64_t> frame_instants(const TimeStamps& stamps, const std::string& camera,
+                                          int64_t frames, const std::filesystem::path& path) {
   auto found = stamps.find(camera);
   if (found == stamps.end()) found = stamps.find(id_of(camera));
   if (found == stamps.end() || found->second.empty()) {
     throw InputError(path.string() + ": no time stamps of camera " + camera);
   }
-  const bool counted_on = frames > 0 && found->second.rbegin()->first >= frames;
-  const int64_t first = counted_on ? found->second.begin()->first : 0;
+  const bool exceeds = frames > 0 && found->second.rbegin()->first >= frames;
+  const int64_t first = exceeds ? found->second.begin()->first : 0;
   std::map<int64_t, int64_t> instants;
   for (const auto& [frame, instant] : found->second) instants[frame - first] = instant;
   return instants;

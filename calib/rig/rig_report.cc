@@ -134,10 +134,10 @@ std::string table(const RigFit& fit) {
   for (size_t i = 0; i < fit.rig.size(); ++i) {
     const CameraFit& c = fit.cameras[i];
     html += "<tr><td>" + html_escaped(fit.rig[i].name) +
-            print("</td><td>%.2f</td><td>%d</td><td>%d</td><td>%.0f %%</td><td>%s</td>", c.rms_px,
-                  c.views, c.rejected, 100 * c.coverage,
-                  c.coefficients ? std::to_string(c.coefficients).c_str() : "known") +
-            print("<td>%.2f</td></tr>\n", c.time_offset);
+            formatted("</td><td>%.2f</td><td>%d</td><td>%d</td><td>%.0f %%</td><td>%s</td>",
+                      c.rms_px, c.views, c.rejected, 100 * c.coverage,
+                      c.coefficients ? std::to_string(c.coefficients).c_str() : "known") +
+            formatted("<td>%.2f</td></tr>\n", c.time_offset);
   }
   return html + "</table>\n";
 }
@@ -182,25 +182,25 @@ bool in_tree(const RigTree& tree, const PairPose& pair) {
 
 std::string shared_views(const RigFit& fit) {
   const Map map(fit.rig);
-  std::string svg = print("<svg width=\"%.0f\" height=\"%.0f\">\n", Map::kSide, Map::kSide);
+  std::string svg = formatted("<svg width=\"%.0f\" height=\"%.0f\">\n", Map::kSide, Map::kSide);
   int largest = 1;
   for (const PairPose& pair : fit.pairs) largest = std::max(largest, pair.inliers);
   for (const PairPose& pair : fit.pairs) {
     if (pair.inliers == 0) continue;
     const Eigen::Vector2d a = map(fit.rig[pair.a].model.center());
     const Eigen::Vector2d b = map(fit.rig[pair.b].model.center());
-    svg += print(
+    svg += formatted(
                "<line x1=\"%.1f\" y1=\"%.1f\" x2=\"%.1f\" y2=\"%.1f\" stroke=\"%s\" "
                "stroke-width=\"%.1f\"><title>",
                a.x(), a.y(), b.x(), b.y(), in_tree(fit.tree, pair) ? "#d2691e" : "#9ab",
                0.5 + 6.0 * pair.inliers / largest) +
            html_escaped(fit.rig[pair.a].name) + " and " + html_escaped(fit.rig[pair.b].name) +
-           print(": %d shared views, %d inliers</title></line>\n", pair.shared, pair.inliers);
+           formatted(": %d shared views, %d inliers</title></line>\n", pair.shared, pair.inliers);
   }
   for (const RigCamera& camera : fit.rig) {
     const Eigen::Vector2d at = map(camera.model.center());
-    svg += print("<circle cx=\"%.1f\" cy=\"%.1f\" r=\"5\"/><text x=\"%.1f\" y=\"%.1f\">", at.x(),
-                 at.y(), at.x() + 8, at.y() - 6) +
+    svg += formatted("<circle cx=\"%.1f\" cy=\"%.1f\" r=\"5\"/><text x=\"%.1f\" y=\"%.1f\">",
+                     at.x(), at.y(), at.x() + 8, at.y() - 6) +
            html_escaped(camera.name) + "</text>\n";
   }
   return svg +
@@ -220,7 +220,7 @@ std::string coverage_cells(const CameraFit& camera, ImageSize size) {
   for (size_t i = 0; i < counts.size(); ++i) {
     if (counts[i] == 0) continue;
     const size_t column = i % kCoverageColumns, row = i / kCoverageColumns;
-    svg += print(
+    svg += formatted(
         "<rect x=\"%.1f\" y=\"%.1f\" width=\"%.1f\" height=\"%.1f\" fill=\"#2a7\" "
         "fill-opacity=\"%.2f\"/>\n",
         w * static_cast<double>(column), h * static_cast<double>(row), w, h,
@@ -239,28 +239,29 @@ std::string arrows(const CameraFit& camera, double enlarged, double stroke) {
   const size_t step = 1 + camera.residuals.size() / kMaxArrows;
   for (size_t i = 0; i < camera.residuals.size(); i += step) {
     const CornerResidual& r = camera.residuals[i];
-    path += print("M%.1f %.1fl%.1f %.1f", r.pixel.x(), r.pixel.y(), enlarged * r.residual.x(),
-                  enlarged * r.residual.y());
+    path += formatted("M%.1f %.1fl%.1f %.1f", r.pixel.x(), r.pixel.y(), enlarged * r.residual.x(),
+                      enlarged * r.residual.y());
   }
-  return print("<path fill=\"none\" stroke=\"#c22\" stroke-width=\"%.1f\" d=\"", stroke) + path +
-         "\"/>\n";
+  return formatted("<path fill=\"none\" stroke=\"#c22\" stroke-width=\"%.1f\" d=\"", stroke) +
+         path + "\"/>\n";
 }
 
 std::string camera_figure(const RigFit& fit, size_t index, const std::string& image) {
   const CameraFit& camera = fit.cameras[index];
   const ImageSize size = fit.rig[index].model.size();
   const double enlarged = enlargement(camera, size);
-  std::string html = print("<figure><svg width=\"440\" height=\"%.0f\" viewBox=\"0 0 %d %d\">\n",
-                           440.0 * size.height / size.width, size.width, size.height);
+  std::string html =
+      formatted("<figure><svg width=\"440\" height=\"%.0f\" viewBox=\"0 0 %d %d\">\n",
+                440.0 * size.height / size.width, size.width, size.height);
   if (!image.empty()) {
-    html += print("<image width=\"%d\" height=\"%d\" opacity=\"0.6\" href=\"", size.width,
-                  size.height) +
+    html += formatted("<image width=\"%d\" height=\"%d\" opacity=\"0.6\" href=\"", size.width,
+                      size.height) +
             image + "\"/>\n";
   }
   html += coverage_cells(camera, size) + arrows(camera, enlarged, size.width / 600.0) + "</svg>\n";
   return html + "<figcaption><b>" + html_escaped(fit.rig[index].name) + "</b>: " +
-         print("%.2f px RMS, %d views; residuals enlarged %.0f times</figcaption></figure>\n",
-               camera.rms_px, camera.views, enlarged);
+         formatted("%.2f px RMS, %d views; residuals enlarged %.0f times</figcaption></figure>\n",
+                   camera.rms_px, camera.views, enlarged);
 }
 
 std::string rejected(const RigFit& fit) {
@@ -268,8 +269,8 @@ std::string rejected(const RigFit& fit) {
   std::string html = "<h2>Rejected images</h2>\n<ul>\n";
   for (const RejectedObservation& r : fit.rejected) {
     html += "<li>" + html_escaped(fit.rig[r.camera].name) +
-            print(", instant %lld: ", static_cast<long long>(r.instant)) + html_escaped(r.reason) +
-            "</li>\n";
+            formatted(", instant %lld: ", static_cast<long long>(r.instant)) +
+            html_escaped(r.reason) + "</li>\n";
   }
   return html + "</ul>\n";
 }
@@ -287,9 +288,10 @@ std::vector<std::string> find_weaknesses(const RigFit& fit) {
 std::string rig_report_html(const Board& board, const RigFit& fit,
                             const std::vector<std::string>& images) {
   std::string html = html_head("Calibration");
-  html += print("<h1>Calibration of %zu cameras</h1>\n<p>%.2f px RMS over %zu poses of the board ",
+  html +=
+      formatted("<h1>Calibration of %zu cameras</h1>\n<p>%.2f px RMS over %zu poses of the board ",
                 fit.rig.size(), fit.rms_px, fit.world_from_board.size()) +
-          html_escaped(board.text()) + ".</p>\n";
+      html_escaped(board.text()) + ".</p>\n";
   html += table(fit) + "<h2>Weaknesses</h2>\n" + weakness_list(fit) + "<h2>Shared views</h2>\n" +
           shared_views(fit) + "<h2>Images</h2>\n<div class=\"row\">\n";
   for (size_t i = 0; i < fit.rig.size(); ++i) {

@@ -30,7 +30,7 @@ void read_middlebury(const std::string& text) {
 void read_time_stamps(const std::string& text) {
   const TimeStamps stamps = parse_time_stamps(text, "t.csv");
   for (const auto& [camera, frames] : stamps) {
-    must(instants_of(stamps, camera, 100, "t.csv").size() == frames.size());
+    must(frame_instants(stamps, camera, 100, "t.csv").size() == frames.size());
   }
 }
 

@@ -67,7 +67,7 @@ Json to_json(const Rig& rig, RigFormat from, RigFormat to,
 int run(const Arguments& arguments) {
   const RigFormat from = format_of(arguments.from, "--from", arguments.in);
   const RigFormat to = format_of(arguments.to, "--to", arguments.out);
-  const Rig rig = calib::placed_rig(load_rig({arguments.in, from, size_of(arguments.size)}),
+  const Rig rig = calib::metric_rig(load_rig({arguments.in, from, size_of(arguments.size)}),
                                     parse_length(arguments.unit), arguments.up);
   const auto written = save_rig(arguments.out, to, rig);
   if (arguments.json) {

@@ -22,22 +22,22 @@ Image to_image(const cv::Mat& grey) {
 
 /// A chessboard with a margin of one square. The inner square of the first corner is dark.
 cv::Mat print_chess(int corner_columns, int corner_rows) {
-  cv::Mat print((corner_rows + 3) * kSquare, (corner_columns + 3) * kSquare, CV_8UC1, 255);
+  cv::Mat formatted((corner_rows + 3) * kSquare, (corner_columns + 3) * kSquare, CV_8UC1, 255);
   for (int row = 0; row <= corner_rows; ++row) {
     for (int column = 0; column <= corner_columns; ++column) {
       if ((row + column) % 2 == 1) continue;
-      print(cv::Rect((column + 1) * kSquare, (row + 1) * kSquare, kSquare, kSquare)) = 20;
+      formatted(cv::Rect((column + 1) * kSquare, (row + 1) * kSquare, kSquare, kSquare)) = 20;
     }
   }
-  return print;
+  return formatted;
 }
 
 cv::Mat print_charuco(int columns, int rows) {
   const auto dictionary = cv::aruco::getPredefinedDictionary(cv::aruco::DICT_4X4_50);
   const auto board = cv::aruco::CharucoBoard::create(columns, rows, 0.04F, 0.03F, dictionary);
-  cv::Mat print;
-  board->draw({(columns + 2) * kSquare, (rows + 2) * kSquare}, print, kSquare, 1);
-  return print;
+  cv::Mat formatted;
+  board->draw({(columns + 2) * kSquare, (rows + 2) * kSquare}, formatted, kSquare, 1);
+  return formatted;
 }
 
 /// An oblique view on a grey background, by the homography of the four corners of the print.
@@ -46,13 +46,13 @@ struct Photo {
   cv::Mat image_from_print;
 };
 
-Photo photograph(const cv::Mat& print) {
-  const float w = static_cast<float>(print.cols), h = static_cast<float>(print.rows);
+Photo photograph(const cv::Mat& formatted) {
+  const float w = static_cast<float>(formatted.cols), h = static_cast<float>(formatted.rows);
   const std::vector<cv::Point2f> from = {{0, 0}, {w, 0}, {w, h}, {0, h}};
   const std::vector<cv::Point2f> to = {{90, 70}, {560, 40}, {520, 420}, {120, 440}};
   Photo photo;
   photo.image_from_print = cv::getPerspectiveTransform(from, to);
-  cv::warpPerspective(print, photo.grey, photo.image_from_print, {640, 480}, cv::INTER_AREA,
+  cv::warpPerspective(formatted, photo.grey, photo.image_from_print, {640, 480}, cv::INTER_AREA,
                       cv::BORDER_CONSTANT, 128);
   cv::GaussianBlur(photo.grey, photo.grey, {3, 3}, 0.7);
   return photo;

@@ -22,8 +22,8 @@ namespace {
 using Eigen::Vector3d;
 using testing::HasSubstr;
 
-// Pairs of the paper's table of test data.
-TEST(DeltaE, is_what_the_published_table_says) {
+// Pairs from the paper's table of test data.
+TEST(DeltaE, agrees_with_the_published_table) {
   struct Pair {
     Vector3d one, two;
     double delta_e;
@@ -45,13 +45,13 @@ TEST(DeltaE, is_what_the_published_table_says) {
   }
 }
 
-TEST(DeltaE, of_white_is_the_lightness_of_100) {
+TEST(Lab, of_white_has_lightness_100) {
   EXPECT_LT((lab_of({1, 1, 1}) - Vector3d(100, 0, 0)).norm(), 1e-9);
 }
 
 const std::vector<std::string> kNames = {"cam01", "cam02", "cam03", "cam04", "cam05", "cam06"};
 
-/// What a camera of the simulated rig shows of a surface, with a noise of 0.7 grey values.
+/// The grey value of a surface in a simulated camera, with noise of 0.7 grey values.
 Vector3d shown(const std::string& camera, const Vector3d& light, uint64_t number) {
   const sim::SensorColour sensor = sim::sensor_colour(camera, 1, 7);
   Vector3d grey = 255 * (sensor.black + sensor.matrix * light.cast<float>()).cast<double>();
@@ -59,7 +59,7 @@ Vector3d shown(const std::string& camera, const Vector3d& light, uint64_t number
   return grey;
 }
 
-/// Surfaces that half of the cameras show.
+/// Samples of random surfaces; each camera observes half of them.
 std::vector<ColourSample> views(int places) {
   std::vector<ColourSample> samples;
   for (int place = 0; place < places; ++place) {
@@ -74,7 +74,7 @@ std::vector<ColourSample> views(int places) {
   return samples;
 }
 
-TEST(ColourFit, of_surfaces_that_nobody_knows_makes_the_cameras_alike) {
+TEST(ColourFit, from_unknown_surfaces_equalises_the_cameras) {
   const ColourFit fit = fit_views(views(400), {kNames});
   EXPECT_GT(fit.overall.before, 4);
   EXPECT_LT(fit.overall.after, 0.8);
@@ -82,14 +82,14 @@ TEST(ColourFit, of_surfaces_that_nobody_knows_makes_the_cameras_alike) {
   for (const ColourDifference& camera : fit.differences) EXPECT_LT(camera.after, 1);
 }
 
-TEST(ColourFit, leaves_the_rig_as_a_whole_as_bright_and_as_white_as_it_was) {
+TEST(ColourFit, keeps_the_mean_brightness_and_white_of_the_rig) {
   const ColourFit fit = fit_views(views(400), {kNames});
   Vector3d sum = Vector3d::Zero();
   for (const ColourResponse& response : fit.responses) sum += response.corrected({99, 99, 99});
   EXPECT_LT((sum / kNames.size() - Vector3d(99, 99, 99)).norm(), 1e-6);
 }
 
-TEST(ColourFit, is_not_led_astray_by_places_of_which_a_camera_shows_something_else) {
+TEST(ColourFit, is_robust_to_wrong_samples) {
   std::vector<ColourSample> samples = views(400);
   for (size_t i = 0; i < samples.size(); i += 10) samples[i].grey = {240, 20, 130};
   const ColourFit fit = fit_views(samples, {kNames});
@@ -102,7 +102,7 @@ TEST(ColourFit, is_not_led_astray_by_places_of_which_a_camera_shows_something_el
   }
 }
 
-TEST(ColourFit, takes_a_black_level_that_is_known_as_it_is) {
+TEST(ColourFit, uses_known_black_levels) {
   ColourOptions options{kNames};
   for (const std::string& name : kNames) {
     options.black.push_back(255 * sim::sensor_colour(name, 1, 7).black.cast<double>());
@@ -114,7 +114,7 @@ TEST(ColourFit, takes_a_black_level_that_is_known_as_it_is) {
   EXPECT_LT(fit.overall.after, 0.8);
 }
 
-TEST(ColourFit, of_a_chart_gives_its_true_colours_as_bright_as_they_were) {
+TEST(ColourFit, from_a_chart_gives_its_true_colours_at_the_mean_brightness) {
   std::vector<ColourSample> samples;
   for (int patch = 0; patch < 24; ++patch) {
     for (int c = 0; c < std::ssize(kNames); ++c) {
@@ -128,7 +128,7 @@ TEST(ColourFit, of_a_chart_gives_its_true_colours_as_bright_as_they_were) {
   EXPECT_LT((red - 255 * 0.8 * chart_colour(14)).norm(), 6);
 }
 
-TEST(ColourFit, of_a_grey_card_makes_grey_grey) {
+TEST(ColourFit, from_a_grey_card_balances_white) {
   std::vector<ColourSample> samples;
   for (int c = 0; c < std::ssize(kNames); ++c) {
     samples.push_back({0, c, shown(kNames[c], {0.4, 0.4, 0.4}, c)});
@@ -141,20 +141,20 @@ TEST(ColourFit, of_a_grey_card_makes_grey_grey) {
   EXPECT_LT(fit.overall.after, 1e-6);
 }
 
-TEST(ColourFit, says_what_is_lacking) {
+TEST(ColourFit, reports_missing_samples) {
   EXPECT_THAT(test::message_of<InputError>([] { fit_views(views(5), {kNames}); }),
               HasSubstr("places are seen by several cameras"));
   EXPECT_THAT(test::message_of<InputError>([] {
                 const ColourSample one{3, 0, {99, 99, 99}};
                 fit_chart({&one, 1}, {kNames});
               }),
-              HasSubstr("cam01 shows 1 patches"));
+              HasSubstr("cam01 shows 1 well exposed patches"));
   EXPECT_THAT(test::message_of<InputError>([] { fit_grey({}, {kNames}); }),
               HasSubstr("cam01 shows no well exposed grey"));
 }
 
-/// A chart with black between its patches, before grey.
-Image chart_picture(int patch_px) {
+/// A chart with black borders between its patches, on a grey background.
+Image chart_image(int patch_px) {
   const int step = patch_px * 5 / 4, border = patch_px;
   Image image({6 * step + 4 * border, 4 * step + 4 * border}, PixelFormat::kRGB8);
   for (int y = 0; y < image.size.height; ++y) {
@@ -175,13 +175,13 @@ Image chart_picture(int patch_px) {
   return image;
 }
 
-/// OpenCV makes the tables of its Lab colours once, and leaves them behind when the process ends:
-/// they are made where LeakSanitizer does not count.
+/// OpenCV allocates its Lab tables once and never frees them. They are allocated here, where
+/// LeakSanitizer is disabled.
 class ChartDetector : public testing::Test {
  protected:
   static void SetUpTestSuite() {
 #ifdef __SANITIZE_ADDRESS__
-    const __lsan::ScopedDisabler uncounted;
+    const __lsan::ScopedDisabler disabled;
 #endif
     cv::Mat lab;
     cv::cvtColor(cv::Mat::zeros(1, 1, CV_8UC3), lab, cv::COLOR_BGR2Lab);
@@ -189,7 +189,7 @@ class ChartDetector : public testing::Test {
 };
 
 TEST_F(ChartDetector, finds_the_patches_and_their_colours) {
-  const auto chart = find_chart(chart_picture(60).view());
+  const auto chart = find_chart(chart_image(60).view());
   ASSERT_TRUE(chart.has_value());
   for (int patch = 0; patch < 24; ++patch) {
     EXPECT_LT(((*chart)[static_cast<size_t>(patch)] - 220 * chart_colour(patch)).norm(), 6)
@@ -197,11 +197,11 @@ TEST_F(ChartDetector, finds_the_patches_and_their_colours) {
   }
 }
 
-TEST_F(ChartDetector, finds_none_where_there_is_none) {
+TEST_F(ChartDetector, finds_nothing_in_an_image_without_a_chart) {
   EXPECT_FALSE(find_chart(Image({640, 480}, PixelFormat::kRGB8).view()).has_value());
 }
 
-TEST(ColourReport, is_a_page_with_every_camera_before_and_after) {
+TEST(ColourReport, contains_every_camera_before_and_after) {
   const auto samples = views(400);
   const std::string html = colour_report_html(kNames, fit_views(samples, {kNames}), samples);
   for (const std::string& name : kNames) EXPECT_THAT(html, HasSubstr("<td>" + name + "</td>"));

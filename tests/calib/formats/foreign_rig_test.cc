@@ -1,4 +1,4 @@
-// Calibrations of other programs, read and written.
+// Reading and writing calibrations of other programs.
 #include "calib/formats/foreign_rig.h"
 
 #include <gmock/gmock.h>
@@ -20,7 +20,7 @@ double real_within(double low, double high) {
   return low + (high - low) * *rc::gen::inRange(0, 1'000'001) / 1e6;
 }
 
-/// The first `distortions` are not 0.
+/// A random camera whose first `distortions` coefficients are not 0.
 CameraModel any_camera(int distortions) {
   Eigen::Matrix3d k = Eigen::Matrix3d::Identity();
   k(0, 0) = real_within(100, 5000);
@@ -60,7 +60,7 @@ void expect_same(const Rig& a, const Rig& b) {
   }
 }
 
-RC_GTEST_PROP(Colmap, reads_back_every_rig_that_it_has_lenses_for, ()) {
+RC_GTEST_PROP(Colmap, reads_back_every_rig_with_supported_lenses, ()) {
   const Rig rig = any_rig({0, 1, 2, 4, 5, 8});
   expect_same(parse_colmap(colmap_text(rig), "sparse"), rig);
 }
@@ -75,7 +75,7 @@ RC_GTEST_PROP(Middlebury, reads_back_every_rig_without_distortion, ()) {
   expect_same(parse_middlebury(middlebury_text(rig), size, "x_par.txt"), rig);
 }
 
-RC_GTEST_PROP(OpencvFile, reads_back_every_lens_and_place_from_xml_and_yaml, ()) {
+RC_GTEST_PROP(OpencvFile, reads_back_every_lens_and_pose_from_xml_and_yaml, ()) {
   const Rig rig = any_rig({0, 4, 5, 8, 12, 14});
   const auto format = *rc::gen::element(OpencvFormat::kXml, OpencvFormat::kYaml);
   for (const RigCamera& camera : rig) {
@@ -103,68 +103,69 @@ TEST(Colmap, is_read_with_the_centre_of_the_first_pixel_at_zero) {
   EXPECT_EQ(rig[1].name, "right");
   EXPECT_EQ(rig[1].model.matrix()(1, 1), 900);
   EXPECT_EQ(rig[1].model.distortion()[0], -0.05);
-  // A quarter round y: what lay along the world's z comes to lie along x.
+  // A quarter turn about y: the world's z axis becomes the camera's x axis.
   const Eigen::Vector3d z = rig[1].model.cam_from_world() * Eigen::Vector3d(0, 0, 1);
   EXPECT_LT((z - Eigen::Vector3d(2, 2, 3)).norm(), 1e-12);
 }
 
-std::string colmap_refusal(const std::string& cameras, const std::string& images) {
+std::string colmap_error(const std::string& cameras, const std::string& images) {
   return test::message_of<InputError>([&] { parse_colmap({cameras, images}, "sparse"); });
 }
 
-TEST(Colmap, refuses_lenses_that_cannot_be_expressed_by_name) {
-  EXPECT_THAT(colmap_refusal("1 OPENCV_FISHEYE 640 480 1 1 1 1 0 0 0 0\n", kImages),
-              HasSubstr("sparse/cameras.txt:1: lens model OPENCV_FISHEYE cannot be expressed"));
+TEST(Colmap, rejects_unsupported_lens_models_by_name) {
+  EXPECT_THAT(colmap_error("1 OPENCV_FISHEYE 640 480 1 1 1 1 0 0 0 0\n", kImages),
+              HasSubstr("sparse/cameras.txt:1: lens model OPENCV_FISHEYE is not supported"));
 }
 
-TEST(Colmap, names_file_and_line_of_what_is_wrong) {
-  EXPECT_EQ(colmap_refusal("1 PINHOLE 640 480 500 501 320\n", kImages),
+TEST(Colmap, reports_errors_with_file_and_line) {
+  EXPECT_EQ(colmap_error("1 PINHOLE 640 480 500 501 320\n", kImages),
             "sparse/cameras.txt:1: principal point: missing");
-  EXPECT_THAT(colmap_refusal("1 PINHOLE 640 480 500 -1 320 240\n", kImages),
+  EXPECT_THAT(colmap_error("1 PINHOLE 640 480 500 -1 320 240\n", kImages),
               HasSubstr("cameras.txt:1: focal length"));
-  EXPECT_THAT(colmap_refusal("1 PINHOLE 640 0 500 501 320 240\n", kImages), HasSubstr("WIDTH"));
-  EXPECT_THAT(colmap_refusal("1 PINHOLE 640 480 500 501 320 240 0\n", kImages),
+  EXPECT_THAT(colmap_error("1 PINHOLE 640 0 500 501 320 240\n", kImages), HasSubstr("WIDTH"));
+  EXPECT_THAT(colmap_error("1 PINHOLE 640 480 500 501 320 240 0\n", kImages),
               HasSubstr("too many parameters"));
-  EXPECT_EQ(colmap_refusal(kCameras, "1 1 0 0 0 0 0 0 2 a.png\n\n"),
+  EXPECT_EQ(colmap_error(kCameras, "1 1 0 0 0 0 0 0 2 a.png\n\n"),
             "sparse/images.txt:1: cameras.txt has no camera 2");
-  EXPECT_THAT(colmap_refusal(kCameras, "1 1 1 0 0 0 0 0 7 a.png\n\n"), HasSubstr("no rotation"));
-  EXPECT_THAT(colmap_refusal(kCameras, "1 1 0 0 0 0 0 0 7 a.png\n2 1 0 0 0 0 0 0 7 b.png\n"),
+  EXPECT_THAT(colmap_error(kCameras, "1 1 1 0 0 0 0 0 7 a.png\n\n"),
+              HasSubstr("quaternion of length 1"));
+  EXPECT_THAT(colmap_error(kCameras, "1 1 0 0 0 0 0 0 7 a.png\n2 1 0 0 0 0 0 0 7 b.png\n"),
               HasSubstr("images.txt:2: expected the points of the image"));
-  EXPECT_THAT(colmap_refusal(kCameras, "# none\n"), HasSubstr("has no image"));
-  EXPECT_THAT(colmap_refusal(kCameras, "1 1 0 0 0 0 0 0 7 a/1.png\n\n2 1 0 0 0 0 0 0 7 a/1.png\n"),
-              HasSubstr("several pictures of one camera"));
+  EXPECT_THAT(colmap_error(kCameras, "# none\n"), HasSubstr("contains no image"));
+  EXPECT_THAT(colmap_error(kCameras, "1 1 0 0 0 0 0 0 7 a/1.png\n\n2 1 0 0 0 0 0 0 7 a/1.png\n"),
+              HasSubstr("several images of one camera"));
 }
 
-TEST(Colmap, has_no_lens_with_a_tilted_sensor_or_with_skew) {
+TEST(Colmap, rejects_lenses_with_a_tilted_sensor_or_skew) {
   Distortion tilted{};
   tilted[12] = 0.01;
   Eigen::Matrix3d k = Eigen::Matrix3d::Identity();
-  const auto refusal = [&](const CameraModel& model) {
+  const auto error = [&](const CameraModel& model) {
     return test::message_of<InputError>([&] { colmap_text({{"cam3", model}}); });
   };
-  EXPECT_THAT(refusal({{640, 480}, k, tilted, {}}), HasSubstr("cam3: its lens has a thin prism"));
+  EXPECT_THAT(error({{640, 480}, k, tilted, {}}), HasSubstr("cam3: its lens has a thin prism"));
   k(0, 1) = 1;
-  EXPECT_THAT(refusal({{640, 480}, k, {}, {}}), HasSubstr("cam3: its lens has skew"));
+  EXPECT_THAT(error({{640, 480}, k, {}, {}}), HasSubstr("cam3: its lens has skew"));
 }
 
-std::string middlebury_refusal(const std::string& text) {
+std::string middlebury_error(const std::string& text) {
   return test::message_of<InputError>([&] { parse_middlebury(text, {640, 480}, "x_par.txt"); });
 }
 
-TEST(Middlebury, names_file_and_line_of_what_is_wrong) {
+TEST(Middlebury, reports_errors_with_file_and_line) {
   const std::string k = "500 0 320 0 500 240 0 0 1", r = " 1 0 0 0 1 0 0 0 1", t = " 0 0 1\n";
   EXPECT_NO_THROW(parse_middlebury("1\na.png " + k + r + t, {640, 480}, "x_par.txt"));
-  EXPECT_EQ(middlebury_refusal("2\na.png " + k + r + t),
-            "x_par.txt:1: announces 2 images, but has 1 lines behind");
-  EXPECT_EQ(middlebury_refusal("1\na.png " + k + r + " 0 0\n"), "x_par.txt:2: t: missing");
-  EXPECT_EQ(middlebury_refusal("1\na.png " + k + " 1 0 0 0 1 0 0 0 2" + t),
-            "x_par.txt:2: R: is no rotation matrix");
-  EXPECT_THAT(middlebury_refusal("1\na.png 500 0 x" + k + r + t), HasSubstr("found 'x500'"));
-  EXPECT_THAT(middlebury_refusal("1\na.png " + k + r + " 0 0 1 9\n"), HasSubstr("22 words"));
-  EXPECT_THAT(middlebury_refusal(""), HasSubstr("empty"));
+  EXPECT_EQ(middlebury_error("2\na.png " + k + r + t),
+            "x_par.txt:1: expected 2 images, found 1 lines");
+  EXPECT_EQ(middlebury_error("1\na.png " + k + r + " 0 0\n"), "x_par.txt:2: t: missing");
+  EXPECT_EQ(middlebury_error("1\na.png " + k + " 1 0 0 0 1 0 0 0 2" + t),
+            "x_par.txt:2: R: not a rotation matrix");
+  EXPECT_THAT(middlebury_error("1\na.png 500 0 x" + k + r + t), HasSubstr("found 'x500'"));
+  EXPECT_THAT(middlebury_error("1\na.png " + k + r + " 0 0 1 9\n"), HasSubstr("22 words"));
+  EXPECT_THAT(middlebury_error(""), HasSubstr("empty"));
 }
 
-TEST(Middlebury, cannot_tell_of_a_lens_with_distortion) {
+TEST(Middlebury, rejects_a_lens_with_distortion) {
   const Rig rig = {{"cam2", CameraModel({640, 480}, Eigen::Matrix3d::Identity(), {0.1}, {})}};
   EXPECT_THAT(test::message_of<InputError>([&] { middlebury_text(rig); }),
               HasSubstr("cam2: its lens has distortion"));
@@ -182,7 +183,7 @@ rvec: [ 0., 0., 1.5707963267948966 ]
 tvec: [ 1, 2, 3 ]
 )";
 
-TEST(OpencvFile, is_read_by_the_names_that_programs_give_to_matrices) {
+TEST(OpencvFile, accepts_the_matrix_names_of_other_programs) {
   const Rig rig = parse_opencv(kYaml, {"cam4", ImageSize{640, 480}}, "c.yml");
   ASSERT_EQ(rig.size(), 1U);
   EXPECT_EQ(rig[0].name, "cam4");
@@ -192,7 +193,7 @@ TEST(OpencvFile, is_read_by_the_names_that_programs_give_to_matrices) {
   EXPECT_LT((x - Eigen::Vector3d(1, 3, 3)).norm(), 1e-12);
 }
 
-TEST(OpencvFile, of_a_stereo_pair_is_two_cameras) {
+TEST(OpencvFile, with_a_stereo_pair_gives_two_cameras) {
   const Rig rig = parse_opencv(
       "%YAML:1.0\nM1: [ 1, 0, 2, 0, 1, 2, 0, 0, 1 ]\nD1: [ 0, 0, 0, 0 ]\n"
       "M2: [ 3, 0, 2, 0, 3, 2, 0, 0, 1 ]\nD2: [ 0, 0, 0, 0 ]\nR: [ 0, 0, 0 ]\nT: [ 1, 0, 0 ]\n",
@@ -203,41 +204,41 @@ TEST(OpencvFile, of_a_stereo_pair_is_two_cameras) {
   EXPECT_EQ(rig[1].model.center(), Eigen::Vector3d(-1, 0, 0));
 }
 
-std::string opencv_refusal(std::string text, const std::string& from, const std::string& to) {
+std::string opencv_error(std::string text, const std::string& from, const std::string& to) {
   text.replace(text.find(from), from.size(), to);
   return test::message_of<InputError>([&] {
     parse_opencv(text, {"cam4", ImageSize{640, 480}}, "c.yml");
   });
 }
 
-TEST(OpencvFile, names_what_is_missing_or_wrong) {
-  EXPECT_EQ(opencv_refusal(kYaml, "K:", "L:"), "c.yml: camera_matrix: expected 9 numbers, found 0");
-  EXPECT_EQ(opencv_refusal(kYaml, "500., 0.,", "500., 1e400,"),
+TEST(OpencvFile, reports_missing_and_invalid_fields) {
+  EXPECT_EQ(opencv_error(kYaml, "K:", "L:"), "c.yml: camera_matrix: expected 9 numbers, found 0");
+  EXPECT_EQ(opencv_error(kYaml, "500., 0.,", "500., 1e400,"),
             "c.yml: camera_matrix: expected finite numbers");
-  EXPECT_EQ(opencv_refusal(kYaml, ", 0.01", ""),
+  EXPECT_EQ(opencv_error(kYaml, ", 0.01", ""),
             "c.yml: distortion_coefficients: expected 0, 4, 5, 8, 12 or 14 numbers, found 3");
-  EXPECT_EQ(opencv_refusal(kYaml, "tvec", "other"), "c.yml: T: expected 3 numbers, found 0");
-  EXPECT_THAT(opencv_refusal(kYaml, "tvec", "fisheye_model: 1\ntvec"), HasSubstr("fisheye"));
-  EXPECT_THAT(opencv_refusal(kYaml, "%YAML:1.0", "words"), HasSubstr("c.yml: is no XML, YAML"));
+  EXPECT_EQ(opencv_error(kYaml, "tvec", "other"), "c.yml: T: expected 3 numbers, found 0");
+  EXPECT_THAT(opencv_error(kYaml, "tvec", "fisheye_model: 1\ntvec"), HasSubstr("fisheye"));
+  EXPECT_THAT(opencv_error(kYaml, "%YAML:1.0", "words"), HasSubstr("c.yml: not an XML, YAML"));
   EXPECT_THAT(test::message_of<InputError>([&] { parse_opencv(kYaml, {"cam4"}, "c.yml"); }),
-              HasSubstr("say it: --size"));
+              HasSubstr("use --size"));
 }
 
-TEST(OpencvFile, whose_parts_lie_in_each_other_without_end_is_refused) {
+TEST(OpencvFile, with_deeply_nested_nodes_is_rejected) {
   const std::string deep = "%YAML:1.0\na: " + std::string(100'000, '[');
   EXPECT_THAT(test::message_of<InputError>([&] { parse_opencv(deep, {"c"}, "c.yml"); }),
-              HasSubstr("is no calibration"));
+              HasSubstr("not a camera calibration"));
 }
 
-TEST(PlacedRig, is_in_metres_and_has_z_up) {
+TEST(MetricRig, is_in_metres_and_has_z_up) {
   const CameraModel camera({640, 480}, Eigen::Matrix3d::Identity(), {},
                            {Eigen::Matrix3d::Identity(), Eigen::Vector3d(0, 0, 2000)});
-  // It looks along the old z, and the old y points down: the usual world of COLMAP.
-  const Rig rig = placed_rig({{"c", camera}}, 0.001, "-y");
+  // It looks along the old z, and the old y points down, as is usual in COLMAP.
+  const Rig rig = metric_rig({{"c", camera}}, 0.001, "-y");
   EXPECT_LT((rig[0].model.center() - Eigen::Vector3d(0, -2, 0)).norm(), 1e-12);
   EXPECT_LT((rig[0].model.viewing_direction() - Eigen::Vector3d::UnitY()).norm(), 1e-12);
   for (const std::string up : {"x", "-x", "y", "-y", "z", "-z"}) {
-    const RigCamera moved = placed_rig({{"c", camera}}, 1, up)[0];
+    const RigCamera moved = metric_rig({{"c", camera}}, 1, up)[0];
     EXPECT_NEAR(moved.model.cam_from_world().rotation.determinant(), 1, 1e-12) << up;
     Eigen::Vector3d axis =
         Eigen::Vector3d::Zero();  // in the camera's frame, which is the old world
@@ -247,7 +248,7 @@ TEST(PlacedRig, is_in_metres_and_has_z_up) {
               1e-12)
         << up;
   }
-  EXPECT_THAT(test::message_of<InputError>([&] { placed_rig({}, 1, "up"); }),
+  EXPECT_THAT(test::message_of<InputError>([&] { metric_rig({}, 1, "up"); }),
               HasSubstr("expected x, y, z"));
 }
 
