@@ -65,7 +65,7 @@ void print_text(const calib::RigFit& fit) {
     std::printf("%-*s  %.2f px RMS, %s, %.0f %% of the image", static_cast<int>(widest),
                 fit.rig[i].name.c_str(), camera.rms_px, ctl::count_of(camera.views, "view").c_str(),
                 100 * camera.coverage);
-    if (camera.rejected > 0) std::printf(", %d left out", camera.rejected);
+    if (camera.rejected > 0) std::printf(", %d rejected", camera.rejected);
     std::printf("\n");
   }
   for (const std::string& weak : find_weaknesses(fit)) std::printf("weak: %s\n", weak.c_str());
@@ -79,19 +79,21 @@ void note_time_offsets(const std::vector<calib::CameraObservations>& cameras,
   std::vector<double> late;
   for (const calib::CameraFit& camera : fit.cameras) late.push_back(camera.time_offset);
   const std::string text = time_offset_text(cameras, late);
-  if (!text.empty()) note("v3dctl: " + text + "; put right here, but the next take needs a mend");
+  if (!text.empty())
+    note("v3dctl: " + text +
+         "; corrected in this calibration, but must be fixed before the next take");
 }
 
-/// By camera the picture that shows most of the board, for the report.
-std::vector<std::string> pictures_of(const RigBoards& boards) {
+/// By camera the image with most corners, for the report.
+std::vector<std::string> images_of(const RigBoards& boards) {
   constexpr int kQuality = 60;
-  std::vector<std::string> pictures;
+  std::vector<std::string> images;
   for (const FoundBoards& found : boards.found) {
-    pictures.push_back(found.example
-                           ? data_url(encode_jpeg(to_rgb(found.example->view()).view(), kQuality))
-                           : std::string());
+    images.push_back(found.example
+                         ? data_url(encode_jpeg(to_rgb(found.example->view()).view(), kQuality))
+                         : std::string());
   }
-  return pictures;
+  return images;
 }
 
 int run(const ctl::CommandLine& line, const Arguments& arguments) {
@@ -100,20 +102,19 @@ int run(const ctl::CommandLine& line, const Arguments& arguments) {
   if (!arguments.before.empty()) options.previous = load_calib(arguments.before);
   ctl::catch_interrupts();
   const RigBoards boards = find_rig_boards(arguments.sources.sources(line), detector);
-  if (boards.cameras.size() < 2) throw InputError("a rig has two cameras or more");
+  if (boards.cameras.size() < 2) throw InputError("a rig needs at least two cameras");
   const calib::RigFit fit = fit_rig(detector.board(), boards.cameras, options);
   note_time_offsets(boards.cameras, fit);
   save_calib(arguments.out, fit.rig);
   if (!arguments.report.empty()) {
-    replace_file(arguments.report, rig_report_html(detector.board(), fit, pictures_of(boards)));
+    replace_file(arguments.report, rig_report_html(detector.board(), fit, images_of(boards)));
   }
   if (arguments.json) {
     std::printf("%s\n", to_json(fit).dump(2).c_str());
   } else {
     print_text(fit);
-    std::printf(
-        "wrote %s; up is guessed: v3dctl calibrate floor makes a board on the floor z = 0\n",
-        arguments.out.c_str());
+    std::printf("wrote %s; its upward axis is only estimated; next step: v3dctl calibrate floor\n",
+                arguments.out.c_str());
   }
   return kExitDone;
 }
@@ -122,7 +123,7 @@ int run(const ctl::CommandLine& line, const Arguments& arguments) {
 
 void add_rig(ctl::CommandLine& line, CLI::App* calibrate) {
   CLI::App* command = add_under(
-      calibrate, "rig", "All cameras together, from a board carried through the studio",
+      calibrate, "rig", "Calibrate all cameras together, from a board carried through the studio",
       {"v3dctl calibrate rig --board chess:9x6:80mm --take boards-01 --out calib.toml",
        "v3dctl calibrate rig --board charuco:4x5:54mm:40.5mm:DICT_4X4_50 --out calib.toml \\",
        "    --video cam1=1.mp4 --video cam2=2.mp4",
@@ -131,16 +132,17 @@ void add_rig(ctl::CommandLine& line, CLI::App* calibrate) {
   add_board_option(command, arguments->board);
   arguments->sources.add_to(command);
   command
-      ->add_option("--before", arguments->before,
-                   "The cameras as calibrated before: their lenses stay; swapped cameras and "
-                   "another board size are noticed")
+      ->add_option(
+          "--before", arguments->before,
+          "The previous calibration: its lenses are used; swapped cameras and another board "
+          "size are reported")
       ->type_name("FILE");
   command->add_option("--out", arguments->out, "The calibration to write")
       ->type_name("FILE")
       ->required();
   command
       ->add_option("--report", arguments->report,
-                   "A page for people: errors, coverage, shared views, and what to mend")
+                   "Also write an HTML report: residuals, coverage, shared views, weaknesses")
       ->type_name("FILE.html");
   ctl::add_json_flag(command, arguments->json);
   line.on_run(command, [&line, arguments] { return run(line, *arguments); });

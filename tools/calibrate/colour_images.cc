@@ -1,4 +1,4 @@
-#include "calibrate/colour_pictures.h"
+#include "calibrate/colour_images.h"
 
 #include <algorithm>
 #include <array>
@@ -15,18 +15,18 @@ namespace {
 using calib::ColourSample;
 using Eigen::Vector3d;
 
-constexpr int kMostPictures = 20;  // that show something, of each camera
+constexpr int kMaxImages = 20;  // of each camera
 
 int camera_of(const NamedSource& source, const std::vector<std::string>& names) {
   const auto found = std::ranges::find(names, source.camera);
   if (found == names.end()) {
-    throw InputError(source.camera + ": the calibration has no such camera, but " +
+    throw InputError(source.camera + ": no such camera in the calibration, which has " +
                      join_names(names));
   }
   return static_cast<int>(found - names.begin());
 }
 
-/// The mean of the middle part of a picture, a ninth of its area.
+/// The mean of the middle ninth of an image.
 Vector3d middle_colour(ImageView image) {
   const Image rgb = to_rgb(image);
   const int x0 = rgb.size.width / 3, y0 = rgb.size.height / 3;
@@ -41,7 +41,7 @@ Vector3d middle_colour(ImageView image) {
   return sum / static_cast<double>(std::max<int64_t>(1, count));
 }
 
-/// Of a camera that shows the chart several times.
+/// The mean of several observations of the chart by one camera.
 class ChartMean {
  public:
   void add(const calib::ChartColours& colours) {
@@ -77,15 +77,15 @@ std::vector<ColourSample> find_charts(std::vector<NamedSource> sources,
   for (NamedSource& source : sources) {
     const int camera = camera_of(source, names);
     ChartMean mean;
-    while (mean.charts() < kMostPictures) {
+    while (mean.charts() < kMaxImages) {
       ctl::stop_if_interrupted();
-      const auto picture = source.source.next();
-      if (!picture) break;
-      if (const auto chart = calib::find_chart(picture->image.view())) mean.add(*chart);
+      const auto image = source.source.next();
+      if (!image) break;
+      if (const auto chart = calib::find_chart(image->pixels.view())) mean.add(*chart);
     }
     if (mean.charts() == 0) {
-      throw InputError(source.source.name + ": no colour chart with 24 patches is found; show it " +
-                       "to " + source.camera + " whole and straight, 150 pixels wide or more");
+      throw InputError(source.source.name + ": no colour chart with 24 patches found; show it to " +
+                       source.camera + " completely and frontally, at least 150 pixels wide");
     }
     mean.put(camera, samples);
   }
@@ -97,10 +97,10 @@ std::vector<ColourSample> find_grey(std::vector<NamedSource> sources,
   std::vector<ColourSample> samples;
   for (NamedSource& source : sources) {
     const int camera = camera_of(source, names);
-    for (int i = 0; i < kMostPictures; ++i) {
-      const auto picture = source.source.next();
-      if (!picture) break;
-      const Vector3d grey = middle_colour(picture->image.view());
+    for (int i = 0; i < kMaxImages; ++i) {
+      const auto image = source.source.next();
+      if (!image) break;
+      const Vector3d grey = middle_colour(image->pixels.view());
       if (calib::is_well_exposed(grey)) samples.push_back({0, camera, grey});
     }
   }
@@ -114,16 +114,16 @@ std::vector<Vector3d> find_black(std::vector<NamedSource> sources,
     const int camera = camera_of(source, names);
     Vector3d sum = Vector3d::Zero();
     int count = 0;
-    for (; count < kMostPictures; ++count) {
-      const auto picture = source.source.next();
-      if (!picture) break;
-      sum += middle_colour(picture->image.view());
+    for (; count < kMaxImages; ++count) {
+      const auto image = source.source.next();
+      if (!image) break;
+      sum += middle_colour(image->pixels.view());
     }
     black[camera] = sum / std::max(1, count);
   }
   std::vector<Vector3d> result;
   for (size_t c = 0; c < names.size(); ++c) {
-    if (!black[c]) throw InputError("--dark: no picture of " + names[c]);
+    if (!black[c]) throw InputError("--dark: no image of " + names[c]);
     result.push_back(*black[c]);
   }
   return result;
