@@ -1,4 +1,5 @@
-// A calibration board that is carried through the simulated studio, and where its corners appear.
+// A simulated calibration recording: board poses in the studio, and the corners that cameras
+// observe.
 #pragma once
 
 #include <cstdint>
@@ -15,10 +16,10 @@ struct BoardWalkOptions {
   uint64_t seed = 1;
 };
 
-/// A corner as a camera of the rig sees it.
+/// One corner in one image.
 struct SeenCorner {
   int camera = 0;
-  int board = 0;  ///< how many-th stop of the walk
+  int board = 0;  ///< index into BoardWalk::world_from_board
   int corner = 0;
   Eigen::Vector2d pixel = Eigen::Vector2d::Zero();
 };
@@ -28,10 +29,11 @@ struct BoardWalk {
   std::vector<SeenCorner> corners;  ///< by board, by camera, by corner
 };
 
-/// `corners`: in the frame of the board, z out of the print. The board is held up in the middle of
-/// the studio and turned round, so that it faces all cameras in turn, leaning to every side. A
-/// camera sees it where all corners are in its image and the print is turned to it (by less than
-/// 65 degrees).
+/// Board poses in the middle of the studio, which face all cameras in turn with varying tilt.
+///
+/// `corners`: board frame, metres, z out of the print. A camera observes the board where all
+/// corners are in its image and its direction is within 65 degrees of the board normal.
+/// Deterministic.
 BoardWalk walk_board(const Rig& rig, std::span<const Eigen::Vector3d> corners,
                      const BoardWalkOptions& options);
 

@@ -1,4 +1,4 @@
-// The cameras' own clocks: each has its own zero and runs a little fast or slow.
+// Simulated camera clocks with offset and drift.
 #pragma once
 
 #include <cstdint>
@@ -19,11 +19,11 @@ struct SimulatedClock {
   }
 };
 
-/// The clock of the camera with this index: an offset of up to 1000 s and a drift of up to 50 ppm,
-/// both ways; it reads its offset at `origin`.
+/// The clock of a camera: a random offset within 1000 s and a random drift within 50 ppm. At
+/// `origin` the clock shows its offset.
 SimulatedClock simulated_clock(int camera, uint64_t seed, MonotonicInstant origin);
 
-/// From the edge to the start of exposure: 4 to 30 microseconds, another at every edge.
+/// Random delay from a trigger edge to the start of exposure, 4 to 30 microseconds.
 Duration exposure_delay(int camera, int64_t edge, uint64_t seed);
 
 }  // namespace v3d::sim

@@ -1,6 +1,5 @@
-// exposures.csv: the simulator's own record of which edge every image of every camera shows: a line
-// for each time an image is sent, none for one that is not. It is what a recorded take is checked
-// against.
+// exposures.csv: the ground truth of the trigger edge that each image shows. It has one line for
+// each sent image. `v3d-sim check` compares recorded takes with it.
 #pragma once
 
 #include <cstdint>
@@ -16,7 +15,7 @@
 
 namespace v3d::sim {
 
-/// The image_index of an image that a fault has made black.
+/// The image_index of an image that a fault replaced by black.
 inline constexpr int64_t kBlackImage = -2;
 
 /// A line: camera,device_time_ns,edge_monotonic_ns,edge,image_index.
@@ -29,12 +28,12 @@ struct ExposureLine {
   friend bool operator==(const ExposureLine&, const ExposureLine&) = default;
 };
 
-/// Appends lines, each flushed at once. Any thread.
+/// Appends lines and flushes each one. Thread-safe.
 class ExposureRecord {
  public:
   /// Replaces the file. Throws InputError.
   explicit ExposureRecord(const std::filesystem::path& path);
-  /// Counts what the disk refused instead of throwing.
+  /// Does not throw; lost() counts write errors.
   void add(const ExposureLine& line);
   int64_t lost() const;
 
@@ -44,9 +43,9 @@ class ExposureRecord {
   int64_t lost_ = 0;
 };
 
-/// Throws InputError naming file, line and field.
+/// Reads a file. Throws InputError with file, line and field.
 std::vector<ExposureLine> load_exposures(const std::filesystem::path& path);
-/// The same from text; `path` names it in messages.
+/// Reads a text; `path` is for messages.
 std::vector<ExposureLine> parse_exposures(std::string_view text, const std::filesystem::path& path);
 
 }  // namespace v3d::sim

@@ -1,4 +1,4 @@
-// What can go wrong with a camera, on order.
+// Camera faults that the simulation can inject.
 #pragma once
 
 #include <cstdint>
@@ -9,17 +9,17 @@
 namespace v3d::sim {
 
 enum class FaultKind : uint8_t {
-  kDrop,       ///< exposed and counted, never sent
-  kMissed,     ///< the trigger is not seen: neither exposed nor counted
-  kDuplicate,  ///< sent twice: the same image and time stamp under the next frame number
-  kDelay,      ///< sent late by `time`; the frames behind it wait
-  kFreeze,     ///< answers, but neither exposes nor counts for `pulses` pulses
-  kUnplug,     ///< gone for `time` from this pulse on; its frame counter begins anew
-  kClock,    ///< its clock jumps ahead by `time` (back where negative), and runs `drift_ppm` faster
-  kBlack,    ///< the image is black
-  kLate,     ///< from this pulse on it shows what was `pulses` pulses before; takes written without
-             ///< daemons only
-  kSuspect,  ///< the frame counter says another pulse; takes written without daemons only
+  kDrop,       ///< the frame is exposed and counted, but not sent
+  kMissed,     ///< the trigger is ignored: no exposure, no count
+  kDuplicate,  ///< sent twice, with equal time stamps and consecutive frame numbers
+  kDelay,      ///< sent late by `time`, like all frames queued after it
+  kFreeze,     ///< no exposures and no counts for `pulses` pulses; control works
+  kUnplug,     ///< disconnected for `time` from this pulse; the frame counter restarts
+  kClock,      ///< the clock jumps by `time` (may be negative) and runs `drift_ppm` faster
+  kBlack,      ///< the image is black
+  kLate,       ///< from this pulse, images lag by `pulses` pulses; only in takes written without
+               ///< daemons
+  kSuspect,    ///< the frame counter is wrong; only in takes written without daemons
 };
 
 struct Fault {
@@ -29,7 +29,7 @@ struct Fault {
   int64_t pulses = 1;
   Duration time{};
   double drift_ppm = 0;
-  bool new_clock = false;  ///< kUnplug: its clock begins at 0 when it comes back
+  bool new_clock = false;  ///< kUnplug: the clock restarts at 0
 };
 
 }  // namespace v3d::sim

@@ -1,4 +1,4 @@
-// Many images of many cameras, rendered on all cores.
+// Batch rendering: the images of all cameras of a rig, in parallel on all cores.
 #pragma once
 
 #include <cstdint>
@@ -10,14 +10,14 @@
 
 namespace v3d::sim {
 
-/// All cameras of a rig. One caller at a time.
+/// Renderers of all cameras of a rig. Threads: one caller at a time.
 class Film {
  public:
-  /// Draws every camera's empty room.
+  /// Renders the empty studio for each camera.
   Film(const Rig& rig, const RenderOptions& options);
 
-  /// One image per camera, in the rig's order: the performer at `seconds` (the middle of the
-  /// exposure), or the empty studio. `exposure_number` seeds the noise.
+  /// One image per camera, in the order of the rig. `seconds`: time of the middle of the exposure,
+  /// or nothing for the empty studio. `exposure_number` seeds the noise.
   std::vector<Image> shoot_all(std::optional<double> seconds, uint64_t exposure_number);
 
  private:

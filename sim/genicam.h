@@ -6,7 +6,7 @@
 
 namespace v3d::sim {
 
-/// XML after the GenApi schema 1.1, feature names after the SFNC.
+/// XML of the GenApi schema 1.1, with feature names of the SFNC.
 std::string genicam_xml();
 
 }  // namespace v3d::sim

@@ -1,4 +1,4 @@
-// Things to be done at a certain time, by a thread of their own.
+// A timer queue: runs callbacks at given times on a thread of its own.
 #pragma once
 
 #include <condition_variable>
@@ -11,8 +11,8 @@
 
 namespace v3d::sim {
 
-/// What is not yet due when this ends, or is asked for afterwards, is not done. at() may be called
-/// by any thread, by the one that does the things, too.
+/// Callbacks that are not due at end(), and those added later, are not run.
+/// Threads: at() may be called by any thread, including the queue's own thread.
 class Later {
  public:
   Later();
@@ -20,15 +20,16 @@ class Later {
   Later(const Later&) = delete;
   Later& operator=(const Later&) = delete;
 
-  /// `thing` must not throw. Things due at the same time are done in the order of their asking.
+  /// Adds a callback, which must not throw. Callbacks with equal times run in the order of the
+  /// calls.
   void at(MonotonicInstant due, std::function<void()> thing);
-  /// Waits for the thing that is being done. Not by the thread that does the things.
+  /// Stops the queue and waits for the running callback. Not to be called by the queue's thread.
   void end();
 
  private:
   void run();
 
-  std::mutex mutex_;  ///< what follows
+  std::mutex mutex_;  ///< guards the next members
   std::condition_variable changed_;
   std::multimap<MonotonicInstant, std::function<void()>> things_;
   bool quit_ = false;

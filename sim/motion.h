@@ -1,5 +1,5 @@
-// The action: key poses of a sword cut, smooth in between, repeating every kActionPeriodSeconds.
-// Stance, raise, cut, recover, turn. World frame, metres; the performer first faces +x.
+// The performer's motion: a sword cut, interpolated between key poses (stance, raise, cut, recover,
+// turn) with the period kActionPeriodSeconds. World frame, metres; the performer first faces +x.
 #pragma once
 
 #include <Eigen/Core>
@@ -15,7 +15,7 @@ struct Limb {
 
 enum Side : int { kLeft = 0, kRight = 1 };
 
-/// Where every bone is at one time. Body frames: x forward, y left, z up.
+/// The pose of the skeleton at one time. Body frames: x forward, y left, z up.
 struct Pose {
   RigidTransform world_from_pelvis;  ///< origin between the hips
   RigidTransform world_from_chest;   ///< origin at the base of the neck
@@ -29,13 +29,13 @@ struct Pose {
 inline constexpr double kBladeLength = 0.75;
 inline constexpr double kHandleLength = 0.24;
 
-/// Where a hand holds the handle: z in the sword's frame.
+/// The position of a hand on the handle: z in the frame of the sword, metres.
 double grip_of(Side side);
 
-/// Any time; pose_at(t + kActionPeriodSeconds) equals pose_at(t).
+/// The pose at any time; pose_at(t + kActionPeriodSeconds) equals pose_at(t).
 Pose pose_at(double seconds);
 
-/// The tip of the blade.
+/// The tip of the blade, world frame, metres.
 Eigen::Vector3d sword_tip(const Pose& pose);
 
 }  // namespace v3d::sim

@@ -1,5 +1,5 @@
-// Randomness without state: a hash of where and what. The same arguments give the same value on
-// every machine, in every order, on any thread.
+// Stateless random numbers by hashing. Equal arguments give equal values on every machine and
+// thread.
 #pragma once
 
 #include <Eigen/Core>
@@ -8,8 +8,8 @@
 
 namespace v3d::sim {
 
-/// A bijection of 64-bit numbers whose output bits all depend on all input bits (SplitMix64's
-/// finaliser).
+/// SplitMix64's finaliser: a bijection of 64-bit numbers in which each output bit depends on all
+/// input bits.
 constexpr uint64_t mix(uint64_t x) {
   x += 0x9E3779B97F4A7C15U;
   x = (x ^ (x >> 30)) * 0xBF58476D1CE4E5B9U;
@@ -20,12 +20,12 @@ constexpr uint64_t mix(uint64_t x) {
 /// Uniform in [0, 1).
 constexpr double unit(uint64_t hash) { return static_cast<double>(hash >> 11) * 0x1.0p-53; }
 
-/// Uniform in [low, high), named by a seed and a running number.
+/// Uniform in [low, high), for a seed and an index.
 constexpr double uniform(uint64_t seed, uint64_t index, double low, double high) {
   return low + (high - low) * unit(mix(mix(seed) ^ index));
 }
 
-/// The value of a lattice point, in [0, 1).
+/// The random value of a lattice point, in [0, 1).
 inline float lattice(int x, int y, int z, uint32_t seed) {
   uint32_t h = static_cast<uint32_t>(x) * 0x8DA6B343U ^ static_cast<uint32_t>(y) * 0xD8163841U ^
                static_cast<uint32_t>(z) * 0xCB1AB31FU ^ seed;
@@ -34,7 +34,7 @@ inline float lattice(int x, int y, int z, uint32_t seed) {
   return static_cast<float>((h ^ (h >> 15)) >> 8) * 0x1.0p-24F;
 }
 
-/// 3D value noise with a lattice of one unit, in [0, 1), smooth.
+/// Smooth 3D value noise with a lattice of one unit, in [0, 1).
 inline float value_noise(const Eigen::Vector3f& p, uint32_t seed) {
   const Eigen::Vector3f base = p.array().floor();
   const Eigen::Vector3f f = p - base;

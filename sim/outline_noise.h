@@ -1,4 +1,4 @@
-// Silhouettes as a worse segmentation would make them: their outlines tremble.
+// Silhouettes with noisy outlines, as an inaccurate segmentation gives them.
 #pragma once
 
 #include <cstdint>
@@ -7,9 +7,8 @@
 
 namespace v3d::sim {
 
-/// Every outline is shifted to and fro along itself, by `sigma_px` (standard deviation) in either
-/// direction of the image; places farther apart than 16 pixels are shifted independently. The same
-/// seed gives the same shifts.
+/// Displaces the outline by smooth noise with the standard deviation `sigma_px` along x and y.
+/// Points more than 16 px apart are displaced independently. Deterministic for each `seed`.
 Mask with_outline_noise(const Mask& mask, double sigma_px, uint64_t seed);
 
 }  // namespace v3d::sim

@@ -1,4 +1,4 @@
-// Work for all cores that does not depend on which core does it.
+// A parallel loop over indices.
 #pragma once
 
 #include <algorithm>
@@ -8,8 +8,8 @@
 
 namespace v3d::sim {
 
-/// Calls work(i) once for every i < count, on as many threads as there are cores. `work` must not
-/// throw. Returns when all are done.
+/// Calls work(i) once for each i < count, with one thread per core, and waits for all calls. `work`
+/// must not throw.
 template <class Work>
 void for_each_index(size_t count, Work work) {
   std::atomic<size_t> next{0};

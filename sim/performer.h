@@ -1,4 +1,4 @@
-// The performer as closed parts, each with the coordinates its texture is painted in.
+// The performer as closed parts with procedural textures.
 #pragma once
 
 #include <Eigen/Core>
@@ -22,23 +22,24 @@ enum class Material : uint8_t {
   kGuard
 };
 
-/// A closed, outward-oriented surface. mesh.vertices is in the world; `paint` gives, per vertex,
-/// the place in the part's own rest frame (metres) where paint() is evaluated, so that a texture
-/// sticks to its part however that moves. mesh.colours stays empty here.
+/// A closed, outward-oriented surface (world frame, metres). `paint`: by vertex the texture
+/// coordinates in the rest frame of the part (metres), so that the texture moves with the part.
+/// mesh.colours is empty.
 struct Part {
   Mesh mesh;
   std::vector<Eigen::Vector3f> paint;
   Material material = Material::kSkin;
 };
 
-/// Body, clothes and sword; parts overlap. `seed` chooses folds and patterns, not the motion.
+/// Body, clothes and sword; parts overlap. `seed` determines folds and patterns, but not the
+/// motion.
 std::vector<Part> performer_parts(double seconds, uint64_t seed);
 
-/// The blade alone: what moves fast enough to blur within an exposure.
+/// The blade only, which moves fast enough for motion blur.
 Part sword_blade(double seconds);
 
-/// The texture: diffuse colour, red green blue in 0..1, at a place of the part's rest frame. Finer
-/// than any camera of the studio resolves.
+/// The procedural texture: linear diffuse R, G, B (0 to 1) at texture coordinates `place`. It has
+/// more detail than the cameras resolve.
 Eigen::Vector3f paint(Material material, const Eigen::Vector3f& place, uint64_t seed);
 
 }  // namespace v3d::sim

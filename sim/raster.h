@@ -1,4 +1,4 @@
-// A z-buffer: which triangle each pixel of a camera sees.
+// Z-buffer rasteriser: the nearest triangle at each pixel of a camera.
 #pragma once
 
 #include <Eigen/Core>
@@ -13,28 +13,28 @@ namespace v3d::sim {
 
 using Triangle = std::array<uint32_t, 3>;
 
-/// Where a vertex falls in an image. Triangles with a vertex that is not `seen` are not drawn.
+/// A projected vertex. Triangles with a vertex that is not `seen` are not drawn.
 struct ScreenPoint {
   float x = 0, y = 0;       ///< pixels, CameraModel's convention
   float inverse_depth = 0;  ///< 1 / z in the camera frame, per metre
-  bool seen = false;        ///< in front of the camera and where the lens model holds
+  bool seen = false;        ///< in front of the camera and in the valid range of the lens model
 };
 
-/// Through the whole lens model; straight edges between the vertices, so triangles must be small.
+/// Projects vertices with the full lens model. Edges stay straight, so triangles must be small.
 std::vector<ScreenPoint> to_screen(const CameraModel& camera,
                                    std::span<const Eigen::Vector3f> points);
 
-/// The smallest rectangle inside the image that holds all seen points.
+/// The bounding rectangle of all seen points, clipped to the image.
 Rect screen_bounds(std::span<const ScreenPoint> points, ImageSize size);
 
 class DepthBuffer {
  public:
   static constexpr uint32_t kNothing = 0xFFFFFFFF;
 
-  /// Empty, for the pixels of `area`.
+  /// Clears the buffer and sets its area.
   void clear(Rect area);
-  /// Draws the triangles that face the camera. A pixel belongs to a triangle that its centre lies
-  /// in. Triangles are numbered from `first`.
+  /// Draws the front-facing triangles, at pixels whose centres they contain. Triangles are numbered
+  /// from `first`.
   void draw(std::span<const ScreenPoint> points, std::span<const Triangle> triangles,
             uint32_t first = 0);
 
@@ -53,7 +53,7 @@ class DepthBuffer {
   std::vector<uint32_t> triangle_;
 };
 
-/// The weights of a triangle's vertices at a pixel inside it, corrected for perspective; sum 1.
+/// Perspective-correct barycentric coordinates of a pixel inside a triangle; their sum is 1.
 Eigen::Vector3f weights_at(const ScreenPoint& a, const ScreenPoint& b, const ScreenPoint& c, int x,
                            int y);
 

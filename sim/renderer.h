@@ -1,5 +1,5 @@
-// What the cameras see: a software rasteriser with the whole lens model, textures evaluated per
-// pixel, ceiling light, a shadow on the floor, motion blur of the blade, filter mosaic and noise.
+// Software renderer of the simulated cameras: full lens model, textures per pixel, ceiling light,
+// floor shadow, motion blur of the blade, Bayer mosaic and noise.
 #pragma once
 
 #include <Eigen/Core>
@@ -14,7 +14,7 @@
 
 namespace v3d::sim {
 
-/// Surfaces to draw, flattened: what all cameras share of one instant.
+/// The triangles of one instant, shared by all cameras.
 struct DrawList {
   std::vector<Eigen::Vector3f> vertices;
   std::vector<Eigen::Vector3f> normals;
@@ -23,23 +23,23 @@ struct DrawList {
   std::vector<Material> materials;  ///< one per triangle
 };
 
-/// The performer at one exposure. Within 1/1000 s the blade's tip moves 15 mm, up to 5 pixels; the
-/// hands less than 1 pixel. So the blade alone is drawn at three instants of the exposure.
+/// The performer during one exposure. In 1 ms the tip of the blade moves 15 mm (up to 5 px) and the
+/// hands less than 1 px, so only the blade is drawn at three instants of the exposure.
 struct PerformerShot {
-  DrawList body;                        ///< all parts but the blade
+  DrawList body;                        ///< all parts except the blade
   std::array<DrawList, 3> blade;        ///< early, middle and late in the exposure
-  std::array<Eigen::Vector2d, 3> feet;  ///< what throws the shadow: ankles, and the pelvis
+  std::array<Eigen::Vector2d, 3> feet;  ///< shadow casters: ankles and pelvis
   uint64_t seed = 0;
 };
 
-/// `seconds`: the middle of the exposure.
+/// `seconds`: time of the middle of the exposure.
 PerformerShot shoot(double seconds, uint64_t seed, double exposure_s);
 
-/// One camera with its empty room drawn once. One thread; copies nothing but the finished image.
+/// Renders images of one camera; renders the background once. Threads: one caller at a time.
 class CameraRenderer {
  public:
   CameraRenderer(RigCamera camera, RenderOptions options);
-  /// `shot` null: the empty room. The same arguments give the same bytes.
+  /// `shot` null: the empty studio. Deterministic.
   Image render(const PerformerShot* shot, uint64_t exposure_number);
   const RigCamera& camera() const { return camera_; }
 
@@ -53,7 +53,7 @@ class CameraRenderer {
   RigCamera camera_;
   RenderOptions options_;
   SensorColour sensor_;
-  std::vector<uint16_t> plate_;    ///< samples of the empty room, grey value times 256
+  std::vector<uint16_t> plate_;    ///< samples of the empty studio, grey value times 256
   std::vector<uint16_t> samples_;  ///< of the image being rendered, before noise
   std::vector<int16_t> noise_;     ///< quantiles of the normal distribution, grey value times 256
   DepthBuffer depth_;

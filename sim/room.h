@@ -1,4 +1,5 @@
-// The empty studio: tiled floor, panelled round wall, ceiling with fluorescent tubes.
+// Procedural background of the studio: tiled floor, panelled round wall, ceiling with fluorescent
+// tubes.
 #pragma once
 
 #include <Eigen/Core>
@@ -9,11 +10,11 @@
 
 namespace v3d::sim {
 
-/// Colour (0..1) of the room seen from `eye` along `direction` (need not be a unit vector).
+/// Linear R, G, B (0 to 1) seen from `eye` (world, metres) along `direction` (any length).
 Eigen::Vector3f room_colour(const Eigen::Vector3d& eye, const Eigen::Vector3d& direction,
                             uint64_t seed);
 
-/// The room in every pixel of a camera, row-major. Takes about 0.1 s for 1024x768.
+/// The background of every pixel of a camera, row-major. Takes about 0.1 s for 1024x768.
 std::vector<Eigen::Vector3f> room_image(const CameraModel& camera, uint64_t seed);
 
 }  // namespace v3d::sim

@@ -1,5 +1,5 @@
-// The simulated studio: a performer, a rig, and the pictures the cameras would take. Deterministic:
-// the same seed gives the same bytes on every machine.
+// The simulated studio: performer, rig and camera images. Deterministic: equal seeds give equal
+// bytes on every machine.
 #pragma once
 
 #include <cstdint>
@@ -12,13 +12,18 @@
 
 namespace v3d::sim {
 
-/// The paper's studio: 6 m across, 2.5 m high; cameras on its wall at several heights, most see the
-/// whole body, every fourth a close-up of a part. All look at the 3 x 3 x 2 m space in the middle.
+/// The rig of the paper's studio (6 m wide, 2.5 m high), with cameras on the wall at several
+/// heights.
+///
+/// All cameras look at the space of 3 x 3 x 2 m in the middle. Every fourth camera has a narrow
+/// field of view; the others see the whole body.
 Rig make_rig(int cameras, ImageSize size, uint64_t seed);
 
-/// The performer's surface at a time: body, waving clothes, sword. Closed parts, world frame, with
-/// vertex colours; the true surface. Parts overlap: what can be seen from outside is
-/// sim/outer_surface.h. Any time; the action repeats smoothly every kActionPeriodSeconds.
+/// The true surface of the performer (world frame, metres, with vertex colours): body, clothes,
+/// sword.
+///
+/// It consists of closed parts that overlap; sim/outer_surface.h gives their visible surface.
+/// `seconds`: any time; the action has the period kActionPeriodSeconds.
 Mesh performer_at(double seconds, uint64_t seed);
 inline constexpr double kActionPeriodSeconds = 4.0;
 
@@ -27,12 +32,13 @@ struct RenderOptions {
   uint64_t seed = 1;
   double noise = 1.5;  ///< standard deviation, grey values
   double exposure_s = 0.001;
-  double colour_spread = 0;  ///< how much the colours of the cameras differ (sensor_colour.h)
+  double colour_spread = 0;  ///< colour difference between cameras (sensor_colour.h)
 };
 
-/// What `camera` sees at `seconds`, the middle of the exposure; with_performer = false gives a
-/// background plate. `exposure_number` seeds the noise. Draws the camera's room first, which takes
-/// longer than the performer: for many images see sim/film.h.
+/// One camera image. `seconds`: time of the middle of the exposure. `with_performer` false: a
+/// background plate. `exposure_number` seeds the noise.
+///
+/// Renders the background for each call; use sim/film.h for many images.
 Image render(const RigCamera& camera, double seconds, bool with_performer, uint64_t exposure_number,
              const RenderOptions& options);
 

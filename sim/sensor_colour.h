@@ -1,4 +1,4 @@
-// Cameras of one make whose colours differ all the same.
+// Simulated differences between the colour responses of cameras.
 #pragma once
 
 #include <Eigen/Core>
@@ -7,14 +7,15 @@
 
 namespace v3d::sim {
 
-/// What a sensor makes of the light, 0 to 1: black + matrix * light.
+/// The response of a sensor to light (0 to 1): black + matrix * light.
 struct SensorColour {
   Eigen::Matrix3f matrix = Eigen::Matrix3f::Identity();
   Eigen::Vector3f black = Eigen::Vector3f::Zero();
 };
 
-/// `spread` 0: all are alike. 1: as unmatched cameras are, gains within 15 % for every colour,
-/// cross-talk of up to 5 % between two, black levels up to 6 grey values.
+/// A random response for a camera name. `spread` 0: all cameras are equal. `spread` 1: gains within
+/// 15 %, cross-talk up to 5 % between two channels, black levels up to 6 grey values.
+/// Deterministic.
 SensorColour sensor_colour(std::string_view camera, double spread, uint64_t seed);
 
 }  // namespace v3d::sim

@@ -1,4 +1,4 @@
-// The studio's end of the simulated trigger cable (base/trigger_wire.h).
+// Server of the simulated trigger cable, a Unix socket (base/trigger_wire.h).
 #pragma once
 
 #include <atomic>
@@ -12,33 +12,33 @@
 
 namespace v3d::sim {
 
-/// Listens on a Unix socket; every edge that a client sends is counted, handed to the cameras and
-/// echoed to all clients. Owns a thread that ends with it; removes the socket file.
+/// Accepts clients on a Unix socket. Each edge from a client is counted, passed to the cameras and
+/// echoed to all clients. The destructor stops the thread and removes the socket file.
 class TriggerCable {
  public:
-  /// `edge` counts from 0 over the cable's life. Called by the cable's thread; must not throw.
+  /// `edge` counts from 0. Called by the cable's thread; must not throw.
   using OnEdge = std::function<void(int64_t edge, MonotonicInstant edge_time)>;
 
-  /// Throws InputError when the path is too long for a socket, or another studio listens there. A
-  /// socket that nobody listens on any more is replaced.
+  /// Replaces an unused socket file. Throws InputError where the path is too long for a socket or
+  /// where another process listens on it.
   TriggerCable(std::filesystem::path path, OnEdge on_edge);
   ~TriggerCable();
   TriggerCable(const TriggerCable&) = delete;
   TriggerCable& operator=(const TriggerCable&) = delete;
 
   int64_t edges() const { return edges_; }
-  /// Packets that were no edge; they are ignored.
+  /// The number of ignored, malformed packets.
   int64_t malformed() const { return malformed_; }
 
  private:
   void serve();
-  /// False when the client has gone.
+  /// Returns false where the client has disconnected.
   bool take_packet(int client);
 
   std::filesystem::path path_;
   OnEdge on_edge_;
   int listener_ = -1;
-  int stop_ = -1;  ///< eventfd: readable when the thread shall end
+  int stop_ = -1;  ///< eventfd: readable when the thread must stop
   std::vector<int> clients_;
   std::atomic<int64_t> edges_{0};
   std::atomic<int64_t> malformed_{0};

@@ -3,9 +3,9 @@
 // which reader is meant. OpenCV's files are not among them: OpenCV's own parser reads them, and
 // dies of some XML whose attributes are broken.
 #include "base/error.h"
-#include "calib/colmap_text.h"
-#include "calib/middlebury_par.h"
-#include "calib/time_stamps.h"
+#include "calib/formats/colmap_text.h"
+#include "calib/formats/middlebury_par.h"
+#include "calib/formats/time_stamps.h"
 #include "fuzz_input.h"
 
 namespace {
@@ -30,7 +30,7 @@ void read_middlebury(const std::string& text) {
 void read_time_stamps(const std::string& text) {
   const TimeStamps stamps = parse_time_stamps(text, "t.csv");
   for (const auto& [camera, frames] : stamps) {
-    must(instants_of(stamps, camera, 100, "t.csv").size() == frames.size());
+    must(frame_instants(stamps, camera, 100, "t.csv").size() == frames.size());
   }
 }
 

@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "base/camera_model.h"
-#include "calib/layout.h"
+#include "calib/rig/rig_comparison.h"
 #include "sim/noise.h"
 
 namespace v3d::test {
@@ -42,7 +42,7 @@ inline double error_px(const Rig& rig, const Rig& truth) {
     from.push_back(rig[c].model.center());
     to.push_back(truth[c].model.center());
   }
-  const Rig moved = calib::moved_rig(rig, calib::align_points(from, to, true));
+  const Rig moved = calib::transformed_rig(rig, calib::align_points(from, to, true));
   double sum = 0;
   int count = 0;
   for (size_t c = 0; c < rig.size(); ++c) {

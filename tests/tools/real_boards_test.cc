@@ -6,11 +6,11 @@
 #include <opencv2/calib3d.hpp>
 
 #include "base/calib_file.h"
-#include "calib/board_places.h"
-#include "calib/board_pose.h"
-#include "calib/bundle.h"
-#include "calib/floor.h"
-#include "calib/rig_fit.h"
+#include "calib/boards/board_pose.h"
+#include "calib/lens/bundle_adjustment.h"
+#include "calib/rig/board_initialization.h"
+#include "calib/rig/floor_fit.h"
+#include "calib/rig/rig_fit.h"
 #include "calibrate/floor_boards.h"
 #include "calibrate/rig_boards.h"
 #include "real_recordings.h"
@@ -28,16 +28,16 @@ class RealBoards : public test::RealRecordings {};
 double opencv_stereo_rms(const calib::Board& board, const RigBoards& boards) {
   std::vector<std::vector<cv::Point3f>> corners;
   std::vector<std::vector<cv::Point2f>> pixels[2];
-  const auto points_of = [](const calib::BoardSighting& sighting) {
+  const auto points_of = [](const calib::BoardObservation& observation) {
     std::vector<cv::Point2f> points;
-    for (const auto& p : sighting.pixels) points.emplace_back(p.x(), p.y());
+    for (const auto& p : observation.pixels) points.emplace_back(p.x(), p.y());
     return points;
   };
-  const auto& left = boards.cameras[0].sightings;
-  const auto& right = boards.cameras[1].sightings;
-  for (const auto& [instant, sighting] : left) {
+  const auto& left = boards.cameras[0].observations;
+  const auto& right = boards.cameras[1].observations;
+  for (const auto& [instant, observation] : left) {
     if (!right.contains(instant)) continue;
-    pixels[0].push_back(points_of(sighting));
+    pixels[0].push_back(points_of(observation));
     pixels[1].push_back(points_of(right.at(instant)));
     std::vector<cv::Point3f> view;
     for (int i = 0; i < board.corners(); ++i) {
@@ -91,26 +91,27 @@ std::vector<TheirCamera> load_camera_array(const fs::path& file) {
 /// How far a calibration misses the corners, each board at its best place: every instant that two
 /// cameras or more saw counts.
 double rms_of_rig(const calib::Board& board, const std::vector<TheirCamera>& rig,
-                  const std::vector<calib::CameraSightings>& seen) {
+                  const std::vector<calib::CameraObservations>& seen) {
   std::vector<CameraModel> cameras;
-  std::vector<calib::CameraPoses> poses;
+  std::vector<calib::CandidatePoses> poses;
   calib::BundleOptions options{.fixed_cameras = {}};
   for (size_t c = 0; c < rig.size(); ++c) {
     cameras.push_back(rig[c].model);
-    poses.push_back(calib::possible_poses(rig[c].model, board, seen[c]));
+    poses.push_back(calib::candidate_poses(rig[c].model, board, seen[c]));
     options.fixed_cameras.push_back(static_cast<int>(c));
   }
   const auto pairs = calib::pair_poses(poses);
-  calib::Bundle bundle = calib::place_boards({board, seen, poses, pairs}, cameras, 1000).bundle;
+  calib::Bundle bundle =
+      calib::initialize_boards({board, seen, poses, pairs}, cameras, 1000).bundle;
   adjust(bundle, options);
-  return calib::rms_of(misses(bundle));
+  return calib::rms_of(residuals(bundle));
 }
 
 /// Of the lens alone, each board wherever it fits best.
-double rms_of_lens(const calib::Board& board, const calib::CameraSightings& camera) {
+double rms_of_lens(const calib::Board& board, const calib::CameraObservations& camera) {
   std::vector<calib::LensView> views;
-  for (const auto& [instant, sighting] : camera.sightings) {
-    views.push_back({std::to_string(instant), sighting});
+  for (const auto& [instant, observation] : camera.observations) {
+    views.push_back({std::to_string(instant), observation});
   }
   return fit_lens(camera.name, board, camera.size, views, {}).rms_px;
 }
@@ -133,7 +134,7 @@ TEST_F(RealBoards, in_four_webcams_tell_that_one_is_late_and_fit_better_than_ano
     EXPECT_LE(rms_of_lens(detector.board(), boards.cameras[c]), theirs[c].error_px);
   }
   const calib::RigFit fit = fit_rig(detector.board(), boards.cameras, {});
-  EXPECT_NEAR(fit.cameras[1].late, 1, 0.1);
+  EXPECT_NEAR(fit.cameras[1].time_offset, 1, 0.1);
   EXPECT_LT(fit.rms_px, 0.65);
   EXPECT_LT(2 * fit.rms_px, rms_of_rig(detector.board(), theirs, boards.cameras));
   const double apart = (fit.rig[0].model.center() - fit.rig[2].model.center()).norm();

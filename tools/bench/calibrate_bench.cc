@@ -1,6 +1,6 @@
 #include <benchmark/benchmark.h>
 
-#include "calib/rig_fit.h"
+#include "calib/rig/rig_fit.h"
 #include "sim/board_walk.h"
 #include "sim/scene.h"
 
@@ -8,23 +8,23 @@ namespace v3d::bench {
 namespace {
 
 /// What the cameras of a simulated rig saw of a board carried through it, corners noisy by 0.2 px.
-std::vector<calib::CameraSightings> walk(const calib::Board& board, int cameras) {
+std::vector<calib::CameraObservations> walk(const calib::Board& board, int cameras) {
   const Rig rig = sim::make_rig(cameras, {1024, 768}, 3);
   std::vector<Eigen::Vector3d> corners;
   for (int i = 0; i < board.corners(); ++i) corners.push_back(board.corner(i));
-  std::vector<calib::CameraSightings> seen;
+  std::vector<calib::CameraObservations> seen;
   for (const RigCamera& c : rig) seen.push_back({c.name, c.model.size(), {}});
   sim::BoardWalkOptions options;
   options.boards = 400;
   for (const sim::SeenCorner& s : sim::walk_board(rig, corners, options).corners) {
-    calib::BoardSighting& sighting = seen[s.camera].sightings[s.board];
-    sighting.corners.push_back(s.corner);
-    sighting.pixels.push_back(s.pixel);
+    calib::BoardObservation& observation = seen[s.camera].observations[s.board];
+    observation.corners.push_back(s.corner);
+    observation.pixels.push_back(s.pixel);
   }
   return seen;
 }
 
-/// Lenses and places of a whole rig, from sightings.
+/// Lenses and places of a whole rig, from observations.
 void calibrate(benchmark::State& state) {
   const calib::Board board = calib::parse_board("chess:9x6:100mm");
   const auto seen = walk(board, static_cast<int>(state.range(0)));

@@ -1,4 +1,4 @@
-// The board found in all pictures of a camera.
+// Search for the board in all images of one camera.
 #pragma once
 
 #include <map>
@@ -6,25 +6,25 @@
 #include <string>
 #include <vector>
 
-#include "calib/board_detector.h"
-#include "calib/lens_fit.h"
-#include "calibrate/picture_source.h"
+#include "calib/boards/board_detector.h"
+#include "calib/lens/lens_fit.h"
+#include "calibrate/image_source.h"
 
 namespace v3d::calibrate {
 
 struct FoundBoards {
   ImageSize size;
-  int64_t pictures = 0;
-  std::vector<calib::LensView> views;  ///< the pictures with a board
-  std::vector<int64_t> numbers;        ///< Picture::number of each
-  std::optional<Image> example;        ///< the picture that shows most corners
-  /// Where no picture shows the board: what they show instead, if anything.
-  std::optional<std::string> clue;
+  int64_t images = 0;                  ///< number of searched images
+  std::vector<calib::LensView> views;  ///< the images with the board
+  std::vector<int64_t> numbers;        ///< SourceImage::number of each view
+  std::optional<Image> example;        ///< the image with most corners
+  /// Where no image shows the board: what is recognised instead, if anything.
+  std::optional<std::string> diagnosis;
 };
 
-/// Looks at all pictures, several at a time. Throws InputError for pictures of different sizes,
-/// none at all, and, with what is wrong with the board, where it is in none of them.
-FoundBoards find_boards(const std::string& camera, PictureSource source,
+/// Searches all images, several in parallel. Throws InputError for images of different sizes, for a
+/// source without images, and where no image shows the board; the message then has the diagnosis.
+FoundBoards find_boards(const std::string& camera, ImageSource source,
                         const calib::BoardDetector& detector);
 
 }  // namespace v3d::calibrate

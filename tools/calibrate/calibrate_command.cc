@@ -16,17 +16,17 @@ void add_board_option(CLI::App* command, std::string& board) {
   command
       ->add_option("--board", board,
                    "chess:9x6:25mm (inner corners), or charuco:4x5:54mm:40.5mm:DICT_4X4_50 "
-                   "(squares); :inverted behind it for a print white on black")
+                   "(squares); append :inverted for a white-on-black print")
       ->type_name("BOARD")
       ->required();
 }
 
 void add_calibrate(ctl::CommandLine& line) {
-  CLI::App* command =
-      line.add("calibrate", "Measure lenses and places of the cameras, and say what is weak",
-               {"v3dctl calibrate intrinsics --board chess:9x6:25mm --images 'cam01/*.png'",
-                "v3dctl calibrate rig --board charuco:4x5:54mm:40.5mm:DICT_4X4_50 \\",
-                "    --take boards-01 --out calib.toml"});
+  CLI::App* command = line.add(
+      "calibrate", "Calibrate lenses, poses and colours of the cameras, and report weaknesses",
+      {"v3dctl calibrate intrinsics --board chess:9x6:25mm --images 'cam01/*.png'",
+       "v3dctl calibrate rig --board charuco:4x5:54mm:40.5mm:DICT_4X4_50 \\",
+       "    --take boards-01 --out calib.toml"});
   command->require_subcommand(1);
   add_guess(line, command);
   add_intrinsics(line, command);

@@ -5,8 +5,8 @@
 #include "base/calib_file.h"
 #include "base/error.h"
 #include "base/file.h"
-#include "calib/colour_report.h"
-#include "calibrate/colour_pictures.h"
+#include "calib/colour/colour_report.h"
+#include "calibrate/colour_images.h"
 #include "calibrate/colour_places.h"
 #include "calibrate/commands.h"
 #include "v3dctl/interrupt.h"
@@ -26,29 +26,29 @@ struct Arguments {
   bool json = false;
 };
 
-/// What the colours are compared by.
-struct Ways {
+/// What is used to compare the colours.
+struct References {
   bool surface = false, floor = false, chart = false, grey = false;
 };
 
-Ways parse_ways(const std::string& text) {
-  Ways ways;
+References parse_references(const std::string& text) {
+  References references;
   for (const std::string& word : ctl::parse_names(text, "--with")) {
-    bool* const way = word == "surface" ? &ways.surface
-                      : word == "floor" ? &ways.floor
-                      : word == "chart" ? &ways.chart
-                      : word == "grey"  ? &ways.grey
-                                        : nullptr;
-    if (way == nullptr) {
+    bool* const reference = word == "surface" ? &references.surface
+                            : word == "floor" ? &references.floor
+                            : word == "chart" ? &references.chart
+                            : word == "grey"  ? &references.grey
+                                              : nullptr;
+    if (reference == nullptr) {
       throw InputError("--with " + word +
                        ": expected chart, grey, surface, floor or surface,floor");
     }
-    *way = true;
+    *reference = true;
   }
-  const int kinds = ways.chart + ways.grey + (ways.surface || ways.floor);
+  const int kinds = references.chart + references.grey + (references.surface || references.floor);
   if (kinds != 1)
-    throw InputError("--with " + text + ": a chart, grey and views do not go together");
-  return ways;
+    throw InputError("--with " + text + ": chart, grey and surface,floor cannot be combined");
+  return references;
 }
 
 std::vector<NamedSource> dark_sources(const std::vector<std::string>& patterns) {
@@ -59,14 +59,14 @@ std::vector<NamedSource> dark_sources(const std::vector<std::string>& patterns) 
   return sources;
 }
 
-std::vector<calib::ColourSample> view_samples(const Ways& ways, const RigSources& sources,
-                                              const Rig& rig) {
+std::vector<calib::ColourSample> view_samples(const References& references,
+                                              const RigSources& sources, const Rig& rig) {
   if (sources.take.empty()) {
-    throw InputError("--with surface and floor look at a take: --take TAKE");
+    throw InputError("--with surface and --with floor need a take: use --take TAKE");
   }
   std::vector<calib::ColourSample> samples;
-  if (ways.surface) samples = surface_places(sources.take, rig, 0);
-  if (ways.floor) {
+  if (references.surface) samples = surface_places(sources.take, rig, 0);
+  if (references.floor) {
     const int next = samples.empty() ? 0 : samples.back().place + 1;
     const auto more = floor_places(sources.take, rig, next);
     samples.insert(samples.end(), more.begin(), more.end());
@@ -80,11 +80,11 @@ struct Result {
 };
 
 Result fit_colours(const ctl::CommandLine& line, const Arguments& arguments, const Rig& rig) {
-  const Ways ways = parse_ways(arguments.with);
-  if (arguments.sources.live_s > 0 && !ways.chart && !ways.grey) {
+  const References references = parse_references(arguments.with);
+  if (arguments.sources.live_s > 0 && !references.chart && !references.grey) {
     throw InputError(
-        "--live goes with --with chart or grey; surface and floor look at a take that "
-        "is reconstructed: --take TAKE");
+        "--live needs --with chart or grey; surface and floor need a reconstructed take: use "
+        "--take TAKE");
   }
   const RigSources sources = arguments.sources.sources(line);
   calib::ColourOptions options;
@@ -92,15 +92,15 @@ Result fit_colours(const ctl::CommandLine& line, const Arguments& arguments, con
   if (!arguments.dark.empty()) {
     options.black = find_black(dark_sources(arguments.dark), options.cameras);
   }
-  if (ways.chart) {
+  if (references.chart) {
     auto samples = find_charts(open_sources(sources), options.cameras);
     return {fit_chart(samples, options), samples};
   }
-  if (ways.grey) {
+  if (references.grey) {
     auto samples = find_grey(open_sources(sources), options.cameras);
     return {fit_grey(samples, options), samples};
   }
-  auto samples = view_samples(ways, sources, rig);
+  auto samples = view_samples(references, sources, rig);
   return {fit_views(samples, options), samples};
 }
 
@@ -136,14 +136,14 @@ void print_text(const Rig& rig, const calib::ColourFit& fit) {
     const calib::ColourDifference& d = fit.differences[i];
     const std::string& name = rig[i].name;
     if (d.places == 0) {
-      std::printf("%-*s  nothing that another camera shows too\n", static_cast<int>(widest),
+      std::printf("%-*s  shares no place with another camera\n", static_cast<int>(widest),
                   name.c_str());
       continue;
     }
     std::printf("%-*s  Delta E %5.2f before, %5.2f after, %s\n", static_cast<int>(widest),
                 name.c_str(), d.before, d.after, ctl::count_of(d.places, "place").c_str());
   }
-  std::printf("colour: Delta E (CIE 2000) %.2f before, %.2f after; nine tenths below %.2f, %.2f\n",
+  std::printf("colour: Delta E (CIE 2000) %.2f before, %.2f after; 90th percentile %.2f, %.2f\n",
               fit.overall.before, fit.overall.after, fit.ninety_percent.before,
               fit.ninety_percent.after);
 }
@@ -173,7 +173,7 @@ int run(const ctl::CommandLine& line, const Arguments& arguments) {
 
 void add_colour(ctl::CommandLine& line, CLI::App* calibrate) {
   CLI::App* command = add_under(
-      calibrate, "colour", "Bring all cameras to one colour response",
+      calibrate, "colour", "Give all cameras the same colour response",
       {"v3dctl calibrate colour --calib calib.toml --take kendo-07 --out calib.toml",
        "v3dctl calibrate colour --calib calib.toml --with chart --take chart-01 --out calib.toml"});
   auto arguments = std::make_shared<Arguments>();
@@ -181,20 +181,23 @@ void add_colour(ctl::CommandLine& line, CLI::App* calibrate) {
       ->type_name("FILE")
       ->required();
   command
-      ->add_option("--with", arguments->with,
-                   "What is compared: a chart of 24 patches, a grey card in the middle of the "
-                   "pictures, the reconstructed surface of a take, the floor in its plates")
+      ->add_option(
+          "--with", arguments->with,
+          "What to compare: a chart with 24 patches, a grey card in the middle of the "
+          "images, the reconstructed surface of a take, the floor in its background plates")
       ->type_name("chart|grey|surface,floor")
       ->capture_default_str();
   arguments->sources.add_to(command);
   command
       ->add_option("--dark", arguments->dark,
-                   "Pictures with the lens covered, for the black level; once for each camera")
+                   "Images with the lens covered, for the black level; repeat for each camera")
       ->type_name("CAM=GLOB");
-  command->add_option("--out", arguments->out, "The same rig with its colours")
+  command->add_option("--out", arguments->out, "The rig with colour responses")
       ->type_name("FILE")
       ->required();
-  command->add_option("--report", arguments->report, "A page for people: colours before and after")
+  command
+      ->add_option("--report", arguments->report,
+                   "Also write an HTML report: colours before and after")
       ->type_name("FILE.html");
   ctl::add_json_flag(command, arguments->json);
   line.on_run(command, [&line, arguments] { return run(line, *arguments); });

@@ -22,10 +22,10 @@ namespace {
 using calib::ColourSample;
 using Eigen::Vector3d;
 
-constexpr size_t kMostFrames = 10;
+constexpr size_t kMaxFrames = 10;
 constexpr size_t kPlacesPerFrame = 400;
 
-/// Colours round a place, as one.
+/// Statistics of the colours around a place.
 class Patch {
  public:
   void add(const std::optional<Eigen::Vector3f>& colour) {
@@ -40,7 +40,7 @@ class Patch {
     ++count_;
   }
   Vector3d mean() const { return sum_ / count_; }
-  /// Empty where not all colours are well exposed and within `spread` grey values of each other.
+  /// The mean colour; empty where a colour is badly exposed or their deviation exceeds `spread`.
   std::optional<Vector3d> colour(double spread) const {
     if (!good_ || count_ == 0) return std::nullopt;
     const Vector3d variance = squares_ / count_ - mean().cwiseProduct(mean());
@@ -55,7 +55,6 @@ class Patch {
 };
 
 // --- surface
-// --------------------------------------------------------------------------------------
 
 double edge_length(const Mesh& mesh) {
   double sum = 0;
@@ -65,19 +64,19 @@ double edge_length(const Mesh& mesh) {
   return sum / static_cast<double>(std::max<size_t>(1, mesh.triangles.size()));
 }
 
-/// What one camera shows of a surface.
+/// The image of a surface in one camera.
 class SurfaceView {
  public:
   SurfaceView(const CameraModel& model, const SegmentedFrame& frame, const Mesh& mesh)
       : model_(model), frame_(frame), depth_(draw_depth(mesh, model)) {}
 
-  /// `tolerance_m`: how well the surface is known.
+  /// `tolerance_m`: accuracy of the surface.
   std::optional<Vector3d> colour_at(const Vector3d& place, const Vector3d& normal,
                                     double tolerance_m) const {
-    constexpr double kLeastFacing = 0.5;
+    constexpr double kMinFacing = 0.5;
     const Vector3d to_camera = (model_.center() - place).normalized();
     const auto pixel = model_.project(place);
-    if (normal.dot(to_camera) < kLeastFacing || !pixel) return std::nullopt;
+    if (normal.dot(to_camera) < kMinFacing || !pixel) return std::nullopt;
     Patch patch;
     constexpr int kReach = 2;
     for (int dy = -kReach; dy <= kReach; dy += kReach) {
@@ -87,8 +86,9 @@ class SurfaceView {
         patch.add(sample_colour(frame_.raw.image.view(), at.x(), at.y()));
       }
     }
-    constexpr double kAlike = 8;  // grey values; edges between colours lie elsewhere in each image
-    return patch.colour(kAlike);
+    constexpr double kMaxSpread =
+        8;  // grey values; avoids colour edges, which are displaced between images
+    return patch.colour(kMaxSpread);
   }
 
  private:
@@ -105,7 +105,7 @@ class SurfaceView {
   DepthBuffer depth_;
 };
 
-/// `numbers`: of the recorded cameras in the rig that is calibrated.
+/// `numbers`: indices of the recorded cameras in the rig.
 void add_frame(const Mesh& mesh, const Rig& rig, const std::vector<int>& numbers,
                const std::vector<std::optional<SegmentedFrame>>& frames, int& place,
                std::vector<ColourSample>& samples) {
@@ -131,14 +131,13 @@ std::vector<int> numbers_in(const Rig& rig, const Rig& recorded) {
   for (const RigCamera& camera : recorded) {
     numbers.push_back(find_camera(rig, camera.name));
     if (numbers.back() < 0) {
-      throw InputError(camera.name + ": is in the take, but not in the calibration");
+      throw InputError(camera.name + ": is in the take but not in the calibration");
     }
   }
   return numbers;
 }
 
 // --- floor
-// ----------------------------------------------------------------------------------------
 
 Image plate_of(const BackgroundModel& model) {
   Image image(model.size, model.format);
@@ -148,21 +147,22 @@ Image plate_of(const BackgroundModel& model) {
   return image;
 }
 
-/// The mean over a patch of the floor: near and far cameras see the same.
+/// The mean colour of a floor patch of fixed size, which does not depend on the camera's distance.
 std::optional<Vector3d> floor_colour(const CameraModel& model, ImageView plate,
                                      const Vector3d& at) {
-  constexpr double kHalf = 0.04;  // metres
+  constexpr double kHalfSide = 0.04;  // metres
   constexpr int kSteps = 4;
-  constexpr double kAlike = 40;  // a pattern is welcome: its mean is the same
+  constexpr double kMaxSpread =
+      40;  // large, because the mean of a pattern is the same in all cameras
   Patch patch;
   for (int j = -kSteps; j <= kSteps; ++j) {
     for (int i = -kSteps; i <= kSteps; ++i) {
-      const auto pixel = model.project(at + kHalf / kSteps * Vector3d(i, j, 0));
+      const auto pixel = model.project(at + kHalfSide / kSteps * Vector3d(i, j, 0));
       if (!pixel) return std::nullopt;
       patch.add(sample_colour(plate, pixel->x(), pixel->y()));
     }
   }
-  return patch.colour(kAlike);
+  return patch.colour(kMaxSpread);
 }
 
 }  // namespace
@@ -173,7 +173,7 @@ std::vector<ColourSample> surface_places(const std::filesystem::path& take, cons
   TakeFrames recorded(take, {});
   const std::vector<int> numbers = numbers_in(rig, recorded.rig());
   const std::vector<int64_t> frames = meshes.frames({});
-  const size_t count = std::min(kMostFrames, frames.size());
+  const size_t count = std::min(kMaxFrames, frames.size());
   std::vector<ColourSample> samples;
   int place = first_place;
   int64_t incomplete = 0;

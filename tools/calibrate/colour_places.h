@@ -1,24 +1,26 @@
-// Places that several cameras of a take show, and what each makes of their colour.
+// Colour samples of places that several cameras of a take observe: on the surface and on the floor.
 #pragma once
 
 #include <filesystem>
 #include <vector>
 
 #include "base/camera_model.h"
-#include "calib/colour_fit.h"
+#include "calib/colour/colour_fit.h"
 
 namespace v3d::calibrate {
 
-/// Places on the reconstructed surface, in some frames spread over the take; numbered from
-/// `first_place` on. A camera shows a place where it faces it, nothing hides it, and the colours
-/// round it are alike and well exposed. `rig`: all cameras of the take. Throws InputError for a
-/// take that was not reconstructed.
+/// Samples of places on the reconstructed surface, in up to 10 frames spread over the take.
+///
+/// Places are numbered from `first_place`. A camera contributes where it faces the place without
+/// occlusion, and where the colours around it are well exposed and uniform. `rig`: contains all
+/// cameras of the take. Throws InputError for a take without meshes.
 std::vector<calib::ColourSample> surface_places(const std::filesystem::path& take, const Rig& rig,
                                                 int first_place);
 
-/// Places on the floor, z = 0, amid the cameras, as the background plates show them; empty where
-/// the take has no plates. What stands on the floor makes some of them wrong: fit_views() finds
-/// them out.
+/// Samples of places on the floor (z = 0) between the cameras, from the background plates.
+///
+/// Empty where the take has no plates. Objects on the floor cause wrong samples, which fit_views()
+/// treats as outliers. Throws InputError where cameras are more than 200 m apart.
 std::vector<calib::ColourSample> floor_places(const std::filesystem::path& take, const Rig& rig,
                                               int first_place);
 

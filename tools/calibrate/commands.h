@@ -1,4 +1,4 @@
-// `v3dctl calibrate` and what stands under it.
+// The subcommands of `v3dctl calibrate`.
 #pragma once
 
 #include <string>
@@ -9,10 +9,10 @@
 
 namespace v3d::calibrate {
 
-/// All of them.
+/// Adds `calibrate` with all its subcommands.
 void add_calibrate(ctl::CommandLine& line);
 
-/// `examples` are shown under its help, each after "  $ ".
+/// Adds a subcommand. `examples` are printed below its help, each after "  $ ".
 CLI::App* add_under(CLI::App* calibrate, const std::string& name, const std::string& description,
                     const std::vector<std::string>& examples);
 void add_board_option(CLI::App* command, std::string& board);

@@ -5,7 +5,7 @@
 #include "base/error.h"
 #include "base/image_size.h"
 #include "base/units.h"
-#include "calib/foreign_rig.h"
+#include "calib/formats/foreign_rig.h"
 #include "calibrate/commands.h"
 #include "calibrate/rig_formats.h"
 #include "v3dctl/options.h"
@@ -26,22 +26,22 @@ struct Arguments {
   bool json = false;
 };
 
-/// The one that was named, else what the path tells.
+/// The format given by the option, else the one that the path implies.
 RigFormat format_of(const std::string& named, const std::string& option, const std::string& path) {
   if (!named.empty()) return parse_rig_format(named, option);
-  const auto guessed = guess_rig_format(path);
-  if (!guessed) {
-    throw InputError(path + ": its name tells no format; say it: " + option +
+  const auto detected = detect_rig_format(path);
+  if (!detected) {
+    throw InputError(path + ": unknown format; use " + option +
                      " toml, opencv, opencv-xml, colmap or middlebury");
   }
-  return *guessed;
+  return *detected;
 }
 
 std::optional<ImageSize> size_of(const std::string& text) {
   return text.empty() ? std::nullopt : std::optional(parse_size(text));
 }
 
-/// Metres between the two cameras that are farthest apart: tells a wrong unit at a glance.
+/// The largest distance between two cameras, metres. It shows a wrong unit.
 double extent_of(const Rig& rig) {
   double most = 0;
   for (const RigCamera& a : rig) {
@@ -67,7 +67,7 @@ Json to_json(const Rig& rig, RigFormat from, RigFormat to,
 int run(const Arguments& arguments) {
   const RigFormat from = format_of(arguments.from, "--from", arguments.in);
   const RigFormat to = format_of(arguments.to, "--to", arguments.out);
-  const Rig rig = calib::placed_rig(load_rig({arguments.in, from, size_of(arguments.size)}),
+  const Rig rig = calib::metric_rig(load_rig({arguments.in, from, size_of(arguments.size)}),
                                     parse_length(arguments.unit), arguments.up);
   const auto written = save_rig(arguments.out, to, rig);
   if (arguments.json) {
@@ -76,9 +76,9 @@ int run(const Arguments& arguments) {
   }
   std::printf("%s: %s", arguments.out.c_str(), ctl::count_of(std::ssize(rig), "camera").c_str());
   if (extent_of(rig) == 0) {
-    std::printf(", at the origin: it tells lenses alone");
+    std::printf(", lenses only");
   } else {
-    std::printf(", the farthest two %s apart", format_length(extent_of(rig)).c_str());
+    std::printf(", largest distance %s", format_length(extent_of(rig)).c_str());
   }
   std::printf("\n");
   return kExitDone;
@@ -89,12 +89,12 @@ constexpr char kFormats[] = "toml, opencv, opencv-xml, colmap or middlebury";
 }  // namespace
 
 void add_convert(ctl::CommandLine& line, CLI::App* calibrate) {
-  CLI::App* command =
-      add_under(calibrate, "convert", "A calibration from or for another program",
-                {"v3dctl calibrate convert sparse/0 calib.toml --unit 1.37m --up -y",
-                 "v3dctl calibrate convert 'cam*/config.xml' calib.toml --size 644x486 --unit 1mm",
-                 "v3dctl calibrate convert dinoSR_par.txt calib.toml --size 640x480",
-                 "v3dctl calibrate convert calib.toml colmap --to colmap"});
+  CLI::App* command = add_under(
+      calibrate, "convert", "Convert calibrations from and to the formats of other programs",
+      {"v3dctl calibrate convert sparse/0 calib.toml --unit 1.37m --up -y",
+       "v3dctl calibrate convert 'cam*/config.xml' calib.toml --size 644x486 --unit 1mm",
+       "v3dctl calibrate convert dinoSR_par.txt calib.toml --size 640x480",
+       "v3dctl calibrate convert calib.toml colmap --to colmap"});
   auto arguments = std::make_shared<Arguments>();
   command
       ->add_option("IN", arguments->in,
@@ -102,20 +102,18 @@ void add_convert(ctl::CommandLine& line, CLI::App* calibrate) {
                    "folder or a quoted pattern for several), COLMAP's folder with cameras.txt and "
                    "images.txt, Middlebury's _par.txt")
       ->required();
-  command->add_option("OUT", arguments->out, "What to write; a folder for opencv and colmap")
+  command->add_option("OUT", arguments->out, "The file to write; a folder for opencv and colmap")
       ->required();
   command->add_option("--from", arguments->from, std::string("Format of IN: ") + kFormats)
       ->type_name("FORMAT");
   command->add_option("--to", arguments->to, std::string("Format of OUT: ") + kFormats)
       ->type_name("FORMAT");
-  command->add_option("--size", arguments->size, "Size of the images, where IN does not tell it")
+  command->add_option("--size", arguments->size, "Size of the images, where IN does not contain it")
       ->type_name("WxH");
-  command
-      ->add_option("--unit", arguments->unit, "How long one unit of IN is: 1mm, or what scales it")
+  command->add_option("--unit", arguments->unit, "Length of one unit of IN, such as 1mm")
       ->type_name("LEN")
       ->capture_default_str();
-  command
-      ->add_option("--up", arguments->up, "Which axis of IN's world points up: x, -x, y, -y, z, -z")
+  command->add_option("--up", arguments->up, "The upward axis of IN's world: x, -x, y, -y, z, -z")
       ->type_name("AXIS")
       ->capture_default_str();
   ctl::add_json_flag(command, arguments->json);

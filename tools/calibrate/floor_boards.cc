@@ -1,8 +1,8 @@
 #include "calibrate/floor_boards.h"
 
 #include "base/error.h"
-#include "calib/board_pose.h"
-#include "calib/floor.h"
+#include "calib/boards/board_pose.h"
+#include "calib/rig/floor_fit.h"
 #include "common/console.h"
 #include "v3dctl/interrupt.h"
 
@@ -10,89 +10,91 @@ namespace v3d::calibrate {
 namespace {
 
 using calib::BoardDetector;
-using calib::CameraSightings;
+using calib::CameraObservations;
 
-constexpr int kPictures = 5;  // of each camera; the board lies still
+constexpr int kImages = 5;  // of each camera; the board does not move
 
 struct FloorCamera {
   const RigCamera* camera = nullptr;
-  std::vector<Image> pictures;
+  std::vector<Image> images;
 };
 
-FloorCamera read_pictures(NamedSource& named, const Rig& rig) {
+FloorCamera read_images(NamedSource& named, const Rig& rig) {
   const int index = find_camera(rig, named.camera);
   if (index < 0) throw InputError(named.camera + ": the calibration has no such camera");
   FloorCamera camera{&rig[static_cast<size_t>(index)], {}};
-  while (std::ssize(camera.pictures) < kPictures) {
-    auto picture = named.source.next();
-    if (!picture) break;
-    if (!(picture->image.size == camera.camera->model.size())) {
-      throw InputError(named.camera + ": the pictures have another size than its calibration");
+  while (std::ssize(camera.images) < kImages) {
+    auto image = named.source.next();
+    if (!image) break;
+    if (!(image->pixels.size == camera.camera->model.size())) {
+      throw InputError(named.camera +
+                       ": the size of its images differs from that of its calibration");
     }
-    camera.pictures.push_back(std::move(picture->image));
+    camera.images.push_back(std::move(image->pixels));
   }
   return camera;
 }
 
-/// All cameras' sightings, where the board of the detector is about at `world_from_board`.
-std::vector<CameraSightings> look_there(const std::vector<FloorCamera>& cameras,
-                                        const RigidTransform& world_from_board,
-                                        const BoardDetector& detector) {
-  std::vector<CameraSightings> seen;
+/// The observations of all cameras, for an approximate pose of the board.
+std::vector<CameraObservations> search_at(const std::vector<FloorCamera>& cameras,
+                                          const RigidTransform& world_from_board,
+                                          const BoardDetector& detector) {
+  std::vector<CameraObservations> observed;
   for (const FloorCamera& camera : cameras) {
     const CameraModel& model = camera.camera->model;
     const CameraModel in_board_frame =
-        calib::placed(model, model.cam_from_world() * world_from_board);
-    CameraSightings sightings{camera.camera->name, model.size(), {}};
-    for (size_t i = 0; i < camera.pictures.size(); ++i) {
-      auto sighting = detector.find_near(camera.pictures[i].view(), in_board_frame);
-      if (sighting) sightings.sightings[static_cast<int64_t>(i)] = std::move(*sighting);
+        calib::with_pose(model, model.cam_from_world() * world_from_board);
+    CameraObservations observations{camera.camera->name, model.size(), {}};
+    for (size_t i = 0; i < camera.images.size(); ++i) {
+      auto observation = detector.find_at(camera.images[i].view(), in_board_frame);
+      if (observation) observations.observations[static_cast<int64_t>(i)] = std::move(*observation);
     }
-    if (!sightings.sightings.empty()) seen.push_back(std::move(sightings));
+    if (!observations.observations.empty()) observed.push_back(std::move(observations));
     ctl::stop_if_interrupted();
   }
-  return seen;
+  return observed;
 }
 
-/// In the first picture of each camera, without knowing where.
-std::vector<CameraSightings> look_around(const std::vector<FloorCamera>& cameras,
-                                         const BoardDetector& detector) {
-  std::vector<CameraSightings> seen;
-  Progress progress("looking for the board", std::ssize(cameras));
+/// Searches in the first image of each camera, without a prediction.
+std::vector<CameraObservations> search_everywhere(const std::vector<FloorCamera>& cameras,
+                                                  const BoardDetector& detector) {
+  std::vector<CameraObservations> observed;
+  Progress progress("searching the board", std::ssize(cameras));
   for (const FloorCamera& camera : cameras) {
     progress.advance();
-    if (camera.pictures.empty()) continue;
-    auto sighting = detector.find_small(camera.pictures.front().view());
-    if (!sighting) continue;
-    seen.push_back({camera.camera->name, camera.camera->model.size(), {{0, *sighting}}});
+    if (camera.images.empty()) continue;
+    auto observation = detector.find_small(camera.images.front().view());
+    if (!observation) continue;
+    observed.push_back({camera.camera->name, camera.camera->model.size(), {{0, *observation}}});
     ctl::stop_if_interrupted();
   }
-  return seen;
+  return observed;
 }
 
-/// Two cameras that see it tell where it is and how large, whatever the scale of the rig.
-std::vector<CameraSightings> look_by_rays(const std::vector<FloorCamera>& cameras, const Rig& rig,
-                                          const BoardDetector& detector,
-                                          const std::vector<CameraSightings>& seen) {
-  const auto found = place_board(rig, detector.board(), seen);
+/// Searches at the pose and size that two or more cameras give by triangulation. It does not depend
+/// on the scale of the rig.
+std::vector<CameraObservations> search_by_triangulation(
+    const std::vector<FloorCamera>& cameras, const Rig& rig, const BoardDetector& detector,
+    const std::vector<CameraObservations>& observed) {
+  const auto found = locate_board(rig, detector.board(), observed);
   if (!found) return {};
-  calib::Board as_large = detector.board();
-  as_large.square_m /= found->scale;
-  as_large.marker_m /= found->scale;
+  calib::Board scaled_board = detector.board();
+  scaled_board.square_m /= found->scale;
+  scaled_board.marker_m /= found->scale;
   RigidTransform world_from_board = found->rigid.inverse();
   world_from_board.translation /= found->scale;
-  return look_there(cameras, world_from_board, BoardDetector(as_large));
+  return search_at(cameras, world_from_board, BoardDetector(scaled_board));
 }
 
-/// One camera alone trusts the scale of the rig.
-std::vector<CameraSightings> look_by_pose(const std::vector<FloorCamera>& cameras, const Rig& rig,
-                                          const BoardDetector& detector,
-                                          const CameraSightings& seen) {
-  std::vector<CameraSightings> best;
-  const CameraModel& model = rig[static_cast<size_t>(find_camera(rig, seen.name))].model;
-  for (const auto& pose : board_poses(model, detector.board(), seen.sightings.begin()->second)) {
-    auto all =
-        look_there(cameras, model.cam_from_world().inverse() * pose.cam_from_board, detector);
+/// Searches at the possible poses from one camera. It depends on the scale of the rig.
+std::vector<CameraObservations> search_by_pose(const std::vector<FloorCamera>& cameras,
+                                               const Rig& rig, const BoardDetector& detector,
+                                               const CameraObservations& observed) {
+  std::vector<CameraObservations> best;
+  const CameraModel& model = rig[static_cast<size_t>(find_camera(rig, observed.name))].model;
+  for (const auto& pose :
+       board_poses(model, detector.board(), observed.observations.begin()->second)) {
+    auto all = search_at(cameras, model.cam_from_world().inverse() * pose.cam_from_board, detector);
     if (all.size() > best.size()) best = std::move(all);
   }
   return best;
@@ -100,15 +102,15 @@ std::vector<CameraSightings> look_by_pose(const std::vector<FloorCamera>& camera
 
 }  // namespace
 
-std::vector<CameraSightings> find_floor_boards(const RigSources& sources, const Rig& rig,
-                                               const BoardDetector& detector) {
+std::vector<CameraObservations> find_floor_boards(const RigSources& sources, const Rig& rig,
+                                                  const BoardDetector& detector) {
   std::vector<FloorCamera> cameras;
-  for (NamedSource& named : open_sources(sources)) cameras.push_back(read_pictures(named, rig));
-  std::vector<CameraSightings> seen = look_around(cameras, detector);
-  if (seen.empty()) return seen;
-  auto more = seen.size() > 1 ? look_by_rays(cameras, rig, detector, seen)
-                              : look_by_pose(cameras, rig, detector, seen.front());
-  return more.size() >= seen.size() ? more : seen;
+  for (NamedSource& named : open_sources(sources)) cameras.push_back(read_images(named, rig));
+  std::vector<CameraObservations> observed = search_everywhere(cameras, detector);
+  if (observed.empty()) return observed;
+  auto refined = observed.size() > 1 ? search_by_triangulation(cameras, rig, detector, observed)
+                                     : search_by_pose(cameras, rig, detector, observed.front());
+  return refined.size() >= observed.size() ? refined : observed;
 }
 
 }  // namespace v3d::calibrate

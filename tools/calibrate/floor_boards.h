@@ -1,20 +1,19 @@
-// The board on the floor, which is small and slanted in most pictures, found with what is known of
-// the cameras.
+// Search for a small, slanted board on the floor, with the calibrated rig as a prediction.
 #pragma once
 
 #include <vector>
 
-#include "calib/board_detector.h"
-#include "calib/pair_poses.h"
+#include "calib/boards/board_detector.h"
 #include "calibrate/rig_boards.h"
 
 namespace v3d::calibrate {
 
-/// Looks for the board in a few pictures of every camera; where one camera finds it, the calibrated
-/// rig tells where it must be for the others, and it is looked for there. Cameras that do not see
-/// it are left out. Throws InputError for sources as find_rig_boards() does, and for cameras that
-/// the rig does not have.
-std::vector<calib::CameraSightings> find_floor_boards(const RigSources& sources, const Rig& rig,
-                                                      const calib::BoardDetector& detector);
+/// Searches for the board in up to five images of each camera.
+///
+/// Where a camera finds the board, the rig predicts its pose for the other cameras, which are then
+/// searched at that pose. Cameras without the board are omitted. Throws InputError for a camera
+/// that `rig` lacks or has with another image size; also throws like open_sources().
+std::vector<calib::CameraObservations> find_floor_boards(const RigSources& sources, const Rig& rig,
+                                                         const calib::BoardDetector& detector);
 
 }  // namespace v3d::calibrate

@@ -3,7 +3,7 @@
 
 #include "base/calib_file.h"
 #include "base/error.h"
-#include "calib/floor.h"
+#include "calib/rig/floor_fit.h"
 #include "calibrate/commands.h"
 #include "calibrate/floor_boards.h"
 #include "common/console.h"
@@ -14,7 +14,7 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-constexpr double kNoticeableDeg = 1;  // a small board seen from afar is good for half of it
+constexpr double kMaxDisagreementDeg = 1;  // a small, distant board contributes half of it
 
 struct Arguments {
   std::string board;
@@ -35,13 +35,13 @@ Json to_json(const calib::FloorFit& fit) {
 }
 
 void print_text(const calib::FloorFit& fit) {
-  std::printf("floor: %.2f px RMS in %s; lengths of the board by those of the rig: %.4f%s\n",
-              fit.rms_px, ctl::count_of(std::ssize(fit.cameras), "camera").c_str(),
-              fit.board_by_rig, fit.scaled ? ", so the rig was scaled" : "");
-  if (fit.disagreement_deg > kNoticeableDeg) {
+  std::printf("floor: %.2f px RMS in %s; ratio of board to rig lengths: %.4f%s\n", fit.rms_px,
+              ctl::count_of(std::ssize(fit.cameras), "camera").c_str(), fit.board_by_rig,
+              fit.scaled ? " (the rig was scaled)" : "");
+  if (fit.disagreement_deg > kMaxDisagreementDeg) {
     std::printf(
-        "weak: two cameras see the board's normal %.1f degrees apart: the rig's cameras look "
-        "elsewhere than their calibration says; calibrate the rig again\n",
+        "weak: two cameras see the board's normal %.1f degrees apart, so their calibrated "
+        "directions are inaccurate; calibrate the rig again\n",
         fit.disagreement_deg);
   }
 }
@@ -65,7 +65,7 @@ int run(const ctl::CommandLine& line, const Arguments& arguments) {
 
 void add_floor(ctl::CommandLine& line, CLI::App* calibrate) {
   CLI::App* command =
-      add_under(calibrate, "floor", "Origin, up and scale from a board that lies on the floor",
+      add_under(calibrate, "floor", "Set origin, upward axis and scale by a board on the floor",
                 {"v3dctl calibrate floor --calib calib.toml --board chess:8x6:115mm \\",
                  "    --take floor-01 --out calib.toml"});
   auto arguments = std::make_shared<Arguments>();
@@ -74,7 +74,7 @@ void add_floor(ctl::CommandLine& line, CLI::App* calibrate) {
       ->type_name("FILE")
       ->required();
   arguments->sources.add_to(command);
-  command->add_option("--out", arguments->out, "The same rig in the world of the floor")
+  command->add_option("--out", arguments->out, "The rig in the world frame of the floor")
       ->type_name("FILE")
       ->required();
   ctl::add_json_flag(command, arguments->json);

@@ -6,7 +6,7 @@
 #include "base/error.h"
 #include "base/image_size.h"
 #include "base/studio_file.h"
-#include "calib/guess.h"
+#include "calib/rig/initial_rig.h"
 #include "calibrate/commands.h"
 #include "common/console.h"
 #include "common/number_option.h"
@@ -19,7 +19,7 @@ using Json = nlohmann::ordered_json;
 
 struct Arguments {
   std::string size;
-  double across_deg = 60;
+  double horizontal_fov_deg = 60;
   std::string out;
   bool json = false;
 };
@@ -27,22 +27,24 @@ struct Arguments {
 int run(const ctl::CommandLine& line, const Arguments& arguments) {
   const ImageSize size = parse_size(arguments.size);
   if (std::filesystem::exists(arguments.out)) {
-    throw InputError(arguments.out +
-                     ": is there already, and a guess replaces nothing; name another file, or "
-                     "move this one away");
+    throw InputError(
+        arguments.out +
+        ": exists already and is not replaced by an uncalibrated rig; use another name, or "
+        "move the file");
   }
   const Studio studio = line.studio();
   std::vector<std::string> names;
   for (const StudioCamera& camera : studio.cameras) names.push_back(camera.name);
-  const Rig rig = calib::guessed_rig(names, size, arguments.across_deg, studio.space.bounds);
+  const Rig rig =
+      calib::initial_rig(names, size, arguments.horizontal_fov_deg, studio.space.bounds);
   save_calib(arguments.out, rig);
   if (arguments.json) {
     std::printf("%s\n", Json{{"cameras", names}, {"out", arguments.out}}.dump(2).c_str());
     return kExitDone;
   }
   std::printf(
-      "%s: %s, guessed, in a ring round the space. Good for recording boards, not for "
-      "meshes: next comes v3dctl calibrate rig --live\n",
+      "%s: %s with assumed poses on a ring around the space. Sufficient for recording boards, not "
+      "for meshes; next step: v3dctl calibrate rig --live\n",
       arguments.out.c_str(), ctl::count_of(std::ssize(rig), "camera").c_str());
   return kExitDone;
 }
@@ -50,18 +52,20 @@ int run(const ctl::CommandLine& line, const Arguments& arguments) {
 }  // namespace
 
 void add_guess(ctl::CommandLine& line, CLI::App* calibrate) {
-  CLI::App* command =
-      add_under(calibrate, "guess", "A first calib.toml for a new studio, so that it can record",
-                {"v3dctl calibrate guess --size 1024x768 --out /etc/v3d/calib.toml"});
+  CLI::App* command = add_under(
+      calibrate, "guess", "Write an initial calib.toml for a new studio, to record boards with",
+      {"v3dctl calibrate guess --size 1024x768 --out /etc/v3d/calib.toml"});
   auto arguments = std::make_shared<Arguments>();
   command->add_option("--size", arguments->size, "Size of the images of all cameras")
       ->type_name("WxH")
       ->required();
-  command->add_option("--across", arguments->across_deg, "Degrees that an image is wide")
+  command
+      ->add_option("--across", arguments->horizontal_fov_deg,
+                   "Horizontal field of view of the cameras, degrees")
       ->type_name("DEG")
       ->check(number_in(5, 150))
       ->capture_default_str();
-  command->add_option("--out", arguments->out, "Where to write it; must not be there")
+  command->add_option("--out", arguments->out, "The file to write; must not exist")
       ->type_name("FILE")
       ->required();
   ctl::add_json_flag(command, arguments->json);

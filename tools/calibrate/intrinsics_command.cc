@@ -5,7 +5,7 @@
 #include "base/calib_file.h"
 #include "base/error.h"
 #include "base/name.h"
-#include "calib/view_choice.h"
+#include "calib/boards/view_selection.h"
 #include "calibrate/board_search.h"
 #include "calibrate/commands.h"
 #include "calibrate/live_take.h"
@@ -38,10 +38,11 @@ void require_camera(const Studio& studio, const std::string& name) {
   if (!known) throw InputError("--camera " + name + ": no such camera in " + studio.path.string());
 }
 
-PictureSource open_source(const ctl::CommandLine& line, const Arguments& arguments) {
-  const int given = !arguments.images.empty() + !arguments.video.empty() + !arguments.take.empty() +
-                    (arguments.live_s > 0);
-  if (given != 1) throw InputError("give one of --images, --video, --take and --live");
+ImageSource open_source(const ctl::CommandLine& line, const Arguments& arguments) {
+  const int source_count = !arguments.images.empty() + !arguments.video.empty() +
+                           !arguments.take.empty() + (arguments.live_s > 0);
+  if (source_count != 1)
+    throw InputError("use exactly one of --images, --video, --take and --live");
   if (!arguments.images.empty()) return open_images(arguments.images);
   if (!arguments.video.empty()) return open_video(arguments.video, arguments.sampling);
   if (!arguments.take.empty()) {
@@ -54,9 +55,9 @@ PictureSource open_source(const ctl::CommandLine& line, const Arguments& argumen
 }
 
 double covered(const FoundBoards& found, const calib::LensFit& fit) {
-  std::vector<const calib::BoardSighting*> sightings;
-  for (const auto& view : fit.fitted) sightings.push_back(&found.views[view.view].sighting);
-  return calib::coverage(found.size, sightings);
+  std::vector<const calib::BoardObservation*> observations;
+  for (const auto& view : fit.fitted) observations.push_back(&found.views[view.view].observation);
+  return calib::coverage(found.size, observations);
 }
 
 Json to_json(const std::string& camera, const FoundBoards& found, const calib::LensFit& fit) {
@@ -73,7 +74,7 @@ Json to_json(const std::string& camera, const FoundBoards& found, const calib::L
                     {"rms_px", fit.rms_px},
                     {"views", fit.fitted.size()},
                     {"found", found.views.size()},
-                    {"pictures", found.pictures},
+                    {"pictures", found.images},
                     {"coverage", covered(found, fit)},
                     {"focal_px", {k(0, 0), k(1, 1)}},
                     {"focal_spread_px", fit.focal_spread_px},
@@ -86,30 +87,30 @@ Json to_json(const std::string& camera, const FoundBoards& found, const calib::L
 }
 
 void print_text(const std::string& camera, const FoundBoards& found, const calib::LensFit& fit) {
-  std::printf("%s  %.2f px RMS, %s of %lld with the board (%lld looked at), %.0f %% of the image\n",
-              camera.c_str(), fit.rms_px, ctl::count_of(std::ssize(fit.fitted), "picture").c_str(),
-              static_cast<long long>(found.views.size()), static_cast<long long>(found.pictures),
+  std::printf("%s  %.2f px RMS, %s of %lld with the board (%lld searched), %.0f %% of the image\n",
+              camera.c_str(), fit.rms_px, ctl::count_of(std::ssize(fit.fitted), "image").c_str(),
+              static_cast<long long>(found.views.size()), static_cast<long long>(found.images),
               100 * covered(found, fit));
   const Eigen::Matrix3d& k = fit.lens.matrix();
   std::printf("  focal length %.1f x %.1f px (+- %.1f), centre %.1f, %.1f, %d coefficients\n",
               k(0, 0), k(1, 1), fit.focal_spread_px, k(0, 2), k(1, 2), fit.coefficients);
   for (const auto& trial : fit.trials) {
-    std::printf("  %d coefficients foretell pictures that were held out within %.3f px\n",
-                trial.coefficients, trial.held_out_rms_px);
+    std::printf("  %d coefficients: %.3f px RMS in held-out images\n", trial.coefficients,
+                trial.held_out_rms_px);
   }
   for (const auto& view : fit.rejected) {
-    std::printf("  left out: %s: %s\n", found.views[view.view].source.c_str(), view.reason.c_str());
+    std::printf("  rejected: %s: %s\n", found.views[view.view].source.c_str(), view.reason.c_str());
   }
 }
 
-void require_sense(const Arguments& arguments) {
+void require_file_name(const Arguments& arguments) {
   if (!is_file_name(arguments.camera)) {
     throw InputError("--camera " + arguments.camera + ": " + std::string(kFileNameRule));
   }
 }
 
 int run(const ctl::CommandLine& line, const Arguments& arguments) {
-  require_sense(arguments);
+  require_file_name(arguments);
   const calib::BoardDetector detector(calib::parse_board(arguments.board));
   ctl::catch_interrupts();
   const FoundBoards found = find_boards(arguments.camera, open_source(line, arguments), detector);
@@ -128,28 +129,28 @@ int run(const ctl::CommandLine& line, const Arguments& arguments) {
 
 void add_intrinsics(ctl::CommandLine& line, CLI::App* calibrate) {
   CLI::App* command =
-      add_under(calibrate, "intrinsics", "The lens of one camera",
+      add_under(calibrate, "intrinsics", "Calibrate the lens of one camera",
                 {"v3dctl calibrate intrinsics --board chess:9x6:25mm --images 'cam01/*.png'",
                  "v3dctl calibrate intrinsics --board charuco:4x5:54mm:40.5mm:DICT_4X4_50 \\",
                  "    --video cam01.mp4 --camera cam01 --out cam01.toml"});
   auto arguments = std::make_shared<Arguments>();
   add_board_option(command, arguments->board);
-  command->add_option("--images", arguments->images, "Pictures of the board; quote the pattern")
+  command->add_option("--images", arguments->images, "Images of the board; quote the pattern")
       ->type_name("GLOB");
   command->add_option("--video", arguments->video, "A video of the board")->type_name("FILE");
   command->add_option("--take", arguments->take, "A take of the board, of the camera --camera")
       ->type_name("TAKE");
   add_live_option(command, arguments->live_s);
-  command->add_option("--camera", arguments->camera, "The camera's name (else cam)")
+  command->add_option("--camera", arguments->camera, "Name of the camera (default: cam)")
       ->type_name("NAME");
   command
       ->add_option("--every", arguments->sampling.every,
-                   "Every so many frames are looked at (else about 300 frames)")
+                   "Use every Nth frame (default: about 300 frames)")
       ->type_name("N")
       ->check(CLI::PositiveNumber);
   command
       ->add_option("--coefficients", arguments->lens.coefficients,
-                   "Of the lens: 4, 5 or 8 (else cross-validation decides)")
+                   "Number of distortion coefficients: 4, 5 or 8 (default: by cross-validation)")
       ->check(CLI::IsMember({4, 5, 8}));
   command->add_option("--out", arguments->out, "Write the lens as a calib.toml of one camera")
       ->type_name("FILE");

@@ -20,10 +20,10 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// Boards are carried slowly, and pictures that are much alike tell little.
-constexpr double kMostRateHz = 5;
+/// A low rate, because boards move slowly and similar images add little information.
+constexpr double kMaxRateHz = 5;
 
-/// Of the local time: for people.
+/// From the local time, which operators read.
 std::string new_take_name() {
   const std::time_t now = std::time(nullptr);
   std::tm local{};
@@ -54,7 +54,7 @@ void record(const Studio& studio, const ctl::PulseTrain& train) {
   if (!account.ledger.complete()) note("v3dctl: " + account.ledger.verdict());
 }
 
-/// From the nodes that recorded it.
+/// Copies the take from the nodes that recorded it.
 fs::path collect(const Studio& studio, const std::string& name) {
   const fs::path here = fs::current_path();
   const auto collected = ctl::collect_takes(
@@ -69,13 +69,13 @@ fs::path collect(const Studio& studio, const std::string& name) {
 
 fs::path record_live_take(const Studio& studio, double seconds) {
   ctl::PulseTrain train{.take = new_take_name()};
-  train.rate_hz = std::min(kMostRateHz, studio.trigger.rate_hz);
+  train.rate_hz = std::min(kMaxRateHz, studio.trigger.rate_hz);
   train.pulses = std::max<int64_t>(1, std::llround(seconds * train.rate_hz));
   record(studio, train);
   const TakePaths recorded{(studio.storage.takes / train.take).lexically_normal()};
   const fs::path take =
       has_all_cameras(recorded, studio) ? recorded.folder : collect(studio, train.take);
-  note("v3dctl: the pictures are the take " + take.string() + "; --take reads them again");
+  note("v3dctl: the images are kept in the take " + take.string() + "; use them again with --take");
   return take;
 }
 

@@ -1,4 +1,4 @@
-// The studio's own cameras as a source of pictures: a short take of them.
+// Recording a short take with the running studio, as a source of calibration images.
 #pragma once
 
 #include <filesystem>
@@ -7,12 +7,13 @@
 
 namespace v3d::calibrate {
 
-/// Records a take calibration-<date>-<time> of `seconds` with the running daemons, as an operator
-/// would, a few pulses a second, and gives its folder: where it was recorded, when that is here,
-/// else in the current folder, where it was collected from the nodes. It stays. Tells on stderr
-/// what to do, what is missing, and where the take is. Throws InputError where the studio cannot be
-/// joined or collected from, std::runtime_error where a node refuses, and when the person
-/// interrupts it.
+/// Records the take calibration-<date>-<time> of `seconds` with at most 5 pulses per second,
+/// through the operator's protocol, and returns its folder.
+///
+/// The folder is that of the recording where this PC has all cameras; else the take is collected
+/// from the nodes into the current folder. The take is kept. Progress, missing frames and the
+/// folder are printed on stderr. Throws InputError where the studio cannot be reached or collected
+/// from, and std::runtime_error where a node rejects the recording or the user interrupts it.
 std::filesystem::path record_live_take(const Studio& studio, double seconds);
 
 }  // namespace v3d::calibrate

@@ -5,7 +5,7 @@
 #include "base/calib_file.h"
 #include "base/error.h"
 #include "base/mask_shape.h"
-#include "calib/silhouette_refine.h"
+#include "calib/rig/silhouette_refinement.h"
 #include "calibrate/commands.h"
 #include "common/console.h"
 #include "daemon/recorded/take_frames.h"
@@ -28,8 +28,8 @@ struct Arguments {
   bool json = false;
 };
 
-/// Silhouettes of all cameras, spread over a take, without what lies beyond the space that the
-/// cameras look at together and without specks.
+/// Silhouettes of all cameras from frames spread over a take. They are clipped to the common view
+/// of the cameras, and specks are removed.
 class Silhouettes {
  public:
   Silhouettes(const Arguments& arguments, const Rig& rig) : take_(arguments.take, {}), rig_(rig) {
@@ -96,18 +96,18 @@ void print_text(const Rig& rig, const calib::RefineResult& result, const std::st
   for (const RigCamera& camera : rig) widest = std::max(widest, camera.name.size());
   for (size_t i = 0; i < rig.size(); ++i) {
     const calib::RefinedCamera& c = result.cameras[i];
-    std::printf("%-*s  silhouettes disagree by %.2f px, %s %.2f; its image %s by %.2f px\n",
+    std::printf("%-*s  silhouette error %.2f px before, %s %.2f px; image shift %s %.2f px\n",
                 static_cast<int>(widest), rig[i].name.c_str(), c.before_px,
-                result.better ? "then" : "at best", c.after_px,
-                result.better ? "moved" : "would move", c.moved_px);
+                result.better ? "after" : "at best", c.after_px, result.better ? "is" : "would be",
+                c.moved_px);
   }
   if (result.better) {
-    std::printf("refined: %.2f px before, %.2f after, in frames that were held out; wrote %s\n",
+    std::printf("refined: %.2f px before, %.2f px after, in held-out frames; wrote %s\n",
                 result.before_px, result.after_px, out.c_str());
   } else {
     std::printf(
-        "left as it was: from %.2f to %.2f px in frames that were held out is not enough to be "
-        "sure; wrote %s, unchanged\n",
+        "not refined: the change from %.2f to %.2f px in held-out frames is not significant; wrote "
+        "%s, unchanged\n",
         result.before_px, result.after_px, out.c_str());
   }
 }
@@ -132,22 +132,27 @@ int run(const Arguments& arguments) {
 
 void add_refine(ctl::CommandLine& line, CLI::App* calibrate) {
   CLI::App* command =
-      add_under(calibrate, "refine", "Improve the cameras' places by the silhouettes of a take",
+      add_under(calibrate, "refine", "Refine the camera poses by the silhouettes of a take",
                 {"v3dctl calibrate refine --take kendo-07 --out calib.toml"});
   auto arguments = std::make_shared<Arguments>();
-  command->add_option("--take", arguments->take, "Somebody moves about in it, all cameras see him")
+  command
+      ->add_option("--take", arguments->take,
+                   "A take in which a person moves and all cameras see the person")
       ->type_name("TAKE")
       ->required();
-  command->add_option("--calib", arguments->calib, "The calibrated rig (else the take's)")
+  command->add_option("--calib", arguments->calib, "The calibrated rig (default: that of the take)")
       ->type_name("FILE");
-  command->add_option("--out", arguments->out, "The rig, refined where that is proved to be better")
+  command
+      ->add_option("--out", arguments->out,
+                   "The file to write: the refined rig, or the unchanged one where the error does "
+                   "not fall clearly")
       ->type_name("FILE")
       ->required();
-  command->add_option("--instants", arguments->instants, "So many frames of the take are looked at")
+  command->add_option("--instants", arguments->instants, "Number of frames to use")
       ->type_name("N")
       ->check(CLI::Range(6, 1000))
       ->capture_default_str();
-  command->add_flag("--focal", arguments->focal, "Fit the focal lengths, too");
+  command->add_flag("--focal", arguments->focal, "Also refine the focal lengths");
   ctl::add_json_flag(command, arguments->json);
   line.on_run(command, [arguments] { return run(*arguments); });
 }

@@ -2,7 +2,7 @@
 
 #include "base/error.h"
 #include "base/file.h"
-#include "calib/time_stamps.h"
+#include "calib/formats/time_stamps.h"
 #include "calibrate/live_take.h"
 #include "common/number_option.h"
 #include "take/take.h"
@@ -10,26 +10,27 @@
 namespace v3d::calibrate {
 namespace {
 
-constexpr std::string_view kOneKind = "give one of --video, --images, --take and --live";
+constexpr std::string_view kOneSourceRule =
+    "use exactly one of --video, --images, --take and --live";
 
 void require_equal_lists(const RigSources& sources, const RigBoards& boards) {
   if (sources.images.empty()) return;
   for (size_t i = 1; i < boards.found.size(); ++i) {
-    if (boards.found[i].pictures == boards.found[0].pictures) continue;
+    if (boards.found[i].images == boards.found[0].images) continue;
     throw InputError("--images: " + boards.cameras[0].name + " has " +
-                     ctl::count_of(boards.found[0].pictures, "picture") + " and " +
-                     boards.cameras[i].name + " " + std::to_string(boards.found[i].pictures) +
-                     ": the n-th pictures of all cameras must be of one instant");
+                     ctl::count_of(boards.found[0].images, "image") + " and " +
+                     boards.cameras[i].name + " " + std::to_string(boards.found[i].images) +
+                     ": the n-th images of all cameras must show the same instant");
   }
 }
 
-/// Frames that the table does not know belong to no instant.
-calib::CameraSightings by_time_stamp(const calib::CameraSightings& by_frame,
-                                     const std::map<int64_t, int64_t>& instants) {
-  calib::CameraSightings camera{by_frame.name, by_frame.size, {}};
-  for (const auto& [frame, sighting] : by_frame.sightings) {
+/// The observations by instant. Frames that are not in the table are ignored.
+calib::CameraObservations by_time_stamp(const calib::CameraObservations& by_frame,
+                                        const std::map<int64_t, int64_t>& instants) {
+  calib::CameraObservations camera{by_frame.name, by_frame.size, {}};
+  for (const auto& [frame, observation] : by_frame.observations) {
     const auto found = instants.find(frame);
-    if (found != instants.end()) camera.sightings[found->second] = sighting;
+    if (found != instants.end()) camera.observations[found->second] = observation;
   }
   return camera;
 }
@@ -37,22 +38,23 @@ calib::CameraSightings by_time_stamp(const calib::CameraSightings& by_frame,
 }  // namespace
 
 void RigArguments::add_to(CLI::App* command) {
-  command->add_option("--video", videos, "The video of a camera; once for each")
+  command->add_option("--video", videos, "The video of a camera; repeat for each camera")
       ->type_name("CAM=FILE");
   command
       ->add_option("--images", images,
-                   "The pictures of a camera, the n-th of all cameras of one instant; quote it")
+                   "The images of a camera (quote the pattern); the n-th images of all cameras "
+                   "show one instant")
       ->type_name("CAM=GLOB");
-  command->add_option("--take", given.take, "A take of the board, all its cameras")
+  command->add_option("--take", given.take, "A take of the board; all its cameras are used")
       ->type_name("TAKE");
   add_live_option(command, live_s);
   command
       ->add_option("--timestamps", given.time_stamps,
-                   "Which frames of the videos belong together: sync_index,cam_id,frame_index")
+                   "Assigns frames of the videos to instants: sync_index,cam_id,frame_index")
       ->type_name("CSV");
   command
       ->add_option("--every", given.sampling.every,
-                   "Every so many frames are looked at (else about 300 frames)")
+                   "Use every Nth frame (default: about 300 frames)")
       ->type_name("N")
       ->check(CLI::PositiveNumber);
 }
@@ -63,7 +65,7 @@ RigSources RigArguments::sources(const ctl::CommandLine& line) const {
   result.images = ctl::parse_camera_files(images, "--images");
   if (live_s > 0) {
     if (!result.videos.empty() || !result.images.empty() || !result.take.empty()) {
-      throw InputError(std::string(kOneKind));
+      throw InputError(std::string(kOneSourceRule));
     }
     result.take = record_live_take(line.studio(), live_s);
   }
@@ -73,18 +75,18 @@ RigSources RigArguments::sources(const ctl::CommandLine& line) const {
 void add_live_option(CLI::App* command, double& seconds) {
   command
       ->add_option("--live", seconds,
-                   "Record a take now, so many seconds of it, with the studio's own cameras")
+                   "Record a take of this length now, with the cameras of the studio")
       ->type_name("SECONDS")
       ->check(number_in(0.2, 3600));
 }
 
 std::vector<NamedSource> open_sources(const RigSources& sources) {
   const int given = !sources.videos.empty() + !sources.images.empty() + !sources.take.empty();
-  if (given != 1) throw InputError(std::string(kOneKind));
+  if (given != 1) throw InputError(std::string(kOneSourceRule));
   std::vector<NamedSource> opened;
   for (const auto& [camera, file] : sources.videos) {
     Sampling sampling = sources.sampling;
-    // A table of time stamps says which frames belong together, so none may be passed over.
+    // A table of time stamps refers to frame numbers, so no frame may be skipped.
     if (!sources.time_stamps.empty() && sampling.every == 0) sampling.every = 1;
     opened.push_back({camera, open_video(file, sampling)});
   }
@@ -108,13 +110,13 @@ RigBoards find_rig_boards(const RigSources& sources, const calib::BoardDetector&
   for (NamedSource& named : open_sources(sources)) {
     boards.found.push_back(find_boards(named.camera, std::move(named.source), detector));
     const FoundBoards& found = boards.found.back();
-    calib::CameraSightings camera{named.camera, found.size, {}};
+    calib::CameraObservations camera{named.camera, found.size, {}};
     for (size_t i = 0; i < found.views.size(); ++i) {
-      camera.sightings[found.numbers[i]] = found.views[i].sighting;
+      camera.observations[found.numbers[i]] = found.views[i].observation;
     }
     if (!sources.time_stamps.empty()) {
       camera = by_time_stamp(
-          camera, calib::instants_of(stamps, named.camera, found.pictures, sources.time_stamps));
+          camera, calib::frame_instants(stamps, named.camera, found.images, sources.time_stamps));
     }
     boards.cameras.push_back(std::move(camera));
   }

@@ -1,28 +1,27 @@
-// The boards that all cameras of a rig saw, from files.
+// Image sources of all cameras of a rig, and the boards in their images.
 #pragma once
 
 #include <filesystem>
 #include <string>
 #include <vector>
 
-#include "calib/board_detector.h"
-#include "calib/pair_poses.h"
+#include "calib/boards/board_detector.h"
 #include "calibrate/board_search.h"
 #include "v3dctl/command.h"
 #include "v3dctl/options.h"
 
 namespace v3d::calibrate {
 
-/// One kind of source: videos, images or a take.
+/// The images of all cameras. Exactly one of videos, images and take is given.
 struct RigSources {
   std::vector<ctl::CameraFile> videos;
   std::vector<ctl::CameraFile> images;  ///< patterns
   std::filesystem::path take;
-  std::filesystem::path time_stamps;  ///< with videos, or empty: frame n is instant n
+  std::filesystem::path time_stamps;  ///< for videos; empty: frame n is instant n
   Sampling sampling;
 };
 
-/// The options that say where the pictures of all cameras come from.
+/// The command line options for RigSources.
 struct RigArguments {
   std::vector<std::string> videos;
   std::vector<std::string> images;
@@ -30,29 +29,30 @@ struct RigArguments {
   RigSources given;
 
   void add_to(CLI::App* command);
-  /// Records a take first, where --live says so. Throws InputError for a malformed or repeated
-  /// CAM=FILE, and as record_live_take() does.
+  /// Records a take first where --live is given. Throws InputError for a malformed or repeated
+  /// CAM=FILE; also throws like record_live_take().
   RigSources sources(const ctl::CommandLine& line) const;
 };
 
-/// --live SECONDS.
+/// Adds the option --live SECONDS.
 void add_live_option(CLI::App* command, double& seconds);
 
 struct NamedSource {
   std::string camera;
-  PictureSource source;
+  ImageSource source;
 };
 
-/// By camera, in the order given. Throws InputError where not exactly one kind of source is given,
-/// or a file cannot be opened.
+/// One source for each camera, in the given order. Throws InputError unless exactly one kind of
+/// source is given, and for a file that cannot be opened.
 std::vector<NamedSource> open_sources(const RigSources& sources);
 
 struct RigBoards {
-  std::vector<calib::CameraSightings> cameras;
+  std::vector<calib::CameraObservations> cameras;
   std::vector<FoundBoards> found;  ///< by camera
 };
 
-/// Throws InputError as find_boards() and open_sources() do.
+/// Searches the images of all cameras. Throws like find_boards() and open_sources(), and where
+/// lists of images have different lengths.
 RigBoards find_rig_boards(const RigSources& sources, const calib::BoardDetector& detector);
 
 }  // namespace v3d::calibrate

@@ -8,11 +8,11 @@
 #include "base/error.h"
 #include "base/file.h"
 #include "base/io/file.h"
-#include "calib/colmap_text.h"
-#include "calib/foreign_rig.h"
-#include "calib/middlebury_par.h"
-#include "calib/opencv_file.h"
-#include "calibrate/picture_source.h"
+#include "calib/formats/colmap_text.h"
+#include "calib/formats/foreign_rig.h"
+#include "calib/formats/middlebury_par.h"
+#include "calib/formats/opencv_file.h"
+#include "calibrate/image_source.h"
 
 namespace v3d::calibrate {
 namespace {
@@ -34,13 +34,13 @@ bool is_opencv_name(const fs::path& file) {
   return std::ranges::find(kEndings, file.extension().string()) != kEndings.end();
 }
 
-/// In a folder all files of OpenCV.
+/// The files of a pattern, or all OpenCV files of a folder.
 std::vector<fs::path> opencv_files(const std::string& path) {
   const bool folder = fs::is_directory(path);
   std::vector<fs::path> files = matching_files(folder ? path + "/*" : path);
   if (folder) std::erase_if(files, [](const fs::path& file) { return !is_opencv_name(file); });
   if (files.empty()) {
-    throw InputError(path + (folder ? ": has no .yml, .yaml, .xml or .json in it"
+    throw InputError(path + (folder ? ": contains no .yml, .yaml, .xml or .json file"
                                     : ": no such file (quote a pattern: 'cam*/config.xml')"));
   }
   return files;
@@ -55,7 +55,7 @@ Rig load_opencv(const RigFile& file) {
          calib::parse_opencv(io::value_or_throw(io::read_file(files[i], kMaxTakeTextBytes)),
                              {names[i], file.size}, files[i])) {
       if (find_camera(rig, camera.name) >= 0) {
-        throw InputError(files[i].string() + ": a second camera named " + camera.name);
+        throw InputError(files[i].string() + ": duplicate camera " + camera.name);
       }
       rig.push_back(std::move(camera));
     }
@@ -70,9 +70,7 @@ Rig load_colmap(const fs::path& folder) {
 
 Rig load_middlebury(const RigFile& file) {
   if (!file.size) {
-    throw InputError(file.path +
-                     ": does not tell the size of the images; say it: --size "
-                     "WIDTHxHEIGHT");
+    throw InputError(file.path + ": does not contain the image size; use --size WIDTHxHEIGHT");
   }
   return calib::parse_middlebury(read_file(file.path), *file.size, file.path);
 }
@@ -88,8 +86,8 @@ NamedTexts opencv_texts(const fs::path& path, RigFormat format, const Rig& rig) 
     texts.emplace_back(is_opencv_name(path) ? path : path / file, opencv_text(camera, kind));
   }
   if (is_opencv_name(path) && rig.size() > 1) {
-    throw InputError(path.string() + ": OpenCV's files hold one camera each, and there are " +
-                     std::to_string(rig.size()) + "; name a folder, with --to opencv");
+    throw InputError(path.string() + ": an OpenCV file contains one camera, but there are " +
+                     std::to_string(rig.size()) + "; use a folder and --to opencv");
   }
   return texts;
 }
@@ -98,7 +96,7 @@ NamedTexts colmap_texts(const fs::path& folder, const Rig& rig) {
   calib::ColmapText text = calib::colmap_text(rig);
   return {{folder / "cameras.txt", std::move(text.cameras)},
           {folder / "images.txt", std::move(text.images)},
-          {folder / "points3D.txt", "# none; COLMAP asks for the file\n"}};
+          {folder / "points3D.txt", "# none; COLMAP requires the file\n"}};
 }
 
 NamedTexts texts_of(const fs::path& path, RigFormat format, const Rig& rig) {
@@ -128,7 +126,7 @@ RigFormat parse_rig_format(std::string_view text, std::string_view option) {
   return found->format;
 }
 
-std::optional<RigFormat> guess_rig_format(const fs::path& path) {
+std::optional<RigFormat> detect_rig_format(const fs::path& path) {
   if (path.extension() == ".toml") return RigFormat::kToml;
   if (is_opencv_name(path)) {
     return path.extension() == ".xml" ? RigFormat::kOpencvXml : RigFormat::kOpencv;

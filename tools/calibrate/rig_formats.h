@@ -1,4 +1,4 @@
-// Calibrations in the formats of several programs, from files and to files.
+// Files of calibrations in the formats of several programs.
 #pragma once
 
 #include <filesystem>
@@ -12,31 +12,34 @@
 namespace v3d::calibrate {
 
 enum class RigFormat {
-  kToml,        ///< calib.toml of aniposelib, Pose2Sim, caliscope; ours; camera_array.toml, read
-  kOpencv,      ///< YAML of OpenCV, a file for each camera
-  kOpencvXml,   ///< the same as XML
+  kToml,        ///< calib.toml of V3D, aniposelib, Pose2Sim; camera_array.toml (read only)
+  kOpencv,      ///< YAML of OpenCV, one file per camera
+  kOpencvXml,   ///< XML of OpenCV, one file per camera
   kColmap,      ///< a folder with cameras.txt and images.txt
   kMiddlebury,  ///< _par.txt
 };
 std::string_view name(RigFormat format);
-/// "toml", "opencv", "opencv-xml", "colmap", "middlebury". Throws InputError, `option` in front.
+/// "toml", "opencv", "opencv-xml", "colmap", "middlebury". Throws InputError, with `option` in
+/// front.
 RigFormat parse_rig_format(std::string_view text, std::string_view option);
 
-/// By the path's name, or by what is in the folder; empty where they do not tell.
-std::optional<RigFormat> guess_rig_format(const std::filesystem::path& path);
+/// The format that the name of the path or the content of the folder implies; empty where unknown.
+std::optional<RigFormat> detect_rig_format(const std::filesystem::path& path);
 
 struct RigFile {
-  std::string path;  ///< a file; colmap: a folder; opencv: a folder or a pattern too
+  std::string path;  ///< a file; colmap: a folder; opencv: also a folder or a pattern
   RigFormat format = RigFormat::kToml;
-  std::optional<ImageSize> size;  ///< for formats that do not tell it
+  std::optional<ImageSize> size;  ///< for formats without an image size
 };
 
-/// Throws InputError with the file and what is wrong in it.
+/// Throws InputError with the file and the error.
 Rig load_rig(const RigFile& file);
 
-/// Writes the rig in `format`; opencv and colmap: into the folder `path`, which is made where it is
-/// not there (opencv: or into a file, where the rig is one camera). The files that were written.
-/// Throws InputError for a rig that the format cannot tell of, before anything is written.
+/// Writes the rig in `format` and returns the written files.
+///
+/// For opencv and colmap, `path` is a folder, which is created where needed; for opencv it may be a
+/// file where the rig has one camera. Throws InputError for a rig that the format does not support,
+/// before anything is written.
 std::vector<std::filesystem::path> save_rig(const std::filesystem::path& path, RigFormat format,
                                             const Rig& rig);
 

@@ -1,5 +1,5 @@
-// The commands of v3d-sim. Each adds itself to the command line and leaves its exit status in
-// `status` when it is the one that was called.
+// The commands of v3d-sim. Each function adds a command, which writes its exit status to `status`
+// when it is run.
 #pragma once
 
 #include <CLI/CLI.hpp>

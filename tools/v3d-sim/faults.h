@@ -1,4 +1,4 @@
-// Fault scripts: what shall go wrong in a simulated take or studio.
+// Fault scripts for simulated takes and studios.
 #pragma once
 
 #include <cstdint>
@@ -13,23 +13,25 @@
 
 namespace v3d::sim {
 
-/// A TOML file with [[fault]] tables: camera = "cam03", pulse = 12, kind = "drop" and what the kind
-/// asks for (v3d-sim(1) has them all). `take_pulses`: of the take that is written without daemons,
-/// which can have drop, duplicate, black, suspect and late; empty for a studio, whose cameras play
-/// all but the last two. Throws InputError naming file, line and field: a camera that is not in
-/// `rig`, a pulse outside the take, a kind that is unknown or not played here, a value that is
-/// missing, out of range or not of this kind, two faults of a camera at one pulse.
+/// Reads a TOML file with [[fault]] tables: camera = "cam03", pulse = 12, kind = "drop", and the
+/// fields of the kind (see v3d-sim(1)).
+///
+/// `take_pulses`: number of pulses of a take that is written without daemons, which supports drop,
+/// duplicate, black, suspect and late; empty for a studio, which supports all kinds but the last
+/// two. Throws InputError with file, line and field for unknown cameras, pulses outside the take,
+/// unknown or unsupported kinds, missing or invalid values, and two faults of a camera at one
+/// pulse.
 std::vector<Fault> load_faults(const std::filesystem::path& path, const Rig& rig,
                                std::optional<int64_t> take_pulses);
 std::vector<Fault> parse_faults(std::string_view text, const std::filesystem::path& path,
                                 const Rig& rig, std::optional<int64_t> take_pulses);
 
-/// Whether `faults` has this one.
+/// Whether `faults` contains this fault.
 bool has_fault(const std::vector<Fault>& faults, const std::string& camera, int64_t pulse,
                FaultKind kind);
 
-/// The faults of one camera, their pulses counted from edge 0 of the cable: pulse 0 of a script is
-/// the first edge after `empty_pulses`.
+/// The faults of one camera with pulses converted to edge numbers of the cable. Pulse 0 of the
+/// script is the first edge after `empty_pulses`.
 std::vector<Fault> faults_at_edges(const std::vector<Fault>& faults, const std::string& camera,
                                    int64_t empty_pulses);
 

@@ -1,4 +1,4 @@
-// What the commands of v3d-sim share on their command lines.
+// Command line options that several commands of v3d-sim share.
 #pragma once
 
 #include <CLI/CLI.hpp>
@@ -9,7 +9,7 @@
 
 namespace v3d::sim {
 
-/// The simulated studio to build.
+/// Parameters of the simulated studio.
 struct StudioOptions {
   int cameras = 15;
   std::string size = "1024x768";
@@ -17,10 +17,10 @@ struct StudioOptions {
   double rate_hz = 25;
 };
 
-/// --cameras --size --seed --rate.
+/// Adds --cameras, --size, --seed and --rate.
 void add_studio_options(CLI::App& command, StudioOptions& options);
 
-/// Its cameras. Throws InputError when their size is none.
+/// The rig of the studio. Throws InputError for an invalid image size.
 Rig rig_of(const StudioOptions& options);
 
 }  // namespace v3d::sim

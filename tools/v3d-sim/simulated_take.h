@@ -1,4 +1,4 @@
-// A take without daemons: what the studio would have recorded.
+// Writes a simulated take without daemons.
 #pragma once
 
 #include <cstdint>
@@ -17,20 +17,21 @@ struct SimulatedTake {
   Rig rig;
   int64_t frames = 0;
   double rate_hz = 25;
-  double begin_s = 0;  ///< of the action, at pulse 0
+  double begin_s = 0;  ///< time of the action at pulse 0
   uint64_t seed = 1;
   double colour_spread = 0;  ///< RenderOptions::colour_spread
   std::vector<Fault> faults;
-  /// Frames get masks, our segmentation's with_outline_noise() of so many pixels; 0: no masks.
+  /// Masks of the frames have outline noise of this standard deviation, pixels; 0: no masks.
   double outline_noise_px = 0;
   /// Folder for 000012.ply, one per pulse, and sword/000012.ply, the blade alone.
   std::optional<std::filesystem::path> truth;
 };
 
-/// Pulse k is at begin + k / rate seconds of the action, the middle of its exposure. The same take
-/// gives the same bytes. `progress` hears how many pulses are done. Throws InputError when the
-/// folder exists and is not empty or its name is no take name, std::runtime_error when the disk
-/// refuses.
+/// Writes the take. The middle of the exposure of pulse k is at begin_s + k / rate_hz seconds of
+/// the action.
+///
+/// Deterministic. `progress` is called with the number of finished pulses. Throws InputError for a
+/// folder that is not empty and for an invalid take name, std::runtime_error for write errors.
 void write_take(const SimulatedTake& take, const std::function<void(int64_t)>& progress);
 
 }  // namespace v3d::sim

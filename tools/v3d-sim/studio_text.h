@@ -12,8 +12,8 @@ struct StudioText {
   double voxel_m = 0.01;
 };
 
-/// studio.toml for the fake cameras of `rig`: what load_studio() reads. Cameras and trigger hang on
-/// node cap01, recon01 reconstructs.
+/// The text of studio.toml for the fake cameras of `rig`, as load_studio() reads it. Cameras and
+/// trigger belong to node cap01; recon01 is the reconstruction node.
 std::string studio_text(const Rig& rig, const StudioText& options);
 
 }  // namespace v3d::sim

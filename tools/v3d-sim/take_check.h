@@ -1,4 +1,4 @@
-// A recorded take against the simulator's own record.
+// Comparison of a recorded take with the simulator's exposure record.
 #pragma once
 
 #include <cstdint>
@@ -12,16 +12,16 @@ namespace v3d::sim {
 
 struct TakeCheck {
   int64_t frames_received = 0;
-  int64_t frames_missing = 0;         ///< pulses of the take without a frame, all cameras together
-  int64_t frames_mislabelled = 0;     ///< frames that show another edge than their pulse was
-  int64_t silently = 0;               ///< of these, without being marked suspect
-  std::vector<std::string> problems;  ///< one line each, the first ones
+  int64_t frames_missing = 0;         ///< pulses without a frame, over all cameras
+  int64_t frames_mislabelled = 0;     ///< frames labelled with a wrong pulse
+  int64_t silently = 0;               ///< mislabelled frames that are not marked suspect
+  std::vector<std::string> problems;  ///< the first problems, one line each
   bool whole() const { return frames_missing == 0 && frames_mislabelled == 0; }
 };
 
-/// A frame is labelled rightly when its (camera, device time) is an exposure in the record, of the
-/// edge whose time pulses.lcmlog gives for the frame's pulse, and that edge is the pulse-th of the
-/// train (counted from the edge of pulse 0). Throws InputError where the take cannot be read.
+/// A label is correct when the record has an exposure of the frame's camera and device time, at the
+/// edge whose time pulses.lcmlog gives for the frame's pulse. This edge must be the pulse-th one,
+/// counted from the edge of pulse 0. Throws InputError for a take that cannot be read.
 TakeCheck check_take(const std::filesystem::path& take, const std::vector<ExposureLine>& record);
 
 }  // namespace v3d::sim

@@ -3,7 +3,7 @@
 #include <algorithm>
 
 #include "base/mask_shape.h"
-#include "calib/silhouette_refine.h"
+#include "calib/rig/silhouette_refinement.h"
 #include "capture/segmenter.h"
 #include "sim/film.h"
 #include "sim/parallel.h"

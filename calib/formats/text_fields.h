@@ -1,0 +1,55 @@
+// Parser and printer for lines of words and numbers, as COLMAP and Middlebury use them.
+#pragma once
+
+#include <Eigen/Core>
+#include <cstdint>
+#include <filesystem>
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace v3d::calib {
+
+/// Reads the words of one line from left to right. Words are separated by blanks.
+///
+/// Borrows the text. `what` names the field in messages. A missing word and an invalid number throw
+/// InputError: "images.txt:4: QW: expected a finite number, found 'x'".
+class TextLine {
+ public:
+  TextLine(std::string_view text, std::string path, int number);
+
+  /// Only blanks remain.
+  bool done() const { return left_.empty(); }
+  bool is_comment() const { return left_.starts_with('#'); }
+  int number() const { return number_; }
+  /// The number of remaining words.
+  int count_words() const;
+
+  std::string_view word(std::string_view what);
+  double real(std::string_view what);
+  int64_t whole(std::string_view what);
+  Eigen::Vector3d vector(std::string_view what);
+  /// Row by row.
+  Eigen::Matrix3d matrix(std::string_view what);
+  /// The remaining text, including inner blanks.
+  std::string_view rest(std::string_view what);
+
+  [[noreturn]] void fail(const std::string& message) const;
+
+ private:
+  void skip_blanks();
+
+  std::string_view left_;
+  std::string path_;
+  int number_ = 0;
+};
+
+/// All lines, including empty ones.
+std::vector<TextLine> split_lines(std::string_view text, const std::filesystem::path& path);
+
+/// The shortest text that reads back to the same bits: "0.1", "3", "1e-09".
+std::string number_text(double value);
+/// The numbers, each after a blank.
+std::string numbers_text(const Eigen::Ref<const Eigen::VectorXd>& values);
+
+}  // namespace v3d::calib

@@ -1,0 +1,79 @@
+// Rig calibration: lenses and poses of all cameras, from a board that is carried through the
+// studio.
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "base/camera_model.h"
+#include "calib/boards/board.h"
+#include "calib/rig/pair_poses.h"
+
+namespace v3d::calib {
+
+struct RigOptions {
+  /// The previous calibration. Where it is given, its lenses are used without change; otherwise the
+  /// lenses are fitted, too.
+  std::optional<Rig> previous;
+  /// Time offsets up to this many instants are corrected and reported; larger ones are an error.
+  /// One is what the buffers of free-running cameras may hold back.
+  int max_time_offset = 1;
+  int max_instants = 400;  ///< of those that at least two cameras share
+  int threads = 2;
+};
+
+/// An observed corner and its reprojection residual (observed minus projected), pixels.
+struct CornerResidual {
+  Eigen::Vector2d pixel;
+  Eigen::Vector2d residual;
+};
+
+struct CameraFit {
+  double rms_px = 0;
+  int views = 0;           ///< observations that are used
+  int found = 0;           ///< images in which the board was found
+  int rejected = 0;        ///< observations that disagree with those of the other cameras
+  double time_offset = 0;  ///< corrected offset, instants; positive: the images are late
+  int coefficients = 0;    ///< fitted distortion coefficients; 0: the lens is known
+  double coverage = 0;     ///< share of the image with observed corners, 0 to 1
+  std::vector<CornerResidual> residuals{};
+};
+
+/// A rejected observation and the reason.
+struct RejectedObservation {
+  int camera = 0;
+  int64_t instant = 0;
+  std::string reason;
+};
+
+struct RigFit {
+  /// World frame: metres, z along the mean upward direction of the images, origin at the point
+  /// nearest to all optical axes. rig/floor_fit.h determines the final world frame.
+  Rig rig;
+  double rms_px = 0;
+  std::vector<CameraFit> cameras;  ///< in the order of the rig
+  std::vector<PairPose> pairs;     ///< all that share an instant
+  RigTree tree;
+  std::vector<RejectedObservation> rejected;
+  std::map<int64_t, RigidTransform> world_from_board;  ///< by instant
+};
+
+/// A message about time offsets (instants, by camera): "cameras out of sync: cam2 is 1 image late
+/// relative to the others"; empty where there are none.
+std::string time_offset_text(const std::vector<CameraObservations>& cameras,
+                             const std::vector<double>& offsets);
+
+/// Calibrates a rig of two or more cameras.
+///
+/// Steps: unknown lenses, relative poses of pairs, spanning tree, and one robust bundle adjustment
+/// of all observations. No instant needs to be shared by all cameras.
+/// Throws InputError with the cause and what to record: too few boards, disconnected cameras, large
+/// time offsets, cameras that are swapped relative to the previous calibration, another board size.
+/// Pure. Uses options.threads threads.
+RigFit fit_rig(const Board& board, const std::vector<CameraObservations>& cameras,
+               const RigOptions& options);
+
+}  // namespace v3d::calib

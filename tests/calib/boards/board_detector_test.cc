@@ -1,0 +1,174 @@
+#include "calib/boards/board_detector.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <opencv2/aruco/charuco.hpp>
+#include <opencv2/imgproc.hpp>
+
+namespace v3d::calib {
+namespace {
+
+using testing::HasSubstr;
+
+constexpr int kSquare = 40;  // pixels
+constexpr char kCharuco[] = "charuco:4x5:40mm:30mm:DICT_4X4_50";
+
+Image to_image(const cv::Mat& grey) {
+  Image image({grey.cols, grey.rows}, PixelFormat::kMono8);
+  std::copy(grey.datastart, grey.dataend, image.bytes.begin());
+  return image;
+}
+
+/// A chessboard with a margin of one square. The inner square of the first corner is dark.
+cv::Mat print_chess(int corner_columns, int corner_rows) {
+  cv::Mat formatted((corner_rows + 3) * kSquare, (corner_columns + 3) * kSquare, CV_8UC1, 255);
+  for (int row = 0; row <= corner_rows; ++row) {
+    for (int column = 0; column <= corner_columns; ++column) {
+      if ((row + column) % 2 == 1) continue;
+      formatted(cv::Rect((column + 1) * kSquare, (row + 1) * kSquare, kSquare, kSquare)) = 20;
+    }
+  }
+  return formatted;
+}
+
+cv::Mat print_charuco(int columns, int rows) {
+  const auto dictionary = cv::aruco::getPredefinedDictionary(cv::aruco::DICT_4X4_50);
+  const auto board = cv::aruco::CharucoBoard::create(columns, rows, 0.04F, 0.03F, dictionary);
+  cv::Mat formatted;
+  board->draw({(columns + 2) * kSquare, (rows + 2) * kSquare}, formatted, kSquare, 1);
+  return formatted;
+}
+
+/// An oblique view on a grey background, by the homography of the four corners of the print.
+struct Photo {
+  cv::Mat grey;
+  cv::Mat image_from_print;
+};
+
+Photo photograph(const cv::Mat& formatted) {
+  const float w = static_cast<float>(formatted.cols), h = static_cast<float>(formatted.rows);
+  const std::vector<cv::Point2f> from = {{0, 0}, {w, 0}, {w, h}, {0, h}};
+  const std::vector<cv::Point2f> to = {{90, 70}, {560, 40}, {520, 420}, {120, 440}};
+  Photo photo;
+  photo.image_from_print = cv::getPerspectiveTransform(from, to);
+  cv::warpPerspective(formatted, photo.grey, photo.image_from_print, {640, 480}, cv::INTER_AREA,
+                      cv::BORDER_CONSTANT, 128);
+  cv::GaussianBlur(photo.grey, photo.grey, {3, 3}, 0.7);
+  return photo;
+}
+
+Eigen::Vector2d in_photo(const Photo& photo, double x, double y) {
+  // Pixel centres have integer coordinates; the edge between two pixels is at a half.
+  const std::vector<cv::Point2d> from = {{x - 0.5, y - 0.5}};
+  std::vector<cv::Point2d> to;
+  cv::perspectiveTransform(from, to, photo.image_from_print);
+  return {to[0].x, to[0].y};
+}
+
+double handedness(const BoardObservation& s, const Board& board) {
+  const Eigen::Vector2d x = s.pixels[1] - s.pixels[0];
+  const Eigen::Vector2d y = s.pixels[board.corner_columns] - s.pixels[0];
+  return x.x() * y.y() - x.y() * y.x();
+}
+
+TEST(BoardDetector, finds_every_corner_of_a_chessboard_within_a_tenth_of_a_pixel) {
+  const BoardDetector detector(parse_board("chess:9x6:25mm"));
+  const Photo photo = photograph(print_chess(9, 6));
+  const auto found = detector.find(to_image(photo.grey).view());
+  ASSERT_TRUE(found);
+  ASSERT_EQ(found->count(), 54);
+  // Corner 0 is one whose inner square is dark; y points up.
+  EXPECT_LT(handedness(*found, detector.board()), 0) << "z must point out of the print";
+  double sum = 0;
+  for (int row = 0; row < 6; ++row) {
+    for (int column = 0; column < 9; ++column) {
+      const Eigen::Vector2d truth = in_photo(photo, (column + 2) * kSquare, (row + 2) * kSquare);
+      double nearest = 1e9;
+      for (const auto& pixel : found->pixels) nearest = std::min(nearest, (pixel - truth).norm());
+      EXPECT_LT(nearest, 0.25);
+      sum += nearest * nearest;
+    }
+  }
+  EXPECT_LT(std::sqrt(sum / 54), 0.1);
+}
+
+TEST(BoardDetector, starts_at_the_same_corner_when_the_image_is_rotated_by_half_a_turn) {
+  const BoardDetector detector(parse_board("chess:9x6:25mm"));
+  const cv::Mat upright = photograph(print_chess(9, 6)).grey;
+  cv::Mat over;
+  cv::rotate(upright, over, cv::ROTATE_180);
+  const auto a = detector.find(to_image(upright).view());
+  const auto b = detector.find(to_image(over).view());
+  ASSERT_TRUE(a && b);
+  for (int i = 0; i < 54; ++i) {
+    EXPECT_NEAR(a->pixels[i].x(), 639 - b->pixels[i].x(), 0.1);
+    EXPECT_NEAR(a->pixels[i].y(), 479 - b->pixels[i].y(), 0.1);
+  }
+}
+
+TEST(BoardDetector, numbers_charuco_corners_correctly_when_half_the_board_is_hidden) {
+  const BoardDetector detector(parse_board(kCharuco));
+  Photo photo = photograph(print_charuco(4, 5));
+  const auto whole = detector.find(to_image(photo.grey).view());
+  ASSERT_TRUE(whole);
+  EXPECT_EQ(whole->count(), 12);
+  EXPECT_LT(handedness(*whole, detector.board()), 0) << "z must point out of the print";
+  photo.grey(cv::Rect(0, 0, 640, 190)) = 128;
+  const auto half = detector.find(to_image(photo.grey).view());
+  ASSERT_TRUE(half);
+  EXPECT_LT(half->count(), 12);
+  for (int i = 0; i < half->count(); ++i) {
+    EXPECT_LT((half->pixels[i] - whole->pixels[half->corners[i]]).norm(), 0.5);
+  }
+}
+
+TEST(BoardDetector, finds_inverted_prints_only_when_the_board_is_marked_inverted) {
+  const Image inverted = to_image(255 - photograph(print_charuco(4, 5)).grey);
+  EXPECT_TRUE(
+      BoardDetector(parse_board(std::string(kCharuco) + ":inverted")).find(inverted.view()));
+  const BoardDetector wrong(parse_board(kCharuco));
+  EXPECT_FALSE(wrong.find(inverted.view()));
+  EXPECT_THAT(wrong.diagnose(inverted.view()).value_or(""), HasSubstr("':inverted'"));
+}
+
+TEST(BoardDetector, reports_a_mirrored_print) {
+  cv::Mat mirrored;
+  cv::flip(print_charuco(4, 5), mirrored, 1);
+  const Image image = to_image(photograph(mirrored).grey);
+  const BoardDetector detector(parse_board(kCharuco));
+  EXPECT_FALSE(detector.find(image.view()));
+  EXPECT_THAT(detector.diagnose(image.view()).value_or(""), HasSubstr("mirrored print"));
+}
+
+TEST(BoardDetector, reports_a_chessboard_of_another_size) {
+  const Image image = to_image(photograph(print_chess(8, 5)).grey);
+  const BoardDetector detector(parse_board("chess:9x6:25mm"));
+  EXPECT_FALSE(detector.find(image.view()));
+  EXPECT_THAT(detector.diagnose(image.view()).value_or(""),
+              HasSubstr("wrong board size: a chessboard of 8x5 inner corners"));
+}
+
+TEST(BoardDetector, reports_a_charuco_board_with_more_markers) {
+  const Image image = to_image(photograph(print_charuco(6, 8)).grey);
+  EXPECT_THAT(BoardDetector(parse_board(kCharuco)).diagnose(image.view()).value_or(""),
+              HasSubstr("wrong board size: marker 23"));
+}
+
+TEST(BoardDetector, reports_markers_of_another_dictionary) {
+  const Image image = to_image(photograph(print_charuco(4, 5)).grey);
+  const BoardDetector detector(parse_board("charuco:4x5:40mm:30mm:DICT_6X6_50"));
+  EXPECT_THAT(detector.diagnose(image.view()).value_or(""), HasSubstr("DICT_4X4_1000"));
+}
+
+TEST(BoardDetector, reports_nothing_for_an_image_without_a_board) {
+  const Image grey({640, 480}, PixelFormat::kMono8);
+  for (const char* text : {"chess:9x6:25mm", kCharuco}) {
+    const BoardDetector detector(parse_board(text));
+    EXPECT_FALSE(detector.find(grey.view()));
+    EXPECT_FALSE(detector.diagnose(grey.view()));
+  }
+}
+
+}  // namespace
+}  // namespace v3d::calib

@@ -1,0 +1,105 @@
+#include "calib/lens/lens_fit.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+
+#include "base/error.h"
+#include "calib/board_walk_observations.h"
+#include "sim/scene.h"
+#include "support/message_of.h"
+
+namespace v3d::calib {
+namespace {
+
+using testing::HasSubstr;
+
+class LensFitting : public testing::Test {
+ protected:
+  std::vector<LensView> views_of(const CameraModel& camera, int boards, double noise_px = 0.2) {
+    const auto seen = observe_board_walk(board_, {{"cam", camera}}, {boards, noise_px, 5});
+    std::vector<LensView> views;
+    for (const auto& [instant, observation] : seen[0].observations) {
+      views.push_back({"frame " + std::to_string(instant), observation});
+    }
+    return views;
+  }
+
+  /// The largest error of a pixel over the image, for the same camera axes.
+  static double worst_ray_error_px(const CameraModel& found, const CameraModel& truth) {
+    const CameraModel a(found.size(), found.matrix(), found.distortion(), {});
+    const CameraModel b(truth.size(), truth.matrix(), truth.distortion(), {});
+    double worst = 0;
+    for (int y = 100; y < 700; y += 100) {
+      for (int x = 100; x < 1000; x += 100) {
+        const auto ray = b.ray(Eigen::Vector2d(x, y));
+        const auto pixel = a.project(*ray);
+        worst = std::max(worst, (*pixel - Eigen::Vector2d(x, y)).norm());
+      }
+    }
+    return worst;
+  }
+
+  Board board_ = parse_board("chess:9x6:80mm");
+  Rig rig_ = sim::make_rig(8, {1024, 768}, 3);
+};
+
+TEST_F(LensFitting, recovers_the_lens_from_noisy_corners) {
+  const CameraModel& truth = rig_[0].model;
+  const auto views = views_of(truth, 300);
+  const LensFit fit = fit_lens("cam", board_, truth.size(), views, {});
+  EXPECT_NEAR(fit.rms_px, 0.2 * std::sqrt(2.0), 0.02);
+  EXPECT_NEAR(fit.lens.matrix()(0, 0), truth.matrix()(0, 0), 1.5);
+  EXPECT_LT(worst_ray_error_px(fit.lens, truth), 3.0);
+  EXPECT_TRUE(fit.rejected.empty());
+  EXPECT_LE(std::ssize(fit.fitted), 40);
+}
+
+TEST_F(LensFitting, selects_the_fewest_coefficients_that_predict_equally_well) {
+  const CameraModel& simple = rig_[0].model;
+  EXPECT_LE(fit_lens("cam", board_, simple.size(), views_of(simple, 300), {}).coefficients, 5);
+
+  // The distortion of a wide lens is rational; a polynomial does not fit it near the border.
+  Distortion strong{};
+  strong[0] = 0.4;  // k1
+  strong[5] = 1.2;  // k4
+  Eigen::Matrix3d k = simple.matrix();
+  k(0, 0) = k(1, 1) = 700;
+  const CameraModel wide(simple.size(), k, strong, simple.cam_from_world());
+  const LensFit fit = fit_lens("cam", board_, wide.size(), views_of(wide, 400, 0.02), {});
+  EXPECT_EQ(fit.coefficients, 8);
+  ASSERT_EQ(fit.trials.size(), 3U);
+  EXPECT_GT(fit.trials[0].held_out_rms_px, 1.05 * fit.trials[2].held_out_rms_px);
+}
+
+TEST_F(LensFitting, rejects_an_outlier_view_and_reports_the_reason) {
+  const CameraModel& truth = rig_[0].model;
+  auto views = views_of(truth, 300);
+  const size_t bad = views.size() / 2;
+  for (size_t i = 0; i < views[bad].observation.pixels.size(); i += 3) {
+    views[bad].observation.pixels[i].x() += 5;
+  }
+  LensOptions options;
+  options.max_views = 1000;
+  const LensFit fit = fit_lens("cam", board_, truth.size(), views, options);
+  ASSERT_EQ(fit.rejected.size(), 1U);
+  EXPECT_EQ(fit.rejected[0].view, static_cast<int>(bad));
+  EXPECT_THAT(fit.rejected[0].reason, HasSubstr("its RMS residual is"));
+  EXPECT_NEAR(fit.rms_px, 0.28, 0.03);
+}
+
+TEST_F(LensFitting, names_the_camera_with_too_few_boards) {
+  const CameraModel& truth = rig_[0].model;
+  auto views = views_of(truth, 300);
+  views.resize(3);
+  EXPECT_THAT(
+      test::message_of<InputError>([&] { fit_lens("cam07", board_, truth.size(), views, {}); }),
+      HasSubstr("cam07: too few boards: 3 usable images, at least 5 are needed"));
+  EXPECT_THAT(
+      test::message_of<InputError>([&] { fit_lens("cam07", board_, truth.size(), {}, {}); }),
+      HasSubstr("too few boards"));
+}
+
+}  // namespace
+}  // namespace v3d::calib

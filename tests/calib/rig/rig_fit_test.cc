@@ -1,0 +1,211 @@
+#include "calib/rig/rig_fit.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+
+#include "base/error.h"
+#include "base/statistics.h"
+#include "calib/board_walk_observations.h"
+#include "calib/rig/rig_comparison.h"
+#include "sim/scene.h"
+#include "support/message_of.h"
+
+namespace v3d::calib {
+namespace {
+
+using testing::HasSubstr;
+
+const Board& board() {
+  static const Board kBoard = parse_board("chess:9x6:100mm");
+  return kBoard;
+}
+
+std::string error_of_fit(const std::vector<CameraObservations>& cameras,
+                         const RigOptions& options = {}) {
+  return test::message_of<InputError>([&] { fit_rig(board(), cameras, options); });
+}
+
+/// A previous calibration with known lenses and unknown poses.
+Rig lenses_only(const Rig& rig) {
+  Rig lenses;
+  for (const RigCamera& c : rig) {
+    lenses.push_back(
+        {c.name, CameraModel(c.model.size(), c.model.matrix(), c.model.distortion(), {})});
+  }
+  return lenses;
+}
+
+class RigFitting : public testing::Test {
+ protected:
+  Rig truth_ = sim::make_rig(15, {1024, 768}, 3);
+  RigOptions lenses_known_ = {.previous = lenses_only(truth_)};
+};
+
+TEST_F(RigFitting, finds_15_cameras_within_half_a_millimetre_when_no_view_is_shared_by_all) {
+  const auto cameras = observe_board_walk(board(), truth_, {600, 0.2, 1});
+  RigOptions options;
+  options.max_instants = 600;
+  const RigFit fit = fit_rig(board(), cameras, options);
+  const PoseErrors errors = pose_errors(fit.rig, truth_);
+  EXPECT_LT(upper_median(errors.distance_mm), 0.5);
+  EXPECT_LT(upper_median(errors.angle_deg), 0.02);
+  EXPECT_NEAR(fit.rms_px, 0.28, 0.02);
+  EXPECT_EQ(fit.tree.edges.size(), 14U);
+  EXPECT_TRUE(fit.rejected.empty());
+}
+
+TEST_F(RigFitting, estimates_the_upward_direction) {
+  const RigFit fit =
+      fit_rig(board(), observe_board_walk(board(), truth_, {200, 0.2, 1}), lenses_known_);
+  const PoseErrors errors = pose_errors(fit.rig, truth_);
+  EXPECT_LT(upper_median(errors.distance_mm), 2);
+  // The true cameras are about level, at z = 1.
+  for (const RigCamera& camera : fit.rig) {
+    EXPECT_LT(camera.model.cam_from_world().rotation(1, 2), -0.8) << camera.name;
+    EXPECT_LT(std::abs(camera.model.center().z()), 1.6) << camera.name;
+  }
+}
+
+TEST_F(RigFitting, resolves_the_half_turn_symmetry_of_a_board) {
+  const Board even = parse_board("chess:8x6:100mm");
+  auto cameras = observe_board_walk(even, truth_, {200, 0.2, 1});
+  for (size_t i = 0; i < cameras.size(); i += 2) {
+    for (auto& [instant, observation] : cameras[i].observations) {
+      if (instant % 3 == 0) observation = half_turned(even, observation);
+    }
+  }
+  const RigFit fit = fit_rig(even, cameras, lenses_known_);
+  EXPECT_NEAR(fit.rms_px, 0.28, 0.02);
+  EXPECT_LT(upper_median(pose_errors(fit.rig, truth_).distance_mm), 2);
+}
+
+TEST_F(RigFitting, rejects_observations_of_another_instant) {
+  auto cameras = observe_board_walk(board(), truth_, {200, 0.2, 1});
+  auto& observations = cameras[4].observations;
+  auto first = observations.begin();
+  auto second = std::next(first, 5);
+  std::swap(first->second, second->second);
+  const RigFit fit = fit_rig(board(), cameras, lenses_known_);
+  EXPECT_NEAR(fit.rms_px, 0.28, 0.03);
+  EXPECT_GE(fit.cameras[4].rejected, 1);
+  for (const RejectedObservation& r : fit.rejected) EXPECT_EQ(r.camera, 4);
+}
+
+TEST_F(RigFitting, names_a_camera_with_too_few_boards) {
+  auto cameras = observe_board_walk(board(), truth_, {100, 0.2, 1});
+  auto& few = cameras[6].observations;
+  few.erase(std::next(few.begin(), 2), few.end());
+  EXPECT_THAT(error_of_fit(cameras), HasSubstr("cam07: too few boards: found in 2 images"));
+}
+
+TEST_F(RigFitting, names_disconnected_cameras) {
+  auto cameras = observe_board_walk(board(), truth_, {100, 0.2, 1});
+  std::map<int64_t, BoardObservation> alone;
+  for (const auto& [instant, observation] : cameras[6].observations)
+    alone[1000 + instant] = observation;
+  cameras[6].observations = alone;
+  EXPECT_THAT(error_of_fit(cameras, lenses_known_),
+              HasSubstr("cam07 shares fewer than 3 views of the board with cam"));
+}
+
+TEST_F(RigFitting, names_swapped_cameras_with_different_lenses) {
+  auto cameras = observe_board_walk(board(), truth_, {200, 0.2, 1});
+  std::swap(cameras[2].observations, cameras[3].observations);  // cam04 is a close-up
+  EXPECT_THAT(error_of_fit(cameras, lenses_known_), HasSubstr("swapped cameras: cam03 and cam04"));
+}
+
+TEST_F(RigFitting, names_swapped_cameras_with_equal_lenses) {
+  // With equal lenses, only the positions differ.
+  Rig alike;
+  for (const RigCamera& c : truth_) {
+    const CameraModel& lens = truth_[0].model;
+    alike.push_back({c.name, CameraModel(lens.size(), lens.matrix(), lens.distortion(),
+                                         c.model.cam_from_world())});
+  }
+  auto cameras = observe_board_walk(board(), alike, {200, 0.2, 1});
+  std::swap(cameras[1].observations, cameras[8].observations);
+  RigOptions options;
+  options.previous = alike;
+  EXPECT_THAT(error_of_fit(cameras, options), HasSubstr("swapped cameras: cam02 and cam09"));
+}
+
+TEST_F(RigFitting, reports_a_board_of_another_size_than_before) {
+  const auto cameras = observe_board_walk(board(), truth_, {200, 0.2, 1});
+  RigOptions options;
+  options.previous = truth_;
+  const Board larger = parse_board("chess:9x6:110mm");
+  EXPECT_THAT(test::message_of<InputError>([&] { fit_rig(larger, cameras, options); }),
+              HasSubstr("are the squares 100.0 mm instead of 110.0?"));
+  EXPECT_NO_THROW(fit_rig(board(), cameras, options));
+}
+
+/// A slowly moving board. The images of one camera are late by `late` images.
+std::vector<CameraObservations> slow_walk(const Rig& rig, double late) {
+  const double kStep = 0.015;  // metres per image
+  std::vector<CameraObservations> cameras;
+  for (size_t c = 0; c < rig.size(); ++c) {
+    cameras.push_back({rig[c].name, rig[c].model.size(), {}});
+    for (int n = 0; n < 120; ++n) {
+      const double t = n - (c == 2 ? late : 0);
+      const Eigen::Vector3d position(0.5 * std::sin(kStep * t / 0.5),
+                                     0.4 * std::cos(kStep * t / 0.7),
+                                     1.0 + 0.4 * std::sin(kStep * t / 0.35));
+      RigidTransform world_from_board = look_at(rig[1].model.center(), position).inverse();
+      world_from_board.rotation.col(1) *= -1;
+      world_from_board.rotation.col(2) *= -1;
+      const Eigen::Matrix3d tilt =
+          Eigen::AngleAxisd(0.5 * std::sin(0.05 * t), Eigen::Vector3d(1, 0.6, 0).normalized())
+              .toRotationMatrix();
+      world_from_board.rotation = world_from_board.rotation * tilt;
+      world_from_board.translation = position - world_from_board.rotation * board().centre();
+      BoardObservation observation;
+      for (int i = 0; i < board().corners(); ++i) {
+        const auto pixel = rig[c].model.project(world_from_board * board().corner(i));
+        if (!pixel || !rig[c].model.inside_image(*pixel)) break;
+        observation.corners.push_back(i);
+        observation.pixels.push_back(*pixel);
+      }
+      if (observation.count() == board().corners()) cameras.back().observations[n] = observation;
+    }
+  }
+  return cameras;
+}
+
+class TimeOffset : public testing::Test {
+ protected:
+  void SetUp() override {
+    const Rig all = sim::make_rig(15, {1024, 768}, 3);
+    for (const size_t i : {0U, 1U, 2U, 14U}) truth_.push_back(all[i]);
+    options_.previous = lenses_only(truth_);
+  }
+  Rig truth_;
+  RigOptions options_;
+};
+
+TEST_F(TimeOffset, is_zero_for_synchronous_cameras) {
+  const RigFit fit = fit_rig(board(), slow_walk(truth_, 0), options_);
+  for (const CameraFit& camera : fit.cameras) EXPECT_EQ(camera.time_offset, 0);
+}
+
+TEST_F(TimeOffset, of_several_images_is_reported_with_the_camera) {
+  EXPECT_THAT(error_of_fit(slow_walk(truth_, 3), options_),
+              HasSubstr("cameras out of sync: cam03 is 3 images late relative to the others"));
+  EXPECT_THAT(error_of_fit(slow_walk(truth_, -2), options_), HasSubstr("cam03 is 2 images early"));
+}
+
+TEST_F(TimeOffset, of_one_image_is_corrected_and_reported) {
+  const RigFit fit = fit_rig(board(), slow_walk(truth_, 1), options_);
+  EXPECT_NEAR(fit.cameras[2].time_offset, 1, 0.01);
+  EXPECT_LT(upper_median(pose_errors(fit.rig, truth_).distance_mm), 0.5);
+}
+
+TEST_F(TimeOffset, of_a_fraction_of_an_image_is_corrected_and_reported) {
+  const RigFit fit = fit_rig(board(), slow_walk(truth_, 0.4), options_);
+  EXPECT_NEAR(fit.cameras[2].time_offset - fit.cameras[0].time_offset, 0.4, 0.05);
+  EXPECT_LT(fit.rms_px, 0.2);
+}
+
+}  // namespace
+}  // namespace v3d::calib

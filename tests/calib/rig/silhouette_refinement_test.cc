@@ -1,0 +1,84 @@
+#include "calib/rig/silhouette_refinement.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "base/error.h"
+#include "calib/rig/epipolar_tangents.h"
+#include "sim/scene.h"
+#include "support/knocked_rig.h"
+#include "support/message_of.h"
+
+namespace v3d::calib {
+namespace {
+
+using testing::HasSubstr;
+
+constexpr ImageSize kSize{512, 384};
+
+class SilhouetteRefining : public testing::Test {
+ protected:
+  static void SetUpTestSuite() {
+    truth_ = sim::make_rig(8, kSize, 3);
+    for (int instant = 0; instant < 12; ++instant) {
+      masks_.emplace_back();
+      for (const RigCamera& camera : truth_) {
+        masks_.back().push_back(sim::true_silhouette(camera, 0.33 * instant, 3));
+      }
+    }
+  }
+  static std::vector<SilhouetteSet> sets() {
+    std::vector<SilhouetteSet> result;
+    for (const auto& instant : masks_) {
+      result.emplace_back();
+      for (const Mask& mask : instant) result.back().push_back(&mask);
+    }
+    return result;
+  }
+  static inline Rig truth_;
+  static inline std::vector<std::vector<Mask>> masks_;
+};
+
+TEST_F(SilhouetteRefining, finds_equal_tangent_planes_for_true_cameras) {
+  const std::vector<CameraModel> cameras = models_of(truth_);
+  std::vector<Outline> outlines;
+  for (size_t c = 0; c < cameras.size(); ++c) {
+    outlines.push_back(outline_of(masks_[0][c], cameras[c]));
+  }
+  const std::vector<EpipolarTangent> tangents = epipolar_tangents(cameras, outlines);
+  ASSERT_GT(tangents.size(), 20U);
+  int close = 0;
+  for (const EpipolarTangent& t : tangents) {
+    const double angle = angle_between(t, cameras[t.a], cameras[t.b]);
+    close += std::abs(angle) * t.px_per_radian() < 1;
+  }
+  EXPECT_GT(close, 0.8 * static_cast<double>(tangents.size()));
+}
+
+TEST_F(SilhouetteRefining, reduces_a_calibration_error_of_one_pixel) {
+  const Rig before = test::knocked(truth_, 1, 5);
+  const RefineResult result = refine_by_silhouettes(before, sets(), {});
+  EXPECT_TRUE(result.better);
+  RecordProperty("before", std::to_string(test::error_px(before, truth_)));
+  RecordProperty("after", std::to_string(test::error_px(result.rig, truth_)));
+  EXPECT_LT(test::error_px(result.rig, truth_), 0.6 * test::error_px(before, truth_));
+}
+
+TEST_F(SilhouetteRefining, keeps_a_correct_rig) {
+  const RefineResult result = refine_by_silhouettes(truth_, sets(), {});
+  EXPECT_FALSE(result.better);
+  EXPECT_LT(test::error_px(result.rig, truth_), 1e-9);
+}
+
+TEST_F(SilhouetteRefining, reports_too_few_silhouettes) {
+  std::vector<SilhouetteSet> few = sets();
+  few.resize(3);
+  EXPECT_THAT(test::message_of<InputError>([&] { refine_by_silhouettes(truth_, few, {}); }),
+              HasSubstr("3 instants are too few"));
+  const std::vector<SilhouetteSet> none(9, SilhouetteSet(truth_.size(), nullptr));
+  EXPECT_THAT(test::message_of<InputError>([&] { refine_by_silhouettes(truth_, none, {}); }),
+              HasSubstr("only 0 epipolar tangents"));
+}
+
+}  // namespace
+}  // namespace v3d::calib
