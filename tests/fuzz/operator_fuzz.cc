@@ -4,10 +4,10 @@
 
 #include "base/printable.h"
 #include "fuzz_input.h"
-#include "v3dctl/check_text.h"
-#include "v3dctl/health_text.h"
-#include "v3dctl/operator_text.h"
-#include "v3dctl/watch_text.h"
+#include "v3dctl/operate/camera_check.h"
+#include "v3dctl/operate/health_text.h"
+#include "v3dctl/operate/reply_text.h"
+#include "v3dctl/operate/watch_table.h"
 
 namespace {
 

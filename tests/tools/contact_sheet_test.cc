@@ -1,4 +1,4 @@
-#include "v3dctl/contact_sheet.h"
+#include "v3dctl/operate/contact_sheet.h"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "v3dctl/doctor.h"
+#include "v3dctl/setup/doctor.h"
 
 #include <arpa/inet.h>
 #include <gtest/gtest.h>
@@ -8,8 +8,8 @@
 #include <thread>
 
 #include "support/temporary_folder.h"
-#include "v3dctl/doctor_key.h"
-#include "v3dctl/doctor_machine.h"
+#include "v3dctl/setup/doctor_key.h"
+#include "v3dctl/setup/doctor_machine.h"
 #include "wire/studio_key.h"
 
 namespace v3d::ctl {

@@ -1,4 +1,4 @@
-#include "v3dctl/held_out_view.h"
+#include "v3dctl/evaluate/held_out_view.h"
 
 #include <gtest/gtest.h>
 

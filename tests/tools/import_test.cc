@@ -1,4 +1,4 @@
-#include "v3dctl/import.h"
+#include "v3dctl/import/import.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -14,7 +14,7 @@
 #include "support/message_of.h"
 #include "support/temporary_folder.h"
 #include "take/verify.h"
-#include "tools/pictures.h"
+#include "tools/test_images.h"
 
 namespace v3d::ctl {
 namespace {

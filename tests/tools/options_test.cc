@@ -5,7 +5,7 @@
 
 #include "base/error.h"
 #include "common/number_option.h"
-#include "v3dctl/deform_options.h"
+#include "v3dctl/reconstruct/reconstruct_options.h"
 
 namespace v3d::ctl {
 namespace {

@@ -1,4 +1,4 @@
-#include "v3dctl/reconstruct.h"
+#include "v3dctl/reconstruct/reconstruct.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -18,15 +18,15 @@
 #include "support/message_of.h"
 #include "support/temporary_folder.h"
 #include "take/take.h"
-#include "tools/pictures.h"
-#include "v3dctl/evaluate.h"
-#include "v3dctl/evaluation_page.h"
-#include "v3dctl/evaluation_pictures.h"
-#include "v3dctl/import.h"
-#include "v3dctl/media.h"
-#include "v3dctl/mesh_export.h"
-#include "v3dctl/take_colours.h"
-#include "v3dctl/working_space.h"
+#include "tools/test_images.h"
+#include "v3dctl/evaluate/evaluate.h"
+#include "v3dctl/evaluate/evaluation_page.h"
+#include "v3dctl/evaluate/evaluation_pictures.h"
+#include "v3dctl/export/mesh_export.h"
+#include "v3dctl/export/take_colours.h"
+#include "v3dctl/import/image_file.h"
+#include "v3dctl/import/import.h"
+#include "v3dctl/reconstruct/reconstruction_bounds.h"
 
 namespace v3d::ctl {
 namespace {

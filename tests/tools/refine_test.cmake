@@ -1,6 +1,6 @@
 # A take tells by its silhouettes that two cameras look aside of where the calibration has them, with their focal
 # lengths fitted and without, and leaves a right calibration as it is. Run by cmake -P with V3DCTL, V3D_SIM and WORK.
-include(${CMAKE_CURRENT_LIST_DIR}/knock.cmake)
+include(${CMAKE_CURRENT_LIST_DIR}/displace.cmake)
 file(REMOVE_RECURSE ${WORK})
 set(take ${WORK}/take)
 execute_process(COMMAND ${V3D_SIM} take ${take} --frames 16 --rate 3 --cameras 8 --size 320x240

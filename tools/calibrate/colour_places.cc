@@ -13,8 +13,8 @@
 #include "recon/depth_raster.h"
 #include "recon/texture.h"
 #include "take/take.h"
-#include "v3dctl/interrupt.h"
 #include "v3dctl/missing_frames.h"
+#include "v3dctl/process.h"
 
 namespace v3d::calibrate {
 namespace {

@@ -4,7 +4,7 @@
 #include "calib/board_pose.h"
 #include "calib/floor.h"
 #include "common/console.h"
-#include "v3dctl/interrupt.h"
+#include "v3dctl/process.h"
 
 namespace v3d::calibrate {
 namespace {

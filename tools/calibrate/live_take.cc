@@ -10,10 +10,10 @@
 #include "common/console.h"
 #include "daemon/operator_client.h"
 #include "take/take.h"
-#include "v3dctl/interrupt.h"
-#include "v3dctl/operator_text.h"
-#include "v3dctl/pulse_train.h"
-#include "v3dctl/takes_collect.h"
+#include "v3dctl/operate/pulse_train.h"
+#include "v3dctl/operate/reply_text.h"
+#include "v3dctl/process.h"
+#include "v3dctl/takes/collect.h"
 
 namespace v3d::calibrate {
 namespace {

@@ -10,9 +10,9 @@
 #include "common/console.h"
 #include "daemon/recorded/take_frames.h"
 #include "recon/box_view.h"
-#include "v3dctl/interrupt.h"
-#include "v3dctl/reconstruct.h"
-#include "v3dctl/working_space.h"
+#include "v3dctl/process.h"
+#include "v3dctl/reconstruct/reconstruct.h"
+#include "v3dctl/reconstruct/reconstruction_bounds.h"
 
 namespace v3d::calibrate {
 namespace {

@@ -8,7 +8,7 @@
 #include "calib/board_detector.h"
 #include "calib/pair_poses.h"
 #include "calibrate/board_search.h"
-#include "v3dctl/command.h"
+#include "v3dctl/command_line.h"
 #include "v3dctl/options.h"
 
 namespace v3d::calibrate {

@@ -2,7 +2,7 @@
 
 #include "base/error.h"
 #include "base/io/process.h"
-#include "v3dctl/command.h"
+#include "v3dctl/command_line.h"
 
 namespace v3d::ctl {
 namespace {

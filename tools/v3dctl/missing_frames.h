@@ -6,7 +6,7 @@
 #include <filesystem>
 
 #include "common/console.h"
-#include "v3dctl/command.h"
+#include "v3dctl/command_line.h"
 #include "v3dctl/options.h"
 
 namespace v3d::ctl {

@@ -15,10 +15,10 @@
 #include "mask_noise/damage.h"
 #include "recon/box_view.h"
 #include "recon/hull_of_others.h"
-#include "v3dctl/left_out.h"
-#include "v3dctl/mask_mending.h"
 #include "v3dctl/options.h"
-#include "v3dctl/reconstruct.h"
+#include "v3dctl/reconstruct/left_out.h"
+#include "v3dctl/reconstruct/reconstruct.h"
+#include "v3dctl/reconstruct/silhouette_repair.h"
 
 namespace v3d::bench {
 namespace {

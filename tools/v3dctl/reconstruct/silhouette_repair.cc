@@ -1,0 +1,117 @@
+#include "v3dctl/reconstruct/silhouette_repair.h"
+
+#include <tbb/parallel_for.h>
+
+#include <algorithm>
+#include <array>
+#include <map>
+
+#include "base/mask_shape.h"
+#include "recon/box_view.h"
+#include "v3dctl/options.h"
+
+namespace v3d::ctl {
+namespace {
+
+/// Voxels along the longest edge of the space: as fine as faults are looked for.
+constexpr double kVoxels = 220;
+
+double voxel_for(const ReconstructOptions& options) {
+  const Box& box = options.bounds;
+  return std::max(options.voxel_m, (box.max - box.min).maxCoeff() / kVoxels);
+}
+
+}  // namespace
+
+std::string name(SilhouetteFaultKind kind) {
+  switch (kind) {
+    case SilhouetteFaultKind::kMissingPiece:
+      return "missing piece";
+    case SilhouetteFaultKind::kPhantomPiece:
+      return "phantom piece";
+    case SilhouetteFaultKind::kWholeCamera:
+      return "whole camera";
+    case SilhouetteFaultKind::kPulseLate:
+      return "pulse late";
+  }
+  return "";
+}
+
+MaskMending::MaskMending(const Rig& rig, const ReconstructOptions& options)
+    : rig_(rig),
+      mender_(rig, options.bounds, voxel_for(options), options.min_views),
+      views_(rig.size()) {
+  tbb::parallel_for(size_t{0}, rig.size(),
+                    [&](size_t i) { views_[i] = view_of(options.bounds, rig_[i].model); });
+}
+
+/// Their masks, empty outside the view of the bounds; null where there is none that can be used.
+std::vector<const Mask*> MaskMending::cut(SegmentedFrames& frames) const {
+  std::vector<const Mask*> masks(views_.size(), nullptr);
+  for (size_t c = 0; c < frames.size(); ++c) {
+    if (!frames[c] || frames[c]->mask.size() != views_[c].size()) continue;
+    frames[c]->mask = both(std::move(frames[c]->mask), views_[c]);
+    masks[c] = &frames[c]->mask;
+  }
+  return masks;
+}
+
+MendedSilhouettes MaskMending::held_together(const SegmentedFrames& frames,
+                                             std::span<const Mask* const> masks,
+                                             const NeighbourMasks& neighbours) {
+  std::vector<const Frame*> images;
+  for (size_t c = 0; c < frames.size(); ++c) images.push_back(masks[c] ? &frames[c]->raw : nullptr);
+  return mender_.mend(masks, images, neighbours);
+}
+
+void MaskMending::look_at(int64_t pulse, SegmentedFrames frames) {
+  known_ = held_together(frames, cut(frames), {}).alone;
+  known_pulse_ = pulse;
+}
+
+void MaskMending::mend(int64_t pulse, SegmentedFrames& frames, SegmentedFrames& next) {
+  const std::vector<const Mask*> masks = cut(frames);
+  const std::vector<const Mask*> after = cut(next);
+  std::vector<const Mask*> before;
+  if (knows(pulse - 1)) {
+    for (const auto& mask : known_) before.push_back(mask ? &*mask : nullptr);
+  }
+  MendedSilhouettes mended = held_together(frames, masks, {.before = before, .after = after});
+  for (const size_t c : mended.shown_later) frames[c]->raw.image = next[c]->raw.image;
+  for (size_t c = 0; c < frames.size(); ++c) {
+    if (masks[c] == nullptr) continue;
+    if (mended.masks[c]) {
+      frames[c]->mask = *mended.masks[c];
+    } else {
+      frames[c].reset();
+    }
+  }
+  known_ = std::move(mended.alone);
+  known_pulse_ = pulse;
+  for (const SilhouetteFault& fault : mended.faults) {
+    faults_.push_back({pulse, rig_[fault.camera].name, fault});
+  }
+}
+
+std::vector<std::string> lines_of(const std::vector<PulseFault>& faults) {
+  std::map<std::string, std::array<int64_t, 4>> counts;
+  for (const PulseFault& fault : faults) {
+    ++counts[fault.camera][static_cast<size_t>(fault.fault.kind)];
+  }
+  std::vector<std::string> lines;
+  for (const auto& [camera, count] : counts) {
+    const auto& [missing, phantom, whole, late] = count;
+    std::string parts;
+    const auto add = [&](int64_t n, const std::string& text) {
+      if (n > 0) parts += (parts.empty() ? "" : ", ") + text;
+    };
+    add(missing, count_of(missing, "missing piece"));
+    add(phantom, count_of(phantom, "phantom piece"));
+    add(whole, "left out of " + count_of(whole, "frame"));
+    add(late, count_of(late, "frame") + " a pulse late");
+    lines.push_back(camera + ": " + parts);
+  }
+  return lines;
+}
+
+}  // namespace v3d::ctl

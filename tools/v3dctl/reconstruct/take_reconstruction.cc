@@ -1,0 +1,171 @@
+#include "v3dctl/reconstruct/take_reconstruction.h"
+
+#include <sys/resource.h>
+#include <tbb/parallel_for.h>
+#include <tbb/task_arena.h>
+
+#include <algorithm>
+#include <optional>
+#include <utility>
+
+#include "base/error.h"
+#include "base/mask_shape.h"
+#include "recon/box_view.h"
+#include "recon/frame_pipeline.h"
+#include "recon/silhouette.h"
+#include "v3dctl/process.h"
+#include "v3dctl/reconstruct/take_surfaces.h"
+
+namespace v3d::ctl {
+namespace {
+
+// How well the surface, drawn into each camera, covers its mask. What a camera sees beside the
+// bounds is not the surface's to cover.
+class SilhouetteMeter {
+ public:
+  SilhouetteMeter(const Rig& rig, const Box& bounds) : views_(rig.size()) {
+    for (const RigCamera& camera : rig) models_.push_back(camera.model);
+    tbb::parallel_for(size_t{0}, rig.size(),
+                      [&](size_t i) { views_[i] = view_of(bounds, models_[i]); });
+  }
+
+  void measure(const Mesh& mesh, const std::vector<std::optional<SegmentedFrame>>& frames,
+               ReconstructReport& report) const {
+    const std::vector<Mask> drawn = draw_silhouettes(mesh, models_);
+    for (size_t i = 0; i < drawn.size(); ++i) {
+      if (!frames[i] || frames[i]->mask.size() != views_[i].size()) continue;
+      const Mask mask = both(frames[i]->mask, views_[i]);
+      // Where both are empty there is nothing to measure.
+      if (drawn[i].count() + mask.count() == 0) continue;
+      const double iou = intersection_over_union(drawn[i], mask);
+      report.silhouette_iou.push_back(iou);
+      report.camera_iou[i].push_back(iou);
+    }
+  }
+
+ private:
+  std::vector<CameraModel> models_;
+  std::vector<Mask> views_;
+};
+
+void add_stage_times(const StageTimes& times, double segment, ReconstructReport& report) {
+  const double parts[] = {segment,      times.intersect, times.mesh,   times.deform,
+                          times.steady, times.texture,   times.encode, times.quality};
+  double total = 0;
+  for (size_t stage = 0; stage < std::size(parts); ++stage) {
+    if (parts[stage] < 0) continue;
+    report.stages[stage].ms.push_back(parts[stage]);
+    total += parts[stage];
+  }
+  report.stages.back().ms.push_back(total);
+}
+
+void add_figures(const Reconstruction& result, ReconstructReport& report) {
+  ++report.frames;
+  report.volume_m3.push_back(result.volume_m3);
+  report.vertices.push_back(static_cast<double>(result.mesh.vertices.size()));
+  report.triangles.push_back(static_cast<double>(result.mesh.triangles.size()));
+  report.components.push_back(connected_components(result.mesh));
+  report.bytes.push_back(static_cast<double>(result.compact.size()));
+  report.quality.emplace_back(result.pulse, result.quality);
+}
+
+double peak_rss_mb() {
+  rusage usage{};
+  getrusage(RUSAGE_SELF, &usage);
+  return static_cast<double>(usage.ru_maxrss) * 1024 / 1e6;
+}
+
+/// The pulses beside those that are asked for are looked at too.
+std::vector<PulseFault> faults_among(std::span<const int64_t> pulses,
+                                     const std::vector<PulseFault>& all) {
+  std::vector<PulseFault> faults;
+  std::copy_if(all.begin(), all.end(), std::back_inserter(faults), [&](const PulseFault& fault) {
+    return std::binary_search(pulses.begin(), pulses.end(), fault.pulse);
+  });
+  return faults;
+}
+
+}  // namespace
+
+// The stages are those of the live reconstruction, with the reading and segmenting before and the
+// measuring behind.
+class TakeReconstruction::Impl {
+ public:
+  Impl(const ReconstructRequest& request, int threads, TakeFrames&& take)
+      : take_(std::move(take)),
+        options_(options_of(request, threads)),
+        reconstructor_(take_.rig(), options_),
+        silhouettes_(tbb::task_arena(threads).execute(
+            [&] { return SilhouetteMeter(take_.rig(), options_.bounds); })),
+        mending_(request.mend ? std::optional<MaskMending>(std::in_place, take_.rig(), options_)
+                              : std::nullopt),
+        surfaces_(take_, reconstructor_, mending_ ? &*mending_ : nullptr,
+                  request.steady && options_.quality == Quality::kHigh) {}
+
+  ReconstructReport make(std::span<const int64_t> pulses, PendingMeshFile& file,
+                         const std::function<void()>& on_frame) {
+    ReconstructReport report = begin_report(take_.rig(), options_, mending_.has_value());
+    auto next = pulses.begin();
+    reconstructor_.begin_sequence();
+    FramePipeline<Job>(options_.threads,
+                       [&]() -> std::optional<Job> {
+                         stop_if_interrupted();
+                         if (next == pulses.end()) return std::nullopt;
+                         return Job{*next++};
+                       },
+                       {[&](Job& job) { make_mesh(job); }, [&](Job& job) { encode(job, file); },
+                        [&](Job& job) {
+                          measure(job, report);
+                          on_frame();
+                        }})
+        .wait();
+    if (mending_) report.silhouette_faults = faults_among(pulses, mending_->faults());
+    report.read_errors = take_.read_errors();
+    report.peak_rss_mb = peak_rss_mb();
+    return report;
+  }
+
+ private:
+  struct Job {
+    int64_t pulse = 0;
+    TakeSurface made{};
+  };
+
+  void make_mesh(Job& job) {
+    job.made = surfaces_.make(job.pulse);
+    reconstructor_.make_colours(job.made.work);
+  }
+
+  void encode(Job& job, PendingMeshFile& file) {
+    reconstructor_.encode(job.made.work);
+    file.append(job.pulse, job.made.work.result.compact);
+  }
+
+  void measure(Job& job, ReconstructReport& report) const {
+    const Reconstruction& result = job.made.work.result;
+    silhouettes_.measure(result.mesh, job.made.frames, report);
+    add_stage_times(result.times, job.made.segment_ms, report);
+    add_figures(result, report);
+    if (result.cameras.size() < take_.rig().size()) ++report.incomplete;
+  }
+
+  TakeFrames take_;
+  const ReconstructOptions options_;
+  Reconstructor reconstructor_;
+  const SilhouetteMeter silhouettes_;
+  std::optional<MaskMending> mending_;
+  TakeSurfaces surfaces_;
+};
+
+TakeReconstruction::TakeReconstruction(const ReconstructRequest& request, int threads,
+                                       TakeFrames take)
+    : impl_(std::make_unique<Impl>(request, threads, std::move(take))) {}
+TakeReconstruction::~TakeReconstruction() = default;
+
+ReconstructReport TakeReconstruction::make(std::span<const int64_t> pulses, PendingMeshFile& file,
+                                           const std::function<void()>& on_frame) {
+  return impl_->make(pulses, file, on_frame);
+}
+
+}  // namespace v3d::ctl

@@ -1,0 +1,166 @@
+#include "v3dctl/takes/image_check.h"
+
+#include <tbb/parallel_for.h>
+
+#include <algorithm>
+#include <cstdio>
+#include <deque>
+
+#include "base/error.h"
+#include "base/mask_shape.h"
+#include "base/units.h"
+#include "common/console.h"
+#include "daemon/recorded/take_frames.h"
+#include "recon/box_view.h"
+#include "recon/hull_of_others.h"
+#include "v3dctl/options.h"
+#include "v3dctl/process.h"
+#include "v3dctl/reconstruct/reconstruct.h"
+#include "v3dctl/reconstruct/reconstruction_bounds.h"
+
+namespace v3d::ctl {
+namespace {
+
+/// Voxels along the longest edge of the space: as fine as an XGA camera sees it from outside.
+constexpr double kVoxels = 256;
+
+/// The masks of all cameras at one pulse, cut to the view of the space.
+struct Silhouettes {
+  int64_t pulse = 0;
+  std::vector<std::optional<Mask>> masks;
+};
+
+class ImageCheck {
+ public:
+  explicit ImageCheck(const ImageCheckRequest& request)
+      : take_(request.take, {}),
+        bounds_(bounds_of(request)),
+        hulls_(take_.rig(), bounds_, longest_edge() / kVoxels,
+               default_min_views(static_cast<int>(take_.rig().size()))),
+        synchronism_(take_.rig()),
+        drift_(take_.rig()),
+        views_(take_.rig().size()),
+        middles_(spread(take_.pulses(), request)),
+        progress_("check images", std::ssize(middles_)) {
+    tbb::parallel_for(size_t{0}, views_.size(),
+                      [&](size_t i) { views_[i] = view_of(bounds_, take_.rig()[i].model); });
+  }
+
+  ImageCheckResult run() {
+    for (const int64_t middle : middles_) {
+      stop_if_interrupted();
+      slide_to(middle);
+      add(windows());
+      progress_.advance();
+    }
+    return {synchronism_.result(), drift_.result(hulls_)};
+  }
+
+ private:
+  void add(const std::vector<MaskWindow>& windows) {
+    std::vector<const Mask*> masks;
+    for (const MaskWindow& window : windows) masks.push_back(window[kMostPulsesOff]);
+    const std::vector<Mask> expected = hulls_.silhouettes_of_each(masks);
+    synchronism_.add(windows, expected);
+    drift_.add(masks, expected);
+  }
+
+  Box bounds_of(const ImageCheckRequest& request) const {
+    if (request.studio && request.studio->name == take_.info().studio) {
+      return request.studio->space.bounds;
+    }
+    const int cameras = static_cast<int>(take_.rig().size());
+    return common_view(take_.rig(), std::max(default_min_views(cameras), (cameras + 1) / 2));
+  }
+  double longest_edge() const { return (bounds_.max - bounds_.min).maxCoeff(); }
+
+  /// Pulses with neighbours on both sides.
+  static std::vector<int64_t> spread(const std::vector<int64_t>& all,
+                                     const ImageCheckRequest& request) {
+    const int64_t usable = std::ssize(all) - 2 * kMostPulsesOff;
+    if (usable < 1) {
+      throw InputError(request.take.string() + ": too few pulses to compare cameras; at least " +
+                       std::to_string(kShifts) + " are needed");
+    }
+    const int64_t wanted = std::min<int64_t>(request.pulses, usable);
+    std::vector<int64_t> middles;
+    for (int64_t i = 0; i < wanted; ++i) {
+      middles.push_back(all[static_cast<size_t>(kMostPulsesOff + i * usable / wanted)]);
+    }
+    return middles;
+  }
+
+  /// Reads on from where the window was: going on is cheap.
+  void slide_to(int64_t middle) {
+    while (!window_.empty() && window_.front().pulse < middle - kMostPulsesOff) window_.pop_front();
+    int64_t next = window_.empty() ? middle - kMostPulsesOff : window_.back().pulse + 1;
+    for (; next <= middle + kMostPulsesOff; ++next) window_.push_back(read(next));
+  }
+
+  Silhouettes read(int64_t pulse) {
+    Silhouettes result{.pulse = pulse, .masks = {}};
+    const auto frames = take_.read(pulse);
+    for (size_t i = 0; i < frames.size(); ++i) {
+      const bool usable = frames[i] && frames[i]->mask.size() == views_[i].size();
+      result.masks.push_back(usable ? std::optional(both(frames[i]->mask, views_[i]))
+                                    : std::nullopt);
+    }
+    return result;
+  }
+
+  std::vector<MaskWindow> windows() const {
+    std::vector<MaskWindow> windows(views_.size());
+    for (size_t shift = 0; shift < kShifts; ++shift) {
+      for (size_t camera = 0; camera < views_.size(); ++camera) {
+        const std::optional<Mask>& mask = window_[shift].masks[camera];
+        windows[camera][shift] = mask ? &*mask : nullptr;
+      }
+    }
+    return windows;
+  }
+
+  TakeFrames take_;
+  const Box bounds_;
+  HullOfOthers hulls_;
+  SynchronismMeter synchronism_;
+  DriftMeter drift_;
+  std::vector<Mask> views_;
+  const std::vector<int64_t> middles_;
+  std::deque<Silhouettes> window_;
+  Progress progress_;
+};
+
+std::string text_of(const CameraSynchronism& camera) {
+  const int late = camera.pulses_late();
+  const int best = kMostPulsesOff + late;
+  char text[200];
+  std::snprintf(text, sizeof text,
+                "out of step, %s %s by its images: its silhouettes differ from the hull of the "
+                "others by %.1f %% of their pixels, and by %.1f %% at that pulse",
+                count_of(std::abs(late), "pulse").c_str(), late > 0 ? "late" : "early",
+                100 * camera.disagreement[kMostPulsesOff],
+                100 * camera.disagreement[static_cast<size_t>(best)]);
+  return camera.camera + ": " + text;
+}
+
+}  // namespace
+
+ImageCheckResult check_images(const ImageCheckRequest& request) {
+  return ImageCheck(request).run();
+}
+
+std::vector<std::string> lines_of(const ImageCheckResult& result) {
+  std::vector<std::string> lines;
+  for (const CameraSynchronism& camera : result.synchronism) {
+    if (camera.pulses_late() != 0) lines.push_back(text_of(camera));
+  }
+  // What is out of step lies aside, too.
+  if (!lines.empty()) return lines;
+  for (const CameraDrift& camera : result.drift) {
+    if (!camera.knocked) continue;
+    lines.push_back(camera.camera + ": " + text_of(camera) + "; calibrate it again");
+  }
+  return lines;
+}
+
+}  // namespace v3d::ctl
