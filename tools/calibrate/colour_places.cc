@@ -13,7 +13,7 @@
 #include "recon/depth_raster.h"
 #include "recon/texture.h"
 #include "take/take.h"
-#include "v3dctl/missing_frames.h"
+#include "v3dctl/options.h"
 #include "v3dctl/process.h"
 
 namespace v3d::calibrate {
@@ -186,7 +186,7 @@ std::vector<ColourSample> surface_places(const std::filesystem::path& take, cons
     add_frame(meshes.read(frame).mesh, recorded.rig(), numbers, views, place, samples);
     progress.advance();
   }
-  ctl::note_missing(incomplete, take);
+  ctl::report_incomplete_frames(incomplete, take);
   return samples;
 }
 

@@ -3,9 +3,11 @@
 #include <cstdio>
 #include <cstdlib>
 #include <exception>
+#include <stdexcept>
 #include <utility>
 
 #include "base/error.h"
+#include "base/io/process.h"
 #include "base/printable.h"
 #include "take/take.h"
 
@@ -30,13 +32,13 @@ CLI::App* CommandLine::add(const std::string& name, const std::string& descripti
 }
 
 void CommandLine::on_run(CLI::App* command, std::function<int()> run) {
-  // CLI11 calls back a command after the one under it that was named.
+  // CLI11 calls the callback of a command also when one of its subcommands was parsed.
   command->callback([this, command, run = std::move(run)] {
     if (command->get_subcommands().empty()) run_ = run;
   });
 }
 
-/// Empty when there is none.
+/// Returns an empty path when there is none.
 std::filesystem::path CommandLine::find_studio() const {
   if (!studio_option_.empty()) return studio_option_;
   if (const char* variable = std::getenv("V3D_STUDIO"); variable && *variable) return variable;
@@ -50,7 +52,7 @@ std::filesystem::path CommandLine::studio_path() const {
   std::filesystem::path path = find_studio();
   if (!path.empty()) return path;
   throw InputError(
-      "no studio file: give --studio FILE, set V3D_STUDIO, or put it at ./studio.toml or "
+      "no studio file: expected --studio FILE, V3D_STUDIO, ./studio.toml or "
       "/etc/v3d/studio.toml");
 }
 
@@ -65,30 +67,26 @@ std::optional<Studio> CommandLine::studio_of_take(const std::filesystem::path& t
   return load_studio(path);
 }
 
-void add_all_commands(CommandLine& line) {
-  add_operator_commands(line);
-  add_check(line);
-  add_preview(line);
-  add_health(line);
-  add_watch(line);
-  add_key(line);
-  add_doctor(line);
-  add_takes(line);
-  add_verify(line);
-  add_external(line, "import", "Make a take of recordings that come from elsewhere");
-  add_external(line, "calibrate", "Measure lenses and places of the cameras, and say what is weak");
-  add_reconstruct(line);
-  add_reconstruct_pieces(line);
-  add_evaluate(line);
-  add_export(line);
-  add_render(line);
-}
-
 namespace {
 
+namespace fs = std::filesystem;
+
+fs::path find_program(const std::string& name) {
+  const fs::path here = fs::read_symlink("/proc/self/exe").parent_path();
+  for (const fs::path& folder : {here, here.parent_path() / "libexec/v3d"}) {
+    if (fs::exists(folder / name)) return folder / name;
+  }
+  throw std::runtime_error(name + " is not installed on this PC; it is in the package v3d-import");
+}
+
+int run_external(const std::string& name, const std::vector<std::string>& words) {
+  const fs::path program = find_program("v3dctl-" + name);
+  become_program(program, words);
+  throw std::runtime_error(errno_message(program.string()));
+}
+
 int parse_and_run(int argc, char** argv, void (*add_commands)(CommandLine&)) {
-  CLI::App app("Record people as 3D video: operate the studio, and work on what it recorded.",
-               "v3dctl");
+  CLI::App app("Record people as 3D video: operate the studio and process its takes.", "v3dctl");
   app.set_version_flag("--version", "v3dctl " V3D_VERSION);
   CommandLine line(app, {argv, argv + argc});
   add_commands(line);
@@ -103,6 +101,13 @@ int parse_and_run(int argc, char** argv, void (*add_commands)(CommandLine&)) {
 }
 
 }  // namespace
+
+void add_external(CommandLine& line, const std::string& name, const std::string& description) {
+  CLI::App* command = line.app().add_subcommand(name, description);
+  command->set_help_flag();  // the other program prints the help
+  command->prefix_command();
+  line.on_run(command, [&line, name] { return run_external(name, line.words()); });
+}
 
 int run_program(int argc, char** argv, void (*add_commands)(CommandLine&)) {
   try {

@@ -1,13 +1,18 @@
-// Ctrl-C and SIGTERM during long work: the work stops at the next frame and cleans up after itself.
+// Signals and host name of this process.
 #pragma once
+
+#include <string>
 
 namespace v3d::ctl {
 
-/// From now on the two signals are remembered instead of ending the process.
+/// Installs handlers of SIGINT and SIGTERM that only set a flag. Long work then checks the flag
+/// after each frame and removes its temporary files before it ends.
 void catch_interrupts();
-/// One of them came.
+/// Whether one of the two signals has arrived since catch_interrupts(). Thread-safe.
 bool interrupted();
-/// Throws std::runtime_error("interrupted") when one of them came.
+/// Throws std::runtime_error("interrupted") if interrupted().
 void stop_if_interrupted();
+
+std::string host_name();
 
 }  // namespace v3d::ctl

@@ -8,7 +8,6 @@
 #include "v3dctl/command_line.h"
 #include "v3dctl/export/mesh_export.h"
 #include "v3dctl/export/take_colours.h"
-#include "v3dctl/missing_frames.h"
 #include "v3dctl/options.h"
 #include "v3dctl/process.h"
 
@@ -68,7 +67,8 @@ int run(const Arguments& arguments) {
                {.compression = compression, .lattice = content.lattice, .cameras = cameras});
     progress.advance();
   }
-  const int status = colours ? note_missing(colours->incomplete(), arguments.take) : kExitDone;
+  const int status =
+      colours ? report_incomplete_frames(colours->incomplete(), arguments.take) : kExitDone;
   if (!meshes.is_unfinished()) return status;
   note("v3dctl: " + TakePaths{arguments.take}.mesh().string() +
        ": ends without its index: truncated, or not finished; frames may be missing");

@@ -1,3 +1,4 @@
+// v3dctl-import: the program of `v3dctl import`.
 #include <cstdio>
 
 #include "base/error.h"
@@ -19,39 +20,43 @@ struct Arguments {
 
 void add_options(CLI::App* command, Arguments& arguments) {
   ImportOptions& options = arguments.options;
-  command->add_option("OUT_TAKE", options.take, "The folder to make; its name is the take's")
+  command
+      ->add_option("OUT_TAKE", options.take,
+                   "The folder to create; its name is the name of the take")
       ->required();
   command
       ->add_option("--calib", options.calib,
-                   "The cameras: calib.toml of aniposelib, Pose2Sim or caliscope")
+                   "The calibrated cameras: calib.toml of aniposelib, Pose2Sim or caliscope")
       ->type_name("FILE")
       ->required();
-  command->add_option("--images", options.images, "Pictures: DIR/CAM.png, or DIR/CAM/FRAME.png")
+  command->add_option("--images", options.images, "Images: DIR/CAM.png, or DIR/CAM/FRAME.png")
       ->type_name("DIR");
   command
       ->add_option("--masks", options.masks,
-                   "Their silhouettes under the same names, white on black")
+                   "Masks of the images under the same names, white on black")
       ->type_name("DIR");
   command
       ->add_option("--video", arguments.videos,
-                   "The video of a camera; once for each, all equally long")
+                   "The video of a camera; once for each camera, all of one length")
       ->type_name("CAM=FILE");
   command
-      ->add_option("--background", arguments.backgrounds,
-                   "The empty studio as a camera sees it: a video, a folder of images or an image")
+      ->add_option(
+          "--background", arguments.backgrounds,
+          "The empty studio in the view of a camera: a video, a folder of images or an image")
       ->type_name("CAM=FILE");
   command
-      ->add_option("--background-black", arguments.black,
-                   "The subject is on black: foreground is brighter than LEVEL (0 to 1), grown and "
-                   "then shrunk by so many pixels")
+      ->add_option(
+          "--background-black", arguments.black,
+          "For a subject before black: foreground is brighter than LEVEL (0 to 1), dilated and "
+          "then eroded by these radii in pixels")
       ->type_name("LEVEL[:GROW:SHRINK]");
   command
       ->add_option("--frames", arguments.frames,
-                   "Only these pictures of each camera: A to B-1; they become pulses 0, 1, ...")
+                   "Only these images of each camera: A to B-1; they become pulses 0, 1, ...")
       ->type_name("A:B");
   command
       ->add_option("--rate", options.rate_hz,
-                   "Pictures per second (else as the videos say, else 25)")
+                   "Images per second (otherwise the rate of the videos, otherwise 25)")
       ->type_name("HZ")
       ->check(number_in(0.01, 100'000));
 }
@@ -70,11 +75,9 @@ int run(Arguments arguments) {
   return kExitDone;
 }
 
-}  // namespace
-
 void add_import(CommandLine& line) {
   CLI::App* command =
-      line.add("import", "Make a take of recordings that come from elsewhere",
+      line.add("import", "Make a take from recordings of other sources",
                {"v3dctl import dancer --calib calib.toml --images images --masks masks",
                 "v3dctl import room --calib calib.toml --video cam1=1.avi cam2=2.avi \\",
                 "    --background cam1=empty1.avi cam2=empty2.avi",
@@ -84,4 +87,7 @@ void add_import(CommandLine& line) {
   line.on_run(command, [arguments] { return run(*arguments); });
 }
 
+}  // namespace
 }  // namespace v3d::ctl
+
+int main(int argc, char** argv) { return v3d::ctl::run_program(argc, argv, v3d::ctl::add_import); }

@@ -42,7 +42,7 @@ pid_t start_task(const std::vector<std::string>& words, const std::filesystem::p
 std::vector<std::string> task_words(const std::string& folder, const std::string& range,
                                     int threads) {
   const std::string program = std::filesystem::read_symlink("/proc/self/exe");
-  return {program, "reconstruct-pieces", folder, range, "--threads", std::to_string(threads)};
+  return {program, "reconstruct-shards", folder, range, "--threads", std::to_string(threads)};
 }
 
 LocalTasks::LocalTasks(PieceFolder folder, int processes, int threads)

@@ -3,7 +3,7 @@
 #include <unistd.h>
 
 #include "base/io/file.h"
-#include "v3dctl/host_name.h"
+#include "v3dctl/process.h"
 
 namespace v3d::ctl {
 

@@ -1,4 +1,8 @@
+#include <sys/prctl.h>
+#include <unistd.h>
+
 #include <algorithm>
+#include <csignal>
 #include <cstdio>
 #include <nlohmann/json.hpp>
 
@@ -9,7 +13,7 @@
 #include "common/subprocess.h"
 #include "take/take.h"
 #include "v3dctl/command_line.h"
-#include "v3dctl/missing_frames.h"
+#include "v3dctl/options.h"
 #include "v3dctl/process.h"
 #include "v3dctl/reconstruct/local_task_runner.h"
 #include "v3dctl/reconstruct/reconstruct.h"
@@ -268,8 +272,38 @@ int run(const CommandLine& line, Arguments arguments) {
     print_text(report);
   }
   for (const std::string& error : report.read_errors) note("v3dctl: " + error);
-  const int status = note_missing(report.incomplete, request.take);
+  const int status = report_incomplete_frames(report.incomplete, request.take);
   return report.read_errors.empty() ? status : kExitNotWhole;
+}
+
+// --- reconstruct-shards: a task of reconstruct --processes or --slurm ---------------------------
+
+struct ShardArguments {
+  std::string folder, shards;
+  int threads = 1;
+  int parent = 0;
+};
+
+int run_shards(const ShardArguments& arguments) {
+  catch_interrupts();
+  if (arguments.parent != 0) {
+    prctl(PR_SET_PDEATHSIG, SIGTERM);
+    if (getppid() != arguments.parent) return kExitFailed;  // the parent ended before prctl()
+  }
+  reconstruct_pieces(PieceFolder(arguments.folder), parse_frame_range(arguments.shards),
+                     arguments.threads);
+  return kExitDone;
+}
+
+void add_reconstruct_shards(CommandLine& line) {
+  CLI::App* command = line.add("reconstruct-shards", "A task of v3dctl reconstruct", {});
+  command->group("");  // not in the help
+  auto arguments = std::make_shared<ShardArguments>();
+  command->add_option("FOLDER", arguments->folder, "The folder of shards")->required();
+  command->add_option("A:B", arguments->shards, "Indices of shards in the take")->required();
+  command->add_option("--threads", arguments->threads, "Worker threads");
+  command->add_option("--parent", arguments->parent, "End when this process ends");
+  line.on_run(command, [arguments] { return run_shards(*arguments); });
 }
 
 }  // namespace
@@ -283,6 +317,7 @@ void add_reconstruct(CommandLine& line) {
   auto arguments = std::make_shared<Arguments>();
   add_options(command, *arguments);
   line.on_run(command, [&line, arguments] { return run(line, *arguments); });
+  add_reconstruct_shards(line);
 }
 
 }  // namespace v3d::ctl

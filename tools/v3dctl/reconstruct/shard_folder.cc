@@ -18,7 +18,7 @@
 #include "codec/frame_codec.h"
 #include "take/log_segments.h"
 #include "take/mesh_file.h"
-#include "v3dctl/host_name.h"
+#include "v3dctl/process.h"
 
 namespace v3d::ctl {
 namespace {

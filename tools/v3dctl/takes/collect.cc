@@ -13,7 +13,7 @@
 #include "common/subprocess.h"
 #include "take/join_parts.h"
 #include "take/verified.h"
-#include "v3dctl/host_name.h"
+#include "v3dctl/process.h"
 
 namespace v3d::ctl {
 namespace {
