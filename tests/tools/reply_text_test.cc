@@ -24,7 +24,7 @@ ReplyMessage reply(Outcome outcome, const std::string& text, const std::string& 
 
 const std::vector<std::string> kNodes = {"cap01", "cap02", "cap03"};
 
-TEST(ReplyLines, share_a_line_where_neighbours_say_the_same) {
+TEST(ReplyLines, share_a_line_where_neighbours_reply_the_same) {
   Answer answer;
   for (const char* node : {"cap01", "cap02"}) answer.replies[node] = reply(Outcome::kDone, "quiet");
   answer.replies["cap03"] = reply(Outcome::kRefused, "not ready: cam07 silent");
@@ -38,19 +38,19 @@ TEST(ReplyLines, name_every_silent_node_with_the_next_step) {
   answer.silent = {"cap01", "cap03"};
   const auto lines = reply_lines(kNodes, answer, "ready");
   ASSERT_EQ(lines.size(), 3U);
-  EXPECT_THAT(lines[0], AllOf(StartsWith("cap01 "), HasSubstr("no answer"), HasSubstr("on cap01")));
+  EXPECT_THAT(lines[0], AllOf(StartsWith("cap01 "), HasSubstr("no reply"), HasSubstr("on cap01")));
   EXPECT_THAT(lines[2], StartsWith("cap03 "));
 }
 
-TEST(ReplyLines, tell_what_a_node_that_does_not_answer_says_in_its_health) {
+TEST(ReplyLines, show_the_health_text_of_a_node_that_does_not_reply) {
   Answer answer;
   answer.silent = {"cap01", "cap02"};
   HealthMessage keyless;
   keyless.text = "every command is refused: no studio key";
   const auto lines = reply_lines(kNodes, answer, "ready", {{"cap01", keyless}, {"cap02", {}}});
   ASSERT_EQ(lines.size(), 2U) << "cap03 was not asked";
-  EXPECT_THAT(lines[0], HasSubstr("no answer to commands: every command is refused"));
-  EXPECT_THAT(lines[1], HasSubstr("though it reports"));
+  EXPECT_THAT(lines[0], HasSubstr("no reply to commands: every command is refused"));
+  EXPECT_THAT(lines[1], HasSubstr("but health messages"));
 }
 
 std::string detail(const std::string& camera, int missing) {
@@ -64,7 +64,7 @@ std::string detail(const std::string& camera, int missing) {
       .dump();
 }
 
-TEST(TakeAccounts, put_the_cameras_of_all_nodes_side_by_side) {
+TEST(TakeAccounts, have_the_cameras_of_all_nodes) {
   Answer answer;
   answer.replies["cap01"] = reply(Outcome::kDone, "", detail("cam01", 0));
   answer.replies["cap02"] = reply(Outcome::kDone, "", detail("cam02", 0));
@@ -76,7 +76,7 @@ TEST(TakeAccounts, put_the_cameras_of_all_nodes_side_by_side) {
   EXPECT_TRUE(account.unreadable.empty());
 }
 
-TEST(TakeAccounts, name_the_node_whose_counts_nobody_can_have) {
+TEST(TakeAccounts, name_a_node_with_impossible_counts) {
   for (const char* count : {"-1", "1e300", "\"ten\"", "null"}) {
     std::string text = detail("cam01", 0);
     const std::string right = "\"commanded\":10";
@@ -96,7 +96,7 @@ TEST(TakeAccounts, are_incomplete_when_one_camera_is) {
   EXPECT_THAT(ledger.cameras[1].missing, ElementsAre(4));
 }
 
-TEST(TakeAccounts, let_cameras_miss_everything_of_which_nobody_gives_an_account) {
+TEST(TakeAccounts, count_every_pulse_as_missing_for_a_camera_without_a_ledger) {
   Answer answer;
   answer.replies["cap01"] = reply(Outcome::kDone, "", detail("cam01", 0));
   const Ledger ledger = merge_ledgers(answer, {"cam01", "cam02"}).ledger;
@@ -107,7 +107,7 @@ TEST(TakeAccounts, let_cameras_miss_everything_of_which_nobody_gives_an_account)
   }
 }
 
-TEST(TakeAccounts, are_not_made_of_different_takes) {
+TEST(TakeAccounts, do_not_merge_different_takes) {
   std::string other = detail("cam03", 0);
   other.replace(other.find("kendo"), 5, "naginata");
   Answer answer;
@@ -120,31 +120,32 @@ TEST(TakeAccounts, are_not_made_of_different_takes) {
   EXPECT_THAT(account.of_another_take, ElementsAre("cap03"));
 }
 
-TEST(TakeAccounts, hold_what_cameras_sent_live_against_what_arrived) {
+TEST(TakeAccounts, count_live_frames_that_were_sent_and_not_received) {
   Answer answer;
   answer.replies["cap01"] = reply(Outcome::kDone, "", detail("cam01", 0));
   answer.replies["cap02"] = reply(Outcome::kDone, "", detail("cam02", 0));
   answer.replies["recon"] =
       reply(Outcome::kDone, "", "{\"cam01.live_received\": 10, \"cam02.live_received\": 7}");
   const TakeAccount account = merge_ledgers(answer);
-  EXPECT_EQ(live_line(account), "live: 3 of 20 frames lost on the network: cam02 3");
+  EXPECT_EQ(live_loss_line(account), "live: 3 of 20 frames lost on the network: cam02 3");
   answer.replies["recon"].detail = "{\"meshes\": 10}";
-  EXPECT_EQ(live_line(merge_ledgers(answer)), "") << "an older reconstruction does not tell";
+  EXPECT_EQ(live_loss_line(merge_ledgers(answer)), "")
+      << "an older reconstruction does not report it";
 }
 
-TEST(TakeAccounts, say_nothing_of_live_losses_where_a_node_was_started_anew_in_the_take) {
+TEST(TakeAccounts, have_no_live_losses_of_a_node_that_restarted_in_the_take) {
   Answer answer;
   answer.replies["cap01"] = reply(Outcome::kDone, "", detail("cam01", 0));
   answer.replies["cap02"] = reply(Outcome::kDone, "", detail("cam02", 0));
   answer.replies["recon"] =
       reply(Outcome::kDone, "", "{\"cam01.live_received\": 106, \"cam02.live_received\": 8}");
   const TakeAccount account = merge_ledgers(answer);
-  EXPECT_EQ(live_line(account), "live: 2 of 10 frames lost on the network: cam02 2");
+  EXPECT_EQ(live_loss_line(account), "live: 2 of 10 frames lost on the network: cam02 2");
   EXPECT_FALSE(account.live_lost.contains("cam01"));
 }
 
-TEST(TakeAccounts, count_the_meshes_of_a_shared_take_once) {
-  const auto share = [](int meshes, int made, int taken_over, const std::string& without) {
+TEST(TakeAccounts, count_the_meshes_of_a_sharded_take_once) {
+  const auto shard = [](int meshes, int made, int taken_over, const std::string& without) {
     return reply(Outcome::kDone, "",
                  "{\"meshes\": " + std::to_string(meshes) +
                      ", \"shard_pulses\": " + std::to_string(made) +
@@ -154,63 +155,25 @@ TEST(TakeAccounts, count_the_meshes_of_a_shared_take_once) {
   };
   Answer answer;
   answer.replies["cap01"] = reply(Outcome::kDone, "", detail("cam01", 0));
-  answer.replies["recon1"] = share(8, 3, 0, "4, 5");
-  answer.replies["recon2"] = share(2, 1, 0, "");  // it came later
-  answer.replies["recon3"] = share(8, 4, 2, "4, 5");
+  answer.replies["recon1"] = shard(8, 3, 0, "4, 5");
+  answer.replies["recon2"] = shard(2, 1, 0, "");  // it joined later
+  answer.replies["recon3"] = shard(8, 4, 2, "4, 5");
   const TakeAccount account = merge_ledgers(answer);
   EXPECT_EQ(shards_line(account),
             "meshes: 8, recon1 3, recon2 1, recon3 4 (2 taken over); no mesh of 4-5");
   EXPECT_EQ(shards_json(account)["nodes"].size(), 3U);
-  EXPECT_EQ(account.live_lost.at("cam01"), 2) << "of the node that heard most";
+  EXPECT_EQ(account.live_lost.at("cam01"), 2) << "of the node that received most";
   EXPECT_EQ(shards_line(TakeAccount{}), "") << "of one node";
 }
 
-TEST(TakeAccounts, name_the_node_whose_account_cannot_be_read) {
-  for (const char* hostile :
+TEST(TakeAccounts, name_a_node_whose_ledger_cannot_be_parsed) {
+  for (const char* malformed :
        {"{", "[]", "7", "{\"cameras\": 3}", "{\"pulses\":{\"commanded\":\"ten\"},\"cameras\":[]}",
         "{\"take\":\"k\",\"pulses\":{\"commanded\":1,\"sensed\":1},\"cameras\":[{\"name\":7}]}"}) {
     Answer answer;
-    answer.replies["cap01"] = reply(Outcome::kDone, "", hostile);
-    EXPECT_THAT(merge_ledgers(answer).unreadable, ElementsAre("cap01")) << hostile;
+    answer.replies["cap01"] = reply(Outcome::kDone, "", malformed);
+    EXPECT_THAT(merge_ledgers(answer).unreadable, ElementsAre("cap01")) << malformed;
   }
-}
-
-HealthMessage health(NodeState state, std::map<std::string, double> values) {
-  HealthMessage message;
-  message.program = "v3d-captured";
-  message.state = state;
-  message.take = "kendo-07";
-  message.values = std::move(values);
-  return message;
-}
-
-TEST(Status, is_well_only_when_every_node_was_heard_and_none_is_at_fault) {
-  std::map<std::string, HealthMessage> heard;
-  for (const std::string& node : kNodes) heard[node] = health(NodeState::kIdle, {});
-  EXPECT_TRUE(all_well(kNodes, heard));
-  heard["cap02"].state = NodeState::kFault;
-  EXPECT_FALSE(all_well(kNodes, heard));
-  heard.erase("cap02");
-  EXPECT_FALSE(all_well(kNodes, heard));
-  EXPECT_THAT(status_lines(kNodes, heard)[1], AllOf(StartsWith("cap02"), HasSubstr("silent")));
-}
-
-TEST(Status, adds_up_what_nodes_count) {
-  const std::map<std::string, HealthMessage> heard = {
-      {"cap01", health(NodeState::kRecording, {{"frames_missing", 2}, {"pulses_sensed", 1300}})},
-      {"cap02",
-       health(NodeState::kRecording, {{"frames_missing", 1}, {"cam2.frames_missing", 1}})}};
-  EXPECT_EQ(total(heard, "frames_missing"), 3);
-  EXPECT_EQ(total(heard, "live_fps"), std::nullopt);
-  EXPECT_EQ(recording_line(heard), "1,300 pulses   3 missing");
-}
-
-TEST(Status, is_the_same_facts_as_json) {
-  const Json json =
-      health_json({"cap01", "cap02"}, {{"cap01", health(NodeState::kIdle, {{"x", 1}})}});
-  EXPECT_FALSE(json["well"].get<bool>());
-  EXPECT_EQ(json["nodes"][0]["values"]["x"], 1);
-  EXPECT_EQ(json["nodes"][1]["state"], "silent");
 }
 
 }  // namespace

@@ -3,8 +3,6 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "v3dctl/operate/health_text.h"
-
 namespace v3d::ctl {
 namespace {
 
@@ -15,25 +13,6 @@ using testing::Not;
 
 constexpr size_t kWide = 200;
 constexpr size_t kHigh = 100;
-
-TEST(HealthText, gives_every_value_its_unit) {
-  EXPECT_EQ(value_text("disk_free_bytes", 812e9), "812 GB");
-  EXPECT_EQ(value_text("disk_seconds_left", 2700), "45 min");
-  EXPECT_EQ(value_text("clock_offset_us", 12.4), "+12 us");
-  EXPECT_EQ(value_text("clock_error_bound_us", 12.4), "12 us");
-  EXPECT_EQ(value_text("cpu_machine_percent", 34.6), "35 %");
-  EXPECT_EQ(value_text("frames_per_second", 25), "25.0/s");
-  EXPECT_EQ(value_text("streaming_flag", 1), "yes");
-  EXPECT_EQ(value_text("frames_received", 18750), "18,750");
-  EXPECT_EQ(value_text("gain", 0.125), "0.125");
-}
-
-TEST(HealthText, tells_times_as_people_do) {
-  EXPECT_EQ(duration_text(45), "45 s");
-  EXPECT_EQ(duration_text(1200), "20 min");
-  EXPECT_EQ(duration_text(9000), "2.5 h");
-  EXPECT_EQ(duration_text(5e5), "6 d");
-}
 
 HealthMessage capture_health() {
   HealthMessage health;
@@ -66,25 +45,25 @@ HealthMessage capture_health() {
   return health;
 }
 
-/// Everything is well.
-StudioView studio() {
-  StudioView view;
-  view.studio = "dome";
-  view.nodes = {"cap01"};
-  view.cameras = {{"cap01", {"cam01", "cam02"}}};
-  view.health["cap01"] = capture_health();
-  return view;
+/// A studio without faults.
+StudioState studio() {
+  StudioState state;
+  state.studio = "dome";
+  state.nodes = {"cap01"};
+  state.cameras = {{"cap01", {"cam01", "cam02"}}};
+  state.health["cap01"] = capture_health();
+  return state;
 }
 
-std::vector<std::string> texts(const StudioView& view, bool colours, size_t width = kWide,
+std::vector<std::string> texts(const StudioState& state, bool colours, size_t width = kWide,
                                size_t height = kHigh) {
   std::vector<std::string> lines;
-  for (const WatchLine& line : watch_lines(view, width, height))
+  for (const WatchLine& line : watch_lines(state, width, height))
     lines.push_back(line.text(colours));
   return lines;
 }
 
-TEST(Watch, shows_every_node_with_its_cameras_below) {
+TEST(WatchTable, shows_every_node_with_its_cameras_below) {
   const auto lines = texts(studio(), false);
   ASSERT_EQ(lines.size(), 6U);
   EXPECT_EQ(lines[0], "dome   recording kendo-07   300 pulses   2/2 cameras   0 missing");
@@ -94,22 +73,22 @@ TEST(Watch, shows_every_node_with_its_cameras_below) {
   EXPECT_THAT(lines[5], AllOf(HasSubstr("  cam02"), HasSubstr("streaming"), HasSubstr("25.0/s")));
 }
 
-TEST(Watch, has_no_colour_where_nobody_must_look) {
+TEST(WatchTable, has_no_colour_without_a_fault) {
   EXPECT_THAT(texts(studio(), true), Not(Contains(HasSubstr("\033["))));
 }
 
-TEST(Watch, colours_what_a_person_must_look_at_and_only_that) {
-  const auto alarms = [](const std::function<void(StudioView&)>& spoil) {
-    StudioView view = studio();
-    spoil(view);
+TEST(WatchTable, colours_faults_and_nothing_else) {
+  const auto alarms = [](const std::function<void(StudioState&)>& change) {
+    StudioState state = studio();
+    change(state);
     size_t parts = 0;
-    for (const WatchLine& line : watch_lines(view, kWide, kHigh)) {
-      for (const WatchLine::Part& part : line.parts) parts += part.look != Look::kNone;
+    for (const WatchLine& line : watch_lines(state, kWide, kHigh)) {
+      for (const WatchLine::Part& part : line.parts) parts += part.highlight != Highlight::kNone;
     }
     return parts;
   };
   const auto set = [](const char* name, double value) {
-    return [=](StudioView& view) { view.health["cap01"].values[name] = value; };
+    return [=](StudioState& state) { state.health["cap01"].values[name] = value; };
   };
   EXPECT_EQ(alarms(set("cam02.frames_missing", 1)), 1U);
   EXPECT_EQ(alarms(set("cam02.frames_suspect", 1)), 1U);
@@ -118,15 +97,16 @@ TEST(Watch, colours_what_a_person_must_look_at_and_only_that) {
   EXPECT_EQ(alarms(set("clock_synchronised_flag", 0)), 1U);
   EXPECT_EQ(alarms(set("clock_offset_us", -5000)), 1U);
   EXPECT_EQ(alarms(set("temperature_max_celsius", 95)), 1U);
-  EXPECT_EQ(alarms([](StudioView& view) { view.health.clear(); }), 1U) << "a silent node";
-  EXPECT_EQ(alarms([](StudioView& view) { view.health["cap01"].state = NodeState::kFault; }), 1U);
+  EXPECT_EQ(alarms([](StudioState& state) { state.health.clear(); }), 1U) << "a silent node";
+  EXPECT_EQ(alarms([](StudioState& state) { state.health["cap01"].state = NodeState::kFault; }),
+            1U);
   EXPECT_EQ(alarms(set("cam02.frames_dropped", 0)), 0U);
 }
 
-TEST(Watch, is_the_same_text_without_colours) {
-  StudioView view = studio();
-  view.health.clear();
-  const auto lines = texts(view, false);
+TEST(WatchTable, has_the_same_text_without_colours) {
+  StudioState state = studio();
+  state.health.clear();
+  const auto lines = texts(state, false);
   EXPECT_THAT(lines, Not(Contains(HasSubstr("\033["))));
   EXPECT_THAT(lines, Contains(AllOf(HasSubstr("silent"), HasSubstr("on cap01"))));
 }
@@ -140,41 +120,32 @@ EventMessage event(const std::string& subject, const std::string& text) {
   return message;
 }
 
-TEST(Watch, tells_the_last_events_below_the_table) {
-  StudioView view = studio();
-  for (int i = 0; i < 20; ++i) view.events.push_back(event("cam01", "event " + std::to_string(i)));
-  const auto lines = texts(view, false, kWide, 12);
+TEST(WatchTable, shows_the_last_events_below_the_table) {
+  StudioState state = studio();
+  for (int i = 0; i < 20; ++i) state.events.push_back(event("cam01", "event " + std::to_string(i)));
+  const auto lines = texts(state, false, kWide, 12);
   ASSERT_EQ(lines.size(), 12U);
   EXPECT_THAT(lines.back(), HasSubstr("cap01  cam01: event 19"));
   EXPECT_THAT(lines[7], HasSubstr("event 15"));
 }
 
-TEST(Watch, leaves_out_cameras_that_are_well_before_those_that_are_not) {
-  StudioView view = studio();
-  view.health["cap01"].values["cam02.streaming_flag"] = 0;
-  const auto lines = texts(view, false, kWide, 5);
+TEST(WatchTable, drops_cameras_without_a_fault_from_a_small_window) {
+  StudioState state = studio();
+  state.health["cap01"].values["cam02.streaming_flag"] = 0;
+  const auto lines = texts(state, false, kWide, 5);
   EXPECT_EQ(lines.size(), 5U);
   EXPECT_THAT(lines, Contains(HasSubstr("cam02")));
   EXPECT_THAT(lines, Not(Contains(HasSubstr("cam01"))));
 }
 
-TEST(Watch, never_leaves_its_window) {
-  StudioView view = studio();
-  view.events.push_back(event("cam01", std::string(500, 'x')));
+TEST(WatchTable, never_exceeds_its_window) {
+  StudioState state = studio();
+  state.events.push_back(event("cam01", std::string(500, 'x')));
   for (size_t height : {0, 1, 2, 3, 4, 7}) {
-    const auto lines = texts(view, false, 40, height);
+    const auto lines = texts(state, false, 40, height);
     EXPECT_LE(lines.size(), height);
     for (const std::string& line : lines) EXPECT_LE(line.size(), 40U);
   }
-}
-
-TEST(Health, is_a_table_of_cameras_below_the_values_of_the_node) {
-  const auto lines = health_lines({"cap01", "cap02"}, studio().health);
-  EXPECT_THAT(lines, Contains(AllOf(HasSubstr("disk_free_bytes"), HasSubstr("812 GB"))));
-  EXPECT_THAT(lines, Contains(AllOf(HasSubstr("version"), HasSubstr("0.1.0"))));
-  EXPECT_THAT(lines, Contains(HasSubstr("   cam01   cam02")));
-  EXPECT_THAT(lines, Contains(AllOf(HasSubstr("frames_per_second"), HasSubstr("25.0/s  25.0/s"))));
-  EXPECT_THAT(lines.back(), AllOf(HasSubstr("cap02"), HasSubstr("silent")));
 }
 
 }  // namespace

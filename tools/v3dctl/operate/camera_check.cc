@@ -13,11 +13,11 @@ namespace {
 using Json = nlohmann::ordered_json;
 using Grade = CameraVerdict::Grade;
 
-// What is still well; beyond the second a take would be spoilt.
-constexpr double kFewClipped = 0.01, kManyClipped = 0.10;
-constexpr double kFewDark = 0.30, kManyDark = 0.70;
-constexpr double kSoft = 0.7, kBlurred = 0.4;  // of the focus when the background was learnt
-constexpr double kSomething = 0.005, kLargePart = 0.40;
+// Limits of the grades "look" and "bad", as shares.
+constexpr double kLookClipped = 0.01, kBadClipped = 0.10;
+constexpr double kLookDark = 0.30, kBadDark = 0.70;
+constexpr double kLookFocus = 0.7, kBadFocus = 0.4;  // of the focus of the background plates
+constexpr double kLookForeground = 0.005, kBadForeground = 0.40;
 
 std::string percent(double share) {
   char text[32];
@@ -25,12 +25,12 @@ std::string percent(double share) {
   return text;
 }
 
-const char* word(Grade grade) {
+const char* grade_name(Grade grade) {
   return grade == Grade::kGood ? "good" : grade == Grade::kLook ? "look" : "bad";
 }
 
-/// Gathers what is wrong; the remedy is that of the worst, the first of equals.
-class Judgement {
+/// Joins the faults. The remedy is that of the worst fault, of the first among equals.
+class VerdictBuilder {
  public:
   void add(Grade grade, const std::string& what, const std::string& remedy) {
     if (grade == Grade::kGood) return;
@@ -50,50 +50,50 @@ class Judgement {
   CameraVerdict verdict_;
 };
 
-Grade when_above(double value, double look, double bad) {
+Grade grade_above(double value, double look, double bad) {
   return value > bad ? Grade::kBad : value > look ? Grade::kLook : Grade::kGood;
 }
 
-Grade when(bool bad) { return bad ? Grade::kBad : Grade::kGood; }
+Grade bad_if(bool bad) { return bad ? Grade::kBad : Grade::kGood; }
 
-void judge_pulses(const CameraSeen& seen, Judgement& judgement) {
-  const std::string of = " of " + format_count(seen.pulses) + " pulses";
-  if (seen.received == 0) {
-    return judgement.add(Grade::kBad, "no frame" + of,
-                         "check its trigger cable and trigger_line in the studio file");
+void judge_pulses(const CameraMeasurement& camera, VerdictBuilder& builder) {
+  const std::string of = " of " + format_count(camera.pulses) + " pulses";
+  if (camera.received == 0) {
+    return builder.add(Grade::kBad, "no frame" + of,
+                       "check its trigger cable and trigger_line in the studio file");
   }
-  judgement.add(when(seen.missing > 0), count_of(seen.missing, "frame") + " missing" + of,
-                "v3dctl doctor " + seen.node + "; check its network cable and packet_delay_ns");
-  judgement.add(when(seen.suspect > 0 || seen.duplicate > 0),
-                count_of(seen.suspect + seen.duplicate, "frame") + " with a pulse in doubt",
-                "check its trigger cable, and that nothing else triggers it");
+  builder.add(bad_if(camera.missing > 0), count_of(camera.missing, "frame") + " missing" + of,
+              "v3dctl doctor " + camera.node + "; check its network cable and packet_delay_ns");
+  builder.add(bad_if(camera.suspect > 0 || camera.duplicate > 0),
+              count_of(camera.suspect + camera.duplicate, "frame") + " with a pulse in doubt",
+              "check its trigger cable, and that nothing else triggers it");
 }
 
-void judge_pictures(const CameraSeen& seen, Judgement& judgement) {
-  if (seen.received == 0) return;
-  judgement.add(when_above(seen.clipped, kFewClipped, kManyClipped),
-                percent(seen.clipped) + " too bright", "a shorter exposure_us, or close the iris");
-  judgement.add(when_above(seen.dark, kFewDark, kManyDark), percent(seen.dark) + " black",
-                "take the lens cap off, open the iris, or more light, exposure_us or gain_db");
-  if (seen.plates_focus && *seen.plates_focus > 0) {
-    const double ratio = seen.focus / *seen.plates_focus;
-    judgement.add(ratio < kBlurred ? Grade::kBad
-                  : ratio < kSoft  ? Grade::kLook
-                                   : Grade::kGood,
-                  "sharpness " + percent(ratio) + " of what it was with the background",
-                  "check its focus; if it or the light was changed: v3dctl background");
+void judge_images(const CameraMeasurement& camera, VerdictBuilder& builder) {
+  if (camera.received == 0) return;
+  builder.add(grade_above(camera.clipped, kLookClipped, kBadClipped),
+              percent(camera.clipped) + " too bright", "reduce exposure_us, or close the iris");
+  builder.add(grade_above(camera.dark, kLookDark, kBadDark), percent(camera.dark) + " black",
+              "take the lens cap off, open the iris, or increase light, exposure_us or gain_db");
+  if (camera.plates_focus && *camera.plates_focus > 0) {
+    const double ratio = camera.focus / *camera.plates_focus;
+    builder.add(ratio < kBadFocus    ? Grade::kBad
+                : ratio < kLookFocus ? Grade::kLook
+                                     : Grade::kGood,
+                "sharpness " + percent(ratio) + " of that of the background",
+                "check its focus; after a change of focus or light: v3dctl background");
   }
-  if (!seen.foreground) {
-    judgement.add(Grade::kLook, "no background of it", "clear the studio, then v3dctl background");
+  if (!camera.foreground) {
+    builder.add(Grade::kLook, "no background model", "clear the studio, then v3dctl background");
   } else {
-    judgement.add(when_above(*seen.foreground, kSomething, kLargePart),
-                  percent(*seen.foreground) + " foreground",
-                  "v3dctl background, unless somebody stands there");
+    builder.add(grade_above(*camera.foreground, kLookForeground, kBadForeground),
+                percent(*camera.foreground) + " foreground",
+                "v3dctl background, unless a person is in the image");
   }
 }
 
-CameraSeen parse_camera(const Json& entry, const std::string& node, int64_t pulses) {
-  const auto if_any = [&](const char* key) -> std::optional<double> {
+CameraMeasurement parse_measurement(const Json& entry, const std::string& node, int64_t pulses) {
+  const auto optional_value = [&](const char* key) -> std::optional<double> {
     if (entry.at(key).is_null()) return std::nullopt;
     return entry.at(key).get<double>();
   };
@@ -107,84 +107,86 @@ CameraSeen parse_camera(const Json& entry, const std::string& node, int64_t puls
           .clipped = entry.at("clipped").get<double>(),
           .dark = entry.at("dark").get<double>(),
           .focus = entry.at("focus").get<double>(),
-          .plates_focus = if_any("plates_focus"),
-          .foreground = if_any("foreground")};
+          .plates_focus = optional_value("plates_focus"),
+          .foreground = optional_value("foreground")};
 }
 
-/// Throws a Json exception for anything that is not the account of a check.
-std::vector<CameraSeen> parse_node(const Json& detail, const std::string& node) {
-  std::vector<CameraSeen> cameras;
+/// Throws a Json exception if the detail is no result of a check.
+std::vector<CameraMeasurement> parse_node(const Json& detail, const std::string& node) {
+  std::vector<CameraMeasurement> cameras;
   const auto pulses = detail.at("pulses").at("commanded").get<int64_t>();
   for (const Json& entry : detail.at("checked")) {
-    cameras.push_back(parse_camera(entry, node, pulses));
+    cameras.push_back(parse_measurement(entry, node, pulses));
   }
   for (const Json& entry : detail.at("not_ready")) {
-    CameraSeen& seen = cameras.emplace_back();
-    seen.node = node;
-    seen.camera = entry.get<std::string>();
-    seen.ready = false;
+    CameraMeasurement& camera = cameras.emplace_back();
+    camera.node = node;
+    camera.camera = entry.get<std::string>();
+    camera.ready = false;
   }
   return cameras;
 }
 
-Json to_json(const CameraSeen& seen) {
-  const CameraVerdict verdict = judge(seen);
-  Json json = {{"name", seen.camera},
-               {"node", seen.node},
-               {"verdict", word(verdict.grade)},
+Json to_json(const CameraMeasurement& camera) {
+  const CameraVerdict verdict = judge(camera);
+  Json json = {{"name", camera.camera},
+               {"node", camera.node},
+               {"verdict", grade_name(verdict.grade)},
                {"text", verdict.what},
                {"remedy", verdict.remedy}};
-  if (!seen.ready) return json;
-  const auto if_any = [](const auto& value) { return value ? Json(*value) : Json(); };
-  json.update({{"pulses", seen.pulses},
-               {"received", seen.received},
-               {"missing", seen.missing},
-               {"duplicate", seen.duplicate},
-               {"suspect", seen.suspect},
-               {"clipped", seen.clipped},
-               {"dark", seen.dark},
-               {"focus", seen.focus},
-               {"plates_focus", if_any(seen.plates_focus)},
-               {"foreground", if_any(seen.foreground)}});
+  if (!camera.ready) return json;
+  const auto optional_value = [](const auto& value) { return value ? Json(*value) : Json(); };
+  json.update({{"pulses", camera.pulses},
+               {"received", camera.received},
+               {"missing", camera.missing},
+               {"duplicate", camera.duplicate},
+               {"suspect", camera.suspect},
+               {"clipped", camera.clipped},
+               {"dark", camera.dark},
+               {"focus", camera.focus},
+               {"plates_focus", optional_value(camera.plates_focus)},
+               {"foreground", optional_value(camera.foreground)}});
   return json;
 }
 
 }  // namespace
 
-CheckFindings read_check(const Answer& answer) {
-  CheckFindings findings;
+CheckReport parse_check_replies(const Answer& answer) {
+  CheckReport report;
   for (const auto& [node, reply] : answer.replies) {
-    if (reply.detail.empty()) continue;  // a reconstruction
+    if (reply.detail.empty()) continue;  // of a reconstruction node
     try {
       const auto cameras = parse_node(Json::parse(reply.detail), node);
-      findings.cameras.insert(findings.cameras.end(), cameras.begin(), cameras.end());
+      report.cameras.insert(report.cameras.end(), cameras.begin(), cameras.end());
     } catch (const Json::exception&) {
-      findings.unreadable.push_back(node);
+      report.unreadable.push_back(node);
     }
   }
-  return findings;
+  return report;
 }
 
-CameraVerdict judge(const CameraSeen& seen) {
-  Judgement judgement;
-  if (!seen.ready) {
-    judgement.add(Grade::kBad, "not ready", "v3dctl status says why; v3dctl doctor " + seen.node);
-    return judgement.verdict();
+CameraVerdict judge(const CameraMeasurement& camera) {
+  VerdictBuilder builder;
+  if (!camera.ready) {
+    builder.add(Grade::kBad, "not ready",
+                "v3dctl status has the reason; v3dctl doctor " + camera.node);
+    return builder.verdict();
   }
-  judge_pulses(seen, judgement);
-  judge_pictures(seen, judgement);
-  return judgement.verdict();
+  judge_pulses(camera, builder);
+  judge_images(camera, builder);
+  return builder.verdict();
 }
 
-std::vector<std::string> check_lines(const std::vector<CameraSeen>& cameras) {
+std::vector<std::string> check_lines(const std::vector<CameraMeasurement>& cameras) {
   std::vector<std::string> lines;
-  for (const CameraSeen& seen : cameras) {
-    const CameraVerdict verdict = judge(seen);
+  for (const CameraMeasurement& camera : cameras) {
+    const CameraVerdict verdict = judge(camera);
     char head[96];
-    std::snprintf(head, sizeof head, "%-5s %-10s ", word(verdict.grade), seen.camera.c_str());
+    std::snprintf(head, sizeof head, "%-5s %-10s ", grade_name(verdict.grade),
+                  camera.camera.c_str());
     std::string line = head;
-    if (seen.ready) {
-      line += format_count(seen.received) + "/" + format_count(seen.pulses) + " frames   ";
+    if (camera.ready) {
+      line += format_count(camera.received) + "/" + format_count(camera.pulses) + " frames   ";
     }
     line += verdict.what;
     if (!verdict.remedy.empty()) line += ". Try: " + verdict.remedy;
@@ -193,16 +195,17 @@ std::vector<std::string> check_lines(const std::vector<CameraSeen>& cameras) {
   return lines;
 }
 
-nlohmann::ordered_json check_json(const CheckFindings& findings) {
+nlohmann::ordered_json check_json(const CheckReport& report) {
   Json cameras = Json::array();
-  for (const CameraSeen& seen : findings.cameras) cameras.push_back(to_json(seen));
-  return {{"good", all_good(findings)}, {"cameras", cameras}, {"unreadable", findings.unreadable}};
+  for (const CameraMeasurement& camera : report.cameras) cameras.push_back(to_json(camera));
+  return {{"good", all_good(report)}, {"cameras", cameras}, {"unreadable", report.unreadable}};
 }
 
-bool all_good(const CheckFindings& findings) {
-  return findings.unreadable.empty() &&
-         std::none_of(findings.cameras.begin(), findings.cameras.end(),
-                      [](const CameraSeen& seen) { return judge(seen).grade == Grade::kBad; });
+bool all_good(const CheckReport& report) {
+  return report.unreadable.empty() && std::none_of(report.cameras.begin(), report.cameras.end(),
+                                                   [](const CameraMeasurement& camera) {
+                                                     return judge(camera).grade == Grade::kBad;
+                                                   });
 }
 
 }  // namespace v3d::ctl

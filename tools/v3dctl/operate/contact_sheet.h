@@ -1,4 +1,4 @@
-// All cameras on one picture. Pure.
+// Contact sheet: the images of all cameras on one picture. Pure.
 #pragma once
 
 #include <optional>
@@ -10,17 +10,17 @@
 
 namespace v3d::ctl {
 
-struct SheetPicture {
+struct SheetImage {
   std::string name;
-  std::optional<Image> image;  ///< RGB8; empty: nothing came
-  std::optional<Mask> mask;    ///< of the image's size; its outline is drawn in
+  std::optional<Image> image;  ///< RGB8; empty: no image was received
+  std::optional<Mask> mask;    ///< its outline is drawn; ignored if its size differs from the image
 };
 
-/// RGB8. The pictures in rows of about equal number, each below its name.
-Image contact_sheet(const std::vector<SheetPicture>& pictures);
+/// Arranges the images in a nearly square grid, each below its name. Result: RGB8.
+Image contact_sheet(const std::vector<SheetImage>& images);
 
-/// Writes `text` in letters of 10 x 14 pixels, in white; what is no letter, digit or one of
-/// "-_.:/ " becomes a box. Parts outside of the image are left out.
+/// Draws white text in letters of 10 x 14 pixels, clipped to the image. (x, y): upper left corner.
+/// Characters other than letters, digits, spaces and "-_.:/" become boxes.
 void draw_text(Image& image, int x, int y, const std::string& text);
 
 }  // namespace v3d::ctl

@@ -10,14 +10,14 @@
 namespace v3d::ctl {
 namespace {
 
-constexpr size_t kPlenty = 100'000;
+constexpr size_t kUnlimited = 100'000;
 
 bool stdout_can_redraw() {
   const char* term = std::getenv("TERM");
   return isatty(STDOUT_FILENO) && term && std::string_view(term) != "dumb";
 }
 
-winsize window() {
+winsize window_size() {
   winsize size{};
   ioctl(STDOUT_FILENO, TIOCGWINSZ, &size);
   return size;
@@ -26,7 +26,7 @@ winsize window() {
 }  // namespace
 
 LiveScreen::LiveScreen() : terminal_(stdout_can_redraw()) {
-  // The alternate screen, and no cursor (xterm's control sequences; console_codes(4)).
+  // Alternate screen, hidden cursor (control sequences of xterm; console_codes(4)).
   if (terminal_) std::fputs("\033[?1049h\033[?25l", stdout);
 }
 
@@ -38,18 +38,18 @@ LiveScreen::~LiveScreen() {
 }
 
 bool LiveScreen::has_colours() const {
-  const char* wish = std::getenv("NO_COLOR");
-  return terminal_ && (wish == nullptr || *wish == '\0');
+  const char* no_colour = std::getenv("NO_COLOR");
+  return terminal_ && (no_colour == nullptr || *no_colour == '\0');
 }
 
 size_t LiveScreen::width() const {
-  const size_t columns = terminal_ ? window().ws_col : 0;
-  return columns > 0 ? columns : kPlenty;
+  const size_t columns = terminal_ ? window_size().ws_col : 0;
+  return columns > 0 ? columns : kUnlimited;
 }
 
 size_t LiveScreen::height() const {
-  const size_t rows = terminal_ ? window().ws_row : 0;
-  return rows > 0 ? rows : kPlenty;
+  const size_t rows = terminal_ ? window_size().ws_row : 0;
+  return rows > 0 ? rows : kUnlimited;
 }
 
 void LiveScreen::show(const std::vector<std::string>& lines) {

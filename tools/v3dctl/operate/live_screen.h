@@ -1,4 +1,4 @@
-// Lines on a terminal that are redrawn where they stand.
+// Terminal screen that is redrawn in place.
 #pragma once
 
 #include <string>
@@ -6,9 +6,9 @@
 
 namespace v3d::ctl {
 
-/// On a terminal: a screen of its own, which goes when this goes, and the last lines are printed
-/// where the person was before. Elsewhere lines are printed, one below the other. One thread; one
-/// at a time.
+/// On a terminal: shows lines on the alternate screen; the destructor restores the main screen and
+/// prints the last lines there. On a pipe or file: prints all lines. One object at a time, one
+/// thread.
 class LiveScreen {
  public:
   LiveScreen();
@@ -16,12 +16,12 @@ class LiveScreen {
   LiveScreen(const LiveScreen&) = delete;
   LiveScreen& operator=(const LiveScreen&) = delete;
 
-  /// stdout is a terminal that can do so.
+  /// Whether stdout is a terminal that can be redrawn.
   bool is_terminal() const { return terminal_; }
-  /// It is, and nobody wishes no colours (NO_COLOR, no-color.org).
+  /// Whether it is one and NO_COLOR is not set (no-color.org).
   bool has_colours() const;
-  size_t width() const;   ///< columns; very many where there is no terminal
-  size_t height() const;  ///< rows; very many where there is no terminal
+  size_t width() const;   ///< columns; practically unlimited without a terminal
+  size_t height() const;  ///< rows; practically unlimited without a terminal
 
   void show(const std::vector<std::string>& lines);
 

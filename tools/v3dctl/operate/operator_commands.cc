@@ -1,4 +1,4 @@
-// status arm start stop abort background: the studio from the operator's chair.
+// status, arm, start, stop, abort and background: the operator's control of the studio.
 #include <array>
 #include <cstdio>
 #include <nlohmann/json.hpp>
@@ -12,35 +12,36 @@
 #include "daemon/operator_client.h"
 #include "take/take.h"
 #include "v3dctl/command_line.h"
-#include "v3dctl/operate/not_verified.h"
+#include "v3dctl/operate/health_text.h"
 #include "v3dctl/operate/reply_text.h"
+#include "v3dctl/operate/studio_monitor.h"
 #include "v3dctl/options.h"
 #include "v3dctl/process.h"
 
 namespace v3d::ctl {
 namespace {
 
-// Nodes report once a second: so long until a node counts as silent.
+// Nodes report once a second. A node without a report in this time is silent.
 constexpr double kHealthSeconds = 2.5;
-// A busy node may miss a few; the whole studio does not.
+// A busy node may skip some reports; in this time at least one node reports.
 constexpr double kSilentSeconds = 15;
 
 MonotonicInstant in_seconds(double seconds) { return Monotonic::now() + from_seconds(seconds); }
 
-/// What a command has to say to the operator: at once as text, or with --json in the end, as
-/// "lines" of what it prints.
+/// Messages of a command: printed at once as text, or with --json in the end, as "lines" of the
+/// object.
 class Report {
  public:
   explicit Report(bool json) : json_(json) {}
 
-  void say(const std::string& line) {
+  void add(const std::string& line) {
     lines_.push_back(line);
     if (!json_) std::printf("%s\n", line.c_str());
   }
-  void say(const std::vector<std::string>& lines) {
-    for (const std::string& line : lines) say(line);
+  void add(const std::vector<std::string>& lines) {
+    for (const std::string& line : lines) add(line);
   }
-  /// Also to standard error, whatever is printed.
+  /// Prints to stderr in both cases.
   void warn(const std::string& line) {
     lines_.push_back(line);
     std::fprintf(stderr, "%s\n", line.c_str());
@@ -65,8 +66,8 @@ struct Options {
   std::string allow_missing;
 };
 
-// Sends a command and shows what the nodes say to it.
-Answer command(OperatorClient& client, const Options& options, Report& report) {
+// Sends a command and prints the replies of the nodes.
+Answer send(OperatorClient& client, const Options& options, Report& report) {
   const auto show_progress = [&](const ReplyMessage& reply) {
     if (reply.outcome == ReplyMessage::Outcome::kPending && on_terminal()) {
       note(reply.node + ": " + reply.text);
@@ -79,7 +80,7 @@ Answer command(OperatorClient& client, const Options& options, Report& report) {
     const bool arms = options.message.verb == CommandVerb::kArm;
     std::map<std::string, HealthMessage> health;
     if (!answer.silent.empty()) health = client.health(in_seconds(kHealthSeconds));
-    report.say(reply_lines(client.nodes(), answer, arms ? "ready" : "done", health));
+    report.add(reply_lines(client.nodes(), answer, arms ? "ready" : "done", health));
   }
   return answer;
 }
@@ -92,13 +93,13 @@ int done_count(const Answer& answer) {
   return count;
 }
 
-// `json`: what --json prints, where that is more than the answer.
-int refused(const OperatorClient& client, const Answer& answer, const std::string& hint,
-            Report& report, const Json& json = {}) {
-  const bool all_asked = answer.replies.size() + answer.silent.size() == client.nodes().size();
+// Reports a refusal. `json`: the object of --json, otherwise that of the answer.
+int report_refusal(const OperatorClient& client, const Answer& answer, const std::string& hint,
+                   Report& report, const Json& json = {}) {
+  const bool asked_all = answer.replies.size() + answer.silent.size() == client.nodes().size();
   const std::string count = std::to_string(done_count(answer)) + " of " +
                             std::to_string(client.nodes().size()) + " nodes ready";
-  report.warn("refused: " + (all_asked ? count + hint : "nothing was changed"));
+  report.warn("refused: " + (asked_all ? count + hint : "nothing was changed"));
   report.print(json.is_null() ? answer_json(answer) : json);
   return kExitFailed;
 }
@@ -109,17 +110,16 @@ std::vector<std::string> cameras_of(const Studio& studio) {
   return names;
 }
 
-// The account of a stopped take, whatever nodes said nothing.
-void tell_account(const TakeAccount& account, Report& report) {
-  if (account.ledger.take.empty()) return report.say("nothing was recorded");
-  report.say(trouble_lines(account.ledger));
-  report.say(account.ledger.verdict());
-  for (const std::string& line : {live_line(account), shards_line(account)}) {
-    if (!line.empty()) report.say(line);
+void report_account(const TakeAccount& account, Report& report) {
+  if (account.ledger.take.empty()) return report.add("nothing was recorded");
+  report.add(trouble_lines(account.ledger));
+  report.add(account.ledger.verdict());
+  for (const std::string& line : {live_loss_line(account), shards_line(account)}) {
+    if (!line.empty()) report.add(line);
   }
 }
 
-// The take that the nodes are at, by their health; "" when none is.
+// The running take according to the nodes' health; "" when there is none.
 std::string current_take(const std::map<std::string, HealthMessage>& health) {
   for (const auto& [node, message] : health) {
     if (!message.take.empty()) return message.take;
@@ -127,13 +127,13 @@ std::string current_take(const std::map<std::string, HealthMessage>& health) {
   return "";
 }
 
-// Commands that need no more than "done" or the reason why not.
+// For commands whose result is only done or refused.
 int run_simple(const CommandLine& line, const Options& options, const std::string& done_text) {
   OperatorClient client(line.studio());
   Report report(options.json);
-  const Answer answer = command(client, options, report);
-  if (!answer.done()) return refused(client, answer, "", report);
-  report.say(done_text);
+  const Answer answer = send(client, options, report);
+  if (!answer.done()) return report_refusal(client, answer, "", report);
+  report.add(done_text);
   report.print(answer_json(answer));
   return kExitDone;
 }
@@ -142,7 +142,7 @@ int run_arm(const CommandLine& line, Options options) {
   if (!is_file_name(options.message.take)) {
     throw InputError(
         "arm " + options.message.take +
-        ": no take name: up to 64 letters, digits, '-', '_' and '.', not starting with "
+        ": no take name; expected up to 64 letters, digits, '-', '_' and '.', not starting with "
         "'-' or '.'");
   }
   const Studio studio = line.studio();
@@ -155,40 +155,40 @@ int run_arm(const CommandLine& line, Options options) {
   }
   OperatorClient client(studio);
   Report report(options.json);
-  const Answer answer = command(client, options, report);
+  const Answer answer = send(client, options, report);
   if (!answer.done()) {
-    return refused(client, answer, " (arm without a camera: --allow-missing CAM)", report);
+    return report_refusal(client, answer, " (arm without a camera: --allow-missing CAM)", report);
   }
   const double rate =
       options.message.rate_hz > 0 ? options.message.rate_hz : studio.trigger.rate_hz;
   std::array<char, 32> hertz{};
   std::snprintf(hertz.data(), hertz.size(), "%g Hz", rate);
-  report.say("armed " + options.message.take + ": trigger " + studio.trigger.node + ", " +
+  report.add("armed " + options.message.take + ": trigger " + studio.trigger.node + ", " +
              hertz.data());
   report.print(answer_json(answer));
   return kExitDone;
 }
 
-// Until the trigger's node has closed the take: it alone knows when the train is over, also one of
-// which a pulse was lost. Shows how it goes meanwhile.
+// Shows the progress until the trigger's node has closed the take. The state of that node decides,
+// because counts of pulses cannot: a pulse may have been lost.
 int wait_for_end(OperatorClient& client, const std::string& trigger_node) {
   StatusLine status;
   std::string take;
-  MonotonicInstant last_heard = Monotonic::now();
+  MonotonicInstant last_report = Monotonic::now();
   catch_interrupts();
   for (;;) {
     stop_if_interrupted();
     if (client.next_health(in_seconds(0.2))) {
-      last_heard = Monotonic::now();
-    } else if (Monotonic::now() - last_heard > from_seconds(kSilentSeconds)) {
-      note("v3dctl: no node reports any more. Try: v3dctl status");
+      last_report = Monotonic::now();
+    } else if (Monotonic::now() - last_report > from_seconds(kSilentSeconds)) {
+      note("v3dctl: no node has reported for 15 s. Try: v3dctl status");
       return kExitFailed;
     }
     const auto health = client.health(Monotonic::now());
     if (const std::string current = current_take(health); !current.empty()) take = current;
-    if (!all_heard(client.nodes(), health)) continue;
+    if (!all_reported(client.nodes(), health)) continue;
     if (!take.empty()) status.show("recording " + take + "   " + recording_line(health));
-    if (is_at_work(health.at(trigger_node))) continue;
+    if (is_in_take(health.at(trigger_node))) continue;
     return all_well(client.nodes(), health) ? kExitDone : kExitNotWhole;
   }
 }
@@ -197,8 +197,8 @@ int run_start(const CommandLine& line, const Options& options) {
   const Studio studio = line.studio();
   OperatorClient client(studio);
   Report report(options.json);
-  const Answer answer = command(client, options, report);
-  if (!answer.done()) return refused(client, answer, ": v3dctl arm NAME comes first", report);
+  const Answer answer = send(client, options, report);
+  if (!answer.done()) return report_refusal(client, answer, ": first v3dctl arm NAME", report);
   report.print(answer_json(answer));
   if (options.wait) return wait_for_end(client, studio.trigger.node);
   if (!options.json) {
@@ -209,7 +209,7 @@ int run_start(const CommandLine& line, const Options& options) {
   return kExitDone;
 }
 
-/// Since the last pulse that was heard of; null when there was none.
+/// Seconds since the last pulse that this client received; null when it received none.
 Json seconds_after_last_pulse(OperatorClient& client) {
   std::optional<RealtimeInstant> last;
   while (const auto pulse = client.next_pulse(Monotonic::now())) last = pulse->edge;
@@ -219,20 +219,20 @@ Json seconds_after_last_pulse(OperatorClient& client) {
 int run_stop(const CommandLine& line, const Options& options) {
   const Studio studio = line.studio();
   OperatorClient client(studio);
-  client.next_pulse(Monotonic::now());  // listens from now on
+  client.next_pulse(Monotonic::now());  // joins the channel of pulses
   Report report(options.json);
-  const Answer answer = command(client, options, report);
+  const Answer answer = send(client, options, report);
   TakeAccount account = merge_ledgers(answer);
   const bool recorded = !account.ledger.take.empty();
-  // A node that says nothing has an account all the same: everything is missing.
+  // The cameras of a node without a reply miss every pulse.
   const bool from_all = answer.done() && account.of_another_take.empty();
   if (recorded && !from_all) account = merge_ledgers(answer, cameras_of(studio));
-  if (answer.done() || recorded) tell_account(account, report);
+  if (answer.done() || recorded) report_account(account, report);
   for (const std::string& node : account.unreadable) {
-    report.warn("v3dctl: no readable account from " + node);
+    report.warn("v3dctl: cannot read the ledger of " + node);
   }
   for (const std::string& node : account.of_another_take) {
-    report.warn("v3dctl: " + node + " answers for another take; its part of " +
+    report.warn("v3dctl: " + node + " replied for another take; its part of " +
                 account.ledger.take + " is on its disk: v3dctl takes");
   }
   Json json = answer_json(answer);
@@ -242,7 +242,7 @@ int run_stop(const CommandLine& line, const Options& options) {
   json["live_lost"] = account.live_lost;
   if (!account.shards.empty()) json["shards"] = shards_json(account);
   if (report.json()) json["seconds_after_last_pulse"] = seconds_after_last_pulse(client);
-  if (!answer.done()) return refused(client, answer, "", report, json);
+  if (!answer.done()) return report_refusal(client, answer, "", report, json);
   report.print(std::move(json));
   if (!recorded) return kExitDone;
   return account.ledger.complete() && account.unreadable.empty() && from_all ? kExitDone
@@ -251,7 +251,7 @@ int run_stop(const CommandLine& line, const Options& options) {
 
 int run_status(const CommandLine& line, const Options& options) {
   OperatorClient client(line.studio());
-  tell_if_not_verified(client);
+  report_if_not_verified(client);
   const auto health = client.health(in_seconds(options.timeout_s));
   if (options.json) {
     std::printf("%s\n", health_json(client.nodes(), health).dump(2).c_str());
@@ -270,7 +270,7 @@ std::shared_ptr<Options> options_of(CLI::App* command, CommandVerb verb, double 
   options->message.verb = verb;
   options->timeout_s = timeout_s;
   add_json_flag(command, options->json);
-  command->add_option("--timeout", options->timeout_s, "Give up after so many seconds")
+  command->add_option("--timeout", options->timeout_s, "Give up after this many seconds")
       ->type_name("S")
       ->capture_default_str()
       ->check(number_in(0.1, 3600));
@@ -279,22 +279,20 @@ std::shared_ptr<Options> options_of(CLI::App* command, CommandVerb verb, double 
 
 void add_arm(CommandLine& line) {
   CLI::App* command =
-      line.add("arm", "Make the studio ready for a take: cameras stream and are quiet",
+      line.add("arm", "Prepare a take: cameras stream and wait for pulses",
                {"v3dctl arm kendo-07", "v3dctl arm kendo-08 --pulses 500 --allow-missing cam07"});
   auto options = options_of(command, CommandVerb::kArm, 30);
   command->add_option("NAME", options->message.take, "The name of the take")->required();
   command
       ->add_option("--rate", options->message.rate_hz,
-                   "Pulses per second (else as the studio file says)")
+                   "Pulses per second (otherwise as in the studio file)")
       ->type_name("HZ")
       ->check(check_pulse_rate);
-  command
-      ->add_option("--pulses", options->message.pulses,
-                   "End by itself after N pulses (else until stop)")
+  command->add_option("--pulses", options->message.pulses, "End after N pulses (otherwise at stop)")
       ->type_name("N")
       ->check(CLI::PositiveNumber);
   command
-      ->add_option("--allow-missing", options->allow_missing, "Record even without these cameras")
+      ->add_option("--allow-missing", options->allow_missing, "Record also without these cameras")
       ->type_name("CAM,...");
   line.on_run(command, [&line, options] { return run_arm(line, *options); });
 }
@@ -302,18 +300,17 @@ void add_arm(CommandLine& line) {
 }  // namespace
 
 void add_operator_commands(CommandLine& line) {
-  CLI::App* status =
-      line.add("status", "What every node of the studio is doing", {"v3dctl status"});
+  CLI::App* status = line.add("status", "Print the state of every node", {"v3dctl status"});
   auto status_options = options_of(status, CommandVerb::kArm, kHealthSeconds);
   line.on_run(status, [&line, status_options] { return run_status(line, *status_options); });
 
   add_arm(line);
 
-  CLI::App* start = line.add("start", "Start the pulses: the armed take records",
+  CLI::App* start = line.add("start", "Start the pulses and record the armed take",
                              {"v3dctl start", "v3dctl start --wait"});
   auto start_options = options_of(start, CommandVerb::kStart, 10);
   start->add_flag("--wait", start_options->wait,
-                  "Show the recording until the take has ended (v3dctl arm --pulses)");
+                  "Show the progress until the take has ended (v3dctl arm --pulses)");
   line.on_run(start, [&line, start_options] { return run_start(line, *start_options); });
 
   CLI::App* stop = line.add("stop", "End the take and reconcile its ledger",
@@ -322,12 +319,12 @@ void add_operator_commands(CommandLine& line) {
   line.on_run(stop, [&line, stop_options] { return run_stop(line, *stop_options); });
 
   CLI::App* abort =
-      line.add("abort", "Give up arming or recording; what is on disk stays", {"v3dctl abort"});
+      line.add("abort", "End arming or recording at once; files on disk stay", {"v3dctl abort"});
   auto abort_options = options_of(abort, CommandVerb::kAbort, 10);
   line.on_run(abort,
               [&line, abort_options] { return run_simple(line, *abort_options, "aborted"); });
 
-  CLI::App* background = line.add("background", "Learn the empty studio: nobody may stand in it",
+  CLI::App* background = line.add("background", "Learn the background model of the empty studio",
                                   {"v3dctl background"});
   auto background_options = options_of(background, CommandVerb::kBackground, 60);
   line.on_run(background, [&line, background_options] {

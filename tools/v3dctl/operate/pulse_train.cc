@@ -2,6 +2,7 @@
 
 #include <stdexcept>
 
+#include "v3dctl/operate/health_text.h"
 #include "v3dctl/operate/reply_text.h"
 #include "v3dctl/process.h"
 
@@ -15,8 +16,8 @@ constexpr double kCloseSeconds = 30;
 
 MonotonicInstant in_seconds(double seconds) { return Monotonic::now() + from_seconds(seconds); }
 
-Answer command(OperatorClient& client, CommandVerb verb, const PulseTrain& train,
-               double timeout_s) {
+Answer run_command(OperatorClient& client, CommandVerb verb, const PulseTrain& train,
+                   double timeout_s) {
   CommandMessage message;
   message.verb = verb;
   message.take = train.take.empty() ? kCheckName : train.take;
@@ -24,12 +25,12 @@ Answer command(OperatorClient& client, CommandVerb verb, const PulseTrain& train
   message.pulses = train.pulses;
   Answer answer = client.command(message, in_seconds(timeout_s));
   if (answer.done()) return answer;
-  std::string said = "refused";
-  for (const std::string& line : reply_lines(client.nodes(), answer, "ready")) said += "\n" + line;
-  throw std::runtime_error(said);
+  std::string text = "refused";
+  for (const std::string& line : reply_lines(client.nodes(), answer, "ready")) text += "\n" + line;
+  throw std::runtime_error(text);
 }
 
-/// Until the trigger's node has closed the train.
+/// Waits until the trigger's node has closed the train, at most `seconds`.
 void wait_for_end(OperatorClient& client, const std::string& trigger_node, double seconds,
                   const std::function<void()>& meanwhile) {
   for (const MonotonicInstant end = in_seconds(seconds); Monotonic::now() < end;) {
@@ -37,7 +38,7 @@ void wait_for_end(OperatorClient& client, const std::string& trigger_node, doubl
     meanwhile();
     client.next_health(in_seconds(0.05));
     const auto health = client.health(Monotonic::now());
-    if (all_heard(client.nodes(), health) && !is_at_work(health.at(trigger_node))) return;
+    if (all_reported(client.nodes(), health) && !is_in_take(health.at(trigger_node))) return;
   }
 }
 
@@ -45,13 +46,14 @@ void wait_for_end(OperatorClient& client, const std::string& trigger_node, doubl
 
 Answer run_train(OperatorClient& client, const Studio& studio, const PulseTrain& train,
                  const std::function<void()>& meanwhile) {
-  command(client, train.take.empty() ? CommandVerb::kCheck : CommandVerb::kArm, train, kArmSeconds);
+  run_command(client, train.take.empty() ? CommandVerb::kCheck : CommandVerb::kArm, train,
+              kArmSeconds);
   try {
-    command(client, CommandVerb::kStart, train, kStartSeconds);
+    run_command(client, CommandVerb::kStart, train, kStartSeconds);
     const double rate = train.rate_hz > 0 ? train.rate_hz : studio.trigger.rate_hz;
     wait_for_end(client, studio.trigger.node,
                  static_cast<double>(train.pulses) / rate + kCloseSeconds, meanwhile);
-    return command(client, CommandVerb::kStop, train, kCloseSeconds);
+    return run_command(client, CommandVerb::kStop, train, kCloseSeconds);
   } catch (...) {
     CommandMessage abort;
     abort.verb = CommandVerb::kAbort;

@@ -1,5 +1,4 @@
-// Some pulses and no more: for v3dctl check, for previews of an idle studio, and for the short
-// takes that calibrate --live records.
+// Short train of pulses, for `check`, `preview` in an idle studio, and `calibrate --live`.
 #pragma once
 
 #include <functional>
@@ -11,14 +10,15 @@ namespace v3d::ctl {
 
 struct PulseTrain {
   int64_t pulses = 100;
-  double rate_hz = 0;  ///< 0: as the studio file says
-  std::string take{};  ///< recorded under this name; empty: looked at, and nothing is recorded
+  double rate_hz = 0;  ///< 0: as in the studio file
+  std::string take{};  ///< name of the take to record; empty: the nodes measure and record nothing
 };
 
-/// Has every node see the pulses and gives what they say of them: of a take, its ledger. It is
-/// armed and started as every take is, so that the cameras of all nodes see every pulse.
-/// `meanwhile` is called often. Throws std::runtime_error, with what the nodes said, when they
-/// refuse or fall silent, and when the person interrupts it; nothing is armed after that.
+/// Arms all nodes, starts the train, waits for its end and stops.
+/// Returns the replies to the stop: the measurements of the cameras, or the ledger of the take.
+/// `meanwhile`: called repeatedly, at least 20 times a second.
+/// Throws std::runtime_error with the nodes' replies when a node refuses or is silent, and when the
+/// user interrupts. All nodes are disarmed then.
 Answer run_train(OperatorClient& client, const Studio& studio, const PulseTrain& train,
                  const std::function<void()>& meanwhile);
 

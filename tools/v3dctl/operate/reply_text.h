@@ -1,4 +1,4 @@
-// What the operator reads, made of what the nodes said. Pure.
+// Text and JSON of the nodes' replies to a command, and the ledgers in replies to a stop. Pure.
 #pragma once
 
 #include <map>
@@ -13,72 +13,56 @@ namespace v3d::ctl {
 
 using Json = nlohmann::ordered_json;
 
-/// One line per node that was asked, in the order of `nodes`; neighbours that said the same share
-/// one ("cap01-cap15"). `done_word` stands before what a node said that did as told. Silent nodes
-/// are told with what their health says is wrong, else with the next step.
+/// One line for each node that was asked, in the order of `nodes`. Neighbours with equal replies
+/// share a line ("cap01-cap15").
+/// `done_word`: printed before the reply of a node that did what it was told.
+/// `health`: of the nodes, for the line of a node without a reply; otherwise it has the next step.
 std::vector<std::string> reply_lines(const std::vector<std::string>& nodes, const Answer& answer,
                                      const std::string& done_word,
                                      const std::map<std::string, HealthMessage>& health = {});
 
-/// {"done", "replies" [{"node", "outcome", "text"}], "silent" [..]}
+/// {"done", "replies" [{"node", "outcome", "text", "detail"}], "silent" [..]}
 Json answer_json(const Answer& answer);
 
-/// The ledger of the whole take from the details that nodes give at its stop: cameras side by side;
-/// commanded and sensed by the node that counts most. Details without cameras (of a reconstruction)
-/// are passed over.
+/// Work of one of several reconstruction nodes in a take.
 struct ShardAccount {
   std::string node;
-  int64_t made = 0;
-  int64_t taken_over = 0;
+  int64_t made = 0;        ///< meshes
+  int64_t taken_over = 0;  ///< of these, for an absent node
 };
+
+/// Result of a take: the nodes' ledgers merged to one, and the counts of the reconstruction.
 struct TakeAccount {
   Ledger ledger;
-  std::vector<std::string> unreadable;  ///< nodes whose detail is no ledger and nothing else
-  /// Nodes whose ledger is of another take than that of most: it is left out.
+  std::vector<std::string> unreadable;  ///< nodes whose reply cannot be parsed
+  /// Nodes whose ledger belongs to another take than that of the majority; they are not merged.
   std::vector<std::string> of_another_take;
-  /// Live frames that were sent and did not reach the reconstruction, by camera; empty when that is
-  /// not known.
+  /// Live frames that were sent and did not reach the reconstruction, by camera; no entry where
+  /// this is unknown.
   std::map<std::string, int64_t> live_lost;
-  /// What each node did, where several share the reconstruction. Each has the meshes of all: those
-  /// of the take, and the pulses without one, are as the node says that has most.
+  /// Empty where one node reconstructs. Otherwise every node has the meshes of all nodes; the two
+  /// values below are those of the node with most meshes.
   std::vector<ShardAccount> shards;
   int64_t meshes = 0;
-  std::vector<int64_t> without_mesh;
+  std::vector<int64_t> without_mesh;  ///< pulse numbers
 };
-/// A node that ended before the take did knows nothing of the later pulses: its cameras miss them.
-/// So do the cameras among `expected` of which no account came.
+
+/// Merges the ledgers in replies to a stop. Commanded and sensed pulses are those of the node with
+/// the greatest counts; replies of reconstruction nodes have no ledger. The cameras of a node that
+/// ended early miss the later pulses, and cameras in `expected` without a ledger miss all.
 TakeAccount merge_ledgers(const Answer& answer, const std::vector<std::string>& expected = {});
-/// "live: 12 of 15,000 frames lost on the network: cam03 7, cam05 5"; empty when none was.
-std::string live_line(const TakeAccount& account);
+
+/// "live: 12 of 15,000 frames lost on the network: cam03 7, cam05 5"; empty when none was lost.
+std::string live_loss_line(const TakeAccount& account);
+
 /// "meshes: 1,250, recon01 420, recon02 430 (12 taken over), recon03 400; no mesh of 17-18"; empty
 /// where one node reconstructs.
 std::string shards_line(const TakeAccount& account);
+
 /// {"meshes", "without_mesh" [..], "nodes" [{"node", "made", "taken_over"}]}
 Json shards_json(const TakeAccount& account);
+
 /// The keys of `v3dctl verify --json`.
 Json to_json(const Ledger& ledger);
-
-/// "cap01  v3d-captured  recording kendo-07  cam07 silent", one line per node, in the order of
-/// `nodes`; nodes that were not heard are "silent".
-std::vector<std::string> status_lines(const std::vector<std::string>& nodes,
-                                      const std::map<std::string, HealthMessage>& health);
-Json health_json(const std::vector<std::string>& nodes,
-                 const std::map<std::string, HealthMessage>& health);
-/// Every node was heard and none is at fault.
-bool all_well(const std::vector<std::string>& nodes,
-              const std::map<std::string, HealthMessage>& health);
-
-/// Every one of the nodes has been heard.
-bool all_heard(const std::vector<std::string>& nodes,
-               const std::map<std::string, HealthMessage>& health);
-/// The node records, or still closes a take.
-bool is_at_work(const HealthMessage& health);
-
-/// A value added up over the nodes; empty when none reports it.
-std::optional<double> total(const std::map<std::string, HealthMessage>& health,
-                            const std::string& name);
-
-/// "300 pulses   15/15 cameras   0 missing   live 25.0/s, 71 ms", of what is known.
-std::string recording_line(const std::map<std::string, HealthMessage>& health);
 
 }  // namespace v3d::ctl

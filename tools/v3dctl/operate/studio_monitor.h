@@ -1,33 +1,45 @@
-// Hears the studio, and forgets who has fallen silent.
+// Current state of a studio: health of its nodes and recent events, from the bus.
 #pragma once
 
+#include <deque>
 #include <map>
 #include <string>
 #include <vector>
 
 #include "base/studio_file.h"
 #include "daemon/operator_client.h"
-#include "v3dctl/operate/watch_table.h"
+#include "wire/messages.h"
 
 namespace v3d::ctl {
 
-/// One thread.
-class StudioWatcher {
- public:
-  /// Throws InputError when the studio's network cannot be joined.
-  explicit StudioWatcher(const Studio& studio);
+struct StudioState {
+  std::string studio;
+  std::vector<std::string> nodes;                           ///< in the order of the studio file
+  std::map<std::string, std::vector<std::string>> cameras;  ///< names by node
+  std::map<std::string, HealthMessage> health;  ///< last of each node; silent nodes have none
+  std::deque<EventMessage> events;              ///< newest last
+};
 
-  /// Takes what came since into view(), and waits for it a tenth of a second at most. Returns the
-  /// events among it.
-  std::vector<EventMessage> listen();
-  const StudioView& view() const { return view_; }
+/// Receives health and events. One thread.
+class StudioMonitor {
+ public:
+  /// Joins the network of the studio. Throws InputError when that fails.
+  explicit StudioMonitor(const Studio& studio);
+
+  /// Updates state() with the messages since the last call, and waits at most 100 ms for one.
+  /// Returns the new events.
+  std::vector<EventMessage> poll();
+  const StudioState& state() const { return state_; }
 
  private:
-  void forget_the_silent();
+  void drop_silent_nodes();
 
   OperatorClient client_;
-  StudioView view_;
-  std::map<std::string, MonotonicInstant> heard_;  ///< when, by node
+  StudioState state_;
+  std::map<std::string, MonotonicInstant> received_at_;  ///< of the last health, by node
 };
+
+/// Reports on stderr that messages are not verified, where the client has no studio key.
+void report_if_not_verified(const OperatorClient& client);
 
 }  // namespace v3d::ctl

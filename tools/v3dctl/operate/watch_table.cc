@@ -7,19 +7,18 @@
 #include "base/units.h"
 #include "common/local_time.h"
 #include "v3dctl/operate/health_text.h"
-#include "v3dctl/operate/reply_text.h"
 
 namespace v3d::ctl {
 namespace {
 
-// From where on a person should look.
-constexpr double kDeepQueue = 8;         // frames behind one camera, of 32
-constexpr double kLittleDisk = 600;      // seconds of recording
-constexpr double kVeryLittleDisk = 60;   //
-constexpr double kClockOffsetUs = 1000;  // a tenth of an exposure's distance from the next
-constexpr double kHot = 85;              // degrees
-constexpr double kBusy = 95;             // per cent
-constexpr double kLittleMemory = 500e6;  // bytes
+// Limits of warnings and alarms.
+constexpr double kWarnQueue = 8;          // frames of one camera; the queue holds 32
+constexpr double kWarnDiskSeconds = 600;  // of recording
+constexpr double kAlarmDiskSeconds = 60;
+constexpr double kWarnClockOffsetUs = 1000;  // well below the period of the pulses
+constexpr double kWarnCelsius = 85;
+constexpr double kWarnCpuPercent = 95;
+constexpr double kWarnMemoryBytes = 500e6;
 
 using Part = WatchLine::Part;
 
@@ -30,19 +29,19 @@ struct Column {
 constexpr Column kColumns[] = {{"", 14},       {"STATE", 10}, {"RATE", 8},  {"MISSING", 8},
                                {"SUSPECT", 8}, {"QUEUE", 6},  {"DISK", 10}, {"CLOCK", 15},
                                {"CPU", 6},     {"MEMORY", 9}, {"TEMP", 5},  {"LATENCY", 8}};
-constexpr size_t kFirstRight = 2;  // the names and states before it stand to the left
+constexpr size_t kFirstRightAligned = 2;  // names and states are left-aligned
 
 class Row {
  public:
-  void add(std::string text, Look look = Look::kNone) {
+  void add(std::string text, Highlight highlight = Highlight::kNone) {
     const Column& column = kColumns[line_.parts.size()];
     const size_t fill = column.width - std::min(column.width, text.size());
-    if (line_.parts.size() < kFirstRight) {
+    if (line_.parts.size() < kFirstRightAligned) {
       text += std::string(fill, ' ');
     } else {
       text = std::string(fill, ' ') + text;
     }
-    line_.parts.push_back({text + " ", look});
+    line_.parts.push_back({text + " ", highlight});
   }
   WatchLine line() const { return line_; }
 
@@ -56,19 +55,19 @@ std::optional<double> find(const HealthMessage& health, const std::string& name)
   return found->second;
 }
 
-Look when(bool alarm, bool warning = false) {
-  return alarm ? Look::kAlarm : warning ? Look::kWarning : Look::kNone;
+Highlight highlight_if(bool alarm, bool warning = false) {
+  return alarm ? Highlight::kAlarm : warning ? Highlight::kWarning : Highlight::kNone;
 }
 
-void add_count(Row& row, std::optional<double> count, Look look_when_more, double more_than = 0) {
+void add_count(Row& row, std::optional<double> count, Highlight highlight, double limit = 0) {
   if (!count) return row.add("-");
-  row.add(value_text("", *count), *count > more_than ? look_when_more : Look::kNone);
+  row.add(value_text("", *count), *count > limit ? highlight : Highlight::kNone);
 }
 
-void add_value(Row& row, const HealthMessage& health, const std::string& name, double look_above) {
+void add_value(Row& row, const HealthMessage& health, const std::string& name, double limit) {
   const auto value = find(health, name);
   if (!value) return row.add("-");
-  row.add(value_text(name, *value), when(false, *value > look_above));
+  row.add(value_text(name, *value), highlight_if(false, *value > limit));
 }
 
 void add_disk(Row& row, const HealthMessage& health) {
@@ -76,62 +75,66 @@ void add_disk(Row& row, const HealthMessage& health) {
   if (!free) return row.add("-");
   const auto seconds = find(health, "disk_seconds_left");
   if (!seconds) return row.add(format_bytes(*free));
-  row.add(duration_text(*seconds), when(*seconds < kVeryLittleDisk, *seconds < kLittleDisk));
+  row.add(duration_text(*seconds),
+          highlight_if(*seconds < kAlarmDiskSeconds, *seconds < kWarnDiskSeconds));
 }
 
 void add_clock(Row& row, const HealthMessage& health) {
   const auto synchronised = find(health, "clock_synchronised_flag");
   const auto offset = find(health, "clock_offset_us");
   if (!synchronised) return row.add("unknown");
-  if (*synchronised == 0) return row.add("not synchron.", Look::kWarning);
+  if (*synchronised == 0) return row.add("not synchron.", Highlight::kWarning);
   if (!offset) return row.add("synchronised");
-  row.add(value_text("offset_us", *offset), when(false, std::abs(*offset) > kClockOffsetUs));
+  row.add(value_text("offset_us", *offset),
+          highlight_if(false, std::abs(*offset) > kWarnClockOffsetUs));
 }
 
-Look look_at(NodeState state) { return when(state == NodeState::kFault); }
+Highlight highlight_of(NodeState state) { return highlight_if(state == NodeState::kFault); }
 
-/// Frames a second, of one camera: those of a node are those of its cameras.
-std::string rate_of(const HealthMessage& health, const std::vector<std::string>& cameras) {
+/// Frames per second of the fastest camera of a node, or meshes per second of a reconstruction
+/// node.
+std::string rate_text(const HealthMessage& health, const std::vector<std::string>& cameras) {
   if (const auto live = find(health, "live_fps")) return value_text("_fps", *live);
-  double most = 0;
+  double max = 0;
   for (const std::string& camera : cameras) {
-    most = std::max(most, find(health, camera + ".frames_per_second").value_or(0));
+    max = std::max(max, find(health, camera + ".frames_per_second").value_or(0));
   }
-  return cameras.empty() ? "-" : value_text("_per_second", most);
+  return cameras.empty() ? "-" : value_text("_per_second", max);
 }
 
 void add_memory(Row& row, const HealthMessage& health) {
   const auto used = find(health, "memory_daemon_bytes");
   const auto available = find(health, "memory_available_bytes");
   if (!used) return row.add("-");
-  row.add(format_bytes(*used), when(false, available && *available < kLittleMemory));
+  row.add(format_bytes(*used), highlight_if(false, available && *available < kWarnMemoryBytes));
 }
 
-WatchLine node_line(const std::string& node, const StudioView& view) {
+WatchLine node_line(const std::string& node, const StudioState& state) {
   Row row;
   row.add(node);
-  const auto found = view.health.find(node);
-  if (found == view.health.end()) {
-    row.add("silent", Look::kAlarm);
+  const auto found = state.health.find(node);
+  if (found == state.health.end()) {
+    row.add("silent", Highlight::kAlarm);
     WatchLine line = row.line();
-    line.parts.push_back({"Try: systemctl status v3d-studio.target on " + node, Look::kNone});
+    line.parts.push_back({"Try: systemctl status v3d-studio.target on " + node, Highlight::kNone});
     return line;
   }
   const HealthMessage& health = found->second;
-  const auto cameras = view.cameras.find(node);
+  const auto cameras = state.cameras.find(node);
   const bool meshes = find(health, "meshes").has_value();
-  row.add(std::string(name(health.state)), look_at(health.state));
-  row.add(rate_of(health,
-                  cameras == view.cameras.end() ? std::vector<std::string>{} : cameras->second));
+  row.add(std::string(name(health.state)), highlight_of(health.state));
+  row.add(rate_text(health,
+                    cameras == state.cameras.end() ? std::vector<std::string>{} : cameras->second));
   add_count(row, find(health, meshes ? "dropped" : "frames_missing"),
-            meshes ? Look::kWarning : Look::kAlarm);
-  add_count(row, find(health, "frames_suspect"), Look::kAlarm);
-  add_count(row, find(health, meshes ? "queue_sets" : "queue_frames"), Look::kWarning, kDeepQueue);
+            meshes ? Highlight::kWarning : Highlight::kAlarm);
+  add_count(row, find(health, "frames_suspect"), Highlight::kAlarm);
+  add_count(row, find(health, meshes ? "queue_sets" : "queue_frames"), Highlight::kWarning,
+            kWarnQueue);
   add_disk(row, health);
   add_clock(row, health);
-  add_value(row, health, "cpu_machine_percent", kBusy);
+  add_value(row, health, "cpu_machine_percent", kWarnCpuPercent);
   add_memory(row, health);
-  add_value(row, health, "temperature_max_celsius", kHot);
+  add_value(row, health, "temperature_max_celsius", kWarnCelsius);
   const auto latency = find(health, "latency_p50_ms");
   row.add(latency
               ? value_text("_us", *latency).substr(0, value_text("_us", *latency).size() - 2) + "ms"
@@ -139,30 +142,31 @@ WatchLine node_line(const std::string& node, const StudioView& view) {
   return row.line();
 }
 
-/// Whether somebody has to look at it comes with it.
+/// Returns also whether the camera needs attention.
 std::pair<WatchLine, bool> camera_line(const std::string& camera, const HealthMessage& health) {
   const auto value = [&](const char* what) { return find(health, camera + "." + what); };
   const bool streams = value("streaming_flag").value_or(0) != 0;
   Row row;
   row.add("  " + camera);
-  row.add(streams ? "streaming" : "lost", when(!streams));
+  row.add(streams ? "streaming" : "lost", highlight_if(!streams));
   row.add(value_text("_per_second", value("frames_per_second").value_or(0)));
-  add_count(row, value("frames_missing"), Look::kAlarm);
-  add_count(row, value("frames_suspect"), Look::kAlarm);
-  add_count(row, value("queue_frames"), Look::kWarning, kDeepQueue);
+  add_count(row, value("frames_missing"), Highlight::kAlarm);
+  add_count(row, value("frames_suspect"), Highlight::kAlarm);
+  add_count(row, value("queue_frames"), Highlight::kWarning, kWarnQueue);
   const WatchLine line = row.line();
-  const bool look = std::any_of(line.parts.begin(), line.parts.end(),
-                                [](const Part& part) { return part.look != Look::kNone; });
-  return {line, look};
+  const bool needs_attention =
+      std::any_of(line.parts.begin(), line.parts.end(),
+                  [](const Part& part) { return part.highlight != Highlight::kNone; });
+  return {line, needs_attention};
 }
 
-/// What one of several nodes that reconstruct did of the take; empty for others.
-std::string share_text(const HealthMessage& health) {
+/// Work of one of several reconstruction nodes in the take; empty for other nodes.
+std::string shard_text(const HealthMessage& health) {
   const auto made = find(health, "shard_pulses");
   if (!made) return "";
-  std::string text = value_text("", *made) + " meshes made here";
+  std::string text = value_text("", *made) + " meshes made by this node";
   for (const auto& [name, words] :
-       {std::pair("shard_taken_over", " taken over"), std::pair("shard_repeated", " made again"),
+       {std::pair("shard_taken_over", " taken over"), std::pair("shard_repeated", " repeated"),
         std::pair("shard_lost", " lost")}) {
     const double count = find(health, name).value_or(0);
     if (count > 0) text += ", " + value_text("", count) + words;
@@ -178,45 +182,45 @@ WatchLine head_line() {
 
 struct Body {
   std::vector<WatchLine> lines;
-  std::vector<bool> may_go;  ///< cameras that are well, when the window is too small
+  std::vector<bool> optional;  ///< cameras without a fault: dropped from a small window
 };
 
-Body body_of(const StudioView& view) {
+Body body_of(const StudioState& state) {
   Body body;
-  const auto add = [&](const WatchLine& line, bool may_go) {
+  const auto add = [&](const WatchLine& line, bool optional) {
     body.lines.push_back(line);
-    body.may_go.push_back(may_go);
+    body.optional.push_back(optional);
   };
-  for (const std::string& node : view.nodes) {
-    add(node_line(node, view), false);
-    const auto health = view.health.find(node);
-    const auto cameras = view.cameras.find(node);
-    if (health == view.health.end()) continue;
+  for (const std::string& node : state.nodes) {
+    add(node_line(node, state), false);
+    const auto health = state.health.find(node);
+    const auto cameras = state.cameras.find(node);
+    if (health == state.health.end()) continue;
     if (!health->second.text.empty()) {
-      add({{{"  " + health->second.text, Look::kWarning}}}, false);
+      add({{{"  " + health->second.text, Highlight::kWarning}}}, false);
     }
-    if (const std::string share = share_text(health->second); !share.empty()) {
-      add({{{"  " + share, Look::kNone}}}, true);
+    if (const std::string shards = shard_text(health->second); !shards.empty()) {
+      add({{{"  " + shards, Highlight::kNone}}}, true);
     }
-    if (cameras == view.cameras.end()) continue;
+    if (cameras == state.cameras.end()) continue;
     for (const std::string& camera : cameras->second) {
-      const auto [line, look] = camera_line(camera, health->second);
-      add(line, !look);
+      const auto [line, needs_attention] = camera_line(camera, health->second);
+      add(line, !needs_attention);
     }
   }
   return body;
 }
 
-void drop_from_the_end(Body& body, size_t room) {
+void drop_optional_lines(Body& body, size_t room) {
   for (size_t i = body.lines.size(); i-- > 0 && body.lines.size() > room;) {
-    if (!body.may_go[i]) continue;
+    if (!body.optional[i]) continue;
     body.lines.erase(body.lines.begin() + static_cast<ptrdiff_t>(i));
-    body.may_go.erase(body.may_go.begin() + static_cast<ptrdiff_t>(i));
+    body.optional.erase(body.optional.begin() + static_cast<ptrdiff_t>(i));
   }
 }
 
-/// Texts are ASCII: a byte is a column.
-void cut(WatchLine& line, size_t width) {
+/// Requires ASCII: one byte is one column.
+void truncate(WatchLine& line, size_t width) {
   for (WatchLine::Part& part : line.parts) {
     part.text.resize(std::min(part.text.size(), width));
     width -= part.text.size();
@@ -228,8 +232,8 @@ void cut(WatchLine& line, size_t width) {
 std::string WatchLine::text(bool colours) const {
   std::string line;
   for (const Part& part : parts) {
-    const bool coloured = colours && part.look != Look::kNone;
-    if (coloured) line += part.look == Look::kAlarm ? "\033[1;31m" : "\033[33m";
+    const bool coloured = colours && part.highlight != Highlight::kNone;
+    if (coloured) line += part.highlight == Highlight::kAlarm ? "\033[1;31m" : "\033[33m";
     line += part.text;
     if (coloured) line += "\033[0m";
   }
@@ -238,39 +242,39 @@ std::string WatchLine::text(bool colours) const {
 }
 
 WatchLine event_line(const EventMessage& event) {
-  const Look look = event.severity == Severity::kAlarm     ? Look::kAlarm
-                    : event.severity == Severity::kWarning ? Look::kWarning
-                                                           : Look::kNone;
-  return {{{local_time(event.sent, "%H:%M:%S") + "  ", Look::kNone},
-           {event.node + "  " + event.subject + ": ", look},
-           {event.text, Look::kNone}}};
+  const Highlight highlight = event.severity == Severity::kAlarm     ? Highlight::kAlarm
+                              : event.severity == Severity::kWarning ? Highlight::kWarning
+                                                                     : Highlight::kNone;
+  return {{{local_time(event.sent, "%H:%M:%S") + "  ", Highlight::kNone},
+           {event.node + "  " + event.subject + ": ", highlight},
+           {event.text, Highlight::kNone}}};
 }
 
-std::string summary_line(const StudioView& view) {
+std::string summary_line(const StudioState& state) {
   std::string take = "idle";
-  for (const auto& [node, health] : view.health) {
+  for (const auto& [node, health] : state.health) {
     if (!health.take.empty()) take = std::string(name(health.state)) + " " + health.take;
   }
-  const std::string recording = recording_line(view.health);
+  const std::string recording = recording_line(state.health);
   return take + (recording.empty() ? "" : "   " + recording);
 }
 
-std::vector<WatchLine> watch_lines(const StudioView& view, size_t width, size_t height) {
+std::vector<WatchLine> watch_lines(const StudioState& state, size_t width, size_t height) {
   std::vector<WatchLine> lines = {
-      {{{view.studio + "   " + summary_line(view), Look::kNone}}}, {{}}, head_line()};
-  Body body = body_of(view);
-  drop_from_the_end(body, height > lines.size() ? height - lines.size() : 0);
+      {{{state.studio + "   " + summary_line(state), Highlight::kNone}}}, {{}}, head_line()};
+  Body body = body_of(state);
+  drop_optional_lines(body, height > lines.size() ? height - lines.size() : 0);
   lines.insert(lines.end(), body.lines.begin(), body.lines.end());
-  if (!view.events.empty() && lines.size() + 2 <= height) {
+  if (!state.events.empty() && lines.size() + 2 <= height) {
     lines.push_back({{}});
-    const size_t room = std::min(view.events.size(), height - lines.size());
-    for (auto event = view.events.end() - static_cast<ptrdiff_t>(room); event != view.events.end();
-         ++event) {
+    const size_t room = std::min(state.events.size(), height - lines.size());
+    for (auto event = state.events.end() - static_cast<ptrdiff_t>(room);
+         event != state.events.end(); ++event) {
       lines.push_back(event_line(*event));
     }
   }
   lines.resize(std::min(lines.size(), height));
-  for (WatchLine& line : lines) cut(line, width);
+  for (WatchLine& line : lines) truncate(line, width);
   return lines;
 }
 
