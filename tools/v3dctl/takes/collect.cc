@@ -20,14 +20,14 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// Removes copies of the staging folder. Throws std::filesystem::filesystem_error.
+/// Removes a part of the staging folder. Throws std::filesystem::filesystem_error.
 void remove_copies(const fs::path& folder) {
   const std::error_code error =
       io::uninterrupted_code([&](std::error_code& code) { fs::remove_all(folder, code); });
   if (error) throw fs::filesystem_error("cannot remove", folder, error);
 }
 
-/// rsync, as it is called for everything here.
+/// Calls rsync with the common options.
 class Rsync {
  public:
   explicit Rsync(std::string rsh) : rsh_(std::move(rsh)) {}
@@ -46,7 +46,8 @@ class Rsync {
   const std::string rsh_;
 };
 
-/// "drwxr-xr-x  4,096 2026/11/21 10:02:03 kendo-07/take.toml": the name is the last word.
+/// Name of the take in a line of rsync --list-only, or "". The path is the last word:
+/// "drwxr-xr-x  4,096 2026/11/21 10:02:03 kendo-07/take.toml".
 std::string take_in_listing(const std::string& line) {
   const size_t space = line.rfind(' ');
   const fs::path path = space == std::string::npos ? line : line.substr(space + 1);
@@ -62,7 +63,7 @@ class Collector {
   std::vector<CollectedTake> run() {
     io::throw_if_failed(io::create_folders(fs::absolute(request_.to)));
     for (const TakeSource& source : request_.sources) list(source);
-    refuse_unknown_takes();
+    require_takes();
     std::vector<CollectedTake> collected;
     for (const auto& [take, sources] : takes_) collected.push_back(collect(take, sources));
     return collected;
@@ -72,12 +73,12 @@ class Collector {
   using Sources = std::vector<const TakeSource*>;
 
   fs::path stage(const std::string& take) const { return request_.to / ".collect" / take; }
-  /// Cannot be the name of a node.
+  /// The leading dot excludes a collision with the folder of a node.
   static fs::path joined(const fs::path& staged) { return staged / ".joined"; }
 
-  bool is_wanted(const std::string& take) const {
-    const auto& wanted = request_.takes;
-    return wanted.empty() || std::find(wanted.begin(), wanted.end(), take) != wanted.end();
+  bool is_requested(const std::string& take) const {
+    const auto& names = request_.takes;
+    return names.empty() || std::find(names.begin(), names.end(), take) != names.end();
   }
 
   void list(const TakeSource& source) {
@@ -87,19 +88,19 @@ class Collector {
                    source.place, "", Output::kCapture);
     if (listed.status != 0) {
       throw InputError("cannot list the takes of " + source.node + " at " + source.place +
-                       " (rsync ended with " + std::to_string(listed.status) +
-                       "); without it: --from the other nodes");
+                       " (rsync ended with status " + std::to_string(listed.status) +
+                       "); to skip the node, name the others with --from");
     }
     std::istringstream lines(listed.output);
     for (std::string line; std::getline(lines, line);) {
       const std::string take = take_in_listing(line);
-      if (take.empty() || !is_wanted(take)) continue;
+      if (take.empty() || !is_requested(take)) continue;
       Sources& sources = takes_[take];
       if (sources.empty() || sources.back() != &source) sources.push_back(&source);
     }
   }
 
-  void refuse_unknown_takes() const {
+  void require_takes() const {
     for (const std::string& take : request_.takes) {
       if (!takes_.contains(take)) throw InputError("no node has a take " + take);
     }
@@ -117,7 +118,7 @@ class Collector {
     try {
       std::vector<TakePaths> parts;
       for (const TakeSource* source : sources) parts.push_back(fetch(take, *source));
-      result.meshes_of = chosen_meshes(parts);
+      result.meshes_of = source_of_meshes(parts);
       result.verification = join(take, sources, parts, place);
     } catch (const std::exception& error) {
       result.problem = error.what();
@@ -125,17 +126,17 @@ class Collector {
     return result;
   }
 
-  /// What the node has of the take, brought here.
+  /// Copies the part of one node.
   TakePaths fetch(const std::string& take, const TakeSource& source) {
     const TakePaths part{stage(take) / source.node};
     fs::create_directories(part.folder);
     const std::string from = source.place + "/" + take;
     copy(source, {"--include=/take.toml", "--exclude=*"}, from, part);
     if (fs::exists(part.info()) && load_take_info(part).state == TakeState::kRecording) {
-      throw InputError(source.node + " records it, or was cut off and did not start again since");
+      throw InputError(source.node + " records it, or stopped and has not restarted since");
     }
     if (on_terminal()) note(source.node + "  " + take);
-    // In place, so that a copy that was cut off goes on where it was.
+    // --inplace: an interrupted copy continues in its file.
     std::vector<std::string> options = {"--inplace", "--no-whole-file", "--exclude=/verified.toml",
                                         "--exclude=/.pieces-*", "--exclude=/.*.lock"};
     if (on_terminal()) options.emplace_back("--info=progress2");
@@ -143,27 +144,28 @@ class Collector {
     return part;
   }
 
-  /// What an earlier run left is not believed by its size and time: every file is gone through.
+  /// Compares the content of every file, because size and time do not prove a file of an earlier
+  /// run.
   void copy(const TakeSource& source, std::vector<std::string> options, const std::string& from,
             const TakePaths& part) {
     options.push_back("--ignore-times");
     const ProcessResult copied = rsync_.run(options, from, part.folder, Output::kShow);
     if (copied.status != 0) {
-      throw std::runtime_error("rsync from " + source.node + " ended with " +
-                               std::to_string(copied.status) + "; the same command goes on");
+      throw std::runtime_error("rsync from " + source.node + " ended with status " +
+                               std::to_string(copied.status) + "; repeat the command to continue");
     }
   }
 
-  static std::string chosen_meshes(const std::vector<TakePaths>& parts) {
+  static std::string source_of_meshes(const std::vector<TakePaths>& parts) {
     const auto have = std::count_if(parts.begin(), parts.end(),
                                     [](const TakePaths& part) { return fs::exists(part.mesh()); });
     return have > 1 ? part_with_meshes(parts)->folder.filename().string() : "";
   }
 
-  /// Whether every part has the bytes that its node has. rsync finds what was read back from the
-  /// disk here in the page cache.
-  bool are_as_on_nodes(const std::string& take, const Sources& sources,
-                       const std::vector<TakePaths>& parts) const {
+  /// Whether every part equals the files of its node. rsync reads the copy from the page cache,
+  /// which has the bytes that were just read back from the disk.
+  bool equal_nodes(const std::string& take, const Sources& sources,
+                   const std::vector<TakePaths>& parts) const {
     for (size_t i = 0; i < parts.size(); ++i) {
       const ProcessResult compared =
           rsync_.run({"--checksum", "--dry-run", "--itemize-changes", "--exclude=/verified.toml",
@@ -174,20 +176,20 @@ class Collector {
     return true;
   }
 
-  /// Reads the whole take back from the disk of the copy. Throws when the copy is not what the
-  /// nodes have; a take that is damaged on its node is collected as it is, and told.
+  /// Verifies the copy by reading it back from its disk. Throws when it differs from the nodes'
+  /// files. A file that is damaged on its node is a disagreement of the result.
   Verification read_back(const TakePaths& whole, const std::string& take, const Sources& sources,
                          const std::vector<TakePaths>& parts) const {
-    // rsync does not sync.
+    // rsync does not call fsync().
     io::throw_if_failed(io::sync_file_system(whole.folder));
     Verification verification = verify_take(whole, ReadFrom::kDisk);
-    if (verification.disagreements.empty() || are_as_on_nodes(take, sources, parts)) {
+    if (verification.disagreements.empty() || equal_nodes(take, sources, parts)) {
       return verification;
     }
     std::string lines;
     for (const std::string& line : verification.disagreements) lines += "\n  " + line;
     throw std::runtime_error(
-        "its copy is not what the nodes have; the same command copies it again" + lines);
+        "its copy is not what the nodes have; repeat the command to copy it again" + lines);
   }
 
   Verification join(const std::string& take, const Sources& sources,
@@ -198,7 +200,7 @@ class Collector {
     join_parts(parts, whole);
     Verification verification = read_back(whole, take, sources, parts);
     io::throw_if_failed(save_verified(whole, verification));
-    // A take of this name is whole, whatever happens to the power.
+    // Before the rename: after a power cut, a take with its final name is whole.
     io::throw_if_failed(io::sync_file_system(whole.folder));
     io::throw_if_failed(io::rename_new(whole.folder, place.folder));
     remove_copies(staged);
@@ -216,13 +218,13 @@ class Collector {
 
 std::vector<TakeSource> sources_of(const Studio& studio) {
   std::vector<TakeSource> sources;
-  const std::string here = host_name();
+  const std::string host = host_name();
   const std::string folder = fs::absolute(studio.storage.takes).lexically_normal();
   for (const StudioNode& node : studio.nodes) {
     const bool has_takes = !studio.cameras_of(node.name).empty() ||
                            studio.trigger.node == node.name || studio.reconstructs(node.name);
     if (!has_takes) continue;
-    sources.push_back({node.name, node.name == here ? folder : node.name + ":" + folder});
+    sources.push_back({node.name, node.name == host ? folder : node.name + ":" + folder});
   }
   return sources;
 }

@@ -1,5 +1,4 @@
-// Brings the takes of a studio together: from the nodes that recorded them to one place, over
-// rsync.
+// Collects takes: copies their parts from all nodes over rsync, joins and verifies them.
 #pragma once
 
 #include <filesystem>
@@ -11,7 +10,7 @@
 
 namespace v3d::ctl {
 
-/// Where the takes of a node lie, as rsync understands it: "cap01:/var/lib/v3d/takes", or a folder.
+/// A node and its folder of takes in the syntax of rsync: a folder, or "cap01:/var/lib/v3d/takes".
 struct TakeSource {
   std::string node;
   std::string place;
@@ -19,29 +18,29 @@ struct TakeSource {
 
 struct CollectRequest {
   std::vector<TakeSource> sources;
-  std::filesystem::path to;        ///< folder of takes; made
+  std::filesystem::path to;        ///< folder of the copies; created if missing
   std::vector<std::string> takes;  ///< empty: all that the nodes have and `to` has not
-  std::string rsh;                 ///< rsync's remote shell; empty: ssh
+  std::string rsh;                 ///< remote shell of rsync; empty: ssh
 };
 
 struct CollectedTake {
   std::string name;
-  bool was_there = false;  ///< already; nothing was done
-  std::string problem;     ///< why it is not there yet; empty: it is
-  std::string meshes_of;   ///< the node whose mesh.v3d it has, where several have one
+  bool was_there = false;  ///< the copy existed; nothing was done
+  std::string problem;     ///< why the take was not collected; empty: it was
+  std::string meshes_of;   ///< node of the copied mesh.v3d, where several have one
   Verification verification;
 };
 
-/// The nodes of the studio that have takes, each by its name and with the studio's folder; the node
-/// that this PC is by the folder alone.
+/// The nodes of the studio that have takes, accessed by node name over the remote shell. The node
+/// of this PC is accessed as a folder.
 std::vector<TakeSource> sources_of(const Studio& studio);
 
-/// Copies what every node has of a take (rsync compares checksums of what it sent, goes on where it
-/// was cut off, and leaves alone what is there), puts the parts together, verifies the whole by
-/// reading it back from the disk past the page cache, and gives it its place in one step. A copy
-/// that is not what the nodes have is not collected. What is not whole yet stays in TO/.collect,
-/// for the next time. A take that a node still records is passed over. Throws InputError when a
-/// node cannot be asked, or has no such take.
+/// Copies the parts of each take into `to`/.collect and continues copies that were interrupted.
+/// Joins the parts, verifies the whole by reading it back from the disk past the page cache, and
+/// renames it into `to` in one step. A copy that differs from the nodes' files is not collected. A
+/// take that is being recorded is skipped. Throws InputError when a node cannot be listed, or when
+/// no node has a requested take. Other errors are in CollectedTake::problem; the parts then stay
+/// for the next run.
 std::vector<CollectedTake> collect_takes(const CollectRequest& request);
 
 }  // namespace v3d::ctl

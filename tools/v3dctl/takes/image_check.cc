@@ -21,10 +21,10 @@
 namespace v3d::ctl {
 namespace {
 
-/// Voxels along the longest edge of the space: as fine as an XGA camera sees it from outside.
+/// Voxels along the longest edge of the bounds: about the resolution of an XGA camera.
 constexpr double kVoxels = 256;
 
-/// The masks of all cameras at one pulse, cut to the view of the space.
+/// Masks of all cameras at one pulse, limited to the view of the bounds.
 struct Silhouettes {
   int64_t pulse = 0;
   std::vector<std::optional<Mask>> masks;
@@ -37,23 +37,23 @@ class ImageCheck {
         bounds_(bounds_of(request)),
         hulls_(take_.rig(), bounds_, longest_edge() / kVoxels,
                default_min_views(static_cast<int>(take_.rig().size()))),
-        synchronism_(take_.rig()),
-        drift_(take_.rig()),
+        frame_lags_(take_.rig()),
+        displacements_(take_.rig()),
         views_(take_.rig().size()),
-        middles_(spread(take_.pulses(), request)),
-        progress_("check images", std::ssize(middles_)) {
+        pulses_(evenly_spread(take_.pulses(), request)),
+        progress_("check images", std::ssize(pulses_)) {
     tbb::parallel_for(size_t{0}, views_.size(),
                       [&](size_t i) { views_[i] = view_of(bounds_, take_.rig()[i].model); });
   }
 
   ImageCheckResult run() {
-    for (const int64_t middle : middles_) {
+    for (const int64_t pulse : pulses_) {
       stop_if_interrupted();
-      slide_to(middle);
+      move_window_to(pulse);
       add(windows());
       progress_.advance();
     }
-    return {synchronism_.result(), drift_.result(hulls_)};
+    return {frame_lags_.result(), displacements_.result(hulls_)};
   }
 
  private:
@@ -61,8 +61,8 @@ class ImageCheck {
     std::vector<const Mask*> masks;
     for (const MaskWindow& window : windows) masks.push_back(window[kMostPulsesOff]);
     const std::vector<Mask> expected = hulls_.silhouettes_of_each(masks);
-    synchronism_.add(windows, expected);
-    drift_.add(masks, expected);
+    frame_lags_.add(windows, expected);
+    displacements_.add(masks, expected);
   }
 
   Box bounds_of(const ImageCheckRequest& request) const {
@@ -74,27 +74,28 @@ class ImageCheck {
   }
   double longest_edge() const { return (bounds_.max - bounds_.min).maxCoeff(); }
 
-  /// Pulses with neighbours on both sides.
-  static std::vector<int64_t> spread(const std::vector<int64_t>& all,
-                                     const ImageCheckRequest& request) {
+  /// Pulses to compare; each has kMostPulsesOff neighbours on both sides.
+  static std::vector<int64_t> evenly_spread(const std::vector<int64_t>& all,
+                                            const ImageCheckRequest& request) {
     const int64_t usable = std::ssize(all) - 2 * kMostPulsesOff;
     if (usable < 1) {
-      throw InputError(request.take.string() + ": too few pulses to compare cameras; at least " +
-                       std::to_string(kShifts) + " are needed");
+      throw InputError(request.take.string() +
+                       ": has too few pulses to compare cameras; expected at least " +
+                       std::to_string(kShifts));
     }
     const int64_t wanted = std::min<int64_t>(request.pulses, usable);
-    std::vector<int64_t> middles;
+    std::vector<int64_t> pulses;
     for (int64_t i = 0; i < wanted; ++i) {
-      middles.push_back(all[static_cast<size_t>(kMostPulsesOff + i * usable / wanted)]);
+      pulses.push_back(all[static_cast<size_t>(kMostPulsesOff + i * usable / wanted)]);
     }
-    return middles;
+    return pulses;
   }
 
-  /// Reads on from where the window was: going on is cheap.
-  void slide_to(int64_t middle) {
-    while (!window_.empty() && window_.front().pulse < middle - kMostPulsesOff) window_.pop_front();
-    int64_t next = window_.empty() ? middle - kMostPulsesOff : window_.back().pulse + 1;
-    for (; next <= middle + kMostPulsesOff; ++next) window_.push_back(read(next));
+  /// Reads only pulses after the last one of the window: sequential reading is cheap.
+  void move_window_to(int64_t pulse) {
+    while (!window_.empty() && window_.front().pulse < pulse - kMostPulsesOff) window_.pop_front();
+    int64_t next = window_.empty() ? pulse - kMostPulsesOff : window_.back().pulse + 1;
+    for (; next <= pulse + kMostPulsesOff; ++next) window_.push_back(read(next));
   }
 
   Silhouettes read(int64_t pulse) {
@@ -122,21 +123,21 @@ class ImageCheck {
   TakeFrames take_;
   const Box bounds_;
   HullOfOthers hulls_;
-  SynchronismMeter synchronism_;
-  DriftMeter drift_;
+  SynchronismMeter frame_lags_;
+  DriftMeter displacements_;
   std::vector<Mask> views_;
-  const std::vector<int64_t> middles_;
+  const std::vector<int64_t> pulses_;
   std::deque<Silhouettes> window_;
   Progress progress_;
 };
 
-std::string text_of(const CameraSynchronism& camera) {
+std::string frame_lag_text(const CameraSynchronism& camera) {
   const int late = camera.pulses_late();
   const int best = kMostPulsesOff + late;
   char text[200];
   std::snprintf(text, sizeof text,
-                "out of step, %s %s by its images: its silhouettes differ from the hull of the "
-                "others by %.1f %% of their pixels, and by %.1f %% at that pulse",
+                "frame lag, %s %s: its silhouettes differ from the hull of the other cameras by "
+                "%.1f %% of their pixels, and by %.1f %% with the lag corrected",
                 count_of(std::abs(late), "pulse").c_str(), late > 0 ? "late" : "early",
                 100 * camera.disagreement[kMostPulsesOff],
                 100 * camera.disagreement[static_cast<size_t>(best)]);
@@ -149,14 +150,14 @@ ImageCheckResult check_images(const ImageCheckRequest& request) {
   return ImageCheck(request).run();
 }
 
-std::vector<std::string> lines_of(const ImageCheckResult& result) {
+std::vector<std::string> fault_lines(const ImageCheckResult& result) {
   std::vector<std::string> lines;
-  for (const CameraSynchronism& camera : result.synchronism) {
-    if (camera.pulses_late() != 0) lines.push_back(text_of(camera));
+  for (const CameraSynchronism& camera : result.frame_lags) {
+    if (camera.pulses_late() != 0) lines.push_back(frame_lag_text(camera));
   }
-  // What is out of step lies aside, too.
+  // A frame lag shifts silhouettes, too.
   if (!lines.empty()) return lines;
-  for (const CameraDrift& camera : result.drift) {
+  for (const CameraDrift& camera : result.displacements) {
     if (!camera.knocked) continue;
     lines.push_back(camera.camera + ": " + text_of(camera) + "; calibrate it again");
   }

@@ -1,5 +1,4 @@
-// What the images of a take say of its cameras: which of them are out of step, and which were
-// knocked out of their place.
+// Image check of a take: frame lag and displacement of each camera, from its silhouettes.
 #pragma once
 
 #include <filesystem>
@@ -14,22 +13,24 @@ namespace v3d::ctl {
 
 struct ImageCheckRequest {
   std::filesystem::path take;
-  std::optional<Studio> studio;  ///< gives the space where it is the take's
-  int pulses = 50;               ///< that are compared, spread over the take
+  std::optional<Studio> studio;  ///< gives the bounds if the take belongs to this studio
+  int pulses = 50;               ///< number to compare, evenly spread over the take
 };
 
-/// Both by camera.
+/// Both lists have one entry for each camera.
 struct ImageCheckResult {
-  std::vector<CameraSynchronism> synchronism;
-  std::vector<CameraDrift> drift;
+  std::vector<CameraSynchronism> frame_lags;
+  std::vector<CameraDrift> displacements;
 };
 
-/// Throws InputError as the reconstruction does: no calibration, frames with neither a mask nor a
-/// background model; and for a take of fewer pulses than are compared at a time.
+/// Compares the silhouettes of each camera with its leave-one-out hull, at its own and at
+/// neighbouring pulses.
+/// Throws InputError without a calibration, for frames with neither mask nor background model, and
+/// for a take with too few pulses. Uses all processors.
 ImageCheckResult check_images(const ImageCheckRequest& request);
 
-/// "cam07: its silhouettes fit the hull of the others 1 pulse later ...", for every camera out of
-/// step, and "cam04: knocked ..." for one that was.
-std::vector<std::string> lines_of(const ImageCheckResult& result);
+/// A line for each camera with a frame lag. Without any, a line for each displaced camera: a lag
+/// shifts silhouettes too.
+std::vector<std::string> fault_lines(const ImageCheckResult& result);
 
 }  // namespace v3d::ctl

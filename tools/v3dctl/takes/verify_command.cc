@@ -1,3 +1,4 @@
+// verify: checks a take against its ledger, signatures and, on request, its images.
 #include <algorithm>
 #include <cstdio>
 #include <nlohmann/json.hpp>
@@ -29,20 +30,20 @@ struct Arguments {
 
 Json images_json(const ImageCheckResult& result) {
   Json list = Json::array();
-  for (size_t i = 0; i < result.synchronism.size(); ++i) {
-    const CameraSynchronism& camera = result.synchronism[i];
-    const CameraDrift& drift = result.drift[i];
-    list.push_back({{"name", camera.camera},
-                    {"pulses_late", camera.pulses_late()},
-                    {"frames", camera.frames},
-                    {"disagreement", camera.disagreement},
-                    {"knocked", drift.knocked},
-                    {"shift_px", {drift.shift.x(), drift.shift.y()}}});
+  for (size_t i = 0; i < result.frame_lags.size(); ++i) {
+    const CameraSynchronism& lag = result.frame_lags[i];
+    const CameraDrift& displacement = result.displacements[i];
+    list.push_back({{"name", lag.camera},
+                    {"pulses_late", lag.pulses_late()},
+                    {"frames", lag.frames},
+                    {"disagreement", lag.disagreement},
+                    {"knocked", displacement.knocked},
+                    {"shift_px", {displacement.shift.x(), displacement.shift.y()}}});
   }
   return list;
 }
 
-/// File names in a take can have any bytes.
+/// File names in a take may have any bytes.
 std::vector<std::string> printable_lines(std::vector<std::string> lines) {
   for (std::string& line : lines) line = printable(line);
   return lines;
@@ -80,7 +81,7 @@ void print_signers(const SignatureCheck& check) {
   }
 }
 
-/// Adds what it finds to the verification.
+/// Adds disagreements and notes to `verification`.
 SignatureCheck verify_signatures(const CommandLine& line, const Arguments& arguments,
                                  Verification& verification) {
   std::optional<Studio> studio;
@@ -94,7 +95,7 @@ SignatureCheck verify_signatures(const CommandLine& line, const Arguments& argum
   if (arguments.is_signed && !check.is_complete) {
     verification.disagreements.emplace_back(
         studio ? "not every node and file has a signature with a key of the studio file"
-               : "signatures cannot be checked: there is no studio file with keys; try --studio");
+               : "cannot check signatures without a studio file with keys; try --studio");
   }
   return check;
 }
@@ -109,16 +110,17 @@ void print_text(const Verification& verification) {
   std::printf("%s\n", verification.ledger.verdict().c_str());
 }
 
-// So that the take may be deleted one day. Where the folder cannot be written, it is not.
-void remember(const TakePaths& paths, const Verification& verification) {
+// Marks the take as verified, which `takes delete` requires. A read-only folder is reported.
+void save_result(const TakePaths& paths, const Verification& verification) {
   const io::Status saved = save_verified(paths, verification);
-  if (!saved) note("v3dctl: verified, but not marked so: " + saved.error().message);
+  if (!saved) note("v3dctl: verified, but cannot save the result: " + saved.error().message);
 }
 
-/// The result also has what the recovery found wrong before it wrote the ledger.
+/// The result includes the disagreements that the recovery found before it wrote the ledger.
 Verification recover_and_verify(const TakePaths& paths) {
   if (const std::string recorder = recorder_of(paths); !recorder.empty()) {
-    throw InputError(paths.folder.string() + ": " + recorder + " records into it; stop it first");
+    throw InputError(paths.folder.string() + ": " + recorder +
+                     " records into it; stop that process first");
   }
   std::vector<std::string> found = recover_take(paths).disagreements;
   Verification verification = verify_take(paths, ReadFrom::kDisk);
@@ -137,7 +139,7 @@ int run(const CommandLine& line, const Arguments& arguments) {
   if (arguments.images) {
     catch_interrupts();
     images = check_images({.take = arguments.take, .studio = line.studio_of_take(arguments.take)});
-    for (std::string& text : lines_of(images)) {
+    for (std::string& text : fault_lines(images)) {
       verification.disagreements.push_back(std::move(text));
     }
   }
@@ -153,12 +155,12 @@ int run(const CommandLine& line, const Arguments& arguments) {
   }
   if (verification.info.state == TakeState::kRecording) {
     note(
-        "v3dctl: this take was never closed; when nobody records into it any more: v3dctl verify "
+        "v3dctl: this take was not closed; when no process records into it: v3dctl verify "
         "--recover " +
         arguments.take.string());
     return kExitNotWhole;
   }
-  remember(paths, verification);
+  save_result(paths, verification);
   return verification.whole() ? kExitDone : kExitNotWhole;
 }
 
@@ -171,10 +173,11 @@ void add_verify(CommandLine& line) {
   auto arguments = std::make_shared<Arguments>();
   command->add_option("TAKE", arguments->take, "The folder of the take")->required();
   command->add_flag("--recover", arguments->recover,
-                    "Give a take that nobody closed (a power cut) the ledger that its files make");
-  command->add_flag("--images", arguments->images,
-                    "Also hold each camera's silhouettes against the hull of the others: names "
-                    "cameras that are out of step, or were knocked since the calibration");
+                    "Close a take after a power cut or crash: write the ledger of its files");
+  command->add_flag(
+      "--images", arguments->images,
+      "Also compare the silhouettes of each camera with the hull of the others: report "
+      "cameras with a frame lag or displaced since the calibration");
   command->add_flag(
       "--signed", arguments->is_signed,
       "Fail unless every node that recorded the take, and every file, has a signature "
