@@ -13,7 +13,7 @@
 #include "support/temporary_folder.h"
 #include "v3dctl/evaluate/evaluate.h"
 #include "v3dctl/import/import.h"
-#include "v3dctl/reconstruct/reconstruct.h"
+#include "v3dctl/reconstruct/take_reconstruction.h"
 
 namespace v3d::ctl {
 namespace {

@@ -1,5 +1,5 @@
-# Mending tells whether a camera is late by the pulse before: in a part of a take by the one before the part, so that
-# faults and meshes are those of the whole. Run by cmake -P with V3DCTL, V3D_SIM and WORK.
+# Silhouette repair detects a frame lag by the previous pulse, in a part of a take by the pulse before the part. So faults
+# and meshes equal those of the whole. Run by cmake -P with V3DCTL, V3D_SIM and WORK.
 file(REMOVE_RECURSE ${WORK})
 set(take ${WORK}/take)
 file(WRITE ${WORK}/faults.toml "[[fault]]\ncamera = \"cam03\"\npulse = 0\nkind = \"late\"\npulses = 1\n")
@@ -10,12 +10,12 @@ function(run)
   endif()
   set(out "${out}" PARENT_SCOPE)
 endfunction()
-# 8 pulses a second: from one to the next the performer moves far.
+# 8 pulses a second: the performer moves far between two pulses.
 run(${V3D_SIM} take ${take} --frames 27 --cameras 8 --size 320x240 --rate 8 --faults ${WORK}/faults.toml)
 
-# Faults of frames 25 and 26, and what their meshes are to the byte: a key frame and the one behind it.
+# Faults of frames 25 and 26, a key frame and the next, and the bytes of their meshes.
 function(reconstruct frames)
-  run(${V3DCTL} reconstruct ${take} --mend --voxel 20mm --bounds -1.5,-1.5,0,1.5,1.5,2 --frames ${frames} --json)
+  run(${V3DCTL} reconstruct ${take} --repair --voxel 20mm --bounds -1.5,-1.5,0,1.5,1.5,2 --frames ${frames} --json)
   string(JSON count LENGTH "${out}" silhouette_faults)
   set(faults "")
   math(EXPR last "${count} - 1")
@@ -40,6 +40,6 @@ if(NOT result STREQUAL whole)
   message(SEND_ERROR "in a part: ${result}\nin the whole: ${whole}")
 endif()
 if(NOT result MATCHES "\"pulse late\"")
-  message(SEND_ERROR "nobody is late: ${result}")
+  message(SEND_ERROR "no camera has a frame lag: ${result}")
 endif()
 file(REMOVE_RECURSE ${WORK})

@@ -1,5 +1,5 @@
-# Surfaces of high quality flicker less than without the smoothing over time, and are the same in whatever parts a take
-# is reconstructed; an evaluation puts both beside each other on a page. Run by cmake -P with V3DCTL, V3D_SIM and WORK.
+# Surfaces of high quality flicker less with temporal smoothing, and do not depend on the parts in which a take is
+# reconstructed; the report of an evaluation compares both. Run by cmake -P with V3DCTL, V3D_SIM and WORK.
 file(REMOVE_RECURSE ${WORK})
 file(MAKE_DIRECTORY ${WORK})
 set(take ${WORK}/take)
@@ -10,13 +10,13 @@ function(run)
   endif()
   set(out "${out}" PARENT_SCOPE)
 endfunction()
-# 1000 pulses a second: the performer all but stands still.
+# 1000 pulses a second: the performer hardly moves.
 run(${V3D_SIM} take ${take} --frames 3 --cameras 6 --size 320x240 --rate 1000 --truth ${WORK}/truth)
 function(reconstruct)
   run(${V3DCTL} reconstruct ${take} --quality high --voxel 20mm --bounds -1.5,-1.5,0,1.5,1.5,2 ${ARGN})
 endfunction()
 
-reconstruct(--no-steady)
+reconstruct(--no-smoothing)
 file(RENAME ${take}/mesh.v3d ${WORK}/alone.v3d)
 reconstruct()
 run(${V3DCTL} evaluate ${take} --truth ${WORK}/truth --beside ${WORK}/alone.v3d --report ${WORK}/page.html --json)
@@ -34,7 +34,7 @@ foreach(text "Evaluation of take" "mesh.v3d" "alone.v3d" "flicker" "data:image/j
   endif()
 endforeach()
 
-# A part of the take, from a key frame on: the pulses beside it count all the same.
+# A part of the take, from a key frame on: neighbouring pulses are used, too.
 run(${V3DCTL} export ${take} --format ply --frames 1:2 ${WORK}/whole)
 reconstruct(--frames 0:2 --threads 1)
 run(${V3DCTL} export ${take} --format ply --frames 1:2 ${WORK}/part)

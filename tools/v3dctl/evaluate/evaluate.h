@@ -1,5 +1,4 @@
-// How good is a reconstructed take: against the true surface, and against cameras that took no
-// part.
+// Evaluation of a reconstructed take, against the true surface and against held-out cameras.
 #pragma once
 
 #include <filesystem>
@@ -13,60 +12,62 @@
 
 namespace v3d::ctl {
 
-/// What is evaluated. Without `meshes` it is the take's mesh.v3d; another mesh file of the same
-/// take may be one of another quality, say.
-struct Evaluated {
+/// Meshes to evaluate: those of `meshes`, a mesh file of the same take, otherwise the take's
+/// mesh.v3d.
+struct EvaluatedMeshes {
   std::filesystem::path take;
   std::optional<std::filesystem::path> meshes{};
 };
-MeshFrames frames_of(const Evaluated& evaluated);
+MeshFrames open_meshes(const EvaluatedMeshes& evaluated);
 
-inline constexpr double kSightLimitM = 0.005;
+/// Distance within which a point counts as right, by the cameras that see it.
+inline constexpr double kVisibilityLimitM = 0.005;
 
 /// Medians over the frames that have a true surface.
 struct TruthReport {
   int64_t frames = 0;
-  int64_t without_truth = 0;  ///< reconstructed frames that have no PLY
+  int64_t without_truth = 0;  ///< frames without a PLY file
   SurfaceDistance distance;
-  double least_covered_10mm = 0;  ///< in the worst frame
+  double min_covered_10mm = 0;    ///< minimum over the frames
   double self_intersections = 0;  ///< pairs of triangles
-  SightReport sight;              ///< by the cameras that took part, within kSightLimitM; means
-  int64_t in_a_row = 0;           ///< frames with a truth whose pulse before has one too
-  SurfaceChange change;           ///< medians over these
+  SightReport visibility;         ///< by the number of used cameras, kVisibilityLimitM; means
+  int64_t consecutive = 0;        ///< frames whose previous pulse has a true surface, too
+  SurfaceChange change;           ///< medians over the consecutive frames
 };
 
-/// `truth`/000012.ply is the true surface of frame 12. Throws InputError when no frame has one.
-TruthReport evaluate_truth(const Evaluated& evaluated, const std::filesystem::path& truth);
-/// The true surface of a frame; empty when there is none.
+/// Compares the meshes with the true surfaces; that of frame 12 is `truth`/000012.ply. Throws
+/// InputError when no frame has one.
+TruthReport evaluate_truth(const EvaluatedMeshes& evaluated, const std::filesystem::path& truth);
+/// True surface of a frame; empty when there is none.
 std::optional<Mesh> read_truth(const std::filesystem::path& truth, int64_t frame);
 
-/// A drawing against the photograph.
-struct PictureFigures {
+/// Similarity of a rendering and a photograph.
+struct ImageSimilarity {
   double psnr_db = 0;
   double ssim = 0;
 };
 
-/// Means over the frames in which the camera sees something.
+/// Means over the frames with foreground in the image of the camera.
 struct HeldOutReport {
   std::string camera;
   int64_t frames = 0;
-  PictureFigures inside;      ///< where the photograph shows foreground alone
-  PictureFigures whole_mask;  ///< with the rim of the mask, which shows background too
-  double iou = 0;             ///< the drawn silhouette against the mask
-  /// The true surface instead, coloured by the same cameras: what no reconstruction can beat by
-  /// much. Inside; over the frames that have a truth, if there are any.
-  std::optional<PictureFigures> true_surface;
+  ImageSimilarity inside;      ///< over HeldOutView::inside()
+  ImageSimilarity whole_mask;  ///< over the mask, with background at its rim
+  double iou = 0;              ///< of the rendered silhouette and the mask
+  /// The true surface, coloured from the used cameras: nearly an upper bound for reconstructions.
+  /// Over inside(), of the frames with a true surface.
+  std::optional<ImageSimilarity> true_surface;
 };
 
 struct HeldOutRequest {
   std::vector<std::string> cameras;
-  bool view_dependent = false;    ///< drawn in the colours that FrameColours gives for the camera
-  std::filesystem::path truth{};  ///< see evaluate_truth(); empty: none
+  bool view_dependent = false;    ///< render with view-dependent colours for the camera
+  std::filesystem::path truth{};  ///< as for evaluate_truth(); empty: none
 };
 
-/// Drawings and photographs are those of HeldOutView. Throws InputError for a camera that the take
-/// does not have or that took part.
-std::vector<HeldOutReport> evaluate_held_out(const Evaluated& evaluated,
+/// Compares renderings of the meshes with the photographs of held-out cameras (HeldOutView). Throws
+/// InputError for a camera that the take does not have, and for one that took part.
+std::vector<HeldOutReport> evaluate_held_out(const EvaluatedMeshes& evaluated,
                                              const HeldOutRequest& request);
 
 }  // namespace v3d::ctl

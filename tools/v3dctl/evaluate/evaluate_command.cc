@@ -1,3 +1,4 @@
+// evaluate: prints the measurements of evaluate.h, and writes the page.
 #include <cstdio>
 #include <nlohmann/json.hpp>
 
@@ -49,11 +50,11 @@ void put_truth(Json& json, const TruthReport& report) {
   json["covered"] = {{"2mm", d.covered_2mm},
                      {"5mm", d.covered_5mm},
                      {"10mm", d.covered_10mm},
-                     {"10mm_least", report.least_covered_10mm}};
+                     {"10mm_least", report.min_covered_10mm}};
   json["normal_error_deg"] = d.normal_error_deg;
   json["self_intersections"] = report.self_intersections;
-  json["seen_by"] = to_json(report.sight);
-  if (report.in_a_row == 0) return;
+  json["seen_by"] = to_json(report.visibility);
+  if (report.consecutive == 0) return;
   const SurfaceChange& c = report.change;
   json["flicker_mm"] = {
       {"p50", c.flicker_p50_mm}, {"p90", c.flicker_p90_mm}, {"still_part", c.still}};
@@ -61,8 +62,8 @@ void put_truth(Json& json, const TruthReport& report) {
       {"p50", c.moving_p50_mm}, {"p90", c.moving_p90_mm}, {"moving_part", c.moving}};
 }
 
-Json to_json(const PictureFigures& figures) {
-  return {{"psnr_db", figures.psnr_db}, {"ssim", figures.ssim}};
+Json to_json(const ImageSimilarity& similarity) {
+  return {{"psnr_db", similarity.psnr_db}, {"ssim", similarity.ssim}};
 }
 
 void put_held_out(Json& json, const std::vector<HeldOutReport>& reports) {
@@ -83,11 +84,11 @@ void put_held_out(Json& json, const std::vector<HeldOutReport>& reports) {
 
 void print_change(const SurfaceChange& change) {
   if (change.still > 0) {
-    std::printf("flicker       %.2f mm half, %.2f mm nine tenths of what stands still (%.0f %%)\n",
+    std::printf("flicker       %.2f mm (median), %.2f mm (90 %%) of the still surface (%.0f %%)\n",
                 change.flicker_p50_mm, change.flicker_p90_mm, 100 * change.still);
   }
   if (change.moving > 0) {
-    std::printf("moving        %.2f mm half, %.2f mm nine tenths of what moves (%.0f %%)\n",
+    std::printf("moving        %.2f mm (median), %.2f mm (90 %%) of the moving surface (%.0f %%)\n",
                 change.moving_p50_mm, change.moving_p90_mm, 100 * change.moving);
   }
 }
@@ -96,23 +97,22 @@ void print_truth(const TruthReport& report) {
   const SurfaceDistance& d = report.distance;
   std::printf("%lld frames against the truth (medians over frames)\n",
               static_cast<long long>(report.frames));
-  std::printf("accuracy      %.2f mm half, %.2f mm nine tenths of the surface\n", d.accuracy_p50_mm,
+  std::printf("accuracy      %.2f mm (median), %.2f mm (90 %%), mesh to truth\n", d.accuracy_p50_mm,
               d.accuracy_p90_mm);
-  std::printf("completeness  %.2f mm half, %.2f mm nine tenths of the truth\n",
+  std::printf("completeness  %.2f mm (median), %.2f mm (90 %%), truth to mesh\n",
               d.completeness_p50_mm, d.completeness_p90_mm);
   std::printf("f-score       %.3f at 2 mm, %.3f at 5 mm, %.3f at 10 mm\n", d.f_score_2mm,
               d.f_score_5mm, d.f_score_10mm);
   std::printf("covered       %.3f of the truth within 10 mm, %.3f in the worst frame\n",
-              d.covered_10mm, report.least_covered_10mm);
-  const auto& seen = report.sight.seen_by;
+              d.covered_10mm, report.min_covered_10mm);
+  const auto& seen = report.visibility.seen_by;
   std::printf(
-      "seen          %.3f of the truth by no camera, %.3f by one; were all right within 5 mm "
-      "that two see: f-score %.3f\n",
-      seen[0].truth, seen[1].truth, report.sight.f_score_if_right_from(2));
-  std::printf("normals       %.1f degrees off\n", d.normal_error_deg);
-  std::printf("crossings     %.0f pairs of triangles go through each other\n",
-              report.self_intersections);
-  if (report.in_a_row > 0) print_change(report.change);
+      "visibility    %.3f of the truth seen by no camera, %.3f by one; f-score at 5 mm if all seen "
+      "by two were right: %.3f\n",
+      seen[0].truth, seen[1].truth, report.visibility.f_score_if_right_from(2));
+  std::printf("normals       %.1f degrees error\n", d.normal_error_deg);
+  std::printf("intersections %.0f pairs of triangles\n", report.self_intersections);
+  if (report.consecutive > 0) print_change(report.change);
 }
 
 void print_held_out(const std::vector<HeldOutReport>& reports) {
@@ -126,9 +126,9 @@ void print_held_out(const std::vector<HeldOutReport>& reports) {
   }
 }
 
-EvaluatedColumn measure(const Arguments& arguments, const std::vector<std::string>& cameras,
-                        const std::string& name, const Evaluated& evaluated) {
-  EvaluatedColumn column{name, evaluated, {}, {}};
+EvaluationColumn measure(const Arguments& arguments, const std::vector<std::string>& cameras,
+                         const std::string& name, const EvaluatedMeshes& evaluated) {
+  EvaluationColumn column{name, evaluated, {}, {}};
   if (!arguments.truth.empty()) column.truth = evaluate_truth(evaluated, arguments.truth);
   if (!cameras.empty()) {
     column.held_out =
@@ -137,7 +137,7 @@ EvaluatedColumn measure(const Arguments& arguments, const std::vector<std::strin
   return column;
 }
 
-Json to_json(const EvaluatedColumn& column) {
+Json to_json(const EvaluationColumn& column) {
   Json json = {{"frames", nullptr},           {"distance_mm", nullptr},
                {"f_score", nullptr},          {"covered", nullptr},
                {"normal_error_deg", nullptr}, {"self_intersections", nullptr},
@@ -148,22 +148,22 @@ Json to_json(const EvaluatedColumn& column) {
   return json;
 }
 
-void print_text(const std::vector<EvaluatedColumn>& columns) {
-  for (const EvaluatedColumn& column : columns) {
+void print_text(const std::vector<EvaluationColumn>& columns) {
+  for (const EvaluationColumn& column : columns) {
     if (columns.size() > 1) std::printf("%s\n", column.name.c_str());
     if (column.truth) print_truth(*column.truth);
     if (!column.held_out.empty()) print_held_out(column.held_out);
   }
 }
 
-void print_json(const std::vector<EvaluatedColumn>& columns) {
+void print_json(const std::vector<EvaluationColumn>& columns) {
   Json json = to_json(columns.front());
   if (columns.size() > 1) json["beside"] = to_json(columns.back());
   std::printf("%s\n", json.dump(2).c_str());
 }
 
-/// False when frames have no truth.
-bool whole(const Arguments& arguments, const EvaluatedColumn& column) {
+/// Whether all frames have a true surface; reports it otherwise.
+bool has_all_truth(const Arguments& arguments, const EvaluationColumn& column) {
   if (!column.truth || column.truth->without_truth == 0) return true;
   std::fprintf(stderr, "v3dctl: %lld frames have no truth in %s\n",
                static_cast<long long>(column.truth->without_truth), arguments.truth.c_str());
@@ -173,10 +173,10 @@ bool whole(const Arguments& arguments, const EvaluatedColumn& column) {
 int run(const Arguments& arguments) {
   const std::vector<std::string> cameras = parse_names(arguments.held_out, "--held-out");
   if (arguments.truth.empty() && cameras.empty()) {
-    throw InputError("evaluate: give --truth DIR, --held-out CAM,... or both");
+    throw InputError("evaluate: expected --truth DIR, --held-out CAM,... or both");
   }
   catch_interrupts();
-  std::vector<EvaluatedColumn> columns = {
+  std::vector<EvaluationColumn> columns = {
       measure(arguments, cameras, "mesh.v3d", {arguments.take})};
   if (!arguments.beside.empty()) {
     columns.push_back(measure(arguments, cameras, arguments.beside.filename().string(),
@@ -187,7 +187,7 @@ int run(const Arguments& arguments) {
   } else {
     print_text(columns);
   }
-  const bool all = whole(arguments, columns.front());
+  const bool all = has_all_truth(arguments, columns.front());
   if (!arguments.report.empty()) {
     replace_file(arguments.report, evaluation_html({std::move(columns), arguments.truth, cameras,
                                                     arguments.view_dependent}));
@@ -199,7 +199,7 @@ int run(const Arguments& arguments) {
 
 void add_evaluate(CommandLine& line) {
   CLI::App* command = line.add(
-      "evaluate", "Measure the meshes of a take against the truth or against cameras left out",
+      "evaluate", "Measure the meshes of a take against the truth or held-out cameras",
       {"v3dctl evaluate sim-01 --truth truth --json",
        "v3dctl reconstruct dancer --leave-out cam03 && v3dctl evaluate dancer --held-out cam03",
        "v3dctl evaluate sim-01 --truth truth --beside sim-01/hull.v3d --report sim-01.html"});
@@ -210,21 +210,24 @@ void add_evaluate(CommandLine& line) {
                    "The true surface of frame 12 is DIR/000012.ply, and so on")
       ->type_name("DIR");
   command
-      ->add_option("--held-out", arguments->held_out,
-                   "Cameras that took no part (reconstruct --leave-out): the mesh is drawn as they "
-                   "see it and held against their pictures")
+      ->add_option(
+          "--held-out", arguments->held_out,
+          "Held-out cameras (reconstruct --leave-out): the mesh is rendered in their view and "
+          "compared with their images")
       ->type_name("CAM,...");
   command->add_flag("--view-dependent", arguments->view_dependent,
-                    "Draw in the colours for the viewpoint of the camera that was left out");
+                    "Render with the colours for the viewpoint of the held-out camera");
   command
-      ->add_option("--beside", arguments->beside,
-                   "Another mesh file of the same take, to be measured and shown beside: a copy of "
-                   "its mesh.v3d from before it was reconstructed otherwise")
+      ->add_option(
+          "--beside", arguments->beside,
+          "Another mesh file of the same take to measure and show for comparison, such as a "
+          "copy of an earlier mesh.v3d")
       ->type_name("FILE");
   command
-      ->add_option("--report", arguments->report,
-                   "A page for people: the figures, the error painted on the mesh, photographs "
-                   "beside renderings")
+      ->add_option(
+          "--report", arguments->report,
+          "Write a page with the measurements, the error as colours of the mesh, photographs "
+          "and renderings")
       ->type_name("FILE.html");
   add_json_flag(command, arguments->json);
   line.on_run(command, [arguments] { return run(*arguments); });

@@ -1,4 +1,4 @@
-// An evaluation as a page for people: figures, the error painted on the mesh, photographs beside
+// Evaluation as an HTML page: measurements, errors as colours of the mesh, photographs and
 // renderings.
 #pragma once
 
@@ -7,27 +7,37 @@
 #include <string>
 #include <vector>
 
+#include "base/image.h"
 #include "v3dctl/evaluate/evaluate.h"
 
 namespace v3d::ctl {
 
-/// One set of meshes and what was measured of it.
-struct EvaluatedColumn {
+/// One set of meshes and its measurements.
+struct EvaluationColumn {
   std::string name;
-  Evaluated evaluated;
+  EvaluatedMeshes evaluated;
   std::optional<TruthReport> truth;
   std::vector<HeldOutReport> held_out;
 };
 
 struct EvaluationPage {
-  std::vector<EvaluatedColumn> columns;  ///< of the same take; at least one
-  std::filesystem::path truth;           ///< empty without
-  std::vector<std::string> held_out;     ///< the cameras
+  std::vector<EvaluationColumn> columns;  ///< of the same take; at least one
+  std::filesystem::path truth;            ///< empty: none
+  std::vector<std::string> held_out;      ///< cameras
   bool view_dependent = false;
 };
 
-/// One HTML file with its pictures in it, all of the frame in the middle; needs nothing but a
-/// browser.
+/// One HTML file that contains its images, those of the frame in the middle of the take.
 std::string evaluation_html(const EvaluationPage& page);
+
+/// Scale of error colours: evenly spaced from 0 to kMaxErrorMm; greater errors have the last
+/// colour.
+inline constexpr double kMaxErrorMm = 20;
+inline constexpr Rgb8 kErrorColours[] = {
+    {49, 100, 180}, {116, 183, 215}, {245, 240, 190}, {247, 158, 85}, {200, 30, 40}};
+
+/// Renderings of the mesh from four sides, coloured by the distance of each vertex from the truth.
+/// The cameras depend on the truth only, so that several meshes have equal views.
+std::vector<Image> error_renderings(const Mesh& mesh, const Mesh& truth);
 
 }  // namespace v3d::ctl

@@ -1,4 +1,4 @@
-// A camera that took no part in a reconstruction, as the judge of it.
+// View of a held-out camera: its photograph, and renderings of meshes that compare with it.
 #pragma once
 
 #include "base/camera_model.h"
@@ -9,10 +9,8 @@
 
 namespace v3d::ctl {
 
-/// What such a camera photographed, and meshes as it would have photographed them: a drawing goes
-/// through the camera's colours and the filters of its sensor, as the photograph did. What the
-/// sensor cannot show is then missing in both, and nobody is charged with the false colours of its
-/// mosaic.
+/// Renderings pass the colour response of the camera and the Bayer filters of its sensor, as the
+/// photograph did. So both have the false colours of the mosaic, and neither is charged for them.
 class HeldOutView {
  public:
   /// `camera` is borrowed.
@@ -21,19 +19,36 @@ class HeldOutView {
   /// RGB8 of the whole image, in the common colours of the rig.
   const Image& photograph() const { return photograph_; }
   const Mask& mask() const { return mask_; }
-  /// The pixels of the photograph that are made of foreground alone: those whose neighbours up to
-  /// two pixels away, as far as demosaicing looks, are foreground too.
+  /// Pixels whose neighbours up to two pixels away, the reach of demosaicing, are foreground, too.
   const Mask& inside() const { return inside_; }
-  Image drawn(const Mesh& mesh) const;
+  /// Rendering of `mesh` with the colours of its vertices, comparable with photograph().
+  Image render(const Mesh& mesh) const;
 
  private:
-  Image as_recorded(Image drawing) const;
+  Image as_recorded(Image rendering) const;
 
   const RigCamera& camera_;
   const PixelFormat format_;
   const Mask mask_;
   const Mask inside_;
   const Image photograph_;
+};
+
+/// Images of a HeldOutView for people, cropped to the foreground.
+class CroppedHeldOutView {
+ public:
+  /// Requires a mask with foreground. `camera` is borrowed.
+  CroppedHeldOutView(const RigCamera& camera, const SegmentedFrame& frame);
+  Image photograph() const;
+  Image render(const Mesh& mesh) const;
+  /// Absolute difference of both over inside(): black for 0, white for 64 grey values and more.
+  Image difference(const Mesh& mesh) const;
+
+ private:
+  Image crop(const Image& whole) const;
+
+  const HeldOutView view_;
+  const Rect region_;
 };
 
 }  // namespace v3d::ctl

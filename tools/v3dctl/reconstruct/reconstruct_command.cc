@@ -1,3 +1,4 @@
+// reconstruct: makes the meshes of a take; and reconstruct-shards, a task of it.
 #include <sys/prctl.h>
 #include <unistd.h>
 
@@ -15,29 +16,16 @@
 #include "v3dctl/command_line.h"
 #include "v3dctl/options.h"
 #include "v3dctl/process.h"
-#include "v3dctl/reconstruct/local_task_runner.h"
-#include "v3dctl/reconstruct/reconstruct.h"
 #include "v3dctl/reconstruct/reconstruct_options.h"
 #include "v3dctl/reconstruct/sharded_reconstruction.h"
-#include "v3dctl/reconstruct/slurm_task_runner.h"
+#include "v3dctl/reconstruct/take_reconstruction.h"
 
 namespace v3d::ctl {
 namespace {
 
 using Json = nlohmann::ordered_json;
 
-struct Arguments {
-  ReconstructRequest request;
-  std::string voxel, bounds, quality, deform, frames, leave_out;
-  std::string partition;
-  int min_views = 0;
-  int processes = 0;
-  bool slurm = false;
-  bool alone = false;
-  bool json = false;
-};
-
-double least(const std::vector<double>& values) {
+double min_of(const std::vector<double>& values) {
   return values.empty() ? 0 : *std::min_element(values.begin(), values.end());
 }
 
@@ -57,7 +45,7 @@ Json silhouettes_json(const ReconstructReport& report) {
     cameras[report.cameras[i]] = mean(report.camera_iou[i]);
   }
   return {{"mean", mean(report.silhouette_iou)},
-          {"min", least(report.silhouette_iou)},
+          {"min", min_of(report.silhouette_iou)},
           {"cameras", cameras}};
 }
 
@@ -85,7 +73,7 @@ Json quality_json(const ReconstructReport& report) {
   return list;
 }
 
-/// Of those that this run made.
+/// Of the frames that this run made.
 double frames_per_second(const ReconstructReport& report) {
   return static_cast<double>(report.frames - report.frames_kept) / report.seconds;
 }
@@ -108,20 +96,21 @@ Json to_json(const ReconstructReport& report) {
       {"triangles", median(report.triangles)},
       {"silhouette_iou", silhouettes_json(report)},
       {"frame_quality", quality_json(report)},
-      {"silhouette_faults", report.mended ? faults_json(report.silhouette_faults) : Json(nullptr)},
+      {"silhouette_faults",
+       report.repaired ? faults_json(report.silhouette_faults) : Json(nullptr)},
       {"stages_ms", stages_json(report)},
       {"frames_per_second", frames_per_second(report)},
       {"bytes_per_frame", mean(report.bytes)},
       {"peak_rss_mb", report.peak_rss_mb}};
 }
 
-// A camera that agrees much less than the others has moved, or sees what the others do not.
+// A much lower agreement than that of the others suggests a displaced camera.
 void print_worst_camera(const ReconstructReport& report) {
   const auto worst = std::min_element(
       report.camera_iou.begin(), report.camera_iou.end(),
       [](const auto& a, const auto& b) { return !a.empty() && (b.empty() || mean(a) < mean(b)); });
   if (worst == report.camera_iou.end() || worst->empty()) return;
-  std::printf("             worst in %s, %.3f (mean)\n",
+  std::printf("             minimum in %s, %.3f (mean)\n",
               report.cameras[static_cast<size_t>(worst - report.camera_iou.begin())].c_str(),
               mean(*worst));
 }
@@ -135,135 +124,57 @@ void print_text(const ReconstructReport& report) {
               format_count(static_cast<int64_t>(median(report.vertices))).c_str(),
               format_count(static_cast<int64_t>(median(report.triangles))).c_str(),
               format_bytes(mean(report.bytes)).c_str());
-  std::printf("silhouettes  covered to %.3f (mean), %.3f (least)\n", mean(report.silhouette_iou),
-              least(report.silhouette_iou));
+  std::printf("silhouettes  IoU %.3f (mean), %.3f (minimum)\n", mean(report.silhouette_iou),
+              min_of(report.silhouette_iou));
   print_worst_camera(report);
-  for (const std::string& line : lines_of(report.silhouette_faults)) {
-    std::printf("mended       %s\n", line.c_str());
+  for (const std::string& line : fault_lines(report.silhouette_faults)) {
+    std::printf("repaired     %s\n", line.c_str());
   }
   for (const StageSamples& stage : report.stages) {
     if (stage.ms.empty()) continue;
-    std::printf("%-12s %.1f ms, 99 of 100 within %.1f ms\n", stage.name.c_str(),
+    std::printf("%-12s %.1f ms (median), %.1f ms (99th percentile)\n", stage.name.c_str(),
                 percentile(stage.ms, 0.50), percentile(stage.ms, 0.99));
   }
   std::printf("whole run    %.1f s, %.2f frames/s on %d threads, %.0f MB memory\n", report.seconds,
               frames_per_second(report), report.threads, report.peak_rss_mb);
 }
 
-Quality parse_quality(const std::string& text) {
-  if (text == "live") return Quality::kLive;
-  if (text == "high") return Quality::kHigh;
-  throw InputError("--quality " + text + ": want live or high");
-}
-
-void add_options(CLI::App* command, Arguments& arguments) {
-  command->add_option("TAKE", arguments.request.take, "The folder of the take")->required();
-  command
-      ->add_option("--voxel", arguments.voxel,
-                   "Edge of a voxel, with its unit (else the studio's, else 10mm)")
-      ->type_name("LEN");
-  command
-      ->add_option(
-          "--bounds", arguments.bounds,
-          "The space to reconstruct, metres (else the studio's, else where most cameras look)")
-      ->type_name("X0,Y0,Z0,X1,Y1,Z1");
-  command
-      ->add_option("--min-views", arguments.min_views,
-                   "What fewer cameras see is empty (else the studio's, else 4, with few cameras "
-                   "all but one)")
-      ->type_name("K")
-      ->check(CLI::Range(1, 1000));
-  command
-      ->add_option("--quality", arguments.quality,
-                   "live: as the studio does while recording; high: slower, finer")
-      ->type_name("live|high");
-  command
-      ->add_option(
-          "--deform", arguments.deform,
-          "With high quality: mode=search|paper, the weights of the forces internal=0.3, "
-          "photometric=0.4, silhouette=0.3, window=5 samples a side, views=6 cameras at a time, "
-          "hollows=1 to carve first where cameras see through the hull")
-      ->type_name("NAME=VALUE,...");
-  command->add_flag(
-      "--no-steady", arguments.alone,
-      "With high quality: every frame by itself, without the smoothing over time of what "
-      "stands still");
-  command->add_flag(
-      "--mend", arguments.request.mend,
-      "Hold the silhouettes of all cameras against each other first: fill pieces that "
-      "are missing in one, drop phantoms, leave out cameras that are wrong");
-  add_frames_option(command, arguments.frames);
-  command
-      ->add_option("--threads", arguments.request.threads,
-                   "Worker threads (else one per core); the result is the same")
-      ->type_name("N")
-      ->check(CLI::Range(1, 1024));
-  CLI::Option* processes =
-      command
-          ->add_option("--processes", arguments.processes,
-                       "Share the take out to so many processes; the result is the same, and a run "
-                       "that was interrupted goes on where it was")
-          ->type_name("N")
-          ->check(CLI::Range(1, 1024));
-  CLI::Option* slurm = command->add_flag(
-      "--slurm", arguments.slurm,
-      "Share it out to the nodes of a Slurm cluster; without Slurm to a process per core");
-  slurm->excludes(processes);
-  command->add_option("--partition", arguments.partition, "The partition of the cluster")
-      ->type_name("NAME")
-      ->needs(slurm);
-  command
-      ->add_option("--leave-out", arguments.leave_out,
-                   "Cameras that do not take part, to be compared with later")
-      ->type_name("CAM,...");
-  add_json_flag(command, arguments.json);
-}
-
 ReconstructReport by_processes(const ReconstructRequest& request, int processes) {
   const int threads = std::max(1, threads_of(request) / processes);
-  ReconstructReport report = reconstruct_shared(
-      request, threads * processes, [&](const PieceFolder& folder, const ReconstructRequest&) {
-        return std::make_unique<LocalTasks>(folder, processes, threads);
+  ReconstructReport report = reconstruct_sharded(
+      request, threads * processes, [&](const ShardFolder& folder, const ReconstructRequest&) {
+        return std::make_unique<LocalTaskRunner>(folder, processes, threads);
       });
   report.processes = processes;
   return report;
 }
 
-/// Few enough that a take keeps a cluster busy, enough that beginning a task costs little beside.
-constexpr int64_t kPiecesOfATask = 4;
+/// At live quality: few shards use a whole cluster, many reduce the share of a task's start-up.
+constexpr int64_t kMinShardsPerTask = 4;
 
 ReconstructReport by_slurm(const ReconstructRequest& request, const std::string& partition) {
   const int threads = std::max(1, request.threads);
-  ReconstructReport report = reconstruct_shared(
-      request, threads, [&](const PieceFolder& folder, const ReconstructRequest& settled) {
-        const int64_t pieces = settled.quality == Quality::kHigh ? 1 : kPiecesOfATask;
-        return std::make_unique<SlurmTasks>(folder, partition, threads, pieces);
+  ReconstructReport report = reconstruct_sharded(
+      request, threads, [&](const ShardFolder& folder, const ReconstructRequest& complete) {
+        const int64_t min_shards = complete.quality == Quality::kHigh ? 1 : kMinShardsPerTask;
+        return std::make_unique<SlurmTaskRunner>(folder, partition, threads, min_shards);
       });
   report.processes = 0;
   return report;
 }
 
-ReconstructReport reconstruct(const Arguments& arguments) {
+ReconstructReport reconstruct(const ReconstructArguments& arguments) {
   if (arguments.processes > 0) return by_processes(arguments.request, arguments.processes);
   if (!arguments.slurm) return reconstruct_take(arguments.request);
   if (has_program("sbatch")) return by_slurm(arguments.request, arguments.partition);
   const int cores = threads_of({});
-  note("no Slurm here (no sbatch on the PATH): with " + std::to_string(cores) +
-       " processes of this PC");
+  note("no Slurm on this PC (no sbatch on the PATH): using " + std::to_string(cores) +
+       " processes");
   return by_processes(arguments.request, cores);
 }
 
-int run(const CommandLine& line, Arguments arguments) {
-  ReconstructRequest& request = arguments.request;
-  if (!arguments.voxel.empty()) request.voxel_m = parse_length(arguments.voxel);
-  if (!arguments.bounds.empty()) request.bounds = parse_bounds(arguments.bounds);
-  if (!arguments.quality.empty()) request.quality = parse_quality(arguments.quality);
-  request.deform = parse_deform(arguments.deform);
-  if (arguments.min_views > 0) request.min_views = arguments.min_views;
-  request.steady = !arguments.alone;
-  request.frames = parse_frame_range(arguments.frames);
-  request.leave_out = parse_names(arguments.leave_out, "--leave-out");
-  request.studio = line.studio_of_take(request.take);
+int run(const CommandLine& line, ReconstructArguments arguments) {
+  arguments.request = request_of(line, arguments);
   catch_interrupts();
   const ReconstructReport report = reconstruct(arguments);
   if (arguments.json) {
@@ -272,7 +183,7 @@ int run(const CommandLine& line, Arguments arguments) {
     print_text(report);
   }
   for (const std::string& error : report.read_errors) note("v3dctl: " + error);
-  const int status = report_incomplete_frames(report.incomplete, request.take);
+  const int status = report_incomplete_frames(report.incomplete, arguments.request.take);
   return report.read_errors.empty() ? status : kExitNotWhole;
 }
 
@@ -290,7 +201,7 @@ int run_shards(const ShardArguments& arguments) {
     prctl(PR_SET_PDEATHSIG, SIGTERM);
     if (getppid() != arguments.parent) return kExitFailed;  // the parent ended before prctl()
   }
-  reconstruct_pieces(PieceFolder(arguments.folder), parse_frame_range(arguments.shards),
+  reconstruct_shards(ShardFolder(arguments.folder), parse_frame_range(arguments.shards),
                      arguments.threads);
   return kExitDone;
 }
@@ -314,8 +225,8 @@ void add_reconstruct(CommandLine& line) {
                {"v3dctl reconstruct dancer --voxel 8mm --bounds -0.6,-0.6,-0.1,0.6,0.6,1.9",
                 "v3dctl reconstruct dancer --frames 100:200 --leave-out cam03,cam11 --json",
                 "v3dctl reconstruct kendo-07 --quality high --slurm --partition night"});
-  auto arguments = std::make_shared<Arguments>();
-  add_options(command, *arguments);
+  auto arguments = std::make_shared<ReconstructArguments>();
+  add_reconstruct_options(command, *arguments);
   line.on_run(command, [&line, arguments] { return run(line, *arguments); });
   add_reconstruct_shards(line);
 }

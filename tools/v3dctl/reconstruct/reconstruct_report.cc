@@ -9,11 +9,11 @@ namespace {
 using Json = nlohmann::ordered_json;
 
 template <class T>
-void put_behind(std::vector<T>& all, const std::vector<T>& more) {
+void append_all(std::vector<T>& all, const std::vector<T>& more) {
   all.insert(all.end(), more.begin(), more.end());
 }
 
-/// One per frame, by the names they have in JSON.
+/// Measurements of each frame, with their names in JSON.
 struct FrameSamples {
   const char* name;
   std::vector<double> ReconstructReport::*values;
@@ -32,7 +32,7 @@ Json fault_to_json(const PulseFault& fault) {
           fault.fault.pixels};
 }
 
-PulseFault fault_of(const Json& json) {
+PulseFault fault_from_json(const Json& json) {
   PulseFault fault;
   fault.pulse = json.at(0);
   fault.camera = json.at(1);
@@ -45,7 +45,7 @@ PulseFault fault_of(const Json& json) {
 
 }  // namespace
 
-ReconstructReport begin_report(const Rig& rig, const ReconstructOptions& options, bool mended) {
+ReconstructReport empty_report(const Rig& rig, const ReconstructOptions& options, bool repaired) {
   ReconstructReport report;
   for (const RigCamera& camera : rig) report.cameras.push_back(camera.name);
   report.camera_iou.resize(rig.size());
@@ -53,7 +53,7 @@ ReconstructReport begin_report(const Rig& rig, const ReconstructOptions& options
   report.voxel_m = options.voxel_m;
   report.min_views = options.min_views;
   report.threads = options.threads;
-  report.mended = mended;
+  report.repaired = repaired;
   for (const char* stage : {"segment", "intersect", "mesh", "deform", "steady", "texture", "encode",
                             "quality", "total"}) {
     report.stages.push_back({stage, {}});
@@ -61,60 +61,60 @@ ReconstructReport begin_report(const Rig& rig, const ReconstructOptions& options
   return report;
 }
 
-void append(ReconstructReport& whole, const ReconstructReport& piece) {
-  whole.frames += piece.frames;
-  whole.incomplete += piece.incomplete;
-  put_behind(whole.read_errors, piece.read_errors);
-  for (const FrameSamples& of : kFrameSamples) put_behind(whole.*of.values, piece.*of.values);
+void append(ReconstructReport& whole, const ReconstructReport& part) {
+  whole.frames += part.frames;
+  whole.incomplete += part.incomplete;
+  append_all(whole.read_errors, part.read_errors);
+  for (const FrameSamples& of : kFrameSamples) append_all(whole.*of.values, part.*of.values);
   for (size_t c = 0; c < whole.camera_iou.size(); ++c) {
-    put_behind(whole.camera_iou[c], piece.camera_iou[c]);
+    append_all(whole.camera_iou[c], part.camera_iou[c]);
   }
-  put_behind(whole.quality, piece.quality);
-  put_behind(whole.silhouette_faults, piece.silhouette_faults);
+  append_all(whole.quality, part.quality);
+  append_all(whole.silhouette_faults, part.silhouette_faults);
   for (size_t s = 0; s < whole.stages.size(); ++s) {
-    put_behind(whole.stages[s].ms, piece.stages[s].ms);
+    append_all(whole.stages[s].ms, part.stages[s].ms);
   }
-  whole.peak_rss_mb = std::max(whole.peak_rss_mb, piece.peak_rss_mb);
+  whole.peak_rss_mb = std::max(whole.peak_rss_mb, part.peak_rss_mb);
 }
 
-Json samples_to_json(const ReconstructReport& piece) {
-  Json json = {{"frames", piece.frames},
-               {"incomplete", piece.incomplete},
-               {"read_errors", piece.read_errors}};
-  for (const FrameSamples& of : kFrameSamples) json[of.name] = piece.*of.values;
-  json["camera_iou"] = piece.camera_iou;
+Json samples_to_json(const ReconstructReport& part) {
+  Json json = {
+      {"frames", part.frames}, {"incomplete", part.incomplete}, {"read_errors", part.read_errors}};
+  for (const FrameSamples& of : kFrameSamples) json[of.name] = part.*of.values;
+  json["camera_iou"] = part.camera_iou;
   json["quality"] = Json::array();
-  for (const auto& [pulse, quality] : piece.quality) {
+  for (const auto& [pulse, quality] : part.quality) {
     json["quality"].push_back({pulse, quality.silhouette_iou, quality.coverage, quality.cameras});
   }
   json["faults"] = Json::array();
-  for (const PulseFault& fault : piece.silhouette_faults) {
+  for (const PulseFault& fault : part.silhouette_faults) {
     json["faults"].push_back(fault_to_json(fault));
   }
   json["stages_ms"] = Json::array();
-  for (const StageSamples& stage : piece.stages) json["stages_ms"].push_back(stage.ms);
-  json["peak_rss_mb"] = piece.peak_rss_mb;
+  for (const StageSamples& stage : part.stages) json["stages_ms"].push_back(stage.ms);
+  json["peak_rss_mb"] = part.peak_rss_mb;
   return json;
 }
 
-void read_samples(const Json& json, ReconstructReport& piece) {
-  piece.frames = json.at("frames");
-  piece.incomplete = json.at("incomplete");
-  piece.read_errors = json.at("read_errors").get<std::vector<std::string>>();
+void read_samples(const Json& json, ReconstructReport& part) {
+  part.frames = json.at("frames");
+  part.incomplete = json.at("incomplete");
+  part.read_errors = json.at("read_errors").get<std::vector<std::string>>();
   for (const FrameSamples& of : kFrameSamples) {
-    piece.*of.values = json.at(of.name).get<std::vector<double>>();
+    part.*of.values = json.at(of.name).get<std::vector<double>>();
   }
-  for (size_t c = 0; c < piece.camera_iou.size(); ++c) {
-    piece.camera_iou[c] = json.at("camera_iou").at(c).get<std::vector<double>>();
+  for (size_t c = 0; c < part.camera_iou.size(); ++c) {
+    part.camera_iou[c] = json.at("camera_iou").at(c).get<std::vector<double>>();
   }
   for (const Json& of : json.at("quality")) {
-    piece.quality.emplace_back(of.at(0), FrameQuality{of.at(1), of.at(2), of.at(3)});
+    part.quality.emplace_back(of.at(0), FrameQuality{of.at(1), of.at(2), of.at(3)});
   }
-  for (const Json& fault : json.at("faults")) piece.silhouette_faults.push_back(fault_of(fault));
-  for (size_t s = 0; s < piece.stages.size(); ++s) {
-    piece.stages[s].ms = json.at("stages_ms").at(s).get<std::vector<double>>();
+  for (const Json& fault : json.at("faults"))
+    part.silhouette_faults.push_back(fault_from_json(fault));
+  for (size_t s = 0; s < part.stages.size(); ++s) {
+    part.stages[s].ms = json.at("stages_ms").at(s).get<std::vector<double>>();
   }
-  piece.peak_rss_mb = json.at("peak_rss_mb");
+  part.peak_rss_mb = json.at("peak_rss_mb");
 }
 
 }  // namespace v3d::ctl

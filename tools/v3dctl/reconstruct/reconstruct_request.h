@@ -1,8 +1,9 @@
-// What of a take is to be reconstructed, and how.
+// Request to reconstruct a take: its frames, cameras, bounds and quality.
 #pragma once
 
 #include <cstdint>
 #include <filesystem>
+#include <nlohmann/json_fwd.hpp>
 #include <optional>
 #include <string>
 #include <vector>
@@ -18,40 +19,49 @@ namespace v3d::ctl {
 
 struct ReconstructRequest {
   std::filesystem::path take;
-  std::optional<Box> bounds;       ///< else the studio's space, else common_view()
-  std::optional<double> voxel_m;   ///< else the studio's, else 10 mm
-  std::optional<int> min_views;    ///< else the studio's, else default_min_views()
-  std::optional<Quality> quality;  ///< else the studio's, else live
-  DeformOptions deform;            ///< for high quality
-  bool steady = true;              ///< with high quality: TakeSurfaces' smoothing over time
-  bool mend = false;               ///< hold the silhouettes against each other first
+  std::optional<Box> bounds;       ///< metres; otherwise the studio's, otherwise default_bounds()
+  std::optional<double> voxel_m;   ///< otherwise the studio's, otherwise 10 mm
+  std::optional<int> min_views;    ///< otherwise the studio's, otherwise default_min_views()
+  std::optional<Quality> quality;  ///< otherwise the studio's, otherwise live
+  DeformOptions deform;            ///< with high quality
+  bool smooth = true;              ///< temporal smoothing, with high quality
+  bool repair = false;             ///< silhouette repair before the reconstruction
   FrameRange frames;
-  int threads = 0;  ///< 0: one per core
-  std::vector<std::string> leave_out;
-  std::optional<Studio> studio;  ///< gives defaults when it is the take's
+  int threads = 0;                     ///< 0: one per core
+  std::vector<std::string> leave_out;  ///< cameras
+  std::optional<Studio> studio;        ///< gives defaults if the take belongs to this studio
 };
 
-/// The frames that the request is about.
+/// Opens the frames of the requested cameras. Throws InputError for an unknown camera.
 TakeFrames open_take(const ReconstructRequest& request);
 
-/// The request without what it left open, so that whoever carries it out does the same. Says on
-/// stderr which bounds were found. Throws InputError for more views than cameras.
-ReconstructRequest settle(const ReconstructRequest& request, const TakeFrames& take);
+/// The cameras of a take without those of `leave_out`. Throws InputError for a name that the take
+/// does not have, and when no camera remains.
+std::vector<std::string> cameras_without(const TakeInfo& info,
+                                         const std::vector<std::string>& leave_out);
 
-/// Of a settled request.
-ReconstructOptions options_of(const ReconstructRequest& settled, int threads);
+/// Sets all optional values of the request to their defaults, so that every process uses the same.
+/// Prints default_bounds() on stderr where they are used. Throws InputError for more views than
+/// cameras.
+ReconstructRequest with_defaults(const ReconstructRequest& request, const TakeFrames& take);
 
-/// Rising. Throws InputError when there is none.
+// The functions below marked "complete" require a result of with_defaults().
+
+/// Options of the reconstructor for a complete request.
+ReconstructOptions options_of(const ReconstructRequest& complete, int threads);
+
+/// A complete request as JSON, without the take, and back. The second throws
+/// nlohmann::json::exception for other JSON.
+nlohmann::ordered_json request_to_json(const ReconstructRequest& complete);
+ReconstructRequest request_from_json(const nlohmann::ordered_json& json);
+
+/// Pulses of the requested frames, increasing. Throws InputError when there is none.
 std::vector<int64_t> pulses_of(const ReconstructRequest& request, const TakeFrames& take);
 
-/// Those that were commanded, are asked for, and have no frame.
+/// Number of requested pulses that were commanded and have no frame of any camera.
 int64_t pulses_without_frames(const ReconstructRequest& request, const TakeFrames& take);
 
-/// 4, as in the studio file, but with few cameras all but one: a voxel that one of four does not
-/// see may still be part of the body.
-int default_min_views(int cameras);
-
-/// As many as are asked for, else one per core.
+/// Number of worker threads: the requested one, otherwise one per core.
 int threads_of(const ReconstructRequest& request);
 
 }  // namespace v3d::ctl

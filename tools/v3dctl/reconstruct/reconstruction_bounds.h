@@ -1,4 +1,4 @@
-// The part of the world to reconstruct when nobody says.
+// Default bounds of the reconstruction, where neither the user nor a studio file gives them.
 #pragma once
 
 #include "base/camera_model.h"
@@ -6,9 +6,17 @@
 
 namespace v3d::ctl {
 
-/// Where cameras look together: the box round all points that at least `views` cameras see, no
-/// farther from the point nearest to all optical axes than the cameras are (median). Sampled on a
-/// 64^3 lattice. Throws InputError when there is no such point.
-Box common_view(const Rig& rig, int views);
+/// Number of views below which space is empty: 4, and with few cameras all but one, because a voxel
+/// outside of one camera's image may belong to the body.
+int default_min_views(int cameras);
+
+/// Box around the points that at least `min_cameras` cameras see (world frame, metres). Points are
+/// limited to a ball around the point nearest to all optical axes, with the median distance of the
+/// cameras as radius, and sampled on a 64^3 grid.
+/// Throws InputError when there is no such point.
+Box observed_bounds(const Rig& rig, int min_cameras);
+
+/// observed_bounds() by at least half the cameras and at least `min_views` of them.
+Box default_bounds(const Rig& rig, int min_views);
 
 }  // namespace v3d::ctl

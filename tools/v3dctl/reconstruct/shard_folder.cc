@@ -4,7 +4,6 @@
 #include <sys/file.h>
 #include <unistd.h>
 
-#include <array>
 #include <cerrno>
 #include <chrono>
 #include <cstdio>
@@ -19,6 +18,7 @@
 #include "take/log_segments.h"
 #include "take/mesh_file.h"
 #include "v3dctl/process.h"
+#include "v3dctl/reconstruct/take_reconstruction.h"
 
 namespace v3d::ctl {
 namespace {
@@ -26,7 +26,7 @@ namespace {
 namespace fs = std::filesystem;
 using Json = nlohmann::ordered_json;
 
-constexpr char kPrefix[] = ".pieces-";
+constexpr char kPrefix[] = ".shards-";
 
 std::span<const uint8_t> bytes_of(const std::string& text) {
   return {reinterpret_cast<const uint8_t*>(text.data()), text.size()};
@@ -42,12 +42,12 @@ std::string checksum_of(std::initializer_list<std::span<const uint8_t>> parts) {
   return hex(checksum(parts));
 }
 
-/// The version, and the program itself: one that was built anew may make other bytes.
-std::string this_program() {
+/// Version and checksum of this program: another build may produce other bytes.
+std::string program_id() {
   return V3D_VERSION " " + checksum_of({bytes_of(read_file("/proc/self/exe"))});
 }
 
-/// A file that the result depends on. Recordings are too large to be read for this.
+/// Identifies an input file by size and time, because reading recordings would take too long.
 Json input(const fs::path& path, const fs::path& folder) {
   std::error_code absent;
   const uintmax_t bytes = fs::file_size(path, absent);
@@ -78,66 +78,11 @@ Json inputs_of(const TakeFrames& take) {
   return list;
 }
 
-Json deform_to_json(const DeformOptions& deform) {
-  return {{"mode", static_cast<int>(deform.mode)},
-          {"internal", deform.internal},
-          {"photometric", deform.photometric},
-          {"silhouette", deform.silhouette},
-          {"window", deform.window},
-          {"views", deform.views},
-          {"hollows", deform.hollows}};
-}
-
-DeformOptions deform_of(const Json& json) {
-  DeformOptions deform;
-  deform.mode = static_cast<DeformMode>(json.at("mode").get<int>());
-  deform.internal = json.at("internal");
-  deform.photometric = json.at("photometric");
-  deform.silhouette = json.at("silhouette");
-  deform.window = json.at("window");
-  deform.views = json.at("views");
-  deform.hollows = json.at("hollows");
-  return deform;
-}
-
-Json to_json(const ReconstructRequest& settled) {
-  const Box& box = *settled.bounds;
-  return {
-      {"bounds_m", {box.min.x(), box.min.y(), box.min.z(), box.max.x(), box.max.y(), box.max.z()}},
-      {"voxel_m", *settled.voxel_m},
-      {"min_views", *settled.min_views},
-      {"quality", static_cast<int>(*settled.quality)},
-      {"deform", deform_to_json(settled.deform)},
-      {"steady", settled.steady},
-      {"mend", settled.mend},
-      {"frames", {settled.frames.begin, settled.frames.end}},
-      {"leave_out", settled.leave_out}};
-}
-
-ReconstructRequest request_of(const Json& json) {
-  ReconstructRequest request;
-  const auto box = json.at("bounds_m").get<std::array<double, 6>>();
-  request.bounds = Box{{box[0], box[1], box[2]}, {box[3], box[4], box[5]}};
-  request.voxel_m = json.at("voxel_m").get<double>();
-  request.min_views = json.at("min_views").get<int>();
-  request.quality = static_cast<Quality>(json.at("quality").get<int>());
-  request.deform = deform_of(json.at("deform"));
-  request.steady = json.at("steady");
-  request.mend = json.at("mend");
-  request.frames.begin = json.at("frames").at(0);
-  request.frames.end = json.at("frames").at(1);
-  request.leave_out = json.at("leave_out").get<std::vector<std::string>>();
-  return request;
-}
-
-std::string name_of(const Piece& piece, const char* end) {
+std::string name_of(const Shard& shard, const char* end) {
   char text[40];
-  std::snprintf(text, sizeof text, "piece-%06lld%s", static_cast<long long>(piece.number), end);
+  std::snprintf(text, sizeof text, "shard-%06lld%s", static_cast<long long>(shard.number), end);
   return text;
 }
-
-/// Another for every process of every host.
-std::string own_ending() { return host_name() + "-" + std::to_string(getpid()); }
 
 std::vector<fs::path> entries_of(const fs::path& folder, const std::string& prefix) {
   std::vector<fs::path> entries;
@@ -150,73 +95,73 @@ std::vector<fs::path> entries_of(const fs::path& folder, const std::string& pref
 
 }  // namespace
 
-std::vector<Piece> pieces_of(const std::vector<int64_t>& pulses) {
+std::vector<Shard> shards_of(const std::vector<int64_t>& pulses) {
   const int64_t length = EncoderOptions().key_every;
-  std::vector<Piece> pieces;
+  std::vector<Shard> shards;
   for (const int64_t pulse : pulses) {
-    if (pieces.empty() || pieces.back().number != pulse / length) {
-      pieces.push_back({pulse / length, {}});
+    if (shards.empty() || shards.back().number != pulse / length) {
+      shards.push_back({pulse / length, {}});
     }
-    pieces.back().pulses.push_back(pulse);
+    shards.back().pulses.push_back(pulse);
   }
-  return pieces;
+  return shards;
 }
 
-PieceFolder PieceFolder::of(const ReconstructRequest& settled, const TakeFrames& take) {
-  const Json order = {
-      {"program", this_program()}, {"request", to_json(settled)}, {"inputs", inputs_of(take)}};
-  const std::string text = order.dump(1);
+ShardFolder ShardFolder::create(const ReconstructRequest& complete, const TakeFrames& take) {
+  const Json content = {{"program", program_id()},
+                        {"request", request_to_json(complete)},
+                        {"inputs", inputs_of(take)}};
+  const std::string text = content.dump(1);
   const fs::path take_folder = fs::canonical(take.paths().folder);
-  PieceFolder folder(take_folder / (kPrefix + checksum_of({bytes_of(text)})));
+  ShardFolder folder(take_folder / (kPrefix + checksum_of({bytes_of(text)})));
   std::error_code error;
   fs::create_directory(folder.path(), error);
   if (error) throw std::runtime_error(folder.path().string() + ": " + error.message());
-  replace_file(folder.path() / "order.json", text);
+  replace_file(folder.path() / "request.json", text);
   return folder;
 }
 
-std::string PieceFolder::digest() const {
+std::string ShardFolder::digest() const {
   return path_.filename().string().substr(sizeof kPrefix - 1);
 }
 
-ReconstructRequest PieceFolder::order() const {
-  const fs::path path = path_ / "order.json";
+ReconstructRequest ShardFolder::request() const {
+  const fs::path path = path_ / "request.json";
   try {
-    const Json order = Json::parse(read_file(path));
-    if (order.at("program") != this_program()) {
-      throw InputError(host_name() +
-                       " has another v3dctl than the one that ordered the pieces in " +
+    const Json content = Json::parse(read_file(path));
+    if (content.at("program") != program_id()) {
+      throw InputError(host_name() + " has another build of v3dctl than the one that created " +
                        path_.string() + ": install the same version on all nodes");
     }
-    ReconstructRequest request = request_of(order.at("request"));
+    ReconstructRequest request = request_from_json(content.at("request"));
     request.take = path_.parent_path();
     return request;
   } catch (const Json::exception&) {
-    throw InputError(path.string() + ": is no order of v3dctl reconstruct");
+    throw InputError(path.string() + ": is no request of v3dctl reconstruct");
   }
 }
 
-fs::path PieceFolder::mesh(const Piece& piece) const { return path_ / name_of(piece, ".v3d"); }
-fs::path PieceFolder::report(const Piece& piece) const { return path_ / name_of(piece, ".json"); }
+fs::path ShardFolder::mesh(const Shard& shard) const { return path_ / name_of(shard, ".v3d"); }
+fs::path ShardFolder::report(const Shard& shard) const { return path_ / name_of(shard, ".json"); }
 
-void PieceFolder::save(const Piece& piece, const ReconstructReport& report) const {
+void ShardFolder::save(const Shard& shard, const ReconstructReport& report) const {
   const Json samples = samples_to_json(report);
-  const std::string sum = checksum_of({bytes_of(read_file(mesh(piece))), bytes_of(samples.dump())});
-  replace_file(this->report(piece), Json{{"checksum", sum}, {"samples", samples}}.dump());
+  const std::string sum = checksum_of({bytes_of(read_file(mesh(shard))), bytes_of(samples.dump())});
+  replace_file(this->report(shard), Json{{"checksum", sum}, {"samples", samples}}.dump());
 }
 
-std::optional<ReconstructReport> PieceFolder::find(const Piece& piece,
-                                                   const ReconstructReport& begun) const {
-  if (!fs::exists(report(piece)) || !fs::exists(mesh(piece))) return std::nullopt;
+std::optional<ReconstructReport> ShardFolder::find(const Shard& shard,
+                                                   const ReconstructReport& empty) const {
+  if (!fs::exists(report(shard)) || !fs::exists(mesh(shard))) return std::nullopt;
   try {
-    const Json json = Json::parse(read_file(report(piece)));
+    const Json json = Json::parse(read_file(report(shard)));
     const Json& samples = json.at("samples");
     const std::string sum =
-        checksum_of({bytes_of(read_file(mesh(piece))), bytes_of(samples.dump())});
-    if (json.at("checksum") != sum || MeshFileReader(mesh(piece)).pulses() != piece.pulses) {
+        checksum_of({bytes_of(read_file(mesh(shard))), bytes_of(samples.dump())});
+    if (json.at("checksum") != sum || MeshFileReader(mesh(shard)).pulses() != shard.pulses) {
       return std::nullopt;
     }
-    ReconstructReport found = begun;
+    ReconstructReport found = empty;
     read_samples(samples, found);
     return found;
   } catch (const Json::exception&) {
@@ -226,54 +171,54 @@ std::optional<ReconstructReport> PieceFolder::find(const Piece& piece,
   }
 }
 
-void PieceFolder::drop(const Piece& piece) const {
+void ShardFolder::drop(const Shard& shard) const {
   std::error_code absent;
-  fs::remove(report(piece), absent);
-  fs::remove(mesh(piece), absent);
+  fs::remove(report(shard), absent);
+  fs::remove(mesh(shard), absent);
 }
 
-std::set<int64_t> PieceFolder::saved() const {
+std::set<int64_t> ShardFolder::saved() const {
   std::set<int64_t> numbers;
-  for (const fs::path& path : entries_of(path_, "piece-")) {
+  for (const fs::path& path : entries_of(path_, "shard-")) {
     long long number = -1;
     if (path.extension() != ".json") continue;
-    if (std::sscanf(path.filename().c_str(), "piece-%lld.json", &number) == 1) {
+    if (std::sscanf(path.filename().c_str(), "shard-%lld.json", &number) == 1) {
       numbers.insert(number);
     }
   }
   return numbers;
 }
 
-void PieceFolder::refuse(const std::string& reason) const {
-  replace_file(path_ / ("refused-" + own_ending()), reason);
+void ShardFolder::save_error(const std::string& reason) const {
+  replace_file(path_ / ("error-" + process_suffix()), reason);
 }
 
-std::optional<std::string> PieceFolder::refusal() const {
-  for (const fs::path& path : entries_of(path_, "refused-")) {
+std::optional<std::string> ShardFolder::saved_error() const {
+  for (const fs::path& path : entries_of(path_, "error-")) {
     if (path.string().find(".own-") == std::string::npos) return read_file(path);
   }
   return std::nullopt;
 }
 
-void PieceFolder::forget_refusals() const {
+void ShardFolder::remove_errors() const {
   std::error_code ignored;
-  for (const fs::path& path : entries_of(path_, "refused-")) fs::remove(path, ignored);
+  for (const fs::path& path : entries_of(path_, "error-")) fs::remove(path, ignored);
 }
 
-void PieceFolder::remove() const {
+void ShardFolder::remove() const {
   std::error_code ignored;
   fs::remove_all(path_, ignored);
 }
 
-void PieceFolder::remove_others() const {
+void ShardFolder::remove_others() const {
   for (const fs::path& path : entries_of(path_.parent_path(), kPrefix)) {
     if (path == path_) continue;
-    const PieceFolder other(path);
-    if (PieceFolderLock(other).state() == PieceFolderLock::State::kHeld) other.remove();
+    const ShardFolder other(path);
+    if (ShardFolderLock(other).state() == ShardFolderLock::State::kHeld) other.remove();
   }
 }
 
-PieceFolderLock::PieceFolderLock(const PieceFolder& folder) {
+ShardFolderLock::ShardFolderLock(const ShardFolder& folder) {
   const fs::path path = folder.path() / "lock";
   fd_ = io::uninterrupted([&] { return open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0644); });
   if (fd_ < 0) {
@@ -285,7 +230,7 @@ PieceFolderLock::PieceFolderLock(const PieceFolder& folder) {
   }
 }
 
-PieceFolderLock::~PieceFolderLock() {
+ShardFolderLock::~ShardFolderLock() {
   if (fd_ >= 0) close(fd_);
 }
 

@@ -1,4 +1,4 @@
-// A reconstruction in pieces: what lies on the disk until they are joined.
+// Folder of shards: the state on disk of a reconstruction that several processes share.
 #pragma once
 
 #include <cstdint>
@@ -14,69 +14,68 @@
 
 namespace v3d::ctl {
 
-/// The pulses between two places where a key frame must stand: reconstructed by themselves they are
-/// the same as in the whole, to the byte.
-struct Piece {
-  int64_t number = 0;           ///< counted from pulse 0, whatever pulses the take has
-  std::vector<int64_t> pulses;  ///< rising
+/// Pulses from one key frame to the next. Reconstructed alone, they have the same bytes as in the
+/// whole take.
+struct Shard {
+  int64_t number = 0;           ///< counted from pulse 0, also where the take has no frames there
+  std::vector<int64_t> pulses;  ///< increasing
 };
 
-/// Of rising pulses.
-std::vector<Piece> pieces_of(const std::vector<int64_t>& pulses);
+/// Divides increasing pulses into shards.
+std::vector<Shard> shards_of(const std::vector<int64_t>& pulses);
 
-/// TAKE/.pieces-DIGEST:
-///   order.json          everything that the result depends on; of this the name is a digest
-///   piece-000012.v3d    the meshes of a finished piece
-///   piece-000012.json   what is told of it, and a checksum of both
-///   refused-*           why no other try would help, one line
-///   task-*.log          what tasks said on stderr
-/// So pieces are only ever joined with those of the same take, options and program. Files come into
-/// being whole. Several processes, also on several hosts, may work in one folder.
-class PieceFolder {
+/// TAKE/.shards-DIGEST:
+///   request.json        everything that the result depends on; DIGEST is its checksum
+///   shard-000012.v3d    meshes of a finished shard
+///   shard-000012.json   its measurements, and a checksum of both files
+///   error-*             an error that a retry cannot resolve, one line
+///   task-*.log          stderr of the tasks
+/// The digest prevents joining shards of other takes, options or programs. Files are replaced
+/// atomically. Several processes, also on several hosts, may use one folder.
+class ShardFolder {
  public:
-  /// Makes the folder for a settled request where it is not there. Throws std::runtime_error when
-  /// the disk refuses.
-  static PieceFolder of(const ReconstructRequest& settled, const TakeFrames& take);
-  /// One that is there.
-  explicit PieceFolder(std::filesystem::path path) : path_(std::move(path)) {}
+  /// Creates the folder for a complete request, if it does not exist. Throws std::runtime_error for
+  /// errors of the disk.
+  static ShardFolder create(const ReconstructRequest& complete, const TakeFrames& take);
+  /// Uses an existing folder.
+  explicit ShardFolder(std::filesystem::path path) : path_(std::move(path)) {}
 
   const std::filesystem::path& path() const { return path_; }
   std::string digest() const;
 
-  /// The settled request. Throws InputError where this program is not the one that ordered it.
-  ReconstructRequest order() const;
+  /// The complete request. Throws InputError if another build of this program created the folder.
+  ReconstructRequest request() const;
 
-  std::filesystem::path mesh(const Piece& piece) const;
-  /// Behind its mesh file. Throws std::runtime_error when the disk refuses.
-  void save(const Piece& piece, const ReconstructReport& report) const;
-  /// What was told of the piece, where it is finished and whole. `begun`: begin_report() of the
-  /// request.
-  std::optional<ReconstructReport> find(const Piece& piece, const ReconstructReport& begun) const;
-  /// As if it had never been made.
-  void drop(const Piece& piece) const;
-  /// The numbers of pieces that seem finished, which costs a look at the folder.
+  std::filesystem::path mesh(const Shard& shard) const;
+  /// Saves the measurements of a shard after its mesh file. Throws std::runtime_error for errors of
+  /// the disk.
+  void save(const Shard& shard, const ReconstructReport& report) const;
+  /// Measurements of a finished shard; empty if it is missing or damaged. `empty`: empty_report()
+  /// of the request.
+  std::optional<ReconstructReport> find(const Shard& shard, const ReconstructReport& empty) const;
+  void drop(const Shard& shard) const;
+  /// Numbers of the shards that are finished according to the file names.
   std::set<int64_t> saved() const;
 
-  /// For whoever waits for the pieces.
-  void refuse(const std::string& reason) const;
-  std::optional<std::string> refusal() const;
-  /// Those of an earlier run.
-  void forget_refusals() const;
+  /// Errors of tasks that a retry cannot resolve.
+  void save_error(const std::string& reason) const;
+  std::optional<std::string> saved_error() const;
+  void remove_errors() const;
 
   void remove() const;
-  /// Removes what runs with other options left behind. A folder stays unless its lock could be
-  /// taken: a process may still work in it.
+  /// Removes the folders of runs with other options. A folder stays unless its lock can be taken,
+  /// because a process may still use it.
   void remove_others() const;
 
  private:
-  std::filesystem::path report(const Piece& piece) const;
+  std::filesystem::path report(const Shard& shard) const;
 
   std::filesystem::path path_;
 };
 
-/// The lock of a folder of pieces (flock(2) on its file `lock`), held until destruction. One
-/// process at a time waits for the pieces of a folder.
-class PieceFolderLock {
+/// Lock of a folder of shards (flock(2) on its file `lock`), held until destruction. It ensures
+/// that one process at a time coordinates the tasks of a folder.
+class ShardFolderLock {
  public:
   enum class State {
     kHeld,           ///< by this object
@@ -84,13 +83,13 @@ class PieceFolderLock {
     kUnknown,        ///< the file could not be opened, or its disk has no locks
   };
 
-  explicit PieceFolderLock(const PieceFolder& folder);
-  ~PieceFolderLock();
-  PieceFolderLock(const PieceFolderLock&) = delete;
-  PieceFolderLock& operator=(const PieceFolderLock&) = delete;
+  explicit ShardFolderLock(const ShardFolder& folder);
+  ~ShardFolderLock();
+  ShardFolderLock(const ShardFolderLock&) = delete;
+  ShardFolderLock& operator=(const ShardFolderLock&) = delete;
 
   State state() const { return state_; }
-  /// Path and cause if the file could not be opened; else empty.
+  /// Path and cause if the file could not be opened; otherwise empty.
   const std::string& error() const { return error_; }
 
  private:

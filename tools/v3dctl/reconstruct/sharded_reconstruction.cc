@@ -10,8 +10,6 @@
 #include "common/console.h"
 #include "take/mesh_file.h"
 #include "v3dctl/process.h"
-#include "v3dctl/reconstruct/pending_mesh_file.h"
-#include "v3dctl/reconstruct/shard_folder.h"
 #include "v3dctl/reconstruct/take_reconstruction.h"
 
 namespace v3d::ctl {
@@ -19,10 +17,10 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr int kTries = 3;
+constexpr int kMaxTries = 3;
 
-/// The last line of the task log that was written last; empty where no task wrote anything.
-std::string last_words(const fs::path& folder) {
+/// Last line of the newest task log, after its path; empty when no task wrote anything.
+std::string last_log_line(const fs::path& folder) {
   fs::path newest;
   for (const fs::directory_entry& entry : fs::directory_iterator(folder)) {
     const fs::path& path = entry.path();
@@ -35,23 +33,23 @@ std::string last_words(const fs::path& folder) {
   return newest.string() + ": " + text.substr(text.rfind('\n') + 1);
 }
 
-// The pieces of a take until they are joined.
-class SharedRun {
+// One run: starts tasks until all shards are finished, then joins them.
+class ShardedRun {
  public:
-  SharedRun(const ReconstructRequest& request, int threads, const MakeTasks& make_tasks)
-      : SharedRun(request, threads, make_tasks, open_take(request)) {}
+  ShardedRun(const ReconstructRequest& request, int threads, const MakeTaskRunner& make_runner)
+      : ShardedRun(request, threads, make_runner, open_take(request)) {}
 
-  ReconstructReport all() {
+  ReconstructReport run() {
     require_lock();
-    folder_.forget_refusals();
-    look();
+    folder_.remove_errors();
+    find_shards();
     report_.frames_kept = frames_found_;
     if (!found_.empty()) {
-      note(std::to_string(found_.size()) + " of " + count_of(std::ssize(pieces_), "piece") +
-           " are there from an earlier run");
+      note(std::to_string(found_.size()) + " of " + count_of(std::ssize(shards_), "shard") +
+           " kept from an earlier run");
     }
     try {
-      make_all();
+      make_missing();
     } catch (...) {
       if (folder_.saved().empty()) folder_.remove();
       throw;
@@ -63,132 +61,130 @@ class SharedRun {
   }
 
  private:
-  SharedRun(const ReconstructRequest& request, int threads, const MakeTasks& make_tasks,
-            const TakeFrames& take)
-      : settled_(settle(request, take)),
-        pieces_(pieces_of(pulses_of(request, take))),
+  ShardedRun(const ReconstructRequest& request, int threads, const MakeTaskRunner& make_runner,
+             const TakeFrames& take)
+      : complete_(with_defaults(request, take)),
+        shards_(shards_of(pulses_of(request, take))),
         mesh_(take.paths().mesh()),
-        begun_(begin_report(take.rig(), options_of(settled_, threads), request.mend)),
-        report_(begun_),
-        folder_(PieceFolder::of(settled_, take)),
+        empty_(empty_report(take.rig(), options_of(complete_, threads), request.repair)),
+        report_(empty_),
+        folder_(ShardFolder::create(complete_, take)),
         lock_(folder_),
-        tasks_(make_tasks(folder_, settled_)),
+        tasks_(make_runner(folder_, complete_)),
         progress_("reconstruct", frames()) {
     report_.incomplete = pulses_without_frames(request, take);
   }
 
-  /// A disk without locks is accepted: two runs in one folder then do the same work twice.
+  /// Accepts a disk without locks: two runs in one folder would then do the same work twice.
   void require_lock() const {
-    if (lock_.state() == PieceFolderLock::State::kHeldByAnother) {
+    if (lock_.state() == ShardFolderLock::State::kHeldByAnother) {
       throw InputError(folder_.path().string() +
-                       ": another v3dctl reconstruct waits for these pieces already");
+                       ": another v3dctl reconstruct already makes these shards");
     }
     if (!lock_.error().empty()) throw std::runtime_error(lock_.error());
   }
 
-  void make_all() {
+  void make_missing() {
     for (int tries = 0; !missing().empty(); ++tries) {
-      if (tries == kTries) fail();
+      if (tries == kMaxTries) fail();
       run_tasks();
-      look();
+      find_shards();
     }
   }
 
   int64_t frames() const {
     int64_t count = 0;
-    for (const Piece& piece : pieces_) count += std::ssize(piece.pulses);
+    for (const Shard& shard : shards_) count += std::ssize(shard.pulses);
     return count;
   }
 
-  /// Believes the finished pieces that are whole.
-  void look() {
+  /// Reads the measurements of finished shards; damaged ones are made again.
+  void find_shards() {
     const std::set<int64_t> saved = folder_.saved();
-    for (const Piece& piece : pieces_) {
-      if (found_.contains(piece.number) || !saved.contains(piece.number)) continue;
-      std::optional<ReconstructReport> report = folder_.find(piece, begun_);
+    for (const Shard& shard : shards_) {
+      if (found_.contains(shard.number) || !saved.contains(shard.number)) continue;
+      std::optional<ReconstructReport> report = folder_.find(shard, empty_);
       if (!report) continue;
-      found_.emplace(piece.number, *std::move(report));
-      frames_found_ += std::ssize(piece.pulses);
+      found_.emplace(shard.number, *std::move(report));
+      frames_found_ += std::ssize(shard.pulses);
     }
     show(frames_found_);
   }
 
-  /// How many frames the folder seems to have; a piece that is damaged counts until it is looked
-  /// at.
+  /// Shows the progress by the frames of finished shards, including damaged ones.
   void show(int64_t frames) {
     if (frames > shown_) progress_.advance(frames - shown_);
     shown_ = std::max(shown_, frames);
   }
 
-  /// Places in the list of pieces.
+  /// Indices of unfinished shards.
   std::vector<int64_t> missing() const {
-    std::vector<int64_t> places;
-    for (size_t n = 0; n < pieces_.size(); ++n) {
-      if (!found_.contains(pieces_[n].number)) places.push_back(static_cast<int64_t>(n));
+    std::vector<int64_t> indices;
+    for (size_t n = 0; n < shards_.size(); ++n) {
+      if (!found_.contains(shards_[n].number)) indices.push_back(static_cast<int64_t>(n));
     }
-    return places;
+    return indices;
   }
 
   void run_tasks() {
-    const std::vector<int64_t> places = missing();
-    // One that is there and not whole must not be mistaken for finished.
-    for (const int64_t place : places) folder_.drop(pieces_[static_cast<size_t>(place)]);
-    tasks_->start(places, std::ssize(pieces_));
-    while (tasks_->runs()) {
-      stop_if_asked();
+    const std::vector<int64_t> indices = missing();
+    // A damaged shard must not count as finished.
+    for (const int64_t index : indices) folder_.drop(shards_[static_cast<size_t>(index)]);
+    tasks_->start(indices, std::ssize(shards_));
+    while (tasks_->poll()) {
+      stop_on_error_or_interrupt();
       const std::set<int64_t> saved = folder_.saved();
-      int64_t frames = 0, pieces = 0;
-      for (const Piece& piece : pieces_) {
-        if (!saved.contains(piece.number)) continue;
-        frames += std::ssize(piece.pulses);
-        ++pieces;
+      int64_t frames = 0, shards = 0;
+      for (const Shard& shard : shards_) {
+        if (!saved.contains(shard.number)) continue;
+        frames += std::ssize(shard.pulses);
+        ++shards;
       }
       show(frames);
-      if (pieces == std::ssize(pieces_)) break;
+      if (shards == std::ssize(shards_)) break;
     }
-    stop_if_asked();
+    stop_on_error_or_interrupt();
     tasks_->cancel();
   }
 
-  void stop_if_asked() {
-    const std::optional<std::string> refusal = folder_.refusal();
-    if (!refusal && !interrupted()) return;
+  void stop_on_error_or_interrupt() {
+    const std::optional<std::string> error = folder_.saved_error();
+    if (!error && !interrupted()) return;
     tasks_->cancel();
-    if (refusal) throw InputError(*refusal);
+    if (error) throw InputError(*error);
     throw std::runtime_error(
-        "interrupted; the same command goes on behind the pieces that are "
-        "finished");
+        "interrupted; repeat the command to continue after the finished shards");
   }
 
   [[noreturn]] void fail() const {
-    const std::string words = last_words(folder_.path());
+    const std::string log_line = last_log_line(folder_.path());
     const std::string hint = tasks_->hint();
-    throw std::runtime_error(count_of(std::ssize(missing()), "piece") + " of the take failed " +
-                             std::to_string(kTries) + " times; " +
-                             (words.empty() ? "no task left a word" + hint : words));
+    throw std::runtime_error(count_of(std::ssize(missing()), "shard") + " of the take failed " +
+                             std::to_string(kMaxTries) + " times; " +
+                             (log_line.empty() ? "no task wrote a message" + hint : log_line));
   }
 
   void join() {
     PendingMeshFile file(mesh_);
-    for (const Piece& piece : pieces_) {
-      MeshFileReader meshes(folder_.mesh(piece));
-      for (const int64_t pulse : piece.pulses) {
+    for (const Shard& shard : shards_) {
+      MeshFileReader meshes(folder_.mesh(shard));
+      for (const int64_t pulse : shard.pulses) {
         const auto compact = meshes.read(pulse);
-        if (!compact) throw std::runtime_error(folder_.mesh(piece).string() + ": has changed");
+        if (!compact) throw std::runtime_error(folder_.mesh(shard).string() + ": has changed");
         file.append(pulse, *compact);
       }
-      append(report_, found_.at(piece.number));
+      append(report_, found_.at(shard.number));
     }
     file.finish();
   }
 
-  const ReconstructRequest settled_;
-  const std::vector<Piece> pieces_;
+  const ReconstructRequest complete_;
+  const std::vector<Shard> shards_;
   const fs::path mesh_;
-  const ReconstructReport begun_;
+  const ReconstructReport empty_;
   ReconstructReport report_;
-  const PieceFolder folder_;
-  const PieceFolderLock lock_;
+  const ShardFolder folder_;
+  const ShardFolderLock lock_;
   const std::unique_ptr<TaskRunner> tasks_;
   Progress progress_;
   std::map<int64_t, ReconstructReport> found_;  ///< by number
@@ -198,31 +194,31 @@ class SharedRun {
 
 }  // namespace
 
-ReconstructReport reconstruct_shared(const ReconstructRequest& request, int threads,
-                                     const MakeTasks& make_tasks) {
+ReconstructReport reconstruct_sharded(const ReconstructRequest& request, int threads,
+                                      const MakeTaskRunner& make_runner) {
   const MonotonicInstant begin = Monotonic::now();
-  ReconstructReport report = SharedRun(request, threads, make_tasks).all();
+  ReconstructReport report = ShardedRun(request, threads, make_runner).run();
   report.seconds = to_seconds(Monotonic::now() - begin);
   return report;
 }
 
-void reconstruct_pieces(const PieceFolder& folder, FrameRange range, int threads) {
+void reconstruct_shards(const ShardFolder& folder, FrameRange range, int threads) {
   try {
-    const ReconstructRequest request = folder.order();
+    const ReconstructRequest request = folder.request();
     TakeFrames take = open_take(request);
-    const std::vector<Piece> pieces = pieces_of(pulses_of(request, take));
-    const ReconstructReport begun =
-        begin_report(take.rig(), options_of(request, threads), request.mend);
+    const std::vector<Shard> shards = shards_of(pulses_of(request, take));
+    const ReconstructReport empty =
+        empty_report(take.rig(), options_of(request, threads), request.repair);
     TakeReconstruction reconstruction(request, threads, std::move(take));
-    for (size_t n = 0; n < pieces.size(); ++n) {
-      if (!range.contains(static_cast<int64_t>(n)) || folder.find(pieces[n], begun)) continue;
-      PendingMeshFile file(folder.mesh(pieces[n]));
-      const ReconstructReport report = reconstruction.make(pieces[n].pulses, file, [] {});
+    for (size_t n = 0; n < shards.size(); ++n) {
+      if (!range.contains(static_cast<int64_t>(n)) || folder.find(shards[n], empty)) continue;
+      PendingMeshFile file(folder.mesh(shards[n]));
+      const ReconstructReport report = reconstruction.make(shards[n].pulses, file, [] {});
       file.finish();
-      folder.save(pieces[n], report);
+      folder.save(shards[n], report);
     }
   } catch (const InputError& error) {
-    folder.refuse(error.what());
+    folder.save_error(error.what());
     throw;
   }
 }

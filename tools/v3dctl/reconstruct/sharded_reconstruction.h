@@ -1,26 +1,26 @@
-// A take to mesh.v3d by several processes, on this PC or on those of a Slurm cluster.
+// Reconstruction of a take by several processes, on this PC or on a Slurm cluster.
 #pragma once
 
 #include <functional>
 #include <memory>
 
-#include "v3dctl/reconstruct/reconstruct_report.h"
-#include "v3dctl/reconstruct/reconstruct_request.h"
 #include "v3dctl/reconstruct/shard_folder.h"
 #include "v3dctl/reconstruct/task_runner.h"
 
 namespace v3d::ctl {
 
-/// reconstruct_take(), with the same bytes as its result. The take is cut into pieces; those that
-/// an earlier run of the same request finished are kept, and those of this run when it fails or is
-/// interrupted. A task that ends without its pieces is tried again, twice. `make_tasks` is asked
-/// once.
-using MakeTasks = std::function<std::unique_ptr<TaskRunner>(const PieceFolder&,
-                                                            const ReconstructRequest& settled)>;
-ReconstructReport reconstruct_shared(const ReconstructRequest& request, int threads,
-                                     const MakeTasks& make_tasks);
+/// Called once, with the complete request.
+using MakeTaskRunner = std::function<std::unique_ptr<TaskRunner>(
+    const ShardFolder&, const ReconstructRequest& complete)>;
 
-/// The pieces of `range` that are missing in the folder: what a task does.
-void reconstruct_pieces(const PieceFolder& folder, FrameRange range, int threads);
+/// reconstruct_take() by tasks, with the same bytes as result. Shards of an earlier run with the
+/// same request are kept, and those of this run after an error or interrupt. Shards that their task
+/// did not finish are retried twice. `threads`: of all tasks, for the report. Throws as
+/// reconstruct_take().
+ReconstructReport reconstruct_sharded(const ReconstructRequest& request, int threads,
+                                      const MakeTaskRunner& make_runner);
+
+/// Work of one task: makes the unfinished shards of `range`, given by their indices in the take.
+void reconstruct_shards(const ShardFolder& folder, FrameRange range, int threads);
 
 }  // namespace v3d::ctl

@@ -13,10 +13,10 @@
 namespace v3d::ctl {
 namespace {
 
-/// Voxels along the longest edge of the space: as fine as faults are looked for.
+/// Limit of voxels along the longest edge of the bounds: the resolution of the comparison.
 constexpr double kVoxels = 220;
 
-double voxel_for(const ReconstructOptions& options) {
+double comparison_voxel_m(const ReconstructOptions& options) {
   const Box& box = options.bounds;
   return std::max(options.voxel_m, (box.max - box.min).maxCoeff() / kVoxels);
 }
@@ -37,16 +37,17 @@ std::string name(SilhouetteFaultKind kind) {
   return "";
 }
 
-MaskMending::MaskMending(const Rig& rig, const ReconstructOptions& options)
+TakeSilhouetteRepair::TakeSilhouetteRepair(const Rig& rig, const ReconstructOptions& options)
     : rig_(rig),
-      mender_(rig, options.bounds, voxel_for(options), options.min_views),
+      mender_(rig, options.bounds, comparison_voxel_m(options), options.min_views),
       views_(rig.size()) {
   tbb::parallel_for(size_t{0}, rig.size(),
                     [&](size_t i) { views_[i] = view_of(options.bounds, rig_[i].model); });
 }
 
-/// Their masks, empty outside the view of the bounds; null where there is none that can be used.
-std::vector<const Mask*> MaskMending::cut(SegmentedFrames& frames) const {
+/// Clears the masks outside the view of the bounds. Result: null for a camera without a usable
+/// mask.
+std::vector<const Mask*> TakeSilhouetteRepair::limit_to_view(SegmentedFrames& frames) const {
   std::vector<const Mask*> masks(views_.size(), nullptr);
   for (size_t c = 0; c < frames.size(); ++c) {
     if (!frames[c] || frames[c]->mask.size() != views_[c].size()) continue;
@@ -56,44 +57,44 @@ std::vector<const Mask*> MaskMending::cut(SegmentedFrames& frames) const {
   return masks;
 }
 
-MendedSilhouettes MaskMending::held_together(const SegmentedFrames& frames,
-                                             std::span<const Mask* const> masks,
-                                             const NeighbourMasks& neighbours) {
+MendedSilhouettes TakeSilhouetteRepair::compare(const SegmentedFrames& frames,
+                                                std::span<const Mask* const> masks,
+                                                const NeighbourMasks& neighbours) {
   std::vector<const Frame*> images;
   for (size_t c = 0; c < frames.size(); ++c) images.push_back(masks[c] ? &frames[c]->raw : nullptr);
   return mender_.mend(masks, images, neighbours);
 }
 
-void MaskMending::look_at(int64_t pulse, SegmentedFrames frames) {
-  known_ = held_together(frames, cut(frames), {}).alone;
-  known_pulse_ = pulse;
+void TakeSilhouetteRepair::set_previous(int64_t pulse, SegmentedFrames frames) {
+  previous_ = compare(frames, limit_to_view(frames), {}).alone;
+  previous_pulse_ = pulse;
 }
 
-void MaskMending::mend(int64_t pulse, SegmentedFrames& frames, SegmentedFrames& next) {
-  const std::vector<const Mask*> masks = cut(frames);
-  const std::vector<const Mask*> after = cut(next);
+void TakeSilhouetteRepair::repair(int64_t pulse, SegmentedFrames& frames, SegmentedFrames& next) {
+  const std::vector<const Mask*> masks = limit_to_view(frames);
+  const std::vector<const Mask*> after = limit_to_view(next);
   std::vector<const Mask*> before;
-  if (knows(pulse - 1)) {
-    for (const auto& mask : known_) before.push_back(mask ? &*mask : nullptr);
+  if (is_previous(pulse - 1)) {
+    for (const auto& mask : previous_) before.push_back(mask ? &*mask : nullptr);
   }
-  MendedSilhouettes mended = held_together(frames, masks, {.before = before, .after = after});
-  for (const size_t c : mended.shown_later) frames[c]->raw.image = next[c]->raw.image;
+  MendedSilhouettes repaired = compare(frames, masks, {.before = before, .after = after});
+  for (const size_t c : repaired.shown_later) frames[c]->raw.image = next[c]->raw.image;
   for (size_t c = 0; c < frames.size(); ++c) {
     if (masks[c] == nullptr) continue;
-    if (mended.masks[c]) {
-      frames[c]->mask = *mended.masks[c];
+    if (repaired.masks[c]) {
+      frames[c]->mask = *repaired.masks[c];
     } else {
       frames[c].reset();
     }
   }
-  known_ = std::move(mended.alone);
-  known_pulse_ = pulse;
-  for (const SilhouetteFault& fault : mended.faults) {
+  previous_ = std::move(repaired.alone);
+  previous_pulse_ = pulse;
+  for (const SilhouetteFault& fault : repaired.faults) {
     faults_.push_back({pulse, rig_[fault.camera].name, fault});
   }
 }
 
-std::vector<std::string> lines_of(const std::vector<PulseFault>& faults) {
+std::vector<std::string> fault_lines(const std::vector<PulseFault>& faults) {
   std::map<std::string, std::array<int64_t, 4>> counts;
   for (const PulseFault& fault : faults) {
     ++counts[fault.camera][static_cast<size_t>(fault.fault.kind)];

@@ -1,4 +1,4 @@
-// The silhouettes of a take held against each other, and mended, before they are reconstructed.
+// Silhouette repair of a take: masks are corrected by those of the other cameras.
 #pragma once
 
 #include <cstdint>
@@ -19,45 +19,48 @@ struct PulseFault {
   SilhouetteFault fault;
 };
 
+/// Frames of one pulse, one for each camera of the rig; empty where a camera has none.
 using SegmentedFrames = std::vector<std::optional<SegmentedFrame>>;
 
 /// "missing piece", "phantom piece", "whole camera", "pulse late".
 std::string name(SilhouetteFaultKind kind);
 
-/// One caller at a time.
-class MaskMending {
+/// Repairs the masks of consecutive pulses. The result for a pulse depends on this pulse and its
+/// two neighbours only, so shards of a take have the same result as the whole. One caller at a
+/// time.
+class TakeSilhouetteRepair {
  public:
-  /// Throws InputError as the reconstruction does.
-  MaskMending(const Rig& rig, const ReconstructOptions& options);
+  /// Throws InputError for options that the reconstruction rejects.
+  TakeSilhouetteRepair(const Rig& rig, const ReconstructOptions& options);
 
-  /// Replaces the masks of one pulse, one per camera of the rig, by mended ones, empty outside the
-  /// view of the bounds; a camera that is better left out loses its frame, one that shows this
-  /// pulse in its next frame gets that frame's picture. `next`: the frames of the next pulse, of
-  /// which the masks are cut to the view of the bounds. Whether a camera is late is told where the
-  /// pulse before is known. That is held against nothing itself: what is made of a pulse depends on
-  /// three pulses, in whatever parts a take is reconstructed.
-  void mend(int64_t pulse, SegmentedFrames& frames, SegmentedFrames& next);
+  /// Replaces the masks of `frames` by repaired ones, which are empty outside the view of the
+  /// bounds. A camera with more wrong than right foreground loses its frame. A camera with a frame
+  /// lag gets the image of its frame in `next`; this is detected only if the last call was for
+  /// `pulse` - 1. `next`: frames of the next pulse; their masks are limited to the view of the
+  /// bounds.
+  void repair(int64_t pulse, SegmentedFrames& frames, SegmentedFrames& next);
 
-  /// The pulse that is known is the one looked at or mended last.
-  bool knows(int64_t pulse) const { return pulse == known_pulse_; }
-  void look_at(int64_t pulse, SegmentedFrames frames);
+  /// Provides the pulse before the first call of repair(), without changing frames.
+  void set_previous(int64_t pulse, SegmentedFrames frames);
+  /// Whether the last call was for `pulse`.
+  bool is_previous(int64_t pulse) const { return pulse == previous_pulse_; }
 
   const std::vector<PulseFault>& faults() const { return faults_; }
 
  private:
-  std::vector<const Mask*> cut(SegmentedFrames& frames) const;
-  MendedSilhouettes held_together(const SegmentedFrames& frames, std::span<const Mask* const> masks,
-                                  const NeighbourMasks& neighbours);
+  std::vector<const Mask*> limit_to_view(SegmentedFrames& frames) const;
+  MendedSilhouettes compare(const SegmentedFrames& frames, std::span<const Mask* const> masks,
+                            const NeighbourMasks& neighbours);
 
   const Rig rig_;
   SilhouetteMender mender_;
-  std::vector<Mask> views_;
-  int64_t known_pulse_ = -2;
-  std::vector<std::optional<Mask>> known_;  ///< of that pulse, mended by itself
+  std::vector<Mask> views_;  ///< of the bounds, by camera
+  int64_t previous_pulse_ = -2;
+  std::vector<std::optional<Mask>> previous_;  ///< masks of that pulse, repaired without neighbours
   std::vector<PulseFault> faults_;
 };
 
-/// "cam07: 12 missing pieces, 1 phantom piece, left out of 2 frames", for every camera with faults.
-std::vector<std::string> lines_of(const std::vector<PulseFault>& faults);
+/// "cam07: 12 missing pieces, 1 phantom piece, left out of 2 frames", for each camera with faults.
+std::vector<std::string> fault_lines(const std::vector<PulseFault>& faults);
 
 }  // namespace v3d::ctl

@@ -1,5 +1,3 @@
-#include "v3dctl/reconstruct/slurm_task_runner.h"
-
 #include <algorithm>
 #include <ctime>
 #include <sstream>
@@ -11,25 +9,26 @@
 #include "common/subprocess.h"
 #include "v3dctl/options.h"
 #include "v3dctl/process.h"
+#include "v3dctl/reconstruct/task_runner.h"
 
 namespace v3d::ctl {
 namespace {
 
-/// Every task begins by learning what the segmentation had learnt until there; and Slurm's arrays
-/// have 1,000 places unless it is told otherwise.
-constexpr int64_t kMostTasks = 100;
-constexpr auto kBetweenLooks = std::chrono::seconds(1);
-constexpr auto kWorthTelling = std::chrono::seconds(10);
-/// Longer than Slurm waits, unless it is told otherwise, before it kills what it has asked to end.
-constexpr auto kPatience = std::chrono::seconds(40);
+/// Each task first repeats what the segmentation had learnt before its first pulse, so more tasks
+/// cost more. Slurm's default limit of an array is 1,000.
+constexpr int64_t kMaxTasks = 100;
+constexpr auto kQueryPeriod = std::chrono::seconds(1);
+constexpr auto kReportAfter = std::chrono::seconds(10);
+/// Longer than Slurm's default time between SIGTERM and SIGKILL.
+constexpr auto kCancelTimeout = std::chrono::seconds(40);
 
 void pause() {
-  const timespec look_again{0, 100'000'000};
-  nanosleep(&look_again, nullptr);
+  const timespec period{0, 100'000'000};
+  nanosleep(&period, nullptr);
 }
 
-/// What a command of Slurm's said last, without its name before it.
-std::string complaint(const ProcessResult& result) {
+/// Last line of the errors of a Slurm command, without the name of the command.
+std::string error_text(const ProcessResult& result) {
   std::string text = result.errors;
   text.erase(text.find_last_not_of('\n') + 1);
   text.erase(0, text.rfind('\n') + 1);
@@ -43,7 +42,7 @@ std::string quoted(const std::string& word) {
   return text + "'";
 }
 
-/// Rising numbers as "0-3,7".
+/// Increasing numbers as "0-3,7".
 std::string ranges_of(const std::vector<int64_t>& numbers) {
   std::string text;
   for (size_t first = 0, last = 0; first < numbers.size(); first = ++last) {
@@ -54,16 +53,16 @@ std::string ranges_of(const std::vector<int64_t>& numbers) {
   return text;
 }
 
-/// The task's log, in which Slurm puts its number; other percent signs are the folder's own.
+/// Path of the task logs; Slurm replaces %a by the number of the task and %% by %.
 std::string log_pattern(const std::string& folder) {
   std::string text;
   for (const char c : folder) text += c == '%' ? std::string("%%") : std::string(1, c);
   return text + "/task-%a.log";
 }
 
-/// The shell on the node reckons its pieces from its number in the array.
-std::string script(const std::string& folder, int64_t pieces, int threads) {
-  const std::string n = std::to_string(pieces);
+/// Script of all tasks: the shell computes the range of shards from the number of the task.
+std::string script(const std::string& folder, int64_t shards_per_task, int threads) {
+  const std::string n = std::to_string(shards_per_task);
   const std::string range =
       "$((SLURM_ARRAY_TASK_ID * " + n + ")):$((SLURM_ARRAY_TASK_ID * " + n + " + " + n + "))";
   std::string text = "exec";
@@ -75,20 +74,21 @@ std::string script(const std::string& folder, int64_t pieces, int threads) {
 
 }  // namespace
 
-SlurmTasks::SlurmTasks(PieceFolder folder, std::string partition, int threads, int64_t pieces)
+SlurmTaskRunner::SlurmTaskRunner(ShardFolder folder, std::string partition, int threads,
+                                 int64_t min_shards)
     : folder_(std::move(folder)),
       partition_(std::move(partition)),
       threads_(threads),
-      least_pieces_(pieces),
+      min_shards_(min_shards),
       name_("v3d-" + folder_.path().parent_path().filename().string() + "-" + folder_.digest()) {}
 
-SlurmTasks::~SlurmTasks() { cancel(); }
+SlurmTaskRunner::~SlurmTaskRunner() { cancel(); }
 
-void SlurmTasks::start(const std::vector<int64_t>& missing, int64_t count) {
-  const int64_t pieces = std::max(least_pieces_, (count + kMostTasks - 1) / kMostTasks);
+void SlurmTaskRunner::start(const std::vector<int64_t>& missing, int64_t count) {
+  const int64_t shards = std::max(min_shards_, (count + kMaxTasks - 1) / kMaxTasks);
   std::vector<int64_t> tasks;
-  for (const int64_t place : missing) {
-    if (tasks.empty() || tasks.back() != place / pieces) tasks.push_back(place / pieces);
+  for (const int64_t index : missing) {
+    if (tasks.empty() || tasks.back() != index / shards) tasks.push_back(index / shards);
   }
   std::vector<std::string> words = {"sbatch",
                                     "--parsable",
@@ -97,42 +97,42 @@ void SlurmTasks::start(const std::vector<int64_t>& missing, int64_t count) {
                                     "--array=" + ranges_of(tasks),
                                     "--output=" + log_pattern(folder_.path()),
                                     "--cpus-per-task=" + std::to_string(threads_),
-                                    "--wrap=" + script(folder_.path(), pieces, threads_)};
+                                    "--wrap=" + script(folder_.path(), shards, threads_)};
   if (!partition_.empty()) words.push_back("--partition=" + partition_);
-  // Of a run that was killed.
+  // Cancel the job of a run that was killed.
   run_process({"scancel", "--me", "--name=" + name_}, Output::kCaptureBoth);
   const ProcessResult submitted = run_process(words, Output::kCaptureBoth);
   if (submitted.status != 0) {
-    // Ctrl-C may have ended it behind its work.
+    // Ctrl-C may have ended sbatch after it submitted the job.
     run_process({"scancel", "--me", "--name=" + name_}, Output::kCaptureBoth);
     if (interrupted()) return;
-    throw InputError("Slurm refuses the job: " + complaint(submitted));
+    throw InputError("Slurm rejects the job: " + error_text(submitted));
   }
   job_ = submitted.output.substr(0, submitted.output.find_first_of(";\n"));
-  next_look_ = idle_since_ = Monotonic::now();
+  next_query_ = idle_since_ = Monotonic::now();
   note("slurm job " + job_ + ": " + count_of(std::ssize(tasks), "task") + " of up to " +
-       count_of(pieces, "piece"));
+       count_of(shards, "shard"));
 }
 
-bool SlurmTasks::runs() {
+bool SlurmTaskRunner::poll() {
   if (job_.empty()) return false;
   pause();
-  if (Monotonic::now() < next_look_) return true;
-  look();
-  say_why_it_waits();
-  next_look_ = Monotonic::now() + kBetweenLooks;
+  if (Monotonic::now() < next_query_) return true;
+  query_queue();
+  report_waiting();
+  next_query_ = Monotonic::now() + kQueryPeriod;
   return !job_.empty();
 }
 
-void SlurmTasks::look() {
+void SlurmTaskRunner::query_queue() {
   const ProcessResult queue = run_process(
       {"squeue", "--me", "--noheader", "--array", "--format=%F %t %r"}, Output::kCaptureBoth);
   if (queue.status != 0) {
-    if (!silent_ && !interrupted()) note("squeue: " + complaint(queue) + "; waiting for it");
-    silent_ = true;
+    if (!query_failed_ && !interrupted()) note("squeue: " + error_text(queue) + "; trying again");
+    query_failed_ = true;
     return;
   }
-  silent_ = false;
+  query_failed_ = false;
   bool listed = false, running = false;
   std::istringstream lines(queue.output);
   std::string job, state, reason;
@@ -146,24 +146,25 @@ void SlurmTasks::look() {
   if (running) reason_.clear();
 }
 
-void SlurmTasks::say_why_it_waits() {
+void SlurmTaskRunner::report_waiting() {
   if (reason_.empty()) idle_since_ = Monotonic::now();
-  if (Monotonic::now() - idle_since_ < kWorthTelling || !said_.insert(reason_).second) return;
+  if (Monotonic::now() - idle_since_ < kReportAfter || !reported_.insert(reason_).second) return;
   note("slurm job " + job_ + " waits: " + reason_);
 }
 
-void SlurmTasks::cancel() {
+void SlurmTaskRunner::cancel() {
   if (job_.empty()) return;
-  look();
+  query_queue();
   if (!job_.empty()) run_process({"scancel", job_}, Output::kCaptureBoth);
-  const MonotonicInstant deadline = Monotonic::now() + kPatience;
-  for (; !job_.empty() && Monotonic::now() < deadline; look()) pause();
-  if (!job_.empty()) note("slurm job " + job_ + " has not ended yet: see squeue");
+  const MonotonicInstant deadline = Monotonic::now() + kCancelTimeout;
+  for (; !job_.empty() && Monotonic::now() < deadline; query_queue()) pause();
+  if (!job_.empty()) note("slurm job " + job_ + " has not ended; see squeue");
   job_.clear();
 }
 
-std::string SlurmTasks::hint() const {
-  return ": do the nodes see " + folder_.path().parent_path().string() + " and v3dctl?";
+std::string SlurmTaskRunner::hint() const {
+  return ": check that the nodes can access " + folder_.path().parent_path().string() +
+         " and v3dctl";
 }
 
 }  // namespace v3d::ctl

@@ -3,13 +3,17 @@
 #include <sys/resource.h>
 #include <tbb/parallel_for.h>
 #include <tbb/task_arena.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <optional>
 #include <utility>
 
 #include "base/error.h"
+#include "base/io/file.h"
 #include "base/mask_shape.h"
+#include "base/time.h"
+#include "common/console.h"
 #include "recon/box_view.h"
 #include "recon/frame_pipeline.h"
 #include "recon/silhouette.h"
@@ -19,8 +23,9 @@
 namespace v3d::ctl {
 namespace {
 
-// How well the surface, drawn into each camera, covers its mask. What a camera sees beside the
-// bounds is not the surface's to cover.
+namespace fs = std::filesystem;
+
+// Compares the rendered silhouettes of the surface with the masks, within the view of the bounds.
 class SilhouetteMeter {
  public:
   SilhouetteMeter(const Rig& rig, const Box& bounds) : views_(rig.size()) {
@@ -31,13 +36,13 @@ class SilhouetteMeter {
 
   void measure(const Mesh& mesh, const std::vector<std::optional<SegmentedFrame>>& frames,
                ReconstructReport& report) const {
-    const std::vector<Mask> drawn = draw_silhouettes(mesh, models_);
-    for (size_t i = 0; i < drawn.size(); ++i) {
+    const std::vector<Mask> rendered = draw_silhouettes(mesh, models_);
+    for (size_t i = 0; i < rendered.size(); ++i) {
       if (!frames[i] || frames[i]->mask.size() != views_[i].size()) continue;
       const Mask mask = both(frames[i]->mask, views_[i]);
-      // Where both are empty there is nothing to measure.
-      if (drawn[i].count() + mask.count() == 0) continue;
-      const double iou = intersection_over_union(drawn[i], mask);
+      // The intersection over union of two empty masks is undefined.
+      if (rendered[i].count() + mask.count() == 0) continue;
+      const double iou = intersection_over_union(rendered[i], mask);
       report.silhouette_iou.push_back(iou);
       report.camera_iou[i].push_back(iou);
     }
@@ -60,7 +65,7 @@ void add_stage_times(const StageTimes& times, double segment, ReconstructReport&
   report.stages.back().ms.push_back(total);
 }
 
-void add_figures(const Reconstruction& result, ReconstructReport& report) {
+void add_measurements(const Reconstruction& result, ReconstructReport& report) {
   ++report.frames;
   report.volume_m3.push_back(result.volume_m3);
   report.vertices.push_back(static_cast<double>(result.mesh.vertices.size()));
@@ -76,7 +81,7 @@ double peak_rss_mb() {
   return static_cast<double>(usage.ru_maxrss) * 1024 / 1e6;
 }
 
-/// The pulses beside those that are asked for are looked at too.
+/// Faults of the requested pulses; their neighbours were compared, too.
 std::vector<PulseFault> faults_among(std::span<const int64_t> pulses,
                                      const std::vector<PulseFault>& all) {
   std::vector<PulseFault> faults;
@@ -88,24 +93,25 @@ std::vector<PulseFault> faults_among(std::span<const int64_t> pulses,
 
 }  // namespace
 
-// The stages are those of the live reconstruction, with the reading and segmenting before and the
-// measuring behind.
+// Stages of the live reconstruction, preceded by reading and segmentation and followed by
+// measuring.
 class TakeReconstruction::Impl {
  public:
-  Impl(const ReconstructRequest& request, int threads, TakeFrames&& take)
+  Impl(const ReconstructRequest& complete, int threads, TakeFrames&& take)
       : take_(std::move(take)),
-        options_(options_of(request, threads)),
+        options_(options_of(complete, threads)),
         reconstructor_(take_.rig(), options_),
         silhouettes_(tbb::task_arena(threads).execute(
             [&] { return SilhouetteMeter(take_.rig(), options_.bounds); })),
-        mending_(request.mend ? std::optional<MaskMending>(std::in_place, take_.rig(), options_)
-                              : std::nullopt),
-        surfaces_(take_, reconstructor_, mending_ ? &*mending_ : nullptr,
-                  request.steady && options_.quality == Quality::kHigh) {}
+        repair_(complete.repair
+                    ? std::optional<TakeSilhouetteRepair>(std::in_place, take_.rig(), options_)
+                    : std::nullopt),
+        surfaces_(take_, reconstructor_, repair_ ? &*repair_ : nullptr,
+                  complete.smooth && options_.quality == Quality::kHigh) {}
 
   ReconstructReport make(std::span<const int64_t> pulses, PendingMeshFile& file,
                          const std::function<void()>& on_frame) {
-    ReconstructReport report = begin_report(take_.rig(), options_, mending_.has_value());
+    ReconstructReport report = empty_report(take_.rig(), options_, repair_.has_value());
     auto next = pulses.begin();
     reconstructor_.begin_sequence();
     FramePipeline<Job>(options_.threads,
@@ -120,7 +126,7 @@ class TakeReconstruction::Impl {
                           on_frame();
                         }})
         .wait();
-    if (mending_) report.silhouette_faults = faults_among(pulses, mending_->faults());
+    if (repair_) report.silhouette_faults = faults_among(pulses, repair_->faults());
     report.read_errors = take_.read_errors();
     report.peak_rss_mb = peak_rss_mb();
     return report;
@@ -146,7 +152,7 @@ class TakeReconstruction::Impl {
     const Reconstruction& result = job.made.work.result;
     silhouettes_.measure(result.mesh, job.made.frames, report);
     add_stage_times(result.times, job.made.segment_ms, report);
-    add_figures(result, report);
+    add_measurements(result, report);
     if (result.cameras.size() < take_.rig().size()) ++report.incomplete;
   }
 
@@ -154,18 +160,60 @@ class TakeReconstruction::Impl {
   const ReconstructOptions options_;
   Reconstructor reconstructor_;
   const SilhouetteMeter silhouettes_;
-  std::optional<MaskMending> mending_;
+  std::optional<TakeSilhouetteRepair> repair_;
   TakeSurfaces surfaces_;
 };
 
-TakeReconstruction::TakeReconstruction(const ReconstructRequest& request, int threads,
+TakeReconstruction::TakeReconstruction(const ReconstructRequest& complete, int threads,
                                        TakeFrames take)
-    : impl_(std::make_unique<Impl>(request, threads, std::move(take))) {}
+    : impl_(std::make_unique<Impl>(complete, threads, std::move(take))) {}
 TakeReconstruction::~TakeReconstruction() = default;
 
 ReconstructReport TakeReconstruction::make(std::span<const int64_t> pulses, PendingMeshFile& file,
                                            const std::function<void()>& on_frame) {
   return impl_->make(pulses, file, on_frame);
+}
+
+ReconstructReport reconstruct_take(const ReconstructRequest& request) {
+  const MonotonicInstant begin = Monotonic::now();
+  TakeFrames take = open_take(request);
+  const std::vector<int64_t> pulses = pulses_of(request, take);
+  const int64_t without_frames = pulses_without_frames(request, take);
+  const fs::path path = take.paths().mesh();
+  const ReconstructRequest complete = with_defaults(request, take);
+  TakeReconstruction reconstruction(complete, threads_of(request), std::move(take));
+  PendingMeshFile file(path);
+  Progress progress("reconstruct", std::ssize(pulses));
+  ReconstructReport report = reconstruction.make(pulses, file, [&] { progress.advance(); });
+  file.finish();
+  report.incomplete += without_frames;
+  report.seconds = to_seconds(Monotonic::now() - begin);
+  return report;
+}
+
+// --- the mesh file
+
+std::string process_suffix() { return host_name() + "-" + std::to_string(getpid()); }
+
+PendingMeshFile::PendingMeshFile(const fs::path& path)
+    : path_(path),
+      temporary_path_(path.string() + ".partial-" + process_suffix()),
+      file_(temporary_path_) {}
+
+PendingMeshFile::~PendingMeshFile() {
+  std::error_code ignored;
+  if (!finished_) fs::remove(temporary_path_, ignored);
+}
+
+void PendingMeshFile::append(int64_t pulse, const std::vector<uint8_t>& compact) {
+  io::throw_if_failed(file_.append(pulse, compact));
+}
+
+void PendingMeshFile::finish() {
+  io::throw_if_failed(file_.close());
+  fs::rename(temporary_path_, path_);
+  finished_ = true;
+  io::throw_if_failed(io::sync_folder(fs::absolute(path_).parent_path()));
 }
 
 }  // namespace v3d::ctl

@@ -138,7 +138,7 @@ class Collector {
     if (on_terminal()) note(source.node + "  " + take);
     // --inplace: an interrupted copy continues in its file.
     std::vector<std::string> options = {"--inplace", "--no-whole-file", "--exclude=/verified.toml",
-                                        "--exclude=/.pieces-*", "--exclude=/.*.lock"};
+                                        "--exclude=/.shards-*", "--exclude=/.*.lock"};
     if (on_terminal()) options.emplace_back("--info=progress2");
     copy(source, options, from, part);
     return part;

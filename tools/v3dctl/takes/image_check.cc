@@ -15,7 +15,6 @@
 #include "recon/hull_of_others.h"
 #include "v3dctl/options.h"
 #include "v3dctl/process.h"
-#include "v3dctl/reconstruct/reconstruct.h"
 #include "v3dctl/reconstruct/reconstruction_bounds.h"
 
 namespace v3d::ctl {
@@ -69,8 +68,7 @@ class ImageCheck {
     if (request.studio && request.studio->name == take_.info().studio) {
       return request.studio->space.bounds;
     }
-    const int cameras = static_cast<int>(take_.rig().size());
-    return common_view(take_.rig(), std::max(default_min_views(cameras), (cameras + 1) / 2));
+    return default_bounds(take_.rig(), default_min_views(static_cast<int>(take_.rig().size())));
   }
   double longest_edge() const { return (bounds_.max - bounds_.min).maxCoeff(); }
 
