@@ -1,5 +1,3 @@
-#include "v3dctl/export/draco_compression.h"
-
 #include <draco/compression/decode.h>
 #include <draco/compression/encode.h>
 #include <draco/mesh/mesh.h>
@@ -7,6 +5,8 @@
 #include <bit>
 #include <memory>
 #include <stdexcept>
+
+#include "v3dctl/export/vertex_streams.h"
 
 namespace v3d::ctl {
 namespace {
@@ -29,7 +29,7 @@ draco::DataType type_of(Component component) {
   return draco::DT_INVALID;
 }
 
-/// Returns the number by which decoders know the attribute.
+/// Returns the id of the attribute in the compressed mesh.
 int add_attribute(draco::Mesh& mesh, const VertexStream& stream, size_t vertices) {
   draco::GeometryAttribute attribute;
   attribute.Init(type_of(stream.semantic), nullptr, static_cast<uint8_t>(stream.width),
@@ -53,8 +53,8 @@ std::unique_ptr<draco::Mesh> to_draco(const VertexStreams& mesh, std::vector<int
   return out;
 }
 
-/// Such that every place of the grid comes back.
-void quantise_to(const PositionGrid& grid, draco::Encoder& encoder) {
+/// Quantises so that the positions of the grid are exact.
+void set_quantisation(const PositionGrid& grid, draco::Encoder& encoder) {
   const Eigen::Vector3f origin = grid.origin.cast<float>();
   const int bits = std::max(1, static_cast<int>(std::bit_width(unsigned{grid.last})));
   const auto range = static_cast<float>(((1U << bits) - 1) * grid.step);
@@ -65,8 +65,8 @@ void quantise_to(const PositionGrid& grid, draco::Encoder& encoder) {
                                            1);
 }
 
-/// glTF tells what comes out: so it is decoded, and looked at.
-void tell_what_comes_out(DracoMesh& compressed) {
+/// Decodes the mesh: glTF requires counts and bounds of the decoded mesh.
+void set_counts_and_bounds(DracoMesh& compressed) {
   draco::DecoderBuffer buffer;
   buffer.Init(reinterpret_cast<const char*>(compressed.bytes.data()), compressed.bytes.size());
   draco::Decoder decoder;
@@ -93,14 +93,14 @@ DracoMesh compress_with_draco(const VertexStreams& mesh, const PositionGrid& gri
   const auto content = to_draco(mesh, compressed.ids);
   draco::Encoder encoder;
   encoder.SetSpeedOptions(0, 0);
-  quantise_to(grid, encoder);
+  set_quantisation(grid, encoder);
   draco::EncoderBuffer buffer;
   const draco::Status status = encoder.EncodeMeshToBuffer(*content, &buffer);
   if (!status.ok()) {
     throw std::runtime_error(std::string("Draco cannot encode the mesh: ") + status.error_msg());
   }
   compressed.bytes.assign(buffer.data(), buffer.data() + buffer.size());
-  tell_what_comes_out(compressed);
+  set_counts_and_bounds(compressed);
   return compressed;
 }
 

@@ -1,3 +1,4 @@
+// export: writes the meshes of a take as files for other programs.
 #include <cstdio>
 #include <optional>
 
@@ -31,12 +32,12 @@ std::string file_name(int64_t frame, MeshFormat format) {
   return name + std::string(extension(format));
 }
 
-// A name that ends like the format is a file and holds one frame; any other is a folder.
+// A path with the extension of the format is a file of one frame; any other is a folder.
 bool is_file(const Arguments& arguments, MeshFormat format, size_t frames) {
   if (arguments.out.extension() != extension(format)) return false;
   if (frames > 1) {
-    throw InputError(arguments.out.string() + ": one file holds one frame, the take has " +
-                     std::to_string(frames) + ": choose with --frames N, or give a folder");
+    throw InputError(arguments.out.string() + ": is a file of one frame, the take has " +
+                     std::to_string(frames) + "; expected --frames N, or a folder");
   }
   return true;
 }
@@ -51,7 +52,7 @@ int run(const Arguments& arguments) {
   std::error_code error;
   if (!to_file && !fs::create_directories(arguments.out, error) &&
       !fs::is_directory(arguments.out)) {
-    throw InputError(arguments.out.string() + ": cannot make the folder: " + error.message());
+    throw InputError(arguments.out.string() + ": cannot create the folder: " + error.message());
   }
   std::optional<TakeColours> colours;
   if (arguments.view_dependent) colours.emplace(arguments.take);
@@ -71,7 +72,7 @@ int run(const Arguments& arguments) {
       colours ? report_incomplete_frames(colours->incomplete(), arguments.take) : kExitDone;
   if (!meshes.is_unfinished()) return status;
   note("v3dctl: " + TakePaths{arguments.take}.mesh().string() +
-       ": ends without its index: truncated, or not finished; frames may be missing");
+       ": has no index: it is truncated or not finished; frames may be missing");
   return kExitNotWhole;
 }
 
@@ -79,7 +80,7 @@ int run(const Arguments& arguments) {
 
 void add_export(CommandLine& line) {
   CLI::App* command = line.add(
-      "export", "Write meshes for other programs, one file a frame",
+      "export", "Write meshes for other programs, one file for each frame",
       {"v3dctl export dancer --format glb --frames 12 dancer.glb",
        "v3dctl export dancer --format ply --frames 0:250 meshes/   # meshes/000000.ply, ...",
        "v3dctl export dancer --format glb --compress draco --view-dependent meshes/"});
@@ -91,17 +92,17 @@ void add_export(CommandLine& line) {
       ->required();
   command
       ->add_option("--format", arguments->format,
-                   "The kind of file; all carry colours, metres, z up (glb: y up)")
+                   "The file format; all have colours, metres, z up (glb: y up)")
       ->type_name("ply|obj|glb")
       ->required();
   command
       ->add_option("--compress", arguments->compression,
-                   "glb alone: with KHR_draco_mesh_compression or EXT_meshopt_compression; "
-                   "positions lose nothing")
+                   "glb only: with KHR_draco_mesh_compression or EXT_meshopt_compression; "
+                   "positions are exact")
       ->type_name("none|draco|meshopt")
       ->capture_default_str();
   command->add_flag("--view-dependent", arguments->view_dependent,
-                    "ply, glb: also what each camera saw of every vertex, from the take's raw "
+                    "ply, glb: also the colour of every vertex in each camera, from the take's raw "
                     "frames, as attributes (docs/export.md)");
   add_frames_option(command, arguments->frames);
   line.on_run(command, [arguments] { return run(*arguments); });

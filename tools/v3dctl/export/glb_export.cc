@@ -5,9 +5,7 @@
 #include <numbers>
 
 #include "base/file.h"
-#include "v3dctl/export/draco_compression.h"
 #include "v3dctl/export/mesh_export.h"
-#include "v3dctl/export/meshopt_compression.h"
 #include "v3dctl/export/vertex_streams.h"
 
 namespace v3d::ctl {
@@ -24,15 +22,15 @@ constexpr const char* kMeshopt = "EXT_meshopt_compression";
 constexpr const char* kQuantization = "KHR_mesh_quantization";
 constexpr const char* kUnlit = "KHR_materials_unlit";
 
-/// Linear light in whole numbers up to `most`, three or four for each vertex.
+/// Linear light as integers up to `max`, three or four for each vertex.
 template <class T>
-std::vector<T> linear_colours(const Mesh& mesh, int width, double most) {
+std::vector<T> linear_colours(const Mesh& mesh, int width, double max) {
   std::vector<T> values;
   for (const Rgb8 c : mesh.colours) {
     for (const uint8_t channel : {c.r, c.g, c.b}) {
-      values.push_back(static_cast<T>(std::round(most * linear_light(channel))));
+      values.push_back(static_cast<T>(std::round(max * linear_light(channel))));
     }
-    if (width == 4) values.push_back(static_cast<T>(most));
+    if (width == 4) values.push_back(static_cast<T>(max));
   }
   return values;
 }
@@ -43,19 +41,20 @@ VertexStream float_positions(const Mesh& mesh) {
   return make_stream("POSITION", Component::kFloat, 3, values);
 }
 
-VertexStream whole_positions(const PositionGrid& grid) {
+VertexStream integer_positions(const PositionGrid& grid) {
   std::vector<uint16_t> values;
-  for (const auto& place : grid.places) values.insert(values.end(), place.begin(), place.end());
+  for (const auto& position : grid.positions)
+    values.insert(values.end(), position.begin(), position.end());
   VertexStream stream = make_stream("POSITION", Component::kUint16, 3, values);
   stream.normalised = false;
   return stream;
 }
 
-/// Draco wants floats, of which it keeps kLinearBits.
+/// Draco requires floats; it keeps kLinearBits of them.
 VertexStream float_colours(const Mesh& mesh) {
-  constexpr double kMost = (1 << kLinearBits) - 1;
-  std::vector<float> values = linear_colours<float>(mesh, 3, kMost);
-  for (float& value : values) value /= static_cast<float>(kMost);
+  constexpr double kMax = (1 << kLinearBits) - 1;
+  std::vector<float> values = linear_colours<float>(mesh, 3, kMax);
+  for (float& value : values) value /= static_cast<float>(kMax);
   return make_stream("COLOR_0", Component::kFloat, 3, values);
 }
 
@@ -80,7 +79,7 @@ VertexStreams streams_of(const Mesh& mesh, const MeshFileOptions& options,
                          const PositionGrid& grid) {
   VertexStreams out;
   out.vertices = mesh.vertices.size();
-  out.streams.push_back(options.compression == Compression::kMeshopt ? whole_positions(grid)
+  out.streams.push_back(options.compression == Compression::kMeshopt ? integer_positions(grid)
                                                                      : float_positions(mesh));
   if (!mesh.colours.empty()) {
     out.streams.push_back(options.compression == Compression::kDraco
@@ -100,7 +99,7 @@ VertexStreams streams_of(const Mesh& mesh, const MeshFileOptions& options,
 json floats(const Eigen::Vector3f& v) { return {v.x(), v.y(), v.z()}; }
 json numbers(const Eigen::Vector3d& v) { return {v.x(), v.y(), v.z()}; }
 
-/// The text and the binary chunk of a file with one mesh.
+/// JSON and binary chunk of a file with one mesh.
 class Document {
  public:
   Document() {
@@ -112,7 +111,7 @@ class Document {
   void add(const Mesh& mesh, const MeshFileOptions& options) {
     PositionGrid grid;
     if (options.compression != Compression::kNone) {
-      grid = place_on_grid(mesh.vertices, options.lattice);
+      grid = quantise(mesh.vertices, options.lattice);
     }
     VertexStreams streams = streams_of(mesh, options, grid);
     add_node();
@@ -156,7 +155,7 @@ class Document {
     bytes += content;
   }
 
-  /// Returns where the bytes begin: on a multiple of 4.
+  /// Returns the offset of the bytes, a multiple of 4.
   size_t append(std::span<const uint8_t> bytes) {
     binary_.resize((binary_.size() + 3) / 4 * 4, '\0');
     const size_t at = binary_.size();
@@ -168,7 +167,7 @@ class Document {
     gltf_[list].push_back(std::move(item));
     return gltf_[list].size() - 1;
   }
-  /// How long it is shows later.
+  /// Its length is set later.
   json& add_buffer() {
     json buffer;
     buffer["byteLength"] = 0;
@@ -216,7 +215,7 @@ class Document {
       const size_t view = add_view(stream.bytes);
       gltf_["bufferViews"][view]["target"] = kArrayBuffer;
       accessor["bufferView"] = view;
-      if (stream.semantic == "POSITION") tell_bounds(accessor, source.vertices);
+      if (stream.semantic == "POSITION") set_bounds(accessor, source.vertices);
       add_attribute(stream.semantic, std::move(accessor));
     }
     const auto* bytes = reinterpret_cast<const uint8_t*>(mesh.indices.data());
@@ -227,7 +226,7 @@ class Document {
     add_indices(std::move(accessor));
   }
 
-  static void tell_bounds(json& accessor, const std::vector<Eigen::Vector3f>& vertices) {
+  static void set_bounds(json& accessor, const std::vector<Eigen::Vector3f>& vertices) {
     Eigen::Vector3f low = vertices.front(), high = low;
     for (const Eigen::Vector3f& vertex : vertices) {
       low = low.cwiseMin(vertex);
@@ -257,8 +256,8 @@ class Document {
     primitive()["extensions"][kDraco] = {{"bufferView", view}, {"attributes", ids}};
   }
 
-  /// The extension's views lie in the file; as buffer views of their own kind they lie in a buffer
-  /// that is nowhere, which readers fill with what they decode.
+  /// The compressed bytes are in the file. The buffer views refer to a second buffer without bytes,
+  /// which readers fill with the decoded ones.
   void add_meshopt(VertexStreams& mesh, const PositionGrid& grid) {
     add_buffer();
     add_buffer()["extensions"][kMeshopt]["fallback"] = true;
@@ -270,7 +269,7 @@ class Document {
       accessor["bufferView"] =
           add_meshopt_view(compress_vertices(stream, mesh.vertices), "ATTRIBUTES", mesh.vertices,
                            stream.stride, kArrayBuffer);
-      if (stream.semantic == "POSITION") tell_bounds(accessor, stream);
+      if (stream.semantic == "POSITION") set_bounds(accessor, stream);
       add_attribute(stream.semantic, std::move(accessor));
     }
     json accessor = accessor_of_indices(mesh.indices.size());
@@ -278,7 +277,7 @@ class Document {
         add_meshopt_view(compress_triangles(mesh.indices, mesh.vertices), "TRIANGLES",
                          mesh.indices.size(), sizeof(uint32_t), kElementArrayBuffer);
     add_indices(std::move(accessor));
-    // Places of the grid to metres, turned as the node turns: (x, y, z) to (x, z, -y).
+    // Grid to metres, rotated as the node is: (x, y, z) to (x, z, -y).
     json& node = gltf_["nodes"][0];
     node["scale"] = numbers(Eigen::Vector3d::Constant(grid.step));
     node["translation"] = {grid.origin.x(), grid.origin.z(), -grid.origin.y()};
@@ -301,21 +300,21 @@ class Document {
     return add_to("bufferViews", std::move(view));
   }
 
-  static void tell_bounds(json& accessor, const VertexStream& places) {
+  static void set_bounds(json& accessor, const VertexStream& positions) {
     std::array<uint16_t, 3> low{65535, 65535, 65535}, high{0, 0, 0};
-    for (size_t at = 0; at < places.bytes.size(); at += places.stride) {
-      std::array<uint16_t, 3> place;
-      std::memcpy(place.data(), places.bytes.data() + at, sizeof place);
+    for (size_t at = 0; at < positions.bytes.size(); at += positions.stride) {
+      std::array<uint16_t, 3> position;
+      std::memcpy(position.data(), positions.bytes.data() + at, sizeof position);
       for (size_t axis = 0; axis < 3; ++axis) {
-        low[axis] = std::min(low[axis], place[axis]);
-        high[axis] = std::max(high[axis], place[axis]);
+        low[axis] = std::min(low[axis], position[axis]);
+        high[axis] = std::max(high[axis], position[axis]);
       }
     }
     accessor["min"] = low;
     accessor["max"] = high;
   }
 
-  /// The light of the studio is in the colours already.
+  /// Unlit: the colours contain the light of the studio.
   void add_material() {
     json material;
     material["name"] = "as seen";

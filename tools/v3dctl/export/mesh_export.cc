@@ -14,14 +14,14 @@ MeshFormat parse_mesh_format(std::string_view text) {
   if (text == "ply") return MeshFormat::kPly;
   if (text == "obj") return MeshFormat::kObj;
   if (text == "glb") return MeshFormat::kGlb;
-  throw InputError("--format " + std::string(text) + ": want ply, obj or glb");
+  throw InputError("--format " + std::string(text) + ": expected ply, obj or glb");
 }
 
 Compression parse_compression(std::string_view text) {
   if (text == "none") return Compression::kNone;
   if (text == "draco") return Compression::kDraco;
   if (text == "meshopt") return Compression::kMeshopt;
-  throw InputError("--compress " + std::string(text) + ": want none, draco or meshopt");
+  throw InputError("--compress " + std::string(text) + ": expected none, draco or meshopt");
 }
 
 std::string_view extension(MeshFormat format) {
@@ -47,27 +47,27 @@ std::string attribute_name(std::string_view camera) {
 
 void check_options(MeshFormat format, Compression compression, bool by_camera) {
   if (compression != Compression::kNone && format != MeshFormat::kGlb) {
-    throw InputError("--compress: only --format glb is compressed");
+    throw InputError("--compress: expected --format glb, the only one with compression");
   }
   if (by_camera && format == MeshFormat::kObj) {
     throw InputError(
-        "--view-dependent: OBJ holds one colour for a vertex: want --format ply or glb");
+        "--view-dependent: expected --format ply or glb; OBJ has one colour for a vertex");
   }
 }
 
 namespace {
 
-/// A property for each channel: cam01_red, cam01_green, cam01_blue, cam01_sight.
+/// One property for each channel: cam01_red, cam01_green, cam01_blue, cam01_sight.
 std::vector<PlyColours> ply_colours(std::span<const ExportedCamera> cameras) {
   std::vector<PlyColours> colours;
   for (const ExportedCamera& camera : cameras) {
     const std::string name = attribute_name(camera.colours.camera);
-    char place[160];
-    std::snprintf(place, sizeof place, " stands at %.6g %.6g %.6g and looks along %.6g %.6g %.6g",
+    char pose[160];
+    std::snprintf(pose, sizeof pose, " stands at %.6g %.6g %.6g and looks along %.6g %.6g %.6g",
                   camera.centre.x(), camera.centre.y(), camera.centre.z(), camera.axis.x(),
                   camera.axis.y(), camera.axis.z());
     colours.push_back(
-        {.comment = name + place,
+        {.comment = name + pose,
          .properties = {name + "_red", name + "_green", name + "_blue", name + "_sight"},
          .vertices = camera.colours.vertices});
   }

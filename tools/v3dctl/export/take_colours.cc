@@ -11,13 +11,13 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// A take may have been kept for its meshes alone.
-const fs::path& with_frames(const fs::path& take) {
+/// Throws InputError for a take that was kept without its raw frames.
+const fs::path& require_frames(const fs::path& take) {
   const TakePaths paths{take};
   for (const std::string& camera : load_take_info(paths).cameras) {
     if (!fs::exists(paths.frames(camera))) {
       throw InputError("--view-dependent: the take has no raw frames of " + camera + ": " +
-                       paths.frames(camera).string() + " is not there");
+                       paths.frames(camera).string() + " does not exist");
     }
   }
   return take;
@@ -32,14 +32,14 @@ void require_distinct(const std::vector<std::string>& cameras) {
     const auto [before, added] = camera_of.emplace(name, camera);
     if (!added) {
       throw InputError("--view-dependent: the cameras " + before->second + " and " + camera +
-                       " would have one name among the attributes, " + name);
+                       " have the same attribute name, " + name);
     }
   }
 }
 
 }  // namespace
 
-TakeColours::TakeColours(const fs::path& take) : frames_(with_frames(take), {}) {
+TakeColours::TakeColours(const fs::path& take) : frames_(require_frames(take), {}) {
   require_distinct(frames_.info().cameras);
 }
 
@@ -50,19 +50,19 @@ std::vector<ExportedCamera> TakeColours::of(const CompactFrame& frame) {
                      " has no raw frames of pulse " + std::to_string(frame.pulse));
   }
   if (set.frames.size() < frames_.rig().size()) ++incomplete_;
-  std::vector<CameraColours> seen =
+  std::vector<CameraColours> visible =
       camera_colours(frame.mesh, texture_cameras(frames_.rig(), set), texture_options(frame.mesh));
   std::vector<ExportedCamera> cameras;
   for (const RigCamera& camera : frames_.rig()) {
-    const auto found = std::find_if(seen.begin(), seen.end(), [&](const CameraColours& colours) {
-      return colours.camera == camera.name;
-    });
+    const auto found =
+        std::find_if(visible.begin(), visible.end(),
+                     [&](const CameraColours& colours) { return colours.camera == camera.name; });
     ExportedCamera& exported = cameras.emplace_back();
     exported.centre = camera.model.center();
     exported.axis = camera.model.viewing_direction();
     exported.colours = {camera.name, {}};
     exported.colours.vertices.resize(frame.mesh.vertices.size());
-    if (found != seen.end()) exported.colours = std::move(*found);
+    if (found != visible.end()) exported.colours = std::move(*found);
   }
   return cameras;
 }

@@ -1,4 +1,4 @@
-// What the cameras of a take saw of its reconstructed frames, camera by camera.
+// Vertex colours of reconstructed frames in each camera, from the raw frames of the take.
 #pragma once
 
 #include <cstdint>
@@ -11,16 +11,17 @@
 
 namespace v3d::ctl {
 
-/// One thread; works on several cameras at a time.
+/// One thread; uses several processors.
 class TakeColours {
  public:
-  /// Throws InputError: no take, a take without its raw frames, cameras whose attribute_name() is
-  /// the same.
+  /// Throws InputError for a folder that is no take, for a take without raw frames, and for cameras
+  /// with equal attribute_name()s.
   explicit TakeColours(const std::filesystem::path& take);
-  /// All cameras of the take, in the order of their names; one that has no frame of this pulse sees
-  /// nothing. Throws InputError where none has. Fast in rising order of pulses.
+  /// Colours of `frame` in all cameras of the take, ordered by name. In a camera without a frame of
+  /// this pulse no vertex is visible. Throws InputError when no camera has one. Fast for increasing
+  /// pulses.
   std::vector<ExportedCamera> of(const CompactFrame& frame);
-  /// Frames until now that a camera of the take has not, or that cannot be read.
+  /// Number of frames so far in which a camera was missing or unreadable.
   int64_t incomplete() const { return incomplete_; }
 
  private:
