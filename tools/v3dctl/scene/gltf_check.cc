@@ -25,8 +25,8 @@ constexpr int kNone = -1;
   throw InputError(file.string() + ": " + what);
 }
 
-/// Parses JSON and checks its limits meanwhile: a value of one byte needs a hundred bytes of
-/// memory.
+/// Parses JSON and checks its limits while parsing, because a value of one byte needs a hundred
+/// bytes of memory.
 json parse_bounded(std::string_view text, const fs::path& file) {
   int64_t values = 0;
   const auto on_value = [&](int level, json::parse_event_t, const json&) {
@@ -64,7 +64,7 @@ std::string decoded(const std::string& uri) {
 }
 
 /// Whether `path` is relative and has no "..". A colon would end the scheme of a URI.
-bool goes_down(const std::string& path) {
+bool is_below(const std::string& path) {
   constexpr std::string_view kRefused(":\\?#\0", 5);
   if (path.empty() || path.front() == '/') return false;
   if (path.find_first_of(kRefused) != std::string::npos) return false;
@@ -135,7 +135,7 @@ class Check {
     return nodes;
   }
 
-  /// Extensions other than materials can change geometry: without them the model would be wrong.
+  /// Rejects required extensions other than materials, because they can change geometry.
   void check_extensions() const {
     const auto required = gltf_.find("extensionsRequired");
     if (required == gltf_.end() || !required->is_array()) return;
@@ -162,7 +162,7 @@ class Check {
     if (uri.starts_with("data:")) return;
     const std::string name = decoded(uri);
     const fs::path folder = file_.has_parent_path() ? file_.parent_path() : fs::path(".");
-    if (!goes_down(name)) refuse_at(where, "expected the path of a file in the model's folder");
+    if (!is_below(name)) refuse_at(where, "expected the path of a file in the model's folder");
     const auto found = io::File::open(folder / name, io::OpenMode::kRead);
     if (!found) refuse_at(where, found.error().message);
     if (!lies_within(folder / name, folder)) {

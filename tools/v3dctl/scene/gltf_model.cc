@@ -1,4 +1,4 @@
-// Reads glTF through tinygltf, which nothing else sees.
+// Only this file includes tinygltf.
 #include "v3dctl/scene/gltf_model.h"
 
 #include <tiny_gltf.h>
@@ -18,12 +18,9 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr int kTexelsPerCut = 3;
-constexpr int kMaxCuts = 128;  // of an edge
-constexpr size_t kMaxTriangles = 4'000'000;
 /// Limit of rows of attributes, counted again for every node that shows a mesh. Three attributes of
 /// every corner of the triangles above, and indices.
-constexpr size_t kMaxVertices = 12 * kMaxTriangles;
+constexpr size_t kMaxVertices = 12 * kMaxModelTriangles;
 constexpr uint64_t kMaxBytes = 512 << 20;
 /// Limit of the pixels of all used textures together: one texture of the largest size.
 constexpr int64_t kMaxTexels = int64_t{kMaxImageSide} * kMaxImageSide;
@@ -31,43 +28,7 @@ constexpr int64_t kMaxTexels = int64_t{kMaxImageSide} * kMaxImageSide;
 constexpr float kMaxValue = 1e9F;
 constexpr float kMaxMetres = 1e6F;
 
-// The light of docs/scene.md.
-const Eigen::Vector3f kSunDirection = Eigen::Vector3f(-0.4F, -0.6F, 1).normalized();
-constexpr float kSun = 0.5F;
-constexpr float kSky = 0.65F;
-constexpr float kGround = 0.35F;
-
-float linear_of(float srgb) {
-  return srgb <= 0.04045F ? srgb / 12.92F : std::pow((srgb + 0.055F) / 1.055F, 2.4F);
-}
-
-uint8_t srgb_of(float linear) {
-  const float s =
-      linear <= 0.0031308F ? 12.92F * linear : 1.055F * std::pow(linear, 1 / 2.4F) - 0.055F;
-  return static_cast<uint8_t>(std::lround(255 * std::clamp(s, 0.0F, 1.0F)));
-}
-
-/// `v` with length 1; zero where it has no direction.
-Eigen::Vector3f direction(const Eigen::Vector3f& v) {
-  const Eigen::Vector3f unit = v.normalized();
-  return unit.allFinite() && unit.norm() > 0.5F ? unit : Eigen::Vector3f::Zero().eval();
-}
-
-/// What a triangle's corner has, before it is cut.
-struct Corner {
-  Eigen::Vector3f position, normal;
-  Eigen::Vector3f colour = Eigen::Vector3f::Ones();
-  Eigen::Vector2f uv = Eigen::Vector2f::Zero();
-};
-
-Corner mixed(const std::array<Corner, 3>& corners, float a, float b, float c) {
-  return {a * corners[0].position + b * corners[1].position + c * corners[2].position,
-          direction(a * corners[0].normal + b * corners[1].normal + c * corners[2].normal),
-          a * corners[0].colour + b * corners[1].colour + c * corners[2].colour,
-          a * corners[0].uv + b * corners[1].uv + c * corners[2].uv};
-}
-
-/// A number of an accessor as a float; integers become 0 to 1.
+/// Component of an accessor as a float; integers are normalised to 0 to 1.
 float number_at(const unsigned char* at, int component) {
   const auto as = [&]<class T>(T) {
     T value;
@@ -95,10 +56,8 @@ Eigen::Matrix3f normal_transform(const Eigen::Matrix3f& m) {
 }
 
 // --- callbacks of tinygltf
-// ------------------------------------------------------------------------
 
-/// tinygltf also searches the working directory; files outside of the model's folder do not exist
-/// for it.
+/// Hides files outside of the model's folder: tinygltf also searches the working directory.
 bool is_in_folder(const std::string& path, void* folder) {
   return lies_within(path, *static_cast<const fs::path*>(folder));
 }
@@ -116,16 +75,14 @@ bool read_beside(std::vector<unsigned char>* bytes, std::string* error, const st
   return true;
 }
 
-/// Keeps a picture encoded: texture_of() decodes it when a triangle uses it.
+/// Keeps an image encoded; texture_of() decodes it if a triangle uses it.
 bool keep_bytes(tinygltf::Image* image, int, std::string*, std::string*, int, int,
                 const unsigned char* bytes, int size, void*) {
   image->image.assign(bytes, bytes + size);
   return true;
 }
 
-// ------------------------------------------------------------------------------------------------
-
-/// Reads one file; a bad index in it is an InputError, never a read beyond its bytes.
+/// Reads one file. A bad index in it is an InputError and never a read out of bounds.
 class Reader {
  public:
   Reader(std::string_view bytes, fs::path path) : path_(std::move(path)) {
@@ -134,7 +91,7 @@ class Reader {
       load(bytes);
     } catch (const InputError&) {
       throw;
-    } catch (const std::exception&) {  // of tinygltf, and the JSON parser within
+    } catch (const std::exception&) {  // of tinygltf and its JSON parser
       refuse("is a damaged glTF");
     }
   }
@@ -145,8 +102,8 @@ class Reader {
     Eigen::Affine3f up = Eigen::Affine3f::Identity();
     up.linear() << 1, 0, 0, 0, 0, -1, 0, 1, 0;  // y up to z up
     for (const int node : of(model_.scenes, static_cast<int>(scene)).nodes) read_node(node, up);
-    if (surface_.mesh.triangles.empty()) refuse("has no triangles");
-    return std::move(surface_);
+    if (builder_.surface().mesh.triangles.empty()) refuse("has no triangles");
+    return builder_.take();
   }
 
  private:
@@ -156,7 +113,7 @@ class Reader {
 
   static bool is_binary(std::string_view bytes) { return bytes.starts_with("glTF"); }
 
-  /// The first chunk of a binary file; else all.
+  /// First chunk of a binary file; otherwise the whole file.
   std::string_view json_of(std::string_view bytes) const {
     constexpr size_t kHead = 20;
     if (!is_binary(bytes)) return bytes;
@@ -208,7 +165,7 @@ class Reader {
     return transform.cast<float>();
   }
 
-  /// Recursion is as deep as the nodes, which check_gltf() limits.
+  /// Recursive; check_gltf() limits the depth of nodes.
   void read_node(int index, const Eigen::Affine3f& parent) {
     const tinygltf::Node& node = of(model_.nodes, index);
     const Eigen::Affine3f transform = parent * transform_of(node);
@@ -221,7 +178,7 @@ class Reader {
     for (const int child : node.children) read_node(child, transform);
   }
 
-  /// Where an accessor's element lies. Requires element < count.
+  /// Bytes of element `n` of an accessor. Requires n < count.
   const unsigned char* element(const tinygltf::Accessor& accessor, size_t n, size_t bytes) const {
     const tinygltf::BufferView& view = of(model_.bufferViews, accessor.bufferView);
     const auto& data = of(model_.buffers, view.buffer).data;
@@ -231,7 +188,7 @@ class Reader {
     return data.data() + at;
   }
 
-  /// Rows of `width` numbers; empty where the primitive has no such attribute.
+  /// Rows of `width` numbers of an attribute; empty if the primitive has none.
   std::vector<Eigen::Vector3f> attribute(const tinygltf::Primitive& primitive,
                                          const std::string& name, int width) {
     const auto found = primitive.attributes.find(name);
@@ -274,7 +231,7 @@ class Reader {
     const int size =
         tinygltf::GetComponentSizeInBytes(static_cast<uint32_t>(accessor.componentType));
     for (size_t n = 0; n < accessor.count && size > 0; ++n) {
-      uint32_t index = 0;  // little-endian, as glTF and we are
+      uint32_t index = 0;  // little-endian, as glTF and this machine
       std::memcpy(&index, element(accessor, n, static_cast<size_t>(size)),
                   std::min<size_t>(sizeof index, static_cast<size_t>(size)));
       if (index >= vertices) refuse("is a damaged glTF");
@@ -283,7 +240,7 @@ class Reader {
     return list;
   }
 
-  /// The picture of a material, decoded once.
+  /// Texture of a material, decoded once; null without a texture.
   const Image* texture_of(const tinygltf::Material& material) {
     const int index = material.pbrMetallicRoughness.baseColorTexture.index;
     if (index < 0) return nullptr;
@@ -307,9 +264,9 @@ class Reader {
     const auto list = indices(primitive, positions.size());
     const Eigen::Matrix3f turn = normal_transform(transform.linear());
     const bool mirrored = transform.linear().determinant() < 0;
-    begin_material(primitive);
+    const ModelMaterial material = material_of(primitive);
     for (size_t n = 0; n + 3 <= list.size(); n += 3) {
-      std::array<Corner, 3> corners;
+      std::array<ModelCorner, 3> corners;
       for (size_t k = 0; k < 3; ++k) {
         const uint32_t v = list[n + (mirrored && k > 0 ? 3 - k : k)];
         corners[k].position = transform * positions[v];
@@ -318,111 +275,45 @@ class Reader {
                  " of its mesh too far away; expected vertices within 1000 km");
         }
         corners[k].normal =
-            v < normals.size() ? direction(turn * normals[v]) : Eigen::Vector3f::Zero().eval();
+            v < normals.size() ? unit_or_zero(turn * normals[v]) : Eigen::Vector3f::Zero().eval();
         if (v < colours.size()) corners[k].colour = colours[v];
         if (v < uvs.size()) corners[k].uv = uvs[v].head<2>();
       }
-      give_normals(corners);
-      add(corners);
+      set_missing_normals(corners);
+      if (!builder_.add(corners, material)) {
+        refuse("is too large: more than 4 million triangles with its textures");
+      }
     }
   }
 
-  static void give_normals(std::array<Corner, 3>& corners) {
+  /// Sets the normal of the triangle at corners without one.
+  static void set_missing_normals(std::array<ModelCorner, 3>& corners) {
     if (corners[0].normal.norm() > 0.5F) return;
-    const Eigen::Vector3f normal = direction((corners[1].position - corners[0].position)
-                                                 .cross(corners[2].position - corners[0].position));
-    for (Corner& corner : corners) corner.normal = normal;
+    const Eigen::Vector3f normal =
+        unit_or_zero((corners[1].position - corners[0].position)
+                         .cross(corners[2].position - corners[0].position));
+    for (ModelCorner& corner : corners) corner.normal = normal;
   }
 
-  void begin_material(const tinygltf::Primitive& primitive) {
-    factor_ = Eigen::Vector3f::Ones();
-    texture_ = nullptr;
-    unlit_ = false;
-    if (primitive.material < 0) return;
+  ModelMaterial material_of(const tinygltf::Primitive& primitive) {
+    ModelMaterial result;
+    if (primitive.material < 0) return result;
     const tinygltf::Material& material = of(model_.materials, primitive.material);
     const auto& factor = material.pbrMetallicRoughness.baseColorFactor;
     for (size_t k = 0; k < 3 && k < factor.size(); ++k) {
-      factor_[static_cast<int>(k)] = static_cast<float>(std::clamp(factor[k], 0.0, 1.0));
+      result.factor[static_cast<int>(k)] = static_cast<float>(std::clamp(factor[k], 0.0, 1.0));
     }
-    texture_ = texture_of(material);
-    unlit_ = material.extensions.contains("KHR_materials_unlit");
-  }
-
-  int cuts_of(const std::array<Corner, 3>& corners) const {
-    if (texture_ == nullptr) return 1;
-    const Eigen::Array2f texels(static_cast<float>(texture_->size.width),
-                                static_cast<float>(texture_->size.height));
-    float longest = 0;
-    for (size_t k = 0; k < 3; ++k) {
-      const Eigen::Array2f edge = (corners[(k + 1) % 3].uv - corners[k].uv).array() * texels;
-      longest = std::max(longest, edge.matrix().norm());
-    }
-    const float cuts = std::ceil(longest / kTexelsPerCut);
-    return static_cast<int>(std::clamp(cuts, 1.0F, static_cast<float>(kMaxCuts)));
-  }
-
-  /// Cut into cuts * cuts triangles.
-  void add(const std::array<Corner, 3>& corners) {
-    const int cuts = cuts_of(corners);
-    Mesh& mesh = surface_.mesh;
-    if (mesh.triangles.size() + static_cast<size_t>(cuts) * cuts > kMaxTriangles) {
-      refuse("is too large: more than 4 million triangles with its textures");
-    }
-    const auto first = static_cast<uint32_t>(mesh.vertices.size());
-    for (int i = 0; i <= cuts; ++i) {
-      for (int j = 0; j <= i; ++j) {
-        const auto whole = static_cast<float>(cuts);
-        add_vertex(mixed(corners, static_cast<float>(cuts - i) / whole,
-                         static_cast<float>(i - j) / whole, static_cast<float>(j) / whole));
-      }
-    }
-    const auto at = [&](int i, int j) {
-      return first + static_cast<uint32_t>(i * (i + 1) / 2 + j);
-    };
-    for (int i = 0; i < cuts; ++i) {
-      for (int j = 0; j <= i; ++j) {
-        mesh.triangles.push_back({at(i, j), at(i + 1, j), at(i + 1, j + 1)});
-        if (j < i) mesh.triangles.push_back({at(i, j), at(i + 1, j + 1), at(i, j + 1)});
-      }
-    }
-  }
-
-  void add_vertex(const Corner& corner) {
-    surface_.mesh.vertices.push_back(corner.position);
-    surface_.normals.push_back(corner.normal);
-    Eigen::Vector3f albedo = factor_.cwiseProduct(corner.colour);
-    if (texture_ != nullptr) albedo = albedo.cwiseProduct(texel(corner.uv));
-    surface_.albedo.push_back(albedo);
-    surface_.unlit.push_back(unlit_ ? 1 : 0);
-  }
-
-  /// Linear light, bilinear between texels; the texture is repeated.
-  Eigen::Vector3f texel(const Eigen::Vector2f& uv) const {
-    const float x = uv.x() * static_cast<float>(texture_->size.width) - 0.5F;
-    const float y = uv.y() * static_cast<float>(texture_->size.height) - 0.5F;
-    const auto i = static_cast<int64_t>(std::floor(x)), j = static_cast<int64_t>(std::floor(y));
-    const float s = x - static_cast<float>(i), t = y - static_cast<float>(j);
-    return (1 - t) * ((1 - s) * one_texel(i, j) + s * one_texel(i + 1, j)) +
-           t * ((1 - s) * one_texel(i, j + 1) + s * one_texel(i + 1, j + 1));
-  }
-  Eigen::Vector3f one_texel(int64_t x, int64_t y) const {
-    const auto within = [](int64_t n, int size) {
-      return static_cast<size_t>(((n % size) + size) % size);
-    };
-    const uint8_t* const rgb = texture_->row(static_cast<int>(within(y, texture_->size.height))) +
-                               3 * within(x, texture_->size.width);
-    return {linear_of(rgb[0] / 255.0F), linear_of(rgb[1] / 255.0F), linear_of(rgb[2] / 255.0F)};
+    result.texture = texture_of(material);
+    result.unlit = material.extensions.contains("KHR_materials_unlit");
+    return result;
   }
 
   fs::path path_;
   tinygltf::Model model_;
-  ModelSurface surface_;
-  Eigen::Vector3f factor_ = Eigen::Vector3f::Ones();
-  const Image* texture_ = nullptr;
-  std::map<int, Image> textures_;  ///< decoded, by the number of the image
+  ModelSurfaceBuilder builder_;
+  std::map<int, Image> textures_;  ///< decoded, by index of the image
   int64_t texels_ = 0;             ///< of `textures_`
-  size_t vertices_read_ = 0;
-  bool unlit_ = false;
+  size_t vertices_read_ = 0;       ///< rows of attributes
 };
 
 }  // namespace
@@ -433,22 +324,6 @@ ModelSurface parse_model(std::string_view bytes, const fs::path& path) {
 
 ModelSurface load_model(const fs::path& path) {
   return parse_model(io::value_or_throw(io::read_file(path, kMaxBytes)), path);
-}
-
-Mesh lit_model(const ModelSurface& model, const Eigen::Affine3d& world_from_model) {
-  Mesh mesh;
-  mesh.triangles = model.mesh.triangles;
-  const Eigen::Affine3f place = world_from_model.cast<float>();
-  for (size_t v = 0; v < model.mesh.vertices.size(); ++v) {
-    mesh.vertices.push_back(place * model.mesh.vertices[v]);
-    const Eigen::Vector3f normal = direction(place.linear() * model.normals[v]);
-    const float sky = 0.5F + 0.5F * normal.z();
-    const float light =
-        kGround + (kSky - kGround) * sky + kSun * std::max(0.0F, normal.dot(kSunDirection));
-    const Eigen::Vector3f seen = (model.unlit[v] != 0 ? 1 : light) * model.albedo[v];
-    mesh.colours.push_back({srgb_of(seen.x()), srgb_of(seen.y()), srgb_of(seen.z())});
-  }
-  return mesh;
 }
 
 }  // namespace v3d::ctl

@@ -1,3 +1,4 @@
+// render: draws a frame of a take, or a scene.
 #include <cstdio>
 #include <optional>
 
@@ -37,15 +38,15 @@ struct Arguments {
   bool view_dependent = false;
 };
 
-/// The mesh with the colours that a camera is to see.
-class Painter {
+/// Renders a frame, with view-dependent colours if requested.
+class FrameRenderer {
  public:
-  Painter(const Arguments& arguments, CompactFrame frame) : mesh_(std::move(frame.mesh)) {
+  FrameRenderer(const Arguments& arguments, CompactFrame frame) : mesh_(std::move(frame.mesh)) {
     if (arguments.view_dependent) colours_.emplace(arguments.take, frame);
   }
   const Mesh& mesh() const { return mesh_; }
-  Image draw(const CameraModel& eye, const DrawOptions& options) const {
-    return draw_mesh(colours_ ? colours_->seen_by(eye, mesh_) : mesh_, eye, options);
+  Image draw(const CameraModel& camera, const DrawOptions& options) const {
+    return draw_mesh(colours_ ? colours_->seen_by(camera, mesh_) : mesh_, camera, options);
   }
 
  private:
@@ -53,7 +54,7 @@ class Painter {
   std::optional<FrameColours> colours_;
 };
 
-Image through_camera(const Arguments& arguments, const Painter& painter) {
+Image render_camera(const Arguments& arguments, const FrameRenderer& renderer) {
   const TakePaths paths{arguments.take};
   const Rig rig = load_take_calib(paths);
   const int index = find_camera(rig, arguments.camera);
@@ -61,12 +62,12 @@ Image through_camera(const Arguments& arguments, const Painter& painter) {
     std::vector<std::string> names;
     for (const RigCamera& camera : rig) names.push_back(camera.name);
     throw InputError("--camera " + arguments.camera + ": not in " + paths.calib().string() +
-                     ", which has " + join_names(names));
+                     "; expected one of " + join_names(names));
   }
-  return painter.draw(rig[static_cast<size_t>(index)].model, {});
+  return renderer.draw(rig[static_cast<size_t>(index)].model, {});
 }
 
-// A floor for people and what is as large; its grid would hide anything much smaller.
+// A floor for objects of the size of people; its grid would hide much smaller ones.
 std::optional<FloorOptions> floor_under(const Box& bounds) {
   if (bounds.size().maxCoeff() < 0.5) return std::nullopt;
   FloorOptions floor;
@@ -74,23 +75,22 @@ std::optional<FloorOptions> floor_under(const Box& bounds) {
   return floor;
 }
 
-Image turntable(const Painter& painter, int views, int64_t frame) {
-  if (painter.mesh().vertices.empty()) {
-    throw InputError("--turntable: frame " + std::to_string(frame) +
-                     " is empty: nothing to walk round");
+Image turntable(const FrameRenderer& renderer, int views, int64_t frame) {
+  if (renderer.mesh().vertices.empty()) {
+    throw InputError("--turntable: frame " + std::to_string(frame) + " has no surface");
   }
-  const Box bounds = bounds_of(painter.mesh());
+  const Box bounds = bounds_of(renderer.mesh());
   DrawOptions options;
   options.head_light = 0.3;
   options.floor = floor_under(bounds);
   std::vector<Image> images;
   for (const CameraModel& camera : turntable_cameras(bounds, views, kTurntableView)) {
-    images.push_back(painter.draw(camera, options));
+    images.push_back(renderer.draw(camera, options));
   }
   return contact_sheet(images);
 }
 
-/// Numbers of pictures of a scene.
+/// Range of pictures of the scene.
 FrameRange frames_of(const Arguments& arguments, const Scene& scene) {
   FrameRange range = parse_frame_range(arguments.frames);
   range.end = std::min(range.end, scene.frames());
@@ -115,7 +115,7 @@ void draw_video(SceneRenderer& renderer, const Arguments& arguments, FrameRange 
 void draw_folder(SceneRenderer& renderer, const Arguments& arguments, FrameRange range) {
   std::error_code error;
   if (!fs::create_directories(arguments.out, error) && !fs::is_directory(arguments.out)) {
-    throw InputError(arguments.out.string() + ": cannot make the folder: " + error.message());
+    throw InputError(arguments.out.string() + ": cannot create the folder: " + error.message());
   }
   Progress progress("render", range.end - range.begin);
   for (int64_t frame = range.begin; frame < range.end; ++frame) {
@@ -130,12 +130,12 @@ void draw_folder(SceneRenderer& renderer, const Arguments& arguments, FrameRange
 int run_scene(const Arguments& arguments) {
   const bool picture = arguments.out.extension() == ".png";
   if (picture != arguments.at_s.has_value()) {
-    throw InputError(picture ? "render: one picture of a scene wants --at SECONDS"
-                             : "--at: one picture is a file that ends in .png");
+    throw InputError(picture ? "render: expected --at SECONDS for one picture of a scene"
+                             : "--at: expected a name that ends in .png for one picture");
   }
   if (!picture && arguments.out.has_extension() && !VideoWriter::writes(arguments.out)) {
     throw InputError(arguments.out.string() +
-                     ": want a folder, or a name that ends in .png, .mp4, .mov, .mkv or .webm");
+                     ": expected a folder, or a name that ends in .png, .mp4, .mov, .mkv or .webm");
   }
   const ImageSize size = parse_size(arguments.size);
   Scene scene = load_scene(arguments.scene);
@@ -155,16 +155,16 @@ int run_scene(const Arguments& arguments) {
 
 int run_take(const Arguments& arguments) {
   if (arguments.camera.empty() == (arguments.turntable == 0)) {
-    throw InputError("render: give either --camera CAM or --turntable K");
+    throw InputError("render: expected either --camera CAM or --turntable K");
   }
   if (arguments.out.extension() != ".png") {
-    throw InputError(arguments.out.string() + ": want a name that ends in .png");
+    throw InputError(arguments.out.string() + ": expected a name that ends in .png");
   }
   MeshFrames meshes(arguments.take);
   const int64_t frame = arguments.frame >= 0 ? arguments.frame : meshes.frames({}).front();
-  const Painter painter(arguments, meshes.read(frame));
-  const Image drawn = arguments.camera.empty() ? turntable(painter, arguments.turntable, frame)
-                                               : through_camera(arguments, painter);
+  const FrameRenderer renderer(arguments, meshes.read(frame));
+  const Image drawn = arguments.camera.empty() ? turntable(renderer, arguments.turntable, frame)
+                                               : render_camera(arguments, renderer);
   write_png(arguments.out, drawn.view());
   return kExitDone;
 }
@@ -173,8 +173,9 @@ int run(Arguments arguments) {
   const bool of_take = arguments.scene.empty();
   if (!of_take && arguments.out.empty()) std::swap(arguments.take, arguments.out);
   if (arguments.out.empty() || arguments.take.empty() == of_take) {
-    throw InputError(of_take ? "render: give TAKE and OUT.png, or --scene SCENE.json and OUT"
-                             : "render: --scene SCENE.json and OUT; the scene names its takes");
+    throw InputError(of_take
+                         ? "render: expected TAKE and OUT.png, or --scene SCENE.json and OUT"
+                         : "render: expected --scene SCENE.json and OUT; the scene has its takes");
   }
   return of_take ? run_take(arguments) : run_scene(arguments);
 }
@@ -190,7 +191,7 @@ void add_render(CommandLine& line) {
                 "v3dctl render --scene duel/scene.json --size 1920x1080 duel.mp4"});
   auto arguments = std::make_shared<Arguments>();
   command->add_option("TAKE", arguments->take,
-                      "The folder of a reconstructed take; left out with --scene");
+                      "The folder of a reconstructed take; omitted with --scene");
   command->add_option("OUT", arguments->out,
                       "The picture (.png); of a scene also a video (.mp4, .mov, .mkv, .webm; by "
                       "ffmpeg) or a folder for 000000.png ...");
@@ -198,25 +199,28 @@ void add_render(CommandLine& line) {
       ->add_option("--scene", arguments->scene,
                    "A scene file: takes, models and a camera path (docs/scene.md)")
       ->type_name("SCENE.json");
-  command->add_option("--at", arguments->at_s, "The picture at this time of the scene")
+  command->add_option("--at", arguments->at_s, "One picture, at this time of the scene")
       ->type_name("SECONDS")
       ->check(number_in(0, 36'000));
-  command->add_option("--size", arguments->size, "Of the pictures of a scene, in pixels")
+  command->add_option("--size", arguments->size, "Size of the pictures of a scene, in pixels")
       ->type_name("WIDTHxHEIGHT")
       ->capture_default_str();
   add_frames_option(command, arguments->frames);
   command
-      ->add_option("--frame", arguments->frame, "The frame, by its pulse number (else the first)")
+      ->add_option("--frame", arguments->frame, "Pulse number of the frame (otherwise the first)")
       ->type_name("N")
       ->check(CLI::NonNegativeNumber);
-  command->add_option("--camera", arguments->camera, "As this camera of the take sees it")
+  command->add_option("--camera", arguments->camera, "The view of this camera of the take")
       ->type_name("CAM");
-  command->add_option("--turntable", arguments->turntable, "From K sides, side by side, on a floor")
+  command
+      ->add_option("--turntable", arguments->turntable,
+                   "Views from K sides in one picture, with a floor")
       ->type_name("K")
       ->check(CLI::Range(1, 64));
-  command->add_flag("--view-dependent", arguments->view_dependent,
-                    "Colours for this viewpoint: pictures of cameras that look the same way count "
-                    "most");
+  command->add_flag(
+      "--view-dependent", arguments->view_dependent,
+      "View-dependent colours: images of cameras with a similar direction have the most "
+      "weight");
   line.on_run(command, [arguments] { return run(*arguments); });
 }
 

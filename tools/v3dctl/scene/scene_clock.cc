@@ -7,10 +7,10 @@
 namespace v3d::ctl {
 namespace {
 
-/// Pulses are counted from 0.04 s on even where 0.04 * 25 is not quite 1.
-constexpr double kHardly = 1e-6;
+/// Tolerance of rounding: 0.04 s at 25 Hz is pulse 1 although 0.04 * 25 may be less than 1.
+constexpr double kTolerance = 1e-6;
 
-/// All that is interpolated.
+/// Interpolated values of a key.
 using Numbers = Eigen::Matrix<double, 7, 1>;
 
 Numbers numbers_of(const CameraKey& key) {
@@ -58,7 +58,7 @@ std::optional<int64_t> pulse_at(const SceneTake& take, double rate_hz, int64_t f
   const int64_t out = std::clamp(take.out_pulse.value_or(last), in, last);
   const int64_t length = out - in + 1;
   const double position = (seconds - take.start_s) * take.speed * rate_hz;
-  const auto n = static_cast<int64_t>(std::floor(position + kHardly));
+  const auto n = static_cast<int64_t>(std::floor(position + kTolerance));
   switch (take.outside) {
     case Outside::kHide:
       if (n < 0 || n >= length) return {};

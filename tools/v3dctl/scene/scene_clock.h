@@ -1,5 +1,5 @@
-// What of a scene is seen at a moment: the camera on its way, and the pulse of a take. Pure;
-// docs/scene.md has the formulas, tools/viewer/src/scene_clock.ts does the same.
+// State of a scene at a time: camera on its path, and pulses of the takes. Pure.
+// tools/viewer/src/scene_clock.ts does the same. Source of the formulas: docs/scene.md.
 #pragma once
 
 #include <cstdint>
@@ -11,16 +11,18 @@
 
 namespace v3d::ctl {
 
-/// The camera at a moment: cubic curves through the keys, with the slope at a key of the straight
-/// line between its neighbours (at an end, of that to its neighbour); still before the first key
-/// and after the last. Requires at least one key, rising. at_s of the result is `seconds`.
+/// Camera at a time: a cubic Hermite spline through the keys. The slope at a key is that of the
+/// line between its neighbours, at an end of the line to its neighbour. The camera does not move
+/// before the first key and after the last. Requires at least one key, with increasing times. at_s
+/// of the result is `seconds`.
 CameraKey camera_at(std::span<const CameraKey> keys, double seconds);
 
-/// Without distortion, upright.
+/// Camera model without distortion, upright.
 CameraModel camera_model(const CameraKey& key, ImageSize size);
 
-/// The pulse of a take that is shown; empty where it is hidden. `rate_hz`: its own; `first`,
-/// `last`: of its meshes, where the scene names no in or out point. Requires first <= last.
+/// Pulse of a take that is shown at a time; empty where the take is hidden. `rate_hz`: pulse rate
+/// of the take. `first`, `last`: pulses of its meshes, used without an in or out point. Requires
+/// first <= last.
 std::optional<int64_t> pulse_at(const SceneTake& take, double rate_hz, int64_t first, int64_t last,
                                 double seconds);
 

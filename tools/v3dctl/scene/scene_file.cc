@@ -17,11 +17,11 @@ namespace fs = std::filesystem;
 using nlohmann::json;
 
 constexpr int kVersion = 1;
-constexpr double kMostSeconds = 36'000;
-constexpr double kMostMetres = 1e6;
-constexpr int64_t kMostPulses = int64_t{1} << 53;
+constexpr double kMaxSeconds = 36'000;
+constexpr double kMaxMetres = 1e6;
+constexpr int64_t kMaxPulses = int64_t{1} << 53;
 
-/// A value of the file, and where it stands there.
+/// A JSON value and its path in the file.
 class Field {
  public:
   Field(const json& value, fs::path file, std::string where)
@@ -31,7 +31,7 @@ class Field {
     throw InputError(file_.string() + ": " + (where_.empty() ? "" : where_ + ": ") + what);
   }
 
-  /// Refuses keys that are not among `known`.
+  /// Throws InputError for keys that are not in `known`.
   void expect_object(const std::set<std::string>& known) const {
     if (!value_->is_object()) refuse("expected an object");
     for (const auto& [key, value] : value_->items()) {
@@ -56,10 +56,10 @@ class Field {
     return fields;
   }
 
-  double number(double least, double most) const {
+  double number(double min, double max) const {
     const double n = value_->is_number() ? value_->get<double>() : NAN;
-    if (n >= least && n <= most) return n;
-    refuse("expected a number from " + text_of(least) + " to " + text_of(most));
+    if (n >= min && n <= max) return n;
+    refuse("expected a number from " + text_of(min) + " to " + text_of(max));
   }
   double positive() const {
     const double n = value_->is_number() ? value_->get<double>() : NAN;
@@ -68,7 +68,7 @@ class Field {
   }
   int64_t pulse() const {
     const int64_t n = value_->is_number_integer() ? value_->get<int64_t>() : -1;
-    if (n >= 0 && n < kMostPulses) return n;
+    if (n >= 0 && n < kMaxPulses) return n;
     refuse("expected the number of a pulse");
   }
   bool flag() const {
@@ -84,10 +84,10 @@ class Field {
     if (parts.size() != 3) refuse("expected three numbers, [x, y, z]");
     Eigen::Vector3d v;
     for (int k = 0; k < 3; ++k)
-      v[k] = parts[static_cast<size_t>(k)].number(-kMostMetres, kMostMetres);
+      v[k] = parts[static_cast<size_t>(k)].number(-kMaxMetres, kMaxMetres);
     return v;
   }
-  /// Of a file beside the scene.
+  /// Path of a file in the folder of the scene.
   fs::path path() const {
     const std::string name = text();
     if (name.empty() || name.front() == '/' || name.find_first_of(":?#\\%") != std::string::npos) {
@@ -134,7 +134,7 @@ SceneTake read_take(const Field& field) {
   field.expect_object({"take", "move", "turn_deg", "scale", "start_s", "speed", "in_pulse",
                        "out_pulse", "outside"});
   SceneTake take{.take = field.at("take").path(), .place = read_place(field)};
-  if (const auto f = field.find("start_s")) take.start_s = f->number(-kMostSeconds, kMostSeconds);
+  if (const auto f = field.find("start_s")) take.start_s = f->number(-kMaxSeconds, kMaxSeconds);
   if (const auto f = field.find("speed")) take.speed = f->positive();
   if (const auto f = field.find("in_pulse")) take.in_pulse = f->pulse();
   if (const auto f = field.find("out_pulse")) take.out_pulse = f->pulse();
@@ -171,7 +171,7 @@ SceneBackground read_background(const Field& field) {
 
 CameraKey read_key(const Field& field) {
   field.expect_object({"at_s", "eye", "look", "fov_deg"});
-  CameraKey key{.at_s = field.at("at_s").number(0, kMostSeconds),
+  CameraKey key{.at_s = field.at("at_s").number(0, kMaxSeconds),
                 .eye = field.at("eye").vector(),
                 .look = field.at("look").vector()};
   if (const auto f = field.find("fov_deg")) key.fov_deg = f->number(1, 150);
@@ -200,7 +200,7 @@ Scene read_scene(const Field& field) {
   if (version.number(1, 1e6) != kVersion) version.refuse("this version is not known; expected 1");
   Scene scene;
   if (const auto f = field.find("rate_hz")) scene.rate_hz = f->number(1, 240);
-  scene.seconds = field.at("seconds").number(0.04, kMostSeconds);
+  scene.seconds = field.at("seconds").number(0.04, kMaxSeconds);
   if (const auto f = field.find("background")) scene.background = read_background(*f);
   if (const auto f = field.find("floor")) scene.floor = f->flag();
   if (const auto f = field.find("takes")) {

@@ -22,18 +22,19 @@ void append(Mesh& all, const Mesh& part) {
   }
 }
 
-/// The camera of the scene as it stands to a take: only where it looks counts for colours.
-CameraModel seen_from_take(const CameraModel& eye, const Placement& place) {
-  const Eigen::Matrix3d cam_from_take = eye.cam_from_world().rotation * place.rotation();
-  return {eye.size(), eye.matrix(), Distortion{}, {cam_from_take, Eigen::Vector3d::Zero()}};
+/// Camera of the scene in the frame of a take. Only its direction is set: colours depend on no
+/// more.
+CameraModel camera_in_take(const CameraModel& camera, const Placement& place) {
+  const Eigen::Matrix3d cam_from_take = camera.cam_from_world().rotation * place.rotation();
+  return {camera.size(), camera.matrix(), Distortion{}, {cam_from_take, Eigen::Vector3d::Zero()}};
 }
 
-Image sphere_seen_by(const CameraModel& eye, const Image& sphere, double turn_deg) {
-  Image seen(eye.size(), PixelFormat::kRGB8);
+Image render_sphere(const CameraModel& camera, const Image& sphere, double turn_deg) {
+  Image seen(camera.size(), PixelFormat::kRGB8);
   const double width = sphere.size.width, height = sphere.size.height;
   for (int y = 0; y < seen.size.height; ++y) {
     for (int x = 0; x < seen.size.width; ++x) {
-      const Eigen::Vector3d d = *eye.ray({x, y});
+      const Eigen::Vector3d d = *camera.ray({x, y});
       const double azimuth = std::atan2(d.y(), d.x()) - turn_deg * std::numbers::pi / 180;
       const double u = 0.5 - azimuth / (2 * std::numbers::pi);
       const double v = std::acos(std::clamp(d.z(), -1.0, 1.0)) / std::numbers::pi;
@@ -61,34 +62,34 @@ SceneRenderer::SceneRenderer(Scene scene, const Options& options)
   if (!background.sphere.empty()) sphere_ = read_picture(background.sphere);
   if (!background.video.empty()) {
     if (!std::filesystem::exists(background.video)) {
-      throw InputError(background.video.string() + ": is not there");
+      throw InputError(background.video.string() + ": does not exist");
     }
     video_ = std::make_unique<VideoReader>(background.video, options.size, scene_.rate_hz);
   }
 }
 
-Image SceneRenderer::backdrop(const CameraModel& eye, double seconds) {
+Image SceneRenderer::backdrop(const CameraModel& camera, double seconds) {
   if (video_) {
     return video_->picture(static_cast<int64_t>(std::floor(seconds * scene_.rate_hz + 1e-6)));
   }
   if (sphere_.size.pixels() > 0) {
-    return sphere_seen_by(eye, sphere_, scene_.background.turn_deg);
+    return render_sphere(camera, sphere_, scene_.background.turn_deg);
   }
   return still_;
 }
 
-void SceneRenderer::add_take(Actor& actor, const CameraModel& eye, double seconds,
+void SceneRenderer::add_take(Actor& actor, const CameraModel& camera, double seconds,
                              Mesh& all) const {
   const auto pulse =
       pulse_at(actor.take, actor.rate_hz, actor.pulses.front(), actor.pulses.back(), seconds);
   if (!pulse) return;
-  // A pulse without a mesh shows the mesh before.
+  // A pulse without a mesh shows the previous mesh.
   const auto next = std::ranges::upper_bound(actor.pulses, *pulse);
   CompactFrame frame = actor.meshes->read(*(next == actor.pulses.begin() ? next : next - 1));
   Mesh mesh = std::move(frame.mesh);
   if (options_.view_dependent) {
     mesh = FrameColours(actor.take.take, frame)
-               .seen_by(seen_from_take(eye, actor.take.place), std::move(mesh));
+               .seen_by(camera_in_take(camera, actor.take.place), std::move(mesh));
   }
   const Eigen::Affine3f place = actor.take.place.world_from_own().cast<float>();
   for (Eigen::Vector3f& vertex : mesh.vertices) vertex = place * vertex;
@@ -96,14 +97,14 @@ void SceneRenderer::add_take(Actor& actor, const CameraModel& eye, double second
 }
 
 Image SceneRenderer::draw_at(double seconds) {
-  const CameraModel eye = camera_model(camera_at(scene_.camera, seconds), options_.size);
+  const CameraModel camera = camera_model(camera_at(scene_.camera, seconds), options_.size);
   Mesh all = models_;
-  for (Actor& actor : actors_) add_take(actor, eye, seconds, all);
-  const Image behind = backdrop(eye, seconds);
+  for (Actor& actor : actors_) add_take(actor, camera, seconds, all);
+  const Image behind = backdrop(camera, seconds);
   DrawOptions options{.top = scene_.background.colour, .bottom = scene_.background.colour};
   if (behind.size.pixels() > 0) options.backdrop = &behind;
   if (scene_.floor) options.floor = FloorOptions{};
-  return draw_mesh(all, eye, options);
+  return draw_mesh(all, camera, options);
 }
 
 }  // namespace v3d::ctl

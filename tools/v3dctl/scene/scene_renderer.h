@@ -1,4 +1,4 @@
-// Pictures of a scene, without a browser.
+// Renderer of scenes on the CPU.
 #pragma once
 
 #include <memory>
@@ -13,21 +13,22 @@
 
 namespace v3d::ctl {
 
-/// Everything that the scene names is opened at the beginning, so what is missing is told then.
-/// One thread; draws on all processors.
+/// One calling thread; renders on all processors.
 class SceneRenderer {
  public:
   struct Options {
     ImageSize size{1280, 720};
-    /// Colours of takes for the camera of the scene: their pictures are wanted again.
+    /// View-dependent colours of takes for the camera of the scene; needs their raw frames.
     bool view_dependent = false;
   };
 
-  /// Throws InputError: a file that is missing or none of its kind.
+  /// Opens all files of the scene. Throws InputError for a file that is missing or of a wrong
+  /// format.
   SceneRenderer(Scene scene, const Options& options);
 
   const Scene& scene() const { return scene_; }
-  /// RGB8. Times must not fall where the background is a video; fast where they rise.
+  /// Renders one picture, RGB8. With a background video, requires times that do not decrease. Fast
+  /// for increasing times.
   Image draw(int64_t frame) { return draw_at(scene_.time_of(frame)); }
   Image draw_at(double seconds);
 
@@ -39,15 +40,15 @@ class SceneRenderer {
     double rate_hz;
   };
 
-  void add_take(Actor& actor, const CameraModel& eye, double seconds, Mesh& all) const;
-  Image backdrop(const CameraModel& eye, double seconds);
+  void add_take(Actor& actor, const CameraModel& camera, double seconds, Mesh& all) const;
+  Image backdrop(const CameraModel& camera, double seconds);
 
   const Scene scene_;
   const Options options_;
   std::vector<Actor> actors_;
   Mesh models_;
-  Image still_;   ///< fills the picture
-  Image sphere_;  ///< all directions
+  Image still_;   ///< background that fills the picture
+  Image sphere_;  ///< background panorama
   std::unique_ptr<VideoReader> video_;
 };
 

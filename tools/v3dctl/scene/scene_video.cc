@@ -14,12 +14,13 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// A relative path may begin with '-': ffmpeg is not to take it for an option.
+/// Prevents ffmpeg from parsing a relative path that begins with '-' as an option.
 std::string file_word(const fs::path& path) { return "file:" + path.string(); }
 
 std::vector<std::string> writer_words(const fs::path& path, ImageSize size, double rate_hz) {
   if (size.width % 2 != 0 || size.height % 2 != 0) {
-    throw InputError("--size " + format_size(size) + ": a video wants even numbers");
+    throw InputError("--size " + format_size(size) +
+                     ": expected an even width and height for a video");
   }
   std::vector<std::string> words{"ffmpeg",
                                  "-hide_banner",
@@ -76,7 +77,7 @@ std::vector<std::string> reader_words(const fs::path& path, ImageSize size, doub
           "pipe:1"};
 }
 
-/// Reads the next line of a program's output into `line`; false behind the last.
+/// Reads the next line of a program's output; returns false after the last.
 bool read_line(const ProcessStream& stream, std::string& line) {
   line.clear();
   for (uint8_t byte = 0; stream.read({&byte, 1});) {
@@ -86,9 +87,9 @@ bool read_line(const ProcessStream& stream, std::string& line) {
   return !line.empty();
 }
 
-/// Returns `path` when all frames of the video have one size; ffmpeg would scale others. Decodes
-/// the whole video. Throws InputError otherwise.
-fs::path checked(fs::path path) {
+/// Returns `path`. Throws InputError if the frames of the video have different sizes, because
+/// ffmpeg would scale them without a message. Decodes the whole video.
+fs::path require_one_size(fs::path path) {
   ProcessStream ffprobe({"ffprobe", "-v", "quiet", "-select_streams", "v:0", "-show_entries",
                          "frame=width,height", "-of", "csv=p=0:s=x", file_word(path)},
                         ProcessStream::End::kItsOutput);
@@ -126,15 +127,15 @@ void VideoWriter::close() {
 }
 
 VideoReader::VideoReader(fs::path path, ImageSize size, double rate_hz)
-    : path_(checked(std::move(path))),
+    : path_(require_one_size(std::move(path))),
       ffmpeg_(reader_words(path_, size, rate_hz), ProcessStream::End::kItsOutput),
       shown_(size, PixelFormat::kRGB8),
-      coming_(size, PixelFormat::kRGB8) {}
+      decoded_(size, PixelFormat::kRGB8) {}
 
 const Image& VideoReader::picture(int64_t number) {
   for (; next_ <= number && !ended_; ++next_) {
-    ended_ = !ffmpeg_.read(coming_.bytes);
-    if (!ended_) std::swap(shown_, coming_);
+    ended_ = !ffmpeg_.read(decoded_.bytes);
+    if (!ended_) std::swap(shown_, decoded_);
     if (ended_ && next_ == 0) throw InputError(path_.string() + ": ffmpeg finds no video in it");
   }
   return shown_;

@@ -1,5 +1,4 @@
-// Videos, through the program ffmpeg: the pictures of a scene become one, and one may be its
-// background.
+// Videos of scenes, through the program ffmpeg: writing pictures and reading a background.
 #pragma once
 
 #include <filesystem>
@@ -10,17 +9,18 @@
 
 namespace v3d::ctl {
 
-/// Pictures to a video (H.264 in .mp4, .mov and .mkv, VP9 in .webm). One thread.
+/// Encodes pictures: H.264 in .mp4, .mov and .mkv, VP9 in .webm. One thread.
 class VideoWriter {
  public:
-  /// Whether the name ends like a video that can be written.
+  /// Whether the extension of `path` is one of these.
   static bool writes(const std::filesystem::path& path);
 
-  /// Throws InputError: no ffmpeg on this PC; a size of odd numbers.
+  /// Throws InputError without ffmpeg on this PC, and for an odd width or height.
   VideoWriter(const std::filesystem::path& path, ImageSize size, double rate_hz);
-  /// RGB8 of that size. Throws std::runtime_error where ffmpeg has ended; it said why.
+  /// Adds a picture, RGB8 of the given size. Throws std::runtime_error after ffmpeg has failed;
+  /// ffmpeg prints the cause.
   void add(const Image& picture);
-  /// The video is whole after this. Throws std::runtime_error.
+  /// Completes the file. Throws as add().
   void close();
 
  private:
@@ -28,15 +28,15 @@ class VideoWriter {
   ProcessStream ffmpeg_;
 };
 
-/// A video's pictures, one after the other, brought to a rate and a size that they fill. The last
-/// stays when the video has ended. One thread.
+/// Decodes a video at a given rate; pictures are scaled and cropped to a given size. After the end
+/// of the video the last picture is repeated. One thread.
 class VideoReader {
  public:
-  /// Throws InputError where ffmpeg is missing, and, with the frame's number and both sizes, for a
-  /// video whose frames are of different sizes.
+  /// Throws InputError without ffmpeg on this PC, and for a video whose frames have different
+  /// sizes.
   VideoReader(std::filesystem::path path, ImageSize size, double rate_hz);
-  /// Picture `number`; requires that numbers never fall. Throws InputError when the video has not
-  /// even one.
+  /// Picture `number`. Requires numbers that do not decrease. Throws InputError for a video without
+  /// frames.
   const Image& picture(int64_t number);
 
  private:
@@ -44,7 +44,7 @@ class VideoReader {
   ProcessStream ffmpeg_;
   int64_t next_ = 0;
   Image shown_;
-  Image coming_;
+  Image decoded_;
   bool ended_ = false;
 };
 
