@@ -19,11 +19,11 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// Of a file: pictures of cameras have some MB. A file with holes may have any length.
+/// Limit of a file. Images of cameras have some MB; a sparse file may have any length.
 constexpr uint64_t kMaxImageBytes = 256 << 20;
 
-// libjpeg fills up what a truncated file lacks with grey and only warns; a whole file has an
-// end-of-image marker, at most followed by a little padding.
+// libjpeg fills missing parts of a truncated file with grey and only warns. A complete file has an
+// end-of-image marker, followed by little padding.
 bool is_truncated_jpeg(const std::vector<uint8_t>& bytes) {
   if (bytes.size() < 4 || bytes[0] != 0xFF || bytes[1] != 0xD8) return false;
   const size_t tail = bytes.size() - std::min<size_t>(bytes.size(), 256);
@@ -33,8 +33,8 @@ bool is_truncated_jpeg(const std::vector<uint8_t>& bytes) {
   return true;
 }
 
-// The libraries beneath print warnings of their own (a colour profile, a damaged block); what
-// matters is in our message. Not for use while other threads print.
+// Discards warnings that the image libraries print (a colour profile, a damaged block); InputError
+// has the cause. Not for use while other threads print.
 class QuietLibraries {
  public:
   QuietLibraries() : stderr_(fcntl(STDERR_FILENO, F_DUPFD_CLOEXEC, 3)) {
@@ -106,8 +106,8 @@ Mask mask_before_black(ImageView image, const BlackBackground& black) {
       bright.at<uint8_t>(y, x) = std::max({rgb[0], rgb[1], rgb[2]}) > level ? 255 : 0;
     }
   }
-  cv::dilate(bright, bright, disc(black.grow_px));
-  cv::erode(bright, bright, disc(black.shrink_px));
+  cv::dilate(bright, bright, disc(black.dilate_px));
+  cv::erode(bright, bright, disc(black.erode_px));
   return mask_from_image({image.size, PixelFormat::kMono8, std::span(bright.data, bright.total())});
 }
 

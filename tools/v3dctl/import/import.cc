@@ -23,7 +23,7 @@ namespace fs = std::filesystem;
 
 struct CameraSource {
   const RigCamera* camera;
-  std::unique_ptr<FrameSource> pictures;
+  std::unique_ptr<FrameSource> images;
 };
 
 void require_size(ImageSize found, ImageSize expected, const std::string& where,
@@ -31,7 +31,7 @@ void require_size(ImageSize found, ImageSize expected, const std::string& where,
   if (found == expected) return;
   const bool rotated = found == ImageSize{expected.height, expected.width};
   throw InputError(where + ": is " + format_size(found) + ", but " + by + " is " +
-                   format_size(expected) + (rotated ? ": it was rotated" : ""));
+                   format_size(expected) + (rotated ? ": it is rotated" : ""));
 }
 
 const RigCamera& camera_of(const Rig& rig, const std::string& name, const std::string& option,
@@ -58,47 +58,47 @@ std::vector<CameraSource> open_sources(const ImportOptions& options, const Rig& 
   return sources;
 }
 
-void note_left_out(const Rig& rig, const std::vector<CameraSource>& sources) {
+void note_unused_cameras(const Rig& rig, const std::vector<CameraSource>& sources) {
   std::vector<std::string> unused;
   for (const RigCamera& camera : rig) {
     const bool used = std::any_of(sources.begin(), sources.end(),
                                   [&](const CameraSource& s) { return s.camera == &camera; });
     if (!used) unused.push_back(camera.name);
   }
-  if (!unused.empty()) note("calibrated, but without pictures: " + join_names(unused));
+  if (!unused.empty()) note("calibrated cameras without images: " + join_names(unused));
 }
 
 double rate_of(const ImportOptions& options, const std::vector<CameraSource>& sources) {
   if (options.rate_hz > 0) return options.rate_hz;
-  const double rate = sources.front().pictures->rate_hz();
+  const double rate = sources.front().images->rate_hz();
   for (const CameraSource& source : sources) {
-    const double other = source.pictures->rate_hz();
+    const double other = source.images->rate_hz();
     if (std::abs(other - rate) > 0.01 * std::max(rate, other)) {
-      throw InputError(source.pictures->name() + ": says " + std::to_string(other) + " frames/s, " +
-                       sources.front().pictures->name() + " says " + std::to_string(rate) +
-                       "; give --rate HZ");
+      throw InputError(source.images->name() + ": has " + std::to_string(other) + " frames/s, " +
+                       sources.front().images->name() + " has " + std::to_string(rate) +
+                       "; expected --rate HZ");
     }
   }
   return rate > 0 ? rate : 25;
 }
 
-// A source ended while others go on: says how long each is, and what can be done about it.
+// Throws InputError with the length of each source, when one has ended and others have not.
 [[noreturn]] void refuse_lengths(std::vector<CameraSource>& sources, int64_t at,
                                  const std::vector<bool>& ended) {
   std::string lengths;
   int64_t shortest = std::numeric_limits<int64_t>::max();
   for (size_t i = 0; i < sources.size(); ++i) {
     int64_t length = ended[i] ? at : at + 1;
-    while (!ended[i] && sources[i].pictures->skip()) ++length;
+    while (!ended[i] && sources[i].images->skip()) ++length;
     shortest = std::min(shortest, length);
     lengths += (i ? ", " : "") + sources[i].camera->name + " " + std::to_string(length);
   }
-  throw InputError(
-      "the recordings differ in length, so frames may not belong together: " + lengths +
-      " frames; --frames 0:" + std::to_string(shortest) + " takes what all have");
+  throw InputError("the recordings differ in length, so frames may not match: " + lengths +
+                   " frames; --frames 0:" + std::to_string(shortest) +
+                   " selects the frames that all have");
 }
 
-// True when there is one more picture of every camera; false when all end together.
+// Advances all sources; returns false when all end together.
 template <class Advance>
 bool advance_all(std::vector<CameraSource>& sources, int64_t at, Advance advance) {
   std::vector<bool> ended(sources.size());
@@ -108,30 +108,30 @@ bool advance_all(std::vector<CameraSource>& sources, int64_t at, Advance advance
   return count == 0;
 }
 
-TakeBuilder::Shot checked_shot(const RigCamera& camera, Picture picture,
+TakeBuilder::Shot checked_shot(const RigCamera& camera, SourceImage source,
                                const std::optional<BlackBackground>& black) {
-  require_size(picture.image.size, camera.model.size(), picture.where,
+  require_size(source.image.size, camera.model.size(), source.where,
                camera.name + " in the calibration");
-  if (picture.mask)
-    require_size(picture.mask->size(), picture.image.size, picture.mask_where, "its image");
-  if (black) picture.mask = mask_before_black(picture.image.view(), *black);
-  return {std::move(picture.image), std::move(picture.mask)};
+  if (source.mask)
+    require_size(source.mask->size(), source.image.size, source.mask_where, "its image");
+  if (black) source.mask = mask_before_black(source.image.view(), *black);
+  return {std::move(source.image), std::move(source.mask)};
 }
 
-void copy_pictures(const ImportOptions& options, std::vector<CameraSource>& sources,
-                   TakeBuilder& take) {
+void copy_images(const ImportOptions& options, std::vector<CameraSource>& sources,
+                 TakeBuilder& take) {
   int64_t at = 0;
   for (; at < options.frames.begin; ++at) {
-    if (!advance_all(sources, at, [&](size_t i) { return sources[i].pictures->skip(); })) break;
+    if (!advance_all(sources, at, [&](size_t i) { return sources[i].images->skip(); })) break;
   }
-  const int64_t length = sources.front().pictures->announced();
+  const int64_t length = sources.front().images->announced();
   Progress progress("import", std::max<int64_t>(0, std::min(length, options.frames.end) - at));
   for (; at < options.frames.end; ++at) {
     stop_if_interrupted();
     std::vector<TakeBuilder::Shot> shots(sources.size());
     const bool whole = advance_all(sources, at, [&](size_t i) {
-      std::optional<Picture> picture = sources[i].pictures->next();
-      if (picture) shots[i] = checked_shot(*sources[i].camera, *std::move(picture), options.black);
+      std::optional<SourceImage> source = sources[i].images->next();
+      if (source) shots[i] = checked_shot(*sources[i].camera, *std::move(source), options.black);
       return shots[i].image.size.pixels() > 0;
     });
     if (!whole) break;
@@ -147,20 +147,21 @@ void copy_pictures(const ImportOptions& options, std::vector<CameraSource>& sour
 std::vector<Image> read_plates(const fs::path& file) {
   std::vector<Image> plates;
   if (fs::is_directory(file)) {
-    for (const fs::path& picture : pictures_in(file)) plates.push_back(read_image(picture));
+    for (const fs::path& image : images_in(file)) plates.push_back(read_image(image));
   } else if (has_image_name(file)) {
-    // A single plate says nothing about the noise; twice the same leaves it to the noise floor.
+    // One image does not show the noise; with two equal ones the noise floor applies.
     plates.assign(2, read_image(file));
   } else {
-    constexpr int64_t kEnough = 100;
+    constexpr int64_t kMaxPlates = 100;
     VideoFile video(file);
-    const int64_t stride = std::max<int64_t>(1, (video.announced_frames() + kEnough - 1) / kEnough);
+    const int64_t stride =
+        std::max<int64_t>(1, (video.announced_frames() + kMaxPlates - 1) / kMaxPlates);
     while (std::optional<Image> plate = video.next()) {
       plates.push_back(*std::move(plate));
       for (int64_t i = 1; i < stride; ++i) video.skip();
     }
   }
-  if (plates.empty()) throw InputError(file.string() + ": holds no images of the empty studio");
+  if (plates.empty()) throw InputError(file.string() + ": has no images of the empty studio");
   return plates;
 }
 
@@ -182,13 +183,13 @@ void learn_backgrounds(const ImportOptions& options, const Rig& rig, const fs::p
 
 void require_consistent(const ImportOptions& options) {
   if (options.images.empty() == options.videos.empty()) {
-    throw InputError("give either --images DIR or --video CAM=FILE...");
+    throw InputError("expected either --images DIR or --video CAM=FILE...");
   }
   if (!options.masks.empty() && options.images.empty()) {
-    throw InputError("--masks goes with --images; with --video give --background");
+    throw InputError("--masks: expected --images; with --video, expected --background");
   }
   if (!options.masks.empty() && options.black) {
-    throw InputError("--masks and --background-black both make the masks: give one of them");
+    throw InputError("--masks and --background-black: expected one of them");
   }
 }
 
@@ -201,16 +202,16 @@ ImportResult import_take(const ImportOptions& options) {
     camera_of(rig, name, "--background", options.calib);
   }
   std::vector<CameraSource> sources = open_sources(options, rig);
-  note_left_out(rig, sources);
+  note_unused_cameras(rig, sources);
   ImportResult result;
   for (const CameraSource& source : sources) result.cameras.push_back(source.camera->name);
   result.rate_hz = rate_of(options, sources);
   TakeBuilder take(options.take, result.cameras, result.rate_hz, rig);
   learn_backgrounds(options, rig, take.background());
-  copy_pictures(options, sources, take);
+  copy_images(options, sources, take);
   take.finish();
   if (options.masks.empty() && options.backgrounds.empty() && !options.black) {
-    note("no --masks, --background or --background-black: this take cannot be reconstructed");
+    note("this take cannot be reconstructed without --masks, --background or --background-black");
   }
   result.frames = take.pulses();
   return result;
@@ -225,15 +226,15 @@ BlackBackground parse_black_background(std::string_view text) {
     at = next;
     return error == std::errc{};
   };
-  bool good = read(black.level) && black.level >= 0 && black.level < 1;
-  if (good && at != end) {
-    good =
-        *at++ == ':' && read(black.grow_px) && at != end && *at++ == ':' && read(black.shrink_px);
+  bool valid = read(black.level) && black.level >= 0 && black.level < 1;
+  if (valid && at != end) {
+    valid =
+        *at++ == ':' && read(black.dilate_px) && at != end && *at++ == ':' && read(black.erode_px);
   }
   const auto in_range = [](int pixels) { return pixels >= 0 && pixels <= 100; };
-  if (!good || at != end || !in_range(black.grow_px) || !in_range(black.shrink_px)) {
+  if (!valid || at != end || !in_range(black.dilate_px) || !in_range(black.erode_px)) {
     throw InputError("--background-black " + std::string(text) +
-                     ": want LEVEL or LEVEL:GROW:SHRINK, for example 0.19:10:7 (level 0 to 1, "
+                     ": expected LEVEL or LEVEL:GROW:SHRINK, such as 0.19:10:7 (level 0 to 1, "
                      "pixels 0 to 100)");
   }
   return black;

@@ -1,9 +1,10 @@
-// Real recordings become a take.
+// Import: recordings of other sources become a take.
 #pragma once
 
 #include <filesystem>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "v3dctl/import/image_file.h"
@@ -11,16 +12,17 @@
 
 namespace v3d::ctl {
 
+/// Has either `images` or `videos`.
 struct ImportOptions {
   std::filesystem::path take;
   std::filesystem::path calib;
-  std::filesystem::path images;          ///< either this
-  std::filesystem::path masks;           ///< with images, or empty
-  std::vector<CameraFile> videos;        ///< or this
-  std::vector<CameraFile> backgrounds;   ///< a video, a folder of images, or one image
-  std::optional<BlackBackground> black;  ///< makes the masks from the images
+  std::filesystem::path images;          ///< folder
+  std::filesystem::path masks;           ///< of the images; empty: none
+  std::vector<CameraFile> videos;        ///< one for each camera
+  std::vector<CameraFile> backgrounds;   ///< of the empty studio: a video, folder or image
+  std::optional<BlackBackground> black;  ///< makes masks from the images
   FrameRange frames;
-  double rate_hz = 0;  ///< 0: as the videos say, else 25
+  double rate_hz = 0;  ///< 0: that of the videos, otherwise 25
 };
 
 struct ImportResult {
@@ -29,10 +31,11 @@ struct ImportResult {
   double rate_hz = 0;
 };
 
-/// Throws InputError for everything that is wrong with the input; the take is then not there.
+/// Throws InputError for bad input; then no take is created.
 ImportResult import_take(const ImportOptions& options);
 
-/// "LEVEL" or "LEVEL:GROW:SHRINK", level 0..1, pixels 0..100. Throws InputError.
+/// Parses "LEVEL" or "LEVEL:GROW:SHRINK": level 0 to 1, radii of dilation and erosion 0 to 100
+/// pixels. Throws InputError for other text.
 BlackBackground parse_black_background(std::string_view text);
 
 }  // namespace v3d::ctl

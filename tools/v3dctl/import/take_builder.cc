@@ -21,12 +21,13 @@ fs::path checked_folder(fs::path folder) {
   if (!folder.has_filename()) folder = folder.parent_path();
   const std::string name = folder.filename();
   if (!is_file_name(name)) {
-    throw InputError(folder.string() + ": '" + name +
-                     "' is no take name: up to 64 letters, digits, '-', '_' and '.', not starting "
-                     "with '-' or '.'");
+    throw InputError(
+        folder.string() + ": '" + name +
+        "' is no take name; expected up to 64 letters, digits, '-', '_' and '.', not starting "
+        "with '-' or '.'");
   }
   if (fs::exists(folder)) {
-    throw InputError(folder.string() + ": exists; choose another name or remove it first");
+    throw InputError(folder.string() + ": exists; expected another name");
   }
   return folder;
 }
@@ -60,7 +61,7 @@ TakeBuilder::~TakeBuilder() {
   fs::remove_all(paths_.folder, ignored);
 }
 
-// Imported pictures have no clock: pulse n counts as exposed n periods after the import began.
+// Imported images have no clock: pulse n is labelled n periods after the start of the import.
 FrameLabel TakeBuilder::label() const {
   FrameLabel label;
   label.pulse = pulses_;

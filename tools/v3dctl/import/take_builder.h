@@ -1,5 +1,4 @@
-// Writes a take that is whole from the start: under a temporary name beside its place, moved there
-// when it is finished, removed when it is not.
+// Builder of complete takes from images, for the import.
 #pragma once
 
 #include <filesystem>
@@ -14,10 +13,11 @@
 
 namespace v3d::ctl {
 
-/// One thread.
+/// Writes a take under a temporary name in the same folder until finish(); the destructor removes
+/// an unfinished take. One thread.
 class TakeBuilder {
  public:
-  /// Throws InputError when `folder` exists, its name is no take name, or its parent is not
+  /// Throws InputError if `folder` exists, if its name is no take name, or if its parent is not
   /// writable.
   TakeBuilder(const std::filesystem::path& folder, std::vector<std::string> cameras, double rate_hz,
               const Rig& rig);
@@ -25,24 +25,25 @@ class TakeBuilder {
   TakeBuilder(const TakeBuilder&) = delete;
   TakeBuilder& operator=(const TakeBuilder&) = delete;
 
-  /// Where background models go.
+  /// Folder for background models.
   std::filesystem::path background() const { return paths_.background(); }
-  /// The next pulse: one picture of every camera, in the order of `cameras`. Throws
-  /// std::runtime_error when the disk refuses.
   struct Shot {
     Image image;
     std::optional<Mask> mask;
   };
+  /// Adds a pulse: one image of each camera, in the order of `cameras`. Throws std::runtime_error
+  /// for errors of the disk.
   void add_pulse(std::vector<Shot> shots);
   int64_t pulses() const { return pulses_; }
-  /// Ledger, take.toml, and the move. Throws std::runtime_error when the disk refuses.
+  /// Writes ledger and take.toml, and renames the take. Throws std::runtime_error for errors of the
+  /// disk.
   void finish();
 
  private:
   FrameLabel label() const;
 
   std::filesystem::path folder_;
-  TakePaths paths_;  // the temporary folder
+  TakePaths paths_;  ///< in the temporary folder
   TakeInfo info_;
   std::optional<EventLogWriter> pulse_log_;
   std::vector<EventLogWriter> frame_logs_;

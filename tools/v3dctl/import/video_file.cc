@@ -51,7 +51,7 @@ struct VideoFile::Impl {
     throw InputError(path.string() + ": no readable video: damaged or of an unknown kind");
   }
 
-  /// Only local files: a playlist may name others.
+  /// Allows local files only, because a playlist may refer to others.
   void open_file() {
     AVFormatContext* opened = nullptr;
     AVDictionary* options = nullptr;
@@ -87,32 +87,33 @@ struct VideoFile::Impl {
                      "; expected a video without damage");
   }
 
-  /// A part of a packet, as at the end of a truncated file, has no whole picture.
+  /// A partial packet, as at the end of a truncated file, has no complete frame.
   void send_packet() {
-    const bool torn = (packet->flags & AV_PKT_FLAG_CORRUPT) != 0;
-    const int result = torn ? AVERROR_INVALIDDATA : avcodec_send_packet(codec.get(), packet.get());
+    const bool partial = (packet->flags & AV_PKT_FLAG_CORRUPT) != 0;
+    const int result =
+        partial ? AVERROR_INVALIDDATA : avcodec_send_packet(codec.get(), packet.get());
     if (result < 0) refuse_damage(result);
   }
 
-  /// Sends the next packet of the stream to the decoder, or, once the file has ended, the request
-  /// to return the frames that it holds back. False when that request was sent before.
+  /// Sends the next packet of the stream to the decoder, or after the last one the request to
+  /// return its delayed frames. Returns false if that request was sent before.
   bool feed() {
     if (drained) return false;
     for (;;) {
       const int result = av_read_frame(format.get(), packet.get());
       if (result == AVERROR_EOF) break;
       if (result < 0) refuse_damage(result);
-      const bool ours = packet->stream_index == stream->index;
-      if (ours) send_packet();
+      const bool is_video = packet->stream_index == stream->index;
+      if (is_video) send_packet();
       av_packet_unref(packet.get());
-      if (ours) return true;
+      if (is_video) return true;
     }
     drained = true;
     avcodec_send_packet(codec.get(), nullptr);
     return true;
   }
 
-  /// The decoder fills in what it cannot decode: such a frame is refused, too.
+  /// Rejects a frame with parts that the decoder has concealed.
   void check_whole() const {
     const bool damaged =
         frame->decode_error_flags != 0 || (frame->flags & AV_FRAME_FLAG_CORRUPT) != 0;
@@ -128,7 +129,7 @@ struct VideoFile::Impl {
                      "; expected one size in the whole video");
   }
 
-  /// Decodes the next frame into `frame`; false behind the last.
+  /// Decodes the next frame into `frame`; returns false after the last.
   bool decode() {
     for (;;) {
       const int result = avcodec_receive_frame(codec.get(), frame.get());
@@ -139,11 +140,11 @@ struct VideoFile::Impl {
     check_whole();
     check_size();
     ++count;
-    note_time();
+    update_time();
     return true;
   }
 
-  void note_time() {
+  void update_time() {
     const double period_s = rate_hz() > 0 ? 1 / rate_hz() : 0;
     const bool known = frame->best_effort_timestamp != AV_NOPTS_VALUE;
     const double at_s =
@@ -152,7 +153,7 @@ struct VideoFile::Impl {
     next_s = at_s + period_s;
   }
 
-  /// 0 where the file has none.
+  /// 0 if the file has none.
   double rate_hz() const {
     const double rate = av_q2d(av_guess_frame_rate(format.get(), stream, nullptr));
     return std::isfinite(rate) && rate > 0 ? rate : 0;
@@ -184,7 +185,7 @@ struct VideoFile::Impl {
   Owned<SwsContext> scaler;
   ImageSize size;     ///< of the first frame
   int64_t count = 0;  ///< frames decoded
-  double next_s = 0;  ///< time of the frame behind them, seconds
+  double next_s = 0;  ///< time of the next frame, seconds
   bool drained = false;
 };
 
