@@ -6,7 +6,7 @@
 #include <string_view>
 
 #include "base/error.h"
-#include "v3dctl/gltf_model.h"
+#include "v3dctl/scene/gltf_model.h"
 
 extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   try {

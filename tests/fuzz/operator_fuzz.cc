@@ -1,13 +1,14 @@
-// What an operator reads of replies, health and events that came from the network. Their texts are
-// anybody's, made printable where they arrive; the JSON of a detail is read or named as unreadable.
+// Text for the operator from replies, health and events of the network. Any sender may choose their
+// texts, which are made printable on receipt; a detail that is no valid JSON is reported as
+// unreadable.
 #include <nlohmann/json.hpp>
 
 #include "base/printable.h"
 #include "fuzz_input.h"
-#include "v3dctl/check_text.h"
-#include "v3dctl/health_text.h"
-#include "v3dctl/operator_text.h"
-#include "v3dctl/watch_text.h"
+#include "v3dctl/operate/camera_check.h"
+#include "v3dctl/operate/health_text.h"
+#include "v3dctl/operate/reply_text.h"
+#include "v3dctl/operate/watch_table.h"
 
 namespace {
 
@@ -26,30 +27,30 @@ void read_replies(const std::string& text, const std::string& detail) {
   v3d::ctl::answer_json(answer).dump();
   const v3d::ctl::TakeAccount account = v3d::ctl::merge_ledgers(answer, {"cam01"});
   account.ledger.verdict();
-  v3d::ctl::live_line(account);
+  v3d::ctl::live_loss_line(account);
   v3d::ctl::to_json(account.ledger).dump();
-  const v3d::ctl::CheckFindings findings = v3d::ctl::read_check(answer);
-  v3d::ctl::check_lines(findings.cameras);
-  v3d::ctl::check_json(findings).dump();
+  const v3d::ctl::CheckReport report = v3d::ctl::parse_check_replies(answer);
+  v3d::ctl::check_lines(report.cameras);
+  v3d::ctl::check_json(report).dump();
 }
 
 void read_health(FuzzInput& input) {
-  v3d::ctl::StudioView view;
-  view.studio = "dojo";
-  view.nodes = kNodes;
-  view.cameras["cap01"] = {"cam01", "cam02"};
-  v3d::HealthMessage& health = view.health["cap01"];
+  v3d::ctl::StudioState state;
+  state.studio = "dojo";
+  state.nodes = kNodes;
+  state.cameras["cap01"] = {"cam01", "cam02"};
+  v3d::HealthMessage& health = state.health["cap01"];
   health.state = static_cast<v3d::NodeState>(1 + input.number<uint8_t>() % 5);
   health.text = v3d::printable(input.text());
   while (!input.empty()) {
     const std::string name = v3d::printable(input.text());
     health.values[name] = input.number<double>();
   }
-  v3d::ctl::health_lines(kNodes, view.health);
-  v3d::ctl::health_json(kNodes, view.health).dump();
-  v3d::ctl::status_lines(kNodes, view.health);
-  v3d::ctl::recording_line(view.health);
-  for (const auto& line : v3d::ctl::watch_lines(view, 80, 24)) line.text(true);
+  v3d::ctl::health_lines(kNodes, state.health);
+  v3d::ctl::health_json(kNodes, state.health).dump();
+  v3d::ctl::status_lines(kNodes, state.health);
+  v3d::ctl::recording_line(state.health);
+  for (const auto& line : v3d::ctl::watch_lines(state, 80, 24)) line.text(true);
 }
 
 }  // namespace

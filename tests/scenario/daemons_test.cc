@@ -151,7 +151,7 @@ TEST_F(FineStudio4, follows_in_high_quality_with_the_pulses_it_can_manage) {
   EXPECT_LT(decode_compact(*compact).value().lattice.step, 0.005) << "it was deformed";
   MeshFileReader recorded(reconstruct_copy(
       bin("v3dctl"), take(), folder_.path(),
-      {"--no-steady", "--frames", std::to_string(first) + ":" + std::to_string(first + 1)}));
+      {"--no-smoothing", "--frames", std::to_string(first) + ":" + std::to_string(first + 1)}));
   EXPECT_EQ(recorded.read(first), compact);
 }
 

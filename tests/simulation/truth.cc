@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "v3dctl/operator_text.h"
+#include "v3dctl/operate/reply_text.h"
 
 namespace v3d::simulation {
 namespace {

@@ -27,11 +27,11 @@ const std::map<std::string, std::string> kMayRemove = {
     {"daemon/folder_claim.cc", "the lock file that says who uses a folder"},
     {"sim/trigger_cable.cc", "the socket of the simulated trigger cable"},
     {"tools/bench/record_bench.cc", "its own scratch folder"},
-    {"tools/v3dctl/doctor_machine.cc", "the file that it tests the disk's speed with"},
-    {"tools/v3dctl/pending_mesh_file.cc", "its own unfinished mesh file"},
-    {"tools/v3dctl/piece_folder.cc", "pieces of a reconstruction"},
-    {"tools/v3dctl/take_builder.cc", "its own unfinished import"},
-    {"tools/v3dctl/takes_collect.cc", "its own copies in .collect"},
+    {"tools/v3dctl/setup/doctor_machine.cc", "the file that it tests the disk's speed with"},
+    {"tools/v3dctl/reconstruct/take_reconstruction.cc", "its own unfinished mesh file"},
+    {"tools/v3dctl/reconstruct/shard_folder.cc", "shards of a reconstruction"},
+    {"tools/v3dctl/import/take_builder.cc", "its own unfinished import"},
+    {"tools/v3dctl/takes/collect.cc", "its own copies in .collect"},
     {"wire/key_file.cc", "its own unfinished key file"},
 };
 

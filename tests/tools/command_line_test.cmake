@@ -1,5 +1,5 @@
-# The promises of every command line: help, one line and status 2 for bad usage, and a man page and a
-# completion that know every command and option. Run by cmake -P with V3DCTL, SOURCE_DIR and CHECK.
+# The command line: help and examples, one line and status 2 for bad usage, and a manual page and completion with every
+# command and option. Run by cmake -P with V3DCTL, SOURCE_DIR and CHECK.
 function(run_v3dctl)
   execute_process(COMMAND ${CMAKE_COMMAND} -E env --unset=V3D_STUDIO ${V3DCTL} ${ARGN}
     WORKING_DIRECTORY /
@@ -226,6 +226,20 @@ function(check_completion)
   complete_words(reconstruct --turn)
   if(NOT offered STREQUAL "  ")
     message(SEND_ERROR "reconstruct completes an option of render:${offered}")
+  endif()
+endfunction()
+
+# Former names of options are accepted and not in the help.
+function(check_former_options)
+  run_v3dctl(reconstruct /not/there --repair --no-smoothing --deform carving=0)
+  set(with_new_names "${status} ${err}")
+  run_v3dctl(reconstruct /not/there --mend --no-steady --deform hollows=0)
+  if(NOT "${status} ${err}" STREQUAL with_new_names)
+    message(SEND_ERROR "former options: ${status} ${err}, new ones: ${with_new_names}")
+  endif()
+  run_v3dctl(reconstruct --help)
+  if(out MATCHES "--mend|--no-steady|hollows")
+    message(SEND_ERROR "the help has a former option: ${out}")
   endif()
 endfunction()
 

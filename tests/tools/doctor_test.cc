@@ -1,4 +1,4 @@
-#include "v3dctl/doctor.h"
+#include "v3dctl/setup/doctor.h"
 
 #include <arpa/inet.h>
 #include <gtest/gtest.h>
@@ -8,8 +8,7 @@
 #include <thread>
 
 #include "support/temporary_folder.h"
-#include "v3dctl/doctor_key.h"
-#include "v3dctl/doctor_machine.h"
+#include "v3dctl/setup/doctor_key.h"
 #include "wire/studio_key.h"
 
 namespace v3d::ctl {
@@ -17,27 +16,27 @@ namespace {
 
 using Verdict = Finding::Verdict;
 
-TEST(Doctor, wants_a_receive_buffer_that_holds_a_burst_of_frames) {
+TEST(Doctor, requires_a_receive_buffer_for_a_burst_of_frames) {
   EXPECT_EQ(check_receive_buffer(212992).verdict, Verdict::kBad);
   EXPECT_NE(check_receive_buffer(212992).remedy.find("sysctl"), std::string::npos);
   EXPECT_EQ(check_receive_buffer(33554432).verdict, Verdict::kGood);
   EXPECT_EQ(check_receive_buffer(-1).verdict, Verdict::kUnknown);
 }
 
-TEST(Doctor, names_a_folder_of_takes_that_is_not_there) {
+TEST(Doctor, names_a_missing_folder_of_takes) {
   const Finding finding = check_disk("/not/there");
   EXPECT_EQ(finding.verdict, Verdict::kBad);
   EXPECT_NE(finding.text.find("/not/there"), std::string::npos);
 }
 
-TEST(Doctor, does_not_guess_about_a_bus_that_is_not_udp) {
+TEST(Doctor, has_no_verdict_about_a_bus_that_is_not_udp) {
   EXPECT_EQ(check_multicast("memq://").verdict, Verdict::kUnknown);
 }
 
-TEST(Doctor, tells_every_remedy_of_what_is_bad) {
+TEST(Doctor, has_a_remedy_for_a_camera_that_does_not_reply) {
   StudioCamera camera;
   camera.name = "cam01";
-  camera.address = "127.0.0.1";  // nothing listens there
+  camera.address = "127.0.0.1";  // no process receives there
   const auto findings = check_cameras({camera});
   ASSERT_EQ(findings.size(), 1U);
   EXPECT_EQ(findings[0].verdict, Verdict::kBad);
@@ -79,7 +78,7 @@ class FakeControlPort {
   std::thread thread_;
 };
 
-TEST(Doctor, hears_a_camera_that_answers) {
+TEST(Doctor, finds_a_camera_that_replies) {
   const FakeControlPort port("127.0.1.77");
   if (!port.bound()) GTEST_SKIP() << "127.0.1.77:3956 is taken on this machine";
   StudioCamera camera;
@@ -88,21 +87,21 @@ TEST(Doctor, hears_a_camera_that_answers) {
   EXPECT_EQ(check_cameras({camera})[0].verdict, Verdict::kGood);
 }
 
-TEST(Doctor, says_that_it_cannot_ask_a_camera_given_by_its_serial_number) {
+TEST(Doctor, has_no_verdict_about_a_camera_with_a_serial_number) {
   StudioCamera camera;
   camera.name = "cam01";
   camera.address = "GV-4103";
   EXPECT_EQ(check_cameras({camera})[0].verdict, Verdict::kUnknown);
 }
 
-TEST(Doctor, wants_an_interface_that_takes_the_packets_of_its_cameras) {
+TEST(Doctor, requires_an_mtu_for_the_packets_of_the_cameras) {
   EXPECT_EQ(check_mtu("eth1", 9000, 9000).verdict, Verdict::kGood);
   const Finding finding = check_mtu("eth1", 1500, 9000);
   EXPECT_EQ(finding.verdict, Verdict::kBad);
   EXPECT_NE(finding.remedy.find("ip link set dev eth1 mtu 9000"), std::string::npos);
 }
 
-TEST(Doctor, finds_the_interface_on_the_way_to_a_camera) {
+TEST(Doctor, finds_the_interface_on_the_route_to_a_camera) {
   StudioCamera camera;
   camera.address = "127.0.0.1";
   camera.packet_size = 1000;
@@ -112,7 +111,7 @@ TEST(Doctor, finds_the_interface_on_the_way_to_a_camera) {
   EXPECT_EQ(findings[0].text.substr(0, 3), "lo ");
 }
 
-TEST(Doctor, tells_who_holds_the_clock_and_how_well) {
+TEST(Doctor, reports_the_source_and_the_offset_of_the_clock) {
   const auto verdict = [](const std::map<std::string, double>& values, bool kernel) {
     return check_clock(values, kernel).verdict;
   };
@@ -124,25 +123,25 @@ TEST(Doctor, tells_who_holds_the_clock_and_how_well) {
   EXPECT_EQ(verdict({{"ptp_steps_removed", 1}, {"ptp_offset_us", 0.3}}, true), Verdict::kGood);
   EXPECT_EQ(verdict({{"ptp_steps_removed", 1}, {"ptp_offset_us", 4000}}, true), Verdict::kBad);
   EXPECT_EQ(verdict({{"ptp_steps_removed", 0}}, true), Verdict::kGood) << "the master";
-  EXPECT_EQ(verdict({}, true), Verdict::kGood) << "by PTP, perhaps";
+  EXPECT_EQ(verdict({}, true), Verdict::kGood) << "perhaps by PTP";
   EXPECT_EQ(verdict({}, false), Verdict::kBad);
   EXPECT_NE(check_clock({}, false).remedy, "");
 }
 
-TEST(Doctor, wants_a_disk_that_keeps_up_with_the_cameras) {
+TEST(Doctor, requires_a_disk_with_the_data_rate_of_the_cameras) {
   EXPECT_EQ(judge_disk_speed(500e6, 295e6).verdict, Verdict::kGood);
   EXPECT_EQ(judge_disk_speed(200e6, 295e6).verdict, Verdict::kBad);
-  EXPECT_EQ(judge_disk_speed(200e6, 0).verdict, Verdict::kGood) << "not known what is needed";
+  EXPECT_EQ(judge_disk_speed(200e6, 0).verdict, Verdict::kGood) << "an unknown data rate";
 }
 
-TEST(Doctor, measures_the_disk_and_leaves_nothing_behind) {
+TEST(Doctor, measures_the_disk_and_removes_its_file) {
   const test::TemporaryFolder folder;
   EXPECT_EQ(check_disk_speed(folder.path(), 1).verdict, Verdict::kGood);
   EXPECT_TRUE(std::filesystem::is_empty(folder.path()));
   EXPECT_EQ(check_disk_speed("/not/there", 1).verdict, Verdict::kUnknown);
 }
 
-TEST(Doctor, minds_the_memory_of_usb_only_where_cameras_hang_on_it) {
+TEST(Doctor, checks_the_memory_of_usb_only_with_usb_cameras) {
   EXPECT_EQ(check_usb_memory(16, true).verdict, Verdict::kBad);
   EXPECT_EQ(check_usb_memory(16, false).verdict, Verdict::kGood);
   EXPECT_EQ(check_usb_memory(1000, true).verdict, Verdict::kGood);
@@ -174,7 +173,7 @@ TEST(Doctor, names_the_nodes_that_have_no_key_or_another) {
   EXPECT_EQ(findings[2].verdict, Verdict::kUnknown) << "silent";
 }
 
-TEST(Doctor, wants_real_time_priorities_for_the_daemon) {
+TEST(Doctor, checks_the_limit_of_real_time_priorities) {
   EXPECT_EQ(check_realtime(50, false).verdict, Verdict::kGood);
   EXPECT_EQ(check_realtime(0, true).verdict, Verdict::kGood);
   EXPECT_NE(check_realtime(0, false).remedy, "");

@@ -15,8 +15,8 @@
 #include "support/message_of.h"
 #include "support/temporary_folder.h"
 #include "tools/glb.h"
-#include "v3dctl/gltf_model.h"
-#include "v3dctl/mesh_export.h"
+#include "v3dctl/export/mesh_export.h"
+#include "v3dctl/scene/gltf_model.h"
 
 namespace v3d::ctl {
 namespace {

@@ -1,5 +1,5 @@
 // glTF 2.0 models of unknown origin: which are read, and which are refused, with what message.
-#include "v3dctl/gltf_model.h"
+#include "v3dctl/scene/gltf_model.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -1,4 +1,4 @@
-#include "v3dctl/held_out_view.h"
+#include "v3dctl/evaluate/held_out_view.h"
 
 #include <gtest/gtest.h>
 
@@ -37,31 +37,31 @@ class HeldOutViews : public testing::Test {
   }
 };
 
-TEST_F(HeldOutViews, charge_a_perfect_drawing_with_nothing_that_the_filters_of_the_sensor_did) {
+TEST_F(HeldOutViews, do_not_charge_a_perfect_rendering_for_the_filters_of_the_sensor) {
   for (const PixelFormat format : {PixelFormat::kBayerRG8, PixelFormat::kBayerGB8}) {
     const HeldOutView view(camera_, photograph(mosaic(drawing_.view(), format)));
     EXPECT_NE(view.photograph().bytes, drawing_.bytes) << "false colours";
-    EXPECT_EQ(view.drawn(ball_).bytes, view.photograph().bytes);
+    EXPECT_EQ(view.render(ball_).bytes, view.photograph().bytes);
   }
   const HeldOutView whole_colours(camera_, photograph(drawing_));
   EXPECT_EQ(whole_colours.photograph().bytes, drawing_.bytes);
-  EXPECT_EQ(whole_colours.drawn(ball_).bytes, drawing_.bytes);
+  EXPECT_EQ(whole_colours.render(ball_).bytes, drawing_.bytes);
 }
 
-TEST_F(HeldOutViews, charge_a_perfect_drawing_with_nothing_that_the_colours_of_the_camera_did) {
+TEST_F(HeldOutViews, do_not_charge_a_perfect_rendering_for_the_colours_of_the_camera) {
   camera_.colour.black = {9, 4, 6};
   camera_.colour.matrix << 1.1, 0.05, -0.02, 0.03, 1.2, 0, 0, -0.04, 1.15;
   Image recorded = drawing_;
   correct(recorded, camera_.colour.inverse());
   const HeldOutView view(camera_, photograph(mosaic(recorded.view(), PixelFormat::kBayerGR8)));
-  const Image drawn = view.drawn(ball_);
+  const Image drawn = view.render(ball_);
   EXPECT_EQ(drawn.bytes, view.photograph().bytes);
   // In the common colours of the rig: that of a grey ball is grey again.
   const uint8_t* middle = view.photograph().row(60) + 3 * 80;
   EXPECT_NEAR(middle[0], drawing_.row(60)[3 * 80], 30);
 }
 
-TEST_F(HeldOutViews, have_inside_what_shows_foreground_alone) {
+TEST_F(HeldOutViews, have_pixels_inside_that_show_foreground_only) {
   SegmentedFrame frame = photograph(drawing_);
   frame.mask = Mask(kSize);
   for (int y = 30; y < 50; ++y) frame.mask.fill_row(y, 40, 70);

@@ -1,4 +1,4 @@
-#include "v3dctl/import.h"
+#include "v3dctl/import/import.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -14,7 +14,7 @@
 #include "support/message_of.h"
 #include "support/temporary_folder.h"
 #include "take/verify.h"
-#include "tools/pictures.h"
+#include "tools/test_images.h"
 
 namespace v3d::ctl {
 namespace {
@@ -376,8 +376,8 @@ TEST(BlackBackgroundOption, reads_a_level_and_the_pixels_to_grow_and_shrink) {
   EXPECT_DOUBLE_EQ(parse_black_background("0.19").level, 0.19);
   const BlackBackground black = parse_black_background("0.5:10:7");
   EXPECT_DOUBLE_EQ(black.level, 0.5);
-  EXPECT_EQ(black.grow_px, 10);
-  EXPECT_EQ(black.shrink_px, 7);
+  EXPECT_EQ(black.dilate_px, 10);
+  EXPECT_EQ(black.erode_px, 7);
 }
 
 TEST(BlackBackgroundOption, refuses_what_is_no_level) {

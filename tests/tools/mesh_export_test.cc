@@ -1,4 +1,4 @@
-#include "v3dctl/mesh_export.h"
+#include "v3dctl/export/mesh_export.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -5,7 +5,7 @@
 
 #include "base/error.h"
 #include "common/number_option.h"
-#include "v3dctl/deform_options.h"
+#include "v3dctl/reconstruct/reconstruct_options.h"
 
 namespace v3d::ctl {
 namespace {
@@ -69,20 +69,21 @@ TEST(Names, must_not_be_empty) {
 }
 
 TEST(Deform, takes_any_of_its_numbers_in_any_order) {
-  const DeformOptions o = parse_deform("window=7,mode=paper,silhouette=0,views=4,hollows=0");
+  const DeformOptions o = parse_deform("window=7,mode=paper,silhouette=0,views=4,carving=0");
   EXPECT_EQ(o.mode, DeformMode::kPaper);
   EXPECT_EQ(o.window, 7);
   EXPECT_EQ(o.views, 4);
   EXPECT_EQ(o.silhouette, 0);
   EXPECT_EQ(o.photometric, 0.4);
   EXPECT_FALSE(o.carve_concavities);
-  EXPECT_TRUE(parse_deform("hollows=1").carve_concavities);
+  EXPECT_TRUE(parse_deform("carving=1").carve_concavities);
+  EXPECT_FALSE(parse_deform("hollows=0").carve_concavities) << "the former name";
   EXPECT_EQ(parse_deform("").mode, DeformMode::kSearch);
 }
 
 TEST(Deform, refuses_what_it_does_not_know) {
   for (const char* text : {"window", "window=", "window=x", "window=4", "mode=fast", "alpha=1",
-                           "internal=-1", "views=6.5", "hollows=2"}) {
+                           "internal=-1", "views=6.5", "carving=2"}) {
     EXPECT_THROW(parse_deform(text), InputError) << text;
   }
 }

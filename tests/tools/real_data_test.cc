@@ -11,9 +11,9 @@
 #include "daemon/recorded/mesh_frames.h"
 #include "real_recordings.h"
 #include "support/temporary_folder.h"
-#include "v3dctl/evaluate.h"
-#include "v3dctl/import.h"
-#include "v3dctl/reconstruct.h"
+#include "v3dctl/evaluate/evaluate.h"
+#include "v3dctl/import/import.h"
+#include "v3dctl/reconstruct/take_reconstruction.h"
 
 namespace v3d::ctl {
 namespace {

@@ -1,4 +1,3 @@
-#include "v3dctl/reconstruct.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -18,15 +17,15 @@
 #include "support/message_of.h"
 #include "support/temporary_folder.h"
 #include "take/take.h"
-#include "tools/pictures.h"
-#include "v3dctl/evaluate.h"
-#include "v3dctl/evaluation_page.h"
-#include "v3dctl/evaluation_pictures.h"
-#include "v3dctl/import.h"
-#include "v3dctl/media.h"
-#include "v3dctl/mesh_export.h"
-#include "v3dctl/take_colours.h"
-#include "v3dctl/working_space.h"
+#include "tools/test_images.h"
+#include "v3dctl/evaluate/evaluate.h"
+#include "v3dctl/evaluate/evaluation_page.h"
+#include "v3dctl/export/mesh_export.h"
+#include "v3dctl/export/take_colours.h"
+#include "v3dctl/import/image_file.h"
+#include "v3dctl/import/import.h"
+#include "v3dctl/reconstruct/reconstruction_bounds.h"
+#include "v3dctl/reconstruct/take_reconstruction.h"
 
 namespace v3d::ctl {
 namespace {
@@ -65,7 +64,7 @@ class Reconstruct : public testing::Test {
   ReconstructRequest request_;
 };
 
-TEST_F(Reconstruct, makes_a_ball_of_eight_views_of_a_ball) {
+TEST_F(Reconstruct, makes_a_ball_from_eight_views_of_a_ball) {
   const ReconstructReport report = reconstruct_take(request_);
   EXPECT_EQ(report.frames, 1);
   EXPECT_EQ(report.incomplete, 0);
@@ -85,7 +84,7 @@ TEST_F(Reconstruct, is_measured_camera_by_camera) {
   EXPECT_EQ(all, report.silhouette_iou);
 }
 
-TEST_F(Reconstruct, is_not_measured_by_what_a_camera_sees_beside_the_bounds) {
+TEST_F(Reconstruct, is_not_measured_outside_the_view_of_the_bounds) {
   request_.bounds = Box{{-0.35, -0.35, -0.35}, {0.35, 0.35, 0.35}};
   const ReconstructReport clean = reconstruct_take(request_);
   Image mask = read_image(folder_ / "masks/b.png");
@@ -142,7 +141,7 @@ TEST_F(Reconstruct, is_read_in_any_order_of_its_frames) {
   }
 }
 
-TEST_F(Reconstruct, is_refused_where_a_frame_is_gone_that_another_needs) {
+TEST_F(Reconstruct, is_rejected_without_a_frame_that_another_needs) {
   write_sequence(TakePaths{request_.take}.mesh(), 4);
   MeshFrames meshes(request_.take);
   meshes.read(3);
@@ -150,14 +149,14 @@ TEST_F(Reconstruct, is_refused_where_a_frame_is_gone_that_another_needs) {
               HasSubstr("frame 5 is damaged, or of an earlier version: reconstruct"));
 }
 
-TEST_F(Reconstruct, leaves_out_the_cameras_that_it_is_told_to) {
+TEST_F(Reconstruct, leaves_out_the_requested_cameras) {
   request_.leave_out = {"c", "e"};
   const ReconstructReport report = reconstruct_take(request_);
   EXPECT_EQ(report.cameras.size(), 6U);
   EXPECT_THAT(MeshFrames(request_.take).read(0).cameras, testing::Not(testing::Contains("c")));
 }
 
-TEST_F(Reconstruct, is_measured_by_a_camera_that_took_no_part) {
+TEST_F(Reconstruct, is_measured_by_a_held_out_camera) {
   request_.leave_out = {"c"};
   reconstruct_take(request_);
   const auto reports = evaluate_held_out({request_.take}, {{"c"}});
@@ -168,7 +167,7 @@ TEST_F(Reconstruct, is_measured_by_a_camera_that_took_no_part) {
   EXPECT_FALSE(reports[0].true_surface);
 }
 
-TEST_F(Reconstruct, is_measured_beside_the_true_surface_in_the_same_colours) {
+TEST_F(Reconstruct, is_compared_with_the_true_surface_in_the_same_colours) {
   request_.leave_out = {"c"};
   reconstruct_take(request_);
   fs::create_directories(folder_ / "truth");
@@ -194,7 +193,7 @@ size_t count_of_pictures(const std::string& page) {
   return count;
 }
 
-TEST_F(Reconstruct, is_shown_beside_the_photograph_and_other_meshes_of_the_take) {
+TEST_F(Reconstruct, is_shown_with_the_photograph_and_other_meshes_of_the_take) {
   request_.leave_out = {"c"};
   reconstruct_take(request_);
   fs::copy_file(TakePaths{request_.take}.mesh(), folder_ / "other.v3d");
@@ -202,7 +201,7 @@ TEST_F(Reconstruct, is_shown_beside_the_photograph_and_other_meshes_of_the_take)
                                   {"other", {request_.take, folder_ / "other.v3d"}, {}, {}}},
                       .truth = {},
                       .held_out = {"c"}};
-  for (EvaluatedColumn& column : page.columns) {
+  for (EvaluationColumn& column : page.columns) {
     column.held_out = evaluate_held_out(column.evaluated, {page.held_out});
   }
   const std::string html = evaluation_html(page);
@@ -210,12 +209,13 @@ TEST_F(Reconstruct, is_shown_beside_the_photograph_and_other_meshes_of_the_take)
   EXPECT_THAT(html, AllOf(HasSubstr("photograph"), HasSubstr("c: PSNR"), HasSubstr("</html>")));
 }
 
-TEST_F(Reconstruct, is_painted_with_its_distance_from_the_truth) {
+TEST_F(Reconstruct, is_coloured_by_its_distance_from_the_truth) {
   reconstruct_take(request_);
   const Mesh mesh = MeshFrames(request_.take).read(0).mesh;
   Mesh larger = mesh;
   for (Eigen::Vector3f& v : larger.vertices) v *= 1.2F;
-  const Image right = painted_errors(mesh, mesh).at(0), wrong = painted_errors(larger, mesh).at(0);
+  const Image right = error_renderings(mesh, mesh).at(0),
+              wrong = error_renderings(larger, mesh).at(0);
   const auto middle = [](const Image& image) {
     const uint8_t* p = image.row(image.size.height / 2) + 3 * (image.size.width / 2);
     return std::pair(p[0], p[2]);
@@ -242,7 +242,7 @@ TEST_F(Reconstruct, is_measured_against_the_true_surface) {
   EXPECT_THROW(evaluate_truth({request_.take}, folder_ / "truth"), InputError);
 }
 
-TEST_F(Reconstruct, is_told_camera_by_camera_from_the_raw_frames) {
+TEST_F(Reconstruct, is_exported_with_the_colours_of_each_camera) {
   request_.leave_out = {"c"};  // saw it nevertheless
   reconstruct_take(request_);
   const CompactFrame frame = MeshFrames(request_.take).read(0);
@@ -263,7 +263,7 @@ TEST_F(Reconstruct, is_told_camera_by_camera_from_the_raw_frames) {
   }
 }
 
-TEST_F(Reconstruct, is_not_told_camera_by_camera_without_raw_frames) {
+TEST_F(Reconstruct, has_no_colours_of_cameras_without_raw_frames) {
   reconstruct_take(request_);
   const CompactFrame frame = MeshFrames(request_.take).read(0);
   const TakePaths paths{request_.take};
@@ -282,7 +282,7 @@ TEST_F(Reconstruct, is_not_told_camera_by_camera_without_raw_frames) {
   EXPECT_THAT(refusal(), AllOf(HasSubstr("no raw frames of d"), HasSubstr("d.lcmlog")));
 }
 
-TEST_F(Reconstruct, finds_its_space_where_most_cameras_look) {
+TEST_F(Reconstruct, has_default_bounds_that_half_the_cameras_see) {
   request_.bounds.reset();
   const Box box = reconstruct_take(request_).bounds;
   EXPECT_TRUE(box.contains({0.3, 0.3, 0.3}));
@@ -325,7 +325,7 @@ TEST_F(Reconstruct, refuses_a_folder_that_is_no_take) {
   EXPECT_THAT(refusal(), HasSubstr("images"));
 }
 
-TEST_F(Reconstruct, keeps_the_old_meshes_when_it_is_refused) {
+TEST_F(Reconstruct, keeps_the_old_meshes_after_an_error) {
   reconstruct_take(request_);
   const std::string old = read_file(TakePaths{request_.take}.mesh());
   request_.frames = {5, 9};
@@ -333,7 +333,7 @@ TEST_F(Reconstruct, keeps_the_old_meshes_when_it_is_refused) {
   EXPECT_EQ(read_file(TakePaths{request_.take}.mesh()), old);
 }
 
-TEST_F(Reconstruct, tells_that_a_camera_was_missing) {
+TEST_F(Reconstruct, reports_a_missing_camera) {
   const TakePaths paths{request_.take};
   fs::resize_file(paths.frames("d"), 0);
   const ReconstructReport report = reconstruct_take(request_);
@@ -349,11 +349,11 @@ TEST(MinViews, are_four_but_with_few_cameras_all_but_one) {
   EXPECT_EQ(default_min_views(1), 1);
 }
 
-TEST(CommonView, is_refused_where_too_few_cameras_look_together) {
+TEST(ObservedBounds, are_rejected_when_no_point_is_seen_by_enough_cameras) {
   Rig rig = test::small_rig(2);
   const RigidTransform away = look_at({0, 100, 0}, {0, 200, 0});
   rig[1].model = CameraModel(rig[1].model.size(), rig[1].model.matrix(), {}, away);
-  EXPECT_THROW(common_view(rig, 2), InputError);
+  EXPECT_THROW(observed_bounds(rig, 2), InputError);
 }
 
 }  // namespace

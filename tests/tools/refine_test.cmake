@@ -1,6 +1,6 @@
 # A take tells by its silhouettes that two cameras look aside of where the calibration has them, with their focal
 # lengths fitted and without, and leaves a right calibration as it is. Run by cmake -P with V3DCTL, V3D_SIM and WORK.
-include(${CMAKE_CURRENT_LIST_DIR}/knock.cmake)
+include(${CMAKE_CURRENT_LIST_DIR}/displace.cmake)
 file(REMOVE_RECURSE ${WORK})
 set(take ${WORK}/take)
 execute_process(COMMAND ${V3D_SIM} take ${take} --frames 16 --rate 3 --cameras 8 --size 320x240
@@ -9,9 +9,9 @@ if(NOT status EQUAL 0)
   message(FATAL_ERROR "v3d-sim: ${err}")
 endif()
 
-file(COPY_FILE ${take}/calib.toml ${WORK}/knocked.toml)
-knock(${WORK}/knocked.toml cam02 5)
-knock(${WORK}/knocked.toml cam05 -5)
+file(COPY_FILE ${take}/calib.toml ${WORK}/displaced.toml)
+displace_camera(${WORK}/displaced.toml cam02 5)
+displace_camera(${WORK}/displaced.toml cam05 -5)
 
 function(refine calib better_wanted)
   execute_process(COMMAND ${V3DCTL} calibrate refine --take ${take} --calib ${calib} --out ${WORK}/refined.toml --json
@@ -28,7 +28,7 @@ endfunction()
 
 refine(${take}/calib.toml OFF)
 foreach(extra "" --focal)
-  refine(${WORK}/knocked.toml ON ${extra})
+  refine(${WORK}/displaced.toml ON ${extra})
   foreach(camera 1 4)
     string(JSON moved GET "${out}" cameras ${camera} moved_px)
     if(NOT moved GREATER 2.5)

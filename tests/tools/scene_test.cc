@@ -12,11 +12,11 @@
 #include "base/png_file.h"
 #include "support/message_of.h"
 #include "support/temporary_folder.h"
-#include "tools/pictures.h"
-#include "v3dctl/mesh_export.h"
-#include "v3dctl/scene_clock.h"
-#include "v3dctl/scene_renderer.h"
-#include "v3dctl/scene_video.h"
+#include "tools/test_images.h"
+#include "v3dctl/export/mesh_export.h"
+#include "v3dctl/scene/scene_clock.h"
+#include "v3dctl/scene/scene_renderer.h"
+#include "v3dctl/scene/scene_video.h"
 
 namespace v3d::ctl {
 namespace {

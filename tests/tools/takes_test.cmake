@@ -1,4 +1,4 @@
-# A crew's day with v3dctl: takes are collected from two nodes, marked, listed and deleted. Run by cmake -P
+# Takes are collected from two nodes, marked, listed and deleted. Run by cmake -P
 # with V3DCTL, V3D_SIM and WORK.
 file(REMOVE_RECURSE ${WORK})
 file(MAKE_DIRECTORY ${WORK}/cap01 ${WORK}/cap02)
@@ -35,7 +35,7 @@ string(FIND "${ledger}" "[[file]]" files)
 string(SUBSTRING "${ledger}" ${files} -1 files)
 set(ledger_cap01 "${ledger_cap01}${files}")
 set(ledger_cap02 "${head}${tail}")
-# What a node does not have; take.toml is another there.
+# Remove what a node does not have; its take.toml differs.
 set(entry "\\[\\[file\\]\\]\nname = 'NAME'\nbytes = [0-9]+\nxxh3 = '[0-9a-f]+'\n+")
 foreach(absent cap01:take.toml cap01:cam03.lcmlog cap01:cam04.lcmlog cap02:take.toml cap02:cam01.lcmlog cap02:cam02.lcmlog)
   string(REGEX REPLACE "(.*):(.*)" "\\1;\\2" words ${absent})
@@ -60,7 +60,7 @@ set(sources --from cap01=${WORK}/cap01 --from cap02=far:${WORK}/cap02 --rsh ${WO
 file(WRITE ${WORK}/rsh "#!/bin/sh\n[ \"$1\" = far ] || exit 9\nshift\nexec \"$@\"\n")
 file(CHMOD ${WORK}/rsh PERMISSIONS OWNER_READ OWNER_WRITE OWNER_EXECUTE)
 
-# A copy that was cut off in the middle of a log goes on.
+# An interrupted copy of a log is continued.
 file(MAKE_DIRECTORY ${WORK}/archive/.collect/kendo-07/cap01)
 execute_process(COMMAND head -c 100000 ${WORK}/cap01/kendo-07/cam01.lcmlog
   OUTPUT_FILE ${WORK}/archive/.collect/kendo-07/cap01/cam01.lcmlog)
@@ -72,7 +72,7 @@ expect("${err}" "cannot list the takes of cap02 at far:")
 v3dctl(takes collect ${sources} --to ${WORK}/archive nobody-01)
 expect_status(2)
 expect("${err}" "no node has a take nobody-01")
-# A copy of which a byte is lost between rsync and the disk is not collected, and mended by the same command.
+# A copy of which a byte is lost between rsync and the disk is not collected; a repeated command repairs it.
 file(MAKE_DIRECTORY ${WORK}/bin)
 find_program(RSYNC rsync REQUIRED)
 file(WRITE ${WORK}/bin/rsync "#!/bin/sh
@@ -120,7 +120,7 @@ expect("${out}" "\"verified\": true")
 expect("${out}" "\"mark\": \"circled\"")
 expect("${out}" "\"seconds\": 0.16")
 
-# Nothing is deleted by mistake.
+# delete refuses a take without a copy, circled, unverified, or without --yes.
 v3dctl(takes delete kendo-07 --yes --dir ${WORK}/archive)
 expect_status(2)
 expect("${err}" "read back first \\(--copy DIR\\), or say that none is needed \\(--no-copy\\)")

@@ -5,8 +5,8 @@
 #include "base/error.h"
 #include "base/image_size.h"
 #include "common/console.h"
-#include "v3dctl/interrupt.h"
 #include "v3dctl/options.h"
+#include "v3dctl/process.h"
 
 namespace v3d::calibrate {
 namespace {

@@ -9,7 +9,7 @@
 #include "calibrate/colour_images.h"
 #include "calibrate/colour_places.h"
 #include "calibrate/commands.h"
-#include "v3dctl/interrupt.h"
+#include "v3dctl/process.h"
 
 namespace v3d::calibrate {
 namespace {

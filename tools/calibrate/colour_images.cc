@@ -7,7 +7,7 @@
 #include "base/demosaic.h"
 #include "base/error.h"
 #include "calib/colour/chart_detector.h"
-#include "v3dctl/interrupt.h"
+#include "v3dctl/process.h"
 
 namespace v3d::calibrate {
 namespace {

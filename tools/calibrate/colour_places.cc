@@ -13,8 +13,8 @@
 #include "recon/texture/texture.h"
 #include "recon/visibility/depth_buffer.h"
 #include "take/take.h"
-#include "v3dctl/interrupt.h"
-#include "v3dctl/missing_frames.h"
+#include "v3dctl/options.h"
+#include "v3dctl/process.h"
 
 namespace v3d::calibrate {
 namespace {
@@ -186,7 +186,7 @@ std::vector<ColourSample> surface_places(const std::filesystem::path& take, cons
     add_frame(meshes.read(frame).mesh, recorded.rig(), numbers, views, place, samples);
     progress.advance();
   }
-  ctl::note_missing(incomplete, take);
+  ctl::report_incomplete_frames(incomplete, take);
   return samples;
 }
 

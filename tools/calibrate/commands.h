@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "base/image.h"
-#include "v3dctl/command.h"
+#include "v3dctl/command_line.h"
 
 namespace v3d::calibrate {
 

@@ -4,7 +4,7 @@
 #include "calib/boards/board_pose.h"
 #include "calib/rig/floor_fit.h"
 #include "common/console.h"
-#include "v3dctl/interrupt.h"
+#include "v3dctl/process.h"
 
 namespace v3d::calibrate {
 namespace {

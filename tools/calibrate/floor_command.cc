@@ -7,7 +7,7 @@
 #include "calibrate/commands.h"
 #include "calibrate/floor_boards.h"
 #include "common/console.h"
-#include "v3dctl/interrupt.h"
+#include "v3dctl/process.h"
 
 namespace v3d::calibrate {
 namespace {

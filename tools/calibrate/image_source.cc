@@ -10,8 +10,8 @@
 #include "base/error.h"
 #include "take/frame_log.h"
 #include "take/take.h"
-#include "v3dctl/media.h"
-#include "v3dctl/video_file.h"
+#include "v3dctl/import/image_file.h"
+#include "v3dctl/import/video_file.h"
 
 namespace v3d::calibrate {
 namespace {

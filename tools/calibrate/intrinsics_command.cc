@@ -11,8 +11,8 @@
 #include "calibrate/live_take.h"
 #include "calibrate/rig_boards.h"
 #include "common/console.h"
-#include "v3dctl/interrupt.h"
 #include "v3dctl/options.h"
+#include "v3dctl/process.h"
 
 namespace v3d::calibrate {
 namespace {

@@ -10,10 +10,11 @@
 #include "common/console.h"
 #include "daemon/operator_client.h"
 #include "take/take.h"
-#include "v3dctl/interrupt.h"
-#include "v3dctl/operator_text.h"
-#include "v3dctl/pulse_train.h"
-#include "v3dctl/takes_collect.h"
+#include "v3dctl/operate/health_text.h"
+#include "v3dctl/operate/pulse_train.h"
+#include "v3dctl/operate/reply_text.h"
+#include "v3dctl/process.h"
+#include "v3dctl/takes/collect.h"
 
 namespace v3d::calibrate {
 namespace {
@@ -46,7 +47,7 @@ void record(const Studio& studio, const ctl::PulseTrain& train) {
   const auto show = [&] {
     const auto health = client.health(Monotonic::now());
     if (std::any_of(health.begin(), health.end(),
-                    [](const auto& entry) { return ctl::is_at_work(entry.second); })) {
+                    [](const auto& entry) { return ctl::is_in_take(entry.second); })) {
       status.show("recording " + train.take + ": " + ctl::recording_line(health));
     }
   };

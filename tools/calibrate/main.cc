@@ -1,4 +1,4 @@
-// v3dctl-calibrate: `v3dctl calibrate`, which hands over to it (v3dctl/external_command.cc).
+// v3dctl-calibrate: `v3dctl calibrate`, which hands over to it (v3dctl/command_line.cc).
 #include "calibrate/commands.h"
 
 int main(int argc, char** argv) {

@@ -10,9 +10,8 @@
 #include "common/console.h"
 #include "daemon/recorded/take_frames.h"
 #include "recon/hull/bounds_mask.h"
-#include "v3dctl/interrupt.h"
-#include "v3dctl/reconstruct.h"
-#include "v3dctl/working_space.h"
+#include "v3dctl/process.h"
+#include "v3dctl/reconstruct/reconstruction_bounds.h"
 
 namespace v3d::calibrate {
 namespace {
@@ -33,9 +32,8 @@ struct Arguments {
 class Silhouettes {
  public:
   Silhouettes(const Arguments& arguments, const Rig& rig) : take_(arguments.take, {}), rig_(rig) {
-    const int cameras = static_cast<int>(rig.size());
     const Box space =
-        ctl::common_view(rig, std::max(ctl::default_min_views(cameras), (cameras + 1) / 2));
+        ctl::default_bounds(rig, ctl::default_min_views(static_cast<int>(rig.size())));
     for (const RigCamera& camera : rig) views_.push_back(bounds_mask(space, camera.model));
     const std::vector<int64_t> pulses = take_.pulses();
     const size_t count = std::min<size_t>(static_cast<size_t>(arguments.instants), pulses.size());

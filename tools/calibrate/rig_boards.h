@@ -7,7 +7,7 @@
 
 #include "calib/boards/board_detector.h"
 #include "calibrate/board_search.h"
-#include "v3dctl/command.h"
+#include "v3dctl/command_line.h"
 #include "v3dctl/options.h"
 
 namespace v3d::calibrate {

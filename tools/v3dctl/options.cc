@@ -5,6 +5,7 @@
 
 #include "base/error.h"
 #include "base/units.h"
+#include "common/console.h"
 
 namespace v3d::ctl {
 namespace {
@@ -14,7 +15,7 @@ int64_t parse_frame_number(std::string_view text, std::string_view whole) {
   const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), number);
   if (error != std::errc{} || end != text.data() + text.size() || number < 0) {
     throw InputError("--frames " + std::string(whole) +
-                     ": want A:B with frame numbers from 0, for example 0:100 (frames 0 to 99)");
+                     ": expected A:B with frame numbers from 0, such as 0:100 (frames 0 to 99)");
   }
   return number;
 }
@@ -36,8 +37,9 @@ FrameRange parse_frame_range(std::string_view text) {
   if (!first.empty()) range.begin = parse_frame_number(first, text);
   if (!last.empty()) range.end = parse_frame_number(last, text);
   if (range.begin >= range.end) {
-    throw InputError("--frames " + std::string(text) +
-                     ": holds no frame; B is the first not taken");
+    throw InputError(
+        "--frames " + std::string(text) +
+        ": is an empty range; expected A below B, which is the first frame after the range");
   }
   return range;
 }
@@ -49,13 +51,14 @@ std::vector<CameraFile> parse_camera_files(const std::vector<std::string>& value
     const size_t equals = value.find('=');
     if (equals == std::string::npos || equals == 0 || equals + 1 == value.size()) {
       throw InputError(std::string(option) + " " + value +
-                       ": want CAM=FILE, for example cam1=cam1/video.avi");
+                       ": expected CAM=FILE, such as cam1=cam1/video.avi");
     }
     const std::string camera = value.substr(0, equals);
     const bool twice = std::any_of(files.begin(), files.end(),
                                    [&](const CameraFile& file) { return file.first == camera; });
     if (twice)
-      throw InputError(std::string(option) + " " + value + ": " + camera + " is given twice");
+      throw InputError(std::string(option) + " " + value + ": " + camera +
+                       " is given twice; expected each camera once");
     files.emplace_back(camera, value.substr(equals + 1));
   }
   return files;
@@ -66,7 +69,8 @@ std::vector<std::string> parse_names(std::string_view text, std::string_view opt
   while (!text.empty()) {
     const size_t comma = std::min(text.find(','), text.size());
     if (comma == 0 || comma + 1 == text.size()) {
-      throw InputError(std::string(option) + ": an empty name; want NAME,NAME,... without spaces");
+      throw InputError(std::string(option) +
+                       ": has an empty name; expected NAME,NAME,... without spaces");
     }
     names.emplace_back(text.substr(0, comma));
     text.remove_prefix(std::min(comma + 1, text.size()));
@@ -78,10 +82,18 @@ std::string count_of(int64_t n, const std::string& singular) {
   return format_count(n) + " " + singular + (n == 1 ? "" : "s");
 }
 
+int report_incomplete_frames(int64_t frames, const std::filesystem::path& take) {
+  if (frames == 0) return kExitDone;
+  note("v3dctl: a camera is missing in " + count_of(frames, "frame") + ": see v3dctl verify " +
+       take.string());
+  return kExitNotWhole;
+}
+
 void add_frames_option(CLI::App* command, std::string& value) {
   command
-      ->add_option("--frames", value,
-                   "Only these frames: A:B is A to B-1, A: from A on, :B before B, A one alone")
+      ->add_option(
+          "--frames", value,
+          "Only these frames: A:B is A to B-1, A: is A and later, :B before B, A one frame")
       ->type_name("A:B");
 }
 

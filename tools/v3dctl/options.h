@@ -1,4 +1,4 @@
-// Option values that several commands share.
+// Option values and messages that several commands share.
 #pragma once
 
 #include <CLI/App.hpp>
@@ -14,23 +14,26 @@
 
 namespace v3d::ctl {
 
-/// "A:B" is A to B - 1, "A:" from A on, ":B" up to B - 1, "A" that frame alone, "" all. Throws
-/// InputError for anything else and for an empty range.
+/// Parses a range of frame numbers: "A:B" is A to B - 1, "A:" is A and later, ":B" is before B, "A"
+/// is one frame, "" is all frames. Throws InputError for other text and for an empty range.
 FrameRange parse_frame_range(std::string_view text);
 
-/// "CAM=FILE" strings to pairs, in order. `option` names the option in messages. Throws InputError
-/// for a missing part and for a camera given twice.
 using CameraFile = std::pair<std::string, std::filesystem::path>;
+/// Splits "CAM=FILE" values into pairs and keeps their order. `option`: its name, for messages.
+/// Throws InputError when a part is missing or a camera is given twice.
 std::vector<CameraFile> parse_camera_files(const std::vector<std::string>& values,
                                            std::string_view option);
 
-/// "a,b,c" to its parts. Throws InputError for an empty part; "" gives none.
+/// Splits "a,b,c" at the commas; "" has no parts. Throws InputError for an empty part.
 std::vector<std::string> parse_names(std::string_view text, std::string_view option);
 
-/// "1 frame", "1,250 frames".
+/// Number and noun: "1 frame", "1,250 frames".
 std::string count_of(int64_t n, const std::string& singular);
 
-/// Adds the option that several commands have in common.
+/// Reports on stderr how many `frames` of the take are incomplete: a camera has no frame there, or
+/// its frame cannot be read. Returns kExitDone where there are none, otherwise kExitNotWhole.
+int report_incomplete_frames(int64_t frames, const std::filesystem::path& take);
+
 void add_frames_option(CLI::App* command, std::string& value);
 void add_json_flag(CLI::App* command, bool& value);
 

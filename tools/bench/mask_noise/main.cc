@@ -15,10 +15,10 @@
 #include "mask_noise/damage.h"
 #include "recon/hull/bounds_mask.h"
 #include "recon/silhouettes/leave_one_out_hull.h"
-#include "v3dctl/left_out.h"
-#include "v3dctl/mask_mending.h"
 #include "v3dctl/options.h"
-#include "v3dctl/reconstruct.h"
+#include "v3dctl/reconstruct/reconstruct_request.h"
+#include "v3dctl/reconstruct/reconstruction_bounds.h"
+#include "v3dctl/reconstruct/silhouette_repair.h"
 
 namespace v3d::bench {
 namespace {
@@ -102,12 +102,12 @@ class Recording {
     return cameras;
   }
 
-  /// By v3dctl reconstruct --mend.
+  /// By v3dctl reconstruct --repair.
   Score mended(const Masks& masks) {
     ctl::SegmentedFrames frames = frames_;
     for (size_t c = 0; c < frames.size(); ++c) frames[c]->mask = masks[c];
     ctl::SegmentedFrames no_next(frames.size());
-    ctl::MaskMending(take_.rig(), options_).mend(0, frames, no_next);
+    ctl::TakeSilhouetteRepair(take_.rig(), options_).repair(0, frames, no_next);
     std::vector<const Mask*> all;
     for (const auto& frame : frames) all.push_back(frame ? &frame->mask : nullptr);
     return score_of(all);
@@ -171,7 +171,7 @@ int main(int argc, char** argv) {
   v3d::bench::Arguments arguments;
   CLI::App app{
       "Degrades the silhouettes of one pulse of a take and tells how much of the hull is left: as "
-      "they are, after the segmenter's clean-up, and after v3dctl reconstruct --mend."};
+      "they are, after the segmenter's clean-up, and after v3dctl reconstruct --repair."};
   app.add_option("TAKE", arguments.take)->required();
   app.add_option("--bounds", arguments.bounds, "X0,Y0,Z0,X1,Y1,Z1, metres")->required();
   app.add_option("--voxel", arguments.voxel, "As 8mm")->required();

@@ -5,8 +5,8 @@
 #include <numbers>
 
 #include "sim/noise.h"
-#include "v3dctl/media.h"
-#include "v3dctl/video_file.h"
+#include "v3dctl/import/image_file.h"
+#include "v3dctl/import/video_file.h"
 
 namespace v3d::bench {
 namespace {

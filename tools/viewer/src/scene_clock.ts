@@ -1,5 +1,5 @@
 // What of a scene is seen at a moment: the camera on its way, and the pulse of a take. Pure; docs/scene.md has the
-// formulas, tools/v3dctl/scene_clock.cc does the same.
+// formulas, tools/v3dctl/scene/scene_clock.cc does the same.
 import type { CameraKey, SceneTake, Vector } from './scene_file';
 
 const HARDLY = 1e-6;

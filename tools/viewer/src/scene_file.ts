@@ -1,4 +1,4 @@
-// A scene as a file: docs/scene.md. Pure. tools/v3dctl/scene_file.cc reads the same and refuses in the same words.
+// A scene as a file: docs/scene.md. Pure. tools/v3dctl/scene/scene_file.cc reads the same and refuses in the same words.
 
 export type Vector = [number, number, number];
 

@@ -1,0 +1,123 @@
+#include "v3dctl/operate/camera_check.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <nlohmann/json.hpp>
+
+namespace v3d::ctl {
+namespace {
+
+using testing::AllOf;
+using testing::ElementsAre;
+using testing::HasSubstr;
+using testing::Not;
+using testing::StartsWith;
+using Grade = CameraVerdict::Grade;
+
+/// A camera without a fault.
+CameraMeasurement good_camera() {
+  CameraMeasurement camera;
+  camera.node = "cap01";
+  camera.camera = "cam01";
+  camera.pulses = 100;
+  camera.received = 100;
+  camera.focus = 50;
+  camera.plates_focus = 51;
+  camera.foreground = 0.001;
+  return camera;
+}
+
+TEST(CameraCheck, finds_no_fault_in_a_good_camera) {
+  EXPECT_THAT(check_lines({good_camera()}),
+              ElementsAre(AllOf(StartsWith("good  cam01"), HasSubstr("100/100 frames"),
+                                HasSubstr("all well"), Not(HasSubstr("Try")))));
+}
+
+/// Verdict about a camera with one changed measurement.
+CameraVerdict verdict_with(const std::function<void(CameraMeasurement&)>& change) {
+  CameraMeasurement camera = good_camera();
+  change(camera);
+  return judge(camera);
+}
+
+TEST(CameraCheck, reports_every_fault_with_its_remedy) {
+  const auto expect = [](Grade grade, const char* what, const char* remedy,
+                         const std::function<void(CameraMeasurement&)>& change) {
+    const CameraVerdict verdict = verdict_with(change);
+    EXPECT_EQ(verdict.grade, grade) << what;
+    EXPECT_THAT(verdict.what, HasSubstr(what));
+    EXPECT_THAT(verdict.remedy, HasSubstr(remedy));
+  };
+  expect(Grade::kBad, "not ready", "doctor cap01", [](CameraMeasurement& s) { s.ready = false; });
+  expect(Grade::kBad, "no frame", "trigger cable", [](CameraMeasurement& s) { s.received = 0; });
+  expect(Grade::kBad, "2 frames missing of 100", "network cable",
+         [](CameraMeasurement& s) { s.missing = 2; });
+  expect(Grade::kBad, "1 frame with a pulse in doubt", "trigger cable",
+         [](CameraMeasurement& s) { s.suspect = 1; });
+  expect(Grade::kLook, "3.0 % too bright", "exposure_us",
+         [](CameraMeasurement& s) { s.clipped = 0.03; });
+  expect(Grade::kBad, "20 % too bright", "exposure_us",
+         [](CameraMeasurement& s) { s.clipped = 0.2; });
+  expect(Grade::kBad, "99 % black", "lens cap", [](CameraMeasurement& s) { s.dark = 0.99; });
+  expect(Grade::kBad, "sharpness 20 %", "focus", [](CameraMeasurement& s) { s.focus = 10.2; });
+  expect(Grade::kLook, "no background", "v3dctl background",
+         [](CameraMeasurement& s) { s.foreground.reset(); });
+  expect(Grade::kLook, "4.0 % foreground", "unless a person",
+         [](CameraMeasurement& s) { s.foreground = 0.04; });
+  expect(Grade::kBad, "60 % foreground", "v3dctl background",
+         [](CameraMeasurement& s) { s.foreground = 0.6; });
+}
+
+TEST(CameraCheck, reports_all_faults_and_the_remedy_of_the_worst) {
+  const CameraVerdict verdict = verdict_with([](CameraMeasurement& camera) {
+    camera.clipped = 0.03;
+    camera.missing = 5;
+  });
+  EXPECT_EQ(verdict.grade, Grade::kBad);
+  EXPECT_THAT(verdict.what, AllOf(HasSubstr("missing"), HasSubstr("too bright")));
+  EXPECT_THAT(verdict.remedy, HasSubstr("network"));
+}
+
+Answer answer_with(const std::string& detail) {
+  Answer answer;
+  answer.replies["cap01"].detail = detail;
+  answer.replies["recon01"];  // a reconstruction node has no detail
+  return answer;
+}
+
+constexpr char kReply[] = R"({"pulses":{"commanded":20,"sensed":20},"not_ready":["cam02"],
+  "checked":[{"name":"cam01","received":19,"missing":[7],"duplicate":[],"suspect":[],
+  "clipped":0.0,"dark":0.1,"mean_grey":80.5,"focus":50.0,"plates_focus":null,"foreground":null}]})";
+
+TEST(CameraCheck, parses_the_replies_of_nodes) {
+  const CheckReport report = parse_check_replies(answer_with(kReply));
+  ASSERT_EQ(report.cameras.size(), 2U);
+  EXPECT_EQ(report.cameras[0].pulses, 20);
+  EXPECT_EQ(report.cameras[0].missing, 1);
+  EXPECT_FALSE(report.cameras[0].foreground);
+  EXPECT_FALSE(report.cameras[1].ready);
+  EXPECT_TRUE(report.unreadable.empty());
+  EXPECT_FALSE(all_good(report));
+}
+
+TEST(CameraCheck, names_a_node_whose_reply_cannot_be_parsed) {
+  for (const char* malformed : {"{", "[]", "7", "{\"checked\":[]}",
+                                "{\"pulses\":{\"commanded\":1},\"checked\":[{\"name\":7}],"
+                                "\"not_ready\":[]}"}) {
+    const CheckReport report = parse_check_replies(answer_with(malformed));
+    EXPECT_THAT(report.unreadable, ElementsAre("cap01")) << malformed;
+    EXPECT_FALSE(all_good(report));
+  }
+}
+
+TEST(CameraCheck, has_the_same_content_as_json) {
+  const auto json = check_json(parse_check_replies(answer_with(kReply)));
+  EXPECT_FALSE(json["good"].get<bool>());
+  EXPECT_EQ(json["cameras"][0]["verdict"], "bad");
+  EXPECT_TRUE(json["cameras"][0]["foreground"].is_null());
+  EXPECT_EQ(json["cameras"][1]["text"], "not ready");
+}
+
+}  // namespace
+}  // namespace v3d::ctl

@@ -1,0 +1,89 @@
+#include "v3dctl/operate/health_text.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <nlohmann/json.hpp>
+
+namespace v3d::ctl {
+namespace {
+
+using testing::AllOf;
+using testing::Contains;
+using testing::HasSubstr;
+using testing::StartsWith;
+
+const std::vector<std::string> kNodes = {"cap01", "cap02", "cap03"};
+
+TEST(HealthText, has_the_unit_of_every_value) {
+  EXPECT_EQ(value_text("disk_free_bytes", 812e9), "812 GB");
+  EXPECT_EQ(value_text("disk_seconds_left", 2700), "45 min");
+  EXPECT_EQ(value_text("clock_offset_us", 12.4), "+12 us");
+  EXPECT_EQ(value_text("clock_error_bound_us", 12.4), "12 us");
+  EXPECT_EQ(value_text("cpu_machine_percent", 34.6), "35 %");
+  EXPECT_EQ(value_text("frames_per_second", 25), "25.0/s");
+  EXPECT_EQ(value_text("streaming_flag", 1), "yes");
+  EXPECT_EQ(value_text("frames_received", 18750), "18,750");
+  EXPECT_EQ(value_text("gain", 0.125), "0.125");
+}
+
+TEST(HealthText, rounds_durations_to_one_unit) {
+  EXPECT_EQ(duration_text(45), "45 s");
+  EXPECT_EQ(duration_text(1200), "20 min");
+  EXPECT_EQ(duration_text(9000), "2.5 h");
+  EXPECT_EQ(duration_text(5e5), "6 d");
+}
+
+HealthMessage health(NodeState state, std::map<std::string, double> values) {
+  HealthMessage message;
+  message.program = "v3d-captured";
+  message.state = state;
+  message.take = "kendo-07";
+  message.values = std::move(values);
+  return message;
+}
+
+TEST(HealthText, is_well_when_every_node_has_reported_and_none_has_a_fault) {
+  std::map<std::string, HealthMessage> reported;
+  for (const std::string& node : kNodes) reported[node] = health(NodeState::kIdle, {});
+  EXPECT_TRUE(all_well(kNodes, reported));
+  reported["cap02"].state = NodeState::kFault;
+  EXPECT_FALSE(all_well(kNodes, reported));
+  reported.erase("cap02");
+  EXPECT_FALSE(all_well(kNodes, reported));
+  EXPECT_THAT(status_lines(kNodes, reported)[1], AllOf(StartsWith("cap02"), HasSubstr("silent")));
+}
+
+TEST(HealthText, is_summed_over_the_nodes) {
+  const std::map<std::string, HealthMessage> reported = {
+      {"cap01", health(NodeState::kRecording, {{"frames_missing", 2}, {"pulses_sensed", 1300}})},
+      {"cap02",
+       health(NodeState::kRecording, {{"frames_missing", 1}, {"cam2.frames_missing", 1}})}};
+  EXPECT_EQ(sum_over_nodes(reported, "frames_missing"), 3);
+  EXPECT_EQ(sum_over_nodes(reported, "live_fps"), std::nullopt);
+  EXPECT_EQ(recording_line(reported), "1,300 pulses   3 missing");
+}
+
+TEST(HealthText, has_the_same_content_as_json) {
+  const Json json =
+      health_json({"cap01", "cap02"}, {{"cap01", health(NodeState::kIdle, {{"x", 1}})}});
+  EXPECT_FALSE(json["well"].get<bool>());
+  EXPECT_EQ(json["nodes"][0]["values"]["x"], 1);
+  EXPECT_EQ(json["nodes"][1]["state"], "silent");
+}
+
+TEST(HealthText, has_a_table_of_cameras_below_the_values_of_the_node) {
+  HealthMessage message = health(NodeState::kRecording, {{"disk_free_bytes", 812e9},
+                                                         {"cam01.frames_per_second", 25},
+                                                         {"cam02.frames_per_second", 25}});
+  message.version = "0.1.0";
+  const auto lines = health_lines({"cap01", "cap02"}, {{"cap01", message}});
+  EXPECT_THAT(lines, Contains(AllOf(HasSubstr("disk_free_bytes"), HasSubstr("812 GB"))));
+  EXPECT_THAT(lines, Contains(AllOf(HasSubstr("version"), HasSubstr("0.1.0"))));
+  EXPECT_THAT(lines, Contains(HasSubstr("   cam01   cam02")));
+  EXPECT_THAT(lines, Contains(AllOf(HasSubstr("frames_per_second"), HasSubstr("25.0/s  25.0/s"))));
+  EXPECT_THAT(lines.back(), AllOf(HasSubstr("cap02"), HasSubstr("silent")));
+}
+
+}  // namespace
+}  // namespace v3d::ctl

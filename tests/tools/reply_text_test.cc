@@ -1,0 +1,180 @@
+#include "v3dctl/operate/reply_text.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <nlohmann/json.hpp>
+
+namespace v3d::ctl {
+namespace {
+
+using testing::AllOf;
+using testing::ElementsAre;
+using testing::HasSubstr;
+using testing::StartsWith;
+using Outcome = ReplyMessage::Outcome;
+
+ReplyMessage reply(Outcome outcome, const std::string& text, const std::string& detail = "") {
+  ReplyMessage message;
+  message.outcome = outcome;
+  message.text = text;
+  message.detail = detail;
+  return message;
+}
+
+const std::vector<std::string> kNodes = {"cap01", "cap02", "cap03"};
+
+TEST(ReplyLines, share_a_line_where_neighbours_reply_the_same) {
+  Answer answer;
+  for (const char* node : {"cap01", "cap02"}) answer.replies[node] = reply(Outcome::kDone, "quiet");
+  answer.replies["cap03"] = reply(Outcome::kRefused, "not ready: cam07 silent");
+  EXPECT_THAT(reply_lines(kNodes, answer, "ready"),
+              ElementsAre("cap01-cap02   ready    quiet", "cap03         not ready: cam07 silent"));
+}
+
+TEST(ReplyLines, name_every_silent_node_with_the_next_step) {
+  Answer answer;
+  answer.replies["cap02"] = reply(Outcome::kDone, "quiet");
+  answer.silent = {"cap01", "cap03"};
+  const auto lines = reply_lines(kNodes, answer, "ready");
+  ASSERT_EQ(lines.size(), 3U);
+  EXPECT_THAT(lines[0], AllOf(StartsWith("cap01 "), HasSubstr("no reply"), HasSubstr("on cap01")));
+  EXPECT_THAT(lines[2], StartsWith("cap03 "));
+}
+
+TEST(ReplyLines, show_the_health_text_of_a_node_that_does_not_reply) {
+  Answer answer;
+  answer.silent = {"cap01", "cap02"};
+  HealthMessage keyless;
+  keyless.text = "every command is refused: no studio key";
+  const auto lines = reply_lines(kNodes, answer, "ready", {{"cap01", keyless}, {"cap02", {}}});
+  ASSERT_EQ(lines.size(), 2U) << "cap03 was not asked";
+  EXPECT_THAT(lines[0], HasSubstr("no reply to commands: every command is refused"));
+  EXPECT_THAT(lines[1], HasSubstr("but health messages"));
+}
+
+std::string detail(const std::string& camera, int missing) {
+  Json cameras = Json::array();
+  cameras.push_back(
+      {{"name", camera}, {"received", 10}, {"written", 10 - missing}, {"published", 10}});
+  if (missing) cameras[0]["missing"] = {4};
+  return Json({{"take", "kendo"},
+               {"pulses", {{"commanded", 10}, {"sensed", 10}}},
+               {"cameras", cameras}})
+      .dump();
+}
+
+TEST(TakeAccounts, have_the_cameras_of_all_nodes) {
+  Answer answer;
+  answer.replies["cap01"] = reply(Outcome::kDone, "", detail("cam01", 0));
+  answer.replies["cap02"] = reply(Outcome::kDone, "", detail("cam02", 0));
+  answer.replies["recon"] = reply(Outcome::kDone, "", "{\"meshes\": 10}");
+  const TakeAccount account = merge_ledgers(answer);
+  EXPECT_EQ(account.ledger.cameras.size(), 2U);
+  EXPECT_TRUE(account.ledger.complete());
+  EXPECT_EQ(account.ledger.take, "kendo");
+  EXPECT_TRUE(account.unreadable.empty());
+}
+
+TEST(TakeAccounts, name_a_node_with_impossible_counts) {
+  for (const char* count : {"-1", "1e300", "\"ten\"", "null"}) {
+    std::string text = detail("cam01", 0);
+    const std::string right = "\"commanded\":10";
+    text.replace(text.find(right), right.size(), std::string("\"commanded\":") + count);
+    Answer answer;
+    answer.replies["cap01"] = reply(Outcome::kDone, "", text);
+    EXPECT_THAT(merge_ledgers(answer).unreadable, ElementsAre("cap01")) << count;
+  }
+}
+
+TEST(TakeAccounts, are_incomplete_when_one_camera_is) {
+  Answer answer;
+  answer.replies["cap01"] = reply(Outcome::kDone, "", detail("cam01", 0));
+  answer.replies["cap02"] = reply(Outcome::kDone, "", detail("cam02", 1));
+  const Ledger ledger = merge_ledgers(answer).ledger;
+  EXPECT_FALSE(ledger.complete());
+  EXPECT_THAT(ledger.cameras[1].missing, ElementsAre(4));
+}
+
+TEST(TakeAccounts, count_every_pulse_as_missing_for_a_camera_without_a_ledger) {
+  Answer answer;
+  answer.replies["cap01"] = reply(Outcome::kDone, "", detail("cam01", 0));
+  const Ledger ledger = merge_ledgers(answer, {"cam01", "cam02"}).ledger;
+  ASSERT_EQ(ledger.cameras.size(), 2U);
+  EXPECT_FALSE(ledger.complete());
+  for (const CameraLedger& camera : ledger.cameras) {
+    EXPECT_EQ(camera.missing.size(), camera.name == "cam02" ? 10U : 0U);
+  }
+}
+
+TEST(TakeAccounts, do_not_merge_different_takes) {
+  std::string other = detail("cam03", 0);
+  other.replace(other.find("kendo"), 5, "naginata");
+  Answer answer;
+  answer.replies["cap01"] = reply(Outcome::kDone, "", detail("cam01", 0));
+  answer.replies["cap02"] = reply(Outcome::kDone, "", detail("cam02", 0));
+  answer.replies["cap03"] = reply(Outcome::kDone, "", other);
+  const TakeAccount account = merge_ledgers(answer);
+  EXPECT_EQ(account.ledger.take, "kendo");
+  EXPECT_EQ(account.ledger.cameras.size(), 2U);
+  EXPECT_THAT(account.of_another_take, ElementsAre("cap03"));
+}
+
+TEST(TakeAccounts, count_live_frames_that_were_sent_and_not_received) {
+  Answer answer;
+  answer.replies["cap01"] = reply(Outcome::kDone, "", detail("cam01", 0));
+  answer.replies["cap02"] = reply(Outcome::kDone, "", detail("cam02", 0));
+  answer.replies["recon"] =
+      reply(Outcome::kDone, "", "{\"cam01.live_received\": 10, \"cam02.live_received\": 7}");
+  const TakeAccount account = merge_ledgers(answer);
+  EXPECT_EQ(live_loss_line(account), "live: 3 of 20 frames lost on the network: cam02 3");
+  answer.replies["recon"].detail = "{\"meshes\": 10}";
+  EXPECT_EQ(live_loss_line(merge_ledgers(answer)), "")
+      << "an older reconstruction does not report it";
+}
+
+TEST(TakeAccounts, have_no_live_losses_of_a_node_that_restarted_in_the_take) {
+  Answer answer;
+  answer.replies["cap01"] = reply(Outcome::kDone, "", detail("cam01", 0));
+  answer.replies["cap02"] = reply(Outcome::kDone, "", detail("cam02", 0));
+  answer.replies["recon"] =
+      reply(Outcome::kDone, "", "{\"cam01.live_received\": 106, \"cam02.live_received\": 8}");
+  const TakeAccount account = merge_ledgers(answer);
+  EXPECT_EQ(live_loss_line(account), "live: 2 of 10 frames lost on the network: cam02 2");
+  EXPECT_FALSE(account.live_lost.contains("cam01"));
+}
+
+TEST(TakeAccounts, count_the_meshes_of_a_sharded_take_once) {
+  const auto shard = [](int meshes, int made, int taken_over, const std::string& without) {
+    return reply(Outcome::kDone, "",
+                 "{\"meshes\": " + std::to_string(meshes) +
+                     ", \"shard_pulses\": " + std::to_string(made) +
+                     ", \"shard_taken_over\": " + std::to_string(taken_over) +
+                     ", \"cam01.live_received\": " + std::to_string(meshes) +
+                     ", \"without_mesh\": [" + without + "]}");
+  };
+  Answer answer;
+  answer.replies["cap01"] = reply(Outcome::kDone, "", detail("cam01", 0));
+  answer.replies["recon1"] = shard(8, 3, 0, "4, 5");
+  answer.replies["recon2"] = shard(2, 1, 0, "");  // it joined later
+  answer.replies["recon3"] = shard(8, 4, 2, "4, 5");
+  const TakeAccount account = merge_ledgers(answer);
+  EXPECT_EQ(shards_line(account),
+            "meshes: 8, recon1 3, recon2 1, recon3 4 (2 taken over); no mesh of 4-5");
+  EXPECT_EQ(shards_json(account)["nodes"].size(), 3U);
+  EXPECT_EQ(account.live_lost.at("cam01"), 2) << "of the node that received most";
+  EXPECT_EQ(shards_line(TakeAccount{}), "") << "of one node";
+}
+
+TEST(TakeAccounts, name_a_node_whose_ledger_cannot_be_parsed) {
+  for (const char* malformed :
+       {"{", "[]", "7", "{\"cameras\": 3}", "{\"pulses\":{\"commanded\":\"ten\"},\"cameras\":[]}",
+        "{\"take\":\"k\",\"pulses\":{\"commanded\":1,\"sensed\":1},\"cameras\":[{\"name\":7}]}"}) {
+    Answer answer;
+    answer.replies["cap01"] = reply(Outcome::kDone, "", malformed);
+    EXPECT_THAT(merge_ledgers(answer).unreadable, ElementsAre("cap01")) << malformed;
+  }
+}
+
+}  // namespace
+}  // namespace v3d::ctl

@@ -1,0 +1,124 @@
+#include "v3dctl/command_line.h"
+
+#include <cstdio>
+#include <cstdlib>
+#include <exception>
+#include <stdexcept>
+#include <utility>
+
+#include "base/error.h"
+#include "base/io/process.h"
+#include "base/printable.h"
+#include "take/take.h"
+
+namespace v3d::ctl {
+
+CommandLine::CommandLine(CLI::App& app, std::vector<std::string> words)
+    : app_(app), words_(std::move(words)) {
+  app_.require_subcommand(1);
+  app_.add_option("--studio", studio_option_,
+                  "The studio file (else $V3D_STUDIO, ./studio.toml, /etc/v3d/studio.toml)")
+      ->type_name("FILE");
+}
+
+CLI::App* CommandLine::add(const std::string& name, const std::string& description,
+                           const std::vector<std::string>& examples) {
+  CLI::App* command = app_.add_subcommand(name, description);
+  command->fallthrough();
+  std::string footer = examples.size() > 1 ? "Examples:" : "Example:";
+  for (const std::string& example : examples) footer += "\n  $ " + example;
+  command->footer(footer);
+  return command;
+}
+
+void CommandLine::on_run(CLI::App* command, std::function<int()> run) {
+  // CLI11 calls the callback of a command also when one of its subcommands was parsed.
+  command->callback([this, command, run = std::move(run)] {
+    if (command->get_subcommands().empty()) run_ = run;
+  });
+}
+
+/// Returns an empty path when there is none.
+std::filesystem::path CommandLine::find_studio() const {
+  if (!studio_option_.empty()) return studio_option_;
+  if (const char* variable = std::getenv("V3D_STUDIO"); variable && *variable) return variable;
+  for (const char* place : {"studio.toml", "/etc/v3d/studio.toml"}) {
+    if (std::filesystem::exists(place)) return place;
+  }
+  return {};
+}
+
+std::filesystem::path CommandLine::studio_path() const {
+  std::filesystem::path path = find_studio();
+  if (!path.empty()) return path;
+  throw InputError(
+      "no studio file: expected --studio FILE, V3D_STUDIO, ./studio.toml or "
+      "/etc/v3d/studio.toml");
+}
+
+std::optional<Studio> CommandLine::studio_of_take(const std::filesystem::path& take) const {
+  if (auto studio = load_take_studio({take})) return studio;
+  std::filesystem::path path;
+  try {
+    path = studio_path();
+  } catch (const InputError&) {
+    return std::nullopt;
+  }
+  return load_studio(path);
+}
+
+namespace {
+
+namespace fs = std::filesystem;
+
+fs::path find_program(const std::string& name) {
+  const fs::path here = fs::read_symlink("/proc/self/exe").parent_path();
+  for (const fs::path& folder : {here, here.parent_path() / "libexec/v3d"}) {
+    if (fs::exists(folder / name)) return folder / name;
+  }
+  throw std::runtime_error(name + " is not installed on this PC; it is in the package v3d-import");
+}
+
+int run_external(const std::string& name, const std::vector<std::string>& words) {
+  const fs::path program = find_program("v3dctl-" + name);
+  become_program(program, words);
+  throw std::runtime_error(errno_message(program.string()));
+}
+
+int parse_and_run(int argc, char** argv, void (*add_commands)(CommandLine&)) {
+  CLI::App app("Record people as 3D video: operate the studio and process its takes.", "v3dctl");
+  app.set_version_flag("--version", "v3dctl " V3D_VERSION);
+  CommandLine line(app, {argv, argv + argc});
+  add_commands(line);
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::Success& help_or_version) {
+    return app.exit(help_or_version);
+  } catch (const CLI::ParseError& error) {
+    throw InputError(std::string(error.what()) + " (see v3dctl --help)");
+  }
+  return line.run();
+}
+
+}  // namespace
+
+void add_external(CommandLine& line, const std::string& name, const std::string& description) {
+  CLI::App* command = line.app().add_subcommand(name, description);
+  command->set_help_flag();  // the other program prints the help
+  command->prefix_command();
+  line.on_run(command, [&line, name] { return run_external(name, line.words()); });
+}
+
+int run_program(int argc, char** argv, void (*add_commands)(CommandLine&)) {
+  try {
+    return parse_and_run(argc, argv, add_commands);
+  } catch (const InputError& error) {
+    std::fprintf(stderr, "v3dctl: %s\n", printable(error.what()).c_str());
+    return kExitBadInput;
+  } catch (const std::exception& error) {
+    std::fprintf(stderr, "v3dctl: %s\n", printable(error.what()).c_str());
+    return kExitFailed;
+  }
+}
+
+}  // namespace v3d::ctl

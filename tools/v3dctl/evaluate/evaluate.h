@@ -1,0 +1,73 @@
+// Evaluation of a reconstructed take, against the true surface and against held-out cameras.
+#pragma once
+
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "daemon/recorded/mesh_frames.h"
+#include "recon/metrics/evaluation.h"
+#include "recon/metrics/visibility_report.h"
+
+namespace v3d::ctl {
+
+/// Meshes to evaluate: those of `meshes`, a mesh file of the same take, otherwise the take's
+/// mesh.v3d.
+struct EvaluatedMeshes {
+  std::filesystem::path take;
+  std::optional<std::filesystem::path> meshes{};
+};
+MeshFrames open_meshes(const EvaluatedMeshes& evaluated);
+
+/// Distance within which a point counts as right, by the cameras that see it.
+inline constexpr double kVisibilityLimitM = 0.005;
+
+/// Medians over the frames that have a true surface.
+struct TruthReport {
+  int64_t frames = 0;
+  int64_t without_truth = 0;  ///< frames without a PLY file
+  SurfaceDistance distance;
+  double min_covered_10mm = 0;    ///< minimum over the frames
+  double self_intersections = 0;  ///< pairs of triangles
+  VisibilityReport visibility;    ///< by the number of used cameras, kVisibilityLimitM; means
+  int64_t consecutive = 0;        ///< frames whose previous pulse has a true surface, too
+  SurfaceChange change;           ///< medians over the consecutive frames
+};
+
+/// Compares the meshes with the true surfaces; that of frame 12 is `truth`/000012.ply. Throws
+/// InputError when no frame has one.
+TruthReport evaluate_truth(const EvaluatedMeshes& evaluated, const std::filesystem::path& truth);
+/// True surface of a frame; empty when there is none.
+std::optional<Mesh> read_truth(const std::filesystem::path& truth, int64_t frame);
+
+/// Similarity of a rendering and a photograph.
+struct ImageSimilarity {
+  double psnr_db = 0;
+  double ssim = 0;
+};
+
+/// Means over the frames with foreground in the image of the camera.
+struct HeldOutReport {
+  std::string camera;
+  int64_t frames = 0;
+  ImageSimilarity inside;      ///< over HeldOutView::inside()
+  ImageSimilarity whole_mask;  ///< over the mask, with background at its rim
+  double iou = 0;              ///< of the rendered silhouette and the mask
+  /// The true surface, coloured from the used cameras: nearly an upper bound for reconstructions.
+  /// Over inside(), of the frames with a true surface.
+  std::optional<ImageSimilarity> true_surface;
+};
+
+struct HeldOutRequest {
+  std::vector<std::string> cameras;
+  bool view_dependent = false;    ///< render with view-dependent colours for the camera
+  std::filesystem::path truth{};  ///< as for evaluate_truth(); empty: none
+};
+
+/// Compares renderings of the meshes with the photographs of held-out cameras (HeldOutView). Throws
+/// InputError for a camera that the take does not have, and for one that took part.
+std::vector<HeldOutReport> evaluate_held_out(const EvaluatedMeshes& evaluated,
+                                             const HeldOutRequest& request);
+
+}  // namespace v3d::ctl

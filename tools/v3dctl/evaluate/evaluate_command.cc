@@ -1,0 +1,236 @@
+// evaluate: prints the measurements of evaluate.h, and writes the page.
+#include <cstdio>
+#include <nlohmann/json.hpp>
+
+#include "base/error.h"
+#include "base/file.h"
+#include "v3dctl/command_line.h"
+#include "v3dctl/evaluate/evaluate.h"
+#include "v3dctl/evaluate/evaluation_page.h"
+#include "v3dctl/options.h"
+#include "v3dctl/process.h"
+
+namespace v3d::ctl {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+struct Arguments {
+  std::filesystem::path take;
+  std::filesystem::path truth;
+  std::filesystem::path beside;
+  std::filesystem::path report;
+  std::string held_out;
+  bool view_dependent = false;
+  bool json = false;
+};
+
+Json to_json(const VisibilityReport& sight) {
+  Json json;
+  constexpr const char* kCameras[] = {"none", "one", "two", "more"};
+  for (size_t n = 0; n < sight.seen_by.size(); ++n) {
+    const VisibilityFigures& f = sight.seen_by[n];
+    json[kCameras[n]] = {{"truth", f.truth},
+                         {"truth_within_5mm", f.truth_within},
+                         {"reconstructed", f.reconstructed},
+                         {"reconstructed_within_5mm", f.reconstructed_within}};
+  }
+  json["f_score_5mm_if_right_from_two"] = sight.f_score_if_right_from(2);
+  return json;
+}
+
+void put_truth(Json& json, const TruthReport& report) {
+  const SurfaceDistance& d = report.distance;
+  json["frames"] = report.frames;
+  json["distance_mm"] = {{"accuracy_p50", d.accuracy_p50_mm},
+                         {"accuracy_p90", d.accuracy_p90_mm},
+                         {"completeness_p50", d.completeness_p50_mm},
+                         {"completeness_p90", d.completeness_p90_mm}};
+  json["f_score"] = {{"2mm", d.f_score_2mm}, {"5mm", d.f_score_5mm}, {"10mm", d.f_score_10mm}};
+  json["covered"] = {{"2mm", d.covered_2mm},
+                     {"5mm", d.covered_5mm},
+                     {"10mm", d.covered_10mm},
+                     {"10mm_least", report.min_covered_10mm}};
+  json["normal_error_deg"] = d.normal_error_deg;
+  json["self_intersections"] = report.self_intersections;
+  json["seen_by"] = to_json(report.visibility);
+  if (report.consecutive == 0) return;
+  const SurfaceChange& c = report.change;
+  json["flicker_mm"] = {
+      {"p50", c.flicker_p50_mm}, {"p90", c.flicker_p90_mm}, {"still_part", c.still}};
+  json["moving_mm"] = {
+      {"p50", c.moving_p50_mm}, {"p90", c.moving_p90_mm}, {"moving_part", c.moving}};
+}
+
+Json to_json(const ImageSimilarity& similarity) {
+  return {{"psnr_db", similarity.psnr_db}, {"ssim", similarity.ssim}};
+}
+
+void put_held_out(Json& json, const std::vector<HeldOutReport>& reports) {
+  json["held_out"] = Json::array();
+  for (const HeldOutReport& report : reports) {
+    Json entry = {{"camera", report.camera}, {"frames", report.frames}, {"psnr_db", nullptr},
+                  {"ssim", nullptr},         {"iou", nullptr},          {"whole_mask", nullptr},
+                  {"true_surface", nullptr}};
+    if (report.frames > 0) {
+      entry.update(to_json(report.inside));
+      entry["iou"] = report.iou;
+      entry["whole_mask"] = to_json(report.whole_mask);
+    }
+    if (report.true_surface) entry["true_surface"] = to_json(*report.true_surface);
+    json["held_out"].push_back(entry);
+  }
+}
+
+void print_change(const SurfaceChange& change) {
+  if (change.still > 0) {
+    std::printf("flicker       %.2f mm (median), %.2f mm (90 %%) of the still surface (%.0f %%)\n",
+                change.flicker_p50_mm, change.flicker_p90_mm, 100 * change.still);
+  }
+  if (change.moving > 0) {
+    std::printf("moving        %.2f mm (median), %.2f mm (90 %%) of the moving surface (%.0f %%)\n",
+                change.moving_p50_mm, change.moving_p90_mm, 100 * change.moving);
+  }
+}
+
+void print_truth(const TruthReport& report) {
+  const SurfaceDistance& d = report.distance;
+  std::printf("%lld frames against the truth (medians over frames)\n",
+              static_cast<long long>(report.frames));
+  std::printf("accuracy      %.2f mm (median), %.2f mm (90 %%), mesh to truth\n", d.accuracy_p50_mm,
+              d.accuracy_p90_mm);
+  std::printf("completeness  %.2f mm (median), %.2f mm (90 %%), truth to mesh\n",
+              d.completeness_p50_mm, d.completeness_p90_mm);
+  std::printf("f-score       %.3f at 2 mm, %.3f at 5 mm, %.3f at 10 mm\n", d.f_score_2mm,
+              d.f_score_5mm, d.f_score_10mm);
+  std::printf("covered       %.3f of the truth within 10 mm, %.3f in the worst frame\n",
+              d.covered_10mm, report.min_covered_10mm);
+  const auto& seen = report.visibility.seen_by;
+  std::printf(
+      "visibility    %.3f of the truth seen by no camera, %.3f by one; f-score at 5 mm if all seen "
+      "by two were right: %.3f\n",
+      seen[0].truth, seen[1].truth, report.visibility.f_score_if_right_from(2));
+  std::printf("normals       %.1f degrees error\n", d.normal_error_deg);
+  std::printf("intersections %.0f pairs of triangles\n", report.self_intersections);
+  if (report.consecutive > 0) print_change(report.change);
+}
+
+void print_held_out(const std::vector<HeldOutReport>& reports) {
+  for (const HeldOutReport& report : reports) {
+    std::printf("%-12s  %.2f dB PSNR, %.4f SSIM, %.4f IoU over %lld frames\n",
+                report.camera.c_str(), report.inside.psnr_db, report.inside.ssim, report.iou,
+                static_cast<long long>(report.frames));
+    if (!report.true_surface) continue;
+    std::printf("%-12s  %.2f dB PSNR, %.4f SSIM with the true surface\n", "",
+                report.true_surface->psnr_db, report.true_surface->ssim);
+  }
+}
+
+EvaluationColumn measure(const Arguments& arguments, const std::vector<std::string>& cameras,
+                         const std::string& name, const EvaluatedMeshes& evaluated) {
+  EvaluationColumn column{name, evaluated, {}, {}};
+  if (!arguments.truth.empty()) column.truth = evaluate_truth(evaluated, arguments.truth);
+  if (!cameras.empty()) {
+    column.held_out =
+        evaluate_held_out(evaluated, {cameras, arguments.view_dependent, arguments.truth});
+  }
+  return column;
+}
+
+Json to_json(const EvaluationColumn& column) {
+  Json json = {{"frames", nullptr},           {"distance_mm", nullptr},
+               {"f_score", nullptr},          {"covered", nullptr},
+               {"normal_error_deg", nullptr}, {"self_intersections", nullptr},
+               {"seen_by", nullptr},          {"flicker_mm", nullptr},
+               {"moving_mm", nullptr},        {"held_out", Json::array()}};
+  if (column.truth) put_truth(json, *column.truth);
+  if (!column.held_out.empty()) put_held_out(json, column.held_out);
+  return json;
+}
+
+void print_text(const std::vector<EvaluationColumn>& columns) {
+  for (const EvaluationColumn& column : columns) {
+    if (columns.size() > 1) std::printf("%s\n", column.name.c_str());
+    if (column.truth) print_truth(*column.truth);
+    if (!column.held_out.empty()) print_held_out(column.held_out);
+  }
+}
+
+void print_json(const std::vector<EvaluationColumn>& columns) {
+  Json json = to_json(columns.front());
+  if (columns.size() > 1) json["beside"] = to_json(columns.back());
+  std::printf("%s\n", json.dump(2).c_str());
+}
+
+/// Whether all frames have a true surface; reports it otherwise.
+bool has_all_truth(const Arguments& arguments, const EvaluationColumn& column) {
+  if (!column.truth || column.truth->without_truth == 0) return true;
+  std::fprintf(stderr, "v3dctl: %lld frames have no truth in %s\n",
+               static_cast<long long>(column.truth->without_truth), arguments.truth.c_str());
+  return false;
+}
+
+int run(const Arguments& arguments) {
+  const std::vector<std::string> cameras = parse_names(arguments.held_out, "--held-out");
+  if (arguments.truth.empty() && cameras.empty()) {
+    throw InputError("evaluate: expected --truth DIR, --held-out CAM,... or both");
+  }
+  catch_interrupts();
+  std::vector<EvaluationColumn> columns = {
+      measure(arguments, cameras, "mesh.v3d", {arguments.take})};
+  if (!arguments.beside.empty()) {
+    columns.push_back(measure(arguments, cameras, arguments.beside.filename().string(),
+                              {arguments.take, arguments.beside}));
+  }
+  if (arguments.json) {
+    print_json(columns);
+  } else {
+    print_text(columns);
+  }
+  const bool all = has_all_truth(arguments, columns.front());
+  if (!arguments.report.empty()) {
+    replace_file(arguments.report, evaluation_html({std::move(columns), arguments.truth, cameras,
+                                                    arguments.view_dependent}));
+  }
+  return all ? kExitDone : kExitNotWhole;
+}
+
+}  // namespace
+
+void add_evaluate(CommandLine& line) {
+  CLI::App* command = line.add(
+      "evaluate", "Measure the meshes of a take against the truth or held-out cameras",
+      {"v3dctl evaluate sim-01 --truth truth --json",
+       "v3dctl reconstruct dancer --leave-out cam03 && v3dctl evaluate dancer --held-out cam03",
+       "v3dctl evaluate sim-01 --truth truth --beside sim-01/hull.v3d --report sim-01.html"});
+  auto arguments = std::make_shared<Arguments>();
+  command->add_option("TAKE", arguments->take, "The folder of a reconstructed take")->required();
+  command
+      ->add_option("--truth", arguments->truth,
+                   "The true surface of frame 12 is DIR/000012.ply, and so on")
+      ->type_name("DIR");
+  command
+      ->add_option(
+          "--held-out", arguments->held_out,
+          "Held-out cameras (reconstruct --leave-out): the mesh is rendered in their view and "
+          "compared with their images")
+      ->type_name("CAM,...");
+  command->add_flag("--view-dependent", arguments->view_dependent,
+                    "Render with the colours for the viewpoint of the held-out camera");
+  command
+      ->add_option(
+          "--beside", arguments->beside,
+          "Another mesh file of the same take to measure and show for comparison, such as a "
+          "copy of an earlier mesh.v3d")
+      ->type_name("FILE");
+  command
+      ->add_option(
+          "--report", arguments->report,
+          "Write a page with the measurements, the error as colours of the mesh, photographs "
+          "and renderings")
+      ->type_name("FILE.html");
+  add_json_flag(command, arguments->json);
+  line.on_run(command, [arguments] { return run(*arguments); });
+}
+
+}  // namespace v3d::ctl

@@ -1,0 +1,247 @@
+#include "v3dctl/evaluate/evaluation_page.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+
+#include "base/html.h"
+#include "base/jpeg.h"
+#include "daemon/recorded/frame_colours.h"
+#include "daemon/recorded/take_frames.h"
+#include "recon/metrics/evaluation.h"
+#include "recon/render/renderer.h"
+#include "v3dctl/evaluate/held_out_view.h"
+#include "v3dctl/options.h"
+
+namespace v3d::ctl {
+namespace {
+
+constexpr int kJpegQuality = 88;
+constexpr int kSides = 4;
+constexpr ImageSize kRenderingSize{300, 460};
+constexpr double kHeadLight = 0.55;  // shows the shape
+
+std::string number(double value, int digits, const char* unit = "") {
+  char text[64];
+  std::snprintf(text, sizeof text, "%.*f%s", digits, value, unit);
+  return text;
+}
+
+/// A row of the table; `text_of` is the text of one column.
+template <class TextOf>
+std::string row(const EvaluationPage& page, const std::string& name, const TextOf& text_of) {
+  std::string html = "<tr><td>" + html_escaped(name) + "</td>";
+  for (const EvaluationColumn& column : page.columns) html += "<td>" + text_of(column) + "</td>";
+  return html + "</tr>\n";
+}
+
+std::string truth_rows(const EvaluationPage& page) {
+  const auto of_distance = [&](const char* name, double SurfaceDistance::*figure, int digits) {
+    return row(page, name, [&](const EvaluationColumn& c) {
+      return number(c.truth->distance.*figure, digits);
+    });
+  };
+  // Empty without such parts, for instance with a single frame.
+  const auto of_change = [&](const char* name, double SurfaceChange::*part,
+                             double SurfaceChange::*figure) {
+    const bool any = std::ranges::any_of(
+        page.columns, [&](const EvaluationColumn& c) { return c.truth->change.*part > 0; });
+    if (!any) return std::string();
+    return row(page, name, [&](const EvaluationColumn& c) {
+      return c.truth->change.*part > 0 ? number(c.truth->change.*figure, 2) : "";
+    });
+  };
+  return of_distance("accuracy (mesh to truth): median, mm", &SurfaceDistance::accuracy_p50_mm, 2) +
+         of_distance("accuracy: 90th percentile, mm", &SurfaceDistance::accuracy_p90_mm, 1) +
+         of_distance("completeness (truth to mesh): median, mm",
+                     &SurfaceDistance::completeness_p50_mm, 2) +
+         of_distance("completeness: 90th percentile, mm", &SurfaceDistance::completeness_p90_mm,
+                     1) +
+         of_distance("f-score at 2 mm", &SurfaceDistance::f_score_2mm, 3) +
+         of_distance("f-score at 5 mm", &SurfaceDistance::f_score_5mm, 3) +
+         of_distance("f-score at 10 mm", &SurfaceDistance::f_score_10mm, 3) +
+         of_distance("error of normals, degrees", &SurfaceDistance::normal_error_deg, 1) +
+         row(page, "f-score at 5 mm if all surface that two cameras see were right",
+             [](const EvaluationColumn& c) {
+               return number(c.truth->visibility.f_score_if_right_from(2), 3);
+             }) +
+         row(page, "pairs of intersecting triangles",
+             [](const EvaluationColumn& c) { return number(c.truth->self_intersections, 0); }) +
+         of_change("flicker of still surface: median, mm", &SurfaceChange::still,
+                   &SurfaceChange::flicker_p50_mm) +
+         of_change("flicker: 90th percentile, mm", &SurfaceChange::still,
+                   &SurfaceChange::flicker_p90_mm) +
+         of_change("error of moving surface: median, mm", &SurfaceChange::moving,
+                   &SurfaceChange::moving_p50_mm) +
+         of_change("moving: 90th percentile, mm", &SurfaceChange::moving,
+                   &SurfaceChange::moving_p90_mm);
+}
+
+/// Empty without a true surface.
+std::string true_surface_row(const EvaluationPage& page, size_t camera) {
+  const auto similarity = [&](const EvaluationColumn& c) {
+    return c.held_out[camera].true_surface;
+  };
+  const auto is_known = [&](const EvaluationColumn& c) { return similarity(c).has_value(); };
+  if (std::ranges::none_of(page.columns, is_known)) return "";
+  return row(page, page.held_out[camera] + ": PSNR of the true surface, dB",
+             [&](const EvaluationColumn& c) {
+               const auto figures = similarity(c);
+               return figures ? number(figures->psnr_db, 2) : "";
+             });
+}
+
+std::string held_out_rows(const EvaluationPage& page) {
+  std::string html;
+  for (size_t i = 0; i < page.held_out.size(); ++i) {
+    html +=
+        row(page, page.held_out[i] + ": PSNR, dB",
+            [&](const EvaluationColumn& c) { return number(c.held_out[i].inside.psnr_db, 2); }) +
+        true_surface_row(page, i) +
+        row(page, page.held_out[i] + ": SSIM",
+            [&](const EvaluationColumn& c) { return number(c.held_out[i].inside.ssim, 3); }) +
+        row(page, page.held_out[i] + ": silhouette, IoU",
+            [&](const EvaluationColumn& c) { return number(c.held_out[i].iou, 4); });
+  }
+  return html;
+}
+
+std::string table(const EvaluationPage& page) {
+  std::string html = "<table><tr><th></th>";
+  for (const EvaluationColumn& column : page.columns) {
+    html += "<th>" + html_escaped(column.name) + "</th>";
+  }
+  html += "</tr>\n";
+  if (!page.truth.empty()) html += truth_rows(page);
+  return html + held_out_rows(page) + "</table>\n";
+}
+
+std::string figure(const Image& picture, const std::string& caption) {
+  return "<figure><img alt=\"\" src=\"" + data_url(encode_jpeg(picture.view(), kJpegQuality)) +
+         "\"><figcaption>" + html_escaped(caption) + "</figcaption></figure>\n";
+}
+
+/// Images of equal width in one row.
+std::string image_row(const std::string& figures) {
+  return "<div class=\"beside\">\n" + figures + "</div>\n";
+}
+
+std::string error_scale() {
+  std::string stops;
+  for (const Rgb8& c : kErrorColours) {
+    stops += ", rgb(" + std::to_string(c.r) + "," + std::to_string(c.g) + "," +
+             std::to_string(c.b) + ")";
+  }
+  return "<div class=\"scale\" style=\"background: linear-gradient(to right" + stops +
+         ")\"></div>\n<div class=\"marks\"><span>0</span><span>" + number(kMaxErrorMm / 2, 0) +
+         "</span><span>" + number(kMaxErrorMm, 0, " mm and more") + "</span></div>\n";
+}
+
+/// Meshes of the shown frame, by column.
+std::vector<CompactFrame> meshes_of(const EvaluationPage& page, int64_t frame) {
+  std::vector<CompactFrame> meshes;
+  for (const EvaluationColumn& column : page.columns) {
+    meshes.push_back(open_meshes(column.evaluated).read(frame));
+  }
+  return meshes;
+}
+
+std::string error_section(const EvaluationPage& page, const std::vector<CompactFrame>& meshes,
+                          const Mesh& truth) {
+  std::string html = "<h2>Distance of the surface from the truth</h2>\n" + error_scale();
+  for (size_t i = 0; i < meshes.size(); ++i) {
+    std::string views;
+    for (const Image& view : error_renderings(meshes[i].mesh, truth)) views += figure(view, "");
+    html += "<h3>" + html_escaped(page.columns[i].name) + "</h3>\n" + image_row(views);
+  }
+  return html;
+}
+
+std::string photograph_and_renderings(const EvaluationPage& page,
+                                      const std::vector<CompactFrame>& meshes, size_t index,
+                                      const RigCamera& camera, const SegmentedFrame& frame) {
+  const CroppedHeldOutView view(camera, frame);
+  std::string renderings, differences;
+  for (size_t i = 0; i < meshes.size(); ++i) {
+    const EvaluationColumn& column = page.columns[i];
+    const Mesh mesh =
+        page.view_dependent
+            ? FrameColours(column.evaluated.take, meshes[i]).seen_by(camera.model, meshes[i].mesh)
+            : meshes[i].mesh;
+    renderings +=
+        figure(view.render(mesh),
+               column.name + ": " + number(column.held_out[index].inside.psnr_db, 2, " dB"));
+    differences += figure(view.difference(mesh), column.name + ": difference");
+  }
+  // Each difference is below its rendering.
+  return "<h3>" + html_escaped(page.held_out[index]) + "</h3>\n" +
+         image_row(figure(view.photograph(), "photograph") + renderings) +
+         image_row("<figure></figure>\n" + differences);
+}
+
+std::string held_out_pictures(const EvaluationPage& page, const std::vector<CompactFrame>& meshes,
+                              int64_t frame) {
+  TakeFrames recorded(page.columns.front().evaluated.take, page.held_out);
+  const auto views = recorded.read(frame);
+  std::string html =
+      "<h2>Held-out cameras</h2>\n<p class=\"note\">Photograph, renderings, and "
+      "their difference inside the silhouette: white for 64 grey values and more.</p>\n";
+  for (size_t i = 0; i < views.size(); ++i) {
+    if (!views[i] || views[i]->mask.count() == 0) continue;
+    html += photograph_and_renderings(page, meshes, i, recorded.rig()[i], *views[i]);
+  }
+  return html;
+}
+
+std::string frames_text(const EvaluationPage& page, const std::vector<int64_t>& frames) {
+  std::string text = count_of(std::ssize(frames), "frame") + ", images of frame " +
+                     std::to_string(frames[frames.size() / 2]) + ".";
+  if (!page.truth.empty()) text += " Distances are medians over the frames.";
+  if (!page.held_out.empty()) text += " Measurements of cameras are means over the frames.";
+  if (page.view_dependent) text += " Rendered in the colours for the viewpoint of the camera.";
+  return text;
+}
+
+Rgb8 error_colour(double mm) {
+  constexpr size_t kSteps = std::size(kErrorColours) - 1;
+  const double at = std::clamp(mm / kMaxErrorMm, 0.0, 1.0) * kSteps;
+  const auto step = std::min(static_cast<size_t>(at), kSteps - 1);
+  const double part = at - static_cast<double>(step);
+  const Rgb8 &from = kErrorColours[step], &to = kErrorColours[step + 1];
+  const auto mix = [&](uint8_t a, uint8_t b) {
+    return static_cast<uint8_t>(std::lround(a + part * (b - a)));
+  };
+  return {mix(from.r, to.r), mix(from.g, to.g), mix(from.b, to.b)};
+}
+
+}  // namespace
+
+std::vector<Image> error_renderings(const Mesh& mesh, const Mesh& truth) {
+  Mesh painted = mesh;
+  painted.colours.clear();
+  for (const double mm : vertex_distances_mm(mesh, truth)) {
+    painted.colours.push_back(error_colour(mm));
+  }
+  std::vector<Image> images;
+  for (const CameraModel& camera : turntable_cameras(bounds_of(truth), kSides, kRenderingSize)) {
+    images.push_back(draw_mesh(painted, camera, {.head_light = kHeadLight}));
+  }
+  return images;
+}
+
+std::string evaluation_html(const EvaluationPage& page) {
+  const EvaluatedMeshes& first = page.columns.front().evaluated;
+  const std::string name = load_take_info({first.take}).name;
+  const std::vector<int64_t> frames = open_meshes(first).frames({});
+  const int64_t shown = frames[frames.size() / 2];
+  const std::vector<CompactFrame> meshes = meshes_of(page, shown);
+  std::string html = html_head("Evaluation of " + name) + "<h1>Evaluation of " +
+                     html_escaped(name) + "</h1>\n<p>" + frames_text(page, frames) + "</p>\n" +
+                     table(page);
+  const auto truth = page.truth.empty() ? std::nullopt : read_truth(page.truth, shown);
+  if (truth) html += error_section(page, meshes, *truth);
+  if (!page.held_out.empty()) html += held_out_pictures(page, meshes, shown);
+  return html + "</body></html>\n";
+}
+
+}  // namespace v3d::ctl

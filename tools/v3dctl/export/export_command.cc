@@ -1,0 +1,111 @@
+// export: writes the meshes of a take as files for other programs.
+#include <cstdio>
+#include <optional>
+
+#include "base/error.h"
+#include "base/units.h"
+#include "common/console.h"
+#include "daemon/recorded/mesh_frames.h"
+#include "v3dctl/command_line.h"
+#include "v3dctl/export/mesh_export.h"
+#include "v3dctl/export/take_colours.h"
+#include "v3dctl/options.h"
+#include "v3dctl/process.h"
+
+namespace v3d::ctl {
+namespace {
+
+namespace fs = std::filesystem;
+
+struct Arguments {
+  fs::path take;
+  fs::path out;
+  std::string format;
+  std::string compression = "none";
+  bool view_dependent = false;
+  std::string frames;
+};
+
+std::string file_name(int64_t frame, MeshFormat format) {
+  char name[32];
+  std::snprintf(name, sizeof name, "%06lld", static_cast<long long>(frame));
+  return name + std::string(extension(format));
+}
+
+// A path with the extension of the format is a file of one frame; any other is a folder.
+bool is_file(const Arguments& arguments, MeshFormat format, size_t frames) {
+  if (arguments.out.extension() != extension(format)) return false;
+  if (frames > 1) {
+    throw InputError(arguments.out.string() + ": is a file of one frame, the take has " +
+                     std::to_string(frames) + "; expected --frames N, or a folder");
+  }
+  return true;
+}
+
+int run(const Arguments& arguments) {
+  const MeshFormat format = parse_mesh_format(arguments.format);
+  const Compression compression = parse_compression(arguments.compression);
+  check_options(format, compression, arguments.view_dependent);
+  MeshFrames meshes(arguments.take);
+  const std::vector<int64_t> frames = meshes.frames(parse_frame_range(arguments.frames));
+  const bool to_file = is_file(arguments, format, frames.size());
+  std::error_code error;
+  if (!to_file && !fs::create_directories(arguments.out, error) &&
+      !fs::is_directory(arguments.out)) {
+    throw InputError(arguments.out.string() + ": cannot create the folder: " + error.message());
+  }
+  std::optional<TakeColours> colours;
+  if (arguments.view_dependent) colours.emplace(arguments.take);
+  catch_interrupts();
+  Progress progress("export", std::ssize(frames));
+  for (const int64_t frame : frames) {
+    stop_if_interrupted();
+    const fs::path file = to_file ? arguments.out : arguments.out / file_name(frame, format);
+    const CompactFrame content = meshes.read(frame);
+    std::vector<ExportedCamera> cameras;
+    if (colours) cameras = colours->of(content);
+    write_mesh(file, format, content.mesh,
+               {.compression = compression, .lattice = content.lattice, .cameras = cameras});
+    progress.advance();
+  }
+  const int status =
+      colours ? report_incomplete_frames(colours->incomplete(), arguments.take) : kExitDone;
+  if (!meshes.is_unfinished()) return status;
+  note("v3dctl: " + TakePaths{arguments.take}.mesh().string() +
+       ": has no index: it is truncated or not finished; frames may be missing");
+  return kExitNotWhole;
+}
+
+}  // namespace
+
+void add_export(CommandLine& line) {
+  CLI::App* command = line.add(
+      "export", "Write meshes for other programs, one file for each frame",
+      {"v3dctl export dancer --format glb --frames 12 dancer.glb",
+       "v3dctl export dancer --format ply --frames 0:250 meshes/   # meshes/000000.ply, ...",
+       "v3dctl export dancer --format glb --compress draco --view-dependent meshes/"});
+  auto arguments = std::make_shared<Arguments>();
+  command->add_option("TAKE", arguments->take, "The folder of a reconstructed take")->required();
+  command
+      ->add_option("OUT", arguments->out,
+                   "A folder for FRAME.ply and so on, or a file for one frame")
+      ->required();
+  command
+      ->add_option("--format", arguments->format,
+                   "The file format; all have colours, metres, z up (glb: y up)")
+      ->type_name("ply|obj|glb")
+      ->required();
+  command
+      ->add_option("--compress", arguments->compression,
+                   "glb only: with KHR_draco_mesh_compression or EXT_meshopt_compression; "
+                   "positions are exact")
+      ->type_name("none|draco|meshopt")
+      ->capture_default_str();
+  command->add_flag("--view-dependent", arguments->view_dependent,
+                    "ply, glb: also the colour of every vertex in each camera, from the take's raw "
+                    "frames, as attributes (docs/export.md)");
+  add_frames_option(command, arguments->frames);
+  line.on_run(command, [arguments] { return run(*arguments); });
+}
+
+}  // namespace v3d::ctl

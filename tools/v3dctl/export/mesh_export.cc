@@ -1,0 +1,112 @@
+#include "v3dctl/export/mesh_export.h"
+
+#include <cstdio>
+#include <string>
+#include <vector>
+
+#include "base/error.h"
+#include "base/file.h"
+#include "common/ply_writer.h"
+
+namespace v3d::ctl {
+
+MeshFormat parse_mesh_format(std::string_view text) {
+  if (text == "ply") return MeshFormat::kPly;
+  if (text == "obj") return MeshFormat::kObj;
+  if (text == "glb") return MeshFormat::kGlb;
+  throw InputError("--format " + std::string(text) + ": expected ply, obj or glb");
+}
+
+Compression parse_compression(std::string_view text) {
+  if (text == "none") return Compression::kNone;
+  if (text == "draco") return Compression::kDraco;
+  if (text == "meshopt") return Compression::kMeshopt;
+  throw InputError("--compress " + std::string(text) + ": expected none, draco or meshopt");
+}
+
+std::string_view extension(MeshFormat format) {
+  switch (format) {
+    case MeshFormat::kPly:
+      return ".ply";
+    case MeshFormat::kObj:
+      return ".obj";
+    case MeshFormat::kGlb:
+      return ".glb";
+  }
+  return "";
+}
+
+std::string attribute_name(std::string_view camera) {
+  std::string name(camera);
+  for (char& c : name) {
+    const bool plain = (c >= '0' && c <= '9') || (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z');
+    if (!plain) c = '_';
+  }
+  return name;
+}
+
+void check_options(MeshFormat format, Compression compression, bool by_camera) {
+  if (compression != Compression::kNone && format != MeshFormat::kGlb) {
+    throw InputError("--compress: expected --format glb, the only one with compression");
+  }
+  if (by_camera && format == MeshFormat::kObj) {
+    throw InputError(
+        "--view-dependent: expected --format ply or glb; OBJ has one colour for a vertex");
+  }
+}
+
+namespace {
+
+/// One property for each channel: cam01_red, cam01_green, cam01_blue, cam01_sight.
+std::vector<PlyColours> ply_colours(std::span<const ExportedCamera> cameras) {
+  std::vector<PlyColours> colours;
+  for (const ExportedCamera& camera : cameras) {
+    const std::string name = attribute_name(camera.colours.camera);
+    char pose[160];
+    std::snprintf(pose, sizeof pose, " stands at %.6g %.6g %.6g and looks along %.6g %.6g %.6g",
+                  camera.centre.x(), camera.centre.y(), camera.centre.z(), camera.axis.x(),
+                  camera.axis.y(), camera.axis.z());
+    colours.push_back(
+        {.comment = name + pose,
+         .properties = {name + "_red", name + "_green", name + "_blue", name + "_sight"},
+         .vertices = camera.colours.vertices});
+  }
+  return colours;
+}
+
+}  // namespace
+
+void write_mesh(const std::filesystem::path& path, MeshFormat format, const Mesh& mesh,
+                const MeshFileOptions& options) {
+  switch (format) {
+    case MeshFormat::kPly:
+      return write_ply(path, mesh, ply_colours(options.cameras));
+    case MeshFormat::kObj:
+      return write_obj(path, mesh);
+    case MeshFormat::kGlb:
+      return write_glb(path, mesh, options);
+  }
+}
+
+void write_obj(const std::filesystem::path& path, const Mesh& mesh) {
+  std::string text = "# metres, z up\n";
+  char line[128];
+  for (size_t i = 0; i < mesh.vertices.size(); ++i) {
+    const Eigen::Vector3f& p = mesh.vertices[i];
+    std::snprintf(line, sizeof line, "v %.9g %.9g %.9g", p.x(), p.y(), p.z());
+    text += line;
+    if (!mesh.colours.empty()) {
+      const Rgb8 c = mesh.colours[i];
+      std::snprintf(line, sizeof line, " %.6g %.6g %.6g", c.r / 255.0, c.g / 255.0, c.b / 255.0);
+      text += line;
+    }
+    text += '\n';
+  }
+  for (const std::array<uint32_t, 3>& t : mesh.triangles) {
+    std::snprintf(line, sizeof line, "f %u %u %u\n", t[0] + 1, t[1] + 1, t[2] + 1);
+    text += line;
+  }
+  replace_file(path, text);
+}
+
+}  // namespace v3d::ctl

@@ -1,0 +1,57 @@
+// Export of a coloured mesh: one writer for each file format. docs/export.md describes the formats.
+#pragma once
+
+#include <filesystem>
+#include <span>
+#include <string_view>
+
+#include "base/mesh.h"
+#include "recon/mesh/vertex_lattice.h"
+#include "recon/texture/camera_colours.h"
+
+namespace v3d::ctl {
+
+enum class MeshFormat { kPly, kObj, kGlb };
+enum class Compression { kNone, kDraco, kMeshopt };
+
+/// Parse "ply", "obj", "glb" and "none", "draco", "meshopt". Throw InputError for other text.
+MeshFormat parse_mesh_format(std::string_view text);
+Compression parse_compression(std::string_view text);
+std::string_view extension(MeshFormat format);  ///< with the dot
+
+/// Colours of the mesh in one camera, and the pose of that camera.
+struct ExportedCamera {
+  CameraColours colours;
+  Eigen::Vector3d centre{0, 0, 0};  ///< world, metres
+  Eigen::Vector3d axis{0, 0, 1};    ///< viewing direction: unit vector, world
+};
+
+struct MeshFileOptions {
+  Compression compression = Compression::kNone;
+  VertexLattice lattice = {};  ///< of the vertices; a step of 0: unknown
+  /// Additional attributes. Borrowed; each has a colour for every vertex. Requires distinct
+  /// attribute_name()s.
+  std::span<const ExportedCamera> cameras = {};
+};
+
+/// The camera's name with '_' for characters other than ASCII letters and digits.
+std::string attribute_name(std::string_view camera);
+
+/// Throws InputError for options that the format does not support: compression of formats other
+/// than GLB, and colours of cameras in OBJ.
+void check_options(MeshFormat format, Compression compression, bool by_camera);
+
+/// Writes metres, z up, sRGB colours; a mesh without colours is written without. Replaces the file
+/// atomically. Throws std::runtime_error for errors of the disk.
+void write_mesh(const std::filesystem::path& path, MeshFormat format, const Mesh& mesh,
+                const MeshFileOptions& options = {});
+
+/// Wavefront OBJ with the common extension "v x y z r g b", colours 0 to 1.
+void write_obj(const std::filesystem::path& path, const Mesh& mesh);
+
+/// glTF 2.0 binary: POSITION, COLOR_0 (linear light), _<CAMERA>_COLOR; unlit. A node rotates z up
+/// to the y up of the standard. A mesh without triangles gives an empty scene. Compression
+/// quantises positions to the lattice of the options and reorders triangles and vertices.
+void write_glb(const std::filesystem::path& path, const Mesh& mesh, const MeshFileOptions& options);
+
+}  // namespace v3d::ctl

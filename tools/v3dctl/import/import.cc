@@ -1,0 +1,243 @@
+#include "v3dctl/import/import.h"
+
+#include <algorithm>
+#include <charconv>
+#include <cmath>
+#include <limits>
+
+#include "base/calib_file.h"
+#include "base/error.h"
+#include "base/image_size.h"
+#include "base/units.h"
+#include "capture/segmenter.h"
+#include "common/console.h"
+#include "v3dctl/import/frame_source.h"
+#include "v3dctl/import/take_builder.h"
+#include "v3dctl/import/video_file.h"
+#include "v3dctl/process.h"
+
+namespace v3d::ctl {
+namespace {
+
+namespace fs = std::filesystem;
+
+struct CameraSource {
+  const RigCamera* camera;
+  std::unique_ptr<FrameSource> images;
+};
+
+void require_size(ImageSize found, ImageSize expected, const std::string& where,
+                  const std::string& by) {
+  if (found == expected) return;
+  const bool rotated = found == ImageSize{expected.height, expected.width};
+  throw InputError(where + ": is " + format_size(found) + ", but " + by + " is " +
+                   format_size(expected) + (rotated ? ": it is rotated" : ""));
+}
+
+const RigCamera& camera_of(const Rig& rig, const std::string& name, const std::string& option,
+                           const fs::path& calib) {
+  const int index = find_camera(rig, name);
+  if (index < 0)
+    throw InputError(option + " " + name + "=...: no camera " + name + " in " + calib.string());
+  return rig[static_cast<size_t>(index)];
+}
+
+std::vector<CameraSource> open_sources(const ImportOptions& options, const Rig& rig) {
+  std::vector<CameraSource> sources;
+  if (options.videos.empty()) {
+    for (ImageSequence& sequence : find_images(options.images, options.masks, rig)) {
+      const RigCamera& camera = camera_of(rig, sequence.camera, "--images", options.calib);
+      sources.push_back({&camera, open_images(std::move(sequence))});
+    }
+    return sources;
+  }
+  for (const auto& [name, file] : options.videos) {
+    const RigCamera& camera = camera_of(rig, name, "--video", options.calib);
+    sources.push_back({&camera, open_video(file)});
+  }
+  return sources;
+}
+
+void note_unused_cameras(const Rig& rig, const std::vector<CameraSource>& sources) {
+  std::vector<std::string> unused;
+  for (const RigCamera& camera : rig) {
+    const bool used = std::any_of(sources.begin(), sources.end(),
+                                  [&](const CameraSource& s) { return s.camera == &camera; });
+    if (!used) unused.push_back(camera.name);
+  }
+  if (!unused.empty()) note("calibrated cameras without images: " + join_names(unused));
+}
+
+double rate_of(const ImportOptions& options, const std::vector<CameraSource>& sources) {
+  if (options.rate_hz > 0) return options.rate_hz;
+  const double rate = sources.front().images->rate_hz();
+  for (const CameraSource& source : sources) {
+    const double other = source.images->rate_hz();
+    if (std::abs(other - rate) > 0.01 * std::max(rate, other)) {
+      throw InputError(source.images->name() + ": has " + std::to_string(other) + " frames/s, " +
+                       sources.front().images->name() + " has " + std::to_string(rate) +
+                       "; expected --rate HZ");
+    }
+  }
+  return rate > 0 ? rate : 25;
+}
+
+// Throws InputError with the length of each source, when one has ended and others have not.
+[[noreturn]] void refuse_lengths(std::vector<CameraSource>& sources, int64_t at,
+                                 const std::vector<bool>& ended) {
+  std::string lengths;
+  int64_t shortest = std::numeric_limits<int64_t>::max();
+  for (size_t i = 0; i < sources.size(); ++i) {
+    int64_t length = ended[i] ? at : at + 1;
+    while (!ended[i] && sources[i].images->skip()) ++length;
+    shortest = std::min(shortest, length);
+    lengths += (i ? ", " : "") + sources[i].camera->name + " " + std::to_string(length);
+  }
+  throw InputError("the recordings differ in length, so frames may not match: " + lengths +
+                   " frames; --frames 0:" + std::to_string(shortest) +
+                   " selects the frames that all have");
+}
+
+// Advances all sources; returns false when all end together.
+template <class Advance>
+bool advance_all(std::vector<CameraSource>& sources, int64_t at, Advance advance) {
+  std::vector<bool> ended(sources.size());
+  for (size_t i = 0; i < sources.size(); ++i) ended[i] = !advance(i);
+  const auto count = std::count(ended.begin(), ended.end(), true);
+  if (count > 0 && count < std::ssize(ended)) refuse_lengths(sources, at, ended);
+  return count == 0;
+}
+
+TakeBuilder::Shot checked_shot(const RigCamera& camera, SourceImage source,
+                               const std::optional<BlackBackground>& black) {
+  require_size(source.image.size, camera.model.size(), source.where,
+               camera.name + " in the calibration");
+  if (source.mask)
+    require_size(source.mask->size(), source.image.size, source.mask_where, "its image");
+  if (black) source.mask = mask_before_black(source.image.view(), *black);
+  return {std::move(source.image), std::move(source.mask)};
+}
+
+void copy_images(const ImportOptions& options, std::vector<CameraSource>& sources,
+                 TakeBuilder& take) {
+  int64_t at = 0;
+  for (; at < options.frames.begin; ++at) {
+    if (!advance_all(sources, at, [&](size_t i) { return sources[i].images->skip(); })) break;
+  }
+  const int64_t length = sources.front().images->announced();
+  Progress progress("import", std::max<int64_t>(0, std::min(length, options.frames.end) - at));
+  for (; at < options.frames.end; ++at) {
+    stop_if_interrupted();
+    std::vector<TakeBuilder::Shot> shots(sources.size());
+    const bool whole = advance_all(sources, at, [&](size_t i) {
+      std::optional<SourceImage> source = sources[i].images->next();
+      if (source) shots[i] = checked_shot(*sources[i].camera, *std::move(source), options.black);
+      return shots[i].image.size.pixels() > 0;
+    });
+    if (!whole) break;
+    take.add_pulse(std::move(shots));
+    progress.advance();
+  }
+  if (take.pulses() == 0) {
+    throw InputError("--frames " + std::to_string(options.frames.begin) +
+                     ":...: the recordings end after " + std::to_string(at) + " frames");
+  }
+}
+
+std::vector<Image> read_plates(const fs::path& file) {
+  std::vector<Image> plates;
+  if (fs::is_directory(file)) {
+    for (const fs::path& image : images_in(file)) plates.push_back(read_image(image));
+  } else if (has_image_name(file)) {
+    // One image does not show the noise; with two equal ones the noise floor applies.
+    plates.assign(2, read_image(file));
+  } else {
+    constexpr int64_t kMaxPlates = 100;
+    VideoFile video(file);
+    const int64_t stride =
+        std::max<int64_t>(1, (video.announced_frames() + kMaxPlates - 1) / kMaxPlates);
+    while (std::optional<Image> plate = video.next()) {
+      plates.push_back(*std::move(plate));
+      for (int64_t i = 1; i < stride; ++i) video.skip();
+    }
+  }
+  if (plates.empty()) throw InputError(file.string() + ": has no images of the empty studio");
+  return plates;
+}
+
+void learn_backgrounds(const ImportOptions& options, const Rig& rig, const fs::path& folder) {
+  for (const auto& [name, file] : options.backgrounds) {
+    stop_if_interrupted();
+    const RigCamera& camera = camera_of(rig, name, "--background", options.calib);
+    const std::vector<Image> plates = read_plates(file);
+    std::vector<ImageView> views;
+    for (const Image& plate : plates) {
+      require_size(plate.size, camera.model.size(), file, name + " in the calibration");
+      views.push_back(plate.view());
+    }
+    fs::create_directories(folder);
+    save_background(folder, name, learn_background(views));
+    note("background of " + name + ": " + format_count(std::ssize(plates)) + " plates");
+  }
+}
+
+void require_consistent(const ImportOptions& options) {
+  if (options.images.empty() == options.videos.empty()) {
+    throw InputError("expected either --images DIR or --video CAM=FILE...");
+  }
+  if (!options.masks.empty() && options.images.empty()) {
+    throw InputError("--masks: expected --images; with --video, expected --background");
+  }
+  if (!options.masks.empty() && options.black) {
+    throw InputError("--masks and --background-black: expected one of them");
+  }
+}
+
+}  // namespace
+
+ImportResult import_take(const ImportOptions& options) {
+  require_consistent(options);
+  const Rig rig = load_calib(options.calib);
+  for (const auto& [name, file] : options.backgrounds) {
+    camera_of(rig, name, "--background", options.calib);
+  }
+  std::vector<CameraSource> sources = open_sources(options, rig);
+  note_unused_cameras(rig, sources);
+  ImportResult result;
+  for (const CameraSource& source : sources) result.cameras.push_back(source.camera->name);
+  result.rate_hz = rate_of(options, sources);
+  TakeBuilder take(options.take, result.cameras, result.rate_hz, rig);
+  learn_backgrounds(options, rig, take.background());
+  copy_images(options, sources, take);
+  take.finish();
+  if (options.masks.empty() && options.backgrounds.empty() && !options.black) {
+    note("this take cannot be reconstructed without --masks, --background or --background-black");
+  }
+  result.frames = take.pulses();
+  return result;
+}
+
+BlackBackground parse_black_background(std::string_view text) {
+  BlackBackground black;
+  const char* at = text.data();
+  const char* const end = at + text.size();
+  auto read = [&](auto& value) {
+    const auto [next, error] = std::from_chars(at, end, value);
+    at = next;
+    return error == std::errc{};
+  };
+  bool valid = read(black.level) && black.level >= 0 && black.level < 1;
+  if (valid && at != end) {
+    valid =
+        *at++ == ':' && read(black.dilate_px) && at != end && *at++ == ':' && read(black.erode_px);
+  }
+  const auto in_range = [](int pixels) { return pixels >= 0 && pixels <= 100; };
+  if (!valid || at != end || !in_range(black.dilate_px) || !in_range(black.erode_px)) {
+    throw InputError("--background-black " + std::string(text) +
+                     ": expected LEVEL or LEVEL:GROW:SHRINK, such as 0.19:10:7 (level 0 to 1, "
+                     "pixels 0 to 100)");
+  }
+  return black;
+}
+
+}  // namespace v3d::ctl

@@ -1,0 +1,40 @@
+// Reader of video files, through the libraries of FFmpeg. Only video_file.cc includes them.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <memory>
+#include <optional>
+
+#include "base/image.h"
+
+namespace v3d::ctl {
+
+/// Decodes a video once, from the first frame to the last. A rotation that the file requests is
+/// ignored, because a calibration refers to the sensor. Files that the video refers to are not
+/// read. One thread.
+class VideoFile {
+ public:
+  /// Throws InputError for a file that is missing, not regular, or no video.
+  explicit VideoFile(const std::filesystem::path& path);
+  ~VideoFile();
+  VideoFile(VideoFile&&) noexcept;
+
+  /// Frames per second according to the file; 0: unknown.
+  double rate_hz() const;
+  /// Number of frames according to the file; 0: unknown. A damaged file may have fewer.
+  int64_t announced_frames() const;
+  /// Next frame as RGB8; empty after the last. Throws InputError
+  /// - where the file is damaged, with the number (from 0) and time of the first frame that is not
+  ///   returned. The damage may be some frames later, as many as the decoder reorders;
+  /// - where the size changes, with the frame's number and both sizes.
+  std::optional<Image> next();
+  /// Decodes the next frame without converting it; returns false after the last. Throws as next().
+  bool skip();
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace v3d::ctl

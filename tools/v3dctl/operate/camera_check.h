@@ -1,0 +1,52 @@
+// Verdicts of `v3dctl check` about the cameras, from what the nodes measured. Pure.
+#pragma once
+
+#include <nlohmann/json_fwd.hpp>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "daemon/operator_client.h"
+
+namespace v3d::ctl {
+
+/// Measurements of one camera during the check, from "checked" in the detail of a node's reply.
+struct CameraMeasurement {
+  std::string node;
+  std::string camera;
+  bool ready = true;  ///< false: the values below are not set
+  int64_t pulses = 0;
+  int64_t received = 0;  ///< frames
+  int64_t missing = 0;
+  int64_t duplicate = 0;
+  int64_t suspect = 0;
+  double clipped = 0;                  ///< share of samples of 250 and more, 0 to 1
+  double dark = 0;                     ///< share of samples of 5 and less, 0 to 1
+  double focus = 0;                    ///< variance of the Laplacian
+  std::optional<double> plates_focus;  ///< the same of the background plates
+  std::optional<double> foreground;    ///< share of pixels, 0 to 1
+};
+
+struct CheckReport {
+  std::vector<CameraMeasurement> cameras;  ///< in the order of nodes
+  std::vector<std::string> unreadable;     ///< nodes whose reply cannot be parsed
+};
+
+/// Parses the replies of all nodes; no reply is trusted to be well-formed.
+CheckReport parse_check_replies(const Answer& answer);
+
+struct CameraVerdict {
+  enum class Grade { kGood, kLook, kBad } grade = Grade::kGood;
+  std::string what;    ///< the faults, separated by "; ", or "all well"
+  std::string remedy;  ///< of the worst fault; empty without a fault
+};
+CameraVerdict judge(const CameraMeasurement& camera);
+
+/// One line for each camera: grade, frames, faults and remedy.
+std::vector<std::string> check_lines(const std::vector<CameraMeasurement>& cameras);
+/// {"good", "cameras" [{"name", "node", "verdict", "text", "remedy", measurements}], "unreadable"}
+nlohmann::ordered_json check_json(const CheckReport& report);
+/// Whether no camera is bad and all replies were readable.
+bool all_good(const CheckReport& report);
+
+}  // namespace v3d::ctl

@@ -1,0 +1,57 @@
+// Text and JSON of the nodes' health messages. Pure.
+//
+// In every function `health` has the last message of each node; a node without an entry is silent.
+// Results are in the order of `nodes`.
+#pragma once
+
+#include <map>
+#include <nlohmann/json_fwd.hpp>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "wire/messages.h"
+
+namespace v3d::ctl {
+
+using Json = nlohmann::ordered_json;
+
+/// Value of a counter or gauge with the unit in the end of its name: "812 GB" for disk_free_bytes,
+/// "45 min" for disk_seconds_left, "yes" for streaming_flag, "+12 us", "25.0/s"; otherwise a count.
+std::string value_text(const std::string& name, double value);
+
+/// Duration with one unit, rounded: 45 s, 12 min, 3.5 h, 2 d.
+std::string duration_text(double seconds);
+
+/// One line for each node: "cap01  v3d-captured  recording kendo-07  cam07 silent".
+std::vector<std::string> status_lines(const std::vector<std::string>& nodes,
+                                      const std::map<std::string, HealthMessage>& health);
+
+/// status_lines(), with all values of each node below its line and a table of its cameras.
+std::vector<std::string> health_lines(const std::vector<std::string>& nodes,
+                                      const std::map<std::string, HealthMessage>& health);
+
+/// {"well", "nodes" [{"node", "program", "version", "state", "take", "text", "values"}]}
+Json health_json(const std::vector<std::string>& nodes,
+                 const std::map<std::string, HealthMessage>& health);
+
+/// Whether every node has reported and none has a fault.
+bool all_well(const std::vector<std::string>& nodes,
+              const std::map<std::string, HealthMessage>& health);
+
+/// Whether every node has reported.
+bool all_reported(const std::vector<std::string>& nodes,
+                  const std::map<std::string, HealthMessage>& health);
+
+/// Whether the node records a take or drains the frames in flight after its end.
+bool is_in_take(const HealthMessage& health);
+
+/// Sum of a value over the nodes; empty when none reports it.
+std::optional<double> sum_over_nodes(const std::map<std::string, HealthMessage>& health,
+                                     const std::string& name);
+
+/// Progress of the running take: "300 pulses   15/15 cameras   0 missing   live 25.0/s, 71 ms".
+/// Values that no node reports are left out.
+std::string recording_line(const std::map<std::string, HealthMessage>& health);
+
+}  // namespace v3d::ctl

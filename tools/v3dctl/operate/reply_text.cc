@@ -1,0 +1,270 @@
+#include "v3dctl/operate/reply_text.h"
+
+#include <algorithm>
+#include <cstdio>
+#include <map>
+#include <nlohmann/json.hpp>
+#include <optional>
+
+#include "base/units.h"
+#include "daemon/json.h"
+#include "take/take.h"
+
+namespace v3d::ctl {
+namespace {
+
+std::string_view outcome_name(ReplyMessage::Outcome outcome) {
+  switch (outcome) {
+    case ReplyMessage::Outcome::kPending:
+      return "pending";
+    case ReplyMessage::Outcome::kDone:
+      return "done";
+    case ReplyMessage::Outcome::kRefused:
+      return "refused";
+    case ReplyMessage::Outcome::kNonceMissing:
+      break;  // the client sends the command again
+  }
+  return "";
+}
+
+std::string padded(std::string text, size_t width) {
+  if (text.size() < width) text.resize(width, ' ');
+  return text;
+}
+
+// Consecutive nodes with equal replies.
+struct NodeRange {
+  std::string first, last, text;
+};
+
+std::string silent_node_text(const std::string& node,
+                             const std::map<std::string, HealthMessage>& health) {
+  const auto found = health.find(node);
+  if (found == health.end()) {
+    return "no reply. Try: systemctl status v3d-studio.target on " + node;
+  }
+  const std::string& text = found->second.text;
+  return "no reply to commands" + (text.empty() ? ", but health messages" : ": " + text);
+}
+
+std::string reply_text(const ReplyMessage& reply, const std::string& done_word) {
+  if (reply.outcome == ReplyMessage::Outcome::kRefused) return reply.text;
+  const bool done = reply.outcome == ReplyMessage::Outcome::kDone;
+  return padded(done ? done_word : "pending", 9) + reply.text;
+}
+
+void read_numbers(const Json& from, const char* key, std::vector<int64_t>& to) {
+  if (from.contains(key)) to = from.at(key).get<std::vector<int64_t>>();
+}
+
+// Throws a Json exception if the value is no count of pulses or frames.
+int64_t read_count(const Json& json) {
+  const auto n = json.get<double>();
+  if (!(n >= 0 && n <= static_cast<double>(kMostPulses))) {
+    throw Json::other_error::create(501, "no count", nullptr);
+  }
+  return static_cast<int64_t>(n);
+}
+
+// Throws a Json exception if the value is no ledger.
+Ledger parse_ledger(const Json& json) {
+  Ledger ledger;
+  ledger.take = json.at("take").get<std::string>();
+  const Json& pulses = json.at("pulses");
+  ledger.commanded = read_count(pulses.at("commanded"));
+  if (!pulses.at("sensed").is_null()) ledger.sensed = read_count(pulses.at("sensed"));
+  read_numbers(pulses, "unsensed", ledger.unsensed);
+  read_numbers(pulses, "runt", ledger.runt);
+  ledger.extra = pulses.contains("extra") ? read_count(pulses.at("extra")) : 0;
+  for (const Json& entry : json.at("cameras")) {
+    CameraLedger camera;
+    camera.name = entry.at("name").get<std::string>();
+    camera.received = read_count(entry.at("received"));
+    camera.written = read_count(entry.at("written"));
+    camera.published = read_count(entry.at("published"));
+    camera.exposed = entry.contains("exposed") ? read_count(entry.at("exposed")) : camera.received;
+    read_numbers(entry, "missing", camera.missing);
+    read_numbers(entry, "duplicate", camera.duplicate);
+    read_numbers(entry, "suspect", camera.suspect);
+    ledger.cameras.push_back(camera);
+  }
+  return ledger;
+}
+
+/// Ledger of the expected cameras that no node reported. After a merge they miss every pulse.
+Ledger ledger_of_unreported_cameras(const std::vector<std::string>& expected,
+                                    const std::vector<Ledger>& parts) {
+  const auto is_known = [&](const std::string& name) {
+    return std::any_of(parts.begin(), parts.end(), [&](const Ledger& part) {
+      return std::any_of(part.cameras.begin(), part.cameras.end(),
+                         [&](const CameraLedger& camera) { return camera.name == name; });
+    });
+  };
+  Ledger silent;
+  for (const std::string& name : expected) {
+    if (!is_known(name)) silent.cameras.emplace_back().name = name;
+  }
+  return silent;
+}
+
+/// Frames sent by each camera minus those that the reconstruction received. A node that restarted
+/// in the take did not count the frames sent before, so its cameras have no entry.
+std::map<std::string, int64_t> live_losses(const Ledger& ledger, const Json& reconstruction) {
+  std::map<std::string, int64_t> lost;
+  for (const CameraLedger& camera : ledger.cameras) {
+    const auto received = reconstruction.find(camera.name + ".live_received");
+    if (received == reconstruction.end()) continue;
+    try {
+      const int64_t lost_frames = camera.published - read_count(*received);
+      if (lost_frames >= 0) lost[camera.name] = lost_frames;
+    } catch (const Json::exception&) {
+      continue;
+    }
+  }
+  return lost;
+}
+
+/// Adds the counts of one of several reconstruction nodes. Throws a Json exception if one is
+/// missing.
+void add_shard(const std::string& node, const Json& detail, TakeAccount& account) {
+  account.shards.push_back({.node = node,
+                            .made = read_count(detail.at("shard_pulses")),
+                            .taken_over = read_count(detail.at("shard_taken_over"))});
+  const int64_t meshes = read_count(detail.at("meshes"));
+  if (meshes < account.meshes) return;
+  account.meshes = meshes;
+  account.without_mesh = detail.at("without_mesh").get<std::vector<int64_t>>();
+}
+
+/// Keeps the greater of two values: all reconstruction nodes receive all cameras, so a frame that
+/// reached one of them is not lost.
+void merge_maxima(const Json& detail, Json& most) {
+  for (const auto& [name, value] : detail.items()) {
+    const auto known = most.find(name);
+    const bool is_less = known != most.end() && known->is_number() && value.is_number() &&
+                         value.get<double>() < known->get<double>();
+    if (!is_less) most[name] = value;
+  }
+}
+
+/// Returns the ledgers of the take that most nodes report. A stop without a take name is answered
+/// with the node's last take, which differs where a node took part in another one since.
+std::vector<Ledger> select_take(const std::vector<std::pair<std::string, Ledger>>& ledgers,
+                                TakeAccount& account) {
+  std::map<std::string, int> count;
+  for (const auto& [node, ledger] : ledgers) ++count[ledger.take];
+  const auto most = std::max_element(
+      count.begin(), count.end(), [](const auto& a, const auto& b) { return a.second < b.second; });
+  std::vector<Ledger> parts;
+  for (const auto& [node, ledger] : ledgers) {
+    if (ledger.take == most->first) {
+      parts.push_back(ledger);
+    } else {
+      account.of_another_take.push_back(node);
+    }
+  }
+  return parts;
+}
+
+}  // namespace
+
+std::vector<std::string> reply_lines(const std::vector<std::string>& nodes, const Answer& answer,
+                                     const std::string& done_word,
+                                     const std::map<std::string, HealthMessage>& health) {
+  std::vector<NodeRange> lines;
+  for (const std::string& node : nodes) {
+    const auto reply = answer.replies.find(node);
+    const bool silent =
+        std::find(answer.silent.begin(), answer.silent.end(), node) != answer.silent.end();
+    if (!silent && reply == answer.replies.end()) continue;
+    const std::string text =
+        silent ? silent_node_text(node, health) : reply_text(reply->second, done_word);
+    if (!lines.empty() && lines.back().text == text) {
+      lines.back().last = node;
+    } else {
+      lines.push_back({node, node, text});
+    }
+  }
+  std::vector<std::string> texts;
+  for (const NodeRange& line : lines) {
+    const std::string names = line.first == line.last ? line.first : line.first + "-" + line.last;
+    texts.push_back(padded(names, 12) + "  " + line.text);
+  }
+  return texts;
+}
+
+Json answer_json(const Answer& answer) {
+  Json replies = Json::array();
+  for (const auto& [node, reply] : answer.replies) {
+    Json entry = {{"node", node}, {"outcome", outcome_name(reply.outcome)}, {"text", reply.text}};
+    const Json detail = Json::parse(reply.detail, nullptr, false);
+    if (detail.is_object()) entry["detail"] = detail;
+    replies.push_back(std::move(entry));
+  }
+  return {{"done", answer.done()}, {"replies", replies}, {"silent", answer.silent}};
+}
+
+TakeAccount merge_ledgers(const Answer& answer, const std::vector<std::string>& expected) {
+  TakeAccount account;
+  std::vector<std::pair<std::string, Ledger>> ledgers;
+  Json reconstruction = Json::object();
+  for (const auto& [node, reply] : answer.replies) {
+    if (reply.detail.empty()) continue;
+    try {
+      const Json detail = Json::parse(reply.detail);
+      if (detail.is_object() && !detail.contains("cameras")) {
+        merge_maxima(detail, reconstruction);
+        if (detail.contains("shard_pulses")) add_shard(node, detail, account);
+        continue;
+      }
+      ledgers.emplace_back(node, parse_ledger(detail));
+    } catch (const Json::exception&) {
+      account.unreadable.push_back(node);
+    }
+  }
+  std::vector<Ledger> parts = select_take(ledgers, account);
+  if (!expected.empty()) parts.insert(parts.begin(), ledger_of_unreported_cameras(expected, parts));
+  account.ledger = merge(parts);
+  account.live_lost = live_losses(account.ledger, reconstruction);
+  return account;
+}
+
+std::string live_loss_line(const TakeAccount& account) {
+  int64_t sent = 0;
+  int64_t lost = 0;
+  std::string cameras;
+  for (const CameraLedger& camera : account.ledger.cameras) {
+    const auto found = account.live_lost.find(camera.name);
+    if (found == account.live_lost.end()) continue;
+    sent += camera.published;
+    lost += found->second;
+    if (found->second == 0) continue;
+    cameras += (cameras.empty() ? ": " : ", ") + camera.name + " " + format_count(found->second);
+  }
+  if (lost == 0) return "";
+  return "live: " + format_count(lost) + " of " + format_count(sent) +
+         " frames lost on the network" + cameras;
+}
+
+std::string shards_line(const TakeAccount& account) {
+  if (account.shards.empty()) return "";
+  std::string line = "meshes: " + format_count(account.meshes);
+  for (const ShardAccount& shard : account.shards) {
+    line += ", " + shard.node + " " + format_count(shard.made);
+    if (shard.taken_over > 0) line += " (" + format_count(shard.taken_over) + " taken over)";
+  }
+  if (account.without_mesh.empty()) return line;
+  return line + "; no mesh of " + number_ranges(account.without_mesh);
+}
+
+Json shards_json(const TakeAccount& account) {
+  Json nodes = Json::array();
+  for (const ShardAccount& shard : account.shards) {
+    nodes.push_back({{"node", shard.node}, {"made", shard.made}, {"taken_over", shard.taken_over}});
+  }
+  return {{"meshes", account.meshes}, {"without_mesh", account.without_mesh}, {"nodes", nodes}};
+}
+
+Json to_json(const Ledger& ledger) { return Json::parse(ledger_json(ledger)); }
+
+}  // namespace v3d::ctl

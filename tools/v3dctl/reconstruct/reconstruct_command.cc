@@ -1,0 +1,234 @@
+// reconstruct: makes the meshes of a take; and reconstruct-shards, a task of it.
+#include <sys/prctl.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <csignal>
+#include <cstdio>
+#include <nlohmann/json.hpp>
+
+#include "base/error.h"
+#include "base/statistics.h"
+#include "base/units.h"
+#include "common/console.h"
+#include "common/subprocess.h"
+#include "take/take.h"
+#include "v3dctl/command_line.h"
+#include "v3dctl/options.h"
+#include "v3dctl/process.h"
+#include "v3dctl/reconstruct/reconstruct_options.h"
+#include "v3dctl/reconstruct/sharded_reconstruction.h"
+#include "v3dctl/reconstruct/take_reconstruction.h"
+
+namespace v3d::ctl {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+double min_of(const std::vector<double>& values) {
+  return values.empty() ? 0 : *std::min_element(values.begin(), values.end());
+}
+
+Json stages_json(const ReconstructReport& report) {
+  Json stages = Json::object();
+  for (const StageSamples& stage : report.stages) {
+    stages[stage.name] = nullptr;
+    if (stage.ms.empty()) continue;
+    stages[stage.name] = {{"p50", percentile(stage.ms, 0.50)}, {"p99", percentile(stage.ms, 0.99)}};
+  }
+  return stages;
+}
+
+Json silhouettes_json(const ReconstructReport& report) {
+  Json cameras = Json::object();
+  for (size_t i = 0; i < report.cameras.size(); ++i) {
+    cameras[report.cameras[i]] = mean(report.camera_iou[i]);
+  }
+  return {{"mean", mean(report.silhouette_iou)},
+          {"min", min_of(report.silhouette_iou)},
+          {"cameras", cameras}};
+}
+
+Json faults_json(const std::vector<PulseFault>& faults) {
+  Json list = Json::array();
+  for (const PulseFault& fault : faults) {
+    const Rect& region = fault.fault.region;
+    list.push_back({{"pulse", fault.pulse},
+                    {"camera", fault.camera},
+                    {"kind", name(fault.fault.kind)},
+                    {"region", {region.x0, region.y0, region.width, region.height}},
+                    {"pixels", fault.fault.pixels}});
+  }
+  return list;
+}
+
+Json quality_json(const ReconstructReport& report) {
+  Json list = Json::array();
+  for (const auto& [pulse, quality] : report.quality) {
+    list.push_back({{"pulse", pulse},
+                    {"silhouette_iou", quality.silhouette_iou},
+                    {"coverage", quality.coverage},
+                    {"cameras", quality.cameras}});
+  }
+  return list;
+}
+
+/// Of the frames that this run made.
+double frames_per_second(const ReconstructReport& report) {
+  return static_cast<double>(report.frames - report.frames_kept) / report.seconds;
+}
+
+Json to_json(const ReconstructReport& report) {
+  const Box& box = report.bounds;
+  return {
+      {"frames", report.frames},
+      {"incomplete", report.incomplete},
+      {"cameras", report.cameras.size()},
+      {"camera_names", report.cameras},
+      {"voxel_m", report.voxel_m},
+      {"bounds_m", {box.min.x(), box.min.y(), box.min.z(), box.max.x(), box.max.y(), box.max.z()}},
+      {"min_views", report.min_views},
+      {"threads", report.threads},
+      {"processes", report.processes > 0 ? Json(report.processes) : Json(nullptr)},
+      {"frames_kept", report.frames_kept},
+      {"volume_m3", median(report.volume_m3)},
+      {"vertices", median(report.vertices)},
+      {"triangles", median(report.triangles)},
+      {"silhouette_iou", silhouettes_json(report)},
+      {"frame_quality", quality_json(report)},
+      {"silhouette_faults",
+       report.repaired ? faults_json(report.silhouette_faults) : Json(nullptr)},
+      {"stages_ms", stages_json(report)},
+      {"frames_per_second", frames_per_second(report)},
+      {"bytes_per_frame", mean(report.bytes)},
+      {"peak_rss_mb", report.peak_rss_mb}};
+}
+
+// A much lower agreement than that of the others suggests a displaced camera.
+void print_worst_camera(const ReconstructReport& report) {
+  const auto worst = std::min_element(
+      report.camera_iou.begin(), report.camera_iou.end(),
+      [](const auto& a, const auto& b) { return !a.empty() && (b.empty() || mean(a) < mean(b)); });
+  if (worst == report.camera_iou.end() || worst->empty()) return;
+  std::printf("             minimum in %s, %.3f (mean)\n",
+              report.cameras[static_cast<size_t>(worst - report.camera_iou.begin())].c_str(),
+              mean(*worst));
+}
+
+void print_text(const ReconstructReport& report) {
+  std::printf("%s, %s, voxel %s, min. %d views\n", count_of(report.frames, "frame").c_str(),
+              count_of(std::ssize(report.cameras), "camera").c_str(),
+              format_length(report.voxel_m).c_str(), report.min_views);
+  std::printf("volume       %.4g m3 (median)\n", median(report.volume_m3));
+  std::printf("mesh         %s vertices, %s triangles, %s a frame\n",
+              format_count(static_cast<int64_t>(median(report.vertices))).c_str(),
+              format_count(static_cast<int64_t>(median(report.triangles))).c_str(),
+              format_bytes(mean(report.bytes)).c_str());
+  std::printf("silhouettes  IoU %.3f (mean), %.3f (minimum)\n", mean(report.silhouette_iou),
+              min_of(report.silhouette_iou));
+  print_worst_camera(report);
+  for (const std::string& line : fault_lines(report.silhouette_faults)) {
+    std::printf("repaired     %s\n", line.c_str());
+  }
+  for (const StageSamples& stage : report.stages) {
+    if (stage.ms.empty()) continue;
+    std::printf("%-12s %.1f ms (median), %.1f ms (99th percentile)\n", stage.name.c_str(),
+                percentile(stage.ms, 0.50), percentile(stage.ms, 0.99));
+  }
+  std::printf("whole run    %.1f s, %.2f frames/s on %d threads, %.0f MB memory\n", report.seconds,
+              frames_per_second(report), report.threads, report.peak_rss_mb);
+}
+
+ReconstructReport by_processes(const ReconstructRequest& request, int processes) {
+  const int threads = std::max(1, threads_of(request) / processes);
+  ReconstructReport report = reconstruct_sharded(
+      request, threads * processes, [&](const ShardFolder& folder, const ReconstructRequest&) {
+        return std::make_unique<LocalTaskRunner>(folder, processes, threads);
+      });
+  report.processes = processes;
+  return report;
+}
+
+/// At live quality: few shards use a whole cluster, many reduce the share of a task's start-up.
+constexpr int64_t kMinShardsPerTask = 4;
+
+ReconstructReport by_slurm(const ReconstructRequest& request, const std::string& partition) {
+  const int threads = std::max(1, request.threads);
+  ReconstructReport report = reconstruct_sharded(
+      request, threads, [&](const ShardFolder& folder, const ReconstructRequest& complete) {
+        const int64_t min_shards = complete.quality == Quality::kHigh ? 1 : kMinShardsPerTask;
+        return std::make_unique<SlurmTaskRunner>(folder, partition, threads, min_shards);
+      });
+  report.processes = 0;
+  return report;
+}
+
+ReconstructReport reconstruct(const ReconstructArguments& arguments) {
+  if (arguments.processes > 0) return by_processes(arguments.request, arguments.processes);
+  if (!arguments.slurm) return reconstruct_take(arguments.request);
+  if (has_program("sbatch")) return by_slurm(arguments.request, arguments.partition);
+  const int cores = threads_of({});
+  note("no Slurm on this PC (no sbatch on the PATH): using " + std::to_string(cores) +
+       " processes");
+  return by_processes(arguments.request, cores);
+}
+
+int run(const CommandLine& line, ReconstructArguments arguments) {
+  arguments.request = request_of(line, arguments);
+  catch_interrupts();
+  const ReconstructReport report = reconstruct(arguments);
+  if (arguments.json) {
+    std::printf("%s\n", to_json(report).dump(2).c_str());
+  } else {
+    print_text(report);
+  }
+  for (const std::string& error : report.read_errors) note("v3dctl: " + error);
+  const int status = report_incomplete_frames(report.incomplete, arguments.request.take);
+  return report.read_errors.empty() ? status : kExitNotWhole;
+}
+
+// --- reconstruct-shards: a task of reconstruct --processes or --slurm ---------------------------
+
+struct ShardArguments {
+  std::string folder, shards;
+  int threads = 1;
+  int parent = 0;
+};
+
+int run_shards(const ShardArguments& arguments) {
+  catch_interrupts();
+  if (arguments.parent != 0) {
+    prctl(PR_SET_PDEATHSIG, SIGTERM);
+    if (getppid() != arguments.parent) return kExitFailed;  // the parent ended before prctl()
+  }
+  reconstruct_shards(ShardFolder(arguments.folder), parse_frame_range(arguments.shards),
+                     arguments.threads);
+  return kExitDone;
+}
+
+void add_reconstruct_shards(CommandLine& line) {
+  CLI::App* command = line.add("reconstruct-shards", "A task of v3dctl reconstruct", {});
+  command->group("");  // not in the help
+  auto arguments = std::make_shared<ShardArguments>();
+  command->add_option("FOLDER", arguments->folder, "The folder of shards")->required();
+  command->add_option("A:B", arguments->shards, "Indices of shards in the take")->required();
+  command->add_option("--threads", arguments->threads, "Worker threads");
+  command->add_option("--parent", arguments->parent, "End when this process ends");
+  line.on_run(command, [arguments] { return run_shards(*arguments); });
+}
+
+}  // namespace
+
+void add_reconstruct(CommandLine& line) {
+  CLI::App* command =
+      line.add("reconstruct", "Make the meshes of a take (mesh.v3d)",
+               {"v3dctl reconstruct dancer --voxel 8mm --bounds -0.6,-0.6,-0.1,0.6,0.6,1.9",
+                "v3dctl reconstruct dancer --frames 100:200 --leave-out cam03,cam11 --json",
+                "v3dctl reconstruct kendo-07 --quality high --slurm --partition night"});
+  auto arguments = std::make_shared<ReconstructArguments>();
+  add_reconstruct_options(command, *arguments);
+  line.on_run(command, [&line, arguments] { return run(line, *arguments); });
+  add_reconstruct_shards(line);
+}
+
+}  // namespace v3d::ctl

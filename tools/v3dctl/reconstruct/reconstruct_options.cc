@@ -1,0 +1,150 @@
+#include "v3dctl/reconstruct/reconstruct_options.h"
+
+#include <charconv>
+#include <string>
+
+#include "base/error.h"
+#include "base/units.h"
+#include "v3dctl/options.h"
+
+namespace v3d::ctl {
+namespace {
+
+[[noreturn]] void refuse(const std::string& part) {
+  throw InputError("--deform " + part +
+                   ": expected NAME=VALUE of mode (search or paper), internal, photometric, "
+                   "silhouette, window, views, carving (0 or 1)");
+}
+
+template <class Number>
+Number number_of(const std::string& value, const std::string& part) {
+  Number number{};
+  const char* end = value.data() + value.size();
+  const auto [stop, error] = std::from_chars(value.data(), end, number);
+  if (error != std::errc{} || stop != end) refuse(part);
+  return number;
+}
+
+void set_value(DeformOptions& options, const std::string& part) {
+  const size_t equals = part.find('=');
+  if (equals == std::string::npos) refuse(part);
+  const std::string name = part.substr(0, equals), value = part.substr(equals + 1);
+  if (name == "mode" && value == "search") {
+    options.mode = DeformMode::kSearch;
+  } else if (name == "mode" && value == "paper") {
+    options.mode = DeformMode::kPaper;
+  } else if (name == "internal") {
+    options.internal = number_of<double>(value, part);
+  } else if (name == "photometric") {
+    options.photometric = number_of<double>(value, part);
+  } else if (name == "silhouette") {
+    options.silhouette = number_of<double>(value, part);
+  } else if (name == "window") {
+    options.window = number_of<int>(value, part);
+  } else if (name == "views") {
+    options.views = number_of<int>(value, part);
+  } else if ((name == "carving" || name == "hollows") && (value == "0" || value == "1")) {
+    // hollows: the former name
+    options.carve_concavities = value == "1";
+  } else {
+    refuse(part);
+  }
+}
+
+Quality parse_quality(const std::string& text) {
+  if (text == "live") return Quality::kLive;
+  if (text == "high") return Quality::kHigh;
+  throw InputError("--quality " + text + ": expected live or high");
+}
+
+}  // namespace
+
+void add_reconstruct_options(CLI::App* command, ReconstructArguments& arguments) {
+  command->add_option("TAKE", arguments.request.take, "The folder of the take")->required();
+  command
+      ->add_option("--voxel", arguments.voxel,
+                   "Edge of a voxel with its unit (otherwise the studio's, otherwise 10mm)")
+      ->type_name("LEN");
+  command
+      ->add_option(
+          "--bounds", arguments.bounds,
+          "The space to reconstruct, metres (otherwise the studio's, otherwise the space that "
+          "half the cameras see)")
+      ->type_name("X0,Y0,Z0,X1,Y1,Z1");
+  command
+      ->add_option(
+          "--min-views", arguments.min_views,
+          "Space that fewer cameras see is empty (otherwise the studio's, otherwise 4; with few "
+          "cameras all but one)")
+      ->type_name("K")
+      ->check(CLI::Range(1, 1000));
+  command
+      ->add_option("--quality", arguments.quality,
+                   "live: as while recording; high: slower and finer")
+      ->type_name("live|high");
+  command
+      ->add_option(
+          "--deform", arguments.deform,
+          "With high quality: mode=search|paper, the weights of the forces internal=0.3, "
+          "photometric=0.4, silhouette=0.3, window=5 samples a side, views=6 cameras at a vertex, "
+          "carving=1 to carve concavities first")
+      ->type_name("NAME=VALUE,...");
+  command->add_flag("--no-smoothing", arguments.no_smoothing,
+                    "With high quality: reconstruct every frame alone, without temporal smoothing");
+  command->add_flag(
+      "--repair", arguments.request.repair,
+      "First repair silhouettes by comparing all cameras: fill missing pieces, remove "
+      "phantom pieces, leave out cameras that are mostly wrong");
+  // Former names, not in the help.
+  command->add_flag("--no-steady", arguments.no_smoothing)->group("");
+  command->add_flag("--mend", arguments.request.repair)->group("");
+  add_frames_option(command, arguments.frames);
+  command
+      ->add_option("--threads", arguments.request.threads,
+                   "Worker threads (otherwise one per core); the result is the same")
+      ->type_name("N")
+      ->check(CLI::Range(1, 1024));
+  CLI::Option* processes =
+      command
+          ->add_option(
+              "--processes", arguments.processes,
+              "Divide the take among this many processes; the result is the same, and a repeated "
+              "command continues an interrupted run")
+          ->type_name("N")
+          ->check(CLI::Range(1, 1024));
+  CLI::Option* slurm = command->add_flag(
+      "--slurm", arguments.slurm,
+      "Divide the take among the nodes of a Slurm cluster; without Slurm, one process per core");
+  slurm->excludes(processes);
+  command->add_option("--partition", arguments.partition, "The partition of the cluster")
+      ->type_name("NAME")
+      ->needs(slurm);
+  command
+      ->add_option("--leave-out", arguments.leave_out,
+                   "Cameras to leave out, for a comparison by evaluate --held-out")
+      ->type_name("CAM,...");
+  add_json_flag(command, arguments.json);
+}
+
+ReconstructRequest request_of(const CommandLine& line, const ReconstructArguments& arguments) {
+  ReconstructRequest request = arguments.request;
+  if (!arguments.voxel.empty()) request.voxel_m = parse_length(arguments.voxel);
+  if (!arguments.bounds.empty()) request.bounds = parse_bounds(arguments.bounds);
+  if (!arguments.quality.empty()) request.quality = parse_quality(arguments.quality);
+  request.deform = parse_deform(arguments.deform);
+  if (arguments.min_views > 0) request.min_views = arguments.min_views;
+  request.smooth = !arguments.no_smoothing;
+  request.frames = parse_frame_range(arguments.frames);
+  request.leave_out = parse_names(arguments.leave_out, "--leave-out");
+  request.studio = line.studio_of_take(request.take);
+  return request;
+}
+
+DeformOptions parse_deform(std::string_view text) {
+  DeformOptions options;
+  for (const std::string& part : parse_names(text, "--deform")) set_value(options, part);
+  check(options);
+  return options;
+}
+
+}  // namespace v3d::ctl

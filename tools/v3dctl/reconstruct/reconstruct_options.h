@@ -1,0 +1,34 @@
+// Options of `v3dctl reconstruct`.
+#pragma once
+
+#include <string>
+#include <string_view>
+
+#include "recon/surface/deform.h"
+#include "v3dctl/command_line.h"
+#include "v3dctl/reconstruct/reconstruct_request.h"
+
+namespace v3d::ctl {
+
+struct ReconstructArguments {
+  ReconstructRequest request;
+  std::string voxel, bounds, quality, deform, frames, leave_out;
+  std::string partition;
+  int min_views = 0;
+  int processes = 0;
+  bool slurm = false;
+  bool no_smoothing = false;
+  bool json = false;
+};
+
+void add_reconstruct_options(CLI::App* command, ReconstructArguments& arguments);
+
+/// The request of parsed arguments. Throws InputError for bad values.
+ReconstructRequest request_of(const CommandLine& line, const ReconstructArguments& arguments);
+
+/// Parses "mode=paper,internal=0.3,photometric=0.4,silhouette=0.3,window=7,views=6,carving=1": any
+/// of these in any order; missing ones have their defaults. Throws InputError for other text and
+/// for values that check() rejects.
+DeformOptions parse_deform(std::string_view text);
+
+}  // namespace v3d::ctl

@@ -1,0 +1,160 @@
+#include "v3dctl/reconstruct/reconstruct_request.h"
+
+#include <algorithm>
+#include <array>
+#include <cstdio>
+#include <nlohmann/json.hpp>
+#include <thread>
+
+#include "base/error.h"
+#include "common/console.h"
+#include "v3dctl/reconstruct/reconstruction_bounds.h"
+
+namespace v3d::ctl {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+Box reported_default_bounds(const Rig& rig, int min_views) {
+  const Box box = default_bounds(rig, min_views);
+  char text[160];
+  std::snprintf(text, sizeof text,
+                "bounds seen by at least half the cameras: --bounds %.3f,%.3f,%.3f,%.3f,%.3f,%.3f",
+                box.min.x(), box.min.y(), box.min.z(), box.max.x(), box.max.y(), box.max.z());
+  note(text);
+  return box;
+}
+
+Json deform_to_json(const DeformOptions& deform) {
+  return {{"mode", static_cast<int>(deform.mode)},
+          {"internal", deform.internal},
+          {"photometric", deform.photometric},
+          {"silhouette", deform.silhouette},
+          {"window", deform.window},
+          {"views", deform.views},
+          {"hollows", deform.carve_concavities}};
+}
+
+DeformOptions deform_from_json(const Json& json) {
+  DeformOptions deform;
+  deform.mode = static_cast<DeformMode>(json.at("mode").get<int>());
+  deform.internal = json.at("internal");
+  deform.photometric = json.at("photometric");
+  deform.silhouette = json.at("silhouette");
+  deform.window = json.at("window");
+  deform.views = json.at("views");
+  deform.carve_concavities = json.at("hollows");
+  return deform;
+}
+
+}  // namespace
+
+TakeFrames open_take(const ReconstructRequest& request) {
+  return {request.take, cameras_without(load_take_info({request.take}), request.leave_out)};
+}
+
+std::vector<std::string> cameras_without(const TakeInfo& info,
+                                         const std::vector<std::string>& leave_out) {
+  for (const std::string& name : leave_out) {
+    if (std::ranges::find(info.cameras, name) == info.cameras.end()) {
+      throw InputError("--leave-out " + name + ": the take has no such camera; expected some of " +
+                       join_names(info.cameras));
+    }
+  }
+  std::vector<std::string> cameras;
+  for (const std::string& name : info.cameras) {
+    if (std::ranges::find(leave_out, name) == leave_out.end()) cameras.push_back(name);
+  }
+  if (cameras.empty())
+    throw InputError("--leave-out: leaves no camera of the take; expected at least one to remain");
+  return cameras;
+}
+
+ReconstructRequest with_defaults(const ReconstructRequest& request, const TakeFrames& take) {
+  const Studio* studio =
+      request.studio && request.studio->name == take.info().studio ? &*request.studio : nullptr;
+  const int cameras = static_cast<int>(take.rig().size());
+  ReconstructRequest complete = request;
+  complete.studio.reset();
+  complete.voxel_m = request.voxel_m.value_or(studio ? studio->reconstruction.voxel_m : 0.01);
+  complete.quality =
+      request.quality.value_or(studio ? studio->reconstruction.quality : Quality::kLive);
+  complete.min_views = request.min_views.value_or(
+      std::min(cameras, studio ? studio->reconstruction.min_views : default_min_views(cameras)));
+  if (complete.min_views > cameras) {
+    throw InputError("--min-views " + std::to_string(*complete.min_views) + ": expected at most " +
+                     std::to_string(cameras) + " cameras, the number that takes part");
+  }
+  if (!request.bounds) {
+    complete.bounds =
+        studio ? studio->space.bounds : reported_default_bounds(take.rig(), *complete.min_views);
+  }
+  return complete;
+}
+
+ReconstructOptions options_of(const ReconstructRequest& complete, int threads) {
+  ReconstructOptions options;
+  options.bounds = *complete.bounds;
+  options.voxel_m = *complete.voxel_m;
+  options.min_views = *complete.min_views;
+  options.quality = *complete.quality;
+  options.deform = complete.deform;
+  options.threads = threads;
+  return options;
+}
+
+Json request_to_json(const ReconstructRequest& complete) {
+  const Box& box = *complete.bounds;
+  return {
+      {"bounds_m", {box.min.x(), box.min.y(), box.min.z(), box.max.x(), box.max.y(), box.max.z()}},
+      {"voxel_m", *complete.voxel_m},
+      {"min_views", *complete.min_views},
+      {"quality", static_cast<int>(*complete.quality)},
+      {"deform", deform_to_json(complete.deform)},
+      {"smooth", complete.smooth},
+      {"repair", complete.repair},
+      {"frames", {complete.frames.begin, complete.frames.end}},
+      {"leave_out", complete.leave_out}};
+}
+
+ReconstructRequest request_from_json(const Json& json) {
+  ReconstructRequest request;
+  const auto box = json.at("bounds_m").get<std::array<double, 6>>();
+  request.bounds = Box{{box[0], box[1], box[2]}, {box[3], box[4], box[5]}};
+  request.voxel_m = json.at("voxel_m").get<double>();
+  request.min_views = json.at("min_views").get<int>();
+  request.quality = static_cast<Quality>(json.at("quality").get<int>());
+  request.deform = deform_from_json(json.at("deform"));
+  request.smooth = json.at("smooth");
+  request.repair = json.at("repair");
+  request.frames.begin = json.at("frames").at(0);
+  request.frames.end = json.at("frames").at(1);
+  request.leave_out = json.at("leave_out").get<std::vector<std::string>>();
+  return request;
+}
+
+std::vector<int64_t> pulses_of(const ReconstructRequest& request, const TakeFrames& take) {
+  const std::vector<int64_t> all = take.pulses();
+  if (all.empty()) throw InputError(take.paths().folder.string() + ": the take has no frames");
+  std::vector<int64_t> pulses;
+  std::copy_if(all.begin(), all.end(), std::back_inserter(pulses),
+               [&](int64_t pulse) { return request.frames.contains(pulse); });
+  if (pulses.empty()) {
+    throw InputError("--frames: the take has none of these frames; expected some of " +
+                     std::to_string(all.front()) + " to " + std::to_string(all.back()));
+  }
+  return pulses;
+}
+
+int64_t pulses_without_frames(const ReconstructRequest& request, const TakeFrames& take) {
+  const int64_t end = std::min(take.info().pulses, request.frames.end);
+  const auto with_frames = std::ssize(pulses_of(request, take));
+  return std::max<int64_t>(0, end - request.frames.begin - with_frames);
+}
+
+int threads_of(const ReconstructRequest& request) {
+  if (request.threads > 0) return request.threads;
+  return std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
+}
+
+}  // namespace v3d::ctl

@@ -1,0 +1,67 @@
+// Request to reconstruct a take: its frames, cameras, bounds and quality.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <nlohmann/json_fwd.hpp>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "base/geometry.h"
+#include "base/studio_file.h"
+#include "daemon/recorded/take_frames.h"
+#include "recon/pipeline/reconstructor.h"
+#include "recon/surface/deform.h"
+#include "v3dctl/options.h"
+
+namespace v3d::ctl {
+
+struct ReconstructRequest {
+  std::filesystem::path take;
+  std::optional<Box> bounds;       ///< metres; otherwise the studio's, otherwise default_bounds()
+  std::optional<double> voxel_m;   ///< otherwise the studio's, otherwise 10 mm
+  std::optional<int> min_views;    ///< otherwise the studio's, otherwise default_min_views()
+  std::optional<Quality> quality;  ///< otherwise the studio's, otherwise live
+  DeformOptions deform;            ///< with high quality
+  bool smooth = true;              ///< temporal smoothing, with high quality
+  bool repair = false;             ///< silhouette repair before the reconstruction
+  FrameRange frames;
+  int threads = 0;                     ///< 0: one per core
+  std::vector<std::string> leave_out;  ///< cameras
+  std::optional<Studio> studio;        ///< gives defaults if the take belongs to this studio
+};
+
+/// Opens the frames of the requested cameras. Throws InputError for an unknown camera.
+TakeFrames open_take(const ReconstructRequest& request);
+
+/// The cameras of a take without those of `leave_out`. Throws InputError for a name that the take
+/// does not have, and when no camera remains.
+std::vector<std::string> cameras_without(const TakeInfo& info,
+                                         const std::vector<std::string>& leave_out);
+
+/// Sets all optional values of the request to their defaults, so that every process uses the same.
+/// Prints default_bounds() on stderr where they are used. Throws InputError for more views than
+/// cameras.
+ReconstructRequest with_defaults(const ReconstructRequest& request, const TakeFrames& take);
+
+// The functions below marked "complete" require a result of with_defaults().
+
+/// Options of the reconstructor for a complete request.
+ReconstructOptions options_of(const ReconstructRequest& complete, int threads);
+
+/// A complete request as JSON, without the take, and back. The second throws
+/// nlohmann::json::exception for other JSON.
+nlohmann::ordered_json request_to_json(const ReconstructRequest& complete);
+ReconstructRequest request_from_json(const nlohmann::ordered_json& json);
+
+/// Pulses of the requested frames, increasing. Throws InputError when there is none.
+std::vector<int64_t> pulses_of(const ReconstructRequest& request, const TakeFrames& take);
+
+/// Number of requested pulses that were commanded and have no frame of any camera.
+int64_t pulses_without_frames(const ReconstructRequest& request, const TakeFrames& take);
+
+/// Number of worker threads: the requested one, otherwise one per core.
+int threads_of(const ReconstructRequest& request);
+
+}  // namespace v3d::ctl

@@ -1,0 +1,101 @@
+// Folder of shards: the state on disk of a reconstruction that several processes share.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <optional>
+#include <set>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "v3dctl/reconstruct/reconstruct_report.h"
+#include "v3dctl/reconstruct/reconstruct_request.h"
+
+namespace v3d::ctl {
+
+/// Pulses from one key frame to the next. Reconstructed alone, they have the same bytes as in the
+/// whole take.
+struct Shard {
+  int64_t number = 0;           ///< counted from pulse 0, also where the take has no frames there
+  std::vector<int64_t> pulses;  ///< increasing
+};
+
+/// Divides increasing pulses into shards.
+std::vector<Shard> shards_of(const std::vector<int64_t>& pulses);
+
+/// TAKE/.shards-DIGEST:
+///   request.json        everything that the result depends on; DIGEST is its checksum
+///   shard-000012.v3d    meshes of a finished shard
+///   shard-000012.json   its measurements, and a checksum of both files
+///   error-*             an error that a retry cannot resolve, one line
+///   task-*.log          stderr of the tasks
+/// The digest prevents joining shards of other takes, options or programs. Files are replaced
+/// atomically. Several processes, also on several hosts, may use one folder.
+class ShardFolder {
+ public:
+  /// Creates the folder for a complete request, if it does not exist. Throws std::runtime_error for
+  /// errors of the disk.
+  static ShardFolder create(const ReconstructRequest& complete, const TakeFrames& take);
+  /// Uses an existing folder.
+  explicit ShardFolder(std::filesystem::path path) : path_(std::move(path)) {}
+
+  const std::filesystem::path& path() const { return path_; }
+  std::string digest() const;
+
+  /// The complete request. Throws InputError if another build of this program created the folder.
+  ReconstructRequest request() const;
+
+  std::filesystem::path mesh(const Shard& shard) const;
+  /// Saves the measurements of a shard after its mesh file. Throws std::runtime_error for errors of
+  /// the disk.
+  void save(const Shard& shard, const ReconstructReport& report) const;
+  /// Measurements of a finished shard; empty if it is missing or damaged. `empty`: empty_report()
+  /// of the request.
+  std::optional<ReconstructReport> find(const Shard& shard, const ReconstructReport& empty) const;
+  void drop(const Shard& shard) const;
+  /// Numbers of the shards that are finished according to the file names.
+  std::set<int64_t> saved() const;
+
+  /// Errors of tasks that a retry cannot resolve.
+  void save_error(const std::string& reason) const;
+  std::optional<std::string> saved_error() const;
+  void remove_errors() const;
+
+  void remove() const;
+  /// Removes the folders of runs with other options. A folder stays unless its lock can be taken,
+  /// because a process may still use it.
+  void remove_others() const;
+
+ private:
+  std::filesystem::path report(const Shard& shard) const;
+
+  std::filesystem::path path_;
+};
+
+/// Lock of a folder of shards (flock(2) on its file `lock`), held until destruction. It ensures
+/// that one process at a time coordinates the tasks of a folder.
+class ShardFolderLock {
+ public:
+  enum class State {
+    kHeld,           ///< by this object
+    kHeldByAnother,  ///< by another process or object
+    kUnknown,        ///< the file could not be opened, or its disk has no locks
+  };
+
+  explicit ShardFolderLock(const ShardFolder& folder);
+  ~ShardFolderLock();
+  ShardFolderLock(const ShardFolderLock&) = delete;
+  ShardFolderLock& operator=(const ShardFolderLock&) = delete;
+
+  State state() const { return state_; }
+  /// Path and cause if the file could not be opened; otherwise empty.
+  const std::string& error() const { return error_; }
+
+ private:
+  int fd_ = -1;
+  State state_ = State::kUnknown;
+  std::string error_;
+};
+
+}  // namespace v3d::ctl

@@ -1,0 +1,226 @@
+#include "v3dctl/reconstruct/sharded_reconstruction.h"
+
+#include <algorithm>
+#include <map>
+#include <stdexcept>
+
+#include "base/error.h"
+#include "base/file.h"
+#include "base/time.h"
+#include "common/console.h"
+#include "take/mesh_file.h"
+#include "v3dctl/process.h"
+#include "v3dctl/reconstruct/take_reconstruction.h"
+
+namespace v3d::ctl {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr int kMaxTries = 3;
+
+/// Last line of the newest task log, after its path; empty when no task wrote anything.
+std::string last_log_line(const fs::path& folder) {
+  fs::path newest;
+  for (const fs::directory_entry& entry : fs::directory_iterator(folder)) {
+    const fs::path& path = entry.path();
+    if (!path.filename().string().starts_with("task-") || fs::file_size(path) == 0) continue;
+    if (newest.empty() || fs::last_write_time(path) > fs::last_write_time(newest)) newest = path;
+  }
+  if (newest.empty()) return {};
+  std::string text = read_file(newest);
+  text.erase(text.find_last_not_of('\n') + 1);
+  return newest.string() + ": " + text.substr(text.rfind('\n') + 1);
+}
+
+// One run: starts tasks until all shards are finished, then joins them.
+class ShardedRun {
+ public:
+  ShardedRun(const ReconstructRequest& request, int threads, const MakeTaskRunner& make_runner)
+      : ShardedRun(request, threads, make_runner, open_take(request)) {}
+
+  ReconstructReport run() {
+    require_lock();
+    folder_.remove_errors();
+    find_shards();
+    report_.frames_kept = frames_found_;
+    if (!found_.empty()) {
+      note(std::to_string(found_.size()) + " of " + count_of(std::ssize(shards_), "shard") +
+           " kept from an earlier run");
+    }
+    try {
+      make_missing();
+    } catch (...) {
+      if (folder_.saved().empty()) folder_.remove();
+      throw;
+    }
+    join();
+    folder_.remove();
+    folder_.remove_others();
+    return std::move(report_);
+  }
+
+ private:
+  ShardedRun(const ReconstructRequest& request, int threads, const MakeTaskRunner& make_runner,
+             const TakeFrames& take)
+      : complete_(with_defaults(request, take)),
+        shards_(shards_of(pulses_of(request, take))),
+        mesh_(take.paths().mesh()),
+        empty_(empty_report(take.rig(), options_of(complete_, threads), request.repair)),
+        report_(empty_),
+        folder_(ShardFolder::create(complete_, take)),
+        lock_(folder_),
+        tasks_(make_runner(folder_, complete_)),
+        progress_("reconstruct", frames()) {
+    report_.incomplete = pulses_without_frames(request, take);
+  }
+
+  /// Accepts a disk without locks: two runs in one folder would then do the same work twice.
+  void require_lock() const {
+    if (lock_.state() == ShardFolderLock::State::kHeldByAnother) {
+      throw InputError(folder_.path().string() +
+                       ": another v3dctl reconstruct already makes these shards");
+    }
+    if (!lock_.error().empty()) throw std::runtime_error(lock_.error());
+  }
+
+  void make_missing() {
+    for (int tries = 0; !missing().empty(); ++tries) {
+      if (tries == kMaxTries) fail();
+      run_tasks();
+      find_shards();
+    }
+  }
+
+  int64_t frames() const {
+    int64_t count = 0;
+    for (const Shard& shard : shards_) count += std::ssize(shard.pulses);
+    return count;
+  }
+
+  /// Reads the measurements of finished shards; damaged ones are made again.
+  void find_shards() {
+    const std::set<int64_t> saved = folder_.saved();
+    for (const Shard& shard : shards_) {
+      if (found_.contains(shard.number) || !saved.contains(shard.number)) continue;
+      std::optional<ReconstructReport> report = folder_.find(shard, empty_);
+      if (!report) continue;
+      found_.emplace(shard.number, *std::move(report));
+      frames_found_ += std::ssize(shard.pulses);
+    }
+    show(frames_found_);
+  }
+
+  /// Shows the progress by the frames of finished shards, including damaged ones.
+  void show(int64_t frames) {
+    if (frames > shown_) progress_.advance(frames - shown_);
+    shown_ = std::max(shown_, frames);
+  }
+
+  /// Indices of unfinished shards.
+  std::vector<int64_t> missing() const {
+    std::vector<int64_t> indices;
+    for (size_t n = 0; n < shards_.size(); ++n) {
+      if (!found_.contains(shards_[n].number)) indices.push_back(static_cast<int64_t>(n));
+    }
+    return indices;
+  }
+
+  void run_tasks() {
+    const std::vector<int64_t> indices = missing();
+    // A damaged shard must not count as finished.
+    for (const int64_t index : indices) folder_.drop(shards_[static_cast<size_t>(index)]);
+    tasks_->start(indices, std::ssize(shards_));
+    while (tasks_->poll()) {
+      stop_on_error_or_interrupt();
+      const std::set<int64_t> saved = folder_.saved();
+      int64_t frames = 0, shards = 0;
+      for (const Shard& shard : shards_) {
+        if (!saved.contains(shard.number)) continue;
+        frames += std::ssize(shard.pulses);
+        ++shards;
+      }
+      show(frames);
+      if (shards == std::ssize(shards_)) break;
+    }
+    stop_on_error_or_interrupt();
+    tasks_->cancel();
+  }
+
+  void stop_on_error_or_interrupt() {
+    const std::optional<std::string> error = folder_.saved_error();
+    if (!error && !interrupted()) return;
+    tasks_->cancel();
+    if (error) throw InputError(*error);
+    throw std::runtime_error(
+        "interrupted; repeat the command to continue after the finished shards");
+  }
+
+  [[noreturn]] void fail() const {
+    const std::string log_line = last_log_line(folder_.path());
+    const std::string hint = tasks_->hint();
+    throw std::runtime_error(count_of(std::ssize(missing()), "shard") + " of the take failed " +
+                             std::to_string(kMaxTries) + " times; " +
+                             (log_line.empty() ? "no task wrote a message" + hint : log_line));
+  }
+
+  void join() {
+    PendingMeshFile file(mesh_);
+    for (const Shard& shard : shards_) {
+      MeshFileReader meshes(folder_.mesh(shard));
+      for (const int64_t pulse : shard.pulses) {
+        const auto compact = meshes.read(pulse);
+        if (!compact) throw std::runtime_error(folder_.mesh(shard).string() + ": has changed");
+        file.append(pulse, *compact);
+      }
+      append(report_, found_.at(shard.number));
+    }
+    file.finish();
+  }
+
+  const ReconstructRequest complete_;
+  const std::vector<Shard> shards_;
+  const fs::path mesh_;
+  const ReconstructReport empty_;
+  ReconstructReport report_;
+  const ShardFolder folder_;
+  const ShardFolderLock lock_;
+  const std::unique_ptr<TaskRunner> tasks_;
+  Progress progress_;
+  std::map<int64_t, ReconstructReport> found_;  ///< by number
+  int64_t frames_found_ = 0;
+  int64_t shown_ = 0;
+};
+
+}  // namespace
+
+ReconstructReport reconstruct_sharded(const ReconstructRequest& request, int threads,
+                                      const MakeTaskRunner& make_runner) {
+  const MonotonicInstant begin = Monotonic::now();
+  ReconstructReport report = ShardedRun(request, threads, make_runner).run();
+  report.seconds = to_seconds(Monotonic::now() - begin);
+  return report;
+}
+
+void reconstruct_shards(const ShardFolder& folder, FrameRange range, int threads) {
+  try {
+    const ReconstructRequest request = folder.request();
+    TakeFrames take = open_take(request);
+    const std::vector<Shard> shards = shards_of(pulses_of(request, take));
+    const ReconstructReport empty =
+        empty_report(take.rig(), options_of(request, threads), request.repair);
+    TakeReconstruction reconstruction(request, threads, std::move(take));
+    for (size_t n = 0; n < shards.size(); ++n) {
+      if (!range.contains(static_cast<int64_t>(n)) || folder.find(shards[n], empty)) continue;
+      PendingMeshFile file(folder.mesh(shards[n]));
+      const ReconstructReport report = reconstruction.make(shards[n].pulses, file, [] {});
+      file.finish();
+      folder.save(shards[n], report);
+    }
+  } catch (const InputError& error) {
+    folder.save_error(error.what());
+    throw;
+  }
+}
+
+}  // namespace v3d::ctl

@@ -1,0 +1,72 @@
+// Reconstruction of a take in one process, and the mesh file that it writes.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <functional>
+#include <memory>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "daemon/recorded/take_frames.h"
+#include "take/mesh_file.h"
+#include "v3dctl/reconstruct/reconstruct_report.h"
+#include "v3dctl/reconstruct/reconstruct_request.h"
+
+namespace v3d::ctl {
+
+/// Reconstructs the take and replaces its mesh.v3d when all frames are done.
+/// Throws InputError for bad input, and std::runtime_error for errors of the disk and after an
+/// interrupt; the old mesh.v3d then stays.
+ReconstructReport reconstruct_take(const ReconstructRequest& request);
+
+/// Mesh file with a temporary name until finish(). The destructor removes an unfinished file. One
+/// thread.
+class PendingMeshFile {
+ public:
+  /// `path`: the final path. Throws InputError when the file cannot be created.
+  explicit PendingMeshFile(const std::filesystem::path& path);
+  ~PendingMeshFile();
+  PendingMeshFile(const PendingMeshFile&) = delete;
+  PendingMeshFile& operator=(const PendingMeshFile&) = delete;
+
+  /// Requires increasing pulses. Throws std::runtime_error with path and cause for errors of the
+  /// disk.
+  void append(int64_t pulse, const std::vector<uint8_t>& compact);
+  /// Syncs the file and renames it. Throws as append().
+  void finish();
+
+ private:
+  std::filesystem::path path_;
+  std::filesystem::path temporary_path_;
+  MeshFileWriter file_;
+  bool finished_ = false;
+};
+
+/// Suffix of temporary names: host and process.
+std::string process_suffix();
+
+/// Reconstructs ranges of pulses. The mesh of a pulse depends on this pulse and its neighbours, its
+/// bytes also on the frames since the last key frame: ranges that begin with a key frame have the
+/// same bytes as in the whole take. One caller at a time.
+class TakeReconstruction {
+ public:
+  /// `complete`: a result of with_defaults() for this take. Throws InputError as Reconstructor
+  /// does.
+  TakeReconstruction(const ReconstructRequest& complete, int threads, TakeFrames take);
+  ~TakeReconstruction();
+
+  /// Appends the meshes of `pulses` to `file`, the first as a key frame, and calls `on_frame` after
+  /// each. Returns the measurements, without `seconds`.
+  /// Requires increasing pulses, after those of earlier calls. Throws InputError for bad frames,
+  /// and std::runtime_error for errors of the disk and after an interrupt.
+  ReconstructReport make(std::span<const int64_t> pulses, PendingMeshFile& file,
+                         const std::function<void()>& on_frame);
+
+ private:
+  class Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace v3d::ctl

@@ -1,0 +1,94 @@
+// Task runners: where the tasks of a sharded reconstruction run.
+#pragma once
+
+#include <sys/types.h>
+
+#include <cstdint>
+#include <deque>
+#include <set>
+#include <string>
+#include <vector>
+
+#include "base/time.h"
+#include "daemon/recorded/frame_range.h"
+#include "v3dctl/reconstruct/shard_folder.h"
+
+namespace v3d::ctl {
+
+/// Runs tasks; each task makes the unfinished shards of a range of indices. The destructor ends all
+/// tasks. One thread.
+class TaskRunner {
+ public:
+  virtual ~TaskRunner() = default;
+
+  /// Starts tasks for the `missing` ones of `count` shards: indices, increasing and not empty.
+  /// Requires that no task runs. Throws InputError if starting is impossible.
+  virtual void start(const std::vector<int64_t>& missing, int64_t count) = 0;
+  /// Waits about 0.1 s; returns whether tasks still run. Starts queued tasks.
+  virtual bool poll() = 0;
+  /// Ends all tasks and waits for their end.
+  virtual void cancel() = 0;
+  /// Advice for a task that failed without a log.
+  virtual std::string hint() const = 0;
+};
+
+/// Command line of one task: the hidden command reconstruct-shards of this program. `range`: "A:B".
+std::vector<std::string> task_words(const std::string& folder, const std::string& range,
+                                    int threads);
+
+/// Runs tasks as processes of this PC. They end when this process ends.
+class LocalTaskRunner : public TaskRunner {
+ public:
+  /// `processes`: number at a time. `threads`: of each.
+  LocalTaskRunner(ShardFolder folder, int processes, int threads);
+  ~LocalTaskRunner() override;
+
+  void start(const std::vector<int64_t>& missing, int64_t count) override;
+  bool poll() override;
+  void cancel() override;
+  std::string hint() const override { return {}; }
+
+ private:
+  void start_task(FrameRange shards);
+  void reap();
+  void signal(int number) const;
+
+  const ShardFolder folder_;
+  const size_t processes_;
+  const int threads_;
+  std::deque<FrameRange> queue_;  ///< indices of shards
+  std::vector<pid_t> running_;
+};
+
+/// Runs tasks as an array job of a Slurm cluster. Uses Slurm's commands and needs no accounting:
+/// squeue lists running tasks, the folder has the finished shards.
+class SlurmTaskRunner : public TaskRunner {
+ public:
+  /// `partition`: empty for the default. `threads`: of each task. `min_shards`: of each task.
+  SlurmTaskRunner(ShardFolder folder, std::string partition, int threads, int64_t min_shards);
+  ~SlurmTaskRunner() override;
+
+  void start(const std::vector<int64_t>& missing, int64_t count) override;
+  bool poll() override;
+  void cancel() override;
+  std::string hint() const override;
+
+ private:
+  /// Updates the state of the job from squeue; keeps it when squeue fails.
+  void query_queue();
+  void report_waiting();
+
+  const ShardFolder folder_;
+  const std::string partition_;
+  const int threads_;
+  const int64_t min_shards_;
+  const std::string name_;  ///< of the jobs
+  std::string job_;         ///< number; empty: none
+  MonotonicInstant next_query_;
+  MonotonicInstant idle_since_;     ///< no task has run since then
+  std::string reason_;              ///< why tasks wait; empty when one runs
+  std::set<std::string> reported_;  ///< reasons
+  bool query_failed_ = false;       ///< and was reported
+};
+
+}  // namespace v3d::ctl

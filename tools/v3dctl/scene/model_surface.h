@@ -1,0 +1,60 @@
+// Coloured surface of a computer graphics model, and its lighting.
+#pragma once
+
+#include <Eigen/Geometry>
+#include <array>
+#include <vector>
+
+#include "base/image.h"
+#include "base/mesh.h"
+
+namespace v3d::ctl {
+
+/// Triangles in the axes of the world (metres, z up) with their material per vertex.
+struct ModelSurface {
+  Mesh mesh;                             ///< without colours
+  std::vector<Eigen::Vector3f> normals;  ///< unit length
+  std::vector<Eigen::Vector3f> albedo;   ///< linear, 0 to 1
+  std::vector<uint8_t> unlit;            ///< 1: shown without lighting
+};
+
+/// Corner of a triangle of the model.
+struct ModelCorner {
+  Eigen::Vector3f position, normal;  ///< metres; unit length or zero
+  Eigen::Vector3f colour = Eigen::Vector3f::Ones();
+  Eigen::Vector2f uv = Eigen::Vector2f::Zero();  ///< 1: width and height of the texture
+};
+
+struct ModelMaterial {
+  Eigen::Vector3f factor = Eigen::Vector3f::Ones();  ///< of the colour, linear
+  const Image* texture = nullptr;                    ///< RGB8, repeated; borrowed
+  bool unlit = false;
+};
+
+/// `v` with length 1; zero where it has no direction.
+Eigen::Vector3f unit_or_zero(const Eigen::Vector3f& v);
+
+/// Builds a surface from textured triangles. Textures become vertex colours: a triangle is
+/// subdivided until its edges are about three texels long. One thread.
+class ModelSurfaceBuilder {
+ public:
+  /// Adds a triangle. Returns false, and adds nothing, if the surface would have more than 4
+  /// million triangles.
+  bool add(const std::array<ModelCorner, 3>& corners, const ModelMaterial& material);
+  const ModelSurface& surface() const { return surface_; }
+  ModelSurface take() { return std::move(surface_); }
+
+ private:
+  void add_vertex(const ModelCorner& corner, const ModelMaterial& material);
+
+  ModelSurface surface_;
+};
+
+/// Limit of triangles of a surface.
+inline constexpr size_t kMaxModelTriangles = 4'000'000;
+
+/// Mesh of the model in the world, lit as in tools/viewer (docs/scene.md): a sun from above, and a
+/// sky that is brighter than the ground. Colours are sRGB.
+Mesh lit_model(const ModelSurface& model, const Eigen::Affine3d& world_from_model);
+
+}  // namespace v3d::ctl

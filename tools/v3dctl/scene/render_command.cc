@@ -1,0 +1,227 @@
+// render: draws a frame of a take, or a scene.
+#include <cstdio>
+#include <optional>
+
+#include "base/error.h"
+#include "base/image_size.h"
+#include "base/name_list.h"
+#include "base/png_file.h"
+#include "common/console.h"
+#include "common/number_option.h"
+#include "daemon/recorded/frame_colours.h"
+#include "daemon/recorded/mesh_frames.h"
+#include "daemon/recorded/take_frames.h"
+#include "recon/render/renderer.h"
+#include "v3dctl/command_line.h"
+#include "v3dctl/options.h"
+#include "v3dctl/process.h"
+#include "v3dctl/scene/scene_renderer.h"
+#include "v3dctl/scene/scene_video.h"
+
+namespace v3d::ctl {
+namespace {
+
+constexpr ImageSize kTurntableView{480, 560};
+
+namespace fs = std::filesystem;
+
+struct Arguments {
+  fs::path take;
+  fs::path out;
+  fs::path scene;
+  std::optional<double> at_s;
+  std::string frames;
+  std::string size = "1280x720";
+  int64_t frame = -1;
+  std::string camera;
+  int turntable = 0;
+  bool view_dependent = false;
+};
+
+/// Renders a frame, with view-dependent colours if requested.
+class FrameRenderer {
+ public:
+  FrameRenderer(const Arguments& arguments, CompactFrame frame) : mesh_(std::move(frame.mesh)) {
+    if (arguments.view_dependent) colours_.emplace(arguments.take, frame);
+  }
+  const Mesh& mesh() const { return mesh_; }
+  Image draw(const CameraModel& camera, const DrawOptions& options) const {
+    return draw_mesh(colours_ ? colours_->seen_by(camera, mesh_) : mesh_, camera, options);
+  }
+
+ private:
+  Mesh mesh_;
+  std::optional<FrameColours> colours_;
+};
+
+Image render_camera(const Arguments& arguments, const FrameRenderer& renderer) {
+  const TakePaths paths{arguments.take};
+  const Rig rig = load_take_calib(paths);
+  const int index = find_camera(rig, arguments.camera);
+  if (index < 0) {
+    std::vector<std::string> names;
+    for (const RigCamera& camera : rig) names.push_back(camera.name);
+    throw InputError("--camera " + arguments.camera + ": not in " + paths.calib().string() +
+                     "; expected one of " + join_names(names));
+  }
+  return renderer.draw(rig[static_cast<size_t>(index)].model, {});
+}
+
+// A floor for objects of the size of people; its grid would hide much smaller ones.
+std::optional<FloorOptions> floor_under(const Box& bounds) {
+  if (bounds.size().maxCoeff() < 0.5) return std::nullopt;
+  FloorOptions floor;
+  floor.z = bounds.min.z();
+  return floor;
+}
+
+Image turntable(const FrameRenderer& renderer, int views, int64_t frame) {
+  if (renderer.mesh().vertices.empty()) {
+    throw InputError("--turntable: frame " + std::to_string(frame) + " has no surface");
+  }
+  const Box bounds = bounds_of(renderer.mesh());
+  DrawOptions options;
+  options.head_light = 0.3;
+  options.floor = floor_under(bounds);
+  std::vector<Image> images;
+  for (const CameraModel& camera : turntable_cameras(bounds, views, kTurntableView)) {
+    images.push_back(renderer.draw(camera, options));
+  }
+  return contact_sheet(images);
+}
+
+/// Range of pictures of the scene.
+FrameRange frames_of(const Arguments& arguments, const Scene& scene) {
+  FrameRange range = parse_frame_range(arguments.frames);
+  range.end = std::min(range.end, scene.frames());
+  if (range.begin < range.end) return range;
+  throw InputError("--frames " + arguments.frames +
+                   " is beyond the scene, which has pictures 0 to " +
+                   std::to_string(scene.frames() - 1));
+}
+
+void draw_video(SceneRenderer& renderer, const Arguments& arguments, FrameRange range,
+                ImageSize size) {
+  VideoWriter video(arguments.out, size, renderer.scene().rate_hz);
+  Progress progress("render", range.end - range.begin);
+  for (int64_t frame = range.begin; frame < range.end; ++frame) {
+    stop_if_interrupted();
+    video.add(renderer.draw(frame));
+    progress.advance();
+  }
+  video.close();
+}
+
+void draw_folder(SceneRenderer& renderer, const Arguments& arguments, FrameRange range) {
+  std::error_code error;
+  if (!fs::create_directories(arguments.out, error) && !fs::is_directory(arguments.out)) {
+    throw InputError(arguments.out.string() + ": cannot create the folder: " + error.message());
+  }
+  Progress progress("render", range.end - range.begin);
+  for (int64_t frame = range.begin; frame < range.end; ++frame) {
+    stop_if_interrupted();
+    char name[32];
+    std::snprintf(name, sizeof name, "%06lld.png", static_cast<long long>(frame));
+    write_png(arguments.out / name, renderer.draw(frame).view());
+    progress.advance();
+  }
+}
+
+int run_scene(const Arguments& arguments) {
+  const bool picture = arguments.out.extension() == ".png";
+  if (picture != arguments.at_s.has_value()) {
+    throw InputError(picture ? "render: expected --at SECONDS for one picture of a scene"
+                             : "--at: expected a name that ends in .png for one picture");
+  }
+  if (!picture && arguments.out.has_extension() && !VideoWriter::writes(arguments.out)) {
+    throw InputError(arguments.out.string() +
+                     ": expected a folder, or a name that ends in .png, .mp4, .mov, .mkv or .webm");
+  }
+  const ImageSize size = parse_size(arguments.size);
+  Scene scene = load_scene(arguments.scene);
+  const FrameRange range = frames_of(arguments, scene);
+  SceneRenderer renderer(std::move(scene),
+                         {.size = size, .view_dependent = arguments.view_dependent});
+  catch_interrupts();
+  if (picture) {
+    write_png(arguments.out, renderer.draw_at(*arguments.at_s).view());
+  } else if (VideoWriter::writes(arguments.out)) {
+    draw_video(renderer, arguments, range, size);
+  } else {
+    draw_folder(renderer, arguments, range);
+  }
+  return kExitDone;
+}
+
+int run_take(const Arguments& arguments) {
+  if (arguments.camera.empty() == (arguments.turntable == 0)) {
+    throw InputError("render: expected either --camera CAM or --turntable K");
+  }
+  if (arguments.out.extension() != ".png") {
+    throw InputError(arguments.out.string() + ": expected a name that ends in .png");
+  }
+  MeshFrames meshes(arguments.take);
+  const int64_t frame = arguments.frame >= 0 ? arguments.frame : meshes.frames({}).front();
+  const FrameRenderer renderer(arguments, meshes.read(frame));
+  const Image drawn = arguments.camera.empty() ? turntable(renderer, arguments.turntable, frame)
+                                               : render_camera(arguments, renderer);
+  write_png(arguments.out, drawn.view());
+  return kExitDone;
+}
+
+int run(Arguments arguments) {
+  const bool of_take = arguments.scene.empty();
+  if (!of_take && arguments.out.empty()) std::swap(arguments.take, arguments.out);
+  if (arguments.out.empty() || arguments.take.empty() == of_take) {
+    throw InputError(of_take
+                         ? "render: expected TAKE and OUT.png, or --scene SCENE.json and OUT"
+                         : "render: expected --scene SCENE.json and OUT; the scene has its takes");
+  }
+  return of_take ? run_take(arguments) : run_scene(arguments);
+}
+
+}  // namespace
+
+void add_render(CommandLine& line) {
+  CLI::App* command =
+      line.add("render", "Draw a reconstructed frame, or a scene, as pictures or a video",
+               {"v3dctl render dancer --frame 12 --camera cam03 cam03.png",
+                "v3dctl render dancer --frame 12 --turntable 8 round.png",
+                "v3dctl render --scene duel/scene.json --at 2.5 duel.png",
+                "v3dctl render --scene duel/scene.json --size 1920x1080 duel.mp4"});
+  auto arguments = std::make_shared<Arguments>();
+  command->add_option("TAKE", arguments->take,
+                      "The folder of a reconstructed take; omitted with --scene");
+  command->add_option("OUT", arguments->out,
+                      "The picture (.png); of a scene also a video (.mp4, .mov, .mkv, .webm; by "
+                      "ffmpeg) or a folder for 000000.png ...");
+  command
+      ->add_option("--scene", arguments->scene,
+                   "A scene file: takes, models and a camera path (docs/scene.md)")
+      ->type_name("SCENE.json");
+  command->add_option("--at", arguments->at_s, "One picture, at this time of the scene")
+      ->type_name("SECONDS")
+      ->check(number_in(0, 36'000));
+  command->add_option("--size", arguments->size, "Size of the pictures of a scene, in pixels")
+      ->type_name("WIDTHxHEIGHT")
+      ->capture_default_str();
+  add_frames_option(command, arguments->frames);
+  command
+      ->add_option("--frame", arguments->frame, "Pulse number of the frame (otherwise the first)")
+      ->type_name("N")
+      ->check(CLI::NonNegativeNumber);
+  command->add_option("--camera", arguments->camera, "The view of this camera of the take")
+      ->type_name("CAM");
+  command
+      ->add_option("--turntable", arguments->turntable,
+                   "Views from K sides in one picture, with a floor")
+      ->type_name("K")
+      ->check(CLI::Range(1, 64));
+  command->add_flag(
+      "--view-dependent", arguments->view_dependent,
+      "View-dependent colours: images of cameras with a similar direction have the most "
+      "weight");
+  line.on_run(command, [arguments] { return run(*arguments); });
+}
+
+}  // namespace v3d::ctl

@@ -1,0 +1,79 @@
+// Scene: takes, models and a background in one world, and a camera path.
+// The format is in docs/scene.md; tools/viewer/src/scene_file.ts reads and writes it, too.
+#pragma once
+
+#include <Eigen/Geometry>
+#include <cstdint>
+#include <filesystem>
+#include <optional>
+#include <string_view>
+#include <vector>
+
+#include "base/mesh.h"
+
+namespace v3d::ctl {
+
+/// Pose and scale of an object in the world (metres, z up): scaled, rotated about x, then y, then
+/// z, and translated.
+struct Placement {
+  Eigen::Vector3d move = Eigen::Vector3d::Zero();      ///< metres
+  Eigen::Vector3d turn_deg = Eigen::Vector3d::Zero();  ///< about the axes of the world
+  double scale = 1;                                    ///< above 0
+
+  Eigen::Matrix3d rotation() const;
+  Eigen::Affine3d world_from_own() const;
+};
+
+/// What a take shows before its in point and after its out point.
+enum class Outside : uint8_t { kHold, kHide, kLoop };
+
+struct SceneTake {
+  std::filesystem::path take;  ///< folder
+  Placement place;
+  double start_s = 0;  ///< scene time of its in point
+  double speed = 1;    ///< above 0
+  std::optional<int64_t> in_pulse = std::nullopt;
+  std::optional<int64_t> out_pulse = std::nullopt;  ///< inclusive
+  Outside outside = Outside::kHold;
+};
+
+struct SceneModel {
+  std::filesystem::path model;  ///< glTF 2.0: .glb or .gltf
+  Placement place;
+};
+
+/// Has at most one of image, video and sphere.
+struct SceneBackground {
+  Rgb8 colour{16, 18, 22};
+  std::filesystem::path image;   ///< fills the picture
+  std::filesystem::path video;   ///< each frame fills the picture; starts at 0 s
+  std::filesystem::path sphere;  ///< equirectangular panorama, its centre towards +x
+  double turn_deg = 0;           ///< of the sphere, counter-clockwise seen from above
+};
+
+struct CameraKey {
+  double at_s = 0;
+  Eigen::Vector3d eye = Eigen::Vector3d::Zero();   ///< camera centre, metres
+  Eigen::Vector3d look = Eigen::Vector3d::Zero();  ///< point in the middle of the image, metres
+  double fov_deg = 40;                             ///< vertical
+};
+
+struct Scene {
+  double rate_hz = 25;  ///< pictures per second
+  double seconds = 0;
+  SceneBackground background;
+  bool floor = false;
+  std::vector<SceneTake> takes;
+  std::vector<SceneModel> models;
+  std::vector<CameraKey> camera;  ///< at least one, with increasing times
+
+  int64_t frames() const;
+  double time_of(int64_t frame) const { return static_cast<double>(frame) / rate_hz; }
+};
+
+/// Parses a scene. `path`: origin of the text; the files of the scene are relative to its folder.
+/// Throws InputError with the path, the field and what is expected.
+Scene parse_scene(std::string_view text, const std::filesystem::path& path);
+Scene load_scene(const std::filesystem::path& path);
+
+}  // namespace v3d::ctl

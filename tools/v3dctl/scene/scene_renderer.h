@@ -1,0 +1,55 @@
+// Renderer of scenes on the CPU.
+#pragma once
+
+#include <memory>
+#include <vector>
+
+#include "base/image.h"
+#include "daemon/recorded/mesh_frames.h"
+#include "v3dctl/scene/gltf_model.h"
+#include "v3dctl/scene/scene_clock.h"
+#include "v3dctl/scene/scene_file.h"
+#include "v3dctl/scene/scene_video.h"
+
+namespace v3d::ctl {
+
+/// One calling thread; renders on all processors.
+class SceneRenderer {
+ public:
+  struct Options {
+    ImageSize size{1280, 720};
+    /// View-dependent colours of takes for the camera of the scene; needs their raw frames.
+    bool view_dependent = false;
+  };
+
+  /// Opens all files of the scene. Throws InputError for a file that is missing or of a wrong
+  /// format.
+  SceneRenderer(Scene scene, const Options& options);
+
+  const Scene& scene() const { return scene_; }
+  /// Renders one picture, RGB8. With a background video, requires times that do not decrease. Fast
+  /// for increasing times.
+  Image draw(int64_t frame) { return draw_at(scene_.time_of(frame)); }
+  Image draw_at(double seconds);
+
+ private:
+  struct Actor {
+    SceneTake take;
+    std::unique_ptr<MeshFrames> meshes;
+    std::vector<int64_t> pulses;
+    double rate_hz;
+  };
+
+  void add_take(Actor& actor, const CameraModel& camera, double seconds, Mesh& all) const;
+  Image backdrop(const CameraModel& camera, double seconds);
+
+  const Scene scene_;
+  const Options options_;
+  std::vector<Actor> actors_;
+  Mesh models_;
+  Image still_;   ///< background that fills the picture
+  Image sphere_;  ///< background panorama
+  std::unique_ptr<VideoReader> video_;
+};
+
+}  // namespace v3d::ctl

@@ -1,0 +1,51 @@
+// Videos of scenes, through the program ffmpeg: writing pictures and reading a background.
+#pragma once
+
+#include <filesystem>
+#include <optional>
+
+#include "base/image.h"
+#include "common/process_stream.h"
+
+namespace v3d::ctl {
+
+/// Encodes pictures: H.264 in .mp4, .mov and .mkv, VP9 in .webm. One thread.
+class VideoWriter {
+ public:
+  /// Whether the extension of `path` is one of these.
+  static bool writes(const std::filesystem::path& path);
+
+  /// Throws InputError without ffmpeg on this PC, and for an odd width or height.
+  VideoWriter(const std::filesystem::path& path, ImageSize size, double rate_hz);
+  /// Adds a picture, RGB8 of the given size. Throws std::runtime_error after ffmpeg has failed;
+  /// ffmpeg prints the cause.
+  void add(const Image& picture);
+  /// Completes the file. Throws as add().
+  void close();
+
+ private:
+  std::filesystem::path path_;
+  ProcessStream ffmpeg_;
+};
+
+/// Decodes a video at a given rate; pictures are scaled and cropped to a given size. After the end
+/// of the video the last picture is repeated. One thread.
+class VideoReader {
+ public:
+  /// Throws InputError without ffmpeg on this PC, and for a video whose frames have different
+  /// sizes.
+  VideoReader(std::filesystem::path path, ImageSize size, double rate_hz);
+  /// Picture `number`. Requires numbers that do not decrease. Throws InputError for a video without
+  /// frames.
+  const Image& picture(int64_t number);
+
+ private:
+  std::filesystem::path path_;
+  ProcessStream ffmpeg_;
+  int64_t next_ = 0;
+  Image shown_;
+  Image decoded_;
+  bool ended_ = false;
+};
+
+}  // namespace v3d::ctl

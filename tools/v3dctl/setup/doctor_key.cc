@@ -1,0 +1,61 @@
+#include "v3dctl/setup/doctor_key.h"
+
+#include "base/error.h"
+#include "daemon/operator_client.h"
+#include "wire/studio_key.h"
+
+namespace v3d::ctl {
+namespace {
+
+using Verdict = Finding::Verdict;
+
+constexpr Duration kListen = std::chrono::seconds(2);  // health comes once a second
+
+}  // namespace
+
+Finding check_key_file(const std::filesystem::path& key) {
+  try {
+    StudioKey::load(key);
+    return {Verdict::kGood, "studio key", key.string() + " is there, and closed to others", ""};
+  } catch (const InputError& error) {
+    const std::string text = error.what();
+    const bool others = std::filesystem::exists(key) && text.find("chmod") != std::string::npos;
+    return {Verdict::kBad, "studio key", text,
+            others ? "chmod 640 " + key.string()
+                   : "the same file as on the other PCs; the first is made by v3dctl key new"};
+  }
+}
+
+std::vector<Finding> check_keys_of(const std::vector<std::string>& nodes,
+                                   const std::map<std::string, HealthMessage>& health) {
+  std::vector<Finding> findings;
+  for (const std::string& node : nodes) {
+    const std::string subject = "key of " + node;
+    const auto heard = health.find(node);
+    if (heard == health.end()) {
+      findings.push_back({Verdict::kUnknown, subject, "not heard: is it on?", ""});
+    } else if (is_believed(heard->second)) {
+      findings.push_back({Verdict::kGood, subject, "the same as here", ""});
+    } else {
+      findings.push_back({Verdict::kBad, subject, "none, or another than here",
+                          "copy the key of this PC there, and restart its daemons"});
+    }
+  }
+  return findings;
+}
+
+std::vector<Finding> examine_keys(const Studio& studio) {
+  std::vector<Finding> findings = {check_key_file(studio.network.key)};
+  if (findings.front().verdict != Verdict::kGood) return findings;
+  try {
+    OperatorClient client(studio);
+    const auto health = client.health(Monotonic::now() + kListen);
+    const auto more = check_keys_of(client.nodes(), health);
+    findings.insert(findings.end(), more.begin(), more.end());
+  } catch (const InputError& error) {
+    findings.push_back({Verdict::kUnknown, "key of others", error.what(), ""});
+  }
+  return findings;
+}
+
+}  // namespace v3d::ctl

@@ -1,0 +1,141 @@
+#include <fcntl.h>
+#include <sys/resource.h>
+#include <sys/statvfs.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <fstream>
+
+#include "base/calib_file.h"
+#include "base/error.h"
+#include "base/units.h"
+#include "v3dctl/setup/doctor.h"
+
+namespace v3d::ctl {
+namespace {
+
+using Verdict = Finding::Verdict;
+
+constexpr double kMinFreeBytes = 20e9;
+constexpr long kMinUsbMemoryMb = 1000;      // about twenty buffers for each of a few cameras
+constexpr double kMaxBytesWritten = 512e6;  // exceeds the cache of a disk that is too slow
+
+long read_number(const std::filesystem::path& path) {
+  long number = -1;
+  std::ifstream(path) >> number;
+  return number;
+}
+
+/// Data rate of the cameras by their calibrated image sizes; 0 when these are unknown.
+double data_rate(const Studio& studio, const std::vector<StudioCamera>& cameras) {
+  try {
+    const Rig rig = load_calib(studio.storage.calib);
+    double bytes = 0;
+    for (const StudioCamera& camera : cameras) {
+      const int index = find_camera(rig, camera.name);
+      if (index < 0) continue;
+      const ImageSize size = rig[static_cast<size_t>(index)].model.size();
+      bytes += static_cast<double>(byte_count(size, camera.pixel_format)) * studio.trigger.rate_hz;
+    }
+    return bytes;
+  } catch (const InputError&) {
+    return 0;
+  }
+}
+
+/// Write rate in bytes per second, measured for about 1 s; negative with errno set on an error.
+double measure_writes(const std::filesystem::path& file) {
+  const int fd = open(file.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0600);
+  if (fd < 0) return -1;
+  const std::vector<char> block(4 << 20, 'v');
+  double bytes = 0;
+  bool good = true;
+  const auto begin = std::chrono::steady_clock::now();
+  const auto seconds = [&] {
+    return std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+  };
+  while (good && seconds() < 1 && bytes < kMaxBytesWritten) {
+    for (int i = 0; i < 8 && good; ++i) {
+      const ssize_t written = write(fd, block.data(), block.size());
+      good = written > 0;
+      bytes += static_cast<double>(std::max<ssize_t>(0, written));
+    }
+    good = good && fdatasync(fd) == 0;
+  }
+  const double rate = bytes / seconds();
+  const int error = errno;
+  close(fd);
+  unlink(file.c_str());
+  errno = error;
+  return good ? rate : -1;
+}
+
+}  // namespace
+
+Finding check_disk(const std::string& path) {
+  struct statvfs disk {};
+  if (statvfs(path.c_str(), &disk) != 0) {
+    return {Verdict::kBad, "disk", errno_message(path),
+            "mkdir -p " + path + ", owned by the user v3d"};
+  }
+  const double free = static_cast<double>(disk.f_bavail) * static_cast<double>(disk.f_frsize);
+  const std::string text = path + " has " + format_bytes(free) + " free";
+  if (free >= kMinFreeBytes) return {Verdict::kGood, "disk", text, ""};
+  return {Verdict::kBad, "disk", text, "move takes to another disk; v3dctl takes lists them"};
+}
+
+Finding check_realtime(unsigned long limit, bool root) {
+  if (root || limit > 0) {
+    return {Verdict::kGood, "real time", "threads may use real-time priorities", ""};
+  }
+  return {Verdict::kUnknown, "real time", "not permitted to this user (RLIMIT_RTPRIO is 0)",
+          "the unit v3d-captured@.service grants it; by hand: '@v3d - rtprio 50' in "
+          "/etc/security/limits.d/v3d.conf"};
+}
+
+Finding judge_disk_speed(double bytes_per_second, double needed) {
+  const std::string speed = format_bytes(bytes_per_second) + "/s are written to the disk";
+  if (needed <= 0) return {Verdict::kGood, "disk speed", speed, ""};
+  const std::string text = speed + "; the cameras send " + format_bytes(needed) + "/s";
+  if (bytes_per_second >= needed) return {Verdict::kGood, "disk speed", text, ""};
+  return {Verdict::kBad, "disk speed", text,
+          "a faster disk for takes under [storage], fewer cameras on this PC, or a lower rate"};
+}
+
+Finding check_disk_speed(const std::filesystem::path& folder, double needed) {
+  const std::filesystem::path file =
+      folder / (".v3dctl-doctor." + std::to_string(getpid()) + ".tmp");
+  const double speed = measure_writes(file);
+  if (speed >= 0) return judge_disk_speed(speed, needed);
+  return {Verdict::kUnknown, "disk speed", errno_message(folder.string()),
+          "run v3dctl doctor as a member of the group v3d, or by sudo"};
+}
+
+Finding check_usb_memory(long mb, bool has_usb_cameras) {
+  if (mb < 0) return {Verdict::kUnknown, "USB memory", "no USB on this PC", ""};
+  const std::string text = "USB cameras may use " + std::to_string(mb) + " MB";
+  if (mb == 0) return {Verdict::kGood, "USB memory", "USB cameras may use any amount", ""};
+  if (mb >= kMinUsbMemoryMb) return {Verdict::kGood, "USB memory", text, ""};
+  if (!has_usb_cameras)
+    return {Verdict::kGood, "USB memory", text + "; there are none on this PC", ""};
+  return {Verdict::kBad, "USB memory", text + ": frames will be lost",
+          "echo 1000 | sudo tee /sys/module/usbcore/parameters/usbfs_memory_mb; permanently: "
+          "usbcore.usbfs_memory_mb=1000 on the kernel's command line"};
+}
+
+std::vector<Finding> check_machine(const Studio& studio, const std::vector<StudioCamera>& cameras) {
+  rlimit realtime{};
+  getrlimit(RLIMIT_RTPRIO, &realtime);
+  // A camera without an IP address may be a USB camera.
+  const bool has_usb_cameras =
+      std::any_of(cameras.begin(), cameras.end(), [](const StudioCamera& camera) {
+        return camera.kind == CameraKind::kAravis && source_address_to(camera.address) == 0;
+      });
+  return {check_disk(studio.storage.takes),
+          check_disk_speed(studio.storage.takes, data_rate(studio, cameras)),
+          check_realtime(realtime.rlim_cur, geteuid() == 0),
+          check_usb_memory(read_number("/sys/module/usbcore/parameters/usbfs_memory_mb"),
+                           has_usb_cameras)};
+}
+
+}  // namespace v3d::ctl

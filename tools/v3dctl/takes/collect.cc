@@ -1,0 +1,236 @@
+#include "v3dctl/takes/collect.h"
+
+#include <algorithm>
+#include <map>
+#include <sstream>
+
+#include "base/error.h"
+#include "base/io/file.h"
+#include "base/io/file_system.h"
+#include "base/io/uninterrupted.h"
+#include "base/name.h"
+#include "common/console.h"
+#include "common/subprocess.h"
+#include "take/join_parts.h"
+#include "take/verified.h"
+#include "v3dctl/process.h"
+
+namespace v3d::ctl {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// Removes a part of the staging folder. Throws std::filesystem::filesystem_error.
+void remove_copies(const fs::path& folder) {
+  const std::error_code error =
+      io::uninterrupted_code([&](std::error_code& code) { fs::remove_all(folder, code); });
+  if (error) throw fs::filesystem_error("cannot remove", folder, error);
+}
+
+/// Calls rsync with the common options.
+class Rsync {
+ public:
+  explicit Rsync(std::string rsh) : rsh_(std::move(rsh)) {}
+
+  ProcessResult run(const std::vector<std::string>& options, const std::string& from,
+                    const std::string& to, Output output) const {
+    std::vector<std::string> words = {"rsync", "--recursive", "--times"};
+    if (!rsh_.empty()) words.insert(words.end(), {"--rsh", rsh_});
+    words.insert(words.end(), options.begin(), options.end());
+    words.push_back(from + "/");
+    if (!to.empty()) words.push_back(to + "/");
+    return run_process(words, output);
+  }
+
+ private:
+  const std::string rsh_;
+};
+
+/// Name of the take in a line of rsync --list-only, or "". The path is the last word:
+/// "drwxr-xr-x  4,096 2026/11/21 10:02:03 kendo-07/take.toml".
+std::string take_in_listing(const std::string& line) {
+  const size_t space = line.rfind(' ');
+  const fs::path path = space == std::string::npos ? line : line.substr(space + 1);
+  const bool marks_take = path.filename() == "take.toml" || path.filename() == "mesh.v3d";
+  const std::string name = path.parent_path();
+  return marks_take && is_file_name(name) ? name : "";
+}
+
+class Collector {
+ public:
+  explicit Collector(const CollectRequest& request) : request_(request), rsync_(request.rsh) {}
+
+  std::vector<CollectedTake> run() {
+    io::throw_if_failed(io::create_folders(fs::absolute(request_.to)));
+    for (const TakeSource& source : request_.sources) list(source);
+    require_takes();
+    std::vector<CollectedTake> collected;
+    for (const auto& [take, sources] : takes_) collected.push_back(collect(take, sources));
+    return collected;
+  }
+
+ private:
+  using Sources = std::vector<const TakeSource*>;
+
+  fs::path stage(const std::string& take) const { return request_.to / ".collect" / take; }
+  /// The leading dot excludes a collision with the folder of a node.
+  static fs::path joined(const fs::path& staged) { return staged / ".joined"; }
+
+  bool is_requested(const std::string& take) const {
+    const auto& names = request_.takes;
+    return names.empty() || std::find(names.begin(), names.end(), take) != names.end();
+  }
+
+  void list(const TakeSource& source) {
+    const ProcessResult listed =
+        rsync_.run({"--list-only", "--include=/*/", "--include=/*/take.toml",
+                    "--include=/*/mesh.v3d", "--exclude=*"},
+                   source.place, "", Output::kCapture);
+    if (listed.status != 0) {
+      throw InputError("cannot list the takes of " + source.node + " at " + source.place +
+                       " (rsync ended with status " + std::to_string(listed.status) +
+                       "); to skip the node, name the others with --from");
+    }
+    std::istringstream lines(listed.output);
+    for (std::string line; std::getline(lines, line);) {
+      const std::string take = take_in_listing(line);
+      if (take.empty() || !is_requested(take)) continue;
+      Sources& sources = takes_[take];
+      if (sources.empty() || sources.back() != &source) sources.push_back(&source);
+    }
+  }
+
+  void require_takes() const {
+    for (const std::string& take : request_.takes) {
+      if (!takes_.contains(take)) throw InputError("no node has a take " + take);
+    }
+  }
+
+  CollectedTake collect(const std::string& take, const Sources& sources) {
+    CollectedTake result{
+        .name = take, .was_there = false, .problem = {}, .meshes_of = {}, .verification = {}};
+    const TakePaths place{request_.to / take};
+    if (fs::exists(place.info())) {
+      result.was_there = true;
+      remove_copies(stage(take));
+      return result;
+    }
+    try {
+      std::vector<TakePaths> parts;
+      for (const TakeSource* source : sources) parts.push_back(fetch(take, *source));
+      result.meshes_of = source_of_meshes(parts);
+      result.verification = join(take, sources, parts, place);
+    } catch (const std::exception& error) {
+      result.problem = error.what();
+    }
+    return result;
+  }
+
+  /// Copies the part of one node.
+  TakePaths fetch(const std::string& take, const TakeSource& source) {
+    const TakePaths part{stage(take) / source.node};
+    fs::create_directories(part.folder);
+    const std::string from = source.place + "/" + take;
+    copy(source, {"--include=/take.toml", "--exclude=*"}, from, part);
+    if (fs::exists(part.info()) && load_take_info(part).state == TakeState::kRecording) {
+      throw InputError(source.node + " records it, or stopped and has not restarted since");
+    }
+    if (on_terminal()) note(source.node + "  " + take);
+    // --inplace: an interrupted copy continues in its file.
+    std::vector<std::string> options = {"--inplace", "--no-whole-file", "--exclude=/verified.toml",
+                                        "--exclude=/.shards-*", "--exclude=/.*.lock"};
+    if (on_terminal()) options.emplace_back("--info=progress2");
+    copy(source, options, from, part);
+    return part;
+  }
+
+  /// Compares the content of every file, because size and time do not prove a file of an earlier
+  /// run.
+  void copy(const TakeSource& source, std::vector<std::string> options, const std::string& from,
+            const TakePaths& part) {
+    options.push_back("--ignore-times");
+    const ProcessResult copied = rsync_.run(options, from, part.folder, Output::kShow);
+    if (copied.status != 0) {
+      throw std::runtime_error("rsync from " + source.node + " ended with status " +
+                               std::to_string(copied.status) + "; repeat the command to continue");
+    }
+  }
+
+  static std::string source_of_meshes(const std::vector<TakePaths>& parts) {
+    const auto have = std::count_if(parts.begin(), parts.end(),
+                                    [](const TakePaths& part) { return fs::exists(part.mesh()); });
+    return have > 1 ? part_with_meshes(parts)->folder.filename().string() : "";
+  }
+
+  /// Whether every part equals the files of its node. rsync reads the copy from the page cache,
+  /// which has the bytes that were just read back from the disk.
+  bool equal_nodes(const std::string& take, const Sources& sources,
+                   const std::vector<TakePaths>& parts) const {
+    for (size_t i = 0; i < parts.size(); ++i) {
+      const ProcessResult compared =
+          rsync_.run({"--checksum", "--dry-run", "--itemize-changes", "--exclude=/verified.toml",
+                      "--exclude=/.*"},
+                     sources[i]->place + "/" + take, parts[i].folder, Output::kCapture);
+      if (compared.status != 0 || compared.output.find(">f") != std::string::npos) return false;
+    }
+    return true;
+  }
+
+  /// Verifies the copy by reading it back from its disk. Throws when it differs from the nodes'
+  /// files. A file that is damaged on its node is a disagreement of the result.
+  Verification read_back(const TakePaths& whole, const std::string& take, const Sources& sources,
+                         const std::vector<TakePaths>& parts) const {
+    // rsync does not call fsync().
+    io::throw_if_failed(io::sync_file_system(whole.folder));
+    Verification verification = verify_take(whole, ReadFrom::kDisk);
+    if (verification.disagreements.empty() || equal_nodes(take, sources, parts)) {
+      return verification;
+    }
+    std::string lines;
+    for (const std::string& line : verification.disagreements) lines += "\n  " + line;
+    throw std::runtime_error(
+        "its copy is not what the nodes have; repeat the command to copy it again" + lines);
+  }
+
+  Verification join(const std::string& take, const Sources& sources,
+                    const std::vector<TakePaths>& parts, const TakePaths& place) {
+    const fs::path staged = stage(take);
+    const TakePaths whole{joined(staged)};
+    remove_copies(whole.folder);
+    join_parts(parts, whole);
+    Verification verification = read_back(whole, take, sources, parts);
+    io::throw_if_failed(save_verified(whole, verification));
+    // Before the rename: after a power cut, a take with its final name is whole.
+    io::throw_if_failed(io::sync_file_system(whole.folder));
+    io::throw_if_failed(io::rename_new(whole.folder, place.folder));
+    remove_copies(staged);
+    std::error_code not_empty;
+    fs::remove(staged.parent_path(), not_empty);
+    return verification;
+  }
+
+  const CollectRequest& request_;
+  const Rsync rsync_;
+  std::map<std::string, Sources> takes_;
+};
+
+}  // namespace
+
+std::vector<TakeSource> sources_of(const Studio& studio) {
+  std::vector<TakeSource> sources;
+  const std::string host = host_name();
+  const std::string folder = fs::absolute(studio.storage.takes).lexically_normal();
+  for (const StudioNode& node : studio.nodes) {
+    const bool has_takes = !studio.cameras_of(node.name).empty() ||
+                           studio.trigger.node == node.name || studio.reconstructs(node.name);
+    if (!has_takes) continue;
+    sources.push_back({node.name, node.name == host ? folder : node.name + ":" + folder});
+  }
+  return sources;
+}
+
+std::vector<CollectedTake> collect_takes(const CollectRequest& request) {
+  return Collector(request).run();
+}
+
+}  // namespace v3d::ctl

@@ -1,0 +1,89 @@
+#include "v3dctl/takes/named_takes.h"
+
+#include <algorithm>
+#include <cstdio>
+
+#include "base/error.h"
+#include "base/name.h"
+#include "base/units.h"
+#include "common/local_time.h"
+#include "daemon/json.h"
+
+namespace v3d::ctl {
+namespace {
+
+/// Minutes and seconds, with hours from one hour on: "0:50", "1:02:03".
+std::string length_text(double seconds) {
+  const auto whole = static_cast<int64_t>(seconds + 0.5);
+  char text[32];
+  if (whole < 3600) {
+    std::snprintf(text, sizeof text, "%d:%02d", static_cast<int>(whole / 60),
+                  static_cast<int>(whole % 60));
+  } else {
+    std::snprintf(text, sizeof text, "%d:%02d:%02d", static_cast<int>(whole / 3600),
+                  static_cast<int>(whole / 60 % 60), static_cast<int>(whole % 60));
+  }
+  return text;
+}
+
+std::string listing_line(const TakeListing& take, size_t name_width) {
+  char text[512];
+  std::snprintf(text, sizeof text,
+                "%-*s  %s  %-10s %-10s  %7s  %8s  %3zu cameras x %7s pulses, %g Hz, %s meshes",
+                static_cast<int>(name_width), take.info.name.c_str(),
+                local_time(take.info.started, "%Y-%m-%d %H:%M").c_str(), take.verdict().data(),
+                take.verified ? "verified" : "unverified", length_text(take.seconds()).c_str(),
+                format_bytes(static_cast<double>(take.bytes)).c_str(), take.info.cameras.size(),
+                format_count(take.info.pulses).c_str(), take.info.rate_hz,
+                format_count(take.meshes).c_str());
+  const std::string slate = take.slate.text();
+  return text + (slate.empty() ? "" : "  " + slate);
+}
+
+}  // namespace
+
+std::filesystem::path takes_folder(const CommandLine& line, const TakesArguments& arguments) {
+  return arguments.folder.empty() ? line.studio().storage.takes : arguments.folder;
+}
+
+std::vector<TakeListing> named_takes(const CommandLine& line, const TakesArguments& arguments) {
+  const std::filesystem::path folder = takes_folder(line, arguments);
+  std::vector<TakeListing> takes;
+  for (const std::string& name : arguments.names) {
+    if (!is_file_name(name)) {
+      throw InputError("'" + name + "' is no name of a take: " + std::string(kFileNameRule));
+    }
+    takes.push_back(look_at_take({folder / name}));
+  }
+  return takes;
+}
+
+std::vector<std::string> listing_lines(const std::vector<TakeListing>& takes) {
+  size_t width = 4;
+  for (const TakeListing& take : takes) width = std::max(width, take.info.name.size());
+  std::vector<std::string> lines;
+  for (const TakeListing& take : takes) lines.push_back(listing_line(take, width));
+  return lines;
+}
+
+void print_listing(const std::vector<TakeListing>& takes, bool json) {
+  if (json) {
+    std::printf("%s\n", takes_json(takes, 2).c_str());
+    return;
+  }
+  for (const std::string& line : listing_lines(takes)) std::printf("%s\n", line.c_str());
+}
+
+CLI::App* add_takes_subcommand(CLI::App* takes, const std::string& name,
+                               const std::string& description, const std::string& example) {
+  CLI::App* command = takes->add_subcommand(name, description);
+  command->fallthrough();
+  command->footer("Example:\n  $ " + example);
+  return command;
+}
+
+void add_names_option(CLI::App* command, const SharedTakesArguments& arguments) {
+  command->add_option("NAME", arguments->names, "Takes")->required();
+}
+
+}  // namespace v3d::ctl

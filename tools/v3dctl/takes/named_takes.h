@@ -1,0 +1,39 @@
+// Options and output that `v3dctl takes` and its subcommands share.
+#pragma once
+
+#include <filesystem>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "take/take_listing.h"
+#include "v3dctl/command_line.h"
+
+namespace v3d::ctl {
+
+struct TakesArguments {
+  std::filesystem::path folder;  ///< of takes; empty: as in the studio file
+  std::vector<std::string> names;
+  bool json = false;
+};
+using SharedTakesArguments = std::shared_ptr<TakesArguments>;
+
+std::filesystem::path takes_folder(const CommandLine& line, const TakesArguments& arguments);
+
+/// The takes of the given names. Throws InputError when one does not exist.
+std::vector<TakeListing> named_takes(const CommandLine& line, const TakesArguments& arguments);
+
+/// One line for each take, in columns.
+std::vector<std::string> listing_lines(const std::vector<TakeListing>& takes);
+void print_listing(const std::vector<TakeListing>& takes, bool json);
+
+/// Adds a subcommand with one example to `takes`.
+CLI::App* add_takes_subcommand(CLI::App* takes, const std::string& name,
+                               const std::string& description, const std::string& example);
+void add_names_option(CLI::App* command, const SharedTakesArguments& arguments);
+
+// Subcommands, each in the file of its name.
+void add_takes_collect(CommandLine& line, CLI::App* takes, const SharedTakesArguments& arguments);
+void add_takes_delete(CommandLine& line, CLI::App* takes, const SharedTakesArguments& arguments);
+
+}  // namespace v3d::ctl
