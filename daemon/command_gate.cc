@@ -15,11 +15,6 @@ constexpr Duration kTold = std::chrono::seconds(10);
 CommandGate::CommandGate(std::string node, std::function<int64_t()> draw)
     : node_(std::move(node)), draw_(std::move(draw)) {}
 
-void CommandGate::set_key(const StudioKey& key) {
-  const std::lock_guard lock(mutex_);
-  key_ = key;
-}
-
 CommandCounts CommandGate::counts() const {
   const std::lock_guard lock(mutex_);
   return counts_;
@@ -70,11 +65,11 @@ std::optional<CommandGate::Admitted> CommandGate::admit(std::span<const uint8_t>
 
 std::optional<CommandMessage> CommandGate::read(std::span<const uint8_t> bytes,
                                                 MonotonicInstant now) {
-  if (!key_) {
+  if (!credentials_.has_studio_key()) {
     ++counts_.unkeyed;
     return std::nullopt;
   }
-  if (!key_->has_sealed(bytes)) {
+  if (!credentials_.has_sealed(bytes, now)) {
     ++counts_.forged;
     note("forged commands are refused: a stranger, or another studio key than here", now);
     return std::nullopt;

@@ -11,8 +11,8 @@
 #include <string>
 
 #include "base/time.h"
+#include "daemon/credentials.h"
 #include "wire/messages.h"
-#include "wire/studio_key.h"
 
 namespace v3d {
 
@@ -51,7 +51,8 @@ class CommandGate {
   /// `draw` gives random numbers other than 0.
   explicit CommandGate(std::string node, std::function<int64_t()> draw = random_nonce);
 
-  void set_key(const StudioKey& key);
+  /// Whose commands are admitted.
+  Credentials& credentials() { return credentials_; }
 
   struct Admitted {
     CommandMessage command;
@@ -84,8 +85,8 @@ class CommandGate {
 
   const std::string node_;
   const std::function<int64_t()> draw_;
+  Credentials credentials_;
   mutable std::mutex mutex_;  ///< what follows
-  std::optional<StudioKey> key_;
   CommandCounts counts_;
   struct Nonce {
     int64_t value = 0;  ///< 0: none

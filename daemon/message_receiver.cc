@@ -86,7 +86,7 @@ std::optional<ReceivedMessage> MessageReceiver::receive_authentic(const Datagram
     if (is_first) seal_.count_replayed();
     return std::nullopt;
   }
-  if (!is_authentic(datagram, parts)) {
+  if (!is_authentic(datagram, parts, now.monotonic)) {
     seal_.count_forged();
     if (!datagram.is_whole() || !kind->is_shown_unverified) return std::nullopt;
     return ReceivedMessage{datagram.channel, parts.data, false};
@@ -172,9 +172,9 @@ std::optional<ReceivedMessage> MessageReceiver::receive_anything(const Datagram&
   return reassemble(datagram, parts, source);
 }
 
-bool MessageReceiver::is_authentic(const Datagram& datagram, const DatagramParts& parts) const {
-  const auto mac = seal_.mac();
-  return mac && parts.trailer && mac->verify(datagram.head, parts.data, *parts.trailer);
+bool MessageReceiver::is_authentic(const Datagram& datagram, const DatagramParts& parts,
+                                   MonotonicInstant now) const {
+  return parts.trailer && seal_.verify(datagram.head, parts.data, *parts.trailer, now);
 }
 
 std::optional<ReceivedMessage> MessageReceiver::reassemble(const Datagram& datagram,

@@ -47,7 +47,7 @@ struct SessionPort {
 /// In this order: structure (parse_datagram); channel and size (fragments after the first have no
 /// channel); not received before; MAC; recent (SessionGate). Only then does a fragment reach the
 /// reassembly, whose memory is fixed. Nothing is allocated for a datagram that fails, and it costs
-/// at most the hash of its own bytes.
+/// at most the hash of its own bytes (two while a studio key is replaced: KeyRotation).
 ///
 /// Messages of a session that is in doubt are dropped, and the session is asked: where clocks do
 /// not agree, the first messages are lost until the answer is there.
@@ -79,7 +79,8 @@ class MessageReceiver {
                                                    const ReceiverTime& now);
   std::optional<ReceivedMessage> receive_anything(const Datagram& datagram, const ChannelKind* kind,
                                                   uint64_t source);
-  bool is_authentic(const Datagram& datagram, const DatagramParts& parts) const;
+  bool is_authentic(const Datagram& datagram, const DatagramParts& parts,
+                    MonotonicInstant now) const;
   void ask(const SessionStamp& stamp, const ReceiverTime& now);
   void on_session_message(std::span<const uint8_t> bytes, RealtimeInstant sent,
                           const ReceiverTime& now);

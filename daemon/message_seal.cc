@@ -8,16 +8,33 @@ constexpr Duration kTold = std::chrono::seconds(10);
 
 }  // namespace
 
-void MessageSeal::set_key(const StudioKey& key) {
+void MessageSeal::set_key(const StudioKey& key, MonotonicInstant now) {
   const std::lock_guard lock(mutex_);
-  mac_ = std::make_shared<const DatagramMac>(key);
+  macs_.set(std::make_shared<const DatagramMac>(key), now);
   has_key_ = true;
 }
 
-std::shared_ptr<const DatagramMac> MessageSeal::mac() const {
+void MessageSeal::forget_old_key(MonotonicInstant now) {
+  const std::lock_guard lock(mutex_);
+  macs_.forget_old(now);
+}
+
+std::shared_ptr<const DatagramMac> MessageSeal::mac(MonotonicInstant now) const {
   if (!has_key_) return nullptr;
   const std::lock_guard lock(mutex_);
-  return mac_;
+  return *macs_.sending(now);
+}
+
+bool MessageSeal::verify(std::span<const uint8_t> head, std::span<const uint8_t> data,
+                         const MacTrailer& trailer, MonotonicInstant now) const {
+  if (!has_key_) return false;
+  std::shared_ptr<const DatagramMac> newest, old;
+  {
+    const std::lock_guard lock(mutex_);
+    newest = *macs_.newest();
+    if (const auto* const mac = macs_.old(now)) old = *mac;
+  }
+  return newest->verify(head, data, trailer) || (old && old->verify(head, data, trailer));
 }
 
 void MessageSeal::count_forged() {

@@ -5,10 +5,12 @@
 #include <cstdint>
 #include <memory>
 #include <mutex>
+#include <span>
 #include <string>
 #include <string_view>
 
 #include "base/time.h"
+#include "daemon/key_rotation.h"
 #include "wire/datagram_mac.h"
 
 namespace v3d {
@@ -26,12 +28,19 @@ struct SealCounts {
 /// called insist(): `v3dctl watch` without a key only shows. Any thread.
 class MessageSeal {
  public:
-  void set_key(const StudioKey& key);
+  /// Replaces the key; the one before it stays valid as KeyRotation says.
+  void set_key(const StudioKey& key, MonotonicInstant now = Monotonic::now());
+  /// Wipes a key whose time is over.
+  void forget_old_key(MonotonicInstant now);
   /// Nothing is accepted without a key, either.
   void insist() { insists_ = true; }
 
-  /// Null as long as there is no key.
-  std::shared_ptr<const DatagramMac> mac() const;
+  /// To send with. Null as long as there is no key.
+  std::shared_ptr<const DatagramMac> mac(MonotonicInstant now = Monotonic::now()) const;
+  /// Whether the tag is that of a valid key. While an old key is valid, a datagram with a wrong tag
+  /// costs two hashes of its bytes instead of one. Allocates nothing.
+  bool verify(std::span<const uint8_t> head, std::span<const uint8_t> data,
+              const MacTrailer& trailer, MonotonicInstant now) const;
   /// Whether messages must be authenticated.
   bool is_required() const { return has_key_ || insists_; }
 
@@ -51,7 +60,7 @@ class MessageSeal {
   std::atomic<int64_t> stale_ = 0;
   std::atomic<int64_t> replayed_ = 0;
   mutable std::mutex mutex_;  ///< what follows
-  std::shared_ptr<const DatagramMac> mac_;
+  KeyRotation<std::shared_ptr<const DatagramMac>> macs_;
   std::string trouble_;
   RealtimeInstant troubled_;
 };

@@ -25,6 +25,7 @@ NodeLoop::NodeLoop(NodeIdentity identity, Bus& bus, NodeWork& work)
           me_.node, work, [this](ReplyMessage reply) { publish(std::move(reply)); },
           Monotonic::now()),
       gate_(me_.node),
+      files_(me_.key, gate_.credentials(), bus.seal()),
       commands_(
           bus, kCommandChannel, kCommandQueue,
           [this](const ReceivedMessage& in) { return gate_.admit(in.bytes, Monotonic::now()); }),
@@ -32,22 +33,19 @@ NodeLoop::NodeLoop(NodeIdentity identity, Bus& bus, NodeWork& work)
       metrics_(serve_metrics(me_.metrics)),
       watchdog_(service::watchdog_period()),
       last_fed_(Monotonic::now()) {
-  look_for_key();
+  read_credentials();
 }
 
-void NodeLoop::look_for_key() {
-  if (key_) return;
-  try {
-    key_ = StudioKey::load(me_.key);
-    gate_.set_key(*key_);
-    bus_.seal().set_key(*key_);
-    if (!no_key_.empty()) spdlog::info("{}: commands are believed again", me_.key.string());
-    no_key_.clear();
-  } catch (const InputError& error) {
-    const std::string problem = std::string("every command is refused: ") + error.what();
-    if (problem != no_key_) spdlog::error("{}", problem);
-    no_key_ = problem;
-  }
+void NodeLoop::read_credentials() {
+  const std::string news = files_.poll(Monotonic::now());
+  if (news.empty()) return;
+  const std::string problem = credential_problem();
+  if (problem.empty()) return spdlog::info("{}", news);
+  spdlog::error("{}", problem);
+}
+
+std::string NodeLoop::credential_problem() const {
+  return files_.is_ready() ? files_.problem() : "every command is refused: " + files_.problem();
 }
 
 void NodeLoop::run() {
@@ -61,7 +59,7 @@ void NodeLoop::run() {
 void NodeLoop::turn() {
   if (const auto admitted = commands_.wait(next_turn())) on_command(*admitted);
   // Without a key nobody may command this node, and nothing that it hears is believed either.
-  protocol_.poll(Monotonic::now(), key_.has_value());
+  protocol_.poll(Monotonic::now(), files_.is_ready());
   if (protocol_.is_health_due(Monotonic::now())) publish_health();
   feed_watchdog();
 }
@@ -92,14 +90,15 @@ MonotonicInstant NodeLoop::next_turn() const {
 
 void NodeLoop::publish(ReplyMessage reply) {
   // Who has no key has believed no command.
-  if (!key_) return;
-  reply.nonce = gate_.nonce(Monotonic::now());
+  if (!files_.is_ready()) return;
+  const MonotonicInstant now = Monotonic::now();
+  reply.nonce = gate_.nonce(now);
   reply.sent = Realtime::now();
-  bus_.publish_reply(encode_sealed(reply, *key_));
+  bus_.publish_reply(gate_.credentials().seal(encode(reply), now));
 }
 
 void NodeLoop::publish_health() {
-  look_for_key();
+  read_credentials();
   HealthMessage health = protocol_.health(Monotonic::now());
   follow_clock(health);
   health.sent = Realtime::now();
@@ -169,9 +168,11 @@ void NodeLoop::report_commands(HealthMessage& health) const {
   value("datagrams_foreign", reception.datagrams.foreign);
   value("datagrams_oversized", reception.datagrams.oversized);
   value("datagrams_dropped_by_kernel", reception.dropped_by_kernel);
-  std::string trouble = key_ ? gate_.trouble(Monotonic::now()) : no_key_;
+  std::string trouble = credential_problem();
+  if (trouble.empty()) trouble = gate_.trouble(Monotonic::now());
   if (trouble.empty()) trouble = bus_.seal().trouble(Realtime::now());
-  const bool is_free = health.state != NodeState::kFault && (health.text.empty() || !key_);
+  const bool is_free =
+      health.state != NodeState::kFault && (health.text.empty() || !files_.is_ready());
   if (is_free) health.text = trouble;
 }
 

@@ -11,6 +11,7 @@
 #include "daemon/bus.h"
 #include "daemon/clock_watch.h"
 #include "daemon/command_gate.h"
+#include "daemon/credential_files.h"
 #include "daemon/machine_health.h"
 #include "daemon/metrics_server.h"
 #include "daemon/name_monitor.h"
@@ -28,8 +29,9 @@ struct NodeIdentity {
   std::string metrics;        ///< where health is also served for Prometheus; empty: nowhere
 };
 
-/// Without a studio key the node refuses every command, and says in its log and its health how to
-/// make one; it looks for it once a second.
+/// Without a studio key the node rejects every command, and reports in its log and its health how
+/// to make one. It reads the key file once a second, so a key is made or replaced without a
+/// restart.
 class NodeLoop {
  public:
   /// `work` and `bus` outlive the loop.
@@ -54,7 +56,8 @@ class NodeLoop {
   void publish_health();
   void follow_clock(HealthMessage& health);
   void report_commands(HealthMessage& health) const;
-  void look_for_key();
+  void read_credentials();
+  std::string credential_problem() const;
   void feed_watchdog();
   void shut_down();
 
@@ -63,8 +66,7 @@ class NodeLoop {
   NodeWork& work_;
   NodeProtocol protocol_;
   CommandGate gate_;
-  std::optional<StudioKey> key_;
-  std::string no_key_;  ///< why there is none
+  CredentialFiles files_;
   Subscription<CommandGate::Admitted> commands_;
   NameMonitor name_monitor_;
   std::string name_alarm_;  ///< empty: no other process has this node's name

@@ -10,13 +10,14 @@
 #include "base/error.h"
 #include "base/printable.h"
 #include "daemon/bus.h"
+#include "daemon/credential_files.h"
 #include "wire/channels.h"
-#include "wire/studio_key.h"
 
 namespace v3d {
 namespace {
 
 constexpr size_t kQueue = 256;
+constexpr Duration kReadAgainAfter = std::chrono::seconds(1);
 
 std::string user_name() {
   const passwd* user = getpwuid(geteuid());
@@ -101,22 +102,29 @@ class OperatorClient::Impl {
   explicit Impl(const Studio& studio)
       : nodes(commanded_nodes(studio)),
         trigger(studio.trigger.node),
-        key_file(studio.network.key),
         stamp(make_sender()),
         bus(studio.network.lcm_url, {}, ChannelList(studio)),
-        not_verified(read_key()),
+        files(studio.network.key, credentials, bus.seal()),
+        not_verified(read_credentials()),
         healths(bus, std::string(kHealthPrefix) + ".*", kQueue, HealthReader(),
                 Bus::Accept::kUnverifiedToo),
         events(bus, kEventChannel, kQueue) {}
 
   /// The key is not needed to look on. Why there is none, or nothing.
-  std::string read_key() {
-    try {
-      key = StudioKey::load(key_file);
-      bus.seal().set_key(*key);
-      return "";
-    } catch (const InputError& error) {
-      return error.what();
+  std::string read_credentials() {
+    next_reading = Monotonic::now() + kReadAgainAfter;
+    files.poll(Monotonic::now());
+    return files.is_ready() ? "" : files.problem();
+  }
+
+  /// The next message in `inbox`. Reads the key files again meanwhile: a key may be replaced.
+  template <class M>
+  std::optional<M> wait(Subscription<M>& inbox, MonotonicInstant deadline) {
+    for (;;) {
+      if (Monotonic::now() >= next_reading) read_credentials();
+      const MonotonicInstant until = std::min(deadline, next_reading);
+      if (auto message = inbox.wait(until)) return message;
+      if (until == deadline) return std::nullopt;
     }
   }
 
@@ -125,20 +133,21 @@ class OperatorClient::Impl {
   }
 
   void begin_to_command() {
+    if (const std::string problem = read_credentials(); !problem.empty()) {
+      throw InputError(problem);
+    }
     if (replies) return;
-    key = StudioKey::load(key_file);
-    bus.seal().set_key(*key);
     replies = std::make_unique<Subscription<ReplyMessage>>(
         bus, kReplyChannel, kQueue,
-        [k = *key](const ReceivedMessage& in) -> std::optional<ReplyMessage> {
-          if (!k.has_sealed(in.bytes)) return std::nullopt;
+        [this](const ReceivedMessage& in) -> std::optional<ReplyMessage> {
+          if (!credentials.has_sealed(in.bytes, Monotonic::now())) return std::nullopt;
           return decode<ReplyMessage>(in.bytes);
         });
   }
 
   void send(CommandMessage message) {
     stamp.put_on(message, Realtime::now());
-    bus.publish(kCommandChannel, encode_sealed(message, *key));
+    bus.publish(kCommandChannel, credentials.seal(encode(message), Monotonic::now()));
   }
 
   void remember(const HealthMessage& health) {
@@ -149,7 +158,7 @@ class OperatorClient::Impl {
   }
 
   std::optional<HealthMessage> next_health(MonotonicInstant deadline) {
-    auto health = healths.wait(deadline);
+    auto health = wait(healths, deadline);
     if (!health) return std::nullopt;
     health = fit_for_screen(std::move(*health));
     remember(*health);
@@ -166,14 +175,15 @@ class OperatorClient::Impl {
 
   const std::vector<std::string> nodes;
   const std::string trigger;
-  const std::filesystem::path key_file;
   CommandStamp stamp;
-  std::optional<StudioKey> key;
   int64_t counter = 0;
   NodeNonces nonces;
   std::map<std::string, HealthMessage> last_health;
   std::map<std::string, HealthMessage> unbelieved;
   Bus bus;
+  Credentials credentials;
+  CredentialFiles files;
+  MonotonicInstant next_reading;
   const std::string not_verified;
   std::unique_ptr<Subscription<ReplyMessage>> replies;  ///< once there is a key
   Subscription<HealthMessage> healths;
@@ -196,7 +206,7 @@ Answer OperatorClient::command(CommandMessage command, MonotonicInstant deadline
                             deadline, impl_->nonces);
   while (!conversation.over()) {
     if (const auto message = conversation.poll(Monotonic::now())) impl_->send(*message);
-    auto reply = impl_->replies->wait(conversation.next_due());
+    auto reply = impl_->wait(*impl_->replies, conversation.next_due());
     if (!reply || reply->command_sender != impl_->stamp.sender()) continue;
     reply->text = printable(reply->text);
     if (conversation.hear(*reply) && heard) heard(*reply);
@@ -222,7 +232,7 @@ std::optional<HealthMessage> OperatorClient::next_health(MonotonicInstant deadli
 }
 
 std::optional<EventMessage> OperatorClient::next_event(MonotonicInstant deadline) {
-  auto event = impl_->events.wait(deadline);
+  auto event = impl_->wait(impl_->events, deadline);
   if (event) event = fit_for_screen(std::move(*event));
   return event;
 }
@@ -233,14 +243,14 @@ std::optional<MeshMessage> OperatorClient::next_mesh(MonotonicInstant deadline) 
     impl_->meshes =
         std::make_unique<Subscription<MeshMessage>>(impl_->bus, kMeshChannel, kMeshQueue);
   }
-  return impl_->meshes->wait(deadline);
+  return impl_->wait(*impl_->meshes, deadline);
 }
 
 std::optional<PulseMessage> OperatorClient::next_pulse(MonotonicInstant deadline) {
   if (!impl_->pulses) {
     impl_->pulses = std::make_unique<Subscription<PulseMessage>>(impl_->bus, kPulseChannel, kQueue);
   }
-  return impl_->pulses->wait(deadline);
+  return impl_->wait(*impl_->pulses, deadline);
 }
 
 std::optional<PreviewMessage> OperatorClient::next_preview(MonotonicInstant deadline) {
@@ -248,7 +258,7 @@ std::optional<PreviewMessage> OperatorClient::next_preview(MonotonicInstant dead
     impl_->previews = std::make_unique<Subscription<PreviewMessage>>(
         impl_->bus, std::string(kPreviewPrefix) + ".*", kQueue);
   }
-  return impl_->previews->wait(deadline);
+  return impl_->wait(*impl_->previews, deadline);
 }
 
 }  // namespace v3d

@@ -13,7 +13,6 @@ constexpr int64_t kNsPerUs = 1000;
 constexpr size_t kUntagged = kMacTrailerSize - 16;
 
 static_assert(crypto_onetimeauth_BYTES == 16);
-static_assert(crypto_onetimeauth_KEYBYTES == 32);
 
 template <class Integer>
 void put(uint8_t*& at, Integer value) {
@@ -28,6 +27,28 @@ Integer take(const uint8_t*& at) {
   for (size_t i = 0; i < sizeof value; ++i) value = static_cast<Integer>(value << 8 | *at++);
   return value;
 }
+
+/// Keyed BLAKE2b of the trailer without its tag and of the head. On the stack, and wiped: guarded
+/// memory for each datagram would cost more than its hash.
+class OneTimeKey {
+ public:
+  OneTimeKey(const SecretBuffer& key, std::span<const uint8_t> head, const MacTrailer& trailer) {
+    const std::array<uint8_t, kMacTrailerSize> bytes = trailer.bytes();
+    crypto_generichash_state state;
+    crypto_generichash_init(&state, key.data(), key.size(), bytes_.size());
+    crypto_generichash_update(&state, bytes.data(), kUntagged);
+    crypto_generichash_update(&state, head.data(), head.size());
+    crypto_generichash_final(&state, bytes_.data(), bytes_.size());  // wipes the state
+  }
+  ~OneTimeKey() { sodium_memzero(bytes_.data(), bytes_.size()); }
+  OneTimeKey(const OneTimeKey&) = delete;
+  OneTimeKey& operator=(const OneTimeKey&) = delete;
+
+  const uint8_t* data() const { return bytes_.data(); }
+
+ private:
+  std::array<uint8_t, crypto_onetimeauth_KEYBYTES> bytes_{};
+};
 
 }  // namespace
 
@@ -56,27 +77,15 @@ uint32_t random_session() { return randombytes_random(); }
 
 DatagramMac::DatagramMac(const StudioKey& key) : key_(key.derive("v3d datagram MAC")) {}
 
-DatagramMac::OneTimeKey DatagramMac::one_time_key(std::span<const uint8_t> head,
-                                                  const MacTrailer& trailer) const {
-  const std::array<uint8_t, kMacTrailerSize> bytes = trailer.bytes();
-  crypto_generichash_state state;
-  OneTimeKey key{};
-  crypto_generichash_init(&state, key_.data(), key_.size(), key.size());
-  crypto_generichash_update(&state, bytes.data(), kUntagged);
-  crypto_generichash_update(&state, head.data(), head.size());
-  crypto_generichash_final(&state, key.data(), key.size());
-  return key;
-}
-
 void DatagramMac::sign(std::span<const uint8_t> head, std::span<const uint8_t> data,
                        MacTrailer& trailer) const {
-  const OneTimeKey key = one_time_key(head, trailer);
+  const OneTimeKey key(key_, head, trailer);
   crypto_onetimeauth(trailer.tag.data(), data.data(), data.size(), key.data());
 }
 
 bool DatagramMac::verify(std::span<const uint8_t> head, std::span<const uint8_t> data,
                          const MacTrailer& trailer) const {
-  const OneTimeKey key = one_time_key(head, trailer);
+  const OneTimeKey key(key_, head, trailer);
   return crypto_onetimeauth_verify(trailer.tag.data(), data.data(), data.size(), key.data()) == 0;
 }
 

@@ -49,9 +49,7 @@ class DatagramMac {
               const MacTrailer& trailer) const;
 
  private:
-  using OneTimeKey = std::array<uint8_t, 32>;
-  OneTimeKey one_time_key(std::span<const uint8_t> head, const MacTrailer& trailer) const;
-  const StudioKey::Derived key_;
+  const SecretBuffer key_;
 };
 
 }  // namespace v3d

@@ -2,6 +2,8 @@
 
 #include <sodium.h>
 
+#include "base/check.h"
+
 namespace v3d {
 
 std::string hexadecimal(std::span<const uint8_t> bytes) {
@@ -9,6 +11,11 @@ std::string hexadecimal(std::span<const uint8_t> bytes) {
   sodium_bin2hex(text.data(), text.size(), bytes.data(), bytes.size());
   text.pop_back();
   return text;
+}
+
+void write_hexadecimal(std::span<const uint8_t> bytes, std::span<uint8_t> digits) {
+  V3D_CHECK(digits.size() == 2 * bytes.size() + 1);
+  sodium_bin2hex(reinterpret_cast<char*>(digits.data()), digits.size(), bytes.data(), bytes.size());
 }
 
 bool parse_hexadecimal(std::string_view text, std::span<uint8_t> bytes) {

@@ -6,30 +6,44 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <array>
 #include <cerrno>
 #include <cstdio>
 
 #include "base/error.h"
-#include "base/file.h"
+#include "base/io/file.h"
 #include "base/io/unique_fd.h"
 #include "wire/hexadecimal.h"
 
 namespace v3d {
 namespace {
 
+constexpr uint64_t kMaxFileBytes = 4096;
+
+io::File open_key_file(const std::filesystem::path& path, const KeyKind& kind) {
+  auto file = io::File::open(path, io::OpenMode::kRead);
+  if (file) return *std::move(file);
+  if (file.error().code != ENOENT) io::throw_input_error(file.error());
+  errno = ENOENT;
+  throw InputError(errno_message("no " + std::string(kind.name) + ": " + path.string()) + "; " +
+                   std::string(kind.remedy));
+}
+
 /// Only the owner may write a key file; only the owner and the group may read it.
-void refuse_open_file(const std::filesystem::path& path, const KeyKind& kind) {
-  const std::string name(kind.name);
+void reject_open_mode(const io::File& file, const KeyKind& kind) {
   struct stat state {};
-  if (stat(path.c_str(), &state) != 0) {
-    const std::string remedy = errno == ENOENT ? "; " + std::string(kind.remedy) : "";
-    throw InputError(errno_message("no " + name + ": " + path.string()) + remedy);
-  }
+  if (fstat(file.fd(), &state) != 0) throw InputError(errno_message(file.path().string()));
   if ((state.st_mode & (S_IRWXO | S_IWGRP | S_IXGRP)) == 0) return;
   std::array<char, 8> mode{};
   std::snprintf(mode.data(), mode.size(), "%04o", state.st_mode & 07777U);
-  throw InputError(path.string() + ": mode " + mode.data() + " lets others at the " + name +
-                   "; try: chmod 640 " + path.string());
+  const std::string path = file.path().string();
+  throw InputError(path + ": mode " + mode.data() + " lets others at the " +
+                   std::string(kind.name) + "; try: chmod 640 " + path);
+}
+
+[[noreturn]] void fail_without_key(const std::filesystem::path& path, const KeyKind& kind) {
+  throw InputError(path.string() + ": expected a " + std::string(kind.name) +
+                   " of 64 hexadecimal digits, as " + std::string(kind.made_by) + " makes");
 }
 
 /// The one line that is no remark. Empty when there is no such line, or several.
@@ -45,6 +59,10 @@ std::string_view without_remarks(std::string_view text) {
   return found;
 }
 
+bool write_all(int fd, std::string_view text) {
+  return write(fd, text.data(), text.size()) == static_cast<ssize_t>(text.size());
+}
+
 /// In a namespace, root may own no such group: then the key stays its owner's alone.
 void give_to_group(int fd, const char* group) {
   if (geteuid() != 0) return;
@@ -54,29 +72,34 @@ void give_to_group(int fd, const char* group) {
 
 }  // namespace
 
-KeyBytes load_key_file(const std::filesystem::path& path, const KeyKind& kind) {
-  refuse_open_file(path, kind);
-  return parse_key_file(read_file(path), path, kind);
+SecretBuffer load_key_file(const std::filesystem::path& path, const KeyKind& kind) {
+  const io::File file = open_key_file(path, kind);
+  reject_open_mode(file, kind);
+  const uint64_t size = io::value_or_throw(file.size());
+  if (size > kMaxFileBytes) fail_without_key(path, kind);
+  SecretBuffer text(size);
+  const size_t read = io::value_or_throw(file.read(0, text.bytes()));
+  return parse_key_file(text.text().substr(0, read), path, kind);
 }
 
-KeyBytes parse_key_file(std::string_view text, const std::filesystem::path& path,
-                        const KeyKind& kind) {
-  KeyBytes key{};
-  if (parse_hexadecimal(without_remarks(text), key)) return key;
-  throw InputError(path.string() + ": expected a " + std::string(kind.name) +
-                   " of 64 hexadecimal digits, as " + std::string(kind.made_by) + " makes");
+SecretBuffer parse_key_file(std::string_view text, const std::filesystem::path& path,
+                            const KeyKind& kind) {
+  SecretBuffer key(kKeySize);
+  if (!parse_hexadecimal(without_remarks(text), key.bytes())) fail_without_key(path, kind);
+  return key;
 }
 
-void save_key_file(const std::filesystem::path& path, const KeyBytes& key, const KeyKind& kind,
+void save_key_file(const std::filesystem::path& path, const SecretBuffer& key, const KeyKind& kind,
                    const char* group) {
   const std::string name(kind.name);
-  const std::string text = std::string(kind.remark) + hexadecimal(key) + "\n";
   const io::UniqueFd fd(open(path.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0600));
   if (!fd) throw InputError(errno_message("cannot make the " + name + " " + path.string()));
   give_to_group(fd.get(), group);
+  SecretBuffer line(2 * key.size() + 1);
+  write_hexadecimal(key.bytes(), line.bytes());
+  line.bytes().back() = '\n';
   const bool written =
-      write(fd.get(), text.data(), text.size()) == static_cast<ssize_t>(text.size()) &&
-      fsync(fd.get()) == 0;
+      write_all(fd.get(), kind.remark) && write_all(fd.get(), line.text()) && fsync(fd.get()) == 0;
   if (written) return;
   const std::string problem = errno_message("cannot write the " + name + " " + path.string());
   unlink(path.c_str());

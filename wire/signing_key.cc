@@ -11,7 +11,7 @@ namespace {
 
 static_assert(crypto_sign_BYTES == kSignatureSize);
 static_assert(crypto_sign_PUBLICKEYBYTES == sizeof(PublicKey::bytes));
-static_assert(crypto_sign_SEEDBYTES == sizeof(KeyBytes));
+static_assert(crypto_sign_SEEDBYTES == kKeySize);
 
 constexpr KeyKind kKind{
     .name = "signing key",
@@ -39,49 +39,38 @@ PublicKey PublicKey::parse(std::string_view text, const std::string& where) {
 /// libsodium's form of the key: seed and public key.
 class SigningKey::Secret {
  public:
-  explicit Secret(const KeyBytes& seed) {
-    if (bytes_ == nullptr) throw InputError("no locked memory for the signing key");
-    crypto_sign_seed_keypair(public_.bytes.data(), bytes_, seed.data());
+  explicit Secret(const SecretBuffer& seed) {
+    crypto_sign_seed_keypair(public_.bytes.data(), bytes_.bytes().data(), seed.data());
   }
-  ~Secret() { sodium_free(bytes_); }  // wipes
-  Secret(const Secret&) = delete;
-  Secret& operator=(const Secret&) = delete;
 
-  const uint8_t* bytes() const { return bytes_; }
+  const uint8_t* bytes() const { return bytes_.data(); }
   const PublicKey& public_key() const { return public_; }
 
  private:
-  uint8_t* const bytes_ = static_cast<uint8_t*>(sodium_malloc(crypto_sign_SECRETKEYBYTES));
+  SecretBuffer bytes_{crypto_sign_SECRETKEYBYTES};
   PublicKey public_;
 };
 
 SigningKey::SigningKey(std::shared_ptr<const Secret> secret) : secret_(std::move(secret)) {}
 
 SigningKey SigningKey::make() {
-  KeyBytes seed{};
-  randombytes_buf(seed.data(), seed.size());
-  SigningKey key = from_seed(seed);
-  sodium_memzero(seed.data(), seed.size());
-  return key;
+  SecretBuffer seed(kKeySize);
+  randombytes_buf(seed.bytes().data(), seed.size());
+  return from_seed(seed);
 }
 
 SigningKey SigningKey::load(const std::filesystem::path& path) {
-  KeyBytes seed = load_key_file(path, kKind);
-  SigningKey key = from_seed(seed);
-  sodium_memzero(seed.data(), seed.size());
-  return key;
+  return from_seed(load_key_file(path, kKind));
 }
 
-SigningKey SigningKey::from_seed(const KeyBytes& seed) {
-  if (sodium_init() < 0) throw InputError("libsodium cannot begin");
+SigningKey SigningKey::from_seed(const SecretBuffer& seed) {
   return SigningKey(std::make_shared<const Secret>(seed));
 }
 
 void SigningKey::save(const std::filesystem::path& path, const char* group) const {
-  KeyBytes seed{};
-  crypto_sign_ed25519_sk_to_seed(seed.data(), secret_->bytes());
+  SecretBuffer seed(kKeySize);
+  crypto_sign_ed25519_sk_to_seed(seed.bytes().data(), secret_->bytes());
   save_key_file(path, seed, kKind, group);
-  sodium_memzero(seed.data(), seed.size());
 }
 
 PublicKey SigningKey::public_key() const { return secret_->public_key(); }

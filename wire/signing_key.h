@@ -10,6 +10,8 @@
 #include <string>
 #include <string_view>
 
+#include "wire/secret_buffer.h"
+
 namespace v3d {
 
 inline constexpr size_t kSignatureSize = 64;
@@ -28,8 +30,8 @@ struct PublicKey {
   friend bool operator==(const PublicKey&, const PublicKey&) = default;
 };
 
-/// The secret half of a key pair. File format: wire/key_file.h. The key lies in guarded memory,
-/// which is wiped when it is released; the text that was read from the file is not wiped.
+/// The secret half of a key pair. File format: wire/key_file.h. Copies share one SecretBuffer,
+/// which is wiped with the last of them.
 class SigningKey {
  public:
   /// A new one, from the kernel's random numbers.
@@ -46,7 +48,7 @@ class SigningKey {
  private:
   class Secret;
   explicit SigningKey(std::shared_ptr<const Secret> secret);
-  static SigningKey from_seed(const std::array<uint8_t, 32>& seed);
+  static SigningKey from_seed(const SecretBuffer& seed);
 
   std::shared_ptr<const Secret> secret_;
 };

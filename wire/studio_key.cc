@@ -3,16 +3,16 @@
 #include <sodium.h>
 
 #include <algorithm>
+#include <utility>
 
 #include "base/check.h"
-#include "base/error.h"
 #include "wire/key_file.h"
 
 namespace v3d {
 namespace {
 
 static_assert(crypto_auth_BYTES == kSealSize);
-static_assert(crypto_auth_KEYBYTES == sizeof(KeyBytes));
+static_assert(crypto_auth_KEYBYTES == kKeySize);
 
 constexpr KeyKind kKind{
     .name = "studio key",
@@ -21,42 +21,33 @@ constexpr KeyKind kKind{
     .remark =
         "# The key of a V3D studio. Its holders may command the studio. The same on every PC.\n"};
 
-/// Chooses libsodium's fastest code; cheap when it is done already.
-void begin_sodium() {
-  if (sodium_init() < 0) throw InputError("libsodium cannot begin");
-}
-
 }  // namespace
 
+StudioKey::StudioKey(SecretBuffer secret)
+    : secret_(std::make_shared<const SecretBuffer>(std::move(secret))) {}
+
 StudioKey StudioKey::make() {
-  begin_sodium();
-  StudioKey key;
-  crypto_auth_keygen(key.secret_.data());
-  return key;
+  SecretBuffer secret(kKeySize);
+  crypto_auth_keygen(secret.bytes().data());
+  return StudioKey(std::move(secret));
 }
 
 StudioKey StudioKey::load(const std::filesystem::path& path) {
-  begin_sodium();
-  StudioKey key;
-  key.secret_ = load_key_file(path, kKind);
-  return key;
+  return StudioKey(load_key_file(path, kKind));
 }
 
 StudioKey StudioKey::parse(std::string_view text, const std::filesystem::path& path) {
-  begin_sodium();
-  StudioKey key;
-  key.secret_ = parse_key_file(text, path, kKind);
-  return key;
+  return StudioKey(parse_key_file(text, path, kKind));
 }
 
 void StudioKey::save(const std::filesystem::path& path, const char* group) const {
-  save_key_file(path, secret_, kKind, group);
+  save_key_file(path, *secret_, kKind, group);
 }
 
 void StudioKey::seal(Bytes& message) const {
   V3D_CHECK(message.size() > kSealSize);
   const size_t size = message.size() - kSealSize;
-  crypto_auth(message.data() + size, message.data(), size, secret_.data());
+  crypto_auth(message.data() + size, message.data(), size, secret_->data());
 }
 
 bool StudioKey::has_sealed(std::span<const uint8_t> message) const {
@@ -65,11 +56,11 @@ bool StudioKey::has_sealed(std::span<const uint8_t> message) const {
   return crypto_auth_verify(message.data() + size, message.data(), size, secret_.data()) == 0;
 }
 
-StudioKey::Derived StudioKey::derive(std::string_view purpose) const {
-  Derived derived{};
-  crypto_generichash(derived.data(), derived.size(),
+SecretBuffer StudioKey::derive(std::string_view purpose) const {
+  SecretBuffer derived(kKeySize);
+  crypto_generichash(derived.bytes().data(), derived.size(),
                      reinterpret_cast<const unsigned char*>(purpose.data()), purpose.size(),
-                     secret_.data(), secret_.size());
+                     secret_->data(), secret_->size());
   return derived;
 }
 

@@ -2,13 +2,14 @@
 // command the studio, nobody else. The adapter of libsodium.
 #pragma once
 
-#include <array>
 #include <cstdint>
 #include <filesystem>
+#include <memory>
 #include <span>
 #include <string_view>
 
 #include "wire/codec.h"
+#include "wire/secret_buffer.h"
 
 namespace v3d {
 
@@ -17,14 +18,13 @@ namespace v3d {
 /// reply is none for a command.
 inline constexpr size_t kSealSize = 32;
 
-/// A secret of 256 bits; every PC of a studio has the same. In its file it stands as 64 hexadecimal
-/// digits on a line of their own; lines that begin with '#' are remarks.
+/// A secret of 256 bits; every PC of a studio has the same. File format: wire/key_file.h. Copies
+/// share one SecretBuffer, which is wiped with the last of them.
 class StudioKey {
  public:
   /// A new one, from the kernel's random numbers.
   static StudioKey make();
-  /// Throws InputError, with the remedy: when there is no such file, when others than its owner and
-  /// its group may read it or others than its owner may write it, when it holds no key.
+  /// Throws InputError as load_key_file() does.
   static StudioKey load(const std::filesystem::path& path);
   /// `path` names the text in messages.
   static StudioKey parse(std::string_view text, const std::filesystem::path& path);
@@ -40,12 +40,16 @@ class StudioKey {
   bool has_sealed(std::span<const uint8_t> message) const;
 
   /// A key of its own for another `purpose`: keyed BLAKE2b of that text.
-  using Derived = std::array<uint8_t, 32>;
-  Derived derive(std::string_view purpose) const;
+  SecretBuffer derive(std::string_view purpose) const;
+
+  /// Takes the same time for all keys.
+  friend bool operator==(const StudioKey& a, const StudioKey& b) {
+    return *a.secret_ == *b.secret_;
+  }
 
  private:
-  StudioKey() = default;
-  std::array<uint8_t, 32> secret_{};
+  explicit StudioKey(SecretBuffer secret);
+  std::shared_ptr<const SecretBuffer> secret_;
 };
 
 /// Above 0, from the kernel's random numbers: nobody can guess it.

@@ -17,7 +17,7 @@ constexpr RealtimeInstant kSent = from_ns<Realtime>(1'700'000'000'000'000'000);
 
 class Gate : public testing::Test {
  protected:
-  Gate() { gate_.set_key(key_); }
+  Gate() { gate_.credentials().set_studio_key(key_, kNow); }
 
   static CommandMessage command(int64_t nonce, int64_t counter = 1, Duration later = {},
                                 const std::string& sender = "anna@desk/1/2") {
@@ -105,6 +105,19 @@ TEST_F(Gate, refuses_what_another_key_sealed_and_says_so_for_a_while) {
   EXPECT_THAT(gate_.trouble(now_ + 1min), IsEmpty());
 }
 
+TEST_F(Gate, obeys_holders_of_the_old_key_for_twenty_seconds_after_a_new_one_was_set) {
+  const StudioKey next = StudioKey::make();
+  EXPECT_FALSE(obeys(encode_sealed(command(nonce(), 1, 0s, "a"), next)));
+  gate_.credentials().set_studio_key(next, now_);
+  EXPECT_TRUE(obeys(encode_sealed(command(nonce(), 1, 0s, "b"), next)));
+  now_ += 20s - 1ms;
+  EXPECT_TRUE(obeys(encode_sealed(command(nonce(), 1, 0s, "c"), key_)));
+  now_ += 1ms;
+  EXPECT_FALSE(obeys(encode_sealed(command(nonce(), 1, 0s, "d"), key_)));
+  EXPECT_TRUE(obeys(encode_sealed(command(nonce(), 1, 0s, "e"), next)));
+  EXPECT_EQ(gate_.counts().forged, 2);
+}
+
 TEST_F(Gate, refuses_sealed_bytes_that_are_no_command) {
   EXPECT_FALSE(gate_.admit(encode_sealed(ReplyMessage{}, key_), now_));
   EXPECT_EQ(gate_.counts().malformed, 1);
@@ -144,7 +157,7 @@ TEST_F(Gate, obeys_nothing_that_was_recorded_before_the_daemon_started_anew) {
     ASSERT_TRUE(obeys(recorded.back()));
   }
   CommandGate anew("cap01");
-  anew.set_key(key_);
+  anew.credentials().set_studio_key(key_, now_);
   for (const Bytes& bytes : recorded) {
     const auto admitted = anew.admit(bytes, now_);
     EXPECT_FALSE(admitted && admitted->is_current);

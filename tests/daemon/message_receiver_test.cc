@@ -114,6 +114,22 @@ TEST_F(Receiver, gives_a_long_message_in_whatever_order_its_datagrams_come) {
   }
 }
 
+TEST_F(Receiver, accepts_both_keys_for_twenty_seconds_after_a_new_one_was_set) {
+  const StudioKey next = StudioKey::make();
+  Sender renewed(next);
+  const auto accepts = [&](Sender& sender, Duration later) {
+    const auto sent = sender.datagrams(kEventChannel, message(100), kNow + later).at(0);
+    return receive(sent, later).has_value();
+  };
+  EXPECT_FALSE(accepts(renewed, 0s));
+  seal_.set_key(next, kReceiverNow.monotonic);
+  EXPECT_TRUE(accepts(renewed, 1s));
+  EXPECT_TRUE(accepts(sender_, 20s - 1ms));
+  EXPECT_FALSE(accepts(sender_, 20s));
+  EXPECT_TRUE(accepts(renewed, 20s));
+  EXPECT_EQ(seal_.counts().forged, 2);
+}
+
 TEST_F(Receiver, rejects_a_datagram_with_any_bit_flipped) {
   const RawDatagram whole = sender_.datagrams(kEventChannel, message(40)).at(0);
   for (size_t bit = 0; bit < 8 * whole.size(); ++bit) {

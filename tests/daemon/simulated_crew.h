@@ -115,7 +115,7 @@ class SimulatedNode {
     if (kept_) controller_->remember(kept_->take, "recovered", "{}");
     hears_of_trigger_ = now + world_.dice.between_ms(0, 1500);
     gate_ = std::make_unique<CommandGate>(name_, [this] { return world_.dice.nonce(); });
-    gate_->set_key(world_.key);
+    gate_->credentials().set_studio_key(world_.key, now);
     due_.reset();
     may_rejoin_ = kept_.has_value();
   }

@@ -27,7 +27,7 @@ void obey_once(v3d::CommandMessage command) {
   command.nonces[0] = kNonce;
   const v3d::Bytes sealed = v3d::encode_sealed(command, key());
   v3d::CommandGate gate("cap01", draw);
-  gate.set_key(key());
+  gate.credentials().set_studio_key(key(), kNow);
   const auto first = gate.admit(sealed, kNow);
   must(first && first->is_current);
   must(!gate.admit(sealed, kNow));
@@ -40,7 +40,7 @@ void read_as_sealed(std::span<const uint8_t> bytes) {
   must(key().has_sealed(sealed));
   auto command = v3d::decode<v3d::CommandMessage>(sealed);
   v3d::CommandGate gate("cap01", draw);
-  gate.set_key(key());
+  gate.credentials().set_studio_key(key(), kNow);
   gate.admit(sealed, kNow);
   const auto again = gate.admit(sealed, kNow);
   must(!again || !again->is_current);
@@ -53,7 +53,7 @@ void read_as_sealed(std::span<const uint8_t> bytes) {
 extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   const std::span bytes(data, size);
   v3d::CommandGate gate("cap01", draw);
-  gate.set_key(key());
+  gate.credentials().set_studio_key(key(), kNow);
   must(!gate.admit(bytes, kNow));
   read_as_sealed(bytes);
   try {

@@ -75,7 +75,7 @@ void NodeProcess::boot() {
   }
   clock_error_ = host_.clock_error;
   gate_ = std::make_unique<CommandGate>(host_.name, [this] { return world_.draws.nonce(); });
-  gate_->set_key(world_.key);
+  gate_->credentials().set_studio_key(world_.key, world_.time.now());
   session_ = static_cast<uint32_t>(world_.draws.nonce());
   sequence_ = 0;
   sessions_ = {};

@@ -37,8 +37,8 @@ std::vector<Finding> check_keys_of(const std::vector<std::string>& nodes,
     } else if (is_believed(heard->second)) {
       findings.push_back({Verdict::kGood, subject, "the same as here", ""});
     } else {
-      findings.push_back({Verdict::kBad, subject, "none, or another than here",
-                          "copy the key of this PC there, and restart its daemons"});
+      findings.push_back(
+          {Verdict::kBad, subject, "none, or another than here", "copy the key of this PC there"});
     }
   }
   return findings;

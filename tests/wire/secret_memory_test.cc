@@ -1,0 +1,162 @@
+// Copies of secrets in the memory of this process, found by reading all of it.
+#include <fcntl.h>
+#include <gtest/gtest.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <array>
+#include <cstdio>
+#include <fstream>
+#include <memory>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "base/file.h"
+#include "support/temporary_folder.h"
+#include "wire/datagram_mac.h"
+#include "wire/signing_key.h"
+#include "wire/studio_key.h"
+
+namespace v3d {
+namespace {
+
+constexpr uint8_t kMask = 0x5a;
+
+/// Makes a key file. Another process does, so that no copy of the key comes into this one. Beside
+/// the file is the same text with every bit pattern changed by kMask: it says what to search for.
+template <class Key>
+void make_key(const std::filesystem::path& path) {
+  const pid_t child = fork();
+  ASSERT_GE(child, 0);
+  if (child == 0) {
+    Key::make().save(path, "no such group");
+    std::string text = read_file(path);
+    text = text.substr(text.size() - 65, 64);
+    for (char& c : text) c = static_cast<char>(c ^ kMask);
+    std::ofstream(path.string() + ".masked") << text << std::flush;
+    _exit(0);
+  }
+  int status = -1;
+  ASSERT_EQ(waitpid(child, &status, 0), child);
+  ASSERT_EQ(status, 0);
+}
+
+/// Bytes to search for, each changed by kMask.
+using Masked = std::vector<uint8_t>;
+
+Masked masked_digits(const std::filesystem::path& key) {
+  const std::string text = read_file(key.string() + ".masked");
+  return {text.begin(), text.end()};
+}
+
+uint8_t value_of(uint8_t digit) {
+  return digit <= '9' ? static_cast<uint8_t>(digit - '0') : static_cast<uint8_t>(digit - 'a' + 10);
+}
+
+Masked masked_bytes(const std::filesystem::path& key) {
+  const Masked digits = masked_digits(key);
+  Masked bytes;
+  for (size_t i = 0; i < digits.size(); i += 2) {
+    const auto high = value_of(digits[i] ^ kMask), low = value_of(digits[i + 1] ^ kMask);
+    bytes.push_back(static_cast<uint8_t>((high << 4 | low) ^ kMask));
+  }
+  return bytes;
+}
+
+/// Reads all memory of this process part by part, without the part itself.
+class MemorySearch {
+ public:
+  ~MemorySearch() { close(memory_); }
+  MemorySearch() = default;
+  MemorySearch(const MemorySearch&) = delete;
+  MemorySearch& operator=(const MemorySearch&) = delete;
+
+  /// How often the first 16 of the bytes are found: half a key is a secret, too.
+  size_t count(const Masked& wanted) {
+    count_ = 0;
+    std::ifstream maps("/proc/self/maps");
+    std::vector<std::string> lines;
+    for (std::string line; std::getline(maps, line);) lines.push_back(line);
+    for (const std::string& line : lines) search_mapping(line, std::span(wanted).first(kPattern));
+    return count_;
+  }
+
+ private:
+  static constexpr size_t kPattern = 16;
+  static constexpr uintptr_t kMaxMapping = 1U << 30;  // AddressSanitizer maps terabytes
+
+  void search_mapping(const std::string& line, std::span<const uint8_t> wanted) {
+    uintptr_t begin = 0, end = 0;
+    std::array<char, 5> rights{};
+    if (std::sscanf(line.c_str(), "%lx-%lx %4s", &begin, &end, rights.data()) != 3) return;
+    if (rights[0] != 'r' || end - begin > kMaxMapping) return;
+    for (uintptr_t at = begin; at < end; at += part_.size() - kPattern) {
+      const auto own = reinterpret_cast<uintptr_t>(part_.data());
+      if (own < at + part_.size() && at < own + part_.size()) continue;
+      const size_t size = std::min<size_t>(part_.size(), end - at);
+      const ssize_t got = pread(memory_, part_.data(), size, static_cast<off_t>(at));
+      if (got > 0) search_part(std::span(part_).first(static_cast<size_t>(got)), wanted);
+      std::ranges::fill(part_, uint8_t{0});
+    }
+  }
+  void search_part(std::span<const uint8_t> part, std::span<const uint8_t> wanted) {
+    const auto is_same = [](uint8_t plain, uint8_t masked) { return (plain ^ kMask) == masked; };
+    const auto find = [&](auto from) {
+      return std::search(from, part.end(), wanted.begin(), wanted.end(), is_same);
+    };
+    for (auto at = find(part.begin()); at != part.end(); at = find(at + 1)) ++count_;
+  }
+
+  const int memory_ = open("/proc/self/mem", O_RDONLY | O_CLOEXEC);
+  std::vector<uint8_t> part_ = std::vector<uint8_t>(1 << 16);
+  size_t count_ = 0;
+};
+
+class SecretMemory : public testing::Test {
+ protected:
+  const test::TemporaryFolder folder_;
+  const std::filesystem::path path_ = folder_ / "a.key";
+  MemorySearch memory_;
+};
+
+TEST_F(SecretMemory, finds_what_is_there) {
+  ASSERT_NO_FATAL_FAILURE(make_key<StudioKey>(path_));
+  EXPECT_EQ(memory_.count(masked_digits(path_)), 0U);
+  const std::string text = read_file(path_);
+  EXPECT_GE(memory_.count(masked_digits(path_)), 1U);
+}
+
+TEST_F(SecretMemory, has_a_studio_key_once_while_it_is_used_and_not_at_all_afterwards) {
+  ASSERT_NO_FATAL_FAILURE(make_key<StudioKey>(path_));
+  auto key = std::make_unique<StudioKey>(StudioKey::load(path_));
+  auto copy = std::make_unique<StudioKey>(*key);
+  auto mac = std::make_unique<DatagramMac>(*key);
+  EXPECT_TRUE(copy->has_sealed(encode_sealed(CommandMessage{}, *key)));
+  MacTrailer trailer;
+  mac->sign(masked_digits(path_), masked_digits(path_), trailer);
+  EXPECT_TRUE(mac->verify(masked_digits(path_), masked_digits(path_), trailer));
+  key->save(folder_ / "again.key", "no such group");
+  EXPECT_EQ(memory_.count(masked_bytes(path_)), 1U);
+  EXPECT_EQ(memory_.count(masked_digits(path_)), 0U);
+  key.reset();
+  copy.reset();
+  mac.reset();
+  EXPECT_EQ(memory_.count(masked_bytes(path_)), 0U);
+}
+
+TEST_F(SecretMemory, has_a_signing_key_once_while_it_is_used_and_not_at_all_afterwards) {
+  ASSERT_NO_FATAL_FAILURE(make_key<SigningKey>(path_));
+  auto key = std::make_unique<SigningKey>(SigningKey::load(path_));
+  const Signature signature = key->sign(masked_digits(path_));
+  EXPECT_TRUE(key->public_key().has_signed(masked_digits(path_), signature));
+  key->save(folder_ / "again.key", "no such group");
+  EXPECT_EQ(memory_.count(masked_bytes(path_)), 1U);
+  EXPECT_EQ(memory_.count(masked_digits(path_)), 0U);
+  key.reset();
+  EXPECT_EQ(memory_.count(masked_bytes(path_)), 0U);
+}
+
+}  // namespace
+}  // namespace v3d
