@@ -156,18 +156,6 @@ v4l2_studio() {
   done >/etc/v3d/calib.toml
 }
 
-# keep_off_disk PROGRAM...: takes go to memory, and the programs are read into it. Time is counted in instructions here: while
-# the guest waits for its disk, which takes time of a busy host, the counted time jumps from timer to timer, and what a story
-# does between two frames comes many frames later.
-keep_off_disk() {
-  local file
-  mount -t tmpfs -o mode=0750,uid="$(id -u v3d)",gid="$(id -g v3d)" takes /var/lib/v3d/takes
-  for file in "$@"; do
-    file=$(command -v "$file")
-    cat "$file" $(ldd "$file" 2>/dev/null | grep -o '/[^ ]*') >/dev/null
-  done
-}
-
 # losses TAKE "LIST...": how many pulses the lists of the ledger (missing, duplicate, suspect) have, all cameras together.
 losses() {
   local list
