@@ -39,7 +39,7 @@ std::string name(SilhouetteFaultKind kind) {
 
 TakeSilhouetteRepair::TakeSilhouetteRepair(const Rig& rig, const ReconstructOptions& options)
     : rig_(rig),
-      mender_(rig, options.bounds, comparison_voxel_m(options), options.min_views),
+      repair_(rig, options.bounds, comparison_voxel_m(options), options.min_views),
       views_(rig.size()) {
   tbb::parallel_for(size_t{0}, rig.size(),
                     [&](size_t i) { views_[i] = bounds_mask(options.bounds, rig_[i].model); });
@@ -62,7 +62,7 @@ RepairedSilhouettes TakeSilhouetteRepair::compare(const SegmentedFrames& frames,
                                                   const NeighbourMasks& neighbours) {
   std::vector<const Frame*> images;
   for (size_t c = 0; c < frames.size(); ++c) images.push_back(masks[c] ? &frames[c]->raw : nullptr);
-  return mender_.mend(masks, images, neighbours);
+  return repair_.repair(masks, images, neighbours);
 }
 
 void TakeSilhouetteRepair::set_previous(int64_t pulse, SegmentedFrames frames) {

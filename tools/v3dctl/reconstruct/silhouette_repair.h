@@ -53,7 +53,7 @@ class TakeSilhouetteRepair {
                               const NeighbourMasks& neighbours);
 
   const Rig rig_;
-  SilhouetteRepair mender_;
+  SilhouetteRepair repair_;
   std::vector<Mask> views_;  ///< of the bounds, by camera
   int64_t previous_pulse_ = -2;
   std::vector<std::optional<Mask>> previous_;  ///< masks of that pulse, repaired without neighbours

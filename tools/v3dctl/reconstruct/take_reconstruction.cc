@@ -54,8 +54,8 @@ class SilhouetteMeter {
 };
 
 void add_stage_times(const StageTimes& times, double segment, ReconstructReport& report) {
-  const double parts[] = {segment,      times.intersect, times.mesh,   times.deform,
-                          times.steady, times.texture,   times.encode, times.quality};
+  const double parts[] = {segment,         times.intersect, times.mesh,   times.deform,
+                          times.smoothing, times.texture,   times.encode, times.quality};
   double total = 0;
   for (size_t stage = 0; stage < std::size(parts); ++stage) {
     if (parts[stage] < 0) continue;

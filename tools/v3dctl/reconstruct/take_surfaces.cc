@@ -29,7 +29,7 @@ TakeSurface TakeSurfaces::make(int64_t pulse) {
   for (int64_t p = pulse - 1; p <= pulse + 1; ++p) deform(p);
   WindowEntry& now = window_.at(pulse);
   TakeSurface made = std::move(now.surface);
-  reconstructor_.steady(made.work, now.views, neighbours(pulse));
+  reconstructor_.smooth_over_time(made.work, now.views, neighbours(pulse));
   return made;
 }
 
@@ -66,7 +66,7 @@ void TakeSurfaces::make_hull(int64_t pulse) {
   if (!has(pulse) || window_.contains(pulse)) return;
   TakeSurface surface = read(pulse);
   reconstructor_.make_hull(surface.work);
-  PulseViews views = reconstructor_.look(surface.work);
+  PulseViews views = reconstructor_.make_views(surface.work);
   window_.emplace(pulse, WindowEntry{std::move(surface), std::move(views)});
 }
 
