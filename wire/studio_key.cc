@@ -53,7 +53,7 @@ void StudioKey::seal(Bytes& message) const {
 bool StudioKey::has_sealed(std::span<const uint8_t> message) const {
   if (message.size() <= kSealSize) return false;
   const size_t size = message.size() - kSealSize;
-  return crypto_auth_verify(message.data() + size, message.data(), size, secret_.data()) == 0;
+  return crypto_auth_verify(message.data() + size, message.data(), size, secret_->data()) == 0;
 }
 
 SecretBuffer StudioKey::derive(std::string_view purpose) const {

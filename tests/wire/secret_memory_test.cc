@@ -92,9 +92,12 @@ class MemorySearch {
     std::array<char, 5> rights{};
     if (std::sscanf(line.c_str(), "%lx-%lx %4s", &begin, &end, rights.data()) != 3) return;
     if (rights[0] != 'r' || end - begin > kMaxMapping) return;
-    for (uintptr_t at = begin; at < end; at += part_.size() - kPattern) {
-      const auto own = reinterpret_cast<uintptr_t>(part_.data());
-      if (own < at + part_.size() && at < own + part_.size()) continue;
+    const auto own = reinterpret_cast<uintptr_t>(part_.data());
+    search_range(begin, std::clamp(own, begin, end), wanted);
+    search_range(std::clamp(own + part_.size(), begin, end), end, wanted);
+  }
+  void search_range(uintptr_t begin, uintptr_t end, std::span<const uint8_t> wanted) {
+    for (uintptr_t at = begin; at < end; at += part_.size() - (kPattern - 1)) {
       const size_t size = std::min<size_t>(part_.size(), end - at);
       const ssize_t got = pread(memory_, part_.data(), size, static_cast<off_t>(at));
       if (got > 0) search_part(std::span(part_).first(static_cast<size_t>(got)), wanted);
