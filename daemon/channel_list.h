@@ -19,6 +19,8 @@ struct ChannelKind {
   bool holds_own_mac = false;
   /// A person may see what cannot be verified, marked as such: a node without a key has to say so.
   bool is_shown_unverified = false;
+  /// Nodes act on it: accepted only of a session that has answered a question (SessionGate).
+  bool needs_answer = false;
   /// Between the receivers themselves (SessionMessage): its nonces show that it is recent.
   bool is_of_sessions = false;
 };

@@ -101,6 +101,10 @@ std::optional<ReceivedMessage> MessageReceiver::receive_authentic(const Datagram
     ask(stamp, now);
     return std::nullopt;
   }
+  if (is_first && kind->needs_answer && !gate_.has_answered(stamp.session)) {
+    ask(stamp, now);
+    return std::nullopt;
+  }
   if (is_first && !wanted_(datagram.channel)) {
     gate_.note(stamp, now);
     reassembly_.drop(identity_of(datagram, parts, stamp.session));
@@ -114,7 +118,12 @@ std::optional<ReceivedMessage> MessageReceiver::receive_authentic(const Datagram
 
 // --- sessions -----------------------------------------------------------------------------------
 
+void MessageReceiver::drop_old_questions() {
+  if (std::exchange(forgotten_, gate_.forgotten()) != gate_.forgotten()) questions_ = {};
+}
+
 void MessageReceiver::ask(const SessionStamp& stamp, const ReceiverTime& now) {
+  drop_old_questions();
   const auto nonce = questions_.ask(stamp.session, now.monotonic);
   if (!nonce) return;
   sessions_.send({.sent = {}, .session = stamp.session, .newest = 0, .nonce = *nonce});
@@ -134,6 +143,7 @@ void MessageReceiver::on_session_message(std::span<const uint8_t> bytes, Realtim
 
 void MessageReceiver::on_answer(const SessionMessage& answer, RealtimeInstant sent,
                                 const ReceiverTime& now) {
+  drop_old_questions();
   if (!questions_.answers(answer.session, answer.nonce, now.monotonic)) return;
   gate_.accept({.session = answer.session, .sequence = answer.newest, .sent = sent}, now);
   const Duration ahead = sent - now.realtime;

@@ -50,7 +50,8 @@ struct SessionPort {
 /// at most the hash of its own bytes (two while a studio key is replaced: KeyRotation).
 ///
 /// Messages of a session that is in doubt are dropped, and the session is asked: where clocks do
-/// not agree, the first messages are lost until the answer is there.
+/// not agree, the first messages are lost until the answer is there. So are the first health and
+/// pulses of every session (ChannelKind::needs_answer).
 ///
 /// Where no authentication is required, the checks of MAC and time are left out. One thread, but
 /// counts().
@@ -82,6 +83,7 @@ class MessageReceiver {
   bool is_authentic(const Datagram& datagram, const DatagramParts& parts,
                     MonotonicInstant now) const;
   void ask(const SessionStamp& stamp, const ReceiverTime& now);
+  void drop_old_questions();
   void on_session_message(std::span<const uint8_t> bytes, RealtimeInstant sent,
                           const ReceiverTime& now);
   void on_answer(const SessionMessage& answer, RealtimeInstant sent, const ReceiverTime& now);
@@ -98,6 +100,7 @@ class MessageReceiver {
   const SessionPort sessions_;
   SessionGate gate_;
   SessionQuestions questions_;
+  int64_t forgotten_ = 0;  ///< SessionGate::forgotten() when the questions were asked
   MonotonicInstant answers_since_;
   int answers_ = 0;
   Reassembly reassembly_;

@@ -1,6 +1,7 @@
 #include "daemon/session_gate.h"
 
 #include <algorithm>
+#include <utility>
 
 #include "wire/studio_key.h"
 
@@ -36,6 +37,7 @@ SessionGate::Session& SessionGate::find_or_add(const SessionStamp& stamp, const 
     const auto silent = std::ranges::min_element(sessions_, {}, &Session::received_at);
     floor_ = std::max(floor_, silent->newest_sent);
     sessions_.erase(silent);
+    ++forgotten_;
   }
   Session& added = sessions_.emplace_back();
   added.id = stamp.session;
@@ -74,14 +76,20 @@ bool SessionGate::is_recent(const SessionStamp& stamp, const ReceiverTime& now) 
   return age <= kOldest && -age <= kAhead;
 }
 
+bool SessionGate::has_answered(uint32_t session) const {
+  const Session* const known = find(session);
+  return known != nullptr && known->has_answered;
+}
+
 void SessionGate::accept(const SessionStamp& newest, const ReceiverTime& now) {
-  const bool is_known = find(newest.session) != nullptr;
   Session& session = find_or_add(newest, now);
   session.fast_sent = newest.sent;
   session.fast_received = now.monotonic;
   session.newest_sent = newest.sent;
   session.received_at = now.monotonic;
-  if (!is_known) session.received.set();
+  if (std::exchange(session.has_answered, true)) return;
+  if (distance(newest.sequence, session.newest) > 0) session.newest = newest.sequence;
+  session.received.set();
 }
 
 // --- questions ----------------------------------------------------------------------------------

@@ -36,6 +36,9 @@ struct ReceiverTime {
 /// CLOCK_REALTIME. Where it does not, the message is in doubt: the session is asked
 /// (SessionQuestions), and its answer, which nobody can have recorded, is given to accept().
 ///
+/// Messages that nodes act on need more: their session must have answered since it is known here
+/// (has_answered()). A wall clock alone would let recordings of its time in after a restart.
+///
 /// kMaxSessions are remembered; when there are more, the one that was silent longest is forgotten,
 /// and unknown sessions are in doubt with what was sent before its last message. Only authentic
 /// messages may be noted, so nobody without the key changes anything here. Allocates nothing after
@@ -58,16 +61,22 @@ class SessionGate {
   bool is_received(const SessionStamp& stamp) const;
   /// Of an authentic message. False: it is in doubt.
   bool is_recent(const SessionStamp& stamp, const ReceiverTime& now) const;
+  /// Whether accept() was called for the session since it is known.
+  bool has_answered(uint32_t session) const;
   /// An authentic, recent message is accepted.
   void note(const SessionStamp& stamp, const ReceiverTime& now);
   /// The session has just answered a question: `newest.sent` is its time now, `newest.sequence` its
-  /// last message. Older messages of a session that was not known are not accepted any more.
+  /// last message. With the first answer, older messages are not accepted any more.
   void accept(const SessionStamp& newest, const ReceiverTime& now);
+  /// How many sessions were forgotten. Answers to questions of before may then be older than what
+  /// was received, and are worth nothing.
+  int64_t forgotten() const { return forgotten_; }
 
  private:
   struct Session {
     uint32_t id = 0;
     uint32_t newest = 0;
+    bool has_answered = false;
     RealtimeInstant newest_sent = RealtimeInstant::min();
     MonotonicInstant received_at;  ///< the last of them
     // A message that was fast: when it was sent, and received.
@@ -88,6 +97,7 @@ class SessionGate {
 
   std::vector<Session> sessions_;
   RealtimeInstant floor_ = RealtimeInstant::min();
+  int64_t forgotten_ = 0;
 };
 
 /// Which sessions have been asked for a sign of life, and with which nonce. One thread.

@@ -220,6 +220,44 @@ TEST_F(Receiver, accepts_nothing_of_a_recording_though_its_questions_are_answere
   EXPECT_EQ(said_.size(), 10U);
 }
 
+/// The answer of `sender` to the question that was asked last.
+RawDatagram answer_of(Sender& sender, SessionMessage question, uint32_t newest) {
+  question.newest = newest;
+  question.is_answer = true;
+  return sender.datagrams(kSessionChannel, encode(question)).at(0);
+}
+
+TEST_F(Receiver, accepts_health_and_pulses_only_of_a_session_that_has_answered) {
+  for (const char* const channel : {"V3D_HEALTH_cap01", kPulseChannel}) {
+    Sender sender(key_);
+    EXPECT_TRUE(receive(sender.datagrams(kEventChannel, message(40)).at(0)));
+    const RawDatagram older = sender.datagrams(channel, message(40)).at(0);
+    EXPECT_FALSE(receive(sender.datagrams(channel, message(40)).at(0)));
+    ASSERT_FALSE(said_.empty());
+    ASSERT_EQ(said_.back().session, sender.session());
+    receive(answer_of(sender, said_.back(), 2));
+    EXPECT_FALSE(receive(older)) << "it may have been received before a restart";
+    EXPECT_TRUE(receive(sender.datagrams(channel, message(40)).at(0)));
+  }
+  EXPECT_EQ(seal_.counts().stale, 0);
+}
+
+TEST_F(Receiver, accepts_no_recorded_health_after_its_own_restart_whatever_its_clock_shows) {
+  const RawDatagram recorded = sender_.datagrams("V3D_HEALTH_cap01", message(40)).at(0);
+  for (int i = 0; i < 10; ++i) EXPECT_FALSE(receive(recorded, i * 500ms));
+  EXPECT_FALSE(said_.empty()) << "the session was asked, and has ended";
+}
+
+TEST_F(Receiver, drops_its_questions_when_it_forgets_a_session) {
+  receive(sender_.datagrams("V3D_HEALTH_cap01", message(40)).at(0));
+  ASSERT_EQ(said_.size(), 1U);
+  for (size_t i = 0; i <= SessionGate::kMaxSessions; ++i) {
+    EXPECT_TRUE(receive(Sender(key_).datagrams(kEventChannel, message(40)).at(0)));
+  }
+  receive(answer_of(sender_, said_[0], 0));
+  EXPECT_FALSE(receive(sender_.datagrams("V3D_HEALTH_cap01", message(40)).at(0)));
+}
+
 TEST_F(Receiver, answers_for_the_sessions_of_its_own_process_100_times_a_second) {
   SessionMessage question;
   question.session = kOwnSession;

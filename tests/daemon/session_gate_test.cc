@@ -94,6 +94,36 @@ TEST(SessionGate, doubts_a_session_whose_clock_is_set_until_it_answers) {
   EXPECT_FALSE(gate.is_recent(stamp(7, 4, -2h), later(2s)));
 }
 
+TEST(SessionGate, accepts_nothing_older_once_a_session_has_answered_first) {
+  SessionGate gate;
+  gate.note(stamp(7, 9), kNow);
+  EXPECT_FALSE(gate.has_answered(7));
+  EXPECT_FALSE(gate.is_received(stamp(7, 8)));
+  gate.accept(stamp(7, 12), kNow);
+  EXPECT_TRUE(gate.has_answered(7));
+  for (const uint32_t old : {8U, 9U, 12U}) EXPECT_TRUE(gate.is_received(stamp(7, old))) << old;
+  EXPECT_FALSE(gate.is_received(stamp(7, 13)));
+}
+
+TEST(SessionGate, keeps_what_came_before_a_late_first_answer) {
+  SessionGate gate;
+  gate.note(stamp(7, 9), kNow);
+  gate.accept(stamp(7, 5), kNow);
+  EXPECT_TRUE(gate.is_received(stamp(7, 9)));
+  EXPECT_FALSE(gate.is_received(stamp(7, 10)));
+}
+
+TEST(SessionGate, forgets_with_a_session_that_it_has_answered) {
+  SessionGate gate;
+  gate.accept(stamp(7, 1), kNow);
+  for (uint32_t i = 0; i < SessionGate::kMaxSessions; ++i) {
+    EXPECT_EQ(gate.forgotten(), 0);
+    gate.note(stamp(1000 + i, 1), later(1s));
+  }
+  EXPECT_EQ(gate.forgotten(), 1);
+  EXPECT_FALSE(gate.has_answered(7));
+}
+
 TEST(SessionQuestions, take_one_answer_with_the_right_nonce_in_time) {
   SessionQuestions questions;
   const auto now = kNow.monotonic;

@@ -3,7 +3,7 @@
 # Makes Spin's verifier of the model with the daemons' transition table, and runs it. With HAS_FAULT the verifier must find
 # an error.
 file(MAKE_DIRECTORY ${DIR})
-file(COPY ${MODEL} DESTINATION ${DIR})
+file(COPY ${MODEL} ${CMAKE_CURRENT_LIST_DIR}/node.pml DESTINATION ${DIR})
 get_filename_component(model ${MODEL} NAME)
 execute_process(COMMAND ${WRITE_TRANSITIONS} promela OUTPUT_FILE ${DIR}/transitions.pml COMMAND_ERROR_IS_FATAL ANY)
 execute_process(COMMAND ${SPIN} -o3 -a ${DEFINES} ${model} WORKING_DIRECTORY ${DIR} COMMAND_ERROR_IS_FATAL ANY)

@@ -5,7 +5,6 @@
  * are gone, stops and aborts. Node 0 has the trigger. Messages are lost, repeated and overtaken: whatever an
  * operator has sent may reach a node at any later time, once, unless the node has obeyed a later one of that
  * operator. Replies reach the operator at any later time, or not before it gives up. A node may crash once. */
-#include "transitions.pml"
 
 /* Two sizes are checked: NODES=2 with PEOPLE=2, and NODES=3 with PEOPLE=1. */
 #ifndef NODES
@@ -14,28 +13,19 @@
 #ifndef PEOPLE
 #define PEOPLE 2
 #endif
-#define TRIGGER 0
 #define ALL ((1 << NODES) - 1)
 #define OTHERS (ALL - 1)
 #define OPERATORS (PEOPLE + 1)
 #define LAST PEOPLE /* the operator who ends everything */
-#define NOBODY 3
 
-#define O_none 0
-#define O_pending 1
-#define O_done 2
-#define O_refused 3
-
-/* Nodes. A take is named by the operator who arms it. */
-byte phase[NODES];
-byte take[NODES] = NOBODY;
-byte starter[NODES] = NOBODY;
-byte kept[NODES] = NOBODY;    /* on the disk: the last take that was armed */
-bool may_rejoin[NODES];
-byte waiting[NODES];          /* operators that wait for a final reply */
-byte records[NODES] = NOBODY; /* the last take whose start was obeyed, ever */
-byte heard[NODES * OPERATORS];                /* by operator and node: the last command that was obeyed */
-byte said[NODES * OPERATORS];                 /* the same: the answer to it */
+#define cmd(op, counter) ((op) * 8 + (counter))
+#define verb_of(op, c) verb[cmd(op, c)]
+#define own_of(op, c) own[cmd(op, c)]
+#define is_about_other(op, c, t) (about[cmd(op, c)] != NOBODY && about[cmd(op, c)] != t)
+#define input_of(op, n, c) verb[cmd(op, c)]
+/* After a crash nothing that was sent before is believed, but the last command, which is sent again. */
+#define last_stale(op) (sent[op] > 0 -> sent[op] - 1 : 0)
+#include "node.pml"
 
 /* Commands, by operator and counter. */
 byte verb[8 * OPERATORS];
@@ -47,77 +37,29 @@ byte sent[OPERATORS];
 bool crashed;
 bool ending; /* the last operator has come */
 byte gone;   /* operators that will say nothing more */
-hidden byte next_phase, work, verdict;
 
-#define at(op, node) ((op) * NODES + (node))
-#define cmd(op, counter) ((op) * 8 + (counter))
 #define has(set, node) (((set) >> (node)) & 1)
 
-inline finish(n, outcome) {
-  for (o : 0 .. LAST) {
-    if
-    :: has(waiting[n], o) -> said[at(o, n)] = outcome
-    :: else
-    fi
-  }
-  waiting[n] = 0
-}
-
-/* The first promise: pulses never precede what every node records. */
-inline start_pulses(n) {
+/* Pulses never precede what every node records. */
+inline on_start(n) {
   if
   :: n == TRIGGER ->
     for (o : 1 .. NODES - 1) {
-      assert(records[o] == take[TRIGGER] || crashed)
+      assert(records[o] == take[TRIGGER])
     }
+    o = 0
   :: else
   fi
 }
 
-/* Controller::carry_out(). */
-inline obey(op, n, c) {
-  heard[at(op, n)] = c;
-  misses = false;
-  if
-  :: verb[cmd(op, c)] != I_arm && phase[n] != P_idle && phase[n] != P_fault ->
-    owner = (phase[n] > P_armed -> starter[n] : take[n]);
-    misses = (about[cmd(op, c)] != NOBODY && about[cmd(op, c)] != take[n]) ||
-             ((verb[cmd(op, c)] == I_commit || (own[cmd(op, c)] && phase[n] != P_armed)) && op != owner)
-  :: else
-  fi;
-  if
-  :: misses -> said[at(op, n)] = O_refused
-  :: else ->
-    /* What a failed start takes back does not run. */
-    assert(!(own[cmd(op, c)] && n != TRIGGER && phase[n] == P_recording && phase[TRIGGER] == P_recording &&
-             take[TRIGGER] == take[n]));
-    lookup(phase[n], verb[cmd(op, c)]);
-    if
-    :: work == W_arm -> take[n] = op; kept[n] = op; may_rejoin[n] = false
-    :: work == W_start -> starter[n] = op; records[n] = take[n]; start_pulses(n)
-    :: else
-    fi;
-    phase[n] = next_phase;
-    said[at(op, n)] = (verdict == V_done -> O_done : (verdict == V_pending -> O_pending : O_refused));
-    if
-    :: verdict == V_done && verb[cmd(op, c)] == I_abort -> finish(n, O_refused); said[at(op, n)] = O_done
-    :: verdict == V_pending -> waiting[n] = waiting[n] | (1 << op)
-    :: else
-    fi
-  fi
+/* What a failed start takes back does not run. */
+inline check_take_back(op, n, c) {
+  judge(op, n, c);
+  assert(misses || !(own_of(op, c) && n != TRIGGER && phase[n] == P_recording && phase[TRIGGER] == P_recording &&
+                     take[TRIGGER] == take[n]))
 }
 
-/* Controller::on_event(). */
-inline report(n, input, outcome) {
-  lookup(phase[n], input);
-  if
-  :: next_phase != phase[n] && input != I_train_ended -> finish(n, outcome)
-  :: else
-  fi;
-  phase[n] = next_phase
-}
-
-#define can(op, c) (c <= sent[op] && c > heard[at(op, n)] && has(addressed[cmd(op, c)], n))
+#define can(op, c) (c <= sent[op] && c > obeyed[at(op, n)] && has(addressed[cmd(op, c)], n))
 
 /* What may happen at node n: a message of any operator arrives, or its own work reports. */
 proctype Node(byte n) {
@@ -149,7 +91,7 @@ end:
        :: can(2, 6) -> op = 2; c = 6
 #endif
        fi;
-       obey(op, n, c); op = 0; c = 0; o = 0; owner = 0; misses = false
+       check_take_back(op, n, c); obey(op, n, c); op = 0; c = 0
      }
   :: atomic { phase[n] == P_arming -> report(n, I_ready, O_done) }
   :: atomic { phase[n] == P_arming && !ending -> report(n, I_failed, O_refused) }
@@ -161,26 +103,20 @@ end:
          report(n, I_train_ended, O_done)
      }
   :: atomic {
-       n != TRIGGER && may_rejoin[n] && phase[n] == P_idle && phase[TRIGGER] == P_recording -> may_rejoin[n] = false;
+       n != TRIGGER && may_rejoin[n] && phase[n] == P_idle && phase[TRIGGER] == P_recording ->
        if
-       :: kept[n] == take[TRIGGER] -> report(n, I_rejoined, O_done); take[n] = kept[n]; starter[n] = kept[n]
-       :: else
+       :: kept[n] == take[TRIGGER] -> rejoin(n)
+       :: else -> may_rejoin[n] = false
        fi
      }
   :: atomic {
        !crashed && !ending -> crashed = true;
-       phase[n] = P_idle; waiting[n] = 0; may_rejoin[n] = (kept[n] != NOBODY);
-       /* Nothing that was sent before is believed, but the last command, which is sent again. */
-       for (o : 0 .. LAST) {
-         heard[at(o, n)] = (sent[o] > 0 -> sent[o] - 1 : 0);
-         said[at(o, n)] = O_none
-       }
-       o = 0
+       crash(n)
      }
   od
 }
 
-#define answered(op, n, counter) (heard[at(op, n)] == (counter) && said[at(op, n)] != O_none)
+#define answered(op, n, counter) (obeyed[at(op, n)] == (counter) && said[at(op, n)] != O_none)
 #define final(op, n, counter) (answered(op, n, counter) && said[at(op, n)] != O_pending)
 #define refused(op, n, counter) (answered(op, n, counter) && said[at(op, n)] == O_refused)
 #if NODES == 3

@@ -126,6 +126,7 @@ void NodeProcess::end(Cause cause) {
                           .order = protocol_->order(),
                           .cause = cause,
                           .command = {}});
+  world_.events.on_crash(host_.name);
   protocol_.reset();
   work_.reset();
   gate_.reset();
@@ -195,10 +196,10 @@ void NodeProcess::take_in(Channel channel, size_t from, const Bytes& bytes) {
   }
 }
 
-/// As MessageReceiver does.
+/// As MessageReceiver does with health and pulses.
 bool NodeProcess::accepts(const SessionStamp& stamp) {
   if (sessions_.is_received(stamp)) return false;
-  if (sessions_.is_recent(stamp, receiver_time())) {
+  if (sessions_.is_recent(stamp, receiver_time()) && sessions_.has_answered(stamp.session)) {
     sessions_.note(stamp, receiver_time());
     return true;
   }
@@ -262,10 +263,13 @@ void NodeProcess::watch(Cause cause, const CommandMessage& command,
   CommandMessage order = protocol_->order();
   action();
   const Phase after = protocol_->phase();
+  if (!command.sender.empty()) world_.events.on_command(host_.name, command, after);
   if (before == after) return;
   if (before == Phase::kIdle) order = protocol_->order();
   if (cause == Cause::kReport && after == Phase::kRecording) cause = Cause::kRejoined;
   if (cause == Cause::kReport && work_->ended_by_disk()) cause = Cause::kDisk;
+  const bool may_end = cause == Cause::kDisk || cause == Cause::kEnded;
+  if (command.sender.empty()) world_.events.on_report(host_.name, order, after, may_end);
   trace_.add([&] {
     return host_.name + ": " + std::string(name(before)) + " -> " + std::string(name(after)) +
            " (" + order.take + ", " + (command.sender.empty() ? "report" : text_of(command)) + ")";
@@ -281,6 +285,7 @@ void NodeProcess::watch(Cause cause, const CommandMessage& command,
 // --- what goes out ------------------------------------------------------------------------------
 
 void NodeProcess::publish(ReplyMessage reply) {
+  world_.events.on_reply(reply);
   reply.sent = clock();
   reply.nonce = gate_->nonce(world_.time.now());
   world_.network.send(place_, Channel::kReply, encode_sealed(reply, world_.key));

@@ -6,6 +6,7 @@
 
 #include "simulation/network.h"
 #include "simulation/node_disk.h"
+#include "simulation/protocol_events.h"
 #include "simulation/trigger.h"
 #include "simulation/truth.h"
 #include "simulation/virtual_time.h"
@@ -18,6 +19,7 @@ struct World {
   Draws& draws;
   Network& network;
   Truth& truth;
+  ProtocolEvents& events;
   const StudioKey& key;
   bool has_sense_line = true;
   double rate_hz = 10;

@@ -32,6 +32,7 @@ void OperatorProcess::begin_next() {
   const OperatorStep& step = steps_.front();
   stamp_.emplace(name_ + "@desk/" + std::to_string(++runs_));
   world_.truth.on_conversation(stamp_->sender(), step.order.verb);
+  world_.events.add_run(stamp_->sender(), step.order);
   trace_.add([&] {
     return stamp_->sender() + ": v3dctl " + std::string(name(step.order.verb)) + " " +
            step.order.take;
@@ -46,6 +47,7 @@ void OperatorProcess::poll() {
     auto message = conversation_->poll(world_.time.now());
     if (!message) break;
     stamp_->put_on(*message, wall_clock(world_, clock_error_));
+    world_.events.on_send(*message);
     world_.network.send(place_, Channel::kCommand, encode_sealed(*message, world_.key));
   }
   if (conversation_->over()) return finish();
@@ -58,6 +60,7 @@ void OperatorProcess::receive(const Bytes& bytes) {
   if (!conversation_ || !world_.key.has_sealed(bytes)) return;
   const auto reply = decode<ReplyMessage>(bytes);
   if (!reply || reply->command_sender != stamp_->sender()) return;
+  if (reply->command_counter == conversation_->counter()) world_.events.on_hear(*reply);
   conversation_->hear(*reply);
   poll();
 }

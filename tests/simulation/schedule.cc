@@ -48,10 +48,11 @@ class Schedule {
         trace_(time_, with_trace),
         network_(time_, draws_),
         trigger_(
-            time_, draws_, [this](const CommandMessage& order) { truth_.on_train(order); },
+            time_, draws_, [this](const CommandMessage& order) { on_train(order); },
+            [this] { events_.on_pulses_end(); },
             [this](int64_t pulse, bool sensed) { on_pulse(pulse, sensed); }),
         truth_(draw_studio()),
-        world_{time_, draws_, network_, truth_, key()} {}
+        world_{time_, draws_, network_, truth_, events_, key()} {}
 
   Outcome play();
 
@@ -75,6 +76,10 @@ class Schedule {
   }
 
   // --- how it goes
+  void on_train(const CommandMessage& order) {
+    truth_.on_train(order);
+    events_.on_pulses_begin(order);
+  }
   void on_pulse(int64_t pulse, bool sensed);
   void deliver_frame(NodeProcess& node, const std::string& camera, int64_t pulse);
   void heal();
@@ -97,6 +102,7 @@ class Schedule {
   std::map<std::string, std::vector<std::string>> cameras_;
   bool steps_clocks_ = false;
   Truth truth_;
+  ProtocolEvents events_;
   World world_;
   std::vector<std::unique_ptr<NodeProcess>> nodes_;
   std::vector<std::unique_ptr<OperatorProcess>> operators_;
@@ -129,6 +135,7 @@ void Schedule::make_nodes() {
   trigger_.set_unsensed(world_.has_sense_line && draws_.chance(0.1) ? 0.05 : 0);
   const double frame_loss = draws_.chance(0.3) ? 0.03 : 0;
   for (const std::string& name : commanded_.nodes) {
+    events_.add_node(name);
     const bool is_trigger = name == commanded_.trigger;
     Host host{.name = name,
               .captures = name.starts_with("cap"),
@@ -382,6 +389,7 @@ void Schedule::check_disks() {
 Outcome Schedule::outcome() {
   outcome_.violation = truth_.violation();
   outcome_.trace = trace_.lines();
+  outcome_.events = events_.trace();
   return std::move(outcome_);
 }
 

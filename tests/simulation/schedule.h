@@ -6,11 +6,14 @@
 #include <string>
 #include <vector>
 
+#include "simulation/protocol_events.h"
+
 namespace v3d::simulation {
 
 struct Outcome {
   std::string violation;  ///< empty: every invariant held
   std::vector<std::string> trace;
+  ProtocolTrace events;
   int pulses = 0;
   int takes = 0;
   int complete = 0;      ///< takes whose joined ledger is complete

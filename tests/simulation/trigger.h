@@ -14,12 +14,14 @@ namespace v3d::simulation {
 class Trigger {
  public:
   using OnTrain = std::function<void(const CommandMessage& order)>;
+  using OnEnd = std::function<void()>;
   using OnPulse = std::function<void(int64_t pulse, bool sensed)>;
 
-  Trigger(VirtualTime& time, Draws& draws, OnTrain on_train, OnPulse on_pulse)
+  Trigger(VirtualTime& time, Draws& draws, OnTrain on_train, OnEnd on_end, OnPulse on_pulse)
       : time_(time),
         draws_(draws),
         on_train_(std::move(on_train)),
+        on_end_(std::move(on_end)),
         on_pulse_(std::move(on_pulse)) {}
 
   /// `unsensed`: share of the pulses that the sense line does not see.
@@ -37,7 +39,9 @@ class Trigger {
     on_train_(order_);
     plan(++train_);
   }
-  void stop() { is_running_ = false; }
+  void stop() {
+    if (std::exchange(is_running_, false)) on_end_();
+  }
 
   bool is_running() const { return is_running_; }
   bool is_finished() const { return count_ && commanded_ >= *count_; }
@@ -55,6 +59,7 @@ class Trigger {
   VirtualTime& time_;
   Draws& draws_;
   const OnTrain on_train_;
+  const OnEnd on_end_;
   const OnPulse on_pulse_;
   CommandMessage order_;
   Duration period_{};

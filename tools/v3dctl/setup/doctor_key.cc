@@ -9,7 +9,8 @@ namespace {
 
 using Verdict = Finding::Verdict;
 
-constexpr Duration kListen = std::chrono::seconds(2);  // health comes once a second
+/// Health comes once a second; the first of a node is not accepted (ChannelKind::needs_answer).
+constexpr Duration kListen = std::chrono::seconds(3);
 
 }  // namespace
 

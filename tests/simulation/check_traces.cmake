@@ -1,0 +1,35 @@
+# cmake -DWRITE_TRACES=... -DWRITE_TRANSITIONS=... -DSPIN=... -DCC=... -DDIR=... -DCOUNT=... -DMUTATION=... -DLEAST=...
+#       -P check_traces.cmake
+# Plays COUNT schedules (V3D_SCHEDULES where it is set), and lets Spin follow their events in trace.pml. All must be
+# accepted, or with a MUTATION other than "none" all rejected: LEAST of them at least.
+if(DEFINED ENV{V3D_SCHEDULES})
+  set(COUNT $ENV{V3D_SCHEDULES})
+endif()
+file(MAKE_DIRECTORY ${DIR})
+file(COPY ${CMAKE_CURRENT_LIST_DIR}/trace.pml ${CMAKE_CURRENT_LIST_DIR}/node.pml DESTINATION ${DIR})
+execute_process(COMMAND ${WRITE_TRANSITIONS} promela OUTPUT_FILE ${DIR}/transitions.pml COMMAND_ERROR_IS_FATAL ANY)
+execute_process(COMMAND ${WRITE_TRACES} 20090219 ${COUNT} ${MUTATION} OUTPUT_FILE ${DIR}/traces.h COMMAND_ERROR_IS_FATAL ANY)
+execute_process(COMMAND ${SPIN} -o3 -a trace.pml WORKING_DIRECTORY ${DIR} COMMAND_ERROR_IS_FATAL ANY)
+execute_process(COMMAND ${CC} -O1 -w -DSAFETY -DVECTORSZ=8192 -DMEMLIM=1000 -o pan pan.c
+  WORKING_DIRECTORY ${DIR} COMMAND_ERROR_IS_FATAL ANY)
+# Without -E the first trace that blocks would end the search.
+execute_process(COMMAND ./pan -E -m1000000 WORKING_DIRECTORY ${DIR} OUTPUT_VARIABLE report COMMAND_ERROR_IS_FATAL ANY)
+message("${report}")
+if(report MATCHES "truncated|out of memory|too small" OR NOT report MATCHES "errors: 0")
+  message(FATAL_ERROR "the search was cut short; see ${DIR}")
+endif()
+string(REGEX MATCHALL "accepted: trace" accepted "${report}")
+string(REGEX MATCHALL "rejected: trace" rejected "${report}")
+list(LENGTH accepted accepted)
+list(LENGTH rejected rejected)
+message("${accepted} traces accepted, ${rejected} rejected")
+if(MUTATION STREQUAL "none")
+  set(wrong ${rejected})
+  set(right ${accepted})
+else()
+  set(wrong ${accepted})
+  set(right ${rejected})
+endif()
+if(wrong GREATER 0 OR right LESS LEAST)
+  message(FATAL_ERROR "${wrong} traces were judged wrongly, ${right} as they should be, of at least ${LEAST}; see ${DIR}")
+endif()

@@ -1,0 +1,219 @@
+/* A node that crashes in a take and records into it again (docs/protocol.md, "Crashes"), as Spin checks it.
+ *
+ * All nodes are armed for one take. An operator starts it, and may give up at every step. A last operator stops and
+ * aborts. Nodes crash kCrashes times in all, the trigger's node (0) too. Others learn from its health whether pulses run.
+ * Health is lost, delayed and overtaken. After a restart a node hears only what was sent since: earlier messages belong to
+ * sessions that have not answered (session.pml). Checked in every state:
+ *   - pulses begin only after every node records;
+ *   - pulses run only while the trigger's node records: its crash ends them;
+ *   - while pulses run, no node that has not been stopped takes them for ended;
+ *   - a node records again only a take that the trigger's node has recorded since its restart;
+ *   - at the end, after a stop and an abort, every node is idle;
+ *   - a node that crashes while pulses run records again, unless they end (LTL, weak fairness).
+ *
+ * Faults can be switched on, to show that the model finds them: START_ALL_AT_ONCE (the trigger's node starts with the
+ * others), PULSES_SURVIVE (pulses go on when the trigger's node crashes), STALE_HEALTH (a node hears health from before
+ * its restart), DEAF (no node hears the trigger's node, and the stop reaches that node alone). */
+
+#ifndef NODES
+#define NODES 3
+#endif
+#ifndef kCrashes
+#define kCrashes 2
+#endif
+#define ALL ((1 << NODES) - 1)
+#define OTHERS (ALL - 1)
+#define OPERATORS 2
+#define LAST 1
+#define kMaxHealth 8
+
+#define cmd(op, c) ((op) * 4 + (c))
+#define verb_of(op, c) verb[cmd(op, c)]
+#define own_of(op, c) own[cmd(op, c)]
+#define is_about_other(op, c, t) false
+#define input_of(op, n, c) verb[cmd(op, c)]
+#define last_stale(op) (sent[op] > 0 -> sent[op] - 1 : 0)
+#include "node.pml"
+
+byte verb[4 * OPERATORS];
+byte addressed[4 * OPERATORS]; /* nodes */
+bool own[4 * OPERATORS];
+byte sent[OPERATORS];
+byte crashes;
+bool is_stopped;               /* the last operator has come */
+bool has_started;              /* the first operator has done all that he does */
+bool pulses;
+
+/* Phases of the trigger's node, as its health shows them in order; the last one again and again. */
+byte health[kMaxHealth];
+byte newest;
+byte heard_from[NODES];        /* older health does not reach the node */
+bool crashed_in_take;          /* node 1, while pulses ran */
+
+#define has(set, node) (((set) >> (node)) & 1)
+#define runs(p) ((p) == P_armed || (p) == P_recording)
+
+#ifdef PULSES_SURVIVE
+#define keeps_pulses(n) (phase[n] == P_idle && may_rejoin[n])
+#else
+#define keeps_pulses(n) false
+#endif
+
+#ifdef DEAF
+#define hears(n) false
+#else
+#define hears(n) (n != TRIGGER)
+#endif
+
+inline on_start(n) {
+  if
+  :: n == TRIGGER ->
+    for (o : 1 .. NODES - 1) {
+      assert(records[o] == take[TRIGGER])
+    }
+    o = 0;
+    pulses = true
+  :: else
+  fi
+}
+
+/* After each step of a node: what its work does, and what health shows. */
+inline after_step(n) {
+  if
+  :: n == TRIGGER && phase[n] != P_recording && !keeps_pulses(n) -> pulses = false
+  :: else
+  fi;
+  if
+  :: n == TRIGGER && phase[n] != health[newest] -> newest++; health[newest] = phase[n]
+  :: else
+  fi;
+  assert(!pulses || phase[TRIGGER] == P_recording);
+  if
+  :: phase[1] == P_recording || !pulses -> crashed_in_take = false
+  :: else
+  fi;
+  owner = 0; misses = false
+}
+#define can(op, c) (c <= sent[op] && c > obeyed[at(op, n)] && has(addressed[cmd(op, c)], n))
+
+proctype Node(byte n) {
+  byte op, c, owner, o, h;
+  bool misses;
+end:
+  do
+  :: atomic {
+       if
+       :: can(0, 1) -> op = 0; c = 1
+       :: can(0, 2) -> op = 0; c = 2
+       :: can(1, 1) -> op = 1; c = 1
+       :: can(1, 2) -> op = 1; c = 2
+       fi;
+       obey(op, n, c); op = 0; c = 0; after_step(n)
+     }
+  :: atomic { phase[n] == P_draining -> report(n, I_drained, O_done); after_step(n) }
+  :: atomic {
+       hears(n) && phase[n] == P_recording && !runs(health[newest]) ->
+       assert(!pulses);
+       report(n, I_train_ended, O_done); after_step(n)
+     }
+  :: atomic {
+       hears(n) && may_rejoin[n] && phase[n] == P_idle -> select(h : heard_from[n] .. newest);
+       if
+       :: health[h] == P_recording -> rejoin(n)
+       :: else -> may_rejoin[n] = false
+       fi;
+       h = 0; after_step(n)
+     }
+  :: atomic {
+       crashes < kCrashes && !is_stopped -> crashes++;
+       if
+       :: n == 1 && pulses && phase[n] == P_recording -> crashed_in_take = true
+       :: else
+       fi;
+       crash(n);
+#ifndef STALE_HEALTH
+       heard_from[n] = newest;
+#endif
+       after_step(n)
+     }
+  od
+}
+
+#define answered(op, n, c) (obeyed[at(op, n)] == (c) && said[at(op, n)] != O_none)
+#define final(op, n, c) (answered(op, n, c) && said[at(op, n)] != O_pending)
+#define done(op, n, c) (answered(op, n, c) && said[at(op, n)] == O_done)
+#define refused(op, n, c) (answered(op, n, c) && said[at(op, n)] == O_refused)
+#if NODES == 3
+#define others(what, op, c) (what(op, 1, c) && what(op, 2, c))
+#define all_idle (phase[0] == P_idle && phase[1] == P_idle && phase[2] == P_idle)
+#else
+#define others(what, op, c) what(op, 1, c)
+#define all_idle (phase[0] == P_idle && phase[1] == P_idle)
+#endif
+
+inline say(op, what, nodes, only_own) {
+  atomic {
+    sent[op]++;
+    verb[cmd(op, sent[op])] = what; addressed[cmd(op, sent[op])] = nodes; own[cmd(op, sent[op])] = only_own
+  }
+}
+
+proctype Starter() {
+#ifdef START_ALL_AT_ONCE
+  say(0, I_start, ALL, false);
+#else
+  say(0, I_start, OTHERS, false);
+  if
+  :: others(done, 0, 1) -> addressed[cmd(0, 1)] = ALL
+  :: true -> goto take_back
+  fi;
+#endif
+  if
+  :: done(0, TRIGGER, 1) -> goto quit
+  :: true
+  fi;
+take_back:
+  say(0, I_abort, 1, true);
+  if
+  :: answered(0, TRIGGER, 2) && !refused(0, TRIGGER, 2) ->
+    atomic { own[cmd(0, 2)] = false; addressed[cmd(0, 2)] = ALL }
+  :: true
+  fi;
+quit:
+  has_started = true
+}
+
+proctype Last() {
+  has_started;
+#ifdef WAITS
+  false; /* nobody stops the take */
+#endif
+  is_stopped = true;
+#ifdef DEAF
+  say(LAST, I_stop, 1, false)
+#else
+  say(LAST, I_stop, ALL, false);
+  final(LAST, TRIGGER, 1) && others(final, LAST, 1);
+  say(LAST, I_abort, ALL, false)
+#endif
+}
+
+init {
+  byte i;
+  atomic {
+    fill_table();
+    for (i : 0 .. NODES - 1) {
+      phase[i] = P_armed; take[i] = 0; kept[i] = 0
+    }
+    health[0] = P_armed;
+    for (i : 0 .. NODES - 1) { run Node(i) }
+    run Starter(); run Last()
+  }
+#ifndef WAITS
+  timeout -> assert(is_stopped && all_idle)
+#endif
+}
+
+#ifdef WAITS
+ltl records_again { [] (crashed_in_take -> <> !crashed_in_take) }
+#endif
