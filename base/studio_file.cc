@@ -104,13 +104,15 @@ void refuse_contradictions(const TomlTable& table, const StudioCamera& camera) {
   }
 }
 
-std::string read_public_key(const TomlTable& table) {
+/// `made_by`: the command that prints such a key.
+std::string read_public_key(const TomlTable& table, std::string_view field,
+                            const std::string& made_by) {
   constexpr size_t kDigits = 64;
-  std::string key = table.text_or("public_key", "");
+  std::string key = table.text_or(field, "");
   const bool is_key =
       key.size() == kDigits && key.find_first_not_of("0123456789abcdef") == std::string::npos;
   if (!key.empty() && !is_key) {
-    table.fail("public_key", "expected 64 hexadecimal digits, as v3dctl key node prints them");
+    table.fail(field, "expected 64 hexadecimal digits, as " + made_by + " prints them");
   }
   return key;
 }
@@ -121,7 +123,7 @@ void read_nodes(const TomlTable& file, Studio& studio) {
     if (has_node(studio, name)) {
       table.fail("name", "two nodes are named '" + name + "'");
     }
-    studio.nodes.push_back({name, read_public_key(table)});
+    studio.nodes.push_back({name, read_public_key(table, "public_key", "v3dctl key node")});
     table.refuse_unknown();
   }
   if (studio.nodes.empty()) {
@@ -319,6 +321,18 @@ void read_frame_groups(const TomlTable& table, StudioNetwork& network) {
   }
 }
 
+void read_members(const TomlTable& table, Studio& studio) {
+  StudioNetwork& network = studio.network;
+  network.operator_key =
+      resolve(studio, table.text_or("operator_key", network.operator_key.string()));
+  network.authority = read_public_key(table, "authority", "v3dctl key authority");
+  if (!table.has("members")) return;
+  network.members = resolve(studio, table.text("members"));
+  if (network.authority.empty()) {
+    table.fail("authority", "missing: the list of members needs the public key that verifies it");
+  }
+}
+
 void read_network(const TomlTable& file, Studio& studio) {
   if (!file.has("network")) {
     return;
@@ -327,6 +341,7 @@ void read_network(const TomlTable& file, Studio& studio) {
   studio.network.lcm_url = table.text_or("lcm_url", studio.network.lcm_url);
   read_frame_groups(table, studio.network);
   studio.network.key = resolve(studio, table.text_or("key", studio.network.key.string()));
+  read_members(table, studio);
   studio.network.metrics = table.text_or("metrics", studio.network.metrics);
   table.refuse_unknown();
 }
@@ -338,6 +353,9 @@ void read_storage(const TomlTable& file, Studio& studio) {
   studio.storage.calib = resolve(studio, table.text("calib"));
   if (table.has("signing_key")) {
     studio.storage.signing_key = resolve(studio, table.text("signing_key"));
+  } else if (!studio.network.members.empty()) {
+    table.fail("signing_key",
+               "missing: where there is a list of members, nodes sign their replies");
   }
   table.refuse_unknown();
 }

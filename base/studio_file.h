@@ -101,6 +101,8 @@ struct StudioSpace {
 
 /// Where the studio key is, unless the studio file says otherwise.
 inline constexpr char kDefaultKey[] = "/etc/v3d/studio.key";
+/// Where the key of the operator of a PC is, unless the studio file says otherwise.
+inline constexpr char kDefaultOperatorKey[] = "/etc/v3d/operator.key";
 
 /// [network]; a relative path is taken from the folder of the studio file.
 struct StudioNetwork {
@@ -109,6 +111,13 @@ struct StudioNetwork {
   /// with all else. Each has an address and a port of its own.
   std::vector<std::string> frame_groups;
   std::filesystem::path key = kDefaultKey;  ///< file of the studio key (wire/studio_key.h)
+  /// File of the member list (wire/member_list.h). Empty: every holder of the studio key may
+  /// command and reply.
+  std::filesystem::path members = {};
+  /// Ed25519 public key that verifies the member list: 64 hexadecimal digits. Empty without a list.
+  std::string authority = {};
+  /// File of the key with which this PC's operator signs commands, where there is a list.
+  std::filesystem::path operator_key = kDefaultOperatorKey;
   std::string metrics;  ///< where daemons serve Prometheus, "127.0.0.1:9464"; empty: nowhere
 };
 

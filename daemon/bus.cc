@@ -71,6 +71,11 @@ class Bus::Impl {
     return sender_.send(channel, bytes, with_mac ? seal_.mac().get() : nullptr);
   }
 
+  bool publish_signed(const std::string& channel, std::span<const uint8_t> bytes) {
+    const bool with_mac = seal_.covers_commands() || needs_fragments(channel, bytes.size());
+    return publish(channel, bytes, with_mac);
+  }
+
   size_t frame_groups() const { return std::max<size_t>(frame_urls_.size(), 1); }
   bool publish_frame(int64_t pulse, const std::string& channel, std::span<const uint8_t> bytes) {
     if (frame_urls_.empty()) return publish(channel, bytes, true);
@@ -237,8 +242,11 @@ bool Bus::publish(const std::string& channel, std::span<const uint8_t> bytes) {
 bool Bus::publish_sealed(const std::string& channel, std::span<const uint8_t> message) {
   return impl_->publish(channel, message, true);
 }
+bool Bus::publish_command(std::span<const uint8_t> message) {
+  return impl_->publish_signed(kCommandChannel, message);
+}
 bool Bus::publish_reply(std::span<const uint8_t> message) {
-  return impl_->publish(kReplyChannel, message, needs_fragments(kReplyChannel, message.size()));
+  return impl_->publish_signed(kReplyChannel, message);
 }
 size_t Bus::frame_groups() const { return impl_->frame_groups(); }
 bool Bus::publish_frame(int64_t pulse, const std::string& channel,

@@ -41,12 +41,14 @@ class Bus {
   Bus(const Bus&) = delete;
   Bus& operator=(const Bus&) = delete;
 
-  /// Without a MAC: for messages that hold their own. False when the network refused or the message
+  /// Without a MAC. False when the network refused or the message
   /// is too long; what was sent may still not arrive.
   bool publish(const std::string& channel, std::span<const uint8_t> bytes);
   /// Each datagram with a MAC, where there is a key.
   bool publish_sealed(const std::string& channel, std::span<const uint8_t> message);
-  /// For replies, which hold a MAC of their own: a reply of several datagrams has one in each, too.
+  /// For commands and replies, which hold a MAC or signature of their own: each datagram has a MAC
+  /// too where a message has several, or where all must have one (MessageSeal::cover_commands()).
+  bool publish_command(std::span<const uint8_t> message);
   bool publish_reply(std::span<const uint8_t> message);
   MessageSeal& seal() { return seal_; }
   ReceptionCounts reception() const;

@@ -15,7 +15,8 @@ struct ChannelKind {
   std::string_view name;  ///< of the channel, or what the name of a node or camera follows
   enum class Of { kStudio, kNodes, kCameras } of = Of::kStudio;
   size_t max_bytes = 0;  ///< of a message, with a trailer if there is one
-  /// Messages hold a MAC of their own (wire/studio_key.h): those of one datagram need no other.
+  /// Messages hold a MAC of their own (wire/studio_key.h), or a signature: those of one datagram
+  /// need no other MAC, unless MessageSeal::cover_commands() was called.
   bool holds_own_mac = false;
   /// A person may see what cannot be verified, marked as such: a node without a key has to say so.
   bool is_shown_unverified = false;

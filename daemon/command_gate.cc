@@ -65,21 +65,31 @@ std::optional<CommandGate::Admitted> CommandGate::admit(std::span<const uint8_t>
 
 std::optional<CommandMessage> CommandGate::read(std::span<const uint8_t> bytes,
                                                 MonotonicInstant now) {
-  if (!credentials_.has_studio_key()) {
+  if (!credentials_.is_complete()) {
     ++counts_.unkeyed;
     return std::nullopt;
   }
-  if (!credentials_.has_sealed(bytes, now)) {
-    ++counts_.forged;
-    note("forged commands are refused: a stranger, or another studio key than here", now);
+  const OpenedCommand opened = credentials_.open_command(bytes, now);
+  if (opened.result != OpenedCommand::Result::kAccepted) {
+    count_rejected(opened, now);
     return std::nullopt;
   }
-  auto command = decode<CommandMessage>(bytes);
+  auto command = decode<CommandMessage>(opened.message);
   if (!command) {
     ++counts_.malformed;
     note("sealed commands are refused that make no sense here: another version of V3D?", now);
   }
   return command;
+}
+
+void CommandGate::count_rejected(const OpenedCommand& opened, MonotonicInstant now) {
+  if (opened.result == OpenedCommand::Result::kUnauthorized) {
+    ++counts_.unauthorized;
+    return note("commands of " + opened.signer + " are rejected: this member is no operator", now);
+  }
+  ++counts_.forged;
+  note("forged commands are refused: a stranger, or another studio key or member list than here",
+       now);
 }
 
 // --- nonces -------------------------------------------------------------------------------------

@@ -1,5 +1,5 @@
-// Which commands a node obeys: authenticated with the studio key, sent a few seconds ago at most,
-// and not received before.
+// Which commands a node obeys: authenticated (daemon/credentials.h), sent a few seconds ago at
+// most, and not received before.
 #pragma once
 
 #include <cstdint>
@@ -19,9 +19,10 @@ namespace v3d {
 /// Commands since the gate was made, by what became of them.
 struct CommandCounts {
   int64_t believed = 0;
-  int64_t unkeyed = 0;        ///< there is no studio key here
-  int64_t malformed = 0;      ///< no command, or none that this version understands
-  int64_t forged = 0;         ///< without the studio's MAC, or changed since
+  int64_t unkeyed = 0;       ///< a key or the member list is missing here
+  int64_t malformed = 0;     ///< no command, or none that this version understands
+  int64_t forged = 0;        ///< without the studio's MAC or a member's signature, or changed since
+  int64_t unauthorized = 0;  ///< signed by a member that is no operator
   int64_t without_nonce = 0;  ///< authentic, with no nonce of this node or an old one
   int64_t replayed = 0;       ///< received before, or older than what was received of its sender
 };
@@ -75,6 +76,7 @@ class CommandGate {
     RealtimeInstant sent;
   };
   std::optional<CommandMessage> read(std::span<const uint8_t> bytes, MonotonicInstant now);
+  void count_rejected(const OpenedCommand& opened, MonotonicInstant now);
   bool has_current_nonce(const CommandMessage& command, MonotonicInstant now) const;
   bool may_reply_nonce(const std::string& sender, MonotonicInstant now);
   bool is_new(const CommandMessage& command);

@@ -80,7 +80,8 @@ std::optional<ReceivedMessage> MessageReceiver::receive_authentic(const Datagram
   const bool is_first = kind != nullptr;
   const bool is_of_sessions = datagram.is_whole() && kind->is_of_sessions;
   if (datagram.is_whole() && !is_of_sessions && !wanted_(datagram.channel)) return std::nullopt;
-  if (datagram.is_whole() && kind->holds_own_mac) return pass(datagram.channel, datagram.data);
+  const bool is_verified_later = kind != nullptr && kind->holds_own_mac && !seal_.covers_commands();
+  if (datagram.is_whole() && is_verified_later) return pass(datagram.channel, datagram.data);
   const DatagramParts parts = split_trailer(datagram);
   if (parts.trailer && gate_.is_received(stamp_of(datagram, *parts.trailer))) {
     if (is_first) seal_.count_replayed();

@@ -34,6 +34,10 @@ class MessageSeal {
   void forget_old_key(MonotonicInstant now);
   /// Nothing is accepted without a key, either.
   void insist() { insists_ = true; }
+  /// Commands and replies need the MAC of each datagram too: where members sign them, so that a
+  /// stranger's command costs a hash and no signature. To be called before anything is received.
+  void cover_commands() { covers_commands_ = true; }
+  bool covers_commands() const { return covers_commands_; }
 
   /// To send with. Null as long as there is no key.
   std::shared_ptr<const DatagramMac> mac(MonotonicInstant now = Monotonic::now()) const;
@@ -56,6 +60,7 @@ class MessageSeal {
  private:
   std::atomic<bool> has_key_ = false;
   std::atomic<bool> insists_ = false;
+  std::atomic<bool> covers_commands_ = false;
   std::atomic<int64_t> forged_ = 0;
   std::atomic<int64_t> stale_ = 0;
   std::atomic<int64_t> replayed_ = 0;

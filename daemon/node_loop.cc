@@ -25,7 +25,7 @@ NodeLoop::NodeLoop(NodeIdentity identity, Bus& bus, NodeWork& work)
           me_.node, work, [this](ReplyMessage reply) { publish(std::move(reply)); },
           Monotonic::now()),
       gate_(me_.node),
-      files_(me_.key, gate_.credentials(), bus.seal()),
+      files_(me_.credentials, gate_.credentials(), bus.seal()),
       commands_(
           bus, kCommandChannel, kCommandQueue,
           [this](const ReceivedMessage& in) { return gate_.admit(in.bytes, Monotonic::now()); }),
@@ -154,6 +154,7 @@ void NodeLoop::report_commands(HealthMessage& health) const {
   value("commands_received", counts.believed);
   value("commands_dropped", commands_.counts().dropped);
   value("commands_forged", counts.forged);
+  value("commands_unauthorized", counts.unauthorized);
   value("commands_malformed", counts.malformed);
   value("commands_without_nonce", counts.without_nonce);
   value("commands_replayed", counts.replayed);

@@ -2,7 +2,6 @@
 // clean end.
 #pragma once
 
-#include <filesystem>
 #include <memory>
 #include <optional>
 #include <string>
@@ -24,14 +23,14 @@ namespace v3d {
 /// Who a daemon is.
 struct NodeIdentity {
   std::string node;
-  std::string program;        ///< "v3d-captured"
-  std::filesystem::path key;  ///< of the studio
-  std::string metrics;        ///< where health is also served for Prometheus; empty: nowhere
+  std::string program;  ///< "v3d-captured"
+  CredentialPaths credentials;
+  std::string metrics;  ///< where health is also served for Prometheus; empty: nowhere
 };
 
-/// Without a studio key the node rejects every command, and reports in its log and its health how
-/// to make one. It reads the key file once a second, so a key is made or replaced without a
-/// restart.
+/// Without a studio key, or without the member list and the signing key that the studio file names,
+/// the node rejects every command, and reports in its log and its health how to make them. It reads
+/// their files once a second, so they are made or replaced without a restart.
 class NodeLoop {
  public:
   /// `work` and `bus` outlive the loop.
@@ -45,9 +44,10 @@ class NodeLoop {
   /// Runs until stop_requested(), then closes what is open: a take that is being recorded is
   /// drained for at most kLastDrain and left valid.
   void run();
+  /// One round of run(): at most one command, and what is due.
+  void turn();
 
  private:
-  void turn();
   void on_command(const CommandGate::Admitted& admitted);
   bool is_refused_for_name(const CommandMessage& command);
   void watch_name(HealthMessage& health);

@@ -104,7 +104,7 @@ class OperatorClient::Impl {
         trigger(studio.trigger.node),
         stamp(make_sender()),
         bus(studio.network.lcm_url, {}, ChannelList(studio)),
-        files(studio.network.key, credentials, bus.seal()),
+        files(credentials_of_operator(studio), credentials, bus.seal()),
         not_verified(read_credentials()),
         healths(bus, std::string(kHealthPrefix) + ".*", kQueue, HealthReader(),
                 Bus::Accept::kUnverifiedToo),
@@ -114,7 +114,7 @@ class OperatorClient::Impl {
   std::string read_credentials() {
     next_reading = Monotonic::now() + kReadAgainAfter;
     files.poll(Monotonic::now());
-    return files.is_ready() ? "" : files.problem();
+    return files.has_studio_key() ? "" : files.problem();
   }
 
   /// The next message in `inbox`. Reads the key files again meanwhile: a key may be replaced.
@@ -133,21 +133,21 @@ class OperatorClient::Impl {
   }
 
   void begin_to_command() {
-    if (const std::string problem = read_credentials(); !problem.empty()) {
-      throw InputError(problem);
+    files.start_signing();
+    read_credentials();
+    if (const std::string obstacle = files.obstacle(); !obstacle.empty()) {
+      throw InputError(obstacle);
     }
     if (replies) return;
     replies = std::make_unique<Subscription<ReplyMessage>>(
-        bus, kReplyChannel, kQueue,
-        [this](const ReceivedMessage& in) -> std::optional<ReplyMessage> {
-          if (!credentials.has_sealed(in.bytes, Monotonic::now())) return std::nullopt;
-          return decode<ReplyMessage>(in.bytes);
+        bus, kReplyChannel, kQueue, [this](const ReceivedMessage& in) {
+          return credentials.open_reply(in.bytes, Monotonic::now());
         });
   }
 
   void send(CommandMessage message) {
     stamp.put_on(message, Realtime::now());
-    bus.publish(kCommandChannel, credentials.seal(encode(message), Monotonic::now()));
+    bus.publish_command(credentials.seal(encode(message), Monotonic::now()));
   }
 
   void remember(const HealthMessage& health) {

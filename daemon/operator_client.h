@@ -37,10 +37,11 @@ class OperatorClient {
   /// when only what is sealed is shown.
   const std::string& not_verified() const;
 
-  /// Carries an order out as Conversation tells, sealed with the studio key, until every node has
-  /// replied finally, or until `deadline`; what has to be taken back then takes a little longer.
-  /// `heard` is called for every new reply, pending ones included; replies without the studio's
-  /// seal are passed over. Throws InputError when there is no studio key.
+  /// Carries an order out as Conversation tells, with the MAC of the studio key or the operator's
+  /// signature (Credentials), until every node has replied finally, or until `deadline`; what has
+  /// to be taken back then takes a little longer. `heard` is called for every new reply, pending
+  /// ones included; replies that are not authentic are ignored. Throws InputError when there is no
+  /// studio key, or this PC's operator key is no operator's of the member list.
   Answer command(CommandMessage command, MonotonicInstant deadline,
                  const std::function<void(const ReplyMessage&)>& heard = {});
 

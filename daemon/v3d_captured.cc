@@ -41,7 +41,9 @@ void run(const v3d::Studio& studio, const std::string& node) {
   v3d::Bus bus(studio.network.lcm_url, studio.network.frame_groups, v3d::ChannelList(studio));
   bus.seal().insist();
   v3d::CaptureNode work(studio, node, bus);
-  v3d::NodeLoop loop({node, "v3d-captured", studio.network.key, studio.network.metrics}, bus, work);
+  v3d::NodeLoop loop(
+      {node, "v3d-captured", v3d::credentials_of_node(studio, node), studio.network.metrics}, bus,
+      work);
   for (const v3d::Ledger& ledger : accounts(studio, node, recovered)) {
     loop.remember(ledger.take, "recovered " + ledger.verdict(), v3d::ledger_json(ledger));
   }

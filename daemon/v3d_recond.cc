@@ -66,7 +66,9 @@ void run(const v3d::Studio& studio, const std::string& given) {
   bus.hear_frames(v3d::all_frame_groups(bus.frame_groups()));
   bus.seal().insist();
   v3d::ReconNode work(studio, node, bus);
-  v3d::NodeLoop loop({node, "v3d-recond", studio.network.key, studio.network.metrics}, bus, work);
+  v3d::NodeLoop loop(
+      {node, "v3d-recond", v3d::credentials_of_node(studio, node), studio.network.metrics}, bus,
+      work);
   for (const auto& [take, order] : v3d::kept_orders(studio, node)) {
     remember_take(v3d::take_paths(studio, take).mesh(), take, loop);
   }

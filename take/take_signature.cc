@@ -7,7 +7,7 @@
 #include "base/toml_file.h"
 #include "take/hashed_file.h"
 #include "take/take_account.h"
-#include "wire/hexadecimal.h"
+#include "wire/signed_text.h"
 
 namespace v3d {
 namespace {
@@ -15,11 +15,6 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr int kFormat = 1;
-constexpr std::string_view kFirstLine = "signature = ";
-
-std::span<const uint8_t> bytes_of(std::string_view text) {
-  return {reinterpret_cast<const uint8_t*>(text.data()), text.size()};
-}
 
 fs::path signature_path(const TakePaths& paths, const std::string& node) {
   return paths.folder / ("signature." + node + ".toml");
@@ -32,7 +27,7 @@ std::string text_of(const TakeFile& file) {
   return text;
 }
 
-std::string signed_text(const TakeSignature& signature) {
+std::string text_of(const TakeSignature& signature) {
   std::string text =
       "format = " + std::to_string(kFormat) + "\ntake = " + toml_string(signature.take) +
       "\nstudio = " + toml_string(signature.studio) + "\nnode = " + toml_string(signature.node) +
@@ -62,21 +57,6 @@ TakeState read_state(const TomlTable& table) {
     if (text == name(state)) return state;
   }
   table.fail("state", "expected complete or recovered, found '" + text + "'");
-}
-
-/// The signature on the first line, and the text behind that line.
-std::pair<Signature, std::string_view> split(std::string_view text, const fs::path& path) {
-  const size_t end = text.find('\n');
-  Signature signature{};
-  const bool begins = text.starts_with(kFirstLine) && end != std::string_view::npos;
-  std::string_view digits = begins ? text.substr(kFirstLine.size(), end - kFirstLine.size()) : "";
-  if (digits.size() >= 2 && digits.front() == '\'' && digits.back() == '\'') {
-    digits = digits.substr(1, digits.size() - 2);
-  }
-  if (!begins || !parse_hexadecimal(digits, signature)) {
-    throw InputError(path.string() + ":1: expected signature = and 128 hexadecimal digits");
-  }
-  return {signature, text.substr(end + 1)};
 }
 
 enum class CameraLogs : uint8_t { kKnownOnly, kRead };
@@ -123,10 +103,8 @@ bool is_signed_file(std::string_view name) {
 
 io::Status save_signature(const TakePaths& paths, const TakeSignature& signature,
                           const SigningKey& key) {
-  const std::string text = signed_text(signature);
-  const std::string first_line =
-      std::string(kFirstLine) + toml_string(hexadecimal(key.sign(bytes_of(text)))) + "\n";
-  return io::replace_file(signature_path(paths, signature.node), first_line + text);
+  return io::replace_file(signature_path(paths, signature.node),
+                          sign_text(text_of(signature), key));
 }
 
 io::Status sign_take(const TakePaths& paths, const TakeSigner& signer,
@@ -139,8 +117,8 @@ io::Status sign_recovered_take(const TakePaths& paths, const TakeSigner& signer)
 }
 
 TakeSignature parse_signature(std::string_view text, const fs::path& path) {
-  const auto [signature, signed_part] = split(text, path);
-  const TomlTable table = TomlTable::parse(signed_part, path);
+  const SignedText signed_text = split_signed_text(text, path);
+  const TomlTable table = TomlTable::parse(signed_text.text, path);
   if (table.integer("format") != kFormat) {
     table.fail("format", "expected " + std::to_string(kFormat) + "; a newer version wrote it");
   }
@@ -156,7 +134,7 @@ TakeSignature parse_signature(std::string_view text, const fs::path& path) {
                      .files = {}};
   for (const TomlTable& file : table.tables("file")) read.files.push_back(read_entry(file));
   table.refuse_unknown();
-  if (!read.key.has_signed(bytes_of(signed_part), signature)) {
+  if (!signed_text.is_signed_by(read.key)) {
     throw InputError(path.string() + ": its signature is wrong: the file was changed");
   }
   return read;

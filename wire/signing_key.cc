@@ -13,13 +13,25 @@ static_assert(crypto_sign_BYTES == kSignatureSize);
 static_assert(crypto_sign_PUBLICKEYBYTES == sizeof(PublicKey::bytes));
 static_assert(crypto_sign_SEEDBYTES == kKeySize);
 
-constexpr KeyKind kKind{
+}  // namespace
+
+const KeyKind kNodeKey{
     .name = "signing key",
     .made_by = "v3dctl key node",
     .remedy = "make one on each PC with v3dctl key node",
-    .remark = "# The signing key of one V3D node: takes are signed with it. Of this PC alone.\n"};
-
-}  // namespace
+    .remark = "# The signing key of one V3D node, for its takes and replies. Of this PC alone.\n"};
+const KeyKind kOperatorKey{
+    .name = "operator key",
+    .made_by = "v3dctl key operator",
+    .remedy = "make it with v3dctl key operator, and have it enrolled with v3dctl key enroll",
+    .remark = "# The key of one V3D operator: commands are signed with it.\n"};
+const KeyKind kAuthorityKey{
+    .name = "authority key",
+    .made_by = "v3dctl key authority",
+    .remedy = "name its file with --authority; v3dctl key authority makes one",
+    .remark =
+        "# The key of a V3D studio's authority: it signs the list of members. Keep it off the "
+        "studio's PCs.\n"};
 
 bool PublicKey::has_signed(std::span<const uint8_t> message, const Signature& signature) const {
   return crypto_sign_verify_detached(signature.data(), message.data(), message.size(),
@@ -28,9 +40,14 @@ bool PublicKey::has_signed(std::span<const uint8_t> message, const Signature& si
 
 std::string PublicKey::text() const { return hexadecimal(bytes); }
 
-PublicKey PublicKey::parse(std::string_view text, const std::string& where) {
+std::optional<PublicKey> PublicKey::from_text(std::string_view text) {
   PublicKey key;
-  if (parse_hexadecimal(text, key.bytes)) return key;
+  if (!parse_hexadecimal(text, key.bytes)) return std::nullopt;
+  return key;
+}
+
+PublicKey PublicKey::parse(std::string_view text, const std::string& where) {
+  if (const auto key = from_text(text)) return *key;
   throw InputError(where +
                    ": expected a public key of 64 hexadecimal digits, as v3dctl key node "
                    "prints");
@@ -59,18 +76,19 @@ SigningKey SigningKey::make() {
   return from_seed(seed);
 }
 
-SigningKey SigningKey::load(const std::filesystem::path& path) {
-  return from_seed(load_key_file(path, kKind));
+SigningKey SigningKey::load(const std::filesystem::path& path, const KeyKind& kind) {
+  return from_seed(load_key_file(path, kind));
 }
 
 SigningKey SigningKey::from_seed(const SecretBuffer& seed) {
   return SigningKey(std::make_shared<const Secret>(seed));
 }
 
-void SigningKey::save(const std::filesystem::path& path, const char* group) const {
+void SigningKey::save(const std::filesystem::path& path, const char* group,
+                      const KeyKind& kind) const {
   SecretBuffer seed(kKeySize);
   crypto_sign_ed25519_sk_to_seed(seed.bytes().data(), secret_->bytes());
-  save_key_file(path, seed, kKind, group);
+  save_key_file(path, seed, kind, group);
 }
 
 PublicKey SigningKey::public_key() const { return secret_->public_key(); }

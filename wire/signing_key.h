@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <memory>
+#include <optional>
 #include <span>
 #include <string>
 #include <string_view>
@@ -24,11 +25,18 @@ struct PublicKey {
   bool has_signed(std::span<const uint8_t> message, const Signature& signature) const;
   /// 64 hexadecimal digits.
   std::string text() const;
+  /// Empty when `text` is not 64 hexadecimal digits.
+  static std::optional<PublicKey> from_text(std::string_view text);
   /// Throws InputError; `where` begins the message.
   static PublicKey parse(std::string_view text, const std::string& where);
 
   friend bool operator==(const PublicKey&, const PublicKey&) = default;
 };
+
+struct KeyKind;
+/// What the keys of a studio are for: takes and replies of a node, commands of an operator, the
+/// member list.
+extern const KeyKind kNodeKey, kOperatorKey, kAuthorityKey;
 
 /// The secret half of a key pair. File format: wire/key_file.h. Copies share one SecretBuffer,
 /// which is wiped with the last of them.
@@ -37,10 +45,11 @@ class SigningKey {
   /// A new one, from the kernel's random numbers.
   static SigningKey make();
   /// Throws InputError, with the remedy, as StudioKey::load() does.
-  static SigningKey load(const std::filesystem::path& path);
+  static SigningKey load(const std::filesystem::path& path, const KeyKind& kind = kNodeKey);
 
-  /// Writes a new file, as StudioKey::save() does.
-  void save(const std::filesystem::path& path, const char* group = "v3d") const;
+  /// Writes a new file, as save_key_file() does.
+  void save(const std::filesystem::path& path, const char* group = "v3d",
+            const KeyKind& kind = kNodeKey) const;
 
   PublicKey public_key() const;
   Signature sign(std::span<const uint8_t> message) const;

@@ -118,6 +118,30 @@ TEST_F(Gate, obeys_holders_of_the_old_key_for_twenty_seconds_after_a_new_one_was
   EXPECT_EQ(gate_.counts().forged, 2);
 }
 
+TEST_F(Gate, obeys_an_operator_of_the_member_list_and_says_whose_commands_it_rejects) {
+  const SigningKey ada = SigningKey::make(), guest = SigningKey::make();
+  CommandGate gate("cap01");
+  gate.credentials().set_studio_key(key_, kNow);
+  gate.credentials().require_members();
+  gate.credentials().set_signing_key(SigningKey::make());
+  gate.credentials().set_members(std::make_shared<const MemberList>(
+      MemberList{.studio = "kyoto",
+                 .serial = 1,
+                 .members = {{"ada", Role::kOperator, ada.public_key()},
+                             {"guest", Role::kViewer, guest.public_key()}}}));
+  const CommandMessage order = command(gate.nonce(now_));
+  EXPECT_FALSE(gate.admit(sign_message(encode(order), guest), now_));
+  EXPECT_EQ(gate.counts().unauthorized, 1);
+  EXPECT_THAT(gate.trouble(now_), HasSubstr("commands of guest are rejected"));
+  EXPECT_FALSE(gate.admit(sign_message(encode(order), SigningKey::make()), now_));
+  EXPECT_FALSE(gate.admit(encode_sealed(order, key_), now_));
+  EXPECT_EQ(gate.counts().forged, 2);
+  const auto admitted = gate.admit(sign_message(encode(order), ada), now_);
+  ASSERT_TRUE(admitted);
+  EXPECT_TRUE(admitted->is_current);
+  EXPECT_FALSE(gate.admit(sign_message(encode(order), ada), now_)) << "a replay";
+}
+
 TEST_F(Gate, refuses_sealed_bytes_that_are_no_command) {
   EXPECT_FALSE(gate_.admit(encode_sealed(ReplyMessage{}, key_), now_));
   EXPECT_EQ(gate_.counts().malformed, 1);

@@ -130,6 +130,30 @@ TEST_F(Receiver, accepts_both_keys_for_twenty_seconds_after_a_new_one_was_set) {
   EXPECT_EQ(seal_.counts().forged, 2);
 }
 
+TEST_F(Receiver, passes_commands_without_a_mac_only_where_the_gate_authenticates_them) {
+  const auto bare = [&](std::string_view channel) {
+    RawDatagram bytes;
+    const auto sent = message(100);
+    for (const OutgoingDatagram& datagram : split_message(1, channel, sent, false)) {
+      bytes.assign(datagram.head().begin(), datagram.head().end());
+      bytes.insert(bytes.end(), datagram.data.begin(), datagram.data.end());
+    }
+    return bytes;
+  };
+  EXPECT_TRUE(receive(bare(kCommandChannel)));
+  seal_.cover_commands();
+  for (const char* channel : {kCommandChannel, kReplyChannel}) {
+    EXPECT_FALSE(receive(bare(channel))) << channel;
+    const auto sent = sender_.datagrams(channel, message(100)).at(0);
+    const auto got = receive(sent);
+    ASSERT_TRUE(got) << channel;
+    EXPECT_THAT(got->bytes, testing::ElementsAreArray(message(100)));
+    EXPECT_FALSE(receive(sent)) << "a replay";
+  }
+  EXPECT_EQ(seal_.counts().forged, 2);
+  EXPECT_EQ(seal_.counts().replayed, 2);
+}
+
 TEST_F(Receiver, rejects_a_datagram_with_any_bit_flipped) {
   const RawDatagram whole = sender_.datagrams(kEventChannel, message(40)).at(0);
   for (size_t bit = 0; bit < 8 * whole.size(); ++bit) {

@@ -9,6 +9,7 @@
 
 #include "support/temporary_folder.h"
 #include "v3dctl/setup/doctor_key.h"
+#include "wire/member_list.h"
 #include "wire/studio_key.h"
 
 namespace v3d::ctl {
@@ -158,6 +159,22 @@ TEST(Doctor, wants_a_studio_key_that_nobody_else_can_read) {
   EXPECT_EQ(check_key_file(path).verdict, Verdict::kGood);
   std::filesystem::permissions(path, std::filesystem::perms(0644));
   EXPECT_EQ(check_key_file(path).remedy, "chmod 640 " + path.string());
+}
+
+TEST(Doctor, wants_a_member_list_that_the_authority_signed) {
+  const test::TemporaryFolder folder;
+  const SigningKey authority = SigningKey::make();
+  Studio studio;
+  studio.name = "kyoto";
+  studio.network.members = folder / "members.toml";
+  studio.network.authority = authority.public_key().text();
+  EXPECT_EQ(check_member_list(studio).verdict, Verdict::kBad) << "there is none";
+  const MemberList list{.studio = "kyoto", .serial = 3, .members = {}};
+  test::write_text(studio.network.members, sign_member_list(list, authority));
+  EXPECT_EQ(check_member_list(studio).verdict, Verdict::kGood);
+  EXPECT_NE(check_member_list(studio).text.find("serial number 3"), std::string::npos);
+  test::write_text(studio.network.members, sign_member_list(list, SigningKey::make()));
+  EXPECT_EQ(check_member_list(studio).verdict, Verdict::kBad);
 }
 
 TEST(Doctor, names_the_nodes_that_have_no_key_or_another) {

@@ -63,6 +63,8 @@ void add_preview(CommandLine& line);
 void add_health(CommandLine& line);
 void add_watch(CommandLine& line);
 void add_key(CommandLine& line);
+/// key authority, operator, enroll, revoke, members.
+void add_member_commands(CommandLine& line, CLI::App* key);
 void add_doctor(CommandLine& line);
 void add_takes(CommandLine& line);
 void add_verify(CommandLine& line);

@@ -21,20 +21,21 @@ _v3dctl() {
       --studio) ((i++)) ;;
       -*) ;;
       *) if [[ -z $command ]]; then command=${COMP_WORDS[i]}; else under=${COMP_WORDS[i]}; fi
-         [[ $command =~ ^(takes|calibrate)$ && -z $under ]] || break ;;
+         [[ $command =~ ^(takes|calibrate|key)$ && -z $under ]] || break ;;
     esac
   done
   COMPREPLY=()
   case $previous in
     --format) COMPREPLY=($(compgen -W "ply obj glb" -- "$current")); return ;;
     --compress) COMPREPLY=($(compgen -W "none draco meshopt" -- "$current")); return ;;
+    --role) COMPREPLY=($(compgen -W "operator capture reconstruction viewer" -- "$current")); return ;;
     --quality) COMPREPLY=($(compgen -W "live high" -- "$current")); return ;;
   esac
   if [[ -z $command ]]; then
     COMPREPLY=($(compgen -W "$(_v3dctl_words_of_help "$program")" -- "$current"))
-  elif [[ $command =~ ^(takes|calibrate)$ && -z $under && $current != -* ]]; then
+  elif [[ $command =~ ^(takes|calibrate|key)$ && -z $under && $current != -* ]]; then
     COMPREPLY=($(compgen -W "$(_v3dctl_words_of_help "$program" "$command")" -- "$current"
-      [[ $command == calibrate ]] || compgen -f -- "$current"))
+      [[ $command =~ ^(calibrate|key)$ ]] || compgen -f -- "$current"))
   elif [[ $current == -* ]]; then
     COMPREPLY=($(compgen -W "$(_v3dctl_words_of_help "$program" "$command" $under)" -- "$current"))
   else

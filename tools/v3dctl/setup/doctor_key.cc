@@ -1,7 +1,10 @@
 #include "v3dctl/setup/doctor_key.h"
 
+#include <filesystem>
+
 #include "base/error.h"
 #include "daemon/operator_client.h"
+#include "v3dctl/setup/member_list_file.h"
 #include "wire/studio_key.h"
 
 namespace v3d::ctl {
@@ -27,6 +30,19 @@ Finding check_key_file(const std::filesystem::path& key) {
   }
 }
 
+Finding check_member_list(const Studio& studio) {
+  try {
+    const MemberList list = load_member_list(studio);
+    return {Verdict::kGood, "member list",
+            studio.network.members.string() + ", serial number " + std::to_string(list.serial) +
+                ", is signed by the authority",
+            ""};
+  } catch (const InputError& error) {
+    return {Verdict::kBad, "member list", error.what(),
+            "the same file as on the other PCs; v3dctl key enroll makes the first"};
+  }
+}
+
 std::vector<Finding> check_keys_of(const std::vector<std::string>& nodes,
                                    const std::map<std::string, HealthMessage>& health) {
   std::vector<Finding> findings;
@@ -47,6 +63,7 @@ std::vector<Finding> check_keys_of(const std::vector<std::string>& nodes,
 
 std::vector<Finding> examine_keys(const Studio& studio) {
   std::vector<Finding> findings = {check_key_file(studio.network.key)};
+  if (!studio.network.members.empty()) findings.push_back(check_member_list(studio));
   if (findings.front().verdict != Verdict::kGood) return findings;
   try {
     OperatorClient client(studio);

@@ -1,4 +1,4 @@
-// key: makes the studio key, which authenticates commands, and the signing key of a PC.
+// key: makes the keys of a studio. The member list: member_commands.cc.
 #include <cstdio>
 
 #include "base/error.h"
@@ -17,7 +17,8 @@ int run_new(const CommandLine& line, const std::string& out) {
                                                          : std::filesystem::path(kDefaultKey);
   if (std::filesystem::exists(path)) {
     throw InputError(path.string() +
-                     ": a studio key is there already; move it away to make another");
+                     ": a studio key is there already; make another with --out FILE, and rename it "
+                     "into place on every PC");
   }
   StudioKey::make().save(path);
   std::printf("made %s: copy it to every PC of the studio, by a way that nobody listens to\n",
@@ -51,9 +52,10 @@ std::shared_ptr<std::string> add_out(CLI::App* command, const std::string& other
 }  // namespace
 
 void add_key(CommandLine& line) {
-  CLI::App* key =
-      line.add("key", "Make the keys of a studio: one for commands, one per PC for takes",
-               {"v3dctl key new", "v3dctl key new --out studio.key", "v3dctl key node"});
+  CLI::App* key = line.add(
+      "key", "Make the keys of a studio, and the list of its members",
+      {"v3dctl key new", "v3dctl key node", "v3dctl key members",
+       "v3dctl key enroll cap01 --role capture --public-key HEX", "v3dctl key revoke ada"});
   key->require_subcommand(1);
   CLI::App* make = key->add_subcommand(
       "new", "Make the studio key, once for all PCs; its holders may command the studio");
@@ -63,6 +65,7 @@ void add_key(CommandLine& line) {
       "node", "Make the signing key of this PC, if it has none, and print its public key");
   const auto node_out = add_out(node, "else [storage] signing_key of the studio file");
   line.on_run(node, [&line, node_out] { return run_node(line, *node_out); });
+  add_member_commands(line, key);
 }
 
 }  // namespace v3d::ctl

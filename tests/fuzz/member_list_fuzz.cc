@@ -1,0 +1,37 @@
+// Bytes as a member list, before and behind the authority's signature, and as a signed message: any
+// bytes are read or refused by an InputError, and without the signature none is a list.
+#include <cstdlib>
+#include <string>
+#include <string_view>
+
+#include "base/error.h"
+#include "wire/member_list.h"
+#include "wire/signed_text.h"
+
+namespace {
+
+const v3d::SigningKey& authority() {
+  static const v3d::SigningKey made = v3d::SigningKey::make();
+  return made;
+}
+
+bool is_list(std::string_view text) {
+  try {
+    v3d::parse_member_list(text, "members.toml", authority().public_key(), "kyoto");
+    return true;
+  } catch (const v3d::InputError&) {
+    return false;
+  }
+}
+
+}  // namespace
+
+extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
+  const std::string_view text(reinterpret_cast<const char*>(data), size);
+  if (is_list(text)) std::abort();
+  is_list(v3d::sign_text(text, authority()));
+  if (const auto split = v3d::split_signature({data, size})) {
+    if (split->is_signed_by(authority().public_key())) std::abort();
+  }
+  return 0;
+}

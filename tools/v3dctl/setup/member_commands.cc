@@ -1,0 +1,189 @@
+// key authority, operator, enroll, revoke, members: the keys of an operator and of the studio's
+// authority, and the member list that the authority signs.
+#include <algorithm>
+#include <cstdio>
+#include <nlohmann/json.hpp>
+
+#include "base/error.h"
+#include "base/file.h"
+#include "base/name.h"
+#include "v3dctl/command_line.h"
+#include "v3dctl/options.h"
+#include "v3dctl/setup/member_list_file.h"
+#include "wire/member_list.h"
+
+namespace v3d::ctl {
+namespace {
+
+struct Options {
+  std::string name;
+  std::string role;
+  std::string public_key;
+  std::filesystem::path authority = "authority.key";
+  std::filesystem::path out;
+  bool json = false;
+};
+
+/// Where the studio file says that the list is.
+std::filesystem::path list_path(const CommandLine& line, const Studio& studio) {
+  if (studio.network.members.empty()) {
+    throw InputError(line.studio_path().string() +
+                     ": [network] members is missing; name the file of the list there, and the "
+                     "public key of the authority");
+  }
+  return studio.network.members;
+}
+
+/// The list as `change` makes it of the one that is there, signed, with the next serial number.
+template <class Change>
+int change_list(const CommandLine& line, const Options& options, Change change) {
+  const Studio studio = line.studio();
+  const std::filesystem::path path = list_path(line, studio);
+  const SigningKey authority = SigningKey::load(options.authority, kAuthorityKey);
+  if (authority.public_key() != authority_of(studio)) {
+    throw InputError(options.authority.string() + ": its public key is " +
+                     authority.public_key().text() + ", but " + studio.path.string() +
+                     " has another for [network] authority");
+  }
+  MemberList list{.studio = studio.name, .serial = 0, .members = {}};
+  if (std::filesystem::exists(path)) list = load_member_list(studio);
+  change(list);
+  ++list.serial;
+  const std::string text = sign_member_list(list, authority);
+  parse_member_list(text, path, authority.public_key(), studio.name);
+  replace_file(path, text);
+  std::printf("wrote %s, serial number %lld: copy it to every PC of the studio\n", path.c_str(),
+              static_cast<long long>(list.serial));
+  return kExitDone;
+}
+
+int run_enroll(const CommandLine& line, const Options& options) {
+  const Member member{.name = options.name,
+                      .role = role_from_name(options.role).value(),
+                      .key = PublicKey::parse(options.public_key, "--public-key")};
+  if (!is_file_name(member.name)) {
+    throw InputError("'" + member.name + "': " + std::string(kFileNameRule));
+  }
+  return change_list(line, options, [&](MemberList& list) { list.members.push_back(member); });
+}
+
+int run_revoke(const CommandLine& line, const Options& options) {
+  return change_list(line, options, [&](MemberList& list) {
+    const auto is_revoked = [&](const Member& member) {
+      const bool is_key = options.public_key.empty() || member.key.text() == options.public_key;
+      return member.name == options.name && is_key;
+    };
+    if (std::erase_if(list.members, is_revoked) > 0) return;
+    throw InputError("no member " + options.name +
+                     " with such a key; v3dctl key members shows them");
+  });
+}
+
+int run_members(const CommandLine& line, const Options& options) {
+  const Studio studio = line.studio();
+  list_path(line, studio);
+  const MemberList list = load_member_list(studio);
+  if (options.json) {
+    nlohmann::ordered_json json = {{"serial", list.serial},
+                                   {"members", nlohmann::ordered_json::array()}};
+    for (const Member& member : list.members) {
+      json["members"].push_back(
+          {{"name", member.name}, {"role", name(member.role)}, {"public_key", member.key.text()}});
+    }
+    std::printf("%s\n", json.dump(2).c_str());
+    return kExitDone;
+  }
+  std::printf("serial number %lld\n", static_cast<long long>(list.serial));
+  for (const Member& member : list.members) {
+    std::printf("%-14s %-16s %s\n", std::string(name(member.role)).c_str(), member.name.c_str(),
+                member.key.text().c_str());
+  }
+  return kExitDone;
+}
+
+int run_authority(const Options& options) {
+  const SigningKey key = SigningKey::make();
+  key.save(options.authority, "", kAuthorityKey);
+  std::printf(
+      "made %s: keep it off the studio's PCs; in the studio file, under [network]:\n"
+      "authority = \"%s\"\n",
+      options.authority.c_str(), key.public_key().text().c_str());
+  return kExitDone;
+}
+
+int run_operator(const CommandLine& line, const Options& options) {
+  const std::filesystem::path path =
+      options.out.empty() ? line.studio().network.operator_key : options.out;
+  const bool is_new = !std::filesystem::exists(path);
+  if (is_new) SigningKey::make().save(path, "v3d", kOperatorKey);
+  const std::string key = SigningKey::load(path, kOperatorKey).public_key().text();
+  std::printf(
+      "%s %s; where the authority's key is:\n"
+      "v3dctl key enroll NAME --role operator --public-key %s\n",
+      is_new ? "made" : "read", path.c_str(), key.c_str());
+  return kExitDone;
+}
+
+void add_authority_option(CLI::App* command, Options& options, const std::string& what) {
+  command->add_option("--authority", options.authority, what)
+      ->type_name("FILE")
+      ->capture_default_str();
+}
+
+/// A command on one member.
+CLI::App* add_for_member(CLI::App* key, Options& options, const std::string& verb,
+                         const std::string& purpose) {
+  CLI::App* command = key->add_subcommand(verb, purpose);
+  command->fallthrough();
+  command->add_option("name", options.name, "The member: a node of the studio file, or a person")
+      ->required()
+      ->type_name("NAME");
+  add_authority_option(command, options, "The file of the authority's key");
+  return command;
+}
+
+CLI::App* add_plain(CLI::App* key, const std::string& verb, const std::string& purpose) {
+  CLI::App* command = key->add_subcommand(verb, purpose);
+  command->fallthrough();
+  return command;
+}
+
+}  // namespace
+
+void add_member_commands(CommandLine& line, CLI::App* key) {
+  auto options = std::make_shared<Options>();
+  CLI::App* operators =
+      add_plain(key, "operator",
+                "Make the key of this PC's operator, if there is none, and print its public key");
+  operators
+      ->add_option("--out", options->out,
+                   "Where to write it (else [network] operator_key of the studio file)")
+      ->type_name("FILE");
+  line.on_run(operators, [&line, options] { return run_operator(line, *options); });
+
+  CLI::App* authority =
+      add_plain(key, "authority", "Make the key that signs the member list, once for a studio");
+  add_authority_option(authority, *options, "Where to write it");
+  line.on_run(authority, [options] { return run_authority(*options); });
+
+  CLI::App* enroll = add_for_member(key, *options, "enroll", "Add a member, or a key of a member");
+  enroll->add_option("--role", options->role, "What the member may do")
+      ->required()
+      ->type_name("ROLE")
+      ->check(CLI::IsMember({"operator", "capture", "reconstruction", "viewer"}));
+  enroll->add_option("--public-key", options->public_key, "As key node or key operator prints it")
+      ->required()
+      ->type_name("HEX");
+  line.on_run(enroll, [&line, options] { return run_enroll(line, *options); });
+
+  CLI::App* revoke = add_for_member(key, *options, "revoke", "Remove a member");
+  revoke->add_option("--public-key", options->public_key, "Only this key of the member")
+      ->type_name("HEX");
+  line.on_run(revoke, [&line, options] { return run_revoke(line, *options); });
+
+  CLI::App* members = add_plain(key, "members", "Verify the member list, and show it");
+  add_json_flag(members, options->json);
+  line.on_run(members, [&line, options] { return run_members(line, *options); });
+}
+
+}  // namespace v3d::ctl

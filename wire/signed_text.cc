@@ -1,0 +1,42 @@
+#include "wire/signed_text.h"
+
+#include "base/error.h"
+#include "wire/hexadecimal.h"
+
+namespace v3d {
+namespace {
+
+constexpr std::string_view kBefore = "signature = '";
+constexpr std::string_view kBehind = "'\n";
+constexpr size_t kDigits = 2 * kSignatureSize;
+
+std::span<const uint8_t> bytes_of(std::string_view text) {
+  return {reinterpret_cast<const uint8_t*>(text.data()), text.size()};
+}
+
+}  // namespace
+
+bool SignedText::is_signed_by(const PublicKey& key) const {
+  return key.has_signed(bytes_of(text), signature);
+}
+
+std::string sign_text(std::string_view text, const SigningKey& key) {
+  std::string file(kBefore);
+  file += hexadecimal(key.sign(bytes_of(text)));
+  file += kBehind;
+  return file += text;
+}
+
+SignedText split_signed_text(std::string_view file, const std::filesystem::path& path) {
+  constexpr size_t kLine = kBefore.size() + kDigits + kBehind.size();
+  SignedText split;
+  const bool has_line = file.size() >= kLine && file.starts_with(kBefore) &&
+                        file.substr(kLine - kBehind.size(), kBehind.size()) == kBehind;
+  if (!has_line || !parse_hexadecimal(file.substr(kBefore.size(), kDigits), split.signature)) {
+    throw InputError(path.string() + ":1: expected signature = and 128 hexadecimal digits");
+  }
+  split.text = file.substr(kLine);
+  return split;
+}
+
+}  // namespace v3d
