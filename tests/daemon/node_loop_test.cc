@@ -81,7 +81,7 @@ class NodeLoops : public testing::Test {
     command.verb = CommandVerb::kAbort;
     return client.command(command, deadline);
   }
-  static bool obey(OperatorClient& client) { return abort(client, within(20)).done(); }
+  static bool obey(OperatorClient& client) { return abort(client, within(60)).done(); }
   static bool ignore(OperatorClient& client) { return abort(client, within(2)).silent.size() == 2; }
 
   const test::TemporaryFolder folder_;
