@@ -10,6 +10,7 @@
 #include "common/console.h"
 #include "daemon/recorded/take_frames.h"
 #include "recon/hull/bounds_mask.h"
+#include "v3dctl/options.h"
 #include "v3dctl/process.h"
 #include "v3dctl/reconstruct/reconstruction_bounds.h"
 
