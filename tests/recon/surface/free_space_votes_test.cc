@@ -81,8 +81,8 @@ TEST(FreeSpaceVotes, may_come_from_many_threads) {
   FreeSpaceVotes votes(volume);
   constexpr int kVotes = 10'000;
   tbb::parallel_for(0, kVotes, [&](int) { votes.vote_free(middle_of(volume, 4, 4, 4)); });
-  EXPECT_EQ(count(votes.vote_free(kVotes)), 27);
-  EXPECT_EQ(count(votes.vote_free(kVotes + 1)), 0);
+  EXPECT_EQ(count(votes.free_voxels(kVotes)), 27);
+  EXPECT_EQ(count(votes.free_voxels(kVotes + 1)), 0);
 }
 
 TEST(FreeSpaceVotes, of_one_kind_never_become_votes_of_the_other_however_many_there_are) {
@@ -94,8 +94,8 @@ TEST(FreeSpaceVotes, of_one_kind_never_become_votes_of_the_other_however_many_th
     free.vote_free(middle, 255);
     occupied.vote_occupied(middle, 255);
   });
-  EXPECT_EQ(count(free.vote_free(FreeSpaceVotes::kMaxVotes)), 27);
-  EXPECT_EQ(count(free.vote_free(FreeSpaceVotes::kMaxVotes + 1)), 0);
+  EXPECT_EQ(count(free.free_voxels(FreeSpaceVotes::kMaxVotes)), 27);
+  EXPECT_EQ(count(free.free_voxels(FreeSpaceVotes::kMaxVotes + 1)), 0);
   occupied.vote_free(middle);
   EXPECT_EQ(count(occupied.free_voxels(1)), 0);
 }

@@ -82,13 +82,13 @@ double median_apart_mm(const Mesh& mesh, const Mesh& other) {
 TEST(TemporalSmoothing, flickers_half_as_much_where_nothing_moves) {
   const Mesh scene = ball(kMiddle, 1);
   std::vector<Mesh> made;
-  std::vector<PulseViews> views;
+  std::vector<PulseViews> pulses;
   for (unsigned pulse = 0; pulse < 4; ++pulse) {
     made.push_back(made_of(kMiddle, pulse + 1));
-    views.push_back(views(scene, made.back()));
+    pulses.push_back(views(scene, made.back()));
   }
-  const Mesh first = smoothed(made[1], views[1], views[0], views[2]);
-  const Mesh second = smoothed(made[2], views[2], views[1], views[3]);
+  const Mesh first = smoothed(made[1], pulses[1], pulses[0], pulses[2]);
+  const Mesh second = smoothed(made[2], pulses[2], pulses[1], pulses[3]);
   EXPECT_LT(median_apart_mm(second, first), 0.5 * median_apart_mm(made[2], made[1]));
   EXPECT_LT(median_apart_mm(first, scene), 0.75 * median_apart_mm(made[1], scene));
   EXPECT_TRUE(self_intersections(first).empty());

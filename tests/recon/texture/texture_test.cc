@@ -345,7 +345,7 @@ TEST(Texture, adds_cameras_in_one_order_down_to_the_last_bit) {
 }
 
 Visibility visibility(const CameraColours& colours, size_t vertex) {
-  return VisibilityReportTest{colours.vertices[vertex][3]};
+  return Visibility{colours.vertices[vertex][3]};
 }
 
 TEST(CameraColours, are_each_cameras_own_and_tell_what_it_does_not_see) {
@@ -406,13 +406,13 @@ TEST(CameraColours, tell_a_silhouettes_rim_from_its_inside) {
   std::array<int, 256> count{};
   for (size_t v = 0; v < plane.vertices.size(); ++v) {
     const double x = shots[0].model.project(plane.vertices[v].cast<double>())->x();
-    const VisibilityReportTest wanted = x < 77.4   ? Visibility::kFull
-                                        : x < 79.4 ? Visibility::kRim
-                                                   : Visibility::kNone;
+    const Visibility wanted = x < 77.4   ? Visibility::kFull
+                              : x < 79.4 ? Visibility::kRim
+                                         : Visibility::kNone;
     EXPECT_EQ(visibility(colours, v), wanted) << x;
     ++count[static_cast<size_t>(wanted)];
   }
-  for (const VisibilityReportTest each : {Visibility::kNone, Visibility::kRim, Visibility::kFull}) {
+  for (const Visibility each : {Visibility::kNone, Visibility::kRim, Visibility::kFull}) {
     EXPECT_GT(count[static_cast<size_t>(each)], 0);
   }
 }
