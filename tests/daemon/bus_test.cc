@@ -219,8 +219,13 @@ TEST(Subscription, believes_nobody_s_health_on_the_channel_of_another) {
   HealthMessage idle;
   idle.node = "cap02";
   idle.sent = Realtime::now();
-  bus.publish_sealed(health_channel("cap01"), encode(idle));
-  ASSERT_TRUE(becomes_true([&] { return health.counts().undecodable == 1; }, within(10)));
+  // The first ones are dropped, until the session has answered a question.
+  ASSERT_TRUE(becomes_true(
+      [&] {
+        bus.publish_sealed(health_channel("cap01"), encode(idle));
+        return health.counts().undecodable > 0;
+      },
+      within(10)));
   EXPECT_EQ(health.counts().received, 0);
 }
 
