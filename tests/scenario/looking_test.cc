@@ -33,7 +33,7 @@ class LookingStudio : public test::Studio4 {
     EXPECT_THAT(run_v3dctl({"calibrate", "rig", "--board", "chess:9x6:25mm", "--live", "1", "--out",
                             folder_ / "new.toml"},
                            2),
-                HasSubstr("cam01: too few boards: no chess:9x6:25mm in any of 5 pictures"));
+                HasSubstr("cam01: too few boards: no chess:9x6:25mm in any of 5 images"));
   }
 };
 
@@ -100,7 +100,8 @@ TEST_F(LookingStudio, that_nobody_has_measured_yet_records_boards_by_a_guess) {
   const std::vector<std::string> guess = {"calibrate", "guess", "--size",
                                           "160x120",   "--out", studio_.storage.calib.string()};
   run_v3dctl(guess, 0);
-  EXPECT_THAT(run_v3dctl(guess, 2), HasSubstr("a guess replaces nothing"));
+  EXPECT_THAT(run_v3dctl(guess, 2),
+              HasSubstr("exists already and is not replaced by an uncalibrated rig"));
   calibrate_live();
 }
 
