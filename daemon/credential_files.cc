@@ -19,7 +19,7 @@ std::string read_text(const std::filesystem::path& path) {
   throw InputError(text.error().message + remedy);
 }
 
-/// The serial number of a list rises, so that nobody brings back a member by an older list.
+/// Rejects a list without a higher serial number: an older list would restore revoked members.
 void reject_older(const MemberList& read, const MemberList& in_force,
                   const std::filesystem::path& path) {
   if (read.serial > in_force.serial) return;

@@ -1,5 +1,4 @@
-// The keys that authenticate commands and replies: what this process signs with, and whom it
-// accepts.
+// Signs and verifies commands and replies, with the studio key or by the member list.
 #pragma once
 
 #include <memory>
@@ -41,7 +40,7 @@ class Credentials {
 
   /// To be called before anything is received.
   void require_members();
-  /// Replaces the list at once: who is not in it is accepted no more.
+  /// Replaces the list. Messages of members that it lacks are rejected from now on.
   void set_members(std::shared_ptr<const MemberList> members);
   /// The key to sign with, where members are required.
   void set_signing_key(const SigningKey& key);

@@ -25,7 +25,7 @@ struct ProgramResult {
   std::map<std::string, uint32_t> calls;
   bool fired = false;
   std::string fired_on;
-  /// The power was cut in the run or after it: what nobody had waited for may be gone.
+  /// The power was cut during the run or after it: data that was not synced may be lost.
   bool is_power_cut = false;
 
   /// Some line of either stream names a path and holds `cause`.
