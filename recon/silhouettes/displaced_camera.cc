@@ -222,10 +222,11 @@ std::vector<CameraDisplacement> DisplacementMeter::result(LeaveOneOutHull& hulls
 
 std::string text_of(const CameraDisplacement& camera) {
   char text[160];
-  std::snprintf(text, sizeof text,
-                "knocked since it was calibrated: its silhouettes lie %.1f pixels aside (%+.1f "
-                "right, %+.1f down)",
-                camera.shift.norm(), camera.shift.x(), camera.shift.y());
+  std::snprintf(
+      text, sizeof text,
+      "displaced since its calibration: its silhouettes are shifted by %.1f pixels (%+.1f "
+      "right, %+.1f down)",
+      camera.shift.norm(), camera.shift.x(), camera.shift.y());
   return text;
 }
 

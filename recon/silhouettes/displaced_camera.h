@@ -36,7 +36,8 @@ inline constexpr int64_t kMinOutlinePx = 200;
 /// Largest shift that is found, times displacement_scale().
 inline constexpr int kMaxDisplacementPx = 16;
 
-/// "knocked since it was calibrated: its silhouettes lie 3.1 pixels aside (+3.0 right, -0.8 down)".
+/// "displaced since its calibration: its silhouettes are shifted by 3.1 pixels (+3.0 right, -0.8
+/// down)".
 std::string text_of(const CameraDisplacement& camera);
 
 /// One outline pixel of the leave-one-out hull: outward normal, and distance to the outline of the

@@ -180,13 +180,13 @@ TEST_F(Gate, obeys_nothing_that_was_recorded_before_the_daemon_started_anew) {
     recorded.push_back(encode_sealed(command(nonce(), 1, i * 50ms, std::to_string(i)), key_));
     ASSERT_TRUE(obeys(recorded.back()));
   }
-  CommandGate anew("cap01");
-  anew.credentials().set_studio_key(key_, now_);
+  CommandGate restarted("cap01");
+  restarted.credentials().set_studio_key(key_, now_);
   for (const Bytes& bytes : recorded) {
-    const auto admitted = anew.admit(bytes, now_);
+    const auto admitted = restarted.admit(bytes, now_);
     EXPECT_FALSE(admitted && admitted->is_current);
   }
-  EXPECT_EQ(anew.counts().believed, 0);
+  EXPECT_EQ(restarted.counts().believed, 0);
 }
 
 TEST_F(Gate, leaves_no_hole_where_it_cannot_remember_all_senders) {

@@ -1,4 +1,4 @@
-// A camera that was knocked since it was calibrated is named while the take is recorded.
+// A camera that was displaced since its calibration is named while the take is recorded.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -32,11 +32,11 @@ class Studio12 : public test::Studio4 {
     save_calib(studio_.storage.calib, rig);
   }
 
-  /// What was told of a camera that was knocked, until now.
-  std::vector<EventMessage> told() {
+  /// The events about displaced cameras, until now.
+  std::vector<EventMessage> displacement_events() {
     std::vector<EventMessage> found;
     while (auto event = events_->wait(Monotonic::now())) {
-      if (event->text.find("knocked") != std::string::npos) found.push_back(*std::move(event));
+      if (event->text.find("displaced") != std::string::npos) found.push_back(*std::move(event));
     }
     return found;
   }
@@ -45,11 +45,11 @@ class Studio12 : public test::Studio4 {
   std::optional<Subscription<EventMessage>> events_;
 };
 
-TEST_F(Studio12, names_the_camera_that_was_knocked_and_no_other_and_no_one_before) {
+TEST_F(Studio12, names_the_displaced_camera_alone_and_no_camera_before) {
   arm_and_start(0);
   ASSERT_TRUE(reaches("recon01", "cam03.drift_px", 0)) << log();
   ASSERT_TRUE(command(CommandVerb::kStop).done()) << log();
-  EXPECT_THAT(told(), testing::IsEmpty()) << log();
+  EXPECT_THAT(displacement_events(), testing::IsEmpty()) << log();
 
   knock();
   take_name_ = "kendo-08";
@@ -58,7 +58,7 @@ TEST_F(Studio12, names_the_camera_that_was_knocked_and_no_other_and_no_one_befor
   std::vector<EventMessage> events;
   EXPECT_TRUE(becomes_true(
       [&] {
-        events = told();
+        events = displacement_events();
         return !events.empty();
       },
       within(30)))
@@ -66,7 +66,7 @@ TEST_F(Studio12, names_the_camera_that_was_knocked_and_no_other_and_no_one_befor
   ASSERT_FALSE(events.empty());
   EXPECT_EQ(events[0].subject, "cam03");
   EXPECT_EQ(events[0].severity, Severity::kAlarm);
-  EXPECT_THAT(events[0].text, HasSubstr("pixels aside"));
+  EXPECT_THAT(events[0].text, HasSubstr("are shifted by"));
   EXPECT_THAT(events[0].text, HasSubstr("calibrate it again"));
   EXPECT_NEAR(value("recon01", "cam03.drift_px"), kKnockPx, 1.5);
   ASSERT_TRUE(command(CommandVerb::kStop).done()) << log();

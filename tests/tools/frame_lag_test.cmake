@@ -26,7 +26,7 @@ expect_verdict(late 3 "cam03: frame lag, 1 pulse late.*take late: complete" --fa
 displace_camera(${WORK}/in-sync/calib.toml cam03 -3)
 execute_process(COMMAND ${V3DCTL} verify ${WORK}/in-sync --images
   RESULT_VARIABLE status OUTPUT_VARIABLE out ERROR_VARIABLE err)
-if(NOT status EQUAL 3 OR NOT out MATCHES "cam03: knocked since it was calibrated: its silhouettes lie [23].[0-9] pixels aside")
+if(NOT status EQUAL 3 OR NOT out MATCHES "cam03: displaced since its calibration: its silhouettes are shifted by [23].[0-9] pixels")
   message(SEND_ERROR "displaced: status ${status}: ${out}${err}")
 endif()
 file(REMOVE_RECURSE ${WORK})

@@ -9,7 +9,7 @@ export interface Judgement {
 
 const DARK_DISK_S = 60;
 const LITTLE_DISK_S = 600;
-const KNOCKED_PX = 1.5;
+const DISPLACED_PX = 1.5;
 const DEEP_QUEUE = 8;
 
 const plural = (n: number, one: string) => `${n.toLocaleString('en')} ${one}${n === 1 ? '' : 's'}`;
@@ -30,7 +30,7 @@ export function judgeCamera(camera: string, node: NodeState, recon: NodeState | 
     [of('frames_missing') > 0, 'alarm', `${plural(of('frames_missing'), 'frame')} missing`],
     [of('losses') > 0, 'alarm', `was lost ${plural(of('losses'), 'time')}`],
     [of('frames_suspect') > 0, 'warning', `${plural(of('frames_suspect'), 'label')} in doubt`],
-    [drift >= KNOCKED_PX, 'warning', `lies ${drift.toFixed(1)} px aside: knocked since the calibration?`],
+    [drift >= DISPLACED_PX, 'warning', `silhouettes shifted by ${drift.toFixed(1)} px: displaced since the calibration?`],
     [of('frames_damaged') > 0, 'warning', `${plural(of('frames_damaged'), 'frame')} damaged on the network`],
     [of('queue_frames') > DEEP_QUEUE, 'warning', `${plural(of('queue_frames'), 'frame')} behind`],
   ];

@@ -1,0 +1,104 @@
+// Keys that are replaced while the studio records.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <filesystem>
+
+#include "daemon/bus.h"
+#include "studio4.h"
+#include "take/verify.h"
+#include "wire/channels.h"
+
+namespace v3d {
+namespace {
+
+using test::becomes_true;
+using test::Studio4;
+using test::within;
+
+TEST_F(Studio4, replaces_its_key_while_it_records_and_loses_no_frame) {
+  arm_and_start(0);
+  ASSERT_TRUE(reaches("cap01", "frames_written", 40)) << log();
+  const StudioKey next = StudioKey::make();
+  next.save(folder_ / "next.key");
+  std::filesystem::rename(folder_ / "next.key", studio_.network.key);
+
+  // Holders of the new key alone receive what all nodes send, and the nodes receive each other.
+  Bus renewed(studio_.network.lcm_url, {}, ChannelList(studio_));
+  renewed.seal().set_key(next);
+  Subscription<HealthMessage> captured(renewed, health_channel("cap01"), 16);
+  Subscription<HealthMessage> recond(renewed, health_channel("recon01"), 16);
+  ASSERT_TRUE(captured.wait(within(60))) << log();
+  ASSERT_TRUE(recond.wait(within(60))) << log();
+  ASSERT_TRUE(reaches("cap01", "frames_written", value("cap01", "frames_written") + 40)) << log();
+  ASSERT_TRUE(reaches("recon01", "meshes", value("recon01", "meshes") + 5)) << log();
+  EXPECT_EQ(value("recon01", "frames_lost"), 0);
+  for (const char* node : {"cap01", "recon01"})
+    EXPECT_EQ(value(node, "messages_forged"), 0) << node;
+
+  OperatorClient newcomer(studio_);
+  CommandMessage stop;
+  stop.verb = CommandVerb::kStop;
+  const Answer stopped = newcomer.command(stop, within(60));
+  ASSERT_TRUE(stopped.done()) << text_of(stopped) << log();
+  EXPECT_TRUE(verify_take(take()).whole()) << verify_take(take()).ledger.verdict();
+  EXPECT_THAT(log(), testing::HasSubstr("a new studio key"));
+}
+
+class MemberStudio4 : public Studio4 {
+ protected:
+  MemberStudio4() : Studio4({.has_members = true}) {}
+
+  /// The studio as Bob's PC has it.
+  Studio studio_of_bob() const {
+    Studio studio = studio_;
+    studio.network.operator_key = folder_ / "bob.key";
+    studio.network.members = folder_ / "members.old.toml";
+    return studio;
+  }
+};
+
+TEST_F(MemberStudio4, records_a_take_and_rejects_an_operator_from_the_moment_of_its_revocation) {
+  std::filesystem::copy_file(folder_ / "members.toml", folder_ / "members.old.toml");
+  OperatorClient bob(studio_of_bob());
+  CommandMessage arm;
+  arm.verb = CommandVerb::kArm;
+  arm.take = take_name_;
+  const Answer armed = bob.command(arm, within(60));
+  ASSERT_TRUE(armed.done()) << text_of(armed) << log();
+  ASSERT_TRUE(command(CommandVerb::kStart).done()) << log();
+  ASSERT_TRUE(reaches("cap01", "frames_written", 40)) << log();
+
+  MemberList without_bob = members_;
+  std::erase_if(without_bob.members, [](const Member& member) { return member.name == "bob"; });
+  ++without_bob.serial;
+  write_members(without_bob);
+  const auto is_in_force = [&] {
+    return captured_->output().find("member list 2 is in force") != std::string::npos &&
+           recond_->output().find("member list 2 is in force") != std::string::npos;
+  };
+  ASSERT_TRUE(becomes_true(is_in_force, within(60))) << log();
+  CommandMessage stop;
+  stop.verb = CommandVerb::kStop;
+  EXPECT_THAT(bob.command(stop, within(2)).silent,
+              testing::UnorderedElementsAre("cap01", "recon01"));
+  for (const char* node : {"cap01", "recon01"}) {
+    EXPECT_TRUE(reaches(node, "commands_forged", 1)) << log();
+    EXPECT_EQ(client_->health(within(5)).at(node).state, NodeState::kRecording);
+  }
+  // An older list does not bring him back, and nothing was restarted.
+  std::filesystem::copy_file(folder_ / "members.old.toml", folder_ / "members.toml",
+                             std::filesystem::copy_options::overwrite_existing);
+  const auto is_rejected = [&] {
+    return captured_->output().find("expected more than 2, which is in force") != std::string::npos;
+  };
+  ASSERT_TRUE(becomes_true(is_rejected, within(60))) << log();
+  EXPECT_EQ(bob.command(stop, within(2)).silent.size(), 2U);
+
+  const Answer stopped = command(CommandVerb::kStop);
+  ASSERT_TRUE(stopped.done()) << text_of(stopped) << log();
+  EXPECT_TRUE(verify_take(take()).whole()) << verify_take(take()).ledger.verdict();
+}
+
+}  // namespace
+}  // namespace v3d
