@@ -88,7 +88,7 @@ std::optional<ReceivedMessage> MessageReceiver::receive_authentic(const Datagram
     return std::nullopt;
   }
   if (!is_authentic(datagram, parts, now.monotonic)) {
-    seal_.count_forged();
+    seal_.count_unverified();
     if (!datagram.is_whole() || !kind->is_shown_unverified) return std::nullopt;
     return ReceivedMessage{datagram.channel, parts.data, false};
   }

@@ -37,15 +37,18 @@ bool MessageSeal::verify(std::span<const uint8_t> head, std::span<const uint8_t>
   return newest->verify(head, data, trailer) || (old && old->verify(head, data, trailer));
 }
 
-void MessageSeal::count_forged() {
+void MessageSeal::count_unverified() {
+  if (!has_key_) {
+    ++unkeyed_;
+    return;
+  }
   ++forged_;
   report(
-      "messages without the studio's seal are refused: a stranger, or another studio key than "
-      "here");
+      "messages without the MAC of the studio key are rejected: a stranger, or another studio key");
 }
 
 SealCounts MessageSeal::counts() const {
-  return {.forged = forged_, .stale = stale_, .replayed = replayed_};
+  return {.forged = forged_, .unkeyed = unkeyed_, .stale = stale_, .replayed = replayed_};
 }
 
 std::string MessageSeal::trouble(RealtimeInstant now) const {

@@ -18,14 +18,14 @@ namespace v3d {
 /// What was rejected, by cause.
 struct SealCounts {
   int64_t forged = 0;    ///< datagrams without the studio's MAC, or changed since
+  int64_t unkeyed = 0;   ///< datagrams that came while there was no key here to verify them with
   int64_t stale = 0;     ///< authentic, and in doubt whether they are recent (SessionGate)
   int64_t replayed = 0;  ///< received before; a network that repeats does that, too
 };
 
-/// With a key, what
-/// is sent carries a MAC in each datagram (wire/datagram_mac.h), and only what carries one is
-/// accepted. Without a key nothing carries one, and every message is accepted, unless a daemon has
-/// called insist(): `v3dctl watch` without a key only shows. Any thread.
+/// With a key, what is sent carries a MAC in each datagram (wire/datagram_mac.h), and only what
+/// carries one is accepted. Without a key nothing carries one, and every message is accepted,
+/// unless a daemon has called insist(): `v3dctl watch` without a key only shows. Any thread.
 class MessageSeal {
  public:
   /// Replaces the key; the one before it stays valid as KeyRotation says.
@@ -48,7 +48,8 @@ class MessageSeal {
   /// Whether messages must be authenticated.
   bool is_required() const { return has_key_ || insists_; }
 
-  void count_forged();
+  /// A datagram that verify() rejected: forged, or unkeyed where there is no key.
+  void count_unverified();
   void count_stale() { ++stale_; }
   void count_replayed() { ++replayed_; }
   SealCounts counts() const;
@@ -62,6 +63,7 @@ class MessageSeal {
   std::atomic<bool> insists_ = false;
   std::atomic<bool> covers_commands_ = false;
   std::atomic<int64_t> forged_ = 0;
+  std::atomic<int64_t> unkeyed_ = 0;
   std::atomic<int64_t> stale_ = 0;
   std::atomic<int64_t> replayed_ = 0;
   mutable std::mutex mutex_;  ///< what follows

@@ -161,6 +161,7 @@ void NodeLoop::report_commands(HealthMessage& health) const {
   value("commands_unkeyed", counts.unkeyed);
   const SealCounts messages = bus_.seal().counts();
   value("messages_forged", messages.forged);
+  value("messages_unkeyed", messages.unkeyed);
   value("messages_stale", messages.stale);
   value("messages_replayed", messages.replayed);
   const ReceptionCounts reception = bus_.reception();

@@ -111,7 +111,7 @@ describe('the studio in words', () => {
     expect(judgeCamera('cam01', node({ 'cam01.streaming_flag': 0 }), undefined).text).toBe('does not stream');
     expect(judgeCamera('cam01', node({}, { heard: false }), undefined).text).toBe('cap01 is silent');
     const recon = node({ 'cam01.drift_px': 2.3 }, { name: 'recon01' });
-    expect(judgeCamera('cam01', node(well), recon).text).toContain('2.3 px aside');
+    expect(judgeCamera('cam01', node(well), recon).text).toContain('silhouettes shifted by 2.3 px');
   });
 
   it('leaves out what was not told', () => {
