@@ -72,7 +72,7 @@ struct StudioInstrument {
   std::string text() const;
 };
 
-/// The command languages of signal generators (trigger/scpi_dialect.h).
+/// The command languages of signal generators (trigger/scpi/scpi_dialect.h).
 enum class Dialect { kKeysight33500, kRigolDg, kSiglentSdg, kBnc575 };
 
 /// [trigger]

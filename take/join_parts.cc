@@ -5,10 +5,10 @@
 #include "base/error.h"
 #include "base/file.h"
 #include "base/io/file.h"
-#include "take/ledger.h"
-#include "take/log_segments.h"
-#include "take/mesh_file.h"
-#include "take/take_account.h"
+#include "take/ledger/ledger.h"
+#include "take/ledger/take_account.h"
+#include "take/logs/log_segments.h"
+#include "take/logs/mesh_file.h"
 
 namespace v3d {
 namespace {

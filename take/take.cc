@@ -78,8 +78,8 @@ TakeInfo parse_take_info(std::string_view text, const std::filesystem::path& pat
   info.rate_hz = table.number("rate_hz");
   if (info.rate_hz <= 0) table.fail("rate_hz", "expected a positive number of pulses per second");
   info.pulses = table.integer("pulses");
-  if (info.pulses < 0 || info.pulses > kMostPulses) {
-    table.fail("pulses", "expected a count, 0 to " + format_count(kMostPulses));
+  if (info.pulses < 0 || info.pulses > kMaxPulses) {
+    table.fail("pulses", "expected a count, 0 to " + format_count(kMaxPulses));
   }
   info.state = read_state(table);
   info.software_version = table.text("software_version");

@@ -20,7 +20,7 @@ namespace v3d {
 
 /// More pulses than any take has (four days at 25 Hz): a larger count or number comes from a
 /// damaged file, and nobody shall list that many missing frames.
-inline constexpr int64_t kMostPulses = 10'000'000;
+inline constexpr int64_t kMaxPulses = 10'000'000;
 
 enum class TakeState { kRecording, kComplete, kRecovered };
 std::string_view name(TakeState state);
@@ -45,7 +45,7 @@ struct TakePaths {
   std::filesystem::path calib() const { return folder / "calib.toml"; }
   /// The studio file as it was; absent in takes that come from elsewhere.
   std::filesystem::path studio() const { return folder / "studio.toml"; }
-  /// The first segment of the log, as frames() is (take/log_segments.h).
+  /// The first segment of the log, as frames() is (take/logs/log_segments.h).
   std::filesystem::path pulses() const { return folder / "pulses.lcmlog"; }
   std::filesystem::path frames(const std::string& camera) const {
     return folder / (camera + ".lcmlog");

@@ -5,8 +5,8 @@
 
 #include "base/error.h"
 #include "base/units.h"
-#include "take/frame_log.h"
-#include "take/mesh_file.h"
+#include "take/logs/frame_log.h"
+#include "take/logs/mesh_file.h"
 
 namespace v3d {
 namespace {

@@ -4,8 +4,8 @@
 #include <string>
 #include <vector>
 
+#include "take/ledger/verified.h"
 #include "take/take.h"
-#include "take/verified.h"
 
 namespace v3d {
 

@@ -8,9 +8,9 @@
 
 #include "base/error.h"
 #include "base/io/file.h"
-#include "take/ledger.h"
-#include "take/mesh_file.h"
-#include "take/verified.h"
+#include "take/ledger/ledger.h"
+#include "take/ledger/verified.h"
+#include "take/logs/mesh_file.h"
 
 namespace v3d {
 namespace {

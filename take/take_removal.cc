@@ -7,7 +7,7 @@
 #include "base/check.h"
 #include "base/io/file.h"
 #include "base/io/uninterrupted.h"
-#include "take/mesh_file_layout.h"
+#include "take/logs/mesh_file_layout.h"
 
 namespace v3d {
 namespace {

@@ -11,7 +11,7 @@ constexpr Duration kLook = std::chrono::milliseconds(100);
 /// The longest pulse that a studio file may ask for, and more.
 constexpr Duration kLongestPulse = std::chrono::milliseconds(1100);
 /// Many seconds of pulses that nobody takes.
-constexpr size_t kMostPulses = 65'536;
+constexpr size_t kMaxPulses = 65'536;
 
 }  // namespace
 
@@ -65,7 +65,7 @@ void GpioSensor::tell(std::optional<Duration> width) {
   const SensedPulse pulse{.number = next_, .at = *begun_, .width = width};
   begun_.reset();
   const std::lock_guard lock(mutex_);
-  if (pulses_.size() >= kMostPulses) {
+  if (pulses_.size() >= kMaxPulses) {
     ++dropped_;
     return;
   }

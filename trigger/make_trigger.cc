@@ -3,7 +3,7 @@
 #include "trigger/background_generator.h"
 #include "trigger/gpio_generator.h"
 #include "trigger/gpio_sensor.h"
-#include "trigger/scpi_generator.h"
+#include "trigger/scpi/scpi_generator.h"
 #include "trigger/simulated.h"
 
 namespace v3d {

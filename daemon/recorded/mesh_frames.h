@@ -6,7 +6,7 @@
 
 #include "daemon/recorded/frame_range.h"
 #include "recon/pipeline/compact_frame.h"
-#include "take/mesh_file.h"
+#include "take/logs/mesh_file.h"
 #include "take/take.h"
 
 namespace v3d {

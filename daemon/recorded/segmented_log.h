@@ -9,8 +9,8 @@
 #include <unordered_map>
 #include <vector>
 
-#include "capture/segmenter.h"
-#include "take/frame_log.h"
+#include "capture/segmentation/segmenter.h"
+#include "take/logs/frame_log.h"
 #include "take/take.h"
 
 namespace v3d {

@@ -4,7 +4,7 @@
 #include <optional>
 #include <string>
 
-#include "capture/background.h"
+#include "capture/segmentation/background.h"
 #include "take/take.h"
 
 namespace v3d {

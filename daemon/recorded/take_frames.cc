@@ -9,8 +9,8 @@
 #include "base/error.h"
 #include "base/image_size.h"
 #include "base/name_list.h"
-#include "take/frame_log.h"
-#include "take/log_segments.h"
+#include "take/logs/frame_log.h"
+#include "take/logs/log_segments.h"
 
 namespace v3d {
 namespace {

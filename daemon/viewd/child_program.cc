@@ -36,7 +36,7 @@ void ChildProgram::Pipe::read_into(std::string& text) {
     if (got < 0 && errno == EINTR) continue;
     if (got < 0 && errno == EAGAIN) return;
     if (got <= 0) return close();
-    text.append(part.data(), std::min(static_cast<size_t>(got), kMostOutput - text.size()));
+    text.append(part.data(), std::min(static_cast<size_t>(got), kMaxOutput - text.size()));
   }
 }
 

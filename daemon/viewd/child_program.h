@@ -26,7 +26,7 @@ pid_t spawn_program(const std::vector<std::string>& words, int output, int error
 /// what it prints the first megabyte is kept. One thread.
 class ChildProgram {
  public:
-  static constexpr size_t kMostOutput = 1 << 20;
+  static constexpr size_t kMaxOutput = 1 << 20;
   static constexpr Duration kEndsWithin = std::chrono::seconds(2);
 
   /// `words`: a path, and the arguments. Where it cannot be run, that is how it ends: status 127.

@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "take/log_segments.h"
+#include "take/logs/log_segments.h"
 
 namespace v3d {
 

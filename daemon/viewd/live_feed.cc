@@ -34,7 +34,7 @@ void LiveFeed::begin_group() {
 
 bool LiveFeed::follows(uint32_t reference, int64_t key_pulse) const {
   return !group_.empty() && group_.back().checksum == reference && key_pulse_ == key_pulse &&
-         group_.size() < kMostFrames && group_bytes_ < kMostBytes;
+         group_.size() < kMaxFrames && group_bytes_ < kMaxBytes;
 }
 
 /// A take of the same name that begins again, later, is none that goes back.

@@ -21,7 +21,7 @@ struct LiveFeedCounts {
 };
 
 /// Meshes of a take come in order; one that is not behind the last (two nodes that show the same
-/// for a moment, daemon/shard.h) goes no further.
+/// for a moment, daemon/recond/shard.h) goes no further.
 /// Holds the newest key frame and what came since, and nothing else. Who can follow gets every
 /// frame; who cannot is sent the newest key frame next, as soon as there is one that he has not
 /// had, and misses what lies between. So nobody gets a frame that he lacks the frame before of, and
@@ -30,8 +30,8 @@ class LiveFeed {
  public:
   /// A group of more frames, or bytes, than any of our encoders makes is not waited for: the next
   /// key frame is.
-  static constexpr size_t kMostFrames = 256;
-  static constexpr size_t kMostBytes = 64 << 20;
+  static constexpr size_t kMaxFrames = 256;
+  static constexpr size_t kMaxBytes = 64 << 20;
 
   void add(const MeshMessage& mesh);
 

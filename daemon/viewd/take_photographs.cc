@@ -68,7 +68,7 @@ TakePhotographs::OpenLog* TakePhotographs::open(const std::string& take, const s
   logs_.remove_if([&](const OpenLog& log) { return log.path == path; });
   logs_.push_front(
       {path, stamp, Monotonic::now(), FrameLogReader(path), response_of(paths, camera)});
-  if (logs_.size() > kMostLogs) logs_.pop_back();
+  if (logs_.size() > kMaxLogs) logs_.pop_back();
   return &logs_.front();
 }
 

@@ -11,7 +11,7 @@
 #include "base/colour_response.h"
 #include "base/time.h"
 #include "daemon/viewd/file_stamp.h"
-#include "take/frame_log.h"
+#include "take/logs/frame_log.h"
 
 namespace v3d {
 
@@ -19,7 +19,7 @@ namespace v3d {
 /// nothing else. One thread.
 class TakePhotographs {
  public:
-  static constexpr size_t kMostLogs = 64;  ///< open at a time: those of a large studio's take
+  static constexpr size_t kMaxLogs = 64;  ///< open at a time: those of a large studio's take
 
   /// `takes`: the folder that holds them.
   explicit TakePhotographs(std::filesystem::path takes) : takes_(std::move(takes)) {}

@@ -59,7 +59,7 @@ TakeViews::OpenTake& TakeViews::open(const std::string& take, int64_t pulse) {
   std::vector<int64_t> pulses = meshes->frames({});
   open_.push_front(
       {take, *now_is, *mesh, std::move(meshes), TakeFrames(takes_ / take, {}), std::move(pulses)});
-  if (open_.size() > kMostTakes) open_.pop_back();
+  if (open_.size() > kMaxTakes) open_.pop_back();
   return open_.front();
 }
 

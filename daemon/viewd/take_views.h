@@ -22,7 +22,7 @@ namespace v3d {
 /// background model follows the light. One thread; works on several cameras at a time.
 class TakeViews {
  public:
-  static constexpr size_t kMostTakes = 4;  ///< open at a time: a scene's
+  static constexpr size_t kMaxTakes = 4;  ///< open at a time: a scene's
 
   /// `takes`: the folder that holds them.
   explicit TakeViews(std::filesystem::path takes) : takes_(std::move(takes)) {}

@@ -5,7 +5,7 @@
 #include <utility>
 
 #include "daemon/viewd/file_part_body.h"
-#include "daemon/viewd/web_watcher.h"
+#include "daemon/viewd/web_subscriber.h"
 
 namespace v3d {
 namespace {
@@ -15,7 +15,7 @@ namespace http = beast::http;
 namespace websocket = beast::websocket;
 using boost::asio::ip::tcp;
 using boost::system::error_code;
-using Request = WebWatcher::Request;
+using Request = WebSubscriber::Request;
 
 constexpr std::chrono::seconds kSendWithin{30};  ///< each piece of an answer
 constexpr std::chrono::seconds kIdleFor{30};     ///< between requests
@@ -61,11 +61,11 @@ WebAnswer busy() {
 
 }  // namespace
 
-WebConnection::WebConnection(WebConnections& all, ConnectionPlaces::Place place, tcp::socket socket,
+WebConnection::WebConnection(WebConnections& all, ConnectionSlots::Place place, tcp::socket socket,
                              std::string address)
     : all_(all),
       id_(place.id),
-      place_(std::make_unique<HeldPlace>(all, place)),
+      place_(std::make_unique<ConnectionSlot>(all, place)),
       socket_(std::move(socket)),
       address_(std::move(address)) {
   all_.open[id_] = this;
@@ -80,7 +80,7 @@ WebConnection::~WebConnection() { all_.open.erase(id_); }
 
 void WebConnection::read() {
   parser_.emplace();
-  parser_->header_limit(WebServer::kMostHeaderBytes);
+  parser_->header_limit(WebServer::kMaxHeaderBytes);
   // No limit as yet, for what has too large a body gets an answer; Beast takes none at all for
   // zero.
   parser_->body_limit(std::numeric_limits<uint64_t>::max());
@@ -96,7 +96,7 @@ void WebConnection::read() {
 void WebConnection::read_next() {
   if (buffer_.size() > 0) return read();
   socket_.expires_after(kIdleFor);
-  socket_.async_read_some(buffer_.prepare(WebServer::kMostHeaderBytes),
+  socket_.async_read_some(buffer_.prepare(WebServer::kMaxHeaderBytes),
                           [self = shared_from_this()](error_code error, size_t bytes) {
                             if (error || !self->is_open()) return;
                             self->buffer_.commit(bytes);
@@ -113,10 +113,10 @@ void WebConnection::take_header() {
   keep_alive_ = request.keep_alive() && !has_body;
   if (!has_body) return take(false);
   if (request.method() != http::verb::post || parser_->chunked() ||
-      *size > WebServer::kMostBodyBytes) {
+      *size > WebServer::kMaxBodyBytes) {
     return take(true);
   }
-  parser_->body_limit(WebServer::kMostBodyBytes);
+  parser_->body_limit(WebServer::kMaxBodyBytes);
   http::async_read(socket_, buffer_, *parser_,
                    [self = shared_from_this()](error_code error, size_t) {
                      if (!error && self->is_open()) self->take(false);
@@ -146,8 +146,8 @@ void WebConnection::take(bool has_unread_body) {
     return;
   }
   socket_.expires_never();
-  std::make_shared<WebWatcher>(std::move(place_), socket_.release_socket(),
-                               all_.watch(*opening.stream))
+  std::make_shared<WebSubscriber>(std::move(place_), socket_.release_socket(),
+                                  all_.watch(*opening.stream))
       ->begin(request);
 }
 

@@ -1,4 +1,4 @@
-// One HTTP connection: reads requests, sends answers, and becomes a WebWatcher when asked to.
+// One HTTP connection: reads requests, sends answers, and becomes a WebSubscriber when asked to.
 #pragma once
 
 #include <boost/asio/ip/tcp.hpp>
@@ -14,7 +14,7 @@ namespace v3d {
 /// Shared by the operations that are under way, which end it. The server's thread only.
 class WebConnection : public std::enable_shared_from_this<WebConnection> {
  public:
-  WebConnection(WebConnections& all, ConnectionPlaces::Place place,
+  WebConnection(WebConnections& all, ConnectionSlots::Place place,
                 boost::asio::ip::tcp::socket socket, std::string address);
   ~WebConnection();
   WebConnection(const WebConnection&) = delete;
@@ -40,8 +40,8 @@ class WebConnection : public std::enable_shared_from_this<WebConnection> {
   void after_answer();
 
   WebConnections& all_;
-  const ConnectionPlaces::Id id_;
-  std::unique_ptr<HeldPlace> place_;  ///< null once a WebWatcher has it
+  const ConnectionSlots::Id id_;
+  std::unique_ptr<ConnectionSlot> place_;  ///< null once a WebSubscriber has it
   boost::beast::tcp_stream socket_;
   boost::beast::flat_buffer buffer_;
   boost::optional<boost::beast::http::request_parser<boost::beast::http::string_body>> parser_;

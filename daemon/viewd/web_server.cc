@@ -13,7 +13,7 @@
 #include "base/error.h"
 #include "daemon/viewd/listing_runner.h"
 #include "daemon/viewd/web_connection.h"
-#include "daemon/viewd/web_watcher.h"
+#include "daemon/viewd/web_subscriber.h"
 
 namespace v3d {
 namespace {
@@ -65,7 +65,7 @@ class WebServer::Impl {
   void run_inside(const std::function<void(int64_t)>& work) {
     std::packaged_task<void()> task([&] {
       work(static_cast<int64_t>(connections_.watchers.size()));
-      for (WebWatcher* watcher : connections_.watchers) watcher->send();
+      for (WebSubscriber* watcher : connections_.watchers) watcher->send();
     });
     auto done = task.get_future();
     asio::post(io_, [&task] { task(); });
@@ -88,7 +88,7 @@ class WebServer::Impl {
     if (!answer.listing.empty()) {
       return listings_.run(answer.listing, std::move(answer.work), std::move(done));
     }
-    if (deferred_ >= kMostDeferred) return false;
+    if (deferred_ >= kMaxDeferred) return false;
     ++deferred_;
     asio::post(worker_, [this, work = std::move(answer.work), done = std::move(done)]() mutable {
       asio::post(io_, [this, done = std::move(done), answer = work()]() mutable {

@@ -34,9 +34,9 @@ struct WebLimits {
 /// waits (more is answered by 503).
 class WebServer {
  public:
-  static constexpr int kMostHeaderBytes = 8192;
-  static constexpr uint64_t kMostBodyBytes = 4096;
-  static constexpr int kMostDeferred = 64;
+  static constexpr int kMaxHeaderBytes = 8192;
+  static constexpr uint64_t kMaxBodyBytes = 4096;
+  static constexpr int kMaxDeferred = 64;
 
   using Watch = std::function<std::unique_ptr<WebStream>(WebSite::StreamKind)>;
 

@@ -8,7 +8,7 @@
 #include "base/error.h"
 #include "base/name.h"
 #include "base/time.h"
-#include "daemon/json.h"
+#include "daemon/control/reply_json.h"
 #include "daemon/viewd/byte_range.h"
 #include "daemon/viewd/file_stamp.h"
 #include "daemon/viewd/guarded_answer.h"
@@ -112,7 +112,7 @@ std::vector<TakeListing> WebSite::list_takes(const std::filesystem::path& folder
 OpenFile::~OpenFile() { close(fd_); }
 
 WebSite::WebSite(const Studio& studio, WebAccess access, std::map<std::string, PageFile> page,
-                 OperatorDesk& desk, const ListTakes& list)
+                 CommandEndpoint& desk, const ListTakes& list)
     : takes_(studio.storage.takes),
       calib_(studio.storage.calib),
       access_(std::move(access)),

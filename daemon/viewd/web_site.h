@@ -19,8 +19,8 @@
 #include <string>
 
 #include "base/studio_file.h"
-#include "daemon/viewd/connection_places.h"
-#include "daemon/viewd/operator_desk.h"
+#include "daemon/viewd/command_endpoint.h"
+#include "daemon/viewd/connection_slots.h"
 #include "daemon/viewd/page_files.h"
 #include "daemon/viewd/take_pictures.h"
 #include "daemon/viewd/web_access.h"
@@ -41,7 +41,7 @@ class WebSite {
 
   /// `desk` outlives it.
   WebSite(const Studio& studio, WebAccess access, std::map<std::string, PageFile> page,
-          OperatorDesk& desk, const ListTakes& list = list_takes);
+          CommandEndpoint& desk, const ListTakes& list = list_takes);
 
   /// Never throws: what goes wrong is a status.
   WebAnswer answer(const WebRequest& request);
@@ -69,7 +69,7 @@ class WebSite {
   const std::filesystem::path calib_;
   const WebAccess access_;
   const std::map<std::string, PageFile> page_;
-  OperatorDesk& desk_;
+  CommandEndpoint& desk_;
   const TakePictures pictures_;
   const std::shared_ptr<CachedListing> take_listing_;
   const std::shared_ptr<CachedListing> scene_listing_;

@@ -4,7 +4,7 @@
 #include <vector>
 
 #include "calib/boards/board.h"
-#include "sim/board_walk.h"
+#include "sim/cameras/board_walk.h"
 
 namespace v3d::calib {
 

@@ -1,5 +1,5 @@
 // The real Aravis path against Aravis' own simulated camera, in one process.
-#include "capture/aravis_camera.h"
+#include "capture/cameras/aravis_camera.h"
 
 #include <arv.h>
 #include <gmock/gmock.h>
@@ -13,8 +13,8 @@
 #include <vector>
 
 #include "base/error.h"
-#include "capture/make_camera.h"
-#include "sim/genicam.h"
+#include "capture/cameras/make_camera.h"
+#include "sim/cameras/genicam.h"
 #include "support/gvsp_sender.h"
 #include "support/message_of.h"
 #include "support/temporary_folder.h"

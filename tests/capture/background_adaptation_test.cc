@@ -1,4 +1,4 @@
-#include "capture/background_adaptation.h"
+#include "capture/segmentation/background_adaptation.h"
 
 #include <gtest/gtest.h>
 #include <hwy/targets.h>
@@ -6,8 +6,8 @@
 #include <algorithm>
 #include <utility>
 
-#include "capture/brightness.h"
-#include "capture/segmenter.h"
+#include "capture/segmentation/brightness.h"
+#include "capture/segmentation/segmenter.h"
 #include "studio_wall.h"
 
 namespace v3d {

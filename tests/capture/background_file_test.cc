@@ -6,7 +6,7 @@
 #include <iterator>
 
 #include "base/error.h"
-#include "capture/segmenter.h"
+#include "capture/segmentation/segmenter.h"
 #include "studio_wall.h"
 #include "support/message_of.h"
 #include "support/temporary_folder.h"

@@ -4,7 +4,7 @@
 
 #include <algorithm>
 
-#include "capture/camera_pilot.h"
+#include "capture/cameras/camera_session.h"
 #include "pilot_fixture.h"
 
 namespace v3d {
@@ -49,7 +49,7 @@ class RejoiningPilotTest : public SensedCameraPilotTest {
     return std::ranges::count_if(frames_, [](const Frame& f) { return f.label.suspect; });
   }
 
-  CameraPast past_;
+  CameraResumeState past_;
   Duration latency_ = Script::kLatency;
   Duration clock_jumps_{};
   bool forgets_latency_ = false;

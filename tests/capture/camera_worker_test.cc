@@ -1,4 +1,4 @@
-#include "capture/camera_worker.h"
+#include "capture/cameras/camera_worker.h"
 
 #include <gtest/gtest.h>
 

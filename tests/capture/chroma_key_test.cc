@@ -3,7 +3,7 @@
 #include <gtest/gtest.h>
 
 #include "base/mask_shape.h"
-#include "capture/segmenter.h"
+#include "capture/segmentation/segmenter.h"
 #include "studio_wall.h"
 
 namespace v3d {

@@ -1,4 +1,4 @@
-#include "capture/frame_counter.h"
+#include "capture/cameras/frame_counter.h"
 
 #include <gtest/gtest.h>
 #include <rapidcheck/gtest.h>

@@ -1,4 +1,4 @@
-#include "capture/frayed_outline.h"
+#include "capture/segmentation/frayed_outline.h"
 
 #include <gtest/gtest.h>
 #include <rapidcheck/gtest.h>
@@ -7,8 +7,8 @@
 #include <random>
 
 #include "base/mask_shape.h"
-#include "capture/mask_cleanup.h"
-#include "capture/mask_majority.h"
+#include "capture/segmentation/mask_cleanup.h"
+#include "capture/segmentation/mask_majority.h"
 
 namespace v3d {
 namespace {

@@ -1,5 +1,5 @@
 // A camera that runs free against pulses and a clock that the test plays.
-#include "capture/free_running_camera.h"
+#include "capture/cameras/free_running_camera.h"
 
 #include <gtest/gtest.h>
 

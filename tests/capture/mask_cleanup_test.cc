@@ -6,8 +6,8 @@
 #include <vector>
 
 #include "base/mask_pieces.h"
-#include "capture/mask_holes.h"
-#include "capture/mask_majority.h"
+#include "capture/segmentation/mask_holes.h"
+#include "capture/segmentation/mask_majority.h"
 
 namespace v3d {
 namespace {

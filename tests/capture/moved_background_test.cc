@@ -1,9 +1,9 @@
-#include "capture/moved_background.h"
+#include "capture/segmentation/moved_background.h"
 
 #include <gtest/gtest.h>
 
-#include "capture/brightness.h"
-#include "capture/segmenter.h"
+#include "capture/segmentation/brightness.h"
+#include "capture/segmentation/segmenter.h"
 #include "studio_wall.h"
 
 namespace v3d {

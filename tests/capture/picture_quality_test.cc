@@ -1,4 +1,4 @@
-#include "capture/picture_quality.h"
+#include "capture/segmentation/picture_quality.h"
 
 #include <gtest/gtest.h>
 

@@ -7,7 +7,7 @@
 #include <optional>
 #include <vector>
 
-#include "capture/camera_pilot.h"
+#include "capture/cameras/camera_session.h"
 #include "scripted_camera.h"
 
 namespace v3d {
@@ -18,7 +18,7 @@ class CameraPilotTest : public testing::Test {
   CameraPilotTest() {
     CameraWorkerOptions options;
     options.now = [s = script_] { return s->now; };
-    pilot_ = std::make_unique<CameraPilot>(
+    pilot_ = std::make_unique<CameraSession>(
         "cam07", [s = script_] { return std::make_unique<ScriptedCamera>(s); }, options);
   }
 
@@ -67,7 +67,7 @@ class CameraPilotTest : public testing::Test {
   }
 
   std::shared_ptr<Script> script_ = std::make_shared<Script>();
-  std::unique_ptr<CameraPilot> pilot_;
+  std::unique_ptr<CameraSession> pilot_;
   std::vector<Frame> frames_;
   bool sensed_ = false;  ///< the camera is told of pulses
   std::optional<MonotonicInstant> told_train_;

@@ -1,4 +1,4 @@
-#include "capture/preview.h"
+#include "capture/cameras/preview.h"
 
 #include <gtest/gtest.h>
 

@@ -11,8 +11,8 @@
 #include <string>
 #include <utility>
 
-#include "capture/frame_counter.h"
-#include "capture/pulse_matcher.h"
+#include "capture/cameras/frame_counter.h"
+#include "capture/sync/pulse_matcher.h"
 
 namespace v3d {
 namespace {

@@ -1,4 +1,4 @@
-#include "capture/pulse_matcher.h"
+#include "capture/sync/pulse_matcher.h"
 
 #include <gtest/gtest.h>
 #include <rapidcheck/gtest.h>

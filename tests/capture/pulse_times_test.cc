@@ -1,4 +1,4 @@
-#include "capture/pulse_times.h"
+#include "capture/sync/pulse_times.h"
 
 #include <gtest/gtest.h>
 #include <rapidcheck/gtest.h>

@@ -8,7 +8,7 @@
 #include <string>
 
 #include "base/error.h"
-#include "capture/camera.h"
+#include "capture/cameras/camera.h"
 
 namespace v3d {
 

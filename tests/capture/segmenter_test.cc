@@ -1,4 +1,4 @@
-#include "capture/segmenter.h"
+#include "capture/segmentation/segmenter.h"
 
 #include <gtest/gtest.h>
 #include <hwy/targets.h>
@@ -6,7 +6,7 @@
 #include <functional>
 
 #include "base/error.h"
-#include "capture/brightness.h"
+#include "capture/segmentation/brightness.h"
 #include "count_allocations.h"
 #include "studio_wall.h"
 

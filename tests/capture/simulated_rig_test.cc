@@ -3,8 +3,8 @@
 
 #include <vector>
 
-#include "capture/segmenter.h"
-#include "sim/scene.h"
+#include "capture/segmentation/segmenter.h"
+#include "sim/rendering/scene.h"
 
 namespace v3d {
 namespace {

@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "base/image.h"
-#include "capture/segmenter.h"
+#include "capture/segmentation/segmenter.h"
 
 namespace v3d {
 

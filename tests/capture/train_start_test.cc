@@ -1,4 +1,4 @@
-#include "capture/train_start.h"
+#include "capture/sync/train_start.h"
 
 #include <gtest/gtest.h>
 #include <rapidcheck/gtest.h>

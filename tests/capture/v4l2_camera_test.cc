@@ -1,5 +1,5 @@
 // The V4L2 camera against a kernel that the test plays.
-#include "capture/v4l2_camera.h"
+#include "capture/cameras/v4l2_camera.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

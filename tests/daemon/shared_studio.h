@@ -15,8 +15,8 @@
 #include <variant>
 #include <vector>
 
-#include "daemon/shard.h"
-#include "daemon/shard_share.h"
+#include "daemon/recond/shard.h"
+#include "daemon/recond/shard_share.h"
 
 namespace v3d::test {
 

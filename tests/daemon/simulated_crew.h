@@ -12,9 +12,9 @@
 #include <string>
 #include <vector>
 
-#include "daemon/command_gate.h"
-#include "daemon/control.h"
-#include "daemon/conversation.h"
+#include "daemon/control/command_gate.h"
+#include "daemon/control/control.h"
+#include "daemon/control/studio_coordinator.h"
 
 namespace v3d::test {
 
@@ -275,7 +275,7 @@ class SimulatedOperator {
   RealtimeInstant last_sent_;
   MonotonicInstant idle_until_;
   std::vector<CommandMessage> orders_;
-  std::optional<Conversation> conversation_;
+  std::optional<StudioCoordinator> conversation_;
 };
 
 /// "cap01" with the trigger, and others.

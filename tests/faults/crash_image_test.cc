@@ -12,12 +12,12 @@
 #include <iostream>
 #include <sstream>
 
-#include "daemon/take_folder.h"
+#include "daemon/node/take_folder.h"
 #include "faulty_program.h"
 #include "recorded_take.h"
 #include "support/temporary_folder.h"
-#include "take/frame_log.h"
-#include "take/verify.h"
+#include "take/ledger/verify.h"
+#include "take/logs/frame_log.h"
 
 namespace v3d::test {
 namespace {

@@ -12,8 +12,8 @@
 #include "base/file.h"
 #include "recorded_take.h"
 #include "support/temporary_folder.h"
-#include "take/frame_log.h"
-#include "take/verify.h"
+#include "take/ledger/verify.h"
+#include "take/logs/frame_log.h"
 
 namespace v3d::test {
 namespace {

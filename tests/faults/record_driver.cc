@@ -18,13 +18,13 @@
 
 #include "base/error.h"
 #include "base/io/file.h"
-#include "daemon/kept_order.h"
-#include "daemon/lane_past.h"
-#include "daemon/pulse_log.h"
-#include "daemon/take_disk.h"
-#include "daemon/take_folder.h"
+#include "daemon/captured/pulse_log.h"
+#include "daemon/captured/resume_state.h"
+#include "daemon/captured/take_disk.h"
+#include "daemon/node/persisted_command.h"
+#include "daemon/node/take_folder.h"
 #include "recorded_take.h"
-#include "take/frame_log.h"
+#include "take/logs/frame_log.h"
 #include "take/take_removal.h"
 
 namespace v3d::test {
@@ -55,7 +55,7 @@ class Driver {
     create_take(studio_, info_);
     CommandMessage order;
     order.take = kDrivenTake;
-    keep_order(studio_, kDrivenNode, order);
+    persist_command(studio_, kDrivenNode, order);
     disk_ = std::make_unique<TakeDisk>(paths_, kDemand);
     open_logs(LogOpening::kNew);
     mark("ready");
@@ -78,7 +78,7 @@ class Driver {
     for (const auto& [pulse, edge] : edges) sensed_.insert(pulse);
     disk_ = std::make_unique<TakeDisk>(paths_, kDemand);
     for (size_t c = 0; c < kDrivenCameras.size(); ++c) {
-      accounts_[c] = read_lane_past(paths_, kDrivenCameras[c], edges).account;
+      accounts_[c] = read_resume_state(paths_, kDrivenCameras[c], edges).account;
     }
     open_logs(LogOpening::kGoOn);
     mark("ready");

@@ -1,7 +1,7 @@
 // Bytes as what comes from chronyd's port: nothing, or numbers that health may tell.
 #include <cmath>
 
-#include "daemon/clock_watch.h"
+#include "daemon/control/clock_monitor.h"
 #include "fuzz_input.h"
 
 extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {

@@ -5,7 +5,7 @@
 #include <string_view>
 
 #include "base/error.h"
-#include "daemon/command_gate.h"
+#include "daemon/control/command_gate.h"
 
 namespace {
 

@@ -5,7 +5,7 @@
 #include <cstdlib>
 #include <memory>
 
-#include "daemon/message_receiver.h"
+#include "daemon/bus/message_receiver.h"
 
 namespace {
 

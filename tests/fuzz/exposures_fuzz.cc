@@ -4,7 +4,7 @@
 #include <string_view>
 
 #include "base/error.h"
-#include "sim/exposure_record.h"
+#include "sim/cameras/exposure_record.h"
 
 extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   try {

@@ -3,8 +3,8 @@
 #include <cstdint>
 #include <string_view>
 
-#include "trigger/scpi_dialect.h"
-#include "trigger/usbtmc_message.h"
+#include "trigger/scpi/scpi_dialect.h"
+#include "trigger/scpi/usbtmc_message.h"
 
 extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   const std::string_view text(reinterpret_cast<const char*>(data), size);

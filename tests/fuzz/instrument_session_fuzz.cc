@@ -2,9 +2,9 @@
 // in success or in an InputError.
 #include "base/error.h"
 #include "fuzz_input.h"
-#include "trigger/scpi_generator.h"
-#include "trigger/usbtmc.h"
-#include "trigger/usbtmc_message.h"
+#include "trigger/scpi/scpi_generator.h"
+#include "trigger/scpi/usbtmc.h"
+#include "trigger/scpi/usbtmc_message.h"
 
 namespace {
 

@@ -1,6 +1,6 @@
 // What the reconstruction does with frames that have been decoded, whatever numbers stand in them:
 // no more sets wait than may, each comes out once and in order, and losses are counted.
-#include "daemon/sequence.h"
+#include "daemon/bus/sequence.h"
 #include "fuzz_input.h"
 #include "recon/pipeline/frame_set.h"
 

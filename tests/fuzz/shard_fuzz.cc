@@ -1,7 +1,7 @@
 // What a node of a shared take makes of what others say of themselves, whatever numbers stand in
 // it: its stream rises, what it shows is of it, no pulse is both in it and named as missing, and
 // everything is bounded.
-#include "daemon/shard.h"
+#include "daemon/recond/shard.h"
 #include "fuzz_input.h"
 
 namespace {

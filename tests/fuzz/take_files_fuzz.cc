@@ -3,10 +3,10 @@
 #include <string_view>
 
 #include "base/error.h"
-#include "take/ledger.h"
+#include "take/ledger/ledger.h"
+#include "take/ledger/verified.h"
 #include "take/slate.h"
 #include "take/take.h"
-#include "take/verified.h"
 
 namespace {
 

@@ -5,8 +5,8 @@
 #include <string>
 
 #include "base/error.h"
-#include "take/frame_log.h"
-#include "take/mesh_file.h"
+#include "take/logs/frame_log.h"
+#include "take/logs/mesh_file.h"
 
 extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   const int fd = memfd_create("take", MFD_CLOEXEC);

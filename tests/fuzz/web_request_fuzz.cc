@@ -5,7 +5,7 @@
 
 #include "base/name.h"
 #include "daemon/viewd/byte_range.h"
-#include "daemon/viewd/operator_desk.h"
+#include "daemon/viewd/command_endpoint.h"
 #include "daemon/viewd/web_access.h"
 #include "daemon/viewd/web_target.h"
 #include "fuzz_input.h"
@@ -36,7 +36,7 @@ const v3d::Studio& studio() {
 }
 
 /// v3dctl is called with words of ours, and names that are no options.
-void look_at(const v3d::OperatorOrder& order) {
+void look_at(const v3d::OperatorCommand& order) {
   must(order.take.empty() || v3d::is_file_name(order.take));
   must(order.pulses >= 0 && order.pulses <= 86'400 * 25);
   for (const std::string& word : order.words()) {
@@ -47,7 +47,7 @@ void look_at(const v3d::OperatorOrder& order) {
 }
 
 void give(const v3d::WebRequest& request) {
-  v3d::OperatorDesk desk(studio(), kOperators);
+  v3d::CommandEndpoint desk(studio(), kOperators);
   const v3d::WebAnswer answer = desk.take(request, v3d::MonotonicInstant());
   const auto order = desk.next();
   must(order.has_value() == (answer.status == 202));

@@ -3,11 +3,11 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "daemon/bus.h"
+#include "daemon/bus/bus.h"
 #include "studio4.h"
 #include "support/process_meter.h"
 #include "support/raw_datagrams.h"
-#include "take/verify.h"
+#include "take/ledger/verify.h"
 #include "wire/channels.h"
 
 namespace v3d {

@@ -7,7 +7,7 @@
 
 #include "studio4.h"
 #include "support/temporary_folder.h"
-#include "take/verify.h"
+#include "take/ledger/verify.h"
 
 namespace v3d {
 namespace {

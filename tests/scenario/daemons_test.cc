@@ -10,13 +10,13 @@
 #include <nlohmann/json.hpp>
 #include <random>
 
-#include "daemon/bus.h"
+#include "daemon/bus/bus.h"
 #include "recon/pipeline/compact_frame.h"
 #include "studio4.h"
 #include "support/child_process.h"
-#include "take/frame_log.h"
-#include "take/mesh_file.h"
-#include "take/verify.h"
+#include "take/ledger/verify.h"
+#include "take/logs/frame_log.h"
+#include "take/logs/mesh_file.h"
 #include "wire/channels.h"
 #include "wire/studio_key.h"
 

@@ -5,11 +5,11 @@
 #include <cstdlib>
 #include <nlohmann/json.hpp>
 
-#include "daemon/bus.h"
+#include "daemon/bus/bus.h"
 #include "studio4.h"
 #include "support/small_disk.h"
 #include "support/temporary_folder.h"
-#include "take/verify.h"
+#include "take/ledger/verify.h"
 #include "wire/channels.h"
 
 namespace v3d {

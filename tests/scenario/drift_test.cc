@@ -3,7 +3,7 @@
 #include <gtest/gtest.h>
 
 #include "base/calib_file.h"
-#include "daemon/bus.h"
+#include "daemon/bus/bus.h"
 #include "studio4.h"
 #include "wire/channels.h"
 

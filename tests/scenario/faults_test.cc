@@ -8,11 +8,11 @@
 #include <nlohmann/json.hpp>
 #include <set>
 
-#include "daemon/bus.h"
-#include "sim/exposure_record.h"
+#include "daemon/bus/bus.h"
+#include "sim/cameras/exposure_record.h"
 #include "studio4.h"
-#include "take/frame_log.h"
-#include "take/verify.h"
+#include "take/ledger/verify.h"
+#include "take/logs/frame_log.h"
 #include "v3d-sim/take_check.h"
 #include "wire/channels.h"
 

@@ -6,10 +6,10 @@
 #include <nlohmann/json.hpp>
 #include <random>
 
-#include "daemon/bus.h"
+#include "daemon/bus/bus.h"
 #include "studio4.h"
 #include "support/raw_datagrams.h"
-#include "take/verify.h"
+#include "take/ledger/verify.h"
 #include "wire/channels.h"
 
 namespace v3d {

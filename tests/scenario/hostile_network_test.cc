@@ -9,10 +9,10 @@
 #include <cstdio>
 #include <thread>
 
-#include "daemon/bus.h"
+#include "daemon/bus/bus.h"
 #include "support/process_meter.h"
 #include "support/raw_datagrams.h"
-#include "take/verify.h"
+#include "take/ledger/verify.h"
 #include "viewed_studio.h"
 #include "wire/channels.h"
 #include "wire/datagram_mac.h"

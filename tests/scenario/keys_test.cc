@@ -4,9 +4,9 @@
 
 #include <filesystem>
 
-#include "daemon/bus.h"
+#include "daemon/bus/bus.h"
 #include "studio4.h"
-#include "take/verify.h"
+#include "take/ledger/verify.h"
 #include "wire/channels.h"
 
 namespace v3d {

@@ -3,7 +3,7 @@
 #include <gtest/gtest.h>
 
 #include "studio4.h"
-#include "take/verify.h"
+#include "take/ledger/verify.h"
 
 namespace v3d {
 namespace {

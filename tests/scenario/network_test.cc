@@ -6,13 +6,13 @@
 #include <nlohmann/json.hpp>
 
 #include "base/file.h"
-#include "daemon/operator_client.h"
-#include "sim/trigger_cable.h"
+#include "daemon/control/operator_client.h"
+#include "sim/cameras/trigger_cable.h"
 #include "support/child_process.h"
 #include "support/host_network.h"
 #include "support/lossy_switch.h"
 #include "support/temporary_folder.h"
-#include "take/verify.h"
+#include "take/ledger/verify.h"
 #include "trigger/wire_socket.h"
 #include "wire/channels.h"
 

@@ -6,11 +6,11 @@
 #include <nlohmann/json.hpp>
 
 #include "recon/pipeline/compact_frame.h"
-#include "sim/exposure_record.h"
+#include "sim/cameras/exposure_record.h"
 #include "studio4.h"
 #include "take/join_parts.h"
-#include "take/mesh_file.h"
-#include "take/verify.h"
+#include "take/ledger/verify.h"
+#include "take/logs/mesh_file.h"
 #include "v3d-sim/take_check.h"
 
 namespace v3d {

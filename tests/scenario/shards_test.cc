@@ -11,13 +11,13 @@
 #include <sstream>
 
 #include "base/file.h"
-#include "daemon/bus.h"
-#include "daemon/operator_client.h"
+#include "daemon/bus/bus.h"
+#include "daemon/control/operator_client.h"
 #include "support/child_process.h"
 #include "support/host_network.h"
 #include "support/lossy_switch.h"
 #include "support/temporary_folder.h"
-#include "take/mesh_file.h"
+#include "take/logs/mesh_file.h"
 #include "take/take.h"
 #include "wire/channels.h"
 

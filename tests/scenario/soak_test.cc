@@ -11,11 +11,11 @@
 #include <map>
 #include <set>
 
-#include "sim/exposure_record.h"
+#include "sim/cameras/exposure_record.h"
 #include "studio4.h"
 #include "support/process_meter.h"
-#include "take/frame_log.h"
-#include "take/verify.h"
+#include "take/ledger/verify.h"
+#include "take/logs/frame_log.h"
 
 namespace v3d {
 namespace {

@@ -12,7 +12,7 @@
 
 #include "base/file.h"
 #include "base/studio_file.h"
-#include "daemon/operator_client.h"
+#include "daemon/control/operator_client.h"
 #include "support/child_process.h"
 #include "support/temporary_folder.h"
 #include "take/take.h"

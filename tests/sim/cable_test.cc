@@ -10,7 +10,7 @@
 
 #include "base/error.h"
 #include "base/trigger_wire.h"
-#include "sim/trigger_cable.h"
+#include "sim/cameras/trigger_cable.h"
 #include "support/temporary_folder.h"
 
 namespace v3d::sim {

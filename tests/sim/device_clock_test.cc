@@ -1,4 +1,4 @@
-#include "sim/device_clock.h"
+#include "sim/cameras/device_clock.h"
 
 #include <gtest/gtest.h>
 

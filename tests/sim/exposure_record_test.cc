@@ -1,4 +1,4 @@
-#include "sim/exposure_record.h"
+#include "sim/cameras/exposure_record.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -1,5 +1,5 @@
 // The simulated cameras against a real GigE Vision client.
-#include "sim/gige_cameras.h"
+#include "sim/cameras/gige_cameras.h"
 
 #include <arv.h>
 #include <gmock/gmock.h>

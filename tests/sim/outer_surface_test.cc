@@ -1,9 +1,9 @@
-#include "sim/outer_surface.h"
+#include "sim/performer/outer_surface.h"
 
 #include <gtest/gtest.h>
 #include <rapidcheck/gtest.h>
 
-#include "sim/tube.h"
+#include "sim/performer/tube.h"
 
 namespace v3d::sim {
 namespace {

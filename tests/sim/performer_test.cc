@@ -1,10 +1,10 @@
-#include "sim/performer.h"
+#include "sim/performer/performer.h"
 
 #include <gtest/gtest.h>
 #include <rapidcheck/gtest.h>
 
-#include "sim/motion.h"
-#include "sim/scene.h"
+#include "sim/performer/motion.h"
+#include "sim/rendering/scene.h"
 
 namespace v3d::sim {
 namespace {

@@ -3,10 +3,10 @@
 #include <cmath>
 
 #include "base/demosaic.h"
-#include "sim/film.h"
-#include "sim/motion.h"
-#include "sim/renderer.h"
-#include "sim/scene.h"
+#include "sim/performer/motion.h"
+#include "sim/rendering/batch_renderer.h"
+#include "sim/rendering/renderer.h"
+#include "sim/rendering/scene.h"
 
 namespace v3d::sim {
 namespace {
@@ -76,7 +76,7 @@ TEST(Render, gives_the_same_bytes_twice) {
 TEST(Render, gives_the_same_bytes_on_all_cores_as_alone) {
   const Rig rig = make_rig(5, {160, 120}, 3);
   const RenderOptions options;
-  const std::vector<Image> together = Film(rig, options).shoot_all(0.7, 4);
+  const std::vector<Image> together = BatchRenderer(rig, options).render_all(0.7, 4);
   ASSERT_EQ(together.size(), rig.size());
   for (size_t i = 0; i < rig.size(); ++i) {
     EXPECT_EQ(together[i].bytes, render(rig[i], 0.7, true, 4, options).bytes);

@@ -3,7 +3,7 @@
 #include <cmath>
 #include <set>
 
-#include "sim/scene.h"
+#include "sim/rendering/scene.h"
 
 namespace v3d::sim {
 namespace {

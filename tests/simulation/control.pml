@@ -1,5 +1,5 @@
 /* The control protocol as Spin sees it (docs/protocol.md). What a node does with an input is the daemons' own table:
- * transitions.pml is generated from daemon/control_table.h.
+ * transitions.pml is generated from daemon/control/control_table.h.
  *
  * Operators arm, start and stop, each a take of their own, and may give up at every step; a last one, who comes when they
  * are gone, stops and aborts. Node 0 has the trigger. Messages are lost, repeated and overtaken: whatever an

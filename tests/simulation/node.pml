@@ -1,4 +1,4 @@
-/* One node of the control protocol: what Controller (daemon/control.h) does with commands and with reports of the node's
+/* One node of the control protocol: what Controller (daemon/control/control.h) does with commands and with reports of the node's
  * work. Part of control.pml and trace.pml. They define NODES and OPERATORS; of command `c` of operator `op`: verb_of,
  * own_of, is_about_other and input_of; last_stale(op); on_start(n), which checks a start. A proctype that uses the inlines
  * declares owner, misses and o. */

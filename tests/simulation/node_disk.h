@@ -7,8 +7,8 @@
 #include <string>
 #include <vector>
 
-#include "take/ledger.h"
-#include "take/pulse_set.h"
+#include "take/ledger/ledger.h"
+#include "take/ledger/pulse_set.h"
 #include "wire/messages.h"
 
 namespace v3d::simulation {
@@ -35,7 +35,7 @@ struct NodeDisk {
   bool is_full = false;  ///< refuses frames; the room for ledgers is set aside
   std::map<std::string, TakeOnDisk> takes;
 
-  std::map<std::string, CommandMessage> kept_orders() const {
+  std::map<std::string, CommandMessage> persisted_commands() const {
     std::map<std::string, CommandMessage> orders;
     for (const auto& [name, take] : takes) {
       if (take.kept_order) orders.emplace(name, *take.kept_order);

@@ -4,8 +4,8 @@
 #include <utility>
 
 #include "base/io/big_endian.h"
-#include "daemon/json.h"
-#include "take/verify.h"
+#include "daemon/control/reply_json.h"
+#include "take/ledger/verify.h"
 
 namespace v3d::simulation {
 namespace {
@@ -87,7 +87,7 @@ void NodeProcess::boot() {
   protocol_ = std::make_unique<NodeProtocol>(
       host_.name, *work_, [this](ReplyMessage reply) { publish(std::move(reply)); },
       world_.time.now());
-  for (const auto& [name, order] : host_.disk.kept_orders()) {
+  for (const auto& [name, order] : host_.disk.persisted_commands()) {
     const TakeOnDisk& take = host_.disk.takes.at(name);
     if (!host_.captures) protocol_->remember(name, "meshes recovered", "{}");
     if (!take.ledger) continue;

@@ -8,9 +8,9 @@
 #include <string>
 #include <vector>
 
-#include "daemon/command_gate.h"
-#include "daemon/node_protocol.h"
-#include "daemon/session_gate.h"
+#include "daemon/bus/session_gate.h"
+#include "daemon/control/command_gate.h"
+#include "daemon/control/node_protocol.h"
 #include "simulation/node_setting.h"
 #include "simulation/simulated_work.h"
 #include "simulation/trace.h"

@@ -7,7 +7,7 @@
 #include <optional>
 #include <string>
 
-#include "daemon/conversation.h"
+#include "daemon/control/studio_coordinator.h"
 #include "simulation/node_setting.h"
 #include "simulation/trace.h"
 
@@ -50,7 +50,7 @@ class OperatorProcess {
   Duration clock_error_{};
   std::deque<OperatorStep> steps_;
   std::optional<CommandStamp> stamp_;
-  std::optional<Conversation> conversation_;
+  std::optional<StudioCoordinator> conversation_;
   std::optional<Answer> answer_;
   bool all_done_ = true;
   int runs_ = 0;

@@ -7,7 +7,7 @@
 #include <tuple>
 #include <vector>
 
-#include "daemon/control_table.h"
+#include "daemon/control/control_table.h"
 #include "wire/messages.h"
 
 namespace v3d::simulation {

@@ -1,4 +1,4 @@
-/* How one node decides which commands of an operator are new (daemon/command_gate.h, Conversation::learn_nonce()), as Spin
+/* How one node decides which commands of an operator are new (daemon/control/command_gate.h, StudioCoordinator::learn_nonce()), as Spin
  * checks it (docs/protocol.md).
  *
  * An operator sends a start, then a stop, each until the node has answered. Each transmission has a stamp and the nonce
@@ -122,7 +122,7 @@ inline forget() {
   k = 0
 }
 
-/* Conversation::hear(): the reply to transmission i that held nonce e. */
+/* StudioCoordinator::hear(): the reply to transmission i that held nonce e. */
 inline hear(i, e, asks_again) {
   if
 #ifdef NONCE_OF_ANY_REPLY

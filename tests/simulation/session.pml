@@ -1,4 +1,4 @@
-/* Which health and pulses a receiver accepts (daemon/session_gate.h, daemon/message_receiver.cc), as Spin checks it
+/* Which health and pulses a receiver accepts (daemon/bus/session_gate.h, daemon/bus/message_receiver.cc), as Spin checks it
  * (docs/security.md, "Clocks").
  *
  * A sender sends health and data (frames, events) in two sessions: its process restarts once. Its clock is set once,

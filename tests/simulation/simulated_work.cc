@@ -3,14 +3,14 @@
 #include <algorithm>
 
 #include "base/error.h"
-#include "daemon/full_disk_watch.h"
-#include "daemon/json.h"
-#include "daemon/take_folder.h"
+#include "daemon/control/reply_json.h"
+#include "daemon/node/disk_monitor.h"
+#include "daemon/node/take_folder.h"
 
 namespace v3d::simulation {
 namespace {
 
-// As in CaptureNode, TakeUnderWay and ReconNode.
+// As in CaptureNode, ActiveTake and ReconNode.
 constexpr Duration kReadyWithin = std::chrono::seconds(15);
 constexpr Duration kDrainWithin = std::chrono::seconds(15);
 constexpr Duration kLongestQuiet = std::chrono::seconds(1);
@@ -23,7 +23,7 @@ constexpr Duration kReconQuiet = std::chrono::milliseconds(1200);
 
 std::optional<RejoinDecision::Found> SimulatedWork::running_take() {
   if (!rejoin_.is_open()) return std::nullopt;
-  std::optional<TrainMonitor::Running> running;
+  std::optional<TrainState::Running> running;
   for (const HealthMessage& health : std::exchange(trigger_health_, {})) {
     if (auto news = train_.running(health)) running = std::move(news);
   }
@@ -36,7 +36,7 @@ void SimulatedWork::listen_to_train() {
   }
 }
 
-/// As TrainWatch::restart() does.
+/// As TrainMonitor::restart() does.
 void SimulatedWork::restart_train() {
   trigger_health_.clear();
   train_.restart();

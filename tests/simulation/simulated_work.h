@@ -1,5 +1,5 @@
 // What simulated nodes do for their studio. It mirrors CaptureNode and ReconNode, whose cameras,
-// threads and files cannot be simulated, around the same decisions: TrainMonitor, RejoinDecision,
+// threads and files cannot be simulated, around the same decisions: TrainState, RejoinDecision,
 // KnownPulses, CameraAccount and the ledger are the daemons' own.
 #pragma once
 
@@ -9,19 +9,19 @@
 #include <string>
 #include <vector>
 
-#include "daemon/kept_order.h"
-#include "daemon/known_pulses.h"
-#include "daemon/node_work.h"
-#include "daemon/train_watch.h"
+#include "daemon/captured/known_pulses.h"
+#include "daemon/control/node_delegate.h"
+#include "daemon/node/persisted_command.h"
+#include "daemon/node/train_monitor.h"
 #include "simulation/node_setting.h"
 
 namespace v3d::simulation {
 
 /// The part that capture and reconstruction nodes have in common. One thread.
-class SimulatedWork : public NodeWork {
+class SimulatedWork : public NodeDelegate {
  public:
   SimulatedWork(World& world, Host& host)
-      : world_(world), host_(host), rejoin_(host.disk.kept_orders()) {}
+      : world_(world), host_(host), rejoin_(host.disk.persisted_commands()) {}
 
   /// Health of the trigger's node, and of others, as it is believed.
   void on_trigger_health(const HealthMessage& health) { trigger_health_.push_back(health); }
@@ -51,7 +51,7 @@ class SimulatedWork : public NodeWork {
   World& world_;
   Host& host_;
   CommandMessage order_;
-  TrainMonitor train_;
+  TrainState train_;
 
  private:
   RejoinDecision rejoin_;

@@ -146,7 +146,7 @@ inline follow_pulses_begin() {
   pulses = sender; have_run[sender] = true
 }
 
-/* --- operators: Conversation --- */
+/* --- operators: StudioCoordinator --- */
 
 #define all_heard_done \
   allowed = heard[at(sender, TRIGGER)] == O_done; \

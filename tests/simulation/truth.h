@@ -8,10 +8,10 @@
 #include <string>
 #include <vector>
 
-#include "daemon/control.h"
-#include "daemon/conversation.h"
+#include "daemon/control/control.h"
+#include "daemon/control/studio_coordinator.h"
 #include "simulation/node_disk.h"
-#include "take/ledger.h"
+#include "take/ledger/ledger.h"
 
 namespace v3d::simulation {
 

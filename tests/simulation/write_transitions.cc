@@ -1,10 +1,10 @@
-// Writes the transition table (daemon/control_table.h) for others: as Promela for the Spin model,
-// or as the table of docs/protocol.md.
+// Writes the transition table (daemon/control/control_table.h) for others: as Promela for the Spin
+// model, or as the table of docs/protocol.md.
 #include <cstdio>
 #include <string>
 #include <string_view>
 
-#include "daemon/control.h"
+#include "daemon/control/control.h"
 
 namespace v3d {
 namespace {
@@ -19,7 +19,7 @@ void define_all(const char* prefix, int count) {
 
 /// transition() of every phase and input. Hidden: the table is no part of a state.
 void write_promela() {
-  std::puts("/* Generated from daemon/control_table.h by write_transitions. */");
+  std::puts("/* Generated from daemon/control/control_table.h by write_transitions. */");
   define_all<Phase>("P", kPhaseCount);
   define_all<Input>("I", kInputCount);
   define_all<Work>("W", 6);

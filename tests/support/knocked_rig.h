@@ -10,7 +10,7 @@
 
 #include "base/camera_model.h"
 #include "calib/rig/rig_comparison.h"
-#include "sim/noise.h"
+#include "sim/rendering/noise.h"
 
 namespace v3d::test {
 

@@ -1,4 +1,4 @@
-#include "take/exposure_count.h"
+#include "take/ledger/exposure_count.h"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "take/frame_log.h"
+#include "take/logs/frame_log.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -17,13 +17,13 @@
 #include "base/io/unique_fd.h"
 #include "support/begun_take.h"
 #include "support/temporary_folder.h"
-#include "take/event_log.h"
-#include "take/ledger.h"
-#include "take/mesh_file.h"
+#include "take/ledger/ledger.h"
+#include "take/ledger/verified.h"
+#include "take/logs/event_log.h"
+#include "take/logs/mesh_file.h"
 #include "take/slate.h"
 #include "take/take.h"
 #include "take/take_listing.h"
-#include "take/verified.h"
 
 namespace v3d {
 namespace {

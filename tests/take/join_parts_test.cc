@@ -10,12 +10,12 @@
 #include "support/begun_take.h"
 #include "support/message_of.h"
 #include "support/temporary_folder.h"
-#include "take/frame_log.h"
-#include "take/log_segments.h"
-#include "take/mesh_file.h"
-#include "take/take_account.h"
-#include "take/verified.h"
-#include "take/verify.h"
+#include "take/ledger/take_account.h"
+#include "take/ledger/verified.h"
+#include "take/ledger/verify.h"
+#include "take/logs/frame_log.h"
+#include "take/logs/log_segments.h"
+#include "take/logs/mesh_file.h"
 
 namespace v3d {
 namespace {

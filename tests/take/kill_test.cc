@@ -16,8 +16,8 @@
 #include "recording.h"
 #include "support/begun_take.h"
 #include "support/temporary_folder.h"
-#include "take/frame_log.h"
-#include "take/verify.h"
+#include "take/ledger/verify.h"
+#include "take/logs/frame_log.h"
 #include "wire/codec.h"
 
 namespace v3d {

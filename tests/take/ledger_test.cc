@@ -1,4 +1,4 @@
-#include "take/ledger.h"
+#include "take/ledger/ledger.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -1,4 +1,4 @@
-#include "take/mesh_file.h"
+#include "take/logs/mesh_file.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

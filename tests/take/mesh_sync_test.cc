@@ -17,7 +17,7 @@
 #include "base/time.h"
 #include "support/child_process.h"
 #include "support/temporary_folder.h"
-#include "take/mesh_file.h"
+#include "take/logs/mesh_file.h"
 
 namespace v3d {
 namespace {

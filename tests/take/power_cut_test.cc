@@ -11,10 +11,10 @@
 #include "recording.h"
 #include "support/begun_take.h"
 #include "support/temporary_folder.h"
-#include "take/event_log.h"
-#include "take/frame_log.h"
-#include "take/log_segments.h"
-#include "take/verify.h"
+#include "take/ledger/verify.h"
+#include "take/logs/event_log.h"
+#include "take/logs/frame_log.h"
+#include "take/logs/log_segments.h"
 
 namespace v3d {
 namespace {

@@ -1,4 +1,4 @@
-#include "take/pulse_set.h"
+#include "take/ledger/pulse_set.h"
 
 #include <gtest/gtest.h>
 #include <rapidcheck/gtest.h>

@@ -16,10 +16,10 @@
 #include "support/begun_take.h"
 #include "support/message_of.h"
 #include "support/temporary_folder.h"
-#include "take/event_log.h"
-#include "take/frame_log.h"
-#include "take/mesh_file.h"
-#include "take/verify.h"
+#include "take/ledger/verify.h"
+#include "take/logs/event_log.h"
+#include "take/logs/frame_log.h"
+#include "take/logs/mesh_file.h"
 
 namespace v3d::test {
 namespace {

@@ -10,8 +10,8 @@
 #include "recording.h"
 #include "support/begun_take.h"
 #include "support/temporary_folder.h"
-#include "take/frame_log.h"
-#include "take/mesh_file.h"
+#include "take/logs/frame_log.h"
+#include "take/logs/mesh_file.h"
 #include "take/take_removal.h"
 
 namespace v3d {
@@ -24,8 +24,8 @@ namespace fs = std::filesystem;
 const std::map<std::string, std::string> kMayRemove = {
     {"take/take_removal.cc", "the one place: takes delete, quarantine, working files"},
     {"base/io/file.cc", "its own temporary file, when it cannot replace the file"},
-    {"daemon/folder_claim.cc", "the lock file that says who uses a folder"},
-    {"sim/trigger_cable.cc", "the socket of the simulated trigger cable"},
+    {"daemon/node/folder_lock.cc", "the lock file that says who uses a folder"},
+    {"sim/cameras/trigger_cable.cc", "the socket of the simulated trigger cable"},
     {"tools/bench/record_bench.cc", "its own scratch folder"},
     {"tools/v3dctl/setup/doctor_machine.cc", "the file that it tests the disk's speed with"},
     {"tools/v3dctl/reconstruct/take_reconstruction.cc", "its own unfinished mesh file"},

@@ -12,11 +12,11 @@
 #include "support/begun_take.h"
 #include "support/message_of.h"
 #include "support/temporary_folder.h"
-#include "take/frame_log.h"
-#include "take/mesh_file.h"
-#include "take/mesh_file_layout.h"
+#include "take/ledger/verify.h"
+#include "take/logs/frame_log.h"
+#include "take/logs/mesh_file.h"
+#include "take/logs/mesh_file_layout.h"
 #include "take/take.h"
-#include "take/verify.h"
 
 namespace v3d {
 namespace {

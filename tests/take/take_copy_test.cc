@@ -8,9 +8,9 @@
 #include "recording.h"
 #include "support/begun_take.h"
 #include "support/temporary_folder.h"
-#include "take/frame_log.h"
-#include "take/mesh_file.h"
-#include "take/take_account.h"
+#include "take/ledger/take_account.h"
+#include "take/logs/frame_log.h"
+#include "take/logs/mesh_file.h"
 
 namespace v3d {
 namespace {

@@ -1,5 +1,5 @@
 // Signatures of takes: every change of a signed take is found, and a copy is known to be one.
-#include "take/take_signature.h"
+#include "take/ledger/take_signature.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -10,11 +10,11 @@
 #include "support/begun_take.h"
 #include "support/message_of.h"
 #include "support/temporary_folder.h"
-#include "take/frame_log.h"
-#include "take/hashed_file.h"
 #include "take/join_parts.h"
-#include "take/signature_check.h"
-#include "take/take_account.h"
+#include "take/ledger/hashed_file.h"
+#include "take/ledger/signature_check.h"
+#include "take/ledger/take_account.h"
+#include "take/logs/frame_log.h"
 
 namespace v3d {
 namespace {

@@ -1,4 +1,4 @@
-#include "take/verify.h"
+#include "take/ledger/verify.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -11,9 +11,9 @@
 #include "support/begun_take.h"
 #include "support/message_of.h"
 #include "support/temporary_folder.h"
-#include "take/frame_log.h"
-#include "take/mesh_file.h"
-#include "take/take_account.h"
+#include "take/ledger/take_account.h"
+#include "take/logs/frame_log.h"
+#include "take/logs/mesh_file.h"
 
 namespace v3d {
 namespace {

@@ -13,7 +13,7 @@
 #include "daemon/recorded/take_frames.h"
 #include "support/message_of.h"
 #include "support/temporary_folder.h"
-#include "take/verify.h"
+#include "take/ledger/verify.h"
 #include "tools/test_images.h"
 
 namespace v3d::ctl {

@@ -7,7 +7,7 @@
 
 #include "base/file.h"
 #include "support/temporary_folder.h"
-#include "take/mesh_file.h"
+#include "take/logs/mesh_file.h"
 
 namespace v3d::ctl {
 namespace {

@@ -4,7 +4,7 @@
 #include "slow_host.h"
 #include "support/fake_generator.h"
 #include "support/message_of.h"
-#include "trigger/scpi_generator.h"
+#include "trigger/scpi/scpi_generator.h"
 
 namespace v3d {
 namespace {

@@ -1,4 +1,4 @@
-#include "trigger/serial_port.h"
+#include "trigger/scpi/serial_port.h"
 
 #include <fcntl.h>
 #include <gmock/gmock.h>
@@ -13,7 +13,7 @@
 
 #include "support/fake_generator.h"
 #include "support/message_of.h"
-#include "trigger/scpi_generator.h"
+#include "trigger/scpi/scpi_generator.h"
 
 namespace v3d {
 namespace {

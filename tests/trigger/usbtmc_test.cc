@@ -1,4 +1,4 @@
-#include "trigger/usbtmc.h"
+#include "trigger/scpi/usbtmc.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -7,7 +7,7 @@
 #include <deque>
 
 #include "support/message_of.h"
-#include "trigger/usbtmc_message.h"
+#include "trigger/scpi/usbtmc_message.h"
 
 namespace v3d {
 namespace {

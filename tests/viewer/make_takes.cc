@@ -2,8 +2,8 @@
 // to 32 have no mesh: a ball 40 cm wide, one metre above the floor, green for 30 pulses and then
 // blue. DIR/takes/empty has no meshes.
 #include "base/calib_file.h"
-#include "take/ledger.h"
-#include "take/mesh_file.h"
+#include "take/ledger/ledger.h"
+#include "take/logs/mesh_file.h"
 #include "take/take.h"
 #include "tests/viewer/ball_frames.h"
 

@@ -9,7 +9,7 @@
 
 #include "base/time.h"
 #include "codec/frame_header.h"
-#include "daemon/bus.h"
+#include "daemon/bus/bus.h"
 #include "tests/viewer/ball_frames.h"
 
 namespace v3d {

@@ -1,6 +1,6 @@
 // What a node spends on the verification of a command, and on the checksum of what it records.
 #include "base/checksum.h"
-#include "daemon/credentials.h"
+#include "daemon/bus/credentials.h"
 #include "rates.h"
 #include "wire/codec.h"
 

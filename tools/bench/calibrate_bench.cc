@@ -1,8 +1,8 @@
 #include <benchmark/benchmark.h>
 
 #include "calib/rig/rig_fit.h"
-#include "sim/board_walk.h"
-#include "sim/scene.h"
+#include "sim/cameras/board_walk.h"
+#include "sim/rendering/scene.h"
 
 namespace v3d::bench {
 namespace {

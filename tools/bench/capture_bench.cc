@@ -1,7 +1,7 @@
 #include <tbb/parallel_for.h>
 #include <tbb/task_arena.h>
 
-#include "capture/pulse_matcher.h"
+#include "capture/sync/pulse_matcher.h"
 #include "rates.h"
 #include "workload.h"
 

@@ -4,7 +4,7 @@
 
 #include "recon/hull/marching_cubes.h"
 #include "recon/texture/texture.h"
-#include "sim/film.h"
+#include "sim/rendering/batch_renderer.h"
 #include "workload.h"
 
 namespace v3d::bench {
@@ -12,8 +12,9 @@ namespace {
 
 constexpr double kVoxelM = 0.01;
 
-FrameSet shoot(sim::Film& film, int pulse) {
-  const std::vector<Image> images = film.shoot_all(kInstantSeconds + pulse / 25.0, kPlates + pulse);
+FrameSet shoot(sim::BatchRenderer& film, int pulse) {
+  const std::vector<Image> images =
+      film.render_all(kInstantSeconds + pulse / 25.0, kPlates + pulse);
   FrameSet set;
   for (int c = 0; c < kCameras; ++c) {
     const Mask mask = Segmenter(background_models()[c], {}).segment(images[c].view());
@@ -46,7 +47,7 @@ Pulse make_pulse(const FrameSet& set, bool deformed) {
 }
 
 std::vector<Pulse> make_pulses(bool deformed) {
-  sim::Film film(rig(), {.seed = kSeed});
+  sim::BatchRenderer film(rig(), {.seed = kSeed});
   std::vector<Pulse> pulses;
   for (int n = 0; n < kPulses; ++n) pulses.push_back(make_pulse(shoot(film, n), deformed));
   return pulses;

@@ -8,7 +8,7 @@
 #include <memory>
 #include <thread>
 
-#include "daemon/bus.h"
+#include "daemon/bus/bus.h"
 #include "rates.h"
 #include "workload.h"
 

@@ -2,7 +2,7 @@
 #include <filesystem>
 
 #include "rates.h"
-#include "take/frame_log.h"
+#include "take/logs/frame_log.h"
 #include "workload.h"
 
 namespace v3d::bench {

@@ -7,7 +7,7 @@
 
 #include "rates.h"
 #include "recon/hull/marching_cubes.h"
-#include "sim/scene.h"
+#include "sim/rendering/scene.h"
 #include "workload.h"
 
 namespace v3d::bench {

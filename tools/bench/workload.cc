@@ -3,8 +3,8 @@
 #include <optional>
 #include <utility>
 
-#include "sim/film.h"
-#include "sim/scene.h"
+#include "sim/rendering/batch_renderer.h"
+#include "sim/rendering/scene.h"
 
 namespace v3d::bench {
 namespace {
@@ -16,16 +16,16 @@ struct Pictures {
 
 const Pictures& pictures() {
   static const Pictures kPictures = [] {
-    sim::Film film(rig(), {.seed = kSeed});
+    sim::BatchRenderer film(rig(), {.seed = kSeed});
     Pictures taken;
     taken.plates.resize(kCameras);
     for (int i = 0; i < kPlates; ++i) {
-      std::vector<Image> shot = film.shoot_all(std::nullopt, i);
+      std::vector<Image> shot = film.render_all(std::nullopt, i);
       for (int c = 0; c < kCameras; ++c) {
         taken.plates[c].push_back(std::move(shot[c]));
       }
     }
-    taken.frames = film.shoot_all(kInstantSeconds, kPlates);
+    taken.frames = film.render_all(kInstantSeconds, kPlates);
     return taken;
   }();
   return kPictures;

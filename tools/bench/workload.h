@@ -6,7 +6,7 @@
 
 #include "base/camera_model.h"
 #include "base/frame.h"
-#include "capture/segmenter.h"
+#include "capture/segmentation/segmenter.h"
 #include "recon/hull/intersect.h"
 #include "recon/pipeline/compact_frame.h"
 #include "recon/pipeline/reconstructor.h"

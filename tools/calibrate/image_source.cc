@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "base/error.h"
-#include "take/frame_log.h"
+#include "take/logs/frame_log.h"
 #include "take/take.h"
 #include "v3dctl/import/image_file.h"
 #include "v3dctl/import/video_file.h"

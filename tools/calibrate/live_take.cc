@@ -8,7 +8,7 @@
 
 #include "base/error.h"
 #include "common/console.h"
-#include "daemon/operator_client.h"
+#include "daemon/control/operator_client.h"
 #include "take/take.h"
 #include "v3dctl/operate/health_text.h"
 #include "v3dctl/operate/pulse_train.h"

@@ -4,7 +4,7 @@
 
 #include "base/error.h"
 #include "base/units.h"
-#include "sim/exposure_record.h"
+#include "sim/cameras/exposure_record.h"
 #include "v3d-sim/commands.h"
 #include "v3d-sim/take_check.h"
 

@@ -9,10 +9,10 @@
 namespace v3d::sim {
 namespace {
 
-constexpr int64_t kMostPulses = 1'000'000'000;
-constexpr int64_t kMostPulsesLate = 100;  // their images are in memory
+constexpr int64_t kMaxPulses = 1'000'000'000;
+constexpr int64_t kMaxPulsesLate = 100;  // their images are in memory
 constexpr double kLongestMs = 600'000;
-constexpr double kMostDriftPpm = 10'000;
+constexpr double kMaxDriftPpm = 10'000;
 
 struct Kind {
   std::string_view name;
@@ -77,7 +77,7 @@ void read_clock(const TomlTable& table, Fault& fault) {
   }
   if (table.has("jump_ms")) fault.time = read_ms(table, "jump_ms", -kLongestMs);
   if (table.has("drift_ppm")) {
-    fault.drift_ppm = read_number(table, "drift_ppm", -kMostDriftPpm, kMostDriftPpm);
+    fault.drift_ppm = read_number(table, "drift_ppm", -kMaxDriftPpm, kMaxDriftPpm);
   }
 }
 
@@ -88,13 +88,13 @@ Fault read_fault(const TomlTable& table, const Rig& rig, std::optional<int64_t> 
     table.fail("camera", "there is no camera '" + fault.camera + "'; there are " +
                              rig.front().name + " to " + rig.back().name);
   }
-  fault.pulse = read_integer(table, "pulse", 0, take_pulses.value_or(kMostPulses) - 1);
+  fault.pulse = read_integer(table, "pulse", 0, take_pulses.value_or(kMaxPulses) - 1);
   fault.kind = read_kind(table, take_pulses.has_value());
   if (fault.kind == FaultKind::kDelay) fault.time = read_ms(table, "ms", 1);
   if (fault.kind == FaultKind::kLate)
-    fault.pulses = read_integer(table, "pulses", 1, kMostPulsesLate);
+    fault.pulses = read_integer(table, "pulses", 1, kMaxPulsesLate);
   if (fault.kind == FaultKind::kFreeze) {
-    fault.pulses = read_integer(table, "pulses", 1, kMostPulses);
+    fault.pulses = read_integer(table, "pulses", 1, kMaxPulses);
   }
   if (fault.kind == FaultKind::kUnplug) {
     fault.time = read_ms(table, "ms", 1);

@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "base/camera_model.h"
-#include "sim/fault.h"
+#include "sim/cameras/fault.h"
 
 namespace v3d::sim {
 

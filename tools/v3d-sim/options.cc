@@ -2,7 +2,7 @@
 
 #include "base/image_size.h"
 #include "common/pulse_rate_option.h"
-#include "sim/scene.h"
+#include "sim/rendering/scene.h"
 
 namespace v3d::sim {
 

@@ -8,19 +8,19 @@
 #include "base/calib_file.h"
 #include "base/error.h"
 #include "base/name.h"
-#include "capture/segmenter.h"
+#include "capture/segmentation/segmenter.h"
 #include "common/ply_writer.h"
-#include "sim/device_clock.h"
-#include "sim/film.h"
-#include "sim/noise.h"
-#include "sim/outer_surface.h"
-#include "sim/outline_noise.h"
-#include "sim/parallel.h"
-#include "take/exposure_count.h"
-#include "take/frame_log.h"
-#include "take/ledger.h"
+#include "sim/cameras/device_clock.h"
+#include "sim/performer/outer_surface.h"
+#include "sim/rendering/batch_renderer.h"
+#include "sim/rendering/noise.h"
+#include "sim/rendering/outline_noise.h"
+#include "sim/rendering/parallel.h"
+#include "take/ledger/exposure_count.h"
+#include "take/ledger/ledger.h"
+#include "take/ledger/take_account.h"
+#include "take/logs/frame_log.h"
 #include "take/take.h"
-#include "take/take_account.h"
 
 namespace v3d::sim {
 namespace {
@@ -47,10 +47,11 @@ TakePaths create_folder(const std::filesystem::path& folder) {
 }
 
 /// What was written.
-std::vector<BackgroundModel> write_backgrounds(const TakePaths& paths, const Rig& rig, Film& film) {
+std::vector<BackgroundModel> write_backgrounds(const TakePaths& paths, const Rig& rig,
+                                               BatchRenderer& film) {
   std::vector<std::vector<Image>> plates;
   for (uint64_t i = 0; i < kPlates; ++i) {
-    plates.push_back(film.shoot_all({}, i));
+    plates.push_back(film.render_all({}, i));
   }
   std::vector<BackgroundModel> models(rig.size());
   for_each_index(rig.size(), [&](size_t c) {
@@ -194,7 +195,7 @@ void write_take(const SimulatedTake& take, const std::function<void(int64_t)>& p
   RenderOptions options;
   options.seed = take.seed;
   options.colour_spread = take.colour_spread;
-  Film film(take.rig, options);
+  BatchRenderer film(take.rig, options);
   NoisySegmenter segmenter(take, write_backgrounds(paths, take.rig, film));
   std::vector<CameraLog> logs;
   for (size_t c = 0; c < take.rig.size(); ++c) {
@@ -213,7 +214,7 @@ void write_take(const SimulatedTake& take, const std::function<void(int64_t)>& p
     io::throw_if_failed(
         pulses.write(PulseMessage{edge_realtime, pulse, info.name, pulse, edge_realtime, edge}));
     const double action_s = take.begin_s + seconds;
-    std::vector<Image> images = film.shoot_all(action_s, static_cast<uint64_t>(kPlates + pulse));
+    std::vector<Image> images = film.render_all(action_s, static_cast<uint64_t>(kPlates + pulse));
     for (size_t c = 0; c < images.size(); ++c) {
       std::optional<Mask> mask = segmenter.segment(c, pulse, images[c]);
       logs[c].add(pulse, edge, edge_realtime, std::move(images[c]), std::move(mask));

@@ -9,10 +9,10 @@
 #include "base/file.h"
 #include "base/units.h"
 #include "common/console.h"
-#include "sim/exposure_record.h"
-#include "sim/film.h"
-#include "sim/gige_cameras.h"
-#include "sim/trigger_cable.h"
+#include "sim/cameras/exposure_record.h"
+#include "sim/cameras/gige_cameras.h"
+#include "sim/cameras/trigger_cable.h"
+#include "sim/rendering/batch_renderer.h"
 #include "v3d-sim/commands.h"
 #include "v3d-sim/faults.h"
 #include "v3d-sim/options.h"
@@ -89,7 +89,7 @@ std::optional<Reel> render_ahead(const Rig& rig, const Arguments& arguments,
   check_memory(total * static_cast<int64_t>(rig.size()), rig.front().model.size());
   RenderOptions options;
   options.seed = arguments.studio.seed;
-  Film film(rig, options);
+  BatchRenderer film(rig, options);
   Reel reel;
   Progress progress("render", total);
   for (int64_t i = 0; i < total; ++i) {
@@ -97,10 +97,10 @@ std::optional<Reel> render_ahead(const Rig& rig, const Arguments& arguments,
       return {};
     }
     if (i < kPlates) {
-      reel.plates.push_back(film.shoot_all({}, static_cast<uint64_t>(i)));
+      reel.plates.push_back(film.render_all({}, static_cast<uint64_t>(i)));
     } else {
       const double seconds = static_cast<double>(i - kPlates) / arguments.studio.rate_hz;
-      reel.loop.push_back(film.shoot_all(seconds, static_cast<uint64_t>(i)));
+      reel.loop.push_back(film.render_all(seconds, static_cast<uint64_t>(i)));
     }
     progress.advance();
   }

@@ -3,7 +3,7 @@
 #include <algorithm>
 
 #include "base/toml_file.h"
-#include "sim/gige_cameras.h"
+#include "sim/cameras/gige_cameras.h"
 
 namespace v3d::sim {
 

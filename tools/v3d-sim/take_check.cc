@@ -5,7 +5,7 @@
 #include <set>
 
 #include "base/error.h"
-#include "take/frame_log.h"
+#include "take/logs/frame_log.h"
 #include "take/take.h"
 
 namespace v3d::sim {

@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "sim/exposure_record.h"
+#include "sim/cameras/exposure_record.h"
 
 namespace v3d::sim {
 

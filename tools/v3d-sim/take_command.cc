@@ -3,7 +3,7 @@
 #include "base/error.h"
 #include "common/console.h"
 #include "common/number_option.h"
-#include "sim/scene.h"
+#include "sim/rendering/scene.h"
 #include "v3d-sim/commands.h"
 #include "v3d-sim/options.h"
 #include "v3d-sim/simulated_take.h"

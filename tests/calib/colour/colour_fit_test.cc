@@ -12,8 +12,8 @@
 #include "calib/colour/chart_detector.h"
 #include "calib/colour/colour_difference.h"
 #include "calib/colour/colour_report.h"
-#include "sim/noise.h"
-#include "sim/sensor_colour.h"
+#include "sim/rendering/noise.h"
+#include "sim/rendering/sensor_colour.h"
 #include "support/message_of.h"
 
 namespace v3d::calib {

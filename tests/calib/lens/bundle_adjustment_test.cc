@@ -4,7 +4,7 @@
 
 #include "calib/board_walk_observations.h"
 #include "calib/boards/board_pose.h"
-#include "sim/scene.h"
+#include "sim/rendering/scene.h"
 
 namespace v3d::calib {
 namespace {

@@ -7,7 +7,7 @@
 
 #include "base/error.h"
 #include "calib/board_walk_observations.h"
-#include "sim/scene.h"
+#include "sim/rendering/scene.h"
 #include "support/message_of.h"
 
 namespace v3d::calib {

@@ -9,7 +9,7 @@
 #include "base/statistics.h"
 #include "calib/board_walk_observations.h"
 #include "calib/rig/rig_comparison.h"
-#include "sim/scene.h"
+#include "sim/rendering/scene.h"
 #include "support/message_of.h"
 
 namespace v3d::calib {

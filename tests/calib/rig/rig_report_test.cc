@@ -4,7 +4,7 @@
 #include <gtest/gtest.h>
 
 #include "base/html.h"
-#include "sim/scene.h"
+#include "sim/rendering/scene.h"
 
 namespace v3d::calib {
 namespace {

@@ -5,7 +5,7 @@
 
 #include "base/error.h"
 #include "calib/rig/epipolar_tangents.h"
-#include "sim/scene.h"
+#include "sim/rendering/scene.h"
 #include "support/knocked_rig.h"
 #include "support/message_of.h"
 

@@ -11,8 +11,8 @@
 #include "base/mask_shape.h"
 #include "recon/render/renderer.h"
 #include "recon/shapes.h"
-#include "sim/film.h"
-#include "sim/scene.h"
+#include "sim/rendering/batch_renderer.h"
+#include "sim/rendering/scene.h"
 
 namespace v3d {
 namespace {
@@ -35,7 +35,7 @@ struct Scene {
 
   explicit Scene(double seconds) {
     const sim::RenderOptions options{.seed = kSeed};
-    std::vector<Image> images = sim::Film(rig, options).shoot_all(seconds, 1);
+    std::vector<Image> images = sim::BatchRenderer(rig, options).render_all(seconds, 1);
     for (size_t c = 0; c < rig.size(); ++c) {
       masks.push_back(sim::true_silhouette(rig[c], seconds, kSeed));
       Frame frame;

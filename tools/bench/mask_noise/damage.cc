@@ -7,10 +7,10 @@
 namespace v3d::bench {
 namespace {
 
-constexpr double kSalt = 0.05;      // part of all pixels that flips
-constexpr double kFrayed = 0.5;     // part of the outline's pixels that are lost
-constexpr int kHoles = 12;          // small ones, in each silhouette
-constexpr int kMostHoleRadius = 4;  // pixels
+constexpr double kSalt = 0.05;     // part of all pixels that flips
+constexpr double kFrayed = 0.5;    // part of the outline's pixels that are lost
+constexpr int kHoles = 12;         // small ones, in each silhouette
+constexpr int kMaxHoleRadius = 4;  // pixels
 
 int below(std::mt19937& random, int count) {
   return static_cast<int>(random() % static_cast<uint32_t>(count));
@@ -54,7 +54,7 @@ void punch_small_holes(Mask& mask, std::mt19937& random) {
   for (int n = 0; n < kHoles && !box.empty(); ++n) {
     const int u = box.x0 + below(random, box.width);
     const int v = box.y0 + below(random, box.height);
-    cut_disc(mask, u, v, 1 + below(random, kMostHoleRadius));
+    cut_disc(mask, u, v, 1 + below(random, kMaxHoleRadius));
   }
 }
 

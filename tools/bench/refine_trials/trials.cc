@@ -4,10 +4,10 @@
 
 #include "base/mask_shape.h"
 #include "calib/rig/silhouette_refinement.h"
-#include "capture/segmenter.h"
-#include "sim/film.h"
-#include "sim/parallel.h"
-#include "sim/scene.h"
+#include "capture/segmentation/segmenter.h"
+#include "sim/rendering/batch_renderer.h"
+#include "sim/rendering/parallel.h"
+#include "sim/rendering/scene.h"
 #include "support/knocked_rig.h"
 
 namespace v3d::bench {
@@ -33,9 +33,9 @@ Masks segmented_masks(const Rig& rig, const RefineTrials& trials, uint64_t seed)
   constexpr int kSpeck = 2;
   sim::RenderOptions options;
   options.seed = seed;
-  sim::Film film(rig, options);
+  sim::BatchRenderer film(rig, options);
   std::vector<std::vector<Image>> plates;
-  for (uint64_t i = 0; i < kPlates; ++i) plates.push_back(film.shoot_all({}, i));
+  for (uint64_t i = 0; i < kPlates; ++i) plates.push_back(film.render_all({}, i));
   std::vector<Segmenter> segmenters;
   for (size_t c = 0; c < rig.size(); ++c) {
     std::vector<ImageView> views;
@@ -45,7 +45,7 @@ Masks segmented_masks(const Rig& rig, const RefineTrials& trials, uint64_t seed)
   Masks masks;
   for (int i = 0; i < trials.instants; ++i) {
     const std::vector<Image> images =
-        film.shoot_all(kSecondsApart * i, kPlates + static_cast<uint64_t>(i));
+        film.render_all(kSecondsApart * i, kPlates + static_cast<uint64_t>(i));
     masks.emplace_back();
     for (size_t c = 0; c < rig.size(); ++c) {
       masks.back().push_back(opened(segmenters[c].segment(images[c].view()), kSpeck));

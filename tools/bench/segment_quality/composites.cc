@@ -4,7 +4,7 @@
 #include <cmath>
 #include <numbers>
 
-#include "sim/noise.h"
+#include "sim/rendering/noise.h"
 #include "v3dctl/import/image_file.h"
 #include "v3dctl/import/video_file.h"
 
@@ -16,7 +16,7 @@ constexpr const char* kRooms[] = {"cam1", "cam2", "cam3", "cam4"};
 constexpr const char* kPeople[] = {"cam00", "cam04", "cam09", "cam13"};
 constexpr double kStanding[] = {0.28, 0.5, 0.72};  ///< feet, parts of the room's width
 constexpr double kFeet = 0.94;                     ///< and of its height
-constexpr int kMostPlates = 40;
+constexpr int kMaxPlates = 40;
 
 /// Red, green, blue of a pixel; how much of it is the person.
 struct Cutout {
@@ -85,7 +85,7 @@ Room read_room(const std::filesystem::path& video) {
   while (auto frame = reader.next()) frames.push_back(std::move(*frame));
   const auto half = static_cast<std::ptrdiff_t>(frames.size() / 2);
   Room room;
-  room.plates.assign(frames.begin(), frames.begin() + std::min<std::ptrdiff_t>(half, kMostPlates));
+  room.plates.assign(frames.begin(), frames.begin() + std::min<std::ptrdiff_t>(half, kMaxPlates));
   room.backgrounds.assign(frames.begin() + half, frames.end());
   return room;
 }

@@ -6,8 +6,8 @@
 #include <bit>
 
 #include "base/demosaic.h"
-#include "capture/mask_cleanup.h"
-#include "capture/segmenter.h"
+#include "capture/segmentation/mask_cleanup.h"
+#include "capture/segmentation/segmenter.h"
 #include "peers/opencv_subtractor.h"
 
 namespace v3d::bench {

@@ -5,7 +5,7 @@
 
 #include "recon/silhouettes/displaced_camera.h"
 #include "recon/silhouettes/leave_one_out_hull.h"
-#include "sim/scene.h"
+#include "sim/rendering/scene.h"
 #include "workload.h"
 
 namespace v3d::bench {

@@ -9,7 +9,7 @@
 
 #include "base/mask_shape.h"
 #include "recon/silhouettes/silhouette_repair.h"
-#include "sim/film.h"
+#include "sim/rendering/batch_renderer.h"
 #include "workload.h"
 
 namespace v3d::bench {
@@ -17,8 +17,8 @@ namespace {
 
 constexpr double kVoxel = 0.014;
 constexpr int kTrialsOfAKind = 3;
-constexpr int64_t kLeastPixels = 300;
-constexpr int64_t kLeastSeen = 5000;
+constexpr int64_t kMinPixels = 300;
+constexpr int64_t kMinSeen = 5000;
 constexpr double kPeriod = 0.04;
 
 /// What all cameras see at one pulse.
@@ -40,9 +40,9 @@ Masks true_masks(const Rig& rig, double seconds, uint64_t seed) {
   return masks;
 }
 
-std::vector<Frame> pictures(const Rig& rig, sim::Film& film, double seconds, int number) {
+std::vector<Frame> pictures(const Rig& rig, sim::BatchRenderer& film, double seconds, int number) {
   std::vector<Frame> frames;
-  std::vector<Image> images = film.shoot_all(seconds, static_cast<uint64_t>(number));
+  std::vector<Image> images = film.render_all(seconds, static_cast<uint64_t>(number));
   for (size_t c = 0; c < rig.size(); ++c) {
     Frame frame;
     frame.camera = rig[c].name;
@@ -54,7 +54,8 @@ std::vector<Frame> pictures(const Rig& rig, sim::Film& film, double seconds, int
   return frames;
 }
 
-Instant make_instant(const Rig& rig, sim::Film& film, double seconds, int number, uint64_t seed) {
+Instant make_instant(const Rig& rig, sim::BatchRenderer& film, double seconds, int number,
+                     uint64_t seed) {
   Instant instant;
   for (size_t p = 0; p < kPulses; ++p) {
     const double offset = kPeriod * (static_cast<int>(p) - static_cast<int>(kNow));
@@ -176,11 +177,11 @@ class Trials {
   void try_kind(const Instant& instant, const Kind& kind, FaultScore& score) {
     for (int n = 0; n < kTrialsOfAKind; ++n) {
       const size_t camera = random_() % rig_.size();
-      if (instant.truth[kNow][camera].count() < kLeastSeen) continue;
+      if (instant.truth[kNow][camera].count() < kMinSeen) continue;
       Shown shown = as_it_is(instant);
       kind.spoil(instant, camera, random_, shown);
       const int64_t changed = differing(instant.truth[kNow][camera], shown.masks[kNow][camera]);
-      if (changed >= kLeastPixels) judge(instant, shown, camera, score);
+      if (changed >= kMinPixels) judge(instant, shown, camera, score);
     }
   }
 
@@ -228,7 +229,7 @@ class Trials {
   const uint64_t seed_;
   const bool list_;
   const Rig rig_;
-  sim::Film film_;
+  sim::BatchRenderer film_;
   std::mt19937 random_;
   SilhouetteRepair mender_;
   Intersector intersector_;

@@ -20,13 +20,13 @@
 #include "base/error.h"
 #include "base/statistics.h"
 #include "base/units.h"
-#include "capture/segmenter.h"
+#include "capture/segmentation/segmenter.h"
 #include "recon/hull/intersect.h"
 #include "recon/hull/marching_cubes.h"
 #include "recon/metrics/frame_quality.h"
 #include "recon/pipeline/compact_frame.h"
 #include "recon/pipeline/reconstructor.h"
-#include "take/frame_log.h"
+#include "take/logs/frame_log.h"
 #include "take/take.h"
 
 namespace v3d::bench {

@@ -9,7 +9,7 @@
 #include "base/error.h"
 #include "base/image_size.h"
 #include "base/units.h"
-#include "capture/segmenter.h"
+#include "capture/segmentation/segmenter.h"
 #include "common/console.h"
 #include "v3dctl/import/frame_source.h"
 #include "v3dctl/import/take_builder.h"

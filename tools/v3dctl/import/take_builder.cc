@@ -8,8 +8,8 @@
 #include "base/error.h"
 #include "base/io/file.h"
 #include "base/name.h"
-#include "take/ledger.h"
-#include "take/take_account.h"
+#include "take/ledger/ledger.h"
+#include "take/ledger/take_account.h"
 
 namespace v3d::ctl {
 namespace {

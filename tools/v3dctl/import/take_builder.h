@@ -8,7 +8,7 @@
 
 #include "base/camera_model.h"
 #include "base/frame.h"
-#include "take/frame_log.h"
+#include "take/logs/frame_log.h"
 #include "take/take.h"
 
 namespace v3d::ctl {

@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "daemon/operator_client.h"
+#include "daemon/control/operator_client.h"
 
 namespace v3d::ctl {
 

@@ -5,7 +5,7 @@
 
 #include "base/error.h"
 #include "common/number_option.h"
-#include "daemon/operator_client.h"
+#include "daemon/control/operator_client.h"
 #include "v3dctl/command_line.h"
 #include "v3dctl/operate/health_text.h"
 #include "v3dctl/operate/live_screen.h"

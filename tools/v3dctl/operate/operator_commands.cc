@@ -9,7 +9,7 @@
 #include "common/console.h"
 #include "common/number_option.h"
 #include "common/pulse_rate_option.h"
-#include "daemon/operator_client.h"
+#include "daemon/control/operator_client.h"
 #include "take/take.h"
 #include "v3dctl/command_line.h"
 #include "v3dctl/operate/health_text.h"

@@ -4,7 +4,7 @@
 #include <functional>
 #include <string>
 
-#include "daemon/operator_client.h"
+#include "daemon/control/operator_client.h"
 
 namespace v3d::ctl {
 

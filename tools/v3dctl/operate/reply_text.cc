@@ -7,7 +7,7 @@
 #include <optional>
 
 #include "base/units.h"
-#include "daemon/json.h"
+#include "daemon/control/reply_json.h"
 #include "take/take.h"
 
 namespace v3d::ctl {
@@ -60,7 +60,7 @@ void read_numbers(const Json& from, const char* key, std::vector<int64_t>& to) {
 // Throws a Json exception if the value is no count of pulses or frames.
 int64_t read_count(const Json& json) {
   const auto n = json.get<double>();
-  if (!(n >= 0 && n <= static_cast<double>(kMostPulses))) {
+  if (!(n >= 0 && n <= static_cast<double>(kMaxPulses))) {
     throw Json::other_error::create(501, "no count", nullptr);
   }
   return static_cast<int64_t>(n);

@@ -6,8 +6,8 @@
 #include <string>
 #include <vector>
 
-#include "daemon/operator_client.h"
-#include "take/ledger.h"
+#include "daemon/control/operator_client.h"
+#include "take/ledger/ledger.h"
 
 namespace v3d::ctl {
 

@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "base/studio_file.h"
-#include "daemon/operator_client.h"
+#include "daemon/control/operator_client.h"
 #include "wire/messages.h"
 
 namespace v3d::ctl {

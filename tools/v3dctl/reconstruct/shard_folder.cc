@@ -15,8 +15,8 @@
 #include "base/file.h"
 #include "base/io/uninterrupted.h"
 #include "codec/frame_codec.h"
-#include "take/log_segments.h"
-#include "take/mesh_file.h"
+#include "take/logs/log_segments.h"
+#include "take/logs/mesh_file.h"
 #include "v3dctl/process.h"
 #include "v3dctl/reconstruct/take_reconstruction.h"
 

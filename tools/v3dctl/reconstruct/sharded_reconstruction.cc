@@ -8,7 +8,7 @@
 #include "base/file.h"
 #include "base/time.h"
 #include "common/console.h"
-#include "take/mesh_file.h"
+#include "take/logs/mesh_file.h"
 #include "v3dctl/process.h"
 #include "v3dctl/reconstruct/take_reconstruction.h"
 

@@ -10,7 +10,7 @@
 #include <vector>
 
 #include "daemon/recorded/take_frames.h"
-#include "take/mesh_file.h"
+#include "take/logs/mesh_file.h"
 #include "v3dctl/reconstruct/reconstruct_report.h"
 #include "v3dctl/reconstruct/reconstruct_request.h"
 

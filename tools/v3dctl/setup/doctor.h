@@ -41,7 +41,7 @@ uint32_t source_address_to(const std::string& address);
 
 /// Asks chronyd, systemd-timesyncd and ptp4l, up to 200 ms.
 Finding check_clock();
-/// `values`: as reported by ClockWatch and PtpWatch. `kernel_synchronised`: flag of the kernel,
+/// `values`: as reported by ClockMonitor and PtpMonitor. `kernel_synchronised`: flag of the kernel,
 /// which is also set by a ptp4l that this user may not ask.
 Finding check_clock(const std::map<std::string, double>& values, bool kernel_synchronised);
 

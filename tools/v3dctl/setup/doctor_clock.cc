@@ -2,8 +2,8 @@
 
 #include <cmath>
 
-#include "daemon/clock_watch.h"
-#include "daemon/ptp_watch.h"
+#include "daemon/control/clock_monitor.h"
+#include "daemon/control/ptp_monitor.h"
 #include "v3dctl/operate/health_text.h"
 #include "v3dctl/setup/doctor.h"
 
@@ -15,9 +15,9 @@ using Verdict = Finding::Verdict;
 constexpr double kMaxOffsetUs = 1000;
 
 std::map<std::string, double> read_clock_values() {
-  ClockWatch watch;
+  ClockMonitor watch;
   watch.wait(std::chrono::milliseconds(100));
-  PtpWatch ptp;
+  PtpMonitor ptp;
   ptp.wait(std::chrono::milliseconds(100));
   std::map<std::string, double> values;
   watch.report(values);

@@ -12,7 +12,7 @@
 #include "common/console.h"
 #include "common/subprocess.h"
 #include "take/join_parts.h"
-#include "take/verified.h"
+#include "take/ledger/verified.h"
 #include "v3dctl/process.h"
 
 namespace v3d::ctl {

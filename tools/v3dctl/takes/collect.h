@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "base/studio_file.h"
-#include "take/verify.h"
+#include "take/ledger/verify.h"
 
 namespace v3d::ctl {
 

@@ -4,9 +4,9 @@
 #include "base/error.h"
 #include "base/units.h"
 #include "common/console.h"
+#include "take/ledger/verified.h"
 #include "take/take_copy.h"
 #include "take/take_removal.h"
-#include "take/verified.h"
 #include "v3dctl/takes/named_takes.h"
 
 namespace v3d::ctl {

@@ -7,7 +7,7 @@
 #include "base/name.h"
 #include "base/units.h"
 #include "common/local_time.h"
-#include "daemon/json.h"
+#include "daemon/control/reply_json.h"
 
 namespace v3d::ctl {
 namespace {

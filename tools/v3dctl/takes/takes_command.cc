@@ -4,7 +4,7 @@
 #include "base/error.h"
 #include "base/printable.h"
 #include "common/console.h"
-#include "take/take_signature.h"
+#include "take/ledger/take_signature.h"
 #include "v3dctl/options.h"
 #include "v3dctl/takes/named_takes.h"
 

@@ -1,4 +1,4 @@
-// Sends orders to v3d-viewd (daemon/viewd/operator_desk.h), with the operators' token of this tab.
+// Sends orders to v3d-viewd (daemon/viewd/command_endpoint.h), with the operators' token of this tab.
 import type { OrderReport } from './message';
 
 const TOKEN_KEPT_AS = 'v3d-operator-token';

@@ -1,0 +1,188 @@
+#include "capture/cameras/camera_worker.h"
+
+#include <condition_variable>
+#include <deque>
+#include <mutex>
+#include <thread>
+#include <utility>
+
+#include "capture/cameras/camera_session.h"
+
+namespace v3d {
+
+std::string_view name(CameraState state) {
+  switch (state) {
+    case CameraState::kOpening:
+      return "opening";
+    case CameraState::kIdle:
+      return "idle";
+    case CameraState::kSettling:
+      return "settling";
+    case CameraState::kReady:
+      return "ready";
+    case CameraState::kRunning:
+      return "running";
+    case CameraState::kLost:
+      return "lost";
+  }
+  return "?";
+}
+
+class CameraWorker::Impl {
+ public:
+  Impl(std::string camera, Factory make_camera, CameraWorkerOptions options)
+      : name_(camera),
+        options_(options),
+        pilot_(std::move(camera), std::move(make_camera), std::move(options)),
+        thread_([this] { run(); }) {}
+
+  ~Impl() {
+    end();
+    thread_.join();
+  }
+
+  void end() {
+    const std::lock_guard lock(mutex_);
+    quit_ = true;
+    changed_.notify_all();
+  }
+
+  const std::string& camera() const { return name_; }
+
+  void arm(Duration period, bool edges_are_told) {
+    const std::lock_guard lock(mutex_);
+    ask([=](CameraSession& pilot) { pilot.arm(period, edges_are_told); });
+    status_.frames = status_.suspect = dropped_ = 0;
+    status_.last_pulse = -1;
+    announce(CameraState::kSettling);
+  }
+
+  void rejoin(Duration period, bool edges_are_told, const CameraResumeState& past) {
+    const std::lock_guard lock(mutex_);
+    ask([=](CameraSession& pilot) { pilot.rejoin(period, edges_are_told, past); });
+    status_.frames = past.delivered;
+    status_.suspect = past.suspect;
+    dropped_ = 0;
+    announce(CameraState::kReady);
+  }
+
+  void pulse_at(const PulseEdge& edge) {
+    const std::lock_guard lock(mutex_);
+    if (status_.state == CameraState::kRunning) return;  // it knows
+    ask([edge](CameraSession& pilot) { pilot.pulse_at(edge); });
+  }
+
+  void train_ended() {
+    const std::lock_guard lock(mutex_);
+    ask([](CameraSession& pilot) { pilot.train_ended(); });
+  }
+
+  void disarm() {
+    const std::lock_guard lock(mutex_);
+    ask([](CameraSession& pilot) { pilot.disarm(); });
+    announce(CameraState::kIdle);
+  }
+
+  std::optional<Frame> take(MonotonicInstant deadline) {
+    std::unique_lock lock(mutex_);
+    changed_.wait_for(lock, deadline - Monotonic::now(), [&] { return !queue_.empty(); });
+    if (queue_.empty()) return {};
+    Frame frame = std::move(queue_.front());
+    queue_.pop_front();
+    return frame;
+  }
+
+  CameraWorkerStatus status() const {
+    const std::lock_guard lock(mutex_);
+    CameraWorkerStatus status = status_;
+    status.dropped = dropped_;
+    return status;
+  }
+
+  int64_t waiting() const {
+    const std::lock_guard lock(mutex_);
+    return static_cast<int64_t>(queue_.size());
+  }
+
+ private:
+  using Request = std::function<void(CameraSession&)>;
+
+  void ask(Request request) {
+    requests_.push_back(std::move(request));
+    changed_.notify_all();
+  }
+
+  /// What status() says until the thread has done what it was asked: never the take before.
+  void announce(CameraState state) {
+    ++take_;
+    queue_.clear();
+    const bool streaming =
+        status_.state != CameraState::kOpening && status_.state != CameraState::kLost;
+    if (streaming) status_.state = state;
+  }
+
+  void run() {
+    std::unique_lock lock(mutex_);
+    while (!quit_) {
+      for (const Request& request : std::exchange(requests_, {})) request(pilot_);
+      const int64_t take = take_;
+      lock.unlock();
+      auto frame = pilot_.step();
+      const CameraWorkerStatus status = pilot_.status();
+      lock.lock();
+      if (take != take_) continue;  // what this step brought belongs to the take before
+      status_ = status;
+      if (frame) deliver(std::move(*frame));
+      const Duration idle = pilot_.idle_until() - options_.now();
+      if (idle > Duration::zero()) {
+        changed_.wait_for(lock, idle, [&] { return quit_ || !requests_.empty(); });
+      }
+    }
+    // Here, so that cameras that no longer answer are waited for all at once.
+    lock.unlock();
+    pilot_.close();
+  }
+
+  void deliver(Frame frame) {
+    if (queue_.size() >= options_.queue_frames) {
+      queue_.pop_front();
+      ++dropped_;
+    }
+    queue_.push_back(std::move(frame));
+    changed_.notify_all();
+  }
+
+  const std::string name_;
+  const CameraWorkerOptions options_;
+  CameraSession pilot_;  ///< the thread's own
+
+  mutable std::mutex mutex_;  ///< everything below
+  std::condition_variable changed_;
+  std::deque<Request> requests_;
+  std::deque<Frame> queue_;
+  CameraWorkerStatus status_;
+  int64_t dropped_ = 0;
+  int64_t take_ = 0;  ///< counts arm() and disarm()
+  bool quit_ = false;
+
+  std::thread thread_;
+};
+
+CameraWorker::CameraWorker(std::string camera, Factory make_camera, CameraWorkerOptions options)
+    : impl_(std::make_unique<Impl>(std::move(camera), std::move(make_camera), std::move(options))) {
+}
+CameraWorker::~CameraWorker() = default;
+void CameraWorker::end() { impl_->end(); }
+const std::string& CameraWorker::camera() const { return impl_->camera(); }
+void CameraWorker::arm(Duration period, bool edges_are_told) { impl_->arm(period, edges_are_told); }
+void CameraWorker::rejoin(Duration period, bool edges_are_told, const CameraResumeState& past) {
+  impl_->rejoin(period, edges_are_told, past);
+}
+void CameraWorker::pulse_at(const PulseEdge& edge) { impl_->pulse_at(edge); }
+void CameraWorker::train_ended() { impl_->train_ended(); }
+void CameraWorker::disarm() { impl_->disarm(); }
+std::optional<Frame> CameraWorker::take(MonotonicInstant deadline) { return impl_->take(deadline); }
+CameraWorkerStatus CameraWorker::status() const { return impl_->status(); }
+int64_t CameraWorker::waiting() const { return impl_->waiting(); }
+
+}  // namespace v3d

@@ -1,0 +1,94 @@
+#include "capture/cameras/free_running_camera.h"
+
+#include <algorithm>
+#include <utility>
+
+#include "base/error.h"
+
+namespace v3d {
+namespace {
+
+constexpr Duration kShortestSilence = std::chrono::seconds(1);
+constexpr int kSilentPeriods = 3;
+/// A frame that waits to be labelled is looked at so often.
+constexpr Duration kLook = std::chrono::milliseconds(5);
+
+}  // namespace
+
+FreeRunningCamera::FreeRunningCamera(std::unique_ptr<Camera> camera, SetRate set_rate,
+                                     const PulseTimes& pulses, Now now)
+    : camera_(std::move(camera)),
+      set_rate_(std::move(set_rate)),
+      pulses_(pulses),
+      now_(std::move(now)) {}
+
+void FreeRunningCamera::start() {
+  stop();
+  lost_ = false;
+  period_ = pulses_.period();
+  set_rate_(1 / to_seconds(period_));
+  camera_->start();
+  last_ = now_();
+}
+
+void FreeRunningCamera::stop() {
+  camera_->stop();
+  held_.clear();
+  phase_.reset();
+}
+
+/// A train may have another rate than the one before, and has another phase.
+void FreeRunningCamera::follow_train() {
+  const int64_t train = pulses_.trains();
+  if (std::exchange(train_, train) != train) phase_.reset();
+  if (pulses_.period() == period_) return;
+  try {
+    start();
+  } catch (const InputError&) {
+    lost_ = true;  // whoever starts it again hears why
+  }
+}
+
+std::optional<CameraFrame> FreeRunningCamera::wait(MonotonicInstant deadline) {
+  follow_train();
+  while (!lost()) {
+    if (auto frame = labelled()) return frame;
+    if (now_() >= deadline) break;
+    receive(deadline);
+  }
+  return {};
+}
+
+void FreeRunningCamera::receive(MonotonicInstant deadline) {
+  const MonotonicInstant until = held_.empty() ? deadline : std::min(deadline, now_() + kLook);
+  if (auto frame = camera_->wait(until)) {
+    last_ = frame->received;
+    held_.push_back(std::move(*frame));
+  }
+  lost_ = now_() - last_ > std::max<Duration>(kShortestSilence, kSilentPeriods * period_);
+}
+
+std::optional<CameraFrame> FreeRunningCamera::labelled() {
+  while (!held_.empty()) {
+    const auto at = from_ns<Monotonic>(to_ns(held_.front().device_time));
+    const auto place = pulses_.find(at, phase_, now_());
+    if (!place) return {};
+    CameraFrame frame = std::move(held_.front());
+    held_.pop_front();
+    if (!place->pulse) continue;
+    phase_ = place->phase;
+    told_phase_ = place->phase;
+    has_phase_ = true;
+    frame.pulse = place->pulse;
+    return frame;
+  }
+  return {};
+}
+
+CameraStatistics FreeRunningCamera::statistics() const {
+  CameraStatistics statistics = camera_->statistics();
+  if (has_phase_) statistics.phase = told_phase_.load();
+  return statistics;
+}
+
+}  // namespace v3d

@@ -1,0 +1,81 @@
+#include "capture/sync/pulse_times.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace v3d {
+namespace {
+
+constexpr size_t kKept = 256;
+
+int64_t whole_periods(Duration d, Duration period) {
+  return std::llround(static_cast<double>(d.count()) / static_cast<double>(period.count()));
+}
+
+}  // namespace
+
+void PulseTimes::begin(Duration period) {
+  const std::lock_guard lock(mutex_);
+  period_ = period;
+  begun_ = true;
+  ++trains_;
+  pulses_.clear();
+}
+
+void PulseTimes::end() {
+  const std::lock_guard lock(mutex_);
+  begun_ = false;
+}
+
+void PulseTimes::add(int64_t pulse, MonotonicInstant at) {
+  const std::lock_guard lock(mutex_);
+  pulses_.push_back({pulse, at});
+  if (pulses_.size() > kKept) pulses_.pop_front();
+}
+
+int64_t PulseTimes::trains() const {
+  const std::lock_guard lock(mutex_);
+  return trains_;
+}
+
+Duration PulseTimes::period() const {
+  const std::lock_guard lock(mutex_);
+  return period_;
+}
+
+const PulseTimes::Pulse& PulseTimes::nearest_to(MonotonicInstant at) const {
+  const auto after = std::upper_bound(pulses_.begin(), pulses_.end(), at,
+                                      [](MonotonicInstant t, const Pulse& p) { return t < p.at; });
+  if (after == pulses_.begin()) return pulses_.front();
+  if (after == pulses_.end()) return pulses_.back();
+  const auto before = std::prev(after);
+  return at - before->at <= after->at - at ? *before : *after;
+}
+
+std::optional<PulsePlace> PulseTimes::find(MonotonicInstant at, std::optional<Duration> before,
+                                           MonotonicInstant now) const {
+  const std::lock_guard lock(mutex_);
+  if (!begun_) return PulsePlace{};
+  const bool all_known = now - at > period_ / 2 + kSenseLatency;
+  if (pulses_.empty()) return all_known ? std::optional(PulsePlace{}) : std::nullopt;
+
+  const Pulse& nearest = nearest_to(at);
+  Duration phase = at - nearest.at;
+  int64_t periods = whole_periods(phase, period_);
+  phase -= periods * period_;
+  const int64_t follows = before ? whole_periods(phase - *before, period_) : 0;
+  const bool stays =
+      before && std::abs((phase - follows * period_).count()) <= period_.count() * 6 / 10;
+  if (stays) {
+    periods += follows;
+    phase -= follows * period_;
+  }
+  const Pulse& last = pulses_.back();
+  const int64_t pulse = nearest.number + periods;
+  const bool surely = last.at > at || stays || phase < period_ * 4 / 10;
+  if (!all_known && (pulse > last.number || !surely)) return std::nullopt;
+  if (pulse < 0 || pulse > last.number) return PulsePlace{};
+  return PulsePlace{.pulse = pulse, .phase = phase};
+}
+
+}  // namespace v3d

@@ -1,0 +1,262 @@
+#include "daemon/bus/bus.h"
+
+#include <poll.h>
+#include <sys/eventfd.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <iterator>
+#include <list>
+#include <mutex>
+#include <string>
+#include <string_view>
+#include <thread>
+
+#include "base/lcm_group.h"
+#include "daemon/bus/multicast_socket.h"
+
+namespace v3d {
+namespace {
+
+/// The names of channels that a subscription is for.
+class ChannelPattern {
+ public:
+  explicit ChannelPattern(std::string text) : text_(std::move(text)) {
+    is_prefix_ = text_.ends_with(kAny);
+    if (is_prefix_) text_.resize(text_.size() - kAny.size());
+  }
+  bool matches(std::string_view channel) const {
+    return is_prefix_ ? channel.starts_with(text_) : channel == text_;
+  }
+
+ private:
+  static constexpr std::string_view kAny = ".*";
+  std::string text_;
+  bool is_prefix_ = false;
+};
+
+}  // namespace
+
+class Bus::Impl {
+ public:
+  Impl(const std::string& url, const std::vector<std::string>& frame_groups, ChannelList channels,
+       MessageSeal& seal)
+      : frame_urls_(frame_groups),
+        seal_(seal),
+        sender_(url),
+        common_(std::make_shared<MulticastReceiver>(url)),
+        receiver_(
+            std::move(channels), seal,
+            [this](std::string_view channel) { return is_wanted(channel); }, session_port()) {
+    for (const std::string& group : frame_urls_) {
+      frame_senders_.push_back(std::make_unique<MulticastSender>(group));
+    }
+    heard_.resize(frame_urls_.size());
+  }
+
+  ~Impl() {
+    stopping_ = true;
+    eventfd_write(changed_, 1);
+    ring_.stop();
+    if (receiving_.joinable()) receiving_.join();
+    if (handling_.joinable()) handling_.join();
+    close(changed_);
+  }
+  Impl(const Impl&) = delete;
+  Impl& operator=(const Impl&) = delete;
+
+  bool publish(const std::string& channel, std::span<const uint8_t> bytes, bool with_mac) {
+    return sender_.send(channel, bytes, with_mac ? seal_.mac().get() : nullptr);
+  }
+
+  bool publish_signed(const std::string& channel, std::span<const uint8_t> bytes) {
+    const bool with_mac = seal_.covers_commands() || needs_fragments(channel, bytes.size());
+    return publish(channel, bytes, with_mac);
+  }
+
+  size_t frame_groups() const { return std::max<size_t>(frame_urls_.size(), 1); }
+  bool publish_frame(int64_t pulse, const std::string& channel, std::span<const uint8_t> bytes) {
+    if (frame_urls_.empty()) return publish(channel, bytes, true);
+    const size_t group = FrameNumbers::group_of(pulse, frame_senders_.size());
+    return frame_senders_[group]->send(channel, bytes, seal_.mac().get());
+  }
+
+  void hear_frames(const FrameGroupSet& groups) {
+    const std::lock_guard lock(mutex_);
+    for (size_t i = 0; i < heard_.size(); ++i) {
+      if (!groups.contains(i)) {
+        if (heard_[i]) dropped_before_ += heard_[i]->dropped();
+        heard_[i].reset();
+      } else if (!heard_[i]) {
+        heard_[i] = std::make_shared<MulticastReceiver>(frame_urls_[i]);
+      }
+    }
+    eventfd_write(changed_, 1);
+  }
+
+  Listening subscribe(const std::string& channels, Handler handler, Accept accept) {
+    const std::lock_guard lock(mutex_);
+    const auto place =
+        topics_.insert(topics_.end(), Topic{ChannelPattern(channels), std::move(handler), accept});
+    if (!receiving_.joinable()) {
+      receiving_ = std::thread([this] { receive(); });
+      handling_ = std::thread([this] { handle(); });
+    }
+    return Listening([this, place] {
+      const std::lock_guard no_message(mutex_);
+      topics_.erase(place);
+    });
+  }
+
+  ReceptionCounts reception() const {
+    const std::lock_guard lock(mutex_);
+    int64_t dropped = dropped_before_ + common_->dropped();
+    for (const auto& group : heard_) dropped += group ? group->dropped() : 0;
+    return {receiver_.counts(), dropped};
+  }
+
+ private:
+  struct Topic {
+    ChannelPattern channels;
+    Handler handler;
+    Accept accept;
+  };
+
+  bool is_wanted(std::string_view channel) const {
+    const std::lock_guard lock(mutex_);
+    return std::ranges::any_of(topics_,
+                               [&](const Topic& topic) { return topic.channels.matches(channel); });
+  }
+
+  void deliver(const ReceivedMessage& message) const {
+    const std::lock_guard lock(mutex_);
+    for (const Topic& topic : topics_) {
+      const bool takes = message.is_accepted || topic.accept == Accept::kUnverifiedToo;
+      if (takes && topic.channels.matches(message.channel)) topic.handler(message);
+    }
+  }
+
+  SessionPort session_port() {
+    return {.newest_of_own = [this](uint32_t session) { return newest_of_own(session); },
+            .send =
+                [this](SessionMessage message) {
+                  message.sent = Realtime::now();
+                  publish(kSessionChannel, encode(message), true);
+                }};
+  }
+  std::optional<uint32_t> newest_of_own(uint32_t session) const {
+    if (sender_.session() == session) return sender_.newest();
+    for (const auto& sender : frame_senders_) {
+      if (sender->session() == session) return sender->newest();
+    }
+    return std::nullopt;
+  }
+
+  using Receivers = std::vector<std::shared_ptr<MulticastReceiver>>;
+  Receivers joined() const {
+    const std::lock_guard lock(mutex_);
+    Receivers groups = {common_};
+    std::copy_if(heard_.begin(), heard_.end(), std::back_inserter(groups),
+                 [](const auto& group) { return group != nullptr; });
+    return groups;
+  }
+
+  void receive() {
+    while (!stopping_) receive_from(joined());
+  }
+
+  /// Until the groups change. Sleeps until there is something: an idle studio costs nothing.
+  void receive_from(const Receivers& groups) {
+    std::vector<pollfd> watched = {{changed_, POLLIN, 0}};
+    for (const auto& group : groups) watched.push_back({group->fd(), POLLIN, 0});
+    for (;;) {
+      if (poll(watched.data(), watched.size(), -1) < 0 && errno != EINTR) return;
+      if (watched[0].revents != 0) break;
+      for (size_t i = 0; i < groups.size(); ++i) {
+        if (watched[i + 1].revents != 0) groups[i]->receive(ring_);
+      }
+    }
+    eventfd_t changes = 0;
+    eventfd_read(changed_, &changes);
+  }
+
+  /// Checks, reassembles and delivers. What comes meanwhile waits in the ring, not in the kernel's
+  /// buffer, which is small.
+  void handle() {
+    constexpr size_t kAtOnce = 8;  // places become free while the rest is handled
+    for (;;) {
+      const auto datagrams = ring_.wait(kAtOnce);
+      if (datagrams.empty()) return;
+      for (const DatagramRing::Received& datagram : datagrams) {
+        const auto message =
+            receiver_.receive(datagram.bytes, datagram.source, ReceiverTime::now());
+        if (message) deliver(*message);
+      }
+      ring_.release(datagrams.size());
+    }
+  }
+
+  const std::vector<std::string> frame_urls_;
+  MessageSeal& seal_;
+  MulticastSender sender_;
+  std::vector<std::unique_ptr<MulticastSender>> frame_senders_;
+  mutable std::mutex mutex_;  ///< what follows, while handlers run, too
+  std::list<Topic> topics_;
+  std::shared_ptr<MulticastReceiver> common_;
+  /// Of the frame groups; empty where it is not received.
+  std::vector<std::shared_ptr<MulticastReceiver>> heard_;
+  int64_t dropped_before_ = 0;  ///< by groups that were left
+  DatagramRing ring_;
+  MessageReceiver receiver_;                     ///< handling thread only
+  const int changed_ = eventfd(0, EFD_CLOEXEC);  ///< readable when the thread shall look
+  std::atomic<bool> stopping_ = false;
+  std::thread receiving_;  ///< empties the sockets into the ring
+  std::thread handling_;   ///< runs the handlers
+};
+
+std::string receive_buffer_problem(const std::string& lcm_url) {
+  const auto options = lcm_options(lcm_url);
+  const int wanted = options ? options->recv_buf_size : 0;
+  if (wanted == 0) return "";
+  const io::UniqueFd probe = udp_socket();
+  int reported = 0;
+  socklen_t size = sizeof reported;
+  setsockopt(probe.get(), SOL_SOCKET, SO_RCVBUF, &wanted, sizeof wanted);
+  if (getsockopt(probe.get(), SOL_SOCKET, SO_RCVBUF, &reported, &size) != 0) return "";
+  const int granted = reported / 2;  // Linux reports twice what it grants: socket(7)
+  if (granted >= wanted) return "";
+  return "network: the kernel gives a receive buffer of " + std::to_string(granted) +
+         " bytes, the studio file asks for " + std::to_string(wanted) +
+         "; try: sysctl net.core.rmem_max=" + std::to_string(wanted);
+}
+
+Bus::Bus(const std::string& lcm_url, const std::vector<std::string>& frame_groups,
+         ChannelList channels)
+    : impl_(std::make_unique<Impl>(lcm_url, frame_groups, std::move(channels), seal_)) {}
+Bus::~Bus() = default;
+bool Bus::publish(const std::string& channel, std::span<const uint8_t> bytes) {
+  return impl_->publish(channel, bytes, false);
+}
+bool Bus::publish_sealed(const std::string& channel, std::span<const uint8_t> message) {
+  return impl_->publish(channel, message, true);
+}
+bool Bus::publish_command(std::span<const uint8_t> message) {
+  return impl_->publish_signed(kCommandChannel, message);
+}
+bool Bus::publish_reply(std::span<const uint8_t> message) {
+  return impl_->publish_signed(kReplyChannel, message);
+}
+size_t Bus::frame_groups() const { return impl_->frame_groups(); }
+bool Bus::publish_frame(int64_t pulse, const std::string& channel,
+                        std::span<const uint8_t> message) {
+  return impl_->publish_frame(pulse, channel, message);
+}
+void Bus::hear_frames(const FrameGroupSet& groups) { impl_->hear_frames(groups); }
+ReceptionCounts Bus::reception() const { return impl_->reception(); }
+Bus::Listening Bus::subscribe(const std::string& channels, Handler handler, Accept accept) {
+  return impl_->subscribe(channels, std::move(handler), accept);
+}
+
+}  // namespace v3d

@@ -1,0 +1,72 @@
+#include "daemon/bus/channel_list.h"
+
+#include <algorithm>
+#include <array>
+
+#include "base/name.h"
+#include "daemon/bus/datagram.h"
+#include "wire/channels.h"
+
+namespace v3d {
+namespace {
+
+using enum ChannelKind::Of;
+
+constexpr size_t kKiB = 1024;
+constexpr size_t kMiB = 1024 * kKiB;
+
+/// Raw frames of 12 megapixels, meshes of a million triangles and ledgers of long takes fit; what
+/// nodes only state about themselves is short.
+constexpr std::array<ChannelKind, 11> kKinds = {{
+    {.name = kCommandChannel, .max_bytes = 16 * kKiB, .holds_own_mac = true},
+    {.name = kReplyChannel, .max_bytes = 4 * kMiB, .holds_own_mac = true},
+    {.name = kPulseChannel, .max_bytes = 4 * kKiB, .needs_answer = true},
+    {.name = kEventChannel, .max_bytes = 32 * kKiB},
+    {.name = kSessionChannel, .max_bytes = kKiB, .is_of_sessions = true},
+    {.name = kMeshChannel, .max_bytes = kMaxMessage},
+    {.name = kFramePrefix, .of = kCameras, .max_bytes = kMaxMessage},
+    {.name = kPreviewPrefix, .of = kCameras, .max_bytes = 4 * kMiB},
+    {.name = kHealthPrefix,
+     .of = kNodes,
+     .max_bytes = 32 * kKiB,
+     .is_shown_unverified = true,
+     .needs_answer = true},
+    {.name = kShardPrefix, .of = kNodes, .max_bytes = kMiB},
+    {.name = kShardMeshPrefix, .of = kNodes, .max_bytes = kMaxMessage},
+}};
+
+bool is_of(const ChannelKind& kind, std::string_view channel) {
+  if (kind.of == kStudio) return channel == kind.name;
+  return channel.starts_with(kind.name) && is_file_name(channel.substr(kind.name.size()));
+}
+
+}  // namespace
+
+ChannelList::ChannelList(const Studio& studio) : is_exact_(true) {
+  for (const ChannelKind& kind : kKinds) {
+    const std::string prefix(kind.name);
+    if (kind.of == kStudio) names_.insert(prefix);
+    if (kind.of == kNodes) {
+      for (const StudioNode& node : studio.nodes) names_.insert(prefix + node.name);
+    }
+    if (kind.of == kCameras) {
+      for (const StudioCamera& camera : studio.cameras) names_.insert(prefix + camera.name);
+    }
+  }
+}
+
+const ChannelKind* ChannelList::find(std::string_view channel) const {
+  if (is_exact_ && !names_.contains(channel)) return nullptr;
+  const auto* const kind =
+      std::ranges::find_if(kKinds, [&](const ChannelKind& k) { return is_of(k, channel); });
+  return kind == kKinds.end() ? nullptr : kind;
+}
+
+bool ChannelList::use(std::string_view channel) {
+  if (names_.contains(channel)) return true;
+  if (is_exact_ || names_.size() == kMaxNames) return false;
+  names_.emplace(channel);
+  return true;
+}
+
+}  // namespace v3d

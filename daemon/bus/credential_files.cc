@@ -1,0 +1,162 @@
+#include "daemon/bus/credential_files.h"
+
+#include <algorithm>
+#include <cerrno>
+#include <utility>
+
+#include "base/error.h"
+#include "base/io/file.h"
+#include "wire/key_file.h"
+
+namespace v3d {
+namespace {
+
+std::string read_text(const std::filesystem::path& path) {
+  auto text = io::read_file(path, kMaxMemberListBytes);
+  if (text) return *std::move(text);
+  const char* const remedy =
+      text.error().code == ENOENT ? "; v3dctl key enroll makes it, copy it to every PC" : "";
+  throw InputError(text.error().message + remedy);
+}
+
+/// Rejects a list without a higher serial number: an older list would restore revoked members.
+void reject_older(const MemberList& read, const MemberList& in_force,
+                  const std::filesystem::path& path) {
+  if (read.serial > in_force.serial) return;
+  const std::string serial = std::to_string(in_force.serial);
+  throw InputError(path.string() + ": serial: expected more than " + serial +
+                   ", which is in force; found " + std::to_string(read.serial));
+}
+
+CredentialPaths common_paths(const Studio& studio) {
+  return {.studio = studio.name,
+          .studio_key = studio.network.key,
+          .members = studio.network.members,
+          .authority = studio.network.authority};
+}
+
+}  // namespace
+
+CredentialPaths credentials_of_node(const Studio& studio, const std::string& node) {
+  CredentialPaths paths = common_paths(studio);
+  paths.signing_key = studio.storage.signing_key;
+  paths.node = node;
+  paths.role = studio.reconstructs(node) ? Role::kReconstruction : Role::kCapture;
+  return paths;
+}
+
+CredentialPaths credentials_of_operator(const Studio& studio) {
+  CredentialPaths paths = common_paths(studio);
+  paths.signing_key = studio.network.operator_key;
+  return paths;
+}
+
+CredentialFiles::CredentialFiles(CredentialPaths paths, Credentials& credentials, MessageSeal& seal)
+    : paths_(std::move(paths)),
+      authority_(paths_.members.empty()
+                     ? std::nullopt
+                     : std::optional(PublicKey::parse(paths_.authority, "network.authority"))),
+      credentials_(credentials),
+      seal_(seal),
+      signs_(!paths_.node.empty()) {
+  if (paths_.members.empty()) return;
+  credentials_.require_members();
+  seal_.cover_commands();
+}
+
+std::string CredentialFiles::poll(MonotonicInstant now) {
+  credentials_.forget_old_key(now);
+  seal_.forget_old_key(now);
+  std::string news =
+      try_to([&] { return read_studio_key(now); }, "studio key", key_.has_value(), key_problem_);
+  if (paths_.members.empty()) return news;
+  const auto add = [&](const std::string& line) {
+    news += line.empty() || news.empty() ? line : "; " + line;
+  };
+  add(try_to([&] { return read_members(); }, "member list", members_ != nullptr, members_problem_));
+  if (!signs_) return news;
+  add(try_to([&] { return read_signing_key(); }, "signing key", own_.has_value(),
+             signing_problem_));
+  const std::string before = std::exchange(not_member_, why_not_member());
+  if (not_member_ != before) add(not_member_);
+  return news;
+}
+
+/// The news of `read`. What it throws becomes `problem`, and is news when it is another one.
+template <class Read>
+std::string CredentialFiles::try_to(Read read, const std::string& what, bool is_in_use,
+                                    std::string& problem) {
+  try {
+    const std::string news = read();
+    const bool was_wrong = !std::exchange(problem, "").empty();
+    return news.empty() && was_wrong ? "the " + what + " is readable again" : news;
+  } catch (const InputError& error) {
+    const std::string effect = is_in_use ? "the previous " + what + " stays in use: " : "";
+    const std::string before = std::exchange(problem, effect + error.what());
+    return problem == before ? "" : problem;
+  }
+}
+
+std::string CredentialFiles::read_studio_key(MonotonicInstant now) {
+  const StudioKey read = StudioKey::load(paths_.studio_key);
+  if (key_ && *key_ == read) return "";
+  const bool is_first = !key_;
+  key_ = read;
+  credentials_.set_studio_key(read, now);
+  seal_.set_key(read, now);
+  if (is_first) return "";
+  return paths_.studio_key.string() +
+         ": a new studio key; messages carry it in 10 s, and the old one is accepted for 20 s";
+}
+
+std::string CredentialFiles::read_members() {
+  const std::string text = read_text(paths_.members);
+  if (members_ && text == members_text_) return "";
+  const auto read = std::make_shared<const MemberList>(
+      parse_member_list(text, paths_.members, *authority_, paths_.studio));
+  if (members_) reject_older(*read, *members_, paths_.members);
+  const bool is_first = !members_;
+  members_ = read;
+  members_text_ = text;
+  credentials_.set_members(read);
+  if (is_first) return "";
+  return paths_.members.string() + ": member list " + std::to_string(read->serial) + " is in force";
+}
+
+std::string CredentialFiles::read_signing_key() {
+  const KeyKind& kind = paths_.node.empty() ? kOperatorKey : kNodeKey;
+  const SigningKey read = SigningKey::load(paths_.signing_key, kind);
+  if (own_ == read.public_key()) return "";
+  const bool is_first = !own_;
+  own_ = read.public_key();
+  credentials_.set_signing_key(read);
+  return is_first ? "" : paths_.signing_key.string() + ": a new " + std::string(kind.name);
+}
+
+std::string CredentialFiles::why_not_member() const {
+  if (!members_ || !own_) return "";
+  const auto is_own = [&](const Member& m) {
+    return m.key == *own_ && m.role == paths_.role &&
+           (paths_.node.empty() || m.name == paths_.node);
+  };
+  if (std::ranges::any_of(members_->members, is_own)) return "";
+  const std::string role(name(paths_.role));
+  const std::string member = paths_.node.empty() ? "NAME" : paths_.node;
+  return paths_.members.string() + ": no " + role + (paths_.node.empty() ? "" : " " + member) +
+         " has the public key of " + paths_.signing_key.string() + "; try: v3dctl key enroll " +
+         member + " --role " + role + " --public-key " + own_->text();
+}
+
+bool CredentialFiles::is_ready() const {
+  if (!key_) return false;
+  return paths_.members.empty() || (members_ && (!signs_ || own_));
+}
+
+std::string CredentialFiles::problem() const {
+  for (const std::string* problem : {&key_problem_, &members_problem_, &signing_problem_}) {
+    if (!problem->empty()) return *problem;
+  }
+  return not_member_;
+}
+
+}  // namespace v3d

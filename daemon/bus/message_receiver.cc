@@ -1,0 +1,234 @@
+#include "daemon/bus/message_receiver.h"
+
+#include <fmt/format.h>
+
+#include <chrono>
+#include <cmath>
+#include <string>
+#include <utility>
+
+#include "wire/codec.h"
+
+namespace v3d {
+namespace {
+
+constexpr char kMalformed[] =
+    "malformed datagrams are rejected: a stranger, or a broken program on the studio's network";
+constexpr char kOversized[] =
+    "messages longer than any of their channel are rejected: a stranger, or another version of V3D";
+
+/// Answers a second: to each of 16 nodes that ask at once, some.
+constexpr int kMaxAnswers = 100;
+
+std::string clocks_differ(Duration ahead) {
+  return fmt::format(
+      "the clock of another process is {:.1f} s {} this one; its messages are accepted. Try: "
+      "chronyc tracking, here and there",
+      std::abs(to_seconds(ahead)), ahead > Duration::zero() ? "ahead of" : "behind");
+}
+
+SessionStamp stamp_of(const Datagram& datagram, const MacTrailer& trailer) {
+  return {.session = trailer.session, .sequence = datagram.sequence, .sent = trailer.sent};
+}
+
+MessageIdentity identity_of(const Datagram& datagram, const DatagramParts& parts, uint64_t sender) {
+  const size_t trailer = parts.trailer ? kMacTrailerSize : 0;
+  return {.sender = sender,
+          .sequence = datagram.sequence,
+          .sent_ns = parts.trailer ? to_ns(parts.trailer->sent) : 0,
+          .size = datagram.message_size - static_cast<uint32_t>(trailer),
+          .count = datagram.count};
+}
+
+}  // namespace
+
+MessageReceiver::MessageReceiver(ChannelList channels, MessageSeal& seal, Wanted wanted,
+                                 SessionPort sessions)
+    : channels_(std::move(channels)),
+      seal_(seal),
+      wanted_(std::move(wanted)),
+      sessions_(std::move(sessions)) {}
+
+std::optional<ReceivedMessage> MessageReceiver::receive(std::span<const uint8_t> bytes,
+                                                        uint64_t source, const ReceiverTime& now) {
+  const auto datagram = parse_datagram(bytes);
+  if (!datagram) {
+    ++malformed_;
+    seal_.report(kMalformed);
+    return std::nullopt;
+  }
+  const ChannelKind* kind = nullptr;
+  if (datagram->number == 0) {
+    kind = channels_.find(datagram->channel);
+    if (kind == nullptr) {
+      ++foreign_;
+      return std::nullopt;
+    }
+    if (datagram->message_size > kind->max_bytes) {
+      ++oversized_;
+      seal_.report(kOversized);
+      return std::nullopt;
+    }
+  }
+  return seal_.is_required() ? receive_authentic(*datagram, kind, now)
+                             : receive_anything(*datagram, kind, source);
+}
+
+std::optional<ReceivedMessage> MessageReceiver::receive_authentic(const Datagram& datagram,
+                                                                  const ChannelKind* kind,
+                                                                  const ReceiverTime& now) {
+  const bool is_first = kind != nullptr;
+  const bool is_of_sessions = datagram.is_whole() && kind->is_of_sessions;
+  if (datagram.is_whole() && !is_of_sessions && !wanted_(datagram.channel)) return std::nullopt;
+  const bool is_verified_later = kind != nullptr && kind->holds_own_mac && !seal_.covers_commands();
+  if (datagram.is_whole() && is_verified_later) return pass(datagram.channel, datagram.data);
+  const DatagramParts parts = split_trailer(datagram);
+  if (parts.trailer && gate_.is_received(stamp_of(datagram, *parts.trailer))) {
+    if (is_first) seal_.count_replayed();
+    return std::nullopt;
+  }
+  if (!is_authentic(datagram, parts, now.monotonic)) {
+    seal_.count_unverified();
+    if (!datagram.is_whole() || !kind->is_shown_unverified) return std::nullopt;
+    return ReceivedMessage{datagram.channel, parts.data, false};
+  }
+  const SessionStamp stamp = stamp_of(datagram, *parts.trailer);
+  if (is_of_sessions) {
+    on_session_message(parts.data, stamp.sent, now);
+    return std::nullopt;
+  }
+  if (!gate_.is_recent(stamp, now)) {
+    seal_.count_stale();
+    ask(stamp, now);
+    return std::nullopt;
+  }
+  if (is_first && kind->needs_answer && !gate_.has_answered(stamp.session)) {
+    ask(stamp, now);
+    return std::nullopt;
+  }
+  if (is_first && !wanted_(datagram.channel)) {
+    gate_.note(stamp, now);
+    reassembly_.drop(identity_of(datagram, parts, stamp.session));
+    return std::nullopt;
+  }
+  const auto message = datagram.is_whole() ? pass(datagram.channel, parts.data)
+                                           : reassemble(datagram, parts, stamp.session);
+  if (message) gate_.note(stamp, now);
+  return message;
+}
+
+// --- sessions -----------------------------------------------------------------------------------
+
+void MessageReceiver::drop_old_questions() {
+  if (std::exchange(forgotten_, gate_.forgotten()) != gate_.forgotten()) questions_ = {};
+}
+
+void MessageReceiver::ask(const SessionStamp& stamp, const ReceiverTime& now) {
+  drop_old_questions();
+  const auto nonce = questions_.ask(stamp.session, now.monotonic);
+  if (!nonce) return;
+  sessions_.send({.sent = {}, .session = stamp.session, .newest = 0, .nonce = *nonce});
+}
+
+void MessageReceiver::on_session_message(std::span<const uint8_t> bytes, RealtimeInstant sent,
+                                         const ReceiverTime& now) {
+  const auto message = decode<SessionMessage>(bytes);
+  if (!message) {
+    ++malformed_;
+  } else if (message->is_answer) {
+    on_answer(*message, sent, now);
+  } else {
+    answer(*message, now.monotonic);
+  }
+}
+
+void MessageReceiver::on_answer(const SessionMessage& answer, RealtimeInstant sent,
+                                const ReceiverTime& now) {
+  drop_old_questions();
+  if (!questions_.answers(answer.session, answer.nonce, now.monotonic)) return;
+  gate_.accept({.session = answer.session, .sequence = answer.newest, .sent = sent}, now);
+  const Duration ahead = sent - now.realtime;
+  if (std::chrono::abs(ahead) > SessionGate::kAhead) seal_.report(clocks_differ(ahead));
+}
+
+/// A recorded question makes this session say what everybody may know, and not often.
+void MessageReceiver::answer(const SessionMessage& question, MonotonicInstant now) {
+  const auto newest = sessions_.newest_of_own(question.session);
+  if (!newest) return;
+  if (now - answers_since_ >= std::chrono::seconds(1)) {
+    answers_since_ = now;
+    answers_ = 0;
+  }
+  if (answers_++ >= kMaxAnswers) return;
+  SessionMessage answer = question;
+  answer.newest = *newest;
+  answer.is_answer = true;
+  sessions_.send(answer);
+}
+
+std::optional<ReceivedMessage> MessageReceiver::receive_anything(const Datagram& datagram,
+                                                                 const ChannelKind* kind,
+                                                                 uint64_t source) {
+  const Sequence sequence = {source, datagram.sequence};
+  const DatagramParts parts = split_trailer(datagram);
+  if (kind != nullptr && !wanted_(datagram.channel)) {
+    skip(sequence);
+    reassembly_.drop(identity_of(datagram, parts, source));
+    return std::nullopt;
+  }
+  if (datagram.is_whole()) {
+    return pass(datagram.channel, kind->holds_own_mac ? datagram.data : parts.data);
+  }
+  if (kind == nullptr && is_skipped(sequence)) return std::nullopt;
+  return reassemble(datagram, parts, source);
+}
+
+bool MessageReceiver::is_authentic(const Datagram& datagram, const DatagramParts& parts,
+                                   MonotonicInstant now) const {
+  return parts.trailer && seal_.verify(datagram.head, parts.data, *parts.trailer, now);
+}
+
+std::optional<ReceivedMessage> MessageReceiver::reassemble(const Datagram& datagram,
+                                                           const DatagramParts& parts,
+                                                           uint64_t sender) {
+  // A trailer that is none, by the size of its message, belongs to no fragment of ours.
+  const MessageIdentity of = identity_of(datagram, parts, sender);
+  if (datagram.message_size < kMacTrailerSize || datagram.offset + parts.data.size() > of.size) {
+    ++malformed_;
+    return std::nullopt;
+  }
+  const auto message = reassembly_.add({.of = of,
+                                        .number = datagram.number,
+                                        .offset = datagram.offset,
+                                        .channel = datagram.channel,
+                                        .data = parts.data});
+  incomplete_ = reassembly_.given_up() + reassembly_.inconsistent();
+  if (!message) return std::nullopt;
+  return pass(message->channel, message->bytes);
+}
+
+std::optional<ReceivedMessage> MessageReceiver::pass(std::string_view channel,
+                                                     std::span<const uint8_t> bytes) {
+  if (!channels_.use(channel)) {
+    ++foreign_;
+    return std::nullopt;
+  }
+  return ReceivedMessage{channel, bytes};
+}
+
+bool MessageReceiver::is_skipped(const Sequence& message) const {
+  return skipped_[message.sender % skipped_.size()] == message;
+}
+
+void MessageReceiver::skip(const Sequence& message) {
+  skipped_[message.sender % skipped_.size()] = message;
+}
+
+DatagramCounts MessageReceiver::counts() const {
+  return {.malformed = malformed_,
+          .foreign = foreign_,
+          .oversized = oversized_,
+          .incomplete = incomplete_};
+}
+
+}  // namespace v3d

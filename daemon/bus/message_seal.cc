@@ -1,0 +1,65 @@
+#include "daemon/bus/message_seal.h"
+
+namespace v3d {
+namespace {
+
+/// So long a refusal is worth a line in health.
+constexpr Duration kTold = std::chrono::seconds(10);
+
+}  // namespace
+
+void MessageSeal::set_key(const StudioKey& key, MonotonicInstant now) {
+  const std::lock_guard lock(mutex_);
+  macs_.set(std::make_shared<const DatagramMac>(key), now);
+  has_key_ = true;
+}
+
+void MessageSeal::forget_old_key(MonotonicInstant now) {
+  const std::lock_guard lock(mutex_);
+  macs_.forget_old(now);
+}
+
+std::shared_ptr<const DatagramMac> MessageSeal::mac(MonotonicInstant now) const {
+  if (!has_key_) return nullptr;
+  const std::lock_guard lock(mutex_);
+  return *macs_.sending(now);
+}
+
+bool MessageSeal::verify(std::span<const uint8_t> head, std::span<const uint8_t> data,
+                         const MacTrailer& trailer, MonotonicInstant now) const {
+  if (!has_key_) return false;
+  std::shared_ptr<const DatagramMac> newest, old;
+  {
+    const std::lock_guard lock(mutex_);
+    newest = *macs_.newest();
+    if (const auto* const mac = macs_.old(now)) old = *mac;
+  }
+  return newest->verify(head, data, trailer) || (old && old->verify(head, data, trailer));
+}
+
+void MessageSeal::count_unverified() {
+  if (!has_key_) {
+    ++unkeyed_;
+    return;
+  }
+  ++forged_;
+  report(
+      "messages without the MAC of the studio key are rejected: a stranger, or another studio key");
+}
+
+SealCounts MessageSeal::counts() const {
+  return {.forged = forged_, .unkeyed = unkeyed_, .stale = stale_, .replayed = replayed_};
+}
+
+std::string MessageSeal::trouble(RealtimeInstant now) const {
+  const std::lock_guard lock(mutex_);
+  return now - troubled_ < kTold ? trouble_ : "";
+}
+
+void MessageSeal::report(std::string_view trouble) {
+  const std::lock_guard lock(mutex_);
+  trouble_ = trouble;
+  troubled_ = Realtime::now();
+}
+
+}  // namespace v3d

@@ -1,0 +1,66 @@
+#include "daemon/captured/node_trigger.h"
+
+#include <algorithm>
+
+#include "trigger/make_trigger.h"
+
+namespace v3d {
+
+NodeTrigger::NodeTrigger(const Studio& studio, const std::string& node, Bus& bus)
+    : is_sensed_(studio.trigger.is_sensed()) {
+  if (studio.trigger.node == node) {
+    generator_ = make_generator(studio.trigger);
+    sensor_ = make_sensor(studio.trigger);
+  } else {
+    watch_ = std::make_unique<TrainMonitor>(bus, studio.trigger.node);
+  }
+}
+
+void NodeTrigger::arm(const PulseTrain& train) {
+  if (!generator_) return;
+  generator_->stop();
+  generator_->arm(train);
+}
+
+void NodeTrigger::start() {
+  first_pulse_told_ = false;
+  if (watch_) watch_->restart();
+  if (generator_) generator_->start();
+}
+
+void NodeTrigger::stop() {
+  if (generator_) generator_->stop();
+}
+
+std::optional<PulseEdge> NodeTrigger::unsensed_first_pulse() {
+  if (first_pulse_told_ || sensor_ || !generator_) return std::nullopt;
+  const auto first = generator_->first_pulse();
+  if (!first) return std::nullopt;
+  first_pulse_told_ = true;
+  return PulseEdge{.pulse = 0, .at = *first};
+}
+
+void NodeTrigger::listen(const std::string& take) {
+  if (watch_) watch_->listen(take);
+}
+
+bool NodeTrigger::train_is_over(const std::string& take) {
+  listen(take);
+  return generator_ ? generator_->finished() : watch_->ended();
+}
+
+bool NodeTrigger::only_sensor_counts() const {
+  return generator_ && sensor_ && !generator_->counts_exactly();
+}
+
+int64_t NodeTrigger::commanded(int64_t seen) const {
+  if (only_sensor_counts()) return seen;
+  // Elsewhere, the last pulses may have been left out, or their messages lost.
+  return generator_ ? generator_->commanded() : std::max(seen, watch_->commanded());
+}
+
+std::optional<PulseStatistics> NodeTrigger::statistics() const {
+  return generator_ ? std::optional(generator_->statistics()) : std::nullopt;
+}
+
+}  // namespace v3d

@@ -1,0 +1,56 @@
+#include "daemon/captured/pulse_log.h"
+
+#include <spdlog/spdlog.h>
+
+#include "base/io/file.h"
+
+namespace v3d {
+namespace {
+
+constexpr Duration kLook = std::chrono::milliseconds(50);
+constexpr size_t kQueuePulses = 4096;
+/// A power cut loses at most the pulses of this time.
+constexpr Duration kSyncEvery = std::chrono::seconds(1);
+
+}  // namespace
+
+PulseLog::PulseLog(const std::filesystem::path& path, LogOpening opening)
+    : log_(path, opening), queue_(kQueuePulses) {
+  if (auto synced = io::sync_folder(path.parent_path()); !synced) {
+    io::throw_input_error(synced.error());
+  }
+  thread_ = std::thread([this] { run(); });
+}
+
+PulseLog::~PulseLog() { close(); }
+
+void PulseLog::close() {
+  if (!thread_.joinable()) return;
+  stopping_ = true;
+  thread_.join();
+  const io::Status synced = log_.sync();
+  kept_ = synced.has_value();
+  if (!kept_) spdlog::error("{}", synced.error().message);
+}
+
+void PulseLog::write(const PulseMessage& pulse) { queue_.push(pulse); }
+
+void PulseLog::run() {
+  MonotonicInstant next_sync = Monotonic::now() + kSyncEvery;
+  for (;;) {
+    const bool last_look = stopping_;
+    const auto pulse = queue_.pop(last_look ? Monotonic::now() : Monotonic::now() + kLook);
+    if (pulse) {
+      const io::Status written = log_.write(*pulse);
+      if (!written && ++refused_ == 1) spdlog::error("{}", written.error().message);
+    }
+    if (pulse && Monotonic::now() >= next_sync) {
+      // A failure shows at the next write, which then fails, too.
+      static_cast<void>(log_.sync());
+      next_sync = Monotonic::now() + kSyncEvery;
+    }
+    if (!pulse && last_look) return;
+  }
+}
+
+}  // namespace v3d

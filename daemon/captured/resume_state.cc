@@ -1,0 +1,98 @@
+#include "daemon/captured/resume_state.h"
+
+#include <spdlog/spdlog.h>
+
+#include <algorithm>
+
+#include "base/error.h"
+#include "capture/sync/train_start.h"
+#include "take/logs/frame_log.h"
+#include "take/logs/log_segments.h"
+
+namespace v3d {
+namespace {
+
+/// So many of the last frames tell the camera's clock and latency as well as all.
+constexpr size_t kTold = 256;
+/// No camera takes so long; the clocks of this host and the trigger's are apart.
+constexpr Duration kLongestLatency = std::chrono::seconds(1);
+
+/// A log that cannot be read has none, and the daemon's log says why.
+std::vector<FrameLabel> labels_of(const std::filesystem::path& log) {
+  if (is_absent_log(log)) return {};
+  try {
+    const FrameLogReader reader(log);
+    for (const std::string& error : reader.read_errors()) spdlog::error("{}", error);
+    return reader.labels();
+  } catch (const InputError& error) {
+    spdlog::error("{}", error.what());
+    return {};
+  }
+}
+
+/// The last frames without doubt, in rising order, the oldest first.
+std::vector<FrameLabel> last_certain(const std::vector<FrameLabel>& labels) {
+  std::vector<FrameLabel> last;
+  for (auto label = labels.rbegin(); label != labels.rend() && last.size() < kTold; ++label) {
+    const bool falls = last.empty() || label->pulse < last.back().pulse;
+    if (!label->suspect && falls) last.push_back(*label);
+  }
+  std::reverse(last.begin(), last.end());
+  return last;
+}
+
+std::vector<KnownFrame> known_frames(const std::vector<FrameLabel>& labels) {
+  const RealtimeInstant realtime = Realtime::now();
+  const MonotonicInstant monotonic = Monotonic::now();
+  std::vector<KnownFrame> frames;
+  for (const FrameLabel& label : labels) {
+    frames.push_back({.stamp = {.exposed = label.device_time,
+                                .counter = label.camera_counter,
+                                .received = monotonic - (realtime - label.received)},
+                      .pulse = label.pulse});
+  }
+  return frames;
+}
+
+std::optional<Duration> latency_of(const std::vector<FrameLabel>& labels, const EdgeTimes& edges) {
+  std::vector<Duration> latencies;
+  for (const FrameLabel& label : labels) {
+    const auto edge = edges.find(label.pulse);
+    if (edge != edges.end()) latencies.push_back(label.received - edge->second);
+  }
+  if (latencies.size() < kStartFrames) return std::nullopt;
+  const Duration least = *std::min_element(latencies.begin(), latencies.end());
+  if (least < Duration::zero() || least > kLongestLatency) return std::nullopt;
+  return least;
+}
+
+}  // namespace
+
+EdgeTimes edge_times(const TakePaths& take) {
+  EdgeTimes edges;
+  if (is_absent_log(take.pulses())) return edges;
+  try {
+    for (const PulseMessage& pulse : read_pulses(take.pulses())) edges[pulse.pulse] = pulse.edge;
+  } catch (const InputError& error) {
+    spdlog::error("{}", error.what());
+  }
+  return edges;
+}
+
+ResumeState read_resume_state(const TakePaths& take, const std::string& camera,
+                              const EdgeTimes& edges) {
+  const std::vector<FrameLabel> labels = labels_of(take.frames(camera));
+  ResumeState past;
+  for (const FrameLabel& label : labels) {
+    past.account.add(label.pulse, label.suspect);
+    past.exposures.add(label.camera_counter);
+  }
+  const std::vector<FrameLabel> last = last_certain(labels);
+  past.camera = {.frames = known_frames(last),
+                 .latency = latency_of(last, edges),
+                 .delivered = std::ssize(labels),
+                 .suspect = std::ranges::count_if(labels, &FrameLabel::suspect)};
+  return past;
+}
+
+}  // namespace v3d

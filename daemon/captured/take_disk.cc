@@ -1,0 +1,140 @@
+#include "daemon/captured/take_disk.h"
+
+#include <fcntl.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <cmath>
+
+#include "base/error.h"
+#include "base/io/uninterrupted.h"
+#include "base/io/unique_fd.h"
+#include "base/units.h"
+#include "take/take_removal.h"
+
+namespace v3d {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr double kFiveMinutes = 300;
+/// Less room than this is told while a take is recorded.
+constexpr double kEnoughSeconds = 60;
+/// A ledger that names every pulse of 15 cameras for 20 minutes, and take.toml.
+constexpr int64_t kLedgerBytes = 4 << 20;
+
+std::string format_duration(double seconds) {
+  if (seconds < 120) return format_count(static_cast<int64_t>(seconds)) + " s";
+  return format_count(static_cast<int64_t>(seconds / 60)) + " min";
+}
+
+double bytes_besides_frames(const DiskDemand& demand) {
+  return demand.bytes_in_flight() + static_cast<double>(kLedgerBytes);
+}
+
+/// What can be done with less room than is asked for.
+std::string what_fits(const DiskDemand& demand, double free_bytes) {
+  if (demand.bytes_per_pulse <= 0) return "make room: v3dctl takes";
+  const double room = free_bytes - bytes_besides_frames(demand);
+  const auto pulses = static_cast<int64_t>(std::max(0.0, room) / demand.bytes_per_pulse);
+  if (pulses < 1) return "make room: v3dctl takes";
+  return "room for " + format_duration(static_cast<double>(pulses) / demand.rate_hz) +
+         ": arm with --pulses " + std::to_string(pulses) + ", or make room: v3dctl takes";
+}
+
+double space_of(const fs::path& folder) {
+  std::error_code error;
+  const fs::space_info space = fs::space(folder, error);
+  return error ? 0 : static_cast<double>(space.available);
+}
+
+/// Makes the file that keeps room for the ledger. Returns 0 or an errno.
+int reserve_room(const fs::path& path) {
+  // O_NONBLOCK: a FIFO of that name fails and does not block.
+  constexpr int kFlags = O_WRONLY | O_CREAT | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK;
+  const io::UniqueFd fd(io::uninterrupted([&] { return open(path.c_str(), kFlags, 0644); }));
+  if (!fd) return errno;
+  int error = EINTR;
+  while (error == EINTR) error = posix_fallocate(fd.get(), 0, kLedgerBytes);
+  return error;
+}
+
+}  // namespace
+
+std::string lack_of_room(const DiskDemand& demand, double free_bytes) {
+  const double seconds =
+      demand.pulses ? static_cast<double>(*demand.pulses) / demand.rate_hz : kFiveMinutes;
+  const double frames = demand.bytes_per_pulse * seconds * demand.rate_hz;
+  if (frames + bytes_besides_frames(demand) <= free_bytes) return "";
+  const std::string length =
+      demand.pulses ? format_count(*demand.pulses) + " pulses" : format_duration(seconds);
+  return "needs " + format_bytes(frames) + " for " + length + ", " + format_bytes(free_bytes) +
+         " free (" + what_fits(demand, free_bytes) + ")";
+}
+
+void refuse_unfit_disk(const fs::path& takes, const DiskDemand& demand) {
+  if (!fs::is_directory(takes)) {
+    throw InputError(takes.string() + ": no such folder; is its disk mounted?");
+  }
+  if (access(takes.c_str(), W_OK) != 0) {
+    throw InputError(errno_message("cannot record into " + takes.string()));
+  }
+  std::error_code error;
+  const fs::space_info space = fs::space(takes, error);
+  if (error) throw InputError("cannot tell the room in " + takes.string() + ": " + error.message());
+  const std::string lack = lack_of_room(demand, static_cast<double>(space.available));
+  if (!lack.empty()) throw InputError(takes.string() + ": " + lack);
+}
+
+TakeDisk::TakeDisk(TakePaths take, const DiskDemand& demand)
+    : take_(std::move(take)), demand_(demand) {
+  const int error = reserve_room(take_.reserve());
+  if (error == 0) return;
+  remove_working_file(take_.reserve());
+  errno = error;
+  throw InputError(errno_message("cannot set room for the ledger aside in " + takes()));
+}
+
+TakeDisk::~TakeDisk() { remove_working_file(take_.reserve()); }
+
+double TakeDisk::free_bytes() const { return space_of(take_.folder); }
+
+std::string TakeDisk::must_end(const DiskProgress& progress) const {
+  if (progress.refused > 0) return takes() + " refuses frames: it is full or broken";
+  std::error_code error;
+  if (!fs::exists(take_.info(), error))
+    return "";  // nothing to be measured any more: see trouble()
+  const double free = free_bytes();
+  if (free >= demand_.bytes_in_flight()) return "";
+  return takes() + " is nearly full: " + format_bytes(free) + " free";
+}
+
+std::string TakeDisk::queue_trouble(int64_t waiting) {
+  behind_ = waiting >= (behind_ ? demand_.queue_frames / 8 : demand_.queue_frames / 2);
+  if (!behind_) return "";
+  return "frames wait to be written: " + takes() +
+         " is too slow, or this machine too busy; when more than " +
+         std::to_string(demand_.queue_frames) + " of a camera wait, the oldest are lost";
+}
+
+std::string TakeDisk::trouble(const DiskProgress& progress) const {
+  std::error_code error;
+  if (!fs::exists(take_.info(), error)) {
+    return "the folder of the take is gone: is the disk of " + takes() + " still mounted?";
+  }
+  if (progress.refused > 0) {
+    return format_count(progress.refused) + " frames refused: " + takes() + " is full or broken";
+  }
+  if (progress.dropped > 0) {
+    return format_count(progress.dropped) + " frames lost: " + takes() +
+           " is too slow, or this machine too busy";
+  }
+  const double seconds = free_bytes() / std::max(1.0, demand_.bytes_per_pulse * demand_.rate_hz);
+  if (seconds > kEnoughSeconds) return "";
+  // To the ten seconds, or there would be news every second.
+  return "full in less than " + format_count(10 * (1 + static_cast<int64_t>(seconds) / 10)) +
+         " s of recording";
+}
+
+}  // namespace v3d

@@ -1,0 +1,155 @@
+#include "daemon/control/command_gate.h"
+
+#include <algorithm>
+#include <array>
+#include <utility>
+
+namespace v3d {
+namespace {
+
+/// So long a refusal is worth a line in health.
+constexpr Duration kTold = std::chrono::seconds(10);
+
+}  // namespace
+
+CommandGate::CommandGate(std::string node, std::function<int64_t()> draw)
+    : node_(std::move(node)), draw_(std::move(draw)) {}
+
+CommandCounts CommandGate::counts() const {
+  const std::lock_guard lock(mutex_);
+  return counts_;
+}
+
+std::string CommandGate::trouble(MonotonicInstant now) const {
+  const std::lock_guard lock(mutex_);
+  return troubled_ && now - *troubled_ < kTold ? trouble_ : "";
+}
+
+int64_t CommandGate::nonce(MonotonicInstant now) {
+  const std::lock_guard lock(mutex_);
+  renew_nonces(now);
+  return nonce_.value;
+}
+
+ReplyMessage CommandGate::nonce_reply(const CommandMessage& command, MonotonicInstant now) {
+  ReplyMessage reply;
+  reply.node = node_;
+  reply.command_sender = command.sender;
+  reply.command_counter = command.counter;
+  reply.command_sent = command.sent;
+  reply.nonce = nonce(now);
+  reply.outcome = ReplyMessage::Outcome::kNonceMissing;
+  return reply;
+}
+
+std::optional<CommandGate::Admitted> CommandGate::admit(std::span<const uint8_t> bytes,
+                                                        MonotonicInstant now) {
+  const std::lock_guard lock(mutex_);
+  auto command = read(bytes, now);
+  if (!command) return std::nullopt;
+  if (std::ranges::find(command->to, node_) == command->to.end()) return std::nullopt;
+  renew_nonces(now);
+  if (!has_current_nonce(*command, now)) {
+    ++counts_.without_nonce;
+    if (!may_reply_nonce(command->sender, now)) return std::nullopt;
+    return Admitted{.command = std::move(*command), .is_current = false};
+  }
+  if (!is_new(*command)) {
+    ++counts_.replayed;
+    return std::nullopt;
+  }
+  remember(*command, now);
+  ++counts_.believed;
+  return Admitted{.command = std::move(*command), .is_current = true};
+}
+
+std::optional<CommandMessage> CommandGate::read(std::span<const uint8_t> bytes,
+                                                MonotonicInstant now) {
+  if (!credentials_.is_complete()) {
+    ++counts_.unkeyed;
+    return std::nullopt;
+  }
+  const OpenedCommand opened = credentials_.open_command(bytes, now);
+  if (opened.result != OpenedCommand::Result::kAccepted) {
+    count_rejected(opened, now);
+    return std::nullopt;
+  }
+  auto command = decode<CommandMessage>(opened.message);
+  if (!command) {
+    ++counts_.malformed;
+    note("sealed commands are refused that make no sense here: another version of V3D?", now);
+  }
+  return command;
+}
+
+void CommandGate::count_rejected(const OpenedCommand& opened, MonotonicInstant now) {
+  if (opened.result == OpenedCommand::Result::kUnauthorized) {
+    ++counts_.unauthorized;
+    return note("commands of " + opened.signer + " are rejected: this member is no operator", now);
+  }
+  ++counts_.forged;
+  note("forged commands are refused: a stranger, or another studio key or member list than here",
+       now);
+}
+
+// --- nonces -------------------------------------------------------------------------------------
+
+bool CommandGate::has_current_nonce(const CommandMessage& command, MonotonicInstant now) const {
+  const auto place = std::ranges::find(command.to, node_) - command.to.begin();
+  if (place >= std::ssize(command.nonces)) return false;
+  const int64_t held = command.nonces[static_cast<size_t>(place)];
+  return std::ranges::any_of(std::array{nonce_, nonce_before_}, [&](const Nonce& nonce) {
+    return nonce.value == held && nonce.is_current(now);
+  });
+}
+
+bool CommandGate::may_reply_nonce(const std::string& sender, MonotonicInstant now) {
+  if (now - replies_since_ >= std::chrono::seconds(1)) {
+    replies_since_ = now;
+    nonce_replies_ = 0;
+    nonce_replies_to_.clear();
+  }
+  if (nonce_replies_ == kMaxNonceReplies) return false;
+  int& to_sender = nonce_replies_to_[std::hash<std::string>()(sender)];
+  if (to_sender == kMaxNonceRepliesToSender) return false;
+  ++to_sender;
+  ++nonce_replies_;
+  return true;
+}
+
+void CommandGate::renew_nonces(MonotonicInstant now) {
+  if (!nonce_.is_current(now)) return draw_nonces(now);
+  if (now - nonce_.drawn < kNonceLife) return;
+  nonce_before_ = std::exchange(nonce_, {.value = draw_(), .drawn = now});
+  senders_before_ = std::exchange(senders_, {});
+}
+
+void CommandGate::draw_nonces(MonotonicInstant now) {
+  nonce_ = {.value = draw_(), .drawn = now};
+  nonce_before_ = {};
+  senders_.clear();
+  senders_before_.clear();
+}
+
+// --- replays ------------------------------------------------------------------------------------
+
+bool CommandGate::is_new(const CommandMessage& command) {
+  return std::ranges::all_of(std::array{&senders_, &senders_before_}, [&](const auto* senders) {
+    const auto known = senders->find(command.sender);
+    if (known == senders->end()) return true;
+    const Received& last = known->second;
+    return command.sent > last.sent && command.counter >= last.counter;
+  });
+}
+
+void CommandGate::remember(const CommandMessage& command, MonotonicInstant now) {
+  if (senders_.size() == kMaxSenders && !senders_.contains(command.sender)) draw_nonces(now);
+  senders_[command.sender] = {.counter = command.counter, .sent = command.sent};
+}
+
+void CommandGate::note(const std::string& trouble, MonotonicInstant now) {
+  trouble_ = trouble;
+  troubled_ = now;
+}
+
+}  // namespace v3d

@@ -1,0 +1,76 @@
+#include "daemon/control/reply_json.h"
+
+#include <filesystem>
+#include <nlohmann/json.hpp>
+
+namespace v3d {
+namespace {
+
+nlohmann::ordered_json take_json(const TakeListing& take) {
+  std::error_code error;
+  const auto mesh_bytes = std::filesystem::file_size(take.paths.mesh(), error);
+  return {{"name", take.info.name},
+          {"studio", take.info.studio},
+          {"started_ns", to_ns(take.info.started)},
+          {"state", take.verdict()},
+          {"verified", take.verified},
+          {"rate_hz", take.info.rate_hz},
+          {"pulses", take.info.pulses},
+          {"seconds", take.seconds()},
+          {"bytes", take.bytes},
+          {"mesh_bytes", error ? 0 : mesh_bytes},
+          {"cameras", take.info.cameras},
+          {"meshes", take.meshes},
+          {"slate",
+           {{"scene", take.slate.scene},
+            {"take", take.slate.take},
+            {"note", take.slate.note},
+            {"mark", name(take.slate.mark)}}}};
+}
+
+}  // namespace
+
+std::string takes_json(const std::vector<TakeListing>& takes, int indent) {
+  auto list = nlohmann::ordered_json::array();
+  for (const TakeListing& take : takes) list.push_back(take_json(take));
+  const nlohmann::ordered_json json = {{"takes", list}};
+  return json.dump(indent, ' ', false, nlohmann::json::error_handler_t::replace);
+}
+
+std::string ledger_json(const Ledger& ledger) {
+  nlohmann::json cameras = nlohmann::json::array();
+  for (const CameraLedger& c : ledger.cameras) {
+    cameras.push_back({{"name", c.name},
+                       {"exposed", c.exposed},
+                       {"received", c.received},
+                       {"written", c.written},
+                       {"published", c.published},
+                       {"missing", c.missing},
+                       {"duplicate", c.duplicate},
+                       {"suspect", c.suspect}});
+  }
+  const nlohmann::json json = {
+      {"take", ledger.take},
+      {"complete", ledger.complete()},
+      {"pulses",
+       {{"commanded", ledger.commanded},
+        {"sensed", ledger.sensed ? nlohmann::json(*ledger.sensed) : nlohmann::json()},
+        {"unsensed", ledger.unsensed},
+        {"extra", ledger.extra},
+        {"runt", ledger.runt}}},
+      {"cameras", cameras}};
+  return json.dump();
+}
+
+std::string numbers_json(const std::map<std::string, double>& values) {
+  return nlohmann::json(values).dump();
+}
+
+std::string recon_json(const std::map<std::string, double>& values,
+                       const std::vector<int64_t>& without_mesh) {
+  nlohmann::json json(values);
+  json["without_mesh"] = without_mesh;
+  return json.dump();
+}
+
+}  // namespace v3d

@@ -1,0 +1,120 @@
+#include "daemon/node/machine_health.h"
+
+#include <unistd.h>
+
+#include <algorithm>
+#include <fstream>
+#include <sstream>
+#include <vector>
+
+namespace v3d {
+namespace {
+
+namespace fs = std::filesystem;
+
+std::string first_line(const fs::path& path) {
+  std::ifstream file(path);
+  std::string line;
+  std::getline(file, line);
+  return line;
+}
+
+std::vector<int64_t> numbers_in(const std::string& text) {
+  std::istringstream words(text);
+  std::vector<int64_t> numbers;
+  for (int64_t n = 0; words >> n;) numbers.push_back(n);
+  return numbers;
+}
+
+/// "MemAvailable:   123 kB" of /proc/meminfo, "VmRSS:" of /proc/self/status.
+std::optional<double> bytes_after(const fs::path& path, const std::string& key) {
+  std::ifstream file(path);
+  for (std::string line; std::getline(file, line);) {
+    if (!line.starts_with(key)) continue;
+    const auto numbers = numbers_in(line.substr(key.size()));
+    if (!numbers.empty()) return 1024.0 * static_cast<double>(numbers.front());
+  }
+  return std::nullopt;
+}
+
+/// "cpu  user nice system idle iowait irq softirq steal ...", and a line for every core.
+int count_cores(const fs::path& stat) {
+  std::ifstream file(stat);
+  int cores = -1;  // the first line is of all of them
+  for (std::string line; std::getline(file, line);) cores += line.starts_with("cpu");
+  return std::max(1, cores);
+}
+
+/// utime and stime are fields 14 and 15; the name, field 2, may hold spaces and parentheses.
+std::optional<int64_t> ticks_of_process(const std::string& stat) {
+  const size_t name_end = stat.rfind(')');
+  if (name_end == std::string::npos || name_end + 4 > stat.size()) return std::nullopt;
+  const auto fields = numbers_in(stat.substr(name_end + 3));  // after the state: from field 4 on
+  if (fields.size() < 12) return std::nullopt;
+  return fields[10] + fields[11];
+}
+
+double percent(int64_t part, int64_t whole) {
+  return whole > 0 ? 100.0 * static_cast<double>(part) / static_cast<double>(whole) : 0;
+}
+
+}  // namespace
+
+std::optional<MachineHealth::Ticks> MachineHealth::read_ticks() const {
+  const std::string line = first_line(root_ / "proc/stat");
+  if (!line.starts_with("cpu ")) return std::nullopt;
+  std::vector<int64_t> times = numbers_in(line.substr(4));
+  if (times.size() < 5) return std::nullopt;
+  times.resize(8);  // guests (what follows) are counted in user time already
+  Ticks ticks;
+  for (const int64_t time : times) ticks.all += time;
+  ticks.busy = ticks.all - times[3] - times[4];  // idle, iowait
+  ticks.daemon = ticks_of_process(first_line(root_ / "proc/self/stat")).value_or(0);
+  ticks.cores = count_cores(root_ / "proc/stat");
+  return ticks;
+}
+
+std::optional<double> MachineHealth::hottest(const std::string& folder, const std::string& prefix,
+                                             const std::string& suffix) const {
+  std::optional<double> most;
+  std::error_code error;
+  for (const auto& device : fs::directory_iterator(root_ / folder, error)) {
+    std::error_code inner;
+    for (const auto& entry : fs::directory_iterator(device.path(), inner)) {
+      const std::string file = entry.path().filename();
+      if (!file.starts_with(prefix) || !file.ends_with(suffix)) continue;
+      const auto numbers = numbers_in(first_line(entry.path()));
+      if (numbers.size() == 1) most = std::max(most.value_or(-273), 1e-3 * double(numbers[0]));
+    }
+  }
+  return most;
+}
+
+void MachineHealth::note_processor_time() {
+  const auto now = read_ticks();
+  if (!now) return;
+  const int64_t all = last_ ? now->all - last_->all : 0;
+  // Two calls in a moment would tell of a few ticks.
+  if (last_ && all < kShortest * now->cores) return;
+  if (last_) {
+    machine_percent_ = percent(now->busy - last_->busy, all);
+    daemon_percent_ = now->cores * percent(now->daemon - last_->daemon, all);
+  }
+  last_ = now;
+}
+
+void MachineHealth::report(std::map<std::string, double>& values) {
+  const auto add = [&](const char* name, std::optional<double> value) {
+    if (value) values[name] = *value;
+  };
+  note_processor_time();
+  add("cpu_machine_percent", machine_percent_);
+  add("cpu_daemon_percent", daemon_percent_);
+  add("memory_daemon_bytes", bytes_after(root_ / "proc/self/status", "VmRSS:"));
+  add("memory_available_bytes", bytes_after(root_ / "proc/meminfo", "MemAvailable:"));
+  auto temperature = hottest("sys/class/thermal", "temp", "temp");
+  if (!temperature) temperature = hottest("sys/class/hwmon", "temp", "_input");
+  add("temperature_max_celsius", temperature);
+}
+
+}  // namespace v3d

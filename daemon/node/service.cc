@@ -1,0 +1,88 @@
+#include "daemon/node/service.h"
+
+#include <poll.h>
+#include <spdlog/sinks/stdout_color_sinks.h>
+#include <spdlog/sinks/systemd_sink.h>
+#include <spdlog/spdlog.h>
+#include <sys/eventfd.h>
+#include <systemd/sd-daemon.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <atomic>
+#include <cerrno>
+#include <climits>
+#include <csignal>
+#include <cstdlib>
+
+#include "base/error.h"
+
+namespace v3d {
+namespace {
+
+/// Atomic, for the signal reaches any thread, and others look.
+std::atomic<bool> g_stop_requested = false;
+static_assert(std::atomic<bool>::is_always_lock_free, "a signal's handler may not wait");
+int g_stop_event = -1;  ///< eventfd: readable when it is so, whichever thread the signal reaches
+
+void on_stop_signal(int) {
+  const int error = errno;
+  g_stop_requested = true;
+  const uint64_t one = 1;
+  [[maybe_unused]] const ssize_t written = write(g_stop_event, &one, sizeof(one));
+  errno = error;
+}
+
+}  // namespace
+
+void begin_logging(const std::string& program, const std::string& level) {
+  const auto parsed = spdlog::level::from_str(level);
+  if (parsed == spdlog::level::off && level != "off") {
+    throw InputError("--log-level: '" + level +
+                     "' is none of trace, debug, info, warning, error, off");
+  }
+  const bool under_systemd = std::getenv("JOURNAL_STREAM") != nullptr;
+  auto log = under_systemd ? spdlog::systemd_logger_mt(program) : spdlog::stderr_color_mt(program);
+  if (!under_systemd) log->set_pattern("%H:%M:%S.%e %n %^%l%$ %v");
+  log->set_level(parsed);
+  log->flush_on(spdlog::level::info);
+  spdlog::set_default_logger(std::move(log));
+}
+
+void catch_stop_signals() {
+  g_stop_event = eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK);
+  struct sigaction action {};
+  action.sa_handler = on_stop_signal;
+  sigaction(SIGTERM, &action, nullptr);
+  sigaction(SIGINT, &action, nullptr);
+  std::signal(SIGPIPE, SIG_IGN);
+}
+
+bool stop_requested() { return g_stop_requested; }
+
+bool stop_requested_by(MonotonicInstant deadline) {
+  while (!stop_requested()) {
+    const auto left = std::chrono::ceil<std::chrono::milliseconds>(deadline - Monotonic::now());
+    if (left.count() <= 0) return false;
+    pollfd event{g_stop_event, POLLIN, 0};
+    poll(&event, 1, static_cast<int>(std::min<int64_t>(left.count(), INT_MAX)));
+  }
+  return true;
+}
+
+namespace service {
+
+void ready() { sd_notify(0, "READY=1"); }
+void stopping() { sd_notify(0, "STOPPING=1"); }
+void status(const std::string& line) { sd_notify(0, ("STATUS=" + line).c_str()); }
+void feed_watchdog() { sd_notify(0, "WATCHDOG=1"); }
+
+std::optional<Duration> watchdog_period() {
+  uint64_t microseconds = 0;
+  if (sd_watchdog_enabled(0, &microseconds) <= 0) return std::nullopt;
+  return std::chrono::microseconds(microseconds);
+}
+
+}  // namespace service
+
+}  // namespace v3d

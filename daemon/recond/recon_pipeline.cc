@@ -1,0 +1,320 @@
+#include "daemon/recond/recon_pipeline.h"
+
+#include <spdlog/spdlog.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "base/error.h"
+#include "base/statistics.h"
+#include "wire/channels.h"
+
+namespace v3d {
+namespace {
+
+constexpr Duration kLook = std::chrono::milliseconds(20);
+/// Frames of 15 cameras that wait for their set: half a second at 25 Hz.
+constexpr size_t kFrameQueue = 256;
+constexpr size_t kPulseQueue = 256;
+/// A pulse number so far ahead of all before is not believed.
+constexpr int64_t kMaxJump = 15'000;
+/// Pulses whose edge is remembered for the latency.
+constexpr size_t kMaxEdges = 512;
+
+}  // namespace
+
+MeshStages stages_of(const std::shared_ptr<Reconstructor>& reconstructor) {
+  return {.make_mesh = [reconstructor](FrameSetJob& work) { reconstructor->make_mesh(work); },
+          .encode = [reconstructor](FrameSetJob& work) { reconstructor->encode(work); },
+          .begin_sequence = [reconstructor] { reconstructor->begin_sequence(); }};
+}
+
+namespace {
+
+FrameSetOptions behind(FrameSetOptions sets, std::optional<int64_t> last_pulse) {
+  sets.gone_until = last_pulse;
+  return sets;
+}
+
+}  // namespace
+
+ReconPipeline::ReconPipeline(Setup setup, Bus& bus)
+    : take_(std::move(setup.take)),
+      cameras_(setup.sets.cameras),
+      bus_(bus),
+      stages_(std::move(setup.stages)),
+      done_with_(std::move(setup.done_with)),
+      file_(setup.mesh_file, setup.goes_on_at ? LogOpening::kGoOn : LogOpening::kNew),
+      meshes_before_(static_cast<int64_t>(file_.size())),
+      assembler_(behind(setup.sets, file_.last_pulse())),
+      frames_(bus, std::string(kFramePrefix) + ".*", kFrameQueue),
+      pulses_(bus, kPulseChannel, kPulseQueue),
+      ready_({.on_drop =
+                  [this](const ReadySet& ready) {
+                    if (shared_) shared_->gave_up(ready.set.pulse);
+                  }}),
+      rehearsal_(std::move(setup.rehearsal)),
+      newest_pulse_(setup.goes_on_at.value_or(0)),
+      sequences_(!setup.goes_on_at),
+      shared_(share(setup.shard)),
+      pipeline_(setup.threads, [this] { return next_job(); },
+                {[this](Job& job) { attempt(stages_.make_mesh, job); },
+                 [this](Job& job) { finish(job); }}) {
+  assembling_thread_ = std::thread([this] { assemble(); });
+}
+
+std::unique_ptr<SharedTake> ReconPipeline::share(const std::optional<Shard::Setup>& setup) {
+  if (!setup) return nullptr;
+  const auto work = [this](ReadySet set) { ready_.push(std::move(set), Monotonic::now()); };
+  const auto ordered = [this](const MeshMessage& mesh) { keep(mesh); };
+  const auto hear = [this](const FrameGroupSet& groups) { this->hear(groups); };
+  return std::make_unique<SharedTake>(*setup, bus_, SharedTake::Receivers{work, ordered, hear});
+}
+
+ReconPipeline::~ReconPipeline() { close(); }
+
+void ReconPipeline::end() {
+  stopping_ = true;
+  if (assembling_thread_.joinable()) assembling_thread_.join();
+  pipeline_.wait();
+  ready_.drop_all(Monotonic::now());
+  if (shared_) shared_->end();
+}
+
+bool ReconPipeline::close() {
+  end();
+  const io::Status closed = file_.close();
+  if (!closed) spdlog::error("{}", closed.error().message);
+  return closed.has_value();
+}
+
+// --- frames to sets -----------------------------------------------------------------------------
+
+void ReconPipeline::assemble() {
+  while (!stopping_) {
+    assembling_.beat();
+    note_pulses();
+    const MonotonicInstant look = Monotonic::now() + kLook;
+    const MonotonicInstant until = std::min(look, assembler_.next_deadline().value_or(look));
+    auto message = frames_.wait(until);
+    const MonotonicInstant now = Monotonic::now();
+    if (!message) {
+      hand_over(assembler_.poll(now));
+      quiet_.found_none(until);  // by `now`, after a pause, there may be one
+      continue;
+    }
+    if (message->take != take_ || !message->frame.mask) {
+      ++foreign_;
+      continue;
+    }
+    quiet_.took_one(now);
+    note_arrival(*message);
+    hand_over(assembler_.add(std::move(message->frame), now));
+    late_ = assembler_.counters().late;
+  }
+}
+
+void ReconPipeline::hear(const FrameGroupSet& groups) {
+  {
+    const std::lock_guard lock(mutex_);
+    for (const size_t group : groups) {
+      if (!heard_ || heard_->contains(group)) continue;
+      for (const std::string& camera : cameras_) sequences_.listen_anew(series_of(camera, group));
+    }
+    heard_ = groups;
+  }
+  try {
+    bus_.hear_frames(groups);
+  } catch (const InputError& error) {
+    spdlog::warn("{}", error.what());
+  }
+}
+
+std::string ReconPipeline::series_of(const std::string& camera, size_t group) const {
+  return camera + " " + std::to_string(group);
+}
+
+void ReconPipeline::note_arrival(const FrameMessage& message) {
+  const std::string& camera = message.frame.camera;
+  if (std::find(cameras_.begin(), cameras_.end(), camera) == cameras_.end()) return;
+  const auto groups = static_cast<int64_t>(bus_.frame_groups());
+  const auto group = static_cast<size_t>(message.seq % groups);
+  const std::lock_guard lock(mutex_);
+  sequences_.note(series_of(camera, group), message.seq / groups, message.sent);
+}
+
+void ReconPipeline::note_pulses() {
+  while (const auto pulse = pulses_.wait(Monotonic::now())) {
+    if (pulse->take != take_ || pulse->pulse - newest_pulse_ > kMaxJump) continue;
+    newest_pulse_ = std::max(newest_pulse_, pulse->pulse);
+    const std::lock_guard lock(mutex_);
+    edges_[pulse->pulse] = pulse->edge;
+    if (edges_.size() > kMaxEdges) edges_.erase(edges_.begin());
+  }
+}
+
+void ReconPipeline::hand_over(std::vector<ReadySet> ready) {
+  for (ReadySet& set : ready) {
+    if (!set.missing.empty()) ++incomplete_;
+    ++handed_over_;
+    if (shared_) {
+      shared_->add(std::move(set));
+    } else {
+      ready_.push(std::move(set), Monotonic::now());
+    }
+  }
+  open_sets_ = assembler_.next_deadline() ? 1 : 0;
+}
+
+// --- sets to meshes -----------------------------------------------------------------------------
+
+std::optional<ReconPipeline::Job> ReconPipeline::next_job() {
+  if (rehearsal_) {
+    Job job{FrameSetJob(*std::move(rehearsal_)), {}, {}, true};
+    rehearsal_.reset();
+    return job;
+  }
+  while (!stopping_) {
+    reconstructing_.beat();
+    ready_.wait(Monotonic::now() + kLook);
+    if (auto ready = ready_.take(Monotonic::now())) {
+      if (shared_ && !shared_->begin(ready->set.pulse)) continue;
+      return Job{FrameSetJob(std::move(ready->set)), std::move(ready->missing), {}, false};
+    }
+  }
+  return std::nullopt;
+}
+
+void ReconPipeline::attempt(const std::function<void(FrameSetJob&)>& stage, Job& job) {
+  if (!job.failure.empty()) return;
+  try {
+    stage(job.work);
+  } catch (const std::exception& error) {  // too large a surface, for the format or the memory
+    job.failure = error.what();
+  }
+  reconstructing_.beat();
+}
+
+void ReconPipeline::finish(Job& job) {
+  job.work.set.exposure = edge_of(job.work.set.pulse);
+  if (shared_) stages_.begin_sequence();
+  attempt(stages_.encode, job);
+  if (job.rehearsal) return stages_.begin_sequence();
+  if (!job.failure.empty()) return note_failure(job);
+  MeshMessage mesh = message_of(job);
+  if (shared_) {
+    shared_->made(std::move(mesh));
+  } else {
+    mesh.seq = seq_++;
+    bus_.publish_sealed(kMeshChannel, encode(mesh));
+    if (!keep(mesh)) stages_.begin_sequence();
+  }
+  if (done_with_) done_with_(job.work.set);
+}
+
+/// The last stage, or, where nodes share the take, the receiver of what they made: that one may be
+/// called while shared_ is still being set. False when the disk refused.
+bool ReconPipeline::keep(const MeshMessage& mesh) {
+  note_mesh(mesh);
+  const io::Status kept = file_.append(mesh.pulse, mesh.compact);
+  if (!kept && ++write_errors_ == 1) spdlog::error("{}", kept.error().message);
+  ++meshes_;
+  return kept.has_value();
+}
+
+void ReconPipeline::note_failure(const Job& job) {
+  spdlog::warn("pulse {} has no mesh: {}", job.work.set.pulse, job.failure);
+  {
+    const std::lock_guard lock(mutex_);
+    failure_ = job.failure;
+  }
+  ++failed_;
+  if (shared_) shared_->gave_up(job.work.set.pulse);
+}
+
+MeshMessage ReconPipeline::message_of(const Job& job) {
+  const Reconstruction& result = job.work.result;
+  return {.sent = Realtime::now(),
+          .seq = 0,
+          .take = take_,
+          .pulse = result.pulse,
+          .pulse_edge = edge_of(result.pulse),
+          .silhouette_iou = result.quality.silhouette_iou,
+          .coverage = result.quality.coverage,
+          .cameras = result.quality.cameras,
+          .missing = job.missing,
+          .compact = result.compact};
+}
+
+void ReconPipeline::note_mesh(const MeshMessage& mesh) {
+  note_latency(mesh.pulse_edge);
+  const std::lock_guard lock(mutex_);
+  quality_ = {
+      .silhouette_iou = mesh.silhouette_iou, .coverage = mesh.coverage, .cameras = mesh.cameras};
+}
+
+RealtimeInstant ReconPipeline::edge_of(int64_t pulse) {
+  const std::lock_guard lock(mutex_);
+  const auto found = edges_.find(pulse);
+  return found != edges_.end() ? found->second : RealtimeInstant();
+}
+
+void ReconPipeline::note_latency(RealtimeInstant edge) {
+  const std::lock_guard lock(mutex_);
+  last_mesh_ = Monotonic::now();
+  if (first_mesh_ == MonotonicInstant()) first_mesh_ = last_mesh_;
+  if (edge == RealtimeInstant()) return;
+  const double latency_ms = 1e3 * to_seconds(Realtime::now() - edge);
+  if (latencies_ms_.size() < kLatencies) {
+    latencies_ms_.push_back(latency_ms);
+  } else {
+    latencies_ms_[next_latency_++ % kLatencies] = latency_ms;
+  }
+}
+
+// --- what others see ----------------------------------------------------------------------------
+
+ReconCounts ReconPipeline::counts() const {
+  const SubscriptionCounts frames = frames_.counts();
+  ReconCounts counts{.meshes = meshes_before_ + meshes_,
+                     .dropped = ready_.dropped(),
+                     .waiting = static_cast<int64_t>(ready_.size()),
+                     .behind = ready_.behind(Monotonic::now()),
+                     .failed = failed_,
+                     .failure = {},
+                     .incomplete_sets = incomplete_,
+                     .foreign = foreign_,
+                     .frames_late = late_,
+                     .frames_lost = 0,
+                     .frames_dropped = frames.dropped,
+                     .cameras = {},
+                     .undecodable = frames.undecodable + pulses_.counts().undecodable,
+                     .write_errors = write_errors_};
+  if (shared_) {
+    counts.shard = shared_->counts();
+    counts.without_mesh = shared_->without_mesh();
+    counts.undecodable += shared_->undecodable();
+  }
+  const std::lock_guard lock(mutex_);
+  counts.failure = failure_;
+  counts.quality = quality_;
+  counts.frames_lost = sequences_.total().lost;
+  for (const std::string& camera : cameras_) {
+    for (size_t group = 0; group < bus_.frame_groups(); ++group) {
+      counts.cameras[camera] += sequences_.of(series_of(camera, group));
+    }
+  }
+  counts.latency_p50_ms = percentile(latencies_ms_, 0.50);
+  counts.latency_p99_ms = percentile(latencies_ms_, 0.99);
+  const double seconds = to_seconds(last_mesh_ - first_mesh_);
+  if (seconds > 0) counts.live_fps = static_cast<double>(meshes_ - 1) / seconds;
+  return counts;
+}
+
+bool ReconPipeline::drained(Duration quiet) const {
+  const bool is_quiet = quiet_.lasted(quiet) && open_sets_ == 0;
+  if (shared_) return is_quiet && shared_->is_settled();
+  return is_quiet && meshes_ + failed_ + ready_.dropped() == handed_over_;
+}
+
+}  // namespace v3d

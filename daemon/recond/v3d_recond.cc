@@ -1,0 +1,91 @@
+// v3d-recond: the live reconstruction of a studio.
+#include <malloc.h>
+#include <spdlog/spdlog.h>
+
+#include "base/error.h"
+#include "base/units.h"
+#include "daemon/control/reply_json.h"
+#include "daemon/node/daemon_main.h"
+#include "daemon/node/folder_lock.h"
+#include "daemon/node/node_loop.h"
+#include "daemon/node/persisted_command.h"
+#include "daemon/node/take_folder.h"
+#include "daemon/recond/recon_node.h"
+#include "take/logs/mesh_file.h"
+
+namespace {
+
+/// Both daemons of one node would answer under one name.
+void refuse_capture_node(const v3d::Studio& studio, const std::string& node) {
+  if (studio.cameras_of(node).empty() && studio.trigger.node != node) return;
+  throw v3d::InputError(studio.path.string() + ": reconstruction: '" + node +
+                        "' captures; give the reconstruction a [[node]] of its own (it may be the "
+                        "same PC)");
+}
+
+/// Of a take that this node was at when it ended. A file that was not closed gets an index.
+int64_t recovered_meshes(const std::filesystem::path& mesh) {
+  const v3d::MeshFileReader meshes(mesh);
+  if (meshes.index_was_rebuilt()) v3d::MeshFileWriter(mesh, v3d::LogOpening::kGoOn).close();
+  return static_cast<int64_t>(meshes.pulses().size());
+}
+
+void remember_take(const std::filesystem::path& mesh, const std::string& take,
+                   v3d::NodeLoop& loop) {
+  try {
+    const int64_t count = recovered_meshes(mesh);
+    loop.remember(take, v3d::format_count(count) + " meshes recovered",
+                  v3d::numbers_json({{"meshes", static_cast<double>(count)}}));
+  } catch (const v3d::InputError& error) {
+    spdlog::warn("{}", error.what());
+  }
+}
+
+/// The node that this is.
+std::string node_of(const v3d::Studio& studio, const std::string& given) {
+  const std::vector<std::string>& nodes = studio.reconstruction.nodes;
+  if (given.empty() && nodes.size() == 1) return nodes.front();
+  if (studio.reconstructs(given)) return given;
+  std::string names;
+  for (const std::string& node : nodes) names += (names.empty() ? "'" : ", '") + node + "'";
+  throw v3d::InputError("--node: the reconstruction runs on " + names + ", says " +
+                        studio.path.string());
+}
+
+void run(const v3d::Studio& studio, const std::string& given) {
+  const std::string node = node_of(studio, given);
+  refuse_capture_node(studio, node);
+  // Each has the whole take in its mesh file.
+  std::optional<v3d::FolderLock> claim;
+  if (studio.reconstruction.nodes.size() > 1) {
+    claim.emplace(studio.storage.takes, ".v3d-recond", node);
+  }
+  const std::string problem = v3d::receive_buffer_problem(studio.network.lcm_url);
+  if (!problem.empty()) spdlog::warn("{}", problem);
+  v3d::Bus bus(studio.network.lcm_url, studio.network.frame_groups, v3d::ChannelList(studio));
+  bus.hear_frames(v3d::all_frame_groups(bus.frame_groups()));
+  bus.seal().insist();
+  v3d::ReconNode work(studio, node, bus);
+  v3d::NodeLoop loop(
+      {node, "v3d-recond", v3d::credentials_of_node(studio, node), studio.network.metrics}, bus,
+      work);
+  for (const auto& [take, order] : v3d::persisted_commands(studio, node)) {
+    remember_take(v3d::take_paths(studio, take).mesh(), take, loop);
+  }
+  loop.run();
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  // Buffers go from the thread that makes them to one that frees them. With an arena of the C
+  // library for every thread the daemon is twice as large, and larger after every hour; in one
+  // arena it stays what it was, and no thread waits for it that could be measured.
+  mallopt(M_ARENA_MAX, 1);
+  return v3d::daemon_main(
+      argc, argv,
+      {.name = "v3d-recond",
+       .purpose = "Reconstructs the frames of a studio while they are recorded.",
+       .node_is_required = false},
+      run);
+}

@@ -1,0 +1,54 @@
+#include "daemon/viewd/connection_slots.h"
+
+#include <algorithm>
+
+namespace v3d {
+
+template <class Matches>
+size_t ConnectionSlots::count(Matches matches) const {
+  return static_cast<size_t>(std::ranges::count_if(entries_, matches));
+}
+
+template <class Matches>
+std::optional<ConnectionSlots::Id> ConnectionSlots::remove_stranger(Matches matches) {
+  const auto oldest = std::ranges::find_if(entries_, [&](const Entry& entry) {
+    return entry.visitor == Visitor::kStranger && matches(entry);
+  });
+  if (oldest == entries_.end()) return {};
+  const Id id = oldest->id;
+  entries_.erase(oldest);
+  return id;
+}
+
+ConnectionSlots::Place ConnectionSlots::add(const std::string& address, bool is_reserved,
+                                            std::optional<Id> replaced) {
+  entries_.push_back({.id = ++last_id_, .address = address, .is_reserved = is_reserved});
+  return {.id = last_id_, .is_reserved = is_reserved, .replaced = replaced};
+}
+
+std::optional<ConnectionSlots::Place> ConnectionSlots::enter(const std::string& address) {
+  const auto reserved = [](const Entry& entry) { return entry.is_reserved; };
+  const auto common = [](const Entry& entry) { return !entry.is_reserved; };
+  const auto same = [&](const Entry& entry) {
+    return !entry.is_reserved && entry.address == address;
+  };
+  const bool address_is_full = count(same) >= kMaxPerAddress;
+  if (!address_is_full && count(common) < kMaxCommon) return add(address, false, {});
+  const auto replaced = address_is_full ? remove_stranger(same) : remove_stranger(common);
+  if (replaced) return add(address, false, replaced);
+  if (count(reserved) < kReserved) return add(address, true, {});
+  const auto waiting = remove_stranger(reserved);
+  if (!waiting) return {};
+  return add(address, true, waiting);
+}
+
+void ConnectionSlots::set_visitor(Id id, Visitor visitor) {
+  const auto found = std::ranges::find(entries_, id, &Entry::id);
+  if (found != entries_.end()) found->visitor = visitor;
+}
+
+void ConnectionSlots::leave(Id id) {
+  entries_.remove_if([id](const Entry& entry) { return entry.id == id; });
+}
+
+}  // namespace v3d

@@ -1,0 +1,84 @@
+// Simulated GigE Vision cameras: Aravis' fake camera on loopback addresses, so that the real
+// capture path is used.
+//
+// The addresses must exist. In a network namespace (unshare -Urn):
+//   ip link set lo up mtu 65536
+//   ip route add 224.0.0.0/4 dev lo          # LCM's multicast
+//   for i in $(seq 11 25); do ip addr add 127.0.0.$i/32 dev lo; done
+//
+// A pulse on the simulated cable is written to the software trigger register of the fake camera,
+// which the camera's thread polls. The GenICam description names this trigger source "Line1". The
+// register holds one pulse; further pulses are queued, so a slow camera sends late but skips no
+// pulse. Device time stamps are those of the edge. Frame numbers are 16-bit numbers without 0. They
+// start near their maximum, and at 1 after a camera was unplugged.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "base/image.h"
+#include "base/time.h"
+#include "sim/cameras/device_clock.h"
+#include "sim/cameras/fault.h"
+#include "sim/cameras/timer_queue.h"
+
+namespace v3d::sim {
+
+struct GigeCamera {
+  std::string address;  ///< IPv4, on an interface of this host
+  std::string serial;   ///< at most 15 characters
+  ImageSize size;
+  PixelFormat format = PixelFormat::kBayerRG8;
+  SimulatedClock clock;
+  std::vector<Fault> faults;  ///< `pulse` is an edge number; at most one fault per edge
+};
+
+/// "127.0.0.11" for camera 0.
+std::string gige_address(int camera);
+/// "V3D-SIM-01" for camera 0.
+std::string gige_serial(int camera);
+
+/// A sent image. A duplicate fault sends it twice.
+struct Exposure {
+  int camera = 0;
+  DeviceInstant device_time;  ///< start of exposure
+  MonotonicInstant edge_time;
+  int64_t edge = 0;
+  bool black = false;  ///< a fault replaced the image by black
+};
+
+class GigeCameras {
+ public:
+  /// The image of a camera at an edge; its bytes must stay valid. Called by any thread.
+  using Picture = std::function<std::span<const uint8_t>(int camera, int64_t edge)>;
+  /// Called by the camera's thread before an image is sent. Must not throw.
+  using Report = std::function<void(const Exposure&)>;
+
+  /// Starts the cameras. `seed` determines the exposure delays. Throws InputError with camera and
+  /// address where an address cannot be bound.
+  GigeCameras(std::vector<GigeCamera> cameras, Picture picture, Report report, uint64_t seed);
+  ~GigeCameras();
+  GigeCameras(const GigeCameras&) = delete;
+  GigeCameras& operator=(const GigeCameras&) = delete;
+
+  /// A rising edge on the trigger line of all cameras. Cameras that are not acquiring, or do not
+  /// trigger on Line1, ignore it. Faults of this edge are injected. Call it from one thread.
+  void trigger(int64_t edge, MonotonicInstant edge_time);
+  /// The number of edges that cameras without a fault ignored, over all cameras.
+  int64_t ignored() const;
+
+ private:
+  class GenicamFile;
+  class Device;
+  const Picture picture_;
+  const Report report_;
+  const std::unique_ptr<GenicamFile> genicam_;
+  TimerQueue later_;  ///< must end before the devices, whose threads use it
+  std::vector<std::unique_ptr<Device>> devices_;
+};
+
+}  // namespace v3d::sim

@@ -1,0 +1,37 @@
+#include "sim/rendering/outline_noise.h"
+
+#include <cmath>
+
+#include "sim/rendering/noise.h"
+
+namespace v3d::sim {
+namespace {
+
+constexpr float kApartPx = 16;
+/// Standard deviation of value_noise() in a plane of whole z.
+constexpr double kNoiseDeviation = 0.2146;
+
+}  // namespace
+
+Mask with_outline_noise(const Mask& mask, double sigma_px, uint64_t seed) {
+  const auto scale = static_cast<float>(sigma_px / kNoiseDeviation);
+  const auto noise = static_cast<uint32_t>(mix(seed));
+  const ImageSize size = mask.size();
+  Mask result(size);
+  for (int y = 0; y < size.height; ++y) {
+    for (int x = 0; x < size.width; ++x) {
+      const auto shifted = [&](int at, float axis) {
+        const Eigen::Vector3f place(static_cast<float>(x) / kApartPx,
+                                    static_cast<float>(y) / kApartPx, axis);
+        const float shift = scale * (value_noise(place, noise) - 0.5F);
+        return at + static_cast<int>(std::lround(shift));
+      };
+      const int from_x = shifted(x, 0), from_y = shifted(y, 1);
+      const bool inside = from_x >= 0 && from_y >= 0 && from_x < size.width && from_y < size.height;
+      if (inside && mask.get(from_x, from_y)) result.set(x, y);
+    }
+  }
+  return result;
+}
+
+}  // namespace v3d::sim

@@ -1,0 +1,274 @@
+#include "take/ledger/ledger.h"
+
+#include <algorithm>
+#include <array>
+#include <span>
+
+#include "base/checksum.h"
+#include "base/error.h"
+#include "base/file.h"
+#include "base/io/file.h"
+#include "base/toml_file.h"
+#include "base/units.h"
+#include "take/take.h"
+
+namespace v3d {
+namespace {
+
+std::string number_list(const std::vector<int64_t>& numbers) {
+  std::string text;
+  for (const int64_t n : numbers) text += (text.empty() ? "" : ", ") + std::to_string(n);
+  return "[" + text + "]";
+}
+
+int64_t read_count(const TomlTable& table, std::string_view key) {
+  const int64_t n = table.integer(key);
+  if (n < 0 || n > kMaxPulses) {
+    table.fail(key, "expected a count, 0 to " + format_count(kMaxPulses));
+  }
+  return n;
+}
+
+/// Pulses that a camera's node did not count, up to as many as hours of recording have. A frame of
+/// such a pulse is suspect there, and it is not missing.
+void add_missing(CameraLedger& camera, int64_t counted, int64_t commanded) {
+  constexpr int64_t kMaxAdded = 1'000'000;
+  if (commanded - counted > kMaxAdded) return;  // a count that nobody believes
+  const std::set<int64_t> recorded(camera.suspect.begin(), camera.suspect.end());
+  for (int64_t pulse = std::max<int64_t>(counted, 0); pulse < commanded; ++pulse) {
+    if (!recorded.contains(pulse)) camera.missing.push_back(pulse);
+  }
+}
+
+CameraLedger read_camera(const TomlTable& table) {
+  CameraLedger camera;
+  camera.name = table.text("name");
+  camera.received = read_count(table, "received");
+  camera.exposed = table.has("exposed") ? read_count(table, "exposed") : camera.received;
+  camera.written = read_count(table, "written");
+  camera.published = read_count(table, "published");
+  camera.missing = table.integers("missing");
+  camera.duplicate = table.integers("duplicate");
+  camera.suspect = table.integers("suspect");
+  table.refuse_unknown();
+  return camera;
+}
+
+TakeFile read_file_entry(const TomlTable& table) {
+  TakeFile file;
+  file.name = table.text("name");
+  file.bytes = table.integer("bytes");
+  if (file.bytes < 0) table.fail("bytes", "expected a length, 0 or more");
+  if (table.has("xxh3")) {
+    file.checksum = parse_checksum(table.text("xxh3"));
+    if (!file.checksum) table.fail("xxh3", "expected 16 hexadecimal digits");
+  }
+  table.refuse_unknown();
+  return file;
+}
+
+std::string text_of(const TakeFile& file) {
+  std::string text = "\n[[file]]\nname = " + toml_string(file.name) +
+                     "\nbytes = " + std::to_string(file.bytes) + "\n";
+  if (file.checksum) text += "xxh3 = " + toml_string(checksum_text(*file.checksum)) + "\n";
+  return text;
+}
+
+constexpr std::string_view kChecksumKey = "xxh3 = ";
+
+/// The first line of a ledger whose other lines are `content`.
+std::string checksum_line(std::string_view content) {
+  const std::span bytes(reinterpret_cast<const uint8_t*>(content.data()), content.size());
+  return std::string(kChecksumKey) + toml_string(checksum_text(checksum({bytes}))) + "\n";
+}
+
+/// Whether a ledger has a checksum of its own. Throws InputError when it is wrong.
+bool check_own_checksum(std::string_view text, const std::filesystem::path& path) {
+  if (!text.starts_with(kChecksumKey)) return false;
+  const size_t line = std::min(text.find('\n'), text.size() - 1) + 1;
+  if (text.substr(0, line) == checksum_line(text.substr(line))) return true;
+  throw InputError(path.string() +
+                   ": damaged: the checksum in its first line is not that of the other lines");
+}
+
+}  // namespace
+
+bool Ledger::complete() const {
+  return !cameras.empty() && commanded > 0 && sensed.value_or(commanded) == commanded &&
+         unsensed.empty() && extra == 0 && runt.empty() &&
+         std::all_of(cameras.begin(), cameras.end(), [&](const CameraLedger& c) {
+           return c.written == commanded && c.missing.empty() && c.duplicate.empty() &&
+                  c.suspect.empty();
+         });
+}
+
+std::string Ledger::verdict() const {
+  size_t missing = 0;
+  size_t duplicate = 0;
+  size_t suspect = 0;
+  for (const CameraLedger& c : cameras) {
+    missing += c.missing.size();
+    duplicate += c.duplicate.size();
+    suspect += c.suspect.size();
+  }
+  const auto count = [](size_t n) { return format_count(static_cast<int64_t>(n)); };
+  std::string text = "take " + take + ": " + (complete() ? "complete" : "incomplete") + ", " +
+                     count(cameras.size()) + " cameras x " + format_count(commanded) + " pulses, " +
+                     count(missing) + " missing, " + count(suspect) + " suspect";
+  if (duplicate > 0) text += ", " + count(duplicate) + " duplicate";
+  if (!sensed) text += ", pulses not sensed";
+  if (sensed && *sensed != commanded) text += ", " + format_count(*sensed) + " pulses sensed";
+  if (extra > 0) text += ", " + format_count(extra) + " extra pulses";
+  if (!runt.empty()) text += ", " + count(runt.size()) + " runt pulses";
+  return text;
+}
+
+const TakeFile* Ledger::file(std::string_view name) const {
+  const auto found = std::ranges::find(files, name, &TakeFile::name);
+  return found == files.end() ? nullptr : &*found;
+}
+
+void CameraAccount::add(int64_t pulse, bool suspect) {
+  ++frames_;
+  if (!seen_.insert(pulse)) duplicate_.insert(pulse);
+  if (suspect) suspect_.insert(pulse);
+}
+
+CameraLedger CameraAccount::ledger(const std::string& camera, int64_t commanded) const {
+  CameraLedger ledger;
+  ledger.name = camera;
+  ledger.exposed = ledger.received = ledger.written = frames_;
+  ledger.missing = seen_.missing(commanded);
+  ledger.duplicate.assign(duplicate_.begin(), duplicate_.end());
+  std::set<int64_t> suspect = suspect_;
+  for (const int64_t pulse : seen_.outside(commanded)) suspect.insert(pulse);
+  ledger.suspect.assign(suspect.begin(), suspect.end());
+  return ledger;
+}
+
+CameraLedger account(const std::string& camera, const std::vector<int64_t>& pulses,
+                     const std::vector<int64_t>& suspect, int64_t commanded) {
+  const std::set<int64_t> doubted(suspect.begin(), suspect.end());
+  CameraAccount account;
+  for (const int64_t pulse : pulses) account.add(pulse, doubted.contains(pulse));
+  return account.ledger(camera, commanded);
+}
+
+Ledger merge(const std::vector<Ledger>& parts) {
+  Ledger whole;
+  for (const Ledger& part : parts) whole.commanded = std::max(whole.commanded, part.commanded);
+  for (const Ledger& part : parts) {
+    whole.take = part.take;
+    if (part.sensed >= whole.sensed) {
+      whole.sensed = part.sensed;
+      whole.unsensed = part.unsensed;
+      whole.extra = part.extra;
+      whole.runt = part.runt;
+    }
+    for (CameraLedger camera : part.cameras) {
+      add_missing(camera, part.commanded, whole.commanded);
+      whole.cameras.push_back(std::move(camera));
+    }
+  }
+  return whole;
+}
+
+std::string number_ranges(const std::vector<int64_t>& numbers) {
+  std::string text;
+  for (size_t first = 0, last = 0; first < numbers.size(); first = last + 1) {
+    last = first;
+    while (last + 1 < numbers.size() && numbers[last + 1] == numbers[last] + 1) ++last;
+    text += (text.empty() ? "" : ", ") + std::to_string(numbers[first]);
+    if (last > first) text += "-" + std::to_string(numbers[last]);
+  }
+  return text;
+}
+
+std::vector<std::string> trouble_lines(const Ledger& ledger) {
+  std::vector<std::string> lines;
+  const auto tell = [&](const std::string& who, const char* what,
+                        const std::vector<int64_t>& pulses) {
+    if (!pulses.empty()) lines.push_back(who + ": " + what + " " + number_ranges(pulses));
+  };
+  tell("sense line", "did not see pulses", ledger.unsensed);
+  tell("sense line", "saw too short pulses", ledger.runt);
+  for (const CameraLedger& camera : ledger.cameras) {
+    tell(camera.name, "misses pulses", camera.missing);
+    tell(camera.name, "has more than one frame of pulses", camera.duplicate);
+    tell(camera.name, "is in doubt about pulses", camera.suspect);
+  }
+  return lines;
+}
+
+std::vector<std::string> table_lines(const Ledger& ledger) {
+  size_t width = 6;
+  for (const CameraLedger& camera : ledger.cameras) width = std::max(width, camera.name.size());
+  const auto line = [&](std::string name, const std::array<std::string, 4>& cells) {
+    name.resize(width, ' ');
+    for (const std::string& cell : cells) {
+      name += std::string(cell.size() < 11 ? 11 - cell.size() : 1, ' ') + cell;
+    }
+    return name;
+  };
+  std::vector<std::string> lines = {
+      line("camera", {"exposed", "received", "written", "published"})};
+  for (const CameraLedger& c : ledger.cameras) {
+    lines.push_back(line(c.name, {format_count(c.exposed), format_count(c.received),
+                                  format_count(c.written), format_count(c.published)}));
+  }
+  const std::string sensed =
+      ledger.sensed ? format_count(*ledger.sensed) + " sensed" : "not sensed";
+  lines.push_back(format_count(ledger.commanded) + " pulses commanded, " + sensed);
+  return lines;
+}
+
+Ledger load_ledger(const std::filesystem::path& path) {
+  if (!std::filesystem::exists(path)) {
+    throw InputError(path.string() +
+                     ": missing; the take was not ended: v3dctl verify recounts it");
+  }
+  return parse_ledger(read_take_file(path), path);
+}
+
+Ledger parse_ledger(std::string_view text, const std::filesystem::path& path) {
+  const bool has_checksum = check_own_checksum(text, path);
+  const TomlTable table = TomlTable::parse(text, path);
+  Ledger ledger;
+  if (has_checksum) table.text("xxh3");  // else an unknown field
+  ledger.take = table.text("take");
+  ledger.commanded = read_count(table, "commanded");
+  if (table.boolean_or("sense_line", true)) ledger.sensed = read_count(table, "sensed");
+  if (table.has("unsensed")) ledger.unsensed = table.integers("unsensed");
+  if (table.has("extra")) ledger.extra = read_count(table, "extra");
+  if (table.has("runt")) ledger.runt = table.integers("runt");
+  for (const TomlTable& camera : table.tables("camera")) {
+    ledger.cameras.push_back(read_camera(camera));
+  }
+  for (const TomlTable& file : table.tables("file")) ledger.files.push_back(read_file_entry(file));
+  table.refuse_unknown();
+  return ledger;
+}
+
+io::Status save_ledger(const std::filesystem::path& path, const Ledger& ledger) {
+  std::string text = "take = " + toml_string(ledger.take) +
+                     "\ncommanded = " + std::to_string(ledger.commanded) +
+                     "\nsense_line = " + (ledger.sensed ? "true" : "false") + "\n";
+  if (ledger.sensed) {
+    text += "sensed = " + std::to_string(*ledger.sensed) +
+            "\nunsensed = " + number_list(ledger.unsensed) +
+            "\nextra = " + std::to_string(ledger.extra) + "\nrunt = " + number_list(ledger.runt) +
+            "\n";
+  }
+  for (const CameraLedger& c : ledger.cameras) {
+    text +=
+        "\n[[camera]]\nname = " + toml_string(c.name) + "\nexposed = " + std::to_string(c.exposed) +
+        "\nreceived = " + std::to_string(c.received) + "\nwritten = " + std::to_string(c.written) +
+        "\npublished = " + std::to_string(c.published) + "\nmissing = " + number_list(c.missing) +
+        "\nduplicate = " + number_list(c.duplicate) + "\nsuspect = " + number_list(c.suspect) +
+        "\n";
+  }
+  for (const TakeFile& file : ledger.files) text += text_of(file);
+  return io::replace_file(path, checksum_line(text) + text);
+}
+
+}  // namespace v3d

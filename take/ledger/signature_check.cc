@@ -1,0 +1,237 @@
+#include "take/ledger/signature_check.h"
+
+#include <algorithm>
+#include <map>
+#include <optional>
+#include <set>
+
+#include "base/error.h"
+#include "base/io/file.h"
+#include "take/ledger/hashed_file.h"
+#include "take/ledger/take_signature.h"
+
+namespace v3d {
+namespace {
+
+constexpr uint64_t kMaxSignatureBytes = 16 << 20;
+
+/// The node in the name signature.<node>.toml.
+std::string node_of(std::string_view name) {
+  name.remove_prefix(std::string_view("signature.").size());
+  name.remove_suffix(std::string_view(".toml").size());
+  return std::string(name);
+}
+
+/// The camera of a log or plate: "cam01" of "cam01.0001.lcmlog" and "background/cam01.toml".
+std::string camera_of(std::string_view name) {
+  constexpr std::string_view kPlates = "background/";
+  if (name.starts_with(kPlates)) name.remove_prefix(kPlates.size());
+  return std::string(name.substr(0, name.find('.')));
+}
+
+/// The first digits of a key, for messages.
+std::string short_text(const std::string& key) { return key.substr(0, 16) + "..."; }
+
+class Check {
+ public:
+  Check(const TakePaths& paths, const Studio* studio)
+      : paths_(paths), studio_(studio), info_(load_take_info(paths)) {}
+
+  SignatureCheck run() {
+    auto names = take_file_names(paths_);
+    if (!names) {
+      result_.disagreements.push_back(names.error().message);
+      return std::move(result_);
+    }
+    names_ = *std::move(names);
+    for (const std::string& name : names_) {
+      if (is_signature(name)) read(name);
+    }
+    for (const auto& [name, entries] : signed_) check_file(name, entries);
+    check_pulses();
+    if (!signatures_.empty()) note_unsigned();
+    result_.is_complete = check_nodes() && is_covered();
+    return std::move(result_);
+  }
+
+ private:
+  struct Entry {
+    size_t signer;  ///< index into signatures_ and result_.signers
+    TakeFile file;
+  };
+
+  void read(const std::string& name) {
+    const auto text =
+        io::read_file(paths_.folder / name, kMaxSignatureBytes, io::OpenMode::kReadWithinFolder);
+    if (!text) return result_.disagreements.push_back(text.error().message);
+    try {
+      add(name, parse_signature(*text, paths_.folder / name));
+    } catch (const InputError& error) {
+      result_.disagreements.emplace_back(error.what());
+    }
+  }
+
+  void add(const std::string& name, TakeSignature signature) {
+    if (signature.node != node_of(name)) {
+      return disagree(name, "is the signature of node " + signature.node);
+    }
+    // Start times are not compared: each node of a take has its own.
+    if (signature.take != info_.name || signature.studio != info_.studio) {
+      return disagree(name, "is of another take, " + signature.take + " of " + signature.studio);
+    }
+    if (signature.rate_hz != info_.rate_hz) {
+      return disagree(name, "has another pulse rate than take.toml");
+    }
+    const std::string trusted = key_of(signature.node), key = signature.key.text();
+    if (!trusted.empty() && trusted != key) {
+      return disagree(name, "was made with the key " + short_text(key) + ", the studio file has " +
+                                short_text(trusted) + " for " + signature.node);
+    }
+    if (trusted.empty()) {
+      result_.notes.push_back(name + ": was made with the key " + key +
+                              ", which the studio file does not list");
+    }
+    for (const TakeFile& file : signature.files) {
+      signed_[file.name].push_back({signatures_.size(), file});
+    }
+    result_.signers.push_back({.node = signature.node,
+                               .key = signature.key,
+                               .is_known = !trusted.empty(),
+                               .signed_at = signature.signed_at});
+    signatures_.push_back(std::move(signature));
+  }
+
+  bool is_known(const Entry& entry) const { return result_.signers[entry.signer].is_known; }
+  const std::string& node(const Entry& entry) const { return signatures_[entry.signer].node; }
+
+  /// Compares a file with the signatures that count. Several can: each part of a joined take has a
+  /// log of the pulses, and the joined take has one of them.
+  void check_file(const std::string& name, std::vector<Entry> entries) {
+    keep_only_if_any(entries, [&](const Entry& e) { return is_known(e); });
+    const std::string owner = owner_of(name);
+    keep_only_if_any(entries, [&](const Entry& e) { return node(e) == owner; });
+    const std::string& signer = node(entries.front());
+    // Names come from a file of unknown origin: only files of the take are read.
+    if (!std::ranges::binary_search(names_, name)) {
+      return disagree(name, "missing; the signature of " + signer + " names it");
+    }
+    const auto now = stat_take_file(paths_, name);
+    if (!now) return result_.disagreements.push_back(now.error().message);
+    // A file of another length, which may be of any length, is not read.
+    std::erase_if(entries, [&](const Entry& e) { return e.file.bytes != now->bytes; });
+    if (std::ranges::any_of(entries, [](const Entry& e) { return e.file.root.has_value(); })) {
+      const auto hashed = hash_take_file(paths_, name, now->bytes);
+      if (!hashed) return result_.disagreements.push_back(hashed.error().message);
+      std::erase_if(entries, [&](const Entry& e) { return e.file.root != hashed->root; });
+    }
+    if (entries.empty()) return disagree(name, "does not match the signature of " + signer);
+    accept(name, owner, entries.front());
+  }
+
+  template <class Condition>
+  static void keep_only_if_any(std::vector<Entry>& entries, Condition condition) {
+    if (std::ranges::none_of(entries, condition)) return;
+    std::erase_if(entries, [&](const Entry& e) { return !condition(e); });
+  }
+
+  void accept(const std::string& name, const std::string& owner, const Entry& entry) {
+    if (!owner.empty() && owner != node(entry)) {
+      return disagree(name,
+                      "was signed by " + node(entry) + ", but its camera belongs to " + owner);
+    }
+    if (!entry.file.root) {
+      result_.notes.push_back(name + ": only its length is signed by " + node(entry) +
+                              ", because the daemon restarted in the take: v3dctl takes sign");
+      return;
+    }
+    ++result_.signers[entry.signer].files;
+    if (is_known(entry)) covered_.insert(name);
+  }
+
+  /// A node can know fewer pulses than another, never more than the take has.
+  void check_pulses() {
+    int64_t most = 0;
+    for (const TakeSignature& signature : signatures_) most = std::max(most, signature.pulses);
+    if (signatures_.empty() || most == info_.pulses) return;
+    disagree(paths_.info().filename(), "has " + std::to_string(info_.pulses) +
+                                           " pulses, the signatures have " + std::to_string(most));
+  }
+
+  void note_unsigned() {
+    std::string list;
+    for (const std::string& name : names_) {
+      if (is_signed_file(name) && !signed_.contains(name))
+        list += (list.empty() ? "" : ", ") + name;
+    }
+    if (!list.empty()) result_.notes.push_back("without a signature: " + list);
+  }
+
+  /// Whether every node that recorded has signed with a known key.
+  bool check_nodes() {
+    if (studio_ == nullptr) return false;
+    bool all = true;
+    for (const StudioNode& node : studio_->nodes) {
+      if (!has_recorded(node.name)) continue;
+      const auto signer = std::ranges::find(result_.signers, node.name, &SignedBy::node);
+      if (signer != result_.signers.end() && signer->is_known) continue;
+      all = false;
+      if (!node.public_key.empty()) {
+        result_.notes.push_back("no signature of " + node.name +
+                                ", for which the studio file has a key");
+      }
+    }
+    return all;
+  }
+
+  bool is_covered() const {
+    return std::ranges::all_of(names_, [&](const std::string& name) {
+      return !is_signed_file(name) || covered_.contains(name);
+    });
+  }
+
+  bool has_recorded(const std::string& node) const {
+    return std::ranges::any_of(
+        info_.cameras, [&](const std::string& camera) { return node_with(camera) == node; });
+  }
+
+  /// The node of the camera that the file belongs to. Empty where it belongs to none, or the studio
+  /// does not list the camera.
+  std::string owner_of(const std::string& name) const {
+    const std::string camera = camera_of(name);
+    const bool is_of_camera = std::ranges::find(info_.cameras, camera) != info_.cameras.end();
+    return is_of_camera ? node_with(camera) : "";
+  }
+
+  std::string node_with(const std::string& camera) const {
+    if (studio_ == nullptr) return "";
+    const auto found = std::ranges::find(studio_->cameras, camera, &StudioCamera::name);
+    return found == studio_->cameras.end() ? "" : found->node;
+  }
+
+  std::string key_of(const std::string& node) const {
+    if (studio_ == nullptr) return "";
+    const auto found = std::ranges::find(studio_->nodes, node, &StudioNode::name);
+    return found == studio_->nodes.end() ? "" : found->public_key;
+  }
+
+  void disagree(const std::string& name, const std::string& what) {
+    result_.disagreements.push_back(name + ": " + what);
+  }
+
+  const TakePaths& paths_;
+  const Studio* const studio_;
+  const TakeInfo info_;
+  std::vector<std::string> names_;  ///< of the files of the take, sorted
+  std::vector<TakeSignature> signatures_;
+  std::map<std::string, std::vector<Entry>> signed_;
+  std::set<std::string> covered_;  ///< files whose root matches a known key's signature
+  SignatureCheck result_;
+};
+
+}  // namespace
+
+SignatureCheck check_signatures(const TakePaths& paths, const Studio* studio) {
+  return Check(paths, studio).run();
+}
+
+}  // namespace v3d

@@ -1,0 +1,102 @@
+#include "take/ledger/take_account.h"
+
+#include <algorithm>
+#include <stdexcept>
+
+#include "base/checksum.h"
+#include "base/error.h"
+#include "base/units.h"
+
+namespace v3d {
+namespace {
+
+std::optional<Ledger> ledger_before(const TakePaths& paths) {
+  try {
+    return load_ledger(paths.ledger());
+  } catch (const InputError&) {
+    return std::nullopt;
+  }
+}
+
+/// Fails where the length of the log cannot be read: a ledger with a wrong length is worse than
+/// none.
+io::Result<TakeFile> entry_of_camera_log(const TakePaths& paths, const std::string& name,
+                                         const std::optional<Ledger>& before) {
+  auto file = stat_take_file(paths, name);
+  if (!file) return file;
+  const TakeFile* const known = before ? before->file(name) : nullptr;
+  if (known && known->bytes == file->bytes) file->checksum = known->checksum;
+  return file;
+}
+
+TakeFile entry_of_text(const std::string& name, const std::string& text) {
+  const std::span bytes(reinterpret_cast<const uint8_t*>(text.data()), text.size());
+  return {.name = name,
+          .bytes = static_cast<int64_t>(text.size()),
+          .changed_ns = 0,
+          .checksum = checksum({bytes})};
+}
+
+TakeFile entry_of_file(const TakePaths& paths, const std::string& name,
+                       std::vector<std::string>& unread) {
+  /// Of the pulses of the longest take, kMaxPulses: 2 GB. A sparse file can have any length.
+  constexpr int64_t kMaxBytes = int64_t{4} << 30;
+  auto known = stat_take_file(paths, name);
+  if (known && known->bytes > kMaxBytes) {
+    unread.push_back(name + ": has no checksum: it has " + format_count(known->bytes) +
+                     " bytes; expected at most " + format_count(kMaxBytes));
+    return *std::move(known);
+  }
+  auto read = read_take_file(paths, name, ReadFrom::kPageCache);
+  if (read) return *std::move(read);
+  unread.push_back(read.error().message);
+  return stat_take_file(paths, name).value_or(TakeFile{.name = name, .checksum = {}});
+}
+
+/// Names what `ledger` does not name yet. Returns the files that could not be read.
+io::Result<std::vector<std::string>> add_files(const TakePaths& paths, const TakeInfo& info,
+                                               Ledger& ledger) {
+  const std::optional<Ledger> before = ledger_before(paths);
+  const auto names = take_file_names(paths);
+  if (!names) return tl::make_unexpected(names.error());
+  std::vector<std::string> unread;
+  for (const std::string& name : *names) {
+    if (is_written_after_ledger(name) || ledger.file(name)) continue;
+    auto entry = is_camera_log(name, info) ? entry_of_camera_log(paths, name, before)
+                                           : entry_of_file(paths, name, unread);
+    if (!entry) return tl::make_unexpected(entry.error());
+    ledger.files.push_back(*std::move(entry));
+  }
+  return unread;
+}
+
+}  // namespace
+
+bool is_camera_log(const std::string& name, const TakeInfo& info) {
+  return name.ends_with(".lcmlog") && std::ranges::any_of(info.cameras, [&](const auto& camera) {
+           return name.starts_with(camera + ".");
+         });
+}
+
+io::Result<std::vector<std::string>> save_account(const TakePaths& paths, const TakeInfo& info,
+                                                  Ledger ledger) {
+  const std::string text = take_info_text(info), info_name = paths.info().filename();
+  std::erase_if(ledger.files, [&](const TakeFile& file) { return file.name == info_name; });
+  ledger.files.push_back(entry_of_text(info_name, text));  // of the file that is written below
+  auto unread = add_files(paths, info, ledger);
+  if (!unread) return unread;
+  for (TakeFile& file : ledger.files) file.changed_ns = 0;
+  std::ranges::sort(ledger.files, {}, &TakeFile::name);
+  io::Status saved = save_ledger(paths.ledger(), ledger);
+  if (saved) saved = save_take_info(paths, info);
+  if (!saved) return tl::make_unexpected(saved.error());
+  return unread;
+}
+
+void save_whole_account(const TakePaths& paths, const TakeInfo& info, Ledger ledger) {
+  const auto unread = save_account(paths, info, std::move(ledger));
+  if (!unread) throw std::runtime_error(unread.error().message);
+  if (!unread->empty()) throw std::runtime_error(unread->front());
+}
+
+}  // namespace v3d

@@ -1,0 +1,143 @@
+#include "take/ledger/take_signature.h"
+
+#include <algorithm>
+
+#include "base/error.h"
+#include "base/io/file.h"
+#include "base/toml_file.h"
+#include "take/ledger/hashed_file.h"
+#include "take/ledger/take_account.h"
+#include "wire/signed_text.h"
+
+namespace v3d {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr int kFormat = 1;
+
+fs::path signature_path(const TakePaths& paths, const std::string& node) {
+  return paths.folder / ("signature." + node + ".toml");
+}
+
+std::string text_of(const TakeFile& file) {
+  std::string text = "\n[[file]]\nname = " + toml_string(file.name) +
+                     "\nbytes = " + std::to_string(file.bytes) + "\n";
+  if (file.root) text += "root = " + toml_string(hash_text(*file.root)) + "\n";
+  return text;
+}
+
+std::string text_of(const TakeSignature& signature) {
+  std::string text =
+      "format = " + std::to_string(kFormat) + "\ntake = " + toml_string(signature.take) +
+      "\nstudio = " + toml_string(signature.studio) + "\nnode = " + toml_string(signature.node) +
+      "\npublic_key = " + toml_string(signature.key.text()) +
+      "\nstarted_ns = " + std::to_string(to_ns(signature.started)) +
+      "  # since 1970, CLOCK_REALTIME\nsigned_ns = " + std::to_string(to_ns(signature.signed_at)) +
+      "\nrate_hz = " + toml_number(signature.rate_hz) +
+      "\npulses = " + std::to_string(signature.pulses) +
+      "\nstate = " + toml_string(std::string(name(signature.state))) + "\n";
+  for (const TakeFile& file : signature.files) text += text_of(file);
+  return text;
+}
+
+TakeFile read_entry(const TomlTable& table) {
+  TakeFile file{.name = table.text("name"), .bytes = table.integer("bytes"), .checksum = {}};
+  if (table.has("root")) {
+    file.root = parse_hash(table.text("root"));
+    if (!file.root) table.fail("root", "expected 64 hexadecimal digits");
+  }
+  table.refuse_unknown();
+  return file;
+}
+
+TakeState read_state(const TomlTable& table) {
+  const std::string text = table.text("state");
+  for (const TakeState state : {TakeState::kComplete, TakeState::kRecovered}) {
+    if (text == name(state)) return state;
+  }
+  table.fail("state", "expected complete or recovered, found '" + text + "'");
+}
+
+enum class CameraLogs : uint8_t { kKnownOnly, kRead };
+
+io::Result<TakeFile> signed_file(const TakePaths& paths, const std::string& name,
+                                 const TakeFile* known, bool may_read) {
+  if (known != nullptr && known->root) return *known;
+  auto now = stat_take_file(paths, name);
+  if (!now || !may_read) return now;
+  return hash_take_file(paths, name, now->bytes);
+}
+
+io::Status sign(const TakePaths& paths, const TakeSigner& signer,
+                const std::vector<TakeFile>& known, CameraLogs logs) {
+  const TakeInfo info = load_take_info(paths);
+  TakeSignature signature{.take = info.name,
+                          .studio = info.studio,
+                          .node = signer.node,
+                          .key = signer.key.public_key(),
+                          .started = info.started,
+                          .signed_at = Realtime::now(),
+                          .rate_hz = info.rate_hz,
+                          .pulses = info.pulses,
+                          .state = info.state,
+                          .files = {}};
+  const auto names = take_file_names(paths);
+  if (!names) return tl::make_unexpected(names.error());
+  for (const std::string& name : *names) {
+    if (!is_signed_file(name)) continue;
+    const auto found = std::ranges::find(known, name, &TakeFile::name);
+    const bool may_read = logs == CameraLogs::kRead || !is_camera_log(name, info);
+    auto file = signed_file(paths, name, found == known.end() ? nullptr : &*found, may_read);
+    if (!file) return tl::make_unexpected(file.error());
+    signature.files.push_back(*std::move(file));
+  }
+  return save_signature(paths, signature, signer.key);
+}
+
+}  // namespace
+
+bool is_signed_file(std::string_view name) {
+  return !is_written_after_ledger(name) && name != TakePaths().info();
+}
+
+io::Status save_signature(const TakePaths& paths, const TakeSignature& signature,
+                          const SigningKey& key) {
+  return io::replace_file(signature_path(paths, signature.node),
+                          sign_text(text_of(signature), key));
+}
+
+io::Status sign_take(const TakePaths& paths, const TakeSigner& signer,
+                     const std::vector<TakeFile>& files) {
+  return sign(paths, signer, files, CameraLogs::kKnownOnly);
+}
+
+io::Status sign_recovered_take(const TakePaths& paths, const TakeSigner& signer) {
+  return sign(paths, signer, {}, CameraLogs::kRead);
+}
+
+TakeSignature parse_signature(std::string_view text, const fs::path& path) {
+  const SignedText signed_text = split_signed_text(text, path);
+  const TomlTable table = TomlTable::parse(signed_text.text, path);
+  if (table.integer("format") != kFormat) {
+    table.fail("format", "expected " + std::to_string(kFormat) + "; a newer version wrote it");
+  }
+  TakeSignature read{.take = table.text("take"),
+                     .studio = table.text("studio"),
+                     .node = table.text("node"),
+                     .key = PublicKey::parse(table.text("public_key"), path.string()),
+                     .started = from_ns<Realtime>(table.integer("started_ns")),
+                     .signed_at = from_ns<Realtime>(table.integer("signed_ns")),
+                     .rate_hz = table.number("rate_hz"),
+                     .pulses = table.integer("pulses"),
+                     .state = read_state(table),
+                     .files = {}};
+  for (const TomlTable& file : table.tables("file")) read.files.push_back(read_entry(file));
+  table.refuse_unknown();
+  if (!signed_text.is_signed_by(read.key)) {
+    throw InputError(path.string() + ": its signature is wrong: the file was changed");
+  }
+  return read;
+}
+
+}  // namespace v3d

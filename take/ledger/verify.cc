@@ -1,0 +1,413 @@
+#include "take/ledger/verify.h"
+
+#include <algorithm>
+#include <cerrno>
+#include <type_traits>
+
+#include "base/error.h"
+#include "base/units.h"
+#include "take/ledger/exposure_count.h"
+#include "take/ledger/take_account.h"
+#include "take/logs/event_log.h"
+#include "take/logs/frame_log.h"
+#include "take/logs/log_segments.h"
+#include "take/logs/mesh_file.h"
+#include "take/take_removal.h"
+
+namespace v3d {
+namespace {
+
+/// How much of a log is read: the whole frames, or their labels.
+enum class Depth : uint8_t { kFrames, kLabels };
+
+/// The head of a frame; empty where the event does not begin as a frame of its length. Its length
+/// is then not trusted: no more of it is read.
+io::Result<std::optional<FrameHead>> read_head(const EventLogReader& log, const EventSpan& event) {
+  const auto begin = log.read(event, kFrameHeadSize);
+  if (!begin) return tl::make_unexpected(begin.error());
+  auto head = decode_frame_head(*begin);
+  return head && head->message_size == event.data_size ? std::move(head) : std::nullopt;
+}
+
+/// The whole message of an event; empty where it is damaged.
+template <class Message>
+io::Result<std::optional<Message>> read_message(const EventLogReader& log, const EventSpan& event) {
+  const auto bytes = log.read(event);
+  if (!bytes) return tl::make_unexpected(bytes.error());
+  return decode<Message>(*bytes);
+}
+
+/// The label of a frame; empty where the frame is of another camera or, as far as it is read,
+/// damaged.
+io::Result<std::optional<FrameLabel>> read_label(const EventLogReader& log, const EventSpan& event,
+                                                 const std::string& camera, Depth depth) {
+  const auto head = read_head(log, event);
+  if (!head) return tl::make_unexpected(head.error());
+  if (!*head || (*head)->camera != camera) return std::nullopt;
+  if (depth == Depth::kLabels) return (*head)->label;
+  const auto message = read_message<FrameMessage>(log, event);
+  if (!message) return tl::make_unexpected(message.error());
+  return *message ? std::optional((*message)->frame.label) : std::nullopt;
+}
+
+/// Files that programs read as parts of a take: in a folder of a take they need an account.
+bool is_part_of_take(const std::string& name) {
+  const TakePaths paths;
+  return name.ends_with(".lcmlog") || name == paths.calib() || name == paths.studio() ||
+         name.starts_with(paths.background().string() + "/");
+}
+
+/// Reads the files of a take and compares them with the list of its ledger.
+class FileCheck {
+ public:
+  FileCheck(const TakePaths& paths, const Ledger* stored, ReadFrom from, Verification& result)
+      : paths_(paths), stored_(stored), from_(from), result_(result) {}
+
+  /// Reads all segments of a log. What reads them afterwards finds them in the page cache.
+  void read_log(const std::filesystem::path& log) {
+    const auto segments = existing_segments(log);
+    if (!segments) return result_.disagreements.push_back(segments.error().message);
+    for (const auto& segment : *segments) read(segment.filename());
+  }
+
+  /// Reads every other file, and reports what is missing and what the ledger does not name.
+  void finish() {
+    const auto names = take_file_names(paths_);
+    if (!names) return result_.disagreements.push_back(names.error().message);
+    for (const std::string& name : *names) {
+      if (name != paths_.verified().filename()) read(name);
+    }
+    std::ranges::sort(result_.files, {}, &TakeFile::name);
+    if (!has_list()) return;
+    for (const TakeFile& file : stored_->files) {
+      if (!std::ranges::binary_search(*names, file.name)) report_missing(file);
+    }
+  }
+
+ private:
+  bool has_list() const { return stored_ && !stored_->files.empty(); }
+
+  void read(const std::string& name) {
+    if (std::ranges::find(result_.files, name, &TakeFile::name) != result_.files.end()) return;
+    const TakeFile* const entry = has_list() ? stored_->file(name) : nullptr;
+    auto file = read_take_file(paths_, name, from_, entry ? entry->bytes : INT64_MAX);
+    if (!file) return result_.disagreements.push_back(file.error().message);
+    if (entry) compare(*entry, *file);
+    if (has_list() && !entry && !is_written_after_ledger(name)) report_unnamed(name);
+    result_.files.push_back(*std::move(file));
+  }
+
+  void compare(const TakeFile& entry, const TakeFile& file) {
+    if (file.bytes != entry.bytes) {
+      disagree(file.name, "has " + format_count(file.bytes) + " bytes, the ledger says " +
+                              format_count(entry.bytes));
+    } else if (entry.checksum && entry.checksum != file.checksum) {
+      disagree(file.name, "has the checksum " + checksum_text(*file.checksum) +
+                              ", the ledger says " + checksum_text(*entry.checksum));
+    } else if (!entry.checksum) {
+      result_.notes.push_back(file.name +
+                              ": the ledger has no checksum of it, as after a recovery");
+    }
+  }
+
+  /// Once: what counted the frames may have reported it.
+  void report_missing(const TakeFile& file) {
+    const std::string path = (paths_.folder / file.name).string();
+    const bool is_known = std::ranges::any_of(result_.disagreements, [&](const std::string& line) {
+      return line.find(path) != std::string::npos || line.starts_with(file.name + ": missing");
+    });
+    if (!is_known) {
+      disagree(file.name, "missing; the ledger has it with " + format_count(file.bytes) + " bytes");
+    }
+  }
+
+  void report_unnamed(const std::string& name) {
+    const std::string what = "is not named in the ledger";
+    if (is_part_of_take(name)) return disagree(name, what + "; move it out of the take");
+    result_.notes.push_back(name + ": " + what);
+  }
+
+  void disagree(const std::string& name, const std::string& what) {
+    result_.disagreements.push_back(name + ": " + what);
+  }
+
+  const TakePaths& paths_;
+  const Ledger* const stored_;
+  const ReadFrom from_;
+  Verification& result_;
+};
+
+class Verifier {
+ public:
+  Verifier(const TakePaths& paths, Depth depth, ReadFrom from)
+      : paths_(paths), depth_(depth), from_(from) {
+    result_.info = load_take_info(paths);
+  }
+
+  Verification run() {
+    const std::optional<Ledger> stored = stored_ledger();
+    FileCheck files(paths_, stored ? &*stored : nullptr, from_, result_);
+    // First for its checksum, then event by event while it is in the page cache.
+    const bool reads_files =
+        depth_ == Depth::kFrames && result_.info.state != TakeState::kRecording;
+    if (reads_files) files.read_log(paths_.pulses());
+    count_pulses(stored);
+    for (const std::string& camera : result_.info.cameras) {
+      if (reads_files) files.read_log(paths_.frames(camera));
+      CameraLedger counted = count_frames(camera);
+      if (stored) compare(*stored, counted);
+      result_.ledger.cameras.push_back(std::move(counted));
+    }
+    check_calib();
+    if (reads_files) files.finish();
+    check_mesh();
+    if (stored && stored->files.empty() && reads_files) {
+      result_.notes.push_back(
+          "ledger.toml: has no checksums of files (of an older version): frames were compared with "
+          "their own checksums, calibration, plates and pulses with none");
+    }
+    return std::move(result_);
+  }
+
+ private:
+  void disagree(const std::filesystem::path& file, const std::string& what) {
+    result_.disagreements.push_back(file.filename().string() + ": " + what);
+  }
+
+  std::optional<Ledger> stored_ledger() {
+    try {
+      Ledger stored = load_ledger(paths_.ledger());
+      // Of a recovery, after which a daemon may have continued the take: it knows less than the
+      // logs.
+      const TakeState state = result_.info.state;
+      const bool recovers = depth_ == Depth::kLabels && state == TakeState::kRecovered;
+      if (recovers || state == TakeState::kRecording) return std::nullopt;
+      return stored;
+    } catch (const InputError& error) {
+      result_.disagreements.emplace_back(error.what());
+      return std::nullopt;
+    }
+  }
+
+  void count_pulses(const std::optional<Ledger>& stored) {
+    Ledger& ledger = result_.ledger;
+    ledger.take = result_.info.name;
+    PulseSet sensed;
+    try {
+      for (const PulseMessage& message : read_pulses(paths_.pulses())) {
+        if (message.pulse < kMaxPulses) {
+          sensed.insert(message.pulse);
+        } else {
+          disagree(paths_.pulses(), "holds the impossible pulse " + format_count(message.pulse));
+        }
+      }
+    } catch (const InputError& error) {
+      result_.disagreements.emplace_back(error.what());
+    }
+    recount_pulses(sensed, result_.info.pulses, stored, ledger);
+    if (stored && stored->sensed && *stored->sensed != sensed.size()) {
+      disagree(paths_.pulses(), "holds " + format_count(sensed.size()) +
+                                    " pulses, the ledger says " + format_count(*stored->sensed));
+    }
+    if (result_.info.state == TakeState::kComplete && result_.info.pulses != ledger.commanded) {
+      disagree(paths_.info(), "says " + format_count(result_.info.pulses) +
+                                  " pulses, the ledger says " + format_count(ledger.commanded));
+    }
+  }
+
+  CameraLedger count_frames(const std::string& camera) {
+    CameraAccount account;
+    ExposureCount exposures;
+    if (const auto log = EventLogReader::open(paths_.frames(camera))) {
+      count_events(*log, camera, account, exposures);
+    } else {
+      result_.disagreements.push_back(log.error().message);
+    }
+    CameraLedger counted = account.ledger(camera, result_.ledger.commanded);
+    counted.exposed = exposures.exposed();
+    return counted;
+  }
+
+  void count_events(const EventLogReader& log, const std::string& camera, CameraAccount& account,
+                    ExposureCount& exposures) {
+    const std::filesystem::path file = paths_.frames(camera);
+    int64_t damaged = log.damaged_places(), unreadable = 0;
+    std::vector<std::string> errors = log.read_errors();
+    for (const EventSpan& event : log.events()) {
+      const auto label = read_label(log, event, camera, depth_);
+      if (!label) {
+        ++unreadable;
+        if (errors.empty()) errors.push_back(label.error().message);
+      } else if (!*label) {
+        ++damaged;
+      } else {
+        account.add((*label)->pulse, (*label)->suspect);
+        exposures.add((*label)->camera_counter);
+      }
+    }
+    for (std::string& error : errors) result_.disagreements.push_back(std::move(error));
+    if (unreadable > 0) disagree(file, format_count(unreadable) + " events cannot be read");
+    if (damaged > 0) disagree(file, format_count(damaged) + " damaged events");
+    if (log.torn_bytes() > 0) {
+      disagree(file, "ends in an unfinished event of " + format_count(log.torn_bytes()) +
+                         " bytes, which is left out");
+    }
+  }
+
+  void compare(const Ledger& stored, CameraLedger& counted) {
+    const auto found = std::find_if(stored.cameras.begin(), stored.cameras.end(),
+                                    [&](const CameraLedger& c) { return c.name == counted.name; });
+    if (found == stored.cameras.end()) {
+      disagree(paths_.ledger(), "has no camera '" + counted.name + "'");
+      return;
+    }
+    counted.exposed = found->exposed;
+    counted.received = found->received;
+    counted.published = found->published;
+    if (found->written != counted.written) {
+      disagree(paths_.frames(counted.name), "holds " + format_count(counted.written) +
+                                                " frames, the ledger says " +
+                                                format_count(found->written));
+    } else if (found->missing != counted.missing || found->duplicate != counted.duplicate ||
+               found->suspect != counted.suspect) {
+      disagree(paths_.frames(counted.name),
+               "its missing, duplicate or suspect pulses are not those of the ledger");
+    }
+  }
+
+  void check_calib() {
+    if (!std::filesystem::exists(paths_.calib())) disagree(paths_.calib(), "missing");
+  }
+
+  void check_mesh() {
+    if (!std::filesystem::exists(paths_.mesh())) return;  // a take need not be reconstructed
+    try {
+      MeshFileReader meshes(paths_.mesh());
+      const auto damaged = std::count_if(meshes.pulses().begin(), meshes.pulses().end(),
+                                         [&](int64_t pulse) { return !meshes.read(pulse); });
+      if (damaged > 0) disagree(paths_.mesh(), format_count(damaged) + " damaged meshes");
+      if (meshes.index_was_rebuilt() && result_.info.state != TakeState::kRecording) {
+        disagree(paths_.mesh(), "ends without its index: truncated, or not finished; " +
+                                    format_count(std::ssize(meshes.pulses())) + " meshes are left");
+      }
+    } catch (const InputError& error) {
+      result_.disagreements.emplace_back(error.what());
+    }
+  }
+
+  const TakePaths paths_;
+  const Depth depth_;
+  const ReadFrom from_;
+  Verification result_;
+};
+
+/// Whether an event is a whole message. Its length is trusted only where such a message can have
+/// it. Fails when the disk does not give the bytes.
+template <class Message>
+io::Result<bool> is_whole(const EventLogReader& log, const EventSpan& event) {
+  if constexpr (std::is_same_v<Message, PulseMessage>) {
+    if (event.data_size > kMaxPulseBytes) return false;
+  } else {
+    const auto head = read_head(log, event);
+    if (!head) return tl::make_unexpected(head.error());
+    if (!*head) return false;
+  }
+  const auto message = read_message<Message>(log, event);
+  if (!message) return tl::make_unexpected(message.error());
+  return message->has_value();
+}
+
+/// What a recovery finds in a segment. A power cut may leave the length of the last events without
+/// their bytes; these events are not counted. Damage farther back than what can have waited for the
+/// disk has another cause and stays inside the log. Fails when the disk does not give an event.
+template <class Message>
+io::Result<SegmentIndex> index_of(const EventLogReader& log, uint32_t number) {
+  constexpr uint64_t kMaxUnwrittenBytes = 64 << 20;
+  const LogSegment& segment = log.segments()[number];
+  SegmentIndex index{.bytes = segment.bytes,
+                     .whole_bytes = 0,
+                     .events = segment.events,
+                     .damaged_places = segment.damaged_places};
+  uint64_t end = 0;
+  int64_t left_out = 0;
+  for (auto event = log.events().rbegin(); event != log.events().rend(); ++event) {
+    if (event->segment != number) continue;
+    const uint64_t event_end = event->data_offset + event->data_size;
+    if (end == 0) end = index.whole_bytes = event_end;
+    if (end - event_end > kMaxUnwrittenBytes) return index;
+    const auto whole = is_whole<Message>(log, *event);
+    if (!whole) return tl::make_unexpected(whole.error());
+    if (*whole) {
+      index.whole_bytes = event_end;
+      index.events -= left_out;
+      return index;
+    }
+    ++left_out;
+  }
+  return index;
+}
+
+/// Writes the index of every segment that has none. A segment that the disk does not give whole
+/// gets none; `read_errors` says so, and the next recovery tries again.
+template <class Message>
+io::Status index_segments(const std::filesystem::path& path,
+                          std::vector<std::string>& read_errors) {
+  if (is_absent_log(path)) return {};  // the verification reports it
+  const auto log = EventLogReader::open(path);
+  if (!log) return tl::make_unexpected(log.error());
+  for (uint32_t number = 0; number < log->segments().size(); ++number) {
+    const LogSegment& segment = log->segments()[number];
+    // What the ledger is about to say must not survive a power cut that these bytes do not.
+    if (auto synced = segment.file.sync(); !synced) return synced;
+    if (segment.index) continue;
+    io::Result<SegmentIndex> index =
+        tl::make_unexpected(io::IoError{.code = EIO, .message = segment.read_error});
+    if (segment.read_error.empty()) index = index_of<Message>(*log, number);
+    if (!index) {
+      read_errors.push_back(index.error().message);
+    } else if (auto saved = save_segment_index(segment.file.path(), *index); !saved) {
+      return saved;
+    }
+  }
+  return {};
+}
+
+}  // namespace
+
+void recount_pulses(const PulseSet& sensed, int64_t known, const std::optional<Ledger>& stored,
+                    Ledger& ledger) {
+  const bool has_sense_line = !stored || stored->sensed;
+  if (has_sense_line) ledger.sensed = sensed.size();
+  ledger.commanded = stored ? stored->commanded : std::max(known, sensed.last() + 1);
+  if (has_sense_line) ledger.unsensed = sensed.missing(ledger.commanded);
+  if (!stored) return;
+  ledger.extra = stored->extra;  // not in the log
+  ledger.runt = stored->runt;
+}
+
+Verification verify_take(const TakePaths& paths, ReadFrom from) {
+  return Verifier(paths, Depth::kFrames, from).run();
+}
+
+Verification recover_take(const TakePaths& paths) {
+  std::vector<std::string> read_errors;
+  io::throw_if_failed(index_segments<PulseMessage>(paths.pulses(), read_errors));
+  for (const std::string& camera : load_take_info(paths).cameras) {
+    io::throw_if_failed(index_segments<FrameMessage>(paths.frames(camera), read_errors));
+  }
+  Verification result = Verifier(paths, Depth::kLabels, ReadFrom::kPageCache).run();
+  for (const std::string& error : read_errors) {
+    const bool is_known =
+        std::ranges::find(result.disagreements, error) != result.disagreements.end();
+    if (!is_known) result.disagreements.push_back(error);
+  }
+  remove_working_file(paths.reserve());
+  result.info.state = TakeState::kRecovered;
+  result.info.pulses = result.ledger.commanded;
+  const auto unread = save_account(paths, result.info, result.ledger);
+  if (!unread) throw std::runtime_error(unread.error().message);
+  result.disagreements.insert(result.disagreements.end(), unread->begin(), unread->end());
+  return result;
+}
+
+}  // namespace v3d

@@ -1,0 +1,195 @@
+#include "take/logs/event_log.h"
+
+#include <algorithm>
+#include <array>
+#include <cerrno>
+#include <numeric>
+#include <optional>
+#include <utility>
+
+#include "base/error.h"
+#include "base/io/big_endian.h"
+#include "take/logs/sparse_file.h"
+
+namespace v3d {
+namespace {
+
+// An event, as LCM's documentation of log files gives it, all numbers big-endian: sync word, event
+// number (8 bytes), time (8), length of the channel's name (4), length of the data (4), name, data.
+constexpr size_t kLongestChannel = 63;  // LCM_MAX_CHANNEL_NAME_LENGTH
+constexpr std::array<uint8_t, 4> kSyncBytes = {0xED, 0xA1, 0xDA, 0x01};
+
+uint64_t end_of(const EventSpan& event) { return event.data_offset + event.data_size; }
+
+/// Finds the events of one segment.
+class SegmentScan {
+ public:
+  explicit SegmentScan(LogSegment& segment)
+      : segment_(segment), end_(segment.index ? segment.index->whole_bytes : segment.bytes) {}
+
+  /// Appends the segment's events and fills in the rest of LogSegment.
+  void run(uint32_t number, std::vector<EventSpan>& events) {
+    uint64_t offset = 0;
+    auto event = event_at(offset);
+    while (offset < end_) {
+      auto behind = event ? event_at(end_of(*event)) : std::nullopt;
+      // Where no event follows, this one may have a damaged length and contain others.
+      const bool is_sure = event && (behind || end_of(*event) == end_);
+      const uint64_t until = event ? end_of(*event) : end_;
+      const auto next = is_sure ? std::nullopt : next_event(offset + 1, until);
+      if (event && !next) {
+        offset = end_of(*event);
+        event->segment = number;
+        events.push_back(*std::exchange(event, std::move(behind)));
+        ++segment_.events;
+        continue;
+      }
+      if (!next) break;
+      ++segment_.damaged_places;
+      offset = *next;
+      event = event_at(offset);
+    }
+    segment_.torn_bytes = end_ - offset;
+  }
+
+ private:
+  /// The bytes that the disk gives; the first error is kept.
+  size_t read(uint64_t offset, std::span<uint8_t> bytes) {
+    const auto got = segment_.file.read(offset, bytes);
+    failed_ = !got;
+    if (got) return *got;
+    if (segment_.read_error.empty()) {
+      segment_.read_error = got.error().message + " (at byte " + std::to_string(offset) + ")";
+    }
+    return 0;
+  }
+
+  /// The event whose header is at `offset`, if a whole one is.
+  std::optional<EventSpan> event_at(uint64_t offset) {
+    std::array<uint8_t, kEventHeaderSize + kLongestChannel> bytes{};
+    const std::span<const uint8_t> head(bytes);
+    const size_t got = read(offset, bytes);
+    if (got < kEventHeaderSize || read_big_endian(head.first(4)) != kEventSyncWord) {
+      return std::nullopt;
+    }
+    const uint64_t channel_size = read_big_endian(head.subspan(20, 4));
+    const uint64_t data_size = read_big_endian(head.subspan(24, 4));
+    if (channel_size == 0 || channel_size > kLongestChannel || data_size > kMaxEventBytes) {
+      return std::nullopt;
+    }
+    const uint64_t data_offset = offset + kEventHeaderSize + channel_size;
+    if (data_offset > end_ || data_size > end_ - data_offset) return std::nullopt;
+    const auto channel = head.subspan(kEventHeaderSize, channel_size);
+    return EventSpan{.channel = std::string(channel.begin(), channel.end()),
+                     .utime = static_cast<int64_t>(read_big_endian(head.subspan(12, 8))),
+                     .data_offset = data_offset,
+                     .data_size = static_cast<uint32_t>(data_size)};
+  }
+
+  /// The first place from `from` on, and before `until`, where a whole event begins. Passes over
+  /// blocks that cannot be read, in steps that double: a dead disk must not take for ever.
+  std::optional<uint64_t> next_event(uint64_t from, uint64_t until) {
+    constexpr size_t kBlock = 4096;
+    constexpr uint64_t kMaxStep = 1 << 20;
+    std::vector<uint8_t> chunk(1 << 16);
+    size_t size = chunk.size();
+    for (uint64_t step = kBlock; (from = next_data(segment_.file, from)) < until;) {
+      const size_t got = read(from, std::span(chunk).first(size));
+      if (failed_ && size > kBlock) {
+        size = kBlock;  // some block in it can be read, perhaps
+      } else if (failed_) {
+        from = from - from % kBlock + step;
+        step = std::min(2 * step, kMaxStep);
+      } else {
+        if (got < kSyncBytes.size()) break;
+        const auto found = event_in(std::span(chunk).first(got), from, until);
+        if (found) return found;
+        from += got - (kSyncBytes.size() - 1);
+        size = chunk.size();
+        step = kBlock;
+      }
+    }
+    return std::nullopt;
+  }
+
+  /// The first event that begins in these bytes, which lie at `base`, and before `until`.
+  std::optional<uint64_t> event_in(std::span<const uint8_t> bytes, uint64_t base, uint64_t until) {
+    for (auto at = bytes.begin();; ++at) {
+      at = std::search(at, bytes.end(), kSyncBytes.begin(), kSyncBytes.end());
+      const uint64_t offset = base + static_cast<uint64_t>(at - bytes.begin());
+      if (at == bytes.end() || offset >= until) return std::nullopt;
+      if (event_at(offset)) return offset;
+    }
+  }
+
+  LogSegment& segment_;
+  const uint64_t end_;   ///< of what is searched
+  bool failed_ = false;  ///< the last read was
+};
+
+io::Result<LogSegment> open_segment(const std::filesystem::path& path) {
+  auto file = io::File::open(path, io::OpenMode::kReadWithinFolder);
+  if (!file) return tl::make_unexpected(file.error());
+  const auto bytes = file->size();
+  if (!bytes) return tl::make_unexpected(bytes.error());
+  return LogSegment{.file = *std::move(file),
+                    .bytes = *bytes,
+                    .index = load_segment_index(path, *bytes),
+                    .read_error = {}};
+}
+
+}  // namespace
+
+io::Result<EventLogReader> EventLogReader::open(const std::filesystem::path& log) {
+  auto found = existing_segments(log);
+  if (!found && found.error().code != ENOENT) return tl::make_unexpected(found.error());
+  std::vector<std::filesystem::path> paths = found.value_or(std::vector<std::filesystem::path>());
+  if (paths.empty()) paths.push_back(log);  // opening it tells what is wrong
+  EventLogReader reader;
+  for (const auto& path : paths) {
+    auto segment = open_segment(path);
+    if (!segment) return tl::make_unexpected(segment.error());
+    reader.segments_.push_back(*std::move(segment));
+    SegmentScan(reader.segments_.back())
+        .run(static_cast<uint32_t>(reader.segments_.size() - 1), reader.events_);
+  }
+  return reader;
+}
+
+EventLogReader::EventLogReader(const std::filesystem::path& log)
+    : EventLogReader(io::value_or_throw(open(log))) {
+  const std::vector<std::string> errors = read_errors();
+  if (!events_.empty() || torn_bytes() <= static_cast<int64_t>(kEventHeaderSize)) return;
+  throw InputError(errors.empty() ? log.string() + ": is no LCM event log: it holds no whole event"
+                                  : errors.front());
+}
+
+int64_t EventLogReader::damaged_places() const {
+  return std::accumulate(segments_.begin(), segments_.end(), int64_t{0},
+                         [](int64_t n, const LogSegment& s) { return n + s.damaged_places; });
+}
+
+int64_t EventLogReader::torn_bytes() const {
+  return std::accumulate(
+      segments_.begin(), segments_.end(), int64_t{0},
+      [](int64_t n, const LogSegment& s) { return n + static_cast<int64_t>(s.torn_bytes); });
+}
+
+std::vector<std::string> EventLogReader::read_errors() const {
+  std::vector<std::string> errors;
+  for (const LogSegment& segment : segments_) {
+    if (!segment.read_error.empty()) errors.push_back(segment.read_error);
+  }
+  return errors;
+}
+
+io::Result<Bytes> EventLogReader::read(const EventSpan& event, size_t limit) const {
+  const io::File& file = segments_[event.segment].file;
+  Bytes bytes(std::min<size_t>(event.data_size, limit));
+  const auto got = file.read(event.data_offset, bytes);
+  if (!got) return tl::make_unexpected(got.error());
+  if (*got < bytes.size()) return io::io_error("read", file.path(), "it has become shorter", EIO);
+  return bytes;
+}
+
+}  // namespace v3d

@@ -1,0 +1,106 @@
+#include "take/logs/log_segments.h"
+
+#include <algorithm>
+#include <charconv>
+#include <map>
+#include <string>
+
+#include "base/error.h"
+#include "base/io/file.h"
+#include "base/toml_file.h"
+
+namespace v3d {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr size_t kDigits = 4;
+
+uint64_t count_of(const TomlTable& table, const char* key) {
+  const int64_t value = table.integer(key);
+  if (value < 0) table.fail(key, "expected a count, 0 or more");
+  return static_cast<uint64_t>(value);
+}
+
+SegmentIndex parse_index(std::string_view text, const fs::path& path) {
+  const TomlTable table = TomlTable::parse(text, path);
+  SegmentIndex index{.bytes = count_of(table, "bytes"),
+                     .whole_bytes = count_of(table, "whole_bytes"),
+                     .events = static_cast<int64_t>(count_of(table, "events")),
+                     .damaged_places = static_cast<int64_t>(count_of(table, "damaged_places"))};
+  table.refuse_unknown();
+  return index;
+}
+
+/// Which segment of the log a file of this name is; empty for other files.
+std::optional<int> number_of(const std::string& file, const fs::path& log) {
+  if (file == log.filename()) return 0;
+  const std::string before = log.stem().string() + ".", after = log.extension().string();
+  if (file.size() != before.size() + kDigits + after.size()) return std::nullopt;
+  if (!file.starts_with(before) || !file.ends_with(after)) return std::nullopt;
+  int number = 0;
+  const char* const begin = file.data() + before.size();
+  const auto parsed = std::from_chars(begin, begin + kDigits, number);
+  return parsed.ec == std::errc() && parsed.ptr == begin + kDigits && number > 0
+             ? std::optional(number)
+             : std::nullopt;
+}
+
+}  // namespace
+
+fs::path segment_path(const fs::path& log, int number) {
+  if (number == 0) return log;
+  std::string digits = std::to_string(number);
+  digits.insert(0, kDigits - std::min(kDigits, digits.size()), '0');
+  return log.parent_path() / (log.stem().string() + "." + digits + log.extension().string());
+}
+
+io::Result<std::vector<fs::path>> existing_segments(const fs::path& log) {
+  const fs::path folder = log.has_parent_path() ? log.parent_path() : fs::path(".");
+  const auto entries = io::list_folder(folder);
+  if (!entries) return tl::make_unexpected(entries.error());
+  std::map<int, fs::path> segments;
+  for (const fs::path& entry : *entries) {
+    const auto number = number_of(entry.filename().string(), log);
+    if (number) segments.emplace(*number, segment_path(log, *number));
+  }
+  std::vector<fs::path> paths;
+  for (auto& [number, path] : segments) paths.push_back(std::move(path));
+  return paths;
+}
+
+bool is_absent_log(const fs::path& log) {
+  const auto segments = existing_segments(log);
+  return segments && segments->empty();
+}
+
+fs::path next_segment(const fs::path& log, const std::vector<fs::path>& segments) {
+  const int last =
+      segments.empty() ? -1 : number_of(segments.back().filename().string(), log).value_or(0);
+  return segment_path(log, last + 1);
+}
+
+fs::path segment_index_path(const fs::path& segment) { return segment.string() + ".index"; }
+
+std::optional<SegmentIndex> load_segment_index(const fs::path& segment, uint64_t segment_bytes) {
+  const fs::path path = segment_index_path(segment);
+  const auto text = io::read_file(path, 4096, io::OpenMode::kReadWithinFolder);
+  if (!text) return std::nullopt;
+  try {
+    const SegmentIndex index = parse_index(*text, path);
+    if (index.bytes != segment_bytes || index.whole_bytes > index.bytes) return std::nullopt;
+    return index;
+  } catch (const InputError&) {
+    return std::nullopt;
+  }
+}
+
+io::Status save_segment_index(const fs::path& segment, const SegmentIndex& index) {
+  return io::replace_file(segment_index_path(segment),
+                          "bytes = " + std::to_string(index.bytes) +
+                              "\nwhole_bytes = " + std::to_string(index.whole_bytes) +
+                              "\nevents = " + std::to_string(index.events) +
+                              "\ndamaged_places = " + std::to_string(index.damaged_places) + "\n");
+}
+
+}  // namespace v3d

@@ -1,0 +1,343 @@
+#include "take/logs/mesh_file.h"
+
+#include <algorithm>
+#include <deque>
+#include <utility>
+
+#include "base/check.h"
+#include "base/error.h"
+#include "base/io/file.h"
+#include "take/ledger/pulse_set.h"
+#include "take/logs/mesh_file_layout.h"
+#include "take/logs/periodic_sync.h"
+#include "take/logs/sparse_file.h"
+
+namespace v3d {
+namespace {
+
+using mesh_file::Entry;
+
+io::File open_mesh_file(const std::filesystem::path& path) {
+  return io::value_or_throw(io::File::open(path, io::OpenMode::kReadWithinFolder));
+}
+
+/// A mesh file and where everything in it lies.
+class IndexedFile {
+ public:
+  /// Throws InputError when it is no mesh file, and when the disk does not give its index.
+  explicit IndexedFile(const std::filesystem::path& path)
+      : file_(open_mesh_file(path)), file_size_(io::value_or_throw(file_.size())) {
+    const auto head = read_at(0, mesh_file::kHeaderSize);
+    if (head.size() < mesh_file::kHeaderSize ||
+        !mesh_file::magic_at(head, 0, mesh_file::kFileMagic)) {
+      throw InputError(path.string() + ": is no mesh file (mesh.v3d)");
+    }
+    if (mesh_file::u32_at(head, 8) != mesh_file::kVersion || mesh_file::u32_at(head, 12) != 0) {
+      throw InputError(path.string() +
+                       ": is a mesh file of a version that this program does not know");
+    }
+    if (!load_index()) rebuild_index();
+    for (const Entry& entry : entries_) pulses_.push_back(entry.pulse);
+  }
+  std::optional<std::vector<uint8_t>> read(int64_t pulse) const {
+    const auto entry = std::lower_bound(entries_.begin(), entries_.end(), pulse,
+                                        [](const Entry& e, int64_t p) { return e.pulse < p; });
+    if (entry == entries_.end() || entry->pulse != pulse) return std::nullopt;
+    std::vector<uint8_t> payload(entry->payload_size);
+    const auto got = file_.read(entry->offset + mesh_file::kRecordSize, payload);
+    if (got != payload.size() || crc32(payload) != entry->payload_crc) return std::nullopt;
+    return payload;
+  }
+
+  const std::vector<Entry>& entries() const { return entries_; }
+  const std::vector<int64_t>& pulses() const { return pulses_; }
+  bool index_was_rebuilt() const { return rebuilt_; }
+  uint64_t file_size() const { return file_size_; }
+
+ private:
+  /// Fewer bytes than asked for at the end of the file only.
+  std::vector<uint8_t> read_at(uint64_t offset, size_t size) const {
+    std::vector<uint8_t> bytes(size);
+    bytes.resize(io::value_or_throw(file_.read(offset, bytes)));
+    return bytes;
+  }
+
+  /// The bytes of the index, when the footer points at them rightly.
+  std::vector<uint8_t> index_bytes() const {
+    using namespace mesh_file;
+    if (file_size_ < kHeaderSize + kIndexHeadSize + kFooterSize) return {};
+    const uint64_t footer_offset = file_size_ - kFooterSize;
+    const auto footer = read_at(footer_offset, kFooterSize);
+    if (footer.size() != kFooterSize || !magic_at(footer, 16, kFooterMagic)) return {};
+    const uint64_t offset = u64_at(footer, 0);
+    const uint32_t size = u32_at(footer, 8);
+    if (offset < kHeaderSize || offset > footer_offset || size != footer_offset - offset) return {};
+    if (size > kMaxIndex) return {};
+    auto bytes = read_at(offset, size);
+    if (bytes.size() != size || crc32(bytes) != u32_at(footer, 12)) return {};
+    return bytes;
+  }
+
+  bool load_index() {
+    using namespace mesh_file;
+    const auto bytes = index_bytes();
+    if (bytes.size() < kIndexHeadSize || !magic_at(bytes, 0, kIndexMagic)) return false;
+    const size_t count = u32_at(bytes, 4);
+    if (bytes.size() != kIndexHeadSize + count * kEntrySize) return false;
+    for (size_t at = kIndexHeadSize; at < bytes.size(); at += kEntrySize) {
+      const Entry entry{.pulse = static_cast<int64_t>(u64_at(bytes, at)),
+                        .offset = u64_at(bytes, at + 8),
+                        .payload_size = u32_at(bytes, at + 16),
+                        .payload_crc = u32_at(bytes, at + 20)};
+      if (!follows(entry) || entry.offset < kHeaderSize || !inside_file(entry)) {
+        entries_.clear();
+        return false;
+      }
+      entries_.push_back(entry);
+    }
+    return true;
+  }
+
+  bool follows(const Entry& entry) const {
+    return entry.pulse >= 0 && (entries_.empty() || entry.pulse > entries_.back().pulse);
+  }
+  /// The length that an entry claims is also limited itself: a sparse file has room for any.
+  bool inside_file(const Entry& entry) const {
+    return entry.payload_size <= mesh_file::kMaxPayload && entry.offset <= file_size_ &&
+           file_size_ - entry.offset >= mesh_file::kRecordSize + uint64_t{entry.payload_size};
+  }
+
+  std::optional<Entry> record_at(uint64_t offset) const {
+    const auto head = read_at(offset, mesh_file::kRecordSize);
+    const auto entry = mesh_file::read_record_head(head, offset);
+    return entry && inside_file(*entry) ? entry : std::nullopt;
+  }
+
+  /// The record ends where another begins, the index does, or the file does; or its checksum is
+  /// right. Else it is the unfinished record of a program that was killed, and what was appended
+  /// later lies where its payload would be.
+  bool is_whole(const Entry& entry) {
+    const uint64_t end = entry.offset + mesh_file::kRecordSize + entry.payload_size;
+    if (end == file_size_ || record_at(end)) return true;
+    const auto magic = read_at(end, mesh_file::kIndexMagic.size());
+    if (mesh_file::magic_at(magic, 0, mesh_file::kIndexMagic)) return true;
+    return has_right_checksum(entry);
+  }
+
+  /// Also false once payloads of several times the file's length were read: only records that claim
+  /// one another's bytes need that, and each may claim 256 MiB.
+  bool has_right_checksum(const Entry& entry) {
+    constexpr uint32_t kChunk = 1 << 20;
+    if (checksummed_ > 4 * file_size_) return false;
+    checksummed_ += entry.payload_size;
+    uint32_t crc = 0;
+    for (uint32_t done = 0; done < entry.payload_size;) {
+      const uint32_t size = std::min(kChunk, entry.payload_size - done);
+      const auto bytes = read_at(entry.offset + mesh_file::kRecordSize + done, size);
+      if (bytes.size() < size) return false;
+      crc = crc32(bytes, crc);
+      done += size;
+    }
+    return crc == entry.payload_crc;
+  }
+
+  /// The next offset from `from` at which a right record begins, or the end of the file.
+  uint64_t next_record(uint64_t from) const {
+    constexpr size_t kChunk = 1 << 16;
+    const auto& magic = mesh_file::kRecordMagic;
+    while ((from = next_data(file_, from)) + mesh_file::kRecordSize <= file_size_) {
+      const auto chunk = read_at(from, kChunk);
+      if (chunk.size() < magic.size()) break;
+      for (auto hit = chunk.begin();; ++hit) {
+        hit = std::search(hit, chunk.end(), magic.begin(), magic.end());
+        if (hit == chunk.end()) break;
+        const uint64_t offset = from + static_cast<uint64_t>(hit - chunk.begin());
+        if (record_at(offset)) return offset;
+      }
+      from += chunk.size() - (magic.size() - 1);
+    }
+    return file_size_;
+  }
+
+  void rebuild_index() {
+    rebuilt_ = true;
+    uint64_t offset = mesh_file::kHeaderSize;
+    while (offset < file_size_) {
+      const auto entry = record_at(offset);
+      if (!entry || !is_whole(*entry)) {
+        offset = next_record(offset + 1);
+        continue;
+      }
+      if (follows(*entry)) entries_.push_back(*entry);
+      offset += mesh_file::kRecordSize + entry->payload_size;
+    }
+  }
+
+  io::File file_;
+  uint64_t file_size_ = 0;
+  uint64_t checksummed_ = 0;  ///< bytes of payloads that has_right_checksum() has read
+  std::vector<Entry> entries_;
+  std::vector<int64_t> pulses_;
+  bool rebuilt_ = false;
+};
+
+}  // namespace
+
+class MeshFileWriter::Impl {
+ public:
+  Impl(const std::filesystem::path& path, LogOpening opening)
+      : path_(path),
+        file_(io::value_or_throw(opening == LogOpening::kGoOn ? go_on(path) : create(path))) {
+    sync_ = std::make_unique<PeriodicSync>(*file_, kSyncEvery);
+    if (begin_ > 0) return;
+    begin_ = end_ = mesh_file::kHeaderSize;
+    if (auto written = file_->write(0, {mesh_file::header()}); !written) {
+      io::throw_input_error(written.error());
+    }
+    // A file that has no name after a power cut is lost with all its bytes.
+    if (auto synced = io::sync_folder(path.parent_path()); !synced) {
+      io::throw_input_error(synced.error());
+    }
+  }
+  ~Impl() { static_cast<void>(close()); }
+  Impl(const Impl&) = delete;
+  Impl& operator=(const Impl&) = delete;
+
+  io::Status append(int64_t pulse, std::span<const uint8_t> compact) {
+    V3D_CHECK(!last_pulse() || pulse > *last_pulse());
+    if (!file_) return io::io_error("write", path_, "it is closed", EBADF);
+    if (compact.size() > mesh_file::kMaxPayload) {
+      return io::io_error("write", path_, "the mesh is too large", EFBIG);
+    }
+    const Entry entry{.pulse = pulse,
+                      .offset = end_,
+                      .payload_size = static_cast<uint32_t>(compact.size()),
+                      .payload_crc = crc32(compact)};
+    if (has_new_loss()) return kept_;
+    // After a failure the next record overwrites what the disk took of this one.
+    auto written = file_->write(end_, {mesh_file::record_head(entry), compact});
+    if (!written) return written;
+    sync_->note_write();
+    end_ += mesh_file::kRecordSize + compact.size();
+    pulses_.insert(pulse);
+    payloads_.push_back({entry.payload_size, entry.payload_crc});
+    return written;
+  }
+
+  io::Status sync() {
+    const io::Status synced = file_->sync();
+    return kept_ ? synced : kept_;
+  }
+
+  io::Status close() {
+    if (!file_) return closed_;
+    stop_syncs();
+    // The index ends the file, also behind the bytes of a record that failed.
+    const auto size = file_->size();
+    const uint64_t offset = std::max(end_, size.value_or(end_));
+    closed_ = file_->write(offset, {mesh_file::index(entries(), offset)});
+    if (const auto synced = sync(); closed_) closed_ = synced;
+    file_.reset();
+    return closed_;
+  }
+
+  size_t size() const { return found_.size() + payloads_.size(); }
+  std::optional<int64_t> last_pulse() const {
+    if (!payloads_.empty()) return pulses_.last();
+    return found_.empty() ? std::nullopt : std::optional(found_.back().pulse);
+  }
+
+ private:
+  /// A power cut loses at most the meshes of this time.
+  static constexpr Duration kSyncEvery = std::chrono::seconds(1);
+
+  /// True once: the disk has lost meshes that it had accepted.
+  bool has_new_loss() {
+    if (kept_) kept_ = sync_->take_failure();
+    return !kept_ && !std::exchange(loss_is_reported_, true);
+  }
+
+  void stop_syncs() {
+    if (kept_) kept_ = sync_->take_failure();
+    sync_.reset();
+  }
+
+  /// All that is kept of a record until the index is written: a take may last hours.
+  struct Payload {
+    uint32_t size, crc;
+  };
+
+  static io::Result<io::File> create(const std::filesystem::path& path) {
+    return io::File::open(path, io::OpenMode::kCreate);
+  }
+
+  /// Behind everything that is there: an index that closed the file before, or the bytes of an
+  /// unfinished record, stay where they are, and readers pass over them. A file that ended before
+  /// its header was whole begins anew.
+  io::Result<io::File> go_on(const std::filesystem::path& path) {
+    auto file = io::File::open(path, io::OpenMode::kWriteExisting);
+    if (!file && file.error().code == ENOENT) return create(path);
+    if (!file) return file;
+    const auto size = file->size();
+    if (!size) return tl::make_unexpected(size.error());
+    if (*size < mesh_file::kHeaderSize) return file;
+    const IndexedFile found(path);
+    found_ = found.entries();
+    begin_ = end_ = found.file_size();
+    return file;
+  }
+
+  /// What the index says. Our own records lie one behind the other.
+  std::vector<Entry> entries() const {
+    std::vector<Entry> entries = found_;
+    uint64_t offset = begin_;
+    auto payload = payloads_.begin();
+    for (const int64_t pulse : pulses_.all()) {
+      entries.push_back({pulse, offset, payload->size, payload->crc});
+      offset += mesh_file::kRecordSize + payload->size;
+      ++payload;
+    }
+    return entries;
+  }
+
+  std::filesystem::path path_;
+  std::vector<Entry> found_;  ///< that were in the file before
+  uint64_t begin_ = 0;        ///< of what is appended
+  uint64_t end_ = 0;
+  PulseSet pulses_;
+  std::deque<Payload> payloads_;        ///< grows by pieces, not by doubling
+  std::optional<io::File> file_;        ///< empty when closed; after what go_on() fills in
+  std::unique_ptr<PeriodicSync> sync_;  ///< null when closed
+  io::Status kept_;                     ///< the first failure of a periodic sync
+  bool loss_is_reported_ = false;       ///< by append()
+  io::Status closed_;
+};
+
+MeshFileWriter::MeshFileWriter(const std::filesystem::path& path, LogOpening opening)
+    : impl_(std::make_unique<Impl>(path, opening)) {}
+MeshFileWriter::~MeshFileWriter() = default;
+MeshFileWriter::MeshFileWriter(MeshFileWriter&&) noexcept = default;
+io::Status MeshFileWriter::append(int64_t pulse, std::span<const uint8_t> compact) {
+  return impl_->append(pulse, compact);
+}
+size_t MeshFileWriter::size() const { return impl_->size(); }
+std::optional<int64_t> MeshFileWriter::last_pulse() const { return impl_->last_pulse(); }
+io::Status MeshFileWriter::sync() { return impl_->sync(); }
+io::Status MeshFileWriter::close() { return impl_->close(); }
+
+class MeshFileReader::Impl : public IndexedFile {
+ public:
+  using IndexedFile::IndexedFile;
+};
+
+MeshFileReader::MeshFileReader(const std::filesystem::path& path)
+    : impl_(std::make_unique<Impl>(path)) {}
+MeshFileReader::~MeshFileReader() = default;
+MeshFileReader::MeshFileReader(MeshFileReader&&) noexcept = default;
+const std::vector<int64_t>& MeshFileReader::pulses() const { return impl_->pulses(); }
+bool MeshFileReader::index_was_rebuilt() const { return impl_->index_was_rebuilt(); }
+std::optional<std::vector<uint8_t>> MeshFileReader::read(int64_t pulse) {
+  return impl_->read(pulse);
+}
+
+}  // namespace v3d

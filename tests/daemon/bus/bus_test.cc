@@ -1,0 +1,332 @@
+// The bus on real LCM, in a network of its own.
+#include "daemon/bus/bus.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#include <array>
+#include <cstdio>
+#include <fstream>
+#include <iterator>
+#include <mutex>
+
+#include "base/error.h"
+#include "support/child_process.h"
+#include "support/message_of.h"
+#include "wire/channels.h"
+#include "wire/studio_key.h"
+
+namespace v3d {
+namespace {
+
+using test::becomes_true;
+using test::within;
+using testing::ElementsAre;
+using testing::IsEmpty;
+using testing::UnorderedElementsAre;
+
+constexpr char kUrl[] = "udpm://239.255.76.67:7667?ttl=0";
+
+EventMessage event(int64_t seq) {
+  EventMessage m;
+  m.seq = seq;
+  m.node = "cap01";
+  return m;
+}
+
+TEST(Bus, carries_messages_between_two_connections) {
+  Bus sender(kUrl);
+  Bus receiver(kUrl);
+  Subscription<EventMessage> events(receiver, kEventChannel, 8);
+  ASSERT_TRUE(sender.publish(kEventChannel, encode(event(3))));
+  const auto got = events.wait(within(10));
+  ASSERT_TRUE(got);
+  EXPECT_EQ(got->seq, 3);
+  EXPECT_EQ(got->node, "cap01");
+}
+
+TEST(Bus, carries_a_message_of_several_datagrams) {
+  Bus bus(kUrl);
+  Subscription<FrameMessage> frames(bus, "V3D_FRAME_.*", 2);
+  FrameMessage m;
+  m.frame.camera = "cam07";
+  m.frame.sensor_size = {320, 240};
+  m.frame.roi = {0, 0, 320, 240};
+  m.frame.image = Image({320, 240}, PixelFormat::kBayerRG8);
+  m.frame.image.bytes[70'000] = 77;
+  bus.publish(frame_channel("cam07"), encode(m));
+  const auto got = frames.wait(within(10));
+  ASSERT_TRUE(got);
+  EXPECT_EQ(got->frame.image.bytes[70'000], 77);
+}
+
+class FrameGroups : public testing::Test {
+ protected:
+  void send(int64_t pulse) {
+    sender_.publish_frame(pulse, frame_channel("cam07"), encode(frame_of(pulse)));
+  }
+  static FrameMessage frame_of(int64_t pulse) {
+    FrameMessage message;
+    FrameLabel label;
+    label.pulse = pulse;
+    const Image raw({16, 8}, PixelFormat::kBayerRG8);
+    message.frame = observe("cam07", label, raw.view(), Mask({16, 8}));
+    return message;
+  }
+  /// The pulses of frames that arrive until that of `last` does.
+  std::vector<int64_t> until(int64_t last) {
+    std::vector<int64_t> pulses;
+    while (const auto frame = frames_.wait(within(10))) {
+      pulses.push_back(frame->frame.label.pulse);
+      if (pulses.back() == last) break;
+    }
+    return pulses;
+  }
+
+  /// The pulses of so many frames that arrive, whatever they are.
+  std::vector<int64_t> next(size_t count) {
+    std::vector<int64_t> pulses;
+    while (pulses.size() < count) {
+      const auto frame = frames_.wait(within(10));
+      if (!frame) break;
+      pulses.push_back(frame->frame.label.pulse);
+    }
+    return pulses;
+  }
+  /// The groups that this host would be sent by a switch.
+  static std::vector<int> joined() {
+    std::ifstream file("/proc/net/igmp");
+    const std::string memberships((std::istreambuf_iterator<char>(file)), {});
+    std::vector<int> groups;
+    for (int i = 0; i < 3; ++i) {
+      std::array<char, 9> hex{};
+      std::snprintf(hex.data(), hex.size(), "%02X4CFFEF", 68 + i);
+      if (memberships.find(hex.data()) != std::string::npos) groups.push_back(i);
+    }
+    return groups;
+  }
+
+  const std::vector<std::string> urls_ = {"udpm://239.255.76.68:7668?ttl=0",
+                                          "udpm://239.255.76.69:7669?ttl=0",
+                                          "udpm://239.255.76.70:7670?ttl=0"};
+  Bus sender_{kUrl, urls_};
+  Bus receiver_{kUrl, urls_};
+  Subscription<FrameMessage> frames_{receiver_, "V3D_FRAME_.*", 100};
+};
+
+TEST_F(FrameGroups, bring_the_frames_of_some_pulses_and_of_no_others) {
+  receiver_.hear_frames({1});
+  for (int64_t pulse = 0; pulse < 11; ++pulse) send(pulse);
+  EXPECT_EQ(until(10), (std::vector<int64_t>{1, 4, 7, 10}));
+}
+
+TEST_F(FrameGroups, are_joined_and_left_while_frames_come) {
+  receiver_.hear_frames({0});
+  for (int64_t pulse = 0; pulse < 4; ++pulse) send(pulse);
+  EXPECT_EQ(until(3), (std::vector<int64_t>{0, 3}));
+  receiver_.hear_frames({0, 1, 2});
+  for (int64_t pulse = 4; pulse < 7; ++pulse) send(pulse);
+  EXPECT_THAT(next(3), UnorderedElementsAre(4, 5, 6)) << "each group has a way of its own";
+  receiver_.hear_frames({2});
+  for (int64_t pulse = 9; pulse < 12; ++pulse) send(pulse);
+  EXPECT_THAT(until(11), testing::Not(testing::Contains(9)));
+}
+
+TEST_F(FrameGroups, leave_everything_else_where_it_is) {
+  Bus without_groups(kUrl);
+  Subscription<EventMessage> events(without_groups, kEventChannel, 8);
+  Subscription<EventMessage> events_too(receiver_, kEventChannel, 8);
+  receiver_.hear_frames({0, 1, 2});
+  ASSERT_TRUE(sender_.publish(kEventChannel, encode(event(3))));
+  EXPECT_TRUE(events.wait(within(10)));
+  EXPECT_TRUE(events_too.wait(within(10)));
+  EXPECT_EQ(events_too.counts().received, 1);
+}
+
+TEST_F(FrameGroups, are_joined_by_who_hears_them_and_not_by_who_sends) {
+  send(0);
+  EXPECT_THAT(joined(), IsEmpty());
+  receiver_.hear_frames({1, 2});
+  EXPECT_THAT(joined(), ElementsAre(1, 2));
+  receiver_.hear_frames({2});
+  EXPECT_TRUE(becomes_true([] { return joined() == std::vector{2}; }, within(10)));
+}
+
+TEST_F(FrameGroups, are_one_where_the_studio_has_none) {
+  Bus one(kUrl);
+  EXPECT_EQ(one.frame_groups(), 1U);
+  EXPECT_EQ(sender_.frame_groups(), 3U);
+  Subscription<FrameMessage> frames(one, "V3D_FRAME_.*", 8);
+  one.publish_frame(5, frame_channel("cam07"), encode(frame_of(5)));
+  EXPECT_TRUE(frames.wait(within(10)));
+}
+
+TEST(Subscription, counts_what_it_drops_what_was_lost_and_what_is_no_message) {
+  Bus bus(kUrl);
+  Subscription<EventMessage> events(bus, kEventChannel, 2);
+  for (const int64_t seq : {0, 1, 2, 7}) bus.publish(kEventChannel, encode(event(seq)));
+  bus.publish(kEventChannel, Bytes{1, 2, 3});
+  bus.publish(kEventChannel, encode(PulseMessage{}));
+  ASSERT_TRUE(becomes_true([&] { return events.counts().undecodable == 2; }, within(10)));
+  EXPECT_EQ(events.counts().received, 4);
+  EXPECT_EQ(events.counts().dropped, 2);
+  EXPECT_EQ(events.counts().lost, 4);
+  EXPECT_EQ(events.wait(within(10))->seq, 2);
+}
+
+TEST(Subscription, may_end_before_the_bus) {
+  Bus bus(kUrl);
+  { const Subscription<EventMessage> gone(bus, kEventChannel, 2); }
+  Subscription<EventMessage> events(bus, kEventChannel, 2);
+  bus.publish(kEventChannel, encode(event(0)));
+  EXPECT_TRUE(events.wait(within(10)));
+}
+
+TEST(Subscription, accepts_only_what_is_authentic_once_there_is_a_key) {
+  Bus bus(kUrl);
+  bus.seal().set_key(StudioKey::make());
+  Subscription<EventMessage> events(bus, kEventChannel, 8);
+  Bus stranger(kUrl);
+  stranger.seal().set_key(StudioKey::make());
+  bus.publish(kEventChannel, encode(event(0)));
+  stranger.publish_sealed(kEventChannel, encode(event(1)));
+  bus.publish_sealed(kEventChannel, encode(event(2)));
+  const auto got = events.wait(within(10));
+  ASSERT_TRUE(got);
+  EXPECT_EQ(got->seq, 2);
+  EXPECT_EQ(bus.seal().counts().forged, 2);
+}
+
+TEST(Subscription, counts_what_is_said_again_on_purpose_as_no_replay) {
+  Bus bus(kUrl);
+  bus.seal().set_key(StudioKey::make());
+  Subscription<EventMessage> events(bus, kEventChannel, 8);
+  for (int i = 0; i < 4; ++i) bus.publish_sealed(kEventChannel, encode(event(7)));
+  for (int i = 0; i < 4; ++i) ASSERT_TRUE(events.wait(within(10)));
+  EXPECT_EQ(bus.seal().counts().replayed, 0);
+}
+
+TEST(Subscription, believes_nobody_s_health_on_the_channel_of_another) {
+  Bus bus(kUrl);
+  bus.seal().set_key(StudioKey::make());
+  Subscription<HealthMessage> health(bus, "V3D_HEALTH_.*", 8);
+  HealthMessage idle;
+  idle.node = "cap02";
+  idle.sent = Realtime::now();
+  // The first ones are dropped, until the session has answered a question.
+  ASSERT_TRUE(becomes_true(
+      [&] {
+        bus.publish_sealed(health_channel("cap01"), encode(idle));
+        return health.counts().undecodable > 0;
+      },
+      within(10)));
+  EXPECT_EQ(health.counts().received, 0);
+}
+
+TEST(Subscription, reads_what_is_sealed_where_there_is_no_key_to_look_on_with) {
+  Bus sender(kUrl);
+  sender.seal().set_key(StudioKey::make());
+  Bus receiver(kUrl);
+  Subscription<EventMessage> events(receiver, kEventChannel, 8);
+  sender.publish_sealed(kEventChannel, encode(event(3)));
+  EXPECT_EQ(events.wait(within(10)).value().seq, 3);
+}
+
+TEST(Subscription, believes_nothing_where_somebody_insists_and_there_is_no_key) {
+  Bus bus(kUrl);
+  bus.seal().insist();
+  Subscription<EventMessage> events(bus, kEventChannel, 8);
+  bus.publish_sealed(kEventChannel, encode(event(3)));
+  ASSERT_TRUE(becomes_true([&] { return bus.seal().counts().unkeyed == 1; }, within(10)));
+  EXPECT_EQ(events.counts().received, 0);
+}
+
+TEST(Bus, gives_back_what_nobody_listens_with_any_more_and_goes_on_for_the_others) {
+  Bus bus(kUrl);
+  Subscription<EventMessage> others(bus, kEventChannel, 8);
+  auto mine = std::make_shared<std::atomic<int>>(0);
+  std::optional<Bus::Listening> listening(
+      bus.subscribe(kEventChannel, [mine](const ReceivedMessage&) { ++*mine; }));
+  bus.publish(kEventChannel, encode(event(1)));
+  ASSERT_TRUE(becomes_true([&] { return *mine == 1; }, within(10)));
+  listening.reset();
+  EXPECT_EQ(mine.use_count(), 1);
+  bus.publish(kEventChannel, encode(event(2)));
+  ASSERT_TRUE(becomes_true([&] { return others.counts().received == 2; }, within(10)));
+  EXPECT_EQ(*mine, 1);
+}
+
+TEST(Bus, names_the_field_and_the_remedy_when_the_network_cannot_be_joined) {
+  const std::string message = test::message_of<InputError>([] { Bus bus("nonsense://"); });
+  EXPECT_THAT(message, testing::HasSubstr("network.lcm_url: cannot join nonsense://"));
+  EXPECT_THAT(message, testing::HasSubstr("ip route add"));
+}
+
+TEST(Bus, names_the_option_that_is_no_number) {
+  const std::string message = test::message_of<InputError>([] { Bus bus("udpm://?ttl=far"); });
+  EXPECT_THAT(message, testing::HasSubstr("ttl=0 to 255"));
+}
+
+TEST(Bus, counts_what_the_kernel_drops_because_nobody_takes_it) {
+  Bus bus(kUrl);
+  std::mutex busy;
+  std::unique_lock held(busy);
+  const auto listening = bus.subscribe(
+      "V3D_FRAME_.*", [&](const ReceivedMessage&) { const std::lock_guard wait(busy); });
+  const std::vector<uint8_t> frame(60'000);
+  for (int i = 0; i < 300; ++i) bus.publish("V3D_FRAME_cam01", frame);  // 18 MB, 4 times its room
+  held.unlock();
+  EXPECT_TRUE(becomes_true(
+      [&] {
+        bus.publish("V3D_FRAME_cam01", frame);
+        return bus.reception().dropped_by_kernel > 0;
+      },
+      within(10)));
+}
+
+TEST(Bus, carries_a_reply_of_several_datagrams_and_verifies_each) {
+  const StudioKey key = StudioKey::make();
+  Bus node(kUrl);
+  node.seal().set_key(key);
+  Bus desk(kUrl);
+  desk.seal().set_key(key);
+  Subscription<ReplyMessage> replies(
+      desk, kReplyChannel, 4, [key](const ReceivedMessage& in) -> std::optional<ReplyMessage> {
+        if (!key.has_sealed(in.bytes)) return std::nullopt;
+        return decode<ReplyMessage>(in.bytes);
+      });
+  ReplyMessage reply;
+  reply.detail = std::string(200'000, ' ');
+  ASSERT_TRUE(node.publish(kReplyChannel, encode_sealed(reply, key)));
+  ASSERT_TRUE(becomes_true([&] { return desk.seal().counts().forged == 4; }, within(10)));
+  ASSERT_TRUE(node.publish_reply(encode_sealed(reply, key)));
+  EXPECT_EQ(replies.wait(within(10)).value().detail, reply.detail);
+}
+
+/// What a socket is given that asks for more than any.
+int largest_receive_buffer() {
+  const int socket = ::socket(AF_INET, SOCK_DGRAM, 0);
+  const int wanted = 1 << 30;
+  int reported = 0;
+  socklen_t size = sizeof reported;
+  setsockopt(socket, SOL_SOCKET, SO_RCVBUF, &wanted, sizeof wanted);
+  getsockopt(socket, SOL_SOCKET, SO_RCVBUF, &reported, &size);
+  close(socket);
+  return reported / 2;
+}
+
+TEST(ReceiveBuffer, is_a_problem_when_the_kernel_grants_less_than_the_url_asks_for) {
+  const auto url = [](int bytes) {
+    return "udpm://239.255.76.67:7667?ttl=0&recv_buf_size=" + std::to_string(bytes);
+  };
+  const int most = largest_receive_buffer();
+  EXPECT_EQ(receive_buffer_problem(url(most)), "");
+  EXPECT_THAT(receive_buffer_problem(url(most + most / 2)),
+              testing::HasSubstr("sysctl net.core.rmem_max=" + std::to_string(most + most / 2)));
+  EXPECT_EQ(receive_buffer_problem(kUrl), "") << "asks for nothing";
+}
+
+}  // namespace
+}  // namespace v3d

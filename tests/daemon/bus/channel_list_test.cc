@@ -1,0 +1,49 @@
+#include "daemon/bus/channel_list.h"
+
+#include <gtest/gtest.h>
+
+namespace v3d {
+namespace {
+
+Studio studio() {
+  Studio studio;
+  studio.nodes = {{"cap01"}, {"recon01"}};
+  studio.cameras.resize(1);
+  studio.cameras[0].name = "cam01";
+  return studio;
+}
+
+TEST(ChannelList, holds_exactly_the_channels_of_the_studio) {
+  const ChannelList channels(studio());
+  for (const char* name :
+       {"V3D_COMMAND", "V3D_REPLY", "V3D_PULSE", "V3D_MESH", "V3D_EVENT", "V3D_FRAME_cam01",
+        "V3D_PREVIEW_cam01", "V3D_HEALTH_cap01", "V3D_SHARD_recon01", "V3D_MESH_recon01"}) {
+    EXPECT_NE(channels.find(name), nullptr) << name;
+  }
+  for (const char* name : {"", "V3D_COMMAND2", "V3D_FRAME_cam02", "V3D_FRAME_", "V3D_HEALTH_cam01",
+                           "V3D_FRAME_cap01", "LCM_SELF_TEST", "V3D_"}) {
+    EXPECT_EQ(channels.find(name), nullptr) << name;
+  }
+}
+
+TEST(ChannelList, holds_a_bounded_number_of_well_formed_names_without_a_studio) {
+  ChannelList channels;
+  EXPECT_NE(channels.find("V3D_FRAME_cam77"), nullptr);
+  EXPECT_EQ(channels.find("V3D_FRAME_../etc"), nullptr);
+  EXPECT_EQ(channels.find("OTHER_cam77"), nullptr);
+  for (size_t i = 0; i < ChannelList::kMaxNames; ++i) {
+    EXPECT_TRUE(channels.use("V3D_FRAME_cam" + std::to_string(i)));
+  }
+  EXPECT_FALSE(channels.use("V3D_FRAME_another"));
+  EXPECT_TRUE(channels.use("V3D_FRAME_cam0")) << "in use already";
+}
+
+TEST(ChannelList, limits_what_is_short_to_less_than_what_is_long) {
+  const ChannelList channels;
+  EXPECT_LE(channels.find("V3D_PULSE")->max_bytes, 4096U);
+  EXPECT_LE(channels.find("V3D_COMMAND")->max_bytes, 16'384U);
+  EXPECT_GE(channels.find("V3D_FRAME_cam01")->max_bytes, 12'000'000U) << "raw, 12 megapixels";
+}
+
+}  // namespace
+}  // namespace v3d

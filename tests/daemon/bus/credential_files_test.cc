@@ -1,0 +1,231 @@
+#include "daemon/bus/credential_files.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <sys/stat.h>
+
+#include "base/file.h"
+#include "support/temporary_folder.h"
+
+namespace v3d {
+namespace {
+
+using namespace std::chrono_literals;
+using testing::AllOf;
+using testing::HasSubstr;
+using testing::IsEmpty;
+using testing::StartsWith;
+
+constexpr MonotonicInstant kNow = from_ns<Monotonic>(3'600'000'000'000);
+
+class KeyFile : public testing::Test {
+ protected:
+  /// As an administrator does it: the file is there as a whole.
+  StudioKey replace_key() const {
+    const StudioKey key = StudioKey::make();
+    key.save(folder_ / "new.key");
+    std::filesystem::rename(folder_ / "new.key", path_);
+    return key;
+  }
+  bool accepts(const StudioKey& key, MonotonicInstant now) const {
+    return credentials_.open_command(encode_sealed(CommandMessage{}, key), now).result ==
+           OpenedCommand::Result::kAccepted;
+  }
+
+  const test::TemporaryFolder folder_;
+  const std::filesystem::path path_ = folder_ / "studio.key";
+  Credentials credentials_;
+  MessageSeal seal_;
+  CredentialFiles files_{{.studio = "kyoto", .studio_key = path_}, credentials_, seal_};
+};
+
+TEST_F(KeyFile, is_found_when_it_is_made_and_missed_until_then) {
+  EXPECT_THAT(files_.poll(kNow), HasSubstr("make it once with v3dctl key new"));
+  EXPECT_THAT(files_.poll(kNow), IsEmpty()) << "it was reported";
+  EXPECT_FALSE(files_.is_ready());
+  EXPECT_FALSE(seal_.is_required());
+  const StudioKey key = replace_key();
+  EXPECT_THAT(files_.poll(kNow), HasSubstr("is readable again"));
+  EXPECT_TRUE(files_.is_ready());
+  EXPECT_THAT(files_.problem(), IsEmpty());
+  EXPECT_TRUE(accepts(key, kNow));
+  EXPECT_NE(seal_.mac(kNow), nullptr);
+}
+
+TEST_F(KeyFile, is_replaced_while_the_process_runs) {
+  const StudioKey first = replace_key();
+  files_.poll(kNow);
+  const auto first_mac = seal_.mac(kNow);
+  const StudioKey second = replace_key();
+  EXPECT_FALSE(accepts(second, kNow));
+  EXPECT_THAT(files_.poll(kNow + 1s), HasSubstr("a new studio key"));
+  EXPECT_THAT(files_.poll(kNow + 2s), IsEmpty()) << "the same key";
+  EXPECT_TRUE(accepts(second, kNow + 2s));
+  EXPECT_TRUE(accepts(first, kNow + 2s));
+  EXPECT_EQ(seal_.mac(kNow + 2s), first_mac);
+  EXPECT_NE(seal_.mac(kNow + 11s), first_mac);
+  EXPECT_TRUE(first.has_sealed(credentials_.seal(encode(ReplyMessage{}), kNow + 2s)));
+  EXPECT_TRUE(second.has_sealed(credentials_.seal(encode(ReplyMessage{}), kNow + 11s)));
+  EXPECT_FALSE(accepts(first, kNow + 21s));
+  EXPECT_TRUE(accepts(second, kNow + 21s));
+}
+
+TEST_F(KeyFile, that_is_damaged_readable_for_others_or_gone_leaves_the_key_in_use) {
+  const StudioKey key = replace_key();
+  files_.poll(kNow);
+  const std::string text = read_file(path_);
+  test::write_text(path_, text.substr(0, text.size() / 2));
+  EXPECT_THAT(files_.poll(kNow), HasSubstr("64 hexadecimal digits"));
+  EXPECT_THAT(files_.problem(), StartsWith("the previous studio key stays in use: "));
+  test::write_text(path_, text);
+  chmod(path_.c_str(), 0644);
+  EXPECT_THAT(files_.poll(kNow), HasSubstr("chmod 640"));
+  std::filesystem::remove(path_);
+  EXPECT_THAT(files_.poll(kNow), HasSubstr("No such file or directory"));
+  EXPECT_TRUE(files_.is_ready());
+  EXPECT_TRUE(accepts(key, kNow + 1h));
+  EXPECT_TRUE(key.has_sealed(credentials_.seal(encode(ReplyMessage{}), kNow + 1h)));
+}
+
+/// The files of a node where there is a member list.
+class MemberFiles : public testing::Test {
+ protected:
+  MemberFiles() {
+    StudioKey::make().save(folder_ / "studio.key");
+    cap01_.save(folder_ / "node.key");
+    write(list());
+    files_.emplace(CredentialPaths{.studio = "kyoto",
+                                   .studio_key = folder_ / "studio.key",
+                                   .members = path_,
+                                   .authority = authority_.public_key().text(),
+                                   .signing_key = folder_ / "node.key",
+                                   .node = "cap01",
+                                   .role = Role::kCapture},
+                   credentials_, seal_);
+  }
+  MemberList list(int64_t serial = 5) const {
+    return {.studio = "kyoto",
+            .serial = serial,
+            .members = {{"ada", Role::kOperator, ada_.public_key()},
+                        {"cap01", Role::kCapture, cap01_.public_key()}}};
+  }
+  MemberList without_ada(int64_t serial) const {
+    MemberList list = this->list(serial);
+    list.members.erase(list.members.begin());
+    return list;
+  }
+  void write(const MemberList& list) const {
+    test::write_text(path_, sign_member_list(list, authority_));
+  }
+  bool obeys_ada() const {
+    const Bytes bytes = sign_message(encode(CommandMessage{}), ada_);
+    return credentials_.open_command(bytes, kNow).result == OpenedCommand::Result::kAccepted;
+  }
+  bool is_accepted_as(const std::string& node) const {
+    ReplyMessage reply;
+    reply.node = node;
+    return credentials_.open_reply(credentials_.seal(encode(reply), kNow), kNow).has_value();
+  }
+
+  const test::TemporaryFolder folder_;
+  const std::filesystem::path path_ = folder_ / "members.toml";
+  const SigningKey authority_ = SigningKey::make(), ada_ = SigningKey::make(),
+                   cap01_ = SigningKey::make();
+  Credentials credentials_;
+  MessageSeal seal_;
+  std::optional<CredentialFiles> files_;
+};
+
+TEST_F(MemberFiles, make_a_node_obey_operators_and_sign_its_replies) {
+  EXPECT_FALSE(obeys_ada());
+  EXPECT_THAT(files_->poll(kNow), IsEmpty());
+  EXPECT_TRUE(files_->is_ready());
+  EXPECT_THAT(files_->problem(), IsEmpty());
+  EXPECT_TRUE(obeys_ada());
+  EXPECT_TRUE(is_accepted_as("cap01"));
+  EXPECT_TRUE(seal_.covers_commands());
+}
+
+TEST_F(MemberFiles, revoke_and_enroll_members_while_the_process_runs) {
+  files_->poll(kNow);
+  write(without_ada(6));
+  EXPECT_THAT(files_->poll(kNow), HasSubstr("member list 6 is in force"));
+  EXPECT_FALSE(obeys_ada());
+  write(list(7));
+  EXPECT_THAT(files_->poll(kNow), HasSubstr("member list 7 is in force"));
+  EXPECT_TRUE(obeys_ada());
+}
+
+TEST_F(MemberFiles, that_are_older_than_the_list_in_force_are_rejected) {
+  files_->poll(kNow);
+  write(without_ada(6));
+  files_->poll(kNow);
+  for (const int64_t serial : {5, 6}) {
+    write(list(serial));
+    EXPECT_THAT(files_->poll(kNow), AllOf(StartsWith("the previous member list stays in use: "),
+                                          HasSubstr("expected more than 6, which is in force")));
+    EXPECT_FALSE(obeys_ada()) << "brought back by list " << serial;
+    write(without_ada(6));
+    files_->poll(kNow);
+    EXPECT_THAT(files_->problem(), IsEmpty());
+  }
+}
+
+TEST_F(MemberFiles, that_were_changed_or_are_gone_leave_the_list_in_force) {
+  files_->poll(kNow);
+  std::string text = sign_member_list(without_ada(6), authority_);
+  text[text.size() / 2] ^= 1;
+  test::write_text(path_, text);
+  EXPECT_THAT(files_->poll(kNow), HasSubstr("members.toml"));
+  EXPECT_TRUE(obeys_ada());
+  test::write_text(path_, sign_member_list(without_ada(6), ada_));
+  files_->poll(kNow);
+  EXPECT_THAT(files_->problem(), HasSubstr("not signed by [network] authority"));
+  EXPECT_TRUE(obeys_ada());
+  std::filesystem::remove(path_);
+  EXPECT_THAT(files_->poll(kNow), HasSubstr("No such file"));
+  EXPECT_TRUE(obeys_ada());
+  EXPECT_TRUE(files_->is_ready());
+}
+
+TEST_F(MemberFiles, without_a_list_make_a_node_reject_everything) {
+  std::filesystem::remove(path_);
+  EXPECT_THAT(files_->poll(kNow), HasSubstr("v3dctl key enroll makes it"));
+  EXPECT_FALSE(files_->is_ready());
+  EXPECT_FALSE(credentials_.is_complete());
+  EXPECT_FALSE(obeys_ada());
+}
+
+TEST_F(MemberFiles, name_the_command_that_enrolls_a_node_whose_key_is_not_in_the_list) {
+  const SigningKey next = SigningKey::make();
+  std::filesystem::remove(folder_ / "node.key");
+  next.save(folder_ / "node.key");
+  EXPECT_THAT(files_->poll(kNow), HasSubstr("v3dctl key enroll cap01 --role capture --public-key " +
+                                            next.public_key().text()));
+  EXPECT_FALSE(is_accepted_as("cap01"));
+  MemberList both = list(6);
+  both.members.push_back({"cap01", Role::kCapture, next.public_key()});
+  write(both);
+  files_->poll(kNow);
+  EXPECT_THAT(files_->problem(), IsEmpty());
+  EXPECT_TRUE(is_accepted_as("cap01"));
+}
+
+TEST_F(MemberFiles, have_a_signing_key_that_is_replaced_while_the_process_runs) {
+  const SigningKey next = SigningKey::make();
+  MemberList both = list();
+  both.members.push_back({"cap01", Role::kCapture, next.public_key()});
+  write(both);
+  files_->poll(kNow);
+  next.save(folder_ / "next.key");
+  std::filesystem::rename(folder_ / "next.key", folder_ / "node.key");
+  EXPECT_THAT(files_->poll(kNow), HasSubstr("a new signing key"));
+  MemberList later = list(6);
+  later.members.back().key = next.public_key();
+  write(later);
+  files_->poll(kNow);
+  EXPECT_TRUE(is_accepted_as("cap01"));
+}
+
+}  // namespace
+}  // namespace v3d

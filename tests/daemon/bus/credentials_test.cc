@@ -1,0 +1,153 @@
+#include "daemon/bus/credentials.h"
+
+#include <gtest/gtest.h>
+
+namespace v3d {
+namespace {
+
+using Result = OpenedCommand::Result;
+
+constexpr MonotonicInstant kNow = from_ns<Monotonic>(3'600'000'000'000);
+
+/// A studio whose members are an operator, two nodes and a viewer.
+class MemberCredentials : public testing::Test {
+ protected:
+  MemberCredentials() {
+    credentials_.set_studio_key(studio_key_, kNow);
+    credentials_.require_members();
+    credentials_.set_signing_key(cap01_);
+    set_members(all());
+  }
+  std::vector<Member> all() const {
+    return {{"ada", Role::kOperator, ada_.public_key()},
+            {"cap01", Role::kCapture, cap01_.public_key()},
+            {"recon01", Role::kReconstruction, recon01_.public_key()},
+            {"guest", Role::kViewer, guest_.public_key()}};
+  }
+  void set_members(std::vector<Member> members) {
+    credentials_.set_members(std::make_shared<const MemberList>(
+        MemberList{.studio = "kyoto", .serial = ++serial_, .members = std::move(members)}));
+  }
+  static Bytes command() {
+    CommandMessage command;
+    command.sender = "ada@desk";
+    return encode(command);
+  }
+  static Bytes reply(const std::string& node) {
+    ReplyMessage reply;
+    reply.node = node;
+    return encode(reply);
+  }
+  OpenedCommand opened(const SigningKey& key) const {
+    const Bytes bytes = sign_message(command(), key);
+    OpenedCommand opened = credentials_.open_command(bytes, kNow);
+    opened.message = {};  // a part of `bytes`
+    return opened;
+  }
+  bool replies(const SigningKey& key, const std::string& node) const {
+    return credentials_.open_reply(sign_message(reply(node), key), kNow).has_value();
+  }
+
+  const StudioKey studio_key_ = StudioKey::make();
+  const SigningKey ada_ = SigningKey::make(), cap01_ = SigningKey::make(),
+                   recon01_ = SigningKey::make(), guest_ = SigningKey::make();
+  Credentials credentials_;
+  int64_t serial_ = 0;
+};
+
+TEST_F(MemberCredentials, accept_commands_of_operators_alone) {
+  EXPECT_EQ(opened(ada_).result, Result::kAccepted);
+  EXPECT_EQ(opened(ada_).signer, "ada");
+  for (const SigningKey* key : {&cap01_, &recon01_, &guest_}) {
+    EXPECT_EQ(opened(*key).result, Result::kUnauthorized);
+  }
+  EXPECT_EQ(opened(guest_).signer, "guest");
+  EXPECT_EQ(opened(SigningKey::make()).result, Result::kForged);
+}
+
+TEST_F(MemberCredentials, accept_a_reply_of_the_node_that_it_names_alone) {
+  EXPECT_TRUE(replies(cap01_, "cap01"));
+  EXPECT_TRUE(replies(recon01_, "recon01"));
+  EXPECT_FALSE(replies(cap01_, "recon01"));
+  EXPECT_FALSE(replies(cap01_, "cap02"));
+  EXPECT_FALSE(replies(ada_, "cap01"));
+  EXPECT_FALSE(replies(ada_, "ada")) << "an operator is no node";
+  EXPECT_FALSE(replies(guest_, "guest"));
+  EXPECT_FALSE(replies(SigningKey::make(), "cap01"));
+}
+
+TEST_F(MemberCredentials, accept_no_mac_of_the_studio_key_instead_of_a_signature) {
+  Bytes sealed = command();
+  studio_key_.seal(sealed);
+  EXPECT_EQ(credentials_.open_command(sealed, kNow).result, Result::kForged);
+  Bytes sealed_reply = reply("cap01");
+  studio_key_.seal(sealed_reply);
+  EXPECT_FALSE(credentials_.open_reply(sealed_reply, kNow));
+}
+
+TEST_F(MemberCredentials, accept_no_command_with_a_changed_bit) {
+  const Bytes bytes = sign_message(command(), ada_);
+  for (size_t bit = 0; bit < 8 * bytes.size(); ++bit) {
+    Bytes changed = bytes;
+    changed[bit / 8] ^= static_cast<uint8_t>(1 << bit % 8);
+    EXPECT_EQ(credentials_.open_command(changed, kNow).result, Result::kForged) << "bit " << bit;
+  }
+}
+
+TEST_F(MemberCredentials, accept_a_member_as_long_as_the_list_has_it) {
+  std::vector<Member> others = all();
+  others.erase(others.begin());
+  set_members(others);
+  EXPECT_EQ(opened(ada_).result, Result::kForged);
+  set_members(all());
+  EXPECT_EQ(opened(ada_).result, Result::kAccepted);
+}
+
+TEST_F(MemberCredentials, accept_two_keys_of_a_member_while_one_is_replaced) {
+  const SigningKey next = SigningKey::make();
+  std::vector<Member> members = all();
+  members.push_back({"cap01", Role::kCapture, next.public_key()});
+  set_members(members);
+  EXPECT_TRUE(replies(cap01_, "cap01"));
+  EXPECT_TRUE(replies(next, "cap01"));
+}
+
+TEST_F(MemberCredentials, accept_nothing_before_there_is_a_list) {
+  Credentials fresh;
+  fresh.set_studio_key(studio_key_, kNow);
+  fresh.require_members();
+  fresh.set_signing_key(cap01_);
+  EXPECT_FALSE(fresh.is_complete());
+  EXPECT_EQ(fresh.open_command(sign_message(command(), ada_), kNow).result, Result::kForged);
+  Bytes sealed = command();
+  studio_key_.seal(sealed);
+  EXPECT_EQ(fresh.open_command(sealed, kNow).result, Result::kForged);
+  EXPECT_FALSE(fresh.open_reply(sign_message(reply("cap01"), cap01_), kNow));
+}
+
+TEST_F(MemberCredentials, sign_what_is_sent) {
+  credentials_.set_signing_key(cap01_);
+  EXPECT_TRUE(credentials_.open_reply(credentials_.seal(reply("cap01"), kNow), kNow));
+  EXPECT_FALSE(credentials_.open_reply(credentials_.seal(reply("recon01"), kNow), kNow));
+  credentials_.set_signing_key(guest_);
+  EXPECT_FALSE(credentials_.open_reply(credentials_.seal(reply("cap01"), kNow), kNow));
+}
+
+TEST(Credentials, without_a_member_list_are_the_studio_key) {
+  const StudioKey key = StudioKey::make();
+  Credentials credentials;
+  EXPECT_FALSE(credentials.is_complete());
+  credentials.set_studio_key(key, kNow);
+  EXPECT_TRUE(credentials.is_complete());
+  const Bytes sealed = credentials.seal(encode(ReplyMessage{}), kNow);
+  EXPECT_EQ(sealed, encode_sealed(ReplyMessage{}, key)) << "the bytes of before";
+  EXPECT_TRUE(credentials.open_reply(sealed, kNow));
+  EXPECT_FALSE(credentials.open_reply(encode_sealed(ReplyMessage{}, StudioKey::make()), kNow));
+  EXPECT_EQ(
+      credentials.open_command(sign_message(encode(CommandMessage{}), SigningKey::make()), kNow)
+          .result,
+      Result::kForged);
+}
+
+}  // namespace
+}  // namespace v3d

@@ -1,0 +1,417 @@
+// Datagrams of the studio, of strangers, and of recordings, as a receiver judges them. In this
+// program every allocation is counted.
+#include "daemon/bus/message_receiver.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <rapidcheck/gtest.h>
+
+#include <algorithm>
+#include <random>
+
+#include "support/allocation_count.h"
+#include "support/raw_datagrams.h"
+#include "wire/channels.h"
+
+namespace v3d {
+namespace {
+
+using namespace std::chrono_literals;
+using test::RawDatagram;
+
+constexpr RealtimeInstant kNow = from_ns<Realtime>(1'700'000'000'000'000'000);
+constexpr ReceiverTime kReceiverNow{from_ns<Monotonic>(3'600'000'000'000), kNow};
+constexpr uint64_t kSource = 1;
+
+Studio studio() {
+  Studio studio;
+  studio.nodes = {{"cap01"}};
+  studio.cameras.resize(1);
+  studio.cameras[0].name = "cam01";
+  return studio;
+}
+
+/// As MulticastSender, without a network.
+class Sender {
+ public:
+  explicit Sender(const StudioKey& key) : mac_(key) {}
+
+  std::vector<RawDatagram> datagrams(std::string_view channel, std::span<const uint8_t> message,
+                                     RealtimeInstant sent = kNow) {
+    std::vector<RawDatagram> all;
+    for (OutgoingDatagram& datagram : split_message(sequence_++, channel, message, true)) {
+      datagram.trailer.session = session_;
+      datagram.trailer.sent = sent;
+      mac_.sign(datagram.head(), datagram.data, datagram.trailer);
+      RawDatagram bytes(datagram.head().begin(), datagram.head().end());
+      bytes.insert(bytes.end(), datagram.data.begin(), datagram.data.end());
+      const auto trailer = datagram.trailer.bytes();
+      bytes.insert(bytes.end(), trailer.begin(), trailer.end());
+      all.push_back(std::move(bytes));
+    }
+    return all;
+  }
+
+  uint32_t session() const { return session_; }
+
+ private:
+  DatagramMac mac_;
+  uint32_t sequence_ = 0;
+  uint32_t session_ = random_session();
+};
+
+class Receiver : public testing::Test {
+ protected:
+  Receiver() { seal_.set_key(key_); }
+
+  std::optional<ReceivedMessage> receive(const RawDatagram& bytes, Duration later = {}) {
+    return receiver_.receive(bytes, kSource, {kReceiverNow.monotonic + later, kNow + later});
+  }
+  static std::vector<uint8_t> message(size_t size) {
+    std::vector<uint8_t> bytes(size);
+    for (size_t i = 0; i < size; ++i) bytes[i] = static_cast<uint8_t>(i * 31 + i / 256);
+    return bytes;
+  }
+
+  const StudioKey key_ = StudioKey::make();
+  MessageSeal seal_;
+  static constexpr uint32_t kOwnSession = 77;
+  std::vector<SessionMessage> said_;
+  std::string_view unwanted_ = "V3D_PREVIEW_cam01";
+  MessageReceiver receiver_{ChannelList(studio()),
+                            seal_,
+                            [this](std::string_view channel) { return channel != unwanted_; },
+                            {.newest_of_own = [this](uint32_t session) -> std::optional<uint32_t> {
+                               if (session != kOwnSession) return std::nullopt;
+                               return 41;
+                             },
+                             .send = [this](const SessionMessage& m) { said_.push_back(m); }}};
+  Sender sender_{key_};
+};
+
+TEST_F(Receiver, gives_a_message_of_the_studio_without_its_trailer) {
+  const auto sent = message(100);
+  const RawDatagram datagram = sender_.datagrams(kEventChannel, sent).at(0);
+  const auto got = receive(datagram);
+  ASSERT_TRUE(got);
+  EXPECT_EQ(got->channel, kEventChannel);
+  EXPECT_THAT(got->bytes, testing::ElementsAreArray(sent));
+}
+
+TEST_F(Receiver, gives_a_long_message_in_whatever_order_its_datagrams_come) {
+  std::mt19937 random(7);
+  const auto sent = message(300'000);
+  for (int i = 0; i < 20; ++i) {
+    auto datagrams = sender_.datagrams("V3D_FRAME_cam01", sent);
+    std::shuffle(datagrams.begin(), datagrams.end(), random);
+    std::optional<ReceivedMessage> got;
+    for (const RawDatagram& datagram : datagrams) {
+      ASSERT_FALSE(got);
+      got = receive(datagram);
+    }
+    ASSERT_TRUE(got);
+    EXPECT_TRUE(std::ranges::equal(got->bytes, sent));
+  }
+}
+
+TEST_F(Receiver, accepts_both_keys_for_twenty_seconds_after_a_new_one_was_set) {
+  const StudioKey next = StudioKey::make();
+  Sender renewed(next);
+  const auto accepts = [&](Sender& sender, Duration later) {
+    const auto sent = sender.datagrams(kEventChannel, message(100), kNow + later).at(0);
+    return receive(sent, later).has_value();
+  };
+  EXPECT_FALSE(accepts(renewed, 0s));
+  seal_.set_key(next, kReceiverNow.monotonic);
+  EXPECT_TRUE(accepts(renewed, 1s));
+  EXPECT_TRUE(accepts(sender_, 20s - 1ms));
+  EXPECT_FALSE(accepts(sender_, 20s));
+  EXPECT_TRUE(accepts(renewed, 20s));
+  EXPECT_EQ(seal_.counts().forged, 2);
+}
+
+TEST_F(Receiver, passes_commands_without_a_mac_only_where_the_gate_authenticates_them) {
+  const auto bare = [&](std::string_view channel) {
+    RawDatagram bytes;
+    const auto sent = message(100);
+    for (const OutgoingDatagram& datagram : split_message(1, channel, sent, false)) {
+      bytes.assign(datagram.head().begin(), datagram.head().end());
+      bytes.insert(bytes.end(), datagram.data.begin(), datagram.data.end());
+    }
+    return bytes;
+  };
+  EXPECT_TRUE(receive(bare(kCommandChannel)));
+  seal_.cover_commands();
+  for (const char* channel : {kCommandChannel, kReplyChannel}) {
+    EXPECT_FALSE(receive(bare(channel))) << channel;
+    const auto sent = sender_.datagrams(channel, message(100)).at(0);
+    const auto got = receive(sent);
+    ASSERT_TRUE(got) << channel;
+    EXPECT_THAT(got->bytes, testing::ElementsAreArray(message(100)));
+    EXPECT_FALSE(receive(sent)) << "a replay";
+  }
+  EXPECT_EQ(seal_.counts().forged, 2);
+  EXPECT_EQ(seal_.counts().replayed, 2);
+}
+
+TEST_F(Receiver, rejects_a_datagram_with_any_bit_flipped) {
+  const RawDatagram whole = sender_.datagrams(kEventChannel, message(40)).at(0);
+  for (size_t bit = 0; bit < 8 * whole.size(); ++bit) {
+    RawDatagram changed = whole;
+    changed[bit / 8] ^= static_cast<uint8_t>(1 << bit % 8);
+    EXPECT_FALSE(receive(changed)) << "bit " << bit;
+  }
+  EXPECT_TRUE(receive(whole));
+}
+
+TEST_F(Receiver, rejects_each_fragment_with_a_header_that_was_changed) {
+  const auto sent = message(200'000);
+  for (size_t bit = 0; bit < 8 * 20; ++bit) {
+    auto datagrams = sender_.datagrams("V3D_FRAME_cam01", sent);
+    for (RawDatagram datagram : datagrams) {
+      datagram[bit / 8] ^= static_cast<uint8_t>(1 << bit % 8);
+      EXPECT_FALSE(receive(datagram)) << "bit " << bit;
+    }
+    std::optional<ReceivedMessage> got;
+    for (const RawDatagram& datagram : datagrams) got = receive(datagram);
+    ASSERT_TRUE(got) << "none of the changed ones had a part in it, bit " << bit;
+    EXPECT_TRUE(std::ranges::equal(got->bytes, sent));
+  }
+}
+
+TEST_F(Receiver, takes_no_fragment_of_one_message_for_one_of_another) {
+  const auto a = sender_.datagrams("V3D_FRAME_cam01", message(100'000));
+  Sender other(key_);
+  const auto b = other.datagrams("V3D_FRAME_cam01", message(100'000));
+  EXPECT_FALSE(receive(a[0]));
+  EXPECT_FALSE(receive(b[1])) << "same number and sizes, another session";
+  EXPECT_TRUE(receive(a[1]));
+}
+
+TEST_F(Receiver, accepts_nothing_again_nothing_old_and_nothing_of_the_future) {
+  const RawDatagram first = sender_.datagrams(kEventChannel, message(40)).at(0);
+  EXPECT_TRUE(receive(first));
+  EXPECT_FALSE(receive(first));
+  EXPECT_EQ(seal_.counts().replayed, 1);
+  const auto frame = sender_.datagrams("V3D_FRAME_cam01", message(100'000));
+  EXPECT_FALSE(receive(frame[0]));
+  EXPECT_TRUE(receive(frame[1]));
+  EXPECT_FALSE(receive(frame[0]));
+  EXPECT_FALSE(receive(frame[1]));
+  EXPECT_EQ(seal_.counts().replayed, 2);
+  EXPECT_FALSE(receive(sender_.datagrams(kEventChannel, message(40), kNow - 6s).at(0)));
+  EXPECT_FALSE(receive(sender_.datagrams(kEventChannel, message(40), kNow + 3s).at(0)));
+  EXPECT_EQ(seal_.counts().stale, 2);
+}
+
+TEST_F(Receiver, asks_a_session_whose_clock_differs_and_accepts_it_when_it_answers) {
+  const Duration hour = -1h;
+  EXPECT_FALSE(receive(sender_.datagrams(kEventChannel, message(40), kNow + hour).at(0)));
+  ASSERT_EQ(said_.size(), 1U);
+  const SessionMessage question = said_[0];
+  EXPECT_EQ(question.session, sender_.session());
+  EXPECT_FALSE(receive(sender_.datagrams(kEventChannel, message(40), kNow + hour).at(0)));
+  EXPECT_EQ(said_.size(), 1U) << "it was asked a moment ago";
+  SessionMessage answer = question;
+  answer.is_answer = true;
+  answer.newest = 2;
+  SessionMessage guessed = answer;
+  guessed.nonce ^= 1;
+  receive(sender_.datagrams(kSessionChannel, encode(guessed), kNow + hour).at(0));
+  EXPECT_FALSE(receive(sender_.datagrams(kEventChannel, message(40), kNow + hour).at(0)));
+  answer.newest = 4;
+  receive(sender_.datagrams(kSessionChannel, encode(answer), kNow + hour).at(0));
+  EXPECT_TRUE(receive(sender_.datagrams(kEventChannel, message(40), kNow + hour).at(0)));
+  EXPECT_THAT(seal_.trouble(Realtime::now()), testing::HasSubstr("3600.0 s behind"));
+  EXPECT_TRUE(receive(sender_.datagrams(kEventChannel, message(40), kNow + hour + 60s).at(0), 60s))
+      << "it stays accepted";
+  EXPECT_EQ(seal_.counts().stale, 3);
+}
+
+TEST_F(Receiver, accepts_nothing_of_a_recording_though_its_questions_are_answered_again) {
+  Sender recorded(key_);
+  const Duration hour = -1h;
+  const RawDatagram event = recorded.datagrams(kEventChannel, message(40), kNow + hour).at(0);
+  SessionMessage old;
+  old.session = recorded.session();
+  old.nonce = 12345;
+  old.is_answer = true;
+  const RawDatagram answer = recorded.datagrams(kSessionChannel, encode(old), kNow + hour).at(0);
+  for (int i = 0; i < 10; ++i) {
+    EXPECT_FALSE(receive(event, i * 1s));
+    receive(answer, i * 1s);
+  }
+  EXPECT_EQ(said_.size(), 10U);
+}
+
+/// The answer of `sender` to the question that was asked last.
+RawDatagram answer_of(Sender& sender, SessionMessage question, uint32_t newest) {
+  question.newest = newest;
+  question.is_answer = true;
+  return sender.datagrams(kSessionChannel, encode(question)).at(0);
+}
+
+TEST_F(Receiver, accepts_health_and_pulses_only_of_a_session_that_has_answered) {
+  for (const char* const channel : {"V3D_HEALTH_cap01", kPulseChannel}) {
+    Sender sender(key_);
+    EXPECT_TRUE(receive(sender.datagrams(kEventChannel, message(40)).at(0)));
+    const RawDatagram older = sender.datagrams(channel, message(40)).at(0);
+    EXPECT_FALSE(receive(sender.datagrams(channel, message(40)).at(0)));
+    ASSERT_FALSE(said_.empty());
+    ASSERT_EQ(said_.back().session, sender.session());
+    receive(answer_of(sender, said_.back(), 2));
+    EXPECT_FALSE(receive(older)) << "it may have been received before a restart";
+    EXPECT_TRUE(receive(sender.datagrams(channel, message(40)).at(0)));
+  }
+  EXPECT_EQ(seal_.counts().stale, 0);
+}
+
+TEST_F(Receiver, accepts_no_recorded_health_after_its_own_restart_whatever_its_clock_shows) {
+  const RawDatagram recorded = sender_.datagrams("V3D_HEALTH_cap01", message(40)).at(0);
+  for (int i = 0; i < 10; ++i) EXPECT_FALSE(receive(recorded, i * 500ms));
+  EXPECT_FALSE(said_.empty()) << "the session was asked, and has ended";
+}
+
+TEST_F(Receiver, drops_its_questions_when_it_forgets_a_session) {
+  receive(sender_.datagrams("V3D_HEALTH_cap01", message(40)).at(0));
+  ASSERT_EQ(said_.size(), 1U);
+  for (size_t i = 0; i <= SessionGate::kMaxSessions; ++i) {
+    EXPECT_TRUE(receive(Sender(key_).datagrams(kEventChannel, message(40)).at(0)));
+  }
+  receive(answer_of(sender_, said_[0], 0));
+  EXPECT_FALSE(receive(sender_.datagrams("V3D_HEALTH_cap01", message(40)).at(0)));
+}
+
+TEST_F(Receiver, answers_for_the_sessions_of_its_own_process_100_times_a_second) {
+  SessionMessage question;
+  question.session = kOwnSession;
+  question.nonce = 99;
+  receive(sender_.datagrams(kSessionChannel, encode(question)).at(0));
+  ASSERT_EQ(said_.size(), 1U);
+  EXPECT_TRUE(said_[0].is_answer);
+  EXPECT_EQ(said_[0].nonce, 99);
+  EXPECT_EQ(said_[0].newest, 41U);
+  question.session = 78;
+  receive(sender_.datagrams(kSessionChannel, encode(question)).at(0));
+  EXPECT_EQ(said_.size(), 1U) << "another process's";
+  question.session = kOwnSession;
+  for (int i = 0; i < 1000; ++i) {
+    receive(sender_.datagrams(kSessionChannel, encode(question)).at(0));
+  }
+  EXPECT_EQ(said_.size(), 100U);
+  Sender stranger(StudioKey::make());
+  receive(stranger.datagrams(kSessionChannel, encode(question)).at(0), 2s);
+  EXPECT_EQ(said_.size(), 100U);
+}
+
+TEST_F(Receiver, drops_channels_and_sizes_that_the_studio_does_not_have_before_any_hash) {
+  EXPECT_FALSE(receive(sender_.datagrams("V3D_FRAME_invented", message(40)).at(0)));
+  EXPECT_FALSE(receive(sender_.datagrams("LCM_SELF_TEST", message(40)).at(0)));
+  EXPECT_FALSE(receive(sender_.datagrams(kPulseChannel, message(5000)).at(0)));
+  EXPECT_FALSE(receive(test::short_datagram(1, "V3D_COMMAND")));
+  EXPECT_EQ(receiver_.counts().foreign, 2);
+  EXPECT_EQ(receiver_.counts().oversized, 1);
+  EXPECT_EQ(receiver_.counts().malformed, 1);
+  EXPECT_EQ(seal_.counts().forged, 0);
+}
+
+TEST_F(Receiver, skips_the_rest_of_a_message_that_nobody_wants) {
+  const auto preview = sender_.datagrams("V3D_PREVIEW_cam01", message(200'000));
+  for (const RawDatagram& datagram : preview) EXPECT_FALSE(receive(datagram));
+  RawDatagram changed = preview[1];
+  changed.back() ^= 1;
+  receive(changed);
+  EXPECT_EQ(seal_.counts().forged, 0) << "not even hashed";
+}
+
+TEST_F(Receiver, shows_unverified_health_as_such_and_nothing_else) {
+  Sender stranger(StudioKey::make());
+  const auto health = receive(stranger.datagrams("V3D_HEALTH_cap01", message(40)).at(0));
+  ASSERT_TRUE(health);
+  EXPECT_FALSE(health->is_accepted);
+  EXPECT_EQ(health->bytes.size(), 40U);
+  EXPECT_FALSE(receive(stranger.datagrams(kEventChannel, message(40)).at(0)));
+  EXPECT_EQ(seal_.counts().forged, 2);
+}
+
+TEST_F(Receiver, passes_commands_on_to_the_gate_that_checks_their_own_MAC) {
+  RawDatagram command = test::short_datagram(1, "V3D_COMMAND");
+  command.resize(command.size() + 20);
+  EXPECT_EQ(receive(command).value().bytes.size(), 19U);
+}
+
+TEST(KeylessReceiver, reads_messages_with_and_without_trailers) {
+  MessageSeal seal;
+  MessageReceiver receiver(ChannelList(studio()), seal, [](std::string_view) { return true; });
+  Sender sender(StudioKey::make());
+  const std::vector<uint8_t> sent(100'000, 77);
+  std::optional<ReceivedMessage> got;
+  auto datagrams = sender.datagrams("V3D_FRAME_cam01", sent);
+  std::reverse(datagrams.begin(), datagrams.end());
+  for (const auto& datagram : datagrams) got = receiver.receive(datagram, kSource, kReceiverNow);
+  ASSERT_TRUE(got);
+  EXPECT_TRUE(std::ranges::equal(got->bytes, sent));
+  for (const OutgoingDatagram& plain : split_message(9, "V3D_FRAME_cam01", sent, false)) {
+    RawDatagram bytes(plain.head().begin(), plain.head().end());
+    bytes.insert(bytes.end(), plain.data.begin(), plain.data.end());
+    got = receiver.receive(bytes, kSource, kReceiverNow);
+  }
+  ASSERT_TRUE(got);
+  EXPECT_TRUE(std::ranges::equal(got->bytes, sent));
+}
+
+TEST(InsistingReceiver, accepts_nothing_without_a_key) {
+  MessageSeal seal;
+  seal.insist();
+  MessageReceiver receiver(ChannelList(studio()), seal, [](std::string_view) { return true; });
+  Sender sender(StudioKey::make());
+  for (const auto& datagram : sender.datagrams("V3D_FRAME_cam01", std::vector<uint8_t>(100'000))) {
+    EXPECT_FALSE(receiver.receive(datagram, kSource, kReceiverNow));
+  }
+  EXPECT_EQ(seal.counts().unkeyed, 2);
+  EXPECT_EQ(seal.counts().forged, 0);
+}
+
+/// What somebody without the key can send: noise, invented names, forged and changed fragments.
+std::vector<RawDatagram> hostile_datagrams(Sender& studio_sender) {
+  std::mt19937 random(7);
+  std::vector<RawDatagram> all;
+  Sender stranger(StudioKey::make());
+  const std::vector<uint8_t> bytes(100'000, 5);
+  for (int i = 0; i < 1000; ++i) {
+    all.push_back(test::short_datagram(random(), "V3D_COMMAND"));
+    all.push_back(test::short_datagram(1, "V3D_FRAME_" + std::to_string(random()) + '\0'));
+    RawDatagram huge = test::fragment_header(
+        {.message_size = 256U << 20, .number = 0, .count = static_cast<uint16_t>(random())});
+    test::put_text(huge, std::string("V3D_MESH") + '\0');
+    all.push_back(huge);
+    for (auto& datagram : stranger.datagrams("V3D_FRAME_cam01", bytes)) all.push_back(datagram);
+    for (auto datagram : studio_sender.datagrams("V3D_FRAME_cam01", bytes)) {
+      datagram[random() % datagram.size()] ^= static_cast<uint8_t>(1 << random() % 8);
+      all.push_back(datagram);
+    }
+    RawDatagram noise(random() % 300);
+    for (uint8_t& byte : noise) byte = static_cast<uint8_t>(random());
+    all.push_back(noise);
+  }
+  return all;
+}
+
+TEST_F(Receiver, neither_allocates_for_strangers_nor_lets_them_displace_a_message) {
+  const auto sent = message(100'000);
+  const auto frame = sender_.datagrams("V3D_FRAME_cam01", sent);
+  Sender other(key_);
+  const auto hostile = hostile_datagrams(other);
+  seal_.report(std::string(200, 'x'));  // the text of the trouble has its memory now
+  EXPECT_FALSE(receive(frame[0]));
+  const int64_t before = test::allocations();
+  int64_t accepted = 0;
+  for (const RawDatagram& datagram : hostile) accepted += receive(datagram) ? 1 : 0;
+  EXPECT_EQ(test::allocations() - before, 0);
+  EXPECT_GT(seal_.counts().forged, 1000);
+  EXPECT_EQ(accepted, 0);
+  EXPECT_TRUE(receive(frame[1])) << "its first half was still there";
+}
+
+}  // namespace
+}  // namespace v3d

@@ -1,0 +1,41 @@
+#include "daemon/bus/message_seal.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+namespace v3d {
+namespace {
+
+using namespace std::chrono_literals;
+
+TEST(Seal, says_for_a_while_that_something_was_rejected_and_why) {
+  MessageSeal seal;
+  seal.set_key(StudioKey::make());
+  EXPECT_EQ(seal.trouble(Realtime::now()), "");
+  seal.count_unverified();
+  EXPECT_EQ(seal.counts().forged, 1);
+  EXPECT_THAT(seal.trouble(Realtime::now()), testing::HasSubstr("another studio key"));
+  EXPECT_EQ(seal.trouble(Realtime::now() + 60s), "");
+}
+
+TEST(Seal, counts_nothing_as_forged_before_there_is_a_key) {
+  MessageSeal seal;
+  seal.insist();
+  seal.count_unverified();
+  EXPECT_EQ(seal.counts().forged, 0);
+  EXPECT_EQ(seal.counts().unkeyed, 1);
+  EXPECT_EQ(seal.trouble(Realtime::now()), "") << "the missing key is reported by its owner";
+}
+
+TEST(Seal, is_required_with_a_key_and_where_somebody_insists) {
+  MessageSeal seal;
+  EXPECT_FALSE(seal.is_required());
+  seal.insist();
+  EXPECT_TRUE(seal.is_required());
+  EXPECT_EQ(seal.mac(), nullptr);
+  seal.set_key(StudioKey::make());
+  EXPECT_NE(seal.mac(), nullptr);
+}
+
+}  // namespace
+}  // namespace v3d

@@ -1,0 +1,157 @@
+#include "daemon/bus/session_gate.h"
+
+#include <gtest/gtest.h>
+#include <rapidcheck/gtest.h>
+
+#include <set>
+
+namespace v3d {
+namespace {
+
+using namespace std::chrono_literals;
+
+constexpr ReceiverTime kNow{from_ns<Monotonic>(3'600'000'000'000),
+                            from_ns<Realtime>(1'700'000'000'000'000'000)};
+
+ReceiverTime later(Duration by) { return {kNow.monotonic + by, kNow.realtime + by}; }
+SessionStamp stamp(uint32_t session, uint32_t sequence, Duration sent = {}) {
+  return {.session = session, .sequence = sequence, .sent = kNow.realtime + sent};
+}
+
+RC_GTEST_PROP(SessionGate, accepts_a_number_once_also_where_numbers_wrap, ()) {
+  SessionGate gate;
+  std::set<uint32_t> accepted;
+  uint32_t newest = *rc::gen::element<uint32_t>(0, 5000, 0xffffff00U, 0x7fffff00U);
+  for (int i = 0; i < 500; ++i) {
+    const uint32_t number = newest + static_cast<uint32_t>(*rc::gen::inRange(-40, 41));
+    if (!gate.is_received(stamp(7, number))) {
+      RC_ASSERT(accepted.insert(number).second);
+      gate.note(stamp(7, number), kNow);
+      if (static_cast<int32_t>(number - newest) > 0) newest = number;
+    } else {
+      RC_ASSERT(accepted.contains(number));
+    }
+  }
+}
+
+TEST(SessionGate, counts_what_is_older_than_the_window_as_received) {
+  SessionGate gate;
+  gate.note(stamp(7, 5000), kNow);
+  EXPECT_FALSE(gate.is_received(stamp(7, 5000 - SessionGate::kWindow + 1)));
+  EXPECT_TRUE(gate.is_received(stamp(7, 5000 - SessionGate::kWindow)));
+  EXPECT_FALSE(gate.is_received(stamp(8, 1))) << "another session";
+}
+
+TEST(SessionGate, doubts_a_session_that_it_forgot_and_accepts_nothing_of_it_again) {
+  SessionGate gate;
+  for (uint32_t i = 0; i <= SessionGate::kMaxSessions; ++i)
+    gate.note(stamp(i, 1, i * 1ms), later(i * 1ms));
+  EXPECT_FALSE(gate.is_recent(stamp(0, 1), later(1s))) << "session 0 was forgotten";
+  EXPECT_TRUE(gate.is_received(stamp(1, 1, 1ms)));
+  EXPECT_TRUE(gate.is_recent(stamp(999, 1, 1s), later(1s)));
+  gate.accept(stamp(0, 5, 1s), later(1s));
+  EXPECT_TRUE(gate.is_received(stamp(0, 1)));
+  EXPECT_FALSE(gate.is_received(stamp(0, 6)));
+}
+
+TEST(SessionGate, accepts_an_unknown_session_whose_clock_agrees) {
+  const SessionGate gate;
+  EXPECT_TRUE(gate.is_recent(stamp(7, 1, -5s), kNow));
+  EXPECT_FALSE(gate.is_recent(stamp(7, 1, -5s - 1us), kNow));
+  EXPECT_TRUE(gate.is_recent(stamp(7, 1, 2s), kNow));
+  EXPECT_FALSE(gate.is_recent(stamp(7, 1, 2s + 1us), kNow));
+}
+
+TEST(SessionGate, needs_no_clock_for_a_known_session) {
+  SessionGate gate;
+  gate.note(stamp(7, 1), kNow);
+  for (const Duration set : {-1h, 0h, 1h}) {
+    const ReceiverTime now{kNow.monotonic + 60s, kNow.realtime + 60s + set};
+    EXPECT_TRUE(gate.is_recent(stamp(7, 2, 59s), now)) << "its own clock was set";
+    EXPECT_FALSE(gate.is_recent(stamp(7, 2, 54s), now)) << "held back for 6 s";
+  }
+}
+
+TEST(SessionGate, follows_a_clock_that_drifts_for_a_day) {
+  SessionGate gate;
+  constexpr double kRate = 1 - 150e-6;  // two crystals, each at its limit
+  for (int i = 0; i <= 24 * 60; ++i) {
+    const Duration passed = i * 60s;
+    const SessionStamp message =
+        stamp(7, static_cast<uint32_t>(i), from_seconds(kRate * to_seconds(passed)));
+    ASSERT_TRUE(gate.is_recent(message, later(passed))) << "minute " << i;
+    gate.note(message, later(passed));
+  }
+}
+
+TEST(SessionGate, doubts_a_session_whose_clock_is_set_until_it_answers) {
+  SessionGate gate;
+  gate.note(stamp(7, 1), kNow);
+  EXPECT_FALSE(gate.is_recent(stamp(7, 2, -1h), later(1s)));
+  gate.accept(stamp(7, 2, -1h), later(1s));
+  EXPECT_TRUE(gate.is_recent(stamp(7, 3, -1h + 100ms), later(1100ms)));
+  EXPECT_TRUE(gate.is_received(stamp(7, 1))) << "what was received stays received";
+  EXPECT_FALSE(gate.is_recent(stamp(7, 4, -2h), later(2s)));
+}
+
+TEST(SessionGate, accepts_nothing_older_once_a_session_has_answered_first) {
+  SessionGate gate;
+  gate.note(stamp(7, 9), kNow);
+  EXPECT_FALSE(gate.has_answered(7));
+  EXPECT_FALSE(gate.is_received(stamp(7, 8)));
+  gate.accept(stamp(7, 12), kNow);
+  EXPECT_TRUE(gate.has_answered(7));
+  for (const uint32_t old : {8U, 9U, 12U}) EXPECT_TRUE(gate.is_received(stamp(7, old))) << old;
+  EXPECT_FALSE(gate.is_received(stamp(7, 13)));
+}
+
+TEST(SessionGate, keeps_what_came_before_a_late_first_answer) {
+  SessionGate gate;
+  gate.note(stamp(7, 9), kNow);
+  gate.accept(stamp(7, 5), kNow);
+  EXPECT_TRUE(gate.is_received(stamp(7, 9)));
+  EXPECT_FALSE(gate.is_received(stamp(7, 10)));
+}
+
+TEST(SessionGate, forgets_with_a_session_that_it_has_answered) {
+  SessionGate gate;
+  gate.accept(stamp(7, 1), kNow);
+  for (uint32_t i = 0; i < SessionGate::kMaxSessions; ++i) {
+    EXPECT_EQ(gate.forgotten(), 0);
+    gate.note(stamp(1000 + i, 1), later(1s));
+  }
+  EXPECT_EQ(gate.forgotten(), 1);
+  EXPECT_FALSE(gate.has_answered(7));
+}
+
+TEST(SessionQuestions, take_one_answer_with_the_right_nonce_in_time) {
+  SessionQuestions questions;
+  const auto now = kNow.monotonic;
+  const auto nonce = questions.ask(7, now);
+  ASSERT_TRUE(nonce);
+  EXPECT_FALSE(questions.ask(7, now + 100ms)) << "asked a moment ago";
+  EXPECT_EQ(questions.ask(7, now + 200ms), nonce);
+  EXPECT_FALSE(questions.answers(7, *nonce + 1, now + 300ms));
+  EXPECT_FALSE(questions.answers(8, *nonce, now + 300ms));
+  EXPECT_TRUE(questions.answers(7, *nonce, now + 300ms));
+  EXPECT_FALSE(questions.answers(7, *nonce, now + 300ms)) << "again";
+  const auto late = questions.ask(7, now + 1s);
+  ASSERT_TRUE(late);
+  EXPECT_NE(late, nonce);
+  EXPECT_FALSE(questions.answers(7, *late, now + 1s + SessionQuestions::kAnsweredWithin));
+}
+
+TEST(SessionQuestions, wait_for_16_answers_at_once) {
+  SessionQuestions questions;
+  std::vector<int64_t> nonces;
+  for (uint32_t session = 1; session <= 17; ++session) {
+    nonces.push_back(*questions.ask(session, kNow.monotonic + session * 1ms));
+  }
+  EXPECT_FALSE(questions.answers(1, nonces[0], kNow.monotonic + 50ms)) << "the oldest gave way";
+  for (uint32_t session = 2; session <= 17; ++session) {
+    EXPECT_TRUE(questions.answers(session, nonces[session - 1], kNow.monotonic + 50ms));
+  }
+}
+
+}  // namespace
+}  // namespace v3d

@@ -1,0 +1,287 @@
+#include "daemon/control/command_gate.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <random>
+
+namespace v3d {
+namespace {
+
+using namespace std::chrono_literals;
+using testing::HasSubstr;
+using testing::IsEmpty;
+
+constexpr MonotonicInstant kNow = from_ns<Monotonic>(3'600'000'000'000);
+constexpr RealtimeInstant kSent = from_ns<Realtime>(1'700'000'000'000'000'000);
+
+class Gate : public testing::Test {
+ protected:
+  Gate() { gate_.credentials().set_studio_key(key_, kNow); }
+
+  static CommandMessage command(int64_t nonce, int64_t counter = 1, Duration later = {},
+                                const std::string& sender = "anna@desk/1/2") {
+    CommandMessage m;
+    m.sent = kSent + later;
+    m.sender = sender;
+    m.counter = counter;
+    m.verb = CommandVerb::kStart;
+    m.take = "kendo-07";
+    m.to = {"cap02", "cap01"};
+    m.nonces = {1, nonce};
+    return m;
+  }
+  /// Whether a node obeys.
+  bool obeys(const Bytes& bytes) {
+    const auto admitted = gate_.admit(bytes, now_);
+    return admitted && admitted->is_current;
+  }
+  bool obeys(const CommandMessage& m) { return obeys(encode_sealed(m, key_)); }
+  /// Whether a node answers with its nonce.
+  bool replies_nonce(const CommandMessage& m) {
+    const auto admitted = gate_.admit(encode_sealed(m, key_), now_);
+    return admitted && !admitted->is_current;
+  }
+  int64_t nonce() { return gate_.nonce(now_); }
+
+  const StudioKey key_ = StudioKey::make();
+  MonotonicInstant now_ = kNow;
+  CommandGate gate_{"cap01"};
+};
+
+TEST_F(Gate, obeys_an_authentic_command_with_the_nonce_of_this_node) {
+  const auto got = gate_.admit(encode_sealed(command(nonce()), key_), now_);
+  ASSERT_TRUE(got);
+  EXPECT_TRUE(got->is_current);
+  EXPECT_EQ(got->command.verb, CommandVerb::kStart);
+  EXPECT_EQ(gate_.counts().believed, 1);
+  EXPECT_THAT(gate_.trouble(now_), IsEmpty());
+}
+
+TEST_F(Gate, answers_a_command_without_nonce_with_the_nonce_that_makes_it_good) {
+  const CommandMessage first = command(0);
+  ASSERT_TRUE(replies_nonce(first));
+  const ReplyMessage reply = gate_.nonce_reply(first, now_);
+  EXPECT_EQ(reply.outcome, ReplyMessage::Outcome::kNonceMissing);
+  EXPECT_EQ(reply.command_sender, first.sender);
+  EXPECT_EQ(gate_.counts().without_nonce, 1);
+  EXPECT_TRUE(obeys(command(reply.nonce)));
+}
+
+TEST_F(Gate, obeys_whatever_the_clock_of_the_sender_says) {
+  EXPECT_TRUE(obeys(command(nonce(), 1, -1h, "a")));
+  EXPECT_TRUE(obeys(command(nonce(), 1, 24h * 365, "b")));
+}
+
+TEST_F(Gate, obeys_no_command_with_a_nonce_of_more_than_ten_seconds_ago) {
+  const CommandMessage held_back = command(nonce());
+  now_ += 2 * CommandGate::kNonceLife - 1ms;
+  EXPECT_TRUE(obeys(held_back));
+  const CommandMessage later = command(nonce(), 1, 1s);
+  now_ += 2 * CommandGate::kNonceLife;
+  EXPECT_FALSE(obeys(later));
+  EXPECT_EQ(gate_.counts().without_nonce, 1);
+}
+
+TEST_F(Gate, obeys_no_command_with_the_nonce_of_another_node) {
+  CommandMessage swapped = command(nonce());
+  std::swap(swapped.nonces[0], swapped.nonces[1]);
+  EXPECT_FALSE(obeys(swapped));
+  swapped.nonces.clear();
+  EXPECT_FALSE(obeys(swapped));
+}
+
+TEST_F(Gate, obeys_nobody_without_a_key) {
+  CommandGate keyless("cap01");
+  EXPECT_FALSE(keyless.admit(encode_sealed(command(1), key_), now_));
+  EXPECT_FALSE(keyless.admit(encode(command(1)), now_));
+  EXPECT_EQ(keyless.counts().unkeyed, 2);
+}
+
+TEST_F(Gate, refuses_what_another_key_sealed_and_says_so_for_a_while) {
+  EXPECT_FALSE(gate_.admit(encode_sealed(command(nonce()), StudioKey::make()), now_));
+  EXPECT_EQ(gate_.counts().forged, 1);
+  EXPECT_THAT(gate_.trouble(now_ + 1s), HasSubstr("another studio key"));
+  EXPECT_THAT(gate_.trouble(now_ + 1min), IsEmpty());
+}
+
+TEST_F(Gate, obeys_holders_of_the_old_key_for_twenty_seconds_after_a_new_one_was_set) {
+  const StudioKey next = StudioKey::make();
+  EXPECT_FALSE(obeys(encode_sealed(command(nonce(), 1, 0s, "a"), next)));
+  gate_.credentials().set_studio_key(next, now_);
+  EXPECT_TRUE(obeys(encode_sealed(command(nonce(), 1, 0s, "b"), next)));
+  now_ += 20s - 1ms;
+  EXPECT_TRUE(obeys(encode_sealed(command(nonce(), 1, 0s, "c"), key_)));
+  now_ += 1ms;
+  EXPECT_FALSE(obeys(encode_sealed(command(nonce(), 1, 0s, "d"), key_)));
+  EXPECT_TRUE(obeys(encode_sealed(command(nonce(), 1, 0s, "e"), next)));
+  EXPECT_EQ(gate_.counts().forged, 2);
+}
+
+TEST_F(Gate, obeys_an_operator_of_the_member_list_and_says_whose_commands_it_rejects) {
+  const SigningKey ada = SigningKey::make(), guest = SigningKey::make();
+  CommandGate gate("cap01");
+  gate.credentials().set_studio_key(key_, kNow);
+  gate.credentials().require_members();
+  gate.credentials().set_signing_key(SigningKey::make());
+  gate.credentials().set_members(std::make_shared<const MemberList>(
+      MemberList{.studio = "kyoto",
+                 .serial = 1,
+                 .members = {{"ada", Role::kOperator, ada.public_key()},
+                             {"guest", Role::kViewer, guest.public_key()}}}));
+  const CommandMessage order = command(gate.nonce(now_));
+  EXPECT_FALSE(gate.admit(sign_message(encode(order), guest), now_));
+  EXPECT_EQ(gate.counts().unauthorized, 1);
+  EXPECT_THAT(gate.trouble(now_), HasSubstr("commands of guest are rejected"));
+  EXPECT_FALSE(gate.admit(sign_message(encode(order), SigningKey::make()), now_));
+  EXPECT_FALSE(gate.admit(encode_sealed(order, key_), now_));
+  EXPECT_EQ(gate.counts().forged, 2);
+  const auto admitted = gate.admit(sign_message(encode(order), ada), now_);
+  ASSERT_TRUE(admitted);
+  EXPECT_TRUE(admitted->is_current);
+  EXPECT_FALSE(gate.admit(sign_message(encode(order), ada), now_)) << "a replay";
+}
+
+TEST_F(Gate, refuses_sealed_bytes_that_are_no_command) {
+  EXPECT_FALSE(gate_.admit(encode_sealed(ReplyMessage{}, key_), now_));
+  EXPECT_EQ(gate_.counts().malformed, 1);
+}
+
+TEST_F(Gate, admits_a_retry_that_was_sent_later_and_no_message_twice) {
+  EXPECT_TRUE(obeys(command(nonce(), 1)));
+  EXPECT_FALSE(obeys(command(nonce(), 1)));
+  EXPECT_TRUE(obeys(command(nonce(), 1, 200ms)));
+  EXPECT_FALSE(obeys(command(nonce(), 1)));
+  EXPECT_TRUE(obeys(command(nonce(), 2, 300ms)));
+  EXPECT_FALSE(obeys(command(nonce(), 1, 400ms))) << "a lower counter is a command of before";
+  EXPECT_EQ(gate_.counts().replayed, 3);
+}
+
+TEST_F(Gate, obeys_no_message_twice_while_its_nonce_lives) {
+  const CommandMessage recorded = command(nonce());
+  ASSERT_TRUE(obeys(recorded));
+  for (int i = 0; i < 300; ++i) {
+    now_ += 100ms;
+    EXPECT_FALSE(obeys(recorded)) << i;
+    gate_.nonce(now_);
+  }
+}
+
+TEST_F(Gate, leaves_what_is_meant_for_others_alone) {
+  CommandMessage m = command(nonce());
+  m.to = {"cap02", "cap03"};
+  EXPECT_FALSE(gate_.admit(encode_sealed(m, key_), now_));
+  EXPECT_EQ(gate_.counts().without_nonce, 0);
+}
+
+TEST_F(Gate, obeys_nothing_that_was_recorded_before_the_daemon_started_anew) {
+  std::vector<Bytes> recorded;
+  for (int i = 0; i < 50; ++i) {
+    recorded.push_back(encode_sealed(command(nonce(), 1, i * 50ms, std::to_string(i)), key_));
+    ASSERT_TRUE(obeys(recorded.back()));
+  }
+  CommandGate restarted("cap01");
+  restarted.credentials().set_studio_key(key_, now_);
+  for (const Bytes& bytes : recorded) {
+    const auto admitted = restarted.admit(bytes, now_);
+    EXPECT_FALSE(admitted && admitted->is_current);
+  }
+  EXPECT_EQ(restarted.counts().believed, 0);
+}
+
+TEST_F(Gate, leaves_no_hole_where_it_cannot_remember_all_senders) {
+  std::vector<Bytes> recorded;
+  for (int i = 0; i < 1000; ++i) {
+    recorded.push_back(encode_sealed(command(nonce(), 1, {}, "sender" + std::to_string(i)), key_));
+    ASSERT_TRUE(obeys(recorded.back()));
+    now_ += 1ms;
+  }
+  for (const Bytes& bytes : recorded) EXPECT_FALSE(obeys(bytes));
+  EXPECT_EQ(gate_.counts().believed, 1000);
+}
+
+TEST_F(Gate, answers_a_flood_of_recorded_commands_of_one_sender_20_times_a_second) {
+  const CommandMessage recorded = command(0, 1, {}, "yesterday");
+  int replies = 0;
+  for (int i = 0; i < 1000; ++i) replies += replies_nonce(recorded) ? 1 : 0;
+  EXPECT_EQ(replies, CommandGate::kMaxNonceRepliesToSender);
+  EXPECT_TRUE(replies_nonce(command(0, 1, {}, "operator"))) << "another sender has its own share";
+  now_ += 1s;
+  EXPECT_TRUE(replies_nonce(recorded));
+}
+
+TEST_F(Gate, answers_recorded_commands_of_many_senders_1000_times_a_second) {
+  int replies = 0;
+  for (int i = 0; i < 3000; ++i) {
+    replies += replies_nonce(command(0, 1, {}, "sender" + std::to_string(i % 300))) ? 1 : 0;
+  }
+  EXPECT_EQ(replies, CommandGate::kMaxNonceReplies);
+}
+
+/// What a stranger can do without the key: record, change, repeat, invent.
+class Stranger {
+ public:
+  explicit Stranger(const StudioKey& key) : key_(key) {}
+
+  /// Commands that were carried out, as he recorded them.
+  std::vector<Bytes> recorded;
+
+  Bytes replayed() { return recorded[random_() % recorded.size()]; }
+  Bytes bit_flipped() {
+    Bytes bytes = replayed();
+    const size_t bit = random_() % (8 * bytes.size());
+    bytes[bit / 8] ^= static_cast<uint8_t>(1 << bit % 8);
+    return bytes;
+  }
+  /// With a key of his own, or none; `nonce` is known to everybody.
+  Bytes forged(int64_t nonce) {
+    CommandMessage m;
+    m.sent = kSent + 1h;
+    m.sender = "stranger";
+    m.counter = static_cast<int64_t>(random_());
+    m.verb = static_cast<CommandVerb>(1 + random_() % 6);
+    m.to = {"cap01"};
+    m.nonces = {nonce};
+    return random_() % 2 != 0 ? encode_sealed(m, own_) : encode(m);
+  }
+  /// Recorded when the node had another nonce.
+  Bytes old() {
+    CommandMessage m;
+    m.sent = kSent - std::chrono::minutes(1 + random_() % 1'000'000);
+    m.sender = "anna@desk/1/" + std::to_string(random_());
+    m.to = {"cap01"};
+    m.nonces = {random_nonce()};
+    return encode_sealed(m, key_);
+  }
+
+ private:
+  const StudioKey key_;
+  const StudioKey own_ = StudioKey::make();
+  std::mt19937 random_{7};
+};
+
+TEST_F(Gate, obeys_none_of_100_000_forged_replayed_old_and_changed_commands) {
+  constexpr int kEach = 25'000;
+  Stranger stranger(key_);
+  for (int i = 1; i <= 40; ++i) {
+    stranger.recorded.push_back(encode_sealed(command(nonce(), i, i * 10ms), key_));
+    ASSERT_TRUE(obeys(stranger.recorded.back()));
+  }
+  const CommandCounts before = gate_.counts();
+  for (int i = 0; i < kEach; ++i) {
+    EXPECT_FALSE(obeys(stranger.forged(nonce())));
+    EXPECT_FALSE(obeys(stranger.replayed()));
+    EXPECT_FALSE(obeys(stranger.old()));
+    EXPECT_FALSE(obeys(stranger.bit_flipped()));
+  }
+  const CommandCounts after = gate_.counts();
+  EXPECT_EQ(after.believed, before.believed);
+  EXPECT_EQ(after.forged, 2 * kEach);
+  EXPECT_EQ(after.replayed, kEach);
+  EXPECT_EQ(after.without_nonce, kEach);
+  EXPECT_EQ(after.malformed + after.unkeyed, 0);
+  EXPECT_TRUE(obeys(command(nonce(), 41, 1s))) << "the operator is heard all the same";
+}
+
+}  // namespace
+}  // namespace v3d

@@ -1,0 +1,394 @@
+#include "daemon/control/control.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <rapidcheck/gtest.h>
+
+namespace v3d {
+namespace {
+
+using Outcome = ReplyMessage::Outcome;
+using testing::HasSubstr;
+
+constexpr Phase kPhases[] = {Phase::kIdle,      Phase::kArming,   Phase::kPrepared, Phase::kArmed,
+                             Phase::kRecording, Phase::kDraining, Phase::kLearning, Phase::kFault};
+constexpr Input kInputs[] = {
+    Input::kArm,    Input::kStart,      Input::kStop,    Input::kAbort,   Input::kBackground,
+    Input::kCommit, Input::kLearn,      Input::kCheck,   Input::kExpired, Input::kReady,
+    Input::kFailed, Input::kTrainEnded, Input::kDrained, Input::kBroken,  Input::kRejoined};
+
+bool pulses_may_run(Phase phase) { return phase == Phase::kRecording || phase == Phase::kLearning; }
+
+// The whole table: what is not named here stays where it is, refused when it is a command.
+TEST(Transition, is_as_the_table_says) {
+  const auto row = [](Phase from, Input input, Transition expected) {
+    EXPECT_EQ(transition(from, input), expected)
+        << "phase " << int(from) << ", input " << int(input);
+  };
+  using enum Phase;
+  using enum Verdict;
+  row(kIdle, Input::kArm, {kArming, Work::kArm, kPending});
+  row(kIdle, Input::kBackground, {kArming, Work::kLearn, kPending});
+  row(kIdle, Input::kCheck, {kArming, Work::kArm, kPending});
+  row(kIdle, Input::kAbort, {kIdle, Work::kNone, kDone});
+  row(kIdle, Input::kRejoined, {kRecording, Work::kNone, kNone});
+  row(kArming, Input::kReady, {kPrepared, Work::kNone, kNone});
+  row(kArming, Input::kFailed, {kIdle, Work::kDisarm, kNone});
+  row(kArming, Input::kAbort, {kIdle, Work::kDisarm, kDone});
+  row(kPrepared, Input::kCommit, {kArmed, Work::kNone, kDone});
+  row(kPrepared, Input::kExpired, {kIdle, Work::kDisarm, kNone});
+  row(kPrepared, Input::kAbort, {kIdle, Work::kDisarm, kDone});
+  row(kLearning, Input::kLearn, {kLearning, Work::kNone, kDone});
+  row(kLearning, Input::kStop, {kLearning, Work::kNone, kPending});
+  row(kLearning, Input::kReady, {kIdle, Work::kDisarm, kNone});
+  row(kLearning, Input::kFailed, {kIdle, Work::kDisarm, kNone});
+  row(kLearning, Input::kAbort, {kIdle, Work::kDisarm, kDone});
+  row(kArmed, Input::kCommit, {kArmed, Work::kNone, kDone});
+  row(kArmed, Input::kStart, {kRecording, Work::kStart, kDone});
+  row(kArmed, Input::kLearn, {kLearning, Work::kStart, kDone});
+  row(kArmed, Input::kStop, {kIdle, Work::kDisarm, kDone});
+  row(kArmed, Input::kAbort, {kIdle, Work::kDisarm, kDone});
+  row(kRecording, Input::kStart, {kRecording, Work::kNone, kDone});
+  row(kRecording, Input::kStop, {kDraining, Work::kDrain, kPending});
+  row(kRecording, Input::kAbort, {kDraining, Work::kDrain, kPending});
+  row(kRecording, Input::kTrainEnded, {kDraining, Work::kDrain, kNone});
+  row(kDraining, Input::kStop, {kDraining, Work::kNone, kPending});
+  row(kDraining, Input::kAbort, {kIdle, Work::kDisarm, kDone});
+  row(kDraining, Input::kDrained, {kIdle, Work::kDisarm, kNone});
+  row(kFault, Input::kAbort, {kIdle, Work::kDisarm, kDone});
+}
+
+TEST(Transition, turns_pulses_on_only_where_every_node_is_known_to_be_ready) {
+  for (const Phase phase : kPhases) {
+    for (const Input input : kInputs) {
+      const bool starts = transition(phase, input).work == Work::kStart;
+      EXPECT_EQ(starts,
+                phase == Phase::kArmed && (input == Input::kStart || input == Input::kLearn));
+    }
+  }
+}
+
+TEST(Transition, turns_pulses_off_whenever_it_leaves_a_phase_that_has_them) {
+  for (const Phase phase : kPhases) {
+    for (const Input input : kInputs) {
+      const Transition t = transition(phase, input);
+      if (pulses_may_run(phase) && !pulses_may_run(t.next)) {
+        EXPECT_TRUE(t.work == Work::kDrain || t.work == Work::kDisarm);
+      }
+    }
+  }
+}
+
+TEST(Transition, changes_nothing_when_it_refuses_and_answers_only_commands) {
+  for (const Phase phase : kPhases) {
+    for (const Input input : kInputs) {
+      const Transition t = transition(phase, input);
+      if (t.verdict == Verdict::kRefused) {
+        EXPECT_EQ(t, (Transition{phase, Work::kNone, Verdict::kRefused}));
+      }
+      EXPECT_EQ(t.verdict != Verdict::kNone, is_command(input));
+    }
+  }
+}
+
+TEST(Transition, faults_from_everywhere_and_leaves_fault_only_by_abort) {
+  for (const Phase phase : kPhases) {
+    EXPECT_EQ(transition(phase, Input::kBroken).next, Phase::kFault);
+  }
+  for (const Input input : kInputs) {
+    EXPECT_EQ(transition(Phase::kFault, input).next,
+              input == Input::kAbort ? Phase::kIdle : Phase::kFault);
+  }
+}
+
+TEST(Transition, reaches_idle_from_everywhere_in_two_aborts) {
+  for (const Phase phase : kPhases) {
+    EXPECT_EQ(transition(transition(phase, Input::kAbort).next, Input::kAbort).next, Phase::kIdle);
+  }
+}
+
+CommandMessage command(CommandVerb verb, int64_t counter, const std::string& take = "kendo-07") {
+  CommandMessage m;
+  m.sender = "v3dctl.1";
+  m.counter = counter;
+  m.verb = verb;
+  m.take = take;
+  return m;
+}
+
+class ControllerTest : public testing::Test {
+ protected:
+  /// The only reply to a command.
+  ReplyMessage send(const CommandMessage& m) {
+    last_ = controller_.on_command(m);
+    EXPECT_EQ(last_.replies.size(), 1U);
+    return last_.replies.empty() ? ReplyMessage{} : last_.replies[0];
+  }
+  void arm_and_start() {
+    send(command(CommandVerb::kArm, 1));
+    controller_.on_event(Input::kReady, "15 cameras");
+    send(command(CommandVerb::kCommit, 2));
+    send(command(CommandVerb::kStart, 3));
+  }
+
+  Controller controller_{"cap01"};
+  Controller::Step last_;
+};
+
+TEST_F(ControllerTest, stops_the_take_that_it_records_again_after_it_was_started_anew) {
+  controller_.remember("kendo-07", "recovered", "{}");
+  EXPECT_EQ(send(command(CommandVerb::kStop, 1)).text, "recovered") << "before it has heard";
+  controller_.rejoined(command(CommandVerb::kArm, 7));
+  EXPECT_EQ(controller_.phase(), Phase::kRecording);
+  EXPECT_EQ(controller_.order().take, "kendo-07");
+  EXPECT_EQ(send(command(CommandVerb::kStop, 2)).outcome, Outcome::kPending);
+  EXPECT_EQ(last_.work, Work::kDrain);
+  EXPECT_EQ(controller_.on_event(Input::kDrained, "incomplete").replies.at(0).text, "incomplete");
+}
+
+TEST_F(ControllerTest, does_not_answer_for_the_take_before_when_the_last_one_was_aborted) {
+  arm_and_start();
+  send(command(CommandVerb::kStop, 4));
+  controller_.on_event(Input::kDrained, "kendo-07: complete", "{}");
+  EXPECT_EQ(send(command(CommandVerb::kStop, 5, "")).text, "kendo-07: complete");
+  send(command(CommandVerb::kArm, 6, "kendo-08"));
+  controller_.on_event(Input::kReady, "15 cameras");
+  send(command(CommandVerb::kCommit, 7, "kendo-08"));
+  send(command(CommandVerb::kStart, 8, "kendo-08"));
+  controller_.on_event(Input::kTrainEnded, "pulses have ended");
+  EXPECT_EQ(send(command(CommandVerb::kAbort, 9, "kendo-08")).outcome, Outcome::kDone);
+  EXPECT_EQ(send(command(CommandVerb::kStop, 10, "")).outcome, Outcome::kRefused);
+}
+
+TEST_F(ControllerTest, does_not_answer_with_what_was_recovered_once_it_has_recorded_more) {
+  controller_.remember("kendo-07", "recovered 6 pulses", "{}");
+  controller_.rejoined(command(CommandVerb::kArm, 7));
+  controller_.on_event(Input::kTrainEnded, "pulses have ended");
+  EXPECT_EQ(send(command(CommandVerb::kAbort, 1)).outcome, Outcome::kDone);
+  EXPECT_EQ(send(command(CommandVerb::kStop, 2, "")).outcome, Outcome::kRefused);
+}
+
+TEST_F(ControllerTest, rejoins_nothing_when_it_has_been_ordered_something_since) {
+  send(command(CommandVerb::kArm, 1, "kendo-08"));
+  controller_.rejoined(command(CommandVerb::kArm, 7));
+  EXPECT_EQ(controller_.phase(), Phase::kArming);
+  EXPECT_EQ(controller_.order().take, "kendo-08");
+}
+
+TEST_F(ControllerTest, takes_a_take_from_arm_to_its_ledger) {
+  const ReplyMessage armed = send(command(CommandVerb::kArm, 1));
+  EXPECT_EQ(armed.outcome, Outcome::kPending);
+  EXPECT_EQ(armed.node, "cap01");
+  EXPECT_EQ(armed.command_sender, "v3dctl.1");
+  EXPECT_EQ(armed.command_counter, 1);
+  EXPECT_EQ(last_.work, Work::kArm);
+
+  const auto ready = controller_.on_event(Input::kReady, "15 cameras");
+  ASSERT_EQ(ready.replies.size(), 1U);
+  EXPECT_EQ(ready.replies[0].outcome, Outcome::kDone);
+  EXPECT_EQ(ready.replies[0].text, "15 cameras");
+  EXPECT_EQ(controller_.phase(), Phase::kPrepared);
+
+  EXPECT_EQ(send(command(CommandVerb::kCommit, 2)).outcome, Outcome::kDone);
+  EXPECT_EQ(controller_.phase(), Phase::kArmed);
+  EXPECT_EQ(send(command(CommandVerb::kStart, 3)).outcome, Outcome::kDone);
+  EXPECT_EQ(last_.work, Work::kStart);
+  EXPECT_EQ(send(command(CommandVerb::kStop, 4)).outcome, Outcome::kPending);
+  EXPECT_EQ(last_.work, Work::kDrain);
+
+  const auto drained = controller_.on_event(Input::kDrained, "complete", "{}");
+  EXPECT_EQ(drained.work, Work::kDisarm);
+  ASSERT_EQ(drained.replies.size(), 1U);
+  EXPECT_EQ(drained.replies[0].command_counter, 4);
+  EXPECT_EQ(drained.replies[0].detail, "{}");
+  EXPECT_EQ(drained.replies[0].take, "kendo-07");
+  EXPECT_EQ(controller_.phase(), Phase::kIdle);
+}
+
+TEST_F(ControllerTest, answers_a_retry_without_carrying_it_out_again) {
+  arm_and_start();
+  const auto again = controller_.on_command(command(CommandVerb::kStart, 3));
+  EXPECT_EQ(again.work, Work::kNone);
+  ASSERT_EQ(again.replies.size(), 1U);
+  EXPECT_EQ(again.replies[0].outcome, Outcome::kDone);
+  EXPECT_EQ(controller_.phase(), Phase::kRecording);
+}
+
+TEST_F(ControllerTest, answers_the_retry_of_a_pending_command_with_its_final_reply) {
+  send(command(CommandVerb::kArm, 1));
+  EXPECT_EQ(send(command(CommandVerb::kArm, 1)).outcome, Outcome::kPending);
+  controller_.on_event(Input::kReady, "15 cameras");
+  const ReplyMessage again = send(command(CommandVerb::kArm, 1));
+  EXPECT_EQ(again.outcome, Outcome::kDone);
+  EXPECT_EQ(again.text, "15 cameras");
+}
+
+TEST_F(ControllerTest, passes_over_a_command_that_comes_after_a_later_one) {
+  arm_and_start();
+  const auto late = controller_.on_command(command(CommandVerb::kArm, 1));
+  EXPECT_TRUE(late.replies.empty());
+  EXPECT_EQ(late.work, Work::kNone);
+  EXPECT_EQ(controller_.phase(), Phase::kRecording);
+}
+
+CommandMessage by(const std::string& sender, CommandMessage m) {
+  m.sender = sender;
+  return m;
+}
+
+TEST_F(ControllerTest, tells_the_second_operator_whom_the_studio_belongs_to) {
+  send(by("anna@desk/12/34", command(CommandVerb::kArm, 1)));
+  const CommandMessage second = by("ben@stage/5/6", command(CommandVerb::kArm, 1, "kendo-08"));
+  const ReplyMessage refusal = send(second);
+  EXPECT_EQ(refusal.outcome, Outcome::kRefused);
+  EXPECT_THAT(refusal.text, HasSubstr("just being armed for kendo-07 by anna@desk;"));
+}
+
+TEST_F(ControllerTest, lets_nobody_else_confirm_or_take_back_what_is_being_armed) {
+  send(by("anna", command(CommandVerb::kArm, 1)));
+  CommandMessage undo = by("ben", command(CommandVerb::kAbort, 1));
+  undo.own_only = true;
+  EXPECT_EQ(send(undo).outcome, Outcome::kRefused);
+  controller_.on_event(Input::kReady, "15 cameras");
+  EXPECT_EQ(send(by("ben", command(CommandVerb::kCommit, 2))).outcome, Outcome::kRefused);
+  EXPECT_EQ(controller_.phase(), Phase::kPrepared);
+  EXPECT_EQ(send(by("anna", command(CommandVerb::kCommit, 2))).outcome, Outcome::kDone);
+}
+
+TEST_F(ControllerTest, keeps_a_running_take_when_a_later_start_is_taken_back) {
+  arm_and_start();
+  EXPECT_EQ(send(by("ben", command(CommandVerb::kStart, 1))).outcome, Outcome::kDone);
+  CommandMessage undo = by("ben", command(CommandVerb::kAbort, 2));
+  undo.own_only = true;
+  EXPECT_EQ(send(undo).outcome, Outcome::kRefused);
+  EXPECT_EQ(controller_.phase(), Phase::kRecording);
+}
+
+TEST_F(ControllerTest, lets_go_what_nobody_confirms) {
+  send(command(CommandVerb::kArm, 1));
+  controller_.on_event(Input::kReady, "15 cameras");
+  EXPECT_EQ(controller_.on_event(Input::kExpired, "not confirmed").work, Work::kDisarm);
+  EXPECT_EQ(controller_.phase(), Phase::kIdle);
+  EXPECT_EQ(send(command(CommandVerb::kCommit, 2)).outcome, Outcome::kRefused);
+}
+
+TEST_F(ControllerTest, learns_the_background_when_it_is_started_and_tells_the_result_at_stop) {
+  send(command(CommandVerb::kBackground, 1, "background"));
+  EXPECT_EQ(last_.work, Work::kLearn);
+  controller_.on_event(Input::kReady, "15 cameras");
+  send(command(CommandVerb::kCommit, 2, "background"));
+  EXPECT_EQ(send(command(CommandVerb::kStart, 3, "background")).outcome, Outcome::kDone);
+  EXPECT_EQ(last_.work, Work::kStart);
+  EXPECT_EQ(controller_.phase(), Phase::kLearning);
+  controller_.on_event(Input::kFailed, "cam03: only 2 of 16 plates arrived");
+  const ReplyMessage result = send(command(CommandVerb::kStop, 4, "background"));
+  EXPECT_EQ(result.outcome, Outcome::kRefused);
+  EXPECT_THAT(result.text, HasSubstr("cam03"));
+}
+
+TEST_F(ControllerTest, answers_for_the_take_that_it_was_at_before_it_was_started_anew) {
+  controller_.remember("kendo-07", "recovered", "{\"take\":\"kendo-07\"}");
+  const ReplyMessage reply = send(command(CommandVerb::kStop, 1));
+  EXPECT_EQ(reply.outcome, Outcome::kDone);
+  EXPECT_EQ(reply.detail, "{\"take\":\"kendo-07\"}");
+  EXPECT_EQ(send(command(CommandVerb::kStop, 2, "kendo-08")).outcome, Outcome::kRefused);
+}
+
+TEST_F(ControllerTest, refuses_to_start_or_stop_another_take) {
+  arm_and_start();
+  EXPECT_THAT(send(command(CommandVerb::kStop, 4, "kendo-08")).text,
+              HasSubstr("the take here is kendo-07, not kendo-08"));
+  EXPECT_EQ(controller_.phase(), Phase::kRecording);
+}
+
+TEST_F(ControllerTest, tells_why_arming_failed) {
+  send(command(CommandVerb::kArm, 1));
+  const auto failed = controller_.on_event(Input::kFailed, "not ready: cam07 (opening)");
+  EXPECT_EQ(failed.work, Work::kDisarm);
+  ASSERT_EQ(failed.replies.size(), 1U);
+  EXPECT_EQ(failed.replies[0].outcome, Outcome::kRefused);
+  EXPECT_EQ(failed.replies[0].text, "not ready: cam07 (opening)");
+  EXPECT_EQ(controller_.phase(), Phase::kIdle);
+}
+
+TEST_F(ControllerTest, gives_the_account_of_a_train_that_ended_by_itself) {
+  arm_and_start();
+  EXPECT_TRUE(controller_.on_event(Input::kTrainEnded, "pulses have ended").replies.empty());
+  controller_.on_event(Input::kDrained, "complete", "{\"complete\":true}");
+  const ReplyMessage reply = send(command(CommandVerb::kStop, 4));
+  EXPECT_EQ(reply.outcome, Outcome::kDone);
+  EXPECT_EQ(reply.detail, "{\"complete\":true}");
+  EXPECT_EQ(send(command(CommandVerb::kStop, 5, "kendo-01")).outcome, Outcome::kRefused);
+}
+
+TEST_F(ControllerTest, answers_the_stop_that_comes_while_it_drains) {
+  arm_and_start();
+  controller_.on_event(Input::kTrainEnded, "pulses have ended");
+  EXPECT_EQ(send(command(CommandVerb::kStop, 4)).outcome, Outcome::kPending);
+  EXPECT_EQ(controller_.on_event(Input::kDrained, "complete").replies.size(), 1U);
+}
+
+TEST_F(ControllerTest, lets_the_waiting_arm_command_know_of_an_abort) {
+  send(command(CommandVerb::kArm, 1));
+  CommandMessage abort = command(CommandVerb::kAbort, 1);
+  abort.sender = "v3dctl.2";
+  const auto step = controller_.on_command(abort);
+  EXPECT_EQ(step.work, Work::kDisarm);
+  ASSERT_EQ(step.replies.size(), 2U);
+  EXPECT_EQ(step.replies[1].command_sender, "v3dctl.1");
+  EXPECT_EQ(step.replies[1].outcome, Outcome::kRefused);
+}
+
+TEST_F(ControllerTest, says_what_its_fault_is_until_it_is_cleared) {
+  arm_and_start();
+  EXPECT_EQ(controller_.on_event(Input::kBroken, "the disk is gone").work, Work::kDisarm);
+  EXPECT_EQ(send(command(CommandVerb::kArm, 4)).text, "the disk is gone");
+  EXPECT_EQ(send(command(CommandVerb::kAbort, 5)).outcome, Outcome::kDone);
+  EXPECT_EQ(send(command(CommandVerb::kArm, 6)).outcome, Outcome::kPending);
+}
+
+TEST_F(ControllerTest, takes_back_the_word_when_pulses_could_not_be_turned_on) {
+  arm_and_start();
+  const auto step = controller_.on_start_failed("the cable is gone");
+  EXPECT_EQ(step.work, Work::kDisarm);
+  ASSERT_EQ(step.replies.size(), 1U);
+  EXPECT_EQ(step.replies[0].outcome, Outcome::kRefused);
+  EXPECT_EQ(send(command(CommandVerb::kStart, 3)).text, "the cable is gone");
+}
+
+TEST_F(ControllerTest, remembers_a_bounded_number_of_senders) {
+  arm_and_start();
+  for (int i = 0; i < 1000; ++i) {
+    CommandMessage m = command(CommandVerb::kArm, 1);
+    m.sender = "stranger" + std::to_string(i);
+    EXPECT_EQ(send(m).outcome, Outcome::kRefused);
+  }
+  EXPECT_EQ(controller_.phase(), Phase::kRecording);
+}
+
+RC_GTEST_PROP(ControllerProperty, answers_every_command_of_any_story_exactly_once_at_a_time, ()) {
+  Controller controller("cap01");
+  constexpr int kVerbs = 6;
+  constexpr Input kReports[] = {Input::kReady,   Input::kFailed, Input::kExpired,
+                                Input::kDrained, Input::kBroken, Input::kTrainEnded};
+  const auto steps = *rc::gen::container<std::vector<int>>(rc::gen::inRange(0, 2 * kVerbs));
+  int64_t counter = 0;
+  for (const int step : steps) {
+    if (step >= kVerbs) {
+      controller.on_event(kReports[step - kVerbs], "text");
+      continue;
+    }
+    const auto verb = static_cast<CommandVerb>(step + 1);
+    const auto first = controller.on_command(command(verb, ++counter));
+    const Phase after = controller.phase();
+    RC_ASSERT(!first.replies.empty());
+    const auto second = controller.on_command(command(verb, counter));
+    RC_ASSERT(second.work == Work::kNone);
+    RC_ASSERT(second.replies.size() == 1U);
+    RC_ASSERT(second.replies[0].outcome == first.replies[0].outcome);
+    RC_ASSERT(controller.phase() == after);
+  }
+}
+
+}  // namespace
+}  // namespace v3d

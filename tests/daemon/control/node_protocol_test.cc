@@ -1,0 +1,115 @@
+#include "daemon/control/node_protocol.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <vector>
+
+namespace v3d {
+namespace {
+
+using testing::HasSubstr;
+
+/// Work that fails where it is told to, as file operations do.
+class FailingWork : public NodeDelegate {
+ public:
+  std::string fails_in;  ///< name of a function
+
+  void arm(const CommandMessage& /*order*/) override { fail_in("arm"); }
+  void learn(const CommandMessage& /*order*/) override {}
+  void start() override { fail_in("start"); }
+  void drain() override { fail_in("drain"); }
+  void disarm() override { fail_in("disarm"); }
+  std::optional<CommandMessage> rejoin() override {
+    fail_in("rejoin");
+    return std::nullopt;
+  }
+  std::optional<NodeReport> poll(Phase phase) override {
+    fail_in("poll");
+    if (phase != Phase::kArming) return std::nullopt;
+    return NodeReport{.event = Input::kReady, .text = "ready", .detail = {}};
+  }
+  void report_health(HealthMessage& /*health*/) override {}
+  bool progressed_since(MonotonicInstant /*since*/) const override { return true; }
+
+ private:
+  void fail_in(const std::string& function) const {
+    if (function != fails_in) return;
+    throw std::filesystem::filesystem_error("cannot write", "/takes/kendo-07",
+                                            std::make_error_code(std::errc::io_error));
+  }
+};
+
+class Node : public testing::Test {
+ protected:
+  void command(CommandVerb verb) {
+    CommandMessage order;
+    order.verb = verb;
+    order.take = "kendo-07";
+    order.sender = "operator";
+    order.counter = ++counter_;
+    protocol_.on_command(order);
+  }
+  void poll() { protocol_.poll(now_ += NodeProtocol::kTurn, true); }
+  const std::string& last_text() const { return replies_.back().text; }
+
+  FailingWork work_;
+  std::vector<ReplyMessage> replies_;
+  MonotonicInstant now_ = MonotonicInstant(std::chrono::seconds(1000));
+  NodeProtocol protocol_{
+      "cap01", work_, [this](ReplyMessage reply) { replies_.push_back(std::move(reply)); }, now_};
+  int64_t counter_ = 0;
+};
+
+TEST_F(Node, refuses_an_order_whose_files_cannot_be_made_and_stays_idle) {
+  work_.fails_in = "arm";
+  command(CommandVerb::kArm);
+  poll();
+  EXPECT_EQ(protocol_.phase(), Phase::kIdle);
+  EXPECT_THAT(last_text(), HasSubstr("Input/output error [/takes/kendo-07]"));
+}
+
+TEST_F(Node, outlives_a_disk_error_while_it_gets_ready) {
+  command(CommandVerb::kArm);
+  work_.fails_in = "poll";
+  poll();
+  EXPECT_THAT(last_text(), HasSubstr("Input/output error"));
+  EXPECT_NE(protocol_.phase(), Phase::kArming);
+  work_.fails_in = "";
+  poll();
+  command(CommandVerb::kArm);
+  poll();
+  EXPECT_EQ(protocol_.phase(), Phase::kPrepared) << "the next take is not harmed";
+}
+
+TEST_F(Node, goes_on_recording_through_a_disk_error_and_gives_up_a_take_that_it_cannot_close) {
+  command(CommandVerb::kArm);
+  poll();
+  command(CommandVerb::kCommit);
+  command(CommandVerb::kStart);
+  work_.fails_in = "poll";
+  poll();
+  EXPECT_EQ(protocol_.phase(), Phase::kRecording);
+  command(CommandVerb::kStop);
+  poll();
+  EXPECT_EQ(protocol_.phase(), Phase::kFault);
+  EXPECT_THAT(last_text(), HasSubstr("Input/output error"));
+}
+
+TEST_F(Node, outlives_a_disk_error_while_it_rejoins_its_take) {
+  work_.fails_in = "rejoin";
+  poll();
+  EXPECT_EQ(protocol_.phase(), Phase::kIdle);
+}
+
+TEST_F(Node, outlives_a_disk_error_while_it_turns_everything_off) {
+  command(CommandVerb::kArm);
+  poll();
+  work_.fails_in = "disarm";
+  command(CommandVerb::kAbort);
+  EXPECT_EQ(protocol_.phase(), Phase::kIdle);
+}
+
+}  // namespace
+}  // namespace v3d

@@ -1,0 +1,195 @@
+// The operator's side of commands, on a real bus, with and without a member list.
+#include "daemon/control/operator_client.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+
+#include "base/error.h"
+#include "daemon/bus/bus.h"
+#include "support/child_process.h"
+#include "support/message_of.h"
+#include "support/temporary_folder.h"
+#include "wire/channels.h"
+#include "wire/member_list.h"
+#include "wire/studio_key.h"
+
+namespace v3d {
+namespace {
+
+using test::becomes_true;
+using test::within;
+
+constexpr char kUrl[] = "udpm://239.255.76.67:7667?ttl=0";
+
+/// A node that answers each command with the next of its outcomes, and repeats the last one.
+class FakeNode {
+ public:
+  using Seal = std::function<Bytes(const ReplyMessage&)>;
+
+  /// With the MAC of the studio key.
+  FakeNode(std::string node, const StudioKey& key, std::vector<ReplyMessage::Outcome> outcomes)
+      : FakeNode(std::move(node), std::move(outcomes),
+                 [key](const ReplyMessage& reply) { return encode_sealed(reply, key); }) {}
+  /// "Done", sealed by `seal`, where there is a member list.
+  FakeNode(std::string node, const StudioKey& key, Seal seal)
+      : FakeNode(std::move(node), {ReplyMessage::Outcome::kDone}, std::move(seal)) {
+    bus_.seal().set_key(key);
+    bus_.seal().cover_commands();
+  }
+
+ private:
+  FakeNode(std::string node, std::vector<ReplyMessage::Outcome> outcomes, Seal seal)
+      : node_(std::move(node)), outcomes_(std::move(outcomes)), seal_(std::move(seal)), bus_(kUrl) {
+    listening_.emplace(bus_.subscribe(kCommandChannel, [this](const ReceivedMessage& received) {
+      const auto signed_message = split_signature(received.bytes);
+      const auto command =
+          decode<CommandMessage>(signed_message ? signed_message->message : received.bytes);
+      const bool meant =
+          command && std::find(command->to.begin(), command->to.end(), node_) != command->to.end();
+      if (meant) answer(*command);
+    }));
+  }
+  void answer(const CommandMessage& command) {
+    ReplyMessage reply;
+    reply.node = node_;
+    reply.command_sender = command.sender;
+    reply.command_counter = command.counter;
+    reply.outcome = outcomes_[std::min(answered_++, outcomes_.size() - 1)];
+    bus_.publish_reply(seal_(reply));
+  }
+
+  const std::string node_;
+  const std::vector<ReplyMessage::Outcome> outcomes_;
+  const Seal seal_;
+  size_t answered_ = 0;
+  Bus bus_;
+  std::optional<Bus::Listening> listening_;  // last: it uses the rest
+};
+
+class OperatorClientTest : public testing::Test {
+ protected:
+  OperatorClientTest() {
+    key_.save(folder_ / "studio.key");
+    studio_.nodes = {{"cap01"}, {"recon01"}, {"desk"}};
+    studio_.trigger.node = "cap01";
+    studio_.reconstruction.nodes = {"recon01"};
+    studio_.network.lcm_url = kUrl;
+    studio_.network.key = folder_ / "studio.key";
+  }
+
+  const test::TemporaryFolder folder_;
+  const StudioKey key_ = StudioKey::make();
+  Studio studio_;
+};
+
+using enum ReplyMessage::Outcome;
+
+TEST_F(OperatorClientTest, expects_the_nodes_that_do_something) {
+  EXPECT_THAT(commanded_nodes(studio_), testing::ElementsAre("cap01", "recon01"));
+}
+
+TEST_F(OperatorClientTest, repeats_a_command_until_every_node_has_its_final_word) {
+  const FakeNode capture("cap01", key_, {kPending, kPending, kDone});
+  const FakeNode recon("recon01", key_, {kDone});
+  OperatorClient client(studio_);
+  int heard = 0;
+  const Answer answer =
+      client.command(CommandMessage{}, within(20), [&](const ReplyMessage&) { ++heard; });
+  EXPECT_TRUE(answer.done());
+  EXPECT_EQ(answer.replies.size(), 2U);
+  EXPECT_EQ(heard, 5);  // pending once, ready twice, armed twice
+}
+
+TEST_F(OperatorClientTest, names_the_nodes_that_are_silent) {
+  const FakeNode capture("cap01", key_, {kDone});
+  OperatorClient client(studio_);
+  const Answer answer = client.command(CommandMessage{}, within(1));
+  EXPECT_FALSE(answer.done());
+  EXPECT_THAT(answer.silent, testing::ElementsAre("recon01"));
+}
+
+TEST_F(OperatorClientTest, is_not_told_done_by_a_stranger) {
+  const FakeNode stranger("cap01", StudioKey::make(), {kDone});
+  OperatorClient client(studio_);
+  const Answer answer = client.command(CommandMessage{}, within(1));
+  EXPECT_THAT(answer.silent, testing::ElementsAre("cap01"));
+}
+
+TEST_F(OperatorClientTest, needs_the_studio_key_to_command_but_not_to_look_on) {
+  studio_.network.key = folder_ / "elsewhere.key";
+  OperatorClient client(studio_);
+  EXPECT_TRUE(client.health(Monotonic::now()).empty());
+  EXPECT_THAT(test::message_of<InputError>([&] { client.command(CommandMessage{}, within(1)); }),
+              testing::HasSubstr("v3dctl key new"));
+}
+
+/// A studio with a member list.
+class MemberClientTest : public OperatorClientTest {
+ protected:
+  MemberClientTest() {
+    const SigningKey authority = SigningKey::make();
+    ada_.save(folder_ / "operator.key");
+    studio_.network.members = folder_ / "members.toml";
+    studio_.network.authority = authority.public_key().text();
+    studio_.network.operator_key = folder_ / "operator.key";
+    test::write_text(
+        studio_.network.members,
+        sign_member_list({.studio = studio_.name,
+                          .serial = 1,
+                          .members = {{"ada", Role::kOperator, ada_.public_key()},
+                                      {"guest", Role::kViewer, guest_.public_key()},
+                                      {"cap01", Role::kCapture, cap01_.public_key()},
+                                      {"recon01", Role::kReconstruction, recon01_.public_key()}}},
+                         authority));
+  }
+  static FakeNode::Seal signed_by(const SigningKey& key) {
+    return [key](const ReplyMessage& reply) { return sign_message(encode(reply), key); };
+  }
+  std::vector<std::string> silent_nodes() const {
+    OperatorClient client(studio_);
+    CommandMessage abort;  // goes to all nodes, even when the trigger's node is silent
+    abort.verb = CommandVerb::kAbort;
+    return client.command(abort, within(2)).silent;
+  }
+
+  const SigningKey ada_ = SigningKey::make(), guest_ = SigningKey::make(),
+                   cap01_ = SigningKey::make(), recon01_ = SigningKey::make();
+};
+
+TEST_F(MemberClientTest, is_answered_by_nodes_that_sign_their_replies) {
+  const FakeNode capture("cap01", key_, signed_by(cap01_));
+  const FakeNode recon("recon01", key_, signed_by(recon01_));
+  OperatorClient client(studio_);
+  EXPECT_TRUE(client.command(CommandMessage{}, within(60)).done());
+}
+
+TEST_F(MemberClientTest, ignores_a_node_that_replies_for_another) {
+  const FakeNode capture("cap01", key_, signed_by(cap01_));
+  const FakeNode forger("recon01", key_, signed_by(cap01_));
+  const auto is_ignored = [&] { return silent_nodes() == std::vector<std::string>{"recon01"}; };
+  EXPECT_TRUE(becomes_true(is_ignored, within(60)));
+}
+
+TEST_F(MemberClientTest, ignores_holders_of_the_studio_key_that_are_no_members) {
+  const FakeNode capture("cap01", key_, signed_by(SigningKey::make()));
+  const FakeNode recon("recon01", key_,
+                       [&](const ReplyMessage& reply) { return encode_sealed(reply, key_); });
+  EXPECT_THAT(silent_nodes(), testing::UnorderedElementsAre("cap01", "recon01"));
+}
+
+TEST_F(MemberClientTest, does_not_command_with_the_key_of_a_viewer) {
+  std::filesystem::remove(folder_ / "operator.key");
+  guest_.save(folder_ / "operator.key");
+  OperatorClient client(studio_);
+  EXPECT_THAT(test::message_of<InputError>([&] { client.command(CommandMessage{}, within(1)); }),
+              testing::AllOf(testing::HasSubstr("no operator has the public key of "),
+                             testing::HasSubstr("v3dctl key enroll NAME --role operator")));
+  std::filesystem::remove(folder_ / "operator.key");
+  EXPECT_THAT(test::message_of<InputError>([&] { client.command(CommandMessage{}, within(1)); }),
+              testing::HasSubstr("operator.key"));
+}
+
+}  // namespace
+}  // namespace v3d

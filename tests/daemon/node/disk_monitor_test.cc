@@ -1,0 +1,43 @@
+#include "daemon/node/disk_monitor.h"
+
+#include <gtest/gtest.h>
+
+#include "support/child_process.h"
+#include "wire/channels.h"
+
+namespace v3d {
+namespace {
+
+constexpr char kUrl[] = "udpm://239.255.76.67:7667?ttl=0";
+
+void report(Bus& bus, const std::string& node, double full) {
+  HealthMessage health;
+  health.node = node;
+  health.values[kDiskFull] = full;
+  bus.publish(health_channel(node), encode(health));
+}
+
+TEST(DiskMonitor, hears_of_the_first_node_whose_disk_is_full) {
+  Bus bus(kUrl);
+  DiskMonitor watch(bus, {"cap02", "cap03"});
+  EXPECT_EQ(watch.full_node(), "");
+  report(bus, "cap02", 0);
+  report(bus, "cap03", 1);
+  std::string heard;
+  EXPECT_TRUE(
+      test::becomes_true([&] { return !(heard = watch.full_node()).empty(); }, test::within(10)));
+  EXPECT_EQ(heard, "cap03");
+}
+
+TEST(DiskMonitor, forgets_the_take_before) {
+  Bus bus(kUrl);
+  DiskMonitor watch(bus, {"cap02"});
+  Subscription<HealthMessage> arrived(bus, health_channel("cap02"), 4);
+  report(bus, "cap02", 1);
+  ASSERT_TRUE(arrived.wait(test::within(10)));
+  watch.restart();
+  EXPECT_EQ(watch.full_node(), "");
+}
+
+}  // namespace
+}  // namespace v3d

@@ -1,0 +1,92 @@
+#include "daemon/node/machine_health.h"
+
+#include <gtest/gtest.h>
+
+#include "support/temporary_folder.h"
+
+namespace v3d {
+namespace {
+
+using test::write_text;
+
+/// A machine of two cores with a process whose name is as nasty as Linux allows.
+class Machine {
+ public:
+  Machine() {
+    for (const char* folder : {"proc/self", "sys/class/thermal/thermal_zone0",
+                               "sys/class/thermal/thermal_zone1", "sys/class/hwmon/hwmon0"}) {
+      std::filesystem::create_directories(root_ / folder);
+    }
+    write_text(root_ / "proc/meminfo", "MemTotal: 4000 kB\nMemAvailable:   1000 kB\n");
+    write_text(root_ / "proc/self/status", "Name:\tx\nVmRSS:\t   200 kB\n");
+    set_ticks(0, 0, 0);
+  }
+  /// `busy` and `idle` of all cores together, `daemon` of the process: hundredths of a second.
+  void set_ticks(int busy, int idle, int daemon) {
+    write_text(root_ / "proc/stat", "cpu  " + std::to_string(busy) + " 0 0 " +
+                                        std::to_string(idle) +
+                                        " 0 0 0 0 77 0\ncpu0 1 0 0\ncpu1 1 0 0\nintr 5\n");
+    write_text(root_ / "proc/self/stat", "7 (a) R (b) S 1 1 1 0 -1 0 0 0 0 0 " +
+                                             std::to_string(daemon - daemon / 4) + " " +
+                                             std::to_string(daemon / 4) + " 9 9 20 0\n");
+  }
+  std::map<std::string, double> report() {
+    std::map<std::string, double> values;
+    health_.report(values);
+    return values;
+  }
+  const test::TemporaryFolder& root() const { return root_; }
+
+ private:
+  test::TemporaryFolder root_;
+  MachineHealth health_{root_.path()};
+};
+
+TEST(MachineHealth, tells_processor_time_since_the_last_call_and_nothing_at_the_first) {
+  Machine machine;
+  EXPECT_FALSE(machine.report().contains("cpu_machine_percent"));
+  machine.set_ticks(150, 50, 100);  // a second of two cores; one of them all ours
+  const auto values = machine.report();
+  EXPECT_DOUBLE_EQ(values.at("cpu_machine_percent"), 75);
+  EXPECT_DOUBLE_EQ(values.at("cpu_daemon_percent"), 100);
+  machine.set_ticks(152, 50, 100);
+  EXPECT_DOUBLE_EQ(machine.report().at("cpu_machine_percent"), 75) << "two ticks tell nothing";
+}
+
+TEST(MachineHealth, tells_memory_in_bytes) {
+  Machine machine;
+  const auto values = machine.report();
+  EXPECT_EQ(values.at("memory_daemon_bytes"), 200 * 1024);
+  EXPECT_EQ(values.at("memory_available_bytes"), 1000 * 1024);
+}
+
+TEST(MachineHealth, tells_the_hottest_zone_else_the_hottest_sensor_else_nothing) {
+  Machine machine;
+  EXPECT_FALSE(machine.report().contains("temperature_max_celsius"));
+  write_text(machine.root() / "sys/class/hwmon/hwmon0/temp3_input", "38500\n");
+  EXPECT_DOUBLE_EQ(machine.report().at("temperature_max_celsius"), 38.5);
+  write_text(machine.root() / "sys/class/thermal/thermal_zone0/temp", "41000\n");
+  write_text(machine.root() / "sys/class/thermal/thermal_zone1/temp", "56000\n");
+  write_text(machine.root() / "sys/class/thermal/thermal_zone1/trip_point_0_temp", "95000\n");
+  EXPECT_DOUBLE_EQ(machine.report().at("temperature_max_celsius"), 56);
+}
+
+TEST(MachineHealth, leaves_out_what_it_cannot_read) {
+  const test::TemporaryFolder empty;
+  MachineHealth health(empty.path());
+  std::map<std::string, double> values;
+  health.report(values);
+  health.report(values);
+  EXPECT_TRUE(values.empty());
+}
+
+TEST(MachineHealth, reads_this_machine) {
+  MachineHealth health;
+  std::map<std::string, double> values;
+  health.report(values);
+  EXPECT_GT(values["memory_daemon_bytes"], 1e5);
+  EXPECT_GT(values["memory_available_bytes"], 1e5);
+}
+
+}  // namespace
+}  // namespace v3d

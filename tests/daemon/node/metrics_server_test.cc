@@ -1,0 +1,123 @@
+#include "daemon/node/metrics_server.h"
+
+#include <arpa/inet.h>
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#include <chrono>
+#include <memory>
+#include <vector>
+
+#include "base/error.h"
+#include "base/io/unique_fd.h"
+
+namespace v3d {
+namespace {
+
+using testing::HasSubstr;
+using testing::Not;
+
+/// A port that was free a moment ago.
+int free_port() {
+  const int fd = socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
+  sockaddr_in here{};
+  here.sin_family = AF_INET;
+  here.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+  bind(fd, reinterpret_cast<const sockaddr*>(&here), sizeof here);
+  socklen_t size = sizeof here;
+  getsockname(fd, reinterpret_cast<sockaddr*>(&here), &size);
+  close(fd);
+  return ntohs(here.sin_port);
+}
+
+/// A TCP connection to that port that has sent `bytes`; closed with the object.
+class Client {
+ public:
+  Client(int port, const std::string& bytes) : fd_(socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0)) {
+    const timeval patience{.tv_sec = 30, .tv_usec = 0};
+    setsockopt(fd_.get(), SOL_SOCKET, SO_RCVTIMEO, &patience, sizeof patience);
+    sockaddr_in there{};
+    there.sin_family = AF_INET;
+    there.sin_port = htons(static_cast<uint16_t>(port));
+    there.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+    if (connect(fd_.get(), reinterpret_cast<const sockaddr*>(&there), sizeof there) == 0) {
+      send(fd_.get(), bytes.data(), bytes.size(), MSG_NOSIGNAL);
+    }
+  }
+  /// All bytes until the server ends the connection, or sends none for 30 s.
+  std::string read_all() const {
+    std::string text;
+    char part[4096];
+    for (ssize_t n = 0; (n = recv(fd_.get(), part, sizeof part, 0)) > 0;) {
+      text.append(part, static_cast<size_t>(n));
+    }
+    return text;
+  }
+
+ private:
+  io::UniqueFd fd_;
+};
+
+/// What HTTP GET /metrics gives.
+std::string get(int port) { return Client(port, "GET /metrics HTTP/1.0\r\n\r\n").read_all(); }
+
+HealthMessage health() {
+  HealthMessage message;
+  message.node = "cap01";
+  message.program = "v3d-captured";
+  message.version = "0.1.0";
+  message.state = NodeState::kRecording;
+  message.take = "kendo-07";
+  message.values = {{"disk_free_bytes", 812e9}, {"cam03.frames_missing", 7}, {"odd-name", 1}};
+  return message;
+}
+
+TEST(MetricsServer, tells_the_last_health_with_node_and_camera_as_labels) {
+  const int port = free_port();
+  MetricsServer server("127.0.0.1:" + std::to_string(port));
+  EXPECT_THAT(get(port), HasSubstr("200 OK")) << "before the first health";
+  server.update(health());
+  const std::string text = get(port);
+  EXPECT_THAT(text, HasSubstr("v3d_disk_free_bytes{node=\"cap01\"} 812000000000"));
+  EXPECT_THAT(text, HasSubstr("v3d_camera_frames_missing{node=\"cap01\",camera=\"cam03\"} 7"));
+  EXPECT_THAT(text, HasSubstr("v3d_odd_name{"));
+  EXPECT_THAT(text, HasSubstr("state=\"recording\",take=\"kendo-07\""));
+  HealthMessage later = health();
+  later.values = {{"disk_free_bytes", 811e9}};
+  server.update(later);
+  EXPECT_THAT(get(port), HasSubstr("} 811000000000"));
+  EXPECT_THAT(get(port), Not(HasSubstr("frames_missing")));
+}
+
+TEST(MetricsServer, answers_beside_a_client_that_never_ends_its_request) {
+  const int port = free_port();
+  MetricsServer server("127.0.0.1:" + std::to_string(port));
+  for (const std::string half : {"", "GET /metrics HTTP/1.0\r\nX: "}) {
+    const Client stalled(port, half);
+    const auto begin = std::chrono::steady_clock::now();
+    EXPECT_THAT(get(port), HasSubstr("200 OK")) << "beside '" << half << "'";
+    EXPECT_LT(std::chrono::steady_clock::now() - begin, std::chrono::seconds(10));
+  }
+}
+
+TEST(MetricsServer, answers_beside_many_clients_that_never_end_their_requests) {
+  const int port = free_port();
+  MetricsServer server("127.0.0.1:" + std::to_string(port));
+  std::vector<std::unique_ptr<Client>> stalled;
+  for (int i = 0; i < 100; ++i) stalled.push_back(std::make_unique<Client>(port, "GET /me"));
+  EXPECT_THAT(get(port), HasSubstr("200 OK"));
+}
+
+TEST(MetricsServer, names_an_address_where_it_cannot_listen) {
+  EXPECT_THROW(MetricsServer("198.51.100.1:9464"), InputError) << "of a network for examples";
+}
+
+TEST(MetricsServer, is_off_by_default_and_never_in_the_way) {
+  EXPECT_EQ(serve_metrics(""), nullptr);
+  EXPECT_EQ(serve_metrics("198.51.100.1:9464"), nullptr);
+}
+
+}  // namespace
+}  // namespace v3d

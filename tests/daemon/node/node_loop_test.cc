@@ -1,0 +1,216 @@
+// Nodes and operators of one studio on a real network, whose keys and members change while they
+// run.
+#include "daemon/node/node_loop.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <atomic>
+#include <thread>
+
+#include "base/file.h"
+#include "daemon/control/operator_client.h"
+#include "support/child_process.h"
+#include "support/temporary_folder.h"
+#include "wire/channels.h"
+
+namespace v3d {
+namespace {
+
+using test::becomes_true;
+using test::within;
+
+/// A node with nothing to do.
+class NoWork : public NodeDelegate {
+ public:
+  void arm(const CommandMessage&) override {}
+  void learn(const CommandMessage&) override {}
+  void start() override {}
+  void drain() override {}
+  void disarm() override {}
+  std::optional<NodeReport> poll(Phase) override { return std::nullopt; }
+  void report_health(HealthMessage&) override {}
+  bool progressed_since(MonotonicInstant) const override { return true; }
+};
+
+/// A node with its loop in a thread.
+class RunningNode {
+ public:
+  RunningNode(const Studio& studio, const std::string& node)
+      : bus_(studio.network.lcm_url, {}, ChannelList(studio)) {
+    bus_.seal().insist();
+    loop_.emplace(NodeIdentity{node, "v3d-test", credentials_of_node(studio, node), ""}, bus_,
+                  work_);
+    thread_ = std::thread([this] {
+      while (!stopping_) loop_->turn();
+    });
+  }
+  ~RunningNode() {
+    stopping_ = true;
+    thread_.join();
+  }
+  RunningNode(const RunningNode&) = delete;
+  RunningNode& operator=(const RunningNode&) = delete;
+
+ private:
+  Bus bus_;
+  NoWork work_;
+  std::optional<NodeLoop> loop_;
+  std::atomic<bool> stopping_ = false;
+  std::thread thread_;
+};
+
+class NodeLoops : public testing::Test {
+ protected:
+  NodeLoops() {
+    studio_.name = "kyoto";
+    studio_.nodes = {{"cap01"}, {"recon01"}};
+    studio_.trigger.node = "cap01";
+    studio_.reconstruction.nodes = {"recon01"};
+    studio_.network.lcm_url = "udpm://239.255.76.67:7667?ttl=0";
+    studio_.network.key = folder_ / "studio.key";
+    key_.save(studio_.network.key);
+  }
+  void start() {
+    capture_.emplace(studio_, "cap01");
+    recon_.emplace(studio_, "recon01");
+  }
+  static Answer abort(OperatorClient& client, MonotonicInstant deadline) {
+    CommandMessage command;
+    command.verb = CommandVerb::kAbort;
+    return client.command(command, deadline);
+  }
+  static bool obey(OperatorClient& client) { return abort(client, within(60)).done(); }
+  static bool ignore(OperatorClient& client) { return abort(client, within(2)).silent.size() == 2; }
+
+  const test::TemporaryFolder folder_;
+  const StudioKey key_ = StudioKey::make();
+  Studio studio_;
+  std::optional<RunningNode> capture_, recon_;
+};
+
+TEST_F(NodeLoops, replace_the_studio_key_without_a_lost_command_or_message) {
+  start();
+  OperatorClient client(studio_);
+  ASSERT_TRUE(obey(client));
+  const StudioKey next = StudioKey::make();
+  next.save(folder_ / "next.key");
+  std::filesystem::rename(folder_ / "next.key", studio_.network.key);
+  Bus renewed(studio_.network.lcm_url, {}, ChannelList(studio_));
+  renewed.seal().set_key(next);
+  Subscription<HealthMessage> capture(renewed, health_channel("cap01"), 16);
+  Subscription<HealthMessage> recon(renewed, health_channel("recon01"), 16);
+  const auto is_renewed = [&] {
+    EXPECT_TRUE(obey(client));
+    return capture.wait(Monotonic::now()) && recon.wait(Monotonic::now());
+  };
+  EXPECT_TRUE(becomes_true(is_renewed, within(60)));
+  EXPECT_TRUE(obey(client));
+  OperatorClient newcomer(studio_);
+  EXPECT_TRUE(obey(newcomer));
+  for (const auto& [node, health] : client.health(within(5))) {
+    EXPECT_EQ(health.values.at("messages_forged"), 0) << node;
+    EXPECT_EQ(health.values.at("commands_forged"), 0) << node;
+  }
+}
+
+/// With a member list.
+class MemberLoops : public NodeLoops {
+ protected:
+  MemberLoops() {
+    studio_.network.members = folder_ / "members.toml";
+    studio_.network.authority = authority_.public_key().text();
+    studio_.network.operator_key = folder_ / "ada.key";
+    studio_.storage.signing_key = folder_ / "node.key";
+    pc_.save(folder_ / "node.key");
+    ada_.save(folder_ / "ada.key");
+    bob_.save(folder_ / "bob.key");
+    write_members(1, {member("ada", ada_), member("bob", bob_)});
+  }
+  static Member member(const std::string& name, const SigningKey& key,
+                       Role role = Role::kOperator) {
+    return {name, role, key.public_key()};
+  }
+  void write_members(int64_t serial, std::vector<Member> people) const {
+    people.push_back(member("cap01", pc_, Role::kCapture));
+    people.push_back(member("recon01", pc_, Role::kReconstruction));
+    people.push_back(member("guest", guest_, Role::kViewer));
+    replace_file(
+        studio_.network.members,
+        sign_member_list({.studio = "kyoto", .serial = serial, .members = people}, authority_));
+  }
+  /// As Bob's PC has the studio: it never learns of his revocation.
+  Studio studio_of_bob() const {
+    Studio studio = studio_;
+    studio.network.operator_key = folder_ / "bob.key";
+    studio.network.members = folder_ / "members.bob.toml";
+    std::filesystem::copy_file(studio_.network.members, studio.network.members);
+    return studio;
+  }
+  bool report(OperatorClient& client, const std::string& text) const {
+    return becomes_true(
+        [&] {
+          const auto health = client.health(within(5));
+          return health.size() == 2 && std::ranges::all_of(health, [&](const auto& entry) {
+                   return entry.second.text.find(text) != std::string::npos;
+                 });
+        },
+        within(60));
+  }
+
+  const SigningKey authority_ = SigningKey::make(), ada_ = SigningKey::make(),
+                   bob_ = SigningKey::make(), pc_ = SigningKey::make(), guest_ = SigningKey::make();
+};
+
+TEST_F(MemberLoops, obey_an_operator_until_it_is_revoked_and_not_again_by_an_older_list) {
+  start();
+  OperatorClient ada(studio_), bob(studio_of_bob());
+  ASSERT_TRUE(obey(bob));
+  ASSERT_TRUE(obey(ada));
+  write_members(2, {member("ada", ada_)});
+  EXPECT_TRUE(becomes_true([&] { return ignore(bob); }, within(60)));
+  EXPECT_TRUE(obey(ada));
+  write_members(1, {member("ada", ada_), member("bob", bob_)});
+  EXPECT_TRUE(report(ada, "expected more than 2, which is in force"));
+  EXPECT_TRUE(ignore(bob));
+  write_members(3, {member("ada", ada_), member("bob", bob_)});
+  EXPECT_TRUE(becomes_true([&] { return obey(bob); }, within(60))) << "enrolled again";
+}
+
+TEST_F(MemberLoops, reject_a_viewer_that_sends_commands_by_a_program_of_its_own) {
+  start();
+  OperatorClient ada(studio_);
+  ASSERT_TRUE(obey(ada));
+  Bus bus(studio_.network.lcm_url, {}, ChannelList(studio_));
+  bus.seal().set_key(key_);
+  bus.seal().cover_commands();
+  CommandMessage command;
+  command.sender = "guest@viewer";
+  command.verb = CommandVerb::kAbort;
+  command.to = {"cap01", "recon01"};
+  const auto is_counted = [&] {
+    command.sent = Realtime::now();
+    bus.publish_command(sign_message(encode(command), guest_));
+    const auto health = ada.health(within(5));
+    return health.size() == 2 && std::ranges::all_of(health, [](const auto& entry) {
+             return entry.second.values.at("commands_unauthorized") >= 1;
+           });
+  };
+  EXPECT_TRUE(becomes_true(is_counted, within(60)));
+  EXPECT_TRUE(report(ada, "commands of guest are rejected: this member is no operator"));
+}
+
+TEST_F(MemberLoops, reject_every_command_until_there_is_a_member_list) {
+  const Studio bobs = studio_of_bob();
+  std::filesystem::remove(studio_.network.members);
+  start();
+  OperatorClient bob(bobs);
+  EXPECT_TRUE(report(bob, "v3dctl key enroll makes it"));
+  EXPECT_TRUE(ignore(bob));
+  write_members(1, {member("bob", bob_)});
+  EXPECT_TRUE(becomes_true([&] { return obey(bob); }, within(60)));
+}
+
+}  // namespace
+}  // namespace v3d

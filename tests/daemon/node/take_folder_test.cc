@@ -1,0 +1,125 @@
+#include "daemon/node/take_folder.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "base/error.h"
+#include "base/file.h"
+#include "support/begun_take.h"
+#include "support/lock_holder.h"
+#include "support/message_of.h"
+#include "support/temporary_folder.h"
+#include "take/logs/frame_log.h"
+
+namespace v3d {
+namespace {
+
+using testing::HasSubstr;
+
+class TakeFolderTest : public testing::Test {
+ protected:
+  TakeFolderTest() {
+    studio_.name = "dojo";
+    studio_.storage = {.takes = folder_ / "takes",
+                       .background = folder_ / "background",
+                       .calib = folder_ / "calib.toml"};
+    std::filesystem::create_directories(studio_.storage.background);
+    test::write_text(studio_.storage.calib, "# the rig\n");
+    studio_.path = folder_ / "studio.toml";
+    test::write_text(studio_.path, "# the studio\n");
+    for (const char* file : {"cam01.mean.png", "cam01.toml", "cam010.toml", "cam02.toml"}) {
+      test::write_text(studio_.storage.background / file, file);
+    }
+    info_ = test::begun_take({"cam01"});
+  }
+
+  const test::TemporaryFolder folder_;
+  Studio studio_;
+  TakeInfo info_;
+};
+
+TEST_F(TakeFolderTest, begins_with_the_rig_the_studio_and_the_background_of_its_cameras) {
+  create_take(studio_, info_);
+  const TakePaths paths = take_paths(studio_, "kendo-07");
+  EXPECT_EQ(load_take_info(paths).state, TakeState::kRecording);
+  EXPECT_EQ(read_file(paths.calib()), "# the rig\n");
+  EXPECT_EQ(read_file(paths.studio()), "# the studio\n");
+  EXPECT_EQ(read_file(paths.background() / "cam01.mean.png"), "cam01.mean.png");
+  EXPECT_TRUE(std::filesystem::exists(paths.background() / "cam01.toml"));
+  EXPECT_FALSE(std::filesystem::exists(paths.background() / "cam010.toml"));
+  EXPECT_FALSE(std::filesystem::exists(paths.background() / "cam02.toml"));
+}
+
+TEST_F(TakeFolderTest, is_refused_for_a_bad_name_or_a_take_that_exists) {
+  EXPECT_THAT(test::message_of<InputError>([&] { refuse_bad_take(studio_, "../etc"); }),
+              HasSubstr("'../etc' cannot name a take"));
+  create_take(studio_, info_);
+  EXPECT_THAT(test::message_of<InputError>([&] { refuse_bad_take(studio_, "kendo-07"); }),
+              HasSubstr("kendo-07 exists already"));
+  for (const char* verb : {"check", "background"}) {
+    EXPECT_THAT(test::message_of<InputError>([&] { refuse_bad_take(studio_, verb); }),
+                testing::HasSubstr(std::string("v3dctl ") + verb + " goes by this name"));
+  }
+  refuse_bad_take(studio_, "kendo-08");
+}
+
+TEST_F(TakeFolderTest, names_what_could_not_be_made) {
+  std::filesystem::remove(studio_.storage.calib);
+  EXPECT_THAT(test::message_of<InputError>([&] { create_take(studio_, info_); }),
+              HasSubstr("calib.toml"));
+}
+
+TEST_F(TakeFolderTest, ends_with_its_ledger) {
+  create_take(studio_, info_);
+  const Ledger ledger{.take = "kendo-07", .commanded = 3, .sensed = 3, .cameras = {}};
+  EXPECT_TRUE(close_take(studio_, info_, ledger));
+  const TakePaths paths = take_paths(studio_, "kendo-07");
+  EXPECT_EQ(load_take_info(paths).state, TakeState::kComplete);
+  EXPECT_EQ(load_take_info(paths).pulses, 3);
+  EXPECT_EQ(load_ledger(paths.ledger()).commanded, 3);
+  std::filesystem::remove_all(paths.folder);
+  EXPECT_FALSE(close_take(studio_, info_, ledger));
+}
+
+TEST_F(TakeFolderTest, is_recovered_when_a_crash_left_it_open) {
+  create_take(studio_, info_);
+  const TakePaths paths = take_paths(studio_, "kendo-07");
+  {
+    EventLogWriter pulses(paths.pulses());
+    PulseMessage m;
+    EXPECT_TRUE(pulses.write(m));
+  }
+  EXPECT_TRUE(recover_open_takes(studio_, "cap01", {"cam02"}).empty());  // not of this node
+  const auto recovered = recover_open_takes(studio_, "cap01", {"cam01"});
+  ASSERT_EQ(recovered.size(), 1U);
+  EXPECT_EQ(recovered[0].line,
+            "recovered take kendo-07: incomplete, 1 cameras x 1 pulses, 1 missing, 0 suspect; "
+            "cannot read " +
+                paths.frames("cam01").string() + ": No such file or directory");
+  ASSERT_TRUE(recovered[0].ledger);
+  EXPECT_EQ(recovered[0].ledger->take, "kendo-07");
+  EXPECT_EQ(load_take_info(paths).state, TakeState::kRecovered);
+  EXPECT_TRUE(recover_open_takes(studio_, "cap01", {"cam01"}).empty());
+}
+
+TEST_F(TakeFolderTest, is_not_recovered_while_another_process_of_the_node_records_it) {
+  create_take(studio_, info_);
+  const TakePaths paths = take_paths(studio_, "kendo-07");
+  test::LockHolder other(paths, "cap01");
+  const auto found = recover_open_takes(studio_, "cap01", {"cam01"});
+  ASSERT_EQ(found.size(), 1U);
+  EXPECT_FALSE(found[0].ledger);
+  EXPECT_THAT(found[0].line,
+              testing::ContainsRegex("kendo-07.*process [0-9]+ on .* records into it"));
+  close_reopened_take(paths, "cap01");
+  EXPECT_EQ(load_take_info(paths).state, TakeState::kRecording);
+  EXPECT_FALSE(std::filesystem::exists(paths.ledger()));
+  EXPECT_THAT(test::message_of<InputError>([&] { lock_take(paths, "cap01"); }),
+              HasSubstr("records into it"));
+  other.kill();
+  EXPECT_TRUE(recover_open_takes(studio_, "cap01", {"cam01"}).at(0).ledger);
+  EXPECT_EQ(load_take_info(paths).state, TakeState::kRecovered);
+}
+
+}  // namespace
+}  // namespace v3d

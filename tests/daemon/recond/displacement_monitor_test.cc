@@ -1,0 +1,80 @@
+#include "daemon/recond/displacement_monitor.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <numbers>
+
+#include "recon/render/renderer.h"
+#include "support/child_process.h"
+#include "tests/recon/shapes.h"
+
+namespace v3d {
+namespace {
+
+using test::becomes_true;
+using test::within;
+
+Rig ring_of(size_t cameras) {
+  Rig rig;
+  for (size_t i = 0; i < cameras; ++i) {
+    const double angle =
+        2 * std::numbers::pi * static_cast<double>(i) / static_cast<double>(cameras);
+    rig.push_back({"cam" + std::to_string(i),
+                   shapes::camera({3 * std::cos(angle), 3 * std::sin(angle), i % 2 ? 1.0 : -1.0},
+                                  {0, 0, 0}, {160, 120}, 250)});
+  }
+  return rig;
+}
+
+ReconstructOptions in_a_small_space() {
+  return {.bounds = {{-0.6, -0.6, -0.6}, {0.6, 0.6, 0.6}}, .min_views = 3};
+}
+
+FrameSet seen_by(const Rig& rig) {
+  FrameSet set;
+  for (const RigCamera& camera : rig) {
+    Frame frame;
+    frame.camera = camera.name;
+    frame.mask = draw_silhouette(shapes::sphere({0.1F, -0.1F, 0}, 0.25F, 24), camera.model);
+    set.frames.push_back(std::move(frame));
+  }
+  return set;
+}
+
+TEST(DisplacementMonitor, takes_the_masks_of_a_set_and_leaves_none) {
+  const Rig rig = ring_of(DisplacementMonitor::kMinCameras);
+  DisplacementMonitor watch(rig, in_a_small_space());
+  FrameSet set = seen_by(rig);
+  // Nobody waits for its lock: it may take none at first.
+  EXPECT_TRUE(becomes_true(
+      [&] {
+        watch.offer(set);
+        return !set.frames[0].mask;
+      },
+      within(60)));
+  for (const Frame& frame : set.frames) EXPECT_FALSE(frame.mask) << frame.camera;
+  EXPECT_FALSE(watch.has_ended());
+}
+
+TEST(DisplacementMonitor, that_is_told_to_end_ends_by_itself_and_takes_nothing_more) {
+  const Rig rig = ring_of(DisplacementMonitor::kMinCameras);
+  DisplacementMonitor watch(rig, in_a_small_space());
+  watch.end();
+  ASSERT_TRUE(becomes_true([&] { return watch.has_ended(); }, within(60)));
+  FrameSet set = seen_by(rig);
+  watch.offer(set);
+  EXPECT_TRUE(set.frames[0].mask);
+}
+
+TEST(DisplacementMonitor, of_too_few_cameras_has_nothing_to_end) {
+  const Rig rig = ring_of(DisplacementMonitor::kMinCameras - 1);
+  DisplacementMonitor watch(rig, in_a_small_space());
+  FrameSet set = seen_by(rig);
+  watch.offer(set);
+  EXPECT_TRUE(set.frames[0].mask);
+  EXPECT_TRUE(watch.has_ended());
+}
+
+}  // namespace
+}  // namespace v3d

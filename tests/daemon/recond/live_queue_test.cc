@@ -1,0 +1,126 @@
+#include "daemon/recond/live_queue.h"
+
+#include <gtest/gtest.h>
+#include <rapidcheck/gtest.h>
+
+#include <vector>
+
+namespace v3d {
+namespace {
+
+using std::chrono::milliseconds;
+using std::chrono::seconds;
+
+MonotonicInstant at(Duration t) { return MonotonicInstant(seconds(1000) + t); }
+
+constexpr Duration kPeriod = milliseconds(40);
+
+/// Pulses come every 40 ms, and a reader works for `work` on each.
+struct Story {
+  LiveQueue<int> queue;
+  std::vector<int> taken;
+  std::vector<Duration> waited;
+  Duration free_at{};
+  int pulse = 0;
+
+  void until(Duration end, Duration work) {
+    for (; pulse * kPeriod < end; ++pulse) {
+      const Duration now = pulse * kPeriod;
+      work_until(now, work);
+      queue.push(pulse, at(now));
+      work_until(now + Duration(1), work);
+    }
+  }
+  void work_until(Duration now, Duration work) {
+    while (free_at < now) {
+      const auto next = queue.take(at(free_at));
+      if (!next) {
+        free_at = now;
+        return;
+      }
+      taken.push_back(*next);
+      waited.push_back(free_at - *next * kPeriod);
+      free_at += work;
+    }
+  }
+};
+
+TEST(LiveQueue, loses_nothing_in_a_hesitation_that_is_made_up_for) {
+  Story run;
+  run.until(seconds(2), milliseconds(30));
+  run.free_at += milliseconds(300);
+  run.until(seconds(10), milliseconds(30));
+  EXPECT_EQ(run.queue.dropped(), 0);
+  EXPECT_FALSE(run.queue.behind(at(seconds(10))));
+  for (size_t i = 0; i < run.taken.size(); ++i) ASSERT_EQ(run.taken[i], i);
+}
+
+TEST(LiveQueue, gives_a_reader_that_stays_behind_the_newest_and_spreads_the_loss) {
+  Story run;
+  run.until(seconds(20), milliseconds(60));
+  EXPECT_TRUE(run.queue.behind(at(seconds(20))));
+  // Of three pulses two are taken; none waits longer than a period, and no two in a row are lost.
+  EXPECT_NEAR(static_cast<double>(run.queue.dropped()) / run.pulse, 1.0 / 3, 0.03);
+  for (size_t i = run.taken.size() / 2; i < run.taken.size(); ++i) {
+    ASSERT_LE(run.waited[i], kPeriod) << i;
+    ASSERT_LE(run.taken[i] - run.taken[i - 1], 2) << i;
+  }
+}
+
+TEST(LiveQueue, keeps_up_again_once_nothing_had_to_be_dropped_for_a_while) {
+  Story run;
+  run.until(seconds(10), milliseconds(60));
+  const int64_t dropped = run.queue.dropped();
+  run.until(seconds(19), milliseconds(20));
+  EXPECT_TRUE(run.queue.behind(at(seconds(19))));
+  run.until(seconds(21), milliseconds(20));
+  EXPECT_FALSE(run.queue.behind(at(seconds(21))));
+  EXPECT_EQ(run.queue.dropped(), dropped);
+}
+
+TEST(LiveQueue, drops_the_oldest_when_more_wait_than_its_limit) {
+  LiveQueue<int> queue({.limit = 3});
+  for (int i = 0; i < 5; ++i) queue.push(i, at({}));
+  EXPECT_EQ(queue.dropped(), 2);
+  EXPECT_EQ(queue.take(at({})), 4) << "behind: the newest";
+  EXPECT_EQ(queue.dropped(), 4);
+  EXPECT_FALSE(queue.take(at({})));
+}
+
+TEST(LiveQueue, tells_when_something_waits) {
+  LiveQueue<int> queue;
+  EXPECT_FALSE(queue.wait(Monotonic::now()));
+  queue.push(1, Monotonic::now());
+  EXPECT_TRUE(queue.wait(Monotonic::now()));
+}
+
+TEST(LiveQueue, tells_of_all_that_nobody_will_take) {
+  std::vector<int> told;
+  LiveQueue<int> queue({.on_drop = [&](int dropped) { told.push_back(dropped); }});
+  for (int n = 0; n < 3; ++n) queue.push(n, at({}));
+  queue.drop_all(at({}));
+  EXPECT_EQ(told, (std::vector<int>{0, 1, 2}));
+  EXPECT_EQ(queue.dropped(), 3);
+  EXPECT_EQ(queue.size(), 0U);
+}
+
+RC_GTEST_PROP(LiveQueue, gives_or_drops_every_pulse_once_and_in_order, ()) {
+  LiveQueue<int> queue({.limit = 4, .patience = milliseconds(100), .calm = milliseconds(300)});
+  Duration now{};
+  int pushed = 0, taken = 0, last = -1;
+  for (const int step : *rc::gen::container<std::vector<int>>(rc::gen::inRange(0, 60))) {
+    now += milliseconds(step);
+    if (step % 2 == 0) {
+      queue.push(pushed++, at(now));
+    } else if (const auto next = queue.take(at(now))) {
+      RC_ASSERT(*next > last);
+      last = *next;
+      ++taken;
+    }
+  }
+  while (queue.take(at(now))) ++taken;
+  RC_ASSERT(taken + queue.dropped() == pushed);
+}
+
+}  // namespace
+}  // namespace v3d

@@ -1,0 +1,260 @@
+// The live reconstruction on real LCM, with stages that refuse and that are slow.
+#include "daemon/recond/recon_pipeline.h"
+
+#include <gtest/gtest.h>
+
+#include <atomic>
+#include <future>
+#include <semaphore>
+
+#include "base/error.h"
+#include "base/file.h"
+#include "support/child_process.h"
+#include "support/temporary_folder.h"
+#include "take/logs/mesh_file.h"
+#include "wire/channels.h"
+
+namespace v3d {
+namespace {
+
+using test::becomes_true;
+using test::within;
+
+constexpr ImageSize kSize{16, 8};
+constexpr char kUrl[] = "udpm://239.255.76.67:7667?ttl=0";
+
+/// A pipeline of one camera, fed over the bus, whose stages are the test's.
+class ReconPipelineOnBus : public testing::Test {
+ protected:
+  void begin(MeshStages stages, std::optional<FrameSet> rehearsal = std::nullopt) {
+    pipeline_.emplace(ReconPipeline::Setup{.take = "kendo-07",
+                                           .mesh_file = folder_ / "mesh.v3d",
+                                           .stages = std::move(stages),
+                                           .threads = 2,
+                                           .sets = {.cameras = {"cam01"}},
+                                           .rehearsal = std::move(rehearsal)},
+                      bus_);
+  }
+  void send(int64_t pulse) {
+    FrameMessage message;
+    message.take = "kendo-07";
+    FrameLabel label;
+    label.pulse = pulse;
+    const Image raw(kSize, PixelFormat::kBayerRG8);
+    message.frame = observe("cam01", label, raw.view(), Mask(kSize));
+    message.seq = numbers_.next(pulse);
+    bus_.publish_frame(pulse, frame_channel("cam01"), encode(message));
+  }
+  static void name_pulse(FrameSetJob& work) { work.result.pulse = work.set.pulse; }
+  static void write_pulse(FrameSetJob& work) {
+    work.result.compact.assign(3, static_cast<uint8_t>(work.result.pulse));
+  }
+
+  /// Every pulse waits for `go` in the first stage.
+  void begin_held(std::counting_semaphore<>& go) {
+    begin({.make_mesh =
+               [&go](FrameSetJob& work) {
+                 go.acquire();
+                 name_pulse(work);
+               },
+           .encode = write_pulse});
+  }
+
+  explicit ReconPipelineOnBus(const std::vector<std::string>& frame_groups = {})
+      : bus_(kUrl, frame_groups), numbers_(bus_.frame_groups()) {}
+
+  const test::TemporaryFolder folder_;
+  Bus bus_;
+  FrameNumbers numbers_;
+  std::optional<ReconPipeline> pipeline_;
+};
+
+TEST_F(ReconPipelineOnBus, counts_a_pulse_that_a_stage_refuses_and_goes_on) {
+  begin({.make_mesh = name_pulse, .encode = [](FrameSetJob& work) {
+           if (work.result.pulse == 3) throw InputError("the surface is too large");
+           write_pulse(work);
+         }});
+  for (int64_t pulse = 0; pulse < 6; ++pulse) send(pulse);
+  ASSERT_TRUE(becomes_true(
+      [&] { return pipeline_->drained(Duration::zero()) && pipeline_->counts().meshes == 5; },
+      within(30)));
+  EXPECT_EQ(pipeline_->counts().failed, 1);
+  EXPECT_EQ(pipeline_->counts().failure, "the surface is too large");
+  EXPECT_TRUE(pipeline_->close());
+  EXPECT_EQ(MeshFileReader(folder_ / "mesh.v3d").pulses(), (std::vector<int64_t>{0, 1, 2, 4, 5}));
+}
+
+TEST_F(ReconPipelineOnBus, rehearses_first_and_leaves_no_trace_of_it) {
+  constexpr int64_t kBegin = -1;
+  std::vector<int64_t> encoded;
+  begin({.make_mesh = name_pulse,
+         .encode =
+             [&](FrameSetJob& work) {
+               encoded.push_back(work.set.pulse);
+               write_pulse(work);
+             },
+         .begin_sequence = [&] { encoded.push_back(kBegin); }},
+        FrameSet{.pulse = -7, .frames = {}});
+  send(0);
+  ASSERT_TRUE(becomes_true([&] { return pipeline_->counts().meshes == 1; }, within(30)));
+  EXPECT_TRUE(pipeline_->close());
+  EXPECT_EQ(encoded, (std::vector<int64_t>{-7, kBegin, 0}));
+  EXPECT_EQ(pipeline_->counts().meshes, 1);
+  EXPECT_EQ(MeshFileReader(folder_ / "mesh.v3d").pulses(), std::vector<int64_t>{0});
+}
+
+TEST_F(ReconPipelineOnBus, drops_whole_pulses_while_a_stage_is_slow_and_accounts_for_every_one) {
+  constexpr int64_t kPulses = 60;
+  std::counting_semaphore<> go(0);
+  begin_held(go);
+  for (int64_t pulse = 0; pulse < kPulses; ++pulse) send(pulse);
+  // More wait than the queue holds, and the stage has not even done the first.
+  ASSERT_TRUE(becomes_true([&] { return pipeline_->counts().dropped >= 20; }, within(30)));
+  EXPECT_TRUE(pipeline_->counts().behind);
+  EXPECT_EQ(pipeline_->counts().meshes, 0);
+  go.release(kPulses);
+  ASSERT_TRUE(becomes_true(
+      [&] {
+        const ReconCounts counts = pipeline_->counts();
+        return counts.meshes + counts.dropped == kPulses;
+      },
+      within(30)));
+  EXPECT_TRUE(pipeline_->close());
+  const std::vector<int64_t> pulses = MeshFileReader(folder_ / "mesh.v3d").pulses();
+  EXPECT_EQ(std::ssize(pulses), pipeline_->counts().meshes);
+  EXPECT_EQ(pulses.back(), kPulses - 1) << "the newest is never dropped";
+}
+
+TEST_F(ReconPipelineOnBus, counts_what_still_waits_at_its_end_as_dropped) {
+  constexpr int64_t kPulses = 20;
+  std::counting_semaphore<> go(0);
+  begin_held(go);
+  for (int64_t pulse = 0; pulse < kPulses; ++pulse) send(pulse);
+  ASSERT_TRUE(becomes_true([&] { return pipeline_->counts().waiting == kPulses - 1; }, within(30)));
+  auto closed = std::async(std::launch::async, [&] { return pipeline_->close(); });
+  do {
+    go.release();
+  } while (closed.wait_for(std::chrono::milliseconds(10)) != std::future_status::ready);
+  EXPECT_TRUE(closed.get());
+  const ReconCounts counts = pipeline_->counts();
+  EXPECT_EQ(counts.meshes + counts.dropped, kPulses);
+  EXPECT_EQ(counts.waiting, 0);
+}
+
+/// Two nodes of one take, each with a connection and a disk of its own.
+class SharedPipelines : public ReconPipelineOnBus {
+ protected:
+  using ReconPipelineOnBus::ReconPipelineOnBus;
+
+  struct Node {
+    explicit Node(const std::vector<std::string>& frame_groups = {}) : bus(kUrl, frame_groups) {}
+    Bus bus;
+    std::atomic<int> sequences = 0;
+    std::optional<ReconPipeline> pipeline;
+  };
+  void begin(Node& node, const std::string& name) {
+    node.pipeline.emplace(
+        ReconPipeline::Setup{.take = "kendo-07",
+                             .mesh_file = folder_ / (name + ".v3d"),
+                             .stages = {.make_mesh = name_pulse,
+                                        .encode = write_pulse,
+                                        .begin_sequence = [&node] { ++node.sequences; }},
+                             .threads = 2,
+                             .sets = {.cameras = {"cam01"}},
+                             .shard = Shard::Setup{.take = "kendo-07",
+                                                   .roster = {"recon01", "recon02"},
+                                                   .me = name,
+                                                   .frame_groups = node.bus.frame_groups()}},
+        node.bus);
+  }
+  static bool have(Node& a, Node& b, auto what) {
+    return becomes_true([&] { return what(a.pipeline->counts()) && what(b.pipeline->counts()); },
+                        within(30));
+  }
+};
+
+TEST_F(SharedPipelines, make_half_of_the_meshes_each_and_both_have_all_in_order) {
+  constexpr int64_t kPulses = 24;
+  Node one, two;
+  begin(one, "recon01");
+  begin(two, "recon02");
+  ASSERT_TRUE(have(one, two, [](const ReconCounts& c) { return c.shard->living == 2; }));
+  Subscription<MeshMessage> shown(bus_, kMeshChannel, 100);
+  for (int64_t pulse = 0; pulse < kPulses; ++pulse) send(pulse);
+  ASSERT_TRUE(have(one, two, [](const ReconCounts& c) { return c.meshes == kPulses; }));
+  for (Node* node : {&one, &two}) {
+    ASSERT_TRUE(
+        becomes_true([&] { return node->pipeline->drained(Duration::zero()); }, within(30)));
+    const ReconCounts counts = node->pipeline->counts();
+    EXPECT_EQ(counts.shard->made, kPulses / 2);
+    EXPECT_EQ(counts.without_mesh, std::vector<int64_t>{});
+    EXPECT_EQ(node->sequences, kPulses / 2) << "every mesh is a key frame";
+    EXPECT_TRUE(node->pipeline->close());
+  }
+  for (int64_t pulse = 0; pulse < kPulses; ++pulse) {
+    const auto mesh = shown.wait(within(5));
+    ASSERT_TRUE(mesh);
+    EXPECT_EQ(mesh->pulse, pulse);
+    EXPECT_EQ(mesh->seq, pulse);
+  }
+  EXPECT_FALSE(shown.wait(Monotonic::now())) << "one node shows them";
+  EXPECT_EQ(MeshFileReader(folder_ / "recon01.v3d").pulses().size(), size_t{kPulses});
+  EXPECT_EQ(read_file(folder_ / "recon01.v3d"), read_file(folder_ / "recon02.v3d"));
+}
+
+/// The same with a group of frames for each.
+class SharedPipelinesInGroups : public SharedPipelines {
+ protected:
+  SharedPipelinesInGroups() : SharedPipelines(kGroups) {}
+  inline static const std::vector<std::string> kGroups = {"udpm://239.255.76.68:7668?ttl=0",
+                                                          "udpm://239.255.76.69:7669?ttl=0"};
+  /// One after the other: frames of two groups may overtake each other.
+  bool send_and_wait(int64_t first, int64_t end, Node& node) {
+    for (int64_t pulse = first; pulse < end; ++pulse) {
+      send(pulse);
+      if (!becomes_true([&] { return node.pipeline->counts().meshes == pulse + 1; }, within(30))) {
+        return false;
+      }
+    }
+    return true;
+  }
+  static int64_t frames_heard(const Node& node) {
+    return node.pipeline->counts().cameras.at("cam01").received;
+  }
+};
+
+TEST_F(SharedPipelinesInGroups, hear_the_frames_of_their_own_pulses_and_have_all_meshes) {
+  constexpr int64_t kPulses = 24;
+  Node one(kGroups), two(kGroups);
+  begin(one, "recon01");
+  begin(two, "recon02");
+  ASSERT_TRUE(have(one, two, [](const ReconCounts& c) { return c.shard->living == 2; }));
+  ASSERT_TRUE(send_and_wait(0, kPulses, one));
+  ASSERT_TRUE(have(one, two, [](const ReconCounts& c) { return c.meshes == kPulses; }));
+  for (Node* node : {&one, &two}) {
+    EXPECT_EQ(frames_heard(*node), kPulses / 2);
+    EXPECT_EQ(node->pipeline->counts().frames_lost, 0) << "what is not heard is not lost";
+    EXPECT_EQ(node->pipeline->counts().without_mesh, std::vector<int64_t>{});
+    EXPECT_TRUE(node->pipeline->close());
+  }
+  EXPECT_EQ(read_file(folder_ / "recon01.v3d"), read_file(folder_ / "recon02.v3d"));
+}
+
+TEST_F(SharedPipelinesInGroups, take_over_the_group_of_one_that_is_gone) {
+  constexpr int64_t kPulses = 12;
+  Node one(kGroups);
+  {
+    Node two(kGroups);
+    begin(one, "recon01");
+    begin(two, "recon02");
+    ASSERT_TRUE(have(one, two, [](const ReconCounts& c) { return c.shard->living == 2; }));
+    ASSERT_TRUE(send_and_wait(0, kPulses, one));
+  }
+  ASSERT_TRUE(becomes_true([&] { return one.pipeline->counts().shard->living == 1; }, within(30)));
+  ASSERT_TRUE(send_and_wait(kPulses, 2 * kPulses, one));
+  EXPECT_EQ(one.pipeline->counts().frames_lost, 0);
+  EXPECT_EQ(one.pipeline->counts().shard->taken_over, kPulses / 2);
+}
+
+}  // namespace
+}  // namespace v3d

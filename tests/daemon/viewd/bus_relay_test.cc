@@ -1,0 +1,83 @@
+// What the process that hears the studio tells the one that serves browsers.
+#include "daemon/viewd/bus_relay.h"
+
+#include <gtest/gtest.h>
+#include <rapidcheck/gtest.h>
+
+namespace v3d {
+namespace {
+
+Heard heard_number(int n) {
+  switch (n % 5) {
+    case 0:
+      return NotVerified{"there is no key " + std::to_string(n)};
+    case 1: {
+      MeshMessage mesh;
+      mesh.pulse = n;
+      mesh.compact.assign(static_cast<size_t>(n), 7);
+      return mesh;
+    }
+    case 2: {
+      HealthMessage health;
+      health.node = "cap01";
+      health.values["frames"] = n;
+      return health;
+    }
+    case 3: {
+      EventMessage event;
+      event.text = std::to_string(n);
+      return event;
+    }
+    default: {
+      PreviewMessage preview;
+      preview.camera = "cam01";
+      preview.pulse = n;
+      preview.size = {4, 3};
+      preview.jpeg = {1, 2, 3};
+      return preview;
+    }
+  }
+}
+
+std::vector<Heard> all_of(RelayReader& reader) {
+  std::vector<Heard> all;
+  while (auto heard = reader.next()) all.push_back(std::move(*heard));
+  return all;
+}
+
+RC_GTEST_PROP(BusRelay, tells_every_message_however_the_pipe_cuts_it, ()) {
+  std::string bytes;
+  const int count = *rc::gen::inRange(1, 30);
+  for (int n = 0; n < count; ++n) bytes += heard_record(heard_number(n));
+  RelayReader reader;
+  for (std::string_view left = bytes; !left.empty();) {
+    const auto size = static_cast<size_t>(*rc::gen::inRange(1, 200));
+    reader.read(left.substr(0, size));
+    left.remove_prefix(std::min(size, left.size()));
+  }
+  const std::vector<Heard> told = all_of(reader);
+  RC_ASSERT(told.size() == static_cast<size_t>(count));
+  for (int n = 0; n < count; ++n) {
+    RC_ASSERT(heard_record(told[static_cast<size_t>(n)]) == heard_record(heard_number(n)));
+  }
+}
+
+TEST(BusRelay, passes_over_what_does_not_decode) {
+  RelayReader reader;
+  reader.read(std::string("\x01\0\0\0\x09", 5) +
+              std::string("\x04\0\0\0\x01"
+                          "abc",
+                          8) +
+              heard_record(heard_number(3)));
+  EXPECT_EQ(all_of(reader).size(), 1U);
+}
+
+TEST(BusRelay, is_over_where_no_record_begins) {
+  for (const std::string& odd : {std::string(8, '\0'), std::string(8, '\xff')}) {
+    RelayReader reader;
+    EXPECT_THROW(reader.read(odd), std::runtime_error);
+  }
+}
+
+}  // namespace
+}  // namespace v3d

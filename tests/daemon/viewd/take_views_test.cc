@@ -1,0 +1,192 @@
+// What every camera says about a take's vertices, as browsers ask v3d-viewd for it.
+#include "daemon/viewd/take_views.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <nlohmann/json.hpp>
+
+#include "base/calib_file.h"
+#include "take/logs/frame_log.h"
+#include "take/logs/mesh_file.h"
+#include "tests/codec/scene.h"
+#include "viewed_site.h"
+
+namespace v3d {
+namespace {
+
+using test::field;
+using test::write;
+using testing::HasSubstr;
+using testing::Not;
+
+/// A ball of 40 cm between two cameras that show another colour each, and a pulse without a mesh.
+class ViewedBall : public test::ViewedSite {
+ protected:
+  static constexpr ImageSize kSize{160, 120};
+  static constexpr Rgb8 kLeft{200, 40, 30}, kRight{20, 60, 220};
+
+  ViewedBall() {
+    const TakePaths paths{folder_ / "takes/kendo-07"};
+    EXPECT_TRUE(save_take_info(paths, {.name = "kendo-07",
+                                       .studio = "dojo",
+                                       .rate_hz = 25,
+                                       .pulses = 3,
+                                       .state = TakeState::kComplete,
+                                       .software_version = "test",
+                                       .started = Realtime::now(),
+                                       .cameras = {"left", "right"}}));
+    save_calib(paths.calib(), {camera("left", {-3, 0, 1}), camera("right", {3, 0, 1})});
+    save_frames(paths, "left", kLeft);
+    save_frames(paths, "right", kRight);
+    save_meshes(paths.mesh());
+  }
+
+  static RigCamera camera(const std::string& name, const Eigen::Vector3d& eye) {
+    Eigen::Matrix3d matrix;
+    matrix << 200, 0, 79.5, 0, 200, 59.5, 0, 0, 1;
+    return {.name = name, .model = {kSize, matrix, {}, look_at(eye, {0, 0, 1})}, .colour = {}};
+  }
+  static void save_frames(const TakePaths& paths, const std::string& camera, Rgb8 colour) {
+    std::filesystem::remove(paths.frames(camera));
+    EventLogWriter log(paths.frames(camera));
+    for (int64_t pulse = 0; pulse < 3; ++pulse) {
+      FrameMessage message;
+      message.frame.camera = camera;
+      message.frame.label.pulse = pulse;
+      message.frame.sensor_size = kSize;
+      message.frame.roi = {0, 0, kSize.width, kSize.height};
+      message.frame.image = Image(kSize, PixelFormat::kRGB8);
+      for (int64_t n = 0; n < kSize.pixels(); ++n) {
+        uint8_t* rgb = message.frame.image.bytes.data() + 3 * n;
+        rgb[0] = colour.r, rgb[1] = colour.g, rgb[2] = colour.b;
+      }
+      message.frame.mask = Mask(kSize);
+      for (int y = 0; y < kSize.height; ++y) message.frame.mask->fill_row(y, 0, kSize.width);
+      ASSERT_TRUE(log.write(message));
+    }
+    ASSERT_TRUE(log.sync());
+  }
+  void save_meshes(const std::filesystem::path& path) {
+    Scene scene(ball(20));
+    scene.colours.assign(scene.mesh.vertices.size(), VertexColour{1, 2, 3});
+    vertices_ = static_cast<int64_t>(scene.mesh.vertices.size());
+    FrameEncoder encoder({.key_every = 10});
+    std::filesystem::remove(path);  // the site's own is no mesh file
+    MeshFileWriter file(path);
+    for (const int64_t pulse : {0, 2}) {
+      FrameContent content = scene.content(pulse);
+      const double half = 25 * scene.volume.grid().voxel_m;
+      content.facts.origin = {-half, -half, 1 - half};
+      content.facts.cameras = {"left", "right"};
+      EXPECT_TRUE(file.append(pulse, *encoder.encode(content)));
+    }
+    file.close();
+  }
+
+  int64_t vertices_ = 0;
+};
+
+/// The message, read as a page reads it.
+struct ReadViews {
+  nlohmann::json head;
+  struct Camera {
+    std::vector<int> sights;
+    std::vector<Rgb8> colours;  ///< of those that are seen
+  };
+  std::vector<Camera> cameras;
+  bool whole = false;
+
+  explicit ReadViews(const std::string& message) {
+    const auto byte = [&](size_t at) { return static_cast<uint8_t>(message.at(at)); };
+    const size_t length = byte(0) + 256U * byte(1) + 65536U * byte(2);
+    head = nlohmann::json::parse(message.substr(4, length));
+    size_t at = 4 + length;
+    const size_t vertices = head["vertices"];
+    for (size_t c = 0; c < head["cameras"].size(); ++c) {
+      Camera camera;
+      const size_t sights = at;
+      at += (vertices + 3) / 4;
+      for (size_t v = 0; v < vertices; ++v) {
+        camera.sights.push_back(byte(sights + v / 4) >> (2 * (v % 4)) & 3);
+        if (camera.sights.back() == 0) continue;
+        camera.colours.push_back({byte(at), byte(at + 1), byte(at + 2)});
+        at += 3;
+      }
+      cameras.push_back(std::move(camera));
+    }
+    whole = at == message.size();
+  }
+};
+
+TEST_F(ViewedBall, is_told_by_each_camera_in_its_colours_from_its_side) {
+  const WebAnswer answer = get("/api/takes/kendo-07/views/2");
+  ASSERT_EQ(answer.status, 200) << answer.body;
+  const ReadViews views(answer.body);
+  EXPECT_TRUE(views.whole);
+  EXPECT_EQ(views.head["pulse"], 2);
+  EXPECT_EQ(views.head["vertices"], vertices_);
+  ASSERT_EQ(views.cameras.size(), 2U);
+  EXPECT_EQ(views.head["cameras"][0]["name"], "left");
+  EXPECT_NEAR(views.head["cameras"][0]["axis"][0], 1, 1e-9);
+  EXPECT_NEAR(views.head["cameras"][1]["axis"][0], -1, 1e-9);
+  for (const auto& [camera, colour] : {std::pair(0, kLeft), {1, kRight}}) {
+    const auto& seen = views.cameras[camera].colours;
+    EXPECT_EQ(std::ranges::count(seen, colour), std::ssize(seen));
+    EXPECT_GT(std::ssize(seen), vertices_ / 4);
+  }
+  int64_t both = 0;
+  for (int64_t v = 0; v < vertices_; ++v) {
+    both += views.cameras[0].sights[v] != 0 && views.cameras[1].sights[v] != 0;
+  }
+  EXPECT_LT(both, vertices_ / 20) << "they stand on opposite sides, and share its edge alone";
+}
+
+TEST_F(ViewedBall, is_the_same_whatever_was_asked_before) {
+  WebSite site = this->site();
+  const auto ask = [&](int pulse) {
+    return done(site.answer({.method = "GET",
+                             .target = "/api/takes/kendo-07/views/" + std::to_string(pulse),
+                             .host = "localhost"}));
+  };
+  const std::string last = ask(2).body, first = ask(0).body;
+  EXPECT_EQ(ask(2).body, last);
+  EXPECT_EQ(get("/api/takes/kendo-07/views/0").body, first);
+}
+
+TEST_F(ViewedBall, is_asked_for_again_only_when_it_has_changed) {
+  WebSite site = this->site();
+  WebRequest request{.method = "GET", .target = "/api/takes/kendo-07/views/0", .host = "localhost"};
+  request.if_none_match = field(done(site.answer(request)), "ETag");
+  EXPECT_EQ(site.answer(request).status, 304);
+  save_frames(TakePaths{folder_ / "takes/kendo-07"}, "left", kRight);
+  const WebAnswer changed = done(site.answer(request));
+  ASSERT_EQ(changed.status, 200);
+  EXPECT_EQ(ReadViews(changed.body).cameras[0].colours.front(), kRight);
+}
+
+TEST_F(ViewedBall, is_not_told_without_its_frames_nor_out_of_the_takes) {
+  for (const char* target :
+       {"/api/takes/kendo-07/views/1", "/api/takes/kendo-07/views/-1",
+        "/api/takes/kendo-07/views/x", "/api/takes/kendo-07/views", "/api/takes/none/views/0",
+        "/api/takes/%2e%2e/views/0", "/api/takes/-x/views/0"}) {
+    const WebAnswer answer = get(target);
+    EXPECT_THAT(answer.status, testing::AnyOf(404, 400)) << target;
+    EXPECT_EQ(std::ranges::count(answer.body, '\n'), 1) << answer.body;
+    EXPECT_THAT(answer.body, Not(HasSubstr(folder_.path().string())));
+  }
+  std::filesystem::remove(folder_ / "takes/kendo-07/left.lcmlog");
+  EXPECT_THAT(get("/api/takes/kendo-07/views/0").body, HasSubstr("raw frames are not here"));
+}
+
+TEST_F(ViewedBall, outlives_files_that_are_damaged) {
+  write(folder_ / "takes/kendo-07/right.lcmlog", std::string(5000, 'x'));
+  EXPECT_EQ(get("/api/takes/kendo-07/views/0").status, 404);
+  write(folder_ / "takes/kendo-07/mesh.v3d", std::string(5000, 'x'));
+  EXPECT_EQ(get("/api/takes/kendo-07/views/0").status, 404);
+  write(folder_ / "takes/kendo-07/take.toml", "name = ");
+  EXPECT_EQ(get("/api/takes/kendo-07/views/0").status, 404);
+}
+
+}  // namespace
+}  // namespace v3d

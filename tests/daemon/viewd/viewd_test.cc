@@ -1,0 +1,440 @@
+// What v3d-viewd makes of requests and of the studio's messages, without a socket.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <rapidcheck/gtest.h>
+#include <sys/stat.h>
+
+#include <algorithm>
+#include <filesystem>
+#include <set>
+
+#include "base/error.h"
+#include "codec/frame_header.h"
+#include "daemon/control/reply_json.h"
+#include "daemon/viewd/byte_range.h"
+#include "daemon/viewd/live_feed.h"
+#include "daemon/viewd/studio_status.h"
+#include "daemon/viewd/web_access.h"
+#include "daemon/viewd/web_target.h"
+#include "viewed_site.h"
+
+namespace v3d {
+namespace {
+
+using test::field;
+using test::TemporaryFolder;
+using test::ViewedSite;
+using test::write;
+using testing::ElementsAre;
+using testing::HasSubstr;
+using testing::Not;
+
+TEST(WebTarget, is_a_path_and_a_query_with_the_percents_undone) {
+  const auto target = parse_web_target("/takes/kendo-07/mesh.v3d?token=a%2Db&x");
+  ASSERT_TRUE(target);
+  EXPECT_THAT(target->path, ElementsAre("takes", "kendo-07", "mesh.v3d"));
+  EXPECT_EQ(target->query.at("token"), "a-b");
+  EXPECT_EQ(target->query.at("x"), "");
+  EXPECT_TRUE(parse_web_target("/")->path.empty());
+}
+
+TEST(WebTarget, refuses_every_way_out_of_the_folder) {
+  for (const char* target :
+       {"", "takes", "/..", "/takes/../../etc/passwd", "/takes/%2e%2e/x", "/takes/.", "//etc",
+        "/takes//x", "/takes/", "/takes/a%2fb", "/takes/a%5cb", "/takes/a\\b", "/takes/%00", "/%",
+        "/%4", "/%zz", "/\xc3\xa4", "/a%0d%0ab", "http://127.0.0.1/"}) {
+    EXPECT_FALSE(parse_web_target(target)) << target;
+  }
+  EXPECT_FALSE(parse_web_target("/" + std::string(3000, 'a')));
+  EXPECT_EQ(parse_web_target("/%252e%252e")->path.front(), "%2e%2e") << "undone once, and no more";
+}
+
+TEST(ByteRange, is_the_part_that_was_asked_for) {
+  const auto part = [](const char* header, int64_t size) {
+    const ByteRange range = byte_range(header, size);
+    return std::tuple(range.kind, range.first, range.size);
+  };
+  using enum ByteRange::Kind;
+  EXPECT_EQ(part("", 100), std::tuple(kWhole, 0, 100));
+  EXPECT_EQ(part("bytes=0-9", 100), std::tuple(kPart, 0, 10));
+  EXPECT_EQ(part("bytes=90-", 100), std::tuple(kPart, 90, 10));
+  EXPECT_EQ(part("bytes=90-1000", 100), std::tuple(kPart, 90, 10));
+  EXPECT_EQ(part("bytes=-24", 100), std::tuple(kPart, 76, 24));
+  EXPECT_EQ(part("bytes=-1000", 100), std::tuple(kPart, 0, 100));
+  EXPECT_EQ(std::get<0>(part("bytes=100-", 100)), kNotThere);
+  EXPECT_EQ(std::get<0>(part("bytes=-0", 100)), kNotThere);
+  EXPECT_EQ(std::get<0>(part("bytes=0-", 0)), kNotThere);
+  for (const char* odd : {"bytes=0-1,3-4", "lines=0-9", "bytes=", "bytes=-", "bytes=9-1",
+                          "bytes=a-b", "bytes=--5", "bytes=99999999999999999999-"}) {
+    EXPECT_EQ(std::get<0>(part(odd, 100)), kWhole) << odd;
+  }
+}
+
+RC_GTEST_PROP(ByteRange, lies_inside_the_file_whatever_is_asked, (int64_t first, int64_t last)) {
+  const int64_t size = *rc::gen::inRange<int64_t>(0, 1000);
+  const ByteRange range =
+      byte_range("bytes=" + std::to_string(first) + "-" + std::to_string(last), size);
+  RC_ASSERT(range.first >= 0 && range.size >= 0 && range.first + range.size <= size);
+}
+
+TEST(WebAddress, is_an_ip_address_and_a_port) {
+  EXPECT_TRUE(parse_web_address("127.0.0.1:8330", "f").is_loopback());
+  EXPECT_TRUE(parse_web_address("[::1]:8330", "f").is_loopback());
+  EXPECT_FALSE(parse_web_address("0.0.0.0:8330", "f").is_loopback());
+  EXPECT_EQ(parse_web_address("[::]:1", "f").host, "::");
+  for (const char* odd :
+       {"", "8330", "localhost:8330", "127.0.0.1", "127.0.0.1:", "1.2.3.4:70000", "1.2.3.4:1x"}) {
+    EXPECT_THROW(parse_web_address(odd, "f"), InputError) << odd;
+  }
+}
+
+class WebToken : public testing::Test {
+ protected:
+  void save(const std::string& text, mode_t mode) {
+    write(path_, text);
+    chmod(path_.c_str(), mode);
+  }
+  const TemporaryFolder folder_;
+  const std::filesystem::path path_ = folder_ / "viewer.token";
+};
+
+TEST_F(WebToken, is_one_line_that_others_cannot_read) {
+  EXPECT_THROW(load_web_token(path_, "f"), InputError) << "there is none";
+  save("0123456789abcdef\n", 0640);
+  EXPECT_EQ(load_web_token(path_, "f"), "0123456789abcdef");
+  save("0123456789abcdef\n", 0644);
+  EXPECT_THROW(load_web_token(path_, "f"), InputError) << "others may read it";
+  save("0123456789abcdef\n", 0660);
+  EXPECT_THROW(load_web_token(path_, "f"), InputError) << "its group may change it";
+  for (const char* odd : {"", "short\n", "0123456789 abcdef\n", "0123456789abcdef\nanother\n"}) {
+    save(odd, 0600);
+    EXPECT_THROW(load_web_token(path_, "f"), InputError) << odd;
+  }
+}
+
+WebAccess::Verdict judge(const WebAccess& access, const WebRequest& request) {
+  return access.judge(request, *parse_web_target(request.target));
+}
+
+TEST(WebAccess, without_a_token_is_for_who_names_this_pc) {
+  const WebAccess access("");
+  for (const char* host : {"127.0.0.1:8330", "localhost:8330", "[::1]:8330", "127.0.0.1"}) {
+    EXPECT_EQ(judge(access, {.target = "/", .host = host}), WebAccess::Verdict::kMay) << host;
+  }
+  for (const char* host : {"", "evil.example", "127.0.0.1.evil.example:8330", "10.0.0.1:8330"}) {
+    EXPECT_EQ(judge(access, {.target = "/", .host = host}), WebAccess::Verdict::kStrangeHost)
+        << host;
+  }
+}
+
+TEST(WebAccess, with_a_token_is_for_who_shows_it) {
+  const WebAccess access("0123456789abcdef");
+  using enum WebAccess::Verdict;
+  EXPECT_EQ(judge(access, {.target = "/", .host = "127.0.0.1"}), kWantsToken);
+  EXPECT_EQ(judge(access, {.target = "/?token=0123456789abcdef"}), kMayWithCookie);
+  EXPECT_EQ(judge(access, {.target = "/?token=0123456789abcdeX"}), kWantsToken);
+  EXPECT_EQ(judge(access, {.target = "/?token="}), kWantsToken);
+  EXPECT_EQ(judge(access, {.target = "/", .authorization = "Bearer 0123456789abcdef"}), kMay);
+  EXPECT_EQ(judge(access, {.target = "/", .cookie = "a=b; v3d_token=0123456789abcdef"}), kMay);
+  for (const char* cookie : {"v3d_token=", "v3d_token=0123456789abcde",
+                             "xv3d_token=0123456789abcdef", "v3d_token=0123456789abcdef0"}) {
+    EXPECT_EQ(judge(access, {.target = "/", .cookie = cookie}), kWantsToken) << cookie;
+  }
+}
+
+TEST_F(ViewedSite, serves_the_page_and_nothing_beside_it) {
+  EXPECT_EQ(get("/").type, "text/html; charset=utf-8");
+  EXPECT_THAT(field(get("/assets/a.js"), "Cache-Control"), HasSubstr("immutable"));
+  EXPECT_EQ(get("/assets").status, 404);
+  EXPECT_EQ(get("/outside").status, 404);
+  EXPECT_EQ(get("/../outside").status, 400);
+  std::filesystem::create_symlink(folder_ / "outside", folder_ / "page/link");
+  EXPECT_EQ(get("/link").status, 404) << "a link is no file of the page";
+}
+
+TEST_F(ViewedSite, serves_a_mesh_file_in_the_parts_that_are_asked_for) {
+  const WebAnswer whole = get("/takes/kendo-07/mesh.v3d");
+  EXPECT_EQ(whole.status, 200);
+  EXPECT_EQ(whole.file->size, 10);
+  const WebAnswer part = get("/takes/kendo-07/mesh.v3d", "bytes=2-4");
+  EXPECT_EQ(part.status, 206);
+  EXPECT_EQ(field(part, "Content-Range"), "bytes 2-4/10");
+  EXPECT_EQ(part.file->first, 2);
+  EXPECT_EQ(part.file->size, 3);
+  EXPECT_EQ(get("/takes/kendo-07/mesh.v3d", "bytes=10-").status, 416);
+}
+
+TEST_F(ViewedSite, says_so_when_a_file_is_what_it_was) {
+  WebSite site = this->site();
+  WebRequest request{.method = "GET", .target = "/takes/kendo-07/mesh.v3d", .host = "localhost"};
+  request.if_none_match = field(site.answer(request), "ETag");
+  EXPECT_EQ(site.answer(request).status, 304);
+  write(folder_ / "takes/kendo-07/mesh.v3d", "01234567890");
+  EXPECT_EQ(site.answer(request).status, 200);
+}
+
+TEST_F(ViewedSite, serves_no_other_file_of_a_take_and_follows_no_link) {
+  for (const char* target :
+       {"/takes/kendo-07/studio.toml", "/takes/kendo-07/cam01.lcmlog", "/takes/none/mesh.v3d",
+        "/takes/kendo-07/%2e%2e/outside", "/takes/-x/mesh.v3d", "/takes/kendo-07"}) {
+    EXPECT_THAT(get(target).status, testing::AnyOf(404, 400)) << target;
+  }
+  std::filesystem::remove(folder_ / "takes/kendo-07/mesh.v3d");
+  std::filesystem::create_symlink(folder_ / "outside", folder_ / "takes/kendo-07/mesh.v3d");
+  EXPECT_EQ(get("/takes/kendo-07/mesh.v3d").status, 404);
+  std::filesystem::remove(folder_ / "takes/kendo-07/mesh.v3d");
+  std::filesystem::create_directory(folder_ / "takes/kendo-07/mesh.v3d");
+  EXPECT_EQ(get("/takes/kendo-07/mesh.v3d").status, 404);
+}
+
+TEST_F(ViewedSite, serves_a_scene_and_what_is_shown_with_it) {
+  write(folder_ / "takes/duel/scene.json", "{}");
+  write(folder_ / "takes/duel/temple.glb", "glTF");
+  write(folder_ / "takes/duel/notes.txt", "secret");
+  write(folder_ / "takes/kendo-07/cam01.png", "secret");
+  EXPECT_EQ(get("/api/scenes").body, R"({"scenes":["duel"]})");
+  EXPECT_EQ(get("/takes/duel/scene.json").type, "application/json");
+  EXPECT_EQ(get("/takes/duel/temple.glb").type, "model/gltf-binary");
+  EXPECT_EQ(get("/takes/duel/notes.txt").status, 404);
+  EXPECT_EQ(get("/takes/kendo-07/cam01.png").status, 404) << "that folder holds no scene";
+  std::filesystem::create_symlink(folder_ / "outside", folder_ / "takes/duel/sky.png");
+  EXPECT_EQ(get("/takes/duel/sky.png").status, 404) << "links are not followed";
+}
+
+TEST_F(ViewedSite, tells_of_no_path_when_something_is_missing) {
+  for (const char* target : {"/api/rig", "/api/takes/none/rig"}) {
+    const WebAnswer answer = get(target);
+    EXPECT_EQ(answer.status, 404);
+    EXPECT_THAT(answer.body, Not(HasSubstr(folder_.path().string())));
+  }
+  EXPECT_EQ(get("/api/takes").body, R"({"takes":[]})") << "what is no take is passed over";
+}
+
+TEST_F(ViewedSite, looks_only_whoever_asks) {
+  for (const char* method : {"POST", "PUT", "DELETE", "OPTIONS", ""}) {
+    const WebAnswer answer =
+        site().answer({.method = method, .target = "/api/takes", .host = "localhost"});
+    EXPECT_EQ(answer.status, 405) << method;
+  }
+}
+
+TEST_F(ViewedSite, rejects_a_host_field_with_user_information) {
+  for (const char* host :
+       {"localhost@evil.example", "evil.example@localhost", "a:b@127.0.0.1:8330", "local host"}) {
+    const WebAnswer answer = site().answer({.method = "GET", .target = "/", .host = host});
+    EXPECT_EQ(answer.status, 400) << host;
+    EXPECT_THAT(answer.body, testing::StartsWith("Host: ")) << host;
+    EXPECT_EQ(std::ranges::count(answer.body, '\n'), 1) << "one line";
+  }
+}
+
+TEST_F(ViewedSite, rejects_several_host_fields) {
+  const WebAnswer answer = site().answer(
+      {.method = "GET", .target = "/", .host = "localhost", .has_several_hosts = true});
+  EXPECT_EQ(answer.status, 400);
+  EXPECT_THAT(answer.body, testing::StartsWith("Host: "));
+}
+
+TEST_F(ViewedSite, opens_streams_to_its_own_page_only) {
+  WebRequest request{.method = "GET",
+                     .target = "/api/live",
+                     .host = "127.0.0.1:8330",
+                     .origin = "http://127.0.0.1:8330"};
+  EXPECT_EQ(site().open_stream(request).stream, WebSite::StreamKind::kLive);
+  request.origin = "http://evil.example";
+  EXPECT_EQ(site().open_stream(request).refusal.status, 403);
+  request.origin = "";
+  EXPECT_TRUE(site().open_stream(request).stream) << "no browser";
+  request.target = "/api/other";
+  EXPECT_EQ(site().open_stream(request).refusal.status, 404);
+  request.host = "evil.example";
+  EXPECT_EQ(site().open_stream(request).refusal.status, 403);
+}
+
+/// Frames as an encoder makes them; what is in them nobody here looks at.
+class Meshes {
+ public:
+  MeshMessage next(bool key) {
+    FrameHeader header;
+    header.facts.pulse = pulse_;
+    header.facts.step = 0.01;
+    if (key) key_ = pulse_;
+    header.key_pulse = key_;
+    header.flags = FrameHeader::kColours | (key ? 0 : FrameHeader::kInter);
+    header.colour_steps = {1, 1, 1};
+    header.reference = key ? 0 : checksum_;
+    MeshMessage mesh;
+    mesh.pulse = pulse_++;
+    mesh.compact = write_frame(header, Sections{{{1}, {1}, {}, {1}}});
+    checksum_ = header.checksum;
+    return mesh;
+  }
+
+ private:
+  int64_t pulse_ = 0;
+  int64_t key_ = 0;
+  uint32_t checksum_ = 0;
+};
+
+/// The pulse in a message, -1 where there is none.
+int64_t pulse_in(const std::optional<WebMessage>& message) {
+  if (!message) return -1;
+  const std::string key = "\"pulse\":";
+  return std::stoll(message->bytes->substr(message->bytes->find(key) + key.size()));
+}
+
+TEST(LiveFeed, sends_every_frame_to_who_can_follow) {
+  LiveFeed feed;
+  Meshes meshes;
+  const auto watcher = feed.watch();
+  EXPECT_EQ(pulse_in(watcher->next()), -1) << "nothing is live";
+  for (int pulse = 0; pulse < 30; ++pulse) {
+    feed.add(meshes.next(pulse % 10 == 0));
+    EXPECT_EQ(pulse_in(watcher->next()), pulse);
+    EXPECT_EQ(pulse_in(watcher->next()), -1);
+  }
+  EXPECT_EQ(feed.counts().skipped, 0);
+}
+
+TEST(LiveFeed, sends_who_is_slow_the_newest_key_frame_next) {
+  LiveFeed feed;
+  Meshes meshes;
+  const auto watcher = feed.watch();
+  feed.add(meshes.next(true));
+  EXPECT_EQ(pulse_in(watcher->next()), 0);
+  for (int pulse = 1; pulse < 25; ++pulse) feed.add(meshes.next(pulse % 10 == 0));
+  EXPECT_EQ(pulse_in(watcher->next()), 20);
+  EXPECT_EQ(pulse_in(watcher->next()), 21);
+  EXPECT_EQ(feed.counts().skipped, 19);
+}
+
+TEST(LiveFeed, never_goes_back_in_a_take) {
+  LiveFeed feed;
+  Meshes meshes;
+  const auto watcher = feed.watch();
+  const MeshMessage first = meshes.next(true);
+  MeshMessage second = meshes.next(true);
+  feed.add(first);
+  feed.add(second);
+  EXPECT_EQ(pulse_in(watcher->next()), 1);
+  feed.add(first);
+  feed.add(second);
+  EXPECT_EQ(pulse_in(watcher->next()), -1);
+  EXPECT_EQ(feed.counts().returned, 2);
+  MeshMessage again = first;
+  again.sent += std::chrono::minutes(1);
+  feed.add(again);
+  EXPECT_EQ(pulse_in(watcher->next()), 0) << "the same name, another time";
+  second.take = "another";
+  feed.add(second);
+  EXPECT_EQ(pulse_in(watcher->next()), 1);
+}
+
+TEST(LiveFeed, begins_with_a_key_frame_for_who_comes_later) {
+  LiveFeed feed;
+  Meshes meshes;
+  for (int pulse = 0; pulse < 14; ++pulse) feed.add(meshes.next(pulse % 10 == 0));
+  EXPECT_EQ(pulse_in(feed.watch()->next()), 10);
+  EXPECT_EQ(feed.counts().skipped, 0) << "he has missed nothing";
+}
+
+RC_GTEST_PROP(LiveFeed, sends_nothing_that_lacks_the_frame_before, ()) {
+  LiveFeed feed;
+  Meshes meshes;
+  const auto watcher = feed.watch();
+  int64_t last = -1;
+  std::set<int64_t> keys;
+  for (const int dice : *rc::gen::container<std::vector<int>>(rc::gen::inRange(0, 20))) {
+    const bool key = dice < 3;
+    const MeshMessage mesh = meshes.next(key);
+    if (key) keys.insert(mesh.pulse);
+    if (dice != 19) feed.add(mesh);  // else it was lost on the network
+    if (dice % 3 == 0) {
+      const int64_t got = pulse_in(watcher->next());
+      if (got < 0) continue;
+      RC_ASSERT(got > last && (got == last + 1 || keys.contains(got)));
+      last = got;
+    }
+  }
+}
+
+TEST(LiveFeed, passes_nothing_on_that_is_no_compact_frame) {
+  LiveFeed feed;
+  MeshMessage mesh;
+  mesh.compact = {1, 2, 3};
+  feed.add(mesh);
+  EXPECT_EQ(feed.counts().unusable, 1);
+  EXPECT_FALSE(feed.watch()->next());
+}
+
+class Board : public testing::Test {
+ protected:
+  static Studio studio() {
+    Studio studio;
+    studio.name = "dojo";
+    studio.cameras.emplace_back();
+    studio.cameras.back().name = "cam01";
+    studio.cameras.back().node = "cap01";
+    return studio;
+  }
+  static HealthMessage health(const std::string& text) {
+    HealthMessage message;
+    message.node = "cap01";
+    message.text = text;
+    return message;
+  }
+  static PreviewMessage preview(const std::string& camera) {
+    PreviewMessage message;
+    message.camera = camera;
+    message.jpeg = {1, 2, 3};
+    return message;
+  }
+  StudioStatus board_{studio(), {"cap01"}, ""};
+  const MonotonicInstant now_ = Monotonic::now();
+};
+
+TEST_F(Board, shows_who_is_slow_the_newest_state_and_not_those_before) {
+  const auto watcher = board_.watch();
+  for (const char* text : {"first", "second", "third"}) {
+    board_.hear(health(text), now_);
+    board_.turn(now_);
+  }
+  EXPECT_THAT(*watcher->next()->bytes, HasSubstr("third"));
+  EXPECT_FALSE(watcher->next());
+  board_.turn(now_);
+  EXPECT_FALSE(watcher->next()) << "nothing has changed";
+}
+
+TEST_F(Board, forgets_a_node_that_has_fallen_silent) {
+  board_.hear(health("here"), now_);
+  board_.turn(now_);
+  board_.turn(now_ + StudioStatus::kSilentAfter + std::chrono::seconds(1));
+  EXPECT_THAT(*board_.watch()->next()->bytes, HasSubstr("\"heard\":false"));
+}
+
+TEST_F(Board, keeps_the_last_events_and_the_last_preview_of_each_camera) {
+  for (int i = 0; i < 500; ++i) {
+    EventMessage event;
+    event.text = "event " + std::to_string(i) + ".";
+    board_.hear(event);
+    board_.hear(preview("cam01"));
+    board_.hear(preview("stranger"));
+  }
+  board_.turn(now_);
+  const auto watcher = board_.watch();
+  watcher->next();  // the state
+  EXPECT_THAT(*watcher->next()->bytes, HasSubstr("event 400."));
+  size_t messages = 1;
+  while (const auto message = watcher->next()) ++messages;
+  EXPECT_EQ(messages, StudioStatus::kEventsKept + 1) << "and one preview, of the camera there is";
+}
+
+TEST(TakesJson, mends_a_slate_that_is_no_utf8) {
+  TakeListing take;
+  take.info.rate_hz = 25;
+  take.slate.note = "caf\xe9";
+  EXPECT_NE(takes_json({take}).find("caf\xEF\xBF\xBD"), std::string::npos);
+}
+
+}  // namespace
+}  // namespace v3d

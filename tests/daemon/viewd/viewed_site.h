@@ -1,0 +1,52 @@
+// What v3d-viewd answers of a studio with one take, without a socket.
+#pragma once
+
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <fstream>
+#include <string>
+
+#include "daemon/viewd/web_site.h"
+#include "support/temporary_folder.h"
+
+namespace v3d::test {
+
+inline void write(const std::filesystem::path& path, const std::string& text) {
+  std::filesystem::create_directories(path.parent_path());
+  std::ofstream(path) << text;
+}
+
+inline std::string field(const WebAnswer& answer, const std::string& name) {
+  for (const auto& [known, value] : answer.fields) {
+    if (known == name) return value;
+  }
+  return "";
+}
+
+class ViewedSite : public testing::Test {
+ protected:
+  ViewedSite() {
+    write(folder_ / "page/index.html", "<!doctype html>");
+    write(folder_ / "page/assets/a.js", "let a");
+    write(folder_ / "takes/kendo-07/mesh.v3d", "0123456789");
+    write(folder_ / "takes/kendo-07/studio.toml", "secret");
+    write(folder_ / "outside", "secret");
+    studio_.storage.takes = folder_ / "takes";
+    studio_.storage.calib = folder_ / "calib.toml";
+  }
+
+  WebAnswer get(const std::string& target, const std::string& range = "") {
+    return done(site().answer(
+        {.method = "GET", .target = target, .host = "127.0.0.1:8330", .range = range}));
+  }
+  /// What is answered in the end.
+  static WebAnswer done(WebAnswer answer) { return answer.work ? answer.work() : answer; }
+  WebSite site() { return {studio_, WebAccess(""), find_page_files(folder_ / "page"), desk_}; }
+
+  const TemporaryFolder folder_;
+  Studio studio_;
+  CommandEndpoint desk_{studio_, ""};
+};
+
+}  // namespace v3d::test

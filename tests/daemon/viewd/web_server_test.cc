@@ -1,0 +1,248 @@
+// v3d-viewd's web server over loopback: who gets a connection, how long a request may take, and
+// what a slow disk keeps waiting. Strangers come from addresses of 127.0.0.0/8.
+#include "daemon/viewd/web_server.h"
+
+#include <arpa/inet.h>
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <poll.h>
+#include <sys/socket.h>
+
+#include <algorithm>
+#include <atomic>
+#include <future>
+#include <memory>
+#include <vector>
+
+#include "base/io/unique_fd.h"
+#include "daemon/viewd/connection_slots.h"
+#include "support/child_process.h"
+#include "viewed_site.h"
+
+namespace v3d {
+namespace {
+
+using test::becomes_true;
+using test::within;
+using testing::HasSubstr;
+using testing::StartsWith;
+
+constexpr const char* kToken = "operators-0123456789";
+
+/// A TCP connection from one loopback address to the server.
+class Client {
+ public:
+  explicit Client(uint16_t port, const std::string& from = "127.0.0.1")
+      : fd_(socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0)) {
+    const sockaddr_in here = endpoint(from, 0);
+    const sockaddr_in there = endpoint("127.0.0.1", port);
+    EXPECT_EQ(bind(fd_.get(), reinterpret_cast<const sockaddr*>(&here), sizeof here), 0);
+    EXPECT_EQ(connect(fd_.get(), reinterpret_cast<const sockaddr*>(&there), sizeof there), 0);
+  }
+  Client& write(const std::string& bytes) {
+    send(fd_.get(), bytes.data(), bytes.size(), MSG_NOSIGNAL);
+    return *this;
+  }
+  /// Everything that has come.
+  const std::string& text() {
+    pollfd ready{fd_.get(), POLLIN, 0};
+    char part[4096];
+    while (!ended_ && poll(&ready, 1, 0) > 0) {
+      const ssize_t got = recv(fd_.get(), part, sizeof part, 0);
+      ended_ = got <= 0;
+      if (!ended_) text_.append(part, static_cast<size_t>(got));
+    }
+    return text_;
+  }
+  bool has_ended() {
+    text();
+    return ended_;
+  }
+  bool receives(const std::string& what, int seconds = 20) {
+    return becomes_true([&] { return text().find(what) != std::string::npos; }, within(seconds));
+  }
+
+ private:
+  static sockaddr_in endpoint(const std::string& address, uint16_t port) {
+    sockaddr_in made{};
+    made.sin_family = AF_INET;
+    made.sin_port = htons(port);
+    inet_pton(AF_INET, address.c_str(), &made.sin_addr);
+    return made;
+  }
+  io::UniqueFd fd_;
+  std::string text_;
+  bool ended_ = false;
+};
+
+std::string request(const std::string& target, const std::string& fields = "") {
+  return "GET " + target + " HTTP/1.1\r\nHost: 127.0.0.1\r\n" + fields + "\r\n";
+}
+const std::string kUpgrade =
+    "Upgrade: websocket\r\nConnection: Upgrade\r\nSec-WebSocket-Version: 13\r\n"
+    "Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n";
+
+class Silent : public WebStream {
+ public:
+  std::optional<WebMessage> next() override { return {}; }
+};
+
+class ServedSite : public test::ViewedSite {
+ protected:
+  ServedSite() {
+    studio_.viewer.control = true;
+    serve({});
+  }
+  void serve(const WebLimits& limits) {
+    server_.reset();
+    site_.emplace(studio_, WebAccess(""), find_page_files(folder_ / "page"), operators_,
+                  [this](const std::filesystem::path& folder) {
+                    ++listings_;
+                    disk_.wait();
+                    return WebSite::list_takes(folder);
+                  });
+    server_ = std::make_unique<WebServer>(
+        WebAddress{"127.0.0.1", 0}, *site_,
+        [](WebSite::StreamKind) { return std::make_unique<Silent>(); }, limits);
+  }
+  ~ServedSite() override { wake_disk(); }
+  void wake_disk() {
+    if (!std::exchange(disk_is_awake_, true)) disk_sleeps_.set_value();
+  }
+
+  std::unique_ptr<Client> client(const std::string& from = "127.0.0.1") const {
+    return std::make_unique<Client>(server_->port(), from);
+  }
+  /// `count` connections of the address that have sent `bytes`.
+  void occupy(int count, const std::string& from, const std::string& bytes) {
+    for (int i = 0; i < count; ++i) {
+      strangers_.push_back(client(from));
+      strangers_.back()->write(bytes);
+    }
+  }
+  bool gets_page(const std::string& from = "127.0.0.1") const {
+    return client(from)->write(request("/")).receives("<!doctype html>");
+  }
+
+  CommandEndpoint operators_{studio_, kToken};
+  std::promise<void> disk_sleeps_;
+  std::shared_future<void> disk_ = disk_sleeps_.get_future().share();
+  bool disk_is_awake_ = false;
+  std::atomic<int> listings_ = 0;
+  std::optional<WebSite> site_;
+  std::unique_ptr<WebServer> server_;
+  std::vector<std::unique_ptr<Client>> strangers_;
+};
+
+TEST_F(ServedSite, answers_while_strangers_hold_more_half_open_requests_than_it_has_places) {
+  for (const char* from : {"127.0.0.2", "127.0.0.3", "127.0.0.4", "127.0.0.5"}) {
+    occupy(50, from, "GET / HTTP/1.1\r\nHost: ");
+  }
+  EXPECT_TRUE(gets_page());
+  EXPECT_TRUE(gets_page("127.0.0.2")) << "an address that holds many";
+}
+
+TEST_F(ServedSite, admits_an_operator_when_viewers_hold_all_common_places) {
+  for (const char* from : {"127.0.0.2", "127.0.0.3"}) {
+    occupy(ConnectionSlots::kMaxPerAddress, from, request("/api/live", kUpgrade));
+  }
+  for (const auto& viewer : strangers_) ASSERT_TRUE(viewer->receives("101 Switching"));
+  const std::string token = std::string("X-V3D-Operator: ") + kToken + "\r\n";
+  EXPECT_TRUE(client()->write(request("/")).receives("503"));
+  EXPECT_TRUE(client()->write(request("/", "X-V3D-Operator: wrong\r\n")).receives("503"));
+  EXPECT_TRUE(client()->write(request("/", token)).receives("<!doctype html>"));
+  EXPECT_TRUE(client("127.0.0.2")->write(request("/", token)).receives("<!doctype html>"));
+  EXPECT_TRUE(client()->write(request("/api/live", token + kUpgrade)).receives("503"))
+      << "no reserved place is kept for long";
+  occupy(3 * ConnectionSlots::kReserved, "127.0.0.4", "GET / HT");
+  EXPECT_TRUE(client()->write(request("/", token)).receives("<!doctype html>"))
+      << "strangers wait in the reserved places";
+  const std::ptrdiff_t viewers = ConnectionSlots::kMaxCommon;
+  EXPECT_TRUE(std::none_of(strangers_.begin(), strangers_.begin() + viewers,
+                           [](const auto& viewer) { return viewer->has_ended(); }));
+}
+
+TEST_F(ServedSite, ends_a_request_whose_bytes_come_one_by_one_at_its_deadline) {
+  const auto slow = client();
+  slow->write("GET / HTTP/1.1\r\nHost: 127.0.0.1\r\nX: ");
+  // The limit is 5 s; it would be none for a limit of each read.
+  EXPECT_TRUE(becomes_true([&] { return slow->write("x").has_ended(); }, within(20)));
+}
+
+TEST_F(ServedSite, keeps_a_connection_between_requests_longer_than_a_request_may_take) {
+  serve({.request_within = std::chrono::milliseconds(500)});
+  const auto kept = client();
+  ASSERT_TRUE(kept->write(request("/")).receives("<!doctype html>"));
+  EXPECT_FALSE(becomes_true([&] { return kept->has_ended(); }, within(1)));
+  kept->write(request("/assets/a.js"));
+  EXPECT_TRUE(kept->receives("let a"));
+}
+
+TEST_F(ServedSite, rejects_two_host_fields_and_user_information_in_one) {
+  const auto two = client();
+  two->write("GET / HTTP/1.1\r\nHost: 127.0.0.1\r\nHost: evil.example\r\n\r\n");
+  EXPECT_TRUE(two->receives("Host: expected one such field\n"));
+  EXPECT_THAT(two->text(), StartsWith("HTTP/1.1 400"));
+  const auto user = client();
+  user->write("GET / HTTP/1.1\r\nHost: evil.example@127.0.0.1\r\n\r\n");
+  EXPECT_TRUE(user->receives("no user information\n"));
+  EXPECT_THAT(user->text(), StartsWith("HTTP/1.1 400"));
+  const auto stream = client();
+  stream->write("GET /api/live HTTP/1.1\r\nHost: a@127.0.0.1\r\n" + kUpgrade + "\r\n");
+  EXPECT_TRUE(stream->receives("HTTP/1.1 400"));
+}
+
+TEST_F(ServedSite, answers_others_while_a_slow_disk_lists_the_takes_once_for_all_who_ask) {
+  std::vector<std::unique_ptr<Client>> asking;
+  for (int i = 0; i < 20; ++i) {
+    asking.push_back(client());
+    asking.back()->write(request("/api/takes"));
+  }
+  ASSERT_TRUE(becomes_true([&] { return listings_ == 1; }, within(20)));
+  EXPECT_TRUE(gets_page());
+  for (const auto& one : asking) EXPECT_EQ(one->text(), "") << "waits for the disk";
+  wake_disk();
+  for (const auto& one : asking) EXPECT_TRUE(one->receives("{\"takes\":[]}"));
+  EXPECT_EQ(listings_, 1);
+}
+
+TEST_F(ServedSite, answers_503_when_the_disk_does_not_list_the_takes_in_time) {
+  serve({.listing_within = std::chrono::milliseconds(100)});
+  const auto first = client();
+  EXPECT_TRUE(first->write(request("/api/takes")).receives("503 Service"));
+  EXPECT_THAT(first->text(), HasSubstr("the disk is slow to list its folders; try again\n"));
+  EXPECT_TRUE(client()->write(request("/api/takes")).receives("503 Service"));
+  EXPECT_EQ(listings_, 1) << "none begins while one is under way";
+  wake_disk();
+  EXPECT_TRUE(becomes_true(
+      [&] { return client()->write(request("/api/takes")).receives("{\"takes\":[]}", 1); },
+      within(20)));
+}
+
+TEST(ConnectionSlots, are_bounded_whoever_comes) {
+  ConnectionSlots places;
+  for (int i = 0; i < 1000; ++i) {
+    const auto place = places.enter("10.0.0." + std::to_string(i % 7));
+    if (place && i % 3 != 0) places.set_visitor(place->id, Visitor::kOperator);
+  }
+  EXPECT_EQ(places.size(), ConnectionSlots::kMaxCommon + ConnectionSlots::kReserved);
+  EXPECT_FALSE(places.enter("10.0.1.1")) << "operators hold all that is reserved";
+}
+
+TEST(ConnectionSlots, replace_the_oldest_stranger_of_the_same_address_first) {
+  ConnectionSlots places;
+  const auto other = places.enter("10.0.0.1");
+  const auto viewer = places.enter("10.0.0.2");
+  places.set_visitor(viewer->id, Visitor::kViewer);
+  const auto oldest = places.enter("10.0.0.2");
+  for (size_t i = 2; i < ConnectionSlots::kMaxPerAddress; ++i) {
+    EXPECT_FALSE(places.enter("10.0.0.2")->replaced);
+  }
+  EXPECT_EQ(places.enter("10.0.0.2")->replaced, oldest->id);
+  places.leave(oldest->id);
+  EXPECT_EQ(places.size(), ConnectionSlots::kMaxPerAddress + 1) << "its place was free already";
+  EXPECT_FALSE(other->replaced);
+}
+
+}  // namespace
+}  // namespace v3d

@@ -1,0 +1,119 @@
+#include "trigger/scpi/usbtmc.h"
+
+#include <algorithm>
+#include <utility>
+#include <vector>
+
+#include "trigger/scpi/usbtmc_message.h"
+
+namespace v3d {
+namespace {
+
+constexpr Duration kTimeout = std::chrono::seconds(1);
+constexpr size_t kTransfer = 4096;
+/// Longer than any answer that a generator is asked for.
+constexpr size_t kLongestAnswer = 16'384;
+constexpr int kMaxParts = 64;
+constexpr int kMaxChecks = 20;
+constexpr uint8_t kStatusSuccess = 1;
+constexpr uint8_t kStatusPending = 2;
+
+}  // namespace
+
+Usbtmc::Usbtmc(std::unique_ptr<UsbPort> port) : port_(std::move(port)) {
+  settle(UsbtmcRequest::kClear, UsbtmcRequest::kCheckClear, 0);
+  port_->clear_stalls();
+}
+
+uint8_t Usbtmc::next_tag() {
+  tag_ = tag_ == 255 ? 1 : static_cast<uint8_t>(tag_ + 1);
+  return tag_;
+}
+
+void Usbtmc::write(const std::string& line) {
+  const UsbOutcome outcome = port_->send(usbtmc_out(next_tag(), line + "\n"), kTimeout);
+  if (outcome != UsbOutcome::kDone) {
+    fail(outcome, UsbtmcRequest::kAbortOut, UsbtmcRequest::kCheckAbortOut);
+  }
+}
+
+std::string Usbtmc::query(const std::string& line) {
+  write(line);
+  std::string answer = read();
+  while (!answer.empty() && (answer.back() == '\n' || answer.back() == '\r')) answer.pop_back();
+  return answer;
+}
+
+std::string Usbtmc::read() {
+  std::string text;
+  for (int parts = 0; parts < kMaxParts; ++parts) {
+    if (read_part(text)) return text;
+    if (text.size() > kLongestAnswer) break;
+  }
+  fail_nonsense("an answer without end");
+}
+
+bool Usbtmc::read_part(std::string& text) {
+  const uint8_t tag = next_tag();
+  const UsbOutcome asked = port_->send(usbtmc_request(tag, kTransfer), kTimeout);
+  if (asked != UsbOutcome::kDone) {
+    fail(asked, UsbtmcRequest::kAbortOut, UsbtmcRequest::kCheckAbortOut);
+  }
+  std::vector<uint8_t> bytes;
+  receive(bytes);
+  const auto in = parse_usbtmc_in(bytes, tag);
+  if (!in || in->size > kTransfer) fail_nonsense("no USBTMC header, or of another request");
+  text += in->text;
+  for (size_t left = in->size - in->text.size(); left > 0;) {
+    receive(bytes);
+    if (bytes.empty()) fail_nonsense("less than it announced");
+    const size_t here = std::min(left, bytes.size());
+    text.append(bytes.begin(), bytes.begin() + static_cast<ptrdiff_t>(here));
+    left -= here;
+  }
+  return in->end;
+}
+
+void Usbtmc::receive(std::vector<uint8_t>& bytes) {
+  bytes.assign(kTransfer + 512, 0);
+  const UsbOutcome outcome = port_->receive(bytes, kTimeout);
+  if (outcome != UsbOutcome::kDone) {
+    fail(outcome, UsbtmcRequest::kAbortIn, UsbtmcRequest::kCheckAbortIn);
+  }
+}
+
+void Usbtmc::settle(UsbtmcRequest initiate, UsbtmcRequest check, uint16_t value) {
+  uint8_t status = 0;
+  if (port_->request(initiate, value, status) != UsbOutcome::kDone) return;
+  if (status != kStatusSuccess) return;
+  for (int i = 0; i < kMaxChecks; ++i) {
+    if (port_->request(check, 0, status) != UsbOutcome::kDone || status != kStatusPending) return;
+  }
+}
+
+void Usbtmc::fail(UsbOutcome outcome, UsbtmcRequest abort, UsbtmcRequest check) {
+  switch (outcome) {
+    case UsbOutcome::kGone:
+      throw InstrumentAbsent("was unplugged");
+    case UsbOutcome::kTimeout:
+      settle(abort, check, tag_);
+      settle(UsbtmcRequest::kClear, UsbtmcRequest::kCheckClear, 0);
+      port_->clear_stalls();
+      throw InstrumentError("does not answer");
+    case UsbOutcome::kStall:
+      port_->clear_stalls();
+      settle(UsbtmcRequest::kClear, UsbtmcRequest::kCheckClear, 0);
+      port_->clear_stalls();
+      throw InstrumentError("refuses a transfer (STALL)");
+    default:
+      throw InstrumentError("USB transfer failed");
+  }
+}
+
+void Usbtmc::fail_nonsense(const std::string& what) {
+  settle(UsbtmcRequest::kClear, UsbtmcRequest::kCheckClear, 0);
+  port_->clear_stalls();
+  throw InstrumentError("talks nonsense: " + what);
+}
+
+}  // namespace v3d
