@@ -84,7 +84,7 @@ bool NodeLoop::is_refused_for_name(const CommandMessage& command) {
 
 MonotonicInstant NodeLoop::next_turn() const {
   const MonotonicInstant now = Monotonic::now();
-  const MonotonicInstant next = protocol_.next_turn(now);
+  const MonotonicInstant next = protocol_.next_poll(now);
   return watchdog_ ? std::min(next, now + *watchdog_ / 4) : next;
 }
 
@@ -151,7 +151,7 @@ void NodeLoop::report_commands(HealthMessage& health) const {
   const auto value = [&](const char* name, int64_t n) {
     health.values[name] = static_cast<double>(n);
   };
-  value("commands_received", counts.believed);
+  value("commands_received", counts.admitted);
   value("commands_dropped", commands_.counts().dropped);
   value("commands_forged", counts.forged);
   value("commands_unauthorized", counts.unauthorized);
@@ -171,7 +171,7 @@ void NodeLoop::report_commands(HealthMessage& health) const {
   value("datagrams_oversized", reception.datagrams.oversized);
   value("datagrams_dropped_by_kernel", reception.dropped_by_kernel);
   std::string trouble = credential_problem();
-  if (trouble.empty()) trouble = gate_.trouble(Monotonic::now());
+  if (trouble.empty()) trouble = gate_.problem(Monotonic::now());
   if (trouble.empty()) trouble = bus_.seal().trouble(Realtime::now());
   const bool is_free =
       health.state != NodeState::kFault && (health.text.empty() || !files_.is_ready());
@@ -188,8 +188,8 @@ void NodeLoop::feed_watchdog() {
 
 void NodeLoop::shut_down() {
   spdlog::info("{} stopping", me_.node);
-  protocol_.begin_to_end(Monotonic::now());
-  while (!protocol_.may_end(Monotonic::now())) turn();
+  protocol_.begin_shutdown(Monotonic::now());
+  while (!protocol_.may_shut_down(Monotonic::now())) turn();
   work_.disarm();
   publish_health();
 }

@@ -198,7 +198,7 @@ TEST_F(MemberLoops, reject_a_viewer_that_sends_commands_by_a_program_of_its_own)
            });
   };
   EXPECT_TRUE(becomes_true(is_counted, within(60)));
-  EXPECT_TRUE(report(ada, "commands of guest are rejected: this member is no operator"));
+  EXPECT_TRUE(report(ada, "commands of guest are rejected: this member is not an operator"));
 }
 
 TEST_F(MemberLoops, reject_every_command_until_there_is_a_member_list) {
