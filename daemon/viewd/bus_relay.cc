@@ -20,11 +20,11 @@
 namespace v3d {
 namespace {
 
-constexpr size_t kHead = 5;
-constexpr Duration kLook = std::chrono::milliseconds(20);
+constexpr size_t kHeaderBytes = 5;
+constexpr Duration kPollPeriod = std::chrono::milliseconds(20);
 constexpr int kPipeBytes = 1 << 20;
 
-Bytes payload_of(const Heard& heard) {
+Bytes payload_of(const RelayedMessage& relayed) {
   return std::visit(
       [](const auto& message) -> Bytes {
         if constexpr (std::is_same_v<std::decay_t<decltype(message)>, NotVerified>) {
@@ -33,16 +33,16 @@ Bytes payload_of(const Heard& heard) {
           return encode(message);
         }
       },
-      heard);
+      relayed);
 }
 
 template <class M>
-std::optional<Heard> decoded(std::span<const uint8_t> bytes) {
-  if (auto message = decode<M>(bytes)) return Heard(std::move(*message));
+std::optional<RelayedMessage> decoded(std::span<const uint8_t> bytes) {
+  if (auto message = decode<M>(bytes)) return RelayedMessage(std::move(*message));
   return {};
 }
 
-std::optional<Heard> heard_of(size_t kind, std::span<const uint8_t> bytes) {
+std::optional<RelayedMessage> decode_payload(size_t kind, std::span<const uint8_t> bytes) {
   switch (kind) {
     case 0:
       return NotVerified{{bytes.begin(), bytes.end()}};
@@ -59,7 +59,7 @@ std::optional<Heard> heard_of(size_t kind, std::span<const uint8_t> bytes) {
   }
 }
 
-/// False when nobody reads any more.
+/// Returns false if the reading end is closed.
 bool write_all(int fd, std::string_view bytes) {
   while (!bytes.empty()) {
     const ssize_t put = write(fd, bytes.data(), bytes.size());
@@ -70,93 +70,94 @@ bool write_all(int fd, std::string_view bytes) {
   return true;
 }
 
-bool is_read(int fd) {
+bool has_reader(int fd) {
   pollfd end{fd, 0, 0};
   return poll(&end, 1, 0) == 0;  // POLLERR: the reading end is closed
 }
 
 }  // namespace
 
-std::string heard_record(const Heard& heard) {
-  const Bytes payload = payload_of(heard);
+std::string encode_record(const RelayedMessage& message) {
+  const Bytes payload = payload_of(message);
   std::string record;
   for (int byte = 0; byte < 4; ++byte) {
     record += static_cast<char>((payload.size() + 1) >> (8 * byte) & 0xff);
   }
-  record += static_cast<char>(heard.index());
+  record += static_cast<char>(message.index());
   record.append(payload.begin(), payload.end());
   return record;
 }
 
 void RelayReader::read(std::string_view bytes) {
-  left_.append(bytes);
+  buffer_.append(bytes);
   size_t at = 0;
-  while (left_.size() - at >= kHead) {
+  while (buffer_.size() - at >= kHeaderBytes) {
     size_t size = 0;
     for (size_t byte = 0; byte < 4; ++byte) {
-      size |= static_cast<size_t>(static_cast<uint8_t>(left_[at + byte])) << (8 * byte);
+      size |= static_cast<size_t>(static_cast<uint8_t>(buffer_[at + byte])) << (8 * byte);
     }
-    if (size == 0 || size > kMaxBytes) throw std::runtime_error("what is heard has no such record");
-    if (left_.size() - at < 4 + size) break;
-    const auto* payload = reinterpret_cast<const uint8_t*>(left_.data()) + at + kHead;
-    auto heard = heard_of(static_cast<uint8_t>(left_[at + 4]), {payload, size - 1});
-    if (heard) heard_.push_back(std::move(*heard));  // what came of the network ends nobody
+    if (size == 0 || size > kMaxBytes)
+      throw std::runtime_error("the bus relay sent a record of an invalid size");
+    if (buffer_.size() - at < 4 + size) break;
+    const auto* payload = reinterpret_cast<const uint8_t*>(buffer_.data()) + at + kHeaderBytes;
+    auto message = decode_payload(static_cast<uint8_t>(buffer_[at + 4]), {payload, size - 1});
+    if (message) messages_.push_back(std::move(*message));
     at += 4 + size;
   }
-  left_.erase(0, at);
+  buffer_.erase(0, at);
 }
 
-std::optional<Heard> RelayReader::next() {
-  if (heard_.empty()) return {};
-  Heard heard = std::move(heard_.front());
-  heard_.pop_front();
-  return heard;
+std::optional<RelayedMessage> RelayReader::next() {
+  if (messages_.empty()) return {};
+  RelayedMessage message = std::move(messages_.front());
+  messages_.pop_front();
+  return message;
 }
 
-void tell_what_is_heard(const Studio& studio, int to) {
+void relay_bus(const Studio& studio, int to) {
   std::signal(SIGPIPE, SIG_IGN);
   OperatorClient client(studio);
-  bool told = write_all(to, heard_record(NotVerified{client.not_verified()}));
-  const auto tell = [&](const auto& message) {
-    if (message) told = told && write_all(to, heard_record(*message));
+  bool is_open = write_all(to, encode_record(NotVerified{client.not_verified()}));
+  const auto relay = [&](const auto& message) {
+    if (message) is_open = is_open && write_all(to, encode_record(*message));
     return message.has_value();
   };
-  while (told && is_read(to)) {
-    tell(client.next_mesh(Monotonic::now() + kLook));
+  while (is_open && has_reader(to)) {
+    relay(client.next_mesh(Monotonic::now() + kPollPeriod));
     const MonotonicInstant now = Monotonic::now();
-    while (tell(client.next_health(now))) continue;
-    while (tell(client.next_event(now))) continue;
-    while (tell(client.next_preview(now))) continue;
+    while (relay(client.next_health(now))) continue;
+    while (relay(client.next_event(now))) continue;
+    while (relay(client.next_preview(now))) continue;
   }
 }
 
 BusRelay::BusRelay(const Studio& studio, const std::string& flag) {
-  std::array<int, 2> pipe{-1, -1};
-  if (pipe2(pipe.data(), O_CLOEXEC) != 0) throw std::runtime_error(errno_message("pipe"));
-  fcntl(pipe[1], F_SETPIPE_SZ, kPipeBytes);
-  from_ = pipe[0];
-  fcntl(from_, F_SETFL, O_NONBLOCK);
+  std::array<int, 2> ends{-1, -1};
+  if (pipe2(ends.data(), O_CLOEXEC) != 0) throw std::runtime_error(errno_message("pipe"));
+  fcntl(ends[1], F_SETPIPE_SZ, kPipeBytes);
+  pipe_ = ends[0];
+  fcntl(pipe_, F_SETFL, O_NONBLOCK);
   const std::string self = std::filesystem::read_symlink("/proc/self/exe");
-  child_ = spawn_program({self, "--studio", studio.path, flag}, pipe[1], STDERR_FILENO);
-  close(pipe[1]);
+  child_ = spawn_program({self, "--studio", studio.path, flag}, ends[1], STDERR_FILENO);
+  close(ends[1]);
   if (child_ < 0) throw std::runtime_error(errno_message("cannot run " + self));
 }
 
 BusRelay::~BusRelay() {
-  close(from_);
+  close(pipe_);
   kill_process(child_);
 }
 
 void BusRelay::wait(MonotonicInstant deadline) {
   const auto left = std::chrono::ceil<std::chrono::milliseconds>(deadline - Monotonic::now());
-  pollfd ready{from_, POLLIN, 0};
+  pollfd ready{pipe_, POLLIN, 0};
   poll(&ready, 1, static_cast<int>(std::max<int64_t>(0, left.count())));
   std::array<char, 65536> part{};
-  for (int bytes = 0; bytes < kPipeBytes;) {  // whoever tells without end does not hold us up
-    const ssize_t got = read(from_, part.data(), part.size());
+  for (int bytes = 0; bytes < kPipeBytes;) {  // bounded: a fast sender must not block the caller
+    const ssize_t got = read(pipe_, part.data(), part.size());
     if (got < 0 && errno == EINTR) continue;
     if (got < 0) return;
-    if (got == 0) throw BusRelayEnded("the process that hears the studio has ended");
+    if (got == 0) throw BusRelayEnded("the bus relay process has ended");
     reader_.read({part.data(), static_cast<size_t>(got)});
     bytes += static_cast<int>(got);
   }

@@ -1,5 +1,5 @@
-// What is heard on the studio's network, from a process of its own: it has the studio key, which
-// seals are checked with and commands are made with; the one that reads what browsers send has not.
+// Relay of verified bus messages from a second process. That process has the studio key, which
+// verifies messages and signs commands. The process that parses browser requests has no key.
 #pragma once
 
 #include <sys/types.h>
@@ -16,54 +16,55 @@
 
 namespace v3d {
 
-/// Why what is heard may be anybody's; empty: only what is sealed is told.
+/// Why relayed messages are not verified; empty: they are.
 struct NotVerified {
   std::string why;
 };
-using Heard = std::variant<NotVerified, MeshMessage, HealthMessage, EventMessage, PreviewMessage>;
+using RelayedMessage =
+    std::variant<NotVerified, MeshMessage, HealthMessage, EventMessage, PreviewMessage>;
 
-/// As it goes through the pipe: u32 (little-endian) length of what follows, u8 kind, the message.
-std::string heard_record(const Heard& heard);
+/// The format in the pipe: u32 (little-endian) number of bytes that follow, u8 kind, message.
+std::string encode_record(const RelayedMessage& message);
 
-/// Makes messages of bytes, however they are cut.
+/// Decodes records from a stream of bytes, which may be split anywhere.
 class RelayReader {
  public:
   static constexpr size_t kMaxBytes = 64 << 20;  ///< of a record
 
-  /// Passes over what does not decode. Throws std::runtime_error where no record begins.
+  /// Skips records that do not decode. Throws std::runtime_error for an invalid length.
   void read(std::string_view bytes);
-  std::optional<Heard> next();
+  std::optional<RelayedMessage> next();
 
  private:
-  std::string left_;
-  std::deque<Heard> heard_;
+  std::string buffer_;  ///< incomplete record
+  std::deque<RelayedMessage> messages_;
 };
 
-/// Tells what is heard, first whether it is verified, until `to` is closed at its other end. The
-/// work of the process.
-void tell_what_is_heard(const Studio& studio, int to);
+/// The main loop of the second process: writes all received messages to the pipe `to`, first
+/// NotVerified, until the other end is closed.
+void relay_bus(const Studio& studio, int to);
 
-/// The process that hears has ended: nothing can be shown any more.
+/// The second process has ended, so that no more messages arrive.
 struct BusRelayEnded : std::runtime_error {
   using std::runtime_error::runtime_error;
 };
 
-/// The other end. Starts this program anew for it. One thread.
+/// Starts this program as second process and reads its messages. One thread.
 class BusRelay {
  public:
-  /// `flag`: what makes this program tell_what_is_heard() on its standard output.
+  /// `flag`: the option that makes this program call relay_bus() on standard output.
   BusRelay(const Studio& studio, const std::string& flag);
   ~BusRelay();
   BusRelay(const BusRelay&) = delete;
   BusRelay& operator=(const BusRelay&) = delete;
 
-  /// Waits until there is something, or `deadline`. Throws BusRelayEnded.
+  /// Waits for messages, until `deadline`, and reads them. Throws BusRelayEnded.
   void wait(MonotonicInstant deadline);
-  std::optional<Heard> next() { return reader_.next(); }
+  std::optional<RelayedMessage> next() { return reader_.next(); }
 
  private:
   pid_t child_ = -1;
-  int from_ = -1;
+  int pipe_ = -1;
   RelayReader reader_;
 };
 

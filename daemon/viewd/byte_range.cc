@@ -7,7 +7,7 @@
 namespace v3d {
 namespace {
 
-/// Digits and nothing else.
+/// A number of decimal digits only.
 std::optional<int64_t> number(std::string_view text) {
   int64_t value = 0;
   const char* end = text.data() + text.size();
@@ -17,7 +17,7 @@ std::optional<int64_t> number(std::string_view text) {
 }
 
 ByteRange part(int64_t first, int64_t size) {
-  return {size > 0 ? ByteRange::Kind::kPart : ByteRange::Kind::kNotThere, first, size};
+  return {size > 0 ? ByteRange::Kind::kPart : ByteRange::Kind::kUnsatisfiable, first, size};
 }
 
 }  // namespace

@@ -1,4 +1,4 @@
-// The Range of an HTTP request (RFC 9110, section 14). Pure; the bytes are hostile.
+// The Range field of HTTP requests. Source: RFC 9110, section 14. Safe for hostile input.
 #pragma once
 
 #include <cstdint>
@@ -9,16 +9,16 @@ namespace v3d {
 /// A part of a file.
 struct ByteRange {
   enum class Kind : uint8_t {
-    kWhole,    ///< none was asked for, or one that is passed over: several, or no range at all
-    kPart,     ///< [first, first + size)
-    kNotThere  ///< the file ends before it
+    kWhole,         ///< no range was requested, or an unsupported one: several, or malformed
+    kPart,          ///< [first, first + size)
+    kUnsatisfiable  ///< begins after the end of the file
   } kind = Kind::kWhole;
   int64_t first = 0;
   int64_t size = 0;
 };
 
-/// `header` is the value of the field, empty where there is none; `file_size` at least 0. What is
-/// returned lies inside the file.
+/// `header`: the value of the field; empty if absent. `file_size`: 0 or more. A kPart lies inside
+/// the file.
 ByteRange byte_range(std::string_view header, int64_t file_size);
 
 }  // namespace v3d

@@ -17,11 +17,11 @@ constexpr int kCannotRun = 127;
 
 }  // namespace
 
-pid_t spawn_program(const std::vector<std::string>& words, int output, int errors) {
-  return spawn_process(words, {.output = output,
-                               .errors = errors,
-                               .default_signals = true,
-                               .environment = {{"PATH=/usr/bin:/bin", "LC_ALL=C.UTF-8"}}});
+pid_t spawn_program(const std::vector<std::string>& arguments, int output, int errors) {
+  return spawn_process(arguments, {.output = output,
+                                   .errors = errors,
+                                   .default_signals = true,
+                                   .environment = {{"PATH=/usr/bin:/bin", "LC_ALL=C.UTF-8"}}});
 }
 
 void ChildProgram::Pipe::close() {
@@ -40,15 +40,15 @@ void ChildProgram::Pipe::read_into(std::string& text) {
   }
 }
 
-ChildProgram::ChildProgram(const std::vector<std::string>& words, MonotonicInstant deadline)
+ChildProgram::ChildProgram(const std::vector<std::string>& arguments, MonotonicInstant deadline)
     : deadline_(deadline) {
   std::array<int, 2> output{-1, -1};
   std::array<int, 2> errors{-1, -1};
   if (pipe2(output.data(), O_CLOEXEC) == 0 && pipe2(errors.data(), O_CLOEXEC) == 0) {
-    child_ = spawn_program(words, output[1], errors[1]);
+    child_ = spawn_program(arguments, output[1], errors[1]);
   }
   if (child_ < 0) {
-    end_ = {.status = kCannotRun, .errors = errno_message("cannot run " + words.front())};
+    end_ = {.status = kCannotRun, .errors = errno_message("cannot run " + arguments.front())};
   }
   for (const int fd : {output[1], errors[1]}) {
     if (fd >= 0) ::close(fd);
@@ -66,9 +66,9 @@ ChildProgram::~ChildProgram() {
   kill_process(child_);
 }
 
-void ChildProgram::hurry(MonotonicInstant now) {
+void ChildProgram::enforce_deadline(MonotonicInstant now) {
   if (now < deadline_) return;
-  kill(child_, now < deadline_ + kEndsWithin ? SIGTERM : SIGKILL);
+  kill(child_, now < deadline_ + kTerminationTimeout ? SIGTERM : SIGKILL);
   end_.timed_out = true;
 }
 
@@ -78,11 +78,11 @@ std::optional<ProgramEnd> ChildProgram::poll(MonotonicInstant now) {
   if (child_ < 0) return end_;
   const std::optional<int> status = poll_process(child_);
   if (!status) {
-    hurry(now);
+    enforce_deadline(now);
     return {};
   }
   child_ = -1;
-  output_.read_into(end_.output);  // its last words
+  output_.read_into(end_.output);  // its last arguments
   errors_.read_into(end_.errors);
   end_.status = *status;
   return end_;

@@ -1,4 +1,4 @@
-// Another program, run beside the work of this one.
+// A child process with captured output and a deadline.
 #pragma once
 
 #include <sys/types.h>
@@ -12,31 +12,31 @@
 namespace v3d {
 
 struct ProgramEnd {
-  int status = 0;  ///< as a shell tells it: 128 + the signal when one ended it
+  int status = 0;  ///< exit status, or 128 + signal number
   bool timed_out = false;
   std::string output = {};
   std::string errors = {};
 };
 
-/// spawn_process() with an environment of its own, in which systemd's notification socket is not,
-/// no signal blocked, and nothing to read. `words`: a path, and the arguments.
-pid_t spawn_program(const std::vector<std::string>& words, int output, int errors);
+/// spawn_process() with a minimal environment (without systemd's notification socket), default
+/// signals and no input. `arguments`: path of the program, and its arguments.
+pid_t spawn_program(const std::vector<std::string>& arguments, int output, int errors);
 
-/// A spawn_program() that is asked to end (SIGTERM) at its deadline, and killed a little later. Of
-/// what it prints the first megabyte is kept. One thread.
+/// A program started by spawn_program(). It gets SIGTERM at its deadline, and SIGKILL after
+/// kTerminationTimeout. The first megabyte of each output is kept. One thread.
 class ChildProgram {
  public:
   static constexpr size_t kMaxOutput = 1 << 20;
-  static constexpr Duration kEndsWithin = std::chrono::seconds(2);
+  static constexpr Duration kTerminationTimeout = std::chrono::seconds(2);
 
-  /// `words`: a path, and the arguments. Where it cannot be run, that is how it ends: status 127.
-  ChildProgram(const std::vector<std::string>& words, MonotonicInstant deadline);
-  /// Kills what still runs.
+  /// `arguments`: path of the program, and its arguments. If it cannot be run, its status is 127.
+  ChildProgram(const std::vector<std::string>& arguments, MonotonicInstant deadline);
+  /// Kills the program if it still runs.
   ~ChildProgram();
   ChildProgram(const ChildProgram&) = delete;
   ChildProgram& operator=(const ChildProgram&) = delete;
 
-  /// Reads what it has printed; never waits. How it ended, once it has.
+  /// Reads its output. Returns the result once it has ended, else empty. Does not wait.
   std::optional<ProgramEnd> poll(MonotonicInstant now);
 
  private:
@@ -45,9 +45,9 @@ class ChildProgram {
     void read_into(std::string& text);
     void close();
   };
-  void hurry(MonotonicInstant now);
+  void enforce_deadline(MonotonicInstant now);
 
-  pid_t child_ = -1;  ///< -1: it is over
+  pid_t child_ = -1;  ///< -1: has ended
   Pipe output_, errors_;
   const MonotonicInstant deadline_;
   ProgramEnd end_;

@@ -1,4 +1,4 @@
-// Takes orders from the studio page: who may give one, and one at a time.
+// The HTTP endpoint for operators' commands: authorises and parses them, one at a time.
 #pragma once
 
 #include <deque>
@@ -15,49 +15,49 @@
 
 namespace v3d {
 
-/// An order is a POST of JSON (read_order) from the page of this server with the operators' token
-/// in the field X-V3D-Operator: a field that no other page can send unasked, and that is in no
-/// address, history or log. What is taken is answered at once, 202 with its report; how it ends is
-/// told to all who watch. The desk carries nothing out itself. What comes of an order, and whose it
-/// was, is in the log and among the studio's events. One thread.
+/// A command is a POST of JSON (parse_command()) by the page of this server, with the operators'
+/// token in the field X-V3D-Operator. Pages of other origins cannot send this field without a CORS
+/// preflight, and it appears in no address, history or log. An accepted command is answered at once
+/// by 202 with its report. Its result is sent to all subscribers. The endpoint executes nothing
+/// itself. Sender and result of each command are logged and reported as events. One thread.
 class CommandEndpoint {
  public:
-  /// An empty token: the studio page only looks, and every order is refused. `studio` outlives it.
+  /// With an empty token, every command is refused. `studio` must outlive this object.
   CommandEndpoint(const Studio& studio, std::string token);
 
   bool is_open() const { return !token_.empty(); }
-  /// Whether a request has the operators' token; false where the studio file lets no browser
-  /// command.
+  /// Does the request have the operators' token? False unless is_open().
   bool is_operator(const WebRequest& request) const;
-  /// The report of the last order, to GET.
+  /// The answer to a GET: the report of the last command.
   WebAnswer report() const;
-  /// The answer to a POST. WebAccess has let it in.
-  WebAnswer take(const WebRequest& request, MonotonicInstant now);
+  /// The answer to a POST that WebAccess has allowed.
+  WebAnswer post(const WebRequest& request, MonotonicInstant now);
 
-  /// The order that was taken and is to be carried out, once.
-  std::optional<OperatorCommand> next();
-  /// How it ended.
-  void finish(const ProgramEnd& end);
+  /// Removes and returns the accepted command that must be executed; empty if there is none.
+  std::optional<OperatorCommand> next_command();
+  /// The result of the command.
+  void on_finished(const ProgramEnd& end);
 
-  /// Of the last order; its number is 0 as long as there was none.
-  const CommandReport& last() const { return last_; }
-  /// What the studio's events should tell of, once.
+  /// The report of the last command; its number is 0 if there was none.
+  const CommandReport& last_report() const { return last_; }
+  /// Removes and returns the next event for the studio page; empty if there is none.
   std::optional<EventMessage> next_event();
 
  private:
   std::optional<WebAnswer> refusal(const WebRequest& request, MonotonicInstant now);
   std::optional<WebAnswer> refusal_of_token(const WebRequest& request, MonotonicInstant now);
-  void tell(Severity severity, const std::string& text);
+  void add_event(Severity severity, const std::string& text);
 
   const Studio& studio_;
   const std::string token_;
-  TokenThrottle wrong_tokens_;
+  TokenThrottle throttle_;
   CommandReport last_;
-  std::optional<OperatorCommand> waiting_;
+  std::optional<OperatorCommand> accepted_;  ///< not yet returned by next_command()
   std::deque<EventMessage> events_;
 };
 
-/// The operators' token, when the studio file lets browsers command; else empty. Throws InputError.
+/// The operators' token; empty if viewer.control of the studio file is not true. Throws InputError
+/// if the file is unsuitable, or if it holds `viewer_token`.
 std::string load_operator_token(const Studio& studio, const std::string& viewer_token);
 
 }  // namespace v3d

@@ -1,4 +1,4 @@
-// Carries orders out, by v3dctl.
+// Runs v3dctl for operators' commands.
 #pragma once
 
 #include <filesystem>
@@ -10,18 +10,18 @@
 
 namespace v3d {
 
-/// Each order is a v3dctl of its own, with the studio file of this daemon: what a browser may do is
-/// what an operator types, and v3dctl alone seals commands. One at a time. One thread.
+/// Starts one v3dctl process per command, with the studio file of this daemon. So a browser can do
+/// what an operator can type, and only v3dctl signs commands. One command at a time. One thread.
 class CommandRunner {
  public:
   explicit CommandRunner(const Studio& studio);
 
-  /// Throws InputError where there is no v3dctl beside this program.
-  void refuse_without_v3dctl() const;
+  /// Throws InputError if there is no v3dctl in the folder of this program.
+  void require_v3dctl() const;
 
-  /// No other may be under way.
-  void begin(const OperatorCommand& order, MonotonicInstant now);
-  /// How the order ended, once; never waits.
+  /// Starts a command. Requires that none is running.
+  void start(const OperatorCommand& command, MonotonicInstant now);
+  /// Returns the result of the command once, when it has ended. Does not wait.
   std::optional<ProgramEnd> poll(MonotonicInstant now);
 
  private:

@@ -10,9 +10,9 @@ size_t ConnectionSlots::count(Matches matches) const {
 }
 
 template <class Matches>
-std::optional<ConnectionSlots::Id> ConnectionSlots::remove_stranger(Matches matches) {
+std::optional<ConnectionSlots::Id> ConnectionSlots::remove_unauthenticated(Matches matches) {
   const auto oldest = std::ranges::find_if(entries_, [&](const Entry& entry) {
-    return entry.visitor == Visitor::kStranger && matches(entry);
+    return entry.role == ClientRole::kUnauthenticated && matches(entry);
   });
   if (oldest == entries_.end()) return {};
   const Id id = oldest->id;
@@ -20,13 +20,13 @@ std::optional<ConnectionSlots::Id> ConnectionSlots::remove_stranger(Matches matc
   return id;
 }
 
-ConnectionSlots::Place ConnectionSlots::add(const std::string& address, bool is_reserved,
-                                            std::optional<Id> replaced) {
+ConnectionSlots::Slot ConnectionSlots::add(const std::string& address, bool is_reserved,
+                                           std::optional<Id> replaced) {
   entries_.push_back({.id = ++last_id_, .address = address, .is_reserved = is_reserved});
   return {.id = last_id_, .is_reserved = is_reserved, .replaced = replaced};
 }
 
-std::optional<ConnectionSlots::Place> ConnectionSlots::enter(const std::string& address) {
+std::optional<ConnectionSlots::Slot> ConnectionSlots::acquire(const std::string& address) {
   const auto reserved = [](const Entry& entry) { return entry.is_reserved; };
   const auto common = [](const Entry& entry) { return !entry.is_reserved; };
   const auto same = [&](const Entry& entry) {
@@ -34,20 +34,21 @@ std::optional<ConnectionSlots::Place> ConnectionSlots::enter(const std::string& 
   };
   const bool address_is_full = count(same) >= kMaxPerAddress;
   if (!address_is_full && count(common) < kMaxCommon) return add(address, false, {});
-  const auto replaced = address_is_full ? remove_stranger(same) : remove_stranger(common);
+  const auto replaced =
+      address_is_full ? remove_unauthenticated(same) : remove_unauthenticated(common);
   if (replaced) return add(address, false, replaced);
   if (count(reserved) < kReserved) return add(address, true, {});
-  const auto waiting = remove_stranger(reserved);
+  const auto waiting = remove_unauthenticated(reserved);
   if (!waiting) return {};
   return add(address, true, waiting);
 }
 
-void ConnectionSlots::set_visitor(Id id, Visitor visitor) {
+void ConnectionSlots::set_role(Id id, ClientRole role) {
   const auto found = std::ranges::find(entries_, id, &Entry::id);
-  if (found != entries_.end()) found->visitor = visitor;
+  if (found != entries_.end()) found->role = role;
 }
 
-void ConnectionSlots::leave(Id id) {
+void ConnectionSlots::release(Id id) {
   entries_.remove_if([id](const Entry& entry) { return entry.id == id; });
 }
 

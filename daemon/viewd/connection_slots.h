@@ -1,4 +1,4 @@
-// Places for connections: which connection is accepted, and which one is closed for it.
+// Limits of concurrent connections: which connection is accepted, and which one is closed for it.
 #pragma once
 
 #include <cstddef>
@@ -9,20 +9,20 @@
 
 namespace v3d {
 
-/// Who has sent the last request of a connection.
-enum class Visitor : uint8_t {
-  kStranger,  ///< nobody yet, or a request that WebAccess refuses
-  kViewer,    ///< a request that WebAccess admits
-  kOperator   ///< the same, with the operators' token
+/// The permission of the last request of a connection.
+enum class ClientRole : uint8_t {
+  kUnauthenticated,  ///< no request yet, or one that WebAccess refuses
+  kViewer,           ///< a request that WebAccess allows
+  kOperator          ///< such a request with the operators' token
 };
 
-/// Bounded table of connections: kMaxCommon for everybody, kMaxPerAddress of them for one address,
-/// and kReserved for requests with the operators' token.
+/// Bounded table of connections: kMaxCommon for all clients, kMaxPerAddress of them for one
+/// address, and kReserved for requests with the operators' token.
 ///
-/// Where the common places, or those of the address, are taken, a new connection replaces the
-/// oldest one of a stranger: connections that send nothing or half a request keep nobody out. Where
-/// only viewers are left, the new connection gets a reserved place, and the server answers on it
-/// only requests of operators. One thread.
+/// If the common slots, or those of the address, are used, a new connection replaces the oldest
+/// unauthenticated one. So connections that send nothing, or half a request, block nobody. If all
+/// are viewers, the new connection gets a reserved slot, on which the server answers only requests
+/// of operators. One thread.
 class ConnectionSlots {
  public:
   static constexpr size_t kMaxCommon = 128;
@@ -30,18 +30,18 @@ class ConnectionSlots {
   static constexpr size_t kReserved = 16;
 
   using Id = uint64_t;
-  struct Place {
+  struct Slot {
     Id id = 0;
     bool is_reserved = false;
-    std::optional<Id> replaced = {};  ///< the connection to close; its place is free already
+    std::optional<Id> replaced = {};  ///< the connection to close; its slot is free already
   };
 
-  /// A place for a new connection, of a stranger as yet; empty where it is to be closed at once.
-  std::optional<Place> enter(const std::string& address);
-  /// After each request. Nothing happens when the connection has been replaced.
-  void set_visitor(Id id, Visitor visitor);
-  /// Frees the place, unless the connection has been replaced.
-  void leave(Id id);
+  /// A slot for a new, unauthenticated connection. Empty: close the connection at once.
+  std::optional<Slot> acquire(const std::string& address);
+  /// Call it after each request. Does nothing if the connection was replaced.
+  void set_role(Id id, ClientRole role);
+  /// Frees the slot, unless the connection was replaced.
+  void release(Id id);
 
   size_t size() const { return entries_.size(); }
 
@@ -50,14 +50,14 @@ class ConnectionSlots {
     Id id = 0;
     std::string address;
     bool is_reserved = false;
-    Visitor visitor = Visitor::kStranger;
+    ClientRole role = ClientRole::kUnauthenticated;
   };
   template <class Matches>
   size_t count(Matches matches) const;
-  /// Removes the oldest stranger that matches.
+  /// Removes the oldest unauthenticated connection that matches.
   template <class Matches>
-  std::optional<Id> remove_stranger(Matches matches);
-  Place add(const std::string& address, bool is_reserved, std::optional<Id> replaced);
+  std::optional<Id> remove_unauthenticated(Matches matches);
+  Slot add(const std::string& address, bool is_reserved, std::optional<Id> replaced);
 
   std::list<Entry> entries_;  ///< oldest first
   Id last_id_ = 0;

@@ -1,4 +1,4 @@
-// The body of a response that is a part of a file, read while it is sent. For Boost.Beast.
+// A Boost.Beast body that reads a part of a file while it is sent.
 #pragma once
 
 #include <unistd.h>
@@ -13,9 +13,9 @@
 
 namespace v3d {
 
-// NOLINTBEGIN(readability-identifier-naming): named as Beast wants a body to be
+// NOLINTBEGIN(readability-identifier-naming): names that Beast requires
 
-/// A Body of Beast. A file that has become shorter ends the connection.
+/// Meets Beast's Body requirements. If the file has become shorter, the connection ends.
 struct FilePartBody {
   using value_type = FilePart;
   static uint64_t size(const FilePart& part) { return static_cast<uint64_t>(part.size); }
@@ -33,7 +33,7 @@ struct FilePartBody {
       const auto wanted = std::min<int64_t>(part_.size, static_cast<int64_t>(chunk_.size()));
       const ssize_t got =
           pread(part_.file->fd(), chunk_.data(), static_cast<size_t>(wanted), part_.first);
-      if (got <= 0) {  // shorter than it was a moment ago
+      if (got <= 0) {  // an error, or the file was truncated
         error = boost::beast::http::make_error_code(boost::beast::http::error::partial_message);
         return boost::none;
       }

@@ -1,4 +1,4 @@
-// What a browser is told when an answer goes wrong.
+// Converts exceptions into HTTP answers.
 #pragma once
 
 #include <spdlog/spdlog.h>
@@ -8,18 +8,18 @@
 
 namespace v3d {
 
-/// What `make` answers; whatever goes wrong in it is a status. What exactly, with the paths of the
-/// studio's files, is for the log alone.
+/// The answer of `make`; 404 if it throws InputError, 500 for other exceptions. The text of the
+/// exception, which may contain paths, is only logged.
 template <class Make>
 WebAnswer guarded_answer(const Make& make) {
   try {
     return make();
   } catch (const InputError& error) {
     spdlog::warn("{}", error.what());
-    return plain_answer(404, "it is not there, or cannot be read; the log of v3d-viewd tells");
+    return plain_answer(404, "not found or not readable; see the log of v3d-viewd");
   } catch (const std::exception& error) {
     spdlog::error("{}", error.what());
-    return plain_answer(500, "this went wrong; the log of v3d-viewd tells");
+    return plain_answer(500, "internal error; see the log of v3d-viewd");
   }
 }
 

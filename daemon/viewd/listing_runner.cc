@@ -17,9 +17,9 @@ bool ListingRunner::run(const std::string& name, std::function<WebAnswer()> work
   const bool is_new = !runs_.contains(name);
   runs_[name].push_back(waiter);
   ++waiting_;
-  waiter->deadline.expires_after(within_);
+  waiter->deadline.expires_after(timeout_);
   waiter->deadline.async_wait([this, name, waiter](boost::system::error_code stopped) {
-    if (!stopped) give_up(name, waiter);
+    if (!stopped) time_out(name, waiter);
   });
   if (is_new) start(name, std::move(work));
   return true;
@@ -41,9 +41,9 @@ void ListingRunner::finish(const std::string& name, const WebAnswer& answer) {
   }
 }
 
-void ListingRunner::give_up(const std::string& name, const std::shared_ptr<Waiter>& waiter) {
+void ListingRunner::time_out(const std::string& name, const std::shared_ptr<Waiter>& waiter) {
   const auto run = runs_.find(name);
-  if (run == runs_.end() || std::erase(run->second, waiter) == 0) return;  // answered meanwhile
+  if (run == runs_.end() || std::erase(run->second, waiter) == 0) return;  // has been answered
   --waiting_;
   WebAnswer answer = plain_answer(503, "the disk is slow to list its folders; try again");
   answer.fields = {{"Retry-After", "5"}};

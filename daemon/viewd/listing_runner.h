@@ -1,6 +1,5 @@
-// Runs listings of folders on a thread of their own, so that a slow disk keeps only those waiting
-// that asked for a listing. Uses Boost.Asio, as
-// web_server.cc and web_connection.h do.
+// Runs listings of folders on a thread of their own, so that a slow disk delays only requests for
+// listings. Uses Boost.Asio.
 #pragma once
 
 #include <boost/asio/io_context.hpp>
@@ -17,22 +16,24 @@
 
 namespace v3d {
 
-/// At most one listing runs at a time, and one run of a listing answers all who wait for it.
-/// Who has waited for `within` is answered by 503; the run goes on, and later requests join it.
+/// At most one listing runs at a time. Requests for a listing that already runs or waits share its
+/// result. A request gets 503 after `timeout`; the listing continues, and later requests join it.
 class ListingRunner {
  public:
   using Done = std::function<void(WebAnswer)>;
   static constexpr size_t kMaxWaiting = 64;
 
-  /// `io` outlives it, and has stopped before it is destroyed, which waits for the run under way.
-  ListingRunner(boost::asio::io_context& io, std::chrono::nanoseconds within)
-      : io_(io), within_(within) {}
+  /// `io` must outlive this object, and must be stopped before its destruction. The destructor
+  /// waits for the listing that runs.
+  ListingRunner(boost::asio::io_context& io, std::chrono::nanoseconds timeout)
+      : io_(io), timeout_(timeout) {}
   ~ListingRunner();
   ListingRunner(const ListingRunner&) = delete;
   ListingRunner& operator=(const ListingRunner&) = delete;
 
-  /// Calls `done` on the thread of `io` with what `work` makes, or with 503 after `within`. Joins
-  /// the run of that name, where one is under way. False when too many wait. On the thread of `io`.
+  /// Calls `done` on the thread of `io` with the result of `work`, or with 503 after the timeout.
+  /// Joins the listing `name` if it already runs. Returns false if kMaxWaiting requests wait. Call
+  /// it on the thread of `io`.
   bool run(const std::string& name, std::function<WebAnswer()> work, Done done);
 
  private:
@@ -46,11 +47,11 @@ class ListingRunner {
 
   void start(const std::string& name, std::function<WebAnswer()> work);
   void finish(const std::string& name, const WebAnswer& answer);
-  void give_up(const std::string& name, const std::shared_ptr<Waiter>& waiter);
+  void time_out(const std::string& name, const std::shared_ptr<Waiter>& waiter);
 
   boost::asio::io_context& io_;
-  const std::chrono::nanoseconds within_;
-  std::map<std::string, Waiters> runs_;  ///< under way, or waiting for the thread
+  const std::chrono::nanoseconds timeout_;
+  std::map<std::string, Waiters> runs_;  ///< by name: running, or waiting for the thread
   size_t waiting_ = 0;
   boost::asio::thread_pool thread_{1};
 };

@@ -7,27 +7,27 @@
 
 namespace v3d {
 
-class LiveFeed::Watcher : public WebStream {
+class LiveFeed::Subscriber : public WebStream {
  public:
-  explicit Watcher(LiveFeed& feed) : feed_(feed) {}
+  explicit Subscriber(LiveFeed& feed) : feed_(feed) {}
 
   std::optional<WebMessage> next() override {
     if (feed_.group_.empty()) return {};
     const int64_t key = feed_.group_.front().number;
-    const int64_t number = std::max(wanted_, key);
+    const int64_t number = std::max(next_, key);
     const auto at = static_cast<size_t>(number - key);
     if (at >= feed_.group_.size()) return {};
-    if (wanted_ >= 0) feed_.counts_.skipped += number - wanted_;
-    wanted_ = number + 1;
+    if (next_ >= 0) feed_.counts_.skipped += number - next_;
+    next_ = number + 1;
     return WebMessage{.is_text = false, .bytes = feed_.group_[at].message};
   }
 
  private:
   LiveFeed& feed_;
-  int64_t wanted_ = -1;  ///< at first, whatever there is
+  int64_t next_ = -1;  ///< -1: the key frame
 };
 
-void LiveFeed::begin_group() {
+void LiveFeed::clear_group() {
   group_.clear();
   group_bytes_ = 0;
 }
@@ -37,10 +37,10 @@ bool LiveFeed::follows(uint32_t reference, int64_t key_pulse) const {
          group_.size() < kMaxFrames && group_bytes_ < kMaxBytes;
 }
 
-/// A take of the same name that begins again, later, is none that goes back.
-bool LiveFeed::goes_back(const MeshMessage& mesh) const {
-  constexpr Duration kAnotherTime = std::chrono::seconds(5);
-  return mesh.take == take_ && mesh.pulse <= pulse_ && mesh.sent - sent_ < kAnotherTime;
+/// A lower pulse number that is sent 5 s later belongs to a new take of the same name.
+bool LiveFeed::is_outdated(const MeshMessage& mesh) const {
+  constexpr Duration kNewTakeAfter = std::chrono::seconds(5);
+  return mesh.take == take_ && mesh.pulse <= pulse_ && mesh.sent - sent_ < kNewTakeAfter;
 }
 
 void LiveFeed::add(const MeshMessage& mesh) {
@@ -50,8 +50,8 @@ void LiveFeed::add(const MeshMessage& mesh) {
     ++counts_.unusable;
     return;
   }
-  if (goes_back(mesh)) {
-    ++counts_.returned;
+  if (is_outdated(mesh)) {
+    ++counts_.outdated;
     return;
   }
   take_ = mesh.take;
@@ -59,18 +59,18 @@ void LiveFeed::add(const MeshMessage& mesh) {
   sent_ = mesh.sent;
   const bool is_key = !header->is(FrameHeader::kInter);
   if (!is_key && !follows(header->reference, header->key_pulse)) {
-    // Whoever watches keeps what he has; the group is over, for what follows lacks this one.
-    begin_group();
+    // Frames that follow need this one, so drop the group until the next key frame.
+    clear_group();
     ++counts_.unusable;
     return;
   }
-  if (is_key) begin_group();
+  if (is_key) clear_group();
   key_pulse_ = header->key_pulse;
-  auto message = std::make_shared<const std::string>(mesh_message(mesh, numbers_));
+  auto message = std::make_shared<const std::string>(mesh_message(mesh, next_number_));
   group_bytes_ += message->size();
-  group_.push_back({numbers_++, header->checksum, std::move(message)});
+  group_.push_back({next_number_++, header->checksum, std::move(message)});
 }
 
-std::unique_ptr<WebStream> LiveFeed::watch() { return std::make_unique<Watcher>(*this); }
+std::unique_ptr<WebStream> LiveFeed::subscribe() { return std::make_unique<Subscriber>(*this); }
 
 }  // namespace v3d

@@ -15,29 +15,29 @@ namespace {
 using Json = nlohmann::json;
 using Verb = OperatorCommand::Verb;
 
-constexpr double kLongestTakeSeconds = 24 * 3600;
-constexpr int kDeepest = 4;
+constexpr double kMaxTakeSeconds = 24 * 3600;
+constexpr int kMaxDepth = 4;
 constexpr size_t kMaxLines = 200;
 
-constexpr std::array<std::pair<std::string_view, Verb>, 5> kVerbs = {{{"look", Verb::kLook},
+constexpr std::array<std::pair<std::string_view, Verb>, 5> kVerbs = {{{"look", Verb::kCheckToken},
                                                                       {"arm", Verb::kArm},
                                                                       {"start", Verb::kStart},
                                                                       {"stop", Verb::kStop},
                                                                       {"abort", Verb::kAbort}}};
 
-std::string_view word(Verb verb) {
+std::string_view verb_name(Verb verb) {
   return std::ranges::find(kVerbs, verb, [](const auto& entry) { return entry.second; })->first;
 }
 
-/// What is wrong with an order, for who sent it.
-struct Wrong : std::runtime_error {
+/// Why the JSON is not a command, for its sender.
+struct CommandError : std::runtime_error {
   using std::runtime_error::runtime_error;
 };
 
-/// Nothing for what is no JSON, or JSON that no order looks like.
+/// Discarded for text that is not JSON. Throws CommandError for JSON that is nested too deeply.
 Json parsed(std::string_view text) {
   const auto shallow = [](int depth, Json::parse_event_t, Json&) {
-    if (depth > kDeepest) throw Wrong("an order is not as deep as that");
+    if (depth > kMaxDepth) throw CommandError("the JSON of an order is nested too deeply");
     return true;
   };
   return Json::parse(text, shallow, false);
@@ -50,53 +50,55 @@ Verb verb_of(const Json& json) {
       if (found->get_ref<const std::string&>() == name) return verb;
     }
   }
-  throw Wrong("do: expected \"look\", \"arm\", \"start\", \"stop\" or \"abort\"");
+  throw CommandError("do: expected \"look\", \"arm\", \"start\", \"stop\" or \"abort\"");
 }
 
 std::string take_of(const Json& value) {
   if (value.is_string() && is_file_name(value.get_ref<const std::string&>())) return value;
-  throw Wrong("take: no name of a take: " + std::string(kFileNameRule));
+  throw CommandError("take: not a valid name of a take: " + std::string(kFileNameRule));
 }
 
 int64_t pulses_of(const Json& value, const Studio& studio) {
   const double seconds = value.is_number() ? value.get<double>() : 0;
-  if (!(seconds > 0 && seconds <= kLongestTakeSeconds)) {
-    throw Wrong("seconds: expected more than 0 and no more than 86400, a day");
+  if (!(seconds > 0 && seconds <= kMaxTakeSeconds)) {
+    throw CommandError("seconds: expected more than 0 and no more than 86400, a day");
   }
   return std::max<int64_t>(1, std::llround(seconds * studio.trigger.rate_hz));
 }
 
 std::vector<std::string> cameras_of(const Json& value, const Studio& studio) {
-  if (!value.is_array()) throw Wrong("without: expected a list of cameras");
+  if (!value.is_array()) throw CommandError("without: expected a list of cameras");
   std::vector<std::string> names;
   for (const Json& name : value) {
     const bool known = std::ranges::any_of(
         studio.cameras, [&](const StudioCamera& camera) { return name == camera.name; });
-    if (!known) throw Wrong("without: expected names of cameras of this studio");
+    if (!known) throw CommandError("without: expected names of cameras of this studio");
     names.push_back(name);
   }
   return names;
 }
 
-OperatorCommand order_of(const Json& json, const Studio& studio) {
-  if (!json.is_object()) throw Wrong(R"(expected an order as JSON, such as {"do": "stop"})");
-  OperatorCommand order;
-  order.verb = verb_of(json);
+OperatorCommand command_of(const Json& json, const Studio& studio) {
+  if (!json.is_object()) throw CommandError(R"(expected an order as JSON, such as {"do": "stop"})");
+  OperatorCommand command;
+  command.verb = verb_of(json);
   for (const auto& [key, value] : json.items()) {
-    const bool arms = order.verb == Verb::kArm;
+    const bool is_arm = command.verb == Verb::kArm;
     if (key == "do") continue;
-    if (arms && key == "take") {
-      order.take = take_of(value);
-    } else if (arms && key == "seconds") {
-      order.pulses = pulses_of(value, studio);
-    } else if (arms && key == "without") {
-      order.without = cameras_of(value, studio);
+    if (is_arm && key == "take") {
+      command.take = take_of(value);
+    } else if (is_arm && key == "seconds") {
+      command.pulses = pulses_of(value, studio);
+    } else if (is_arm && key == "without") {
+      command.without = cameras_of(value, studio);
     } else {
-      throw Wrong(printable(key) + ": not known to \"" + std::string(word(order.verb)) + "\"");
+      throw CommandError(printable(key) + ": not known to \"" +
+                         std::string(verb_name(command.verb)) + "\"");
     }
   }
-  if (order.verb == Verb::kArm && order.take.empty()) throw Wrong("take: missing: the take's name");
-  return order;
+  if (command.verb == Verb::kArm && command.take.empty())
+    throw CommandError("take: missing: the take's name");
+  return command;
 }
 
 std::string listed(const std::vector<std::string>& names, const std::string& between) {
@@ -108,24 +110,25 @@ std::string listed(const std::vector<std::string>& names, const std::string& bet
 }  // namespace
 
 std::string OperatorCommand::text() const {
-  std::string text(word(verb));
+  std::string text(verb_name(verb));
   if (!take.empty()) text += " " + take;
   if (pulses > 0) text += ", " + std::to_string(pulses) + " pulses";
   if (!without.empty()) text += ", without " + listed(without, ", ");
   return text;
 }
 
-std::vector<std::string> OperatorCommand::words() const {
-  std::vector<std::string> words = {std::string(word(verb)), "--json", "--timeout",
-                                    std::to_string(static_cast<int>(patience_s()))};
-  if (verb != Verb::kArm) return words;
-  if (pulses > 0) words.insert(words.end(), {"--pulses", std::to_string(pulses)});
-  if (!without.empty()) words.insert(words.end(), {"--allow-missing", listed(without, ",")});
-  words.push_back(take);
-  return words;
+std::vector<std::string> OperatorCommand::arguments() const {
+  std::vector<std::string> arguments = {std::string(verb_name(verb)), "--json", "--timeout",
+                                        std::to_string(static_cast<int>(timeout_s()))};
+  if (verb != Verb::kArm) return arguments;
+  if (pulses > 0) arguments.insert(arguments.end(), {"--pulses", std::to_string(pulses)});
+  if (!without.empty())
+    arguments.insert(arguments.end(), {"--allow-missing", listed(without, ",")});
+  arguments.push_back(take);
+  return arguments;
 }
 
-double OperatorCommand::patience_s() const {
+double OperatorCommand::timeout_s() const {
   switch (verb) {
     case Verb::kArm:
       return 30;
@@ -136,34 +139,34 @@ double OperatorCommand::patience_s() const {
   }
 }
 
-ReadOrder read_order(std::string_view json, const Studio& studio) {
+ParsedCommand parse_command(std::string_view json, const Studio& studio) {
   try {
-    return {.order = order_of(parsed(json), studio), .wrong = {}};
-  } catch (const Wrong& wrong) {
-    return {.order = {}, .wrong = wrong.what()};
+    return {.command = command_of(parsed(json), studio), .error = {}};
+  } catch (const CommandError& error) {
+    return {.command = {}, .error = error.what()};
   }
 }
 
 std::vector<std::string> lines_of_v3dctl(std::string_view json) {
-  const Json said = Json::parse(json, nullptr, false);
+  const Json output = Json::parse(json, nullptr, false);
   std::vector<std::string> lines;
-  if (!said.is_object() || !said.contains("lines") || !said["lines"].is_array()) return lines;
-  for (const Json& line : said["lines"]) {
+  if (!output.is_object() || !output.contains("lines") || !output["lines"].is_array()) return lines;
+  for (const Json& line : output["lines"]) {
     if (line.is_string() && lines.size() < kMaxLines)
       lines.push_back(printable(line.get_ref<const std::string&>()));
   }
   return lines;
 }
 
-std::string order_json(const CommandReport& report) {
+std::string report_json(const CommandReport& report) {
   const Json json = {{"type", "order"},
                      {"number", report.number},
                      {"by", report.by},
                      {"at_ms", static_cast<double>(to_ns(report.at)) * 1e-6},
-                     {"do", word(report.order.verb)},
-                     {"take", report.order.take},
-                     {"text", report.order.text()},
-                     {"under_way", report.under_way},
+                     {"do", verb_name(report.command.verb)},
+                     {"take", report.command.take},
+                     {"text", report.command.text()},
+                     {"under_way", report.is_running},
                      {"status", report.status},
                      {"lines", report.lines}};
   return json.dump(-1, ' ', false, Json::error_handler_t::replace);

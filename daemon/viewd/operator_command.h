@@ -1,4 +1,5 @@
-// What the studio page may ask the studio to do.
+// The commands that the studio page can send, and their reports. Confines nlohmann::json to one
+// source file.
 #pragma once
 
 #include <cstdint>
@@ -14,49 +15,49 @@ namespace v3d {
 
 struct OperatorCommand {
   enum class Verb : uint8_t {
-    kLook,  ///< nothing: shows that the token is right
+    kCheckToken,  ///< executes nothing; tests the token
     kArm,
     kStart,
     kStop,
     kAbort
   };
-  Verb verb = Verb::kLook;
-  std::string take;                  ///< to arm
-  int64_t pulses = 0;                ///< to arm: ends by itself after so many; 0: does not
-  std::vector<std::string> without;  ///< to arm: cameras that may be missing
+  Verb verb = Verb::kCheckToken;
+  std::string take;                  ///< kArm
+  int64_t pulses = 0;                ///< kArm: number of pulses; 0: until stop
+  std::vector<std::string> without;  ///< kArm: cameras that may be missing
 
   /// "arm kendo-07, 1500 pulses, without cam07"
   std::string text() const;
-  /// What v3dctl is called with, behind --studio FILE: fixed words, and names that are harmless.
-  std::vector<std::string> words() const;
-  /// So long v3dctl tries.
-  double patience_s() const;
+  /// The arguments of v3dctl after --studio FILE: fixed words, and names that is_file_name()
+  /// allows.
+  std::vector<std::string> arguments() const;
+  /// The --timeout of v3dctl, seconds.
+  double timeout_s() const;
 };
 
-/// Of JSON that anybody may have sent: {"do": "look" | "arm" | "start" | "stop" | "abort"}, and to
-/// arm "take", "seconds" (left out: until stop) and "without" [cameras of the studio]. Where it is
-/// no order, `wrong` says in one line what would be one. The adapter of nlohmann::json.
-struct ReadOrder {
-  std::optional<OperatorCommand> order;
-  std::string wrong;
+/// The result of parse_command(). Without a command, `error` says in one line what is expected.
+struct ParsedCommand {
+  std::optional<OperatorCommand> command;
+  std::string error;
 };
-ReadOrder read_order(std::string_view json, const Studio& studio);
+/// Parses {"do": "look" | "arm" | "start" | "stop" | "abort"} and, with "arm", "take", "seconds"
+/// (absent: until stop) and "without" [cameras of the studio]. Safe for hostile input.
+ParsedCommand parse_command(std::string_view json, const Studio& studio);
 
-/// The lines that v3dctl --json would have printed without --json: "lines" of what it printed.
-/// Empty when there are none.
+/// The field "lines" of the output of v3dctl --json; empty if there is none.
 std::vector<std::string> lines_of_v3dctl(std::string_view json);
 
-/// What is told of the last order, of everybody. `status`: v3dctl's exit status.
+/// The last command of any browser, and its result.
 struct CommandReport {
-  int64_t number = 0;  ///< counts orders
-  std::string by;      ///< whom it came from
+  int64_t number = 0;  ///< counts commands, from 1
+  std::string by;      ///< address of the browser
   RealtimeInstant at;
-  OperatorCommand order;
-  bool under_way = false;
-  int status = 0;
+  OperatorCommand command;
+  bool is_running = false;
+  int status = 0;  ///< exit status of v3dctl
   std::vector<std::string> lines;
 };
 /// {"type": "order", "number", "by", "at_ms", "do", "take", "text", "under_way", "status", "lines"}
-std::string order_json(const CommandReport& report);
+std::string report_json(const CommandReport& report);
 
 }  // namespace v3d

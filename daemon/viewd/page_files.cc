@@ -43,7 +43,7 @@ std::map<std::string, PageFile> find_page_files(const fs::path& folder) {
   const auto index = files.find("/index.html");
   if (index == files.end()) {
     throw InputError("viewer.page: " + folder.string() +
-                     ": has no index.html; it is where the built page lies");
+                     ": has no index.html; expected the folder of the built page");
   }
   files["/"] = index->second;
   return files;

@@ -13,12 +13,12 @@ struct PageFile {
   std::string type;  ///< "text/html; charset=utf-8"
 };
 
-/// "application/wasm" by the file's extension; "application/octet-stream" where it is unknown.
+/// The MIME type for the extension of `path`; "application/octet-stream" if it is unknown.
 std::string content_type(const std::filesystem::path& path);
 
-/// All regular files in the folder and below, by what stands in a URL: "/assets/a.js", and "/" for
-/// index.html. What is not in here when the daemon begins is not there: no path of a request is
-/// ever looked up on the disk. Throws InputError when there is no index.html.
+/// All regular files in the folder and below, by URL path: "/assets/a.js", and "/" for index.html.
+/// The page is served from this table, which is made at start: no path of a request reaches the
+/// disk. Throws InputError if there is no index.html.
 std::map<std::string, PageFile> find_page_files(const std::filesystem::path& folder);
 
 }  // namespace v3d

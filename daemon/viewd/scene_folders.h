@@ -1,5 +1,4 @@
-// Scenes (docs/scene.md) lie in folders beside the takes: FOLDER/scene.json, and the models and
-// pictures that it names.
+// Folders of scenes (docs/scene.md), beside the takes: FOLDER/scene.json, and models and images.
 #pragma once
 
 #include <filesystem>
@@ -8,11 +7,11 @@
 
 namespace v3d {
 
-/// Names of the folders in `takes` that hold a scene, rising; none where the folder cannot be read.
+/// Names of the folders in `takes` that contain a scene, ascending; empty if `takes` is unreadable.
 std::vector<std::string> find_scenes(const std::filesystem::path& takes);
 
-/// Whether `file` of `folder` is the scene, or may be shown in it by its ending; nothing of a
-/// folder without a scene is.
+/// Is `file` in `folder` the scene, or a model, image or video by its extension? False for a folder
+/// without a scene.
 bool is_of_scene(const std::filesystem::path& folder, const std::string& file);
 
 }  // namespace v3d

@@ -5,25 +5,25 @@
 
 namespace v3d {
 
-class StudioStatus::Watcher : public WebStream {
+class StudioStatus::Subscriber : public WebStream {
  public:
-  explicit Watcher(const StudioStatus& board) : board_(board) {}
+  explicit Subscriber(const StudioStatus& status) : status_(status) {}
 
   std::optional<WebMessage> next() override {
-    if (board_.shown_.number > state_) {
-      state_ = board_.shown_.number;
-      return WebMessage{.is_text = true, .bytes = board_.shown_.text};
+    if (status_.state_item_.number > state_) {
+      state_ = status_.state_item_.number;
+      return WebMessage{.is_text = true, .bytes = status_.state_item_.text};
     }
-    if (board_.order_.number > order_) {
-      order_ = board_.order_.number;
-      return WebMessage{.is_text = true, .bytes = board_.order_.text};
+    if (status_.report_.number > report_) {
+      report_ = status_.report_.number;
+      return WebMessage{.is_text = true, .bytes = status_.report_.text};
     }
-    for (const Note& event : board_.events_) {
+    for (const Item& event : status_.events_) {
       if (event.number <= event_) continue;
       event_ = event.number;
       return WebMessage{.is_text = true, .bytes = event.text};
     }
-    for (const auto& [camera, preview] : board_.previews_) {
+    for (const auto& [camera, preview] : status_.previews_) {
       int64_t& last = previews_[camera];
       if (preview.number <= last) continue;
       last = preview.number;
@@ -33,9 +33,9 @@ class StudioStatus::Watcher : public WebStream {
   }
 
  private:
-  const StudioStatus& board_;
+  const StudioStatus& status_;
   int64_t state_ = 0;
-  int64_t order_ = 0;
+  int64_t report_ = 0;
   int64_t event_ = 0;
   std::map<std::string, int64_t> previews_;
 };
@@ -51,25 +51,25 @@ StudioStatus::StudioStatus(const Studio& studio, const std::vector<std::string>&
   }
 }
 
-StudioStatus::Note StudioStatus::note(std::string text) {
-  return {++numbers_, std::make_shared<const std::string>(std::move(text))};
+StudioStatus::Item StudioStatus::make_item(std::string text) {
+  return {++last_number_, std::make_shared<const std::string>(std::move(text))};
 }
 
-void StudioStatus::hear(const HealthMessage& health, MonotonicInstant now) {
+void StudioStatus::on_health(const HealthMessage& health, MonotonicInstant now) {
   if (std::ranges::find(state_.nodes, health.node) == state_.nodes.end()) return;
   state_.health[health.node] = health;
-  heard_[health.node] = now;
+  last_health_[health.node] = now;
   changed_ = true;
 }
 
-void StudioStatus::hear(const EventMessage& event) {
-  events_.push_back(note(event_json(event)));
+void StudioStatus::on_event(const EventMessage& event) {
+  events_.push_back(make_item(event_json(event)));
   if (events_.size() > kEventsKept) events_.pop_front();
 }
 
-void StudioStatus::hear(const PreviewMessage& preview) {
+void StudioStatus::on_preview(const PreviewMessage& preview) {
   const auto found = previews_.find(preview.camera);
-  if (found != previews_.end()) found->second = note(preview_message(preview));
+  if (found != previews_.end()) found->second = make_item(preview_message(preview));
 }
 
 void StudioStatus::set_not_verified(std::string why) {
@@ -77,32 +77,34 @@ void StudioStatus::set_not_verified(std::string why) {
   state_.not_verified = std::move(why);
 }
 
-void StudioStatus::set_watchers(int64_t watchers) {
-  changed_ = changed_ || watchers != state_.watchers;
-  state_.watchers = watchers;
+void StudioStatus::set_subscriber_count(int64_t count) {
+  changed_ = changed_ || count != state_.watchers;
+  state_.watchers = count;
 }
 
-void StudioStatus::set_control(bool takes_orders) {
-  changed_ = changed_ || takes_orders != state_.control;
-  state_.control = takes_orders;
+void StudioStatus::set_control(bool accepts_commands) {
+  changed_ = changed_ || accepts_commands != state_.control;
+  state_.control = accepts_commands;
 }
 
-void StudioStatus::set_order(const CommandReport& order) {
-  const bool same = order.number == order_number_ && order.under_way == order_under_way_;
+void StudioStatus::set_report(const CommandReport& report) {
+  const bool same = report.number == report_number_ && report.is_running == report_running_;
   if (same) return;
-  order_number_ = order.number;
-  order_under_way_ = order.under_way;
-  order_ = note(order_json(order));
+  report_number_ = report.number;
+  report_running_ = report.is_running;
+  report_ = make_item(report_json(report));
 }
 
-void StudioStatus::turn(MonotonicInstant now) {
-  for (const auto& [node, at] : heard_) {
-    if (now - at > kSilentAfter && state_.health.erase(node) > 0) changed_ = true;
+void StudioStatus::refresh(MonotonicInstant now) {
+  for (const auto& [node, at] : last_health_) {
+    if (now - at > kSilenceTimeout && state_.health.erase(node) > 0) changed_ = true;
   }
   if (!std::exchange(changed_, false)) return;
-  shown_ = note(state_json(state_));
+  state_item_ = make_item(state_json(state_));
 }
 
-std::unique_ptr<WebStream> StudioStatus::watch() const { return std::make_unique<Watcher>(*this); }
+std::unique_ptr<WebStream> StudioStatus::subscribe() const {
+  return std::make_unique<Subscriber>(*this);
+}
 
 }  // namespace v3d

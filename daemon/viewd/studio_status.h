@@ -1,4 +1,4 @@
-// What the studio shows of itself now: health, previews, events; for all who watch.
+// The current state of the studio for WebSocket clients: health, previews, events, last command.
 #pragma once
 
 #include <cstdint>
@@ -16,51 +16,51 @@
 
 namespace v3d {
 
-/// Holds the last state, the last preview of every camera and the last events, and no more: who is
-/// slow is sent the newest of each, and misses what was between. One thread.
+/// Holds only the last state, the last preview of each camera, and the last events. So a slow
+/// client gets the newest of each, and memory is bounded. One thread.
 class StudioStatus {
  public:
   static constexpr size_t kEventsKept = 100;
-  /// Nodes tell their health once a second; a busy one may miss a few.
-  static constexpr Duration kSilentAfter = std::chrono::milliseconds(3500);
+  /// After this time without health a node counts as silent. Nodes send it once a second.
+  static constexpr Duration kSilenceTimeout = std::chrono::milliseconds(3500);
 
-  /// `nodes`: those that should be heard; `not_verified` as OperatorClient tells.
+  /// `nodes`: the nodes to show. `not_verified`: see OperatorClient.
   StudioStatus(const Studio& studio, const std::vector<std::string>& nodes,
                std::string not_verified);
 
-  /// Of nodes and cameras that the studio file does not name nothing is kept.
-  void hear(const HealthMessage& health, MonotonicInstant now);
-  void hear(const EventMessage& event);
-  void hear(const PreviewMessage& preview);
+  /// Messages of nodes and cameras that the studio file does not name are ignored.
+  void on_health(const HealthMessage& health, MonotonicInstant now);
+  void on_event(const EventMessage& event);
+  void on_preview(const PreviewMessage& preview);
   void set_not_verified(std::string why);
-  void set_watchers(int64_t watchers);
-  void set_control(bool takes_orders);
-  /// The last order; number 0: there was none.
-  void set_order(const CommandReport& order);
-  /// Forgets who has fallen silent, and makes the state known when it has changed.
-  void turn(MonotonicInstant now);
+  void set_subscriber_count(int64_t count);
+  void set_control(bool accepts_commands);
+  /// The last command; number 0: there was none.
+  void set_report(const CommandReport& report);
+  /// Removes silent nodes, and publishes the state if it has changed.
+  void refresh(MonotonicInstant now);
 
-  /// One who watches, from what there is now on. The board outlives it.
-  std::unique_ptr<WebStream> watch() const;
+  /// A subscriber that starts with the current state. The StudioStatus must outlive it.
+  std::unique_ptr<WebStream> subscribe() const;
 
  private:
-  class Watcher;
-  struct Note {
-    int64_t number = 0;  ///< rises with each that is pinned up
+  class Subscriber;
+  struct Item {
+    int64_t number = 0;  ///< ascends over all items
     std::shared_ptr<const std::string> text;
   };
-  Note note(std::string text);
+  Item make_item(std::string text);
 
   StudioState state_;
-  std::map<std::string, MonotonicInstant> heard_;  ///< when, by node
+  std::map<std::string, MonotonicInstant> last_health_;  ///< by node
   bool changed_ = true;
-  int64_t numbers_ = 0;
-  Note shown_;
-  Note order_;
-  int64_t order_number_ = 0;
-  bool order_under_way_ = false;
-  std::deque<Note> events_;
-  std::map<std::string, Note> previews_;  ///< by camera
+  int64_t last_number_ = 0;
+  Item state_item_;
+  Item report_;
+  int64_t report_number_ = 0;
+  bool report_running_ = false;
+  std::deque<Item> events_;
+  std::map<std::string, Item> previews_;  ///< by camera
 };
 
 }  // namespace v3d

@@ -13,7 +13,7 @@ namespace {
 
 constexpr int kQuality = 90;
 
-/// Colours as they are where nothing else is known: a photograph is worth more than its tint.
+/// The colour correction of the camera; identity if the calibration cannot be read.
 ColourResponse response_of(const TakePaths& paths, const std::string& camera) {
   try {
     const Rig rig = load_take_calib(paths);
@@ -41,9 +41,10 @@ std::optional<Frame> TakePhotographs::frame(const std::string& take, int64_t pul
   OpenLog* log = find(take, camera);
   if (log == nullptr) return {};
   if (auto found = log->reader.read(pulse)) return found;
-  const auto now_is = stamp_of_log(log->path);
-  if (!now_is || *now_is == log->stamp || Monotonic::now() - log->opened < kIndexLasts) return {};
-  return open(take, camera, *now_is)->reader.read(pulse);
+  const auto current = stamp_of_log(log->path);
+  if (!current || *current == log->stamp || Monotonic::now() - log->opened < kReindexPeriod)
+    return {};
+  return open(take, camera, *current)->reader.read(pulse);
 }
 
 TakePhotographs::OpenLog* TakePhotographs::find(const std::string& take,

@@ -1,4 +1,4 @@
-// Single frames of recorded takes, for people to look at.
+// Single frames of recorded takes as JPEG images.
 #pragma once
 
 #include <cstdint>
@@ -15,24 +15,24 @@
 
 namespace v3d {
 
-/// Keeps the logs that were asked for last open, with their indices: of a log a frame is read, and
-/// nothing else. One thread.
+/// Keeps the most recently used logs and their indexes open, so that a frame costs one read. One
+/// thread.
 class TakePhotographs {
  public:
-  static constexpr size_t kMaxLogs = 64;  ///< open at a time: those of a large studio's take
+  static constexpr size_t kMaxLogs = 64;  ///< open logs: one take of a large studio
 
-  /// `takes`: the folder that holds them.
+  /// `takes`: the folder of the takes.
   explicit TakePhotographs(std::filesystem::path takes) : takes_(std::move(takes)) {}
 
-  /// JPEG of the whole image, its colours corrected as the take's calibration says, like those of
-  /// its meshes. Empty where the camera has no such frame, or it is damaged. Both names must be
-  /// is_file_name(). Throws InputError where the log is none.
+  /// JPEG of the whole image, with the colour correction of the take's calibration, as for its
+  /// meshes. Empty if the camera has no such frame, or it is damaged. Requires that is_file_name()
+  /// holds for both names. Throws InputError if the file is not a log.
   std::optional<std::vector<uint8_t>> read(const std::string& take, int64_t pulse,
                                            const std::string& camera);
 
  private:
-  /// A log that grows is indexed anew when it is asked for what it did not have, but no more often.
-  static constexpr Duration kIndexLasts = std::chrono::seconds(1);
+  /// Shortest time between two indexings of a growing log, when a frame is not found.
+  static constexpr Duration kReindexPeriod = std::chrono::seconds(1);
 
   struct OpenLog {
     std::filesystem::path path;
@@ -41,7 +41,7 @@ class TakePhotographs {
     FrameLogReader reader;
     ColourResponse colour;
   };
-  /// Null where there is no such file. The front of `logs_` is what was used last.
+  /// The open log, moved to the front of `logs_`; null if there is no such file.
   OpenLog* find(const std::string& take, const std::string& camera);
   OpenLog* open(const std::string& take, const std::string& camera, const FileStamp& stamp);
   std::optional<Frame> frame(const std::string& take, int64_t pulse, const std::string& camera);

@@ -13,7 +13,7 @@
 namespace v3d {
 namespace {
 
-/// "12"; empty for whatever is no pulse.
+/// A decimal number of 0 or more; else empty.
 std::optional<int64_t> parse_pulse(const std::string& text) {
   int64_t pulse = 0;
   const char* end = text.data() + text.size();
@@ -22,9 +22,9 @@ std::optional<int64_t> parse_pulse(const std::string& text) {
   return pulse;
 }
 
-/// Of what is made of files with that tag: 304 where the browser has it, else `make` is work.
+/// 304 if the browser has the content with this ETag, else an answer with `make` as deferred work.
 template <class Make>
-WebAnswer made(const WebRequest& request, const std::string& tag, Make make) {
+WebAnswer deferred_answer(const WebRequest& request, const std::string& tag, Make make) {
   std::vector<std::pair<std::string, std::string>> fields = {{"ETag", tag},
                                                              {"Cache-Control", "no-cache"}};
   if (request.if_none_match == tag) return {.status = 304, .fields = std::move(fields)};
@@ -63,12 +63,13 @@ WebAnswer TakePictures::photograph(const WebRequest& request, const std::string&
   }
   const auto log = stamp_of_log(TakePaths{takes_ / take}.frames(camera));
   if (!log) return plain_answer(404, "there are no frames of this camera in such a take");
-  return made(request, tag_of(*log),
-              [all = photographs_, take, camera, pulse = *pulse]() -> WebAnswer {
-                const auto jpeg = all->read(take, pulse, camera);
-                if (!jpeg) return plain_answer(404, "this camera has no frame of this pulse");
-                return {.type = "image/jpeg", .body = {jpeg->begin(), jpeg->end()}};
-              });
+  return deferred_answer(request, tag_of(*log),
+                         [all = photographs_, take, camera, pulse = *pulse]() -> WebAnswer {
+                           const auto jpeg = all->read(take, pulse, camera);
+                           if (!jpeg)
+                             return plain_answer(404, "this camera has no frame of this pulse");
+                           return {.type = "image/jpeg", .body = {jpeg->begin(), jpeg->end()}};
+                         });
 }
 
 WebAnswer TakePictures::views(const WebRequest& request, const std::string& take,
@@ -77,7 +78,7 @@ WebAnswer TakePictures::views(const WebRequest& request, const std::string& take
   if (!pulse || !is_file_name(take)) return plain_answer(404, "there is no such view");
   const auto tag = TakeViews::tag(takes_ / take);
   if (!tag) return plain_answer(404, "there is no such take, or its raw frames are not here");
-  return made(request, *tag, [all = views_, take, pulse = *pulse]() -> WebAnswer {
+  return deferred_answer(request, *tag, [all = views_, take, pulse = *pulse]() -> WebAnswer {
     auto message = all->read(take, pulse);
     if (!message) return plain_answer(404, "there is no mesh of this pulse");
     return {.type = "application/octet-stream", .body = std::move(*message)};

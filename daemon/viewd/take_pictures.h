@@ -1,6 +1,6 @@
-// What is served of the raw frames of takes, by its path:
+// HTTP answers from the raw frames of takes:
 //   /api/takes/T/photographs/PULSE/CAM.jpg   a frame (TakePhotographs)
-//   /api/takes/T/views/PULSE                 what every camera says about the vertices (TakeViews)
+//   /api/takes/T/views/PULSE                 vertex colours by camera (TakeViews)
 #pragma once
 
 #include <filesystem>
@@ -16,14 +16,14 @@ namespace v3d {
 class TakePhotographs;
 class TakeViews;
 
-/// Of a take whose raw frames are not in its folder nothing is served. What a browser has already
-/// (ETag) is answered at once; all else is work. One thread; the work is done on any other.
+/// Takes without raw frames in their folder get 404. A matching ETag is answered at once; other
+/// answers are deferred work (WebAnswer::work). One thread; the work runs on any other.
 class TakePictures {
  public:
-  /// `takes`: the folder that holds them.
+  /// `takes`: the folder of the takes.
   explicit TakePictures(const std::filesystem::path& takes);
 
-  /// Empty for a path that is none of these.
+  /// Empty for other paths.
   std::optional<WebAnswer> answer(const WebRequest& request, const WebTarget& target) const;
 
  private:
@@ -33,8 +33,8 @@ class TakePictures {
                   const std::string& pulse) const;
 
   const std::filesystem::path takes_;
-  const std::shared_ptr<TakePhotographs> photographs_;  ///< used by work alone
-  const std::shared_ptr<TakeViews> views_;              ///< used by work alone
+  const std::shared_ptr<TakePhotographs> photographs_;  ///< used by deferred work only
+  const std::shared_ptr<TakeViews> views_;              ///< used by deferred work only
 };
 
 }  // namespace v3d

@@ -44,13 +44,13 @@ bool TakeViews::has_grown(const OpenTake& take, const FileStamp& mesh, int64_t p
 }
 
 TakeViews::OpenTake& TakeViews::open(const std::string& take, int64_t pulse) {
-  const auto now_is = tag(takes_ / take);
+  const auto current = tag(takes_ / take);
   const auto mesh = stamp_of(TakePaths{takes_ / take}.mesh());
-  if (!now_is || !mesh) {
+  if (!current || !mesh) {
     throw InputError((takes_ / take).string() + ": no meshes, or not all raw frames");
   }
   const auto known = std::ranges::find(open_, take, &OpenTake::name);
-  if (known != open_.end() && (known->tag == *now_is || has_grown(*known, *mesh, pulse))) {
+  if (known != open_.end() && (known->tag == *current || has_grown(*known, *mesh, pulse))) {
     open_.splice(open_.begin(), open_, known);
     return open_.front();
   }
@@ -58,7 +58,7 @@ TakeViews::OpenTake& TakeViews::open(const std::string& take, int64_t pulse) {
   auto meshes = std::make_unique<MeshFrames>(takes_ / take);
   std::vector<int64_t> pulses = meshes->frames({});
   open_.push_front(
-      {take, *now_is, *mesh, std::move(meshes), TakeFrames(takes_ / take, {}), std::move(pulses)});
+      {take, *current, *mesh, std::move(meshes), TakeFrames(takes_ / take, {}), std::move(pulses)});
   if (open_.size() > kMaxTakes) open_.pop_back();
   return open_.front();
 }

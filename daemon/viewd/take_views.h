@@ -1,5 +1,5 @@
-// What every camera says about the vertices of a recorded take's meshes: what the paper's
-// view-dependent rendering blends, for the page to do so.
+// Vertex colours by camera for meshes of recorded takes: the input of view-dependent rendering
+// (Algorithm 2 of the paper) in the browser.
 #pragma once
 
 #include <cstdint>
@@ -16,24 +16,24 @@
 
 namespace v3d {
 
-/// Keeps the takes that were asked for last open. To go on in a take costs a mesh to decode and the
-/// frames of a pulse to read, segment and look at; to jump costs what lies between as well: the
-/// meshes since the key frame, and every 32nd frame since the take's beginning, from which the
-/// background model follows the light. One thread; works on several cameras at a time.
+/// Keeps the most recently used takes open. In ascending order of pulses, a read decodes one mesh
+/// and reads and segments the frames of one pulse. A jump also decodes the meshes since the key
+/// frame, and every 32nd frame since the start of the take, from which the background model adapts
+/// to the light. One caller at a time; works on several cameras in parallel.
 class TakeViews {
  public:
-  static constexpr size_t kMaxTakes = 4;  ///< open at a time: a scene's
+  static constexpr size_t kMaxTakes = 4;  ///< open takes: those of a scene
 
-  /// `takes`: the folder that holds them.
+  /// `takes`: the folder of the takes.
   explicit TakeViews(std::filesystem::path takes) : takes_(std::move(takes)) {}
 
-  /// vertex_views_message() of the mesh of that pulse, in the order of its vertices. Empty where
-  /// there is no such mesh. `take` must be is_file_name(). Throws InputError where the take has no
-  /// raw frames, or is damaged.
+  /// vertex_views_message() of the mesh of that pulse, in the order of its vertices. Empty if there
+  /// is no such mesh. Requires is_file_name(take). Throws InputError if the take has no raw frames,
+  /// or is damaged.
   std::optional<std::string> read(const std::string& take, int64_t pulse);
 
-  /// What it is made of, for HTTP: another content has another tag. Empty where the take has no
-  /// meshes or no raw frames. Pure but for the disk; any thread.
+  /// The ETag of all files that read() uses. Empty if the take has no meshes or no raw frames. Any
+  /// thread.
   static std::optional<std::string> tag(const std::filesystem::path& take);
 
  private:
@@ -43,14 +43,14 @@ class TakeViews {
     FileStamp mesh;
     std::unique_ptr<MeshFrames> meshes;
     TakeFrames frames;
-    std::vector<int64_t> pulses;  ///< of its meshes, rising
+    std::vector<int64_t> pulses;  ///< that have a mesh, ascending
   };
   OpenTake& open(const std::string& take, int64_t pulse);
-  /// Whether nothing has changed but that more is recorded, behind the pulse.
+  /// Has the take only grown since it was opened, after `pulse`?
   static bool has_grown(const OpenTake& take, const FileStamp& mesh, int64_t pulse);
 
   const std::filesystem::path takes_;
-  std::list<OpenTake> open_;  ///< the front is what was used last
+  std::list<OpenTake> open_;  ///< most recently used first
 };
 
 }  // namespace v3d

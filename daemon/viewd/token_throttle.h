@@ -1,4 +1,4 @@
-// Throttle of wrong tokens.
+// Throttle of wrong operators' tokens.
 #pragma once
 
 #include <cstddef>
@@ -10,32 +10,32 @@
 
 namespace v3d {
 
-/// Throttle of wrong tokens, by address: after a wrong token the next wrong one of the same address
-/// gets no answer but 429 for 1 s, after another for 2 s, then 4 s, up to a minute. A right token
-/// is never asked for a pause (CommandEndpoint compares first), and clears its address. Memory is
-/// bounded: of more addresses than kMaxAddresses, all others are counted as one. One thread.
+/// Limits the rate of wrong tokens by address. After a wrong token, further wrong ones of the same
+/// address get 429 for 1 s, then for 2 s, 4 s and so on, up to a minute. A right token is never
+/// delayed (CommandEndpoint compares first), and clears its address. Memory is bounded: beyond
+/// kMaxAddresses, all further addresses share one entry. One thread.
 class TokenThrottle {
  public:
   static constexpr size_t kMaxAddresses = 64;
-  static constexpr Duration kFirstPause = std::chrono::seconds(1);
-  static constexpr Duration kLongestPause = std::chrono::minutes(1);
-  /// Who has not tried for so long is forgotten.
-  static constexpr Duration kForgottenAfter = std::chrono::minutes(10);
+  static constexpr Duration kFirstDelay = std::chrono::seconds(1);
+  static constexpr Duration kMaxDelay = std::chrono::minutes(1);
+  /// An address is forgotten after this time without a wrong token.
+  static constexpr Duration kEntryLifetime = std::chrono::minutes(10);
 
-  /// How long from `now` a wrong token of this address is answered by 429; zero: by 401.
-  Duration pause_of(const std::string& address, MonotonicInstant now) const;
-  void wrong(const std::string& address, MonotonicInstant now);
-  void right(const std::string& address);
+  /// How long from `now` a wrong token of this address gets 429; zero: it gets 401.
+  Duration delay_for(const std::string& address, MonotonicInstant now) const;
+  void record_wrong(const std::string& address, MonotonicInstant now);
+  void record_right(const std::string& address);
 
  private:
-  struct Tries {
+  struct Entry {
     int64_t wrong = 0;
     MonotonicInstant last;
   };
   const std::string& key_of(const std::string& address) const;
-  void forget(MonotonicInstant now);
+  void remove_old(MonotonicInstant now);
 
-  std::map<std::string, Tries> tries_;
+  std::map<std::string, Entry> entries_;
 };
 
 }  // namespace v3d

@@ -17,68 +17,67 @@
 
 namespace {
 
-constexpr v3d::Duration kLook = std::chrono::milliseconds(20);
-/// Who stops all processes of a service tells one before the other.
+constexpr v3d::Duration kPollPeriod = std::chrono::milliseconds(20);
+/// Time between SIGTERM to the relay process and to this one, when systemd stops both.
 constexpr v3d::Duration kStopArrivesWithin = std::chrono::seconds(1);
-constexpr char kHear[] = "--hear";
+constexpr char kRelayFlag[] = "--hear";
 
 std::string token_of(const v3d::Studio& studio, const v3d::WebAddress& address) {
   if (!studio.viewer.token.empty()) return v3d::load_web_token(studio.viewer.token, "viewer.token");
   if (address.is_loopback()) return "";
   throw v3d::InputError(studio.path.string() + ": viewer.listen: " + studio.viewer.listen +
-                        " is open to the network, so it wants viewer.token, a file with a token "
-                        "that browsers must show; or 127.0.0.1 for this PC alone");
+                        " is open to the network and requires viewer.token, a file with a token "
+                        "for browsers; use 127.0.0.1 for this PC only");
 }
 
-/// What the server's thread works with.
+/// Objects that are used on the server's thread only.
 struct Served {
   v3d::LiveFeed& feed;
-  v3d::StudioStatus& board;
-  v3d::CommandEndpoint& desk;
+  v3d::StudioStatus& status;
+  v3d::CommandEndpoint& commands;
 };
 
-/// Brings orders to who carries them out, and what came of them to who watches.
-void turn(Served served, v3d::CommandRunner& runner, v3d::MonotonicInstant now) {
-  if (const auto end = runner.poll(now)) served.desk.finish(*end);
-  if (const auto order = served.desk.next()) runner.begin(*order, now);
-  while (const auto event = served.desk.next_event()) served.board.hear(*event);
-  served.board.set_order(served.desk.last());
+/// Passes commands to the runner, and their results to the subscribers.
+void poll_commands(Served served, v3d::CommandRunner& runner, v3d::MonotonicInstant now) {
+  if (const auto end = runner.poll(now)) served.commands.on_finished(*end);
+  if (const auto command = served.commands.next_command()) runner.start(*command, now);
+  while (const auto event = served.commands.next_event()) served.status.on_event(*event);
+  served.status.set_report(served.commands.last_report());
 }
 
-/// Where a message belongs.
-struct Take {
+/// Passes a relayed message to its receiver.
+struct MessageHandler {
   Served served;
   v3d::MonotonicInstant now;
-  void operator()(const v3d::NotVerified& heard) const {
-    if (!heard.why.empty()) spdlog::warn("not verified: {}", heard.why);
-    served.board.set_not_verified(heard.why);
+  void operator()(const v3d::NotVerified& reason) const {
+    if (!reason.why.empty()) spdlog::warn("messages are not verified: {}", reason.why);
+    served.status.set_not_verified(reason.why);
   }
   void operator()(const v3d::MeshMessage& mesh) const { served.feed.add(mesh); }
-  void operator()(const v3d::HealthMessage& health) const { served.board.hear(health, now); }
-  void operator()(const v3d::EventMessage& event) const { served.board.hear(event); }
-  void operator()(const v3d::PreviewMessage& preview) const { served.board.hear(preview); }
+  void operator()(const v3d::HealthMessage& health) const { served.status.on_health(health, now); }
+  void operator()(const v3d::EventMessage& event) const { served.status.on_event(event); }
+  void operator()(const v3d::PreviewMessage& preview) const { served.status.on_preview(preview); }
 };
 
-/// Brings what is heard on the studio's network to who watches.
-void listen(v3d::BusRelay& hearing, v3d::WebServer& server, Served served,
-            v3d::CommandRunner& runner) {
-  hearing.wait(v3d::Monotonic::now() + kLook);
+/// Passes messages of the studio to the subscribers.
+void poll(v3d::BusRelay& relay, v3d::WebServer& server, Served served, v3d::CommandRunner& runner) {
+  relay.wait(v3d::Monotonic::now() + kPollPeriod);
   const v3d::MonotonicInstant now = v3d::Monotonic::now();
-  server.run_inside([&](int64_t watchers) {
-    while (const auto heard = hearing.next()) std::visit(Take{served, now}, *heard);
-    turn(served, runner, now);
-    served.board.set_watchers(watchers);
-    served.board.turn(now);
+  server.run_on_thread([&](int64_t subscribers) {
+    while (const auto message = relay.next()) std::visit(MessageHandler{served, now}, *message);
+    poll_commands(served, runner, now);
+    served.status.set_subscriber_count(subscribers);
+    served.status.refresh(now);
   });
 }
 
-/// What is heard until the service is to stop: then the one who hears may be gone before us.
-void serve(v3d::BusRelay& hearing, v3d::WebServer& server, Served served,
+/// Runs until the service is stopped. The relay process may end first.
+void serve(v3d::BusRelay& relay, v3d::WebServer& server, Served served,
            v3d::CommandRunner& runner) {
   try {
     while (!v3d::stop_requested()) {
-      listen(hearing, server, served, runner);
-      v3d::Realtime::adopt_step();  // nothing here has to keep the time of before
+      poll(relay, server, served, runner);
+      v3d::Realtime::adopt_step();  // no take depends on the time before a step here
       v3d::service::feed_watchdog();
     }
   } catch (const v3d::BusRelayEnded&) {
@@ -90,29 +89,30 @@ void run(const v3d::Studio& studio, const std::string& /*node*/) {
   const v3d::WebAddress address =
       v3d::parse_web_address(studio.viewer.listen, studio.path.string() + ": viewer.listen");
   const std::string token = token_of(studio, address);
-  v3d::CommandEndpoint desk(studio, v3d::load_operator_token(studio, token));
+  v3d::CommandEndpoint commands(studio, v3d::load_operator_token(studio, token));
   v3d::CommandRunner runner(studio);
-  if (desk.is_open()) runner.refuse_without_v3dctl();
-  v3d::WebSite site(studio, v3d::WebAccess(token), v3d::find_page_files(studio.viewer.page), desk);
-  v3d::BusRelay hearing(studio, kHear);
+  if (commands.is_open()) runner.require_v3dctl();
+  v3d::WebSite site(studio, v3d::WebAccess(token), v3d::find_page_files(studio.viewer.page),
+                    commands);
+  v3d::BusRelay relay(studio, kRelayFlag);
   v3d::LiveFeed feed;
-  v3d::StudioStatus board(studio, v3d::commanded_nodes(studio), "");
-  board.set_control(desk.is_open());
-  const auto watch = [&](v3d::WebSite::StreamKind kind) {
-    return kind == v3d::WebSite::StreamKind::kLive ? feed.watch() : board.watch();
+  v3d::StudioStatus status(studio, v3d::commanded_nodes(studio), "");
+  status.set_control(commands.is_open());
+  const auto subscribe = [&](v3d::WebSite::StreamKind kind) {
+    return kind == v3d::WebSite::StreamKind::kLive ? feed.subscribe() : status.subscribe();
   };
-  v3d::WebServer server(address, site, watch);
+  v3d::WebServer server(address, site, subscribe);
   const std::string host =
       address.host.find(':') == std::string::npos ? address.host : "[" + address.host + "]";
   spdlog::info("serves http://{}:{}/{}", host, server.port(),
-               desk.is_open() ? ", and takes orders" : "");
+               commands.is_open() ? ", and accepts orders" : "");
   v3d::service::ready();
-  serve(hearing, server, {feed, board, desk}, runner);
+  serve(relay, server, {feed, status, commands}, runner);
   v3d::service::stopping();
 }
 
-void hear(const v3d::Studio& studio, const std::string& /*node*/) {
-  v3d::tell_what_is_heard(studio, STDOUT_FILENO);
+void run_relay(const v3d::Studio& studio, const std::string& /*node*/) {
+  v3d::relay_bus(studio, STDOUT_FILENO);
 }
 
 }  // namespace
@@ -123,10 +123,9 @@ int main(int argc, char** argv) {
       {.name = "v3d-viewd",
        .purpose = "Shows a studio and its takes to browsers.",
        .is_a_node = false,
-       .errand =
-           v3d::DaemonErrand{.flag = kHear,
-                             .purpose = "Tell on standard output what is heard on the studio's "
-                                        "network: v3d-viewd starts itself so",
-                             .run = hear}},
+       .errand = v3d::DaemonErrand{.flag = kRelayFlag,
+                                   .purpose = "Write the messages of the studio's network to "
+                                              "standard output (v3d-viewd starts itself with it)",
+                                   .run = run_relay}},
       run);
 }

@@ -1,7 +1,7 @@
-// What the viewer's page is told, as JSON, and the frame round what is no JSON. The adapter of
-// nlohmann::json. Texts that are no UTF-8 are mended, never refused.
+// Messages to the viewer's page: JSON, and binary messages with a JSON header. Confines
+// nlohmann::json to one source file. Bytes that are not UTF-8 are replaced.
 //
-// A binary message is: u32 (little-endian) length of the JSON, the JSON, then what `type` says.
+// A binary message is: u32 (little-endian) size of the JSON, the JSON, then data by `type`.
 #pragma once
 
 #include <deque>
@@ -24,40 +24,40 @@ std::string scenes_json(const std::vector<std::string>& names);
 /// "translation" of cam_from_world}]}
 std::string rig_json(const Rig& rig);
 
-/// Of one compact frame: {"type": "mesh", "number", "take", "pulse", "edge_ms" and "sent_ms" since
+/// A compact frame: {"type": "mesh", "number", "take", "pulse", "edge_ms" and "sent_ms" since
 /// 1970 (edge_ms null when unknown), "silhouette_iou", "coverage", "cameras", "missing"}, then the
 /// compact frame.
 std::string mesh_message(const MeshMessage& mesh, int64_t number);
 
-/// {"pulse", "vertices", "cameras": [{"name", "axis" (unit vector of where it looks, world)}]};
-/// then of each camera how it sees the vertices, two bits each, the first lowest in its byte (0:
-/// not, 1: Visibility::kRim, 2: Visibility::kFull), and then red, green and blue of those that it
-/// sees. Requires that `rig` has the cameras.
+/// {"pulse", "vertices", "cameras": [{"name", "axis" (unit viewing direction, world)}]};
+/// then for each camera the visibility of the vertices, two bits each, the first in the lowest bits
+/// of its byte (0: not visible, 1: Visibility::kRim, 2: Visibility::kFull), and then red, green and
+/// blue of the visible ones. Requires that `rig` has the cameras.
 std::string vertex_views_message(int64_t pulse, int64_t vertices,
                                  const std::vector<CameraColours>& views, const Rig& rig);
 
-/// {"type": "preview", "camera", "pulse", "width", "height", "runs"}, then so many bytes of the
-/// mask's runs (base/mask.h), then a JPEG.
+/// {"type": "preview", "camera", "pulse", "width", "height", "runs"}, then `runs` bytes of
+/// mask runs (base/mask.h), then a JPEG.
 std::string preview_message(const PreviewMessage& preview);
 
 /// {"type": "event", "node", "severity", "subject", "text", "sent_ms"}
 std::string event_json(const EventMessage& event);
 
-/// What the studio's state is made of.
+/// The content of state_json().
 struct StudioState {
   std::string studio;
-  std::string not_verified;        ///< why what is shown may be anybody's; else empty
-  std::vector<std::string> nodes;  ///< that should be heard
-  std::map<std::string, std::vector<std::string>> cameras;  ///< of a node
-  std::map<std::string, HealthMessage> health;              ///< of those that are heard
-  int64_t watchers = 0;                                     ///< browsers that are connected
-  bool control = false;                                     ///< orders are taken
+  std::string not_verified;        ///< why messages are not verified; empty: they are
+  std::vector<std::string> nodes;  ///< all nodes of the studio
+  std::map<std::string, std::vector<std::string>> cameras;  ///< by node
+  std::map<std::string, HealthMessage> health;              ///< of nodes that are not silent
+  int64_t watchers = 0;                                     ///< connected clients
+  bool control = false;                                     ///< browsers may send commands
 };
 /// {"type": "state", "studio", "not_verified", "watchers", "control", "nodes": [{"name", "heard",
 /// "cameras"; if heard: "program", "version", "state", "take", "text", "values"}]}
 std::string state_json(const StudioState& state);
 
-/// {"type": "pong", "ping", "now_ms"}: for the page's clock.
+/// {"type": "pong", "ping", "now_ms"}: synchronises the clock of the page.
 std::string pong_json(int64_t ping, RealtimeInstant now);
 
 }  // namespace v3d

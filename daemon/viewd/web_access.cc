@@ -29,7 +29,7 @@ bool is_loopback_name(std::string_view host) {
          (host.starts_with("127.") && is_ip_address(std::string(host)));
 }
 
-/// "localhost:8330" and "[::1]:8330" without the port and the brackets.
+/// The host of "localhost:8330" or "[::1]:8330", without port and brackets.
 std::string_view name_in(std::string_view host) {
   if (host.starts_with('[')) {
     const size_t end = host.find(']');
@@ -38,12 +38,12 @@ std::string_view name_in(std::string_view host) {
   return host.substr(0, host.find(':'));
 }
 
-bool is_token_letter(char c) {
+bool is_token_character(char c) {
   return std::isalnum(static_cast<unsigned char>(c)) || c == '-' || c == '_';
 }
 
-/// Of names, addresses in brackets with a zone ("[fe80::1%eth0]"), and ports.
-bool is_host_letter(char c) {
+/// Characters of names, of addresses in brackets with a zone ("[fe80::1%eth0]"), and of ports.
+bool is_host_character(char c) {
   return std::isalnum(static_cast<unsigned char>(c)) ||
          std::string_view("-._:[]%").find(c) != std::string_view::npos;
 }
@@ -53,8 +53,8 @@ std::string_view without_end_of_line(std::string_view text) {
   return text;
 }
 
-/// Nobody but the owner may change a token, nobody but the owner and the group may know it.
-void refuse_open_file(const std::filesystem::path& path, const std::string& field) {
+/// Throws unless only the owner can write the token, and only owner and group can read it.
+void check_permissions(const std::filesystem::path& path, const std::string& field) {
   struct stat state {};
   if (stat(path.c_str(), &state) != 0) {
     throw InputError(errno_message(field + ": " + path.string()) +
@@ -87,10 +87,10 @@ WebAddress parse_web_address(std::string_view text, const std::string& field) {
 }
 
 std::string load_web_token(const std::filesystem::path& path, const std::string& field) {
-  refuse_open_file(path, field);
+  check_permissions(path, field);
   const std::string text = read_file(path);
   const std::string token(without_end_of_line(text));
-  if (token.size() < 16 || token.size() > 256 || !std::ranges::all_of(token, is_token_letter)) {
+  if (token.size() < 16 || token.size() > 256 || !std::ranges::all_of(token, is_token_character)) {
     throw InputError(path.string() +
                      ": expected one line of 16 to 256 letters, digits, '-' and '_'");
   }
@@ -105,7 +105,7 @@ bool is_same_token(std::string_view text, std::string_view token) {
   return difference == 0;
 }
 
-bool WebAccess::shows_token(const WebRequest& request) const {
+bool WebAccess::has_token(const WebRequest& request) const {
   const std::string_view field = request.authorization;
   if (field.starts_with(kBearer) && is_same_token(field.substr(kBearer.size()), token_))
     return true;
@@ -120,19 +120,19 @@ bool WebAccess::shows_token(const WebRequest& request) const {
   return false;
 }
 
-WebAccess::Verdict WebAccess::judge(const WebRequest& request, const WebTarget& target) const {
+WebAccess::Verdict WebAccess::check(const WebRequest& request, const WebTarget& target) const {
   if (token_.empty()) {
-    return is_loopback_name(name_in(request.host)) ? Verdict::kMay : Verdict::kStrangeHost;
+    return is_loopback_name(name_in(request.host)) ? Verdict::kAllowed : Verdict::kForeignHost;
   }
-  const auto shown = target.query.find("token");
-  if (shown != target.query.end() && is_same_token(shown->second, token_))
-    return Verdict::kMayWithCookie;
-  return shows_token(request) ? Verdict::kMay : Verdict::kWantsToken;
+  const auto token = target.query.find("token");
+  if (token != target.query.end() && is_same_token(token->second, token_))
+    return Verdict::kAllowedWithCookie;
+  return has_token(request) ? Verdict::kAllowed : Verdict::kTokenRequired;
 }
 
 std::string WebAccess::host_error(const WebRequest& request) {
   if (request.has_several_hosts) return "Host: expected one such field";
-  if (std::ranges::all_of(request.host, is_host_letter)) return {};
+  if (std::ranges::all_of(request.host, is_host_character)) return {};
   return "Host: expected a name or an IP address and at most a port, no user information";
 }
 

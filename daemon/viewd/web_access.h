@@ -1,4 +1,4 @@
-// Who may look on.
+// Access control of the web server: tokens, host names, origins.
 #pragma once
 
 #include <filesystem>
@@ -10,50 +10,53 @@
 
 namespace v3d {
 
-/// Where to listen: "127.0.0.1:8330", "[::1]:8330", "0.0.0.0:8330".
+/// The address to listen on: "127.0.0.1:8330", "[::1]:8330", "0.0.0.0:8330".
 struct WebAddress {
   std::string host;  ///< an IP address, without brackets
   uint16_t port = 0;
   bool is_loopback() const;
 };
-/// Throws InputError; `field` names it in the message.
+/// Throws InputError with `field` if the text is not an address.
 WebAddress parse_web_address(std::string_view text, const std::string& field);
 
-/// The only line of the file, 16 to 256 letters, digits, '-' and '_'. Throws InputError, with the
-/// remedy, when there is none, when others than its owner and its group may read it or others than
-/// its owner may write it; `field` names it in the message.
+/// Reads a token: the only line of the file, 16 to 256 letters, digits, '-' and '_'. Throws
+/// InputError with `field` and a remedy if there is none, if users other than owner and group may
+/// read it, or if users other than the owner may write it.
 std::string load_web_token(const std::filesystem::path& path, const std::string& field);
 
-/// Takes as long for a text that is nearly the token as for any other of its length.
+/// Compares in constant time for texts of equal length.
 bool is_same_token(std::string_view text, std::string_view token);
 
-/// Without a token (then the server listens on this PC alone) whoever names this PC by a name of
-/// its own may look on, so that no page of a stranger reaches us through a name that he lets point
-/// here. With one, who shows it: as "Authorization: Bearer TOKEN", as the cookie, or once as
-/// ?token=TOKEN, which sets the cookie.
+/// Decides whether a request is allowed.
+///
+/// Without a token, the server listens only on this PC, and the Host field must name this PC by a
+/// loopback name. So a page of another site cannot reach the server through a host name that it
+/// points to this PC (DNS rebinding). With a token, the request must contain it: as "Authorization:
+/// Bearer TOKEN", as the cookie, or once as ?token=TOKEN, which sets the cookie.
 class WebAccess {
  public:
   explicit WebAccess(std::string token) : token_(std::move(token)) {}
 
   enum class Verdict : uint8_t {
-    kMay,
-    kMayWithCookie,  ///< by the query: send set_cookie(), and on to the page without the token
-    kWantsToken,
-    kStrangeHost
+    kAllowed,
+    kAllowedWithCookie,  ///< by the query: send set_cookie(), and redirect to the page without the
+                         ///< token
+    kTokenRequired,
+    kForeignHost
   };
-  Verdict judge(const WebRequest& request, const WebTarget& target) const;
-  /// What is wrong with the field Host, in one line; empty where it is right. Right is one field: a
-  /// name or an IP address and at most a port. User information ("user@host") would make the name
-  /// that is checked another than the one that a proxy or a browser goes by.
+  Verdict check(const WebRequest& request, const WebTarget& target) const;
+  /// The error of the Host field in one line; empty if it is valid: one field with a name or an IP
+  /// address and at most a port. User information ("user@host") is refused, because browsers and
+  /// proxies would use another name than the one that is checked.
   static std::string host_error(const WebRequest& request);
-  /// A browser says which page opens a WebSocket; only ours may.
+  /// Was the request sent by a page of this server, or not by a browser? Checks the Origin field.
   static bool is_own_page(const WebRequest& request);
   std::string set_cookie() const;
 
  private:
-  bool shows_token(const WebRequest& request) const;
+  bool has_token(const WebRequest& request) const;
 
-  const std::string token_;  ///< empty: none is asked for
+  const std::string token_;  ///< empty: none is required
 };
 
 }  // namespace v3d

@@ -17,12 +17,12 @@ using boost::asio::ip::tcp;
 using boost::system::error_code;
 using Request = WebSubscriber::Request;
 
-constexpr std::chrono::seconds kSendWithin{30};  ///< each piece of an answer
-constexpr std::chrono::seconds kIdleFor{30};     ///< between requests
+constexpr std::chrono::seconds kSendTimeout{30};  ///< for each part of an answer
+constexpr std::chrono::seconds kIdleTimeout{30};  ///< between requests
 
 std::string text(boost::string_view view) { return {view.data(), view.size()}; }
 
-WebRequest plain(const Request& request, const std::string& address) {
+WebRequest to_web_request(const Request& request, const std::string& address) {
   return {.method = text(request.method_string()),
           .target = text(request.target()),
           .host = text(request[http::field::host]),
@@ -38,7 +38,7 @@ WebRequest plain(const Request& request, const std::string& address) {
           .body = request.body()};
 }
 
-/// What every answer says: nothing is guessed, framed or fetched from elsewhere.
+/// Sets the header. Its policies forbid MIME sniffing, framing, and content of other servers.
 template <class Response>
 void set_head(Response& response, const WebAnswer& answer, bool keep_alive) {
   response.result(static_cast<unsigned>(answer.status));
@@ -54,18 +54,17 @@ void set_head(Response& response, const WebAnswer& answer, bool keep_alive) {
 }
 
 WebAnswer busy() {
-  return {.status = 503,
-          .body = "too much is being asked for; try again\n",
-          .fields = {{"Retry-After", "1"}}};
+  return {
+      .status = 503, .body = "too many requests; try again\n", .fields = {{"Retry-After", "1"}}};
 }
 
 }  // namespace
 
-WebConnection::WebConnection(WebConnections& all, ConnectionSlots::Place place, tcp::socket socket,
+WebConnection::WebConnection(WebConnections& all, ConnectionSlots::Slot slot, tcp::socket socket,
                              std::string address)
     : all_(all),
-      id_(place.id),
-      place_(std::make_unique<ConnectionSlot>(all, place)),
+      id_(slot.id),
+      slot_(std::make_unique<ConnectionSlot>(all, slot)),
       socket_(std::move(socket)),
       address_(std::move(address)) {
   all_.open[id_] = this;
@@ -75,27 +74,27 @@ WebConnection::~WebConnection() { all_.open.erase(id_); }
 
 // --- requests -----------------------------------------------------------------------------------
 
-// close() may come after an operation has succeeded and before its handler runs: handlers look
-// whether the socket is open.
+// close() may be called between the success of an operation and its handler, so handlers check
+// is_open().
 
 void WebConnection::read() {
   parser_.emplace();
   parser_->header_limit(WebServer::kMaxHeaderBytes);
-  // No limit as yet, for what has too large a body gets an answer; Beast takes none at all for
-  // zero.
+  // No limit yet, so that a request with too large a body gets an answer. With a limit of zero,
+  // Beast would reject every body.
   parser_->body_limit(std::numeric_limits<uint64_t>::max());
   parser_->eager(false);
-  socket_.expires_after(all_.limits.request_within);
+  socket_.expires_after(all_.limits.request_timeout);
   http::async_read_header(socket_, buffer_, *parser_,
                           [self = shared_from_this()](error_code error, size_t) {
-                            if (!error && self->is_open()) self->take_header();
+                            if (!error && self->is_open()) self->on_header();
                           });
 }
 
-/// The first bytes of a request may take longer than the request.
+/// Waits kIdleTimeout for the first bytes of the next request, then reads it.
 void WebConnection::read_next() {
   if (buffer_.size() > 0) return read();
-  socket_.expires_after(kIdleFor);
+  socket_.expires_after(kIdleTimeout);
   socket_.async_read_some(buffer_.prepare(WebServer::kMaxHeaderBytes),
                           [self = shared_from_this()](error_code error, size_t bytes) {
                             if (error || !self->is_open()) return;
@@ -104,68 +103,68 @@ void WebConnection::read_next() {
                           });
 }
 
-/// Only a POST has a body that is read, and only a short one. Any other would be taken for the
-/// next request: the connection ends with the answer.
-void WebConnection::take_header() {
+/// Reads the body of a short POST only. After the answer to another request with a body, the
+/// connection ends, because the unread body would be parsed as the next request.
+void WebConnection::on_header() {
   const Request& request = parser_->get();
   const auto size = parser_->content_length();
   const bool has_body = parser_->chunked() || (size && *size > 0);
   keep_alive_ = request.keep_alive() && !has_body;
-  if (!has_body) return take(false);
+  if (!has_body) return on_request(false);
   if (request.method() != http::verb::post || parser_->chunked() ||
       *size > WebServer::kMaxBodyBytes) {
-    return take(true);
+    return on_request(true);
   }
   parser_->body_limit(WebServer::kMaxBodyBytes);
   http::async_read(socket_, buffer_, *parser_,
                    [self = shared_from_this()](error_code error, size_t) {
-                     if (!error && self->is_open()) self->take(false);
+                     if (!error && self->is_open()) self->on_request(false);
                    });
 }
 
-void WebConnection::take(bool has_unread_body) {
+void WebConnection::on_request(bool has_unread_body) {
   const Request& request = parser_->get();
   WebSite& site = all_.site;
-  WebRequest asked = plain(request, address_);
-  asked.has_unread_body = has_unread_body;
-  const Visitor visitor = site.visitor(asked);
-  all_.places.set_visitor(id_, visitor);
-  if (place_->is_reserved()) {
-    keep_alive_ = false;  // the place is for the next operator
-    if (visitor != Visitor::kOperator || websocket::is_upgrade(request)) {
+  WebRequest web_request = to_web_request(request, address_);
+  web_request.has_unread_body = has_unread_body;
+  const ClientRole role = site.role_of(web_request);
+  all_.slots.set_role(id_, role);
+  if (slot_->is_reserved()) {
+    keep_alive_ = false;  // free the slot for the next operator
+    if (role != ClientRole::kOperator || websocket::is_upgrade(request)) {
       return answer(busy(), request.method() == http::verb::head);
     }
   }
   if (!websocket::is_upgrade(request)) {
-    answer_or_work(site.answer(asked), request.method() == http::verb::head);
+    answer_or_defer(site.answer(web_request), request.method() == http::verb::head);
     return;
   }
-  WebSite::Opening opening = site.open_stream(asked);
+  WebSite::Opening opening = site.open_stream(web_request);
   if (!opening.stream) {
     answer(std::move(opening.refusal), false);
     return;
   }
   socket_.expires_never();
-  std::make_shared<WebSubscriber>(std::move(place_), socket_.release_socket(),
-                                  all_.watch(*opening.stream))
-      ->begin(request);
+  std::make_shared<WebSubscriber>(std::move(slot_), socket_.release_socket(),
+                                  all_.subscribe(*opening.stream))
+      ->start(request);
 }
 
-void WebConnection::answer_or_work(WebAnswer first, bool head_only) {
+void WebConnection::answer_or_defer(WebAnswer first, bool head_only) {
   if (!first.work) return answer(std::move(first), head_only);
-  const bool waits =
+  const bool is_deferred =
       all_.defer(std::move(first), [self = shared_from_this(), head_only](WebAnswer made) {
         self->answer(std::move(made), head_only);
       });
-  if (!waits) answer(busy(), head_only);
+  if (!is_deferred) answer(busy(), head_only);
 }
 
 // --- answers ------------------------------------------------------------------------------------
 
-/// In pieces, each within its time: a large file takes long on a slow line.
+/// Sends in parts, each with its own timeout, because a large file takes long on a slow network.
 template <class Sending>
 void WebConnection::send_some(const std::shared_ptr<Sending>& sending) {
-  socket_.expires_after(kSendWithin);
+  socket_.expires_after(kSendTimeout);
   http::async_write_some(socket_, sending->serializer,
                          [self = shared_from_this(), sending](error_code error, size_t) {
                            if (error) return;
@@ -176,7 +175,7 @@ void WebConnection::send_some(const std::shared_ptr<Sending>& sending) {
 
 template <class Body>
 void WebConnection::send(http::response<Body> response) {
-  // They live until the last byte has gone; the serializer refers to the response.
+  // Must exist until the last byte was sent; the serializer refers to the response.
   struct Sending {
     explicit Sending(http::response<Body> from) : response(std::move(from)), serializer(response) {}
     http::response<Body> response;

@@ -1,4 +1,5 @@
-// One HTTP connection: reads requests, sends answers, and becomes a WebSubscriber when asked to.
+// One HTTP connection: reads requests and sends answers. A WebSocket upgrade turns it into a
+// WebSubscriber.
 #pragma once
 
 #include <boost/asio/ip/tcp.hpp>
@@ -11,27 +12,26 @@
 
 namespace v3d {
 
-/// Shared by the operations that are under way, which end it. The server's thread only.
+/// Kept alive by its asynchronous operations. Used on the server's thread only.
 class WebConnection : public std::enable_shared_from_this<WebConnection> {
  public:
-  WebConnection(WebConnections& all, ConnectionSlots::Place place,
+  WebConnection(WebConnections& all, ConnectionSlots::Slot slot,
                 boost::asio::ip::tcp::socket socket, std::string address);
   ~WebConnection();
   WebConnection(const WebConnection&) = delete;
   WebConnection& operator=(const WebConnection&) = delete;
 
-  /// Reads a request and answers it. One time limit for the whole request, however slowly its bytes
-  /// come.
+  /// Reads and answers the next request. WebLimits::request_timeout applies to the whole request.
   void read();
-  /// Ends the operation under way, which ends the connection.
+  /// Cancels the pending operation, which ends the connection.
   void close() { socket_.close(); }
 
  private:
   bool is_open() const { return socket_.socket().is_open(); }
   void read_next();
-  void take_header();
-  void take(bool has_unread_body);
-  void answer_or_work(WebAnswer first, bool head_only);
+  void on_header();
+  void on_request(bool has_unread_body);
+  void answer_or_defer(WebAnswer first, bool head_only);
   void answer(WebAnswer answer, bool head_only);
   template <class Body>
   void send(boost::beast::http::response<Body> response);
@@ -41,7 +41,7 @@ class WebConnection : public std::enable_shared_from_this<WebConnection> {
 
   WebConnections& all_;
   const ConnectionSlots::Id id_;
-  std::unique_ptr<ConnectionSlot> place_;  ///< null once a WebSubscriber has it
+  std::unique_ptr<ConnectionSlot> slot_;  ///< null once moved to a WebSubscriber
   boost::beast::tcp_stream socket_;
   boost::beast::flat_buffer buffer_;
   boost::optional<boost::beast::http::request_parser<boost::beast::http::string_body>> parser_;

@@ -1,4 +1,4 @@
-// What the connections of a web server share: the site, their places, and who watches.
+// State that the connections of a web server share: the site, slots and subscribers.
 #pragma once
 
 #include <functional>
@@ -14,32 +14,32 @@ namespace v3d {
 class WebConnection;
 class WebSubscriber;
 
-/// The server's thread only.
+/// Used on the server's thread only.
 struct WebConnections {
   WebSite& site;
-  WebServer::Watch watch;
+  WebServer::Subscribe subscribe;
   WebLimits limits;
-  ConnectionSlots places = {};
+  ConnectionSlots slots = {};
   std::map<ConnectionSlots::Id, WebConnection*> open = {};
-  std::set<WebSubscriber*> watchers = {};
-  /// Does the work of an answer on the thread for it, then calls `done` on the server's. False when
-  /// too much waits there.
+  std::set<WebSubscriber*> subscribers = {};
+  /// Runs the work of an answer on its thread, then calls `done` on the server's thread. Returns
+  /// false if too much work waits.
   std::function<bool(WebAnswer answer, std::function<void(WebAnswer)> done)> defer;
 };
 
-/// The place of a connection, until it is destroyed.
+/// Holds the slot of a connection, and releases it on destruction.
 class ConnectionSlot {
  public:
-  ConnectionSlot(WebConnections& all, ConnectionSlots::Place place) : all_(all), place_(place) {}
-  ~ConnectionSlot() { all_.places.leave(place_.id); }
+  ConnectionSlot(WebConnections& all, ConnectionSlots::Slot slot) : all_(all), slot_(slot) {}
+  ~ConnectionSlot() { all_.slots.release(slot_.id); }
   ConnectionSlot(const ConnectionSlot&) = delete;
   ConnectionSlot& operator=(const ConnectionSlot&) = delete;
   WebConnections& all() const { return all_; }
-  bool is_reserved() const { return place_.is_reserved; }
+  bool is_reserved() const { return slot_.is_reserved; }
 
  private:
   WebConnections& all_;
-  const ConnectionSlots::Place place_;
+  const ConnectionSlots::Slot slot_;
 };
 
 }  // namespace v3d

@@ -1,5 +1,5 @@
-// What is asked of v3d-viewd and what it answers, as plain values: between the pages, which know
-// nothing of sockets, and the server, which knows nothing of takes.
+// HTTP requests, answers and WebSocket messages as plain values: the interface between the site,
+// which does not know sockets, and the server, which does not know takes.
 #pragma once
 
 #include <cstdint>
@@ -12,11 +12,11 @@
 
 namespace v3d {
 
-/// Fields of an HTTP request, empty where they were not sent.
+/// An HTTP request. Fields that were not sent are empty.
 struct WebRequest {
   std::string method = {};  ///< "GET"
   std::string target = {};  ///< "/takes/kendo-07/mesh.v3d?x=1"
-  std::string host = {};    ///< the first, where there are several
+  std::string host = {};    ///< the first, if there are several
   bool has_several_hosts = false;
   std::string origin = {};
   std::string range = {};
@@ -25,12 +25,12 @@ struct WebRequest {
   std::string authorization = {};
   std::string content_type = {};
   std::string operator_token = {};  ///< the field X-V3D-Operator
-  std::string address = {};         ///< whom it comes from: "10.0.7.2"
+  std::string address = {};         ///< of the client: "10.0.7.2"
   std::string body = {};
-  bool has_unread_body = false;  ///< it was too large, or of unknown size
+  bool has_unread_body = false;  ///< the body was too large, or of unknown size
 };
 
-/// A file that is open, closed with the last that has it.
+/// Owns a file descriptor.
 class OpenFile {
  public:
   explicit OpenFile(int fd) : fd_(fd) {}
@@ -43,7 +43,7 @@ class OpenFile {
   const int fd_;
 };
 
-/// Bytes of a file. Shared: answers are copied on their way through the server.
+/// A part of a file. Copies share the open file.
 struct FilePart {
   std::shared_ptr<const OpenFile> file;
   int64_t first = 0;
@@ -56,15 +56,15 @@ struct WebAnswer {
   std::string body = {};
   std::optional<FilePart> file = {};  ///< instead of `body`
   std::vector<std::pair<std::string, std::string>> fields = {};
-  /// Makes the answer, where that takes long: on another thread, one such at a time. Never throws,
-  /// and what it returns has no work. All else counts for nothing then.
+  /// Makes the answer if that takes long. Runs on another thread, one at a time. Must not throw or
+  /// return an answer with work. The other fields are then ignored, except `listing`.
   std::function<WebAnswer()> work = {};
-  /// With `work`: it lists folders, and this names what. Such work has a thread of its own, and
+  /// The name of the listing, if `work` lists folders. Listings have a thread of their own, and
   /// requests for the same listing share one run (listing_runner.h).
   std::string listing = {};
 };
 
-/// One line.
+/// An answer of one line of text.
 inline WebAnswer plain_answer(int status, const std::string& text) {
   return {.status = status, .body = text + "\n"};
 }
@@ -74,20 +74,20 @@ inline WebAnswer json_answer(std::string text) {
           .fields = {{"Cache-Control", "no-store"}}};
 }
 
-/// A message of a WebSocket. Its bytes are made once and sent to everybody who watches: shared.
+/// A WebSocket message. Subscribers share its bytes.
 struct WebMessage {
   bool is_text = false;
   std::shared_ptr<const std::string> bytes;
 };
 
-/// What one who watches over a WebSocket has not been sent yet.
+/// The messages for one WebSocket client.
 class WebStream {
  public:
   WebStream() = default;
   virtual ~WebStream() = default;
   WebStream(const WebStream&) = delete;
   WebStream& operator=(const WebStream&) = delete;
-  /// The next message, of what there is now; empty when there is nothing new.
+  /// The next message from the current state; empty if there is nothing new.
   virtual std::optional<WebMessage> next() = 0;
 };
 

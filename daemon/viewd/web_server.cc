@@ -22,25 +22,25 @@ namespace asio = boost::asio;
 using asio::ip::tcp;
 using boost::system::error_code;
 
-constexpr std::chrono::milliseconds kAcceptAgain{100};
+constexpr std::chrono::milliseconds kAcceptRetryDelay{100};
 
 }  // namespace
 
 class WebServer::Impl {
  public:
-  Impl(const WebAddress& address, WebSite& site, Watch watch, const WebLimits& limits)
+  Impl(const WebAddress& address, WebSite& site, Subscribe subscribe, const WebLimits& limits)
       : connections_{.site = site,
-                     .watch = std::move(watch),
+                     .subscribe = std::move(subscribe),
                      .limits = limits,
                      .defer = [this](
                                   auto answer,
                                   auto done) { return defer(std::move(answer), std::move(done)); }},
         acceptor_(io_) {
-    const tcp::endpoint here(asio::ip::make_address(address.host), address.port);
+    const tcp::endpoint endpoint(asio::ip::make_address(address.host), address.port);
     error_code error;
-    acceptor_.open(here.protocol(), error);
+    acceptor_.open(endpoint.protocol(), error);
     if (!error) acceptor_.set_option(asio::socket_base::reuse_address(true), error);
-    if (!error) acceptor_.bind(here, error);
+    if (!error) acceptor_.bind(endpoint, error);
     if (!error) acceptor_.listen(asio::socket_base::max_listen_connections, error);
     if (error) {
       throw InputError("viewer.listen: cannot listen on " + address.host + ":" +
@@ -62,10 +62,10 @@ class WebServer::Impl {
 
   uint16_t port() const { return acceptor_.local_endpoint().port(); }
 
-  void run_inside(const std::function<void(int64_t)>& work) {
+  void run_on_thread(const std::function<void(int64_t)>& work) {
     std::packaged_task<void()> task([&] {
-      work(static_cast<int64_t>(connections_.watchers.size()));
-      for (WebSubscriber* watcher : connections_.watchers) watcher->send();
+      work(static_cast<int64_t>(connections_.subscribers.size()));
+      for (WebSubscriber* subscriber : connections_.subscribers) subscriber->send();
     });
     auto done = task.get_future();
     asio::post(io_, [&task] { task(); });
@@ -73,7 +73,7 @@ class WebServer::Impl {
   }
 
  private:
-  /// One connection that went wrong does not end the others.
+  /// An exception ends one connection, not the others.
   void run() {
     while (!io_.stopped()) {
       try {
@@ -102,54 +102,57 @@ class WebServer::Impl {
   void accept() {
     acceptor_.async_accept([this](error_code error, tcp::socket socket) {
       if (error) return accept_later(error);
-      if (std::exchange(accept_failed_, false)) spdlog::info("connections are taken again");
-      enter(std::move(socket));
+      if (std::exchange(accept_failed_, false)) spdlog::info("connections are accepted again");
+      open_connection(std::move(socket));
       accept();
     });
   }
 
-  void enter(tcp::socket socket) {
+  void open_connection(tcp::socket socket) {
     error_code ignored;
     socket.set_option(tcp::no_delay(true), ignored);
     const std::string from = socket.remote_endpoint(ignored).address().to_string();
-    const auto place = connections_.places.enter(from);
-    if (!place) return;
-    if (place->replaced) {
-      const auto replaced = connections_.open.find(*place->replaced);
+    const auto slot = connections_.slots.acquire(from);
+    if (!slot) return;
+    if (slot->replaced) {
+      const auto replaced = connections_.open.find(*slot->replaced);
       if (replaced != connections_.open.end()) replaced->second->close();
     }
-    std::make_shared<WebConnection>(connections_, *place, std::move(socket), from)->read();
+    std::make_shared<WebConnection>(connections_, *slot, std::move(socket), from)->read();
   }
 
-  /// Who could not be taken still waits: with no descriptor left, to ask again at once would fail
-  /// at once.
+  /// Retries after kAcceptRetryDelay. The connection still waits, so that without free file
+  /// descriptors an immediate retry would fail at once.
   void accept_later(error_code error) {
     if (error == asio::error::operation_aborted) return;
     if (!std::exchange(accept_failed_, true)) {
-      spdlog::warn("cannot take a connection: {}; trying again until it can be", error.message());
+      spdlog::warn("cannot accept a connection: {}; trying again", error.message());
     }
-    spdlog::debug("a connection was not taken");
-    accept_again_.expires_after(kAcceptAgain);
-    accept_again_.async_wait([this](error_code stopped) {
+    spdlog::debug("a connection was not accepted");
+    accept_retry_.expires_after(kAcceptRetryDelay);
+    accept_retry_.async_wait([this](error_code stopped) {
       if (!stopped) accept();
     });
   }
 
-  WebConnections connections_;  ///< outlives what is in io_
+  WebConnections connections_;  ///< must outlive the handlers in io_
   asio::io_context io_{1};
   tcp::acceptor acceptor_;
-  asio::steady_timer accept_again_{io_};
+  asio::steady_timer accept_retry_{io_};
   bool accept_failed_ = false;
   std::thread thread_;
-  int deferred_ = 0;  ///< the server's thread only
+  int deferred_ = 0;  ///< used on the server's thread only
   asio::thread_pool worker_{1};
-  ListingRunner listings_{io_, connections_.limits.listing_within};
+  ListingRunner listings_{io_, connections_.limits.listing_timeout};
 };
 
-WebServer::WebServer(const WebAddress& address, WebSite& site, Watch watch, const WebLimits& limits)
-    : impl_(std::make_unique<Impl>(address, site, std::move(watch), limits)) {}
+WebServer::WebServer(const WebAddress& address, WebSite& site, Subscribe subscribe,
+                     const WebLimits& limits)
+    : impl_(std::make_unique<Impl>(address, site, std::move(subscribe), limits)) {}
 WebServer::~WebServer() = default;
 uint16_t WebServer::port() const { return impl_->port(); }
-void WebServer::run_inside(const std::function<void(int64_t)>& work) { impl_->run_inside(work); }
+void WebServer::run_on_thread(const std::function<void(int64_t)>& work) {
+  impl_->run_on_thread(work);
+}
 
 }  // namespace v3d

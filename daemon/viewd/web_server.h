@@ -1,5 +1,5 @@
-// The server of HTTP and WebSocket: accepts connections. With web_connection.h and web_watcher.h
-// it is the adapter of Boost.Beast; it knows sockets and no takes.
+// The HTTP and WebSocket server. Boost.Beast is confined to web_server.cc, web_connection.h and
+// web_subscriber.h.
 #pragma once
 
 #include <chrono>
@@ -14,43 +14,43 @@
 namespace v3d {
 
 struct WebLimits {
-  /// From the first byte of a request (of the first one: from the connection) to its last byte.
-  std::chrono::nanoseconds request_within = std::chrono::seconds(5);
-  /// Until a request for a listing of folders is answered by 503.
-  std::chrono::nanoseconds listing_within = std::chrono::seconds(10);
+  /// From the first byte of a request (for the first request: from the connection) to its last
+  /// byte.
+  std::chrono::nanoseconds request_timeout = std::chrono::seconds(5);
+  /// After this time, a request for a listing of folders gets 503.
+  std::chrono::nanoseconds listing_timeout = std::chrono::seconds(10);
 };
 
-/// Answers requests and feeds WebSockets on one thread of its own. Each WebSocket has one message
-/// under way at a time, and is asked for the next (WebStream::next) when that has gone: who is slow
-/// makes nothing queue up here, and little in the kernel.
+/// Answers requests and feeds WebSockets on one thread.
 ///
-/// What takes long (WebAnswer::work) is done on a second thread, one after the other, and keeps
-/// nobody waiting who asks for something else.
+/// Each WebSocket has one message in flight, and gets the next one (WebStream::next()) when that
+/// was sent. So nothing is queued for slow clients, and little in the kernel. Deferred work
+/// (WebAnswer::work) runs on a second thread, one at a time, and listings on a third one
+/// (listing_runner.h), so that they delay no other requests.
 ///
-/// Listings of folders have a third thread (listing_runner.h).
-///
-/// Bounded whatever arrives: connections (connection_places.h), header and body of a request, what
-/// a WebSocket may send, the time that a request and an idle connection may take, the work that
-/// waits (more is answered by 503).
+/// Bounded: connections (connection_slots.h), size of header and body of a request, size of
+/// messages from WebSockets, duration of requests and idle connections, and waiting work (more gets
+/// 503).
 class WebServer {
  public:
   static constexpr int kMaxHeaderBytes = 8192;
   static constexpr uint64_t kMaxBodyBytes = 4096;
   static constexpr int kMaxDeferred = 64;
 
-  using Watch = std::function<std::unique_ptr<WebStream>(WebSite::StreamKind)>;
+  using Subscribe = std::function<std::unique_ptr<WebStream>(WebSite::StreamKind)>;
 
-  /// `site` and whatever `watch` reaches outlive the server, and are used on its thread alone.
-  /// Throws InputError when nothing can listen there. Port 0 is any that is free.
-  WebServer(const WebAddress& address, WebSite& site, Watch watch, const WebLimits& limits = {});
+  /// `site` and the objects that `subscribe` uses must outlive the server; they are used on its
+  /// thread only. Throws InputError if it cannot listen on the address. Port 0 selects a free port.
+  WebServer(const WebAddress& address, WebSite& site, Subscribe subscribe,
+            const WebLimits& limits = {});
   ~WebServer();
   WebServer(const WebServer&) = delete;
   WebServer& operator=(const WebServer&) = delete;
 
   uint16_t port() const;
-  /// Does `work` on the server's thread, then sends all who watch what is new; returns when it is
-  /// done, so that whoever brings news cannot outrun it. `work` is told how many watch.
-  void run_inside(const std::function<void(int64_t watchers)>& work);
+  /// Runs `work` on the server's thread, sends new messages to the subscribers, and returns.
+  /// Blocking keeps the caller from queueing work faster than it is done.
+  void run_on_thread(const std::function<void(int64_t subscribers)>& work);
 
  private:
   class Impl;

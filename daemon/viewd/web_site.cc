@@ -18,14 +18,14 @@
 namespace v3d {
 namespace {
 
-/// A regular file, or the part of it that was asked for. Links are not followed.
+/// A regular file, or the requested part of it. Links are not followed.
 WebAnswer file_answer(const WebRequest& request, const std::filesystem::path& path) {
   const int fd = open(path.c_str(), O_RDONLY | O_NOFOLLOW | O_CLOEXEC | O_NONBLOCK);
   if (fd < 0) return plain_answer(404, "there is no such file");
   const auto file = std::make_shared<const OpenFile>(fd);
   struct stat state {};
   if (fstat(fd, &state) != 0 || !S_ISREG(state.st_mode))
-    return plain_answer(404, "this is no file");
+    return plain_answer(404, "not a regular file");
   WebAnswer answer{.type = content_type(path)};
   const std::string tag = tag_of(stamp_of(state));
   answer.fields = {{"ETag", tag}, {"Accept-Ranges", "bytes"}};
@@ -35,7 +35,7 @@ WebAnswer file_answer(const WebRequest& request, const std::filesystem::path& pa
   }
   const ByteRange range = byte_range(request.range, state.st_size);
   const std::string all = std::to_string(state.st_size);
-  if (range.kind == ByteRange::Kind::kNotThere) {
+  if (range.kind == ByteRange::Kind::kUnsatisfiable) {
     answer.status = 416;
     answer.fields.emplace_back("Content-Range", "bytes */" + all);
     return answer;
@@ -50,23 +50,23 @@ WebAnswer file_answer(const WebRequest& request, const std::filesystem::path& pa
   return answer;
 }
 
-/// Files below assets/ have a name that changes with their content.
+/// Files below assets/ may be cached for ever, because their names change with their content.
 WebAnswer page_answer(const WebRequest& request, const WebTarget& target, const PageFile& page) {
   WebAnswer answer = file_answer(request, page.path);
   answer.type = page.type;
-  const bool lasts = !target.path.empty() && target.path.front() == "assets";
+  const bool is_immutable = !target.path.empty() && target.path.front() == "assets";
   answer.fields.emplace_back("Cache-Control",
-                             lasts ? "public, max-age=31536000, immutable" : "no-cache");
+                             is_immutable ? "public, max-age=31536000, immutable" : "no-cache");
   return answer;
 }
 
-WebAnswer on_with_cookie(const WebTarget& target, const std::string& cookie) {
+WebAnswer redirect_with_cookie(const WebTarget& target, const std::string& cookie) {
   WebAnswer answer = plain_answer(303, "");
   answer.fields = {{"Location", target.text()}, {"Set-Cookie", cookie}};
   return answer;
 }
 
-bool is_order(const WebRequest& request, const std::optional<WebTarget>& target) {
+bool is_command(const WebRequest& request, const std::optional<WebTarget>& target) {
   return request.method == "POST" && target && target->text() == "/api/order";
 }
 
@@ -74,15 +74,15 @@ bool is_served(const std::string& file) { return file == "mesh.v3d" || file == "
 
 }  // namespace
 
-/// JSON of a listing, made anew when a request comes and the last is older than kLasts. Used by one
-/// thread at a time.
+/// JSON of a listing. It is made again by a request if the last one is older than kMaxAge. Used by
+/// one thread at a time.
 class WebSite::CachedListing {
  public:
   explicit CachedListing(std::function<std::string()> list) : list_(std::move(list)) {}
 
   const std::string& json() {
     const MonotonicInstant now = Monotonic::now();
-    if (!listed_ || now - *listed_ > kLasts) {
+    if (!listed_ || now - *listed_ > kMaxAge) {
       json_ = list_();
       listed_ = Monotonic::now();
     }
@@ -96,7 +96,7 @@ class WebSite::CachedListing {
   }
 
  private:
-  static constexpr Duration kLasts = std::chrono::seconds(1);
+  static constexpr Duration kMaxAge = std::chrono::seconds(1);
 
   const std::function<std::string()> list_;
   std::string json_;
@@ -112,26 +112,27 @@ std::vector<TakeListing> WebSite::list_takes(const std::filesystem::path& folder
 OpenFile::~OpenFile() { close(fd_); }
 
 WebSite::WebSite(const Studio& studio, WebAccess access, std::map<std::string, PageFile> page,
-                 CommandEndpoint& desk, const ListTakes& list)
+                 CommandEndpoint& commands, const ListTakes& list)
     : takes_(studio.storage.takes),
       calib_(studio.storage.calib),
       access_(std::move(access)),
       page_(std::move(page)),
-      desk_(desk),
+      commands_(commands),
       pictures_(takes_),
       take_listing_(std::make_shared<CachedListing>(
           [list, takes = takes_] { return takes_json(list(takes)); })),
       scene_listing_(std::make_shared<CachedListing>(
           [takes = takes_] { return scenes_json(find_scenes(takes)); })) {}
 
-Visitor WebSite::visitor(const WebRequest& request) const {
+ClientRole WebSite::role_of(const WebRequest& request) const {
   const auto target = parse_web_target(request.target);
-  if (!target || !WebAccess::host_error(request).empty()) return Visitor::kStranger;
-  const WebAccess::Verdict verdict = access_.judge(request, *target);
-  if (verdict == WebAccess::Verdict::kWantsToken || verdict == WebAccess::Verdict::kStrangeHost) {
-    return Visitor::kStranger;
+  if (!target || !WebAccess::host_error(request).empty()) return ClientRole::kUnauthenticated;
+  const WebAccess::Verdict verdict = access_.check(request, *target);
+  if (verdict == WebAccess::Verdict::kTokenRequired ||
+      verdict == WebAccess::Verdict::kForeignHost) {
+    return ClientRole::kUnauthenticated;
   }
-  return desk_.is_operator(request) ? Visitor::kOperator : Visitor::kViewer;
+  return commands_.is_operator(request) ? ClientRole::kOperator : ClientRole::kViewer;
 }
 
 std::optional<WebAnswer> WebSite::refusal(const WebRequest& request,
@@ -139,26 +140,24 @@ std::optional<WebAnswer> WebSite::refusal(const WebRequest& request,
   if (const std::string wrong = WebAccess::host_error(request); !wrong.empty()) {
     return plain_answer(400, wrong);
   }
-  if (request.method != "GET" && request.method != "HEAD" && !is_order(request, target)) {
+  if (request.method != "GET" && request.method != "HEAD" && !is_command(request, target)) {
     WebAnswer answer = plain_answer(405, "only GET and HEAD are answered");
     answer.fields = {{"Allow", "GET, HEAD"}};
     return answer;
   }
-  if (!target) return plain_answer(400, "no such thing can be asked for");
-  switch (access_.judge(request, *target)) {
-    case WebAccess::Verdict::kMay:
+  if (!target) return plain_answer(400, "not a valid path");
+  switch (access_.check(request, *target)) {
+    case WebAccess::Verdict::kAllowed:
       return {};
-    case WebAccess::Verdict::kMayWithCookie:
-      return on_with_cookie(*target, access_.set_cookie());
-    case WebAccess::Verdict::kStrangeHost:
+    case WebAccess::Verdict::kAllowedWithCookie:
+      return redirect_with_cookie(*target, access_.set_cookie());
+    case WebAccess::Verdict::kForeignHost:
       return plain_answer(403, "this server answers to localhost and 127.0.0.1 only");
-    case WebAccess::Verdict::kWantsToken:
+    case WebAccess::Verdict::kTokenRequired:
       break;
   }
-  WebAnswer answer =
-      plain_answer(401,
-                   "This studio is shown to who has its token: open this address with "
-                   "?token=TOKEN behind it, once.");
+  WebAnswer answer = plain_answer(
+      401, "This studio requires a token: open this address with ?token=TOKEN appended, once.");
   answer.fields = {{"WWW-Authenticate", "Bearer"}};
   return answer;
 }
@@ -167,7 +166,7 @@ WebAnswer WebSite::answer(const WebRequest& request) {
   return guarded_answer([&]() -> WebAnswer {
     const auto target = parse_web_target(request.target);
     if (auto refused = refusal(request, target)) return std::move(*refused);
-    if (is_order(request, target)) return desk_.take(request, Monotonic::now());
+    if (is_command(request, target)) return commands_.post(request, Monotonic::now());
     return find(request, *target);
   });
 }
@@ -176,7 +175,7 @@ WebSite::Opening WebSite::open_stream(const WebRequest& request) const {
   const auto target = parse_web_target(request.target);
   if (auto refused = refusal(request, target)) return {{}, std::move(*refused)};
   if (!WebAccess::is_own_page(request))
-    return {{}, plain_answer(403, "another page may not look on")};
+    return {{}, plain_answer(403, "WebSockets of pages of other origins are refused")};
   if (target->text() == "/api/live") return {StreamKind::kLive, {}};
   if (target->text() == "/api/studio") return {StreamKind::kStudio, {}};
   return {{}, plain_answer(404, "there is no such stream")};
@@ -186,21 +185,21 @@ WebAnswer WebSite::find(const WebRequest& request, const WebTarget& target) {
   const std::vector<std::string>& path = target.path;
   if (target.text() == "/api/takes") return CachedListing::answer("takes", take_listing_);
   if (target.text() == "/api/scenes") return CachedListing::answer("scenes", scene_listing_);
-  if (target.text() == "/api/order") return desk_.report();
+  if (target.text() == "/api/order") return commands_.report();
   if (target.text() == "/api/rig") return json_answer(rig_json(load_calib(calib_)));
   if (path.size() == 4 && path[0] == "api" && path[1] == "takes" && path[3] == "rig") {
     if (!is_file_name(path[2])) return plain_answer(404, "there is no such take");
     return json_answer(rig_json(load_take_calib(TakePaths{takes_ / path[2]})));
   }
   if (auto pictures = pictures_.answer(request, target)) return std::move(*pictures);
-  if (path.size() == 3 && path[0] == "takes") return of_take(request, path[1], path[2]);
+  if (path.size() == 3 && path[0] == "takes") return take_file(request, path[1], path[2]);
   const auto page = page_.find(target.text());
   if (page == page_.end()) return plain_answer(404, "there is no such page");
   return page_answer(request, target, page->second);
 }
 
-WebAnswer WebSite::of_take(const WebRequest& request, const std::string& take,
-                           const std::string& file) {
+WebAnswer WebSite::take_file(const WebRequest& request, const std::string& take,
+                             const std::string& file) {
   if (!is_file_name(take) || !(is_served(file) || is_of_scene(takes_ / take, file))) {
     return plain_answer(404, "there is no such file of a take");
   }

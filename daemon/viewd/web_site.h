@@ -1,14 +1,15 @@
-// What is served, by its path:
+// The content of the web server, by path:
 //   /, /...                      the page
 //   /api/takes                   the takes (takes_json)
 //   /api/scenes                  the scenes (scenes_json)
-//   /api/rig, /api/takes/T/rig   the calibration now, and that of a take (rig_json)
-//   /api/order                   GET: the last order and what came of it (order_json); POST: an
-//                                order (operator_desk.h), the only thing that is no look
-//   /api/takes/T/photographs/... what the cameras saw (take_pictures.h)
-//   /api/live, /api/studio       by WebSocket only: live meshes, and the studio's state
-//   /takes/T/FILE                mesh.v3d or calib.toml of a take, or scene.json and what is shown
-//                                with it (scene_folders.h), as it lies there; HTTP ranges
+//   /api/rig, /api/takes/T/rig   the current calibration, and that of a take (rig_json)
+//   /api/order                   GET: the last command and its result (report_json); POST: a
+//   command
+//                                (command_endpoint.h), the only request that changes anything
+//   /api/takes/T/photographs/... images of the cameras (take_pictures.h)
+//   /api/live, /api/studio       WebSockets: live meshes, and the state of the studio
+//   /takes/T/FILE                mesh.v3d or calib.toml of a take, or scene.json and its files
+//                                (scene_folders.h); HTTP ranges
 #pragma once
 
 #include <filesystem>
@@ -29,28 +30,28 @@
 
 namespace v3d {
 
-/// Answers requests; changes nothing in the world but what the operators' desk takes. One thread;
-/// the work of its answers is done on any other, one at a time, and may outlive it.
+/// Answers requests. Only the CommandEndpoint changes anything. One thread; deferred work of
+/// answers runs on any other, one at a time, and may outlive this object.
 class WebSite {
  public:
-  /// The takes of a folder, oldest first. Used on the thread that lists folders.
+  /// Returns the takes of a folder, oldest first. Called on the thread of the listings.
   using ListTakes = std::function<std::vector<TakeListing>(const std::filesystem::path& folder)>;
   static std::vector<TakeListing> list_takes(const std::filesystem::path& folder);
-  /// Of more takes the newest are shown.
+  /// Limit of listed takes: the newest ones.
   static constexpr size_t kMaxListed = 10'000;
 
-  /// `desk` outlives it.
+  /// `commands` must outlive this object.
   WebSite(const Studio& studio, WebAccess access, std::map<std::string, PageFile> page,
-          CommandEndpoint& desk, const ListTakes& list = list_takes);
+          CommandEndpoint& commands, const ListTakes& list = list_takes);
 
-  /// Never throws: what goes wrong is a status.
+  /// Does not throw: errors become a status.
   WebAnswer answer(const WebRequest& request);
 
-  /// Who has sent a request: a stranger where answer() would refuse it for its sender.
-  Visitor visitor(const WebRequest& request) const;
+  /// The role of the sender; kUnauthenticated if answer() would refuse any request of this sender.
+  ClientRole role_of(const WebRequest& request) const;
 
   enum class StreamKind : uint8_t { kLive, kStudio };
-  /// Of a request to open a WebSocket: which, or why not.
+  /// The result of a request to open a WebSocket: the stream, or the refusal.
   struct Opening {
     std::optional<StreamKind> stream;
     WebAnswer refusal;
@@ -63,13 +64,13 @@ class WebSite {
   std::optional<WebAnswer> refusal(const WebRequest& request,
                                    const std::optional<WebTarget>& target) const;
   WebAnswer find(const WebRequest& request, const WebTarget& target);
-  WebAnswer of_take(const WebRequest& request, const std::string& take, const std::string& file);
+  WebAnswer take_file(const WebRequest& request, const std::string& take, const std::string& file);
 
   const std::filesystem::path takes_;
   const std::filesystem::path calib_;
   const WebAccess access_;
   const std::map<std::string, PageFile> page_;
-  CommandEndpoint& desk_;
+  CommandEndpoint& commands_;
   const TakePictures pictures_;
   const std::shared_ptr<CachedListing> take_listing_;
   const std::shared_ptr<CachedListing> scene_listing_;

@@ -15,13 +15,13 @@ namespace asio = boost::asio;
 namespace websocket = boost::beast::websocket;
 using boost::system::error_code;
 
-constexpr std::chrono::seconds kHandshakeWithin{30};
-constexpr std::chrono::seconds kSilentFor{20};
+constexpr std::chrono::seconds kHandshakeTimeout{30};
+constexpr std::chrono::seconds kIdleTimeout{20};
 constexpr size_t kMaxReceivedBytes = 256;
-/// What the kernel may hold for one who watches: some frames, or live would not be live.
+/// Send buffer in the kernel: a few frames, to bound the latency.
 constexpr int kSendBuffer = 256 << 10;
 
-/// "ping 123": the number; nothing for anything else.
+/// The number of "ping 123"; empty for anything else.
 std::optional<int64_t> ping_in(std::string_view message) {
   constexpr std::string_view kPing = "ping ";
   if (!message.starts_with(kPing)) return {};
@@ -34,39 +34,39 @@ std::optional<int64_t> ping_in(std::string_view message) {
 
 }  // namespace
 
-WebSubscriber::WebSubscriber(std::unique_ptr<ConnectionSlot> place, asio::ip::tcp::socket socket,
+WebSubscriber::WebSubscriber(std::unique_ptr<ConnectionSlot> slot, asio::ip::tcp::socket socket,
                              std::unique_ptr<WebStream> stream)
-    : place_(std::move(place)), socket_(std::move(socket)), stream_(std::move(stream)) {}
+    : slot_(std::move(slot)), socket_(std::move(socket)), stream_(std::move(stream)) {}
 
-WebSubscriber::~WebSubscriber() { place_->all().watchers.erase(this); }
+WebSubscriber::~WebSubscriber() { slot_->all().subscribers.erase(this); }
 
-void WebSubscriber::begin(const Request& request) {
+void WebSubscriber::start(const Request& request) {
   error_code ignored;
   socket_.next_layer().socket().set_option(asio::socket_base::send_buffer_size(kSendBuffer),
                                            ignored);
   websocket::stream_base::timeout limits{};
-  limits.handshake_timeout = kHandshakeWithin;
-  limits.idle_timeout = kSilentFor;
+  limits.handshake_timeout = kHandshakeTimeout;
+  limits.idle_timeout = kIdleTimeout;
   limits.keep_alive_pings = true;
   socket_.set_option(limits);
   socket_.read_message_max(kMaxReceivedBytes);
   socket_.async_accept(request, [self = shared_from_this()](error_code error) {
     if (error) return;
-    self->place_->all().watchers.insert(self.get());
+    self->slot_->all().subscribers.insert(self.get());
     self->read();
     self->send();
   });
 }
 
 void WebSubscriber::send() {
-  if (under_way_.bytes != nullptr) return;
+  if (sending_.bytes != nullptr) return;
   auto message = next();
   if (!message) return;
-  under_way_ = std::move(*message);
-  socket_.text(under_way_.is_text);
-  socket_.async_write(asio::buffer(*under_way_.bytes),
+  sending_ = std::move(*message);
+  socket_.text(sending_.is_text);
+  socket_.async_write(asio::buffer(*sending_.bytes),
                       [self = shared_from_this()](error_code error, size_t /*bytes*/) {
-                        self->under_way_ = {};
+                        self->sending_ = {};
                         if (!error) self->send();
                       });
 }
@@ -83,7 +83,7 @@ void WebSubscriber::read() {
     if (error) return;
     const auto data = self->received_.data();
     if (const auto ping = ping_in({static_cast<const char*>(data.data()), data.size()})) {
-      self->ping_ = ping;  // of several only the last is answered
+      self->ping_ = ping;  // of several pings, only the last is answered
     }
     self->received_.consume(self->received_.size());
     self->send();

@@ -7,7 +7,7 @@ namespace {
 
 constexpr size_t kLongest = 2048;
 
-/// Empty for a '%' without two hexadecimal digits, and for what is not printable ASCII.
+/// Empty for a '%' without two hexadecimal digits, and for bytes that are not printable ASCII.
 std::optional<std::string> decoded(std::string_view text) {
   std::string plain;
   for (size_t i = 0; i < text.size(); ++i) {
@@ -30,7 +30,7 @@ bool is_harmless(const std::string& segment) {
          segment.find_first_of("/\\") == std::string::npos;
 }
 
-/// Calls `part` for every piece between separators, until it returns false.
+/// Calls `part` for each part between separators, until it returns false.
 template <class Part>
 bool each_part(std::string_view text, char separator, Part part) {
   while (true) {

@@ -1,5 +1,4 @@
-// What stands behind GET: a path in segments and a query, both decoded. Pure; the bytes are
-// hostile.
+// The target of an HTTP request: decoded path segments and query. Safe for hostile input.
 #pragma once
 
 #include <map>
@@ -18,9 +17,9 @@ struct WebTarget {
   std::string text() const;
 };
 
-/// Percent-encoding (RFC 3986) is undone once. Empty for whatever no page of ours asks for: more
-/// than 2048 bytes, no '/' in front, a segment that is empty, "." or "..", and any byte that,
-/// decoded, is no printable ASCII, a '/' or a '\'.
+/// Decodes percent-encoding (RFC 3986) once. Empty for a target of more than 2048 bytes, without
+/// leading '/', with a segment that is empty, "." or "..", or with a decoded byte that is '/', '\'
+/// or not printable ASCII.
 std::optional<WebTarget> parse_web_target(std::string_view target);
 
 }  // namespace v3d

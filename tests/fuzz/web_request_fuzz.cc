@@ -1,4 +1,4 @@
-// What v3d-viewd parses of a request itself: its target, its range, who sends it, and an order.
+// The parsers of v3d-viewd for a request: target, range, access and command.
 #include <spdlog/spdlog.h>
 
 #include <algorithm>
@@ -14,7 +14,7 @@ using v3d::test::must;
 
 namespace {
 
-void look_at(const v3d::WebTarget& target) {
+void check(const v3d::WebTarget& target) {
   for (const std::string& segment : target.path) {
     must(!segment.empty() && segment != "." && segment != "..");
     must(segment.find('/') == std::string::npos && segment.find('\\') == std::string::npos);
@@ -35,30 +35,30 @@ const v3d::Studio& studio() {
   return kStudio;
 }
 
-/// v3dctl is called with words of ours, and names that are no options.
-void look_at(const v3d::OperatorCommand& order) {
-  must(order.take.empty() || v3d::is_file_name(order.take));
-  must(order.pulses >= 0 && order.pulses <= 86'400 * 25);
-  for (const std::string& word : order.words()) {
+/// The arguments of v3dctl are fixed words, and names that are not options.
+void check(const v3d::OperatorCommand& command) {
+  must(command.take.empty() || v3d::is_file_name(command.take));
+  must(command.pulses >= 0 && command.pulses <= 86'400 * 25);
+  for (const std::string& word : command.arguments()) {
     const bool option =
         word == "--json" || word == "--timeout" || word == "--pulses" || word == "--allow-missing";
     must(!word.empty() && (option || word.front() != '-'));
   }
 }
 
-void give(const v3d::WebRequest& request) {
-  v3d::CommandEndpoint desk(studio(), kOperators);
-  const v3d::WebAnswer answer = desk.take(request, v3d::MonotonicInstant());
-  const auto order = desk.next();
-  must(order.has_value() == (answer.status == 202));
-  if (order) look_at(*order);
-  must(!order || request.operator_token == kOperators);
-  desk.finish({.status = 0, .output = request.body, .errors = request.content_type});
-  must(!desk.report().body.empty());
-  const v3d::ReadOrder read = v3d::read_order(request.body, studio());
-  must(read.order.has_value() == read.wrong.empty());
-  must(read.wrong.find('\n') == std::string::npos);
-  if (read.order) look_at(*read.order);
+void post(const v3d::WebRequest& request) {
+  v3d::CommandEndpoint commands(studio(), kOperators);
+  const v3d::WebAnswer answer = commands.post(request, v3d::MonotonicInstant());
+  const auto command = commands.next_command();
+  must(command.has_value() == (answer.status == 202));
+  if (command) check(*command);
+  must(!command || request.operator_token == kOperators);
+  commands.on_finished({.status = 0, .output = request.body, .errors = request.content_type});
+  must(!commands.report().body.empty());
+  const v3d::ParsedCommand read = v3d::parse_command(request.body, studio());
+  must(read.command.has_value() == read.error.empty());
+  must(read.error.find('\n') == std::string::npos);
+  if (read.command) check(*read.command);
 }
 
 }  // namespace
@@ -79,17 +79,17 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   request.content_type = input.text();
   request.operator_token = input.text();
   request.body = input.rest();
-  give(request);
+  post(request);
   if (!target) return 0;
-  look_at(*target);
+  check(*target);
   static const std::string kToken = "0123456789abcdef";
   const bool shown = (request.target + request.cookie + request.authorization).find("0123456") !=
                          std::string::npos ||
                      request.target.find('%') != std::string::npos;
   const bool may =
-      v3d::WebAccess(kToken).judge(request, *target) != v3d::WebAccess::Verdict::kWantsToken;
+      v3d::WebAccess(kToken).check(request, *target) != v3d::WebAccess::Verdict::kTokenRequired;
   must(!may || shown);
-  v3d::WebAccess("").judge(request, *target);
+  v3d::WebAccess("").check(request, *target);
   v3d::WebAccess::is_own_page(request);
   return 0;
 }

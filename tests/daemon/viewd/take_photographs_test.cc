@@ -1,4 +1,4 @@
-// Photographs of recorded takes, as browsers ask v3d-viewd for them.
+// Photographs of recorded takes, as HTTP answers.
 #include "daemon/viewd/take_photographs.h"
 
 #include <gmock/gmock.h>
@@ -47,7 +47,7 @@ class PhotographSite : public test::ViewedSite {
   }
 };
 
-TEST_F(PhotographSite, shows_what_a_camera_saw_at_a_pulse) {
+TEST_F(PhotographSite, serves_the_frame_of_a_camera_at_a_pulse) {
   for (int pulse = 0; pulse < 3; ++pulse) {
     const WebAnswer answer =
         get("/api/takes/kendo-07/photographs/" + std::to_string(pulse) + "/cam01.jpg");
@@ -59,7 +59,7 @@ TEST_F(PhotographSite, shows_what_a_camera_saw_at_a_pulse) {
   }
 }
 
-TEST_F(PhotographSite, shows_it_in_the_colours_that_the_calibration_says) {
+TEST_F(PhotographSite, corrects_colours_by_the_calibration) {
   RigCamera camera{.name = "cam01", .model = {kSize, Eigen::Matrix3d::Identity(), {}, {}}};
   camera.colour.matrix.diagonal() << 2, 1, 0.5;
   save_calib(folder_ / "takes/kendo-07/calib.toml", {camera});
@@ -69,7 +69,7 @@ TEST_F(PhotographSite, shows_it_in_the_colours_that_the_calibration_says) {
   EXPECT_NEAR(picture->row(20)[3 * 30 + 2], 45, 3);
 }
 
-TEST_F(PhotographSite, says_so_when_the_browser_has_it) {
+TEST_F(PhotographSite, answers_304_for_a_matching_etag) {
   WebSite site = this->site();
   WebRequest request{.method = "GET",
                      .target = "/api/takes/kendo-07/photographs/1/cam01.jpg",
@@ -80,7 +80,7 @@ TEST_F(PhotographSite, says_so_when_the_browser_has_it) {
   EXPECT_EQ(done(site.answer(request)).status, 304);
 }
 
-TEST_F(PhotographSite, knows_no_photograph_outside_the_takes_and_none_that_is_not_there) {
+TEST_F(PhotographSite, answers_404_for_missing_photographs_and_paths_outside_the_takes) {
   write(folder_ / "cam02.lcmlog", "");
   std::filesystem::create_symlink(folder_ / "takes/kendo-07/cam01.lcmlog",
                                   folder_ / "takes/kendo-07/cam03.lcmlog");
@@ -98,7 +98,7 @@ TEST_F(PhotographSite, knows_no_photograph_outside_the_takes_and_none_that_is_no
   }
 }
 
-TEST_F(PhotographSite, follows_a_log_that_is_another_one_now) {
+TEST_F(PhotographSite, opens_a_replaced_log_again) {
   WebSite site = this->site();
   const WebRequest request{.method = "GET",
                            .target = "/api/takes/kendo-07/photographs/7/cam01.jpg",
@@ -110,7 +110,7 @@ TEST_F(PhotographSite, follows_a_log_that_is_another_one_now) {
   EXPECT_EQ(done(site.answer(request)).status, 200);
 }
 
-TEST_F(PhotographSite, finds_what_was_recorded_since_it_looked) {
+TEST_F(PhotographSite, finds_frames_recorded_since_the_last_indexing) {
   WebSite site = this->site();
   const WebRequest request{.method = "GET",
                            .target = "/api/takes/kendo-07/photographs/3/cam01.jpg",
@@ -121,7 +121,7 @@ TEST_F(PhotographSite, finds_what_was_recorded_since_it_looked) {
                                  test::within(20)));
 }
 
-TEST_F(PhotographSite, outlives_a_log_that_is_damaged) {
+TEST_F(PhotographSite, survives_a_damaged_log) {
   write(folder_ / "takes/kendo-07/cam01.lcmlog", std::string(5000, 'x'));
   const WebAnswer answer = get("/api/takes/kendo-07/photographs/1/cam01.jpg");
   EXPECT_EQ(answer.status, 404);

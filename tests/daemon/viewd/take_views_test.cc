@@ -1,4 +1,4 @@
-// What every camera says about a take's vertices, as browsers ask v3d-viewd for it.
+// Vertex colours of recorded takes by camera, as HTTP answers.
 #include "daemon/viewd/take_views.h"
 
 #include <gmock/gmock.h>
@@ -20,7 +20,8 @@ using test::write;
 using testing::HasSubstr;
 using testing::Not;
 
-/// A ball of 40 cm between two cameras that show another colour each, and a pulse without a mesh.
+/// A ball of 40 cm between two cameras with images of different colours, and a pulse without a
+/// mesh.
 class ViewedBall : public test::ViewedSite {
  protected:
   static constexpr ImageSize kSize{160, 120};
@@ -72,7 +73,7 @@ class ViewedBall : public test::ViewedSite {
     scene.colours.assign(scene.mesh.vertices.size(), VertexColour{1, 2, 3});
     vertices_ = static_cast<int64_t>(scene.mesh.vertices.size());
     FrameEncoder encoder({.key_every = 10});
-    std::filesystem::remove(path);  // the site's own is no mesh file
+    std::filesystem::remove(path);  // the default one is not a mesh file
     MeshFileWriter file(path);
     for (const int64_t pulse : {0, 2}) {
       FrameContent content = scene.content(pulse);
@@ -87,12 +88,12 @@ class ViewedBall : public test::ViewedSite {
   int64_t vertices_ = 0;
 };
 
-/// The message, read as a page reads it.
+/// The message, parsed like in the page.
 struct ReadViews {
   nlohmann::json head;
   struct Camera {
     std::vector<int> sights;
-    std::vector<Rgb8> colours;  ///< of those that are seen
+    std::vector<Rgb8> colours;  ///< of the visible vertices
   };
   std::vector<Camera> cameras;
   bool whole = false;
@@ -119,7 +120,7 @@ struct ReadViews {
   }
 };
 
-TEST_F(ViewedBall, is_told_by_each_camera_in_its_colours_from_its_side) {
+TEST_F(ViewedBall, has_the_colours_of_each_camera_on_its_side) {
   const WebAnswer answer = get("/api/takes/kendo-07/views/2");
   ASSERT_EQ(answer.status, 200) << answer.body;
   const ReadViews views(answer.body);
@@ -142,7 +143,7 @@ TEST_F(ViewedBall, is_told_by_each_camera_in_its_colours_from_its_side) {
   EXPECT_LT(both, vertices_ / 20) << "they stand on opposite sides, and share its edge alone";
 }
 
-TEST_F(ViewedBall, is_the_same_whatever_was_asked_before) {
+TEST_F(ViewedBall, does_not_depend_on_previous_requests) {
   WebSite site = this->site();
   const auto ask = [&](int pulse) {
     return done(site.answer({.method = "GET",
@@ -154,7 +155,7 @@ TEST_F(ViewedBall, is_the_same_whatever_was_asked_before) {
   EXPECT_EQ(get("/api/takes/kendo-07/views/0").body, first);
 }
 
-TEST_F(ViewedBall, is_asked_for_again_only_when_it_has_changed) {
+TEST_F(ViewedBall, changes_its_etag_only_with_its_files) {
   WebSite site = this->site();
   WebRequest request{.method = "GET", .target = "/api/takes/kendo-07/views/0", .host = "localhost"};
   request.if_none_match = field(done(site.answer(request)), "ETag");
@@ -165,7 +166,7 @@ TEST_F(ViewedBall, is_asked_for_again_only_when_it_has_changed) {
   EXPECT_EQ(ReadViews(changed.body).cameras[0].colours.front(), kRight);
 }
 
-TEST_F(ViewedBall, is_not_told_without_its_frames_nor_out_of_the_takes) {
+TEST_F(ViewedBall, answers_404_without_frames_and_outside_the_takes) {
   for (const char* target :
        {"/api/takes/kendo-07/views/1", "/api/takes/kendo-07/views/-1",
         "/api/takes/kendo-07/views/x", "/api/takes/kendo-07/views", "/api/takes/none/views/0",
@@ -179,7 +180,7 @@ TEST_F(ViewedBall, is_not_told_without_its_frames_nor_out_of_the_takes) {
   EXPECT_THAT(get("/api/takes/kendo-07/views/0").body, HasSubstr("raw frames are not here"));
 }
 
-TEST_F(ViewedBall, outlives_files_that_are_damaged) {
+TEST_F(ViewedBall, survives_damaged_files) {
   write(folder_ / "takes/kendo-07/right.lcmlog", std::string(5000, 'x'));
   EXPECT_EQ(get("/api/takes/kendo-07/views/0").status, 404);
   write(folder_ / "takes/kendo-07/mesh.v3d", std::string(5000, 'x'));

@@ -1,4 +1,4 @@
-// What v3d-viewd makes of requests and of the studio's messages, without a socket.
+// Requests and messages of v3d-viewd, without sockets.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <rapidcheck/gtest.h>
@@ -29,7 +29,7 @@ using testing::ElementsAre;
 using testing::HasSubstr;
 using testing::Not;
 
-TEST(WebTarget, is_a_path_and_a_query_with_the_percents_undone) {
+TEST(WebTarget, decodes_path_and_query) {
   const auto target = parse_web_target("/takes/kendo-07/mesh.v3d?token=a%2Db&x");
   ASSERT_TRUE(target);
   EXPECT_THAT(target->path, ElementsAre("takes", "kendo-07", "mesh.v3d"));
@@ -38,7 +38,7 @@ TEST(WebTarget, is_a_path_and_a_query_with_the_percents_undone) {
   EXPECT_TRUE(parse_web_target("/")->path.empty());
 }
 
-TEST(WebTarget, refuses_every_way_out_of_the_folder) {
+TEST(WebTarget, rejects_paths_out_of_the_folder) {
   for (const char* target :
        {"", "takes", "/..", "/takes/../../etc/passwd", "/takes/%2e%2e/x", "/takes/.", "//etc",
         "/takes//x", "/takes/", "/takes/a%2fb", "/takes/a%5cb", "/takes/a\\b", "/takes/%00", "/%",
@@ -46,10 +46,10 @@ TEST(WebTarget, refuses_every_way_out_of_the_folder) {
     EXPECT_FALSE(parse_web_target(target)) << target;
   }
   EXPECT_FALSE(parse_web_target("/" + std::string(3000, 'a')));
-  EXPECT_EQ(parse_web_target("/%252e%252e")->path.front(), "%2e%2e") << "undone once, and no more";
+  EXPECT_EQ(parse_web_target("/%252e%252e")->path.front(), "%2e%2e") << "decoded once only";
 }
 
-TEST(ByteRange, is_the_part_that_was_asked_for) {
+TEST(ByteRange, is_the_requested_part) {
   const auto part = [](const char* header, int64_t size) {
     const ByteRange range = byte_range(header, size);
     return std::tuple(range.kind, range.first, range.size);
@@ -61,16 +61,16 @@ TEST(ByteRange, is_the_part_that_was_asked_for) {
   EXPECT_EQ(part("bytes=90-1000", 100), std::tuple(kPart, 90, 10));
   EXPECT_EQ(part("bytes=-24", 100), std::tuple(kPart, 76, 24));
   EXPECT_EQ(part("bytes=-1000", 100), std::tuple(kPart, 0, 100));
-  EXPECT_EQ(std::get<0>(part("bytes=100-", 100)), kNotThere);
-  EXPECT_EQ(std::get<0>(part("bytes=-0", 100)), kNotThere);
-  EXPECT_EQ(std::get<0>(part("bytes=0-", 0)), kNotThere);
+  EXPECT_EQ(std::get<0>(part("bytes=100-", 100)), kUnsatisfiable);
+  EXPECT_EQ(std::get<0>(part("bytes=-0", 100)), kUnsatisfiable);
+  EXPECT_EQ(std::get<0>(part("bytes=0-", 0)), kUnsatisfiable);
   for (const char* odd : {"bytes=0-1,3-4", "lines=0-9", "bytes=", "bytes=-", "bytes=9-1",
                           "bytes=a-b", "bytes=--5", "bytes=99999999999999999999-"}) {
     EXPECT_EQ(std::get<0>(part(odd, 100)), kWhole) << odd;
   }
 }
 
-RC_GTEST_PROP(ByteRange, lies_inside_the_file_whatever_is_asked, (int64_t first, int64_t last)) {
+RC_GTEST_PROP(ByteRange, lies_inside_the_file_for_any_request, (int64_t first, int64_t last)) {
   const int64_t size = *rc::gen::inRange<int64_t>(0, 1000);
   const ByteRange range =
       byte_range("bytes=" + std::to_string(first) + "-" + std::to_string(last), size);
@@ -98,7 +98,7 @@ class WebToken : public testing::Test {
   const std::filesystem::path path_ = folder_ / "viewer.token";
 };
 
-TEST_F(WebToken, is_one_line_that_others_cannot_read) {
+TEST_F(WebToken, is_one_line_with_restricted_permissions) {
   EXPECT_THROW(load_web_token(path_, "f"), InputError) << "there is none";
   save("0123456789abcdef\n", 0640);
   EXPECT_EQ(load_web_token(path_, "f"), "0123456789abcdef");
@@ -112,47 +112,47 @@ TEST_F(WebToken, is_one_line_that_others_cannot_read) {
   }
 }
 
-WebAccess::Verdict judge(const WebAccess& access, const WebRequest& request) {
-  return access.judge(request, *parse_web_target(request.target));
+WebAccess::Verdict check(const WebAccess& access, const WebRequest& request) {
+  return access.check(request, *parse_web_target(request.target));
 }
 
-TEST(WebAccess, without_a_token_is_for_who_names_this_pc) {
+TEST(WebAccess, without_a_token_allows_only_names_of_this_pc) {
   const WebAccess access("");
   for (const char* host : {"127.0.0.1:8330", "localhost:8330", "[::1]:8330", "127.0.0.1"}) {
-    EXPECT_EQ(judge(access, {.target = "/", .host = host}), WebAccess::Verdict::kMay) << host;
+    EXPECT_EQ(check(access, {.target = "/", .host = host}), WebAccess::Verdict::kAllowed) << host;
   }
   for (const char* host : {"", "evil.example", "127.0.0.1.evil.example:8330", "10.0.0.1:8330"}) {
-    EXPECT_EQ(judge(access, {.target = "/", .host = host}), WebAccess::Verdict::kStrangeHost)
+    EXPECT_EQ(check(access, {.target = "/", .host = host}), WebAccess::Verdict::kForeignHost)
         << host;
   }
 }
 
-TEST(WebAccess, with_a_token_is_for_who_shows_it) {
+TEST(WebAccess, with_a_token_allows_only_requests_with_the_token) {
   const WebAccess access("0123456789abcdef");
   using enum WebAccess::Verdict;
-  EXPECT_EQ(judge(access, {.target = "/", .host = "127.0.0.1"}), kWantsToken);
-  EXPECT_EQ(judge(access, {.target = "/?token=0123456789abcdef"}), kMayWithCookie);
-  EXPECT_EQ(judge(access, {.target = "/?token=0123456789abcdeX"}), kWantsToken);
-  EXPECT_EQ(judge(access, {.target = "/?token="}), kWantsToken);
-  EXPECT_EQ(judge(access, {.target = "/", .authorization = "Bearer 0123456789abcdef"}), kMay);
-  EXPECT_EQ(judge(access, {.target = "/", .cookie = "a=b; v3d_token=0123456789abcdef"}), kMay);
+  EXPECT_EQ(check(access, {.target = "/", .host = "127.0.0.1"}), kTokenRequired);
+  EXPECT_EQ(check(access, {.target = "/?token=0123456789abcdef"}), kAllowedWithCookie);
+  EXPECT_EQ(check(access, {.target = "/?token=0123456789abcdeX"}), kTokenRequired);
+  EXPECT_EQ(check(access, {.target = "/?token="}), kTokenRequired);
+  EXPECT_EQ(check(access, {.target = "/", .authorization = "Bearer 0123456789abcdef"}), kAllowed);
+  EXPECT_EQ(check(access, {.target = "/", .cookie = "a=b; v3d_token=0123456789abcdef"}), kAllowed);
   for (const char* cookie : {"v3d_token=", "v3d_token=0123456789abcde",
                              "xv3d_token=0123456789abcdef", "v3d_token=0123456789abcdef0"}) {
-    EXPECT_EQ(judge(access, {.target = "/", .cookie = cookie}), kWantsToken) << cookie;
+    EXPECT_EQ(check(access, {.target = "/", .cookie = cookie}), kTokenRequired) << cookie;
   }
 }
 
-TEST_F(ViewedSite, serves_the_page_and_nothing_beside_it) {
+TEST_F(ViewedSite, serves_only_files_of_the_page) {
   EXPECT_EQ(get("/").type, "text/html; charset=utf-8");
   EXPECT_THAT(field(get("/assets/a.js"), "Cache-Control"), HasSubstr("immutable"));
   EXPECT_EQ(get("/assets").status, 404);
   EXPECT_EQ(get("/outside").status, 404);
   EXPECT_EQ(get("/../outside").status, 400);
   std::filesystem::create_symlink(folder_ / "outside", folder_ / "page/link");
-  EXPECT_EQ(get("/link").status, 404) << "a link is no file of the page";
+  EXPECT_EQ(get("/link").status, 404) << "links are not followed";
 }
 
-TEST_F(ViewedSite, serves_a_mesh_file_in_the_parts_that_are_asked_for) {
+TEST_F(ViewedSite, serves_requested_parts_of_a_mesh_file) {
   const WebAnswer whole = get("/takes/kendo-07/mesh.v3d");
   EXPECT_EQ(whole.status, 200);
   EXPECT_EQ(whole.file->size, 10);
@@ -164,7 +164,7 @@ TEST_F(ViewedSite, serves_a_mesh_file_in_the_parts_that_are_asked_for) {
   EXPECT_EQ(get("/takes/kendo-07/mesh.v3d", "bytes=10-").status, 416);
 }
 
-TEST_F(ViewedSite, says_so_when_a_file_is_what_it_was) {
+TEST_F(ViewedSite, answers_304_for_an_unchanged_file) {
   WebSite site = this->site();
   WebRequest request{.method = "GET", .target = "/takes/kendo-07/mesh.v3d", .host = "localhost"};
   request.if_none_match = field(site.answer(request), "ETag");
@@ -187,7 +187,7 @@ TEST_F(ViewedSite, serves_no_other_file_of_a_take_and_follows_no_link) {
   EXPECT_EQ(get("/takes/kendo-07/mesh.v3d").status, 404);
 }
 
-TEST_F(ViewedSite, serves_a_scene_and_what_is_shown_with_it) {
+TEST_F(ViewedSite, serves_a_scene_and_its_files) {
   write(folder_ / "takes/duel/scene.json", "{}");
   write(folder_ / "takes/duel/temple.glb", "glTF");
   write(folder_ / "takes/duel/notes.txt", "secret");
@@ -201,16 +201,16 @@ TEST_F(ViewedSite, serves_a_scene_and_what_is_shown_with_it) {
   EXPECT_EQ(get("/takes/duel/sky.png").status, 404) << "links are not followed";
 }
 
-TEST_F(ViewedSite, tells_of_no_path_when_something_is_missing) {
+TEST_F(ViewedSite, reveals_no_path_when_a_file_is_missing) {
   for (const char* target : {"/api/rig", "/api/takes/none/rig"}) {
     const WebAnswer answer = get(target);
     EXPECT_EQ(answer.status, 404);
     EXPECT_THAT(answer.body, Not(HasSubstr(folder_.path().string())));
   }
-  EXPECT_EQ(get("/api/takes").body, R"({"takes":[]})") << "what is no take is passed over";
+  EXPECT_EQ(get("/api/takes").body, R"({"takes":[]})") << "folders that are not takes are ignored";
 }
 
-TEST_F(ViewedSite, looks_only_whoever_asks) {
+TEST_F(ViewedSite, accepts_only_get_and_head) {
   for (const char* method : {"POST", "PUT", "DELETE", "OPTIONS", ""}) {
     const WebAnswer answer =
         site().answer({.method = method, .target = "/api/takes", .host = "localhost"});
@@ -251,7 +251,7 @@ TEST_F(ViewedSite, opens_streams_to_its_own_page_only) {
   EXPECT_EQ(site().open_stream(request).refusal.status, 403);
 }
 
-/// Frames as an encoder makes them; what is in them nobody here looks at.
+/// Frames with valid headers and without content.
 class Meshes {
  public:
   MeshMessage next(bool key) {
@@ -283,74 +283,74 @@ int64_t pulse_in(const std::optional<WebMessage>& message) {
   return std::stoll(message->bytes->substr(message->bytes->find(key) + key.size()));
 }
 
-TEST(LiveFeed, sends_every_frame_to_who_can_follow) {
+TEST(LiveFeed, sends_every_frame_to_a_fast_subscriber) {
   LiveFeed feed;
   Meshes meshes;
-  const auto watcher = feed.watch();
-  EXPECT_EQ(pulse_in(watcher->next()), -1) << "nothing is live";
+  const auto subscriber = feed.subscribe();
+  EXPECT_EQ(pulse_in(subscriber->next()), -1) << "no live mesh yet";
   for (int pulse = 0; pulse < 30; ++pulse) {
     feed.add(meshes.next(pulse % 10 == 0));
-    EXPECT_EQ(pulse_in(watcher->next()), pulse);
-    EXPECT_EQ(pulse_in(watcher->next()), -1);
+    EXPECT_EQ(pulse_in(subscriber->next()), pulse);
+    EXPECT_EQ(pulse_in(subscriber->next()), -1);
   }
   EXPECT_EQ(feed.counts().skipped, 0);
 }
 
-TEST(LiveFeed, sends_who_is_slow_the_newest_key_frame_next) {
+TEST(LiveFeed, sends_a_slow_subscriber_the_newest_key_frame) {
   LiveFeed feed;
   Meshes meshes;
-  const auto watcher = feed.watch();
+  const auto subscriber = feed.subscribe();
   feed.add(meshes.next(true));
-  EXPECT_EQ(pulse_in(watcher->next()), 0);
+  EXPECT_EQ(pulse_in(subscriber->next()), 0);
   for (int pulse = 1; pulse < 25; ++pulse) feed.add(meshes.next(pulse % 10 == 0));
-  EXPECT_EQ(pulse_in(watcher->next()), 20);
-  EXPECT_EQ(pulse_in(watcher->next()), 21);
+  EXPECT_EQ(pulse_in(subscriber->next()), 20);
+  EXPECT_EQ(pulse_in(subscriber->next()), 21);
   EXPECT_EQ(feed.counts().skipped, 19);
 }
 
-TEST(LiveFeed, never_goes_back_in_a_take) {
+TEST(LiveFeed, drops_frames_that_are_not_after_the_last_pulse) {
   LiveFeed feed;
   Meshes meshes;
-  const auto watcher = feed.watch();
+  const auto subscriber = feed.subscribe();
   const MeshMessage first = meshes.next(true);
   MeshMessage second = meshes.next(true);
   feed.add(first);
   feed.add(second);
-  EXPECT_EQ(pulse_in(watcher->next()), 1);
+  EXPECT_EQ(pulse_in(subscriber->next()), 1);
   feed.add(first);
   feed.add(second);
-  EXPECT_EQ(pulse_in(watcher->next()), -1);
-  EXPECT_EQ(feed.counts().returned, 2);
+  EXPECT_EQ(pulse_in(subscriber->next()), -1);
+  EXPECT_EQ(feed.counts().outdated, 2);
   MeshMessage again = first;
   again.sent += std::chrono::minutes(1);
   feed.add(again);
-  EXPECT_EQ(pulse_in(watcher->next()), 0) << "the same name, another time";
+  EXPECT_EQ(pulse_in(subscriber->next()), 0) << "a new take of the same name";
   second.take = "another";
   feed.add(second);
-  EXPECT_EQ(pulse_in(watcher->next()), 1);
+  EXPECT_EQ(pulse_in(subscriber->next()), 1);
 }
 
-TEST(LiveFeed, begins_with_a_key_frame_for_who_comes_later) {
+TEST(LiveFeed, starts_a_late_subscriber_with_a_key_frame) {
   LiveFeed feed;
   Meshes meshes;
   for (int pulse = 0; pulse < 14; ++pulse) feed.add(meshes.next(pulse % 10 == 0));
-  EXPECT_EQ(pulse_in(feed.watch()->next()), 10);
-  EXPECT_EQ(feed.counts().skipped, 0) << "he has missed nothing";
+  EXPECT_EQ(pulse_in(feed.subscribe()->next()), 10);
+  EXPECT_EQ(feed.counts().skipped, 0) << "nothing was skipped";
 }
 
-RC_GTEST_PROP(LiveFeed, sends_nothing_that_lacks_the_frame_before, ()) {
+RC_GTEST_PROP(LiveFeed, sends_no_frame_without_its_predecessor, ()) {
   LiveFeed feed;
   Meshes meshes;
-  const auto watcher = feed.watch();
+  const auto subscriber = feed.subscribe();
   int64_t last = -1;
   std::set<int64_t> keys;
   for (const int dice : *rc::gen::container<std::vector<int>>(rc::gen::inRange(0, 20))) {
     const bool key = dice < 3;
     const MeshMessage mesh = meshes.next(key);
     if (key) keys.insert(mesh.pulse);
-    if (dice != 19) feed.add(mesh);  // else it was lost on the network
+    if (dice != 19) feed.add(mesh);  // else it is lost on the network
     if (dice % 3 == 0) {
-      const int64_t got = pulse_in(watcher->next());
+      const int64_t got = pulse_in(subscriber->next());
       if (got < 0) continue;
       RC_ASSERT(got > last && (got == last + 1 || keys.contains(got)));
       last = got;
@@ -358,16 +358,16 @@ RC_GTEST_PROP(LiveFeed, sends_nothing_that_lacks_the_frame_before, ()) {
   }
 }
 
-TEST(LiveFeed, passes_nothing_on_that_is_no_compact_frame) {
+TEST(LiveFeed, drops_messages_without_a_compact_frame) {
   LiveFeed feed;
   MeshMessage mesh;
   mesh.compact = {1, 2, 3};
   feed.add(mesh);
   EXPECT_EQ(feed.counts().unusable, 1);
-  EXPECT_FALSE(feed.watch()->next());
+  EXPECT_FALSE(feed.subscribe()->next());
 }
 
-class Board : public testing::Test {
+class StudioStatusTest : public testing::Test {
  protected:
   static Studio studio() {
     Studio studio;
@@ -389,47 +389,47 @@ class Board : public testing::Test {
     message.jpeg = {1, 2, 3};
     return message;
   }
-  StudioStatus board_{studio(), {"cap01"}, ""};
+  StudioStatus status_{studio(), {"cap01"}, ""};
   const MonotonicInstant now_ = Monotonic::now();
 };
 
-TEST_F(Board, shows_who_is_slow_the_newest_state_and_not_those_before) {
-  const auto watcher = board_.watch();
+TEST_F(StudioStatusTest, sends_a_slow_subscriber_only_the_newest_state) {
+  const auto subscriber = status_.subscribe();
   for (const char* text : {"first", "second", "third"}) {
-    board_.hear(health(text), now_);
-    board_.turn(now_);
+    status_.on_health(health(text), now_);
+    status_.refresh(now_);
   }
-  EXPECT_THAT(*watcher->next()->bytes, HasSubstr("third"));
-  EXPECT_FALSE(watcher->next());
-  board_.turn(now_);
-  EXPECT_FALSE(watcher->next()) << "nothing has changed";
+  EXPECT_THAT(*subscriber->next()->bytes, HasSubstr("third"));
+  EXPECT_FALSE(subscriber->next());
+  status_.refresh(now_);
+  EXPECT_FALSE(subscriber->next()) << "nothing has changed";
 }
 
-TEST_F(Board, forgets_a_node_that_has_fallen_silent) {
-  board_.hear(health("here"), now_);
-  board_.turn(now_);
-  board_.turn(now_ + StudioStatus::kSilentAfter + std::chrono::seconds(1));
-  EXPECT_THAT(*board_.watch()->next()->bytes, HasSubstr("\"heard\":false"));
+TEST_F(StudioStatusTest, removes_a_silent_node) {
+  status_.on_health(health("here"), now_);
+  status_.refresh(now_);
+  status_.refresh(now_ + StudioStatus::kSilenceTimeout + std::chrono::seconds(1));
+  EXPECT_THAT(*status_.subscribe()->next()->bytes, HasSubstr("\"heard\":false"));
 }
 
-TEST_F(Board, keeps_the_last_events_and_the_last_preview_of_each_camera) {
+TEST_F(StudioStatusTest, keeps_the_last_events_and_the_last_preview_of_each_camera) {
   for (int i = 0; i < 500; ++i) {
     EventMessage event;
     event.text = "event " + std::to_string(i) + ".";
-    board_.hear(event);
-    board_.hear(preview("cam01"));
-    board_.hear(preview("stranger"));
+    status_.on_event(event);
+    status_.on_preview(preview("cam01"));
+    status_.on_preview(preview("stranger"));
   }
-  board_.turn(now_);
-  const auto watcher = board_.watch();
-  watcher->next();  // the state
-  EXPECT_THAT(*watcher->next()->bytes, HasSubstr("event 400."));
+  status_.refresh(now_);
+  const auto subscriber = status_.subscribe();
+  subscriber->next();  // the state
+  EXPECT_THAT(*subscriber->next()->bytes, HasSubstr("event 400."));
   size_t messages = 1;
-  while (const auto message = watcher->next()) ++messages;
-  EXPECT_EQ(messages, StudioStatus::kEventsKept + 1) << "and one preview, of the camera there is";
+  while (const auto message = subscriber->next()) ++messages;
+  EXPECT_EQ(messages, StudioStatus::kEventsKept + 1) << "and one preview, of the known camera";
 }
 
-TEST(TakesJson, mends_a_slate_that_is_no_utf8) {
+TEST(TakesJson, replaces_bytes_of_a_slate_that_are_not_utf8) {
   TakeListing take;
   take.info.rate_hz = 25;
   take.slate.note = "caf\xe9";

@@ -1,4 +1,4 @@
-// What v3d-viewd answers of a studio with one take, without a socket.
+// The WebSite of a studio with one take, without sockets.
 #pragma once
 
 #include <gtest/gtest.h>
@@ -40,13 +40,13 @@ class ViewedSite : public testing::Test {
     return done(site().answer(
         {.method = "GET", .target = target, .host = "127.0.0.1:8330", .range = range}));
   }
-  /// What is answered in the end.
+  /// The final answer, after deferred work.
   static WebAnswer done(WebAnswer answer) { return answer.work ? answer.work() : answer; }
-  WebSite site() { return {studio_, WebAccess(""), find_page_files(folder_ / "page"), desk_}; }
+  WebSite site() { return {studio_, WebAccess(""), find_page_files(folder_ / "page"), commands_}; }
 
   const TemporaryFolder folder_;
   Studio studio_;
-  CommandEndpoint desk_{studio_, ""};
+  CommandEndpoint commands_{studio_, ""};
 };
 
 }  // namespace v3d::test

@@ -1,5 +1,5 @@
-// v3d-viewd's web server over loopback: who gets a connection, how long a request may take, and
-// what a slow disk keeps waiting. Strangers come from addresses of 127.0.0.0/8.
+// The web server over loopback: connection limits, request timeouts, and slow disks. Clients use
+// several addresses of 127.0.0.0/8.
 #include "daemon/viewd/web_server.h"
 
 #include <arpa/inet.h>
@@ -43,7 +43,7 @@ class Client {
     send(fd_.get(), bytes.data(), bytes.size(), MSG_NOSIGNAL);
     return *this;
   }
-  /// Everything that has come.
+  /// All received text.
   const std::string& text() {
     pollfd ready{fd_.get(), POLLIN, 0};
     char part[4096];
@@ -116,8 +116,8 @@ class ServedSite : public test::ViewedSite {
   /// `count` connections of the address that have sent `bytes`.
   void occupy(int count, const std::string& from, const std::string& bytes) {
     for (int i = 0; i < count; ++i) {
-      strangers_.push_back(client(from));
-      strangers_.back()->write(bytes);
+      clients_.push_back(client(from));
+      clients_.back()->write(bytes);
     }
   }
   bool gets_page(const std::string& from = "127.0.0.1") const {
@@ -131,10 +131,10 @@ class ServedSite : public test::ViewedSite {
   std::atomic<int> listings_ = 0;
   std::optional<WebSite> site_;
   std::unique_ptr<WebServer> server_;
-  std::vector<std::unique_ptr<Client>> strangers_;
+  std::vector<std::unique_ptr<Client>> clients_;
 };
 
-TEST_F(ServedSite, answers_while_strangers_hold_more_half_open_requests_than_it_has_places) {
+TEST_F(ServedSite, answers_while_half_open_requests_exceed_its_slots) {
   for (const char* from : {"127.0.0.2", "127.0.0.3", "127.0.0.4", "127.0.0.5"}) {
     occupy(50, from, "GET / HTTP/1.1\r\nHost: ");
   }
@@ -142,35 +142,35 @@ TEST_F(ServedSite, answers_while_strangers_hold_more_half_open_requests_than_it_
   EXPECT_TRUE(gets_page("127.0.0.2")) << "an address that holds many";
 }
 
-TEST_F(ServedSite, admits_an_operator_when_viewers_hold_all_common_places) {
+TEST_F(ServedSite, admits_an_operator_when_viewers_hold_all_common_slots) {
   for (const char* from : {"127.0.0.2", "127.0.0.3"}) {
     occupy(ConnectionSlots::kMaxPerAddress, from, request("/api/live", kUpgrade));
   }
-  for (const auto& viewer : strangers_) ASSERT_TRUE(viewer->receives("101 Switching"));
+  for (const auto& viewer : clients_) ASSERT_TRUE(viewer->receives("101 Switching"));
   const std::string token = std::string("X-V3D-Operator: ") + kToken + "\r\n";
   EXPECT_TRUE(client()->write(request("/")).receives("503"));
   EXPECT_TRUE(client()->write(request("/", "X-V3D-Operator: wrong\r\n")).receives("503"));
   EXPECT_TRUE(client()->write(request("/", token)).receives("<!doctype html>"));
   EXPECT_TRUE(client("127.0.0.2")->write(request("/", token)).receives("<!doctype html>"));
   EXPECT_TRUE(client()->write(request("/api/live", token + kUpgrade)).receives("503"))
-      << "no reserved place is kept for long";
+      << "reserved slots are freed soon";
   occupy(3 * ConnectionSlots::kReserved, "127.0.0.4", "GET / HT");
   EXPECT_TRUE(client()->write(request("/", token)).receives("<!doctype html>"))
-      << "strangers wait in the reserved places";
+      << "unauthenticated clients hold the reserved slots";
   const std::ptrdiff_t viewers = ConnectionSlots::kMaxCommon;
-  EXPECT_TRUE(std::none_of(strangers_.begin(), strangers_.begin() + viewers,
+  EXPECT_TRUE(std::none_of(clients_.begin(), clients_.begin() + viewers,
                            [](const auto& viewer) { return viewer->has_ended(); }));
 }
 
-TEST_F(ServedSite, ends_a_request_whose_bytes_come_one_by_one_at_its_deadline) {
+TEST_F(ServedSite, ends_a_slow_request_at_its_deadline) {
   const auto slow = client();
   slow->write("GET / HTTP/1.1\r\nHost: 127.0.0.1\r\nX: ");
-  // The limit is 5 s; it would be none for a limit of each read.
+  // The limit of 5 s covers the whole request; a limit for each read would never apply.
   EXPECT_TRUE(becomes_true([&] { return slow->write("x").has_ended(); }, within(20)));
 }
 
 TEST_F(ServedSite, keeps_a_connection_between_requests_longer_than_a_request_may_take) {
-  serve({.request_within = std::chrono::milliseconds(500)});
+  serve({.request_timeout = std::chrono::milliseconds(500)});
   const auto kept = client();
   ASSERT_TRUE(kept->write(request("/")).receives("<!doctype html>"));
   EXPECT_FALSE(becomes_true([&] { return kept->has_ended(); }, within(1)));
@@ -192,7 +192,7 @@ TEST_F(ServedSite, rejects_two_host_fields_and_user_information_in_one) {
   EXPECT_TRUE(stream->receives("HTTP/1.1 400"));
 }
 
-TEST_F(ServedSite, answers_others_while_a_slow_disk_lists_the_takes_once_for_all_who_ask) {
+TEST_F(ServedSite, answers_other_requests_while_a_slow_disk_lists_the_takes_once) {
   std::vector<std::unique_ptr<Client>> asking;
   for (int i = 0; i < 20; ++i) {
     asking.push_back(client());
@@ -207,40 +207,40 @@ TEST_F(ServedSite, answers_others_while_a_slow_disk_lists_the_takes_once_for_all
 }
 
 TEST_F(ServedSite, answers_503_when_the_disk_does_not_list_the_takes_in_time) {
-  serve({.listing_within = std::chrono::milliseconds(100)});
+  serve({.listing_timeout = std::chrono::milliseconds(100)});
   const auto first = client();
   EXPECT_TRUE(first->write(request("/api/takes")).receives("503 Service"));
   EXPECT_THAT(first->text(), HasSubstr("the disk is slow to list its folders; try again\n"));
   EXPECT_TRUE(client()->write(request("/api/takes")).receives("503 Service"));
-  EXPECT_EQ(listings_, 1) << "none begins while one is under way";
+  EXPECT_EQ(listings_, 1) << "no second listing while one runs";
   wake_disk();
   EXPECT_TRUE(becomes_true(
       [&] { return client()->write(request("/api/takes")).receives("{\"takes\":[]}", 1); },
       within(20)));
 }
 
-TEST(ConnectionSlots, are_bounded_whoever_comes) {
-  ConnectionSlots places;
+TEST(ConnectionSlots, are_bounded_for_any_clients) {
+  ConnectionSlots slots;
   for (int i = 0; i < 1000; ++i) {
-    const auto place = places.enter("10.0.0." + std::to_string(i % 7));
-    if (place && i % 3 != 0) places.set_visitor(place->id, Visitor::kOperator);
+    const auto slot = slots.acquire("10.0.0." + std::to_string(i % 7));
+    if (slot && i % 3 != 0) slots.set_role(slot->id, ClientRole::kOperator);
   }
-  EXPECT_EQ(places.size(), ConnectionSlots::kMaxCommon + ConnectionSlots::kReserved);
-  EXPECT_FALSE(places.enter("10.0.1.1")) << "operators hold all that is reserved";
+  EXPECT_EQ(slots.size(), ConnectionSlots::kMaxCommon + ConnectionSlots::kReserved);
+  EXPECT_FALSE(slots.acquire("10.0.1.1")) << "operators hold all reserved slots";
 }
 
-TEST(ConnectionSlots, replace_the_oldest_stranger_of_the_same_address_first) {
-  ConnectionSlots places;
-  const auto other = places.enter("10.0.0.1");
-  const auto viewer = places.enter("10.0.0.2");
-  places.set_visitor(viewer->id, Visitor::kViewer);
-  const auto oldest = places.enter("10.0.0.2");
+TEST(ConnectionSlots, replace_the_oldest_unauthenticated_connection_of_the_address_first) {
+  ConnectionSlots slots;
+  const auto other = slots.acquire("10.0.0.1");
+  const auto viewer = slots.acquire("10.0.0.2");
+  slots.set_role(viewer->id, ClientRole::kViewer);
+  const auto oldest = slots.acquire("10.0.0.2");
   for (size_t i = 2; i < ConnectionSlots::kMaxPerAddress; ++i) {
-    EXPECT_FALSE(places.enter("10.0.0.2")->replaced);
+    EXPECT_FALSE(slots.acquire("10.0.0.2")->replaced);
   }
-  EXPECT_EQ(places.enter("10.0.0.2")->replaced, oldest->id);
-  places.leave(oldest->id);
-  EXPECT_EQ(places.size(), ConnectionSlots::kMaxPerAddress + 1) << "its place was free already";
+  EXPECT_EQ(slots.acquire("10.0.0.2")->replaced, oldest->id);
+  slots.release(oldest->id);
+  EXPECT_EQ(slots.size(), ConnectionSlots::kMaxPerAddress + 1) << "its slot was free already";
   EXPECT_FALSE(other->replaced);
 }
 
