@@ -37,7 +37,7 @@ FrameColours::FrameColours(const std::filesystem::path& take, const CompactFrame
 
 Mesh FrameColours::coloured(Mesh mesh) const { return coloured(std::move(mesh), std::nullopt); }
 
-Mesh FrameColours::seen_by(const CameraModel& eye, Mesh mesh) const {
+Mesh FrameColours::coloured_for(const CameraModel& eye, Mesh mesh) const {
   return coloured(std::move(mesh), ViewDependence{eye.viewing_direction()});
 }
 

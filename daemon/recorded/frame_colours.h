@@ -1,5 +1,5 @@
-// The colours of a recorded frame from its pictures: for one viewpoint (the paper's view-dependent
-// rendering needs the pictures again, which a compact frame does not hold), or for another surface.
+// Vertex colours of a recorded frame from the images of the take: for one viewpoint (view-dependent
+// rendering needs the images, which a compact frame does not contain), or for another surface.
 #pragma once
 
 #include "daemon/recorded/take_frames.h"
@@ -8,22 +8,23 @@
 
 namespace v3d {
 
-/// How far vertices may hide each other, by the lengths of the mesh's edges. The pictures of a
-/// recorded frame are demosaiced whole: nobody waits.
+/// Options for recorded frames: occlusion tolerance by the edge lengths of the mesh, and full
+/// demosaicing, because there is no deadline.
 TextureOptions texture_options(const Mesh& mesh);
 
-/// The frames of `set` with their cameras of `rig`: borrowed from both.
+/// The frames of `set` with their cameras of `rig`. The result refers to both.
 std::vector<TextureCamera> texture_cameras(const Rig& rig, const FrameSet& set);
 
-/// Reads the frames of the cameras that took part in a reconstruction from the take. One thread.
+/// The images of one pulse, of the cameras that took part in its reconstruction. One thread.
 class FrameColours {
  public:
-  /// Throws InputError where the take has no readable frame of a camera that took part.
+  /// Reads the frames. Throws InputError if the take has no readable frame of such a camera.
   FrameColours(const std::filesystem::path& take, const CompactFrame& frame);
-  /// `mesh`, the frame's or another of the same pulse, in the colours of equations (8) and (9).
+  /// `mesh`, that of the frame or another one of the same pulse, with view-independent colours
+  /// (equations 8 and 9).
   Mesh coloured(Mesh mesh) const;
-  /// As Algorithm 2 blends them for the camera that looks.
-  Mesh seen_by(const CameraModel& eye, Mesh mesh) const;
+  /// `mesh` with view-dependent colours for the viewpoint `eye` (Algorithm 2).
+  Mesh coloured_for(const CameraModel& eye, Mesh mesh) const;
 
  private:
   Mesh coloured(Mesh mesh, std::optional<ViewDependence> view) const;

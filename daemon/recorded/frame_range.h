@@ -1,4 +1,4 @@
-// Some of the frames of a take.
+// A range of frame numbers of a take.
 #pragma once
 
 #include <cstdint>

@@ -9,7 +9,7 @@ namespace v3d {
 namespace {
 
 std::filesystem::path mesh_of(const TakePaths& paths, const std::filesystem::path& file) {
-  load_take_info(paths);  // names what is missing when the folder is no take
+  load_take_info(paths);  // throws if the folder is not a take
   if (!std::filesystem::exists(file)) {
     throw InputError(file.string() + ": is not there: run v3dctl reconstruct " +
                      paths.folder.string() + " first");
@@ -48,7 +48,7 @@ CompactFrame MeshFrames::read(int64_t frame) {
   frames({frame, frame + 1});
   const auto bytes = file_.read(frame);
   const auto header = bytes ? read_header(*bytes) : std::nullopt;
-  if (!header) refuse(frame);
+  if (!header) throw_damaged(frame);
   DecodeStatus status = decoder_.decode(*bytes);
   if (status == DecodeStatus::kNeedsReference) {
     for (const int64_t before : file_.pulses()) {
@@ -56,16 +56,16 @@ CompactFrame MeshFrames::read(int64_t frame) {
     }
     status = decoder_.decode(*bytes);
   }
-  if (status != DecodeStatus::kOk) refuse(frame);
+  if (status != DecodeStatus::kOk) throw_damaged(frame);
   return decoder_.frame();
 }
 
 void MeshFrames::decode(int64_t frame) {
   const auto bytes = file_.read(frame);
-  if (!bytes || decoder_.decode(*bytes) != DecodeStatus::kOk) refuse(frame);
+  if (!bytes || decoder_.decode(*bytes) != DecodeStatus::kOk) throw_damaged(frame);
 }
 
-void MeshFrames::refuse(int64_t frame) const {
+void MeshFrames::throw_damaged(int64_t frame) const {
   throw InputError(path_.string() + ": frame " + std::to_string(frame) +
                    " is damaged, or of an earlier version: reconstruct the take again");
 }

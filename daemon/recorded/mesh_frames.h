@@ -1,4 +1,4 @@
-// The reconstructed frames of a take.
+// Reader of the reconstructed frames of a take.
 #pragma once
 
 #include <filesystem>
@@ -11,24 +11,25 @@
 
 namespace v3d {
 
+/// One thread.
 class MeshFrames {
  public:
-  /// Throws InputError when the folder is no take or was not reconstructed yet.
+  /// Throws InputError if the folder is not a take, or if the take was not reconstructed.
   explicit MeshFrames(const std::filesystem::path& take);
-  /// Another mesh file of the take, as copies of its mesh.v3d are.
+  /// Reads `file`, a copy of the take's mesh.v3d, instead.
   MeshFrames(const std::filesystem::path& take, const std::filesystem::path& file);
 
-  /// Whether the file ends without its index: it was truncated, or its writer did not finish.
+  /// Has the file no index, because it was truncated or its writer did not finish?
   bool is_unfinished() const { return file_.index_was_rebuilt(); }
-  /// Frames in the range, rising. Throws InputError when there is none.
+  /// Numbers of the frames in the range, ascending. Throws InputError if there are none.
   std::vector<int64_t> frames(FrameRange range) const;
-  /// Throws InputError when there is no such frame or it is damaged, or one that it needs. Fast in
-  /// rising order: otherwise decoding begins at the key frame before.
+  /// Decodes a frame. Fast in ascending order; otherwise decoding starts at the previous key frame.
+  /// Throws InputError if the frame, or one that it refers to, is missing or damaged.
   CompactFrame read(int64_t frame);
 
  private:
   void decode(int64_t frame);
-  [[noreturn]] void refuse(int64_t frame) const;
+  [[noreturn]] void throw_damaged(int64_t frame) const;
 
   std::filesystem::path path_;
   MeshFileReader file_;

@@ -1,14 +1,24 @@
 #include "daemon/recorded/segmented_log.h"
 
 #include "base/error.h"
-#include "daemon/recorded/take_background.h"
 
 namespace v3d {
 
+std::optional<BackgroundModel> load_take_background(const TakePaths& paths,
+                                                    const std::string& camera) {
+  std::error_code error;
+  if (std::filesystem::is_symlink(paths.background(), error)) {
+    throw InputError(paths.background().string() +
+                     ": it is a symbolic link; expected a folder of the take");
+  }
+  if (!has_background(paths.background(), camera)) return std::nullopt;
+  return load_background(paths.background(), camera);
+}
+
 SegmentedLog::SegmentedLog(const TakePaths& paths, const std::string& camera)
     : paths_(paths), log_(paths.frames(camera)) {
-  for (size_t place = 0; place < labels().size(); ++place) {
-    place_of_.emplace(labels()[place].pulse, place);
+  for (size_t index = 0; index < labels().size(); ++index) {
+    index_of_.emplace(labels()[index].pulse, index);
   }
   if (auto model = load_take_background(paths, camera)) {
     segmenter_.emplace(*std::move(model), SegmentOptions{});
@@ -29,19 +39,19 @@ std::optional<SegmentedFrame> SegmentedLog::read(int64_t pulse) {
     raw->mask.reset();
     return SegmentedFrame{*std::move(raw), std::move(mask)};
   }
-  learn_before(place_of_.at(pulse));
+  learn_before(index_of_.at(pulse));
   Mask mask = segment(*raw);
   return SegmentedFrame{*std::move(raw), std::move(mask)};
 }
 
-void SegmentedLog::learn_before(size_t place) {
+void SegmentedLog::learn_before(size_t index) {
   if (!segmenter_) return;
-  if (place < passed_) {
+  if (index < learnt_) {
     segmenter_->forget();
-    passed_ = 0;
+    learnt_ = 0;
   }
-  for (; passed_ < place; ++passed_) {
-    const int64_t pulse = labels()[passed_].pulse;
+  for (; learnt_ < index; ++learnt_) {
+    const int64_t pulse = labels()[learnt_].pulse;
     if (segmenter_->learns_from(pulse)) learn(pulse);
   }
 }
@@ -60,7 +70,7 @@ Mask SegmentedLog::segment(const Frame& raw) {
   }
   if (segmenter_->size() != raw.image.size || segmenter_->format() != raw.image.format) {
     throw InputError(paths_.background().string() + ": the background model of " + raw.camera +
-                     " is of other images than the frames: learn it again");
+                     " has another image size or format than the frames: learn it again");
   }
   return segmenter_->segment(raw.image.view());
 }

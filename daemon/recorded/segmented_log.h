@@ -1,5 +1,5 @@
-// The frames of one camera of a recorded take with their silhouettes, as the capture daemon would
-// have published them.
+// Reader of the frames of one camera of a recorded take, with the silhouettes that the capture
+// daemon would have published. Also loads background models of takes.
 #pragma once
 
 #include <cstdint>
@@ -9,6 +9,7 @@
 #include <unordered_map>
 #include <vector>
 
+#include "capture/segmentation/background.h"
 #include "capture/segmentation/segmenter.h"
 #include "take/logs/frame_log.h"
 #include "take/take.h"
@@ -21,36 +22,42 @@ struct SegmentedFrame {
   Mask mask;
 };
 
+/// The background model of `camera`; empty if the take has none. Throws InputError like
+/// load_background(), and if the take's folder `background` is a symbolic link.
+std::optional<BackgroundModel> load_take_background(const TakePaths& paths,
+                                                    const std::string& camera);
+
 /// One thread.
 class SegmentedLog {
  public:
-  /// Throws InputError when the log is missing or is none, or the background model is broken.
+  /// Throws InputError if the log is missing or not a log, or if the background model is damaged.
   SegmentedLog(const TakePaths& paths, const std::string& camera);
 
   const std::vector<FrameLabel>& labels() const { return log_.labels(); }
-  /// FrameLogReader::read_errors()
+  /// See FrameLogReader::read_errors().
   const std::vector<std::string>& read_errors() const { return log_.read_errors(); }
 
-  /// Of the sensor, by the first frame of the log; empty where there is none.
+  /// The sensor size in the first frame of the log; empty if the log has no frame.
   std::optional<ImageSize> frame_size();
 
-  /// Empty where the camera has no (whole) frame of this pulse. A stored mask is taken as it is,
-  /// else the take's background model makes it, which has followed the light up to this frame as it
-  /// did live: the answer does not depend on what was read before. Going on in the order of the log
-  /// is cheap, going back is not. Throws InputError for a frame with neither mask nor model.
+  /// The frame of a pulse and its silhouette; empty if there is no frame, or it is incomplete. A
+  /// stored mask is used as it is. Otherwise the frame is segmented by the take's background model,
+  /// adapted to the light up to this frame as in live operation, so that the result does not depend
+  /// on previous reads. Fast in the order of the log. Throws InputError for a frame with neither
+  /// mask nor model.
   std::optional<SegmentedFrame> read(int64_t pulse);
 
  private:
-  /// Brings the segmenter to where it was when it met this place of the log.
-  void learn_before(size_t place);
+  /// Adapts the segmenter to the frames before `index`, as in live operation.
+  void learn_before(size_t index);
   void learn(int64_t pulse);
   Mask segment(const Frame& raw);
 
   TakePaths paths_;
   FrameLogReader log_;
-  std::unordered_map<int64_t, size_t> place_of_;  ///< of the first frame of a pulse in the log
+  std::unordered_map<int64_t, size_t> index_of_;  ///< first frame in the log, by pulse
   std::optional<Segmenter> segmenter_;
-  size_t passed_ = 0;  ///< places of the log that the segmenter has behind it
+  size_t learnt_ = 0;  ///< the segmenter is adapted to the frames before this index
 };
 
 }  // namespace v3d

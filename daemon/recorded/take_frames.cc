@@ -19,7 +19,7 @@ bool holds(const std::vector<std::string>& names, const std::string& name) {
   return std::find(names.begin(), names.end(), name) != names.end();
 }
 
-/// A calibration of another size would project into wrong pixels. Throws InputError.
+/// Throws InputError for a calibration of another image size: it would project to wrong pixels.
 void check_size(SegmentedLog& log, const RigCamera& camera, const std::filesystem::path& calib) {
   const ImageSize calibrated = camera.model.size();
   const ImageSize size = log.frame_size().value_or(calibrated);
@@ -47,7 +47,8 @@ TakeFrames::TakeFrames(const std::filesystem::path& take, const std::vector<std:
   read_edges();
 }
 
-/// None where they are not known: an import has none, and frames are worth more than their times.
+/// Edge times are optional: imported takes have none, and a damaged file must not make the frames
+/// unreadable.
 void TakeFrames::read_edges() {
   if (is_absent_log(paths_.pulses())) return;
   try {

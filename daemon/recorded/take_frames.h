@@ -1,4 +1,5 @@
-// The frames of a recorded take with their silhouettes, as the capture daemon would publish them.
+// Reader of the frames of all cameras of a recorded take, with the silhouettes that the capture
+// daemon would have published.
 #pragma once
 
 #include <filesystem>
@@ -14,29 +15,28 @@
 
 namespace v3d {
 
-/// One thread; works on several cameras at a time.
+/// One caller at a time; works on several cameras in parallel.
 class TakeFrames {
  public:
-  /// Opens the logs of `cameras` (empty: all cameras of the take). Throws InputError: no take, an
-  /// unknown camera, a camera without calibration or with one
-  /// of another image size, a file that is no log, frames that have neither
-  /// a stored mask nor a background model.
+  /// Opens the logs of `cameras` (empty: all cameras of the take). Throws InputError if `take` is
+  /// not a take, a camera is unknown, has no calibration or one of another image size, or a file is
+  /// not a log.
   TakeFrames(const std::filesystem::path& take, const std::vector<std::string>& cameras);
 
   const TakeInfo& info() const { return info_; }
   const TakePaths& paths() const { return paths_; }
   /// The calibration of the opened cameras, in the order of take.toml.
   const Rig& rig() const { return rig_; }
-  /// The pulses of which at least one opened camera has a frame, rising.
+  /// The pulses of which at least one opened camera has a frame, ascending.
   std::vector<int64_t> pulses() const;
 
-  /// When the pulse was, by the take's pulses.lcmlog; 0 where it does not say.
+  /// The time of the pulse in pulses.lcmlog of the take; 0 if unknown.
   RealtimeInstant edge_of(int64_t pulse) const;
 
-  /// SegmentedLog::read() by opened camera.
+  /// SegmentedLog::read() for each opened camera.
   std::vector<std::optional<SegmentedFrame>> read(int64_t pulse);
 
-  /// What could not be read until now, some lines with path and cause.
+  /// Read errors so far: lines with path and cause.
   std::vector<std::string> read_errors() const;
 
  private:
@@ -47,10 +47,10 @@ class TakeFrames {
   Rig rig_;
   std::vector<SegmentedLog> cameras_;
   std::unordered_map<int64_t, RealtimeInstant> edges_;
-  std::string edges_error_;  ///< empty: pulses.lcmlog was read, or there is none
+  std::string edges_error_;  ///< empty: pulses.lcmlog was read, or is absent
 };
 
-/// observe() of every frame there is; the masks are copied into the set.
+/// The frame set of all present frames, by observe(). Copies the masks.
 FrameSet observe_all(int64_t pulse, const std::vector<std::optional<SegmentedFrame>>& frames);
 
 }  // namespace v3d

@@ -8,7 +8,7 @@
 #include "base/error.h"
 #include "common/console.h"
 #include "daemon/recorded/mesh_frames.h"
-#include "daemon/recorded/take_background.h"
+#include "daemon/recorded/segmented_log.h"
 #include "daemon/recorded/take_frames.h"
 #include "recon/texture/texture.h"
 #include "recon/visibility/depth_buffer.h"

@@ -95,11 +95,12 @@ std::vector<HeldOutReport> evaluate_held_out(const EvaluatedMeshes& evaluated,
       if (view.inside().count() == 0) continue;
       samples[i].add(
           view,
-          request.view_dependent ? colours->seen_by(camera.model, compact.mesh) : compact.mesh,
+          request.view_dependent ? colours->coloured_for(camera.model, compact.mesh) : compact.mesh,
           camera.model);
       if (!truth) continue;
-      samples[i].add_truth(view, request.view_dependent ? colours->seen_by(camera.model, *truth)
-                                                        : colours->coloured(*truth));
+      samples[i].add_truth(view, request.view_dependent
+                                     ? colours->coloured_for(camera.model, *truth)
+                                     : colours->coloured(*truth));
     }
     progress.advance();
   }

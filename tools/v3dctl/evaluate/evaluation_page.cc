@@ -164,10 +164,9 @@ std::string photograph_and_renderings(const EvaluationPage& page,
   std::string renderings, differences;
   for (size_t i = 0; i < meshes.size(); ++i) {
     const EvaluationColumn& column = page.columns[i];
-    const Mesh mesh =
-        page.view_dependent
-            ? FrameColours(column.evaluated.take, meshes[i]).seen_by(camera.model, meshes[i].mesh)
-            : meshes[i].mesh;
+    const Mesh mesh = page.view_dependent ? FrameColours(column.evaluated.take, meshes[i])
+                                                .coloured_for(camera.model, meshes[i].mesh)
+                                          : meshes[i].mesh;
     renderings +=
         figure(view.render(mesh),
                column.name + ": " + number(column.held_out[index].inside.psnr_db, 2, " dB"));

@@ -46,7 +46,7 @@ class FrameRenderer {
   }
   const Mesh& mesh() const { return mesh_; }
   Image draw(const CameraModel& camera, const DrawOptions& options) const {
-    return draw_mesh(colours_ ? colours_->seen_by(camera, mesh_) : mesh_, camera, options);
+    return draw_mesh(colours_ ? colours_->coloured_for(camera, mesh_) : mesh_, camera, options);
   }
 
  private:
