@@ -10,7 +10,7 @@
 
 #include "base/colour_response.h"
 #include "base/time.h"
-#include "daemon/viewd/file_stamp.h"
+#include "daemon/viewd/served_files.h"
 #include "take/logs/frame_log.h"
 
 namespace v3d {

@@ -4,8 +4,8 @@
 #include <charconv>
 
 #include "base/name.h"
-#include "daemon/viewd/file_stamp.h"
 #include "daemon/viewd/guarded_answer.h"
+#include "daemon/viewd/served_files.h"
 #include "daemon/viewd/take_photographs.h"
 #include "daemon/viewd/take_views.h"
 #include "take/take.h"

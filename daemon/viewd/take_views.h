@@ -12,7 +12,7 @@
 
 #include "daemon/recorded/mesh_frames.h"
 #include "daemon/recorded/take_frames.h"
-#include "daemon/viewd/file_stamp.h"
+#include "daemon/viewd/served_files.h"
 
 namespace v3d {
 

@@ -10,7 +10,7 @@
 #include "daemon/viewd/command_endpoint.h"
 #include "daemon/viewd/command_runner.h"
 #include "daemon/viewd/live_feed.h"
-#include "daemon/viewd/page_files.h"
+#include "daemon/viewd/served_files.h"
 #include "daemon/viewd/studio_status.h"
 #include "daemon/viewd/web_server.h"
 #include "daemon/viewd/web_site.h"

@@ -59,7 +59,7 @@ void append(std::string& message, const CameraColours& view) {
   }
 }
 
-std::string_view word(Severity severity) {
+std::string_view name_of(Severity severity) {
   switch (severity) {
     case Severity::kInfo:
       return "info";
@@ -145,7 +145,7 @@ std::string preview_message(const PreviewMessage& preview) {
 std::string event_json(const EventMessage& event) {
   return text_of({{"type", "event"},
                   {"node", event.node},
-                  {"severity", word(event.severity)},
+                  {"severity", name_of(event.severity)},
                   {"subject", event.subject},
                   {"text", event.text},
                   {"sent_ms", milliseconds(event.sent)}});

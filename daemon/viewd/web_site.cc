@@ -9,11 +9,10 @@
 #include "base/name.h"
 #include "base/time.h"
 #include "daemon/control/reply_json.h"
-#include "daemon/viewd/byte_range.h"
-#include "daemon/viewd/file_stamp.h"
 #include "daemon/viewd/guarded_answer.h"
-#include "daemon/viewd/scene_folders.h"
+#include "daemon/viewd/served_files.h"
 #include "daemon/viewd/view_json.h"
+#include "daemon/viewd/web_target.h"
 
 namespace v3d {
 namespace {

@@ -9,7 +9,7 @@
 //   /api/takes/T/photographs/... images of the cameras (take_pictures.h)
 //   /api/live, /api/studio       WebSockets: live meshes, and the state of the studio
 //   /takes/T/FILE                mesh.v3d or calib.toml of a take, or scene.json and its files
-//                                (scene_folders.h); HTTP ranges
+//                                (served_files.h); HTTP ranges
 #pragma once
 
 #include <filesystem>
@@ -22,7 +22,7 @@
 #include "base/studio_file.h"
 #include "daemon/viewd/command_endpoint.h"
 #include "daemon/viewd/connection_slots.h"
-#include "daemon/viewd/page_files.h"
+#include "daemon/viewd/served_files.h"
 #include "daemon/viewd/take_pictures.h"
 #include "daemon/viewd/web_access.h"
 #include "daemon/viewd/web_message.h"

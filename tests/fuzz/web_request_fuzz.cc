@@ -4,7 +4,6 @@
 #include <algorithm>
 
 #include "base/name.h"
-#include "daemon/viewd/byte_range.h"
 #include "daemon/viewd/command_endpoint.h"
 #include "daemon/viewd/web_access.h"
 #include "daemon/viewd/web_target.h"

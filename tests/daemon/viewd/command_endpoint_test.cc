@@ -12,7 +12,7 @@
 #include "base/error.h"
 #include "base/name.h"
 #include "daemon/viewd/child_program.h"
-#include "daemon/viewd/page_files.h"
+#include "daemon/viewd/served_files.h"
 #include "daemon/viewd/studio_status.h"
 #include "daemon/viewd/web_site.h"
 #include "support/child_process.h"

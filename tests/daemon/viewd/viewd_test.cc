@@ -11,7 +11,6 @@
 #include "base/error.h"
 #include "codec/frame_header.h"
 #include "daemon/control/reply_json.h"
-#include "daemon/viewd/byte_range.h"
 #include "daemon/viewd/live_feed.h"
 #include "daemon/viewd/studio_status.h"
 #include "daemon/viewd/web_access.h"
