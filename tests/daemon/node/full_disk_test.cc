@@ -1,4 +1,4 @@
-// On a disk of the test's own.
+// Closing a take on a full disk, a small file system that the test mounts.
 #include <gtest/gtest.h>
 
 #include "daemon/captured/take_disk.h"
@@ -11,7 +11,7 @@
 namespace v3d {
 namespace {
 
-TEST(FullDisk, still_takes_the_ledger_for_which_room_was_set_aside) {
+TEST(FullDisk, has_reserved_space_for_the_ledger) {
   const test::TemporaryFolder folder;
   const test::SmallDisk disk(folder / "takes", 20'000'000);
   ASSERT_TRUE(disk.is_mounted());

@@ -1,5 +1,4 @@
-// Nodes and operators of one studio on a real network, whose keys and members change while they
-// run.
+// Nodes and operators of one studio on a real network, while keys and members change.
 #include "daemon/node/node_loop.h"
 
 #include <gmock/gmock.h>
@@ -21,8 +20,8 @@ namespace {
 using test::becomes_true;
 using test::within;
 
-/// A node with nothing to do.
-class NoWork : public NodeDelegate {
+/// A node that does nothing.
+class IdleDelegate : public NodeDelegate {
  public:
   void arm(const CommandMessage&) override {}
   void learn(const CommandMessage&) override {}
@@ -41,9 +40,9 @@ class RunningNode {
       : bus_(studio.network.lcm_url, {}, ChannelList(studio)) {
     bus_.seal().insist();
     loop_.emplace(NodeIdentity{node, "v3d-test", credentials_of_node(studio, node), ""}, bus_,
-                  work_);
+                  delegate_);
     thread_ = std::thread([this] {
-      while (!stopping_) loop_->turn();
+      while (!stopping_) loop_->run_once();
     });
   }
   ~RunningNode() {
@@ -55,7 +54,7 @@ class RunningNode {
 
  private:
   Bus bus_;
-  NoWork work_;
+  IdleDelegate delegate_;
   std::optional<NodeLoop> loop_;
   std::atomic<bool> stopping_ = false;
   std::thread thread_;
@@ -140,7 +139,7 @@ class MemberLoops : public NodeLoops {
         studio_.network.members,
         sign_member_list({.studio = "kyoto", .serial = serial, .members = people}, authority_));
   }
-  /// As Bob's PC has the studio: it never learns of his revocation.
+  /// The studio file and member list of Bob's PC, which does not receive his revocation.
   Studio studio_of_bob() const {
     Studio studio = studio_;
     studio.network.operator_key = folder_ / "bob.key";
