@@ -148,9 +148,9 @@ bool CameraPipeline::idle_since(MonotonicInstant since) const {
 
 CameraLedger CameraPipeline::close(int64_t commanded) {
   stop_thread();
-  const io::Status kept = log_.sync();
-  if (!kept) spdlog::error("{}: {}", camera(), kept.error().message);
-  synced_ = kept.has_value();
+  const io::Status synced = log_.sync();
+  if (!synced) spdlog::error("{}: {}", camera(), synced.error().message);
+  synced_ = synced.has_value();
   CameraLedger ledger = account_.ledger(camera(), commanded);
   ledger.exposed = exposures_.exposed();
   ledger.received = worker_.status().frames;

@@ -175,7 +175,7 @@ std::optional<CommandMessage> CaptureNode::rejoin() {
     const TakePaths paths = take_paths(studio_, take);
     if (!recorder_of(paths).empty()) throw;  // another process of this node records the take
     drop_command(studio_, node_, take);
-    close_reopened_take(paths, node_);
+    recover_reopened_take(paths, node_);
     throw;
   }
   events_.send(Severity::kWarning, "take",
@@ -257,9 +257,9 @@ std::optional<NodeReport> CaptureNode::poll_draining() {
   if (!take_->is_drained()) return std::nullopt;
   const TakeResult result = close_take();
   if (is_check()) return check_report(result);
-  const bool kept = result.close_report.write_error.empty();
-  return NodeReport{.event = kept ? Input::kDrained : Input::kBroken,
-                    .text = kept ? result.ledger.verdict() : result.close_report.write_error,
+  const bool written = result.close_report.write_error.empty();
+  return NodeReport{.event = written ? Input::kDrained : Input::kBroken,
+                    .text = written ? result.ledger.verdict() : result.close_report.write_error,
                     .detail = ledger_json(result.ledger)};
 }
 

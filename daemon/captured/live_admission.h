@@ -26,7 +26,7 @@ class LiveAdmission {
 
  private:
   /// Decisions that are kept. Camera queues are shorter, so no older pulse is asked for.
-  static constexpr size_t kRemembered = 256;
+  static constexpr size_t kMaxDecisions = 256;
 
   const std::function<int64_t()> backlog_;
   const int64_t limit_;

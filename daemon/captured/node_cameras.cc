@@ -108,9 +108,9 @@ double NodeCameras::bytes_per_pulse() const {
 }
 
 int64_t NodeCameras::max_queued() const {
-  int64_t most = 0;
-  for (const auto& worker : workers_) most = std::max(most, worker->waiting());
-  return most;
+  int64_t longest = 0;
+  for (const auto& worker : workers_) longest = std::max(longest, worker->waiting());
+  return longest;
 }
 
 int64_t NodeCameras::dropped() const {

@@ -151,10 +151,10 @@ TakeCloseReport NodeTake::close(const Ledger& ledger, bool is_empty) {
     return report;
   }
   if (!is_empty || may_hold_frames(paths_)) return report;
-  const auto place = quarantine_take(paths_);
-  return {.quarantine_notice =
-              info_.name + " has neither pulses nor frames" +
-              (place ? ": moved to " + place->string() : ", and " + place.error().message)};
+  const auto moved_to = quarantine_take(paths_);
+  return {.quarantine_notice = info_.name + " has neither pulses nor frames" +
+                               (moved_to ? ": moved to " + moved_to->string()
+                                         : ", and " + moved_to.error().message)};
 }
 
 std::string NodeTake::sign(const std::vector<TakeFile>& files) const {

@@ -61,9 +61,9 @@ std::optional<Duration> latency_of(const std::vector<FrameLabel>& labels, const 
     if (edge != edges.end()) latencies.push_back(label.received - edge->second);
   }
   if (latencies.size() < kStartFrames) return std::nullopt;
-  const Duration least = *std::min_element(latencies.begin(), latencies.end());
-  if (least < Duration::zero() || least > kMaxLatency) return std::nullopt;
-  return least;
+  const Duration shortest = *std::min_element(latencies.begin(), latencies.end());
+  if (shortest < Duration::zero() || shortest > kMaxLatency) return std::nullopt;
+  return shortest;
 }
 
 }  // namespace

@@ -29,9 +29,9 @@ std::optional<CommandMessage> read_command(const fs::path& file) {
 
 void persist_command(const Studio& studio, const std::string& node, const CommandMessage& order) {
   const Bytes bytes = encode(order);
-  const auto kept = io::replace_file(command_file(take_paths(studio, order.take).folder, node),
-                                     std::string(bytes.begin(), bytes.end()));
-  if (!kept) spdlog::warn("{}", kept.error().message);
+  const auto saved = io::replace_file(command_file(take_paths(studio, order.take).folder, node),
+                                      std::string(bytes.begin(), bytes.end()));
+  if (!saved) spdlog::warn("{}", saved.error().message);
 }
 
 void drop_command(const Studio& studio, const std::string& node, const std::string& take) {

@@ -118,7 +118,7 @@ TakeLock lock_take(const TakePaths& paths, const std::string& node) {
   return lock;
 }
 
-void close_reopened_take(const TakePaths& paths, const std::string& node) {
+void recover_reopened_take(const TakePaths& paths, const std::string& node) {
   try {
     const TakeLock lock = lock_take(paths, node);
     recover_take(paths);

@@ -39,7 +39,7 @@ TakeLock lock_take(const TakePaths& paths, const std::string& node);
 
 /// Recovers a take that could not be resumed: writes its ledger and state. Does nothing while
 /// another process records into it. Errors are logged; the next start of the daemon tries again.
-void close_reopened_take(const TakePaths& paths, const std::string& node);
+void recover_reopened_take(const TakePaths& paths, const std::string& node);
 
 /// Writes the ledger and the final take.toml. Returns false, and logs the error, when the disk
 /// reports one; also when a file of the ledger cannot be read for its checksum.

@@ -39,12 +39,13 @@ void TrainState::on_health(const HealthMessage& health, const std::string& take)
   if (!is_newer(health)) return;
   if (!first_sent_) first_sent_ = health.sent;
   const bool ours = health.take == take;
-  const bool runs =
+  const bool is_running =
       ours && (health.state == NodeState::kArmed || health.state == NodeState::kRecording);
-  was_running_ = was_running_ || runs;
+  was_running_ = was_running_ || is_running;
   // Until the node is known to run, messages from before it was armed may still be in flight.
-  const bool counts = was_running_ || std::chrono::abs(health.sent - *first_sent_) > kMaxInFlight;
-  ended_ = ended_ || (!runs && counts);
+  const bool is_current =
+      was_running_ || std::chrono::abs(health.sent - *first_sent_) > kMaxInFlight;
+  ended_ = ended_ || (!is_running && is_current);
   if (ours) commanded_ = commanded_by(health).value_or(commanded_);
 }
 
@@ -64,7 +65,7 @@ void TrainMonitor::poll(const std::string& take) {
 std::optional<TrainMonitor::RunningTake> TrainMonitor::running() {
   std::optional<RunningTake> running;
   while (const auto health = health_.wait(Monotonic::now())) {
-    if (auto news = train_.running(*health)) running = std::move(news);
+    if (auto newer = train_.running(*health)) running = std::move(newer);
   }
   return running;
 }

@@ -23,8 +23,8 @@ TEST(FullDisk, has_reserved_space_for_the_ledger) {
   EXPECT_TRUE(save_take_info(paths, info));
   const Ledger ledger{.take = "kendo-07", .commanded = 3, .sensed = 3, .cameras = {}};
   {
-    const TakeDisk kept(paths,
-                        {.rate_hz = 25, .bytes_per_pulse = 1, .pulses = 3, .queue_frames = 1});
+    const TakeDisk reserve(paths,
+                           {.rate_hz = 25, .bytes_per_pulse = 1, .pulses = 3, .queue_frames = 1});
     disk.leave(0);
     EXPECT_FALSE(close_take(studio, info, ledger));
   }

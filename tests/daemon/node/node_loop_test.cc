@@ -80,8 +80,12 @@ class NodeLoops : public testing::Test {
     command.verb = CommandVerb::kAbort;
     return client.command(command, deadline);
   }
-  static bool obey(OperatorClient& client) { return abort(client, within(60)).done(); }
-  static bool ignore(OperatorClient& client) { return abort(client, within(2)).silent.size() == 2; }
+  static bool accepts_command_of(OperatorClient& client) {
+    return abort(client, within(60)).done();
+  }
+  static bool ignores_command_of(OperatorClient& client) {
+    return abort(client, within(2)).silent.size() == 2;
+  }
 
   const test::TemporaryFolder folder_;
   const StudioKey key_ = StudioKey::make();
@@ -92,7 +96,7 @@ class NodeLoops : public testing::Test {
 TEST_F(NodeLoops, replace_the_studio_key_without_a_lost_command_or_message) {
   start();
   OperatorClient client(studio_);
-  ASSERT_TRUE(obey(client));
+  ASSERT_TRUE(accepts_command_of(client));
   const StudioKey next = StudioKey::make();
   next.save(folder_ / "next.key");
   std::filesystem::rename(folder_ / "next.key", studio_.network.key);
@@ -101,13 +105,13 @@ TEST_F(NodeLoops, replace_the_studio_key_without_a_lost_command_or_message) {
   Subscription<HealthMessage> capture(renewed, health_channel("cap01"), 16);
   Subscription<HealthMessage> recon(renewed, health_channel("recon01"), 16);
   const auto is_renewed = [&] {
-    EXPECT_TRUE(obey(client));
+    EXPECT_TRUE(accepts_command_of(client));
     return capture.wait(Monotonic::now()) && recon.wait(Monotonic::now());
   };
   EXPECT_TRUE(becomes_true(is_renewed, within(60)));
-  EXPECT_TRUE(obey(client));
+  EXPECT_TRUE(accepts_command_of(client));
   OperatorClient newcomer(studio_);
-  EXPECT_TRUE(obey(newcomer));
+  EXPECT_TRUE(accepts_command_of(newcomer));
   for (const auto& [node, health] : client.health(within(5))) {
     EXPECT_EQ(health.values.at("messages_forged"), 0) << node;
     EXPECT_EQ(health.values.at("commands_forged"), 0) << node;
@@ -147,7 +151,7 @@ class MemberLoops : public NodeLoops {
     std::filesystem::copy_file(studio_.network.members, studio.network.members);
     return studio;
   }
-  bool report(OperatorClient& client, const std::string& text) const {
+  bool health_has(OperatorClient& client, const std::string& text) const {
     return becomes_true(
         [&] {
           const auto health = client.health(within(5));
@@ -162,25 +166,26 @@ class MemberLoops : public NodeLoops {
                    bob_ = SigningKey::make(), pc_ = SigningKey::make(), guest_ = SigningKey::make();
 };
 
-TEST_F(MemberLoops, obey_an_operator_until_it_is_revoked_and_not_again_by_an_older_list) {
+TEST_F(MemberLoops, accept_an_operator_until_it_is_revoked_and_reject_an_older_list) {
   start();
   OperatorClient ada(studio_), bob(studio_of_bob());
-  ASSERT_TRUE(obey(bob));
-  ASSERT_TRUE(obey(ada));
+  ASSERT_TRUE(accepts_command_of(bob));
+  ASSERT_TRUE(accepts_command_of(ada));
   write_members(2, {member("ada", ada_)});
-  EXPECT_TRUE(becomes_true([&] { return ignore(bob); }, within(60)));
-  EXPECT_TRUE(obey(ada));
+  EXPECT_TRUE(becomes_true([&] { return ignores_command_of(bob); }, within(60)));
+  EXPECT_TRUE(accepts_command_of(ada));
   write_members(1, {member("ada", ada_), member("bob", bob_)});
-  EXPECT_TRUE(report(ada, "expected more than 2, which is in force"));
-  EXPECT_TRUE(ignore(bob));
+  EXPECT_TRUE(health_has(ada, "expected more than 2, which is in force"));
+  EXPECT_TRUE(ignores_command_of(bob));
   write_members(3, {member("ada", ada_), member("bob", bob_)});
-  EXPECT_TRUE(becomes_true([&] { return obey(bob); }, within(60))) << "enrolled again";
+  EXPECT_TRUE(becomes_true([&] { return accepts_command_of(bob); }, within(60)))
+      << "enrolled again";
 }
 
-TEST_F(MemberLoops, reject_a_viewer_that_sends_commands_by_a_program_of_its_own) {
+TEST_F(MemberLoops, reject_a_viewer_that_signs_commands) {
   start();
   OperatorClient ada(studio_);
-  ASSERT_TRUE(obey(ada));
+  ASSERT_TRUE(accepts_command_of(ada));
   Bus bus(studio_.network.lcm_url, {}, ChannelList(studio_));
   bus.seal().set_key(key_);
   bus.seal().cover_commands();
@@ -197,7 +202,7 @@ TEST_F(MemberLoops, reject_a_viewer_that_sends_commands_by_a_program_of_its_own)
            });
   };
   EXPECT_TRUE(becomes_true(is_counted, within(60)));
-  EXPECT_TRUE(report(ada, "commands of guest are rejected: this member is no operator"));
+  EXPECT_TRUE(health_has(ada, "commands of guest are rejected: this member is no operator"));
 }
 
 TEST_F(MemberLoops, reject_every_command_until_there_is_a_member_list) {
@@ -205,10 +210,10 @@ TEST_F(MemberLoops, reject_every_command_until_there_is_a_member_list) {
   std::filesystem::remove(studio_.network.members);
   start();
   OperatorClient bob(bobs);
-  EXPECT_TRUE(report(bob, "v3dctl key enroll makes it"));
-  EXPECT_TRUE(ignore(bob));
+  EXPECT_TRUE(health_has(bob, "v3dctl key enroll makes it"));
+  EXPECT_TRUE(ignores_command_of(bob));
   write_members(1, {member("bob", bob_)});
-  EXPECT_TRUE(becomes_true([&] { return obey(bob); }, within(60)));
+  EXPECT_TRUE(becomes_true([&] { return accepts_command_of(bob); }, within(60)));
 }
 
 }  // namespace
