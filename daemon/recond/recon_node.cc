@@ -124,10 +124,10 @@ ReconNode::ReconNode(const Studio& studio, const std::string& node, Bus& bus)
 ReconNode::~ReconNode() { disarm(); }
 
 void ReconNode::arm(const CommandMessage& order) {
-  kept_orders_.forget();
+  kept_orders_.drop_all();
   order_ = order;
   if (order.verb == CommandVerb::kCheck) return;  // nothing is reconstructed
-  refuse_take_name(order.take);
+  check_take_name(order.take);
   const TakePaths paths = take_paths(studio_, order.take);
   if (std::filesystem::exists(paths.mesh())) {
     throw InputError(paths.mesh().string() + " exists already; choose another take name");
@@ -139,11 +139,11 @@ void ReconNode::arm(const CommandMessage& order) {
 }
 
 std::optional<CommandMessage> ReconNode::rejoin() {
-  const auto found = kept_orders_.running(train_);
+  const auto found = kept_orders_.find_running(train_);
   if (!found) return std::nullopt;
   order_ = found->order;
   open(order_, found->commanded);
-  train_.restart();
+  train_.reset();
   events_.send(Severity::kWarning, "reconstruction",
                node_ + " was started anew and reconstructs " + order_.take + " again, from pulse " +
                    std::to_string(found->commanded) + " on",
@@ -192,7 +192,7 @@ std::optional<Shard::Setup> ReconNode::share_of(const CommandMessage& order,
 }
 
 void ReconNode::learn(const CommandMessage& order) {
-  kept_orders_.forget();
+  kept_orders_.drop_all();
   order_ = order;
 }
 
@@ -247,7 +247,7 @@ NodeReport ReconNode::ready_report() const {
 }
 
 std::optional<NodeReport> ReconNode::poll_recording() {
-  train_.listen(order_.take);
+  train_.poll(order_.take);
   if (!train_.ended()) return std::nullopt;
   return NodeReport{.event = Input::kTrainEnded, .text = "pulses have ended", .detail = {}};
 }
@@ -313,7 +313,7 @@ void ReconNode::report_drift(HealthMessage& health) {
         camera.camera == knocked_.camera && (camera.shift - knocked_.shift).norm() < kOtherShiftPx;
     if (told) continue;
     knocked_ = camera;
-    events_.send(Severity::kAlarm, camera.camera, text_of(camera), advice::kKnocked);
+    events_.send(Severity::kAlarm, camera.camera, text_of(camera), advice::kCameraDisplaced);
   }
 }
 

@@ -92,7 +92,7 @@ class ReconPipeline {
   /// of the assembling thread's last look.
   bool drained(Duration quiet) const;
   bool progressed_since(MonotonicInstant since) const {
-    return assembling_.since(since) && reconstructing_.since(since) &&
+    return assembling_.beat_since(since) && reconstructing_.beat_since(since) &&
            (!shared_ || shared_->progressed_since(since));
   }
   /// Ends the threads and closes the mesh file; what still waits is dropped. False when the disk

@@ -44,7 +44,7 @@ class SharedTake {
   std::vector<int64_t> without_mesh() const;
   bool is_settled() const;
   int64_t undecodable() const;
-  bool progressed_since(MonotonicInstant since) const { return listening_.since(since); }
+  bool progressed_since(MonotonicInstant since) const { return listening_.beat_since(since); }
   /// Ends the thread: nobody hears of this node any more.
   void end();
 

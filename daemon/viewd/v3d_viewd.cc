@@ -123,10 +123,10 @@ int main(int argc, char** argv) {
       {.name = "v3d-viewd",
        .purpose = "Shows a studio and its takes to browsers.",
        .is_a_node = false,
-       .errand =
-           v3d::DaemonErrand{.flag = kHear,
-                             .purpose = "Tell on standard output what is heard on the studio's "
-                                        "network: v3d-viewd starts itself so",
-                             .run = hear}},
+       .one_shot =
+           v3d::DaemonOneShot{.flag = kHear,
+                              .purpose = "Tell on standard output what is heard on the studio's "
+                                         "network: v3d-viewd starts itself so",
+                              .run = hear}},
       run);
 }
