@@ -8,7 +8,6 @@
 #include "base/error.h"
 #include "base/pulse_rate.h"
 #include "base/units.h"
-#include "daemon/captured/check_json.h"
 #include "daemon/control/reply_json.h"
 #include "daemon/node/advice.h"
 #include "daemon/node/service.h"

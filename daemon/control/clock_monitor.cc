@@ -21,7 +21,8 @@ constexpr size_t kRmsOffset = 76;
 constexpr size_t kRootDelay = 92;
 constexpr size_t kRootDispersion = 96;
 
-/// chrony's own: 7 bits of exponent and 25 of coefficient, both in two's complement.
+/// A number in chrony's own format: 7 bits of exponent and 25 of coefficient, both in two's
+/// complement.
 double real(std::span<const uint8_t> bytes, size_t at) {
   constexpr int kCoefficientBits = 25;
   const auto word = static_cast<int32_t>(number_at(bytes, at, 4));
@@ -33,7 +34,7 @@ double real(std::span<const uint8_t> bytes, size_t at) {
 }  // namespace
 
 std::vector<uint8_t> tracking_request(uint32_t sequence) {
-  std::vector<uint8_t> request(kReplySize);  // chronyd wants a question as long as its answer
+  std::vector<uint8_t> request(kReplySize);  // chronyd requires requests as long as the reply
   request[0] = kVersion;
   request[1] = kRequest;
   put_number(request, 4, 2, kTracking);
@@ -47,7 +48,7 @@ std::optional<ClockTracking> parse_tracking(std::span<const uint8_t> reply, uint
                          number_at(reply, 6, 2) == kTrackingReply && number_at(reply, 8, 2) == 0 &&
                          number_at(reply, 16, 4) == sequence;
   if (!is_answer) return std::nullopt;
-  // chronyd gives what it will add to the clock.
+  // current_correction is what chronyd will add to the clock.
   const double offset = -real(reply, kOffset);
   return ClockTracking{.synchronised = number_at(reply, kLeapStatus, 2) != kNotSynchronised,
                        .offset_s = offset,
@@ -62,27 +63,27 @@ ClockMonitor::ClockMonitor(uint16_t port, std::filesystem::path root)
   there.sin_family = AF_INET;
   there.sin_port = htons(port);
   there.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
-  // Where it fails, send() does.
+  // If connect() fails, so does send().
   static_cast<void>(
       connect(chronyd_.socket_fd(), reinterpret_cast<const sockaddr*>(&there), sizeof there));
-  ask();
+  send_request();
 }
 
-void ClockMonitor::ask() {
+void ClockMonitor::send_request() {
   const std::vector<uint8_t> request = tracking_request(++sequence_);
   if (send(chronyd_.socket_fd(), request.data(), request.size(), 0) < 0) {
-    // The refusal of the question before; this one was not sent. Where nobody is, nothing is lost.
+    // send() returned the error of the previous request (connection refused) and sent nothing.
     send(chronyd_.socket_fd(), request.data(), request.size(), 0);
   }
 }
 
 void ClockMonitor::report(std::map<std::string, double>& values) {
-  const std::optional<ClockTracking>& known = chronyd_.hear(
+  const std::optional<ClockTracking>& known = chronyd_.receive(
       [&](std::span<const uint8_t> reply) { return parse_tracking(reply, sequence_); });
-  ask();
+  send_request();
   if (!known) {
-    // systemd-timesyncd tells no more than that it does. The kernel's word would need adjtimex(),
-    // which the daemon's sandbox has no need to allow.
+    // systemd-timesyncd reports only that it has synchronised the clock. The kernel's status would
+    // need adjtimex(), which the sandbox of the daemons does not allow.
     std::error_code error;
     if (std::filesystem::exists(root_ / "run/systemd/timesync/synchronized", error)) {
       values["clock_synchronised_flag"] = 1;

@@ -1,4 +1,4 @@
-// How far this machine's clock is from the right time.
+// Client of chronyd: the error of this machine's clock.
 #pragma once
 
 #include <chrono>
@@ -14,38 +14,40 @@
 
 namespace v3d {
 
-/// What chronyd tells of the system's clock (candm.h of chrony 4: the reply to "tracking").
+/// The state of the system clock according to chronyd. Source: candm.h of chrony 4, the reply to
+/// "tracking".
 struct ClockTracking {
   bool synchronised = false;
-  double offset_s = 0;       ///< the system's clock minus the right time, as chronyd estimates it
-  double rms_offset_s = 0;   ///< of the last measurements
-  double error_bound_s = 0;  ///< the true time is not farther away than this
+  double offset_s = 0;       ///< system clock minus true time, estimated by chronyd
+  double rms_offset_s = 0;   ///< root mean square of recent measurements
+  double error_bound_s = 0;  ///< bound of the distance to the true time
 };
 
-/// A request for the tracking data. `sequence` comes back in the reply.
+/// A request for the tracking data. The reply repeats `sequence`.
 std::vector<uint8_t> tracking_request(uint32_t sequence);
-/// Bytes are hostile: anything but the reply to that request gives nothing.
+/// Empty for anything but the reply to the request with `sequence`. Safe for hostile input.
 std::optional<ClockTracking> parse_tracking(std::span<const uint8_t> reply, uint32_t sequence);
 
-/// Asks chronyd over its command port on loopback, which it opens to everybody on the machine by
-/// default; where no chronyd answers, systemd-timesyncd's mark in /run is looked for. One thread,
-/// never waits: a question is answered at the next call.
+/// Reports the error of the system clock. Queries the command port of chronyd on loopback, which is
+/// open to all local processes by default. Without chronyd it checks whether systemd-timesyncd has
+/// marked the clock as synchronised in /run. One thread. report() does not wait: it evaluates the
+/// reply to the request of the previous call.
 class ClockMonitor {
  public:
   /// chronyd's command port.
   static constexpr uint16_t kCommandPort = 323;
-  /// `port` on 127.0.0.1: where chronyd is asked. `root`: where run/ is.
+  /// `port`: of chronyd on 127.0.0.1. `root`: the folder that contains run/.
   explicit ClockMonitor(uint16_t port = kCommandPort, std::filesystem::path root = "/");
 
-  /// Until chronyd has answered or cannot, but no longer than `most`. For those who look once.
-  void wait(std::chrono::milliseconds most) const { chronyd_.wait(most); }
+  /// Waits for a reply or an error of chronyd, at most `timeout`. For callers that report() once.
+  void wait(std::chrono::milliseconds timeout) const { chronyd_.wait(timeout); }
   /// Adds
-  ///   clock_synchronised_flag  1 or 0; left out when nobody can be asked
+  ///   clock_synchronised_flag  1 or 0; omitted when neither service is present
   ///   clock_offset_us, clock_offset_rms_us, clock_error_bound_us  from chronyd, once synchronised
   void report(std::map<std::string, double>& values);
 
  private:
-  void ask();
+  void send_request();
 
   const std::filesystem::path root_;
   DatagramClient<ClockTracking> chronyd_;

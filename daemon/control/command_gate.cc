@@ -7,8 +7,8 @@
 namespace v3d {
 namespace {
 
-/// So long a refusal is worth a line in health.
-constexpr Duration kTold = std::chrono::seconds(10);
+/// How long health mentions a rejected command.
+constexpr Duration kReportedFor = std::chrono::seconds(10);
 
 }  // namespace
 
@@ -20,9 +20,9 @@ CommandCounts CommandGate::counts() const {
   return counts_;
 }
 
-std::string CommandGate::trouble(MonotonicInstant now) const {
+std::string CommandGate::problem(MonotonicInstant now) const {
   const std::lock_guard lock(mutex_);
-  return troubled_ && now - *troubled_ < kTold ? trouble_ : "";
+  return problem_time_ && now - *problem_time_ < kReportedFor ? problem_ : "";
 }
 
 int64_t CommandGate::nonce(MonotonicInstant now) {
@@ -58,8 +58,8 @@ std::optional<CommandGate::Admitted> CommandGate::admit(std::span<const uint8_t>
     ++counts_.replayed;
     return std::nullopt;
   }
-  remember(*command, now);
-  ++counts_.believed;
+  record(*command, now);
+  ++counts_.admitted;
   return Admitted{.command = std::move(*command), .is_current = true};
 }
 
@@ -77,7 +77,9 @@ std::optional<CommandMessage> CommandGate::read(std::span<const uint8_t> bytes,
   auto command = decode<CommandMessage>(opened.message);
   if (!command) {
     ++counts_.malformed;
-    note("sealed commands are refused that make no sense here: another version of V3D?", now);
+    set_problem(
+        "authentic commands are rejected because they cannot be decoded: another version of V3D?",
+        now);
   }
   return command;
 }
@@ -85,19 +87,21 @@ std::optional<CommandMessage> CommandGate::read(std::span<const uint8_t> bytes,
 void CommandGate::count_rejected(const OpenedCommand& opened, MonotonicInstant now) {
   if (opened.result == OpenedCommand::Result::kUnauthorized) {
     ++counts_.unauthorized;
-    return note("commands of " + opened.signer + " are rejected: this member is no operator", now);
+    return set_problem(
+        "commands of " + opened.signer + " are rejected: this member is not an operator", now);
   }
   ++counts_.forged;
-  note("forged commands are refused: a stranger, or another studio key or member list than here",
-       now);
+  set_problem(
+      "forged commands are rejected: an attacker, or another studio key or member list than here",
+      now);
 }
 
 // --- nonces -------------------------------------------------------------------------------------
 
 bool CommandGate::has_current_nonce(const CommandMessage& command, MonotonicInstant now) const {
-  const auto place = std::ranges::find(command.to, node_) - command.to.begin();
-  if (place >= std::ssize(command.nonces)) return false;
-  const int64_t held = command.nonces[static_cast<size_t>(place)];
+  const auto index = std::ranges::find(command.to, node_) - command.to.begin();
+  if (index >= std::ssize(command.nonces)) return false;
+  const int64_t held = command.nonces[static_cast<size_t>(index)];
   return std::ranges::any_of(std::array{nonce_, nonce_before_}, [&](const Nonce& nonce) {
     return nonce.value == held && nonce.is_current(now);
   });
@@ -142,14 +146,14 @@ bool CommandGate::is_new(const CommandMessage& command) {
   });
 }
 
-void CommandGate::remember(const CommandMessage& command, MonotonicInstant now) {
+void CommandGate::record(const CommandMessage& command, MonotonicInstant now) {
   if (senders_.size() == kMaxSenders && !senders_.contains(command.sender)) draw_nonces(now);
   senders_[command.sender] = {.counter = command.counter, .sent = command.sent};
 }
 
-void CommandGate::note(const std::string& trouble, MonotonicInstant now) {
-  trouble_ = trouble;
-  troubled_ = now;
+void CommandGate::set_problem(const std::string& problem, MonotonicInstant now) {
+  problem_ = problem;
+  problem_time_ = now;
 }
 
 }  // namespace v3d

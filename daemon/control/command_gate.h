@@ -1,5 +1,5 @@
-// Which commands a node obeys: authenticated (daemon/bus/credentials.h), sent a few seconds ago at
-// most, and not received before.
+// Filter of received commands: a node executes those that are authenticated
+// (daemon/bus/credentials.h), at most a few seconds old, and not received before.
 #pragma once
 
 #include <cstdint>
@@ -16,59 +16,58 @@
 
 namespace v3d {
 
-/// Commands since the gate was made, by what became of them.
+/// Commands since construction, by result.
 struct CommandCounts {
-  int64_t believed = 0;
-  int64_t unkeyed = 0;       ///< a key or the member list is missing here
-  int64_t malformed = 0;     ///< no command, or none that this version understands
-  int64_t forged = 0;        ///< without the studio's MAC or a member's signature, or changed since
-  int64_t unauthorized = 0;  ///< signed by a member that is no operator
-  int64_t without_nonce = 0;  ///< authentic, with no nonce of this node or an old one
-  int64_t replayed = 0;       ///< received before, or older than what was received of its sender
+  int64_t admitted = 0;
+  int64_t unkeyed = 0;        ///< a key or the member list is missing here
+  int64_t malformed = 0;      ///< authentic bytes that this version cannot decode
+  int64_t forged = 0;         ///< MAC or signature is missing or wrong
+  int64_t unauthorized = 0;   ///< signed by a member that is not an operator
+  int64_t without_nonce = 0;  ///< authentic, but without a current nonce of this node
+  int64_t replayed = 0;       ///< received before, or older than the last of its sender
 };
 
-/// A command is obeyed when it holds a nonce that this node drew less than 2 * kNonceLife ago. So
-/// clocks have no part in it: a clock that is wrong, or is set in the middle of a take, neither
-/// makes a node deaf nor makes an old command good. A node's nonce is in each of its replies. An
-/// authentic command without one, or with an old one, is answered with the present nonce, and comes
-/// again with it.
+/// Admits a command when it holds a nonce that this node drew less than 2 * kNonceLife ago. Clocks
+/// take no part: a wrong clock, or one that is set during a take, neither blocks commands nor makes
+/// old commands valid. Each reply of a node holds its nonce. An authentic command without a current
+/// nonce is answered with the nonce, and the operator sends it again.
 ///
-/// Against replays within the life of a nonce, the last command of every sender is remembered: each
-/// message of a sender, a retry too, must be sent later than the one before, by the sender's own
-/// clock (CommandStamp). When there are too many senders, all nonces are drawn anew, and nothing
-/// that was recorded is worth anything. The same holds when a daemon starts.
+/// Against replays within the life of a nonce, the gate remembers the last command of each sender.
+/// Each message of a sender, retries included, must have a later time stamp of the sender's clock
+/// (CommandStamp). With too many senders, and after a restart, new nonces are drawn, so that all
+/// recorded commands become invalid.
 ///
-/// What is not authentic is counted and not answered: an answer would tell a stranger which of his
-/// tries came how far, and would let him make every node talk. Any thread.
+/// Commands that are not authentic are counted but not answered: replies would tell an attacker why
+/// a command failed, and would let it generate traffic. Thread-safe.
 class CommandGate {
  public:
   static constexpr Duration kNonceLife = std::chrono::seconds(5);
   static constexpr size_t kMaxSenders = 64;
-  /// Limits for each second of the replies that hold only a nonce: to one sender, and to all. A
-  /// flood of recorded commands of other senders leaves an operator his share.
+  /// Limits per second of replies that hold only a nonce: to one sender, and to all. The first one
+  /// keeps a flood of recorded commands of other senders from using up all replies.
   static constexpr int kMaxNonceRepliesToSender = 20;
   static constexpr int kMaxNonceReplies = 1000;
 
-  /// `draw` gives random numbers other than 0.
+  /// `draw` returns random numbers other than 0.
   explicit CommandGate(std::string node, std::function<int64_t()> draw = random_nonce);
 
-  /// Whose commands are admitted.
+  /// Keys and members whose commands are admitted.
   Credentials& credentials() { return credentials_; }
 
   struct Admitted {
     CommandMessage command;
-    bool is_current = false;  ///< false: reply kNonceMissing, and do nothing
+    bool is_current = false;  ///< false: reply kNonceMissing, do not execute
   };
-  /// The command in `bytes` when it is authentic, new, and meant for this node.
+  /// The command in `bytes` if it is authentic, new, and addressed to this node; else empty.
   std::optional<Admitted> admit(std::span<const uint8_t> bytes, MonotonicInstant now);
-  /// For replies.
+  /// The current nonce, for replies.
   int64_t nonce(MonotonicInstant now);
-  /// To an admitted command that is not current; `sent` is the caller's.
+  /// The reply to an admitted command that is not current. The caller sets `sent`.
   ReplyMessage nonce_reply(const CommandMessage& command, MonotonicInstant now);
 
   CommandCounts counts() const;
-  /// One line for a person when commands were refused shortly before `now`, else empty.
-  std::string trouble(MonotonicInstant now) const;
+  /// One line for the operator if commands were rejected in the 10 s before `now`, else empty.
+  std::string problem(MonotonicInstant now) const;
 
  private:
   struct Received {
@@ -80,15 +79,15 @@ class CommandGate {
   bool has_current_nonce(const CommandMessage& command, MonotonicInstant now) const;
   bool may_reply_nonce(const std::string& sender, MonotonicInstant now);
   bool is_new(const CommandMessage& command);
-  void remember(const CommandMessage& command, MonotonicInstant now);
+  void record(const CommandMessage& command, MonotonicInstant now);
   void renew_nonces(MonotonicInstant now);
   void draw_nonces(MonotonicInstant now);
-  void note(const std::string& trouble, MonotonicInstant now);
+  void set_problem(const std::string& problem, MonotonicInstant now);
 
   const std::string node_;
   const std::function<int64_t()> draw_;
   Credentials credentials_;
-  mutable std::mutex mutex_;  ///< what follows
+  mutable std::mutex mutex_;  ///< guards what follows
   CommandCounts counts_;
   struct Nonce {
     int64_t value = 0;  ///< 0: none
@@ -98,12 +97,13 @@ class CommandGate {
     }
   };
   Nonce nonce_, nonce_before_;
-  std::map<std::string, Received> senders_, senders_before_;  ///< since a nonce, and before
+  std::map<std::string, Received> senders_,
+      senders_before_;  ///< since nonce_ was drawn, and before
   MonotonicInstant replies_since_;
   int nonce_replies_ = 0;
   std::map<size_t, int> nonce_replies_to_;  ///< by the hash of the sender's name
-  std::string trouble_;
-  std::optional<MonotonicInstant> troubled_;
+  std::string problem_;
+  std::optional<MonotonicInstant> problem_time_;
 };
 
 }  // namespace v3d

@@ -8,18 +8,18 @@ namespace {
 
 using Table = std::array<std::array<Transition, kInputCount>, kPhaseCount>;
 
-/// Out of place: commands are refused, reports come late and change nothing.
-constexpr Transition out_of_place(Phase phase, Input input) {
+/// A pair without a row: commands are refused, reports are late and change nothing.
+constexpr Transition default_transition(Phase phase, Input input) {
   return {phase, Work::kNone, is_command(input) ? Verdict::kRefused : Verdict::kNone};
 }
 
-/// Every phase and input.
-consteval Table whole_table() {
+/// The transitions of all phases and inputs.
+consteval Table full_table() {
   Table table{};
   for (int phase = 0; phase < kPhaseCount; ++phase) {
     for (int input = 0; input < kInputCount; ++input) {
       table[static_cast<size_t>(phase)][static_cast<size_t>(input)] =
-          out_of_place(static_cast<Phase>(phase), static_cast<Input>(input));
+          default_transition(static_cast<Phase>(phase), static_cast<Input>(input));
     }
   }
   for (const TransitionRow& row : kTransitionTable) {
@@ -28,18 +28,18 @@ consteval Table whole_table() {
   return table;
 }
 
-/// "anna@desk" of "anna@desk/4711/1763..."
-std::string person(const std::string& sender) { return sender.substr(0, sender.find('/')); }
+/// The operator in a sender: "anna@desk" in "anna@desk/4711/1763..."
+std::string operator_name(const std::string& sender) { return sender.substr(0, sender.find('/')); }
 
-/// Why a command is out of place, and what would be right.
+/// Why a command is refused in this phase, and what to do instead.
 std::string refusal(Phase phase, const CommandMessage& order) {
-  const std::string armed = order.take + " by " + person(order.sender);
+  const std::string armed = order.take + " by " + operator_name(order.sender);
   switch (phase) {
     case Phase::kIdle:
       return "not armed; v3dctl arm TAKE comes first";
     case Phase::kArming:
     case Phase::kPrepared:
-      return "just being armed for " + armed + "; wait, or v3dctl abort";
+      return "being armed for " + armed + "; wait, or v3dctl abort";
     case Phase::kArmed:
       return "armed for " + armed + " already; v3dctl start or abort";
     case Phase::kRecording:
@@ -104,22 +104,22 @@ Input input_of(CommandVerb verb) {
 }
 
 Transition transition(Phase phase, Input input) {
-  static constexpr Table kTable = whole_table();
+  static constexpr Table kTable = full_table();
   return kTable[static_cast<size_t>(phase)][static_cast<size_t>(input)];
 }
 
-Controller::Heard& Controller::heard_from(const std::string& sender) {
-  const auto known = std::find_if(heard_.begin(), heard_.end(),
+Controller::LastReply& Controller::last_reply_to(const std::string& sender) {
+  const auto known = std::find_if(senders_.begin(), senders_.end(),
                                   [&](const auto& entry) { return entry.first == sender; });
-  std::pair<std::string, Heard> entry{sender, {}};
-  if (known != heard_.end()) {
+  std::pair<std::string, LastReply> entry{sender, {}};
+  if (known != senders_.end()) {
     entry = std::move(*known);
-    heard_.erase(known);
-  } else if (heard_.size() == kMaxSenders) {
-    heard_.pop_back();
+    senders_.erase(known);
+  } else if (senders_.size() == kMaxSenders) {
+    senders_.pop_back();
   }
-  heard_.push_front(std::move(entry));
-  return heard_.front().second;
+  senders_.push_front(std::move(entry));
+  return senders_.front().second;
 }
 
 ReplyMessage Controller::reply_to(const CommandMessage& command, ReplyMessage::Outcome outcome,
@@ -135,13 +135,13 @@ ReplyMessage Controller::reply_to(const CommandMessage& command, ReplyMessage::O
           .detail = std::move(detail)};
 }
 
-/// A train of known length ends by itself: a stop that comes later gets the account all the same.
-bool Controller::asks_for_last(const CommandMessage& command) const {
+/// A train of known length ends by itself. A later stop still gets the ledger of that take.
+bool Controller::asks_for_last_take(const CommandMessage& command) const {
   return command.verb == CommandVerb::kStop && phase_ == Phase::kIdle && !last_take_.empty() &&
          (command.take.empty() ? !last_was_check_ : command.take == last_take_);
 }
 
-std::string Controller::misses(const CommandMessage& command) const {
+std::string Controller::mismatch(const CommandMessage& command) const {
   const bool orders = is_order(command.verb);
   if (orders || phase_ == Phase::kIdle || phase_ == Phase::kFault) return "";
   if (!command.take.empty() && command.take != order_.take) {
@@ -149,14 +149,15 @@ std::string Controller::misses(const CommandMessage& command) const {
   }
   const bool commits = command.verb == CommandVerb::kCommit;
   if (!commits && !command.own_only) return "";
-  // What was armed by one and could not be started by another goes too.
+  // An own_only abort also ends what is armed: another operator armed it, this one could not start
+  // it.
   if (command.own_only && phase_ == Phase::kArmed) return "";
   const bool started = phase_ > Phase::kArmed;
-  const std::string& owner = started ? started_by_.sender : order_.sender;
+  const std::string& owner = started ? start_command_.sender : order_.sender;
   return command.sender == owner ? "" : refusal(phase_, order_);
 }
 
-ReplyMessage Controller::judge(const CommandMessage& command, const Transition& step) {
+ReplyMessage Controller::verdict_reply(const CommandMessage& command, const Transition& step) {
   using Outcome = ReplyMessage::Outcome;
   switch (step.verdict) {
     case Verdict::kPending:
@@ -170,45 +171,45 @@ ReplyMessage Controller::judge(const CommandMessage& command, const Transition& 
                   phase_ == Phase::kFault ? fault_ : refusal(phase_, order_));
 }
 
-/// Returns what is answered; `step` gets what else there is to do and to say.
-ReplyMessage Controller::carry_out(const CommandMessage& command, Step& step) {
+/// Returns the reply. Sets the work in `step`, and adds replies to other commands.
+ReplyMessage Controller::execute(const CommandMessage& command, Step& step) {
   using Outcome = ReplyMessage::Outcome;
-  if (asks_for_last(command)) {
-    return reply_to(command, last_end_.outcome, last_end_.text, last_end_.detail);
+  if (asks_for_last_take(command)) {
+    return reply_to(command, last_result_.outcome, last_result_.text, last_result_.detail);
   }
-  if (const std::string why = misses(command); !why.empty()) {
+  if (const std::string why = mismatch(command); !why.empty()) {
     return reply_to(command, Outcome::kRefused, why);
   }
   const bool learns =
       command.verb == CommandVerb::kStart && order_.verb == CommandVerb::kBackground;
   const Transition next = transition(phase_, learns ? Input::kLearn : input_of(command.verb));
-  ReplyMessage reply = judge(command, next);
+  ReplyMessage reply = verdict_reply(command, next);
   step.work = next.work;
   if (next.work == Work::kArm || next.work == Work::kLearn) {
     order_ = command;
-    // Should this take end without an account, a stop must not get that of the one before.
+    // If this take ends without a ledger, a stop must not get that of the previous take.
     last_take_.clear();
   }
-  if (next.work == Work::kStart) started_by_ = command;
+  if (next.work == Work::kStart) start_command_ = command;
   phase_ = next.next;
   if (next.verdict == Verdict::kDone && command.verb == CommandVerb::kAbort) {
-    finish_waiting(Outcome::kRefused, "aborted", {}, step);
+    finish_pending(Outcome::kRefused, "aborted", {}, step);
     fault_.clear();
   }
-  if (next.verdict == Verdict::kPending) waiting_.push_back(command);
+  if (next.verdict == Verdict::kPending) pending_.push_back(command);
   return reply;
 }
 
 Controller::Step Controller::on_command(const CommandMessage& command) {
-  Heard& heard = heard_from(command.sender);
-  if (command.counter == heard.counter) {
-    heard.reply.command_sent = command.sent;  // of this repetition
-    return {.work = Work::kNone, .replies = {heard.reply}};
+  LastReply& last = last_reply_to(command.sender);
+  if (command.counter == last.counter) {
+    last.reply.command_sent = command.sent;  // the repetition
+    return {.work = Work::kNone, .replies = {last.reply}};
   }
-  if (command.counter < heard.counter) return {};
+  if (command.counter < last.counter) return {};
   Step step;
-  const ReplyMessage reply = carry_out(command, step);
-  heard_from(command.sender) = {.counter = command.counter, .reply = reply};
+  const ReplyMessage reply = execute(command, step);
+  last_reply_to(command.sender) = {.counter = command.counter, .reply = reply};
   step.replies.insert(step.replies.begin(), reply);
   return step;
 }
@@ -221,14 +222,14 @@ Controller::Step Controller::on_event(Input event, const std::string& text,
   Step step{.work = next.work, .replies = {}};
   if (event == Input::kBroken) {
     fault_ = text;
-    finish_waiting(Outcome::kRefused, text, detail, step);
+    finish_pending(Outcome::kRefused, text, detail, step);
   } else if (next.next != phase_ && event != Input::kTrainEnded) {
-    finish_waiting(outcome, text, detail, step);
+    finish_pending(outcome, text, detail, step);
   }
-  const bool came_to_its_end = phase_ == Phase::kDraining || phase_ == Phase::kLearning;
-  if (came_to_its_end && next.next == Phase::kIdle) {
+  const bool was_completing = phase_ == Phase::kDraining || phase_ == Phase::kLearning;
+  if (was_completing && next.next == Phase::kIdle) {
     remember(order_.take, text, detail);
-    last_end_.outcome = outcome;
+    last_result_.outcome = outcome;
     last_was_check_ = order_.verb == CommandVerb::kCheck;
   }
   phase_ = next.next;
@@ -238,33 +239,33 @@ Controller::Step Controller::on_event(Input event, const std::string& text,
 void Controller::remember(const std::string& take, const std::string& text,
                           const std::string& detail) {
   last_take_ = take;
-  last_end_.outcome = ReplyMessage::Outcome::kDone;
-  last_end_.text = text;
-  last_end_.detail = detail;
+  last_result_.outcome = ReplyMessage::Outcome::kDone;
+  last_result_.text = text;
+  last_result_.detail = detail;
 }
 
 void Controller::rejoined(const CommandMessage& order) {
   const Transition next = transition(phase_, Input::kRejoined);
   if (next.next == phase_) return;
-  order_ = started_by_ = order;
-  last_take_.clear();  // what was recovered is no longer all
+  order_ = start_command_ = order;
+  last_take_.clear();  // the recovered ledger is no longer complete
   phase_ = next.next;
 }
 
 Controller::Step Controller::on_start_failed(const std::string& text) {
-  waiting_.push_back(started_by_);
+  pending_.push_back(start_command_);
   return on_event(Input::kBroken, text);
 }
 
-void Controller::finish_waiting(ReplyMessage::Outcome outcome, const std::string& text,
+void Controller::finish_pending(ReplyMessage::Outcome outcome, const std::string& text,
                                 const std::string& detail, Step& step) {
-  for (const CommandMessage& command : waiting_) {
+  for (const CommandMessage& command : pending_) {
     const ReplyMessage reply = reply_to(command, outcome, text, detail);
-    Heard& heard = heard_from(command.sender);
-    if (heard.counter <= command.counter) heard = {.counter = command.counter, .reply = reply};
+    LastReply& last = last_reply_to(command.sender);
+    if (last.counter <= command.counter) last = {.counter = command.counter, .reply = reply};
     step.replies.push_back(reply);
   }
-  waiting_.clear();
+  pending_.clear();
 }
 
 }  // namespace v3d

@@ -1,6 +1,5 @@
-// What a node does with commands: a pure state machine, and the book-keeping that makes commands
-// idempotent. Which commands are believed at all is the CommandGate's business, and how an operator
-// brings many nodes into one state is the Conversation's.
+// The control state machine of a node, and the record of replies that makes commands idempotent.
+// Pure. CommandGate authenticates commands before; StudioCoordinator is the operator's side.
 #pragma once
 
 #include <cstdint>
@@ -19,14 +18,13 @@ NodeState node_state(Phase phase);
 
 Input input_of(CommandVerb verb);
 
-/// As kTransitionTable says. Total: every input has an answer in every phase. Pulses run only from
-/// kArmed, by kStart or kLearn; every other way out of a phase with pulses turns them off (kDrain
-/// or kDisarm).
+/// The transition by kTransitionTable. Defined for every phase and input. Pulses start only in
+/// kArmed, by kStart or kLearn. Every transition out of a phase with pulses stops them (kDrain or
+/// kDisarm).
 Transition transition(Phase phase, Input input);
 
-/// Carries commands through the machine. The same (sender, counter) is answered again and not
-/// carried out again; a counter lower than the sender's last comes late and is passed over. One
-/// thread.
+/// Executes commands. A repeated (sender, counter) gets the same reply and is not executed again. A
+/// counter lower than the last one of its sender is late and ignored. One thread.
 class Controller {
  public:
   explicit Controller(std::string node) : node_(std::move(node)) {}
@@ -39,53 +37,52 @@ class Controller {
   /// `text`: one line for the operator; `detail`: JSON of a final reply.
   Step on_event(Input event, const std::string& text, const std::string& detail = {});
 
-  /// A take that this node recorded before it was started anew: `stop` is answered with its
-  /// account.
+  /// Sets the take that this node recorded before it restarted, and the reply to a later `stop`.
   void remember(const std::string& take, const std::string& text, const std::string& detail);
 
-  /// The node, idle until now, records again the take of this order, which it was in before it was
-  /// started anew.
+  /// Enters kRecording: after a restart, the node records again into the take of this order.
+  /// Requires kIdle; otherwise nothing changes.
   void rejoined(const CommandMessage& order);
 
-  /// Pulses could not be turned on: the start command that was answered "done" is refused after
-  /// all, and the node has a fault.
+  /// Pulses could not be started. Enters kFault; the start command that was answered "done" gets
+  /// the reply "refused".
   Step on_start_failed(const std::string& text);
 
   Phase phase() const { return phase_; }
-  /// The arm, check or background command that is being carried out, or was last.
+  /// The last arm, check or background command.
   const CommandMessage& order() const { return order_; }
   const std::string& fault() const { return fault_; }
 
  private:
-  struct Heard {
+  struct LastReply {
     int64_t counter = -1;
     ReplyMessage reply;
   };
-  Heard& heard_from(const std::string& sender);
+  LastReply& last_reply_to(const std::string& sender);
   ReplyMessage reply_to(const CommandMessage& command, ReplyMessage::Outcome outcome,
                         std::string text, std::string detail = {}) const;
-  ReplyMessage judge(const CommandMessage& command, const Transition& step);
-  void finish_waiting(ReplyMessage::Outcome outcome, const std::string& text,
+  ReplyMessage verdict_reply(const CommandMessage& command, const Transition& step);
+  void finish_pending(ReplyMessage::Outcome outcome, const std::string& text,
                       const std::string& detail, Step& step);
 
-  ReplyMessage carry_out(const CommandMessage& command, Step& step);
-  /// Why the command is not for what this node is at; empty when it may be.
-  std::string misses(const CommandMessage& command) const;
-  bool asks_for_last(const CommandMessage& command) const;
+  ReplyMessage execute(const CommandMessage& command, Step& step);
+  /// Why the command does not apply to the take or owner of this node; empty if it applies.
+  std::string mismatch(const CommandMessage& command) const;
+  bool asks_for_last_take(const CommandMessage& command) const;
 
-  /// As many as the gate remembers; the one heard longest ago is forgotten.
+  /// Equals that of CommandGate. The least recent sender is removed first.
   static constexpr size_t kMaxSenders = 64;
 
   const std::string node_;
   Phase phase_ = Phase::kIdle;
   CommandMessage order_;
   std::string fault_;
-  std::string last_take_;        ///< the last that came to its end
-  ReplyMessage last_end_;        ///< what is said of it
-  bool last_was_check_ = false;  ///< a stop that names no take does not ask for it
-  std::deque<std::pair<std::string, Heard>> heard_;  ///< the last heard first
-  std::vector<CommandMessage> waiting_;              ///< for their final reply
-  CommandMessage started_by_;                        ///< the last start command
+  std::string last_take_;        ///< the last completed one
+  ReplyMessage last_result_;     ///< the reply to a stop of last_take_
+  bool last_was_check_ = false;  ///< a stop without a take name then gets no result
+  std::deque<std::pair<std::string, LastReply>> senders_;  ///< most recent first
+  std::vector<CommandMessage> pending_;                    ///< commands without a final reply
+  CommandMessage start_command_;                           ///< the last one
 };
 
 }  // namespace v3d

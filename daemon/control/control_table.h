@@ -1,5 +1,5 @@
-// The transition table of a node's control state machine: the one source for the code (transition()
-// in control.h), for docs/protocol.md and for the Spin model (tests/simulation/control.pml).
+// The transition table of a node's control state machine. It is the source for the code
+// (transition() in control.h), docs/protocol.md and the Spin model (tests/simulation/control.pml).
 #pragma once
 
 #include <cstdint>
@@ -7,53 +7,53 @@
 
 namespace v3d {
 
-/// Finer than NodeState, which is what health shows.
+/// The phases of a node. Health shows the coarser NodeState.
 enum class Phase : uint8_t {
   kIdle,
-  kArming,     ///< cameras are being made ready
-  kPrepared,   ///< ready, and waits to hear that every node is
-  kArmed,      ///< every node is ready: the next pulse is pulse 0
+  kArming,     ///< cameras are being prepared
+  kPrepared,   ///< ready, waits for the commit
+  kArmed,      ///< committed: the next pulse is pulse 0
   kRecording,  ///< pulses run
-  kDraining,   ///< pulses have stopped; frames are still on their way
+  kDraining,   ///< pulses have stopped; frames are in flight
   kLearning,   ///< the background is being learnt
-  kFault,      ///< cannot work; abort clears it
+  kFault,      ///< an error that abort clears
 };
 inline constexpr int kPhaseCount = 8;
 
-/// Commands, and what the node's own work reports.
+/// Inputs of the state machine: commands, and reports of the NodeDelegate.
 enum class Input : uint8_t {
   kArm,
   kStart,
   kStop,
   kAbort,
   kBackground,
-  kCommit,      ///< every node has said that it is ready
-  kLearn,       ///< start, where the background is to be learnt
-  kCheck,       ///< as kArm, and nothing is recorded
+  kCommit,      ///< all nodes are ready
+  kLearn,       ///< start, after kBackground
+  kCheck,       ///< like kArm, but nothing will be recorded
   kReady,       ///< arming or learning has succeeded
   kFailed,      ///< arming or learning has failed
   kExpired,     ///< prepared for too long without a commit
-  kTrainEnded,  ///< the train had a known length and is over
-  kDrained,     ///< everything is accounted for, and the take is closed
-  kBroken,      ///< the node cannot go on
-  kRejoined,    ///< after a restart the node records its take again
+  kTrainEnded,  ///< pulses have ended without a stop
+  kDrained,     ///< the take is accounted for and closed
+  kBroken,      ///< the node cannot continue
+  kRejoined,    ///< after a restart, the node records into its take again
 };
 inline constexpr int kInputCount = 15;
 
-/// True for what operators send, false for what the node's own work reports.
+/// True for commands, false for reports.
 constexpr bool is_command(Input input) { return input <= Input::kCheck; }
 
-/// What the node has to do now.
+/// The work that a transition requires of the NodeDelegate.
 enum class Work : uint8_t {
   kNone,
-  kArm,     ///< begin to make ready
-  kStart,   ///< pulses on
-  kDrain,   ///< pulses off, wait for what is on its way, close
-  kDisarm,  ///< pulses off, close at once what is open, back to idle
+  kArm,     ///< begin to prepare
+  kStart,   ///< start pulses
+  kDrain,   ///< stop pulses, wait for frames in flight, close the take
+  kDisarm,  ///< stop pulses and close the take at once
   kLearn,   ///< begin to learn the background
 };
 
-/// The answer to the command that is the input; kNone for inputs that are no commands.
+/// The reply to a command; kNone for reports.
 enum class Verdict : uint8_t { kNone, kDone, kPending, kRefused };
 
 struct Transition {
@@ -69,9 +69,9 @@ struct TransitionRow {
   Transition transition;
 };
 
-/// Every pair that is not listed changes nothing: commands are refused, reports come late.
-/// A stop ends what is armed, too: one operator may stop what another is just starting, node by
-/// node, and all nodes must end in one state.
+/// A pair that is not listed changes nothing: commands are refused, reports are late and ignored.
+/// A stop also disarms: one operator may stop a take that another is starting node by node, and all
+/// nodes must reach the same state.
 inline constexpr TransitionRow kTransitionTable[] = {
     {Phase::kIdle, Input::kArm, {Phase::kArming, Work::kArm, Verdict::kPending}},
     {Phase::kIdle, Input::kCheck, {Phase::kArming, Work::kArm, Verdict::kPending}},
@@ -119,7 +119,7 @@ inline constexpr TransitionRow kTransitionTable[] = {
     {Phase::kFault, Input::kBroken, {Phase::kFault, Work::kNone, Verdict::kNone}},
 };
 
-/// Words for the documentation, for traces and for the Spin model: "recording", "train_ended".
+/// Names for documentation, traces and the Spin model: "recording", "train_ended".
 std::string_view name(Phase phase);
 std::string_view name(Input input);
 std::string_view name(Work work);

@@ -1,5 +1,4 @@
-// A service of this machine that is asked a question every second over a datagram socket, and
-// answers when it likes: chronyd, ptp4l.
+// Client of a local service (chronyd, ptp4l) that is queried periodically over a datagram socket.
 #pragma once
 
 #include <poll.h>
@@ -17,7 +16,7 @@
 
 namespace v3d {
 
-/// A number of `size` bytes, big-endian. Requires at + size <= bytes.size().
+/// The big-endian number of `size` bytes at `at`. Requires at + size <= bytes.size().
 inline uint64_t number_at(std::span<const uint8_t> bytes, size_t at, size_t size) {
   return read_big_endian(bytes.subspan(at, size));
 }
@@ -25,12 +24,12 @@ inline void put_number(std::span<uint8_t> bytes, size_t at, size_t size, uint64_
   write_big_endian(n, bytes.subspan(at, size));
 }
 
-/// What was last heard of the service, for so long as it answers. One thread, never waits but in
-/// wait().
+/// Holds the last answer of the service while it replies. The owner sends the requests. One thread.
+/// No function blocks except wait().
 template <class Answer>
 class DatagramClient {
  public:
-  /// `family`: of a datagram socket. Without one nobody is ever heard.
+  /// `family`: AF_INET, AF_UNIX. If no socket can be opened, no answer is ever received.
   explicit DatagramClient(int family)
       : socket_(socket(family, SOCK_DGRAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0)) {}
   ~DatagramClient() {
@@ -41,32 +40,32 @@ class DatagramClient {
 
   int socket_fd() const { return socket_; }
 
-  /// Takes what has arrived since the call before: the first datagram of which parse() makes an
-  /// answer. After three calls without one there is nobody.
+  /// Reads the datagrams that have arrived, up to the first that parse() accepts, and returns its
+  /// answer. Returns the previous answer while none arrives, and empty after kMaxUnanswered calls.
   template <class Parse>
-  const std::optional<Answer>& hear(const Parse& parse) {
-    if (const auto heard = first_answer(parse)) {
-      known_ = heard;
+  const std::optional<Answer>& receive(const Parse& parse) {
+    if (const auto answer = first_answer(parse)) {
+      known_ = answer;
       unanswered_ = 0;
-    } else if (++unanswered_ >= kPatience) {
+    } else if (++unanswered_ >= kMaxUnanswered) {
       known_.reset();
     }
     return known_;
   }
 
-  /// Until something has arrived or cannot, but no longer than `most`.
-  void wait(std::chrono::milliseconds most) const {
+  /// Waits for a datagram or a socket error, at most `timeout`.
+  void wait(std::chrono::milliseconds timeout) const {
     pollfd answer{socket_, POLLIN, 0};
-    poll(&answer, 1, static_cast<int>(most.count()));
+    poll(&answer, 1, static_cast<int>(timeout.count()));
   }
 
  private:
-  static constexpr int kPatience = 3;
-  static constexpr size_t kLongestDatagram = 1500;
+  static constexpr int kMaxUnanswered = 3;
+  static constexpr size_t kMaxDatagramBytes = 1500;
 
   template <class Parse>
   std::optional<Answer> first_answer(const Parse& parse) {
-    std::array<uint8_t, kLongestDatagram> bytes{};
+    std::array<uint8_t, kMaxDatagramBytes> bytes{};
     for (;;) {
       const ssize_t size = recv(socket_, bytes.data(), bytes.size(), 0);
       if (size < 0) return std::nullopt;

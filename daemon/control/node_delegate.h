@@ -1,4 +1,4 @@
-// What a node does for its studio. The node loop calls it as the controller says.
+// Interface of the work of a node: capture or reconstruction. NodeProtocol calls it.
 #pragma once
 
 #include <optional>
@@ -16,30 +16,31 @@ struct NodeReport {
   std::string detail;            ///< JSON, or empty
 };
 
-/// One thread calls; no function waits, except disarm() for threads to end. What arm(), learn(),
-/// start(), drain() and poll() throw becomes a refusal or a fault; no exception ends the daemon.
+/// All functions are called by one thread. None blocks, except that disarm() waits for threads to
+/// end. Exceptions of arm(), learn(), start(), drain() and poll() become a refusal or a fault.
 class NodeDelegate {
  public:
   virtual ~NodeDelegate() = default;
 
-  virtual void arm(const CommandMessage& order) = 0;
-  virtual void learn(const CommandMessage& order) = 0;
+  virtual void arm(const CommandMessage& command) = 0;
+  virtual void learn(const CommandMessage& command) = 0;
   virtual void start() = 0;
   virtual void drain() = 0;
-  /// Turns everything off and closes what is open, whatever the phase. Idempotent.
+  /// Stops pulses and closes the take, in any phase. Idempotent.
   virtual void disarm() = 0;
 
-  /// Called while the node is idle: when it was at a take before it was started anew, and the take
-  /// still runs, it records into it again, and says by whose order. InputErrors are told; the node
-  /// then stays as it is.
+  /// Called while the node is idle. If the take that the node recorded before a restart still runs,
+  /// starts to record into it again and returns its order; otherwise empty. Exceptions are logged,
+  /// and the node stays idle.
   virtual std::optional<CommandMessage> rejoin() { return std::nullopt; }
 
-  /// What has happened since; called often.
+  /// The next report, if any. Called every NodeProtocol::kPollPeriod at work.
   virtual std::optional<NodeReport> poll(Phase phase) = 0;
 
-  /// Fills in `text` and `values`; called once a second, which is also when events are due.
+  /// Sets `text` and `values` of `health`, and sends events that are due. Called once a second, and
+  /// after each change of phase.
   virtual void report_health(HealthMessage& health) = 0;
-  /// Every thread of the pipeline went round its loop since `since`.
+  /// Has every thread of the pipeline completed a loop after `since`? Feeds the watchdog.
   virtual bool progressed_since(MonotonicInstant since) const = 0;
 };
 

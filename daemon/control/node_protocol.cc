@@ -8,36 +8,37 @@
 
 namespace v3d {
 
-NodeProtocol::NodeProtocol(std::string node, NodeDelegate& work, Reply reply, MonotonicInstant now)
+NodeProtocol::NodeProtocol(std::string node, NodeDelegate& delegate, Reply reply,
+                           MonotonicInstant now)
     : node_(std::move(node)),
-      work_(work),
+      delegate_(delegate),
       reply_(std::move(reply)),
       controller_(node_),
       next_health_(now),
-      ready_since_(now) {}
+      prepared_since_(now) {}
 
 void NodeProtocol::on_command(const CommandMessage& command) {
-  carry_out(controller_.on_command(command));
+  execute(controller_.on_command(command));
 }
 
-void NodeProtocol::poll(MonotonicInstant now, bool believes) {
-  if (const auto report = poll_work()) {
+void NodeProtocol::poll(MonotonicInstant now, bool has_key) {
+  if (const auto report = poll_delegate()) {
     spdlog::info("{}", report->text);
-    carry_out(controller_.on_event(report->event, report->text, report->detail));
+    execute(controller_.on_event(report->event, report->text, report->detail));
   }
-  let_go_what_nobody_confirms(now);
-  if (believes && controller_.phase() == Phase::kIdle) rejoin_running_take();
+  expire_uncommitted(now);
+  if (has_key && controller_.phase() == Phase::kIdle) rejoin_running_take();
 }
 
-std::optional<NodeReport> NodeProtocol::poll_work() {
+std::optional<NodeReport> NodeProtocol::poll_delegate() {
   try {
-    return work_.poll(controller_.phase());
+    return delegate_.poll(controller_.phase());
   } catch (const std::exception& error) {
     return on_poll_error(error.what());
   }
 }
 
-/// A take that is recorded goes on: its frames are written by other threads.
+/// A take that is being recorded continues: other threads write its frames.
 std::optional<NodeReport> NodeProtocol::on_poll_error(const std::string& error) {
   const Phase phase = controller_.phase();
   if (phase == Phase::kRecording) {
@@ -49,93 +50,93 @@ std::optional<NodeReport> NodeProtocol::on_poll_error(const std::string& error) 
   return NodeReport{.event = event, .text = error, .detail = {}};
 }
 
-MonotonicInstant NodeProtocol::next_turn(MonotonicInstant now) const {
+MonotonicInstant NodeProtocol::next_poll(MonotonicInstant now) const {
   const bool idle = controller_.phase() == Phase::kIdle || controller_.phase() == Phase::kFault;
-  return std::clamp(next_health_, now, now + (idle ? kIdleTurn : kTurn));
+  return std::clamp(next_health_, now, now + (idle ? kIdlePollPeriod : kPollPeriod));
 }
 
-void NodeProtocol::let_go_what_nobody_confirms(MonotonicInstant now) {
+void NodeProtocol::expire_uncommitted(MonotonicInstant now) {
   if (controller_.phase() != Phase::kPrepared) {
-    ready_since_ = now;
-  } else if (now - ready_since_ > kConfirmWithin) {
-    const std::string text = controller_.order().take + " was not confirmed in time: arm it again";
+    prepared_since_ = now;
+  } else if (now - prepared_since_ > kCommitTimeout) {
+    const std::string text = controller_.order().take + " was not committed in time: arm it again";
     spdlog::warn("{}", text);
-    carry_out(controller_.on_event(Input::kExpired, text));
+    execute(controller_.on_event(Input::kExpired, text));
   }
 }
 
 void NodeProtocol::rejoin_running_take() {
   try {
-    if (const auto order = work_.rejoin()) controller_.rejoined(*order);
+    if (const auto order = delegate_.rejoin()) controller_.rejoined(*order);
   } catch (const std::exception& error) {
     spdlog::error("cannot rejoin the running take: {}", error.what());
   }
 }
 
-void NodeProtocol::carry_out(const Controller::Step& step) {
-  // First the work, then the word: "done" is said of what is done.
+void NodeProtocol::execute(const Controller::Step& step) {
+  // Work first, then replies: "done" must be true when it is sent.
   std::optional<Controller::Step> failure;
   try {
-    begin(step.work);
+    perform(step.work);
   } catch (const std::exception& error) {
     spdlog::warn("{}", error.what());
     if (step.work == Work::kStart) failure = controller_.on_start_failed(error.what());
-    // Disarming is the answer to a failure; there is nothing to fall back to.
+    // A failure to disarm is only logged: disarming is itself the reaction to failures.
     if (step.work != Work::kStart && step.work != Work::kDisarm) {
       failure = controller_.on_event(Input::kFailed, error.what());
     }
   }
   if (!failure) return publish(step.replies);
   if (step.work != Work::kStart) publish(step.replies);
-  carry_out(*failure);
+  execute(*failure);
 }
 
 void NodeProtocol::publish(const std::vector<ReplyMessage>& replies) const {
   for (const ReplyMessage& reply : replies) reply_(reply);
 }
 
-void NodeProtocol::begin(Work work) {
+void NodeProtocol::perform(Work work) {
   switch (work) {
     case Work::kNone:
       return;
     case Work::kArm:
-      return work_.arm(controller_.order());
+      return delegate_.arm(controller_.order());
     case Work::kLearn:
-      return work_.learn(controller_.order());
+      return delegate_.learn(controller_.order());
     case Work::kStart:
-      return work_.start();
+      return delegate_.start();
     case Work::kDrain:
-      return work_.drain();
+      return delegate_.drain();
     case Work::kDisarm:
-      return work_.disarm();
+      return delegate_.disarm();
   }
 }
 
 bool NodeProtocol::is_health_due(MonotonicInstant now) const {
-  return now >= next_health_ || controller_.phase() != told_phase_;
+  return now >= next_health_ || controller_.phase() != reported_phase_;
 }
 
 HealthMessage NodeProtocol::health(MonotonicInstant now) {
-  next_health_ = now + kHealthEvery;
-  told_phase_ = controller_.phase();
+  next_health_ = now + kHealthPeriod;
+  reported_phase_ = controller_.phase();
   HealthMessage health;
   health.seq = health_seq_++;
   health.node = node_;
-  health.state = node_state(told_phase_);
-  health.take = told_phase_ == Phase::kIdle ? std::string() : controller_.order().take;
-  work_.report_health(health);
-  if (told_phase_ == Phase::kFault) health.text = controller_.fault();
+  health.state = node_state(reported_phase_);
+  health.take = reported_phase_ == Phase::kIdle ? std::string() : controller_.order().take;
+  delegate_.report_health(health);
+  if (reported_phase_ == Phase::kFault) health.text = controller_.fault();
   return health;
 }
 
-void NodeProtocol::begin_to_end(MonotonicInstant now) {
-  end_by_ = now + kLastDrain;
+void NodeProtocol::begin_shutdown(MonotonicInstant now) {
+  shutdown_deadline_ = now + kShutdownDrain;
   if (controller_.phase() != Phase::kRecording) return;
-  carry_out(controller_.on_event(Input::kTrainEnded, "the daemon was asked to stop"));
+  execute(controller_.on_event(Input::kTrainEnded, "the daemon was asked to stop"));
 }
 
-bool NodeProtocol::may_end(MonotonicInstant now) const {
-  return controller_.phase() != Phase::kDraining || now >= end_by_;
+bool NodeProtocol::may_shut_down(MonotonicInstant now) const {
+  return controller_.phase() != Phase::kDraining || now >= shutdown_deadline_;
 }
 
 }  // namespace v3d

@@ -1,6 +1,6 @@
-// The node's side of the control protocol without network, clock and threads: the state machine,
-// what it makes the node's work do, and when it lets go, rejoins or reports. Time is an argument,
-// so the daemons (node_loop.h) and the simulator (tests/simulation) run the same code.
+// The control protocol of a node, without network, clock and threads: runs the Controller, calls
+// the NodeDelegate, and decides about timeouts, rejoining and health messages. Time is an argument,
+// so that the daemons (node_loop.h) and the simulator (tests/simulation) run the same code.
 #pragma once
 
 #include <functional>
@@ -17,66 +17,65 @@ namespace v3d {
 /// One thread.
 class NodeProtocol {
  public:
-  /// The longest time between two calls of poll(), at work and when nothing goes on.
-  static constexpr Duration kTurn = std::chrono::milliseconds(20);
-  static constexpr Duration kIdleTurn = std::chrono::milliseconds(200);
-  static constexpr Duration kHealthEvery = std::chrono::seconds(1);
-  /// A node that is ready and not confirmed for so long lets go: whoever asked is gone, or would
-  /// not wait for the slowest node either.
-  static constexpr Duration kConfirmWithin = std::chrono::seconds(60);
-  /// A node that is asked to end drains its take for at most so long.
-  static constexpr Duration kLastDrain = std::chrono::seconds(5);
+  /// Longest time between two calls of poll(): at work, and when idle or in fault.
+  static constexpr Duration kPollPeriod = std::chrono::milliseconds(20);
+  static constexpr Duration kIdlePollPeriod = std::chrono::milliseconds(200);
+  static constexpr Duration kHealthPeriod = std::chrono::seconds(1);
+  /// A prepared node becomes idle after this time without a commit: its operator has failed, or
+  /// some node was too slow.
+  static constexpr Duration kCommitTimeout = std::chrono::seconds(60);
+  /// Longest drain when the daemon shuts down.
+  static constexpr Duration kShutdownDrain = std::chrono::seconds(5);
 
-  /// Publishes a reply; the receiver of the call fills in the time.
+  /// Publishes a reply. The callee sets `sent`.
   using Reply = std::function<void(ReplyMessage reply)>;
 
-  /// `work` outlives the protocol; `now`: when the node begins.
-  NodeProtocol(std::string node, NodeDelegate& work, Reply reply, MonotonicInstant now);
+  /// `delegate` must outlive this object. `now`: the time of the first health message.
+  NodeProtocol(std::string node, NodeDelegate& delegate, Reply reply, MonotonicInstant now);
 
-  /// A take that the node was at when it ended before (Controller::remember).
+  /// See Controller::remember().
   void remember(const std::string& take, const std::string& text, const std::string& detail) {
     controller_.remember(take, text, detail);
   }
 
-  /// A command that the CommandGate admitted.
+  /// Executes a command that the CommandGate admitted.
   void on_command(const CommandMessage& command);
-  /// What has happened since: to be called after each command, and at next_turn() at the latest.
-  /// `believes`: the node has a studio key, so what it hears of a running take can be trusted.
-  void poll(MonotonicInstant now, bool believes);
-  MonotonicInstant next_turn(MonotonicInstant now) const;
+  /// Handles reports of the delegate and timeouts. Call it after each command, and at next_poll().
+  /// `has_key`: messages are verified, so that the node may rejoin a take that other nodes report.
+  void poll(MonotonicInstant now, bool has_key);
+  MonotonicInstant next_poll(MonotonicInstant now) const;
 
-  /// Once a second, and at once when the phase has changed: other nodes act upon it.
+  /// Every kHealthPeriod, and at once after a change of phase, because other nodes react to it.
   bool is_health_due(MonotonicInstant now) const;
-  /// Node, state, take, and what the work has to report. `program`, `version` and time are the
-  /// caller's.
+  /// The next health message. The caller sets `program`, `version` and `sent`.
   HealthMessage health(MonotonicInstant now);
 
-  /// The daemon is asked to end: a running take is drained. Poll until may_end().
-  void begin_to_end(MonotonicInstant now);
-  bool may_end(MonotonicInstant now) const;
+  /// Starts to drain a running take. Call poll() until may_shut_down().
+  void begin_shutdown(MonotonicInstant now);
+  bool may_shut_down(MonotonicInstant now) const;
 
   Phase phase() const { return controller_.phase(); }
   const CommandMessage& order() const { return controller_.order(); }
 
  private:
-  std::optional<NodeReport> poll_work();
+  std::optional<NodeReport> poll_delegate();
   std::optional<NodeReport> on_poll_error(const std::string& error);
-  void carry_out(const Controller::Step& step);
-  void begin(Work work);
+  void execute(const Controller::Step& step);
+  void perform(Work work);
   void publish(const std::vector<ReplyMessage>& replies) const;
-  void let_go_what_nobody_confirms(MonotonicInstant now);
+  void expire_uncommitted(MonotonicInstant now);
   void rejoin_running_take();
 
   const std::string node_;
-  NodeDelegate& work_;
+  NodeDelegate& delegate_;
   const Reply reply_;
   Controller controller_;
   int64_t health_seq_ = 0;
-  Phase told_phase_ = Phase::kIdle;  ///< by the last health message
+  Phase reported_phase_ = Phase::kIdle;  ///< in the last health message
   MonotonicInstant next_health_;
-  MonotonicInstant ready_since_;  ///< prepared and not committed
-  MonotonicInstant end_by_;
-  std::string poll_error_;  ///< that was logged last
+  MonotonicInstant prepared_since_;  ///< without a commit
+  MonotonicInstant shutdown_deadline_;
+  std::string poll_error_;  ///< last logged error of poll()
 };
 
 }  // namespace v3d

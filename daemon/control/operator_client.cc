@@ -17,15 +17,15 @@ namespace v3d {
 namespace {
 
 constexpr size_t kQueue = 256;
-constexpr Duration kReadAgainAfter = std::chrono::seconds(1);
+constexpr Duration kReloadPeriod = std::chrono::seconds(1);
 
 std::string user_name() {
   const passwd* user = getpwuid(geteuid());
   return user != nullptr ? user->pw_name : std::to_string(geteuid());
 }
 
-/// Whom a person would name, and what is unique: two tools may run at once, and process numbers
-/// come back.
+/// "anna@desk/4711/1763...": user, host, process and time. The time makes it unique, because
+/// process numbers are reused.
 std::string make_sender() {
   char host[HOST_NAME_MAX + 1] = {};
   gethostname(host, HOST_NAME_MAX);
@@ -33,11 +33,11 @@ std::string make_sender() {
          std::to_string(to_ns(Realtime::now()));
 }
 
-/// Begins the text of health that carries no seal: it may be anybody's.
-constexpr char kNotBelieved[] = "not believed: ";
+/// Prefix of the text of unverified health.
+constexpr char kUnverifiedPrefix[] = "not believed: ";
 
-/// Health as an operator may see it. A node without a key cannot seal that it has none: such health
-/// shows as a fault, and only of nodes that are not heard otherwise.
+/// Decodes health for an operator. A node without a key cannot authenticate the report that it has
+/// none. Its health is shown as a fault, unless verified health of this node arrived recently.
 class HealthReader {
  public:
   std::optional<HealthMessage> operator()(const ReceivedMessage& in) {
@@ -45,11 +45,11 @@ class HealthReader {
     if (!health) return std::nullopt;
     const MonotonicInstant now = Monotonic::now();
     if (in.is_accepted) {
-      if (heard_.size() < kMaxNodes) heard_[health->node] = now;
+      if (verified_.size() < kMaxNodes) verified_[health->node] = now;
       return health;
     }
-    const auto known = heard_.find(health->node);
-    if (known != heard_.end() && now - known->second < kForgotten) return std::nullopt;
+    const auto known = verified_.find(health->node);
+    if (known != verified_.end() && now - known->second < kVerifiedLasts) return std::nullopt;
     return HealthMessage{
         .sent = health->sent,
         .seq = health->seq,
@@ -58,18 +58,18 @@ class HealthReader {
         .version = health->version,
         .state = NodeState::kFault,
         .take = {},
-        .text = kNotBelieved + (health->text.empty() ? "not sealed" : health->text),
+        .text = kUnverifiedPrefix + (health->text.empty() ? "not authenticated" : health->text),
         .values = {}};
   }
 
  private:
-  static constexpr Duration kForgotten = std::chrono::seconds(3);
+  static constexpr Duration kVerifiedLasts = std::chrono::seconds(3);
   static constexpr size_t kMaxNodes = 256;
-  std::map<std::string, MonotonicInstant> heard_;  ///< sealed
+  std::map<std::string, MonotonicInstant> verified_;  ///< last verified health
 };
 
-/// What strangers may have written comes to the operator's screen.
-HealthMessage fit_for_screen(HealthMessage health) {
+/// Makes texts printable: an attacker may have written them.
+HealthMessage make_printable(HealthMessage health) {
   for (std::string* text :
        {&health.node, &health.program, &health.version, &health.take, &health.text}) {
     *text = printable(*text);
@@ -79,7 +79,7 @@ HealthMessage fit_for_screen(HealthMessage health) {
   health.values = std::move(values);
   return health;
 }
-EventMessage fit_for_screen(EventMessage event) {
+EventMessage make_printable(EventMessage event) {
   for (std::string* text : {&event.node, &event.subject, &event.text}) *text = printable(*text);
   return event;
 }
@@ -95,7 +95,9 @@ std::vector<std::string> commanded_nodes(const Studio& studio) {
   return nodes;
 }
 
-bool is_believed(const HealthMessage& health) { return !health.text.starts_with(kNotBelieved); }
+bool is_verified(const HealthMessage& health) {
+  return !health.text.starts_with(kUnverifiedPrefix);
+}
 
 class OperatorClient::Impl {
  public:
@@ -110,20 +112,20 @@ class OperatorClient::Impl {
                 Bus::Accept::kUnverifiedToo),
         events(bus, kEventChannel, kQueue) {}
 
-  /// The key is not needed to look on. Why there is none, or nothing.
+  /// Why there is no studio key; empty if there is one. Monitoring works without.
   std::string read_credentials() {
-    next_reading = Monotonic::now() + kReadAgainAfter;
+    next_reload = Monotonic::now() + kReloadPeriod;
     files.poll(Monotonic::now());
     return files.has_studio_key() ? "" : files.problem();
   }
 
-  /// The next message in `inbox`. Reads the key files again meanwhile: a key may be replaced.
+  /// Waits for the next message. Reloads the key files meanwhile, because keys may be replaced.
   template <class M>
-  std::optional<M> wait(Subscription<M>& inbox, MonotonicInstant deadline) {
+  std::optional<M> wait(Subscription<M>& subscription, MonotonicInstant deadline) {
     for (;;) {
-      if (Monotonic::now() >= next_reading) read_credentials();
-      const MonotonicInstant until = std::min(deadline, next_reading);
-      if (auto message = inbox.wait(until)) return message;
+      if (Monotonic::now() >= next_reload) read_credentials();
+      const MonotonicInstant until = std::min(deadline, next_reload);
+      if (auto message = subscription.wait(until)) return message;
       if (until == deadline) return std::nullopt;
     }
   }
@@ -132,7 +134,7 @@ class OperatorClient::Impl {
     return std::find(nodes.begin(), nodes.end(), name) != nodes.end();
   }
 
-  void begin_to_command() {
+  void start_commanding() {
     files.start_signing();
     read_credentials();
     if (const std::string obstacle = files.obstacle(); !obstacle.empty()) {
@@ -146,31 +148,32 @@ class OperatorClient::Impl {
   }
 
   void send(CommandMessage message) {
-    stamp.put_on(message, Realtime::now());
+    stamp.apply(message, Realtime::now());
     bus.publish_command(credentials.seal(encode(message), Monotonic::now()));
   }
 
   void remember(const HealthMessage& health) {
     if (!is_node(health.node)) return;
     last_health.erase(health.node);
-    unbelieved.erase(health.node);
-    (is_believed(health) ? last_health : unbelieved)[health.node] = health;
+    unverified.erase(health.node);
+    (is_verified(health) ? last_health : unverified)[health.node] = health;
   }
 
   std::optional<HealthMessage> next_health(MonotonicInstant deadline) {
     auto health = wait(healths, deadline);
     if (!health) return std::nullopt;
-    health = fit_for_screen(std::move(*health));
+    health = make_printable(std::move(*health));
     remember(*health);
     return health;
   }
 
-  /// What a node said before it replied is in the queue by now: its messages come in their order.
+  /// Discards health that nodes sent before their replies. It is in the queue by now, because the
+  /// messages of a node arrive in order.
   void forget_health() {
     while (healths.wait(Monotonic::now())) {
     }
     last_health.clear();
-    unbelieved.clear();
+    unverified.clear();
   }
 
   const std::vector<std::string> nodes;
@@ -179,13 +182,13 @@ class OperatorClient::Impl {
   int64_t counter = 0;
   NodeNonces nonces;
   std::map<std::string, HealthMessage> last_health;
-  std::map<std::string, HealthMessage> unbelieved;
+  std::map<std::string, HealthMessage> unverified;
   Bus bus;
   Credentials credentials;
   CredentialFiles files;
-  MonotonicInstant next_reading;
+  MonotonicInstant next_reload;
   const std::string not_verified;
-  std::unique_ptr<Subscription<ReplyMessage>> replies;  ///< once there is a key
+  std::unique_ptr<Subscription<ReplyMessage>> replies;  ///< null until the first command
   Subscription<HealthMessage> healths;
   Subscription<EventMessage> events;
   std::unique_ptr<Subscription<MeshMessage>> meshes;
@@ -200,30 +203,30 @@ const std::vector<std::string>& OperatorClient::nodes() const { return impl_->no
 const std::string& OperatorClient::not_verified() const { return impl_->not_verified; }
 
 Answer OperatorClient::command(CommandMessage command, MonotonicInstant deadline,
-                               const std::function<void(const ReplyMessage&)>& heard) {
-  impl_->begin_to_command();
-  StudioCoordinator conversation(std::move(command), impl_->counter, {impl_->nodes, impl_->trigger},
-                                 deadline, impl_->nonces);
-  while (!conversation.over()) {
-    if (const auto message = conversation.poll(Monotonic::now())) impl_->send(*message);
-    auto reply = impl_->wait(*impl_->replies, conversation.next_due());
+                               const std::function<void(const ReplyMessage&)>& on_reply) {
+  impl_->start_commanding();
+  StudioCoordinator coordinator(std::move(command), impl_->counter, {impl_->nodes, impl_->trigger},
+                                deadline, impl_->nonces);
+  while (!coordinator.is_finished()) {
+    if (const auto message = coordinator.poll(Monotonic::now())) impl_->send(*message);
+    auto reply = impl_->wait(*impl_->replies, coordinator.next_due());
     if (!reply || reply->command_sender != impl_->stamp.sender()) continue;
     reply->text = printable(reply->text);
-    if (conversation.hear(*reply) && heard) heard(*reply);
+    if (coordinator.on_reply(*reply) && on_reply) on_reply(*reply);
   }
-  impl_->counter = conversation.counter();
-  impl_->nonces = conversation.nonces();
+  impl_->counter = coordinator.counter();
+  impl_->nonces = coordinator.nonces();
   impl_->forget_health();
-  return conversation.answer();
+  return coordinator.answer();
 }
 
 std::map<std::string, HealthMessage> OperatorClient::health(MonotonicInstant deadline) {
-  // What is queued already is taken without waiting, so that the result is the newest.
+  // Take queued messages without waiting, so that the result is the newest.
   while (impl_->next_health(impl_->last_health.size() < impl_->nodes.size() ? deadline
                                                                             : Monotonic::now())) {
   }
   std::map<std::string, HealthMessage> all = impl_->last_health;
-  all.insert(impl_->unbelieved.begin(), impl_->unbelieved.end());
+  all.insert(impl_->unverified.begin(), impl_->unverified.end());
   return all;
 }
 
@@ -233,7 +236,7 @@ std::optional<HealthMessage> OperatorClient::next_health(MonotonicInstant deadli
 
 std::optional<EventMessage> OperatorClient::next_event(MonotonicInstant deadline) {
   auto event = impl_->wait(impl_->events, deadline);
-  if (event) event = fit_for_screen(std::move(*event));
+  if (event) event = make_printable(std::move(*event));
   return event;
 }
 

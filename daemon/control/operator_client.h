@@ -1,4 +1,5 @@
-// The operator's end of the bus: commands to every node of a studio, their replies, their health.
+// The operator's connection to a studio: sends commands, receives replies, health and live
+// messages.
 #pragma once
 
 #include <functional>
@@ -15,54 +16,52 @@
 
 namespace v3d {
 
-/// The nodes that answer commands, in the order of the file: those with a camera or the trigger (a
-/// v3d-captured each), and the nodes of the reconstruction (v3d-recond).
+/// The nodes that execute commands, in the order of the studio file: capture nodes, which have a
+/// camera or the trigger, and reconstruction nodes.
 std::vector<std::string> commanded_nodes(const Studio& studio);
 
-/// False of health that carries no seal of the key here: its node has none or another, or somebody
-/// else said it. It shows as a fault.
-bool is_believed(const HealthMessage& health);
+/// False for health whose MAC or signature could not be verified: its node has no key or another
+/// one, or an attacker sent it. It is shown as a fault.
+bool is_verified(const HealthMessage& health);
 
-/// One per process; one thread calls.
+/// One thread. Use one client per process: each has its own sender name and counters.
 class OperatorClient {
  public:
-  /// Joins the studio's network. Throws InputError when that is not possible.
+  /// Joins the studio's network. Throws InputError if that fails.
   explicit OperatorClient(const Studio& studio);
   ~OperatorClient();
   OperatorClient(const OperatorClient&) = delete;
   OperatorClient& operator=(const OperatorClient&) = delete;
 
   const std::vector<std::string>& nodes() const;
-  /// Why what is shown here is taken for what it says, seal or not: there is no studio key. Empty
-  /// when only what is sealed is shown.
+  /// Why messages are accepted unverified: there is no studio key. Empty if they are verified.
   const std::string& not_verified() const;
 
-  /// Carries an order out as Conversation tells, with the MAC of the studio key or the operator's
-  /// signature (Credentials), until every node has replied finally, or until `deadline`; what has
-  /// to be taken back then takes a little longer. `heard` is called for every new reply, pending
-  /// ones included; replies that are not authentic are ignored. Throws InputError when there is no
-  /// studio key, or this PC's operator key is no operator's of the member list.
+  /// Executes an order with a StudioCoordinator until every node has sent a final reply, or until
+  /// `deadline`. Taking back takes up to StudioCoordinator::kTakeBackTimeout longer. Commands carry
+  /// the MAC of the studio key or the operator's signature (Credentials). `on_reply` is called for
+  /// every new reply, also pending ones; replies that are not authentic are ignored. Throws
+  /// InputError if there is no studio key, or if the operator key of this PC is not an operator's
+  /// in the member list.
   Answer command(CommandMessage command, MonotonicInstant deadline,
-                 const std::function<void(const ReplyMessage&)>& heard = {});
+                 const std::function<void(const ReplyMessage&)>& on_reply = {});
 
-  /// The last health of every node heard since this client began or its last command was answered
-  /// (never what was so before the command), waiting until each of nodes() has been heard or until
-  /// `deadline`. A node that is missing in the result is silent. One whose health carries no seal
-  /// has a fault, and the text begins with "not believed".
+  /// The last health of each node since construction or the end of the last command. Waits until
+  /// each of nodes() has sent one, or until `deadline`. A node that is missing in the result is
+  /// silent. Unverified health shows a fault, with a text that begins with "not believed".
   std::map<std::string, HealthMessage> health(MonotonicInstant deadline);
 
-  /// The next health message or event of any node; empty when none came until `deadline`.
+  /// The next health message or event of any node; empty if none arrives until `deadline`.
   std::optional<HealthMessage> next_health(MonotonicInstant deadline);
   std::optional<EventMessage> next_event(MonotonicInstant deadline);
 
-  /// Meshes as they pass, for `v3dctl watch`. Empty when none came until `deadline`.
+  /// The next live mesh. Empty if none arrives until `deadline`. The first call subscribes.
   std::optional<MeshMessage> next_mesh(MonotonicInstant deadline);
 
-  /// Pulses as they pass; the first call begins to listen. Empty when none came until `deadline`.
+  /// The next pulse. Empty if none arrives until `deadline`. The first call subscribes.
   std::optional<PulseMessage> next_pulse(MonotonicInstant deadline);
 
-  /// Small pictures as they pass; the first call begins to listen. Empty when none came until
-  /// `deadline`.
+  /// The next preview image. Empty if none arrives until `deadline`. The first call subscribes.
   std::optional<PreviewMessage> next_preview(MonotonicInstant deadline);
 
  private:

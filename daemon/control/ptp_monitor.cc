@@ -58,12 +58,12 @@ std::optional<PtpStatus> parse_ptp_reply(std::span<const uint8_t> reply, uint16_
 }
 
 PtpMonitor::PtpMonitor(std::filesystem::path root) : root_(std::move(root)), ptp4l_(AF_UNIX) {
-  // A name of its own, given by the kernel, where ptp4l answers; nothing is left in a folder.
-  sockaddr_un here{};
-  here.sun_family = AF_UNIX;
+  // The kernel assigns an abstract address for the replies, so no file remains.
+  sockaddr_un own{};
+  own.sun_family = AF_UNIX;
   static_cast<void>(
-      bind(ptp4l_.socket_fd(), reinterpret_cast<const sockaddr*>(&here), sizeof here.sun_family));
-  ask();
+      bind(ptp4l_.socket_fd(), reinterpret_cast<const sockaddr*>(&own), sizeof own.sun_family));
+  send_request();
 }
 
 bool PtpMonitor::send_to(const std::filesystem::path& socket,
@@ -76,19 +76,19 @@ bool PtpMonitor::send_to(const std::filesystem::path& socket,
                 reinterpret_cast<const sockaddr*>(&there), sizeof there) > 0;
 }
 
-void PtpMonitor::ask() {
+void PtpMonitor::send_request() {
   const std::vector<uint8_t> request = ptp_request(++sequence_);
-  asked_ = send_to(root_ / "run/ptp4lro", request) || send_to(root_ / "run/ptp4l", request);
+  is_sent_ = send_to(root_ / "run/ptp4lro", request) || send_to(root_ / "run/ptp4l", request);
 }
 
-void PtpMonitor::wait(std::chrono::milliseconds most) const {
-  if (asked_) ptp4l_.wait(most);
+void PtpMonitor::wait(std::chrono::milliseconds timeout) const {
+  if (is_sent_) ptp4l_.wait(timeout);
 }
 
 void PtpMonitor::report(std::map<std::string, double>& values) {
-  const std::optional<PtpStatus>& known = ptp4l_.hear(
+  const std::optional<PtpStatus>& known = ptp4l_.receive(
       [&](std::span<const uint8_t> reply) { return parse_ptp_reply(reply, sequence_); });
-  ask();
+  send_request();
   if (!known) return;
   values["ptp_steps_removed"] = known->steps_removed;
   if (known->steps_removed > 0) values["ptp_offset_us"] = 1e6 * known->offset_s;

@@ -1,4 +1,4 @@
-// How far the clock that ptp4l holds on this machine is from its PTP master.
+// Client of ptp4l: the offset of this machine's PTP clock from its master.
 #pragma once
 
 #include <chrono>
@@ -14,41 +14,41 @@
 
 namespace v3d {
 
-/// IEEE 1588's CURRENT_DATA_SET, as far as it matters here.
+/// Part of CURRENT_DATA_SET. Source: IEEE 1588-2008, clause 15.
 struct PtpStatus {
-  int steps_removed = 0;  ///< hops to the grandmaster; 0: this clock is it, or has found none
-  double offset_s = 0;    ///< the clock minus its master's
+  int steps_removed = 0;  ///< hops to the grandmaster; 0: this is the grandmaster, or there is none
+  double offset_s = 0;    ///< this clock minus the master
 };
 
-/// A management message that asks for it. `sequence` comes back in the reply.
+/// A management message that requests it. The reply repeats `sequence`.
 std::vector<uint8_t> ptp_request(uint16_t sequence);
-/// Bytes are hostile: anything but the reply to that request gives nothing.
+/// Empty for anything but the reply to the request with `sequence`. Safe for hostile input.
 std::optional<PtpStatus> parse_ptp_reply(std::span<const uint8_t> reply, uint16_t sequence);
 
-/// Asks ptp4l over its socket in /run (ptp4lro, which newer ones open to everybody, or ptp4l, whose
-/// owner decides). What ptp4l holds is the system's clock where it stamps packets in software; else
-/// it is that of the network card, which phc2sys carries on to the system's. One thread, never
-/// waits: a question is answered at the next call.
+/// Queries ptp4l over its socket in /run: ptp4lro, which newer versions open to all users, or
+/// ptp4l, which is restricted to its owner. With software time stamps this clock is the system
+/// clock; otherwise it is that of the network card, to which phc2sys synchronises the system clock.
+/// One thread. report() does not wait: it evaluates the reply to the request of the previous call.
 class PtpMonitor {
  public:
-  /// `root`: where run/ is.
+  /// `root`: the folder that contains run/.
   explicit PtpMonitor(std::filesystem::path root = "/");
 
-  /// Until ptp4l has answered, but no longer than `most`. For those who look once.
-  void wait(std::chrono::milliseconds most) const;
-  /// Adds, while ptp4l answers:
+  /// Waits for a reply, at most `timeout`. For callers that report() once.
+  void wait(std::chrono::milliseconds timeout) const;
+  /// Adds, while ptp4l replies:
   ///   ptp_steps_removed  hops to the grandmaster
-  ///   ptp_offset_us      where there are any
+  ///   ptp_offset_us      if steps_removed > 0
   void report(std::map<std::string, double>& values);
 
  private:
-  void ask();
+  void send_request();
   bool send_to(const std::filesystem::path& socket, std::span<const uint8_t> request) const;
 
   const std::filesystem::path root_;
   DatagramClient<PtpStatus> ptp4l_;
   uint16_t sequence_ = 0;
-  bool asked_ = false;
+  bool is_sent_ = false;  ///< the last request
 };
 
 }  // namespace v3d

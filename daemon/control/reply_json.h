@@ -1,4 +1,4 @@
-// JSON for the details of replies, and for lists of takes. The adapter of nlohmann::json.
+// JSON of reply details and take lists. Confines nlohmann::json to one source file.
 #pragma once
 
 #include <map>
@@ -10,16 +10,17 @@
 
 namespace v3d {
 
-/// The keys of `v3dctl verify --json`: take, complete, pulses {commanded, sensed (null without a
-/// sense line), unsensed [..], extra, runt [..]}, cameras [...].
+/// A ledger with the keys of `v3dctl verify --json`: take, complete, pulses {commanded, sensed
+/// (null without a sense line), unsensed [..], extra, runt [..]}, cameras [...].
 std::string ledger_json(const Ledger& ledger);
-/// What `v3dctl takes --json` prints and v3d-viewd serves: {"takes": [{name, studio, started_ns,
-/// state, verified, rate_hz, pulses, seconds, bytes, mesh_bytes, cameras, meshes, slate {scene,
-/// take, note, mark}}]}. Text that is not UTF-8 is mended. `indent` as that of nlohmann's dump().
+/// The list that `v3dctl takes --json` prints and v3d-viewd serves: {"takes": [{name, studio,
+/// started_ns, state, verified, rate_hz, pulses, seconds, bytes, mesh_bytes, cameras, meshes, slate
+/// {scene, take, note, mark}}]}. Bytes that are not UTF-8 are replaced. `indent`: see
+/// nlohmann::json::dump().
 std::string takes_json(const std::vector<TakeListing>& takes, int indent = -1);
 std::string numbers_json(const std::map<std::string, double>& values);
-/// The account of a reconstruction: its numbers, and where several nodes share the take, the pulses
-/// without a mesh: `without_mesh` [..].
+/// The result of a reconstruction node in a shared take: its numbers, and the pulses without a mesh
+/// as `without_mesh` [..].
 std::string recon_json(const std::map<std::string, double>& values,
                        const std::vector<int64_t>& without_mesh);
 

@@ -1,14 +1,14 @@
-#include "daemon/control/studio_coordinator.h"
-
 #include <algorithm>
 #include <utility>
+
+#include "daemon/control/studio_coordinator.h"
 
 namespace v3d {
 namespace {
 
 using Outcome = ReplyMessage::Outcome;
 
-/// What `v3dctl background` arms.
+/// The take name of `v3dctl background`.
 constexpr char kBackgroundTake[] = "background";
 
 }  // namespace
@@ -19,57 +19,57 @@ bool Answer::done() const {
          });
 }
 
-void CommandStamp::put_on(CommandMessage& message, RealtimeInstant now) {
+void CommandStamp::apply(CommandMessage& message, RealtimeInstant now) {
   last_ = std::max(now, last_ + std::chrono::microseconds(1));
   message.sender = sender_;
   message.sent = last_;
 }
 
-StudioCoordinator::StudioCoordinator(CommandMessage order, int64_t counter, Commanded studio,
+StudioCoordinator::StudioCoordinator(CommandMessage order, int64_t counter, CommandTargets targets,
                                      MonotonicInstant deadline, NodeNonces nonces)
     : order_(std::move(order)),
       counter_(counter),
-      studio_(std::move(studio)),
+      targets_(std::move(targets)),
       deadline_(deadline),
       nonces_(std::move(nonces)) {
   if (order_.verb == CommandVerb::kBackground) order_.take = kBackgroundTake;
   plan();
-  begin_round();
+  begin_command();
 }
 
 // --- the rounds ---------------------------------------------------------------------------------
 
-bool StudioCoordinator::orders() const { return is_order(order_.verb); }
+bool StudioCoordinator::is_arming() const { return is_order(order_.verb); }
 
 std::vector<std::string> StudioCoordinator::others() const {
-  std::vector<std::string> others = studio_.nodes;
-  std::erase(others, studio_.trigger);
+  std::vector<std::string> others = targets_.nodes;
+  std::erase(others, targets_.trigger);
   return others;
 }
 
 void StudioCoordinator::plan() {
-  const std::vector<std::string> trigger = {studio_.trigger};
+  const std::vector<std::string> trigger = {targets_.trigger};
   if (order_.verb == CommandVerb::kStart) return plan_start();
   rounds_.push_back({.verb = order_.verb,
                      .nodes = trigger,
                      .accepted_is_enough = true,
-                     .patience = orders() ? Duration::zero() : kTriggerFirst});
-  rounds_.push_back({.verb = order_.verb, .nodes = studio_.nodes});
-  if (!orders()) return;
-  rounds_.push_back({.verb = CommandVerb::kCommit, .nodes = studio_.nodes});
+                     .timeout = is_arming() ? Duration::zero() : kTriggerTimeout});
+  rounds_.push_back({.verb = order_.verb, .nodes = targets_.nodes});
+  if (!is_arming()) return;
+  rounds_.push_back({.verb = CommandVerb::kCommit, .nodes = targets_.nodes});
   if (order_.verb != CommandVerb::kBackground) return;
   plan_start();
-  rounds_.push_back({.verb = CommandVerb::kStop, .nodes = studio_.nodes});
+  rounds_.push_back({.verb = CommandVerb::kStop, .nodes = targets_.nodes});
 }
 
 void StudioCoordinator::plan_start() {
   if (!others().empty()) rounds_.push_back({.verb = CommandVerb::kStart, .nodes = others()});
-  rounds_.push_back({.verb = CommandVerb::kStart, .nodes = {studio_.trigger}});
+  rounds_.push_back({.verb = CommandVerb::kStart, .nodes = {targets_.trigger}});
 }
 
-void StudioCoordinator::begin_round() {
+void StudioCoordinator::begin_command() {
   ++counter_;
-  said_.clear();
+  replies_.clear();
   round_began_.reset();
   next_due_ = MonotonicInstant();
 }
@@ -81,22 +81,22 @@ void StudioCoordinator::next_round() {
   next_due_ = MonotonicInstant();
   if (rounds_.empty()) return;
   // The same command goes to more nodes, or another one follows.
-  if (rounds_.front().verb != verb) return begin_round();
-  // There are no more where the studio has one node.
-  if (is_settled()) end_of_round();
+  if (rounds_.front().verb != verb) return begin_command();
+  // With one node, the next round has no other nodes to ask.
+  if (have_all_replied()) end_of_round();
 }
 
 std::optional<CommandMessage> StudioCoordinator::poll(MonotonicInstant now) {
-  if (over()) return std::nullopt;
+  if (is_finished()) return std::nullopt;
   if (!round_began_) round_began_ = now;
-  const MonotonicInstant end = deadline_ + (taking_back_ ? kTakeBackWithin : Duration::zero());
-  const Duration patience = rounds_.front().patience;
+  const MonotonicInstant end = deadline_ + (taking_back_ ? kTakeBackTimeout : Duration::zero());
+  const Duration timeout = rounds_.front().timeout;
   if (now >= end) {
     fail();
-  } else if (patience > Duration::zero() && now - *round_began_ > patience) {
+  } else if (timeout > Duration::zero() && now - *round_began_ > timeout) {
     next_round();
   }
-  if (over()) return std::nullopt;
+  if (is_finished()) return std::nullopt;
   if (now < next_due_) return std::nullopt;
   if (!round_began_) round_began_ = now;
   next_due_ = now + kRepeatAfter;
@@ -107,25 +107,25 @@ std::optional<CommandMessage> StudioCoordinator::poll(MonotonicInstant now) {
   message.to.clear();
   message.nonces.clear();
   for (const std::string& node : rounds_.front().nodes) {
-    if (is_settled(node)) continue;
+    if (has_replied(node)) continue;
     message.to.push_back(node);
     message.nonces.push_back(nonce_of(node));
   }
   return message;
 }
 
-// --- what the nodes say -------------------------------------------------------------------------
+// --- replies ------------------------------------------------------------------------------------
 
 int64_t StudioCoordinator::nonce_of(const std::string& node) const {
   const auto known = nonces_.find(node);
   return known == nonces_.end() ? 0 : known->second.value;
 }
 
-/// Learns from the first reply to each message, so replies that are repeated or late bring no old
-/// nonce back. Sends a command again at once when the node rejected the nonce that it held: at most
+/// Uses only the first reply to each message, so that repeated or late replies bring no old nonce
+/// back. When the node rejected the nonce of a command, the command is due again at once: at most
 /// once for each message.
 void StudioCoordinator::learn_nonce(const ReplyMessage& reply) {
-  const auto& nodes = studio_.nodes;
+  const auto& nodes = targets_.nodes;
   if (std::find(nodes.begin(), nodes.end(), reply.node) == nodes.end()) return;
   NodeNonce& known = nonces_[reply.node];
   if (reply.command_sent <= known.command_sent) return;
@@ -135,83 +135,85 @@ void StudioCoordinator::learn_nonce(const ReplyMessage& reply) {
   known = {.value = reply.nonce, .command_sent = reply.command_sent};
 }
 
-bool StudioCoordinator::hear(const ReplyMessage& reply) {
+bool StudioCoordinator::on_reply(const ReplyMessage& reply) {
   learn_nonce(reply);
   if (reply.outcome == Outcome::kNonceMissing) return false;
-  if (over() || reply.command_counter != counter_) return false;
+  if (is_finished() || reply.command_counter != counter_) return false;
   const auto& nodes = rounds_.front().nodes;
   if (std::find(nodes.begin(), nodes.end(), reply.node) == nodes.end()) return false;
-  const auto known = said_.find(reply.node);
-  if (known != said_.end()) {
+  const auto known = replies_.find(reply.node);
+  if (known != replies_.end()) {
     const ReplyMessage& last = known->second;
     const bool same = last.outcome == reply.outcome && last.text == reply.text;
     if (last.outcome != Outcome::kPending || same) return false;
   }
-  said_[reply.node] = reply;
-  if (is_settled()) end_of_round();
+  replies_[reply.node] = reply;
+  if (have_all_replied()) end_of_round();
   return true;
 }
 
-bool StudioCoordinator::is_settled(const std::string& node) const {
-  const auto found = said_.find(node);
-  if (found == said_.end()) return false;
+bool StudioCoordinator::has_replied(const std::string& node) const {
+  const auto found = replies_.find(node);
+  if (found == replies_.end()) return false;
   return found->second.outcome != Outcome::kPending || rounds_.front().accepted_is_enough;
 }
 
-bool StudioCoordinator::is_settled() const {
+bool StudioCoordinator::have_all_replied() const {
   const auto& nodes = rounds_.front().nodes;
   return std::all_of(nodes.begin(), nodes.end(),
-                     [&](const std::string& node) { return is_settled(node); });
+                     [&](const std::string& node) { return has_replied(node); });
 }
 
-bool StudioCoordinator::somebody_refused() const {
-  return std::any_of(said_.begin(), said_.end(),
+bool StudioCoordinator::any_refused() const {
+  return std::any_of(replies_.begin(), replies_.end(),
                      [](const auto& entry) { return entry.second.outcome == Outcome::kRefused; });
 }
 
-/// That a node agrees to the next step is no news: what it said to the order itself stays.
-void StudioCoordinator::keep_what_was_said() {
-  const bool step = orders() && rounds_.front().verb != order_.verb;
+/// Adds the replies of this round to the answer. A "done" of a later step, such as commit, does not
+/// replace the reply to the order itself.
+void StudioCoordinator::store_replies() {
+  const bool step = is_arming() && rounds_.front().verb != order_.verb;
   const bool result = step && rounds_.front().verb == CommandVerb::kStop;
-  for (const auto& [node, reply] : said_) {
+  for (const auto& [node, reply] : replies_) {
     if (step && !result && reply.outcome == Outcome::kDone) continue;
     answer_.replies[node] = reply;
   }
 }
 
-void StudioCoordinator::name_the_silent() {
+void StudioCoordinator::record_silent_nodes() {
   for (const std::string& node : rounds_.front().nodes) {
-    if (said_.contains(node)) continue;
+    if (replies_.contains(node)) continue;
     answer_.silent.push_back(node);
     answer_.replies.erase(node);
   }
 }
 
 void StudioCoordinator::end_of_round() {
-  if (taking_back_) return go_on_taking_back();
+  if (taking_back_) return continue_take_back();
   const bool ends = order_.verb == CommandVerb::kStop || order_.verb == CommandVerb::kAbort;
-  // A node that has nothing to stop is no reason not to stop the others.
-  if (somebody_refused() && !ends) return fail();
-  keep_what_was_said();
-  learn_take();
+  // A node that refuses a stop or abort does not prevent those of the other nodes.
+  if (any_refused() && !ends) return fail();
+  store_replies();
+  adopt_take();
   next_round();
 }
 
-/// From now on the order is about the take that the nodes are at. An abort is about any.
-void StudioCoordinator::learn_take() {
+/// Restricts an order without a take name to the take that the nodes reply. An abort applies to
+/// any.
+void StudioCoordinator::adopt_take() {
   if (!order_.take.empty() || order_.verb == CommandVerb::kAbort) return;
-  for (const auto& [node, reply] : said_) {
+  for (const auto& [node, reply] : replies_) {
     if (reply.outcome != Outcome::kRefused && !reply.take.empty()) order_.take = reply.take;
   }
 }
 
-// --- when it goes wrong -------------------------------------------------------------------------
+// --- taking back --------------------------------------------------------------------------------
 
-/// What cannot be armed or started everywhere is armed nowhere. What another operator has begun
-/// meanwhile stays (own_only), and so does a take that runs, or may run: its trigger's node says
-/// so. Nodes that record without pulses end by themselves when they hear that node at something
-/// else.
-void StudioCoordinator::plan_to_take_back() {
+/// A take that cannot be armed or started on all nodes is aborted on all. Exceptions: takes of
+/// other operators (own_only), and a take that runs or may run, as the trigger's node replies.
+/// Nodes that record without pulses end by themselves when the trigger's node reports another
+/// state.
+void StudioCoordinator::plan_take_back() {
   const auto round = [](std::vector<std::string> nodes) {
     return Round{
         .verb = CommandVerb::kAbort, .nodes = std::move(nodes), .accepted_is_enough = true};
@@ -220,32 +222,32 @@ void StudioCoordinator::plan_to_take_back() {
   const std::vector<std::string> asked = rounds_.front().nodes;
   rounds_.clear();
   if (order_.verb == CommandVerb::kStart) {
-    // Only its word ends the others: as long as it is silent, pulses may run.
-    rounds_.push_back(round({studio_.trigger}));
-    rounds_.push_back(round(studio_.nodes));
-  } else if (orders() && !first) {
-    rounds_.push_back(round(studio_.nodes));
-  } else if (orders() && !somebody_refused()) {
+    // The others are aborted only if the trigger's node replies: otherwise pulses may run.
+    rounds_.push_back(round({targets_.trigger}));
+    rounds_.push_back(round(targets_.nodes));
+  } else if (is_arming() && !first) {
+    rounds_.push_back(round(targets_.nodes));
+  } else if (is_arming() && !any_refused()) {
     rounds_.push_back(round(asked));
   }
 }
 
 void StudioCoordinator::fail() {
   if (taking_back_) return rounds_.clear();
-  keep_what_was_said();
-  name_the_silent();
-  learn_take();
-  plan_to_take_back();
-  if (over()) return;
+  store_replies();
+  record_silent_nodes();
+  adopt_take();
+  plan_take_back();
+  if (is_finished()) return;
   taking_back_ = true;
   own_only_ = true;
-  begin_round();
+  begin_command();
 }
 
-/// A start that is taken back: the trigger's node has said whether the take runs all the same. When
-/// it is off there, nobody can start it any more, and it must end everywhere.
-void StudioCoordinator::go_on_taking_back() {
-  if (rounds_.size() == 1 || somebody_refused() || order_.take.empty()) return rounds_.clear();
+/// After the first round of taking back a start, the trigger's node has replied whether the take
+/// runs. If it does not run there, no operator can start it any more, so it must end on all nodes.
+void StudioCoordinator::continue_take_back() {
+  if (rounds_.size() == 1 || any_refused() || order_.take.empty()) return rounds_.clear();
   own_only_ = false;
   next_round();
 }

@@ -1,5 +1,5 @@
-// How an operator brings all nodes of a studio into one state, over a network that loses, repeats
-// and reorders: what is to be sent when, and what the answers mean. Pure: time is an argument.
+// The operator's side of the control protocol: brings all nodes of a studio into one state, over a
+// network that loses, repeats and reorders messages. Pure: time is an argument.
 #pragma once
 
 #include <deque>
@@ -14,22 +14,22 @@
 
 namespace v3d {
 
-/// What the nodes said to one command.
+/// The replies of the nodes to one order.
 struct Answer {
-  std::map<std::string, ReplyMessage> replies;  ///< the last of each node: final, or still pending
-  std::vector<std::string> silent;              ///< nodes that were asked and did not answer
+  std::map<std::string, ReplyMessage> replies;  ///< the last one by node: final or pending
+  std::vector<std::string> silent;              ///< nodes that did not reply
 
   /// Every node replied "done".
   bool done() const;
 };
 
-/// Sender and time of an operator's messages. Nodes take each message of a sender that is not later
-/// than the one before for a replay, so time rises whatever the clock does. Pure. One thread.
+/// Sets sender and time of an operator's messages. Nodes reject a message that is not later than
+/// the last one of its sender, so the times ascend even when the clock is set back. One thread.
 class CommandStamp {
  public:
-  /// `sender`: unique per run of the tool that sends.
+  /// `sender`: unique for each process that sends.
   explicit CommandStamp(std::string sender) : sender_(std::move(sender)) {}
-  void put_on(CommandMessage& message, RealtimeInstant now);
+  void apply(CommandMessage& message, RealtimeInstant now);
   const std::string& sender() const { return sender_; }
 
  private:
@@ -42,88 +42,89 @@ struct NodeNonce {
   int64_t value = 0;
   RealtimeInstant command_sent = RealtimeInstant::min();  ///< of the command whose reply held it
 };
-using NodeNonces = std::map<std::string, NodeNonce>;  ///< by the name of the node
+using NodeNonces = std::map<std::string, NodeNonce>;  ///< by node
 
-/// The nodes that commands go to.
-struct Commanded {
+/// The nodes that receive commands.
+struct CommandTargets {
   std::vector<std::string> nodes;
-  std::string trigger;  ///< one of them
+  std::string trigger;  ///< the node with the trigger, one of `nodes`
 };
 
-/// One order of an operator, in rounds. Every message is sent again until the nodes of its round
-/// have answered. The trigger's node, which alone makes pulses, is the one that decides when two
-/// operators want different things: it is the first to be asked to arm, to stop and to abort, and
-/// the last to start.
-///   arm:         arm at the trigger's node; arm everywhere, until every node is ready; commit
-///   background:  the same, then start as below, then the result of every node
-///   start:       everywhere but at the trigger's node; there
-///   stop, abort: at the trigger's node; everywhere
-/// When a node refuses or is silent, what was armed or started for this order is taken back; a
-/// start only when the trigger's node has said that no pulses run.
+/// Executes one order of an operator, in rounds. Each round sends one command to some nodes, and
+/// repeats it until they have replied. The trigger's node makes the pulses, so it decides between
+/// operators: it is the first to arm, stop and abort, and the last to start.
+///   arm, check:  arm the trigger's node; arm all, until all are ready; commit all
+///   background:  as arm; start as below; stop all, which waits for the results
+///   start:       start all other nodes; start the trigger's node
+///   stop, abort: the trigger's node, for at most kTriggerTimeout; all nodes
+/// When a node refuses or is silent, the order is taken back: what it armed or started is aborted.
+/// A start is taken back on other nodes only when the trigger's node has replied that no pulses
+/// run. One thread.
 class StudioCoordinator {
  public:
-  /// A message is repeated after this.
+  /// Time between repetitions of a message.
   static constexpr Duration kRepeatAfter = std::chrono::milliseconds(200);
-  /// Stop and abort wait so long for the trigger's node, then turn to all.
-  static constexpr Duration kTriggerFirst = std::chrono::seconds(1);
-  /// So long it is tried to take back, after the deadline.
-  static constexpr Duration kTakeBackWithin = std::chrono::seconds(3);
+  /// How long stop and abort wait for the trigger's node before they address all nodes.
+  static constexpr Duration kTriggerTimeout = std::chrono::seconds(1);
+  /// Time to take an order back, after the deadline.
+  static constexpr Duration kTakeBackTimeout = std::chrono::seconds(3);
 
-  /// `order`: verb, take and details; `counter`: that of the operator's last command; `nonces`: as
-  /// far as they are known, from the conversation before.
-  StudioCoordinator(CommandMessage order, int64_t counter, Commanded studio,
+  /// `order`: verb, take and details. `counter` and `nonces`: those of the operator's previous
+  /// coordinator.
+  StudioCoordinator(CommandMessage order, int64_t counter, CommandTargets targets,
                     MonotonicInstant deadline, NodeNonces nonces = {});
 
-  /// What is to be sent at `now`; empty when nothing is due. Sender and time are the caller's.
+  /// The message to send at `now`; empty when none is due. The caller applies a CommandStamp.
   std::optional<CommandMessage> poll(MonotonicInstant now);
-  /// When poll() has something to do next.
+  /// The time of the next poll().
   MonotonicInstant next_due() const { return next_due_; }
-  /// True when the reply says something new. The caller has looked for whom it is.
-  bool hear(const ReplyMessage& reply);
+  /// Returns true if the reply brings a new outcome or text. The caller passes only replies to its
+  /// own commands.
+  bool on_reply(const ReplyMessage& reply);
 
-  bool over() const { return rounds_.empty(); }
-  /// What there is to tell, once it is over.
+  bool is_finished() const { return rounds_.empty(); }
+  /// Valid when is_finished().
   const Answer& answer() const { return answer_; }
-  /// That of the last command that was sent.
+  /// The counter of the last command that was sent.
   int64_t counter() const { return counter_; }
-  /// As far as they were learnt.
+  /// The nonces learnt so far.
   const NodeNonces& nonces() const { return nonces_; }
 
  private:
   struct Round {
     CommandVerb verb{};
     std::vector<std::string> nodes;
-    bool accepted_is_enough = false;  ///< a pending reply is as good as a final one
-    Duration patience{};              ///< then the next round; zero: until the deadline
+    bool accepted_is_enough = false;  ///< a pending reply completes the round
+    Duration timeout{};               ///< then the next round; zero: the deadline
   };
   void plan();
   void plan_start();
   std::vector<std::string> others() const;
-  bool orders() const;
+  bool is_arming() const;
   void learn_nonce(const ReplyMessage& reply);
   int64_t nonce_of(const std::string& node) const;
-  bool is_settled(const std::string& node) const;
-  bool is_settled() const;
-  bool somebody_refused() const;
-  void keep_what_was_said();
-  void name_the_silent();
+  bool has_replied(const std::string& node) const;
+  bool have_all_replied() const;
+  bool any_refused() const;
+  void store_replies();
+  void record_silent_nodes();
   void end_of_round();
   void next_round();
-  void begin_round();
+  void begin_command();
   void fail();
-  void plan_to_take_back();
-  void go_on_taking_back();
-  void learn_take();
+  void plan_take_back();
+  void continue_take_back();
+  void adopt_take();
 
   CommandMessage order_;
   int64_t counter_;
-  const Commanded studio_;
+  const CommandTargets targets_;
   const MonotonicInstant deadline_;
-  std::deque<Round> rounds_;                  ///< the first is on
-  std::map<std::string, ReplyMessage> said_;  ///< to the command that is on
+  std::deque<Round> rounds_;                     ///< the first is the current one
+  std::map<std::string, ReplyMessage> replies_;  ///< to the current command, by node
   bool taking_back_ = false;
   bool own_only_ = false;
-  std::optional<MonotonicInstant> round_began_;  ///< empty until its first message is sent
+  std::optional<MonotonicInstant> round_began_;  ///< empty until its first poll()
   MonotonicInstant next_due_;
   NodeNonces nonces_;
   Answer answer_;

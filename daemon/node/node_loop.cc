@@ -84,7 +84,7 @@ bool NodeLoop::reject_for_duplicate_name(const CommandMessage& command) {
 
 MonotonicInstant NodeLoop::next_deadline() const {
   const MonotonicInstant now = Monotonic::now();
-  const MonotonicInstant next = protocol_.next_turn(now);
+  const MonotonicInstant next = protocol_.next_poll(now);
   return watchdog_ ? std::min(next, now + *watchdog_ / 4) : next;
 }
 
@@ -153,7 +153,7 @@ void NodeLoop::report_counts(HealthMessage& health) const {
   const auto value = [&](const char* name, int64_t n) {
     health.values[name] = static_cast<double>(n);
   };
-  value("commands_received", counts.believed);
+  value("commands_received", counts.admitted);
   value("commands_dropped", commands_.counts().dropped);
   value("commands_forged", counts.forged);
   value("commands_unauthorized", counts.unauthorized);
@@ -176,7 +176,7 @@ void NodeLoop::report_counts(HealthMessage& health) const {
 
 void NodeLoop::report_problem(HealthMessage& health) const {
   std::string problem = credential_problem();
-  if (problem.empty()) problem = gate_.trouble(Monotonic::now());
+  if (problem.empty()) problem = gate_.problem(Monotonic::now());
   if (problem.empty()) problem = bus_.seal().trouble(Realtime::now());
   // Problems of the delegate go first, unless nothing works without credentials.
   const bool is_free =
@@ -194,8 +194,8 @@ void NodeLoop::feed_watchdog() {
 
 void NodeLoop::shut_down() {
   spdlog::info("{} stopping", identity_.node);
-  protocol_.begin_to_end(Monotonic::now());
-  while (!protocol_.may_end(Monotonic::now())) run_once();
+  protocol_.begin_shutdown(Monotonic::now());
+  while (!protocol_.may_shut_down(Monotonic::now())) run_once();
   delegate_.disarm();
   publish_health();
 }

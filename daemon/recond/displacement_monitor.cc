@@ -12,13 +12,13 @@
 namespace v3d {
 namespace {
 
-/// Voxels along the longest edge of the space: as fine as an XGA camera sees it from outside.
+/// Voxels along the longest edge of the space: about one pixel of an XGA camera outside of it.
 constexpr double kVoxels = 256;
 
 double voxel_for(const Box& bounds) { return (bounds.max - bounds.min).maxCoeff() / kVoxels; }
 
-/// This thread runs when no other wants the processor. Needs no permission.
-void stand_back() {
+/// Gives this thread the lowest priority. Needs no permission.
+void set_idle_priority() {
   const sched_param none{};
   pthread_setschedparam(pthread_self(), SCHED_IDLE, &none);
 }
@@ -31,19 +31,19 @@ DisplacementMonitor::DisplacementMonitor(const Rig& rig, const ReconstructOption
       meter_(rig) {
   if (rig_.size() < kMinCameras) return;
   for (const RigCamera& camera : rig_) views_.push_back(bounds_mask(options.bounds, camera.model));
-  ended_ = false;
+  stopped_ = false;
   thread_ = std::thread([this] {
     run();
-    ended_ = true;
+    stopped_ = true;
   });
 }
 
 DisplacementMonitor::~DisplacementMonitor() {
-  end();
+  stop();
   if (thread_.joinable()) thread_.join();
 }
 
-void DisplacementMonitor::end() {
+void DisplacementMonitor::stop() {
   {
     const std::lock_guard lock(mutex_);
     stopping_ = true;
@@ -53,7 +53,7 @@ void DisplacementMonitor::end() {
 
 void DisplacementMonitor::offer(FrameSet& set) {
   const MonotonicInstant now = Monotonic::now();
-  if (!thread_.joinable() || now < next_look_) return;
+  if (!thread_.joinable() || now < next_sample_) return;
   const std::unique_lock lock(mutex_, std::try_to_lock);
   if (!lock || busy_ || stopping_) return;
   Masks masks(rig_.size());
@@ -65,19 +65,19 @@ void DisplacementMonitor::offer(FrameSet& set) {
   }
   waiting_ = std::move(masks);
   busy_ = true;
-  next_look_ = now + (has_opinion_ ? kPeriod : kFirstPeriod);
+  next_sample_ = now + (has_result_ ? kPeriod : kFirstPeriod);
   changed_.notify_one();
 }
 
 const std::vector<CameraDisplacement>& DisplacementMonitor::result() {
   const std::unique_lock lock(mutex_, std::try_to_lock);
-  if (lock) told_ = result_;
-  return told_;
+  if (lock) returned_ = result_;
+  return returned_;
 }
 
 void DisplacementMonitor::run() {
-  stand_back();
-  tbb::task_arena alone(1);
+  set_idle_priority();
+  tbb::task_arena one_thread(1);
   for (;;) {
     Masks masks;
     {
@@ -86,23 +86,23 @@ void DisplacementMonitor::run() {
       if (stopping_) return;
       masks = *std::exchange(waiting_, std::nullopt);
     }
-    alone.execute([&] { look(masks); });
+    one_thread.execute([&] { measure(masks); });
   }
 }
 
-void DisplacementMonitor::look(const Masks& given) {
-  std::vector<Mask> masks(given.size());
-  std::vector<const Mask*> all(given.size(), nullptr);
-  for (size_t c = 0; c < given.size(); ++c) {
-    if (!given[c]) continue;
-    masks[c] = both(*given[c], views_[c]);
+void DisplacementMonitor::measure(const Masks& sample) {
+  std::vector<Mask> masks(sample.size());
+  std::vector<const Mask*> all(sample.size(), nullptr);
+  for (size_t c = 0; c < sample.size(); ++c) {
+    if (!sample[c]) continue;
+    masks[c] = both(*sample[c], views_[c]);
     all[c] = &masks[c];
   }
   meter_.add(all, hulls_.silhouettes_of_each(all));
   std::vector<CameraDisplacement> found;
   if (meter_.pulses() >= kMinPulses) found = meter_.result(hulls_);
   const std::lock_guard lock(mutex_);
-  has_opinion_ = !found.empty();
+  has_result_ = !found.empty();
   result_ = std::move(found);
   busy_ = false;
 }

@@ -1,4 +1,4 @@
-// Whether the cameras stand where they were calibrated, asked of the silhouettes while a take is
+// Detects cameras that moved since the calibration, from the silhouettes of a take while it is
 // reconstructed.
 #pragma once
 
@@ -15,57 +15,60 @@
 
 namespace v3d {
 
-/// Looks at two or three pulses a second at first and, when it has an opinion, at one every five
-/// seconds. It works in spare time: on one thread, which runs when no other wants the processor
-/// (SCHED_IDLE), and nothing ever waits for it but the destructor. With fewer than kMinCameras
-/// cameras it does nothing: the hull of the others is too wide then to say where a camera stands.
+/// Measures displacements (DisplacementMeter) of the cameras of one rig in spare time.
+///
+/// Samples a pulse every kFirstPeriod, and every kPeriod once it has a result. Works on one thread
+/// with SCHED_IDLE priority, which runs when no other thread wants the processor. No function waits
+/// for it except the destructor. With fewer than kMinCameras cameras it does nothing: the
+/// leave-one-out hull is then too wide to locate a camera.
 class DisplacementMonitor {
  public:
   static constexpr size_t kMinCameras = 12;
-  static constexpr int64_t kMinPulses = 8;  ///< before it says anything
+  static constexpr int64_t kMinPulses = 8;  ///< before there is a result
   static constexpr Duration kFirstPeriod = std::chrono::milliseconds(400);
   static constexpr Duration kPeriod = std::chrono::seconds(5);
 
   DisplacementMonitor(const Rig& rig, const ReconstructOptions& options);
-  /// Waits for what the thread is at, which may be long where others want the processor: see end().
+  /// Waits for the measurement in progress, which may take long on a busy machine. To avoid this,
+  /// call stop() and wait for has_stopped().
   ~DisplacementMonitor();
   DisplacementMonitor(const DisplacementMonitor&) = delete;
   DisplacementMonitor& operator=(const DisplacementMonitor&) = delete;
 
-  /// Takes the masks of a set that nobody needs any more, where it has time for them; else the set
-  /// stays as it is. One thread.
+  /// Moves the masks out of `set`, which is no longer needed, when a sample is due and the thread
+  /// is free. Otherwise leaves it unchanged. One thread.
   void offer(FrameSet& set);
 
-  /// By camera of the rig, of the last pulses; empty before it has an opinion. One thread. The last
-  /// answer when there is a new one that cannot be had at once.
+  /// The result of the last pulses, by camera of the rig; empty before there is one. Returns the
+  /// previous result while a new one is being stored. One thread.
   const std::vector<CameraDisplacement>& result();
 
-  /// Nothing more is looked at but what the thread is at.
-  void end();
-  /// The destructor would wait for nothing.
-  bool has_ended() const { return ended_; }
+  /// Starts no further measurement. Does not wait.
+  void stop();
+  /// Has the thread ended? Then the destructor does not wait.
+  bool has_stopped() const { return stopped_; }
 
  private:
   using Masks = std::vector<std::optional<Mask>>;
 
   void run();
-  void look(const Masks& masks);
+  void measure(const Masks& masks);
 
   const Rig rig_;
-  LeaveOneOutHull hulls_;  ///< the thread's, as are the next two
+  LeaveOneOutHull hulls_;  ///< used by the thread only, as are the next two
   DisplacementMeter meter_;
   std::vector<Mask> views_;
-  MonotonicInstant next_look_;            ///< offer()
-  std::vector<CameraDisplacement> told_;  ///< result()
-  std::atomic<bool> ended_ = true;
-  std::mutex mutex_;  ///< what follows
+  MonotonicInstant next_sample_;              ///< used by offer()
+  std::vector<CameraDisplacement> returned_;  ///< by result()
+  std::atomic<bool> stopped_ = true;
+  std::mutex mutex_;  ///< guards what follows
   std::condition_variable changed_;
   bool stopping_ = false;
   bool busy_ = false;
-  bool has_opinion_ = false;
+  bool has_result_ = false;
   std::optional<Masks> waiting_;
   std::vector<CameraDisplacement> result_;
-  std::thread thread_;  ///< last: it works with all of the above
+  std::thread thread_;  ///< last: it uses all of the above
 };
 
 }  // namespace v3d

@@ -1,6 +1,8 @@
-// What waits for the reconstruction, and what is dropped when it cannot keep up.
+// The queue of frame sets that wait for the reconstruction. It drops sets when the reader cannot
+// keep up.
 #pragma once
 
+#include <atomic>
 #include <condition_variable>
 #include <cstdint>
 #include <deque>
@@ -13,23 +15,23 @@
 
 namespace v3d {
 
-/// Live is live: the mesh on the screen shall be of now. But a machine that hesitated for a moment
-/// shall make up for it without losing a pulse. So
-///   - what waits is taken in order, the oldest first, as long as the queue runs empty now and
-///   then;
-///   - when something has been left waiting for `patience` without a break, or more than `limit`
-///     wait, the reader is behind: from now on it is given the newest, and all that are older are
-///     dropped and counted. So the loss is spread evenly and the latency is that of the work alone;
-///   - when nothing had to be dropped for `calm`, it keeps up again.
-/// Any thread; time is an argument, and never goes back.
+/// A bounded queue with a drop policy for live display:
+///   - Values are taken in order, oldest first, as long as the queue becomes empty now and then. So
+///     a short pause of the reader loses nothing.
+///   - When values have waited without a break for `backlog_timeout`, or more than `limit` wait,
+///     the reader is behind. From then on take() returns the newest value; older ones are dropped
+///     and counted. This spreads the loss evenly, and the queue adds no latency.
+///   - After `recovery_time` without a drop the reader is no longer behind.
+///
+/// Thread-safe. The times that are passed must not decrease.
 template <class T>
 class LiveQueue {
  public:
   struct Options {
-    size_t limit = 25;  ///< a second at 25 Hz
-    Duration patience = std::chrono::seconds(10);
-    Duration calm = std::chrono::seconds(10);
-    /// Is told what is dropped. Runs with the queue locked.
+    size_t limit = 25;  ///< values: one second at 25 Hz
+    Duration backlog_timeout = std::chrono::seconds(10);
+    Duration recovery_time = std::chrono::seconds(10);
+    /// Receives each dropped value. Called with the queue locked.
     std::function<void(const T&)> on_drop = [](const T&) {};
   };
   LiveQueue() : LiveQueue(Options{}) {}
@@ -44,7 +46,7 @@ class LiveQueue {
     filled_.notify_one();
   }
 
-  /// What to work on next; empty when nothing waits.
+  /// Removes and returns the next value; empty when none waits.
   std::optional<T> take(MonotonicInstant now) {
     const std::lock_guard lock(mutex_);
     if (queue_.empty()) return std::nullopt;
@@ -52,23 +54,23 @@ class LiveQueue {
     std::optional<T> value(std::move(queue_.front()));
     queue_.pop_front();
     if (queue_.empty()) {
-      left_waiting_since_.reset();
-    } else if (!left_waiting_since_) {
-      left_waiting_since_ = now;
+      backlog_since_.reset();
+    } else if (!backlog_since_) {
+      backlog_since_ = now;
     }
     return value;
   }
 
-  /// Nobody will take what waits.
+  /// Drops all that wait: the reader has ended.
   void drop_all(MonotonicInstant now) {
     const std::lock_guard lock(mutex_);
     while (!queue_.empty()) drop_oldest(now);
   }
 
-  /// False when nothing came until `deadline`.
+  /// Waits for a value. Returns false when there is none at `deadline`.
   bool wait(MonotonicInstant deadline) {
     std::unique_lock lock(mutex_);
-    // libstdc++'s steady_clock is CLOCK_MONOTONIC, as ours.
+    // The steady_clock of libstdc++ is CLOCK_MONOTONIC, like Monotonic.
     return filled_.wait_until(lock,
                               std::chrono::steady_clock::time_point(deadline.time_since_epoch()),
                               [&] { return !queue_.empty(); });
@@ -82,7 +84,7 @@ class LiveQueue {
     const std::lock_guard lock(mutex_);
     return dropped_;
   }
-  /// Drops, or did so not long ago.
+  /// Did the queue drop values within the last `recovery_time`, or is its backlog too old?
   bool behind(MonotonicInstant now) const {
     const std::lock_guard lock(mutex_);
     return is_behind(now);
@@ -90,8 +92,8 @@ class LiveQueue {
 
  private:
   bool is_behind(MonotonicInstant now) const {
-    return (last_drop_ && now - *last_drop_ < options_.calm) ||
-           (left_waiting_since_ && now - *left_waiting_since_ >= options_.patience);
+    return (last_drop_ && now - *last_drop_ < options_.recovery_time) ||
+           (backlog_since_ && now - *backlog_since_ >= options_.backlog_timeout);
   }
   void drop_oldest(MonotonicInstant now) {
     options_.on_drop(queue_.front());
@@ -101,12 +103,33 @@ class LiveQueue {
   }
 
   const Options options_;
-  mutable std::mutex mutex_;  ///< what follows
+  mutable std::mutex mutex_;  ///< guards what follows
   std::condition_variable filled_;
   std::deque<T> queue_;
-  std::optional<MonotonicInstant> left_waiting_since_;
+  std::optional<MonotonicInstant> backlog_since_;
   std::optional<MonotonicInstant> last_drop_;
   int64_t dropped_ = 0;
+};
+
+/// How long an input queue has been idle, according to its reader. Messages that wait while the
+/// reader is stopped do not count as idle time. Calls of the reader: one thread.
+class QueueIdleTimer {
+ public:
+  /// The reader received a message.
+  void on_received(MonotonicInstant now) { received_ = now; }
+  /// The reader found the queue empty.
+  void on_empty(MonotonicInstant now) { checked_ = now; }
+
+  /// Had the reader received nothing for `time` when it last found the queue empty? Any thread.
+  bool idle_for(Duration time) const {
+    // Read in this order, so that a message received in between ends the idle time.
+    const MonotonicInstant checked = checked_, received = received_;
+    return checked - received >= time;
+  }
+
+ private:
+  std::atomic<MonotonicInstant> received_ = Monotonic::now();
+  std::atomic<MonotonicInstant> checked_ = MonotonicInstant();
 };
 
 }  // namespace v3d

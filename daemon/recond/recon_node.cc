@@ -18,12 +18,12 @@
 namespace v3d {
 namespace {
 
-/// The capture nodes drain at the same time: the last frames come within this.
-constexpr Duration kQuiet = std::chrono::milliseconds(1200);
+/// The capture nodes drain at the same time. The last frames arrive within this time.
+constexpr Duration kDrainIdle = std::chrono::milliseconds(1200);
 constexpr Duration kDrainWithin = std::chrono::seconds(20);
 
-/// A camera that was knocked once more is told again.
-constexpr double kOtherShiftPx = 1;
+/// A displacement that differs by this from the reported one is reported again.
+constexpr double kNewDisplacementPx = 1;
 
 std::map<std::string, double> values_of(const ShardCounts& c) {
   return {{"shard_pulses", static_cast<double>(c.made)},
@@ -33,24 +33,24 @@ std::map<std::string, double> values_of(const ShardCounts& c) {
           {"shard_let_go", static_cast<double>(c.let_go)},
           {"shard_given_up", static_cast<double>(c.given_up)},
           {"shard_lost", static_cast<double>(c.lost)},
-          {"shard_nodes", static_cast<double>(c.living)}};
+          {"shard_nodes", static_cast<double>(c.alive)}};
 }
 
-/// The last ones of many.
-std::string last_of(const std::vector<int64_t>& pulses) {
-  constexpr ptrdiff_t kTold = 24;
-  if (std::ssize(pulses) <= kTold) return number_ranges(pulses);
+/// "17-18", or the number of pulses and the last 24 of them.
+std::string pulse_list(const std::vector<int64_t>& pulses) {
+  constexpr ptrdiff_t kMaxListed = 24;
+  if (std::ssize(pulses) <= kMaxListed) return number_ranges(pulses);
   return format_count(std::ssize(pulses)) + " pulses, the last " +
-         number_ranges({pulses.end() - kTold, pulses.end()});
+         number_ranges({pulses.end() - kMaxListed, pulses.end()});
 }
 
-/// What this node did of a shared take, in words.
+/// The part of this node in a shared take, for the operator.
 std::string share_text(const ReconCounts& counts) {
   if (!counts.shard) return "";
   const std::vector<int64_t>& without = counts.without_mesh;
   return ", " + format_count(counts.shard->made) + " made here, " +
          format_count(counts.shard->taken_over) + " taken over" +
-         (without.empty() ? "" : "; no mesh of " + last_of(without));
+         (without.empty() ? "" : "; no mesh of " + pulse_list(without));
 }
 
 std::map<std::string, double> values_of(const ReconCounts& c) {
@@ -87,19 +87,20 @@ std::string detail_of(const ReconCounts& counts) {
   return recon_json(values_of(counts), counts.without_mesh);
 }
 
-/// The cameras that this take may count on.
-FrameSetOptions sets_of(const Studio& studio, const CommandMessage& order) {
+/// The cameras of this take: all but those that may be missing.
+FrameSetOptions sets_of(const Studio& studio, const CommandMessage& command) {
   FrameSetOptions options;
   for (const StudioCamera& camera : studio.cameras) {
-    const bool missing = std::find(order.allow_missing.begin(), order.allow_missing.end(),
-                                   camera.name) != order.allow_missing.end();
+    const bool missing = std::find(command.allow_missing.begin(), command.allow_missing.end(),
+                                   camera.name) != command.allow_missing.end();
     if (!missing) options.cameras.push_back(camera.name);
   }
   options.deadline = from_seconds(studio.reconstruction.deadline_ms * 1e-3);
   return options;
 }
 
-/// Their calibration, in their order: as `v3dctl reconstruct` takes it from the take.
+/// The calibration of `cameras`, in this order, like `v3dctl reconstruct` reads it from the
+/// take.
 Rig rig_of(const std::vector<std::string>& cameras, const std::filesystem::path& calib) {
   const Rig all = load_calib(calib);
   Rig rig;
@@ -119,41 +120,41 @@ ReconNode::ReconNode(const Studio& studio, const std::string& node, Bus& bus)
       bus_(bus),
       events_(bus, node),
       train_(bus, studio.trigger.node),
-      kept_orders_(studio, node) {}
+      persisted_commands_(studio, node) {}
 
 ReconNode::~ReconNode() { disarm(); }
 
-void ReconNode::arm(const CommandMessage& order) {
-  kept_orders_.drop_all();
-  order_ = order;
-  if (order.verb == CommandVerb::kCheck) return;  // nothing is reconstructed
-  check_take_name(order.take);
-  const TakePaths paths = take_paths(studio_, order.take);
+void ReconNode::arm(const CommandMessage& command) {
+  persisted_commands_.drop_all();
+  command_ = command;
+  if (command.verb == CommandVerb::kCheck) return;  // nothing is reconstructed
+  check_take_name(command.take);
+  const TakePaths paths = take_paths(studio_, command.take);
   if (std::filesystem::exists(paths.mesh())) {
     throw InputError(paths.mesh().string() + " exists already; choose another take name");
   }
   std::error_code error;
-  std::filesystem::create_directories(paths.folder, error);  // the mesh file tells what is wrong
-  open(order, std::nullopt);
-  persist_command(studio_, node_, order);
+  std::filesystem::create_directories(paths.folder, error);  // opening the mesh file reports errors
+  open(command, std::nullopt);
+  persist_command(studio_, node_, command);
 }
 
 std::optional<CommandMessage> ReconNode::rejoin() {
-  const auto found = kept_orders_.find_running(train_);
+  const auto found = persisted_commands_.find_running(train_);
   if (!found) return std::nullopt;
-  order_ = found->order;
-  open(order_, found->commanded);
+  command_ = found->order;
+  open(command_, found->commanded);
   train_.reset();
   events_.send(Severity::kWarning, "reconstruction",
-               node_ + " was started anew and reconstructs " + order_.take + " again, from pulse " +
-                   std::to_string(found->commanded) + " on",
+               node_ + " restarted and reconstructs " + command_.take + " again from pulse " +
+                   std::to_string(found->commanded),
                advice::kMeshesMissing);
-  return order_;
+  return command_;
 }
 
-void ReconNode::open(const CommandMessage& order, std::optional<int64_t> goes_on_at) {
+void ReconNode::open(const CommandMessage& command, std::optional<int64_t> resume_at) {
   const StudioReconstruction& recon = studio_.reconstruction;
-  const FrameSetOptions sets = sets_of(studio_, order);
+  const FrameSetOptions sets = sets_of(studio_, command);
   const int cameras = static_cast<int>(sets.cameras.size());
   const ReconstructOptions options{.bounds = studio_.space.bounds,
                                    .voxel_m = recon.voxel_m,
@@ -162,38 +163,38 @@ void ReconNode::open(const CommandMessage& order, std::optional<int64_t> goes_on
                                    .threads = recon.threads};
   const Rig rig = rig_of(sets.cameras, studio_.storage.calib);
   auto reconstructor = std::make_shared<Reconstructor>(rig, options);
-  drift_ = std::make_unique<DisplacementMonitor>(rig, options);
-  knocked_ = {};
+  displacement_monitor_ = std::make_unique<DisplacementMonitor>(rig, options);
+  reported_displacement_ = {};
   pipeline_ = std::make_unique<ReconPipeline>(
       ReconPipeline::Setup{
-          .take = order.take,
-          .mesh_file = take_paths(studio_, order.take).mesh(),
+          .take = command.take,
+          .mesh_file = take_paths(studio_, command.take).mesh(),
           .stages = stages_of(reconstructor),
           .threads = recon.threads,
           .sets = sets,
-          .rehearsal = goes_on_at ? std::nullopt
-                                  : std::optional(warm_up_frame_set(rig, studio_.space.bounds)),
-          .done_with = [this](FrameSet& set) { drift_->offer(set); },
-          .goes_on_at = goes_on_at,
-          .shard = share_of(order, goes_on_at.has_value())},
+          .warm_up = resume_at ? std::nullopt
+                               : std::optional(warm_up_frame_set(rig, studio_.space.bounds)),
+          .on_finished_set = [this](FrameSet& set) { displacement_monitor_->offer(set); },
+          .resume_at = resume_at,
+          .shard = shard_setup(command, resume_at.has_value())},
       bus_);
 }
 
-std::optional<Shard::Setup> ReconNode::share_of(const CommandMessage& order,
-                                                bool comes_later) const {
+std::optional<Shard::Setup> ReconNode::shard_setup(const CommandMessage& command,
+                                                   bool joins_late) const {
   const std::vector<std::string>& nodes = studio_.reconstruction.nodes;
   if (nodes.size() == 1) return std::nullopt;
-  return Shard::Setup{.take = order.take,
+  return Shard::Setup{.take = command.take,
                       .roster = nodes,
-                      .me = node_,
-                      .rate_hz = order.rate_hz > 0 ? order.rate_hz : studio_.trigger.rate_hz,
-                      .comes_later = comes_later,
+                      .node = node_,
+                      .rate_hz = command.rate_hz > 0 ? command.rate_hz : studio_.trigger.rate_hz,
+                      .joins_late = joins_late,
                       .frame_groups = bus_.frame_groups()};
 }
 
-void ReconNode::learn(const CommandMessage& order) {
-  kept_orders_.drop_all();
-  order_ = order;
+void ReconNode::learn(const CommandMessage& command) {
+  persisted_commands_.drop_all();
+  command_ = command;
 }
 
 void ReconNode::drain() { drain_began_ = Monotonic::now(); }
@@ -203,25 +204,25 @@ void ReconNode::disarm() {
   pipeline_->close();
   last_ = pipeline_->counts();
   pipeline_.reset();
-  end_drift_watch();
-  // What the take's buffers leave free goes back to the system, or a day of takes touches more and
-  // more of it. The rehearsal of the next take takes it again, before any pulse.
+  stop_displacement_monitor();
+  // Return the memory of the take's buffers to the system; otherwise the process grows over a day
+  // of takes. The warm-up of the next take allocates it again, before any pulse.
   malloc_trim(0);
-  // A daemon that is told to end while pulses run may be back before they end.
+  // A daemon that is stopped while pulses run may be restarted before they end.
   if (last_.meshes > 0 || stop_requested()) return;
-  // A take that never saw a pulse leaves nothing behind; the folder goes with its last file.
-  drop_command(studio_, node_, order_.take);
-  remove_mesh_file_without_meshes(take_paths(studio_, order_.take));
+  // Remove the files of a take without pulses. The folder is removed with its last file.
+  drop_command(studio_, node_, command_.take);
+  remove_mesh_file_without_meshes(take_paths(studio_, command_.take));
 }
 
-/// Without waiting: it works in spare time, and there may be none.
-void ReconNode::end_drift_watch() {
-  drift_->end();
-  leaving_.push_back(std::move(drift_));
+/// Does not wait for the monitor, which may get no processor time for long.
+void ReconNode::stop_displacement_monitor() {
+  displacement_monitor_->stop();
+  stopping_monitors_.push_back(std::move(displacement_monitor_));
 }
 
 std::optional<NodeReport> ReconNode::poll(Phase phase) {
-  std::erase_if(leaving_, [](const auto& watch) { return watch->has_ended(); });
+  std::erase_if(stopping_monitors_, [](const auto& monitor) { return monitor->has_stopped(); });
   switch (phase) {
     case Phase::kArming:
       return ready_report();
@@ -237,33 +238,35 @@ std::optional<NodeReport> ReconNode::poll(Phase phase) {
 }
 
 NodeReport ReconNode::ready_report() const {
-  if (order_.verb == CommandVerb::kBackground) {
+  if (command_.verb == CommandVerb::kBackground) {
     return {.event = Input::kReady, .text = "nothing to learn here", .detail = {}};
   }
-  if (!pipeline_) return {.event = Input::kReady, .text = "looks on", .detail = {}};
+  if (!pipeline_) return {.event = Input::kReady, .text = "nothing to reconstruct", .detail = {}};
   return {.event = Input::kReady,
           .text = "reconstructs at " + format_length(studio_.reconstruction.voxel_m),
           .detail = {}};
 }
 
 std::optional<NodeReport> ReconNode::poll_recording() {
-  train_.poll(order_.take);
+  train_.poll(command_.take);
   if (!train_.ended()) return std::nullopt;
   return NodeReport{.event = Input::kTrainEnded, .text = "pulses have ended", .detail = {}};
 }
 
 std::optional<NodeReport> ReconNode::poll_draining() {
-  if (!pipeline_) return NodeReport{.event = Input::kDrained, .text = "looked on", .detail = {}};
+  if (!pipeline_) {
+    return NodeReport{.event = Input::kDrained, .text = "nothing to reconstruct", .detail = {}};
+  }
   const MonotonicInstant now = Monotonic::now();
-  const bool waited = now - drain_began_ > kQuiet;
-  if (!(waited && pipeline_->drained(kQuiet)) && now < drain_began_ + kDrainWithin) {
+  const bool waited = now - drain_began_ > kDrainIdle;
+  if (!(waited && pipeline_->drained(kDrainIdle)) && now < drain_began_ + kDrainWithin) {
     return std::nullopt;
   }
   const bool closed = pipeline_->close();
   const ReconCounts counts = pipeline_->counts();
   if (!closed) {
     return NodeReport{.event = Input::kBroken,
-                      .text = "cannot write " + take_paths(studio_, order_.take).mesh().string(),
+                      .text = "cannot write " + take_paths(studio_, command_.take).mesh().string(),
                       .detail = detail_of(counts)};
   }
   return NodeReport{
@@ -279,18 +282,19 @@ void ReconNode::report_health(HealthMessage& health) {
   health.values.merge(values_of(counts));
   health.values["disk_free_bytes"] = disk_free_bytes(studio_);
   events_.keep_told(Severity::kAlarm, "disk",
-                    counts.write_errors == 0 ? ""
-                                             : format_count(counts.write_errors) +
-                                                   " meshes refused: the disk is full or broken",
+                    counts.write_errors == 0
+                        ? ""
+                        : format_count(counts.write_errors) +
+                              " meshes could not be written: the disk is full or broken",
                     advice::kMeshDisk);
-  report_drift(health);
-  if (!counts.without_mesh.empty()) health.text = "no mesh of " + last_of(counts.without_mesh);
+  report_displacement(health);
+  if (!counts.without_mesh.empty()) health.text = "no mesh of " + pulse_list(counts.without_mesh);
   const int64_t lost = counts.shard ? counts.shard->lost : 0;
   events_.keep_told(Severity::kWarning, "share",
                     lost == 0 ? "" : "pulses that no node made a mesh of", advice::kMeshesMissing);
   const bool behind = pipeline_ && counts.behind;
   events_.keep_told(Severity::kWarning, "reconstruction",
-                    behind ? "cannot keep up: drops pulses, to show the newest" : "",
+                    behind ? "cannot keep up: drops pulses to show the newest" : "",
                     advice::kBehind);
   events_.keep_told(Severity::kWarning, "mesh",
                     counts.failed == 0 ? "" : "pulses without a mesh: " + counts.failure,
@@ -299,20 +303,23 @@ void ReconNode::report_health(HealthMessage& health) {
   if (counts.failed > 0) {
     health.text = format_count(counts.failed) + " pulses without a mesh: " + counts.failure;
   }
-  if (counts.write_errors > 0) health.text = "meshes could not be written: the disk refuses";
+  if (counts.write_errors > 0) {
+    health.text = "meshes could not be written: the disk is full or broken";
+  }
 }
 
-/// The first word of a take about a camera stands, as long as it is not plainly another.
-void ReconNode::report_drift(HealthMessage& health) {
-  if (!drift_) return;
-  for (const CameraDisplacement& camera : drift_->result()) {
+/// Sends an event for the first displaced camera of a take, and again only when it differs clearly.
+void ReconNode::report_displacement(HealthMessage& health) {
+  if (!displacement_monitor_) return;
+  for (const CameraDisplacement& camera : displacement_monitor_->result()) {
     health.values[camera.camera + ".drift_px"] = camera.shift.norm();
     if (!camera.displaced) continue;
     health.text = camera.camera + " " + text_of(camera);
-    const bool told =
-        camera.camera == knocked_.camera && (camera.shift - knocked_.shift).norm() < kOtherShiftPx;
-    if (told) continue;
-    knocked_ = camera;
+    const bool is_reported =
+        camera.camera == reported_displacement_.camera &&
+        (camera.shift - reported_displacement_.shift).norm() < kNewDisplacementPx;
+    if (is_reported) continue;
+    reported_displacement_ = camera;
     events_.send(Severity::kAlarm, camera.camera, text_of(camera), advice::kCameraDisplaced);
   }
 }

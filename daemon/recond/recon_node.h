@@ -1,4 +1,5 @@
-// What the reconstruction node does: meshes while a take is recorded.
+// The delegate of a reconstruction node: opens, polls and closes the ReconPipeline of each take,
+// and reports its counts as health and events.
 #pragma once
 
 #include <memory>
@@ -18,12 +19,12 @@ namespace v3d {
 
 class ReconNode : public NodeDelegate {
  public:
-  /// `studio` and `bus` outlive the node.
+  /// `studio` and `bus` must outlive this object.
   ReconNode(const Studio& studio, const std::string& node, Bus& bus);
   ~ReconNode() override;
 
-  void arm(const CommandMessage& order) override;
-  void learn(const CommandMessage& order) override;
+  void arm(const CommandMessage& command) override;
+  void learn(const CommandMessage& command) override;
   std::optional<CommandMessage> rejoin() override;
   void start() override { train_.reset(); }
   void drain() override;
@@ -33,30 +34,30 @@ class ReconNode : public NodeDelegate {
   bool progressed_since(MonotonicInstant since) const override;
 
  private:
-  /// `goes_on_at`: as ReconPipeline's.
-  void open(const CommandMessage& order, std::optional<int64_t> goes_on_at);
-  /// This node's part, where several reconstruct.
-  std::optional<Shard::Setup> share_of(const CommandMessage& order, bool comes_later) const;
+  /// `resume_at`: see ReconPipeline::Setup.
+  void open(const CommandMessage& command, std::optional<int64_t> resume_at);
+  /// Empty where this is the only reconstruction node.
+  std::optional<Shard::Setup> shard_setup(const CommandMessage& command, bool joins_late) const;
   NodeReport ready_report() const;
   std::optional<NodeReport> poll_recording();
   std::optional<NodeReport> poll_draining();
-  void report_drift(HealthMessage& health);
-  void end_drift_watch();
+  void report_displacement(HealthMessage& health);
+  void stop_displacement_monitor();
 
   const Studio& studio_;
   const std::string node_;
   Bus& bus_;
   EventSender events_;
   TrainMonitor train_;
-  PersistedCommands kept_orders_;
-  CommandMessage order_;
+  PersistedCommands persisted_commands_;
+  CommandMessage command_;  ///< the last arm, check or background command
   MonotonicInstant drain_began_;
-  std::unique_ptr<DisplacementMonitor> drift_;
-  std::vector<std::unique_ptr<DisplacementMonitor>>
-      leaving_;                              ///< of takes before: told to end, and at work
-  std::unique_ptr<ReconPipeline> pipeline_;  ///< offers its sets to the watch
-  CameraDisplacement knocked_;  ///< what was told last of this take; without a name: nothing
-  ReconCounts last_;            ///< of the last take
+  std::unique_ptr<DisplacementMonitor> displacement_monitor_;
+  /// Of previous takes: still stopping.
+  std::vector<std::unique_ptr<DisplacementMonitor>> stopping_monitors_;
+  std::unique_ptr<ReconPipeline> pipeline_;   ///< passes its sets to displacement_monitor_
+  CameraDisplacement reported_displacement_;  ///< last one of this take; without a name: none
+  ReconCounts last_;                          ///< of the last take
 };
 
 }  // namespace v3d

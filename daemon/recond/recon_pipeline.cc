@@ -12,13 +12,13 @@
 namespace v3d {
 namespace {
 
-constexpr Duration kLook = std::chrono::milliseconds(20);
-/// Frames of 15 cameras that wait for their set: half a second at 25 Hz.
+constexpr Duration kPollPeriod = std::chrono::milliseconds(20);
+/// Frames: 0.7 s of 15 cameras at 25 Hz.
 constexpr size_t kFrameQueue = 256;
 constexpr size_t kPulseQueue = 256;
-/// A pulse number so far ahead of all before is not believed.
+/// Pulse numbers farther ahead of the newest one than this are ignored.
 constexpr int64_t kMaxJump = 15'000;
-/// Pulses whose edge is remembered for the latency.
+/// Pulses whose edge time is kept for the latency.
 constexpr size_t kMaxEdges = 512;
 
 }  // namespace
@@ -31,7 +31,7 @@ MeshStages stages_of(const std::shared_ptr<Reconstructor>& reconstructor) {
 
 namespace {
 
-FrameSetOptions behind(FrameSetOptions sets, std::optional<int64_t> last_pulse) {
+FrameSetOptions starting_after(FrameSetOptions sets, std::optional<int64_t> last_pulse) {
   sets.gone_until = last_pulse;
   return sets;
 }
@@ -43,46 +43,47 @@ ReconPipeline::ReconPipeline(Setup setup, Bus& bus)
       cameras_(setup.sets.cameras),
       bus_(bus),
       stages_(std::move(setup.stages)),
-      done_with_(std::move(setup.done_with)),
-      file_(setup.mesh_file, setup.goes_on_at ? LogOpening::kGoOn : LogOpening::kNew),
+      on_finished_set_(std::move(setup.on_finished_set)),
+      file_(setup.mesh_file, setup.resume_at ? LogOpening::kGoOn : LogOpening::kNew),
       meshes_before_(static_cast<int64_t>(file_.size())),
-      assembler_(behind(setup.sets, file_.last_pulse())),
+      assembler_(starting_after(setup.sets, file_.last_pulse())),
       frames_(bus, std::string(kFramePrefix) + ".*", kFrameQueue),
       pulses_(bus, kPulseChannel, kPulseQueue),
       ready_({.on_drop =
                   [this](const ReadySet& ready) {
-                    if (shared_) shared_->gave_up(ready.set.pulse);
+                    if (shared_) shared_->give_up(ready.set.pulse);
                   }}),
-      rehearsal_(std::move(setup.rehearsal)),
-      newest_pulse_(setup.goes_on_at.value_or(0)),
-      sequences_(!setup.goes_on_at),
-      shared_(share(setup.shard)),
+      warm_up_(std::move(setup.warm_up)),
+      newest_pulse_(setup.resume_at.value_or(0)),
+      sequences_(!setup.resume_at),
+      shared_(make_shared_take(setup.shard)),
       pipeline_(setup.threads, [this] { return next_job(); },
-                {[this](Job& job) { attempt(stages_.make_mesh, job); },
+                {[this](Job& job) { run_stage(stages_.make_mesh, job); },
                  [this](Job& job) { finish(job); }}) {
   assembling_thread_ = std::thread([this] { assemble(); });
 }
 
-std::unique_ptr<SharedTake> ReconPipeline::share(const std::optional<Shard::Setup>& setup) {
+std::unique_ptr<SharedTake> ReconPipeline::make_shared_take(
+    const std::optional<Shard::Setup>& setup) {
   if (!setup) return nullptr;
   const auto work = [this](ReadySet set) { ready_.push(std::move(set), Monotonic::now()); };
-  const auto ordered = [this](const MeshMessage& mesh) { keep(mesh); };
-  const auto hear = [this](const FrameGroupSet& groups) { this->hear(groups); };
-  return std::make_unique<SharedTake>(*setup, bus_, SharedTake::Receivers{work, ordered, hear});
+  const auto ordered = [this](const MeshMessage& mesh) { store(mesh); };
+  const auto receive = [this](const FrameGroupSet& groups) { receive_groups(groups); };
+  return std::make_unique<SharedTake>(*setup, bus_, SharedTake::Receivers{work, ordered, receive});
 }
 
 ReconPipeline::~ReconPipeline() { close(); }
 
-void ReconPipeline::end() {
+void ReconPipeline::stop() {
   stopping_ = true;
   if (assembling_thread_.joinable()) assembling_thread_.join();
   pipeline_.wait();
   ready_.drop_all(Monotonic::now());
-  if (shared_) shared_->end();
+  if (shared_) shared_->stop();
 }
 
 bool ReconPipeline::close() {
-  end();
+  stop();
   const io::Status closed = file_.close();
   if (!closed) spdlog::error("{}", closed.error().message);
   return closed.has_value();
@@ -93,35 +94,35 @@ bool ReconPipeline::close() {
 void ReconPipeline::assemble() {
   while (!stopping_) {
     assembling_.beat();
-    note_pulses();
-    const MonotonicInstant look = Monotonic::now() + kLook;
-    const MonotonicInstant until = std::min(look, assembler_.next_deadline().value_or(look));
+    record_pulses();
+    const MonotonicInstant latest = Monotonic::now() + kPollPeriod;
+    const MonotonicInstant until = std::min(latest, assembler_.next_deadline().value_or(latest));
     auto message = frames_.wait(until);
     const MonotonicInstant now = Monotonic::now();
     if (!message) {
-      hand_over(assembler_.poll(now));
-      quiet_.found_none(until);  // by `now`, after a pause, there may be one
+      dispatch(assembler_.poll(now));
+      idle_.on_empty(until);  // not `now`: after a pause, a frame may have arrived since
       continue;
     }
     if (message->take != take_ || !message->frame.mask) {
       ++foreign_;
       continue;
     }
-    quiet_.took_one(now);
-    note_arrival(*message);
-    hand_over(assembler_.add(std::move(message->frame), now));
+    idle_.on_received(now);
+    record_arrival(*message);
+    dispatch(assembler_.add(std::move(message->frame), now));
     late_ = assembler_.counters().late;
   }
 }
 
-void ReconPipeline::hear(const FrameGroupSet& groups) {
+void ReconPipeline::receive_groups(const FrameGroupSet& groups) {
   {
     const std::lock_guard lock(mutex_);
     for (const size_t group : groups) {
-      if (!heard_ || heard_->contains(group)) continue;
+      if (!groups_ || groups_->contains(group)) continue;
       for (const std::string& camera : cameras_) sequences_.listen_anew(series_of(camera, group));
     }
-    heard_ = groups;
+    groups_ = groups;
   }
   try {
     bus_.hear_frames(groups);
@@ -134,7 +135,7 @@ std::string ReconPipeline::series_of(const std::string& camera, size_t group) co
   return camera + " " + std::to_string(group);
 }
 
-void ReconPipeline::note_arrival(const FrameMessage& message) {
+void ReconPipeline::record_arrival(const FrameMessage& message) {
   const std::string& camera = message.frame.camera;
   if (std::find(cameras_.begin(), cameras_.end(), camera) == cameras_.end()) return;
   const auto groups = static_cast<int64_t>(bus_.frame_groups());
@@ -143,7 +144,7 @@ void ReconPipeline::note_arrival(const FrameMessage& message) {
   sequences_.note(series_of(camera, group), message.seq / groups, message.sent);
 }
 
-void ReconPipeline::note_pulses() {
+void ReconPipeline::record_pulses() {
   while (const auto pulse = pulses_.wait(Monotonic::now())) {
     if (pulse->take != take_ || pulse->pulse - newest_pulse_ > kMaxJump) continue;
     newest_pulse_ = std::max(newest_pulse_, pulse->pulse);
@@ -153,10 +154,10 @@ void ReconPipeline::note_pulses() {
   }
 }
 
-void ReconPipeline::hand_over(std::vector<ReadySet> ready) {
+void ReconPipeline::dispatch(std::vector<ReadySet> ready) {
   for (ReadySet& set : ready) {
     if (!set.missing.empty()) ++incomplete_;
-    ++handed_over_;
+    ++dispatched_;
     if (shared_) {
       shared_->add(std::move(set));
     } else {
@@ -169,14 +170,14 @@ void ReconPipeline::hand_over(std::vector<ReadySet> ready) {
 // --- sets to meshes -----------------------------------------------------------------------------
 
 std::optional<ReconPipeline::Job> ReconPipeline::next_job() {
-  if (rehearsal_) {
-    Job job{FrameSetJob(*std::move(rehearsal_)), {}, {}, true};
-    rehearsal_.reset();
+  if (warm_up_) {
+    Job job{FrameSetJob(*std::move(warm_up_)), {}, {}, true};
+    warm_up_.reset();
     return job;
   }
   while (!stopping_) {
     reconstructing_.beat();
-    ready_.wait(Monotonic::now() + kLook);
+    ready_.wait(Monotonic::now() + kPollPeriod);
     if (auto ready = ready_.take(Monotonic::now())) {
       if (shared_ && !shared_->begin(ready->set.pulse)) continue;
       return Job{FrameSetJob(std::move(ready->set)), std::move(ready->missing), {}, false};
@@ -185,11 +186,12 @@ std::optional<ReconPipeline::Job> ReconPipeline::next_job() {
   return std::nullopt;
 }
 
-void ReconPipeline::attempt(const std::function<void(FrameSetJob&)>& stage, Job& job) {
+void ReconPipeline::run_stage(const std::function<void(FrameSetJob&)>& stage, Job& job) {
   if (!job.failure.empty()) return;
   try {
     stage(job.work);
-  } catch (const std::exception& error) {  // too large a surface, for the format or the memory
+  } catch (
+      const std::exception& error) {  // the surface is too large for the format, or for the memory
     job.failure = error.what();
   }
   reconstructing_.beat();
@@ -198,38 +200,38 @@ void ReconPipeline::attempt(const std::function<void(FrameSetJob&)>& stage, Job&
 void ReconPipeline::finish(Job& job) {
   job.work.set.exposure = edge_of(job.work.set.pulse);
   if (shared_) stages_.begin_sequence();
-  attempt(stages_.encode, job);
-  if (job.rehearsal) return stages_.begin_sequence();
-  if (!job.failure.empty()) return note_failure(job);
+  run_stage(stages_.encode, job);
+  if (job.is_warm_up) return stages_.begin_sequence();
+  if (!job.failure.empty()) return record_failure(job);
   MeshMessage mesh = message_of(job);
   if (shared_) {
-    shared_->made(std::move(mesh));
+    shared_->add_mesh(std::move(mesh));
   } else {
     mesh.seq = seq_++;
     bus_.publish_sealed(kMeshChannel, encode(mesh));
-    if (!keep(mesh)) stages_.begin_sequence();
+    if (!store(mesh)) stages_.begin_sequence();
   }
-  if (done_with_) done_with_(job.work.set);
+  if (on_finished_set_) on_finished_set_(job.work.set);
 }
 
-/// The last stage, or, where nodes share the take, the receiver of what they made: that one may be
-/// called while shared_ is still being set. False when the disk refused.
-bool ReconPipeline::keep(const MeshMessage& mesh) {
-  note_mesh(mesh);
-  const io::Status kept = file_.append(mesh.pulse, mesh.compact);
-  if (!kept && ++write_errors_ == 1) spdlog::error("{}", kept.error().message);
+/// Called by the last stage or, in a shared take, by SharedTake, perhaps while the constructor
+/// still sets shared_. Returns false after a write error.
+bool ReconPipeline::store(const MeshMessage& mesh) {
+  record_mesh(mesh);
+  const io::Status written = file_.append(mesh.pulse, mesh.compact);
+  if (!written && ++write_errors_ == 1) spdlog::error("{}", written.error().message);
   ++meshes_;
-  return kept.has_value();
+  return written.has_value();
 }
 
-void ReconPipeline::note_failure(const Job& job) {
+void ReconPipeline::record_failure(const Job& job) {
   spdlog::warn("pulse {} has no mesh: {}", job.work.set.pulse, job.failure);
   {
     const std::lock_guard lock(mutex_);
     failure_ = job.failure;
   }
   ++failed_;
-  if (shared_) shared_->gave_up(job.work.set.pulse);
+  if (shared_) shared_->give_up(job.work.set.pulse);
 }
 
 MeshMessage ReconPipeline::message_of(const Job& job) {
@@ -246,8 +248,8 @@ MeshMessage ReconPipeline::message_of(const Job& job) {
           .compact = result.compact};
 }
 
-void ReconPipeline::note_mesh(const MeshMessage& mesh) {
-  note_latency(mesh.pulse_edge);
+void ReconPipeline::record_mesh(const MeshMessage& mesh) {
+  record_latency(mesh.pulse_edge);
   const std::lock_guard lock(mutex_);
   quality_ = {
       .silhouette_iou = mesh.silhouette_iou, .coverage = mesh.coverage, .cameras = mesh.cameras};
@@ -259,7 +261,7 @@ RealtimeInstant ReconPipeline::edge_of(int64_t pulse) {
   return found != edges_.end() ? found->second : RealtimeInstant();
 }
 
-void ReconPipeline::note_latency(RealtimeInstant edge) {
+void ReconPipeline::record_latency(RealtimeInstant edge) {
   const std::lock_guard lock(mutex_);
   last_mesh_ = Monotonic::now();
   if (first_mesh_ == MonotonicInstant()) first_mesh_ = last_mesh_;
@@ -272,7 +274,7 @@ void ReconPipeline::note_latency(RealtimeInstant edge) {
   }
 }
 
-// --- what others see ----------------------------------------------------------------------------
+// --- counts -------------------------------------------------------------------------------------
 
 ReconCounts ReconPipeline::counts() const {
   const SubscriptionCounts frames = frames_.counts();
@@ -311,10 +313,10 @@ ReconCounts ReconPipeline::counts() const {
   return counts;
 }
 
-bool ReconPipeline::drained(Duration quiet) const {
-  const bool is_quiet = quiet_.lasted(quiet) && open_sets_ == 0;
-  if (shared_) return is_quiet && shared_->is_settled();
-  return is_quiet && meshes_ + failed_ + ready_.dropped() == handed_over_;
+bool ReconPipeline::drained(Duration idle_time) const {
+  const bool is_idle = idle_.idle_for(idle_time) && open_sets_ == 0;
+  if (shared_) return is_idle && shared_->is_settled();
+  return is_idle && meshes_ + failed_ + ready_.dropped() == dispatched_;
 }
 
 }  // namespace v3d

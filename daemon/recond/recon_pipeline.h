@@ -1,4 +1,4 @@
-// The live way of a take through the reconstruction: frames in, meshes out.
+// The live reconstruction of one take: receives frames, makes meshes, publishes and writes them.
 #pragma once
 
 #include <atomic>
@@ -14,7 +14,6 @@
 #include "daemon/bus/bus.h"
 #include "daemon/node/heartbeat.h"
 #include "daemon/recond/live_queue.h"
-#include "daemon/recond/queue_idle_timer.h"
 #include "daemon/recond/shared_take.h"
 #include "recon/pipeline/frame_pipeline.h"
 #include "recon/pipeline/frame_set.h"
@@ -25,45 +24,49 @@ namespace v3d {
 
 struct ReconCounts {
   int64_t meshes = 0;
-  int64_t dropped = 0;          ///< pulses skipped because this machine could not keep up
-  int64_t waiting = 0;          ///< frame sets that nobody works on yet
-  bool behind = false;          ///< drops pulses, or did so not long ago
+  int64_t dropped = 0;          ///< pulses dropped because this machine could not keep up
+  int64_t waiting = 0;          ///< frame sets in the queue
+  bool behind = false;          ///< LiveQueue::behind()
   int64_t failed = 0;           ///< pulses whose surface cannot be a compact frame
   std::string failure;          ///< why, for the last of them
-  int64_t incomplete_sets = 0;  ///< went on without some cameras
+  int64_t incomplete_sets = 0;  ///< sets processed without some cameras
   int64_t foreign = 0;          ///< frames of other takes
-  int64_t frames_late = 0;      ///< arrived when their set had gone
-  int64_t frames_lost = 0;      ///< sent, and never arrived here; or dropped here, unseen
-  int64_t frames_dropped = 0;   ///< of these, dropped here because nobody took them in time
-  std::map<std::string, SequenceCounts> cameras;  ///< the frames of each, by sequence
+  int64_t frames_late = 0;      ///< arrived after their set was complete or overdue
+  int64_t frames_lost = 0;      ///< sent, but not received, or dropped by the receive queue
+  int64_t frames_dropped = 0;   ///< of these, dropped by the receive queue
+  std::map<std::string, SequenceCounts> cameras;  ///< frames by camera
   int64_t undecodable = 0;
   int64_t write_errors = 0;
   double latency_p50_ms = 0;  ///< pulse to mesh published, over the last kLatencies meshes
   double latency_p99_ms = 0;
   double live_fps = 0;     ///< meshes per second over the take so far
   FrameQuality quality{};  ///< of the last mesh
-  /// Of a take that several nodes share; `meshes`, latencies and quality are then of all of them.
+  /// Set where several nodes share the take. Then `meshes`, latencies and quality cover all nodes.
   std::optional<ShardCounts> shard{};
-  std::vector<int64_t> without_mesh{};  ///< the pulses of such a take that have no mesh
+  std::vector<int64_t> without_mesh{};  ///< pulses of a shared take
 };
 
-/// What is done with a frame set: Reconstructor's two stages. They throw InputError for a set that
-/// cannot become a compact frame.
+/// The stages that process a frame set: those of Reconstructor. They throw InputError for a set
+/// whose mesh cannot be a compact frame.
 struct MeshStages {
   std::function<void(FrameSetJob&)> make_mesh;
   std::function<void(FrameSetJob&)> encode;
-  /// What was encoded before the next set has not reached, or not all of, its receivers.
+  /// Makes the next mesh a key frame: some receiver lacks the previous one.
   std::function<void()> begin_sequence = [] {};
 };
-/// The stages keep the reconstructor alive, as std::functions keep what they call.
+/// The stages of `reconstructor`, which they share ownership of.
 MeshStages stages_of(const std::shared_ptr<Reconstructor>& reconstructor);
 
-/// Lives from the moment a take is armed until it is closed. A thread assembles frame sets; two
-/// stages of a FramePipeline make meshes of them, so that a set is begun while the one before is
-/// encoded and published. When they cannot keep up, whole pulses are dropped by LiveQueue's rule
-/// and counted. A pulse whose stage refuses it is counted, told in the log, and has no mesh.
-/// Where nodes share the take, the stages get this node's share (daemon/recond/shard.h), every mesh
-/// is a key frame, since nobody knows whose is the one before, and the file has the meshes of all.
+/// The reconstruction of one take, from arming until closing.
+///
+/// One thread assembles frame sets. Two stages of a FramePipeline make meshes of them, so that the
+/// next set is begun while the previous mesh is encoded and published. When they cannot keep up,
+/// LiveQueue drops whole pulses and counts them. A pulse whose stage throws is counted, logged, and
+/// has no mesh.
+///
+/// Where several nodes share the take, the stages get the sets of this node (daemon/recond/shard.h)
+/// and the file gets the meshes of all. Every mesh is then a key frame, because the previous mesh
+/// may come from another node.
 class ReconPipeline {
  public:
   struct Setup {
@@ -72,31 +75,31 @@ class ReconPipeline {
     MeshStages stages;
     int threads = 0;  ///< 0: one per core
     FrameSetOptions sets;
-    std::optional<FrameSet> rehearsal{};  ///< worked on first; its mesh is thrown away
-    /// Gets every set whose mesh has been published, on the last stage's thread: what is left of it
-    /// is nobody's.
-    std::function<void(FrameSet&)> done_with{};
-    /// A take that goes on: pulses of it until now. The mesh file goes on behind its last mesh.
-    std::optional<int64_t> goes_on_at{};
-    /// Where several nodes share the take.
+    std::optional<FrameSet> warm_up{};  ///< processed first, to allocate memory; has no mesh
+    /// Receives every set whose mesh was published, and may modify it. Called by the last stage.
+    std::function<void(FrameSet&)> on_finished_set{};
+    /// Set for a take that is resumed after a restart: its pulses so far. Meshes are appended to
+    /// the file.
+    std::optional<int64_t> resume_at{};
+    /// Set where several nodes share the take.
     std::optional<Shard::Setup> shard{};
   };
-  /// `bus` outlives the pipeline. Throws InputError when the mesh file cannot be made.
+  /// `bus` must outlive the pipeline. Throws InputError when the mesh file cannot be created.
   ReconPipeline(Setup setup, Bus& bus);
   ~ReconPipeline();
   ReconPipeline(const ReconPipeline&) = delete;
   ReconPipeline& operator=(const ReconPipeline&) = delete;
 
   ReconCounts counts() const;
-  /// Everything that came has been reconstructed or dropped, and nothing has come for `quiet`, as
-  /// of the assembling thread's last look.
-  bool drained(Duration quiet) const;
+  /// Was every received set reconstructed or dropped, and was no frame received for `idle_time`
+  /// when the assembling thread last checked?
+  bool drained(Duration idle_time) const;
   bool progressed_since(MonotonicInstant since) const {
     return assembling_.beat_since(since) && reconstructing_.beat_since(since) &&
            (!shared_ || shared_->progressed_since(since));
   }
-  /// Ends the threads and closes the mesh file; what still waits is dropped. False when the disk
-  /// refused.
+  /// Ends the threads, drops the sets that wait, and closes the mesh file. Returns false after a
+  /// write error.
   bool close();
 
  private:
@@ -106,58 +109,58 @@ class ReconPipeline {
   struct Job {
     FrameSetJob work;
     std::vector<std::string> missing;
-    std::string failure;  ///< why it has no mesh; empty as long as it may have one
-    bool rehearsal = false;
+    std::string failure;  ///< why it has no mesh; empty: no failure so far
+    bool is_warm_up = false;
   };
 
-  std::unique_ptr<SharedTake> share(const std::optional<Shard::Setup>& setup);
+  std::unique_ptr<SharedTake> make_shared_take(const std::optional<Shard::Setup>& setup);
   void assemble();
-  void hear(const FrameGroupSet& groups);
+  void receive_groups(const FrameGroupSet& groups);
   std::string series_of(const std::string& camera, size_t group) const;
-  void note_arrival(const FrameMessage& message);
-  void hand_over(std::vector<ReadySet> ready);
-  void note_pulses();
+  void record_arrival(const FrameMessage& message);
+  void dispatch(std::vector<ReadySet> ready);
+  void record_pulses();
   std::optional<Job> next_job();
-  void attempt(const std::function<void(FrameSetJob&)>& stage, Job& job);
+  void run_stage(const std::function<void(FrameSetJob&)>& stage, Job& job);
   void finish(Job& job);
-  void note_failure(const Job& job);
+  void record_failure(const Job& job);
   MeshMessage message_of(const Job& job);
-  bool keep(const MeshMessage& mesh);
+  bool store(const MeshMessage& mesh);
   RealtimeInstant edge_of(int64_t pulse);
-  void note_mesh(const MeshMessage& mesh);
-  void note_latency(RealtimeInstant edge);
-  void end();
+  void record_mesh(const MeshMessage& mesh);
+  void record_latency(RealtimeInstant edge);
+  void stop();
 
   const std::string take_;
   const std::vector<std::string> cameras_;
   Bus& bus_;
   const MeshStages stages_;
-  const std::function<void(FrameSet&)> done_with_;
+  const std::function<void(FrameSet&)> on_finished_set_;
   MeshFileWriter file_;
-  const int64_t meshes_before_;  ///< in the file, of a take that goes on
-  FrameSetAssembler assembler_;  ///< assembling thread
+  const int64_t meshes_before_;  ///< in the file of a resumed take
+  FrameSetAssembler assembler_;  ///< used by the assembling thread
   Subscription<FrameMessage> frames_;
   Subscription<PulseMessage> pulses_;
   LiveQueue<ReadySet> ready_;
-  std::optional<FrameSet> rehearsal_;  ///< until it is worked on
-  int64_t seq_ = 0;                    ///< last stage
-  int64_t newest_pulse_ = 0;           ///< assembling thread
+  std::optional<FrameSet> warm_up_;  ///< empty once it is processed
+  int64_t seq_ = 0;                  ///< used by the last stage
+  int64_t newest_pulse_ = 0;         ///< used by the assembling thread
 
   std::atomic<int64_t> meshes_ = 0;
   std::atomic<int64_t> failed_ = 0;
-  std::atomic<int64_t> handed_over_ = 0;
+  std::atomic<int64_t> dispatched_ = 0;
   std::atomic<int64_t> incomplete_ = 0;
   std::atomic<int64_t> foreign_ = 0;
   std::atomic<int64_t> late_ = 0;
   std::atomic<int64_t> write_errors_ = 0;
   std::atomic<int64_t> open_sets_ = 0;
-  QueueIdleTimer quiet_;  ///< of frames_
+  QueueIdleTimer idle_;  ///< of frames_
   Heartbeat assembling_;
   Heartbeat reconstructing_;
 
-  mutable std::mutex mutex_;              ///< what follows
-  SequenceTracker sequences_;             ///< by camera and frame group
-  std::optional<FrameGroupSet> heard_{};  ///< what a shared take hears
+  mutable std::mutex mutex_;               ///< guards what follows until shared_
+  SequenceTracker sequences_;              ///< by camera and frame group
+  std::optional<FrameGroupSet> groups_{};  ///< that a shared take receives
   std::map<int64_t, RealtimeInstant> edges_;
   std::vector<double> latencies_ms_;
   size_t next_latency_ = 0;
@@ -166,10 +169,10 @@ class ReconPipeline {
   std::string failure_;
   FrameQuality quality_;
 
-  std::unique_ptr<SharedTake> shared_;  ///< where several nodes share the take
+  std::unique_ptr<SharedTake> shared_;  ///< null where one node makes all meshes
   std::atomic<bool> stopping_ = false;
   std::thread assembling_thread_;
-  FramePipeline<Job> pipeline_;  ///< last: it works with all of the above
+  FramePipeline<Job> pipeline_;  ///< last: it uses all of the above
 };
 
 }  // namespace v3d

@@ -1,4 +1,4 @@
-// Meshes of several makers, put in order.
+// Puts the meshes of several nodes into the order of their pulses.
 #pragma once
 
 #include <cstdint>
@@ -9,9 +9,10 @@
 
 namespace v3d {
 
-/// Takes meshes in any order and gives them out in the order of their pulses, each pulse once. A
-/// pulse that will have none must be passed over. Bounded: who looks at is_full() passes over what
-/// the stream waits for. One thread.
+/// A buffer that accepts meshes in any order and returns them by ascending pulse, each pulse once.
+///
+/// The caller must skip() each pulse that has no mesh, and must skip() when is_full(): add() itself
+/// enforces no limit. One thread.
 class ReorderBuffer {
  public:
   struct Limits {
@@ -22,16 +23,17 @@ class ReorderBuffer {
   explicit ReorderBuffer(int64_t first) : ReorderBuffer(first, Limits{}) {}
   ReorderBuffer(int64_t first, Limits limits) : limits_(limits), next_(first) {}
 
-  /// False for a pulse that it has, or that the stream is past.
+  /// Returns false for a pulse that is buffered already, or before next().
   bool add(MeshMessage mesh);
-  /// The mesh that the stream waits for, when it is there: the stream goes on behind it.
+  /// Removes and returns the mesh of next() and advances to the following pulse. Empty when that
+  /// mesh is not buffered.
   std::optional<MeshMessage> take();
-  /// The pulse that the stream waits for has no mesh: the stream goes on behind it. It must not be
-  /// there.
-  void pass_over() { ++next_; }
+  /// Advances past next(), which must not be buffered.
+  void skip() { ++next_; }
 
-  /// The pulse that the stream waits for.
+  /// The pulse that take() returns next.
   int64_t next() const { return next_; }
+  /// Is the mesh of `pulse` buffered, or is `pulse` before next()?
   bool has(int64_t pulse) const { return pulse < next_ || waiting_.contains(pulse); }
   bool is_full() const { return waiting_.size() >= limits_.meshes || bytes_ >= limits_.bytes; }
 
@@ -39,7 +41,7 @@ class ReorderBuffer {
   const Limits limits_;
   int64_t next_;
   std::map<int64_t, MeshMessage> waiting_;
-  size_t bytes_ = 0;  ///< of those that wait
+  size_t bytes_ = 0;  ///< of waiting_
 };
 
 }  // namespace v3d

@@ -1,4 +1,5 @@
-// One node's part in a take that several reconstruct.
+// The part of one reconstruction node in a take that several nodes share: which meshes it makes, in
+// which order meshes are written, and which node publishes them. docs/sharding.md.
 #pragma once
 
 #include <cstdint>
@@ -11,7 +12,6 @@
 #include <vector>
 
 #include "daemon/bus/frame_groups.h"
-#include "daemon/recond/active_time_clock.h"
 #include "daemon/recond/reorder_buffer.h"
 #include "daemon/recond/shard_members.h"
 #include "recon/pipeline/frame_set.h"
@@ -21,137 +21,141 @@ namespace v3d {
 
 struct ShardCounts {
   int64_t made = 0;        ///< meshes made here
-  int64_t taken_over = 0;  ///< sets worked on here that were the share of a node that is not there
-  int64_t repeated = 0;    ///< sets worked on here because what their node made did not arrive
-  int64_t duplicates = 0;  ///< meshes that were there already
-  int64_t let_go = 0;      ///< sets of others that there was no room to hold
-  int64_t given_up = 0;    ///< pulses without a mesh by the word of their node: dropped, failed
-  int64_t lost = 0;        ///< pulses without a mesh that nobody made
-  int64_t living = 0;      ///< nodes
+  int64_t taken_over = 0;  ///< sets processed here that belong to a node that is not available
+  int64_t repeated = 0;    ///< sets processed here because their owner's mesh did not arrive
+  int64_t duplicates = 0;  ///< meshes received twice
+  int64_t let_go = 0;      ///< sets of other nodes, released because kMaxHeld were held
+  int64_t given_up = 0;    ///< pulses that their owner reported as dropped or failed
+  int64_t lost = 0;        ///< pulses without a mesh for any other reason
+  int64_t alive = 0;       ///< nodes
 };
 
-/// Every node hears all frames and assembles all sets, works on its share (shard_share.h), and
-/// holds the others' sets until it has their meshes. When a node dies, its share falls to the
-/// others, who hold its sets; when a mesh did not arrive, whoever misses it makes it again. Every
-/// node puts the meshes of all in order; the first of the roster that lives shows them on V3D_MESH,
-/// the others listen how far that came. Where nodes disagree for a moment about who lives, a pulse
-/// is made twice, and the order drops one; it is never lost.
+/// The sharding rules of one node, without threads and network.
 ///
-/// Where frames are spread over groups, a node hears those of its share, and of the share of nodes
-/// that are not there. It holds nothing of the others then: what a node that dies has not made by
-/// the time the others hear its groups is lost.
+/// Without frame groups, every node assembles all frame sets, processes those that it owns
+/// (owner_of()), and holds the others until it has their meshes. When a node ends, the others own
+/// its pulses and hold their sets. When a mesh does not arrive, the node that lacks it makes it.
+/// Every node orders the meshes of all nodes by pulse. The first available node of the roster
+/// publishes them on V3D_MESH, and the others follow its progress. Where nodes disagree about
+/// liveness for a moment, a pulse is made twice and the ReorderBuffer drops one mesh.
 ///
-/// Pure: what to do comes out of the take_..() functions after turn(). One thread.
+/// With frame groups, a node receives the groups of its own pulses, and those of nodes that are not
+/// available. It holds nothing of other nodes then: sets that a node has not finished when it ends,
+/// until the others receive its groups, are lost.
+///
+/// Pure: after advance(), the take_..() functions return what to do. One thread.
 class Shard {
  public:
-  /// A pulse that nobody has any more is waited for so long, one that its node still means to make
-  /// for kLongest.
-  static constexpr Duration kPatience = std::chrono::seconds(1);
-  static constexpr Duration kLongest = std::chrono::seconds(15);
-  /// What a node says that it made is waited for so long before it is made again.
-  static constexpr Duration kOnItsWay = std::chrono::milliseconds(300);
-  /// A node that comes later answers from a pulse on that is so far ahead: all have heard by then.
-  static constexpr Duration kAhead = std::chrono::milliseconds(600);
-  /// Sets of others that are held.
+  /// A pulse counts as lost after kLossTimeout when no node has it, and after kMaxWait when its
+  /// owner still reports it as pending.
+  static constexpr Duration kLossTimeout = std::chrono::seconds(1);
+  static constexpr Duration kMaxWait = std::chrono::seconds(15);
+  /// A mesh that its owner reports as made, but that has not arrived, is made again after this.
+  static constexpr Duration kRepeatAfter = std::chrono::milliseconds(300);
+  /// A node that joins late takes part from a pulse this far ahead. By then all nodes know.
+  static constexpr Duration kJoinDelay = std::chrono::milliseconds(600);
+  /// Limits of the sets of other nodes that are held.
   static constexpr size_t kMaxHeld = 128;
   static constexpr size_t kMaxHeldBytes = 512 << 20;
 
   struct Setup {
     std::string take;
     std::vector<std::string> roster;  ///< sorted
-    std::string me;                   ///< of the roster
+    std::string node;                 ///< this node, of the roster
     double rate_hz = 25;
-    bool comes_later = false;  ///< the take runs already
-    size_t frame_groups = 1;   ///< frame_groups.h
+    bool joins_late = false;  ///< the take runs already
+    size_t frame_groups = 1;  ///< number of groups (frame_groups.h)
   };
   explicit Shard(const Setup& setup);
 
-  /// Time passes. Everything that is told happens at the time of the last turn.
-  void turn(MonotonicInstant now);
-  /// A set that was assembled here; their pulses rise.
-  void add(ReadySet set);
-  void hear(const ShardMessage& word);
-  /// What another made.
-  void hear(MeshMessage mesh);
-  /// What this node made of a set from take_work(), or that it made nothing of it.
-  void made(MeshMessage mesh);
-  void gave_up(int64_t pulse);
-  /// A set from take_work() is begun. False when its mesh has come meanwhile: it is done with.
+  /// Sets the time to `now` and applies the rules. The on_..() functions use the last such time.
+  void advance(MonotonicInstant now);
+  /// A frame set that was assembled here, by ascending pulse.
+  void on_set(ReadySet set);
+  void on_status(const ShardMessage& status);
+  /// A mesh of another node.
+  void on_mesh(MeshMessage mesh);
+  /// A mesh that this node made of a set from take_work().
+  void on_own_mesh(MeshMessage mesh);
+  /// This node dropped a set from take_work(), or failed to make its mesh.
+  void give_up(int64_t pulse);
+  /// Call it when processing of a set from take_work() begins. Returns false when its mesh has
+  /// arrived meanwhile: the set needs no processing.
   bool begin(int64_t pulse);
-  /// What was heard on V3D_MESH.
-  void heard_shown(const MeshMessage& mesh) {
-    if (mesh.take == setup_.take) shown_ = std::max(shown_, mesh.pulse);
+  /// A mesh was published on V3D_MESH.
+  void on_published(const MeshMessage& mesh) {
+    if (mesh.take == setup_.take) published_ = std::max(published_, mesh.pulse);
   }
 
-  /// Sets to work on here.
+  /// Sets to process here.
   std::vector<ReadySet> take_work() { return std::exchange(work_, {}); }
-  /// The meshes of all nodes in the order of their pulses, each once.
+  /// The meshes of all nodes by ascending pulse, each once.
   std::vector<MeshMessage> take_ordered() { return std::exchange(ordered_, {}); }
-  /// Of these, what this node shows on V3D_MESH.
-  std::vector<MeshMessage> take_to_show() { return std::exchange(to_show_, {}); }
-  /// Whose frames this node has to hear.
-  const FrameGroupSet& frame_groups() const { return heard_; }
-  /// What to tell the others, but for when and which number.
-  ShardMessage word() const;
+  /// Those of them that this node must publish on V3D_MESH.
+  std::vector<MeshMessage> take_to_publish() { return std::exchange(to_publish_, {}); }
+  /// The frame groups that this node must receive.
+  const FrameGroupSet& frame_groups() const { return groups_; }
+  /// The status for the other nodes, without `sent` and `seq`.
+  ShardMessage status() const;
 
   ShardCounts counts() const;
   /// Pulses of the stream so far that have no mesh.
   std::vector<int64_t> without_mesh() const { return without_mesh_.all(); }
-  /// Nothing that is known of is outstanding, here or elsewhere.
+  /// Is every known pulse ordered and published, and no set held or in work?
   bool is_settled() const;
 
  private:
   struct Held {
     ReadySet set;
     size_t bytes = 0;
-    std::optional<Duration> promised;  ///< since its node says that it is made
+    std::optional<Duration> reported_done;  ///< since when its owner reports the mesh as made
   };
-  struct Unshown {
+  struct Unpublished {
     MeshMessage mesh;
     Duration since{};
   };
   static constexpr size_t kMaxGivenUp = 64;
-  static constexpr size_t kMaxUnshown = 512;
+  static constexpr size_t kMaxUnpublished = 512;
 
-  void join_behind(int64_t pulse);
-  void choose_frame_groups();
-  bool may_be_cut(const ReadySet& set);
-  void note_known(int64_t pulse);
+  void join_after(int64_t pulse);
+  void update_frame_groups();
+  bool may_be_truncated(const ReadySet& set);
+  void record_known(int64_t pulse);
   std::optional<Duration> known_since(int64_t pulse) const;
   void hold(ReadySet set);
-  void let_go(std::map<int64_t, Held>::iterator held);
-  void look_through_held();
-  bool is_to_be_made_here(int64_t pulse, Held& held);
-  void work_on(Held& held);
+  void release(std::map<int64_t, Held>::iterator held);
+  void check_held_sets();
+  bool should_make(int64_t pulse, Held& held);
+  void queue_work(Held& held);
   bool is_given_up(int64_t pulse) const;
-  bool may_come(int64_t pulse) const;
+  bool is_pending(int64_t pulse) const;
   bool is_lost(int64_t pulse) const;
-  void put_in_order();
-  void pass_over(int64_t pulse);
-  void show();
-  bool may_begin_to_show(const Unshown& first) const;
+  void order_meshes();
+  void skip(int64_t pulse);
+  void publish();
+  bool may_start_publishing(const Unpublished& first) const;
 
   const Setup setup_;
-  const size_t me_;
+  const size_t self_;  ///< index of this node in the roster
   ActiveTimeClock clock_;
   Duration now_{};
   ShardMembers members_;
-  int64_t first_ = -1;                  ///< this node answers from here on; -1: not yet
-  std::optional<ReorderBuffer> order_;  ///< once it does
-  FrameGroupSet heard_;
-  FrameGroupSet just_joined_;  ///< of these no set has come yet
+  int64_t first_ = -1;                    ///< this node takes part from here on; -1: not yet
+  std::optional<ReorderBuffer> reorder_;  ///< once it does
+  FrameGroupSet groups_;
+  FrameGroupSet new_groups_;  ///< no set of these was assembled yet
   int64_t newest_set_ = -1;
   std::map<int64_t, Held> held_;
   size_t held_bytes_ = 0;
-  std::set<int64_t> mine_;  ///< in work, or waiting for it
+  std::set<int64_t> own_pulses_;  ///< handed out by take_work(), not finished
   std::deque<int64_t> given_up_;
-  std::deque<std::pair<int64_t, Duration>> known_;  ///< newest pulse that there is, and since when
+  std::deque<std::pair<int64_t, Duration>> known_;  ///< newest known pulse, and since when
   std::vector<ReadySet> work_;
   std::vector<MeshMessage> ordered_;
-  std::vector<MeshMessage> to_show_;
-  std::deque<Unshown> unshown_;
-  bool shows_ = false;  ///< has shown something
-  int64_t shown_ = -1;
+  std::vector<MeshMessage> to_publish_;
+  std::deque<Unpublished> unpublished_;
+  bool publishing_ = false;  ///< has published a mesh
+  int64_t published_ = -1;   ///< newest pulse on V3D_MESH
   PulseSet without_mesh_;
   ShardCounts counts_;
 };

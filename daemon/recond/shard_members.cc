@@ -1,66 +1,90 @@
 #include "daemon/recond/shard_members.h"
 
-#include <algorithm>
+#include <numeric>
 
-#include "daemon/recond/shard_share.h"
+#include "base/check.h"
 
 namespace v3d {
 
-ShardMembers::ShardMembers(std::vector<std::string> roster, size_t me)
-    : roster_(std::move(roster)), me_(me), members_(roster_.size()) {}
+size_t owner_of(int64_t pulse, const std::vector<bool>& available) {
+  const auto size = static_cast<int64_t>(available.size());
+  const auto count = std::count(available.begin(), available.end(), true);
+  V3D_CHECK(count > 0);
+  const auto slot = static_cast<size_t>(pulse % size);
+  if (available[slot]) return slot;
+  auto left = (pulse / size) % count;
+  size_t index = 0;
+  while (!available[index] || left-- > 0) ++index;
+  return index;
+}
 
-bool ShardMembers::hear(const ShardMessage& word, Duration now) {
-  const auto found = std::find(roster_.begin(), roster_.end(), word.node);
+FrameGroupSet groups_of(size_t index, size_t nodes, size_t groups) {
+  // Pulses p = index (mod nodes) and p = g (mod groups) exist when the greatest common divisor
+  // divides g - index.
+  const size_t step = std::gcd(nodes, groups);
+  FrameGroupSet found;
+  for (size_t group = index % step; group < groups; group += step) found.insert(group);
+  return found;
+}
+
+ShardMembers::ShardMembers(std::vector<std::string> roster, size_t self)
+    : roster_(std::move(roster)), self_(self), members_(roster_.size()) {}
+
+bool ShardMembers::on_status(const ShardMessage& status, Duration now) {
+  const auto found = std::find(roster_.begin(), roster_.end(), status.node);
   if (found == roster_.end()) return false;
-  const auto place = static_cast<size_t>(found - roster_.begin());
-  Member& member = members_[place];
-  // The network reorders.
-  if (place == me_ || (member.heard && word.sent <= member.word.sent)) return false;
-  member.heard = now;
-  for (const int64_t pulse : word.given_up) {
+  const auto index = static_cast<size_t>(found - roster_.begin());
+  Member& member = members_[index];
+  // The network may reorder messages.
+  const bool is_old = member.received && status.sent <= member.status.sent;
+  if (index == self_ || is_old) return false;
+  member.received = now;
+  for (const int64_t pulse : status.given_up) {
     if (pulse >= forgotten_) member.given_up.insert(pulse);
   }
-  member.word = word;
+  member.status = status;
   return true;
 }
 
-bool ShardMembers::lives(size_t place, Duration now) const {
-  const auto& heard = members_[place].heard;
-  return place == me_ || (heard && now - *heard < kSilent);
+bool ShardMembers::is_alive(size_t index, Duration now) const {
+  const auto& received = members_[index].received;
+  return index == self_ || (received && now - *received < kLivenessTimeout);
 }
 
-size_t ShardMembers::living(Duration now) const {
+size_t ShardMembers::alive_count(Duration now) const {
   size_t count = 0;
-  for (size_t place = 0; place < size(); ++place) count += lives(place, now);
+  for (size_t index = 0; index < size(); ++index) count += is_alive(index, now);
   return count;
 }
 
-bool ShardMembers::is_there(size_t place, int64_t pulse, Duration now) const {
-  const int64_t first = members_[place].word.first;
-  return first >= 0 && first <= pulse && lives(place, now);
+bool ShardMembers::is_available(size_t index, int64_t pulse, Duration now) const {
+  const int64_t first = members_[index].status.first;
+  return first >= 0 && first <= pulse && is_alive(index, now);
 }
 
-std::vector<bool> ShardMembers::who_is_there(int64_t pulse, Duration now) const {
-  std::vector<bool> there(size());
-  for (size_t place = 0; place < size(); ++place) there[place] = is_there(place, pulse, now);
-  if (std::find(there.begin(), there.end(), true) == there.end()) there[me_] = true;
-  return there;
+std::vector<bool> ShardMembers::available_members(int64_t pulse, Duration now) const {
+  std::vector<bool> available(size());
+  for (size_t index = 0; index < size(); ++index) {
+    available[index] = is_available(index, pulse, now);
+  }
+  if (std::ranges::find(available, true) == available.end()) available[self_] = true;
+  return available;
 }
 
-size_t ShardMembers::maker(int64_t pulse, Duration now) const {
-  return maker_of(pulse, who_is_there(pulse, now));
+size_t ShardMembers::owner(int64_t pulse, Duration now) const {
+  return owner_of(pulse, available_members(pulse, now));
 }
 
-size_t ShardMembers::shower(int64_t pulse, Duration now) const {
-  const std::vector<bool> there = who_is_there(pulse, now);
-  return static_cast<size_t>(std::find(there.begin(), there.end(), true) - there.begin());
+size_t ShardMembers::publisher(int64_t pulse, Duration now) const {
+  const std::vector<bool> available = available_members(pulse, now);
+  return static_cast<size_t>(std::ranges::find(available, true) - available.begin());
 }
 
 int ShardMembers::rank(int64_t pulse, Duration now) const {
-  const size_t maker = this->maker(pulse, now);
+  const size_t owner = this->owner(pulse, now);
   int rank = 0;
-  for (size_t step = 1; (maker + step) % size() != me_ && step < size(); ++step) {
-    rank += is_there((maker + step) % size(), pulse, now);
+  for (size_t step = 1; (owner + step) % size() != self_ && step < size(); ++step) {
+    rank += is_available((owner + step) % size(), pulse, now);
   }
   return rank;
 }

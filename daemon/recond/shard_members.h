@@ -1,6 +1,8 @@
-// The nodes that share a take, by what they say of themselves.
+// The reconstruction nodes that share a take: which of them are alive, and which one owns a pulse.
 #pragma once
 
+#include <algorithm>
+#include <cstddef>
 #include <cstdint>
 #include <optional>
 #include <set>
@@ -8,54 +10,89 @@
 #include <vector>
 
 #include "base/time.h"
+#include "daemon/bus/frame_groups.h"
 #include "wire/messages.h"
 
 namespace v3d {
 
-/// Who is silent is not there. Times are of one ActiveTimeClock, and never go back. One thread.
+/// Index in the roster of the node that makes the mesh of `pulse` (0 or more).
+///
+/// `available`: by index, whether the node is alive and takes part at this pulse. At least one is.
+/// A node owns the pulses that are its index modulo the size of the roster. Pulses of a node that
+/// is not available rotate among the others. So the end of a node moves only its own pulses,
+/// evenly, and nodes that agree on `available` agree on the owner.
+size_t owner_of(int64_t pulse, const std::vector<bool>& available);
+
+/// The frame groups that carry the pulses owned by the node at `index`, of a roster of `nodes` and
+/// of `groups` groups. They carry no other pulses where `nodes` divides `groups`.
+FrameGroupSet groups_of(size_t index, size_t nodes, size_t groups);
+
+/// A clock that excludes time in which the process was stopped: it advances by at most kMaxStep
+/// between two updates. A process that did not run received nothing meanwhile, so that time must
+/// not count as silence of other nodes. One thread.
+class ActiveTimeClock {
+ public:
+  static constexpr Duration kMaxStep = std::chrono::milliseconds(100);
+
+  /// The active time until `now`, which never decreases.
+  Duration update(MonotonicInstant now) {
+    if (last_) active_ += std::min<Duration>(now - *last_, kMaxStep);
+    last_ = now;
+    return active_;
+  }
+
+ private:
+  std::optional<MonotonicInstant> last_;
+  Duration active_{};
+};
+
+/// The state of each node, from its status messages. A node counts as alive until it was silent for
+/// kLivenessTimeout. Times are of one ActiveTimeClock and never decrease. One thread.
 class ShardMembers {
  public:
-  static constexpr Duration kSilent = std::chrono::milliseconds(400);
+  static constexpr Duration kLivenessTimeout = std::chrono::milliseconds(400);
 
-  /// `roster` is sorted, and `me` a place in it.
-  ShardMembers(std::vector<std::string> roster, size_t me);
+  /// `roster` is sorted; `self` is the index of this node in it.
+  ShardMembers(std::vector<std::string> roster, size_t self);
 
-  /// What a node says of itself. False when it is none of the others, or an old word.
-  bool hear(const ShardMessage& word, Duration now);
-  /// This node answers for its share from `pulse` on.
-  void join(int64_t pulse) { members_[me_].word.first = pulse; }
-  /// This node's share has no mesh there.
-  void give_up(int64_t pulse) { members_[me_].given_up.insert(pulse); }
+  /// Status of another node. Returns false, and ignores it, when it is of an unknown node or of
+  /// this one, or older than the last.
+  bool on_status(const ShardMessage& status, Duration now);
+  /// This node takes part from `pulse` on.
+  void join(int64_t pulse) { members_[self_].status.first = pulse; }
+  /// This node makes no mesh of `pulse`, which it owns.
+  void give_up(int64_t pulse) { members_[self_].given_up.insert(pulse); }
 
   size_t size() const { return members_.size(); }
-  bool lives(size_t place, Duration now) const;
-  size_t living(Duration now) const;
-  /// Lives and answers for its share at `pulse`.
-  bool is_there(size_t place, int64_t pulse, Duration now) const;
-  /// Who makes the mesh of `pulse`, and who shows it; this node when nobody is there.
-  size_t maker(int64_t pulse, Duration now) const;
-  size_t shower(int64_t pulse, Duration now) const;
-  /// Of the others who live and answer for `pulse`, so many come before this node.
+  bool is_alive(size_t index, Duration now) const;
+  size_t alive_count(Duration now) const;
+  /// Is the node alive, and does it take part at `pulse`?
+  bool is_available(size_t index, int64_t pulse, Duration now) const;
+  /// The node that makes the mesh of `pulse`; this node where none is available.
+  size_t owner(int64_t pulse, Duration now) const;
+  /// The node that publishes the mesh of `pulse`: the first available one, else this node.
+  size_t publisher(int64_t pulse, Duration now) const;
+  /// The number of available nodes between the owner of `pulse` and this node, in roster order.
   int rank(int64_t pulse, Duration now) const;
-  /// The last word of another.
-  const ShardMessage& word(size_t place) const { return members_[place].word; }
-  bool has_given_up(size_t place, int64_t pulse) const {
-    return members_[place].given_up.contains(pulse);
+  /// The last status of another node.
+  const ShardMessage& status(size_t index) const { return members_[index].status; }
+  bool has_given_up(size_t index, int64_t pulse) const {
+    return members_[index].given_up.contains(pulse);
   }
-  /// Nobody asks for pulses before this one any more.
+  /// Frees the state of pulses before `pulse`. has_given_up() is no longer valid for them.
   void forget_before(int64_t pulse);
 
  private:
   struct Member {
-    ShardMessage word;
-    std::optional<Duration> heard;
+    ShardMessage status;
+    std::optional<Duration> received;  ///< when `status` was
     std::set<int64_t> given_up;
   };
-  std::vector<bool> who_is_there(int64_t pulse, Duration now) const;
+  std::vector<bool> available_members(int64_t pulse, Duration now) const;
 
   const std::vector<std::string> roster_;
-  const size_t me_;
-  std::vector<Member> members_;  ///< by place
+  const size_t self_;
+  std::vector<Member> members_;  ///< by index in the roster
   int64_t forgotten_ = 0;        ///< pulses before this one
 };
 

@@ -7,89 +7,89 @@
 namespace v3d {
 namespace {
 
-/// What is heard of meshes ends the wait at once; the rest is a matter of a tenth of a second.
-constexpr Duration kTurn = std::chrono::milliseconds(50);
-constexpr Duration kWordEvery = std::chrono::milliseconds(100);
-/// Meshes that wait to be taken, while this thread has to wait for a processor.
+/// A received mesh ends the wait at once. Other messages may wait that long.
+constexpr Duration kPollPeriod = std::chrono::milliseconds(50);
+constexpr Duration kStatusPeriod = std::chrono::milliseconds(100);
+/// Holds the meshes that arrive while this thread waits for a processor.
 constexpr size_t kMeshQueue = 256;
-constexpr size_t kWordQueue = 256;
+constexpr size_t kStatusQueue = 256;
 
 }  // namespace
 
 SharedTake::SharedTake(const Shard::Setup& setup, Bus& bus, Receivers receivers)
-    : me_(setup.me),
+    : node_(setup.node),
       bus_(bus),
       receivers_(std::move(receivers)),
-      words_(bus, std::string(kShardPrefix) + ".*", kWordQueue),
+      statuses_(bus, std::string(kShardPrefix) + ".*", kStatusQueue),
       meshes_(bus, std::string(kShardMeshPrefix) + ".*", kMeshQueue),
-      shown_(bus, kMeshChannel, kMeshQueue),
+      published_(bus, kMeshChannel, kMeshQueue),
       shard_(setup),
-      next_word_(Monotonic::now()),
+      next_status_(Monotonic::now()),
       thread_([this] { run(); }) {}
 
-void SharedTake::end() {
+void SharedTake::stop() {
   stopping_ = true;
   if (thread_.joinable()) thread_.join();
 }
 
 void SharedTake::run() {
   while (!stopping_) {
-    listening_.beat();
-    auto mesh = meshes_.wait(Monotonic::now() + kTurn);
+    heartbeat_.beat();
+    auto mesh = meshes_.wait(Monotonic::now() + kPollPeriod);
     const std::lock_guard lock(mutex_);
     for (; mesh; mesh = meshes_.wait(Monotonic::now())) {
-      if (mesh->node != me_) shard_.hear(std::move(*mesh));
+      if (mesh->node != node_) shard_.on_mesh(std::move(*mesh));
     }
-    hear_all();
-    act();
-    say();
+    receive();
+    process();
+    send_status();
   }
 }
 
-void SharedTake::hear_all() {
-  while (const auto shown = shown_.wait(Monotonic::now())) {
-    shard_.heard_shown(*shown);
-    // Who shows the next counts on from here.
-    shown_seq_ = std::max(shown_seq_, shown->seq + 1);
+void SharedTake::receive() {
+  while (const auto mesh = published_.wait(Monotonic::now())) {
+    shard_.on_published(*mesh);
+    // If this node publishes the next mesh, it continues this sequence.
+    published_seq_ = std::max(published_seq_, mesh->seq + 1);
   }
-  while (const auto word = words_.wait(Monotonic::now())) shard_.hear(*word);
+  while (const auto status = statuses_.wait(Monotonic::now())) shard_.on_status(*status);
 }
 
-void SharedTake::act() {
+void SharedTake::process() {
   std::vector<int64_t> given_up;
   {
     const std::lock_guard lock(given_up_mutex_);
     given_up.swap(given_up_);
   }
-  for (const int64_t pulse : given_up) shard_.gave_up(pulse);
-  shard_.turn(Monotonic::now());
-  if (heard_ != shard_.frame_groups()) {
-    heard_ = shard_.frame_groups();
-    receivers_.hear(*heard_);
+  for (const int64_t pulse : given_up) shard_.give_up(pulse);
+  shard_.advance(Monotonic::now());
+  if (groups_ != shard_.frame_groups()) {
+    groups_ = shard_.frame_groups();
+    receivers_.on_frame_groups(*groups_);
   }
-  for (ReadySet& set : shard_.take_work()) receivers_.work(std::move(set));
-  for (MeshMessage& mesh : shard_.take_to_show()) {
-    mesh.seq = shown_seq_++;
+  for (ReadySet& set : shard_.take_work()) receivers_.on_work(std::move(set));
+  for (MeshMessage& mesh : shard_.take_to_publish()) {
+    mesh.seq = published_seq_++;
     mesh.sent = Realtime::now();
     bus_.publish_sealed(kMeshChannel, encode(mesh));
   }
-  for (const MeshMessage& mesh : shard_.take_ordered()) receivers_.ordered(mesh);
+  for (const MeshMessage& mesh : shard_.take_ordered()) receivers_.on_ordered(mesh);
 }
 
-void SharedTake::say() {
+void SharedTake::send_status() {
   const MonotonicInstant now = Monotonic::now();
-  if (now < next_word_) return;
-  next_word_ = now + kWordEvery;
-  ShardMessage word = shard_.word();
-  word.sent = Realtime::now();
-  word.seq = word_seq_++;
-  bus_.publish_sealed(shard_channel(me_), encode(word));
+  if (now < next_status_) return;
+  next_status_ = now + kStatusPeriod;
+  ShardMessage status = shard_.status();
+  status.sent = Realtime::now();
+  status.seq = status_seq_++;
+  bus_.publish_sealed(shard_channel(node_), encode(status));
 }
 
 void SharedTake::add(ReadySet set) {
   const std::lock_guard lock(mutex_);
-  shard_.add(std::move(set));
-  act();
+  shard_.on_set(std::move(set));
+  process();
 }
 
 bool SharedTake::begin(int64_t pulse) {
@@ -97,18 +97,18 @@ bool SharedTake::begin(int64_t pulse) {
   return shard_.begin(pulse);
 }
 
-void SharedTake::made(MeshMessage mesh) {
+void SharedTake::add_mesh(MeshMessage mesh) {
   ShardMeshMessage message;
   static_cast<MeshMessage&>(message) = std::move(mesh);
-  message.node = me_;
+  message.node = node_;
   message.seq = mesh_seq_++;
-  bus_.publish_sealed(shard_mesh_channel(me_), encode(message));
+  bus_.publish_sealed(shard_mesh_channel(node_), encode(message));
   const std::lock_guard lock(mutex_);
-  shard_.made(std::move(static_cast<MeshMessage&>(message)));
-  act();
+  shard_.on_own_mesh(std::move(static_cast<MeshMessage&>(message)));
+  process();
 }
 
-void SharedTake::gave_up(int64_t pulse) {
+void SharedTake::give_up(int64_t pulse) {
   const std::lock_guard lock(given_up_mutex_);
   given_up_.push_back(pulse);
 }
@@ -129,7 +129,8 @@ bool SharedTake::is_settled() const {
 }
 
 int64_t SharedTake::undecodable() const {
-  return words_.counts().undecodable + meshes_.counts().undecodable + shown_.counts().undecodable;
+  return statuses_.counts().undecodable + meshes_.counts().undecodable +
+         published_.counts().undecodable;
 }
 
 }  // namespace v3d

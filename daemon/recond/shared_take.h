@@ -1,4 +1,4 @@
-// A shard on the studio's network.
+// The connection of a Shard to the network: its thread, status messages and meshes.
 #pragma once
 
 #include <atomic>
@@ -14,65 +14,68 @@
 
 namespace v3d {
 
-/// Lives from the moment the take is armed until it is closed. A thread listens to the other nodes,
-/// tells them where this one stands, and shows the ordered meshes when it is this node's turn.
+/// The part of this node in one shared take, from arming until closing. A thread receives messages
+/// of the other nodes, sends the status of this one every 100 ms, and publishes ordered meshes.
 class SharedTake {
  public:
+  /// Called with the shard locked, one call at a time, from any thread. They must not call back
+  /// into SharedTake, except for give_up().
   struct Receivers {
-    /// A set to make a mesh of here. Must not wait.
-    std::function<void(ReadySet)> work;
-    /// The meshes of all nodes in the order of their pulses, each once, before or after they are
-    /// shown. One call at a time, on whatever thread.
-    std::function<void(const MeshMessage&)> ordered;
-    /// The frame groups to be heard from now on. One call at a time, on whatever thread.
-    std::function<void(const FrameGroupSet&)> hear;
+    /// A frame set to process here. Must not block.
+    std::function<void(ReadySet)> on_work;
+    /// The meshes of all nodes by ascending pulse, each once, before or after they are published.
+    std::function<void(const MeshMessage&)> on_ordered;
+    /// The frame groups to receive from now on.
+    std::function<void(const FrameGroupSet&)> on_frame_groups;
   };
-  /// `bus` outlives it.
+  /// `bus` must outlive this object.
   SharedTake(const Shard::Setup& setup, Bus& bus, Receivers receivers);
-  ~SharedTake() { end(); }
+  ~SharedTake() { stop(); }
   SharedTake(const SharedTake&) = delete;
   SharedTake& operator=(const SharedTake&) = delete;
 
-  /// Any thread, but not from a receiver.
+  /// A frame set that was assembled here, by ascending pulse. Any thread.
   void add(ReadySet set);
-  bool begin(int64_t pulse);  ///< Shard::begin()
-  void made(MeshMessage mesh);
-  /// Any thread, also from a receiver.
-  void gave_up(int64_t pulse);
+  bool begin(int64_t pulse);  ///< see Shard::begin(). Any thread.
+  /// A mesh that was made here. Sends it to the other nodes. Any thread.
+  void add_mesh(MeshMessage mesh);
+  /// See Shard::give_up(). Takes effect with the next turn of the thread. Any thread, also from a
+  /// receiver.
+  void give_up(int64_t pulse);
 
   ShardCounts counts() const;
   std::vector<int64_t> without_mesh() const;
   bool is_settled() const;
   int64_t undecodable() const;
-  bool progressed_since(MonotonicInstant since) const { return listening_.beat_since(since); }
-  /// Ends the thread: nobody hears of this node any more.
-  void end();
+  bool progressed_since(MonotonicInstant since) const { return heartbeat_.beat_since(since); }
+  /// Ends the thread. The other nodes then see this node as silent.
+  void stop();
 
  private:
   void run();
-  void hear_all();
-  void act();
-  void say();
+  void receive();
+  void process();
+  void send_status();
 
-  const std::string me_;
+  const std::string node_;
   Bus& bus_;
   const Receivers receivers_;
-  Subscription<ShardMessage> words_;
+  Subscription<ShardMessage> statuses_;
   Subscription<ShardMeshMessage> meshes_;
-  Subscription<MeshMessage> shown_;
-  std::atomic<int64_t> mesh_seq_ = 0;  ///< of this node's own channel
+  Subscription<MeshMessage> published_;
+  std::atomic<int64_t> mesh_seq_ = 0;  ///< on the channel of this node
 
-  mutable std::mutex given_up_mutex_;  ///< the last to be locked
+  mutable std::mutex given_up_mutex_;  ///< locked last
   std::vector<int64_t> given_up_;
 
-  mutable std::mutex mutex_;  ///< what follows
+  mutable std::mutex mutex_;  ///< guards what follows
   Shard shard_;
-  std::optional<FrameGroupSet> heard_;
-  int64_t shown_seq_ = 0;
-  int64_t word_seq_ = 0;
-  MonotonicInstant next_word_;
+  std::optional<FrameGroupSet> groups_;  ///< last passed to on_frame_groups
+  int64_t published_seq_ = 0;
+  int64_t status_seq_ = 0;
+  MonotonicInstant next_status_;
 
-  Heartbeat listening_;
+  Heartbeat heartbeat_;
   std::atomic<bool> stopping_ = false;
   std::thread thread_;
 };

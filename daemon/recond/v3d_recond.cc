@@ -1,4 +1,4 @@
-// v3d-recond: the live reconstruction of a studio.
+// v3d-recond: reconstructs the frames of a studio while they are recorded.
 #include <malloc.h>
 #include <spdlog/spdlog.h>
 
@@ -15,23 +15,24 @@
 
 namespace {
 
-/// Both daemons of one node would answer under one name.
-void refuse_capture_node(const v3d::Studio& studio, const std::string& node) {
+/// Throws when `node` is a capture node: two daemons would reply under one name.
+void require_no_capture_node(const v3d::Studio& studio, const std::string& node) {
   if (studio.cameras_of(node).empty() && studio.trigger.node != node) return;
-  throw v3d::InputError(studio.path.string() + ": reconstruction: '" + node +
-                        "' captures; give the reconstruction a [[node]] of its own (it may be the "
-                        "same PC)");
+  throw v3d::InputError(
+      studio.path.string() + ": reconstruction: '" + node +
+      "' is a capture node; give the reconstruction a [[node]] of its own (it may "
+      "be the same PC)");
 }
 
-/// Of a take that this node was at when it ended. A file that was not closed gets an index.
+/// The number of meshes in the file of a take that this daemon did not close. Adds the missing
+/// index.
 int64_t recovered_meshes(const std::filesystem::path& mesh) {
   const v3d::MeshFileReader meshes(mesh);
   if (meshes.index_was_rebuilt()) v3d::MeshFileWriter(mesh, v3d::LogOpening::kGoOn).close();
   return static_cast<int64_t>(meshes.pulses().size());
 }
 
-void remember_take(const std::filesystem::path& mesh, const std::string& take,
-                   v3d::NodeLoop& loop) {
+void recover_take(const std::filesystem::path& mesh, const std::string& take, v3d::NodeLoop& loop) {
   try {
     const int64_t count = recovered_meshes(mesh);
     loop.remember(take, v3d::format_count(count) + " meshes recovered",
@@ -41,36 +42,36 @@ void remember_take(const std::filesystem::path& mesh, const std::string& take,
   }
 }
 
-/// The node that this is.
+/// The node in the studio file; `given` is the option --node, or empty.
 std::string node_of(const v3d::Studio& studio, const std::string& given) {
   const std::vector<std::string>& nodes = studio.reconstruction.nodes;
   if (given.empty() && nodes.size() == 1) return nodes.front();
   if (studio.reconstructs(given)) return given;
   std::string names;
   for (const std::string& node : nodes) names += (names.empty() ? "'" : ", '") + node + "'";
-  throw v3d::InputError("--node: the reconstruction runs on " + names + ", says " +
+  throw v3d::InputError("--node: the reconstruction runs on " + names + " in " +
                         studio.path.string());
 }
 
 void run(const v3d::Studio& studio, const std::string& given) {
   const std::string node = node_of(studio, given);
-  refuse_capture_node(studio, node);
-  // Each has the whole take in its mesh file.
-  std::optional<v3d::FolderLock> claim;
+  require_no_capture_node(studio, node);
+  // Every node writes the meshes of the whole take, so two of them must not share a folder.
+  std::optional<v3d::FolderLock> lock;
   if (studio.reconstruction.nodes.size() > 1) {
-    claim.emplace(studio.storage.takes, ".v3d-recond", node);
+    lock.emplace(studio.storage.takes, ".v3d-recond", node);
   }
   const std::string problem = v3d::receive_buffer_problem(studio.network.lcm_url);
   if (!problem.empty()) spdlog::warn("{}", problem);
   v3d::Bus bus(studio.network.lcm_url, studio.network.frame_groups, v3d::ChannelList(studio));
   bus.hear_frames(v3d::all_frame_groups(bus.frame_groups()));
   bus.seal().insist();
-  v3d::ReconNode work(studio, node, bus);
+  v3d::ReconNode delegate(studio, node, bus);
   v3d::NodeLoop loop(
       {node, "v3d-recond", v3d::credentials_of_node(studio, node), studio.network.metrics}, bus,
-      work);
-  for (const auto& [take, order] : v3d::persisted_commands(studio, node)) {
-    remember_take(v3d::take_paths(studio, take).mesh(), take, loop);
+      delegate);
+  for (const auto& [take, command] : v3d::persisted_commands(studio, node)) {
+    recover_take(v3d::take_paths(studio, take).mesh(), take, loop);
   }
   loop.run();
 }
@@ -78,9 +79,9 @@ void run(const v3d::Studio& studio, const std::string& given) {
 }  // namespace
 
 int main(int argc, char** argv) {
-  // Buffers go from the thread that makes them to one that frees them. With an arena of the C
-  // library for every thread the daemon is twice as large, and larger after every hour; in one
-  // arena it stays what it was, and no thread waits for it that could be measured.
+  // Buffers are freed by other threads than those that allocate them. With one malloc arena per
+  // thread the daemon is twice as large, and grows. With one arena it stays the same size, and no
+  // lock contention was measurable.
   mallopt(M_ARENA_MAX, 1);
   return v3d::daemon_main(
       argc, argv,

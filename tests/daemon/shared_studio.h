@@ -1,5 +1,5 @@
-// A studio whose reconstruction nodes share a take, played on a simulated network: they die, stand
-// still, come back, and what they say is lost, late and out of order.
+// Simulation of reconstruction nodes that share a take. Nodes can be killed, paused and restarted.
+// The network loses, delays and reorders messages.
 #pragma once
 
 #include <gtest/gtest.h>
@@ -16,30 +16,29 @@
 #include <vector>
 
 #include "daemon/recond/shard.h"
-#include "daemon/recond/shard_share.h"
 
 namespace v3d::test {
 
 inline constexpr char kTake[] = "kendo-07";
 inline constexpr Duration kStep = std::chrono::milliseconds(10);
-inline constexpr Duration kWordEvery = std::chrono::milliseconds(100);
+inline constexpr Duration kStatusPeriod = std::chrono::milliseconds(100);
 
 struct Network {
-  double loss = 0;         ///< of the messages, for every receiver by itself
-  int slowest_ms = 1;      ///< each takes from nothing to so long
-  Duration work{};         ///< for one set
-  double frames_lost = 0;  ///< sets that a node never had
-  size_t groups = 1;       ///< in which frames travel
+  double loss = 0;         ///< probability of losing a message, for each receiver
+  int max_delay_ms = 1;    ///< delays are uniform from 0 to this
+  Duration work{};         ///< processing time of one set
+  double frames_lost = 0;  ///< probability that a node does not receive a set
+  size_t groups = 1;       ///< frame groups
 };
 
-/// Loses messages and no frames, in one group.
+/// Loses messages but no frames; one frame group.
 inline Network any_network() {
   return {.loss = *rc::gen::inRange(0, 10) * 0.01,
-          .slowest_ms = *rc::gen::inRange(1, 60),
+          .max_delay_ms = *rc::gen::inRange(1, 60),
           .work = std::chrono::milliseconds(*rc::gen::inRange(0, 40))};
 }
 
-/// A studio of some nodes, some time after the take was armed.
+/// A studio of `nodes` nodes, 300 ms after the take was armed.
 class SharedStudio {
  public:
   SharedStudio(size_t nodes, Network network, unsigned seed) : network_(network), random_(seed) {
@@ -49,12 +48,12 @@ class SharedStudio {
   }
 
   void kill(size_t node) { nodes_[node].reset(); }
-  void start_anew(size_t node) { nodes_[node] = std::make_unique<Node>(setup(node, true)); }
-  void hold_still(size_t node, Duration time) { nodes_[node]->still_until = now_ + time; }
-  /// What a node drops, as one that cannot keep up.
+  void restart(size_t node) { nodes_[node] = std::make_unique<Node>(setup(node, true)); }
+  void pause(size_t node, Duration time) { nodes_[node]->paused_until = now_ + time; }
+  /// Makes a node drop a pulse, like a node that cannot keep up.
   void drop(size_t node, int64_t pulse) { nodes_[node]->drops.insert(pulse); }
 
-  /// Pulses at 25 Hz.
+  /// One pulse; the time advances by 40 ms.
   void pulse() {
     const size_t group = FrameNumbers::group_of(pulses_, network_.groups);
     for (auto& node : nodes_) {
@@ -67,7 +66,7 @@ class SharedStudio {
   void pulse(int count) {
     for (int i = 0; i < count; ++i) pulse();
   }
-  /// Until nothing is outstanding anywhere; false when it does not come to that.
+  /// Advances the time until all nodes are settled; false after 60 s.
   bool settle() {
     for (int i = 0; i < 6000; ++i) {
       const bool all = std::all_of(nodes_.begin(), nodes_.end(), [](const auto& node) {
@@ -81,58 +80,59 @@ class SharedStudio {
 
   int64_t pulses() const { return pulses_; }
   const Shard& shard(size_t node) const { return nodes_[node]->shard; }
-  /// What a node has in its file, and what was seen on V3D_MESH.
+  /// Pulses in the mesh file of a node.
   const std::vector<int64_t>& file(size_t node) const { return nodes_[node]->file; }
-  const std::vector<int64_t>& shown() const { return shown_; }
+  /// Pulses published on V3D_MESH.
+  const std::vector<int64_t>& published() const { return published_; }
 
  private:
   struct Node {
     explicit Node(const Shard::Setup& setup) : shard(setup) {}
     Shard shard;
-    std::deque<int64_t> sets;  ///< assembled, not yet told
+    std::deque<int64_t> sets;  ///< assembled, not yet passed to the shard
     std::deque<ReadySet> work;
     MonotonicInstant work_done;
-    MonotonicInstant next_word;
-    MonotonicInstant still_until;
+    MonotonicInstant next_status;
+    MonotonicInstant paused_until;
     std::set<int64_t> drops;
     std::vector<int64_t> file;
   };
-  struct Parcel {
+  struct Packet {
     MonotonicInstant due;
     int64_t number;
     size_t to;
-    std::variant<ShardMessage, MeshMessage, int64_t> content;  ///< the last: V3D_MESH
-    bool operator<(const Parcel& other) const {
+    std::variant<ShardMessage, MeshMessage, int64_t> content;  ///< int64_t: pulse on V3D_MESH
+    bool operator<(const Packet& other) const {
       return std::tie(other.due, other.number) < std::tie(due, number);
     }
   };
 
-  Shard::Setup setup(size_t node, bool comes_later) const {
+  Shard::Setup setup(size_t node, bool joins_late) const {
     return {.take = kTake,
             .roster = roster_,
-            .me = roster_[node],
+            .node = roster_[node],
             .rate_hz = 25,
-            .comes_later = comes_later,
+            .joins_late = joins_late,
             .frame_groups = network_.groups};
   }
   bool happens(double probability) { return std::bernoulli_distribution(probability)(random_); }
-  void send(size_t from, const decltype(Parcel::content)& content) {
+  void send(size_t from, const decltype(Packet::content)& content) {
     for (size_t to = 0; to < nodes_.size(); ++to) {
       if (to == from || happens(network_.loss)) continue;
-      std::uniform_int_distribution<int> delay(0, network_.slowest_ms);
-      on_their_way_.push(
-          {now_ + std::chrono::milliseconds(delay(random_)), numbered_++, to, content});
+      std::uniform_int_distribution<int> delay(0, network_.max_delay_ms);
+      in_flight_.push(
+          {now_ + std::chrono::milliseconds(delay(random_)), next_number_++, to, content});
     }
   }
   void step() {
     now_ += kStep;
-    while (!on_their_way_.empty() && on_their_way_.top().due <= now_) {
-      const Parcel parcel = on_their_way_.top();
-      on_their_way_.pop();
-      if (nodes_[parcel.to]) deliver(nodes_[parcel.to]->shard, parcel);
+    while (!in_flight_.empty() && in_flight_.top().due <= now_) {
+      const Packet packet = in_flight_.top();
+      in_flight_.pop();
+      if (nodes_[packet.to]) deliver(nodes_[packet.to]->shard, packet);
     }
     for (size_t i = 0; i < nodes_.size(); ++i) {
-      if (nodes_[i] && nodes_[i]->still_until <= now_) turn(i, *nodes_[i]);
+      if (nodes_[i] && nodes_[i]->paused_until <= now_) run_node(i, *nodes_[i]);
     }
   }
   static MeshMessage mesh_of(int64_t pulse) {
@@ -141,46 +141,45 @@ class SharedStudio {
     mesh.pulse = pulse;
     return mesh;
   }
-  static void deliver(Shard& shard, const Parcel& parcel) {
-    if (const auto* word = std::get_if<ShardMessage>(&parcel.content)) shard.hear(*word);
-    if (const auto* mesh = std::get_if<MeshMessage>(&parcel.content)) shard.hear(*mesh);
-    if (const auto* pulse = std::get_if<int64_t>(&parcel.content)) {
-      shard.heard_shown(mesh_of(*pulse));
+  static void deliver(Shard& shard, const Packet& packet) {
+    if (const auto* status = std::get_if<ShardMessage>(&packet.content)) shard.on_status(*status);
+    if (const auto* mesh = std::get_if<MeshMessage>(&packet.content)) shard.on_mesh(*mesh);
+    if (const auto* pulse = std::get_if<int64_t>(&packet.content)) {
+      shard.on_published(mesh_of(*pulse));
     }
   }
-  void turn(size_t i, Node& node) {
+  void run_node(size_t i, Node& node) {
     for (; !node.sets.empty(); node.sets.pop_front()) {
       ReadySet set;
       set.set.pulse = node.sets.front();
-      node.shard.add(std::move(set));
+      node.shard.on_set(std::move(set));
     }
     work(i, node);
-    node.shard.turn(now_);
+    node.shard.advance(now_);
     for (ReadySet& set : node.shard.take_work()) node.work.push_back(std::move(set));
     for (const MeshMessage& mesh : node.shard.take_ordered()) node.file.push_back(mesh.pulse);
-    for (const MeshMessage& mesh : node.shard.take_to_show()) {
-      shown_.push_back(mesh.pulse);
+    for (const MeshMessage& mesh : node.shard.take_to_publish()) {
+      published_.push_back(mesh.pulse);
       send(i, mesh.pulse);
     }
-    if (now_ < node.next_word) return;
-    node.next_word = now_ + kWordEvery;
-    ShardMessage word = node.shard.word();
-    word.sent = from_ns<Realtime>(to_ns(now_));
-    send(i, word);
+    if (now_ < node.next_status) return;
+    node.next_status = now_ + kStatusPeriod;
+    ShardMessage status = node.shard.status();
+    status.sent = from_ns<Realtime>(to_ns(now_));
+    send(i, status);
   }
-  /// One set after the other.
   void work(size_t i, Node& node) {
     while (!node.work.empty() && node.work_done <= now_) {
       const int64_t pulse = node.work.front().set.pulse;
       node.work.pop_front();
       if (node.drops.contains(pulse)) {
-        node.shard.gave_up(pulse);
+        node.shard.give_up(pulse);
         continue;
       }
       if (!node.shard.begin(pulse)) continue;
       node.work_done = now_ + network_.work;
       send(i, mesh_of(pulse));
-      node.shard.made(mesh_of(pulse));
+      node.shard.on_own_mesh(mesh_of(pulse));
     }
   }
 
@@ -188,11 +187,11 @@ class SharedStudio {
   std::mt19937 random_;
   std::vector<std::string> roster_;
   std::vector<std::unique_ptr<Node>> nodes_;
-  std::priority_queue<Parcel> on_their_way_;
-  int64_t numbered_ = 0;
+  std::priority_queue<Packet> in_flight_;
+  int64_t next_number_ = 0;
   MonotonicInstant now_ = from_ns<Monotonic>(1'000'000'000);
   int64_t pulses_ = 0;
-  std::vector<int64_t> shown_;
+  std::vector<int64_t> published_;
 };
 
 inline std::vector<int64_t> range(int64_t first, int64_t end) {
@@ -201,8 +200,8 @@ inline std::vector<int64_t> range(int64_t first, int64_t end) {
   return pulses;
 }
 
-/// As a viewer sees them, who lets nothing go back.
-inline std::vector<int64_t> without_returns(const std::vector<int64_t>& pulses) {
+/// The pulses that a viewer accepts: only ascending ones.
+inline std::vector<int64_t> ascending(const std::vector<int64_t>& pulses) {
   std::vector<int64_t> seen;
   for (const int64_t pulse : pulses) {
     if (seen.empty() || pulse > seen.back()) seen.push_back(pulse);
@@ -210,8 +209,8 @@ inline std::vector<int64_t> without_returns(const std::vector<int64_t>& pulses) 
   return seen;
 }
 
-/// The pulses that a node has in its file or names as those without a mesh, in order.
-inline std::vector<int64_t> told(const SharedStudio& studio, size_t node) {
+/// The pulses that a node has in its file or reports as without a mesh, ascending.
+inline std::vector<int64_t> accounted(const SharedStudio& studio, size_t node) {
   std::vector<int64_t> all = studio.file(node);
   const auto without = studio.shard(node).without_mesh();
   all.insert(all.end(), without.begin(), without.end());
@@ -219,10 +218,10 @@ inline std::vector<int64_t> told(const SharedStudio& studio, size_t node) {
   return all;
 }
 
-/// Every pulse is, and the file is in order.
-inline void expect_every_pulse_told(const SharedStudio& studio, size_t node, int64_t first) {
+/// Expects all pulses from `first` to be accounted for, and the file to be ascending.
+inline void expect_all_pulses_accounted(const SharedStudio& studio, size_t node, int64_t first) {
   EXPECT_TRUE(std::ranges::is_sorted(studio.file(node)));
-  EXPECT_EQ(told(studio, node), range(first, studio.pulses())) << "node " << node;
+  EXPECT_EQ(accounted(studio, node), range(first, studio.pulses())) << "node " << node;
 }
 
 }  // namespace v3d::test

@@ -223,12 +223,12 @@ class SimulatedNode {
 /// Says one order after the other, and stops after one that failed.
 class SimulatedOperator {
  public:
-  SimulatedOperator(World& world, std::string name, Commanded studio, MonotonicInstant begins)
+  SimulatedOperator(World& world, std::string name, CommandTargets studio, MonotonicInstant begins)
       : world_(world), name_(std::move(name)), studio_(std::move(studio)), idle_until_(begins) {
     place_ = world.network.join([this](const Bytes& bytes, MonotonicInstant) {
       const auto reply = decode<ReplyMessage>(bytes);
-      if (!conversation_ || !reply || !world_.key.has_sealed(bytes)) return;
-      if (reply->command_sender == name_) conversation_->hear(*reply);
+      if (!coordinator_ || !reply || !world_.key.has_sealed(bytes)) return;
+      if (reply->command_sender == name_) coordinator_->on_reply(*reply);
     });
   }
 
@@ -239,17 +239,17 @@ class SimulatedOperator {
     orders_.push_back(order);
   }
   void tick(MonotonicInstant now) {
-    if (!conversation_) {
+    if (!coordinator_) {
       if (orders_.empty() || now < idle_until_) return;
-      conversation_.emplace(orders_.front(), counter_, studio_, now + std::chrono::seconds(25),
-                            nonces_);
+      coordinator_.emplace(orders_.front(), counter_, studio_, now + std::chrono::seconds(25),
+                           nonces_);
     }
-    if (const auto message = conversation_->poll(now)) send(*message, now);
-    if (!conversation_->over()) return;
-    answers.push_back(conversation_->answer());
-    counter_ = conversation_->counter();
-    nonces_ = conversation_->nonces();
-    conversation_.reset();
+    if (const auto message = coordinator_->poll(now)) send(*message, now);
+    if (!coordinator_->is_finished()) return;
+    answers.push_back(coordinator_->answer());
+    counter_ = coordinator_->counter();
+    nonces_ = coordinator_->nonces();
+    coordinator_.reset();
     orders_.erase(orders_.begin());
     if (!answers.back().done()) orders_.clear();
     idle_until_ = now + world_.dice.between_ms(0, 2000);
@@ -268,14 +268,14 @@ class SimulatedOperator {
 
   World& world_;
   const std::string name_;
-  const Commanded studio_;
+  const CommandTargets studio_;
   size_t place_ = 0;
   int64_t counter_ = 0;
   NodeNonces nonces_;
   RealtimeInstant last_sent_;
   MonotonicInstant idle_until_;
   std::vector<CommandMessage> orders_;
-  std::optional<StudioCoordinator> conversation_;
+  std::optional<StudioCoordinator> coordinator_;
 };
 
 /// "cap01" with the trigger, and others.
@@ -348,7 +348,7 @@ class SimulatedCrew {
   }
 
   World world_;
-  Commanded studio_;
+  CommandTargets studio_;
   MonotonicInstant now_ = from_ns<Monotonic>(1'000'000'000);
 };
 

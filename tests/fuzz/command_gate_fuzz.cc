@@ -45,7 +45,7 @@ void read_as_sealed(std::span<const uint8_t> bytes) {
   const auto again = gate.admit(sealed, kNow);
   must(!again || !again->is_current);
   if (command && !command->to.empty()) obey_once(std::move(*command));
-  must(gate.counts().believed <= 1 && gate.counts().forged == 0);
+  must(gate.counts().admitted <= 1 && gate.counts().forged == 0);
 }
 
 }  // namespace

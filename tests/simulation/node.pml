@@ -39,7 +39,7 @@ inline finish(n, outcome) {
   }
 }
 
-/* Controller::misses() */
+/* Controller::mismatch() */
 inline judge(op, n, c) {
   misses = false;
   if
@@ -52,7 +52,7 @@ inline judge(op, n, c) {
   fi
 }
 
-/* Controller::carry_out() */
+/* Controller::execute() */
 inline obey(op, n, c) {
   obeyed[at(op, n)] = c;
   judge(op, n, c);

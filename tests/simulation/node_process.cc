@@ -145,7 +145,7 @@ void NodeProcess::ask_to_end() {
   resume();
   is_ending_ = true;
   if (phase() == Phase::kRecording && host_.trigger != nullptr) world_.truth.on_trigger_lost();
-  watch(Cause::kEnded, {}, [&] { protocol_->begin_to_end(world_.time.now()); });
+  watch(Cause::kEnded, {}, [&] { protocol_->begin_shutdown(world_.time.now()); });
   plan_turn(world_.time.now());
 }
 
@@ -249,11 +249,11 @@ void NodeProcess::turn() {
   }
   watch(Cause::kReport, {}, [&] { protocol_->poll(now, true); });
   if (protocol_->is_health_due(now)) publish_health();
-  if (is_ending_ && protocol_->may_end(now)) {
+  if (is_ending_ && protocol_->may_shut_down(now)) {
     work_->disarm();
     return end(Cause::kEnded);
   }
-  plan_turn(commands_.empty() ? protocol_->next_turn(now) : now);
+  plan_turn(commands_.empty() ? protocol_->next_poll(now) : now);
 }
 
 /// Tells the truth of what the action has changed.

@@ -5,7 +5,8 @@
 
 namespace v3d::simulation {
 
-OperatorProcess::OperatorProcess(World& world, Trace& trace, std::string name, Commanded studio)
+OperatorProcess::OperatorProcess(World& world, Trace& trace, std::string name,
+                                 CommandTargets studio)
     : world_(world), trace_(trace), name_(std::move(name)), studio_(std::move(studio)) {
   place_ = world_.network.join([](Channel channel, size_t) { return channel == Channel::kReply; },
                                [this](Channel, size_t, const Bytes& bytes) { receive(bytes); });
@@ -22,7 +23,7 @@ void OperatorProcess::kill() {
   if (!is_busy()) return;
   trace_.add([&] { return name_ + " is killed"; });
   steps_.clear();
-  conversation_.reset();
+  coordinator_.reset();
   all_done_ = false;
   ++plan_;
 }
@@ -31,43 +32,43 @@ void OperatorProcess::begin_next() {
   if (steps_.empty()) return;
   const OperatorStep& step = steps_.front();
   stamp_.emplace(name_ + "@desk/" + std::to_string(++runs_));
-  world_.truth.on_conversation(stamp_->sender(), step.order.verb);
+  world_.truth.on_order(stamp_->sender(), step.order.verb);
   world_.events.add_run(stamp_->sender(), step.order);
   trace_.add([&] {
     return stamp_->sender() + ": v3dctl " + std::string(name(step.order.verb)) + " " +
            step.order.take;
   });
-  conversation_.emplace(step.order, 0, studio_, world_.time.now() + step.timeout);
+  coordinator_.emplace(step.order, 0, studio_, world_.time.now() + step.timeout);
   poll();
 }
 
 /// As OperatorClient::command() goes round.
 void OperatorProcess::poll() {
-  while (conversation_ && !conversation_->over()) {
-    auto message = conversation_->poll(world_.time.now());
+  while (coordinator_ && !coordinator_->is_finished()) {
+    auto message = coordinator_->poll(world_.time.now());
     if (!message) break;
-    stamp_->put_on(*message, wall_clock(world_, clock_error_));
+    stamp_->apply(*message, wall_clock(world_, clock_error_));
     world_.events.on_send(*message);
     world_.network.send(place_, Channel::kCommand, encode_sealed(*message, world_.key));
   }
-  if (conversation_->over()) return finish();
-  world_.time.at(conversation_->next_due(), [this, number = ++plan_] {
+  if (coordinator_->is_finished()) return finish();
+  world_.time.at(coordinator_->next_due(), [this, number = ++plan_] {
     if (number == plan_) poll();
   });
 }
 
 void OperatorProcess::receive(const Bytes& bytes) {
-  if (!conversation_ || !world_.key.has_sealed(bytes)) return;
+  if (!coordinator_ || !world_.key.has_sealed(bytes)) return;
   const auto reply = decode<ReplyMessage>(bytes);
   if (!reply || reply->command_sender != stamp_->sender()) return;
-  if (reply->command_counter == conversation_->counter()) world_.events.on_hear(*reply);
-  conversation_->hear(*reply);
+  if (reply->command_counter == coordinator_->counter()) world_.events.on_hear(*reply);
+  coordinator_->on_reply(*reply);
   poll();
 }
 
 void OperatorProcess::finish() {
-  answer_ = conversation_->answer();
-  conversation_.reset();
+  answer_ = coordinator_->answer();
+  coordinator_.reset();
   ++plan_;
   trace_.add([&] {
     std::string text = stamp_->sender() + (answer_->done() ? ": done" : ": not done");

@@ -1,5 +1,5 @@
 // An operator of a simulated studio: runs of v3dctl, one after the other, with the real
-// Conversation.
+// StudioCoordinator.
 #pragma once
 
 #include <deque>
@@ -22,14 +22,14 @@ struct OperatorStep {
 /// Each step is a process of its own, with a sender of its own. One thread.
 class OperatorProcess {
  public:
-  OperatorProcess(World& world, Trace& trace, std::string name, Commanded studio);
+  OperatorProcess(World& world, Trace& trace, std::string name, CommandTargets studio);
 
   void begin(std::deque<OperatorStep> steps);
   /// The process is killed in the middle of what it does; the operator does nothing more.
   void kill();
   void set_clock_error(Duration error) { clock_error_ = error; }
 
-  bool is_busy() const { return !steps_.empty() || conversation_.has_value(); }
+  bool is_busy() const { return !steps_.empty() || coordinator_.has_value(); }
   size_t place() const { return place_; }
   /// The last answer; empty while there is none.
   const std::optional<Answer>& answer() const { return answer_; }
@@ -45,12 +45,12 @@ class OperatorProcess {
   World& world_;
   Trace& trace_;
   const std::string name_;
-  const Commanded studio_;
+  const CommandTargets studio_;
   size_t place_ = 0;
   Duration clock_error_{};
   std::deque<OperatorStep> steps_;
   std::optional<CommandStamp> stamp_;
-  std::optional<StudioCoordinator> conversation_;
+  std::optional<StudioCoordinator> coordinator_;
   std::optional<Answer> answer_;
   bool all_done_ = true;
   int runs_ = 0;

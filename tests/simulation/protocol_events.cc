@@ -59,7 +59,7 @@ ProtocolEvent ProtocolEvents::event_of(Kind kind, const ReplyMessage& reply) {
   return event;
 }
 
-/// `background` gets its take's name from the conversation (daemon/control/studio_coordinator.cc).
+/// `background` gets its take name from StudioCoordinator (daemon/control/studio_coordinator.cc).
 void ProtocolEvents::on_send(const CommandMessage& command) {
   const ProtocolEvent event = event_of(Kind::kSend, command);
   if (event.command == Input::kBackground) trace_.runs[event.run].take = event.take;

@@ -122,7 +122,7 @@ inline forget() {
   k = 0
 }
 
-/* StudioCoordinator::hear(): the reply to transmission i that held nonce e. */
+/* StudioCoordinator::on_reply(): the reply to transmission i that held nonce e. */
 inline hear(i, e, asks_again) {
   if
 #ifdef NONCE_OF_ANY_REPLY

@@ -17,7 +17,7 @@ namespace {
 using std::chrono::seconds;
 
 /// After the faults, nothing goes on unattended for longer: a node that is ready lets go after 60
-/// s, conversations last 60 s, and a take drains for 15 s.
+/// s, orders last 60 s, and a take drains for 15 s.
 constexpr Duration kSettlesWithin = seconds(100);
 /// A stop and an abort by an operator make every node idle.
 constexpr Duration kIdleWithin = seconds(30);
@@ -98,7 +98,7 @@ class Schedule {
   Trace trace_;
   Network network_;
   Trigger trigger_;
-  Commanded commanded_;
+  CommandTargets commanded_;
   std::map<std::string, std::vector<std::string>> cameras_;
   bool steps_clocks_ = false;
   Truth truth_;

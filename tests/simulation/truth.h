@@ -31,7 +31,7 @@ enum class Cause : uint8_t {
 class Truth {
  public:
   struct Studio {
-    Commanded commanded;
+    CommandTargets commanded;
     std::map<std::string, std::vector<std::string>> cameras;  ///< by node
   };
   explicit Truth(Studio studio) : studio_(std::move(studio)) {}
@@ -51,7 +51,7 @@ class Truth {
     CommandMessage command;  ///< the cause, where it is one
   };
   void on_change(const Change& change);
-  void on_conversation(const std::string& sender, CommandVerb verb) { verbs_[sender] = verb; }
+  void on_order(const std::string& sender, CommandVerb verb) { verbs_[sender] = verb; }
   void on_train(const CommandMessage& order);
   void on_pulse(int64_t pulse, bool sensed);
   void on_trigger_lost() { trains_[running_].trigger_lost = true; }
@@ -96,7 +96,7 @@ class Truth {
 
   const Studio studio_;
   std::string violation_;
-  std::map<std::string, CommandVerb> verbs_;  ///< of conversations, by sender
+  std::map<std::string, CommandVerb> verbs_;  ///< of orders, by sender
   std::map<std::string, Node> nodes_;
   std::map<std::string, Train> trains_;         ///< by order
   std::map<std::string, std::string> by_take_;  ///< orders by take

@@ -12,7 +12,7 @@
 namespace v3d {
 namespace {
 
-/// The reply of chronyd 4.3 to request 7, as it came over the wire: its own clock, stratum 3.
+/// The reply of chronyd 4.3 to request 7, as received: local clock, stratum 3.
 std::vector<uint8_t> recorded_reply() {
   const std::string hex =
       "060200000021000500000000000000000000000700000000000000007f7f010100000000000000000000000000"
@@ -32,42 +32,42 @@ void put_real(std::vector<uint8_t>& reply, size_t at, int exponent, int32_t coef
   for (size_t i = 0; i < 4; ++i) reply[at + i] = static_cast<uint8_t>(word >> (24 - 8 * i));
 }
 
-TEST(ClockMonitor, understands_a_reply_of_chronyd) {
+TEST(ClockMonitor, parses_a_reply_of_chronyd) {
   const auto tracking = parse_tracking(recorded_reply(), 7);
   ASSERT_TRUE(tracking);
   EXPECT_TRUE(tracking->synchronised);
   EXPECT_EQ(tracking->offset_s, 0);
 }
 
-TEST(ClockMonitor, tells_a_clock_that_is_ahead_from_one_that_is_behind) {
+TEST(ClockMonitor, distinguishes_a_fast_clock_from_a_slow_one) {
   auto reply = recorded_reply();
   put_real(reply, 68, 0, 1 << 23);  // chronyd will add a quarter of a second
-  put_real(reply, 92, 0, 1 << 23);  // the way to the server and back
+  put_real(reply, 92, 0, 1 << 23);  // round trip to the server
   EXPECT_DOUBLE_EQ(parse_tracking(reply, 7)->offset_s, -0.25);
   EXPECT_DOUBLE_EQ(parse_tracking(reply, 7)->error_bound_s, 0.375);
   put_real(reply, 68, -1, -(1 << 23));
   EXPECT_DOUBLE_EQ(parse_tracking(reply, 7)->offset_s, 0.125);
 }
 
-TEST(ClockMonitor, knows_that_chronyd_has_not_found_the_time_yet) {
+TEST(ClockMonitor, reports_an_unsynchronised_clock) {
   auto reply = recorded_reply();
   reply[55] = 3;
   EXPECT_FALSE(parse_tracking(reply, 7)->synchronised);
 }
 
-TEST(ClockMonitor, believes_no_reply_but_the_one_to_its_request) {
+TEST(ClockMonitor, accepts_only_the_reply_to_its_request) {
   EXPECT_FALSE(parse_tracking(recorded_reply(), 8));
   EXPECT_FALSE(parse_tracking({}, 7));
-  EXPECT_FALSE(parse_tracking(tracking_request(7), 7)) << "our own question, sent back";
+  EXPECT_FALSE(parse_tracking(tracking_request(7), 7)) << "the request itself";
   auto reply = recorded_reply();
   reply.push_back(0);
   EXPECT_FALSE(parse_tracking(reply, 7));
   reply = recorded_reply();
-  reply[9] = 1;  // a status that is no success
+  reply[9] = 1;  // an error status
   EXPECT_FALSE(parse_tracking(reply, 7));
 }
 
-/// Answers one question at a time, as chronyd does.
+/// Answers one request at a time, like chronyd.
 class FakeChronyd {
  public:
   FakeChronyd() : fd_(socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0)) {
@@ -98,33 +98,33 @@ class FakeChronyd {
   uint16_t port_ = 0;
 };
 
-std::map<std::string, double> report(ClockMonitor& watch) {
+std::map<std::string, double> report(ClockMonitor& monitor) {
   std::map<std::string, double> values;
-  watch.report(values);
+  monitor.report(values);
   return values;
 }
 
-TEST(ClockMonitor, tells_what_chronyd_said_until_it_has_been_silent_for_long) {
+TEST(ClockMonitor, reports_the_last_reply_until_chronyd_is_silent_for_three_requests) {
   const test::TemporaryFolder no_timesyncd;
   FakeChronyd chronyd;
-  ClockMonitor watch(chronyd.port(), no_timesyncd.path());
+  ClockMonitor monitor(chronyd.port(), no_timesyncd.path());
   auto reply = recorded_reply();
   put_real(reply, 68, -10, 1 << 23);
   chronyd.answer(reply);
-  auto values = report(watch);
+  auto values = report(monitor);
   EXPECT_EQ(values.at("clock_synchronised_flag"), 1);
   EXPECT_NEAR(values.at("clock_offset_us"), -244.14, 0.01);
-  EXPECT_TRUE(report(watch).contains("clock_offset_us")) << "one answer may be late";
-  report(watch);
-  EXPECT_TRUE(report(watch).empty()) << "unknown";
+  EXPECT_TRUE(report(monitor).contains("clock_offset_us")) << "one answer may be late";
+  report(monitor);
+  EXPECT_TRUE(report(monitor).empty()) << "unknown";
 }
 
-TEST(ClockMonitor, finds_the_mark_of_timesyncd_where_there_is_no_chronyd) {
+TEST(ClockMonitor, reports_synchronisation_by_timesyncd_without_chronyd) {
   const test::TemporaryFolder root;
   std::filesystem::create_directories(root / "run/systemd/timesync");
   test::write_text(root / "run/systemd/timesync/synchronized", "");
-  ClockMonitor watch(9, root.path());  // "discard": nobody is there
-  const auto values = report(watch);
+  ClockMonitor monitor(9, root.path());  // the discard port, which nothing listens on
+  const auto values = report(monitor);
   EXPECT_EQ(values.at("clock_synchronised_flag"), 1);
   EXPECT_FALSE(values.contains("clock_offset_us"));
 }

@@ -31,13 +31,13 @@ class Gate : public testing::Test {
     m.nonces = {1, nonce};
     return m;
   }
-  /// Whether a node obeys.
-  bool obeys(const Bytes& bytes) {
+  /// Is the command admitted with a current nonce?
+  bool admits(const Bytes& bytes) {
     const auto admitted = gate_.admit(bytes, now_);
     return admitted && admitted->is_current;
   }
-  bool obeys(const CommandMessage& m) { return obeys(encode_sealed(m, key_)); }
-  /// Whether a node answers with its nonce.
+  bool admits(const CommandMessage& m) { return admits(encode_sealed(m, key_)); }
+  /// Does the node reply with its nonce?
   bool replies_nonce(const CommandMessage& m) {
     const auto admitted = gate_.admit(encode_sealed(m, key_), now_);
     return admitted && !admitted->is_current;
@@ -49,76 +49,76 @@ class Gate : public testing::Test {
   CommandGate gate_{"cap01"};
 };
 
-TEST_F(Gate, obeys_an_authentic_command_with_the_nonce_of_this_node) {
+TEST_F(Gate, admits_an_authentic_command_with_the_nonce_of_this_node) {
   const auto got = gate_.admit(encode_sealed(command(nonce()), key_), now_);
   ASSERT_TRUE(got);
   EXPECT_TRUE(got->is_current);
   EXPECT_EQ(got->command.verb, CommandVerb::kStart);
-  EXPECT_EQ(gate_.counts().believed, 1);
-  EXPECT_THAT(gate_.trouble(now_), IsEmpty());
+  EXPECT_EQ(gate_.counts().admitted, 1);
+  EXPECT_THAT(gate_.problem(now_), IsEmpty());
 }
 
-TEST_F(Gate, answers_a_command_without_nonce_with_the_nonce_that_makes_it_good) {
+TEST_F(Gate, replies_to_a_command_without_nonce_with_the_nonce_it_needs) {
   const CommandMessage first = command(0);
   ASSERT_TRUE(replies_nonce(first));
   const ReplyMessage reply = gate_.nonce_reply(first, now_);
   EXPECT_EQ(reply.outcome, ReplyMessage::Outcome::kNonceMissing);
   EXPECT_EQ(reply.command_sender, first.sender);
   EXPECT_EQ(gate_.counts().without_nonce, 1);
-  EXPECT_TRUE(obeys(command(reply.nonce)));
+  EXPECT_TRUE(admits(command(reply.nonce)));
 }
 
-TEST_F(Gate, obeys_whatever_the_clock_of_the_sender_says) {
-  EXPECT_TRUE(obeys(command(nonce(), 1, -1h, "a")));
-  EXPECT_TRUE(obeys(command(nonce(), 1, 24h * 365, "b")));
+TEST_F(Gate, admits_commands_independent_of_the_sender_s_clock) {
+  EXPECT_TRUE(admits(command(nonce(), 1, -1h, "a")));
+  EXPECT_TRUE(admits(command(nonce(), 1, 24h * 365, "b")));
 }
 
-TEST_F(Gate, obeys_no_command_with_a_nonce_of_more_than_ten_seconds_ago) {
+TEST_F(Gate, rejects_a_nonce_older_than_ten_seconds) {
   const CommandMessage held_back = command(nonce());
   now_ += 2 * CommandGate::kNonceLife - 1ms;
-  EXPECT_TRUE(obeys(held_back));
+  EXPECT_TRUE(admits(held_back));
   const CommandMessage later = command(nonce(), 1, 1s);
   now_ += 2 * CommandGate::kNonceLife;
-  EXPECT_FALSE(obeys(later));
+  EXPECT_FALSE(admits(later));
   EXPECT_EQ(gate_.counts().without_nonce, 1);
 }
 
-TEST_F(Gate, obeys_no_command_with_the_nonce_of_another_node) {
+TEST_F(Gate, rejects_the_nonce_of_another_node) {
   CommandMessage swapped = command(nonce());
   std::swap(swapped.nonces[0], swapped.nonces[1]);
-  EXPECT_FALSE(obeys(swapped));
+  EXPECT_FALSE(admits(swapped));
   swapped.nonces.clear();
-  EXPECT_FALSE(obeys(swapped));
+  EXPECT_FALSE(admits(swapped));
 }
 
-TEST_F(Gate, obeys_nobody_without_a_key) {
+TEST_F(Gate, rejects_all_commands_without_a_key) {
   CommandGate keyless("cap01");
   EXPECT_FALSE(keyless.admit(encode_sealed(command(1), key_), now_));
   EXPECT_FALSE(keyless.admit(encode(command(1)), now_));
   EXPECT_EQ(keyless.counts().unkeyed, 2);
 }
 
-TEST_F(Gate, refuses_what_another_key_sealed_and_says_so_for_a_while) {
+TEST_F(Gate, rejects_another_key_and_reports_it_for_ten_seconds) {
   EXPECT_FALSE(gate_.admit(encode_sealed(command(nonce()), StudioKey::make()), now_));
   EXPECT_EQ(gate_.counts().forged, 1);
-  EXPECT_THAT(gate_.trouble(now_ + 1s), HasSubstr("another studio key"));
-  EXPECT_THAT(gate_.trouble(now_ + 1min), IsEmpty());
+  EXPECT_THAT(gate_.problem(now_ + 1s), HasSubstr("another studio key"));
+  EXPECT_THAT(gate_.problem(now_ + 1min), IsEmpty());
 }
 
-TEST_F(Gate, obeys_holders_of_the_old_key_for_twenty_seconds_after_a_new_one_was_set) {
+TEST_F(Gate, admits_the_old_key_for_twenty_seconds_after_a_rotation) {
   const StudioKey next = StudioKey::make();
-  EXPECT_FALSE(obeys(encode_sealed(command(nonce(), 1, 0s, "a"), next)));
+  EXPECT_FALSE(admits(encode_sealed(command(nonce(), 1, 0s, "a"), next)));
   gate_.credentials().set_studio_key(next, now_);
-  EXPECT_TRUE(obeys(encode_sealed(command(nonce(), 1, 0s, "b"), next)));
+  EXPECT_TRUE(admits(encode_sealed(command(nonce(), 1, 0s, "b"), next)));
   now_ += 20s - 1ms;
-  EXPECT_TRUE(obeys(encode_sealed(command(nonce(), 1, 0s, "c"), key_)));
+  EXPECT_TRUE(admits(encode_sealed(command(nonce(), 1, 0s, "c"), key_)));
   now_ += 1ms;
-  EXPECT_FALSE(obeys(encode_sealed(command(nonce(), 1, 0s, "d"), key_)));
-  EXPECT_TRUE(obeys(encode_sealed(command(nonce(), 1, 0s, "e"), next)));
+  EXPECT_FALSE(admits(encode_sealed(command(nonce(), 1, 0s, "d"), key_)));
+  EXPECT_TRUE(admits(encode_sealed(command(nonce(), 1, 0s, "e"), next)));
   EXPECT_EQ(gate_.counts().forged, 2);
 }
 
-TEST_F(Gate, obeys_an_operator_of_the_member_list_and_says_whose_commands_it_rejects) {
+TEST_F(Gate, admits_operators_of_the_member_list_and_names_rejected_members) {
   const SigningKey ada = SigningKey::make(), guest = SigningKey::make();
   CommandGate gate("cap01");
   gate.credentials().set_studio_key(key_, kNow);
@@ -132,7 +132,7 @@ TEST_F(Gate, obeys_an_operator_of_the_member_list_and_says_whose_commands_it_rej
   const CommandMessage order = command(gate.nonce(now_));
   EXPECT_FALSE(gate.admit(sign_message(encode(order), guest), now_));
   EXPECT_EQ(gate.counts().unauthorized, 1);
-  EXPECT_THAT(gate.trouble(now_), HasSubstr("commands of guest are rejected"));
+  EXPECT_THAT(gate.problem(now_), HasSubstr("commands of guest are rejected"));
   EXPECT_FALSE(gate.admit(sign_message(encode(order), SigningKey::make()), now_));
   EXPECT_FALSE(gate.admit(encode_sealed(order, key_), now_));
   EXPECT_EQ(gate.counts().forged, 2);
@@ -142,43 +142,44 @@ TEST_F(Gate, obeys_an_operator_of_the_member_list_and_says_whose_commands_it_rej
   EXPECT_FALSE(gate.admit(sign_message(encode(order), ada), now_)) << "a replay";
 }
 
-TEST_F(Gate, refuses_sealed_bytes_that_are_no_command) {
+TEST_F(Gate, rejects_authentic_bytes_that_are_not_a_command) {
   EXPECT_FALSE(gate_.admit(encode_sealed(ReplyMessage{}, key_), now_));
   EXPECT_EQ(gate_.counts().malformed, 1);
 }
 
 TEST_F(Gate, admits_a_retry_that_was_sent_later_and_no_message_twice) {
-  EXPECT_TRUE(obeys(command(nonce(), 1)));
-  EXPECT_FALSE(obeys(command(nonce(), 1)));
-  EXPECT_TRUE(obeys(command(nonce(), 1, 200ms)));
-  EXPECT_FALSE(obeys(command(nonce(), 1)));
-  EXPECT_TRUE(obeys(command(nonce(), 2, 300ms)));
-  EXPECT_FALSE(obeys(command(nonce(), 1, 400ms))) << "a lower counter is a command of before";
+  EXPECT_TRUE(admits(command(nonce(), 1)));
+  EXPECT_FALSE(admits(command(nonce(), 1)));
+  EXPECT_TRUE(admits(command(nonce(), 1, 200ms)));
+  EXPECT_FALSE(admits(command(nonce(), 1)));
+  EXPECT_TRUE(admits(command(nonce(), 2, 300ms)));
+  EXPECT_FALSE(admits(command(nonce(), 1, 400ms)))
+      << "a lower counter belongs to an earlier command";
   EXPECT_EQ(gate_.counts().replayed, 3);
 }
 
-TEST_F(Gate, obeys_no_message_twice_while_its_nonce_lives) {
+TEST_F(Gate, admits_no_message_twice_while_its_nonce_is_valid) {
   const CommandMessage recorded = command(nonce());
-  ASSERT_TRUE(obeys(recorded));
+  ASSERT_TRUE(admits(recorded));
   for (int i = 0; i < 300; ++i) {
     now_ += 100ms;
-    EXPECT_FALSE(obeys(recorded)) << i;
+    EXPECT_FALSE(admits(recorded)) << i;
     gate_.nonce(now_);
   }
 }
 
-TEST_F(Gate, leaves_what_is_meant_for_others_alone) {
+TEST_F(Gate, ignores_commands_to_other_nodes) {
   CommandMessage m = command(nonce());
   m.to = {"cap02", "cap03"};
   EXPECT_FALSE(gate_.admit(encode_sealed(m, key_), now_));
   EXPECT_EQ(gate_.counts().without_nonce, 0);
 }
 
-TEST_F(Gate, obeys_nothing_that_was_recorded_before_the_daemon_started_anew) {
+TEST_F(Gate, rejects_commands_recorded_before_a_restart) {
   std::vector<Bytes> recorded;
   for (int i = 0; i < 50; ++i) {
     recorded.push_back(encode_sealed(command(nonce(), 1, i * 50ms, std::to_string(i)), key_));
-    ASSERT_TRUE(obeys(recorded.back()));
+    ASSERT_TRUE(admits(recorded.back()));
   }
   CommandGate restarted("cap01");
   restarted.credentials().set_studio_key(key_, now_);
@@ -186,18 +187,18 @@ TEST_F(Gate, obeys_nothing_that_was_recorded_before_the_daemon_started_anew) {
     const auto admitted = restarted.admit(bytes, now_);
     EXPECT_FALSE(admitted && admitted->is_current);
   }
-  EXPECT_EQ(restarted.counts().believed, 0);
+  EXPECT_EQ(restarted.counts().admitted, 0);
 }
 
-TEST_F(Gate, leaves_no_hole_where_it_cannot_remember_all_senders) {
+TEST_F(Gate, rejects_replays_when_there_are_too_many_senders) {
   std::vector<Bytes> recorded;
   for (int i = 0; i < 1000; ++i) {
     recorded.push_back(encode_sealed(command(nonce(), 1, {}, "sender" + std::to_string(i)), key_));
-    ASSERT_TRUE(obeys(recorded.back()));
+    ASSERT_TRUE(admits(recorded.back()));
     now_ += 1ms;
   }
-  for (const Bytes& bytes : recorded) EXPECT_FALSE(obeys(bytes));
-  EXPECT_EQ(gate_.counts().believed, 1000);
+  for (const Bytes& bytes : recorded) EXPECT_FALSE(admits(bytes));
+  EXPECT_EQ(gate_.counts().admitted, 1000);
 }
 
 TEST_F(Gate, answers_a_flood_of_recorded_commands_of_one_sender_20_times_a_second) {
@@ -218,12 +219,12 @@ TEST_F(Gate, answers_recorded_commands_of_many_senders_1000_times_a_second) {
   EXPECT_EQ(replies, CommandGate::kMaxNonceReplies);
 }
 
-/// What a stranger can do without the key: record, change, repeat, invent.
+/// An attacker without the key: records, changes, repeats and forges commands.
 class Stranger {
  public:
   explicit Stranger(const StudioKey& key) : key_(key) {}
 
-  /// Commands that were carried out, as he recorded them.
+  /// Executed commands, as recorded by the attacker.
   std::vector<Bytes> recorded;
 
   Bytes replayed() { return recorded[random_() % recorded.size()]; }
@@ -233,7 +234,7 @@ class Stranger {
     bytes[bit / 8] ^= static_cast<uint8_t>(1 << bit % 8);
     return bytes;
   }
-  /// With a key of his own, or none; `nonce` is known to everybody.
+  /// With another key, or none; the attacker knows `nonce`.
   Bytes forged(int64_t nonce) {
     CommandMessage m;
     m.sent = kSent + 1h;
@@ -244,7 +245,7 @@ class Stranger {
     m.nonces = {nonce};
     return random_() % 2 != 0 ? encode_sealed(m, own_) : encode(m);
   }
-  /// Recorded when the node had another nonce.
+  /// Recorded when the node had an earlier nonce.
   Bytes old() {
     CommandMessage m;
     m.sent = kSent - std::chrono::minutes(1 + random_() % 1'000'000);
@@ -260,27 +261,27 @@ class Stranger {
   std::mt19937 random_{7};
 };
 
-TEST_F(Gate, obeys_none_of_100_000_forged_replayed_old_and_changed_commands) {
+TEST_F(Gate, rejects_100_000_forged_replayed_old_and_changed_commands) {
   constexpr int kEach = 25'000;
   Stranger stranger(key_);
   for (int i = 1; i <= 40; ++i) {
     stranger.recorded.push_back(encode_sealed(command(nonce(), i, i * 10ms), key_));
-    ASSERT_TRUE(obeys(stranger.recorded.back()));
+    ASSERT_TRUE(admits(stranger.recorded.back()));
   }
   const CommandCounts before = gate_.counts();
   for (int i = 0; i < kEach; ++i) {
-    EXPECT_FALSE(obeys(stranger.forged(nonce())));
-    EXPECT_FALSE(obeys(stranger.replayed()));
-    EXPECT_FALSE(obeys(stranger.old()));
-    EXPECT_FALSE(obeys(stranger.bit_flipped()));
+    EXPECT_FALSE(admits(stranger.forged(nonce())));
+    EXPECT_FALSE(admits(stranger.replayed()));
+    EXPECT_FALSE(admits(stranger.old()));
+    EXPECT_FALSE(admits(stranger.bit_flipped()));
   }
   const CommandCounts after = gate_.counts();
-  EXPECT_EQ(after.believed, before.believed);
+  EXPECT_EQ(after.admitted, before.admitted);
   EXPECT_EQ(after.forged, 2 * kEach);
   EXPECT_EQ(after.replayed, kEach);
   EXPECT_EQ(after.without_nonce, kEach);
   EXPECT_EQ(after.malformed + after.unkeyed, 0);
-  EXPECT_TRUE(obeys(command(nonce(), 41, 1s))) << "the operator is heard all the same";
+  EXPECT_TRUE(admits(command(nonce(), 41, 1s))) << "commands of the operator are still admitted";
 }
 
 }  // namespace

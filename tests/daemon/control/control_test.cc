@@ -19,8 +19,8 @@ constexpr Input kInputs[] = {
 
 bool pulses_may_run(Phase phase) { return phase == Phase::kRecording || phase == Phase::kLearning; }
 
-// The whole table: what is not named here stays where it is, refused when it is a command.
-TEST(Transition, is_as_the_table_says) {
+// The full table. A pair that is not listed here keeps its phase; commands are refused.
+TEST(Transition, matches_the_expected_table) {
   const auto row = [](Phase from, Input input, Transition expected) {
     EXPECT_EQ(transition(from, input), expected)
         << "phase " << int(from) << ", input " << int(input);
@@ -58,7 +58,7 @@ TEST(Transition, is_as_the_table_says) {
   row(kFault, Input::kAbort, {kIdle, Work::kDisarm, kDone});
 }
 
-TEST(Transition, turns_pulses_on_only_where_every_node_is_known_to_be_ready) {
+TEST(Transition, starts_pulses_only_when_all_nodes_are_ready) {
   for (const Phase phase : kPhases) {
     for (const Input input : kInputs) {
       const bool starts = transition(phase, input).work == Work::kStart;
@@ -68,7 +68,7 @@ TEST(Transition, turns_pulses_on_only_where_every_node_is_known_to_be_ready) {
   }
 }
 
-TEST(Transition, turns_pulses_off_whenever_it_leaves_a_phase_that_has_them) {
+TEST(Transition, stops_pulses_when_it_leaves_a_phase_with_pulses) {
   for (const Phase phase : kPhases) {
     for (const Input input : kInputs) {
       const Transition t = transition(phase, input);
@@ -79,7 +79,7 @@ TEST(Transition, turns_pulses_off_whenever_it_leaves_a_phase_that_has_them) {
   }
 }
 
-TEST(Transition, changes_nothing_when_it_refuses_and_answers_only_commands) {
+TEST(Transition, changes_nothing_when_it_refuses_and_replies_only_to_commands) {
   for (const Phase phase : kPhases) {
     for (const Input input : kInputs) {
       const Transition t = transition(phase, input);
@@ -91,7 +91,7 @@ TEST(Transition, changes_nothing_when_it_refuses_and_answers_only_commands) {
   }
 }
 
-TEST(Transition, faults_from_everywhere_and_leaves_fault_only_by_abort) {
+TEST(Transition, enters_fault_from_every_phase_and_leaves_it_only_by_abort) {
   for (const Phase phase : kPhases) {
     EXPECT_EQ(transition(phase, Input::kBroken).next, Phase::kFault);
   }
@@ -101,7 +101,7 @@ TEST(Transition, faults_from_everywhere_and_leaves_fault_only_by_abort) {
   }
 }
 
-TEST(Transition, reaches_idle_from_everywhere_in_two_aborts) {
+TEST(Transition, reaches_idle_from_every_phase_with_two_aborts) {
   for (const Phase phase : kPhases) {
     EXPECT_EQ(transition(transition(phase, Input::kAbort).next, Input::kAbort).next, Phase::kIdle);
   }
@@ -135,9 +135,9 @@ class ControllerTest : public testing::Test {
   Controller::Step last_;
 };
 
-TEST_F(ControllerTest, stops_the_take_that_it_records_again_after_it_was_started_anew) {
+TEST_F(ControllerTest, stops_a_rejoined_take) {
   controller_.remember("kendo-07", "recovered", "{}");
-  EXPECT_EQ(send(command(CommandVerb::kStop, 1)).text, "recovered") << "before it has heard";
+  EXPECT_EQ(send(command(CommandVerb::kStop, 1)).text, "recovered") << "before it has rejoined";
   controller_.rejoined(command(CommandVerb::kArm, 7));
   EXPECT_EQ(controller_.phase(), Phase::kRecording);
   EXPECT_EQ(controller_.order().take, "kendo-07");
@@ -146,7 +146,7 @@ TEST_F(ControllerTest, stops_the_take_that_it_records_again_after_it_was_started
   EXPECT_EQ(controller_.on_event(Input::kDrained, "incomplete").replies.at(0).text, "incomplete");
 }
 
-TEST_F(ControllerTest, does_not_answer_for_the_take_before_when_the_last_one_was_aborted) {
+TEST_F(ControllerTest, does_not_reply_with_an_earlier_take_after_an_abort) {
   arm_and_start();
   send(command(CommandVerb::kStop, 4));
   controller_.on_event(Input::kDrained, "kendo-07: complete", "{}");
@@ -160,7 +160,7 @@ TEST_F(ControllerTest, does_not_answer_for_the_take_before_when_the_last_one_was
   EXPECT_EQ(send(command(CommandVerb::kStop, 10, "")).outcome, Outcome::kRefused);
 }
 
-TEST_F(ControllerTest, does_not_answer_with_what_was_recovered_once_it_has_recorded_more) {
+TEST_F(ControllerTest, does_not_reply_with_a_recovered_ledger_after_rejoining) {
   controller_.remember("kendo-07", "recovered 6 pulses", "{}");
   controller_.rejoined(command(CommandVerb::kArm, 7));
   controller_.on_event(Input::kTrainEnded, "pulses have ended");
@@ -168,14 +168,14 @@ TEST_F(ControllerTest, does_not_answer_with_what_was_recovered_once_it_has_recor
   EXPECT_EQ(send(command(CommandVerb::kStop, 2, "")).outcome, Outcome::kRefused);
 }
 
-TEST_F(ControllerTest, rejoins_nothing_when_it_has_been_ordered_something_since) {
+TEST_F(ControllerTest, does_not_rejoin_after_a_new_order) {
   send(command(CommandVerb::kArm, 1, "kendo-08"));
   controller_.rejoined(command(CommandVerb::kArm, 7));
   EXPECT_EQ(controller_.phase(), Phase::kArming);
   EXPECT_EQ(controller_.order().take, "kendo-08");
 }
 
-TEST_F(ControllerTest, takes_a_take_from_arm_to_its_ledger) {
+TEST_F(ControllerTest, runs_a_take_from_arm_to_ledger) {
   const ReplyMessage armed = send(command(CommandVerb::kArm, 1));
   EXPECT_EQ(armed.outcome, Outcome::kPending);
   EXPECT_EQ(armed.node, "cap01");
@@ -205,7 +205,7 @@ TEST_F(ControllerTest, takes_a_take_from_arm_to_its_ledger) {
   EXPECT_EQ(controller_.phase(), Phase::kIdle);
 }
 
-TEST_F(ControllerTest, answers_a_retry_without_carrying_it_out_again) {
+TEST_F(ControllerTest, answers_a_retry_without_executing_it_again) {
   arm_and_start();
   const auto again = controller_.on_command(command(CommandVerb::kStart, 3));
   EXPECT_EQ(again.work, Work::kNone);
@@ -223,7 +223,7 @@ TEST_F(ControllerTest, answers_the_retry_of_a_pending_command_with_its_final_rep
   EXPECT_EQ(again.text, "15 cameras");
 }
 
-TEST_F(ControllerTest, passes_over_a_command_that_comes_after_a_later_one) {
+TEST_F(ControllerTest, ignores_a_command_that_arrives_after_a_later_one) {
   arm_and_start();
   const auto late = controller_.on_command(command(CommandVerb::kArm, 1));
   EXPECT_TRUE(late.replies.empty());
@@ -236,15 +236,15 @@ CommandMessage by(const std::string& sender, CommandMessage m) {
   return m;
 }
 
-TEST_F(ControllerTest, tells_the_second_operator_whom_the_studio_belongs_to) {
+TEST_F(ControllerTest, names_the_first_operator_in_refusals_to_the_second) {
   send(by("anna@desk/12/34", command(CommandVerb::kArm, 1)));
   const CommandMessage second = by("ben@stage/5/6", command(CommandVerb::kArm, 1, "kendo-08"));
   const ReplyMessage refusal = send(second);
   EXPECT_EQ(refusal.outcome, Outcome::kRefused);
-  EXPECT_THAT(refusal.text, HasSubstr("just being armed for kendo-07 by anna@desk;"));
+  EXPECT_THAT(refusal.text, HasSubstr("being armed for kendo-07 by anna@desk;"));
 }
 
-TEST_F(ControllerTest, lets_nobody_else_confirm_or_take_back_what_is_being_armed) {
+TEST_F(ControllerTest, refuses_commits_and_take_backs_of_other_operators) {
   send(by("anna", command(CommandVerb::kArm, 1)));
   CommandMessage undo = by("ben", command(CommandVerb::kAbort, 1));
   undo.own_only = true;
@@ -264,7 +264,7 @@ TEST_F(ControllerTest, keeps_a_running_take_when_a_later_start_is_taken_back) {
   EXPECT_EQ(controller_.phase(), Phase::kRecording);
 }
 
-TEST_F(ControllerTest, lets_go_what_nobody_confirms) {
+TEST_F(ControllerTest, becomes_idle_without_a_commit) {
   send(command(CommandVerb::kArm, 1));
   controller_.on_event(Input::kReady, "15 cameras");
   EXPECT_EQ(controller_.on_event(Input::kExpired, "not confirmed").work, Work::kDisarm);
@@ -272,7 +272,7 @@ TEST_F(ControllerTest, lets_go_what_nobody_confirms) {
   EXPECT_EQ(send(command(CommandVerb::kCommit, 2)).outcome, Outcome::kRefused);
 }
 
-TEST_F(ControllerTest, learns_the_background_when_it_is_started_and_tells_the_result_at_stop) {
+TEST_F(ControllerTest, learns_the_background_after_start_and_replies_the_result_to_stop) {
   send(command(CommandVerb::kBackground, 1, "background"));
   EXPECT_EQ(last_.work, Work::kLearn);
   controller_.on_event(Input::kReady, "15 cameras");
@@ -286,7 +286,7 @@ TEST_F(ControllerTest, learns_the_background_when_it_is_started_and_tells_the_re
   EXPECT_THAT(result.text, HasSubstr("cam03"));
 }
 
-TEST_F(ControllerTest, answers_for_the_take_that_it_was_at_before_it_was_started_anew) {
+TEST_F(ControllerTest, replies_with_the_take_recovered_after_a_restart) {
   controller_.remember("kendo-07", "recovered", "{\"take\":\"kendo-07\"}");
   const ReplyMessage reply = send(command(CommandVerb::kStop, 1));
   EXPECT_EQ(reply.outcome, Outcome::kDone);
@@ -301,7 +301,7 @@ TEST_F(ControllerTest, refuses_to_start_or_stop_another_take) {
   EXPECT_EQ(controller_.phase(), Phase::kRecording);
 }
 
-TEST_F(ControllerTest, tells_why_arming_failed) {
+TEST_F(ControllerTest, replies_why_arming_failed) {
   send(command(CommandVerb::kArm, 1));
   const auto failed = controller_.on_event(Input::kFailed, "not ready: cam07 (opening)");
   EXPECT_EQ(failed.work, Work::kDisarm);
@@ -311,7 +311,7 @@ TEST_F(ControllerTest, tells_why_arming_failed) {
   EXPECT_EQ(controller_.phase(), Phase::kIdle);
 }
 
-TEST_F(ControllerTest, gives_the_account_of_a_train_that_ended_by_itself) {
+TEST_F(ControllerTest, replies_the_ledger_of_a_train_that_ended_by_itself) {
   arm_and_start();
   EXPECT_TRUE(controller_.on_event(Input::kTrainEnded, "pulses have ended").replies.empty());
   controller_.on_event(Input::kDrained, "complete", "{\"complete\":true}");
@@ -321,14 +321,14 @@ TEST_F(ControllerTest, gives_the_account_of_a_train_that_ended_by_itself) {
   EXPECT_EQ(send(command(CommandVerb::kStop, 5, "kendo-01")).outcome, Outcome::kRefused);
 }
 
-TEST_F(ControllerTest, answers_the_stop_that_comes_while_it_drains) {
+TEST_F(ControllerTest, answers_a_stop_that_arrives_while_draining) {
   arm_and_start();
   controller_.on_event(Input::kTrainEnded, "pulses have ended");
   EXPECT_EQ(send(command(CommandVerb::kStop, 4)).outcome, Outcome::kPending);
   EXPECT_EQ(controller_.on_event(Input::kDrained, "complete").replies.size(), 1U);
 }
 
-TEST_F(ControllerTest, lets_the_waiting_arm_command_know_of_an_abort) {
+TEST_F(ControllerTest, refuses_the_pending_arm_command_after_an_abort) {
   send(command(CommandVerb::kArm, 1));
   CommandMessage abort = command(CommandVerb::kAbort, 1);
   abort.sender = "v3dctl.2";
@@ -339,7 +339,7 @@ TEST_F(ControllerTest, lets_the_waiting_arm_command_know_of_an_abort) {
   EXPECT_EQ(step.replies[1].outcome, Outcome::kRefused);
 }
 
-TEST_F(ControllerTest, says_what_its_fault_is_until_it_is_cleared) {
+TEST_F(ControllerTest, replies_its_fault_until_it_is_cleared) {
   arm_and_start();
   EXPECT_EQ(controller_.on_event(Input::kBroken, "the disk is gone").work, Work::kDisarm);
   EXPECT_EQ(send(command(CommandVerb::kArm, 4)).text, "the disk is gone");
@@ -347,7 +347,7 @@ TEST_F(ControllerTest, says_what_its_fault_is_until_it_is_cleared) {
   EXPECT_EQ(send(command(CommandVerb::kArm, 6)).outcome, Outcome::kPending);
 }
 
-TEST_F(ControllerTest, takes_back_the_word_when_pulses_could_not_be_turned_on) {
+TEST_F(ControllerTest, refuses_the_start_when_pulses_could_not_be_started) {
   arm_and_start();
   const auto step = controller_.on_start_failed("the cable is gone");
   EXPECT_EQ(step.work, Work::kDisarm);
@@ -366,7 +366,7 @@ TEST_F(ControllerTest, remembers_a_bounded_number_of_senders) {
   EXPECT_EQ(controller_.phase(), Phase::kRecording);
 }
 
-RC_GTEST_PROP(ControllerProperty, answers_every_command_of_any_story_exactly_once_at_a_time, ()) {
+RC_GTEST_PROP(ControllerProperty, replies_once_to_every_command, ()) {
   Controller controller("cap01");
   constexpr int kVerbs = 6;
   constexpr Input kReports[] = {Input::kReady,   Input::kFailed, Input::kExpired,

@@ -11,7 +11,7 @@ namespace {
 
 using testing::HasSubstr;
 
-/// Work that fails where it is told to, as file operations do.
+/// A delegate that throws in a chosen function, like file operations do.
 class FailingWork : public NodeDelegate {
  public:
   std::string fails_in;  ///< name of a function
@@ -51,7 +51,7 @@ class Node : public testing::Test {
     order.counter = ++counter_;
     protocol_.on_command(order);
   }
-  void poll() { protocol_.poll(now_ += NodeProtocol::kTurn, true); }
+  void poll() { protocol_.poll(now_ += NodeProtocol::kPollPeriod, true); }
   const std::string& last_text() const { return replies_.back().text; }
 
   FailingWork work_;
@@ -62,7 +62,7 @@ class Node : public testing::Test {
   int64_t counter_ = 0;
 };
 
-TEST_F(Node, refuses_an_order_whose_files_cannot_be_made_and_stays_idle) {
+TEST_F(Node, refuses_to_arm_when_files_cannot_be_created_and_stays_idle) {
   work_.fails_in = "arm";
   command(CommandVerb::kArm);
   poll();
@@ -70,7 +70,7 @@ TEST_F(Node, refuses_an_order_whose_files_cannot_be_made_and_stays_idle) {
   EXPECT_THAT(last_text(), HasSubstr("Input/output error [/takes/kendo-07]"));
 }
 
-TEST_F(Node, outlives_a_disk_error_while_it_gets_ready) {
+TEST_F(Node, survives_a_disk_error_while_arming) {
   command(CommandVerb::kArm);
   work_.fails_in = "poll";
   poll();
@@ -80,10 +80,10 @@ TEST_F(Node, outlives_a_disk_error_while_it_gets_ready) {
   poll();
   command(CommandVerb::kArm);
   poll();
-  EXPECT_EQ(protocol_.phase(), Phase::kPrepared) << "the next take is not harmed";
+  EXPECT_EQ(protocol_.phase(), Phase::kPrepared) << "the next take is not affected";
 }
 
-TEST_F(Node, goes_on_recording_through_a_disk_error_and_gives_up_a_take_that_it_cannot_close) {
+TEST_F(Node, continues_recording_after_a_disk_error_and_enters_fault_when_it_cannot_close) {
   command(CommandVerb::kArm);
   poll();
   command(CommandVerb::kCommit);
@@ -97,13 +97,13 @@ TEST_F(Node, goes_on_recording_through_a_disk_error_and_gives_up_a_take_that_it_
   EXPECT_THAT(last_text(), HasSubstr("Input/output error"));
 }
 
-TEST_F(Node, outlives_a_disk_error_while_it_rejoins_its_take) {
+TEST_F(Node, survives_a_disk_error_while_rejoining) {
   work_.fails_in = "rejoin";
   poll();
   EXPECT_EQ(protocol_.phase(), Phase::kIdle);
 }
 
-TEST_F(Node, outlives_a_disk_error_while_it_turns_everything_off) {
+TEST_F(Node, survives_a_disk_error_while_disarming) {
   command(CommandVerb::kArm);
   poll();
   work_.fails_in = "disarm";

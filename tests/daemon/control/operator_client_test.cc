@@ -23,7 +23,7 @@ using test::within;
 
 constexpr char kUrl[] = "udpm://239.255.76.67:7667?ttl=0";
 
-/// A node that answers each command with the next of its outcomes, and repeats the last one.
+/// A node that replies to each command with its next outcome, and repeats the last one.
 class FakeNode {
  public:
   using Seal = std::function<Bytes(const ReplyMessage&)>;
@@ -32,7 +32,7 @@ class FakeNode {
   FakeNode(std::string node, const StudioKey& key, std::vector<ReplyMessage::Outcome> outcomes)
       : FakeNode(std::move(node), std::move(outcomes),
                  [key](const ReplyMessage& reply) { return encode_sealed(reply, key); }) {}
-  /// "Done", sealed by `seal`, where there is a member list.
+  /// Replies "done", authenticated by `seal`, for studios with a member list.
   FakeNode(std::string node, const StudioKey& key, Seal seal)
       : FakeNode(std::move(node), {ReplyMessage::Outcome::kDone}, std::move(seal)) {
     bus_.seal().set_key(key);
@@ -86,23 +86,23 @@ class OperatorClientTest : public testing::Test {
 
 using enum ReplyMessage::Outcome;
 
-TEST_F(OperatorClientTest, expects_the_nodes_that_do_something) {
+TEST_F(OperatorClientTest, commands_nodes_with_camera_trigger_or_reconstruction) {
   EXPECT_THAT(commanded_nodes(studio_), testing::ElementsAre("cap01", "recon01"));
 }
 
-TEST_F(OperatorClientTest, repeats_a_command_until_every_node_has_its_final_word) {
+TEST_F(OperatorClientTest, repeats_a_command_until_every_node_has_sent_a_final_reply) {
   const FakeNode capture("cap01", key_, {kPending, kPending, kDone});
   const FakeNode recon("recon01", key_, {kDone});
   OperatorClient client(studio_);
-  int heard = 0;
+  int replies = 0;
   const Answer answer =
-      client.command(CommandMessage{}, within(20), [&](const ReplyMessage&) { ++heard; });
+      client.command(CommandMessage{}, within(20), [&](const ReplyMessage&) { ++replies; });
   EXPECT_TRUE(answer.done());
   EXPECT_EQ(answer.replies.size(), 2U);
-  EXPECT_EQ(heard, 5);  // pending once, ready twice, armed twice
+  EXPECT_EQ(replies, 5);  // pending once, ready twice, armed twice
 }
 
-TEST_F(OperatorClientTest, names_the_nodes_that_are_silent) {
+TEST_F(OperatorClientTest, lists_silent_nodes) {
   const FakeNode capture("cap01", key_, {kDone});
   OperatorClient client(studio_);
   const Answer answer = client.command(CommandMessage{}, within(1));
@@ -110,14 +110,14 @@ TEST_F(OperatorClientTest, names_the_nodes_that_are_silent) {
   EXPECT_THAT(answer.silent, testing::ElementsAre("recon01"));
 }
 
-TEST_F(OperatorClientTest, is_not_told_done_by_a_stranger) {
+TEST_F(OperatorClientTest, ignores_a_forged_done) {
   const FakeNode stranger("cap01", StudioKey::make(), {kDone});
   OperatorClient client(studio_);
   const Answer answer = client.command(CommandMessage{}, within(1));
   EXPECT_THAT(answer.silent, testing::ElementsAre("cap01"));
 }
 
-TEST_F(OperatorClientTest, needs_the_studio_key_to_command_but_not_to_look_on) {
+TEST_F(OperatorClientTest, needs_the_studio_key_to_command_but_not_to_monitor) {
   studio_.network.key = folder_ / "elsewhere.key";
   OperatorClient client(studio_);
   EXPECT_TRUE(client.health(Monotonic::now()).empty());
@@ -158,7 +158,7 @@ class MemberClientTest : public OperatorClientTest {
                    cap01_ = SigningKey::make(), recon01_ = SigningKey::make();
 };
 
-TEST_F(MemberClientTest, is_answered_by_nodes_that_sign_their_replies) {
+TEST_F(MemberClientTest, accepts_signed_replies_of_nodes) {
   const FakeNode capture("cap01", key_, signed_by(cap01_));
   const FakeNode recon("recon01", key_, signed_by(recon01_));
   OperatorClient client(studio_);

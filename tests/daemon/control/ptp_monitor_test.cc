@@ -20,8 +20,8 @@ std::vector<uint8_t> bytes_of(const std::string& hex) {
   return bytes;
 }
 
-/// Replies of ptp4l 3.1.1 to request 9 as they came over its socket: of one that follows a master,
-/// of which pmc said 259 ns, and of the master.
+/// Replies of ptp4l 3.1.1 to request 9, as received: of a follower, whose offset pmc showed as 259
+/// ns, and of the master.
 std::vector<uint8_t> reply_of_a_follower() {
   return bytes_of(
       "0d02004800000000000000000000000000000000e26a63fffe8fd6c900000009047f0000000000000000004d0000"
@@ -33,7 +33,7 @@ std::vector<uint8_t> reply_of_the_master() {
       "0200000100142001000000000000000000000000000000000000");
 }
 
-TEST(PtpMonitor, understands_replies_of_ptp4l) {
+TEST(PtpMonitor, parses_replies_of_ptp4l) {
   const auto follower = parse_ptp_reply(reply_of_a_follower(), 9);
   ASSERT_TRUE(follower);
   EXPECT_EQ(follower->steps_removed, 1);
@@ -46,10 +46,10 @@ TEST(PtpMonitor, understands_replies_of_ptp4l) {
   EXPECT_NEAR(parse_ptp_reply(behind, 9)->offset_s, -259e-9, 1e-12);
 }
 
-TEST(PtpMonitor, believes_no_reply_but_the_one_to_its_request) {
+TEST(PtpMonitor, accepts_only_the_reply_to_its_request) {
   EXPECT_FALSE(parse_ptp_reply(reply_of_a_follower(), 10));
   EXPECT_FALSE(parse_ptp_reply({}, 9));
-  EXPECT_FALSE(parse_ptp_reply(ptp_request(9), 9)) << "our own question, sent back";
+  EXPECT_FALSE(parse_ptp_reply(ptp_request(9), 9)) << "the request itself";
   const auto reply = reply_of_a_follower();
   for (size_t size = 0; size < reply.size(); ++size) {
     EXPECT_FALSE(parse_ptp_reply(std::span(reply).first(size), 9));
@@ -82,34 +82,34 @@ class FakePtp4l {
   int fd_;
 };
 
-std::map<std::string, double> report(PtpMonitor& watch) {
+std::map<std::string, double> report(PtpMonitor& monitor) {
   std::map<std::string, double> values;
-  watch.report(values);
+  monitor.report(values);
   return values;
 }
 
-TEST(PtpMonitor, tells_what_ptp4l_said_until_it_has_been_silent_for_long) {
+TEST(PtpMonitor, reports_the_last_reply_until_ptp4l_is_silent_for_three_requests) {
   const test::TemporaryFolder root;
   std::filesystem::create_directories(root / "run");
   FakePtp4l ptp4l(root / "run/ptp4l");
-  PtpMonitor watch(root.path());
+  PtpMonitor monitor(root.path());
   ptp4l.answer(reply_of_a_follower());
-  auto values = report(watch);
+  auto values = report(monitor);
   EXPECT_EQ(values.at("ptp_steps_removed"), 1);
   EXPECT_NEAR(values.at("ptp_offset_us"), 0.259, 1e-6);
   ptp4l.answer(reply_of_the_master());
-  values = report(watch);
+  values = report(monitor);
   EXPECT_EQ(values.at("ptp_steps_removed"), 0);
   EXPECT_FALSE(values.contains("ptp_offset_us"));
-  EXPECT_FALSE(report(watch).empty()) << "one answer may be late";
-  report(watch);
-  EXPECT_TRUE(report(watch).empty()) << "unknown";
+  EXPECT_FALSE(report(monitor).empty()) << "one answer may be late";
+  report(monitor);
+  EXPECT_TRUE(report(monitor).empty()) << "unknown";
 }
 
-TEST(PtpMonitor, says_nothing_where_nobody_is) {
+TEST(PtpMonitor, reports_nothing_without_ptp4l) {
   const test::TemporaryFolder root;
-  PtpMonitor watch(root.path());
-  EXPECT_TRUE(report(watch).empty());
+  PtpMonitor monitor(root.path());
+  EXPECT_TRUE(report(monitor).empty());
 }
 
 }  // namespace

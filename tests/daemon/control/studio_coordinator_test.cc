@@ -18,228 +18,229 @@ using testing::HasSubstr;
 using testing::IsEmpty;
 using Outcome = ReplyMessage::Outcome;
 
-const Commanded kStudio = {{"cap01", "cap02", "recon01"}, "cap01"};
+const CommandTargets kStudio = {{"cap01", "cap02", "recon01"}, "cap01"};
 
-class Talk : public testing::Test {
+class CoordinatorTest : public testing::Test {
  protected:
   StudioCoordinator begin(CommandVerb verb, const std::string& take = "",
-                          const Commanded& studio = kStudio) {
+                          const CommandTargets& studio = kStudio) {
     CommandMessage order;
     order.verb = verb;
     order.take = take;
     return {order, 0, studio, now_ + 10s};
   }
-  /// What is sent now: "arm@cap01,cap02", or "" when nothing is due.
-  std::string sent(StudioCoordinator& talk) {
-    last_ = talk.poll(now_);
+  /// The message that is due now: "arm@cap01,cap02", or "" when nothing is due.
+  std::string sent(StudioCoordinator& coordinator) {
+    last_ = coordinator.poll(now_);
     if (!last_) return "";
     std::string text(name(last_->verb));
     for (size_t i = 0; i < last_->to.size(); ++i) text += (i > 0 ? "," : "@") + last_->to[i];
     return text;
   }
-  void say(StudioCoordinator& talk, const std::string& node, Outcome outcome,
-           const std::string& text = "") {
+  void reply(StudioCoordinator& coordinator, const std::string& node, Outcome outcome,
+             const std::string& text = "") {
     ReplyMessage reply;
     reply.node = node;
     reply.command_counter = last_->counter;
     reply.outcome = outcome;
     reply.take = "kendo-07";
     reply.text = text;
-    talk.hear(reply);
+    coordinator.on_reply(reply);
   }
-  void all_say(StudioCoordinator& talk, Outcome outcome) {
+  void all_reply(StudioCoordinator& coordinator, Outcome outcome) {
     const std::vector<std::string> to = last_->to;
-    for (const std::string& node : to) say(talk, node, outcome, "well");
+    for (const std::string& node : to) reply(coordinator, node, outcome, "well");
   }
 
   MonotonicInstant now_ = from_ns<Monotonic>(1'000'000'000);
   std::optional<CommandMessage> last_;
 };
 
-TEST_F(Talk, arms_the_triggers_node_then_all_and_commits_when_every_node_is_ready) {
-  StudioCoordinator talk = begin(CommandVerb::kArm, "kendo-07");
-  EXPECT_EQ(sent(talk), "arm@cap01");
-  say(talk, "cap01", Outcome::kPending);
-  EXPECT_EQ(sent(talk), "arm@cap01,cap02,recon01");
-  say(talk, "recon01", Outcome::kDone, "reconstructs at 10 mm");
-  say(talk, "cap01", Outcome::kDone);
-  EXPECT_EQ(sent(talk), "") << "not due again yet";
+TEST_F(CoordinatorTest, arms_the_triggers_node_then_all_and_commits_when_every_node_is_ready) {
+  StudioCoordinator coordinator = begin(CommandVerb::kArm, "kendo-07");
+  EXPECT_EQ(sent(coordinator), "arm@cap01");
+  reply(coordinator, "cap01", Outcome::kPending);
+  EXPECT_EQ(sent(coordinator), "arm@cap01,cap02,recon01");
+  reply(coordinator, "recon01", Outcome::kDone, "reconstructs at 10 mm");
+  reply(coordinator, "cap01", Outcome::kDone);
+  EXPECT_EQ(sent(coordinator), "") << "not due again yet";
   now_ += StudioCoordinator::kRepeatAfter;
-  EXPECT_EQ(sent(talk), "arm@cap02");
-  say(talk, "cap02", Outcome::kDone);
-  EXPECT_EQ(sent(talk), "commit@cap01,cap02,recon01");
-  all_say(talk, Outcome::kDone);
-  EXPECT_TRUE(talk.over());
-  EXPECT_TRUE(talk.answer().done());
-  EXPECT_EQ(talk.answer().replies.at("recon01").text, "reconstructs at 10 mm");
+  EXPECT_EQ(sent(coordinator), "arm@cap02");
+  reply(coordinator, "cap02", Outcome::kDone);
+  EXPECT_EQ(sent(coordinator), "commit@cap01,cap02,recon01");
+  all_reply(coordinator, Outcome::kDone);
+  EXPECT_TRUE(coordinator.is_finished());
+  EXPECT_TRUE(coordinator.answer().done());
+  EXPECT_EQ(coordinator.answer().replies.at("recon01").text, "reconstructs at 10 mm");
 }
 
-TEST_F(Talk, asks_nobody_else_when_the_triggers_node_belongs_to_another) {
-  StudioCoordinator talk = begin(CommandVerb::kArm, "kendo-08");
-  sent(talk);
-  say(talk, "cap01", Outcome::kRefused, "armed for kendo-07 by anna@desk already");
-  EXPECT_TRUE(talk.over()) << "nothing to take back";
-  EXPECT_FALSE(talk.answer().done());
-  EXPECT_EQ(talk.answer().replies.size(), 1U);
-  EXPECT_THAT(talk.answer().silent, IsEmpty());
+TEST_F(CoordinatorTest, stops_after_a_refusal_of_the_trigger_s_node) {
+  StudioCoordinator coordinator = begin(CommandVerb::kArm, "kendo-08");
+  sent(coordinator);
+  reply(coordinator, "cap01", Outcome::kRefused, "armed for kendo-07 by anna@desk already");
+  EXPECT_TRUE(coordinator.is_finished()) << "nothing to take back";
+  EXPECT_FALSE(coordinator.answer().done());
+  EXPECT_EQ(coordinator.answer().replies.size(), 1U);
+  EXPECT_THAT(coordinator.answer().silent, IsEmpty());
 }
 
-TEST_F(Talk, takes_back_what_was_armed_when_one_node_refuses) {
-  StudioCoordinator talk = begin(CommandVerb::kArm, "kendo-07");
-  sent(talk);
-  say(talk, "cap01", Outcome::kDone);
-  sent(talk);
-  say(talk, "cap02", Outcome::kRefused, "cam07 is silent");
-  say(talk, "recon01", Outcome::kDone);
-  EXPECT_EQ(sent(talk), "abort@cap01,cap02,recon01");
+TEST_F(CoordinatorTest, takes_back_what_was_armed_when_one_node_refuses) {
+  StudioCoordinator coordinator = begin(CommandVerb::kArm, "kendo-07");
+  sent(coordinator);
+  reply(coordinator, "cap01", Outcome::kDone);
+  sent(coordinator);
+  reply(coordinator, "cap02", Outcome::kRefused, "cam07 is silent");
+  reply(coordinator, "recon01", Outcome::kDone);
+  EXPECT_EQ(sent(coordinator), "abort@cap01,cap02,recon01");
   EXPECT_TRUE(last_->own_only);
   EXPECT_EQ(last_->take, "kendo-07");
-  all_say(talk, Outcome::kDone);
-  EXPECT_TRUE(talk.over());
-  EXPECT_EQ(talk.answer().replies.at("cap02").text, "cam07 is silent");
+  all_reply(coordinator, Outcome::kDone);
+  EXPECT_TRUE(coordinator.is_finished());
+  EXPECT_EQ(coordinator.answer().replies.at("cap02").text, "cam07 is silent");
 }
 
-TEST_F(Talk, names_a_silent_node_and_takes_the_rest_back_for_a_while) {
-  StudioCoordinator talk = begin(CommandVerb::kArm, "kendo-07");
-  sent(talk);
-  say(talk, "cap01", Outcome::kDone);
-  sent(talk);
-  say(talk, "recon01", Outcome::kDone);
+TEST_F(CoordinatorTest, lists_a_silent_node_and_takes_back_the_others) {
+  StudioCoordinator coordinator = begin(CommandVerb::kArm, "kendo-07");
+  sent(coordinator);
+  reply(coordinator, "cap01", Outcome::kDone);
+  sent(coordinator);
+  reply(coordinator, "recon01", Outcome::kDone);
   now_ += 10s;
-  EXPECT_EQ(sent(talk), "abort@cap01,cap02,recon01");
-  now_ += StudioCoordinator::kTakeBackWithin;
-  EXPECT_EQ(sent(talk), "");
-  EXPECT_TRUE(talk.over());
-  EXPECT_THAT(talk.answer().silent, ElementsAre("cap02"));
+  EXPECT_EQ(sent(coordinator), "abort@cap01,cap02,recon01");
+  now_ += StudioCoordinator::kTakeBackTimeout;
+  EXPECT_EQ(sent(coordinator), "");
+  EXPECT_TRUE(coordinator.is_finished());
+  EXPECT_THAT(coordinator.answer().silent, ElementsAre("cap02"));
 }
 
-TEST_F(Talk, starts_the_triggers_node_last_and_for_the_take_that_the_others_are_at) {
-  StudioCoordinator talk = begin(CommandVerb::kStart);
-  EXPECT_EQ(sent(talk), "start@cap02,recon01");
-  all_say(talk, Outcome::kDone);
-  EXPECT_EQ(sent(talk), "start@cap01");
+TEST_F(CoordinatorTest, starts_the_trigger_s_node_last_for_the_take_of_the_others) {
+  StudioCoordinator coordinator = begin(CommandVerb::kStart);
+  EXPECT_EQ(sent(coordinator), "start@cap02,recon01");
+  all_reply(coordinator, Outcome::kDone);
+  EXPECT_EQ(sent(coordinator), "start@cap01");
   EXPECT_EQ(last_->take, "kendo-07");
-  all_say(talk, Outcome::kDone);
-  EXPECT_TRUE(talk.over());
-  EXPECT_EQ(talk.answer().replies.size(), 3U);
+  all_reply(coordinator, Outcome::kDone);
+  EXPECT_TRUE(coordinator.is_finished());
+  EXPECT_EQ(coordinator.answer().replies.size(), 3U);
 }
 
-TEST_F(Talk, starts_no_pulses_when_one_node_is_not_armed) {
-  StudioCoordinator talk = begin(CommandVerb::kStart);
-  sent(talk);
-  say(talk, "cap02", Outcome::kRefused, "not armed");
-  say(talk, "recon01", Outcome::kDone);
-  EXPECT_EQ(sent(talk), "abort@cap01");
+TEST_F(CoordinatorTest, starts_no_pulses_when_one_node_is_not_armed) {
+  StudioCoordinator coordinator = begin(CommandVerb::kStart);
+  sent(coordinator);
+  reply(coordinator, "cap02", Outcome::kRefused, "not armed");
+  reply(coordinator, "recon01", Outcome::kDone);
+  EXPECT_EQ(sent(coordinator), "abort@cap01");
   EXPECT_TRUE(last_->own_only);
-  say(talk, "cap01", Outcome::kDone, "aborted");
-  EXPECT_EQ(sent(talk), "abort@cap02,recon01");
+  reply(coordinator, "cap01", Outcome::kDone, "aborted");
+  EXPECT_EQ(sent(coordinator), "abort@cap02,recon01");
   EXPECT_FALSE(last_->own_only);
   EXPECT_EQ(last_->take, "kendo-07");
 }
 
-TEST_F(Talk, takes_a_start_back_nowhere_while_the_triggers_node_is_silent) {
-  StudioCoordinator talk = begin(CommandVerb::kStart);
-  sent(talk);
-  all_say(talk, Outcome::kDone);
-  EXPECT_EQ(sent(talk), "start@cap01");
+TEST_F(CoordinatorTest, takes_no_start_back_while_the_trigger_s_node_is_silent) {
+  StudioCoordinator coordinator = begin(CommandVerb::kStart);
+  sent(coordinator);
+  all_reply(coordinator, Outcome::kDone);
+  EXPECT_EQ(sent(coordinator), "start@cap01");
   now_ += 10s;
   for (int i = 0; i < 14; ++i) {
-    EXPECT_EQ(sent(talk), "abort@cap01") << "pulses may run";
+    EXPECT_EQ(sent(coordinator), "abort@cap01") << "pulses may run";
     now_ += StudioCoordinator::kRepeatAfter;
   }
-  now_ += StudioCoordinator::kTakeBackWithin;
-  EXPECT_EQ(sent(talk), "");
-  EXPECT_TRUE(talk.over());
-  EXPECT_THAT(talk.answer().silent, ElementsAre("cap01"));
+  now_ += StudioCoordinator::kTakeBackTimeout;
+  EXPECT_EQ(sent(coordinator), "");
+  EXPECT_TRUE(coordinator.is_finished());
+  EXPECT_THAT(coordinator.answer().silent, ElementsAre("cap01"));
 }
 
-TEST_F(Talk, leaves_a_running_take_alone_when_a_second_start_is_refused) {
-  StudioCoordinator talk = begin(CommandVerb::kStart);
-  sent(talk);
-  say(talk, "cap02", Outcome::kRefused, "not armed");
-  say(talk, "recon01", Outcome::kDone);
-  sent(talk);
-  say(talk, "cap01", Outcome::kRefused, "recording kendo-07 already");
-  EXPECT_TRUE(talk.over());
+TEST_F(CoordinatorTest, keeps_a_running_take_when_a_second_start_is_refused) {
+  StudioCoordinator coordinator = begin(CommandVerb::kStart);
+  sent(coordinator);
+  reply(coordinator, "cap02", Outcome::kRefused, "not armed");
+  reply(coordinator, "recon01", Outcome::kDone);
+  sent(coordinator);
+  reply(coordinator, "cap01", Outcome::kRefused, "recording kendo-07 already");
+  EXPECT_TRUE(coordinator.is_finished());
 }
 
-TEST_F(Talk, stops_the_triggers_node_first_and_all_when_it_is_silent) {
-  StudioCoordinator talk = begin(CommandVerb::kStop);
-  EXPECT_EQ(sent(talk), "stop@cap01");
-  now_ += StudioCoordinator::kTriggerFirst + 1ms;
-  EXPECT_EQ(sent(talk), "stop@cap01,cap02,recon01");
+TEST_F(CoordinatorTest, stops_the_triggers_node_first_and_all_when_it_is_silent) {
+  StudioCoordinator coordinator = begin(CommandVerb::kStop);
+  EXPECT_EQ(sent(coordinator), "stop@cap01");
+  now_ += StudioCoordinator::kTriggerTimeout + 1ms;
+  EXPECT_EQ(sent(coordinator), "stop@cap01,cap02,recon01");
 }
 
-TEST_F(Talk, stops_the_others_when_the_triggers_node_has_nothing_to_stop) {
-  StudioCoordinator talk = begin(CommandVerb::kStop);
-  sent(talk);
-  say(talk, "cap01", Outcome::kRefused, "not armed");
-  EXPECT_EQ(sent(talk), "stop@cap02,recon01");
-  all_say(talk, Outcome::kDone);
-  EXPECT_TRUE(talk.over());
-  EXPECT_FALSE(talk.answer().done());
+TEST_F(CoordinatorTest, stops_the_others_when_the_triggers_node_has_nothing_to_stop) {
+  StudioCoordinator coordinator = begin(CommandVerb::kStop);
+  sent(coordinator);
+  reply(coordinator, "cap01", Outcome::kRefused, "not armed");
+  EXPECT_EQ(sent(coordinator), "stop@cap02,recon01");
+  all_reply(coordinator, Outcome::kDone);
+  EXPECT_TRUE(coordinator.is_finished());
+  EXPECT_FALSE(coordinator.answer().done());
 }
 
-TEST_F(Talk, with_one_node_is_over_as_soon_as_it_has_said_what_it_has_to) {
-  const Commanded one = {{"cap01"}, "cap01"};
+TEST_F(CoordinatorTest, finishes_with_the_reply_of_a_single_node) {
+  const CommandTargets one = {{"cap01"}, "cap01"};
   for (const CommandVerb verb : {CommandVerb::kStop, CommandVerb::kAbort}) {
     for (const Outcome outcome : {Outcome::kDone, Outcome::kRefused}) {
-      StudioCoordinator talk = begin(verb, "", one);
-      EXPECT_NE(sent(talk), "");
-      say(talk, "cap01", outcome);
-      EXPECT_TRUE(talk.over()) << name(verb);
-      EXPECT_EQ(talk.answer().done(), outcome == Outcome::kDone);
-      EXPECT_THAT(talk.answer().silent, IsEmpty());
+      StudioCoordinator coordinator = begin(verb, "", one);
+      EXPECT_NE(sent(coordinator), "");
+      reply(coordinator, "cap01", outcome);
+      EXPECT_TRUE(coordinator.is_finished()) << name(verb);
+      EXPECT_EQ(coordinator.answer().done(), outcome == Outcome::kDone);
+      EXPECT_THAT(coordinator.answer().silent, IsEmpty());
     }
   }
   StudioCoordinator arm = begin(CommandVerb::kArm, "kendo-07", one);
   EXPECT_EQ(sent(arm), "arm@cap01");
-  say(arm, "cap01", Outcome::kDone);
+  reply(arm, "cap01", Outcome::kDone);
   EXPECT_EQ(sent(arm), "commit@cap01");
-  say(arm, "cap01", Outcome::kDone);
-  EXPECT_TRUE(arm.answer().done() && arm.over());
+  reply(arm, "cap01", Outcome::kDone);
+  EXPECT_TRUE(arm.answer().done() && arm.is_finished());
   StudioCoordinator drains = begin(CommandVerb::kStop, "", one);
   sent(drains);
-  say(drains, "cap01", Outcome::kPending);
-  EXPECT_FALSE(drains.over());
+  reply(drains, "cap01", Outcome::kPending);
+  EXPECT_FALSE(drains.is_finished());
   sent(drains);
-  say(drains, "cap01", Outcome::kDone);
-  EXPECT_TRUE(drains.over());
+  reply(drains, "cap01", Outcome::kDone);
+  EXPECT_TRUE(drains.is_finished());
 }
 
-TEST_F(Talk, learns_the_background_in_all_nodes_and_tells_the_result_of_each) {
-  StudioCoordinator talk = begin(CommandVerb::kBackground);
-  sent(talk);
-  say(talk, "cap01", Outcome::kPending);
+TEST_F(CoordinatorTest, learns_the_background_on_all_nodes_and_returns_each_result) {
+  StudioCoordinator coordinator = begin(CommandVerb::kBackground);
+  sent(coordinator);
+  reply(coordinator, "cap01", Outcome::kPending);
   for (const char* round : {"background@cap01,cap02,recon01", "commit@cap01,cap02,recon01",
                             "start@cap02,recon01", "start@cap01", "stop@cap01,cap02,recon01"}) {
-    EXPECT_EQ(sent(talk), round);
-    if (!talk.over() && last_->verb != CommandVerb::kStop) all_say(talk, Outcome::kDone);
+    EXPECT_EQ(sent(coordinator), round);
+    if (!coordinator.is_finished() && last_->verb != CommandVerb::kStop)
+      all_reply(coordinator, Outcome::kDone);
   }
-  say(talk, "cap01", Outcome::kDone, "learnt the background of 7 cameras");
-  say(talk, "recon01", Outcome::kDone, "nothing to learn here");
-  say(talk, "cap02", Outcome::kRefused, "cam09: only 3 of 16 plates arrived");
-  EXPECT_FALSE(talk.answer().done());
-  EXPECT_EQ(talk.answer().replies.at("cap01").text, "learnt the background of 7 cameras");
-  EXPECT_EQ(talk.answer().replies.at("cap02").outcome, Outcome::kRefused);
+  reply(coordinator, "cap01", Outcome::kDone, "learnt the background of 7 cameras");
+  reply(coordinator, "recon01", Outcome::kDone, "nothing to learn here");
+  reply(coordinator, "cap02", Outcome::kRefused, "cam09: only 3 of 16 plates arrived");
+  EXPECT_FALSE(coordinator.answer().done());
+  EXPECT_EQ(coordinator.answer().replies.at("cap01").text, "learnt the background of 7 cameras");
+  EXPECT_EQ(coordinator.answer().replies.at("cap02").outcome, Outcome::kRefused);
 }
 
-TEST_F(Talk, is_not_misled_by_replies_to_other_commands_and_of_other_nodes) {
-  StudioCoordinator talk = begin(CommandVerb::kAbort);
-  sent(talk);
+TEST_F(CoordinatorTest, ignores_replies_to_other_commands_and_of_other_nodes) {
+  StudioCoordinator coordinator = begin(CommandVerb::kAbort);
+  sent(coordinator);
   ReplyMessage reply;
   reply.node = "cap01";
   reply.command_counter = last_->counter + 1;
   reply.outcome = Outcome::kDone;
-  EXPECT_FALSE(talk.hear(reply));
+  EXPECT_FALSE(coordinator.on_reply(reply));
   reply.command_counter = last_->counter;
   reply.node = "cap09";
-  EXPECT_FALSE(talk.hear(reply));
+  EXPECT_FALSE(coordinator.on_reply(reply));
 }
 
-TEST_F(Talk, learns_a_nonce_from_the_reply_to_its_newest_command_alone) {
-  StudioCoordinator talk = begin(CommandVerb::kAbort);
-  sent(talk);
+TEST_F(CoordinatorTest, learns_a_nonce_only_from_the_reply_to_its_newest_command) {
+  StudioCoordinator coordinator = begin(CommandVerb::kAbort);
+  sent(coordinator);
   ReplyMessage newer;
   newer.node = "cap01";
   newer.command_sent = from_ns<Realtime>(2'000);
@@ -248,13 +249,13 @@ TEST_F(Talk, learns_a_nonce_from_the_reply_to_its_newest_command_alone) {
   ReplyMessage replayed = newer;
   replayed.command_sent = from_ns<Realtime>(1'000);
   replayed.nonce = 11;
-  talk.hear(newer);
-  ASSERT_EQ(sent(talk), "abort@cap01") << "sent again at once, with the nonce";
+  coordinator.on_reply(newer);
+  ASSERT_EQ(sent(coordinator), "abort@cap01") << "sent again at once, with the nonce";
   EXPECT_EQ(last_->nonces.front(), 22);
-  talk.hear(replayed);
-  EXPECT_EQ(sent(talk), "") << "an old reply sends nothing";
+  coordinator.on_reply(replayed);
+  EXPECT_EQ(sent(coordinator), "") << "an old reply sends nothing";
   now_ += StudioCoordinator::kRepeatAfter;
-  ASSERT_NE(sent(talk), "");
+  ASSERT_NE(sent(coordinator), "");
   EXPECT_EQ(last_->nonces.front(), 22);
 }
 
@@ -281,7 +282,7 @@ std::string text_of(const Answer& answer) {
   return text;
 }
 
-RC_GTEST_PROP(Studio, takes_every_take_on_any_network_in_every_node, ()) {
+RC_GTEST_PROP(Studio, records_every_take_on_every_node_on_any_network, ()) {
   SimulatedCrew crew(any_seed(), any_weather(), 5);
   SimulatedOperator& anna = crew.add_operator("anna", 0s);
   anna.will_say(CommandVerb::kBackground);
@@ -295,7 +296,7 @@ RC_GTEST_PROP(Studio, takes_every_take_on_any_network_in_every_node, ()) {
   RC_ASSERT(crew.all_are(Phase::kIdle));
 }
 
-RC_GTEST_PROP(Studio, gives_two_operators_at_once_one_take_and_one_clear_refusal, ()) {
+RC_GTEST_PROP(Studio, gives_one_of_two_operators_the_take_and_the_other_a_refusal, ()) {
   SimulatedCrew crew(any_seed(), any_weather(), 4);
   SimulatedOperator& anna = crew.add_operator("anna", 0s);
   SimulatedOperator& ben =
@@ -315,8 +316,8 @@ RC_GTEST_PROP(Studio, gives_two_operators_at_once_one_take_and_one_clear_refusal
   RC_ASSERT(crew.all_are(Phase::kArmed));
 }
 
-/// Whatever several people want at the same time.
-RC_GTEST_PROP(Studio, ends_in_one_state_whatever_operators_say_at_once, ()) {
+/// Any orders of several operators at the same time.
+RC_GTEST_PROP(Studio, reaches_one_state_for_any_concurrent_orders, ()) {
   SimulatedCrew crew(any_seed(), any_weather(), 4);
   const int people = *rc::gen::inRange(2, 5);
   for (int i = 0; i < people; ++i) {
@@ -342,13 +343,13 @@ RC_GTEST_PROP(Studio, ends_in_one_state_whatever_operators_say_at_once, ()) {
   }
   for (const auto& node : crew.nodes) RC_LOG() << int(node->phase()) << " " << node->take() << "\n";
   RC_ASSERT(crew.pulses_only_where_all_record);
-  // Only a take that somebody started and nobody stopped may still be on, and then everywhere.
+  // Only a take that was started and not stopped may still run, and then on all nodes.
   RC_ASSERT(crew.all_are(Phase::kIdle) || crew.all_are(Phase::kRecording) ||
             crew.all_are(Phase::kArmed));
 }
 
-/// Nodes lose their memory at any time; an abort in the end finds them all.
-RC_GTEST_PROP(Studio, finds_its_way_back_to_one_state_though_nodes_start_anew_in_the_middle, ()) {
+/// Nodes restart at any time; a final abort makes all of them idle.
+RC_GTEST_PROP(Studio, reaches_one_state_after_restarts_of_nodes, ()) {
   SimulatedCrew crew(any_seed(), any_weather(), 4);
   will_take(crew.add_operator("anna", 0s), "kendo-01");
   will_take(crew.add_operator("ben", 3s), "kendo-02");
@@ -364,12 +365,12 @@ RC_GTEST_PROP(Studio, finds_its_way_back_to_one_state_though_nodes_start_anew_in
   RC_ASSERT(crew.all_are(Phase::kIdle));
 }
 
-/// Any node but the trigger's.
+/// Any node except the trigger's.
 test::SimulatedNode& any_other_node(SimulatedCrew& crew) {
   return *crew.nodes[static_cast<size_t>(*rc::gen::inRange(1, 4))];
 }
 
-RC_GTEST_PROP(Studio, has_a_node_record_again_that_was_started_anew_in_a_take, ()) {
+RC_GTEST_PROP(Studio, lets_a_restarted_node_rejoin_the_take, ()) {
   SimulatedCrew crew(any_seed(), any_weather(), 4);
   SimulatedOperator& anna = crew.add_operator("anna", 0s);
   anna.will_say(CommandVerb::kArm, "kendo-01");
@@ -386,9 +387,9 @@ RC_GTEST_PROP(Studio, has_a_node_record_again_that_was_started_anew_in_a_take, (
   RC_ASSERT(crew.all_are(Phase::kIdle));
 }
 
-/// Started anew shortly before, while or after somebody stops the take, or when its trigger's node
-/// goes too.
-RC_GTEST_PROP(Studio, answers_for_the_take_whenever_a_node_is_started_anew_in_it, ()) {
+/// The restart happens shortly before, during or after a stop of the take, or with that of the
+/// trigger's node.
+RC_GTEST_PROP(Studio, replies_the_ledger_after_a_restart_at_any_time, ()) {
   SimulatedCrew crew(any_seed(), any_weather(), 4);
   SimulatedOperator& anna = crew.add_operator("anna", 0s);
   anna.will_say(CommandVerb::kArm, "kendo-01");

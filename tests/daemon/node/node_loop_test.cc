@@ -202,7 +202,7 @@ TEST_F(MemberLoops, reject_a_viewer_that_signs_commands) {
            });
   };
   EXPECT_TRUE(becomes_true(is_counted, within(60)));
-  EXPECT_TRUE(health_has(ada, "commands of guest are rejected: this member is no operator"));
+  EXPECT_TRUE(health_has(ada, "commands of guest are rejected: this member is not an operator"));
 }
 
 TEST_F(MemberLoops, reject_every_command_until_there_is_a_member_list) {

@@ -44,36 +44,36 @@ FrameSet seen_by(const Rig& rig) {
 
 TEST(DisplacementMonitor, takes_the_masks_of_a_set_and_leaves_none) {
   const Rig rig = ring_of(DisplacementMonitor::kMinCameras);
-  DisplacementMonitor watch(rig, in_a_small_space());
+  DisplacementMonitor monitor(rig, in_a_small_space());
   FrameSet set = seen_by(rig);
-  // Nobody waits for its lock: it may take none at first.
+  // offer() does not wait for the lock, so the first calls may leave the masks.
   EXPECT_TRUE(becomes_true(
       [&] {
-        watch.offer(set);
+        monitor.offer(set);
         return !set.frames[0].mask;
       },
       within(60)));
   for (const Frame& frame : set.frames) EXPECT_FALSE(frame.mask) << frame.camera;
-  EXPECT_FALSE(watch.has_ended());
+  EXPECT_FALSE(monitor.has_stopped());
 }
 
-TEST(DisplacementMonitor, that_is_told_to_end_ends_by_itself_and_takes_nothing_more) {
+TEST(DisplacementMonitor, stops_without_waiting_and_takes_no_more_masks) {
   const Rig rig = ring_of(DisplacementMonitor::kMinCameras);
-  DisplacementMonitor watch(rig, in_a_small_space());
-  watch.end();
-  ASSERT_TRUE(becomes_true([&] { return watch.has_ended(); }, within(60)));
+  DisplacementMonitor monitor(rig, in_a_small_space());
+  monitor.stop();
+  ASSERT_TRUE(becomes_true([&] { return monitor.has_stopped(); }, within(60)));
   FrameSet set = seen_by(rig);
-  watch.offer(set);
+  monitor.offer(set);
   EXPECT_TRUE(set.frames[0].mask);
 }
 
-TEST(DisplacementMonitor, of_too_few_cameras_has_nothing_to_end) {
+TEST(DisplacementMonitor, does_nothing_with_too_few_cameras) {
   const Rig rig = ring_of(DisplacementMonitor::kMinCameras - 1);
-  DisplacementMonitor watch(rig, in_a_small_space());
+  DisplacementMonitor monitor(rig, in_a_small_space());
   FrameSet set = seen_by(rig);
-  watch.offer(set);
+  monitor.offer(set);
   EXPECT_TRUE(set.frames[0].mask);
-  EXPECT_TRUE(watch.has_ended());
+  EXPECT_TRUE(monitor.has_stopped());
 }
 
 }  // namespace

@@ -15,8 +15,8 @@ MonotonicInstant at(Duration t) { return MonotonicInstant(seconds(1000) + t); }
 
 constexpr Duration kPeriod = milliseconds(40);
 
-/// Pulses come every 40 ms, and a reader works for `work` on each.
-struct Story {
+/// Pulses arrive every 40 ms, and a reader works for `work` on each.
+struct SimulatedReader {
   LiveQueue<int> queue;
   std::vector<int> taken;
   std::vector<Duration> waited;
@@ -45,8 +45,8 @@ struct Story {
   }
 };
 
-TEST(LiveQueue, loses_nothing_in_a_hesitation_that_is_made_up_for) {
-  Story run;
+TEST(LiveQueue, loses_nothing_in_a_short_pause_of_the_reader) {
+  SimulatedReader run;
   run.until(seconds(2), milliseconds(30));
   run.free_at += milliseconds(300);
   run.until(seconds(10), milliseconds(30));
@@ -55,8 +55,8 @@ TEST(LiveQueue, loses_nothing_in_a_hesitation_that_is_made_up_for) {
   for (size_t i = 0; i < run.taken.size(); ++i) ASSERT_EQ(run.taken[i], i);
 }
 
-TEST(LiveQueue, gives_a_reader_that_stays_behind_the_newest_and_spreads_the_loss) {
-  Story run;
+TEST(LiveQueue, gives_a_slow_reader_the_newest_and_spreads_the_loss) {
+  SimulatedReader run;
   run.until(seconds(20), milliseconds(60));
   EXPECT_TRUE(run.queue.behind(at(seconds(20))));
   // Of three pulses two are taken; none waits longer than a period, and no two in a row are lost.
@@ -67,8 +67,8 @@ TEST(LiveQueue, gives_a_reader_that_stays_behind_the_newest_and_spreads_the_loss
   }
 }
 
-TEST(LiveQueue, keeps_up_again_once_nothing_had_to_be_dropped_for_a_while) {
-  Story run;
+TEST(LiveQueue, is_not_behind_after_the_recovery_time_without_drops) {
+  SimulatedReader run;
   run.until(seconds(10), milliseconds(60));
   const int64_t dropped = run.queue.dropped();
   run.until(seconds(19), milliseconds(20));
@@ -87,25 +87,26 @@ TEST(LiveQueue, drops_the_oldest_when_more_wait_than_its_limit) {
   EXPECT_FALSE(queue.take(at({})));
 }
 
-TEST(LiveQueue, tells_when_something_waits) {
+TEST(LiveQueue, wait_returns_true_when_a_value_is_queued) {
   LiveQueue<int> queue;
   EXPECT_FALSE(queue.wait(Monotonic::now()));
   queue.push(1, Monotonic::now());
   EXPECT_TRUE(queue.wait(Monotonic::now()));
 }
 
-TEST(LiveQueue, tells_of_all_that_nobody_will_take) {
-  std::vector<int> told;
-  LiveQueue<int> queue({.on_drop = [&](int dropped) { told.push_back(dropped); }});
+TEST(LiveQueue, passes_all_values_to_on_drop_in_drop_all) {
+  std::vector<int> dropped;
+  LiveQueue<int> queue({.on_drop = [&](int value) { dropped.push_back(value); }});
   for (int n = 0; n < 3; ++n) queue.push(n, at({}));
   queue.drop_all(at({}));
-  EXPECT_EQ(told, (std::vector<int>{0, 1, 2}));
+  EXPECT_EQ(dropped, (std::vector<int>{0, 1, 2}));
   EXPECT_EQ(queue.dropped(), 3);
   EXPECT_EQ(queue.size(), 0U);
 }
 
-RC_GTEST_PROP(LiveQueue, gives_or_drops_every_pulse_once_and_in_order, ()) {
-  LiveQueue<int> queue({.limit = 4, .patience = milliseconds(100), .calm = milliseconds(300)});
+RC_GTEST_PROP(LiveQueue, returns_or_drops_every_pulse_once_and_in_order, ()) {
+  LiveQueue<int> queue(
+      {.limit = 4, .backlog_timeout = milliseconds(100), .recovery_time = milliseconds(300)});
   Duration now{};
   int pushed = 0, taken = 0, last = -1;
   for (const int step : *rc::gen::container<std::vector<int>>(rc::gen::inRange(0, 60))) {
@@ -120,6 +121,30 @@ RC_GTEST_PROP(LiveQueue, gives_or_drops_every_pulse_once_and_in_order, ()) {
   }
   while (queue.take(at(now))) ++taken;
   RC_ASSERT(taken + queue.dropped() == pushed);
+}
+
+TEST(QueueIdleTimer, depends_on_the_last_check_of_the_reader_not_on_a_clock) {
+  QueueIdleTimer idle;
+  EXPECT_FALSE(idle.idle_for(Duration::zero())) << "the reader has not checked yet";
+  const MonotonicInstant begin = Monotonic::now();
+  idle.on_received(begin);
+  EXPECT_FALSE(idle.idle_for(Duration::zero())) << "more messages may wait";
+  idle.on_empty(begin + milliseconds(20));
+  EXPECT_TRUE(idle.idle_for(milliseconds(20)));
+  EXPECT_FALSE(idle.idle_for(milliseconds(21))) << "until the reader checks again";
+  idle.on_empty(begin + milliseconds(40));
+  EXPECT_TRUE(idle.idle_for(milliseconds(21)));
+}
+
+TEST(QueueIdleTimer, ends_with_the_next_message) {
+  QueueIdleTimer idle;
+  const MonotonicInstant begin = Monotonic::now();
+  idle.on_empty(begin + milliseconds(500));
+  EXPECT_TRUE(idle.idle_for(milliseconds(400)));
+  idle.on_received(begin + milliseconds(510));
+  EXPECT_FALSE(idle.idle_for(Duration::zero()));
+  idle.on_empty(begin + milliseconds(530));
+  EXPECT_FALSE(idle.idle_for(milliseconds(400)));
 }
 
 }  // namespace

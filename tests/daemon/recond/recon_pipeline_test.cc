@@ -1,4 +1,4 @@
-// The live reconstruction on real LCM, with stages that refuse and that are slow.
+// The live reconstruction on real multicast, with stages that throw or are slow.
 #include "daemon/recond/recon_pipeline.h"
 
 #include <gtest/gtest.h>
@@ -26,13 +26,13 @@ constexpr char kUrl[] = "udpm://239.255.76.67:7667?ttl=0";
 /// A pipeline of one camera, fed over the bus, whose stages are the test's.
 class ReconPipelineOnBus : public testing::Test {
  protected:
-  void begin(MeshStages stages, std::optional<FrameSet> rehearsal = std::nullopt) {
+  void begin(MeshStages stages, std::optional<FrameSet> warm_up = std::nullopt) {
     pipeline_.emplace(ReconPipeline::Setup{.take = "kendo-07",
                                            .mesh_file = folder_ / "mesh.v3d",
                                            .stages = std::move(stages),
                                            .threads = 2,
                                            .sets = {.cameras = {"cam01"}},
-                                           .rehearsal = std::move(rehearsal)},
+                                           .warm_up = std::move(warm_up)},
                       bus_);
   }
   void send(int64_t pulse) {
@@ -69,7 +69,7 @@ class ReconPipelineOnBus : public testing::Test {
   std::optional<ReconPipeline> pipeline_;
 };
 
-TEST_F(ReconPipelineOnBus, counts_a_pulse_that_a_stage_refuses_and_goes_on) {
+TEST_F(ReconPipelineOnBus, counts_a_pulse_whose_stage_throws_and_continues) {
   begin({.make_mesh = name_pulse, .encode = [](FrameSetJob& work) {
            if (work.result.pulse == 3) throw InputError("the surface is too large");
            write_pulse(work);
@@ -84,7 +84,7 @@ TEST_F(ReconPipelineOnBus, counts_a_pulse_that_a_stage_refuses_and_goes_on) {
   EXPECT_EQ(MeshFileReader(folder_ / "mesh.v3d").pulses(), (std::vector<int64_t>{0, 1, 2, 4, 5}));
 }
 
-TEST_F(ReconPipelineOnBus, rehearses_first_and_leaves_no_trace_of_it) {
+TEST_F(ReconPipelineOnBus, warms_up_first_without_a_mesh) {
   constexpr int64_t kBegin = -1;
   std::vector<int64_t> encoded;
   begin({.make_mesh = name_pulse,
@@ -103,12 +103,12 @@ TEST_F(ReconPipelineOnBus, rehearses_first_and_leaves_no_trace_of_it) {
   EXPECT_EQ(MeshFileReader(folder_ / "mesh.v3d").pulses(), std::vector<int64_t>{0});
 }
 
-TEST_F(ReconPipelineOnBus, drops_whole_pulses_while_a_stage_is_slow_and_accounts_for_every_one) {
+TEST_F(ReconPipelineOnBus, drops_whole_pulses_while_a_stage_is_slow_and_counts_them) {
   constexpr int64_t kPulses = 60;
   std::counting_semaphore<> go(0);
   begin_held(go);
   for (int64_t pulse = 0; pulse < kPulses; ++pulse) send(pulse);
-  // More wait than the queue holds, and the stage has not even done the first.
+  // More sets wait than the queue holds, and the stage has not finished the first.
   ASSERT_TRUE(becomes_true([&] { return pipeline_->counts().dropped >= 20; }, within(30)));
   EXPECT_TRUE(pipeline_->counts().behind);
   EXPECT_EQ(pipeline_->counts().meshes, 0);
@@ -125,7 +125,7 @@ TEST_F(ReconPipelineOnBus, drops_whole_pulses_while_a_stage_is_slow_and_accounts
   EXPECT_EQ(pulses.back(), kPulses - 1) << "the newest is never dropped";
 }
 
-TEST_F(ReconPipelineOnBus, counts_what_still_waits_at_its_end_as_dropped) {
+TEST_F(ReconPipelineOnBus, counts_sets_that_wait_when_closed_as_dropped) {
   constexpr int64_t kPulses = 20;
   std::counting_semaphore<> go(0);
   begin_held(go);
@@ -163,7 +163,7 @@ class SharedPipelines : public ReconPipelineOnBus {
                              .sets = {.cameras = {"cam01"}},
                              .shard = Shard::Setup{.take = "kendo-07",
                                                    .roster = {"recon01", "recon02"},
-                                                   .me = name,
+                                                   .node = name,
                                                    .frame_groups = node.bus.frame_groups()}},
         node.bus);
   }
@@ -173,12 +173,12 @@ class SharedPipelines : public ReconPipelineOnBus {
   }
 };
 
-TEST_F(SharedPipelines, make_half_of_the_meshes_each_and_both_have_all_in_order) {
+TEST_F(SharedPipelines, make_half_of_the_meshes_each_and_write_all_in_order) {
   constexpr int64_t kPulses = 24;
   Node one, two;
   begin(one, "recon01");
   begin(two, "recon02");
-  ASSERT_TRUE(have(one, two, [](const ReconCounts& c) { return c.shard->living == 2; }));
+  ASSERT_TRUE(have(one, two, [](const ReconCounts& c) { return c.shard->alive == 2; }));
   Subscription<MeshMessage> shown(bus_, kMeshChannel, 100);
   for (int64_t pulse = 0; pulse < kPulses; ++pulse) send(pulse);
   ASSERT_TRUE(have(one, two, [](const ReconCounts& c) { return c.meshes == kPulses; }));
@@ -197,12 +197,12 @@ TEST_F(SharedPipelines, make_half_of_the_meshes_each_and_both_have_all_in_order)
     EXPECT_EQ(mesh->pulse, pulse);
     EXPECT_EQ(mesh->seq, pulse);
   }
-  EXPECT_FALSE(shown.wait(Monotonic::now())) << "one node shows them";
+  EXPECT_FALSE(shown.wait(Monotonic::now())) << "one node publishes them";
   EXPECT_EQ(MeshFileReader(folder_ / "recon01.v3d").pulses().size(), size_t{kPulses});
   EXPECT_EQ(read_file(folder_ / "recon01.v3d"), read_file(folder_ / "recon02.v3d"));
 }
 
-/// The same with a group of frames for each.
+/// The same, with a frame group for each node.
 class SharedPipelinesInGroups : public SharedPipelines {
  protected:
   SharedPipelinesInGroups() : SharedPipelines(kGroups) {}
@@ -218,39 +218,40 @@ class SharedPipelinesInGroups : public SharedPipelines {
     }
     return true;
   }
-  static int64_t frames_heard(const Node& node) {
+  static int64_t frames_received(const Node& node) {
     return node.pipeline->counts().cameras.at("cam01").received;
   }
 };
 
-TEST_F(SharedPipelinesInGroups, hear_the_frames_of_their_own_pulses_and_have_all_meshes) {
+TEST_F(SharedPipelinesInGroups, receive_frames_of_their_own_pulses_and_get_all_meshes) {
   constexpr int64_t kPulses = 24;
   Node one(kGroups), two(kGroups);
   begin(one, "recon01");
   begin(two, "recon02");
-  ASSERT_TRUE(have(one, two, [](const ReconCounts& c) { return c.shard->living == 2; }));
+  ASSERT_TRUE(have(one, two, [](const ReconCounts& c) { return c.shard->alive == 2; }));
   ASSERT_TRUE(send_and_wait(0, kPulses, one));
   ASSERT_TRUE(have(one, two, [](const ReconCounts& c) { return c.meshes == kPulses; }));
   for (Node* node : {&one, &two}) {
-    EXPECT_EQ(frames_heard(*node), kPulses / 2);
-    EXPECT_EQ(node->pipeline->counts().frames_lost, 0) << "what is not heard is not lost";
+    EXPECT_EQ(frames_received(*node), kPulses / 2);
+    EXPECT_EQ(node->pipeline->counts().frames_lost, 0)
+        << "frames of other groups do not count as lost";
     EXPECT_EQ(node->pipeline->counts().without_mesh, std::vector<int64_t>{});
     EXPECT_TRUE(node->pipeline->close());
   }
   EXPECT_EQ(read_file(folder_ / "recon01.v3d"), read_file(folder_ / "recon02.v3d"));
 }
 
-TEST_F(SharedPipelinesInGroups, take_over_the_group_of_one_that_is_gone) {
+TEST_F(SharedPipelinesInGroups, take_over_the_group_of_a_node_that_ended) {
   constexpr int64_t kPulses = 12;
   Node one(kGroups);
   {
     Node two(kGroups);
     begin(one, "recon01");
     begin(two, "recon02");
-    ASSERT_TRUE(have(one, two, [](const ReconCounts& c) { return c.shard->living == 2; }));
+    ASSERT_TRUE(have(one, two, [](const ReconCounts& c) { return c.shard->alive == 2; }));
     ASSERT_TRUE(send_and_wait(0, kPulses, one));
   }
-  ASSERT_TRUE(becomes_true([&] { return one.pipeline->counts().shard->living == 1; }, within(30)));
+  ASSERT_TRUE(becomes_true([&] { return one.pipeline->counts().shard->alive == 1; }, within(30)));
   ASSERT_TRUE(send_and_wait(kPulses, 2 * kPulses, one));
   EXPECT_EQ(one.pipeline->counts().frames_lost, 0);
   EXPECT_EQ(one.pipeline->counts().shard->taken_over, kPulses / 2);

@@ -16,47 +16,47 @@ MeshMessage mesh(int64_t pulse, size_t bytes = 1) {
   return mesh;
 }
 
-RC_GTEST_PROP(ReorderBuffer, gives_out_every_pulse_once_and_in_order, ()) {
+RC_GTEST_PROP(ReorderBuffer, returns_every_pulse_once_and_in_order, ()) {
   const auto first = *rc::gen::inRange<int64_t>(0, 50);
   const auto pulses =
       *rc::gen::container<std::vector<int64_t>>(rc::gen::inRange<int64_t>(first, first + 40));
-  ReorderBuffer order(first);
+  ReorderBuffer buffer(first);
   std::set<int64_t> added;
-  std::vector<int64_t> given;
+  std::vector<int64_t> returned;
   const auto take = [&] {
-    while (const auto next = order.take()) given.push_back(next->pulse);
+    while (const auto next = buffer.take()) returned.push_back(next->pulse);
   };
   for (const int64_t pulse : pulses) {
-    RC_ASSERT(order.add(mesh(pulse)) == added.insert(pulse).second);
+    RC_ASSERT(buffer.add(mesh(pulse)) == added.insert(pulse).second);
     take();
   }
-  while (order.next() < first + 40) {
-    order.pass_over();
+  while (buffer.next() < first + 40) {
+    buffer.skip();
     take();
   }
-  RC_ASSERT(given == std::vector<int64_t>(added.begin(), added.end()));
+  RC_ASSERT(returned == std::vector<int64_t>(added.begin(), added.end()));
 }
 
-TEST(ReorderBuffer, has_nothing_to_do_with_what_was_before_its_first) {
-  ReorderBuffer order(5);
-  EXPECT_FALSE(order.add(mesh(4)));
-  EXPECT_TRUE(order.add(mesh(5)));
-  EXPECT_EQ(order.take()->pulse, 5);
-  EXPECT_FALSE(order.add(mesh(5))) << "the stream is past it";
+TEST(ReorderBuffer, rejects_pulses_before_its_first) {
+  ReorderBuffer buffer(5);
+  EXPECT_FALSE(buffer.add(mesh(4)));
+  EXPECT_TRUE(buffer.add(mesh(5)));
+  EXPECT_EQ(buffer.take()->pulse, 5);
+  EXPECT_FALSE(buffer.add(mesh(5))) << "before next()";
 }
 
-TEST(ReorderBuffer, is_full_of_meshes_or_of_bytes_and_has_room_again) {
-  ReorderBuffer order(0, {.meshes = 2, .bytes = 100});
-  order.add(mesh(1));
-  EXPECT_FALSE(order.is_full());
-  order.add(mesh(2));
-  EXPECT_TRUE(order.is_full()) << "of meshes";
-  order.pass_over();
-  order.take();
-  order.take();
-  EXPECT_FALSE(order.is_full());
-  order.add(mesh(4, 100));
-  EXPECT_TRUE(order.is_full()) << "of bytes";
+TEST(ReorderBuffer, has_limits_of_meshes_and_of_bytes) {
+  ReorderBuffer buffer(0, {.meshes = 2, .bytes = 100});
+  buffer.add(mesh(1));
+  EXPECT_FALSE(buffer.is_full());
+  buffer.add(mesh(2));
+  EXPECT_TRUE(buffer.is_full()) << "of meshes";
+  buffer.skip();
+  buffer.take();
+  buffer.take();
+  EXPECT_FALSE(buffer.is_full());
+  buffer.add(mesh(4, 100));
+  EXPECT_TRUE(buffer.is_full()) << "of bytes";
 }
 
 }  // namespace

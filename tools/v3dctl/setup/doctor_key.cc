@@ -51,7 +51,7 @@ std::vector<Finding> check_keys_of(const std::vector<std::string>& nodes,
     const auto heard = health.find(node);
     if (heard == health.end()) {
       findings.push_back({Verdict::kUnknown, subject, "not heard: is it on?", ""});
-    } else if (is_believed(heard->second)) {
+    } else if (is_verified(heard->second)) {
       findings.push_back({Verdict::kGood, subject, "the same as here", ""});
     } else {
       findings.push_back(
