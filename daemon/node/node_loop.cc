@@ -164,6 +164,7 @@ void NodeLoop::report_counts(HealthMessage& health) const {
   const SealCounts messages = bus_.seal().counts();
   value("messages_forged", messages.forged);
   value("messages_unkeyed", messages.unkeyed);
+  value("messages_unsigned", messages.not_signed);
   value("messages_stale", messages.stale);
   value("messages_replayed", messages.replayed);
   const ReceptionCounts reception = bus_.reception();

@@ -205,6 +205,35 @@ TEST_F(MemberLoops, reject_a_viewer_that_signs_commands) {
   EXPECT_TRUE(health_has(ada, "commands of guest are rejected: this member is not an operator"));
 }
 
+TEST_F(MemberLoops, reject_health_that_a_member_sends_in_the_name_of_a_node) {
+  start();
+  OperatorClient ada(studio_);
+  ASSERT_TRUE(obey(ada));
+  Bus bus(studio_.network.lcm_url, {}, ChannelList(studio_));
+  bus.seal().set_key(key_);
+  bus.seal().members().require();
+  bus.seal().members().set_signing_key(guest_);
+  const auto listening = bus.subscribe(kEventChannel, [](const ReceivedMessage&) {});  // to answer
+  HealthMessage forged;
+  forged.node = "cap01";
+  forged.text = "forged";
+  std::map<std::string, HealthMessage> health;
+  const auto is_counted = [&] {
+    forged.sent = Realtime::now();
+    bus.publish_sealed(health_channel("cap01"), encode(forged));
+    health = ada.health(within(5));
+    return health.contains("cap01") && health["cap01"].values["messages_unsigned"] >= 1;
+  };
+  EXPECT_TRUE(becomes_true(is_counted, within(60)));
+  EXPECT_TRUE(is_believed(health["cap01"])) << health["cap01"].text;
+  const auto is_reported = [&] {
+    is_counted();
+    return health["cap01"].text ==
+           "V3D_HEALTH_cap01 of member guest is rejected: only cap01 may send it";
+  };
+  EXPECT_TRUE(becomes_true(is_reported, within(60))) << health["cap01"].text;
+}
+
 TEST_F(MemberLoops, reject_every_command_until_there_is_a_member_list) {
   const Studio bobs = studio_of_bob();
   std::filesystem::remove(studio_.network.members);
