@@ -66,6 +66,15 @@ std::vector<const Member*> MemberList::signers_of(const SignedMessage& message) 
   return signers;
 }
 
+std::vector<const Member*> MemberList::signers_of(SignedMessage message,
+                                                  const MessageOrigin& origin) const {
+  const auto has_key = [&](const Member& member) { return id_of(member.key) == message.key_id; };
+  if (std::ranges::none_of(members, has_key)) return {};
+  const BusStatement statement = bus_statement(message.signed_bytes, origin);
+  message.signed_bytes = statement;
+  return signers_of(message);
+}
+
 std::string sign_member_list(const MemberList& list, const SigningKey& authority) {
   std::string text = "kind = " + toml_string(kKind) + "\nstudio = " + toml_string(list.studio) +
                      "\nserial = " + std::to_string(list.serial) + "\n";

@@ -14,8 +14,8 @@
 
 namespace v3d {
 
-/// What a member may sign: an operator commands; nodes (capture, reconstruction) reply; a viewer
-/// neither commands nor replies.
+/// What a member may sign: an operator commands; nodes (capture, reconstruction) reply and send
+/// health, events and what else is theirs (daemon/bus/channel_list.h); a viewer nothing of this.
 enum class Role : uint8_t { kOperator = 1, kCapture, kReconstruction, kViewer };
 std::string_view name(Role role);
 std::optional<Role> role_from_name(std::string_view name);
@@ -39,6 +39,8 @@ struct MemberList {
 
   /// The entries whose key has signed `message`. Verifies one signature at most for each key.
   std::vector<const Member*> signers_of(const SignedMessage& message) const;
+  /// The same of a message on the bus (bus_statement()). Hashes nothing when no entry has the key.
+  std::vector<const Member*> signers_of(SignedMessage message, const MessageOrigin& origin) const;
 };
 
 inline constexpr uint64_t kMaxMemberListBytes = 1 << 20;

@@ -19,7 +19,7 @@ const KeyKind kNodeKey{
     .name = "signing key",
     .made_by = "v3dctl key node",
     .remedy = "make one on each PC with v3dctl key node",
-    .remark = "# The signing key of one V3D node, for its takes and replies. Of this PC alone.\n"};
+    .remark = "# The signing key of one V3D node, for its takes and messages. Of this PC alone.\n"};
 const KeyKind kOperatorKey{
     .name = "operator key",
     .made_by = "v3dctl key operator",

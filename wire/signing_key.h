@@ -34,7 +34,7 @@ struct PublicKey {
 };
 
 struct KeyKind;
-/// What the keys of a studio are for: takes and replies of a node, commands of an operator, the
+/// What the keys of a studio are for: takes and messages of a node, commands of an operator, the
 /// member list.
 extern const KeyKind kNodeKey, kOperatorKey, kAuthorityKey;
 

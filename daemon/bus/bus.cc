@@ -68,7 +68,9 @@ class Bus::Impl {
   Impl& operator=(const Impl&) = delete;
 
   bool publish(const std::string& channel, std::span<const uint8_t> bytes, bool with_mac) {
-    return sender_.send(channel, bytes, with_mac ? seal_.mac().get() : nullptr);
+    if (!with_mac) return sender_.send(channel, bytes, nullptr);
+    const auto key = seal_.members().key_for(channel);
+    return sender_.send(channel, bytes, seal_.mac().get(), key ? &*key : nullptr);
   }
 
   bool publish_signed(const std::string& channel, std::span<const uint8_t> bytes) {

@@ -44,7 +44,8 @@ class Bus {
   /// Without a MAC. False when the network refused or the message
   /// is too long; what was sent may still not arrive.
   bool publish(const std::string& channel, std::span<const uint8_t> bytes);
-  /// Each datagram with a MAC, where there is a key.
+  /// Each datagram with a MAC, where there is a key. Where members are required, the message with
+  /// the signature of this process, if those of the channel have one (MemberSignatures).
   bool publish_sealed(const std::string& channel, std::span<const uint8_t> message);
   /// For commands and replies, which hold a MAC or signature of their own: each datagram has a MAC
   /// too where a message has several, or where all must have one (MessageSeal::cover_commands()).

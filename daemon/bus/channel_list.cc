@@ -11,6 +11,7 @@ namespace v3d {
 namespace {
 
 using enum ChannelKind::Of;
+using enum ChannelKind::Author;
 
 constexpr size_t kKiB = 1024;
 constexpr size_t kMiB = 1024 * kKiB;
@@ -20,19 +21,23 @@ constexpr size_t kMiB = 1024 * kKiB;
 constexpr std::array<ChannelKind, 11> kKinds = {{
     {.name = kCommandChannel, .max_bytes = 16 * kKiB, .holds_own_mac = true},
     {.name = kReplyChannel, .max_bytes = 4 * kMiB, .holds_own_mac = true},
-    {.name = kPulseChannel, .max_bytes = 4 * kKiB, .needs_answer = true},
-    {.name = kEventChannel, .max_bytes = 32 * kKiB},
-    {.name = kSessionChannel, .max_bytes = kKiB, .is_of_sessions = true},
-    {.name = kMeshChannel, .max_bytes = kMaxMessage},
+    {.name = kPulseChannel, .max_bytes = 4 * kKiB, .needs_answer = true, .author = kOwner},
+    {.name = kEventChannel, .max_bytes = 32 * kKiB, .author = kNodeInside},
+    {.name = kSessionChannel, .max_bytes = kKiB, .is_of_sessions = true, .author = kAnyMember},
+    {.name = kMeshChannel, .max_bytes = kMaxMessage, .author = kReconstruction},
     {.name = kFramePrefix, .of = kCameras, .max_bytes = kMaxMessage},
-    {.name = kPreviewPrefix, .of = kCameras, .max_bytes = 4 * kMiB},
+    {.name = kPreviewPrefix, .of = kCameras, .max_bytes = 4 * kMiB, .author = kOwner},
     {.name = kHealthPrefix,
      .of = kNodes,
      .max_bytes = 32 * kKiB,
      .is_shown_unverified = true,
-     .needs_answer = true},
-    {.name = kShardPrefix, .of = kNodes, .max_bytes = kMiB},
-    {.name = kShardMeshPrefix, .of = kNodes, .max_bytes = kMaxMessage},
+     .needs_answer = true,
+     .author = kOwner},
+    {.name = kShardPrefix, .of = kNodes, .max_bytes = kMiB, .author = kReconstructionOwner},
+    {.name = kShardMeshPrefix,
+     .of = kNodes,
+     .max_bytes = kMaxMessage,
+     .author = kReconstructionOwner},
 }};
 
 bool is_of(const ChannelKind& kind, std::string_view channel) {
@@ -42,30 +47,45 @@ bool is_of(const ChannelKind& kind, std::string_view channel) {
 
 }  // namespace
 
-ChannelList::ChannelList(const Studio& studio) : is_exact_(true) {
-  for (const ChannelKind& kind : kKinds) {
-    const std::string prefix(kind.name);
-    if (kind.of == kStudio) names_.insert(prefix);
-    if (kind.of == kNodes) {
-      for (const StudioNode& node : studio.nodes) names_.insert(prefix + node.name);
-    }
-    if (kind.of == kCameras) {
-      for (const StudioCamera& camera : studio.cameras) names_.insert(prefix + camera.name);
-    }
-  }
-}
-
-const ChannelKind* ChannelList::find(std::string_view channel) const {
-  if (is_exact_ && !names_.contains(channel)) return nullptr;
+const ChannelKind* kind_of(std::string_view channel) {
   const auto* const kind =
       std::ranges::find_if(kKinds, [&](const ChannelKind& k) { return is_of(k, channel); });
   return kind == kKinds.end() ? nullptr : kind;
 }
 
+ChannelList::ChannelList(const Studio& studio) : is_exact_(true) {
+  for (const ChannelKind& kind : kKinds) {
+    const std::string prefix(kind.name);
+    if (kind.of == kStudio) names_[prefix] = "";
+    if (kind.of == kNodes) {
+      for (const StudioNode& node : studio.nodes) names_[prefix + node.name] = node.name;
+    }
+    if (kind.of == kCameras) {
+      for (const StudioCamera& camera : studio.cameras) names_[prefix + camera.name] = camera.node;
+    }
+  }
+  names_[kPulseChannel] = studio.trigger.node;
+}
+
+const ChannelKind* ChannelList::find(std::string_view channel) const {
+  if (is_exact_ && !names_.contains(channel)) return nullptr;
+  return kind_of(channel);
+}
+
+std::string_view ChannelList::owner_of(std::string_view channel) const {
+  if (is_exact_) {
+    const auto known = names_.find(channel);
+    return known == names_.end() ? std::string_view{} : known->second;
+  }
+  const ChannelKind* const kind = kind_of(channel);
+  return kind != nullptr && kind->of == kNodes ? channel.substr(kind->name.size())
+                                               : std::string_view{};
+}
+
 bool ChannelList::use(std::string_view channel) {
   if (names_.contains(channel)) return true;
   if (is_exact_ || names_.size() == kMaxNames) return false;
-  names_.emplace(channel);
+  names_.emplace(channel, "");
   return true;
 }
 

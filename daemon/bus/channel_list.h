@@ -2,7 +2,8 @@
 #pragma once
 
 #include <cstddef>
-#include <set>
+#include <cstdint>
+#include <map>
 #include <string>
 #include <string_view>
 
@@ -24,7 +25,21 @@ struct ChannelKind {
   bool needs_answer = false;
   /// Between the receivers themselves (SessionMessage): its nonces show that it is recent.
   bool is_of_sessions = false;
+  /// Which member must sign, where there is a member list (MemberSignatures).
+  enum class Author : uint8_t {
+    kUnsigned,             ///< frames, and what holds a signature of its own
+    kAnyMember,            ///< an answer of a session
+    kOwner,                ///< the node that ChannelList::owner_of() names
+    kReconstructionOwner,  ///< the same, with the role reconstruction
+    kNodeInside,           ///< the node that the message names
+    kReconstruction        ///< every node with that role
+  } author = Author::kUnsigned;
+
+  bool is_signed() const { return author != Author::kUnsigned; }
 };
+
+/// By the form of its name; null when `channel` is none of a studio.
+const ChannelKind* kind_of(std::string_view channel);
 
 /// The exact names when the studio is known. Otherwise names of the same form, up to kMaxNames that
 /// have been used. One thread.
@@ -37,12 +52,17 @@ class ChannelList {
 
   /// Null when `channel` is none of the studio's. Allocates nothing.
   const ChannelKind* find(std::string_view channel) const;
+  /// The node that sends on `channel`: that which the name of the channel holds, that of the camera
+  /// which it holds, the trigger's for pulses. Empty for other channels, and where only the studio
+  /// file would tell and there is none.
+  std::string_view owner_of(std::string_view channel) const;
   /// Whether a message may be passed on: false once too many names are in use.
   bool use(std::string_view channel);
 
  private:
   bool is_exact_ = false;
-  std::set<std::string, std::less<>> names_;  ///< allowed, or in use
+  /// Allowed, or in use; with their owners.
+  std::map<std::string, std::string, std::less<>> names_;
 };
 
 }  // namespace v3d

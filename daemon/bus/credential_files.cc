@@ -62,6 +62,7 @@ CredentialFiles::CredentialFiles(CredentialPaths paths, Credentials& credentials
   if (paths_.members.empty()) return;
   credentials_.require_members();
   seal_.cover_commands();
+  seal_.members().require();
 }
 
 std::string CredentialFiles::poll(MonotonicInstant now) {
@@ -119,6 +120,7 @@ std::string CredentialFiles::read_members() {
   members_ = read;
   members_text_ = text;
   credentials_.set_members(read);
+  seal_.members().set_members(read);
   if (is_first) return "";
   return paths_.members.string() + ": member list " + std::to_string(read->serial) + " is in force";
 }
@@ -130,6 +132,7 @@ std::string CredentialFiles::read_signing_key() {
   const bool is_first = !own_;
   own_ = read.public_key();
   credentials_.set_signing_key(read);
+  seal_.members().set_signing_key(read);
   return is_first ? "" : paths_.signing_key.string() + ": a new " + std::string(kind.name);
 }
 

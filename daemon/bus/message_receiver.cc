@@ -7,6 +7,7 @@
 #include <string>
 #include <utility>
 
+#include "wire/channels.h"
 #include "wire/codec.h"
 
 namespace v3d {
@@ -29,6 +30,19 @@ std::string clocks_differ(Duration ahead) {
 
 SessionStamp stamp_of(const Datagram& datagram, const MacTrailer& trailer) {
   return {.session = trailer.session, .sequence = datagram.sequence, .sent = trailer.sent};
+}
+
+MessageOrigin origin_of(std::string_view channel, const SessionStamp& stamp) {
+  return {
+      .channel = channel, .session = stamp.session, .sequence = stamp.sequence, .sent = stamp.sent};
+}
+
+/// As LCM's own readers see it: they ignore what follows a message.
+std::span<const uint8_t> without_signature(const ChannelKind& kind,
+                                           std::span<const uint8_t> bytes) {
+  if (!kind.is_signed()) return bytes;
+  const auto split = split_signature(bytes);
+  return split ? split->message : bytes;
 }
 
 MessageIdentity identity_of(const Datagram& datagram, const DatagramParts& parts, uint64_t sender) {
@@ -90,20 +104,32 @@ std::optional<ReceivedMessage> MessageReceiver::receive_authentic(const Datagram
   if (!is_authentic(datagram, parts, now.monotonic)) {
     seal_.count_unverified();
     if (!datagram.is_whole() || !kind->is_shown_unverified) return std::nullopt;
-    return ReceivedMessage{datagram.channel, parts.data, false};
+    return ReceivedMessage{datagram.channel, without_signature(*kind, parts.data), false};
   }
   const SessionStamp stamp = stamp_of(datagram, *parts.trailer);
   if (is_of_sessions) {
-    on_session_message(parts.data, stamp.sent, now);
+    on_session_message(parts.data, stamp, now);
     return std::nullopt;
   }
+  return receive_recent(datagram, kind, parts, stamp, now);
+}
+
+/// Of an authentic datagram.
+std::optional<ReceivedMessage> MessageReceiver::receive_recent(const Datagram& datagram,
+                                                               const ChannelKind* kind,
+                                                               const DatagramParts& parts,
+                                                               const SessionStamp& stamp,
+                                                               const ReceiverTime& now) {
+  const bool is_first = kind != nullptr;
+  const Signer signer = claimed_signer(datagram, kind, parts.data);
   if (!gate_.is_recent(stamp, now)) {
     seal_.count_stale();
-    ask(stamp, now);
+    ask(stamp, signer, now);
     return std::nullopt;
   }
-  if (is_first && kind->needs_answer && !gate_.has_answered(stamp.session)) {
-    ask(stamp, now);
+  const bool needs_answer = is_first && kind->needs_answer && can_answer(signer);
+  if (needs_answer && !gate_.has_answered(stamp.session, signer)) {
+    ask(stamp, signer, now);
     return std::nullopt;
   }
   if (is_first && !wanted_(datagram.channel)) {
@@ -113,8 +139,52 @@ std::optional<ReceivedMessage> MessageReceiver::receive_authentic(const Datagram
   }
   const auto message = datagram.is_whole() ? pass(datagram.channel, parts.data)
                                            : reassemble(datagram, parts, stamp.session);
-  if (message) gate_.note(stamp, now);
+  if (!message) return std::nullopt;
+  return accept(*message, stamp, now);
+}
+
+/// The last checks of a whole message: a member that may send it has signed it, and its session has
+/// not been answered for by another. Only then does it count as received: others with the studio
+/// key could otherwise make messages of this session count so.
+std::optional<ReceivedMessage> MessageReceiver::accept(ReceivedMessage message,
+                                                       const SessionStamp& stamp,
+                                                       const ReceiverTime& now) {
+  const ChannelKind& kind = *channels_.find(message.channel);
+  const MemberSignatures& members = seal_.members();
+  if (kind.is_signed() && members.are_required()) {
+    const VerifiedMessage verified =
+        members.verify(message.bytes, origin_of(message.channel, stamp), kind,
+                       channels_.owner_of(message.channel));
+    message.bytes = verified.message;
+    if (!verified.problem.empty()) {
+      seal_.count_unsigned(verified.problem);
+      message.is_accepted = false;
+      return kind.is_shown_unverified ? std::optional(message) : std::nullopt;
+    }
+    if (gate_.is_answered_by_other(stamp.session, verified.signer)) {
+      seal_.count_stale();
+      ask(stamp, verified.signer, now);
+      return std::nullopt;
+    }
+  }
+  message.bytes = without_signature(kind, message.bytes);
+  gate_.note(stamp, now);
   return message;
+}
+
+/// The key whose signature a message of one datagram carries. Verifies nothing.
+Signer MessageReceiver::claimed_signer(const Datagram& datagram, const ChannelKind* kind,
+                                       std::span<const uint8_t> data) const {
+  if (!datagram.is_whole() || !seal_.members().are_required()) return std::nullopt;
+  if (!kind->is_signed() && !kind->holds_own_mac) return std::nullopt;
+  const auto split = split_signature(data);
+  return split ? Signer(split->key_id) : std::nullopt;
+}
+
+/// False where members are required and this is the key of none: the message is rejected anyway.
+bool MessageReceiver::can_answer(const Signer& signer) const {
+  const MemberSignatures& members = seal_.members();
+  return !members.are_required() || (signer && members.knows(*signer));
 }
 
 // --- sessions -----------------------------------------------------------------------------------
@@ -123,32 +193,52 @@ void MessageReceiver::drop_old_questions() {
   if (std::exchange(forgotten_, gate_.forgotten()) != gate_.forgotten()) questions_ = {};
 }
 
-void MessageReceiver::ask(const SessionStamp& stamp, const ReceiverTime& now) {
+void MessageReceiver::ask(const SessionStamp& stamp, const Signer& signer,
+                          const ReceiverTime& now) {
   drop_old_questions();
-  const auto nonce = questions_.ask(stamp.session, now.monotonic);
+  const auto nonce = questions_.ask(stamp.session, now.monotonic, signer);
   if (!nonce) return;
   sessions_.send({.sent = {}, .session = stamp.session, .newest = 0, .nonce = *nonce});
 }
 
-void MessageReceiver::on_session_message(std::span<const uint8_t> bytes, RealtimeInstant sent,
+void MessageReceiver::on_session_message(std::span<const uint8_t> bytes, const SessionStamp& stamp,
                                          const ReceiverTime& now) {
-  const auto message = decode<SessionMessage>(bytes);
+  const auto message = decode<SessionMessage>(without_signature(*kind_of(kSessionChannel), bytes));
   if (!message) {
     ++malformed_;
   } else if (message->is_answer) {
-    on_answer(*message, sent, now);
+    on_answer(*message, bytes, stamp, now);
   } else {
     answer(*message, now.monotonic);
   }
 }
 
-void MessageReceiver::on_answer(const SessionMessage& answer, RealtimeInstant sent,
-                                const ReceiverTime& now) {
+void MessageReceiver::on_answer(const SessionMessage& answer, std::span<const uint8_t> bytes,
+                                const SessionStamp& stamp, const ReceiverTime& now) {
   drop_old_questions();
-  if (!questions_.answers(answer.session, answer.nonce, now.monotonic)) return;
-  gate_.accept({.session = answer.session, .sequence = answer.newest, .sent = sent}, now);
-  const Duration ahead = sent - now.realtime;
+  const auto signer = verified_signer(answer, bytes, stamp, now.monotonic);
+  if (!signer || !questions_.answers(answer.session, answer.nonce, now.monotonic, *signer)) return;
+  gate_.accept({.session = answer.session, .sequence = answer.newest, .sent = stamp.sent}, now,
+               *signer);
+  const Duration ahead = stamp.sent - now.realtime;
   if (std::chrono::abs(ahead) > SessionGate::kAhead) seal_.report(clocks_differ(ahead));
+}
+
+/// Who signed the answer; empty when nobody did and members are required. Verifies no signature of
+/// an answer to a question that is not pending.
+std::optional<Signer> MessageReceiver::verified_signer(const SessionMessage& answer,
+                                                       std::span<const uint8_t> bytes,
+                                                       const SessionStamp& stamp,
+                                                       MonotonicInstant now) {
+  if (!seal_.members().are_required()) return Signer{};
+  const auto split = split_signature(bytes);
+  const Signer claimed = split ? Signer(split->key_id) : std::nullopt;
+  if (!questions_.is_pending(answer.session, answer.nonce, now, claimed)) return std::nullopt;
+  const VerifiedMessage verified = seal_.members().verify(bytes, origin_of(kSessionChannel, stamp),
+                                                          *kind_of(kSessionChannel), "");
+  if (verified.problem.empty()) return verified.signer;
+  seal_.count_unsigned(verified.problem);
+  return std::nullopt;
 }
 
 /// A recorded question makes this session say what everybody may know, and not often.
@@ -177,10 +267,15 @@ std::optional<ReceivedMessage> MessageReceiver::receive_anything(const Datagram&
     return std::nullopt;
   }
   if (datagram.is_whole()) {
-    return pass(datagram.channel, kind->holds_own_mac ? datagram.data : parts.data);
+    const auto& bytes = kind->holds_own_mac ? datagram.data : parts.data;
+    return pass(datagram.channel, without_signature(*kind, bytes));
   }
   if (kind == nullptr && is_skipped(sequence)) return std::nullopt;
-  return reassemble(datagram, parts, source);
+  auto message = reassemble(datagram, parts, source);
+  if (message) {
+    message->bytes = without_signature(*channels_.find(message->channel), message->bytes);
+  }
+  return message;
 }
 
 bool MessageReceiver::is_authentic(const Datagram& datagram, const DatagramParts& parts,

@@ -17,7 +17,8 @@
 
 namespace v3d {
 
-/// As handlers get it, without a trailer; the views are only borrowed.
+/// As handlers get it, without trailer and signature (that of a command or reply stays); the views
+/// are only borrowed.
 struct ReceivedMessage {
   std::string_view channel;
   std::span<const uint8_t> bytes;
@@ -48,6 +49,10 @@ struct SessionPort {
 /// channel); not received before; MAC; recent (SessionGate). Only then does a fragment reach the
 /// reassembly, whose memory is fixed. Nothing is allocated for a datagram that fails, and it costs
 /// at most the hash of its own bytes (two while a studio key is replaced: KeyRotation).
+///
+/// Where members are required, a message then needs the signature of the member that may send it
+/// (MemberSignatures), and a session its answer signed with the same key. One signature for each
+/// message of a holder of the studio key; none for strangers.
 ///
 /// Messages of a session that is in doubt are dropped, and the session is asked: where clocks do
 /// not agree, the first messages are lost until the answer is there. So are the first health and
@@ -80,13 +85,25 @@ class MessageReceiver {
                                                    const ReceiverTime& now);
   std::optional<ReceivedMessage> receive_anything(const Datagram& datagram, const ChannelKind* kind,
                                                   uint64_t source);
+  std::optional<ReceivedMessage> receive_recent(const Datagram& datagram, const ChannelKind* kind,
+                                                const DatagramParts& parts,
+                                                const SessionStamp& stamp, const ReceiverTime& now);
+  std::optional<ReceivedMessage> accept(ReceivedMessage message, const SessionStamp& stamp,
+                                        const ReceiverTime& now);
   bool is_authentic(const Datagram& datagram, const DatagramParts& parts,
                     MonotonicInstant now) const;
-  void ask(const SessionStamp& stamp, const ReceiverTime& now);
+  Signer claimed_signer(const Datagram& datagram, const ChannelKind* kind,
+                        std::span<const uint8_t> data) const;
+  bool can_answer(const Signer& signer) const;
+  void ask(const SessionStamp& stamp, const Signer& signer, const ReceiverTime& now);
   void drop_old_questions();
-  void on_session_message(std::span<const uint8_t> bytes, RealtimeInstant sent,
+  void on_session_message(std::span<const uint8_t> bytes, const SessionStamp& stamp,
                           const ReceiverTime& now);
-  void on_answer(const SessionMessage& answer, RealtimeInstant sent, const ReceiverTime& now);
+  void on_answer(const SessionMessage& answer, std::span<const uint8_t> bytes,
+                 const SessionStamp& stamp, const ReceiverTime& now);
+  std::optional<Signer> verified_signer(const SessionMessage& answer,
+                                        std::span<const uint8_t> bytes, const SessionStamp& stamp,
+                                        MonotonicInstant now);
   void answer(const SessionMessage& question, MonotonicInstant now);
   std::optional<ReceivedMessage> reassemble(const Datagram& datagram, const DatagramParts& parts,
                                             uint64_t sender);

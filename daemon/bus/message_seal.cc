@@ -47,8 +47,17 @@ void MessageSeal::count_unverified() {
       "messages without the MAC of the studio key are rejected: a stranger, or another studio key");
 }
 
+void MessageSeal::count_unsigned(std::string_view problem) {
+  ++not_signed_;
+  report(problem);
+}
+
 SealCounts MessageSeal::counts() const {
-  return {.forged = forged_, .unkeyed = unkeyed_, .stale = stale_, .replayed = replayed_};
+  return {.forged = forged_,
+          .unkeyed = unkeyed_,
+          .not_signed = not_signed_,
+          .stale = stale_,
+          .replayed = replayed_};
 }
 
 std::string MessageSeal::trouble(RealtimeInstant now) const {

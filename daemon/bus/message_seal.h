@@ -1,4 +1,4 @@
-// The studio key of a process, and the account of what was rejected under it.
+// The studio key and the members' signatures of a process, and the account of what was rejected.
 #pragma once
 
 #include <atomic>
@@ -11,16 +11,18 @@
 
 #include "base/time.h"
 #include "daemon/bus/key_rotation.h"
+#include "daemon/bus/member_signatures.h"
 #include "wire/datagram_mac.h"
 
 namespace v3d {
 
 /// What was rejected, by cause.
 struct SealCounts {
-  int64_t forged = 0;    ///< datagrams without the studio's MAC, or changed since
-  int64_t unkeyed = 0;   ///< datagrams that came while there was no key here to verify them with
-  int64_t stale = 0;     ///< authentic, and in doubt whether they are recent (SessionGate)
-  int64_t replayed = 0;  ///< received before; a network that repeats does that, too
+  int64_t forged = 0;      ///< datagrams without the studio's MAC, or changed since
+  int64_t unkeyed = 0;     ///< datagrams that came while there was no key here to verify them with
+  int64_t not_signed = 0;  ///< messages without the signature of a member that may send them
+  int64_t stale = 0;       ///< authentic, and in doubt whether they are recent (SessionGate)
+  int64_t replayed = 0;    ///< received before; a network that repeats does that, too
 };
 
 /// With a key, what is sent carries a MAC in each datagram (wire/datagram_mac.h), and only what
@@ -38,6 +40,8 @@ class MessageSeal {
   /// stranger's command costs a hash and no signature. To be called before anything is received.
   void cover_commands() { covers_commands_ = true; }
   bool covers_commands() const { return covers_commands_; }
+  MemberSignatures& members() { return members_; }
+  const MemberSignatures& members() const { return members_; }
 
   /// To send with. Null as long as there is no key.
   std::shared_ptr<const DatagramMac> mac(MonotonicInstant now = Monotonic::now()) const;
@@ -50,6 +54,8 @@ class MessageSeal {
 
   /// A datagram that verify() rejected: forged, or unkeyed where there is no key.
   void count_unverified();
+  /// A message that MemberSignatures rejected; `problem` is for a person.
+  void count_unsigned(std::string_view problem);
   void count_stale() { ++stale_; }
   void count_replayed() { ++replayed_; }
   SealCounts counts() const;
@@ -59,11 +65,13 @@ class MessageSeal {
   std::string trouble(RealtimeInstant now) const;
 
  private:
+  MemberSignatures members_;
   std::atomic<bool> has_key_ = false;
   std::atomic<bool> insists_ = false;
   std::atomic<bool> covers_commands_ = false;
   std::atomic<int64_t> forged_ = 0;
   std::atomic<int64_t> unkeyed_ = 0;
+  std::atomic<int64_t> not_signed_ = 0;
   std::atomic<int64_t> stale_ = 0;
   std::atomic<int64_t> replayed_ = 0;
   mutable std::mutex mutex_;  ///< what follows

@@ -201,12 +201,18 @@ MulticastSender::MulticastSender(const std::string& url)
 }
 
 bool MulticastSender::send(std::string_view channel, std::span<const uint8_t> message,
-                           const DatagramMac* mac) {
+                           const DatagramMac* mac, const SigningKey* key) {
+  const MacTrailer trailer{.session = session_, .sent = Realtime::now(), .tag = {}};
+  const uint32_t sequence = next_sequence_++;
+  Bytes with_signature;
+  if (mac != nullptr && key != nullptr) {
+    with_signature = sign_on_bus(message, {channel, session_, sequence, trailer.sent}, *key);
+    message = with_signature;
+  }
   std::vector<OutgoingDatagram> datagrams =
-      split_message(next_sequence_++, channel, message, mac != nullptr);
+      split_message(sequence, channel, message, mac != nullptr);
   if (datagrams.empty()) return false;
   if (mac != nullptr) {
-    const MacTrailer trailer{.session = session_, .sent = Realtime::now(), .tag = {}};
     for (OutgoingDatagram& datagram : datagrams) {
       datagram.trailer = trailer;
       mac->sign(datagram.head(), datagram.data, datagram.trailer);

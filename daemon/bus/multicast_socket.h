@@ -88,9 +88,11 @@ class MulticastSender {
   explicit MulticastSender(const std::string& url);
 
   /// All datagrams of a message in a row, as liblcm's receivers need it: they hold one message of
-  /// a sender. With `mac`, each datagram is authenticated. False when the kernel refuses one of
-  /// them, or the message or the channel's name is too long.
-  bool send(std::string_view channel, std::span<const uint8_t> message, const DatagramMac* mac);
+  /// a sender. With `mac`, each datagram is authenticated. With `key` and `mac`, the message is
+  /// signed too (sign_on_bus()). False when the kernel refuses one of the datagrams, or the message
+  /// or the channel's name is too long.
+  bool send(std::string_view channel, std::span<const uint8_t> message, const DatagramMac* mac,
+            const SigningKey* key = nullptr);
 
   /// Drawn at random; in the trailer of each datagram.
   uint32_t session() const { return session_; }

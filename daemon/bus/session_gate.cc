@@ -76,31 +76,45 @@ bool SessionGate::is_recent(const SessionStamp& stamp, const ReceiverTime& now) 
   return age <= kOldest && -age <= kAhead;
 }
 
-bool SessionGate::has_answered(uint32_t session) const {
+bool SessionGate::has_answered(uint32_t session, const Signer& signer) const {
   const Session* const known = find(session);
-  return known != nullptr && known->has_answered;
+  return known != nullptr && known->has_answered && known->answered_by == signer;
 }
 
-void SessionGate::accept(const SessionStamp& newest, const ReceiverTime& now) {
+bool SessionGate::is_answered_by_other(uint32_t session, const Signer& signer) const {
+  const Session* const known = find(session);
+  return known != nullptr && known->has_answered && known->answered_by != signer;
+}
+
+void SessionGate::accept(const SessionStamp& newest, const ReceiverTime& now,
+                         const Signer& signer) {
   Session& session = find_or_add(newest, now);
   session.fast_sent = newest.sent;
   session.fast_received = now.monotonic;
   session.newest_sent = newest.sent;
   session.received_at = now.monotonic;
-  if (std::exchange(session.has_answered, true)) return;
+  const bool is_first = !session.has_answered || session.answered_by != signer;
+  session.has_answered = true;
+  session.answered_by = signer;
+  if (!is_first) return;
   if (distance(newest.sequence, session.newest) > 0) session.newest = newest.sequence;
   session.received.set();
 }
 
 // --- questions ----------------------------------------------------------------------------------
 
-std::optional<int64_t> SessionQuestions::ask(uint32_t session, MonotonicInstant now) {
+std::optional<int64_t> SessionQuestions::ask(uint32_t session, MonotonicInstant now,
+                                             const Signer& signer) {
   auto place = std::ranges::find_if(questions_, [&](const Question& question) {
-    return question.session == session && question.is_pending(now);
+    return question.session == session && question.signer == signer && question.is_pending(now);
   });
   if (place == questions_.end()) {
     place = std::ranges::min_element(questions_, {}, &Question::first_asked);
-    *place = {.session = session, .nonce = random_nonce(), .first_asked = now, .last_asked = {}};
+    *place = {.session = session,
+              .nonce = random_nonce(),
+              .signer = signer,
+              .first_asked = now,
+              .last_asked = {}};
   } else if (now - place->last_asked < kAgainAfter) {
     return std::nullopt;
   }
@@ -108,12 +122,26 @@ std::optional<int64_t> SessionQuestions::ask(uint32_t session, MonotonicInstant 
   return place->nonce;
 }
 
-bool SessionQuestions::answers(uint32_t session, int64_t nonce, MonotonicInstant now) {
-  const auto place = std::ranges::find_if(questions_, [&](const Question& question) {
-    return question.session == session && question.nonce == nonce && question.is_pending(now);
+const SessionQuestions::Question* SessionQuestions::find(uint32_t session, int64_t nonce,
+                                                         MonotonicInstant now,
+                                                         const Signer& signer) const {
+  const auto* const place = std::ranges::find_if(questions_, [&](const Question& question) {
+    return question.session == session && question.nonce == nonce && question.is_of(signer) &&
+           question.is_pending(now);
   });
-  if (place == questions_.end()) return false;
-  *place = {};
+  return place == questions_.end() ? nullptr : place;
+}
+
+bool SessionQuestions::is_pending(uint32_t session, int64_t nonce, MonotonicInstant now,
+                                  const Signer& signer) const {
+  return find(session, nonce, now, signer) != nullptr;
+}
+
+bool SessionQuestions::answers(uint32_t session, int64_t nonce, MonotonicInstant now,
+                               const Signer& signer) {
+  const Question* const found = find(session, nonce, now, signer);
+  if (found == nullptr) return false;
+  questions_[static_cast<size_t>(found - questions_.data())] = {};
   return true;
 }
 

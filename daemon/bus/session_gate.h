@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "base/time.h"
+#include "wire/message_signature.h"
 
 namespace v3d {
 
@@ -37,7 +38,9 @@ struct ReceiverTime {
 /// (SessionQuestions), and its answer, which nobody can have recorded, is given to accept().
 ///
 /// Messages that nodes act on need more: their session must have answered since it is known here
-/// (has_answered()). A wall clock alone would let recordings of its time in after a restart.
+/// (has_answered()). A wall clock alone would let recordings of its time in after a restart. Where
+/// members sign, the answer must be of the key that signs the messages: every member has the studio
+/// key, so it can send and answer in a session of another, whose recorded messages it has.
 ///
 /// kMaxSessions are remembered; when there are more, the one that was silent longest is forgotten,
 /// and unknown sessions are in doubt with what was sent before its last message. Only authentic
@@ -61,13 +64,16 @@ class SessionGate {
   bool is_received(const SessionStamp& stamp) const;
   /// Of an authentic message. False: it is in doubt.
   bool is_recent(const SessionStamp& stamp, const ReceiverTime& now) const;
-  /// Whether accept() was called for the session since it is known.
-  bool has_answered(uint32_t session) const;
+  /// Whether the last accept() for the session was with this signer.
+  bool has_answered(uint32_t session, const Signer& signer = {}) const;
+  /// Whether the last accept() for the session was with another signer: its time and its numbers
+  /// are those of an answer that another member gave.
+  bool is_answered_by_other(uint32_t session, const Signer& signer) const;
   /// An authentic, recent message is accepted.
   void note(const SessionStamp& stamp, const ReceiverTime& now);
   /// The session has just answered a question: `newest.sent` is its time now, `newest.sequence` its
-  /// last message. With the first answer, older messages are not accepted any more.
-  void accept(const SessionStamp& newest, const ReceiverTime& now);
+  /// last message. With the first answer of a signer, older messages are not accepted any more.
+  void accept(const SessionStamp& newest, const ReceiverTime& now, const Signer& signer = {});
   /// How many sessions were forgotten. Answers to questions of before may then be older than what
   /// was received, and are worth nothing.
   int64_t forgotten() const { return forgotten_; }
@@ -77,6 +83,7 @@ class SessionGate {
     uint32_t id = 0;
     uint32_t newest = 0;
     bool has_answered = false;
+    Signer answered_by;  ///< the last time
     RealtimeInstant newest_sent = RealtimeInstant::min();
     MonotonicInstant received_at;  ///< the last of them
     // A message that was fast: when it was sent, and received.
@@ -108,20 +115,28 @@ class SessionQuestions {
   static constexpr Duration kAnsweredWithin = std::chrono::seconds(2);
   static constexpr size_t kMaxPending = 16;
 
-  /// The nonce to ask the session with; empty when it was asked a moment ago.
-  std::optional<int64_t> ask(uint32_t session, MonotonicInstant now);
+  /// The nonce to ask the session with; empty when it was asked a moment ago. `signer`: whose
+  /// answer counts; empty: that of any member.
+  std::optional<int64_t> ask(uint32_t session, MonotonicInstant now, const Signer& signer = {});
+  /// Whether an answer of `signer` with this nonce would be one to a question that is pending.
+  bool is_pending(uint32_t session, int64_t nonce, MonotonicInstant now,
+                  const Signer& signer = {}) const;
   /// Whether this answers a question that is pending, which then is not any more.
-  bool answers(uint32_t session, int64_t nonce, MonotonicInstant now);
+  bool answers(uint32_t session, int64_t nonce, MonotonicInstant now, const Signer& signer = {});
 
  private:
   struct Question {
     uint32_t session = 0;
     int64_t nonce = 0;  ///< 0: free
+    Signer signer;
     MonotonicInstant first_asked, last_asked;
     bool is_pending(MonotonicInstant now) const {
       return nonce != 0 && now - first_asked < kAnsweredWithin;
     }
+    bool is_of(const Signer& other) const { return !signer || signer == other; }
   };
+  const Question* find(uint32_t session, int64_t nonce, MonotonicInstant now,
+                       const Signer& signer) const;
   std::array<Question, kMaxPending> questions_;
 };
 

@@ -11,12 +11,12 @@
 namespace v3d {
 namespace {
 
-constexpr Duration kDrainWithin = std::chrono::seconds(15);
-constexpr Duration kLongestQuiet = std::chrono::seconds(1);
-/// A pulse is known of so long after its end.
-constexpr Duration kSensedWithin = std::chrono::milliseconds(100);
-/// The plates of the background, beyond their train.
-constexpr Duration kPlatesWithin = std::chrono::seconds(15);
+constexpr Duration kDrainTimeout = std::chrono::seconds(15);
+constexpr Duration kMaxIdleTime = std::chrono::seconds(1);
+/// A pulse has been read from the sense line so long after its end.
+constexpr Duration kSenseLatency = std::chrono::milliseconds(100);
+/// To collect the plates of the background, beyond the duration of their train.
+constexpr Duration kPlateTimeout = std::chrono::seconds(15);
 
 std::map<std::string, ChromaKey> chroma_keys(const Studio& studio) {
   std::map<std::string, ChromaKey> keys;
@@ -26,26 +26,26 @@ std::map<std::string, ChromaKey> chroma_keys(const Studio& studio) {
 
 }  // namespace
 
-// --- begins -------------------------------------------------------------------------------------
+// --- begin and resume ---------------------------------------------------------------------------
 
-std::unique_ptr<ActiveTake> ActiveTake::begin(Node node, Plan plan) {
-  std::unique_ptr<ActiveTake> take(new ActiveTake(std::move(node), std::move(plan)));
+std::unique_ptr<ActiveTake> ActiveTake::begin(Context context, Plan plan) {
+  std::unique_ptr<ActiveTake> take(new ActiveTake(std::move(context), std::move(plan)));
   switch (take->plan_.order.verb) {
     case CommandVerb::kArm:
-      take->record();
+      take->start_recording();
       break;
     case CommandVerb::kCheck:
-      take->look();
+      take->start_check();
       break;
     default:
-      take->listen_to_pulses({});
+      take->start_pulse_recorder({});
   }
   return take;
 }
 
-std::unique_ptr<ActiveTake> ActiveTake::go_on(Node node, Plan plan, int64_t commanded) {
-  std::unique_ptr<ActiveTake> take(new ActiveTake(std::move(node), std::move(plan)));
-  take->record_again(commanded);
+std::unique_ptr<ActiveTake> ActiveTake::resume(Context context, Plan plan, int64_t commanded) {
+  std::unique_ptr<ActiveTake> take(new ActiveTake(std::move(context), std::move(plan)));
+  take->resume_recording(commanded);
   return take;
 }
 
@@ -57,47 +57,48 @@ DiskDemand ActiveTake::disk_demand(const NodeCameras& cameras, const Plan& plan)
 }
 
 NodeTake::Plan ActiveTake::recording_plan() const {
-  return {.order = plan_.order, .disk = disk_demand(node_.cameras, plan_)};
+  return {.order = plan_.order, .disk = disk_demand(context_.cameras, plan_)};
 }
 
-void ActiveTake::record() {
+void ActiveTake::start_recording() {
   const NodeTake::Plan plan = recording_plan();
-  refuse_unfit_disk(node_.studio.storage.takes, plan.disk);
-  auto recording = NodeTake::begin(node_, plan);
-  listen_to_pulses(recording->paths().pulses());
+  check_disk(context_.studio.storage.takes, plan.disk);
+  auto recording = NodeTake::begin(context_, plan);
+  start_pulse_recorder(recording->paths().pulses());
   recording_ = std::move(recording);
 }
 
-void ActiveTake::record_again(int64_t commanded) {
-  const TakePaths paths = take_paths(node_.studio, plan_.order.take);
-  const EdgeTimes edges = edge_times(paths);
-  PulseRecorder::Past past{.sensed = {}, .commanded = commanded};
-  for (const auto& [pulse, edge] : edges) past.sensed.insert(pulse);
-  auto recording = NodeTake::go_on(node_, recording_plan(), edges, node_.trigger.tells_edges());
-  listen_to_pulses(paths.pulses(), std::move(past));
-  node_.trigger.start();
+void ActiveTake::resume_recording(int64_t commanded) {
+  const TakePaths paths = take_paths(context_.studio, plan_.order.take);
+  const EdgeTimes edges = read_edge_times(paths);
+  PulseRecorder::Resume resume{.sensed = {}, .commanded = commanded};
+  for (const auto& [pulse, edge] : edges) resume.sensed.insert(pulse);
+  auto recording =
+      NodeTake::resume(context_, recording_plan(), edges, context_.trigger.reports_edges());
+  start_pulse_recorder(paths.pulses(), std::move(resume));
+  context_.trigger.start();
   was_started_ = true;
   recording_ = std::move(recording);
 }
 
-void ActiveTake::look() {
-  const std::vector<CameraWorker*> ready = node_.cameras.ready();
-  listen_to_pulses({});
+void ActiveTake::start_check() {
+  const std::vector<CameraWorker*> ready = context_.cameras.ready();
+  start_pulse_recorder({});
   check_ = std::make_unique<CameraCheck>(
       ready,
       CameraCheck::Setup{.rate_hz = plan_.train.rate_hz,
-                         .background = node_.studio.storage.background},
-      node_.bus);
+                         .background = context_.studio.storage.background},
+      context_.bus);
 }
 
-void ActiveTake::listen_to_pulses(const std::filesystem::path& log,
-                                  std::optional<PulseRecorder::Past> past) {
-  pulses_ = std::make_unique<PulseRecorder>(node_.trigger.sensor(), node_.bus,
+void ActiveTake::start_pulse_recorder(const std::filesystem::path& log,
+                                      std::optional<PulseRecorder::Resume> resume) {
+  pulses_ = std::make_unique<PulseRecorder>(context_.trigger.sensor(), context_.bus,
                                             PulseRecorder::Setup{.take = plan_.order.take,
                                                                  .train = plan_.train,
                                                                  .log = log,
-                                                                 .on_edge = node_.on_edge,
-                                                                 .past = std::move(past)});
+                                                                 .on_edge = context_.on_edge,
+                                                                 .resume = std::move(resume)});
 }
 
 void ActiveTake::start() {
@@ -105,18 +106,20 @@ void ActiveTake::start() {
   if (plan_.order.verb != CommandVerb::kBackground) return;
   const int64_t plates = plan_.train.count.value();
   learner_ = std::make_unique<BackgroundLearner>(
-      node_.cameras.ready(),
-      LearnPlan{.plates = plates,
-                .limit = (plates + 2) * period_of(plan_.train.rate_hz) + kPlatesWithin,
-                .folder = node_.studio.storage.background,
-                .rate_hz = plan_.train.rate_hz,
-                .keys = chroma_keys(node_.studio)},
-      node_.bus);
+      context_.cameras.ready(),
+      BackgroundPlan{.plates = plates,
+                     .limit = (plates + 2) * period_of(plan_.train.rate_hz) + kPlateTimeout,
+                     .folder = context_.studio.storage.background,
+                     .rate_hz = plan_.train.rate_hz,
+                     .keys = chroma_keys(context_.studio)},
+      context_.bus);
 }
 
-// --- goes on ------------------------------------------------------------------------------------
+// --- progress -----------------------------------------------------------------------------------
 
-std::optional<BackgroundLearner::Result> ActiveTake::learnt() { return learner_->poll(); }
+std::optional<BackgroundLearner::Result> ActiveTake::background_result() {
+  return learner_->poll();
+}
 
 TakeCounts ActiveTake::counts() const {
   return {.frames = recording_ ? recording_->counts() : CameraPipelineCounts{},
@@ -131,67 +134,73 @@ bool ActiveTake::progressed_since(MonotonicInstant since) const {
          (!check_ || check_->progressed_since(since));
 }
 
-// --- ends ---------------------------------------------------------------------------------------
+// --- drain and close ----------------------------------------------------------------------------
 
 void ActiveTake::train_ended() {
-  node_.cameras.train_ended();
+  context_.cameras.train_ended();
   if (learner_) learner_->train_ended();
-  ended_ = Monotonic::now();
+  train_ended_at_ = Monotonic::now();
 }
 
-/// Those of the train, as far as they will ever be.
-bool ActiveTake::pulses_are_known(bool silent) const {
-  const NodeTrigger& trigger = node_.trigger;
-  // Elsewhere the last ones may not have been heard of yet.
-  if (!trigger.is_here()) return silent;
-  if (pulses_->sensed() < commanded() && !silent) return false;
-  // A pulse that was under way when they were turned off is known of at its end.
-  return !trigger.only_sensor_counts() ||
-         Monotonic::now() - ended_ >= plan_.train.width + kSensedWithin;
+/// All pulses of the train are known, or no further one will be. `is_idle`: nothing has arrived for
+/// a while.
+bool ActiveTake::pulses_are_complete(bool is_idle) const {
+  const NodeTrigger& trigger = context_.trigger;
+  // On other nodes the messages of the last pulses may still be in flight.
+  if (!trigger.is_here()) return is_idle;
+  if (pulses_->sensed() < commanded() && !is_idle) return false;
+  // The sense line reports a pulse at its end, which may be after the generator was turned off.
+  return !trigger.sensor_count_is_better() ||
+         Monotonic::now() - train_ended_at_ >= plan_.train.width + kSenseLatency;
 }
 
-bool ActiveTake::is_accounted_for() const {
-  const Duration since = Monotonic::now() - ended_;
-  if (since >= kDrainWithin) return true;
-  const Duration quiet = std::min<Duration>(kLongestQuiet, 10 * period_of(plan_.train.rate_hz));
-  const bool silent = since > quiet;
-  if (!pulses_are_known(silent)) return false;
-  if (check_) return silent || check_->has(commanded());
-  return recording_->has_all(commanded(),
-                             silent ? std::optional(Monotonic::now() - quiet) : std::nullopt);
+bool ActiveTake::is_drained() const {
+  const Duration since = Monotonic::now() - train_ended_at_;
+  if (since >= kDrainTimeout) return true;
+  const Duration idle_time = std::min<Duration>(kMaxIdleTime, 10 * period_of(plan_.train.rate_hz));
+  const bool is_idle = since > idle_time;
+  if (!pulses_are_complete(is_idle)) return false;
+  if (check_) return is_idle || check_->has_received(commanded());
+  return recording_->has_received(
+      commanded(), is_idle ? std::optional(Monotonic::now() - idle_time) : std::nullopt);
 }
 
-bool ActiveTake::knows_what_was_sensed(int64_t commanded) const {
-  return v3d::knows_what_was_sensed(node_.studio.trigger.is_sensed(),
-                                    node_.trigger.sensor() != nullptr, pulses_->sensed(),
+bool ActiveTake::sensed_count_is_known(int64_t commanded) const {
+  return v3d::sensed_count_is_known(context_.studio.trigger.is_sensed(),
+                                    context_.trigger.sensor() != nullptr, pulses_->sensed(),
                                     commanded);
 }
 
-TakeAccount ActiveTake::close() {
-  TakeAccount account;
-  Ledger& ledger = account.ledger;
+TakeResult ActiveTake::close() {
+  TakeResult result;
+  Ledger& ledger = result.ledger;
   ledger.commanded = commanded();
-  if (check_) account.checked = check_->close(ledger.commanded);
-  if (knows_what_was_sensed(ledger.commanded)) pulses_->put_into(ledger, ledger.commanded);
-  if (recording_) recording_->end(ledger);
-  account.counts = counts();
+  if (check_) result.checked = check_->close(ledger.commanded);
+  if (sensed_count_is_known(ledger.commanded)) pulses_->fill_ledger(ledger, ledger.commanded);
+  if (recording_) recording_->stop_pipelines(ledger);
+  result.counts = counts();
   check_.reset();
   pulses_->close();
   const auto pulses = std::exchange(pulses_, nullptr);
   if (recording_) {
-    const bool is_empty = is_empty_take(ledger, was_started_, node_.trigger.is_here());
-    account.closing = std::exchange(recording_, nullptr)->close(ledger, is_empty);
+    const bool is_empty = is_empty_take(ledger, was_started_, context_.trigger.is_here());
+    result.close_report = std::exchange(recording_, nullptr)->close(ledger, is_empty);
   }
-  const std::string takes = node_.studio.storage.takes.string();
-  if (!pulses->is_kept() && account.closing.unkept.empty()) {
-    account.closing.unkept = takes + " did not keep the last pulses in the log of " + ledger.take +
-                             ": v3dctl verify tells which";
+  add_pulse_log_errors(*pulses, result);
+  return result;
+}
+
+void ActiveTake::add_pulse_log_errors(const PulseRecorder& pulses, TakeResult& result) const {
+  const std::string log = "the pulse log of " + result.ledger.take;
+  const std::string takes = context_.studio.storage.takes.string();
+  if (!pulses.is_synced() && result.close_report.write_error.empty()) {
+    result.close_report.write_error =
+        "cannot write the last pulses to " + log + " in " + takes + ": v3dctl verify lists them";
   }
-  if (pulses->lost_in_log() > 0) {
-    account.closing.lost_pulses = takes + " refused " + format_count(pulses->lost_in_log()) +
-                                  " of the pulses in the log of " + ledger.take;
+  if (pulses.lost_in_log() > 0) {
+    result.close_report.pulse_log_error =
+        "cannot write " + format_count(pulses.lost_in_log()) + " pulses to " + log + " in " + takes;
   }
-  return account;
 }
 
 }  // namespace v3d

@@ -1,6 +1,5 @@
-// What a capture node is in the middle of, from the moment it is ready until the account is given:
-// the pulses of a train, and what is made of their frames. A take is recorded; a check looks at
-// them; the background is learnt of them.
+// The running take, check or background recording of a capture node, from arming until its result
+// is known.
 #pragma once
 
 #include <functional>
@@ -21,88 +20,94 @@
 
 namespace v3d {
 
-/// How far it has come.
+/// Progress of a take or check.
 struct TakeCounts {
-  CameraPipelineCounts frames;  ///< of a take that is recorded
+  CameraPipelineCounts frames;  ///< 0 where nothing is recorded
   int64_t pulses_not_live = 0;
   int64_t sensed = 0;
   int64_t commanded = 0;
 };
 
-/// What there is to tell at its end.
-struct TakeAccount {
+/// Result of a take or check.
+struct TakeResult {
   Ledger ledger;                       ///< without cameras where nothing was recorded
-  TakeClosing closing;                 ///< of a take that was recorded
-  std::vector<CheckedCamera> checked;  ///< by a check
+  TakeCloseReport close_report;        ///< empty where nothing was recorded
+  std::vector<CheckedCamera> checked;  ///< empty unless this was a check
   TakeCounts counts;
 };
 
-/// Knows neither who ordered it nor who is told of it: cameras and trigger are armed and turned off
-/// by its owner, who asks it how it goes. Destroyed, it ends what is open without an account. One
-/// thread, and those of its parts.
+/// Receives the pulses and frames of one train. A take records them, a check measures image
+/// quality, a background order learns the background model.
+///
+/// The owner arms and disarms cameras and trigger, and polls this object for progress. The
+/// destructor closes files without writing a ledger. Call from one thread; the parts have threads
+/// of their own.
 class ActiveTake {
  public:
-  /// All outlive it.
-  struct Node : NodeTake::Node {
+  /// Everything referred to outlives the take.
+  struct Context : NodeTake::Context {
     NodeTrigger& trigger;
-    std::function<void(const PulseEdge&)> on_edge;  ///< for every pulse, on a thread of its own
+    std::function<void(const PulseEdge&)> on_edge;  ///< called for every pulse on another thread
   };
   struct Plan {
     CommandMessage order;
-    PulseTrain train;  ///< of the background: as many pulses as plates
+    PulseTrain train;  ///< for a background: as many pulses as plates
   };
 
-  /// What an order asks for; its cameras and the trigger are armed. Throws InputError when the disk
-  /// is not fit for a take, or the pulses cannot be sensed.
-  static std::unique_ptr<ActiveTake> begin(Node node, Plan plan);
-  /// A take that this node was in before it was started anew; pulses run, and are `commanded` by
-  /// now. Throws InputError; what it did to the cameras until then, disarming them undoes.
-  static std::unique_ptr<ActiveTake> go_on(Node node, Plan plan, int64_t commanded);
+  /// Starts what `plan.order` asks for: a take, a check or a background. Cameras and trigger are
+  /// armed. Throws InputError when the disk fails check_disk(), or the sense line cannot be opened.
+  static std::unique_ptr<ActiveTake> begin(Context context, Plan plan);
+  /// Resumes a take that this node recorded before its daemon restarted. Pulses run; `commanded` of
+  /// them were sent before. Throws InputError; the caller must then disarm the cameras.
+  static std::unique_ptr<ActiveTake> resume(Context context, Plan plan, int64_t commanded);
 
-  /// What is asked of the disk by a take of these cameras.
+  /// The disk space and rate that a take of these cameras needs.
   static DiskDemand disk_demand(const NodeCameras& cameras, const Plan& plan);
 
-  /// The pulses are about to come.
+  /// Call before the first pulse.
   void start();
-  /// No pulse comes any more. Idempotent.
+  /// Call after the last pulse. Idempotent.
   void train_ended();
-  /// After train_ended(): every frame and pulse is here, or will not come.
-  bool is_accounted_for() const;
-  /// What came of the background; empty while it is being learnt.
-  std::optional<BackgroundLearner::Result> learnt();
+  /// After train_ended(): true when every frame and pulse has arrived, or none has arrived for up
+  /// to 1 s, or 15 s have passed.
+  bool is_drained() const;
+  /// Result of learning the background; empty until it is finished.
+  std::optional<BackgroundLearner::Result> background_result();
 
-  /// There is an account to give: a take's, or a check's.
-  bool is_counted() const { return recording_ || check_; }
-  /// Requires is_counted().
+  /// True for takes and checks, false for a background.
+  bool has_ledger() const { return recording_ || check_; }
+  /// Requires has_ledger().
   TakeCounts counts() const;
-  /// Ends frames and pulses; a take is closed. Nothing else may be asked afterwards. Requires
-  /// is_counted().
-  TakeAccount close();
+  /// Stops all threads and closes the take on disk. Requires has_ledger(). Only the destructor may
+  /// be called afterwards.
+  TakeResult close();
 
   /// Null where nothing is recorded.
   NodeTake* recording() const { return recording_.get(); }
   const PulseRecorder& pulses() const { return *pulses_; }
+  /// True when every thread has passed its main loop since `since`.
   bool progressed_since(MonotonicInstant since) const;
 
  private:
-  ActiveTake(Node node, Plan plan) : node_(std::move(node)), plan_(std::move(plan)) {}
+  ActiveTake(Context context, Plan plan) : context_(std::move(context)), plan_(std::move(plan)) {}
   NodeTake::Plan recording_plan() const;
-  void record();
-  void record_again(int64_t commanded);
-  void look();
-  /// An empty `log` is not written.
-  void listen_to_pulses(const std::filesystem::path& log,
-                        std::optional<PulseRecorder::Past> past = {});
-  int64_t commanded() const { return node_.trigger.commanded(pulses_->seen()); }
-  bool knows_what_was_sensed(int64_t commanded) const;
-  bool pulses_are_known(bool silent) const;
+  void start_recording();
+  void resume_recording(int64_t commanded);
+  void start_check();
+  /// Writes no log where `log` is empty.
+  void start_pulse_recorder(const std::filesystem::path& log,
+                            std::optional<PulseRecorder::Resume> resume = {});
+  int64_t commanded() const { return context_.trigger.commanded(pulses_->seen()); }
+  bool sensed_count_is_known(int64_t commanded) const;
+  bool pulses_are_complete(bool is_idle) const;
+  void add_pulse_log_errors(const PulseRecorder& pulses, TakeResult& result) const;
 
-  const Node node_;
+  const Context context_;
   const Plan plan_;
   bool was_started_ = false;
-  MonotonicInstant ended_;
-  std::unique_ptr<PulseRecorder> pulses_;  ///< outlives what is made of the frames
-  std::unique_ptr<NodeTake> recording_;    ///< at most one of these three
+  MonotonicInstant train_ended_at_;
+  std::unique_ptr<PulseRecorder> pulses_;  ///< outlives the consumers of the frames
+  std::unique_ptr<NodeTake> recording_;    ///< at most one of these three is not null
   std::unique_ptr<CameraCheck> check_;
   std::unique_ptr<BackgroundLearner> learner_;
 };

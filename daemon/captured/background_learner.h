@@ -1,4 +1,4 @@
-// Learns the empty studio: gathers plates of every camera, then makes and saves the models.
+// Learns the background model of every camera from images of the empty studio.
 #pragma once
 
 #include <atomic>
@@ -15,41 +15,47 @@
 
 namespace v3d {
 
-struct LearnPlan {
-  int64_t plates = 16;  ///< of each camera
-  Duration limit{};     ///< gather no longer than this
-  std::filesystem::path folder;
-  double rate_hz = 0;
-  std::map<std::string, ChromaKey> keys{};  ///< by camera; none where it is not said
+struct BackgroundPlan {
+  int64_t plates = 16;                      ///< images per camera
+  Duration limit{};                         ///< maximum time to collect the plates
+  std::filesystem::path folder;             ///< where the models are saved; created if missing
+  double rate_hz = 0;                       ///< of the pulses
+  std::map<std::string, ChromaKey> keys{};  ///< by camera; a camera may be absent
 };
 
-/// Begins at construction, in a thread of its own. The workers are armed and outlive the learner.
+/// Collects plates from all cameras, then computes and saves one model for each. Works in a thread
+/// of its own, from construction. A camera that delivers less than half of its plates, or fewer
+/// than two, is an error.
 class BackgroundLearner {
  public:
   struct Result {
-    bool learnt = false;
-    std::string text;
+    bool succeeded = false;
+    std::string text;  ///< one line for the operator
   };
 
-  /// Sends previews of the plates; `bus` outlives the learner.
-  BackgroundLearner(std::vector<CameraWorker*> workers, LearnPlan plan, Bus& bus);
+  /// The workers are armed; they and `bus` outlive the learner. Sends previews of the plates.
+  BackgroundLearner(std::vector<CameraWorker*> workers, BackgroundPlan plan, Bus& bus);
+  /// Stops and waits for the thread.
   ~BackgroundLearner();
   BackgroundLearner(const BackgroundLearner&) = delete;
   BackgroundLearner& operator=(const BackgroundLearner&) = delete;
 
-  /// No pulse comes any more: what has not arrived a moment later never will.
+  /// The last pulse was sent: stop waiting 1 s after the last frame. Any thread.
   void train_ended() { train_ended_ = true; }
-  /// Empty while it is at work; once otherwise.
+  /// The result, once, when the thread has finished; else empty.
   std::optional<Result> poll();
-  bool progressed_since(MonotonicInstant since) const { return heartbeat_.since(since); }
+  bool progressed_since(MonotonicInstant since) const { return heartbeat_.beat_since(since); }
 
  private:
   Result run();
-  std::vector<std::vector<Image>> gather();
+  std::vector<std::vector<Image>> collect_plates();
+  void take_plate(size_t index, std::vector<Image>& plates);
+  void save_model(const CameraWorker& worker, const std::vector<Image>& plates);
 
   const std::vector<CameraWorker*> workers_;
-  const LearnPlan plan_;
-  std::vector<PreviewSender> previews_;  ///< of the workers, in their order
+  const BackgroundPlan plan_;
+  std::vector<PreviewSender> previews_;  ///< one per worker, same order
+  MonotonicInstant last_frame_;          ///< the learner's thread only
   Heartbeat heartbeat_;
   std::atomic<bool> stopping_ = false;
   std::atomic<bool> train_ended_ = false;

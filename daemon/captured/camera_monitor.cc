@@ -7,31 +7,32 @@
 
 namespace v3d {
 
-void CameraMonitor::begin_train() {
-  for (auto& [camera, told] : told_) told.suspect = told.missing = {};
+void CameraMonitor::reset() {
+  for (auto& [camera, reported] : reported_) reported.suspect = reported.missing = {};
 }
 
-void CameraMonitor::look_at(const CameraWorker& worker) {
+void CameraMonitor::update(const CameraWorker& worker) {
   const CameraWorkerStatus status = worker.status();
-  Told& told = told_[worker.camera()];
-  if (status.losses > told.losses) {
+  Reported& reported = reported_[worker.camera()];
+  if (status.losses > reported.losses) {
     events_.send(Severity::kAlarm, worker.camera(), "lost: " + status.last_loss,
                  advice::kCameraLost);
-    told.lost = true;
+    reported.lost = true;
   }
-  told.losses = status.losses;
+  reported.losses = status.losses;
   const bool back = status.state == CameraState::kIdle || status.state == CameraState::kReady ||
                     status.state == CameraState::kRunning;
-  if (!told.lost || !back) return;
-  told.lost = false;
+  if (!reported.lost || !back) return;
+  reported.lost = false;
   const bool recorded = status.state == CameraState::kRunning;
   events_.send(Severity::kInfo, worker.camera(),
-               recorded ? "back, at pulse " + std::to_string(status.last_pulse) : "answers again");
+               recorded ? "recording again, at pulse " + std::to_string(status.last_pulse)
+                        : "connected again");
 }
 
 namespace {
 
-/// What cameras tell of their last frame, where they do.
+/// Values of the last frame, for cameras that report them.
 void report_last_frame(const std::string& camera, const CameraStatistics& link,
                        HealthMessage& health) {
   if (link.phase) health.values[camera + ".phase_us"] = 1e6 * to_seconds(*link.phase);
@@ -41,17 +42,13 @@ void report_last_frame(const std::string& camera, const CameraStatistics& link,
   if (link.exposure_us) health.values[camera + ".exposure_us"] = *link.exposure_us;
 }
 
-}  // namespace
-
-void CameraMonitor::report(const CameraWorker& worker, int64_t due, HealthMessage& health) {
-  const CameraWorkerStatus status = worker.status();
-  const std::string& camera = worker.camera();
-  const int64_t missing = std::max<int64_t>(0, due - status.frames);
-  const auto value = [&](const std::string& what, int64_t n) {
-    health.values[camera + "." + what] = static_cast<double>(n);
+/// Counters of one camera.
+void report_counters(const std::string& camera, const CameraWorkerStatus& status,
+                     HealthMessage& health) {
+  const auto value = [&](const char* name, int64_t n) {
+    health.values[camera + "." + name] = static_cast<double>(n);
   };
   value("frames", status.frames);
-  value("frames_missing", missing);
   value("frames_suspect", status.suspect);
   value("frames_dropped", status.dropped);
   value("frames_damaged", status.link.damaged);
@@ -59,32 +56,48 @@ void CameraMonitor::report(const CameraWorker& worker, int64_t due, HealthMessag
   value("packets_resent", status.link.packets_resent);
   value("packets_missing", status.link.packets_missing);
   value("losses", status.losses);
-  report_last_frame(camera, status.link, health);
-  health.values["frames_missing"] += static_cast<double>(missing);
-  health.values["frames_suspect"] += static_cast<double>(status.suspect);
-  const bool streaming =
-      status.state != CameraState::kOpening && status.state != CameraState::kLost;
-  health.values["cameras_streaming"] += streaming ? 1 : 0;
-  value("streaming_flag", streaming ? 1 : 0);
-  value("queue_frames", worker.waiting());
-  health.values["queue_frames"] =
-      std::max(health.values["queue_frames"], static_cast<double>(worker.waiting()));
-  health.values[camera + ".frames_per_second"] =
-      rates_.rate(camera, status.frames, Monotonic::now());
-  tell_missing(camera, missing, due);
-  tell_suspect(camera, status);
 }
 
-void CameraMonitor::tell_missing(const std::string& camera, int64_t missing, int64_t due) {
-  if (missing == 0 || !told_[camera].missing.is_news(missing, Monotonic::now())) return;
+/// Values of one camera that are also summed over the node; `queue_frames` is the maximum instead.
+void report_sums(const std::string& camera, const CameraWorkerStatus& status, int64_t missing,
+                 int64_t waiting, HealthMessage& health) {
+  const bool streaming =
+      status.state != CameraState::kOpening && status.state != CameraState::kLost;
+  health.values[camera + ".frames_missing"] = static_cast<double>(missing);
+  health.values[camera + ".streaming_flag"] = streaming ? 1 : 0;
+  health.values[camera + ".queue_frames"] = static_cast<double>(waiting);
+  health.values["frames_missing"] += static_cast<double>(missing);
+  health.values["frames_suspect"] += static_cast<double>(status.suspect);
+  health.values["cameras_streaming"] += streaming ? 1 : 0;
+  double& longest = health.values["queue_frames"];
+  longest = std::max(longest, static_cast<double>(waiting));
+}
+
+}  // namespace
+
+void CameraMonitor::report(const CameraWorker& worker, int64_t due, HealthMessage& health) {
+  const CameraWorkerStatus status = worker.status();
+  const std::string& camera = worker.camera();
+  const int64_t missing = std::max<int64_t>(0, due - status.frames);
+  report_counters(camera, status, health);
+  report_last_frame(camera, status.link, health);
+  report_sums(camera, status, missing, worker.waiting(), health);
+  health.values[camera + ".frames_per_second"] =
+      rates_.rate(camera, status.frames, Monotonic::now());
+  report_missing(camera, missing, due);
+  report_suspect(camera, status);
+}
+
+void CameraMonitor::report_missing(const std::string& camera, int64_t missing, int64_t due) {
+  if (missing == 0 || !reported_[camera].missing.is_news(missing, Monotonic::now())) return;
   events_.send(Severity::kWarning, camera,
                format_count(missing) + " frames missing of " + format_count(due) + " pulses",
                advice::kFramesMissing);
 }
 
-void CameraMonitor::tell_suspect(const std::string& camera, const CameraWorkerStatus& status) {
+void CameraMonitor::report_suspect(const std::string& camera, const CameraWorkerStatus& status) {
   const bool is_news =
-      status.suspect > 0 && told_[camera].suspect.is_news(status.suspect, Monotonic::now());
+      status.suspect > 0 && reported_[camera].suspect.is_news(status.suspect, Monotonic::now());
   if (!is_news) return;
   events_.send(Severity::kWarning, camera,
                format_count(status.suspect) +

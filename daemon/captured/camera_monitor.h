@@ -1,5 +1,5 @@
-// What the operator is told of a node's cameras: figures with every health message, and events when
-// something happens.
+// Camera health: numbers of each camera for health messages, and events about lost cameras and
+// missing or suspect frames.
 #pragma once
 
 #include <cstdint>
@@ -17,31 +17,32 @@ namespace v3d {
 /// One thread.
 class CameraMonitor {
  public:
-  /// `events` outlives the watch.
+  /// `events` outlives the monitor.
   explicit CameraMonitor(EventSender& events) : events_(events) {}
 
-  /// A train begins: frames are counted from 0.
-  void begin_train();
-  /// Tells of a camera that was lost or came back since the last call; to be called often.
-  void look_at(const CameraWorker& worker);
-  /// Adds the figures of a camera to the node's, and tells of frames that are missing or suspect,
-  /// again as EventThrottle says. `due`: frames that should be here by now.
+  /// Call when a train begins: frames are counted from 0.
+  void reset();
+  /// Sends an event when the camera was lost or came back since the last call. Call it often.
+  void update(const CameraWorker& worker);
+  /// Adds the camera's numbers to `health`. Sends events about missing and suspect frames, as often
+  /// as EventThrottle allows. `due`: frames that should have arrived by now.
   void report(const CameraWorker& worker, int64_t due, HealthMessage& health);
 
  private:
-  struct Told {
+  /// What was reported about one camera.
+  struct Reported {
     int64_t losses = 0;
     bool lost = false;
     EventThrottle suspect;
     EventThrottle missing;
   };
 
-  void tell_missing(const std::string& camera, int64_t missing, int64_t due);
-  void tell_suspect(const std::string& camera, const CameraWorkerStatus& status);
+  void report_missing(const std::string& camera, int64_t missing, int64_t due);
+  void report_suspect(const std::string& camera, const CameraWorkerStatus& status);
 
   EventSender& events_;
   RateMeter rates_;
-  std::map<std::string, Told> told_;  ///< by camera
+  std::map<std::string, Reported> reported_;  ///< by camera
 };
 
 }  // namespace v3d

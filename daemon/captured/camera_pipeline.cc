@@ -10,7 +10,7 @@
 namespace v3d {
 namespace {
 
-constexpr Duration kLook = std::chrono::milliseconds(50);
+constexpr Duration kPollInterval = std::chrono::milliseconds(50);
 
 }  // namespace
 
@@ -19,45 +19,46 @@ CameraPipeline::CameraPipeline(CameraWorker& worker, Setup setup, Shared shared)
       shared_(shared),
       take_(std::move(setup.take)),
       path_(setup.log),
-      goes_on_(setup.past),
+      is_resumed_(setup.resume),
       segmenter_(std::move(setup.segmenter)),
-      log_(setup.log, goes_on_ ? LogOpening::kGoOn : LogOpening::kNew, setup.hashing),
+      log_(setup.log, is_resumed_ ? LogOpening::kGoOn : LogOpening::kNew, setup.hashing),
       preview_(shared.bus, worker.camera(), setup.rate_hz),
       live_numbers_(shared.bus.frame_groups()),
       last_frame_ns_(to_ns(Monotonic::now())) {
-  if (setup.past) go_on_from(*setup.past);
+  if (setup.resume) restore_counts(*setup.resume);
   thread_ = std::thread([this] { run(); });
 }
 
-CameraPipeline::~CameraPipeline() { end(); }
+CameraPipeline::~CameraPipeline() { stop_thread(); }
 
-void CameraPipeline::end() {
+void CameraPipeline::stop_thread() {
   stopping_ = true;
   if (thread_.joinable()) thread_.join();
 }
 
-void CameraPipeline::go_on_from(const ResumeState& past) {
-  account_ = past.account;
-  exposures_ = past.exposures;
-  log_seq_ = received_ = written_ = past.camera.delivered;
+void CameraPipeline::restore_counts(const ResumeState& state) {
+  account_ = state.account;
+  exposures_ = state.exposures;
+  log_seq_ = received_ = written_ = state.camera.delivered;
 }
 
-/// A mask depends on the frames before it in the log: the segmenter learns from them what it had
-/// learnt. Frames that come meanwhile are written as they come, and go without a live picture.
-void CameraPipeline::learn_again() {
+/// Masks depend on all earlier frames, because the segmenter adapts to the background. After a
+/// restart it learns again from the frames in the log. New frames are meanwhile written, but not
+/// published.
+void CameraPipeline::replay_log() {
   size_t learnt = 0;
   try {
     for (size_t known = 1; learnt < known && !stopping_;) {
       FrameLogReader log(path_);
       known = log.labels().size();
-      for (; learnt < known && !stopping_; ++learnt) learn_from(log, log.labels()[learnt].pulse);
+      for (; learnt < known && !stopping_; ++learnt) replay_frame(log, log.labels()[learnt].pulse);
     }
-  } catch (const InputError& error) {  // of a disk that fails the lane hears when it writes
+  } catch (const InputError& error) {  // a disk that fails is reported by the next write
     spdlog::warn("{}", error.what());
   }
 }
 
-void CameraPipeline::learn_from(FrameLogReader& log, int64_t pulse) {
+void CameraPipeline::replay_frame(FrameLogReader& log, int64_t pulse) {
   heartbeat_.beat();
   while (auto frame = worker_.take(Monotonic::now())) write_only(std::move(*frame));
   if (!segmenter_.learns_from(pulse)) return;
@@ -68,42 +69,42 @@ void CameraPipeline::learn_from(FrameLogReader& log, int64_t pulse) {
 }
 
 void CameraPipeline::run() {
-  if (goes_on_) learn_again();
+  if (is_resumed_) replay_log();
   while (!stopping_) {
     heartbeat_.beat();
-    auto frame = worker_.take(Monotonic::now() + kLook);
+    auto frame = worker_.take(Monotonic::now() + kPollInterval);
     if (!frame) continue;
     process(std::move(*frame));
     last_frame_ns_ = to_ns(Monotonic::now());
-    ++received_;  // after the work: who counts received frames sees finished ones
+    ++received_;  // after the work, so that counts() reports only finished frames
   }
 }
 
-FrameMessage CameraPipeline::message_of(Frame frame) {
+FrameMessage CameraPipeline::make_message(Frame frame) {
   return {.sent = Realtime::now(), .seq = log_seq_++, .take = take_, .frame = std::move(frame)};
 }
 
 void CameraPipeline::write_only(Frame frame) {
-  record(message_of(std::move(frame)));
+  record(make_message(std::move(frame)));
   last_frame_ns_ = to_ns(Monotonic::now());
   ++received_;
 }
 
 void CameraPipeline::process(Frame frame) {
-  FrameMessage message = message_of(std::move(frame));
+  FrameMessage message = make_message(std::move(frame));
   const bool recorded = record(message);
   const Image& image = message.frame.image;
   if (image.size != segmenter_.size() || image.format != segmenter_.format()) return;
   const int64_t pulse = message.frame.label.pulse;
-  // What the segmenter learns from must not depend on the gate: offline there is none.
+  // Learning must not depend on the admission: the offline reconstruction has none.
   const bool learn = recorded && segmenter_.learns_from(pulse);
-  const bool live = shared_.gate.admits(pulse);
+  const bool live = shared_.admission.admits(pulse);
   if (!learn && !live) return;
-  const SemaphoreSlot place(shared_.places, pulse);
+  const SemaphoreSlot slot(shared_.slots, pulse);
   Mask mask = segment(message.frame, learn);
-  // Previews are made of what was segmented anyway: a node that is behind sends none.
+  // Only frames that are segmented anyway get a preview: an overloaded node sends none.
   if (preview_.wants(pulse)) preview_.send(pulse, image.view(), &mask);
-  if (live) go_live(std::move(message), std::move(mask));
+  if (live) publish_live(std::move(message), std::move(mask));
 }
 
 bool CameraPipeline::record(const FrameMessage& message) {
@@ -124,7 +125,7 @@ Mask CameraPipeline::segment(const Frame& raw, bool learn) {
   return mask;
 }
 
-void CameraPipeline::go_live(FrameMessage message, Mask mask) {
+void CameraPipeline::publish_live(FrameMessage message, Mask mask) {
   const Frame raw = std::move(message.frame);
   message.frame = observe(raw.camera, raw.label, raw.image.view(), std::move(mask));
   message.sent = Realtime::now();
@@ -140,16 +141,16 @@ CameraPipelineCounts CameraPipeline::counts() const {
           .published = published_};
 }
 
-bool CameraPipeline::quiet_since(MonotonicInstant since) const {
+bool CameraPipeline::idle_since(MonotonicInstant since) const {
   const CameraWorkerStatus status = worker_.status();
   return last_frame_ns_ < to_ns(since) && status.frames - status.dropped == received_;
 }
 
 CameraLedger CameraPipeline::close(int64_t commanded) {
-  end();
-  const io::Status kept = log_.sync();
-  if (!kept) spdlog::error("{}: {}", camera(), kept.error().message);
-  kept_ = kept.has_value();
+  stop_thread();
+  const io::Status synced = log_.sync();
+  if (!synced) spdlog::error("{}: {}", camera(), synced.error().message);
+  synced_ = synced.has_value();
   CameraLedger ledger = account_.ledger(camera(), commanded);
   ledger.exposed = exposures_.exposed();
   ledger.received = worker_.status().frames;

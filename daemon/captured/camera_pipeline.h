@@ -1,4 +1,4 @@
-// The way of one camera's frames through a take: label -> disk -> mask -> network.
+// Recording pipeline of one camera: write the labelled frame, segment it, publish it.
 #pragma once
 
 #include <atomic>
@@ -26,31 +26,33 @@ namespace v3d {
 struct CameraPipelineCounts {
   int64_t received = 0;  ///< frames taken from the camera
   int64_t written = 0;
-  int64_t write_errors = 0;  ///< frames that the disk refused
+  int64_t write_errors = 0;  ///< frames that could not be written
   int64_t published = 0;
 };
 
-/// Lives from the moment a take is armed until it is closed. Has a thread of its own, so that the
-/// frames of a camera keep their order and a segmenter its memory. A frame's pixels go to the
-/// kernel from where they are, and once more for what is in front: into the message. A lane that
-/// waits for the disk holds no place.
+/// Lives from arming until the take is closed.
+///
+/// Each camera has one thread, so that its frames stay in order and its segmenter keeps its state.
+/// Pixels are written to the log without a copy. For the network, pixels near the foreground are
+/// copied once, into the message. The pipeline holds no semaphore slot while it writes to disk.
 class CameraPipeline {
  public:
   struct Setup {
     std::string take;
     std::filesystem::path log;
     Segmenter segmenter;
-    double rate_hz = 0;
-    std::optional<ResumeState> past{};  ///< of a take that goes on: so does the log
+    double rate_hz = 0;                   ///< of the pulses
+    std::optional<ResumeState> resume{};  ///< set: the take and its log are continued
     LogHashing hashing = LogHashing::kChecksum;
   };
-  /// What the lanes of a node share; all outlive the lane.
+  /// Shared by all pipelines of a node; outlives them.
   struct Shared {
     Bus& bus;
-    PrioritySemaphore& places;
-    LiveAdmission& gate;
+    PrioritySemaphore& slots;
+    LiveAdmission& admission;
   };
-  /// `worker` outlives the lane. Throws InputError when the log cannot be made.
+  /// Starts the thread. `worker` outlives the pipeline. Throws InputError when the log cannot be
+  /// opened.
   CameraPipeline(CameraWorker& worker, Setup setup, Shared shared);
   /// Stops without waiting for more frames.
   ~CameraPipeline();
@@ -58,46 +60,47 @@ class CameraPipeline {
   CameraPipeline& operator=(const CameraPipeline&) = delete;
 
   const std::string& camera() const { return worker_.camera(); }
+  /// Any thread.
   CameraPipelineCounts counts() const;
-  /// No frame waits, and none is being worked on; the last came before `since`.
-  bool quiet_since(MonotonicInstant since) const;
-  bool progressed_since(MonotonicInstant since) const { return heartbeat_.since(since); }
+  /// True when no frame is queued or being processed, and the last one came before `since`.
+  bool idle_since(MonotonicInstant since) const;
+  bool progressed_since(MonotonicInstant since) const { return heartbeat_.beat_since(since); }
 
-  /// Ends the thread, closes the log and gives the account.
+  /// Stops the thread and flushes the log. `commanded`: pulses of the take.
   CameraLedger close(int64_t commanded);
-  /// After close(): what the lane has written, for the ledger.
+  /// After close(): name, size and checksum of the log, for the ledger.
   TakeFile file() const { return log_.file(); }
-  /// After close(): the disk has kept what it took.
-  bool is_kept() const { return kept_; }
+  /// After close(): false when flushing the log to disk failed.
+  bool is_synced() const { return synced_; }
 
  private:
   void run();
-  void go_on_from(const ResumeState& past);
-  void learn_again();
-  void learn_from(FrameLogReader& log, int64_t pulse);
+  void restore_counts(const ResumeState& state);
+  void replay_log();
+  void replay_frame(FrameLogReader& log, int64_t pulse);
   void process(Frame frame);
   void write_only(Frame frame);
-  FrameMessage message_of(Frame frame);
-  /// Whether the frame is in the log.
+  FrameMessage make_message(Frame frame);
+  /// False when the frame could not be written.
   bool record(const FrameMessage& message);
-  /// The raw frame's mask.
+  /// The mask of a raw frame.
   Mask segment(const Frame& raw, bool learn);
-  void go_live(FrameMessage message, Mask mask);
-  void end();
+  void publish_live(FrameMessage message, Mask mask);
+  void stop_thread();
 
   CameraWorker& worker_;
   const Shared shared_;
   const std::string take_;
   const std::filesystem::path path_;
-  const bool goes_on_;
+  const bool is_resumed_;
   Segmenter segmenter_;
   EventLogWriter log_;
   PreviewSender preview_;
   int64_t log_seq_ = 0;
   FrameNumbers live_numbers_;
-  CameraAccount account_;  // of the lane's thread until close()
+  CameraAccount account_;  ///< the pipeline's thread only, until close()
   ExposureCount exposures_;
-  bool kept_ = true;
+  bool synced_ = true;
   std::atomic<int64_t> received_ = 0;
   std::atomic<int64_t> written_ = 0;
   std::atomic<int64_t> write_errors_ = 0;

@@ -17,18 +17,18 @@
 namespace v3d {
 namespace {
 
-constexpr Duration kReadyWithin = std::chrono::seconds(15);
+constexpr Duration kReadyTimeout = std::chrono::seconds(15);
 constexpr int64_t kDefaultPlates = 16;
 constexpr int64_t kDefaultCheckPulses = 100;
-/// A check waits no longer for a camera: it is to tell which ones are not there.
-constexpr Duration kCheckReadyWithin = std::chrono::seconds(5);
+/// A check waits no longer for a camera, because it reports missing cameras.
+constexpr Duration kCheckReadyTimeout = std::chrono::seconds(5);
 constexpr int64_t kMinPlates = 2;
-constexpr int64_t kMaxPlates = 256;  // they are all in memory at once
-/// A frame later than so many periods counts as missing in health.
+constexpr int64_t kMaxPlates = 256;  // all are in memory at the same time
+/// A frame that is this many periods late counts as missing in health.
 constexpr int64_t kLatePeriods = 5;
 
-/// Commands come from the network.
-void refuse_absurd(const CommandMessage& order) {
+/// Rejects values that no operator can mean; commands come from the network.
+void check_order(const CommandMessage& order) {
   if (order.rate_hz != 0 && !is_pulse_rate(order.rate_hz)) {
     throw InputError(impossible_pulse_rate(order.rate_hz));
   }
@@ -69,12 +69,12 @@ CaptureNode::CaptureNode(const Studio& studio, const std::string& node, Bus& bus
       node_(node),
       bus_(bus),
       events_(bus, node),
-      camera_watch_(events_),
+      camera_monitor_(events_),
       pulse_times_(period_of(studio.trigger.rate_hz)),
       trigger_(studio, node, bus),
-      kept_orders_(studio, node),
+      persisted_commands_(studio, node),
       cameras_(studio, node, pulse_times_),
-      places_(static_cast<int>(std::max(1U, std::thread::hardware_concurrency()))),
+      slots_(static_cast<int>(std::max(1U, std::thread::hardware_concurrency()))),
       signer_(signer_of(studio, node)) {
   if (cameras_.size() == 0 && !trigger_.is_here()) {
     throw InputError(studio.path.string() + ": node '" + node +
@@ -82,7 +82,7 @@ CaptureNode::CaptureNode(const Studio& studio, const std::string& node, Bus& bus
   }
   plan_.train.rate_hz = studio.trigger.rate_hz;
   if (trigger_.is_here()) {
-    full_disks_ = std::make_unique<DiskMonitor>(bus, other_capture_nodes(studio, node));
+    disk_monitor_ = std::make_unique<DiskMonitor>(bus, other_capture_nodes(studio, node));
   }
 }
 
@@ -92,33 +92,33 @@ CaptureNode::~CaptureNode() { disarm(); }
 
 void CaptureNode::arm(const CommandMessage& order) {
   if (order.verb == CommandVerb::kCheck) {
-    make_ready(order, order.pulses > 0 ? order.pulses : kDefaultCheckPulses);
+    prepare(order, order.pulses > 0 ? order.pulses : kDefaultCheckPulses);
     return;
   }
-  refuse_bad_take(studio_, order.take);
-  cameras_.refuse_unprepared(order.allow_missing);
-  make_ready(order, order.pulses > 0 ? std::optional(order.pulses) : std::nullopt);
+  check_new_take(studio_, order.take);
+  cameras_.check_prepared(order.allow_missing);
+  prepare(order, order.pulses > 0 ? std::optional(order.pulses) : std::nullopt);
 }
 
 void CaptureNode::learn(const CommandMessage& order) {
-  make_ready(order, order.pulses > 0 ? order.pulses : kDefaultPlates);
+  prepare(order, order.pulses > 0 ? order.pulses : kDefaultPlates);
 }
 
-void CaptureNode::begin_order(const CommandMessage& order, std::optional<int64_t> pulses) {
+void CaptureNode::reset_for_order(const CommandMessage& order, std::optional<int64_t> pulses) {
   plan_ = {.order = order,
            .train = {.rate_hz = order.rate_hz > 0 ? order.rate_hz : studio_.trigger.rate_hz,
                      .width = from_seconds(studio_.trigger.pulse_width_us * 1e-6),
                      .count = pulses}};
   pulse_times_.begin(period_of(plan_.train.rate_hz));
-  camera_watch_.begin_train();
+  camera_monitor_.reset();
   disk_is_full_ = false;
   cameras_armed_ = false;
 }
 
-void CaptureNode::make_ready(const CommandMessage& order, std::optional<int64_t> pulses) {
-  refuse_absurd(order);
-  kept_orders_.forget();
-  begin_order(order, pulses);
+void CaptureNode::prepare(const CommandMessage& order, std::optional<int64_t> pulses) {
+  check_order(order);
+  persisted_commands_.drop_all();
+  reset_for_order(order, pulses);
   if (trigger_.is_here()) {
     trigger_.arm(plan_.train);
   } else {
@@ -126,15 +126,15 @@ void CaptureNode::make_ready(const CommandMessage& order, std::optional<int64_t>
   }
 }
 
-/// Not before the generator is armed: what it does until then is no pulse of the train.
+/// Call when the generator is armed: edges on its output before that are no pulses of the train.
 void CaptureNode::arm_cameras() {
   const Duration period = period_of(plan_.train.rate_hz);
-  cameras_.arm(period, trigger_.tells_edges());
+  cameras_.arm(period, trigger_.reports_edges());
   cameras_armed_ = true;
-  ready_by_ = Monotonic::now() + (checks() ? kCheckReadyWithin : kReadyWithin) + 2 * period;
+  ready_by_ = Monotonic::now() + (is_check() ? kCheckReadyTimeout : kReadyTimeout) + 2 * period;
 }
 
-bool CaptureNode::is_arming_trigger() {
+bool CaptureNode::trigger_is_arming() {
   if (cameras_armed_) return false;
   if (!trigger_.armed()) return true;
   arm_cameras();
@@ -143,7 +143,7 @@ bool CaptureNode::is_arming_trigger() {
 
 void CaptureNode::start() {
   take_->start();
-  if (full_disks_) full_disks_->restart();
+  if (disk_monitor_) disk_monitor_->reset();
   trigger_.start();
 }
 
@@ -155,52 +155,52 @@ void CaptureNode::drain() {
 void CaptureNode::disarm() {
   trigger_.stop();
   cameras_.train_ended();
-  if (counts_take()) close_take();
+  if (take_has_ledger()) close_take();
   take_.reset();
   cameras_.disarm();
   pulse_times_.end();
 }
 
 std::optional<CommandMessage> CaptureNode::rejoin() {
-  // The node of the trigger made the pulses: with it, the train ended.
+  // The train ended with the daemon of the trigger's node.
   if (trigger_.is_here()) return std::nullopt;
-  const auto found = kept_orders_.running(*trigger_.watch());
-  if (!found) return std::nullopt;
-  begin_order(found->order, std::nullopt);
+  const auto rejoin_order = persisted_commands_.find_running(*trigger_.monitor());
+  if (!rejoin_order) return std::nullopt;
+  reset_for_order(rejoin_order->order, std::nullopt);
   const std::string& take = plan_.order.take;
   try {
-    take_ = ActiveTake::go_on(of_this_node(), plan_, found->commanded);
+    take_ = ActiveTake::resume(take_context(), plan_, rejoin_order->commanded);
   } catch (const std::exception&) {
     cameras_.disarm();
     const TakePaths paths = take_paths(studio_, take);
-    if (!recorder_of(paths).empty()) throw;  // another process of this node's name has the order
+    if (!recorder_of(paths).empty()) throw;  // another process of this node records the take
     drop_command(studio_, node_, take);
-    close_reopened_take(paths, node_);
+    recover_reopened_take(paths, node_);
     throw;
   }
   events_.send(Severity::kWarning, "take",
-               node_ + " was started anew and records " + take + " again, from pulse " +
-                   std::to_string(found->commanded) + " on",
+               node_ + " restarted and records " + take + " again, from pulse " +
+                   std::to_string(rejoin_order->commanded),
                advice::kRejoined);
   return plan_.order;
 }
 
-ActiveTake::Node CaptureNode::of_this_node() {
-  return {{studio_, node_, bus_, cameras_, places_, signer_ ? &*signer_ : nullptr},
+ActiveTake::Context CaptureNode::take_context() {
+  return {{studio_, node_, bus_, cameras_, slots_, signer_ ? &*signer_ : nullptr},
           trigger_,
-          [this](const PulseEdge& edge) { tell_cameras(edge); }};
+          [this](const PulseEdge& edge) { notify_cameras(edge); }};
 }
 
-void CaptureNode::tell_cameras(const PulseEdge& edge) {
+void CaptureNode::notify_cameras(const PulseEdge& edge) {
   pulse_times_.add(edge.pulse, edge.at);
   cameras_.pulse_at(edge);
 }
 
-// --- what happens -------------------------------------------------------------------------------
+// --- phases -------------------------------------------------------------------------------------
 
 std::optional<NodeReport> CaptureNode::poll(Phase phase) {
-  for (const auto& camera : cameras_) camera_watch_.look_at(*camera);
-  if (const auto edge = trigger_.unsensed_first_pulse()) tell_cameras(*edge);
+  for (const auto& camera : cameras_) camera_monitor_.update(*camera);
+  if (const auto edge = trigger_.unsensed_first_pulse()) notify_cameras(*edge);
   try {
     switch (phase) {
       case Phase::kArming:
@@ -220,91 +220,94 @@ std::optional<NodeReport> CaptureNode::poll(Phase phase) {
 }
 
 std::optional<NodeReport> CaptureNode::poll_arming() {
-  if (is_arming_trigger()) return std::nullopt;
+  if (trigger_is_arming()) return std::nullopt;
   const std::string waiting = cameras_.not_ready(plan_.order.allow_missing);
   const bool late = Monotonic::now() > ready_by_;
   if (!waiting.empty() && !late) return std::nullopt;
-  if (!waiting.empty() && !checks()) {
+  if (!waiting.empty() && !is_check()) {
     return NodeReport{.event = Input::kFailed, .text = "not ready: " + waiting, .detail = {}};
   }
-  take_ = ActiveTake::begin(of_this_node(), plan_);
-  std::string text = checks() ? "ready" : ready_text();
+  take_ = ActiveTake::begin(take_context(), plan_);
+  std::string text = is_check() ? "ready" : ready_text();
   if (!waiting.empty()) text = "without " + waiting;
   return NodeReport{.event = Input::kReady, .text = std::move(text), .detail = {}};
 }
 
 std::optional<NodeReport> CaptureNode::poll_learning() {
-  const bool over = trigger_.train_is_over(plan_.order.take);
+  const bool over = trigger_.train_has_ended(plan_.order.take);
   if (over) take_->train_ended();
-  // Other nodes learn of the pulses that are still to come.
+  // The other nodes learn their background from the remaining pulses.
   if (trigger_.is_here() && !over) return std::nullopt;
-  const auto result = take_->learnt();
+  const auto result = take_->background_result();
   if (!result) return std::nullopt;
-  return NodeReport{
-      .event = result->learnt ? Input::kReady : Input::kFailed, .text = result->text, .detail = {}};
+  return NodeReport{.event = result->succeeded ? Input::kReady : Input::kFailed,
+                    .text = result->text,
+                    .detail = {}};
 }
 
 std::optional<NodeReport> CaptureNode::poll_recording() {
-  const std::string full = look_at_disks();
+  const std::string full = check_disks();
   if (!full.empty()) return NodeReport{.event = Input::kTrainEnded, .text = full, .detail = {}};
-  if (!trigger_.train_is_over(plan_.order.take)) return std::nullopt;
+  if (!trigger_.train_has_ended(plan_.order.take)) return std::nullopt;
   return NodeReport{.event = Input::kTrainEnded, .text = "pulses have ended", .detail = {}};
 }
 
 std::optional<NodeReport> CaptureNode::poll_draining() {
-  trigger_.listen(plan_.order.take);
-  if (!take_->is_accounted_for()) return std::nullopt;
-  const TakeAccount account = close_take();
-  if (checks()) return check_report(account);
-  const bool kept = account.closing.unkept.empty();
-  return NodeReport{.event = kept ? Input::kDrained : Input::kBroken,
-                    .text = kept ? account.ledger.verdict() : account.closing.unkept,
-                    .detail = ledger_json(account.ledger)};
+  trigger_.poll(plan_.order.take);
+  if (!take_->is_drained()) return std::nullopt;
+  const TakeResult result = close_take();
+  if (is_check()) return check_report(result);
+  const bool written = result.close_report.write_error.empty();
+  return NodeReport{.event = written ? Input::kDrained : Input::kBroken,
+                    .text = written ? result.ledger.verdict() : result.close_report.write_error,
+                    .detail = ledger_json(result.ledger)};
 }
 
-TakeAccount CaptureNode::close_take() {
-  TakeAccount account = std::exchange(take_, nullptr)->close();
-  last_ = account.counts;
-  if (!account.closing.notice.empty()) {
-    events_.send(Severity::kInfo, "take", account.closing.notice, advice::kQuarantined);
+TakeResult CaptureNode::close_take() {
+  TakeResult result = std::exchange(take_, nullptr)->close();
+  last_ = result.counts;
+  if (!result.close_report.quarantine_notice.empty()) {
+    events_.send(Severity::kInfo, "take", result.close_report.quarantine_notice,
+                 advice::kQuarantined);
   }
-  if (!account.closing.unsigned_why.empty()) {
-    events_.send(Severity::kWarning, "take", account.closing.unsigned_why, advice::kUnsigned);
+  if (!result.close_report.signing_error.empty()) {
+    events_.send(Severity::kWarning, "take", result.close_report.signing_error, advice::kUnsigned);
   }
-  if (!account.closing.lost_pulses.empty()) {
-    events_.send(Severity::kWarning, "pulses", account.closing.lost_pulses, advice::kPulsesRefused);
+  if (!result.close_report.pulse_log_error.empty()) {
+    events_.send(Severity::kWarning, "pulses", result.close_report.pulse_log_error,
+                 advice::kPulseLog);
   }
-  return account;
+  return result;
 }
 
-NodeReport CaptureNode::check_report(const TakeAccount& account) const {
+NodeReport CaptureNode::check_report(const TakeResult& result) const {
   std::vector<std::string> not_ready;
   for (const auto& camera : cameras_) {
     const bool seen = std::ranges::any_of(
-        account.checked, [&](const CheckedCamera& c) { return c.pulses.name == camera->camera(); });
+        result.checked, [&](const CheckedCamera& c) { return c.pulses.name == camera->camera(); });
     if (!seen) not_ready.push_back(camera->camera());
   }
   return {.event = Input::kDrained,
-          .text = "looked at " + std::to_string(account.checked.size()) + " cameras",
-          .detail = check_json(account.ledger, account.checked, not_ready)};
+          .text = "checked " + std::to_string(result.checked.size()) + " cameras",
+          .detail = check_json(result.ledger, result.checked, not_ready)};
 }
 
-// --- readiness ----------------------------------------------------------------------------------
+// --- disks and readiness ------------------------------------------------------------------------
 
 double CaptureNode::bytes_per_second() const {
   return cameras_.bytes_per_pulse() * plan_.train.rate_hz;
 }
 
-std::string CaptureNode::look_at_disks() {
+std::string CaptureNode::check_disks() {
   NodeTake* const recording = take_->recording();
   if (recording == nullptr) return "";
-  events_.keep_told(Severity::kAlarm, "queue", recording->queue_trouble(), advice::kQueue);
-  const std::string here = recording->disk_must_end();
+  events_.keep_told(Severity::kAlarm, "queue", recording->queue_warning(), advice::kQueue);
+  const std::string here = recording->disk_stop_reason();
   disk_is_full_ = !here.empty();
-  const std::string elsewhere = full_disks_ ? full_disks_->full_node() : "";
+  const std::string elsewhere = disk_monitor_ ? disk_monitor_->full_node() : "";
   if (here.empty() && elsewhere.empty()) return "";
   const std::string why = disk_is_full_ ? here : "the disk of " + elsewhere + " is full or broken";
-  events_.send(Severity::kAlarm, "take", plan_.order.take + " was ended: " + why,
+  events_.send(Severity::kAlarm, "take", plan_.order.take + " was stopped: " + why,
                advice::kTakeEnded);
   return why;
 }
@@ -320,18 +323,18 @@ std::string CaptureNode::ready_text() const {
 
 // --- health -------------------------------------------------------------------------------------
 
-std::string CaptureNode::trouble() const {
+std::string CaptureNode::fault_text() const {
   std::vector<std::string> lines;
   if (const std::string text = trigger_.fault(); !text.empty()) lines.push_back("trigger: " + text);
   if (const std::string text = trigger_.sensor_fault(); !text.empty()) {
     lines.push_back("sense line: " + text);
   }
-  if (const std::string text = cameras_.trouble(); !text.empty()) lines.push_back(text);
+  if (const std::string text = cameras_.fault_text(); !text.empty()) lines.push_back(text);
   return fmt::format("{}", fmt::join(lines, "; "));
 }
 
 void CaptureNode::report_health(HealthMessage& health) {
-  health.text = trouble();
+  health.text = fault_text();
   health.values["cameras"] = static_cast<double>(cameras_.size());
   health.values["disk_free_bytes"] = disk_free_bytes(studio_);
   if (const double bytes = bytes_per_second(); bytes > 0) {
@@ -339,19 +342,23 @@ void CaptureNode::report_health(HealthMessage& health) {
   }
   const TakeCounts counts = take_counts();
   report_take(counts, health);
-  tell_troubles(counts);
-  if (const auto pulses = trigger_.statistics()) {
-    health.values["trigger_jitter_p50_us"] = 1e6 * to_seconds(pulses->jitter_p50);
-    health.values["trigger_jitter_p99_us"] = 1e6 * to_seconds(pulses->jitter_p99);
-    health.values["trigger_jitter_max_us"] = 1e6 * to_seconds(pulses->jitter_max);
-    health.values["trigger_late"] = static_cast<double>(pulses->late);
-  }
+  report_warnings(counts);
+  report_trigger(health);
   health.values["frames_missing"] = 0;
   health.values["frames_suspect"] = 0;
   health.values["cameras_streaming"] = 0;
   health.values["queue_frames"] = 0;
-  const int64_t due = counts_take() ? std::max<int64_t>(0, counts.commanded - kLatePeriods) : 0;
-  for (const auto& camera : cameras_) camera_watch_.report(*camera, due, health);
+  const int64_t due = take_has_ledger() ? std::max<int64_t>(0, counts.commanded - kLatePeriods) : 0;
+  for (const auto& camera : cameras_) camera_monitor_.report(*camera, due, health);
+}
+
+void CaptureNode::report_trigger(HealthMessage& health) const {
+  const auto pulses = trigger_.statistics();
+  if (!pulses) return;
+  health.values["trigger_jitter_p50_us"] = 1e6 * to_seconds(pulses->jitter_p50);
+  health.values["trigger_jitter_p99_us"] = 1e6 * to_seconds(pulses->jitter_p99);
+  health.values["trigger_jitter_max_us"] = 1e6 * to_seconds(pulses->jitter_max);
+  health.values["trigger_late"] = static_cast<double>(pulses->late);
 }
 
 void CaptureNode::report_take(const TakeCounts& counts, HealthMessage& health) const {
@@ -363,38 +370,38 @@ void CaptureNode::report_take(const TakeCounts& counts, HealthMessage& health) c
   value("frames_published", counts.frames.published);
   value("pulses_not_live", counts.pulses_not_live);
   value("write_errors", counts.frames.write_errors);
-  value("pulses_lost", take_ ? take_->pulses().lost() : 0);
+  value("pulses_lost", take_ ? take_->pulses().lost_messages() : 0);
   value("pulses_commanded", counts.commanded);
   if (studio_.trigger.is_sensed()) value("pulses_sensed", counts.sensed);
   value(kDiskFull, disk_is_full_ ? 1 : 0);
   if (counts.frames.write_errors > 0) {
-    health.text = "frames could not be written: the disk refuses";
+    health.text = "frames could not be written: the disk is full or broken";
   }
 }
 
-void CaptureNode::tell_troubles(const TakeCounts& counts) {
+void CaptureNode::report_warnings(const TakeCounts& counts) {
   if (take_ && take_->recording() != nullptr) {
-    events_.keep_told(Severity::kAlarm, "disk", take_->recording()->disk_trouble(), advice::kDisk);
+    events_.keep_told(Severity::kAlarm, "disk", take_->recording()->disk_warning(), advice::kDisk);
   }
-  const bool senses = trigger_.sensor() != nullptr && counts_take();
-  events_.keep_told(Severity::kAlarm, "trigger", trigger_trouble(counts), advice::kTrigger);
+  const bool senses = trigger_.sensor() != nullptr && take_has_ledger();
+  events_.keep_told(Severity::kAlarm, "trigger", trigger_warning(counts), advice::kTrigger);
   events_.keep_told(Severity::kAlarm, "sense line", senses ? trigger_.sensor_fault() : "",
                     advice::kSenseLine);
-  events_.keep_told(Severity::kWarning, "pulses", senses ? take_->pulses().trouble() : "",
+  events_.keep_told(Severity::kWarning, "pulses", senses ? take_->pulses().warning() : "",
                     advice::kPulses);
   events_.keep_told(Severity::kWarning, "live picture",
                     counts.pulses_not_live == 0
                         ? ""
                         : format_count(counts.pulses_not_live) +
-                              " pulses not live: this machine is busy recording them",
+                              " pulses without live picture: this PC is busy recording them",
                     advice::kLivePicture);
 }
 
-std::string CaptureNode::trigger_trouble(const TakeCounts& counts) const {
+std::string CaptureNode::trigger_warning(const TakeCounts& counts) const {
   if (const std::string fault = trigger_.fault(); !fault.empty()) return fault;
   const int64_t unseen = counts.commanded - kLatePeriods - counts.sensed;
-  if (trigger_.sensor() == nullptr || !counts_take() || unseen <= 0) return "";
-  return format_count(counts.commanded - counts.sensed) + " pulses commanded and not sensed";
+  if (trigger_.sensor() == nullptr || !take_has_ledger() || unseen <= 0) return "";
+  return format_count(counts.commanded - counts.sensed) + " pulses commanded but not sensed";
 }
 
 bool CaptureNode::progressed_since(MonotonicInstant since) const {

@@ -1,5 +1,5 @@
-// What a capture node does: makes its cameras and the trigger ready for what is ordered, follows
-// the take that is under way, and tells of both.
+// Capture node: executes the orders of the node protocol with the cameras and the trigger of one
+// PC.
 #pragma once
 
 #include <memory>
@@ -21,8 +21,11 @@
 
 namespace v3d {
 
-/// Order of arming: generator off -> all cameras streaming and quiet for two periods -> ready ->
-/// (start) pulses on. So the first frame after the quiet is pulse 0.
+/// Arms in this order, so that the first frame is that of pulse 0: turn the generator off; wait
+/// until all cameras stream and have sent no frame for two periods; report ready; on start, turn
+/// the pulses on.
+///
+/// Also reports health, and sends events about cameras, disks and trigger. Call from one thread.
 class CaptureNode : public NodeDelegate {
  public:
   /// Opens the cameras of `node` in the background. `studio` and `bus` outlive the node. Throws
@@ -41,59 +44,62 @@ class CaptureNode : public NodeDelegate {
   bool progressed_since(MonotonicInstant since) const override;
 
  private:
-  void begin_order(const CommandMessage& order, std::optional<int64_t> pulses);
-  void make_ready(const CommandMessage& order, std::optional<int64_t> pulses);
+  void reset_for_order(const CommandMessage& order, std::optional<int64_t> pulses);
+  void prepare(const CommandMessage& order, std::optional<int64_t> pulses);
   void arm_cameras();
-  /// The generator takes its time; arms the cameras when it is done. Throws what armed() throws.
-  bool is_arming_trigger();
-  bool checks() const { return plan_.order.verb == CommandVerb::kCheck; }
+  /// True while the generator is being armed; arms the cameras when it is ready. Throws what
+  /// NodeTrigger::armed() throws.
+  bool trigger_is_arming();
+  bool is_check() const { return plan_.order.verb == CommandVerb::kCheck; }
   std::string ready_text() const;
 
-  ActiveTake::Node of_this_node();
-  /// Any thread.
-  void tell_cameras(const PulseEdge& edge);
+  ActiveTake::Context take_context();
+  /// Passes a pulse on to the cameras. Any thread.
+  void notify_cameras(const PulseEdge& edge);
 
   std::optional<NodeReport> poll_arming();
   std::optional<NodeReport> poll_learning();
   std::optional<NodeReport> poll_recording();
   std::optional<NodeReport> poll_draining();
-  NodeReport check_report(const TakeAccount& account) const;
-  /// Requires that it is counted.
-  TakeAccount close_take();
+  NodeReport check_report(const TakeResult& result) const;
+  /// Requires take_has_ledger().
+  TakeResult close_take();
 
-  bool counts_take() const { return take_ && take_->is_counted(); }
-  /// Of the take that is under way, else of the last one.
-  TakeCounts take_counts() const { return counts_take() ? take_->counts() : last_; }
-  /// What the cameras record, at the rate of the last order.
+  bool take_has_ledger() const { return take_ && take_->has_ledger(); }
+  /// Of the active take, else of the last one.
+  TakeCounts take_counts() const { return take_has_ledger() ? take_->counts() : last_; }
+  /// Data rate of all cameras at the pulse rate of the last order.
   double bytes_per_second() const;
-  /// Why a full or broken disk ends the take, here or elsewhere; empty while none does. Tells when
-  /// frames wait.
-  std::string look_at_disks();
-  std::string trouble() const;
+  /// Why a full or broken disk, here or on another node, ends the take; empty if none does. Sends
+  /// events about disks and frame queues.
+  std::string check_disks();
+  std::string fault_text() const;
   void report_take(const TakeCounts& counts, HealthMessage& health) const;
-  /// Troubles of the disk and the trigger, told when they begin, change and end.
-  void tell_troubles(const TakeCounts& counts);
-  std::string trigger_trouble(const TakeCounts& counts) const;
+  void report_trigger(HealthMessage& health) const;
+  /// Sends events about disk, trigger, sense line and live picture: when a warning begins, changes
+  /// or ends.
+  void report_warnings(const TakeCounts& counts);
+  std::string trigger_warning(const TakeCounts& counts) const;
 
   const Studio& studio_;
   const std::string node_;
   Bus& bus_;
   EventSender events_;
-  CameraMonitor camera_watch_;
+  CameraMonitor camera_monitor_;
   PulseTimes pulse_times_;  ///< as sensed here
   NodeTrigger trigger_;
-  std::unique_ptr<DiskMonitor> full_disks_;  ///< null where the trigger is not
-  PersistedCommands kept_orders_;
+  std::unique_ptr<DiskMonitor> disk_monitor_;  ///< null unless the trigger is on this node
+  PersistedCommands persisted_commands_;
   NodeCameras cameras_;
-  PrioritySemaphore places_;
+  PrioritySemaphore slots_;
   const std::optional<TakeSigner> signer_;  ///< empty: takes are not signed
 
   ActiveTake::Plan plan_;       ///< of the last order
-  bool cameras_armed_ = false;  ///< for the order
+  bool cameras_armed_ = false;  ///< for the last order
   MonotonicInstant ready_by_;
-  std::unique_ptr<ActiveTake> take_;  ///< null when none is under way
+  std::unique_ptr<ActiveTake> take_;  ///< null when nothing runs
   TakeCounts last_;                   ///< of the last take
-  bool disk_is_full_ = false;         ///< or broken: that ended the last take here
+  bool disk_is_full_ = false;         ///< a full or broken disk of this node ended the last take
 };
 
 }  // namespace v3d

@@ -5,17 +5,17 @@
 namespace v3d {
 namespace {
 
-/// A pulse number from the network so far ahead of all before is not believed.
+/// A pulse number from the network that is so far ahead of all before is rejected.
 constexpr int64_t kMaxJump = 15'000;
-/// Pulses that were commanded, and not heard of yet.
-constexpr int64_t kOnTheirWay = 2;
+/// Pulses that were commanded, and whose messages have not arrived yet.
+constexpr int64_t kMaxInFlight = 2;
 
 }  // namespace
 
 KnownPulses::KnownPulses(std::string take, PulseSet sensed, int64_t commanded)
     : take_(std::move(take)),
       sensed_(std::move(sensed)),
-      seen_(std::max(sensed_.last() + 1, commanded - kOnTheirWay)) {}
+      seen_(std::max(sensed_.last() + 1, commanded - kMaxInFlight)) {}
 
 bool KnownPulses::accepts(const PulseMessage& pulse) const {
   return pulse.take == take_ && pulse.pulse >= seen_ && pulse.pulse - seen_ < kMaxJump;
@@ -26,12 +26,12 @@ void KnownPulses::add(int64_t pulse) {
   seen_ = std::max(seen_, pulse + 1);
 }
 
-void KnownPulses::put_into(Ledger& ledger, int64_t commanded) const {
+void KnownPulses::fill_ledger(Ledger& ledger, int64_t commanded) const {
   ledger.sensed = sensed_.size();
   ledger.unsensed = sensed_.missing(commanded);
 }
 
-bool knows_what_was_sensed(bool has_sense_line, bool senses_here, int64_t sensed,
+bool sensed_count_is_known(bool has_sense_line, bool senses_here, int64_t sensed,
                            int64_t commanded) {
   return has_sense_line && (senses_here || sensed >= commanded);
 }

@@ -1,4 +1,5 @@
-// What a node knows of the pulses of a train, and what its ledger may say of them. Pure.
+// The pulse numbers that a node has sensed or received, and rules for the ledger that depend on
+// them. No input or output.
 #pragma once
 
 #include <cstdint>
@@ -11,25 +12,25 @@
 
 namespace v3d {
 
-/// The pulses that a node has sensed, or received word of. One thread.
+/// The pulses of one take that this node knows. One thread.
 class KnownPulses {
  public:
   explicit KnownPulses(std::string take) : take_(std::move(take)) {}
-  /// A take that this node was in before it restarted. `sensed`: pulses in the log; `commanded`:
-  /// pulses of the train until now, or a little fewer.
+  /// Resumes a take after a restart. `sensed`: pulses in the log. `commanded`: pulses of the train
+  /// until now, or up to two fewer.
   KnownPulses(std::string take, PulseSet sensed, int64_t commanded);
 
-  /// False of a pulse from the network that is of another take, older than one received before, or
-  /// so far ahead that it is not believed.
+  /// False for a pulse message of another take, for a number below seen(), and for a number 15,000
+  /// or more above it, which is implausible.
   bool accepts(const PulseMessage& pulse) const;
   void add(int64_t pulse);
 
-  /// The highest pulse number, plus one.
+  /// The highest pulse number plus one.
   int64_t seen() const { return seen_; }
-  /// How many.
+  /// The number of pulses known.
   int64_t count() const { return sensed_.size(); }
-  /// Of `commanded` pulses: how many were sensed, and which were not.
-  void put_into(Ledger& ledger, int64_t commanded) const;
+  /// Sets the number of sensed pulses and the list of those not sensed, out of `commanded`.
+  void fill_ledger(Ledger& ledger, int64_t commanded) const;
 
  private:
   std::string take_;
@@ -37,16 +38,17 @@ class KnownPulses {
   int64_t seen_ = 0;
 };
 
-/// What a ledger may say of the sense line. A node that only listens to the trigger's node, and
-/// missed a message, cannot tell. `sensed`: pulses known here.
-bool knows_what_was_sensed(bool has_sense_line, bool senses_here, int64_t sensed,
+/// Whether the ledger may state how many pulses were sensed. It may not without a sense line, nor
+/// on a node that receives pulse messages from the trigger's node and has lost some. `sensed`:
+/// pulses known here.
+bool sensed_count_is_known(bool has_sense_line, bool senses_here, int64_t sensed,
                            int64_t commanded);
 
-/// Whether a take that ends with this account is moved to the quarantine, because nothing happened
-/// in it. Frames keep it: a node that heard neither pulses nor the health of the trigger's node
-/// knows of no pulse, and has recorded all the same. So does its start, where the trigger is
-/// elsewhere: pulses may have run after this node's part ended, and its cameras have to be named as
-/// missing them.
+/// Whether a take with this ledger is empty and belongs into the quarantine.
+///
+/// A take with frames is not empty, even without pulses: the messages of the trigger's node may
+/// have been lost. Neither is a take that was started with the trigger on another node: pulses may
+/// have run after this node's part ended, and the ledger must list its cameras as missing them.
 bool is_empty_take(const Ledger& ledger, bool was_started, bool trigger_is_here);
 
 }  // namespace v3d

@@ -8,7 +8,7 @@ bool LiveAdmission::admits(int64_t pulse) {
   const bool live = backlog_() <= limit_;
   decided_.emplace(pulse, live);
   if (!live) ++skipped_;
-  if (decided_.size() > kRemembered) decided_.erase(decided_.begin());
+  if (decided_.size() > kMaxDecisions) decided_.erase(decided_.begin());
   return live;
 }
 

@@ -32,8 +32,8 @@ NodeCameras::~NodeCameras() {
   for (const auto& worker : workers_) worker->end();
 }
 
-void NodeCameras::arm(Duration period, bool edges_are_told) {
-  for (const auto& worker : workers_) worker->arm(period, edges_are_told);
+void NodeCameras::arm(Duration period, bool edges_are_reported) {
+  for (const auto& worker : workers_) worker->arm(period, edges_are_reported);
 }
 
 void NodeCameras::pulse_at(const PulseEdge& edge) {
@@ -67,17 +67,17 @@ std::string NodeCameras::not_ready(const std::vector<std::string>& may_be_missin
   return fmt::format("{}", fmt::join(cameras, ", "));
 }
 
-void NodeCameras::refuse_unprepared(const std::vector<std::string>& may_be_missing) const {
+void NodeCameras::check_prepared(const std::vector<std::string>& may_be_missing) const {
   if (!std::filesystem::exists(studio_.storage.calib)) {
     throw InputError(studio_.storage.calib.string() +
-                     ": is not there; v3dctl calibrate guess makes a first one");
+                     ": does not exist; v3dctl calibrate guess makes a first one");
   }
   const Rig rig = load_calib(studio_.storage.calib);
   for (const auto& worker : workers_) {
     const std::string& camera = worker->camera();
     if (find_camera(rig, camera) < 0) {
-      throw InputError(studio_.storage.calib.string() + ": has no camera '" + camera + "', which " +
-                       studio_.path.string() + " names");
+      throw InputError(studio_.storage.calib.string() + ": has no camera '" + camera + "' of " +
+                       studio_.path.string() + "; calibrate the camera");
     }
     if (!has_background(studio_.storage.background, camera) && !contains(may_be_missing, camera)) {
       throw InputError(camera + " has no background model in " +
@@ -92,7 +92,7 @@ BackgroundModel NodeCameras::background_of(const CameraWorker& worker) const {
   const CameraWorkerStatus status = worker.status();
   if (status.size != model.size || status.format != model.format) {
     throw InputError(worker.camera() +
-                     ": its background model is of another image size or pixel format; "
+                     ": its background model has another image size or pixel format; "
                      "run v3dctl background");
   }
   return model;
@@ -107,10 +107,10 @@ double NodeCameras::bytes_per_pulse() const {
   return bytes;
 }
 
-int64_t NodeCameras::most_waiting() const {
-  int64_t most = 0;
-  for (const auto& worker : workers_) most = std::max(most, worker->waiting());
-  return most;
+int64_t NodeCameras::max_queued() const {
+  int64_t longest = 0;
+  for (const auto& worker : workers_) longest = std::max(longest, worker->waiting());
+  return longest;
 }
 
 int64_t NodeCameras::dropped() const {
@@ -119,7 +119,7 @@ int64_t NodeCameras::dropped() const {
   return sum;
 }
 
-std::string NodeCameras::trouble() const {
+std::string NodeCameras::fault_text() const {
   std::vector<std::string> lines;
   for (const auto& worker : workers_) {
     const std::string text = worker->status().text;

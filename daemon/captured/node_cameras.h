@@ -1,5 +1,4 @@
-// The cameras of one capture node, as the node sees them: all that it has, and those that are
-// ready.
+// The cameras of one capture node.
 #pragma once
 
 #include <memory>
@@ -13,15 +12,14 @@
 
 namespace v3d {
 
-/// One thread, but for pulse_at().
+/// One thread, except for pulse_at().
 class NodeCameras {
  public:
-  /// Frames of one camera that may wait, more than a second of them: as long as a disk may
-  /// hesitate.
+  /// Queue length of each camera: more than 1 s of frames, as long as a disk may stall.
   static constexpr size_t kQueueFrames = 32;
   using Workers = std::vector<std::unique_ptr<CameraWorker>>;
 
-  /// Opens the cameras of `node` in the background. `studio` and `pulses` outlive them.
+  /// Opens the cameras of `node` in the background. `studio` and `pulses` outlive this object.
   NodeCameras(const Studio& studio, const std::string& node, const PulseTimes& pulses);
   ~NodeCameras();
   NodeCameras(const NodeCameras&) = delete;
@@ -31,29 +29,31 @@ class NodeCameras {
   Workers::const_iterator end() const { return workers_.end(); }
   size_t size() const { return workers_.size(); }
 
-  /// These do to every camera what CameraWorker says.
-  void arm(Duration period, bool edges_are_told);
+  /// These four call the function of the same name of every CameraWorker.
+  void arm(Duration period, bool edges_are_reported);
   void pulse_at(const PulseEdge& edge);  ///< any thread
   void train_ended();
   void disarm();
 
-  /// In the order of the studio file.
+  /// The cameras in state kReady, in the order of the studio file.
   std::vector<CameraWorker*> ready() const;
-  /// Cameras that must be ready and are not, with why; empty when all are.
+  /// The required cameras that are not ready, each with its reason, on one line; else empty.
+  /// Cameras in `may_be_missing` are not required.
   std::string not_ready(const std::vector<std::string>& may_be_missing) const;
-  /// Throws InputError where a camera has no calibration, or no background and must have one.
-  void refuse_unprepared(const std::vector<std::string>& may_be_missing) const;
-  /// Throws InputError where it is of other pictures than the camera takes now.
+  /// Throws InputError when a camera has no calibration, or a required camera has no background
+  /// model.
+  void check_prepared(const std::vector<std::string>& may_be_missing) const;
+  /// Throws InputError when the model has another image size or pixel format than the camera.
   BackgroundModel background_of(const CameraWorker& worker) const;
 
-  /// What all cameras that were ever opened send with every pulse.
+  /// Image bytes of one pulse: the sum over all cameras that have been opened at least once.
   double bytes_per_pulse() const;
-  /// Frames that wait behind the camera that is farthest behind.
-  int64_t most_waiting() const;
-  /// Frames that nobody took in time, of all cameras together.
+  /// Length of the longest frame queue.
+  int64_t max_queued() const;
+  /// Frames dropped because a queue was full, over all cameras.
   int64_t dropped() const;
-  /// What cameras say is wrong with them, one line; empty when nothing is.
-  std::string trouble() const;
+  /// The faults that cameras report, on one line; empty without faults.
+  std::string fault_text() const;
 
  private:
   const Studio& studio_;

@@ -12,58 +12,62 @@
 namespace v3d {
 namespace {
 
-/// More frames behind one camera than a hiccup explains: the live picture waits.
+/// Queue length in frames that a short stall does not explain: live pulses are skipped.
 constexpr int64_t kLiveBacklog = 5;
 
-TakeInfo new_take(const NodeTake::Node& node, const NodeTake::Plan& plan) {
+TakeInfo new_take(const NodeTake::Context& context, const NodeTake::Plan& plan) {
   TakeInfo info{.name = plan.order.take,
-                .studio = node.studio.name,
+                .studio = context.studio.name,
                 .rate_hz = plan.disk.rate_hz,
                 .pulses = 0,
                 .state = TakeState::kRecording,
                 .software_version = V3D_VERSION,
                 .started = Realtime::now(),
                 .cameras = {}};
-  for (const CameraWorker* worker : node.cameras.ready()) info.cameras.push_back(worker->camera());
+  for (const CameraWorker* worker : context.cameras.ready())
+    info.cameras.push_back(worker->camera());
   return info;
 }
 
 }  // namespace
 
-NodeTake::NodeTake(Node node, TakeInfo info, const DiskDemand& demand, TakeLock lock)
-    : node_(node),
+NodeTake::NodeTake(Context context, TakeInfo info, const DiskDemand& demand, TakeLock lock)
+    : context_(context),
       info_(std::move(info)),
-      paths_(take_paths(node.studio, info_.name)),
+      paths_(take_paths(context.studio, info_.name)),
       lock_(std::move(lock)),
       disk_(std::make_unique<TakeDisk>(paths_, demand)),
-      gate_([&cameras = node.cameras] { return cameras.most_waiting(); }, kLiveBacklog) {}
+      admission_([&cameras = context.cameras] { return cameras.max_queued(); }, kLiveBacklog) {}
 
-std::unique_ptr<NodeTake> NodeTake::begin(Node node, const Plan& plan) {
-  TakeInfo info = new_take(node, plan);
-  TakeLock lock = lock_take(take_paths(node.studio, info.name), node.name);
-  create_take(node.studio, info);
-  persist_command(node.studio, node.name, plan.order);
-  std::unique_ptr<NodeTake> take(new NodeTake(node, std::move(info), plan.disk, std::move(lock)));
-  for (CameraWorker* worker : node.cameras.ready()) {
-    take->add_lane(*worker, node.cameras.background_of(*worker));
+std::unique_ptr<NodeTake> NodeTake::begin(Context context, const Plan& plan) {
+  TakeInfo info = new_take(context, plan);
+  TakeLock lock = lock_take(take_paths(context.studio, info.name), context.name);
+  create_take(context.studio, info);
+  persist_command(context.studio, context.name, plan.order);
+  std::unique_ptr<NodeTake> take(
+      new NodeTake(context, std::move(info), plan.disk, std::move(lock)));
+  for (CameraWorker* worker : context.cameras.ready()) {
+    take->add_pipeline(*worker, context.cameras.background_of(*worker));
   }
   take->sync_names();
   return take;
 }
 
-std::unique_ptr<NodeTake> NodeTake::go_on(Node node, const Plan& plan, const EdgeTimes& pulses,
-                                          bool edges_are_told) {
-  const TakePaths paths = take_paths(node.studio, plan.order.take);
-  TakeLock lock = lock_take(paths, node.name);
-  // First: a crash in what follows must find an open take, and recover what is recorded meanwhile.
+std::unique_ptr<NodeTake> NodeTake::resume(Context context, const Plan& plan,
+                                           const EdgeTimes& pulses, bool edges_are_reported) {
+  const TakePaths paths = take_paths(context.studio, plan.order.take);
+  TakeLock lock = lock_take(paths, context.name);
+  // Mark the take as open first: a crash after this line must be recovered with its new frames.
   TakeInfo info = reopen_take(paths);
-  std::unique_ptr<NodeTake> take(new NodeTake(node, std::move(info), plan.disk, std::move(lock)));
-  for (const auto& worker : node.cameras) {
+  std::unique_ptr<NodeTake> take(
+      new NodeTake(context, std::move(info), plan.disk, std::move(lock)));
+  for (const auto& worker : context.cameras) {
     const std::string& camera = worker->camera();
     if (std::ranges::find(take->info_.cameras, camera) == take->info_.cameras.end()) continue;
-    ResumeState past = read_resume_state(take->paths_, camera, pulses);
-    worker->rejoin(period_of(take->info_.rate_hz), edges_are_told, past.camera);
-    take->add_lane(*worker, load_background(take->paths_.background(), camera), std::move(past));
+    ResumeState resume = read_resume_state(take->paths_, camera, pulses);
+    worker->rejoin(period_of(take->info_.rate_hz), edges_are_reported, resume.camera);
+    take->add_pipeline(*worker, load_background(take->paths_.background(), camera),
+                       std::move(resume));
   }
   take->sync_names();
   return take;
@@ -73,24 +77,24 @@ void NodeTake::sync_names() const {
   if (auto synced = io::sync_folder(paths_.folder); !synced) io::throw_input_error(synced.error());
 }
 
-void NodeTake::add_lane(CameraWorker& worker, const BackgroundModel& background,
-                        std::optional<ResumeState> past) {
-  lanes_.push_back(std::make_unique<CameraPipeline>(
+void NodeTake::add_pipeline(CameraWorker& worker, const BackgroundModel& background,
+                            std::optional<ResumeState> resume) {
+  pipelines_.push_back(std::make_unique<CameraPipeline>(
       worker,
       CameraPipeline::Setup{
           .take = info_.name,
           .log = paths_.frames(worker.camera()),
           .segmenter = Segmenter(background, {}),
           .rate_hz = info_.rate_hz,
-          .past = std::move(past),
-          .hashing = node_.signer != nullptr ? LogHashing::kTree : LogHashing::kChecksum},
-      CameraPipeline::Shared{node_.bus, node_.places, gate_}));
+          .resume = std::move(resume),
+          .hashing = context_.signer != nullptr ? LogHashing::kTree : LogHashing::kChecksum},
+      CameraPipeline::Shared{context_.bus, context_.slots, admission_}));
 }
 
 CameraPipelineCounts NodeTake::counts() const {
   CameraPipelineCounts sum;
-  for (const auto& lane : lanes_) {
-    const CameraPipelineCounts counts = lane->counts();
+  for (const auto& pipeline : pipelines_) {
+    const CameraPipelineCounts counts = pipeline->counts();
     sum.received += counts.received;
     sum.written += counts.written;
     sum.write_errors += counts.write_errors;
@@ -99,56 +103,63 @@ CameraPipelineCounts NodeTake::counts() const {
   return sum;
 }
 
-bool NodeTake::has_all(int64_t pulses, std::optional<MonotonicInstant> quiet_since) const {
-  return std::ranges::all_of(lanes_, [&](const auto& lane) {
-    return lane->counts().received >= pulses || (quiet_since && lane->quiet_since(*quiet_since));
+bool NodeTake::has_received(int64_t pulses, std::optional<MonotonicInstant> idle_since) const {
+  return std::ranges::all_of(pipelines_, [&](const auto& pipeline) {
+    return pipeline->counts().received >= pulses ||
+           (idle_since && pipeline->idle_since(*idle_since));
   });
 }
 
 bool NodeTake::progressed_since(MonotonicInstant since) const {
-  return std::ranges::all_of(lanes_,
-                             [&](const auto& lane) { return lane->progressed_since(since); });
+  return std::ranges::all_of(
+      pipelines_, [&](const auto& pipeline) { return pipeline->progressed_since(since); });
 }
 
-DiskProgress NodeTake::progress() const {
-  return {.dropped = node_.cameras.dropped(), .refused = counts().write_errors};
+DiskErrors NodeTake::disk_errors() const {
+  return {.dropped = context_.cameras.dropped(), .failed = counts().write_errors};
 }
 
-void NodeTake::end(Ledger& ledger) {
+void NodeTake::stop_pipelines(Ledger& ledger) {
   ledger.take = info_.name;
-  for (const auto& lane : lanes_) {
-    ledger.cameras.push_back(lane->close(ledger.commanded));
-    ledger.files.push_back(lane->file());
+  for (const auto& pipeline : pipelines_) {
+    ledger.cameras.push_back(pipeline->close(ledger.commanded));
+    ledger.files.push_back(pipeline->file());
   }
 }
 
-TakeClosing NodeTake::close(const Ledger& ledger, bool is_empty) {
-  std::vector<std::string> unkept;
-  for (const auto& lane : lanes_) {
-    if (!lane->is_kept()) unkept.push_back(lane->camera());
+std::string NodeTake::unsynced_cameras() const {
+  std::vector<std::string> cameras;
+  for (const auto& pipeline : pipelines_) {
+    if (!pipeline->is_synced()) cameras.push_back(pipeline->camera());
   }
-  lanes_.clear();
-  disk_.reset();  // its room is the ledger's
-  const std::string takes = node_.studio.storage.takes.string();
-  if (!close_take(node_.studio, info_, ledger)) {
-    return {.unkept = "cannot write the ledger of " + info_.name + " completely to " + takes};
+  return fmt::format("{}", fmt::join(cameras, ", "));
+}
+
+TakeCloseReport NodeTake::close(const Ledger& ledger, bool is_empty) {
+  const std::string unsynced = unsynced_cameras();
+  pipelines_.clear();
+  disk_.reset();  // frees the space reserved for the ledger
+  const std::string takes = context_.studio.storage.takes.string();
+  if (!close_take(context_.studio, info_, ledger)) {
+    return {.write_error = "cannot write the ledger of " + info_.name + " to " + takes};
   }
-  TakeClosing closing{.unsigned_why = sign(ledger.files)};
+  TakeCloseReport report{.signing_error = sign(ledger.files)};
   lock_.reset();  // before the folder may be moved
-  if (!unkept.empty()) {
-    closing.unkept = takes + " did not keep the last frames of " +
-                     fmt::format("{}", fmt::join(unkept, ", ")) + ": v3dctl verify tells which";
-    return closing;
+  if (!unsynced.empty()) {
+    report.write_error = "cannot write the last frames of " + unsynced + " to " + takes +
+                         ": v3dctl verify lists them";
+    return report;
   }
-  if (!is_empty || may_hold_frames(paths_)) return closing;
-  const auto place = quarantine_take(paths_);
-  return {.notice = info_.name + " has neither pulses nor frames" +
-                    (place ? ": moved to " + place->string() : ", and " + place.error().message)};
+  if (!is_empty || may_hold_frames(paths_)) return report;
+  const auto moved_to = quarantine_take(paths_);
+  return {.quarantine_notice = info_.name + " has neither pulses nor frames" +
+                               (moved_to ? ": moved to " + moved_to->string()
+                                         : ", and " + moved_to.error().message)};
 }
 
 std::string NodeTake::sign(const std::vector<TakeFile>& files) const {
-  if (node_.signer == nullptr) return "";
-  const io::Status done = sign_take(paths_, *node_.signer, files);
+  if (context_.signer == nullptr) return "";
+  const io::Status done = sign_take(paths_, *context_.signer, files);
   return done ? "" : "take " + info_.name + " is not signed: " + done.error().message;
 }
 

@@ -1,5 +1,5 @@
-// What a capture node records of one take: a lane for every camera, which of the pulses go live,
-// and the disk.
+// Recording of one take on a capture node: a CameraPipeline for every camera, the admission of live
+// pulses, and the disk.
 #pragma once
 
 #include <memory>
@@ -23,77 +23,83 @@
 
 namespace v3d {
 
-/// How the closing of a take went, for a person.
-struct TakeClosing {
-  std::string unkept = {};        ///< data that the disk accepted and lost; empty when it kept all
-  std::string lost_pulses = {};   ///< that the log of the pulses is not whole; mostly empty
-  std::string notice = {};        ///< that the take was moved to the quarantine; mostly empty
-  std::string unsigned_why = {};  ///< error of signing; empty on success and without a signing key
+/// Result of closing a take: one line each for the operator, empty where there is nothing to
+/// report.
+struct TakeCloseReport {
+  std::string write_error = {};        ///< ledger or last frames could not be written to disk
+  std::string pulse_log_error = {};    ///< pulses are missing from pulses.lcmlog
+  std::string quarantine_notice = {};  ///< the take is empty and was moved to the quarantine
+  std::string signing_error = {};      ///< empty without a signing key, too
 };
 
-/// From the moment a take is armed until its ledger is written. One thread.
+/// Lives from arming until the ledger is written. Holds the take's lock. One thread.
 class NodeTake {
  public:
-  /// All outlive the take.
-  struct Node {
+  /// Everything referred to outlives the take.
+  struct Context {
     const Studio& studio;
-    const std::string& name;
+    const std::string& name;  ///< of the node
     Bus& bus;
     NodeCameras& cameras;
-    PrioritySemaphore& places;
+    PrioritySemaphore& slots;
     const TakeSigner* signer = nullptr;  ///< null: takes are not signed
   };
   struct Plan {
     CommandMessage order;
-    DiskDemand disk;  ///< its rate is the take's
+    DiskDemand disk;  ///< its rate is that of the take
   };
 
-  /// Makes the folder of a new take and a lane for every camera that is ready. Throws InputError,
-  /// also while another process records into it as this node.
-  static std::unique_ptr<NodeTake> begin(Node node, const Plan& plan);
+  /// Creates the folder of a new take, and a pipeline for every camera that is ready. Throws
+  /// InputError; also while another process records into this take under the node's name.
+  static std::unique_ptr<NodeTake> begin(Context context, const Plan& plan);
 
-  /// A take that this node was in before it was started anew: its cameras go on where `pulses` say.
-  /// Throws InputError; what it did to the cameras until then, disarming them undoes.
-  static std::unique_ptr<NodeTake> go_on(Node node, const Plan& plan, const EdgeTimes& pulses,
-                                         bool edges_are_told);
+  /// Resumes a take after a restart. `pulses`: the pulses in the log, by which cameras find their
+  /// pulse numbers. `edges_are_reported`: see NodeTrigger::reports_edges(). Throws InputError; the
+  /// caller must then disarm the cameras.
+  static std::unique_ptr<NodeTake> resume(Context context, const Plan& plan,
+                                          const EdgeTimes& pulses, bool edges_are_reported);
 
   const TakePaths& paths() const { return paths_; }
 
-  /// Of all lanes together.
+  /// Sum over all pipelines.
   CameraPipelineCounts counts() const;
-  int64_t pulses_not_live() const { return gate_.skipped(); }
-  /// Every camera has delivered so many frames or, where a time is given, been quiet since.
-  bool has_all(int64_t pulses, std::optional<MonotonicInstant> quiet_since) const;
+  int64_t pulses_not_live() const { return admission_.skipped(); }
+  /// True when every camera has delivered `pulses` frames or, where a time is given, has been idle
+  /// since then.
+  bool has_received(int64_t pulses, std::optional<MonotonicInstant> idle_since) const;
   bool progressed_since(MonotonicInstant since) const;
 
-  /// As TakeDisk says.
-  std::string disk_must_end() const { return disk_->must_end(progress()); }
-  std::string disk_trouble() const { return disk_->trouble(progress()); }
-  std::string queue_trouble() { return disk_->queue_trouble(node_.cameras.most_waiting()); }
+  /// See TakeDisk.
+  std::string disk_stop_reason() const { return disk_->stop_reason(disk_errors()); }
+  std::string disk_warning() const { return disk_->warning(disk_errors()); }
+  std::string queue_warning() { return disk_->queue_warning(context_.cameras.max_queued()); }
 
-  /// Ends the lanes; gives the account of every camera.
-  void end(Ledger& ledger);
-  /// After end(): writes the ledger, and moves the take to the quarantine (take/take_removal.h)
-  /// where `is_empty` and no log of a camera has a byte. Nothing else may be asked afterwards.
-  TakeClosing close(const Ledger& ledger, bool is_empty);
+  /// Stops the pipelines and adds cameras and files to `ledger`, whose `commanded` is set.
+  void stop_pipelines(Ledger& ledger);
+  /// After stop_pipelines(): writes and signs the ledger. Moves the take to the quarantine
+  /// (take/take_removal.h) if `is_empty` and no frame log has a byte. Only the destructor may be
+  /// called afterwards.
+  TakeCloseReport close(const Ledger& ledger, bool is_empty);
 
  private:
-  NodeTake(Node node, TakeInfo info, const DiskDemand& demand, TakeLock lock);
-  void add_lane(CameraWorker& worker, const BackgroundModel& background,
-                std::optional<ResumeState> past = {});
-  DiskProgress progress() const;
-  /// Signs the take. Returns the error; empty on success, and where the node has no signing key.
+  NodeTake(Context context, TakeInfo info, const DiskDemand& demand, TakeLock lock);
+  void add_pipeline(CameraWorker& worker, const BackgroundModel& background,
+                    std::optional<ResumeState> resume = {});
+  DiskErrors disk_errors() const;
+  /// Cameras whose log could not be flushed to disk, separated by commas.
+  std::string unsynced_cameras() const;
+  /// Signs the take. Returns the error; empty on success and without a signing key.
   std::string sign(const std::vector<TakeFile>& files) const;
-  /// The names of the logs survive a power cut from now on. Throws InputError.
+  /// Makes the names of the logs survive a power cut. Throws InputError.
   void sync_names() const;
 
-  const Node node_;
+  const Context context_;
   TakeInfo info_;
   const TakePaths paths_;
   std::optional<TakeLock> lock_;    ///< empty when closed
   std::unique_ptr<TakeDisk> disk_;  ///< null when closed
-  LiveAdmission gate_;
-  std::vector<std::unique_ptr<CameraPipeline>> lanes_;
+  LiveAdmission admission_;
+  std::vector<std::unique_ptr<CameraPipeline>> pipelines_;
 };
 
 }  // namespace v3d

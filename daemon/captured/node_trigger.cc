@@ -12,7 +12,7 @@ NodeTrigger::NodeTrigger(const Studio& studio, const std::string& node, Bus& bus
     generator_ = make_generator(studio.trigger);
     sensor_ = make_sensor(studio.trigger);
   } else {
-    watch_ = std::make_unique<TrainMonitor>(bus, studio.trigger.node);
+    monitor_ = std::make_unique<TrainMonitor>(bus, studio.trigger.node);
   }
 }
 
@@ -23,8 +23,8 @@ void NodeTrigger::arm(const PulseTrain& train) {
 }
 
 void NodeTrigger::start() {
-  first_pulse_told_ = false;
-  if (watch_) watch_->restart();
+  first_pulse_reported_ = false;
+  if (monitor_) monitor_->reset();
   if (generator_) generator_->start();
 }
 
@@ -33,30 +33,30 @@ void NodeTrigger::stop() {
 }
 
 std::optional<PulseEdge> NodeTrigger::unsensed_first_pulse() {
-  if (first_pulse_told_ || sensor_ || !generator_) return std::nullopt;
+  if (first_pulse_reported_ || sensor_ || !generator_) return std::nullopt;
   const auto first = generator_->first_pulse();
   if (!first) return std::nullopt;
-  first_pulse_told_ = true;
+  first_pulse_reported_ = true;
   return PulseEdge{.pulse = 0, .at = *first};
 }
 
-void NodeTrigger::listen(const std::string& take) {
-  if (watch_) watch_->listen(take);
+void NodeTrigger::poll(const std::string& take) {
+  if (monitor_) monitor_->poll(take);
 }
 
-bool NodeTrigger::train_is_over(const std::string& take) {
-  listen(take);
-  return generator_ ? generator_->finished() : watch_->ended();
+bool NodeTrigger::train_has_ended(const std::string& take) {
+  poll(take);
+  return generator_ ? generator_->finished() : monitor_->ended();
 }
 
-bool NodeTrigger::only_sensor_counts() const {
+bool NodeTrigger::sensor_count_is_better() const {
   return generator_ && sensor_ && !generator_->counts_exactly();
 }
 
 int64_t NodeTrigger::commanded(int64_t seen) const {
-  if (only_sensor_counts()) return seen;
-  // Elsewhere, the last pulses may have been left out, or their messages lost.
-  return generator_ ? generator_->commanded() : std::max(seen, watch_->commanded());
+  if (sensor_count_is_better()) return seen;
+  // On other nodes: the messages of the last pulses may have been lost.
+  return generator_ ? generator_->commanded() : std::max(seen, monitor_->commanded());
 }
 
 std::optional<PulseStatistics> NodeTrigger::statistics() const {

@@ -1,5 +1,5 @@
-// The trigger of the studio as one capture node knows it: its own, or that of another node, of
-// which it hears.
+// The studio's trigger as seen by one capture node: its own generator and sense line, or the health
+// messages of the node that has them.
 #pragma once
 
 #include <memory>
@@ -14,53 +14,55 @@
 
 namespace v3d {
 
-/// One thread; what sensor() gives may be another's.
+/// One thread; the sensor() may be read by another.
 class NodeTrigger {
  public:
-  /// Touches no hardware. `studio` and `bus` outlive the trigger. Throws InputError where the
-  /// studio file asks for what there is not.
+  /// Touches no hardware. `studio` and `bus` outlive the trigger. Throws InputError when a trigger
+  /// setting of the studio file is not supported.
   NodeTrigger(const Studio& studio, const std::string& node, Bus& bus);
 
-  /// Pulses are made on this node.
+  /// The pulses are generated on this node.
   bool is_here() const { return generator_ != nullptr; }
-  /// The sense line of this node; null elsewhere, and without one.
+  /// The sense line of this node; null on other nodes and without a sense line.
   PulseSensor* sensor() const { return sensor_.get(); }
-  /// What is heard of the trigger's node; null on that node.
-  TrainMonitor* watch() const { return watch_.get(); }
-  /// The cameras hear of every pulse.
-  bool tells_edges() const { return generator_ || is_sensed_; }
+  /// Health of the trigger's node; null on that node.
+  TrainMonitor* monitor() const { return monitor_.get(); }
+  /// The cameras receive the time of every pulse (CameraWorker::pulse_at).
+  bool reports_edges() const { return generator_ || is_sensed_; }
 
-  /// These do to the generator what PulseGenerator says. Elsewhere there is nothing to do, and
-  /// start() forgets what was heard of the train before.
+  /// These four call PulseGenerator's functions. On other nodes they do nothing, except that
+  /// start() resets the monitor.
   void arm(const PulseTrain& train);
   bool armed() { return !generator_ || generator_->armed(); }
   void start();
   void stop();
 
-  /// Where no line senses the pulses, the first was when it was commanded: once, and only here.
+  /// Without a sense line: pulse 0 with the time at which it was commanded. Returned once per
+  /// train, and on the trigger's node only.
   std::optional<PulseEdge> unsensed_first_pulse();
-  /// Hears, elsewhere, what has come since; to be called often. `take` is the one that is recorded.
-  void listen(const std::string& take);
-  /// The same; true when the train is over, elsewhere as far as was heard.
-  bool train_is_over(const std::string& take);
+  /// On other nodes: reads the health messages that have arrived. Call it often. `take`: the take
+  /// being recorded.
+  void poll(const std::string& take);
+  /// Calls poll(). True when the train has ended, as far as this node knows.
+  bool train_has_ended(const std::string& take);
 
-  /// The sense line's count is the better one.
-  bool only_sensor_counts() const;
-  /// Pulses of the train until now, of which this node has seen `seen`.
+  /// The generator does not count pulses exactly, but the sense line does.
+  bool sensor_count_is_better() const;
+  /// Pulses of the train until now. `seen`: pulses that this node has seen.
   int64_t commanded(int64_t seen) const;
 
-  /// One line each; empty when nothing is wrong, and elsewhere.
+  /// One line each; empty without a fault, and on other nodes.
   std::string fault() const { return generator_ ? generator_->fault() : ""; }
   std::string sensor_fault() const { return sensor_ ? sensor_->fault() : ""; }
-  /// Empty elsewhere.
+  /// Empty on other nodes.
   std::optional<PulseStatistics> statistics() const;
 
  private:
   const bool is_sensed_;
-  std::unique_ptr<PulseGenerator> generator_;  ///< null elsewhere
+  std::unique_ptr<PulseGenerator> generator_;  ///< null on other nodes
   std::unique_ptr<PulseSensor> sensor_;
-  std::unique_ptr<TrainMonitor> watch_;
-  bool first_pulse_told_ = false;
+  std::unique_ptr<TrainMonitor> monitor_;
+  bool first_pulse_reported_ = false;
 };
 
 }  // namespace v3d

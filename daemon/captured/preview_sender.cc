@@ -10,7 +10,8 @@
 namespace v3d {
 namespace {
 
-/// A picture of 512x384 takes some 20 kB: fifteen a second are a thousandth of the network.
+/// JPEG quality. A preview of 512x384 has about 20 kB; 15 of them per second use about a thousandth
+/// of the network.
 constexpr int kQuality = 75;
 
 }  // namespace

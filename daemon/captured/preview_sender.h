@@ -1,4 +1,4 @@
-// Small pictures of one camera, for people who want to see what it sees.
+// Publishes small JPEG previews of one camera, about one per second.
 #pragma once
 
 #include <cstdint>
@@ -16,15 +16,17 @@ class PreviewSender {
   /// `bus` outlives the sender. `rate_hz`: of the pulses.
   PreviewSender(Bus& bus, std::string camera, double rate_hz);
 
-  /// About one pulse a second, the same on all cameras: a sheet of them shows one instant.
+  /// True for about one pulse per second. All cameras choose the same pulses, so that a contact
+  /// sheet shows one instant.
   bool wants(int64_t pulse) const { return pulse >= 0 && pulse % every_ == 0; }
-  /// `mask`: of the raw picture, or null.
+  /// `raw`: the raw image. `mask`: its mask, or null. Does nothing for an image too large for a
+  /// preview message.
   void send(int64_t pulse, ImageView raw, const Mask* mask);
 
  private:
   Bus& bus_;
   const std::string camera_;
-  const int64_t every_;
+  const int64_t every_;  ///< pulses
   int64_t seq_ = 0;
 };
 

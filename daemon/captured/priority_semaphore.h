@@ -1,4 +1,4 @@
-// Priority semaphore: as many threads work at a time as there are cores, the oldest pulse first.
+// Counting semaphore whose waiting threads are served in order of pulse number, lowest first.
 #pragma once
 
 #include <condition_variable>
@@ -8,13 +8,14 @@
 
 namespace v3d {
 
-/// More workers at a time would only push each other out of the caches; and when all cameras have
-/// a frame of a pulse, the set is complete soonest if nobody begins the next pulse before.
+/// Limits segmentation to one thread per core; more would evict each other's data from the caches.
+/// Serving the lowest pulse first completes frame sets soonest: when all cameras have a frame of a
+/// pulse, none starts with the next pulse. Any thread. Acquire with SemaphoreSlot.
 class PrioritySemaphore {
  public:
-  explicit PrioritySemaphore(int places) : free_(places) {}
+  explicit PrioritySemaphore(int slots) : free_(slots) {}
 
-  /// Workers that wait for a place.
+  /// The number of waiting threads.
   size_t waiting() const {
     const std::lock_guard lock(mutex_);
     return waiting_.size();
@@ -23,7 +24,7 @@ class PrioritySemaphore {
  private:
   friend class SemaphoreSlot;
 
-  /// Waits for a place; the waiting thread with the lowest pulse gets the next one.
+  /// Waits for a free slot.
   void acquire(int64_t pulse) {
     std::unique_lock lock(mutex_);
     if (free_ > 0) {
@@ -32,7 +33,7 @@ class PrioritySemaphore {
     }
     Waiter self;
     waiting_.emplace(pulse, &self);
-    self.turn.wait(lock, [&] { return self.has_place; });
+    self.turn.wait(lock, [&] { return self.has_slot; });
   }
 
   void release() {
@@ -43,31 +44,29 @@ class PrioritySemaphore {
     }
     Waiter& next = *waiting_.begin()->second;
     waiting_.erase(waiting_.begin());
-    next.has_place = true;
-    next.turn.notify_one();  // under the lock: the waiter lives on its thread's stack
+    next.has_slot = true;
+    next.turn.notify_one();  // under the lock: the Waiter is on the other thread's stack
   }
 
   struct Waiter {
     std::condition_variable turn;
-    bool has_place = false;
+    bool has_slot = false;
   };
   mutable std::mutex mutex_;
   int free_;
-  std::multimap<int64_t, Waiter*> waiting_;
+  std::multimap<int64_t, Waiter*> waiting_;  ///< by pulse
 };
 
-/// A place, held from construction, which waits for it, to destruction.
+/// Acquires a slot in the constructor, which waits, and releases it in the destructor.
 class SemaphoreSlot {
  public:
-  SemaphoreSlot(PrioritySemaphore& places, int64_t pulse) : places_(places) {
-    places.acquire(pulse);
-  }
-  ~SemaphoreSlot() { places_.release(); }
+  SemaphoreSlot(PrioritySemaphore& slots, int64_t pulse) : slots_(slots) { slots.acquire(pulse); }
+  ~SemaphoreSlot() { slots_.release(); }
   SemaphoreSlot(const SemaphoreSlot&) = delete;
   SemaphoreSlot& operator=(const SemaphoreSlot&) = delete;
 
  private:
-  PrioritySemaphore& places_;
+  PrioritySemaphore& slots_;
 };
 
 }  // namespace v3d

@@ -7,7 +7,7 @@
 namespace v3d {
 namespace {
 
-constexpr Duration kLook = std::chrono::milliseconds(50);
+constexpr Duration kPollInterval = std::chrono::milliseconds(50);
 constexpr size_t kQueuePulses = 4096;
 /// A power cut loses at most the pulses of this time.
 constexpr Duration kSyncEvery = std::chrono::seconds(1);
@@ -29,8 +29,8 @@ void PulseLog::close() {
   stopping_ = true;
   thread_.join();
   const io::Status synced = log_.sync();
-  kept_ = synced.has_value();
-  if (!kept_) spdlog::error("{}", synced.error().message);
+  synced_ = synced.has_value();
+  if (!synced_) spdlog::error("{}", synced.error().message);
 }
 
 void PulseLog::write(const PulseMessage& pulse) { queue_.push(pulse); }
@@ -38,18 +38,19 @@ void PulseLog::write(const PulseMessage& pulse) { queue_.push(pulse); }
 void PulseLog::run() {
   MonotonicInstant next_sync = Monotonic::now() + kSyncEvery;
   for (;;) {
-    const bool last_look = stopping_;
-    const auto pulse = queue_.pop(last_look ? Monotonic::now() : Monotonic::now() + kLook);
+    const bool is_last_round = stopping_;
+    const auto pulse =
+        queue_.pop(is_last_round ? Monotonic::now() : Monotonic::now() + kPollInterval);
     if (pulse) {
       const io::Status written = log_.write(*pulse);
-      if (!written && ++refused_ == 1) spdlog::error("{}", written.error().message);
+      if (!written && ++failed_ == 1) spdlog::error("{}", written.error().message);
     }
     if (pulse && Monotonic::now() >= next_sync) {
-      // A failure shows at the next write, which then fails, too.
+      // An error is reported by the next write, which then fails, too.
       static_cast<void>(log_.sync());
       next_sync = Monotonic::now() + kSyncEvery;
     }
-    if (!pulse && last_look) return;
+    if (!pulse && is_last_round) return;
   }
 }
 

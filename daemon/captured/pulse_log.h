@@ -1,4 +1,5 @@
-// pulses.lcmlog, written by a thread of its own: who waits for pulses must not wait for the disk.
+// Asynchronous writer of pulses.lcmlog, so that the thread that receives pulses never waits for the
+// disk.
 #pragma once
 
 #include <atomic>
@@ -10,33 +11,36 @@
 
 namespace v3d {
 
+/// Writes in a thread of its own and flushes to disk once a second, so that a power cut loses at
+/// most 1 s of pulses.
 class PulseLog {
  public:
-  /// The name of the log survives a power cut from then on. Throws InputError when the log cannot
-  /// be made.
+  /// Creates or continues the log. Its name survives a power cut from then on. Throws InputError
+  /// when the log cannot be opened.
   PulseLog(const std::filesystem::path& path, LogOpening opening);
-  /// As close().
+  /// Calls close().
   ~PulseLog();
   PulseLog(const PulseLog&) = delete;
   PulseLog& operator=(const PulseLog&) = delete;
 
-  /// Returns at once; of a disk that is minutes behind, the oldest pulses are lost, and counted.
+  /// Queues the pulse and returns at once. When 4,096 pulses are queued, the oldest is dropped and
+  /// counted as lost.
   void write(const PulseMessage& pulse);
-  /// Writes what waits, and waits until the disk has it. lost() is final then.
+  /// Writes the queued pulses, flushes to disk and stops the thread. Idempotent.
   void close();
-  /// Pulses that could not be written, or for which the disk was too slow. The first error is in
-  /// the daemon's log, too.
-  int64_t lost() const { return refused_ + queue_.dropped(); }
-  /// After close(): the disk has kept what it took.
-  bool is_kept() const { return kept_; }
+  /// Pulses that could not be written, or were dropped from the queue. Final after close(). The
+  /// first error is also written to the daemon's log.
+  int64_t lost() const { return failed_ + queue_.dropped(); }
+  /// After close(): false when flushing to disk failed.
+  bool is_synced() const { return synced_; }
 
  private:
   void run();
 
   EventLogWriter log_;
   BoundedQueue<PulseMessage> queue_;
-  std::atomic<int64_t> refused_ = 0;
-  bool kept_ = true;
+  std::atomic<int64_t> failed_ = 0;
+  bool synced_ = true;
   std::atomic<bool> stopping_ = false;
   std::thread thread_;
 };

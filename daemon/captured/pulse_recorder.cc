@@ -6,20 +6,22 @@
 namespace v3d {
 namespace {
 
-constexpr Duration kLook = std::chrono::milliseconds(50);
+constexpr Duration kPollInterval = std::chrono::milliseconds(50);
 constexpr size_t kPulseQueue = 256;
-/// A pulse that another host says is older, or still to come, was timed by a clock that is not
-/// ours; then it was when it was heard of.
-constexpr Duration kLongestOnTheWay = std::chrono::milliseconds(200);
+/// A pulse that is older than this, or in the future, was timed by a clock that differs from this
+/// host's. The time of arrival is used instead.
+constexpr Duration kMaxNetworkDelay = std::chrono::milliseconds(200);
 
-/// The loss of a pulse is noticed by the next one, but of the last there is none: it is said again.
-constexpr int kSaidAgain = 3;
+/// A lost message is noticed when the next one arrives. The last pulse has no next one, so its
+/// message is sent again.
+constexpr int kResends = 3;
 
-/// The same instant on the wall clock. The clocks are read together: their difference holds now.
+/// The same instant by the realtime clock, from the current difference of the clocks.
 RealtimeInstant to_realtime(MonotonicInstant t) { return Realtime::now() - (Monotonic::now() - t); }
 
-KnownPulses known_pulses(const std::string& take, const std::optional<PulseRecorder::Past>& past) {
-  return past ? KnownPulses(take, past->sensed, past->commanded) : KnownPulses(take);
+KnownPulses known_pulses(const std::string& take,
+                         const std::optional<PulseRecorder::Resume>& resume) {
+  return resume ? KnownPulses(take, resume->sensed, resume->commanded) : KnownPulses(take);
 }
 
 }  // namespace
@@ -30,14 +32,14 @@ PulseRecorder::PulseRecorder(PulseSensor* sensor, Bus& bus, Setup setup)
       take_(std::move(setup.take)),
       on_edge_(std::move(setup.on_edge)),
       numbers_(setup.train),
-      known_(known_pulses(take_, setup.past)) {
+      known_(known_pulses(take_, setup.resume)) {
   if (!setup.log.empty()) {
-    log_.emplace(setup.log, setup.past ? LogOpening::kGoOn : LogOpening::kNew);
+    log_.emplace(setup.log, setup.resume ? LogOpening::kGoOn : LogOpening::kNew);
   }
   if (sensor_ != nullptr) {
     sensor_->reset();
   } else {
-    heard_ = std::make_unique<Subscription<PulseMessage>>(bus_, kPulseChannel, kPulseQueue);
+    subscription_ = std::make_unique<Subscription<PulseMessage>>(bus_, kPulseChannel, kPulseQueue);
   }
   thread_ = std::thread([this] { run(); });
 }
@@ -55,27 +57,27 @@ void PulseRecorder::run() {
     heartbeat_.beat();
     const auto pulse = next();
     if (!pulse) {
-      say_again();
+      resend_last();
       continue;
     }
     on_edge_(edge_of(*pulse));
     record(*pulse);
   }
-  while (to_say_again_ > 0) say_again();
+  while (resends_left_ > 0) resend_last();
 }
 
-void PulseRecorder::say_again() {
-  if (to_say_again_ == 0) return;
-  --to_say_again_;
-  bus_.publish_sealed(kPulseChannel, last_said_);
+void PulseRecorder::resend_last() {
+  if (resends_left_ == 0) return;
+  --resends_left_;
+  bus_.publish_sealed(kPulseChannel, last_message_);
 }
 
 void PulseRecorder::record(const PulseMessage& pulse) {
   if (log_) log_->write(pulse);
   if (sensor_ != nullptr) {
-    last_said_ = encode(pulse);
-    bus_.publish_sealed(kPulseChannel, last_said_);
-    to_say_again_ = kSaidAgain;
+    last_message_ = encode(pulse);
+    bus_.publish_sealed(kPulseChannel, last_message_);
+    resends_left_ = kResends;
   }
   const std::lock_guard lock(mutex_);
   known_.add(pulse.pulse);
@@ -84,7 +86,7 @@ void PulseRecorder::record(const PulseMessage& pulse) {
 PulseEdge PulseRecorder::edge_of(const PulseMessage& pulse) const {
   if (sensor_ != nullptr) return {.pulse = pulse.pulse, .at = pulse.edge_monotonic};
   const Duration ago = Realtime::now() - pulse.edge;
-  const bool plausible = ago >= Duration::zero() && ago <= kLongestOnTheWay;
+  const bool plausible = ago >= Duration::zero() && ago <= kMaxNetworkDelay;
   return {.pulse = pulse.pulse,
           .at = Monotonic::now() - (plausible ? ago : Duration::zero()),
           .is_timed = plausible};
@@ -100,27 +102,29 @@ int64_t PulseRecorder::seen() const {
   return known_.seen();
 }
 
-void PulseRecorder::put_into(Ledger& ledger, int64_t commanded) const {
+void PulseRecorder::fill_ledger(Ledger& ledger, int64_t commanded) const {
   const std::lock_guard lock(mutex_);
-  known_.put_into(ledger, commanded);
+  known_.fill_ledger(ledger, commanded);
   ledger.extra = numbers_.extra();
   ledger.runt = numbers_.runts();
 }
 
-std::string PulseRecorder::trouble() const {
+std::string PulseRecorder::warning() const {
   const std::lock_guard lock(mutex_);
   const auto runts = static_cast<int64_t>(numbers_.runts().size());
   std::string text;
-  if (numbers_.extra() > 0)
-    text = format_count(numbers_.extra()) + " pulses more than the train has";
-  if (runts > 0) text += (text.empty() ? "" : ", ") + format_count(runts) + " pulses too short";
+  if (numbers_.extra() > 0) text = format_count(numbers_.extra()) + " extra pulses";
+  if (runts > 0)
+    text += (text.empty() ? "" : ", ") + format_count(runts) + " runt pulses (too short)";
   return text;
 }
 
-std::optional<PulseMessage> PulseRecorder::next() { return sensor_ != nullptr ? sense() : hear(); }
+std::optional<PulseMessage> PulseRecorder::next() {
+  return sensor_ != nullptr ? sense() : receive();
+}
 
 std::optional<PulseMessage> PulseRecorder::sense() {
-  const auto edge = sensor_->wait(Monotonic::now() + kLook);
+  const auto edge = sensor_->wait(Monotonic::now() + kPollInterval);
   if (!edge) return std::nullopt;
   const std::unique_lock lock(mutex_);
   const auto number = numbers_.number(*edge);
@@ -133,8 +137,8 @@ std::optional<PulseMessage> PulseRecorder::sense() {
                       .edge_monotonic = edge->at};
 }
 
-std::optional<PulseMessage> PulseRecorder::hear() {
-  auto pulse = heard_->wait(Monotonic::now() + kLook);
+std::optional<PulseMessage> PulseRecorder::receive() {
+  auto pulse = subscription_->wait(Monotonic::now() + kPollInterval);
   const std::lock_guard lock(mutex_);
   return pulse && known_.accepts(*pulse) ? std::move(pulse) : std::nullopt;
 }

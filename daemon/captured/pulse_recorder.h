@@ -1,4 +1,4 @@
-// Every pulse of a take, as the sense line saw it: numbered, published, written, counted.
+// Numbers, logs, counts and publishes the pulses of a take.
 #pragma once
 
 #include <atomic>
@@ -22,68 +22,69 @@
 
 namespace v3d {
 
-/// On the node of the trigger: reads the sense line and tells the studio. Elsewhere: listens to
-/// what that node tells. Has a thread of its own; lives from arming to the end of the take.
+/// On the trigger's node: reads the sense line and publishes each pulse. On other nodes: receives
+/// these pulse messages. Lives from arming to the end of the take, with a thread of its own.
 class PulseRecorder {
  public:
-  /// Of a take that goes on, which this node was in before it was started anew.
-  struct Past {
+  /// State of a take that is resumed after a restart.
+  struct Resume {
     PulseSet sensed;        ///< pulses in the log
-    int64_t commanded = 0;  ///< pulses of the train until now, or a little fewer
+    int64_t commanded = 0;  ///< pulses of the train until now, or up to two fewer
   };
   struct Setup {
     std::string take;
-    PulseTrain train;                               ///< what was commanded
-    std::filesystem::path log{};                    ///< not written where empty
+    PulseTrain train;                               ///< as commanded
+    std::filesystem::path log{};                    ///< empty: no log is written
     std::function<void(const PulseEdge&)> on_edge;  ///< called by the thread for every pulse
-    std::optional<Past> past{};                     ///< the log goes on
+    std::optional<Resume> resume{};                 ///< set: the log is continued
   };
-  /// `sensor` (may be null: listen on the bus) is reset here and read until destruction; it and
-  /// `bus` outlive the recorder. Throws InputError when the line cannot be reached or the log
-  /// cannot be made.
+  /// Starts the thread. `sensor` is null on nodes that receive the pulses from the bus; otherwise
+  /// it is reset here and read until destruction. `sensor` and `bus` outlive the recorder. Throws
+  /// InputError when the sense line or the log cannot be opened.
   PulseRecorder(PulseSensor* sensor, Bus& bus, Setup setup);
   ~PulseRecorder();
   PulseRecorder(const PulseRecorder&) = delete;
   PulseRecorder& operator=(const PulseRecorder&) = delete;
 
+  /// The number of pulses sensed or received.
   int64_t sensed() const;
-  /// What the ledger has of it. `commanded`: pulses until now.
-  void put_into(Ledger& ledger, int64_t commanded) const;
-  /// "2 extra pulses, 1 runt pulse", or nothing.
-  std::string trouble() const;
-  /// The highest pulse number seen, plus one.
+  /// Sets the sensed, unsensed, extra and runt pulses. `commanded`: pulses until now.
+  void fill_ledger(Ledger& ledger, int64_t commanded) const;
+  /// Extra and runt pulses on one line; empty without any.
+  std::string warning() const;
+  /// The highest pulse number plus one.
   int64_t seen() const;
-  /// Ends the recording.
+  /// Stops the thread and closes the log.
   void close();
-  /// After close(): PulseLog::lost() and PulseLog::is_kept(); 0 and true without a log.
+  /// After close(): PulseLog::lost() and PulseLog::is_synced(); 0 and true without a log.
   int64_t lost_in_log() const { return log_ ? log_->lost() : 0; }
-  bool is_kept() const { return !log_ || log_->is_kept(); }
-  /// Messages of the trigger's node that did not arrive here; 0 on that node.
-  int64_t lost() const { return heard_ ? heard_->counts().lost : 0; }
-  bool progressed_since(MonotonicInstant since) const { return heartbeat_.since(since); }
+  bool is_synced() const { return !log_ || log_->is_synced(); }
+  /// Pulse messages that did not arrive; 0 on the trigger's node.
+  int64_t lost_messages() const { return subscription_ ? subscription_->counts().lost : 0; }
+  bool progressed_since(MonotonicInstant since) const { return heartbeat_.beat_since(since); }
 
  private:
   void run();
   std::optional<PulseMessage> next();
-  /// By this host's clock.
+  /// The pulse with its time on this host's clock.
   PulseEdge edge_of(const PulseMessage& pulse) const;
   std::optional<PulseMessage> sense();
-  std::optional<PulseMessage> hear();
+  std::optional<PulseMessage> receive();
   void record(const PulseMessage& pulse);
-  void say_again();
+  void resend_last();
 
   PulseSensor* const sensor_;
   Bus& bus_;
   const std::string take_;
   const std::function<void(const PulseEdge&)> on_edge_;
-  std::unique_ptr<Subscription<PulseMessage>> heard_;
+  std::unique_ptr<Subscription<PulseMessage>> subscription_;
   std::optional<PulseLog> log_;
   int64_t seq_ = 0;
-  std::vector<uint8_t> last_said_;  ///< the recorder's thread only, as is the next
-  int to_say_again_ = 0;
+  std::vector<uint8_t> last_message_;  ///< this and the next: the recorder's thread only
+  int resends_left_ = 0;
   Heartbeat heartbeat_;
   std::atomic<bool> stopping_ = false;
-  mutable std::mutex mutex_;  ///< what was sensed
+  mutable std::mutex mutex_;  ///< guards numbers_ and known_
   SensedTrain numbers_;
   KnownPulses known_;
   std::thread thread_;

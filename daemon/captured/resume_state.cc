@@ -12,12 +12,12 @@
 namespace v3d {
 namespace {
 
-/// So many of the last frames tell the camera's clock and latency as well as all.
-constexpr size_t kTold = 256;
-/// No camera takes so long; the clocks of this host and the trigger's are apart.
-constexpr Duration kLongestLatency = std::chrono::seconds(1);
+/// Frames from which clock and latency of the camera are estimated; more would not improve them.
+constexpr size_t kLastFrames = 256;
+/// A larger latency means that the clocks of this host and the trigger's host differ.
+constexpr Duration kMaxLatency = std::chrono::seconds(1);
 
-/// A log that cannot be read has none, and the daemon's log says why.
+/// Empty, with an error in the daemon's log, when the log cannot be read.
 std::vector<FrameLabel> labels_of(const std::filesystem::path& log) {
   if (is_absent_log(log)) return {};
   try {
@@ -30,10 +30,10 @@ std::vector<FrameLabel> labels_of(const std::filesystem::path& log) {
   }
 }
 
-/// The last frames without doubt, in rising order, the oldest first.
+/// The last frames that are not suspect, with ascending pulse numbers.
 std::vector<FrameLabel> last_certain(const std::vector<FrameLabel>& labels) {
   std::vector<FrameLabel> last;
-  for (auto label = labels.rbegin(); label != labels.rend() && last.size() < kTold; ++label) {
+  for (auto label = labels.rbegin(); label != labels.rend() && last.size() < kLastFrames; ++label) {
     const bool falls = last.empty() || label->pulse < last.back().pulse;
     if (!label->suspect && falls) last.push_back(*label);
   }
@@ -61,14 +61,14 @@ std::optional<Duration> latency_of(const std::vector<FrameLabel>& labels, const 
     if (edge != edges.end()) latencies.push_back(label.received - edge->second);
   }
   if (latencies.size() < kStartFrames) return std::nullopt;
-  const Duration least = *std::min_element(latencies.begin(), latencies.end());
-  if (least < Duration::zero() || least > kLongestLatency) return std::nullopt;
-  return least;
+  const Duration shortest = *std::min_element(latencies.begin(), latencies.end());
+  if (shortest < Duration::zero() || shortest > kMaxLatency) return std::nullopt;
+  return shortest;
 }
 
 }  // namespace
 
-EdgeTimes edge_times(const TakePaths& take) {
+EdgeTimes read_edge_times(const TakePaths& take) {
   EdgeTimes edges;
   if (is_absent_log(take.pulses())) return edges;
   try {
@@ -82,17 +82,17 @@ EdgeTimes edge_times(const TakePaths& take) {
 ResumeState read_resume_state(const TakePaths& take, const std::string& camera,
                               const EdgeTimes& edges) {
   const std::vector<FrameLabel> labels = labels_of(take.frames(camera));
-  ResumeState past;
+  ResumeState state;
   for (const FrameLabel& label : labels) {
-    past.account.add(label.pulse, label.suspect);
-    past.exposures.add(label.camera_counter);
+    state.account.add(label.pulse, label.suspect);
+    state.exposures.add(label.camera_counter);
   }
   const std::vector<FrameLabel> last = last_certain(labels);
-  past.camera = {.frames = known_frames(last),
-                 .latency = latency_of(last, edges),
-                 .delivered = std::ssize(labels),
-                 .suspect = std::ranges::count_if(labels, &FrameLabel::suspect)};
-  return past;
+  state.camera = {.frames = known_frames(last),
+                  .latency = latency_of(last, edges),
+                  .delivered = std::ssize(labels),
+                  .suspect = std::ranges::count_if(labels, &FrameLabel::suspect)};
+  return state;
 }
 
 }  // namespace v3d

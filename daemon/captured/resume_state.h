@@ -1,4 +1,4 @@
-// What a node had recorded of one camera in a take, before it was started anew in it.
+// Resume state of a take: what this node recorded of each camera before its daemon restarted.
 #pragma once
 
 #include <cstdint>
@@ -13,11 +13,12 @@
 
 namespace v3d {
 
-/// When pulses were, by the clock of the trigger's node.
+/// Times of pulses by pulse number, by the realtime clock of the trigger's node.
 using EdgeTimes = std::map<int64_t, RealtimeInstant>;
 
-/// Those of the take's pulses that this node heard of.
-EdgeTimes edge_times(const TakePaths& take);
+/// The pulses in the take's pulse log. Empty, with an error in the daemon's log, when the log
+/// cannot be read.
+EdgeTimes read_edge_times(const TakePaths& take);
 
 struct ResumeState {
   CameraResumeState camera;
@@ -25,7 +26,8 @@ struct ResumeState {
   ExposureCount exposures;
 };
 
-/// A log that is not there is one without frames. Requires: recover_take() has been there.
+/// Reads the log of one camera. A log that does not exist or cannot be read gives a state without
+/// frames. Requires: recover_take() has completed.
 ResumeState read_resume_state(const TakePaths& take, const std::string& camera,
                               const EdgeTimes& edges);
 

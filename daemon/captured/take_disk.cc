@@ -19,9 +19,9 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr double kFiveMinutes = 300;
-/// Less room than this is told while a take is recorded.
+/// Warn while a take is recorded and the disk has space for less than this.
 constexpr double kEnoughSeconds = 60;
-/// A ledger that names every pulse of 15 cameras for 20 minutes, and take.toml.
+/// Space for take.toml and a ledger that lists every pulse of 15 cameras for 20 minutes.
 constexpr int64_t kLedgerBytes = 4 << 20;
 
 std::string format_duration(double seconds) {
@@ -33,7 +33,7 @@ double bytes_besides_frames(const DiskDemand& demand) {
   return demand.bytes_in_flight() + static_cast<double>(kLedgerBytes);
 }
 
-/// What can be done with less room than is asked for.
+/// Advice when the disk has less space than needed.
 std::string what_fits(const DiskDemand& demand, double free_bytes) {
   if (demand.bytes_per_pulse <= 0) return "make room: v3dctl takes";
   const double room = free_bytes - bytes_besides_frames(demand);
@@ -49,7 +49,7 @@ double space_of(const fs::path& folder) {
   return error ? 0 : static_cast<double>(space.available);
 }
 
-/// Makes the file that keeps room for the ledger. Returns 0 or an errno.
+/// Creates the file that reserves space for the ledger. Returns 0 or an errno.
 int reserve_room(const fs::path& path) {
   // O_NONBLOCK: a FIFO of that name fails and does not block.
   constexpr int kFlags = O_WRONLY | O_CREAT | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK;
@@ -62,7 +62,7 @@ int reserve_room(const fs::path& path) {
 
 }  // namespace
 
-std::string lack_of_room(const DiskDemand& demand, double free_bytes) {
+std::string space_shortage(const DiskDemand& demand, double free_bytes) {
   const double seconds =
       demand.pulses ? static_cast<double>(*demand.pulses) / demand.rate_hz : kFiveMinutes;
   const double frames = demand.bytes_per_pulse * seconds * demand.rate_hz;
@@ -73,7 +73,7 @@ std::string lack_of_room(const DiskDemand& demand, double free_bytes) {
          " free (" + what_fits(demand, free_bytes) + ")";
 }
 
-void refuse_unfit_disk(const fs::path& takes, const DiskDemand& demand) {
+void check_disk(const fs::path& takes, const DiskDemand& demand) {
   if (!fs::is_directory(takes)) {
     throw InputError(takes.string() + ": no such folder; is its disk mounted?");
   }
@@ -82,8 +82,9 @@ void refuse_unfit_disk(const fs::path& takes, const DiskDemand& demand) {
   }
   std::error_code error;
   const fs::space_info space = fs::space(takes, error);
-  if (error) throw InputError("cannot tell the room in " + takes.string() + ": " + error.message());
-  const std::string lack = lack_of_room(demand, static_cast<double>(space.available));
+  if (error)
+    throw InputError("cannot read the free space of " + takes.string() + ": " + error.message());
+  const std::string lack = space_shortage(demand, static_cast<double>(space.available));
   if (!lack.empty()) throw InputError(takes.string() + ": " + lack);
 }
 
@@ -93,46 +94,47 @@ TakeDisk::TakeDisk(TakePaths take, const DiskDemand& demand)
   if (error == 0) return;
   remove_working_file(take_.reserve());
   errno = error;
-  throw InputError(errno_message("cannot set room for the ledger aside in " + takes()));
+  throw InputError(errno_message("cannot reserve space for the ledger in " + takes()));
 }
 
 TakeDisk::~TakeDisk() { remove_working_file(take_.reserve()); }
 
 double TakeDisk::free_bytes() const { return space_of(take_.folder); }
 
-std::string TakeDisk::must_end(const DiskProgress& progress) const {
-  if (progress.refused > 0) return takes() + " refuses frames: it is full or broken";
+std::string TakeDisk::stop_reason(const DiskErrors& errors) const {
+  if (errors.failed > 0) return "cannot write frames to " + takes() + ": it is full or broken";
   std::error_code error;
-  if (!fs::exists(take_.info(), error))
-    return "";  // nothing to be measured any more: see trouble()
+  // Without the folder, the free space would be that of another disk; warning() reports it.
+  if (!fs::exists(take_.info(), error)) return "";
   const double free = free_bytes();
   if (free >= demand_.bytes_in_flight()) return "";
   return takes() + " is nearly full: " + format_bytes(free) + " free";
 }
 
-std::string TakeDisk::queue_trouble(int64_t waiting) {
-  behind_ = waiting >= (behind_ ? demand_.queue_frames / 8 : demand_.queue_frames / 2);
-  if (!behind_) return "";
+std::string TakeDisk::queue_warning(int64_t waiting) {
+  queue_is_full_ =
+      waiting >= (queue_is_full_ ? demand_.queue_frames / 8 : demand_.queue_frames / 2);
+  if (!queue_is_full_) return "";
   return "frames wait to be written: " + takes() +
          " is too slow, or this machine too busy; when more than " +
          std::to_string(demand_.queue_frames) + " of a camera wait, the oldest are lost";
 }
 
-std::string TakeDisk::trouble(const DiskProgress& progress) const {
+std::string TakeDisk::warning(const DiskErrors& errors) const {
   std::error_code error;
   if (!fs::exists(take_.info(), error)) {
     return "the folder of the take is gone: is the disk of " + takes() + " still mounted?";
   }
-  if (progress.refused > 0) {
-    return format_count(progress.refused) + " frames refused: " + takes() + " is full or broken";
+  if (errors.failed > 0) {
+    return format_count(errors.failed) + " frames not written: " + takes() + " is full or broken";
   }
-  if (progress.dropped > 0) {
-    return format_count(progress.dropped) + " frames lost: " + takes() +
+  if (errors.dropped > 0) {
+    return format_count(errors.dropped) + " frames lost: " + takes() +
            " is too slow, or this machine too busy";
   }
   const double seconds = free_bytes() / std::max(1.0, demand_.bytes_per_pulse * demand_.rate_hz);
   if (seconds > kEnoughSeconds) return "";
-  // To the ten seconds, or there would be news every second.
+  // In steps of 10 s; otherwise the text would change every second.
   return "full in less than " + format_count(10 * (1 + static_cast<int64_t>(seconds) / 10)) +
          " s of recording";
 }

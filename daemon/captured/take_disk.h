@@ -1,5 +1,4 @@
-// The disk that a take is written to: whether it has room, and how it goes while the take is
-// recorded.
+// Disk space and disk speed of a take: checked before recording, monitored while it runs.
 #pragma once
 
 #include <cstdint>
@@ -11,50 +10,50 @@
 
 namespace v3d {
 
-/// What a take asks of the disk.
+/// What a take needs from the disk.
 struct DiskDemand {
-  double rate_hz = 0;             ///< pulses
-  double bytes_per_pulse = 0;     ///< of all cameras of the node
-  std::optional<int64_t> pulses;  ///< empty: until somebody stops it
-  int64_t queue_frames = 0;  ///< of one camera, that wait for the disk before frames are dropped
+  double rate_hz = 0;             ///< of the pulses
+  double bytes_per_pulse = 0;     ///< over all cameras of the node
+  std::optional<int64_t> pulses;  ///< empty: recorded until an operator stops it
+  int64_t queue_frames = 0;       ///< queue length of a camera; more frames are dropped
 
-  /// Frames that may still be on their way when the pulses are stopped.
+  /// Bytes of the frames that may still arrive after the pulses have stopped.
   double bytes_in_flight() const { return bytes_per_pulse * static_cast<double>(queue_frames); }
 };
 
-/// How a take's recording goes.
-struct DiskProgress {
-  int64_t dropped = 0;  ///< frames for which the queue was full
-  int64_t refused = 0;  ///< frames that the disk did not take
+/// Frames that did not reach the disk so far.
+struct DiskErrors {
+  int64_t dropped = 0;  ///< because a queue was full
+  int64_t failed = 0;   ///< because of a write error
 };
 
-/// "needs 29.5 GB for 5 min, 12.1 GB free ...", with what would fit; empty when `free_bytes` are
-/// enough. A take of no given length needs room for five minutes.
-std::string lack_of_room(const DiskDemand& demand, double free_bytes);
+/// Empty when `free_bytes` are enough, else for example "needs 29.5 GB for 5 min, 12.1 GB free
+/// ...", with the number of pulses that fit. A take without a length needs space for 5 min.
+std::string space_shortage(const DiskDemand& demand, double free_bytes);
 
-/// Throws InputError, naming the folder, when the takes' folder is not there (its disk is not
-/// mounted), cannot be written to or lacks room.
-void refuse_unfit_disk(const std::filesystem::path& takes, const DiskDemand& demand);
+/// Throws InputError, naming the folder, when the takes' folder does not exist (its disk is not
+/// mounted), is not writable or has too little space.
+void check_disk(const std::filesystem::path& takes, const DiskDemand& demand);
 
-/// From the beginning of a take until its ledger is written. One thread.
+/// Monitors the disk from the beginning of a take until its ledger is written. One thread.
 class TakeDisk {
  public:
-  /// Sets room for the ledger aside in the folder of the take, which exists. Throws InputError when
-  /// there is none.
+  /// Reserves 4 MiB for the ledger in the folder of the take, which exists. Throws InputError when
+  /// the disk has no space for it.
   TakeDisk(TakePaths take, const DiskDemand& demand);
-  /// Gives it back.
+  /// Frees the reserved space.
   ~TakeDisk();
   TakeDisk(const TakeDisk&) = delete;
   TakeDisk& operator=(const TakeDisk&) = delete;
 
-  /// Why the pulses must end now: the disk refused a frame, or there is just room for the frames on
-  /// their way. Empty: go on.
-  std::string must_end(const DiskProgress& progress) const;
-  /// Told before the first frame is dropped: half the queue is full. The same text until it is
-  /// nearly empty again.
-  std::string queue_trouble(int64_t waiting);
-  /// What is wrong with the disk, one line; empty when nothing is.
-  std::string trouble(const DiskProgress& progress) const;
+  /// Why the pulses must stop now: a frame could not be written, or the free space is only enough
+  /// for frames in flight. Empty: continue.
+  std::string stop_reason(const DiskErrors& errors) const;
+  /// Warns before frames are dropped: from the time half the queue is full until it is nearly
+  /// empty (an eighth), with a constant text. `waiting`: length of the longest queue.
+  std::string queue_warning(int64_t waiting);
+  /// What is wrong with the disk, on one line; empty if nothing is.
+  std::string warning(const DiskErrors& errors) const;
 
  private:
   double free_bytes() const;
@@ -62,7 +61,7 @@ class TakeDisk {
 
   const TakePaths take_;
   const DiskDemand demand_;
-  bool behind_ = false;
+  bool queue_is_full_ = false;
 };
 
 }  // namespace v3d

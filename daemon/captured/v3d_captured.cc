@@ -1,4 +1,4 @@
-// v3d-captured: the cameras and the trigger of one node.
+// v3d-captured: daemon of a capture node, which runs its cameras and its trigger.
 #include <spdlog/spdlog.h>
 
 #include "base/error.h"
@@ -13,8 +13,8 @@
 
 namespace {
 
-/// What this node has of takes that it was at when it ended: recovered just now, or closed in order
-/// while pulses still ran.
+/// Ledgers of the takes that this node recorded before the restart: those recovered just now, and
+/// those that the daemon closed in order when it ended, even while pulses still ran.
 std::vector<v3d::Ledger> accounts(const v3d::Studio& studio, const std::string& node,
                                   const std::vector<v3d::RecoveredTake>& recovered) {
   std::vector<v3d::Ledger> ledgers;
@@ -24,7 +24,7 @@ std::vector<v3d::Ledger> accounts(const v3d::Studio& studio, const std::string& 
   for (const auto& [take, order] : v3d::persisted_commands(studio, node)) {
     try {
       ledgers.push_back(v3d::load_ledger(v3d::take_paths(studio, take).ledger()));
-    } catch (const v3d::InputError&) {  // a take that was armed, and never closed
+    } catch (const v3d::InputError&) {  // armed, but never closed
     }
   }
   return ledgers;
@@ -33,24 +33,25 @@ std::vector<v3d::Ledger> accounts(const v3d::Studio& studio, const std::string& 
 void run(const v3d::Studio& studio, const std::string& node) {
   std::vector<std::string> cameras;
   for (const v3d::StudioCamera& camera : studio.cameras_of(node)) cameras.push_back(camera.name);
-  v3d::service::status("looking for takes that were left open");
+  v3d::service::status("recovering open takes");
   const std::vector<v3d::RecoveredTake> recovered = v3d::recover_open_takes(studio, node, cameras);
   for (const v3d::RecoveredTake& take : recovered) spdlog::warn("{}", take.line);
   const std::string problem = v3d::receive_buffer_problem(studio.network.lcm_url);
   if (!problem.empty()) spdlog::warn("{}", problem);
   v3d::Bus bus(studio.network.lcm_url, studio.network.frame_groups, v3d::ChannelList(studio));
   bus.seal().insist();
-  v3d::CaptureNode work(studio, node, bus);
+  v3d::CaptureNode capture(studio, node, bus);
   v3d::NodeLoop loop(
       {node, "v3d-captured", v3d::credentials_of_node(studio, node), studio.network.metrics}, bus,
-      work);
+      capture);
   for (const v3d::Ledger& ledger : accounts(studio, node, recovered)) {
     loop.remember(ledger.take, "recovered " + ledger.verdict(), v3d::ledger_json(ledger));
   }
   loop.run();
 }
 
-/// Whatever ended the daemon, no pulse goes on.
+/// Turns the trigger output off (--trigger-off): run by systemd however the daemon ended, so that
+/// no pulses continue.
 void trigger_off(const v3d::Studio& studio, const std::string& node) {
   if (studio.trigger.node != node) return;
   v3d::make_generator(studio.trigger)->silence();
@@ -64,8 +65,8 @@ int main(int argc, char** argv) {
       argc, argv,
       {.name = "v3d-captured",
        .purpose = "Runs the cameras and the trigger of one node of a studio.",
-       .errand = v3d::DaemonErrand{.flag = "--trigger-off",
-                                   .purpose = "only turns the trigger's output off",
-                                   .run = trigger_off}},
+       .one_shot = v3d::DaemonOneShot{.flag = "--trigger-off",
+                                      .purpose = "only turns the trigger's output off",
+                                      .run = trigger_off}},
       run);
 }

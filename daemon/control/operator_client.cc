@@ -58,7 +58,7 @@ class HealthReader {
         .version = health->version,
         .state = NodeState::kFault,
         .take = {},
-        .text = kUnverifiedPrefix + (health->text.empty() ? "not authenticated" : health->text),
+        .text = kUnverifiedPrefix + (health->text.empty() ? "not verified" : health->text),
         .values = {}};
   }
 

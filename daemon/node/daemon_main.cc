@@ -12,8 +12,8 @@ namespace v3d {
 
 namespace {
 
-/// Images come and go hundreds of times a second. The C library would give each back to the kernel
-/// and get it again, page by page; it is told to keep some.
+/// Images are allocated and freed hundreds of times per second. By default malloc would return the
+/// memory of each to the kernel and fault it in again, page by page. Keep up to 256 MiB instead.
 void keep_freed_memory() {
   constexpr int kLargestKept = 32 << 20;
   constexpr int kKept = 256 << 20;
@@ -23,7 +23,7 @@ void keep_freed_memory() {
 
 }  // namespace
 
-int daemon_main(int argc, char** argv, const DaemonProgram& program, const DaemonWork& run) {
+int daemon_main(int argc, char** argv, const DaemonProgram& program, const DaemonFunction& run) {
   CLI::App app{program.purpose, program.name};
   std::filesystem::path studio;
   std::string node;
@@ -37,8 +37,8 @@ int daemon_main(int argc, char** argv, const DaemonProgram& program, const Daemo
   }
   app.add_option("--log-level", log_level, "trace, debug, info, warning, error or off")
       ->capture_default_str();
-  bool errand = false;
-  if (program.errand) app.add_flag(program.errand->flag, errand, program.errand->purpose);
+  bool one_shot = false;
+  if (program.one_shot) app.add_flag(program.one_shot->flag, one_shot, program.one_shot->purpose);
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
@@ -46,9 +46,9 @@ int daemon_main(int argc, char** argv, const DaemonProgram& program, const Daemo
   }
   keep_freed_memory();
   try {
-    begin_logging(program.name, log_level);
-    if (errand) {
-      program.errand->run(load_studio(studio), node);
+    start_logging(program.name, log_level);
+    if (one_shot) {
+      program.one_shot->run(load_studio(studio), node);
       return kExitDone;
     }
     catch_stop_signals();

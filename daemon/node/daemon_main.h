@@ -1,4 +1,4 @@
-// What the main() of every daemon does: options, log, signals, errors to exit statuses.
+// Common main() of the daemons: options, log, signals, and exit statuses for errors.
 #pragma once
 
 #include <functional>
@@ -9,26 +9,26 @@
 
 namespace v3d {
 
-/// A daemon works until it is asked to stop; an errand is done at once. `node` is empty where it
-/// may be and was left out.
-using DaemonWork = std::function<void(const Studio& studio, const std::string& node)>;
+/// `node` is empty where the option is optional and was omitted.
+using DaemonFunction = std::function<void(const Studio& studio, const std::string& node)>;
 
-/// Another thing that the program does when it is called with the flag.
-struct DaemonErrand {
+/// A flag that makes the program perform one action and exit, instead of running as a daemon.
+struct DaemonOneShot {
   std::string flag;     ///< "--trigger-off"
   std::string purpose;  ///< one line for --help
-  DaemonWork run;
+  DaemonFunction run;
 };
 
 struct DaemonProgram {
   std::string name;     ///< "v3d-captured"
   std::string purpose;  ///< one line for --help
   bool node_is_required = true;
-  bool is_a_node = true;  ///< otherwise it knows no --node
-  std::optional<DaemonErrand> errand = {};
+  bool is_a_node = true;  ///< false: the program has no option --node
+  std::optional<DaemonOneShot> one_shot = {};
 };
 
-/// Returns an ExitStatus; errors are one line on the log.
-int daemon_main(int argc, char** argv, const DaemonProgram& program, const DaemonWork& run);
+/// Parses the options and calls `run`, which returns when stop_requested(). Returns an ExitStatus;
+/// exceptions become one line in the log.
+int daemon_main(int argc, char** argv, const DaemonProgram& program, const DaemonFunction& run);
 
 }  // namespace v3d

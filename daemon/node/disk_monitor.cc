@@ -21,7 +21,7 @@ DiskMonitor::DiskMonitor(Bus& bus, const std::vector<std::string>& nodes) {
   }
 }
 
-void DiskMonitor::restart() {
+void DiskMonitor::reset() {
   for (const Node& node : nodes_) {
     while (node.health->wait(Monotonic::now())) {
     }

@@ -1,4 +1,5 @@
-// Whether a disk elsewhere is full or broken, for the node that makes the pulses.
+// Detects full or broken disks on other capture nodes, from their health messages. The trigger's
+// node then ends the train.
 #pragma once
 
 #include <memory>
@@ -9,23 +10,24 @@
 
 namespace v3d {
 
-/// The name of the value by which a node's health tells that it ended its part of the take because
-/// its disk is full or refuses frames: 1, until the next take.
+/// Name of a health value: 1 from the time a node ended its part of the take because its disk is
+/// full or frames could not be written, until the next take.
 inline constexpr char kDiskFull[] = "disk_full_flag";
 
-/// True of the health of a node that ended its part of the take because of its disk.
+/// True if `health` has kDiskFull set.
 bool reports_full_disk(const HealthMessage& health);
 
-/// Listens to the health of other nodes. Health comes again every second: one that is lost does no
-/// harm. One thread.
+/// Subscribes to the health of other nodes. Health is sent every second, so one lost message does
+/// no harm. One thread.
 class DiskMonitor {
  public:
-  /// `bus` outlives the watch.
+  /// `bus` outlives the monitor.
   DiskMonitor(Bus& bus, const std::vector<std::string>& nodes);
 
-  /// What was heard before does not count any more.
-  void restart();
-  /// The first node whose disk is full by what has come since, and empty while there is none.
+  /// Discards the messages received so far.
+  void reset();
+  /// Reads the messages that have arrived. Returns the name of a node whose disk is full, or an
+  /// empty string. Never waits.
   std::string full_node();
 
  private:

@@ -13,7 +13,7 @@
 namespace v3d {
 namespace {
 
-/// Who says in the file that the folder is his.
+/// The owner that the lock file names.
 std::string owner_in(int file) {
   std::array<char, 128> text{};
   const ssize_t size = pread(file, text.data(), text.size(), 0);
@@ -24,23 +24,23 @@ std::string owner_in(int file) {
 }  // namespace
 
 FolderLock::FolderLock(const std::filesystem::path& folder, const std::string& name,
-                       const std::string& who) {
+                       const std::string& owner) {
   std::error_code error;
-  std::filesystem::create_directories(folder, error);  // what follows tells what is wrong
+  std::filesystem::create_directories(folder, error);  // open() reports the error
   const std::filesystem::path path = folder / name;
   file_ = io::uninterrupted(
       [&] { return open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW, 0640); });
   if (file_ < 0) throw InputError(errno_message(path.string()));
   if (flock(file_, LOCK_EX | LOCK_NB) != 0) {
-    const std::string owner = owner_in(file_);
+    const std::string holder = owner_in(file_);
     close(file_);
-    throw InputError(folder.string() + ": " + owner +
-                     " writes its takes here already; every node of the reconstruction needs a "
+    throw InputError(folder.string() + ": " + holder +
+                     " writes its takes here already; every reconstruction node needs a "
                      "takes folder of its own ([storage] takes)");
   }
-  const bool written = ftruncate(file_, 0) == 0 &&
-                       pwrite(file_, who.data(), who.size(), 0) == static_cast<ssize_t>(who.size());
-  static_cast<void>(written);  // a name for a message: a full disk is told of elsewhere
+  const bool written = ftruncate(file_, 0) == 0 && pwrite(file_, owner.data(), owner.size(), 0) ==
+                                                       static_cast<ssize_t>(owner.size());
+  static_cast<void>(written);  // only used in a message; a full disk is reported elsewhere
 }
 
 FolderLock::~FolderLock() { close(file_); }

@@ -1,4 +1,4 @@
-// A folder that belongs to one daemon.
+// Exclusive lock of a daemon on a folder (flock).
 #pragma once
 
 #include <filesystem>
@@ -6,13 +6,15 @@
 
 namespace v3d {
 
-/// As long as it lives, nobody else claims the folder under this name; a daemon that is killed
-/// leaves no claim behind. Any thread.
+/// Holds the lock file `folder`/`name`. The kernel releases it when the process ends, also when it
+/// is killed. Any thread.
 class FolderLock {
  public:
-  /// Makes the folder where there is none. Throws InputError when another process has claimed it;
-  /// `who` is told to it.
-  FolderLock(const std::filesystem::path& folder, const std::string& name, const std::string& who);
+  /// Creates the folder if necessary. `owner` is written into the lock file, for the error message
+  /// of other processes. Throws InputError when another process holds the lock, or the file cannot
+  /// be opened.
+  FolderLock(const std::filesystem::path& folder, const std::string& name,
+             const std::string& owner);
   ~FolderLock();
   FolderLock(const FolderLock&) = delete;
   FolderLock& operator=(const FolderLock&) = delete;

@@ -1,4 +1,5 @@
-// When a thread last went round its loop: the watchdog is fed only while all of them do.
+// Time of the last iteration of a thread's main loop. The watchdog is fed only while every thread
+// of the pipeline iterates.
 #pragma once
 
 #include <atomic>
@@ -7,10 +8,12 @@
 
 namespace v3d {
 
+/// Any thread.
 class Heartbeat {
  public:
+  /// Call once per iteration.
   void beat() { last_ = to_ns(Monotonic::now()); }
-  bool since(MonotonicInstant t) const { return last_ >= to_ns(t); }
+  bool beat_since(MonotonicInstant t) const { return last_ >= to_ns(t); }
 
  private:
   std::atomic<int64_t> last_ = to_ns(Monotonic::now());

@@ -37,10 +37,10 @@ std::optional<double> bytes_after(const fs::path& path, const std::string& key) 
   return std::nullopt;
 }
 
-/// "cpu  user nice system idle iowait irq softirq steal ...", and a line for every core.
+/// Lines: "cpu  user nice system idle iowait irq softirq steal ...", then "cpu0 ..." for each core.
 int count_cores(const fs::path& stat) {
   std::ifstream file(stat);
-  int cores = -1;  // the first line is of all of them
+  int cores = -1;  // the first line is the sum of all
   for (std::string line; std::getline(file, line);) cores += line.starts_with("cpu");
   return std::max(1, cores);
 }
@@ -65,7 +65,7 @@ std::optional<MachineHealth::Ticks> MachineHealth::read_ticks() const {
   if (!line.starts_with("cpu ")) return std::nullopt;
   std::vector<int64_t> times = numbers_in(line.substr(4));
   if (times.size() < 5) return std::nullopt;
-  times.resize(8);  // guests (what follows) are counted in user time already
+  times.resize(8);  // guest times (the rest) are part of user time
   Ticks ticks;
   for (const int64_t time : times) ticks.all += time;
   ticks.busy = ticks.all - times[3] - times[4];  // idle, iowait
@@ -90,12 +90,12 @@ std::optional<double> MachineHealth::hottest(const std::string& folder, const st
   return most;
 }
 
-void MachineHealth::note_processor_time() {
+void MachineHealth::update_processor_time() {
   const auto now = read_ticks();
   if (!now) return;
   const int64_t all = last_ ? now->all - last_->all : 0;
-  // Two calls in a moment would tell of a few ticks.
-  if (last_ && all < kShortest * now->cores) return;
+  // A few ticks would give a wrong percentage.
+  if (last_ && all < kMinTicks * now->cores) return;
   if (last_) {
     machine_percent_ = percent(now->busy - last_->busy, all);
     daemon_percent_ = now->cores * percent(now->daemon - last_->daemon, all);
@@ -107,7 +107,7 @@ void MachineHealth::report(std::map<std::string, double>& values) {
   const auto add = [&](const char* name, std::optional<double> value) {
     if (value) values[name] = *value;
   };
-  note_processor_time();
+  update_processor_time();
   add("cpu_machine_percent", machine_percent_);
   add("cpu_daemon_percent", daemon_percent_);
   add("memory_daemon_bytes", bytes_after(root_ / "proc/self/status", "VmRSS:"));

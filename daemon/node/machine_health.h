@@ -1,4 +1,4 @@
-// How the machine is: processor, memory, temperature; from /proc and /sys.
+// Health of the machine: processor, memory and temperature, from /proc and /sys.
 #pragma once
 
 #include <cstdint>
@@ -9,22 +9,24 @@
 
 namespace v3d {
 
-/// Values that cannot be read are left out, never made up. One thread.
+/// Values that cannot be read are omitted. One thread.
 class MachineHealth {
  public:
-  /// `root`: where proc/ and sys/ are.
+  /// `root`: the folder with proc/ and sys/.
   explicit MachineHealth(std::filesystem::path root = "/") : root_(std::move(root)) {}
 
-  /// Adds, as far as the machine tells:
-  ///   cpu_machine_percent       of all cores together, 0 to 100, over about a second
-  ///   cpu_daemon_percent        of one core, may be over 100, over about a second
+  /// Adds the values that are available:
+  ///   cpu_machine_percent       of all cores together, 0 to 100, since the last call
+  ///   cpu_daemon_percent        of one core, may exceed 100, since the last call
   ///   memory_daemon_bytes       resident set of this process
-  ///   memory_available_bytes    what can be had without swapping
-  ///   temperature_max_celsius   of the hottest thermal zone, or of the hottest hwmon sensor
+  ///   memory_available_bytes    available without swapping
+  ///   temperature_max_celsius   of the hottest thermal zone, else of the hottest hwmon sensor
+  /// Processor values are absent at the first call. Calls less than half a second apart repeat
+  /// them.
   void report(std::map<std::string, double>& values);
 
  private:
-  static constexpr int64_t kShortest = 50;  ///< ticks of a core: half a second
+  static constexpr int64_t kMinTicks = 50;  ///< per core: half a second
 
   /// Clock ticks since boot.
   struct Ticks {
@@ -34,7 +36,7 @@ class MachineHealth {
     int cores = 1;
   };
   std::optional<Ticks> read_ticks() const;
-  void note_processor_time();
+  void update_processor_time();
   std::optional<double> hottest(const std::string& folder, const std::string& prefix,
                                 const std::string& suffix) const;
 

@@ -18,7 +18,7 @@ namespace {
 using prometheus::ClientMetric;
 using prometheus::MetricFamily;
 
-/// Names of metrics are letters, digits and underscores.
+/// Metric names may have letters, digits and underscores only.
 std::string metric_name(const std::string& value_name) {
   std::string name = "v3d_" + value_name;
   for (char& c : name) {
@@ -56,7 +56,7 @@ class LastHealth : public prometheus::Collectable {
     if (health_.node.empty()) return {};
     add(families, "v3d_info", info_of(health_));
     for (const auto& [value_name, value] : health_.values) {
-      // "cam03.frames_missing" is of a camera.
+      // Values of a camera have its name as prefix: "cam03.frames_missing".
       const size_t dot = value_name.find('.');
       std::vector<ClientMetric::Label> labels = {{"node", health_.node}};
       if (dot != std::string::npos) labels.push_back({"camera", value_name.substr(0, dot)});
@@ -74,7 +74,7 @@ class LastHealth : public prometheus::Collectable {
                   ClientMetric metric) {
     MetricFamily& family = families[family_name];
     family.name = family_name;
-    family.help = "V3D health; v3dctl(1) tells what it is";
+    family.help = "V3D health; see v3dctl(1)";
     family.type = prometheus::MetricType::Gauge;
     family.metric.push_back(std::move(metric));
   }
@@ -83,8 +83,8 @@ class LastHealth : public prometheus::Collectable {
   HealthMessage health_;
 };
 
-/// civetweb keeps a thread for each connection until its request is read, so a client that never
-/// ends its request holds one of these for the whole time limit.
+/// civetweb uses one thread per connection until the request has been read. A client that never
+/// completes its request occupies a thread for the whole time limit.
 std::vector<std::string> server_options(const std::string& address) {
   return {"listening_ports", address, "num_threads", "32", "request_timeout_ms", "1000"};
 }
@@ -107,7 +107,7 @@ class MetricsServer::Impl {
 MetricsServer::MetricsServer(const std::string& address) {
   try {
     impl_ = std::make_unique<Impl>(address);
-  } catch (const std::exception&) {  // civetweb says no more than that it failed
+  } catch (const std::exception&) {  // civetweb gives no reason
     throw InputError("network.metrics: cannot listen on " + address +
                      "; is it an address of this PC, and free?");
   }

@@ -1,4 +1,4 @@
-// Health for Prometheus, over HTTP. The adapter of prometheus-cpp.
+// Serves the health of a node to Prometheus over HTTP. Adapter of prometheus-cpp.
 #pragma once
 
 #include <memory>
@@ -8,13 +8,15 @@
 
 namespace v3d {
 
-/// Serves the last health at http://ADDRESS/metrics: every value as v3d_NAME with the labels `node`
-/// and, for a camera's, `camera`; and v3d_info with state, take, program and version. Answers in 32
-/// threads of its own; a client has 1 s for its whole request, so that slow ones keep no scraper
-/// from its answer.
+/// Serves the last health message at http://ADDRESS/metrics. Every value is a gauge v3d_NAME with
+/// the label `node`; values of a camera are v3d_camera_NAME and have the label `camera`, too.
+/// v3d_info has state, take, program and version as labels.
+///
+/// Has 32 threads. A client must send its request within 1 s, so that slow clients do not block
+/// others.
 class MetricsServer {
  public:
-  /// `address`: "127.0.0.1:9464". Throws InputError when nothing can listen there.
+  /// `address`: "127.0.0.1:9464". Throws InputError when it cannot listen there.
   explicit MetricsServer(const std::string& address);
   ~MetricsServer();
   MetricsServer(const MetricsServer&) = delete;
@@ -28,8 +30,8 @@ class MetricsServer {
   std::unique_ptr<Impl> impl_;
 };
 
-/// Null where `address` is empty, and, with a warning in the log, where nothing can listen there:
-/// the studio does not wait for who only watches it.
+/// Null where `address` is empty. Also null, with a warning in the log, when it cannot listen
+/// there: recording does not depend on monitoring.
 std::unique_ptr<MetricsServer> serve_metrics(const std::string& address);
 
 }  // namespace v3d

@@ -8,7 +8,7 @@ namespace {
 
 constexpr size_t kQueue = 16;
 
-/// Exact in a double.
+/// 52 bits: exact in a double.
 double random_instance() { return static_cast<double>(random_nonce() & ((int64_t{1} << 52) - 1)); }
 
 }  // namespace
@@ -20,19 +20,19 @@ NameMonitor::NameMonitor(Bus& bus, std::string node)
 
 void NameMonitor::mark(HealthMessage& health) const { health.values[kInstance] = instance_; }
 
-void NameMonitor::note(const HealthMessage& health, MonotonicInstant now) {
+void NameMonitor::on_health(const HealthMessage& health, MonotonicInstant now) {
   const auto instance = health.values.find(kInstance);
   const double sender = instance == health.values.end() ? -1 : instance->second;
   if (sender == instance_) return;
-  const bool is_same = sender == other_ && last_of_other_ && now - *last_of_other_ <= kLasts;
+  const bool is_same = sender == other_ && last_of_other_ && now - *last_of_other_ <= kAlarmTime;
   messages_of_other_ = is_same ? messages_of_other_ + 1 : 1;
   other_ = sender;
   last_of_other_ = now;
 }
 
 std::string NameMonitor::alarm(MonotonicInstant now) {
-  while (const auto health = healths_.wait(Monotonic::now())) note(*health, now);
-  if (messages_of_other_ < 2 || !last_of_other_ || now - *last_of_other_ > kLasts) return "";
+  while (const auto health = healths_.wait(Monotonic::now())) on_health(*health, now);
+  if (messages_of_other_ < 2 || !last_of_other_ || now - *last_of_other_ > kAlarmTime) return "";
   return "another process sends as node " + node_ + ": end one of the two; no take can be armed";
 }
 

@@ -15,22 +15,22 @@ namespace v3d {
 /// was started twice. One thread.
 class NameMonitor {
  public:
-  /// An alarm lasts so long after the last message of the other process.
-  static constexpr Duration kLasts = std::chrono::seconds(3);
-  /// The name of the value in HealthMessage::values.
+  /// The alarm ends this long after the last message of the other process.
+  static constexpr Duration kAlarmTime = std::chrono::seconds(3);
+  /// Name of a health value: the random number of the process.
   static constexpr const char* kInstance = "instance";
 
   /// `bus` outlives the monitor.
   NameMonitor(Bus& bus, std::string node);
 
-  /// Marks health that this process is about to send.
+  /// Adds this process' number to a health message before it is sent.
   void mark(HealthMessage& health) const;
-  /// One line for a person while another process uses the name at `now`, else empty. It starts with
-  /// the second message: the first may be the last one of a process that has just ended.
+  /// One line for the operator while another process uses the name at `now`, else empty. Starts
+  /// with its second message: the first may be the last one of a process that has just ended.
   std::string alarm(MonotonicInstant now);
 
  private:
-  void note(const HealthMessage& health, MonotonicInstant now);
+  void on_health(const HealthMessage& health, MonotonicInstant now);
 
   const std::string node_;
   const double instance_;

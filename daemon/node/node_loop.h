@@ -1,5 +1,5 @@
-// The loop of a daemon: believed commands in, sealed replies and health out, the watchdog fed, a
-// clean end.
+// Main loop of a node's daemon: executes authenticated commands, sends replies and health, feeds
+// the watchdog, and shuts down in order.
 #pragma once
 
 #include <memory>
@@ -20,50 +20,53 @@
 
 namespace v3d {
 
-/// Who a daemon is.
+/// Identity of a daemon.
 struct NodeIdentity {
   std::string node;
   std::string program;  ///< "v3d-captured"
   CredentialPaths credentials;
-  std::string metrics;  ///< where health is also served for Prometheus; empty: nowhere
+  std::string metrics;  ///< address of the Prometheus server; empty: none
 };
 
 /// Without a studio key, or without the member list and the signing key that the studio file names,
-/// the node rejects every command, and reports in its log and its health how to make them. It reads
-/// their files once a second, so they are made or replaced without a restart.
+/// the node rejects every command; its log and its health explain how to create them. It reads
+/// their files once a second, so they can be created or replaced without a restart. One thread.
 class NodeLoop {
  public:
-  /// `work` and `bus` outlive the loop.
-  NodeLoop(NodeIdentity identity, Bus& bus, NodeDelegate& work);
+  /// `delegate` and `bus` outlive the loop.
+  NodeLoop(NodeIdentity identity, Bus& bus, NodeDelegate& delegate);
 
-  /// A take that the daemon was at when it ended before (Controller::remember).
+  /// Result of a take that was active when the daemon ended (see Controller::remember).
   void remember(const std::string& take, const std::string& text, const std::string& detail) {
     protocol_.remember(take, text, detail);
   }
 
-  /// Runs until stop_requested(), then closes what is open: a take that is being recorded is
-  /// drained for at most kLastDrain and left valid.
+  /// Runs until stop_requested(). Then drains an active take, for at most kLastDrain, and closes it
+  /// in a valid state.
   void run();
-  /// One round of run(): at most one command, and what is due.
-  void turn();
+  /// One iteration of run(): executes at most one command, and everything that is due.
+  void run_once();
 
  private:
   void on_command(const CommandGate::Admitted& admitted);
-  bool is_refused_for_name(const CommandMessage& command);
-  void watch_name(HealthMessage& health);
-  MonotonicInstant next_turn() const;
+  bool reject_for_duplicate_name(const CommandMessage& command);
+  void check_name(HealthMessage& health);
+  MonotonicInstant next_deadline() const;
   void publish(ReplyMessage reply);
   void publish_health();
-  void follow_clock(HealthMessage& health);
-  void report_commands(HealthMessage& health) const;
+  void check_clock(HealthMessage& health);
+  /// Counters of commands, messages and datagrams.
+  void report_counts(HealthMessage& health) const;
+  /// Sets the text of `health`, where it is free, to what is wrong with credentials or messages.
+  void report_problem(HealthMessage& health) const;
   void read_credentials();
   std::string credential_problem() const;
   void feed_watchdog();
   void shut_down();
 
-  const NodeIdentity me_;
+  const NodeIdentity identity_;
   Bus& bus_;
-  NodeDelegate& work_;
+  NodeDelegate& delegate_;
   NodeProtocol protocol_;
   CommandGate gate_;
   CredentialFiles files_;
@@ -71,7 +74,7 @@ class NodeLoop {
   NameMonitor name_monitor_;
   std::string name_alarm_;  ///< empty: no other process has this node's name
   int64_t clock_steps_ = 0;
-  Duration told_step_{};
+  Duration reported_step_{};
   MachineHealth machine_;
   ClockMonitor clock_;
   PtpMonitor ptp_;

@@ -1,5 +1,5 @@
-// The order of a node's last take, kept in the folder of the take, for a daemon that is started
-// anew in the middle of it, or before somebody has asked how it ended.
+// Persists the order of a node's take in the folder of the take. A daemon that restarts during the
+// take resumes it; after the take, it can still report the result.
 #pragma once
 
 #include <map>
@@ -13,47 +13,50 @@
 
 namespace v3d {
 
-/// From the moment the take is armed until something new is ordered. A disk that refuses is none's
-/// business here: the node could then not go on with the take.
+/// Saves the order. Call when the take is armed; the file exists until the next order. A write
+/// error is only logged: a restarted daemon then cannot resume the take.
 void persist_command(const Studio& studio, const std::string& node, const CommandMessage& order);
+/// Deletes the order of one take.
 void drop_command(const Studio& studio, const std::string& node, const std::string& take);
-/// By the names of the takes: the last take of this node, be it over or not. More than one where
-/// folders were copied here.
+/// The saved orders of this node by take name; the take may have ended. Has more than one entry
+/// when take folders were copied to this PC.
 std::map<std::string, CommandMessage> persisted_commands(const Studio& studio,
                                                          const std::string& node);
 
-/// Decides once, for a node that has restarted, whether it rejoins the take that runs. Pure. One
-/// thread.
+/// Decides once whether a restarted node rejoins the running take. No input or output. One thread.
 class RejoinDecision {
  public:
   struct Found {
     CommandMessage order;
     int64_t commanded = 0;  ///< pulses of the take until now, or a little fewer
   };
-  /// `kept`: the orders on this node's disk, by the names of their takes.
-  explicit RejoinDecision(std::map<std::string, CommandMessage> kept) : orders_(std::move(kept)) {}
+  /// `persisted`: the orders on this node's disk, by take name.
+  explicit RejoinDecision(std::map<std::string, CommandMessage> persisted)
+      : commands_(std::move(persisted)) {}
 
-  bool is_open() const { return !orders_.empty(); }
-  /// At the first word of what the trigger's node records; it closes the decision.
-  std::optional<Found> decide(const TrainState::Running& running);
-  /// Something new was ordered.
-  void close() { orders_.clear(); }
+  /// False once the decision has been made, and without persisted orders.
+  bool is_open() const { return !commands_.empty(); }
+  /// The order of the running take, if it was persisted. Call with the first health of the
+  /// trigger's node; closes the decision.
+  std::optional<Found> decide(const TrainState::RunningTake& running);
+  /// Call when the node receives a new order.
+  void close() { commands_.clear(); }
 
  private:
-  std::map<std::string, CommandMessage> orders_;
+  std::map<std::string, CommandMessage> commands_;
 };
 
-/// Finds out whether one of the kept orders is of the take that runs. One thread.
+/// The persisted orders of a node, and whether one of them belongs to the running take. One thread.
 class PersistedCommands {
  public:
   PersistedCommands(const Studio& studio, std::string node);
 
   using Found = RejoinDecision::Found;
-  /// Once, and only as long as the trigger's node has not been heard to be at something else: from
-  /// then on none runs. To be called often, until forget().
-  std::optional<Found> running(TrainMonitor& train);
-  /// Something new was ordered: all kept orders are dropped, on the disk too.
-  void forget();
+  /// The order of the running take, at most once. Reads the health of the trigger's node; the first
+  /// message decides. Call often, until drop_all().
+  std::optional<Found> find_running(TrainMonitor& train);
+  /// Deletes all persisted orders, on disk too. Call when the node receives a new order.
+  void drop_all();
 
  private:
   const Studio& studio_;

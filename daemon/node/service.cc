@@ -20,10 +20,10 @@
 namespace v3d {
 namespace {
 
-/// Atomic, for the signal reaches any thread, and others look.
+/// Atomic: the signal may interrupt any thread.
 std::atomic<bool> g_stop_requested = false;
-static_assert(std::atomic<bool>::is_always_lock_free, "a signal's handler may not wait");
-int g_stop_event = -1;  ///< eventfd: readable when it is so, whichever thread the signal reaches
+static_assert(std::atomic<bool>::is_always_lock_free, "a signal handler must not wait");
+int g_stop_event = -1;  ///< eventfd: readable after a stop signal, in any thread
 
 void on_stop_signal(int) {
   const int error = errno;
@@ -35,11 +35,11 @@ void on_stop_signal(int) {
 
 }  // namespace
 
-void begin_logging(const std::string& program, const std::string& level) {
+void start_logging(const std::string& program, const std::string& level) {
   const auto parsed = spdlog::level::from_str(level);
   if (parsed == spdlog::level::off && level != "off") {
     throw InputError("--log-level: '" + level +
-                     "' is none of trace, debug, info, warning, error, off");
+                     "' is not one of trace, debug, info, warning, error, off");
   }
   const bool under_systemd = std::getenv("JOURNAL_STREAM") != nullptr;
   auto log = under_systemd ? spdlog::systemd_logger_mt(program) : spdlog::stderr_color_mt(program);

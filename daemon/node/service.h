@@ -1,5 +1,5 @@
-// A service under systemd: readiness, status, watchdog, log, and the signal to stop. The adapter of
-// libsystemd and spdlog's sinks. Does nothing harmful where there is no systemd.
+// systemd service: readiness, status, watchdog, log and stop signals. Adapter of libsystemd and
+// spdlog's sinks. Without systemd the notifications have no effect.
 #pragma once
 
 #include <optional>
@@ -9,23 +9,23 @@
 
 namespace v3d {
 
-/// To the journal when it is there, else to stderr. `level`: trace, debug, info, warning, error.
-/// Throws InputError for another level.
-void begin_logging(const std::string& program, const std::string& level);
+/// Logs to the journal under systemd, else to stderr. `level`: trace, debug, info, warning, error
+/// or off. Throws InputError for another level.
+void start_logging(const std::string& program, const std::string& level);
 
-/// SIGTERM and SIGINT ask to stop from now on; call before threads begin.
+/// From now on SIGTERM and SIGINT only set stop_requested(). Call before any thread starts.
 void catch_stop_signals();
 bool stop_requested();
-/// Waits for that until `deadline`; true when it is so.
+/// Waits for a stop signal until `deadline`. True when there was one.
 bool stop_requested_by(MonotonicInstant deadline);
 
 namespace service {
 void ready();
 void stopping();
-/// One line for `systemctl status`.
+/// Sets the status line that `systemctl status` shows.
 void status(const std::string& line);
 void feed_watchdog();
-/// How often the watchdog must be fed; empty when there is none.
+/// The time within which the watchdog must be fed; empty without a watchdog.
 std::optional<Duration> watchdog_period();
 }  // namespace service
 

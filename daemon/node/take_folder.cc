@@ -17,7 +17,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// The plates of the cameras, brought into the take.
+/// Copies the background plates of the take's cameras.
 io::Status copy_plates(const Studio& studio, const TakeInfo& info, const fs::path& to) {
   const auto plates = io::list_folder(studio.storage.background);
   if (!plates) return tl::make_unexpected(plates.error());
@@ -30,12 +30,12 @@ io::Status copy_plates(const Studio& studio, const TakeInfo& info, const fs::pat
   return io::sync_folder(to);
 }
 
-io::Status make_take(const Studio& studio, const TakeInfo& info, const TakePaths& paths) {
+io::Status write_take_files(const Studio& studio, const TakeInfo& info, const TakePaths& paths) {
   io::Status status = io::create_folders(paths.background());
   if (status) status = io::copy_file(studio.storage.calib, paths.calib());
   if (status) status = io::copy_file(studio.path, paths.studio());
   if (status) status = copy_plates(studio, info, paths.background());
-  if (status) status = save_take_info(paths, info);  // syncs the folder, too
+  if (status) status = save_take_info(paths, info);  // also syncs the folder
   return status;
 }
 
@@ -47,8 +47,8 @@ bool holds_logs(const TakePaths& paths) {
   });
 }
 
-/// What a recovery found, for the daemon's log.
-std::string line_of(const Verification& found) {
+/// Result of a recovery, for the daemon's log.
+std::string summary_of(const Verification& found) {
   std::string line = "recovered " + found.ledger.verdict();
   for (const std::string& text : found.disagreements) {
     if (text.starts_with("cannot read")) line += "; " + text;
@@ -70,20 +70,21 @@ TakePaths take_paths(const Studio& studio, const std::string& take) {
   return {studio.storage.takes / take};
 }
 
-void refuse_take_name(const std::string& take) {
+void check_take_name(const std::string& take) {
   const std::string cannot = "'" + take + "' cannot name a take: ";
   if (!is_file_name(take)) throw InputError(cannot + std::string(kFileNameRule));
   for (const CommandVerb verb : {CommandVerb::kCheck, CommandVerb::kBackground}) {
     if (take != name(verb)) continue;
-    throw InputError(cannot + "v3dctl " + take + " goes by this name; choose another");
+    throw InputError(cannot + "the name is reserved for v3dctl " + take + "; choose another");
   }
   if (take == kQuarantineFolder) {
-    throw InputError(cannot + "takes that look empty are kept there; choose another");
+    throw InputError(cannot +
+                     "the name is reserved for the quarantine of empty takes; choose another");
   }
 }
 
-void refuse_bad_take(const Studio& studio, const std::string& take) {
-  refuse_take_name(take);
+void check_new_take(const Studio& studio, const std::string& take) {
+  check_take_name(take);
   const TakePaths paths = take_paths(studio, take);
   if (io::value_or_throw(io::type_of(paths.info())) != fs::file_type::not_found ||
       holds_logs(paths)) {
@@ -94,9 +95,9 @@ void refuse_bad_take(const Studio& studio, const std::string& take) {
 
 void create_take(const Studio& studio, const TakeInfo& info) {
   const TakePaths paths = take_paths(studio, info.name);
-  const io::Status made = make_take(studio, info, paths);
+  const io::Status made = write_take_files(studio, info, paths);
   if (!made) {
-    throw InputError("cannot make take " + paths.folder.string() + ": " + made.error().message);
+    throw InputError("cannot create take " + paths.folder.string() + ": " + made.error().message);
   }
 }
 
@@ -111,13 +112,13 @@ TakeLock lock_take(const TakePaths& paths, const std::string& node) {
   if (auto made = io::create_folders(paths.folder); !made) io::throw_input_error(made.error());
   TakeLock lock = io::value_or_throw(TakeLock::acquire(paths, node));
   if (!lock.excludes()) {
-    spdlog::warn("{}: the file system has no locks; nothing keeps a second daemon of {} out",
+    spdlog::warn("{}: the file system has no locks; a second daemon of {} is not excluded",
                  paths.folder.string(), node);
   }
   return lock;
 }
 
-void close_reopened_take(const TakePaths& paths, const std::string& node) {
+void recover_reopened_take(const TakePaths& paths, const std::string& node) {
   try {
     const TakeLock lock = lock_take(paths, node);
     recover_take(paths);
@@ -130,12 +131,12 @@ bool close_take(const Studio& studio, TakeInfo info, const Ledger& ledger) {
   const TakePaths paths = take_paths(studio, info.name);
   info.pulses = ledger.commanded;
   info.state = TakeState::kComplete;
-  const auto unread = save_account(paths, info, ledger);
-  if (!unread) spdlog::error("take {}: {}", info.name, unread.error().message);
-  for (const std::string& line : unread.value_or(std::vector<std::string>())) {
+  const auto unsummed = save_account(paths, info, ledger);
+  if (!unsummed) spdlog::error("take {}: {}", info.name, unsummed.error().message);
+  for (const std::string& line : unsummed.value_or(std::vector<std::string>())) {
     spdlog::error("take {}: its ledger lacks a checksum: {}", info.name, line);
   }
-  return unread && unread->empty();
+  return unsummed && unsummed->empty();
 }
 
 std::vector<RecoveredTake> recover_open_takes(const Studio& studio, const std::string& node,
@@ -143,7 +144,7 @@ std::vector<RecoveredTake> recover_open_takes(const Studio& studio, const std::s
   std::vector<RecoveredTake> takes;
   if (io::type_of(studio.storage.takes) == fs::file_type::not_found) return takes;
   const auto folders = io::list_folder(studio.storage.takes);
-  if (!folders) takes.push_back({"cannot look for open takes: " + folders.error().message, {}});
+  if (!folders) takes.push_back({"cannot search for open takes: " + folders.error().message, {}});
   for (const fs::path& folder : folders.value_or(std::vector<fs::path>())) {
     const TakePaths paths{folder};
     try {
@@ -151,7 +152,7 @@ std::vector<RecoveredTake> recover_open_takes(const Studio& studio, const std::s
       if (!is_open_take_of(load_take_info(paths), cameras)) continue;
       const TakeLock lock = lock_take(paths, node);
       Verification found = recover_take(paths);
-      takes.push_back({line_of(found), std::move(found.ledger)});
+      takes.push_back({summary_of(found), std::move(found.ledger)});
     } catch (const std::exception& problem) {
       takes.push_back({"cannot recover " + folder.string() + ": " + problem.what(), {}});
     }

@@ -6,10 +6,13 @@ namespace v3d {
 namespace {
 
 constexpr size_t kHealthQueue = 8;
-constexpr Duration kOvertakenBy = std::chrono::seconds(10);
-constexpr Duration kOnItsWay = std::chrono::milliseconds(500);
+/// The network reorders messages by less than this. A message that seems older was sent after the
+/// clock of the trigger's node was set back.
+constexpr Duration kMaxReordering = std::chrono::seconds(10);
+/// A message is in flight for less than this.
+constexpr Duration kMaxInFlight = std::chrono::milliseconds(500);
 
-/// A number that no train has is not believed.
+/// Empty for an implausible number.
 std::optional<int64_t> commanded_by(const HealthMessage& health) {
   const auto commanded = health.values.find("pulses_commanded");
   if (commanded == health.values.end()) return std::nullopt;
@@ -19,49 +22,50 @@ std::optional<int64_t> commanded_by(const HealthMessage& health) {
 
 }  // namespace
 
-/// The network reorders, by less than kOvertakenBy. What seems older is of a clock that was set.
-bool TrainState::is_news(const HealthMessage& health) {
-  if (health.sent <= newest_ && newest_ - health.sent < kOvertakenBy) return false;
-  newest_ = health.sent;
+bool TrainState::is_newer(const HealthMessage& health) {
+  if (health.sent <= newest_sent_ && newest_sent_ - health.sent < kMaxReordering) return false;
+  newest_sent_ = health.sent;
   return true;
 }
 
-std::optional<TrainState::Running> TrainState::running(const HealthMessage& health) {
-  if (!is_news(health)) return std::nullopt;
+std::optional<TrainState::RunningTake> TrainState::running(const HealthMessage& health) {
+  if (!is_newer(health)) return std::nullopt;
   const bool records = health.state == NodeState::kRecording;
-  return Running{.take = records ? health.take : "", .commanded = commanded_by(health).value_or(0)};
+  return RunningTake{.take = records ? health.take : "",
+                     .commanded = commanded_by(health).value_or(0)};
 }
 
 void TrainState::on_health(const HealthMessage& health, const std::string& take) {
-  if (!is_news(health)) return;
-  if (!first_) first_ = health.sent;
+  if (!is_newer(health)) return;
+  if (!first_sent_) first_sent_ = health.sent;
   const bool ours = health.take == take;
-  const bool runs =
+  const bool is_running =
       ours && (health.state == NodeState::kArmed || health.state == NodeState::kRecording);
-  runs_ = runs_ || runs;
-  // Before it was heard to run, word from before it was armed may still be on its way.
-  const bool counts = runs_ || std::chrono::abs(health.sent - *first_) > kOnItsWay;
-  ended_ = ended_ || (!runs && counts);
+  was_running_ = was_running_ || is_running;
+  // Until the node is known to run, messages from before it was armed may still be in flight.
+  const bool is_current =
+      was_running_ || std::chrono::abs(health.sent - *first_sent_) > kMaxInFlight;
+  ended_ = ended_ || (!is_running && is_current);
   if (ours) commanded_ = commanded_by(health).value_or(commanded_);
 }
 
 TrainMonitor::TrainMonitor(Bus& bus, const std::string& trigger_node)
     : health_(bus, health_channel(trigger_node), kHealthQueue) {}
 
-void TrainMonitor::restart() {
+void TrainMonitor::reset() {
   while (health_.wait(Monotonic::now())) {
   }
-  train_.restart();
+  train_.reset();
 }
 
-void TrainMonitor::listen(const std::string& take) {
+void TrainMonitor::poll(const std::string& take) {
   while (const auto health = health_.wait(Monotonic::now())) train_.on_health(*health, take);
 }
 
-std::optional<TrainMonitor::Running> TrainMonitor::running() {
-  std::optional<Running> running;
+std::optional<TrainMonitor::RunningTake> TrainMonitor::running() {
+  std::optional<RunningTake> running;
   while (const auto health = health_.wait(Monotonic::now())) {
-    if (auto news = train_.running(*health)) running = std::move(news);
+    if (auto newer = train_.running(*health)) running = std::move(newer);
   }
   return running;
 }

@@ -1,4 +1,4 @@
-// Whether pulses still come, on the nodes that do not make them.
+// State of the pulse train, on the nodes that do not generate the pulses.
 #pragma once
 
 #include <cstdint>
@@ -9,55 +9,59 @@
 
 namespace v3d {
 
-/// What the health of the trigger's node says of a train. Health comes again every second, and when
-/// the state changes: so the end of a train is noticed even when its last pulse was left out, when
-/// messages are lost, and when the trigger's node has restarted in the middle. Pure. One thread.
+/// Derives the state of the train from health messages of the trigger's node. No input or output.
+/// One thread.
+///
+/// Health is sent every second and at each change of state. So the end of a train is detected even
+/// when its last pulse failed, when messages are lost, or when the trigger's node has restarted.
 class TrainState {
  public:
-  /// A train begins: what was heard before does not count. The trigger's node is armed by now.
-  void restart() { *this = {}; }
+  /// A train begins: earlier messages are ignored. Call when the trigger's node is armed.
+  void reset() { *this = {}; }
 
-  /// What the trigger's node records: nothing where the name is empty.
-  struct Running {
+  /// The take that the trigger's node records; `take` is empty when it records none.
+  struct RunningTake {
     std::string take;
-    int64_t commanded = 0;  ///< pulses, as far as was heard
+    int64_t commanded = 0;  ///< pulses, according to the last message
   };
-  /// For a node that is at no take; instead of on_health(). Empty where newer health is known.
-  std::optional<Running> running(const HealthMessage& health);
+  /// For a node without an active take; replaces on_health(). Empty for a message that is older
+  /// than the newest one.
+  std::optional<RunningTake> running(const HealthMessage& health);
 
-  /// `take` is the one that is recorded here.
+  /// `take`: the take that this node records.
   void on_health(const HealthMessage& health, const std::string& take);
-  /// True once that node was neither armed nor recording for the take.
+  /// True once the trigger's node was neither armed for the take nor recording it.
   bool ended() const { return ended_; }
-  /// Pulses of the take that it has commanded, as far as was heard.
+  /// Pulses of the take that have been commanded, according to the last message.
   int64_t commanded() const { return commanded_; }
 
  private:
-  bool is_news(const HealthMessage& health);
+  bool is_newer(const HealthMessage& health);
 
   bool ended_ = false;
-  bool runs_ = false;                     ///< it was heard to be armed or to record
-  std::optional<RealtimeInstant> first_;  ///< when the first word was sent, by that node's clock
-  RealtimeInstant newest_;
+  bool was_running_ = false;                   ///< the trigger's node was armed or recording
+  std::optional<RealtimeInstant> first_sent_;  ///< of the first message, by that node's clock
+  RealtimeInstant newest_sent_;
   int64_t commanded_ = 0;
 };
 
-/// A TrainState that listens on the bus. One thread.
+/// A TrainState with its subscription. One thread.
 class TrainMonitor {
  public:
-  using Running = TrainState::Running;
+  using RunningTake = TrainState::RunningTake;
 
-  /// `bus` outlives the watch.
+  /// `bus` outlives the monitor.
   TrainMonitor(Bus& bus, const std::string& trigger_node);
 
-  /// As TrainState::restart().
-  void restart();
-  /// What the trigger's node was last heard to record; empty when it has not been heard since
-  /// restart(). For who is at no take; instead of listen().
-  std::optional<Running> running();
+  /// Discards queued messages and calls TrainState::reset().
+  void reset();
+  /// For a node without an active take; replaces poll(). The take that the trigger's node records,
+  /// from its newest message; empty when none has arrived since the last call.
+  std::optional<RunningTake> running();
 
-  /// Hears what has come since; to be called often. `take` is the one that is recorded.
-  void listen(const std::string& take);
+  /// Reads the messages that have arrived. Never waits; call it often. `take`: the take that this
+  /// node records.
+  void poll(const std::string& take);
   bool ended() const { return train_.ended(); }
   int64_t commanded() const { return train_.commanded(); }
 

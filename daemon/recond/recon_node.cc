@@ -125,10 +125,10 @@ ReconNode::ReconNode(const Studio& studio, const std::string& node, Bus& bus)
 ReconNode::~ReconNode() { disarm(); }
 
 void ReconNode::arm(const CommandMessage& command) {
-  persisted_commands_.forget();
+  persisted_commands_.drop_all();
   command_ = command;
   if (command.verb == CommandVerb::kCheck) return;  // nothing is reconstructed
-  refuse_take_name(command.take);
+  check_take_name(command.take);
   const TakePaths paths = take_paths(studio_, command.take);
   if (std::filesystem::exists(paths.mesh())) {
     throw InputError(paths.mesh().string() + " exists already; choose another take name");
@@ -140,11 +140,11 @@ void ReconNode::arm(const CommandMessage& command) {
 }
 
 std::optional<CommandMessage> ReconNode::rejoin() {
-  const auto found = persisted_commands_.running(train_);
+  const auto found = persisted_commands_.find_running(train_);
   if (!found) return std::nullopt;
   command_ = found->order;
   open(command_, found->commanded);
-  train_.restart();
+  train_.reset();
   events_.send(Severity::kWarning, "reconstruction",
                node_ + " restarted and reconstructs " + command_.take + " again from pulse " +
                    std::to_string(found->commanded),
@@ -193,7 +193,7 @@ std::optional<Shard::Setup> ReconNode::shard_setup(const CommandMessage& command
 }
 
 void ReconNode::learn(const CommandMessage& command) {
-  persisted_commands_.forget();
+  persisted_commands_.drop_all();
   command_ = command;
 }
 
@@ -248,7 +248,7 @@ NodeReport ReconNode::ready_report() const {
 }
 
 std::optional<NodeReport> ReconNode::poll_recording() {
-  train_.listen(command_.take);
+  train_.poll(command_.take);
   if (!train_.ended()) return std::nullopt;
   return NodeReport{.event = Input::kTrainEnded, .text = "pulses have ended", .detail = {}};
 }
@@ -320,7 +320,7 @@ void ReconNode::report_displacement(HealthMessage& health) {
         (camera.shift - reported_displacement_.shift).norm() < kNewDisplacementPx;
     if (is_reported) continue;
     reported_displacement_ = camera;
-    events_.send(Severity::kAlarm, camera.camera, text_of(camera), advice::kKnocked);
+    events_.send(Severity::kAlarm, camera.camera, text_of(camera), advice::kCameraDisplaced);
   }
 }
 

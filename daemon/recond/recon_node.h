@@ -26,7 +26,7 @@ class ReconNode : public NodeDelegate {
   void arm(const CommandMessage& command) override;
   void learn(const CommandMessage& command) override;
   std::optional<CommandMessage> rejoin() override;
-  void start() override { train_.restart(); }
+  void start() override { train_.reset(); }
   void drain() override;
   void disarm() override;
   std::optional<NodeReport> poll(Phase phase) override;

@@ -95,7 +95,7 @@ class ReconPipeline {
   /// when the assembling thread last checked?
   bool drained(Duration idle_time) const;
   bool progressed_since(MonotonicInstant since) const {
-    return assembling_.since(since) && reconstructing_.since(since) &&
+    return assembling_.beat_since(since) && reconstructing_.beat_since(since) &&
            (!shared_ || shared_->progressed_since(since));
   }
   /// Ends the threads, drops the sets that wait, and closes the mesh file. Returns false after a

@@ -47,7 +47,7 @@ class SharedTake {
   std::vector<int64_t> without_mesh() const;
   bool is_settled() const;
   int64_t undecodable() const;
-  bool progressed_since(MonotonicInstant since) const { return heartbeat_.since(since); }
+  bool progressed_since(MonotonicInstant since) const { return heartbeat_.beat_since(since); }
   /// Ends the thread. The other nodes then see this node as silent.
   void stop();
 

@@ -123,9 +123,10 @@ int main(int argc, char** argv) {
       {.name = "v3d-viewd",
        .purpose = "Shows a studio and its takes to browsers.",
        .is_a_node = false,
-       .errand = v3d::DaemonErrand{.flag = kRelayFlag,
-                                   .purpose = "Write the messages of the studio's network to "
-                                              "standard output (v3d-viewd starts itself with it)",
-                                   .run = run_relay}},
+       .one_shot =
+           v3d::DaemonOneShot{.flag = kRelayFlag,
+                              .purpose = "Write the messages of the studio's network to "
+                                         "standard output (v3d-viewd starts itself with it)",
+                              .run = run_relay}},
       run);
 }

@@ -50,7 +50,7 @@ class Driver {
   }
 
   void begin() {
-    refuse_unfit_disk(studio_.storage.takes, kDemand);
+    check_disk(studio_.storage.takes, kDemand);
     lock_.emplace(lock_take(paths_, kDrivenNode));
     create_take(studio_, info_);
     CommandMessage order;
@@ -71,7 +71,7 @@ class Driver {
 
   void go_on() {
     recover();
-    const EdgeTimes edges = edge_times(paths_);
+    const EdgeTimes edges = read_edge_times(paths_);
     lock_.emplace(lock_take(paths_, kDrivenNode));
     info_ = reopen_take(paths_);
     first_pulse_ = kDrivenPulses;
@@ -104,7 +104,7 @@ class Driver {
     logs_.clear();
     pulses_->close();
     const int64_t lost = pulses_->lost();
-    const bool kept = pulses_->is_kept();
+    const bool kept = pulses_->is_synced();
     pulses_.reset();
     if (lost > 0 || !kept) {
       fail(paths_.pulses().string() + ": " + std::to_string(lost) + " pulses lost" +

@@ -1,6 +1,8 @@
 // Bytes as a sequence of datagrams (u16 length, then the bytes) for receivers with and without a
-// key. Without the key nothing is accepted but what holds a MAC of its own; and datagrams that this
-// signs, in whatever order and with whatever else between them, give their message.
+// key, and for one that requires members. Without the key nothing is accepted but what holds a MAC
+// of its own. With the key and without a member's signature nothing is accepted on a channel whose
+// messages are signed. Datagrams that this signs, in whatever order and with whatever else between
+// them, give their message.
 #include <algorithm>
 #include <cstdlib>
 #include <memory>
@@ -34,15 +36,28 @@ std::span<const uint8_t> next(std::span<const uint8_t>& rest) {
 
 bool is_wanted(std::string_view channel) { return !channel.starts_with("V3D_PREVIEW_"); }
 
+const SigningKey& member_key() {
+  static const SigningKey made = SigningKey::make();
+  return made;
+}
+
 /// Of one receiver that lives as long as the process: its 64 MiB are allocated once.
 struct Parties {
   MessageSeal keyed_seal;
   MessageSeal keyless_seal;
   MessageReceiver keyed{ChannelList(), keyed_seal, is_wanted};
   MessageReceiver keyless{ChannelList(), keyless_seal, is_wanted};
+  MessageSeal member_seal;
+  MessageReceiver of_members{ChannelList(), member_seal, is_wanted};
   DatagramMac mac{key()};
   uint32_t sequence = 0;
-  Parties() { keyed_seal.set_key(key()); }
+  Parties() {
+    keyed_seal.set_key(key());
+    member_seal.set_key(key());
+    member_seal.members().require();
+    member_seal.members().set_members(std::make_shared<const MemberList>(
+        MemberList{"kyoto", 1, {{"recon01", Role::kReconstruction, member_key().public_key()}}}));
+  }
 };
 
 /// What the holder of the key can send with these bytes as head and data.
@@ -78,13 +93,20 @@ void judge(Parties& parties, std::span<const uint8_t> bytes) {
   if (const auto got = parties.keyless.receive(datagram, 1, kReceiverNow)) sum(got->bytes);
   const auto with_mac = signed_datagram(parties.mac, datagram);
   if (const auto got = parties.keyed.receive(with_mac, 1, kReceiverNow)) sum(got->bytes);
+  if (const auto got = parties.of_members.receive(with_mac, 1, kReceiverNow)) {
+    must(!got->is_accepted || !kind_of(got->channel)->is_signed());
+    sum(got->bytes);
+  }
 }
 
 void carry_a_message(Parties& parties, std::span<const uint8_t> bytes) {
   const std::vector<uint8_t> message(70'000 + bytes.size(), bytes.empty() ? 0 : bytes[0]);
-  auto datagrams = split_message(parties.sequence++, "V3D_MESH", message, true);
+  const MessageOrigin origin{
+      .channel = "V3D_MESH", .session = 8, .sequence = parties.sequence++, .sent = kNow};
+  const Bytes signed_message = sign_on_bus(message, origin, member_key());
+  auto datagrams = split_message(origin.sequence, origin.channel, signed_message, true);
   if (!bytes.empty() && bytes[0] % 2 == 0) std::ranges::reverse(datagrams);
-  std::optional<ReceivedMessage> got;
+  std::optional<ReceivedMessage> got, got_of_member;
   for (OutgoingDatagram& out : datagrams) {
     out.trailer.session = 8;
     out.trailer.sent = kNow;
@@ -94,9 +116,11 @@ void carry_a_message(Parties& parties, std::span<const uint8_t> bytes) {
     const auto end = out.trailer.bytes();
     datagram.insert(datagram.end(), end.begin(), end.end());
     got = parties.keyed.receive(datagram, 1, kReceiverNow);
+    got_of_member = parties.of_members.receive(datagram, 1, kReceiverNow);
     if (bytes.size() > 1) judge(parties, bytes);
   }
   must(got && std::ranges::equal(got->bytes, message));
+  must(got_of_member && std::ranges::equal(got_of_member->bytes, message));
 }
 
 }  // namespace

@@ -63,7 +63,7 @@ TEST_F(ClockStudio4, loses_no_live_frame_when_the_clock_is_set_back_during_a_tak
   const double refused = value("recon01", "messages_stale");
   set_clock(-60);
   ASSERT_TRUE(reaches("cap01", "clock_steps", 1)) << log();
-  EXPECT_THAT(client_->health(within(5)).at("cap01").text, HasSubstr("keeps the time of before"));
+  EXPECT_THAT(client_->health(within(5)).at("cap01").text, HasSubstr("keeps the previous time"));
   ASSERT_TRUE(reaches("cap01", "frames_written", value("cap01", "frames_written") + 80)) << log();
   EXPECT_EQ(value("recon01", "messages_stale"), refused);
   expect_whole_take_with_live_meshes();

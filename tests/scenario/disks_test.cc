@@ -58,7 +58,7 @@ TEST_F(SmallDiskStudio4, ends_the_take_cleanly_before_the_disk_is_full) {
     return !told.empty();
   };
   ASSERT_TRUE(becomes_true(ended, within(30))) << log();
-  EXPECT_THAT(told, HasSubstr("kendo-07 was ended: ")) << told;
+  EXPECT_THAT(told, HasSubstr("kendo-07 was stopped: ")) << told;
   EXPECT_THAT(told, HasSubstr("is nearly full: ")) << told;
 
   const Answer stopped = command(CommandVerb::kStop);
@@ -192,7 +192,7 @@ TEST_F(BadDiskStudio4, calls_no_take_complete_whose_frames_the_disk_did_not_keep
   ASSERT_TRUE(reaches("cap01", "pulses_sensed", 20)) << log();
   const Answer stopped = command(CommandVerb::kStop);
   EXPECT_THAT(stopped.replies.at("cap01").text,
-              HasSubstr("did not keep the last frames of cam01, cam02, cam03, cam04"));
+              HasSubstr("cannot write the last frames of cam01, cam02, cam03, cam04"));
 }
 
 }  // namespace

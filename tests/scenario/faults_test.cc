@@ -223,9 +223,9 @@ TEST_F(DelayedFrames, keep_their_pulses_and_the_silence_is_told) {
   EXPECT_TRUE(verified_.whole()) << verdict();
   EXPECT_EQ(verdict(), "take kendo-07: complete, 4 cameras x 25 pulses, 0 missing, 0 suspect");
   EXPECT_TRUE(tells(
-      "lost: no frame for 3 pulses after pulse 9. It is opened again by itself and goes on; check "
-      "its power, its cable and its trigger line with v3dctl doctor"));
-  EXPECT_TRUE(tells("back, at pulse "));
+      "lost: no frame for 3 pulses after pulse 9. It is reopened automatically; check its power, "
+      "its cable and its trigger line with v3dctl doctor"));
+  EXPECT_TRUE(tells("recording again, at pulse "));
 }
 
 class UnpluggedCamera : public FaultyStudio {
@@ -235,10 +235,10 @@ class UnpluggedCamera : public FaultyStudio {
 TEST_F(UnpluggedCamera, is_told_and_rejoins_the_take_where_its_clock_says) {
   record_until_back(10);
   EXPECT_TRUE(tells(
-      "lost: no frame for 3 pulses after pulse 9. It is opened again by itself and goes on; check "
-      "its power, its cable and its trigger line with v3dctl doctor"));
+      "lost: no frame for 3 pulses after pulse 9. It is reopened automatically; check its power, "
+      "its cable and its trigger line with v3dctl doctor"));
   EXPECT_TRUE(tells("check its power, its cable"));
-  EXPECT_TRUE(tells("back, at pulse "));
+  EXPECT_TRUE(tells("recording again, at pulse "));
   ASSERT_GE(faulty().missing.size(), 15U);
   EXPECT_EQ(faulty().missing, range(10, 9 + static_cast<int64_t>(faulty().missing.size())))
       << "one gap";
@@ -272,9 +272,9 @@ TEST_F(FrozenCamera, is_told_and_goes_on_in_the_take) {
   EXPECT_THAT(faulty().duplicate, IsEmpty());
   EXPECT_THAT(faulty().suspect, ElementsAre(16));
   EXPECT_TRUE(tells(
-      "lost: no frame for 3 pulses after pulse 9. It is opened again by itself and goes on; check "
-      "its power, its cable and its trigger line with v3dctl doctor"));
-  EXPECT_TRUE(tells("back, at pulse "));
+      "lost: no frame for 3 pulses after pulse 9. It is reopened automatically; check its power, "
+      "its cable and its trigger line with v3dctl doctor"));
+  EXPECT_TRUE(tells("recording again, at pulse "));
   EXPECT_EQ(check_.frames_mislabelled, 0) << testing::PrintToString(check_.problems);
 }
 

@@ -1,8 +1,10 @@
-// A stranger on the network who says what nodes act upon: that the pulses have ended, that a disk
-// is full, which pulse it is, what a camera sees, that something is wrong.
+// A stranger on the network, and a node that was taken over, send what nodes act upon: that the
+// pulses have ended, that a disk is full, which pulse it is, what a camera sees, that something is
+// wrong.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <functional>
 #include <nlohmann/json.hpp>
 #include <random>
 
@@ -15,6 +17,7 @@
 namespace v3d {
 namespace {
 
+using test::becomes_true;
 using test::Studio4;
 using test::within;
 
@@ -51,29 +54,39 @@ class Stranger {
 
 class ForgedStudio : public Studio4 {
  protected:
-  ForgedStudio() : Studio4({.rate = "10", .two_nodes = true}) {}
+  explicit ForgedStudio(bool has_members = false)
+      : Studio4({.rate = "10", .has_members = has_members, .two_nodes = true}) {}
 
-  /// As if a node of the studio had said it, but for the key.
+  using Send = std::function<void(const std::string& channel, const Bytes& bytes)>;
+  /// As if a node of the studio had sent it, but for the key.
   template <class M>
-  void forge(Stranger& stranger, const std::string& channel, M message, int64_t seq) {
+  static void forge(const Send& send, const std::string& channel, M message, int64_t seq) {
     message.sent = Realtime::now();
     message.seq = seq;
-    stranger.say(channel, encode(message), seq % 2 == 1);
+    send(channel, encode(message));
   }
-  void forge_everything(Stranger& stranger, int64_t seq) {
+  void forge_messages(const Send& send, int64_t seq) const {
     HealthMessage idle;
     idle.node = "cap01";
-    forge(stranger, health_channel("cap01"), idle, seq);
+    forge(send, health_channel("cap01"), idle, seq);
+    PulseMessage pulse;
+    pulse.take = take_name_;
+    pulse.pulse = 9000 + seq;
+    forge(send, kPulseChannel, pulse, seq);
+    EventMessage event;
+    event.node = "cap01";
+    event.severity = Severity::kAlarm;
+    event.text = "forged";
+    forge(send, kEventChannel, event, seq);
+  }
+  /// What cap02 itself may send, or what no signature protects.
+  void forge_more(const Send& send, int64_t seq) const {
     HealthMessage full;
     full.node = "cap02";
     full.state = NodeState::kRecording;
     full.take = take_name_;
     full.values["disk_full_flag"] = 1;
-    forge(stranger, health_channel("cap02"), full, seq);
-    PulseMessage pulse;
-    pulse.take = take_name_;
-    pulse.pulse = 9000 + seq;
-    forge(stranger, kPulseChannel, pulse, seq);
+    forge(send, health_channel("cap02"), full, seq);
     FrameMessage frame;
     frame.take = take_name_;
     frame.frame.camera = "cam01";
@@ -81,12 +94,27 @@ class ForgedStudio : public Studio4 {
     frame.frame.sensor_size = {320, 240};
     frame.frame.mask = Mask({320, 240});
     frame.frame.image = Image({0, 0}, PixelFormat::kBayerRG8);
-    forge(stranger, frame_channel("cam01"), frame, seq);
-    EventMessage event;
-    event.node = "cap01";
-    event.severity = Severity::kAlarm;
-    event.text = "forged";
-    forge(stranger, kEventChannel, event, seq);
+    forge(send, frame_channel("cam01"), frame, seq);
+  }
+  /// All nodes record, and did not act upon anything; then the take is whole. The reply of recon01.
+  nlohmann::json expect_a_whole_take() {
+    record_to_the_end();
+    const Answer stopped = command(CommandVerb::kStop);
+    EXPECT_TRUE(stopped.done()) << text_of(stopped) << log();
+    for (const auto& folder : {take().folder, folder_ / "cap02" / take_name_}) {
+      const Verification verified = verify_take({folder});
+      EXPECT_TRUE(verified.whole()) << verified.ledger.verdict();
+    }
+    return nlohmann::json::parse(stopped.replies.at("recon01").detail);
+  }
+  void record_to_the_end() {
+    ASSERT_TRUE(reaches("cap02", "frames_written", value("cap02", "frames_written") + 40)) << log();
+    while (const auto event = client_->next_event(Monotonic::now())) {
+      EXPECT_NE(event->text, "forged");
+    }
+    for (const auto& [node, health] : client_->health(within(5))) {
+      EXPECT_EQ(health.state, NodeState::kRecording) << node << ": " << health.text;
+    }
   }
 };
 
@@ -99,7 +127,11 @@ TEST_F(ForgedStudio, acts_upon_nothing_that_a_stranger_says_changes_or_says_agai
   ASSERT_TRUE(reaches("cap02", "frames_written", 10)) << log();
   std::mt19937 random(7);
   for (int64_t seq = 0; seq < kForged; ++seq) {
-    forge_everything(stranger, seq);
+    const Send send = [&](const std::string& channel, const Bytes& bytes) {
+      stranger.say(channel, bytes, seq % 2 == 1);
+    };
+    forge_messages(send, seq);
+    forge_more(send, seq);
     if (seq % 100 == 0) {
       stranger.record(100);
       stranger.replay(random);
@@ -109,19 +141,43 @@ TEST_F(ForgedStudio, acts_upon_nothing_that_a_stranger_says_changes_or_says_agai
     EXPECT_TRUE(reaches(node, "messages_forged", kForged)) << log();
     EXPECT_TRUE(reaches(node, "messages_replayed", 3)) << log();
   }
-  ASSERT_TRUE(reaches("cap02", "frames_written", value("cap02", "frames_written") + 40)) << log();
-  while (const auto event = client_->next_event(Monotonic::now())) EXPECT_NE(event->text, "forged");
-  for (const auto& [node, health] : client_->health(within(5))) {
-    EXPECT_EQ(health.state, NodeState::kRecording) << node << ": " << health.text;
+  EXPECT_EQ(expect_a_whole_take()["frames_late"], 0) << "as after a frame of a pulse to come";
+}
+
+/// There is a member list, and the PC of cap02 was taken over: it has the studio key and its own.
+class MemberStudioWithForger : public ForgedStudio {
+ protected:
+  MemberStudioWithForger() : ForgedStudio(true) {
+    forger_.seal().set_key(StudioKey::load(studio_.network.key));
+    forger_.seal().members().require();
+    forger_.seal().members().set_signing_key(cap02_);
   }
-  const Answer stopped = command(CommandVerb::kStop);
-  ASSERT_TRUE(stopped.done()) << text_of(stopped) << log();
-  for (const auto& folder : {take().folder, folder_ / "cap02" / take_name_}) {
-    const Verification verified = verify_take({folder});
-    EXPECT_TRUE(verified.whole()) << verified.ledger.verdict();
+
+  Bus forger_{studio_.network.lcm_url, {}, ChannelList(studio_)};
+  /// It receives, so its session answers questions.
+  const Bus::Listening answers_ = forger_.subscribe(kEventChannel, [](const ReceivedMessage&) {});
+};
+
+TEST_F(MemberStudioWithForger, acts_upon_nothing_that_one_node_sends_in_the_name_of_another) {
+  constexpr int64_t kForged = 50;
+  arm_and_start(0);
+  ASSERT_TRUE(reaches("cap02", "frames_written", 10)) << log();
+  const Send send = [&](const std::string& channel, const Bytes& bytes) {
+    forger_.publish_sealed(channel, bytes);
+  };
+  int64_t seq = 0;
+  for (; seq < kForged; ++seq) forge_messages(send, seq);
+  for (const char* node : {"cap01", "cap02", "recon01"}) {
+    const auto are_counted = [&] {
+      forge_messages(send, ++seq);
+      return value(node, "messages_unsigned") >= kForged / 2;
+    };
+    EXPECT_TRUE(becomes_true(are_counted, within(60))) << node << log();
+    EXPECT_EQ(value(node, "messages_forged"), 0) << node;
+    EXPECT_THAT(client_->health(within(5)).at(node).text,
+                testing::HasSubstr("of member cap02 is rejected: only cap01 may send it"));
   }
-  const auto recon = nlohmann::json::parse(stopped.replies.at("recon01").detail);
-  EXPECT_EQ(recon["frames_late"], 0) << "as after a frame of a pulse to come";
+  expect_a_whole_take();
 }
 
 }  // namespace

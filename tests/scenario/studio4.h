@@ -30,10 +30,11 @@ struct Studio4Options {
   std::string more{};    ///< of the studio file's last section, which is [reconstruction]
   std::string faults{};  ///< a fault script; empty: none
   std::string rate = "20";
-  std::string takes = ".";   ///< their folder
-  bool is_signed = false;    ///< every node signs what it records
-  bool has_members = false;  ///< there is a member list, with the nodes and two operators
-  bool two_nodes = false;    ///< cam03 and cam04 are of cap02, which has a disk of its own: cap02/
+  std::string takes = ".";  ///< their folder
+  bool is_signed = false;   ///< every node signs what it records
+  /// There is a member list, with the nodes and two operators. cap02 has a key of its own.
+  bool has_members = false;
+  bool two_nodes = false;  ///< cam03 and cam04 are of cap02, which has a disk of its own: cap02/
 };
 
 /// Cameras whose background has been learnt, and the daemons.
@@ -48,7 +49,7 @@ class Studio4 : public testing::Test {
     put_takes_into(options.takes);
     if (options.two_nodes) share_cameras_out();
     if (options.is_signed) give_signing_keys(options.two_nodes);
-    if (options.has_members) make_member_list();
+    if (options.has_members) make_member_list(options.two_nodes);
     studio_ = load_studio(folder_ / "studio.toml");
     start_captured();
     if (options.two_nodes) start_second_captured();
@@ -108,24 +109,30 @@ class Studio4 : public testing::Test {
   }
   /// The nodes share the key of their PC. Ada commands with the key that the studio file names, Bob
   /// with bob.key.
-  void make_member_list() {
+  void make_member_list(bool two_nodes) {
     const SigningKey pc = SigningKey::make(), ada = SigningKey::make(), bob = SigningKey::make();
     pc.save(folder_ / "node.key");
     ada.save(folder_ / "operator.key");
     bob.save(folder_ / "bob.key");
     std::string text = read_file(folder_ / "studio.toml");
-    replace(
-        text, "[network]",
-        "[network]\nmembers = \"members.toml\"\noperator_key = \"operator.key\"\nauthority = \"" +
-            authority_.public_key().text() + "\"");
+    replace(text, "[network]",
+            "[network]\nmembers = \"" + (folder_ / "members.toml").string() +
+                "\"\noperator_key = \"operator.key\"\nauthority = \"" +
+                authority_.public_key().text() + "\"");
     replace(text, "[storage]", "[storage]\nsigning_key = \"node.key\"");
     write_text(folder_ / "studio.toml", text);
-    write_members({.studio = load_studio(folder_ / "studio.toml").name,
-                   .serial = 1,
-                   .members = {{"cap01", Role::kCapture, pc.public_key()},
-                               {"recon01", Role::kReconstruction, pc.public_key()},
-                               {"ada", Role::kOperator, ada.public_key()},
-                               {"bob", Role::kOperator, bob.public_key()}}});
+    MemberList list{.studio = load_studio(folder_ / "studio.toml").name,
+                    .serial = 1,
+                    .members = {{"cap01", Role::kCapture, pc.public_key()},
+                                {"recon01", Role::kReconstruction, pc.public_key()},
+                                {"ada", Role::kOperator, ada.public_key()},
+                                {"bob", Role::kOperator, bob.public_key()}}};
+    if (two_nodes) {
+      write_text(folder_ / "cap02" / "studio.toml", text);
+      cap02_.save(folder_ / "cap02" / "node.key");
+      list.members.push_back({"cap02", Role::kCapture, cap02_.public_key()});
+    }
+    write_members(list);
   }
   void write_members(const MemberList& list) {
     members_ = list;
@@ -220,7 +227,8 @@ class Studio4 : public testing::Test {
 
   const TemporaryFolder folder_;
   const SigningKey authority_ = SigningKey::make();
-  MemberList members_;  ///< as it was written last
+  const SigningKey cap02_ = SigningKey::make();  ///< where there are members
+  MemberList members_;                           ///< as it was written last
   std::string take_name_ = "kendo-07";
   std::optional<ChildProcess> simulator_;
   Studio studio_;

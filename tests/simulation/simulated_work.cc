@@ -23,7 +23,7 @@ constexpr Duration kReconQuiet = std::chrono::milliseconds(1200);
 
 std::optional<RejoinDecision::Found> SimulatedWork::running_take() {
   if (!rejoin_.is_open()) return std::nullopt;
-  std::optional<TrainState::Running> running;
+  std::optional<TrainState::RunningTake> running;
   for (const HealthMessage& health : std::exchange(trigger_health_, {})) {
     if (auto news = train_.running(health)) running = std::move(news);
   }
@@ -36,10 +36,10 @@ void SimulatedWork::listen_to_train() {
   }
 }
 
-/// As TrainMonitor::restart() does.
+/// As TrainMonitor::reset() does.
 void SimulatedWork::restart_train() {
   trigger_health_.clear();
-  train_.restart();
+  train_.reset();
 }
 
 void SimulatedWork::forget_kept_orders() {
@@ -62,7 +62,7 @@ void SimulatedWork::remove_take() {
 }
 
 void SimulatedWork::refuse_existing(const CommandMessage& order) const {
-  refuse_take_name(order.take);
+  check_take_name(order.take);
   if (!host_.disk.takes.contains(order.take)) return;
   throw InputError("take " + order.take + " exists already; choose another name");
 }
@@ -221,7 +221,7 @@ std::optional<NodeReport> SimulatedCapture::poll_draining() {
   if (!is_accounted_for()) return std::nullopt;
   const Ledger ledger = close_take();
   if (order_.verb == CommandVerb::kCheck) {
-    return NodeReport{.event = Input::kDrained, .text = "looked at cameras", .detail = {}};
+    return NodeReport{.event = Input::kDrained, .text = "checked cameras", .detail = {}};
   }
   return NodeReport{
       .event = Input::kDrained, .text = ledger.verdict(), .detail = ledger_json(ledger)};
@@ -231,9 +231,9 @@ Ledger SimulatedCapture::close_take() {
   Ledger ledger;
   ledger.take = order_.take;
   ledger.commanded = commanded();
-  const bool knows = knows_what_was_sensed(world_.has_sense_line, host_.trigger != nullptr,
+  const bool knows = sensed_count_is_known(world_.has_sense_line, host_.trigger != nullptr,
                                            pulses_.count(), ledger.commanded);
-  if (knows) pulses_.put_into(ledger, ledger.commanded);
+  if (knows) pulses_.fill_ledger(ledger, ledger.commanded);
   is_open_ = false;
   if (order_.verb != CommandVerb::kArm) return ledger;
   for (const std::string& camera : host_.cameras) {

@@ -46,10 +46,10 @@ TEST(ReplyLines, show_the_health_text_of_a_node_that_does_not_reply) {
   Answer answer;
   answer.silent = {"cap01", "cap02"};
   HealthMessage keyless;
-  keyless.text = "every command is refused: no studio key";
+  keyless.text = "every command is rejected: no studio key";
   const auto lines = reply_lines(kNodes, answer, "ready", {{"cap01", keyless}, {"cap02", {}}});
   ASSERT_EQ(lines.size(), 2U) << "cap03 was not asked";
-  EXPECT_THAT(lines[0], HasSubstr("no reply to commands: every command is refused"));
+  EXPECT_THAT(lines[0], HasSubstr("no reply to commands: every command is rejected"));
   EXPECT_THAT(lines[1], HasSubstr("but health messages"));
 }
 

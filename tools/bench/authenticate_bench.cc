@@ -1,8 +1,12 @@
-// What a node spends on the verification of a command, and on the checksum of what it records.
+// What a node spends on the verification of commands, health and meshes, and on the checksum of
+// what it records.
 #include "base/checksum.h"
 #include "daemon/bus/credentials.h"
+#include "daemon/bus/member_signatures.h"
 #include "rates.h"
+#include "wire/channels.h"
 #include "wire/codec.h"
+#include "workload.h"
 
 namespace v3d::bench {
 namespace {
@@ -57,6 +61,52 @@ void verify_signature(benchmark::State& state) {
   verify(state, credentials);
 }
 
+/// As a capture node sends it: 80 values.
+Bytes health_of_a_node() {
+  HealthMessage health;
+  health.node = "cap01";
+  for (int i = 0; i < 80; ++i) health.values["cam01.frames_of_kind_" + std::to_string(i)] = i;
+  return encode(health);
+}
+
+Bytes mesh_of_the_performer() {
+  MeshMessage mesh;
+  mesh.take = "kendo-07";
+  mesh.compact = compact_10mm();
+  return encode(mesh);
+}
+
+/// Verifies one message again and again; its sender is the last of 30 members.
+void verify_on_bus(benchmark::State& state, const std::string& channel, const Bytes& message) {
+  const SigningKey key = SigningKey::make();
+  auto list = std::make_shared<MemberList>(*members_with(SigningKey::make()));
+  list->members.back() = {"recon01", Role::kReconstruction, key.public_key()};
+  MemberSignatures signatures;
+  signatures.set_members(list);
+  const MessageOrigin origin{.channel = channel, .session = 1, .sequence = 2, .sent = {}};
+  const Bytes bytes = sign_on_bus(message, origin, key);
+  measure(state, 1, static_cast<double>(bytes.size()), [&] {
+    const auto verified = signatures.verify(bytes, origin, *kind_of(channel), "recon01");
+    if (!verified.problem.empty()) state.SkipWithError("the message was rejected");
+  });
+}
+
+void verify_health(benchmark::State& state) {
+  verify_on_bus(state, health_channel("recon01"), health_of_a_node());
+}
+void verify_mesh(benchmark::State& state) {
+  verify_on_bus(state, kMeshChannel, mesh_of_the_performer());
+}
+
+/// What its sender spends.
+void sign_mesh(benchmark::State& state) {
+  const SigningKey key = SigningKey::make();
+  const Bytes mesh = mesh_of_the_performer();
+  const MessageOrigin origin{.channel = kMeshChannel, .session = 1, .sequence = 2, .sent = {}};
+  measure(state, 1, static_cast<double>(mesh.size()),
+          [&] { benchmark::DoNotOptimize(sign_on_bus(mesh, origin, key)); });
+}
+
 void checksum_of_a_frame(benchmark::State& state) {
   const std::vector<uint8_t> frame(1024 * 768, 77);
   measure(state, 1, static_cast<double>(frame.size()),
@@ -65,6 +115,9 @@ void checksum_of_a_frame(benchmark::State& state) {
 
 BENCHMARK(verify_mac)->Name("verify/command/mac");
 BENCHMARK(verify_signature)->Name("verify/command/signature");
+BENCHMARK(verify_health)->Name("verify/health/signature");
+BENCHMARK(verify_mesh)->Name("verify/mesh/signature");
+BENCHMARK(sign_mesh)->Name("sign/mesh/signature");
 BENCHMARK(checksum_of_a_frame)->Name("checksum/XGA");
 
 }  // namespace

@@ -15,6 +15,7 @@
 #include "base/error.h"
 #include "support/child_process.h"
 #include "support/message_of.h"
+#include "support/raw_datagrams.h"
 #include "wire/channels.h"
 #include "wire/studio_key.h"
 
@@ -223,6 +224,70 @@ TEST(Subscription, believes_nobody_s_health_on_the_channel_of_another) {
       },
       within(10)));
   EXPECT_EQ(health.counts().received, 0);
+}
+
+/// A studio of two capture nodes with a member list.
+class MemberBuses : public testing::Test {
+ protected:
+  MemberBuses() {
+    studio_.nodes = {{"cap01"}, {"cap02"}};
+    studio_.trigger.node = "cap01";
+  }
+  std::unique_ptr<Bus> bus_of(const SigningKey& key) const {
+    auto bus = std::make_unique<Bus>(kUrl, std::vector<std::string>{}, ChannelList(studio_));
+    bus->seal().set_key(studio_key_);
+    bus->seal().members().require();
+    bus->seal().members().set_members(std::make_shared<const MemberList>(
+        MemberList{"kyoto",
+                   1,
+                   {{"cap01", Role::kCapture, cap01_.public_key()},
+                    {"cap02", Role::kCapture, cap02_.public_key()}}}));
+    bus->seal().members().set_signing_key(key);
+    return bus;
+  }
+
+  Studio studio_;
+  const StudioKey studio_key_ = StudioKey::make();
+  const SigningKey cap01_ = SigningKey::make(), cap02_ = SigningKey::make();
+};
+
+TEST_F(MemberBuses, accept_events_of_the_node_that_they_name_alone) {
+  const auto cap01 = bus_of(cap01_), cap02 = bus_of(cap02_), listener = bus_of(cap02_);
+  Subscription<EventMessage> events(*listener, kEventChannel, 8);
+  cap02->publish_sealed(kEventChannel, encode(event(1)));
+  cap01->publish_sealed(kEventChannel, encode(event(2)));
+  EXPECT_EQ(events.wait(within(10)).value().seq, 2);
+  EXPECT_EQ(listener->seal().counts().not_signed, 1);
+}
+
+TEST_F(MemberBuses, accept_health_and_pulses_when_their_member_has_answered) {
+  const auto cap01 = bus_of(cap01_), listener = bus_of(cap02_);
+  Subscription<EventMessage> questions(*cap01, kEventChannel, 8);  // it listens, so it answers
+  Subscription<PulseMessage> pulses(*listener, kPulseChannel, 8);
+  Subscription<HealthMessage> health(*listener, health_channel("cap01"), 8);
+  HealthMessage idle;
+  idle.node = "cap01";
+  const auto arrive = [&] {
+    cap01->publish_sealed(kPulseChannel, encode(PulseMessage{}));
+    cap01->publish_sealed(health_channel("cap01"), encode(idle));
+    return pulses.counts().received > 0 && health.counts().received > 0;
+  };
+  EXPECT_TRUE(becomes_true(arrive, within(10)));
+  EXPECT_EQ(listener->seal().counts().not_signed, 0);
+}
+
+TEST_F(MemberBuses, send_a_signature_behind_a_message_only_where_members_are_required) {
+  const test::RawSocket network(kUrl);
+  const Bytes message = encode(event(1));
+  const auto signed_bus = bus_of(cap01_);
+  signed_bus->publish_sealed(kEventChannel, message);
+  const auto with_signature = network.receive(std::chrono::seconds(10));
+  Bus plain(kUrl);
+  plain.seal().set_key(studio_key_);
+  plain.publish_sealed(kEventChannel, message);
+  const auto without = network.receive(std::chrono::seconds(10));
+  EXPECT_EQ(without.size(), 8 + sizeof kEventChannel + message.size() + kMacTrailerSize);
+  EXPECT_EQ(with_signature.size(), without.size() + kMessageSignatureSize);
 }
 
 TEST(Subscription, reads_what_is_sealed_where_there_is_no_key_to_look_on_with) {

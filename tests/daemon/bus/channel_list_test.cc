@@ -26,6 +26,24 @@ TEST(ChannelList, holds_exactly_the_channels_of_the_studio) {
   }
 }
 
+TEST(ChannelList, names_the_node_that_sends_on_a_channel) {
+  Studio with_owners = studio();
+  with_owners.cameras[0].node = "cap01";
+  with_owners.trigger.node = "cap01";
+  const ChannelList channels(with_owners);
+  EXPECT_EQ(channels.owner_of("V3D_HEALTH_recon01"), "recon01");
+  EXPECT_EQ(channels.owner_of("V3D_SHARD_recon01"), "recon01");
+  EXPECT_EQ(channels.owner_of("V3D_MESH_recon01"), "recon01");
+  EXPECT_EQ(channels.owner_of("V3D_PREVIEW_cam01"), "cap01");
+  EXPECT_EQ(channels.owner_of("V3D_FRAME_cam01"), "cap01");
+  EXPECT_EQ(channels.owner_of("V3D_PULSE"), "cap01");
+  for (const char* name : {"V3D_EVENT", "V3D_MESH", "V3D_HEALTH_cap09", "LCM_SELF_TEST"}) {
+    EXPECT_EQ(channels.owner_of(name), "") << name;
+  }
+  EXPECT_EQ(ChannelList().owner_of("V3D_HEALTH_cap01"), "cap01");
+  EXPECT_EQ(ChannelList().owner_of("V3D_PREVIEW_cam01"), "") << "only the studio file has it";
+}
+
 TEST(ChannelList, holds_a_bounded_number_of_well_formed_names_without_a_studio) {
   ChannelList channels;
   EXPECT_NE(channels.find("V3D_FRAME_cam77"), nullptr);

@@ -9,8 +9,8 @@
 #include <algorithm>
 #include <random>
 
+#include "datagram_sender.h"
 #include "support/allocation_count.h"
-#include "support/raw_datagrams.h"
 #include "wire/channels.h"
 
 namespace v3d {
@@ -18,9 +18,10 @@ namespace {
 
 using namespace std::chrono_literals;
 using test::RawDatagram;
+using Sender = test::DatagramSender;
 
-constexpr RealtimeInstant kNow = from_ns<Realtime>(1'700'000'000'000'000'000);
-constexpr ReceiverTime kReceiverNow{from_ns<Monotonic>(3'600'000'000'000), kNow};
+using test::kNow;
+using test::kReceiverNow;
 constexpr uint64_t kSource = 1;
 
 Studio studio() {
@@ -30,35 +31,6 @@ Studio studio() {
   studio.cameras[0].name = "cam01";
   return studio;
 }
-
-/// As MulticastSender, without a network.
-class Sender {
- public:
-  explicit Sender(const StudioKey& key) : mac_(key) {}
-
-  std::vector<RawDatagram> datagrams(std::string_view channel, std::span<const uint8_t> message,
-                                     RealtimeInstant sent = kNow) {
-    std::vector<RawDatagram> all;
-    for (OutgoingDatagram& datagram : split_message(sequence_++, channel, message, true)) {
-      datagram.trailer.session = session_;
-      datagram.trailer.sent = sent;
-      mac_.sign(datagram.head(), datagram.data, datagram.trailer);
-      RawDatagram bytes(datagram.head().begin(), datagram.head().end());
-      bytes.insert(bytes.end(), datagram.data.begin(), datagram.data.end());
-      const auto trailer = datagram.trailer.bytes();
-      bytes.insert(bytes.end(), trailer.begin(), trailer.end());
-      all.push_back(std::move(bytes));
-    }
-    return all;
-  }
-
-  uint32_t session() const { return session_; }
-
- private:
-  DatagramMac mac_;
-  uint32_t sequence_ = 0;
-  uint32_t session_ = random_session();
-};
 
 class Receiver : public testing::Test {
  protected:
@@ -209,7 +181,7 @@ TEST_F(Receiver, asks_a_session_whose_clock_differs_and_accepts_it_when_it_answe
   EXPECT_FALSE(receive(sender_.datagrams(kEventChannel, message(40), kNow + hour).at(0)));
   ASSERT_EQ(said_.size(), 1U);
   const SessionMessage question = said_[0];
-  EXPECT_EQ(question.session, sender_.session());
+  EXPECT_EQ(question.session, sender_.session);
   EXPECT_FALSE(receive(sender_.datagrams(kEventChannel, message(40), kNow + hour).at(0)));
   EXPECT_EQ(said_.size(), 1U) << "it was asked a moment ago";
   SessionMessage answer = question;
@@ -233,7 +205,7 @@ TEST_F(Receiver, accepts_nothing_of_a_recording_though_its_questions_are_answere
   const Duration hour = -1h;
   const RawDatagram event = recorded.datagrams(kEventChannel, message(40), kNow + hour).at(0);
   SessionMessage old;
-  old.session = recorded.session();
+  old.session = recorded.session;
   old.nonce = 12345;
   old.is_answer = true;
   const RawDatagram answer = recorded.datagrams(kSessionChannel, encode(old), kNow + hour).at(0);
@@ -258,7 +230,7 @@ TEST_F(Receiver, accepts_health_and_pulses_only_of_a_session_that_has_answered) 
     const RawDatagram older = sender.datagrams(channel, message(40)).at(0);
     EXPECT_FALSE(receive(sender.datagrams(channel, message(40)).at(0)));
     ASSERT_FALSE(said_.empty());
-    ASSERT_EQ(said_.back().session, sender.session());
+    ASSERT_EQ(said_.back().session, sender.session);
     receive(answer_of(sender, said_.back(), 2));
     EXPECT_FALSE(receive(older)) << "it may have been received before a restart";
     EXPECT_TRUE(receive(sender.datagrams(channel, message(40)).at(0)));
@@ -398,6 +370,7 @@ std::vector<RawDatagram> hostile_datagrams(Sender& studio_sender) {
 }
 
 TEST_F(Receiver, neither_allocates_for_strangers_nor_lets_them_displace_a_message) {
+  seal_.members().require();  // whose signatures are looked at behind the MAC only
   const auto sent = message(100'000);
   const auto frame = sender_.datagrams("V3D_FRAME_cam01", sent);
   Sender other(key_);

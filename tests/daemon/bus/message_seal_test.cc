@@ -27,6 +27,15 @@ TEST(Seal, counts_nothing_as_forged_before_there_is_a_key) {
   EXPECT_EQ(seal.trouble(Realtime::now()), "") << "the missing key is reported by its owner";
 }
 
+TEST(Seal, counts_messages_that_no_permitted_member_signed_and_says_which) {
+  MessageSeal seal;
+  seal.set_key(StudioKey::make());
+  seal.count_unsigned("V3D_PULSE of member cap02");
+  EXPECT_EQ(seal.counts().not_signed, 1);
+  EXPECT_EQ(seal.counts().forged, 0);
+  EXPECT_EQ(seal.trouble(Realtime::now()), "V3D_PULSE of member cap02");
+}
+
 TEST(Seal, is_required_with_a_key_and_where_somebody_insists) {
   MessageSeal seal;
   EXPECT_FALSE(seal.is_required());

@@ -34,6 +34,35 @@ RC_GTEST_PROP(SessionGate, accepts_a_number_once_also_where_numbers_wrap, ()) {
   }
 }
 
+KeyId key_id(uint8_t first) { return {first}; }
+
+TEST(SessionGate, takes_the_answer_of_one_key_for_that_of_no_other) {
+  SessionGate gate;
+  gate.accept(stamp(7, 100), kNow, key_id(1));
+  EXPECT_TRUE(gate.has_answered(7, key_id(1)));
+  EXPECT_FALSE(gate.has_answered(7, key_id(2)));
+  EXPECT_FALSE(gate.has_answered(7)) << "of an unknown key";
+  EXPECT_TRUE(gate.is_answered_by_other(7, key_id(2)));
+  EXPECT_FALSE(gate.is_answered_by_other(8, key_id(2))) << "nobody has answered";
+  gate.accept(stamp(7, 200), kNow, key_id(2));
+  EXPECT_TRUE(gate.has_answered(7, key_id(2)));
+  EXPECT_FALSE(gate.has_answered(7, key_id(1)));
+  EXPECT_TRUE(gate.is_received(stamp(7, 150))) << "the first answer of this key";
+  EXPECT_FALSE(gate.is_received(stamp(7, 201)));
+}
+
+TEST(SessionQuestions, are_answered_by_the_key_that_was_asked_or_by_any_where_none_was) {
+  SessionQuestions questions;
+  const int64_t nonce = questions.ask(7, kNow.monotonic, key_id(1)).value();
+  EXPECT_FALSE(questions.answers(7, nonce, kNow.monotonic, key_id(2)));
+  EXPECT_FALSE(questions.answers(7, nonce, kNow.monotonic));
+  EXPECT_TRUE(questions.is_pending(7, nonce, kNow.monotonic, key_id(1)));
+  EXPECT_TRUE(questions.answers(7, nonce, kNow.monotonic, key_id(1)));
+  EXPECT_FALSE(questions.answers(7, nonce, kNow.monotonic, key_id(1))) << "once";
+  const int64_t of_any = questions.ask(7, kNow.monotonic).value();
+  EXPECT_TRUE(questions.answers(7, of_any, kNow.monotonic, key_id(2)));
+}
+
 TEST(SessionGate, counts_what_is_older_than_the_window_as_received) {
   SessionGate gate;
   gate.note(stamp(7, 5000), kNow);

@@ -1,5 +1,5 @@
-// A take from its beginning to its account, at nodes without cameras: the trigger's, on a simulated
-// cable, and one that hears of its pulses.
+// Takes of nodes without cameras, from arming to the ledger: of the trigger's node, on a simulated
+// cable, and of a node that receives its pulse messages.
 #include "daemon/captured/active_take.h"
 
 #include <gmock/gmock.h>
@@ -23,9 +23,9 @@ constexpr char kTake[] = "kendo-07";
 constexpr char kTriggerNode[] = "cap01";
 constexpr int64_t kPulses = 4;
 
-class TakeUnderWayTest : public testing::Test {
+class ActiveTakeTest : public testing::Test {
  protected:
-  explicit TakeUnderWayTest(std::string node)
+  explicit ActiveTakeTest(std::string node)
       : node_(std::move(node)), studio_(studio()), trigger_(studio_, node_, bus_) {}
 
   Studio studio() const {
@@ -44,8 +44,8 @@ class TakeUnderWayTest : public testing::Test {
     std::filesystem::create_directories(studio.storage.takes);
     return studio;
   }
-  ActiveTake::Node here() {
-    return {{studio_, node_, bus_, cameras_, places_}, trigger_, [](const PulseEdge&) {}};
+  ActiveTake::Context context() {
+    return {{studio_, node_, bus_, cameras_, slots_}, trigger_, [](const PulseEdge&) {}};
   }
   static ActiveTake::Plan plan(CommandVerb verb) {
     CommandMessage order;
@@ -57,11 +57,11 @@ class TakeUnderWayTest : public testing::Test {
   TakePaths paths() const { return take_paths(studio_, kTake); }
   bool exists(const std::filesystem::path& file) const { return std::filesystem::exists(file); }
 
-  /// Until everything is accounted for.
-  TakeAccount drain(ActiveTake& take) {
+  /// Stops the train and closes the take when it is drained.
+  TakeResult drain(ActiveTake& take) {
     trigger_.stop();
     take.train_ended();
-    EXPECT_TRUE(becomes_true([&] { return take.is_accounted_for(); }, within(30)));
+    EXPECT_TRUE(becomes_true([&] { return take.is_drained(); }, within(30)));
     return take.close();
   }
 
@@ -73,81 +73,82 @@ class TakeUnderWayTest : public testing::Test {
   PulseTimes pulse_times_{std::chrono::milliseconds(100)};
   NodeTrigger trigger_;
   NodeCameras cameras_{studio_, node_, pulse_times_};
-  PrioritySemaphore places_{1};
+  PrioritySemaphore slots_{1};
 };
 
-class TakeOfTheTriggersNode : public TakeUnderWayTest {
+class TakeOfTheTriggersNode : public ActiveTakeTest {
  protected:
-  TakeOfTheTriggersNode() : TakeUnderWayTest(kTriggerNode) {}
+  TakeOfTheTriggersNode() : ActiveTakeTest(kTriggerNode) {}
 
-  std::unique_ptr<ActiveTake> begun(CommandVerb verb) {
+  std::unique_ptr<ActiveTake> started(CommandVerb verb) {
     trigger_.arm(plan(verb).train);
-    return ActiveTake::begin(here(), plan(verb));
+    return ActiveTake::begin(context(), plan(verb));
   }
-  void play_train(ActiveTake& take) {
+  void run_train(ActiveTake& take) {
     take.start();
     trigger_.start();
-    ASSERT_TRUE(becomes_true([&] { return trigger_.train_is_over(kTake); }, within(30)));
+    ASSERT_TRUE(becomes_true([&] { return trigger_.train_has_ended(kTake); }, within(30)));
   }
 };
 
-TEST_F(TakeOfTheTriggersNode, accounts_for_every_pulse_and_is_closed) {
-  const auto take = begun(CommandVerb::kArm);
-  ASSERT_TRUE(take->is_counted());
-  play_train(*take);
-  const TakeAccount account = drain(*take);
-  EXPECT_EQ(account.ledger.take, kTake);
-  EXPECT_EQ(account.ledger.commanded, kPulses);
-  // What a busy host did not send in time is named.
-  EXPECT_EQ(account.ledger.sensed.value() + std::ssize(account.ledger.unsensed), kPulses);
-  EXPECT_EQ(account.counts.commanded, kPulses);
-  EXPECT_EQ(account.closing.unkept, "");
+TEST_F(TakeOfTheTriggersNode, has_every_pulse_in_its_ledger_and_is_closed) {
+  const auto take = started(CommandVerb::kArm);
+  ASSERT_TRUE(take->has_ledger());
+  run_train(*take);
+  const TakeResult result = drain(*take);
+  EXPECT_EQ(result.ledger.take, kTake);
+  EXPECT_EQ(result.ledger.commanded, kPulses);
+  // Pulses that a busy host did not send in time are listed as not sensed.
+  EXPECT_EQ(result.ledger.sensed.value() + std::ssize(result.ledger.unsensed), kPulses);
+  EXPECT_EQ(result.counts.commanded, kPulses);
+  EXPECT_EQ(result.close_report.write_error, "");
   EXPECT_EQ(load_take_info(paths()).state, TakeState::kComplete);
-  EXPECT_EQ(std::ssize(edge_times(paths())), account.ledger.sensed.value());
+  EXPECT_EQ(std::ssize(read_edge_times(paths())), result.ledger.sensed.value());
 }
 
-TEST_F(TakeOfTheTriggersNode, is_moved_to_the_quarantine_when_it_never_saw_a_pulse) {
-  const auto take = begun(CommandVerb::kArm);
+TEST_F(TakeOfTheTriggersNode, is_moved_to_the_quarantine_without_a_pulse) {
+  const auto take = started(CommandVerb::kArm);
   EXPECT_TRUE(exists(paths().info()));
-  const TakeAccount account = take->close();
-  EXPECT_EQ(account.ledger.commanded, 0);
+  const TakeResult result = take->close();
+  EXPECT_EQ(result.ledger.commanded, 0);
   EXPECT_FALSE(exists(paths().folder)) << "its name is free again";
   const auto place = paths().folder.parent_path() / "quarantine" / paths().folder.filename();
   EXPECT_TRUE(exists(place / "take.toml"));
-  EXPECT_THAT(account.closing.notice, testing::HasSubstr("moved to " + place.string()));
+  EXPECT_THAT(result.close_report.quarantine_notice,
+              testing::HasSubstr("moved to " + place.string()));
 }
 
 TEST_F(TakeOfTheTriggersNode, records_nothing_when_it_is_a_check) {
-  const auto take = begun(CommandVerb::kCheck);
-  EXPECT_TRUE(take->is_counted());
+  const auto take = started(CommandVerb::kCheck);
+  EXPECT_TRUE(take->has_ledger());
   EXPECT_EQ(take->recording(), nullptr);
-  play_train(*take);
-  const TakeAccount account = drain(*take);
-  EXPECT_EQ(account.ledger.commanded, kPulses);
-  EXPECT_THAT(account.checked, IsEmpty());
+  run_train(*take);
+  const TakeResult result = drain(*take);
+  EXPECT_EQ(result.ledger.commanded, kPulses);
+  EXPECT_THAT(result.checked, IsEmpty());
   EXPECT_FALSE(exists(paths().folder));
 }
 
-TEST_F(TakeOfTheTriggersNode, has_no_account_when_the_background_is_learnt) {
-  const auto take = begun(CommandVerb::kBackground);
-  EXPECT_FALSE(take->is_counted());
-  play_train(*take);
+TEST_F(TakeOfTheTriggersNode, has_no_ledger_when_the_background_is_learnt) {
+  const auto take = started(CommandVerb::kBackground);
+  EXPECT_FALSE(take->has_ledger());
+  run_train(*take);
   take->train_ended();
-  EXPECT_TRUE(becomes_true([&] { return take->learnt().has_value(); }, within(30)));
+  EXPECT_TRUE(becomes_true([&] { return take->background_result().has_value(); }, within(30)));
   EXPECT_FALSE(exists(paths().folder));
 }
 
-class TakeOfAnotherNode : public TakeUnderWayTest {
+class TakeOfAnotherNode : public ActiveTakeTest {
  protected:
-  TakeOfAnotherNode() : TakeUnderWayTest("cap02") {}
+  TakeOfAnotherNode() : ActiveTakeTest("cap02") {}
 
-  void say_pulse(int64_t pulse) {
+  void publish_pulse(int64_t pulse) {
     PulseMessage message;
     message.take = kTake;
     message.pulse = pulse;
     bus_.publish_sealed(kPulseChannel, encode(message));
   }
-  void say_commanded(int64_t pulses) {
+  void publish_commanded(int64_t pulses) {
     HealthMessage health;
     health.sent = Realtime::now();
     health.node = kTriggerNode;
@@ -156,10 +157,10 @@ class TakeOfAnotherNode : public TakeUnderWayTest {
     health.values["pulses_commanded"] = static_cast<double>(pulses);
     bus_.publish(health_channel(kTriggerNode), encode(health));
   }
-  bool hears(const ActiveTake& take, int64_t commanded, int64_t sensed) {
+  bool receives(const ActiveTake& take, int64_t commanded, int64_t sensed) {
     return becomes_true(
         [&] {
-          trigger_.listen(kTake);
+          trigger_.poll(kTake);
           const TakeCounts counts = take.counts();
           return counts.commanded == commanded && counts.sensed == sensed;
         },
@@ -167,41 +168,41 @@ class TakeOfAnotherNode : public TakeUnderWayTest {
   }
 };
 
-TEST_F(TakeOfAnotherNode, tells_what_was_sensed_where_it_heard_of_every_pulse) {
-  const auto take = ActiveTake::begin(here(), plan(CommandVerb::kArm));
+TEST_F(TakeOfAnotherNode, states_the_sensed_pulses_when_it_received_every_message) {
+  const auto take = ActiveTake::begin(context(), plan(CommandVerb::kArm));
   trigger_.start();
-  for (int64_t pulse = 0; pulse < 3; ++pulse) say_pulse(pulse);
-  ASSERT_TRUE(hears(*take, 3, 3));
-  const TakeAccount account = drain(*take);
-  EXPECT_EQ(account.ledger.commanded, 3);
-  EXPECT_EQ(account.ledger.sensed, 3);
+  for (int64_t pulse = 0; pulse < 3; ++pulse) publish_pulse(pulse);
+  ASSERT_TRUE(receives(*take, 3, 3));
+  const TakeResult result = drain(*take);
+  EXPECT_EQ(result.ledger.commanded, 3);
+  EXPECT_EQ(result.ledger.sensed, 3);
 }
 
-TEST_F(TakeOfAnotherNode, does_not_tell_what_was_sensed_where_it_missed_a_pulse) {
-  const auto take = ActiveTake::begin(here(), plan(CommandVerb::kArm));
+TEST_F(TakeOfAnotherNode, does_not_state_the_sensed_pulses_when_a_message_was_lost) {
+  const auto take = ActiveTake::begin(context(), plan(CommandVerb::kArm));
   trigger_.start();
-  for (const int64_t pulse : {0, 2}) say_pulse(pulse);
-  say_commanded(kPulses);
-  ASSERT_TRUE(hears(*take, kPulses, 2));
-  const TakeAccount account = drain(*take);
-  EXPECT_EQ(account.ledger.commanded, kPulses);
-  EXPECT_FALSE(account.ledger.sensed.has_value());
+  for (const int64_t pulse : {0, 2}) publish_pulse(pulse);
+  publish_commanded(kPulses);
+  ASSERT_TRUE(receives(*take, kPulses, 2));
+  const TakeResult result = drain(*take);
+  EXPECT_EQ(result.ledger.commanded, kPulses);
+  EXPECT_FALSE(result.ledger.sensed.has_value());
 }
 
-TEST_F(TakeOfAnotherNode, goes_on_with_the_pulses_that_its_log_has) {
+TEST_F(TakeOfAnotherNode, is_resumed_with_the_pulses_of_its_log) {
   {
-    const auto take = ActiveTake::begin(here(), plan(CommandVerb::kArm));
-    for (int64_t pulse = 0; pulse < 2; ++pulse) say_pulse(pulse);
-    ASSERT_TRUE(hears(*take, 2, 2));
+    const auto take = ActiveTake::begin(context(), plan(CommandVerb::kArm));
+    for (int64_t pulse = 0; pulse < 2; ++pulse) publish_pulse(pulse);
+    ASSERT_TRUE(receives(*take, 2, 2));
   }
   EXPECT_EQ(load_take_info(paths()).state, TakeState::kRecording) << "as a crash leaves it";
-  const auto take = ActiveTake::go_on(here(), plan(CommandVerb::kArm), 5);
+  const auto take = ActiveTake::resume(context(), plan(CommandVerb::kArm), 5);
   EXPECT_EQ(take->counts().sensed, 2);
-  say_pulse(6);
-  ASSERT_TRUE(hears(*take, 7, 3));
-  const TakeAccount account = drain(*take);
-  EXPECT_EQ(account.ledger.commanded, 7);
-  EXPECT_EQ(std::ssize(edge_times(paths())), 3);
+  publish_pulse(6);
+  ASSERT_TRUE(receives(*take, 7, 3));
+  const TakeResult result = drain(*take);
+  EXPECT_EQ(result.ledger.commanded, 7);
+  EXPECT_EQ(std::ssize(read_edge_times(paths())), 3);
 }
 
 }  // namespace

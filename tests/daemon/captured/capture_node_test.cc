@@ -1,4 +1,4 @@
-// A capture node that has the trigger and no camera: its pulses are for the cameras of others.
+// A capture node with the trigger and without cameras: its pulses trigger cameras of other nodes.
 #include "daemon/captured/capture_node.h"
 
 #include <gtest/gtest.h>
@@ -13,7 +13,7 @@ namespace {
 constexpr char kUrl[] = "udpm://239.255.76.67:7667?ttl=0";
 constexpr int64_t kPulses = 4;
 
-class NodeOfTheTriggerAlone : public testing::Test {
+class TriggerOnlyNode : public testing::Test {
  protected:
   Studio studio() const {
     Studio studio;
@@ -31,7 +31,7 @@ class NodeOfTheTriggerAlone : public testing::Test {
     order.pulses = kPulses;
     return order;
   }
-  /// What the node reports in this phase.
+  /// The report of the node in this phase.
   NodeReport report(Phase phase) {
     std::optional<NodeReport> report;
     EXPECT_TRUE(test::becomes_true(
@@ -55,22 +55,22 @@ class NodeOfTheTriggerAlone : public testing::Test {
   CaptureNode node_{studio_, "cap01", bus_};
 };
 
-TEST_F(NodeOfTheTriggerAlone, has_learnt_its_part_of_the_background_when_the_pulses_are_over) {
+TEST_F(TriggerOnlyNode, has_learnt_the_background_when_the_pulses_have_ended) {
   node_.learn(order(CommandVerb::kBackground));
   ASSERT_EQ(report(Phase::kArming).event, Input::kReady);
   node_.start();
   EXPECT_EQ(report(Phase::kLearning).event, Input::kReady);
   node_.disarm();
-  EXPECT_TRUE(cable_.wait_for_edges(kPulses - 1)) << "one may have come too late on a busy host";
+  EXPECT_TRUE(cable_.wait_for_edges(kPulses - 1)) << "a busy host may skip one";
 }
 
-TEST_F(NodeOfTheTriggerAlone, fires_every_pulse_of_a_check) {
+TEST_F(TriggerOnlyNode, fires_every_pulse_of_a_check) {
   node_.arm(order(CommandVerb::kCheck));
   ASSERT_EQ(report(Phase::kArming).event, Input::kReady);
   node_.start();
   EXPECT_EQ(report(Phase::kRecording).text, "pulses have ended");
   node_.drain();
-  EXPECT_EQ(report(Phase::kDraining).text, "looked at 0 cameras");
+  EXPECT_EQ(report(Phase::kDraining).text, "checked 0 cameras");
   EXPECT_EQ(pulses_commanded(), kPulses);
 }
 

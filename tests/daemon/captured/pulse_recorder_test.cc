@@ -14,7 +14,7 @@ namespace {
 constexpr char kUrl[] = "udpm://239.255.76.67:7667?ttl=0";
 constexpr Duration kPeriod = std::chrono::milliseconds(40);
 
-/// Sees three pulses and no more.
+/// Senses three pulses.
 class ThreePulses : public PulseSensor {
  public:
   void reset() override {}
@@ -33,9 +33,9 @@ class ThreePulses : public PulseSensor {
   int next_ = 0;
 };
 
-TEST(PulseRecorder, says_the_last_pulse_again_for_nothing_else_tells_of_its_loss) {
+TEST(PulseRecorder, repeats_the_last_pulse_because_its_loss_would_not_be_noticed) {
   Bus bus(kUrl);
-  Subscription<PulseMessage> heard(bus, kPulseChannel, 16);
+  Subscription<PulseMessage> received(bus, kPulseChannel, 16);
   ThreePulses sensor;
   PulseRecorder recorder(&sensor, bus,
                          {.take = "kendo-07",
@@ -43,13 +43,13 @@ TEST(PulseRecorder, says_the_last_pulse_again_for_nothing_else_tells_of_its_loss
                           .on_edge = [](const PulseEdge&) {}});
   std::vector<int64_t> pulses;
   while (pulses.size() < 6) {
-    const auto pulse = heard.wait(test::within(10));
+    const auto pulse = received.wait(test::within(10));
     ASSERT_TRUE(pulse) << "after " << pulses.size();
     pulses.push_back(pulse->pulse);
   }
   EXPECT_EQ(pulses, (std::vector<int64_t>{0, 1, 2, 2, 2, 2}));
   EXPECT_EQ(recorder.seen(), 3);
-  EXPECT_EQ(heard.counts().lost, 0) << "what is said again is no gap";
+  EXPECT_EQ(received.counts().lost, 0) << "a repeated message is no gap";
 }
 
 }  // namespace

@@ -18,30 +18,30 @@ DiskDemand xga(std::optional<int64_t> pulses) {
       .rate_hz = 25, .bytes_per_pulse = 15.0 * 1024 * 768, .pulses = pulses, .queue_frames = 32};
 }
 
-TEST(LackOfRoom, says_what_is_needed_what_is_there_and_what_would_fit) {
-  EXPECT_EQ(lack_of_room(xga({}), 12.1e9),
+TEST(SpaceShortage, states_needed_and_free_space_and_what_fits) {
+  EXPECT_EQ(space_shortage(xga({}), 12.1e9),
             "needs 88.5 GB for 5 min, 12.1 GB free (room for 39 s: arm with --pulses 993, or make "
             "room: v3dctl takes)");
-  EXPECT_EQ(lack_of_room(xga(7500), 0.1e9),
+  EXPECT_EQ(space_shortage(xga(7500), 0.1e9),
             "needs 88.5 GB for 7,500 pulses, 100 MB free (make room: v3dctl takes)");
 }
 
-TEST(LackOfRoom, is_none_where_the_frames_on_their_way_and_the_ledger_fit_too) {
+TEST(SpaceShortage, is_empty_when_frames_in_flight_and_the_ledger_fit_too) {
   const double frames = 7500 * 15.0 * 1024 * 768;
   const double besides = 32 * 15.0 * 1024 * 768 + (4 << 20);
-  EXPECT_EQ(lack_of_room(xga(7500), frames + besides), "");
-  EXPECT_NE(lack_of_room(xga(7500), frames + besides - 1), "");
-  EXPECT_EQ(lack_of_room(xga({}), frames + besides), "");
+  EXPECT_EQ(space_shortage(xga(7500), frames + besides), "");
+  EXPECT_NE(space_shortage(xga(7500), frames + besides - 1), "");
+  EXPECT_EQ(space_shortage(xga({}), frames + besides), "");
 }
 
-TEST(LackOfRoom, is_told_of_a_node_without_cameras) {
+TEST(SpaceShortage, is_reported_for_a_node_without_cameras) {
   const DiskDemand none{.rate_hz = 25, .bytes_per_pulse = 0, .pulses = 100, .queue_frames = 32};
-  EXPECT_EQ(lack_of_room(none, 5e6), "");
-  EXPECT_THAT(lack_of_room(none, 1e6), HasSubstr("make room"));
+  EXPECT_EQ(space_shortage(none, 5e6), "");
+  EXPECT_THAT(space_shortage(none, 1e6), HasSubstr("make room"));
 }
 
-TEST(UnfitDisk, is_one_whose_folder_is_not_there) {
-  EXPECT_THAT(test::message_of<InputError>([] { refuse_unfit_disk("/nowhere/takes", xga(1)); }),
+TEST(CheckDisk, rejects_a_folder_that_does_not_exist) {
+  EXPECT_THAT(test::message_of<InputError>([] { check_disk("/nowhere/takes", xga(1)); }),
               HasSubstr("/nowhere/takes: no such folder; is its disk mounted?"));
 }
 
@@ -55,7 +55,7 @@ class TakeDiskTest : public testing::Test {
   const TakePaths paths_{folder_ / "kendo-07"};
 };
 
-TEST_F(TakeDiskTest, sets_room_aside_until_the_ledger_is_written) {
+TEST_F(TakeDiskTest, reserves_space_until_the_ledger_is_written) {
   {
     const TakeDisk disk(paths_, xga({}));
     EXPECT_EQ(std::filesystem::file_size(paths_.reserve()), 4U << 20);
@@ -63,44 +63,44 @@ TEST_F(TakeDiskTest, sets_room_aside_until_the_ledger_is_written) {
   EXPECT_FALSE(std::filesystem::exists(paths_.reserve()));
 }
 
-TEST_F(TakeDiskTest, warns_when_half_the_queue_is_full_and_until_it_is_nearly_empty) {
+TEST_F(TakeDiskTest, warns_from_a_half_full_to_a_nearly_empty_queue) {
   TakeDisk disk(paths_, xga({}));
-  EXPECT_EQ(disk.queue_trouble(15), "");
-  const std::string trouble = disk.queue_trouble(16);
-  EXPECT_THAT(trouble, HasSubstr("frames wait to be written"));
-  EXPECT_EQ(disk.queue_trouble(4), trouble);
-  EXPECT_EQ(disk.queue_trouble(3), "");
-  EXPECT_EQ(disk.queue_trouble(15), "");
+  EXPECT_EQ(disk.queue_warning(15), "");
+  const std::string warning = disk.queue_warning(16);
+  EXPECT_THAT(warning, HasSubstr("frames wait to be written"));
+  EXPECT_EQ(disk.queue_warning(4), warning);
+  EXPECT_EQ(disk.queue_warning(3), "");
+  EXPECT_EQ(disk.queue_warning(15), "");
 }
 
-TEST_F(TakeDiskTest, tells_what_the_disk_refused_and_what_came_too_fast_for_it) {
+TEST_F(TakeDiskTest, reports_frames_not_written_and_frames_lost) {
   const TakeDisk disk(paths_,
                       {.rate_hz = 1, .bytes_per_pulse = 1, .pulses = {}, .queue_frames = 1});
-  EXPECT_EQ(disk.trouble({}), "");
-  EXPECT_THAT(disk.trouble({.dropped = 3, .refused = 0}), HasSubstr("3 frames lost"));
-  EXPECT_THAT(disk.trouble({.dropped = 3, .refused = 2}), HasSubstr("2 frames refused"));
+  EXPECT_EQ(disk.warning({}), "");
+  EXPECT_THAT(disk.warning({.dropped = 3, .failed = 0}), HasSubstr("3 frames lost"));
+  EXPECT_THAT(disk.warning({.dropped = 3, .failed = 2}), HasSubstr("2 frames not written"));
 }
 
-TEST_F(TakeDiskTest, ends_the_take_when_the_frames_on_their_way_would_not_fit) {
+TEST_F(TakeDiskTest, stops_the_take_when_frames_in_flight_would_not_fit) {
   DiskDemand demand = xga({});
-  EXPECT_EQ(TakeDisk(paths_, demand).must_end({}), "");
+  EXPECT_EQ(TakeDisk(paths_, demand).stop_reason({}), "");
   demand.bytes_per_pulse = 1e18;
-  EXPECT_THAT(TakeDisk(paths_, demand).must_end({}), HasSubstr("is nearly full"));
+  EXPECT_THAT(TakeDisk(paths_, demand).stop_reason({}), HasSubstr("is nearly full"));
 }
 
-TEST_F(TakeDiskTest, ends_the_take_when_it_refuses_frames) {
+TEST_F(TakeDiskTest, stops_the_take_after_a_write_error) {
   const TakeDisk disk(paths_, xga({}));
-  EXPECT_EQ(disk.must_end({.dropped = 3, .refused = 0}), "");
-  EXPECT_THAT(disk.must_end({.dropped = 0, .refused = 1}), HasSubstr("is full or broken"));
+  EXPECT_EQ(disk.stop_reason({.dropped = 3, .failed = 0}), "");
+  EXPECT_THAT(disk.stop_reason({.dropped = 0, .failed = 1}), HasSubstr("is full or broken"));
 }
 
-TEST_F(TakeDiskTest, whose_take_is_gone_says_so_and_does_not_measure_another_disk) {
+TEST_F(TakeDiskTest, reports_a_deleted_take_and_does_not_measure_another_disk) {
   DiskDemand demand = xga({});
   demand.bytes_per_pulse = 1e18;
   const TakeDisk disk(paths_, demand);
   std::filesystem::remove_all(paths_.folder);
-  EXPECT_THAT(disk.trouble({}), HasSubstr("the folder of the take is gone"));
-  EXPECT_EQ(disk.must_end({}), "");
+  EXPECT_THAT(disk.warning({}), HasSubstr("the folder of the take is gone"));
+  EXPECT_EQ(disk.stop_reason({}), "");
 }
 
 }  // namespace

@@ -17,26 +17,26 @@ void report(Bus& bus, const std::string& node, double full) {
   bus.publish(health_channel(node), encode(health));
 }
 
-TEST(DiskMonitor, hears_of_the_first_node_whose_disk_is_full) {
+TEST(DiskMonitor, finds_the_node_whose_disk_is_full) {
   Bus bus(kUrl);
-  DiskMonitor watch(bus, {"cap02", "cap03"});
-  EXPECT_EQ(watch.full_node(), "");
+  DiskMonitor monitor(bus, {"cap02", "cap03"});
+  EXPECT_EQ(monitor.full_node(), "");
   report(bus, "cap02", 0);
   report(bus, "cap03", 1);
-  std::string heard;
+  std::string full;
   EXPECT_TRUE(
-      test::becomes_true([&] { return !(heard = watch.full_node()).empty(); }, test::within(10)));
-  EXPECT_EQ(heard, "cap03");
+      test::becomes_true([&] { return !(full = monitor.full_node()).empty(); }, test::within(10)));
+  EXPECT_EQ(full, "cap03");
 }
 
-TEST(DiskMonitor, forgets_the_take_before) {
+TEST(DiskMonitor, ignores_messages_from_before_a_reset) {
   Bus bus(kUrl);
-  DiskMonitor watch(bus, {"cap02"});
+  DiskMonitor monitor(bus, {"cap02"});
   Subscription<HealthMessage> arrived(bus, health_channel("cap02"), 4);
   report(bus, "cap02", 1);
   ASSERT_TRUE(arrived.wait(test::within(10)));
-  watch.restart();
-  EXPECT_EQ(watch.full_node(), "");
+  monitor.reset();
+  EXPECT_EQ(monitor.full_node(), "");
 }
 
 }  // namespace

@@ -1,4 +1,4 @@
-// On a disk of the test's own.
+// Closing a take on a full disk, a small file system that the test mounts.
 #include <gtest/gtest.h>
 
 #include "daemon/captured/take_disk.h"
@@ -11,7 +11,7 @@
 namespace v3d {
 namespace {
 
-TEST(FullDisk, still_takes_the_ledger_for_which_room_was_set_aside) {
+TEST(FullDisk, has_reserved_space_for_the_ledger) {
   const test::TemporaryFolder folder;
   const test::SmallDisk disk(folder / "takes", 20'000'000);
   ASSERT_TRUE(disk.is_mounted());
@@ -23,8 +23,8 @@ TEST(FullDisk, still_takes_the_ledger_for_which_room_was_set_aside) {
   EXPECT_TRUE(save_take_info(paths, info));
   const Ledger ledger{.take = "kendo-07", .commanded = 3, .sensed = 3, .cameras = {}};
   {
-    const TakeDisk kept(paths,
-                        {.rate_hz = 25, .bytes_per_pulse = 1, .pulses = 3, .queue_frames = 1});
+    const TakeDisk reserve(paths,
+                           {.rate_hz = 25, .bytes_per_pulse = 1, .pulses = 3, .queue_frames = 1});
     disk.leave(0);
     EXPECT_FALSE(close_take(studio, info, ledger));
   }

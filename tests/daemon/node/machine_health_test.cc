@@ -9,7 +9,7 @@ namespace {
 
 using test::write_text;
 
-/// A machine of two cores with a process whose name is as nasty as Linux allows.
+/// A machine with two cores, and a process name with spaces and parentheses.
 class Machine {
  public:
   Machine() {
@@ -42,25 +42,25 @@ class Machine {
   MachineHealth health_{root_.path()};
 };
 
-TEST(MachineHealth, tells_processor_time_since_the_last_call_and_nothing_at_the_first) {
+TEST(MachineHealth, reports_processor_time_since_the_last_call) {
   Machine machine;
   EXPECT_FALSE(machine.report().contains("cpu_machine_percent"));
-  machine.set_ticks(150, 50, 100);  // a second of two cores; one of them all ours
+  machine.set_ticks(150, 50, 100);  // 1 s of two cores; the daemon used one of them
   const auto values = machine.report();
   EXPECT_DOUBLE_EQ(values.at("cpu_machine_percent"), 75);
   EXPECT_DOUBLE_EQ(values.at("cpu_daemon_percent"), 100);
   machine.set_ticks(152, 50, 100);
-  EXPECT_DOUBLE_EQ(machine.report().at("cpu_machine_percent"), 75) << "two ticks tell nothing";
+  EXPECT_DOUBLE_EQ(machine.report().at("cpu_machine_percent"), 75) << "two ticks are too few";
 }
 
-TEST(MachineHealth, tells_memory_in_bytes) {
+TEST(MachineHealth, reports_memory_in_bytes) {
   Machine machine;
   const auto values = machine.report();
   EXPECT_EQ(values.at("memory_daemon_bytes"), 200 * 1024);
   EXPECT_EQ(values.at("memory_available_bytes"), 1000 * 1024);
 }
 
-TEST(MachineHealth, tells_the_hottest_zone_else_the_hottest_sensor_else_nothing) {
+TEST(MachineHealth, reports_the_hottest_zone_or_else_the_hottest_sensor) {
   Machine machine;
   EXPECT_FALSE(machine.report().contains("temperature_max_celsius"));
   write_text(machine.root() / "sys/class/hwmon/hwmon0/temp3_input", "38500\n");
@@ -71,7 +71,7 @@ TEST(MachineHealth, tells_the_hottest_zone_else_the_hottest_sensor_else_nothing)
   EXPECT_DOUBLE_EQ(machine.report().at("temperature_max_celsius"), 56);
 }
 
-TEST(MachineHealth, leaves_out_what_it_cannot_read) {
+TEST(MachineHealth, omits_values_that_it_cannot_read) {
   const test::TemporaryFolder empty;
   MachineHealth health(empty.path());
   std::map<std::string, double> values;

@@ -60,7 +60,7 @@ class Client {
   io::UniqueFd fd_;
 };
 
-/// What HTTP GET /metrics gives.
+/// The response to HTTP GET /metrics.
 std::string get(int port) { return Client(port, "GET /metrics HTTP/1.0\r\n\r\n").read_all(); }
 
 HealthMessage health() {
@@ -74,7 +74,7 @@ HealthMessage health() {
   return message;
 }
 
-TEST(MetricsServer, tells_the_last_health_with_node_and_camera_as_labels) {
+TEST(MetricsServer, serves_the_last_health_with_node_and_camera_as_labels) {
   const int port = free_port();
   MetricsServer server("127.0.0.1:" + std::to_string(port));
   EXPECT_THAT(get(port), HasSubstr("200 OK")) << "before the first health";
@@ -91,18 +91,18 @@ TEST(MetricsServer, tells_the_last_health_with_node_and_camera_as_labels) {
   EXPECT_THAT(get(port), Not(HasSubstr("frames_missing")));
 }
 
-TEST(MetricsServer, answers_beside_a_client_that_never_ends_its_request) {
+TEST(MetricsServer, answers_while_a_client_never_completes_its_request) {
   const int port = free_port();
   MetricsServer server("127.0.0.1:" + std::to_string(port));
   for (const std::string half : {"", "GET /metrics HTTP/1.0\r\nX: "}) {
     const Client stalled(port, half);
     const auto begin = std::chrono::steady_clock::now();
-    EXPECT_THAT(get(port), HasSubstr("200 OK")) << "beside '" << half << "'";
+    EXPECT_THAT(get(port), HasSubstr("200 OK")) << "with '" << half << "' stalled";
     EXPECT_LT(std::chrono::steady_clock::now() - begin, std::chrono::seconds(10));
   }
 }
 
-TEST(MetricsServer, answers_beside_many_clients_that_never_end_their_requests) {
+TEST(MetricsServer, answers_while_many_clients_never_complete_their_requests) {
   const int port = free_port();
   MetricsServer server("127.0.0.1:" + std::to_string(port));
   std::vector<std::unique_ptr<Client>> stalled;
@@ -110,11 +110,11 @@ TEST(MetricsServer, answers_beside_many_clients_that_never_end_their_requests) {
   EXPECT_THAT(get(port), HasSubstr("200 OK"));
 }
 
-TEST(MetricsServer, names_an_address_where_it_cannot_listen) {
+TEST(MetricsServer, throws_for_an_address_where_it_cannot_listen) {
   EXPECT_THROW(MetricsServer("198.51.100.1:9464"), InputError) << "of a network for examples";
 }
 
-TEST(MetricsServer, is_off_by_default_and_never_in_the_way) {
+TEST(MetricsServer, is_off_by_default_and_optional) {
   EXPECT_EQ(serve_metrics(""), nullptr);
   EXPECT_EQ(serve_metrics("198.51.100.1:9464"), nullptr);
 }

@@ -1,5 +1,4 @@
-// Nodes and operators of one studio on a real network, whose keys and members change while they
-// run.
+// Nodes and operators of one studio on a real network, while keys and members change.
 #include "daemon/node/node_loop.h"
 
 #include <gmock/gmock.h>
@@ -21,8 +20,8 @@ namespace {
 using test::becomes_true;
 using test::within;
 
-/// A node with nothing to do.
-class NoWork : public NodeDelegate {
+/// A node that does nothing.
+class IdleDelegate : public NodeDelegate {
  public:
   void arm(const CommandMessage&) override {}
   void learn(const CommandMessage&) override {}
@@ -41,9 +40,9 @@ class RunningNode {
       : bus_(studio.network.lcm_url, {}, ChannelList(studio)) {
     bus_.seal().insist();
     loop_.emplace(NodeIdentity{node, "v3d-test", credentials_of_node(studio, node), ""}, bus_,
-                  work_);
+                  delegate_);
     thread_ = std::thread([this] {
-      while (!stopping_) loop_->turn();
+      while (!stopping_) loop_->run_once();
     });
   }
   ~RunningNode() {
@@ -55,7 +54,7 @@ class RunningNode {
 
  private:
   Bus bus_;
-  NoWork work_;
+  IdleDelegate delegate_;
   std::optional<NodeLoop> loop_;
   std::atomic<bool> stopping_ = false;
   std::thread thread_;
@@ -81,8 +80,12 @@ class NodeLoops : public testing::Test {
     command.verb = CommandVerb::kAbort;
     return client.command(command, deadline);
   }
-  static bool obey(OperatorClient& client) { return abort(client, within(60)).done(); }
-  static bool ignore(OperatorClient& client) { return abort(client, within(2)).silent.size() == 2; }
+  static bool accepts_command_of(OperatorClient& client) {
+    return abort(client, within(60)).done();
+  }
+  static bool ignores_command_of(OperatorClient& client) {
+    return abort(client, within(2)).silent.size() == 2;
+  }
 
   const test::TemporaryFolder folder_;
   const StudioKey key_ = StudioKey::make();
@@ -93,7 +96,7 @@ class NodeLoops : public testing::Test {
 TEST_F(NodeLoops, replace_the_studio_key_without_a_lost_command_or_message) {
   start();
   OperatorClient client(studio_);
-  ASSERT_TRUE(obey(client));
+  ASSERT_TRUE(accepts_command_of(client));
   const StudioKey next = StudioKey::make();
   next.save(folder_ / "next.key");
   std::filesystem::rename(folder_ / "next.key", studio_.network.key);
@@ -102,13 +105,13 @@ TEST_F(NodeLoops, replace_the_studio_key_without_a_lost_command_or_message) {
   Subscription<HealthMessage> capture(renewed, health_channel("cap01"), 16);
   Subscription<HealthMessage> recon(renewed, health_channel("recon01"), 16);
   const auto is_renewed = [&] {
-    EXPECT_TRUE(obey(client));
+    EXPECT_TRUE(accepts_command_of(client));
     return capture.wait(Monotonic::now()) && recon.wait(Monotonic::now());
   };
   EXPECT_TRUE(becomes_true(is_renewed, within(60)));
-  EXPECT_TRUE(obey(client));
+  EXPECT_TRUE(accepts_command_of(client));
   OperatorClient newcomer(studio_);
-  EXPECT_TRUE(obey(newcomer));
+  EXPECT_TRUE(accepts_command_of(newcomer));
   for (const auto& [node, health] : client.health(within(5))) {
     EXPECT_EQ(health.values.at("messages_forged"), 0) << node;
     EXPECT_EQ(health.values.at("commands_forged"), 0) << node;
@@ -140,7 +143,7 @@ class MemberLoops : public NodeLoops {
         studio_.network.members,
         sign_member_list({.studio = "kyoto", .serial = serial, .members = people}, authority_));
   }
-  /// As Bob's PC has the studio: it never learns of his revocation.
+  /// The studio file and member list of Bob's PC, which does not receive his revocation.
   Studio studio_of_bob() const {
     Studio studio = studio_;
     studio.network.operator_key = folder_ / "bob.key";
@@ -148,7 +151,7 @@ class MemberLoops : public NodeLoops {
     std::filesystem::copy_file(studio_.network.members, studio.network.members);
     return studio;
   }
-  bool report(OperatorClient& client, const std::string& text) const {
+  bool health_has(OperatorClient& client, const std::string& text) const {
     return becomes_true(
         [&] {
           const auto health = client.health(within(5));
@@ -163,25 +166,26 @@ class MemberLoops : public NodeLoops {
                    bob_ = SigningKey::make(), pc_ = SigningKey::make(), guest_ = SigningKey::make();
 };
 
-TEST_F(MemberLoops, obey_an_operator_until_it_is_revoked_and_not_again_by_an_older_list) {
+TEST_F(MemberLoops, accept_an_operator_until_it_is_revoked_and_reject_an_older_list) {
   start();
   OperatorClient ada(studio_), bob(studio_of_bob());
-  ASSERT_TRUE(obey(bob));
-  ASSERT_TRUE(obey(ada));
+  ASSERT_TRUE(accepts_command_of(bob));
+  ASSERT_TRUE(accepts_command_of(ada));
   write_members(2, {member("ada", ada_)});
-  EXPECT_TRUE(becomes_true([&] { return ignore(bob); }, within(60)));
-  EXPECT_TRUE(obey(ada));
+  EXPECT_TRUE(becomes_true([&] { return ignores_command_of(bob); }, within(60)));
+  EXPECT_TRUE(accepts_command_of(ada));
   write_members(1, {member("ada", ada_), member("bob", bob_)});
-  EXPECT_TRUE(report(ada, "expected more than 2, which is in force"));
-  EXPECT_TRUE(ignore(bob));
+  EXPECT_TRUE(health_has(ada, "expected more than 2, which is in force"));
+  EXPECT_TRUE(ignores_command_of(bob));
   write_members(3, {member("ada", ada_), member("bob", bob_)});
-  EXPECT_TRUE(becomes_true([&] { return obey(bob); }, within(60))) << "enrolled again";
+  EXPECT_TRUE(becomes_true([&] { return accepts_command_of(bob); }, within(60)))
+      << "enrolled again";
 }
 
-TEST_F(MemberLoops, reject_a_viewer_that_sends_commands_by_a_program_of_its_own) {
+TEST_F(MemberLoops, reject_a_viewer_that_signs_commands) {
   start();
   OperatorClient ada(studio_);
-  ASSERT_TRUE(obey(ada));
+  ASSERT_TRUE(accepts_command_of(ada));
   Bus bus(studio_.network.lcm_url, {}, ChannelList(studio_));
   bus.seal().set_key(key_);
   bus.seal().cover_commands();
@@ -198,7 +202,36 @@ TEST_F(MemberLoops, reject_a_viewer_that_sends_commands_by_a_program_of_its_own)
            });
   };
   EXPECT_TRUE(becomes_true(is_counted, within(60)));
-  EXPECT_TRUE(report(ada, "commands of guest are rejected: this member is not an operator"));
+  EXPECT_TRUE(health_has(ada, "commands of guest are rejected: this member is not an operator"));
+}
+
+TEST_F(MemberLoops, reject_health_that_a_member_sends_in_the_name_of_a_node) {
+  start();
+  OperatorClient ada(studio_);
+  ASSERT_TRUE(obey(ada));
+  Bus bus(studio_.network.lcm_url, {}, ChannelList(studio_));
+  bus.seal().set_key(key_);
+  bus.seal().members().require();
+  bus.seal().members().set_signing_key(guest_);
+  const auto listening = bus.subscribe(kEventChannel, [](const ReceivedMessage&) {});  // to answer
+  HealthMessage forged;
+  forged.node = "cap01";
+  forged.text = "forged";
+  std::map<std::string, HealthMessage> health;
+  const auto is_counted = [&] {
+    forged.sent = Realtime::now();
+    bus.publish_sealed(health_channel("cap01"), encode(forged));
+    health = ada.health(within(5));
+    return health.contains("cap01") && health["cap01"].values["messages_unsigned"] >= 1;
+  };
+  EXPECT_TRUE(becomes_true(is_counted, within(60)));
+  EXPECT_TRUE(is_believed(health["cap01"])) << health["cap01"].text;
+  const auto is_reported = [&] {
+    is_counted();
+    return health["cap01"].text ==
+           "V3D_HEALTH_cap01 of member guest is rejected: only cap01 may send it";
+  };
+  EXPECT_TRUE(becomes_true(is_reported, within(60))) << health["cap01"].text;
 }
 
 TEST_F(MemberLoops, reject_every_command_until_there_is_a_member_list) {
@@ -206,10 +239,10 @@ TEST_F(MemberLoops, reject_every_command_until_there_is_a_member_list) {
   std::filesystem::remove(studio_.network.members);
   start();
   OperatorClient bob(bobs);
-  EXPECT_TRUE(report(bob, "v3dctl key enroll makes it"));
-  EXPECT_TRUE(ignore(bob));
+  EXPECT_TRUE(health_has(bob, "v3dctl key enroll makes it"));
+  EXPECT_TRUE(ignores_command_of(bob));
   write_members(1, {member("bob", bob_)});
-  EXPECT_TRUE(becomes_true([&] { return obey(bob); }, within(60)));
+  EXPECT_TRUE(becomes_true([&] { return accepts_command_of(bob); }, within(60)));
 }
 
 }  // namespace

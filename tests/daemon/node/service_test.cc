@@ -12,7 +12,7 @@
 namespace v3d {
 namespace {
 
-/// The signals reach another thread than this one.
+/// Makes the signals interrupt another thread than this one.
 void let_another_thread_be_interrupted() {
   std::thread([] {
     for (;;) pause();
@@ -24,8 +24,8 @@ void let_another_thread_be_interrupted() {
   pthread_sigmask(SIG_BLOCK, &signals, nullptr);
 }
 
-/// The exit status that `work` decides of a process of its own, since the signal stays with it.
-/// When it has said that it catches signals, it is sent `signal`; 0: none.
+/// Runs `work` in a child process, because the effect of the signal is permanent, and sends it
+/// `signal` when it catches signals; 0: none. Returns the exit status: 0 if `work` returned true.
 int status_of(bool (*work)(), int signal) {
   std::array<int, 2> ends{-1, -1};
   if (pipe(ends.data()) != 0) throw std::runtime_error("pipe");
@@ -46,13 +46,13 @@ int status_of(bool (*work)(), int signal) {
 }
 
 TEST(StopSignal, ends_the_wait_for_it) {
-  // Who misses it waits until the deadline, and says so.
+  // A missed signal would make it wait until the deadline and return false.
   const auto waits = [] { return stop_requested_by(Monotonic::now() + std::chrono::seconds(10)); };
   EXPECT_EQ(status_of(waits, SIGTERM), 0);
   EXPECT_EQ(status_of(waits, SIGINT), 0);
 }
 
-TEST(StopSignal, is_waited_for_no_longer_than_said) {
+TEST(StopSignal, is_waited_for_until_the_deadline_only) {
   EXPECT_EQ(status_of([] { return stop_requested_by(Monotonic::now()); }, 0), 1);
 }
 

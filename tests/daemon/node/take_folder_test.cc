@@ -50,20 +50,20 @@ TEST_F(TakeFolderTest, begins_with_the_rig_the_studio_and_the_background_of_its_
   EXPECT_FALSE(std::filesystem::exists(paths.background() / "cam02.toml"));
 }
 
-TEST_F(TakeFolderTest, is_refused_for_a_bad_name_or_a_take_that_exists) {
-  EXPECT_THAT(test::message_of<InputError>([&] { refuse_bad_take(studio_, "../etc"); }),
+TEST_F(TakeFolderTest, is_rejected_for_a_bad_name_or_an_existing_take) {
+  EXPECT_THAT(test::message_of<InputError>([&] { check_new_take(studio_, "../etc"); }),
               HasSubstr("'../etc' cannot name a take"));
   create_take(studio_, info_);
-  EXPECT_THAT(test::message_of<InputError>([&] { refuse_bad_take(studio_, "kendo-07"); }),
+  EXPECT_THAT(test::message_of<InputError>([&] { check_new_take(studio_, "kendo-07"); }),
               HasSubstr("kendo-07 exists already"));
   for (const char* verb : {"check", "background"}) {
-    EXPECT_THAT(test::message_of<InputError>([&] { refuse_bad_take(studio_, verb); }),
-                testing::HasSubstr(std::string("v3dctl ") + verb + " goes by this name"));
+    EXPECT_THAT(test::message_of<InputError>([&] { check_new_take(studio_, verb); }),
+                testing::HasSubstr(std::string("the name is reserved for v3dctl ") + verb));
   }
-  refuse_bad_take(studio_, "kendo-08");
+  check_new_take(studio_, "kendo-08");
 }
 
-TEST_F(TakeFolderTest, names_what_could_not_be_made) {
+TEST_F(TakeFolderTest, names_the_file_that_could_not_be_written) {
   std::filesystem::remove(studio_.storage.calib);
   EXPECT_THAT(test::message_of<InputError>([&] { create_take(studio_, info_); }),
               HasSubstr("calib.toml"));
@@ -111,7 +111,7 @@ TEST_F(TakeFolderTest, is_not_recovered_while_another_process_of_the_node_record
   EXPECT_FALSE(found[0].ledger);
   EXPECT_THAT(found[0].line,
               testing::ContainsRegex("kendo-07.*process [0-9]+ on .* records into it"));
-  close_reopened_take(paths, "cap01");
+  recover_reopened_take(paths, "cap01");
   EXPECT_EQ(load_take_info(paths).state, TakeState::kRecording);
   EXPECT_FALSE(std::filesystem::exists(paths.ledger()));
   EXPECT_THAT(test::message_of<InputError>([&] { lock_take(paths, "cap01"); }),

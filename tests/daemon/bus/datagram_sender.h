@@ -1,0 +1,58 @@
+// A sender of authentic datagrams without a network, for tests of receivers.
+#pragma once
+
+#include <span>
+#include <string_view>
+#include <vector>
+
+#include "daemon/bus/datagram.h"
+#include "daemon/bus/session_gate.h"
+#include "support/raw_datagrams.h"
+#include "wire/message_signature.h"
+
+namespace v3d::test {
+
+inline constexpr RealtimeInstant kNow = from_ns<Realtime>(1'700'000'000'000'000'000);
+inline constexpr ReceiverTime kReceiverNow{from_ns<Monotonic>(3'600'000'000'000), kNow};
+
+/// As MulticastSender.
+class DatagramSender {
+ public:
+  explicit DatagramSender(const StudioKey& key) : mac_(key) {}
+
+  /// With a MAC each, as the next message of the session.
+  std::vector<RawDatagram> datagrams(std::string_view channel, std::span<const uint8_t> message,
+                                     RealtimeInstant sent = kNow) {
+    std::vector<RawDatagram> all;
+    for (OutgoingDatagram& datagram : split_message(sequence++, channel, message, true)) {
+      datagram.trailer.session = session;
+      datagram.trailer.sent = sent;
+      mac_.sign(datagram.head(), datagram.data, datagram.trailer);
+      RawDatagram bytes(datagram.head().begin(), datagram.head().end());
+      bytes.insert(bytes.end(), datagram.data.begin(), datagram.data.end());
+      const auto trailer = datagram.trailer.bytes();
+      bytes.insert(bytes.end(), trailer.begin(), trailer.end());
+      all.push_back(std::move(bytes));
+    }
+    return all;
+  }
+
+  /// Of the next message.
+  MessageOrigin origin(std::string_view channel, RealtimeInstant sent = kNow) const {
+    return {.channel = channel, .session = session, .sequence = sequence, .sent = sent};
+  }
+  /// With a member's signature too.
+  std::vector<RawDatagram> signed_datagrams(std::string_view channel,
+                                            std::span<const uint8_t> message, const SigningKey& key,
+                                            RealtimeInstant sent = kNow) {
+    return datagrams(channel, sign_on_bus(message, origin(channel, sent), key), sent);
+  }
+
+  uint32_t session = random_session();
+  uint32_t sequence = 0;
+
+ private:
+  DatagramMac mac_;
+};
+
+}  // namespace v3d::test

@@ -1,0 +1,364 @@
+// Members of one studio that have its key, and send what is theirs and what is not. Who may send a
+// message is decided by its signature.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <map>
+#include <memory>
+
+#include "daemon/bus/credentials.h"
+#include "daemon/bus/message_receiver.h"
+#include "datagram_sender.h"
+#include "wire/channels.h"
+
+namespace v3d {
+namespace {
+
+using namespace std::chrono_literals;
+using test::DatagramSender;
+using test::kNow;
+using test::kReceiverNow;
+using test::RawDatagram;
+using testing::AllOf;
+using testing::ElementsAreArray;
+using testing::HasSubstr;
+
+Studio studio() {
+  Studio studio;
+  studio.nodes = {{"cap01"}, {"cap02"}, {"recon01"}, {"recon02"}};
+  studio.cameras.resize(2);
+  studio.cameras[0].name = "cam01";
+  studio.cameras[0].node = "cap01";
+  studio.cameras[1].name = "cam02";
+  studio.cameras[1].node = "cap02";
+  studio.trigger.node = "cap01";
+  return studio;
+}
+
+Bytes health(const std::string& node) {
+  HealthMessage health;
+  health.node = node;
+  return encode(health);
+}
+Bytes event(const std::string& node) {
+  EventMessage event;
+  event.node = node;
+  return encode(event);
+}
+
+class SignedMessages : public testing::Test {
+ protected:
+  SignedMessages() {
+    seal_.set_key(studio_key_);
+    seal_.members().require();
+    set_members(all());
+  }
+  std::vector<Member> all() const {
+    return {{"ada", Role::kOperator, key("ada").public_key()},
+            {"cap01", Role::kCapture, key("cap01").public_key()},
+            {"cap02", Role::kCapture, key("cap02").public_key()},
+            {"recon01", Role::kReconstruction, key("recon01").public_key()},
+            {"recon02", Role::kReconstruction, key("recon02").public_key()},
+            {"guest", Role::kViewer, key("guest").public_key()}};
+  }
+  void set_members(std::vector<Member> members) {
+    seal_.members().set_members(std::make_shared<const MemberList>(
+        MemberList{.studio = "kyoto", .serial = ++serial_, .members = std::move(members)}));
+  }
+  const SigningKey& key(const std::string& member) const { return keys_.at(member); }
+
+  std::optional<ReceivedMessage> receive(const std::vector<RawDatagram>& datagrams,
+                                         Duration later = {}) {
+    std::optional<ReceivedMessage> got;
+    for (const RawDatagram& bytes : datagrams) {
+      datagram_ = bytes;  // the views are of it
+      got = receiver_.receive(datagram_, 1, {kReceiverNow.monotonic + later, kNow + later});
+    }
+    return got;
+  }
+  bool accepts(const std::vector<RawDatagram>& datagrams, Duration later = {}) {
+    const auto got = receive(datagrams, later);
+    return got && got->is_accepted;
+  }
+  /// What `member` sends when it is asked last, in the session of `sender`.
+  void answer(DatagramSender& sender, const std::string& member, uint32_t newest) {
+    ASSERT_FALSE(said_.empty());
+    SessionMessage answer = said_.back();
+    answer.newest = newest;
+    answer.is_answer = true;
+    receive(sender.signed_datagrams(kSessionChannel, encode(answer), key(member)));
+  }
+  /// Sent by `member`, in a session of its own which answers.
+  bool is_accepted(const std::string& member, std::string_view channel, const Bytes& message) {
+    DatagramSender sender(studio_key_);
+    if (accepts(sender.signed_datagrams(channel, message, key(member)))) return true;
+    if (said_.empty() || said_.back().session != sender.session) return false;
+    answer(sender, member, sender.sequence - 1);
+    return accepts(sender.signed_datagrams(channel, message, key(member)));
+  }
+  std::string trouble() const { return seal_.trouble(Realtime::now()); }
+
+  const StudioKey studio_key_ = StudioKey::make();
+  const std::map<std::string, SigningKey> keys_ = {
+      {"ada", SigningKey::make()},     {"cap01", SigningKey::make()},
+      {"cap02", SigningKey::make()},   {"recon01", SigningKey::make()},
+      {"recon02", SigningKey::make()}, {"guest", SigningKey::make()},
+      {"nobody", SigningKey::make()}};
+  int64_t serial_ = 0;
+  MessageSeal seal_;
+  std::vector<SessionMessage> said_;
+  RawDatagram datagram_;
+  MessageReceiver receiver_{ChannelList(studio()),
+                            seal_,
+                            [](std::string_view) { return true; },
+                            {.send = [this](const SessionMessage& m) { said_.push_back(m); }}};
+};
+
+TEST_F(SignedMessages, are_accepted_of_the_members_that_may_send_them_and_of_nobody_else) {
+  struct Case {
+    std::string channel;
+    Bytes message;
+    std::vector<std::string> senders;
+  };
+  const Bytes any(1000, 7);
+  const std::vector<Case> cases = {{kPulseChannel, any, {"cap01"}},
+                                   {"V3D_HEALTH_cap02", health("cap02"), {"cap02"}},
+                                   {"V3D_HEALTH_recon01", health("recon01"), {"recon01"}},
+                                   {"V3D_PREVIEW_cam01", any, {"cap01"}},
+                                   {"V3D_PREVIEW_cam02", any, {"cap02"}},
+                                   {"V3D_SHARD_recon02", any, {"recon02"}},
+                                   {"V3D_SHARD_cap01", any, {}},
+                                   {"V3D_MESH_recon01", any, {"recon01"}},
+                                   {"V3D_MESH_cap01", any, {}},
+                                   {kMeshChannel, any, {"recon01", "recon02"}},
+                                   {kEventChannel, event("cap02"), {"cap02"}},
+                                   {kEventChannel, event("recon01"), {"recon01"}},
+                                   {kEventChannel, event("ada"), {}},
+                                   {kEventChannel, event("guest"), {}},
+                                   {kEventChannel, any, {}}};
+  for (const Case& c : cases) {
+    for (const auto& [member, key] : keys_) {
+      const bool is_expected = std::ranges::find(c.senders, member) != c.senders.end();
+      EXPECT_EQ(is_accepted(member, c.channel, c.message), is_expected)
+          << member << " on " << c.channel;
+    }
+  }
+}
+
+TEST_F(SignedMessages, reach_handlers_without_their_signature_also_when_they_are_long) {
+  for (const size_t size : {100, 1'000'000}) {
+    const Bytes sent(size, 5);
+    DatagramSender sender(studio_key_);
+    const auto got = receive(sender.signed_datagrams(kMeshChannel, sent, key("recon01")));
+    ASSERT_TRUE(got);
+    EXPECT_THAT(got->bytes, ElementsAreArray(sent));
+  }
+  EXPECT_EQ(seal_.counts().not_signed, 0);
+}
+
+TEST_F(SignedMessages, of_another_member_are_counted_and_say_who_sent_what_and_who_may) {
+  DatagramSender sender(studio_key_);
+  EXPECT_FALSE(accepts(sender.signed_datagrams(kEventChannel, event("cap01"), key("cap02"))));
+  EXPECT_EQ(seal_.counts().not_signed, 1);
+  EXPECT_THAT(trouble(), AllOf(HasSubstr("V3D_EVENT of member cap02"), HasSubstr("only cap01")));
+  EXPECT_FALSE(accepts(sender.signed_datagrams(kMeshChannel, Bytes(9), key("cap02"))));
+  EXPECT_THAT(trouble(), HasSubstr("only a node with the role reconstruction may send it"));
+  EXPECT_FALSE(accepts(sender.signed_datagrams(kEventChannel, event("cap01"), key("nobody"))));
+  EXPECT_THAT(trouble(), HasSubstr("which the member list here does not have"));
+  EXPECT_FALSE(accepts(sender.datagrams(kEventChannel, event("cap01"))));
+  EXPECT_THAT(trouble(),
+              HasSubstr("V3D_EVENT without a member's signature is rejected: only cap01"));
+  EXPECT_EQ(seal_.counts().not_signed, 4);
+  EXPECT_EQ(seal_.counts().forged, 0);
+}
+
+TEST_F(SignedMessages, are_rejected_when_the_signature_is_of_another_channel_number_or_time) {
+  DatagramSender sender(studio_key_);
+  const auto send_as = [&](const MessageOrigin& origin) {
+    const Bytes bytes = sign_on_bus(Bytes(50, 1), origin, key("recon01"));
+    return accepts(sender.datagrams(kMeshChannel, bytes));
+  };
+  EXPECT_TRUE(send_as(sender.origin(kMeshChannel)));
+  EXPECT_FALSE(send_as(sender.origin("V3D_MESH_recon01")));
+  EXPECT_FALSE(send_as(sender.origin(kMeshChannel, kNow - 1us)));
+  MessageOrigin other = sender.origin(kMeshChannel);
+  --other.sequence;
+  EXPECT_FALSE(send_as(other)) << "the number of the message before";
+  other = sender.origin(kMeshChannel);
+  other.session ^= 1;
+  EXPECT_FALSE(send_as(other));
+  EXPECT_THAT(trouble(), HasSubstr("with a wrong signature"));
+}
+
+TEST_F(SignedMessages, are_no_commands_and_commands_are_no_messages_of_other_channels) {
+  DatagramSender sender(studio_key_);
+  const Bytes as_command = sign_message(event("cap01"), key("cap01"));
+  EXPECT_FALSE(accepts(sender.datagrams(kEventChannel, as_command)));
+
+  Credentials credentials;
+  credentials.set_studio_key(studio_key_, kReceiverNow.monotonic);
+  credentials.require_members();
+  credentials.set_signing_key(key("cap01"));
+  credentials.set_members(std::make_shared<const MemberList>(MemberList{"kyoto", 1, all()}));
+  const auto is_command = [&](const Bytes& bytes) {
+    return credentials.open_command(bytes, kReceiverNow.monotonic).result ==
+           OpenedCommand::Result::kAccepted;
+  };
+  const Bytes command = encode(CommandMessage{});
+  EXPECT_TRUE(is_command(sign_message(command, key("ada"))));
+  EXPECT_FALSE(is_command(sign_on_bus(command, sender.origin(kCommandChannel), key("ada"))));
+}
+
+TEST_F(SignedMessages, are_rejected_when_they_are_cut_within_the_signature) {
+  for (size_t cut = 1; cut <= kMessageSignatureSize; ++cut) {
+    DatagramSender sender(studio_key_);
+    Bytes bytes = sign_on_bus(event("cap01"), sender.origin(kEventChannel), key("cap01"));
+    bytes.resize(bytes.size() - cut);
+    EXPECT_FALSE(accepts(sender.datagrams(kEventChannel, bytes))) << cut;
+  }
+}
+
+TEST_F(SignedMessages, are_rejected_from_the_moment_at_which_the_list_lacks_their_member) {
+  const auto cap01_sends = [&] { return is_accepted("cap01", kEventChannel, event("cap01")); };
+  DatagramSender sender(studio_key_);
+  const auto goes_on = [&] {
+    return accepts(sender.signed_datagrams(kEventChannel, event("cap01"), key("cap01")));
+  };
+  EXPECT_TRUE(cap01_sends());
+  EXPECT_TRUE(goes_on());
+  std::vector<Member> others = all();
+  std::erase_if(others, [](const Member& member) { return member.name == "cap01"; });
+  set_members(others);
+  EXPECT_FALSE(cap01_sends());
+  EXPECT_FALSE(goes_on()) << "in a session that was accepted before";
+  others.push_back({"cap01", Role::kViewer, key("cap01").public_key()});
+  set_members(others);
+  EXPECT_FALSE(goes_on()) << "with another role";
+  set_members(all());
+  EXPECT_TRUE(goes_on());
+}
+
+TEST_F(SignedMessages, are_all_rejected_before_there_is_a_list) {
+  MessageSeal seal;
+  seal.set_key(studio_key_);
+  seal.members().require();
+  MessageReceiver receiver(ChannelList(studio()), seal, [](std::string_view) { return true; });
+  DatagramSender sender(studio_key_);
+  const auto datagrams = sender.signed_datagrams(kEventChannel, event("cap01"), key("cap01"));
+  EXPECT_FALSE(receiver.receive(datagrams[0], 1, kReceiverNow));
+  EXPECT_EQ(seal.counts().not_signed, 1);
+}
+
+TEST_F(SignedMessages, of_health_without_a_valid_signature_are_shown_as_unverified) {
+  DatagramSender sender(studio_key_), stranger(StudioKey::make());
+  for (const auto& datagrams :
+       {sender.datagrams("V3D_HEALTH_cap01", health("cap01")),
+        sender.signed_datagrams("V3D_HEALTH_cap01", health("cap01"), key("nobody")),
+        stranger.signed_datagrams("V3D_HEALTH_cap01", health("cap01"), key("cap01"))}) {
+    const auto got = receive(datagrams);
+    ASSERT_TRUE(got);
+    EXPECT_FALSE(got->is_accepted);
+    EXPECT_THAT(got->bytes, ElementsAreArray(health("cap01")));
+  }
+}
+
+// --- sessions -----------------------------------------------------------------------------------
+
+/// The attack of a member that has recorded what another one signed.
+TEST_F(SignedMessages, that_were_recorded_are_not_accepted_when_another_member_answers) {
+  DatagramSender cap01(studio_key_);
+  const auto recorded = cap01.signed_datagrams("V3D_HEALTH_cap01", health("cap01"), key("cap01"));
+  EXPECT_FALSE(accepts(recorded));
+  answer(cap01, "cap02", static_cast<uint32_t>(-1));
+  EXPECT_FALSE(accepts(recorded)) << "the session was answered for by cap02";
+  answer(cap01, "guest", static_cast<uint32_t>(-1));
+  EXPECT_FALSE(accepts(recorded));
+  EXPECT_EQ(seal_.counts().not_signed, 0) << "answers that nobody waits for cost no signature";
+  answer(cap01, "cap01", 0);
+  EXPECT_FALSE(accepts(recorded)) << "it may have been received before";
+  cap01.sequence = 1;
+  EXPECT_TRUE(accepts(cap01.signed_datagrams("V3D_HEALTH_cap01", health("cap01"), key("cap01"))));
+}
+
+TEST_F(SignedMessages, of_an_hour_ago_are_not_accepted_when_another_member_answers) {
+  DatagramSender cap01(studio_key_);
+  cap01.sequence = 100;
+  const auto recorded =
+      cap01.signed_datagrams(kEventChannel, event("cap01"), key("cap01"), kNow - 1h);
+  // cap02 has the session asked by what carries no signature, and answers as of then.
+  DatagramSender cap02(studio_key_);
+  cap02.session = cap01.session;
+  EXPECT_FALSE(accepts(cap02.datagrams("V3D_FRAME_cam02", Bytes(10), kNow - 1h)));
+  ASSERT_EQ(said_.size(), 1U);
+  SessionMessage forged = said_.back();
+  forged.is_answer = true;
+  receive(cap02.signed_datagrams(kSessionChannel, encode(forged), key("cap02"), kNow - 1h));
+  EXPECT_TRUE(accepts(cap02.datagrams("V3D_FRAME_cam02", Bytes(10), kNow - 1h)));
+  EXPECT_FALSE(accepts(recorded));
+  EXPECT_EQ(said_.size(), 2U) << "cap01 is asked";
+}
+
+TEST_F(SignedMessages, need_an_answer_that_is_signed) {
+  DatagramSender sender(studio_key_);
+  const auto send = [&] {
+    return accepts(sender.signed_datagrams("V3D_HEALTH_cap01", health("cap01"), key("cap01")));
+  };
+  EXPECT_FALSE(send());
+  ASSERT_EQ(said_.size(), 1U);
+  SessionMessage plain = said_.back();
+  plain.is_answer = true;
+  receive(sender.datagrams(kSessionChannel, encode(plain)));
+  EXPECT_FALSE(send());
+  const MessageOrigin origin = sender.origin(kEventChannel);
+  receive(sender.datagrams(kSessionChannel, sign_on_bus(encode(plain), origin, key("cap01"))));
+  EXPECT_EQ(seal_.counts().not_signed, 1) << "the signature is of another channel";
+  EXPECT_FALSE(send());
+  answer(sender, "cap01", sender.sequence - 1);
+  EXPECT_TRUE(send());
+}
+
+TEST_F(SignedMessages, of_an_operator_whose_clock_differs_arrive_when_the_operator_answers) {
+  seal_.cover_commands();
+  DatagramSender ada(studio_key_);
+  const auto send = [&] {
+    const Bytes command = sign_message(encode(CommandMessage{}), key("ada"));
+    return accepts(ada.datagrams(kCommandChannel, command, kNow - 1h));
+  };
+  const auto answer_as = [&](const std::string& member) {
+    SessionMessage answer = said_.back();
+    answer.newest = ada.sequence;
+    answer.is_answer = true;
+    receive(ada.signed_datagrams(kSessionChannel, encode(answer), key(member), kNow - 1h));
+  };
+  EXPECT_FALSE(send());
+  ASSERT_EQ(said_.size(), 1U);
+  answer_as("cap02");
+  EXPECT_FALSE(send());
+  answer_as("ada");
+  EXPECT_TRUE(send());
+}
+
+// --- receivers that verify no signature
+// -----------------------------------------------------------
+
+TEST(UnsignedStudio, reads_messages_with_signatures_as_the_tools_of_LCM_do) {
+  const StudioKey studio_key = StudioKey::make();
+  for (const bool has_key : {false, true}) {
+    MessageSeal seal;
+    if (has_key) seal.set_key(studio_key);
+    MessageReceiver receiver(ChannelList(studio()), seal, [](std::string_view) { return true; });
+    DatagramSender sender(studio_key);
+    for (const size_t size : {100, 200'000}) {
+      const Bytes sent(size, 5);
+      std::optional<ReceivedMessage> got;
+      const auto datagrams = sender.signed_datagrams(kMeshChannel, sent, SigningKey::make());
+      for (const auto& datagram : datagrams) got = receiver.receive(datagram, 1, kReceiverNow);
+      ASSERT_TRUE(got);
+      EXPECT_TRUE(got->is_accepted);
+      EXPECT_THAT(got->bytes, ElementsAreArray(sent));
+    }
+  }
+}
+
+}  // namespace
+}  // namespace v3d
