@@ -208,7 +208,7 @@ TEST_F(MemberLoops, reject_a_viewer_that_signs_commands) {
 TEST_F(MemberLoops, reject_health_that_a_member_sends_in_the_name_of_a_node) {
   start();
   OperatorClient ada(studio_);
-  ASSERT_TRUE(obey(ada));
+  ASSERT_TRUE(accepts_command_of(ada));
   Bus bus(studio_.network.lcm_url, {}, ChannelList(studio_));
   bus.seal().set_key(key_);
   bus.seal().members().require();
@@ -225,7 +225,7 @@ TEST_F(MemberLoops, reject_health_that_a_member_sends_in_the_name_of_a_node) {
     return health.contains("cap01") && health["cap01"].values["messages_unsigned"] >= 1;
   };
   EXPECT_TRUE(becomes_true(is_counted, within(60)));
-  EXPECT_TRUE(is_believed(health["cap01"])) << health["cap01"].text;
+  EXPECT_TRUE(is_verified(health["cap01"])) << health["cap01"].text;
   const auto is_reported = [&] {
     is_counted();
     return health["cap01"].text ==
