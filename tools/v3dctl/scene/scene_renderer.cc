@@ -89,7 +89,7 @@ void SceneRenderer::add_take(Actor& actor, const CameraModel& camera, double sec
   Mesh mesh = std::move(frame.mesh);
   if (options_.view_dependent) {
     mesh = FrameColours(actor.take.take, frame)
-               .seen_by(camera_in_take(camera, actor.take.place), std::move(mesh));
+               .coloured_for(camera_in_take(camera, actor.take.place), std::move(mesh));
   }
   const Eigen::Affine3f place = actor.take.place.world_from_own().cast<float>();
   for (Eigen::Vector3f& vertex : mesh.vertices) vertex = place * vertex;
