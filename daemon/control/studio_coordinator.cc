@@ -1,7 +1,7 @@
+#include "daemon/control/studio_coordinator.h"
+
 #include <algorithm>
 #include <utility>
-
-#include "daemon/control/studio_coordinator.h"
 
 namespace v3d {
 namespace {
