@@ -162,9 +162,17 @@ class OperatorClient::Impl {
   std::optional<HealthMessage> next_health(MonotonicInstant deadline) {
     auto health = wait(healths, deadline);
     if (!health) return std::nullopt;
+    explain(*health);
     health = make_printable(std::move(*health));
     remember(*health);
     return health;
+  }
+
+  /// Names the problem where the member list cannot be read here, so that no health is verified.
+  void explain(HealthMessage& health) const {
+    if (!is_verified(health) && !files.problem().empty()) {
+      health.text = kUnverifiedPrefix + files.problem();
+    }
   }
 
   /// Discards health that nodes sent before their replies. It is in the queue by now, because the

@@ -20,8 +20,9 @@ namespace v3d {
 /// camera or the trigger, and reconstruction nodes.
 std::vector<std::string> commanded_nodes(const Studio& studio);
 
-/// False for health whose MAC or signature could not be verified: its node has no key or another
-/// one, or an attacker sent it. It is shown as a fault.
+/// False for health without a valid MAC or, where members are required, without the signature of
+/// its node. Causes: the node has no key or another one, an attacker sent it, or the member list
+/// cannot be read here. It is shown as a fault.
 bool is_verified(const HealthMessage& health);
 
 /// One thread. Use one client per process: each has its own sender name and counters.

@@ -344,13 +344,19 @@ TEST(InsistingReceiver, accepts_nothing_without_a_key) {
   EXPECT_EQ(seal.counts().forged, 0);
 }
 
-/// What somebody without the key can send: noise, invented names, forged and changed fragments.
+/// What somebody without the key can send: noise, invented names, forged and changed fragments,
+/// messages with a signature.
 std::vector<RawDatagram> hostile_datagrams(Sender& studio_sender) {
   std::mt19937 random(7);
   std::vector<RawDatagram> all;
   Sender stranger(StudioKey::make());
+  const SigningKey key = SigningKey::make();
   const std::vector<uint8_t> bytes(100'000, 5);
+  const std::vector<uint8_t> few(100, 5);
   for (int i = 0; i < 1000; ++i) {
+    for (const char* channel : {kEventChannel, kPulseChannel, kSessionChannel}) {
+      all.push_back(stranger.signed_datagrams(channel, few, key).at(0));
+    }
     all.push_back(test::short_datagram(random(), "V3D_COMMAND"));
     all.push_back(test::short_datagram(1, "V3D_FRAME_" + std::to_string(random()) + '\0'));
     RawDatagram huge = test::fragment_header(

@@ -234,6 +234,17 @@ TEST_F(MemberLoops, reject_health_that_a_member_sends_in_the_name_of_a_node) {
   EXPECT_TRUE(becomes_true(is_reported, within(60))) << health["cap01"].text;
 }
 
+TEST_F(MemberLoops, are_reported_as_unverified_on_a_PC_without_the_member_list) {
+  start();
+  OperatorClient ada(studio_);
+  ASSERT_TRUE(accepts_command_of(ada));
+  Studio without_list = studio_;
+  without_list.network.members = folder_ / "forgotten.toml";
+  OperatorClient client(without_list);
+  EXPECT_TRUE(health_has(client, "not believed: cannot read "));
+  EXPECT_TRUE(health_has(client, "forgotten.toml: No such file or directory; v3dctl key enroll"));
+}
+
 TEST_F(MemberLoops, reject_every_command_until_there_is_a_member_list) {
   const Studio bobs = studio_of_bob();
   std::filesystem::remove(studio_.network.members);
