@@ -116,14 +116,14 @@ TEST_F(NarrowViewer, asks_seldom_for_connections_that_it_has_no_descriptor_for) 
   for (int i = 0; i < 2 * kDescriptors; ++i) {
     visitors.push_back(std::make_unique<Connection>(port_, "/", ""));
   }
-  const std::string not_taken = "a connection was not taken";
-  ASSERT_TRUE(becomes_true([&] { return times_said(not_taken) > 0; }, within(30)));
+  const std::string not_accepted = "a connection was not accepted";
+  ASSERT_TRUE(becomes_true([&] { return times_said(not_accepted) > 0; }, within(30)));
   const MonotonicInstant begin = Monotonic::now();
-  ASSERT_TRUE(becomes_true([&] { return times_said(not_taken) > 5; }, within(30)));
+  ASSERT_TRUE(becomes_true([&] { return times_said(not_accepted) > 5; }, within(30)));
   // Ten times a second: were it not to wait, it would be thousands.
   const double seconds = to_seconds(Monotonic::now() - begin);
-  EXPECT_LE(times_said(not_taken), 12 * (seconds + 1)) << seconds << " s";
-  EXPECT_GE(times_said("cannot take a connection"), 1) << viewd_->output();
+  EXPECT_LE(times_said(not_accepted), 12 * (seconds + 1)) << seconds << " s";
+  EXPECT_GE(times_said("cannot accept a connection"), 1) << viewd_->output();
   visitors.clear();
   EXPECT_TRUE(Connection(port_, "/", "Connection: close\r\n").hears("<!doctype html>"))
       << viewd_->output();
