@@ -141,7 +141,8 @@ TEST_F(ForgedStudio, acts_upon_nothing_that_a_stranger_says_changes_or_says_agai
     EXPECT_TRUE(reaches(node, "messages_forged", kForged)) << log();
     EXPECT_TRUE(reaches(node, "messages_replayed", 3)) << log();
   }
-  EXPECT_EQ(expect_a_whole_take()["frames_late"], 0) << "as after a frame of a pulse to come";
+  // After a frame of a pulse to come, every frame would be late; on a busy machine a few are.
+  EXPECT_LT(expect_a_whole_take()["frames_late"], 40);
 }
 
 /// There is a member list, and the PC of cap02 was taken over: it has the studio key and its own.
