@@ -52,9 +52,9 @@ struct MessageOrigin {
 /// What a member signs of every message but commands and replies: the text "V3D message on the bus,
 /// version 1" with a newline, then the BLAKE2b-256 (LeafHash) of channel, zero byte, session (4
 /// bytes), sequence (4), `sent` in microseconds (8, all big-endian), message, magic and key id. So
-/// a signature is valid on one channel for one message of one session: a recorded message cannot be
-/// sent again by another member, who has the studio key too. No command, reply, take or member list
-/// begins with this text. BLAKE2b reads large messages twice as fast as the SHA-512 of Ed25519.
+/// a signature is valid on one channel, for one message of one session. No other member can send a
+/// recorded message again. No command, reply, take or member list begins with this text. Ed25519
+/// reads a message twice to sign it; BLAKE2b reads it once.
 inline constexpr std::string_view kBusText = "V3D message on the bus, version 1\n";
 using BusStatement = std::array<uint8_t, kBusText.size() + 32>;
 /// `signed_bytes`: message, magic and key id.

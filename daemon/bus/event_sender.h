@@ -17,8 +17,8 @@ class EventSender {
   void send(Severity severity, const std::string& subject, const std::string& text,
             const std::string& advice = {});
   /// For a trouble that lasts: sends when `text` is another than last time, and once, as info, when
-  /// it has become empty. A text that differs in its first number only is told again as
-  /// EventThrottle says.
+  /// it has become empty. EventThrottle decides when a text is sent again of which only the first
+  /// number has changed.
   void keep_told(Severity severity, const std::string& subject, const std::string& text,
                  const std::string& advice, MonotonicInstant now = Monotonic::now());
 

@@ -224,8 +224,8 @@ void MessageReceiver::on_answer(const SessionMessage& answer, std::span<const ui
   if (std::chrono::abs(ahead) > SessionGate::kAhead) seal_.report(clocks_differ(ahead));
 }
 
-/// Who signed the answer; empty when nobody did and members are required. Verifies no signature of
-/// an answer to a question that is not pending.
+/// The signer of an answer. Empty when members are required and the signature is missing or wrong.
+/// An answer to no pending question is rejected before its signature is verified.
 std::optional<Signer> MessageReceiver::verified_signer(const SessionMessage& answer,
                                                        std::span<const uint8_t> bytes,
                                                        const SessionStamp& stamp,

@@ -60,7 +60,7 @@ MeshStages stages_of(const std::shared_ptr<Reconstructor>& reconstructor);
 /// The reconstruction of one take, from arming until closing.
 ///
 /// One thread assembles frame sets. Two stages of a FramePipeline make meshes of them, so that the
-/// next set is begun while the previous mesh is encoded and published. When they cannot keep up,
+/// next set starts while the previous mesh is encoded and published. When the stages are too slow,
 /// LiveQueue drops whole pulses and counts them. A pulse whose stage throws is counted, logged, and
 /// has no mesh.
 ///

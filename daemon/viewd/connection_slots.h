@@ -20,7 +20,7 @@ enum class ClientRole : uint8_t {
 /// address, and kReserved for requests with the operators' token.
 ///
 /// If the common slots, or those of the address, are used, a new connection replaces the oldest
-/// unauthenticated one. So connections that send nothing, or half a request, block nobody. If all
+/// unauthenticated one. So connections without a whole request cannot keep clients out. If all
 /// are viewers, the new connection gets a reserved slot, on which the server answers only requests
 /// of operators. One thread.
 class ConnectionSlots {

@@ -33,7 +33,7 @@ int64_t read_count(const TomlTable& table, std::string_view key) {
 /// such a pulse is suspect there, and it is not missing.
 void add_missing(CameraLedger& camera, int64_t counted, int64_t commanded) {
   constexpr int64_t kMaxAdded = 1'000'000;
-  if (commanded - counted > kMaxAdded) return;  // a count that nobody believes
+  if (commanded - counted > kMaxAdded) return;  // the count is not plausible
   const std::set<int64_t> recorded(camera.suspect.begin(), camera.suspect.end());
   for (int64_t pulse = std::max<int64_t>(counted, 0); pulse < commanded; ++pulse) {
     if (!recorded.contains(pulse)) camera.missing.push_back(pulse);

@@ -167,13 +167,13 @@ std::optional<NodeReport> SimulatedCapture::poll(Phase phase) {
   }
 }
 
-bool SimulatedCapture::train_is_over() {
+bool SimulatedCapture::train_has_ended() {
   listen_to_train();
   return host_.trigger != nullptr ? host_.trigger->is_finished() : train_.ended();
 }
 
 std::optional<NodeReport> SimulatedCapture::poll_learning() {
-  const bool over = train_is_over();
+  const bool over = train_has_ended();
   if (host_.trigger != nullptr && !over) return std::nullopt;
   const bool learnt = std::ranges::all_of(
       host_.cameras, [&](const std::string& camera) { return received_[camera] >= order_.pulses; });
@@ -189,7 +189,7 @@ std::optional<NodeReport> SimulatedCapture::poll_recording() {
   if (ended_by_disk_) {
     return NodeReport{.event = Input::kTrainEnded, .text = "a disk is full", .detail = {}};
   }
-  if (!train_is_over()) return std::nullopt;
+  if (!train_has_ended()) return std::nullopt;
   return NodeReport{.event = Input::kTrainEnded, .text = "pulses have ended", .detail = {}};
 }
 
@@ -198,7 +198,7 @@ int64_t SimulatedCapture::commanded() const {
                                   : std::max(pulses_.seen(), train_.commanded());
 }
 
-bool SimulatedCapture::is_accounted_for() const {
+bool SimulatedCapture::is_drained() const {
   const Duration since = now() - ended_;
   if (since >= kDrainWithin) return true;
   const Duration quiet = std::min<Duration>(kLongestQuiet, 10 * period_of(world_.rate_hz));
@@ -218,7 +218,7 @@ bool SimulatedCapture::has_all(int64_t pulses, bool silent, Duration quiet) cons
 
 std::optional<NodeReport> SimulatedCapture::poll_draining() {
   listen_to_train();
-  if (!is_accounted_for()) return std::nullopt;
+  if (!is_drained()) return std::nullopt;
   const Ledger ledger = close_take();
   if (order_.verb == CommandVerb::kCheck) {
     return NodeReport{.event = Input::kDrained, .text = "checked cameras", .detail = {}};

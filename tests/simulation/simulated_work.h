@@ -87,8 +87,8 @@ class SimulatedCapture : public SimulatedWork {
   std::optional<NodeReport> poll_learning();
   std::optional<NodeReport> poll_recording();
   std::optional<NodeReport> poll_draining();
-  bool train_is_over();
-  bool is_accounted_for() const;
+  bool train_has_ended();
+  bool is_drained() const;
   bool has_all(int64_t pulses, bool silent, Duration quiet) const;
   int64_t commanded() const;
   Ledger close_take();

@@ -43,7 +43,7 @@ TEST(SessionGate, takes_the_answer_of_one_key_for_that_of_no_other) {
   EXPECT_FALSE(gate.has_answered(7, key_id(2)));
   EXPECT_FALSE(gate.has_answered(7)) << "of an unknown key";
   EXPECT_TRUE(gate.is_answered_by_other(7, key_id(2)));
-  EXPECT_FALSE(gate.is_answered_by_other(8, key_id(2))) << "nobody has answered";
+  EXPECT_FALSE(gate.is_answered_by_other(8, key_id(2))) << "there is no answer yet";
   gate.accept(stamp(7, 200), kNow, key_id(2));
   EXPECT_TRUE(gate.has_answered(7, key_id(2)));
   EXPECT_FALSE(gate.has_answered(7, key_id(1)));

@@ -103,7 +103,7 @@ class SignedMessages : public testing::Test {
       {"ada", SigningKey::make()},     {"cap01", SigningKey::make()},
       {"cap02", SigningKey::make()},   {"recon01", SigningKey::make()},
       {"recon02", SigningKey::make()}, {"guest", SigningKey::make()},
-      {"nobody", SigningKey::make()}};
+      {"outsider", SigningKey::make()}};
   int64_t serial_ = 0;
   MessageSeal seal_;
   std::vector<SessionMessage> said_;
@@ -114,7 +114,7 @@ class SignedMessages : public testing::Test {
                             {.send = [this](const SessionMessage& m) { said_.push_back(m); }}};
 };
 
-TEST_F(SignedMessages, are_accepted_of_the_members_that_may_send_them_and_of_nobody_else) {
+TEST_F(SignedMessages, are_accepted_of_the_members_that_may_send_them_and_of_no_others) {
   struct Case {
     std::string channel;
     Bytes message;
@@ -163,7 +163,7 @@ TEST_F(SignedMessages, of_another_member_are_counted_and_say_who_sent_what_and_w
   EXPECT_THAT(trouble(), AllOf(HasSubstr("V3D_EVENT of member cap02"), HasSubstr("only cap01")));
   EXPECT_FALSE(accepts(sender.signed_datagrams(kMeshChannel, Bytes(9), key("cap02"))));
   EXPECT_THAT(trouble(), HasSubstr("only a node with the role reconstruction may send it"));
-  EXPECT_FALSE(accepts(sender.signed_datagrams(kEventChannel, event("cap01"), key("nobody"))));
+  EXPECT_FALSE(accepts(sender.signed_datagrams(kEventChannel, event("cap01"), key("outsider"))));
   EXPECT_THAT(trouble(), HasSubstr("which the member list here does not have"));
   EXPECT_FALSE(accepts(sender.datagrams(kEventChannel, event("cap01"))));
   EXPECT_THAT(trouble(),
@@ -253,7 +253,7 @@ TEST_F(SignedMessages, of_health_without_a_valid_signature_are_shown_as_unverifi
   DatagramSender sender(studio_key_), stranger(StudioKey::make());
   for (const auto& datagrams :
        {sender.datagrams("V3D_HEALTH_cap01", health("cap01")),
-        sender.signed_datagrams("V3D_HEALTH_cap01", health("cap01"), key("nobody")),
+        sender.signed_datagrams("V3D_HEALTH_cap01", health("cap01"), key("outsider")),
         stranger.signed_datagrams("V3D_HEALTH_cap01", health("cap01"), key("cap01"))}) {
     const auto got = receive(datagrams);
     ASSERT_TRUE(got);
@@ -273,7 +273,7 @@ TEST_F(SignedMessages, that_were_recorded_are_not_accepted_when_another_member_a
   EXPECT_FALSE(accepts(recorded)) << "the session was answered for by cap02";
   answer(cap01, "guest", static_cast<uint32_t>(-1));
   EXPECT_FALSE(accepts(recorded));
-  EXPECT_EQ(seal_.counts().not_signed, 0) << "answers that nobody waits for cost no signature";
+  EXPECT_EQ(seal_.counts().not_signed, 0) << "an answer to no question costs no signature";
   answer(cap01, "cap01", 0);
   EXPECT_FALSE(accepts(recorded)) << "it may have been received before";
   cap01.sequence = 1;
