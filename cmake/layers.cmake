@@ -92,6 +92,10 @@ function(v3d_check_layers)
   endforeach()
 endfunction()
 
+# How long a test program may take to list its tests. CMake's own limit of 5 s is too short for a program of 47 MB that is
+# read for the first time from a busy disk.
+set(V3D_DISCOVERY_SECONDS 300)
+
 # All that ctest -L unit runs.
 add_custom_target(v3d_unit_tests)
 
@@ -116,6 +120,6 @@ function(v3d_test name)
     set(sanitizer ENVIRONMENT_MODIFICATION "TSAN_OPTIONS=string_append: ignore_noninstrumented_modules=1")
   endif()
   include(GoogleTest)
-  gtest_discover_tests(${name} DISCOVERY_MODE PRE_TEST PROPERTIES LABELS "${ARG_LABELS}" TIMEOUT 300
+  gtest_discover_tests(${name} DISCOVERY_MODE PRE_TEST DISCOVERY_TIMEOUT ${V3D_DISCOVERY_SECONDS} PROPERTIES LABELS "${ARG_LABELS}" TIMEOUT 300
     ENVIRONMENT "RC_PARAMS=seed=20090219" ${sanitizer})
 endfunction()
