@@ -18,9 +18,9 @@ namespace v3d {
 /// Measures displacements (DisplacementMeter) of the cameras of one rig in spare time.
 ///
 /// Samples a pulse every kFirstPeriod, and every kPeriod once it has a result. Works on one thread
-/// with SCHED_IDLE priority, which runs when no other thread wants the processor. No function waits
-/// for it except the destructor. With fewer than kMinCameras cameras it does nothing: the
-/// leave-one-out hull is then too wide to locate a camera.
+/// of low priority: on a busy PC it gets about 3 % of a processor. No function waits for it except
+/// the destructor. With fewer than kMinCameras cameras it does nothing: the leave-one-out hull is
+/// then too wide to locate a camera.
 class DisplacementMonitor {
  public:
   static constexpr size_t kMinCameras = 12;
