@@ -4,6 +4,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <array>
 #include <csignal>
 #include <nlohmann/json.hpp>
@@ -190,7 +191,7 @@ class SharedStudio : public testing::Test {
       stopped_ = command(CommandVerb::kStop, 0, dead.empty() ? 60 : 25);
       return stopped_.silent == dead &&
              std::ranges::all_of(stopped_.replies, [](const auto& reply) {
-               return reply.second.outcome == Outcome::kDone;
+               return reply.second.outcome == ReplyMessage::Outcome::kDone;
              });
     };
     ASSERT_TRUE(becomes_true(living_are_done, within(100))) << text_of(stopped_);
