@@ -17,12 +17,11 @@ constexpr double kVoxels = 256;
 
 double voxel_for(const Box& bounds) { return (bounds.max - bounds.min).maxCoeff() / kVoxels; }
 
-/// Gives this thread about a thirtieth of a processor that another thread wants, and all of one
-/// that no other thread wants. SCHED_IDLE would give it a three-hundredth: on a busy PC, a
-/// displaced camera would then be reported many minutes late. Needs no permission.
+/// Lowers the priority of this thread. Needs no permission. Linux gives nice 15 the weight 36 and
+/// nice 0 the weight 1024, so a busy thread of normal priority delays this one about thirtyfold.
+/// SCHED_IDLE has the weight 3: then a busy PC reports no displaced camera during a take.
 void set_low_priority() {
-  constexpr int kNice = 15;
-  setpriority(PRIO_PROCESS, static_cast<id_t>(gettid()), kNice);
+  setpriority(PRIO_PROCESS, static_cast<id_t>(gettid()), DisplacementMonitor::kNice);
 }
 
 }  // namespace

@@ -184,8 +184,8 @@ class SharedStudio : public testing::Test {
     ASSERT_TRUE(reconds_[i]->wait(within(30)));
     client_.emplace(load_studio(folder_ / "cap01" / "studio.toml"));  // forgets its health
   }
-  /// Stops the take, until every node that is alive has replied "done". A dead node never replies,
-  /// so each command then takes its whole time; a busy machine may need more than one.
+  /// Sends "stop" until every node except the `dead` ones has replied "done". While a node is dead,
+  /// each command waits its full 25 s; a busy machine may need several commands.
   void stop(const std::vector<std::string>& dead = {}) {
     const auto living_are_done = [&] {
       stopped_ = command(CommandVerb::kStop, 0, dead.empty() ? 60 : 25);
