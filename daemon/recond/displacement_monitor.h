@@ -15,18 +15,18 @@
 
 namespace v3d {
 
-/// Measures displacements (DisplacementMeter) of the cameras of one rig in the background.
+/// Measures displacements (DisplacementMeter) of the cameras of one rig in spare time.
 ///
 /// Samples a pulse every kFirstPeriod, and every kPeriod once it has a result. Works on one thread
-/// of low priority (nice kNice). No function waits for it except the destructor. With fewer than
-/// kMinCameras cameras it does nothing: the leave-one-out hull is then too wide to locate a camera.
+/// with SCHED_IDLE priority, which runs when no other thread wants the processor. No function waits
+/// for it except the destructor. With fewer than kMinCameras cameras it does nothing: the
+/// leave-one-out hull is then too wide to locate a camera.
 class DisplacementMonitor {
  public:
   static constexpr size_t kMinCameras = 12;
   static constexpr int64_t kMinPulses = 8;  ///< before there is a result
   static constexpr Duration kFirstPeriod = std::chrono::milliseconds(400);
   static constexpr Duration kPeriod = std::chrono::seconds(5);
-  static constexpr int kNice = 15;
 
   DisplacementMonitor(const Rig& rig, const ReconstructOptions& options);
   /// Waits for the measurement in progress, which may take long on a busy machine. To avoid this,

@@ -64,30 +64,26 @@ TEST(DisplacementMonitor, takes_the_masks_of_a_set_and_leaves_none) {
   EXPECT_FALSE(monitor.has_stopped());
 }
 
-/// Number of threads of this process with this nice value (/proc/self/task/TID/stat, field 19) and
-/// the policy SCHED_OTHER (field 41).
-int64_t threads_with_nice(int nice) {
+/// Number of threads of this process with the policy SCHED_IDLE (/proc/self/task/TID/stat, field
+/// 41).
+int64_t idle_priority_threads() {
   int64_t count = 0;
   for (const auto& thread : std::filesystem::directory_iterator("/proc/self/task")) {
     std::ifstream in(thread.path() / "stat");
     std::string text;
     std::getline(in, text);
-    std::istringstream fields(text.substr(text.rfind(')') + 1));
-    std::vector<std::string> values{std::istream_iterator<std::string>(fields), {}};
-    constexpr size_t kFirstField = 3;
-    if (values.size() > 41 - kFirstField && values[19 - kFirstField] == std::to_string(nice) &&
-        values[41 - kFirstField] == std::to_string(SCHED_OTHER)) {
-      ++count;
-    }
+    std::istringstream fields(text.substr(text.rfind(')') + 1));  // from field 3 on
+    const std::vector<std::string> values{std::istream_iterator<std::string>(fields), {}};
+    constexpr size_t kPolicy = 41 - 3;
+    if (values.size() > kPolicy && values[kPolicy] == std::to_string(SCHED_IDLE)) ++count;
   }
   return count;
 }
 
-TEST(DisplacementMonitor, works_on_one_thread_of_low_but_not_idle_priority) {
-  ASSERT_EQ(threads_with_nice(DisplacementMonitor::kNice), 0);
+TEST(DisplacementMonitor, works_on_one_thread_of_idle_priority) {
+  ASSERT_EQ(idle_priority_threads(), 0);
   DisplacementMonitor monitor(ring_of(DisplacementMonitor::kMinCameras), in_a_small_space());
-  EXPECT_TRUE(
-      becomes_true([] { return threads_with_nice(DisplacementMonitor::kNice) == 1; }, within(60)));
+  EXPECT_TRUE(becomes_true([] { return idle_priority_threads() == 1; }, within(60)));
 }
 
 TEST(DisplacementMonitor, stops_without_waiting_and_takes_no_more_masks) {
