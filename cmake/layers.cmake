@@ -2,14 +2,19 @@
 #   - the headers of a layer are reachable only through the include directory of its own target, so that an
 #     #include of a layer that is not linked does not compile;
 #   - v3d_check_layers() fails the configuration when a target links a layer that its rule does not name.
-set(V3D_LAYERS base codec wire take trigger segmentation capture recon calib sim
+set(V3D_LAYERS core io image geometry config base codec wire take trigger segmentation capture recon calib sim
   bus control node captured recond recorded viewd)
 # v3d_may_use(<target> <layer>...): the rule of a target, a layer's name standing for v3d_<layer>.
 macro(v3d_may_use target)
   set(V3D_MAY_USE_${target} "${ARGN}")
   list(APPEND V3D_RULES ${target})
 endmacro()
-v3d_may_use(v3d_base)
+v3d_may_use(v3d_core)
+v3d_may_use(v3d_io core)
+v3d_may_use(v3d_image core io)
+v3d_may_use(v3d_geometry core image)
+v3d_may_use(v3d_config core io image geometry)
+v3d_may_use(v3d_base core io image geometry config)
 v3d_may_use(v3d_codec)
 v3d_may_use(v3ddecoder codec)
 v3d_may_use(v3d_wire base)

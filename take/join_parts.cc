@@ -2,9 +2,9 @@
 
 #include <algorithm>
 
-#include "base/error.h"
-#include "base/file.h"
+#include "base/core/error.h"
 #include "base/io/file.h"
+#include "base/io/whole_file.h"
 #include "take/ledger/ledger.h"
 #include "take/ledger/take_account.h"
 #include "take/logs/log_segments.h"

@@ -1,9 +1,9 @@
 #include "take/slate.h"
 
-#include "base/file.h"
+#include "base/config/toml_file.h"
+#include "base/core/printable.h"
 #include "base/io/file.h"
-#include "base/printable.h"
-#include "base/toml_file.h"
+#include "base/io/whole_file.h"
 
 namespace v3d {
 namespace {

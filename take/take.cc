@@ -1,12 +1,12 @@
 #include "take/take.h"
 
-#include "base/calib_file.h"
-#include "base/error.h"
-#include "base/file.h"
+#include "base/config/calib_file.h"
+#include "base/config/toml_file.h"
+#include "base/core/error.h"
+#include "base/core/name.h"
+#include "base/core/units.h"
 #include "base/io/file.h"
-#include "base/name.h"
-#include "base/toml_file.h"
-#include "base/units.h"
+#include "base/io/whole_file.h"
 
 namespace v3d {
 namespace {

@@ -11,10 +11,10 @@
 #include <string_view>
 #include <vector>
 
-#include "base/camera_model.h"
+#include "base/config/studio_file.h"
+#include "base/core/time.h"
+#include "base/geometry/camera_model.h"
 #include "base/io/result.h"
-#include "base/studio_file.h"
-#include "base/time.h"
 
 namespace v3d {
 

@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <set>
 
-#include "base/error.h"
-#include "base/units.h"
+#include "base/core/error.h"
+#include "base/core/units.h"
 #include "take/logs/frame_log.h"
 #include "take/logs/mesh_file.h"
 

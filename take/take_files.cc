@@ -9,7 +9,7 @@
 #include <cerrno>
 #include <charconv>
 
-#include "base/checksum.h"
+#include "base/core/checksum.h"
 #include "base/io/file.h"
 #include "base/io/uninterrupted.h"
 

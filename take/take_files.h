@@ -18,7 +18,7 @@ struct TakeFile {
   std::string name;  ///< relative to the folder of the take: "background/cam01.mean.png"
   int64_t bytes = 0;
   int64_t changed_ns = 0;            ///< since 1970; 0 in a ledger
-  std::optional<uint64_t> checksum;  ///< of base/checksum.h over all `bytes`; empty: not known
+  std::optional<uint64_t> checksum;  ///< of base/core/checksum.h over all `bytes`; empty: not known
   std::optional<Hash> root = {};     ///< as take_signature.h says; empty: not known
 
   friend bool operator==(const TakeFile&, const TakeFile&) = default;

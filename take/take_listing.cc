@@ -6,7 +6,7 @@
 #include <cerrno>
 #include <tuple>
 
-#include "base/error.h"
+#include "base/core/error.h"
 #include "base/io/file.h"
 #include "take/ledger/ledger.h"
 #include "take/ledger/verified.h"

@@ -8,7 +8,7 @@
 #include <string_view>
 #include <vector>
 
-#include "base/error.h"
+#include "base/core/error.h"
 #include "take/slate.h"
 #include "take/take.h"
 

@@ -8,9 +8,9 @@
 #include <array>
 #include <cerrno>
 
+#include "base/core/printable.h"
 #include "base/io/file.h"
 #include "base/io/uninterrupted.h"
-#include "base/printable.h"
 #include "take/take_removal.h"
 
 namespace v3d {

@@ -4,7 +4,7 @@
 
 #include <string>
 
-#include "base/check.h"
+#include "base/core/check.h"
 #include "base/io/file.h"
 #include "base/io/uninterrupted.h"
 #include "take/logs/mesh_file_layout.h"

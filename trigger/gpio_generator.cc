@@ -3,9 +3,9 @@
 #include <algorithm>
 #include <utility>
 
-#include "base/check.h"
-#include "base/error.h"
-#include "base/punctual.h"
+#include "base/core/check.h"
+#include "base/core/error.h"
+#include "base/core/memory.h"
 
 namespace v3d {
 namespace {
@@ -38,7 +38,7 @@ void GpioGenerator::arm(const PulseTrain& train) {
                      " us is more than half a period; right would be at most " +
                      std::to_string(period / 2 / std::chrono::microseconds(1)) + " us");
   }
-  keep_memory();
+  lock_memory();
   take_line({.period = period,
              .width = train.width,
              .count = train.count,

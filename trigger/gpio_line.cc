@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <charconv>
 
-#include "base/error.h"
+#include "base/core/error.h"
 #include "trigger/host_clock.h"
 
 namespace v3d {

@@ -6,8 +6,8 @@
 #include <memory>
 #include <optional>
 
-#include "base/studio_file.h"
-#include "base/time.h"
+#include "base/config/studio_file.h"
+#include "base/core/time.h"
 
 namespace v3d {
 

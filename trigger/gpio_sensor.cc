@@ -2,7 +2,7 @@
 
 #include <utility>
 
-#include "base/punctual.h"
+#include "base/core/realtime_thread.h"
 
 namespace v3d {
 namespace {
@@ -38,7 +38,7 @@ void GpioSensor::reset() {
 }
 
 void GpioSensor::run() {
-  become_punctual();
+  make_thread_realtime();
   while (!stopping_ && !input_->gone()) {
     if (const auto edge = input_->wait(Monotonic::now() + kLook)) hear(*edge);
     tell_overdue();

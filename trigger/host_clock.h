@@ -4,7 +4,7 @@
 #include <ctime>
 #include <functional>
 
-#include "base/time.h"
+#include "base/core/time.h"
 
 namespace v3d {
 

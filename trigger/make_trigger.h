@@ -3,7 +3,7 @@
 
 #include <memory>
 
-#include "base/studio_file.h"
+#include "base/config/studio_file.h"
 #include "trigger/pulse_generator.h"
 
 namespace v3d {

@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "base/punctual.h"
+#include "base/core/realtime_thread.h"
 
 namespace v3d {
 namespace {
@@ -55,7 +55,7 @@ void PacedTrain::join() {
 }
 
 void PacedTrain::run(MonotonicInstant first) {
-  become_punctual();
+  make_thread_realtime();
   if (!wait_for(first)) return;
   first = std::max(first, clock_.now());
   for (int64_t k = 0;; ++k) {

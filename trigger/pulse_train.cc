@@ -1,7 +1,7 @@
 #include "trigger/pulse_train.h"
 
-#include "base/error.h"
-#include "base/pulse_rate.h"
+#include "base/config/pulse_rate.h"
+#include "base/core/error.h"
 
 namespace v3d {
 

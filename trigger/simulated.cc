@@ -4,7 +4,7 @@
 #include <chrono>
 #include <utility>
 
-#include "base/check.h"
+#include "base/core/check.h"
 #include "trigger/pulse_train.h"
 #include "trigger/wire_socket.h"
 

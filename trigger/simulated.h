@@ -1,4 +1,4 @@
-// The generator and the sense line of the simulated studio: clients of base/trigger_wire.h.
+// The generator and the sense line of the simulated studio: clients of base/core/trigger_edge.h.
 #pragma once
 
 #include <filesystem>

@@ -10,7 +10,7 @@
 #include <cstring>
 #include <string>
 
-#include "base/error.h"
+#include "base/core/error.h"
 #include "trigger/host_clock.h"
 
 namespace v3d {

@@ -1,12 +1,12 @@
-// One end of the simulated trigger cable (base/trigger_wire.h).
+// One end of the simulated trigger cable (base/core/trigger_edge.h).
 #pragma once
 
 #include <atomic>
 #include <filesystem>
 #include <optional>
 
-#include "base/time.h"
-#include "base/trigger_wire.h"
+#include "base/core/time.h"
+#include "base/core/trigger_edge.h"
 
 namespace v3d {
 

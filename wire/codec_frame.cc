@@ -2,7 +2,7 @@
 #include <array>
 #include <utility>
 
-#include "base/checksum.h"
+#include "base/core/checksum.h"
 #include "base/io/big_endian.h"
 #include "v3d/frame_t.hpp"
 #include "wire/codec.h"

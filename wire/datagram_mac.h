@@ -7,7 +7,7 @@
 #include <optional>
 #include <span>
 
-#include "base/time.h"
+#include "base/core/time.h"
 #include "wire/studio_key.h"
 
 namespace v3d {

@@ -10,7 +10,7 @@
 #include <cerrno>
 #include <cstdio>
 
-#include "base/error.h"
+#include "base/core/error.h"
 #include "base/io/file.h"
 #include "base/io/unique_fd.h"
 #include "wire/hexadecimal.h"

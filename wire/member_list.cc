@@ -4,9 +4,9 @@
 #include <array>
 #include <utility>
 
-#include "base/error.h"
-#include "base/name.h"
-#include "base/toml_file.h"
+#include "base/config/toml_file.h"
+#include "base/core/error.h"
+#include "base/core/name.h"
 #include "wire/signed_text.h"
 
 namespace v3d {

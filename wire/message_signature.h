@@ -8,7 +8,7 @@
 #include <string_view>
 #include <tuple>
 
-#include "base/time.h"
+#include "base/core/time.h"
 #include "wire/codec.h"
 #include "wire/signing_key.h"
 

@@ -9,8 +9,8 @@
 #include <string_view>
 #include <vector>
 
-#include "base/frame.h"
-#include "base/time.h"
+#include "base/core/time.h"
+#include "base/image/frame.h"
 
 namespace v3d {
 
@@ -130,7 +130,7 @@ struct PreviewMessage {
   int64_t pulse = -1;
   ImageSize size;             ///< of the small picture
   std::optional<Mask> mask;   ///< of that size
-  std::vector<uint8_t> jpeg;  ///< base/jpeg.h reads it; not looked into by the codec
+  std::vector<uint8_t> jpeg;  ///< base/image/jpeg.h reads it; not looked into by the codec
 };
 
 enum class NodeState : uint8_t { kIdle = 1, kArmed, kRecording, kDraining, kFault };

@@ -5,8 +5,8 @@
 #include <optional>
 #include <span>
 
-#include "base/check.h"
-#include "base/time.h"
+#include "base/core/check.h"
+#include "base/core/time.h"
 #include "wire/codec.h"
 #include "wire/layout.h"
 

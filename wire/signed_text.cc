@@ -1,6 +1,6 @@
 #include "wire/signed_text.h"
 
-#include "base/error.h"
+#include "base/core/error.h"
 #include "wire/hexadecimal.h"
 
 namespace v3d {

@@ -2,7 +2,7 @@
 
 #include <sodium.h>
 
-#include "base/error.h"
+#include "base/core/error.h"
 #include "wire/hexadecimal.h"
 #include "wire/key_file.h"
 

@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <utility>
 
-#include "base/check.h"
+#include "base/core/check.h"
 #include "wire/key_file.h"
 
 namespace v3d {

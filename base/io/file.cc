@@ -11,7 +11,7 @@
 #include <string>
 #include <vector>
 
-#include "base/check.h"
+#include "base/core/check.h"
 #include "base/io/uninterrupted.h"
 
 namespace v3d::io {
@@ -260,6 +260,14 @@ Status create_folders(const fs::path& folder) {
   if (error) return io_error("make folder", folder, error.message(), error.value());
   if (!is_folder) return io_error("make folder", folder, "the name is taken by a file", EEXIST);
   return sync_folder(parent);
+}
+
+Status sync_file_system(const std::filesystem::path& folder) {
+  const UniqueFd fd(
+      uninterrupted([&] { return ::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC); }));
+  if (!fd || uninterrupted([&] { return syncfs(fd.get()); }) != 0)
+    return io_error("sync the disk of", folder);
+  return {};
 }
 
 Status rename_new(const fs::path& from, const fs::path& to) {

@@ -52,6 +52,10 @@ class File {
 /// Waits until the disk has the names in a folder: after files were created, renamed or removed.
 [[nodiscard]] Status sync_folder(const std::filesystem::path& folder);
 
+/// Waits until the disk has everything that was written to the file system of `folder`, by other
+/// programs, too (syncfs). Fails with path and cause.
+[[nodiscard]] Status sync_file_system(const std::filesystem::path& folder);
+
 inline constexpr uint64_t kMaxTextBytes = 1 << 30;
 /// A whole regular file. Fails when it is longer than `max_bytes`. `mode`: how to open it, for
 /// reading.

@@ -2,7 +2,7 @@
 
 #include <cstring>
 
-#include "base/error.h"
+#include "base/core/error.h"
 
 namespace v3d::io {
 

@@ -5,9 +5,9 @@
 #include <charconv>
 #include <optional>
 
-#include "base/check.h"
-#include "base/error.h"
-#include "base/units.h"
+#include "base/core/check.h"
+#include "base/core/error.h"
+#include "base/core/units.h"
 
 namespace v3d::calib {
 namespace {

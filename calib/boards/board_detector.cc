@@ -7,7 +7,7 @@
 #include <opencv2/imgproc.hpp>
 #include <utility>
 
-#include "base/demosaic.h"
+#include "base/image/demosaic.h"
 
 namespace v3d::calib {
 namespace {

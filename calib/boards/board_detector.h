@@ -6,8 +6,8 @@
 #include <optional>
 #include <string>
 
-#include "base/camera_model.h"
-#include "base/image.h"
+#include "base/geometry/camera_model.h"
+#include "base/image/image.h"
 #include "calib/boards/board.h"
 
 namespace cv {

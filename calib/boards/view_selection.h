@@ -4,7 +4,7 @@
 #include <span>
 #include <vector>
 
-#include "base/image.h"
+#include "base/image/image.h"
 #include "calib/boards/board.h"
 
 namespace v3d::calib {

@@ -5,7 +5,7 @@
 #include <opencv2/imgproc.hpp>
 #include <opencv2/mcc.hpp>
 
-#include "base/demosaic.h"
+#include "base/image/demosaic.h"
 
 namespace v3d::calib {
 namespace {

@@ -4,7 +4,7 @@
 #include <array>
 #include <optional>
 
-#include "base/image.h"
+#include "base/image/image.h"
 #include "calib/colour/colour_fit.h"
 
 namespace v3d::calib {

@@ -7,8 +7,8 @@
 #include <map>
 #include <string>
 
-#include "base/error.h"
-#include "base/statistics.h"
+#include "base/core/error.h"
+#include "base/core/statistics.h"
 #include "calib/colour/colour_difference.h"
 
 namespace v3d::calib {

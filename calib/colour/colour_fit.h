@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "base/colour_response.h"
+#include "base/image/colour_response.h"
 
 namespace v3d::calib {
 

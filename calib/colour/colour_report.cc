@@ -4,7 +4,7 @@
 #include <cmath>
 #include <map>
 
-#include "base/html.h"
+#include "base/core/html.h"
 #include "calib/formatted.h"
 
 namespace v3d::calib {

@@ -7,8 +7,8 @@
 #include <map>
 #include <span>
 
-#include "base/error.h"
-#include "base/printable.h"
+#include "base/core/error.h"
+#include "base/core/printable.h"
 #include "calib/formats/foreign_rig.h"
 #include "calib/formats/text_fields.h"
 

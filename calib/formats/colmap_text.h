@@ -1,15 +1,14 @@
 // COLMAP's text model: cameras.txt (lenses) and images.txt (poses).
 //
-// Conventions are those of base/camera_model.h except for pixels: (0.5, 0.5) is the centre of the
-// first pixel, so the principal point is larger by half a pixel. Unit and orientation of the world
-// are arbitrary.
-// Source: colmap.github.io/format.html, colmap.github.io/cameras.html
+// Conventions are those of base/geometry/camera_model.h except for pixels: (0.5, 0.5) is the centre
+// of the first pixel, so the principal point is larger by half a pixel. Unit and orientation of the
+// world are arbitrary. Source: colmap.github.io/format.html, colmap.github.io/cameras.html
 #pragma once
 
 #include <filesystem>
 #include <string>
 
-#include "base/camera_model.h"
+#include "base/geometry/camera_model.h"
 
 namespace v3d::calib {
 

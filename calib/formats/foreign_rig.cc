@@ -5,9 +5,9 @@
 #include <array>
 #include <set>
 
-#include "base/error.h"
-#include "base/name.h"
-#include "base/printable.h"
+#include "base/core/error.h"
+#include "base/core/name.h"
+#include "base/core/printable.h"
 #include "calib/rig/rig_comparison.h"
 
 namespace v3d::calib {

@@ -1,8 +1,8 @@
 // Shared parts of the readers and writers of other programs' calibrations.
 //
-// The conventions of all formats are those of base/camera_model.h, unless a header says otherwise:
-// x_cam = R x_world + t; x right, y down, z forward; distortion coefficients in OpenCV's order. No
-// format states the upward axis and the unit of its world; metric_rig() applies them.
+// The conventions of all formats are those of base/geometry/camera_model.h, unless a header says
+// otherwise: x_cam = R x_world + t; x right, y down, z forward; distortion coefficients in OpenCV's
+// order. No format states the upward axis and the unit of its world; metric_rig() applies them.
 #pragma once
 
 #include <filesystem>
@@ -11,7 +11,7 @@
 #include <string_view>
 #include <vector>
 
-#include "base/camera_model.h"
+#include "base/geometry/camera_model.h"
 
 namespace v3d::calib {
 

@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "base/error.h"
+#include "base/core/error.h"
 #include "calib/formats/foreign_rig.h"
 #include "calib/formats/text_fields.h"
 

@@ -9,7 +9,7 @@
 #include <string>
 #include <string_view>
 
-#include "base/camera_model.h"
+#include "base/geometry/camera_model.h"
 
 namespace v3d::calib {
 
@@ -17,7 +17,7 @@ namespace v3d::calib {
 ///
 /// `size`: size of the images, which the file does not state. The images are undistorted. The world
 /// is in metres; the upward axis depends on the set. The sets do not define pixel centres; those of
-/// base/camera_model.h are assumed. Throws InputError with `path` and line.
+/// base/geometry/camera_model.h are assumed. Throws InputError with `path` and line.
 Rig parse_middlebury(std::string_view text, ImageSize size, const std::filesystem::path& path);
 
 /// Writes the rig in the form that parse_middlebury() reads, with images named NAME.png.

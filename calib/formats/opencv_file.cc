@@ -7,9 +7,9 @@
 #include <opencv2/core.hpp>
 #include <vector>
 
-#include "base/error.h"
-#include "base/name.h"
-#include "base/printable.h"
+#include "base/core/error.h"
+#include "base/core/name.h"
+#include "base/core/printable.h"
 #include "calib/formats/foreign_rig.h"
 
 namespace v3d::calib {

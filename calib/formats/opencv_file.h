@@ -4,7 +4,8 @@
 // and other programs use, are accepted: camera_matrix, cameraMatrix, CameraMatrix, K;
 // distortion_coefficients, distCoeffs, DistortionCoeffs, dist_coeffs, D; R, rvec, Rotation (3x3 or
 // Rodrigues); T, t, tvec, Translation; image_width and image_height, or image_size, imageSize,
-// resolution. Conventions are those of base/camera_model.h. OpenCV's own functions ignore skew.
+// resolution. Conventions are those of base/geometry/camera_model.h. OpenCV's own functions ignore
+// skew.
 //
 // Use the reader only for files of the user: OpenCV 4.6 crashes on some XML with malformed
 // attributes.
@@ -15,7 +16,7 @@
 #include <string>
 #include <string_view>
 
-#include "base/camera_model.h"
+#include "base/geometry/camera_model.h"
 
 namespace v3d::calib {
 

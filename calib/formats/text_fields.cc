@@ -5,8 +5,8 @@
 #include <charconv>
 #include <cmath>
 
-#include "base/error.h"
-#include "base/printable.h"
+#include "base/core/error.h"
+#include "base/core/printable.h"
 
 namespace v3d::calib {
 namespace {

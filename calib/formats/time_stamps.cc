@@ -5,7 +5,7 @@
 #include <optional>
 #include <vector>
 
-#include "base/error.h"
+#include "base/core/error.h"
 
 namespace v3d::calib {
 namespace {

@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "base/camera_model.h"
+#include "base/geometry/camera_model.h"
 #include "calib/boards/board.h"
 
 namespace v3d::calib {

@@ -5,9 +5,9 @@
 #include <cmath>
 #include <cstdio>
 
-#include "base/error.h"
-#include "base/image_size.h"
-#include "base/statistics.h"
+#include "base/core/error.h"
+#include "base/core/statistics.h"
+#include "base/image/image_size.h"
 #include "calib/boards/board_pose.h"
 #include "calib/boards/view_selection.h"
 #include "calib/lens/bundle_adjustment.h"

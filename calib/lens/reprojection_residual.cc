@@ -86,7 +86,7 @@ struct ReprojectionResidual::BoardInCamera {
   Eigen::Vector3d translation;
 };
 
-/// The lens model of base/camera_model.h.
+/// The lens model of base/geometry/camera_model.h.
 class ReprojectionResidual::Lens {
  public:
   /// `block`: the free values, or null.

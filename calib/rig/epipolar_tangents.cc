@@ -5,7 +5,7 @@
 #include <cmath>
 #include <optional>
 
-#include "base/mask_pieces.h"
+#include "base/image/mask_components.h"
 
 namespace v3d::calib {
 namespace {

@@ -11,8 +11,8 @@
 #include <span>
 #include <vector>
 
-#include "base/camera_model.h"
-#include "base/mask.h"
+#include "base/geometry/camera_model.h"
+#include "base/image/mask.h"
 
 namespace v3d::calib {
 

@@ -8,8 +8,8 @@
 #include <numbers>
 #include <optional>
 
-#include "base/error.h"
-#include "base/statistics.h"
+#include "base/core/error.h"
+#include "base/core/statistics.h"
 #include "calib/boards/board_pose.h"
 #include "calib/lens/bundle_adjustment.h"
 

@@ -4,7 +4,7 @@
 #include <optional>
 #include <vector>
 
-#include "base/camera_model.h"
+#include "base/geometry/camera_model.h"
 #include "calib/boards/board.h"
 #include "calib/rig/rig_comparison.h"
 

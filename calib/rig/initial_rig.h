@@ -4,8 +4,8 @@
 #include <string>
 #include <vector>
 
-#include "base/camera_model.h"
-#include "base/geometry.h"
+#include "base/geometry/box.h"
+#include "base/geometry/camera_model.h"
 
 namespace v3d::calib {
 

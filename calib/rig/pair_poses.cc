@@ -6,7 +6,7 @@
 #include <numeric>
 #include <optional>
 
-#include "base/statistics.h"
+#include "base/core/statistics.h"
 #include "calib/boards/board_pose.h"
 
 namespace v3d::calib {

@@ -3,7 +3,7 @@
 #include <Eigen/Dense>
 #include <algorithm>
 
-#include "base/statistics.h"
+#include "base/core/statistics.h"
 
 namespace v3d::calib {
 namespace {

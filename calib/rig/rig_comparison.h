@@ -5,7 +5,7 @@
 #include <utility>
 #include <vector>
 
-#include "base/camera_model.h"
+#include "base/geometry/camera_model.h"
 
 namespace v3d::calib {
 

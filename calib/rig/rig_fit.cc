@@ -6,8 +6,8 @@
 #include <cstdio>
 #include <set>
 
-#include "base/error.h"
-#include "base/statistics.h"
+#include "base/core/error.h"
+#include "base/core/statistics.h"
 #include "calib/boards/board_pose.h"
 #include "calib/boards/view_selection.h"
 #include "calib/lens/bundle_adjustment.h"

@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "base/camera_model.h"
+#include "base/geometry/camera_model.h"
 #include "calib/boards/board.h"
 #include "calib/rig/pair_poses.h"
 

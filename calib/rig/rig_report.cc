@@ -4,8 +4,8 @@
 #include <cmath>
 #include <cstdio>
 
-#include "base/html.h"
-#include "base/statistics.h"
+#include "base/core/html.h"
+#include "base/core/statistics.h"
 #include "calib/boards/view_selection.h"
 #include "calib/formatted.h"
 

@@ -9,8 +9,8 @@
 #include <cmath>
 #include <string>
 
-#include "base/error.h"
-#include "base/statistics.h"
+#include "base/core/error.h"
+#include "base/core/statistics.h"
 #include "calib/rig/epipolar_tangents.h"
 #include "calib/rig/rig_comparison.h"
 

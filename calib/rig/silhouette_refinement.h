@@ -3,8 +3,8 @@
 
 #include <vector>
 
-#include "base/camera_model.h"
-#include "base/mask.h"
+#include "base/geometry/camera_model.h"
+#include "base/image/mask.h"
 
 namespace v3d::calib {
 

@@ -4,7 +4,7 @@
 #include <atomic>
 #include <memory>
 
-#include "base/studio_file.h"
+#include "base/config/studio_file.h"
 #include "capture/cameras/camera.h"
 #include "capture/cameras/frame_counter.h"
 

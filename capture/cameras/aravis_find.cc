@@ -3,7 +3,7 @@
 #include <mutex>
 #include <string>
 
-#include "base/error.h"
+#include "base/core/error.h"
 
 namespace v3d::aravis {
 namespace {

@@ -1,7 +1,7 @@
 // Finds a camera on the network or the bus and takes control of it. For capture/aravis_*.cc only.
 #pragma once
 
-#include "base/studio_file.h"
+#include "base/config/studio_file.h"
 #include "capture/cameras/aravis_object.h"
 
 namespace v3d::aravis {

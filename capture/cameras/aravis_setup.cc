@@ -4,8 +4,8 @@
 #include <optional>
 #include <thread>
 
-#include "base/error.h"
-#include "base/time.h"
+#include "base/core/error.h"
+#include "base/core/time.h"
 #include "capture/cameras/aravis_object.h"
 #include "capture/cameras/aravis_ptp.h"
 

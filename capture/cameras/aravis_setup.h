@@ -5,7 +5,7 @@
 
 #include <string>
 
-#include "base/studio_file.h"
+#include "base/config/studio_file.h"
 
 namespace v3d::aravis {
 

@@ -6,8 +6,8 @@
 #include <optional>
 #include <string>
 
-#include "base/image.h"
-#include "base/time.h"
+#include "base/core/time.h"
+#include "base/image/image.h"
 
 namespace v3d {
 

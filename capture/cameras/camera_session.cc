@@ -4,7 +4,7 @@
 #include <cmath>
 #include <utility>
 
-#include "base/error.h"
+#include "base/core/error.h"
 
 namespace v3d {
 namespace {

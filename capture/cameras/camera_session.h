@@ -9,7 +9,7 @@
 #include <string>
 #include <vector>
 
-#include "base/frame.h"
+#include "base/image/frame.h"
 #include "capture/cameras/camera.h"
 #include "capture/cameras/camera_resume_state.h"
 #include "capture/cameras/camera_worker.h"

@@ -9,8 +9,8 @@
 #include <string>
 #include <string_view>
 
-#include "base/frame.h"
-#include "base/time.h"
+#include "base/core/time.h"
+#include "base/image/frame.h"
 #include "capture/cameras/camera.h"
 #include "capture/cameras/camera_resume_state.h"
 #include "capture/sync/train_start.h"

@@ -3,7 +3,7 @@
 
 #include <memory>
 
-#include "base/studio_file.h"
+#include "base/config/studio_file.h"
 #include "capture/cameras/camera.h"
 #include "capture/sync/pulse_times.h"
 

@@ -2,7 +2,7 @@
 
 #include <array>
 
-#include "base/check.h"
+#include "base/core/check.h"
 
 namespace v3d {
 namespace {

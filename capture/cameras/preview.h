@@ -1,8 +1,8 @@
 // Small pictures for people.
 #pragma once
 
-#include "base/image.h"
-#include "base/mask.h"
+#include "base/image/image.h"
+#include "base/image/mask.h"
 
 namespace v3d {
 

@@ -12,8 +12,8 @@
 #include <utility>
 #include <vector>
 
-#include "base/error.h"
-#include "base/image_size.h"
+#include "base/core/error.h"
+#include "base/image/image_size.h"
 
 namespace v3d {
 namespace {

@@ -5,7 +5,7 @@
 #include <memory>
 #include <optional>
 
-#include "base/studio_file.h"
+#include "base/config/studio_file.h"
 #include "capture/cameras/camera.h"
 #include "capture/cameras/v4l2_device.h"
 

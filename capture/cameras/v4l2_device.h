@@ -7,7 +7,7 @@
 #include <span>
 #include <string>
 
-#include "base/time.h"
+#include "base/core/time.h"
 
 namespace v3d {
 

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <string>
 
-#include "base/error.h"
+#include "base/core/error.h"
 #include "capture/segmentation/brightness.h"
 
 namespace v3d {

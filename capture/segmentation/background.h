@@ -5,8 +5,8 @@
 #include <string>
 #include <vector>
 
-#include "base/chroma_key.h"
-#include "base/image.h"
+#include "base/config/chroma_key.h"
+#include "base/image/image.h"
 
 namespace v3d {
 

@@ -7,7 +7,7 @@
 
 #include <algorithm>
 
-#include "base/check.h"
+#include "base/core/check.h"
 
 #ifndef V3D_CAPTURE_BACKGROUND_STEP
 #define V3D_CAPTURE_BACKGROUND_STEP

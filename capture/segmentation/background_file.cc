@@ -4,12 +4,12 @@
 #include <array>
 #include <cmath>
 
-#include "base/error.h"
-#include "base/file.h"
-#include "base/image_size.h"
+#include "base/config/toml_file.h"
+#include "base/core/error.h"
+#include "base/image/image_size.h"
+#include "base/image/png_file.h"
 #include "base/io/file.h"
-#include "base/png_file.h"
-#include "base/toml_file.h"
+#include "base/io/whole_file.h"
 #include "capture/segmentation/background.h"
 
 namespace v3d {

@@ -4,7 +4,7 @@
 #include <array>
 #include <cmath>
 
-#include "base/check.h"
+#include "base/core/check.h"
 
 namespace v3d {
 namespace {

@@ -5,7 +5,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "base/mask.h"
+#include "base/image/mask.h"
 #include "capture/segmentation/background.h"
 #include "capture/segmentation/segment_options.h"
 

@@ -4,7 +4,7 @@
 #include <cstdint>
 #include <span>
 
-#include "base/image.h"
+#include "base/image/image.h"
 
 namespace v3d {
 

@@ -11,7 +11,7 @@
 #include <cmath>
 #include <cstring>
 
-#include "base/check.h"
+#include "base/core/check.h"
 
 #ifndef V3D_CAPTURE_QUAD_SEARCH
 #define V3D_CAPTURE_QUAD_SEARCH

@@ -4,8 +4,8 @@
 #include <cstdint>
 #include <vector>
 
-#include "base/image.h"
-#include "base/mask.h"
+#include "base/image/image.h"
+#include "base/image/mask.h"
 #include "capture/segmentation/background_table.h"
 
 namespace v3d {

@@ -5,8 +5,8 @@
 #include <cstdint>
 #include <span>
 
-#include "base/check.h"
-#include "base/mask_shape.h"
+#include "base/core/check.h"
+#include "base/image/mask_morphology.h"
 
 namespace v3d {
 namespace {
@@ -213,7 +213,7 @@ bool is_frayed(const Mask& raw, const Mask& smooth) {
 Mask without_notches(const Mask& raw, const Mask& smooth) {
   V3D_CHECK(raw.size() == smooth.size());
   const Rect box = wider(smooth.bounding_box(), kNear);
-  const Mask near = both(raw, grown(smooth, kNear));
+  const Mask near = intersection_of(raw, dilate(smooth, kNear));
   return without_bumps(filled_notches(without_specks_inside(near, box), box), box);
 }
 

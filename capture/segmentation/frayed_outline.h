@@ -1,7 +1,7 @@
 // Outlines that lost pixels at random, as where the performer has nearly the background's colour.
 #pragma once
 
-#include "base/mask.h"
+#include "base/image/mask.h"
 
 namespace v3d {
 

@@ -3,8 +3,8 @@
 
 #include <cstddef>
 
-#include "base/mask.h"
-#include "base/mask_pieces.h"
+#include "base/image/mask.h"
+#include "base/image/mask_components.h"
 #include "capture/segmentation/frayed_outline.h"
 #include "capture/segmentation/mask_holes.h"
 #include "capture/segmentation/mask_majority.h"
@@ -27,7 +27,7 @@ class MaskCleanup {
     smoothen(mask, options, is_unwanted);
   }
   void clean(Mask& mask, const SegmentOptions& options) {
-    clean(mask, options, [](const MaskPieces&, size_t) { return false; });
+    clean(mask, options, [](const MaskComponents&, size_t) { return false; });
   }
 
  private:
@@ -42,7 +42,7 @@ class MaskCleanup {
   }
 
   Mask raw_;
-  MaskPieces pieces_;
+  MaskComponents pieces_;
   MaskHoles holes_;
 };
 

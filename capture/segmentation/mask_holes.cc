@@ -39,7 +39,7 @@ void MaskHoles::join_rows(size_t above, size_t here, size_t end) {
     const Run& upper = gaps_[above];
     const Run& lower = gaps_[here];
     if (upper.begin < lower.end && lower.begin < upper.end) {
-      sets_.join(static_cast<uint32_t>(above), static_cast<uint32_t>(here));
+      sets_.unite(static_cast<uint32_t>(above), static_cast<uint32_t>(here));
     }
     // Who ends first touches no more.
     if (upper.end < lower.end) {
@@ -51,14 +51,14 @@ void MaskHoles::join_rows(size_t above, size_t here, size_t end) {
 }
 
 void MaskHoles::join_touching() {
-  sets_.restart(gaps_.size());
+  sets_.reset(gaps_.size());
   const auto next_row = [&](size_t first) {
     size_t i = first;
     while (i < gaps_.size() && gaps_[i].y == gaps_[first].y) ++i;
     return i;
   };
   const auto open = [&](size_t first, size_t end) {
-    for (size_t i = first; i < end; ++i) sets_.join(static_cast<uint32_t>(i), kOutside);
+    for (size_t i = first; i < end; ++i) sets_.unite(static_cast<uint32_t>(i), kOutside);
   };
   size_t above = 0;  // first gap of the row before
   for (size_t here = 0; here < gaps_.size();) {
@@ -75,7 +75,7 @@ void MaskHoles::join_touching() {
   }
   open(above, gaps_.size());
   for (size_t i = 0; i < gaps_.size(); ++i) {
-    if (reaches_outside(gaps_[i])) sets_.join(static_cast<uint32_t>(i), kOutside);
+    if (reaches_outside(gaps_[i])) sets_.unite(static_cast<uint32_t>(i), kOutside);
   }
 }
 
@@ -83,7 +83,7 @@ void MaskHoles::fill_small(Mask& mask, std::span<const Run> runs, int max_hole) 
   find_gaps(runs);
   join_touching();
   area_.assign(gaps_.size(), 0);
-  const auto hole_of = [&](size_t i) { return sets_.first_of(static_cast<uint32_t>(i)); };
+  const auto hole_of = [&](size_t i) { return sets_.find(static_cast<uint32_t>(i)); };
   for (size_t i = 0; i < gaps_.size(); ++i) {
     if (hole_of(i) != kOutside) area_[hole_of(i)] += gaps_[i].end - gaps_[i].begin;
   }

@@ -5,9 +5,9 @@
 #include <span>
 #include <vector>
 
-#include "base/joined_sets.h"
-#include "base/mask.h"
-#include "base/mask_pieces.h"
+#include "base/core/union_find.h"
+#include "base/image/mask.h"
+#include "base/image/mask_components.h"
 
 namespace v3d {
 
@@ -28,7 +28,7 @@ class MaskHoles {
   /// outside.
   std::vector<Run> gaps_;
   std::vector<int64_t> area_;
-  JoinedSets sets_;
+  UnionFind sets_;
 };
 
 }  // namespace v3d

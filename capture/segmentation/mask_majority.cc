@@ -5,7 +5,7 @@
 #include <cstdint>
 #include <utility>
 
-#include "base/check.h"
+#include "base/core/check.h"
 
 namespace v3d {
 namespace {

@@ -1,7 +1,7 @@
 // Makes a noisy mask smooth.
 #pragma once
 
-#include "base/mask.h"
+#include "base/image/mask.h"
 
 namespace v3d {
 

@@ -93,7 +93,7 @@ class Evidence {
 
 }  // namespace
 
-bool is_moved_background(const MaskPieces& pieces, size_t piece, ImageView image,
+bool is_moved_background(const MaskComponents& pieces, size_t piece, ImageView image,
                          const ExpectedBackground& background, int reach) {
   const Search search(image, background, reach);
   Evidence evidence(pieces.area(piece));

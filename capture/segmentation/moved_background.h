@@ -8,8 +8,8 @@
 #include <cstddef>
 #include <cstdint>
 
-#include "base/image.h"
-#include "base/mask_pieces.h"
+#include "base/image/image.h"
+#include "base/image/mask_components.h"
 #include "capture/segmentation/background_table.h"
 
 namespace v3d {
@@ -24,7 +24,7 @@ struct ExpectedBackground {
 /// Whether a piece of foreground shows little else than background from no more than `reach` pixels
 /// away, in x and in y. Pure; looks at a sample of the piece, so the time does not grow with its
 /// area.
-bool is_moved_background(const MaskPieces& pieces, size_t piece, ImageView image,
+bool is_moved_background(const MaskComponents& pieces, size_t piece, ImageView image,
                          const ExpectedBackground& background, int reach);
 
 }  // namespace v3d

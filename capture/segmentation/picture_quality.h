@@ -4,7 +4,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "base/image.h"
+#include "base/image/image.h"
 #include "capture/segmentation/background.h"
 
 namespace v3d {

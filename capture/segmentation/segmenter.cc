@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <span>
 
-#include "base/check.h"
+#include "base/core/check.h"
 #include "capture/segmentation/brightness.h"
 #include "capture/segmentation/moved_background.h"
 
@@ -48,7 +48,7 @@ Mask Segmenter::segment(ImageView image) {
   const uint32_t gain = brightness_ratio(image, table_.mean);
   Mask mask = combine(quads_.find(image, table_, quad_test_, gain));
   const ExpectedBackground background{table_, gain, quad_test_.limit};
-  cleanup_.clean(mask, options_, [&](const MaskPieces& pieces, size_t i) {
+  cleanup_.clean(mask, options_, [&](const MaskComponents& pieces, size_t i) {
     return is_moved_background(pieces, i, image, background, options_.moved);
   });
   return mask;

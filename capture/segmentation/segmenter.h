@@ -3,8 +3,8 @@
 
 #include <cstdint>
 
-#include "base/image.h"
-#include "base/mask.h"
+#include "base/image/image.h"
+#include "base/image/mask.h"
 #include "capture/segmentation/background.h"
 #include "capture/segmentation/background_adaptation.h"
 #include "capture/segmentation/background_table.h"

@@ -6,7 +6,7 @@
 #include <optional>
 #include <span>
 
-#include "base/time.h"
+#include "base/core/time.h"
 #include "capture/sync/pulse_fit.h"
 
 namespace v3d {

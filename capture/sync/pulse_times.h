@@ -6,7 +6,7 @@
 #include <mutex>
 #include <optional>
 
-#include "base/time.h"
+#include "base/core/time.h"
 
 namespace v3d {
 

@@ -7,7 +7,7 @@
 #include <optional>
 #include <span>
 
-#include "base/time.h"
+#include "base/core/time.h"
 #include "capture/sync/pulse_matcher.h"
 
 namespace v3d {

@@ -14,7 +14,7 @@
 #include <string_view>
 #include <thread>
 
-#include "base/lcm_group.h"
+#include "base/config/lcm_group.h"
 #include "daemon/bus/multicast_socket.h"
 
 namespace v3d {

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <array>
 
-#include "base/name.h"
+#include "base/core/name.h"
 #include "daemon/bus/datagram.h"
 #include "wire/channels.h"
 

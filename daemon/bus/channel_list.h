@@ -7,7 +7,7 @@
 #include <string>
 #include <string_view>
 
-#include "base/studio_file.h"
+#include "base/config/studio_file.h"
 
 namespace v3d {
 

@@ -4,7 +4,7 @@
 #include <cerrno>
 #include <utility>
 
-#include "base/error.h"
+#include "base/core/error.h"
 #include "base/io/file.h"
 #include "wire/key_file.h"
 

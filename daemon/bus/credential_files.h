@@ -7,8 +7,8 @@
 #include <optional>
 #include <string>
 
-#include "base/studio_file.h"
-#include "base/time.h"
+#include "base/config/studio_file.h"
+#include "base/core/time.h"
 #include "daemon/bus/credentials.h"
 #include "daemon/bus/message_seal.h"
 

@@ -7,7 +7,7 @@
 #include <span>
 #include <string>
 
-#include "base/time.h"
+#include "base/core/time.h"
 #include "daemon/bus/key_rotation.h"
 #include "wire/member_list.h"
 #include "wire/studio_key.h"

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <utility>
 
-#include "base/printable.h"
+#include "base/core/printable.h"
 #include "wire/codec.h"
 #include "wire/hexadecimal.h"
 

@@ -9,7 +9,7 @@
 #include <string>
 #include <string_view>
 
-#include "base/time.h"
+#include "base/core/time.h"
 #include "daemon/bus/key_rotation.h"
 #include "daemon/bus/member_signatures.h"
 #include "wire/datagram_mac.h"

@@ -8,8 +8,8 @@
 #include <cstring>
 #include <vector>
 
-#include "base/error.h"
-#include "base/lcm_group.h"
+#include "base/config/lcm_group.h"
+#include "base/core/error.h"
 
 namespace v3d {
 namespace {

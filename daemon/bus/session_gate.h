@@ -8,7 +8,7 @@
 #include <optional>
 #include <vector>
 
-#include "base/time.h"
+#include "base/core/time.h"
 #include "wire/message_signature.h"
 
 namespace v3d {

@@ -4,7 +4,7 @@
 #include <map>
 #include <utility>
 
-#include "base/units.h"
+#include "base/core/units.h"
 #include "daemon/captured/known_pulses.h"
 #include "daemon/node/take_folder.h"
 

@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "base/studio_file.h"
+#include "base/config/studio_file.h"
 #include "daemon/bus/bus.h"
 #include "daemon/captured/background_learner.h"
 #include "daemon/captured/camera_check.h"

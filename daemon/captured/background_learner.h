@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "base/chroma_key.h"
+#include "base/config/chroma_key.h"
 #include "capture/cameras/camera_worker.h"
 #include "daemon/captured/preview_sender.h"
 #include "daemon/node/heartbeat.h"

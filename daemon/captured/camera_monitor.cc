@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "base/units.h"
+#include "base/core/units.h"
 #include "daemon/node/advice.h"
 
 namespace v3d {

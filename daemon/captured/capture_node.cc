@@ -5,9 +5,9 @@
 #include <algorithm>
 #include <thread>
 
-#include "base/error.h"
-#include "base/pulse_rate.h"
-#include "base/units.h"
+#include "base/config/pulse_rate.h"
+#include "base/core/error.h"
+#include "base/core/units.h"
 #include "daemon/control/reply_json.h"
 #include "daemon/node/advice.h"
 #include "daemon/node/service.h"

@@ -6,7 +6,7 @@
 #include <optional>
 #include <string>
 
-#include "base/studio_file.h"
+#include "base/config/studio_file.h"
 #include "capture/sync/pulse_times.h"
 #include "daemon/bus/bus.h"
 #include "daemon/bus/event_sender.h"

@@ -5,8 +5,8 @@
 #include <algorithm>
 #include <filesystem>
 
-#include "base/calib_file.h"
-#include "base/error.h"
+#include "base/config/calib_file.h"
+#include "base/core/error.h"
 #include "capture/cameras/make_camera.h"
 #include "daemon/node/take_folder.h"
 

@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "base/studio_file.h"
+#include "base/config/studio_file.h"
 #include "capture/cameras/camera_worker.h"
 #include "capture/segmentation/background.h"
 #include "capture/sync/pulse_times.h"

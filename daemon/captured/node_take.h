@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "base/studio_file.h"
+#include "base/config/studio_file.h"
 #include "daemon/bus/bus.h"
 #include "daemon/captured/camera_pipeline.h"
 #include "daemon/captured/live_admission.h"

@@ -6,7 +6,7 @@
 #include <optional>
 #include <string>
 
-#include "base/studio_file.h"
+#include "base/config/studio_file.h"
 #include "capture/sync/train_start.h"
 #include "daemon/bus/bus.h"
 #include "daemon/node/train_monitor.h"

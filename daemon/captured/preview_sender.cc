@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "base/jpeg.h"
+#include "base/image/jpeg.h"
 #include "capture/cameras/preview.h"
 #include "wire/channels.h"
 

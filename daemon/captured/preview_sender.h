@@ -4,8 +4,8 @@
 #include <cstdint>
 #include <string>
 
-#include "base/image.h"
-#include "base/mask.h"
+#include "base/image/image.h"
+#include "base/image/mask.h"
 #include "daemon/bus/bus.h"
 
 namespace v3d {

@@ -1,6 +1,6 @@
 #include "daemon/captured/pulse_recorder.h"
 
-#include "base/units.h"
+#include "base/core/units.h"
 #include "wire/channels.h"
 
 namespace v3d {

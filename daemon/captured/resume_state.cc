@@ -4,7 +4,7 @@
 
 #include <algorithm>
 
-#include "base/error.h"
+#include "base/core/error.h"
 #include "capture/sync/train_start.h"
 #include "take/logs/frame_log.h"
 #include "take/logs/log_segments.h"

@@ -7,10 +7,10 @@
 #include <cerrno>
 #include <cmath>
 
-#include "base/error.h"
+#include "base/core/error.h"
+#include "base/core/units.h"
 #include "base/io/uninterrupted.h"
 #include "base/io/unique_fd.h"
-#include "base/units.h"
 #include "take/take_removal.h"
 
 namespace v3d {

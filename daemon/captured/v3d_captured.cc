@@ -1,7 +1,7 @@
 // v3d-captured: daemon of a capture node, which runs its cameras and its trigger.
 #include <spdlog/spdlog.h>
 
-#include "base/error.h"
+#include "base/core/error.h"
 #include "daemon/captured/capture_node.h"
 #include "daemon/control/reply_json.h"
 #include "daemon/node/daemon_main.h"

@@ -10,7 +10,7 @@
 #include <span>
 #include <string>
 
-#include "base/time.h"
+#include "base/core/time.h"
 #include "daemon/bus/credentials.h"
 #include "wire/messages.h"
 

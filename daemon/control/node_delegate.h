@@ -4,7 +4,7 @@
 #include <optional>
 #include <string>
 
-#include "base/time.h"
+#include "base/core/time.h"
 #include "daemon/control/control.h"
 #include "wire/messages.h"
 

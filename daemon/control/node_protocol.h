@@ -7,7 +7,7 @@
 #include <optional>
 #include <string>
 
-#include "base/time.h"
+#include "base/core/time.h"
 #include "daemon/control/control.h"
 #include "daemon/control/node_delegate.h"
 #include "wire/messages.h"

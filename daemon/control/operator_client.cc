@@ -7,8 +7,8 @@
 #include <algorithm>
 #include <utility>
 
-#include "base/error.h"
-#include "base/printable.h"
+#include "base/core/error.h"
+#include "base/core/printable.h"
 #include "daemon/bus/bus.h"
 #include "daemon/bus/credential_files.h"
 #include "wire/channels.h"

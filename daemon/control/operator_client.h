@@ -9,8 +9,8 @@
 #include <string>
 #include <vector>
 
-#include "base/studio_file.h"
-#include "base/time.h"
+#include "base/config/studio_file.h"
+#include "base/core/time.h"
 #include "daemon/control/studio_coordinator.h"
 #include "wire/messages.h"
 

@@ -5,7 +5,7 @@
 
 #include <CLI/CLI.hpp>
 
-#include "base/error.h"
+#include "base/core/error.h"
 #include "daemon/node/service.h"
 
 namespace v3d {

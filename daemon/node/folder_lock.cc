@@ -6,9 +6,9 @@
 
 #include <array>
 
-#include "base/error.h"
+#include "base/core/error.h"
+#include "base/core/printable.h"
 #include "base/io/uninterrupted.h"
-#include "base/printable.h"
 
 namespace v3d {
 namespace {

@@ -4,7 +4,7 @@
 
 #include <atomic>
 
-#include "base/time.h"
+#include "base/core/time.h"
 
 namespace v3d {
 

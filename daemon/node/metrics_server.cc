@@ -10,7 +10,7 @@
 #include <mutex>
 #include <vector>
 
-#include "base/error.h"
+#include "base/core/error.h"
 
 namespace v3d {
 namespace {

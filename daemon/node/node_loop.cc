@@ -6,7 +6,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "base/error.h"
+#include "base/core/error.h"
 #include "daemon/node/service.h"
 #include "wire/channels.h"
 

@@ -6,7 +6,7 @@
 #include <optional>
 #include <string>
 
-#include "base/studio_file.h"
+#include "base/config/studio_file.h"
 #include "daemon/bus/bus.h"
 #include "daemon/bus/credential_files.h"
 #include "daemon/control/clock_monitor.h"

@@ -7,7 +7,7 @@
 #include <string>
 #include <utility>
 
-#include "base/studio_file.h"
+#include "base/config/studio_file.h"
 #include "daemon/node/train_monitor.h"
 #include "wire/messages.h"
 

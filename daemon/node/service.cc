@@ -15,7 +15,7 @@
 #include <csignal>
 #include <cstdlib>
 
-#include "base/error.h"
+#include "base/core/error.h"
 
 namespace v3d {
 namespace {

@@ -5,7 +5,7 @@
 #include <optional>
 #include <string>
 
-#include "base/time.h"
+#include "base/core/time.h"
 
 namespace v3d {
 

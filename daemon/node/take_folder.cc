@@ -4,9 +4,9 @@
 
 #include <algorithm>
 
-#include "base/error.h"
+#include "base/core/error.h"
+#include "base/core/name.h"
 #include "base/io/file.h"
-#include "base/name.h"
 #include "take/ledger/take_account.h"
 #include "take/ledger/verify.h"
 #include "take/take_removal.h"

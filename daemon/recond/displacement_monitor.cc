@@ -6,7 +6,8 @@
 
 #include <utility>
 
-#include "base/mask_shape.h"
+#include "base/geometry/box.h"
+#include "base/image/mask_morphology.h"
 #include "recon/hull/bounds_mask.h"
 
 namespace v3d {
@@ -97,7 +98,7 @@ void DisplacementMonitor::measure(const Masks& sample) {
   std::vector<const Mask*> all(sample.size(), nullptr);
   for (size_t c = 0; c < sample.size(); ++c) {
     if (!sample[c]) continue;
-    masks[c] = both(*sample[c], views_[c]);
+    masks[c] = intersection_of(*sample[c], views_[c]);
     all[c] = &masks[c];
   }
   meter_.add(all, hulls_.silhouettes_of_each(all));

@@ -11,7 +11,7 @@
 #include <optional>
 #include <utility>
 
-#include "base/time.h"
+#include "base/core/time.h"
 
 namespace v3d {
 

@@ -4,9 +4,9 @@
 
 #include <algorithm>
 
-#include "base/calib_file.h"
-#include "base/error.h"
-#include "base/units.h"
+#include "base/config/calib_file.h"
+#include "base/core/error.h"
+#include "base/core/units.h"
 #include "daemon/control/reply_json.h"
 #include "daemon/node/advice.h"
 #include "daemon/node/service.h"

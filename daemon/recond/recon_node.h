@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "base/studio_file.h"
+#include "base/config/studio_file.h"
 #include "daemon/bus/bus.h"
 #include "daemon/bus/event_sender.h"
 #include "daemon/control/node_delegate.h"

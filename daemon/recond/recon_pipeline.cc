@@ -5,8 +5,8 @@
 #include <algorithm>
 #include <cmath>
 
-#include "base/error.h"
-#include "base/statistics.h"
+#include "base/core/error.h"
+#include "base/core/statistics.h"
 #include "wire/channels.h"
 
 namespace v3d {

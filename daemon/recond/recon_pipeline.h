@@ -10,7 +10,7 @@
 #include <thread>
 #include <vector>
 
-#include "base/studio_file.h"
+#include "base/config/studio_file.h"
 #include "daemon/bus/bus.h"
 #include "daemon/node/heartbeat.h"
 #include "daemon/recond/live_queue.h"

@@ -2,7 +2,7 @@
 
 #include <numeric>
 
-#include "base/check.h"
+#include "base/core/check.h"
 
 namespace v3d {
 

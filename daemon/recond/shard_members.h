@@ -9,7 +9,7 @@
 #include <string>
 #include <vector>
 
-#include "base/time.h"
+#include "base/core/time.h"
 #include "daemon/bus/frame_groups.h"
 #include "wire/messages.h"
 

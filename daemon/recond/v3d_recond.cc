@@ -2,8 +2,8 @@
 #include <malloc.h>
 #include <spdlog/spdlog.h>
 
-#include "base/error.h"
-#include "base/units.h"
+#include "base/core/error.h"
+#include "base/core/units.h"
 #include "daemon/control/reply_json.h"
 #include "daemon/node/daemon_main.h"
 #include "daemon/node/folder_lock.h"

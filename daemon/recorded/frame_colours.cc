@@ -1,6 +1,6 @@
 #include "daemon/recorded/frame_colours.h"
 
-#include "base/error.h"
+#include "base/core/error.h"
 #include "recon/mesh/mesh_edges.h"
 
 namespace v3d {

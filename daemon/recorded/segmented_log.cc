@@ -1,6 +1,6 @@
 #include "daemon/recorded/segmented_log.h"
 
-#include "base/error.h"
+#include "base/core/error.h"
 
 namespace v3d {
 

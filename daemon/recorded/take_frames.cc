@@ -5,10 +5,10 @@
 #include <algorithm>
 #include <set>
 
-#include "base/calib_file.h"
-#include "base/error.h"
-#include "base/image_size.h"
-#include "base/name_list.h"
+#include "base/config/calib_file.h"
+#include "base/core/error.h"
+#include "base/core/name.h"
+#include "base/image/image_size.h"
 #include "take/logs/frame_log.h"
 #include "take/logs/log_segments.h"
 

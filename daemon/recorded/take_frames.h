@@ -8,7 +8,7 @@
 #include <unordered_map>
 #include <vector>
 
-#include "base/camera_model.h"
+#include "base/geometry/camera_model.h"
 #include "daemon/recorded/segmented_log.h"
 #include "recon/pipeline/reconstructor.h"
 #include "take/take.h"

@@ -11,7 +11,7 @@
 #include <filesystem>
 #include <stdexcept>
 
-#include "base/error.h"
+#include "base/core/error.h"
 #include "base/io/process.h"
 #include "daemon/control/operator_client.h"
 #include "daemon/viewd/child_program.h"

@@ -10,8 +10,8 @@
 #include <string>
 #include <variant>
 
-#include "base/studio_file.h"
-#include "base/time.h"
+#include "base/config/studio_file.h"
+#include "base/core/time.h"
 #include "wire/messages.h"
 
 namespace v3d {

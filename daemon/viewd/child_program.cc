@@ -7,7 +7,7 @@
 #include <cerrno>
 #include <csignal>
 
-#include "base/error.h"
+#include "base/core/error.h"
 #include "base/io/process.h"
 
 namespace v3d {

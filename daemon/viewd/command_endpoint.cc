@@ -6,8 +6,8 @@
 #include <cmath>
 #include <utility>
 
-#include "base/error.h"
-#include "base/printable.h"
+#include "base/core/error.h"
+#include "base/core/printable.h"
 #include "daemon/viewd/web_access.h"
 
 namespace v3d {

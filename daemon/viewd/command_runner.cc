@@ -2,8 +2,8 @@
 
 #include <unistd.h>
 
-#include "base/check.h"
-#include "base/error.h"
+#include "base/core/check.h"
+#include "base/core/error.h"
 
 namespace v3d {
 namespace {

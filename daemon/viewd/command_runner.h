@@ -4,7 +4,7 @@
 #include <filesystem>
 #include <optional>
 
-#include "base/studio_file.h"
+#include "base/config/studio_file.h"
 #include "daemon/viewd/child_program.h"
 #include "daemon/viewd/operator_command.h"
 

@@ -3,7 +3,7 @@
 
 #include <spdlog/spdlog.h>
 
-#include "base/error.h"
+#include "base/core/error.h"
 #include "daemon/viewd/web_message.h"
 
 namespace v3d {

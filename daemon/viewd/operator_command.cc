@@ -6,8 +6,8 @@
 #include <nlohmann/json.hpp>
 #include <stdexcept>
 
-#include "base/name.h"
-#include "base/printable.h"
+#include "base/core/name.h"
+#include "base/core/printable.h"
 
 namespace v3d {
 namespace {

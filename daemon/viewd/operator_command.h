@@ -8,8 +8,8 @@
 #include <string_view>
 #include <vector>
 
-#include "base/studio_file.h"
-#include "base/time.h"
+#include "base/config/studio_file.h"
+#include "base/core/time.h"
 
 namespace v3d {
 

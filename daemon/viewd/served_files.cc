@@ -4,8 +4,8 @@
 #include <array>
 #include <utility>
 
-#include "base/error.h"
-#include "base/name.h"
+#include "base/core/error.h"
+#include "base/core/name.h"
 #include "take/logs/log_segments.h"
 
 namespace v3d {

@@ -8,8 +8,8 @@
 #include <optional>
 #include <string>
 
-#include "base/studio_file.h"
-#include "base/time.h"
+#include "base/config/studio_file.h"
+#include "base/core/time.h"
 #include "daemon/viewd/operator_command.h"
 #include "daemon/viewd/view_json.h"
 #include "daemon/viewd/web_message.h"

@@ -2,10 +2,10 @@
 
 #include <algorithm>
 
-#include "base/calib_file.h"
-#include "base/demosaic.h"
-#include "base/error.h"
-#include "base/jpeg.h"
+#include "base/config/calib_file.h"
+#include "base/core/error.h"
+#include "base/image/demosaic.h"
+#include "base/image/jpeg.h"
 #include "take/take.h"
 
 namespace v3d {

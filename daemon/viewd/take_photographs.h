@@ -8,8 +8,8 @@
 #include <string>
 #include <vector>
 
-#include "base/colour_response.h"
-#include "base/time.h"
+#include "base/core/time.h"
+#include "base/image/colour_response.h"
 #include "daemon/viewd/served_files.h"
 #include "take/logs/frame_log.h"
 

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <charconv>
 
-#include "base/name.h"
+#include "base/core/name.h"
 #include "daemon/viewd/guarded_answer.h"
 #include "daemon/viewd/served_files.h"
 #include "daemon/viewd/take_photographs.h"

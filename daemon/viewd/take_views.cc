@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "base/error.h"
+#include "base/core/error.h"
 #include "daemon/recorded/frame_colours.h"
 #include "daemon/viewd/view_json.h"
 #include "take/take.h"

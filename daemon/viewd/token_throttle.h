@@ -6,7 +6,7 @@
 #include <map>
 #include <string>
 
-#include "base/time.h"
+#include "base/core/time.h"
 
 namespace v3d {
 

@@ -2,7 +2,7 @@
 #include <spdlog/spdlog.h>
 #include <unistd.h>
 
-#include "base/error.h"
+#include "base/core/error.h"
 #include "daemon/control/operator_client.h"
 #include "daemon/node/daemon_main.h"
 #include "daemon/node/service.h"

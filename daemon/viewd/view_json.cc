@@ -2,7 +2,7 @@
 
 #include <nlohmann/json.hpp>
 
-#include "base/mask.h"
+#include "base/image/mask.h"
 
 namespace v3d {
 namespace {

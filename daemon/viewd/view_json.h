@@ -10,8 +10,8 @@
 #include <string>
 #include <vector>
 
-#include "base/camera_model.h"
-#include "base/studio_file.h"
+#include "base/config/studio_file.h"
+#include "base/geometry/camera_model.h"
 #include "recon/texture/camera_colours.h"
 #include "wire/messages.h"
 
@@ -37,7 +37,7 @@ std::string vertex_views_message(int64_t pulse, int64_t vertices,
                                  const std::vector<CameraColours>& views, const Rig& rig);
 
 /// {"type": "preview", "camera", "pulse", "width", "height", "runs"}, then `runs` bytes of
-/// mask runs (base/mask.h), then a JPEG.
+/// mask runs (base/image/mask.h), then a JPEG.
 std::string preview_message(const PreviewMessage& preview);
 
 /// {"type": "event", "node", "severity", "subject", "text", "sent_ms"}

@@ -9,8 +9,8 @@
 #include <charconv>
 #include <cstring>
 
-#include "base/error.h"
-#include "base/file.h"
+#include "base/core/error.h"
+#include "base/io/whole_file.h"
 
 namespace v3d {
 namespace {

@@ -10,7 +10,7 @@
 #include <thread>
 #include <utility>
 
-#include "base/error.h"
+#include "base/core/error.h"
 #include "daemon/viewd/listing_runner.h"
 #include "daemon/viewd/web_connection.h"
 #include "daemon/viewd/web_subscriber.h"

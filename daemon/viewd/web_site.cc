@@ -4,10 +4,10 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-#include "base/calib_file.h"
-#include "base/error.h"
-#include "base/name.h"
-#include "base/time.h"
+#include "base/config/calib_file.h"
+#include "base/core/error.h"
+#include "base/core/name.h"
+#include "base/core/time.h"
 #include "daemon/control/reply_json.h"
 #include "daemon/viewd/guarded_answer.h"
 #include "daemon/viewd/served_files.h"

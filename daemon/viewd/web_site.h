@@ -19,7 +19,7 @@
 #include <optional>
 #include <string>
 
-#include "base/studio_file.h"
+#include "base/config/studio_file.h"
 #include "daemon/viewd/command_endpoint.h"
 #include "daemon/viewd/connection_slots.h"
 #include "daemon/viewd/served_files.h"

@@ -5,7 +5,7 @@
 #include <string_view>
 #include <utility>
 
-#include "base/time.h"
+#include "base/core/time.h"
 #include "daemon/viewd/view_json.h"
 
 namespace v3d {

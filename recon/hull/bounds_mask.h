@@ -1,9 +1,9 @@
 // The part of an image that can show the reconstructed space.
 #pragma once
 
-#include "base/camera_model.h"
-#include "base/geometry.h"
-#include "base/mask.h"
+#include "base/geometry/box.h"
+#include "base/geometry/camera_model.h"
+#include "base/image/mask.h"
 
 namespace v3d {
 

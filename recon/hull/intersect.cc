@@ -6,8 +6,8 @@
 #include <bit>
 #include <string>
 
-#include "base/check.h"
-#include "base/error.h"
+#include "base/core/check.h"
+#include "base/core/error.h"
 
 namespace v3d {
 namespace {

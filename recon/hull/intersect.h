@@ -7,8 +7,8 @@
 #include <span>
 #include <vector>
 
-#include "base/camera_model.h"
-#include "base/mask.h"
+#include "base/geometry/camera_model.h"
+#include "base/image/mask.h"
 #include "recon/hull/intersection_octree.h"
 #include "recon/hull/mask_pyramid.h"
 #include "recon/hull/sparse_volume.h"

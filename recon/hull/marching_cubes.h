@@ -5,7 +5,7 @@
 
 #include <memory>
 
-#include "base/mesh.h"
+#include "base/geometry/mesh.h"
 #include "recon/hull/sparse_volume.h"
 
 namespace v3d {

@@ -10,7 +10,7 @@
 #include <algorithm>
 #include <cstring>
 
-#include "base/check.h"
+#include "base/core/check.h"
 
 #ifndef V3D_RECON_MASK_PYRAMID_ONCE
 #define V3D_RECON_MASK_PYRAMID_ONCE

@@ -6,7 +6,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "base/mask.h"
+#include "base/image/mask.h"
 
 namespace v3d {
 

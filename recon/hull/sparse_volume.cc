@@ -6,7 +6,7 @@
 #include <atomic>
 #include <utility>
 
-#include "base/check.h"
+#include "base/core/check.h"
 
 namespace v3d {
 

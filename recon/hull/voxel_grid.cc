@@ -4,8 +4,8 @@
 #include <cmath>
 #include <string>
 
-#include "base/error.h"
-#include "base/units.h"
+#include "base/core/error.h"
+#include "base/core/units.h"
 
 namespace v3d {
 namespace {

@@ -5,7 +5,7 @@
 #include <array>
 #include <cstdint>
 
-#include "base/geometry.h"
+#include "base/geometry/box.h"
 
 namespace v3d {
 

@@ -1,10 +1,10 @@
 // Projection of voxels into pixels in single precision, used by the volume intersection. Lens
-// model: OpenCV 4.6 calib3d, as in base/camera_model.h.
+// model: OpenCV 4.6 calib3d, as in base/geometry/camera_model.h.
 #pragma once
 
 #include <array>
 
-#include "base/camera_model.h"
+#include "base/geometry/camera_model.h"
 #include "recon/hull/voxel_grid.h"
 
 namespace v3d {

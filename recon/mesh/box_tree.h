@@ -9,6 +9,8 @@
 #include <utility>
 #include <vector>
 
+#include "base/geometry/box.h"
+
 namespace v3d {
 
 /// Leaves hold 16 boxes, nodes 16 leaves or nodes. Boxes are assigned to leaves once, by the Morton

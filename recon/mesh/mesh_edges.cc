@@ -4,7 +4,7 @@
 #include <optional>
 #include <unordered_map>
 
-#include "base/check.h"
+#include "base/core/check.h"
 
 namespace v3d {
 namespace {

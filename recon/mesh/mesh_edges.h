@@ -1,7 +1,7 @@
 // Edge lengths of a mesh: measure and subdivide.
 #pragma once
 
-#include "base/mesh.h"
+#include "base/geometry/mesh.h"
 
 namespace v3d {
 

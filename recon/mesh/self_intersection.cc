@@ -7,6 +7,8 @@
 #include <algorithm>
 #include <array>
 
+#include "base/geometry/box.h"
+
 namespace v3d {
 namespace {
 

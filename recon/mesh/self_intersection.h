@@ -5,7 +5,7 @@
 #include <utility>
 #include <vector>
 
-#include "base/mesh.h"
+#include "base/geometry/mesh.h"
 #include "recon/mesh/box_tree.h"
 
 namespace v3d {

@@ -3,7 +3,7 @@
 
 #include <optional>
 
-#include "base/mesh.h"
+#include "base/geometry/mesh.h"
 #include "recon/mesh/neighbours.h"
 #include "recon/mesh/vertex_lattice.h"
 

@@ -3,7 +3,7 @@
 
 #include <vector>
 
-#include "base/mesh.h"
+#include "base/geometry/mesh.h"
 #include "recon/mesh/neighbours.h"
 
 namespace v3d {

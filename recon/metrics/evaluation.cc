@@ -9,7 +9,7 @@
 #include <numbers>
 #include <vector>
 
-#include "base/statistics.h"
+#include "base/core/statistics.h"
 #include "recon/metrics/nearest_triangle.h"
 #include "recon/metrics/surface_samples.h"
 

@@ -4,9 +4,9 @@
 #include <cstdint>
 #include <vector>
 
-#include "base/image.h"
-#include "base/mask.h"
-#include "base/mesh.h"
+#include "base/geometry/mesh.h"
+#include "base/image/image.h"
+#include "base/image/mask.h"
 
 namespace v3d {
 

@@ -5,10 +5,10 @@
 #include <span>
 #include <vector>
 
-#include "base/camera_model.h"
-#include "base/frame.h"
-#include "base/geometry.h"
-#include "base/mesh.h"
+#include "base/geometry/box.h"
+#include "base/geometry/camera_model.h"
+#include "base/geometry/mesh.h"
+#include "base/image/frame.h"
 #include "recon/visibility/surface_points.h"
 
 namespace v3d {

@@ -7,7 +7,7 @@
 #include <optional>
 #include <vector>
 
-#include "base/mesh.h"
+#include "base/geometry/mesh.h"
 
 namespace v3d {
 

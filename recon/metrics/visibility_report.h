@@ -5,8 +5,8 @@
 #include <array>
 #include <span>
 
-#include "base/camera_model.h"
-#include "base/mesh.h"
+#include "base/geometry/camera_model.h"
+#include "base/geometry/mesh.h"
 #include "recon/metrics/evaluation.h"
 
 namespace v3d {

@@ -9,8 +9,8 @@
 #include <string>
 #include <vector>
 
-#include "base/mesh.h"
-#include "base/time.h"
+#include "base/core/time.h"
+#include "base/geometry/mesh.h"
 #include "codec/frame_codec.h"
 #include "recon/mesh/vertex_lattice.h"
 

@@ -7,10 +7,10 @@
 #include <string>
 #include <vector>
 
-#include "base/camera_model.h"
-#include "base/frame.h"
-#include "base/geometry.h"
-#include "base/time.h"
+#include "base/core/time.h"
+#include "base/geometry/box.h"
+#include "base/geometry/camera_model.h"
+#include "base/image/frame.h"
 #include "recon/pipeline/reconstructor.h"
 
 namespace v3d {

@@ -5,9 +5,9 @@
 #include <algorithm>
 #include <utility>
 
-#include "base/error.h"
-#include "base/file.h"
-#include "base/time.h"
+#include "base/core/error.h"
+#include "base/core/memory.h"
+#include "base/core/time.h"
 #include "recon/hull/intersect.h"
 #include "recon/hull/marching_cubes.h"
 #include "recon/pipeline/compact_frame.h"

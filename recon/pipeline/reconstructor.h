@@ -8,10 +8,11 @@
 #include <utility>
 #include <vector>
 
-#include "base/camera_model.h"
-#include "base/frame.h"
-#include "base/mesh.h"
-#include "base/studio_file.h"
+#include "base/config/studio_file.h"
+#include "base/geometry/box.h"
+#include "base/geometry/camera_model.h"
+#include "base/geometry/mesh.h"
+#include "base/image/frame.h"
 #include "recon/hull/sparse_volume.h"
 #include "recon/metrics/frame_quality.h"
 #include "recon/surface/deform.h"

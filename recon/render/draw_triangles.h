@@ -6,7 +6,7 @@
 #include <span>
 #include <vector>
 
-#include "base/image.h"
+#include "base/image/image.h"
 #include "recon/render/screen_vertex.h"
 
 namespace v3d {

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "base/geometry/box.h"
 #include "recon/render/rasteriser.h"
 
 namespace v3d {

@@ -5,8 +5,8 @@
 #include <optional>
 #include <vector>
 
-#include "base/geometry.h"
-#include "base/mesh.h"
+#include "base/geometry/mesh.h"
+#include "base/geometry/rigid_transform.h"
 #include "recon/render/renderer.h"
 
 namespace v3d {

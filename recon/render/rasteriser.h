@@ -8,8 +8,8 @@
 #include <utility>
 #include <vector>
 
-#include "base/camera_model.h"
-#include "base/mesh.h"
+#include "base/geometry/camera_model.h"
+#include "base/geometry/mesh.h"
 #include "recon/render/screen_vertex.h"
 
 namespace v3d {

@@ -5,11 +5,11 @@
 #include <span>
 #include <vector>
 
-#include "base/camera_model.h"
-#include "base/geometry.h"
-#include "base/image.h"
-#include "base/mask.h"
-#include "base/mesh.h"
+#include "base/geometry/box.h"
+#include "base/geometry/camera_model.h"
+#include "base/geometry/mesh.h"
+#include "base/image/image.h"
+#include "base/image/mask.h"
 
 namespace v3d {
 

@@ -3,8 +3,8 @@
 
 #include <vector>
 
-#include "base/camera_model.h"
-#include "base/mesh.h"
+#include "base/geometry/camera_model.h"
+#include "base/geometry/mesh.h"
 
 namespace v3d {
 

@@ -4,7 +4,8 @@
 #include <limits>
 #include <numbers>
 
-#include "base/check.h"
+#include "base/core/check.h"
+#include "base/geometry/box.h"
 #include "recon/render/renderer.h"
 
 namespace v3d {

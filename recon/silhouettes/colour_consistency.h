@@ -5,10 +5,10 @@
 #include <memory>
 #include <span>
 
-#include "base/camera_model.h"
-#include "base/frame.h"
-#include "base/mask.h"
-#include "base/mesh.h"
+#include "base/geometry/camera_model.h"
+#include "base/geometry/mesh.h"
+#include "base/image/frame.h"
+#include "base/image/mask.h"
 
 namespace v3d {
 

@@ -10,7 +10,7 @@
 #include <functional>
 #include <numeric>
 
-#include "base/mask_pieces.h"
+#include "base/image/mask_components.h"
 
 namespace v3d {
 namespace {

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <utility>
 
-#include "base/mask_shape.h"
+#include "base/image/mask_morphology.h"
 
 namespace v3d {
 namespace {
@@ -45,13 +45,13 @@ double SilhouetteChange::excess() const {
 
 SilhouetteChange silhouette_change(const Mask& own, const Mask& expected,
                                    const Mask& expected_before) {
-  const Mask lost = only_first(expected_before, expected);
-  const Mask gained = only_first(expected, expected_before);
+  const Mask lost = difference_of(expected_before, expected);
+  const Mask gained = difference_of(expected, expected_before);
   return {.pixels = int64_t{own.size().width} * own.size().height,
           .lost = lost.count(),
-          .lost_shown = both(lost, own).count(),
+          .lost_shown = intersection_of(lost, own).count(),
           .gained = gained.count(),
-          .gained_shown = both(gained, own).count()};
+          .gained_shown = intersection_of(gained, own).count()};
 }
 
 namespace {

@@ -6,7 +6,7 @@
 #include <span>
 #include <vector>
 
-#include "base/mask.h"
+#include "base/image/mask.h"
 #include "recon/hull/voxel_grid.h"
 #include "recon/hull/voxel_projection.h"
 

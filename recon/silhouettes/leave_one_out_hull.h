@@ -5,9 +5,9 @@
 #include <span>
 #include <vector>
 
-#include "base/camera_model.h"
-#include "base/geometry.h"
-#include "base/mask.h"
+#include "base/geometry/box.h"
+#include "base/geometry/camera_model.h"
+#include "base/image/mask.h"
 #include "recon/hull/intersect.h"
 #include "recon/hull/marching_cubes.h"
 

@@ -5,8 +5,8 @@
 #include <cmath>
 #include <utility>
 
-#include "base/mask_pieces.h"
-#include "base/mask_shape.h"
+#include "base/image/mask_components.h"
+#include "base/image/mask_morphology.h"
 #include "recon/render/renderer.h"
 #include "recon/silhouettes/colour_consistency.h"
 #include "recon/silhouettes/frame_lag.h"
@@ -68,7 +68,7 @@ int64_t min_pixels(int radius) {
   return kMinSquares * edge * edge;
 }
 
-Mask mask_of(const MaskPieces& pieces, size_t piece, ImageSize size) {
+Mask mask_of(const MaskComponents& pieces, size_t piece, ImageSize size) {
   Mask mask(size);
   pieces.for_each_run(piece, [&](const Run& run) {
     mask.fill_row(run.y, run.begin, run.end);
@@ -81,12 +81,12 @@ Mask mask_of(const MaskPieces& pieces, size_t piece, ImageSize size) {
 /// min_pixels(radius).
 std::vector<Mask> wide_pieces(const Mask& mask, int radius) {
   const int64_t least = min_pixels(radius);
-  MaskPieces pieces;
-  pieces.find(opened(mask, radius));
+  MaskComponents pieces;
+  pieces.find(open(mask, radius));
   std::vector<Mask> wide;
   for (size_t p = 0; p < pieces.count(); ++p) {
     if (pieces.area(p) < least) continue;
-    wide.push_back(both(grown(mask_of(pieces, p, mask.size()), radius), mask));
+    wide.push_back(intersection_of(dilate(mask_of(pieces, p, mask.size()), radius), mask));
   }
   return wide;
 }
@@ -184,7 +184,7 @@ class SilhouetteRepair::Trial {
     unexplained_.assign(masks_.size(), Mask());
     for (size_t c = 0; c < masks_.size(); ++c) {
       if (!masks_[c]) continue;
-      Mask rest = opened(only_first(*masks_[c], explained[c]), radius(c));
+      Mask rest = open(difference_of(*masks_[c], explained[c]), radius(c));
       if (rest.count() >= kMinCells * kCell * kCell) unexplained_[c] = std::move(rest);
     }
   }
@@ -220,7 +220,7 @@ class SilhouetteRepair::Trial {
     Mask mask = std::move(*masks_[missing.camera]);
     for (const Mask& piece : missing.pieces) {
       report(missing.camera, SilhouetteFaultKind::kMissingPiece, piece);
-      mask = either(std::move(mask), piece);
+      mask = union_of(std::move(mask), piece);
     }
     put(missing.camera, std::move(mask));
     const Mask& whole = expected(missing.camera);
@@ -246,11 +246,11 @@ class SilhouetteRepair::Trial {
   }
 
   bool fill_wide_pieces(size_t camera, const Mask& missing) {
-    const Mask lost = only_first(grown(missing, radius(camera)), *masks_[camera]);
+    const Mask lost = difference_of(dilate(missing, radius(camera)), *masks_[camera]);
     const std::vector<Mask> pieces = wide_pieces(lost, radius(camera));
     for (const Mask& piece : pieces) {
       report(camera, SilhouetteFaultKind::kMissingPiece, piece);
-      put(camera, either(std::move(*masks_[camera]), piece));
+      put(camera, union_of(std::move(*masks_[camera]), piece));
     }
     return !pieces.empty();
   }
@@ -258,10 +258,10 @@ class SilhouetteRepair::Trial {
   MissingPieces missing_pieces(size_t camera, const SparseVolume& hull) {
     const Mesh& surface = owner_.hulls_.surface(all(), camera);
     expected_[camera] = draw_silhouette(surface, owner_.rig_[camera].model);
-    Mask inside = only_first(expected_[camera], *masks_[camera]);
+    Mask inside = difference_of(expected_[camera], *masks_[camera]);
     MissingPieces missing{.camera = camera, .pieces = {}};
     const auto take = [&](Mask piece) {
-      inside = only_first(std::move(inside), piece);
+      inside = difference_of(std::move(inside), piece);
       missing.pixels += piece.count();
       missing.pieces.push_back(std::move(piece));
     };
@@ -322,7 +322,7 @@ class SilhouetteRepair::Trial {
       Mask repaired = in_step(late->camera, late->before, late->now);
       const Mask& given = *given_[late->camera];
       report_instead(late->camera, SilhouetteFaultKind::kPulseLate,
-                     either(only_first(given, repaired), only_first(repaired, given)));
+                     union_of(difference_of(given, repaired), difference_of(repaired, given)));
       put(late->camera, std::move(repaired));
       std::erase(suspects, late->camera);
       found = true;
@@ -358,16 +358,16 @@ class SilhouetteRepair::Trial {
   /// foreground.
   Mask in_step(size_t camera, const Mask& before, const Mask& now) {
     const Mask* const next = neighbours_.after.empty() ? nullptr : neighbours_.after[camera];
-    Mask mask = either(*given_[camera], only_first(now, before));
+    Mask mask = union_of(*given_[camera], difference_of(now, before));
     if (next != nullptr) {
       const Mask after = owner_.hulls_.silhouette(neighbours_.after, camera);
       if (silhouette_change(*next, after, now).is_late()) {
         shown_later_.push_back(camera);
         return *next;
       }
-      mask = either(std::move(mask), *next);
+      mask = union_of(std::move(mask), *next);
     }
-    return both(std::move(mask), now);
+    return intersection_of(std::move(mask), now);
   }
 
   void remove_phantom_pieces() {
@@ -385,7 +385,7 @@ class SilhouetteRepair::Trial {
       const Mask* const other_mask = std::exchange(masks[other], nullptr);
       const Mask expected = owner_.hulls_.silhouette(masks, camera);
       masks[other] = other_mask;
-      if (2 * both(expected, piece).count() > piece.count()) return true;
+      if (2 * intersection_of(expected, piece).count() > piece.count()) return true;
     }
     return false;
   }
@@ -393,17 +393,17 @@ class SilhouetteRepair::Trial {
   /// True when other cameras see the piece too, outside the reconstructed space.
   bool stands_beside(size_t camera, const Mask& piece) {
     const Mask expected = owner_.around_.silhouette(all(), camera);
-    return 2 * both(expected, piece).count() > piece.count();
+    return 2 * intersection_of(expected, piece).count() > piece.count();
   }
 
   void look_for_phantoms(size_t camera) {
-    const Mask outside = only_first(*masks_[camera], expected(camera));
+    const Mask outside = difference_of(*masks_[camera], expected(camera));
     int64_t phantom = 0;
     for (const Mask& piece : wide_pieces(outside, radius(camera))) {
       if (is_disputed(camera, piece) || stands_beside(camera, piece)) continue;
       phantom += piece.count();
       report(camera, SilhouetteFaultKind::kPhantomPiece, piece);
-      put(camera, only_first(std::move(*masks_[camera]), piece));
+      put(camera, difference_of(std::move(*masks_[camera]), piece));
     }
     const auto seen = static_cast<double>(expected(camera).count());
     if (static_cast<double>(phantom) > (1 + kMostlyWrong) * seen) drop(camera, outside);
@@ -428,7 +428,7 @@ SilhouetteRepair::SilhouetteRepair(const Rig& rig, const Box& bounds, double vox
   for (const RigCamera& camera : rig) {
     lenses_.emplace_back(camera.model, hulls_.grid());
     const double width = pixels_per_voxel(camera.model, bounds, voxel_m);
-    radii_.push_back(std::clamp(static_cast<int>(std::ceil(width)), 1, kMostRadius));
+    radii_.push_back(std::clamp(static_cast<int>(std::ceil(width)), 1, kMaxRadius));
   }
 }
 

@@ -22,10 +22,10 @@
 #include <span>
 #include <vector>
 
-#include "base/camera_model.h"
-#include "base/frame.h"
-#include "base/geometry.h"
-#include "base/mask.h"
+#include "base/geometry/box.h"
+#include "base/geometry/camera_model.h"
+#include "base/image/frame.h"
+#include "base/image/mask.h"
 #include "recon/hull/voxel_projection.h"
 #include "recon/silhouettes/leave_one_out_hull.h"
 

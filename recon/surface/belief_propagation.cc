@@ -9,7 +9,7 @@
 
 #include <algorithm>
 
-#include "base/check.h"
+#include "base/core/check.h"
 #include "recon/mesh/vertex_loop.h"
 
 HWY_BEFORE_NAMESPACE();

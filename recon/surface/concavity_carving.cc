@@ -7,7 +7,7 @@
 #include <algorithm>
 #include <numeric>
 
-#include "base/statistics.h"
+#include "base/core/statistics.h"
 #include "recon/hull/marching_cubes.h"
 #include "recon/hull/volume_cut.h"
 #include "recon/mesh/neighbours.h"

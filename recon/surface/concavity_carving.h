@@ -7,8 +7,8 @@
 #include <span>
 #include <vector>
 
-#include "base/mask.h"
-#include "base/mesh.h"
+#include "base/geometry/mesh.h"
+#include "base/image/mask.h"
 #include "recon/hull/sparse_volume.h"
 #include "recon/visibility/surface_camera.h"
 

@@ -8,7 +8,7 @@
 #include <cmath>
 #include <string>
 
-#include "base/error.h"
+#include "base/core/error.h"
 #include "recon/mesh/neighbours.h"
 #include "recon/mesh/self_intersection_removal.h"
 #include "recon/mesh/smooth_surface.h"

@@ -6,7 +6,7 @@
 #include <optional>
 #include <span>
 
-#include "base/mesh.h"
+#include "base/geometry/mesh.h"
 #include "recon/mesh/vertex_lattice.h"
 #include "recon/visibility/surface_camera.h"
 

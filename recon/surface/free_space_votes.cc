@@ -4,7 +4,7 @@
 
 #include <algorithm>
 
-#include "base/check.h"
+#include "base/core/check.h"
 #include "recon/hull/brick_halo.h"
 
 namespace v3d {

@@ -6,7 +6,7 @@
 #include <bit>
 #include <cmath>
 
-#include "base/mask_shape.h"
+#include "base/image/mask_morphology.h"
 #include "recon/visibility/vertex_visibility.h"
 
 namespace v3d {
@@ -70,7 +70,7 @@ Mask covered_pixels(const SurfaceCamera& camera, const DepthBuffer& depth) {
 
 Mask uncovered_pixels(const Mask& before, const DepthBuffer& after) {
   const Mask open = those_of(before, [&](int x, int y) { return std::isinf(after.at(x, y)); });
-  return open.bounding_box().empty() ? open : grown(opened(open, kRim), kRim);
+  return open.bounding_box().empty() ? open : dilate(open(open, kRim), kRim);
 }
 
 std::vector<Brick> voxels_at(std::span<const Mask> pixels, std::span<const SurfaceCamera> cameras,

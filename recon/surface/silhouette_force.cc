@@ -3,7 +3,7 @@
 #include <cmath>
 #include <cstring>
 
-#include "base/mask_shape.h"
+#include "base/image/mask_morphology.h"
 
 namespace v3d {
 namespace {
@@ -62,7 +62,7 @@ Mask drawn_pixels(const DepthBuffer& depth) {
 Mask near_outline(const SurfaceCamera& camera, const DepthBuffer& depth) {
   const int radius = static_cast<int>(std::ceil(kOutlinePixels * camera.coarseness()));
   const Mask drawn = drawn_pixels(depth);
-  if (radius <= kMostRadius) return only_first(grown(drawn, radius), shrunk(drawn, radius));
+  if (radius <= kMaxRadius) return difference_of(dilate(drawn, radius), erode(drawn, radius));
   Mask anywhere(depth.size);
   for (int y = 0; y < depth.size.height; ++y) anywhere.fill_row(y, 0, depth.size.width);
   return anywhere;

@@ -6,8 +6,8 @@
 #include <cstddef>
 #include <optional>
 
-#include "base/colour_response.h"
-#include "base/frame.h"
+#include "base/image/colour_response.h"
+#include "base/image/frame.h"
 #include "recon/hull/voxel_projection.h"
 #include "recon/texture/colour_mask.h"
 #include "recon/visibility/point_depth_buffer.h"

@@ -4,7 +4,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "base/frame.h"
+#include "base/image/frame.h"
 
 namespace v3d {
 

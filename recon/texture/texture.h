@@ -7,9 +7,9 @@
 #include <span>
 #include <vector>
 
-#include "base/camera_model.h"
-#include "base/frame.h"
-#include "base/mesh.h"
+#include "base/geometry/camera_model.h"
+#include "base/geometry/mesh.h"
+#include "base/image/frame.h"
 
 namespace v3d {
 

@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "base/demosaic.h"
+#include "base/image/demosaic.h"
 
 namespace v3d {
 namespace {

@@ -4,8 +4,8 @@
 #include <span>
 #include <vector>
 
-#include "base/camera_model.h"
-#include "base/mesh.h"
+#include "base/geometry/camera_model.h"
+#include "base/geometry/mesh.h"
 #include "recon/render/draw_triangles.h"
 
 namespace v3d {

@@ -4,7 +4,7 @@
 
 #include <vector>
 
-#include "base/camera_model.h"
+#include "base/geometry/camera_model.h"
 #include "recon/hull/voxel_projection.h"
 #include "recon/visibility/surface_points.h"
 

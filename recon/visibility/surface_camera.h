@@ -7,8 +7,8 @@
 #include <span>
 #include <vector>
 
-#include "base/camera_model.h"
-#include "base/frame.h"
+#include "base/geometry/camera_model.h"
+#include "base/image/frame.h"
 #include "recon/hull/voxel_projection.h"
 #include "recon/visibility/depth_buffer.h"
 #include "recon/visibility/luminance.h"

@@ -6,7 +6,7 @@
 #include <limits>
 #include <vector>
 
-#include "base/mesh.h"
+#include "base/geometry/mesh.h"
 
 namespace v3d {
 

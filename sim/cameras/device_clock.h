@@ -3,7 +3,7 @@
 
 #include <cstdint>
 
-#include "base/time.h"
+#include "base/core/time.h"
 
 namespace v3d::sim {
 

@@ -6,8 +6,8 @@
 #include <cinttypes>
 #include <string_view>
 
-#include "base/error.h"
-#include "base/file.h"
+#include "base/core/error.h"
+#include "base/io/whole_file.h"
 
 namespace v3d::sim {
 namespace {

@@ -11,7 +11,7 @@
 #include <string_view>
 #include <vector>
 
-#include "base/time.h"
+#include "base/core/time.h"
 
 namespace v3d::sim {
 

@@ -4,7 +4,7 @@
 #include <cstdint>
 #include <string>
 
-#include "base/time.h"
+#include "base/core/time.h"
 
 namespace v3d::sim {
 

@@ -15,7 +15,7 @@
 #include <deque>
 #include <mutex>
 
-#include "base/error.h"
+#include "base/core/error.h"
 #include "sim/cameras/genicam.h"
 
 namespace v3d::sim {

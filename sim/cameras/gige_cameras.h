@@ -20,8 +20,8 @@
 #include <string>
 #include <vector>
 
-#include "base/image.h"
-#include "base/time.h"
+#include "base/core/time.h"
+#include "base/image/image.h"
 #include "sim/cameras/device_clock.h"
 #include "sim/cameras/fault.h"
 #include "sim/cameras/timer_queue.h"

@@ -4,7 +4,7 @@
 #include <cstdio>
 #include <numbers>
 
-#include "base/check.h"
+#include "base/core/check.h"
 #include "sim/rendering/noise.h"
 #include "sim/rendering/scene.h"
 

@@ -7,7 +7,7 @@
 #include <mutex>
 #include <thread>
 
-#include "base/time.h"
+#include "base/core/time.h"
 
 namespace v3d::sim {
 

@@ -10,9 +10,9 @@
 #include <cerrno>
 #include <cstring>
 
-#include "base/error.h"
-#include "base/punctual.h"
-#include "base/trigger_wire.h"
+#include "base/core/error.h"
+#include "base/core/realtime_thread.h"
+#include "base/core/trigger_edge.h"
 
 namespace v3d::sim {
 namespace {
@@ -75,7 +75,7 @@ TriggerCable::~TriggerCable() {
 }
 
 void TriggerCable::serve() {
-  become_punctual();
+  make_thread_realtime();
   for (;;) {
     std::vector<pollfd> watched = {{stop_, POLLIN, 0}, {listener_, POLLIN, 0}};
     for (const int client : clients_) {

@@ -1,4 +1,4 @@
-// Server of the simulated trigger cable, a Unix socket (base/trigger_wire.h).
+// Server of the simulated trigger cable, a Unix socket (base/core/trigger_edge.h).
 #pragma once
 
 #include <atomic>
@@ -8,7 +8,7 @@
 #include <thread>
 #include <vector>
 
-#include "base/time.h"
+#include "base/core/time.h"
 
 namespace v3d::sim {
 

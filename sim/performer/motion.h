@@ -4,7 +4,7 @@
 
 #include <Eigen/Core>
 
-#include "base/geometry.h"
+#include "base/geometry/rigid_transform.h"
 
 namespace v3d::sim {
 

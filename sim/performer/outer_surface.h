@@ -2,7 +2,7 @@
 // also has surfaces inside other parts.
 #pragma once
 
-#include "base/mesh.h"
+#include "base/geometry/mesh.h"
 #include "sim/performer/performer.h"
 
 namespace v3d::sim {

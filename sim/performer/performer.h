@@ -5,7 +5,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "base/mesh.h"
+#include "base/geometry/mesh.h"
 
 namespace v3d::sim {
 

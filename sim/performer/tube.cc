@@ -3,7 +3,7 @@
 #include <cmath>
 #include <numbers>
 
-#include "base/check.h"
+#include "base/core/check.h"
 
 namespace v3d::sim {
 namespace {

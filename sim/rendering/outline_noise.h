@@ -3,7 +3,7 @@
 
 #include <cstdint>
 
-#include "base/mask.h"
+#include "base/image/mask.h"
 
 namespace v3d::sim {
 

@@ -7,7 +7,7 @@
 #include <span>
 #include <vector>
 
-#include "base/camera_model.h"
+#include "base/geometry/camera_model.h"
 
 namespace v3d::sim {
 

@@ -6,7 +6,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "base/camera_model.h"
+#include "base/geometry/camera_model.h"
 
 namespace v3d::sim {
 

@@ -5,10 +5,10 @@
 #include <cstdint>
 #include <vector>
 
-#include "base/camera_model.h"
-#include "base/image.h"
-#include "base/mask.h"
-#include "base/mesh.h"
+#include "base/geometry/camera_model.h"
+#include "base/geometry/mesh.h"
+#include "base/image/image.h"
+#include "base/image/mask.h"
 
 namespace v3d::sim {
 

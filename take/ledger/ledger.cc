@@ -4,12 +4,12 @@
 #include <array>
 #include <span>
 
-#include "base/checksum.h"
-#include "base/error.h"
-#include "base/file.h"
+#include "base/config/toml_file.h"
+#include "base/core/checksum.h"
+#include "base/core/error.h"
+#include "base/core/units.h"
 #include "base/io/file.h"
-#include "base/toml_file.h"
-#include "base/units.h"
+#include "base/io/whole_file.h"
 #include "take/take.h"
 
 namespace v3d {

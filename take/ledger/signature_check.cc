@@ -5,7 +5,7 @@
 #include <optional>
 #include <set>
 
-#include "base/error.h"
+#include "base/core/error.h"
 #include "base/io/file.h"
 #include "take/ledger/hashed_file.h"
 #include "take/ledger/take_signature.h"

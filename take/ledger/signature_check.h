@@ -5,8 +5,8 @@
 #include <string>
 #include <vector>
 
-#include "base/studio_file.h"
-#include "base/time.h"
+#include "base/config/studio_file.h"
+#include "base/core/time.h"
 #include "take/take.h"
 #include "wire/signing_key.h"
 

@@ -3,9 +3,9 @@
 #include <algorithm>
 #include <stdexcept>
 
-#include "base/checksum.h"
-#include "base/error.h"
-#include "base/units.h"
+#include "base/core/checksum.h"
+#include "base/core/error.h"
+#include "base/core/units.h"
 
 namespace v3d {
 namespace {

@@ -2,9 +2,9 @@
 
 #include <algorithm>
 
-#include "base/error.h"
+#include "base/config/toml_file.h"
+#include "base/core/error.h"
 #include "base/io/file.h"
-#include "base/toml_file.h"
 #include "take/ledger/hashed_file.h"
 #include "take/ledger/take_account.h"
 #include "wire/signed_text.h"

@@ -9,8 +9,8 @@
 #include <string_view>
 #include <vector>
 
+#include "base/core/time.h"
 #include "base/io/result.h"
-#include "base/time.h"
 #include "take/take.h"
 #include "take/take_files.h"
 #include "wire/signing_key.h"

@@ -2,10 +2,10 @@
 
 #include <algorithm>
 
-#include "base/error.h"
-#include "base/file.h"
+#include "base/config/toml_file.h"
+#include "base/core/error.h"
 #include "base/io/file.h"
-#include "base/toml_file.h"
+#include "base/io/whole_file.h"
 
 namespace v3d {
 namespace {

@@ -8,7 +8,7 @@
 #include <string_view>
 #include <vector>
 
-#include "base/time.h"
+#include "base/core/time.h"
 #include "take/ledger/verify.h"
 
 namespace v3d {

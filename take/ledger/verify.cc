@@ -4,8 +4,8 @@
 #include <cerrno>
 #include <type_traits>
 
-#include "base/error.h"
-#include "base/units.h"
+#include "base/core/error.h"
+#include "base/core/units.h"
 #include "take/ledger/exposure_count.h"
 #include "take/ledger/take_account.h"
 #include "take/logs/event_log.h"

@@ -7,7 +7,7 @@
 #include <optional>
 #include <utility>
 
-#include "base/error.h"
+#include "base/core/error.h"
 #include "base/io/big_endian.h"
 #include "take/logs/sparse_file.h"
 

@@ -6,8 +6,8 @@
 #include <span>
 #include <unordered_map>
 
-#include "base/checksum.h"
-#include "base/error.h"
+#include "base/core/checksum.h"
+#include "base/core/error.h"
 #include "base/io/big_endian.h"
 #include "base/io/file.h"
 #include "take/logs/event_log.h"

@@ -5,9 +5,9 @@
 #include <map>
 #include <string>
 
-#include "base/error.h"
+#include "base/config/toml_file.h"
+#include "base/core/error.h"
 #include "base/io/file.h"
-#include "base/toml_file.h"
 
 namespace v3d {
 namespace {

@@ -4,8 +4,8 @@
 #include <deque>
 #include <utility>
 
-#include "base/check.h"
-#include "base/error.h"
+#include "base/core/check.h"
+#include "base/core/error.h"
 #include "base/io/file.h"
 #include "take/ledger/pulse_set.h"
 #include "take/logs/mesh_file_layout.h"

@@ -5,8 +5,8 @@
 #include <mutex>
 #include <thread>
 
+#include "base/core/time.h"
 #include "base/io/file.h"
-#include "base/time.h"
 
 namespace v3d {
 

@@ -12,7 +12,7 @@
 #include <thread>
 #include <vector>
 
-#include "base/error.h"
+#include "base/core/error.h"
 #include "capture/cameras/make_camera.h"
 #include "sim/cameras/genicam.h"
 #include "support/gvsp_sender.h"

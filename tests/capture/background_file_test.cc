@@ -5,7 +5,7 @@
 #include <fstream>
 #include <iterator>
 
-#include "base/error.h"
+#include "base/core/error.h"
 #include "capture/segmentation/segmenter.h"
 #include "studio_wall.h"
 #include "support/message_of.h"

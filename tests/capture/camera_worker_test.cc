@@ -9,7 +9,7 @@
 #include <thread>
 #include <vector>
 
-#include "base/error.h"
+#include "base/core/error.h"
 
 namespace v3d {
 namespace {

@@ -6,7 +6,7 @@
 #include <cmath>
 #include <random>
 
-#include "base/mask_shape.h"
+#include "base/image/mask_morphology.h"
 #include "capture/segmentation/mask_cleanup.h"
 #include "capture/segmentation/mask_majority.h"
 
@@ -35,7 +35,7 @@ bool happens(std::mt19937& random, double part) {
 
 Mask frayed(Mask mask, double part, unsigned seed) {
   std::mt19937 random(seed);
-  const Mask core = shrunk(mask, 1);
+  const Mask core = erode(mask, 1);
   for (int y = 0; y < mask.size().height; ++y) {
     for (int x = 0; x < mask.size().width; ++x) {
       if (mask.get(x, y) && !core.get(x, y) && happens(random, part)) mask.set(x, y, false);
@@ -143,9 +143,9 @@ TEST(FrayedOutline, regains_most_of_what_it_lost_and_hardly_more) {
   for (const unsigned seed : {1U, 2U, 3U}) {
     const Mask torn = frayed(whole, 0.5, seed);
     const Mask mended = cleaned(torn);
-    const auto lost = only_first(whole, smooth(torn)).count();
-    EXPECT_LT(only_first(whole, mended).count(), lost / 2);
-    EXPECT_LT(only_first(mended, whole).count(), lost / 20);
+    const auto lost = difference_of(whole, smooth(torn)).count();
+    EXPECT_LT(difference_of(whole, mended).count(), lost / 2);
+    EXPECT_LT(difference_of(mended, whole).count(), lost / 20);
   }
 }
 
@@ -168,7 +168,7 @@ TEST(FrayedOutline, leaves_a_thin_gap_between_two_limbs_open) {
     Mask whole = figure();
     Mask gap(kSize);
     for (int y = 60; y < 150; ++y) gap.fill_row(y, 90, 90 + width);
-    whole = only_first(whole, gap);
+    whole = difference_of(whole, gap);
     const Mask torn = frayed(whole, 0.5, 5);
     ASSERT_TRUE(is_frayed(torn, smooth(torn)));
     const Mask mended = cleaned(torn);
@@ -200,7 +200,7 @@ RC_GTEST_PROP(FrayedOutline, is_filled_exactly_where_looking_pixel_by_pixel_find
   }
   const Mask raw = salted(solid, *rc::gen::inRange(0, 40) * 0.01, seed);
   const Mask outline = smooth(raw);
-  const Mask near = both(raw, grown(outline, 2));
+  const Mask near = intersection_of(raw, dilate(outline, 2));
   RC_ASSERT(without_notches(raw, outline) == bumps_levelled(notches_filled(specks_filled(near))));
 }
 

@@ -5,7 +5,7 @@
 
 #include <numeric>
 
-#include "base/error.h"
+#include "base/core/error.h"
 
 namespace v3d {
 namespace {

@@ -5,7 +5,7 @@
 #include <random>
 #include <vector>
 
-#include "base/mask_pieces.h"
+#include "base/image/mask_components.h"
 #include "capture/segmentation/mask_holes.h"
 #include "capture/segmentation/mask_majority.h"
 
@@ -30,7 +30,7 @@ Mask any_mask() {
   return random_mask(size, *rc::gen::inRange(0, 101) * 0.01, *rc::gen::arbitrary<unsigned>());
 }
 
-void drop_small_pieces(Mask& mask, int min_area, MaskPieces& pieces) {
+void drop_small_pieces(Mask& mask, int min_area, MaskComponents& pieces) {
   pieces.find(mask);
   for (size_t i = 0; i < pieces.count(); ++i) {
     if (pieces.area(i) < min_area) pieces.drop(i, mask);
@@ -105,7 +105,7 @@ RC_GTEST_PROP(MaskCleanup, drops_exactly_the_pieces_that_flooding_finds_small, (
     if (keep) expected.set(i % before.size().width, i / before.size().width);
   }
   Mask after = before;
-  MaskPieces pieces;
+  MaskComponents pieces;
   drop_small_pieces(after, min_area, pieces);
   RC_ASSERT(after == expected);
   // What it says is left are the runs of what is left.
@@ -124,21 +124,21 @@ RC_GTEST_PROP(MaskCleanup, fills_exactly_the_holes_that_flooding_finds_small, ()
     if (fill) expected.set(i % before.size().width, i / before.size().width);
   }
   Mask after = before;
-  MaskPieces pieces;
+  MaskComponents pieces;
   pieces.find(before);
   MaskHoles().fill_small(after, pieces.runs(), max_hole);
   RC_ASSERT(after == expected);
 }
 
 RC_GTEST_PROP(MaskCleanup, fills_the_holes_of_what_was_left_of_a_mask_and_remembers_no_other, ()) {
-  MaskPieces pieces;
+  MaskComponents pieces;
   MaskHoles holes;
   for (int i = 0; i < 3; ++i) {
     Mask mask = any_mask();
     drop_small_pieces(mask, 20, pieces);
     Mask expected = mask;
     holes.fill_small(mask, pieces.runs(), 30);
-    MaskPieces fresh;
+    MaskComponents fresh;
     fresh.find(expected);
     MaskHoles().fill_small(expected, fresh.runs(), 30);
     RC_ASSERT(mask == expected);
@@ -157,7 +157,7 @@ TEST(MaskCleanup, majority_leaves_a_line_of_two_pixels_alone) {
 TEST(MaskCleanup, takes_an_empty_mask) {
   Mask mask;
   take_majority(mask);
-  MaskPieces pieces;
+  MaskComponents pieces;
   drop_small_pieces(mask, 10, pieces);
   MaskHoles().fill_small(mask, pieces.runs(), 10);
   EXPECT_EQ(mask.count(), 0);

@@ -119,7 +119,7 @@ TEST(MovedBackgroundPieces, are_judged_one_by_one_up_to_the_corners_of_the_image
   Mask mask = mask_of({0, 0, 3, 3});
   for (int y = 147; y < 150; ++y) mask.fill_row(y, 197, 200);
   for (int y = 70; y < 80; ++y) mask.fill_row(y, 100, 101);
-  MaskPieces pieces;
+  MaskComponents pieces;
   pieces.find(mask);
   ASSERT_EQ(pieces.count(), 3U);
   const ExpectedBackground background{table, kUnitGain, 1000};

@@ -7,7 +7,7 @@
 #include <set>
 #include <string>
 
-#include "base/error.h"
+#include "base/core/error.h"
 #include "capture/cameras/camera.h"
 
 namespace v3d {

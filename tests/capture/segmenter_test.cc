@@ -5,7 +5,7 @@
 
 #include <functional>
 
-#include "base/error.h"
+#include "base/core/error.h"
 #include "capture/segmentation/brightness.h"
 #include "count_allocations.h"
 #include "studio_wall.h"

@@ -8,7 +8,7 @@
 #include <random>
 #include <vector>
 
-#include "base/image.h"
+#include "base/image/image.h"
 #include "capture/segmentation/segmenter.h"
 
 namespace v3d {

@@ -15,7 +15,7 @@
 #include <string>
 #include <vector>
 
-#include "base/error.h"
+#include "base/core/error.h"
 #include "support/message_of.h"
 
 namespace v3d {

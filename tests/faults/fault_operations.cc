@@ -9,7 +9,7 @@
 #include <sstream>
 #include <stdexcept>
 
-#include "base/file.h"
+#include "base/io/whole_file.h"
 #include "recorded_take.h"
 #include "support/temporary_folder.h"
 #include "take/ledger/verify.h"

@@ -2,7 +2,7 @@
 
 #include <cstring>
 
-#include "base/file.h"
+#include "base/io/whole_file.h"
 
 namespace v3d::test {
 

@@ -10,8 +10,8 @@
 #include <sstream>
 #include <stdexcept>
 
-#include "base/file.h"
-#include "base/time.h"
+#include "base/core/time.h"
+#include "base/io/whole_file.h"
 #include "support/temporary_folder.h"
 
 namespace v3d::test {

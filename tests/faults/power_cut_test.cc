@@ -10,7 +10,7 @@
 #include <random>
 #include <set>
 
-#include "base/file.h"
+#include "base/io/whole_file.h"
 #include "fault_operations.h"
 #include "power_cut_disk.h"
 #include "support/temporary_folder.h"

@@ -16,7 +16,7 @@
 #include <cstdio>
 #include <memory>
 
-#include "base/error.h"
+#include "base/core/error.h"
 #include "base/io/file.h"
 #include "daemon/captured/pulse_log.h"
 #include "daemon/captured/resume_state.h"

@@ -1,7 +1,7 @@
 #include "recorded_take.h"
 
-#include "base/file.h"
 #include "base/io/file.h"
+#include "base/io/whole_file.h"
 #include "support/temporary_folder.h"
 #include "take/take.h"
 #include "take/take_removal.h"

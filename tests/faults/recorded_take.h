@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "base/studio_file.h"
+#include "base/config/studio_file.h"
 #include "take/recording.h"
 
 namespace v3d::test {

@@ -2,7 +2,7 @@
 // InputError, nothing else; and what was read can be written and read again. The first byte says
 // which reader is meant. OpenCV's files are not among them: OpenCV's own parser reads them, and
 // dies of some XML whose attributes are broken.
-#include "base/error.h"
+#include "base/core/error.h"
 #include "calib/formats/colmap_text.h"
 #include "calib/formats/middlebury_par.h"
 #include "calib/formats/time_stamps.h"

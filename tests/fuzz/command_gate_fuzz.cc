@@ -4,7 +4,7 @@
 #include <cstdlib>
 #include <string_view>
 
-#include "base/error.h"
+#include "base/core/error.h"
 #include "daemon/control/command_gate.h"
 
 namespace {

@@ -2,9 +2,9 @@
 // refused by an InputError, nothing else.
 #include <string_view>
 
-#include "base/calib_file.h"
-#include "base/error.h"
-#include "base/studio_file.h"
+#include "base/config/calib_file.h"
+#include "base/config/studio_file.h"
+#include "base/core/error.h"
 #include "v3dctl/scene/scene_clock.h"
 
 extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {

@@ -2,7 +2,7 @@
 // that may be thrown, and what is read is of a camera that is there.
 #include <string_view>
 
-#include "base/error.h"
+#include "base/core/error.h"
 #include "fuzz_input.h"
 #include "v3d-sim/faults.h"
 

@@ -1,6 +1,6 @@
 // A signal generator on USB that answers whatever it likes: arming, starting and stopping it ends,
 // in success or in an InputError.
-#include "base/error.h"
+#include "base/core/error.h"
 #include "fuzz_input.h"
 #include "trigger/scpi/scpi_generator.h"
 #include "trigger/scpi/usbtmc.h"

@@ -1,7 +1,7 @@
 // Fuzz entry: the pictures of previews. What is decoded has the size that was asked for.
 #include <cstdlib>
 
-#include "base/jpeg.h"
+#include "base/image/jpeg.h"
 
 extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   if (size < 2) return 0;

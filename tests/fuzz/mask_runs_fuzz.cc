@@ -1,7 +1,7 @@
 // Run-length codes from the wire: nothing, or a mask that is written back as the same bytes.
 #include <cstdlib>
 
-#include "base/mask.h"
+#include "base/image/mask.h"
 
 extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   if (size < 2) {

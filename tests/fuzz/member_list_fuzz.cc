@@ -4,7 +4,7 @@
 #include <string>
 #include <string_view>
 
-#include "base/error.h"
+#include "base/core/error.h"
 #include "wire/member_list.h"
 #include "wire/signed_text.h"
 

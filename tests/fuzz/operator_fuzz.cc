@@ -3,7 +3,7 @@
 // unreadable.
 #include <nlohmann/json.hpp>
 
-#include "base/printable.h"
+#include "base/core/printable.h"
 #include "fuzz_input.h"
 #include "v3dctl/operate/camera_check.h"
 #include "v3dctl/operate/health_text.h"

@@ -1,8 +1,8 @@
 // Bytes as a picture of a background model, which lies in every take, and as one that somebody
 // brings for a scene: refused by an InputError, or as many samples as its size says.
-#include "base/error.h"
-#include "base/picture.h"
-#include "base/png_file.h"
+#include "base/core/error.h"
+#include "base/image/picture.h"
+#include "base/image/png_file.h"
 #include "fuzz_input.h"
 
 extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {

@@ -2,7 +2,7 @@
 // InputError, nothing else.
 #include <string_view>
 
-#include "base/error.h"
+#include "base/core/error.h"
 #include "take/ledger/ledger.h"
 #include "take/ledger/verified.h"
 #include "take/slate.h"

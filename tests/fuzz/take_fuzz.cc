@@ -4,7 +4,7 @@
 
 #include <string>
 
-#include "base/error.h"
+#include "base/core/error.h"
 #include "take/logs/frame_log.h"
 #include "take/logs/mesh_file.h"
 

@@ -3,7 +3,7 @@
 
 #include <algorithm>
 
-#include "base/name.h"
+#include "base/core/name.h"
 #include "daemon/viewd/command_endpoint.h"
 #include "daemon/viewd/web_access.h"
 #include "daemon/viewd/web_target.h"

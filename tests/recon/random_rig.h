@@ -6,8 +6,9 @@
 #include <cmath>
 #include <vector>
 
-#include "base/camera_model.h"
-#include "base/mask.h"
+#include "base/geometry/box.h"
+#include "base/geometry/camera_model.h"
+#include "base/image/mask.h"
 #include "recon/hull/intersect.h"
 #include "tests/recon/volumes.h"
 

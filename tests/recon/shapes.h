@@ -6,8 +6,8 @@
 #include <map>
 #include <numbers>
 
-#include "base/camera_model.h"
-#include "base/mesh.h"
+#include "base/geometry/camera_model.h"
+#include "base/geometry/mesh.h"
 
 namespace v3d::shapes {
 

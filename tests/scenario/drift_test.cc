@@ -2,7 +2,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "base/calib_file.h"
+#include "base/config/calib_file.h"
 #include "daemon/bus/bus.h"
 #include "studio4.h"
 #include "wire/channels.h"

@@ -5,8 +5,8 @@
 #include <cstdlib>
 #include <nlohmann/json.hpp>
 
-#include "base/camera_model.h"
-#include "base/file.h"
+#include "base/geometry/camera_model.h"
+#include "base/io/whole_file.h"
 #include "support/temporary_folder.h"
 
 namespace v3d {

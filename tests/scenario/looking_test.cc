@@ -4,7 +4,7 @@
 
 #include <nlohmann/json.hpp>
 
-#include "base/jpeg.h"
+#include "base/image/jpeg.h"
 #include "studio4.h"
 
 namespace v3d {

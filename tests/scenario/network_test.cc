@@ -5,7 +5,7 @@
 
 #include <nlohmann/json.hpp>
 
-#include "base/file.h"
+#include "base/io/whole_file.h"
 #include "daemon/control/operator_client.h"
 #include "sim/cameras/trigger_cable.h"
 #include "support/child_process.h"

@@ -11,7 +11,7 @@
 #include <numeric>
 #include <sstream>
 
-#include "base/file.h"
+#include "base/io/whole_file.h"
 #include "daemon/bus/bus.h"
 #include "daemon/control/operator_client.h"
 #include "support/child_process.h"

@@ -10,8 +10,8 @@
 #include <string>
 #include <vector>
 
-#include "base/file.h"
-#include "base/studio_file.h"
+#include "base/config/studio_file.h"
+#include "base/io/whole_file.h"
 #include "daemon/control/operator_client.h"
 #include "support/child_process.h"
 #include "support/temporary_folder.h"

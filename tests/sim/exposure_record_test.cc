@@ -3,7 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "base/error.h"
+#include "base/core/error.h"
 #include "support/message_of.h"
 #include "support/temporary_folder.h"
 

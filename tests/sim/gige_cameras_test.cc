@@ -9,7 +9,7 @@
 #include <mutex>
 #include <optional>
 
-#include "base/error.h"
+#include "base/core/error.h"
 #include "support/message_of.h"
 
 namespace v3d::sim {

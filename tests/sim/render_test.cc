@@ -2,7 +2,7 @@
 
 #include <cmath>
 
-#include "base/demosaic.h"
+#include "base/image/demosaic.h"
 #include "sim/performer/motion.h"
 #include "sim/rendering/batch_renderer.h"
 #include "sim/rendering/renderer.h"

@@ -4,10 +4,10 @@
 
 #include <fstream>
 
-#include "base/calib_file.h"
-#include "base/error.h"
-#include "base/file.h"
-#include "base/studio_file.h"
+#include "base/config/calib_file.h"
+#include "base/config/studio_file.h"
+#include "base/core/error.h"
+#include "base/io/whole_file.h"
 #include "capture/segmentation/segmenter.h"
 #include "common/ply_writer.h"
 #include "sim/rendering/scene.h"

@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "base/error.h"
+#include "base/core/error.h"
 #include "daemon/control/reply_json.h"
 #include "daemon/node/disk_monitor.h"
 #include "daemon/node/take_folder.h"

@@ -9,7 +9,7 @@
 #include <utility>
 #include <vector>
 
-#include "base/time.h"
+#include "base/core/time.h"
 
 namespace v3d::simulation {
 

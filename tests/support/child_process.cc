@@ -7,7 +7,7 @@
 
 #include <csignal>
 
-#include "base/file.h"
+#include "base/io/whole_file.h"
 
 namespace v3d::test {
 

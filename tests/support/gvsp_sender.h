@@ -12,7 +12,7 @@
 #include <stdexcept>
 #include <vector>
 
-#include "base/image.h"
+#include "base/image/image.h"
 
 namespace v3d::test {
 

@@ -8,7 +8,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "base/camera_model.h"
+#include "base/geometry/camera_model.h"
 #include "calib/rig/rig_comparison.h"
 #include "sim/rendering/noise.h"
 

@@ -11,8 +11,8 @@
 #include <algorithm>
 #include <stdexcept>
 
-#include "base/error.h"
-#include "base/punctual.h"
+#include "base/core/error.h"
+#include "base/core/realtime_thread.h"
 
 namespace v3d::test {
 namespace {
@@ -75,7 +75,7 @@ int64_t LossySwitch::lost(const std::string& channel, size_t port) const {
 }
 
 void LossySwitch::run() {
-  become_punctual();
+  make_thread_realtime();
   std::vector<pollfd> watched;
   for (const int fd : sockets_) watched.push_back({fd, POLLIN, 0});
   while (!stopping_) {

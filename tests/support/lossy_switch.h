@@ -13,7 +13,7 @@
 #include <thread>
 #include <vector>
 
-#include "base/time.h"
+#include "base/core/time.h"
 
 namespace v3d::test {
 

@@ -9,7 +9,7 @@
 #include <cstdlib>
 #include <fstream>
 
-#include "base/error.h"
+#include "base/core/error.h"
 
 namespace v3d::test {
 namespace {

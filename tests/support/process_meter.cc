@@ -8,7 +8,7 @@
 #include <iterator>
 #include <sstream>
 
-#include "base/statistics.h"
+#include "base/core/statistics.h"
 #include "support/child_process.h"
 
 namespace v3d::test {

@@ -13,8 +13,8 @@
 #include <string_view>
 #include <vector>
 
-#include "base/lcm_group.h"
-#include "base/time.h"
+#include "base/config/lcm_group.h"
+#include "base/core/time.h"
 
 namespace v3d::test {
 

@@ -11,10 +11,10 @@
 #include <functional>
 #include <map>
 
-#include "base/calib_file.h"
-#include "base/error.h"
-#include "base/file.h"
+#include "base/config/calib_file.h"
+#include "base/core/error.h"
 #include "base/io/unique_fd.h"
+#include "base/io/whole_file.h"
 #include "support/begun_take.h"
 #include "support/temporary_folder.h"
 #include "take/ledger/ledger.h"

@@ -7,8 +7,8 @@
 #include <algorithm>
 #include <numeric>
 
-#include "base/error.h"
-#include "base/file.h"
+#include "base/core/error.h"
+#include "base/io/whole_file.h"
 #include "support/message_of.h"
 #include "support/temporary_folder.h"
 

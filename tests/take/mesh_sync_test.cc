@@ -14,7 +14,7 @@
 #include <utility>
 #include <vector>
 
-#include "base/time.h"
+#include "base/core/time.h"
 #include "support/child_process.h"
 #include "support/temporary_folder.h"
 #include "take/logs/mesh_file.h"

@@ -7,7 +7,7 @@
 
 #include <random>
 
-#include "base/file.h"
+#include "base/io/whole_file.h"
 #include "recording.h"
 #include "support/begun_take.h"
 #include "support/temporary_folder.h"

@@ -11,8 +11,8 @@
 #include <cstdarg>
 #include <map>
 
-#include "base/error.h"
-#include "base/file.h"
+#include "base/core/error.h"
+#include "base/io/whole_file.h"
 #include "recording.h"
 #include "support/begun_take.h"
 #include "support/message_of.h"

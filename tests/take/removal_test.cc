@@ -6,7 +6,7 @@
 #include <set>
 #include <sstream>
 
-#include "base/file.h"
+#include "base/io/whole_file.h"
 #include "recording.h"
 #include "support/begun_take.h"
 #include "support/temporary_folder.h"

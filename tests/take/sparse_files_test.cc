@@ -7,7 +7,7 @@
 #include <fstream>
 #include <string>
 
-#include "base/error.h"
+#include "base/core/error.h"
 #include "codec/crc32.h"
 #include "support/begun_take.h"
 #include "support/message_of.h"

@@ -6,9 +6,9 @@
 #include <sys/mman.h>
 #include <sys/statfs.h>
 
-#include "base/checksum.h"
-#include "base/file.h"
+#include "base/core/checksum.h"
 #include "base/io/unique_fd.h"
+#include "base/io/whole_file.h"
 #include "support/temporary_folder.h"
 
 namespace v3d {

@@ -9,8 +9,8 @@
 #include <map>
 #include <set>
 
-#include "base/error.h"
-#include "base/file.h"
+#include "base/core/error.h"
+#include "base/io/whole_file.h"
 #include "recon/shapes.h"
 #include "support/message_of.h"
 #include "support/temporary_folder.h"

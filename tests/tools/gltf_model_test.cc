@@ -10,9 +10,9 @@
 #include <limits>
 #include <nlohmann/json.hpp>
 
-#include "base/error.h"
-#include "base/file.h"
-#include "base/png_file.h"
+#include "base/core/error.h"
+#include "base/image/png_file.h"
+#include "base/io/whole_file.h"
 #include "support/message_of.h"
 #include "support/temporary_folder.h"
 

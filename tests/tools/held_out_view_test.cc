@@ -4,7 +4,7 @@
 
 #include <cmath>
 
-#include "base/demosaic.h"
+#include "base/image/demosaic.h"
 #include "recon/render/renderer.h"
 #include "recon/shapes.h"
 

@@ -6,10 +6,10 @@
 
 #include <fstream>
 
-#include "base/calib_file.h"
-#include "base/error.h"
-#include "base/file.h"
-#include "base/png_file.h"
+#include "base/config/calib_file.h"
+#include "base/core/error.h"
+#include "base/image/png_file.h"
+#include "base/io/whole_file.h"
 #include "daemon/recorded/take_frames.h"
 #include "support/message_of.h"
 #include "support/temporary_folder.h"

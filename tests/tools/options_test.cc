@@ -3,7 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "base/error.h"
+#include "base/core/error.h"
 #include "common/number_option.h"
 #include "v3dctl/reconstruct/reconstruct_options.h"
 

@@ -5,7 +5,7 @@
 
 #include <opencv2/calib3d.hpp>
 
-#include "base/calib_file.h"
+#include "base/config/calib_file.h"
 #include "calib/boards/board_pose.h"
 #include "calib/lens/bundle_adjustment.h"
 #include "calib/rig/board_initialization.h"

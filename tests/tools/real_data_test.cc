@@ -5,9 +5,9 @@
 #include <algorithm>
 #include <string>
 
-#include "base/mesh.h"
-#include "base/statistics.h"
-#include "base/units.h"
+#include "base/core/statistics.h"
+#include "base/geometry/box.h"
+#include "base/geometry/mesh.h"
 #include "daemon/recorded/mesh_frames.h"
 #include "real_recordings.h"
 #include "support/temporary_folder.h"

@@ -7,11 +7,12 @@
 #include <map>
 #include <numbers>
 
-#include "base/calib_file.h"
-#include "base/error.h"
-#include "base/file.h"
-#include "base/png_file.h"
-#include "base/statistics.h"
+#include "base/config/calib_file.h"
+#include "base/core/error.h"
+#include "base/core/statistics.h"
+#include "base/geometry/box.h"
+#include "base/image/png_file.h"
+#include "base/io/whole_file.h"
 #include "common/ply_writer.h"
 #include "daemon/recorded/mesh_frames.h"
 #include "support/message_of.h"

@@ -6,10 +6,10 @@
 #include <cstdlib>
 #include <nlohmann/json.hpp>
 
-#include "base/error.h"
-#include "base/file.h"
-#include "base/picture.h"
-#include "base/png_file.h"
+#include "base/core/error.h"
+#include "base/image/picture.h"
+#include "base/image/png_file.h"
+#include "base/io/whole_file.h"
 #include "support/message_of.h"
 #include "support/temporary_folder.h"
 #include "tools/test_images.h"

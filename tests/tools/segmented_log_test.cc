@@ -7,7 +7,7 @@
 #include <map>
 #include <random>
 
-#include "base/error.h"
+#include "base/core/error.h"
 #include "support/message_of.h"
 #include "support/temporary_folder.h"
 

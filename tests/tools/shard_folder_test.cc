@@ -5,7 +5,7 @@
 
 #include <nlohmann/json.hpp>
 
-#include "base/file.h"
+#include "base/io/whole_file.h"
 #include "support/temporary_folder.h"
 #include "take/logs/mesh_file.h"
 

@@ -6,7 +6,7 @@
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/videoio.hpp>
 
-#include "base/png_file.h"
+#include "base/image/png_file.h"
 
 namespace v3d::test {
 namespace {

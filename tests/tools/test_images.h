@@ -4,9 +4,9 @@
 #include <filesystem>
 #include <string>
 
-#include "base/camera_model.h"
-#include "base/image.h"
-#include "base/mesh.h"
+#include "base/geometry/camera_model.h"
+#include "base/geometry/mesh.h"
+#include "base/image/image.h"
 
 namespace v3d::test {
 

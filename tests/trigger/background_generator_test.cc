@@ -6,7 +6,7 @@
 #include <condition_variable>
 #include <mutex>
 
-#include "base/error.h"
+#include "base/core/error.h"
 #include "support/child_process.h"
 #include "support/message_of.h"
 

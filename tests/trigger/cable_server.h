@@ -16,7 +16,7 @@
 #include <thread>
 #include <vector>
 
-#include "base/trigger_wire.h"
+#include "base/core/trigger_edge.h"
 #include "support/temporary_folder.h"
 
 namespace v3d {

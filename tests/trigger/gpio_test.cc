@@ -5,7 +5,7 @@
 #include <deque>
 #include <mutex>
 
-#include "base/error.h"
+#include "base/core/error.h"
 #include "slow_host.h"
 #include "support/message_of.h"
 #include "trigger/gpio_generator.h"

@@ -8,7 +8,7 @@
 #include <functional>
 #include <thread>
 
-#include "base/error.h"
+#include "base/core/error.h"
 #include "cable_server.h"
 #include "slow_host.h"
 #include "support/message_of.h"

@@ -1,7 +1,7 @@
 // usage: viewer_takes DIR: takes for the browser tests. DIR/takes/ball has 60 pulses, of which 30
 // to 32 have no mesh: a ball 40 cm wide, one metre above the floor, green for 30 pulses and then
 // blue. DIR/takes/empty has no meshes.
-#include "base/calib_file.h"
+#include "base/config/calib_file.h"
 #include "take/ledger/ledger.h"
 #include "take/logs/mesh_file.h"
 #include "take/take.h"

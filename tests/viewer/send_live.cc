@@ -7,7 +7,7 @@
 #include <random>
 #include <thread>
 
-#include "base/time.h"
+#include "base/core/time.h"
 #include "codec/frame_header.h"
 #include "daemon/bus/bus.h"
 #include "tests/viewer/ball_frames.h"

@@ -13,7 +13,7 @@
 #include <string>
 #include <vector>
 
-#include "base/file.h"
+#include "base/io/whole_file.h"
 #include "support/temporary_folder.h"
 #include "wire/datagram_mac.h"
 #include "wire/signing_key.h"

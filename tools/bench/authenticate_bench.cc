@@ -1,6 +1,6 @@
 // What a node spends on the verification of commands, health and meshes, and on the checksum of
 // what it records.
-#include "base/checksum.h"
+#include "base/core/checksum.h"
 #include "daemon/bus/credentials.h"
 #include "daemon/bus/member_signatures.h"
 #include "rates.h"

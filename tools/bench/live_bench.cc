@@ -5,8 +5,8 @@
 #include <cmath>
 #include <semaphore>
 
-#include "base/statistics.h"
-#include "base/time.h"
+#include "base/core/statistics.h"
+#include "base/core/time.h"
 #include "rates.h"
 #include "recon/pipeline/frame_pipeline.h"
 #include "workload.h"

@@ -4,7 +4,7 @@
 
 #include <vector>
 
-#include "base/mesh.h"
+#include "base/geometry/mesh.h"
 #include "codec/frame_codec.h"
 #include "recon/hull/sparse_volume.h"
 

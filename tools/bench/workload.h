@@ -4,8 +4,9 @@
 
 #include <vector>
 
-#include "base/camera_model.h"
-#include "base/frame.h"
+#include "base/geometry/box.h"
+#include "base/geometry/camera_model.h"
+#include "base/image/frame.h"
 #include "capture/segmentation/segmenter.h"
 #include "recon/hull/intersect.h"
 #include "recon/pipeline/compact_frame.h"

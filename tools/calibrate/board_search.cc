@@ -2,8 +2,8 @@
 
 #include <tbb/parallel_for.h>
 
-#include "base/error.h"
-#include "base/image_size.h"
+#include "base/core/error.h"
+#include "base/image/image_size.h"
 #include "common/console.h"
 #include "v3dctl/options.h"
 #include "v3dctl/process.h"

@@ -2,9 +2,9 @@
 #include <cstdio>
 #include <nlohmann/json.hpp>
 
-#include "base/calib_file.h"
-#include "base/error.h"
-#include "base/file.h"
+#include "base/config/calib_file.h"
+#include "base/core/error.h"
+#include "base/io/whole_file.h"
 #include "calib/colour/colour_report.h"
 #include "calibrate/colour_images.h"
 #include "calibrate/colour_places.h"

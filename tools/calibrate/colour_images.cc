@@ -4,8 +4,8 @@
 #include <array>
 #include <optional>
 
-#include "base/demosaic.h"
-#include "base/error.h"
+#include "base/core/error.h"
+#include "base/image/demosaic.h"
 #include "calib/colour/chart_detector.h"
 #include "v3dctl/process.h"
 

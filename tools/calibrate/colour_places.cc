@@ -5,7 +5,7 @@
 #include <optional>
 #include <span>
 
-#include "base/error.h"
+#include "base/core/error.h"
 #include "common/console.h"
 #include "daemon/recorded/mesh_frames.h"
 #include "daemon/recorded/segmented_log.h"

@@ -4,7 +4,7 @@
 #include <filesystem>
 #include <vector>
 
-#include "base/camera_model.h"
+#include "base/geometry/camera_model.h"
 #include "calib/colour/colour_fit.h"
 
 namespace v3d::calibrate {

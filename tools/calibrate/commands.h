@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "base/image.h"
+#include "base/image/image.h"
 #include "v3dctl/command_line.h"
 
 namespace v3d::calibrate {

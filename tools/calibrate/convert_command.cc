@@ -2,9 +2,9 @@
 #include <cstdio>
 #include <nlohmann/json.hpp>
 
-#include "base/error.h"
-#include "base/image_size.h"
-#include "base/units.h"
+#include "base/core/error.h"
+#include "base/core/units.h"
+#include "base/image/image_size.h"
 #include "calib/formats/foreign_rig.h"
 #include "calibrate/commands.h"
 #include "calibrate/rig_formats.h"

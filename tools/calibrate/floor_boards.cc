@@ -1,6 +1,6 @@
 #include "calibrate/floor_boards.h"
 
-#include "base/error.h"
+#include "base/core/error.h"
 #include "calib/boards/board_pose.h"
 #include "calib/rig/floor_fit.h"
 #include "common/console.h"

@@ -1,8 +1,8 @@
 #include <cstdio>
 #include <nlohmann/json.hpp>
 
-#include "base/calib_file.h"
-#include "base/error.h"
+#include "base/config/calib_file.h"
+#include "base/core/error.h"
 #include "calib/rig/floor_fit.h"
 #include "calibrate/commands.h"
 #include "calibrate/floor_boards.h"

@@ -2,10 +2,10 @@
 #include <filesystem>
 #include <nlohmann/json.hpp>
 
-#include "base/calib_file.h"
-#include "base/error.h"
-#include "base/image_size.h"
-#include "base/studio_file.h"
+#include "base/config/calib_file.h"
+#include "base/config/studio_file.h"
+#include "base/core/error.h"
+#include "base/image/image_size.h"
 #include "calib/rig/initial_rig.h"
 #include "calibrate/commands.h"
 #include "common/console.h"

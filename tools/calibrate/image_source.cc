@@ -7,7 +7,7 @@
 #include <memory>
 #include <vector>
 
-#include "base/error.h"
+#include "base/core/error.h"
 #include "take/logs/frame_log.h"
 #include "take/take.h"
 #include "v3dctl/import/image_file.h"

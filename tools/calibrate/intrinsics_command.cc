@@ -2,9 +2,9 @@
 #include <cstdio>
 #include <nlohmann/json.hpp>
 
-#include "base/calib_file.h"
-#include "base/error.h"
-#include "base/name.h"
+#include "base/config/calib_file.h"
+#include "base/core/error.h"
+#include "base/core/name.h"
 #include "calib/boards/view_selection.h"
 #include "calibrate/board_search.h"
 #include "calibrate/commands.h"

@@ -6,7 +6,7 @@
 #include <ctime>
 #include <stdexcept>
 
-#include "base/error.h"
+#include "base/core/error.h"
 #include "common/console.h"
 #include "daemon/control/operator_client.h"
 #include "take/take.h"

@@ -3,7 +3,7 @@
 
 #include <filesystem>
 
-#include "base/studio_file.h"
+#include "base/config/studio_file.h"
 
 namespace v3d::calibrate {
 

@@ -2,9 +2,10 @@
 #include <cstdio>
 #include <nlohmann/json.hpp>
 
-#include "base/calib_file.h"
-#include "base/error.h"
-#include "base/mask_shape.h"
+#include "base/config/calib_file.h"
+#include "base/core/error.h"
+#include "base/geometry/box.h"
+#include "base/image/mask_morphology.h"
 #include "calib/rig/silhouette_refinement.h"
 #include "calibrate/commands.h"
 #include "common/console.h"
@@ -63,7 +64,7 @@ class Silhouettes {
     for (size_t i = 0; i < frames.size(); ++i) {
       const int camera = find_camera(rig_, take_.rig()[i].name);
       if (!frames[i] || camera < 0 || frames[i]->mask.size() != views_[camera].size()) continue;
-      masks[camera] = opened(both(frames[i]->mask, views_[camera]), kSpeck);
+      masks[camera] = open(intersection_of(frames[i]->mask, views_[camera]), kSpeck);
     }
     instants_.push_back(std::move(masks));
   }

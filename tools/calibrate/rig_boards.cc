@@ -1,7 +1,7 @@
 #include "calibrate/rig_boards.h"
 
-#include "base/error.h"
-#include "base/file.h"
+#include "base/core/error.h"
+#include "base/io/whole_file.h"
 #include "calib/formats/time_stamps.h"
 #include "calibrate/live_take.h"
 #include "common/number_option.h"

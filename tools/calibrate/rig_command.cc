@@ -2,12 +2,12 @@
 #include <cstdio>
 #include <nlohmann/json.hpp>
 
-#include "base/calib_file.h"
-#include "base/demosaic.h"
-#include "base/error.h"
-#include "base/file.h"
-#include "base/html.h"
-#include "base/jpeg.h"
+#include "base/config/calib_file.h"
+#include "base/core/error.h"
+#include "base/core/html.h"
+#include "base/image/demosaic.h"
+#include "base/image/jpeg.h"
+#include "base/io/whole_file.h"
 #include "calib/rig/rig_fit.h"
 #include "calib/rig/rig_report.h"
 #include "calibrate/commands.h"

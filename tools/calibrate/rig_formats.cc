@@ -4,10 +4,10 @@
 #include <array>
 #include <utility>
 
-#include "base/calib_file.h"
-#include "base/error.h"
-#include "base/file.h"
+#include "base/config/calib_file.h"
+#include "base/core/error.h"
 #include "base/io/file.h"
+#include "base/io/whole_file.h"
 #include "calib/formats/colmap_text.h"
 #include "calib/formats/foreign_rig.h"
 #include "calib/formats/middlebury_par.h"

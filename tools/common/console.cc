@@ -7,7 +7,7 @@
 #include <cstdlib>
 #include <string_view>
 
-#include "base/units.h"
+#include "base/core/units.h"
 
 namespace v3d {
 

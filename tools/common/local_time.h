@@ -4,7 +4,7 @@
 #include <ctime>
 #include <string>
 
-#include "base/time.h"
+#include "base/core/time.h"
 
 namespace v3d {
 

@@ -8,8 +8,8 @@
 #include <sstream>
 #include <string>
 
-#include "base/error.h"
-#include "base/file.h"
+#include "base/core/error.h"
+#include "base/io/whole_file.h"
 
 namespace v3d {
 namespace {

@@ -5,7 +5,7 @@
 #include <string>
 #include <string_view>
 
-#include "base/mesh.h"
+#include "base/geometry/mesh.h"
 
 namespace v3d {
 

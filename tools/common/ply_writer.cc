@@ -3,7 +3,7 @@
 #include <bit>
 #include <string>
 
-#include "base/file.h"
+#include "base/io/whole_file.h"
 
 namespace v3d {
 namespace {

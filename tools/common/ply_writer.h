@@ -7,7 +7,7 @@
 #include <span>
 #include <string>
 
-#include "base/mesh.h"
+#include "base/geometry/mesh.h"
 
 namespace v3d {
 

@@ -7,7 +7,7 @@
 #include <stdexcept>
 #include <utility>
 
-#include "base/error.h"
+#include "base/core/error.h"
 #include "base/io/process.h"
 
 namespace v3d {

@@ -4,7 +4,7 @@
 #include <CLI/CLI.hpp>
 #include <string>
 
-#include "base/pulse_rate.h"
+#include "base/config/pulse_rate.h"
 
 namespace v3d {
 

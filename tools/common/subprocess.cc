@@ -10,7 +10,7 @@
 #include <stdexcept>
 #include <utility>
 
-#include "base/error.h"
+#include "base/core/error.h"
 #include "base/io/process.h"
 #include "base/io/unique_fd.h"
 

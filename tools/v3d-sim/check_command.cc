@@ -2,8 +2,8 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 
-#include "base/error.h"
-#include "base/units.h"
+#include "base/core/error.h"
+#include "base/core/units.h"
 #include "sim/cameras/exposure_record.h"
 #include "v3d-sim/commands.h"
 #include "v3d-sim/take_check.h"

@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <array>
 
-#include "base/file.h"
-#include "base/toml_file.h"
+#include "base/config/toml_file.h"
+#include "base/io/whole_file.h"
 
 namespace v3d::sim {
 namespace {

@@ -8,7 +8,7 @@
 #include <string_view>
 #include <vector>
 
-#include "base/camera_model.h"
+#include "base/geometry/camera_model.h"
 #include "sim/cameras/fault.h"
 
 namespace v3d::sim {

@@ -3,7 +3,7 @@
 #include <exception>
 #include <iostream>
 
-#include "base/error.h"
+#include "base/core/error.h"
 #include "v3d-sim/commands.h"
 
 int main(int argc, char** argv) {

@@ -1,6 +1,6 @@
 #include "v3d-sim/options.h"
 
-#include "base/image_size.h"
+#include "base/image/image_size.h"
 #include "common/pulse_rate_option.h"
 #include "sim/rendering/scene.h"
 

@@ -5,7 +5,7 @@
 #include <cstdint>
 #include <string>
 
-#include "base/calib_file.h"
+#include "base/config/calib_file.h"
 
 namespace v3d::sim {
 

@@ -5,9 +5,9 @@
 #include <deque>
 #include <stdexcept>
 
-#include "base/calib_file.h"
-#include "base/error.h"
-#include "base/name.h"
+#include "base/config/calib_file.h"
+#include "base/core/error.h"
+#include "base/core/name.h"
 #include "capture/segmentation/segmenter.h"
 #include "common/ply_writer.h"
 #include "sim/cameras/device_clock.h"

@@ -7,7 +7,7 @@
 #include <optional>
 #include <vector>
 
-#include "base/camera_model.h"
+#include "base/geometry/camera_model.h"
 #include "v3d-sim/faults.h"
 
 namespace v3d::sim {

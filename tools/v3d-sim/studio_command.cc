@@ -4,10 +4,11 @@
 #include <memory>
 #include <optional>
 
-#include "base/calib_file.h"
-#include "base/error.h"
-#include "base/file.h"
-#include "base/units.h"
+#include "base/config/calib_file.h"
+#include "base/core/error.h"
+#include "base/core/memory.h"
+#include "base/core/units.h"
+#include "base/io/whole_file.h"
 #include "common/console.h"
 #include "sim/cameras/exposure_record.h"
 #include "sim/cameras/gige_cameras.h"

@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "base/toml_file.h"
+#include "base/config/toml_file.h"
 #include "sim/cameras/gige_cameras.h"
 
 namespace v3d::sim {

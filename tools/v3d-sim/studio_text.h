@@ -3,7 +3,7 @@
 
 #include <string>
 
-#include "base/camera_model.h"
+#include "base/geometry/camera_model.h"
 
 namespace v3d::sim {
 

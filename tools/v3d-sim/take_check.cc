@@ -4,7 +4,7 @@
 #include <optional>
 #include <set>
 
-#include "base/error.h"
+#include "base/core/error.h"
 #include "take/logs/frame_log.h"
 #include "take/take.h"
 

@@ -1,6 +1,6 @@
 #include <memory>
 
-#include "base/error.h"
+#include "base/core/error.h"
 #include "common/console.h"
 #include "common/number_option.h"
 #include "sim/rendering/scene.h"

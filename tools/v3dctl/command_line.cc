@@ -6,9 +6,9 @@
 #include <stdexcept>
 #include <utility>
 
-#include "base/error.h"
+#include "base/core/error.h"
+#include "base/core/printable.h"
 #include "base/io/process.h"
-#include "base/printable.h"
 #include "take/take.h"
 
 namespace v3d::ctl {

@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <charconv>
 
-#include "base/error.h"
-#include "base/units.h"
+#include "base/core/error.h"
+#include "base/core/units.h"
 #include "common/console.h"
 
 namespace v3d::ctl {

@@ -9,7 +9,7 @@
 #include <utility>
 #include <vector>
 
-#include "base/name_list.h"
+#include "base/core/name.h"
 #include "daemon/recorded/frame_range.h"
 
 namespace v3d::ctl {

@@ -5,8 +5,8 @@
 #include <memory>
 #include <string>
 
-#include "base/error.h"
-#include "base/studio_file.h"
+#include "base/config/studio_file.h"
+#include "base/core/error.h"
 
 namespace v3d {
 

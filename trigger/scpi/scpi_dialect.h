@@ -6,7 +6,7 @@
 #include <string_view>
 #include <vector>
 
-#include "base/studio_file.h"
+#include "base/config/studio_file.h"
 #include "trigger/pulse_train.h"
 
 namespace v3d {

@@ -4,7 +4,7 @@
 #include <filesystem>
 #include <string>
 
-#include "base/time.h"
+#include "base/core/time.h"
 #include "trigger/scpi/instrument.h"
 
 namespace v3d {

@@ -8,7 +8,7 @@
 
 #include <opencv2/imgproc.hpp>
 
-#include "base/error.h"
+#include "base/core/error.h"
 #include "calib/colour/chart_detector.h"
 #include "calib/colour/colour_difference.h"
 #include "calib/colour/colour_report.h"

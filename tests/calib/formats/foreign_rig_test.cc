@@ -5,7 +5,7 @@
 #include <gtest/gtest.h>
 #include <rapidcheck/gtest.h>
 
-#include "base/error.h"
+#include "base/core/error.h"
 #include "calib/formats/colmap_text.h"
 #include "calib/formats/middlebury_par.h"
 #include "calib/formats/opencv_file.h"

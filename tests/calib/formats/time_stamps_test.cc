@@ -3,7 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "base/error.h"
+#include "base/core/error.h"
 #include "support/message_of.h"
 namespace v3d::calib {
 namespace {

@@ -5,7 +5,7 @@
 
 #include <algorithm>
 
-#include "base/error.h"
+#include "base/core/error.h"
 #include "calib/board_walk_observations.h"
 #include "sim/rendering/scene.h"
 #include "support/message_of.h"

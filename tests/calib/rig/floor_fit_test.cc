@@ -3,7 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "base/error.h"
+#include "base/core/error.h"
 #include "calib/board_walk_observations.h"
 #include "calib/boards/board_pose.h"
 #include "sim/rendering/scene.h"

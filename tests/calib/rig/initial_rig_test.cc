@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include "base/geometry/box.h"
+
 namespace v3d::calib {
 namespace {
 

@@ -5,8 +5,8 @@
 
 #include <algorithm>
 
-#include "base/error.h"
-#include "base/statistics.h"
+#include "base/core/error.h"
+#include "base/core/statistics.h"
 #include "calib/board_walk_observations.h"
 #include "calib/rig/rig_comparison.h"
 #include "sim/rendering/scene.h"

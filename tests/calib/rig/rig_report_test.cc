@@ -3,7 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "base/html.h"
+#include "base/core/html.h"
 #include "sim/rendering/scene.h"
 
 namespace v3d::calib {

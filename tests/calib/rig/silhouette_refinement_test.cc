@@ -3,7 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "base/error.h"
+#include "base/core/error.h"
 #include "calib/rig/epipolar_tangents.h"
 #include "sim/rendering/scene.h"
 #include "support/knocked_rig.h"

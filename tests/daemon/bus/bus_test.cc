@@ -12,7 +12,7 @@
 #include <iterator>
 #include <mutex>
 
-#include "base/error.h"
+#include "base/core/error.h"
 #include "support/child_process.h"
 #include "support/message_of.h"
 #include "support/raw_datagrams.h"

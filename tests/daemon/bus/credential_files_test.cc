@@ -4,7 +4,7 @@
 #include <gtest/gtest.h>
 #include <sys/stat.h>
 
-#include "base/file.h"
+#include "base/io/whole_file.h"
 #include "support/temporary_folder.h"
 
 namespace v3d {

@@ -6,7 +6,7 @@
 
 #include <algorithm>
 
-#include "base/error.h"
+#include "base/core/error.h"
 #include "daemon/bus/bus.h"
 #include "support/child_process.h"
 #include "support/message_of.h"

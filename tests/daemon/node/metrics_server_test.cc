@@ -10,7 +10,7 @@
 #include <memory>
 #include <vector>
 
-#include "base/error.h"
+#include "base/core/error.h"
 #include "base/io/unique_fd.h"
 
 namespace v3d {

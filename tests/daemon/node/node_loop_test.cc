@@ -8,7 +8,7 @@
 #include <atomic>
 #include <thread>
 
-#include "base/file.h"
+#include "base/io/whole_file.h"
 #include "daemon/control/operator_client.h"
 #include "support/child_process.h"
 #include "support/temporary_folder.h"

@@ -7,8 +7,8 @@
 #include <future>
 #include <semaphore>
 
-#include "base/error.h"
-#include "base/file.h"
+#include "base/core/error.h"
+#include "base/io/whole_file.h"
 #include "support/child_process.h"
 #include "support/temporary_folder.h"
 #include "take/logs/mesh_file.h"

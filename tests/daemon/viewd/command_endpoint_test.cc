@@ -9,8 +9,8 @@
 #include <fstream>
 #include <nlohmann/json.hpp>
 
-#include "base/error.h"
-#include "base/name.h"
+#include "base/core/error.h"
+#include "base/core/name.h"
 #include "daemon/viewd/child_program.h"
 #include "daemon/viewd/served_files.h"
 #include "daemon/viewd/studio_status.h"

@@ -6,8 +6,8 @@
 
 #include <algorithm>
 
-#include "base/calib_file.h"
-#include "base/jpeg.h"
+#include "base/config/calib_file.h"
+#include "base/image/jpeg.h"
 #include "support/child_process.h"
 #include "viewed_site.h"
 

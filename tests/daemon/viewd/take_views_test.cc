@@ -6,7 +6,7 @@
 
 #include <nlohmann/json.hpp>
 
-#include "base/calib_file.h"
+#include "base/config/calib_file.h"
 #include "take/logs/frame_log.h"
 #include "take/logs/mesh_file.h"
 #include "tests/codec/scene.h"

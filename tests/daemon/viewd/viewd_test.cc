@@ -8,7 +8,7 @@
 #include <filesystem>
 #include <set>
 
-#include "base/error.h"
+#include "base/core/error.h"
 #include "codec/frame_header.h"
 #include "daemon/control/reply_json.h"
 #include "daemon/viewd/live_feed.h"

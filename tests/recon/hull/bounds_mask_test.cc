@@ -5,7 +5,8 @@
 #include <cmath>
 #include <random>
 
-#include "base/geometry.h"
+#include "base/geometry/box.h"
+#include "base/geometry/rigid_transform.h"
 
 namespace v3d {
 namespace {

@@ -8,7 +8,7 @@
 
 #include <numbers>
 
-#include "base/error.h"
+#include "base/core/error.h"
 #include "tests/recon/allocations.h"
 #include "tests/recon/random_rig.h"
 

@@ -6,7 +6,8 @@
 #include <limits>
 #include <string>
 
-#include "base/error.h"
+#include "base/core/error.h"
+#include "base/geometry/box.h"
 #include "support/message_of.h"
 
 namespace v3d {

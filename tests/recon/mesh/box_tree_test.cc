@@ -6,6 +6,8 @@
 #include <algorithm>
 #include <random>
 
+#include "base/geometry/box.h"
+
 namespace v3d {
 namespace {
 

@@ -5,7 +5,8 @@
 #include <cmath>
 #include <numbers>
 
-#include "base/mask_shape.h"
+#include "base/geometry/box.h"
+#include "base/image/mask_morphology.h"
 #include "recon/render/renderer.h"
 #include "recon/shapes.h"
 

@@ -5,8 +5,8 @@
 
 #include <algorithm>
 
-#include "base/demosaic.h"
-#include "base/error.h"
+#include "base/core/error.h"
+#include "base/image/demosaic.h"
 #include "recon/mesh/self_intersection.h"
 #include "recon/metrics/evaluation.h"
 #include "recon/pipeline/compact_frame.h"

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 #include <tbb/global_control.h>
 
+#include "base/geometry/box.h"
 #include "recon/shapes.h"
 
 namespace v3d {

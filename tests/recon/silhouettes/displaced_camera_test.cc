@@ -6,6 +6,7 @@
 #include <cmath>
 #include <numbers>
 
+#include "base/geometry/box.h"
 #include "recon/render/renderer.h"
 #include "recon/shapes.h"
 #include "recon/silhouettes/leave_one_out_hull.h"

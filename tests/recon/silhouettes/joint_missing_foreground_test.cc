@@ -5,7 +5,8 @@
 
 #include <numbers>
 
-#include "base/mask_shape.h"
+#include "base/geometry/box.h"
+#include "base/image/mask_morphology.h"
 #include "recon/render/renderer.h"
 #include "recon/shapes.h"
 #include "recon/silhouettes/leave_one_out_hull.h"
@@ -42,7 +43,7 @@ struct Studio {
     shapes::append(whole, head());
     masks = draw_silhouettes(whole, models);
     const std::vector<Mask> headless = draw_silhouettes(body(), models);
-    for (size_t c = 0; c < kCameras; ++c) heads.push_back(only_first(masks[c], headless[c]));
+    for (size_t c = 0; c < kCameras; ++c) heads.push_back(difference_of(masks[c], headless[c]));
     for (const size_t c : lost) masks[c] = headless[c];
   }
 
@@ -60,7 +61,7 @@ struct Studio {
     const std::vector<Mask> explained = hull.silhouettes(seen);
     std::vector<Mask> unexplained(kCameras);  // without what is narrow: rims
     for (size_t c = 0; c < kCameras; ++c) {
-      if (seen[c] != nullptr) unexplained[c] = opened(only_first(*seen[c], explained[c]), 2);
+      if (seen[c] != nullptr) unexplained[c] = open(difference_of(*seen[c], explained[c]), 2);
     }
     return joint_missing_foreground(grid, lenses, seen, unexplained, options);
   }
@@ -68,7 +69,7 @@ struct Studio {
 };
 
 /// A voxel is about 1.4 pixels wide, and one pixel tells of it.
-Mask filled(const Mask& missing) { return grown(missing, 1); }
+Mask filled(const Mask& missing) { return dilate(missing, 1); }
 
 std::vector<size_t> accused(const std::vector<Mask>& missing) {
   std::vector<size_t> cameras;

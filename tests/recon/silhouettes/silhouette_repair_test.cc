@@ -8,7 +8,8 @@
 #include <cmath>
 #include <set>
 
-#include "base/mask_shape.h"
+#include "base/geometry/box.h"
+#include "base/image/mask_morphology.h"
 #include "recon/render/renderer.h"
 #include "recon/shapes.h"
 #include "sim/rendering/batch_renderer.h"
@@ -91,7 +92,7 @@ std::vector<Mask> with_hole(size_t camera, Rect hole) {
 
 /// Inside the silhouette, in the middle of its widest row.
 Rect solid_part(const Mask& mask, int edge) {
-  const Mask core = shrunk(mask, edge / 2 + 2);
+  const Mask core = erode(mask, edge / 2 + 2);
   const Rect box = core.bounding_box();
   for (int y = box.y0 + box.height / 3;; ++y) {
     for (int x = box.x0; x < box.x0 + box.width; ++x) {

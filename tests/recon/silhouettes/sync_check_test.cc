@@ -4,6 +4,7 @@
 #include <cmath>
 #include <numbers>
 
+#include "base/geometry/box.h"
 #include "recon/render/renderer.h"
 #include "recon/shapes.h"
 #include "recon/silhouettes/frame_lag.h"

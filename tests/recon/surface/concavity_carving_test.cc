@@ -6,7 +6,7 @@
 #include <algorithm>
 #include <random>
 
-#include "base/mask_shape.h"
+#include "base/image/mask_morphology.h"
 #include "recon/hull/intersect.h"
 #include "recon/hull/marching_cubes.h"
 #include "recon/render/renderer.h"
@@ -165,8 +165,8 @@ int64_t opened_pixels(const Studio& studio, const SparseVolume& left) {
   const std::vector<Mask> after = draw_silhouettes(marching_cubes(left), studio.models);
   int64_t opened = 0;
   for (size_t c = 0; c < before.size(); ++c) {
-    const Mask seen = both(before[c], *studio.frames[c].mask);
-    opened += only_first(seen, grown(after[c], 2)).count();
+    const Mask seen = intersection_of(before[c], *studio.frames[c].mask);
+    opened += difference_of(seen, dilate(after[c], 2)).count();
   }
   return opened;
 }

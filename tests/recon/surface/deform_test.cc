@@ -6,8 +6,8 @@
 #include <algorithm>
 #include <random>
 
-#include "base/error.h"
-#include "base/statistics.h"
+#include "base/core/error.h"
+#include "base/core/statistics.h"
 #include "recon/mesh/self_intersection.h"
 #include "recon/mesh/self_intersection_removal.h"
 #include "recon/render/renderer.h"

@@ -6,7 +6,7 @@
 #include <algorithm>
 #include <random>
 
-#include "base/statistics.h"
+#include "base/core/statistics.h"
 #include "recon/mesh/self_intersection.h"
 #include "recon/metrics/evaluation.h"
 #include "recon/render/renderer.h"

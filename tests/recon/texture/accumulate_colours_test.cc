@@ -8,7 +8,7 @@
 #include <optional>
 #include <random>
 
-#include "base/demosaic.h"
+#include "base/image/demosaic.h"
 #include "recon/render/rasteriser.h"
 #include "recon/shapes.h"
 #include "recon/texture/texture.h"

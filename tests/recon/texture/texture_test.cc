@@ -9,7 +9,7 @@
 #include <functional>
 #include <random>
 
-#include "base/demosaic.h"
+#include "base/image/demosaic.h"
 #include "recon/shapes.h"
 #include "recon/texture/camera_colours.h"
 

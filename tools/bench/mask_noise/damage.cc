@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "base/mask_shape.h"
+#include "base/image/mask_morphology.h"
 
 namespace v3d::bench {
 namespace {
@@ -43,7 +43,7 @@ void salt(Mask& mask, std::mt19937& random) {
 }
 
 void fray(Mask& mask, std::mt19937& random) {
-  const Mask core = shrunk(mask, 1);
+  const Mask core = erode(mask, 1);
   for_every_pixel(mask, [&](int x, int y) {
     if (mask.get(x, y) && !core.get(x, y) && happens(random, kFrayed)) mask.set(x, y, false);
   });
@@ -64,7 +64,7 @@ void spoil_all_ways(Mask& mask, std::mt19937& random) {
   salt(mask, random);
 }
 
-void erode(Mask& mask, std::mt19937&) { mask = shrunk(mask, 1); }
+void erode_by_a_pixel(Mask& mask, std::mt19937&) { mask = erode(mask, 1); }
 
 /// Round a pixel of the silhouette; as wide as a tenth to a fifth of its shorter side.
 void punch_big_hole(Mask& mask, std::mt19937& random) {
@@ -87,7 +87,7 @@ void lose_limb(Mask& mask, std::mt19937& random) {
   const int x0 = below(random, 2) == 0 ? box.x0 : box.x0 + 2 * box.width / 3;
   Mask limb(mask.size());
   for (int y = y0; y < y0 + box.height / 4; ++y) limb.fill_row(y, x0, x0 + box.width / 3);
-  mask = only_first(std::move(mask), limb);
+  mask = difference_of(std::move(mask), limb);
 }
 
 void lose_half(Mask& mask, std::mt19937& random) {
@@ -95,7 +95,7 @@ void lose_half(Mask& mask, std::mt19937& random) {
   const int y0 = below(random, 2) == 0 ? box.y0 : box.y0 + box.height / 2;
   Mask half(mask.size());
   for (int y = y0; y < y0 + box.height / 2; ++y) half.fill_row(y, box.x0, box.x0 + box.width);
-  mask = only_first(std::move(mask), half);
+  mask = difference_of(std::move(mask), half);
 }
 
 void blacken(Mask& mask, std::mt19937&) { mask = Mask(mask.size()); }
@@ -106,7 +106,7 @@ constexpr Damage kDamages[] = {
     {"frayed: every second outline pixel lost", true, fray},
     {"12 holes of 1 to 4 pixels' radius", true, punch_small_holes},
     {"all three", true, spoil_all_ways},
-    {"eroded by a pixel", true, erode},
+    {"eroded by a pixel", true, erode_by_a_pixel},
     {"big hole, a quarter of the cameras", false, punch_big_hole},
     {"lost limb, a quarter of the cameras", false, lose_limb},
     {"lost half, a quarter of the cameras", false, lose_half},

@@ -4,7 +4,7 @@
 #include <random>
 #include <span>
 
-#include "base/mask.h"
+#include "base/image/mask.h"
 
 namespace v3d::bench {
 

@@ -6,9 +6,10 @@
 #include <cstdio>
 #include <numeric>
 
-#include "base/error.h"
-#include "base/mask_shape.h"
-#include "base/units.h"
+#include "base/core/error.h"
+#include "base/core/units.h"
+#include "base/geometry/box.h"
+#include "base/image/mask_morphology.h"
 #include "capture/segmentation/mask_cleanup.h"
 #include "capture/segmentation/segment_options.h"
 #include "daemon/recorded/take_frames.h"
@@ -56,7 +57,8 @@ class Recording {
         frames_(take_.read(arguments.pulse)) {
     for (size_t c = 0; c < frames_.size(); ++c) {
       if (!frames_[c]) throw InputError("this pulse lacks " + take_.rig()[c].name);
-      truth_.push_back(both(frames_[c]->mask, bounds_mask(options_.bounds, take_.rig()[c].model)));
+      truth_.push_back(
+          intersection_of(frames_[c]->mask, bounds_mask(options_.bounds, take_.rig()[c].model)));
     }
     whole_ = hulls_.volume(pointers_to(truth_));
   }

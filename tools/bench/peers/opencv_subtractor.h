@@ -4,7 +4,7 @@
 #include <memory>
 #include <vector>
 
-#include "base/image.h"
+#include "base/image/image.h"
 
 namespace v3d::bench {
 

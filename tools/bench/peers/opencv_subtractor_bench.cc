@@ -7,7 +7,7 @@
 // the other, each spread over all cores by OpenCV.
 #include <tbb/parallel_for.h>
 
-#include "base/demosaic.h"
+#include "base/image/demosaic.h"
 #include "peers/opencv_subtractor.h"
 #include "rates.h"
 #include "workload.h"

@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "base/mask_shape.h"
+#include "base/image/mask_morphology.h"
 #include "calib/rig/silhouette_refinement.h"
 #include "capture/segmentation/segmenter.h"
 #include "sim/rendering/batch_renderer.h"
@@ -48,7 +48,7 @@ Masks segmented_masks(const Rig& rig, const RefineTrials& trials, uint64_t seed)
         film.render_all(kSecondsApart * i, kPlates + static_cast<uint64_t>(i));
     masks.emplace_back();
     for (size_t c = 0; c < rig.size(); ++c) {
-      masks.back().push_back(opened(segmenters[c].segment(images[c].view()), kSpeck));
+      masks.back().push_back(open(segmenters[c].segment(images[c].view()), kSpeck));
     }
   }
   return masks;

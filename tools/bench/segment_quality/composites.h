@@ -8,8 +8,8 @@
 #include <string>
 #include <vector>
 
-#include "base/image.h"
-#include "base/mask.h"
+#include "base/image/image.h"
+#include "base/image/mask.h"
 
 namespace v3d::bench {
 

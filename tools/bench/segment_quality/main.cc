@@ -4,8 +4,8 @@
 #include <cstdlib>
 #include <iostream>
 
-#include "base/error.h"
-#include "base/png_file.h"
+#include "base/core/error.h"
+#include "base/image/png_file.h"
 #include "segment_quality/report.h"
 
 namespace {

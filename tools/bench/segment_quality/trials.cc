@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <bit>
 
-#include "base/demosaic.h"
+#include "base/image/demosaic.h"
 #include "capture/segmentation/mask_cleanup.h"
 #include "capture/segmentation/segmenter.h"
 #include "peers/opencv_subtractor.h"

@@ -7,7 +7,7 @@
 #include <random>
 #include <set>
 
-#include "base/mask_shape.h"
+#include "base/image/mask_morphology.h"
 #include "recon/silhouettes/silhouette_repair.h"
 #include "sim/rendering/batch_renderer.h"
 #include "workload.h"
@@ -108,13 +108,13 @@ using Spoil = void (*)(const Instant&, size_t camera, std::mt19937& random, Show
 void punch_hole(const Instant& instant, size_t camera, std::mt19937& random, Shown& shown) {
   const auto [x, y] = place_in(instant.truth[kNow][camera], random);
   const Mask hole = disc(x, y, 10 + below(random, 15));
-  for (Masks& masks : shown.masks) masks[camera] = only_first(std::move(masks[camera]), hole);
+  for (Masks& masks : shown.masks) masks[camera] = difference_of(std::move(masks[camera]), hole);
 }
 
 void add_blob(const Instant& instant, size_t camera, std::mt19937& random, Shown& shown) {
   const auto [x, y] = place_in(instant.truth[kNow][camera], random);
   const Mask blob = disc(x + 30, y, 15 + below(random, 20));
-  for (Masks& masks : shown.masks) masks[camera] = either(std::move(masks[camera]), blob);
+  for (Masks& masks : shown.masks) masks[camera] = union_of(std::move(masks[camera]), blob);
 }
 
 /// A third of the width and a quarter of the height, at one side.
@@ -124,7 +124,7 @@ void lose_limb(const Instant& instant, size_t camera, std::mt19937& random, Show
   const int x0 = below(random, 2) == 0 ? box.x0 : box.x0 + 2 * box.width / 3;
   Mask limb(kSize);
   for (int y = y0; y < y0 + box.height / 4; ++y) limb.fill_row(y, x0, x0 + box.width / 3);
-  for (Masks& masks : shown.masks) masks[camera] = only_first(std::move(masks[camera]), limb);
+  for (Masks& masks : shown.masks) masks[camera] = difference_of(std::move(masks[camera]), limb);
 }
 
 void blacken(const Instant&, size_t camera, std::mt19937&, Shown& shown) {
@@ -150,7 +150,7 @@ constexpr Kind kKinds[] = {{"hole", punch_hole},          {"blob", add_blob},
                            {"one pulse late", make_late}, {"frame repeated", repeat}};
 
 int64_t differing(const Mask& a, const Mask& b) {
-  return only_first(a, b).count() + only_first(b, a).count();
+  return difference_of(a, b).count() + difference_of(b, a).count();
 }
 
 /// All trials of one studio.

@@ -17,9 +17,10 @@
 #include <string>
 #include <vector>
 
-#include "base/error.h"
-#include "base/statistics.h"
-#include "base/units.h"
+#include "base/core/error.h"
+#include "base/core/statistics.h"
+#include "base/core/units.h"
+#include "base/geometry/box.h"
 #include "capture/segmentation/segmenter.h"
 #include "recon/hull/intersect.h"
 #include "recon/hull/marching_cubes.h"

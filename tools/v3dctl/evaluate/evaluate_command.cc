@@ -2,8 +2,8 @@
 #include <cstdio>
 #include <nlohmann/json.hpp>
 
-#include "base/error.h"
-#include "base/file.h"
+#include "base/core/error.h"
+#include "base/io/whole_file.h"
 #include "v3dctl/command_line.h"
 #include "v3dctl/evaluate/evaluate.h"
 #include "v3dctl/evaluate/evaluation_page.h"

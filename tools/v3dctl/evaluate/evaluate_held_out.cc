@@ -1,7 +1,7 @@
 #include <algorithm>
 
-#include "base/error.h"
-#include "base/statistics.h"
+#include "base/core/error.h"
+#include "base/core/statistics.h"
 #include "common/console.h"
 #include "daemon/recorded/frame_colours.h"
 #include "daemon/recorded/take_frames.h"

@@ -1,8 +1,8 @@
 #include <algorithm>
 #include <cstdio>
 
-#include "base/error.h"
-#include "base/statistics.h"
+#include "base/core/error.h"
+#include "base/core/statistics.h"
 #include "common/console.h"
 #include "common/ply_reader.h"
 #include "recon/mesh/self_intersection.h"

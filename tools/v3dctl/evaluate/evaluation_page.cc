@@ -4,8 +4,8 @@
 #include <cmath>
 #include <cstdio>
 
-#include "base/html.h"
-#include "base/jpeg.h"
+#include "base/core/html.h"
+#include "base/image/jpeg.h"
 #include "daemon/recorded/frame_colours.h"
 #include "daemon/recorded/take_frames.h"
 #include "recon/metrics/evaluation.h"

@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "base/image.h"
+#include "base/image/image.h"
 #include "v3dctl/evaluate/evaluate.h"
 
 namespace v3d::ctl {

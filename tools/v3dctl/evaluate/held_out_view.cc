@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cstdlib>
 
-#include "base/demosaic.h"
+#include "base/image/demosaic.h"
 #include "recon/render/renderer.h"
 #include "recon/texture/colour_mask.h"
 

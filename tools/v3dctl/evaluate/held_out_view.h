@@ -1,10 +1,10 @@
 // View of a held-out camera: its photograph, and renderings of meshes that compare with it.
 #pragma once
 
-#include "base/camera_model.h"
-#include "base/image.h"
-#include "base/mask.h"
-#include "base/mesh.h"
+#include "base/geometry/camera_model.h"
+#include "base/geometry/mesh.h"
+#include "base/image/image.h"
+#include "base/image/mask.h"
 #include "daemon/recorded/segmented_log.h"
 
 namespace v3d::ctl {

@@ -2,8 +2,8 @@
 #include <cstdio>
 #include <optional>
 
-#include "base/error.h"
-#include "base/units.h"
+#include "base/core/error.h"
+#include "base/core/units.h"
 #include "common/console.h"
 #include "daemon/recorded/mesh_frames.h"
 #include "v3dctl/command_line.h"

@@ -4,8 +4,8 @@
 #include <string>
 #include <vector>
 
-#include "base/error.h"
-#include "base/file.h"
+#include "base/core/error.h"
+#include "base/io/whole_file.h"
 #include "common/ply_writer.h"
 
 namespace v3d::ctl {

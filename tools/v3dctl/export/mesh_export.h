@@ -5,7 +5,7 @@
 #include <span>
 #include <string_view>
 
-#include "base/mesh.h"
+#include "base/geometry/mesh.h"
 #include "recon/mesh/vertex_lattice.h"
 #include "recon/texture/camera_colours.h"
 

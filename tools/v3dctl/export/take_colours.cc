@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <map>
 
-#include "base/error.h"
+#include "base/core/error.h"
 #include "daemon/recorded/frame_colours.h"
 
 namespace v3d::ctl {

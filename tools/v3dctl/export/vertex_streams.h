@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "base/mesh.h"
+#include "base/geometry/mesh.h"
 #include "recon/mesh/vertex_lattice.h"
 
 namespace v3d::ctl {

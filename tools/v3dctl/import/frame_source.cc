@@ -6,8 +6,8 @@
 #include <cstring>
 #include <map>
 
-#include "base/error.h"
-#include "base/name_list.h"
+#include "base/core/error.h"
+#include "base/core/name.h"
 #include "v3dctl/import/image_file.h"
 #include "v3dctl/import/video_file.h"
 

@@ -11,7 +11,7 @@
 #include <opencv2/imgproc.hpp>
 #include <string_view>
 
-#include "base/error.h"
+#include "base/core/error.h"
 #include "base/io/file.h"
 
 namespace v3d::ctl {

@@ -3,8 +3,8 @@
 
 #include <filesystem>
 
-#include "base/image.h"
-#include "base/mask.h"
+#include "base/image/image.h"
+#include "base/image/mask.h"
 
 namespace v3d::ctl {
 

@@ -5,10 +5,10 @@
 #include <cmath>
 #include <limits>
 
-#include "base/calib_file.h"
-#include "base/error.h"
-#include "base/image_size.h"
-#include "base/units.h"
+#include "base/config/calib_file.h"
+#include "base/core/error.h"
+#include "base/core/units.h"
+#include "base/image/image_size.h"
 #include "capture/segmentation/segmenter.h"
 #include "common/console.h"
 #include "v3dctl/import/frame_source.h"

@@ -1,7 +1,7 @@
 // v3dctl-import: the program of `v3dctl import`.
 #include <cstdio>
 
-#include "base/error.h"
+#include "base/core/error.h"
 #include "common/number_option.h"
 #include "v3dctl/command_line.h"
 #include "v3dctl/import/import.h"

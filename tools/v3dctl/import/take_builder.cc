@@ -4,10 +4,10 @@
 #include <numeric>
 #include <stdexcept>
 
-#include "base/calib_file.h"
-#include "base/error.h"
+#include "base/config/calib_file.h"
+#include "base/core/error.h"
+#include "base/core/name.h"
 #include "base/io/file.h"
-#include "base/name.h"
 #include "take/ledger/ledger.h"
 #include "take/ledger/take_account.h"
 

@@ -6,8 +6,8 @@
 #include <string>
 #include <vector>
 
-#include "base/camera_model.h"
-#include "base/frame.h"
+#include "base/geometry/camera_model.h"
+#include "base/image/frame.h"
 #include "take/logs/frame_log.h"
 #include "take/take.h"
 

@@ -13,8 +13,8 @@ extern "C" {
 #include <new>
 #include <string>
 
-#include "base/error.h"
-#include "base/image_size.h"
+#include "base/core/error.h"
+#include "base/image/image_size.h"
 #include "base/io/file.h"
 
 namespace v3d::ctl {

@@ -6,7 +6,7 @@
 #include <memory>
 #include <optional>
 
-#include "base/image.h"
+#include "base/image/image.h"
 
 namespace v3d::ctl {
 

@@ -4,7 +4,7 @@
 #include <cstdio>
 #include <nlohmann/json.hpp>
 
-#include "base/units.h"
+#include "base/core/units.h"
 #include "v3dctl/options.h"
 
 namespace v3d::ctl {

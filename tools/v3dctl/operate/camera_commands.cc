@@ -3,10 +3,10 @@
 #include <cstdio>
 #include <nlohmann/json.hpp>
 
-#include "base/error.h"
-#include "base/file.h"
-#include "base/jpeg.h"
-#include "base/png_file.h"
+#include "base/core/error.h"
+#include "base/image/jpeg.h"
+#include "base/image/png_file.h"
+#include "base/io/whole_file.h"
 #include "common/console.h"
 #include "common/pulse_rate_option.h"
 #include "v3dctl/command_line.h"

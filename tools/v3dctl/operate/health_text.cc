@@ -5,7 +5,7 @@
 #include <cstdio>
 #include <nlohmann/json.hpp>
 
-#include "base/units.h"
+#include "base/core/units.h"
 
 namespace v3d::ctl {
 namespace {

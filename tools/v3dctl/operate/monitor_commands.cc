@@ -3,7 +3,7 @@
 #include <nlohmann/json.hpp>
 #include <optional>
 
-#include "base/error.h"
+#include "base/core/error.h"
 #include "common/number_option.h"
 #include "daemon/control/operator_client.h"
 #include "v3dctl/command_line.h"

@@ -3,9 +3,9 @@
 #include <cstdio>
 #include <nlohmann/json.hpp>
 
-#include "base/error.h"
-#include "base/name.h"
-#include "base/units.h"
+#include "base/core/error.h"
+#include "base/core/name.h"
+#include "base/core/units.h"
 #include "common/console.h"
 #include "common/number_option.h"
 #include "common/pulse_rate_option.h"

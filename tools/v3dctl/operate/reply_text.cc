@@ -6,7 +6,7 @@
 #include <nlohmann/json.hpp>
 #include <optional>
 
-#include "base/units.h"
+#include "base/core/units.h"
 #include "daemon/control/reply_json.h"
 #include "take/take.h"
 

@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "base/studio_file.h"
+#include "base/config/studio_file.h"
 #include "daemon/control/operator_client.h"
 #include "wire/messages.h"
 

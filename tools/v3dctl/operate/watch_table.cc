@@ -4,7 +4,7 @@
 #include <cmath>
 #include <optional>
 
-#include "base/units.h"
+#include "base/core/units.h"
 #include "common/local_time.h"
 #include "v3dctl/operate/health_text.h"
 

@@ -7,9 +7,9 @@
 #include <filesystem>
 #include <stdexcept>
 
-#include "base/error.h"
+#include "base/core/error.h"
+#include "base/core/time.h"
 #include "base/io/process.h"
-#include "base/time.h"
 #include "v3dctl/reconstruct/task_runner.h"
 
 namespace v3d::ctl {

@@ -7,9 +7,10 @@
 #include <cstdio>
 #include <nlohmann/json.hpp>
 
-#include "base/error.h"
-#include "base/statistics.h"
-#include "base/units.h"
+#include "base/core/error.h"
+#include "base/core/statistics.h"
+#include "base/core/units.h"
+#include "base/geometry/box.h"
 #include "common/console.h"
 #include "common/subprocess.h"
 #include "take/take.h"

@@ -3,8 +3,9 @@
 #include <charconv>
 #include <string>
 
-#include "base/error.h"
-#include "base/units.h"
+#include "base/core/error.h"
+#include "base/core/units.h"
+#include "base/geometry/box.h"
 #include "v3dctl/options.h"
 
 namespace v3d::ctl {

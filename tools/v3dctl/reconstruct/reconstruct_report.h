@@ -7,7 +7,7 @@
 #include <utility>
 #include <vector>
 
-#include "base/geometry.h"
+#include "base/geometry/box.h"
 #include "recon/metrics/frame_quality.h"
 #include "recon/pipeline/reconstructor.h"
 #include "v3dctl/reconstruct/silhouette_repair.h"

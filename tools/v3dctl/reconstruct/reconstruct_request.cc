@@ -6,7 +6,7 @@
 #include <nlohmann/json.hpp>
 #include <thread>
 
-#include "base/error.h"
+#include "base/core/error.h"
 #include "common/console.h"
 #include "v3dctl/reconstruct/reconstruction_bounds.h"
 

@@ -8,8 +8,8 @@
 #include <string>
 #include <vector>
 
-#include "base/geometry.h"
-#include "base/studio_file.h"
+#include "base/config/studio_file.h"
+#include "base/geometry/box.h"
 #include "daemon/recorded/take_frames.h"
 #include "recon/pipeline/reconstructor.h"
 #include "recon/surface/deform.h"

@@ -5,8 +5,8 @@
 #include <limits>
 #include <vector>
 
-#include "base/error.h"
-#include "base/statistics.h"
+#include "base/core/error.h"
+#include "base/core/statistics.h"
 
 namespace v3d::ctl {
 namespace {

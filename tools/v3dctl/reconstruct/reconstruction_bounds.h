@@ -1,8 +1,8 @@
 // Default bounds of the reconstruction, where neither the user nor a studio file gives them.
 #pragma once
 
-#include "base/camera_model.h"
-#include "base/geometry.h"
+#include "base/geometry/box.h"
+#include "base/geometry/camera_model.h"
 
 namespace v3d::ctl {
 

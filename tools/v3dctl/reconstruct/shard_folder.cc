@@ -10,10 +10,10 @@
 #include <nlohmann/json.hpp>
 #include <span>
 
-#include "base/checksum.h"
-#include "base/error.h"
-#include "base/file.h"
+#include "base/core/checksum.h"
+#include "base/core/error.h"
 #include "base/io/uninterrupted.h"
+#include "base/io/whole_file.h"
 #include "codec/frame_codec.h"
 #include "take/logs/log_segments.h"
 #include "take/logs/mesh_file.h"

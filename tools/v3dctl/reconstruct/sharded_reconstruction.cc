@@ -4,9 +4,9 @@
 #include <map>
 #include <stdexcept>
 
-#include "base/error.h"
-#include "base/file.h"
-#include "base/time.h"
+#include "base/core/error.h"
+#include "base/core/time.h"
+#include "base/io/whole_file.h"
 #include "common/console.h"
 #include "take/logs/mesh_file.h"
 #include "v3dctl/process.h"

@@ -6,7 +6,8 @@
 #include <array>
 #include <map>
 
-#include "base/mask_shape.h"
+#include "base/geometry/box.h"
+#include "base/image/mask_morphology.h"
 #include "recon/hull/bounds_mask.h"
 #include "v3dctl/options.h"
 
@@ -51,7 +52,7 @@ std::vector<const Mask*> TakeSilhouetteRepair::limit_to_view(SegmentedFrames& fr
   std::vector<const Mask*> masks(views_.size(), nullptr);
   for (size_t c = 0; c < frames.size(); ++c) {
     if (!frames[c] || frames[c]->mask.size() != views_[c].size()) continue;
-    frames[c]->mask = both(std::move(frames[c]->mask), views_[c]);
+    frames[c]->mask = intersection_of(std::move(frames[c]->mask), views_[c]);
     masks[c] = &frames[c]->mask;
   }
   return masks;

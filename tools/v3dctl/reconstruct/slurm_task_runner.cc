@@ -4,7 +4,7 @@
 #include <stdexcept>
 #include <vector>
 
-#include "base/error.h"
+#include "base/core/error.h"
 #include "common/console.h"
 #include "common/subprocess.h"
 #include "v3dctl/options.h"

@@ -9,10 +9,11 @@
 #include <optional>
 #include <utility>
 
-#include "base/error.h"
+#include "base/core/error.h"
+#include "base/core/time.h"
+#include "base/geometry/box.h"
+#include "base/image/mask_morphology.h"
 #include "base/io/file.h"
-#include "base/mask_shape.h"
-#include "base/time.h"
 #include "common/console.h"
 #include "recon/hull/bounds_mask.h"
 #include "recon/pipeline/frame_pipeline.h"
@@ -39,7 +40,7 @@ class SilhouetteMeter {
     const std::vector<Mask> rendered = draw_silhouettes(mesh, models_);
     for (size_t i = 0; i < rendered.size(); ++i) {
       if (!frames[i] || frames[i]->mask.size() != views_[i].size()) continue;
-      const Mask mask = both(frames[i]->mask, views_[i]);
+      const Mask mask = intersection_of(frames[i]->mask, views_[i]);
       // The intersection over union of two empty masks is undefined.
       if (rendered[i].count() + mask.count() == 0) continue;
       const double iou = intersection_over_union(rendered[i], mask);

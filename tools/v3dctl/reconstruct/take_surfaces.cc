@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <utility>
 
-#include "base/time.h"
+#include "base/core/time.h"
 
 namespace v3d::ctl {
 

@@ -9,7 +9,7 @@
 #include <string>
 #include <vector>
 
-#include "base/time.h"
+#include "base/core/time.h"
 #include "daemon/recorded/frame_range.h"
 #include "v3dctl/reconstruct/shard_folder.h"
 

@@ -7,9 +7,9 @@
 #include <string>
 #include <vector>
 
-#include "base/error.h"
+#include "base/core/error.h"
+#include "base/core/units.h"
 #include "base/io/file.h"
-#include "base/units.h"
 
 namespace v3d::ctl {
 namespace {

@@ -8,9 +8,9 @@
 #include <cstring>
 #include <map>
 
-#include "base/error.h"
+#include "base/core/error.h"
+#include "base/image/picture.h"
 #include "base/io/file.h"
-#include "base/picture.h"
 #include "v3dctl/scene/gltf_check.h"
 
 namespace v3d::ctl {

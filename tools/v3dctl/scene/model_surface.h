@@ -5,8 +5,8 @@
 #include <array>
 #include <vector>
 
-#include "base/image.h"
-#include "base/mesh.h"
+#include "base/geometry/mesh.h"
+#include "base/image/image.h"
 
 namespace v3d::ctl {
 

@@ -2,10 +2,11 @@
 #include <cstdio>
 #include <optional>
 
-#include "base/error.h"
-#include "base/image_size.h"
-#include "base/name_list.h"
-#include "base/png_file.h"
+#include "base/core/error.h"
+#include "base/core/name.h"
+#include "base/geometry/box.h"
+#include "base/image/image_size.h"
+#include "base/image/png_file.h"
 #include "common/console.h"
 #include "common/number_option.h"
 #include "daemon/recorded/frame_colours.h"

@@ -6,7 +6,7 @@
 #include <optional>
 #include <span>
 
-#include "base/camera_model.h"
+#include "base/geometry/camera_model.h"
 #include "v3dctl/scene/scene_file.h"
 
 namespace v3d::ctl {

@@ -6,9 +6,9 @@
 #include <numbers>
 #include <set>
 
-#include "base/error.h"
-#include "base/file.h"
+#include "base/core/error.h"
 #include "base/io/file.h"
+#include "base/io/whole_file.h"
 
 namespace v3d::ctl {
 namespace {

@@ -9,7 +9,7 @@
 #include <string_view>
 #include <vector>
 
-#include "base/mesh.h"
+#include "base/geometry/mesh.h"
 
 namespace v3d::ctl {
 

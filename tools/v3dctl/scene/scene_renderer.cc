@@ -4,8 +4,8 @@
 #include <cmath>
 #include <numbers>
 
-#include "base/error.h"
-#include "base/picture.h"
+#include "base/core/error.h"
+#include "base/image/picture.h"
 #include "daemon/recorded/frame_colours.h"
 #include "recon/render/renderer.h"
 

@@ -4,7 +4,7 @@
 #include <memory>
 #include <vector>
 
-#include "base/image.h"
+#include "base/image/image.h"
 #include "daemon/recorded/mesh_frames.h"
 #include "v3dctl/scene/gltf_model.h"
 #include "v3dctl/scene/scene_clock.h"

@@ -6,8 +6,8 @@
 #include <string>
 #include <vector>
 
-#include "base/error.h"
-#include "base/image_size.h"
+#include "base/core/error.h"
+#include "base/image/image_size.h"
 
 namespace v3d::ctl {
 namespace {

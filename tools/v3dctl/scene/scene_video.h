@@ -4,7 +4,7 @@
 #include <filesystem>
 #include <optional>
 
-#include "base/image.h"
+#include "base/image/image.h"
 #include "common/process_stream.h"
 
 namespace v3d::ctl {

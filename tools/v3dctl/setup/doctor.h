@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "base/studio_file.h"
+#include "base/config/studio_file.h"
 
 namespace v3d::ctl {
 

@@ -2,7 +2,7 @@
 #include <cstdio>
 #include <nlohmann/json.hpp>
 
-#include "base/error.h"
+#include "base/core/error.h"
 #include "v3dctl/command_line.h"
 #include "v3dctl/options.h"
 #include "v3dctl/setup/doctor.h"

@@ -2,7 +2,7 @@
 
 #include <filesystem>
 
-#include "base/error.h"
+#include "base/core/error.h"
 #include "daemon/control/operator_client.h"
 #include "v3dctl/setup/member_list_file.h"
 #include "wire/studio_key.h"

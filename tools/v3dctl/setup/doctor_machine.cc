@@ -6,9 +6,9 @@
 #include <algorithm>
 #include <fstream>
 
-#include "base/calib_file.h"
-#include "base/error.h"
-#include "base/units.h"
+#include "base/config/calib_file.h"
+#include "base/core/error.h"
+#include "base/core/units.h"
 #include "v3dctl/setup/doctor.h"
 
 namespace v3d::ctl {

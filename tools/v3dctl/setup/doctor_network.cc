@@ -15,9 +15,9 @@
 #include <map>
 #include <memory>
 
-#include "base/error.h"
-#include "base/lcm_group.h"
-#include "base/units.h"
+#include "base/config/lcm_group.h"
+#include "base/core/error.h"
+#include "base/core/units.h"
 #include "v3dctl/setup/doctor.h"
 
 namespace v3d::ctl {

@@ -1,8 +1,8 @@
 // key: makes the keys of a studio. The member list: member_commands.cc.
 #include <cstdio>
 
-#include "base/error.h"
-#include "base/studio_file.h"
+#include "base/config/studio_file.h"
+#include "base/core/error.h"
 #include "v3dctl/command_line.h"
 #include "wire/signing_key.h"
 #include "wire/studio_key.h"

@@ -4,9 +4,9 @@
 #include <cstdio>
 #include <nlohmann/json.hpp>
 
-#include "base/error.h"
-#include "base/file.h"
-#include "base/name.h"
+#include "base/core/error.h"
+#include "base/core/name.h"
+#include "base/io/whole_file.h"
 #include "v3dctl/command_line.h"
 #include "v3dctl/options.h"
 #include "v3dctl/setup/member_list_file.h"

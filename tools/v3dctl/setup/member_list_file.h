@@ -1,9 +1,9 @@
 // The member list of a studio file.
 #pragma once
 
-#include "base/error.h"
+#include "base/config/studio_file.h"
+#include "base/core/error.h"
 #include "base/io/file.h"
-#include "base/studio_file.h"
 #include "wire/member_list.h"
 
 namespace v3d::ctl {

@@ -4,11 +4,10 @@
 #include <map>
 #include <sstream>
 
-#include "base/error.h"
+#include "base/core/error.h"
+#include "base/core/name.h"
 #include "base/io/file.h"
-#include "base/io/file_system.h"
 #include "base/io/uninterrupted.h"
-#include "base/name.h"
 #include "common/console.h"
 #include "common/subprocess.h"
 #include "take/join_parts.h"

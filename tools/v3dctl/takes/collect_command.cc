@@ -3,8 +3,8 @@
 #include <cstdio>
 #include <nlohmann/json.hpp>
 
-#include "base/error.h"
-#include "base/name.h"
+#include "base/core/error.h"
+#include "base/core/name.h"
 #include "common/console.h"
 #include "v3dctl/takes/collect.h"
 #include "v3dctl/takes/named_takes.h"

@@ -1,8 +1,8 @@
 // takes delete: the only command that deletes recordings.
 #include <cstdio>
 
-#include "base/error.h"
-#include "base/units.h"
+#include "base/core/error.h"
+#include "base/core/units.h"
 #include "common/console.h"
 #include "take/ledger/verified.h"
 #include "take/take_copy.h"

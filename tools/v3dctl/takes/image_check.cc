@@ -6,9 +6,9 @@
 #include <cstdio>
 #include <deque>
 
-#include "base/error.h"
-#include "base/mask_shape.h"
-#include "base/units.h"
+#include "base/core/error.h"
+#include "base/geometry/box.h"
+#include "base/image/mask_morphology.h"
 #include "common/console.h"
 #include "daemon/recorded/take_frames.h"
 #include "recon/hull/bounds_mask.h"
@@ -101,7 +101,7 @@ class ImageCheck {
     const auto frames = take_.read(pulse);
     for (size_t i = 0; i < frames.size(); ++i) {
       const bool usable = frames[i] && frames[i]->mask.size() == views_[i].size();
-      result.masks.push_back(usable ? std::optional(both(frames[i]->mask, views_[i]))
+      result.masks.push_back(usable ? std::optional(intersection_of(frames[i]->mask, views_[i]))
                                     : std::nullopt);
     }
     return result;

@@ -5,7 +5,7 @@
 #include <optional>
 #include <vector>
 
-#include "base/studio_file.h"
+#include "base/config/studio_file.h"
 #include "recon/silhouettes/displaced_camera.h"
 #include "recon/silhouettes/frame_lag.h"
 

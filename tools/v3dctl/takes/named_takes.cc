@@ -3,9 +3,9 @@
 #include <algorithm>
 #include <cstdio>
 
-#include "base/error.h"
-#include "base/name.h"
-#include "base/units.h"
+#include "base/core/error.h"
+#include "base/core/name.h"
+#include "base/core/units.h"
 #include "common/local_time.h"
 #include "daemon/control/reply_json.h"
 

@@ -1,8 +1,8 @@
 // takes: the list of takes, and the subcommands slate, circle, reject, clear and sign.
 #include <cstdio>
 
-#include "base/error.h"
-#include "base/printable.h"
+#include "base/core/error.h"
+#include "base/core/printable.h"
 #include "common/console.h"
 #include "take/ledger/take_signature.h"
 #include "v3dctl/options.h"

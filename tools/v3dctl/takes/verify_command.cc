@@ -3,9 +3,9 @@
 #include <cstdio>
 #include <nlohmann/json.hpp>
 
-#include "base/error.h"
-#include "base/printable.h"
-#include "base/units.h"
+#include "base/core/error.h"
+#include "base/core/printable.h"
+#include "base/core/units.h"
 #include "common/console.h"
 #include "take/ledger/signature_check.h"
 #include "take/ledger/verified.h"

@@ -1,4 +1,4 @@
-// What a lens does, as base/camera_model.h has it: OpenCV's model, whole. The same in GLSL, for photographs.
+// What a lens does, as base/geometry/camera_model.h has it: OpenCV's model, whole. The same in GLSL, for photographs.
 import { Matrix3 } from 'three';
 import type { RigCamera } from './rig';
 

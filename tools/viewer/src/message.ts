@@ -85,7 +85,7 @@ export function splitMessage<Head>(message: ArrayBuffer): { head: Head; bytes: U
   }
 }
 
-/** A mask's runs (base/mask.h): LEB128 lengths, background first. Calls `run` for those of foreground. */
+/** A mask's runs (base/image/mask.h): LEB128 lengths, background first. Calls `run` for those of foreground. */
 export function eachForegroundRun(runs: Uint8Array, run: (first: number, length: number) => void): void {
   let at = 0;
   let foreground = false;

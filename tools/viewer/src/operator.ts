@@ -66,7 +66,7 @@ export function nextName(name: string): string {
   return stem + String(BigInt(digits) + 1n).padStart(digits.length, '0');
 }
 
-/** As base/name.h has it. */
+/** As base/core/name.h has it. */
 export const isTakeName = (name: string) => /^[A-Za-z0-9_][A-Za-z0-9_.-]{0,63}$/.test(name);
 
 export const NAME_RULE = 'A take has a name of letters, digits, - _ and . , 64 at most.';

@@ -1,0 +1,210 @@
+#include "base/config/calib_file.h"
+
+#include <Eigen/Geometry>
+#include <Eigen/LU>
+#include <algorithm>
+#include <cmath>
+#include <span>
+#include <string>
+
+#include "base/config/toml_file.h"
+#include "base/core/error.h"
+#include "base/core/name.h"
+#include "base/io/file.h"
+#include "base/io/whole_file.h"
+
+namespace v3d {
+namespace {
+
+ImageSize read_size(const TomlTable& camera) {
+  const std::vector<double> size = camera.numbers("size");  // Pose2Sim writes 1024.0
+  const auto fits = [](double n) { return n > 0 && n <= kMaxImageSide && n == std::floor(n); };
+  if (size.size() != 2 || !fits(size[0]) || !fits(size[1])) {
+    camera.fail("size", "expected [width, height] in pixels, each from 1 to " +
+                            std::to_string(kMaxImageSide));
+  }
+  return {static_cast<int>(size[0]), static_cast<int>(size[1])};
+}
+
+/// Far beyond any camera; larger numbers come from damaged files, and products of them overflow.
+void check_limits(const TomlTable& camera, std::string_view key, const std::vector<double>& row) {
+  constexpr double kMax = 1e6;
+  const bool fits = std::ranges::all_of(row, [](double n) { return std::abs(n) <= kMax; });
+  if (!fits) camera.fail(key, "expected numbers from -1,000,000 to 1,000,000");
+}
+
+Eigen::Matrix3d read_3x3(const TomlTable& camera, std::string_view key) {
+  const auto rows = camera.rows(key);
+  for (const auto& row : rows) check_limits(camera, key, row);
+  const bool is_3x3 = rows.size() == 3 && std::all_of(rows.begin(), rows.end(),
+                                                      [](const auto& r) { return r.size() == 3; });
+  if (!is_3x3) {
+    camera.fail(key, "expected 3 rows of 3 numbers");
+  }
+  Eigen::Matrix3d m;
+  for (int i = 0; i < 3; ++i) {
+    for (int j = 0; j < 3; ++j) {
+      m(i, j) = rows[i][j];
+    }
+  }
+  return m;
+}
+
+Eigen::Matrix3d read_matrix(const TomlTable& camera) {
+  const Eigen::Matrix3d k = read_3x3(camera, "matrix");
+  if (!(k(0, 0) > 0 && k(1, 1) > 0) || k(1, 0) != 0 || k.row(2) != Eigen::RowVector3d(0, 0, 1)) {
+    camera.fail("matrix", "expected [[fx, skew, cx], [0, fy, cy], [0, 0, 1]] with fx, fy > 0");
+  }
+  return k;
+}
+
+Distortion read_distortion(const TomlTable& camera) {
+  const std::vector<double> given = camera.numbers("distortions");
+  constexpr std::array<size_t, 6> kLengths = {0, 4, 5, 8, 12, 14};
+  if (std::find(kLengths.begin(), kLengths.end(), given.size()) == kLengths.end()) {
+    camera.fail("distortions", "expected 0, 4, 5, 8, 12 or 14 numbers in OpenCV's order, found " +
+                                   std::to_string(given.size()));
+  }
+  check_limits(camera, "distortions", given);
+  Distortion distortion{};
+  std::copy(given.begin(), given.end(), distortion.begin());
+  return distortion;
+}
+
+Eigen::Vector3d read_vector(const TomlTable& camera, std::string_view key) {
+  const std::vector<double> v = camera.numbers(key);
+  if (v.size() != 3) {
+    camera.fail(key, "expected 3 numbers, found " + std::to_string(v.size()));
+  }
+  check_limits(camera, key, v);
+  return {v[0], v[1], v[2]};
+}
+
+ColourResponse read_colour(const TomlTable& camera) {
+  ColourResponse colour;
+  if (camera.has("colour_black")) colour.black = read_vector(camera, "colour_black");
+  if (camera.has("colour_matrix")) colour.matrix = read_3x3(camera, "colour_matrix");
+  return colour;
+}
+
+RigidTransform read_cam_from_world(const TomlTable& camera) {
+  const Eigen::Vector3d translation = read_vector(camera, "translation");
+  if (!camera.is_rows("rotation")) {
+    return RigidTransform::from_rodrigues(read_vector(camera, "rotation"), translation);
+  }
+  constexpr double kRounding = 1e-6;
+  const Eigen::Matrix3d rotation = read_3x3(camera, "rotation");
+  if (!rotation.isUnitary(kRounding) || !(rotation.determinant() > 0)) {
+    camera.fail("rotation", "expected a rotation: a Rodrigues vector, or the rows of its matrix");
+  }
+  return {Eigen::Quaterniond(rotation).normalized().toRotationMatrix(), translation};
+}
+
+RigCamera read_camera(const TomlTable& camera, const std::string& name) {
+  if (camera.boolean_or("fisheye", false)) {
+    camera.fail("fisheye", "fisheye lenses are not supported; calibrate with the pinhole model");
+  }
+  return {name,
+          CameraModel(read_size(camera), read_matrix(camera), read_distortion(camera),
+                      read_cam_from_world(camera)),
+          read_colour(camera)};
+}
+
+RigCamera read_named_camera(const TomlTable& camera) {
+  const std::string name = camera.text("name");
+  if (!is_camera_name(name)) {
+    camera.fail("name", "'" + name + "' cannot name a camera: " + std::string(kCameraNameRule));
+  }
+  return read_camera(camera, name);
+}
+
+void add(RigCamera camera, const TomlTable& table, Rig& rig) {
+  if (find_camera(rig, camera.name) >= 0) {
+    const std::string twice = "two cameras are named '" + camera.name + "'";
+    if (table.has("name")) table.fail("name", twice);
+    table.fail_here(twice);
+  }
+  rig.push_back(std::move(camera));
+}
+
+/// As caliscope keeps them, by their numbers.
+void read_camera_array(const TomlTable& cameras, Rig& rig) {
+  for (const auto& [number, camera] : cameras.sub_tables()) {
+    const std::string name = "cam_" + number;
+    if (!is_file_name(name)) {
+      camera.fail_here("'" + name + "' cannot name a camera: " + std::string(kFileNameRule));
+    }
+    if (!camera.boolean_or("ignore", false)) add(read_camera(camera, name), camera, rig);
+  }
+}
+
+template <class Range>
+std::string number_list(const Range& values) {
+  std::string text = "[";
+  for (const double v : values) {
+    text += (text.size() > 1 ? ", " : "") + toml_number(v);
+  }
+  return text + "]";
+}
+
+std::string matrix_text(const Eigen::Matrix3d& matrix) {
+  std::string text;
+  for (int i = 0; i < 3; ++i) {
+    const Eigen::RowVector3d row = matrix.row(i);
+    text += (i > 0 ? ", " : "[") + number_list(row);
+  }
+  return text + "]";
+}
+
+std::string colour_text(const ColourResponse& colour) {
+  if (colour.is_identity()) return {};
+  return "colour_black = " + number_list(colour.black) +
+         "\ncolour_matrix = " + matrix_text(colour.matrix) + "\n";
+}
+
+std::string camera_text(const RigCamera& camera) {
+  const CameraModel& m = camera.model;
+  const int used = std::max(5, used_distortions(m.distortion()));  // others read the first five
+  const Eigen::Vector3d rotation = m.cam_from_world().rodrigues();
+  const Eigen::Vector3d& translation = m.cam_from_world().translation;
+  return "name = " + toml_string(camera.name) + "\nsize = [" + std::to_string(m.size().width) +
+         ", " + std::to_string(m.size().height) + "]\nmatrix = " + matrix_text(m.matrix()) +
+         "\ndistortions = " + number_list(std::span(m.distortion()).first(used)) +
+         "\nrotation = " + number_list(rotation) + "\ntranslation = " + number_list(translation) +
+         "\nfisheye = false\n" + colour_text(camera.colour);
+}
+
+}  // namespace
+
+Rig parse_calib(std::string_view text, const std::filesystem::path& path) {
+  const TomlTable file = TomlTable::parse(text, path);
+  Rig rig;
+  for (const auto& [key, camera] : file.sub_tables()) {
+    if (!key.starts_with("cam") && !camera.has("matrix")) {
+      continue;  // [metadata] and the like, which calibration tools add
+    }
+    if (key == "cameras" && !camera.has("matrix") && !camera.has("name")) {
+      read_camera_array(camera, rig);
+      continue;
+    }
+    add(read_named_camera(camera), camera, rig);
+  }
+  if (rig.empty()) {
+    throw InputError(path.string() + ": no camera: expected one [cam_*] table per camera");
+  }
+  return rig;
+}
+
+Rig load_calib(const std::filesystem::path& path) {
+  return parse_calib(io::value_or_throw(io::read_file(path, kMaxTakeTextBytes)), path);
+}
+
+void save_calib(const std::filesystem::path& path, const Rig& rig) {
+  std::string text = "# metres, z up; x_cam = R x_world + t; rotation = Rodrigues vector of R\n";
+  for (size_t i = 0; i < rig.size(); ++i) {
+    text += "\n[cam_" + std::to_string(i) + "]\n" + camera_text(rig[i]);
+  }
+  replace_file(path, text);
+}
+
+}  // namespace v3d

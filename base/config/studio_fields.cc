@@ -1,0 +1,70 @@
+#include "base/config/studio_fields.h"
+
+#include <algorithm>
+#include <cstdio>
+
+#include "base/core/name.h"
+
+namespace v3d {
+std::string plain(double value) {
+  std::array<char, 32> text{};
+  std::snprintf(text.data(), text.size(), "%.10g", value);
+  return text.data();
+}
+
+double ranged(const TomlTable& table, std::string_view key, double fallback, double low,
+              double high) {
+  const double value = table.number_or(key, fallback);
+  if (value < low || value > high) {
+    table.fail(key, "expected a number from " + plain(low) + " to " + plain(high) + ", found " +
+                        plain(value));
+  }
+  return value;
+}
+
+int ranged_int(const TomlTable& table, std::string_view key, int fallback, int low, int high) {
+  const int64_t value = table.integer_or(key, fallback);
+  if (value < low || value > high) {
+    table.fail(key, "expected a whole number from " + std::to_string(low) + " to " +
+                        std::to_string(high) + ", found " + std::to_string(value));
+  }
+  return static_cast<int>(value);
+}
+
+std::string read_name(const TomlTable& table) {
+  const std::string name = table.text("name");
+  if (!is_file_name(name)) {
+    table.fail("name", "'" + name + "': " + std::string(kFileNameRule));
+  }
+  return name;
+}
+
+Eigen::Vector3d read_point(const TomlTable& table, std::string_view key) {
+  const std::vector<double> v = table.numbers(key);
+  if (v.size() != 3) {
+    table.fail(key, "expected [x, y, z] in metres");
+  }
+  return {v[0], v[1], v[2]};
+}
+
+bool has_node(const Studio& studio, std::string_view name) {
+  return std::any_of(studio.nodes.begin(), studio.nodes.end(),
+                     [&](const StudioNode& n) { return n.name == name; });
+}
+
+void refuse_unknown_node(const TomlTable& table, std::string_view key, const Studio& studio,
+                         const std::string& node) {
+  if (!has_node(studio, node)) table.fail(key, "there is no [[node]] named '" + node + "'");
+}
+
+std::string read_node(const TomlTable& table, const Studio& studio) {
+  const std::string node = table.text("node");
+  refuse_unknown_node(table, "node", studio, node);
+  return node;
+}
+
+std::filesystem::path resolve(const Studio& studio, const std::string& path) {
+  return studio.path.parent_path() / path;
+}
+
+}  // namespace v3d

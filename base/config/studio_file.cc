@@ -1,0 +1,448 @@
+#include "base/config/studio_file.h"
+
+#include <algorithm>
+#include <array>
+#include <charconv>
+#include <cstdio>
+#include <iterator>
+#include <limits>
+
+#include "base/config/lcm_group.h"
+#include "base/config/pulse_rate.h"
+#include "base/config/studio_fields.h"
+#include "base/config/toml_file.h"
+#include "base/core/error.h"
+#include "base/core/name.h"
+#include "base/io/file.h"
+#include "base/io/whole_file.h"
+
+namespace v3d {
+namespace {
+
+PixelFormat read_pixel_format(const TomlTable& table, PixelFormat fallback) {
+  const std::string word = table.text_or("pixel_format", name(fallback));
+  const auto format = pixel_format_from_name(word);
+  if (!format) {
+    table.fail(
+        "pixel_format",
+        "'" + word + "' is unknown; known: Mono8, BayerGR8, BayerRG8, BayerGB8, BayerBG8, RGB8");
+  }
+  return *format;
+}
+
+ChromaKey read_chroma_key(const TomlTable& table, ChromaKey fallback) {
+  const std::string word = table.text_or("chroma_key", name(fallback));
+  const auto key = chroma_key_from_name(word);
+  if (!key) table.fail("chroma_key", "'" + word + "' is unknown; known: none, green, blue");
+  return *key;
+}
+
+/// What a V4L2 camera is told in place of a trigger line, packets and a gain in dB.
+void read_v4l2_settings(const TomlTable& table, StudioCamera& camera) {
+  if (table.has("trigger_control")) {
+    const std::string text = table.text("trigger_control");
+    uint32_t id = 0;
+    const bool hex = text.starts_with("0x");
+    const char* end = text.data() + text.size();
+    const auto parsed = std::from_chars(text.data() + (hex ? 2 : 0), end, id, hex ? 16 : 10);
+    if (parsed.ec != std::errc() || parsed.ptr != end) {
+      table.fail("trigger_control",
+                 "expected the id of a V4L2 control as v4l2-ctl -L shows it, "
+                 "such as \"0x009a0914\", found '" +
+                     text + "'");
+    }
+    camera.trigger_control = id;
+  }
+  constexpr int kMost = std::numeric_limits<int>::max();
+  camera.trigger_value = ranged_int(table, "trigger_value", camera.trigger_value, -kMost, kMost);
+  if (table.has("width") || table.has("height")) {
+    const ImageSize old = camera.size.value_or(ImageSize{});
+    camera.size = ImageSize{ranged_int(table, "width", old.width, 1, kMaxImageSide),
+                            ranged_int(table, "height", old.height, 1, kMaxImageSide)};
+  }
+}
+
+/// The settings that [camera_defaults] and [[camera]] share; `camera` comes with the defaults.
+void read_camera_settings(const TomlTable& table, const Studio& studio, StudioCamera& camera) {
+  static constexpr std::array<std::pair<std::string_view, CameraKind>, 2> kKinds = {
+      {{"aravis", CameraKind::kAravis}, {"v4l2", CameraKind::kV4l2}}};
+  static constexpr std::array<std::pair<std::string_view, Edge>, 2> kEdges = {
+      {{"rising", Edge::kRising}, {"falling", Edge::kFalling}}};
+  if (table.has("node")) {
+    camera.node = read_node(table, studio);
+  }
+  camera.kind = choice(table, "kind", kKinds[static_cast<size_t>(camera.kind)].first, kKinds);
+  camera.pixel_format = read_pixel_format(table, camera.pixel_format);
+  camera.chroma_key = read_chroma_key(table, camera.chroma_key);
+  camera.exposure_us = ranged(table, "exposure_us", camera.exposure_us, 1, 1e6);
+  camera.gain_db = ranged(table, "gain_db", camera.gain_db, 0, 60);
+  camera.trigger_line = table.text_or("trigger_line", camera.trigger_line);
+  camera.trigger_edge =
+      choice(table, "trigger_edge", kEdges[static_cast<size_t>(camera.trigger_edge)].first, kEdges);
+  camera.packet_size = ranged_int(table, "packet_size", camera.packet_size, 576, 65507);
+  camera.packet_delay_ns =
+      ranged_int(table, "packet_delay_ns", camera.packet_delay_ns, 0, 1'000'000'000);
+  camera.packet_resend = table.boolean_or("packet_resend", camera.packet_resend);
+  camera.buffers = ranged_int(table, "buffers", camera.buffers, 2, 1024);
+  camera.packet_socket = table.boolean_or("packet_socket", camera.packet_socket);
+  camera.ptp = table.boolean_or("ptp", camera.ptp);
+  camera.chunk_data = table.boolean_or("chunk_data", camera.chunk_data);
+  read_v4l2_settings(table, camera);
+}
+
+/// What only shows when defaults and the camera's own settings are together.
+void refuse_contradictions(const TomlTable& table, const StudioCamera& camera) {
+  if (camera.node.empty()) {
+    table.fail("node", "missing: name the [[node]] here or in [camera_defaults]");
+  }
+  if (camera.kind == CameraKind::kV4l2 && camera.gain_db != 0) {
+    table.fail("gain_db", "a V4L2 gain has no unit; expected 0, and the gain set by v4l2-ctl");
+  }
+  if (camera.chroma_key != ChromaKey::kNone && camera.pixel_format == PixelFormat::kMono8) {
+    table.fail("chroma_key",
+               "a Mono8 picture has no colour; expected none, or a pixel_format with one");
+  }
+}
+
+/// `made_by`: the command that prints such a key.
+std::string read_public_key(const TomlTable& table, std::string_view field,
+                            const std::string& made_by) {
+  constexpr size_t kDigits = 64;
+  std::string key = table.text_or(field, "");
+  const bool is_key =
+      key.size() == kDigits && key.find_first_not_of("0123456789abcdef") == std::string::npos;
+  if (!key.empty() && !is_key) {
+    table.fail(field, "expected 64 hexadecimal digits, as " + made_by + " prints them");
+  }
+  return key;
+}
+
+void read_nodes(const TomlTable& file, Studio& studio) {
+  for (const TomlTable& table : file.tables("node")) {
+    const std::string name = read_name(table);
+    if (has_node(studio, name)) {
+      table.fail("name", "two nodes are named '" + name + "'");
+    }
+    studio.nodes.push_back({name, read_public_key(table, "public_key", "v3dctl key node")});
+    table.refuse_unknown();
+  }
+  if (studio.nodes.empty()) {
+    file.fail("node", "missing: expected one [[node]] per PC");
+  }
+}
+
+void read_cameras(const TomlTable& file, Studio& studio) {
+  StudioCamera defaults;
+  if (file.has("camera_defaults")) {
+    const TomlTable table = file.table("camera_defaults");
+    read_camera_settings(table, studio, defaults);
+    table.refuse_unknown();
+  }
+  for (const TomlTable& table : file.tables("camera")) {
+    StudioCamera camera = defaults;
+    camera.name = read_name(table);
+    if (!is_camera_name(camera.name)) {
+      table.fail("name",
+                 "'" + camera.name + "' cannot name a camera: " + std::string(kCameraNameRule));
+    }
+    const auto same_name = [&](const StudioCamera& c) { return c.name == camera.name; };
+    if (std::any_of(studio.cameras.begin(), studio.cameras.end(), same_name)) {
+      table.fail("name", "two cameras are named '" + camera.name + "'");
+    }
+    camera.address = table.text("address");
+    read_camera_settings(table, studio, camera);
+    table.refuse_unknown();
+    refuse_contradictions(table, camera);
+    studio.cameras.push_back(std::move(camera));
+  }
+  if (studio.cameras.empty()) {
+    file.fail("camera", "missing: expected one [[camera]] per camera");
+  }
+}
+
+StudioLine read_line(const TomlTable& table) {
+  StudioLine line;
+  line.chip = table.text("chip");
+  line.line = table.is_text("line") ? table.text("line")
+                                    : std::to_string(ranged_int(table, "line", -1, 0, 65'535));
+  return line;
+}
+
+StudioLine read_sense(const TomlTable& table) {
+  static constexpr std::array<std::pair<std::string_view, bool>, 2> kEdges = {
+      {{"rising", false}, {"falling", true}}};
+  StudioLine line = read_line(table);
+  line.active_low = choice(table, "edge", "rising", kEdges);
+  table.refuse_unknown();
+  return line;
+}
+
+StudioLine read_driven_line(const TomlTable& table) {
+  StudioLine line = read_line(table);
+  line.active_low = table.boolean_or("active_low", false);
+  return line;
+}
+
+/// Four hexadecimal digits, as lsusb writes them.
+std::optional<uint16_t> usb_number(std::string_view text) {
+  uint16_t value = 0;
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value, 16);
+  const bool whole = error == std::errc() && end == text.data() + text.size();
+  return text.size() == 4 && whole ? std::optional(value) : std::nullopt;
+}
+
+/// A speed that serial ports have.
+int read_baud(const TomlTable& table, int fallback) {
+  static constexpr std::array<int64_t, 8> kSpeeds = {4800,   9600,    19'200,  38'400,
+                                                     57'600, 115'200, 230'400, 460'800};
+  const int64_t value = table.integer_or("baud", fallback);
+  if (std::find(kSpeeds.begin(), kSpeeds.end(), value) == kSpeeds.end()) {
+    table.fail("baud",
+               "expected 4800, 9600, 19200, 38400, 57600, 115200, 230400 or 460800, found " +
+                   std::to_string(value));
+  }
+  return static_cast<int>(value);
+}
+
+StudioInstrument read_instrument(const TomlTable& table) {
+  constexpr std::string_view kSerial = "serial:/";
+  constexpr std::string_view kUsb = "usb:";
+  const std::string text = table.text("instrument");
+  const std::string_view rest = text;
+  StudioInstrument instrument;
+  if (rest.starts_with(kSerial) && rest.size() > kSerial.size()) {
+    instrument.device = rest.substr(kSerial.size() - 1);
+    instrument.baud = read_baud(table, instrument.baud);
+    return instrument;
+  }
+  constexpr size_t kProduct = kUsb.size() + 5;
+  const auto vendor = usb_number(rest.substr(std::min(rest.size(), kUsb.size()), 4));
+  const auto product = usb_number(rest.substr(std::min(rest.size(), kProduct), 4));
+  const bool ends = rest.size() == kProduct + 4;
+  const bool has_serial = rest.size() > kProduct + 5 && rest[kProduct + 4] == ':';
+  if (!rest.starts_with(kUsb) || !vendor || !product || rest[kProduct - 1] != ':' ||
+      (!ends && !has_serial)) {
+    table.fail("instrument", "'" + text + "': expected usb:VVVV:PPPP, usb:VVVV:PPPP:SERIAL " +
+                                 "(numbers as lsusb writes them) or serial:/dev/NAME");
+  }
+  instrument.vendor = *vendor;
+  instrument.product = *product;
+  if (has_serial) instrument.serial = rest.substr(kProduct + 5);
+  return instrument;
+}
+
+void read_scpi(const TomlTable& table, StudioTrigger& trigger) {
+  static constexpr std::array<std::pair<std::string_view, Dialect>, 4> kDialects = {
+      {{"keysight33500", Dialect::kKeysight33500},
+       {"rigol-dg", Dialect::kRigolDg},
+       {"siglent-sdg", Dialect::kSiglentSdg},
+       {"bnc575", Dialect::kBnc575}}};
+  trigger.instrument = read_instrument(table);
+  trigger.dialect = choice(table, "dialect", "", kDialects);
+  trigger.channel = ranged_int(table, "channel", trigger.channel, 1, 8);
+  trigger.level_v = ranged(table, "level_v", trigger.level_v, 0.5, 10);
+  if (table.has("gate")) {
+    const TomlTable gate = table.table("gate");
+    trigger.gate = read_driven_line(gate);
+    gate.refuse_unknown();
+  }
+}
+
+void read_trigger(const TomlTable& file, Studio& studio) {
+  static constexpr std::array<std::pair<std::string_view, TriggerKind>, 3> kKinds = {
+      {{"gpio", TriggerKind::kGpio},
+       {"scpi", TriggerKind::kScpi},
+       {"simulated", TriggerKind::kSimulated}}};
+  const TomlTable table = file.table("trigger");
+  StudioTrigger& trigger = studio.trigger;
+  trigger.node = read_node(table, studio);
+  trigger.kind = choice(table, "kind", "simulated", kKinds);
+  trigger.rate_hz = ranged(table, "rate_hz", trigger.rate_hz, kMinPulseRateHz, kMaxPulseRateHz);
+  trigger.pulse_width_us = ranged(table, "pulse_width_us", trigger.pulse_width_us, 0.1, 1e6);
+  if (trigger.pulse_width_us >= 1e6 / trigger.rate_hz) {
+    table.fail("pulse_width_us", "a pulse must be shorter than the period of " +
+                                     plain(1e6 / trigger.rate_hz) + " us");
+  }
+  if (trigger.kind == TriggerKind::kSimulated) {
+    trigger.wire = resolve(studio, table.text("wire"));
+  } else if (table.has("sense")) {
+    trigger.sense = read_sense(table.table("sense"));
+  }
+  if (trigger.kind == TriggerKind::kGpio) trigger.output = read_driven_line(table);
+  if (trigger.kind == TriggerKind::kScpi) read_scpi(table, trigger);
+  table.refuse_unknown();
+}
+
+/// A camera that runs free is told from the sense line what it has seen, by one clock.
+void refuse_unsensed(const TomlTable& file, const Studio& studio) {
+  const auto tables = file.tables("camera");
+  for (size_t i = 0; i < tables.size(); ++i) {
+    const StudioCamera& camera = studio.cameras[i];
+    if (!camera.runs_free()) continue;
+    const std::string why = "missing, so " + camera.name + " runs free; then ";
+    if (camera.node != studio.trigger.node) {
+      tables[i].fail("trigger_control", why + "it must hang on the trigger's node, " +
+                                            studio.trigger.node + ", whose sense line labels it");
+    }
+    if (!studio.trigger.is_sensed()) {
+      tables[i].fail("trigger_control", why + "[trigger.sense] is needed, which labels it");
+    }
+  }
+}
+
+void read_space(const TomlTable& file, Studio& studio) {
+  const TomlTable table = file.table("space");
+  studio.space.bounds = {read_point(table, "min"), read_point(table, "max")};
+  if ((studio.space.bounds.size().array() <= 0).any()) {
+    table.fail("max", "must be above min in x, y and z");
+  }
+  table.refuse_unknown();
+}
+
+/// A socket hears all groups of its port that anybody on its PC has joined.
+void read_frame_groups(const TomlTable& table, StudioNetwork& network) {
+  if (!table.has("frame_groups")) return;
+  network.frame_groups = table.texts("frame_groups");
+  std::vector<std::string> urls = {network.lcm_url};
+  for (const std::string& url : network.frame_groups) {
+    const auto group = lcm_group(url);
+    if (!group) {
+      table.fail(
+          "frame_groups",
+          "'" + url + "' is no multicast group; expected one like udpm://239.255.76.68:7668");
+    }
+    for (const std::string& other : urls) {
+      const auto taken = lcm_group(other);
+      if (!taken || (group->address != taken->address && group->port != taken->port)) continue;
+      table.fail("frame_groups", "'" + url + "' and '" + other +
+                                     "' share an address or a port; expected others for each");
+    }
+    urls.push_back(url);
+  }
+}
+
+void read_members(const TomlTable& table, Studio& studio) {
+  StudioNetwork& network = studio.network;
+  network.operator_key =
+      resolve(studio, table.text_or("operator_key", network.operator_key.string()));
+  network.authority = read_public_key(table, "authority", "v3dctl key authority");
+  if (!table.has("members")) return;
+  network.members = resolve(studio, table.text("members"));
+  if (network.authority.empty()) {
+    table.fail("authority", "missing: the list of members needs the public key that verifies it");
+  }
+}
+
+void read_network(const TomlTable& file, Studio& studio) {
+  if (!file.has("network")) {
+    return;
+  }
+  const TomlTable table = file.table("network");
+  studio.network.lcm_url = table.text_or("lcm_url", studio.network.lcm_url);
+  read_frame_groups(table, studio.network);
+  studio.network.key = resolve(studio, table.text_or("key", studio.network.key.string()));
+  read_members(table, studio);
+  studio.network.metrics = table.text_or("metrics", studio.network.metrics);
+  table.refuse_unknown();
+}
+
+void read_storage(const TomlTable& file, Studio& studio) {
+  const TomlTable table = file.table("storage");
+  studio.storage.takes = resolve(studio, table.text("takes"));
+  studio.storage.background = resolve(studio, table.text("background"));
+  studio.storage.calib = resolve(studio, table.text("calib"));
+  if (table.has("signing_key")) {
+    studio.storage.signing_key = resolve(studio, table.text("signing_key"));
+  } else if (!studio.network.members.empty()) {
+    table.fail("signing_key",
+               "missing: where there is a list of members, nodes sign their replies");
+  }
+  table.refuse_unknown();
+}
+
+/// `node`, or `nodes` where several share the pulses.
+std::vector<std::string> read_reconstruction_nodes(const TomlTable& table, const Studio& studio) {
+  if (!table.has("nodes")) return {read_node(table, studio)};
+  if (table.has("node")) table.fail("node", "expected either node or nodes, found both");
+  std::vector<std::string> nodes = table.texts("nodes");
+  if (nodes.empty()) table.fail("nodes", "expected the names of [[node]]s, found none");
+  for (const std::string& node : nodes) refuse_unknown_node(table, "nodes", studio, node);
+  std::sort(nodes.begin(), nodes.end());
+  const auto twice = std::adjacent_find(nodes.begin(), nodes.end());
+  if (twice != nodes.end()) table.fail("nodes", "names '" + *twice + "' twice");
+  return nodes;
+}
+
+void read_reconstruction(const TomlTable& file, Studio& studio) {
+  static constexpr std::array<std::pair<std::string_view, Quality>, 2> kQualities = {
+      {{"live", Quality::kLive}, {"high", Quality::kHigh}}};
+  const TomlTable table = file.table("reconstruction");
+  StudioReconstruction& r = studio.reconstruction;
+  r.nodes = read_reconstruction_nodes(table, studio);
+  r.voxel_m = ranged(table, "voxel_m", r.voxel_m, 1e-4, 1);
+  const int cameras = static_cast<int>(studio.cameras.size());
+  r.min_views = ranged_int(table, "min_views", std::min(r.min_views, cameras), 1, cameras);
+  r.quality = choice(table, "quality", "live", kQualities);
+  r.threads = ranged_int(table, "threads", r.threads, 0, 1024);
+  r.deadline_ms = ranged(table, "deadline_ms", r.deadline_ms, 1, 60'000);
+  table.refuse_unknown();
+}
+
+void read_viewer(const TomlTable& file, Studio& studio) {
+  if (!file.has("viewer")) {
+    return;
+  }
+  const TomlTable table = file.table("viewer");
+  studio.viewer.listen = table.text_or("listen", studio.viewer.listen);
+  if (table.has("token")) studio.viewer.token = resolve(studio, table.text("token"));
+  studio.viewer.page = resolve(studio, table.text_or("page", studio.viewer.page.string()));
+  studio.viewer.control = table.boolean_or("control", studio.viewer.control);
+  studio.viewer.operator_token =
+      resolve(studio, table.text_or("operator_token", studio.viewer.operator_token.string()));
+  table.refuse_unknown();
+}
+
+}  // namespace
+
+std::string StudioInstrument::text() const {
+  if (!device.empty()) return "serial:" + device.string();
+  std::array<char, 16> numbers{};
+  std::snprintf(numbers.data(), numbers.size(), "usb:%04x:%04x", vendor, product);
+  return numbers.data() + (serial.empty() ? "" : ":" + serial);
+}
+
+std::vector<StudioCamera> Studio::cameras_of(std::string_view node) const {
+  std::vector<StudioCamera> found;
+  std::copy_if(cameras.begin(), cameras.end(), std::back_inserter(found),
+               [&](const StudioCamera& c) { return c.node == node; });
+  return found;
+}
+
+bool Studio::reconstructs(std::string_view node) const {
+  return std::find(reconstruction.nodes.begin(), reconstruction.nodes.end(), node) !=
+         reconstruction.nodes.end();
+}
+
+Studio parse_studio(std::string_view text, const std::filesystem::path& path) {
+  const TomlTable file = TomlTable::parse(text, path);
+  Studio studio;
+  studio.path = path;
+  studio.name = read_name(file);
+  read_nodes(file, studio);
+  read_cameras(file, studio);
+  read_trigger(file, studio);
+  refuse_unsensed(file, studio);
+  read_space(file, studio);
+  read_network(file, studio);
+  read_storage(file, studio);
+  read_reconstruction(file, studio);
+  read_viewer(file, studio);
+  file.refuse_unknown();
+  return studio;
+}
+
+Studio load_studio(const std::filesystem::path& path) {
+  return parse_studio(io::value_or_throw(io::read_file(path, kMaxTakeTextBytes)), path);
+}
+
+}  // namespace v3d

@@ -1,0 +1,274 @@
+#include "base/config/toml_file.h"
+
+#include <toml++/toml.h>
+
+#include <algorithm>
+#include <array>
+#include <charconv>
+#include <cmath>
+#include <cstdint>
+#include <set>
+#include <sstream>
+
+#include "base/core/error.h"
+#include "base/io/file.h"
+#include "base/io/whole_file.h"
+
+namespace v3d {
+
+struct TomlTable::Node {
+  std::shared_ptr<const toml::table> root;
+  const toml::table* table = nullptr;
+  std::string path;    // of the file
+  std::string prefix;  // "camera." before the names of fields in messages
+  mutable std::set<std::string, std::less<>> asked;
+
+  const toml::node* find(std::string_view key) const {
+    asked.emplace(key);
+    return table->get(key);
+  }
+
+  [[noreturn]] void fail(const toml::source_region& where, const std::string& message) const {
+    const std::string line =
+        where.begin ? ":" + std::to_string(static_cast<unsigned>(where.begin.line)) : "";
+    throw InputError(path + line + ": " + message);
+  }
+
+  const toml::node& require(std::string_view key) const {
+    const toml::node* node = find(key);
+    if (node == nullptr) {
+      fail(table->source(), prefix + std::string(key) + ": missing");
+    }
+    return *node;
+  }
+
+  [[noreturn]] void fail_type(std::string_view key, const toml::node& node,
+                              std::string_view expected) const {
+    std::ostringstream found;
+    found << node.type();
+    fail(node.source(), prefix + std::string(key) + ": expected " + std::string(expected) +
+                            ", found " + found.str());
+  }
+
+  /// A finite number of a file; integers count as numbers.
+  double number_of(std::string_view key, const toml::node& node) const {
+    const auto value = node.is_number() ? node.value<double>() : std::nullopt;
+    if (!value || !std::isfinite(*value)) {
+      fail_type(key, node, "a finite number");
+    }
+    return *value;
+  }
+
+  const toml::array& array_of(std::string_view key, const toml::node& node,
+                              std::string_view expected) const {
+    if (!node.is_array()) {
+      fail_type(key, node, expected);
+    }
+    return *node.as_array();
+  }
+
+  std::vector<double> numbers_of(std::string_view key, const toml::node& node) const {
+    std::vector<double> values;
+    for (const toml::node& element : array_of(key, node, "an array of numbers")) {
+      values.push_back(number_of(key, element));
+    }
+    return values;
+  }
+};
+
+TomlTable TomlTable::load(const std::filesystem::path& path) {
+  return parse(io::value_or_throw(io::read_file(path, kMaxTakeTextBytes)), path);
+}
+
+TomlTable TomlTable::parse(std::string_view text, const std::filesystem::path& path) {
+  auto node = std::make_shared<Node>();
+  node->path = path.string();
+  try {
+    node->root = std::make_shared<const toml::table>(toml::parse(text, path.string()));
+  } catch (const toml::parse_error& error) {
+    std::string message(error.description());
+    std::replace(message.begin(), message.end(), '\n', ' ');
+    node->fail(error.source(), message);
+  }
+  node->table = node->root.get();
+  return TomlTable(std::move(node));
+}
+
+bool TomlTable::has(std::string_view key) const { return node_->find(key) != nullptr; }
+
+bool TomlTable::is_text(std::string_view key) const {
+  const toml::node* node = node_->find(key);
+  return node != nullptr && node->is_string();
+}
+
+bool TomlTable::is_rows(std::string_view key) const {
+  const toml::node* node = node_->find(key);
+  const toml::array* array = node != nullptr ? node->as_array() : nullptr;
+  return array != nullptr && !array->empty() && array->front().is_array();
+}
+
+std::string TomlTable::text(std::string_view key) const {
+  const toml::node& node = node_->require(key);
+  if (!node.is_string()) {
+    node_->fail_type(key, node, "a string");
+  }
+  return node.as_string()->get();
+}
+
+std::string TomlTable::text_or(std::string_view key, std::string_view fallback) const {
+  return has(key) ? text(key) : std::string(fallback);
+}
+
+double TomlTable::number(std::string_view key) const {
+  return node_->number_of(key, node_->require(key));
+}
+
+double TomlTable::number_or(std::string_view key, double fallback) const {
+  return has(key) ? number(key) : fallback;
+}
+
+int64_t TomlTable::integer(std::string_view key) const {
+  const toml::node& node = node_->require(key);
+  if (!node.is_integer()) {
+    node_->fail_type(key, node, "a whole number");
+  }
+  return node.as_integer()->get();
+}
+
+int64_t TomlTable::integer_or(std::string_view key, int64_t fallback) const {
+  return has(key) ? integer(key) : fallback;
+}
+
+bool TomlTable::boolean_or(std::string_view key, bool fallback) const {
+  const toml::node* node = node_->find(key);
+  if (node == nullptr) {
+    return fallback;
+  }
+  if (!node->is_boolean()) {
+    node_->fail_type(key, *node, "true or false");
+  }
+  return node->as_boolean()->get();
+}
+
+std::vector<double> TomlTable::numbers(std::string_view key) const {
+  return node_->numbers_of(key, node_->require(key));
+}
+
+std::vector<int64_t> TomlTable::integers(std::string_view key) const {
+  std::vector<int64_t> values;
+  for (const toml::node& element :
+       node_->array_of(key, node_->require(key), "an array of whole numbers")) {
+    if (!element.is_integer()) {
+      node_->fail_type(key, element, "a whole number");
+    }
+    values.push_back(element.as_integer()->get());
+  }
+  return values;
+}
+
+std::vector<std::string> TomlTable::texts(std::string_view key) const {
+  std::vector<std::string> values;
+  for (const toml::node& element :
+       node_->array_of(key, node_->require(key), "an array of strings")) {
+    if (!element.is_string()) {
+      node_->fail_type(key, element, "a string");
+    }
+    values.push_back(element.as_string()->get());
+  }
+  return values;
+}
+
+std::vector<std::vector<double>> TomlTable::rows(std::string_view key) const {
+  std::vector<std::vector<double>> values;
+  for (const toml::node& row : node_->array_of(key, node_->require(key), "an array of rows")) {
+    values.push_back(node_->numbers_of(key, row));
+  }
+  return values;
+}
+
+TomlTable TomlTable::table(std::string_view key) const {
+  const toml::node& node = node_->require(key);
+  if (!node.is_table()) {
+    node_->fail_type(key, node, "a table");
+  }
+  auto inner = std::make_shared<Node>(*node_);
+  inner->table = node.as_table();
+  inner->prefix = node_->prefix + std::string(key) + ".";
+  inner->asked.clear();
+  return TomlTable(std::move(inner));
+}
+
+std::vector<TomlTable> TomlTable::tables(std::string_view key) const {
+  std::vector<TomlTable> result;
+  if (!has(key)) {
+    return result;
+  }
+  const std::string expected = "[[" + std::string(key) + "]] tables";
+  for (const toml::node& element : node_->array_of(key, node_->require(key), expected)) {
+    if (!element.is_table()) {
+      node_->fail_type(key, element, expected);
+    }
+    auto inner = std::make_shared<Node>(*node_);
+    inner->table = element.as_table();
+    inner->prefix = node_->prefix + std::string(key) + ".";
+    inner->asked.clear();
+    result.push_back(TomlTable(std::move(inner)));
+  }
+  return result;
+}
+
+std::vector<std::pair<std::string, TomlTable>> TomlTable::sub_tables() const {
+  std::vector<std::pair<std::string, TomlTable>> result;
+  for (const auto& [key, value] : *node_->table) {
+    if (value.is_table()) {
+      result.emplace_back(key.str(), table(key.str()));
+    }
+  }
+  // toml++ sorts keys; people mean the order in which they wrote them.
+  std::stable_sort(result.begin(), result.end(), [](const auto& a, const auto& b) {
+    return a.second.node_->table->source().begin < b.second.node_->table->source().begin;
+  });
+  return result;
+}
+
+void TomlTable::fail(std::string_view key, const std::string& message) const {
+  const toml::node* node = node_->find(key);
+  node_->fail(node != nullptr ? node->source() : node_->table->source(),
+              node_->prefix + std::string(key) + ": " + message);
+}
+
+void TomlTable::fail_here(const std::string& message) const {
+  node_->fail(node_->table->source(), message);
+}
+
+void TomlTable::refuse_unknown() const {
+  for (const auto& [key, value] : *node_->table) {
+    if (node_->asked.find(key.str()) == node_->asked.end()) {
+      node_->fail(
+          key.source(),
+          node_->prefix + std::string(key.str()) + ": unknown field; known here: " + [&] {
+            std::string known;
+            for (const std::string& name : node_->asked) {
+              known += (known.empty() ? "" : ", ") + name;
+            }
+            return known;
+          }());
+    }
+  }
+}
+
+std::string toml_number(double value) {
+  std::array<char, 40> text{};
+  const auto end = std::to_chars(text.data(), text.data() + text.size(), value).ptr;
+  std::string number(text.data(), end);
+  // TOML tells integers from floats by the spelling.
+  return number.find_first_of(".en") == std::string::npos ? number + ".0" : number;
+}
+
+std::string toml_string(std::string_view text) {
+  std::ostringstream out;
+  out << toml::value<std::string>(text);
+  return out.str();
+}
+
+}  // namespace v3d

@@ -1,0 +1,20 @@
+#include "base/io/whole_file.h"
+
+#include "base/io/file.h"
+
+namespace v3d {
+
+std::string read_file(const std::filesystem::path& path) {
+  return io::value_or_throw(io::read_file(path));
+}
+
+std::string read_take_file(const std::filesystem::path& path) {
+  return io::value_or_throw(
+      io::read_file(path, kMaxTakeTextBytes, io::OpenMode::kReadWithinFolder));
+}
+
+void replace_file(const std::filesystem::path& path, std::string_view text) {
+  io::throw_if_failed(io::replace_file(path, text));
+}
+
+}  // namespace v3d

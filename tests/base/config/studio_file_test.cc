@@ -1,0 +1,330 @@
+#include "base/config/studio_file.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "base/core/error.h"
+#include "support/message_of.h"
+
+namespace v3d {
+namespace {
+
+using testing::HasSubstr;
+
+constexpr std::string_view kGood = R"(name = "kyoto"
+
+[[node]]
+name = "cap01"
+[[node]]
+name = "recon01"
+
+[camera_defaults]
+exposure_us = 800
+packet_size = 8000
+
+[[camera]]
+name = "cam01"
+node = "cap01"
+address = "V3D-SIM-01"
+
+[[camera]]
+name = "cam02"
+node = "cap01"
+address = "127.0.0.12"
+pixel_format = "Mono8"
+packet_size = 1500
+
+[trigger]
+node = "cap01"
+kind = "simulated"
+rate_hz = 25
+wire = "trigger.sock"
+
+[space]
+min = [-1.5, -1.5, 0]
+max = [1.5, 1.5, 2]
+
+[storage]
+takes = "takes"
+background = "/var/lib/v3d/background"
+calib = "calib.toml"
+
+[reconstruction]
+node = "recon01"
+voxel_m = 0.008
+min_views = 2
+)";
+
+std::string message_for(std::string_view text) {
+  return test::message_of<InputError>([&] { parse_studio(text, "/etc/v3d/studio.toml"); });
+}
+
+std::string with(std::string_view from, std::string_view to) {
+  std::string text(kGood);
+  return text.replace(text.find(from), from.size(), to);
+}
+
+TEST(StudioFile, gives_every_camera_its_own_settings_above_the_defaults) {
+  const Studio studio = parse_studio(kGood, "/etc/v3d/studio.toml");
+  ASSERT_EQ(studio.cameras.size(), 2U);
+  EXPECT_EQ(studio.cameras[0].packet_size, 8000);
+  EXPECT_EQ(studio.cameras[0].pixel_format, PixelFormat::kBayerRG8);
+  EXPECT_EQ(studio.cameras[1].packet_size, 1500);
+  EXPECT_EQ(studio.cameras[1].pixel_format, PixelFormat::kMono8);
+  EXPECT_EQ(studio.cameras[1].exposure_us, 800);
+  EXPECT_EQ(studio.cameras_of("cap01").size(), 2U);
+  EXPECT_TRUE(studio.cameras_of("recon01").empty());
+  EXPECT_EQ(studio.reconstruction.nodes, std::vector<std::string>{"recon01"});
+  EXPECT_EQ(studio.reconstruction.voxel_m, 0.008);
+}
+
+TEST(StudioFile, lets_all_cameras_share_the_node_of_the_defaults_and_asks_for_one) {
+  std::string text = with("exposure_us = 800", "node = \"cap01\"");
+  text.erase(text.find("node = \"cap01\"\naddress"), 15);
+  EXPECT_EQ(parse_studio(text, "studio.toml").cameras[0].node, "cap01");
+  EXPECT_EQ(message_for(with("node = \"cap01\"\naddress", "address")),
+            "/etc/v3d/studio.toml:12: camera.node: missing: name the [[node]] here or in "
+            "[camera_defaults]");
+}
+
+TEST(StudioFile, takes_relative_paths_from_its_own_folder) {
+  const Studio studio = parse_studio(kGood, "/etc/v3d/studio.toml");
+  EXPECT_EQ(studio.storage.takes, "/etc/v3d/takes");
+  EXPECT_EQ(studio.storage.background, "/var/lib/v3d/background");
+  EXPECT_EQ(studio.trigger.wire, "/etc/v3d/trigger.sock");
+}
+
+TEST(StudioFile, shows_itself_to_this_pc_alone_unless_it_says_otherwise) {
+  EXPECT_EQ(parse_studio(kGood, "/studio/studio.toml").viewer.listen, "127.0.0.1:8330");
+  const Studio studio = parse_studio(
+      std::string(kGood) + "[viewer]\nlisten = \"0.0.0.0:80\"\ntoken = \"viewer.token\"\n",
+      "/studio/studio.toml");
+  EXPECT_EQ(studio.viewer.listen, "0.0.0.0:80");
+  EXPECT_EQ(studio.viewer.token, "/studio/viewer.token");
+}
+
+TEST(StudioFile, lets_nobody_command_from_a_browser_unless_it_says_so) {
+  EXPECT_FALSE(parse_studio(kGood, "/studio/studio.toml").viewer.control);
+  const Studio studio = parse_studio(
+      std::string(kGood) + "[viewer]\ncontrol = true\noperator_token = \"operator.token\"\n",
+      "/studio/studio.toml");
+  EXPECT_TRUE(studio.viewer.control);
+  EXPECT_EQ(studio.viewer.operator_token, "/studio/operator.token");
+}
+
+TEST(StudioFile, with_two_cameras_or_two_nodes_of_one_name_is_refused) {
+  EXPECT_EQ(message_for(with("\"cam02\"", "\"cam01\"")),
+            "/etc/v3d/studio.toml:18: camera.name: two cameras are named 'cam01'");
+  EXPECT_EQ(message_for(with("\"recon01\"", "\"cap01\"")),
+            "/etc/v3d/studio.toml:6: node.name: two nodes are named 'cap01'");
+}
+
+TEST(StudioFile, names_a_node_that_does_not_exist) {
+  EXPECT_EQ(message_for(with("node = \"cap01\"", "node = \"cap02\"")),
+            "/etc/v3d/studio.toml:14: camera.node: there is no [[node]] named 'cap02'");
+}
+
+TEST(StudioFile, has_one_node_that_reconstructs_or_several) {
+  const std::string text =
+      with("[camera_defaults]", "[[node]]\nname = \"recon02\"\n[camera_defaults]");
+  const auto shared = [&](const std::string& line) {
+    std::string changed = text;
+    changed.replace(changed.find("node = \"recon01\""), 16, line);
+    return changed;
+  };
+  const Studio studio = parse_studio(shared("nodes = [\"recon02\", \"recon01\"]"), "studio.toml");
+  EXPECT_EQ(studio.reconstruction.nodes, (std::vector<std::string>{"recon01", "recon02"}));
+  EXPECT_TRUE(studio.reconstructs("recon02"));
+  EXPECT_FALSE(studio.reconstructs("cap01"));
+  const std::string where = "/etc/v3d/studio.toml:42: reconstruction.";
+  EXPECT_EQ(message_for(shared("nodes = [\"recon01\", \"recon03\"]")),
+            where + "nodes: there is no [[node]] named 'recon03'");
+  EXPECT_EQ(message_for(shared("nodes = [\"recon01\", \"recon01\"]")),
+            where + "nodes: names 'recon01' twice");
+  EXPECT_EQ(message_for(shared("nodes = []")),
+            where + "nodes: expected the names of [[node]]s, found none");
+  EXPECT_EQ(message_for(shared("node = \"recon01\"\nnodes = [\"recon02\"]")),
+            where + "node: expected either node or nodes, found both");
+}
+
+std::string with_frame_groups(const std::string& groups) {
+  return std::string(kGood) + "[network]\nframe_groups = [" + groups + "]\n";
+}
+
+TEST(StudioFile, may_spread_live_frames_over_multicast_groups) {
+  EXPECT_TRUE(parse_studio(kGood, "studio.toml").network.frame_groups.empty());
+  const Studio studio = parse_studio(
+      with_frame_groups(R"("udpm://239.255.76.68:7668?ttl=1", "udpm://239.255.76.69:7669")"),
+      "studio.toml");
+  EXPECT_EQ(
+      studio.network.frame_groups,
+      (std::vector<std::string>{"udpm://239.255.76.68:7668?ttl=1", "udpm://239.255.76.69:7669"}));
+}
+
+TEST(StudioFile, wants_an_address_and_a_port_of_its_own_for_each_group_of_frames) {
+  for (const char* groups : {R"("udpm://239.255.76.68:7667")", R"("udpm://239.255.76.67:7668")",
+                             R"("udpm://239.255.76.68:7668", "udpm://239.255.76.69:7668")",
+                             R"("udpm://239.255.76.68:7668", "udpm://239.255.76.68:7669")"}) {
+    EXPECT_THAT(message_for(with_frame_groups(groups)),
+                HasSubstr("network.frame_groups: 'udpm://239.255.76.6"));
+    EXPECT_THAT(message_for(with_frame_groups(groups)),
+                HasSubstr("share an address or a port; expected others for each"));
+  }
+  EXPECT_THAT(message_for(with_frame_groups(R"("udpm://10.0.0.1:7668")")),
+              HasSubstr("'udpm://10.0.0.1:7668' is no multicast group; expected one like "
+                        "udpm://239.255.76.68:7668"));
+}
+
+TEST(StudioFile, names_a_misspelt_field_and_the_known_ones) {
+  const std::string message = message_for(with("packet_size = 1500", "packetsize = 1500"));
+  EXPECT_EQ(message.find("/etc/v3d/studio.toml:22: camera.packetsize: unknown field; known here: "),
+            0U)
+      << message;
+  EXPECT_NE(message.find("packet_size"), std::string::npos);
+}
+
+TEST(StudioFile, refuses_values_out_of_range_with_the_range) {
+  EXPECT_EQ(message_for(with("exposure_us = 800", "exposure_us = -1")),
+            "/etc/v3d/studio.toml:9: camera_defaults.exposure_us: expected a number from 1 to "
+            "1000000, found -1");
+  EXPECT_EQ(message_for(with("min_views = 2", "min_views = 3")),
+            "/etc/v3d/studio.toml:42: reconstruction.min_views: expected a whole number from 1 to "
+            "2, found 3");
+  EXPECT_EQ(message_for(with("max = [1.5, 1.5, 2]", "max = [1.5, 1.5, 0]")),
+            "/etc/v3d/studio.toml:32: space.max: must be above min in x, y and z");
+  EXPECT_EQ(message_for(with("\"Mono8\"", "\"Mono12\"")),
+            "/etc/v3d/studio.toml:21: camera.pixel_format: 'Mono12' is unknown; known: Mono8, "
+            "BayerGR8, BayerRG8, BayerGB8, BayerBG8, RGB8");
+  EXPECT_EQ(message_for(with("exposure_us = 800", "chroma_key = \"pink\"")),
+            "/etc/v3d/studio.toml:9: camera_defaults.chroma_key: 'pink' is unknown; known: none, "
+            "green, blue");
+  EXPECT_EQ(message_for(with("rate_hz = 25", "rate_hz = 5000")),
+            "/etc/v3d/studio.toml:27: trigger.rate_hz: expected a number from 0.01 to 1000, found "
+            "5000");
+  EXPECT_EQ(message_for(with("rate_hz = 25", "rate_hz = 25\npulse_width_us = 40000")),
+            "/etc/v3d/studio.toml:28: trigger.pulse_width_us: a pulse must be shorter than the "
+            "period of 40000 us");
+}
+
+TEST(StudioFile, tells_which_cameras_see_a_green_studio_and_wants_colour_of_them) {
+  const std::string text =
+      with("address = \"V3D-SIM-01\"", "address = \"V3D-SIM-01\"\nchroma_key = \"green\"");
+  EXPECT_EQ(parse_studio(text, "studio.toml").cameras[0].chroma_key, ChromaKey::kGreen);
+  EXPECT_EQ(parse_studio(text, "studio.toml").cameras[1].chroma_key, ChromaKey::kNone);
+  EXPECT_EQ(message_for(with("packet_size = 1500", "chroma_key = \"green\"")),
+            "/etc/v3d/studio.toml:22: camera.chroma_key: a Mono8 picture has no colour; expected "
+            "none, or a pixel_format with one");
+}
+
+constexpr std::string_view kSimulated =
+    "kind = \"simulated\"\nrate_hz = 25\nwire = \"trigger.sock\"";
+
+TEST(StudioFile, names_a_gpio_line_by_name_or_number_and_the_line_that_senses_it) {
+  const Studio studio = parse_studio(with(kSimulated, R"(kind = "gpio"
+chip = "gpiochip0"
+line = 7
+active_low = true
+[trigger.sense]
+chip = "pinctrl-bcm2711"
+line = "SENSE"
+edge = "falling")"),
+                                     "studio.toml");
+  EXPECT_EQ(studio.trigger.kind, TriggerKind::kGpio);
+  EXPECT_EQ(studio.trigger.output.chip, "gpiochip0");
+  EXPECT_EQ(studio.trigger.output.line, "7");
+  EXPECT_TRUE(studio.trigger.output.active_low);
+  ASSERT_TRUE(studio.trigger.sense);
+  EXPECT_EQ(studio.trigger.sense->line, "SENSE");
+  EXPECT_TRUE(studio.trigger.sense->active_low);
+  EXPECT_EQ(message_for(with(kSimulated, "kind = \"gpio\"\nchip = \"gpiochip0\"\nline = -2")),
+            "/etc/v3d/studio.toml:28: trigger.line: expected a whole number from 0 to 65535, "
+            "found -2");
+}
+
+TEST(StudioFile, names_a_signal_generator_by_its_usb_numbers_or_its_serial_port) {
+  const auto scpi = [](std::string_view instrument) {
+    return with(kSimulated, "kind = \"scpi\"\ndialect = \"rigol-dg\"\ninstrument = \"" +
+                                std::string(instrument) + "\"");
+  };
+  for (const std::string good : {"usb:1ab1:0642", "usb:1ab1:0642:DG1ZA:1", "serial:/dev/ttyUSB0"}) {
+    const Studio studio = parse_studio(scpi(good), "studio.toml");
+    EXPECT_EQ(studio.trigger.dialect, Dialect::kRigolDg);
+    EXPECT_EQ(studio.trigger.instrument.text(), good);
+  }
+  for (const std::string bad : {"", "usb", "usb:1ab1", "usb:1ab1:", "usb:1ab1:642", "usb:1ab1:064g",
+                                "usb:1ab1:0642:", "usb:1ab1-0642", "serial:", "serial:ttyUSB0"}) {
+    EXPECT_EQ(message_for(scpi(bad)),
+              "/etc/v3d/studio.toml:28: trigger.instrument: '" + bad +
+                  "': expected usb:VVVV:PPPP, usb:VVVV:PPPP:SERIAL (numbers as lsusb writes them) "
+                  "or serial:/dev/NAME");
+  }
+}
+
+TEST(StudioFile, reads_the_speed_of_a_serial_port) {
+  const auto scpi = [](std::string_view instrument, std::string_view baud) {
+    return with(kSimulated, "kind = \"scpi\"\ndialect = \"bnc575\"\ninstrument = \"" +
+                                std::string(instrument) + "\"\n" + std::string(baud));
+  };
+  const auto baud_of = [](const std::string& text) {
+    return parse_studio(text, "studio.toml").trigger.instrument.baud;
+  };
+  EXPECT_EQ(baud_of(scpi("serial:/dev/ttyUSB0", "")), 115'200);
+  EXPECT_EQ(baud_of(scpi("serial:/dev/ttyUSB0", "baud = 38400")), 38'400);
+  EXPECT_EQ(message_for(scpi("serial:/dev/ttyUSB0", "baud = 38401")),
+            "/etc/v3d/studio.toml:29: trigger.baud: expected 4800, 9600, 19200, 38400, 57600, "
+            "115200, 230400 or 460800, found 38401");
+  EXPECT_THAT(message_for(scpi("usb:1ab1:0642", "baud = 38400")), HasSubstr("trigger.baud"));
+}
+
+TEST(StudioFile, names_what_is_missing) {
+  EXPECT_EQ(message_for(with("calib = \"calib.toml\"\n", "")),
+            "/etc/v3d/studio.toml:34: storage.calib: missing");
+  EXPECT_EQ(message_for("name = \"x\"\n"),
+            "/etc/v3d/studio.toml:1: node: missing: expected one [[node]] per PC");
+  EXPECT_EQ(message_for(with("name = \"kyoto\"\n", "")), "/etc/v3d/studio.toml:1: name: missing");
+}
+
+TEST(StudioFile, reads_how_a_v4l2_camera_is_triggered) {
+  const std::string v4l2 = with("address = \"V3D-SIM-01\"",
+                                "address = \"/dev/video0\"\nkind = \"v4l2\"\nwidth = 640\n"
+                                "height = 480\ntrigger_control = \"0x009a0914\"\n"
+                                "trigger_value = 2\ntrigger_edge = \"falling\"");
+  const StudioCamera camera = parse_studio(v4l2, "studio.toml").cameras[0];
+  EXPECT_EQ(camera.kind, CameraKind::kV4l2);
+  EXPECT_EQ(camera.trigger_control, 0x009a0914U);
+  EXPECT_EQ(camera.trigger_value, 2);
+  EXPECT_EQ(camera.trigger_edge, Edge::kFalling);
+  EXPECT_EQ(camera.size, (ImageSize{640, 480}));
+}
+
+TEST(StudioFile, says_what_a_camera_that_runs_free_needs) {
+  const std::string free =
+      with("address = \"V3D-SIM-01\"", "address = \"/dev/video0\"\nkind = \"v4l2\"");
+  const Studio studio = parse_studio(free, "studio.toml");
+  EXPECT_TRUE(studio.cameras[0].runs_free());
+  EXPECT_FALSE(studio.cameras[1].runs_free());
+  const auto changed = [&](std::string_view from, std::string_view to) {
+    std::string text = free;
+    return text.replace(text.find(from), from.size(), to);
+  };
+  EXPECT_THAT(message_for(changed("[trigger]\nnode = \"cap01\"", "[trigger]\nnode = \"recon01\"")),
+              HasSubstr("camera.trigger_control: missing, so cam01 runs free; then it must hang on "
+                        "the trigger's node, recon01"));
+  EXPECT_THAT(message_for(changed("kind = \"simulated\"\nrate_hz = 25\nwire = \"trigger.sock\"",
+                                  "kind = \"gpio\"\nchip = \"gpiochip0\"\nline = 7")),
+              HasSubstr("cam01 runs free; then [trigger.sense] is needed"));
+}
+
+TEST(StudioFile, says_what_a_v4l2_camera_needs) {
+  const std::string address = "address = \"V3D-SIM-01\"";
+  const std::string v4l2 = address + "\nkind = \"v4l2\"\n";
+  EXPECT_THAT(message_for(with(address, v4l2 + "trigger_control = \"0x9a09zz\"")),
+              HasSubstr("expected the id of a V4L2 control"));
+  EXPECT_THAT(message_for(with(address, v4l2 + "trigger_control = \"1\"\ngain_db = 3")),
+              HasSubstr("gain_db: a V4L2 gain has no unit"));
+  EXPECT_THAT(message_for(with(address, v4l2 + "trigger_control = \"1\"\nwidth = 640")),
+              HasSubstr("height"));
+}
+
+}  // namespace
+}  // namespace v3d

@@ -1,0 +1,17 @@
+#include "base/core/memory.h"
+
+#include <gtest/gtest.h>
+
+#include <cstdint>
+#include <limits>
+
+namespace v3d {
+namespace {
+
+TEST(AvailableMemory, is_what_the_kernel_says) {
+  EXPECT_GT(available_memory(), 0);
+  EXPECT_LT(available_memory(), std::numeric_limits<int64_t>::max());
+}
+
+}  // namespace
+}  // namespace v3d

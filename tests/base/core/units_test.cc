@@ -1,0 +1,34 @@
+#include "base/core/units.h"
+
+#include <gtest/gtest.h>
+
+#include "base/core/error.h"
+
+namespace v3d {
+namespace {
+
+TEST(Length, is_read_with_its_unit) {
+  EXPECT_DOUBLE_EQ(parse_length("8mm"), 0.008);
+  EXPECT_DOUBLE_EQ(parse_length("0.5cm"), 0.005);
+  EXPECT_DOUBLE_EQ(parse_length("2m"), 2);
+}
+
+TEST(Length, without_a_unit_or_with_nonsense_is_refused) {
+  for (const char* text :
+       {"8", "", "mm", "-1mm", "0mm", "8 mm", "8mmm", "nanm", "infm", "1e999m"}) {
+    EXPECT_THROW(parse_length(text), InputError) << text;
+  }
+}
+
+TEST(Numbers, are_written_for_people) {
+  EXPECT_EQ(format_length(0.008), "8 mm");
+  EXPECT_EQ(format_length(1.5), "1.5 m");
+  EXPECT_EQ(format_bytes(29.5e9), "29.5 GB");
+  EXPECT_EQ(format_bytes(12), "12 B");
+  EXPECT_EQ(format_count(1250), "1,250");
+  EXPECT_EQ(format_count(999), "999");
+  EXPECT_EQ(format_count(-1234567), "-1,234,567");
+}
+
+}  // namespace
+}  // namespace v3d

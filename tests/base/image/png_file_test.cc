@@ -1,0 +1,76 @@
+#include "base/image/png_file.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <rapidcheck/gtest.h>
+
+#include "base/core/error.h"
+#include "base/io/whole_file.h"
+#include "support/message_of.h"
+#include "support/temporary_folder.h"
+
+namespace v3d {
+namespace {
+
+using testing::AllOf;
+using testing::HasSubstr;
+
+DeepImage ramp(ImageSize size, int channels) {
+  DeepImage image{size, channels, {}};
+  for (int64_t i = 0; i < size.pixels() * channels; ++i) {
+    image.samples.push_back(static_cast<uint16_t>(i * 257));
+  }
+  return image;
+}
+
+std::string refusal_of(std::string_view bytes) {
+  return test::message_of<InputError>([&] { decode_png(bytes, "plate.png"); });
+}
+
+TEST(PngFile, gives_back_every_bit_of_grey_and_of_colour) {
+  for (const int channels : {1, 3}) {
+    const DeepImage image = ramp({37, 11}, channels);
+    const DeepImage back = decode_png(encode_png(image), "plate.png");
+    EXPECT_EQ(back.size, image.size);
+    EXPECT_EQ(back.channels, channels);
+    EXPECT_EQ(back.samples, image.samples);
+  }
+}
+
+TEST(PngFile, that_was_cut_off_or_is_something_else_is_refused_by_name) {
+  const std::string whole = encode_png(ramp({37, 11}, 1));
+  constexpr size_t kBehindThePixels = 24;  // check sums and the end chunk
+  for (size_t keep = 0; keep + kBehindThePixels < whole.size(); keep += 7) {
+    EXPECT_THAT(refusal_of({whole.data(), keep}), HasSubstr("plate.png: is no PNG image"));
+  }
+  EXPECT_THAT(refusal_of("no picture at all"), HasSubstr("plate.png: is no PNG image"));
+}
+
+TEST(PngFile, of_8_bits_is_refused_with_what_would_be_right) {
+  const test::TemporaryFolder folder;
+  write_png(folder / "grey.png", Image({4, 3}, PixelFormat::kMono8).view());
+  EXPECT_THAT(refusal_of(read_file(folder / "grey.png")),
+              AllOf(HasSubstr("plate.png"), HasSubstr("16 bits, grey or RGB")));
+}
+
+TEST(PngFile, that_promises_more_than_its_bytes_can_hold_takes_no_memory) {
+  std::string bytes = encode_png(ramp({37, 11}, 1)).substr(0, 33);  // the header
+  bytes[18] = bytes[22] = 0x30;                                     // 12,325 x 12,299
+  EXPECT_THAT(refusal_of(bytes), HasSubstr("plate.png: is no PNG image"));
+  const DeepImage black{{3000, 1000}, 1, std::vector<uint16_t>(3'000'000)};
+  EXPECT_EQ(decode_png(encode_png(black), "plate.png").samples, black.samples);
+}
+
+RC_GTEST_PROP(PngFile, with_a_bit_turned_over_is_read_or_refused_and_nothing_else, ()) {
+  std::string bytes = encode_png(ramp({9, 5}, 3));
+  const auto at = *rc::gen::inRange<size_t>(0, bytes.size());
+  bytes[at] = static_cast<char>(bytes[at] ^ (1 << *rc::gen::inRange(0, 8)));
+  try {
+    const DeepImage image = decode_png(bytes, "plate.png");
+    RC_ASSERT(static_cast<int64_t>(image.samples.size()) == image.size.pixels() * image.channels);
+  } catch (const InputError&) {
+  }
+}
+
+}  // namespace
+}  // namespace v3d
