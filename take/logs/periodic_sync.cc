@@ -16,7 +16,7 @@ PeriodicSync::~PeriodicSync() {
   thread_.join();
 }
 
-void PeriodicSync::note_write() {
+void PeriodicSync::mark_dirty() {
   const std::lock_guard lock(mutex_);
   is_dirty_ = true;
 }

@@ -196,7 +196,7 @@ TEST(FrameLog, refuses_what_is_no_log_and_names_it) {
   const auto refusal = [&](const std::string& file) {
     return test::message_of<InputError>([&] { FrameLogReader reader(folder / file); });
   };
-  EXPECT_THAT(refusal("notes.txt"), testing::HasSubstr("notes.txt: is no LCM event log"));
+  EXPECT_THAT(refusal("notes.txt"), testing::HasSubstr("notes.txt: is not an LCM event log"));
   EXPECT_THAT(refusal("missing.lcmlog"), testing::HasSubstr("missing.lcmlog: No such file"));
   EXPECT_THAT(refusal("."), testing::HasSubstr("it is not a regular file"));
 }

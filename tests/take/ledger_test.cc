@@ -150,7 +150,7 @@ TEST(Ledger, of_a_take_has_the_cameras_of_all_nodes_and_the_pulses_of_the_one_th
     EXPECT_EQ(whole.sensed, 3);
     ASSERT_EQ(whole.cameras.size(), 2U);
     EXPECT_FALSE(whole.complete());
-    EXPECT_THAT(trouble_lines(whole), testing::ElementsAre("cam02: misses pulses 2"));
+    EXPECT_THAT(trouble_lines(whole), testing::ElementsAre("cam02: missing pulses 2"));
   }
 }
 
@@ -159,8 +159,8 @@ TEST(Ledger, tells_troubles_by_name_and_neighbours_as_a_range) {
   EXPECT_TRUE(trouble_lines(ledger).empty());
   ledger.cameras[3].missing = {3, 4, 5, 9};
   ledger.cameras[7].suspect = {-1, 12};
-  EXPECT_THAT(trouble_lines(ledger), testing::ElementsAre("cam3: misses pulses 3-5, 9",
-                                                          "cam7: is in doubt about pulses -1, 12"));
+  EXPECT_THAT(trouble_lines(ledger),
+              testing::ElementsAre("cam3: missing pulses 3-5, 9", "cam7: suspect pulses -1, 12"));
 }
 
 TEST(Ledger, shows_what_every_camera_did) {

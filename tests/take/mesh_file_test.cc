@@ -113,7 +113,7 @@ TEST(MeshFile, is_not_continued_where_another_file_stands) {
   test::write_text(folder / "mesh.v3d", std::string(100, 'x'));
   EXPECT_THAT(test::message_of<InputError>(
                   [&] { MeshFileWriter writer(folder / "mesh.v3d", LogOpening::kGoOn); }),
-              testing::HasSubstr("is no mesh file"));
+              testing::HasSubstr("is not a mesh file"));
   EXPECT_EQ(read_file(folder / "mesh.v3d"), std::string(100, 'x'));
 }
 
@@ -164,10 +164,10 @@ TEST(MeshFile, refuses_what_is_no_mesh_file_and_names_it) {
     test::write_text(folder / "mesh.v3d", text);
     return test::message_of<InputError>([&] { MeshFileReader reader(folder / "mesh.v3d"); });
   };
-  EXPECT_THAT(refusal(""), testing::HasSubstr("mesh.v3d: is no mesh file"));
-  EXPECT_THAT(refusal(std::string(100, 'x')), testing::HasSubstr("is no mesh file"));
+  EXPECT_THAT(refusal(""), testing::HasSubstr("mesh.v3d: is not a mesh file"));
+  EXPECT_THAT(refusal(std::string(100, 'x')), testing::HasSubstr("is not a mesh file"));
   EXPECT_THAT(refusal(std::string("V3DM\r\n\x1a\n\2\0\0\0\0\0\0\0", 16)),
-              testing::HasSubstr("of a version that this program does not know"));
+              testing::HasSubstr("of a version that this program does not support"));
   EXPECT_THAT(test::message_of<InputError>([] { MeshFileReader reader("/nowhere/mesh.v3d"); }),
               testing::HasSubstr("/nowhere/mesh.v3d: No such file"));
   EXPECT_THAT(test::message_of<InputError>([] { MeshFileWriter writer("/nowhere/mesh.v3d"); }),

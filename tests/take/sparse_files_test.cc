@@ -103,7 +103,7 @@ TEST(SparseLog, is_refused_in_one_line_where_its_only_event_is_above_the_limit) 
   const test::TemporaryFolder folder;
   const fs::path log = folder / "cam01.lcmlog";
   write_sparse_event(log, "V3D_FRAME_cam01", 300 * kMebibyte);
-  const std::string line = log.string() + ": is no LCM event log: it holds no whole event";
+  const std::string line = log.string() + ": is not an LCM event log: it holds no whole event";
   EXPECT_LT(mebibytes_of([&] {
               EXPECT_EQ(test::message_of<InputError>([&] { FrameLogReader reader(log); }), line);
               EXPECT_EQ(test::message_of<InputError>([&] { read_pulses(log); }), line);

@@ -171,12 +171,13 @@ TEST_F(TakeFolder, tells_of_a_pulse_number_that_no_take_reaches) {
   }
   const Verification v = verify_take(paths_);
   EXPECT_EQ(v.ledger.commanded, 3);
-  EXPECT_THAT(v.disagreements, testing::Contains(HasSubstr("pulses.lcmlog: holds the impossible")));
+  EXPECT_THAT(v.disagreements,
+              testing::Contains(HasSubstr("pulses.lcmlog: holds pulse 9,223,372,036,854,775,806")));
 }
 
 TEST_F(TakeFolder, tells_of_a_mesh_file_that_is_none) {
   test::write_text(paths_.mesh(), "mesh");
-  EXPECT_THAT(verify_take(paths_).disagreements, ElementsAre(HasSubstr("is no mesh file")));
+  EXPECT_THAT(verify_take(paths_).disagreements, ElementsAre(HasSubstr("is not a mesh file")));
 }
 
 /// The same take with the list of its files in the ledger.
@@ -243,7 +244,7 @@ TEST_F(ListedTake, names_files_that_are_missing_or_shorter) {
   test::write_text(paths_.studio(), "#");
   EXPECT_THAT(verify_take(paths_).disagreements,
               ElementsAre("studio.toml: has 1 bytes, the ledger says 13",
-                          "background/cam01.mean.png: missing; the ledger has it with 5 bytes"));
+                          "background/cam01.mean.png: missing; the ledger lists it with 5 bytes"));
   std::filesystem::remove(paths_.frames("cam01"));
   EXPECT_THAT(verify_take(paths_).disagreements,
               testing::Contains(HasSubstr("cam01.lcmlog")).Times(2))
