@@ -56,7 +56,7 @@ TakeListing look_at_take(const TakePaths& paths) {
 }
 
 std::vector<TakeListing> find_takes(const fs::path& folder,
-                                    const std::function<void(const InputError&)>& passed_over) {
+                                    const std::function<void(const InputError&)>& on_unreadable) {
   if (!fs::is_directory(folder))
     throw InputError(folder.string() + ": is not a folder; expected a folder of takes");
   std::vector<TakeListing> takes;
@@ -67,7 +67,7 @@ std::vector<TakeListing> find_takes(const fs::path& folder,
     try {
       takes.push_back(look_at_take(paths));
     } catch (const InputError& error) {
-      passed_over(error);
+      on_unreadable(error);
     }
   }
   std::sort(takes.begin(), takes.end(), [](const TakeListing& a, const TakeListing& b) {

@@ -33,9 +33,9 @@ struct TakeListing {
 /// files cannot be read.
 TakeListing look_at_take(const TakePaths& paths);
 
-/// The takes in `folder`, oldest first. Skips a take that cannot be read, and calls `passed_over`
+/// The takes in `folder`, oldest first. Skips a take that cannot be read, and calls `on_unreadable`
 /// with the error. Throws InputError when `folder` is not a folder.
 std::vector<TakeListing> find_takes(const std::filesystem::path& folder,
-                                    const std::function<void(const InputError&)>& passed_over);
+                                    const std::function<void(const InputError&)>& on_unreadable);
 
 }  // namespace v3d

@@ -256,12 +256,12 @@ class MeshFileWriter::Impl {
 
   /// True once after the disk lost meshes that it had accepted.
   bool has_new_loss() {
-    if (sync_error_) sync_error_ = sync_->take_failure();
+    if (sync_error_) sync_error_ = sync_->pop_error();
     return !sync_error_ && !std::exchange(loss_is_reported_, true);
   }
 
   void stop_syncs() {
-    if (sync_error_) sync_error_ = sync_->take_failure();
+    if (sync_error_) sync_error_ = sync_->pop_error();
     sync_.reset();
   }
 

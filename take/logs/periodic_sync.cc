@@ -21,7 +21,7 @@ void PeriodicSync::mark_dirty() {
   is_dirty_ = true;
 }
 
-io::Status PeriodicSync::take_failure() {
+io::Status PeriodicSync::pop_error() {
   const std::lock_guard lock(mutex_);
   return std::exchange(failure_, io::Status());
 }

@@ -10,7 +10,7 @@
 
 namespace v3d {
 
-/// Syncs a file once in every period in which it was written to. mark_dirty() and take_failure() do
+/// Syncs a file once in every period in which it was written to. mark_dirty() and pop_error() do
 /// not wait for the disk. One writing thread.
 class PeriodicSync {
  public:
@@ -23,7 +23,7 @@ class PeriodicSync {
 
   void mark_dirty();
   /// The first error since the last call: earlier writes may be lost.
-  [[nodiscard]] io::Status take_failure();
+  [[nodiscard]] io::Status pop_error();
 
  private:
   void run();
