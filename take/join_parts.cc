@@ -21,33 +21,34 @@ struct Part {
   Ledger ledger;
 };
 
-/// The target of a symbolic link may lie outside of the take. Throws InputError.
-void refuse_link(const fs::path& path) {
+/// Throws InputError for a symbolic link, whose target may be outside of the take.
+void reject_link(const fs::path& path) {
   if (fs::is_symlink(path)) throw InputError(path.string() + ": it is a symbolic link");
 }
 
-/// A second hard link to the same bytes; elsewhere, or where those are not permitted, a copy.
-void put(const fs::path& file, const fs::path& place) {
-  refuse_link(file);
+/// Creates a hard link `place` to `file`. Copies the file where hard links fail, for example across
+/// file systems.
+void link_or_copy(const fs::path& file, const fs::path& place) {
+  reject_link(file);
   std::error_code error;
   fs::create_hard_link(file, place, error);
   if (error) io::throw_if_failed(io::copy_file(file, place));
 }
 
-void put_if_there(const fs::path& file, const fs::path& place) {
-  if (fs::exists(file) && !fs::exists(place)) put(file, place);
+void link_if_present(const fs::path& file, const fs::path& place) {
+  if (fs::exists(file) && !fs::exists(place)) link_or_copy(file, place);
 }
 
-/// All segments of a log, with what recoveries found in them.
-void put_log(const fs::path& log, const fs::path& place) {
+/// Links all segments of a log and their indexes (SegmentIndex).
+void link_log(const fs::path& log, const fs::path& place) {
   for (const fs::path& segment : io::value_or_throw(existing_segments(log))) {
     const fs::path to = place.parent_path() / segment.filename();
-    put_if_there(segment, to);
-    put_if_there(segment_index_path(segment), segment_index_path(to));
+    link_if_present(segment, to);
+    link_if_present(segment_index_path(segment), segment_index_path(to));
   }
 }
 
-/// What cannot be read has none.
+/// Number of meshes of a part; 0 if its mesh file cannot be read.
 size_t mesh_count(const TakePaths& part) {
   try {
     return MeshFileReader(part.mesh()).pulses().size();
@@ -66,43 +67,44 @@ std::vector<Part> recorded_parts(const std::vector<TakePaths>& parts) {
   return recorded;
 }
 
-void refuse_other_take(const Part& first, const Part& other) {
+void reject_other_take(const Part& first, const Part& other) {
   const std::string files = first.paths.folder.string() + " and " + other.paths.folder.string();
   if (first.info.name != other.info.name || first.info.rate_hz != other.info.rate_hz) {
-    throw InputError(files + ": are not of one take: another name or rate");
+    throw InputError(files + ": are parts of different takes: their names or rates differ");
   }
   if (read_take_file(first.paths.calib()) != read_take_file(other.paths.calib())) {
     throw InputError(files + ": have different calibrations (calib.toml)");
   }
 }
 
-/// What stands in the take's own folder besides what is joined.
-void put_shared(const TakePaths& part, const TakePaths& into) {
-  put_if_there(part.calib(), into.calib());
-  put_if_there(part.studio(), into.studio());
-  put_if_there(part.slate(), into.slate());
+/// Links the files that are not specific to a camera: calibration, studio file, slate, signatures,
+/// plates.
+void link_shared_files(const TakePaths& part, const TakePaths& into) {
+  link_if_present(part.calib(), into.calib());
+  link_if_present(part.studio(), into.studio());
+  link_if_present(part.slate(), into.slate());
   for (const std::string& name : io::value_or_throw(take_file_names(part))) {
-    if (is_signature(name)) put_if_there(part.folder / name, into.folder / name);
+    if (is_signature(name)) link_if_present(part.folder / name, into.folder / name);
   }
-  refuse_link(part.background());
+  reject_link(part.background());
   if (!fs::is_directory(part.background())) return;
   for (const fs::path& plate : io::value_or_throw(io::list_folder(part.background()))) {
-    put_if_there(plate, into.background() / plate.filename());
+    link_if_present(plate, into.background() / plate.filename());
   }
 }
 
-void put_frames(const Part& part, const TakePaths& into, TakeInfo& info) {
+void link_frames(const Part& part, const TakePaths& into, TakeInfo& info) {
   for (const std::string& camera : part.info.cameras) {
     if (std::find(info.cameras.begin(), info.cameras.end(), camera) != info.cameras.end()) {
       throw InputError(part.paths.folder.string() + ": another part has " + camera + " too");
     }
     info.cameras.push_back(camera);
-    put_log(part.paths.frames(camera), into.frames(camera));
+    link_log(part.paths.frames(camera), into.frames(camera));
   }
 }
 
-/// What the ledgers of the parts say of the files that were brought. The log of the pulses is that
-/// of one part.
+/// Entries of the joined ledger for all files of `into`. The entries of the pulse log come from
+/// `of_pulses`, the ledger of the part whose pulse log is used.
 std::vector<TakeFile> joined_files(const std::vector<Part>& parts, const Ledger& of_pulses,
                                    const TakePaths& into) {
   const std::string pulses = into.pulses().stem().string() + ".";
@@ -122,13 +124,13 @@ std::vector<TakeFile> joined_files(const std::vector<Part>& parts, const Ledger&
 
 const TakePaths* part_with_meshes(const std::vector<TakePaths>& parts) {
   const TakePaths* best = nullptr;
-  size_t most = 0;
+  size_t max_meshes = 0;
   for (const TakePaths& part : parts) {
     if (!fs::exists(part.mesh())) continue;
     const size_t meshes = mesh_count(part);
-    if (best && meshes <= most) continue;
+    if (best && meshes <= max_meshes) continue;
     best = &part;
-    most = meshes;
+    max_meshes = meshes;
   }
   return best;
 }
@@ -140,18 +142,19 @@ TakeInfo join_parts(const std::vector<TakePaths>& parts, const TakePaths& into) 
   fs::create_directories(into.background());
   std::vector<Ledger> ledgers;
   for (const Part& part : recorded) {
-    refuse_other_take(recorded.front(), part);
-    put_frames(part, into, info);
+    reject_other_take(recorded.front(), part);
+    link_frames(part, into, info);
     info.started = std::min(info.started, part.info.started);
     if (part.info.state != TakeState::kComplete) info.state = part.info.state;
     ledgers.push_back(part.ledger);
   }
-  for (const TakePaths& part : parts) put_shared(part, into);
-  if (const TakePaths* meshes = part_with_meshes(parts)) put_if_there(meshes->mesh(), into.mesh());
+  for (const TakePaths& part : parts) link_shared_files(part, into);
+  if (const TakePaths* meshes = part_with_meshes(parts))
+    link_if_present(meshes->mesh(), into.mesh());
   const auto sensed_most = std::max_element(
       recorded.begin(), recorded.end(),
       [](const Part& a, const Part& b) { return a.ledger.sensed < b.ledger.sensed; });
-  put_log(sensed_most->paths.pulses(), into.pulses());
+  link_log(sensed_most->paths.pulses(), into.pulses());
   Ledger ledger = merge(ledgers);
   ledger.files = joined_files(recorded, sensed_most->ledger, into);
   info.pulses = ledger.commanded;

@@ -1,4 +1,4 @@
-// The parts of one take, as the nodes of a studio recorded them, put together.
+// Joins the parts of one take, which several nodes recorded, into one take folder.
 #pragma once
 
 #include <vector>
@@ -7,16 +7,20 @@
 
 namespace v3d {
 
-/// Makes `into` of the parts: the cameras and backgrounds of all, the pulses of the node that
-/// sensed most of them, the meshes of part_with_meshes(), one ledger (merge()). Files are linked
-/// where the file system permits it, else copied; the parts stay as they are. A part may lack
-/// take.toml (a node that only reconstructs). Throws InputError when the parts are none of one
-/// take, or contradict each other: another rate or calibration, a camera twice; std::runtime_error
-/// when the disk refuses.
+/// Joins `parts` into the new take folder `into`, and returns its take.toml.
+///
+/// The joined take has the cameras and background plates of all parts, the pulse log of the node
+/// that sensed the most pulses, the meshes of part_with_meshes() and one ledger (merge()). Files
+/// are hard-linked where the file system permits it, and copied elsewhere; the parts do not change.
+/// A part of a node that only reconstructs has no take.toml.
+///
+/// Throws InputError when no part has a take.toml, when a part contains a symbolic link, and when
+/// the parts contradict each other: different names, rates or calibrations, or one camera in two
+/// parts. Throws std::runtime_error when a file cannot be written.
 TakeInfo join_parts(const std::vector<TakePaths>& parts, const TakePaths& into);
 
-/// Of several nodes that reconstructed it, the part whose mesh.v3d has most meshes, the first of
-/// them; null where no part has one.
+/// The part whose mesh.v3d has the most meshes, the first of them when several have as many; null
+/// when no part has a mesh.v3d.
 const TakePaths* part_with_meshes(const std::vector<TakePaths>& parts);
 
 }  // namespace v3d

@@ -1,5 +1,5 @@
-// slate.toml: what the crew says of a take. Written by people's hands and tools after the
-// recording; a take without one has an empty slate.
+// slate.toml: the crew's notes about a take. People and tools write it after the recording. A take
+// without this file has an empty slate.
 #pragma once
 
 #include <cstdint>
@@ -21,16 +21,17 @@ struct Slate {
   std::string note;
   Mark mark = Mark::kNone;
 
-  /// "scene 12, take 3, circled, the sword slips", one line without control characters; empty for
-  /// an empty slate.
+  /// All fields in one line without control characters: "scene 12, take 3, circled, the sword
+  /// slips". Empty for an empty slate.
   std::string text() const;
   friend bool operator==(const Slate&, const Slate&) = default;
 };
 
-/// The empty slate when there is no file. Throws InputError with file, line and field.
+/// Reads slate.toml. Returns an empty slate when the file does not exist. Throws InputError with
+/// file, line and field.
 Slate load_slate(const std::filesystem::path& path);
 Slate parse_slate(std::string_view text, const std::filesystem::path& path);
-/// io::replace_file() of slate.toml.
+/// Writes slate.toml with io::replace_file().
 [[nodiscard]] io::Status save_slate(const std::filesystem::path& path, const Slate& slate);
 
 }  // namespace v3d

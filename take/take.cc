@@ -48,10 +48,11 @@ std::string_view name(TakeState state) {
 
 TakeInfo load_take_info(const TakePaths& paths) {
   if (!std::filesystem::is_directory(paths.folder)) {
-    throw InputError(paths.folder.string() + ": no such folder; a take is a folder with take.toml");
+    throw InputError(paths.folder.string() +
+                     ": no such folder; expected a take folder with take.toml");
   }
   if (!std::filesystem::exists(paths.info())) {
-    throw InputError(paths.folder.string() + ": is no take: take.toml is missing");
+    throw InputError(paths.folder.string() + ": is not a take folder: take.toml is missing");
   }
   return parse_take_info(read_take_file(paths.info()), paths.info());
 }

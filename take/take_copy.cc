@@ -19,7 +19,7 @@ std::set<int64_t> pulses_in(const TakePaths& take) {
   return pulses;
 }
 
-/// The pulses whose mesh can be read.
+/// Pulses whose mesh can be read.
 std::set<int64_t> meshes_in(const TakePaths& take) {
   MeshFileReader meshes(take.mesh());
   std::set<int64_t> pulses;
@@ -52,7 +52,7 @@ class CopyCheck {
                        original.name);
     }
     if (copy.state == TakeState::kRecording) {
-      lines_.push_back(copy_.folder.string() + ": was never closed");
+      lines_.push_back(copy_.folder.string() + ": the take was not closed");
     }
     for (const std::string& camera : original.cameras) {
       if (std::ranges::find(copy.cameras, camera) != copy.cameras.end()) continue;
@@ -78,7 +78,7 @@ class CopyCheck {
     }
   }
 
-  /// Another node's file, in which nothing is missing.
+  /// True for the file of another node that contains every pulse or mesh of the original.
   bool may_differ(const std::string& name) const {
     try {
       if (name == original_.pulses().filename()) {

@@ -1,4 +1,4 @@
-// Comparison of a take with its copy elsewhere, before the take is deleted.
+// Comparison of a take with a copy of it, before the original is deleted.
 #pragma once
 
 #include <string>
@@ -9,14 +9,17 @@
 
 namespace v3d {
 
-/// What `copy` lacks of `original`, one line each; empty when deleting the original loses nothing.
+/// Compares `copy` with `original`. Returns one line for each file or entry that `copy` lacks;
+/// empty when the original can be deleted without loss.
 ///
-/// Every file of the copy that the original has is read from its disk (ReadFrom::kDisk) and
-/// compared with the checksum in `verified`, the record of the original's verification. Exceptions:
-/// take.toml and ledger.toml of a collected take are joined from those of all nodes, so only its
-/// name and its cameras are compared; pulses.lcmlog and mesh.v3d may be those of another node when
-/// they have every pulse and every mesh of the original; the slate is not compared. Throws
-/// InputError when `copy` is no take.
+/// For each file in `verified`, the record of the original's verification, reads the file of the
+/// copy from disk (ReadFrom::kDisk) and compares its checksum with the record. Exceptions:
+/// - take.toml and ledger.toml of a collected take are joined from those of all nodes. Only the
+///   take's name and its cameras are compared.
+/// - pulses.lcmlog and mesh.v3d may come from another node if they contain every pulse and every
+///   mesh of the original.
+/// - The slate is not compared.
+/// Throws InputError when `copy` is not a take.
 std::vector<std::string> missing_in_copy(const TakePaths& original, const Verified& verified,
                                          const TakePaths& copy);
 

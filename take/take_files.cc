@@ -25,7 +25,8 @@ TakeFile file_of(const std::string& name, const struct stat& status) {
           .checksum = {}};
 }
 
-/// What a power cut leaves of io::replace_file(): "take.toml.part-123-1".
+/// True for a temporary file of io::replace_file(), which a power cut leaves:
+/// "take.toml.part-123-1".
 bool is_unfinished(const std::string& name) {
   const std::string mark = ".part-";
   const size_t at = name.rfind(mark);
@@ -33,7 +34,7 @@ bool is_unfinished(const std::string& name) {
          name.find_first_not_of("0123456789-", at + mark.size()) == std::string::npos;
 }
 
-/// Appends the regular files of one folder. `prefix` stands before their names.
+/// Appends the names of the regular files in `folder`, each with `prefix` in front.
 io::Status add_names(const fs::path& folder, const std::string& prefix,
                      std::vector<std::string>& names) {
   const auto entries = io::list_folder(folder);
@@ -43,14 +44,15 @@ io::Status add_names(const fs::path& folder, const std::string& prefix,
     if (name.starts_with(".") || is_unfinished(name)) continue;
     const auto type = io::type_of(entry);
     if (!type) return tl::make_unexpected(type.error());
-    // A link to nothing is listed: reading it reports the cause.
+    // A dangling link is listed, so that the attempt to read it reports the cause.
     const bool is_file = *type == fs::file_type::regular || *type == fs::file_type::not_found;
     if (is_file) names.push_back(prefix + name);
   }
   return {};
 }
 
-/// File systems that keep no dirty pages, or are mounted read-only, need not sync: EINVAL, EROFS.
+/// Writes dirty pages of `file` to disk, then drops its cached pages. Ignores EINVAL and EROFS of
+/// fdatasync(): file systems without dirty pages and read-only mounts need no sync.
 io::Status drop_from_page_cache(const io::File& file) {
   if (io::uninterrupted([&] { return fdatasync(file.fd()); }) != 0 && errno != EINVAL &&
       errno != EROFS) {

@@ -1,4 +1,4 @@
-// The files of a take: their names, lengths and checksums.
+// Names, lengths and checksums of the files of a take.
 #pragma once
 
 #include <cstdint>
@@ -13,45 +13,48 @@
 
 namespace v3d {
 
-/// What is known of one file.
+/// Name, length, modification time and checksums of one file.
 struct TakeFile {
   std::string name;  ///< relative to the folder of the take: "background/cam01.mean.png"
   int64_t bytes = 0;
-  int64_t changed_ns = 0;            ///< since 1970; 0 in a ledger
-  std::optional<uint64_t> checksum;  ///< of base/core/checksum.h over all `bytes`; empty: not known
-  std::optional<Hash> root = {};     ///< as take_signature.h says; empty: not known
+  int64_t changed_ns = 0;            ///< modification time, ns since 1970; 0 in a ledger
+  std::optional<uint64_t> checksum;  ///< XXH3 (base/core/checksum.h) of all `bytes`; empty: unknown
+  std::optional<Hash> root = {};     ///< root of the hash tree (take_signature.h); empty: unknown
 
   friend bool operator==(const TakeFile&, const TakeFile&) = default;
 };
 
-/// Checksum as text: 16 hexadecimal digits, as `xxhsum -H3` prints them.
+/// The checksum as 16 hexadecimal digits, as `xxhsum -H3` prints it.
 std::string checksum_text(uint64_t checksum);
 std::optional<uint64_t> parse_checksum(std::string_view text);
 
-/// Where the bytes of a file are read from.
+/// The source of the bytes that read_take_file() returns.
 enum class ReadFrom : uint8_t {
-  kPageCache,  ///< as every program reads
-  kDisk,       ///< the kernel first writes what waits for the disk, and drops what it has cached
+  kPageCache,  ///< the page cache if it has the bytes, as for every program
+  kDisk,       ///< the disk: dirty pages are written and cached pages are dropped first
 };
 
-/// Names of all regular files of the take and of its background folder, sorted. Without hidden
-/// names, which are working files of daemons and programs (locks, orders, pieces), and without what
-/// a power cut left of io::replace_file().
+/// Sorted names of all regular files of the take folder and of its background folder. Omits hidden
+/// names, which are working files of daemons and programs (locks, commands, partial files), and
+/// temporary files that a power cut left behind in io::replace_file(). Fails with path and cause
+/// when a folder cannot be listed.
 [[nodiscard]] io::Result<std::vector<std::string>> take_file_names(const TakePaths& paths);
 
-/// Whether it is the name of a signature: signature.<node>.toml (take_signature.h).
+/// True for the name of a signature file: signature.<node>.toml (take_signature.h).
 bool is_signature(std::string_view name);
 
-/// A file that is written after the ledger, so that no ledger can have its checksum: the ledger
-/// itself, verified.toml, the slate, mesh.v3d, signatures, and what recoveries find in segments
+/// True for a file that is written after the ledger, whose checksum no ledger can contain: the
+/// ledger itself, verified.toml, the slate, mesh.v3d, signatures, and segment indexes of recoveries
 /// (SegmentIndex).
 bool is_written_after_ledger(std::string_view name);
 
-/// Length and time of change, without a checksum. Fails when the file cannot be asked.
+/// Reads length and modification time of a file, without a checksum. Fails with path and cause when
+/// stat() fails.
 [[nodiscard]] io::Result<TakeFile> stat_take_file(const TakePaths& paths, const std::string& name);
 
-/// Reads a whole file. With `limit`, only the first so many bytes count into the checksum. Length
-/// and time are those before the first byte was read. Fails with path and cause.
+/// Reads a whole file and computes its checksum, over the first `limit` bytes only if the file is
+/// longer. Length and modification time are those at the start of the read. Fails with path and
+/// cause.
 [[nodiscard]] io::Result<TakeFile> read_take_file(const TakePaths& paths, const std::string& name,
                                                   ReadFrom from, int64_t limit = INT64_MAX);
 

@@ -17,8 +17,8 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// Throws InputError when the folder cannot be read. A file that is removed meanwhile counts
-/// nothing.
+/// Total size of the files in `folder` and its subfolders. Ignores a file that is removed
+/// meanwhile. Throws InputError when a folder cannot be read.
 int64_t bytes_in(const fs::path& folder) {
   int64_t bytes = 0;
   for (const fs::path& entry : io::value_or_throw(io::list_folder(folder))) {
@@ -56,8 +56,9 @@ TakeListing look_at_take(const TakePaths& paths) {
 }
 
 std::vector<TakeListing> find_takes(const fs::path& folder,
-                                    const std::function<void(const InputError&)>& passed_over) {
-  if (!fs::is_directory(folder)) throw InputError(folder.string() + ": is no folder of takes");
+                                    const std::function<void(const InputError&)>& on_unreadable) {
+  if (!fs::is_directory(folder))
+    throw InputError(folder.string() + ": is not a folder; expected a folder of takes");
   std::vector<TakeListing> takes;
   for (const fs::path& entry : io::value_or_throw(io::list_folder(folder))) {
     const TakePaths paths{entry};
@@ -66,7 +67,7 @@ std::vector<TakeListing> find_takes(const fs::path& folder,
     try {
       takes.push_back(look_at_take(paths));
     } catch (const InputError& error) {
-      passed_over(error);
+      on_unreadable(error);
     }
   }
   std::sort(takes.begin(), takes.end(), [](const TakeListing& a, const TakeListing& b) {

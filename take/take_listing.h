@@ -1,4 +1,4 @@
-// Takes as a crew sees them: what a folder of takes holds.
+// Listing of the takes in a folder, as operators see it.
 #pragma once
 
 #include <cstdint>
@@ -17,10 +17,10 @@ namespace v3d {
 struct TakeListing {
   TakePaths paths;
   TakeInfo info;
-  bool whole = false;     ///< by its ledger
-  bool examined = false;  ///< v3dctl verify read it, with whatever result, and nothing has changed
-  bool verified = false;  ///< the same, and all its files agreed with its ledger
-  int64_t bytes = 0;      ///< of all its files
+  bool whole = false;     ///< the ledger reports the take as complete
+  bool examined = false;  ///< v3dctl verify has read the current files, with any result
+  bool verified = false;  ///< `examined`, and all files matched the ledger
+  int64_t bytes = 0;      ///< size of all files of the take
   int64_t meshes = 0;
   Slate slate;
 
@@ -29,12 +29,13 @@ struct TakeListing {
   std::string_view verdict() const;
 };
 
-/// Throws InputError when the folder is no take, or a file of it cannot be read.
+/// Reads the listing of one take. Throws InputError when the folder is not a take, or one of its
+/// files cannot be read.
 TakeListing look_at_take(const TakePaths& paths);
 
-/// The takes in a folder, oldest first. One that cannot be read is passed over, and `passed_over`
-/// told why. Throws InputError when `folder` is none.
+/// The takes in `folder`, oldest first. Skips a take that cannot be read, and calls `on_unreadable`
+/// with the error. Throws InputError when `folder` is not a folder.
 std::vector<TakeListing> find_takes(const std::filesystem::path& folder,
-                                    const std::function<void(const InputError&)>& passed_over);
+                                    const std::function<void(const InputError&)>& on_unreadable);
 
 }  // namespace v3d

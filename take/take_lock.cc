@@ -35,8 +35,8 @@ std::string holder_in(int fd) {
   return printable(written.substr(0, written.find('\n')));
 }
 
-/// A name for messages only: a full disk does no harm here. What a holder before wrote may stay
-/// behind the line.
+/// Writes this process into the lock file, for messages of other processes only. Write errors, for
+/// example of a full disk, are ignored. Text of an earlier holder may remain after the first line.
 void write_holder(int fd) {
   const std::string text = this_process() + "\n";
   static_cast<void>(pwrite(fd, text.data(), text.size(), 0) > 0);
@@ -44,7 +44,7 @@ void write_holder(int fd) {
 
 bool is_unsupported(int error) { return error == ENOLCK || error == EOPNOTSUPP || error == ENOSYS; }
 
-/// Whether the file that was locked is still the one of this name: its holder may have removed it.
+/// True if `path` still names the locked file. Its earlier holder may have removed that file.
 bool is_current(int fd, const fs::path& path) {
   struct stat locked {
   }, named{};
@@ -69,7 +69,7 @@ io::Result<TakeLock> TakeLock::acquire(const TakePaths& paths, const std::string
     write_holder(fd.get());
     return TakeLock(path, std::move(fd), locked);
   }
-  return io::io_error("lock", path, "another process makes and removes it all the time", EAGAIN);
+  return io::io_error("lock", path, "other processes create and remove it repeatedly", EAGAIN);
 }
 
 TakeLock::~TakeLock() {

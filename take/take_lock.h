@@ -1,4 +1,4 @@
-// TakeLock: the right of one process to record into a take as one node, or to recover it.
+// TakeLock: exclusive right of one process to record into a take as one node, or to recover it.
 #pragma once
 
 #include <filesystem>
@@ -10,25 +10,26 @@
 
 namespace v3d {
 
-/// flock() on `.<node>.lock` in the folder of the take, held as long as the object lives. A process
-/// that dies releases it. Move only; any thread.
+/// Holds flock() on `.<node>.lock` in the take folder for the lifetime of the object. The kernel
+/// releases the lock when the process ends. Move only. Thread-safe.
 ///
-/// Over NFS the Linux client makes of flock() a lock of the server, so that it also excludes other
-/// PCs; a PC that crashes holds it until the server's lease ends (90 s as a rule). Where the file
-/// system knows no locks (ENOLCK, EOPNOTSUPP, ENOSYS) the lock is granted without exclusion, and
-/// excludes() is false.
+/// Over NFS, the Linux client maps flock() to a lock of the server, so it also excludes other PCs.
+/// After a crash of a PC, its lock stays until the server's lease ends (usually 90 s). Where the
+/// file system does not support locks (ENOLCK, EOPNOTSUPP, ENOSYS), acquire() succeeds without
+/// exclusion and excludes() is false.
 class TakeLock {
  public:
-  /// Requires the folder of the take. Fails with EWOULDBLOCK while another process holds the lock,
-  /// and names it; with another error when the lock file cannot be made.
+  /// Acquires the lock of `node`. Requires that the take folder exists. Fails with EWOULDBLOCK and
+  /// the name of the holder while another process holds the lock, and with another error when the
+  /// lock file cannot be created.
   [[nodiscard]] static io::Result<TakeLock> acquire(const TakePaths& paths,
                                                     const std::string& node);
-  /// Removes the lock file, and then releases the lock.
+  /// Removes the lock file, then releases the lock.
   ~TakeLock();
   TakeLock(TakeLock&&) noexcept = default;
   TakeLock& operator=(TakeLock&&) = delete;
 
-  /// Whether others are kept out.
+  /// True when the lock excludes other processes.
   bool excludes() const { return excludes_; }
 
  private:
@@ -40,7 +41,8 @@ class TakeLock {
   bool excludes_ = false;
 };
 
-/// Who holds a lock of any node on this take: "process 812 on cap01"; empty when nobody does.
+/// The process that holds a lock of any node on this take: "process 812 on cap01". Empty when none
+/// does.
 std::string recorder_of(const TakePaths& paths);
 
 }  // namespace v3d

@@ -20,12 +20,12 @@ constexpr const char* kLogExtension = ".lcmlog";
 
 io::Status delete_take(const TakePaths& paths) {
   const fs::path& folder = paths.folder;
-  const fs::path doomed = folder.parent_path() / (".deleted-" + folder.filename().string());
-  const auto remove = [&](std::error_code& code) { fs::remove_all(doomed, code); };
-  io::uninterrupted_code(remove);  // what an interrupted deletion left
-  if (auto renamed = io::rename_new(folder, doomed); !renamed) return renamed;
+  const fs::path deleted = folder.parent_path() / (".deleted-" + folder.filename().string());
+  const auto remove = [&](std::error_code& code) { fs::remove_all(deleted, code); };
+  io::uninterrupted_code(remove);  // remains of an interrupted deletion
+  if (auto renamed = io::rename_new(folder, deleted); !renamed) return renamed;
   const std::error_code error = io::uninterrupted_code(remove);
-  if (error) return io::io_error("delete", doomed, error.message(), error.value());
+  if (error) return io::io_error("delete", deleted, error.message(), error.value());
   return io::sync_folder(folder.parent_path());
 }
 
@@ -46,9 +46,9 @@ io::Result<fs::path> quarantine_take(const TakePaths& paths) {
   if (auto made = io::create_folders(quarantine); !made) return tl::make_unexpected(made.error());
   const std::string name = paths.folder.filename();
   for (int number = 1;; ++number) {
-    const fs::path place = quarantine / (number == 1 ? name : name + "." + std::to_string(number));
-    const io::Status moved = io::rename_new(paths.folder, place);
-    if (moved) return place;
+    const fs::path target = quarantine / (number == 1 ? name : name + "." + std::to_string(number));
+    const io::Status moved = io::rename_new(paths.folder, target);
+    if (moved) return target;
     if (moved.error().code != EEXIST && moved.error().code != ENOTEMPTY) {
       return tl::make_unexpected(moved.error());
     }
@@ -61,7 +61,7 @@ void remove_mesh_file_without_meshes(const TakePaths& paths) {
   std::error_code error;
   if (fs::file_size(paths.mesh(), error) > kEmptyFile) return;  // -1 after an error
   unlink(paths.mesh().c_str());
-  rmdir(paths.folder.c_str());  // fails where something else is in it
+  rmdir(paths.folder.c_str());  // fails, as intended, when the folder is not empty
 }
 
 void remove_working_file(const fs::path& file) {

@@ -1,7 +1,7 @@
-// Removal of takes: the only code of the project that deletes or moves away what was recorded.
+// Removal of takes. Only this code deletes or moves recorded files.
 //
-// A test (tests/take/no_removal_test) asserts that no other source file calls unlink, remove_all,
-// resize_file, ftruncate and their like on the files of a take.
+// tests/take/removal_test.cc asserts that no other source file calls unlink, remove_all,
+// resize_file, ftruncate or similar functions on files of a take.
 #pragma once
 
 #include <filesystem>
@@ -11,25 +11,26 @@
 
 namespace v3d {
 
-/// Folder inside the takes folder for takes that looked empty; no take may have this name.
+/// Folder inside the takes folder for takes that appeared to be empty. No take may have this name.
 inline constexpr const char* kQuarantineFolder = "quarantine";
 
-/// Deletes a take. The take leaves the list in one step, whatever interrupts the rest.
+/// Deletes a take: renames its folder to a hidden name, then removes it. After an interruption the
+/// take is no longer listed. Fails with path and cause.
 [[nodiscard]] io::Status delete_take(const TakePaths& paths);
 
-/// True when some log of a camera has a byte, or the folder cannot be read.
+/// True when a camera log contains at least one byte, or the folder cannot be read.
 bool may_hold_frames(const TakePaths& paths);
 
-/// Moves a take without frames to <takes>/quarantine/<name>, or <name>.2 and so on where that name
-/// is taken. Returns its new place.
+/// Moves a take without frames to <takes>/quarantine/<name>, or to <name>.2 and so on when that
+/// name exists. Returns the new path.
 [[nodiscard]] io::Result<std::filesystem::path> quarantine_take(const TakePaths& paths);
 
-/// Removes mesh.v3d when it has no byte behind its header but an empty index, and then the folder
-/// when nothing else is in it. Anything else stays.
+/// Removes mesh.v3d when it contains only a header and an empty index, then the folder when it is
+/// empty. Removes no other file.
 void remove_mesh_file_without_meshes(const TakePaths& paths);
 
-/// Removes a file that only daemons use while a take is recorded. Requires a hidden name
-/// (".reserve", ".order-cap01"). A file that cannot be removed stays, and does no harm.
+/// Removes a working file that daemons use during recording. Requires a hidden name (".reserve",
+/// ".order-cap01"). Errors are ignored: a remaining file has no effect.
 void remove_working_file(const std::filesystem::path& file);
 
 }  // namespace v3d

@@ -55,7 +55,8 @@ class FileTree {
     for (const uint64_t end = at + length; at < end;) {
       const auto got = file_.read(at, std::span(chunk_).first(std::min(kBlock, end - at)));
       if (!got) return tl::make_unexpected(got.error());
-      if (*got == 0) return io::io_error("read", file_.path(), "it has become shorter", EIO);
+      if (*got == 0)
+        return io::io_error("read", file_.path(), "the file became shorter while it was read", EIO);
       leaf.add(std::span(chunk_).first(*got));
       at += *got;
     }

@@ -1,4 +1,4 @@
-// Hash trees of the files of a take.
+// Hash trees over the files of a take.
 #pragma once
 
 #include <cstdint>
@@ -12,9 +12,10 @@ namespace v3d {
 /// Reads a file of a take and computes the root of its hash tree (wire/hash_tree.h).
 ///
 /// The leaves of an event log (<camera>.lcmlog) are its events, from sync word to last byte. Where
-/// no event begins, and in every other file, the leaves are blocks of 1 MiB.
-/// `bytes`: the expected length. A file of another length is not read, and has no root.
-/// Memory: 1 MiB. Fails with path and cause; also where the name is a symbolic link.
+/// no event starts, and in every other file, the leaves are blocks of 1 MiB.
+///
+/// `bytes`: the expected length. A file of another length is not read, and the result has no root.
+/// Memory: 1 MiB. Fails with path and cause, also when the name is a symbolic link.
 [[nodiscard]] io::Result<TakeFile> hash_take_file(const TakePaths& paths, const std::string& name,
                                                   int64_t bytes);
 

@@ -29,11 +29,12 @@ int64_t read_count(const TomlTable& table, std::string_view key) {
   return n;
 }
 
-/// Pulses that a camera's node did not count, up to as many as hours of recording have. A frame of
-/// such a pulse is suspect there, and it is not missing.
+/// Adds the pulses from `counted` to `commanded`, which the camera's node did not count, as
+/// missing. Omits pulses with a suspect frame. Adds nothing above kMaxAdded pulses, the length of
+/// hours of recording.
 void add_missing(CameraLedger& camera, int64_t counted, int64_t commanded) {
   constexpr int64_t kMaxAdded = 1'000'000;
-  if (commanded - counted > kMaxAdded) return;  // the count is not plausible
+  if (commanded - counted > kMaxAdded) return;  // the count is implausible
   const std::set<int64_t> recorded(camera.suspect.begin(), camera.suspect.end());
   for (int64_t pulse = std::max<int64_t>(counted, 0); pulse < commanded; ++pulse) {
     if (!recorded.contains(pulse)) camera.missing.push_back(pulse);
@@ -76,13 +77,13 @@ std::string text_of(const TakeFile& file) {
 
 constexpr std::string_view kChecksumKey = "xxh3 = ";
 
-/// The first line of a ledger whose other lines are `content`.
+/// The first line of a ledger: the checksum of `content`, the other lines.
 std::string checksum_line(std::string_view content) {
   const std::span bytes(reinterpret_cast<const uint8_t*>(content.data()), content.size());
   return std::string(kChecksumKey) + toml_string(checksum_text(checksum({bytes}))) + "\n";
 }
 
-/// Whether a ledger has a checksum of its own. Throws InputError when it is wrong.
+/// True when a ledger has a checksum of its own. Throws InputError when that checksum is wrong.
 bool check_own_checksum(std::string_view text, const std::filesystem::path& path) {
   if (!text.starts_with(kChecksumKey)) return false;
   const size_t line = std::min(text.find('\n'), text.size() - 1) + 1;
@@ -148,9 +149,9 @@ CameraLedger CameraAccount::ledger(const std::string& camera, int64_t commanded)
 
 CameraLedger account(const std::string& camera, const std::vector<int64_t>& pulses,
                      const std::vector<int64_t>& suspect, int64_t commanded) {
-  const std::set<int64_t> doubted(suspect.begin(), suspect.end());
+  const std::set<int64_t> suspect_set(suspect.begin(), suspect.end());
   CameraAccount account;
-  for (const int64_t pulse : pulses) account.add(pulse, doubted.contains(pulse));
+  for (const int64_t pulse : pulses) account.add(pulse, suspect_set.contains(pulse));
   return account.ledger(camera, commanded);
 }
 
@@ -186,16 +187,16 @@ std::string number_ranges(const std::vector<int64_t>& numbers) {
 
 std::vector<std::string> trouble_lines(const Ledger& ledger) {
   std::vector<std::string> lines;
-  const auto tell = [&](const std::string& who, const char* what,
-                        const std::vector<int64_t>& pulses) {
+  const auto add_line = [&](const std::string& who, const char* what,
+                            const std::vector<int64_t>& pulses) {
     if (!pulses.empty()) lines.push_back(who + ": " + what + " " + number_ranges(pulses));
   };
-  tell("sense line", "did not see pulses", ledger.unsensed);
-  tell("sense line", "saw too short pulses", ledger.runt);
+  add_line("sense line", "missing pulses", ledger.unsensed);
+  add_line("sense line", "runt pulses", ledger.runt);
   for (const CameraLedger& camera : ledger.cameras) {
-    tell(camera.name, "misses pulses", camera.missing);
-    tell(camera.name, "has more than one frame of pulses", camera.duplicate);
-    tell(camera.name, "is in doubt about pulses", camera.suspect);
+    add_line(camera.name, "missing pulses", camera.missing);
+    add_line(camera.name, "duplicate frames of pulses", camera.duplicate);
+    add_line(camera.name, "suspect pulses", camera.suspect);
   }
   return lines;
 }
@@ -224,8 +225,9 @@ std::vector<std::string> table_lines(const Ledger& ledger) {
 
 Ledger load_ledger(const std::filesystem::path& path) {
   if (!std::filesystem::exists(path)) {
-    throw InputError(path.string() +
-                     ": missing; the take was not ended: v3dctl verify recounts it");
+    throw InputError(
+        path.string() +
+        ": missing; the take was not closed; v3dctl verify counts its frames from the logs");
   }
   return parse_ledger(read_take_file(path), path);
 }

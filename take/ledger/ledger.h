@@ -17,44 +17,45 @@ namespace v3d {
 
 struct CameraLedger {
   std::string name;
-  int64_t exposed = 0;    ///< frames by the camera's own count, first to last (ExposureCount)
-  int64_t received = 0;   ///< frames that reached the host whole
-  int64_t written = 0;    ///< frames in <camera>.lcmlog
-  int64_t published = 0;  ///< frames sent live
-  std::vector<int64_t> missing;    ///< pulses without a frame
-  std::vector<int64_t> duplicate;  ///< pulses with more than one
-  std::vector<int64_t> suspect;    ///< pulses whose label is in doubt
+  int64_t exposed = 0;           ///< frames exposed, by the camera's frame counter (ExposureCount)
+  int64_t received = 0;          ///< complete frames that the host received
+  int64_t written = 0;           ///< frames in <camera>.lcmlog
+  int64_t published = 0;         ///< frames sent live
+  std::vector<int64_t> missing;  ///< pulses without a frame
+  std::vector<int64_t> duplicate;  ///< pulses with more than one frame
+  std::vector<int64_t> suspect;    ///< pulses whose frame may have a wrong number
 };
 
 struct Ledger {
   std::string take;
   int64_t commanded = 0;
-  std::optional<int64_t> sensed;       ///< pulses that the sense line saw; empty: there is none
-  std::vector<int64_t> unsensed = {};  ///< pulses that were commanded, and that it did not see
-  int64_t extra = 0;                   ///< pulses that it saw between those of the train
-  std::vector<int64_t> runt = {};      ///< pulses that it saw too short
+  std::optional<int64_t> sensed;  ///< pulses that the sense line detected; empty: no sense line
+  std::vector<int64_t> unsensed = {};  ///< commanded pulses that it did not detect
+  int64_t extra = 0;                   ///< pulses that it detected besides those of the train
+  std::vector<int64_t> runt = {};      ///< pulses that it detected as too short
   std::vector<CameraLedger> cameras;
-  /// The files of the take, but for those of is_written_after_ledger(). Empty in ledgers of
-  /// versions before 2026-12, which had no list. A log without a checksum is one that a recovery
-  /// found.
+  /// The files of the take, except those of is_written_after_ledger(). Empty in ledgers of versions
+  /// before 2026-12, which had no list. A camera log that a recovery found has no checksum.
   std::vector<TakeFile> files = {};
 
-  /// Every pulse sensed, where there is a sense line, and nothing else; every frame written.
+  /// True when all pulses were sensed (if the studio has a sense line), no other pulses were, and
+  /// each camera has exactly one unsuspected frame of each pulse.
   bool complete() const;
-  /// "take kendo-07: complete, 15 cameras x 1,250 pulses, 0 missing, 0 suspect"
+  /// The result in one line: "take kendo-07: complete, 15 cameras x 1,250 pulses, 0 missing, 0
+  /// suspect".
   std::string verdict() const;
-  /// The file of this name; null where the ledger does not name it.
+  /// The entry of the file `name`; null when the ledger does not list it.
   const TakeFile* file(std::string_view name) const;
 };
 
-/// What a camera's frames make of its ledger, one after the other. Takes memory for what is wrong
-/// only: a take may last hours.
+/// Builds the ledger of one camera from its frame labels, one frame at a time. Stores only
+/// exceptions (gaps, duplicates, suspect frames), because a take may last hours.
 class CameraAccount {
  public:
-  /// The next frame's label.
+  /// Adds the label of the next frame.
   void add(int64_t pulse, bool suspect);
-  /// A frame of a pulse that was never commanded has no right label, and is suspect. `received` and
-  /// `exposed` are as many as were added.
+  /// The ledger of all added frames. A frame whose pulse is not in [0, commanded) is suspect.
+  /// `received`, `exposed` and `written` are the number of added frames.
   CameraLedger ledger(const std::string& camera, int64_t commanded) const;
 
  private:
@@ -64,30 +65,30 @@ class CameraAccount {
   int64_t frames_ = 0;
 };
 
-/// The same of all frames at once. `pulses`: of every frame in order of arrival; `suspect`: those
-/// in doubt.
+/// The ledger of one camera. `pulses`: the pulse of every frame in order of arrival; `suspect`:
+/// pulses of suspect frames.
 CameraLedger account(const std::string& camera, const std::vector<int64_t>& pulses,
                      const std::vector<int64_t>& suspect, int64_t commanded);
 
-/// The account of a whole take from those of its nodes: cameras side by side; the pulses by the
-/// node that counts most. A camera whose node counted fewer pulses misses the rest of them, but for
-/// those of which it has a frame: these stay suspect.
+/// Merges the ledgers of all nodes of a take: the cameras of all nodes, and the pulses of the node
+/// that sensed the most. If a camera's node counted fewer pulses, the remaining pulses are missing
+/// for that camera, except those with a suspect frame.
 Ledger merge(const std::vector<Ledger>& parts);
 
-/// "3-17, 20": numbers that rise, neighbours as a range.
+/// Formats ascending numbers, neighbours as ranges: "3-17, 20".
 std::string number_ranges(const std::vector<int64_t>& numbers);
-/// Per camera what is missing, duplicate or suspect, by name; one line each. Nothing when all is
-/// well.
+/// The missing, duplicate and suspect pulses of each camera, and the missing and runt pulses of the
+/// sense line, one line each. Empty when the ledger has none.
 std::vector<std::string> trouble_lines(const Ledger& ledger);
-/// What each camera exposed, received, wrote and published, as a table.
+/// Exposed, received, written and published frames of each camera, as a text table.
 std::vector<std::string> table_lines(const Ledger& ledger);
 
-/// Throws InputError with file, line and field; also when the file is not there, and when it is
-/// damaged. Its first line has the checksum (XXH3) of all bytes behind that line. Ledgers of
-/// versions before 2026-12 have no such line.
+/// Reads ledger.toml, whose first line has the checksum (XXH3) of all following bytes. Ledgers of
+/// versions before 2026-12 have no such line. Throws InputError with file, line and field, also
+/// when the file is missing or damaged.
 Ledger load_ledger(const std::filesystem::path& path);
 Ledger parse_ledger(std::string_view text, const std::filesystem::path& path);
-/// io::replace_file() of ledger.toml, with its checksum.
+/// Writes ledger.toml with its checksum, with io::replace_file().
 [[nodiscard]] io::Status save_ledger(const std::filesystem::path& path, const Ledger& ledger);
 
 }  // namespace v3d

@@ -6,7 +6,7 @@
 namespace v3d {
 namespace {
 
-/// The numbers from `first` to `last`, if there are any.
+/// Appends the numbers from `first` to `last`; none if `first` > `last`.
 void append(int64_t first, int64_t last, std::vector<int64_t>& numbers) {
   if (first > last) return;
   for (; first < last; ++first) numbers.push_back(first);
@@ -16,23 +16,23 @@ void append(int64_t first, int64_t last, std::vector<int64_t>& numbers) {
 }  // namespace
 
 bool PulseSet::contains(int64_t pulse) const {
-  const auto behind = runs_.upper_bound(pulse);
-  return behind != runs_.begin() && pulse <= std::prev(behind)->second;
+  const auto next_run = runs_.upper_bound(pulse);
+  return next_run != runs_.begin() && pulse <= std::prev(next_run)->second;
 }
 
 bool PulseSet::insert(int64_t pulse) {
   if (contains(pulse)) return false;
   ++size_;
-  const auto behind = runs_.upper_bound(pulse);
-  const bool joins_behind = behind != runs_.end() && behind->first - 1 == pulse;
-  const int64_t last = joins_behind ? behind->second : pulse;
-  const bool joins_before = behind != runs_.begin() && std::prev(behind)->second + 1 == pulse;
-  if (joins_before) {
-    std::prev(behind)->second = last;
+  const auto next_run = runs_.upper_bound(pulse);
+  const bool joins_next = next_run != runs_.end() && next_run->first - 1 == pulse;
+  const int64_t last = joins_next ? next_run->second : pulse;
+  const bool joins_previous = next_run != runs_.begin() && std::prev(next_run)->second + 1 == pulse;
+  if (joins_previous) {
+    std::prev(next_run)->second = last;
   } else {
     runs_.emplace(pulse, last);
   }
-  if (joins_behind) runs_.erase(behind);
+  if (joins_next) runs_.erase(next_run);
   return true;
 }
 
@@ -55,15 +55,15 @@ std::vector<int64_t> PulseSet::outside(int64_t commanded) const {
 std::vector<int64_t> PulseSet::missing(int64_t commanded) const {
   std::vector<int64_t> missing;
   int64_t next = 0;
-  const auto note_until = [&](int64_t end) {
+  const auto append_missing_until = [&](int64_t end) {
     for (; next < end; ++next) missing.push_back(next);
   };
   for (const auto& [first, last] : runs_) {
-    note_until(std::min(first, commanded));
+    append_missing_until(std::min(first, commanded));
     if (last >= commanded) return missing;
     next = std::max(next, last + 1);
   }
-  note_until(commanded);
+  append_missing_until(commanded);
   return missing;
 }
 

@@ -1,4 +1,4 @@
-// Pulse numbers as they are counted while a take is recorded.
+// PulseSet: a compact set of the pulse numbers of a take.
 #pragma once
 
 #include <cstdint>
@@ -7,25 +7,25 @@
 
 namespace v3d {
 
-/// A set, kept as runs of neighbours: a train without gaps takes the same memory however long it
-/// is. Any number will do. One thread.
+/// A set of pulse numbers, stored as runs of consecutive numbers: memory depends on the number of
+/// gaps, not on the length of the take. Accepts any number. One thread.
 class PulseSet {
  public:
-  /// False when it was there already.
+  /// Returns false when the set already contains `pulse`.
   bool insert(int64_t pulse);
   bool contains(int64_t pulse) const;
   int64_t size() const { return size_; }
-  /// The highest; -1 when there is none.
+  /// The highest number; -1 when the set is empty.
   int64_t last() const { return runs_.empty() ? -1 : runs_.rbegin()->second; }
-  /// All of them, rising.
+  /// All numbers, ascending.
   std::vector<int64_t> all() const;
-  /// Those of [0, commanded) that are not in it, rising.
+  /// Numbers of [0, commanded) that the set does not contain, ascending.
   std::vector<int64_t> missing(int64_t commanded) const;
-  /// Those in it that are not of [0, commanded), rising.
+  /// Numbers of the set outside of [0, commanded), ascending.
   std::vector<int64_t> outside(int64_t commanded) const;
 
  private:
-  std::map<int64_t, int64_t> runs_;  ///< the first of a run and its last
+  std::map<int64_t, int64_t> runs_;  ///< first to last number of a run
   int64_t size_ = 0;
 };
 

@@ -15,7 +15,7 @@ namespace {
 
 constexpr uint64_t kMaxSignatureBytes = 16 << 20;
 
-/// The node in the name signature.<node>.toml.
+/// The node of a file signature.<node>.toml.
 std::string node_of(std::string_view name) {
   name.remove_prefix(std::string_view("signature.").size());
   name.remove_suffix(std::string_view(".toml").size());
@@ -75,7 +75,7 @@ class Check {
     if (signature.node != node_of(name)) {
       return disagree(name, "is the signature of node " + signature.node);
     }
-    // Start times are not compared: each node of a take has its own.
+    // Start times are not compared, because each node of a take has its own.
     if (signature.take != info_.name || signature.studio != info_.studio) {
       return disagree(name, "is of another take, " + signature.take + " of " + signature.studio);
     }
@@ -104,20 +104,21 @@ class Check {
   bool is_known(const Entry& entry) const { return result_.signers[entry.signer].is_known; }
   const std::string& node(const Entry& entry) const { return signatures_[entry.signer].node; }
 
-  /// Compares a file with the signatures that count. Several can: each part of a joined take has a
-  /// log of the pulses, and the joined take has one of them.
+  /// Compares a file with the signatures that cover it. Signatures with known keys take precedence,
+  /// then those of the node that owns the camera. Several may remain: each part of a joined take
+  /// has a pulse log, and the joined take has one of them.
   void check_file(const std::string& name, std::vector<Entry> entries) {
     keep_only_if_any(entries, [&](const Entry& e) { return is_known(e); });
     const std::string owner = owner_of(name);
     keep_only_if_any(entries, [&](const Entry& e) { return node(e) == owner; });
     const std::string& signer = node(entries.front());
-    // Names come from a file of unknown origin: only files of the take are read.
+    // The name comes from a file of unknown origin, so only files of the take are read.
     if (!std::ranges::binary_search(names_, name)) {
       return disagree(name, "missing; the signature of " + signer + " names it");
     }
     const auto now = stat_take_file(paths_, name);
     if (!now) return result_.disagreements.push_back(now.error().message);
-    // A file of another length, which may be of any length, is not read.
+    // A file of another length is not read, because its length is unlimited.
     std::erase_if(entries, [&](const Entry& e) { return e.file.bytes != now->bytes; });
     if (std::ranges::any_of(entries, [](const Entry& e) { return e.file.root.has_value(); })) {
       const auto hashed = hash_take_file(paths_, name, now->bytes);
@@ -140,21 +141,25 @@ class Check {
                       "was signed by " + node(entry) + ", but its camera belongs to " + owner);
     }
     if (!entry.file.root) {
-      result_.notes.push_back(name + ": only its length is signed by " + node(entry) +
-                              ", because the daemon restarted in the take: v3dctl takes sign");
+      result_.notes.push_back(
+          name + ": only its length is signed by " + node(entry) +
+          ", because the daemon restarted in the take; to sign its content: v3dctl takes sign");
       return;
     }
     ++result_.signers[entry.signer].files;
     if (is_known(entry)) covered_.insert(name);
   }
 
-  /// A node can know fewer pulses than another, never more than the take has.
+  /// Compares the number of pulses with the highest number in the signatures: a node may know fewer
+  /// pulses than the take has, never more.
   void check_pulses() {
-    int64_t most = 0;
-    for (const TakeSignature& signature : signatures_) most = std::max(most, signature.pulses);
-    if (signatures_.empty() || most == info_.pulses) return;
+    int64_t max_pulses = 0;
+    for (const TakeSignature& signature : signatures_)
+      max_pulses = std::max(max_pulses, signature.pulses);
+    if (signatures_.empty() || max_pulses == info_.pulses) return;
     disagree(paths_.info().filename(), "has " + std::to_string(info_.pulses) +
-                                           " pulses, the signatures have " + std::to_string(most));
+                                           " pulses, the signatures have " +
+                                           std::to_string(max_pulses));
   }
 
   void note_unsigned() {
@@ -166,7 +171,7 @@ class Check {
     if (!list.empty()) result_.notes.push_back("without a signature: " + list);
   }
 
-  /// Whether every node that recorded has signed with a known key.
+  /// True when every node that recorded has signed with a known key.
   bool check_nodes() {
     if (studio_ == nullptr) return false;
     bool all = true;
@@ -194,8 +199,8 @@ class Check {
         info_.cameras, [&](const std::string& camera) { return node_with(camera) == node; });
   }
 
-  /// The node of the camera that the file belongs to. Empty where it belongs to none, or the studio
-  /// does not list the camera.
+  /// The node of the camera that the file belongs to. Empty when it belongs to no camera, or when
+  /// the studio file does not list the camera.
   std::string owner_of(const std::string& name) const {
     const std::string camera = camera_of(name);
     const bool is_of_camera = std::ranges::find(info_.cameras, camera) != info_.cameras.end();
@@ -221,10 +226,10 @@ class Check {
   const TakePaths& paths_;
   const Studio* const studio_;
   const TakeInfo info_;
-  std::vector<std::string> names_;  ///< of the files of the take, sorted
+  std::vector<std::string> names_;  ///< sorted names of the files of the take
   std::vector<TakeSignature> signatures_;
   std::map<std::string, std::vector<Entry>> signed_;
-  std::set<std::string> covered_;  ///< files whose root matches a known key's signature
+  std::set<std::string> covered_;  ///< files whose root matches a signature with a known key
   SignatureCheck result_;
 };
 

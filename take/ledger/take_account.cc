@@ -10,7 +10,7 @@
 namespace v3d {
 namespace {
 
-std::optional<Ledger> ledger_before(const TakePaths& paths) {
+std::optional<Ledger> previous_ledger(const TakePaths& paths) {
   try {
     return load_ledger(paths.ledger());
   } catch (const InputError&) {
@@ -18,13 +18,13 @@ std::optional<Ledger> ledger_before(const TakePaths& paths) {
   }
 }
 
-/// Fails where the length of the log cannot be read: a ledger with a wrong length is worse than
-/// none.
+/// Entry of a camera log, with the checksum of the `previous` ledger when the length is the same.
+/// Fails when the length cannot be read, because a ledger with a wrong length is worse than none.
 io::Result<TakeFile> entry_of_camera_log(const TakePaths& paths, const std::string& name,
-                                         const std::optional<Ledger>& before) {
+                                         const std::optional<Ledger>& previous) {
   auto file = stat_take_file(paths, name);
   if (!file) return file;
-  const TakeFile* const known = before ? before->file(name) : nullptr;
+  const TakeFile* const known = previous ? previous->file(name) : nullptr;
   if (known && known->bytes == file->bytes) file->checksum = known->checksum;
   return file;
 }
@@ -39,7 +39,7 @@ TakeFile entry_of_text(const std::string& name, const std::string& text) {
 
 TakeFile entry_of_file(const TakePaths& paths, const std::string& name,
                        std::vector<std::string>& unread) {
-  /// Of the pulses of the longest take, kMaxPulses: 2 GB. A sparse file can have any length.
+  /// The pulse log of the longest take (kMaxPulses) has 2 GB. A sparse file can have any length.
   constexpr int64_t kMaxBytes = int64_t{4} << 30;
   auto known = stat_take_file(paths, name);
   if (known && known->bytes > kMaxBytes) {
@@ -53,16 +53,17 @@ TakeFile entry_of_file(const TakePaths& paths, const std::string& name,
   return stat_take_file(paths, name).value_or(TakeFile{.name = name, .checksum = {}});
 }
 
-/// Names what `ledger` does not name yet. Returns the files that could not be read.
+/// Adds the files that `ledger` does not list yet. Returns one line for each file that could not be
+/// read.
 io::Result<std::vector<std::string>> add_files(const TakePaths& paths, const TakeInfo& info,
                                                Ledger& ledger) {
-  const std::optional<Ledger> before = ledger_before(paths);
+  const std::optional<Ledger> previous = previous_ledger(paths);
   const auto names = take_file_names(paths);
   if (!names) return tl::make_unexpected(names.error());
   std::vector<std::string> unread;
   for (const std::string& name : *names) {
     if (is_written_after_ledger(name) || ledger.file(name)) continue;
-    auto entry = is_camera_log(name, info) ? entry_of_camera_log(paths, name, before)
+    auto entry = is_camera_log(name, info) ? entry_of_camera_log(paths, name, previous)
                                            : entry_of_file(paths, name, unread);
     if (!entry) return tl::make_unexpected(entry.error());
     ledger.files.push_back(*std::move(entry));
@@ -82,7 +83,7 @@ io::Result<std::vector<std::string>> save_account(const TakePaths& paths, const 
                                                   Ledger ledger) {
   const std::string text = take_info_text(info), info_name = paths.info().filename();
   std::erase_if(ledger.files, [&](const TakeFile& file) { return file.name == info_name; });
-  ledger.files.push_back(entry_of_text(info_name, text));  // of the file that is written below
+  ledger.files.push_back(entry_of_text(info_name, text));  // take.toml is written below
   auto unread = add_files(paths, info, ledger);
   if (!unread) return unread;
   for (TakeFile& file : ledger.files) file.changed_ns = 0;

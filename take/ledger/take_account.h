@@ -1,4 +1,4 @@
-// The end of a take's account: ledger.toml with the checksums of all files, and take.toml.
+// Writes the final account of a take: ledger.toml with the checksums of all files, and take.toml.
 #pragma once
 
 #include <string>
@@ -10,20 +10,24 @@
 
 namespace v3d {
 
-/// Whether `name` is a segment of the log of a camera of the take.
+/// True for a log segment of a camera of the take.
 bool is_camera_log(const std::string& name, const TakeInfo& info);
 
-/// Writes ledger.toml, then take.toml. First completes `ledger.files` with the files of the take
-/// that it does not name yet: these are read for their checksum, but for logs of cameras, which may
-/// be tens of gigabytes. Such a log keeps the checksum that the ledger before had for a file of
-/// this length, or is named without one. A file that cannot be read, or has more than 4 GiB, is
-/// named without a checksum. Returns why it could not, one line each. Fails with path and cause
-/// when nothing was written.
+/// Writes ledger.toml, then take.toml.
+///
+/// First adds the files of the take that `ledger.files` does not list, and reads them for their
+/// checksums. Camera logs are not read, because they may be tens of gigabytes: such a log keeps the
+/// checksum of the previous ledger if its length is the same, or gets none. A file that cannot be
+/// read, or is larger than 4 GiB, gets no checksum.
+///
+/// Returns one line for each file that was not read, with the cause. Fails with path and cause when
+/// the ledger or take.toml cannot be written.
 [[nodiscard]] io::Result<std::vector<std::string>> save_account(const TakePaths& paths,
                                                                 const TakeInfo& info,
                                                                 Ledger ledger);
 
-/// The same for programs that make a take: throws std::runtime_error for all of that.
+/// Like save_account(), for programs that create a take. Throws std::runtime_error for all these
+/// errors, also for a file that was not read.
 void save_whole_account(const TakePaths& paths, const TakeInfo& info, Ledger ledger);
 
 }  // namespace v3d

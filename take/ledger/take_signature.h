@@ -1,8 +1,8 @@
 // Digital signatures of takes (signature.<node>.toml).
 //
-// When a node closes a take, it writes the roots of the hash trees (take/ledger/hashed_file.h) of
-// the files that it recorded, and signs them with its Ed25519 key. docs/takes.md describes the
-// format; take/ledger/signature_check.h verifies signatures.
+// When a node closes a take, it writes the hash tree roots (take/ledger/hashed_file.h) of the files
+// that it recorded, and signs them with its Ed25519 key. docs/takes.md describes the format;
+// take/ledger/signature_check.h verifies signatures.
 #pragma once
 
 #include <string>
@@ -28,8 +28,8 @@ struct TakeSignature {
   double rate_hz = 0;
   int64_t pulses = 0;
   TakeState state = TakeState::kComplete;
-  /// All files of the node for which is_signed_file() holds. A file without a root is signed by its
-  /// length only: a camera log that was recorded before the daemon restarted.
+  /// All files of the node for which is_signed_file() is true. For a file without a root, only the
+  /// length is signed: a camera log that was recorded before a restart of the daemon.
   std::vector<TakeFile> files;
 };
 
@@ -39,25 +39,27 @@ struct TakeSigner {
   SigningKey key;
 };
 
-/// Whether signatures cover the file of this name: every file that is written before the ledger,
-/// but for take.toml. The fields of take.toml stand in the signature itself.
+/// True when signatures cover the file: every file that is written before the ledger, except
+/// take.toml. The signature itself contains the fields of take.toml.
 bool is_signed_file(std::string_view name);
 
-/// Signs a closed take as `signer`. `files`: roots that are known already, as of
-/// EventLogWriter::file(). Other files are read, except for camera logs. Replaces an earlier
-/// signature of this node. Fails with path and cause.
+/// Signs a closed take as `signer`, and replaces an earlier signature of this node.
+///
+/// `files`: entries with known roots, for example from EventLogWriter::file(). Other files are
+/// read, except camera logs. Fails with path and cause.
 [[nodiscard]] io::Status sign_take(const TakePaths& paths, const TakeSigner& signer,
                                    const std::vector<TakeFile>& files);
 
-/// Reads all files, camera logs included, and signs the take: after a recovery.
+/// Reads all files including camera logs, and signs the take. Used after a recovery. Fails with
+/// path and cause.
 [[nodiscard]] io::Status sign_recovered_take(const TakePaths& paths, const TakeSigner& signer);
 
-/// Signs `signature` with `key` and replaces signature.<node>.toml. Fails with path and cause.
+/// Signs `signature` with `key`, and replaces signature.<node>.toml. Fails with path and cause.
 [[nodiscard]] io::Status save_signature(const TakePaths& paths, const TakeSignature& signature,
                                         const SigningKey& key);
 
-/// Throws InputError with file, line and field; also when the signature does not match the text
-/// under the public key that the text names.
+/// Parses signature.<node>.toml. Throws InputError with file, line and field, also when the
+/// signature does not match the text under the public key in the text.
 TakeSignature parse_signature(std::string_view text, const std::filesystem::path& path);
 
 }  // namespace v3d

@@ -17,7 +17,7 @@ bool is_compared(const std::string& name) {
   return name != paths.slate() && name != paths.verified();
 }
 
-/// Whether every file has the length and the time of change that it had.
+/// True when every file still has its recorded length and modification time.
 bool is_unchanged(const TakePaths& paths, const std::vector<TakeFile>& files) {
   const auto names = take_file_names(paths);
   if (!names) return false;
@@ -31,7 +31,7 @@ bool is_unchanged(const TakePaths& paths, const std::vector<TakeFile>& files) {
   return known == static_cast<size_t>(std::ranges::count_if(*names, is_compared));
 }
 
-/// Without a checksum it is a record of an older version, which does not count.
+/// Fails for an entry without a checksum: a record of an older version is not valid.
 TakeFile read_entry(const TomlTable& table) {
   TakeFile file{.name = table.text("name"),
                 .bytes = table.integer("bytes"),

@@ -1,4 +1,4 @@
-// verified.toml: that a take was verified, and what its files were then.
+// verified.toml: the record of a verification, with the state of all files at that time.
 #pragma once
 
 #include <cstdint>
@@ -16,22 +16,24 @@ namespace v3d {
 struct Verified {
   std::string verdict;
   bool whole = false;
-  /// Nothing disagreed with the ledger; frames may be missing, if the ledger says so.
+  /// All files matched the ledger. Frames may be missing if the ledger lists them as missing.
   bool agrees = false;
   RealtimeInstant at;
   std::vector<TakeFile> files;  ///< every file of the take, with its checksum
 };
 
-/// io::replace_file() of verified.toml.
+/// Writes verified.toml with io::replace_file().
 [[nodiscard]] io::Status save_verified(const TakePaths& paths, const Verification& verification);
 
-/// Empty when the take was never verified, or one of its files has another length or time of change
-/// now, is missing or new, or the record cannot be read or is of an older version without
-/// checksums. Reads no other file: quick. A slate that has changed does not count, since the crew
-/// writes on it.
+/// Reads verified.toml and compares it with length and modification time of the current files.
+/// Reads no other file.
+///
+/// Empty when the take was never verified; when a file was changed, removed or added since; when
+/// the record cannot be read or comes from an older version without checksums. A changed slate is
+/// ignored, because the crew edits it.
 std::optional<Verified> load_verified(const TakePaths& paths);
 
-/// Throws InputError with file, line and field.
+/// Parses verified.toml. Throws InputError with file, line and field.
 Verified parse_verified(std::string_view text, const std::filesystem::path& path);
 
 }  // namespace v3d

@@ -17,11 +17,11 @@
 namespace v3d {
 namespace {
 
-/// How much of a log is read: the whole frames, or their labels.
+/// What is read of each frame: the whole frame, or its label only.
 enum class Depth : uint8_t { kFrames, kLabels };
 
-/// The head of a frame; empty where the event does not begin as a frame of its length. Its length
-/// is then not trusted: no more of it is read.
+/// The head of a frame. Empty when the event does not start as a frame of its length; then the
+/// length is not trusted and no further bytes are read.
 io::Result<std::optional<FrameHead>> read_head(const EventLogReader& log, const EventSpan& event) {
   const auto begin = log.read(event, kFrameHeadSize);
   if (!begin) return tl::make_unexpected(begin.error());
@@ -29,7 +29,7 @@ io::Result<std::optional<FrameHead>> read_head(const EventLogReader& log, const 
   return head && head->message_size == event.data_size ? std::move(head) : std::nullopt;
 }
 
-/// The whole message of an event; empty where it is damaged.
+/// The message of an event; empty when it is damaged.
 template <class Message>
 io::Result<std::optional<Message>> read_message(const EventLogReader& log, const EventSpan& event) {
   const auto bytes = log.read(event);
@@ -37,8 +37,8 @@ io::Result<std::optional<Message>> read_message(const EventLogReader& log, const
   return decode<Message>(*bytes);
 }
 
-/// The label of a frame; empty where the frame is of another camera or, as far as it is read,
-/// damaged.
+/// The label of a frame. Empty when the frame belongs to another camera, or the part that was read
+/// is damaged.
 io::Result<std::optional<FrameLabel>> read_label(const EventLogReader& log, const EventSpan& event,
                                                  const std::string& camera, Depth depth) {
   const auto head = read_head(log, event);
@@ -50,27 +50,28 @@ io::Result<std::optional<FrameLabel>> read_label(const EventLogReader& log, cons
   return *message ? std::optional((*message)->frame.label) : std::nullopt;
 }
 
-/// Files that programs read as parts of a take: in a folder of a take they need an account.
+/// True for files that programs read as part of a take. The ledger must list them.
 bool is_part_of_take(const std::string& name) {
   const TakePaths paths;
   return name.ends_with(".lcmlog") || name == paths.calib() || name == paths.studio() ||
          name.starts_with(paths.background().string() + "/");
 }
 
-/// Reads the files of a take and compares them with the list of its ledger.
+/// Reads the files of a take and compares them with the file list of its ledger.
 class FileCheck {
  public:
   FileCheck(const TakePaths& paths, const Ledger* stored, ReadFrom from, Verification& result)
       : paths_(paths), stored_(stored), from_(from), result_(result) {}
 
-  /// Reads all segments of a log. What reads them afterwards finds them in the page cache.
+  /// Reads all segments of a log. Later readers find them in the page cache.
   void read_log(const std::filesystem::path& log) {
     const auto segments = existing_segments(log);
     if (!segments) return result_.disagreements.push_back(segments.error().message);
     for (const auto& segment : *segments) read(segment.filename());
   }
 
-  /// Reads every other file, and reports what is missing and what the ledger does not name.
+  /// Reads all other files. Reports files that are missing, and files that the ledger does not
+  /// list.
   void finish() {
     const auto names = take_file_names(paths_);
     if (!names) return result_.disagreements.push_back(names.error().message);
@@ -110,14 +111,15 @@ class FileCheck {
     }
   }
 
-  /// Once: what counted the frames may have reported it.
+  /// Reports a missing file, unless the frame count has already reported it.
   void report_missing(const TakeFile& file) {
     const std::string path = (paths_.folder / file.name).string();
     const bool is_known = std::ranges::any_of(result_.disagreements, [&](const std::string& line) {
       return line.find(path) != std::string::npos || line.starts_with(file.name + ": missing");
     });
     if (!is_known) {
-      disagree(file.name, "missing; the ledger has it with " + format_count(file.bytes) + " bytes");
+      disagree(file.name,
+               "missing; the ledger lists it with " + format_count(file.bytes) + " bytes");
     }
   }
 
@@ -147,7 +149,7 @@ class Verifier {
   Verification run() {
     const std::optional<Ledger> stored = stored_ledger();
     FileCheck files(paths_, stored ? &*stored : nullptr, from_, result_);
-    // First for its checksum, then event by event while it is in the page cache.
+    // Each log is read for its checksum, then event by event from the page cache.
     const bool reads_files =
         depth_ == Depth::kFrames && result_.info.state != TakeState::kRecording;
     if (reads_files) files.read_log(paths_.pulses());
@@ -163,8 +165,8 @@ class Verifier {
     check_mesh();
     if (stored && stored->files.empty() && reads_files) {
       result_.notes.push_back(
-          "ledger.toml: has no checksums of files (of an older version): frames were compared with "
-          "their own checksums, calibration, plates and pulses with none");
+          "ledger.toml: has no checksums of files (written by an older version): frames were "
+          "compared with their own checksums; calibration, plates and pulses were not compared");
     }
     return std::move(result_);
   }
@@ -177,8 +179,8 @@ class Verifier {
   std::optional<Ledger> stored_ledger() {
     try {
       Ledger stored = load_ledger(paths_.ledger());
-      // Of a recovery, after which a daemon may have continued the take: it knows less than the
-      // logs.
+      // A daemon may have continued the take after an earlier recovery. The ledger of that recovery
+      // is then older than the logs.
       const TakeState state = result_.info.state;
       const bool recovers = depth_ == Depth::kLabels && state == TakeState::kRecovered;
       if (recovers || state == TakeState::kRecording) return std::nullopt;
@@ -198,7 +200,8 @@ class Verifier {
         if (message.pulse < kMaxPulses) {
           sensed.insert(message.pulse);
         } else {
-          disagree(paths_.pulses(), "holds the impossible pulse " + format_count(message.pulse));
+          disagree(paths_.pulses(), "holds pulse " + format_count(message.pulse) +
+                                        "; expected less than " + format_count(kMaxPulses));
         }
       }
     } catch (const InputError& error) {
@@ -250,7 +253,7 @@ class Verifier {
     if (damaged > 0) disagree(file, format_count(damaged) + " damaged events");
     if (log.torn_bytes() > 0) {
       disagree(file, "ends in an unfinished event of " + format_count(log.torn_bytes()) +
-                         " bytes, which is left out");
+                         " bytes, which is ignored");
     }
   }
 
@@ -280,7 +283,7 @@ class Verifier {
   }
 
   void check_mesh() {
-    if (!std::filesystem::exists(paths_.mesh())) return;  // a take need not be reconstructed
+    if (!std::filesystem::exists(paths_.mesh())) return;  // reconstruction is optional
     try {
       MeshFileReader meshes(paths_.mesh());
       const auto damaged = std::count_if(meshes.pulses().begin(), meshes.pulses().end(),
@@ -288,7 +291,8 @@ class Verifier {
       if (damaged > 0) disagree(paths_.mesh(), format_count(damaged) + " damaged meshes");
       if (meshes.index_was_rebuilt() && result_.info.state != TakeState::kRecording) {
         disagree(paths_.mesh(), "ends without its index: truncated, or not finished; " +
-                                    format_count(std::ssize(meshes.pulses())) + " meshes are left");
+                                    format_count(std::ssize(meshes.pulses())) +
+                                    " meshes can be read");
       }
     } catch (const InputError& error) {
       result_.disagreements.emplace_back(error.what());
@@ -301,8 +305,8 @@ class Verifier {
   Verification result_;
 };
 
-/// Whether an event is a whole message. Its length is trusted only where such a message can have
-/// it. Fails when the disk does not give the bytes.
+/// True when an event is a whole message. Reads the data only if such a message can have this
+/// length. Fails on read errors.
 template <class Message>
 io::Result<bool> is_whole(const EventLogReader& log, const EventSpan& event) {
   if constexpr (std::is_same_v<Message, PulseMessage>) {
@@ -317,9 +321,11 @@ io::Result<bool> is_whole(const EventLogReader& log, const EventSpan& event) {
   return message->has_value();
 }
 
-/// What a recovery finds in a segment. A power cut may leave the length of the last events without
-/// their bytes; these events are not counted. Damage farther back than what can have waited for the
-/// disk has another cause and stays inside the log. Fails when the disk does not give an event.
+/// Builds the index of segment `number`. Fails on read errors.
+///
+/// After a power cut, the last events can have their length but not their bytes; such events are
+/// not counted. Events are checked from the end, at most kMaxUnwrittenBytes back: earlier damage
+/// has another cause and stays in the log.
 template <class Message>
 io::Result<SegmentIndex> index_of(const EventLogReader& log, uint32_t number) {
   constexpr uint64_t kMaxUnwrittenBytes = 64 << 20;
@@ -329,7 +335,7 @@ io::Result<SegmentIndex> index_of(const EventLogReader& log, uint32_t number) {
                      .events = segment.events,
                      .damaged_places = segment.damaged_places};
   uint64_t end = 0;
-  int64_t left_out = 0;
+  int64_t skipped = 0;
   for (auto event = log.events().rbegin(); event != log.events().rend(); ++event) {
     if (event->segment != number) continue;
     const uint64_t event_end = event->data_offset + event->data_size;
@@ -339,16 +345,16 @@ io::Result<SegmentIndex> index_of(const EventLogReader& log, uint32_t number) {
     if (!whole) return tl::make_unexpected(whole.error());
     if (*whole) {
       index.whole_bytes = event_end;
-      index.events -= left_out;
+      index.events -= skipped;
       return index;
     }
-    ++left_out;
+    ++skipped;
   }
   return index;
 }
 
-/// Writes the index of every segment that has none. A segment that the disk does not give whole
-/// gets none; `read_errors` says so, and the next recovery tries again.
+/// Writes the index of every segment that has none. A segment with a read error gets no index;
+/// `read_errors` gets the error, and the next recovery retries.
 template <class Message>
 io::Status index_segments(const std::filesystem::path& path,
                           std::vector<std::string>& read_errors) {
@@ -357,7 +363,8 @@ io::Status index_segments(const std::filesystem::path& path,
   if (!log) return tl::make_unexpected(log.error());
   for (uint32_t number = 0; number < log->segments().size(); ++number) {
     const LogSegment& segment = log->segments()[number];
-    // What the ledger is about to say must not survive a power cut that these bytes do not.
+    // Sync the log before the ledger: after a power cut, the ledger must not list events that the
+    // log has lost.
     if (auto synced = segment.file.sync(); !synced) return synced;
     if (segment.index) continue;
     io::Result<SegmentIndex> index =

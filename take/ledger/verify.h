@@ -1,4 +1,4 @@
-// What a take folder really holds, counted from its files.
+// Verification and recovery of takes: counts pulses and frames from the files of the take folder.
 #pragma once
 
 #include <cstdint>
@@ -14,40 +14,44 @@ namespace v3d {
 
 struct Verification {
   TakeInfo info;
-  Ledger ledger;  ///< counted anew from the logs
-  /// Where files and account differ, or a file is damaged; one line each, naming the file.
+  Ledger ledger;  ///< counted from the logs
+  /// One line for each damaged file, and for each difference between files and ledger; each names
+  /// the file.
   std::vector<std::string> disagreements;
-  /// What a person should know and is no fault, one line each: a ledger of an older version, files
-  /// that belong to no take.
+  /// One line for each observation that is not a fault: a ledger of an older version, a log without
+  /// a checksum, files that do not belong to the take.
   std::vector<std::string> notes;
-  /// Every file of the take as it was read, with its checksum. Empty while it is recorded.
+  /// Every file of the take with its checksum. Empty for a take that is being recorded.
   std::vector<TakeFile> files;
 
   bool whole() const { return ledger.complete() && disagreements.empty(); }
 };
 
-/// The pulses of a take, counted anew: `sensed` from its log, `known` from take.toml, the rest from
-/// the `stored` ledger. A take that nobody closed does not know how many pulses were commanded:
-/// those that were sensed tell.
+/// Fills in the pulses of `ledger`: `sensed` from the pulse log, `known` from take.toml, all else
+/// from the `stored` ledger. For a take that was not closed, the commanded pulses are unknown; the
+/// highest sensed pulse gives their number.
 void recount_pulses(const PulseSet& sensed, int64_t known, const std::optional<Ledger>& stored,
                     Ledger& ledger);
 
-/// Reads every event of every log, and every file for its checksum, which is compared with that of
-/// the ledger. A file that differs, is missing, or is read by programs and not named in the ledger
-/// is a disagreement; mesh.v3d has checksums of its own (docs/compact-frame.md). `exposed`,
-/// `received` and `published` are known to the stored ledger only and taken from it where there is
-/// one. Throws InputError when the folder is no take. A missing or damaged log is a disagreement,
-/// and its camera misses every pulse.
+/// Verifies a take: reads every event of every log, and every file for its checksum, and compares
+/// them with the ledger.
+///
+/// Disagreements are: a file that differs from the ledger or is missing; a file that programs read
+/// as part of the take and the ledger does not list; a missing or damaged log, whose camera then
+/// misses every pulse that cannot be read. mesh.v3d has checksums of its own
+/// (docs/compact-frame.md). `exposed`, `received` and `published` come from the stored ledger if it
+/// exists. Throws InputError when the folder is not a take.
 Verification verify_take(const TakePaths& paths, ReadFrom from = ReadFrom::kPageCache);
 
-/// Gives a take that nobody closed its ledger and the state "recovered". Changes no byte of a log:
-/// where the whole events of a segment end is written beside it (SegmentIndex). The logs are on the
-/// disk before the ledger is. Quick: of older
-/// events only the labels are read, of the last ones as many as can have waited for the disk;
-/// verify_take() reads the rest. Requires: nobody records into the take. Idempotent. Throws
-/// InputError as verify_take() does, and std::runtime_error with path and cause when a log cannot
-/// be opened or a file cannot be written; the take then stays as it is, and a later call may
-/// succeed.
+/// Recovers a take that was not closed: writes its ledger and sets the state "recovered".
+///
+/// Changes no byte of a log: writes the end of the last whole event of each segment beside it
+/// (SegmentIndex), and syncs the logs before it writes the ledger. Reads only the labels of older
+/// events, and those last events that a power cut may have damaged; verify_take() reads the rest.
+///
+/// Requires that no process records into the take. Idempotent. Throws InputError as verify_take()
+/// does, and std::runtime_error with path and cause when a log cannot be opened or a file cannot be
+/// written. The state in take.toml is then unchanged, and a later call can succeed.
 Verification recover_take(const TakePaths& paths);
 
 }  // namespace v3d

@@ -14,33 +14,35 @@
 namespace v3d {
 namespace {
 
-// An event, as LCM's documentation of log files gives it, all numbers big-endian: sync word, event
-// number (8 bytes), time (8), length of the channel's name (4), length of the data (4), name, data.
-constexpr size_t kLongestChannel = 63;  // LCM_MAX_CHANNEL_NAME_LENGTH
+// Layout of an event (LCM's documentation of log files), all numbers big-endian: sync word (4
+// bytes), event number (8), time (8), length of the channel name (4), length of the data (4),
+// channel name, data.
+constexpr size_t kMaxChannelSize = 63;  // LCM_MAX_CHANNEL_NAME_LENGTH
 constexpr std::array<uint8_t, 4> kSyncBytes = {0xED, 0xA1, 0xDA, 0x01};
 
 uint64_t end_of(const EventSpan& event) { return event.data_offset + event.data_size; }
 
-/// Finds the events of one segment.
+/// Finds the events of one segment, and resynchronises after damaged bytes.
 class SegmentScan {
  public:
   explicit SegmentScan(LogSegment& segment)
       : segment_(segment), end_(segment.index ? segment.index->whole_bytes : segment.bytes) {}
 
-  /// Appends the segment's events and fills in the rest of LogSegment.
+  /// Appends the segment's events to `events`, and fills in the counts of LogSegment.
   void run(uint32_t number, std::vector<EventSpan>& events) {
     uint64_t offset = 0;
     auto event = event_at(offset);
     while (offset < end_) {
-      auto behind = event ? event_at(end_of(*event)) : std::nullopt;
-      // Where no event follows, this one may have a damaged length and contain others.
-      const bool is_sure = event && (behind || end_of(*event) == end_);
+      auto following = event ? event_at(end_of(*event)) : std::nullopt;
+      // If no event follows, the length of this event may be damaged, and the event may contain
+      // others.
+      const bool is_certain = event && (following || end_of(*event) == end_);
       const uint64_t until = event ? end_of(*event) : end_;
-      const auto next = is_sure ? std::nullopt : next_event(offset + 1, until);
+      const auto next = is_certain ? std::nullopt : next_event(offset + 1, until);
       if (event && !next) {
         offset = end_of(*event);
         event->segment = number;
-        events.push_back(*std::exchange(event, std::move(behind)));
+        events.push_back(*std::exchange(event, std::move(following)));
         ++segment_.events;
         continue;
       }
@@ -53,7 +55,7 @@ class SegmentScan {
   }
 
  private:
-  /// The bytes that the disk gives; the first error is kept.
+  /// Reads up to `bytes.size()` bytes; 0 on a read error. Stores the first error.
   size_t read(uint64_t offset, std::span<uint8_t> bytes) {
     const auto got = segment_.file.read(offset, bytes);
     failed_ = !got;
@@ -64,9 +66,9 @@ class SegmentScan {
     return 0;
   }
 
-  /// The event whose header is at `offset`, if a whole one is.
+  /// The event whose header is at `offset`; empty when no whole event is there.
   std::optional<EventSpan> event_at(uint64_t offset) {
-    std::array<uint8_t, kEventHeaderSize + kLongestChannel> bytes{};
+    std::array<uint8_t, kEventHeaderSize + kMaxChannelSize> bytes{};
     const std::span<const uint8_t> head(bytes);
     const size_t got = read(offset, bytes);
     if (got < kEventHeaderSize || read_big_endian(head.first(4)) != kEventSyncWord) {
@@ -74,7 +76,7 @@ class SegmentScan {
     }
     const uint64_t channel_size = read_big_endian(head.subspan(20, 4));
     const uint64_t data_size = read_big_endian(head.subspan(24, 4));
-    if (channel_size == 0 || channel_size > kLongestChannel || data_size > kMaxEventBytes) {
+    if (channel_size == 0 || channel_size > kMaxChannelSize || data_size > kMaxEventBytes) {
       return std::nullopt;
     }
     const uint64_t data_offset = offset + kEventHeaderSize + channel_size;
@@ -86,8 +88,9 @@ class SegmentScan {
                      .data_size = static_cast<uint32_t>(data_size)};
   }
 
-  /// The first place from `from` on, and before `until`, where a whole event begins. Passes over
-  /// blocks that cannot be read, in steps that double: a dead disk must not take for ever.
+  /// Offset of the first whole event that starts in [from, until); empty when there is none. Skips
+  /// unreadable blocks, in steps that double up to kMaxStep, so that the search of a failed disk
+  /// ends.
   std::optional<uint64_t> next_event(uint64_t from, uint64_t until) {
     constexpr size_t kBlock = 4096;
     constexpr uint64_t kMaxStep = 1 << 20;
@@ -96,7 +99,7 @@ class SegmentScan {
     for (uint64_t step = kBlock; (from = next_data(segment_.file, from)) < until;) {
       const size_t got = read(from, std::span(chunk).first(size));
       if (failed_ && size > kBlock) {
-        size = kBlock;  // some block in it can be read, perhaps
+        size = kBlock;  // smaller blocks of it may be readable
       } else if (failed_) {
         from = from - from % kBlock + step;
         step = std::min(2 * step, kMaxStep);
@@ -112,7 +115,8 @@ class SegmentScan {
     return std::nullopt;
   }
 
-  /// The first event that begins in these bytes, which lie at `base`, and before `until`.
+  /// Offset of the first event that starts in `bytes`, which have the offset `base`, and before
+  /// `until`.
   std::optional<uint64_t> event_in(std::span<const uint8_t> bytes, uint64_t base, uint64_t until) {
     for (auto at = bytes.begin();; ++at) {
       at = std::search(at, bytes.end(), kSyncBytes.begin(), kSyncBytes.end());
@@ -123,8 +127,8 @@ class SegmentScan {
   }
 
   LogSegment& segment_;
-  const uint64_t end_;   ///< of what is searched
-  bool failed_ = false;  ///< the last read was
+  const uint64_t end_;   ///< end of the searched bytes
+  bool failed_ = false;  ///< the last read failed
 };
 
 io::Result<LogSegment> open_segment(const std::filesystem::path& path) {
@@ -144,7 +148,7 @@ io::Result<EventLogReader> EventLogReader::open(const std::filesystem::path& log
   auto found = existing_segments(log);
   if (!found && found.error().code != ENOENT) return tl::make_unexpected(found.error());
   std::vector<std::filesystem::path> paths = found.value_or(std::vector<std::filesystem::path>());
-  if (paths.empty()) paths.push_back(log);  // opening it tells what is wrong
+  if (paths.empty()) paths.push_back(log);  // opening it reports the cause
   EventLogReader reader;
   for (const auto& path : paths) {
     auto segment = open_segment(path);
@@ -160,8 +164,9 @@ EventLogReader::EventLogReader(const std::filesystem::path& log)
     : EventLogReader(io::value_or_throw(open(log))) {
   const std::vector<std::string> errors = read_errors();
   if (!events_.empty() || torn_bytes() <= static_cast<int64_t>(kEventHeaderSize)) return;
-  throw InputError(errors.empty() ? log.string() + ": is no LCM event log: it holds no whole event"
-                                  : errors.front());
+  throw InputError(errors.empty()
+                       ? log.string() + ": is not an LCM event log: it holds no whole event"
+                       : errors.front());
 }
 
 int64_t EventLogReader::damaged_places() const {
@@ -188,7 +193,8 @@ io::Result<Bytes> EventLogReader::read(const EventSpan& event, size_t limit) con
   Bytes bytes(std::min<size_t>(event.data_size, limit));
   const auto got = file.read(event.data_offset, bytes);
   if (!got) return tl::make_unexpected(got.error());
-  if (*got < bytes.size()) return io::io_error("read", file.path(), "it has become shorter", EIO);
+  if (*got < bytes.size())
+    return io::io_error("read", file.path(), "the file became shorter while it was read", EIO);
   return bytes;
 }
 

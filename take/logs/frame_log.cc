@@ -19,14 +19,14 @@ namespace v3d {
 
 namespace {
 
-/// So much is given to the disk at a time: dirty pages drain evenly instead of in one great stall
-/// when the kernel finds that there are too many.
-constexpr int64_t kDrainBytes = 4 << 20;
-/// So much may wait for the disk: a second and a half of an XGA camera. More would only put off the
-/// moment at which the disk is noticed to be too slow, to the end of the take.
-constexpr int64_t kMaxWaiting = 32 << 20;
+/// Bytes per writeback request. Frequent requests write dirty pages evenly; otherwise the kernel
+/// stalls writers when too many pages are dirty.
+constexpr int64_t kWritebackBytes = 4 << 20;
+/// Limit of bytes that are not on disk yet: 1.5 s of an XGA camera. With a higher limit, a disk
+/// that is too slow would be detected later, at the end of the take.
+constexpr int64_t kMaxDirtyBytes = 32 << 20;
 
-/// What stands before an event's data (see event_log.cc).
+/// The bytes before an event's data (see event_log.cc).
 Bytes event_head(int64_t number, const std::string& channel, RealtimeInstant at, size_t data_size) {
   Bytes head;
   head.reserve(kEventHeaderSize + channel.size());
@@ -39,13 +39,14 @@ Bytes event_head(int64_t number, const std::string& channel, RealtimeInstant at,
   return head;
 }
 
-/// Where recording into a log begins.
-struct LogPlace {
+/// Where a writer appends to a log.
+struct AppendPosition {
   std::filesystem::path segment;
-  int64_t events = 0;  ///< in the segments before
+  int64_t events = 0;  ///< number of events in earlier segments
 };
 
-/// Events in the segments, as recoveries counted them, or else counted now.
+/// Number of events in `segments`, from the indexes of recoveries; counts them when a segment has
+/// no index.
 io::Result<int64_t> count_events(const std::filesystem::path& log,
                                  const std::vector<std::filesystem::path>& segments) {
   int64_t events = 0;
@@ -62,13 +63,13 @@ io::Result<int64_t> count_events(const std::filesystem::path& log,
   return events;
 }
 
-io::Result<LogPlace> place_of(const std::filesystem::path& log, LogOpening opening) {
-  if (opening == LogOpening::kNew) return LogPlace{log, 0};
+io::Result<AppendPosition> append_position(const std::filesystem::path& log, LogOpening opening) {
+  if (opening == LogOpening::kNew) return AppendPosition{log, 0};
   const auto segments = existing_segments(log);
   if (!segments) return tl::make_unexpected(segments.error());
   const auto events = count_events(log, *segments);
   if (!events) return tl::make_unexpected(events.error());
-  return LogPlace{next_segment(log, *segments), *events};
+  return AppendPosition{next_segment(log, *segments), *events};
 }
 
 }  // namespace
@@ -76,30 +77,32 @@ io::Result<LogPlace> place_of(const std::filesystem::path& log, LogOpening openi
 class EventLogWriter::Impl {
  public:
   Impl(const std::filesystem::path& log, LogOpening opening, LogHashing hashing)
-      : Impl(io::value_or_throw(place_of(log, opening)), hashing) {}
-  /// Never a file that exists.
-  Impl(const LogPlace& place, LogHashing hashing)
-      : events_(place.events),
-        file_(io::value_or_throw(io::File::open(place.segment, io::OpenMode::kCreate))) {
+      : Impl(io::value_or_throw(append_position(log, opening)), hashing) {}
+  /// Creates the segment; fails when the file exists.
+  Impl(const AppendPosition& position, LogHashing hashing)
+      : events_(position.events),
+        file_(io::value_or_throw(io::File::open(position.segment, io::OpenMode::kCreate))) {
     if (hashing == LogHashing::kTree) tree_.emplace();
   }
   ~Impl() { static_cast<void>(sync()); }  // close() reports
   Impl(const Impl&) = delete;
   Impl& operator=(const Impl&) = delete;
 
-  /// The data are `first` and `rest`. Not buffered: what was written is the kernel's, whatever
-  /// becomes of this process, and a full disk is noticed at the event that it hits. The bytes of an
-  /// event that failed are overwritten by the next one; write() reported that event as failed.
+  /// Appends an event with the data `first` and `rest`.
+  ///
+  /// Unbuffered: written bytes are in the kernel and survive the end of this process, and a full
+  /// disk is reported for the event that does not fit. The next event overwrites the bytes of an
+  /// event that failed.
   io::Status write(const std::string& channel, RealtimeInstant at, const Bytes& first,
                    const Bytes& rest = {}) {
-    if (!lost_) return lost_;
+    if (!disk_error_) return disk_error_;
     const Bytes head = event_head(events_, channel, at, first.size() + rest.size());
     const io::Status written = file_.write(static_cast<uint64_t>(bytes_), {head, first, rest});
     if (!written) return written;
     count({head, first, rest});
     ++events_;
     bytes_ += static_cast<int64_t>(head.size() + first.size() + rest.size());
-    drain();
+    write_back();
     return written;
   }
 
@@ -114,12 +117,12 @@ class EventLogWriter::Impl {
 
   io::Status sync() {
     const io::Status synced = file_.sync();
-    if (lost_ && !synced && is_of_the_disk(synced.error().code)) lost_ = synced;
-    return lost_;
+    if (disk_error_ && !synced && is_disk_error(synced.error().code)) disk_error_ = synced;
+    return disk_error_;
   }
 
  private:
-  /// The event that was written.
+  /// Adds a written event to the checksum and to the hash tree.
   void count(std::initializer_list<std::span<const uint8_t>> parts) {
     for (const auto& part : parts) checksum_.add(part);
     if (!tree_) return;
@@ -128,35 +131,36 @@ class EventLogWriter::Impl {
     tree_->add(event.value());
   }
 
-  /// What the disk has meanwhile taken leaves the page cache: a take is many times the memory, and
-  /// pages used again are still warm, where fresh ones cost several times the copy.
-  void drain() {
-    if (bytes_ - given_ < kDrainBytes) return;
-    sync_file_range(file_.fd(), given_, bytes_ - given_, SYNC_FILE_RANGE_WRITE);
-    given_ = bytes_;
-    const int64_t due = given_ - kMaxWaiting;
-    if (due > taken_) {
-      const int failed =
-          sync_file_range(file_.fd(), taken_, due - taken_, SYNC_FILE_RANGE_WAIT_BEFORE);
-      if (failed != 0 && is_of_the_disk(errno)) lost_ = io::io_error("write", file_.path());
-      taken_ = due;
+  /// Requests writeback of written bytes, and waits for those above kMaxDirtyBytes. Drops written
+  /// pages from the page cache: a take is much larger than the memory, and a copy into fresh pages
+  /// costs several times a copy into reused pages.
+  void write_back() {
+    if (bytes_ - submitted_ < kWritebackBytes) return;
+    sync_file_range(file_.fd(), submitted_, bytes_ - submitted_, SYNC_FILE_RANGE_WRITE);
+    submitted_ = bytes_;
+    const int64_t due = submitted_ - kMaxDirtyBytes;
+    if (due > written_back_) {
+      const int failed = sync_file_range(file_.fd(), written_back_, due - written_back_,
+                                         SYNC_FILE_RANGE_WAIT_BEFORE);
+      if (failed != 0 && is_disk_error(errno)) disk_error_ = io::io_error("write", file_.path());
+      written_back_ = due;
     }
-    posix_fadvise(file_.fd(), 0, given_ - kDrainBytes, POSIX_FADV_DONTNEED);
+    posix_fadvise(file_.fd(), 0, submitted_ - kWritebackBytes, POSIX_FADV_DONTNEED);
   }
 
-  /// Other errors say that this is no file that can be synchronised.
-  static bool is_of_the_disk(int error) {
+  /// True for write errors of the disk. Other errors mean that the file does not support syncing.
+  static bool is_disk_error(int error) {
     return error == EIO || error == ENOSPC || error == EDQUOT || error == EROFS;
   }
 
   int64_t events_ = 0;
   io::File file_;
   int64_t bytes_ = 0;
-  RunningChecksum checksum_;  ///< of these bytes
+  RunningChecksum checksum_;  ///< of the `bytes_` bytes
   std::optional<HashTree> tree_;
-  int64_t given_ = 0;  ///< bytes that the disk has been asked to take
-  int64_t taken_ = 0;  ///< bytes that it has taken
-  io::Status lost_;    ///< an error when the disk lost some of them
+  int64_t submitted_ = 0;     ///< bytes for which writeback was requested
+  int64_t written_back_ = 0;  ///< bytes whose writeback has finished
+  io::Status disk_error_;     ///< the first error after which written bytes may be lost
 };
 
 EventLogWriter::EventLogWriter(const std::filesystem::path& path, LogOpening opening,
@@ -209,7 +213,8 @@ class FrameLogReader::Impl {
   const std::vector<std::string>& read_errors() const { return read_errors_; }
 
  private:
-  /// Empty, and reported, where the disk does not give the bytes.
+  /// Reads the first `limit` bytes of an event. Empty on a read error, which is added to
+  /// read_errors_.
   std::optional<Bytes> read(const EventSpan& event, size_t limit) {
     auto bytes = log_.read(event, limit);
     if (bytes) return *std::move(bytes);

@@ -1,5 +1,5 @@
-// EventLogWriter and FrameLogReader: the frames of one camera as LCM event logs (<camera>.lcmlog),
-// which lcm-logplayer and lcm-spy open.
+// EventLogWriter and FrameLogReader: write and read the frames of one camera as LCM event logs
+// (<camera>.lcmlog), which lcm-logplayer and lcm-spy can open.
 #pragma once
 
 #include <cstdint>
@@ -17,31 +17,33 @@
 
 namespace v3d {
 
-/// Appends events to a new segment of a log (take/logs/log_segments.h); one thread. Nothing is
-/// buffered here: a frame for which write() returned true survives the end of the program, and a
-/// crash leaves at most one unfinished event behind it. At most 32 MB are not on the disk yet:
-/// write() then waits for the disk, so that sync() is quick. No byte of an existing file is
-/// changed.
+/// Appends events to a new segment of a log (take/logs/log_segments.h). Changes no byte of an
+/// existing file. One thread.
+///
+/// Unbuffered: a frame for which write() returned true survives the end of the program, and a crash
+/// leaves at most one unfinished event after it. At most 32 MB are not on disk yet: write() waits
+/// for the disk above that, so that sync() takes little time.
 class EventLogWriter {
  public:
-  /// kNew creates the first segment and fails when the log exists; kGoOn creates the segment behind
-  /// the last one. Throws InputError when the file cannot be created. The caller syncs the folder.
+  /// kNew creates the first segment and fails when the log exists; kGoOn creates the segment after
+  /// the last one. Throws InputError when the file cannot be created. The caller must sync the
+  /// folder.
   explicit EventLogWriter(const std::filesystem::path& path, LogOpening opening = LogOpening::kNew,
                           LogHashing hashing = LogHashing::kChecksum);
   ~EventLogWriter();
   EventLogWriter(EventLogWriter&&) noexcept;
   EventLogWriter& operator=(EventLogWriter&&) noexcept;
 
-  /// Fails when the disk reports an error: the event is then not in the log, and a later one may
-  /// be. Once the disk has lost bytes that it had accepted, every call fails.
+  /// Appends one event. Fails when the disk reports an error: the event is then not in the log, but
+  /// a later one may succeed. After the disk lost bytes that it had accepted, every call fails.
   [[nodiscard]] io::Status write(const FrameMessage& message);
   [[nodiscard]] io::Status write(const PulseMessage& message);
-  int64_t bytes() const;                      ///< of this segment
-  const std::filesystem::path& path() const;  ///< of this segment
-  /// Name, length, checksum and, with LogHashing::kTree, root of this segment, as they were given
-  /// to the kernel.
+  int64_t bytes() const;                      ///< length of this segment
+  const std::filesystem::path& path() const;  ///< path of this segment
+  /// Name, length and checksum of this segment, and its root with LogHashing::kTree. Computed from
+  /// the bytes that were passed to the kernel.
   TakeFile file() const;
-  /// Waits until everything is on the disk. Fails when the disk lost any of it, now or before.
+  /// Waits until all events are on disk. Fails when the disk lost any of them, now or earlier.
   [[nodiscard]] io::Status sync();
 
  private:
@@ -50,7 +52,7 @@ class EventLogWriter {
 };
 
 /// Random access to the frames of one camera by pulse number, over all segments of its log. Opening
-/// reads the headers of all events; a torn last event is left out and reported. One thread per
+/// reads the headers of all events; a torn last event is skipped and reported. One thread per
 /// reader.
 class FrameLogReader {
  public:
@@ -60,14 +62,14 @@ class FrameLogReader {
   FrameLogReader(FrameLogReader&&) noexcept;
   FrameLogReader& operator=(FrameLogReader&&) noexcept;
 
-  /// In the order of the file, duplicates included.
+  /// Labels of all frames in file order, including duplicates.
   const std::vector<FrameLabel>& labels() const;
-  /// Events that do not decode, and bytes behind the last whole event.
+  /// Number of events that cannot be decoded, and bytes after the last whole event.
   int64_t damaged_events() const;
   int64_t torn_bytes() const;
-  /// What the disk did not give until now, at most some lines with path and cause.
+  /// The read errors until now, with path and cause. read() adds errors up to a total of 16.
   const std::vector<std::string>& read_errors() const;
-  /// The first frame of this pulse; empty when there is none, or it is damaged or cannot be read.
+  /// The first frame of `pulse`. Empty when there is none, or it is damaged or unreadable.
   std::optional<Frame> read(int64_t pulse);
 
  private:
@@ -75,12 +77,12 @@ class FrameLogReader {
   std::unique_ptr<Impl> impl_;
 };
 
-/// Limit of the data of a pulse event, bytes; ours have about 100. Readers ignore longer events
-/// without reading them: in a sparse file, an event can claim up to 256 MB.
+/// Limit of the data of a pulse event, bytes; written events have about 100. Readers ignore longer
+/// events without reading them: in a sparse file, an event can claim up to 256 MB.
 inline constexpr uint32_t kMaxPulseBytes = 4 << 10;
 
-/// All pulses of pulses.lcmlog, in order. Ignores damaged events and those above kMaxPulseBytes.
-/// Throws InputError as FrameLogReader does, and when the disk does not give all bytes.
+/// All pulses of pulses.lcmlog, in order. Ignores damaged events and events longer than
+/// kMaxPulseBytes. Throws InputError as FrameLogReader does, and on read errors.
 std::vector<PulseMessage> read_pulses(const std::filesystem::path& path);
 
 }  // namespace v3d

@@ -1,4 +1,4 @@
-// How a file of a take that grows is opened, and what is counted of it meanwhile.
+// Options for opening a growing file of a take: new or continued, and which checksums to compute.
 #pragma once
 
 #include <cstdint>
@@ -6,13 +6,13 @@
 namespace v3d {
 
 enum class LogOpening : uint8_t {
-  kNew,   ///< a file that does not exist yet
-  kGoOn,  ///< continues what a restarted daemon left
+  kNew,   ///< creates a new file
+  kGoOn,  ///< continues the file or log after a restart of the daemon
 };
 
 enum class LogHashing : uint8_t {
-  kChecksum,  ///< for the ledger
-  kTree,      ///< also the tree of its events, for the signature of the take (take_signature.h)
+  kChecksum,  ///< the checksum for the ledger
+  kTree,  ///< also the hash tree of the events, for the signature of the take (take_signature.h)
 };
 
 }  // namespace v3d

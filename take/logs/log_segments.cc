@@ -32,7 +32,7 @@ SegmentIndex parse_index(std::string_view text, const fs::path& path) {
   return index;
 }
 
-/// Which segment of the log a file of this name is; empty for other files.
+/// The segment number of a file name in `log`; empty for other files.
 std::optional<int> number_of(const std::string& file, const fs::path& log) {
   if (file == log.filename()) return 0;
   const std::string before = log.stem().string() + ".", after = log.extension().string();

@@ -21,20 +21,20 @@ io::File open_mesh_file(const std::filesystem::path& path) {
   return io::value_or_throw(io::File::open(path, io::OpenMode::kReadWithinFolder));
 }
 
-/// A mesh file and where everything in it lies.
+/// A mesh file and the index of its records.
 class IndexedFile {
  public:
-  /// Throws InputError when it is no mesh file, and when the disk does not give its index.
+  /// Throws InputError when the file is not a mesh file or its index cannot be read.
   explicit IndexedFile(const std::filesystem::path& path)
       : file_(open_mesh_file(path)), file_size_(io::value_or_throw(file_.size())) {
     const auto head = read_at(0, mesh_file::kHeaderSize);
     if (head.size() < mesh_file::kHeaderSize ||
         !mesh_file::magic_at(head, 0, mesh_file::kFileMagic)) {
-      throw InputError(path.string() + ": is no mesh file (mesh.v3d)");
+      throw InputError(path.string() + ": is not a mesh file (mesh.v3d)");
     }
     if (mesh_file::u32_at(head, 8) != mesh_file::kVersion || mesh_file::u32_at(head, 12) != 0) {
       throw InputError(path.string() +
-                       ": is a mesh file of a version that this program does not know");
+                       ": is a mesh file of a version that this program does not support");
     }
     if (!load_index()) rebuild_index();
     for (const Entry& entry : entries_) pulses_.push_back(entry.pulse);
@@ -55,14 +55,14 @@ class IndexedFile {
   uint64_t file_size() const { return file_size_; }
 
  private:
-  /// Fewer bytes than asked for at the end of the file only.
+  /// Reads `size` bytes; fewer only at the end of the file.
   std::vector<uint8_t> read_at(uint64_t offset, size_t size) const {
     std::vector<uint8_t> bytes(size);
     bytes.resize(io::value_or_throw(file_.read(offset, bytes)));
     return bytes;
   }
 
-  /// The bytes of the index, when the footer points at them rightly.
+  /// The bytes of the index; empty when the footer does not point to a valid index.
   std::vector<uint8_t> index_bytes() const {
     using namespace mesh_file;
     if (file_size_ < kHeaderSize + kIndexHeadSize + kFooterSize) return {};
@@ -101,7 +101,8 @@ class IndexedFile {
   bool follows(const Entry& entry) const {
     return entry.pulse >= 0 && (entries_.empty() || entry.pulse > entries_.back().pulse);
   }
-  /// The length that an entry claims is also limited itself: a sparse file has room for any.
+  /// True when the record lies inside the file. The claimed length has a limit of its own, because
+  /// a sparse file can have any length.
   bool inside_file(const Entry& entry) const {
     return entry.payload_size <= mesh_file::kMaxPayload && entry.offset <= file_size_ &&
            file_size_ - entry.offset >= mesh_file::kRecordSize + uint64_t{entry.payload_size};
@@ -113,9 +114,9 @@ class IndexedFile {
     return entry && inside_file(*entry) ? entry : std::nullopt;
   }
 
-  /// The record ends where another begins, the index does, or the file does; or its checksum is
-  /// right. Else it is the unfinished record of a program that was killed, and what was appended
-  /// later lies where its payload would be.
+  /// True when the record is complete: another record, the index or the end of the file follows it,
+  /// or its checksum is correct. Otherwise a killed program left an unfinished record, and later
+  /// records lie where its payload would be.
   bool is_whole(const Entry& entry) {
     const uint64_t end = entry.offset + mesh_file::kRecordSize + entry.payload_size;
     if (end == file_size_ || record_at(end)) return true;
@@ -124,8 +125,8 @@ class IndexedFile {
     return has_right_checksum(entry);
   }
 
-  /// Also false once payloads of several times the file's length were read: only records that claim
-  /// one another's bytes need that, and each may claim 256 MiB.
+  /// True when the payload matches its checksum. Also false after payloads of more than four times
+  /// the file's length were read: only overlapping records need that, and each may claim 256 MiB.
   bool has_right_checksum(const Entry& entry) {
     constexpr uint32_t kChunk = 1 << 20;
     if (checksummed_ > 4 * file_size_) return false;
@@ -141,7 +142,8 @@ class IndexedFile {
     return crc == entry.payload_crc;
   }
 
-  /// The next offset from `from` at which a right record begins, or the end of the file.
+  /// The next offset from `from` on at which a valid record starts; the end of the file if there is
+  /// none.
   uint64_t next_record(uint64_t from) const {
     constexpr size_t kChunk = 1 << 16;
     const auto& magic = mesh_file::kRecordMagic;
@@ -175,7 +177,7 @@ class IndexedFile {
 
   io::File file_;
   uint64_t file_size_ = 0;
-  uint64_t checksummed_ = 0;  ///< bytes of payloads that has_right_checksum() has read
+  uint64_t checksummed_ = 0;  ///< payload bytes that has_right_checksum() has read
   std::vector<Entry> entries_;
   std::vector<int64_t> pulses_;
   bool rebuilt_ = false;
@@ -187,14 +189,15 @@ class MeshFileWriter::Impl {
  public:
   Impl(const std::filesystem::path& path, LogOpening opening)
       : path_(path),
-        file_(io::value_or_throw(opening == LogOpening::kGoOn ? go_on(path) : create(path))) {
+        file_(io::value_or_throw(opening == LogOpening::kGoOn ? open_to_continue(path)
+                                                              : create(path))) {
     sync_ = std::make_unique<PeriodicSync>(*file_, kSyncEvery);
     if (begin_ > 0) return;
     begin_ = end_ = mesh_file::kHeaderSize;
     if (auto written = file_->write(0, {mesh_file::header()}); !written) {
       io::throw_input_error(written.error());
     }
-    // A file that has no name after a power cut is lost with all its bytes.
+    // Sync the folder: without its directory entry, the whole file is lost in a power cut.
     if (auto synced = io::sync_folder(path.parent_path()); !synced) {
       io::throw_input_error(synced.error());
     }
@@ -205,19 +208,19 @@ class MeshFileWriter::Impl {
 
   io::Status append(int64_t pulse, std::span<const uint8_t> compact) {
     V3D_CHECK(!last_pulse() || pulse > *last_pulse());
-    if (!file_) return io::io_error("write", path_, "it is closed", EBADF);
+    if (!file_) return io::io_error("write", path_, "the file is closed", EBADF);
     if (compact.size() > mesh_file::kMaxPayload) {
-      return io::io_error("write", path_, "the mesh is too large", EFBIG);
+      return io::io_error("write", path_, "the mesh is larger than 256 MiB", EFBIG);
     }
     const Entry entry{.pulse = pulse,
                       .offset = end_,
                       .payload_size = static_cast<uint32_t>(compact.size()),
                       .payload_crc = crc32(compact)};
-    if (has_new_loss()) return kept_;
-    // After a failure the next record overwrites what the disk took of this one.
+    if (has_new_loss()) return sync_error_;
+    // After a failure, the next record overwrites the written part of this one.
     auto written = file_->write(end_, {mesh_file::record_head(entry), compact});
     if (!written) return written;
-    sync_->note_write();
+    sync_->mark_dirty();
     end_ += mesh_file::kRecordSize + compact.size();
     pulses_.insert(pulse);
     payloads_.push_back({entry.payload_size, entry.payload_crc});
@@ -226,13 +229,13 @@ class MeshFileWriter::Impl {
 
   io::Status sync() {
     const io::Status synced = file_->sync();
-    return kept_ ? synced : kept_;
+    return sync_error_ ? synced : sync_error_;
   }
 
   io::Status close() {
     if (!file_) return closed_;
     stop_syncs();
-    // The index ends the file, also behind the bytes of a record that failed.
+    // The index is at the end of the file, also after the bytes of a record that failed.
     const auto size = file_->size();
     const uint64_t offset = std::max(end_, size.value_or(end_));
     closed_ = file_->write(offset, {mesh_file::index(entries(), offset)});
@@ -241,28 +244,29 @@ class MeshFileWriter::Impl {
     return closed_;
   }
 
-  size_t size() const { return found_.size() + payloads_.size(); }
+  size_t size() const { return existing_.size() + payloads_.size(); }
   std::optional<int64_t> last_pulse() const {
     if (!payloads_.empty()) return pulses_.last();
-    return found_.empty() ? std::nullopt : std::optional(found_.back().pulse);
+    return existing_.empty() ? std::nullopt : std::optional(existing_.back().pulse);
   }
 
  private:
-  /// A power cut loses at most the meshes of this time.
+  /// A power cut loses at most the meshes of this period.
   static constexpr Duration kSyncEvery = std::chrono::seconds(1);
 
-  /// True once: the disk has lost meshes that it had accepted.
+  /// True once after the disk lost meshes that it had accepted.
   bool has_new_loss() {
-    if (kept_) kept_ = sync_->take_failure();
-    return !kept_ && !std::exchange(loss_is_reported_, true);
+    if (sync_error_) sync_error_ = sync_->pop_error();
+    return !sync_error_ && !std::exchange(loss_is_reported_, true);
   }
 
   void stop_syncs() {
-    if (kept_) kept_ = sync_->take_failure();
+    if (sync_error_) sync_error_ = sync_->pop_error();
     sync_.reset();
   }
 
-  /// All that is kept of a record until the index is written: a take may last hours.
+  /// The part of a record that is kept in memory until the index is written, because a take may
+  /// last hours.
   struct Payload {
     uint32_t size, crc;
   };
@@ -271,10 +275,10 @@ class MeshFileWriter::Impl {
     return io::File::open(path, io::OpenMode::kCreate);
   }
 
-  /// Behind everything that is there: an index that closed the file before, or the bytes of an
-  /// unfinished record, stay where they are, and readers pass over them. A file that ended before
-  /// its header was whole begins anew.
-  io::Result<io::File> go_on(const std::filesystem::path& path) {
+  /// Opens the file for appending after its last byte. An index of an earlier close, or the bytes
+  /// of an unfinished record, remain, and readers skip them. A file shorter than its header is
+  /// written from the start.
+  io::Result<io::File> open_to_continue(const std::filesystem::path& path) {
     auto file = io::File::open(path, io::OpenMode::kWriteExisting);
     if (!file && file.error().code == ENOENT) return create(path);
     if (!file) return file;
@@ -282,14 +286,15 @@ class MeshFileWriter::Impl {
     if (!size) return tl::make_unexpected(size.error());
     if (*size < mesh_file::kHeaderSize) return file;
     const IndexedFile found(path);
-    found_ = found.entries();
+    existing_ = found.entries();
     begin_ = end_ = found.file_size();
     return file;
   }
 
-  /// What the index says. Our own records lie one behind the other.
+  /// All entries of the index: the existing ones, then those of this writer, whose records are
+  /// contiguous.
   std::vector<Entry> entries() const {
-    std::vector<Entry> entries = found_;
+    std::vector<Entry> entries = existing_;
     uint64_t offset = begin_;
     auto payload = payloads_.begin();
     for (const int64_t pulse : pulses_.all()) {
@@ -301,14 +306,15 @@ class MeshFileWriter::Impl {
   }
 
   std::filesystem::path path_;
-  std::vector<Entry> found_;  ///< that were in the file before
-  uint64_t begin_ = 0;        ///< of what is appended
+  std::vector<Entry> existing_;  ///< entries that existed when the file was opened
+  uint64_t begin_ = 0;           ///< start of the appended records
   uint64_t end_ = 0;
   PulseSet pulses_;
-  std::deque<Payload> payloads_;        ///< grows by pieces, not by doubling
-  std::optional<io::File> file_;        ///< empty when closed; after what go_on() fills in
+  std::deque<Payload> payloads_;        ///< a deque, because it grows without copying
+  std::optional<io::File> file_;        ///< empty when closed; declared after the members that
+                                        ///< open_to_continue() sets
   std::unique_ptr<PeriodicSync> sync_;  ///< null when closed
-  io::Status kept_;                     ///< the first failure of a periodic sync
+  io::Status sync_error_;               ///< the first error of a periodic sync
   bool loss_is_reported_ = false;       ///< by append()
   io::Status closed_;
 };

@@ -1,5 +1,5 @@
-// mesh.v3d: compact frames one after the other, an index at the end. The index is rebuilt by
-// scanning when the file was not closed. Layout in docs/compact-frame.md.
+// mesh.v3d: a sequence of compact frames, with an index at the end (docs/compact-frame.md). If the
+// file was not closed, readers rebuild the index by scanning.
 #pragma once
 
 #include <cstdint>
@@ -14,27 +14,28 @@
 
 namespace v3d {
 
-/// A thread of its own syncs the file once a second while meshes are appended, so that a power cut
-/// loses at most the meshes of the last second; append() does not wait for it. One thread.
+/// Appends meshes to mesh.v3d. A separate thread syncs the file once a second during appends, so
+/// that a power cut loses at most the meshes of the last second; append() does not wait for it. One
+/// writing thread.
 class MeshFileWriter {
  public:
-  /// kNew creates the file and fails when the name is taken. kGoOn appends behind the last byte of
-  /// an existing file, changes none of its bytes, and creates it where there is none. Throws
-  /// InputError when the file cannot be created, opened, read or is no mesh file.
+  /// kNew creates the file and fails when the name exists. kGoOn appends after the last byte of an
+  /// existing file, changes none of its bytes, and creates the file if it does not exist. Throws
+  /// InputError when the file cannot be created, opened or read, or is not a mesh file.
   explicit MeshFileWriter(const std::filesystem::path& path, LogOpening opening = LogOpening::kNew);
-  ~MeshFileWriter();  ///< closes without throwing
+  ~MeshFileWriter();  ///< calls close() and ignores its errors
   MeshFileWriter(MeshFileWriter&&) noexcept;
 
-  /// Pulses must rise. Fails when the disk reports an error; the mesh is then not in the file, and
-  /// a later one may be. Fails once after the disk has lost meshes that it had accepted; sync() and
-  /// close() then fail, too.
+  /// Appends one mesh. Requires ascending pulses. Fails when the disk reports an error; the mesh is
+  /// then not in the file, but a later one may succeed. Fails once after the disk lost meshes that
+  /// it had accepted; sync() and close() then fail, too.
   [[nodiscard]] io::Status append(int64_t pulse, std::span<const uint8_t> compact);
-  /// Meshes in the file, and the pulse of the last.
+  /// Number of meshes in the file, and the pulse of the last one.
   size_t size() const;
   std::optional<int64_t> last_pulse() const;
-  /// Waits until the disk has every mesh. Not after close().
+  /// Waits until all meshes are on disk. Must not be called after close().
   [[nodiscard]] io::Status sync();
-  /// Writes the index and waits for the disk. After a failure the file stays readable.
+  /// Writes the index and waits until it is on disk. After a failure the file is still readable.
   io::Status close();
 
  private:
@@ -50,7 +51,7 @@ class MeshFileReader {
 
   const std::vector<int64_t>& pulses() const;
   bool index_was_rebuilt() const;
-  /// The compact frame of a pulse; empty when there is none or its checksum is wrong.
+  /// The compact frame of `pulse`; empty when there is none or its checksum is wrong.
   std::optional<std::vector<uint8_t>> read(int64_t pulse);
 
  private:

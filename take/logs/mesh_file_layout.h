@@ -1,4 +1,4 @@
-// The bytes of mesh.v3d, as docs/compact-frame.md lays them down: little-endian throughout.
+// Binary layout of mesh.v3d (docs/compact-frame.md). All numbers are little-endian.
 #pragma once
 
 #include <array>
@@ -26,14 +26,14 @@ inline constexpr size_t kIndexHeadSize = 8;
 inline constexpr size_t kEntrySize = 24;
 inline constexpr size_t kFooterSize = 24;
 inline constexpr uint32_t kMaxPayload = 268'435'456;
-/// Limit of the index, bytes: 2.8 million meshes. A longer one is ignored, and rebuilt from the
-/// records.
+/// Limit of the index, bytes: 2.8 million meshes. Readers ignore a longer index and rebuild it from
+/// the records.
 inline constexpr uint32_t kMaxIndex = 64 << 20;
 
-/// One record, as the index tells of it.
+/// The index entry of one record.
 struct Entry {
   int64_t pulse = 0;
-  uint64_t offset = 0;  ///< of the record in the file
+  uint64_t offset = 0;  ///< bytes from the start of the file to the record
   uint32_t payload_size = 0;
   uint32_t payload_crc = 0;
 };
@@ -89,7 +89,7 @@ inline std::vector<uint8_t> record_head(const Entry& entry) {
   return w.bytes();
 }
 
-/// What a record's head says, when its checksum is right and its numbers are possible.
+/// Decodes the head of a record. Empty when its checksum is wrong or its numbers are impossible.
 inline std::optional<Entry> read_record_head(std::span<const uint8_t> head, uint64_t offset) {
   if (head.size() < kRecordSize || !magic_at(head, 0, kRecordMagic)) return std::nullopt;
   if (crc32(head.first(kRecordSize - 4)) != u32_at(head, kRecordSize - 4)) return std::nullopt;
@@ -101,7 +101,7 @@ inline std::optional<Entry> read_record_head(std::span<const uint8_t> head, uint
   return entry;
 }
 
-/// Index and footer, to be written at `offset`.
+/// Encodes index and footer, for a file where the index starts at `offset`.
 inline std::vector<uint8_t> index(const std::vector<Entry>& entries, uint64_t offset) {
   Writer w;
   w.magic(kIndexMagic);

@@ -16,12 +16,12 @@ PeriodicSync::~PeriodicSync() {
   thread_.join();
 }
 
-void PeriodicSync::note_write() {
+void PeriodicSync::mark_dirty() {
   const std::lock_guard lock(mutex_);
   is_dirty_ = true;
 }
 
-io::Status PeriodicSync::take_failure() {
+io::Status PeriodicSync::pop_error() {
   const std::lock_guard lock(mutex_);
   return std::exchange(failure_, io::Status());
 }

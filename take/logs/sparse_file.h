@@ -1,4 +1,4 @@
-// Sparse files: holes take no space on the disk and read as zeros.
+// Access to sparse files, whose holes use no disk space and read as zeros.
 #pragma once
 
 #include <cstdint>
@@ -7,10 +7,11 @@
 
 namespace v3d {
 
-/// The first byte from `offset` on that is not in a hole (lseek SEEK_DATA); the end of the file
-/// where only a hole follows. `offset` itself where the file system does not know its holes.
-/// Searching a file is then as fast as its data are few, whatever its length. One thread at a time
-/// for each file.
+/// Offset of the first byte from `offset` on that is not in a hole (lseek SEEK_DATA); the end of
+/// the file if only a hole follows. Returns `offset` when the file system does not support holes.
+///
+/// The duration of a search depends on the amount of data, not on the length of the file. One
+/// thread at a time for each file.
 uint64_t next_data(const io::File& file, uint64_t offset);
 
 }  // namespace v3d

@@ -44,7 +44,7 @@ std::vector<int64_t> pulses_of(const FrameLogReader& reader) {
   return pulses;
 }
 
-TEST(FrameLog, gives_back_every_frame_by_its_pulse) {
+TEST(FrameLog, returns_every_frame_by_its_pulse) {
   const TemporaryFolder folder;
   write_frames(folder / "cam07.lcmlog", {0, 1, 3, 2});
   FrameLogReader reader(folder / "cam07.lcmlog");
@@ -57,7 +57,7 @@ TEST(FrameLog, gives_back_every_frame_by_its_pulse) {
   EXPECT_FALSE(reader.read(4));
 }
 
-TEST(FrameLog, continues_in_a_segment_of_its_own_that_readers_join) {
+TEST(FrameLog, continues_in_a_new_segment_that_readers_join) {
   const TemporaryFolder folder;
   write_frames(folder / "cam07.lcmlog", {0, 1, 2});
   const std::string before = read_file(folder / "cam07.lcmlog");
@@ -74,7 +74,7 @@ TEST(FrameLog, continues_in_a_segment_of_its_own_that_readers_join) {
   EXPECT_EQ(reader.read(0)->image.bytes, frame_of(0).frame.image.bytes);
 }
 
-TEST(FrameLog, is_never_created_over_a_log_that_exists) {
+TEST(FrameLog, does_not_overwrite_an_existing_log) {
   const TemporaryFolder folder;
   write_frames(folder / "cam07.lcmlog", {0, 1, 2});
   EXPECT_THAT(
@@ -83,7 +83,7 @@ TEST(FrameLog, is_never_created_over_a_log_that_exists) {
   EXPECT_EQ(pulses_of(FrameLogReader(folder / "cam07.lcmlog")), (std::vector<int64_t>{0, 1, 2}));
 }
 
-TEST(FrameLog, gives_the_first_of_two_frames_of_one_pulse) {
+TEST(FrameLog, returns_the_first_of_two_frames_of_one_pulse) {
   const TemporaryFolder folder;
   {
     EventLogWriter writer(folder / "log");
@@ -97,7 +97,7 @@ TEST(FrameLog, gives_the_first_of_two_frames_of_one_pulse) {
   EXPECT_EQ(reader.read(5)->image.bytes, frame_of(5).frame.image.bytes);
 }
 
-TEST(FrameLog, is_a_log_that_lcm_itself_reads) {
+TEST(FrameLog, is_readable_by_lcm) {
   const TemporaryFolder folder;
   write_frames(folder / "log", {0, 1});
   lcm_eventlog_t* log = lcm_eventlog_create((folder / "log").c_str(), "r");
@@ -114,7 +114,7 @@ TEST(FrameLog, is_a_log_that_lcm_itself_reads) {
   lcm_eventlog_destroy(log);
 }
 
-TEST(FrameLog, keeps_all_whole_events_wherever_it_is_torn) {
+TEST(FrameLog, keeps_all_whole_events_when_truncated_at_any_byte) {
   const TemporaryFolder folder;
   write_frames(folder / "log", {0, 1, 2});
   const std::string whole = read_file(folder / "log");
@@ -145,12 +145,12 @@ TEST(FrameLog, loses_only_the_event_whose_header_is_damaged) {
   }
 }
 
-TEST(FrameLog, finds_the_events_that_a_damaged_length_would_hide) {
+TEST(FrameLog, finds_events_after_an_event_with_a_damaged_length) {
   const TemporaryFolder folder;
   write_frames(folder / "log", {0, 1, 2, 3});
   std::string damaged = read_file(folder / "log");
   const size_t event = damaged.size() / 4;
-  // The length of the data: 256 bytes more.
+  // Adds 256 to the length of the data.
   damaged[event + 26] = static_cast<char>(damaged[event + 26] + 1);
   test::write_text(folder / "damaged", damaged);
   FrameLogReader reader(folder / "damaged");
@@ -158,7 +158,7 @@ TEST(FrameLog, finds_the_events_that_a_damaged_length_would_hide) {
   EXPECT_GE(reader.damaged_events(), 1);
 }
 
-TEST(FrameLog, survives_any_byte_changed) {
+TEST(FrameLog, keeps_two_of_three_frames_when_any_byte_is_changed) {
   const TemporaryFolder folder;
   write_frames(folder / "log", {0, 1, 2});
   std::string bytes = read_file(folder / "log");
@@ -172,7 +172,7 @@ TEST(FrameLog, survives_any_byte_changed) {
   }
 }
 
-TEST(FrameLog, counts_events_that_are_no_frames) {
+TEST(FrameLog, counts_events_that_are_not_frames_as_damaged) {
   const TemporaryFolder folder;
   {
     EventLogWriter writer(folder / "log");
@@ -184,29 +184,29 @@ TEST(FrameLog, counts_events_that_are_no_frames) {
   EXPECT_EQ(reader.damaged_events(), 1);
 }
 
-TEST(FrameLog, may_be_empty) {
+TEST(FrameLog, accepts_an_empty_log) {
   const TemporaryFolder folder;
   write_frames(folder / "log", {});
   EXPECT_TRUE(FrameLogReader(folder / "log").labels().empty());
 }
 
-TEST(FrameLog, refuses_what_is_no_log_and_names_it) {
+TEST(FrameLog, rejects_files_that_are_not_a_log_with_their_name) {
   const TemporaryFolder folder;
   test::write_text(folder / "notes.txt", std::string(1000, 'x'));
-  const auto refusal = [&](const std::string& file) {
+  const auto error_message = [&](const std::string& file) {
     return test::message_of<InputError>([&] { FrameLogReader reader(folder / file); });
   };
-  EXPECT_THAT(refusal("notes.txt"), testing::HasSubstr("notes.txt: is no LCM event log"));
-  EXPECT_THAT(refusal("missing.lcmlog"), testing::HasSubstr("missing.lcmlog: No such file"));
-  EXPECT_THAT(refusal("."), testing::HasSubstr("it is not a regular file"));
+  EXPECT_THAT(error_message("notes.txt"), testing::HasSubstr("notes.txt: is not an LCM event log"));
+  EXPECT_THAT(error_message("missing.lcmlog"), testing::HasSubstr("missing.lcmlog: No such file"));
+  EXPECT_THAT(error_message("."), testing::HasSubstr("it is not a regular file"));
 }
 
-TEST(FrameLog, cannot_be_created_in_a_folder_that_is_not_there) {
+TEST(FrameLog, reports_a_missing_folder) {
   EXPECT_THAT(test::message_of<InputError>([] { EventLogWriter writer("/nowhere/cam07.lcmlog"); }),
               testing::HasSubstr("/nowhere/cam07.lcmlog: No such file"));
 }
 
-/// Files cannot grow beyond `bytes` while this lives.
+/// Limits the size of files to `bytes` during its lifetime.
 class FileSizeLimit {
  public:
   explicit FileSizeLimit(rlim_t bytes) {
@@ -227,7 +227,7 @@ class FileSizeLimit {
   void (*handler_)(int);
 };
 
-TEST(FrameLog, ends_with_the_event_before_when_the_disk_refuses) {
+TEST(FrameLog, keeps_earlier_events_when_the_disk_is_full) {
   const TemporaryFolder folder;
   {
     EventLogWriter writer(folder / "log");
@@ -247,7 +247,7 @@ TEST(FrameLog, ends_with_the_event_before_when_the_disk_refuses) {
   EXPECT_EQ(reader.torn_bytes(), 0);
 }
 
-TEST(PulseLog, gives_back_every_pulse_in_order) {
+TEST(PulseLog, returns_every_pulse_in_order) {
   const TemporaryFolder folder;
   {
     EventLogWriter writer(folder / "pulses.lcmlog");

@@ -1,5 +1,5 @@
-// What stands in a take folder in the place of a file: readers refuse what is not a regular file of
-// that folder, and never block.
+// Irregular files in a take folder: readers reject every file that is not a regular file of that
+// folder, without blocking.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <sys/socket.h>
@@ -78,9 +78,9 @@ void make_socket(const fs::path& path) {
   ASSERT_EQ(bind(fd.get(), reinterpret_cast<const sockaddr*>(&here), sizeof here), 0);
 }
 
-class FilesOfTakes : public testing::Test {
+class IrregularTakeFiles : public testing::Test {
  protected:
-  FilesOfTakes() {
+  IrregularTakeFiles() {
     fs::create_directory(take_.folder);
     EXPECT_TRUE(save_take_info(take_, test::begun_take({"cam01"})));
     std::ofstream(take_.slate()) << "note = \"good\"\n";
@@ -92,7 +92,7 @@ class FilesOfTakes : public testing::Test {
     std::ofstream(take_.pulses());
   }
 
-  /// Every file is a link to the file with the same content outside of the take.
+  /// Replaces a file by a link to a copy outside of the take.
   void link_out(const fs::path& path) {
     const fs::path outside = folder_ / ("outside-" + path.filename().string());
     fs::rename(path, outside);
@@ -110,11 +110,11 @@ class FilesOfTakes : public testing::Test {
       {take_.pulses(), [this] { EventLogReader{take_.pulses()}; }}};
 };
 
-TEST_F(FilesOfTakes, are_read_where_they_are_regular_files) {
+TEST_F(IrregularTakeFiles, are_read_when_they_are_regular_files) {
   for (const auto& [path, read] : readers_) EXPECT_NO_THROW(read()) << path;
 }
 
-TEST_F(FilesOfTakes, are_refused_where_they_are_fifos_sockets_devices_folders_or_links) {
+TEST_F(IrregularTakeFiles, are_rejected_when_they_are_fifos_sockets_devices_folders_or_links) {
   const std::map<std::string, std::function<void(const fs::path&)>> wrong = {
       {"a FIFO", make_fifo},
       {"a socket", make_socket},
@@ -133,7 +133,7 @@ TEST_F(FilesOfTakes, are_refused_where_they_are_fifos_sockets_devices_folders_or
   }
 }
 
-TEST_F(FilesOfTakes, are_refused_with_a_line_that_says_why) {
+TEST_F(IrregularTakeFiles, are_rejected_with_the_cause) {
   link_out(take_.slate());
   try {
     load_slate(take_.slate());
@@ -143,7 +143,7 @@ TEST_F(FilesOfTakes, are_refused_with_a_line_that_says_why) {
   }
 }
 
-TEST_F(FilesOfTakes, are_read_from_a_take_folder_that_is_a_link) {
+TEST_F(IrregularTakeFiles, are_read_from_a_linked_take_folder) {
   const TakePaths linked{folder_ / "linked"};
   fs::create_directory_symlink(take_.folder, linked.folder);
   EXPECT_EQ(load_take_info(linked).name, "kendo-07");
@@ -151,14 +151,14 @@ TEST_F(FilesOfTakes, are_read_from_a_take_folder_that_is_a_link) {
   EXPECT_EQ(MeshFileReader(linked.mesh()).pulses().size(), 1u);
 }
 
-TEST_F(FilesOfTakes, of_text_have_a_limit_of_size) {
+TEST_F(IrregularTakeFiles, are_rejected_when_text_exceeds_the_size_limit) {
   for (const fs::path& path : {take_.info(), take_.slate(), take_.calib(), take_.studio()}) {
     std::ofstream(path, std::ios::app) << "\n#" << std::string(kMaxTakeTextBytes, 'x') << "\n";
     EXPECT_THROW(readers_.at(path)(), InputError) << path;
   }
 }
 
-TEST_F(FilesOfTakes, that_are_fifos_keep_no_other_take_from_the_listing) {
+TEST_F(IrregularTakeFiles, do_not_block_the_listing_of_other_takes_when_they_are_fifos) {
   const TakePaths other{folder_ / "kendo-08"};
   fs::copy(take_.folder, other.folder);
   for (const char* name :
@@ -171,7 +171,7 @@ TEST_F(FilesOfTakes, that_are_fifos_keep_no_other_take_from_the_listing) {
   }
 }
 
-TEST_F(FilesOfTakes, ledger_and_verification_are_refused_where_they_are_links) {
+TEST_F(IrregularTakeFiles, are_rejected_when_ledger_or_verification_are_links) {
   for (const fs::path& path : {take_.ledger(), take_.verified()}) {
     fs::create_symlink(take_.info(), path);
     EXPECT_THAT([&] { load_ledger(path); },

@@ -24,10 +24,10 @@ using testing::ElementsAre;
 using testing::HasSubstr;
 using testing::IsEmpty;
 
-/// What two capture nodes and a reconstruction node have of a take of three pulses.
-class Parts : public testing::Test {
+/// The parts of a take of three pulses: two capture nodes and a reconstruction node.
+class JoinParts : public testing::Test {
  protected:
-  Parts() {
+  JoinParts() {
     record("cap01", {"cam01", "cam02"}, 3);
     record("cap02", {"cam03"}, 3);
     std::filesystem::create_directories(part("recon01").folder);
@@ -73,17 +73,17 @@ class Parts : public testing::Test {
   const TakePaths whole_{folder_ / "whole"};
 };
 
-TEST_F(Parts, become_one_take_that_verifies) {
+TEST_F(JoinParts, creates_one_take_that_verifies) {
   EXPECT_THAT(join().cameras, ElementsAre("cam01", "cam02", "cam03"));
-  std::filesystem::remove(whole_.mesh());  // of this test, it is none
+  std::filesystem::remove(whole_.mesh());  // the mesh file of this test is invalid
   const Verification verified = verify_take(whole_);
   EXPECT_TRUE(verified.whole()) << verified.ledger.verdict();
   EXPECT_THAT(verified.disagreements, IsEmpty());
   EXPECT_EQ(read_file(whole_.background() / "cam03.toml"), "cam03");
-  EXPECT_TRUE(std::filesystem::exists(part("cap01").frames("cam01"))) << "parts stay";
+  EXPECT_TRUE(std::filesystem::exists(part("cap01").frames("cam01"))) << "parts are not changed";
 }
 
-TEST_F(Parts, of_which_one_counted_fewer_pulses_miss_the_rest) {
+TEST_F(JoinParts, reports_missing_pulses_for_a_node_that_counted_fewer) {
   record("cap02", {"cam03"}, 2);
   join();
   const Verification verified = verify_take(whole_);
@@ -92,7 +92,7 @@ TEST_F(Parts, of_which_one_counted_fewer_pulses_miss_the_rest) {
   EXPECT_THAT(verified.ledger.cameras[2].missing, ElementsAre(2));
 }
 
-TEST_F(Parts, bring_every_segment_of_their_logs) {
+TEST_F(JoinParts, links_every_segment_of_the_logs) {
   {
     EventLogWriter later(part("cap01").frames("cam01"), LogOpening::kGoOn);
     EXPECT_TRUE(later.write(test::recorded_frame("cam01", 2, {4, 2})));
@@ -105,16 +105,16 @@ TEST_F(Parts, bring_every_segment_of_their_logs) {
   EXPECT_THAT(verify_take(whole_).ledger.cameras[0].duplicate, ElementsAre(2));
 }
 
-TEST_F(Parts, that_contradict_each_other_are_refused) {
-  const auto refusal = [&] { return test::message_of<InputError>([&] { join(); }); };
+TEST_F(JoinParts, rejects_contradicting_parts) {
+  const auto error_message = [&] { return test::message_of<InputError>([&] { join(); }); };
   test::write_text(part("cap02").calib(), "# another rig\n");
-  EXPECT_THAT(refusal(), HasSubstr("different calibrations"));
+  EXPECT_THAT(error_message(), HasSubstr("different calibrations"));
   std::filesystem::remove_all(whole_.folder);
   record("cap02", {"cam01"}, 3);
-  EXPECT_THAT(refusal(), HasSubstr("another part has cam01 too"));
+  EXPECT_THAT(error_message(), HasSubstr("another part has cam01 too"));
 }
 
-TEST_F(Parts, with_symbolic_links_are_refused) {
+TEST_F(JoinParts, rejects_parts_with_symbolic_links) {
   namespace fs = std::filesystem;
   const TakePaths first = part("cap01");
   for (const fs::path& path :
@@ -129,7 +129,7 @@ TEST_F(Parts, with_symbolic_links_are_refused) {
   }
 }
 
-TEST_F(Parts, have_the_meshes_of_the_node_that_has_most) {
+TEST_F(JoinParts, uses_the_mesh_file_with_the_most_meshes) {
   const auto reconstruct = [&](const std::string& node, int64_t meshes) {
     std::filesystem::create_directories(part(node).folder);
     MeshFileWriter file(part(node).mesh());
@@ -149,12 +149,12 @@ TEST_F(Parts, have_the_meshes_of_the_node_that_has_most) {
   EXPECT_EQ(part_with_meshes({part("cap01")}), nullptr);
 }
 
-TEST_F(Parts, without_any_recording_are_no_take) {
+TEST_F(JoinParts, rejects_parts_without_a_recording) {
   EXPECT_THAT(test::message_of<InputError>([&] { join_parts({part("recon01")}, whole_); }),
               HasSubstr("no part"));
 }
 
-TEST_F(Parts, are_known_to_be_verified_until_a_file_changes) {
+TEST_F(JoinParts, keeps_a_verification_valid_until_a_file_changes) {
   const TakePaths paths = part("cap01");
   EXPECT_FALSE(load_verified(paths));
   EXPECT_TRUE(save_verified(paths, verify_take(paths)));
@@ -177,7 +177,7 @@ TEST_F(Parts, are_known_to_be_verified_until_a_file_changes) {
   EXPECT_FALSE(load_verified(paths));
 }
 
-TEST_F(Parts, of_which_a_record_has_no_checksums_are_not_verified) {
+TEST_F(JoinParts, ignores_a_verification_without_checksums) {
   const TakePaths paths = part("cap01");
   EXPECT_TRUE(save_verified(paths, verify_take(paths)));
   std::string text = read_file(paths.verified());
@@ -187,8 +187,8 @@ TEST_F(Parts, of_which_a_record_has_no_checksums_are_not_verified) {
   EXPECT_FALSE(load_verified(paths));
 }
 
-/// Damage between the recording and the archive, which no event of LCM notices.
-TEST_F(Parts, bring_the_checksums_of_the_nodes_along) {
+/// Damage after the recording, in an event number, which no checksum inside the log covers.
+TEST_F(JoinParts, keeps_the_checksums_of_the_nodes) {
   for (const std::string node : {"cap01", "cap02"}) {
     Ledger ledger = load_ledger(part(node).ledger());
     for (const CameraLedger& camera : ledger.cameras) {
@@ -198,7 +198,7 @@ TEST_F(Parts, bring_the_checksums_of_the_nodes_along) {
     EXPECT_TRUE(save_account(part(node), load_take_info(part(node)), ledger));
   }
   std::string log = read_file(part("cap02").frames("cam03"));
-  log[11] = static_cast<char>(log[11] ^ 1);  // of an event's number
+  log[11] = static_cast<char>(log[11] ^ 1);  // in an event number
   test::write_text(part("cap02").frames("cam03"), log);
   test::write_text(part("cap02").background() / "cam03.toml", "CAM03");
   join();

@@ -1,5 +1,4 @@
-// A program that records, and acknowledges every frame it was told is written, is killed at random
-// moments.
+// A recording program is killed at random moments. It acknowledges every frame that was written.
 #include <fcntl.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -34,7 +33,7 @@ struct Acknowledgement {
   int64_t pulse = 0;
 };
 
-/// The program: records pulse after pulse until it is killed.
+/// The program: records pulses until it is killed.
 [[noreturn]] void record(const TakePaths& paths, int acknowledge) {
   prctl(PR_SET_PDEATHSIG, SIGKILL);
   EventLogWriter pulses(paths.pulses());
@@ -52,8 +51,9 @@ struct Acknowledgement {
   }
 }
 
-/// What it acknowledged, by camera: killed a random while after `many`, and heard out.
-std::map<size_t, std::set<int64_t>> record_and_kill(const TakePaths& paths, int many,
+/// Runs the program, and kills it `after` it has sent acknowledgement number `kill_at`. Returns all
+/// acknowledged pulses by camera.
+std::map<size_t, std::set<int64_t>> record_and_kill(const TakePaths& paths, int kill_at,
                                                     Duration after) {
   int channel[2];
   if (pipe2(channel, O_CLOEXEC) != 0) return {};
@@ -65,9 +65,9 @@ std::map<size_t, std::set<int64_t>> record_and_kill(const TakePaths& paths, int 
   close(channel[1]);
   std::map<size_t, std::set<int64_t>> acknowledged;
   Acknowledgement done;
-  for (int heard = 0; read(channel[0], &done, sizeof done) == sizeof done;) {
+  for (int received = 0; read(channel[0], &done, sizeof done) == sizeof done;) {
     acknowledged[static_cast<size_t>(done.camera)].insert(done.pulse);
-    if (++heard != many) continue;
+    if (++received != kill_at) continue;
     const MonotonicInstant then = Monotonic::now() + after;
     while (Monotonic::now() < then) {
     }
@@ -86,7 +86,7 @@ TakePaths begin_take(const std::filesystem::path& folder) {
   return paths;
 }
 
-/// Whole events, by the length of the file alone: all of a camera's events are equally long.
+/// Number of whole events from the length of the file: all events of a camera have the same length.
 int64_t whole_frames(const TakePaths& paths, const std::string& camera) {
   const size_t event = 28 + std::string("V3D_FRAME_").size() + camera.size() +
                        encode(test::recorded_frame(camera, 0, kSize)).size();
@@ -103,7 +103,7 @@ void expect_every_acknowledged_frame(const TakePaths& paths, const std::string& 
   }
 }
 
-void expect_right_account(const Verification& verified, const TakePaths& paths) {
+void expect_correct_ledger(const Verification& verified, const TakePaths& paths) {
   for (const CameraLedger& camera : verified.ledger.cameras) {
     const int64_t frames = whole_frames(paths, camera.name);
     EXPECT_EQ(camera.written, frames) << camera.name;
@@ -117,24 +117,24 @@ void expect_right_account(const Verification& verified, const TakePaths& paths) 
   }
 }
 
-TEST(KilledRecording, keeps_every_frame_it_acknowledged_and_its_account_is_right) {
+TEST(KilledRecording, keeps_every_acknowledged_frame_and_a_correct_ledger) {
   std::mt19937 random(5);
   for (int i = 0; i < kKills && !HasFailure(); ++i) {
     SCOPED_TRACE("kill " + std::to_string(i));
     const test::TemporaryFolder folder;
     const TakePaths paths = begin_take(folder / "kendo-07");
-    const int many = 1 + static_cast<int>(random() % 16);
+    const int kill_at = 1 + static_cast<int>(random() % 16);
     const auto acknowledged =
-        record_and_kill(paths, many, std::chrono::microseconds(random() % 500));
+        record_and_kill(paths, kill_at, std::chrono::microseconds(random() % 500));
     for (size_t c = 0; c < kCameras.size(); ++c) {
       const auto of_camera = acknowledged.find(c);
       if (of_camera == acknowledged.end()) continue;
       expect_every_acknowledged_frame(paths, kCameras[c], of_camera->second);
     }
-    expect_right_account(verify_take(paths), paths);
+    expect_correct_ledger(verify_take(paths), paths);
     recover_take(paths);
     const Verification recovered = verify_take(paths);
-    expect_right_account(recovered, paths);
+    expect_correct_ledger(recovered, paths);
     EXPECT_THAT(recovered.disagreements, IsEmpty());
     EXPECT_EQ(recovered.info.state, TakeState::kRecovered);
   }

@@ -33,7 +33,7 @@ TEST(Ledger, is_complete_when_every_camera_has_every_pulse_once) {
             "take kendo-07: complete, 15 cameras x 1,250 pulses, 0 missing, 0 suspect");
 }
 
-TEST(Ledger, is_incomplete_for_every_kind_of_doubt) {
+TEST(Ledger, is_incomplete_with_any_defect) {
   const auto complete_after = [](auto change) {
     Ledger ledger = whole_ledger();
     change(ledger);
@@ -47,7 +47,7 @@ TEST(Ledger, is_incomplete_for_every_kind_of_doubt) {
   EXPECT_FALSE(complete_after([](Ledger& l) { l.cameras.clear(); }));
 }
 
-TEST(Ledger, names_missing_and_duplicate_pulses) {
+TEST(Ledger, lists_missing_duplicate_and_suspect_pulses) {
   const CameraLedger camera = account("cam07", {0, 1, 4, 4, 2}, {1}, 6);
   EXPECT_EQ(camera.missing, (Numbers{3, 5}));
   EXPECT_EQ(camera.duplicate, (Numbers{4}));
@@ -55,7 +55,7 @@ TEST(Ledger, names_missing_and_duplicate_pulses) {
   EXPECT_EQ(camera.written, 5);
 }
 
-TEST(Ledger, holds_a_frame_of_no_commanded_pulse_for_suspect) {
+TEST(Ledger, marks_frames_outside_the_commanded_pulses_as_suspect) {
   EXPECT_EQ(account("cam07", {0, 1, 2, -1}, {}, 2).suspect, (Numbers{-1, 2}));
 }
 
@@ -73,7 +73,7 @@ RC_GTEST_PROP(Ledger, accounts_for_every_pulse, ()) {
   }
 }
 
-TEST(Ledger, comes_back_from_its_file) {
+TEST(Ledger, is_unchanged_after_saving_and_loading) {
   const test::TemporaryFolder folder;
   Ledger ledger = whole_ledger();
   ledger.cameras[2] = account("cam2", {0, 1, 1, 5}, {5}, 7);
@@ -90,7 +90,7 @@ TEST(Ledger, comes_back_from_its_file) {
   EXPECT_EQ(back.cameras[2].suspect, ledger.cameras[2].suspect);
 }
 
-/// A small ledger with everything that a ledger can have.
+/// The text of a small ledger that uses every field.
 std::string ledger_text(const std::filesystem::path& path) {
   Ledger ledger = whole_ledger();
   ledger.cameras.resize(2);
@@ -102,7 +102,7 @@ std::string ledger_text(const std::filesystem::path& path) {
   return read_file(path);
 }
 
-TEST(Ledger, is_refused_with_any_flipped_bit) {
+TEST(Ledger, is_rejected_with_any_flipped_bit) {
   const test::TemporaryFolder folder;
   std::string text = ledger_text(folder / "ledger.toml");
   ASSERT_NO_THROW(parse_ledger(text, "ledger.toml"));
@@ -113,7 +113,7 @@ TEST(Ledger, is_refused_with_any_flipped_bit) {
   }
 }
 
-TEST(Ledger, is_refused_when_it_is_truncated) {
+TEST(Ledger, is_rejected_when_it_is_truncated) {
   const test::TemporaryFolder folder;
   const std::string text = ledger_text(folder / "ledger.toml");
   for (size_t size = 0; size < text.size(); ++size) {
@@ -121,7 +121,7 @@ TEST(Ledger, is_refused_when_it_is_truncated) {
   }
 }
 
-TEST(Ledger, of_an_older_version_has_no_checksum_of_its_own_and_is_read) {
+TEST(Ledger, accepts_an_older_version_without_a_checksum) {
   const test::TemporaryFolder folder;
   const std::string text = ledger_text(folder / "ledger.toml");
   const Ledger old = parse_ledger(text.substr(text.find("take = ")), "ledger.toml");
@@ -129,7 +129,7 @@ TEST(Ledger, of_an_older_version_has_no_checksum_of_its_own_and_is_read) {
   EXPECT_EQ(old.files.size(), 2U);
 }
 
-TEST(Ledger, of_a_take_does_not_call_missing_what_a_node_recorded_without_word_of_the_pulse) {
+TEST(Ledger, keeps_recorded_frames_of_uncounted_pulses_as_suspect_when_merged) {
   Ledger first{.take = "kendo-07", .commanded = 4, .sensed = 4, .cameras = {}};
   first.cameras.push_back(account("cam01", {0, 1, 2, 3}, {}, 4));
   Ledger second{.take = "kendo-07", .commanded = 2, .sensed = std::nullopt, .cameras = {}};
@@ -139,7 +139,7 @@ TEST(Ledger, of_a_take_does_not_call_missing_what_a_node_recorded_without_word_o
   EXPECT_EQ(whole.cameras[1].suspect, std::vector<int64_t>{2});
 }
 
-TEST(Ledger, of_a_take_has_the_cameras_of_all_nodes_and_the_pulses_of_the_one_that_counts_most) {
+TEST(Ledger, merges_the_cameras_of_all_nodes_and_the_pulses_of_the_node_with_the_most) {
   Ledger first{.take = "kendo-07", .commanded = 3, .sensed = 3, .cameras = {}};
   first.cameras.push_back(account("cam01", {0, 1, 2}, {}, 3));
   Ledger second{.take = "kendo-07", .commanded = 2, .sensed = std::nullopt, .cameras = {}};
@@ -150,20 +150,20 @@ TEST(Ledger, of_a_take_has_the_cameras_of_all_nodes_and_the_pulses_of_the_one_th
     EXPECT_EQ(whole.sensed, 3);
     ASSERT_EQ(whole.cameras.size(), 2U);
     EXPECT_FALSE(whole.complete());
-    EXPECT_THAT(trouble_lines(whole), testing::ElementsAre("cam02: misses pulses 2"));
+    EXPECT_THAT(trouble_lines(whole), testing::ElementsAre("cam02: missing pulses 2"));
   }
 }
 
-TEST(Ledger, tells_troubles_by_name_and_neighbours_as_a_range) {
+TEST(Ledger, lists_problems_by_camera_with_pulse_ranges) {
   Ledger ledger = whole_ledger();
   EXPECT_TRUE(trouble_lines(ledger).empty());
   ledger.cameras[3].missing = {3, 4, 5, 9};
   ledger.cameras[7].suspect = {-1, 12};
-  EXPECT_THAT(trouble_lines(ledger), testing::ElementsAre("cam3: misses pulses 3-5, 9",
-                                                          "cam7: is in doubt about pulses -1, 12"));
+  EXPECT_THAT(trouble_lines(ledger),
+              testing::ElementsAre("cam3: missing pulses 3-5, 9", "cam7: suspect pulses -1, 12"));
 }
 
-TEST(Ledger, shows_what_every_camera_did) {
+TEST(Ledger, formats_a_table_of_all_cameras) {
   Ledger ledger{.take = "k", .commanded = 1250, .sensed = 1249, .cameras = {}};
   ledger.cameras.push_back({.name = "cam01",
                             .exposed = 1250,
@@ -179,20 +179,21 @@ TEST(Ledger, shows_what_every_camera_did) {
                                    "1,250 pulses commanded, 1,249 sensed"));
 }
 
-TEST(Ledger, names_what_is_wrong_with_its_file) {
+TEST(Ledger, reports_what_is_wrong_with_its_file) {
   const test::TemporaryFolder folder;
-  const auto refusal = [&](const std::string& text) {
+  const auto error_message = [&](const std::string& text) {
     test::write_text(folder / "ledger.toml", text);
     return test::message_of<InputError>([&] { load_ledger(folder / "ledger.toml"); });
   };
-  EXPECT_THAT(refusal("take = \"a\"\ncommanded = -3\nsensed = 0\n"),
+  EXPECT_THAT(error_message("take = \"a\"\ncommanded = -3\nsensed = 0\n"),
               testing::HasSubstr("ledger.toml:2: commanded: expected a count"));
-  EXPECT_THAT(refusal("take = \"a\"\ncommanded = 9000000000000000000\nsensed = 0\n"),
+  EXPECT_THAT(error_message("take = \"a\"\ncommanded = 9000000000000000000\nsensed = 0\n"),
               testing::HasSubstr("commanded: expected a count, 0 to 10,000,000"));
-  EXPECT_THAT(refusal("take = \"a\"\ncommanded = 3\n"), testing::HasSubstr("sensed: missing"));
-  EXPECT_THAT(refusal("take = \"a"), testing::HasSubstr("ledger.toml:1"));
+  EXPECT_THAT(error_message("take = \"a\"\ncommanded = 3\n"),
+              testing::HasSubstr("sensed: missing"));
+  EXPECT_THAT(error_message("take = \"a"), testing::HasSubstr("ledger.toml:1"));
   EXPECT_THAT(
-      refusal("xxh3 = \"0123456789abcdef\"\ntake = \"a\"\ncommanded = 0\nsensed = 0\n"),
+      error_message("xxh3 = \"0123456789abcdef\"\ntake = \"a\"\ncommanded = 0\nsensed = 0\n"),
       testing::HasSubstr("ledger.toml: damaged: the checksum in its first line is not that of "
                          "the other lines"));
   EXPECT_THAT(test::message_of<InputError>([&] { load_ledger(folder / "none.toml"); }),

@@ -24,12 +24,12 @@ void write_meshes(const std::filesystem::path& path, const std::vector<int64_t>&
   ASSERT_TRUE(writer.close());
 }
 
-TEST(Crc32, is_that_of_ieee_802_3) {
+TEST(Crc32, matches_ieee_802_3) {
   const std::string digits = "123456789";
   EXPECT_EQ(crc32({reinterpret_cast<const uint8_t*>(digits.data()), digits.size()}), 0xCBF43926);
 }
 
-TEST(MeshFile, gives_back_every_mesh_by_its_pulse) {
+TEST(MeshFile, returns_every_mesh_by_its_pulse) {
   const test::TemporaryFolder folder;
   write_meshes(folder / "mesh.v3d", {0, 1, 5});
   MeshFileReader reader(folder / "mesh.v3d");
@@ -40,7 +40,7 @@ TEST(MeshFile, gives_back_every_mesh_by_its_pulse) {
   EXPECT_FALSE(reader.read(6));
 }
 
-TEST(MeshFile, has_the_bytes_of_its_page) {
+TEST(MeshFile, has_the_documented_bytes) {
   const test::TemporaryFolder folder;
   write_meshes(folder / "mesh.v3d", {7});
   const std::string bytes = read_file(folder / "mesh.v3d");
@@ -52,7 +52,7 @@ TEST(MeshFile, has_the_bytes_of_its_page) {
   EXPECT_EQ(bytes.substr(bytes.size() - 8), "V3DE\r\n\x1a\n");
 }
 
-TEST(MeshFile, goes_on_behind_its_last_whole_mesh_wherever_it_was_torn) {
+TEST(MeshFile, continues_after_truncation_at_any_byte) {
   const test::TemporaryFolder folder;
   write_meshes(folder / "whole", {0, 1, 5});
   const std::string whole = read_file(folder / "whole");
@@ -71,7 +71,7 @@ TEST(MeshFile, goes_on_behind_its_last_whole_mesh_wherever_it_was_torn) {
   }
 }
 
-TEST(MeshFile, that_is_continued_changes_no_byte_that_was_there) {
+TEST(MeshFile, keeps_existing_bytes_when_continued) {
   const test::TemporaryFolder folder;
   write_meshes(folder / "whole", {0, 1, 5});
   const std::string whole = read_file(folder / "whole");
@@ -85,7 +85,7 @@ TEST(MeshFile, that_is_continued_changes_no_byte_that_was_there) {
   }
 }
 
-TEST(MeshFile, that_is_continued_and_torn_again_keeps_every_whole_mesh) {
+TEST(MeshFile, keeps_every_whole_mesh_when_continued_and_truncated_again) {
   const test::TemporaryFolder folder;
   write_meshes(folder / "whole", {0, 1, 5});
   const std::string whole = read_file(folder / "whole");
@@ -108,22 +108,22 @@ TEST(MeshFile, that_is_continued_and_torn_again_keeps_every_whole_mesh) {
   }
 }
 
-TEST(MeshFile, is_not_continued_where_another_file_stands) {
+TEST(MeshFile, does_not_continue_a_file_that_is_not_a_mesh_file) {
   const test::TemporaryFolder folder;
   test::write_text(folder / "mesh.v3d", std::string(100, 'x'));
   EXPECT_THAT(test::message_of<InputError>(
                   [&] { MeshFileWriter writer(folder / "mesh.v3d", LogOpening::kGoOn); }),
-              testing::HasSubstr("is no mesh file"));
+              testing::HasSubstr("is not a mesh file"));
   EXPECT_EQ(read_file(folder / "mesh.v3d"), std::string(100, 'x'));
 }
 
-TEST(MeshFile, may_be_empty) {
+TEST(MeshFile, accepts_a_file_without_meshes) {
   const test::TemporaryFolder folder;
   write_meshes(folder / "mesh.v3d", {});
   EXPECT_TRUE(MeshFileReader(folder / "mesh.v3d").pulses().empty());
 }
 
-TEST(MeshFile, keeps_all_whole_records_wherever_it_is_torn) {
+TEST(MeshFile, keeps_all_whole_records_when_truncated_at_any_byte) {
   const test::TemporaryFolder folder;
   write_meshes(folder / "whole", {0, 1, 2});
   const std::string whole = read_file(folder / "whole");
@@ -138,7 +138,7 @@ TEST(MeshFile, keeps_all_whole_records_wherever_it_is_torn) {
   }
 }
 
-TEST(MeshFile, loses_at_most_one_mesh_to_any_byte_changed) {
+TEST(MeshFile, loses_at_most_one_mesh_when_any_byte_is_changed) {
   const test::TemporaryFolder folder;
   write_meshes(folder / "whole", {0, 1, 2});
   std::string bytes = read_file(folder / "whole");
@@ -158,16 +158,16 @@ TEST(MeshFile, loses_at_most_one_mesh_to_any_byte_changed) {
   }
 }
 
-TEST(MeshFile, refuses_what_is_no_mesh_file_and_names_it) {
+TEST(MeshFile, rejects_files_that_are_not_a_mesh_file_with_their_name) {
   const test::TemporaryFolder folder;
-  const auto refusal = [&](const std::string& text) {
+  const auto error_message = [&](const std::string& text) {
     test::write_text(folder / "mesh.v3d", text);
     return test::message_of<InputError>([&] { MeshFileReader reader(folder / "mesh.v3d"); });
   };
-  EXPECT_THAT(refusal(""), testing::HasSubstr("mesh.v3d: is no mesh file"));
-  EXPECT_THAT(refusal(std::string(100, 'x')), testing::HasSubstr("is no mesh file"));
-  EXPECT_THAT(refusal(std::string("V3DM\r\n\x1a\n\2\0\0\0\0\0\0\0", 16)),
-              testing::HasSubstr("of a version that this program does not know"));
+  EXPECT_THAT(error_message(""), testing::HasSubstr("mesh.v3d: is not a mesh file"));
+  EXPECT_THAT(error_message(std::string(100, 'x')), testing::HasSubstr("is not a mesh file"));
+  EXPECT_THAT(error_message(std::string("V3DM\r\n\x1a\n\2\0\0\0\0\0\0\0", 16)),
+              testing::HasSubstr("of a version that this program does not support"));
   EXPECT_THAT(test::message_of<InputError>([] { MeshFileReader reader("/nowhere/mesh.v3d"); }),
               testing::HasSubstr("/nowhere/mesh.v3d: No such file"));
   EXPECT_THAT(test::message_of<InputError>([] { MeshFileWriter writer("/nowhere/mesh.v3d"); }),

@@ -1,5 +1,5 @@
-// When a mesh file is synced, and by which thread: this program's fsync() counts, and fails or
-// waits where a test asks for it.
+// Periodic sync of mesh files. A replacement of fsync() counts calls, and fails or blocks on
+// request.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <sys/stat.h>
@@ -24,20 +24,21 @@ namespace {
 
 using testing::HasSubstr;
 
-/// The calls of fsync() on regular files while one exists.
-class SyncWatch {
+/// Replacement of fsync() for regular files during its lifetime.
+class FsyncHook {
  public:
-  SyncWatch() { current() = this; }
-  ~SyncWatch() { current() = nullptr; }
-  SyncWatch(const SyncWatch&) = delete;
-  SyncWatch& operator=(const SyncWatch&) = delete;
+  FsyncHook() { current() = this; }
+  ~FsyncHook() { current() = nullptr; }
+  FsyncHook(const FsyncHook&) = delete;
+  FsyncHook& operator=(const FsyncHook&) = delete;
 
-  static std::atomic<SyncWatch*>& current() {
-    static std::atomic<SyncWatch*> watch = nullptr;
-    return watch;
+  static std::atomic<FsyncHook*>& current() {
+    static std::atomic<FsyncHook*> hook = nullptr;
+    return hook;
   }
 
-  /// What the call returns; -1 with errno when it shall fail.
+  /// The result of the call; -1 with errno after fail_next(). Blocks while held, at most ten
+  /// seconds.
   int on_sync(int fd) {
     std::unique_lock lock(mutex_);
     ++syncs_;
@@ -51,7 +52,7 @@ class SyncWatch {
     return -1;
   }
 
-  /// False when there were not so many syncs within ten seconds.
+  /// Waits for the given number of calls. False when there were fewer within ten seconds.
   bool wait_for(int syncs) {
     std::unique_lock lock(mutex_);
     return changed_.wait_for(lock, std::chrono::seconds(10), [&] { return syncs_ >= syncs; });
@@ -65,7 +66,7 @@ class SyncWatch {
     const std::lock_guard lock(mutex_);
     fails_ = true;
   }
-  /// Whether a sync was held for ten seconds.
+  /// True when a call was blocked for ten seconds.
   bool is_stuck() {
     const std::lock_guard lock(mutex_);
     return is_stuck_;
@@ -87,33 +88,33 @@ const std::vector<uint8_t> kMesh(1000, 7);
 class MeshSync : public testing::Test {
  protected:
   const test::TemporaryFolder folder_;
-  SyncWatch watch_;
+  FsyncHook hook_;
   MeshFileWriter file_{folder_ / "mesh.v3d"};
 };
 
-TEST_F(MeshSync, happens_while_meshes_are_appended_and_on_another_thread) {
+TEST_F(MeshSync, runs_periodically_during_appends_in_another_thread) {
   const MonotonicInstant begin = Monotonic::now();
   EXPECT_TRUE(file_.append(0, kMesh));
-  ASSERT_TRUE(watch_.wait_for(1));
+  ASSERT_TRUE(hook_.wait_for(1));
   EXPECT_LT(Monotonic::now() - begin, std::chrono::milliseconds(1900))
-      << "a second, and some slack";
-  EXPECT_NE(watch_.thread(), std::this_thread::get_id());
+      << "one second, plus tolerance";
+  EXPECT_NE(hook_.thread(), std::this_thread::get_id());
   EXPECT_TRUE(file_.append(1, kMesh));
-  EXPECT_TRUE(watch_.wait_for(2)) << "again in the next second";
+  EXPECT_TRUE(hook_.wait_for(2)) << "again in the next second";
 }
 
-TEST_F(MeshSync, does_not_keep_append_waiting_for_the_disk) {
-  watch_.hold(true);
+TEST_F(MeshSync, does_not_block_append) {
+  hook_.hold(true);
   EXPECT_TRUE(file_.append(0, kMesh));
-  EXPECT_TRUE(watch_.wait_for(1)) << "the sync waits now";
+  EXPECT_TRUE(hook_.wait_for(1)) << "the sync is blocked";
   EXPECT_TRUE(file_.append(1, kMesh));
-  EXPECT_FALSE(watch_.is_stuck()) << "append() went on only when the sync did";
-  watch_.hold(false);
+  EXPECT_FALSE(hook_.is_stuck()) << "append() waited for the sync";
+  hook_.hold(false);
   EXPECT_TRUE(file_.close());
 }
 
-TEST_F(MeshSync, that_fails_is_reported_once_by_append_and_by_close) {
-  watch_.fail_next();
+TEST_F(MeshSync, reports_an_error_once_by_append_and_by_close) {
+  hook_.fail_next();
   EXPECT_TRUE(file_.append(0, kMesh));
   int64_t pulse = 0;
   const auto is_reported = [&] { return !file_.append(++pulse, kMesh); };
@@ -128,11 +129,10 @@ TEST_F(MeshSync, that_fails_is_reported_once_by_append_and_by_close) {
 }  // namespace
 }  // namespace v3d
 
-/// Instead of that of the C library, for this whole program.
+/// Replaces fsync() of the C library in this program.
 extern "C" int fsync(int fd) {
-  v3d::SyncWatch* const watch = v3d::SyncWatch::current();
+  v3d::FsyncHook* const hook = v3d::FsyncHook::current();
   struct stat status {};
   const bool is_file = fstat(fd, &status) == 0 && S_ISREG(status.st_mode);
-  return watch != nullptr && is_file ? watch->on_sync(fd)
-                                     : static_cast<int>(syscall(SYS_fsync, fd));
+  return hook != nullptr && is_file ? hook->on_sync(fd) : static_cast<int>(syscall(SYS_fsync, fd));
 }

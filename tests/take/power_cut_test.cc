@@ -1,5 +1,5 @@
-// What a power cut leaves: the take ends at any byte, with or without garbage behind. Every byte of
-// the last megabyte takes minutes and is of the soak; else every so many.
+// Power cuts: a log ends at any byte, with or without garbage after the end. The soak test cuts at
+// every byte of the last megabyte, which takes minutes; otherwise every 487th byte is used.
 #include <fcntl.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -33,7 +33,7 @@ constexpr int64_t kMegabyte = 1'000'000;
 constexpr ImageSize kSize{128, 64};
 const std::string kCamera = "cam07";
 
-/// A log a little longer than a megabyte, and how long it was after each frame.
+/// A log slightly longer than a megabyte, with its length after each frame.
 class Recording {
  public:
   Recording() {
@@ -46,7 +46,7 @@ class Recording {
   }
   std::filesystem::path path() const { return folder_ / (kCamera + ".lcmlog"); }
   int64_t bytes() const { return ends_.back(); }
-  /// Frames that are whole in the first `length` bytes.
+  /// Number of whole frames in the first `length` bytes.
   size_t whole_in(int64_t length) const {
     return static_cast<size_t>(std::upper_bound(ends_.begin(), ends_.end(), length) -
                                ends_.begin());
@@ -63,19 +63,19 @@ std::optional<int64_t> pulse_of(const EventLogReader& log, size_t event) {
   return message ? std::optional(message->frame.label.pulse) : std::nullopt;
 }
 
-/// Every frame before the cut is there, and nothing else that decodes.
+/// Expects every whole frame before the cut, and no other frame that can be decoded.
 void expect_frames_before(const Recording& recording, int64_t cut) {
   const EventLogReader log(recording.path());
   const size_t whole = recording.whole_in(cut);
   ASSERT_GE(log.events().size(), whole) << "cut at " << cut;
   EXPECT_EQ(pulse_of(log, whole - 1), static_cast<int64_t>(whole) - 1) << "cut at " << cut;
-  // Where garbage takes the place of a frame's end, its checksum tells.
+  // Garbage in place of the end of a frame is detected by the frame's checksum.
   for (size_t event = whole; event < log.events().size(); ++event) {
     EXPECT_EQ(pulse_of(log, event), std::nullopt) << "cut at " << cut;
   }
 }
 
-TEST(POWER_CUT, at_any_byte_of_the_last_megabyte_loses_only_the_frame_it_hits) {
+TEST(POWER_CUT, at_any_byte_of_the_last_megabyte_loses_only_the_torn_frame) {
   const Recording recording;
   for (int64_t cut = recording.bytes(); cut > recording.bytes() - kMegabyte && !HasFailure();
        cut -= kStep) {
@@ -84,7 +84,7 @@ TEST(POWER_CUT, at_any_byte_of_the_last_megabyte_loses_only_the_frame_it_hits) {
   }
 }
 
-TEST(POWER_CUT, with_garbage_behind_loses_only_the_frame_it_hits) {
+TEST(POWER_CUT, followed_by_garbage_loses_only_the_torn_frame) {
   const Recording recording;
   std::mt19937 random(11);
   const int fd = open(recording.path().c_str(), O_RDWR | O_CLOEXEC);
@@ -103,10 +103,10 @@ TEST(POWER_CUT, with_garbage_behind_loses_only_the_frame_it_hits) {
 
 #ifndef V3D_SOAK
 
-/// A take of one camera that was being recorded.
-class CutTake : public testing::Test {
+/// A take of one camera that was not closed.
+class PowerCutRecovery : public testing::Test {
  protected:
-  CutTake() {
+  PowerCutRecovery() {
     EXPECT_TRUE(save_take_info(paths_, test::begun_take({kCamera})));
     test::write_text(paths_.calib(), "");
     record();
@@ -125,7 +125,8 @@ class CutTake : public testing::Test {
   void resize(int64_t bytes) const {
     std::filesystem::resize_file(paths_.frames(kCamera), static_cast<uintmax_t>(bytes));
   }
-  /// Recovered, files and account agree, and so many frames are left.
+  /// Expects that recovery keeps `frames` frames, that files and ledger agree, and that the log is
+  /// unchanged.
   void expect_recovered(int64_t frames) const {
     const std::string before = read_file(paths_.frames(kCamera));
     EXPECT_EQ(recover_take(paths_).ledger.cameras[0].written, frames);
@@ -145,18 +146,18 @@ class CutTake : public testing::Test {
   int64_t event_bytes_ = 0;
 };
 
-TEST_F(CutTake, is_recovered_to_the_last_whole_frame) {
+TEST_F(PowerCutRecovery, keeps_all_frames_up_to_the_last_whole_one) {
   resize(7 * event_bytes_ + 1000);
   expect_recovered(7);
 }
 
-TEST_F(CutTake, is_recovered_to_the_last_frame_of_which_the_disk_has_the_bytes) {
+TEST_F(PowerCutRecovery, drops_frames_that_are_zeros_on_disk) {
   resize(8 * event_bytes_ + 500);
   resize(10 * event_bytes_);  // zeros
   expect_recovered(8);
 }
 
-TEST_F(CutTake, of_which_the_disk_has_the_length_of_frames_and_not_their_bytes_drops_these) {
+TEST_F(PowerCutRecovery, drops_frames_that_have_their_length_but_not_their_bytes) {
   const int fd = open(paths_.frames(kCamera).c_str(), O_WRONLY | O_CLOEXEC);
   const std::vector<char> zeros(1000);
   for (const int64_t frame : {8, 9}) {
@@ -166,7 +167,7 @@ TEST_F(CutTake, of_which_the_disk_has_the_length_of_frames_and_not_their_bytes_d
   expect_recovered(8);
 }
 
-TEST_F(CutTake, keeps_what_is_damaged_before_whole_frames) {
+TEST_F(PowerCutRecovery, keeps_damaged_frames_before_whole_frames) {
   const int fd = open(paths_.frames(kCamera).c_str(), O_WRONLY | O_CLOEXEC);
   pwrite(fd, "!", 1, 3 * event_bytes_ + 2000);
   close(fd);
@@ -176,7 +177,7 @@ TEST_F(CutTake, keeps_what_is_damaged_before_whole_frames) {
   EXPECT_THAT(verified.disagreements, testing::Contains("cam07.lcmlog: 1 damaged events"));
 }
 
-TEST_F(CutTake, in_which_no_frame_was_whole_is_recovered_as_empty) {
+TEST_F(PowerCutRecovery, returns_an_empty_log_when_no_frame_is_whole) {
   resize(event_bytes_ - 1);
   expect_recovered(0);
 }

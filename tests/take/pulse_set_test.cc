@@ -10,7 +10,7 @@ namespace {
 
 using Numbers = std::vector<int64_t>;
 
-RC_GTEST_PROP(PulseSet, says_what_a_plain_set_says, ()) {
+RC_GTEST_PROP(PulseSet, matches_a_plain_set, ()) {
   const auto numbers = *rc::gen::container<Numbers>(rc::gen::inRange<int64_t>(-3, 30));
   const auto commanded = *rc::gen::inRange<int64_t>(0, 25);
   PulseSet pulses;
@@ -30,7 +30,7 @@ RC_GTEST_PROP(PulseSet, says_what_a_plain_set_says, ()) {
   RC_ASSERT(pulses.outside(commanded) == outside);
 }
 
-TEST(PulseSet, takes_any_number) {
+TEST(PulseSet, accepts_any_number) {
   PulseSet pulses;
   for (const int64_t n : {INT64_MAX, INT64_MIN, INT64_MAX - 1, INT64_MIN + 1, int64_t{0}}) {
     EXPECT_TRUE(pulses.insert(n));

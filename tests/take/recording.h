@@ -1,4 +1,4 @@
-// Frames of a take as tests make them: the pixels tell which pulse and camera they are of.
+// Frames for tests. The pixels are pseudo-random and depend on pulse and camera.
 #pragma once
 
 #include <string>

@@ -1,4 +1,4 @@
-// Recovery of a take while the disk or the process has a fault: nothing that was recorded is lost.
+// Recovery of a take during faults of the disk or the process: no recorded byte is lost.
 #include <dirent.h>
 #include <dlfcn.h>
 #include <fcntl.h>
@@ -25,7 +25,7 @@
 namespace v3d::test {
 namespace {
 
-/// Unless negative: reads of this byte of a log or mesh file fail with EIO.
+/// If not negative, reads of this byte of a log or mesh file fail with EIO.
 std::atomic<off_t> unreadable_byte = -1;
 
 bool is_recorded(int fd) {
@@ -42,11 +42,11 @@ class UnreadableByte {
   UnreadableByte& operator=(const UnreadableByte&) = delete;
 };
 
-/// While true, no file and no folder can be opened: EMFILE.
+/// While true, opening any file or folder fails with EMFILE.
 std::atomic<bool> has_no_descriptors = false;
 
-/// A limit of the process (RLIMIT_NOFILE) would also take the pipe from UBSan with which it reads
-/// the types of objects.
+/// Simulates a process without free descriptors. RLIMIT_NOFILE is not used, because UBSan needs a
+/// pipe to read the types of objects.
 class NoDescriptorsLeft {
  public:
   NoDescriptorsLeft() { has_no_descriptors = true; }
@@ -105,10 +105,10 @@ constexpr ImageSize kSize{64, 48};
 constexpr int64_t kFrames = 20;
 const std::string kCamera = "cam07";
 
-/// A take of one camera that nobody closed, with a torn event at its end.
-class OpenTake : public testing::Test {
+/// A take of one camera that was not closed, with a torn event at its end.
+class TakeRecovery : public testing::Test {
  protected:
-  OpenTake() {
+  TakeRecovery() {
     EXPECT_TRUE(save_take_info(paths_, test::begun_take({kCamera})));
     test::write_text(paths_.calib(), "");
     EventLogWriter pulses(paths_.pulses());
@@ -127,7 +127,7 @@ class OpenTake : public testing::Test {
   }
 
   std::filesystem::path log() const { return paths_.frames(kCamera); }
-  /// Of the files that recording wrote.
+  /// Contents of the event logs, by file name.
   std::map<std::string, std::string> contents() const {
     std::map<std::string, std::string> files;
     for (const auto& entry : std::filesystem::directory_iterator(paths_.folder)) {
@@ -151,7 +151,7 @@ class OpenTake : public testing::Test {
   std::map<std::string, std::string> before_;
 };
 
-TEST_F(OpenTake, keeps_every_frame_when_the_disk_does_not_give_a_header) {
+TEST_F(TakeRecovery, keeps_every_frame_when_a_header_is_unreadable) {
   for (const int64_t event : {0, 1, 10, 19}) {
     {
       const test::UnreadableByte bad(event * event_bytes_ + 20);
@@ -159,14 +159,14 @@ TEST_F(OpenTake, keeps_every_frame_when_the_disk_does_not_give_a_header) {
       EXPECT_THAT(recovered.disagreements,
                   Contains(HasSubstr("cannot read " + log().string() + ": Input/output error")));
       EXPECT_LT(recovered.ledger.cameras[0].written, kFrames);
-      EXPECT_GT(recovered.ledger.cameras[0].written, kFrames - 8) << "events behind are searched";
+      EXPECT_GT(recovered.ledger.cameras[0].written, kFrames - 8) << "later events are searched";
     }
     EXPECT_EQ(contents(), before_) << "header of event " << event;
     expect_every_frame();
   }
 }
 
-TEST_F(OpenTake, keeps_every_frame_when_no_file_can_be_opened) {
+TEST_F(TakeRecovery, keeps_every_frame_when_no_file_can_be_opened) {
   {
     const test::NoDescriptorsLeft none;
     EXPECT_THAT(test::message_of<std::runtime_error>([&] { recover_take(paths_); }),
@@ -176,7 +176,7 @@ TEST_F(OpenTake, keeps_every_frame_when_no_file_can_be_opened) {
   expect_every_frame();
 }
 
-TEST_F(OpenTake, reports_path_and_cause_when_its_log_cannot_be_opened) {
+TEST_F(TakeRecovery, reports_path_and_cause_when_its_log_cannot_be_opened) {
   std::filesystem::rename(log(), paths_.folder / "elsewhere");
   std::filesystem::create_directory(log());
   EXPECT_THAT(test::message_of<std::runtime_error>([&] { recover_take(paths_); }),
@@ -184,7 +184,7 @@ TEST_F(OpenTake, reports_path_and_cause_when_its_log_cannot_be_opened) {
   EXPECT_EQ(load_take_info(paths_).state, TakeState::kRecording) << "the next start tries again";
 }
 
-TEST_F(OpenTake, is_recovered_twice_to_the_same) {
+TEST_F(TakeRecovery, is_idempotent) {
   const Verification once = recover_take(paths_);
   const auto index = read_file(segment_index_path(log()));
   const auto ledger = read_file(paths_.ledger());
@@ -196,7 +196,7 @@ TEST_F(OpenTake, is_recovered_twice_to_the_same) {
   EXPECT_EQ(contents(), before_);
 }
 
-TEST_F(OpenTake, is_continued_in_a_segment_and_verified_as_one_log) {
+TEST_F(TakeRecovery, is_followed_by_a_new_segment_that_is_verified_as_one_log) {
   recover_take(paths_);
   {
     EventLogWriter frames(log(), LogOpening::kGoOn);
@@ -208,12 +208,12 @@ TEST_F(OpenTake, is_continued_in_a_segment_and_verified_as_one_log) {
   EXPECT_EQ(read_file(log()), before_.at("cam07.lcmlog"));
   const EventLogReader joined(log());
   EXPECT_EQ(joined.events().size(), static_cast<size_t>(kFrames) + 2);
-  EXPECT_EQ(joined.torn_bytes(), 0) << "the recovery knows of the torn event";
+  EXPECT_EQ(joined.torn_bytes(), 0) << "the index excludes the torn event";
   const Verification whole = verify_take(paths_);
   EXPECT_EQ(whole.ledger.cameras[0].written, kFrames + 2);
 }
 
-TEST_F(OpenTake, joins_its_segments_across_a_gap_in_their_numbers) {
+TEST_F(TakeRecovery, joins_segments_across_a_gap_in_their_numbers) {
   recover_take(paths_);
   {
     EventLogWriter second(log(), LogOpening::kGoOn);
@@ -224,7 +224,7 @@ TEST_F(OpenTake, joins_its_segments_across_a_gap_in_their_numbers) {
   EXPECT_EQ(next_segment(log(), existing_segments(log()).value()), segment_path(log(), 4));
 }
 
-TEST_F(OpenTake, that_was_continued_is_recovered_again_with_the_pulses_since) {
+TEST_F(TakeRecovery, includes_pulses_recorded_after_an_earlier_recovery) {
   recover_take(paths_);
   TakeInfo info = load_take_info(paths_);
   info.state = TakeState::kRecording;
@@ -246,7 +246,7 @@ TEST_F(OpenTake, that_was_continued_is_recovered_again_with_the_pulses_since) {
   EXPECT_THAT(ledger.cameras[0].suspect, testing::IsEmpty());
 }
 
-TEST_F(OpenTake, reports_frames_that_the_disk_does_not_give) {
+TEST_F(TakeRecovery, reports_unreadable_frames) {
   recover_take(paths_);
   const test::UnreadableByte bad(10 * event_bytes_ + 2000);  // inside the pixels of a frame
   const Verification found = verify_take(paths_);
@@ -254,7 +254,7 @@ TEST_F(OpenTake, reports_frames_that_the_disk_does_not_give) {
   EXPECT_THAT(found.ledger.cameras[0].missing, ElementsAre(10, kFrames));
 }
 
-TEST(MeshFileRecovery, changes_no_byte_when_the_disk_does_not_give_a_record) {
+TEST(MeshFileRecovery, changes_no_byte_when_a_record_is_unreadable) {
   const test::TemporaryFolder folder;
   const std::filesystem::path path = folder / "mesh.v3d";
   {

@@ -1,4 +1,4 @@
-// The promise that only `v3dctl takes delete` deletes footage: over the source, and over behaviour.
+// Only `v3dctl takes delete` deletes footage: tests of the sources and of the behaviour.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -19,12 +19,12 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// Sources that may remove or shorten files, and which files these are. None is a file that
-/// recording wrote, but for take_removal.
+/// Sources that may remove or shorten files, and which files. Except for take_removal, none of them
+/// is a recorded file.
 const std::map<std::string, std::string> kMayRemove = {
-    {"take/take_removal.cc", "the one place: takes delete, quarantine, working files"},
+    {"take/take_removal.cc", "takes delete, quarantine, working files"},
     {"base/io/file.cc", "its own temporary file, when it cannot replace the file"},
-    {"daemon/node/folder_lock.cc", "the lock file that says who uses a folder"},
+    {"daemon/node/folder_lock.cc", "the lock file of a folder"},
     {"sim/cameras/trigger_cable.cc", "the socket of the simulated trigger cable"},
     {"tools/bench/record_bench.cc", "its own scratch folder"},
     {"tools/v3dctl/setup/doctor_machine.cc", "the file that it tests the disk's speed with"},
@@ -47,7 +47,7 @@ std::vector<fs::path> sources() {
   return files;
 }
 
-/// Comments do not count.
+/// True when a source calls a function that removes or shortens files. Ignores comments.
 bool removes_files(const fs::path& file) {
   std::istringstream lines(read_file(file));
   for (std::string line; std::getline(lines, line);) {
@@ -61,7 +61,7 @@ bool removes_files(const fs::path& file) {
   return false;
 }
 
-TEST(Sources, that_remove_or_shorten_files_are_those_of_the_list) {
+TEST(RemovalCalls, are_made_only_by_the_listed_sources) {
   std::set<std::string> found;
   for (const fs::path& file : sources()) {
     if (removes_files(file)) found.insert(fs::relative(file, V3D_SOURCE_DIR).string());
@@ -71,9 +71,9 @@ TEST(Sources, that_remove_or_shorten_files_are_those_of_the_list) {
   EXPECT_EQ(found, allowed);
 }
 
-class RecordedTake : public testing::Test {
+class TakeRemoval : public testing::Test {
  protected:
-  RecordedTake() {
+  TakeRemoval() {
     fs::create_directories(paths_.folder);
     EXPECT_TRUE(save_take_info(paths_, test::begun_take({"cam07"})));
   }
@@ -86,7 +86,7 @@ class RecordedTake : public testing::Test {
   const TakePaths paths_{folder_ / "kendo-07"};
 };
 
-TEST_F(RecordedTake, may_hold_frames_as_soon_as_one_is_written_in_any_segment) {
+TEST_F(TakeRemoval, detects_a_frame_in_any_segment) {
   EXPECT_FALSE(may_hold_frames(paths_));
   { const EventLogWriter empty(paths_.frames("cam07")); }
   EXPECT_FALSE(may_hold_frames(paths_));
@@ -98,7 +98,7 @@ TEST_F(RecordedTake, may_hold_frames_as_soon_as_one_is_written_in_any_segment) {
   EXPECT_TRUE(may_hold_frames({folder_ / "unreadable"}));
 }
 
-TEST_F(RecordedTake, is_moved_to_the_quarantine_whole_and_beside_others_of_its_name) {
+TEST_F(TakeRemoval, moves_a_whole_take_to_a_free_name_in_quarantine) {
   record();
   const auto first = quarantine_take(paths_);
   ASSERT_TRUE(first) << first.error().message;
@@ -109,7 +109,7 @@ TEST_F(RecordedTake, is_moved_to_the_quarantine_whole_and_beside_others_of_its_n
   EXPECT_EQ(quarantine_take(paths_).value_or(""), folder_ / "quarantine/kendo-07.2");
 }
 
-TEST_F(RecordedTake, keeps_a_mesh_file_that_holds_a_mesh_and_loses_an_empty_one) {
+TEST_F(TakeRemoval, keeps_a_mesh_file_with_a_mesh_and_removes_an_empty_one) {
   {
     MeshFileWriter meshes(paths_.mesh());
     EXPECT_TRUE(meshes.append(0, std::vector<uint8_t>{1}));
@@ -120,10 +120,10 @@ TEST_F(RecordedTake, keeps_a_mesh_file_that_holds_a_mesh_and_loses_an_empty_one)
   { const MeshFileWriter empty(paths_.mesh()); }
   remove_mesh_file_without_meshes(paths_);
   EXPECT_FALSE(fs::exists(paths_.mesh()));
-  EXPECT_TRUE(fs::exists(paths_.info())) << "the folder holds more and stays";
+  EXPECT_TRUE(fs::exists(paths_.info())) << "a folder with other files remains";
 }
 
-TEST_F(RecordedTake, is_gone_after_delete) {
+TEST_F(TakeRemoval, deletes_the_whole_take) {
   record();
   const auto deleted = delete_take(paths_);
   EXPECT_TRUE(deleted) << deleted.error().message;

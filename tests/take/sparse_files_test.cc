@@ -42,7 +42,7 @@ int64_t peak() {
 }
 void reset_peak() { std::ofstream("/proc/self/clear_refs") << "5"; }
 
-/// Peak memory of `read`, MiB above that of the process before.
+/// Increase of the peak memory of this process during `read`, MiB.
 template <class Read>
 int64_t mebibytes_of(Read read) {
   reset_peak();
@@ -57,7 +57,7 @@ std::string big_endian(uint64_t n, int bytes) {
   return text;
 }
 
-/// One event whose data is a hole.
+/// Writes a log of one event whose data is a hole of `claimed` bytes.
 void write_sparse_event(const fs::path& path, const std::string& channel, uint32_t claimed) {
   const std::string head = big_endian(0xEDA1DA01, 4) + big_endian(0, 8) + big_endian(0, 8) +
                            big_endian(channel.size(), 4) + big_endian(claimed, 4) + channel;
@@ -65,7 +65,7 @@ void write_sparse_event(const fs::path& path, const std::string& channel, uint32
   fs::resize_file(path, head.size() + claimed);
 }
 
-TEST(SparseLog, of_frames_costs_no_memory_for_the_length_that_it_claims) {
+TEST(SparseLog, of_frames_allocates_no_memory_for_its_claimed_length) {
   const test::TemporaryFolder folder;
   write_sparse_event(folder / "cam01.lcmlog", "V3D_FRAME_cam01", 250 * kMebibyte);
   EXPECT_LT(mebibytes_of([&] {
@@ -76,15 +76,15 @@ TEST(SparseLog, of_frames_costs_no_memory_for_the_length_that_it_claims) {
             kMaxMebibytes);
 }
 
-TEST(SparseLog, of_pulses_costs_no_memory_for_the_length_that_it_claims) {
+TEST(SparseLog, of_pulses_allocates_no_memory_for_its_claimed_length) {
   const test::TemporaryFolder folder;
   write_sparse_event(folder / "pulses.lcmlog", "V3D_PULSE", 250 * kMebibyte);
   EXPECT_LT(mebibytes_of([&] { EXPECT_TRUE(read_pulses(folder / "pulses.lcmlog").empty()); }),
             kMaxMebibytes);
 }
 
-/// A take of one camera that a crash has ended: recovery indexes its logs.
-TEST(SparseLog, costs_a_recovery_no_memory_for_the_length_that_it_claims) {
+/// Recovery of a take of one camera after a crash, which indexes its logs.
+TEST(SparseLog, is_recovered_without_memory_for_its_claimed_length) {
   const test::TemporaryFolder folder;
   const TakePaths paths{folder / "take"};
   fs::create_directory(paths.folder);
@@ -99,11 +99,11 @@ TEST(SparseLog, costs_a_recovery_no_memory_for_the_length_that_it_claims) {
             kMaxMebibytes);
 }
 
-TEST(SparseLog, is_refused_in_one_line_where_its_only_event_is_above_the_limit) {
+TEST(SparseLog, is_rejected_in_one_line_when_its_only_event_exceeds_the_limit) {
   const test::TemporaryFolder folder;
   const fs::path log = folder / "cam01.lcmlog";
   write_sparse_event(log, "V3D_FRAME_cam01", 300 * kMebibyte);
-  const std::string line = log.string() + ": is no LCM event log: it holds no whole event";
+  const std::string line = log.string() + ": is not an LCM event log: it holds no whole event";
   EXPECT_LT(mebibytes_of([&] {
               EXPECT_EQ(test::message_of<InputError>([&] { FrameLogReader reader(log); }), line);
               EXPECT_EQ(test::message_of<InputError>([&] { read_pulses(log); }), line);
@@ -111,10 +111,10 @@ TEST(SparseLog, is_refused_in_one_line_where_its_only_event_is_above_the_limit) 
             kMaxMebibytes);
 }
 
-/// Reading 4 TiB of zeros takes longer than a test may run.
+/// A hole of 4 TiB. Reading it would exceed the time limit of a test.
 constexpr uint64_t kLongHole = uint64_t{4} << 40;
 
-TEST(SparseLog, is_searched_for_events_in_its_data_only) {
+TEST(SparseLog, is_searched_for_events_outside_holes_only) {
   const test::TemporaryFolder folder;
   const fs::path log = folder / "cam01.lcmlog";
   write_sparse_event(log, "V3D_FRAME_cam01", 5000);
@@ -122,7 +122,7 @@ TEST(SparseLog, is_searched_for_events_in_its_data_only) {
   EXPECT_EQ(FrameLogReader(log).damaged_events(), 1);
 }
 
-TEST(SparseLog, of_pulses_is_recovered_in_seconds_whatever_its_length) {
+TEST(SparseLog, of_pulses_is_recovered_in_seconds_for_any_length) {
   const test::TemporaryFolder folder;
   const TakePaths paths{folder / "take"};
   fs::create_directory(paths.folder);
@@ -136,7 +136,7 @@ TEST(SparseLog, of_pulses_is_recovered_in_seconds_whatever_its_length) {
   recover();
 }
 
-/// A mesh file: header, hole, `end`.
+/// Writes a mesh file of `size` bytes, header and hole, followed by `end`.
 void write_sparse_meshes(const fs::path& path, uint64_t size, std::span<const uint8_t> end) {
   const std::vector<uint8_t> header = mesh_file::header();
   std::ofstream(path, std::ios::binary)
@@ -155,16 +155,16 @@ std::vector<uint8_t> footer(uint64_t index_offset, uint32_t index_size, uint32_t
   return writer.bytes();
 }
 
-TEST(SparseMeshFile, costs_no_memory_for_a_mesh_length_that_its_index_claims) {
+TEST(SparseMeshFile, allocates_no_memory_for_the_mesh_length_in_its_index) {
   const test::TemporaryFolder folder;
   constexpr uint64_t kHole = 400 * uint64_t{kMebibyte};
   mesh_file::Writer index;
   index.magic(mesh_file::kIndexMagic);
   index.u32(1);
   index.u64(0);                       // pulse
-  index.u64(mesh_file::kHeaderSize);  // where it lies
-  index.u32(300U << 20);              // its bytes
-  index.u32(0);                       // their checksum
+  index.u64(mesh_file::kHeaderSize);  // offset
+  index.u32(300U << 20);              // length
+  index.u32(0);                       // checksum
   std::vector<uint8_t> end = index.bytes();
   const auto foot = footer(kHole, static_cast<uint32_t>(end.size()), crc32(end));
   end.insert(end.end(), foot.begin(), foot.end());
@@ -177,7 +177,7 @@ TEST(SparseMeshFile, costs_no_memory_for_a_mesh_length_that_its_index_claims) {
             kMaxMebibytes);
 }
 
-TEST(SparseMeshFile, costs_no_memory_for_an_index_length_that_its_footer_claims) {
+TEST(SparseMeshFile, allocates_no_memory_for_the_index_length_in_its_footer) {
   const test::TemporaryFolder folder;
   constexpr uint64_t kEnd = 200 * uint64_t{kMebibyte};
   const auto size = static_cast<uint32_t>(kEnd - mesh_file::kHeaderSize);
@@ -189,14 +189,14 @@ TEST(SparseMeshFile, costs_no_memory_for_an_index_length_that_its_footer_claims)
             kMaxMebibytes);
 }
 
-TEST(SparseMeshFile, is_searched_for_meshes_in_its_data_only) {
+TEST(SparseMeshFile, is_searched_for_meshes_outside_holes_only) {
   const test::TemporaryFolder folder;
   write_sparse_meshes(folder / "mesh.v3d", kLongHole, {});
   EXPECT_TRUE(MeshFileReader(folder / "mesh.v3d").pulses().empty());
 }
 
-/// 4,000 record heads one behind the other, each of which claims the 40 MiB behind it.
-TEST(SparseMeshFile, is_searched_in_seconds_where_records_claim_the_same_bytes) {
+/// 4,000 consecutive record heads; each claims the following 40 MiB.
+TEST(SparseMeshFile, is_searched_in_seconds_when_records_claim_the_same_bytes) {
   const test::TemporaryFolder folder;
   constexpr uint32_t kClaim = 40U << 20;
   std::vector<uint8_t> heads = mesh_file::header();

@@ -20,10 +20,10 @@ using testing::ElementsAre;
 using testing::HasSubstr;
 using testing::IsEmpty;
 
-/// A verified take on a node, and its copy in an archive.
-class CopiedTake : public testing::Test {
+/// A verified take on a node, and a copy of it in an archive.
+class TakeCopy : public testing::Test {
  protected:
-  CopiedTake() {
+  TakeCopy() {
     fs::create_directories(node_.background());
     test::write_text(node_.calib(), "# the rig\n");
     test::write_text(node_.background() / "cam07.toml", "plates");
@@ -63,14 +63,14 @@ class CopiedTake : public testing::Test {
   const TakePaths archive_{folder_ / "archive/kendo-07"};
 };
 
-TEST_F(CopiedTake, lacks_nothing_and_may_have_another_slate_and_joined_accounts) {
+TEST_F(TakeCopy, accepts_another_slate_and_a_joined_ledger) {
   EXPECT_THAT(missing(), IsEmpty());
   test::write_text(node_.slate(), "mark = 'rejected'\n");
   test::write_text(archive_.ledger(), "# joined\n");
   EXPECT_THAT(missing(), IsEmpty());
 }
 
-TEST_F(CopiedTake, names_the_file_of_which_the_copy_lost_a_bit) {
+TEST_F(TakeCopy, reports_a_file_with_a_changed_bit) {
   std::string log = read_file(archive_.frames("cam07"));
   log.back() = static_cast<char>(log.back() ^ 1);
   test::write_text(archive_.frames("cam07"), log);
@@ -80,7 +80,7 @@ TEST_F(CopiedTake, names_the_file_of_which_the_copy_lost_a_bit) {
   EXPECT_THAT(missing(), testing::Contains(HasSubstr("background/cam07.toml: No such file")));
 }
 
-TEST_F(CopiedTake, is_no_copy_where_it_is_the_take_itself) {
+TEST_F(TakeCopy, rejects_the_original_itself) {
   EXPECT_THAT(missing_in_copy(node_, load_verified(node_).value(), node_),
               testing::Contains(HasSubstr("is the file itself, not a copy")));
   fs::remove(archive_.calib());
@@ -88,7 +88,7 @@ TEST_F(CopiedTake, is_no_copy_where_it_is_the_take_itself) {
   EXPECT_THAT(missing(), ElementsAre(HasSubstr("calib.toml: is the file itself, not a copy")));
 }
 
-TEST_F(CopiedTake, may_have_the_pulses_and_meshes_of_a_node_that_has_more) {
+TEST_F(TakeCopy, accepts_pulses_and_meshes_of_a_node_with_more) {
   record_pulses(archive_, 2);
   EXPECT_THAT(missing(), IsEmpty());
   record_pulses(archive_, 0);
@@ -109,7 +109,7 @@ TEST_F(CopiedTake, may_have_the_pulses_and_meshes_of_a_node_that_has_more) {
   EXPECT_THAT(missing(), ElementsAre(HasSubstr("mesh.v3d: has")));
 }
 
-TEST_F(CopiedTake, of_another_take_or_without_a_camera_is_refused) {
+TEST_F(TakeCopy, rejects_another_take_and_a_missing_camera) {
   TakeInfo info = load_take_info(archive_);
   info.name = "kendo-08";
   info.cameras = {"cam01"};

@@ -21,7 +21,7 @@ uint64_t checksum_of(const std::string& text) {
   return checksum({std::span(reinterpret_cast<const uint8_t*>(text.data()), text.size())});
 }
 
-/// Pages of the file that the kernel has in memory.
+/// Number of pages of the file in the page cache.
 size_t cached_pages(const fs::path& path) {
   const size_t size = fs::file_size(path);
   const io::UniqueFd fd(open(path.c_str(), O_RDONLY | O_CLOEXEC));
@@ -33,7 +33,7 @@ size_t cached_pages(const fs::path& path) {
   return static_cast<size_t>(std::ranges::count_if(pages, [](auto page) { return page & 1; }));
 }
 
-/// Whether a file system has no disk behind its page cache.
+/// True for tmpfs, which has no disk.
 bool is_memory(const fs::path& folder) {
   constexpr long kTmpfs = 0x01021994;
   struct statfs status {};
@@ -52,7 +52,7 @@ class TakeFiles : public testing::Test {
   const TakePaths paths_{folder_.path()};
 };
 
-TEST_F(TakeFiles, are_those_of_the_folder_and_its_plates_without_working_files) {
+TEST_F(TakeFiles, are_listed_with_plates_and_without_working_files) {
   for (const char* file : {".cap01.lock", "take.toml.part-12-1", "cam01.part-1.lcmlog"}) {
     test::write_text(paths_.folder / file, "x");
   }
@@ -73,10 +73,9 @@ TEST_F(TakeFiles, have_the_checksum_of_their_bytes_from_cache_and_from_disk) {
   EXPECT_FALSE(read_take_file(paths_, "gone", ReadFrom::kDisk));
 }
 
-/// A file that waits for the disk is in memory, whatever the disk makes of it. Of a read from the
-/// disk with a limit of one byte, no more than the first block and what the kernel reads ahead may
-/// be in memory afterwards.
-TEST_F(TakeFiles, leave_the_page_cache_before_they_are_read_from_the_disk) {
+/// Dirty pages cannot be dropped from the page cache. After a read of one byte from the disk, only
+/// the first block and the kernel's read-ahead may be cached.
+TEST_F(TakeFiles, are_dropped_from_the_page_cache_before_a_read_from_disk) {
   if (is_memory(folder_.path())) GTEST_SKIP() << "no disk behind " << folder_.path();
   test::write_text(paths_.mesh(), std::string(16 << 20, 'm'));
   ASSERT_EQ(cached_pages(paths_.mesh()), 4096U);
@@ -84,7 +83,7 @@ TEST_F(TakeFiles, leave_the_page_cache_before_they_are_read_from_the_disk) {
   EXPECT_LT(cached_pages(paths_.mesh()), 1024U);
 }
 
-TEST(ChecksumText, is_16_hexadecimal_digits_and_reads_back) {
+TEST(ChecksumText, has_16_hexadecimal_digits_and_is_parsed_again) {
   EXPECT_EQ(checksum_text(0x2D06800538D394C2), "2d06800538d394c2");
   EXPECT_EQ(checksum_text(1), "0000000000000001");
   EXPECT_EQ(parse_checksum("2d06800538d394c2"), 0x2D06800538D394C2);

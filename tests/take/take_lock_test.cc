@@ -20,7 +20,7 @@ class TakeLocks : public testing::Test {
   const TakePaths paths_{folder_.path()};
 };
 
-TEST_F(TakeLocks, keep_a_second_process_of_the_same_node_out_until_the_first_dies) {
+TEST_F(TakeLocks, exclude_a_second_process_of_the_same_node_until_the_first_ends) {
   test::LockHolder first(paths_, "cap01");
   const auto second = TakeLock::acquire(paths_, "cap01");
   ASSERT_FALSE(second);
@@ -38,7 +38,7 @@ TEST_F(TakeLocks, of_other_nodes_do_not_exclude_each_other) {
   EXPECT_TRUE(TakeLock::acquire(paths_, "cap01"));
 }
 
-TEST_F(TakeLocks, leave_no_file_behind_and_a_file_of_a_dead_process_holds_nothing) {
+TEST_F(TakeLocks, leave_no_file_and_ignore_the_file_of_an_ended_process) {
   { const auto lock = TakeLock::acquire(paths_, "cap01"); }
   EXPECT_TRUE(fs::is_empty(folder_.path()));
   test::write_text(paths_.folder / ".cap01.lock", "process 1 on cap01\n");
@@ -46,7 +46,7 @@ TEST_F(TakeLocks, leave_no_file_behind_and_a_file_of_a_dead_process_holds_nothin
   EXPECT_TRUE(TakeLock::acquire(paths_, "cap01"));
 }
 
-TEST_F(TakeLocks, need_the_folder_of_the_take) {
+TEST_F(TakeLocks, require_the_take_folder) {
   EXPECT_EQ(TakeLock::acquire({folder_ / "gone"}, "cap01").error().code, ENOENT);
 }
 

@@ -1,4 +1,5 @@
-// Signatures of takes: every change of a signed take is found, and a copy is known to be one.
+// Signatures of takes: every change of a signed take is detected, and a copy is identified as
+// authentic.
 #include "take/ledger/take_signature.h"
 
 #include <gmock/gmock.h>
@@ -30,9 +31,9 @@ using testing::SizeIs;
 
 constexpr int64_t kPulses = 3;
 
-class SignedTake : public testing::Test {
+class TakeSigning : public testing::Test {
  protected:
-  SignedTake() {
+  TakeSigning() {
     record("cap01", {"cam01", "cam02"}, cap01_);
     studio_.nodes = {{"cap01", cap01_.public_key().text()}, {"cap02", cap02_.public_key().text()}};
     add_camera("cam01", "cap01");
@@ -49,13 +50,14 @@ class SignedTake : public testing::Test {
 
   TakePaths part(const std::string& node) const { return {folder_ / node}; }
 
-  /// A closed take, signed as v3d-captured does.
+  /// Records a closed take and signs it as v3d-captured does.
   void record(const std::string& node, const std::vector<std::string>& cameras,
               const SigningKey& key) {
     const TakePaths paths = part(node);
     fs::create_directories(paths.background());
     TakeInfo info = test::begun_take(cameras);
-    info.started = RealtimeInstant(std::chrono::seconds(cameras.size()));  // nodes begin apart
+    info.started =
+        RealtimeInstant(std::chrono::seconds(cameras.size()));  // start times of nodes differ
     info.pulses = kPulses;
     info.state = TakeState::kComplete;
     test::write_text(paths.calib(), "# the rig\n");
@@ -92,7 +94,7 @@ class SignedTake : public testing::Test {
     test::write_text(file, text);
   }
   fs::path signature_file() const { return take_.folder / "signature.cap01.toml"; }
-  std::string refusal(const std::string& text) const {
+  std::string error_message(const std::string& text) const {
     return test::message_of<InputError>([&] { parse_signature(text, signature_file()); });
   }
 
@@ -102,7 +104,7 @@ class SignedTake : public testing::Test {
   Studio studio_;
 };
 
-TEST_F(SignedTake, names_who_recorded_it_and_is_what_was_recorded) {
+TEST_F(TakeSigning, verifies_with_the_name_and_key_of_its_node) {
   const SignatureCheck found = check();
   EXPECT_THAT(found.disagreements, IsEmpty());
   EXPECT_THAT(found.notes, IsEmpty());
@@ -114,7 +116,7 @@ TEST_F(SignedTake, names_who_recorded_it_and_is_what_was_recorded) {
   EXPECT_TRUE(found.is_complete);
 }
 
-/// The tree as docs/takes.md has it, of pieces of these lengths.
+/// The root of the documented tree (docs/takes.md) with leaves of the lengths `pieces`.
 Hash documented_root(const std::string& content, const std::vector<size_t>& pieces) {
   HashTree tree;
   size_t at = 0;
@@ -128,7 +130,7 @@ Hash documented_root(const std::string& content, const std::vector<size_t>& piec
   return tree.root();
 }
 
-TEST_F(SignedTake, has_a_leaf_for_each_event_of_a_log_and_each_mebibyte_of_another_file) {
+TEST_F(TakeSigning, has_a_leaf_for_each_event_of_a_log_and_each_mebibyte_of_other_files) {
   constexpr size_t kBlock = 1 << 20;
   const auto root = [&](const fs::path& file) {
     const auto size = static_cast<int64_t>(fs::file_size(file));
@@ -138,12 +140,12 @@ TEST_F(SignedTake, has_a_leaf_for_each_event_of_a_log_and_each_mebibyte_of_anoth
   const size_t event = log.size() / kPulses;
   EXPECT_EQ(root(take_.frames("cam01")), documented_root(log, {event, event, event}));
 
-  // Not an event: its sync word is damaged.
+  // A damaged sync word: the second event is not recognised.
   std::string damaged = log;
   damaged[event] = static_cast<char>(damaged[event] ^ 1);
   test::write_text(take_.frames("cam01"), damaged);
   EXPECT_EQ(root(take_.frames("cam01")), documented_root(damaged, {event, 2 * event}));
-  // Nor is what ends behind the file.
+  // An event that ends after the end of the file is not recognised.
   const std::string torn = log.substr(0, 2 * event + 100);
   test::write_text(take_.frames("cam01"), torn);
   EXPECT_EQ(root(take_.frames("cam01")), documented_root(torn, {event, event, 100}));
@@ -153,7 +155,7 @@ TEST_F(SignedTake, has_a_leaf_for_each_event_of_a_log_and_each_mebibyte_of_anoth
   EXPECT_EQ(root(take_.calib()), documented_root(text, {kBlock, kBlock, log.size()}));
 }
 
-TEST_F(SignedTake, has_unknown_signers_where_there_is_no_studio_file) {
+TEST_F(TakeSigning, reports_an_unknown_signer_without_a_studio_file) {
   const SignatureCheck found = check_signatures(take_, nullptr);
   EXPECT_THAT(found.disagreements, IsEmpty());
   EXPECT_THAT(found.notes, ElementsAre(HasSubstr("which the studio file does not list")));
@@ -162,7 +164,7 @@ TEST_F(SignedTake, has_unknown_signers_where_there_is_no_studio_file) {
   EXPECT_FALSE(found.is_complete);
 }
 
-TEST_F(SignedTake, has_the_roots_of_the_writer_when_its_logs_are_read_again) {
+TEST_F(TakeSigning, has_the_same_roots_from_the_writer_and_from_reading) {
   const TakeSignature before = parse_signature(read_file(signature_file()), signature_file());
   ASSERT_TRUE(sign_recovered_take(take_, {"cap01", cap01_}));
   const TakeSignature after = parse_signature(read_file(signature_file()), signature_file());
@@ -170,7 +172,7 @@ TEST_F(SignedTake, has_the_roots_of_the_writer_when_its_logs_are_read_again) {
   for (const TakeFile& file : after.files) EXPECT_TRUE(file.root) << file.name;
 }
 
-TEST_F(SignedTake, is_another_where_any_byte_of_a_file_has_changed) {
+TEST_F(TakeSigning, is_rejected_when_any_byte_of_a_file_is_changed) {
   for (const fs::path& file :
        {take_.frames("cam01"), take_.pulses(), take_.calib(), take_.background() / "cam02.toml"}) {
     const std::string content = read_file(file);
@@ -188,7 +190,7 @@ TEST_F(SignedTake, is_another_where_any_byte_of_a_file_has_changed) {
   EXPECT_THAT(check().disagreements, IsEmpty());
 }
 
-TEST_F(SignedTake, is_another_where_frames_have_changed_places_or_one_is_repeated) {
+TEST_F(TakeSigning, is_rejected_when_frames_are_reordered_repeated_or_removed) {
   const std::string content = read_file(take_.frames("cam01"));
   const size_t event = content.size() / kPulses;
   const std::string first = content.substr(0, event), second = content.substr(event, event);
@@ -201,7 +203,7 @@ TEST_F(SignedTake, is_another_where_frames_have_changed_places_or_one_is_repeate
   }
 }
 
-TEST_F(SignedTake, lacks_a_file_or_has_one_that_nobody_signed) {
+TEST_F(TakeSigning, reports_missing_and_unsigned_files) {
   fs::remove(take_.calib());
   EXPECT_THAT(check().disagreements,
               ElementsAre("calib.toml: missing; the signature of cap01 names it"));
@@ -209,7 +211,7 @@ TEST_F(SignedTake, lacks_a_file_or_has_one_that_nobody_signed) {
   EXPECT_THAT(check().notes, ElementsAre("without a signature: cam09.lcmlog"));
 }
 
-TEST_F(SignedTake, stays_signed_when_the_crew_works_on_it) {
+TEST_F(TakeSigning, stays_valid_after_changes_of_slate_meshes_and_verification) {
   test::write_text(take_.slate(), "mark = 'circled'\n");
   test::write_text(take_.mesh(), "meshes");
   test::write_text(take_.verified(), "verdict = ''\n");
@@ -217,12 +219,12 @@ TEST_F(SignedTake, stays_signed_when_the_crew_works_on_it) {
   EXPECT_THAT(check().notes, IsEmpty());
 }
 
-TEST_F(SignedTake, does_not_believe_a_signature_of_which_any_byte_was_changed) {
+TEST_F(TakeSigning, is_rejected_when_any_byte_of_the_signature_is_changed) {
   const std::string text = read_file(signature_file());
   for (size_t at = 0; at < text.size(); ++at) {
     std::string changed = text;
     changed[at] = static_cast<char>(changed[at] ^ 1);
-    EXPECT_THAT(refusal(changed), HasSubstr(signature_file().string())) << at;
+    EXPECT_THAT(error_message(changed), HasSubstr(signature_file().string())) << at;
   }
   test::write_text(signature_file(), text + "\n");
   EXPECT_THAT(check().disagreements, ElementsAre(HasSubstr("its signature is wrong")));
@@ -230,7 +232,7 @@ TEST_F(SignedTake, does_not_believe_a_signature_of_which_any_byte_was_changed) {
   EXPECT_FALSE(check().is_complete);
 }
 
-TEST_F(SignedTake, is_not_believed_where_another_key_signed_it) {
+TEST_F(TakeSigning, is_rejected_when_another_key_signed_it) {
   ASSERT_TRUE(sign_recovered_take(take_, {"cap01", SigningKey::make()}));
   EXPECT_THAT(check().disagreements, ElementsAre(HasSubstr("the studio file has")));
   EXPECT_FALSE(check().is_complete);
@@ -240,7 +242,7 @@ TEST_F(SignedTake, is_not_believed_where_another_key_signed_it) {
   EXPECT_FALSE(check().is_complete) << "the key is unknown";
 }
 
-TEST_F(SignedTake, is_not_believed_of_a_node_that_does_not_have_the_camera) {
+TEST_F(TakeSigning, is_rejected_when_the_signer_does_not_own_the_camera) {
   fs::remove(signature_file());
   ASSERT_TRUE(sign_recovered_take(take_, {"cap02", cap02_}));
   EXPECT_THAT(check().disagreements,
@@ -248,7 +250,7 @@ TEST_F(SignedTake, is_not_believed_of_a_node_that_does_not_have_the_camera) {
   EXPECT_THAT(check().notes, Contains(HasSubstr("no signature of cap01")));
 }
 
-TEST_F(SignedTake, is_not_believed_by_the_signature_of_another_take_or_under_another_name) {
+TEST_F(TakeSigning, is_rejected_with_the_signature_of_another_take_or_node) {
   fs::copy_file(signature_file(), take_.folder / "signature.cap02.toml");
   EXPECT_THAT(check().disagreements,
               ElementsAre("signature.cap02.toml: is the signature of node cap01"));
@@ -258,7 +260,7 @@ TEST_F(SignedTake, is_not_believed_by_the_signature_of_another_take_or_under_ano
               ElementsAre("signature.cap01.toml: is of another take, kendo-07 of dojo"));
 }
 
-TEST_F(SignedTake, of_which_the_signature_was_taken_away_is_noticed) {
+TEST_F(TakeSigning, reports_a_removed_signature) {
   fs::remove(signature_file());
   EXPECT_THAT(check().notes,
               ElementsAre("no signature of cap01, for which the studio file has a key"));
@@ -266,7 +268,7 @@ TEST_F(SignedTake, of_which_the_signature_was_taken_away_is_noticed) {
   EXPECT_FALSE(check_signatures(take_, nullptr).is_complete);
 }
 
-TEST_F(SignedTake, is_still_signed_by_all_when_its_parts_were_joined) {
+TEST_F(TakeSigning, stays_signed_by_all_nodes_after_join) {
   record("cap02", {"cam03"}, cap02_);
   const TakePaths whole{folder_ / "archive"};
   join_parts({part("cap01"), part("cap02")}, whole);
@@ -280,8 +282,8 @@ TEST_F(SignedTake, is_still_signed_by_all_when_its_parts_were_joined) {
               Contains("without a signature: background/cam03.toml, cam03.lcmlog"));
 }
 
-/// As after a restart of the daemon in the take.
-TEST_F(SignedTake, tells_that_a_log_of_which_no_tree_is_known_was_signed_by_its_length) {
+/// The state after a restart of the daemon in the take.
+TEST_F(TakeSigning, reports_a_log_that_is_signed_by_its_length_only) {
   ASSERT_TRUE(sign_take(take_, {"cap01", cap01_}, {}));
   EXPECT_THAT(check().notes,
               ElementsAre(HasSubstr("cam01.lcmlog: only its length is signed by cap01"),
@@ -292,8 +294,8 @@ TEST_F(SignedTake, tells_that_a_log_of_which_no_tree_is_known_was_signed_by_its_
               ElementsAre("cam01.lcmlog: does not match the signature of cap01"));
 }
 
-/// An attacker with a key of their own signs what they changed.
-TEST_F(SignedTake, is_another_though_a_stranger_signed_the_changed_file) {
+/// An attacker signs changed files with another key.
+TEST_F(TakeSigning, is_rejected_when_a_stranger_signed_a_changed_file) {
   for (const fs::path& file : {take_.frames("cam01"), take_.pulses(), take_.calib()}) {
     const std::string content = read_file(file);
     test::write_text(file, content + "x");
@@ -306,7 +308,7 @@ TEST_F(SignedTake, is_another_though_a_stranger_signed_the_changed_file) {
   }
 }
 
-TEST_F(SignedTake, is_not_complete_with_a_file_that_only_a_stranger_signed) {
+TEST_F(TakeSigning, is_not_complete_with_a_file_that_only_a_stranger_signed) {
   test::write_text(take_.folder / "cam09.lcmlog", "frames");
   EXPECT_FALSE(check().is_complete);
   ASSERT_TRUE(sign_recovered_take(take_, {"stranger", SigningKey::make()}));
@@ -317,7 +319,7 @@ TEST_F(SignedTake, is_not_complete_with_a_file_that_only_a_stranger_signed) {
   EXPECT_TRUE(check().is_complete);
 }
 
-TEST_F(SignedTake, has_the_plates_and_logs_of_a_camera_signed_by_its_node_alone) {
+TEST_F(TakeSigning, accepts_plates_and_logs_only_from_the_node_of_the_camera) {
   ASSERT_TRUE(sign_recovered_take(take_, {"cap02", cap02_}));
   EXPECT_THAT(check().disagreements, IsEmpty()) << "both signed the same files";
   test::write_text(take_.background() / "cam01.toml", "another plate");
@@ -326,10 +328,10 @@ TEST_F(SignedTake, has_the_plates_and_logs_of_a_camera_signed_by_its_node_alone)
               ElementsAre("background/cam01.toml: does not match the signature of cap01"));
 }
 
-TEST_F(SignedTake, reads_no_file_outside_of_the_take_that_a_signature_names) {
+TEST_F(TakeSigning, reads_no_file_outside_the_take) {
   test::write_text(folder_ / "outside", "secret");
   for (const std::string& name : {std::string("../outside"), (folder_ / "outside").string()}) {
-    // The signature is right: its key is known, and an attacker has it.
+    // The signature is valid: the attacker has a known key.
     ASSERT_TRUE(sign_recovered_take(take_, {"cap01", cap01_}));
     TakeSignature signature = parse_signature(read_file(signature_file()), signature_file());
     signature.files.push_back({.name = name, .bytes = 6, .checksum = {}});
@@ -339,7 +341,7 @@ TEST_F(SignedTake, reads_no_file_outside_of_the_take_that_a_signature_names) {
   }
 }
 
-TEST_F(SignedTake, is_another_with_another_rate_or_number_of_pulses) {
+TEST_F(TakeSigning, is_rejected_with_another_rate_or_number_of_pulses) {
   TakeInfo info = load_take_info(take_);
   info.pulses = kPulses - 1;
   ASSERT_TRUE(save_take_info(take_, info));
@@ -351,14 +353,14 @@ TEST_F(SignedTake, is_another_with_another_rate_or_number_of_pulses) {
               ElementsAre("signature.cap01.toml: has another pulse rate than take.toml"));
 }
 
-TEST_F(SignedTake, is_not_complete_where_a_log_is_signed_by_its_length_only) {
+TEST_F(TakeSigning, is_not_complete_when_a_log_is_signed_by_its_length_only) {
   ASSERT_TRUE(sign_take(take_, {"cap01", cap01_}, {}));
   EXPECT_FALSE(check().is_complete);
   ASSERT_TRUE(sign_recovered_take(take_, {"cap01", cap01_}));
   EXPECT_TRUE(check().is_complete);
 }
 
-TEST_F(SignedTake, has_a_tree_of_a_damaged_log_too) {
+TEST_F(TakeSigning, covers_a_damaged_log) {
   std::string content = read_file(take_.frames("cam02"));
   content.insert(content.size() / 2, std::string(3 << 20, 'x'));
   test::write_text(take_.frames("cam02"), content);
@@ -370,11 +372,12 @@ TEST_F(SignedTake, has_a_tree_of_a_damaged_log_too) {
               ElementsAre("cam02.lcmlog: does not match the signature of cap01"));
 }
 
-TEST_F(SignedTake, is_refused_in_one_line_where_its_signature_cannot_be_read) {
+TEST_F(TakeSigning, is_rejected_in_one_line_when_its_signature_is_unreadable) {
   for (const std::string& text :
        {std::string(), std::string("signature = "), std::string("signature = 'ab'\n"),
         std::string("x\n"), "signature = '" + std::string(128, 'a') + "'\nformat = 2\n"}) {
-    EXPECT_THAT(refusal(text), AllOf(HasSubstr(signature_file().string()), Not(HasSubstr("\n"))))
+    EXPECT_THAT(error_message(text),
+                AllOf(HasSubstr(signature_file().string()), Not(HasSubstr("\n"))))
         << text;
   }
   fs::remove(signature_file());

@@ -21,7 +21,7 @@ TakeInfo some_info() {
           .cameras = {"cam01", "cam02"}};
 }
 
-TEST(TakeInfo, comes_back_from_its_file) {
+TEST(TakeInfo, is_unchanged_after_saving_and_loading) {
   const test::TemporaryFolder folder;
   const TakePaths paths{folder.path()};
   for (const TakeState state :
@@ -41,32 +41,35 @@ TEST(TakeInfo, comes_back_from_its_file) {
   }
 }
 
-TEST(TakeInfo, of_a_folder_that_is_no_take_says_what_is_missing) {
+TEST(TakeInfo, reports_what_a_folder_lacks_to_be_a_take) {
   const test::TemporaryFolder folder;
-  const auto refusal = [](const std::filesystem::path& path) {
+  const auto error_message = [](const std::filesystem::path& path) {
     return test::message_of<InputError>([&] { load_take_info({path}); });
   };
-  EXPECT_THAT(refusal(folder / "nothing"), testing::HasSubstr("nothing: no such folder"));
-  EXPECT_THAT(refusal(folder.path()), testing::HasSubstr("take.toml is missing"));
+  EXPECT_THAT(error_message(folder / "nothing"), testing::HasSubstr("nothing: no such folder"));
+  EXPECT_THAT(error_message(folder.path()), testing::HasSubstr("take.toml is missing"));
 }
 
-TEST(TakeInfo, names_the_field_that_is_wrong) {
+TEST(TakeInfo, reports_the_invalid_field) {
   const test::TemporaryFolder folder;
   const TakePaths paths{folder.path()};
-  const auto refusal_with = [&](auto change) {
+  const auto error_message_with = [&](auto change) {
     TakeInfo info = some_info();
     change(info);
     EXPECT_TRUE(save_take_info(paths, info));
     return test::message_of<InputError>([&] { load_take_info(paths); });
   };
-  EXPECT_THAT(refusal_with([](TakeInfo& i) { i.rate_hz = 0; }), testing::HasSubstr(": rate_hz: "));
-  EXPECT_THAT(refusal_with([](TakeInfo& i) { i.pulses = -1; }), testing::HasSubstr(": pulses: "));
-  EXPECT_THAT(refusal_with([](TakeInfo& i) { i.pulses = INT64_MAX; }),
+  EXPECT_THAT(error_message_with([](TakeInfo& i) { i.rate_hz = 0; }),
+              testing::HasSubstr(": rate_hz: "));
+  EXPECT_THAT(error_message_with([](TakeInfo& i) { i.pulses = -1; }),
+              testing::HasSubstr(": pulses: "));
+  EXPECT_THAT(error_message_with([](TakeInfo& i) { i.pulses = INT64_MAX; }),
               testing::HasSubstr(": pulses: expected a count, 0 to 10,000,000"));
-  EXPECT_THAT(refusal_with([](TakeInfo& i) { i.name = "../x"; }), testing::HasSubstr(": name: "));
-  EXPECT_THAT(refusal_with([](TakeInfo& i) { i.cameras = {"a/b"}; }),
+  EXPECT_THAT(error_message_with([](TakeInfo& i) { i.name = "../x"; }),
+              testing::HasSubstr(": name: "));
+  EXPECT_THAT(error_message_with([](TakeInfo& i) { i.cameras = {"a/b"}; }),
               testing::HasSubstr(": cameras: "));
-  EXPECT_THAT(refusal_with([](TakeInfo& i) { i.state = static_cast<TakeState>(9); }),
+  EXPECT_THAT(error_message_with([](TakeInfo& i) { i.state = static_cast<TakeState>(9); }),
               testing::HasSubstr(": state: "));
 }
 

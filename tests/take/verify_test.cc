@@ -34,9 +34,9 @@ FrameMessage frame_of(const std::string& camera, int64_t pulse) {
 }
 
 /// A complete take of two cameras and three pulses.
-class TakeFolder : public testing::Test {
+class VerifyTake : public testing::Test {
  protected:
-  TakeFolder() {
+  VerifyTake() {
     info_ = test::begun_take({"cam01", "cam02"});
     info_.pulses = 3;
     info_.state = TakeState::kComplete;
@@ -63,7 +63,7 @@ class TakeFolder : public testing::Test {
   TakeInfo info_;
 };
 
-TEST_F(TakeFolder, is_whole_when_files_and_ledger_agree) {
+TEST_F(VerifyTake, is_whole_when_files_and_ledger_agree) {
   const Verification v = verify_take(paths_);
   EXPECT_TRUE(v.whole());
   EXPECT_THAT(v.disagreements, IsEmpty());
@@ -71,7 +71,7 @@ TEST_F(TakeFolder, is_whole_when_files_and_ledger_agree) {
             "take kendo-07: complete, 2 cameras x 3 pulses, 0 missing, 0 suspect");
 }
 
-TEST_F(TakeFolder, misses_the_frame_that_is_torn_off) {
+TEST_F(VerifyTake, reports_a_torn_frame_as_missing) {
   const std::string log = read_file(paths_.frames("cam02"));
   test::write_text(paths_.frames("cam02"), log.substr(0, log.size() - 1));
   const Verification v = verify_take(paths_);
@@ -81,7 +81,7 @@ TEST_F(TakeFolder, misses_the_frame_that_is_torn_off) {
                                            "cam02.lcmlog: holds 2 frames, the ledger says 3"));
 }
 
-TEST_F(TakeFolder, does_not_count_a_frame_with_a_damaged_body) {
+TEST_F(VerifyTake, does_not_count_a_frame_with_a_damaged_body) {
   std::string log = read_file(paths_.frames("cam01"));
   const size_t camera_name = log.find("cam01", 60);
   log[camera_name] = 'C';
@@ -91,7 +91,7 @@ TEST_F(TakeFolder, does_not_count_a_frame_with_a_damaged_body) {
   EXPECT_THAT(v.disagreements, testing::Contains("cam01.lcmlog: 1 damaged events"));
 }
 
-TEST_F(TakeFolder, does_not_count_a_frame_of_which_a_pixel_was_changed) {
+TEST_F(VerifyTake, does_not_count_a_frame_with_a_changed_pixel) {
   std::string log = read_file(paths_.frames("cam01"));
   log.back() = static_cast<char>(log.back() ^ 1);
   test::write_text(paths_.frames("cam01"), log);
@@ -100,15 +100,15 @@ TEST_F(TakeFolder, does_not_count_a_frame_of_which_a_pixel_was_changed) {
   EXPECT_THAT(v.disagreements, testing::Contains("cam01.lcmlog: 1 damaged events"));
 }
 
-TEST_F(TakeFolder, of_which_a_log_is_gone_misses_every_pulse_of_that_camera) {
+TEST_F(VerifyTake, reports_every_pulse_of_a_missing_log_as_missing) {
   std::filesystem::remove(paths_.frames("cam01"));
   const Verification v = verify_take(paths_);
   EXPECT_THAT(v.ledger.cameras[0].missing, ElementsAre(0, 1, 2));
   EXPECT_THAT(v.disagreements[0], HasSubstr("cam01.lcmlog: No such file"));
 }
 
-/// A file with holes may claim an event of any length in four kilobytes.
-TEST_F(TakeFolder, reads_no_body_of_an_event_that_does_not_begin_as_a_frame) {
+/// A sparse file of 4 KiB can claim an event of any length.
+TEST_F(VerifyTake, reads_no_body_of_an_event_without_a_frame_header) {
   constexpr uint32_t kClaimed = 200 << 20;
   std::string head("\xED\xA1\xDA\x01", 4);
   head += std::string(16, '\0') + std::string("\0\0\0\x0f", 4);
@@ -123,13 +123,13 @@ TEST_F(TakeFolder, reads_no_body_of_an_event_that_does_not_begin_as_a_frame) {
   EXPECT_LT(after.ru_maxrss - before.ru_maxrss, 50 << 10) << "kB";
 }
 
-TEST_F(TakeFolder, tells_of_pulses_that_were_not_sensed) {
+TEST_F(VerifyTake, reports_pulses_that_were_not_sensed) {
   test::write_text(paths_.pulses(), "");
   EXPECT_THAT(verify_take(paths_).disagreements,
               ElementsAre("pulses.lcmlog: holds 0 pulses, the ledger says 3"));
 }
 
-TEST_F(TakeFolder, tells_of_a_ledger_that_lies) {
+TEST_F(VerifyTake, reports_a_wrong_ledger) {
   Ledger ledger = load_ledger(paths_.ledger());
   ledger.cameras[0].missing = {1};
   ledger.cameras.pop_back();
@@ -141,7 +141,7 @@ TEST_F(TakeFolder, tells_of_a_ledger_that_lies) {
           "ledger.toml: has no camera 'cam02'"));
 }
 
-TEST_F(TakeFolder, that_nobody_closed_is_recovered_from_its_logs) {
+TEST_F(VerifyTake, is_whole_after_recovery_of_an_unclosed_take) {
   std::filesystem::remove(paths_.ledger());
   info_.state = TakeState::kRecording;
   info_.pulses = 0;
@@ -156,7 +156,7 @@ TEST_F(TakeFolder, that_nobody_closed_is_recovered_from_its_logs) {
   EXPECT_EQ(after.info.pulses, 3);
 }
 
-TEST_F(TakeFolder, tells_of_a_pulse_number_that_no_take_reaches) {
+TEST_F(VerifyTake, reports_an_impossible_pulse_number) {
   std::filesystem::remove(paths_.ledger());
   info_.state = TakeState::kRecording;
   EXPECT_TRUE(save_take_info(paths_, info_));
@@ -171,18 +171,19 @@ TEST_F(TakeFolder, tells_of_a_pulse_number_that_no_take_reaches) {
   }
   const Verification v = verify_take(paths_);
   EXPECT_EQ(v.ledger.commanded, 3);
-  EXPECT_THAT(v.disagreements, testing::Contains(HasSubstr("pulses.lcmlog: holds the impossible")));
+  EXPECT_THAT(v.disagreements,
+              testing::Contains(HasSubstr("pulses.lcmlog: holds pulse 9,223,372,036,854,775,806")));
 }
 
-TEST_F(TakeFolder, tells_of_a_mesh_file_that_is_none) {
+TEST_F(VerifyTake, reports_an_invalid_mesh_file) {
   test::write_text(paths_.mesh(), "mesh");
-  EXPECT_THAT(verify_take(paths_).disagreements, ElementsAre(HasSubstr("is no mesh file")));
+  EXPECT_THAT(verify_take(paths_).disagreements, ElementsAre(HasSubstr("is not a mesh file")));
 }
 
-/// The same take with the list of its files in the ledger.
-class ListedTake : public TakeFolder {
+/// The same take, with a file list in the ledger.
+class VerifyListedTake : public VerifyTake {
  protected:
-  ListedTake() {
+  VerifyListedTake() {
     test::write_text(paths_.calib(), "# the rig\n");
     test::write_text(paths_.studio(), "# the studio\n");
     std::filesystem::create_directories(paths_.background());
@@ -190,7 +191,7 @@ class ListedTake : public TakeFolder {
     list({"cam01.lcmlog", "cam02.lcmlog"});
   }
 
-  /// Writes the ledger anew, with the checksums of these logs.
+  /// Writes the ledger again, with the checksums of `logs`.
   void list(const std::vector<std::string>& logs) {
     Ledger ledger = load_ledger(paths_.ledger());
     ledger.files.clear();
@@ -208,7 +209,7 @@ class ListedTake : public TakeFolder {
   }
 };
 
-TEST_F(ListedTake, is_whole_and_every_file_was_read) {
+TEST_F(VerifyListedTake, is_whole_and_lists_every_file) {
   const Verification v = verify_take(paths_, ReadFrom::kDisk);
   EXPECT_THAT(v.disagreements, IsEmpty());
   EXPECT_THAT(v.notes, IsEmpty());
@@ -219,10 +220,10 @@ TEST_F(ListedTake, is_whole_and_every_file_was_read) {
                           "ledger.toml", "pulses.lcmlog", "studio.toml", "take.toml"));
 }
 
-TEST_F(ListedTake, names_the_file_of_which_one_bit_differs_and_both_checksums) {
+TEST_F(VerifyListedTake, reports_a_file_with_a_changed_bit_and_both_checksums) {
   const Ledger ledger = load_ledger(paths_.ledger());
-  // In take.toml a digit of the start, in pulses.lcmlog one of an event's time, in a log of frames
-  // one of an event's number: nothing else notices.
+  // The changed byte is a digit of the start time in take.toml, of an event's time in
+  // pulses.lcmlog, and of an event number in the camera log. No other check detects these changes.
   const size_t start = read_file(paths_.info()).find("started_ns = ") + 13;
   const std::map<std::string, size_t> places = {
       {"calib.toml", 3},    {"studio.toml", 3},    {"background/cam01.mean.png", 4},
@@ -238,19 +239,19 @@ TEST_F(ListedTake, names_the_file_of_which_one_bit_differs_and_both_checksums) {
   }
 }
 
-TEST_F(ListedTake, names_files_that_are_missing_or_shorter) {
+TEST_F(VerifyListedTake, reports_missing_and_shorter_files) {
   std::filesystem::remove(paths_.background() / "cam01.mean.png");
   test::write_text(paths_.studio(), "#");
   EXPECT_THAT(verify_take(paths_).disagreements,
               ElementsAre("studio.toml: has 1 bytes, the ledger says 13",
-                          "background/cam01.mean.png: missing; the ledger has it with 5 bytes"));
+                          "background/cam01.mean.png: missing; the ledger lists it with 5 bytes"));
   std::filesystem::remove(paths_.frames("cam01"));
   EXPECT_THAT(verify_take(paths_).disagreements,
               testing::Contains(HasSubstr("cam01.lcmlog")).Times(2))
-      << "the log and its count, and no third line";
+      << "one line for the log and one for its count";
 }
 
-TEST_F(ListedTake, names_parts_that_the_ledger_does_not_have_and_notes_other_files) {
+TEST_F(VerifyListedTake, reports_unlisted_parts_and_notes_other_files) {
   test::write_text(paths_.background() / "cam09.toml", "");
   test::write_text(paths_.folder / "notes.txt", "");
   test::write_text(paths_.slate(), "mark = ''\n");
@@ -262,7 +263,7 @@ TEST_F(ListedTake, names_parts_that_the_ledger_does_not_have_and_notes_other_fil
   EXPECT_THAT(v.notes, ElementsAre("notes.txt: is not named in the ledger"));
 }
 
-TEST_F(ListedTake, with_a_truncated_mesh_file_is_not_whole) {
+TEST_F(VerifyListedTake, is_not_whole_with_a_truncated_mesh_file) {
   {
     MeshFileWriter meshes(paths_.mesh());
     for (int64_t pulse = 0; pulse < 3; ++pulse) {
@@ -277,7 +278,7 @@ TEST_F(ListedTake, with_a_truncated_mesh_file_is_not_whole) {
   EXPECT_THAT(v.disagreements, ElementsAre(HasSubstr("mesh.v3d: ends without its index")));
 }
 
-TEST_F(ListedTake, with_one_flipped_bit_in_its_ledger_is_not_whole_until_it_is_recovered) {
+TEST_F(VerifyListedTake, is_not_whole_with_a_flipped_bit_in_its_ledger_until_recovered) {
   const std::string text = read_file(paths_.ledger());
   flip_a_bit("ledger.toml", text.find("received = ") + 11);
   const Verification damaged = verify_take(paths_);
@@ -288,7 +289,7 @@ TEST_F(ListedTake, with_one_flipped_bit_in_its_ledger_is_not_whole_until_it_is_r
   EXPECT_NO_THROW(load_ledger(paths_.ledger()));
 }
 
-TEST_F(ListedTake, with_a_ledger_of_an_older_version_verifies_as_before_with_a_note) {
+TEST_F(VerifyListedTake, accepts_a_ledger_of_an_older_version_with_a_note) {
   Ledger ledger = load_ledger(paths_.ledger());
   ledger.files.clear();
   EXPECT_TRUE(save_ledger(paths_.ledger(), ledger));
@@ -298,7 +299,7 @@ TEST_F(ListedTake, with_a_ledger_of_an_older_version_verifies_as_before_with_a_n
   EXPECT_THAT(v.notes, ElementsAre(HasSubstr("ledger.toml: has no checksums of files")));
 }
 
-TEST_F(ListedTake, keeps_the_checksums_of_its_logs_over_a_recovery_and_notes_logs_without) {
+TEST_F(VerifyListedTake, keeps_log_checksums_in_a_recovery_and_notes_logs_without) {
   list({"cam01.lcmlog"});
   info_.state = TakeState::kRecording;
   EXPECT_TRUE(save_take_info(paths_, info_));
@@ -312,7 +313,7 @@ TEST_F(ListedTake, keeps_the_checksums_of_its_logs_over_a_recovery_and_notes_log
                                    "recovery"));
 }
 
-TEST(EventLogFile, has_the_checksum_of_the_bytes_on_disk) {
+TEST(EventLogWriter, has_the_checksum_of_the_bytes_on_disk) {
   const test::TemporaryFolder folder;
   const TakePaths paths{folder.path()};
   EventLogWriter log(paths.frames("cam01"));
@@ -322,7 +323,7 @@ TEST(EventLogFile, has_the_checksum_of_the_bytes_on_disk) {
   EXPECT_EQ(log.file(), read);
 }
 
-TEST(Verify, refuses_a_folder_that_is_no_take) {
+TEST(Verify, rejects_a_folder_that_is_not_a_take) {
   const test::TemporaryFolder folder;
   EXPECT_THAT(test::message_of<InputError>([&] { verify_take({folder.path()}); }),
               HasSubstr("take.toml is missing"));
