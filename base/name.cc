@@ -13,8 +13,8 @@ bool is_letter_or_digit(char c) {
 }  // namespace
 
 bool is_file_name(std::string_view name) {
-  constexpr size_t kLongest = 64;
-  return !name.empty() && name.size() <= kLongest && name.front() != '.' && name.front() != '-' &&
+  constexpr size_t kMaxLength = 64;
+  return !name.empty() && name.size() <= kMaxLength && name.front() != '.' && name.front() != '-' &&
          std::all_of(name.begin(), name.end(), [](char c) {
            return is_letter_or_digit(c) || c == '-' || c == '_' || c == '.';
          });

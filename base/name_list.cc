@@ -5,10 +5,11 @@
 namespace v3d {
 
 std::string join_names(const std::vector<std::string>& names) {
-  constexpr size_t kMost = 24;
+  constexpr size_t kMaxNames = 24;
   std::string joined;
-  for (size_t i = 0; i < std::min(names.size(), kMost); ++i) joined += (i ? ", " : "") + names[i];
-  if (names.size() > kMost) joined += ", ...";
+  for (size_t i = 0; i < std::min(names.size(), kMaxNames); ++i)
+    joined += (i ? ", " : "") + names[i];
+  if (names.size() > kMaxNames) joined += ", ...";
   return joined;
 }
 

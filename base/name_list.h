@@ -1,4 +1,4 @@
-// Several names in one message.
+// Formats a list of names for a message.
 #pragma once
 
 #include <string>
@@ -6,7 +6,7 @@
 
 namespace v3d {
 
-/// "cam00, cam01, ..." cut after two dozen.
+/// "cam00, cam01, ...": the first 24 names; "..." replaces the others.
 std::string join_names(const std::vector<std::string>& names);
 
 }  // namespace v3d

@@ -1,15 +1,17 @@
-// For threads that do little, but at once.
+// Real-time scheduling and locked memory, for threads that do little work but must start it on
+// time.
 #pragma once
 
 namespace v3d {
 
-/// The calling thread runs as soon as it wakes, whatever else the machine is busy with: in real
-/// time where the process may (RLIMIT_RTPRIO), else with the shortest time slice, which Linux 6.12
-/// and later put before longer ones and grant to anybody. On older kernels it waits for its turn.
+/// Raises the scheduling priority of the calling thread, so that it runs as soon as it wakes.
+/// Uses real-time scheduling (SCHED_FIFO) where the process may (RLIMIT_RTPRIO). Otherwise it
+/// requests the shortest time slice: Linux 6.12 and later schedule it before longer ones and need
+/// no permission. On older kernels the request has no effect.
 void become_punctual();
 
-/// What this process has used of its memory, now or later, stays in memory where the process may
-/// (no RLIMIT_MEMLOCK), so that no page of a thread that must be punctual is fetched from a disk.
+/// Locks the memory of this process, current and future, where RLIMIT_MEMLOCK is unlimited. A
+/// real-time thread then never waits for a page from a disk.
 void keep_memory();
 
 }  // namespace v3d

@@ -10,7 +10,7 @@
 namespace v3d {
 namespace {
 
-/// Reads a finite number from the front of `text`.
+/// Parses a finite number at the start of `text` and removes it. False when there is none.
 bool take_number(std::string_view& text, double& value) {
   const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
   if (error != std::errc{} || !std::isfinite(value)) {
@@ -53,7 +53,7 @@ Box parse_bounds(std::string_view text) {
   }
   if (!good || !rest.empty() || v[0] >= v[3] || v[1] >= v[4] || v[2] >= v[5]) {
     throw InputError("bounds '" + std::string(text) +
-                     "': expected X0,Y0,Z0,X1,Y1,Z1 in metres, each first corner below the second");
+                     "': expected X0,Y0,Z0,X1,Y1,Z1 in metres, with X0 < X1, Y0 < Y1 and Z0 < Z1");
   }
   return {{v[0], v[1], v[2]}, {v[3], v[4], v[5]}};
 }

@@ -1,4 +1,4 @@
-// Lengths as people write them.
+// Parses and formats lengths, boxes, byte counts and numbers for command lines and reports.
 #pragma once
 
 #include <cstdint>
@@ -9,11 +9,12 @@
 
 namespace v3d {
 
-/// "8mm", "0.5cm", "2m" to metres. Throws InputError for anything else; a bare number is refused.
+/// Parses "8mm", "0.5cm" or "2m" to metres. Throws InputError for anything else, including a number
+/// without a unit.
 double parse_length(std::string_view text);
-/// "X0,Y0,Z0,X1,Y1,Z1" in metres, every X0 < X1. Throws InputError.
+/// Parses "X0,Y0,Z0,X1,Y1,Z1" in metres. Throws InputError unless X0 < X1, Y0 < Y1 and Z0 < Z1.
 Box parse_bounds(std::string_view text);
-/// The shortest fitting unit: "8 mm", "1.5 m".
+/// A length in millimetres below 1 m, else in metres: "8 mm", "1.5 m".
 std::string format_length(double metres);
 /// "29.5 GB" (powers of 1000).
 std::string format_bytes(double bytes);

@@ -12,7 +12,7 @@ Status sync_file_system(const std::filesystem::path& folder) {
   const UniqueFd fd(
       uninterrupted([&] { return ::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC); }));
   if (!fd || uninterrupted([&] { return syncfs(fd.get()); }) != 0)
-    return io_error("sync the disk of", folder);
+    return io_error("sync the file system of", folder);
   return {};
 }
 

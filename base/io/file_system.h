@@ -1,4 +1,4 @@
-// The file system that a folder lies on.
+// Operations on the file system that contains a folder.
 #pragma once
 
 #include <filesystem>
@@ -7,8 +7,8 @@
 
 namespace v3d::io {
 
-/// Waits until the disk has everything that was written to the file system of `folder`, by other
-/// programs, too (syncfs). Fails with path and cause.
+/// Waits until all data written to the file system of `folder`, also by other programs, are on the
+/// disk (syncfs). Fails with path and cause.
 [[nodiscard]] Status sync_file_system(const std::filesystem::path& folder);
 
 }  // namespace v3d::io

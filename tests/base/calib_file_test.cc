@@ -172,10 +172,13 @@ TEST(CalibFile, with_two_cameras_of_one_name_is_refused) {
 }
 
 TEST(CalibFile, with_a_name_that_leaves_the_folder_is_refused) {
-  EXPECT_NE(message_for(with("cam00", "../cam00")).find("cannot name a camera"), std::string::npos);
-  // These would be taken for the log of the pulses, and for a later segment of a log.
-  EXPECT_NE(message_for(with("cam00", "pulses")).find("cannot name a camera"), std::string::npos);
-  EXPECT_NE(message_for(with("cam00", "cam.0001")).find("cannot name a camera"), std::string::npos);
+  EXPECT_NE(message_for(with("cam00", "../cam00")).find("is not a valid camera name"),
+            std::string::npos);
+  // Reserved for the log of the pulses, and for later segments of a log.
+  EXPECT_NE(message_for(with("cam00", "pulses")).find("is not a valid camera name"),
+            std::string::npos);
+  EXPECT_NE(message_for(with("cam00", "cam.0001")).find("is not a valid camera name"),
+            std::string::npos);
 }
 
 TEST(CalibFile, that_is_no_toml_or_has_no_camera_says_so) {

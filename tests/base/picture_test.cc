@@ -50,7 +50,7 @@ TEST(Picture, that_is_none_is_refused_by_name) {
   for (const std::string& bytes :
        {std::string(), std::string("GIF89a"), png.substr(0, 60), png.substr(0, 8)}) {
     EXPECT_THAT(test::message_of<InputError>([&] { decode_picture(bytes, "sky.png"); }),
-                testing::HasSubstr("sky.png: is no PNG"));
+                testing::HasSubstr("sky.png: not a valid PNG"));
   }
 }
 

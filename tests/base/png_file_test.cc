@@ -41,9 +41,9 @@ TEST(PngFile, that_was_cut_off_or_is_something_else_is_refused_by_name) {
   const std::string whole = encode_png(ramp({37, 11}, 1));
   constexpr size_t kBehindThePixels = 24;  // check sums and the end chunk
   for (size_t keep = 0; keep + kBehindThePixels < whole.size(); keep += 7) {
-    EXPECT_THAT(refusal_of({whole.data(), keep}), HasSubstr("plate.png: is no PNG image"));
+    EXPECT_THAT(refusal_of({whole.data(), keep}), HasSubstr("plate.png: not a valid PNG image"));
   }
-  EXPECT_THAT(refusal_of("no picture at all"), HasSubstr("plate.png: is no PNG image"));
+  EXPECT_THAT(refusal_of("no picture at all"), HasSubstr("plate.png: not a valid PNG image"));
 }
 
 TEST(PngFile, of_8_bits_is_refused_with_what_would_be_right) {
@@ -56,7 +56,7 @@ TEST(PngFile, of_8_bits_is_refused_with_what_would_be_right) {
 TEST(PngFile, that_promises_more_than_its_bytes_can_hold_takes_no_memory) {
   std::string bytes = encode_png(ramp({37, 11}, 1)).substr(0, 33);  // the header
   bytes[18] = bytes[22] = 0x30;                                     // 12,325 x 12,299
-  EXPECT_THAT(refusal_of(bytes), HasSubstr("plate.png: is no PNG image"));
+  EXPECT_THAT(refusal_of(bytes), HasSubstr("plate.png: not a valid PNG image"));
   const DeepImage black{{3000, 1000}, 1, std::vector<uint16_t>(3'000'000)};
   EXPECT_EQ(decode_png(encode_png(black), "plate.png").samples, black.samples);
 }

@@ -140,7 +140,7 @@ TEST(StudioFile, has_one_node_that_reconstructs_or_several) {
   EXPECT_EQ(message_for(shared("nodes = [\"recon01\", \"recon03\"]")),
             where + "nodes: there is no [[node]] named 'recon03'");
   EXPECT_EQ(message_for(shared("nodes = [\"recon01\", \"recon01\"]")),
-            where + "nodes: names 'recon01' twice");
+            where + "nodes: 'recon01' is listed twice");
   EXPECT_EQ(message_for(shared("nodes = []")),
             where + "nodes: expected the names of [[node]]s, found none");
   EXPECT_EQ(message_for(shared("node = \"recon01\"\nnodes = [\"recon02\"]")),
@@ -168,10 +168,10 @@ TEST(StudioFile, wants_an_address_and_a_port_of_its_own_for_each_group_of_frames
     EXPECT_THAT(message_for(with_frame_groups(groups)),
                 HasSubstr("network.frame_groups: 'udpm://239.255.76.6"));
     EXPECT_THAT(message_for(with_frame_groups(groups)),
-                HasSubstr("share an address or a port; expected others for each"));
+                HasSubstr("share an address or a port; use different ones for each group"));
   }
   EXPECT_THAT(message_for(with_frame_groups(R"("udpm://10.0.0.1:7668")")),
-              HasSubstr("'udpm://10.0.0.1:7668' is no multicast group; expected one like "
+              HasSubstr("'udpm://10.0.0.1:7668' is not a multicast group; expected one like "
                         "udpm://239.255.76.68:7668"));
 }
 
@@ -191,7 +191,7 @@ TEST(StudioFile, refuses_values_out_of_range_with_the_range) {
             "/etc/v3d/studio.toml:42: reconstruction.min_views: expected a whole number from 1 to "
             "2, found 3");
   EXPECT_EQ(message_for(with("max = [1.5, 1.5, 2]", "max = [1.5, 1.5, 0]")),
-            "/etc/v3d/studio.toml:32: space.max: must be above min in x, y and z");
+            "/etc/v3d/studio.toml:32: space.max: expected values above min in x, y and z");
   EXPECT_EQ(message_for(with("\"Mono8\"", "\"Mono12\"")),
             "/etc/v3d/studio.toml:21: camera.pixel_format: 'Mono12' is unknown; known: Mono8, "
             "BayerGR8, BayerRG8, BayerGB8, BayerBG8, RGB8");
@@ -213,7 +213,7 @@ TEST(StudioFile, tells_which_cameras_see_a_green_studio_and_wants_colour_of_them
   EXPECT_EQ(parse_studio(text, "studio.toml").cameras[1].chroma_key, ChromaKey::kNone);
   EXPECT_EQ(message_for(with("packet_size = 1500", "chroma_key = \"green\"")),
             "/etc/v3d/studio.toml:22: camera.chroma_key: a Mono8 picture has no colour; expected "
-            "none, or a pixel_format with one");
+            "none, or a pixel_format with colour");
 }
 
 constexpr std::string_view kSimulated =
@@ -308,11 +308,11 @@ TEST(StudioFile, says_what_a_camera_that_runs_free_needs) {
     return text.replace(text.find(from), from.size(), to);
   };
   EXPECT_THAT(message_for(changed("[trigger]\nnode = \"cap01\"", "[trigger]\nnode = \"recon01\"")),
-              HasSubstr("camera.trigger_control: missing, so cam01 runs free; then it must hang on "
+              HasSubstr("camera.trigger_control: missing, so cam01 is free-running; connect it to "
                         "the trigger's node, recon01"));
   EXPECT_THAT(message_for(changed("kind = \"simulated\"\nrate_hz = 25\nwire = \"trigger.sock\"",
                                   "kind = \"gpio\"\nchip = \"gpiochip0\"\nline = 7")),
-              HasSubstr("cam01 runs free; then [trigger.sense] is needed"));
+              HasSubstr("cam01 is free-running; add [trigger.sense]"));
 }
 
 TEST(StudioFile, says_what_a_v4l2_camera_needs) {
