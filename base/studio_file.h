@@ -87,8 +87,7 @@ struct StudioTrigger {
   StudioInstrument instrument;  ///< scpi
   Dialect dialect{};            ///< scpi
   int channel = 1;              ///< scpi: output of the instrument
-  double level_v =
-      3.3;  ///< scpi: high level of a pulse, volts into a high impedance; the low level is 0 V
+  double level_v = 3.3;         ///< scpi: high level of a pulse, V, high impedance; low level: 0 V
   std::optional<StudioLine> gate;   ///< scpi, [trigger.gate]: line to the instrument's gate input
   std::optional<StudioLine> sense;  ///< gpio and scpi, [trigger.sense]: sense line
 
@@ -122,8 +121,7 @@ struct StudioNetwork {
   /// File of the key with which the operator of this PC signs commands, when there is a member
   /// list.
   std::filesystem::path operator_key = kDefaultOperatorKey;
-  std::string
-      metrics;  ///< address of the daemons' Prometheus endpoint, "127.0.0.1:9464"; empty: none
+  std::string metrics;  ///< address of the Prometheus endpoint, "127.0.0.1:9464"; empty: none
 };
 
 /// [storage]; relative paths start at the folder of the studio file.
