@@ -26,7 +26,8 @@ ImageSize read_size(const TomlTable& camera) {
   return {static_cast<int>(size[0]), static_cast<int>(size[1])};
 }
 
-/// Far beyond any camera; larger numbers come from damaged files, and products of them overflow.
+/// Rejects numbers far beyond any real camera: they come from damaged files, and their products
+/// overflow.
 void check_limits(const TomlTable& camera, std::string_view key, const std::vector<double>& row) {
   constexpr double kMax = 1e6;
   const bool fits = std::ranges::all_of(row, [](double n) { return std::abs(n) <= kMax; });
@@ -59,15 +60,15 @@ Eigen::Matrix3d read_matrix(const TomlTable& camera) {
 }
 
 Distortion read_distortion(const TomlTable& camera) {
-  const std::vector<double> given = camera.numbers("distortions");
+  const std::vector<double> coefficients = camera.numbers("distortions");
   constexpr std::array<size_t, 6> kLengths = {0, 4, 5, 8, 12, 14};
-  if (std::find(kLengths.begin(), kLengths.end(), given.size()) == kLengths.end()) {
+  if (std::find(kLengths.begin(), kLengths.end(), coefficients.size()) == kLengths.end()) {
     camera.fail("distortions", "expected 0, 4, 5, 8, 12 or 14 numbers in OpenCV's order, found " +
-                                   std::to_string(given.size()));
+                                   std::to_string(coefficients.size()));
   }
-  check_limits(camera, "distortions", given);
+  check_limits(camera, "distortions", coefficients);
   Distortion distortion{};
-  std::copy(given.begin(), given.end(), distortion.begin());
+  std::copy(coefficients.begin(), coefficients.end(), distortion.begin());
   return distortion;
 }
 
@@ -113,26 +114,27 @@ RigCamera read_camera(const TomlTable& camera, const std::string& name) {
 RigCamera read_named_camera(const TomlTable& camera) {
   const std::string name = camera.text("name");
   if (!is_camera_name(name)) {
-    camera.fail("name", "'" + name + "' cannot name a camera: " + std::string(kCameraNameRule));
+    camera.fail("name",
+                "'" + name + "' is not a valid camera name: " + std::string(kCameraNameRule));
   }
   return read_camera(camera, name);
 }
 
 void add(RigCamera camera, const TomlTable& table, Rig& rig) {
   if (find_camera(rig, camera.name) >= 0) {
-    const std::string twice = "two cameras are named '" + camera.name + "'";
-    if (table.has("name")) table.fail("name", twice);
-    table.fail_here(twice);
+    const std::string message = "two cameras are named '" + camera.name + "'";
+    if (table.has("name")) table.fail("name", message);
+    table.fail_here(message);
   }
   rig.push_back(std::move(camera));
 }
 
-/// As caliscope keeps them, by their numbers.
+/// Reads caliscope's [cameras.N] tables.
 void read_camera_array(const TomlTable& cameras, Rig& rig) {
   for (const auto& [number, camera] : cameras.sub_tables()) {
     const std::string name = "cam_" + number;
     if (!is_file_name(name)) {
-      camera.fail_here("'" + name + "' cannot name a camera: " + std::string(kFileNameRule));
+      camera.fail_here("'" + name + "' is not a valid camera name: " + std::string(kFileNameRule));
     }
     if (!camera.boolean_or("ignore", false)) add(read_camera(camera, name), camera, rig);
   }
@@ -164,7 +166,8 @@ std::string colour_text(const ColourResponse& colour) {
 
 std::string camera_text(const RigCamera& camera) {
   const CameraModel& m = camera.model;
-  const int used = std::max(5, used_distortions(m.distortion()));  // others read the first five
+  // Other programs read the first five.
+  const int used = std::max(5, used_distortions(m.distortion()));
   const Eigen::Vector3d rotation = m.cam_from_world().rodrigues();
   const Eigen::Vector3d& translation = m.cam_from_world().translation;
   return "name = " + toml_string(camera.name) + "\nsize = [" + std::to_string(m.size().width) +
@@ -181,7 +184,7 @@ Rig parse_calib(std::string_view text, const std::filesystem::path& path) {
   Rig rig;
   for (const auto& [key, camera] : file.sub_tables()) {
     if (!key.starts_with("cam") && !camera.has("matrix")) {
-      continue;  // [metadata] and the like, which calibration tools add
+      continue;  // [metadata] and other tables of calibration tools
     }
     if (key == "cameras" && !camera.has("matrix") && !camera.has("name")) {
       read_camera_array(camera, rig);

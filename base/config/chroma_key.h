@@ -1,4 +1,4 @@
-// The colour of a studio that is painted to be told from whoever stands in it.
+// The colour of a studio whose background is painted for chroma keying.
 #pragma once
 
 #include <cstdint>
@@ -9,7 +9,7 @@ namespace v3d {
 
 enum class ChromaKey : uint8_t { kNone, kGreen, kBlue };
 
-/// "none", "green", "blue"; what studio files and background models say.
+/// "none", "green" or "blue", as in studio files and background models.
 std::string_view name(ChromaKey key);
 std::optional<ChromaKey> chroma_key_from_name(std::string_view name);
 

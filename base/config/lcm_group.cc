@@ -14,14 +14,14 @@ bool is_multicast(const std::string& text) {
   return inet_pton(AF_INET, text.c_str(), &address) == 1 && IN_MULTICAST(ntohl(address.s_addr));
 }
 
-/// Decimal digits alone, at most `max`.
+/// Parses a text of decimal digits only, with a value of at most `max`.
 bool read_number(std::string_view text, int max, int& number) {
   const char* const end = text.data() + text.size();
   const auto [read, error] = std::from_chars(text.data(), end, number);
   return error == std::errc() && read == end && number >= 0 && number <= max;
 }
 
-/// False when `option` is one of ours with a value that is none.
+/// False when `option` is ttl or recv_buf_size with an invalid value.
 bool read_option(std::string_view option, LcmOptions& options) {
   constexpr int kMaxTtl = 255;
   constexpr int kMaxBuffer = 1 << 30;
@@ -38,14 +38,14 @@ bool read_option(std::string_view option, LcmOptions& options) {
 std::optional<LcmGroup> lcm_group(const std::string& url) {
   constexpr std::string_view kScheme = "udpm://";
   if (!url.starts_with(kScheme)) return std::nullopt;
-  const std::string place = url.substr(kScheme.size(), url.find('?') - kScheme.size());
-  const size_t colon = place.find(':');
+  const std::string endpoint = url.substr(kScheme.size(), url.find('?') - kScheme.size());
+  const size_t colon = endpoint.find(':');
   LcmGroup group;
-  if (!place.substr(0, colon).empty()) group.address = place.substr(0, colon);
+  if (!endpoint.substr(0, colon).empty()) group.address = endpoint.substr(0, colon);
   if (!is_multicast(group.address)) return std::nullopt;
   if (colon == std::string::npos) return group;
-  const char* const end = place.data() + place.size();
-  const auto [read, error] = std::from_chars(place.data() + colon + 1, end, group.port);
+  const char* const end = endpoint.data() + endpoint.size();
+  const auto [read, error] = std::from_chars(endpoint.data() + colon + 1, end, group.port);
   if (error != std::errc() || read != end || group.port == 0) return std::nullopt;
   return group;
 }

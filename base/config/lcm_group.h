@@ -1,4 +1,4 @@
-// The multicast groups of LCM.
+// Parses LCM URLs: multicast group and socket options.
 #pragma once
 
 #include <cstdint>
@@ -7,26 +7,27 @@
 
 namespace v3d {
 
-/// Address and port that a network's members listen to.
+/// Multicast address and port of an LCM network.
 struct LcmGroup {
-  std::string address = "239.255.76.67";  ///< what LCM takes where its URL says nothing
+  std::string address = "239.255.76.67";  ///< LCM's default for a URL without an address
   uint16_t port = 7667;
   friend bool operator==(const LcmGroup&, const LcmGroup&) = default;
 };
 
-/// Of a URL like "udpm://239.255.76.67:7667?ttl=1". Empty when that is none of LCM's for multicast,
-/// or its address no multicast address of IPv4.
+/// Parses the group of a URL like "udpm://239.255.76.67:7667?ttl=1". Empty when it is not a
+/// multicast URL of LCM, or its address is not an IPv4 multicast address.
 std::optional<LcmGroup> lcm_group(const std::string& url);
 
-/// What an LCM URL says behind its '?'. Other options are ignored, as liblcm does.
+/// The options after the '?' of an LCM URL. Other options are ignored, as in liblcm.
 struct LcmOptions {
-  int ttl = 0;            ///< routers that a datagram may pass; 0: none leaves the machine
-  int recv_buf_size = 0;  ///< bytes of the socket's receive buffer; 0: the kernel's default
+  int ttl = 0;            ///< routers that a datagram may pass; 0: it stays on this host
+  int recv_buf_size = 0;  ///< size of the socket's receive buffer, bytes; 0: the kernel's default
   friend bool operator==(const LcmOptions&, const LcmOptions&) = default;
 };
 
-/// Of a URL like "udpm://239.255.76.67:7667?ttl=1&recv_buf_size=16777216". Empty when one of the
-/// two is no number, `ttl` above 255 or `recv_buf_size` beyond 2^30.
+/// Parses the options of a URL like "udpm://239.255.76.67:7667?ttl=1&recv_buf_size=16777216". Empty
+/// when `ttl` or `recv_buf_size` is not a number, `ttl` exceeds 255 or `recv_buf_size` exceeds
+/// 2^30.
 std::optional<LcmOptions> lcm_options(const std::string& url);
 
 }  // namespace v3d

@@ -6,7 +6,7 @@
 #include "base/core/name.h"
 
 namespace v3d {
-std::string plain(double value) {
+std::string format_plain(double value) {
   std::array<char, 32> text{};
   std::snprintf(text.data(), text.size(), "%.10g", value);
   return text.data();
@@ -16,8 +16,8 @@ double ranged(const TomlTable& table, std::string_view key, double fallback, dou
               double high) {
   const double value = table.number_or(key, fallback);
   if (value < low || value > high) {
-    table.fail(key, "expected a number from " + plain(low) + " to " + plain(high) + ", found " +
-                        plain(value));
+    table.fail(key, "expected a number from " + format_plain(low) + " to " + format_plain(high) +
+                        ", found " + format_plain(value));
   }
   return value;
 }
@@ -52,14 +52,14 @@ bool has_node(const Studio& studio, std::string_view name) {
                      [&](const StudioNode& n) { return n.name == name; });
 }
 
-void refuse_unknown_node(const TomlTable& table, std::string_view key, const Studio& studio,
-                         const std::string& node) {
+void require_node(const TomlTable& table, std::string_view key, const Studio& studio,
+                  const std::string& node) {
   if (!has_node(studio, node)) table.fail(key, "there is no [[node]] named '" + node + "'");
 }
 
 std::string read_node(const TomlTable& table, const Studio& studio) {
   const std::string node = table.text("node");
-  refuse_unknown_node(table, "node", studio, node);
+  require_node(table, "node", studio, node);
   return node;
 }
 

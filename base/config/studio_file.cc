@@ -37,7 +37,7 @@ ChromaKey read_chroma_key(const TomlTable& table, ChromaKey fallback) {
   return *key;
 }
 
-/// What a V4L2 camera is told in place of a trigger line, packets and a gain in dB.
+/// Settings of V4L2 cameras only; such cameras have no trigger line, packets or gain in dB.
 void read_v4l2_settings(const TomlTable& table, StudioCamera& camera) {
   if (table.has("trigger_control")) {
     const std::string text = table.text("trigger_control");
@@ -53,8 +53,9 @@ void read_v4l2_settings(const TomlTable& table, StudioCamera& camera) {
     }
     camera.trigger_control = id;
   }
-  constexpr int kMost = std::numeric_limits<int>::max();
-  camera.trigger_value = ranged_int(table, "trigger_value", camera.trigger_value, -kMost, kMost);
+  constexpr int kMaxInt = std::numeric_limits<int>::max();
+  camera.trigger_value =
+      ranged_int(table, "trigger_value", camera.trigger_value, -kMaxInt, kMaxInt);
   if (table.has("width") || table.has("height")) {
     const ImageSize old = camera.size.value_or(ImageSize{});
     camera.size = ImageSize{ranged_int(table, "width", old.width, 1, kMaxImageSide),
@@ -62,7 +63,8 @@ void read_v4l2_settings(const TomlTable& table, StudioCamera& camera) {
   }
 }
 
-/// The settings that [camera_defaults] and [[camera]] share; `camera` comes with the defaults.
+/// Reads the settings that [camera_defaults] and [[camera]] share. `camera` holds the defaults on
+/// entry.
 void read_camera_settings(const TomlTable& table, const Studio& studio, StudioCamera& camera) {
   static constexpr std::array<std::pair<std::string_view, CameraKind>, 2> kKinds = {
       {{"aravis", CameraKind::kAravis}, {"v4l2", CameraKind::kV4l2}}};
@@ -90,21 +92,21 @@ void read_camera_settings(const TomlTable& table, const Studio& studio, StudioCa
   read_v4l2_settings(table, camera);
 }
 
-/// What only shows when defaults and the camera's own settings are together.
-void refuse_contradictions(const TomlTable& table, const StudioCamera& camera) {
+/// Checks the combination of defaults and own settings of a camera.
+void check_consistency(const TomlTable& table, const StudioCamera& camera) {
   if (camera.node.empty()) {
     table.fail("node", "missing: name the [[node]] here or in [camera_defaults]");
   }
   if (camera.kind == CameraKind::kV4l2 && camera.gain_db != 0) {
-    table.fail("gain_db", "a V4L2 gain has no unit; expected 0, and the gain set by v4l2-ctl");
+    table.fail("gain_db", "a V4L2 gain has no unit; expected 0; set the gain with v4l2-ctl");
   }
   if (camera.chroma_key != ChromaKey::kNone && camera.pixel_format == PixelFormat::kMono8) {
     table.fail("chroma_key",
-               "a Mono8 picture has no colour; expected none, or a pixel_format with one");
+               "a Mono8 picture has no colour; expected none, or a pixel_format with colour");
   }
 }
 
-/// `made_by`: the command that prints such a key.
+/// `made_by`: the command that prints such keys, for the message.
 std::string read_public_key(const TomlTable& table, std::string_view field,
                             const std::string& made_by) {
   constexpr size_t kDigits = 64;
@@ -142,8 +144,8 @@ void read_cameras(const TomlTable& file, Studio& studio) {
     StudioCamera camera = defaults;
     camera.name = read_name(table);
     if (!is_camera_name(camera.name)) {
-      table.fail("name",
-                 "'" + camera.name + "' cannot name a camera: " + std::string(kCameraNameRule));
+      table.fail("name", "'" + camera.name +
+                             "' is not a valid camera name: " + std::string(kCameraNameRule));
     }
     const auto same_name = [&](const StudioCamera& c) { return c.name == camera.name; };
     if (std::any_of(studio.cameras.begin(), studio.cameras.end(), same_name)) {
@@ -152,7 +154,7 @@ void read_cameras(const TomlTable& file, Studio& studio) {
     camera.address = table.text("address");
     read_camera_settings(table, studio, camera);
     table.refuse_unknown();
-    refuse_contradictions(table, camera);
+    check_consistency(table, camera);
     studio.cameras.push_back(std::move(camera));
   }
   if (studio.cameras.empty()) {
@@ -183,7 +185,7 @@ StudioLine read_driven_line(const TomlTable& table) {
   return line;
 }
 
-/// Four hexadecimal digits, as lsusb writes them.
+/// Parses four hexadecimal digits, as lsusb prints them.
 std::optional<uint16_t> usb_number(std::string_view text) {
   uint16_t value = 0;
   const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value, 16);
@@ -191,7 +193,7 @@ std::optional<uint16_t> usb_number(std::string_view text) {
   return text.size() == 4 && whole ? std::optional(value) : std::nullopt;
 }
 
-/// A speed that serial ports have.
+/// A standard speed of serial ports, baud.
 int read_baud(const TomlTable& table, int fallback) {
   static constexpr std::array<int64_t, 8> kSpeeds = {4800,   9600,    19'200,  38'400,
                                                      57'600, 115'200, 230'400, 460'800};
@@ -218,10 +220,10 @@ StudioInstrument read_instrument(const TomlTable& table) {
   constexpr size_t kProduct = kUsb.size() + 5;
   const auto vendor = usb_number(rest.substr(std::min(rest.size(), kUsb.size()), 4));
   const auto product = usb_number(rest.substr(std::min(rest.size(), kProduct), 4));
-  const bool ends = rest.size() == kProduct + 4;
+  const bool ends_after_product = rest.size() == kProduct + 4;
   const bool has_serial = rest.size() > kProduct + 5 && rest[kProduct + 4] == ':';
   if (!rest.starts_with(kUsb) || !vendor || !product || rest[kProduct - 1] != ':' ||
-      (!ends && !has_serial)) {
+      (!ends_after_product && !has_serial)) {
     table.fail("instrument", "'" + text + "': expected usb:VVVV:PPPP, usb:VVVV:PPPP:SERIAL " +
                                  "(numbers as lsusb writes them) or serial:/dev/NAME");
   }
@@ -261,7 +263,7 @@ void read_trigger(const TomlTable& file, Studio& studio) {
   trigger.pulse_width_us = ranged(table, "pulse_width_us", trigger.pulse_width_us, 0.1, 1e6);
   if (trigger.pulse_width_us >= 1e6 / trigger.rate_hz) {
     table.fail("pulse_width_us", "a pulse must be shorter than the period of " +
-                                     plain(1e6 / trigger.rate_hz) + " us");
+                                     format_plain(1e6 / trigger.rate_hz) + " us");
   }
   if (trigger.kind == TriggerKind::kSimulated) {
     trigger.wire = resolve(studio, table.text("wire"));
@@ -273,19 +275,21 @@ void read_trigger(const TomlTable& file, Studio& studio) {
   table.refuse_unknown();
 }
 
-/// A camera that runs free is told from the sense line what it has seen, by one clock.
-void refuse_unsensed(const TomlTable& file, const Studio& studio) {
+/// Free-running cameras need a sense line on their own node: the frames get the numbers of the
+/// sensed pulses, by one clock.
+void require_sensed_trigger(const TomlTable& file, const Studio& studio) {
   const auto tables = file.tables("camera");
   for (size_t i = 0; i < tables.size(); ++i) {
     const StudioCamera& camera = studio.cameras[i];
     if (!camera.runs_free()) continue;
-    const std::string why = "missing, so " + camera.name + " runs free; then ";
+    const std::string prefix = "missing, so " + camera.name + " is free-running; ";
     if (camera.node != studio.trigger.node) {
-      tables[i].fail("trigger_control", why + "it must hang on the trigger's node, " +
-                                            studio.trigger.node + ", whose sense line labels it");
+      tables[i].fail("trigger_control", prefix + "connect it to the trigger's node, " +
+                                            studio.trigger.node +
+                                            ", whose sense line numbers its frames");
     }
     if (!studio.trigger.is_sensed()) {
-      tables[i].fail("trigger_control", why + "[trigger.sense] is needed, which labels it");
+      tables[i].fail("trigger_control", prefix + "add [trigger.sense], which numbers its frames");
     }
   }
 }
@@ -294,12 +298,13 @@ void read_space(const TomlTable& file, Studio& studio) {
   const TomlTable table = file.table("space");
   studio.space.bounds = {read_point(table, "min"), read_point(table, "max")};
   if ((studio.space.bounds.size().array() <= 0).any()) {
-    table.fail("max", "must be above min in x, y and z");
+    table.fail("max", "expected values above min in x, y and z");
   }
   table.refuse_unknown();
 }
 
-/// A socket hears all groups of its port that anybody on its PC has joined.
+/// Each group needs its own port: a socket receives all groups of its port that any process of its
+/// PC has joined.
 void read_frame_groups(const TomlTable& table, StudioNetwork& network) {
   if (!table.has("frame_groups")) return;
   network.frame_groups = table.texts("frame_groups");
@@ -309,13 +314,14 @@ void read_frame_groups(const TomlTable& table, StudioNetwork& network) {
     if (!group) {
       table.fail(
           "frame_groups",
-          "'" + url + "' is no multicast group; expected one like udpm://239.255.76.68:7668");
+          "'" + url + "' is not a multicast group; expected one like udpm://239.255.76.68:7668");
     }
     for (const std::string& other : urls) {
       const auto taken = lcm_group(other);
       if (!taken || (group->address != taken->address && group->port != taken->port)) continue;
-      table.fail("frame_groups", "'" + url + "' and '" + other +
-                                     "' share an address or a port; expected others for each");
+      table.fail("frame_groups",
+                 "'" + url + "' and '" + other +
+                     "' share an address or a port; use different ones for each group");
     }
     urls.push_back(url);
   }
@@ -329,7 +335,7 @@ void read_members(const TomlTable& table, Studio& studio) {
   if (!table.has("members")) return;
   network.members = resolve(studio, table.text("members"));
   if (network.authority.empty()) {
-    table.fail("authority", "missing: the list of members needs the public key that verifies it");
+    table.fail("authority", "missing: a member list needs the public key that verifies it");
   }
 }
 
@@ -355,21 +361,21 @@ void read_storage(const TomlTable& file, Studio& studio) {
     studio.storage.signing_key = resolve(studio, table.text("signing_key"));
   } else if (!studio.network.members.empty()) {
     table.fail("signing_key",
-               "missing: where there is a list of members, nodes sign their replies");
+               "missing: with a member list, nodes need this key to sign their replies");
   }
   table.refuse_unknown();
 }
 
-/// `node`, or `nodes` where several share the pulses.
+/// The field `node`, or `nodes` when several nodes share the pulses.
 std::vector<std::string> read_reconstruction_nodes(const TomlTable& table, const Studio& studio) {
   if (!table.has("nodes")) return {read_node(table, studio)};
   if (table.has("node")) table.fail("node", "expected either node or nodes, found both");
   std::vector<std::string> nodes = table.texts("nodes");
   if (nodes.empty()) table.fail("nodes", "expected the names of [[node]]s, found none");
-  for (const std::string& node : nodes) refuse_unknown_node(table, "nodes", studio, node);
+  for (const std::string& node : nodes) require_node(table, "nodes", studio, node);
   std::sort(nodes.begin(), nodes.end());
-  const auto twice = std::adjacent_find(nodes.begin(), nodes.end());
-  if (twice != nodes.end()) table.fail("nodes", "names '" + *twice + "' twice");
+  const auto duplicate = std::adjacent_find(nodes.begin(), nodes.end());
+  if (duplicate != nodes.end()) table.fail("nodes", "'" + *duplicate + "' is listed twice");
   return nodes;
 }
 
@@ -431,7 +437,7 @@ Studio parse_studio(std::string_view text, const std::filesystem::path& path) {
   read_nodes(file, studio);
   read_cameras(file, studio);
   read_trigger(file, studio);
-  refuse_unsensed(file, studio);
+  require_sensed_trigger(file, studio);
   read_space(file, studio);
   read_network(file, studio);
   read_storage(file, studio);

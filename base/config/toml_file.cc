@@ -21,10 +21,10 @@ struct TomlTable::Node {
   const toml::table* table = nullptr;
   std::string path;    // of the file
   std::string prefix;  // "camera." before the names of fields in messages
-  mutable std::set<std::string, std::less<>> asked;
+  mutable std::set<std::string, std::less<>> read_keys;
 
   const toml::node* find(std::string_view key) const {
-    asked.emplace(key);
+    read_keys.emplace(key);
     return table->get(key);
   }
 
@@ -50,7 +50,7 @@ struct TomlTable::Node {
                             ", found " + found.str());
   }
 
-  /// A finite number of a file; integers count as numbers.
+  /// A finite number; integers count as numbers.
   double number_of(std::string_view key, const toml::node& node) const {
     const auto value = node.is_number() ? node.value<double>() : std::nullopt;
     if (!value || !std::isfinite(*value)) {
@@ -194,7 +194,7 @@ TomlTable TomlTable::table(std::string_view key) const {
   auto inner = std::make_shared<Node>(*node_);
   inner->table = node.as_table();
   inner->prefix = node_->prefix + std::string(key) + ".";
-  inner->asked.clear();
+  inner->read_keys.clear();
   return TomlTable(std::move(inner));
 }
 
@@ -211,7 +211,7 @@ std::vector<TomlTable> TomlTable::tables(std::string_view key) const {
     auto inner = std::make_shared<Node>(*node_);
     inner->table = element.as_table();
     inner->prefix = node_->prefix + std::string(key) + ".";
-    inner->asked.clear();
+    inner->read_keys.clear();
     result.push_back(TomlTable(std::move(inner)));
   }
   return result;
@@ -224,7 +224,7 @@ std::vector<std::pair<std::string, TomlTable>> TomlTable::sub_tables() const {
       result.emplace_back(key.str(), table(key.str()));
     }
   }
-  // toml++ sorts keys; people mean the order in which they wrote them.
+  // toml++ sorts keys; restore the order of the file.
   std::stable_sort(result.begin(), result.end(), [](const auto& a, const auto& b) {
     return a.second.node_->table->source().begin < b.second.node_->table->source().begin;
   });
@@ -243,12 +243,12 @@ void TomlTable::fail_here(const std::string& message) const {
 
 void TomlTable::refuse_unknown() const {
   for (const auto& [key, value] : *node_->table) {
-    if (node_->asked.find(key.str()) == node_->asked.end()) {
+    if (node_->read_keys.find(key.str()) == node_->read_keys.end()) {
       node_->fail(
           key.source(),
           node_->prefix + std::string(key.str()) + ": unknown field; known here: " + [&] {
             std::string known;
-            for (const std::string& name : node_->asked) {
+            for (const std::string& name : node_->read_keys) {
               known += (known.empty() ? "" : ", ") + name;
             }
             return known;
@@ -261,7 +261,7 @@ std::string toml_number(double value) {
   std::array<char, 40> text{};
   const auto end = std::to_chars(text.data(), text.data() + text.size(), value).ptr;
   std::string number(text.data(), end);
-  // TOML tells integers from floats by the spelling.
+  // TOML distinguishes integers and floats by their spelling.
   return number.find_first_of(".en") == std::string::npos ? number + ".0" : number;
 }
 

@@ -1,5 +1,4 @@
-// TOML with errors a person can act on: every message names file, line and field. The adapter of
-// toml++.
+// TOML reader whose error messages contain file, line and field. The adapter of toml++.
 #pragma once
 
 #include <filesystem>
@@ -11,19 +10,20 @@
 
 namespace v3d {
 
-/// A table of a parsed file. Fields are asked for by name; a field that is missing or has another
-/// type than asked for throws InputError ("studio.toml:12: camera.exposure_us: expected a number,
-/// found a string"). refuse_unknown() then names any field that was never asked for, so that a
-/// misspelt one is not ignored. Copies are cheap and keep the parsed file alive. One thread.
+/// A table of a parsed file, whose fields are read by name.
+/// A field that is missing or has another type throws InputError ("studio.toml:12:
+/// camera.exposure_us: expected a number, found a string"). refuse_unknown() rejects fields that
+/// were never read, so that a misspelt field is not ignored.
+/// Copies are cheap and keep the parsed file alive. Use from one thread.
 class TomlTable {
  public:
   static TomlTable load(const std::filesystem::path& path);
-  /// `path` names the text in messages.
+  /// Like load(), but reads `text`. Error messages use `path` as the file name.
   static TomlTable parse(std::string_view text, const std::filesystem::path& path);
 
   bool has(std::string_view key) const;
   bool is_text(std::string_view key) const;
-  /// Whether rows() may be asked: an array that begins with an array.
+  /// True for an array whose first element is an array, as rows() reads.
   bool is_rows(std::string_view key) const;
 
   std::string text(std::string_view key) const;
@@ -40,27 +40,28 @@ class TomlTable {
   std::vector<std::vector<double>> rows(std::string_view key) const;
 
   TomlTable table(std::string_view key) const;
-  /// [[key]]; empty when there is none.
+  /// The tables [[key]]; empty when there is none.
   std::vector<TomlTable> tables(std::string_view key) const;
   /// All sub-tables with their keys, in the order of the file.
   std::vector<std::pair<std::string, TomlTable>> sub_tables() const;
 
-  /// Throws InputError at the field: "file:line: field: message".
+  /// Throws InputError for a field: "file:line: field: message".
   [[noreturn]] void fail(std::string_view key, const std::string& message) const;
-  /// The same for the table itself.
+  /// Throws InputError for the table itself: "file:line: message".
   [[noreturn]] void fail_here(const std::string& message) const;
+  /// Throws InputError for a field that was never read; the message lists the known fields.
   void refuse_unknown() const;
 
  private:
   struct Node;
   explicit TomlTable(std::shared_ptr<Node> node) : node_(std::move(node)) {}
-  std::shared_ptr<Node>
-      node_;  // shared: views into one parsed file, which lives as long as any of them
+  // Shared: all tables of a file keep its parsed content alive.
+  std::shared_ptr<Node> node_;
 };
 
-/// A number that reads back to the same bits ("0.1", "1e-09", "3.0").
+/// The shortest text that reads back to the same bits ("0.1", "1e-09", "3.0").
 std::string toml_number(double value);
-/// A quoted and escaped string.
+/// A quoted and escaped TOML string.
 std::string toml_string(std::string_view text);
 
 }  // namespace v3d

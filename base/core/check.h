@@ -1,16 +1,16 @@
-// Checks for bugs that stay on in every build: see base/core/error.h for the kinds of error.
+// V3D_CHECK: assertions that stay active in every build. See base/core/error.h for the kinds of
+// error.
 #pragma once
 
 #include <cassert>
 
-/// Aborts with "FILE:LINE: check failed: CONDITION" on stderr unless the condition holds. For
-/// preconditions and invariants, which only a bug can violate; never for input. Text may be added
-/// with &&: V3D_CHECK(output_ && "arm() comes first").
+/// Aborts with "FILE:LINE: check failed: CONDITION" on stderr when the condition is false.
+/// Use it for preconditions and invariants, which only a bug can violate; never for input. Append
+/// text with &&: V3D_CHECK(output_ && "arm() comes first").
 #define V3D_CHECK(condition) \
   ((condition) ? static_cast<void>(0) : ::v3d::check_failed(#condition, __FILE__, __LINE__))
 
-/// The same in debug builds only, for what runs so often that a branch costs: the inner loops of
-/// kernels.
+/// Like V3D_CHECK, in debug builds only: for the inner loops of kernels, where a branch costs time.
 #define V3D_DEBUG_CHECK(condition) assert(condition)
 
 namespace v3d {

@@ -1,7 +1,7 @@
 #include "base/core/checksum.h"
 
 #if defined(__x86_64__)
-// The library chooses the instructions at run time: twice to three times the speed of SSE2.
+// The library selects the instruction set at run time: two to three times the speed of SSE2.
 #include <xxh_x86dispatch.h>
 #else
 #include <xxhash.h>

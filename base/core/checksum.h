@@ -1,4 +1,4 @@
-// Checksums against damage on the way to a disk and back: XXH3 with 64 bits, which costs less than
+// XXH3 checksums (64 bits), which detect damage on the way to a disk and back. They cost less than
 // the copy. The adapter of xxHash.
 #pragma once
 
@@ -9,17 +9,17 @@
 
 namespace v3d {
 
-/// XXH3, 64 bits, seed 0, of the parts as if they stood one behind the other.
+/// XXH3 (64 bits, seed 0) of the concatenated parts.
 uint64_t checksum(std::initializer_list<std::span<const uint8_t>> parts);
 
-/// The same checksum of bytes that come one after the other, as those of a long file do. One
-/// thread.
+/// Computes checksum() incrementally, for bytes that arrive in pieces, such as those of a long
+/// file. Use from one thread.
 class RunningChecksum {
  public:
   RunningChecksum();
 
   void add(std::span<const uint8_t> bytes);
-  /// Of all bytes until now; more may follow.
+  /// The checksum of all bytes added so far. More bytes may follow.
   uint64_t value() const;
 
  private:

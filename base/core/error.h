@@ -1,9 +1,10 @@
 // The three kinds of error:
-//   - a bug: V3D_CHECK (base/core/check.h), which aborts in every build; only the inner loops of
-//   kernels check in debug builds alone;
-//   - bad input or set-up: InputError, thrown once with what, where and what would be right, caught
+// - a bug: V3D_CHECK (base/core/check.h) aborts in every build; the inner loops of kernels check in
+//   debug builds only;
+// - bad input or set-up: InputError, thrown once with what, where and what would be right, caught
 //   in main;
-//   - while running (a drop, an unplug, a bad packet): data. Counted and shown, never thrown.
+// - a fault at run time (a dropped frame, an unplugged camera, a bad packet): data. It is counted
+//   and shown, never thrown.
 #pragma once
 
 #include <stdexcept>
@@ -11,7 +12,8 @@
 
 namespace v3d {
 
-/// What a user can mend: a file, a field, an option. `what()` is one line. Programs exit with 2.
+/// An error that a user can correct in a file, a field or an option. `what()` is one line. Programs
+/// exit with status 2.
 class InputError : public std::runtime_error {
  public:
   using std::runtime_error::runtime_error;
@@ -25,7 +27,7 @@ enum ExitStatus : int {
   kExitNotWhole = 3,  ///< done, but the result is incomplete or a check failed
 };
 
-/// "path: No such file or directory" for the current errno.
+/// "`what`: <text of the current errno>", e.g. "path: No such file or directory".
 std::string errno_message(const std::string& what);
 
 }  // namespace v3d

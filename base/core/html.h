@@ -1,5 +1,4 @@
-// Pieces of a page for people: one HTML file with its pictures in it, that needs nothing but a
-// browser.
+// Parts of the HTML reports: one self-contained file with embedded images.
 #pragma once
 
 #include <cstdint>
@@ -9,14 +8,14 @@
 
 namespace v3d {
 
-/// From the doctype to the opening of the body, with the style that our pages share. `title` is
-/// plain text.
+/// The page up to and including <body>, with the common style of all reports. `title` is plain
+/// text.
 std::string html_head(std::string_view title);
 
-/// Plain text as text of a page.
+/// Plain text escaped for HTML.
 std::string html_escaped(std::string_view text);
 
-/// "data:image/jpeg;base64,...".
+/// A JPEG image as a data URL: "data:image/jpeg;base64,...".
 std::string data_url(const std::vector<uint8_t>& jpeg);
 
 }  // namespace v3d

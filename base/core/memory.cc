@@ -23,7 +23,7 @@ int64_t available_memory() {
 
 void lock_memory() {
   rlimit limit{};
-  // Under a limit, memory that is asked for later would be refused.
+  // With a limit, later allocations would fail.
   if (getrlimit(RLIMIT_MEMLOCK, &limit) != 0 || limit.rlim_cur != RLIM_INFINITY) return;
   mlockall(MCL_CURRENT | MCL_FUTURE | MCL_ONFAULT);
 }

@@ -5,11 +5,12 @@
 
 namespace v3d {
 
-/// Memory that can be had without swapping (MemAvailable of /proc/meminfo), bytes.
+/// Memory that is available without swapping (MemAvailable of /proc/meminfo), bytes. INT64_MAX when
+/// it is unknown.
 int64_t available_memory();
 
-/// What this process has used of its memory, now or later, stays in memory where the process may
-/// (no RLIMIT_MEMLOCK), so that no page of a thread that must be punctual is fetched from a disk.
+/// Locks the memory of this process, current and future, where RLIMIT_MEMLOCK is unlimited. A
+/// real-time thread then never waits for a page from a disk.
 void lock_memory();
 
 }  // namespace v3d

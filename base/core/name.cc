@@ -13,8 +13,8 @@ bool is_letter_or_digit(char c) {
 }  // namespace
 
 bool is_file_name(std::string_view name) {
-  constexpr size_t kLongest = 64;
-  return !name.empty() && name.size() <= kLongest && name.front() != '.' && name.front() != '-' &&
+  constexpr size_t kMaxLength = 64;
+  return !name.empty() && name.size() <= kMaxLength && name.front() != '.' && name.front() != '-' &&
          std::all_of(name.begin(), name.end(), [](char c) {
            return is_letter_or_digit(c) || c == '-' || c == '_' || c == '.';
          });
@@ -30,10 +30,11 @@ bool is_camera_name(std::string_view name) {
 }
 
 std::string join_names(const std::vector<std::string>& names) {
-  constexpr size_t kMost = 24;
+  constexpr size_t kMaxNames = 24;
   std::string joined;
-  for (size_t i = 0; i < std::min(names.size(), kMost); ++i) joined += (i ? ", " : "") + names[i];
-  if (names.size() > kMost) joined += ", ...";
+  for (size_t i = 0; i < std::min(names.size(), kMaxNames); ++i)
+    joined += (i ? ", " : "") + names[i];
+  if (names.size() > kMaxNames) joined += ", ...";
   return joined;
 }
 

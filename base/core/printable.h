@@ -1,4 +1,4 @@
-// Texts of strangers, for a terminal, a log or JSON.
+// Makes untrusted text safe for a terminal, a log or JSON.
 #pragma once
 
 #include <string>
@@ -6,8 +6,8 @@
 
 namespace v3d {
 
-/// The text with a '?' for every byte that is not of well-formed UTF-8, and for every control
-/// character: it can neither move a cursor nor end a line.
+/// Replaces each byte of invalid UTF-8 and each control character by '?'. The result cannot move a
+/// cursor or end a line.
 std::string printable(std::string_view text);
 
 }  // namespace v3d

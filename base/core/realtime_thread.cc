@@ -11,17 +11,18 @@
 namespace v3d {
 namespace {
 
-constexpr int kPriority = 10;  ///< of 1 to 99: above no one who has set one with care
+/// Of 1 to 99; low, so that threads with a configured priority run first.
+constexpr int kPriority = 10;
 constexpr uint64_t kShortestSliceNs = 100'000;
 
-/// The kernel's struct sched_attr, first version; glibc 2.36 has neither it nor the call.
+/// The kernel's struct sched_attr, first version. glibc 2.36 has neither the struct nor the call.
 struct SchedulingAttributes {
   uint32_t size = sizeof(SchedulingAttributes);
   uint32_t policy = SCHED_OTHER;
   uint64_t flags = 0;
   int32_t nice = 0;
   uint32_t priority = 0;
-  uint64_t runtime_ns = kShortestSliceNs;  ///< of SCHED_OTHER: the slice
+  uint64_t runtime_ns = kShortestSliceNs;  ///< for SCHED_OTHER: the time slice
   uint64_t deadline_ns = 0;
   uint64_t period_ns = 0;
 };

@@ -1,11 +1,13 @@
-// For threads that do little, but at once.
+// Real-time scheduling and locked memory, for threads that do little work but must start it on
+// time.
 #pragma once
 
 namespace v3d {
 
-/// The calling thread runs as soon as it wakes, whatever else the machine is busy with: in real
-/// time where the process may (RLIMIT_RTPRIO), else with the shortest time slice, which Linux 6.12
-/// and later put before longer ones and grant to anybody. On older kernels it waits for its turn.
+/// Raises the scheduling priority of the calling thread, so that it runs as soon as it wakes.
+/// Uses real-time scheduling (SCHED_FIFO) where the process may (RLIMIT_RTPRIO). Otherwise it
+/// requests the shortest time slice: Linux 6.12 and later schedule it before longer ones and need
+/// no permission. On older kernels the request has no effect.
 void make_thread_realtime();
 
 }  // namespace v3d

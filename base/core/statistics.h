@@ -1,4 +1,4 @@
-// Order statistics and means of a few numbers.
+// Percentiles, medians and means of small samples.
 #pragma once
 
 #include <algorithm>
@@ -9,7 +9,7 @@
 
 namespace v3d {
 
-/// The value that would stand at `index` if the values were sorted. Requires index < values.size().
+/// The value at `index` of the sorted values. Requires index < values.size().
 template <class T>
 T nth_smallest(std::vector<T> values, size_t index) {
   const auto nth = values.begin() + static_cast<std::ptrdiff_t>(index);
@@ -17,8 +17,8 @@ T nth_smallest(std::vector<T> values, size_t index) {
   return *nth;
 }
 
-/// Nearest rank: the smallest value that at least `share` (0 to 1) of the values do not exceed; one
-/// that occurred, never interpolated. 0 of no values.
+/// Nearest-rank percentile: the smallest value v such that at least `share` (0 to 1) of the values
+/// are <= v. It is one of the values, never interpolated; 0 for no values.
 template <class T>
 T percentile(std::vector<T> values, double share) {
   if (values.empty()) return T{};
@@ -27,7 +27,7 @@ T percentile(std::vector<T> values, double share) {
   return nth_smallest(std::move(values), index);
 }
 
-/// The upper one of the two values in the middle if their number is even; 0 of no values.
+/// Median; for an even number of values the larger of the two middle values. 0 for no values.
 template <class T>
 T upper_median(std::vector<T> values) {
   if (values.empty()) return T{};
@@ -35,12 +35,12 @@ T upper_median(std::vector<T> values) {
   return nth_smallest(std::move(values), index);
 }
 
-/// The mean of the two values in the middle if their number is even; 0 of no values.
+/// Median; for an even number of values the mean of the two middle values. 0 for no values.
 inline double median(const std::vector<double>& values) {
   return (percentile(values, 0.5) + upper_median(values)) / 2;
 }
 
-/// 0 of no values.
+/// Arithmetic mean; 0 for no values.
 inline double mean(const std::vector<double>& values) {
   if (values.empty()) return 0;
   return std::accumulate(values.begin(), values.end(), 0.0) / static_cast<double>(values.size());

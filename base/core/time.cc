@@ -18,14 +18,14 @@ struct BothClocks {
   MonotonicInstant steady;
   RealtimeInstant wall;
 };
-/// Without a pause between the two, which would look like a step.
+/// Reads both clocks within 1 ms where possible; a longer gap would look like a step.
 BothClocks read_both_clocks() {
-  constexpr Duration kAtOnce = std::chrono::milliseconds(1);
+  constexpr Duration kMaxGap = std::chrono::milliseconds(1);
   constexpr int kTries = 100;
   BothClocks clocks;
   for (int i = 0; i < kTries; ++i) {
     clocks = {Monotonic::now(), wall_clock()};
-    if (Monotonic::now() - clocks.steady < kAtOnce) break;
+    if (Monotonic::now() - clocks.steady < kMaxGap) break;
   }
   return clocks;
 }
@@ -57,9 +57,8 @@ RealtimeInstant RealtimeFollower::follow(MonotonicInstant steady, RealtimeInstan
   if (known == kUnknown && difference_ns_.compare_exchange_strong(known, difference)) return wall;
   const int64_t change = difference - known;
   if (std::abs(change) > kSlew.count()) return from_ns<Realtime>(to_ns(steady) + known);
-  constexpr int64_t kWorthTheWrite = 1000;  // every thread reads it
-  if (std::abs(change) > kWorthTheWrite)
-    difference_ns_.store(difference, std::memory_order_relaxed);
+  constexpr int64_t kMinUpdateNs = 1000;  // all threads read the difference, so avoid small writes
+  if (std::abs(change) > kMinUpdateNs) difference_ns_.store(difference, std::memory_order_relaxed);
   return wall;
 }
 

@@ -1,5 +1,5 @@
-// Times that name their clock. An instant of one clock cannot be subtracted from an instant of
-// another: the compiler refuses, which is the point.
+// Clocks with distinct types. The compiler rejects the difference of instants of two different
+// clocks.
 #pragma once
 
 #include <atomic>
@@ -10,11 +10,12 @@ namespace v3d {
 
 using Duration = std::chrono::nanoseconds;
 
-/// CLOCK_REALTIME without its steps: wall-clock time, for names, logs, and the times of pulses and
-/// messages. It follows a clock that NTP slews. When the clock is set by more than
-/// RealtimeFollower::kSlew, the process goes on with the time of before, carried by
-/// CLOCK_MONOTONIC, until adopt_step(): a take has one time from its first pulse to its last. Any
-/// thread.
+/// Wall-clock time (CLOCK_REALTIME) without its steps: for names, logs, and the times of pulses and
+/// messages.
+/// It follows a clock that NTP slews. When the clock is set by more than RealtimeFollower::kSlew,
+/// now() continues the previous time with CLOCK_MONOTONIC until adopt_step(). A take thus has one
+/// continuous time from its first pulse to its last.
+/// Thread-safe.
 struct Realtime {
   using duration = Duration;
   using rep = duration::rep;
@@ -22,14 +23,14 @@ struct Realtime {
   using time_point = std::chrono::time_point<Realtime, Duration>;
   static constexpr bool is_steady = false;
   static time_point now();
-  /// How far CLOCK_REALTIME has been set, and this process has not followed: negative when it was
+  /// The change of CLOCK_REALTIME that this process has not adopted: negative when the clock was
   /// set back; 0 when it was not set.
   static Duration step();
-  /// Follows. now() jumps by step().
+  /// Adopts the step: now() jumps by step().
   static void adopt_step();
 };
 
-/// CLOCK_MONOTONIC of this host: for deadlines, and for what happened when on one machine.
+/// CLOCK_MONOTONIC of this host: for deadlines, and for the order of events on one machine.
 struct Monotonic {
   using duration = Duration;
   using rep = duration::rep;
@@ -39,7 +40,8 @@ struct Monotonic {
   static time_point now();
 };
 
-/// A camera's own clock: its zero and its rate are its own, and it cannot be asked for the time.
+/// The clock of a camera, with its own zero and rate. It has no now(): its time is only known from
+/// frames.
 struct DeviceClock {
   using duration = Duration;
   using rep = duration::rep;
@@ -52,16 +54,18 @@ using RealtimeInstant = Realtime::time_point;
 using MonotonicInstant = Monotonic::time_point;
 using DeviceInstant = DeviceClock::time_point;
 
-/// The difference of the two clocks, as far as the wall clock was not set. Any thread.
+/// Tracks the difference of the wall clock and the monotonic clock, and detects steps of the wall
+/// clock. Thread-safe.
 class RealtimeFollower {
  public:
-  /// NTP slews by less between two readings; a larger difference is a step.
+  /// Larger changes of the difference between two readings are steps; NTP slews by less.
   static constexpr Duration kSlew = std::chrono::milliseconds(50);
 
-  /// The time without steps. `wall` was read directly after `steady`.
+  /// The time without steps. Read `wall` directly after `steady`.
   RealtimeInstant follow(MonotonicInstant steady, RealtimeInstant wall);
-  /// As Realtime::step().
+  /// Like Realtime::step().
   Duration step(MonotonicInstant steady, RealtimeInstant wall) const;
+  /// Like Realtime::adopt_step().
   void adopt(MonotonicInstant steady, RealtimeInstant wall);
 
  private:
@@ -69,7 +73,7 @@ class RealtimeFollower {
   std::atomic<int64_t> difference_ns_ = kUnknown;
 };
 
-/// Nanoseconds since the clock's zero, for the wire and for files.
+/// Nanoseconds since the clock's zero, for messages and files.
 template <class Clock>
 constexpr int64_t to_ns(std::chrono::time_point<Clock, Duration> t) {
   return t.time_since_epoch().count();

@@ -1,4 +1,4 @@
-// Which of many numbered things belong together (union-find).
+// Union-find: disjoint sets of the integers 0 to count - 1.
 #pragma once
 
 #include <cstddef>
@@ -8,10 +8,10 @@
 
 namespace v3d {
 
-/// Keeps its memory when it starts again. One thread.
+/// Keeps its memory between uses. Use from one thread.
 class UnionFind {
  public:
-  /// `count` things, each in a set of its own.
+  /// Starts with `count` elements, each in a set of its own.
   void reset(size_t count) {
     parent_.resize(count);
     std::iota(parent_.begin(), parent_.end(), 0U);
@@ -27,14 +27,14 @@ class UnionFind {
     }
   }
 
-  /// The least member of the set that `a` is in: the set's name.
+  /// The smallest element of the set of `a`, which identifies the set.
   uint32_t find(uint32_t a) {
     while (parent_[a] != a) a = parent_[a] = parent_[parent_[a]];
     return a;
   }
 
  private:
-  std::vector<uint32_t> parent_;  ///< never greater than the thing itself
+  std::vector<uint32_t> parent_;  ///< never greater than the element itself
 };
 
 }  // namespace v3d

@@ -1,4 +1,4 @@
-// Lengths as people write them.
+// Parses and formats lengths, boxes, byte counts and numbers for command lines and reports.
 #pragma once
 
 #include <cstdint>
@@ -7,12 +7,13 @@
 
 namespace v3d {
 
-/// Removes a finite number from the front of `text`. Returns false, and changes nothing, when
-/// `text` does not begin with one.
+/// Parses a finite number at the start of `text` and removes it. Returns false, and changes
+/// nothing, when `text` does not begin with one.
 bool take_number(std::string_view& text, double& value);
-/// "8mm", "0.5cm", "2m" to metres. Throws InputError for anything else; a bare number is refused.
+/// Parses "8mm", "0.5cm" or "2m" to metres. Throws InputError for anything else, including a number
+/// without a unit.
 double parse_length(std::string_view text);
-/// The shortest fitting unit: "8 mm", "1.5 m".
+/// A length in millimetres below 1 m, else in metres: "8 mm", "1.5 m".
 std::string format_length(double metres);
 /// "29.5 GB" (powers of 1000).
 std::string format_bytes(double bytes);

@@ -21,7 +21,7 @@ Box parse_bounds(std::string_view text) {
   }
   if (!good || !rest.empty() || v[0] >= v[3] || v[1] >= v[4] || v[2] >= v[5]) {
     throw InputError("bounds '" + std::string(text) +
-                     "': expected X0,Y0,Z0,X1,Y1,Z1 in metres, each first corner below the second");
+                     "': expected X0,Y0,Z0,X1,Y1,Z1 in metres, with X0 < X1, Y0 < Y1 and Z0 < Z1");
   }
   return {{v[0], v[1], v[2]}, {v[3], v[4], v[5]}};
 }

@@ -18,7 +18,7 @@ struct Box {
   }
 };
 
-/// "X0,Y0,Z0,X1,Y1,Z1" in metres, every X0 < X1. Throws InputError.
+/// Parses "X0,Y0,Z0,X1,Y1,Z1" in metres. Throws InputError unless X0 < X1, Y0 < Y1 and Z0 < Z1.
 Box parse_bounds(std::string_view text);
 
 }  // namespace v3d

@@ -12,7 +12,7 @@ enum { kK1, kK2, kP1, kP2, kK3, kK4, kK5, kK6, kS1, kS2, kS3, kS4, kTauX, kTauY 
 
 /// Numerator and denominator of the radial factor, and their derivatives by s = r^2.
 struct Radial {
-  double top, top_slope, bottom, bottom_slope;
+  double numerator, numerator_slope, denominator, denominator_slope;
 };
 
 Radial radial_at(const Distortion& d, double s) {
@@ -20,20 +20,22 @@ Radial radial_at(const Distortion& d, double s) {
           1 + s * (d[kK4] + s * (d[kK5] + s * d[kK6])), d[kK4] + s * (2 * d[kK5] + s * 3 * d[kK6])};
 }
 
-/// Whether the distorted radius still grows with the radius: d/dr [r R(r^2)] = R + 2 s R' > 0.
+/// True when the distorted radius grows with the radius: d/dr [r R(r^2)] = R + 2 s R' > 0.
 bool grows_at(const Distortion& d, double s) {
   const Radial q = radial_at(d, s);
-  const double slope = q.top * q.bottom + 2 * s * (q.top_slope * q.bottom - q.top * q.bottom_slope);
-  return q.bottom > 0 && slope > 0;
+  const double slope =
+      q.numerator * q.denominator +
+      2 * s * (q.numerator_slope * q.denominator - q.numerator * q.denominator_slope);
+  return q.denominator > 0 && slope > 0;
 }
 
-/// The squared radius up to which the radial polynomial grows. Rays beyond 88.5 degrees off the
-/// axis (radius 40) are not looked at: no image of this model reaches so far.
+/// The squared radius up to which the radial polynomial grows. The search ends at radius 40 (88.5
+/// degrees off the axis): no image of this model reaches so far.
 double find_max_radius2(const Distortion& d) {
-  constexpr double kLargest = 40;
+  constexpr double kMaxRadius = 40;
   constexpr double kStep = 0.004;
   double good = 0;
-  for (double r = kStep; r <= kLargest; r += kStep) {
+  for (double r = kStep; r <= kMaxRadius; r += kStep) {
     if (grows_at(d, r * r)) {
       good = r;
       continue;
@@ -50,12 +52,13 @@ double find_max_radius2(const Distortion& d) {
 
 /// The homography of a sensor tilted by tau_x, tau_y (OpenCV: computeTiltProjectionMatrix).
 Eigen::Matrix3d tilt_matrix(double tau_x, double tau_y) {
-  const Eigen::Matrix3d turn = (Eigen::AngleAxisd(-tau_y, Eigen::Vector3d::UnitY()) *
-                                Eigen::AngleAxisd(-tau_x, Eigen::Vector3d::UnitX()))
-                                   .toRotationMatrix();
+  const Eigen::Matrix3d tilt_rotation = (Eigen::AngleAxisd(-tau_y, Eigen::Vector3d::UnitY()) *
+                                         Eigen::AngleAxisd(-tau_x, Eigen::Vector3d::UnitX()))
+                                            .toRotationMatrix();
   Eigen::Matrix3d project;
-  project << turn(2, 2), 0, -turn(0, 2), 0, turn(2, 2), -turn(1, 2), 0, 0, 1;
-  return project * turn;
+  project << tilt_rotation(2, 2), 0, -tilt_rotation(0, 2), 0, tilt_rotation(2, 2),
+      -tilt_rotation(1, 2), 0, 0, 1;
+  return project * tilt_rotation;
 }
 
 }  // namespace
@@ -81,16 +84,16 @@ Eigen::Vector2d CameraModel::distort(const Eigen::Vector2d& normalised) const {
   const double y = normalised.y();
   const double s = x * x + y * y;
   const Radial q = radial_at(d, s);
-  const double radial = q.top / q.bottom;
-  const Eigen::Vector3d bent(
+  const double radial = q.numerator / q.denominator;
+  const Eigen::Vector3d untilted(
       x * radial + 2 * d[kP1] * x * y + d[kP2] * (s + 2 * x * x) + s * (d[kS1] + s * d[kS2]),
       y * radial + d[kP1] * (s + 2 * y * y) + 2 * d[kP2] * x * y + s * (d[kS3] + s * d[kS4]), 1);
-  return (tilt_ * bent).hnormalized();
+  return (tilt_ * untilted).hnormalized();
 }
 
 std::optional<Eigen::Vector2d> CameraModel::undistort(const Eigen::Vector2d& distorted) const {
   constexpr double kTolerance = 1e-12;
-  constexpr double kProbe = 1e-7;
+  constexpr double kDelta = 1e-7;
   Eigen::Vector2d x = Eigen::Vector2d::Zero();
   Eigen::Vector2d error = distort(x) - distorted;
   for (int iteration = 0; iteration < 60; ++iteration) {
@@ -99,11 +102,11 @@ std::optional<Eigen::Vector2d> CameraModel::undistort(const Eigen::Vector2d& dis
     }
     Eigen::Matrix2d jacobian;
     for (int i = 0; i < 2; ++i) {
-      const Eigen::Vector2d step = Eigen::Vector2d::Unit(i) * kProbe;
-      jacobian.col(i) = (distort(x + step) - distort(x - step)) / (2 * kProbe);
+      const Eigen::Vector2d step = Eigen::Vector2d::Unit(i) * kDelta;
+      jacobian.col(i) = (distort(x + step) - distort(x - step)) / (2 * kDelta);
     }
     const Eigen::Vector2d step = jacobian.inverse() * error;
-    // From the centre outwards, never beyond the fold, and only downhill.
+    // Damped Newton step: stays within the fold and reduces the error.
     double length = 1;
     for (; length > 1e-3; length *= 0.5) {
       const Eigen::Vector2d next = x - length * step;
@@ -115,7 +118,8 @@ std::optional<Eigen::Vector2d> CameraModel::undistort(const Eigen::Vector2d& dis
       }
     }
     if (!(length > 1e-3)) {
-      // Rounding leaves nothing to gain; good to the last bits or not at all.
+      // Rounding prevents a smaller error; accept the result only when it is close to the
+      // tolerance.
       return error.norm() < 1e3 * kTolerance ? std::optional(x) : std::nullopt;
     }
   }

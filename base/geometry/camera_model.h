@@ -1,4 +1,4 @@
-// The lens model of OpenCV's calib3d, whole: K with skew and any of its distortion vectors.
+// Camera model of OpenCV's calib3d: pinhole with skew and every distortion vector of OpenCV.
 // Source: OpenCV 4.6 "Camera Calibration and 3D Reconstruction", pinhole model with k1..k6
 // (rational), p1 p2 (tangential), s1..s4 (thin prism), tau_x tau_y (tilted sensor).
 #pragma once
@@ -15,18 +15,23 @@
 
 namespace v3d {
 
-/// OpenCV's order: k1 k2 p1 p2 k3 k4 k5 k6 s1 s2 s3 s4 tau_x tau_y; missing ones are 0.
+/// Distortion coefficients in OpenCV's order: k1 k2 p1 p2 k3 k4 k5 k6 s1 s2 s3 s4 tau_x tau_y.
+/// Missing coefficients are 0.
 using Distortion = std::array<double, 14>;
-/// How many count: 0, 4, 5, 8, 12 or 14; what lies behind is 0.
+/// The shortest of OpenCV's lengths (0, 4, 5, 8, 12 or 14) that holds all coefficients other than
+/// 0.
 int used_distortions(const Distortion& distortion);
 
-/// Pixel coordinates: the centre of the first pixel is (0, 0), as in OpenCV; a point belongs to the
-/// pixel whose centre is nearest (floor(u + 0.5)). It is inside the image when that pixel exists.
+/// A calibrated camera: projects world points to pixels and pixels to rays.
+///
+/// Pixel coordinates are those of OpenCV: the centre of the first pixel is (0, 0). A point belongs
+/// to the pixel with the nearest centre (floor(u + 0.5)). A point is inside the image when that
+/// pixel exists.
 /// Immutable after construction; safe to use from any thread.
 class CameraModel {
  public:
   CameraModel() = default;
-  /// `matrix`: [fx skew cx; 0 fy cy; 0 0 1] in pixels, fx and fy positive.
+  /// `matrix`: [fx skew cx; 0 fy cy; 0 0 1] in pixels; fx and fy are positive.
   CameraModel(ImageSize size, const Eigen::Matrix3d& matrix, const Distortion& distortion,
               const RigidTransform& cam_from_world);
 
@@ -35,30 +40,31 @@ class CameraModel {
   const Distortion& distortion() const { return distortion_; }
   const RigidTransform& cam_from_world() const { return cam_from_world_; }
   bool has_distortion() const { return has_distortion_; }
-  /// 2x2 part used after the polynomial: the homography of the tilted sensor (identity without
-  /// tau).
+  /// Homography of the tilted sensor, applied after the polynomial (identity without tau).
   const Eigen::Matrix3d& tilt() const { return tilt_; }
 
-  /// The optical centre in the world.
+  /// The optical centre in world coordinates, metres.
   Eigen::Vector3d center() const { return cam_from_world_.inverse().translation; }
-  /// Unit vector along the optical axis, into the scene, in the world (the paper's V_c).
+  /// Unit vector along the optical axis into the scene, in world coordinates (the paper's V_c).
   Eigen::Vector3d viewing_direction() const { return cam_from_world_.rotation.row(2).transpose(); }
 
-  /// Polynomials fold back far outside the image: a lens with barrel distortion would see things
-  /// beside or behind it. Beyond this squared radius (normalised, undistorted x^2 + y^2) the model
-  /// is not used and the camera sees nothing. Infinity for a model that never folds.
+  /// Largest squared radius at which the model is valid (normalised, undistorted x^2 + y^2);
+  /// infinity for a polynomial that never folds.
+  /// Polynomials fold back far outside the image: a lens with barrel distortion would project
+  /// points beside or behind the camera into the image. The camera projects no point beyond this
+  /// radius.
   double max_radius2() const { return max_radius2_; }
 
-  /// Normalised undistorted (x/z, y/z) to normalised distorted coordinates.
+  /// Converts normalised undistorted coordinates (x/z, y/z) to normalised distorted coordinates.
   Eigen::Vector2d distort(const Eigen::Vector2d& normalised) const;
-  /// Inverse of distort() by Newton's method to 1e-12; empty when it does not converge inside
+  /// Inverse of distort() by Newton's method to 1e-12. Empty when it does not converge within
   /// max_radius2().
   std::optional<Eigen::Vector2d> undistort(const Eigen::Vector2d& distorted) const;
 
-  /// Pixel coordinates of a world point, also outside the image; empty behind the camera (z <= 0)
+  /// Pixel coordinates of a world point, also outside the image. Empty behind the camera (z <= 0)
   /// and beyond max_radius2().
   std::optional<Eigen::Vector2d> project(const Eigen::Vector3d& world) const;
-  /// Unit direction in the world of the ray through a pixel.
+  /// Unit direction, in world coordinates, of the ray through a pixel. Empty where undistort() is.
   std::optional<Eigen::Vector3d> ray(const Eigen::Vector2d& pixel) const;
 
   bool inside_image(const Eigen::Vector2d& pixel) const {
@@ -66,7 +72,7 @@ class CameraModel {
            pixel.y() < size_.height - 0.5;
   }
 
-  /// The same camera with images reduced by an integer factor (for depth buffers and previews).
+  /// The camera of images reduced by an integer factor (for depth buffers and previews).
   CameraModel reduced(int factor) const;
 
  private:
@@ -87,10 +93,10 @@ struct RigCamera {
 };
 using Rig = std::vector<RigCamera>;
 
-/// Index of the camera, or -1.
+/// Index of the camera with this name, or -1.
 int find_camera(const Rig& rig, std::string_view name);
 
-/// Without their names, in the rig's order.
+/// The models of all cameras, in the order of the rig.
 std::vector<CameraModel> models_of(const Rig& rig);
 
 }  // namespace v3d

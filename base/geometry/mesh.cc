@@ -10,7 +10,7 @@ namespace {
 
 using Edge = std::pair<uint32_t, uint32_t>;
 
-/// Every directed edge, sorted.
+/// All directed edges, sorted.
 std::vector<Edge> directed_edges(const Mesh& mesh) {
   std::vector<Edge> edges;
   edges.reserve(mesh.triangles.size() * 3);
@@ -23,7 +23,7 @@ std::vector<Edge> directed_edges(const Mesh& mesh) {
   return edges;
 }
 
-/// Disjoint sets of numbers 0..n-1.
+/// Union-find on the integers 0 to n - 1.
 class DisjointSets {
  public:
   explicit DisjointSets(size_t n) : parent_(n) { std::iota(parent_.begin(), parent_.end(), 0U); }
@@ -33,7 +33,7 @@ class DisjointSets {
     }
     return i;
   }
-  /// True when the two were separate.
+  /// Merges two sets; true when they were separate.
   bool join(uint32_t a, uint32_t b) {
     a = find(a);
     b = find(b);
@@ -91,9 +91,9 @@ bool is_manifold(const Mesh& mesh) {
   if (!is_watertight(mesh)) {
     return false;
   }
-  // Two corners at a vertex belong to one fan when their triangles share an edge there. In a
-  // watertight mesh the corner after directed edge (v, w) is neighbour of the corner whose triangle
-  // holds (w, v).
+  // Two corners at a vertex belong to the same fan when their triangles share an edge at the
+  // vertex. In a watertight mesh, the neighbour of the corner after directed edge (v, w) is the
+  // corner of the triangle with (w, v).
   struct Corner {
     uint32_t vertex, next, previous;
   };
@@ -113,7 +113,8 @@ bool is_manifold(const Mesh& mesh) {
     }
     const auto first = corners.begin() + static_cast<std::ptrdiff_t>(begin);
     const auto last = corners.begin() + static_cast<std::ptrdiff_t>(end);
-    // Walk the fan from its first corner: the neighbour begins where this one ends.
+    // Walk the fan from its first corner: each neighbour starts at the last edge of the previous
+    // one.
     size_t walked = 0;
     uint32_t next = first->next;
     do {

@@ -1,4 +1,4 @@
-// A coloured triangle mesh.
+// Coloured triangle mesh and its basic properties.
 #pragma once
 
 #include <Eigen/Core>
@@ -19,20 +19,20 @@ struct Mesh {
   std::vector<Rgb8> colours;                       ///< one per vertex, or empty
 };
 
-/// Area-weighted unit normals, outward; zero for a vertex without area.
+/// Area-weighted outward unit normals, one per vertex; zero for a vertex without area.
 std::vector<Eigen::Vector3f> vertex_normals(const Mesh& mesh);
 
 /// Signed volume in cubic metres (divergence theorem); positive for a closed mesh with outward
 /// triangles.
 double enclosed_volume(const Mesh& mesh);
 
-/// Every edge is shared by exactly two triangles that run along it in opposite directions.
+/// True when exactly two triangles share each edge, in opposite directions.
 bool is_watertight(const Mesh& mesh);
 
-/// Watertight, and the triangles round every vertex form a single fan.
+/// True when the mesh is watertight and the triangles around each vertex form a single fan.
 bool is_manifold(const Mesh& mesh);
 
-/// The number of connected pieces (triangles that share vertices).
+/// The number of connected components (triangles that share vertices).
 int connected_components(const Mesh& mesh);
 
 }  // namespace v3d

@@ -16,15 +16,15 @@ RigidTransform RigidTransform::from_rodrigues(const Eigen::Vector3d& rotation_ve
 }
 
 Eigen::Vector3d RigidTransform::rodrigues() const {
-  const Eigen::AngleAxisd turn(rotation);
-  return turn.angle() * turn.axis();
+  const Eigen::AngleAxisd angle_axis(rotation);
+  return angle_axis.angle() * angle_axis.axis();
 }
 
 RigidTransform look_at(const Eigen::Vector3d& eye, const Eigen::Vector3d& target) {
   const Eigen::Vector3d forward = (target - eye).normalized();
   Eigen::Vector3d right = forward.cross(Eigen::Vector3d::UnitZ());
   if (right.norm() < 1e-9) {
-    right = Eigen::Vector3d::UnitX();  // straight up or down: any upright will do
+    right = Eigen::Vector3d::UnitX();  // view along world z: any direction is upright
   }
   right.normalize();
   RigidTransform t;

@@ -1,6 +1,6 @@
-// Geometry everything shares. World frame: metres, right-handed, z up. Camera frame: OpenCV's, x
-// right, y down, z forward. A transform is named target_from_source: x_cam = cam_from_world *
-// x_world.
+// Rigid transforms and boxes, with the conventions of the whole project.
+// World frame: metres, right-handed, z up. Camera frame: OpenCV's, x right, y down, z forward. A
+// transform is named target_from_source: x_cam = cam_from_world * x_world.
 #pragma once
 
 #include <Eigen/Core>
@@ -8,7 +8,7 @@
 
 namespace v3d {
 
-/// Rotation, then translation.
+/// A rotation followed by a translation.
 struct RigidTransform {
   Eigen::Matrix3d rotation = Eigen::Matrix3d::Identity();
   Eigen::Vector3d translation = Eigen::Vector3d::Zero();
@@ -27,7 +27,8 @@ struct RigidTransform {
   }
 };
 
-/// cam_from_world of a camera at `eye` that looks at `target`, its image upright against world z.
+/// cam_from_world of a camera at `eye` (world, metres) that looks at `target`, with the image
+/// upright relative to world z.
 RigidTransform look_at(const Eigen::Vector3d& eye, const Eigen::Vector3d& target);
 
 }  // namespace v3d

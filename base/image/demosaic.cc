@@ -9,10 +9,11 @@
 namespace v3d {
 namespace {
 
-/// Half of the filters' side.
-constexpr int kReach = 2;
+/// Half of the side of a filter, in pixels.
+constexpr int kFilterRadius = 2;
 
-/// ... 2 1 0 1 2 ...: about the first and the last pixel, so that a mosaic keeps its pattern.
+/// Index i reflected into [0, count) about the first and the last pixel (... 2 1 0 1 2 ...), so
+/// that a mosaic keeps its pattern.
 int mirrored(int i, int count) {
   if (count == 1) return 0;
   const int period = 2 * (count - 1);
@@ -20,16 +21,16 @@ int mirrored(int i, int count) {
   return std::min(i, period - i);
 }
 
-/// A row with kReach mirrored pixels before and behind it.
-using WideRow = std::vector<int16_t>;
+/// A row with kFilterRadius mirrored pixels before and after it.
+using PaddedRow = std::vector<int16_t>;
 
-void widen(ImageView source, int y, WideRow& wide) {
+void load_padded_row(ImageView source, int y, PaddedRow& padded) {
   const int width = source.size.width;
   const uint8_t* row = source.row(mirrored(y, source.size.height));
-  std::copy_n(row, width, wide.begin() + kReach);
-  for (int i = 1; i <= kReach; ++i) {
-    wide[kReach - i] = row[mirrored(-i, width)];
-    wide[kReach + width - 1 + i] = row[mirrored(width - 1 + i, width)];
+  std::copy_n(row, width, padded.begin() + kFilterRadius);
+  for (int i = 1; i <= kFilterRadius; ++i) {
+    padded[kFilterRadius - i] = row[mirrored(-i, width)];
+    padded[kFilterRadius + width - 1 + i] = row[mirrored(width - 1 + i, width)];
   }
 }
 
@@ -37,41 +38,45 @@ uint8_t from_sixteenths(int value) {
   return static_cast<uint8_t>(std::clamp((value + 8) >> 4, 0, 255));
 }
 
-/// What the filters say of a row: for every pixel as if it were any of the mosaic's. Of these the
-/// pixel's own place takes two, and computing all lets the compiler use whole registers.
+/// Results of all filters for each pixel of a row. The mosaic position of a pixel selects two of
+/// them; computing all of them lets the compiler use full SIMD registers.
 struct Estimates {
-  explicit Estimates(size_t width) : green(width), across(width), along(width), beside(width) {}
-  std::vector<uint8_t> green;   ///< at a red or blue pixel
-  std::vector<uint8_t> across;  ///< blue at a red pixel, red at a blue one
-  std::vector<uint8_t> along;   ///< at a green pixel, the colour of its row
-  std::vector<uint8_t> beside;  ///< and that of the rows above and below
+  explicit Estimates(size_t width)
+      : green(width), opposite(width), row_colour(width), column_colour(width) {}
+  std::vector<uint8_t> green;          ///< at a red or blue pixel
+  std::vector<uint8_t> opposite;       ///< blue at a red pixel, red at a blue one
+  std::vector<uint8_t> row_colour;     ///< at a green pixel, the other colour of its row
+  std::vector<uint8_t> column_colour;  ///< at a green pixel, the colour of the rows above and below
 };
 
-/// `rows`: the five rows round the one in question.
+/// `rows`: the five rows centred on the current one.
 void estimate(const std::array<const int16_t*, 5>& rows, Estimates& to) {
   const auto& [top, above, row, below, bottom] = rows;
   const int width = static_cast<int>(to.green.size());
   for (int i = 0; i < width; ++i) {
-    const int x = i + kReach;
+    const int x = i + kFilterRadius;
     const int own = row[x];
-    const int sides = row[x - 1] + row[x + 1], ends = above[x] + below[x];
-    const int far_sides = row[x - 2] + row[x + 2], far_ends = top[x] + bottom[x];
+    const int horizontal = row[x - 1] + row[x + 1], vertical = above[x] + below[x];
+    const int far_horizontal = row[x - 2] + row[x + 2], far_vertical = top[x] + bottom[x];
     const int corners = above[x - 1] + above[x + 1] + below[x - 1] + below[x + 1];
-    to.green[i] = from_sixteenths(8 * own + 4 * (sides + ends) - 2 * (far_sides + far_ends));
-    to.across[i] = from_sixteenths(12 * own + 4 * corners - 3 * (far_sides + far_ends));
-    to.along[i] = from_sixteenths(10 * own + 8 * sides - 2 * (far_sides + corners) + far_ends);
-    to.beside[i] = from_sixteenths(10 * own + 8 * ends - 2 * (far_ends + corners) + far_sides);
+    to.green[i] = from_sixteenths(8 * own + 4 * (horizontal + vertical) -
+                                  2 * (far_horizontal + far_vertical));
+    to.opposite[i] = from_sixteenths(12 * own + 4 * corners - 3 * (far_horizontal + far_vertical));
+    to.row_colour[i] =
+        from_sixteenths(10 * own + 8 * horizontal - 2 * (far_horizontal + corners) + far_vertical);
+    to.column_colour[i] =
+        from_sixteenths(10 * own + 8 * vertical - 2 * (far_vertical + corners) + far_horizontal);
   }
 }
 
 void demosaic(ImageView source, Image& rgb) {
   const int width = source.size.width;
-  std::array<WideRow, 5> window;
-  for (WideRow& row : window) row.resize(static_cast<size_t>(width) + 2 * kReach);
-  for (int i = 0; i < 4; ++i) widen(source, i - kReach, window[i]);
+  std::array<PaddedRow, 5> window;
+  for (PaddedRow& row : window) row.resize(static_cast<size_t>(width) + 2 * kFilterRadius);
+  for (int i = 0; i < 4; ++i) load_padded_row(source, i - kFilterRadius, window[i]);
   Estimates estimates(width);
   for (int y = 0; y < source.size.height; ++y) {
-    widen(source, y + kReach, window[(y + 4) % 5]);
+    load_padded_row(source, y + kFilterRadius, window[(y + 4) % 5]);
     std::array<const int16_t*, 5> rows;
     for (int i = 0; i < 5; ++i) rows[i] = window[(y + i) % 5].data();
     estimate(rows, estimates);
@@ -84,11 +89,11 @@ void demosaic(ImageView source, Image& rgb) {
         uint8_t* pixel = out + size_t{3} * x;
         pixel[own] = measured[x];
         if (own == 1) {
-          pixel[in_row] = estimates.along[x];
-          pixel[2 - in_row] = estimates.beside[x];
+          pixel[in_row] = estimates.row_colour[x];
+          pixel[2 - in_row] = estimates.column_colour[x];
         } else {
           pixel[1] = estimates.green[x];
-          pixel[2 - own] = estimates.across[x];
+          pixel[2 - own] = estimates.opposite[x];
         }
       }
     }

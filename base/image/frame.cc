@@ -11,8 +11,8 @@ namespace {
 constexpr int down_to_even(int n) { return n & ~1; }
 constexpr int up_to_even(int n) { return (n + 1) & ~1; }
 
-/// The box grown by the margin, then to even corners (a Bayer mosaic keeps its phase), cut at the
-/// border.
+/// The box enlarged by `margin`, then to even coordinates (which keep the phase of a Bayer mosaic),
+/// clipped to the image.
 Rect neighbourhood(Rect box, int margin, ImageSize size) {
   if (box.empty()) {
     return {};

@@ -1,4 +1,4 @@
-// A frame: what one camera saw at one pulse, from the driver to the reconstruction.
+// Frame: the image of one camera at one pulse, from the driver to the reconstruction.
 #pragma once
 
 #include <cstdint>
@@ -11,31 +11,34 @@
 
 namespace v3d {
 
-/// Which pulse exposed a frame, and how that is known.
+/// The pulse that exposed a frame, and the values that identify it.
 struct FrameLabel {
   int64_t pulse = -1;    ///< counted from 0 in every take
   bool suspect = false;  ///< the device time stamp and the frame counter disagree about `pulse`
-  uint64_t camera_counter = 0;  ///< the camera's own frame number
+  uint64_t camera_counter = 0;  ///< frame number of the camera
   DeviceInstant device_time;    ///< start of exposure on the camera's clock
-  RealtimeInstant received;     ///< the last byte arrived in this host
+  RealtimeInstant received;     ///< when the last byte arrived at this host
   friend bool operator==(const FrameLabel&, const FrameLabel&) = default;
 };
 
-/// Raw frames (in a take) have `roi` = whole image and usually no mask. Live frames (on the wire)
-/// have the mask of the whole image and the pixels inside `roi`, the mask's neighbourhood; both are
-/// what observe() makes of a raw frame.
+/// A frame, raw or live.
+/// A raw frame (in a take) has `roi` = whole image and usually no mask. A live frame (on the
+/// network) has the mask of the whole image and the pixels inside `roi`, the neighbourhood of the
+/// mask. observe() converts a raw frame to a live one.
 struct Frame {
   std::string camera;
   FrameLabel label;
-  ImageSize sensor_size;     ///< of the whole image
+  ImageSize sensor_size;     ///< size of the whole image
   std::optional<Mask> mask;  ///< size() == sensor_size
-  Rect roi;                  ///< where `image` lies in the whole image; even x0, y0
+  Rect roi;                  ///< position of `image` in the whole image; x0 and y0 are even
   Image image;               ///< the pixels inside roi
 };
 
-/// What the reconstruction needs of a raw frame: the mask, and the pixels of its bounding box grown
-/// by `margin` and to even coordinates. The same function serves live and offline, so results agree
-/// to the bit. Requires: mask.size() == raw.size, raw the whole image.
+/// Reduces a raw frame to what the reconstruction needs: the mask, and the pixels of its bounding
+/// box, enlarged by `margin` pixels and to even coordinates.
+/// Live and offline reconstruction use the same function, so that their results are identical to
+/// the bit.
+/// Requires: mask.size() == raw.size, and `raw` is the whole image.
 Frame observe(const std::string& camera, const FrameLabel& label, ImageView raw, Mask mask,
               int margin = 2);
 

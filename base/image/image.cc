@@ -14,16 +14,16 @@ constexpr uint32_t fourcc(char a, char b, char c, char d) {
          static_cast<uint32_t>(d) << 24;
 }
 
-struct FormatFacts {
+struct FormatInfo {
   PixelFormat format;
   std::string_view pfnc_name;
   uint32_t v4l2_fourcc;
   int bytes_per_pixel;
-  /// Colours of the 2x2 tile, row-major; -1 where the format is no mosaic.
+  /// Colours of the 2x2 tile, row-major; -1 for formats without a mosaic.
   std::array<int, 4> tile;
 };
 
-constexpr std::array<FormatFacts, 6> kFormats = {{
+constexpr std::array<FormatInfo, 6> kFormats = {{
     {PixelFormat::kMono8, "Mono8", fourcc('G', 'R', 'E', 'Y'), 1, {-1, -1, -1, -1}},
     {PixelFormat::kBayerGR8, "BayerGR8", fourcc('G', 'R', 'B', 'G'), 1, {1, 0, 2, 1}},
     {PixelFormat::kBayerRG8, "BayerRG8", fourcc('R', 'G', 'G', 'B'), 1, {0, 1, 1, 2}},
@@ -32,9 +32,9 @@ constexpr std::array<FormatFacts, 6> kFormats = {{
     {PixelFormat::kRGB8, "RGB8", fourcc('R', 'G', 'B', '3'), 3, {-1, -1, -1, -1}},
 }};
 
-const FormatFacts& facts(PixelFormat format) {
+const FormatInfo& info_of(PixelFormat format) {
   const auto* found = std::find_if(kFormats.begin(), kFormats.end(),
-                                   [&](const FormatFacts& f) { return f.format == format; });
+                                   [&](const FormatInfo& f) { return f.format == format; });
   V3D_CHECK(found != kFormats.end());
   return *found;
 }
@@ -47,26 +47,26 @@ std::optional<PixelFormat> find_format(Predicate predicate) {
 
 }  // namespace
 
-int bytes_per_pixel(PixelFormat format) { return facts(format).bytes_per_pixel; }
-bool is_bayer(PixelFormat format) { return facts(format).tile[0] >= 0; }
-std::string_view name(PixelFormat format) { return facts(format).pfnc_name; }
-uint32_t v4l2_fourcc(PixelFormat format) { return facts(format).v4l2_fourcc; }
+int bytes_per_pixel(PixelFormat format) { return info_of(format).bytes_per_pixel; }
+bool is_bayer(PixelFormat format) { return info_of(format).tile[0] >= 0; }
+std::string_view name(PixelFormat format) { return info_of(format).pfnc_name; }
+uint32_t v4l2_fourcc(PixelFormat format) { return info_of(format).v4l2_fourcc; }
 
 std::optional<PixelFormat> pixel_format_from_name(std::string_view pfnc_name) {
-  return find_format([&](const FormatFacts& f) { return f.pfnc_name == pfnc_name; });
+  return find_format([&](const FormatInfo& f) { return f.pfnc_name == pfnc_name; });
 }
 
 std::optional<PixelFormat> pixel_format_from_code(uint32_t pfnc_code) {
   return find_format(
-      [&](const FormatFacts& f) { return static_cast<uint32_t>(f.format) == pfnc_code; });
+      [&](const FormatInfo& f) { return static_cast<uint32_t>(f.format) == pfnc_code; });
 }
 
 std::optional<PixelFormat> pixel_format_from_fourcc(uint32_t v4l2_fourcc) {
-  return find_format([&](const FormatFacts& f) { return f.v4l2_fourcc == v4l2_fourcc; });
+  return find_format([&](const FormatInfo& f) { return f.v4l2_fourcc == v4l2_fourcc; });
 }
 
 int bayer_channel(PixelFormat format, int x, int y) {
-  return facts(format).tile[(y & 1) * 2 + (x & 1)];
+  return info_of(format).tile[(y & 1) * 2 + (x & 1)];
 }
 
 Image::Image(ImageSize image_size, PixelFormat pixel_format)

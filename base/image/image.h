@@ -1,5 +1,4 @@
-// Images as cameras deliver them: packed rows, one of a few pixel formats, no copies hidden in
-// views.
+// Images as cameras deliver them: packed rows in one of several pixel formats. Views do not copy.
 #pragma once
 
 #include <cstdint>
@@ -17,7 +16,7 @@ struct ImageSize {
   int64_t pixels() const { return int64_t{width} * height; }
 };
 
-/// Larger images are refused wherever they come from.
+/// Largest supported width and height, pixels. Every reader rejects larger images.
 inline constexpr int kMaxImageSide = 16384;
 
 /// A half-open rectangle of pixels: x0 <= x < x0 + width.
@@ -33,8 +32,8 @@ struct Rect {
   }
 };
 
-/// Values are those of the Pixel Format Naming Convention (GenICam PFNC 2.4). In a Bayer format the
-/// two letters are the colours of the first two pixels of the first row.
+/// Pixel formats; the values are those of the Pixel Format Naming Convention (GenICam PFNC 2.4). In
+/// a Bayer format the two letters are the colours of the first two pixels of the first row.
 enum class PixelFormat : uint32_t {
   kMono8 = 0x01080001,
   kBayerGR8 = 0x01080008,
@@ -49,10 +48,10 @@ bool is_bayer(PixelFormat format);
 /// The PFNC name, e.g. "BayerRG8".
 std::string_view name(PixelFormat format);
 std::optional<PixelFormat> pixel_format_from_name(std::string_view pfnc_name);
-/// Empty when `pfnc_code` is none of ours.
+/// Empty when `pfnc_code` is not a supported format.
 std::optional<PixelFormat> pixel_format_from_code(uint32_t pfnc_code);
 /// V4L2 four-character codes (linux/videodev2.h): 'GREY', 'RGGB', 'GRBG', 'GBRG', 'BA81' (BGGR),
-/// 'RGB3'.
+/// 'RGB3'. Empty for any other.
 std::optional<PixelFormat> pixel_format_from_fourcc(uint32_t v4l2_fourcc);
 uint32_t v4l2_fourcc(PixelFormat format);
 
@@ -60,7 +59,8 @@ uint32_t v4l2_fourcc(PixelFormat format);
 /// is_bayer().
 int bayer_channel(PixelFormat format, int x, int y);
 
-/// A borrowed image: `bytes` holds height rows of width * bytes_per_pixel bytes, no padding.
+/// A view of an image that another object owns: `bytes` holds `height` rows of width *
+/// bytes_per_pixel bytes, without padding.
 struct ImageView {
   ImageSize size;
   PixelFormat format = PixelFormat::kMono8;
@@ -71,14 +71,14 @@ struct ImageView {
   }
 };
 
-/// An owned image.
+/// An image that owns its pixels, in the layout of ImageView.
 struct Image {
   ImageSize size;
   PixelFormat format = PixelFormat::kMono8;
   std::vector<uint8_t> bytes;
 
   Image() = default;
-  /// All zero.
+  /// Sets all pixels to zero.
   Image(ImageSize image_size, PixelFormat pixel_format);
 
   ImageView view() const { return {size, format, bytes}; }
@@ -88,10 +88,11 @@ struct Image {
   const uint8_t* row(int y) const { return view().row(y); }
 };
 
+/// Bytes of an image without padding.
 size_t byte_count(ImageSize size, PixelFormat format);
 
-/// The part of `source` inside `rect`. Requires: rect lies inside the image, and for Bayer formats
-/// x0 and y0 are even, so that the part has the same filter pattern as the whole.
+/// Copies the part of `source` inside `rect`. Requires: `rect` lies inside the image; for Bayer
+/// formats x0 and y0 are even, so that the part has the same filter pattern as the whole.
 Image crop(ImageView source, Rect rect);
 
 }  // namespace v3d

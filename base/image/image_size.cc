@@ -7,9 +7,9 @@
 namespace v3d {
 namespace {
 
-constexpr int kLeastSide = 16;
+constexpr int kMinSide = 16;
 
-/// Reads a whole number from the front of `text`.
+/// Parses an integer at the start of `text` and removes it. False when there is none.
 bool take_number(std::string_view& text, int& value) {
   const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
   text.remove_prefix(static_cast<size_t>(end - text.data()));
@@ -17,8 +17,7 @@ bool take_number(std::string_view& text, int& value) {
 }
 
 bool is_side(int pixels, Sides sides) {
-  return pixels >= kLeastSide && pixels <= kMaxImageSide &&
-         (sides == Sides::kAny || pixels % 2 == 0);
+  return pixels >= kMinSide && pixels <= kMaxImageSide && (sides == Sides::kAny || pixels % 2 == 0);
 }
 
 }  // namespace
@@ -33,7 +32,7 @@ ImageSize parse_size(std::string_view text, Sides sides, std::string_view option
   if (good) return size;
   throw InputError(std::string(option) + " " + std::string(text) + ": expected WIDTHxHEIGHT, " +
                    (sides == Sides::kEven ? "even " : "") + "numbers of pixels from " +
-                   std::to_string(kLeastSide) + " to " + std::to_string(kMaxImageSide) +
+                   std::to_string(kMinSide) + " to " + std::to_string(kMaxImageSide) +
                    ", like 1024x768");
 }
 

@@ -1,4 +1,4 @@
-// Sizes of images as people write them.
+// Parses and formats image sizes of command-line options, such as 1024x768.
 #pragma once
 
 #include <string>
@@ -8,18 +8,18 @@
 
 namespace v3d {
 
-/// Sides of an image that may be asked for.
+/// The sides that parse_size() accepts.
 enum class Sides {
   kAny,
-  kEven,  ///< a filter mosaic is 2x2
+  kEven,  ///< even numbers only: a Bayer mosaic has tiles of 2x2 pixels
 };
 
-/// "1024x768": width and height in pixels, from 16 to kMaxImageSide each. `option` begins the
-/// message. Throws InputError.
+/// Parses "1024x768": width and height in pixels, each from 16 to kMaxImageSide.
+/// Throws InputError; the message starts with `option`.
 ImageSize parse_size(std::string_view text, Sides sides = Sides::kAny,
                      std::string_view option = "--size");
 
-/// The same, of any size.
+/// "1024x768", for any size.
 std::string format_size(ImageSize size);
 
 }  // namespace v3d

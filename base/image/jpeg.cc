@@ -49,7 +49,7 @@ std::optional<Image> decode_jpeg(std::span<const uint8_t> jpeg, ImageSize size) 
   const Handle decoder(tjInitDecompress(), tjDestroy);
   if (size_of(decoder.get(), jpeg) != size) return std::nullopt;
   Image image(size, PixelFormat::kRGB8);
-  // A progressive picture may ask for a thousand passes over it: TJFLAG_LIMITSCANS.
+  // TJFLAG_LIMITSCANS: a progressive image can require a thousand passes.
   const int failed =
       tjDecompress2(decoder.get(), jpeg.data(), jpeg.size(), image.bytes.data(), size.width, 0,
                     size.height, TJPF_RGB, TJFLAG_STOPONWARNING | TJFLAG_LIMITSCANS);

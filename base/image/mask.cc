@@ -17,8 +17,8 @@ void put_varint(std::vector<uint8_t>& out, uint64_t value) {
   out.push_back(static_cast<uint8_t>(value));
 }
 
-/// Takes a number of at most 5 bytes (35 bits: enough for kMaxImageSide squared) from the front of
-/// `bytes`.
+/// Reads a LEB128 number of at most 5 bytes from the start of `bytes` and removes it. 35 bits
+/// suffice for kMaxImageSide squared.
 std::optional<uint64_t> take_varint(std::span<const uint8_t>& bytes) {
   uint64_t value = 0;
   for (size_t i = 0; i < std::min<size_t>(bytes.size(), 5); ++i) {
@@ -32,7 +32,7 @@ std::optional<uint64_t> take_varint(std::span<const uint8_t>& bytes) {
   return std::nullopt;
 }
 
-/// The first x in [x, width) of the row whose bit is `foreground`, else width.
+/// The first x in [x, width) of the row with a bit equal to `foreground`, else width.
 int find_bit(std::span<const uint64_t> row, int x, int width, bool foreground) {
   const uint64_t flip = foreground ? 0 : ~uint64_t{0};
   while (x < width) {
@@ -126,7 +126,7 @@ std::optional<Mask> decode_runs(std::span<const uint8_t> runs, ImageSize size) {
   bool first = true;
   for (bool foreground = false; !runs.empty(); foreground = !foreground) {
     const auto run = take_varint(runs);
-    // An empty run says nothing, except that the mask begins with foreground.
+    // Only the first run can be empty: the mask then starts with foreground.
     if (!run || *run > total - at || (*run == 0 && !first)) {
       return std::nullopt;
     }

@@ -1,4 +1,4 @@
-// A silhouette: one bit per pixel, 1 = foreground.
+// Mask: a silhouette with one bit per pixel, 1 = foreground.
 #pragma once
 
 #include <cstdint>
@@ -10,13 +10,13 @@
 
 namespace v3d {
 
-/// Rows are padded to whole 64-bit words; pixel x of a row is bit x % 64 (least significant first)
-/// of word x / 64. Invariant: padding bits are 0, so that words can be counted and compared without
-/// care.
+/// Bit mask of an image. Rows are padded to whole 64-bit words; pixel x of a row is bit x % 64
+/// (least significant first) of word x / 64.
+/// Invariant: padding bits are 0, so that whole words can be counted and compared.
 class Mask {
  public:
   Mask() = default;
-  /// All background.
+  /// All pixels are background.
   explicit Mask(ImageSize size);
 
   ImageSize size() const { return size_; }
@@ -25,7 +25,7 @@ class Mask {
     return {words_.data() + static_cast<size_t>(y) * words_per_row_,
             static_cast<size_t>(words_per_row_)};
   }
-  /// Writers keep the padding bits 0.
+  /// Writers must keep the padding bits 0.
   std::span<uint64_t> row(int y) {
     return {words_.data() + static_cast<size_t>(y) * words_per_row_,
             static_cast<size_t>(words_per_row_)};
@@ -42,8 +42,9 @@ class Mask {
   /// Sets pixels [x_begin, x_end) of a row to foreground.
   void fill_row(int y, int x_begin, int x_end);
 
+  /// The number of foreground pixels.
   int64_t count() const;
-  /// The smallest rectangle that holds all foreground; empty() when there is none.
+  /// The smallest rectangle that contains all foreground; empty() when there is none.
   Rect bounding_box() const;
 
   friend bool operator==(const Mask&, const Mask&) = default;
@@ -54,18 +55,18 @@ class Mask {
   std::vector<uint64_t> words_;
 };
 
-/// Run-length code of the whole mask, row-major across row ends: lengths of alternating runs as
-/// LEB128 numbers, the first of background (may be 0), the last run included. Their sum is width *
-/// height.
+/// Run-length code of the whole mask, row-major; runs continue across rows.
+/// The code is the lengths of alternating runs as LEB128 numbers. The first run is background (its
+/// length can be 0); the last run is included. The sum of the lengths is width * height.
 std::vector<uint8_t> encode_runs(const Mask& mask);
 
-/// Inverse of encode_runs. Hostile bytes give nothing: wrong sum, overlong numbers, trailing bytes,
-/// sizes beyond kMaxImageSide.
+/// Inverse of encode_runs(). Safe for untrusted bytes: empty for a wrong sum, overlong numbers,
+/// trailing bytes, and sizes beyond kMaxImageSide.
 std::optional<Mask> decode_runs(std::span<const uint8_t> runs, ImageSize size);
 
-/// From an 8-bit image: foreground where the value is 128 or more. Requires format Mono8.
+/// Converts an 8-bit image: values of 128 or more are foreground. Requires format Mono8.
 Mask mask_from_image(ImageView image);
-/// 0 and 255, Mono8.
+/// Converts to an image of format Mono8: background 0, foreground 255.
 Image image_from_mask(const Mask& mask);
 
 /// |a and b| / |a or b|; 1 when both are empty. Requires equal sizes.

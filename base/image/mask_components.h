@@ -1,4 +1,4 @@
-// Connected pieces of a mask's foreground, as runs of its rows that touch.
+// Connected components of a mask's foreground, as runs of pixels in rows.
 #pragma once
 
 #include <cstddef>
@@ -18,34 +18,36 @@ struct Run {
   int end = 0;
 };
 
-/// Appends the runs of foreground of a row of a mask, from left to right.
+/// Appends the foreground runs of a mask row, from left to right.
 void append_runs(std::span<const uint64_t> row, int y, std::vector<Run>& runs);
 
-/// The pieces of one mask (eight neighbours), found once for every clean-up that goes by pieces.
-/// Keeps its working memory between masks. One thread.
+/// Connected components of one mask (8-connected). Found once, and shared by all filters that
+/// remove components. Keeps its working memory between masks. Use from one thread.
 class MaskComponents {
  public:
+  /// Finds the components of `mask`; replaces the previous ones.
   void find(const Mask& mask);
 
-  /// From the top row to the bottom, each from left to right. Those of dropped pieces are empty.
+  /// All runs, from the top row to the bottom, each row from left to right. Runs of dropped
+  /// components are empty.
   std::span<const Run> runs() const { return runs_; }
 
   size_t count() const { return pieces_.size(); }
-  /// Pixels.
+  /// Area of a component, pixels.
   int64_t area(size_t piece) const { return pieces_[piece].area; }
-  /// Calls f for the runs of a piece, from top to bottom, until it returns false.
+  /// Calls f for the runs of a component, from top to bottom, until f returns false.
   template <class F>
   void for_each_run(size_t piece, F f) const {
     for (uint32_t r = pieces_[piece].first; r != kNone && f(runs_[r]); r = next_[r]) continue;
   }
 
-  /// Clears the piece in the mask it was found in.
+  /// Clears the component in `mask`, which must be the mask passed to find().
   void drop(size_t piece, Mask& mask);
 
  private:
   static constexpr uint32_t kNone = ~uint32_t{0};
   struct Piece {
-    uint32_t first = kNone;  ///< its runs
+    uint32_t first = kNone;  ///< index of its first run
     uint32_t last = kNone;
     int64_t area = 0;
   };
@@ -54,8 +56,8 @@ class MaskComponents {
   void gather();
 
   std::vector<Run> runs_;
-  std::vector<uint32_t> next_;      ///< per run: the next one of the same piece
-  std::vector<uint32_t> piece_of_;  ///< per run
+  std::vector<uint32_t> next_;      ///< per run: the next run of the same component
+  std::vector<uint32_t> piece_of_;  ///< per run: its component
   std::vector<Piece> pieces_;
   UnionFind sets_;
 };

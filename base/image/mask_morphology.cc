@@ -17,7 +17,7 @@ Mask word_by_word(Mask a, const Mask& b, F f) {
   return a;
 }
 
-/// Foreground where a pixel up to `radius` columns away is. Padding may get bits.
+/// Dilates a row by `radius` columns. The result can have bits in its padding.
 void grow_row(std::span<const uint64_t> row, std::span<uint64_t> result, int radius) {
   const auto word = [&](size_t w) { return w < row.size() ? row[w] : 0; };
   for (size_t w = 0; w < row.size(); ++w) {

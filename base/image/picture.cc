@@ -20,7 +20,7 @@ Image decode_picture(std::string_view bytes, const std::filesystem::path& path) 
   if (const auto size = jpeg_size(jpeg)) {
     if (auto image = decode_jpeg(jpeg, *size)) return std::move(*image);
   }
-  throw InputError(path.string() + ": is no PNG or JPEG picture, or a damaged one");
+  throw InputError(path.string() + ": not a valid PNG or JPEG picture");
 }
 
 Image fill_size(const Image& picture, ImageSize size) {

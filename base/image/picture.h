@@ -1,4 +1,4 @@
-// Pictures that people bring: PNG and JPEG of any kind, as 8 bits of red, green and blue.
+// Reads PNG and JPEG files of users and converts them to RGB with 8 bits per channel.
 #pragma once
 
 #include <filesystem>
@@ -7,19 +7,21 @@
 
 namespace v3d {
 
-/// RGB8; transparency is left out. Throws InputError naming the file for anything but a whole PNG
-/// or JPEG of at most kMaxImageSide along a side.
+/// Reads an RGB8 image; ignores transparency.
+/// Throws InputError with the path when the file is not a complete PNG or JPEG image, or a side
+/// exceeds kMaxImageSide.
 Image read_picture(const std::filesystem::path& path);
 
-/// The same of bytes; `path` is where they came from.
+/// Like read_picture(), for bytes in memory; `path` is their origin, for messages.
 Image decode_picture(std::string_view bytes, const std::filesystem::path& path);
 
-/// The largest part of the picture's middle that has the shape of `size`, brought to that size;
-/// bilinear. Requires RGB8 and a picture of at least one pixel.
+/// Crops the picture to the aspect ratio of `size` around its centre, as large as possible, and
+/// scales it to `size` (bilinear). Requires RGB8 and a picture of at least one pixel.
 Image fill_size(const Image& picture, ImageSize size);
 
-/// The colour at pixel coordinates (centre of the first pixel: 0, 0), bilinear; the picture is
-/// repeated sideways and ends at its top and bottom. Requires RGB8.
+/// Bilinear colour at pixel coordinates (centre of the first pixel: 0, 0).
+/// The picture repeats horizontally; beyond its top and bottom the nearest row is used. Requires
+/// RGB8.
 void sample_picture(const Image& picture, double x, double y, uint8_t rgb[3]);
 
 }  // namespace v3d

@@ -14,9 +14,9 @@
 namespace v3d {
 namespace {
 
-/// zlib makes at most so many bytes of one: a header that promises more is not to be believed, nor
-/// memory taken for it.
-constexpr size_t kMostPerByte = 1032;
+/// Largest expansion of zlib. The decoders reject a header that promises more bytes, before they
+/// allocate memory.
+constexpr size_t kMaxExpansion = 1032;
 
 struct FreeContext {
   void operator()(spng_ctx* context) const { spng_ctx_free(context); }
@@ -29,7 +29,7 @@ Context make_context(int flags) {
   return context;
 }
 
-/// `samples` lie in memory as the machine keeps numbers.
+/// `samples` are in native byte order.
 std::string encode(ImageSize size, int channels, int bits, const void* samples, size_t bytes) {
   V3D_CHECK(channels == 1 || channels == 3);
   const Context context = make_context(SPNG_CTX_ENCODER);
@@ -50,7 +50,7 @@ std::string encode(ImageSize size, int channels, int bits, const void* samples, 
   return {static_cast<const char*>(png), length};
 }
 
-[[noreturn]] void refuse(const std::filesystem::path& path, const std::string& what) {
+[[noreturn]] void reject(const std::filesystem::path& path, const std::string& what) {
   throw InputError(path.string() + ": " + what);
 }
 
@@ -67,22 +67,22 @@ DeepImage decode_png(std::string_view bytes, const std::filesystem::path& path) 
   spng_ihdr header{};
   if (spng_set_png_buffer(context.get(), bytes.data(), bytes.size()) != 0 ||
       spng_get_ihdr(context.get(), &header) != 0) {
-    refuse(path, "is no PNG image, or a damaged one");
+    reject(path, "not a valid PNG image");
   }
   const bool rgb = header.color_type == SPNG_COLOR_TYPE_TRUECOLOR;
   if (header.bit_depth != 16 || !(rgb || header.color_type == SPNG_COLOR_TYPE_GRAYSCALE)) {
-    refuse(path, "right would be 16 bits, grey or RGB");
+    reject(path, "expected a PNG image of 16 bits, grey or RGB");
   }
   DeepImage image{
       {static_cast<int>(header.width), static_cast<int>(header.height)}, rgb ? 3 : 1, {}};
   const size_t samples = static_cast<size_t>(image.size.pixels()) * image.channels;
-  if (samples * sizeof(uint16_t) > kMostPerByte * bytes.size()) {
-    refuse(path, "is no PNG image, or a damaged one");
+  if (samples * sizeof(uint16_t) > kMaxExpansion * bytes.size()) {
+    reject(path, "not a valid PNG image");
   }
   image.samples.resize(samples);
   if (spng_decode_image(context.get(), image.samples.data(),
                         image.samples.size() * sizeof(uint16_t), SPNG_FMT_PNG, 0) != 0) {
-    refuse(path, "is no PNG image, or a damaged one");
+    reject(path, "not a valid PNG image");
   }
   return image;
 }
@@ -96,13 +96,13 @@ Image decode_rgb_png(std::string_view bytes, const std::filesystem::path& path) 
                      spng_get_ihdr(context.get(), &header) == 0 &&
                      spng_decoded_image_size(context.get(), SPNG_FMT_RGB8, &size) == 0 &&
                      static_cast<size_t>(header.width) * header.height * header.bit_depth / 8 <=
-                         kMostPerByte * bytes.size();
-  if (!known) refuse(path, "is no PNG image, or a damaged one");
+                         kMaxExpansion * bytes.size();
+  if (!known) reject(path, "not a valid PNG image");
   Image image({static_cast<int>(header.width), static_cast<int>(header.height)},
               PixelFormat::kRGB8);
   if (size != image.bytes.size() ||
       spng_decode_image(context.get(), image.bytes.data(), size, SPNG_FMT_RGB8, 0) != 0) {
-    refuse(path, "is no PNG image, or a damaged one");
+    reject(path, "not a valid PNG image");
   }
   return image;
 }

@@ -1,4 +1,5 @@
-// Unsigned integers in big-endian byte order: LCM messages and logs, PTP, chrony.
+// Reads and writes unsigned integers in big-endian byte order, for LCM messages and logs, PTP and
+// chrony.
 #pragma once
 
 #include <cstddef>

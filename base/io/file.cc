@@ -25,18 +25,18 @@ fs::path folder_of(const fs::path& path) {
 
 int flags_of(OpenMode mode) {
   // A FIFO would block without O_NONBLOCK; regular files ignore it.
-  constexpr int kAlways = O_CLOEXEC | O_NONBLOCK | O_NOCTTY;
+  constexpr int kCommonFlags = O_CLOEXEC | O_NONBLOCK | O_NOCTTY;
   switch (mode) {
     case OpenMode::kRead:
-      return O_RDONLY | kAlways;
+      return O_RDONLY | kCommonFlags;
     case OpenMode::kReadWithinFolder:
-      return O_RDONLY | O_NOFOLLOW | kAlways;
+      return O_RDONLY | O_NOFOLLOW | kCommonFlags;
     case OpenMode::kCreate:
-      return O_RDWR | O_CREAT | O_EXCL | kAlways;
+      return O_RDWR | O_CREAT | O_EXCL | kCommonFlags;
     case OpenMode::kWriteExisting:
-      return O_RDWR | O_NOFOLLOW | kAlways;
+      return O_RDWR | O_NOFOLLOW | kCommonFlags;
   }
-  return O_RDONLY | kAlways;
+  return O_RDONLY | kCommonFlags;
 }
 
 std::string_view action_of(OpenMode mode) {
@@ -52,16 +52,17 @@ std::string_view action_of(OpenMode mode) {
   return "open";
 }
 
-/// Not the name of any file there: this process, this moment.
-fs::path temporary_beside(const fs::path& path) {
+/// A name beside `path` that is unique in this process.
+fs::path temporary_path(const fs::path& path) {
   static std::atomic<uint64_t> count = 0;
   return path.string() + ".part-" + std::to_string(getpid()) + "-" + std::to_string(++count);
 }
 
-/// A new file beside `path`; the name may be left over from a process that had our number.
-Result<File> create_beside(const fs::path& path) {
+/// Creates a new file beside `path`. Tries further names when a file of an earlier process with the
+/// same process id remains.
+Result<File> create_temporary(const fs::path& path) {
   for (;;) {
-    auto file = File::open(temporary_beside(path), OpenMode::kCreate);
+    auto file = File::open(temporary_path(path), OpenMode::kCreate);
     if (file || file.error().code != EEXIST) return file;
   }
 }
@@ -70,8 +71,8 @@ std::span<const uint8_t> bytes_of(std::string_view text) {
   return {reinterpret_cast<const uint8_t*>(text.data()), text.size()};
 }
 
-/// Syncs the written file and renames it to its name; removes it when anything fails.
-Status put_in_place(File file, Status status, const fs::path& path) {
+/// Syncs the written file and renames it to `path`; removes it after any failure.
+Status sync_and_rename(File file, Status status, const fs::path& path) {
   if (status) status = file.sync();
   if (status && ::rename(file.path().c_str(), path.c_str()) != 0) {
     status = io_error("replace", path);
@@ -80,7 +81,7 @@ Status put_in_place(File file, Status status, const fs::path& path) {
   return status;
 }
 
-/// As renameat2(RENAME_NOREPLACE), also on file systems that do not know the flag (NFS).
+/// Like renameat2(RENAME_NOREPLACE), also on file systems without support for the flag (NFS).
 int rename_no_replace(const fs::path& from, const fs::path& to) {
   if (renameat2(AT_FDCWD, from.c_str(), AT_FDCWD, to.c_str(), RENAME_NOREPLACE) == 0) return 0;
   if (errno != EINVAL) return -1;
@@ -108,7 +109,8 @@ Status copy_bytes(const File& from, File& to) {
 Result<File> File::open(fs::path path, OpenMode mode) {
   UniqueFd fd(uninterrupted([&] { return ::open(path.c_str(), flags_of(mode), 0644); }));
   if (!fd && errno == ELOOP && (flags_of(mode) & O_NOFOLLOW) != 0) {
-    return io_error(action_of(mode), path, "it is a symbolic link, or lies behind too many", ELOOP);
+    return io_error(action_of(mode), path,
+                    "it is a symbolic link, or its path has too many of them", ELOOP);
   }
   if (!fd) return io_error(action_of(mode), path);
   struct stat status {};
@@ -147,23 +149,23 @@ Status File::write(uint64_t offset, std::initializer_list<std::span<const uint8_
   for (const auto part : parts) {  // pwritev() only reads
     if (!part.empty()) vectors[count++] = {const_cast<uint8_t*>(part.data()), part.size()};
   }
-  std::span<iovec> left(vectors.data(), count);
-  while (!left.empty()) {
+  std::span<iovec> remaining(vectors.data(), count);
+  while (!remaining.empty()) {
     const ssize_t n = uninterrupted([&] {
-      return pwritev(fd_.get(), left.data(), static_cast<int>(left.size()),
+      return pwritev(fd_.get(), remaining.data(), static_cast<int>(remaining.size()),
                      static_cast<off_t>(offset));
     });
     if (n < 0) return io_error("write", path_);
-    if (n == 0) return io_error("write", path_, "the disk takes no bytes", EIO);
+    if (n == 0) return io_error("write", path_, "the file system accepts no bytes", EIO);
     offset += static_cast<uint64_t>(n);
-    auto taken = static_cast<size_t>(n);
-    while (!left.empty() && taken >= left.front().iov_len) {
-      taken -= left.front().iov_len;
-      left = left.subspan(1);
+    auto written = static_cast<size_t>(n);
+    while (!remaining.empty() && written >= remaining.front().iov_len) {
+      written -= remaining.front().iov_len;
+      remaining = remaining.subspan(1);
     }
-    if (taken > 0) {
-      left.front().iov_base = static_cast<uint8_t*>(left.front().iov_base) + taken;
-      left.front().iov_len -= taken;
+    if (written > 0) {
+      remaining.front().iov_base = static_cast<uint8_t*>(remaining.front().iov_base) + written;
+      remaining.front().iov_len -= written;
     }
   }
   return {};
@@ -178,7 +180,7 @@ Status sync_folder(const fs::path& folder) {
   const UniqueFd fd(
       uninterrupted([&] { return ::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC); }));
   if (!fd) return io_error("sync folder", folder);
-  // File systems without it (some FUSE mounts) say EINVAL; there is nothing to wait for there.
+  // File systems without fsync of folders (some FUSE mounts) return EINVAL; nothing to wait for.
   if (uninterrupted([&] { return fsync(fd.get()); }) != 0 && errno != EINVAL) {
     return io_error("sync folder", folder);
   }
@@ -198,7 +200,7 @@ Result<std::string> read_file(const fs::path& path, uint64_t max_bytes, OpenMode
   std::string content;
   content.reserve(*size);
   std::array<uint8_t, 1 << 16> chunk{};
-  for (;;) {  // files of /proc have no length before they are read
+  for (;;) {  // the size of files in /proc is 0
     const auto got = file->read(content.size(), chunk);
     if (!got) return tl::make_unexpected(got.error());
     if (*got == 0) return content;
@@ -208,20 +210,20 @@ Result<std::string> read_file(const fs::path& path, uint64_t max_bytes, OpenMode
 }
 
 Status replace_file(const fs::path& path, std::string_view content) {
-  auto file = create_beside(path);
+  auto file = create_temporary(path);
   if (!file) return tl::make_unexpected(file.error());
   Status status = file->write(0, {bytes_of(content)});
-  status = put_in_place(*std::move(file), std::move(status), path);
+  status = sync_and_rename(*std::move(file), std::move(status), path);
   return status ? sync_folder(folder_of(path)) : status;
 }
 
 Status copy_file(const fs::path& from, const fs::path& to) {
   const auto source = File::open(from, OpenMode::kRead);
   if (!source) return tl::make_unexpected(source.error());
-  auto file = create_beside(to);
+  auto file = create_temporary(to);
   if (!file) return tl::make_unexpected(file.error());
   Status status = copy_bytes(*source, *file);
-  return put_in_place(*std::move(file), std::move(status), to);
+  return sync_and_rename(*std::move(file), std::move(status), to);
 }
 
 Result<std::vector<fs::path>> list_folder(const fs::path& folder) {
@@ -258,7 +260,7 @@ Status create_folders(const fs::path& folder) {
   if (::mkdir(folder.c_str(), 0777) != 0 && errno != EEXIST) return io_error("make folder", folder);
   const bool is_folder = fs::is_directory(folder, error);
   if (error) return io_error("make folder", folder, error.message(), error.value());
-  if (!is_folder) return io_error("make folder", folder, "the name is taken by a file", EEXIST);
+  if (!is_folder) return io_error("make folder", folder, "a file has this name", EEXIST);
   return sync_folder(parent);
 }
 
@@ -266,7 +268,7 @@ Status sync_file_system(const std::filesystem::path& folder) {
   const UniqueFd fd(
       uninterrupted([&] { return ::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC); }));
   if (!fd || uninterrupted([&] { return syncfs(fd.get()); }) != 0)
-    return io_error("sync the disk of", folder);
+    return io_error("sync the file system of", folder);
   return {};
 }
 

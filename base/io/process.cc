@@ -12,9 +12,9 @@
 namespace v3d {
 namespace {
 
-constexpr int kUnknownEnd = 127;
+constexpr int kUnknownStatus = 127;
 
-/// As exec(3) wants them. Borrows the words.
+/// A null-terminated array for exec(3). The pointers refer to `words`.
 std::vector<char*> pointers_to(const std::vector<std::string>& words) {
   std::vector<char*> pointers;
   for (const std::string& word : words) pointers.push_back(const_cast<char*>(word.c_str()));
@@ -29,14 +29,14 @@ class FileActions {
   FileActions(const FileActions&) = delete;
   FileActions& operator=(const FileActions&) = delete;
 
-  void connect(int fd, int its) {
+  void connect(int fd, int target) {
     if (fd >= 0) {
-      posix_spawn_file_actions_adddup2(&actions_, fd, its);
+      posix_spawn_file_actions_adddup2(&actions_, fd, target);
     } else {
-      posix_spawn_file_actions_addopen(&actions_, its, "/dev/null", O_RDWR, 0);
+      posix_spawn_file_actions_addopen(&actions_, target, "/dev/null", O_RDWR, 0);
     }
   }
-  /// Not every library opens its files close-on-exec.
+  /// Closes all descriptors above 2: not every library opens its files close-on-exec.
   void close_others() { posix_spawn_file_actions_addclosefrom_np(&actions_, STDERR_FILENO + 1); }
   const posix_spawn_file_actions_t* get() const { return &actions_; }
 
@@ -65,7 +65,7 @@ class Attributes {
   posix_spawnattr_t attributes_{};
 };
 
-/// Of waitpid(2).
+/// Converts a status of waitpid(2).
 int exit_status(int status) {
   return WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status);
 }
@@ -97,14 +97,14 @@ pid_t spawn_process(const std::vector<std::string>& words, const SpawnOptions& o
 
 int wait_for_process(pid_t child) {
   int status = 0;
-  return wait_for(child, status, 0) == child ? exit_status(status) : kUnknownEnd;
+  return wait_for(child, status, 0) == child ? exit_status(status) : kUnknownStatus;
 }
 
 std::optional<int> poll_process(pid_t child) {
   int status = 0;
   const pid_t ended = wait_for(child, status, WNOHANG);
   if (ended == 0) return std::nullopt;
-  return ended == child ? exit_status(status) : kUnknownEnd;
+  return ended == child ? exit_status(status) : kUnknownStatus;
 }
 
 void kill_process(pid_t child) {

@@ -1,5 +1,6 @@
-// Other programs: started without a shell by posix_spawn(3), waited for, killed. (Boost.Process
-// 1.74 forks, marks its pipes close-on-exec only after they are made, and sets no signal masks.)
+// Starts other programs without a shell (posix_spawn(3)), waits for them and kills them.
+// (Boost.Process 1.74 forks, marks its pipes close-on-exec only after it has made them, and sets no
+// signal masks.)
 #pragma once
 
 #include <sys/types.h>
@@ -11,32 +12,34 @@
 namespace v3d {
 
 struct SpawnOptions {
-  /// Descriptors that become its standard input, output and error; -1: /dev/null. Requires numbers
-  /// above 2, or STDERR_FILENO for output and errors.
+  /// Descriptors that become standard input, output and error of the program; -1: /dev/null.
+  /// Requires numbers above 2, or STDERR_FILENO for output and errors.
   int input = -1;
   int output = -1;
   int errors = -1;
-  bool on_path = false;  ///< the first word is looked for on the PATH; else it is a path
-  /// No signal is blocked or ignored; else as in this process: a job that nohup(1) started stays
-  /// one.
+  bool on_path = false;  ///< search the first word on the PATH; else it is a path
+  /// Start with no signal blocked or ignored. Otherwise the program inherits the signals of this
+  /// process, so that a job under nohup(1) stays one.
   bool default_signals = false;
-  std::optional<std::vector<std::string>> environment = {};  ///< "NAME=value"; empty: as ours
+  std::optional<std::vector<std::string>> environment = {};  ///< "NAME=value"; empty: inherited
 };
 
-/// Starts a program. `words`: its name and its arguments. No other descriptor of this process is
-/// open in it. Returns its process id, or -1 with errno when it cannot be run. Any thread.
+/// Starts a program and returns its process id, or -1 with errno when it cannot be run. `words`:
+/// its name and its arguments. The program inherits no other descriptor of this process.
+/// Thread-safe.
 pid_t spawn_process(const std::vector<std::string>& words, const SpawnOptions& options);
 
-/// Its exit status once it has ended; 128 + the signal when one ended it; 127 when nothing is known
-/// of it. The first waits, the second is empty while it runs.
+/// Exit status of the program: its own; 128 + the signal that ended it; 127 when the status is
+/// unknown. wait_for_process() waits for the end; poll_process() returns an empty value while the
+/// program runs.
 int wait_for_process(pid_t child);
 std::optional<int> poll_process(pid_t child);
 
-/// SIGKILL, and waits for the end. Nothing for -1.
+/// Sends SIGKILL and waits for the end. Does nothing for -1.
 void kill_process(pid_t child);
 
-/// This process becomes the program at `path`; `words`: as main() gets them. Returns, with errno,
-/// only when it cannot.
+/// Replaces this process by the program at `path` (execv). `words`: its argv. Returns only on
+/// failure, with errno.
 void become_program(const std::string& path, const std::vector<std::string>& words);
 
 }  // namespace v3d

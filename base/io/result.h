@@ -1,7 +1,7 @@
 // Result of an operation that may fail while the program runs: a value or an IoError.
 //
-// Set-up code converts an IoError into an exception once (value_or_throw, throw_if_failed); code
-// that runs in a daemon handles it as data.
+// Set-up code converts an IoError to an exception (value_or_throw, throw_if_failed); daemons handle
+// it as data.
 #pragma once
 
 #include <cerrno>
@@ -13,19 +13,19 @@
 
 namespace v3d::io {
 
-/// Why a system call failed.
+/// Cause of a failed operation.
 struct IoError {
   int code = 0;  ///< errno
-  std::string
-      message;  ///< one line with path and cause: "cannot write /a/b: No space left on device"
+  /// One line with path and cause: "cannot write /a/b: No space left on device".
+  std::string message;
 };
 
 template <class T>
 using Result = tl::expected<T, IoError>;
 using Status = Result<void>;
 
-/// The error of the system call that failed last: "cannot `action` `path`: <text of errno>".
-/// Reads errno, so it must follow the call directly.
+/// The error of the last failed system call: "cannot `action` `path`: <text of errno>".
+/// Reads errno, so call it directly after the failure.
 tl::unexpected<IoError> io_error(std::string_view action, const std::filesystem::path& path);
 /// The same for a failure without errno: "cannot `action` `path`: `cause`".
 tl::unexpected<IoError> io_error(std::string_view action, const std::filesystem::path& path,

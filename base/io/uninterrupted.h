@@ -1,4 +1,4 @@
-// uninterrupted: tries a system call again when a signal interrupted it.
+// Repeats a system call that a signal interrupted (EINTR).
 #pragma once
 
 #include <cerrno>
@@ -6,8 +6,8 @@
 
 namespace v3d::io {
 
-/// What `call` returns when it succeeds, or fails with another errno than EINTR. `call` returns a
-/// negative value where it fails.
+/// Repeats `call` until it returns another result than EINTR, and returns that result. `call`
+/// returns a negative value and sets errno when it fails.
 template <class Call>
 auto uninterrupted(Call call) {
   auto result = call();
@@ -15,7 +15,7 @@ auto uninterrupted(Call call) {
   return result;
 }
 
-/// The same for a call that sets an std::error_code. Returns the code.
+/// Like uninterrupted(), for a call that sets an std::error_code. Returns the code.
 template <class Call>
 std::error_code uninterrupted_code(Call call) {
   std::error_code code;

@@ -23,7 +23,7 @@ class UniqueFd {
 
   int get() const { return fd_; }
   explicit operator bool() const { return fd_ >= 0; }
-  /// Gives the descriptor away; the caller closes it.
+  /// Gives up ownership; the caller closes the descriptor.
   int release() { return std::exchange(fd_, -1); }
   /// Closes the descriptor and owns `fd` instead.
   void reset(int fd = -1) {

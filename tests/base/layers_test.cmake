@@ -1,6 +1,7 @@
-# Configures a small project with the real cmake/layers.cmake twice: capture linking base must pass, capture
-# linking recon must fail with a message that names both; and an #include of a layer that is not linked must
-# not compile.
+# Configures a small project with the real cmake/layers.cmake:
+# - capture linked to base must pass;
+# - capture linked to recon must fail with a message that contains both names;
+# - an #include of a layer that is not linked must not compile.
 function(configure_with link include_line result_variable output_variable)
   file(REMOVE_RECURSE ${WORK})
   foreach(layer base recon capture)
@@ -25,13 +26,13 @@ endfunction()
 
 configure_with(v3d_base "#include \"base/base.h\"" result output)
 if(NOT result EQUAL 0)
-  message(FATAL_ERROR "capture may use base, yet: ${output}")
+  message(FATAL_ERROR "capture may use base, but the build failed: ${output}")
 endif()
 configure_with(v3d_recon "" result output)
 if(result EQUAL 0 OR NOT output MATCHES "layer 'capture' may not use layer 'recon'")
-  message(FATAL_ERROR "capture linked recon and nothing complained: ${output}")
+  message(FATAL_ERROR "capture links recon, but the configuration did not fail with the expected message: ${output}")
 endif()
 configure_with(v3d_base "#include \"recon/recon.h\"" result output)
 if(result EQUAL 0 OR NOT output MATCHES "recon/recon.h")
-  message(FATAL_ERROR "capture included recon/recon.h and it compiled: ${output}")
+  message(FATAL_ERROR "capture includes recon/recon.h, but the build did not fail with the expected message: ${output}")
 endif()

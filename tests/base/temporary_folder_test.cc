@@ -1,4 +1,4 @@
-// What the tests themselves leave behind.
+// Tests that temporary folders of tests are removed.
 #include "support/temporary_folder.h"
 
 #include <gtest/gtest.h>
@@ -20,18 +20,18 @@ class Holder {
     pid_ = fork();
     if (pid_ == 0) hold(where, pipe_ends[1]);
     close(pipe_ends[1]);
-    std::array<char, 1000> said{};
-    const ssize_t got = read(pipe_ends[0], said.data(), said.size());
+    std::array<char, 1000> path_text{};
+    const ssize_t got = read(pipe_ends[0], path_text.data(), path_text.size());
     close(pipe_ends[0]);
-    folder_ = std::string(said.data(), static_cast<size_t>(std::max<ssize_t>(got, 0)));
+    folder_ = std::string(path_text.data(), static_cast<size_t>(std::max<ssize_t>(got, 0)));
   }
-  ~Holder() { kill_it(); }
+  ~Holder() { kill_process(); }
   Holder(const Holder&) = delete;
   Holder& operator=(const Holder&) = delete;
 
   const fs::path& folder() const { return folder_; }
-  /// No destructor runs.
-  void kill_it() {
+  /// Ends the process without running destructors.
+  void kill_process() {
     if (pid_ <= 0) return;
     kill(pid_, SIGKILL);
     waitpid(pid_, nullptr, 0);
@@ -39,11 +39,11 @@ class Holder {
   }
 
  private:
-  [[noreturn]] static void hold(const fs::path& where, int tell) {
+  [[noreturn]] static void hold(const fs::path& where, int pipe_fd) {
     const TemporaryFolder folder(where);
     write_text(folder / "file", "left");
     const std::string path = folder.path();
-    if (write(tell, path.data(), path.size()) < 0) _exit(1);
+    if (write(pipe_fd, path.data(), path.size()) < 0) _exit(1);
     for (;;) pause();
   }
 
@@ -51,7 +51,7 @@ class Holder {
   fs::path folder_;
 };
 
-TEST(TemporaryFolder, is_gone_with_all_in_it) {
+TEST(TemporaryFolder, is_removed_with_its_content) {
   fs::path path;
   {
     const TemporaryFolder folder;
@@ -62,22 +62,22 @@ TEST(TemporaryFolder, is_gone_with_all_in_it) {
   EXPECT_FALSE(fs::exists(path));
 }
 
-TEST(TemporaryFolder, of_a_process_that_was_killed_is_taken_away_and_no_other) {
+TEST(TemporaryFolder, remove_leftovers_removes_only_folders_of_killed_processes) {
   const TemporaryFolder where;
-  Holder killed(where.path()), lives(where.path());
+  Holder killed(where.path()), running(where.path());
   const TemporaryFolder own(where.path());
   ASSERT_TRUE(fs::exists(killed.folder() / "file"));
-  ASSERT_TRUE(fs::exists(lives.folder() / "file"));
-  killed.kill_it();
-  for (const char* strange : {"v3d-test-aBcDeF", "v3d-test--1-aBcDeF", "v3d-test-7", "v3d-12-x"}) {
-    fs::create_directory(where / strange);
+  ASSERT_TRUE(fs::exists(running.folder() / "file"));
+  killed.kill_process();
+  for (const char* other : {"v3d-test-aBcDeF", "v3d-test--1-aBcDeF", "v3d-test-7", "v3d-12-x"}) {
+    fs::create_directory(where / other);
   }
   remove_leftovers(where.path());
   EXPECT_FALSE(fs::exists(killed.folder()));
-  EXPECT_TRUE(fs::exists(lives.folder() / "file"));
+  EXPECT_TRUE(fs::exists(running.folder() / "file"));
   EXPECT_TRUE(fs::exists(own.path()));
-  for (const char* strange : {"v3d-test-aBcDeF", "v3d-test--1-aBcDeF", "v3d-test-7", "v3d-12-x"}) {
-    EXPECT_TRUE(fs::exists(where / strange)) << strange;
+  for (const char* other : {"v3d-test-aBcDeF", "v3d-test--1-aBcDeF", "v3d-test-7", "v3d-12-x"}) {
+    EXPECT_TRUE(fs::exists(where / other)) << other;
   }
 }
 

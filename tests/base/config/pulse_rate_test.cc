@@ -7,14 +7,14 @@
 namespace v3d {
 namespace {
 
-TEST(PulseRate, lies_within_its_range_with_both_ends) {
+TEST(PulseRate, accepts_the_range_with_both_limits) {
   for (const double rate : {0.01, 0.1, 25.0, 1000.0}) EXPECT_TRUE(is_pulse_rate(rate)) << rate;
   for (const double rate : {-25.0, 0.0, 0.0099, 1000.1, std::nan(""), HUGE_VAL}) {
     EXPECT_FALSE(is_pulse_rate(rate)) << rate;
   }
 }
 
-TEST(PulseRate, that_is_not_possible_is_refused_with_the_range) {
+TEST(PulseRate, error_message_contains_the_range) {
   EXPECT_EQ(impossible_pulse_rate(5000),
             "a pulse rate of 5000 Hz is not possible; expected 0.01 to 1000 Hz");
 }

@@ -64,7 +64,7 @@ std::string with(std::string_view from, std::string_view to) {
   return text.replace(text.find(from), from.size(), to);
 }
 
-TEST(StudioFile, gives_every_camera_its_own_settings_above_the_defaults) {
+TEST(StudioFile, settings_of_a_camera_override_the_defaults) {
   const Studio studio = parse_studio(kGood, "/etc/v3d/studio.toml");
   ASSERT_EQ(studio.cameras.size(), 2U);
   EXPECT_EQ(studio.cameras[0].packet_size, 8000);
@@ -78,7 +78,7 @@ TEST(StudioFile, gives_every_camera_its_own_settings_above_the_defaults) {
   EXPECT_EQ(studio.reconstruction.voxel_m, 0.008);
 }
 
-TEST(StudioFile, lets_all_cameras_share_the_node_of_the_defaults_and_asks_for_one) {
+TEST(StudioFile, uses_the_default_node_and_reports_a_missing_one) {
   std::string text = with("exposure_us = 800", "node = \"cap01\"");
   text.erase(text.find("node = \"cap01\"\naddress"), 15);
   EXPECT_EQ(parse_studio(text, "studio.toml").cameras[0].node, "cap01");
@@ -87,14 +87,14 @@ TEST(StudioFile, lets_all_cameras_share_the_node_of_the_defaults_and_asks_for_on
             "[camera_defaults]");
 }
 
-TEST(StudioFile, takes_relative_paths_from_its_own_folder) {
+TEST(StudioFile, resolves_relative_paths_from_its_own_folder) {
   const Studio studio = parse_studio(kGood, "/etc/v3d/studio.toml");
   EXPECT_EQ(studio.storage.takes, "/etc/v3d/takes");
   EXPECT_EQ(studio.storage.background, "/var/lib/v3d/background");
   EXPECT_EQ(studio.trigger.wire, "/etc/v3d/trigger.sock");
 }
 
-TEST(StudioFile, shows_itself_to_this_pc_alone_unless_it_says_otherwise) {
+TEST(StudioFile, viewer_listens_on_loopback_by_default) {
   EXPECT_EQ(parse_studio(kGood, "/studio/studio.toml").viewer.listen, "127.0.0.1:8330");
   const Studio studio = parse_studio(
       std::string(kGood) + "[viewer]\nlisten = \"0.0.0.0:80\"\ntoken = \"viewer.token\"\n",
@@ -103,7 +103,7 @@ TEST(StudioFile, shows_itself_to_this_pc_alone_unless_it_says_otherwise) {
   EXPECT_EQ(studio.viewer.token, "/studio/viewer.token");
 }
 
-TEST(StudioFile, lets_nobody_command_from_a_browser_unless_it_says_so) {
+TEST(StudioFile, viewer_control_is_off_by_default) {
   EXPECT_FALSE(parse_studio(kGood, "/studio/studio.toml").viewer.control);
   const Studio studio = parse_studio(
       std::string(kGood) + "[viewer]\ncontrol = true\noperator_token = \"operator.token\"\n",
@@ -112,19 +112,19 @@ TEST(StudioFile, lets_nobody_command_from_a_browser_unless_it_says_so) {
   EXPECT_EQ(studio.viewer.operator_token, "/studio/operator.token");
 }
 
-TEST(StudioFile, with_two_cameras_or_two_nodes_of_one_name_is_refused) {
+TEST(StudioFile, rejects_two_cameras_or_two_nodes_with_the_same_name) {
   EXPECT_EQ(message_for(with("\"cam02\"", "\"cam01\"")),
             "/etc/v3d/studio.toml:18: camera.name: two cameras are named 'cam01'");
   EXPECT_EQ(message_for(with("\"recon01\"", "\"cap01\"")),
             "/etc/v3d/studio.toml:6: node.name: two nodes are named 'cap01'");
 }
 
-TEST(StudioFile, names_a_node_that_does_not_exist) {
+TEST(StudioFile, reports_an_unknown_node) {
   EXPECT_EQ(message_for(with("node = \"cap01\"", "node = \"cap02\"")),
             "/etc/v3d/studio.toml:14: camera.node: there is no [[node]] named 'cap02'");
 }
 
-TEST(StudioFile, has_one_node_that_reconstructs_or_several) {
+TEST(StudioFile, accepts_one_or_several_reconstruction_nodes) {
   const std::string text =
       with("[camera_defaults]", "[[node]]\nname = \"recon02\"\n[camera_defaults]");
   const auto shared = [&](const std::string& line) {
@@ -140,7 +140,7 @@ TEST(StudioFile, has_one_node_that_reconstructs_or_several) {
   EXPECT_EQ(message_for(shared("nodes = [\"recon01\", \"recon03\"]")),
             where + "nodes: there is no [[node]] named 'recon03'");
   EXPECT_EQ(message_for(shared("nodes = [\"recon01\", \"recon01\"]")),
-            where + "nodes: names 'recon01' twice");
+            where + "nodes: 'recon01' is listed twice");
   EXPECT_EQ(message_for(shared("nodes = []")),
             where + "nodes: expected the names of [[node]]s, found none");
   EXPECT_EQ(message_for(shared("node = \"recon01\"\nnodes = [\"recon02\"]")),
@@ -151,7 +151,7 @@ std::string with_frame_groups(const std::string& groups) {
   return std::string(kGood) + "[network]\nframe_groups = [" + groups + "]\n";
 }
 
-TEST(StudioFile, may_spread_live_frames_over_multicast_groups) {
+TEST(StudioFile, reads_the_multicast_groups_of_live_frames) {
   EXPECT_TRUE(parse_studio(kGood, "studio.toml").network.frame_groups.empty());
   const Studio studio = parse_studio(
       with_frame_groups(R"("udpm://239.255.76.68:7668?ttl=1", "udpm://239.255.76.69:7669")"),
@@ -161,21 +161,21 @@ TEST(StudioFile, may_spread_live_frames_over_multicast_groups) {
       (std::vector<std::string>{"udpm://239.255.76.68:7668?ttl=1", "udpm://239.255.76.69:7669"}));
 }
 
-TEST(StudioFile, wants_an_address_and_a_port_of_its_own_for_each_group_of_frames) {
+TEST(StudioFile, rejects_frame_groups_that_share_an_address_or_a_port) {
   for (const char* groups : {R"("udpm://239.255.76.68:7667")", R"("udpm://239.255.76.67:7668")",
                              R"("udpm://239.255.76.68:7668", "udpm://239.255.76.69:7668")",
                              R"("udpm://239.255.76.68:7668", "udpm://239.255.76.68:7669")"}) {
     EXPECT_THAT(message_for(with_frame_groups(groups)),
                 HasSubstr("network.frame_groups: 'udpm://239.255.76.6"));
     EXPECT_THAT(message_for(with_frame_groups(groups)),
-                HasSubstr("share an address or a port; expected others for each"));
+                HasSubstr("share an address or a port; use different ones for each group"));
   }
   EXPECT_THAT(message_for(with_frame_groups(R"("udpm://10.0.0.1:7668")")),
-              HasSubstr("'udpm://10.0.0.1:7668' is no multicast group; expected one like "
+              HasSubstr("'udpm://10.0.0.1:7668' is not a multicast group; expected one like "
                         "udpm://239.255.76.68:7668"));
 }
 
-TEST(StudioFile, names_a_misspelt_field_and_the_known_ones) {
+TEST(StudioFile, reports_an_unknown_field_and_the_known_ones) {
   const std::string message = message_for(with("packet_size = 1500", "packetsize = 1500"));
   EXPECT_EQ(message.find("/etc/v3d/studio.toml:22: camera.packetsize: unknown field; known here: "),
             0U)
@@ -183,7 +183,7 @@ TEST(StudioFile, names_a_misspelt_field_and_the_known_ones) {
   EXPECT_NE(message.find("packet_size"), std::string::npos);
 }
 
-TEST(StudioFile, refuses_values_out_of_range_with_the_range) {
+TEST(StudioFile, rejects_values_out_of_range_and_reports_the_range) {
   EXPECT_EQ(message_for(with("exposure_us = 800", "exposure_us = -1")),
             "/etc/v3d/studio.toml:9: camera_defaults.exposure_us: expected a number from 1 to "
             "1000000, found -1");
@@ -191,7 +191,7 @@ TEST(StudioFile, refuses_values_out_of_range_with_the_range) {
             "/etc/v3d/studio.toml:42: reconstruction.min_views: expected a whole number from 1 to "
             "2, found 3");
   EXPECT_EQ(message_for(with("max = [1.5, 1.5, 2]", "max = [1.5, 1.5, 0]")),
-            "/etc/v3d/studio.toml:32: space.max: must be above min in x, y and z");
+            "/etc/v3d/studio.toml:32: space.max: expected values above min in x, y and z");
   EXPECT_EQ(message_for(with("\"Mono8\"", "\"Mono12\"")),
             "/etc/v3d/studio.toml:21: camera.pixel_format: 'Mono12' is unknown; known: Mono8, "
             "BayerGR8, BayerRG8, BayerGB8, BayerBG8, RGB8");
@@ -206,20 +206,20 @@ TEST(StudioFile, refuses_values_out_of_range_with_the_range) {
             "period of 40000 us");
 }
 
-TEST(StudioFile, tells_which_cameras_see_a_green_studio_and_wants_colour_of_them) {
+TEST(StudioFile, reads_the_chroma_key_and_rejects_it_for_mono_cameras) {
   const std::string text =
       with("address = \"V3D-SIM-01\"", "address = \"V3D-SIM-01\"\nchroma_key = \"green\"");
   EXPECT_EQ(parse_studio(text, "studio.toml").cameras[0].chroma_key, ChromaKey::kGreen);
   EXPECT_EQ(parse_studio(text, "studio.toml").cameras[1].chroma_key, ChromaKey::kNone);
   EXPECT_EQ(message_for(with("packet_size = 1500", "chroma_key = \"green\"")),
             "/etc/v3d/studio.toml:22: camera.chroma_key: a Mono8 picture has no colour; expected "
-            "none, or a pixel_format with one");
+            "none, or a pixel_format with colour");
 }
 
 constexpr std::string_view kSimulated =
     "kind = \"simulated\"\nrate_hz = 25\nwire = \"trigger.sock\"";
 
-TEST(StudioFile, names_a_gpio_line_by_name_or_number_and_the_line_that_senses_it) {
+TEST(StudioFile, reads_gpio_lines_by_name_or_number) {
   const Studio studio = parse_studio(with(kSimulated, R"(kind = "gpio"
 chip = "gpiochip0"
 line = 7
@@ -241,7 +241,7 @@ edge = "falling")"),
             "found -2");
 }
 
-TEST(StudioFile, names_a_signal_generator_by_its_usb_numbers_or_its_serial_port) {
+TEST(StudioFile, reads_the_usb_or_serial_address_of_a_signal_generator) {
   const auto scpi = [](std::string_view instrument) {
     return with(kSimulated, "kind = \"scpi\"\ndialect = \"rigol-dg\"\ninstrument = \"" +
                                 std::string(instrument) + "\"");
@@ -276,7 +276,7 @@ TEST(StudioFile, reads_the_speed_of_a_serial_port) {
   EXPECT_THAT(message_for(scpi("usb:1ab1:0642", "baud = 38400")), HasSubstr("trigger.baud"));
 }
 
-TEST(StudioFile, names_what_is_missing) {
+TEST(StudioFile, reports_missing_fields) {
   EXPECT_EQ(message_for(with("calib = \"calib.toml\"\n", "")),
             "/etc/v3d/studio.toml:34: storage.calib: missing");
   EXPECT_EQ(message_for("name = \"x\"\n"),
@@ -284,7 +284,7 @@ TEST(StudioFile, names_what_is_missing) {
   EXPECT_EQ(message_for(with("name = \"kyoto\"\n", "")), "/etc/v3d/studio.toml:1: name: missing");
 }
 
-TEST(StudioFile, reads_how_a_v4l2_camera_is_triggered) {
+TEST(StudioFile, reads_the_trigger_settings_of_a_v4l2_camera) {
   const std::string v4l2 = with("address = \"V3D-SIM-01\"",
                                 "address = \"/dev/video0\"\nkind = \"v4l2\"\nwidth = 640\n"
                                 "height = 480\ntrigger_control = \"0x009a0914\"\n"
@@ -297,7 +297,7 @@ TEST(StudioFile, reads_how_a_v4l2_camera_is_triggered) {
   EXPECT_EQ(camera.size, (ImageSize{640, 480}));
 }
 
-TEST(StudioFile, says_what_a_camera_that_runs_free_needs) {
+TEST(StudioFile, reports_the_requirements_of_a_free_running_camera) {
   const std::string free =
       with("address = \"V3D-SIM-01\"", "address = \"/dev/video0\"\nkind = \"v4l2\"");
   const Studio studio = parse_studio(free, "studio.toml");
@@ -308,14 +308,14 @@ TEST(StudioFile, says_what_a_camera_that_runs_free_needs) {
     return text.replace(text.find(from), from.size(), to);
   };
   EXPECT_THAT(message_for(changed("[trigger]\nnode = \"cap01\"", "[trigger]\nnode = \"recon01\"")),
-              HasSubstr("camera.trigger_control: missing, so cam01 runs free; then it must hang on "
+              HasSubstr("camera.trigger_control: missing, so cam01 is free-running; connect it to "
                         "the trigger's node, recon01"));
   EXPECT_THAT(message_for(changed("kind = \"simulated\"\nrate_hz = 25\nwire = \"trigger.sock\"",
                                   "kind = \"gpio\"\nchip = \"gpiochip0\"\nline = 7")),
-              HasSubstr("cam01 runs free; then [trigger.sense] is needed"));
+              HasSubstr("cam01 is free-running; add [trigger.sense]"));
 }
 
-TEST(StudioFile, says_what_a_v4l2_camera_needs) {
+TEST(StudioFile, rejects_invalid_settings_of_a_v4l2_camera) {
   const std::string address = "address = \"V3D-SIM-01\"";
   const std::string v4l2 = address + "\nkind = \"v4l2\"\n";
   EXPECT_THAT(message_for(with(address, v4l2 + "trigger_control = \"0x9a09zz\"")),

@@ -7,9 +7,9 @@
 namespace v3d {
 namespace {
 
-TEST(Checksum, is_xxh3_of_nothing_for_nothing) { EXPECT_EQ(checksum({}), 0x2D06800538D394C2); }
+TEST(Checksum, returns_the_xxh3_of_no_bytes) { EXPECT_EQ(checksum({}), 0x2D06800538D394C2); }
 
-TEST(Checksum, is_xxh3_of_a_megabyte_as_its_reference_gives_it) {
+TEST(Checksum, matches_the_reference_xxh3_of_a_megabyte) {
   std::vector<uint8_t> bytes(1 << 20);
   for (size_t i = 0; i < bytes.size(); ++i) bytes[i] = static_cast<uint8_t>(i % 251);
   EXPECT_EQ(checksum({bytes}), 0x6E0D7AC36B8C10FF);
@@ -24,7 +24,7 @@ TEST(Checksum, does_not_depend_on_where_the_parts_are_cut) {
   }
 }
 
-TEST(RunningChecksum, is_the_checksum_of_all_bytes_until_now) {
+TEST(RunningChecksum, equals_the_checksum_of_all_bytes_added_so_far) {
   const std::vector<uint8_t> bytes = {1, 2, 3, 4, 5};
   const std::span<const uint8_t> whole(bytes);
   RunningChecksum running;

@@ -8,7 +8,7 @@
 namespace v3d {
 namespace {
 
-TEST(AvailableMemory, is_what_the_kernel_says) {
+TEST(AvailableMemory, returns_the_value_of_the_kernel) {
   EXPECT_GT(available_memory(), 0);
   EXPECT_LT(available_memory(), std::numeric_limits<int64_t>::max());
 }

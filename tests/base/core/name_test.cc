@@ -8,7 +8,7 @@
 namespace v3d {
 namespace {
 
-TEST(FileName, is_harmless_as_part_of_a_path) {
+TEST(FileName, rejects_names_that_are_unsafe_in_a_path) {
   for (const char* good : {"cam01", "kendo-07", "GV-4103", "a.b", "_x"}) {
     EXPECT_TRUE(is_file_name(good)) << good;
   }
@@ -19,7 +19,7 @@ TEST(FileName, is_harmless_as_part_of_a_path) {
   EXPECT_FALSE(is_file_name(std::string(65, 'a')));
 }
 
-TEST(NameList, is_cut_after_24_names) {
+TEST(NameList, ends_after_24_names) {
   EXPECT_EQ(join_names({}), "");
   EXPECT_EQ(join_names({"cam00", "cam01"}), "cam00, cam01");
   const std::vector<std::string> names(24, "a");

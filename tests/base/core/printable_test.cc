@@ -6,23 +6,23 @@
 namespace v3d {
 namespace {
 
-TEST(Printable, leaves_text_of_any_language_as_it_is) {
+TEST(Printable, keeps_utf8_text_of_any_language) {
   for (const char* text : {"", "cam07: lost", "Köln 25 °C", "剣道-07", "\xF0\x9F\x8E\xA5"}) {
     EXPECT_EQ(printable(text), text);
   }
 }
 
-TEST(Printable, lets_no_text_command_a_terminal_or_end_a_line) {
+TEST(Printable, replaces_control_characters) {
   EXPECT_EQ(printable("\x1b[2J"), "?[2J");
   EXPECT_EQ(printable("a\nb\tc\x7f"), "a?b?c?");
   EXPECT_EQ(printable("\xC2\x9B"
                       "31m"),
             "?31m")
-      << "CSI, as one character";
+      << "CSI as one character";
   EXPECT_EQ(printable(std::string(1, '\0')), "?");
 }
 
-TEST(Printable, has_a_mark_for_every_byte_that_is_no_utf8) {
+TEST(Printable, replaces_every_byte_of_invalid_utf8) {
   EXPECT_EQ(printable("K\xF6ln"), "K?ln") << "Latin-1";
   EXPECT_EQ(printable("\xC0\xAF"), "??") << "a slash in two bytes";
   EXPECT_EQ(printable("\xED\xA0\x80"), "???") << "half of a surrogate pair";
@@ -30,7 +30,7 @@ TEST(Printable, has_a_mark_for_every_byte_that_is_no_utf8) {
   EXPECT_EQ(printable("\xE5\x89"), "??") << "cut off";
 }
 
-RC_GTEST_PROP(Printable, is_printable_already, (const std::string& text)) {
+RC_GTEST_PROP(Printable, is_idempotent, (const std::string& text)) {
   const std::string once = printable(text);
   RC_ASSERT(printable(once) == once);
 }

@@ -8,7 +8,7 @@ namespace {
 
 using Values = std::vector<double>;
 
-TEST(Statistics, percentiles_are_values_that_occurred) {
+TEST(Statistics, percentile_returns_one_of_the_values) {
   EXPECT_EQ(percentile<double>({3, 1, 2, 4}, 0.50), 2);
   EXPECT_EQ(percentile<double>({3, 1, 2, 4}, 0.51), 3);
   EXPECT_EQ(percentile<double>({3, 1, 2, 4}, 0.99), 4);
@@ -17,7 +17,7 @@ TEST(Statistics, percentiles_are_values_that_occurred) {
   EXPECT_EQ(percentile<double>({}, 0.5), 0);
 }
 
-RC_GTEST_PROP(Statistics, a_percentile_is_the_least_value_that_such_a_share_does_not_exceed, ()) {
+RC_GTEST_PROP(Statistics, percentile_is_the_smallest_value_that_the_share_does_not_exceed, ()) {
   const auto values = *rc::gen::nonEmpty<std::vector<int>>();
   const int hundredths = *rc::gen::inRange(1, 101);
   const int found = percentile(values, hundredths / 100.0);
@@ -29,19 +29,19 @@ RC_GTEST_PROP(Statistics, a_percentile_is_the_least_value_that_such_a_share_does
   RC_ASSERT(share_up_to([&](int v) { return v < found; }) <= hundredths);
 }
 
-TEST(Statistics, the_median_of_an_even_number_lies_in_the_middle_of_two) {
+TEST(Statistics, median_of_an_even_number_is_the_mean_of_the_middle_values) {
   EXPECT_EQ(median({4, 1, 3, 2}), 2.5);
   EXPECT_EQ(median({5, 1, 3}), 3);
   EXPECT_EQ(median({}), 0);
 }
 
-TEST(Statistics, the_upper_median_is_the_upper_one_of_the_two) {
+TEST(Statistics, upper_median_of_an_even_number_is_the_larger_middle_value) {
   EXPECT_EQ(upper_median<double>({4, 1, 3, 2}), 3);
   EXPECT_EQ(upper_median<double>({5, 1, 3}), 3);
   EXPECT_EQ(upper_median<float>({}), 0);
 }
 
-TEST(Statistics, the_mean_of_nothing_is_0) {
+TEST(Statistics, mean_of_no_values_is_0) {
   EXPECT_EQ(mean({1, 2, 6}), 3);
   EXPECT_EQ(mean({}), 0);
 }

@@ -10,7 +10,7 @@ using namespace std::chrono_literals;
 constexpr MonotonicInstant kSteady = from_ns<Monotonic>(1'000'000'000'000);
 constexpr RealtimeInstant kWall = from_ns<Realtime>(1'700'000'000'000'000'000);
 
-TEST(RealtimeFollower, follows_a_clock_that_is_slewed) {
+TEST(RealtimeFollower, follows_a_slewed_clock) {
   RealtimeFollower follower;
   for (int i = 0; i < 1000; ++i) {
     const Duration slewed = i * 40ms;
@@ -19,7 +19,7 @@ TEST(RealtimeFollower, follows_a_clock_that_is_slewed) {
   EXPECT_EQ(follower.step(kSteady + 1000s, kWall + 1000s + 999 * 40ms), 0ms);
 }
 
-TEST(RealtimeFollower, keeps_the_time_of_before_when_the_clock_is_set) {
+TEST(RealtimeFollower, ignores_a_step_of_the_clock_until_it_is_adopted) {
   for (const Duration set : std::initializer_list<Duration>{-1h, -60s, -51ms, 51ms, 60s}) {
     RealtimeFollower follower;
     follower.follow(kSteady, kWall);
@@ -31,7 +31,7 @@ TEST(RealtimeFollower, keeps_the_time_of_before_when_the_clock_is_set) {
   }
 }
 
-TEST(RealtimeFollower, takes_a_pause_between_two_readings_for_no_step) {
+TEST(RealtimeFollower, reports_no_step_after_a_pause_between_two_readings) {
   RealtimeFollower follower;
   follower.follow(kSteady, kWall);
   EXPECT_EQ(follower.follow(kSteady + 1s, kWall + 1s + 300ms), kWall + 1s) << "the thread slept";

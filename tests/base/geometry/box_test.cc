@@ -7,7 +7,7 @@
 namespace v3d {
 namespace {
 
-TEST(Bounds, are_two_corners_the_first_below_the_second) {
+TEST(Bounds, are_two_corners_in_ascending_order) {
   const Box box = parse_bounds("-0.6,-0.6,-0.1,0.6,0.6,1.9");
   EXPECT_EQ(box.min, Eigen::Vector3d(-0.6, -0.6, -0.1));
   EXPECT_EQ(box.max, Eigen::Vector3d(0.6, 0.6, 1.9));

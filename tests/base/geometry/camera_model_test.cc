@@ -12,13 +12,14 @@ double real(double low, double high) {
   return low + (high - low) * *rc::gen::inRange(0, 1'000'001) / 1e6;
 }
 
-/// A lens with `coefficients` (0..14) of OpenCV's, each up to a size seen on real lenses.
+/// Distortion with the first `coefficients` (0 to 14) of OpenCV's, each within the range of real
+/// lenses.
 Distortion random_distortion(int coefficients) {
-  constexpr std::array<double, 14> kLargest = {0.4,  0.2,  0.005, 0.005, 0.1,  0.3,  0.1,
-                                               0.05, 0.01, 0.01,  0.01,  0.01, 0.05, 0.05};
+  constexpr std::array<double, 14> kMaxCoefficients = {0.4,  0.2,  0.005, 0.005, 0.1,  0.3,  0.1,
+                                                       0.05, 0.01, 0.01,  0.01,  0.01, 0.05, 0.05};
   Distortion d{};
   for (int i = 0; i < coefficients; ++i) {
-    d[i] = real(-kLargest[i], kLargest[i]);
+    d[i] = real(-kMaxCoefficients[i], kMaxCoefficients[i]);
   }
   return d;
 }
@@ -35,7 +36,7 @@ CameraModel random_camera() {
           look_at(eye, target + Eigen::Vector3d(0, 0, 1e-3))};
 }
 
-RC_GTEST_PROP(CameraModel, projects_as_opencv_does_with_every_length_of_distortion_vector, ()) {
+RC_GTEST_PROP(CameraModel, projects_like_opencv_for_every_length_of_distortion_vector, ()) {
   const CameraModel camera = random_camera();
   const Eigen::Vector3d world(real(-1, 1), real(-1, 1), real(0, 2));
   const auto pixel = camera.project(world);
@@ -55,19 +56,19 @@ RC_GTEST_PROP(CameraModel, projects_as_opencv_does_with_every_length_of_distorti
   RC_ASSERT((*pixel - Eigen::Vector2d(projected[0].x, projected[0].y)).norm() < 1e-6);
 }
 
-RC_GTEST_PROP(CameraModel, sends_the_ray_of_a_pixel_back_to_that_pixel, ()) {
+RC_GTEST_PROP(CameraModel, projects_the_ray_of_a_pixel_to_that_pixel, ()) {
   const CameraModel camera = random_camera();
   const Eigen::Vector2d pixel(real(0, 1023), real(0, 767));
   const auto ray = camera.ray(pixel);
   RC_PRE(ray.has_value());
   const auto back = camera.project(camera.center() + 2.5 * *ray);
-  // The last bits of a ray at the very edge of the model may fall beyond it.
+  // Rounding can move a ray at the limit of the model beyond it.
   if (back) {
     RC_ASSERT((*back - pixel).norm() < 1e-6);
   }
 }
 
-TEST(CameraModel, includes_the_skew_that_opencv_leaves_out) {
+TEST(CameraModel, applies_the_skew_that_opencv_ignores) {
   Eigen::Matrix3d k;
   k << 900, -1.5, 500, 0, 900, 380, 0, 0, 1;
   const CameraModel camera({1024, 768}, k, {}, {});
@@ -76,24 +77,25 @@ TEST(CameraModel, includes_the_skew_that_opencv_leaves_out) {
   EXPECT_DOUBLE_EQ(pixel->x(), 900 * 0.1 - 1.5 * 0.2 + 500);
 }
 
-TEST(CameraModel, sees_nothing_behind_itself) {
+TEST(CameraModel, projects_no_point_behind_the_camera) {
   const CameraModel camera({640, 480}, Eigen::Vector3d(500, 500, 1).asDiagonal(), {}, {});
   EXPECT_TRUE(camera.project({0, 0, 1}));
   EXPECT_FALSE(camera.project({0, 0, -1}));
   EXPECT_FALSE(camera.project({0, 0, 0}));
 }
 
-TEST(CameraModel, does_not_fold_points_far_outside_back_into_the_image) {
+TEST(CameraModel, projects_no_point_beyond_the_fold_of_the_polynomial) {
   Eigen::Matrix3d k;
   k << 490, 0, 334, 0, 493, 222, 0, 0, 1;
   const CameraModel camera({644, 486}, k, {-0.5, 0, 0, 0}, {});
   // r (1 - 0.5 r^2) grows up to r^2 = 2/3 and is 0 again at r^2 = 2.
   EXPECT_NEAR(camera.max_radius2(), 2.0 / 3, 1e-9);
   EXPECT_TRUE(camera.project({0.8, 0, 1}));
-  EXPECT_FALSE(camera.project({1.4, 0, 1})) << "the bare polynomial puts it near the image centre";
+  EXPECT_FALSE(camera.project({1.4, 0, 1}))
+      << "the polynomial alone projects it near the image centre";
 }
 
-TEST(CameraModel, has_no_limit_where_the_polynomial_never_folds) {
+TEST(CameraModel, has_no_radius_limit_when_the_polynomial_never_folds) {
   EXPECT_TRUE(
       std::isinf(CameraModel({640, 480}, Eigen::Matrix3d::Identity(), {}, {}).max_radius2()));
   const Distortion pincushion{0.1};
@@ -101,7 +103,7 @@ TEST(CameraModel, has_no_limit_where_the_polynomial_never_folds) {
       CameraModel({640, 480}, Eigen::Matrix3d::Identity(), pincushion, {}).max_radius2()));
 }
 
-TEST(CameraModel, reduced_by_two_sees_the_same_point_at_half_the_place) {
+TEST(CameraModel, reduced_by_two_projects_to_half_the_pixel_coordinates) {
   Eigen::Matrix3d k;
   k << 900, 0, 511.5, 0, 900, 383.5, 0, 0, 1;
   const CameraModel camera({1024, 768}, k, {-0.1, 0.01}, {});
@@ -121,7 +123,7 @@ TEST(LookAt, points_the_optical_axis_at_the_target_with_the_image_upright) {
   EXPECT_NEAR(target.x(), 0, 1e-12);
   EXPECT_NEAR(target.y(), 0, 1e-12);
   EXPECT_NEAR(target.z(), 3, 1e-12);
-  EXPECT_LT((cam * Eigen::Vector3d(0, 0, 2)).y(), 0) << "up in the world is up in the image (-y)";
+  EXPECT_LT((cam * Eigen::Vector3d(0, 0, 2)).y(), 0) << "world up is image up (-y)";
   EXPECT_NEAR(cam.rotation.determinant(), 1, 1e-12);
 }
 

@@ -5,7 +5,7 @@
 namespace v3d {
 namespace {
 
-/// A unit cube at `corner`, outward triangles.
+/// A unit cube with its lowest corner at `corner`; outward triangles.
 Mesh cube(const Eigen::Vector3f& corner) {
   Mesh mesh;
   for (int i = 0; i < 8; ++i) {
@@ -28,12 +28,12 @@ void append(Mesh& mesh, const Mesh& other) {
   }
 }
 
-TEST(Mesh, cube_holds_one_cubic_metre_wherever_it_stands) {
+TEST(Mesh, enclosed_volume_does_not_depend_on_the_position) {
   EXPECT_NEAR(enclosed_volume(cube({0, 0, 0})), 1, 1e-6);
   EXPECT_NEAR(enclosed_volume(cube({5, -3, 2})), 1, 1e-4);
 }
 
-TEST(Mesh, normals_of_a_cube_point_away_from_its_middle) {
+TEST(Mesh, normals_of_a_cube_point_outward) {
   const Mesh mesh = cube({0, 0, 0});
   const auto normals = vertex_normals(mesh);
   for (size_t i = 0; i < normals.size(); ++i) {
@@ -42,23 +42,23 @@ TEST(Mesh, normals_of_a_cube_point_away_from_its_middle) {
   }
 }
 
-TEST(Mesh, is_watertight_until_a_triangle_is_lost_or_turned) {
+TEST(Mesh, is_not_watertight_with_a_missing_or_flipped_triangle) {
   Mesh mesh = cube({0, 0, 0});
   EXPECT_TRUE(is_watertight(mesh));
   EXPECT_TRUE(is_manifold(mesh));
-  Mesh holed = mesh;
-  holed.triangles.pop_back();
-  EXPECT_FALSE(is_watertight(holed));
+  Mesh with_hole = mesh;
+  with_hole.triangles.pop_back();
+  EXPECT_FALSE(is_watertight(with_hole));
   std::swap(mesh.triangles[0][0], mesh.triangles[0][1]);
   EXPECT_FALSE(is_watertight(mesh));
 }
 
-TEST(Mesh, of_two_cubes_that_share_a_corner_vertex_is_watertight_but_not_manifold) {
+TEST(Mesh, of_two_cubes_with_a_shared_vertex_is_watertight_but_not_manifold) {
   Mesh mesh = cube({0, 0, 0});
   append(mesh, cube({1, 1, 1}));
   EXPECT_TRUE(is_manifold(mesh));
   EXPECT_EQ(connected_components(mesh), 2);
-  // Corner 7 of the first is where corner 0 of the second is (vertex 8): make them one.
+  // Corner 7 of the first cube and corner 0 of the second (vertex 8) coincide: merge them.
   for (auto& t : mesh.triangles) {
     for (uint32_t& v : t) {
       v = v == 8 ? 7 : v;

@@ -26,7 +26,7 @@ Image picture(ImageSize size, Colour&& colour) {
   return rgb;
 }
 
-TEST(Mosaic, keeps_one_sample_of_every_pixel_the_one_that_its_filter_lets_through) {
+TEST(Mosaic, keeps_the_sample_of_the_filter_colour_of_each_pixel) {
   const Image rgb = picture({5, 4}, [](int x, int y) {
     return std::array{10.0 * x + y, 60.0 + 10 * x + y, 120.0 + 10 * x + y};
   });
@@ -40,14 +40,14 @@ TEST(Mosaic, keeps_one_sample_of_every_pixel_the_one_that_its_filter_lets_throug
   }
 }
 
-TEST(ToRgb, gives_a_flat_scene_its_colour_back_from_every_bayer_pattern_up_to_the_border) {
+TEST(ToRgb, reproduces_a_uniform_scene_from_every_bayer_pattern_up_to_the_border) {
   const Image scene = picture({6, 5}, [](int, int) { return std::array{200.0, 120.0, 40.0}; });
   for (const PixelFormat format : kBayer) {
     EXPECT_EQ(to_rgb(mosaic(scene.view(), format).view()).bytes, scene.bytes) << name(format);
   }
 }
 
-TEST(ToRgb, gives_colours_that_change_evenly_back_where_its_filters_reach_no_border) {
+TEST(ToRgb, reproduces_linear_gradients_away_from_the_border) {
   const Image scene = picture({20, 18}, [](int x, int y) {
     return std::array{20.0 + 8 * x, 200.0 - 4 * x - 4 * y, 40.0 + 8 * y};
   });
@@ -61,15 +61,15 @@ TEST(ToRgb, gives_colours_that_change_evenly_back_where_its_filters_reach_no_bor
   }
 }
 
-TEST(ToRgb, keeps_every_sample_that_was_measured) {
+TEST(ToRgb, keeps_every_measured_sample) {
   Image raw({7, 6}, PixelFormat::kBayerGB8);
   for (size_t i = 0; i < raw.bytes.size(); ++i) raw.bytes[i] = static_cast<uint8_t>(i * 73);
   EXPECT_EQ(mosaic(to_rgb(raw.view()).view(), raw.format).bytes, raw.bytes);
 }
 
-TEST(ToRgb, shows_fine_grey_stripes_without_the_false_colours_of_bilinear_interpolation) {
-  // Five pixels from stripe to stripe: each colour interpolated on its own lattice is 16.9 grey
-  // values off in the mean.
+TEST(ToRgb, reproduces_fine_grey_stripes_without_the_false_colours_of_bilinear_interpolation) {
+  // Stripes with a period of five pixels. Bilinear interpolation of each colour has a mean error of
+  // 16.9 grey values.
   const Image scene = picture({60, 50}, [](int x, int y) {
     const double grey = 128 + 90 * std::sin(2 * 3.14159265 / 5 * (0.96 * x + 0.28 * y));
     return std::array{grey, grey, grey};
@@ -82,7 +82,7 @@ TEST(ToRgb, shows_fine_grey_stripes_without_the_false_colours_of_bilinear_interp
   }
 }
 
-TEST(ToRgb, copies_grey_to_three_channels_and_colour_as_it_is) {
+TEST(ToRgb, copies_grey_to_three_channels_and_keeps_rgb) {
   Image grey({2, 1}, PixelFormat::kMono8);
   grey.bytes = {7, 200};
   const std::vector<uint8_t> tripled = {7, 7, 7, 200, 200, 200};
@@ -90,7 +90,7 @@ TEST(ToRgb, copies_grey_to_three_channels_and_colour_as_it_is) {
   EXPECT_EQ(to_rgb(to_rgb(grey.view()).view()).bytes, tripled);
 }
 
-TEST(ToRgb, takes_images_smaller_than_its_filters) {
+TEST(ToRgb, accepts_images_smaller_than_its_filters) {
   for (const ImageSize size : {ImageSize{0, 0}, ImageSize{1, 1}, ImageSize{2, 1}, ImageSize{1, 3},
                                ImageSize{2, 2}, ImageSize{3, 2}}) {
     for (const PixelFormat format :

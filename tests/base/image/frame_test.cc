@@ -14,7 +14,7 @@ Image numbered_image(ImageSize size, PixelFormat format) {
   return image;
 }
 
-RC_GTEST_PROP(Frame, observed_holds_every_masked_pixel_with_its_bayer_phase_unchanged, ()) {
+RC_GTEST_PROP(Frame, observe_keeps_every_masked_pixel_and_its_bayer_phase, ()) {
   const ImageSize size{*rc::gen::inRange(1, 80), *rc::gen::inRange(1, 60)};
   const Image raw = numbered_image(size, PixelFormat::kBayerRG8);
   Mask mask(size);
@@ -36,7 +36,7 @@ RC_GTEST_PROP(Frame, observed_holds_every_masked_pixel_with_its_bayer_phase_unch
   }
 }
 
-TEST(Frame, observed_of_an_empty_mask_has_no_pixels) {
+TEST(Frame, observe_returns_no_pixels_for_an_empty_mask) {
   const Image raw = numbered_image({20, 10}, PixelFormat::kRGB8);
   const Frame frame = observe("cam01", {}, raw.view(), Mask({20, 10}));
   EXPECT_TRUE(frame.roi.empty());

@@ -8,7 +8,7 @@
 namespace v3d {
 namespace {
 
-TEST(Size, is_width_and_height_in_pixels) {
+TEST(Size, reads_width_and_height_in_pixels) {
   EXPECT_EQ(parse_size("1024x768"), (ImageSize{1024, 768}));
   EXPECT_EQ(parse_size("659x494"), (ImageSize{659, 494}));
   EXPECT_EQ(parse_size("16x16384"), (ImageSize{16, kMaxImageSide}));
@@ -19,7 +19,7 @@ TEST(Size, is_width_and_height_in_pixels) {
   EXPECT_EQ(format_size({659, 494}), "659x494");
 }
 
-TEST(Size, is_even_where_a_filter_mosaic_must_fit) {
+TEST(Size, rejects_odd_sides_for_a_bayer_mosaic) {
   EXPECT_EQ(parse_size("1024x768", Sides::kEven), (ImageSize{1024, 768}));
   EXPECT_THROW(parse_size("1023x768", Sides::kEven), InputError);
   EXPECT_EQ(test::message_of<InputError>([] { parse_size("1024x767", Sides::kEven, "--of"); }),

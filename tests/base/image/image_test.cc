@@ -11,7 +11,7 @@ constexpr PixelFormat kAll[] = {PixelFormat::kMono8,    PixelFormat::kBayerGR8,
                                 PixelFormat::kBayerRG8, PixelFormat::kBayerGB8,
                                 PixelFormat::kBayerBG8, PixelFormat::kRGB8};
 
-TEST(PixelFormat, is_found_again_by_its_name_its_code_and_its_fourcc) {
+TEST(PixelFormat, is_found_by_name_code_and_fourcc) {
   for (const PixelFormat format : kAll) {
     EXPECT_EQ(pixel_format_from_name(name(format)), format);
     EXPECT_EQ(pixel_format_from_code(static_cast<uint32_t>(format)), format);
@@ -32,7 +32,7 @@ TEST(PixelFormat, names_the_colours_of_the_first_two_pixels_of_a_bayer_image) {
   }
 }
 
-TEST(Crop, of_a_colour_image_takes_whole_pixels) {
+TEST(Crop, copies_whole_pixels_of_a_colour_image) {
   Image raw({5, 3}, PixelFormat::kRGB8);
   raw.row(1)[3 * 3 + 2] = 99;
   const Image part = crop(raw.view(), {3, 1, 2, 2});

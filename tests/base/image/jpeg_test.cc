@@ -7,7 +7,7 @@
 namespace v3d {
 namespace {
 
-/// A soft gradient, which JPEG keeps nearly as it is.
+/// A smooth gradient, which JPEG changes little.
 Image gradient(ImageSize size) {
   Image image(size, PixelFormat::kRGB8);
   for (int y = 0; y < size.height; ++y) {
@@ -20,7 +20,7 @@ Image gradient(ImageSize size) {
   return image;
 }
 
-TEST(Jpeg, gives_back_a_picture_that_looks_the_same) {
+TEST(Jpeg, decodes_an_encoded_picture_within_12_grey_values) {
   const Image image = gradient({64, 48});
   const auto back = decode_jpeg(encode_jpeg(image.view(), 90), image.size);
   ASSERT_TRUE(back);
@@ -29,12 +29,12 @@ TEST(Jpeg, gives_back_a_picture_that_looks_the_same) {
   }
 }
 
-TEST(Jpeg, gives_nothing_for_another_size_than_was_promised) {
+TEST(Jpeg, rejects_a_picture_of_an_unexpected_size) {
   const auto bytes = encode_jpeg(gradient({64, 48}).view(), 90);
   EXPECT_FALSE(decode_jpeg(bytes, {64, 47}));
 }
 
-TEST(Jpeg, gives_nothing_for_a_picture_that_is_cut_or_none) {
+TEST(Jpeg, rejects_truncated_and_invalid_bytes) {
   const auto bytes = encode_jpeg(gradient({64, 48}).view(), 90);
   for (size_t length = 0; length + 2 < bytes.size(); length += 13) {
     EXPECT_FALSE(decode_jpeg(std::span(bytes).first(length), {64, 48})) << length;

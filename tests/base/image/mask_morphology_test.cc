@@ -6,7 +6,7 @@
 namespace v3d {
 namespace {
 
-Mask any_mask() {
+Mask random_mask() {
   Mask mask({*rc::gen::inRange(1, 140), *rc::gen::inRange(1, 20)});
   const int density = *rc::gen::inRange(1, 9);
   for (int y = 0; y < mask.size().height; ++y) {
@@ -26,8 +26,8 @@ bool any_within(const Mask& mask, int x, int y, int radius, bool value) {
   return false;
 }
 
-RC_GTEST_PROP(MaskShape, grows_and_shrinks_as_its_definition_says, ()) {
-  const Mask mask = any_mask();
+RC_GTEST_PROP(MaskShape, dilates_and_erodes_according_to_the_definition, ()) {
+  const Mask mask = random_mask();
   const int radius = *rc::gen::inRange(0, 6);
   const Mask large = dilate(mask, radius);
   const Mask small = erode(mask, radius);
@@ -41,7 +41,7 @@ RC_GTEST_PROP(MaskShape, grows_and_shrinks_as_its_definition_says, ()) {
   RC_ASSERT(open(mask, radius) == dilate(small, radius));
 }
 
-TEST(MaskShape, joins_and_parts_pixel_by_pixel) {
+TEST(MaskShape, computes_intersection_difference_and_union) {
   Mask a({70, 1});
   Mask b({70, 1});
   a.fill_row(0, 10, 68);
@@ -51,7 +51,7 @@ TEST(MaskShape, joins_and_parts_pixel_by_pixel) {
   EXPECT_EQ(union_of(a, b).count(), 60);
 }
 
-TEST(MaskShape, loses_what_is_narrow_when_opened) {
+TEST(MaskShape, opening_removes_narrow_parts) {
   Mask mask({100, 100});
   for (int y = 20; y < 60; ++y) mask.fill_row(y, 20, 60);
   Mask with_hair = mask;

@@ -18,14 +18,14 @@ Mask random_mask() {
   return mask;
 }
 
-RC_GTEST_PROP(Mask, keeps_every_bit_through_the_run_length_code, ()) {
+RC_GTEST_PROP(Mask, run_length_code_keeps_every_bit, ()) {
   const Mask mask = random_mask();
   const auto decoded = decode_runs(encode_runs(mask), mask.size());
   RC_ASSERT(decoded.has_value());
   RC_ASSERT(*decoded == mask);
 }
 
-RC_GTEST_PROP(Mask, counts_and_bounds_what_its_bits_say, ()) {
+RC_GTEST_PROP(Mask, count_and_bounding_box_match_the_bits, ()) {
   const Mask mask = random_mask();
   int64_t count = 0;
   const Rect box = mask.bounding_box();
@@ -52,17 +52,17 @@ RC_GTEST_PROP(Mask, counts_and_bounds_what_its_bits_say, ()) {
   }
 }
 
-RC_GTEST_PROP(Mask, decodes_hostile_runs_to_nothing_or_to_a_mask_of_the_size_asked_for,
+RC_GTEST_PROP(Mask, decodes_untrusted_bytes_to_nothing_or_to_a_mask_of_the_given_size,
               (const std::vector<uint8_t>& bytes)) {
   const ImageSize size{*rc::gen::inRange(1, 100), *rc::gen::inRange(1, 100)};
   const auto mask = decode_runs(bytes, size);
   if (mask) {
     RC_ASSERT(mask->size() == size);
-    RC_ASSERT(encode_runs(*mask) == bytes);  // there is only one way to write a mask
+    RC_ASSERT(encode_runs(*mask) == bytes);  // the code of a mask is unique
   }
 }
 
-TEST(Mask, refuses_runs_that_do_not_fill_the_image) {
+TEST(Mask, rejects_runs_that_do_not_fill_the_image) {
   EXPECT_TRUE(decode_runs(std::vector<uint8_t>{12}, {4, 3}));
   EXPECT_FALSE(decode_runs(std::vector<uint8_t>{11}, {4, 3}));
   EXPECT_FALSE(decode_runs(std::vector<uint8_t>{13}, {4, 3}));
@@ -83,13 +83,13 @@ TEST(Mask, keeps_padding_bits_zero_when_a_row_is_filled_to_its_end) {
   EXPECT_EQ(mask.row(1)[1], (uint64_t{1} << 6) - 1);
 }
 
-TEST(Mask, survives_the_way_through_an_8_bit_image) {
+TEST(Mask, converts_to_an_8_bit_image_and_back) {
   Mask mask({67, 3});
   mask.fill_row(1, 3, 66);
   EXPECT_EQ(mask_from_image(image_from_mask(mask).view()), mask);
 }
 
-TEST(Mask, overlap_of_disjoint_masks_is_0_and_of_equal_or_empty_ones_1) {
+TEST(Mask, intersection_over_union_is_0_for_disjoint_and_1_for_equal_or_empty_masks) {
   Mask a({10, 1}), b({10, 1});
   EXPECT_EQ(intersection_over_union(a, b), 1);
   a.fill_row(0, 0, 4);

@@ -19,7 +19,7 @@ Image ramp(ImageSize size) {
   return image;
 }
 
-TEST(Picture, of_a_png_is_what_was_written) {
+TEST(Picture, reads_a_png_as_it_was_written) {
   const test::TemporaryFolder folder;
   const Image image = ramp({9, 4});
   write_png(folder / "sky.png", image.view());
@@ -28,13 +28,13 @@ TEST(Picture, of_a_png_is_what_was_written) {
   EXPECT_EQ(back.bytes, image.bytes);
 }
 
-TEST(Picture, of_a_deep_or_grey_png_is_brought_to_eight_bits_of_colour) {
+TEST(Picture, converts_16_bit_and_grey_png_to_8_bit_rgb) {
   const std::string png = encode_png({{2, 1}, 1, {0x4000, 0xffff}});
   EXPECT_EQ(decode_picture(png, "sky.png").bytes,
             (std::vector<uint8_t>{0x40, 0x40, 0x40, 0xff, 0xff, 0xff}));
 }
 
-TEST(Picture, of_a_jpeg_has_its_size_and_its_colours) {
+TEST(Picture, reads_size_and_colours_of_a_jpeg) {
   Image even({16, 24}, PixelFormat::kRGB8);
   for (size_t i = 0; i < even.bytes.size(); ++i) even.bytes[i] = i % 3 == 0 ? 200 : 40;
   const std::vector<uint8_t> jpeg = encode_jpeg(even.view(), 95);
@@ -45,16 +45,16 @@ TEST(Picture, of_a_jpeg_has_its_size_and_its_colours) {
   EXPECT_NEAR(back.bytes[1], 40, 3);
 }
 
-TEST(Picture, that_is_none_is_refused_by_name) {
+TEST(Picture, rejects_invalid_bytes_and_names_the_file) {
   const std::string png = encode_png({{4, 4}, 3, std::vector<uint16_t>(48, 7)});
   for (const std::string& bytes :
        {std::string(), std::string("GIF89a"), png.substr(0, 60), png.substr(0, 8)}) {
     EXPECT_THAT(test::message_of<InputError>([&] { decode_picture(bytes, "sky.png"); }),
-                testing::HasSubstr("sky.png: is no PNG"));
+                testing::HasSubstr("sky.png: not a valid PNG"));
   }
 }
 
-TEST(Picture, fills_another_size_with_its_middle) {
+TEST(Picture, fill_size_crops_to_the_centre) {
   Image stripes({4, 2}, PixelFormat::kRGB8);
   for (int y = 0; y < 2; ++y) {
     for (int x = 0; x < 4; ++x) stripes.row(y)[3 * x] = static_cast<uint8_t>(60 * x);
@@ -62,11 +62,11 @@ TEST(Picture, fills_another_size_with_its_middle) {
   const Image same = fill_size(stripes, {4, 2});
   EXPECT_EQ(same.bytes, stripes.bytes);
   const Image middle = fill_size(stripes, {2, 2});
-  EXPECT_EQ(middle.row(0)[0], 60) << "the sides are cut evenly";
+  EXPECT_EQ(middle.row(0)[0], 60) << "both sides are cropped equally";
   EXPECT_EQ(middle.row(1)[3], 120);
 }
 
-TEST(Picture, goes_on_at_its_other_side_and_ends_above_and_below) {
+TEST(Picture, sampling_repeats_horizontally_and_clamps_vertically) {
   const Image image = ramp({4, 2});
   uint8_t rgb[3];
   sample_picture(image, -1, -5, rgb);

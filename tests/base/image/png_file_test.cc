@@ -23,11 +23,11 @@ DeepImage ramp(ImageSize size, int channels) {
   return image;
 }
 
-std::string refusal_of(std::string_view bytes) {
+std::string error_of(std::string_view bytes) {
   return test::message_of<InputError>([&] { decode_png(bytes, "plate.png"); });
 }
 
-TEST(PngFile, gives_back_every_bit_of_grey_and_of_colour) {
+TEST(PngFile, keeps_every_bit_of_grey_and_rgb) {
   for (const int channels : {1, 3}) {
     const DeepImage image = ramp({37, 11}, channels);
     const DeepImage back = decode_png(encode_png(image), "plate.png");
@@ -37,31 +37,31 @@ TEST(PngFile, gives_back_every_bit_of_grey_and_of_colour) {
   }
 }
 
-TEST(PngFile, that_was_cut_off_or_is_something_else_is_refused_by_name) {
+TEST(PngFile, rejects_truncated_and_invalid_bytes_and_names_the_file) {
   const std::string whole = encode_png(ramp({37, 11}, 1));
-  constexpr size_t kBehindThePixels = 24;  // check sums and the end chunk
-  for (size_t keep = 0; keep + kBehindThePixels < whole.size(); keep += 7) {
-    EXPECT_THAT(refusal_of({whole.data(), keep}), HasSubstr("plate.png: is no PNG image"));
+  constexpr size_t kTrailerBytes = 24;  // check sums and the end chunk
+  for (size_t keep = 0; keep + kTrailerBytes < whole.size(); keep += 7) {
+    EXPECT_THAT(error_of({whole.data(), keep}), HasSubstr("plate.png: not a valid PNG image"));
   }
-  EXPECT_THAT(refusal_of("no picture at all"), HasSubstr("plate.png: is no PNG image"));
+  EXPECT_THAT(error_of("not a picture"), HasSubstr("plate.png: not a valid PNG image"));
 }
 
-TEST(PngFile, of_8_bits_is_refused_with_what_would_be_right) {
+TEST(PngFile, rejects_8_bits_and_reports_the_expected_format) {
   const test::TemporaryFolder folder;
   write_png(folder / "grey.png", Image({4, 3}, PixelFormat::kMono8).view());
-  EXPECT_THAT(refusal_of(read_file(folder / "grey.png")),
+  EXPECT_THAT(error_of(read_file(folder / "grey.png")),
               AllOf(HasSubstr("plate.png"), HasSubstr("16 bits, grey or RGB")));
 }
 
-TEST(PngFile, that_promises_more_than_its_bytes_can_hold_takes_no_memory) {
+TEST(PngFile, rejects_a_size_that_its_bytes_cannot_hold) {
   std::string bytes = encode_png(ramp({37, 11}, 1)).substr(0, 33);  // the header
   bytes[18] = bytes[22] = 0x30;                                     // 12,325 x 12,299
-  EXPECT_THAT(refusal_of(bytes), HasSubstr("plate.png: is no PNG image"));
+  EXPECT_THAT(error_of(bytes), HasSubstr("plate.png: not a valid PNG image"));
   const DeepImage black{{3000, 1000}, 1, std::vector<uint16_t>(3'000'000)};
   EXPECT_EQ(decode_png(encode_png(black), "plate.png").samples, black.samples);
 }
 
-RC_GTEST_PROP(PngFile, with_a_bit_turned_over_is_read_or_refused_and_nothing_else, ()) {
+RC_GTEST_PROP(PngFile, with_a_flipped_bit_is_decoded_or_rejected, ()) {
   std::string bytes = encode_png(ramp({9, 5}, 3));
   const auto at = *rc::gen::inRange<size_t>(0, bytes.size());
   bytes[at] = static_cast<char>(bytes[at] ^ (1 << *rc::gen::inRange(0, 8)));

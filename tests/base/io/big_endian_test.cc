@@ -10,7 +10,7 @@ namespace {
 
 using Bytes = std::vector<uint8_t>;
 
-TEST(BigEndian, the_most_significant_byte_comes_first) {
+TEST(BigEndian, writes_the_most_significant_byte_first) {
   constexpr std::array<uint8_t, 4> kBytes{0xed, 0xa1, 0xda, 0x01};
   static_assert(read_big_endian(kBytes) == 0xeda1da01);
   Bytes written(4);
@@ -18,16 +18,16 @@ TEST(BigEndian, the_most_significant_byte_comes_first) {
   EXPECT_EQ(written, Bytes(kBytes.begin(), kBytes.end()));
 }
 
-TEST(BigEndian, no_bytes_are_zero) { EXPECT_EQ(read_big_endian({}), 0u); }
+TEST(BigEndian, reads_no_bytes_as_zero) { EXPECT_EQ(read_big_endian({}), 0u); }
 
-TEST(BigEndian, a_number_is_appended_behind_what_is_there) {
+TEST(BigEndian, put_appends_to_existing_bytes) {
   Bytes bytes{7};
   put_big_endian(bytes, 0x0102, 3);
   put_big_endian(bytes, 0xffu, 1);
   EXPECT_EQ(bytes, (Bytes{7, 0, 1, 2, 0xff}));
 }
 
-RC_GTEST_PROP(BigEndian, what_is_written_is_read_again_up_to_its_size, (uint64_t value)) {
+RC_GTEST_PROP(BigEndian, reads_what_was_written_up_to_its_size, (uint64_t value)) {
   const auto size = *rc::gen::inRange<size_t>(0, 9);
   const uint64_t mask = size == 8 ? ~uint64_t{0} : (uint64_t{1} << 8 * size) - 1;
   Bytes appended;

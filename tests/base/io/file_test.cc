@@ -20,20 +20,20 @@ using testing::HasSubstr;
 
 std::vector<uint8_t> bytes_of(std::string_view text) { return {text.begin(), text.end()}; }
 
-TEST(UniqueFd, closes_its_descriptor_once_and_gives_it_away_by_moving) {
+TEST(UniqueFd, closes_its_descriptor_once_and_transfers_it_on_move) {
   int number = -1;
   {
     UniqueFd first(open("/dev/null", O_RDONLY | O_CLOEXEC));
     number = first.get();
     const UniqueFd second(std::move(first));
-    EXPECT_FALSE(first);  // NOLINT(bugprone-use-after-move): what moving leaves is the test
+    EXPECT_FALSE(first);  // NOLINT(bugprone-use-after-move): tests the moved-from state
     EXPECT_EQ(second.get(), number);
     EXPECT_GE(fcntl(number, F_GETFD), 0);
   }
   EXPECT_LT(fcntl(number, F_GETFD), 0);
 }
 
-TEST(IoFile, tells_data_from_the_end_of_the_file_and_from_an_error) {
+TEST(IoFile, distinguishes_data_end_of_file_and_errors) {
   const test::TemporaryFolder folder;
   test::write_text(folder / "a", "0123456789");
   const auto file = File::open(folder / "a", OpenMode::kRead);
@@ -52,7 +52,7 @@ TEST(IoFile, tells_data_from_the_end_of_the_file_and_from_an_error) {
             "cannot read " + (folder / "a").string() + ": Bad file descriptor");
 }
 
-TEST(IoFile, writes_all_parts_one_behind_the_other_where_it_is_told) {
+TEST(IoFile, writes_all_parts_in_sequence_at_the_offset) {
   const test::TemporaryFolder folder;
   {
     auto file = File::open(folder / "a", OpenMode::kCreate);
@@ -64,7 +64,7 @@ TEST(IoFile, writes_all_parts_one_behind_the_other_where_it_is_told) {
   EXPECT_EQ(read_file(folder / "a").value(), "aXYdef");
 }
 
-TEST(IoFile, reports_the_bytes_that_the_disk_does_not_take) {
+TEST(IoFile, reports_a_write_beyond_the_file_size_limit) {
   const test::TemporaryFolder folder;
   auto file = File::open(folder / "a", OpenMode::kCreate);
   ASSERT_TRUE(file);
@@ -81,7 +81,7 @@ TEST(IoFile, reports_the_bytes_that_the_disk_does_not_take) {
   EXPECT_THAT(written.error().message, HasSubstr("cannot write " + (folder / "a").string()));
 }
 
-TEST(IoFile, is_never_created_where_a_file_stands) {
+TEST(IoFile, create_rejects_an_existing_file) {
   const test::TemporaryFolder folder;
   test::write_text(folder / "a", "footage");
   const auto file = File::open(folder / "a", OpenMode::kCreate);
@@ -90,7 +90,7 @@ TEST(IoFile, is_never_created_where_a_file_stands) {
   EXPECT_EQ(read_file(folder / "a").value(), "footage");
 }
 
-TEST(IoFile, refuses_a_fifo_and_a_folder_at_once) {
+TEST(IoFile, rejects_a_fifo_and_a_folder_without_blocking) {
   const test::TemporaryFolder folder;
   ASSERT_EQ(mkfifo((folder / "fifo").c_str(), 0644), 0);
   for (const fs::path& path : {folder / "fifo", folder.path()}) {
@@ -101,7 +101,7 @@ TEST(IoFile, refuses_a_fifo_and_a_folder_at_once) {
   }
 }
 
-TEST(ReadFile, refuses_a_file_that_is_too_long) {
+TEST(ReadFile, rejects_a_file_that_is_too_long) {
   const test::TemporaryFolder folder;
   test::write_text(folder / "a", std::string(100'000, 'x'));
   EXPECT_EQ(read_file(folder / "a", 100'000)->size(), 100'000U);
@@ -109,7 +109,7 @@ TEST(ReadFile, refuses_a_file_that_is_too_long) {
               HasSubstr("it is longer than 99999 bytes"));
 }
 
-TEST(ReplaceFile, by_many_threads_at_once_leaves_one_whole_content_and_no_temporary_file) {
+TEST(ReplaceFile, by_several_threads_leaves_one_complete_content_and_no_temporary_file) {
   const test::TemporaryFolder folder;
   std::vector<std::thread> threads;
   for (int t = 0; t < 4; ++t) {
@@ -135,12 +135,12 @@ TEST(ReplaceFile, keeps_the_old_content_and_no_temporary_file_when_it_fails) {
   EXPECT_EQ(std::distance(fs::directory_iterator(folder.path()), {}), 1);
 }
 
-TEST(SyncFolder, reports_a_folder_that_is_not_there) {
+TEST(SyncFolder, reports_a_missing_folder) {
   EXPECT_EQ(sync_folder("/nonexistent").error().message,
             "cannot sync folder /nonexistent: No such file or directory");
 }
 
-TEST(ListFolder, gives_the_entries_by_name_and_reports_what_it_cannot_list) {
+TEST(ListFolder, returns_sorted_entries_and_reports_a_missing_folder) {
   const test::TemporaryFolder folder;
   test::write_text(folder / "b", "");
   test::write_text(folder / "a", "");
@@ -148,7 +148,7 @@ TEST(ListFolder, gives_the_entries_by_name_and_reports_what_it_cannot_list) {
   EXPECT_EQ(list_folder(folder / "none").error().code, ENOENT);
 }
 
-TEST(RenameNew, does_not_replace_what_stands_at_its_place) {
+TEST(RenameNew, does_not_replace_an_existing_file) {
   const test::TemporaryFolder folder;
   test::write_text(folder / "a", "one");
   test::write_text(folder / "b", "two");
@@ -158,7 +158,7 @@ TEST(RenameNew, does_not_replace_what_stands_at_its_place) {
   EXPECT_EQ(read_file(folder / "c").value(), "one");
 }
 
-TEST(CopyFile, copies_every_byte_and_reports_a_source_that_is_not_there) {
+TEST(CopyFile, copies_every_byte_and_reports_a_missing_source) {
   const test::TemporaryFolder folder;
   const std::string content(3'000'000, 'x');
   test::write_text(folder / "a", content);
@@ -168,7 +168,7 @@ TEST(CopyFile, copies_every_byte_and_reports_a_source_that_is_not_there) {
               HasSubstr("cannot read " + (folder / "none").string()));
 }
 
-TEST(CreateFolders, makes_all_that_are_missing_and_refuses_a_file_in_the_way) {
+TEST(CreateFolders, creates_missing_parents_and_rejects_a_file_in_the_path) {
   const test::TemporaryFolder folder;
   EXPECT_TRUE(create_folders(folder / "a/b/c"));
   EXPECT_TRUE(create_folders(folder / "a/b/c"));

@@ -16,7 +16,7 @@
 namespace v3d {
 namespace {
 
-/// Runs programs whose output goes to a file.
+/// Runs programs and reads their output from a file.
 class Process : public testing::Test {
  protected:
   std::string output_of(const std::vector<std::string>& words, SpawnOptions options = {}) {
@@ -35,22 +35,22 @@ class Process : public testing::Test {
   test::TemporaryFolder folder_;
 };
 
-TEST_F(Process, ends_with_its_exit_status_or_128_and_the_signal_that_ended_it) {
+TEST_F(Process, returns_its_exit_status_or_128_plus_the_signal) {
   EXPECT_EQ(status_of("exit 0"), 0);
   EXPECT_EQ(status_of("exit 3"), 3);
   EXPECT_EQ(status_of("kill -KILL $$"), 128 + SIGKILL);
 }
 
-TEST_F(Process, gets_its_arguments_as_they_are_without_a_shell) {
+TEST_F(Process, receives_its_arguments_unchanged_without_a_shell) {
   EXPECT_EQ(output_of({"/bin/echo", "two words", "$HOME", "*"}), "two words $HOME *\n");
 }
 
-TEST_F(Process, is_looked_for_on_the_path_only_when_it_is_asked_for) {
+TEST_F(Process, is_searched_on_the_path_only_on_request) {
   EXPECT_EQ(output_of({"echo", "found"}, {.on_path = true}), "found\n");
   EXPECT_EQ(spawn_process({"echo", "found"}, {}), -1);
 }
 
-TEST_F(Process, that_does_not_exist_is_told_by_errno) {
+TEST_F(Process, sets_errno_for_a_missing_program) {
   errno = 0;
   EXPECT_EQ(spawn_process({"/not/there"}, {}), -1);
   EXPECT_EQ(errno, ENOENT);
@@ -58,28 +58,28 @@ TEST_F(Process, that_does_not_exist_is_told_by_errno) {
   EXPECT_EQ(errno, ENOENT);
 }
 
-TEST_F(Process, has_no_descriptor_of_ours_but_those_that_it_is_given) {
+TEST_F(Process, inherits_only_the_given_descriptors) {
   const int inherited = open("/dev/zero", O_RDONLY);  // not close-on-exec
   std::istringstream listed(output_of({"/bin/ls", "/proc/self/fd"}));
   std::vector<int> open_files;
   for (int fd = 0; listed >> fd;) open_files.push_back(fd);
   close(inherited);
-  EXPECT_EQ(open_files, (std::vector<int>{0, 1, 2, 3})) << "3 is the folder that it lists";
+  EXPECT_EQ(open_files, (std::vector<int>{0, 1, 2, 3})) << "3 is the listed folder";
 }
 
-TEST_F(Process, reads_and_says_nothing_where_it_is_given_no_descriptor) {
+TEST_F(Process, uses_dev_null_without_descriptors) {
   EXPECT_EQ(output_of({"/bin/readlink", "/proc/self/fd/0", "/proc/self/fd/2"}),
             "/dev/null\n/dev/null\n");
 }
 
-TEST_F(Process, reads_what_it_is_given) {
+TEST_F(Process, reads_the_given_input) {
   test::write_text(folder_ / "input", "five words on one line");
   const int input = open((folder_ / "input").c_str(), O_RDONLY | O_CLOEXEC);
   EXPECT_EQ(output_of({"/bin/cat"}, {.input = input}), "five words on one line");
   close(input);
 }
 
-TEST_F(Process, has_the_environment_that_it_is_given_and_else_ours) {
+TEST_F(Process, uses_the_given_environment_or_inherits_one) {
   setenv("V3D_OF_THE_TEST", "1", 1);
   EXPECT_EQ(output_of({"/usr/bin/env"}, {.environment = {{"A=1", "B=two words"}}}),
             "A=1\nB=two words\n");
@@ -87,10 +87,10 @@ TEST_F(Process, has_the_environment_that_it_is_given_and_else_ours) {
   unsetenv("V3D_OF_THE_TEST");
 }
 
-/// Blocks SIGTERM and ignores SIGHUP and SIGPIPE meanwhile.
-class ProcessOfDeafParent : public Process {
+/// Blocks SIGTERM, and ignores SIGHUP and SIGPIPE, during each test.
+class ProcessWithBlockedSignals : public Process {
  protected:
-  ProcessOfDeafParent() {
+  ProcessWithBlockedSignals() {
     sigset_t blocked;
     sigemptyset(&blocked);
     sigaddset(&blocked, SIGTERM);
@@ -98,13 +98,13 @@ class ProcessOfDeafParent : public Process {
     std::signal(SIGHUP, SIG_IGN);
     std::signal(SIGPIPE, SIG_IGN);
   }
-  ~ProcessOfDeafParent() override {
+  ~ProcessWithBlockedSignals() override {
     pthread_sigmask(SIG_SETMASK, &before_, nullptr);
     std::signal(SIGHUP, SIG_DFL);
     std::signal(SIGPIPE, SIG_DFL);
   }
-  /// Those that the program has blocked and ignored: signal n is bit n - 1. Not 32 and 33, which
-  /// are glibc's own.
+  /// Blocked and ignored signals of the program: signal n is bit n - 1. Excludes signals 32 and 33,
+  /// which glibc uses.
   std::pair<uint64_t, uint64_t> signals(bool default_signals) {
     std::istringstream status(output_of({"/bin/grep", "-E", "^Sig(Blk|Ign)", "/proc/self/status"},
                                         {.default_signals = default_signals}));
@@ -118,22 +118,23 @@ class ProcessOfDeafParent : public Process {
   sigset_t before_;
 };
 
-TEST_F(ProcessOfDeafParent, has_every_signal_as_by_default_where_it_is_asked_for) {
+TEST_F(ProcessWithBlockedSignals, resets_all_signals_on_request) {
   EXPECT_EQ(signals(true), std::pair(uint64_t{0}, uint64_t{0}));
 }
 
-TEST_F(ProcessOfDeafParent, inherits_signals_otherwise) {
+TEST_F(ProcessWithBlockedSignals, inherits_signals_by_default) {
   const auto bit = [](int signal) { return uint64_t{1} << (signal - 1); };
   EXPECT_EQ(signals(false), std::pair(bit(SIGTERM), bit(SIGHUP) | bit(SIGPIPE)));
 }
 
-TEST_F(Process, is_polled_without_waiting_and_killed) {
+TEST_F(Process, poll_does_not_block_and_kill_ends_the_process) {
   const pid_t child = spawn_process({"/bin/sleep", "1000"}, {});
   ASSERT_GT(child, 0);
   EXPECT_FALSE(poll_process(child));
   kill_process(child);
-  EXPECT_EQ(kill(child, 0), -1) << "it has been waited for";
-  EXPECT_EQ(poll_process(child), 127) << "nothing is known of it any more, so it was no success";
+  EXPECT_EQ(kill(child, 0), -1) << "the process was already reaped";
+  EXPECT_EQ(poll_process(child), 127)
+      << "the status of a reaped process is unknown, which is not a success";
   EXPECT_EQ(wait_for_process(child), 127);
   kill_process(-1);
 }

@@ -7,7 +7,7 @@
 namespace v3d {
 namespace {
 
-TEST(File, that_was_replaced_reads_back_and_leaves_no_temporary_behind) {
+TEST(File, replace_writes_the_content_and_leaves_no_temporary_file) {
   const std::filesystem::path folder = testing::TempDir() + "/v3d_file_test";
   std::filesystem::create_directories(folder);
   replace_file(folder / "a", "one");
@@ -19,17 +19,17 @@ TEST(File, that_was_replaced_reads_back_and_leaves_no_temporary_behind) {
   std::filesystem::remove_all(folder);
 }
 
-TEST(File, that_cannot_be_read_is_named_with_the_cause) {
+TEST(File, read_reports_path_and_cause_of_a_failure) {
   try {
     read_file("/nonexistent/studio.toml");
-    FAIL() << "read a file that does not exist";
+    FAIL() << "read_file() returned for a missing file";
   } catch (const InputError& error) {
     EXPECT_EQ(std::string(error.what()),
               "cannot read /nonexistent/studio.toml: No such file or directory");
   }
   try {
     read_file("/proc");
-    FAIL() << "read a folder";
+    FAIL() << "read_file() returned for a folder";
   } catch (const InputError& error) {
     EXPECT_EQ(std::string(error.what()), "cannot read /proc: it is not a regular file");
   }
