@@ -84,7 +84,7 @@ void ScpiGenerator::send(const std::string& line) {
 }
 
 void ScpiGenerator::check_deadline() const {
-  if (clock_.now() >= deadline_) throw InstrumentError("is too slow");
+  if (clock_.now() >= deadline_) throw InstrumentError("is too slow: not done within 6 s");
 }
 
 void ScpiGenerator::apply(const std::vector<ScpiSetting>& settings) {
