@@ -45,26 +45,26 @@ bool BackgroundGenerator::is_idle() const {
   return tasks_.empty();
 }
 
-int64_t BackgroundGenerator::ask(std::function<void()> work) {
-  if (is_idle()) before_ = account();
+int64_t BackgroundGenerator::enqueue(std::function<void()> work) {
+  if (is_idle()) last_status_ = status();
   const std::lock_guard lock(mutex_);
   tasks_.push_back(std::move(work));
   changed_.notify_all();
-  return ++asked_;
+  return ++enqueued_;
 }
 
-bool BackgroundGenerator::done_within(Duration patience, int64_t task) {
+bool BackgroundGenerator::wait_until_done(Duration timeout, int64_t task) {
   std::unique_lock lock(mutex_);
-  return changed_.wait_for(lock, patience, [&] { return done_ >= task; });
+  return changed_.wait_for(lock, timeout, [&] { return done_ >= task; });
 }
 
-void BackgroundGenerator::rethrow() {
+void BackgroundGenerator::rethrow_last_error() {
   const std::lock_guard lock(mutex_);
   if (error_) std::rethrow_exception(error_);
 }
 
-BackgroundGenerator::Account BackgroundGenerator::account() const {
-  if (!is_idle()) return before_;
+BackgroundGenerator::Status BackgroundGenerator::status() const {
+  if (!is_idle()) return last_status_;
   return {.commanded = generator_->commanded(),
           .first_pulse = generator_->first_pulse(),
           .finished = generator_->finished(),
@@ -74,45 +74,45 @@ BackgroundGenerator::Account BackgroundGenerator::account() const {
 }
 
 void BackgroundGenerator::silence() {
-  const int64_t task = ask([this] { generator_->silence(); });
+  const int64_t task = enqueue([this] { generator_->silence(); });
   std::unique_lock lock(mutex_);
   changed_.wait(lock, [&] { return done_ >= task; });
   lock.unlock();
-  rethrow();
+  rethrow_last_error();
 }
 
 void BackgroundGenerator::arm(const PulseTrain& train) {
   stop();
   output_on_ = true;
-  arming_ = ask([this, train] { generator_->arm(train); });
-  before_ = {};
+  arming_task_ = enqueue([this, train] { generator_->arm(train); });
+  last_status_ = {};
 }
 
 bool BackgroundGenerator::armed() {
-  if (arming_ == 0) return output_on_;
-  if (!done_within(Duration::zero(), arming_)) return false;
-  arming_ = 0;
-  rethrow();
+  if (arming_task_ == 0) return output_on_;
+  if (!wait_until_done(Duration::zero(), arming_task_)) return false;
+  arming_task_ = 0;
+  rethrow_last_error();
   return true;
 }
 
 void BackgroundGenerator::start() {
   started_ = true;
-  const int64_t task = ask([this] { generator_->start(); });
-  if (!done_within(kPatience, task)) {
-    throw InputError("the trigger does not start: the generator does not answer");
+  const int64_t task = enqueue([this] { generator_->start(); });
+  if (!wait_until_done(kMaxWait, task)) {
+    throw InputError("the trigger does not start: no answer from the generator within 2 s");
   }
-  rethrow();
+  rethrow_last_error();
 }
 
 void BackgroundGenerator::stop() {
   if (!std::exchange(output_on_, false)) return;
   const bool started = std::exchange(started_, false);
-  arming_ = 0;
-  const int64_t task = ask([this] { generator_->stop(); });
-  before_.finished = true;
-  if (started) before_.fault = "pulses may go on: the generator has not answered yet";
-  done_within(kPatience, task);
+  arming_task_ = 0;
+  const int64_t task = enqueue([this] { generator_->stop(); });
+  last_status_.finished = true;
+  if (started) last_status_.fault = "pulses may continue: the generator has not answered yet";
+  wait_until_done(kMaxWait, task);
 }
 
 }  // namespace v3d

@@ -1,4 +1,4 @@
-// A generator that may keep its caller waiting, behind one that does not.
+// Asynchronous adapter of a pulse generator: runs a slow generator on a thread of its own.
 #pragma once
 
 #include <condition_variable>
@@ -13,14 +13,16 @@
 
 namespace v3d {
 
-/// Another generator, worked by a thread of its own. An instrument may take seconds to answer, and
-/// a call of the kernel about one that hangs cannot be cut short: whoever has a watchdog to feed
-/// must not make it. What is asked is done in its order; arm() returns at once, start() and stop()
-/// after kPatience at the latest. After a stop() that took longer, fault() says that pulses may go
-/// on until it is done. Only silence() waits for as long as it takes, and so does the destructor.
+/// Calls another generator on a thread of its own.
+///
+/// An instrument may take seconds to answer, and a system call on an instrument that hangs cannot
+/// be interrupted. A thread that feeds a watchdog must not make such a call. Tasks run in the order
+/// of the calls. arm() returns at once; start() and stop() return after at most kMaxWait. After a
+/// stop() that takes longer, fault() reports that pulses may continue until the task ends. Only
+/// silence() and the destructor wait without a limit.
 class BackgroundGenerator : public PulseGenerator {
  public:
-  static constexpr Duration kPatience = std::chrono::seconds(2);
+  static constexpr Duration kMaxWait = std::chrono::seconds(2);
 
   explicit BackgroundGenerator(std::unique_ptr<PulseGenerator> generator);
   ~BackgroundGenerator() override;
@@ -32,16 +34,16 @@ class BackgroundGenerator : public PulseGenerator {
   bool armed() override;
   void start() override;
   void stop() override;
-  int64_t commanded() const override { return account().commanded; }
-  std::optional<MonotonicInstant> first_pulse() const override { return account().first_pulse; }
-  bool finished() const override { return account().finished; }
-  bool counts_exactly() const override { return account().counts_exactly; }
-  PulseStatistics statistics() const override { return account().statistics; }
-  std::string fault() const override { return account().fault; }
+  int64_t commanded() const override { return status().commanded; }
+  std::optional<MonotonicInstant> first_pulse() const override { return status().first_pulse; }
+  bool finished() const override { return status().finished; }
+  bool counts_exactly() const override { return status().counts_exactly; }
+  PulseStatistics statistics() const override { return status().statistics; }
+  std::string fault() const override { return status().fault; }
 
  private:
-  /// What a generator says of itself.
-  struct Account {
+  /// Results of the query functions of a generator.
+  struct Status {
     int64_t commanded = 0;
     std::optional<MonotonicInstant> first_pulse;
     bool finished = true;
@@ -49,28 +51,29 @@ class BackgroundGenerator : public PulseGenerator {
     PulseStatistics statistics;
     std::string fault;
   };
-  /// Of the generator, or as it was before what it is at work on.
-  Account account() const;
+  /// The status of the generator, or last_status_ while tasks run.
+  Status status() const;
   bool is_idle() const;
-  /// Returns the number of the task, from 1 on.
-  int64_t ask(std::function<void()> work);
-  bool done_within(Duration patience, int64_t task);
-  /// Of the last task that was done.
-  void rethrow();
+  /// Adds a task. Returns its number; the first task has number 1.
+  int64_t enqueue(std::function<void()> work);
+  /// Returns false where the task is not done within `timeout`.
+  bool wait_until_done(Duration timeout, int64_t task);
+  /// Throws the error of the last finished task, if any.
+  void rethrow_last_error();
   void run();
 
-  const std::unique_ptr<PulseGenerator> generator_;  ///< the thread's own while it is at work
-  Account before_;                                   ///< of what it is at work on
-  int64_t arming_ = 0;      ///< the task, until armed() has told how it went; else 0
-  bool output_on_ = false;  ///< it was asked to arm, and not yet to stop
-  bool started_ = false;    ///< since it was asked to arm
+  const std::unique_ptr<PulseGenerator> generator_;  ///< used by the thread only, while tasks run
+  Status last_status_;       ///< status before the pending tasks, as changed by arm() and stop()
+  int64_t arming_task_ = 0;  ///< number of the task, until armed() has reported its result; else 0
+  bool output_on_ = false;   ///< between arm() and stop()
+  bool started_ = false;     ///< start() was called since arm()
 
-  mutable std::mutex mutex_;  ///< what follows
+  mutable std::mutex mutex_;  ///< guards the next members
   std::condition_variable changed_;
-  std::deque<std::function<void()>> tasks_;  ///< the first one is being done
-  int64_t asked_ = 0;
+  std::deque<std::function<void()>> tasks_;  ///< the first one runs
+  int64_t enqueued_ = 0;
   int64_t done_ = 0;
-  std::exception_ptr error_;  ///< of the last one that was done
+  std::exception_ptr error_;  ///< of the last finished task; null: none
   bool quit_ = false;
   std::thread thread_;
 };

@@ -10,8 +10,8 @@
 namespace v3d {
 namespace {
 
-/// Of a period: a pulse later than this is skipped.
-constexpr int kSkipPart = 4;
+/// A pulse that is later than period / kSkipDivisor is skipped.
+constexpr int kSkipDivisor = 4;
 
 }  // namespace
 
@@ -20,17 +20,17 @@ GpioGenerator::GpioGenerator(StudioLine line, OpenOutputLine open, HostClock clo
 
 GpioGenerator::~GpioGenerator() = default;
 
-void GpioGenerator::take_line(const PacedTrain::Plan& plan) {
+void GpioGenerator::request_line(const PacedTrain::Plan& plan) {
   train_.plan(plan);
   if (output_ && output_->set(false)) return;
   output_.reset();
   output_ = open_(line_);
 }
 
-void GpioGenerator::silence() { take_line({}); }
+void GpioGenerator::silence() { request_line({}); }
 
 void GpioGenerator::arm(const PulseTrain& train) {
-  refuse_impossible(train, "GPIO trigger");
+  check_train(train, "GPIO trigger");
   const Duration period = period_of(train.rate_hz);
   if (train.width > period / 2) {
     throw InputError("GPIO trigger: a pulse of " +
@@ -39,10 +39,10 @@ void GpioGenerator::arm(const PulseTrain& train) {
                      std::to_string(period / 2 / std::chrono::microseconds(1)) + " us");
   }
   lock_memory();
-  take_line({.period = period,
-             .width = train.width,
-             .count = train.count,
-             .skip_after = period / kSkipPart});
+  request_line({.period = period,
+                .width = train.width,
+                .count = train.count,
+                .skip_after = period / kSkipDivisor});
 }
 
 void GpioGenerator::start() {
@@ -51,7 +51,7 @@ void GpioGenerator::start() {
 }
 
 std::string GpioGenerator::fault() const {
-  return train_.broken() ? "GPIO line " + line_text(line_) + " is gone" : train_.fault();
+  return train_.output_failed() ? "GPIO line " + line_text(line_) + " is gone" : train_.fault();
 }
 
 }  // namespace v3d

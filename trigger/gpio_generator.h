@@ -1,4 +1,4 @@
-// Pulses on a GPIO line, paced by this host.
+// Pulse generator on a GPIO output line; this host's clock paces the pulses.
 #pragma once
 
 #include <memory>
@@ -9,9 +9,11 @@
 
 namespace v3d {
 
-/// From the first silence() or arm() on it keeps the line, and keeps it inactive between trains. A
-/// pulse later than a quarter of a period is skipped: cameras that are still busy with the one
-/// before would miss it, and nobody would know which.
+/// Requests the line at the first silence() or arm() and keeps it; the line is inactive between
+/// trains.
+///
+/// A pulse that is later than a quarter of a period is skipped: a camera that is still busy with
+/// the previous pulse would miss it, and it would be unknown which cameras missed it.
 class GpioGenerator : public PulseGenerator, private PulseOutput {
  public:
   explicit GpioGenerator(StudioLine line, OpenOutputLine open = open_output_line,
@@ -31,13 +33,13 @@ class GpioGenerator : public PulseGenerator, private PulseOutput {
  private:
   bool begin_pulse(MonotonicInstant /*at*/) override { return output_->set(true); }
   bool end_pulse() override { return output_->set(false); }
-  /// Ends the train and opens the line anew if it is not open, or gone.
-  void take_line(const PacedTrain::Plan& plan);
+  /// Ends the train and makes the line inactive. Opens the line if it is not open or does not work.
+  void request_line(const PacedTrain::Plan& plan);
 
   const StudioLine line_;
   const OpenOutputLine open_;
   std::unique_ptr<OutputLine> output_;
-  PacedTrain train_;  ///< last: its thread uses what stands above
+  PacedTrain train_;  ///< last member: its thread uses the members above
 };
 
 }  // namespace v3d

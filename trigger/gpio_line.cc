@@ -17,7 +17,7 @@ struct ChipCloser {
   void operator()(gpiod_chip* chip) const { gpiod_chip_close(chip); }
 };
 
-/// A line and the chip that it is of; closing the chip releases the line.
+/// A line and its chip; closing the chip releases the line.
 struct Line {
   std::unique_ptr<gpiod_chip, ChipCloser> chip;
   gpiod_line* line = nullptr;
@@ -49,15 +49,16 @@ int flags_of(const StudioLine& line) {
   return line.active_low ? GPIOD_LINE_REQUEST_FLAG_ACTIVE_LOW : 0;
 }
 
-[[noreturn]] void refuse(const StudioLine& line) {
-  throw InputError(errno_message("GPIO line " + line_text(line)) + "; gpioinfo tells who uses it");
+[[noreturn]] void throw_request_error(const StudioLine& line) {
+  throw InputError(errno_message("GPIO line " + line_text(line)) +
+                   "; gpioinfo shows which program uses it");
 }
 
 class GpioOutput : public OutputLine {
  public:
   explicit GpioOutput(const StudioLine& line) : line_(find(line)) {
     if (gpiod_line_request_output_flags(line_.line, kConsumer, flags_of(line), 0) != 0) {
-      refuse(line);
+      throw_request_error(line);
     }
   }
   ~GpioOutput() override { set(false); }
@@ -74,19 +75,19 @@ class GpioInput : public InputLine {
  public:
   explicit GpioInput(const StudioLine& line) : line_(find(line)) {
     if (gpiod_line_request_both_edges_events_flags(line_.line, kConsumer, flags_of(line)) != 0) {
-      refuse(line);
+      throw_request_error(line);
     }
   }
 
   std::optional<LineEdge> wait(MonotonicInstant deadline) override {
     if (gone_) return {};
-    const timespec left = to_timespec(std::max(Duration::zero(), deadline - Monotonic::now()));
-    const int ready = gpiod_line_event_wait(line_.line, &left);
+    const timespec remaining = to_timespec(std::max(Duration::zero(), deadline - Monotonic::now()));
+    const int ready = gpiod_line_event_wait(line_.line, &remaining);
     if (ready == 0 || (ready < 0 && errno == EINTR)) return {};
     gpiod_line_event event{};
     gone_ = ready < 0 || gpiod_line_event_read(line_.line, &event) != 0;
     if (gone_) return {};
-    return LineEdge{.begins = event.event_type == GPIOD_LINE_EVENT_RISING_EDGE,
+    return LineEdge{.active = event.event_type == GPIOD_LINE_EVENT_RISING_EDGE,
                     .at = MonotonicInstant(std::chrono::seconds(event.ts.tv_sec) +
                                            std::chrono::nanoseconds(event.ts.tv_nsec))};
   }

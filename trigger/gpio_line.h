@@ -1,5 +1,5 @@
-// Lines of the kernel's GPIO chips. gpio_line.cc is the adapter of libgpiod 1.6, the only file that
-// sees it.
+// GPIO lines: an interface for outputs and inputs, and its implementation with libgpiod 1.6. Only
+// gpio_line.cc includes libgpiod.
 #pragma once
 
 #include <functional>
@@ -11,34 +11,36 @@
 
 namespace v3d {
 
-/// A line that this process drives. One thread at a time.
+/// A line that this process drives. Threads: one caller at a time.
 class OutputLine {
  public:
   virtual ~OutputLine() = default;
-  /// False when the line is gone, as with a chip that was unplugged.
+  /// Returns false where the line does not work any more, for example because its chip was
+  /// unplugged.
   virtual bool set(bool active) = 0;
 };
 
 struct LineEdge {
-  bool begins = true;   ///< from inactive to active
-  MonotonicInstant at;  ///< as the kernel's interrupt handler stamped it
+  bool active = true;   ///< level after the edge
+  MonotonicInstant at;  ///< time stamp of the kernel's interrupt handler
 };
 
-/// A line whose edges this process reads. One thread.
+/// A line whose edges this process reads. Threads: one.
 class InputLine {
  public:
   virtual ~InputLine() = default;
-  /// The next edge, waiting until `deadline`. The kernel keeps 16 and drops what comes then.
+  /// Waits for the next edge until `deadline`; empty when none came. The kernel keeps 16 edges and
+  /// drops further ones.
   virtual std::optional<LineEdge> wait(MonotonicInstant deadline) = 0;
-  /// True when the line gives no edges any more.
+  /// Whether the line does not work any more.
   virtual bool gone() const = 0;
 };
 
 /// "TRIGGER of gpiochip0", for messages.
 std::string line_text(const StudioLine& line);
 
-/// Take the line for this process until the object is destroyed; an output begins inactive. Throw
-/// InputError when there is no such chip or line, when it is in use, or not permitted.
+/// Request a line for this process until the object is destroyed; an output starts inactive. Throw
+/// InputError for an unknown chip or line, a line in use, and missing permission.
 std::unique_ptr<OutputLine> open_output_line(const StudioLine& line);
 std::unique_ptr<InputLine> open_input_line(const StudioLine& line);
 

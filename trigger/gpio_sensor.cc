@@ -7,10 +7,10 @@
 namespace v3d {
 namespace {
 
-constexpr Duration kLook = std::chrono::milliseconds(100);
-/// The longest pulse that a studio file may ask for, and more.
-constexpr Duration kLongestPulse = std::chrono::milliseconds(1100);
-/// Many seconds of pulses that nobody takes.
+constexpr Duration kPollInterval = std::chrono::milliseconds(100);
+/// Longer than every pulse that a studio file allows.
+constexpr Duration kMaxPulseWidth = std::chrono::milliseconds(1100);
+/// Queue length: further pulses are counted as dropped.
 constexpr size_t kMaxPulses = 65'536;
 
 }  // namespace
@@ -18,21 +18,21 @@ constexpr size_t kMaxPulses = 65'536;
 GpioSensor::GpioSensor(StudioLine line, OpenInputLine open)
     : line_(std::move(line)), open_(std::move(open)) {}
 
-GpioSensor::~GpioSensor() { end_thread(); }
+GpioSensor::~GpioSensor() { stop_thread(); }
 
-void GpioSensor::end_thread() {
+void GpioSensor::stop_thread() {
   stopping_ = true;
   if (thread_.joinable()) thread_.join();
   stopping_ = false;
 }
 
 void GpioSensor::reset() {
-  end_thread();
-  begun_.reset();
+  stop_thread();
+  pulse_start_.reset();
   input_.reset();
   input_ = open_(line_);
   pulses_.clear();
-  next_ = dropped_ = 0;
+  next_number_ = dropped_ = 0;
   gone_ = false;
   thread_ = std::thread([this] { run(); });
 }
@@ -40,36 +40,36 @@ void GpioSensor::reset() {
 void GpioSensor::run() {
   make_thread_realtime();
   while (!stopping_ && !input_->gone()) {
-    if (const auto edge = input_->wait(Monotonic::now() + kLook)) hear(*edge);
-    tell_overdue();
+    if (const auto edge = input_->wait(Monotonic::now() + kPollInterval)) on_edge(*edge);
+    report_overdue();
   }
   if (stopping_) return;
   const std::lock_guard lock(mutex_);
   gone_ = true;
 }
 
-void GpioSensor::hear(const LineEdge& edge) {
-  if (!edge.begins) {
-    if (begun_) tell(edge.at - *begun_);
+void GpioSensor::on_edge(const LineEdge& edge) {
+  if (!edge.active) {
+    if (pulse_start_) report(edge.at - *pulse_start_);
     return;
   }
-  if (begun_) tell({});
-  begun_ = edge.at;
+  if (pulse_start_) report({});
+  pulse_start_ = edge.at;
 }
 
-void GpioSensor::tell_overdue() {
-  if (begun_ && Monotonic::now() - *begun_ > kLongestPulse) tell({});
+void GpioSensor::report_overdue() {
+  if (pulse_start_ && Monotonic::now() - *pulse_start_ > kMaxPulseWidth) report({});
 }
 
-void GpioSensor::tell(std::optional<Duration> width) {
-  const SensedPulse pulse{.number = next_, .at = *begun_, .width = width};
-  begun_.reset();
+void GpioSensor::report(std::optional<Duration> width) {
+  const SensedPulse pulse{.number = next_number_, .at = *pulse_start_, .width = width};
+  pulse_start_.reset();
   const std::lock_guard lock(mutex_);
   if (pulses_.size() >= kMaxPulses) {
     ++dropped_;
     return;
   }
-  ++next_;
+  ++next_number_;
   pulses_.push_back(pulse);
   changed_.notify_one();
 }
@@ -87,7 +87,8 @@ std::string GpioSensor::fault() const {
   const std::lock_guard lock(mutex_);
   if (!input_) return "GPIO line " + line_text(line_) + " is not read yet";
   if (gone_) return "GPIO line " + line_text(line_) + " is gone";
-  if (dropped_ > 0) return std::to_string(dropped_) + " sensed pulses were not taken in time";
+  if (dropped_ > 0)
+    return std::to_string(dropped_) + " sensed pulses were lost: they were not read in time";
   return {};
 }
 

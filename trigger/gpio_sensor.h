@@ -1,4 +1,4 @@
-// The sense line on a GPIO input.
+// Sense line on a GPIO input.
 #pragma once
 
 #include <atomic>
@@ -13,9 +13,11 @@
 
 namespace v3d {
 
-/// Reads the line in a thread of its own from the first reset() on, because the kernel keeps only
-/// 16 edges. A pulse is told when it has ended, so that its width is known; one whose end is not
-/// seen, at the next edge or a second later.
+/// Reads the line on a thread of its own, because the kernel keeps only 16 edges. The first reset()
+/// starts the thread.
+///
+/// A pulse is reported at its end, with its width. A pulse whose end was lost is reported without a
+/// width, at the start of the next pulse or after 1.1 s.
 class GpioSensor : public PulseSensor {
  public:
   explicit GpioSensor(StudioLine line, OpenInputLine open = open_input_line);
@@ -27,22 +29,24 @@ class GpioSensor : public PulseSensor {
 
  private:
   void run();
-  void hear(const LineEdge& edge);
-  void tell_overdue();
-  void tell(std::optional<Duration> width);
-  void end_thread();
+  void on_edge(const LineEdge& edge);
+  /// Reports a pulse whose end did not come within kMaxPulseWidth.
+  void report_overdue();
+  void report(std::optional<Duration> width);
+  void stop_thread();
 
   const StudioLine line_;
   const OpenInputLine open_;
-  std::unique_ptr<InputLine> input_;       ///< the thread's while it runs
-  std::optional<MonotonicInstant> begun_;  ///< of a pulse whose end was not seen yet; the thread's
+  std::unique_ptr<InputLine> input_;  ///< used by the thread only, while it runs
+  std::optional<MonotonicInstant>
+      pulse_start_;  ///< of a pulse without an end yet; used by the thread only
   std::thread thread_;
   std::atomic<bool> stopping_ = false;
 
-  mutable std::mutex mutex_;  ///< everything below
+  mutable std::mutex mutex_;  ///< guards the next members
   std::condition_variable changed_;
   std::deque<SensedPulse> pulses_;
-  int64_t next_ = 0;
+  int64_t next_number_ = 0;
   bool gone_ = false;
   int64_t dropped_ = 0;
 };

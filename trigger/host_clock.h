@@ -1,4 +1,4 @@
-// How a trigger knows and awaits the time; tests have their own.
+// Clock of the triggers: reads CLOCK_MONOTONIC and sleeps. Tests replace it.
 #pragma once
 
 #include <ctime>
@@ -16,7 +16,7 @@ struct HostClock {
   std::function<void(MonotonicInstant)> sleep_until = v3d::sleep_until;
 };
 
-/// As the kernel wants a duration that is not negative.
+/// Converts a duration, which must not be negative.
 timespec to_timespec(Duration d);
 
 }  // namespace v3d

@@ -7,11 +7,11 @@ namespace v3d {
 
 void Lateness::add(Duration lateness) {
   lateness = std::max(lateness, Duration::zero());
-  const double place = kPerOctave * std::log2(static_cast<double>(lateness.count()) + 1);
-  ++buckets_[std::min(buckets_.size() - 1, static_cast<size_t>(place))];
+  const double bucket = kPerOctave * std::log2(static_cast<double>(lateness.count()) + 1);
+  ++buckets_[std::min(buckets_.size() - 1, static_cast<size_t>(bucket))];
   ++count_;
-  late_count_ += lateness > late_ ? 1 : 0;
-  most_ = std::max(most_, lateness);
+  late_count_ += lateness > threshold_ ? 1 : 0;
+  max_ = std::max(max_, lateness);
 }
 
 Duration Lateness::percentile(double share) const {
@@ -21,7 +21,7 @@ Duration Lateness::percentile(double share) const {
     passed += buckets_[i];
     if (passed < wanted || passed == 0) continue;
     const double end = std::exp2(static_cast<double>(i + 1) / kPerOctave);
-    return std::min(most_, Duration(static_cast<int64_t>(end)));
+    return std::min(max_, Duration(static_cast<int64_t>(end)));
   }
   return {};
 }
@@ -29,7 +29,7 @@ Duration Lateness::percentile(double share) const {
 PulseStatistics Lateness::statistics() const {
   return {.jitter_p50 = percentile(0.5),
           .jitter_p99 = percentile(0.99),
-          .jitter_max = most_,
+          .jitter_max = max_,
           .late = late_count_};
 }
 

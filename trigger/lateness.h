@@ -1,4 +1,4 @@
-// How late pulses were: a tally of fixed size, however long the train.
+// Lateness statistics of a pulse train: a histogram of constant size.
 #pragma once
 
 #include <array>
@@ -8,26 +8,27 @@
 
 namespace v3d {
 
-/// One thread.
+/// Not thread-safe.
 class Lateness {
  public:
-  /// A pulse later than `late` is counted as late.
-  explicit Lateness(Duration late = {}) : late_(late) {}
-  /// Negative counts as 0.
+  /// A pulse that is later than `threshold` is counted as late.
+  explicit Lateness(Duration threshold = {}) : threshold_(threshold) {}
+  /// A negative value counts as 0.
   void add(Duration lateness);
   PulseStatistics statistics() const;
-  Duration most() const { return most_; }
+  Duration max() const { return max_; }
 
  private:
-  /// The least value that at least `share` of all do not exceed, rounded up to its bucket's end.
+  /// The smallest value that at least the fraction `share` of all values do not exceed. It is
+  /// rounded up to the end of its bucket.
   Duration percentile(double share) const;
 
-  static constexpr int kPerOctave = 8;
-  Duration late_;
-  Duration most_{};
+  static constexpr int kPerOctave = 8;  ///< buckets per doubling
+  Duration threshold_;
+  Duration max_{};
   int64_t count_ = 0;
   int64_t late_count_ = 0;
-  std::array<int64_t, 63 * kPerOctave> buckets_{};  ///< of nanoseconds, on a logarithmic scale
+  std::array<int64_t, 63 * kPerOctave> buckets_{};  ///< nanoseconds, logarithmic scale
 };
 
 }  // namespace v3d

@@ -1,4 +1,4 @@
-// The generator and the sense line that a studio file asks for.
+// Factories of the generator and the sense line that a studio file describes.
 #pragma once
 
 #include <memory>
@@ -8,7 +8,7 @@
 
 namespace v3d {
 
-/// Touch no hardware yet: arm() and reset() do.
+/// Do not access the hardware; arm() and reset() do.
 std::unique_ptr<PulseGenerator> make_generator(const StudioTrigger& trigger);
 /// Null where the studio has no sense line.
 std::unique_ptr<PulseSensor> make_sensor(const StudioTrigger& trigger);

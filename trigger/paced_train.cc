@@ -7,10 +7,10 @@
 namespace v3d {
 namespace {
 
-/// stop() is heard within this time.
-constexpr Duration kLongestSleep = std::chrono::milliseconds(20);
-/// Of a period: what is later counts as late.
-constexpr int kLatePart = 10;
+/// The thread notices stop() within this time.
+constexpr Duration kMaxSleep = std::chrono::milliseconds(20);
+/// A pulse that is later than period / kLateDivisor counts as late.
+constexpr int kLateDivisor = 10;
 
 }  // namespace
 
@@ -24,7 +24,7 @@ void PacedTrain::plan(const Plan& plan) {
   join();
   plan_ = plan;
   const std::lock_guard lock(mutex_);
-  forget();
+  reset_counters();
 }
 
 void PacedTrain::start() {
@@ -32,7 +32,7 @@ void PacedTrain::start() {
   join();
   {
     const std::lock_guard lock(mutex_);
-    forget();
+    reset_counters();
     stopped_ = false;
   }
   thread_ = std::thread([this, first = clock_.now() + plan_.period / 2] { run(first); });
@@ -43,11 +43,11 @@ void PacedTrain::stop() {
   stopped_ = true;
 }
 
-void PacedTrain::forget() {
+void PacedTrain::reset_counters() {
   commanded_ = skipped_ = 0;
   first_.reset();
-  broken_ = false;
-  lateness_ = Lateness(plan_.period / kLatePart);
+  output_failed_ = false;
+  lateness_ = Lateness(plan_.period / kLateDivisor);
 }
 
 void PacedTrain::join() {
@@ -72,39 +72,39 @@ bool PacedTrain::wait_for(MonotonicInstant instant) const {
     }
     const MonotonicInstant now = clock_.now();
     if (now >= instant) return true;
-    clock_.sleep_until(std::min(instant, now + kLongestSleep));
+    clock_.sleep_until(std::min(instant, now + kMaxSleep));
   }
 }
 
 bool PacedTrain::pulse(int64_t number, MonotonicInstant at) {
-  bool begun = false;
+  bool in_time = false;
   MonotonicInstant now;
   {
     const std::lock_guard lock(mutex_);
     if (stopped_) return false;
     now = clock_.now();
     lateness_.add(now - at);
-    begun = now - at < plan_.skip_after;
-    if (!begun) {
+    in_time = now - at < plan_.skip_after;
+    if (!in_time) {
       ++skipped_;
     } else if (!output_.begin_pulse(at)) {
-      broken_ = stopped_ = true;
+      output_failed_ = stopped_ = true;
       return false;
     }
     commanded_ = number + 1;
     if (number == 0) first_ = at;
   }
-  if (begun && plan_.width > Duration::zero() && !end_pulse(now)) return false;
+  if (in_time && plan_.width > Duration::zero() && !end_pulse(now)) return false;
   const std::lock_guard lock(mutex_);
   if (plan_.count && commanded_ == *plan_.count) stopped_ = true;
   return !stopped_;
 }
 
-bool PacedTrain::end_pulse(MonotonicInstant begun) {
-  clock_.sleep_until(begun + plan_.width);
+bool PacedTrain::end_pulse(MonotonicInstant began) {
+  clock_.sleep_until(began + plan_.width);
   if (output_.end_pulse()) return true;
   const std::lock_guard lock(mutex_);
-  broken_ = stopped_ = true;
+  output_failed_ = stopped_ = true;
   return false;
 }
 
@@ -128,9 +128,9 @@ bool PacedTrain::finished() const {
   return stopped_;
 }
 
-bool PacedTrain::broken() const {
+bool PacedTrain::output_failed() const {
   const std::lock_guard lock(mutex_);
-  return broken_;
+  return output_failed_;
 }
 
 PulseStatistics PacedTrain::statistics() const {
@@ -142,7 +142,7 @@ std::string PacedTrain::fault() const {
   const std::lock_guard lock(mutex_);
   if (skipped_ == 0) return {};
   return std::to_string(skipped_) + " pulses skipped: this host was up to " +
-         std::to_string(lateness_.most() / std::chrono::milliseconds(1)) + " ms late";
+         std::to_string(lateness_.max() / std::chrono::milliseconds(1)) + " ms late";
 }
 
 }  // namespace v3d

@@ -1,4 +1,4 @@
-// A pulse train that this host paces itself, by absolute deadlines of CLOCK_MONOTONIC.
+// Pulse train that this host paces with absolute deadlines on CLOCK_MONOTONIC.
 #pragma once
 
 #include <mutex>
@@ -11,58 +11,60 @@
 
 namespace v3d {
 
-/// Where the pulses go. The thread of the train calls.
+/// Receives the pulses. Called by the thread of the train.
 class PulseOutput {
  public:
   virtual ~PulseOutput() = default;
-  /// The pulse that stands at `at` in the train begins now. False when the output is gone.
+  /// Starts the pulse that is due at `at`. Both return false where the output does not work any
+  /// more.
   virtual bool begin_pulse(MonotonicInstant at) = 0;
   virtual bool end_pulse() = 0;
 };
 
-/// Pulse k stands at start + k * period; the start is when this host was ready for pulse 0. A pulse
-/// later than `skip_after` is not made: it keeps its number, is counted, and told of in fault().
+/// Pulse k is due at start + k * period. The start is the time at which this host was ready for
+/// pulse 0. A pulse that is later than `skip_after` is skipped: it keeps its number, is counted,
+/// and fault() reports it.
 class PacedTrain {
  public:
   struct Plan {
     Duration period{};
-    Duration width{};  ///< 0: begin_pulse() is all that a pulse is
-    std::optional<int64_t> count;
+    Duration width{};              ///< 0: end_pulse() is not called
+    std::optional<int64_t> count;  ///< pulses; empty: until stop()
     Duration skip_after{};
   };
 
-  /// `output` outlives the train.
+  /// `output` must outlive the train.
   PacedTrain(PulseOutput& output, HostClock clock) : output_(output), clock_(std::move(clock)) {}
   ~PacedTrain();
   PacedTrain(const PacedTrain&) = delete;
   PacedTrain& operator=(const PacedTrain&) = delete;
 
-  /// Ends a train that runs, to its last edge, and forgets its account.
+  /// Ends a running train, waits for its last edge, and resets the counters.
   void plan(const Plan& plan);
   /// The first pulse follows within a period.
   void start();
-  /// No pulse begins after this returns; one that has begun ends by itself.
+  /// No pulse starts after this returns. The thread ends a pulse that has started.
   void stop();
 
   int64_t commanded() const;
-  /// Empty before pulse 0.
+  /// Time at which pulse 0 was due; empty before pulse 0.
   std::optional<MonotonicInstant> first_pulse() const;
   int64_t skipped() const;
   bool finished() const;
-  /// The output was gone.
-  bool broken() const;
+  /// Whether the output reported an error, which ended the train.
+  bool output_failed() const;
   PulseStatistics statistics() const;
-  /// "3 pulses skipped: this host was up to 95 ms late", or nothing.
+  /// "3 pulses skipped: this host was up to 95 ms late", or an empty text.
   std::string fault() const;
 
  private:
   void run(MonotonicInstant first);
-  /// False when stopped.
+  /// Returns false when the train was stopped.
   bool wait_for(MonotonicInstant instant) const;
   /// Return false when the train is over.
   bool pulse(int64_t number, MonotonicInstant at);
-  bool end_pulse(MonotonicInstant begun);
-  void forget();
+  bool end_pulse(MonotonicInstant began);
+  void reset_counters();
   void join();
 
   PulseOutput& output_;
@@ -70,9 +72,9 @@ class PacedTrain {
   Plan plan_;
   std::thread thread_;
 
-  mutable std::mutex mutex_;  ///< everything below, and the beginning of a pulse
+  mutable std::mutex mutex_;  ///< guards the next members and the start of a pulse
   bool stopped_ = true;
-  bool broken_ = false;
+  bool output_failed_ = false;
   int64_t commanded_ = 0;
   std::optional<MonotonicInstant> first_;
   int64_t skipped_ = 0;

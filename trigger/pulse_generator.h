@@ -1,5 +1,5 @@
-// What triggers the cameras, behind one small interface; gpio, scpi and simulated generators
-// implement it.
+// Interfaces of the camera trigger: pulse generator and sense line. GPIO, SCPI and simulated
+// triggers implement them.
 #pragma once
 
 #include <cstdint>
@@ -11,66 +11,73 @@
 
 namespace v3d {
 
-/// How far after its place in the train a pulse began, by this host's clock; skipped pulses count
-/// with the lateness at which they were given up. Percentiles are within 10 % and never below.
+/// Lateness of the starts of pulses, by this host's clock. A skipped pulse counts with its lateness
+/// at the time of the decision. Percentiles are exact or up to 10 % too large.
 struct PulseStatistics {
   Duration jitter_p50{};
   Duration jitter_p99{};
   Duration jitter_max{};
-  int64_t late = 0;  ///< pulses by more than a tenth of a period, skipped ones included
+  int64_t late = 0;  ///< pulses late by more than a tenth of a period, including skipped ones
 };
 
-/// One thread calls; implementations own any thread they need and join it in their destructor. The
-/// output is inactive except between start() and the end of the train, on every way out.
+/// A source of trigger pulses. The output is inactive except between start() and the end of the
+/// train, also after errors.
+///
+/// Threads: one caller. Implementations own the threads that they need and join them in their
+/// destructor.
 class PulseGenerator {
  public:
   virtual ~PulseGenerator() = default;
-  /// The output is inactive when this returns, whatever a process that died left it at. Throws
+  /// Makes the output inactive, also after a crash of another process that had used it. Throws
   /// InputError when the generator cannot be reached.
   virtual void silence() = 0;
-  /// Sets the train up and reads it back; the output stays inactive. Throws InputError when the
-  /// generator cannot make this train or cannot be reached.
+  /// Programs the train and verifies the settings; the output stays inactive. Throws InputError
+  /// when the generator cannot make this train or cannot be reached.
   virtual void arm(const PulseTrain& train) = 0;
-  /// False while what arm() began is not done yet. Throws InputError, once, when it failed.
+  /// Whether the work of arm() is done. Throws InputError, once, when it failed.
   virtual bool armed() { return true; }
   /// The first pulse follows within a period. Requires armed().
   virtual void start() = 0;
-  /// No pulse begins after this returns, or fault() says that they may go on. Idempotent.
+  /// No pulse starts after this returns, unless fault() reports that pulses may continue.
+  /// Idempotent.
   virtual void stop() = 0;
-  /// Pulses commanded since start(): the places of the train that have passed. A pulse that could
-  /// not be made in time keeps its number, is told of in fault(), and is missing.
+  /// Pulses commanded since start(): those whose time in the train has passed. A pulse that was
+  /// skipped because it was late counts, too, and keeps its number; fault() reports it.
   virtual int64_t commanded() const = 0;
-  /// Where pulse 0 stood, by this host's clock; empty before, and where that is not known.
+  /// Time of pulse 0 by this host's clock; empty before pulse 0, and where the time is unknown.
   virtual std::optional<MonotonicInstant> first_pulse() const = 0;
   /// True once a train of known length has ended, or after stop().
   virtual bool finished() const = 0;
-  /// False where commanded() is an estimate by this host's clock: what the
-  /// sense line saw is the better account.
+  /// False where commanded() is an estimate by this host's clock; then the count of the sense line
+  /// is more accurate.
   virtual bool counts_exactly() const { return true; }
-  /// Of the pulses since start(); zeros where another machine makes the pulses.
+  /// Statistics of the pulses since start(); zeros where another device makes the pulses.
   virtual PulseStatistics statistics() const = 0;
-  /// What went wrong while running, one line; empty when nothing did.
+  /// The fault of the running train, one line; empty when there is none.
   virtual std::string fault() const = 0;
 };
 
-/// A pulse that the sense line saw.
+/// A pulse on the sense line.
 struct SensedPulse {
   int64_t number = 0;                  ///< counted from 0 since the last reset()
   MonotonicInstant at;                 ///< its first edge
-  std::optional<Duration> width = {};  ///< empty where the line does not tell
+  std::optional<Duration> width = {};  ///< empty where it is unknown
 };
 
-/// The line that sees the pulses themselves. One thread calls, but for wait(): that may be another,
-/// while the first asks for faults.
+/// The sense line: reads the pulses back at the far end of the trigger cable.
+///
+/// Threads: one caller; another thread may call wait() while the first one calls fault().
 class PulseSensor {
  public:
   virtual ~PulseSensor() = default;
-  /// Forgets edges that nobody took and counts from 0 again. Throws InputError when the line cannot
-  /// be reached.
+  /// Discards unread edges and restarts the count at 0. Throws InputError when the line cannot be
+  /// opened.
   virtual void reset() = 0;
-  /// The next pulse, waiting until `deadline`; empty when none came. Not during reset().
+  /// Waits for the next pulse until `deadline`; empty when none came. Not to be called during
+  /// reset().
   virtual std::optional<SensedPulse> wait(MonotonicInstant deadline) = 0;
-  /// What went wrong, one line; empty when nothing did. A sensor with a fault senses nothing.
+  /// The fault, one line; empty when there is none. A sensor with a fault does not sense pulses
+  /// reliably.
   virtual std::string fault() const = 0;
 };
 

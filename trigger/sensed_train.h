@@ -1,4 +1,4 @@
-// What the sense line saw, held against the train that was commanded.
+// Assigns pulse numbers to sensed pulses, by comparison with the commanded train.
 #pragma once
 
 #include <cmath>
@@ -10,23 +10,24 @@
 
 namespace v3d {
 
-/// A pulse on a line carries no number, and one that the generator left out is not there: so the
-/// number follows from the time since the pulse before, in periods. The first is pulse 0, as the
-/// first frame is. What comes less than half a period after a pulse is no pulse of the train but
-/// extra, and changes no number. A pulse of less than half the commanded width is a runt: in its
-/// place in the train it counts, because cameras may have seen it; elsewhere it is extra. One
-/// thread.
+/// Numbers sensed pulses by the time since the previous pulse, in periods.
+///
+/// A line carries no pulse numbers, and pulses may be missing. The first sensed pulse is pulse 0,
+/// as the first frame is frame 0. A pulse less than half a period after the previous one is extra
+/// and changes no number. A pulse of less than half the commanded width is a runt. A runt within an
+/// eighth of a period of its expected time gets a number, because cameras may have been triggered
+/// by it; another runt is extra. Not thread-safe.
 class SensedTrain {
  public:
   explicit SensedTrain(const PulseTrain& train)
-      : period_(to_seconds(period_of(train.rate_hz))), shortest_(train.width / 2) {}
+      : period_(to_seconds(period_of(train.rate_hz))), min_width_(train.width / 2) {}
 
-  /// Higher than every number before; empty for an extra pulse.
+  /// The number of the pulse, larger than all previous numbers; empty for an extra pulse.
   std::optional<int64_t> number(const SensedPulse& pulse) {
-    const bool runt = pulse.width && *pulse.width < shortest_;
+    const bool runt = pulse.width && *pulse.width < min_width_;
     const double periods = last_ ? to_seconds(pulse.at - *last_) / period_ : 0;
     const auto whole = static_cast<int64_t>(std::llround(periods));
-    const bool out_of_place = std::abs(periods - static_cast<double>(whole)) > kRuntPlace;
+    const bool out_of_place = std::abs(periods - static_cast<double>(whole)) > kRuntTolerance;
     if (last_ && (whole < 1 || (runt && out_of_place))) {
       ++extra_;
       return std::nullopt;
@@ -38,16 +39,18 @@ class SensedTrain {
     return number_;
   }
 
-  /// Pulses that have a number.
+  /// The number of pulses with a number.
   int64_t sensed() const { return sensed_; }
+  /// The number of extra pulses.
   int64_t extra() const { return extra_; }
+  /// Numbers of the runts in the train.
   const std::vector<int64_t>& runts() const { return runts_; }
 
  private:
-  static constexpr double kRuntPlace = 0.125;  ///< of a period
+  static constexpr double kRuntTolerance = 0.125;  ///< of a period
 
   const double period_;
-  const Duration shortest_;
+  const Duration min_width_;
   std::optional<MonotonicInstant> last_;
   int64_t number_ = 0;
   int64_t sensed_ = 0;

@@ -11,13 +11,13 @@
 namespace v3d {
 namespace {
 
-/// An edge that is later than this is not sent.
-Duration standstill(Duration period) {
+/// Edges that are later than this are skipped.
+Duration max_lateness(Duration period) {
   return std::min<Duration>(std::chrono::seconds(1), 100 * period);
 }
 
-std::string vanished_text(const std::filesystem::path& path) {
-  return "trigger wire " + path.string() + " vanished";
+std::string disconnected_text(const std::filesystem::path& path) {
+  return "trigger wire " + path.string() + ": connection lost";
 }
 
 }  // namespace
@@ -28,9 +28,9 @@ SimulatedGenerator::SimulatedGenerator(std::filesystem::path wire, HostClock clo
 SimulatedGenerator::~SimulatedGenerator() = default;
 
 void SimulatedGenerator::arm(const PulseTrain& train) {
-  refuse_impossible(train, "simulated trigger");
+  check_train(train, "simulated trigger");
   const Duration period = period_of(train.rate_hz);
-  train_.plan({.period = period, .count = train.count, .skip_after = standstill(period)});
+  train_.plan({.period = period, .count = train.count, .skip_after = max_lateness(period)});
   wire_.reset();
   wire_ = std::make_unique<WireSocket>(path_);
 }
@@ -41,12 +41,12 @@ void SimulatedGenerator::start() {
 }
 
 bool SimulatedGenerator::begin_pulse(MonotonicInstant at) {
-  wire_->drain();  // our own edges come back to us too; the sensor is who listens to them
+  wire_->drain();  // the echo of own edges; the sensor reads its own copy
   return wire_->send({to_ns(at)});
 }
 
 std::string SimulatedGenerator::fault() const {
-  return train_.broken() ? vanished_text(path_) : train_.fault();
+  return train_.output_failed() ? disconnected_text(path_) : train_.fault();
 }
 
 SimulatedSensor::SimulatedSensor(std::filesystem::path wire) : path_(std::move(wire)) {}
@@ -55,7 +55,7 @@ SimulatedSensor::~SimulatedSensor() = default;
 void SimulatedSensor::reset() {
   next_ = 0;
   if (wire_) wire_->drain();
-  if (!wire_ || wire_->vanished()) {
+  if (!wire_ || wire_->disconnected()) {
     wire_.reset();
     wire_ = std::make_unique<WireSocket>(path_);
   }
@@ -67,13 +67,13 @@ std::optional<SensedPulse> SimulatedSensor::wait(MonotonicInstant deadline) {
       return SensedPulse{next_++, from_ns<Monotonic>(edge->edge_monotonic_ns)};
     }
   }
-  sleep_until(deadline);  // a cable that vanished must not make its reader spin
+  sleep_until(deadline);  // so that the caller does not spin after a disconnection
   return {};
 }
 
 std::string SimulatedSensor::fault() const {
   if (!wire_) return "trigger wire " + path_.string() + " is not connected";
-  return wire_->vanished() ? vanished_text(path_) : std::string();
+  return wire_->disconnected() ? disconnected_text(path_) : std::string();
 }
 
 }  // namespace v3d

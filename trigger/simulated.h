@@ -1,4 +1,5 @@
-// The generator and the sense line of the simulated studio: clients of base/core/trigger_edge.h.
+// Generator and sense line of the simulated studio: clients of the socket in
+// base/core/trigger_edge.h.
 #pragma once
 
 #include <filesystem>
@@ -11,17 +12,18 @@
 
 namespace v3d {
 
-/// Edge k stands at start + k * period on CLOCK_MONOTONIC and carries that instant as its stamp,
-/// however late this host was in sending it: a generator in hardware would have been on time, and a
-/// latency that is measured from the stamp has the lateness in it. For the same reason a busy host
-/// loses no edge: late edges are sent at once, one behind the other. An edge that is later than one
-/// second, or than 100 periods if that is less, is not sent, and counted as skipped.
+/// Sends edges on the simulated trigger cable. Edge k is due at start + k * period on
+/// CLOCK_MONOTONIC and carries this time as its stamp, also when this host sends it late.
+///
+/// A hardware generator would be on time, and latencies that are measured from the stamp include
+/// the lateness. For the same reason a busy host loses no edge: it sends late edges at once. An
+/// edge that is later than 1 s or 100 periods, whichever is less, is skipped and counted.
 class SimulatedGenerator : public PulseGenerator, private PulseOutput {
  public:
   explicit SimulatedGenerator(std::filesystem::path wire, HostClock clock = {});
   ~SimulatedGenerator() override;
 
-  /// A cable that nobody drives is inactive.
+  /// No effect: the cable is inactive without edges.
   void silence() override {}
   void arm(const PulseTrain& train) override;
   void start() override;
@@ -31,7 +33,7 @@ class SimulatedGenerator : public PulseGenerator, private PulseOutput {
   bool finished() const override { return train_.finished(); }
   PulseStatistics statistics() const override { return train_.statistics(); }
   std::string fault() const override;
-  /// Of commanded(), the pulses that this host was too late to make.
+  /// The number of commanded pulses that were skipped because this host was late.
   int64_t skipped() const { return train_.skipped(); }
 
  private:
@@ -40,9 +42,10 @@ class SimulatedGenerator : public PulseGenerator, private PulseOutput {
 
   const std::filesystem::path path_;
   std::unique_ptr<WireSocket> wire_;
-  PacedTrain train_;  ///< last: its thread uses what stands above
+  PacedTrain train_;  ///< last member: its thread uses the members above
 };
 
+/// Reads the edges of the simulated trigger cable.
 class SimulatedSensor : public PulseSensor {
  public:
   explicit SimulatedSensor(std::filesystem::path wire);

@@ -34,28 +34,27 @@ WireSocket::WireSocket(const std::filesystem::path& path) {
 WireSocket::~WireSocket() { close(fd_); }
 
 bool WireSocket::send(const TriggerEdge& edge) {
-  if (!vanished_ && ::send(fd_, &edge, sizeof(edge), MSG_NOSIGNAL) != sizeof(edge)) {
-    vanished_ = true;
+  if (!disconnected_ && ::send(fd_, &edge, sizeof(edge), MSG_NOSIGNAL) != sizeof(edge)) {
+    disconnected_ = true;
   }
-  return !vanished_;
+  return !disconnected_;
 }
 
 std::optional<TriggerEdge> WireSocket::receive_now() {
   TriggerEdge edge;
   const ssize_t n = recv(fd_, &edge, sizeof(edge), MSG_TRUNC);
   if (n == sizeof(edge)) return edge;
-  // Nothing is on a cable but edges: an end of file, an error or a packet of another size is a
-  // cable that cannot be used.
+  // End of file, errors and packets of another size mean that the cable cannot be used.
   const bool nothing_there = n < 0 && (errno == EAGAIN || errno == EINTR);
-  vanished_ = vanished_ || !nothing_there;
+  disconnected_ = disconnected_ || !nothing_there;
   return {};
 }
 
 std::optional<TriggerEdge> WireSocket::receive(MonotonicInstant deadline) {
-  while (!vanished_) {
+  while (!disconnected_) {
     if (auto edge = receive_now()) return edge;
     const Duration left = deadline - Monotonic::now();
-    if (vanished_ || left <= Duration::zero()) break;
+    if (disconnected_ || left <= Duration::zero()) break;
     const timespec timeout = to_timespec(left);
     pollfd readable{fd_, POLLIN, 0};
     ppoll(&readable, 1, &timeout, nullptr);

@@ -1,4 +1,4 @@
-// One end of the simulated trigger cable (base/core/trigger_edge.h).
+// Client socket of the simulated trigger cable (base/core/trigger_edge.h).
 #pragma once
 
 #include <atomic>
@@ -10,30 +10,30 @@
 
 namespace v3d {
 
-/// A connected client. Owns the socket. A cable whose other end vanished neither blocks nor
-/// signals: the functions say so. One thread, but for vanished().
+/// A connected client; owns the socket. After a disconnection the functions report it: they do not
+/// block and raise no SIGPIPE. Threads: one caller, except for disconnected().
 class WireSocket {
  public:
-  /// Throws InputError when nobody listens at `path`.
+  /// Throws InputError when no server listens at `path` or the path is too long.
   explicit WireSocket(const std::filesystem::path& path);
   ~WireSocket();
   WireSocket(const WireSocket&) = delete;
   WireSocket& operator=(const WireSocket&) = delete;
 
-  /// False when the other end vanished or does not read.
+  /// Returns false when the server has disconnected or does not read.
   bool send(const TriggerEdge& edge);
-  /// The next edge, waiting until `deadline`; empty when none came or the other end vanished.
+  /// Waits for the next edge until `deadline`; empty when none came or the server disconnected.
   std::optional<TriggerEdge> receive(MonotonicInstant deadline);
-  /// Throws away what has arrived.
+  /// Discards the edges that have arrived.
   void drain();
-  bool vanished() const { return vanished_; }  ///< any thread
+  bool disconnected() const { return disconnected_; }  ///< any thread
 
  private:
-  /// One packet that is already there.
+  /// Receives one edge without waiting.
   std::optional<TriggerEdge> receive_now();
 
   int fd_ = -1;
-  std::atomic<bool> vanished_ = false;
+  std::atomic<bool> disconnected_ = false;
 };
 
 }  // namespace v3d

@@ -38,7 +38,7 @@ ExposureLine parse_line(std::string_view text, const std::string& where) {
     const auto [end, error] = std::from_chars(field.data(), field.data() + field.size(), value);
     if (error != std::errc{} || end != field.data() + field.size()) {
       throw InputError(where + ": " + std::string(kColumns[column]) + ": \"" + std::string(field) +
-                       "\" is no whole number");
+                       "\" is not an integer");
     }
     return value;
   };

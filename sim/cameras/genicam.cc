@@ -89,7 +89,7 @@ std::string genicam_xml() {
          string_reg("DeviceManufacturerInfo", "0xa8", "48") + string_reg("DeviceID", "0xd8", "16") +
          string_reg("DeviceSerialNumber", "0xd8", "16") +
 
-         // As one that finds its master at once and follows it.
+         // PTP: a camera that finds its master at once and follows it.
          node("Boolean", "PtpEnable",
               text("pValue", "PtpEnableRegister") + text("OnValue", "1") + text("OffValue", "0")) +
          reg("PtpEnableRegister", "0x310") +
@@ -129,7 +129,7 @@ std::string genicam_xml() {
                   text("pValue", "TriggerSelectorValue")) +
          node("Integer", "TriggerSelectorValue", text("Value", "0")) +
          enumeration("TriggerMode", {{"Off", "0"}, {"On", "1"}}, "0x300", kBySelector) +
-         // The fake camera takes an image at a write to its trigger register only while this is 1.
+         // The fake camera exposes at a write to its trigger register only while this is 1.
          enumeration("TriggerSource", {{"Line1", "1"}}, "0x304", kBySelector) +
          enumeration("TriggerActivation", {{"RisingEdge", "0"}, {"FallingEdge", "1"}}, "0x308",
                      kBySelector) +

@@ -21,36 +21,40 @@
 namespace v3d::sim {
 namespace {
 
-// How often a camera looks for a pulse: the trigger is late by up to this much, and every camera
-// wakes up this often while it streams.
+// Rate at which a streaming camera polls its trigger register; a trigger is late by up to one
+// interval.
 constexpr double kPollHz = 250;
-/// The first frame's: so that a counter's end is passed soon.
+/// Frame number of the first frame: close to the maximum, so that the wrap-around comes soon.
 constexpr uint16_t kFirstNumber = 65'000;
-/// A camera that is unplugged has so long to send what it has taken.
-constexpr Duration kSentWithin = std::chrono::seconds(1);
-constexpr Duration kUntilNextLook = std::chrono::milliseconds(2);
+/// Time for a camera that is unplugged to send the exposed images.
+constexpr Duration kMaxSendTime = std::chrono::seconds(1);
+constexpr Duration kRetryInterval = std::chrono::milliseconds(2);
 
-/// Aravis' camera sleeps whole milliseconds and spins for the rest of its period. Threads begun
-/// while this lives may sleep a millisecond longer, which is past that rest: they do not spin.
-class LazyTimers {
+/// Sets the timer slack of threads that are started during its life to 1 ms.
+///
+/// The fake camera of Aravis sleeps whole milliseconds and spins for the rest of its period. With
+/// the slack it sleeps longer than the period, so it does not spin.
+class TimerSlack {
  public:
-  LazyTimers() : before_(prctl(PR_GET_TIMERSLACK)) {
+  TimerSlack() : before_(prctl(PR_GET_TIMERSLACK)) {
     prctl(PR_SET_TIMERSLACK, std::chrono::nanoseconds(std::chrono::milliseconds(1)).count());
   }
-  ~LazyTimers() { prctl(PR_SET_TIMERSLACK, before_); }
-  LazyTimers(const LazyTimers&) = delete;
-  LazyTimers& operator=(const LazyTimers&) = delete;
+  ~TimerSlack() { prctl(PR_SET_TIMERSLACK, before_); }
+  TimerSlack(const TimerSlack&) = delete;
+  TimerSlack& operator=(const TimerSlack&) = delete;
 
  private:
   const long before_;
 };
 
-/// Aravis' camera computes how long it may sleep until it looks for a pulse again; when its thread
-/// loses the processor in the middle of that, the rest has become negative, is taken for a large
-/// number, and the camera sleeps 100 ms. Whoever speaks to it wakes it.
-class Knock {
+/// Wakes the thread of a fake camera by a packet to its control port.
+///
+/// The fake camera of Aravis computes its sleep until the next poll. If its thread is preempted
+/// during this computation, the result becomes negative, is read as a large number, and the camera
+/// sleeps 100 ms. A packet ends this sleep.
+class WakeUpSocket {
  public:
-  explicit Knock(const std::string& address)
+  explicit WakeUpSocket(const std::string& address)
       : socket_(::socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0)) {
     sockaddr_in camera{};
     camera.sin_family = AF_INET;
@@ -61,12 +65,12 @@ class Knock {
       throw InputError(errno_message("camera at " + address));
     }
   }
-  ~Knock() { ::close(socket_); }
-  Knock(const Knock&) = delete;
-  Knock& operator=(const Knock&) = delete;
+  ~WakeUpSocket() { ::close(socket_); }
+  WakeUpSocket(const WakeUpSocket&) = delete;
+  WakeUpSocket& operator=(const WakeUpSocket&) = delete;
 
-  /// Asks for the version register, as GigE Vision has it; nobody reads the answer.
-  void knock() const {
+  /// Sends a GigE Vision read of the version register; the answer is not read.
+  void wake() const {
     constexpr uint8_t kReadVersion[] = {0x42, 0x01, 0x00, 0x80, 0, 4, 0, 1, 0, 0, 0, 0};
     ::send(socket_, kReadVersion, sizeof kReadVersion, MSG_DONTWAIT);
   }
@@ -90,14 +94,14 @@ std::string gige_serial(int camera) {
   return "V3D-SIM-" + std::string(number.size() < 2 ? "0" : "") + number;
 }
 
-/// Aravis reads the description from a file whenever a camera is created. This one has a name only
-/// as long as the process lives, however that ends.
+/// The GenICam description as a file in memory, which disappears with the process. Aravis reads it
+/// from a file whenever a camera is created.
 class GigeCameras::GenicamFile {
  public:
   GenicamFile() : file_(memfd_create("genicam.xml", MFD_CLOEXEC)) {
     const std::string xml = genicam_xml();
     if (file_ < 0 || ::write(file_, xml.data(), xml.size()) != static_cast<ssize_t>(xml.size())) {
-      throw InputError(errno_message("the cameras' description, in memory"));
+      throw InputError(errno_message("memory file for the GenICam description"));
     }
   }
   ~GenicamFile() { ::close(file_); }
@@ -110,17 +114,17 @@ class GigeCameras::GenicamFile {
   const std::string path_ = "/proc/self/fd/" + std::to_string(file_);
 };
 
-/// One camera: the fake camera with its thread while it is plugged in, and the images that wait to
-/// be sent.
+/// One camera: the fake camera with its thread while it is plugged in, and the queue of images to
+/// send.
 class GigeCameras::Device {
  public:
-  Device(int index, GigeCamera camera, const GigeCameras& studio, TimerQueue& later, uint64_t seed)
+  Device(int index, GigeCamera camera, const GigeCameras& studio, TimerQueue& timers, uint64_t seed)
       : index_(index),
         camera_(std::move(camera)),
         studio_(studio),
-        later_(later),
+        timers_(timers),
         seed_(seed),
-        door_(camera_.address),
+        wake_up_(camera_.address),
         clock_(camera_.clock) {
     if (!plug_in()) {
       throw InputError("camera " + camera_.serial + ": cannot listen on " + camera_.address +
@@ -136,36 +140,36 @@ class GigeCameras::Device {
   void trigger(int64_t edge, MonotonicInstant edge_time) {
     const std::lock_guard lock(mutex_);
     const Fault* fault = fault_at(edge);
-    if (fault != nullptr) begin(*fault, edge, edge_time);
+    if (fault != nullptr) start_fault(*fault, edge, edge_time);
     const bool missed = fault != nullptr && fault->kind == FaultKind::kMissed;
-    if (away_ || edge < frozen_until_ || missed) return;
-    if (!listening()) {
-      // A pulse that came just before the end of an acquisition must not open the next one.
-      forget_waiting();
+    if (unplugged_ || edge < frozen_until_ || missed) return;
+    if (!acquiring()) {
+      // An image of the previous acquisition must not be sent in the next one.
+      discard_queue();
       write(ARV_FAKE_CAMERA_REGISTER_TRIGGER_SOFTWARE, 0);
       ++ignored_;
       return;
     }
     expose(edge, edge_time, fault);
     send_next();
-    door_.knock();
+    wake_up_.wake();
   }
 
   int64_t ignored() const { return ignored_; }
 
  private:
-  /// An image on its way out.
-  struct Shot {
+  /// An image to send.
+  struct QueuedImage {
     Exposure exposure;
     uint16_t number = 0;
-    MonotonicInstant not_before;
+    MonotonicInstant not_before;  ///< it is not sent earlier
   };
 
-  // --- the camera on the network; called by the constructor, then by `later_` only
+  // --- the camera on the network; called by the constructor, then by the thread of timers_ only
 
-  /// False when the address is not there or not free.
+  /// Returns false when the address does not exist or is not free.
   bool plug_in() {
-    const LazyTimers lazy;
+    const TimerSlack slack;
     ArvGvFakeCamera* server = arv_gv_fake_camera_new_full(
         camera_.address.c_str(), camera_.serial.c_str(), studio_.genicam_->c_str());
     if (server == nullptr || !arv_gv_fake_camera_is_running(server)) {
@@ -188,11 +192,11 @@ class GigeCameras::Device {
     return true;
   }
 
-  /// Images that were taken before leave first: which ones do must not depend on how busy the host
-  /// is.
+  /// Waits until the exposed images are sent, at most kMaxSendTime. So the set of sent images does
+  /// not depend on the load of the host.
   void unplug(const Fault& fault, MonotonicInstant edge_time) {
-    if (Monotonic::now() < edge_time + kSentWithin && !all_sent()) {
-      later_.at(Monotonic::now() + kUntilNextLook, [=, this] { unplug(fault, edge_time); });
+    if (Monotonic::now() < edge_time + kMaxSendTime && !all_sent()) {
+      timers_.at(Monotonic::now() + kRetryInterval, [=, this] { unplug(fault, edge_time); });
       return;
     }
     {
@@ -200,58 +204,58 @@ class GigeCameras::Device {
       fake_ = nullptr;
     }
     g_clear_object(&server_);
-    later_.at(edge_time + fault.time, [=, this] { come_back(fault); });
+    timers_.at(edge_time + fault.time, [=, this] { plug_in_again(fault); });
   }
 
   bool all_sent() {
     const std::lock_guard lock(mutex_);
-    return waiting_.empty() || !listening();
+    return queue_.empty() || !acquiring();
   }
 
-  void come_back(const Fault& fault) {
+  void plug_in_again(const Fault& fault) {
     const MonotonicInstant now = Monotonic::now();
     if (!plug_in()) {
-      later_.at(now + kUntilNextLook, [=, this] { come_back(fault); });
+      timers_.at(now + kRetryInterval, [=, this] { plug_in_again(fault); });
       return;
     }
     const std::lock_guard lock(mutex_);
-    forget_waiting();
+    discard_queue();
     number_ = 1;
     if (fault.new_clock) clock_ = {Duration::zero(), clock_.drift_ppm, now};
-    away_ = false;
+    unplugged_ = false;
   }
 
-  // --- what follows requires mutex_
+  // --- the next functions require that mutex_ is locked
 
   const Fault* fault_at(int64_t edge) const {
     const auto found = std::ranges::find(camera_.faults, edge, &Fault::pulse);
     return found == camera_.faults.end() ? nullptr : &*found;
   }
 
-  void begin(const Fault& fault, int64_t edge, MonotonicInstant edge_time) {
+  void start_fault(const Fault& fault, int64_t edge, MonotonicInstant edge_time) {
     if (fault.kind == FaultKind::kFreeze) frozen_until_ = edge + fault.pulses;
     if (fault.kind == FaultKind::kClock) {
       clock_ = {clock_.at(edge_time).time_since_epoch() + fault.time,
                 clock_.drift_ppm + fault.drift_ppm, edge_time};
     }
-    if (fault.kind == FaultKind::kUnplug && !away_) {
-      away_ = true;
-      later_.at(edge_time, [=, this] { unplug(fault, edge_time); });
+    if (fault.kind == FaultKind::kUnplug && !unplugged_) {
+      unplugged_ = true;
+      timers_.at(edge_time, [=, this] { unplug(fault, edge_time); });
     }
   }
 
   void expose(int64_t edge, MonotonicInstant edge_time, const Fault* fault) {
     const auto has = [&](FaultKind kind) { return fault != nullptr && fault->kind == kind; };
-    Shot shot;
-    shot.exposure = {index_, clock_.at(edge_time + exposure_delay(index_, edge, seed_)), edge_time,
-                     edge, has(FaultKind::kBlack)};
-    shot.not_before = has(FaultKind::kDelay) ? edge_time + fault->time : edge_time;
-    shot.number = next_number();
+    QueuedImage queued;
+    queued.exposure = {index_, clock_.at(edge_time + exposure_delay(index_, edge, seed_)),
+                       edge_time, edge, has(FaultKind::kBlack)};
+    queued.not_before = has(FaultKind::kDelay) ? edge_time + fault->time : edge_time;
+    queued.number = next_number();
     if (has(FaultKind::kDrop)) return;
-    waiting_.push_back(shot);
+    queue_.push_back(queued);
     if (has(FaultKind::kDuplicate)) {
-      shot.number = next_number();
-      waiting_.push_back(shot);
+      queued.number = next_number();
+      queue_.push_back(queued);
     }
   }
 
@@ -261,20 +265,20 @@ class GigeCameras::Device {
     return number;
   }
 
-  void forget_waiting() {
-    waiting_.clear();
-    asked_ = false;
+  void discard_queue() {
+    queue_.clear();
+    triggered_ = false;
   }
 
-  /// Hands the first image that waits to the camera, once, when it is time.
+  /// Triggers the camera for the first image in the queue, once, when the image is due.
   void send_next() {
-    if (waiting_.empty() || asked_ || fake_ == nullptr) return;
-    const MonotonicInstant due = waiting_.front().not_before;
+    if (queue_.empty() || triggered_ || fake_ == nullptr) return;
+    const MonotonicInstant due = queue_.front().not_before;
     if (due <= Monotonic::now()) {
-      asked_ = true;
+      triggered_ = true;
       return write(ARV_FAKE_CAMERA_REGISTER_TRIGGER_SOFTWARE, 1);
     }
-    later_.at(due, [this] {
+    timers_.at(due, [this] {
       const std::lock_guard lock(mutex_);
       send_next();
     });
@@ -284,7 +288,7 @@ class GigeCameras::Device {
     arv_fake_camera_write_register(fake_, address, value);
   }
 
-  bool listening() const {
+  bool acquiring() const {
     return fake_ != nullptr && arv_fake_camera_get_control_channel_privilege(fake_) != 0 &&
            arv_fake_camera_get_acquisition_status(fake_) != 0 &&
            read_register(fake_, ARV_FAKE_CAMERA_REGISTER_TRIGGER_MODE) == 1 &&
@@ -293,54 +297,54 @@ class GigeCameras::Device {
 
   // --- the camera's thread
 
-  /// Aravis has taken the pulse out of the register and wants the image to send.
+  /// Called by Aravis after it has cleared the trigger register, for the image to send.
   static void fill(ArvBuffer* buffer, void* user_data, guint32, guint32, ArvPixelFormat) {
     static_cast<Device*>(user_data)->send(buffer);
   }
 
   void send(ArvBuffer* buffer) {
-    Shot shot;
+    QueuedImage queued;
     size_t payload = 0;
     {
       const std::lock_guard lock(mutex_);
-      if (waiting_.empty() || fake_ == nullptr) {
-        return;  // a client wrote the trigger register itself: the image of the last pulse again
+      if (queue_.empty() || fake_ == nullptr) {
+        return;  // a client wrote the trigger register itself: the previous image is sent again
       }
       payload = arv_fake_camera_get_payload(fake_);
-      shot = waiting_.front();
-      waiting_.pop_front();
-      asked_ = false;
+      queued = queue_.front();
+      queue_.pop_front();
+      triggered_ = false;
       send_next();
     }
-    // Aravis calls with a buffer of the payload's size, which it reports only once filled.
+    // The buffer has the size of the payload, but Aravis reports this size only after this call.
     auto* data = static_cast<uint8_t*>(const_cast<void*>(arv_buffer_get_data(buffer, nullptr)));
-    if (shot.exposure.black) {
+    if (queued.exposure.black) {
       std::memset(data, 0, payload);
     } else {
-      const auto image = studio_.picture_(index_, shot.exposure.edge);
+      const auto image = studio_.picture_(index_, queued.exposure.edge);
       std::memcpy(data, image.data(), std::min(payload, image.size()));
     }
-    arv_buffer_set_timestamp(buffer, static_cast<guint64>(to_ns(shot.exposure.device_time)));
-    arv_buffer_set_frame_id(buffer, shot.number);
-    studio_.report_(shot.exposure);
+    arv_buffer_set_timestamp(buffer, static_cast<guint64>(to_ns(queued.exposure.device_time)));
+    arv_buffer_set_frame_id(buffer, queued.number);
+    studio_.report_(queued.exposure);
   }
 
   const int index_;
   const GigeCamera camera_;
   const GigeCameras& studio_;
-  TimerQueue& later_;
+  TimerQueue& timers_;
   const uint64_t seed_;
-  const Knock door_;
+  const WakeUpSocket wake_up_;
   ArvGvFakeCamera* server_ = nullptr;  ///< null while unplugged
 
-  std::mutex mutex_;  ///< what follows, and the order of writes to the trigger register
+  std::mutex mutex_;  ///< guards the next members and the order of writes to the trigger register
   ArvFakeCamera* fake_ = nullptr;  ///< owned by server_; null while unplugged
   SimulatedClock clock_;
   uint16_t number_ = kFirstNumber;  ///< of the next frame
-  bool away_ = false;               ///< edges are not seen: it is unplugged, or about to be
-  int64_t frozen_until_ = 0;        ///< edges before this one are not seen
-  std::deque<Shot> waiting_;
-  bool asked_ = false;  ///< the first one that waits is in the register
+  bool unplugged_ = false;          ///< edges are ignored: it is unplugged, or will be
+  int64_t frozen_until_ = 0;        ///< edges before this one are ignored
+  std::deque<QueuedImage> queue_;
+  bool triggered_ = false;  ///< the trigger register holds the first image of the queue
   std::atomic<int64_t> ignored_{0};
 };
 
@@ -351,11 +355,11 @@ GigeCameras::GigeCameras(std::vector<GigeCamera> cameras, Picture picture, Repor
       genicam_(std::make_unique<GenicamFile>()) {
   for (size_t i = 0; i < cameras.size(); ++i) {
     devices_.push_back(
-        std::make_unique<Device>(static_cast<int>(i), std::move(cameras[i]), *this, later_, seed));
+        std::make_unique<Device>(static_cast<int>(i), std::move(cameras[i]), *this, timers_, seed));
   }
 }
 
-GigeCameras::~GigeCameras() { later_.end(); }
+GigeCameras::~GigeCameras() { timers_.end(); }
 
 void GigeCameras::trigger(int64_t edge, MonotonicInstant edge_time) {
   for (const auto& device : devices_) {

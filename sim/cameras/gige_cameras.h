@@ -77,7 +77,7 @@ class GigeCameras {
   const Picture picture_;
   const Report report_;
   const std::unique_ptr<GenicamFile> genicam_;
-  TimerQueue later_;  ///< must end before the devices, whose threads use it
+  TimerQueue timers_;  ///< must end before the devices, whose threads use it
   std::vector<std::unique_ptr<Device>> devices_;
 };
 

@@ -14,11 +14,11 @@ namespace {
 using Eigen::Vector3d;
 
 constexpr double kStudioRadius = 3.0;
-constexpr std::array kHeights = {1.25, 2.30, 0.55, 1.80};  // metres; every fourth is a close-up's
+constexpr std::array kHeights = {1.25, 2.30, 0.55, 1.80};  // metres; the last one: close-ups
 
 bool is_close_up(int index) { return index % 4 == 3; }
 
-/// Mild, as of a good wide lens; different for every lens of a batch.
+/// Mild distortion, as of a good wide-angle lens; random for each camera.
 Distortion lens(uint64_t seed, bool close_up) {
   const double strength = close_up ? 0.5 : 1.0;
   Distortion d{};
@@ -37,12 +37,12 @@ RigCamera make_camera(int index, int count, ImageSize size, uint64_t studio_seed
   const double height =
       kHeights[static_cast<size_t>(index) % kHeights.size()] + uniform(seed, 1, -0.08, 0.08);
   const Vector3d eye(kStudioRadius * std::cos(angle), kStudioRadius * std::sin(angle), height);
-  // Whole bodies are framed with the room that a raised sword needs; close-ups take the head and
-  // the arms, or the legs, in turn.
+  // Other cameras frame the whole body and a raised sword. Close-up cameras frame the head and the
+  // arms, or the legs, in turn.
   const double aim = close_up ? ((index / 4) % 2 == 0 ? 1.45 : 0.75) : 1.08;
   const Vector3d target(uniform(seed, 2, -0.06, 0.06), uniform(seed, 3, -0.06, 0.06),
                         aim + uniform(seed, 4, -0.03, 0.03));
-  // Focal lengths for 1024x768; other sizes see the same field of view in their shorter direction.
+  // Focal lengths for 1024x768; other sizes have the same field of view in their shorter direction.
   const double scale = std::min(size.width / 1024.0, size.height / 768.0);
   const double focal =
       scale * (close_up ? uniform(seed, 5, 1050, 1250) : uniform(seed, 5, 640, 690));

@@ -15,10 +15,10 @@ void TimerQueue::end() {
   if (thread_.joinable()) thread_.join();
 }
 
-void TimerQueue::at(MonotonicInstant due, std::function<void()> thing) {
+void TimerQueue::at(MonotonicInstant due, std::function<void()> callback) {
   {
     const std::lock_guard lock(mutex_);
-    things_.emplace(due, std::move(thing));
+    callbacks_.emplace(due, std::move(callback));
   }
   changed_.notify_all();
 }
@@ -26,19 +26,19 @@ void TimerQueue::at(MonotonicInstant due, std::function<void()> thing) {
 void TimerQueue::run() {
   std::unique_lock lock(mutex_);
   while (!quit_) {
-    if (things_.empty()) {
+    if (callbacks_.empty()) {
       changed_.wait(lock);
       continue;
     }
-    const auto first = things_.begin();
+    const auto first = callbacks_.begin();
     if (const Duration left = first->first - Monotonic::now(); left > Duration::zero()) {
       changed_.wait_for(lock, left);
       continue;
     }
-    const std::function<void()> thing = std::move(first->second);
-    things_.erase(first);
+    const std::function<void()> callback = std::move(first->second);
+    callbacks_.erase(first);
     lock.unlock();
-    thing();
+    callback();
     lock.lock();
   }
 }

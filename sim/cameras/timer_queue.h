@@ -22,7 +22,7 @@ class TimerQueue {
 
   /// Adds a callback, which must not throw. Callbacks with equal times run in the order of the
   /// calls.
-  void at(MonotonicInstant due, std::function<void()> thing);
+  void at(MonotonicInstant due, std::function<void()> callback);
   /// Stops the queue and waits for the running callback. Not to be called by the queue's thread.
   void end();
 
@@ -31,7 +31,7 @@ class TimerQueue {
 
   std::mutex mutex_;  ///< guards the next members
   std::condition_variable changed_;
-  std::multimap<MonotonicInstant, std::function<void()>> things_;
+  std::multimap<MonotonicInstant, std::function<void()>> callbacks_;
   bool quit_ = false;
   std::thread thread_;
 };

@@ -21,7 +21,7 @@ sockaddr_un socket_address(const std::filesystem::path& path) {
   sockaddr_un address{};
   address.sun_family = AF_UNIX;
   if (path.native().size() >= sizeof address.sun_path) {
-    throw InputError(path.string() + ": a socket's path has at most " +
+    throw InputError(path.string() + ": a socket path has at most " +
                      std::to_string(sizeof address.sun_path - 1) + " characters");
   }
   std::memcpy(address.sun_path, path.c_str(), path.native().size() + 1);
@@ -30,7 +30,7 @@ sockaddr_un socket_address(const std::filesystem::path& path) {
 
 int open_socket() { return ::socket(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC, 0); }
 
-bool somebody_listens(const sockaddr_un& address) {
+bool has_server(const sockaddr_un& address) {
   const int probe = open_socket();
   const bool answered =
       ::connect(probe, reinterpret_cast<const sockaddr*>(&address), sizeof address) == 0;
@@ -44,8 +44,8 @@ TriggerCable::TriggerCable(std::filesystem::path path, OnEdge on_edge)
     : path_(std::move(path)), on_edge_(std::move(on_edge)) {
   const sockaddr_un address = socket_address(path_);
   if (std::filesystem::is_socket(path_)) {
-    if (somebody_listens(address)) {
-      throw InputError(path_.string() + ": another simulated studio listens here");
+    if (has_server(address)) {
+      throw InputError(path_.string() + ": another simulated studio uses this socket");
     }
     std::filesystem::remove(path_);
   }
@@ -87,7 +87,8 @@ void TriggerCable::serve() {
     if (watched[0].revents != 0) {
       return;
     }
-    // New clients first: one that connected before an edge was sent hears its echo.
+    // Accept new clients first, so that a client gets the echo of every edge that is sent after its
+    // connection.
     if (watched[1].revents != 0) {
       if (const int client = ::accept4(listener_, nullptr, nullptr, SOCK_CLOEXEC); client >= 0) {
         clients_.push_back(client);
@@ -104,7 +105,7 @@ void TriggerCable::serve() {
 }
 
 bool TriggerCable::take_packet(int client) {
-  // One byte more than an edge, so that longer packets are seen to be longer.
+  // One byte more than an edge, to detect longer packets.
   std::array<char, sizeof(TriggerEdge) + 1> packet{};
   const ssize_t size = ::recv(client, packet.data(), packet.size(), MSG_DONTWAIT);
   if (size <= 0) {

@@ -70,11 +70,11 @@ constexpr std::array<Key, 11> kKeys = {{
   {3.70, {-0.29, 0.0, 355, 0.870,  3,  9,   0,     0.37,  0.00, 1.02,   38,  1,    -0.19, 0.13, 0.02,  0.20, -0.11, 0.00}},
 }};
 // clang-format on
-constexpr double kTurnPerPeriod = 360;  // degrees of yaw
+constexpr double kTurnPerPeriod = 360;  // yaw, degrees
 
 double radians(double degrees) { return degrees * std::numbers::pi / 180; }
 
-/// Keys continue before the first and behind the last by whole periods.
+/// Keys before the first and after the last repeat with the period.
 double key_time(int i) {
   const int n = static_cast<int>(kKeys.size());
   const int lap = (i < 0) ? -1 : i / n;
@@ -87,8 +87,8 @@ double key_value(int i, int channel) {
          (channel == kYaw ? lap * kTurnPerPeriod : 0);
 }
 
-/// Slope at a key that never overshoots: the weighted harmonic mean of the slopes beside it, 0 at
-/// a turning point (Fritsch and Butland, "A method for constructing local monotone piecewise cubic
+/// Slope at a key, without overshoot: the weighted harmonic mean of the neighbouring slopes, 0 at a
+/// turning point (Fritsch and Butland, "A method for constructing local monotone piecewise cubic
 /// interpolants", 1984).
 double key_slope(int i, int channel) {
   const double h0 = key_time(i) - key_time(i - 1);
@@ -132,13 +132,13 @@ std::array<double, kChannels> channels_at(double seconds) {
 Matrix3d turn_z(double degrees) {
   return AngleAxisd(radians(degrees), Vector3d::UnitZ()).toRotationMatrix();
 }
-/// Positive leans forward: z tips towards x.
+/// Positive angles tilt z towards x.
 Matrix3d lean_forward(double degrees) {
   return AngleAxisd(radians(degrees), Vector3d::UnitY()).toRotationMatrix();
 }
 
-/// Bends two bones from `root` towards `target`, the joint on the side of `pole`. A target out of
-/// reach is approached as far as the limb goes.
+/// Two-bone inverse kinematics from `root` to `target`; `pole` gives the side of the joint. The tip
+/// is as close as possible to a target that is out of reach.
 Limb reach(const Vector3d& root, const Vector3d& target, double upper, double lower,
            const Vector3d& pole) {
   const Vector3d to = target - root;
@@ -157,7 +157,7 @@ Limb arm_of(const Pose& pose, const Matrix3d& heading, Side side) {
   const Vector3d shoulder =
       pose.world_from_chest * Vector3d(0, sign * kShoulderHalfWidth, -kShoulderDrop);
   const Vector3d hand = pose.world_from_sword * Vector3d(0, 0, grip_of(side));
-  // The wrist lies behind the handle, a palm's length towards the shoulder.
+  // The wrist is a palm's length from the handle, towards the shoulder.
   const Vector3d wrist = hand + 0.075 * (shoulder - hand).normalized();
   return reach(shoulder, wrist, kUpperArm, kForearm, heading * Vector3d(-0.25, 0.8 * sign, -0.75));
 }
@@ -191,7 +191,7 @@ Pose pose_at(double seconds) {
   pose.world_from_head = {head, pose.world_from_chest * Vector3d(0.01, 0, 0.04) +
                                     head * Vector3d(0.015, 0, kNeckToHead - 0.04)};
 
-  // The blade: pitch turns it up from straight ahead, swing to the left.
+  // The blade points straight ahead; pitch turns it up, swing turns it to the left.
   const Matrix3d blade = heading * turn_z(v[kSwing]) * lean_forward(90 - v[kPitch]);
   const Vector3d between_hands = in_world(v[kHandX], v[kHandY], v[kHandZ]);
   const double middle = 0.5 * (grip_of(kLeft) + grip_of(kRight));

@@ -9,7 +9,7 @@ namespace {
 
 using Eigen::Vector3f;
 
-/// Triangles of a closed mesh sorted into columns parallel to z, for rays upward.
+/// Triangles of a closed mesh, sorted into columns parallel to z for upward rays.
 class Columns {
  public:
   explicit Columns(const Mesh& mesh) : mesh_(&mesh) {
@@ -61,8 +61,8 @@ class Columns {
     }
   }
 
-  /// +1 where the ray from p upward leaves through the triangle, -1 where it enters. Edges belong
-  /// to the triangle on one side only (half-open in the crossing test), so none counts twice.
+  /// +1 where the upward ray from p leaves through the triangle, -1 where it enters, else 0. The
+  /// crossing test is half-open, so an edge belongs to one triangle and does not count twice.
   int crossing(const std::array<uint32_t, 3>& triangle, const Vector3f& p) const {
     const Eigen::Vector3d q = p.cast<double>();
     int turns = 0;
@@ -70,7 +70,7 @@ class Columns {
     for (int k = 0; k < 3; ++k) {
       v[k] = mesh_->vertices[triangle[static_cast<size_t>(k)]].cast<double>() - q;
     }
-    // Winding of the projected triangle round the origin, by upward and downward edges.
+    // Winding number of the projected triangle around the origin, from upward and downward edges.
     for (int k = 0; k < 3; ++k) {
       const Eigen::Vector3d& a = v[k];
       const Eigen::Vector3d& b = v[(k + 1) % 3];

@@ -1,5 +1,5 @@
-// The textures. Each is a function of the place in the part's rest frame (metres): a few clear
-// patterns over value noise, so that there is detail at every scale a camera may resolve.
+// Procedural textures: functions of the position in the part's rest frame (metres). They combine
+// clear patterns and value noise, so that they have detail at every scale that a camera resolves.
 #include <algorithm>
 #include <cmath>
 #include <numbers>
@@ -18,7 +18,7 @@ float step(float edge0, float edge1, float x) {
 }
 Vector3f blend(const Vector3f& a, const Vector3f& b, float s) { return a + s * (b - a); }
 
-/// Fine mottling round 1.
+/// A factor of fine noise around 1.
 float grain(const Vector3f& p, float cells_per_metre, float depth, uint32_t seed) {
   const float coarse = value_noise(p * cells_per_metre, seed);
   const float fine = value_noise(p * (3.1F * cells_per_metre), seed + 1);
@@ -29,7 +29,7 @@ Vector3f skin(const Vector3f& p, uint32_t seed) {
   return Vector3f(0.82F, 0.58F, 0.44F) * grain(p, 90, 0.14F, seed);
 }
 
-/// Brows, eyes and mouth on the front (x forward, y left, z up from the middle of the head).
+/// Brows, eyes and mouth. Axes: x forward, y left, z up; origin in the middle of the head.
 Vector3f face(const Vector3f& p, uint32_t seed) {
   Vector3f colour = skin(p, seed);
   if (p.x() < 0.03F) {
@@ -51,7 +51,7 @@ Vector3f hair(const Vector3f& p, uint32_t seed) {
   return Vector3f(0.10F, 0.085F, 0.08F) * (0.55F + 0.9F * strands);
 }
 
-/// Off-white cotton: weave, and small crimson diamonds in rows.
+/// Off-white cotton with a weave and rows of small crimson diamonds.
 Vector3f jacket(const Vector3f& p, uint32_t seed) {
   const float angle = std::atan2(p.y(), p.x());
   const float row = p.z() / 0.045F;
@@ -88,7 +88,7 @@ Vector3f blade(const Vector3f& p, uint32_t seed) {
   return blend(steel, Vector3f(0.96F, 0.97F, 0.98F), step(temper - 0.001F, temper + 0.001F, p.x()));
 }
 
-/// Black cord wound over pale ray skin in diamonds.
+/// Black cord over pale ray skin, in a diamond pattern.
 Vector3f handle(const Vector3f& p, uint32_t seed) {
   const float turn = std::atan2(p.y(), p.x()) / (2 * std::numbers::pi_v<float>)*4;
   const float along = p.z() / 0.022F;

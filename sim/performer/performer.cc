@@ -24,7 +24,7 @@ double smooth(double s) {
   return s * s * (3 - 2 * s);
 }
 
-/// Piecewise linear through (position, value) pairs of rising position.
+/// Piecewise linear interpolation of (position, value) pairs with ascending positions.
 template <size_t N>
 double profile(const double (&points)[N][2], double s) {
   for (size_t i = 1; i < N; ++i) {
@@ -36,13 +36,13 @@ double profile(const double (&points)[N][2], double s) {
   return points[N - 1][1];
 }
 
-/// A curve that starts at `a`, passes `b` half way and ends at `c`.
+/// A quadratic curve from `a` (s = 0) through `b` (s = 0.5) to `c` (s = 1).
 Vector3d through(const Vector3d& a, const Vector3d& b, const Vector3d& c, double s) {
   const Vector3d control = 2 * b - 0.5 * (a + c);
   return (1 - s) * (1 - s) * a + 2 * s * (1 - s) * control + s * s * c;
 }
 
-/// A wave that travels down a cloth and repeats with the action: `cycles` per period.
+/// A wave that moves along a cloth: `cycles` per period of the action.
 double travelling(double seconds, int cycles, double along, double phase) {
   return std::sin(kTwoPi * (cycles * seconds / kActionPeriodSeconds - along) + phase);
 }
@@ -60,7 +60,7 @@ void add_head(std::vector<Part>& parts, const Pose& pose) {
     parts.push_back(make_ellipsoid(Material::kSkin, head * Vector3d(-0.002, side * 0.080, -0.008),
                                    r, {0.018, 0.010, 0.030}, 12, 10));
   }
-  // The topknot: a tail drawn up and folded forward.
+  // Topknot.
   parts.push_back(make_capsule(Material::kHair, head * Vector3d(-0.075, 0, 0.112),
                                head * Vector3d(-0.100, 0, 0.150), 0.024, 0.020, r.col(1)));
   parts.push_back(make_capsule(Material::kHair, head * Vector3d(-0.102, 0, 0.152),
@@ -69,7 +69,7 @@ void add_head(std::vector<Part>& parts, const Pose& pose) {
                                head * Vector3d(-0.015, 0, -0.06), 0.060, 0.053, r.col(1), 1.0));
 }
 
-/// The jacket's body, from the hips to the neck.
+/// Body of the jacket, from the hips to the neck.
 void add_torso(std::vector<Part>& parts, const Pose& pose, double seconds, uint64_t seed) {
   static constexpr double kHalfWidth[][2] = {{0, 0.165},    {0.2, 0.160},  {0.42, 0.150},
                                              {0.65, 0.172}, {0.82, 0.188}, {0.90, 0.165},
@@ -101,7 +101,7 @@ void add_torso(std::vector<Part>& parts, const Pose& pose, double seconds, uint6
   };
   parts.push_back(make_tube(Material::kJacket, rings, 56, folds, {0, 0, -0.01}, {0, 0, 0.01}));
 
-  // The trousers' seat joins the legs, the shoulders join the sleeves.
+  // The seat of the trousers connects the legs; the shoulders connect the sleeves.
   parts.push_back(make_ellipsoid(Material::kTrousers, pelvis * Vector3d(-0.005, 0, 0.03),
                                  pelvis.rotation, {0.142, 0.175, 0.150}, 48, 24));
   for (const Side side : {kLeft, kRight}) {
@@ -110,7 +110,7 @@ void add_torso(std::vector<Part>& parts, const Pose& pose, double seconds, uint6
                                    chest.rotation, {0.072, 0.074, 0.066}, 24, 16));
   }
 
-  // The belt, over the jacket's waist.
+  // Belt, outside the jacket.
   std::vector<Ring> belt;
   for (int i = 0; i <= 6; ++i) {
     const double s = 0.28 + 0.16 * i / 6;
@@ -130,7 +130,7 @@ void add_arm(std::vector<Part>& parts, const Pose& pose, Side side) {
   parts.push_back(
       make_capsule(Material::kSkin, 0.6 * arm.root + 0.4 * arm.joint, arm.joint, 0.046, 0.042, up));
   parts.push_back(make_capsule(Material::kSkin, arm.joint, arm.tip, 0.043, 0.028, up, 1.0, 20, 12));
-  // The fist round the handle, fingers across it, the thumb along it.
+  // The hand around the handle: fingers across it, thumb along it.
   const Matrix3d& sword = pose.world_from_sword.rotation;
   const double grip = grip_of(side);
   const Vector3d hold = pose.world_from_sword * Vector3d(0, 0, grip);
@@ -149,10 +149,11 @@ void add_arm(std::vector<Part>& parts, const Pose& pose, Side side) {
                                sword.col(0), 1.0, 10, 4));
 }
 
-/// A wide sleeve: hangs below the arm, its hem trails the motion, its mouth is a shallow hollow.
+/// A wide sleeve, which hangs below the arm. Its hem lags behind the motion; its opening is a
+/// shallow concavity.
 void add_sleeve(std::vector<Part>& parts, double seconds, Side side, uint64_t seed) {
   constexpr int kRings = 30;
-  constexpr int kInner = 5;  // rings of the hollow mouth
+  constexpr int kInner = 5;  // rings inside the opening
   constexpr double kLag = 0.022;
   static constexpr double kAcross[][2] = {{0, 0.070}, {0.25, 0.080}, {0.6, 0.082}, {1, 0.088}};
   static constexpr double kDown[][2] = {{0, 0.078}, {0.25, 0.098}, {0.6, 0.128}, {1, 0.165}};
@@ -171,7 +172,7 @@ void add_sleeve(std::vector<Part>& parts, double seconds, Side side, uint64_t se
     const Vector3d center = through(start, 0.85 * elbow + 0.15 * arm.root, end, s);
     const Vector3d ahead = through(start, 0.85 * elbow + 0.15 * arm.root, end, s + 0.01);
     const Vector3d axis = (ahead - center).normalized();
-    // Down across the arm; where the arm itself points down, away from the body instead.
+    // Downwards, perpendicular to the arm; away from the body where the arm points down.
     const Vector3d heading = pose.world_from_chest.rotation.col(0);
     const Vector3d hang = -Vector3d::UnitZ() - 0.35 * heading;
     const Vector3d down = (hang - hang.dot(axis) * axis).normalized();
@@ -191,8 +192,8 @@ void add_sleeve(std::vector<Part>& parts, double seconds, Side side, uint64_t se
                             0.1 * (rings[0].center - rings[4].center), 0.15 * back));
 }
 
-/// One leg of the loose trousers: pleats that open towards the hem, waves that run down, and a hem
-/// that trails the leg.
+/// One leg of the loose trousers, with pleats that widen towards the hem and waves that move down.
+/// The hem lags behind the leg.
 void add_trouser_leg(std::vector<Part>& parts, double seconds, Side side, uint64_t seed) {
   constexpr int kRings = 48;
   constexpr int kInner = 4;
@@ -252,7 +253,7 @@ void add_leg(std::vector<Part>& parts, const Pose& pose, Side side) {
 
 Part blade_of(const Pose& pose) {
   constexpr int kRings = 44;
-  constexpr double kCurve = 0.020;  // the edge bows out by this much at the tip
+  constexpr double kCurve = 0.020;  // curvature: offset of the tip along -x, metres
   const RigidTransform& sword = pose.world_from_sword;
   std::vector<Ring> rings;
   for (int i = 0; i <= kRings; ++i) {

@@ -13,9 +13,9 @@ BatchRenderer::BatchRenderer(const Rig& rig, const RenderOptions& options)
 
 std::vector<Image> BatchRenderer::render_all(std::optional<double> seconds,
                                              uint64_t exposure_number) {
-  std::optional<PerformerShot> shot;
+  std::optional<PerformerExposure> shot;
   if (seconds) {
-    shot = shoot(*seconds, options_.seed, options_.exposure_s);
+    shot = expose_performer(*seconds, options_.seed, options_.exposure_s);
   }
   std::vector<Image> images(cameras_.size());
   for_each_index(cameras_.size(), [&](size_t i) {

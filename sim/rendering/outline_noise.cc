@@ -7,22 +7,23 @@
 namespace v3d::sim {
 namespace {
 
-constexpr float kApartPx = 16;
-/// Standard deviation of value_noise() in a plane of whole z.
-constexpr double kNoiseDeviation = 0.2146;
+/// Lattice spacing of the noise.
+constexpr float kSpacingPx = 16;
+/// Standard deviation of value_noise() in a plane of integer z.
+constexpr double kNoiseStddev = 0.2146;
 
 }  // namespace
 
 Mask with_outline_noise(const Mask& mask, double sigma_px, uint64_t seed) {
-  const auto scale = static_cast<float>(sigma_px / kNoiseDeviation);
+  const auto scale = static_cast<float>(sigma_px / kNoiseStddev);
   const auto noise = static_cast<uint32_t>(mix(seed));
   const ImageSize size = mask.size();
   Mask result(size);
   for (int y = 0; y < size.height; ++y) {
     for (int x = 0; x < size.width; ++x) {
       const auto shifted = [&](int at, float axis) {
-        const Eigen::Vector3f place(static_cast<float>(x) / kApartPx,
-                                    static_cast<float>(y) / kApartPx, axis);
+        const Eigen::Vector3f place(static_cast<float>(x) / kSpacingPx,
+                                    static_cast<float>(y) / kSpacingPx, axis);
         const float shift = scale * (value_noise(place, noise) - 0.5F);
         return at + static_cast<int>(std::lround(shift));
       };

@@ -18,9 +18,10 @@ void for_each_index(size_t count, Work work) {
       work(i);
     }
   };
-  const size_t helpers = std::min<size_t>(count, std::max(1U, std::thread::hardware_concurrency()));
+  const size_t thread_count =
+      std::min<size_t>(count, std::max(1U, std::thread::hardware_concurrency()));
   std::vector<std::jthread> threads;
-  for (size_t i = 1; i < helpers; ++i) {
+  for (size_t i = 1; i < thread_count; ++i) {
     threads.emplace_back(run);
   }
   run();

@@ -59,7 +59,7 @@ void DepthBuffer::draw(std::span<const ScreenPoint> points, std::span<const Tria
     if (!a.seen || !b.seen || !c.seen) {
       continue;
     }
-    // Image y points down: counter-clockwise outside means a negative area on the screen.
+    // Image y points down, so front-facing triangles have a negative area on the screen.
     const float twice_area = (b.x - a.x) * (c.y - a.y) - (c.x - a.x) * (b.y - a.y);
     if (twice_area >= 0) {
       continue;

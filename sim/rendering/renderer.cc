@@ -15,7 +15,7 @@ namespace {
 using Eigen::Vector2d;
 using Eigen::Vector3f;
 
-constexpr int kNoiseSteps = 4096;  // 12 bits of hash choose one
+constexpr int kNoiseSteps = 4096;  // indexed by 12 bits of a hash
 
 void append(DrawList& list, const Part& part) {
   const auto first = static_cast<uint32_t>(list.vertices.size());
@@ -28,7 +28,8 @@ void append(DrawList& list, const Part& part) {
   }
 }
 
-/// Fluorescent tubes all over the ceiling: bright from above, four soft directions, little below.
+/// Light of a ceiling with fluorescent tubes: strong from above, four soft directions, weak from
+/// below.
 float light_on(const Vector3f& normal) {
   static const std::array<Vector3f, 4> kLights = {
       Vector3f(0.5F, 0.3F, 0.8F).normalized(), Vector3f(-0.6F, 0.4F, 0.7F).normalized(),
@@ -52,7 +53,7 @@ Vector3f shade(const DrawList& list, std::span<const ScreenPoint> screen, uint32
          paint(list.materials[triangle], at(list.paint), seed);
 }
 
-/// How much light reaches a point of the floor beside the performer.
+/// The fraction of the light that reaches a point of the floor.
 float unshadowed(const Vector2d& floor, const std::array<Vector2d, 3>& casters) {
   constexpr std::array<std::array<double, 2>, 3> kDepthAndRadius = {
       {{0.22, 0.11}, {0.22, 0.11}, {0.24, 0.30}}};
@@ -64,7 +65,7 @@ float unshadowed(const Vector2d& floor, const std::array<Vector2d, 3>& casters) 
   return static_cast<float>(light);
 }
 
-/// A patch of floor, finely divided, counter-clockwise from above.
+/// A square of floor as a fine mesh, counter-clockwise from above.
 void floor_patch(const Vector2d& center, double half, std::vector<Vector3f>& vertices,
                  std::vector<Triangle>& triangles) {
   constexpr uint32_t kCells = 24;
@@ -83,7 +84,8 @@ void floor_patch(const Vector2d& center, double half, std::vector<Vector3f>& ver
   }
 }
 
-/// Mid-points of equal slices of the normal distribution, by bisection of erfc.
+/// Quantiles of the normal distribution at (i + 0.5) / kNoiseSteps, times 256, by bisection of
+/// erfc.
 std::vector<int16_t> normal_quantiles(double standard_deviation) {
   std::vector<int16_t> table(kNoiseSteps);
   for (int i = 0; i < kNoiseSteps; ++i) {
@@ -105,8 +107,8 @@ uint16_t to_sample(float value) {
 
 }  // namespace
 
-PerformerShot shoot(double seconds, uint64_t seed, double exposure_s) {
-  PerformerShot shot;
+PerformerExposure expose_performer(double seconds, uint64_t seed, double exposure_s) {
+  PerformerExposure shot;
   shot.seed = seed;
   for (const Part& part : performer_parts(seconds, seed)) {
     if (part.material != Material::kBlade) {
@@ -153,7 +155,7 @@ void CameraRenderer::put(int x, int y, const Vector3f& light) {
   }
 }
 
-void CameraRenderer::draw_shadow(const PerformerShot& shot) {
+void CameraRenderer::draw_shadow(const PerformerExposure& shot) {
   std::vector<Vector3f> vertices;
   std::vector<Triangle> triangles;
   floor_patch(shot.feet[2], 1.2, vertices, triangles);
@@ -181,7 +183,7 @@ void CameraRenderer::draw_shadow(const PerformerShot& shot) {
   }
 }
 
-void CameraRenderer::draw_body(const PerformerShot& shot) {
+void CameraRenderer::draw_body(const PerformerExposure& shot) {
   const auto screen = to_screen(camera_.model, shot.body.vertices);
   depth_.clear(screen_bounds(screen, camera_.model.size()));
   depth_.draw(screen, shot.body.triangles);
@@ -196,9 +198,9 @@ void CameraRenderer::draw_body(const PerformerShot& shot) {
   }
 }
 
-void CameraRenderer::draw_blade(const PerformerShot& shot) {
-  // Each instant of the exposure adds its third of the light; what it does not cover keeps what
-  // lies behind.
+void CameraRenderer::draw_blade(const PerformerExposure& shot) {
+  // Each instant of the exposure adds a third of the light of the blade and removes a third of the
+  // background.
   const ImageSize size = camera_.model.size();
   const Rect body = depth_.area();
   const std::vector<uint16_t> behind = samples_;
@@ -246,7 +248,7 @@ void CameraRenderer::expose(uint64_t exposure_number, Image& image) const {
   }
 }
 
-Image CameraRenderer::render(const PerformerShot* shot, uint64_t exposure_number) {
+Image CameraRenderer::render(const PerformerExposure* shot, uint64_t exposure_number) {
   samples_ = plate_;
   if (shot != nullptr) {
     draw_shadow(*shot);
@@ -264,7 +266,7 @@ Image render(const RigCamera& camera, double seconds, bool with_performer, uint6
   if (!with_performer) {
     return renderer.render(nullptr, exposure_number);
   }
-  const PerformerShot shot = shoot(seconds, options.seed, options.exposure_s);
+  const PerformerExposure shot = expose_performer(seconds, options.seed, options.exposure_s);
   return renderer.render(&shot, exposure_number);
 }
 

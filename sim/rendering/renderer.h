@@ -25,7 +25,7 @@ struct DrawList {
 
 /// The performer during one exposure. In 1 ms the tip of the blade moves 15 mm (up to 5 px) and the
 /// hands less than 1 px, so only the blade is drawn at three instants of the exposure.
-struct PerformerShot {
+struct PerformerExposure {
   DrawList body;                        ///< all parts except the blade
   std::array<DrawList, 3> blade;        ///< early, middle and late in the exposure
   std::array<Eigen::Vector2d, 3> feet;  ///< shadow casters: ankles and pelvis
@@ -33,20 +33,20 @@ struct PerformerShot {
 };
 
 /// `seconds`: time of the middle of the exposure.
-PerformerShot shoot(double seconds, uint64_t seed, double exposure_s);
+PerformerExposure expose_performer(double seconds, uint64_t seed, double exposure_s);
 
 /// Renders images of one camera; renders the background once. Threads: one caller at a time.
 class CameraRenderer {
  public:
   CameraRenderer(RigCamera camera, RenderOptions options);
   /// `shot` null: the empty studio. Deterministic.
-  Image render(const PerformerShot* shot, uint64_t exposure_number);
+  Image render(const PerformerExposure* shot, uint64_t exposure_number);
   const RigCamera& camera() const { return camera_; }
 
  private:
-  void draw_shadow(const PerformerShot& shot);
-  void draw_body(const PerformerShot& shot);
-  void draw_blade(const PerformerShot& shot);
+  void draw_shadow(const PerformerExposure& shot);
+  void draw_body(const PerformerExposure& shot);
+  void draw_blade(const PerformerExposure& shot);
   void put(int x, int y, const Eigen::Vector3f& light);
   void expose(uint64_t exposure_number, Image& image) const;
 

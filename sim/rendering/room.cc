@@ -23,7 +23,7 @@ float grain(const Vector3d& p, float cells_per_metre, uint32_t seed) {
   return 0.6F * value_noise(q, seed) + 0.4F * value_noise(3.3F * q, seed + 1);
 }
 
-/// Tiles of 0.5 m in two greens, with grout.
+/// Tiles of 0.5 m in two shades of green, with grout.
 Vector3f floor_colour(const Vector3d& p, uint32_t seed) {
   const double x = p.x() / 0.5;
   const double y = p.y() / 0.5;
@@ -51,7 +51,7 @@ Vector3f wall_colour(const Vector3d& p, uint32_t seed) {
   return Vector3f(0.33F, 0.50F, 0.40F) * (tone * lit * dark * (0.88F + 0.24F * grain(p, 35, seed)));
 }
 
-/// Fluorescent tubes behind green diffusers: a bare tube would be as white as the jacket before it.
+/// Fluorescent tubes behind green diffusers; a bare tube would be as white as the jacket.
 Vector3f ceiling_colour(const Vector3d& p, uint32_t seed) {
   const bool tube = saw(p.x() / 0.9) < 0.05F && saw(p.y() / 1.5) < 0.42F;
   return tube ? Vector3f(0.52F, 0.80F, 0.64F)
@@ -62,7 +62,7 @@ Vector3f ceiling_colour(const Vector3d& p, uint32_t seed) {
 
 Vector3f room_colour(const Vector3d& eye, const Vector3d& direction, uint64_t seed) {
   const auto s = static_cast<uint32_t>(mix(seed ^ 0x4003));
-  // The wall: a vertical cylinder that the eye is inside of.
+  // The wall is a vertical cylinder around the eye.
   const double a = direction.head<2>().squaredNorm();
   const double b = eye.head<2>().dot(direction.head<2>());
   const double c = eye.head<2>().squaredNorm() - kWallRadius * kWallRadius;
@@ -79,7 +79,7 @@ Vector3f room_colour(const Vector3d& eye, const Vector3d& direction, uint64_t se
 }
 
 std::vector<Vector3f> room_image(const CameraModel& camera, uint64_t seed) {
-  // Rays of a coarse lattice, bilinear in between: a lens bends no faster than that.
+  // Rays on a coarse lattice with bilinear interpolation; lens distortion is smooth enough.
   constexpr int kStep = 8;
   const ImageSize size = camera.size();
   const int columns = size.width / kStep + 2;
@@ -87,7 +87,7 @@ std::vector<Vector3f> room_image(const CameraModel& camera, uint64_t seed) {
   std::vector<Vector3d> rays(static_cast<size_t>(columns) * rows);
   for (int j = 0; j < rows; ++j) {
     for (int i = 0; i < columns; ++i) {
-      // A corner that no ray reaches sees what is straight ahead.
+      // Where the lens model has no ray, use the viewing direction.
       rays[static_cast<size_t>(j) * columns + i] =
           camera.ray({i * kStep, j * kStep}).value_or(camera.viewing_direction());
     }

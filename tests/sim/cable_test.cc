@@ -20,7 +20,7 @@ using test::TemporaryFolder;
 
 constexpr int kDeadlineMs = 10'000;
 
-/// One end of the cable, as a generator or a sense line has it.
+/// A client of the cable, like a generator or a sense line.
 class Client {
  public:
   explicit Client(const std::filesystem::path& path)
@@ -42,7 +42,7 @@ class Client {
     const TriggerEdge edge{monotonic_ns};
     send(&edge, sizeof edge);
   }
-  /// The time of the next echo; -1 when none comes.
+  /// The time of the next echo; -1 when none comes within the deadline.
   int64_t receive() const {
     pollfd readable{socket_, POLLIN, 0};
     TriggerEdge edge{-1};
@@ -58,7 +58,8 @@ class Client {
   bool connected_ = false;
 };
 
-struct Seen {
+/// Records the edges that the cable reports.
+struct EdgeRecord {
   std::mutex mutex;
   std::vector<std::pair<int64_t, int64_t>> edges;
   TriggerCable::OnEdge handler() {
@@ -69,10 +70,10 @@ struct Seen {
   }
 };
 
-TEST(TriggerCable, exposes_at_every_edge_and_echoes_it_to_every_client) {
+TEST(TriggerCable, reports_every_edge_and_echoes_it_to_every_client) {
   const TemporaryFolder folder;
-  Seen seen;
-  const TriggerCable cable(folder / "wire", seen.handler());
+  EdgeRecord record;
+  const TriggerCable cable(folder / "wire", record.handler());
   const Client generator(folder / "wire");
   const Client sensor(folder / "wire");
   ASSERT_TRUE(generator.connected() && sensor.connected());
@@ -82,17 +83,17 @@ TEST(TriggerCable, exposes_at_every_edge_and_echoes_it_to_every_client) {
     EXPECT_EQ(generator.receive(), 1000 + i);
   }
   EXPECT_EQ(cable.edges(), 50);
-  const std::lock_guard lock(seen.mutex);
-  ASSERT_EQ(seen.edges.size(), 50U);
+  const std::lock_guard lock(record.mutex);
+  ASSERT_EQ(record.edges.size(), 50U);
   for (int64_t i = 0; i < 50; ++i) {
-    EXPECT_EQ(seen.edges[static_cast<size_t>(i)], std::pair(i, 1000 + i));
+    EXPECT_EQ(record.edges[static_cast<size_t>(i)], std::pair(i, 1000 + i));
   }
 }
 
-TEST(TriggerCable, ignores_packets_that_are_no_edge) {
+TEST(TriggerCable, ignores_packets_that_are_not_edges) {
   const TemporaryFolder folder;
-  Seen seen;
-  const TriggerCable cable(folder / "wire", seen.handler());
+  EdgeRecord record;
+  const TriggerCable cable(folder / "wire", record.handler());
   const Client client(folder / "wire");
   client.send("short", 5);
   client.send("far too long for an edge", 24);
@@ -102,10 +103,10 @@ TEST(TriggerCable, ignores_packets_that_are_no_edge) {
   EXPECT_EQ(cable.edges(), 1);
 }
 
-TEST(TriggerCable, outlives_clients_that_go) {
+TEST(TriggerCable, works_after_clients_disconnect) {
   const TemporaryFolder folder;
-  Seen seen;
-  const TriggerCable cable(folder / "wire", seen.handler());
+  EdgeRecord record;
+  const TriggerCable cable(folder / "wire", record.handler());
   for (int64_t i = 0; i < 5; ++i) {
     const Client client(folder / "wire");
     client.send(i);
@@ -114,11 +115,11 @@ TEST(TriggerCable, outlives_clients_that_go) {
   EXPECT_EQ(cable.edges(), 5);
 }
 
-TEST(TriggerCable, is_not_held_up_by_a_client_that_never_reads) {
+TEST(TriggerCable, is_not_blocked_by_a_client_that_never_reads) {
   const TemporaryFolder folder;
-  Seen seen;
-  const TriggerCable cable(folder / "wire", seen.handler());
-  const Client deaf(folder / "wire");
+  EdgeRecord record;
+  const TriggerCable cable(folder / "wire", record.handler());
+  const Client silent(folder / "wire");
   const Client generator(folder / "wire");
   for (int64_t i = 0; i < 5000; ++i) {
     generator.send(i);
@@ -127,11 +128,11 @@ TEST(TriggerCable, is_not_held_up_by_a_client_that_never_reads) {
   EXPECT_EQ(cable.edges(), 5000);
 }
 
-TEST(TriggerCable, replaces_a_dead_socket_but_not_a_living_one) {
+TEST(TriggerCable, replaces_an_unused_socket_file_but_not_a_used_one) {
   const TemporaryFolder folder;
-  Seen seen;
+  EdgeRecord record;
   {
-    // A studio that died leaves its socket file behind.
+    // A socket file without a server, as after a crash of a studio.
     sockaddr_un address{};
     address.sun_family = AF_UNIX;
     std::strncpy(address.sun_path, (folder / "wire").c_str(), sizeof address.sun_path - 1);
@@ -139,18 +140,18 @@ TEST(TriggerCable, replaces_a_dead_socket_but_not_a_living_one) {
     ASSERT_EQ(::bind(dead, reinterpret_cast<sockaddr*>(&address), sizeof address), 0);
     ::close(dead);
   }
-  const TriggerCable cable(folder / "wire", seen.handler());
-  EXPECT_THROW(TriggerCable(folder / "wire", seen.handler()), InputError);
+  const TriggerCable cable(folder / "wire", record.handler());
+  EXPECT_THROW(TriggerCable(folder / "wire", record.handler()), InputError);
   EXPECT_TRUE(Client(folder / "wire").connected());
 }
 
-TEST(TriggerCable, refuses_a_path_that_no_socket_can_have) {
+TEST(TriggerCable, rejects_paths_that_are_too_long_or_in_a_missing_folder) {
   const TemporaryFolder folder;
   EXPECT_THROW(TriggerCable(folder / std::string(120, 'x'), nullptr), InputError);
   EXPECT_THROW(TriggerCable(folder / "absent/wire", nullptr), InputError);
 }
 
-TEST(TriggerCable, removes_its_socket_in_the_end) {
+TEST(TriggerCable, removes_its_socket_file_in_the_destructor) {
   const TemporaryFolder folder;
   {
     const TriggerCable cable(folder / "wire", [](int64_t, MonotonicInstant) {});

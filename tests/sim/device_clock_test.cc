@@ -7,7 +7,7 @@
 namespace v3d::sim {
 namespace {
 
-TEST(SimulatedClock, has_its_own_zero_and_its_own_rate) {
+TEST(SimulatedClock, has_an_offset_and_a_drift_per_camera) {
   const auto origin = from_ns<Monotonic>(5'000'000'000);
   std::set<int64_t> offsets;
   std::set<double> drifts;
@@ -26,7 +26,7 @@ TEST(SimulatedClock, has_its_own_zero_and_its_own_rate) {
   EXPECT_EQ(drifts.size(), 15U);
 }
 
-TEST(SimulatedClock, exposes_a_few_microseconds_after_the_edge) {
+TEST(SimulatedClock, has_an_exposure_delay_of_4_to_30_microseconds) {
   std::set<int64_t> delays;
   for (int64_t edge = 0; edge < 100; ++edge) {
     const Duration delay = exposure_delay(3, edge, 1);

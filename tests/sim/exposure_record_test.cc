@@ -21,7 +21,7 @@ std::string refusal(const std::string& text) {
   return test::message_of<InputError>([&] { parse_exposures(text, "e.csv"); });
 }
 
-TEST(ExposureRecord, reads_back_what_it_wrote_line_by_line) {
+TEST(ExposureRecord, reads_back_every_line_after_it_was_written) {
   const TemporaryFolder folder;
   ExposureRecord record(folder / "exposures.csv");
   std::vector<ExposureLine> written;
@@ -33,7 +33,7 @@ TEST(ExposureRecord, reads_back_what_it_wrote_line_by_line) {
   EXPECT_EQ(record.lost(), 0);
 }
 
-TEST(ExposureRecord, refuses_what_is_no_record_naming_line_and_field) {
+TEST(ExposureRecord, reports_line_and_field_of_an_invalid_record) {
   const TemporaryFolder folder;
   const std::string header = "camera,device_time_ns,edge_monotonic_ns,edge,image_index\n";
   EXPECT_THAT(refusal(""), testing::HasSubstr("e.csv:1"));

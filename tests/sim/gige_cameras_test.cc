@@ -1,4 +1,4 @@
-// The simulated cameras against a real GigE Vision client.
+// Tests the simulated cameras with a real GigE Vision client.
 #include "sim/cameras/gige_cameras.h"
 
 #include <arv.h>
@@ -26,7 +26,7 @@ struct Unref {
 template <class T>
 using Owned = std::unique_ptr<T, Unref>;
 
-/// A camera as the capture side opens it: triggered on Line1, large packets.
+/// A client that opens a camera like the capture daemon: triggered on Line1, large packets.
 class Receiver {
  public:
   explicit Receiver(int index) {
@@ -57,7 +57,7 @@ class Receiver {
   Owned<ArvStream> stream_;
 };
 
-/// Every camera's every edge has a picture of its own.
+/// Cameras with a different image for each camera and edge.
 class Studio {
  public:
   explicit Studio(std::vector<Fault> faults_of_first = {}) {
@@ -96,10 +96,10 @@ class Studio {
   std::vector<std::vector<uint8_t>> pictures_;
   mutable std::mutex mutex_;
   std::vector<Exposure> exposures_;
-  std::unique_ptr<GigeCameras> cameras_;  ///< last: its threads use the others
+  std::unique_ptr<GigeCameras> cameras_;  ///< last member: its threads use the others
 };
 
-TEST(GigeCameras, look_like_triggered_colour_cameras) {
+TEST(GigeCameras, have_the_features_of_triggered_colour_cameras) {
   const Studio studio;
   const Receiver receiver(1);
   ASSERT_NE(receiver.camera(), nullptr);
@@ -124,7 +124,7 @@ TEST(GigeCameras, stream_one_image_per_edge_with_the_time_of_the_edge) {
     receivers.push_back(std::make_unique<Receiver>(i));
     ASSERT_NE(receivers.back()->camera(), nullptr);
   }
-  // All edges at once: a camera that is busy keeps the later ones.
+  // All edges at once: a busy camera queues the later ones.
   for (int64_t edge = 0; edge < Studio::kEdges; ++edge) {
     studio.cameras().trigger(edge, Monotonic::now());
   }
@@ -156,7 +156,7 @@ TEST(GigeCameras, stream_one_image_per_edge_with_the_time_of_the_edge) {
   }
 }
 
-TEST(GigeCameras, ignore_edges_while_nobody_acquires) {
+TEST(GigeCameras, ignore_edges_without_an_acquisition) {
   Studio studio;
   studio.cameras().trigger(0, Monotonic::now());
   EXPECT_EQ(studio.cameras().ignored(), kCameras);
@@ -177,7 +177,7 @@ Fault fault(int64_t edge, FaultKind kind) {
   return fault;
 }
 
-TEST(GigeCameras, play_faults_of_single_images) {
+TEST(GigeCameras, inject_faults_of_single_images) {
   Studio studio({fault(1, FaultKind::kDrop), fault(3, FaultKind::kMissed),
                  fault(5, FaultKind::kDuplicate), fault(7, FaultKind::kBlack)});
   const Receiver receiver(0);
@@ -203,7 +203,7 @@ TEST(GigeCameras, play_faults_of_single_images) {
   EXPECT_TRUE(record[6].black);
 }
 
-TEST(GigeCameras, are_gone_while_unplugged_and_begin_anew) {
+TEST(GigeCameras, disconnect_while_unplugged_and_restart_their_counters) {
   Fault unplug = fault(1, FaultKind::kUnplug);
   unplug.time = std::chrono::milliseconds(100);
   unplug.new_clock = true;
@@ -213,7 +213,7 @@ TEST(GigeCameras, are_gone_while_unplugged_and_begin_anew) {
   studio.cameras().trigger(0, Monotonic::now());
   ASSERT_NE(receiver->next(), nullptr);
   studio.cameras().trigger(1, Monotonic::now());
-  // It has come back when it can be opened, which asks for as long as it takes.
+  // Repeat the open until the camera is connected again.
   receiver.reset();
   const MonotonicInstant deadline = Monotonic::now() + std::chrono::seconds(20);
   do {
@@ -228,7 +228,7 @@ TEST(GigeCameras, are_gone_while_unplugged_and_begin_anew) {
   EXPECT_EQ(studio.exposures().size(), 2U);
 }
 
-TEST(GigeCameras, name_the_address_that_is_not_there) {
+TEST(GigeCameras, name_the_missing_address) {
   const GigeCamera nowhere{"127.0.9.9", "V3D-SIM-99", kSize, PixelFormat::kBayerRG8, {}, {}};
   const std::string refusal = test::message_of<InputError>(
       [&] { const GigeCameras cameras({nowhere}, nullptr, nullptr, 1); });

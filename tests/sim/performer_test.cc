@@ -15,7 +15,7 @@ bool same_bytes(const Mesh& a, const Mesh& b) {
   return a.vertices == b.vertices && a.triangles == b.triangles && a.colours == b.colours;
 }
 
-TEST(Performer, swings_the_tip_of_the_sword_at_about_15_metres_a_second) {
+TEST(Performer, has_a_sword_tip_with_a_peak_speed_of_about_15_metres_per_second) {
   constexpr double kStep = 1e-4;
   double peak = 0;
   for (double t = 0; t < kActionPeriodSeconds; t += 1e-3) {
@@ -25,7 +25,7 @@ TEST(Performer, swings_the_tip_of_the_sword_at_about_15_metres_a_second) {
   EXPECT_LT(peak, 17);
 }
 
-TEST(Performer, is_made_of_closed_parts_that_face_outward) {
+TEST(Performer, consists_of_closed_outward_oriented_parts) {
   for (const double t : {-0.7, 0.0, 0.4, 1.25, 2.6, 3.9}) {
     for (const Part& part : performer_parts(t, 1)) {
       EXPECT_TRUE(is_manifold(part.mesh)) << "at " << t;
@@ -35,7 +35,7 @@ TEST(Performer, is_made_of_closed_parts_that_face_outward) {
   }
 }
 
-RC_GTEST_PROP(Performer, holds_the_handle_with_both_hands_all_the_time, ()) {
+RC_GTEST_PROP(Performer, keeps_both_hands_at_the_handle_at_all_times, ()) {
   const Pose pose = pose_at(any_time());
   for (const Side side : {kLeft, kRight}) {
     const Eigen::Vector3d wrist = pose.world_from_sword.inverse() * pose.arm[side].tip;
@@ -51,14 +51,14 @@ RC_GTEST_PROP(Performer, stays_above_the_floor_and_inside_the_studio, ()) {
   }
 }
 
-TEST(Performer, is_as_tall_as_a_person) {
+TEST(Performer, has_the_height_of_a_person) {
   float top = 0;
   for (const Part& part : performer_parts(0, 1)) {
     if (part.material == Material::kFace) {
       for (const auto& v : part.mesh.vertices) top = std::max(top, v.z());
     }
   }
-  EXPECT_NEAR(top, 1.75, 0.07);  // the crown of the head; standing on guard, slightly bent
+  EXPECT_NEAR(top, 1.75, 0.07);  // top of the head; slightly bent knees
 }
 
 TEST(Performer, gives_the_same_bytes_for_the_same_time_and_seed) {
@@ -67,7 +67,7 @@ TEST(Performer, gives_the_same_bytes_for_the_same_time_and_seed) {
 }
 
 TEST(Performer, repeats_the_action_every_period) {
-  // Times that are exact in binary, so that the remainder is too.
+  // Times that are exact in binary, so that their remainders are exact, too.
   for (const double t : {0.0, 0.5, 1.25, 3.75}) {
     const Mesh once = performer_at(t, 1);
     const Mesh again = performer_at(t + kActionPeriodSeconds, 1);
@@ -78,7 +78,7 @@ TEST(Performer, repeats_the_action_every_period) {
   }
 }
 
-TEST(Performer, moves_without_jumps_also_where_the_action_closes) {
+TEST(Performer, moves_without_jumps_also_at_the_end_of_the_period) {
   for (int i = 0; i < 4000; ++i) {
     const double t = 1e-3 * i;
     const double step = (sword_tip(pose_at(t + 1e-3)) - sword_tip(pose_at(t))).norm();
@@ -86,8 +86,8 @@ TEST(Performer, moves_without_jumps_also_where_the_action_closes) {
   }
 }
 
-TEST(Performer, wears_clothes_that_trail_the_body) {
-  // The trousers' hem follows the foot late: in the lunge it lies behind where it would hang.
+TEST(Performer, has_clothes_that_lag_behind_the_body) {
+  // The hem of the trousers lags behind the foot: in the lunge it is further back than at rest.
   const auto hem_of = [](double t) {
     Eigen::Vector3f sum = Eigen::Vector3f::Zero();
     int n = 0;

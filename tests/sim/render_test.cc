@@ -19,7 +19,7 @@ RenderOptions noiseless() {
   return options;
 }
 
-Mask grown(const Mask& mask, int radius) {
+Mask dilated(const Mask& mask, int radius) {
   Mask out(mask.size());
   for (int y = 0; y < mask.size().height; ++y) {
     for (int x = 0; x < mask.size().width; ++x) {
@@ -33,8 +33,8 @@ Mask grown(const Mask& mask, int radius) {
   return out;
 }
 
-/// Pixels that the performer changed; a shadow changes all channels by one factor and darkens by at
-/// most a half, so it is told apart in the RGB rendering of the same view.
+/// Pixels that the performer changed, in RGB renderings of one view. Shadow pixels are excluded: a
+/// shadow scales all channels by the same factor, at least 0.5.
 Mask changed(const Image& plate, const Image& image) {
   Mask mask(plate.size);
   for (int y = 0; y < plate.size.height; ++y) {
@@ -73,7 +73,7 @@ TEST(Render, gives_the_same_bytes_twice) {
   }
 }
 
-TEST(Render, gives_the_same_bytes_on_all_cores_as_alone) {
+TEST(Render, gives_the_same_bytes_in_a_batch_and_alone) {
   const Rig rig = make_rig(5, {160, 120}, 3);
   const RenderOptions options;
   const std::vector<Image> together = BatchRenderer(rig, options).render_all(0.7, 4);
@@ -83,7 +83,7 @@ TEST(Render, gives_the_same_bytes_on_all_cores_as_alone) {
   }
 }
 
-TEST(Render, changes_the_plate_just_where_the_true_silhouette_is) {
+TEST(Render, changes_the_background_only_in_the_true_silhouette) {
   const Rig rig = make_rig(8, kSize, 2);
   RenderOptions options = noiseless();
   options.format = PixelFormat::kRGB8;
@@ -94,17 +94,17 @@ TEST(Render, changes_the_plate_just_where_the_true_silhouette_is) {
       const Mask difference = changed(plate, render(rig[c], t, true, 0, options));
       const Mask truth = true_silhouette(rig[c], t, options.seed);
       ASSERT_GT(truth.count(), 2000) << rig[c].name;
-      EXPECT_EQ(outside(difference, grown(truth, 1)), 0) << rig[c].name << " at " << t;
-      // The difference may have holes where the performer looks like the room, no larger than that.
-      EXPECT_EQ(outside(truth, grown(difference, 2)), 0) << rig[c].name << " at " << t;
+      EXPECT_EQ(outside(difference, dilated(truth, 1)), 0) << rig[c].name << " at " << t;
+      // The difference may have small holes where the performer has the colour of the room.
+      EXPECT_EQ(outside(truth, dilated(difference, 2)), 0) << rig[c].name << " at " << t;
       EXPECT_GT(intersection_over_union(difference, truth), 0.99) << rig[c].name << " at " << t;
     }
   }
 }
 
-TEST(Render, shows_a_true_silhouette_that_holds_every_surface_point_in_view) {
+TEST(Render, has_a_true_silhouette_that_contains_every_surface_point) {
   const RigCamera camera = make_rig(4, kSize, 1)[2];
-  const Mask near = grown(true_silhouette(camera, 0.4, 1), 1);
+  const Mask near = dilated(true_silhouette(camera, 0.4, 1), 1);
   for (const auto& v : performer_at(0.4, 1).vertices) {
     const auto pixel = camera.model.project(v.cast<double>());
     ASSERT_TRUE(pixel);
@@ -113,7 +113,7 @@ TEST(Render, shows_a_true_silhouette_that_holds_every_surface_point_in_view) {
   }
 }
 
-TEST(Render, adds_noise_of_the_asked_standard_deviation) {
+TEST(Render, adds_noise_of_the_given_standard_deviation) {
   const RigCamera camera = make_rig(4, kSize, 1)[0];
   RenderOptions options = noiseless();
   const Image clean = render(camera, 0, false, 0, options);
@@ -133,7 +133,7 @@ TEST(Render, adds_noise_of_the_asked_standard_deviation) {
   EXPECT_NEAR(std::sqrt(squares / n), 3, 0.1);
 }
 
-TEST(Render, gives_every_pixel_format_the_colours_of_the_others) {
+TEST(Render, has_equal_colours_in_all_pixel_formats) {
   const RigCamera camera = make_rig(4, {64, 48}, 1)[0];
   RenderOptions options = noiseless();
   options.format = PixelFormat::kRGB8;
@@ -148,9 +148,9 @@ TEST(Render, gives_every_pixel_format_the_colours_of_the_others) {
   EXPECT_EQ(render(camera, 0.3, true, 0, options).bytes.size(), 64U * 48U);
 }
 
-TEST(Render, blurs_the_blade_by_its_motion_within_the_exposure) {
-  // Seen from the side of the cut (camera 4 of 15 stands at 72..96 degrees), the moving blade is
-  // wider and paler than a frozen one; at rest both are the same.
+TEST(Render, has_motion_blur_of_the_blade) {
+  // From the side of the cut (camera 4 of 15 stands at 72 to 96 degrees), the moving blade is wider
+  // and paler than a frozen one. At rest both are equal.
   const RigCamera camera = make_rig(15, {1024, 768}, 1)[4];
   const auto differing = [&](double t) {
     RenderOptions options = noiseless();
@@ -167,13 +167,13 @@ TEST(Render, blurs_the_blade_by_its_motion_within_the_exposure) {
   EXPECT_LT(differing(0.0), 60);
 }
 
-TEST(Render, throws_a_soft_shadow_on_the_floor_and_nowhere_above_it) {
+TEST(Render, has_a_soft_shadow_on_the_floor_only) {
   const RigCamera camera = make_rig(15, kSize, 1)[1];
   RenderOptions options = noiseless();
   options.format = PixelFormat::kRGB8;
   const Image plate = render(camera, 0, false, 0, options);
   const Image image = render(camera, 0, true, 0, options);
-  const Mask body = grown(true_silhouette(camera, 0, 1), 2);
+  const Mask body = dilated(true_silhouette(camera, 0, 1), 2);
   int64_t darker = 0;
   for (int y = 0; y < kSize.height; ++y) {
     for (int x = 0; x < kSize.width; ++x) {
@@ -181,7 +181,7 @@ TEST(Render, throws_a_soft_shadow_on_the_floor_and_nowhere_above_it) {
       for (int c = 0; c < 3; ++c) {
         const int before = plate.row(y)[3 * x + c], after = image.row(y)[3 * x + c];
         ASSERT_LE(after, before);
-        ASSERT_GE(after + 1, before / 2);  // a segmenter may call it a shadow
+        ASSERT_GE(after + 1, before / 2);  // the segmentation may classify it as shadow
         darker += after < before - 3;
       }
     }

@@ -32,8 +32,8 @@ const std::vector<Eigen::Vector3d>& action_points() {
   return points;
 }
 
-/// The part of them that falls inside the image.
-double seen(const RigCamera& camera) {
+/// The fraction of action_points() that is inside the image.
+double visible_fraction(const RigCamera& camera) {
   int64_t inside = 0;
   for (const Eigen::Vector3d& point : action_points()) {
     const auto pixel = camera.model.project(point);
@@ -42,7 +42,7 @@ double seen(const RigCamera& camera) {
   return static_cast<double>(inside) / static_cast<double>(action_points().size());
 }
 
-TEST(Rig, stands_on_the_wall_of_the_studio_at_several_heights) {
+TEST(Rig, has_cameras_on_the_wall_at_several_heights) {
   std::set<int> heights;
   for (const RigCamera& camera : make_rig(15, kXga, 1)) {
     const Eigen::Vector3d eye = camera.model.center();
@@ -54,27 +54,27 @@ TEST(Rig, stands_on_the_wall_of_the_studio_at_several_heights) {
   EXPECT_GE(heights.size(), 3U);
 }
 
-TEST(Rig, sees_the_whole_action_with_all_cameras_but_every_fourth) {
+TEST(Rig, sees_the_whole_action_with_all_cameras_except_every_fourth) {
   for (const uint64_t seed : {1U, 2U}) {
     const Rig rig = make_rig(15, kXga, seed);
     int whole = 0, partly = 0;
     for (size_t i = 0; i < rig.size(); ++i) {
-      const double part = seen(rig[i]);
-      (part == 1 ? whole : partly) += 1;
-      EXPECT_EQ(part < 1, i % 4 == 3) << rig[i].name << " sees " << part;
+      const double fraction = visible_fraction(rig[i]);
+      (fraction == 1 ? whole : partly) += 1;
+      EXPECT_EQ(fraction < 1, i % 4 == 3) << rig[i].name << " sees " << fraction;
     }
     EXPECT_GE(whole, 4);
     EXPECT_EQ(partly, 3);
   }
 }
 
-TEST(Rig, sees_as_much_in_any_image_size) {
+TEST(Rig, has_the_same_field_of_view_in_every_image_size) {
   for (const ImageSize size : {ImageSize{320, 240}, ImageSize{640, 640}, ImageSize{1920, 1080}}) {
-    EXPECT_EQ(seen(make_rig(5, size, 1)[0]), 1) << size.width << "x" << size.height;
+    EXPECT_EQ(visible_fraction(make_rig(5, size, 1)[0]), 1) << size.width << "x" << size.height;
   }
 }
 
-TEST(Rig, is_the_same_for_the_same_seed_only) {
+TEST(Rig, is_equal_for_equal_seeds_only) {
   const Rig a = make_rig(6, kXga, 5);
   const Rig b = make_rig(6, kXga, 5);
   const Rig c = make_rig(6, kXga, 6);
@@ -84,7 +84,7 @@ TEST(Rig, is_the_same_for_the_same_seed_only) {
   }
 }
 
-TEST(Rig, has_a_lens_of_its_own_in_every_camera_that_does_not_fold_inside_the_image) {
+TEST(Rig, has_a_different_invertible_lens_in_every_camera) {
   const Rig rig = make_rig(15, kXga, 1);
   std::set<double> k1;
   for (const RigCamera& camera : rig) {
@@ -100,7 +100,7 @@ TEST(Rig, has_a_lens_of_its_own_in_every_camera_that_does_not_fold_inside_the_im
   EXPECT_EQ(k1.size(), rig.size());
 }
 
-TEST(Rig, names_its_cameras_apart_however_many_there_are) {
+TEST(Rig, has_unique_camera_names_for_many_cameras) {
   std::set<std::string> names;
   for (const RigCamera& camera : make_rig(120, {64, 48}, 1)) names.insert(camera.name);
   EXPECT_EQ(names.size(), 120U);

@@ -1,4 +1,4 @@
-// The parts of v3d-sim.
+// Tests the library of v3d-sim.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -54,7 +54,7 @@ Fault fault(const std::string& camera, int64_t pulse, FaultKind kind) {
   return fault;
 }
 
-/// The record the simulator would have kept of a take in which every frame is right.
+/// The exposure record that fits the take in `folder`, so that every label is correct.
 std::vector<ExposureLine> record_of(const std::filesystem::path& folder) {
   constexpr int64_t kFirstEdge = 20;
   const TakePaths paths{folder};
@@ -71,7 +71,7 @@ std::vector<ExposureLine> record_of(const std::filesystem::path& folder) {
   return record;
 }
 
-TEST(StudioOptions, ask_for_cameras_whose_mosaic_is_whole) {
+TEST(StudioOptions, require_an_even_image_size) {
   StudioOptions options{.cameras = 3, .size = "96x64"};
   const Rig rig = rig_of(options);
   ASSERT_EQ(rig.size(), 3U);
@@ -92,7 +92,7 @@ TEST(Faults, are_read_from_toml) {
   EXPECT_FALSE(has_fault(faults, "cam01", 3, FaultKind::kDrop));
 }
 
-TEST(Faults, name_file_line_and_field_of_what_is_wrong) {
+TEST(Faults, report_file_line_and_field_of_an_error) {
   const Rig rig = make_rig(3, {64, 48}, 1);
   const auto error = [&](const std::string& text) {
     return refusal([&] { parse_faults(text, "f.toml", rig, 5); });
@@ -114,7 +114,7 @@ TEST(Faults, name_file_line_and_field_of_what_is_wrong) {
   EXPECT_THAT(refusal([&] { load_faults("/absent.toml", rig, 5); }), HasSubstr("/absent.toml"));
 }
 
-TEST(Faults, of_a_studio_have_what_their_kind_asks_for_and_nothing_else) {
+TEST(Faults, of_a_studio_require_exactly_the_fields_of_their_kind) {
   const Rig rig = make_rig(3, {64, 48}, 1);
   const auto read = [&](const std::string& text) {
     return parse_faults("[[fault]]\ncamera = \"cam02\"\npulse = 70\n" + text, "f.toml", rig, {});
@@ -130,18 +130,18 @@ TEST(Faults, of_a_studio_have_what_their_kind_asks_for_and_nothing_else) {
   EXPECT_THAT(error("kind = \"delay\"\n"), HasSubstr("f.toml:1: fault.ms"));
   EXPECT_THAT(error("kind = \"delay\"\nms = 0\n"), HasSubstr("f.toml:5: fault.ms: expected 1"));
   EXPECT_THAT(error("kind = \"freeze\"\npulses = 0\n"), HasSubstr("f.toml:5: fault.pulses"));
-  EXPECT_THAT(error("kind = \"clock\"\n"), HasSubstr("wants jump_ms, drift_ppm or both"));
+  EXPECT_THAT(error("kind = \"clock\"\n"), HasSubstr("needs jump_ms, drift_ppm or both"));
   EXPECT_THAT(error("kind = \"drop\"\nms = 3\n"), HasSubstr("f.toml:5: fault.ms"));
   EXPECT_THAT(error("kind = \"suspect\"\n"),
-              HasSubstr("f.toml:4: fault.kind: 'suspect' is of takes only"));
+              HasSubstr("f.toml:4: fault.kind: 'suspect' is supported for takes only"));
   EXPECT_THAT(refusal([&] {
                 parse_faults("[[fault]]\ncamera = \"cam02\"\npulse = 1\nkind = \"unplug\"\n",
                              "f.toml", rig, 5);
               }),
-              HasSubstr("f.toml:4: fault.kind: 'unplug' needs a studio's cameras"));
+              HasSubstr("f.toml:4: fault.kind: 'unplug' is supported for studios only"));
 }
 
-TEST(Faults, of_a_studio_count_pulses_from_the_first_after_the_empty_ones) {
+TEST(Faults, of_a_studio_count_pulses_after_the_empty_pulses) {
   const std::vector<Fault> script = {fault("cam01", 3, FaultKind::kDrop),
                                      fault("cam02", 0, FaultKind::kBlack)};
   const std::vector<Fault> own = faults_at_edges(script, "cam02", 12);
@@ -150,7 +150,7 @@ TEST(Faults, of_a_studio_count_pulses_from_the_first_after_the_empty_ones) {
   EXPECT_EQ(own[0].kind, FaultKind::kBlack);
 }
 
-TEST(Ply, holds_every_vertex_and_face) {
+TEST(Ply, contains_every_vertex_and_face) {
   const TemporaryFolder folder;
   Mesh mesh;
   mesh.vertices = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {0, 0, 1}};
@@ -165,7 +165,7 @@ TEST(Ply, holds_every_vertex_and_face) {
   EXPECT_THAT(bytes, HasSubstr("element face 2\n"));
 }
 
-TEST(StudioText, is_a_studio_file_that_loads) {
+TEST(StudioText, is_a_valid_studio_file) {
   const TemporaryFolder folder;
   for (const int cameras : {1, 15}) {
     const Rig rig = make_rig(cameras, {1024, 768}, 1);
@@ -182,7 +182,7 @@ TEST(StudioText, is_a_studio_file_that_loads) {
   }
 }
 
-TEST(SimulatedTake, is_complete_and_reads_back) {
+TEST(SimulatedTake, is_complete_and_readable) {
   const TemporaryFolder folder;
   const SimulatedTake take = small_take(folder / "cut");
   write(take);
@@ -222,7 +222,7 @@ TEST(SimulatedTake, gives_the_same_bytes_twice) {
   EXPECT_GE(files, 7);
 }
 
-TEST(SimulatedTake, has_the_faults_that_were_asked_for_in_logs_and_ledger) {
+TEST(SimulatedTake, has_the_given_faults_in_logs_and_ledger) {
   const TemporaryFolder folder;
   SimulatedTake take = small_take(folder / "broken");
   take.faults = {fault("cam01", 2, FaultKind::kDrop), fault("cam02", 3, FaultKind::kDuplicate),
@@ -242,7 +242,7 @@ TEST(SimulatedTake, has_the_faults_that_were_asked_for_in_logs_and_ledger) {
   EXPECT_THAT(third.read(2)->image.bytes, testing::Contains(testing::Ne(0)));
 }
 
-TEST(SimulatedTake, shows_what_was_before_in_a_camera_that_is_late_and_only_there) {
+TEST(SimulatedTake, has_earlier_images_only_in_a_late_camera) {
   const TemporaryFolder folder;
   SimulatedTake take = small_take(folder / "late");
   take.faults = {fault("cam02", 3, FaultKind::kLate)};
@@ -254,7 +254,7 @@ TEST(SimulatedTake, shows_what_was_before_in_a_camera_that_is_late_and_only_ther
   EXPECT_NE(late.read(4)->image.bytes, late.read(3)->image.bytes);
   FrameLogReader other(paths.frames("cam01"));
   EXPECT_NE(other.read(3)->image.bytes, other.read(2)->image.bytes);
-  EXPECT_TRUE(load_ledger(paths.ledger()).complete()) << "the account knows nothing of it";
+  EXPECT_TRUE(load_ledger(paths.ledger()).complete()) << "the ledger does not contain this fault";
 }
 
 TEST(SimulatedTake, writes_the_true_surface_of_every_pulse) {
@@ -268,7 +268,7 @@ TEST(SimulatedTake, writes_the_true_surface_of_every_pulse) {
   EXPECT_TRUE(std::filesystem::exists(folder / "truth/sword/000001.ply"));
 }
 
-TEST(SimulatedTake, begins_where_it_is_told_to) {
+TEST(SimulatedTake, starts_at_the_given_time_of_the_action) {
   const TemporaryFolder folder;
   SimulatedTake take = small_take(folder / "cut"), later = small_take(folder / "later");
   take.truth = folder / "truth";
@@ -279,7 +279,7 @@ TEST(SimulatedTake, begins_where_it_is_told_to) {
   EXPECT_EQ(read_file(folder / "truth-later/000001.ply"), read_file(folder / "truth/000003.ply"));
 }
 
-TEST(SimulatedTake, has_masks_whose_outlines_tremble_where_that_is_wanted) {
+TEST(SimulatedTake, has_masks_with_outline_noise_on_request) {
   const TemporaryFolder folder;
   SimulatedTake take = small_take(folder / "cut");
   take.frames = 1;
@@ -293,14 +293,14 @@ TEST(SimulatedTake, has_masks_whose_outlines_tremble_where_that_is_wanted) {
   EXPECT_LT(iou, 0.95);
 }
 
-TEST(SimulatedTake, refuses_a_folder_that_is_no_new_take) {
+TEST(SimulatedTake, rejects_a_used_folder_and_an_invalid_name) {
   const TemporaryFolder folder;
   write(small_take(folder / "cut"));
   EXPECT_THAT(refusal([&] { write(small_take(folder / "cut")); }), HasSubstr("already exists"));
   EXPECT_THAT(refusal([&] { write(small_take(folder / "-cut")); }), HasSubstr("no take name"));
 }
 
-TEST(TakeCheck, finds_nothing_wrong_with_a_take_that_is_right) {
+TEST(TakeCheck, accepts_a_correct_take) {
   const TemporaryFolder folder;
   write(small_take(folder / "cut"));
   const TakeCheck check = check_take(folder / "cut", record_of(folder / "cut"));
@@ -329,18 +329,18 @@ TEST(TakeCheck, counts_frames_that_show_another_edge_than_their_pulse) {
     spoil(record);
     return check_take(folder / "cut", record).frames_mislabelled;
   };
-  // The images of two pulses changed places.
+  // The images of two pulses are swapped.
   EXPECT_EQ(mislabelled([](auto& r) { std::swap(r[1].device_time, r[2].device_time); }), 2);
-  // An exposure the simulator never made.
+  // An exposure that is not in the record.
   EXPECT_EQ(mislabelled([](auto& r) { r[7].device_time += Duration(1); }), 1);
-  // A camera's whole take is one pulse late.
+  // All frames of a camera are one pulse late.
   EXPECT_EQ(mislabelled([](auto& r) {
               for (size_t i = 0; i < 5; ++i) ++r[i].edge;
             }),
             5);
 }
 
-TEST(TakeCheck, tells_wrong_numbers_that_are_marked_from_those_that_are_not) {
+TEST(TakeCheck, counts_mislabelled_frames_that_are_not_suspect) {
   const TemporaryFolder folder;
   SimulatedTake take = small_take(folder / "cut");
   take.faults = {fault("cam01", 1, FaultKind::kSuspect)};
@@ -349,10 +349,10 @@ TEST(TakeCheck, tells_wrong_numbers_that_are_marked_from_those_that_are_not) {
   std::swap(record[1].device_time, record[2].device_time);
   const TakeCheck check = check_take(take.folder, record);
   EXPECT_EQ(check.frames_mislabelled, 2);
-  EXPECT_EQ(check.silently, 1);
+  EXPECT_EQ(check.mislabelled_not_suspect, 1);
 }
 
-TEST(TakeCheck, refuses_what_is_no_take) {
+TEST(TakeCheck, reports_a_missing_take) {
   const TemporaryFolder folder;
   EXPECT_NE(refusal([&] { check_take(folder / "absent", {}); }), "");
 }

@@ -17,7 +17,7 @@ using test::becomes_true;
 using test::within;
 using testing::HasSubstr;
 
-/// A generator that hangs in whatever it is told to.
+/// Controls and records the calls of HangingGenerator.
 struct Bench {
   void hang_in(const std::string& call) {
     const std::lock_guard lock(mutex);
@@ -29,7 +29,7 @@ struct Bench {
     calls.push_back(call);
     changed.wait(lock, [&] { return hangs_in != call; });
   }
-  std::vector<std::string> heard() {
+  std::vector<std::string> recorded_calls() {
     const std::lock_guard lock(mutex);
     return calls;
   }
@@ -41,6 +41,7 @@ struct Bench {
   bool is_plugged_in = true;
 };
 
+/// A generator whose calls block while bench.hangs_in names them.
 class HangingGenerator : public PulseGenerator {
  public:
   explicit HangingGenerator(Bench& bench) : bench_(bench) {}
@@ -92,10 +93,10 @@ TEST_F(BackgroundGeneratorTest, arms_starts_and_stops_in_order) {
   EXPECT_TRUE(generator_.finished());
   EXPECT_EQ(generator_.commanded(), 8);
   EXPECT_EQ(generator_.fault(), "");
-  EXPECT_THAT(bench_.heard(), testing::ElementsAre("arm", "start", "stop"));
+  EXPECT_THAT(bench_.recorded_calls(), testing::ElementsAre("arm", "start", "stop"));
 }
 
-TEST_F(BackgroundGeneratorTest, does_not_wait_for_an_instrument_that_hangs_while_it_is_armed) {
+TEST_F(BackgroundGeneratorTest, does_not_wait_for_an_instrument_that_hangs_in_arm) {
   bench_.hang_in("arm");
   generator_.arm({});
   EXPECT_FALSE(generator_.armed());
@@ -103,13 +104,13 @@ TEST_F(BackgroundGeneratorTest, does_not_wait_for_an_instrument_that_hangs_while
   generator_.stop();
   EXPECT_EQ(generator_.fault(), "") << "it was never started";
   generator_.arm({});
-  EXPECT_FALSE(generator_.armed()) << "the one before is not done yet";
+  EXPECT_FALSE(generator_.armed()) << "the first arm() still runs";
   bench_.hang_in("");
   EXPECT_TRUE(becomes_true([&] { return generator_.armed(); }, within(10)));
-  EXPECT_THAT(bench_.heard(), testing::ElementsAre("arm", "stop", "arm"));
+  EXPECT_THAT(bench_.recorded_calls(), testing::ElementsAre("arm", "stop", "arm"));
 }
 
-TEST_F(BackgroundGeneratorTest, tells_once_why_arming_failed_and_arms_again) {
+TEST_F(BackgroundGeneratorTest, reports_an_arm_failure_once_and_arms_again) {
   bench_.is_plugged_in = false;
   generator_.arm({});
   const auto failure = [&] {
@@ -121,27 +122,27 @@ TEST_F(BackgroundGeneratorTest, tells_once_why_arming_failed_and_arms_again) {
   arm();
 }
 
-TEST_F(BackgroundGeneratorTest, turns_off_what_starts_too_late) {
+TEST_F(BackgroundGeneratorTest, stops_a_generator_that_starts_too_late) {
   arm();
   bench_.hang_in("start");
   EXPECT_THAT(test::message_of<InputError>([&] { generator_.start(); }),
               HasSubstr("does not start"));
   generator_.stop();
   EXPECT_TRUE(generator_.finished());
-  EXPECT_THAT(generator_.fault(), HasSubstr("pulses may go on"));
+  EXPECT_THAT(generator_.fault(), HasSubstr("pulses may continue"));
   bench_.hang_in("");
   EXPECT_TRUE(becomes_true([&] { return generator_.fault().empty(); }, within(10)));
-  EXPECT_EQ(bench_.heard().back(), "stop");
+  EXPECT_EQ(bench_.recorded_calls().back(), "stop");
 }
 
-TEST_F(BackgroundGeneratorTest, says_that_pulses_may_go_on_until_they_are_stopped) {
+TEST_F(BackgroundGeneratorTest, reports_that_pulses_may_continue_until_stop_succeeds) {
   arm();
   generator_.start();
   bench_.hang_in("stop");
   generator_.stop();
   EXPECT_TRUE(generator_.finished());
   EXPECT_EQ(generator_.commanded(), 7);
-  EXPECT_THAT(generator_.fault(), HasSubstr("pulses may go on"));
+  EXPECT_THAT(generator_.fault(), HasSubstr("pulses may continue"));
   bench_.hang_in("");
   EXPECT_TRUE(becomes_true([&] { return generator_.fault().empty(); }, within(10)));
   EXPECT_EQ(generator_.commanded(), 8);

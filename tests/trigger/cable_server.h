@@ -1,4 +1,4 @@
-// The other end of the simulated trigger cable: records every edge and echoes it to every client.
+// Test server of the simulated trigger cable: records every edge and echoes it to every client.
 #pragma once
 
 #include <poll.h>
@@ -34,7 +34,7 @@ class CableServer {
   }
   ~CableServer() { vanish(); }
 
-  /// As if the simulated studio died: every connection is cut.
+  /// Closes all connections and removes the socket, as after a crash of the simulated studio.
   void vanish() {
     if (!thread_.joinable()) return;
     const uint64_t one = 1;
@@ -52,7 +52,7 @@ class CableServer {
     const std::lock_guard lock(mutex_);
     return edges_;
   }
-  /// False when there are not so many within ten seconds.
+  /// Both return false when the number is not reached within 10 s.
   bool wait_for_edges(size_t count) {
     std::unique_lock lock(mutex_);
     return changed_.wait_for(lock, std::chrono::seconds(10),
@@ -62,7 +62,7 @@ class CableServer {
     std::unique_lock lock(mutex_);
     return changed_.wait_for(lock, std::chrono::seconds(10), [&] { return accepted_ >= count; });
   }
-  /// Something that is no edge.
+  /// Sends a packet that is not an edge.
   void send_to_all(const std::string& bytes) {
     const std::lock_guard lock(mutex_);
     for (int fd : clients_) send(fd, bytes.data(), bytes.size(), MSG_NOSIGNAL);

@@ -22,7 +22,7 @@ using testing::HasSubstr;
 
 const StudioLine kTrigger{.chip = "gpiochip0", .line = "TRIGGER"};
 
-/// What was done to an output line, and when by the host's clock.
+/// Records the levels of an output line with their times on the host's clock.
 struct Script {
   struct Change {
     bool active;
@@ -75,7 +75,7 @@ PulseTrain train_of(double rate_hz, std::optional<int64_t> count) {
   return {.rate_hz = rate_hz, .width = milliseconds(2), .count = count};
 }
 
-TEST(GpioGenerator, begins_and_ends_every_pulse_of_the_train_in_its_place) {
+TEST(GpioGenerator, starts_and_ends_every_pulse_on_time) {
   SlowHost host;
   Script script;
   script.clock = host.clock();
@@ -91,8 +91,8 @@ TEST(GpioGenerator, begins_and_ends_every_pulse_of_the_train_in_its_place) {
   EXPECT_EQ(generator.fault(), "");
 }
 
-TEST(GpioGenerator, makes_a_late_pulse_whole_and_skips_one_that_comes_too_near_the_next) {
-  // Pulse 1 wakes 9 ms late, pulse 3 the quarter of a period that is too much.
+TEST(GpioGenerator, makes_a_late_pulse_with_full_width_and_skips_one_that_is_too_late) {
+  // Pulse 1 is 9 ms late. Pulse 3 is 10 ms late, a quarter of a period, and is skipped.
   const auto due = [](int k) { return MonotonicInstant(seconds(100) + milliseconds(20 + 40 * k)); };
   SlowHost host({{due(1), milliseconds(9)}, {due(3), milliseconds(10)}});
   Script script;
@@ -111,7 +111,7 @@ TEST(GpioGenerator, makes_a_late_pulse_whole_and_skips_one_that_comes_too_near_t
   EXPECT_EQ(generator.statistics().late, 2);
 }
 
-TEST(GpioGenerator, leaves_the_line_inactive_when_it_is_stopped_or_destroyed_in_mid_pulse) {
+TEST(GpioGenerator, leaves_the_line_inactive_when_it_is_stopped_or_destroyed_during_a_pulse) {
   Script script;
   script.clock = HostClock();
   {
@@ -125,7 +125,7 @@ TEST(GpioGenerator, leaves_the_line_inactive_when_it_is_stopped_or_destroyed_in_
   EXPECT_FALSE(script.changes.back().active);
 }
 
-TEST(GpioGenerator, tells_of_a_line_that_goes_and_takes_it_again_when_armed) {
+TEST(GpioGenerator, reports_a_lost_line_and_opens_it_again_in_arm) {
   Script script;
   script.clock = HostClock();
   GpioGenerator generator(kTrigger, opener(script));
@@ -143,7 +143,7 @@ TEST(GpioGenerator, tells_of_a_line_that_goes_and_takes_it_again_when_armed) {
   EXPECT_EQ(generator.fault(), "");
 }
 
-TEST(GpioGenerator, silences_the_line_without_a_train) {
+TEST(GpioGenerator, opens_the_line_once_and_makes_it_inactive) {
   Script script;
   script.clock = HostClock();
   GpioGenerator generator(kTrigger, opener(script));
@@ -155,7 +155,7 @@ TEST(GpioGenerator, silences_the_line_without_a_train) {
   EXPECT_FALSE(script.changes.back().active);
 }
 
-TEST(GpioGenerator, refuses_pulses_longer_than_half_a_period_and_names_a_chip_that_is_not_there) {
+TEST(GpioGenerator, rejects_pulses_longer_than_half_a_period_and_names_a_missing_chip) {
   GpioGenerator absent({.chip = "/nonexistent/chip", .line = "3"});
   const auto refusal = [&](const PulseTrain& train) {
     return test::message_of<InputError>([&] { absent.arm(train); });
@@ -166,16 +166,16 @@ TEST(GpioGenerator, refuses_pulses_longer_than_half_a_period_and_names_a_chip_th
   EXPECT_THAT(refusal(train_of(25, {})), HasSubstr("GPIO chip /nonexistent/chip: "));
 }
 
-/// Edges that a test puts on a line.
+/// Queue of edges that a test puts on an input line.
 struct EdgeScript {
   std::mutex mutex;
   std::condition_variable changed;
   std::deque<LineEdge> edges;
   bool gone = false;
 
-  void put(bool begins, Duration at) {
+  void put(bool active, Duration at) {
     const std::lock_guard lock(mutex);
-    edges.push_back({begins, start + at});
+    edges.push_back({active, start + at});
     changed.notify_one();
   }
   const MonotonicInstant start = Monotonic::now();
@@ -215,7 +215,7 @@ std::optional<SensedPulse> next_of(GpioSensor& sensor) {
   return sensor.wait(Monotonic::now() + seconds(10));
 }
 
-TEST(GpioSensor, tells_every_pulse_with_its_first_edge_and_its_width) {
+TEST(GpioSensor, reports_every_pulse_with_its_first_edge_and_its_width) {
   EdgeScript script;
   GpioSensor sensor(kTrigger, opener(script));
   sensor.reset();
@@ -232,7 +232,7 @@ TEST(GpioSensor, tells_every_pulse_with_its_first_edge_and_its_width) {
   }
 }
 
-TEST(GpioSensor, tells_a_pulse_whose_end_was_lost_and_does_not_invent_one_for_a_lost_beginning) {
+TEST(GpioSensor, reports_a_pulse_whose_end_was_lost_and_none_for_a_lost_start) {
   EdgeScript script;
   GpioSensor sensor(kTrigger, opener(script));
   sensor.reset();
@@ -245,7 +245,7 @@ TEST(GpioSensor, tells_a_pulse_whose_end_was_lost_and_does_not_invent_one_for_a_
   EXPECT_FALSE(sensor.wait(Monotonic::now() + milliseconds(1)));
 }
 
-TEST(GpioSensor, tells_of_a_line_that_goes_and_counts_anew_after_a_reset) {
+TEST(GpioSensor, reports_a_lost_line_and_restarts_its_count_at_reset) {
   EdgeScript script;
   GpioSensor sensor(kTrigger, opener(script));
   EXPECT_THAT(sensor.fault(), HasSubstr("not read yet"));
@@ -265,7 +265,7 @@ TEST(GpioSensor, tells_of_a_line_that_goes_and_counts_anew_after_a_reset) {
   EXPECT_EQ(next_of(sensor)->number, 0);
 }
 
-TEST(MakeTrigger, makes_a_gpio_trigger_with_a_sense_line_only_where_there_is_one) {
+TEST(MakeTrigger, makes_a_gpio_trigger_and_a_sensor_only_for_a_configured_sense_line) {
   StudioTrigger trigger;
   trigger.kind = TriggerKind::kGpio;
   trigger.output = kTrigger;

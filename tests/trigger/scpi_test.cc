@@ -14,16 +14,16 @@ using std::chrono::seconds;
 using test::FakeGenerator;
 using testing::HasSubstr;
 
-/// The other end of the cable: a generator that may be unplugged, dumb, slow or a liar.
+/// A fake generator and the faults of its connection.
 struct Bench {
   explicit Bench(const std::string& dialect) : generator(dialect) {}
 
   FakeGenerator generator;
   SlowHost host;
   int64_t opened = 0;
-  int64_t absent_for = 0;                       ///< so many times that it is opened it is not there
-  int64_t unplugged_after = -1;                 ///< so many lines
-  std::map<std::string, std::string> nonsense;  ///< answers, by question
+  int64_t absent_for = 0;        ///< number of opens that fail at first
+  int64_t unplugged_after = -1;  ///< number of lines until it is unplugged; -1: never
+  std::map<std::string, std::string> invalid_answers;  ///< invalid answers, by query
   Duration answer_takes{};
 
   std::unique_ptr<Instrument> open();
@@ -32,16 +32,16 @@ struct Bench {
 class ScriptedInstrument : public Instrument {
  public:
   explicit ScriptedInstrument(Bench& bench) : bench_(bench) {}
-  void write(const std::string& line) override { hear(line); }
+  void write(const std::string& line) override { handle(line); }
   std::string query(const std::string& line) override {
-    const auto answer = hear(line);
-    if (bench_.nonsense.contains(line)) return bench_.nonsense[line];
+    const auto answer = handle(line);
+    if (bench_.invalid_answers.contains(line)) return bench_.invalid_answers[line];
     if (!answer) throw InstrumentError("does not answer");
     return *answer;
   }
 
  private:
-  std::optional<std::string> hear(const std::string& line) {
+  std::optional<std::string> handle(const std::string& line) {
     bench_.host.now += bench_.answer_takes;
     if (bench_.unplugged_after == 0) throw InstrumentAbsent("was unplugged");
     if (bench_.unplugged_after > 0) --bench_.unplugged_after;
@@ -83,7 +83,7 @@ PulseTrain train_of(std::optional<int64_t> count) {
   return {.rate_hz = 25, .width = milliseconds(1), .count = count};
 }
 
-TEST(ScpiGenerator, makes_a_burst_of_the_length_asked_for_in_every_dialect) {
+TEST(ScpiGenerator, makes_a_burst_of_the_requested_length_in_every_dialect) {
   for (const Named& d : kDialects) {
     SCOPED_TRACE(d.name);
     Bench bench(d.name);
@@ -108,7 +108,7 @@ TEST(ScpiGenerator, makes_a_burst_of_the_length_asked_for_in_every_dialect) {
   }
 }
 
-TEST(ScpiGenerator, runs_without_end_until_it_is_stopped_and_knows_that_it_only_estimates) {
+TEST(ScpiGenerator, runs_without_end_until_it_is_stopped_and_reports_an_estimated_count) {
   for (const Named& d : kDialects) {
     SCOPED_TRACE(d.name);
     Bench bench(d.name);
@@ -126,7 +126,7 @@ TEST(ScpiGenerator, runs_without_end_until_it_is_stopped_and_knows_that_it_only_
   }
 }
 
-/// Remembers how the gate line stands.
+/// Stores the level of the gate line in a variable.
 class GateLine : public OutputLine {
  public:
   explicit GateLine(bool& active) : active_(active) {}
@@ -165,43 +165,44 @@ std::string refusal(ScpiGenerator& generator) {
   return test::message_of<InputError>([&] { generator.arm(train_of(10)); });
 }
 
-TEST(ScpiGenerator, refuses_an_instrument_that_does_not_do_what_it_is_told) {
+TEST(ScpiGenerator, rejects_an_instrument_that_does_not_accept_a_setting) {
   Bench bench("rigol-dg");
   bench.generator.lies = ":SOUR1:FUNC:PULS:WIDT";
   const auto generator = generator_on(bench, trigger_of(Dialect::kRigolDg));
   EXPECT_EQ(refusal(*generator),
-            "usb:0957:2c07: was told :SOUR1:FUNC:PULS:WIDT 0.001 and says '0'");
+            "usb:0957:2c07: did not accept :SOUR1:FUNC:PULS:WIDT 0.001: it reports '0'");
   Bench siglent("siglent-sdg");
   siglent.generator.lies = "C1:BTWV TIME";
   const auto other = generator_on(siglent, trigger_of(Dialect::kSiglentSdg));
-  EXPECT_THAT(refusal(*other), HasSubstr("was told C1:BTWV TIME,10 and says 'C1:BTWV GATE_NCYC"));
+  EXPECT_THAT(refusal(*other),
+              HasSubstr("did not accept C1:BTWV TIME,10: it reports 'C1:BTWV GATE_NCYC"));
 }
 
-TEST(ScpiGenerator, refuses_an_instrument_of_another_make_and_one_that_talks_nonsense) {
+TEST(ScpiGenerator, rejects_an_instrument_of_another_make_and_invalid_answers) {
   Bench bench("keysight33500");
   const auto generator = generator_on(bench, trigger_of(Dialect::kRigolDg));
-  EXPECT_THAT(refusal(*generator), HasSubstr("which does not speak rigol-dg"));
-  Bench mad("keysight33500");
+  EXPECT_THAT(refusal(*generator), HasSubstr("which does not support the dialect rigol-dg"));
+  Bench invalid("keysight33500");
   for (const std::string answer : {"", "\x01\xff", "nan", "25 parsec", "1e999", ","}) {
-    mad.nonsense["SOUR1:FREQ?"] = answer;
-    const auto madman = generator_on(mad, trigger_of(Dialect::kKeysight33500));
-    EXPECT_THAT(refusal(*madman), HasSubstr("was told SOUR1:FREQ 25 and says '"));
+    invalid.invalid_answers["SOUR1:FREQ?"] = answer;
+    const auto other = generator_on(invalid, trigger_of(Dialect::kKeysight33500));
+    EXPECT_THAT(refusal(*other), HasSubstr("did not accept SOUR1:FREQ 25: it reports '"));
   }
   Bench bnc("bnc575");
-  bnc.nonsense[":PULSE0:PER 0.04"] = "?4";
+  bnc.invalid_answers[":PULSE0:PER 0.04"] = "?4";
   const auto serial = generator_on(bnc, trigger_of(Dialect::kBnc575));
   EXPECT_THAT(refusal(*serial), HasSubstr("answers :PULSE0:PER 0.04 with '?4'"));
 }
 
-TEST(ScpiGenerator, tells_of_an_error_that_the_instrument_has) {
+TEST(ScpiGenerator, reports_an_error_of_the_instrument) {
   Bench bench("keysight33500");
-  bench.nonsense["SYST:ERR?"] = "-221,\"Settings conflict\"";
+  bench.invalid_answers["SYST:ERR?"] = "-221,\"Settings conflict\"";
   const auto generator = generator_on(bench, trigger_of(Dialect::kKeysight33500));
-  EXPECT_THAT(refusal(*generator), HasSubstr("has the error '-221"));
+  EXPECT_THAT(refusal(*generator), HasSubstr("reports the error '-221"));
   EXPECT_FALSE(bench.generator.output_on());
 }
 
-TEST(ScpiGenerator, tries_again_with_an_instrument_that_was_unplugged_while_it_was_armed) {
+TEST(ScpiGenerator, retries_when_the_instrument_is_unplugged_for_a_moment_during_arm) {
   for (int lines = 0; lines < 25; ++lines) {
     Bench bench("siglent-sdg");
     bench.unplugged_after = lines;
@@ -220,7 +221,7 @@ TEST(ScpiGenerator, tries_again_with_an_instrument_that_was_unplugged_while_it_w
   }
 }
 
-TEST(ScpiGenerator, gives_up_on_an_instrument_that_stays_away_and_on_one_that_is_too_slow) {
+TEST(ScpiGenerator, reports_an_instrument_that_stays_absent_and_one_that_is_too_slow) {
   Bench bench("siglent-sdg");
   bench.absent_for = 1000;
   const auto generator = generator_on(bench, trigger_of(Dialect::kSiglentSdg));
@@ -230,11 +231,11 @@ TEST(ScpiGenerator, gives_up_on_an_instrument_that_stays_away_and_on_one_that_is
   slow.answer_takes = milliseconds(900);
   const auto other = generator_on(slow, trigger_of(Dialect::kSiglentSdg));
   const MonotonicInstant before = slow.host.now;
-  EXPECT_THAT(refusal(*other), HasSubstr("takes too long"));
+  EXPECT_THAT(refusal(*other), HasSubstr("is too slow"));
   EXPECT_LT(slow.host.now - before, seconds(15));
 }
 
-TEST(ScpiGenerator, waits_some_seconds_for_an_instrument_that_was_unplugged_while_it_was_armed) {
+TEST(ScpiGenerator, waits_some_seconds_for_an_instrument_that_was_unplugged_during_arm) {
   Bench bench("siglent-sdg");
   bench.unplugged_after = 5;
   const auto back = [&](MonotonicInstant at) {
@@ -256,10 +257,10 @@ TEST(ScpiGenerator, waits_some_seconds_for_an_instrument_that_was_unplugged_whil
   bench.unplugged_after = 5;
   bench.opened = 0;
   const auto other = back(bench.host.now + seconds(3600));
-  EXPECT_EQ(refusal(*other), "usb:0957:2c07: was unplugged, and is not back");
+  EXPECT_EQ(refusal(*other), "usb:0957:2c07: was unplugged and was not plugged in again");
 }
 
-TEST(ScpiGenerator, turns_its_output_off_when_it_was_armed_for_nothing) {
+TEST(ScpiGenerator, turns_its_output_off_when_it_was_armed_but_not_started) {
   Bench bench("keysight33500");
   const auto generator = generator_on(bench, trigger_of(Dialect::kKeysight33500));
   generator->arm(train_of(10));
@@ -270,24 +271,24 @@ TEST(ScpiGenerator, turns_its_output_off_when_it_was_armed_for_nothing) {
   EXPECT_TRUE(generator->finished());
 }
 
-TEST(ScpiGenerator, says_that_pulses_may_go_on_when_it_cannot_stop_them) {
+TEST(ScpiGenerator, reports_that_pulses_may_continue_when_it_cannot_stop_them) {
   Bench bench("siglent-sdg");
   const auto generator = generator_on(bench, trigger_of(Dialect::kSiglentSdg));
   generator->arm(train_of({}));
   generator->start();
   bench.unplugged_after = 0;
   generator->stop();
-  EXPECT_THAT(generator->fault(), HasSubstr("pulses may go on: usb:0957:2c07: was unplugged, and"));
+  EXPECT_THAT(generator->fault(),
+              HasSubstr("pulses may continue: usb:0957:2c07: was unplugged and"));
 }
 
-TEST(ScpiGeneratorDeathTest,
-     ends_the_program_with_the_reason_when_it_is_started_before_it_was_armed) {
+TEST(ScpiGeneratorDeathTest, aborts_with_a_message_when_it_is_started_before_arm) {
   Bench bench("keysight33500");
   const auto generator = generator_on(bench, trigger_of(Dialect::kKeysight33500));
   EXPECT_DEATH(generator->start(), "check failed: .*arm\\(\\) comes first");
 }
 
-TEST(ScpiAnswers, are_read_in_every_notation_that_means_the_same) {
+TEST(ScpiAnswers, match_the_expected_value_in_every_equivalent_notation) {
   EXPECT_TRUE(says("+2.500000000000000E+01", "", "25"));
   EXPECT_TRUE(says("25HZ", "", "25"));
   EXPECT_TRUE(says(" 0.025 kHz\r", "", "25"));
@@ -301,7 +302,7 @@ TEST(ScpiAnswers, are_read_in_every_notation_that_means_the_same) {
   EXPECT_TRUE(says("C1:OUTP OFF,LOAD,HZ,PLRT,NOR", "*", "OFF"));
 }
 
-TEST(ScpiAnswers, that_mean_another_thing_are_not_taken_for_it) {
+TEST(ScpiAnswers, do_not_match_another_value) {
   EXPECT_FALSE(says("25.01", "", "25"));
   EXPECT_FALSE(says("25 V.I.P.", "", "25"));
   EXPECT_FALSE(says("-25", "", "25"));

@@ -18,7 +18,7 @@ SensedPulse pulse_at(Duration t, std::optional<Duration> width = {}) {
   return {.number = 0, .at = at(t), .width = width};
 }
 
-TEST(SensedTrain, leaves_out_the_numbers_of_pulses_that_are_not_there) {
+TEST(SensedTrain, skips_the_numbers_of_missing_pulses) {
   SensedTrain train(kTrain);
   EXPECT_EQ(train.number(pulse_at(milliseconds(0))), 0);
   EXPECT_EQ(train.number(pulse_at(milliseconds(40))), 1);
@@ -28,7 +28,7 @@ TEST(SensedTrain, leaves_out_the_numbers_of_pulses_that_are_not_there) {
   EXPECT_EQ(train.extra(), 0);
 }
 
-TEST(SensedTrain, counts_pulses_between_those_of_the_train_and_changes_no_number_for_them) {
+TEST(SensedTrain, counts_extra_pulses_between_those_of_the_train_without_changing_numbers) {
   SensedTrain train(kTrain);
   EXPECT_EQ(train.number(pulse_at(milliseconds(0))), 0);
   EXPECT_EQ(train.number(pulse_at(milliseconds(3))), std::nullopt);
@@ -39,7 +39,7 @@ TEST(SensedTrain, counts_pulses_between_those_of_the_train_and_changes_no_number
   EXPECT_EQ(train.extra(), 2);
 }
 
-TEST(SensedTrain, tells_a_pulse_that_is_too_short_from_a_spike_between_pulses) {
+TEST(SensedTrain, distinguishes_a_runt_of_the_train_from_a_spike_between_pulses) {
   SensedTrain train(kTrain);
   const Duration good = milliseconds(1);
   const Duration runt = std::chrono::microseconds(400);
@@ -51,8 +51,9 @@ TEST(SensedTrain, tells_a_pulse_that_is_too_short_from_a_spike_between_pulses) {
   EXPECT_EQ(train.extra(), 1);
 }
 
-/// A clock that runs 200 ppm wrong, pulses that jitter by an eighth of a period, gaps, and bounces.
-RC_GTEST_PROP(SensedTrain, follows_a_jittering_train_with_gaps_and_bounces_for_an_hour, ()) {
+/// The clock has an error of 200 ppm, pulses jitter by an eighth of a period, and there are gaps
+/// and bounces.
+RC_GTEST_PROP(SensedTrain, numbers_a_train_with_jitter_gaps_and_bounces_correctly_for_an_hour, ()) {
   const Duration true_period = std::chrono::microseconds(40'008);
   SensedTrain train(kTrain);
   RC_ASSERT(train.number(pulse_at({})) == 0);

@@ -20,10 +20,10 @@ namespace {
 
 using testing::HasSubstr;
 
-/// A BNC 575 at the other end of a pseudo-terminal.
+/// A fake BNC 575 at the other end of a pseudo-terminal.
 class SerialBench {
  public:
-  /// `answers`: else it only listens.
+  /// `answers` false: it reads commands without answers.
   explicit SerialBench(bool answers = true) : answers_(answers) {
     master_ = posix_openpt(O_RDWR | O_NOCTTY | O_CLOEXEC);
     grantpt(master_);
@@ -51,7 +51,7 @@ class SerialBench {
   }
 
   std::filesystem::path device;
-  test::FakeGenerator generator{"bnc575"};  ///< to be looked at after unplug()
+  test::FakeGenerator generator{"bnc575"};  ///< to be read after unplug()
 
  private:
   void serve() {
@@ -78,7 +78,7 @@ class SerialBench {
 
   const bool answers_;
   int master_ = -1;
-  int held_ = -1;  ///< so that the master is no orphan before somebody opens the port
+  int held_ = -1;  ///< keeps the terminal open before the test opens the port
   int quit_ = eventfd(0, EFD_CLOEXEC);
   std::thread thread_;
 };
@@ -102,7 +102,7 @@ TEST(SerialPort, programs_and_starts_a_bnc_575) {
   EXPECT_FALSE(bench.generator.output_on());
 }
 
-TEST(SerialPort, has_the_speed_that_the_studio_file_says) {
+TEST(SerialPort, has_the_speed_of_the_studio_file) {
   for (const auto& [baud, speed] : {std::pair(38'400, B38400), std::pair(115'200, B115200)}) {
     const SerialBench bench;
     const auto port = open_instrument({.device = bench.device, .baud = baud});
@@ -111,20 +111,20 @@ TEST(SerialPort, has_the_speed_that_the_studio_file_says) {
   }
 }
 
-TEST(SerialPort, says_so_when_the_instrument_is_dumb_or_unplugged_or_no_port) {
-  SerialBench dumb(false);
-  SerialPort port(dumb.device, 115'200);
+TEST(SerialPort, reports_a_silent_or_unplugged_instrument_and_a_device_that_is_not_a_serial_port) {
+  SerialBench silent(false);
+  SerialPort port(silent.device, 115'200);
   const auto refusal = [&] {
     return test::message_of<InstrumentError>([&] { port.query("*IDN?"); });
   };
   EXPECT_EQ(refusal(), "does not answer");
-  dumb.unplug();
+  silent.unplug();
   EXPECT_EQ(refusal(), "was unplugged");
   EXPECT_THAT(
       test::message_of<InstrumentError>([] { SerialPort absent("/dev/nonexistent", 9600); }),
       HasSubstr("/dev/nonexistent"));
   EXPECT_EQ(test::message_of<InputError>([] { SerialPort null("/dev/null", 9600); }),
-            "is no serial port");
+            "is not a serial port");
 }
 
 }  // namespace

@@ -39,7 +39,7 @@ std::string refusal(SimulatedGenerator& generator, const PulseTrain& train) {
   return test::message_of<InputError>([&] { generator.arm(train); });
 }
 
-TEST(SimulatedGenerator, makes_exactly_as_many_pulses_as_asked_for) {
+TEST(SimulatedGenerator, makes_exactly_the_requested_number_of_pulses) {
   CableServer cable;
   SimulatedGenerator generator(cable.path());
   generator.arm(train_of(20, 7));
@@ -50,11 +50,11 @@ TEST(SimulatedGenerator, makes_exactly_as_many_pulses_as_asked_for) {
   const size_t sent = 7 - generator.skipped();
   EXPECT_EQ(generator.fault().empty(), sent == 7);
   ASSERT_TRUE(cable.wait_for_edges(sent));
-  generator.arm(train_of(20, 1));  // joins the thread: whatever it sent has been sent
+  generator.arm(train_of(20, 1));  // joins the thread, so that all edges have been sent
   EXPECT_EQ(cable.edges().size(), sent);
 }
 
-TEST(SimulatedGenerator, puts_edge_k_at_start_plus_k_periods) {
+TEST(SimulatedGenerator, stamps_edge_k_with_start_plus_k_periods) {
   CableServer cable;
   SimulatedGenerator generator(cable.path());
   generator.arm(train_of(40, 10));
@@ -66,7 +66,7 @@ TEST(SimulatedGenerator, puts_edge_k_at_start_plus_k_periods) {
   EXPECT_LE(edges.back() - edges[0], 9 * 25'000'000);
 }
 
-/// When pulse k of a train of 25 Hz is due that was started at 100 s.
+/// The time at which pulse k is due, for a train of 25 Hz that was started at 100 s.
 MonotonicInstant due(int k) { return MonotonicInstant(seconds(100) + milliseconds(20 + 40 * k)); }
 
 std::vector<int64_t> stamps(std::initializer_list<int> pulses) {
@@ -75,7 +75,7 @@ std::vector<int64_t> stamps(std::initializer_list<int> pulses) {
   return ns;
 }
 
-TEST(SimulatedGenerator, sends_late_edges_with_the_stamps_of_their_places_in_the_train) {
+TEST(SimulatedGenerator, sends_late_edges_with_the_times_at_which_they_were_due) {
   CableServer cable;
   SlowHost host({{due(2), milliseconds(999)}});
   SimulatedGenerator generator(cable.path(), host.clock());
@@ -91,7 +91,7 @@ TEST(SimulatedGenerator, sends_late_edges_with_the_stamps_of_their_places_in_the
   EXPECT_EQ(generator.fault(), "");
 }
 
-TEST(SimulatedGenerator, skips_edges_of_over_a_second_ago_and_tells_of_them) {
+TEST(SimulatedGenerator, skips_and_reports_edges_that_are_over_a_second_late) {
   CableServer cable;
   SlowHost host({{due(2), milliseconds(1055)}});
   SimulatedGenerator generator(cable.path(), host.clock());
@@ -105,7 +105,7 @@ TEST(SimulatedGenerator, skips_edges_of_over_a_second_ago_and_tells_of_them) {
   EXPECT_EQ(generator.fault(), "2 pulses skipped: this host was up to 1055 ms late");
 }
 
-TEST(SimulatedGenerator, ends_the_train_in_time_when_its_last_pulse_is_skipped) {
+TEST(SimulatedGenerator, finishes_the_train_when_its_last_pulse_is_skipped) {
   CableServer cable;
   SlowHost host({{due(2), milliseconds(1000)}});
   SimulatedGenerator generator(cable.path(), host.clock());
@@ -117,7 +117,7 @@ TEST(SimulatedGenerator, ends_the_train_in_time_when_its_last_pulse_is_skipped) 
   EXPECT_EQ(generator.skipped(), 1);
 }
 
-TEST(SimulatedGenerator, begins_the_train_when_it_can_send_the_first_edge) {
+TEST(SimulatedGenerator, starts_the_train_when_it_can_send_the_first_edge) {
   CableServer cable;
   SlowHost host({{due(0), milliseconds(500)}});
   SimulatedGenerator generator(cable.path(), host.clock());
@@ -159,7 +159,7 @@ TEST(SimulatedGenerator, can_be_started_again_and_counts_from_zero) {
   }
 }
 
-TEST(SimulatedGenerator, refuses_trains_that_it_cannot_make) {
+TEST(SimulatedGenerator, rejects_impossible_trains) {
   CableServer cable;
   SimulatedGenerator generator(cable.path());
   for (const double rate : {0.0, -25.0, 1e9, std::nan(""), double(INFINITY)}) {
@@ -170,14 +170,14 @@ TEST(SimulatedGenerator, refuses_trains_that_it_cannot_make) {
   EXPECT_THAT(refusal(generator, {25, milliseconds(0), {}}), HasSubstr("less than the period"));
 }
 
-TEST(SimulatedGenerator, names_the_wire_that_is_not_there) {
+TEST(SimulatedGenerator, names_a_missing_wire) {
   SimulatedGenerator absent("/nonexistent/cable");
   EXPECT_THAT(refusal(absent, train_of(25, {})), HasSubstr("/nonexistent/cable"));
   SimulatedGenerator endless(std::string(200, 'x'));
   EXPECT_THAT(refusal(endless, train_of(25, {})), HasSubstr("characters"));
 }
 
-TEST(SimulatedGenerator, reports_a_wire_that_vanishes_in_mid_train) {
+TEST(SimulatedGenerator, reports_a_connection_that_is_lost_during_a_train) {
   CableServer cable;
   SimulatedGenerator generator(cable.path());
   generator.arm(train_of(100, {}));
@@ -185,11 +185,11 @@ TEST(SimulatedGenerator, reports_a_wire_that_vanishes_in_mid_train) {
   ASSERT_TRUE(cable.wait_for_edges(3));
   cable.vanish();
   ASSERT_TRUE(eventually([&] { return generator.finished(); }));
-  EXPECT_THAT(generator.fault(), HasSubstr("vanished"));
+  EXPECT_THAT(generator.fault(), HasSubstr("connection lost"));
   generator.stop();
 }
 
-TEST(SimulatedSensor, counts_the_edges_and_passes_on_their_stamps) {
+TEST(SimulatedSensor, counts_the_edges_and_keeps_their_stamps) {
   CableServer cable;
   SimulatedSensor sensor(cable.path());
   sensor.reset();
@@ -208,7 +208,7 @@ TEST(SimulatedSensor, counts_the_edges_and_passes_on_their_stamps) {
   }
 }
 
-TEST(SimulatedSensor, forgets_on_reset_what_nobody_took) {
+TEST(SimulatedSensor, discards_unread_edges_at_reset) {
   CableServer cable;
   SimulatedSensor sensor(cable.path());
   sensor.reset();
@@ -230,7 +230,7 @@ TEST(SimulatedSensor, forgets_on_reset_what_nobody_took) {
   EXPECT_GT(pulse->at, forgotten);
 }
 
-TEST(SimulatedSensor, reports_a_wire_that_vanishes_and_takes_a_new_one) {
+TEST(SimulatedSensor, reports_a_lost_connection_and_connects_again_at_reset) {
   CableServer cable;
   SimulatedSensor sensor(cable.path());
   EXPECT_THAT(sensor.fault(), HasSubstr("not connected"));
@@ -238,35 +238,35 @@ TEST(SimulatedSensor, reports_a_wire_that_vanishes_and_takes_a_new_one) {
   EXPECT_EQ(sensor.fault(), "");
   cable.vanish();
   EXPECT_FALSE(sensor.wait(Monotonic::now() + milliseconds(1)));
-  EXPECT_THAT(sensor.fault(), HasSubstr("vanished"));
+  EXPECT_THAT(sensor.fault(), HasSubstr("connection lost"));
   EXPECT_THROW(sensor.reset(), InputError);
 }
 
-TEST(SimulatedSensor, tells_of_a_wire_that_vanishes_while_another_thread_waits) {
+TEST(SimulatedSensor, reports_a_lost_connection_while_another_thread_waits) {
   CableServer cable;
   SimulatedSensor sensor(cable.path());
   sensor.reset();
-  std::atomic<bool> told = false;
+  std::atomic<bool> reported = false;
   std::thread waiting([&] {
-    while (!told) sensor.wait(Monotonic::now() + milliseconds(5));
+    while (!reported) sensor.wait(Monotonic::now() + milliseconds(5));
   });
   cable.vanish();
   EXPECT_TRUE(eventually([&] { return !sensor.fault().empty(); }));
-  told = true;
+  reported = true;
   waiting.join();
 }
 
-TEST(SimulatedSensor, takes_a_packet_that_is_no_edge_for_a_broken_wire) {
+TEST(SimulatedSensor, treats_a_packet_that_is_not_an_edge_as_a_lost_connection) {
   CableServer cable;
   SimulatedSensor sensor(cable.path());
   sensor.reset();
   ASSERT_TRUE(cable.wait_for_clients(1));
   cable.send_to_all("hello, this is no edge");
   EXPECT_FALSE(sensor.wait(Monotonic::now() + seconds(1)));
-  EXPECT_THAT(sensor.fault(), HasSubstr("vanished"));
+  EXPECT_THAT(sensor.fault(), HasSubstr("connection lost"));
 }
 
-TEST(MakeTrigger, makes_what_the_studio_file_asks_for) {
+TEST(MakeTrigger, makes_the_generator_and_the_sensor_of_the_studio_file) {
   CableServer cable;
   StudioTrigger trigger;
   trigger.wire = cable.path();

@@ -1,4 +1,4 @@
-// A host whose time passes only while it sleeps, and that oversleeps as it is told.
+// Simulated host clock: time passes only during sleeps, and chosen sleeps take too long.
 #pragma once
 
 #include <algorithm>
@@ -9,19 +9,20 @@
 namespace v3d {
 
 struct SlowHost {
-  /// When it wakes, and by how much too late.
-  explicit SlowHost(std::map<MonotonicInstant, Duration> holds = {}) : held_up(std::move(holds)) {}
+  /// `delays`: additional sleep, by the time at which the sleep should end.
+  explicit SlowHost(std::map<MonotonicInstant, Duration> delays = {})
+      : oversleeps(std::move(delays)) {}
 
   HostClock clock() {
     return {.now = [this] { return now; },
             .sleep_until =
                 [this](MonotonicInstant until) {
                   now = std::max(now, until);
-                  const auto hold = held_up.find(now);
-                  if (hold != held_up.end()) now += hold->second;
+                  const auto delay = oversleeps.find(now);
+                  if (delay != oversleeps.end()) now += delay->second;
                 }};
   }
-  std::map<MonotonicInstant, Duration> held_up;
+  std::map<MonotonicInstant, Duration> oversleeps;
   MonotonicInstant now{std::chrono::seconds(100)};
 };
 

@@ -16,7 +16,7 @@ using testing::Contains;
 using testing::ElementsAre;
 using testing::HasSubstr;
 
-/// What the instrument's end of the cable does, in order; what it was sent.
+/// Scripted results of the transfers, in order, and a record of the sent data.
 struct Cable {
   struct Transfer {
     UsbOutcome outcome = UsbOutcome::kDone;
@@ -42,7 +42,7 @@ class ScriptedPort : public UsbPort {
   UsbOutcome receive(std::vector<uint8_t>& bytes, Duration /*timeout*/) override {
     const auto transfer = take(cable_.answers, {UsbOutcome::kTimeout, {}});
     bytes = transfer.bytes;
-    if (bytes.size() >= 3 && bytes[1] == 0) {  // to this request
+    if (bytes.size() >= 3 && bytes[1] == 0) {  // tag 0: set the tag of the request
       bytes[1] = cable_.tag();
       bytes[2] = static_cast<uint8_t>(~cable_.tag());
     }
@@ -91,7 +91,7 @@ struct Instrumented {
   }
 };
 
-TEST(Usbtmc, clears_the_instrument_when_it_takes_it) {
+TEST(Usbtmc, clears_the_instrument_when_it_opens_it) {
   Cable cable;
   cable.statuses = {1, 2, 2, 1};
   const Usbtmc instrument(std::make_unique<ScriptedPort>(cable));
@@ -119,7 +119,7 @@ TEST(Usbtmc, joins_an_answer_from_transfers_and_from_messages) {
   EXPECT_EQ(it.instrument.query("*IDN?"), "LAB,PULSEGEN,1.0");
 }
 
-TEST(Usbtmc, aborts_what_times_out_and_begins_afresh) {
+TEST(Usbtmc, aborts_a_transfer_after_a_timeout_and_recovers) {
   Instrumented it;
   EXPECT_EQ(it.refusal(), "does not answer");
   EXPECT_THAT(it.cable.requests, Contains(UsbtmcRequest::kAbortIn));
@@ -132,7 +132,7 @@ TEST(Usbtmc, aborts_what_times_out_and_begins_afresh) {
   EXPECT_THAT(it.cable.requests, Contains(UsbtmcRequest::kAbortOut));
 }
 
-TEST(Usbtmc, takes_off_a_stall_and_begins_afresh) {
+TEST(Usbtmc, clears_a_stall_and_recovers) {
   Instrumented it;
   it.cable.answers = {{UsbOutcome::kStall, {}}};
   EXPECT_THAT(it.refusal(), HasSubstr("STALL"));
@@ -141,7 +141,7 @@ TEST(Usbtmc, takes_off_a_stall_and_begins_afresh) {
   EXPECT_EQ(it.instrument.query("*IDN?"), "ok");
 }
 
-TEST(Usbtmc, names_nonsense_and_ends_whatever_the_instrument_sends) {
+TEST(Usbtmc, reports_invalid_data_and_returns_for_every_input) {
   std::vector<uint8_t> huge = answer("x", 3, true);
   huge[7] = 0x7F;
   std::vector<uint8_t> other_tag = answer("x", 1, true);
@@ -150,16 +150,16 @@ TEST(Usbtmc, names_nonsense_and_ends_whatever_the_instrument_sends) {
                             std::vector<uint8_t>(512, 0xFF)}) {
     Instrumented it;
     it.cable.answers = {done(bytes)};
-    EXPECT_THAT(it.refusal(), HasSubstr("talks nonsense"));
+    EXPECT_THAT(it.refusal(), HasSubstr("sends invalid data"));
   }
   Instrumented it;
   for (int i = 0; i < 1000; ++i) it.cable.answers.push_back(done(answer("", 0, false)));
-  EXPECT_THAT(it.refusal(), HasSubstr("without end"));
+  EXPECT_THAT(it.refusal(), HasSubstr("has no end"));
   it.cable.answers = {done(answer("ab", 9, true)), done({})};
-  EXPECT_THAT(it.refusal(), HasSubstr("less than it announced"));
+  EXPECT_THAT(it.refusal(), HasSubstr("fewer bytes than announced"));
 }
 
-TEST(Usbtmc, says_that_the_instrument_was_unplugged) {
+TEST(Usbtmc, reports_that_the_instrument_was_unplugged) {
   Instrumented it;
   it.cable.sends = {UsbOutcome::kGone};
   EXPECT_EQ(it.refusal(), "was unplugged");

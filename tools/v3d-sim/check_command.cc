@@ -26,14 +26,14 @@ int run(const Arguments& arguments) {
     std::cout << nlohmann::ordered_json{{"frames_received", check.frames_received},
                                         {"frames_missing", check.frames_missing},
                                         {"frames_mislabelled", check.frames_mislabelled},
-                                        {"mislabelled_silently", check.silently}}
+                                        {"mislabelled_silently", check.mislabelled_not_suspect}}
                      .dump()
               << '\n';
   } else {
     std::cout << format_count(check.frames_received) << " frames received, "
               << format_count(check.frames_missing) << " missing, "
               << format_count(check.frames_mislabelled) << " mislabelled, "
-              << format_count(check.silently) << " of them not suspect\n";
+              << format_count(check.mislabelled_not_suspect) << " of them not suspect\n";
   }
   return check.whole() ? kExitDone : kExitNotWhole;
 }
@@ -42,7 +42,8 @@ int run(const Arguments& arguments) {
 
 void add_check_command(CLI::App& app, int& status) {
   CLI::App& command = *app.add_subcommand(
-      "check", "Compare a recorded take with the simulator's record of what every image shows");
+      "check",
+      "Compare a recorded take with the simulator's record of the edge that each image shows");
   auto arguments = std::make_shared<Arguments>();
   command.add_option("TAKE", arguments->take, "Folder of the take")->required();
   command.add_option("--exposures", arguments->exposures, "exposures.csv of the simulated studio")

@@ -10,8 +10,8 @@ namespace v3d::sim {
 namespace {
 
 constexpr int64_t kMaxPulses = 1'000'000'000;
-constexpr int64_t kMaxPulsesLate = 100;  // their images are in memory
-constexpr double kLongestMs = 600'000;
+constexpr int64_t kMaxLatePulses = 100;  // the images of these pulses are kept in memory
+constexpr double kMaxMs = 600'000;
 constexpr double kMaxDriftPpm = 10'000;
 
 struct Kind {
@@ -41,41 +41,41 @@ FaultKind read_kind(const TomlTable& table, bool in_take) {
     if (kind.name == name) return kind.kind;
     known += (known.empty() ? "" : ", ") + std::string(kind.name);
   }
-  const bool elsewhere = std::ranges::find(kKinds, name, &Kind::name) != kKinds.end();
-  const std::string wrong = !elsewhere ? " is unknown"
-                            : in_take  ? " needs a studio's cameras"
-                                       : " is of takes only";
+  const bool is_known = std::ranges::find(kKinds, name, &Kind::name) != kKinds.end();
+  const std::string wrong = !is_known ? " is unknown"
+                            : in_take ? " is supported for studios only"
+                                      : " is supported for takes only";
   table.fail("kind", "'" + name + "'" + wrong + "; v3d-sim " + (in_take ? "take" : "studio") +
-                         " knows " + known);
+                         " supports " + known);
 }
 
-int64_t read_integer(const TomlTable& table, std::string_view key, int64_t least, int64_t most) {
+int64_t read_integer(const TomlTable& table, std::string_view key, int64_t min, int64_t max) {
   const int64_t value = table.integer(key);
-  if (value < least || value > most) {
-    table.fail(key, "expected " + std::to_string(least) + " to " + std::to_string(most) +
-                        ", found " + std::to_string(value));
+  if (value < min || value > max) {
+    table.fail(key, "expected " + std::to_string(min) + " to " + std::to_string(max) + ", found " +
+                        std::to_string(value));
   }
   return value;
 }
 
-double read_number(const TomlTable& table, std::string_view key, double least, double most) {
+double read_number(const TomlTable& table, std::string_view key, double min, double max) {
   const double value = table.number(key);
-  if (!(value >= least && value <= most)) {
-    table.fail(key, "expected " + toml_number(least) + " to " + toml_number(most) + ", found " +
+  if (!(value >= min && value <= max)) {
+    table.fail(key, "expected " + toml_number(min) + " to " + toml_number(max) + ", found " +
                         toml_number(value));
   }
   return value;
 }
 
-Duration read_ms(const TomlTable& table, std::string_view key, double least) {
-  return from_seconds(1e-3 * read_number(table, key, least, kLongestMs));
+Duration read_ms(const TomlTable& table, std::string_view key, double min) {
+  return from_seconds(1e-3 * read_number(table, key, min, kMaxMs));
 }
 
 void read_clock(const TomlTable& table, Fault& fault) {
   if (!table.has("jump_ms") && !table.has("drift_ppm")) {
-    table.fail_here("a wrong clock wants jump_ms, drift_ppm or both");
+    table.fail_here("a clock fault needs jump_ms, drift_ppm or both");
   }
-  if (table.has("jump_ms")) fault.time = read_ms(table, "jump_ms", -kLongestMs);
+  if (table.has("jump_ms")) fault.time = read_ms(table, "jump_ms", -kMaxMs);
   if (table.has("drift_ppm")) {
     fault.drift_ppm = read_number(table, "drift_ppm", -kMaxDriftPpm, kMaxDriftPpm);
   }
@@ -92,7 +92,7 @@ Fault read_fault(const TomlTable& table, const Rig& rig, std::optional<int64_t> 
   fault.kind = read_kind(table, take_pulses.has_value());
   if (fault.kind == FaultKind::kDelay) fault.time = read_ms(table, "ms", 1);
   if (fault.kind == FaultKind::kLate)
-    fault.pulses = read_integer(table, "pulses", 1, kMaxPulsesLate);
+    fault.pulses = read_integer(table, "pulses", 1, kMaxLatePulses);
   if (fault.kind == FaultKind::kFreeze) {
     fault.pulses = read_integer(table, "pulses", 1, kMaxPulses);
   }

@@ -8,7 +8,7 @@
 
 int main(int argc, char** argv) {
   int status = v3d::kExitDone;
-  CLI::App app("The simulated studio: a performer that is known exactly, and cameras to film it.",
+  CLI::App app("The simulated studio: a performer with known surface, and cameras that record it.",
                "v3d-sim");
   app.require_subcommand(1);
   app.set_version_flag("--version", V3D_VERSION);

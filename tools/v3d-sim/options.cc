@@ -12,7 +12,7 @@ void add_studio_options(CLI::App& command, StudioOptions& options) {
       ->capture_default_str();
   command.add_option("--size", options.size, "Image size in pixels, WIDTHxHEIGHT")
       ->capture_default_str();
-  command.add_option("--seed", options.seed, "The same seed gives the same bytes")
+  command.add_option("--seed", options.seed, "Random seed; equal seeds give equal bytes")
       ->capture_default_str();
   command.add_option("--rate", options.rate_hz, "Pulses per second")
       ->check(check_pulse_rate)

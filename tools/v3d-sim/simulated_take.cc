@@ -26,8 +26,7 @@ namespace v3d::sim {
 namespace {
 
 constexpr int kPlates = 8;
-// A simulated take has no date of its own: it began at 2026-01-01 00:00:00 UTC, 1000 s after the
-// boot of a computer.
+// Times of a simulated take: it starts at 2026-01-01 00:00:00 UTC, 1000 s after boot.
 constexpr int64_t kStartRealtimeNs = 1'767'225'600'000'000'000;
 constexpr int64_t kStartMonotonicNs = 1'000'000'000'000;
 constexpr Duration kTransferTime = std::chrono::milliseconds(9);
@@ -46,12 +45,12 @@ TakePaths create_folder(const std::filesystem::path& folder) {
   return {folder};
 }
 
-/// What was written.
+/// Renders background plates and writes their models. Returns the models.
 std::vector<BackgroundModel> write_backgrounds(const TakePaths& paths, const Rig& rig,
-                                               BatchRenderer& film) {
+                                               BatchRenderer& renderer) {
   std::vector<std::vector<Image>> plates;
   for (uint64_t i = 0; i < kPlates; ++i) {
-    plates.push_back(film.render_all({}, i));
+    plates.push_back(renderer.render_all({}, i));
   }
   std::vector<BackgroundModel> models(rig.size());
   for_each_index(rig.size(), [&](size_t c) {
@@ -67,7 +66,7 @@ std::vector<BackgroundModel> write_backgrounds(const TakePaths& paths, const Rig
   return models;
 }
 
-/// The recording of one camera, with its faults.
+/// Writes the log of one camera, with its faults.
 class CameraLog {
  public:
   CameraLog(const TakePaths& paths, std::string take, int index, std::string camera, uint64_t seed,
@@ -101,7 +100,7 @@ class CameraLog {
     label.received = edge_realtime + kTransferTime;
     if (has_fault(faults_, camera_, pulse, FaultKind::kSuspect)) {
       label.suspect = true;
-      label.camera_counter += 1;  // what makes it suspect: the counter says the next pulse
+      label.camera_counter += 1;  // the cause: the counter is that of the next pulse
       suspect_.push_back(pulse);
     }
     const bool twice = has_fault(faults_, camera_, pulse, FaultKind::kDuplicate);
@@ -114,15 +113,15 @@ class CameraLog {
     }
   }
 
-  /// What the camera shows at this pulse, of which `image` is the right picture.
+  /// The image that the camera sends at this pulse; `image` is the correct one.
   Image shown_at(int64_t pulse, Image image) {
     const auto late = std::ranges::find_if(faults_, [&](const Fault& fault) {
       return fault.camera == camera_ && fault.kind == FaultKind::kLate;
     });
     if (late == faults_.end()) return image;
-    before_.push_back(std::move(image));
-    if (std::ssize(before_) > late->pulses + 1) before_.pop_front();
-    return pulse < late->pulse ? before_.back() : before_.front();
+    recent_images_.push_back(std::move(image));
+    if (std::ssize(recent_images_) > late->pulses + 1) recent_images_.pop_front();
+    return pulse < late->pulse ? recent_images_.back() : recent_images_.front();
   }
 
   CameraLedger close(int64_t commanded) const {
@@ -143,7 +142,7 @@ class CameraLog {
   std::vector<int64_t> pulses_;
   std::vector<int64_t> suspect_;
   ExposureCount exposures_;
-  std::deque<Image> before_;  ///< of a camera that is late: the last pictures
+  std::deque<Image> recent_images_;  ///< of a camera with kLate: the last images
 };
 
 void write_truth(const std::filesystem::path& folder, int64_t pulse, double seconds,
@@ -154,7 +153,7 @@ void write_truth(const std::filesystem::path& folder, int64_t pulse, double seco
   write_ply(folder / "sword" / name, sword_blade(seconds).mesh);
 }
 
-/// Segments like the capture daemon, and then worse.
+/// Segments like the capture daemon and adds noise to the outlines.
 class NoisySegmenter {
  public:
   NoisySegmenter(const SimulatedTake& take, const std::vector<BackgroundModel>& models)
@@ -162,7 +161,7 @@ class NoisySegmenter {
     if (noise_px_ <= 0) return;
     for (const BackgroundModel& model : models) segmenters_.emplace_back(model, SegmentOptions{});
   }
-  /// Empty when no masks are wanted.
+  /// Empty when the take has no masks.
   std::optional<Mask> segment(size_t camera, int64_t pulse, const Image& image) {
     if (segmenters_.empty()) return std::nullopt;
     const auto number = static_cast<uint64_t>(pulse) * segmenters_.size() + camera;
@@ -195,8 +194,8 @@ void write_take(const SimulatedTake& take, const std::function<void(int64_t)>& p
   RenderOptions options;
   options.seed = take.seed;
   options.colour_spread = take.colour_spread;
-  BatchRenderer film(take.rig, options);
-  NoisySegmenter segmenter(take, write_backgrounds(paths, take.rig, film));
+  BatchRenderer renderer(take.rig, options);
+  NoisySegmenter segmenter(take, write_backgrounds(paths, take.rig, renderer));
   std::vector<CameraLog> logs;
   for (size_t c = 0; c < take.rig.size(); ++c) {
     logs.emplace_back(paths, info.name, static_cast<int>(c), take.rig[c].name, take.seed,
@@ -214,7 +213,8 @@ void write_take(const SimulatedTake& take, const std::function<void(int64_t)>& p
     io::throw_if_failed(
         pulses.write(PulseMessage{edge_realtime, pulse, info.name, pulse, edge_realtime, edge}));
     const double action_s = take.begin_s + seconds;
-    std::vector<Image> images = film.render_all(action_s, static_cast<uint64_t>(kPlates + pulse));
+    std::vector<Image> images =
+        renderer.render_all(action_s, static_cast<uint64_t>(kPlates + pulse));
     for (size_t c = 0; c < images.size(); ++c) {
       std::optional<Mask> mask = segmenter.segment(c, pulse, images[c]);
       logs[c].add(pulse, edge, edge_realtime, std::move(images[c]), std::move(mask));

@@ -34,7 +34,7 @@ struct Arguments {
   std::string faults;
 };
 
-/// SIGTERM and SIGINT, blocked in all threads and asked for where it suits.
+/// Blocks SIGTERM and SIGINT in all threads; the program polls them or waits for them.
 class StopSignals {
  public:
   StopSignals() {
@@ -56,9 +56,9 @@ class StopSignals {
   sigset_t signals_;
 };
 
-/// All images rendered ahead, in the order the edges ask for them.
-struct Reel {
-  std::vector<std::vector<Image>> plates;  ///< [i][camera]: the empty studio, different noise
+/// All images of the studio, rendered in advance, and their order by edges.
+struct RenderedImages {
+  std::vector<std::vector<Image>> plates;  ///< [i][camera]: the empty studio, with different noise
   std::vector<std::vector<Image>> loop;    ///< [i][camera]: the performer
 
   int64_t image_index(int64_t edge, int64_t empty_pulses) const {
@@ -79,33 +79,33 @@ void check_memory(int64_t images, ImageSize size) {
     throw InputError("--loop-frames: " + format_count(images) + " images of " +
                      format_bytes(static_cast<double>(size.pixels())) + " need " +
                      format_bytes(needed) + ", but " + format_bytes(available) +
-                     " are free; ask for fewer");
+                     " are free; reduce --loop-frames or --size");
   }
 }
 
-/// Empty when a signal came first.
-std::optional<Reel> render_ahead(const Rig& rig, const Arguments& arguments,
-                                 const StopSignals& stop) {
+/// Empty when a signal arrives before the end.
+std::optional<RenderedImages> render_all_images(const Rig& rig, const Arguments& arguments,
+                                                const StopSignals& stop) {
   const int64_t total = kPlates + arguments.loop_frames;
   check_memory(total * static_cast<int64_t>(rig.size()), rig.front().model.size());
   RenderOptions options;
   options.seed = arguments.studio.seed;
-  BatchRenderer film(rig, options);
-  Reel reel;
+  BatchRenderer renderer(rig, options);
+  RenderedImages rendered;
   Progress progress("render", total);
   for (int64_t i = 0; i < total; ++i) {
     if (stop.arrived()) {
       return {};
     }
     if (i < kPlates) {
-      reel.plates.push_back(film.render_all({}, static_cast<uint64_t>(i)));
+      rendered.plates.push_back(renderer.render_all({}, static_cast<uint64_t>(i)));
     } else {
       const double seconds = static_cast<double>(i - kPlates) / arguments.studio.rate_hz;
-      reel.loop.push_back(film.render_all(seconds, static_cast<uint64_t>(i)));
+      rendered.loop.push_back(renderer.render_all(seconds, static_cast<uint64_t>(i)));
     }
     progress.advance();
   }
-  return reel;
+  return rendered;
 }
 
 std::vector<GigeCamera> network_cameras(const Rig& rig, const std::vector<Fault>& faults,
@@ -138,8 +138,8 @@ int run(Arguments arguments) {
   if (!std::filesystem::exists(folder / "studio.key"))
     StudioKey::make().save(folder / "studio.key");
 
-  const std::optional<Reel> reel = render_ahead(rig, arguments, stop);
-  if (!reel) {
+  const std::optional<RenderedImages> rendered = render_all_images(rig, arguments, stop);
+  if (!rendered) {
     return kExitDone;
   }
   ExposureRecord record(folder / "exposures.csv");
@@ -147,11 +147,11 @@ int run(Arguments arguments) {
   GigeCameras cameras(
       network_cameras(rig, faults, arguments),
       [&](int camera, int64_t edge) {
-        return std::span<const uint8_t>(reel->picture(camera, edge, empty).bytes);
+        return std::span<const uint8_t>(rendered->picture(camera, edge, empty).bytes);
       },
       [&](const Exposure& e) {
         record.add({rig[static_cast<size_t>(e.camera)].name, e.device_time, e.edge_time, e.edge,
-                    e.black ? kBlackImage : reel->image_index(e.edge, empty)});
+                    e.black ? kBlackImage : rendered->image_index(e.edge, empty)});
       },
       arguments.studio.seed);
   const TriggerCable cable(folder / "trigger.sock", [&](int64_t edge, MonotonicInstant edge_time) {
@@ -178,18 +178,18 @@ void add_studio_command(CLI::App& app, int& status) {
   add_studio_options(command, arguments->studio);
   command
       .add_option("--loop-frames", arguments->loop_frames,
-                  "Images of the performer per camera, rendered ahead and shown in a loop; "
-                  "default: 4 s of action, which close smoothly")
+                  "Images of the performer per camera, rendered in advance and sent in a loop; "
+                  "default: 4 s of action, one period")
       ->check(CLI::Range(int64_t{1}, int64_t{100'000}));
   command
       .add_option("--empty-pulses", arguments->empty_pulses,
-                  "So many first pulses show the empty studio")
+                  "Number of first pulses that show the empty studio")
       ->check(CLI::Range(int64_t{0}, int64_t{1'000'000}))
       ->capture_default_str();
   command.add_option("--voxel", arguments->voxel, "Voxel size for studio.toml, with a unit")
       ->capture_default_str();
   command.add_option("--faults", arguments->faults,
-                     "TOML file of what shall go wrong: [[fault]] camera, pulse (from the first "
+                     "TOML file of faults: [[fault]] camera, pulse (from the first "
                      "after --empty-pulses), kind = drop|missed|duplicate|delay|freeze|unplug|"
                      "clock|black; see v3d-sim(1)");
   command.footer(

@@ -13,10 +13,10 @@ namespace {
 
 constexpr size_t kProblemsShown = 10;
 
-/// What the simulator knows, by what a frame knows.
-class Record {
+/// The exposure record, indexed by camera and device time and by edge time.
+class ExposureIndex {
  public:
-  explicit Record(const std::vector<ExposureLine>& lines) {
+  explicit ExposureIndex(const std::vector<ExposureLine>& lines) {
     for (const ExposureLine& line : lines) {
       by_exposure_[{line.camera, line.device_time}] = &line;
       edge_at_[line.edge_time] = line.edge;
@@ -36,25 +36,26 @@ class Record {
   std::map<MonotonicInstant, int64_t> edge_at_;
 };
 
-/// Empty when the frame shows what its label says, else what is wrong.
-std::string verdict(const std::string& camera, const FrameLabel& label, const Record& record,
+/// Empty when the label of a frame is correct, else the error.
+std::string verdict(const std::string& camera, const FrameLabel& label, const ExposureIndex& record,
                     const std::map<int64_t, MonotonicInstant>& pulses) {
   const ExposureLine* exposure = record.exposure(camera, label.device_time);
   if (exposure == nullptr) {
-    return "its device time is no exposure of this camera";
+    return "the record has no exposure of this camera at the device time of the frame";
   }
   const auto pulse = pulses.find(label.pulse);
   const auto first = pulses.find(0);
   if (pulse == pulses.end() || first == pulses.end()) {
-    return "pulses.lcmlog lacks the pulse";
+    return "pulses.lcmlog does not contain the pulse";
   }
   if (exposure->edge_time != pulse->second) {
-    return "it shows edge " + std::to_string(exposure->edge) + ", which is not that pulse's edge";
+    return "the image shows edge " + std::to_string(exposure->edge) +
+           ", which is not the edge of this pulse";
   }
   const auto first_edge = record.edge_at(first->second);
   if (!first_edge || exposure->edge != *first_edge + label.pulse) {
-    return "it shows edge " + std::to_string(exposure->edge) +
-           ", which is not that pulse of the train";
+    return "the image shows edge " + std::to_string(exposure->edge) +
+           ", which has another number in the train";
   }
   return "";
 }
@@ -64,13 +65,13 @@ std::string verdict(const std::string& camera, const FrameLabel& label, const Re
 TakeCheck check_take(const std::filesystem::path& take, const std::vector<ExposureLine>& lines) {
   const TakePaths paths{take};
   const TakeInfo info = load_take_info(paths);
-  const Record record(lines);
+  const ExposureIndex record(lines);
   std::map<int64_t, MonotonicInstant> pulses;
   for (const PulseMessage& pulse : read_pulses(paths.pulses())) {
     pulses[pulse.pulse] = pulse.edge_monotonic;
   }
   TakeCheck check;
-  const auto complain = [&](const std::string& problem) {
+  const auto report = [&](const std::string& problem) {
     if (check.problems.size() < kProblemsShown) {
       check.problems.push_back(problem);
     }
@@ -84,15 +85,15 @@ TakeCheck check_take(const std::filesystem::path& take, const std::vector<Exposu
       const std::string wrong = verdict(camera, label, record, pulses);
       if (!wrong.empty()) {
         ++check.frames_mislabelled;
-        check.silently += label.suspect ? 0 : 1;
-        complain(camera + " pulse " + std::to_string(label.pulse) +
-                 (label.suspect ? " (suspect): " : ": ") + wrong);
+        check.mislabelled_not_suspect += label.suspect ? 0 : 1;
+        report(camera + " pulse " + std::to_string(label.pulse) +
+               (label.suspect ? " (suspect): " : ": ") + wrong);
       }
     }
     for (int64_t pulse = 0; pulse < info.pulses; ++pulse) {
       if (!seen.contains(pulse)) {
         ++check.frames_missing;
-        complain(camera + " pulse " + std::to_string(pulse) + ": missing");
+        report(camera + " pulse " + std::to_string(pulse) + ": missing");
       }
     }
   }

@@ -12,10 +12,10 @@ namespace v3d::sim {
 
 struct TakeCheck {
   int64_t frames_received = 0;
-  int64_t frames_missing = 0;         ///< pulses without a frame, over all cameras
-  int64_t frames_mislabelled = 0;     ///< frames labelled with a wrong pulse
-  int64_t silently = 0;               ///< mislabelled frames that are not marked suspect
-  std::vector<std::string> problems;  ///< the first problems, one line each
+  int64_t frames_missing = 0;           ///< pulses without a frame, over all cameras
+  int64_t frames_mislabelled = 0;       ///< frames labelled with a wrong pulse
+  int64_t mislabelled_not_suspect = 0;  ///< mislabelled frames that are not marked suspect
+  std::vector<std::string> problems;    ///< the first problems, one line each
   bool whole() const { return frames_missing == 0 && frames_mislabelled == 0; }
 };
 

@@ -46,20 +46,20 @@ int run(const Arguments& arguments) {
 }  // namespace
 
 void add_take_command(CLI::App& app, int& status) {
-  CLI::App& command = *app.add_subcommand(
-      "take", "Write a take as the studio would have recorded it, without daemons");
+  CLI::App& command =
+      *app.add_subcommand("take", "Write a take like a recording of the studio, without daemons");
   auto arguments = std::make_shared<Arguments>();
   command.add_option("OUT_TAKE", arguments->folder, "Folder of the take, new or empty")->required();
   command.add_option("--frames", arguments->frames, "Number of pulses")
       ->required()
       ->check(CLI::Range(int64_t{1}, int64_t{10'000'000}));
   add_studio_options(command, arguments->studio);
-  command.add_option("--begin", arguments->begin_s, "Where the action begins")
+  command.add_option("--begin", arguments->begin_s, "Start time within the action")
       ->type_name("SECONDS")
       ->check(number_in(0, 1e6));
   command
       .add_option("--outline-noise", arguments->outline_noise_px,
-                  "Frames get masks whose outlines tremble by so many pixels (standard deviation)")
+                  "Write masks with outline noise of this standard deviation")
       ->type_name("PIXELS")
       ->check(number_in(0, 20));
   command.add_option(
@@ -67,11 +67,11 @@ void add_take_command(CLI::App& app, int& status) {
       "TOML file: [[fault]] camera, pulse, kind = drop|duplicate|black|suspect|late; see "
       "v3d-sim(1)");
   command.add_option("--truth", arguments->truth,
-                     "Folder for the true surface of every pulse, 000000.ply ..., and of the "
-                     "sword's blade alone, sword/000000.ply ...");
+                     "Folder for the true surface of every pulse, 000000.ply ..., and for that "
+                     "of the blade of the sword, sword/000000.ply ...");
   command
       .add_option("--colour-spread", arguments->colour_spread,
-                  "How much the colours of the cameras differ: 1 as of unmatched cameras, 15 %")
+                  "Colour difference between the cameras: 1 is 15 %, as of unmatched cameras")
       ->check(number_in(0, 4));
   command.footer(
       "Examples:\n"

@@ -12,10 +12,10 @@ std::unique_ptr<Instrument> open_instrument(const StudioInstrument& address) {
 }
 
 std::string in_quotes(const std::string& answer) {
-  constexpr size_t kLongest = 60;
+  constexpr size_t kMaxCharacters = 60;
   std::string text = "'";
-  for (const char c : answer.substr(0, kLongest)) text += c >= ' ' && c <= '~' ? c : '?';
-  return text + (answer.size() > kLongest ? "...'" : "'");
+  for (const char c : answer.substr(0, kMaxCharacters)) text += c >= ' ' && c <= '~' ? c : '?';
+  return text + (answer.size() > kMaxCharacters ? "...'" : "'");
 }
 
 }  // namespace v3d

@@ -1,4 +1,4 @@
-// A bench instrument that is told and asked one line at a time.
+// Interface of a bench instrument that is controlled by lines of text (SCPI).
 #pragma once
 
 #include <functional>
@@ -10,34 +10,35 @@
 
 namespace v3d {
 
-/// The instrument does not answer, went away, or talks nonsense. Another try may help.
+/// The instrument does not answer, was disconnected, or sends invalid data. A retry may succeed.
 class InstrumentError : public InputError {
  public:
   using InputError::InputError;
 };
 
-/// It is not there, or not any more. It may be plugged in again.
+/// The instrument is not connected. It may be plugged in again.
 class InstrumentAbsent : public InstrumentError {
  public:
   using InstrumentError::InstrumentError;
 };
 
-/// One thread. Every call ends within about a second, and after an error within
-/// some more, that the next call may begin afresh.
+/// Threads: one. Every call ends within about 1 s; after an error it takes somewhat longer, to
+/// reset the connection for the next call.
 class Instrument {
  public:
   virtual ~Instrument() = default;
-  /// `line` without its end. Throws InstrumentError.
+  /// Sends a command; `line` without a line end. Throws InstrumentError.
   virtual void write(const std::string& line) = 0;
-  /// The answer to `line`, one line without its end. Throws InstrumentError.
+  /// Sends a query and returns the answer, one line without its end. Throws InstrumentError.
   virtual std::string query(const std::string& line) = 0;
 };
 
-/// Throws InstrumentError when it is not there, InputError when it may not be used.
+/// Throws InstrumentError when the instrument is not connected, InputError when permission is
+/// missing.
 std::unique_ptr<Instrument> open_instrument(const StudioInstrument& address);
 using OpenInstrument = std::function<std::unique_ptr<Instrument>(const StudioInstrument&)>;
 
-/// What an instrument said, fit for a message: one line, printable, not long.
+/// Quotes an answer for a message: printable, at most 60 characters.
 std::string in_quotes(const std::string& answer);
 
 }  // namespace v3d

@@ -14,9 +14,9 @@ namespace {
 /// SCPI's number for infinity is 9.9E37.
 constexpr double kScpiInfinity = 9e36;
 
-// What is from where. In each table, settings that can conflict for a moment (a width that was
-// longer than the new period) leave an error behind though each is read back: it is cleared before
-// the burst is set up. Commands beside the manuals' are named.
+// Each table names its sources, and the commands that are not from a manual. Settings that conflict
+// temporarily (an old width that is longer than the new period) leave an error in the queue. It is
+// cleared before the burst is set up, since each setting is read back anyway.
 
 /// Keysight (Agilent) 33500 and 33600: Operating and Service Guide 33500-90901, "BURSt Subsystem"
 /// (configure, count, trigger source, enable, in this order; N cycles or INFinity, answered
@@ -55,8 +55,8 @@ const ScpiDialect kKeysight = {
 /// Rigol: DG800, DG900 and DG2000 Programming Guides, chapter 2: ":SOURce:BURSt" (MODE TRIG, INF or
 /// GAT; TRIGger:SOURce MANual, TRIGger[:IMMediate]; GATE:POLarity of the rear connector; IDLE,
 /// without which the level between bursts is the first point of the waveform), ":OUTPut" (LOAD
-/// INFinity, answered 9.9E+37). The DG1000Z has the same commands by published drivers; its guide
-/// was not to be had.
+/// INFinity, answered 9.9E+37). The DG1000Z has the same commands, according to published drivers;
+/// its guide was not available.
 const ScpiDialect kRigol = {
     .name = "rigol-dg",
     .makers = {"RIGOL"},
@@ -86,9 +86,10 @@ const ScpiDialect kRigol = {
     .on = {{":OUTP{channel} ON", ":OUTP{channel}?", "", "ON"}},
     .start = ":SOUR{channel}:BURS:TRIG"};
 
-/// Siglent SDG1000X, 2000X, 6000X: Programming Guide PG02, "BTWV" (STATE comes first: the others
-/// are refused while it is off; GATE_NCYC, TRSR, TIME in cycles or INF, MTRIG), "BSWV", "OUTP"
-/// (LOAD HZ, PLRT NOR). It fires when the burst is enabled, so the output is off until all is set.
+/// Siglent SDG1000X, 2000X, 6000X: Programming Guide PG02, "BTWV" (STATE comes first: the
+/// instrument rejects the others while it is off; GATE_NCYC, TRSR, TIME in cycles or INF, MTRIG),
+/// "BSWV", "OUTP" (LOAD HZ, PLRT NOR). It makes pulses when the burst is enabled, so the output is
+/// off until all is set.
 const ScpiDialect kSiglent = {
     .name = "siglent-sdg",
     .makers = {"SIGLENT"},
@@ -116,10 +117,10 @@ const ScpiDialect kSiglent = {
     .start = "C{channel}:BTWV MTRIG"};
 
 /// BNC 575 and Quantum Composers 9510 to 9530 (one design): 9500 Plus and 9530 User Manuals, "SCPI
-/// Command Format" (keywords short or long, every command answered "ok" or "?n", booleans asked for
-/// come as 1 or 0, channel 0 is the clock T0 of all). The names of the clock's settings (MODE NORM,
-/// BURS; BCOunter; TRIGger and GATE MODE DIS) are those of published drivers of both makes. Pulses
-/// start when channel 0 is enabled; channel {channel} is enabled before.
+/// Command Format" (short or long keywords; every command is answered with "ok" or "?n"; boolean
+/// answers are 1 or 0; channel 0 is the clock T0 of all channels). The names of the clock settings
+/// (MODE NORM, BURS; BCOunter; TRIGger and GATE MODE DIS) are those of published drivers for both
+/// makes. Pulses start when channel 0 is enabled; channel {channel} is enabled before.
 const ScpiDialect kBnc = {
     .name = "bnc575",
     .makers = {"BNC", "BERKELEY", "QC", "QUANTUM"},
@@ -165,7 +166,7 @@ std::string_view trimmed(std::string_view text) {
   return text.substr(first, text.find_last_not_of(kBlank) - first + 1);
 }
 
-/// Of an upper-case text with or without a unit; empty when it is no number.
+/// The value of an upper-case text with or without a unit; empty when it is not a number.
 std::optional<double> number_of(std::string_view text) {
   static constexpr std::array<std::pair<std::string_view, double>, 10> kUnits = {{{"", 1},
                                                                                   {"HZ", 1},
@@ -196,21 +197,21 @@ bool same_number(double a, double b) {
 }
 
 bool same_word(std::string_view a, std::string_view b) {
-  constexpr size_t kShortest = 3;
+  constexpr size_t kMinAbbreviation = 3;
   if (a.size() > b.size()) std::swap(a, b);
-  return a == b || (a.size() >= kShortest && b.starts_with(a));
+  return a == b || (a.size() >= kMinAbbreviation && b.starts_with(a));
 }
 
 std::string_view part_of(std::string_view answer, std::string_view part) {
   if (part.empty()) return answer;
-  std::string_view rest = trimmed(answer.substr(std::min(answer.size(), answer.find(' '))));
-  if (part == "*") return trimmed(rest.substr(0, rest.find(',')));
-  while (!rest.empty()) {
-    const size_t comma = rest.find(',');
-    const bool found = trimmed(rest.substr(0, comma)) == part;
+  std::string_view remaining = trimmed(answer.substr(std::min(answer.size(), answer.find(' '))));
+  if (part == "*") return trimmed(remaining.substr(0, remaining.find(',')));
+  while (!remaining.empty()) {
+    const size_t comma = remaining.find(',');
+    const bool found = trimmed(remaining.substr(0, comma)) == part;
     if (comma == std::string_view::npos) break;
-    rest.remove_prefix(comma + 1);
-    if (found) return trimmed(rest.substr(0, rest.find(',')));
+    remaining.remove_prefix(comma + 1);
+    if (found) return trimmed(remaining.substr(0, remaining.find(',')));
   }
   return {};
 }
@@ -231,7 +232,7 @@ const ScpiDialect& scpi_dialect(Dialect dialect) {
   return kBnc;
 }
 
-std::string fill_in(std::string_view text, const ScpiValues& values) {
+std::string substitute_values(std::string_view text, const ScpiValues& values) {
   const std::array<std::pair<std::string_view, std::string>, 6> names = {
       {{"{channel}", std::to_string(values.channel)},
        {"{rate}", number_text(values.train.rate_hz)},

@@ -1,4 +1,4 @@
-// What families of signal generators want to be told, as tables.
+// Command tables of signal generator families (SCPI).
 #pragma once
 
 #include <optional>
@@ -11,42 +11,46 @@
 
 namespace v3d {
 
-/// One setting and how it is read back. The texts hold {channel}, {rate} (Hz), {period} and {width}
-/// (s), {high} (V) and {count}.
+/// One setting and the query that reads it back. Placeholders in the texts: {channel}, {rate} (Hz),
+/// {period} and {width} (s), {high} (V) and {count}.
 struct ScpiSetting {
   std::string_view set;
-  std::string_view query = {};  ///< empty: cannot be asked
-  /// Which part of the answer is meant: empty: all of it; a word: what follows that word in an
-  /// answer "C1:BSWV WVTP,PULSE,FRQ,25HZ"; "*": its first part.
+  std::string_view query = {};  ///< empty: the setting cannot be read back
+  /// The field of the answer to compare. Empty: the whole answer. A key: the value after this key
+  /// in an answer like "C1:BSWV WVTP,PULSE,FRQ,25HZ". "*": the first field.
   std::string_view part = {};
-  std::string_view want = {};
+  std::string_view want = {};  ///< expected value
 };
 
+/// The commands of a family of signal generators, as tables in the order of execution.
 struct ScpiDialect {
   std::string_view name;
-  std::vector<std::string_view> makers;  ///< *IDN? holds one of these words
-  bool acknowledges = false;             ///< every command is answered "ok"
-  std::string_view error_query = {};     ///< answers "0,..." or "+0,..." when all is well
-  std::vector<ScpiSetting> off;          ///< no pulse may come after these
-  std::vector<ScpiSetting> shape;        ///< of the pulses
-  std::vector<ScpiSetting> burst;        ///< {count} pulses at `start`
-  std::vector<ScpiSetting> endless;      ///< pulses from `start` on
+  std::vector<std::string_view> makers;  ///< the answer to *IDN? contains one of these words
+  bool acknowledges = false;             ///< every command is answered with "ok"
+  std::string_view error_query = {};     ///< answer without an error: "0,..." or "+0,..."
+  std::vector<ScpiSetting> off;          ///< turns the output off: no pulses afterwards
+  std::vector<ScpiSetting> shape;        ///< form of the pulses
+  std::vector<ScpiSetting> burst;        ///< {count} pulses after `start`
+  std::vector<ScpiSetting> endless;      ///< pulses without end after `start`
   std::vector<ScpiSetting> gated;        ///< pulses while the gate input is high
-  std::vector<ScpiSetting> on;           ///< the output is connected, still without a pulse
+  std::vector<ScpiSetting> on;           ///< connects the output, without pulses yet
   std::string_view start;
 };
 
 const ScpiDialect& scpi_dialect(Dialect dialect);
 
+/// Values of the placeholders.
 struct ScpiValues {
   int channel = 1;
   double high_v = 3.3;
   PulseTrain train;
 };
-std::string fill_in(std::string_view text, const ScpiValues& values);
+/// Replaces the placeholders in `text`.
+std::string substitute_values(std::string_view text, const ScpiValues& values);
 
-/// Whether an answer says what is wanted: numbers to 1 in 10,000, in any notation and with a unit;
-/// words in any case, short or long ("PULS", "PULSE"); ON and OFF also as 1 and 0.
+/// Whether the field `part` of an answer equals `want`. Numbers: within 1 in 10,000, in any
+/// notation, with or without a unit. Words: in any case, short or long ("PULS", "PULSE"). ON and
+/// OFF: also 1 and 0.
 bool says(std::string_view answer, std::string_view part, std::string_view want);
 
 }  // namespace v3d

@@ -8,12 +8,12 @@
 namespace v3d {
 namespace {
 
-/// All tries of one command together, what a single transfer may take longer aside.
-constexpr Duration kPatience = std::chrono::seconds(6);
-constexpr int kTries = 3;  ///< with an instrument that was not unplugged in between
-constexpr Duration kBetweenTries = std::chrono::milliseconds(300);
-/// The clocks of the instrument and of this host differ by less than one part in so many.
-constexpr int64_t kClockPart = 2000;
+/// Time limit for all attempts of one task. The last transfer may exceed it.
+constexpr Duration kCommandTimeout = std::chrono::seconds(6);
+constexpr int kMaxAttempts = 3;  ///< for an instrument that was not unplugged meanwhile
+constexpr Duration kRetryInterval = std::chrono::milliseconds(300);
+/// The clocks of the instrument and of this host differ by less than 1 in kClockToleranceDivisor.
+constexpr int64_t kClockToleranceDivisor = 2000;
 
 }  // namespace
 
@@ -30,52 +30,52 @@ ScpiGenerator::ScpiGenerator(const StudioTrigger& trigger, OpenInstrument open,
 
 ScpiGenerator::~ScpiGenerator() { stop(); }
 
-void ScpiGenerator::try_to(const std::function<void()>& work) {
-  patience_ = clock_.now() + kPatience;
-  bool was_there = false;  // then it will be plugged in again: worth all the patience
-  for (int tries = 1;; ++tries) {
-    std::string why;
+void ScpiGenerator::with_retries(const std::function<void()>& work) {
+  deadline_ = clock_.now() + kCommandTimeout;
+  bool was_present = false;  // it may be plugged in again: wait until the deadline
+  for (int attempt = 1;; ++attempt) {
+    std::string reason;
     bool unplugged = false;
     try {
       open_if_closed();
       return work();
     } catch (const InstrumentAbsent& error) {
-      was_there = was_there || instrument_;
-      unplugged = was_there;
-      why = unplugged ? "was unplugged, and is not back" : error.what();
+      was_present = was_present || instrument_;
+      unplugged = was_present;
+      reason = unplugged ? "was unplugged and was not plugged in again" : error.what();
     } catch (const InstrumentError& error) {
-      was_there = was_there || instrument_;
-      why = error.what();
+      was_present = was_present || instrument_;
+      reason = error.what();
     }
     instrument_.reset();
-    const MonotonicInstant again = clock_.now() + kBetweenTries;
-    if (again >= patience_ || (tries >= kTries && !unplugged)) {
-      throw InputError(trigger_.instrument.text() + ": " + why);
+    const MonotonicInstant next_attempt = clock_.now() + kRetryInterval;
+    if (next_attempt >= deadline_ || (attempt >= kMaxAttempts && !unplugged)) {
+      throw InputError(trigger_.instrument.text() + ": " + reason);
     }
-    clock_.sleep_until(again);
+    clock_.sleep_until(next_attempt);
   }
 }
 
 void ScpiGenerator::open_if_closed() {
   if (instrument_) return;
   instrument_ = open_(trigger_.instrument);
-  std::string name = ask("*IDN?");
+  std::string name = query("*IDN?");
   std::transform(name.begin(), name.end(), name.begin(),
                  [](unsigned char c) { return static_cast<char>(std::toupper(c)); });
   for (const std::string_view maker : dialect_.makers) {
     if (name.find(maker) != std::string::npos) return;
   }
-  throw InstrumentError("is " + in_quotes(name) + ", which does not speak " +
-                        std::string(dialect_.name));
+  throw InstrumentError("identifies itself as " + in_quotes(name) +
+                        ", which does not support the dialect " + std::string(dialect_.name));
 }
 
-std::string ScpiGenerator::ask(const std::string& line) {
-  refuse_slow();
+std::string ScpiGenerator::query(const std::string& line) {
+  check_deadline();
   return instrument_->query(line);
 }
 
-void ScpiGenerator::tell(const std::string& line) {
-  refuse_slow();
+void ScpiGenerator::send(const std::string& line) {
+  check_deadline();
   if (!dialect_.acknowledges) return instrument_->write(line);
   const std::string answer = instrument_->query(line);
   if (!says(answer, "", "OK")) {
@@ -83,27 +83,27 @@ void ScpiGenerator::tell(const std::string& line) {
   }
 }
 
-void ScpiGenerator::refuse_slow() const {
-  if (clock_.now() >= patience_) throw InstrumentError("takes too long for everything");
+void ScpiGenerator::check_deadline() const {
+  if (clock_.now() >= deadline_) throw InstrumentError("is too slow: not done within 6 s");
 }
 
 void ScpiGenerator::apply(const std::vector<ScpiSetting>& settings) {
   for (const ScpiSetting& setting : settings) {
-    const std::string line = fill_in(setting.set, values_);
-    tell(line);
+    const std::string line = substitute_values(setting.set, values_);
+    send(line);
     if (setting.query.empty()) continue;
-    const std::string answer = ask(fill_in(setting.query, values_));
-    const std::string want = fill_in(setting.want, values_);
+    const std::string answer = query(substitute_values(setting.query, values_));
+    const std::string want = substitute_values(setting.want, values_);
     if (says(answer, setting.part, want)) continue;
-    throw InstrumentError("was told " + line + " and says " + in_quotes(answer));
+    throw InstrumentError("did not accept " + line + ": it reports " + in_quotes(answer));
   }
 }
 
-void ScpiGenerator::refuse_errors() {
+void ScpiGenerator::check_error_queue() {
   if (dialect_.error_query.empty()) return;
-  const std::string answer = ask(std::string(dialect_.error_query));
+  const std::string answer = query(std::string(dialect_.error_query));
   if (!says(answer.substr(0, answer.find(',')), "", "0")) {
-    throw InstrumentError("has the error " + in_quotes(answer));
+    throw InstrumentError("reports the error " + in_quotes(answer));
   }
 }
 
@@ -115,7 +115,7 @@ void ScpiGenerator::close_gate() {
 
 void ScpiGenerator::silence() {
   close_gate();
-  try_to([this] { turn_off(); });
+  with_retries([this] { turn_off(); });
 }
 
 void ScpiGenerator::turn_off() {
@@ -124,34 +124,34 @@ void ScpiGenerator::turn_off() {
 }
 
 void ScpiGenerator::arm(const PulseTrain& train) {
-  refuse_impossible(train, trigger_.instrument.text());
+  check_train(train, trigger_.instrument.text());
   may_run_ = false;
   started_.reset();
   stopped_.reset();
   fault_.clear();
   values_.train = train;
   close_gate();
-  try_to([&] { program(train); });
+  with_retries([&] { program(train); });
 }
 
 void ScpiGenerator::program(const PulseTrain& train) {
   turn_off();
   apply(dialect_.shape);
   apply(train.count ? dialect_.burst : is_gated() ? dialect_.gated : dialect_.endless);
-  refuse_errors();
+  check_error_queue();
   output_on_ = true;
   apply(dialect_.on);
 }
 
 void ScpiGenerator::start() {
   V3D_CHECK(instrument_ && "arm() comes first");
-  patience_ = clock_.now() + kPatience;
+  deadline_ = clock_.now() + kCommandTimeout;
   may_run_ = true;
   try {
     if (is_gated() && !gate_->set(true)) {
       throw InstrumentError("gate line " + line_text(*trigger_.gate) + " is gone");
     }
-    if (!is_gated()) tell(fill_in(dialect_.start, values_));
+    if (!is_gated()) send(substitute_values(dialect_.start, values_));
   } catch (const InstrumentError& error) {
     instrument_.reset();
     throw InputError(trigger_.instrument.text() + ": does not start: " + error.what());
@@ -163,16 +163,16 @@ void ScpiGenerator::stop() {
   if (!output_on_ || stopped_) return;
   if (gate_ && !gate_->set(false)) fault_ = "gate line " + line_text(*trigger_.gate) + " is gone";
   try {
-    try_to([this] { turn_off(); });
+    with_retries([this] { turn_off(); });
   } catch (const InputError& error) {
-    if (may_run_) fault_ = std::string("pulses may go on: ") + error.what();
+    if (may_run_) fault_ = std::string("pulses may continue: ") + error.what();
   }
   if (started_) stopped_ = clock_.now();
 }
 
 MonotonicInstant ScpiGenerator::end() const {
   const Duration length = *values_.train.count * period_of(values_.train.rate_hz);
-  return *started_ + length + length / kClockPart + period_of(values_.train.rate_hz);
+  return *started_ + length + length / kClockToleranceDivisor + period_of(values_.train.rate_hz);
 }
 
 int64_t ScpiGenerator::commanded() const {

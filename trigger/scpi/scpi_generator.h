@@ -1,4 +1,4 @@
-// Pulses of a signal generator that is programmed over USB or a serial port.
+// Pulse generator: a bench signal generator that is programmed with SCPI over USB or a serial port.
 #pragma once
 
 #include <memory>
@@ -13,10 +13,12 @@
 namespace v3d {
 
 /// A train of known length is a burst, which the instrument counts. A train without end runs while
-/// the gate line is active, where there is one, and otherwise until the output is turned off; its
-/// count is an estimate by this host's clock, so a sense line should stand beside it. Every setting
-/// is read back. Everything that is wrong with the instrument is tried again, from opening it on,
-/// and then said in one line; one that is unplugged may come back within some seconds.
+/// the gate line is active or, without a gate line, until the output is turned off. Its count is an
+/// estimate by this host's clock, so a sense line should be used.
+///
+/// Every setting is read back. After an error the instrument is opened again and the task is
+/// repeated, at most three times; then the error is reported in one line. An instrument that was
+/// unplugged may be plugged in again within 6 s.
 class ScpiGenerator : public PulseGenerator {
  public:
   explicit ScpiGenerator(const StudioTrigger& trigger, OpenInstrument open = open_instrument,
@@ -30,7 +32,7 @@ class ScpiGenerator : public PulseGenerator {
   int64_t commanded() const override;
   std::optional<MonotonicInstant> first_pulse() const override { return started_; }
   bool finished() const override;
-  /// A burst that was not broken off.
+  /// True for a burst that was not stopped early.
   bool counts_exactly() const override {
     return values_.train.count && (!stopped_ || *stopped_ >= end());
   }
@@ -38,19 +40,23 @@ class ScpiGenerator : public PulseGenerator {
   std::string fault() const override { return fault_; }
 
  private:
-  /// Does `work` with the instrument open and known to be of the dialect; again, if it fails.
-  void try_to(const std::function<void()>& work);
+  /// Opens the instrument if needed, checks its dialect and calls `work`; repeats this after
+  /// errors.
+  void with_retries(const std::function<void()>& work);
   void open_if_closed();
   void close_gate();
   void turn_off();
   void program(const PulseTrain& train);
   void apply(const std::vector<ScpiSetting>& settings);
-  void tell(const std::string& line);
-  std::string ask(const std::string& line);
-  void refuse_slow() const;
-  void refuse_errors();
+  void send(const std::string& line);
+  std::string query(const std::string& line);
+  /// Throws InstrumentError after deadline_.
+  void check_deadline() const;
+  /// Throws InstrumentError when the instrument reports an error.
+  void check_error_queue();
   bool is_gated() const { return gate_ && !values_.train.count; }
-  /// When the instrument has surely made the last pulse of a burst, its clock being what it is.
+  /// The time by which the instrument has made the last pulse of a burst, with a margin for its
+  /// clock.
   MonotonicInstant end() const;
 
   const StudioTrigger trigger_;
@@ -61,9 +67,9 @@ class ScpiGenerator : public PulseGenerator {
   ScpiValues values_;
   std::unique_ptr<Instrument> instrument_;
   std::unique_ptr<OutputLine> gate_;
-  MonotonicInstant patience_;
-  bool output_on_ = false;  ///< connected, or perhaps
-  bool may_run_ = false;    ///< it was told to start
+  MonotonicInstant deadline_;
+  bool output_on_ = false;  ///< the output may be connected
+  bool may_run_ = false;    ///< start() was called since arm()
   std::optional<MonotonicInstant> started_;
   std::optional<MonotonicInstant> stopped_;
   std::string fault_;

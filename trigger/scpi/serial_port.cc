@@ -15,9 +15,9 @@ namespace v3d {
 namespace {
 
 constexpr Duration kTimeout = std::chrono::seconds(1);
-constexpr size_t kLongestAnswer = 4096;
+constexpr size_t kMaxAnswerBytes = 4096;
 
-/// As termios names it.
+/// The termios constant of a speed.
 speed_t speed_of(int baud) {
   static constexpr std::array<std::pair<int, speed_t>, 8> kSpeeds = {{{4800, B4800},
                                                                       {9600, B9600},
@@ -30,7 +30,10 @@ speed_t speed_of(int baud) {
   for (const auto& [value, speed] : kSpeeds) {
     if (value == baud) return speed;
   }
-  throw InputError(std::to_string(baud) + " baud: no speed of a serial port");
+  throw InputError(
+      std::to_string(baud) +
+      " baud is not supported; right would be 4800, 9600, 19200, 38400, 57600, 115200, "
+      "230400 or 460800");
 }
 
 }  // namespace
@@ -55,7 +58,7 @@ SerialPort::~SerialPort() { close(fd_); }
 
 void SerialPort::set_up(int baud) {
   termios settings{};
-  if (tcgetattr(fd_, &settings) != 0) throw InputError("is no serial port");
+  if (tcgetattr(fd_, &settings) != 0) throw InputError("is not a serial port");
   cfmakeraw(&settings);
   settings.c_cflag &= ~static_cast<tcflag_t>(CSTOPB | CRTSCTS);
   settings.c_cflag |= CLOCAL | CREAD;
@@ -68,9 +71,9 @@ void SerialPort::set_up(int baud) {
 }
 
 bool SerialPort::wait_for(short events, MonotonicInstant deadline) const {
-  const auto left = (deadline - Monotonic::now()) / std::chrono::milliseconds(1);
+  const auto remaining_ms = (deadline - Monotonic::now()) / std::chrono::milliseconds(1);
   pollfd ready{fd_, events, 0};
-  poll(&ready, 1, static_cast<int>(std::max<int64_t>(0, left)));
+  poll(&ready, 1, static_cast<int>(std::max<int64_t>(0, remaining_ms)));
   if ((ready.revents & (POLLERR | POLLHUP | POLLNVAL)) != 0) {
     throw InstrumentAbsent("was unplugged");
   }
@@ -78,11 +81,11 @@ bool SerialPort::wait_for(short events, MonotonicInstant deadline) const {
 }
 
 void SerialPort::write(const std::string& line) {
-  tcflush(fd_, TCIFLUSH);  // what an earlier command was answered late
+  tcflush(fd_, TCIFLUSH);  // discards late answers to earlier commands
   const std::string text = line + "\r\n";
   const MonotonicInstant deadline = Monotonic::now() + kTimeout;
   for (size_t sent = 0; sent < text.size();) {
-    if (!wait_for(POLLOUT, deadline)) throw InstrumentError("takes no commands");
+    if (!wait_for(POLLOUT, deadline)) throw InstrumentError("does not accept commands");
     const ssize_t n = ::write(fd_, text.data() + sent, text.size() - sent);
     if (n < 0 && errno != EAGAIN && errno != EINTR) throw InstrumentAbsent("was unplugged");
     sent += static_cast<size_t>(std::max<ssize_t>(0, n));
@@ -101,7 +104,8 @@ std::string SerialPort::query(const std::string& line) {
       throw InstrumentAbsent("was unplugged");
     }
     if (n == 1) answer += c;
-    if (answer.size() > kLongestAnswer) throw InstrumentError("talks without end");
+    if (answer.size() > kMaxAnswerBytes)
+      throw InstrumentError("sends an answer without a line end");
   }
   while (!answer.empty() && (answer.back() == '\n' || answer.back() == '\r')) answer.pop_back();
   return answer;

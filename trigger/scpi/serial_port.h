@@ -1,4 +1,4 @@
-// An instrument on a serial port.
+// Instrument on a serial port.
 #pragma once
 
 #include <filesystem>
@@ -9,12 +9,12 @@
 
 namespace v3d {
 
-/// 8 data bits, no parity, 1 stop bit, no flow control; lines end in CR LF, answers
-/// in LF. The port is for this process alone.
+/// 8 data bits, no parity, 1 stop bit, no flow control. Commands end with CR LF, answers with LF.
+/// The port is opened for exclusive use.
 class SerialPort : public Instrument {
  public:
-  /// `baud` as in the studio file. Throws InstrumentError when it is not there, InputError when it
-  /// may not be used.
+  /// `baud` as in the studio file. Throws InstrumentError when the device does not exist,
+  /// InputError when it cannot be used.
   SerialPort(const std::filesystem::path& device, int baud);
   ~SerialPort() override;
   SerialPort(const SerialPort&) = delete;
@@ -25,7 +25,7 @@ class SerialPort : public Instrument {
 
  private:
   void set_up(int baud);
-  /// False when nothing can be read or written before the time-out.
+  /// Returns false when `deadline` passes first. Throws InstrumentAbsent.
   bool wait_for(short events, MonotonicInstant deadline) const;
 
   int fd_ = -1;

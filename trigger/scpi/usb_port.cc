@@ -50,7 +50,7 @@ struct Library {
   libusb_context* context = nullptr;
 };
 
-/// The devices of this moment.
+/// The connected devices.
 struct DeviceList {
   explicit DeviceList(const Library& library) {
     count = libusb_get_device_list(library.context, &devices);
@@ -64,7 +64,7 @@ struct DeviceList {
   ssize_t count = 0;
 };
 
-/// The interface that is an instrument, and its pipes.
+/// The USBTMC interface of a device and its bulk endpoints; interface -1: none.
 struct Pipes {
   int interface = -1;
   uint8_t out = 0;
@@ -111,7 +111,7 @@ class LibusbPort : public UsbPort {
     }
   }
   ~LibusbPort() override {
-    libusb_release_interface(handle_, pipes_.interface);  // gives it back to the kernel's driver
+    libusb_release_interface(handle_, pipes_.interface);  // the kernel driver attaches again
     libusb_close(handle_);
   }
   LibusbPort(const LibusbPort&) = delete;
@@ -158,15 +158,16 @@ class LibusbPort : public UsbPort {
  private:
   void open(const StudioInstrument& address) {
     const DeviceList list(library_);
-    int refusal = 0;
+    int open_error = 0;
     for (ssize_t i = 0; i < list.count && handle_ == nullptr; ++i) {
-      libusb_device_descriptor about{};
-      libusb_get_device_descriptor(list.devices[i], &about);
-      if (about.idVendor != address.vendor || about.idProduct != address.product) continue;
+      libusb_device_descriptor descriptor{};
+      libusb_get_device_descriptor(list.devices[i], &descriptor);
+      if (descriptor.idVendor != address.vendor || descriptor.idProduct != address.product)
+        continue;
       libusb_device_handle* handle = nullptr;
-      refusal = libusb_open(list.devices[i], &handle);
-      if (refusal != 0) continue;
-      if (has_serial(handle, about, address.serial)) {
+      open_error = libusb_open(list.devices[i], &handle);
+      if (open_error != 0) continue;
+      if (has_serial(handle, descriptor, address.serial)) {
         handle_ = handle;
         pipes_ = find_pipes(list.devices[i]);
       } else {
@@ -174,26 +175,26 @@ class LibusbPort : public UsbPort {
       }
     }
     if (handle_ != nullptr) return;
-    if (refusal == LIBUSB_ERROR_ACCESS) {
-      throw InputError(usb_message(name_, refusal) + "; is the user in the group v3d?");
+    if (open_error == LIBUSB_ERROR_ACCESS) {
+      throw InputError(usb_message(name_, open_error) + "; is the user in the group v3d?");
     }
-    throw InstrumentAbsent("no such instrument on USB; lsusb lists what is there");
+    throw InstrumentAbsent("no such instrument on USB; lsusb lists the connected devices");
   }
 
-  static bool has_serial(libusb_device_handle* handle, const libusb_device_descriptor& about,
+  static bool has_serial(libusb_device_handle* handle, const libusb_device_descriptor& descriptor,
                          const std::string& serial) {
     if (serial.empty()) return true;
     std::array<unsigned char, 256> text{};
-    const int n = libusb_get_string_descriptor_ascii(handle, about.iSerialNumber, text.data(),
+    const int n = libusb_get_string_descriptor_ascii(handle, descriptor.iSerialNumber, text.data(),
                                                      static_cast<int>(text.size()));
     return n > 0 && std::string(text.begin(), text.begin() + n) == serial;
   }
 
   void claim() {
-    if (pipes_.interface < 0) throw InputError(name_ + ": is no USBTMC instrument");
+    if (pipes_.interface < 0) throw InputError(name_ + ": is not a USBTMC instrument");
     libusb_set_auto_detach_kernel_driver(handle_, 1);
     const int error = libusb_claim_interface(handle_, pipes_.interface);
-    if (error != 0) throw InstrumentError(usb_message("cannot be taken", error));
+    if (error != 0) throw InstrumentError(usb_message("cannot be claimed", error));
   }
 
   const std::string name_;

@@ -1,4 +1,5 @@
-// A USB instrument's pipes. usb_port.cc is the adapter of libusb, the only file that sees it.
+// USB endpoints of an instrument: an interface, and its implementation with libusb. Only
+// usb_port.cc includes libusb.
 #pragma once
 
 #include <cstdint>
@@ -13,8 +14,7 @@ namespace v3d {
 
 enum class UsbOutcome : uint8_t { kDone, kTimeout, kStall, kGone, kError };
 
-/// Requests of the class, to the endpoint or interface that they are meant for (USBTMC 1.0, table
-/// 15).
+/// Control requests of the USBTMC class (USBTMC 1.0, table 15).
 enum class UsbtmcRequest : uint8_t {
   kAbortOut = 1,
   kCheckAbortOut = 2,
@@ -24,21 +24,24 @@ enum class UsbtmcRequest : uint8_t {
   kCheckClear = 6,
 };
 
-/// One thread. Every call ends within its time-out.
+/// Threads: one. Every call ends within its time-out.
 class UsbPort {
  public:
   virtual ~UsbPort() = default;
+  /// One bulk transfer to the instrument.
   virtual UsbOutcome send(std::span<const uint8_t> bytes, Duration timeout) = 0;
-  /// One transfer of up to bytes.size(); resized to what came.
+  /// One bulk transfer of at most bytes.size() bytes; `bytes` is resized to the received length.
   virtual UsbOutcome receive(std::vector<uint8_t>& bytes, Duration timeout) = 0;
-  /// `value`: the request's; the first byte of the answer is the instrument's status.
+  /// A control request with wValue `value`, to the endpoint or interface that it concerns.
+  /// `status`: the first byte of the answer.
   virtual UsbOutcome request(UsbtmcRequest request, uint16_t value, uint8_t& status) = 0;
-  /// Takes the stall off both pipes.
+  /// Clears the halt condition of both bulk endpoints.
   virtual void clear_stalls() = 0;
 };
 
-/// Takes the instrument from the kernel's usbtmc driver until the object is destroyed. Throws
-/// InstrumentError when it is not there, InputError when it may not be used or is no instrument.
+/// Detaches the kernel's usbtmc driver until the object is destroyed. Throws InstrumentError when
+/// the instrument is not connected or cannot be claimed. Throws InputError when permission is
+/// missing or the device is not a USBTMC instrument.
 std::unique_ptr<UsbPort> open_usb_port(const StudioInstrument& address);
 
 }  // namespace v3d

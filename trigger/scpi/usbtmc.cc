@@ -11,8 +11,8 @@ namespace {
 
 constexpr Duration kTimeout = std::chrono::seconds(1);
 constexpr size_t kTransfer = 4096;
-/// Longer than any answer that a generator is asked for.
-constexpr size_t kLongestAnswer = 16'384;
+/// Longer than any answer to the queries of this project.
+constexpr size_t kMaxAnswerBytes = 16'384;
 constexpr int kMaxParts = 64;
 constexpr int kMaxChecks = 20;
 constexpr uint8_t kStatusSuccess = 1;
@@ -21,7 +21,7 @@ constexpr uint8_t kStatusPending = 2;
 }  // namespace
 
 Usbtmc::Usbtmc(std::unique_ptr<UsbPort> port) : port_(std::move(port)) {
-  settle(UsbtmcRequest::kClear, UsbtmcRequest::kCheckClear, 0);
+  initiate_and_wait(UsbtmcRequest::kClear, UsbtmcRequest::kCheckClear, 0);
   port_->clear_stalls();
 }
 
@@ -48,25 +48,25 @@ std::string Usbtmc::read() {
   std::string text;
   for (int parts = 0; parts < kMaxParts; ++parts) {
     if (read_part(text)) return text;
-    if (text.size() > kLongestAnswer) break;
+    if (text.size() > kMaxAnswerBytes) break;
   }
-  fail_nonsense("an answer without end");
+  fail_protocol("the answer has no end");
 }
 
 bool Usbtmc::read_part(std::string& text) {
   const uint8_t tag = next_tag();
-  const UsbOutcome asked = port_->send(usbtmc_request(tag, kTransfer), kTimeout);
-  if (asked != UsbOutcome::kDone) {
-    fail(asked, UsbtmcRequest::kAbortOut, UsbtmcRequest::kCheckAbortOut);
+  const UsbOutcome request_outcome = port_->send(usbtmc_request(tag, kTransfer), kTimeout);
+  if (request_outcome != UsbOutcome::kDone) {
+    fail(request_outcome, UsbtmcRequest::kAbortOut, UsbtmcRequest::kCheckAbortOut);
   }
   std::vector<uint8_t> bytes;
   receive(bytes);
   const auto in = parse_usbtmc_in(bytes, tag);
-  if (!in || in->size > kTransfer) fail_nonsense("no USBTMC header, or of another request");
+  if (!in || in->size > kTransfer) fail_protocol("a wrong USBTMC header");
   text += in->text;
   for (size_t left = in->size - in->text.size(); left > 0;) {
     receive(bytes);
-    if (bytes.empty()) fail_nonsense("less than it announced");
+    if (bytes.empty()) fail_protocol("fewer bytes than announced");
     const size_t here = std::min(left, bytes.size());
     text.append(bytes.begin(), bytes.begin() + static_cast<ptrdiff_t>(here));
     left -= here;
@@ -82,7 +82,7 @@ void Usbtmc::receive(std::vector<uint8_t>& bytes) {
   }
 }
 
-void Usbtmc::settle(UsbtmcRequest initiate, UsbtmcRequest check, uint16_t value) {
+void Usbtmc::initiate_and_wait(UsbtmcRequest initiate, UsbtmcRequest check, uint16_t value) {
   uint8_t status = 0;
   if (port_->request(initiate, value, status) != UsbOutcome::kDone) return;
   if (status != kStatusSuccess) return;
@@ -96,24 +96,24 @@ void Usbtmc::fail(UsbOutcome outcome, UsbtmcRequest abort, UsbtmcRequest check) 
     case UsbOutcome::kGone:
       throw InstrumentAbsent("was unplugged");
     case UsbOutcome::kTimeout:
-      settle(abort, check, tag_);
-      settle(UsbtmcRequest::kClear, UsbtmcRequest::kCheckClear, 0);
+      initiate_and_wait(abort, check, tag_);
+      initiate_and_wait(UsbtmcRequest::kClear, UsbtmcRequest::kCheckClear, 0);
       port_->clear_stalls();
       throw InstrumentError("does not answer");
     case UsbOutcome::kStall:
       port_->clear_stalls();
-      settle(UsbtmcRequest::kClear, UsbtmcRequest::kCheckClear, 0);
+      initiate_and_wait(UsbtmcRequest::kClear, UsbtmcRequest::kCheckClear, 0);
       port_->clear_stalls();
-      throw InstrumentError("refuses a transfer (STALL)");
+      throw InstrumentError("rejects a transfer (STALL)");
     default:
       throw InstrumentError("USB transfer failed");
   }
 }
 
-void Usbtmc::fail_nonsense(const std::string& what) {
-  settle(UsbtmcRequest::kClear, UsbtmcRequest::kCheckClear, 0);
+void Usbtmc::fail_protocol(const std::string& what) {
+  initiate_and_wait(UsbtmcRequest::kClear, UsbtmcRequest::kCheckClear, 0);
   port_->clear_stalls();
-  throw InstrumentError("talks nonsense: " + what);
+  throw InstrumentError("sends invalid data: " + what);
 }
 
 }  // namespace v3d

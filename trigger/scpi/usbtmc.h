@@ -1,4 +1,4 @@
-// An instrument of the USB Test and Measurement Class.
+// Instrument of the USB Test and Measurement Class (USBTMC).
 #pragma once
 
 #include <cstdint>
@@ -10,8 +10,8 @@
 
 namespace v3d {
 
-/// A transfer that times out is aborted, a stall taken off, and an instrument that talks nonsense
-/// is cleared, so that the next call begins afresh.
+/// Aborts a transfer after a time-out, clears stalls, and clears an instrument that sends invalid
+/// data. So the next call starts from a defined state.
 class Usbtmc : public Instrument {
  public:
   explicit Usbtmc(std::unique_ptr<UsbPort> port);
@@ -21,14 +21,16 @@ class Usbtmc : public Instrument {
 
  private:
   std::string read();
-  /// One answer to one request; true when the message is whole.
+  /// Requests one part of the answer and appends it to `text`. Returns true when the message is
+  /// complete.
   bool read_part(std::string& text);
   void receive(std::vector<uint8_t>& bytes);
   uint8_t next_tag();
-  /// INITIATE_... and CHECK_..._STATUS until the instrument is through with it.
-  void settle(UsbtmcRequest initiate, UsbtmcRequest check, uint16_t value);
+  /// Sends INITIATE_..., then CHECK_..._STATUS until the operation is no longer pending, at most 20
+  /// times.
+  void initiate_and_wait(UsbtmcRequest initiate, UsbtmcRequest check, uint16_t value);
   [[noreturn]] void fail(UsbOutcome outcome, UsbtmcRequest abort, UsbtmcRequest check);
-  [[noreturn]] void fail_nonsense(const std::string& what);
+  [[noreturn]] void fail_protocol(const std::string& what);
 
   const std::unique_ptr<UsbPort> port_;
   uint8_t tag_ = 0;

@@ -9,7 +9,7 @@ constexpr uint8_t kMessageOut = 1;
 constexpr uint8_t kMessageIn = 2;  // request and answer
 constexpr uint8_t kEndOfMessage = 1;
 
-/// With room for `body` bytes behind it.
+/// A header, followed by `body` zero bytes.
 std::vector<uint8_t> message(uint8_t kind, uint8_t tag, size_t size, uint8_t attributes,
                              size_t body) {
   std::vector<uint8_t> bytes(kUsbtmcHeader + body, 0);
@@ -30,8 +30,8 @@ std::vector<uint8_t> usbtmc_out(uint8_t tag, std::string_view text) {
   return bytes;
 }
 
-std::vector<uint8_t> usbtmc_request(uint8_t tag, uint32_t most) {
-  return message(kMessageIn, tag, most, 0, 0);
+std::vector<uint8_t> usbtmc_request(uint8_t tag, uint32_t max_bytes) {
+  return message(kMessageIn, tag, max_bytes, 0, 0);
 }
 
 std::optional<UsbtmcIn> parse_usbtmc_in(std::span<const uint8_t> transfer, uint8_t tag) {
