@@ -124,8 +124,8 @@ std::optional<FrameMessage> decode(std::span<const uint8_t> bytes) {
   m.frame.camera = w->camera;
   m.frame.label = label_of(*w);
   m.frame.sensor_size = {w->width, w->height};
-  // The checksum is compared last, so that a fuzzer, which cannot compute it, reaches the checks
-  // above.
+  // The checksum is computed before the pixels are moved, but decides last: a fuzzer, which cannot
+  // compute it, then reaches the other checks.
   const bool checksum_ok = has_valid_checksum(*w, bytes);
   if (!take_pixels(*w, m.frame) || !read_mask(*w, m.frame) || !checksum_ok) return std::nullopt;
   return m;
