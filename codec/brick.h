@@ -1,4 +1,4 @@
-// A brick: 8 x 8 x 8 voxels of a volume, a bit each.
+// Brick: 8 x 8 x 8 voxels of a volume, one bit each.
 #pragma once
 
 #include <array>

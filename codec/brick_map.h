@@ -1,4 +1,4 @@
-// Which bricks of a lattice of bricks are there, and their numbers in order: a bit each.
+// Set of bricks on a lattice, one bit each, with consecutive numbers of the bricks in the set.
 #pragma once
 
 #include <array>
@@ -17,8 +17,8 @@ struct BrickCoord {
   friend bool operator==(const BrickCoord&, const BrickCoord&) = default;
 };
 
-/// Bits that are set. A plain x86-64 has no instruction for it, and std::popcount() is a call
-/// there.
+/// Number of set bits. Baseline x86-64 has no instruction for it, and std::popcount() is a function
+/// call there.
 constexpr int bit_count(uint64_t x) {
   x -= x >> 1 & 0x5555555555555555;
   x = (x & 0x3333333333333333) + (x >> 2 & 0x3333333333333333);
@@ -26,12 +26,13 @@ constexpr int bit_count(uint64_t x) {
   return static_cast<int>(x * 0x0101010101010101 >> 56);
 }
 
-/// A set of bricks. Filled by one thread, or by several that write different rows; read by any.
+/// A set of bricks. One thread fills it, or several threads that write different rows. Any thread
+/// reads it.
 class BrickMap {
  public:
   static constexpr int kBitsPerWord = 64;
 
-  /// No brick of 0 <= x < counts[0] and so on is in. Keeps its memory.
+  /// Empties the set and sets its range to 0 <= x < counts[0] and so on. Keeps its memory.
   void clear(const std::array<int, 3>& counts);
 
   const std::array<int, 3>& counts() const { return counts_; }
@@ -45,13 +46,14 @@ class BrickMap {
   std::span<const uint64_t> row(int y, int z) const {
     return {&bits_[word_of({0, y, z})], words_per_row()};
   }
-  /// Where the brick's bit lies; for writers that share a row. Requires inside().
+  /// The word that holds the bit of the brick, for writers that share a row. Requires inside().
   uint64_t& word(BrickCoord at) { return bits_[word_of(at)]; }
   static uint64_t bit(BrickCoord at) { return uint64_t{1} << (at.x % kBitsPerWord); }
 
-  /// Numbers the bricks by z, then y, then x, from 0; returns how many there are.
+  /// Numbers the bricks by z, then y, then x, from 0. Returns their count.
   int number();
-  /// The brick's number, -1 where there is none. Requires number().
+  /// The number of the brick; -1 when it is not in the set. Requires number() after the last
+  /// change.
   int index_of(BrickCoord at) const {
     if (!inside(at)) return -1;
     const size_t w = word_of(at);

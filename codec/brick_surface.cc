@@ -1,6 +1,6 @@
-// Bricks are first looked at 64 voxels at a time, as words of the same layout as Brick: which edges
-// are crossed, which cubes hold surface. Counting those bits numbers the vertices; then every brick
-// writes its own part of the mesh.
+// Bricks are processed 64 voxels at a time, as words of the same layout as Brick. First the crossed
+// edges and the cubes with surface are found. Counting these bits numbers the vertices; then every
+// brick writes its own part of the mesh.
 #include "codec/brick_surface.h"
 
 namespace v3d {
@@ -9,14 +9,13 @@ namespace {
 constexpr uint64_t kColumnX0 = 0x0101010101010101;  // voxels with x = 0 in a layer
 constexpr uint64_t kRowY0 = 0xFF;                   // voxels with y = 0
 
-/// A brick and those beside, above and behind it: [n] is the one at (n & 1, n >> 1 & 1, n >> 2).
+/// A brick and its upper neighbours: [n] is the one at (n & 1, n >> 1 & 1, n >> 2).
 using Neighbourhood = std::array<const Brick*, 8>;
 
-/// What a layer of 64 cubes sees at its corners: word c holds the voxels at corner c
-/// (cube_cases.h).
+/// Voxels at the corners of a layer of 64 cubes: word c holds those at corner c (cube_cases.h).
 using CornerWords = std::array<uint64_t, 8>;
 
-/// Voxels moved by one towards lower x; `beside` fills the gap.
+/// Shifts voxels by one towards lower x; `beside` fills the gap.
 uint64_t shift_x(uint64_t layer, uint64_t beside) {
   return (layer >> 1 & ~(kColumnX0 << 7)) | (beside & kColumnX0) << 7;
 }
@@ -37,7 +36,7 @@ CornerWords cube_corners(const Neighbourhood& bricks, int z) {
   return {low[0], low[1], low[2], low[3], high[0], high[1], high[2], high[3]};
 }
 
-/// Cubes with occupied and empty corners.
+/// Mask of the cubes with both occupied and empty corners.
 uint64_t mixed(const CornerWords& c) {
   const uint64_t any = c[0] | c[1] | c[2] | c[3] | c[4] | c[5] | c[6] | c[7];
   const uint64_t all = c[0] & c[1] & c[2] & c[3] & c[4] & c[5] & c[6] & c[7];
@@ -55,33 +54,33 @@ template <class Visit>
 void for_each_cube(const Neighbourhood& bricks, const Visit& visit) {
   for (int z = 0; z < kBrickEdge; ++z) {
     const CornerWords corners = cube_corners(bricks, z);
-    for (uint64_t rest = mixed(corners); rest != 0; rest &= rest - 1) {
-      visit(z, std::countr_zero(rest), corners);
+    for (uint64_t remaining = mixed(corners); remaining != 0; remaining &= remaining - 1) {
+      visit(z, std::countr_zero(remaining), corners);
     }
   }
 }
 
-/// Where brick or cube number n of a group of eight lies from the first.
+/// Position of brick or cube number n of a group of eight whose first is at `at`.
 BrickCoord corner(BrickCoord at, int n) {
   return {at.x + (n & 1), at.y + (n >> 1 & 1), at.z + (n >> 2)};
 }
 
 BrickCoord in_map(BrickCoord at) { return {at.x + 1, at.y + 1, at.z + 1}; }
 
-/// Beyond its end a row is empty.
+/// Word w of a row; 0 after its end.
 uint64_t word_of(std::span<const uint64_t> row, size_t w) { return w < row.size() ? row[w] : 0; }
 
-/// Word w of the bits `row`, moved by one towards higher x.
+/// Word w of `row` shifted by one towards higher x.
 uint64_t moved_up(std::span<const uint64_t> row, size_t w) {
   const uint64_t carry = w > 0 ? word_of(row, w - 1) >> (BrickMap::kBitsPerWord - 1) : 0;
   return word_of(row, w) << 1 | carry;
 }
 
-/// How four rows of bricks cover the places between them.
+/// Four rows of bricks around the lattice positions between them.
 struct RowsBetween {
   std::array<std::span<const uint64_t>, 4> rows;  ///< empty: outside the grid
 
-  /// Places x of word w with any, or with all, of the bricks x - 1 and x of the four rows.
+  /// Positions x of word w where any, or all, of the bricks x - 1 and x of the four rows are set.
   uint64_t any(size_t w) const {
     uint64_t bits = 0;
     for (const auto& row : rows) bits |= moved_up(row, w) | word_of(row, w);
@@ -115,8 +114,8 @@ LatticeEdge edge_at(const HalfVoxels& vertex) {
   return edge;
 }
 
-/// The vertices on the edges that a brick of cubes touches. Lattice edges start at 9 x 9 x 9
-/// places; those that are not crossed hold anything.
+/// Numbers of the vertices on the edges of a brick of cubes. Lattice edges start at 9 x 9 x 9
+/// positions; entries of edges that are not crossed are undefined.
 class BrickSurface::EdgeVertices {
  public:
   static constexpr int kEdge = kBrickEdge + 1;
@@ -127,7 +126,7 @@ class BrickSurface::EdgeVertices {
   uint32_t& operator[](int place) { return vertices_[place]; }
 
  private:
-  std::array<uint32_t, 3 * kEdge * kEdge * kEdge> vertices_;  // NOLINT: not worth filling
+  std::array<uint32_t, 3 * kEdge * kEdge * kEdge> vertices_;  // NOLINT: uninitialised for speed
 };
 
 std::array<BrickSurface::PlacedCase, 256> BrickSurface::place_cases() {
@@ -169,8 +168,8 @@ void BrickSurface::begin(const BrickVolume& volume) {
       const std::span<uint64_t> row = map_.row(y, z);
       for (size_t w = 0; w < row.size(); ++w) {
         row[w] = occupied.any(w) & ~full.all(w);
-        for (uint64_t rest = row[w]; rest != 0; rest &= rest - 1) {
-          const int x = static_cast<int>(w) * BrickMap::kBitsPerWord + std::countr_zero(rest);
+        for (uint64_t remaining = row[w]; remaining != 0; remaining &= remaining - 1) {
+          const int x = static_cast<int>(w) * BrickMap::kBitsPerWord + std::countr_zero(remaining);
           bricks_.emplace_back().at = {x - 1, y - 1, z - 1};
         }
       }
@@ -216,7 +215,8 @@ void BrickSurface::number() {
   }
 }
 
-/// The numbers of the vertices on a brick's edges; `n` is its place among its neighbours.
+/// Writes the vertex numbers of the edges of brick `owner`; `n` is its position in the
+/// neighbourhood.
 void BrickSurface::number_edges(const SurfaceBrick& owner, int n, EdgeVertices& vertices) {
   const int dx = kBrickEdge * (n & 1);
   const int dy = kBrickEdge * (n >> 1 & 1);
@@ -226,8 +226,8 @@ void BrickSurface::number_edges(const SurfaceBrick& owner, int n, EdgeVertices& 
     for (int z = 0; z < (dz != 0 ? 1 : kBrickEdge); ++z) {
       const uint64_t crossed = owner.crossed[axis][z];
       const uint32_t first = owner.first_vertex + owner.rank[axis][z];
-      for (uint64_t rest = crossed & wanted; rest != 0; rest &= rest - 1) {
-        const int bit = std::countr_zero(rest);
+      for (uint64_t remaining = crossed & wanted; remaining != 0; remaining &= remaining - 1) {
+        const int bit = std::countr_zero(remaining);
         const int place =
             EdgeVertices::at(axis, dx + bit % kBrickEdge, dy + bit / kBrickEdge, dz + z);
         vertices[place] = first + bit_count(crossed & ((uint64_t{1} << bit) - 1));
@@ -257,7 +257,7 @@ void BrickSurface::write_triangles(size_t n, std::span<Triangle> triangles) cons
 }
 
 int64_t BrickSurface::vertex_on(const LatticeEdge& edge) const {
-  // Shifts, because bricks begin at -1.
+  // Shifts round down, which is needed for coordinates of -1.
   const auto& [x, y, z] = edge.voxel;
   const int index = map_.index_of({(x >> 3) + 1, (y >> 3) + 1, (z >> 3) + 1});
   if (index < 0) return -1;

@@ -1,4 +1,4 @@
-// Little-endian numbers to bytes and back.
+// Writer and reader of little-endian numbers.
 #pragma once
 
 #include <bit>
@@ -30,7 +30,7 @@ class ByteWriter {
   std::vector<uint8_t> bytes_;
 };
 
-/// The caller has checked that enough bytes are there.
+/// Requires that the caller checks the number of bytes before each read.
 class ByteReader {
  public:
   explicit ByteReader(std::span<const uint8_t> bytes) : bytes_(bytes) {}

@@ -33,10 +33,10 @@ const LumaChroma* CodedSurface::colour_on(const LatticeEdge& edge) const {
   return vertex < 0 ? nullptr : &colours[static_cast<size_t>(vertex)];
 }
 
-const LumaChroma* ColoursBefore::at(uint32_t vertex) const {
+const LumaChroma* PreviousFrameColours::at(uint32_t vertex) const {
   LatticeEdge edge = edge_at(now_.places[vertex]);
   for (const int move : {0, 1, -2}) {
-    edge.voxel[edge.axis] += move;  // here, then one further, then one back
+    edge.voxel[edge.axis] += move;  // on this edge, then one voxel further, then one voxel back
     if (const LumaChroma* colour = before_.colour_on(edge)) return colour;
   }
   return nullptr;

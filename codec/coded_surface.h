@@ -1,4 +1,5 @@
-// What encoder and decoder know of a frame beside its values: both make it of the occupancy alone.
+// Surface of a frame as encoder and decoder derive it from the occupancy alone, plus decoded
+// colours.
 #pragma once
 
 #include <array>
@@ -15,30 +16,31 @@
 
 namespace v3d {
 
-/// One frame's surface, in the order of the discrete marching cubes. Keeps its memory.
+/// Surface of one frame, in the order of the discrete marching cubes. Keeps its memory.
 struct CodedSurface {
   Occupancy volume;
   BrickSurface surface;
-  std::vector<HalfVoxels> places;  ///< [vertex], of the whole grid
+  std::vector<HalfVoxels> places;  ///< [vertex]: position in half voxels of the whole grid
   std::vector<std::array<uint32_t, 3>> triangles;
   KnownVertices known;
-  std::vector<LumaChroma> colours;  ///< [vertex], as decoded; empty: none
+  std::vector<LumaChroma> colours;  ///< [vertex]: decoded colours; empty: none
 
-  /// Counts the surface of `volume`.
+  /// Computes the surface bricks of `volume` and counts vertices and triangles.
   void measure();
-  /// Require measure(). `known` is made of the triangles.
+  /// These require measure(). make_known() also requires make_triangles().
   void make_places();
   void make_triangles();
   void make_known() { known.make(triangles, surface.vertex_count()); }
-  /// Null where no vertex stands.
+  /// The colour of the vertex on an edge of the whole grid; null when the edge has no vertex.
   const LumaChroma* colour_on(const LatticeEdge& edge) const;
 };
 
-/// Colours of `before` where the vertices of `now` stand: on the same edge, or one voxel along it.
-/// Borrows both.
-class ColoursBefore : public FormerColours {
+/// Colours of frame `before` at the vertices of frame `now`: on the same edge, or one voxel along
+/// it. Borrows both.
+class PreviousFrameColours : public PreviousColours {
  public:
-  ColoursBefore(const CodedSurface& before, const CodedSurface& now) : before_(before), now_(now) {}
+  PreviousFrameColours(const CodedSurface& before, const CodedSurface& now)
+      : before_(before), now_(now) {}
   const LumaChroma* at(uint32_t vertex) const override;
 
  private:

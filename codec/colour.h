@@ -1,4 +1,4 @@
-// Colours as luma and chroma.
+// Conversion of RGB colours to luma and chroma, and steps of their quantisation.
 #pragma once
 
 #include <algorithm>
@@ -10,14 +10,15 @@ namespace v3d {
 /// R, G, B.
 using VertexColour = std::array<uint8_t, 3>;
 
-/// Luma, Co, Cg and a 0, so they fit a vector register.
+/// Luma, Co, Cg and a 0 that fills a vector register.
 using LumaChroma = std::array<int16_t, 4>;
 
-/// Luma (0 to 255), Co and Cg (-255 to 255) of the reversible YCoCg-R: colour_of() gives every
-/// colour back. Source: Malvar and Sullivan, "YCoCg-R: a color space with RGB reversibility and low
-/// dynamic range", JVT-I014, 2003.
+/// Converts to luma (0 to 255), Co and Cg (-255 to 255) of the reversible YCoCg-R. colour_of()
+/// restores every colour exactly.
+/// Source: Malvar and Sullivan, "YCoCg-R: a color space with RGB reversibility and low dynamic
+/// range", JVT-I014, 2003.
 LumaChroma luma_chroma_of(const VertexColour& colour);
-/// Of any numbers: clamped to 0 to 255.
+/// Converts to RGB. Accepts any numbers and clamps the result to 0 to 255.
 inline VertexColour colour_of(const LumaChroma& luma_chroma) {
   const auto [luma, co, cg, unused] = luma_chroma;
   const int middle = luma - (cg >> 1);
@@ -26,13 +27,12 @@ inline VertexColour colour_of(const LumaChroma& luma_chroma) {
   return {byte(blue + co), byte(cg + middle), byte(blue)};
 }
 
-/// How luma and chroma are coded. Requires steps from 1 to kMostColourStep; 1, 1, 1 keeps every
-/// bit.
+/// Steps of quantisation of luma, Co and Cg, from 1 to kMaxColourStep; 1, 1, 1 is lossless.
 ///
-/// A step q leaves an error of q * q / 12 on average and q / 2 at most; luma's counts fully in R, G
-/// and B, that of Co a sixth and that of Cg a fourth. So the default leaves a mean squared error of
-/// at most 9.1, which is 38.5 dB.
-inline constexpr int kMostColourStep = 64;
+/// A step q causes a squared error of q * q / 12 on average and an error of at most q / 2. The
+/// error of luma contributes fully to R, G and B, that of Co one sixth, that of Cg one fourth. So
+/// the default causes a mean squared error of at most 9.1, which is 38.5 dB.
+inline constexpr int kMaxColourStep = 64;
 using ColourSteps = std::array<uint8_t, 3>;
 inline constexpr ColourSteps kDefaultColourSteps{6, 15, 12};
 

@@ -1,5 +1,5 @@
-// The colours of a surface, predicted from the colours round them or from the frame before.
-// docs/compact-frame.md has the normative description.
+// Encoder and decoder of the colours of a surface. A colour is predicted from neighbouring vertices
+// or from the previous frame. docs/compact-frame.md is normative.
 #pragma once
 
 #include <array>
@@ -13,32 +13,32 @@
 
 namespace v3d {
 
-/// What the frame before had where a vertex stands now.
-class FormerColours {
+/// Colours of the previous frame at the vertices of this frame.
+class PreviousColours {
  public:
-  FormerColours() = default;
-  virtual ~FormerColours() = default;
-  FormerColours(const FormerColours&) = delete;
-  FormerColours& operator=(const FormerColours&) = delete;
-  /// Null where it had none; valid as long as this.
+  PreviousColours() = default;
+  virtual ~PreviousColours() = default;
+  PreviousColours(const PreviousColours&) = delete;
+  PreviousColours& operator=(const PreviousColours&) = delete;
+  /// Null when the previous frame has no colour there. Valid as long as this object.
   virtual const LumaChroma* at(uint32_t vertex) const = 0;
 };
 
 struct CodedColours {
   std::vector<uint8_t> bytes;
-  std::vector<LumaChroma> decoded;  ///< [vertex]: what the decoder will have
+  std::vector<LumaChroma> decoded;  ///< [vertex]: colours that the decoder reconstructs
 };
 
-/// Requires a colour for every vertex of `known`. Without `former` nothing is predicted from a
-/// frame before.
+/// Requires one colour for every vertex of `known`. Without `previous`, nothing is predicted from
+/// the previous frame.
 CodedColours encode_colours(std::span<const LumaChroma> colours, const KnownVertices& known,
-                            const ColourSteps& steps, const FormerColours* former);
+                            const ColourSteps& steps, const PreviousColours* previous);
 
-/// Empty for bytes that are not exactly an encoder's length, or whose tables are not sound.
-/// [vertex].
+/// Returns the colours by vertex. Empty when the bytes do not have exactly the length that an
+/// encoder writes, or when a table is invalid.
 std::optional<std::vector<LumaChroma>> decode_colours(std::span<const uint8_t> bytes,
                                                       const KnownVertices& known,
                                                       const ColourSteps& steps,
-                                                      const FormerColours* former);
+                                                      const PreviousColours* previous);
 
 }  // namespace v3d

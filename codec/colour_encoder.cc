@@ -10,11 +10,12 @@
 namespace v3d {
 namespace {
 
-constexpr uint32_t kSample = 4;  // of a group the encoder looks at one in so many to decide
+/// The choice of the prediction of a group examines every fourth vertex.
+constexpr uint32_t kSampleStride = 4;
 
-/// To the nearest whole number of steps, halves towards 0: what has not changed since the frame
-/// before is not touched again.
-int steps_in(int difference, int step) {
+/// Rounds to the nearest number of steps, and halves towards 0: a colour that is within half a step
+/// of the previous frame keeps its value.
+int quantised(int difference, int step) {
   const int half = (step - 1) / 2;
   return difference < 0 ? -((half - difference) / step) : (difference + half) / step;
 }
@@ -22,12 +23,12 @@ int steps_in(int difference, int step) {
 class ColourEncoder {
  public:
   ColourEncoder(std::span<const LumaChroma> wanted, const KnownVertices& known,
-                const ColourSteps& steps, const FormerColours* former)
-      : wanted_(wanted), known_(known), steps_(steps), former_(former), contexts_(steps) {}
+                const ColourSteps& steps, const PreviousColours* previous)
+      : wanted_(wanted), known_(known), steps_(steps), previous_(previous), contexts_(steps) {}
 
   CodedColours run() {
     for (uint32_t first = 0; first < wanted_.size(); first += kColourGroup) {
-      groups_.push_back(former_ != nullptr && former_is_nearer(first));
+      groups_.push_back(previous_ != nullptr && previous_is_closer(first));
     }
     decoded_.resize(wanted_.size());
     if (!decoded_.empty()) decoded_[0] = kFirstColour;
@@ -45,12 +46,12 @@ class ColourEncoder {
     uint8_t table;
     uint8_t symbol;
   };
-  struct Beyond {
-    int n;  ///< of luma, Co and Cg
+  struct Escape {
+    int n;  ///< 0 luma, 1 Co, 2 Cg
     int residual;
   };
 
-  bool former_is_nearer(uint32_t vertex) const;
+  bool previous_is_closer(uint32_t vertex) const;
   void add(uint32_t vertex);
   std::vector<uint8_t> write_head();
   void write_symbols(ByteWriter& bytes) const;
@@ -58,42 +59,43 @@ class ColourEncoder {
   std::span<const LumaChroma> wanted_;
   const KnownVertices& known_;
   const ColourSteps& steps_;
-  const FormerColours* const former_;
+  const PreviousColours* const previous_;
   const ColourContexts contexts_;
-  std::vector<bool> groups_;  ///< from the frame before
+  std::vector<bool> groups_;  ///< [group]: predict from the previous frame
   std::vector<LumaChroma> decoded_;
   std::vector<Symbol> symbols_;
-  std::vector<Beyond> beyond_;
+  std::vector<Escape> escapes_;
   std::array<SymbolCounts, ColourContexts::kCount> counts_{};
   std::array<SymbolSlots, ColourContexts::kCount> slots_{};
 };
 
-/// By luma of some of the group that begins at `vertex`, as if nothing were quantised.
-bool ColourEncoder::former_is_nearer(uint32_t vertex) const {
-  int64_t from_surface = 0, from_former = 0;
+/// Compares the luma errors of both predictions for some vertices of the group that starts at
+/// `vertex`, without quantisation.
+bool ColourEncoder::previous_is_closer(uint32_t vertex) const {
+  int64_t from_surface = 0, from_previous = 0;
   const auto end = static_cast<uint32_t>(std::min<size_t>(vertex + kColourGroup, wanted_.size()));
-  for (; vertex < end; vertex += kSample) {
-    const LumaChroma* former = former_->at(vertex);
-    if (former == nullptr) continue;
-    const LumaChroma guess = colour_in(guess_from(known_.of(vertex), wanted_.data()).mean);
-    from_surface += std::abs(wanted_[vertex][0] - guess[0]);
-    from_former += std::abs(wanted_[vertex][0] - (*former)[0]);
+  for (; vertex < end; vertex += kSampleStride) {
+    const LumaChroma* previous = previous_->at(vertex);
+    if (previous == nullptr) continue;
+    const LumaChroma prediction = colour_in(predict_from(known_.of(vertex), wanted_.data()).mean);
+    from_surface += std::abs(wanted_[vertex][0] - prediction[0]);
+    from_previous += std::abs(wanted_[vertex][0] - (*previous)[0]);
   }
-  return 2 * from_former < from_surface;  // looking there costs the decoder time
+  return 2 * from_previous < from_surface;  // the decoder is slower with the previous frame
 }
 
 void ColourEncoder::add(uint32_t vertex) {
-  const ColourGuess surface = guess_from(known_.of(vertex), decoded_.data());
-  const LumaChroma* former = groups_[vertex / kColourGroup] ? former_->at(vertex) : nullptr;
-  const LumaChroma guess = former != nullptr ? *former : colour_in(surface.mean);
+  const ColourPrediction surface = predict_from(known_.of(vertex), decoded_.data());
+  const LumaChroma* previous = groups_[vertex / kColourGroup] ? previous_->at(vertex) : nullptr;
+  const LumaChroma prediction = previous != nullptr ? *previous : colour_in(surface.mean);
   std::array<int, 3> residuals;
   for (int n = 0; n < 3; ++n) {
-    residuals[n] = steps_in(wanted_[vertex][n] - guess[n], steps_[n]);
-    if (ColourSymbol::is_beyond(residuals[n], n)) beyond_.push_back({n, residuals[n]});
-    decoded_[vertex][n] = stepped(guess[n], residuals[n], steps_[n], n);
+    residuals[n] = quantised(wanted_[vertex][n] - prediction[n], steps_[n]);
+    if (ColourSymbol::is_escape(residuals[n], n)) escapes_.push_back({n, residuals[n]});
+    decoded_[vertex][n] = dequantised(prediction[n], residuals[n], steps_[n], n);
   }
   const uint32_t table =
-      former != nullptr ? uint32_t{ColourContexts::kFormer} : contexts_.of(surface.spread);
+      previous != nullptr ? uint32_t{ColourContexts::kPrevious} : contexts_.of(surface.spread);
   const uint32_t symbol = ColourSymbol::of(residuals);
   symbols_.push_back({static_cast<uint8_t>(table), static_cast<uint8_t>(symbol)});
   ++counts_[table][symbol];
@@ -106,12 +108,12 @@ std::vector<uint8_t> ColourEncoder::write_head() {
     slots_[table] = slots_of(counts_[table]);
     tables.code(coder, slots_[table]);
   }
-  BitModel from_former;
-  if (former_ != nullptr) {
-    for (const bool group : groups_) coder.bit(from_former, group);
+  BitModel from_previous;
+  if (previous_ != nullptr) {
+    for (const bool group : groups_) coder.bit(from_previous, group);
   }
-  BeyondModel model;
-  for (const auto& [n, residual] : beyond_) model.code(coder, n, residual);
+  EscapeModel model;
+  for (const auto& [n, residual] : escapes_) model.code(coder, n, residual);
   return coder.take();
 }
 
@@ -129,9 +131,9 @@ void ColourEncoder::write_symbols(ByteWriter& bytes) const {
 }  // namespace
 
 CodedColours encode_colours(std::span<const LumaChroma> colours, const KnownVertices& known,
-                            const ColourSteps& steps, const FormerColours* former) {
+                            const ColourSteps& steps, const PreviousColours* previous) {
   assert(colours.size() == known.vertices());
-  return ColourEncoder(colours, known, steps, former).run();
+  return ColourEncoder(colours, known, steps, previous).run();
 }
 
 }  // namespace v3d

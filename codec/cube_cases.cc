@@ -28,17 +28,19 @@ int edge_between(int a, int b) {
   }
 }
 
-/// For each crossed edge the next one along its loop, else -1. On a face, walked round
-/// counter-clockwise from outside, a line runs from an edge where the walk enters the occupied part
-/// to one where it leaves it; the neighbouring cube walks the other way and draws it reversed.
+/// For each crossed edge the next one along its loop, else -1. Each face is traversed
+/// counter-clockwise seen from outside. A line runs from an edge where the traversal enters the
+/// occupied part to one where it leaves. The neighbouring cube traverses the face in the other
+/// direction and has the reversed line.
 std::array<int, kEdges> follow_lines(int occupied) {
   std::array<int, kEdges> next;
   next.fill(-1);
   for (const auto& face : kFaces) {
     const auto is_occupied = [&](int n) { return (occupied >> face[n % 4] & 1) != 0; };
     for (int n = 0; n < 4; ++n) {
-      if (is_occupied(n) || !is_occupied(n + 1)) continue;  // the walk does not enter here
-      // Back to the edge where it last left: this cuts off the empty corners between the two.
+      if (is_occupied(n) || !is_occupied(n + 1)) continue;  // the traversal does not enter here
+      // Go back to the edge where the traversal last left: this separates the empty corners between
+      // the two.
       int leave = n;
       while (!is_occupied(leave)) leave = (leave + 3) % 4;
       next[edge_between(face[n], face[(n + 1) % 4])] =
@@ -60,7 +62,7 @@ bool in_one_face(int edge_a, int edge_b) {
   return false;
 }
 
-/// Squared distance of two edges' midpoints, in half edges of the cube.
+/// Squared distance of the midpoints of two edges, in half edges of the cube.
 int distance2(int edge_a, int edge_b) {
   const auto midpoint = [](int number) {
     const CubeEdge e = cube_edge(number);
@@ -78,8 +80,8 @@ int distance2(int edge_a, int edge_b) {
 constexpr int kImpossible = 1000;
 
 /// The cheapest cut of the part loop[first..last] of a polygon into triangles: its cost, and the
-/// tip of the triangle that stands on the line first-last. By search: a loop has 12 corners at
-/// most.
+/// third corner of the triangle on the line first-last. Exhaustive search: a loop has at most 12
+/// corners.
 struct Cut {
   int cost = 0;
   int tip = -1;

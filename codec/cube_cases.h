@@ -1,5 +1,4 @@
-// How a surface passes through a cube of eight voxel centres: the 256 cases of discrete marching
-// cubes.
+// The 256 cases of discrete marching cubes: the surface inside a cube of eight voxel centres.
 #pragma once
 
 #include <array>
@@ -13,7 +12,7 @@ namespace v3d {
 // low bit is its place along the lower one of the two other axes, m's high bit along the higher
 // one.
 
-/// Where an edge starts (its lower end); it runs one step along `axis`.
+/// An edge of a cube: its lower end. It is one step long, along `axis`.
 struct CubeEdge {
   int axis;
   int x, y, z;
@@ -32,22 +31,21 @@ constexpr CubeEdge cube_edge(int number) {
   }
 }
 
-inline constexpr int kMostCubeTriangles = 10;
+inline constexpr int kMaxCubeTriangles = 10;
 
 /// Triangles between the midpoints of edges, counter-clockwise seen from the empty side.
 struct CubeCase {
   int count = 0;
-  std::array<std::array<uint8_t, 3>, kMostCubeTriangles> triangles{};
+  std::array<std::array<uint8_t, 3>, kMaxCubeTriangles> triangles{};
 };
 
-/// The surface of a case. Two rules make the whole surface closed and 2-manifold:
-///   - Where a face of the cube has two occupied and two empty corners crosswise, the occupied ones
-///     are joined. The rule looks at the face alone, so both cubes at a face draw the same lines.
-///   - Where the loop of lines round the faces has more than three corners, it is cut into
-///   triangles
-///     along lines that run inside the cube, never in a face, where the neighbour could draw the
-///     same line a second time. Every case has such a cut; of several, the one with the shortest
-///     lines.
+/// The surface of every case, indexed by the set of occupied corners. Thread-safe. Two rules make
+/// the whole surface closed and 2-manifold:
+/// 1. A face with two occupied and two empty corners in diagonal positions joins the occupied ones.
+///    The rule uses the face alone, so both cubes at a face have the same lines.
+/// 2. A loop of lines with more than three corners is cut into triangles along lines inside the
+///    cube. A line in a face is not allowed, because the neighbour could have the same line. Every
+///    case has such a cut; of several cuts, the one with the shortest lines is used.
 const std::array<CubeCase, 256>& cube_cases();
 
 }  // namespace v3d

@@ -1,4 +1,5 @@
-// Compact frames: coloured meshes to bytes and back. docs/compact-frame.md is normative.
+// Encoder and decoder of compact frames, which are coloured meshes as bytes. docs/compact-frame.md
+// is normative.
 #pragma once
 
 #include <array>
@@ -17,63 +18,67 @@ namespace v3d {
 using VertexPosition = std::array<float, 3>;
 using VertexTriangle = std::array<uint32_t, 3>;
 
-/// A mesh to be coded; all of it borrowed.
+/// A mesh to encode; all of it is borrowed.
 struct FrameContent {
-  /// `step` is half a voxel of the volume; without a volume, the step of the lattice that vertices
-  /// are rounded to.
+  /// `step`: half a voxel of the volume. Without a volume: the step of the lattice to which
+  /// vertices are rounded.
   FrameFacts facts;
-  /// The volume whose discrete marching cubes made the mesh. Null: any mesh, its vertices numbered
-  /// in the order in which the triangles first use them.
+  /// The volume whose discrete marching cubes surface is the mesh. Null for any other mesh; its
+  /// vertices must be numbered in the order in which the triangles first use them.
   const BrickVolume* volume = nullptr;
-  /// Of all vertices. With a volume, empty for vertices that were not moved.
+  /// Positions of all vertices, metres. With a volume, empty when no vertex was moved.
   std::span<const VertexPosition> positions;
-  /// With a volume, empty or those that BrickSurface makes of it: who has them saves the encoder
-  /// making them.
+  /// Triangles. With a volume, empty or the triangles that BrickSurface makes of it; then the
+  /// encoder need not compute them.
   std::span<const VertexTriangle> triangles;
-  std::span<const VertexColour> colours;  ///< of all vertices, or of none
+  std::span<const VertexColour> colours;  ///< one for each vertex, or empty
 };
 
 struct EncoderOptions {
-  /// Of every so many pulses the first that is encoded is a key frame, which can be decoded without
-  /// others. So sequences that lack different pulses agree again, to the byte, from there on.
+  /// Period of key frames, pulses: the first encoded frame of each period is a key frame, which can
+  /// be decoded alone. So sequences that lack different pulses are identical again from the next
+  /// key frame.
   int key_every = 25;
-  /// Moved vertices come back to half of it along each axis, metres; less where half a voxel is no
-  /// multiple of it.
+  /// Step of displacements, metres: decoded vertices differ by at most half of it along each axis.
+  /// The step is reduced when half a voxel is not a multiple of it.
   double displacement_step_m = 0.001;
   std::array<uint8_t, 3> colour_steps = kDefaultColourSteps;  ///< luma, Co, Cg
 };
 
-/// A mesh as every decoder has it, to the bit.
+/// A decoded mesh; every decoder returns the same bits.
 struct DecodedFrame {
   FrameFacts facts;
-  int64_t key_pulse = 0;  ///< the key frame from which on frames are needed to decode this one
+  int64_t key_pulse = 0;  ///< pulse of the key frame where decoding of this frame must start
   std::vector<VertexPosition> positions;
   std::vector<VertexTriangle> triangles;
   std::vector<VertexColour> colours;  ///< one per vertex, or none
 };
 
-/// Bytes of a frame by what they are for.
+/// Numbers of bytes of the parts of a frame.
 struct FrameBytes {
   size_t head = 0, shape = 0, displacements = 0, colours = 0;
 };
 
-/// Encodes a sequence of frames. One caller at a time; equal sequences give equal bytes.
+/// Encodes a sequence of frames. One caller at a time. Deterministic: equal sequences give equal
+/// bytes.
 class FrameEncoder {
  public:
   explicit FrameEncoder(const EncoderOptions& options);
   ~FrameEncoder();
 
-  /// Empty for content beyond the limits (FrameLimits, Occupancy, 65536 steps of the lattice along
-  /// an axis, vertices moved by more than 32767 steps) or that is not as FrameContent says; the
-  /// next frame is then a key frame. So it is after a frame without a volume, and where pulses do
-  /// not rise.
+  /// Encodes the next frame. Empty for content that violates FrameContent or exceeds a limit.
+  /// Limits: FrameLimits, Occupancy, 65536 lattice steps along an axis, and 32767 steps of
+  /// displacement.
+  ///
+  /// The next frame is a key frame after such content, after a frame without a volume, and when
+  /// pulses do not increase.
   std::optional<std::vector<uint8_t>> encode(const FrameContent& content);
-  /// The next frame is a key frame.
+  /// Makes the next frame a key frame.
   void restart();
 
-  /// Of the last frame encoded.
+  /// These describe the last encoded frame.
   DecodedFrame decoded() const;
-  std::vector<VertexColour> decoded_colours() const;  ///< these alone, of decoded()
+  std::vector<VertexColour> decoded_colours() const;  ///< the colours of decoded() alone
   FrameBytes bytes() const;
 
  private:
@@ -83,20 +88,23 @@ class FrameEncoder {
 
 enum class DecodeStatus {
   kOk,
-  kMalformed,       ///< not a compact frame of this version, or damaged
-  kNeedsReference,  ///< whole, but not made for the frame decoded last: go on at a key frame
+  /// No compact frame of this version, or damaged.
+  kMalformed,
+  /// Complete, but its reference is not the last decoded frame. Continue at a key frame.
+  kNeedsReference,
 };
 
-/// Decodes a sequence of frames; whatever the bytes, time is at most in proportion to their number
-/// plus to the limits, and memory below 2 GB. One caller at a time.
+/// Decodes a sequence of frames. Accepts any bytes: the time is at most proportional to their
+/// number plus the limits, and memory stays below 2 GB. One caller at a time.
 class FrameDecoder {
  public:
   FrameDecoder();
   ~FrameDecoder();
 
-  /// Unless kOk, frame() stays, and so does what the next frame may be made for.
+  /// Decodes the next frame. Unless the result is kOk, frame() and the reference for the next frame
+  /// do not change.
   DecodeStatus decode(std::span<const uint8_t> bytes);
-  /// The last frame decoded. Valid until the next call of decode().
+  /// The last decoded frame. Valid until the next call of decode().
   const DecodedFrame& frame() const;
 
  private:

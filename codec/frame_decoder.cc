@@ -24,7 +24,7 @@ class FrameDecoder::Impl {
     make_mesh(now, frame_);
     frame_.triangles.swap(now.surface.triangles);
     last_ = 1 - last_;
-    there_ = true;
+    has_frame_ = true;
     return DecodeStatus::kOk;
   }
   const DecodedFrame& frame() const { return frame_; }
@@ -32,8 +32,9 @@ class FrameDecoder::Impl {
  private:
   bool follows(const FrameHeader& header) const {
     const FrameHeader& before = states_[last_].header;
-    return there_ && before.checksum == header.reference && before.key_pulse == header.key_pulse &&
-           before.is(FrameHeader::kColours) && !before.is(FrameHeader::kExplicit);
+    return has_frame_ && before.checksum == header.reference &&
+           before.key_pulse == header.key_pulse && before.is(FrameHeader::kColours) &&
+           !before.is(FrameHeader::kExplicit);
   }
 
   static bool decode_shape(std::span<const uint8_t> bytes, FrameState& now) {
@@ -79,17 +80,17 @@ class FrameDecoder::Impl {
     now.surface.colours.clear();
     const auto coded = section(bytes, now.header, kColours);
     if (coded.empty()) return true;
-    const ColoursBefore former(states_[last_].surface, now.surface);
+    const PreviousFrameColours previous(states_[last_].surface, now.surface);
     auto values = v3d::decode_colours(coded, now.surface.known, now.header.colour_steps,
-                                      now.header.is(FrameHeader::kInter) ? &former : nullptr);
+                                      now.header.is(FrameHeader::kInter) ? &previous : nullptr);
     if (!values) return false;
     now.surface.colours = *std::move(values);
     return true;
   }
 
   std::array<FrameState, 2> states_;
-  int last_ = 0;        ///< of states_
-  bool there_ = false;  ///< states_[last_] is a frame
+  int last_ = 0;            ///< index of the last frame in states_
+  bool has_frame_ = false;  ///< states_[last_] holds a frame
   DecodedFrame frame_;
 };
 

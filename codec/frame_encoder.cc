@@ -20,23 +20,24 @@ bool facts_fit(const FrameFacts& facts) {
          std::is_sorted(facts.cameras.begin(), facts.cameras.end(), std::less_equal<>());
 }
 
-/// The nearest numbers of the lattice; empty where they are absurd, or positions no numbers.
+/// Rounds positions to lattice numbers. Empty when a number is too large or a position is not
+/// finite.
 std::optional<std::vector<VertexValues>> numbers_of(std::span<const VertexPosition> positions,
                                                     const FrameFacts& facts) {
-  constexpr double kAbsurd = 1 << 29;
+  constexpr double kMaxNumber = 1 << 29;
   std::vector<VertexValues> numbers(positions.size());
   for (size_t v = 0; v < positions.size(); ++v) {
     for (int axis = 0; axis < 3; ++axis) {
       const double at =
           std::floor((double{positions[v][axis]} - facts.origin[axis]) / facts.step + 0.5);
-      if (!(at >= -kAbsurd && at <= kAbsurd)) return std::nullopt;
+      if (!(at >= -kMaxNumber && at <= kMaxNumber)) return std::nullopt;
       numbers[v][axis] = static_cast<int32_t>(at);
     }
   }
   return numbers;
 }
 
-/// Whether the vertices are where the volume has them.
+/// Whether the vertices lie where the volume has them.
 bool are_places(std::span<const VertexValues> numbers, const FrameState& state) {
   for (size_t v = 0; v < numbers.size(); ++v) {
     for (int axis = 0; axis < 3; ++axis) {
@@ -67,10 +68,10 @@ class FrameEncoder::Impl {
     sections[kNames] = encode_names(content.facts.cameras);
     std::vector<uint8_t> bytes = write_frame(now.header, sections);
     last_ = 1 - last_;
-    there_ = true;
+    has_frame_ = true;
     return bytes;
   }
-  void restart() { there_ = false; }
+  void restart() { has_frame_ = false; }
 
   const FrameState& last() const { return states_[last_]; }
 
@@ -170,7 +171,7 @@ class FrameEncoder::Impl {
     for (size_t v = 0; v < numbers.size(); ++v) {
       for (int axis = 0; axis < 3; ++axis) {
         values[v][axis] = numbers[v][axis] - from[v][axis];
-        if (values[v][axis] < range.least || values[v][axis] > range.most) return false;
+        if (values[v][axis] < range.min || values[v][axis] > range.max) return false;
       }
     }
     bytes = encode_values(values, now.surface.known, range);
@@ -186,15 +187,15 @@ class FrameEncoder::Impl {
     h.colour_steps = options_.colour_steps;
     std::vector<LumaChroma> wanted(h.vertices);
     std::transform(content.colours.begin(), content.colours.end(), wanted.begin(), luma_chroma_of);
-    const ColoursBefore former(last().surface, now.surface);
+    const PreviousFrameColours previous(last().surface, now.surface);
     const bool follows = may_follow(h);
     if (follows) {
       h.flags |= FrameHeader::kInter;
       h.key_pulse = last().header.key_pulse;
       h.reference = last().header.checksum;
     }
-    CodedColours coded =
-        v3d::encode_colours(wanted, now.surface.known, h.colour_steps, follows ? &former : nullptr);
+    CodedColours coded = v3d::encode_colours(wanted, now.surface.known, h.colour_steps,
+                                             follows ? &previous : nullptr);
     bytes = std::move(coded.bytes);
     now.surface.colours = std::move(coded.decoded);
     return true;
@@ -203,15 +204,15 @@ class FrameEncoder::Impl {
   bool may_follow(const FrameHeader& h) const {
     const FrameHeader& before = last().header;
     const int64_t now = h.facts.pulse, then = before.facts.pulse;
-    return there_ && !h.is(FrameHeader::kExplicit) && !before.is(FrameHeader::kExplicit) &&
+    return has_frame_ && !h.is(FrameHeader::kExplicit) && !before.is(FrameHeader::kExplicit) &&
            before.is(FrameHeader::kColours) && then < now &&
            then / options_.key_every == now / options_.key_every;
   }
 
   const EncoderOptions options_;
   std::array<FrameState, 2> states_;
-  int last_ = 0;        ///< of states_
-  bool there_ = false;  ///< states_[last_] is a frame that the next one may need
+  int last_ = 0;            ///< index of the last frame in states_
+  bool has_frame_ = false;  ///< states_[last_] is a frame that the next one may reference
 };
 
 FrameEncoder::FrameEncoder(const EncoderOptions& options)

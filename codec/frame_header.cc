@@ -13,7 +13,7 @@ namespace {
 
 constexpr std::array<uint8_t, 8> kMagic{'V', '3', 'D', 'F', 0x0D, 0x0A, 0x1A, 0x0A};
 constexpr uint16_t kVersion = 2;
-constexpr size_t kChecked = 16;  // the checksum is of everything from here on
+constexpr size_t kChecked = 16;  // the checksum covers everything from here
 
 template <class Array>
 void write_all(ByteWriter& out, const Array& numbers) {
@@ -24,8 +24,8 @@ void read_all(ByteReader& in, Array& numbers) {
   for (auto& number : numbers) number = in.number<typename Array::value_type>();
 }
 
-/// From kChecked on.
-void write_rest(ByteWriter& out, const FrameHeader& h) {
+/// Writes the fields from kChecked on.
+void write_checked_fields(ByteWriter& out, const FrameHeader& h) {
   out.number(h.flags);
   out.number(h.cameras);
   out.number(static_cast<uint16_t>(h.facts.missing));
@@ -46,8 +46,8 @@ void write_rest(ByteWriter& out, const FrameHeader& h) {
   write_all(out, h.section_bytes);
 }
 
-/// False: the byte that is 0 is not.
-bool read_rest(ByteReader& in, FrameHeader& h) {
+/// Reads the fields from kChecked on. False when the reserved byte is not 0.
+bool read_checked_fields(ByteReader& in, FrameHeader& h) {
   h.flags = in.number<uint16_t>();
   h.cameras = in.number<uint16_t>();
   h.facts.missing = in.number<uint16_t>();
@@ -69,40 +69,40 @@ bool read_rest(ByteReader& in, FrameHeader& h) {
   return zero;
 }
 
-bool flags_are_sound(const FrameHeader& h) {
+bool flags_are_valid(const FrameHeader& h) {
   constexpr unsigned kKnown = FrameHeader::kColours | FrameHeader::kDisplaced |
                               FrameHeader::kInter | FrameHeader::kExplicit;
-  // Where vertices have no places of the lattice, nothing is known of the frame before.
+  // Without a volume, vertices have no lattice edges that identify them in the previous frame.
   const bool explicit_key = !h.is(FrameHeader::kExplicit) ||
                             (!h.is(FrameHeader::kDisplaced) && !h.is(FrameHeader::kInter));
   const bool inter_coloured = !h.is(FrameHeader::kInter) || h.is(FrameHeader::kColours);
   return (h.flags & ~kKnown) == 0 && explicit_key && inter_coloured;
 }
 
-bool facts_are_sound(const FrameFacts& f) {
+bool facts_are_valid(const FrameFacts& f) {
   const bool finite = std::all_of(f.origin.begin(), f.origin.end(),
                                   [](double metres) { return std::isfinite(metres); });
   return f.missing <= FrameLimits::kCameras && f.pulse >= 0 && finite && std::isfinite(f.step) &&
          f.step > 0 && (std::isnan(f.quality) || (f.quality >= 0 && f.quality <= 1));
 }
 
-bool box_is_sound(const FrameHeader& h) {
+bool box_is_valid(const FrameHeader& h) {
   int64_t bricks = 1;
   for (int axis = 0; axis < 3; ++axis) {
-    if (h.first_brick[axis] + h.bricks[axis] > Occupancy::kMostAlongAxis) return false;
+    if (h.first_brick[axis] + h.bricks[axis] > Occupancy::kMaxAlongAxis) return false;
     bricks *= h.bricks[axis];
   }
-  return bricks <= Occupancy::kMostInBox;
+  return bricks <= Occupancy::kMaxBoxBricks;
 }
 
-bool colours_are_sound(const FrameHeader& h) {
+bool colours_are_valid(const FrameHeader& h) {
   const bool coloured = h.is(FrameHeader::kColours);
   return std::all_of(h.colour_steps.begin(), h.colour_steps.end(), [&](uint8_t step) {
-    return coloured ? step >= 1 && step <= kMostColourStep : step == 0;
+    return coloured ? step >= 1 && step <= kMaxColourStep : step == 0;
   });
 }
 
-bool sections_are_sound(const FrameHeader& h, size_t bytes) {
+bool sections_are_valid(const FrameHeader& h, size_t bytes) {
   uint64_t sum = FrameHeader::kBytes;
   for (const uint32_t section : h.section_bytes) sum += section;
   const bool has_displacements = h.is(FrameHeader::kDisplaced) || h.is(FrameHeader::kExplicit);
@@ -110,10 +110,10 @@ bool sections_are_sound(const FrameHeader& h, size_t bytes) {
          (h.section_bytes[kColours] > 0) == h.is(FrameHeader::kColours);
 }
 
-bool is_sound(const FrameHeader& h, size_t bytes) {
+bool is_valid(const FrameHeader& h, size_t bytes) {
   const bool key = !h.is(FrameHeader::kInter);
-  return flags_are_sound(h) && facts_are_sound(h.facts) && box_is_sound(h) &&
-         colours_are_sound(h) && sections_are_sound(h, bytes) &&
+  return flags_are_valid(h) && facts_are_valid(h.facts) && box_is_valid(h) &&
+         colours_are_valid(h) && sections_are_valid(h, bytes) &&
          h.cameras <= FrameLimits::kCameras && h.subdivision >= 1 &&
          h.subdivision <= FrameLimits::kSubdivision && h.key_pulse >= 0 &&
          (key ? h.key_pulse == h.facts.pulse && h.reference == 0 : h.key_pulse < h.facts.pulse) &&
@@ -123,13 +123,13 @@ bool is_sound(const FrameHeader& h, size_t bytes) {
 }  // namespace
 
 std::vector<uint8_t> write_frame(FrameHeader& header, const Sections& sections) {
-  ByteWriter rest;
+  ByteWriter body;
   for (size_t n = 0; n < sections.size(); ++n) {
     header.section_bytes[n] = static_cast<uint32_t>(sections[n].size());
   }
-  write_rest(rest, header);
-  for (const auto& section : sections) rest.bytes(section);
-  const std::vector<uint8_t> checked = rest.take();
+  write_checked_fields(body, header);
+  for (const auto& section : sections) body.bytes(section);
+  const std::vector<uint8_t> checked = body.take();
   header.checksum = crc32(checked);
   ByteWriter out;
   out.bytes(kMagic);
@@ -151,7 +151,7 @@ std::optional<FrameHeader> read_header(std::span<const uint8_t> bytes) {
     return std::nullopt;
   }
   h.checksum = in.number<uint32_t>();
-  if (!read_rest(in, h) || !is_sound(h, bytes.size()) ||
+  if (!read_checked_fields(in, h) || !is_valid(h, bytes.size()) ||
       crc32(bytes.subspan(kChecked)) != h.checksum) {
     return std::nullopt;
   }

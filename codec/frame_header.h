@@ -1,4 +1,4 @@
-// The first bytes of a compact frame of version 2: docs/compact-frame.md.
+// Header of a compact frame of version 2 (docs/compact-frame.md).
 #pragma once
 
 #include <array>
@@ -19,16 +19,17 @@ struct FrameLimits {
   static constexpr int kSubdivision = 64;
 };
 
-/// What a frame says of itself.
+/// Metadata of a frame.
 struct FrameFacts {
   int64_t pulse = 0;
-  int64_t exposure_ns = 0;           ///< start, CLOCK_REALTIME of the trigger's node; 0: unknown
-  std::vector<std::string> cameras;  ///< that took part, ascending
-  int missing = 0;                   ///< cameras of the rig that did not
+  /// Start of exposure, ns, CLOCK_REALTIME of the trigger's node; 0: unknown.
+  int64_t exposure_ns = 0;
+  std::vector<std::string> cameras;  ///< names of the cameras that took part, ascending
+  int missing = 0;                   ///< number of cameras of the rig that did not take part
   float quality =
       std::numeric_limits<float>::quiet_NaN();  ///< 0 to 1, more is better; NaN: unknown
-  std::array<double, 3> origin{};               ///< of the lattice: world, metres
-  double step = 0;                              ///< of the lattice, metres
+  std::array<double, 3> origin{};               ///< origin of the lattice, world frame, metres
+  double step = 0;                              ///< step of the lattice, metres
 };
 
 struct FrameHeader {
@@ -40,14 +41,14 @@ struct FrameHeader {
   uint16_t flags = 0;
   uint16_t subdivision = 1;  ///< lattice steps in half a voxel
   int64_t key_pulse = 0;
-  uint32_t reference = 0;  ///< the checksum of the frame before; 0 in a key frame
-  uint32_t checksum = 0;   ///< when read
+  uint32_t reference = 0;  ///< checksum of the previous frame; 0 in a key frame
+  uint32_t checksum = 0;   ///< set when the header is read or written
   std::array<uint8_t, 3> colour_steps{};
   uint32_t vertices = 0;
   uint32_t triangles = 0;
   std::array<uint16_t, 3> first_brick{};
   std::array<uint16_t, 3> bricks{};
-  /// Names, shape, displacements, colours: so many bytes each.
+  /// Sizes of the sections, bytes: names, shape, displacements, colours.
   std::array<uint32_t, 4> section_bytes{};
 
   bool is(uint16_t flag) const { return (flags & flag) != 0; }
@@ -56,16 +57,19 @@ struct FrameHeader {
 enum Section { kNames, kShape, kDisplacements, kColours };
 using Sections = std::array<std::vector<uint8_t>, 4>;
 
-/// The whole compact frame, with its checksum; sets header.checksum and section_bytes.
+/// Returns the whole compact frame with its checksum. Sets header.checksum and
+/// header.section_bytes.
 std::vector<uint8_t> write_frame(FrameHeader& header, const Sections& sections);
 
-/// Empty unless every rule that needs the header alone holds and the checksum is right.
+/// Empty unless all rules that involve only the header hold and the checksum is right.
 std::optional<FrameHeader> read_header(std::span<const uint8_t> bytes);
-/// Requires the bytes that `header` was read from.
+/// Returns the bytes of a section. Requires the bytes from which `header` was read.
 std::span<const uint8_t> section(std::span<const uint8_t> bytes, const FrameHeader& header,
                                  Section section);
 
+/// Section of the camera names.
 std::vector<uint8_t> encode_names(const std::vector<std::string>& names);
+/// Empty unless the bytes are exactly `count` valid names in ascending order.
 std::optional<std::vector<std::string>> decode_names(std::span<const uint8_t> bytes, int count);
 
 }  // namespace v3d

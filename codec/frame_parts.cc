@@ -5,12 +5,12 @@
 namespace v3d {
 
 ValueRange position_range(const FrameHeader& header) {
-  if (header.is(FrameHeader::kExplicit)) return {0, kMostLatticeNumber};
-  return {-kMostDisplacement, kMostDisplacement};
+  if (header.is(FrameHeader::kExplicit)) return {0, kMaxLatticeNumber};
+  return {-kMaxDisplacement, kMaxDisplacement};
 }
 
 std::vector<VertexValues> smoothed_places(const CodedSurface& surface, int subdivision) {
-  std::vector<VertexValues> sums(surface.places.size());  // the fourth counts
+  std::vector<VertexValues> sums(surface.places.size());  // the fourth number counts the neighbours
   const auto add = [&](uint32_t from, uint32_t to) {
     for (int axis = 0; axis < 3; ++axis) sums[to][axis] += surface.places[from][axis];
     ++sums[to][3];
@@ -23,7 +23,7 @@ std::vector<VertexValues> smoothed_places(const CodedSurface& surface, int subdi
   for (size_t v = 0; v < sums.size(); ++v) {
     const int64_t count = sums[v][3];
     for (int axis = 0; axis < 3; ++axis) {
-      // A third of its own place and two thirds of its neighbours' mean, rounded.
+      // One third of its own position plus two thirds of the mean of its neighbours, rounded.
       const int64_t thirds = surface.places[v][axis] * count + 2 * int64_t{sums[v][axis]};
       sums[v][axis] = static_cast<int32_t>((2 * thirds * subdivision + 3 * count) / (6 * count));
     }
@@ -38,7 +38,7 @@ float position(const FrameFacts& facts, int axis, int64_t number) {
   return static_cast<float>(facts.origin[axis] + static_cast<double>(number) * facts.step);
 }
 
-/// Where the places of a lattice lie along an axis.
+/// Coordinates of the lattice places of the box along an axis, metres.
 std::vector<float> positions_along(const FrameHeader& header, int axis) {
   const int first = 2 * kBrickEdge * header.first_brick[axis];
   std::vector<float> positions;

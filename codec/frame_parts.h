@@ -1,4 +1,4 @@
-// What encoder and decoder of frames share.
+// Parts shared by the encoder and the decoder of frames.
 #pragma once
 
 #include <span>
@@ -9,28 +9,29 @@
 
 namespace v3d {
 
-/// A frame, and what the next one is predicted from.
+/// State of a frame; the next frame is predicted from it.
 struct FrameState {
   FrameHeader header;
   CodedSurface surface;
-  /// [vertex]: steps of the lattice from its origin. Empty: vertices are where the volume has them.
+  /// [vertex]: position in lattice steps from the origin. Empty: vertices lie where the volume has
+  /// them.
   std::vector<VertexValues> numbers;
 };
 
-inline constexpr int kMostDisplacement = 32767;
-inline constexpr int kMostLatticeNumber = 65535;
+inline constexpr int kMaxDisplacement = 32767;
+inline constexpr int kMaxLatticeNumber = 65535;
 
-/// Of displacements, or of the positions of a frame without a volume.
+/// Range of displacements, or of positions in a frame without a volume.
 ValueRange position_range(const FrameHeader& header);
 
-/// Where vertices of a volume would lie if the steps of its voxels were smoothed away, in steps of
-/// the lattice: what displacements are counted from. For surfaces that were moved to where they are
-/// smooth, that is nearer than where the volume has them. Normative: docs/compact-frame.md.
+/// Positions of vertices after smoothing of the voxel steps, in lattice steps. Displacements are
+/// relative to them. For a smooth deformed surface they are closer than the vertices of the volume.
+/// Normative: docs/compact-frame.md.
 std::vector<VertexValues> smoothed_places(const CodedSurface& surface, int subdivision);
 
 std::vector<VertexColour> colours_of(std::span<const LumaChroma> values);
 
-/// All of `out` but its triangles, which are those of state.surface.
+/// Fills all of `out` except its triangles, which are those of state.surface.
 void make_mesh(const FrameState& state, DecodedFrame& out);
 
 }  // namespace v3d

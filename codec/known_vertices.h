@@ -1,4 +1,5 @@
-// What the values of a vertex are predicted from: its neighbours with lower numbers.
+// Known vertices: the neighbours with lower numbers, from which the values of a vertex are
+// predicted.
 #pragma once
 
 #include <array>
@@ -8,30 +9,30 @@
 
 namespace v3d {
 
-/// Values are coded in the order of the vertices, so those with lower numbers are known. Keeps its
-/// memory.
+/// Known vertices of all vertices. Values are coded in the order of the vertices, so a decoder
+/// already has the values of lower numbers. Keeps its memory.
 class KnownVertices {
  public:
-  static constexpr int kMost = 4;
-  using Four = std::span<const uint32_t, kMost>;
+  static constexpr int kMaxKnown = 4;
+  using Four = std::span<const uint32_t, kMaxKnown>;
 
-  /// Requires indices below `vertices`.
+  /// Computes the known vertices. Requires indices below `vertices`.
   void make(std::span<const std::array<uint32_t, 3>> triangles, uint32_t vertices);
 
   uint32_t vertices() const { return static_cast<uint32_t>(known_.size()); }
-  /// The vertices with lower numbers from which the side of a triangle runs to `vertex`: the first
-  /// four in the order of the triangles and their sides. Fewer than four are repeated in turn.
-  /// Where there are none, the vertex before; for vertex 0 itself.
-  Four of(uint32_t vertex) const { return std::span(known_[vertex].vertices).first<kMost>(); }
+  /// The vertices with lower numbers that share a triangle side, directed to `vertex`, with it: the
+  /// first four in the order of triangles and sides. Fewer than four are repeated cyclically.
+  /// Without any: the vertex before; for vertex 0 itself.
+  Four of(uint32_t vertex) const { return std::span(known_[vertex].vertices).first<kMaxKnown>(); }
 
  private:
   struct Known {
     uint32_t count = 0;
-    std::array<uint32_t, kMost + 1> vertices{};  ///< the last one takes what is too much
+    std::array<uint32_t, kMaxKnown + 1> vertices{};  ///< the last one receives surplus entries
 
-    /// Until there are four; `otherwise` where there is none.
+    /// Repeats the entries until there are four; uses `otherwise` when there is none.
     void repeat(uint32_t otherwise) {
-      constexpr std::array<std::array<uint8_t, kMost>, kMost + 1> kTurns{
+      constexpr std::array<std::array<uint8_t, kMaxKnown>, kMaxKnown + 1> kTurns{
           {{0, 0, 0, 0}, {0, 0, 0, 0}, {0, 1, 0, 1}, {0, 1, 2, 0}, {0, 1, 2, 3}}};
       const auto& turn = kTurns[count];
       const uint32_t first = count == 0 ? otherwise : vertices[0];
@@ -39,11 +40,13 @@ class KnownVertices {
       vertices = {first, vertices[turn[1]], vertices[turn[2]], vertices[turn[3]]};
     }
   };
-  /// Without a branch: half of the sides run upwards.
+  /// Adds `from` if it is lower than `to` and fewer than four are stored. Branch-free, because a
+  /// branch would be mispredicted for half of the sides.
   void add(uint32_t from, uint32_t to) {
     Known& known = known_[to];
     known.vertices[known.count] = from;
-    known.count += static_cast<uint32_t>(from < to) & static_cast<uint32_t>(known.count < kMost);
+    known.count +=
+        static_cast<uint32_t>(from < to) & static_cast<uint32_t>(known.count < kMaxKnown);
   }
 
   std::vector<Known> known_;

@@ -1,6 +1,6 @@
 // Coarse to fine: bricks are empty, full or mixed; so are the cells of 2 x 2 x 2 voxels in mixed
-// bricks; what is left are the voxels of mixed cells. Each is predicted from its neighbours: those
-// coded before, and of those to come what the coarser step has told.
+// bricks. In mixed cells, every voxel is coded. Each item is predicted from its neighbours: those
+// already coded, and the coarser level of those not yet coded.
 #include "codec/occupancy.h"
 
 #include <algorithm>
@@ -13,7 +13,7 @@ namespace {
 
 enum class Fill : uint8_t { kEmpty, kMixed, kFull };
 
-/// Two bits for one of three: is it empty, and if not, is it full?
+/// Codes a Fill as two bits: is it not empty, and if so, is it full?
 class FillModel {
  public:
   template <class Coder>
@@ -30,17 +30,20 @@ constexpr uint64_t kColumnX0 = 0x0101010101010101;
 constexpr uint64_t kColumnX7 = kColumnX0 << 7;
 constexpr uint64_t kRowY0 = 0xFF;
 
-// Words of a layer whose bit b is the voxel beside that of bit b; `from` is the brick on that side.
-uint64_t seen_lower_x(uint64_t layer, uint64_t from) {
+// Bit b of the result is the neighbour of voxel b on one side of a layer; `from` is the layer of
+// the neighbouring brick on that side.
+uint64_t lower_x_neighbours(uint64_t layer, uint64_t from) {
   return (layer << 1 & ~kColumnX0) | (from >> 7 & kColumnX0);
 }
-uint64_t seen_lower_y(uint64_t layer, uint64_t from) { return layer << 8 | from >> 56; }
-uint64_t seen_upper_x(uint64_t layer, uint64_t from) {
+uint64_t lower_y_neighbours(uint64_t layer, uint64_t from) { return layer << 8 | from >> 56; }
+uint64_t upper_x_neighbours(uint64_t layer, uint64_t from) {
   return (layer >> 1 & ~kColumnX7) | (from << 7 & kColumnX7);
 }
-uint64_t seen_upper_y(uint64_t layer, uint64_t from) { return layer >> 8 | (from & kRowY0) << 56; }
+uint64_t upper_y_neighbours(uint64_t layer, uint64_t from) {
+  return layer >> 8 | (from & kRowY0) << 56;
+}
 
-/// The cells of a brick, a bit each: cell (x, y, z) is bit x + 4 * y + 16 * z.
+/// The cells of a brick, one bit each: cell (x, y, z) is bit x + 4 * y + 16 * z.
 struct Cells {
   uint64_t some = 0;  ///< with an occupied voxel
   uint64_t all = 0;   ///< without an empty voxel
@@ -76,13 +79,13 @@ Brick voxels_of(uint64_t cells) {
   return brick;
 }
 
-/// Cells of a brick and the layer of cells before it along each axis.
+/// Fills of the cells of a brick, with one layer of cells of the lower neighbours along each axis.
 class CellWindow {
  public:
   static constexpr int kEdge = 5;
   static constexpr int at(int x, int y, int z) { return x + 1 + kEdge * (y + 1 + kEdge * (z + 1)); }
 
-  /// sides[n]: the brick at (-(n & 1), -(n >> 1 & 1), -(n >> 2)); [0] is not looked at.
+  /// sides[n]: the brick at (-(n & 1), -(n >> 1 & 1), -(n >> 2)); [0] is not used.
   explicit CellWindow(const std::array<Cells, 8>& sides) {
     for (int z = -1; z < 4; ++z) {
       for (int y = -1; y < 4; ++y) {
@@ -97,7 +100,8 @@ class CellWindow {
   void set(int place, Fill fill) { fills_[place] = fill; }
 
   static constexpr int kContexts = 27 * 8;
-  /// The three cells before it along the axes, and whether the three at its edges hold anything.
+  /// Context of a cell: fills of the three cells before it along the axes, and whether the three
+  /// diagonal cells before it are not empty.
   int context(int place) const {
     constexpr int kX = 1, kY = kEdge, kZ = kEdge * kEdge;
     const auto fill = [&](int back) { return static_cast<int>(fills_[place - back]); };
@@ -112,20 +116,20 @@ class CellWindow {
   std::array<Fill, kEdge * kEdge * kEdge> fills_{};
 };
 
-/// What is known of a brick while voxels are coded.
+/// State of a brick while voxels are coded.
 struct KnownBrick {
-  Brick occupied{};  ///< of what is known
+  Brick occupied{};  ///< known occupied voxels
   Brick unknown{};
 };
 
-/// All of one volume; `Coder` is RangeEncoder or RangeDecoder. The encoder's volume is complete,
-/// the decoder's is filled step by step.
+/// Codes one volume; `Coder` is RangeEncoder or RangeDecoder. The volume of the encoder is
+/// complete; that of the decoder is filled step by step.
 template <class Coder>
 class OccupancyCode {
  public:
   OccupancyCode(Coder& coder, Occupancy& volume) : coder_(coder), volume_(volume) {}
 
-  /// False: beyond the limits, or beyond the end of the bytes.
+  /// False when a limit or the end of the bytes was exceeded.
   bool run() {
     if (!code_bricks()) return false;
     cells_.resize(volume_.bricks.size());
@@ -174,7 +178,7 @@ class OccupancyCode {
 
   Coder& coder_;
   Occupancy& volume_;
-  std::vector<Fill> fills_;  ///< of volume_.bricks
+  std::vector<Fill> fills_;  ///< [brick] of volume_.bricks
   std::vector<Cells> cells_;
   std::vector<KnownBrick> known_;
   std::array<FillModel, 27> brick_models_;
@@ -207,7 +211,7 @@ bool OccupancyCode<Coder>::code_bricks() {
           volume_.occupied.word(at) |= BrickMap::bit(at);
         }
       }
-      if (overran() || fills_.size() > Occupancy::kMostBricks) return false;
+      if (overran() || fills_.size() > Occupancy::kMaxBricks) return false;
     }
   }
   if constexpr (kDecodes) {
@@ -258,24 +262,24 @@ void OccupancyCode<Coder>::code_voxels(size_t brick) {
     // Known before this layer is coded.
     const std::array<uint64_t, 9> fixed{
         at_below[below],
-        seen_lower_x(at_below[below], x_below[below]),
-        seen_lower_y(at_below[below], y_below[below]),
-        seen_upper_x(own.occupied[z], high_x.occupied[z]),
-        seen_upper_x(own.unknown[z], high_x.unknown[z]),
-        seen_upper_y(own.occupied[z], high_y.occupied[z]),
-        seen_upper_y(own.unknown[z], high_y.unknown[z]),
+        lower_x_neighbours(at_below[below], x_below[below]),
+        lower_y_neighbours(at_below[below], y_below[below]),
+        upper_x_neighbours(own.occupied[z], high_x.occupied[z]),
+        upper_x_neighbours(own.unknown[z], high_x.unknown[z]),
+        upper_y_neighbours(own.occupied[z], high_y.occupied[z]),
+        upper_y_neighbours(own.unknown[z], high_y.unknown[z]),
         at_above.occupied[above],
         at_above.unknown[above],
     };
     uint64_t layer = own.occupied[z];
-    // Grow with the layer.
-    uint64_t from_x = seen_lower_x(layer, low_x.occupied[z]);
-    uint64_t from_y = seen_lower_y(layer, low_y.occupied[z]);
-    const uint64_t corner_row = seen_lower_x(low_y.occupied[z], low_xy.occupied[z]);
-    uint64_t from_xy = seen_lower_y(from_x, corner_row);
+    // These are updated with each voxel of the layer.
+    uint64_t from_x = lower_x_neighbours(layer, low_x.occupied[z]);
+    uint64_t from_y = lower_y_neighbours(layer, low_y.occupied[z]);
+    const uint64_t corner_row = lower_x_neighbours(low_y.occupied[z], low_xy.occupied[z]);
+    uint64_t from_xy = lower_y_neighbours(from_x, corner_row);
     const uint64_t wanted = kDecodes ? 0 : volume_.bricks[brick][z];
-    for (uint64_t rest = own.unknown[z]; rest != 0; rest &= rest - 1) {
-      const int b = std::countr_zero(rest);
+    for (uint64_t remaining = own.unknown[z]; remaining != 0; remaining &= remaining - 1) {
+      const int b = std::countr_zero(remaining);
       unsigned context = static_cast<unsigned>((from_x >> b & 1) | (from_y >> b & 1) << 1 |
                                                (from_xy >> b & 1) << 2);
       for (size_t n = 0; n < fixed.size(); ++n) {
@@ -316,10 +320,10 @@ bool Occupancy::assign(const BrickVolume& volume) {
     }
   }
   for (int axis = 0; axis < 3; ++axis) {
-    if (low[axis] + size[axis] > kMostAlongAxis) return false;
+    if (low[axis] + size[axis] > kMaxAlongAxis) return false;
   }
-  if (int64_t{size[0]} * size[1] * size[2] > kMostInBox) return false;
-  if (volume.bricks.size() > kMostBricks) return false;
+  if (int64_t{size[0]} * size[1] * size[2] > kMaxBoxBricks) return false;
+  if (volume.bricks.size() > kMaxBricks) return false;
   clear(low, size);
   for (const BrickCoord c : volume.coords) {
     coords.push_back({c.x - low[0], c.y - low[1], c.z - low[2]});

@@ -1,4 +1,4 @@
-// A volume as it is coded: its bricks in the box that just holds them.
+// Codec of the occupancy of a volume: its bricks in their bounding box.
 #pragma once
 
 #include <array>
@@ -11,14 +11,15 @@
 
 namespace v3d {
 
-/// Brick (0, 0, 0) of `volume` is brick `first` of the grid. Sorted by z, then y, then x; no stored
-/// brick is empty. Keeps its memory.
+/// Occupied bricks of a bounding box. Brick (0, 0, 0) of the box is brick `first` of the grid.
+/// Bricks are sorted by z, then y, then x; no stored brick is empty. Keeps its memory.
 struct Occupancy {
-  /// Of the box that a decoder accepts, and of the bricks in it that are not empty.
-  static constexpr int64_t kMostInBox = int64_t{1} << 24;
-  static constexpr size_t kMostBricks = size_t{1} << 17;
-  /// Of `first` and of the box along an axis: half voxels then fit 16 bits.
-  static constexpr int kMostAlongAxis = 4096;
+  /// Maximum number of bricks in the box, and of bricks in it that are not empty.
+  static constexpr int64_t kMaxBoxBricks = int64_t{1} << 24;
+  static constexpr size_t kMaxBricks = size_t{1} << 17;
+  /// Maximum of `first` plus the size of the box along an axis, bricks: half voxels then fit 16
+  /// bits.
+  static constexpr int kMaxAlongAxis = 4096;
 
   std::array<int, 3> first{};
   BrickMap occupied;
@@ -27,16 +28,17 @@ struct Occupancy {
 
   const std::array<int, 3>& counts() const { return occupied.counts(); }
   BrickVolume view() const { return {&occupied, bricks, coords}; }
-  /// No brick in a box of that size, at `at`.
+  /// Removes all bricks and sets the box: `size` bricks from brick `at`.
   void clear(const std::array<int, 3>& at, const std::array<int, 3>& size);
-  /// The volume's bricks in the smallest box that holds them. False for a volume beyond the limits.
+  /// Copies the bricks of `volume` into the smallest box that holds them. False when the volume
+  /// exceeds the limits.
   bool assign(const BrickVolume& volume);
 };
 
 std::vector<uint8_t> encode_occupancy(const Occupancy& volume);
 
-/// Fills the box that `volume` was cleared to. False for bytes that are not exactly an encoder's
-/// length, or that hold more than kMostBricks.
+/// Fills the box that was set with volume.clear(). False when the bytes do not have exactly the
+/// length that an encoder writes, or when they hold more than kMaxBricks.
 /// Time is bounded by the size of the box and of the bytes.
 bool decode_occupancy(std::span<const uint8_t> bytes, Occupancy& volume);
 

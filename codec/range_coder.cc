@@ -16,11 +16,11 @@ void RangeEncoder::carry() {
 }
 
 std::vector<uint8_t> RangeEncoder::take() {
-  // Any number from low to low + range - 1 will do: the one that begins with the fewest bytes and
-  // goes on with zeros, which the decoder reads behind the end.
+  // Any number from low to low + range - 1 decodes correctly. Choose the one with the fewest bytes
+  // before a run of zeros, because the decoder reads zeros after the end.
   for (int kept = 8; kept <= 64; kept += 8) {
-    const uint64_t rest = kept == 64 ? 0 : ~uint64_t{0} >> kept;
-    const uint64_t number = (low_ + rest) & ~rest;
+    const uint64_t low_bits = kept == 64 ? 0 : ~uint64_t{0} >> kept;
+    const uint64_t number = (low_ + low_bits) & ~low_bits;
     if (number - low_ >= range_) continue;
     if (number < low_) carry();
     for (int shift = 56; shift >= 64 - kept; shift -= 8) {

@@ -1,9 +1,8 @@
-// Adaptive binary arithmetic coding: bits in, bytes out, and back. docs/compact-frame.md has the
-// normative description.
+// Adaptive binary range coder. docs/compact-frame.md is normative.
 //
-// A code_...() function takes either coder and does the same with both; so it is written once, and
-// what is decoded is what was encoded. bit(model, value) of the encoder codes `value` and returns
-// it, that of the decoder ignores `value` and returns what was coded.
+// Functions code() accept the encoder or the decoder, so that one implementation serves both.
+// bit(model, value) of the encoder codes `value` and returns it. bit() of the decoder ignores
+// `value` and returns the decoded bit.
 #pragma once
 
 #include <array>
@@ -17,26 +16,27 @@
 
 namespace v3d {
 
-/// How likely a bit is 0, learnt from the bits before: fast at first, slowly later.
+/// Adaptive probability that a bit is 0. It adapts fast at first and slowly later.
 class BitModel {
  public:
-  /// Of 0, in 65536ths; 32 to 65504, so every bit costs something and no bit more than 11 bits.
+  /// Probability of 0 in units of 1/65536, from 32 to 65504. So no bit is free, and no bit costs
+  /// more than 11 bits.
   uint32_t zero() const { return zero_; }
 
   void learn(bool bit) {
     const int shift = kShifts[count_];
-    const int target = bit ? kLeast : kMost;
+    const int target = bit ? kMinZero : kMaxZero;
     zero_ = static_cast<uint16_t>(zero_ + ((target - zero_) >> shift));
     count_ = static_cast<uint16_t>(count_ + (count_ < kShifts.size() - 1));
   }
 
  private:
-  static constexpr int kLeast = 32;
-  static constexpr int kMost = 65536 - 32;
+  static constexpr int kMinZero = 32;
+  static constexpr int kMaxZero = 65536 - 32;
   static constexpr std::array<uint8_t, 24> kShifts{1, 2, 2, 3, 3, 3, 4, 4, 4, 4, 4, 4,
                                                    5, 5, 5, 5, 5, 5, 5, 5, 5, 5, 5, 6};
   uint16_t zero_ = 32768;
-  uint16_t count_ = 0;  ///< bits learnt from, as far as kShifts reaches
+  uint16_t count_ = 0;  ///< number of bits so far, at most the last index of kShifts
 };
 
 class RangeEncoder {
@@ -46,12 +46,12 @@ class RangeEncoder {
     model.learn(value);
     return value;
   }
-  /// As likely 0 as 1.
+  /// Codes a bit with equal probabilities of 0 and 1.
   bool even_bit(bool value) {
     split(range_ >> 1, value);
     return value;
   }
-  /// All bytes; begins anew.
+  /// Returns all bytes and resets the encoder.
   std::vector<uint8_t> take();
 
  private:
@@ -73,7 +73,7 @@ class RangeEncoder {
   uint64_t range_ = ~uint64_t{0};
 };
 
-/// Never reads beyond `bytes`: behind their end are zeros, and overran() tells.
+/// Reads zeros after the end of `bytes`; overran() reports it.
 class RangeDecoder {
  public:
   explicit RangeDecoder(std::span<const uint8_t> bytes) : bytes_(bytes) {
@@ -88,10 +88,10 @@ class RangeDecoder {
   }
   bool even_bit(bool = false) { return split(range_ >> 1); }
 
-  /// More was decoded than the bytes can hold: what came out is not what was encoded. (An encoder
-  /// leaves at most the last 7 bytes that a decoder reads to the zeros.)
+  /// True when more was decoded than the bytes can hold, so that the result is invalid. (A decoder
+  /// reads up to 7 bytes more than an encoder writes.)
   bool overran() const { return at_ > bytes_.size() + 7; }
-  /// Everything was read, and no more than there is.
+  /// True when all bytes were read and overran() is false.
   bool ended() const { return at_ >= bytes_.size() && !overran(); }
 
  private:
@@ -105,7 +105,7 @@ class RangeDecoder {
     }
     return value;
   }
-  // Here and without a call, so that a copy of the decoder can live in registers.
+  // Inline, so that a copy of the decoder can stay in registers.
   uint32_t next_word() {
     uint32_t word = 0;
     for (size_t n = at_; n < at_ + 4; ++n) word = word << 8 | (n < bytes_.size() ? bytes_[n] : 0);
@@ -119,18 +119,18 @@ class RangeDecoder {
   uint64_t range_ = ~uint64_t{0};
 };
 
-/// A whole number from 0 on, mostly small: the digits of number + 1 behind its highest one are
-/// counted by bits that are learnt; they themselves are even bits (Exp-Golomb).
+/// A number from 0, mostly small. The digits of number + 1 after its highest one are counted by
+/// adaptive bits; the digits themselves are even bits (Exp-Golomb).
 class NumberModel {
  public:
-  /// Numbers below 2^kMostDigits are coded.
-  static constexpr int kMostDigits = 24;
+  /// Maximum number of digits; numbers below 2^kMaxDigits are coded.
+  static constexpr int kMaxDigits = 24;
 
   template <class Coder>
   uint32_t code(Coder& coder, uint32_t number) {
     const int wanted = std::bit_width(number + 1) - 1;
     int digits = 0;
-    while (digits < kMostDigits && coder.bit(more_[digits], wanted > digits)) ++digits;
+    while (digits < kMaxDigits && coder.bit(more_[digits], wanted > digits)) ++digits;
     uint32_t coded = 1;
     for (int d = digits - 1; d >= 0; --d) {
       coded = coded << 1 | uint32_t{coder.even_bit(((number + 1) >> d & 1) != 0)};
@@ -139,16 +139,16 @@ class NumberModel {
   }
 
  private:
-  std::array<BitModel, kMostDigits> more_;
+  std::array<BitModel, kMaxDigits> more_;
 };
 
-/// A whole number that is mostly near 0: is it 0, its sign, then 1s for its magnitude, and from
-/// kUnary on the rest as a NumberModel.
+/// An integer that is mostly near 0: a bit for 0, the sign, then 1s for the magnitude. From kUnary
+/// on, the excess is coded as a NumberModel.
 class ResidualModel {
  public:
   static constexpr int kUnary = 14;
-  /// Numbers from -kMost to kMost are coded.
-  static constexpr int kMost = 1 << 20;
+  /// Numbers from -kMaxMagnitude to kMaxMagnitude are coded.
+  static constexpr int kMaxMagnitude = 1 << 20;
 
   template <class Coder>
   int code(Coder& coder, int value) {
@@ -158,8 +158,8 @@ class ResidualModel {
     int magnitude = 1;
     while (magnitude < kUnary && coder.bit(more_[magnitude - 1], wanted > magnitude)) ++magnitude;
     if (magnitude == kUnary) {
-      const int rest = wanted > kUnary ? wanted - kUnary : 0;
-      magnitude += static_cast<int>(rest_.code(coder, static_cast<uint32_t>(rest)));
+      const int excess = wanted > kUnary ? wanted - kUnary : 0;
+      magnitude += static_cast<int>(excess_.code(coder, static_cast<uint32_t>(excess)));
     }
     return negative ? -magnitude : magnitude;
   }
@@ -167,7 +167,7 @@ class ResidualModel {
  private:
   BitModel nonzero_;
   std::array<BitModel, kUnary - 1> more_;
-  NumberModel rest_;
+  NumberModel excess_;
 };
 
 }  // namespace v3d

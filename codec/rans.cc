@@ -10,7 +10,7 @@ void RansEncoder::finish(ByteWriter& bytes) const {
 RansDecoder::RansDecoder(std::span<const uint8_t> bytes) : bytes_(bytes) {
   state_ = next_word();
   state_ |= uint64_t{next_word()} << 32;
-  sound_ = state_ >= kRansStart && state_ >> 32 < kRansStart;
+  valid_ = state_ >= kRansStart && state_ >> 32 < kRansStart;
 }
 
 }  // namespace v3d

@@ -1,4 +1,4 @@
-// What the spread of the known values tells of how far the next is from their mean.
+// Class of the spread of the known values, which predicts the size of the next residual.
 #pragma once
 
 #include <algorithm>
@@ -8,7 +8,7 @@ namespace v3d {
 
 inline constexpr int kSpreadClasses = 6;
 
-/// From 0 for known values that agree. Requires 0 <= spread, 1 <= step.
+/// Returns 0 when the known values agree. Requires 0 <= spread, 1 <= step.
 inline int spread_class(int spread, int step) {
   constexpr std::array<int, kSpreadClasses - 1> kBounds{1, 3, 6, 10, 16};  // half steps
   const int halves = 2 * spread / step;

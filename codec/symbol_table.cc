@@ -15,8 +15,8 @@ SymbolSlots slots_of(const SymbolCounts& counts) {
     slots[symbol] = static_cast<uint16_t>(std::max<uint64_t>(share, 1));
     left -= slots[symbol];
   }
-  // What is over goes to the largest, what is missing is taken from the largest, bit by bit: they
-  // feel it least.
+  // Add a surplus of slots to the largest symbols, or take a deficit from them, in small steps:
+  // this costs the least.
   while (left != 0) {
     uint16_t& largest = *std::max_element(slots.begin(), slots.end());
     const int change = std::max(left, -std::max(largest / 8, 1));

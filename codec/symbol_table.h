@@ -1,4 +1,4 @@
-// How often each of 256 symbols comes, told before they are: by slots of a RansDecoder.
+// Frequency table of 256 symbols, in slots of a RansDecoder. It is transmitted before the symbols.
 #pragma once
 
 #include <algorithm>
@@ -13,28 +13,31 @@ namespace v3d {
 
 inline constexpr uint32_t kSymbols = 256;
 using SymbolCounts = std::array<uint32_t, kSymbols>;
-/// Of each symbol; kSlots together, or none where no symbol comes at all.
+/// Slots of each symbol. Their sum is kSlots, or 0 when no symbol occurs.
 using SymbolSlots = std::array<uint16_t, kSymbols>;
 
-/// In proportion to the counts, but for each that is not 0 at least one.
+/// Distributes the slots in proportion to the counts; each symbol with a count greater than 0 gets
+/// at least one.
 SymbolSlots slots_of(const SymbolCounts& counts);
 /// The first slot of each symbol.
 SymbolSlots first_slots(const SymbolSlots& slots);
 
 /// [slot]
 using SlotTable = std::array<uint32_t, kSlots>;
-/// Entry of a table without slots. No other has its place behind its slots.
+/// Entry of a table without slots. No valid entry has its position after its slots.
 inline constexpr uint32_t kNoSymbol = 255 | 1U << 8;
+/// Computes the decoding table.
 void fill(const SymbolSlots& slots, SlotTable& table);
-/// What an entry tells, for RansDecoder::take().
+/// Fields of an entry, for RansDecoder::take().
 inline uint32_t symbol_in(uint32_t entry) { return entry & 255; }
 inline uint32_t place_in(uint32_t entry) { return entry >> 8 & (kSlots - 1); }
 inline uint32_t slots_in(uint32_t entry) { return (entry >> (8 + kSlotBits)) + 1; }
 
-/// Codes one table after the other, each a little like the one before.
+/// Codes a sequence of tables. Each is predicted from the previous one.
 class SlotsModel {
  public:
-  /// False: what was decoded is not a table. The decoder's begins as 0.
+  /// Codes one table. False when the decoded table is invalid. The decoder starts with a table of
+  /// zeros.
   template <class Coder>
   bool code(Coder& coder, SymbolSlots& slots) {
     const bool some = std::any_of(slots.begin(), slots.end(), [](uint16_t n) { return n > 0; });
@@ -52,7 +55,8 @@ class SlotsModel {
 
  private:
   BitModel some_;
-  std::array<NumberModel, kSlotBits + 2> numbers_;  ///< by digits of what the table before had
+  /// [number of binary digits of the slots in the previous table].
+  std::array<NumberModel, kSlotBits + 2> numbers_;
   SymbolSlots before_{};
 };
 

@@ -7,8 +7,8 @@
 namespace v3d {
 namespace {
 
-/// Indices counted back from the next unused number. A number is told apart by its place in the
-/// triangle and by whether the index before was a new one.
+/// Models of indices, which are counted back from the next unused number. The model is selected by
+/// the position in the triangle and by whether the previous index was new.
 class IndexModels {
  public:
   template <class Coder>

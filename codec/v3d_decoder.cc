@@ -10,12 +10,12 @@ struct v3d_decoder {  // NOLINT(readability-identifier-naming): named by the C h
   v3d::FrameDecoder decoder;
   std::vector<const char*> names;
   v3d_frame frame{};
-  bool there = false;
+  bool has_frame = false;
 };
 
 namespace {
 
-void show(v3d_decoder& decoder) {
+void fill_frame(v3d_decoder& decoder) {
   const v3d::DecodedFrame& from = decoder.decoder.frame();
   decoder.names.clear();
   for (const std::string& name : from.facts.cameras) decoder.names.push_back(name.c_str());
@@ -34,7 +34,7 @@ void show(v3d_decoder& decoder) {
   to.colours = from.colours.empty() ? nullptr : from.colours.front().data();
   to.triangles = from.triangles.size();
   to.indices = from.triangles.empty() ? nullptr : from.triangles.front().data();
-  decoder.there = true;
+  decoder.has_frame = true;
 }
 
 v3d_status status_of(v3d::DecodeStatus status) {
@@ -48,8 +48,8 @@ v3d_status status_of(v3d::DecodeStatus status) {
   }
 }
 
-/// What `call` gives, `otherwise` when memory ends. Built without exceptions, as WebAssembly is,
-/// the program ends there.
+/// Returns the result of `call`, or `otherwise` when memory is exhausted. Without exceptions, as in
+/// WebAssembly, the program is aborted instead.
 template <class Call, class Result>
 Result with_memory(const Call& call, Result otherwise) {
 #ifdef __cpp_exceptions
@@ -65,7 +65,7 @@ Result with_memory(const Call& call, Result otherwise) {
 }
 
 #ifdef __wasm32__
-// codec/v3d_decoder.mjs reads the frame where it lies.
+// codec/v3d_decoder.mjs reads the frame at these offsets.
 static_assert(offsetof(v3d_frame, quality) == 24 && offsetof(v3d_frame, step_m) == 32 &&
               offsetof(v3d_frame, origin_m) == 40 && offsetof(v3d_frame, cameras) == 64 &&
               offsetof(v3d_frame, vertices) == 76 && offsetof(v3d_frame, indices) == 92);
@@ -82,12 +82,12 @@ void v3d_decoder_free(v3d_decoder* decoder) { delete decoder; }
 v3d_status v3d_decoder_decode(v3d_decoder* decoder, const uint8_t* bytes, size_t size) {
   const auto decode = [&] {
     const v3d_status status = status_of(decoder->decoder.decode({bytes, size}));
-    if (status == V3D_OK) show(*decoder);
+    if (status == V3D_OK) fill_frame(*decoder);
     return status;
   };
   return with_memory(decode, V3D_OUT_OF_MEMORY);
 }
 
 const v3d_frame* v3d_decoder_frame(const v3d_decoder* decoder) {
-  return decoder->there ? &decoder->frame : nullptr;
+  return decoder->has_frame ? &decoder->frame : nullptr;
 }

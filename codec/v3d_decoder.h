@@ -1,8 +1,8 @@
-/* Decoder of compact frames (docs/compact-frame.md), for C and for whatever calls C.
+/* Decoder of compact frames (docs/compact-frame.md) for C and for languages that call C.
  *
- * Needs no library but the C++ runtime. No exception leaves it. A decoder belongs to one thread at
- * a time; different decoders are independent. Everything reached through a decoder belongs to it
- * and stays valid until the next call of v3d_decoder_decode() with it or of v3d_decoder_free(). */
+ * It needs only the C++ runtime library and throws no exception. One thread at a time may use a
+ * decoder; different decoders are independent. A decoder owns all data that is reached through it.
+ * The data stays valid until the next v3d_decoder_decode() or v3d_decoder_free() of it. */
 #ifndef V3D_CODEC_V3D_DECODER_H
 #define V3D_CODEC_V3D_DECODER_H
 
@@ -15,7 +15,7 @@ extern "C" {
 
 #define V3D_API __attribute__((visibility("default")))
 
-/* NOLINTBEGIN(readability-identifier-naming): named as C libraries name things */
+/* NOLINTBEGIN(readability-identifier-naming): names in the style of C libraries */
 
 typedef struct v3d_decoder v3d_decoder;
 
@@ -23,37 +23,37 @@ typedef enum v3d_status {
   V3D_OK = 0,
   V3D_MALFORMED = 1, /* no compact frame of version 2, or damaged */
   V3D_NEEDS_REFERENCE =
-      2, /* made for a frame that was not the last one decoded: go on at a key frame */
+      2, /* its reference is not the last decoded frame; continue at a key frame */
   V3D_OUT_OF_MEMORY = 3
 } v3d_status;
 
 typedef struct v3d_frame {
   int64_t pulse;
   int64_t exposure_ns; /* start of exposure, CLOCK_REALTIME of the studio; 0: unknown */
-  int64_t key_pulse;   /* of the key frame that decoding this one begins at */
+  int64_t key_pulse;   /* pulse of the key frame where decoding of this frame starts */
   float quality;       /* 0 to 1, more is better; not a number: unknown */
-  double step_m;       /* vertices lie on a lattice of that step ... */
-  double origin_m[3];  /* ... from here */
-  size_t cameras;      /* that took part, and their names in ascending order, ended by 0 */
+  double step_m;       /* step of the lattice of vertices, metres */
+  double origin_m[3];  /* origin of this lattice, world frame, metres */
+  size_t cameras;      /* number of cameras that took part; names are NUL-terminated, ascending */
   const char* const* camera_names;
   size_t missing_cameras;
   size_t vertices;
-  const float* positions; /* x, y, z of each vertex: metres, z up */
+  const float* positions; /* x, y, z of each vertex, metres, z up */
   const uint8_t* colours; /* r, g, b of each vertex (sRGB); NULL: the mesh has none */
   size_t triangles;
-  const uint32_t* indices; /* three of each triangle, counter-clockwise seen from outside */
+  const uint32_t* indices; /* three for each triangle, counter-clockwise seen from outside */
 } v3d_frame;
 
-/* NULL when there is no memory. To be given to v3d_decoder_free(). */
+/* Makes a decoder; NULL when memory is exhausted. Release it with v3d_decoder_free(). */
 V3D_API v3d_decoder* v3d_decoder_new(void);
-/* NULL is allowed. */
+/* Releases a decoder. NULL is allowed. */
 V3D_API void v3d_decoder_free(v3d_decoder* decoder);
 
-/* Decodes one compact frame. `bytes` are not needed afterwards. Unless V3D_OK, the frame decoded
- * before stays. Whatever the bytes, memory stays below 2 GB. */
+/* Decodes one compact frame. `bytes` are not needed after the call. Unless the result is V3D_OK,
+ * the current frame does not change. Memory stays below 2 GB for any bytes. */
 V3D_API v3d_status v3d_decoder_decode(v3d_decoder* decoder, const uint8_t* bytes, size_t size);
 
-/* The last frame that was decoded; NULL before the first. */
+/* The last decoded frame; NULL before the first. */
 V3D_API const v3d_frame* v3d_decoder_frame(const v3d_decoder* decoder);
 
 /* NOLINTEND(readability-identifier-naming) */

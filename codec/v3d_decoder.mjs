@@ -1,30 +1,30 @@
-// The decoder of compact frames (v3d_decoder.h, docs/compact-frame.md) in JavaScript: v3d_decoder.wasm and what calls
-// it. Needs nothing beside it; the same in browsers, workers and node.
+// Decoder of compact frames (v3d_decoder.h, docs/compact-frame.md) for JavaScript: a wrapper of v3d_decoder.wasm without
+// other dependencies. It runs in browsers, workers and node.
 
 export const OK = 0;
 /** No compact frame of version 2, or damaged. */
 export const MALFORMED = 1;
-/** Made for a frame that was not the last one decoded: go on at a key frame. */
+/** Its reference is not the last decoded frame; continue at a key frame. */
 export const NEEDS_REFERENCE = 2;
-/** The memory that a browser gives is at its end: make a new decoder. */
+/** Memory is exhausted: make a new decoder. */
 export const OUT_OF_MEMORY = 3;
 
 /**
  * @typedef {object} Frame
  * @property {number} pulse
  * @property {bigint} exposureNs  start of exposure, ns since 1970; 0: unknown
- * @property {number} keyPulse  of the key frame that decoding this one begins at
+ * @property {number} keyPulse  pulse of the key frame where decoding of this frame starts
  * @property {number} quality  0 to 1, more is better; NaN: unknown
- * @property {number} stepM  vertices lie on a lattice of that step ...
- * @property {[number, number, number]} originM  ... from here
- * @property {string[]} cameras  that took part
+ * @property {number} stepM  step of the lattice of vertices, metres
+ * @property {[number, number, number]} originM  origin of this lattice, world frame, metres
+ * @property {string[]} cameras  names of the cameras that took part
  * @property {number} missingCameras
  * @property {Float32Array} positions  x, y, z of each vertex: metres, z up
  * @property {Uint8Array | null} colours  r, g, b of each vertex (sRGB); null: the mesh has none
- * @property {Uint32Array} indices  three of each triangle, counter-clockwise seen from outside
+ * @property {Uint32Array} indices  three for each triangle, counter-clockwise seen from outside
  */
 
-// v3d_frame: where its fields lie.
+// Offsets of the fields of v3d_frame, bytes.
 const PULSE = 0, EXPOSURE = 8, KEY_PULSE = 16, QUALITY = 24, STEP = 32, ORIGIN = 40, CAMERAS = 64, NAMES = 68,
   MISSING = 72, VERTICES = 76, POSITIONS = 80, COLOURS = 84, TRIANGLES = 88, INDICES = 92;
 
@@ -37,12 +37,12 @@ export class Decoder {
   /** @param {WebAssembly.Module} module of v3d_decoder.wasm */
   constructor(module) {
     this.#module = module;
-    this.#begin();
+    this.#reset();
   }
 
-  /** Forgets all; so it is also where memory has ended. */
-  #begin() {
-    // What a C library wants of a system: nothing that the decoder calls. It gets "not supported".
+  /** Makes a new decoder with new memory; also used after memory was exhausted. */
+  #reset() {
+    // System calls that the C library imports. The decoder calls none of them; each returns "not supported".
     const system = {};
     for (const { module, name } of WebAssembly.Module.imports(this.#module)) {
       (system[module] ??= {})[name] = () => 52;
@@ -53,7 +53,7 @@ export class Decoder {
   }
 
   /**
-   * Unless OK, the frame decoded before stays.
+   * Decodes one frame. Unless the result is OK, the current frame does not change.
    * @param {Uint8Array} bytes one compact frame
    * @returns {number}
    */
@@ -67,14 +67,14 @@ export class Decoder {
       return status;
     } catch (error) {
       if (!(error instanceof WebAssembly.RuntimeError)) throw error;
-      this.#begin();
+      this.#reset();
       return OUT_OF_MEMORY;
     }
   }
 
   /**
-   * The last frame that was decoded, null before the first. Its arrays are views into the decoder's memory, good until
-   * the next call of decode(): copy what is to stay.
+   * The last decoded frame; null before the first. Its arrays are views into the memory of the decoder and are valid until
+   * the next call of decode(): copy what must stay.
    * @returns {Frame | null}
    */
   frame() {
@@ -101,7 +101,7 @@ export class Decoder {
   }
 }
 
-/** A string of C. */
+/** Reads a NUL-terminated string. */
 function text(memory, at) {
   const bytes = new Uint8Array(memory, at);
   return new TextDecoder().decode(bytes.subarray(0, bytes.indexOf(0)));

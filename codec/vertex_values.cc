@@ -11,29 +11,29 @@
 namespace v3d {
 namespace {
 
-constexpr uint32_t kGroup = 64;  // vertices between two looks at the end of the bytes
+constexpr uint32_t kGroup = 64;  // vertices between two checks for the end of the bytes
 
-/// Prediction of one vertex, and how much that differs what it comes from.
-struct Guess {
+/// Prediction of one vertex, and the spread of the values that it is computed from.
+struct Prediction {
   VertexValues mean;
   VertexValues spread{};
 };
 
-inline Guess guess_from(KnownVertices::Four known, std::span<const VertexValues> values) {
-  constexpr int kLanes = 4;  // each loop for itself: the compiler makes vectors of them
+inline Prediction predict_from(KnownVertices::Four known, std::span<const VertexValues> values) {
+  constexpr int kLanes = 4;  // separate loops, which the compiler vectorises
   const VertexValues a = values[known[0]], b = values[known[1]];
   const VertexValues c = values[known[2]], d = values[known[3]];
-  Guess guess;
-  for (int n = 0; n < kLanes; ++n) guess.mean[n] = (a[n] + b[n] + c[n] + d[n] + 2) >> 2;
+  Prediction prediction;
+  for (int n = 0; n < kLanes; ++n) prediction.mean[n] = (a[n] + b[n] + c[n] + d[n] + 2) >> 2;
   for (int n = 0; n < kLanes; ++n) {
-    const int least = std::min(std::min(a[n], b[n]), std::min(c[n], d[n]));
-    const int most = std::max(std::max(a[n], b[n]), std::max(c[n], d[n]));
-    guess.spread[n] = most - least;
+    const int low = std::min(std::min(a[n], b[n]), std::min(c[n], d[n]));
+    const int high = std::max(std::max(a[n], b[n]), std::max(c[n], d[n]));
+    prediction.spread[n] = high - low;
   }
-  return guess;
+  return prediction;
 }
 
-/// What the spread of the known values tells of the residual.
+/// Table of spread_class() for a step of 1.
 class SpreadClasses {
  public:
   SpreadClasses() {
@@ -46,18 +46,18 @@ class SpreadClasses {
   }
 
  private:
-  std::array<uint8_t, 9> classes_{};  ///< all above are like the last
+  std::array<uint8_t, 9> classes_{};  ///< larger spreads have the last class
 };
 
-/// Learns how far values are from where they were guessed.
+/// Adaptive models of the residuals.
 class Models {
  public:
-  /// `before`: residuals of the same vertex that are coded already.
-  ResidualModel& at(int n, int its_class, const VertexValues& before) {
-    if (n == 0) return first_[its_class];
+  /// `before`: residuals of the same vertex that are already coded.
+  ResidualModel& at(int n, int class_index, const VertexValues& before) {
+    if (n == 0) return first_[class_index];
     const int first = std::min(std::abs(before[0]), 2);
     const int second = n == 1 ? 0 : std::min(std::abs(before[1]), 1);
-    return others_[n - 1][its_class][first][second];
+    return others_[n - 1][class_index][first][second];
   }
 
  private:
@@ -66,14 +66,14 @@ class Models {
   std::array<std::array<Others, kSpreadClasses>, 2> others_;
 };
 
-/// `Coder` is RangeEncoder or RangeDecoder; the decoder has no `wanted` values.
+/// `Coder` is RangeEncoder or RangeDecoder. The decoder does not use the `wanted` values.
 template <class Coder>
 class ValueCode {
  public:
   ValueCode(Coder& coder, const KnownVertices& known, const ValueRange& range)
       : coder_(coder), known_(known), range_(range) {}
 
-  /// False: beyond the end of the bytes.
+  /// False when the end of the bytes was exceeded.
   bool run(std::span<const VertexValues> wanted) {
     decoded_.assign(known_.vertices(), {});
     for (uint32_t vertex = 0; vertex < decoded_.size(); ++vertex) {
@@ -109,14 +109,14 @@ class ValueCode {
 
 template <class Coder>
 void ValueCode<Coder>::code(Coder& coder, uint32_t vertex, std::span<const VertexValues> wanted) {
-  const Guess from = guess_from(known_.of(vertex), decoded_);
+  const Prediction from = predict_from(known_.of(vertex), decoded_);
   VertexValues residual{};
   VertexValues& decoded = decoded_[vertex];
   for (int n = 0; n < 3; ++n) {
     if (!kDecodes) residual[n] = wanted[vertex][n] - from.mean[n];
     ResidualModel& model = models_.at(n, classes_[from.spread[n]], residual);
     residual[n] = model.code(coder, residual[n]);
-    decoded[n] = std::clamp(from.mean[n] + residual[n], range_.least, range_.most);
+    decoded[n] = std::clamp(from.mean[n] + residual[n], range_.min, range_.max);
   }
 }
 

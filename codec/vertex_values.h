@@ -1,5 +1,5 @@
-// Three whole numbers of every vertex - displacement or position - predicted from the surface round
-// it; coded without loss.
+// Lossless codec of three integers per vertex (displacement or position), predicted from
+// neighbouring vertices.
 #pragma once
 
 #include <array>
@@ -12,19 +12,20 @@
 
 namespace v3d {
 
-/// The fourth is 0: so they fit a vector register.
+/// The fourth is 0 and fills a vector register.
 using VertexValues = std::array<int32_t, 4>;
 
-/// Where values lie. Requires -2^19 <= least <= 0 <= most < 2^19.
+/// Range of values. Requires -2^19 <= min <= 0 <= max < 2^19.
 struct ValueRange {
-  int least = 0, most = 0;
+  int min = 0, max = 0;
 };
 
-/// Requires values in their range for all vertices of `known`.
+/// Requires values in `range` for all vertices of `known`.
 std::vector<uint8_t> encode_values(std::span<const VertexValues> values, const KnownVertices& known,
                                    const ValueRange& range);
 
-/// Empty for bytes that are not exactly an encoder's length. [vertex].
+/// Returns the values by vertex. Empty when the bytes do not have exactly the length that an
+/// encoder writes.
 std::optional<std::vector<VertexValues>> decode_values(std::span<const uint8_t> bytes,
                                                        const KnownVertices& known,
                                                        const ValueRange& range);

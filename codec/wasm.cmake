@@ -1,8 +1,8 @@
-# The decoder as WebAssembly, of the same source: build/<preset>/codec/v3d_decoder.wasm with the C interface of
-# codec/v3d_decoder.h, malloc and free; codec/v3d_decoder.mjs calls it from JavaScript. By clang, and libraries that
-# Debian builds for it (tools/install-deps).
+# The decoder as WebAssembly, from the same sources: build/<preset>/codec/v3d_decoder.wasm, with the C interface of
+# codec/v3d_decoder.h, malloc and free. codec/v3d_decoder.mjs calls it from JavaScript. It needs clang and the
+# WebAssembly libraries of Debian (tools/install-deps).
 find_program(WASM_CXX clang++-14 REQUIRED)
-# Memory grows up to the decoder's limit. The stack lies below all data, so that to outgrow it is a trap.
+# Memory grows up to the limit of the decoder. The stack lies below all data, so that a stack overflow is a trap.
 set(options --target=wasm32-wasi -std=c++20 -O2 -DNDEBUG -msimd128 -fno-exceptions -fno-rtti -ffp-contract=off
   -Wall -Wextra -I${CMAKE_SOURCE_DIR})
 set(link -mexec-model=reactor -Wl,--strip-all,--stack-first,-z,stack-size=1048576,--max-memory=2147483648)

@@ -1,4 +1,4 @@
-// The names of the LCM channels.
+// Names of the LCM channels.
 #pragma once
 
 #include <string>
@@ -11,7 +11,7 @@ inline constexpr char kPulseChannel[] = "V3D_PULSE";
 inline constexpr char kMeshChannel[] = "V3D_MESH";
 inline constexpr char kEventChannel[] = "V3D_EVENT";
 inline constexpr char kSessionChannel[] = "V3D_SESSION";
-/// Followed by the camera's or the node's name.
+/// Prefixes: the name of the camera or of the node follows.
 inline constexpr char kFramePrefix[] = "V3D_FRAME_";
 inline constexpr char kHealthPrefix[] = "V3D_HEALTH_";
 inline constexpr char kPreviewPrefix[] = "V3D_PREVIEW_";

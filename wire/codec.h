@@ -1,11 +1,14 @@
-// Bytes to messages and back. Implemented by codec_*.cc, a file for what belongs together; they
-// alone see the types generated from lcmtypes/. Decoders treat bytes as hostile: anything wrong
-// (fingerprint, truncation, trailing bytes, negative or absurd lengths, values out of their
-// enumeration, a mask or image that does not fit its size, a frame's checksum that is not its own)
-// gives nothing. They never throw and never allocate more than a small multiple of the input (a
-// mask, which is sent as runs: no more than its size says, at most kMaxImageSide squared bits).
+// Codec of the LCM messages: encodes messages to bytes, decodes bytes to messages.
 //
-// `sent` travels in whole microseconds (LCM's custom for `utime`), all other instants in
+// Only codec_*.cc, which implement it, include the types generated from lcmtypes/. Decoders treat
+// all bytes as hostile and return nothing if any rule is broken. Rules: fingerprint, lengths (no
+// truncation, no trailing bytes, nothing negative), ranges of enumerations, sizes of masks and
+// images, and the checksum of a frame.
+//
+// Decoders never throw. They allocate at most a small multiple of the size of the input. A mask,
+// which is sent as run lengths, needs one bit for each pixel: at most kMaxImageSide squared bits.
+//
+// `sent` travels in whole microseconds (the LCM convention for `utime`), all other instants in
 // nanoseconds.
 #pragma once
 
@@ -23,7 +26,8 @@ using Bytes = std::vector<uint8_t>;
 Bytes encode(const PulseMessage& message);
 Bytes encode(const FrameMessage& message);
 Bytes encode(const MeshMessage& message);
-/// With room for the seal (wire/studio_key.h) behind the two that have one.
+/// The last field of commands and replies is reserved for the MAC (wire/studio_key.h) and is zero
+/// here.
 Bytes encode(const CommandMessage& message);
 Bytes encode(const ReplyMessage& message);
 Bytes encode(const HealthMessage& message);
@@ -33,11 +37,12 @@ Bytes encode(const SessionMessage& message);
 Bytes encode(const ShardMessage& message);
 Bytes encode(const ShardMeshMessage& message);
 
-/// An encoded FrameMessage up to its pixels, whose checksum it holds; `message.frame.image.bytes`
-/// are the rest of it. For writers that need not copy the pixels.
+/// The part of an encoded FrameMessage before its pixels, with the checksum of the whole message.
+/// The rest of the message is `message.frame.image.bytes`. Writers use it to avoid a copy of the
+/// pixels.
 Bytes encode_head(const FrameMessage& message);
 
-/// M is one of the message types above.
+/// The message, or nothing when `bytes` break a rule above. M is one of the message types.
 template <class M>
 std::optional<M> decode(std::span<const uint8_t> bytes);
 
@@ -64,7 +69,8 @@ std::optional<ShardMessage> decode(std::span<const uint8_t> bytes);
 template <>
 std::optional<ShardMeshMessage> decode(std::span<const uint8_t> bytes);
 
-/// What a frame message says before its pixels: enough to index a log without reading it whole.
+/// The fields of a frame message before its pixels. They are sufficient to index a log without
+/// reading the pixels.
 struct FrameHead {
   std::string take;
   std::string camera;
@@ -72,7 +78,8 @@ struct FrameHead {
   size_t message_size = 0;  ///< of the whole message, bytes
 };
 
-/// From the first bytes of an encoded FrameMessage (kFrameHeadSize are enough).
+/// Decodes the first bytes of an encoded FrameMessage; kFrameHeadSize bytes are sufficient. Returns
+/// nothing when the bytes are too few or break a rule. Does not check the checksum.
 std::optional<FrameHead> decode_frame_head(std::span<const uint8_t> first_bytes);
 inline constexpr size_t kFrameHeadSize = 1024;
 

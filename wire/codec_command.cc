@@ -40,9 +40,9 @@ std::optional<CommandMessage> decode(std::span<const uint8_t> bytes) {
   if (!w) return std::nullopt;
   const auto sent = instant_of(w->utime);
   const auto verb = enumerator(w->verb, CommandVerb::kCheck);
-  const bool sane = w->counter >= 0 && w->pulses >= 0 && std::isfinite(w->rate_hz) &&
-                    w->rate_hz >= 0 && !w->sender.empty();
-  if (!sent || !verb || !sane) return std::nullopt;
+  const bool valid = w->counter >= 0 && w->pulses >= 0 && std::isfinite(w->rate_hz) &&
+                     w->rate_hz >= 0 && !w->sender.empty();
+  if (!sent || !verb || !valid) return std::nullopt;
   return CommandMessage{.sent = *sent,
                         .sender = w->sender,
                         .counter = w->counter,

@@ -14,13 +14,13 @@ namespace {
 constexpr Layout kFrameLayout = "qqssq?qqqiiiiiiib?qnnB0B1";
 constexpr int8_t kRawEncoding = 0;
 constexpr size_t kChecksumSize = 8;
-/// The checksum of a frame_t and the two counts behind it, before its arrays.
+/// Size of the checksum of a frame_t and the two array counts after it, bytes. The arrays follow.
 constexpr size_t kFrameTail = kChecksumSize + 2 * 4;
 
 bool is_side(int32_t n) { return n >= 1 && n <= kMaxImageSide; }
 
-/// The part lies inside the image and keeps its Bayer pattern.
-bool is_part(const Rect& roi, ImageSize whole) {
+/// The region lies inside the image and starts at even coordinates, which keeps its Bayer pattern.
+bool is_valid_roi(const Rect& roi, ImageSize whole) {
   return roi.x0 >= 0 && roi.y0 >= 0 && roi.width >= 0 && roi.height >= 0 && roi.x0 % 2 == 0 &&
          roi.y0 % 2 == 0 && roi.x0 <= whole.width - roi.width &&
          roi.y0 <= whole.height - roi.height;
@@ -62,19 +62,19 @@ FrameLabel label_of(const frame_t& w) {
           .received = from_ns<Realtime>(w.t_received_ns)};
 }
 
-/// The silhouette, when there is one; false when it is not right.
+/// Decodes the silhouette if there is one. False when it is invalid.
 bool read_mask(const frame_t& w, Frame& frame) {
   if (!w.has_mask) return w.n_runs == 0;
   frame.mask = decode_runs(w.runs, frame.sensor_size);
   return frame.mask.has_value();
 }
 
-/// Takes the pixels out of `w` without a copy.
+/// Moves the pixels out of `w`, without a copy. False when format, region or size is invalid.
 bool take_pixels(frame_t& w, Frame& frame) {
   const auto format = pixel_format_from_code(static_cast<uint32_t>(w.pixel_format));
   if (!format || w.encoding != kRawEncoding) return false;
   frame.roi = {w.roi_x0, w.roi_y0, w.roi_width, w.roi_height};
-  if (!is_part(frame.roi, frame.sensor_size)) return false;
+  if (!is_valid_roi(frame.roi, frame.sensor_size)) return false;
   frame.image.size = {w.roi_width, w.roi_height};
   frame.image.format = *format;
   if (byte_count(frame.image.size, *format) != w.bytes.size()) return false;
@@ -82,7 +82,8 @@ bool take_pixels(frame_t& w, Frame& frame) {
   return true;
 }
 
-/// The pixels are the last field; their count and the checksum stand before the runs of the mask.
+/// Encodes all fields before the pixels, which are the last field. Their count and the checksum
+/// precede the runs of the mask.
 Bytes pack_head(const FrameMessage& m, size_t room) {
   const frame_t w = frame_without_pixels(m);
   Bytes bytes = pack(w, room);
@@ -93,13 +94,13 @@ Bytes pack_head(const FrameMessage& m, size_t room) {
   return bytes;
 }
 
-/// `bytes`: the message that `w` was decoded from.
-bool checksum_is_right(const frame_t& w, std::span<const uint8_t> bytes) {
+/// `bytes`: the message from which `w` was decoded.
+bool has_valid_checksum(const frame_t& w, std::span<const uint8_t> bytes) {
   constexpr std::array<uint8_t, kChecksumSize> kZero{};
   const auto arrays = static_cast<size_t>(w.n_runs) + static_cast<size_t>(w.n_bytes);
   const size_t at = bytes.size() - arrays - kFrameTail;
-  const uint64_t right = checksum({bytes.first(at), kZero, bytes.subspan(at + kChecksumSize)});
-  return static_cast<uint64_t>(w.checksum) == right;
+  const uint64_t expected = checksum({bytes.first(at), kZero, bytes.subspan(at + kChecksumSize)});
+  return static_cast<uint64_t>(w.checksum) == expected;
 }
 
 }  // namespace
@@ -123,9 +124,10 @@ std::optional<FrameMessage> decode(std::span<const uint8_t> bytes) {
   m.frame.camera = w->camera;
   m.frame.label = label_of(*w);
   m.frame.sensor_size = {w->width, w->height};
-  // Judged last: a fuzzer, which cannot make a checksum, reaches everything before it.
-  const bool sound = checksum_is_right(*w, bytes);
-  if (!take_pixels(*w, m.frame) || !read_mask(*w, m.frame) || !sound) return std::nullopt;
+  // The checksum is computed before the pixels are moved, but decides last: a fuzzer, which cannot
+  // compute it, then reaches the other checks.
+  const bool checksum_ok = has_valid_checksum(*w, bytes);
+  if (!take_pixels(*w, m.frame) || !read_mask(*w, m.frame) || !checksum_ok) return std::nullopt;
   return m;
 }
 
@@ -136,7 +138,7 @@ std::optional<FrameHead> decode_frame_head(std::span<const uint8_t> first_bytes)
   const size_t head_size = kFingerprintSize + *before;
   const auto counts = first_bytes.first(head_size).last(8);
   const size_t arrays = read_big_endian(counts.first(4)) + read_big_endian(counts.last(4));
-  // The generated decoder sees the same message with both arrays empty.
+  // The generated decoder gets the same message with empty arrays.
   Bytes head(first_bytes.begin(), first_bytes.begin() + static_cast<ptrdiff_t>(head_size));
   std::fill(head.end() - 8, head.end(), uint8_t{0});
   const auto w = unpack<frame_t>(kFrameLayout, head);

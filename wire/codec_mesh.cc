@@ -34,8 +34,9 @@ mesh_t wire_of(const MeshMessage& m) {
 std::optional<MeshMessage> mesh_of(mesh_t&& w) {
   const auto sent = instant_of(w.utime);
   if (!sent || w.seq < 0 || w.pulse < 0) return std::nullopt;
-  const auto is_part = [](double value) { return value >= 0 && value <= 1; };
-  if (!is_part(w.silhouette_iou) || !is_part(w.coverage) || w.cameras < 0) return std::nullopt;
+  const auto is_fraction = [](double value) { return value >= 0 && value <= 1; };
+  if (!is_fraction(w.silhouette_iou) || !is_fraction(w.coverage) || w.cameras < 0)
+    return std::nullopt;
   return MeshMessage{.sent = *sent,
                      .seq = w.seq,
                      .take = std::move(w.take),
@@ -98,10 +99,10 @@ std::optional<ShardMessage> decode(std::span<const uint8_t> bytes) {
   auto w = unpack<shard_t>(kShardLayout, bytes);
   if (!w) return std::nullopt;
   const auto sent = instant_of(w->utime);
-  const bool sane =
+  const bool valid =
       w->seq >= 0 && std::min({w->first, w->done, w->ordered, w->shown}) >= -1 &&
       std::all_of(w->given_up.begin(), w->given_up.end(), [](int64_t pulse) { return pulse >= 0; });
-  if (!sent || !sane) return std::nullopt;
+  if (!sent || !valid) return std::nullopt;
   return ShardMessage{.sent = *sent,
                       .seq = w->seq,
                       .take = std::move(w->take),

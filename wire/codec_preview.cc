@@ -42,8 +42,8 @@ std::optional<PreviewMessage> decode(std::span<const uint8_t> bytes) {
                    .mask = {},
                    .jpeg = std::move(w->jpeg)};
   if (w->has_mask) m.mask = decode_runs(w->runs, m.size);
-  const bool right = w->has_mask ? m.mask.has_value() : w->n_runs == 0;
-  if (!right) return std::nullopt;
+  const bool mask_ok = w->has_mask ? m.mask.has_value() : w->n_runs == 0;
+  if (!mask_ok) return std::nullopt;
   return m;
 }
 

@@ -10,35 +10,36 @@ namespace {
 
 constexpr std::array<uint8_t, 4> kMagic = {'V', '3', 'D', '1'};
 constexpr int64_t kNsPerUs = 1000;
-constexpr size_t kUntagged = kMacTrailerSize - 16;
+constexpr size_t kUntaggedSize = kMacTrailerSize - 16;
 
 static_assert(crypto_onetimeauth_BYTES == 16);
 
 template <class Integer>
-void put(uint8_t*& at, Integer value) {
+void write_integer(uint8_t*& at, Integer value) {
   for (int shift = 8 * (sizeof value - 1); shift >= 0; shift -= 8) {
     *at++ = static_cast<uint8_t>(value >> shift);
   }
 }
 
 template <class Integer>
-Integer take(const uint8_t*& at) {
+Integer read_integer(const uint8_t*& at) {
   Integer value = 0;
   for (size_t i = 0; i < sizeof value; ++i) value = static_cast<Integer>(value << 8 | *at++);
   return value;
 }
 
-/// Keyed BLAKE2b of the trailer without its tag and of the head. On the stack, and wiped: guarded
-/// memory for each datagram would cost more than its hash.
+/// Key of one datagram: keyed BLAKE2b of the trailer without its tag and of the head. It is on the
+/// stack and is overwritten after use: guarded memory for each datagram would cost more than the
+/// hash.
 class OneTimeKey {
  public:
   OneTimeKey(const SecretBuffer& key, std::span<const uint8_t> head, const MacTrailer& trailer) {
     const std::array<uint8_t, kMacTrailerSize> bytes = trailer.bytes();
     crypto_generichash_state state;
     crypto_generichash_init(&state, key.data(), key.size(), bytes_.size());
-    crypto_generichash_update(&state, bytes.data(), kUntagged);
+    crypto_generichash_update(&state, bytes.data(), kUntaggedSize);
     crypto_generichash_update(&state, head.data(), head.size());
-    crypto_generichash_final(&state, bytes_.data(), bytes_.size());  // wipes the state
+    crypto_generichash_final(&state, bytes_.data(), bytes_.size());  // also overwrites the state
   }
   ~OneTimeKey() { sodium_memzero(bytes_.data(), bytes_.size()); }
   OneTimeKey(const OneTimeKey&) = delete;
@@ -55,8 +56,8 @@ class OneTimeKey {
 std::array<uint8_t, kMacTrailerSize> MacTrailer::bytes() const {
   std::array<uint8_t, kMacTrailerSize> bytes{};
   uint8_t* at = std::copy(kMagic.begin(), kMagic.end(), bytes.data());
-  put(at, session);
-  put(at, static_cast<uint64_t>(to_ns(sent) / kNsPerUs));
+  write_integer(at, session);
+  write_integer(at, static_cast<uint64_t>(to_ns(sent) / kNsPerUs));
   std::copy(tag.begin(), tag.end(), at);
   return bytes;
 }
@@ -65,8 +66,8 @@ std::optional<MacTrailer> read_trailer(std::span<const uint8_t, kMacTrailerSize>
   if (!std::equal(kMagic.begin(), kMagic.end(), bytes.begin())) return std::nullopt;
   const uint8_t* at = bytes.data() + kMagic.size();
   MacTrailer trailer;
-  trailer.session = take<uint32_t>(at);
-  const auto sent_us = take<uint64_t>(at);
+  trailer.session = read_integer<uint32_t>(at);
+  const auto sent_us = read_integer<uint64_t>(at);
   if (sent_us > std::numeric_limits<int64_t>::max() / kNsPerUs) return std::nullopt;
   trailer.sent = from_ns<Realtime>(static_cast<int64_t>(sent_us) * kNsPerUs);
   std::copy_n(at, trailer.tag.size(), trailer.tag.begin());

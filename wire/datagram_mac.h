@@ -1,5 +1,6 @@
-// The MAC of a datagram: who has the studio key made this fragment of this message, and nobody has
-// changed it since. With studio_key, the adapter of libsodium.
+// Message authentication code (MAC) of a datagram. It proves that a holder of the studio key made
+// this fragment of this message, and that nobody changed it. Adapter of libsodium, as is
+// studio_key.
 #pragma once
 
 #include <array>
@@ -14,37 +15,40 @@ namespace v3d {
 
 inline constexpr size_t kMacTrailerSize = 32;
 
-/// Stands behind the data of every authenticated datagram: magic "V3D1" (4 bytes), session (4),
-/// `sent` in microseconds since 1970 (8), tag (16); integers are big-endian.
+/// Follows the data of every authenticated datagram: magic "V3D1" (4 bytes), session (4), `sent` in
+/// microseconds since 1970 (8), tag (16). Integers are big-endian.
 struct MacTrailer {
-  uint32_t session = 0;    ///< drawn at random by each sending socket
-  RealtimeInstant sent{};  ///< of the message, by the sender's clock; whole microseconds
+  uint32_t session = 0;    ///< random number of the sending socket
+  RealtimeInstant sent{};  ///< time of the message on the sender's clock; whole microseconds
   std::array<uint8_t, 16> tag{};
 
   std::array<uint8_t, kMacTrailerSize> bytes() const;
 };
 
-/// Empty when `bytes` do not begin with the magic, or `sent` lies before 1970 or after 2262.
+/// Empty when `bytes` do not start with the magic, or when `sent` is before 1970 or after 2262.
 std::optional<MacTrailer> read_trailer(std::span<const uint8_t, kMacTrailerSize> bytes);
 
-/// A session number for a sending socket, from the kernel's random numbers.
+/// Returns a random session number for a sending socket, from the random generator of the kernel.
 uint32_t random_session();
 
-/// Poly1305 with a key of its own for every datagram: keyed BLAKE2b of the datagram's head (header
-/// and channel) and of the trailer without its tag. So the tag binds the header's fields, the
-/// channel, the session, the time and the data with its length. Fragments after the first carry no
-/// channel; they are bound to it by session and sequence number, which no sender uses twice with
-/// one `sent`. Verification reads each byte once: three times as fast as BLAKE2b and ten times as
-/// fast as HMAC-SHA-512-256 (docs/security.md). Any thread.
+/// Poly1305 MAC with a separate key for every datagram.
+///
+/// The key is the keyed BLAKE2b hash of the datagram's head (header and channel) and of the trailer
+/// without its tag. So the tag authenticates header, channel, session, time, data and length of the
+/// data. Fragments after the first have no channel. Session and sequence number bind them to it,
+/// and no sender uses these twice with the same `sent`.
+///
+/// Verification reads each byte once. It is three times as fast as BLAKE2b and ten times as fast as
+/// HMAC-SHA-512-256 (docs/security.md). Any thread.
 /// Source: Bernstein, "The Poly1305-AES message-authentication code", 2005; RFC 8439, 2.6.
 class DatagramMac {
  public:
   explicit DatagramMac(const StudioKey& key);
 
-  /// Fills in the tag.
+  /// Sets the tag of `trailer`.
   void sign(std::span<const uint8_t> head, std::span<const uint8_t> data,
             MacTrailer& trailer) const;
-  /// Takes the same time whatever is wrong with the tag.
+  /// Returns whether the tag is right, in constant time.
   bool verify(std::span<const uint8_t> head, std::span<const uint8_t> data,
               const MacTrailer& trailer) const;
 

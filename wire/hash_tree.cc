@@ -44,7 +44,7 @@ Hash LeafHash::value() {
 
 void HashTree::add(const Hash& leaf) {
   subtrees_.push_back(leaf);
-  // As many full subtrees of equal size meet as the count has ones at its end.
+  // Each 1 bit at the low end of the count is one pair of full subtrees of equal size to merge.
   for (uint64_t n = leaves_++; (n & 1) != 0; n >>= 1) {
     const Hash right = subtrees_.back();
     subtrees_.pop_back();

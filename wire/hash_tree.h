@@ -1,5 +1,5 @@
-// HashTree: Merkle tree, one hash over many pieces of data in their order.
-// Source: RFC 6962, section 2.1, with BLAKE2b of 256 bits (RFC 7693) in place of SHA-256.
+// HashTree: Merkle tree, one hash over a sequence of pieces of data.
+// Source: RFC 6962, section 2.1, with BLAKE2b of 256 bits (RFC 7693) instead of SHA-256.
 #pragma once
 
 #include <array>
@@ -15,7 +15,8 @@ namespace v3d {
 
 using Hash = std::array<uint8_t, 32>;
 
-/// Hash of one piece, which is given in parts: BLAKE2b of a zero byte and the bytes.
+/// Leaf of the tree: BLAKE2b hash of a zero byte and the bytes of one piece. The piece may be added
+/// in several parts.
 class LeafHash {
  public:
   LeafHash();
@@ -24,7 +25,7 @@ class LeafHash {
   LeafHash& operator=(const LeafHash&) = delete;
 
   void add(std::span<const uint8_t> part);
-  /// Ends the piece; call it once.
+  /// Finishes the hash. Call it once.
   Hash value();
 
  private:
@@ -32,22 +33,23 @@ class LeafHash {
   std::unique_ptr<State> state_;
 };
 
-/// Pieces are added in their order. Takes memory for the logarithm of their number only. One
-/// thread.
+/// Incremental Merkle tree. Pieces are added in order. Memory grows with the logarithm of their
+/// number. One thread.
 class HashTree {
  public:
   void add(const Hash& leaf);
-  /// Of the pieces so far: two trees have the same root only where all pieces and their order are
-  /// the same. Without a piece it is the BLAKE2b of nothing.
+  /// Root hash of the pieces so far. Two trees have the same root only if all pieces and their
+  /// order are the same. Without pieces it is the BLAKE2b hash of no bytes.
   Hash root() const;
 
  private:
   uint64_t leaves_ = 0;
-  std::vector<Hash> subtrees_;  ///< roots of the full subtrees, the largest first
+  std::vector<Hash> subtrees_;  ///< roots of the full subtrees, largest first
 };
 
-/// 64 hexadecimal digits.
+/// Converts a hash to 64 hexadecimal digits.
 std::string hash_text(const Hash& hash);
+/// Empty when `text` is not 64 hexadecimal digits.
 std::optional<Hash> parse_hash(std::string_view text);
 
 }  // namespace v3d

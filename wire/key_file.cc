@@ -29,25 +29,25 @@ io::File open_key_file(const std::filesystem::path& path, const KeyKind& kind) {
                    std::string(kind.remedy));
 }
 
-/// Only the owner may write a key file; only the owner and the group may read it.
-void reject_open_mode(const io::File& file, const KeyKind& kind) {
+/// Throws unless only the owner may write a key file, and only owner and group may read it.
+void check_file_mode(const io::File& file, const KeyKind& kind) {
   struct stat state {};
   if (fstat(file.fd(), &state) != 0) throw InputError(errno_message(file.path().string()));
   if ((state.st_mode & (S_IRWXO | S_IWGRP | S_IXGRP)) == 0) return;
   std::array<char, 8> mode{};
   std::snprintf(mode.data(), mode.size(), "%04o", state.st_mode & 07777U);
   const std::string path = file.path().string();
-  throw InputError(path + ": mode " + mode.data() + " lets others at the " +
-                   std::string(kind.name) + "; try: chmod 640 " + path);
+  throw InputError(path + ": mode " + mode.data() + " gives other users access to the " +
+                   std::string(kind.name) + "; run: chmod 640 " + path);
 }
 
-[[noreturn]] void fail_without_key(const std::filesystem::path& path, const KeyKind& kind) {
+[[noreturn]] void throw_invalid_key(const std::filesystem::path& path, const KeyKind& kind) {
   throw InputError(path.string() + ": expected a " + std::string(kind.name) +
                    " of 64 hexadecimal digits, as " + std::string(kind.made_by) + " makes");
 }
 
-/// The one line that is no remark. Empty when there is no such line, or several.
-std::string_view without_remarks(std::string_view text) {
+/// Returns the only line that is no comment. Empty when there is none, or more than one.
+std::string_view key_line(std::string_view text) {
   std::string_view found;
   while (!text.empty()) {
     const std::string_view line = text.substr(0, text.find('\n'));
@@ -63,8 +63,9 @@ bool write_all(int fd, std::string_view text) {
   return write(fd, text.data(), text.size()) == static_cast<ssize_t>(text.size());
 }
 
-/// In a namespace, root may own no such group: then the key stays its owner's alone.
-void give_to_group(int fd, const char* group) {
+/// Makes the file readable for `group`. In a user namespace, root may not own the group; then only
+/// the owner can read the file.
+void set_group(int fd, const char* group) {
   if (geteuid() != 0) return;
   const struct group* found = getgrnam(group);
   if (found != nullptr && fchown(fd, 0, found->gr_gid) == 0) fchmod(fd, 0640);
@@ -74,9 +75,9 @@ void give_to_group(int fd, const char* group) {
 
 SecretBuffer load_key_file(const std::filesystem::path& path, const KeyKind& kind) {
   const io::File file = open_key_file(path, kind);
-  reject_open_mode(file, kind);
+  check_file_mode(file, kind);
   const uint64_t size = io::value_or_throw(file.size());
-  if (size > kMaxFileBytes) fail_without_key(path, kind);
+  if (size > kMaxFileBytes) throw_invalid_key(path, kind);
   SecretBuffer text(size);
   const size_t read = io::value_or_throw(file.read(0, text.bytes()));
   return parse_key_file(text.text().substr(0, read), path, kind);
@@ -85,7 +86,7 @@ SecretBuffer load_key_file(const std::filesystem::path& path, const KeyKind& kin
 SecretBuffer parse_key_file(std::string_view text, const std::filesystem::path& path,
                             const KeyKind& kind) {
   SecretBuffer key(kKeySize);
-  if (!parse_hexadecimal(without_remarks(text), key.bytes())) fail_without_key(path, kind);
+  if (!parse_hexadecimal(key_line(text), key.bytes())) throw_invalid_key(path, kind);
   return key;
 }
 
@@ -94,7 +95,7 @@ void save_key_file(const std::filesystem::path& path, const SecretBuffer& key, c
   const std::string name(kind.name);
   const io::UniqueFd fd(open(path.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0600));
   if (!fd) throw InputError(errno_message("cannot make the " + name + " " + path.string()));
-  give_to_group(fd.get(), group);
+  set_group(fd.get(), group);
   SecretBuffer line(2 * key.size() + 1);
   write_hexadecimal(key.bytes(), line.bytes());
   line.bytes().back() = '\n';

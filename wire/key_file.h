@@ -1,5 +1,4 @@
-// Files of secret keys: 64 hexadecimal digits on a line of their own, lines that begin with '#' are
-// remarks.
+// Files of secret keys: one line of 64 hexadecimal digits. Lines that start with '#' are comments.
 #pragma once
 
 #include <filesystem>
@@ -11,25 +10,27 @@ namespace v3d {
 
 inline constexpr size_t kKeySize = 32;  ///< bytes
 
-/// What the messages about a kind of key say.
+/// Texts for messages about one kind of key.
 struct KeyKind {
   std::string_view name;     ///< "studio key"
   std::string_view made_by;  ///< "v3dctl key new"
-  std::string_view remedy;   ///< where there is no such file: "make it once with ..."
-  std::string_view remark;   ///< first line of a new file, with '#' and line end
+  std::string_view remedy;   ///< how to get one, for the message about a missing file
+  std::string_view remark;   ///< comment in the first line of a new file, with '#' and line end
 };
 
-/// Throws InputError, with the remedy: when there is no such file, when others than its owner and
-/// its group may read it or others than its owner may write it, when it is longer than 4 KiB or
-/// holds no key. No copy of the key or of the text stays in memory.
+/// Reads a key file. Leaves no copy of the key or of the text in memory.
+///
+/// Throws InputError with the remedy when the file does not exist, is longer than 4 KiB or holds no
+/// key. It also throws when others than owner and group may read the file, or others than the owner
+/// may write it.
 SecretBuffer load_key_file(const std::filesystem::path& path, const KeyKind& kind);
-/// `path` names the text in messages.
+/// The same for the text of a key file. `path` is used in messages.
 SecretBuffer parse_key_file(std::string_view text, const std::filesystem::path& path,
                             const KeyKind& kind);
 
-/// Writes a file that only its owner may read and write, and, when this is root and there is a
-/// group of that name, the members of `group` may read. Throws InputError when the file exists
-/// already or cannot be written.
+/// Writes a new key file that only its owner may read and write. If the process runs as root and
+/// `group` exists, its members may read the file. Throws InputError when the file exists already or
+/// cannot be written.
 void save_key_file(const std::filesystem::path& path, const SecretBuffer& key, const KeyKind& kind,
                    const char* group);
 

@@ -15,7 +15,7 @@ class Walker {
   size_t position() const { return position_; }
   bool at_end() const { return position_ == body_.size(); }
 
-  /// Steps over one field; `index` is the count's position for arrays.
+  /// Checks and skips one field. `index`: position of the count of an array.
   bool step(char kind, size_t index) {
     switch (kind) {
       case 'q':
@@ -37,28 +37,28 @@ class Walker {
       case 'S':
         return strings(counts_[index]);
       case 'D':
-        return counts_[index] <= left() / 8 && skip(counts_[index] * 8);
+        return counts_[index] <= remaining() / 8 && skip(counts_[index] * 8);
       default:
         return false;
     }
   }
 
  private:
-  size_t left() const { return body_.size() - position_; }
+  size_t remaining() const { return body_.size() - position_; }
 
   bool skip(size_t n) {
-    if (n > left()) return false;
+    if (n > remaining()) return false;
     position_ += n;
     return true;
   }
 
   bool boolean() {
-    if (left() < 1 || body_[position_] > 1) return false;
+    if (remaining() < 1 || body_[position_] > 1) return false;
     return skip(1);
   }
 
   std::optional<size_t> length() {
-    if (left() < 4) return std::nullopt;
+    if (remaining() < 4) return std::nullopt;
     const uint64_t n = read_big_endian(body_.subspan(position_, 4));
     if (n > INT32_MAX) return std::nullopt;
     position_ += 4;
@@ -67,20 +67,20 @@ class Walker {
 
   bool count() {
     const auto n = length();
-    if (!n || counted_ == counts_.size()) return false;
-    counts_[counted_++] = *n;
+    if (!n || count_number_ == counts_.size()) return false;
+    counts_[count_number_++] = *n;
     return true;
   }
 
   bool string() {
     const auto n = length();
-    if (!n || *n == 0 || *n > left()) return false;
+    if (!n || *n == 0 || *n > remaining()) return false;
     const void* nul = std::memchr(body_.data() + position_, 0, *n);
     return nul == body_.data() + position_ + *n - 1 && skip(*n);
   }
 
   bool strings(size_t n) {
-    if (n > left() / 5) return false;  // the shortest string takes 5 bytes
+    if (n > remaining() / 5) return false;  // a string has at least 5 bytes
     for (size_t i = 0; i < n; ++i) {
       if (!string()) return false;
     }
@@ -90,10 +90,10 @@ class Walker {
   std::span<const uint8_t> body_;
   size_t position_ = 0;
   std::array<size_t, 4> counts_{};
-  size_t counted_ = 0;
+  size_t count_number_ = 0;
 };
 
-/// Walks the fields of `layout`; stops before the first of kind `stop`.
+/// Checks the fields of `layout` in order. Stops before the first field of kind `stop`.
 bool walk(Walker& walker, Layout layout, char stop = 0) {
   for (size_t i = 0; i < layout.size(); ++i) {
     const char kind = layout[i];

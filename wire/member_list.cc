@@ -37,8 +37,10 @@ void add_member(const TomlTable& table, std::vector<Member>& members) {
   Member member = read_member(table);
   for (const Member& other : members) {
     if (other.name != member.name) continue;
-    if (other.role != member.role) table.fail("role", "the member has another role above");
-    if (other.key == member.key) table.fail("public_key", "the member has this key above");
+    if (other.role != member.role)
+      table.fail("role", "an earlier entry gives this member another role");
+    if (other.key == member.key)
+      table.fail("public_key", "an earlier entry gives this member the same key");
   }
   members.push_back(std::move(member));
 }
@@ -90,10 +92,9 @@ MemberList parse_member_list(std::string_view text, const std::filesystem::path&
                              const PublicKey& authority, std::string_view studio) {
   const SignedText signed_text = split_signed_text(text, path);
   if (!signed_text.is_signed_by(authority)) {
-    throw InputError(
-        path.string() +
-        ": not signed by [network] authority of the studio file: the list was changed, "
-        "or another authority made it");
+    throw InputError(path.string() +
+                     ": not signed by [network] authority of the studio file: the list was changed "
+                     "or signed by another authority");
   }
   const TomlTable table = TomlTable::parse(signed_text.text, path);
   if (table.text("kind") != kKind) table.fail("kind", "expected '" + std::string(kKind) + "'");

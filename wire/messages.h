@@ -1,5 +1,5 @@
-// What travels between the daemons and the tools, as plain values. The codec turns them into LCM
-// messages.
+// Messages between the daemons and the tools, as plain values. The codec (wire/codec.h) converts
+// them to LCM messages.
 #pragma once
 
 #include <cstdint>
@@ -14,14 +14,14 @@
 
 namespace v3d {
 
-/// V3D_PULSE: one pulse, as the sense line saw it.
+/// V3D_PULSE: one pulse that the sense line detected.
 struct PulseMessage {
   RealtimeInstant sent;
   int64_t seq = 0;
   std::string take;
   int64_t pulse = 0;
   RealtimeInstant edge;             ///< the rising edge, on the trigger node's CLOCK_REALTIME
-  MonotonicInstant edge_monotonic;  ///< the same edge on its CLOCK_MONOTONIC, as the sensor gave it
+  MonotonicInstant edge_monotonic;  ///< the same edge on its CLOCK_MONOTONIC, from the sensor
 };
 
 /// V3D_FRAME_<camera>, and the events of <camera>.lcmlog.
@@ -32,105 +32,110 @@ struct FrameMessage {
   Frame frame;
 };
 
-/// V3D_MESH: a compact frame (recon/pipeline/compact_frame.h) with what must be known without
-/// decoding it.
+/// V3D_MESH: a compact frame (recon/pipeline/compact_frame.h), with the values that receivers need
+/// without decoding it.
 struct MeshMessage {
   RealtimeInstant sent;
   int64_t seq = 0;
   std::string take;
   int64_t pulse = 0;
-  RealtimeInstant pulse_edge;        ///< for the latency from pulse to mesh; 0 when unknown
-  double silhouette_iou = 0;         ///< of its quality (recon/metrics/frame_quality.h)
-  double coverage = 0;               ///< the same
-  int cameras = 0;                   ///< that took part
-  std::vector<std::string> missing;  ///< cameras the frame set went without
+  RealtimeInstant pulse_edge;  ///< rising edge of the pulse, to compute the latency; 0 when unknown
+  double silhouette_iou = 0;   ///< 0 to 1 (recon/metrics/frame_quality.h)
+  double coverage = 0;         ///< 0 to 1, from the same header
+  int cameras = 0;             ///< number of cameras that took part
+  std::vector<std::string> missing;  ///< cameras whose frames the frame set lacks
   std::vector<uint8_t> compact;
 };
 
-/// V3D_MESH_<node>: what one of several reconstruction nodes made, before all are put in order.
+/// V3D_MESH_<node>: a mesh of one of several reconstruction nodes, before the meshes of all nodes
+/// are put in order.
 struct ShardMeshMessage : MeshMessage {
   std::string node;
 };
 
-/// V3D_SHARD_<node>: where one of several reconstruction nodes stands. -1: no pulse.
+/// V3D_SHARD_<node>: progress of one of several reconstruction nodes. All fields are pulse numbers;
+/// -1: no pulse.
 struct ShardMessage {
   RealtimeInstant sent;
   int64_t seq = 0;
   std::string take;
   std::string node;
-  int64_t first = -1;             ///< answers for its share from this pulse on; -1: not yet
-  int64_t done = -1;              ///< its share is made or given up as far as this
-  int64_t ordered = -1;           ///< its stream has come as far as this
-  int64_t shown = -1;             ///< the newest that it knows of on V3D_MESH
-  std::vector<int64_t> given_up;  ///< of its share, without a mesh for good; the last ones
+  int64_t first = -1;    ///< the node is responsible for its share from this pulse on; -1: not yet
+  int64_t done = -1;     ///< its share is complete up to this pulse: every mesh is made or given up
+  int64_t ordered = -1;  ///< its ordered stream has reached this pulse
+  int64_t shown = -1;    ///< the newest pulse on V3D_MESH that it knows
+  std::vector<int64_t>
+      given_up;  ///< pulses of its share that will get no mesh; the most recent ones
 };
 
 enum class CommandVerb : uint8_t { kArm = 1, kStart, kStop, kAbort, kBackground, kCommit, kCheck };
-/// Makes the nodes ready for pulses: a take's, or others.
+/// True for verbs that prepare nodes for pulses, of a take or of another kind.
 constexpr bool is_order(CommandVerb verb) {
   return verb == CommandVerb::kArm || verb == CommandVerb::kBackground ||
          verb == CommandVerb::kCheck;
 }
 std::string_view name(CommandVerb verb);
 
-/// V3D_COMMAND. Idempotent: the same (sender, counter) is answered again, not carried out again. A
-/// node obeys a command that holds a nonce which this node has published lately (CommandGate).
+/// V3D_COMMAND. Idempotent: when a node receives the same (sender, counter) again, it repeats its
+/// reply and does not repeat the action. A node executes a command only if it holds a nonce that
+/// this node published recently (CommandGate).
 struct CommandMessage {
   RealtimeInstant sent;
-  std::string sender;   ///< unique per run of the tool that sends
-  int64_t counter = 0;  ///< counts the commands of this sender; the same in every retry
+  std::string sender;   ///< unique for each run of the sending tool
+  int64_t counter = 0;  ///< number of the command from this sender; a retry has the same
   CommandVerb verb = CommandVerb::kArm;
-  bool own_only = false;  ///< abort: only what this sender has begun
+  bool own_only = false;  ///< abort: only orders of this sender
   std::string take;
-  double rate_hz = 0;                      ///< arm: 0 = as the studio file says
+  double rate_hz = 0;                      ///< arm: Hz; 0 = the rate of the studio file
   int64_t pulses = 0;                      ///< arm: number of pulses; 0 = until stopped
-  std::vector<std::string> allow_missing;  ///< arm: cameras the take may go without
-  std::vector<std::string> to;             ///< the nodes that are meant
-  std::vector<int64_t> nonces = {};        ///< one for each of `to`; 0: none is known
+  std::vector<std::string> allow_missing;  ///< arm: cameras that may be missing in the take
+  std::vector<std::string> to;             ///< the addressed nodes
+  std::vector<int64_t> nonces = {};        ///< one for each node of `to`; 0: unknown
 };
 
-/// V3D_REPLY: what one node says to one command. A node may answer several times (pending, then
+/// V3D_REPLY: the reply of one node to one command. A node may reply several times (pending, then
 /// final).
 struct ReplyMessage {
   RealtimeInstant sent;
   std::string node;
   std::string command_sender;
   int64_t command_counter = 0;
-  RealtimeInstant command_sent;  ///< CommandMessage::sent of the command that is answered
-  int64_t nonce = 0;             ///< of the node, for the next command to it
-  /// kNonceMissing: nothing was done; the same command is obeyed with `nonce`.
+  RealtimeInstant command_sent;  ///< CommandMessage::sent of that command
+  int64_t nonce = 0;             ///< of the node, for the next command to this node
+  /// kNonceMissing: the node did nothing; it executes the same command with `nonce`.
   enum class Outcome : uint8_t {
     kPending = 1,
     kDone,
     kRefused,
     kNonceMissing
   } outcome = Outcome::kPending;
-  std::string take;    ///< that the node is at, or was at last
+  std::string take;    ///< current or last take of the node
   std::string text;    ///< one line for the operator
-  std::string detail;  ///< JSON: the node's ledger after a stop, else empty
+  std::string detail;  ///< JSON: the ledger of the node after a stop, else empty
 };
 
-/// V3D_SESSION: a receiver asks a session, one sending socket, whether it lives (SessionGate).
+/// V3D_SESSION: a receiver asks whether a session, that is one sending socket, is alive; the
+/// session answers (SessionGate).
 struct SessionMessage {
   RealtimeInstant sent;
-  uint32_t session = 0;  ///< that is asked, or answers
-  uint32_t newest = 0;   ///< of an answer: the sequence number of its last message
-  int64_t nonce = 0;     ///< of the question; not 0
+  uint32_t session = 0;  ///< the session that is asked or answers
+  uint32_t newest = 0;   ///< in an answer: the sequence number of its last message
+  int64_t nonce = 0;     ///< random number of the question, not 0; the answer repeats it
   bool is_answer = false;
 };
 
-/// The small pictures on V3D_PREVIEW_<camera> are not larger than this along a side.
+/// Maximum width and height of the images on V3D_PREVIEW_<camera>, pixels.
 inline constexpr int kMaxPreviewSide = 4096;
 
-/// V3D_PREVIEW_<camera>, about once a second while pulses run: a small picture for people.
+/// V3D_PREVIEW_<camera>, about once a second while pulses run: a small image for operators.
 struct PreviewMessage {
   RealtimeInstant sent;
   int64_t seq = 0;
   std::string camera;
   int64_t pulse = -1;
-  ImageSize size;             ///< of the small picture
-  std::optional<Mask> mask;   ///< of that size
-  std::vector<uint8_t> jpeg;  ///< base/image/jpeg.h reads it; not looked into by the codec
+  ImageSize size;             ///< size of the small image, pixels
+  std::optional<Mask> mask;   ///< same size as the image
+  std::vector<uint8_t> jpeg;  ///< base/image/jpeg.h decodes it; the codec does not check it
 };
 
 enum class NodeState : uint8_t { kIdle = 1, kArmed, kRecording, kDraining, kFault };
@@ -145,21 +150,21 @@ struct HealthMessage {
   std::string version;  ///< of the program
   NodeState state = NodeState::kIdle;
   std::string take;
-  std::string text;  ///< one line: what is wrong, else empty
-  /// Counters and gauges by name, units in the name: "frames_received", "latency_p50_ms",
+  std::string text;  ///< one line: the problem, else empty
+  /// Counters and gauges by name, with the unit in the name: "frames_received", "latency_p50_ms",
   /// "cam03.frames_missing", "disk_free_bytes". v3dctl(1) lists them.
   std::map<std::string, double> values;
 };
 
 enum class Severity : uint8_t { kInfo = 1, kWarning, kAlarm };
 
-/// V3D_EVENT: something an operator may want to know now.
+/// V3D_EVENT: a message for the operator about something that happened.
 struct EventMessage {
   RealtimeInstant sent;
   int64_t seq = 0;
   std::string node;
   Severity severity = Severity::kInfo;
-  std::string subject;  ///< "cam07", "trigger", "disk"
+  std::string subject;  ///< source of the event: "cam07", "trigger", "disk"
   std::string text;     ///< one line
 };
 

@@ -1,5 +1,6 @@
-// What all parts of the codec share: generated types to bytes and back, instants, enumerators. For
-// wire/codec_*.cc only, which alone see the types generated from lcmtypes/.
+// Shared parts of the codec: conversion of generated types to bytes and back, of instants and of
+// enumerators. Only wire/codec_*.cc, which use the types generated from lcmtypes/, include this
+// header.
 #pragma once
 
 #include <optional>
@@ -16,14 +17,14 @@ inline constexpr size_t kFingerprintSize = 8;
 
 inline int64_t utime_of(RealtimeInstant t) { return to_ns(t) / 1000; }
 
-/// Hostile times stay inside what nanoseconds can count.
+/// Empty when nanoseconds of 64 bits cannot represent the time.
 inline std::optional<RealtimeInstant> instant_of(int64_t utime) {
   constexpr int64_t kLimit = INT64_MAX / 1000;
   if (utime < -kLimit || utime > kLimit) return std::nullopt;
   return from_ns<Realtime>(utime * 1000);
 }
 
-/// `room`: bytes that the caller will append.
+/// Encodes `wire`. `room`: number of bytes to reserve for the caller to append.
 template <class Wire>
 Bytes pack(const Wire& wire, size_t room = 0) {
   const auto size = static_cast<size_t>(wire.getEncodedSize());
@@ -36,8 +37,8 @@ Bytes pack(const Wire& wire, size_t room = 0) {
   return bytes;
 }
 
-/// Empty when `bytes` are not exactly one such message. `layout`: as in lcmtypes/; the round trip
-/// of every message type fails when it is wrong.
+/// Decodes `bytes`. Empty when they are not exactly one message of this type. `layout` must match
+/// the type in lcmtypes/; otherwise the round-trip test of the type fails.
 template <class Wire>
 std::optional<Wire> unpack(Layout layout, std::span<const uint8_t> bytes) {
   if (bytes.size() < kFingerprintSize || bytes.size() > INT32_MAX) return std::nullopt;
@@ -48,7 +49,7 @@ std::optional<Wire> unpack(Layout layout, std::span<const uint8_t> bytes) {
   return wire;
 }
 
-/// For enumerators that count from 1.
+/// Converts a number to an enumerator. Requires enumerators that count from 1. Empty out of range.
 template <class Enum>
 std::optional<Enum> enumerator(int8_t value, Enum last) {
   if (value < 1 || value > static_cast<int8_t>(last)) return std::nullopt;

@@ -1,4 +1,4 @@
-// Memory for secrets: keys, and the text of the files that hold them. The adapter of libsodium.
+// Memory for secrets: keys and the text of key files. Adapter of libsodium.
 #pragma once
 
 #include <cstddef>
@@ -8,13 +8,15 @@
 
 namespace v3d {
 
-/// A fixed number of secret bytes, at first zeros. They lie in pages of their own, between guard
-/// pages, locked against swapping where the limit of the process permits it (RLIMIT_MEMLOCK), and
-/// are left out of core dumps. The destructor wipes them. Moves copy no byte; a buffer that was
-/// moved from is empty. One thread writes; afterwards any thread reads.
+/// A fixed number of secret bytes, initially zero.
+///
+/// They lie in separate pages between guard pages and are excluded from core dumps. They are locked
+/// against swapping if the limit of the process permits it (RLIMIT_MEMLOCK). The destructor
+/// overwrites them. A move copies no byte and leaves the source empty. One thread writes;
+/// afterwards any thread reads.
 class SecretBuffer {
  public:
-  /// Throws InputError when the system gives no such memory.
+  /// `size`: bytes. Throws InputError when the system cannot provide such memory.
   explicit SecretBuffer(size_t size);
   SecretBuffer(SecretBuffer&& other) noexcept;
   SecretBuffer& operator=(SecretBuffer&&) = delete;
@@ -26,7 +28,7 @@ class SecretBuffer {
   size_t size() const { return size_; }
   std::string_view text() const { return {reinterpret_cast<const char*>(bytes_), size_}; }
 
-  /// Takes the same time for all contents of one size.
+  /// Compares in constant time for a given size.
   friend bool operator==(const SecretBuffer& a, const SecretBuffer& b);
 
  private:

@@ -1,5 +1,4 @@
-// A text file that is signed: its first line is the Ed25519 signature of all bytes behind that
-// line.
+// Signed text file. Its first line is the Ed25519 signature of all bytes after that line.
 #pragma once
 
 #include <filesystem>
@@ -12,14 +11,15 @@ namespace v3d {
 
 struct SignedText {
   Signature signature{};
-  std::string_view text;  ///< that is signed; a part of the file's text
+  std::string_view text;  ///< the signed text; a view of the text of the file
 
   bool is_signed_by(const PublicKey& key) const;
 };
 
-/// The file's text: signature = '<128 hexadecimal digits>', a line end, and `text`.
+/// Returns the text of the file: signature = '<128 hexadecimal digits>', a line end, and `text`.
 std::string sign_text(std::string_view text, const SigningKey& key);
-/// Verifies nothing. Throws InputError when the first line is no signature; `path` names the file.
+/// Splits signature and text without verifying. Throws InputError when the first line is no
+/// signature. `path` is used in messages.
 SignedText split_signed_text(std::string_view file, const std::filesystem::path& path);
 
 }  // namespace v3d

@@ -15,23 +15,25 @@ static_assert(crypto_sign_SEEDBYTES == kKeySize);
 
 }  // namespace
 
-const KeyKind kNodeKey{
-    .name = "signing key",
-    .made_by = "v3dctl key node",
-    .remedy = "make one on each PC with v3dctl key node",
-    .remark = "# The signing key of one V3D node, for its takes and messages. Of this PC alone.\n"};
+const KeyKind kNodeKey{.name = "signing key",
+                       .made_by = "v3dctl key node",
+                       .remedy = "make one on each PC with v3dctl key node",
+                       .remark =
+                           "# The signing key of one V3D node, for its takes and messages. Do not "
+                           "copy it to another PC.\n"};
 const KeyKind kOperatorKey{
     .name = "operator key",
     .made_by = "v3dctl key operator",
-    .remedy = "make it with v3dctl key operator, and have it enrolled with v3dctl key enroll",
-    .remark = "# The key of one V3D operator: commands are signed with it.\n"};
+    .remedy =
+        "make it with v3dctl key operator, then add it to the member list with v3dctl key enroll",
+    .remark = "# The key of one V3D operator. It signs commands.\n"};
 const KeyKind kAuthorityKey{
     .name = "authority key",
     .made_by = "v3dctl key authority",
-    .remedy = "name its file with --authority; v3dctl key authority makes one",
+    .remedy = "give its file with --authority; make one with v3dctl key authority",
     .remark =
-        "# The key of a V3D studio's authority: it signs the list of members. Keep it off the "
-        "studio's PCs.\n"};
+        "# The key of a V3D studio's authority: it signs the list of members. Do not store it "
+        "on a PC of the studio.\n"};
 
 bool PublicKey::has_signed(std::span<const uint8_t> message, const Signature& signature) const {
   return crypto_sign_verify_detached(signature.data(), message.data(), message.size(),
@@ -53,7 +55,7 @@ PublicKey PublicKey::parse(std::string_view text, const std::string& where) {
                    "prints");
 }
 
-/// libsodium's form of the key: seed and public key.
+/// The key in the form of libsodium: seed and public key.
 class SigningKey::Secret {
  public:
   explicit Secret(const SecretBuffer& seed) {

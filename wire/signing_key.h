@@ -1,5 +1,5 @@
-// Ed25519 signatures (RFC 8032). Each node signs the takes that it records with a key of its own.
-// The adapter of libsodium.
+// Ed25519 signatures (RFC 8032). Each node has its own key and signs the takes that it records.
+// Adapter of libsodium.
 #pragma once
 
 #include <array>
@@ -18,36 +18,36 @@ namespace v3d {
 inline constexpr size_t kSignatureSize = 64;
 using Signature = std::array<uint8_t, kSignatureSize>;
 
-/// The public half of a key pair: verifies signatures.
+/// Public key of a key pair. It verifies signatures.
 struct PublicKey {
   std::array<uint8_t, 32> bytes{};
 
   bool has_signed(std::span<const uint8_t> message, const Signature& signature) const;
-  /// 64 hexadecimal digits.
+  /// Returns 64 hexadecimal digits.
   std::string text() const;
   /// Empty when `text` is not 64 hexadecimal digits.
   static std::optional<PublicKey> from_text(std::string_view text);
-  /// Throws InputError; `where` begins the message.
+  /// Throws InputError when `text` is not 64 hexadecimal digits. The message starts with `where`.
   static PublicKey parse(std::string_view text, const std::string& where);
 
   friend bool operator==(const PublicKey&, const PublicKey&) = default;
 };
 
 struct KeyKind;
-/// What the keys of a studio are for: takes and messages of a node, commands of an operator, the
-/// member list.
+/// Kinds of keys of a studio: for takes and messages of a node, for commands of an operator, and
+/// for the member list.
 extern const KeyKind kNodeKey, kOperatorKey, kAuthorityKey;
 
-/// The secret half of a key pair. File format: wire/key_file.h. Copies share one SecretBuffer,
-/// which is wiped with the last of them.
+/// Secret key of a key pair. File format: wire/key_file.h. Copies share one SecretBuffer, which is
+/// overwritten when the last copy is destroyed.
 class SigningKey {
  public:
-  /// A new one, from the kernel's random numbers.
+  /// Makes a new key from the random generator of the kernel.
   static SigningKey make();
-  /// Throws InputError, with the remedy, as StudioKey::load() does.
+  /// Reads a key file. Throws InputError with the remedy, as load_key_file() does.
   static SigningKey load(const std::filesystem::path& path, const KeyKind& kind = kNodeKey);
 
-  /// Writes a new file, as save_key_file() does.
+  /// Writes a new file. Throws InputError, as save_key_file() does.
   void save(const std::filesystem::path& path, const char* group = "v3d",
             const KeyKind& kind = kNodeKey) const;
 

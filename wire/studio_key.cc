@@ -19,7 +19,8 @@ constexpr KeyKind kKind{
     .made_by = "v3dctl key new",
     .remedy = "make it once with v3dctl key new, and copy it to every PC of the studio",
     .remark =
-        "# The key of a V3D studio. Its holders may command the studio. The same on every PC.\n"};
+        "# The key of a V3D studio. Its holders may command the studio. It is the same on every "
+        "PC.\n"};
 
 }  // namespace
 

@@ -1,5 +1,5 @@
-// The studio key, and the seal that it puts on commands and their replies: who has the key may
-// command the studio, nobody else. The adapter of libsodium.
+// The studio key, and the MAC that it adds to commands and replies. Only holders of the key can
+// command the studio. Adapter of libsodium.
 #pragma once
 
 #include <cstdint>
@@ -13,36 +13,37 @@
 
 namespace v3d {
 
-/// The seal is the last field (`mac`) of an encoded message: HMAC-SHA-512-256 (libsodium's
-/// crypto_auth) of all bytes before it. The first of these is the message's type, so the seal of a
-/// reply is none for a command.
+/// Size of the MAC, bytes. The MAC is the last field (`mac`) of an encoded message:
+/// HMAC-SHA-512-256 (crypto_auth of libsodium) of all bytes before it. These start with the type of
+/// the message, so the MAC of a reply is not valid for a command.
 inline constexpr size_t kSealSize = 32;
 
-/// A secret of 256 bits; every PC of a studio has the same. File format: wire/key_file.h. Copies
-/// share one SecretBuffer, which is wiped with the last of them.
+/// A secret of 256 bits, the same on every PC of a studio. File format: wire/key_file.h. Copies
+/// share one SecretBuffer, which is overwritten when the last copy is destroyed.
 class StudioKey {
  public:
-  /// A new one, from the kernel's random numbers.
+  /// Makes a new key from the random generator of the kernel.
   static StudioKey make();
-  /// Throws InputError as load_key_file() does.
+  /// Reads a key file. Throws InputError as load_key_file() does.
   static StudioKey load(const std::filesystem::path& path);
-  /// `path` names the text in messages.
+  /// Reads the text of a key file. `path` is used in messages. Throws InputError when the text
+  /// holds no key.
   static StudioKey parse(std::string_view text, const std::filesystem::path& path);
 
-  /// Writes a file that only its owner may read and write, and, when this is root and there is a
-  /// group of that name, the members of `group` may read. Throws InputError when the file exists
-  /// already or cannot be written.
+  /// Writes a new key file that only its owner may read and write. If the process runs as root and
+  /// `group` exists, its members may read the file. Throws InputError when the file exists already
+  /// or cannot be written.
   void save(const std::filesystem::path& path, const char* group = "v3d") const;
 
-  /// Fills in the seal of an encoded message that has one.
+  /// Sets the MAC of an encoded command or reply.
   void seal(Bytes& message) const;
-  /// Takes the same time whatever is wrong with the seal.
+  /// Returns whether the MAC of an encoded message is right, in constant time.
   bool has_sealed(std::span<const uint8_t> message) const;
 
-  /// A key of its own for another `purpose`: keyed BLAKE2b of that text.
+  /// Derives a separate key for another `purpose`: keyed BLAKE2b of that text.
   SecretBuffer derive(std::string_view purpose) const;
 
-  /// Takes the same time for all keys.
+  /// Compares in constant time.
   friend bool operator==(const StudioKey& a, const StudioKey& b) {
     return *a.secret_ == *b.secret_;
   }
@@ -52,10 +53,10 @@ class StudioKey {
   std::shared_ptr<const SecretBuffer> secret_;
 };
 
-/// Above 0, from the kernel's random numbers: nobody can guess it.
+/// A random number greater than 0 from the random generator of the kernel. It cannot be predicted.
 int64_t random_nonce();
 
-/// Encoded and sealed.
+/// Returns the encoded message with its MAC.
 template <class M>
 Bytes encode_sealed(const M& message, const StudioKey& key) {
   Bytes bytes = encode(message);

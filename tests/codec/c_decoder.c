@@ -1,7 +1,7 @@
-/* The header is C: this file is compiled as C. */
+/* Test that codec/v3d_decoder.h compiles as C. */
 #include "codec/v3d_decoder.h"
 
-/* Decodes with a decoder of its own; 0 vertices unless the frame is whole. */
+/* Number of vertices of a frame; 0 unless the frame is valid. */
 size_t vertices_in_c(const uint8_t* bytes, size_t size) {
   v3d_decoder* decoder = v3d_decoder_new();
   const v3d_status status = v3d_decoder_decode(decoder, bytes, size);

@@ -11,7 +11,7 @@
 namespace v3d {
 namespace {
 
-TEST(RansCoder, takes_the_bits_that_the_slots_of_a_symbol_are_worth_and_ends_where_they_end) {
+TEST(RansCoder, needs_the_bits_of_the_slots_of_a_symbol_and_detects_the_end) {
   RansEncoder coder;
   constexpr int kCount = 8000;
   for (int n = 0; n < kCount; ++n) coder.put(kSlots / 2, kSlots / 4);  // 2 bits each
@@ -28,7 +28,7 @@ TEST(RansCoder, takes_the_bits_that_the_slots_of_a_symbol_are_worth_and_ends_whe
   EXPECT_TRUE(decoder.ended());
 }
 
-RC_GTEST_PROP(SymbolTable, gives_every_symbol_that_comes_a_slot_and_all_slots_away, ()) {
+RC_GTEST_PROP(SymbolTable, assigns_all_slots_and_at_least_one_to_every_symbol_that_occurs, ()) {
   SymbolCounts counts{};
   const auto drawn =
       *rc::gen::nonEmpty(rc::gen::container<std::vector<std::pair<uint8_t, uint16_t>>>(
@@ -47,7 +47,7 @@ RC_GTEST_PROP(SymbolTable, gives_every_symbol_that_comes_a_slot_and_all_slots_aw
   }
 }
 
-TEST(SymbolTable, is_refused_where_its_slots_are_too_many_or_too_few) {
+TEST(SymbolTable, is_rejected_with_too_many_or_too_few_slots) {
   for (const uint16_t sum : {kSlots - 1, kSlots, kSlots + 1}) {
     RangeEncoder out;
     SymbolSlots slots{}, decoded{};
@@ -62,7 +62,7 @@ TEST(SymbolTable, is_refused_where_its_slots_are_too_many_or_too_few) {
   }
 }
 
-/// Vertices in a row, each known to the next two.
+/// Vertices in a row; each is a known vertex of the next two.
 KnownVertices strip(uint32_t vertices) {
   std::vector<std::array<uint32_t, 3>> triangles;
   for (uint32_t v = 2; v < vertices; ++v) triangles.push_back({v - 2, v, v - 1});
@@ -76,8 +76,8 @@ LumaChroma drawn_colour() {
   return {*rc::gen::inRange<int16_t>(0, 256), *chroma, *chroma, 0};
 }
 
-RC_GTEST_PROP(ColourCode, keeps_every_colour_to_half_a_step_however_far_from_its_guess, ()) {
-  const auto step = rc::gen::inRange<uint8_t>(1, kMostColourStep + 1);
+RC_GTEST_PROP(ColourCode, keeps_every_colour_within_half_a_step, ()) {
+  const auto step = rc::gen::inRange<uint8_t>(1, kMaxColourStep + 1);
   const ColourSteps steps{*step, *step, *step};
   std::vector<LumaChroma> colours(*rc::gen::inRange<size_t>(1, 300));
   for (LumaChroma& colour : colours) colour = drawn_colour();
@@ -99,7 +99,7 @@ std::vector<LumaChroma> waves(size_t count) {
   return colours;
 }
 
-TEST(ColourCode, is_refused_when_it_is_cut_or_longer_or_for_another_number_of_vertices) {
+TEST(ColourCode, is_rejected_when_truncated_or_extended_or_with_another_vertex_count) {
   constexpr ColourSteps kSteps{4, 4, 4};
   const KnownVertices known = strip(200);
   std::vector<uint8_t> bytes = encode_colours(waves(200), known, kSteps, nullptr).bytes;
@@ -113,7 +113,7 @@ TEST(ColourCode, is_refused_when_it_is_cut_or_longer_or_for_another_number_of_ve
   EXPECT_FALSE(decode_colours(bytes, known, kSteps, nullptr));
 }
 
-TEST(ColourCode, is_refused_where_it_asks_for_a_table_that_it_does_not_have) {
+TEST(ColourCode, is_rejected_when_a_vertex_uses_a_missing_table) {
   RangeEncoder no_tables;
   BitModel model;
   for (int table = 0; table < 19; ++table) no_tables.bit(model, false);

@@ -1,5 +1,5 @@
-// usage: node decode.mjs MODULE FRAMES: decodes the frames of a file, one after the other. A frame in the file: its length
-// (u32), its bytes. Of each, to the standard output: the status (u8), and the arrays of the frame decoded last.
+// Usage: node decode.mjs MODULE FRAMES. Decodes the frames of file FRAMES in order; each is its length (u32) and its bytes.
+// For each, it writes to the standard output the status (u8) and the arrays of the last decoded frame.
 import { readFileSync, writeSync } from 'node:fs';
 import { Decoder } from '../../codec/v3d_decoder.mjs';
 
@@ -7,8 +7,8 @@ const [module, file] = process.argv.slice(2);
 const decoder = new Decoder(await WebAssembly.compile(readFileSync(module)));
 const bytes = readFileSync(file);
 const write = (array) => {
-  const rest = new Uint8Array(array.buffer, array.byteOffset, array.byteLength);
-  for (let at = 0; at < rest.length; ) at += writeSync(1, rest, at);
+  const pending = new Uint8Array(array.buffer, array.byteOffset, array.byteLength);
+  for (let at = 0; at < pending.length; ) at += writeSync(1, pending, at);
 };
 for (let at = 0; at < bytes.length; ) {
   const end = at + 4 + bytes.readUInt32LE(at);

@@ -40,7 +40,7 @@ double psnr_db(const std::vector<VertexColour>& a, const std::vector<VertexColou
   return 10 * std::log10(255 * 255 * 3 * static_cast<double>(a.size()) / sum);
 }
 
-RC_GTEST_PROP(FrameCodec, gives_the_surface_of_any_volume_as_marching_cubes_make_it, ()) {
+RC_GTEST_PROP(FrameCodec, decodes_the_marching_cubes_surface_of_any_volume, ()) {
   const auto edge = rc::gen::inRange(1, 30);
   const Scene scene(dust(small_grid(*edge, *edge, *edge), *rc::gen::arbitrary<uint32_t>(),
                          *rc::gen::inRange<uint32_t>(0, 1001)));
@@ -51,7 +51,7 @@ RC_GTEST_PROP(FrameCodec, gives_the_surface_of_any_volume_as_marching_cubes_make
   RC_ASSERT(same_surface(decoder.frame(), scene.mesh));
 }
 
-TEST(FrameCodec, gives_back_what_a_frame_says_of_itself) {
+TEST(FrameCodec, keeps_the_metadata_of_a_frame) {
   const Scene scene(ball(10));
   FrameDecoder decoder;
   ASSERT_EQ(decoder.decode(FrameEncoder({}).encode(scene.content(9)).value()), DecodeStatus::kOk);
@@ -67,7 +67,7 @@ TEST(FrameCodec, gives_back_what_a_frame_says_of_itself) {
   EXPECT_EQ(facts.step, expected.step);
 }
 
-TEST(FrameCodec, codes_the_occupancy_of_a_ball_in_less_than_a_bit_per_vertex_and_no_displacement) {
+TEST(FrameCodec, needs_less_than_a_bit_per_vertex_for_a_ball_and_no_displacement) {
   const Scene scene(ball(22));
   FrameEncoder encoder({});
   ASSERT_TRUE(encoder.encode(scene.content(0)));
@@ -75,7 +75,7 @@ TEST(FrameCodec, codes_the_occupancy_of_a_ball_in_less_than_a_bit_per_vertex_and
   EXPECT_EQ(encoder.bytes().displacements, 0U);
 }
 
-TEST(FrameCodec, keeps_colours_to_38_db_in_key_frames_and_between) {
+TEST(FrameCodec, keeps_colours_to_38_db_in_key_frames_and_other_frames) {
   FrameEncoder encoder({});
   FrameDecoder decoder;
   for (int n = 0; n < 3; ++n) {
@@ -87,7 +87,7 @@ TEST(FrameCodec, keeps_colours_to_38_db_in_key_frames_and_between) {
   }
 }
 
-TEST(FrameCodec, keeps_every_bit_of_the_colours_when_their_steps_are_1) {
+TEST(FrameCodec, keeps_every_bit_of_colours_with_steps_of_1) {
   Scene scene(ball(15));
   scene.paint(1);
   FrameEncoder encoder({.colour_steps = {1, 1, 1}});
@@ -96,7 +96,7 @@ TEST(FrameCodec, keeps_every_bit_of_the_colours_when_their_steps_are_1) {
   EXPECT_EQ(decoder.frame().colours, scene.colours);
 }
 
-TEST(FrameCodec, keeps_moved_vertices_to_half_of_any_step_and_tells_it) {
+TEST(FrameCodec, keeps_moved_vertices_within_half_a_step_and_reports_the_step) {
   Scene scene(ball(15));
   scene.move(0.02);
   size_t coarser = 0;
@@ -118,7 +118,7 @@ TEST(FrameCodec, keeps_moved_vertices_to_half_of_any_step_and_tells_it) {
   }
 }
 
-TEST(FrameCodec, codes_still_colours_between_key_frames_in_a_fraction_of_a_key_frame) {
+TEST(FrameCodec, needs_less_for_unchanged_colours_than_a_tenth_of_a_key_frame) {
   Scene scene(ball(20));
   scene.paint(1);
   FrameEncoder encoder({});
@@ -128,7 +128,7 @@ TEST(FrameCodec, codes_still_colours_between_key_frames_in_a_fraction_of_a_key_f
   EXPECT_LT(10 * encoder.bytes().colours, key);
 }
 
-TEST(FrameCodec, goes_on_at_the_next_key_frame_after_a_loss_and_shows_nothing_wrong_until_then) {
+TEST(FrameCodec, continues_at_the_next_key_frame_after_a_loss) {
   const auto frames = moving_ball(10);
   FrameDecoder whole, lossy;
   for (size_t n = 0; n < frames.size(); ++n) {
@@ -141,10 +141,10 @@ TEST(FrameCodec, goes_on_at_the_next_key_frame_after_a_loss_and_shows_nothing_wr
   }
 }
 
-TEST(FrameCodec, shows_whole_frames_alone_when_one_in_twenty_is_lost) {
+TEST(FrameCodec, decodes_only_complete_frames_when_one_in_twenty_is_lost) {
   FrameDecoder whole, lossy;
   int lost = 0, shown = 0;
-  bool complete = true;  // all since the key frame arrived
+  bool complete = true;  // all frames since the key frame have arrived
   for (const auto& frame : moving_ball(80)) {
     ASSERT_EQ(whole.decode(frame), DecodeStatus::kOk);
     const int64_t pulse = whole.frame().facts.pulse;
@@ -161,8 +161,7 @@ TEST(FrameCodec, shows_whole_frames_alone_when_one_in_twenty_is_lost) {
   EXPECT_GE(shown, 80 - 4 * lost);
 }
 
-TEST(FrameCodec,
-     gives_the_same_bytes_from_the_next_key_frame_on_whatever_pulses_were_missing_before) {
+TEST(FrameCodec, gives_the_same_bytes_from_the_next_key_frame_after_missing_pulses) {
   auto whole = moving_ball(6);
   const auto gap = moving_ball(6, 9);
   whole.erase(whole.begin() + 1);
@@ -170,7 +169,7 @@ TEST(FrameCodec,
   EXPECT_TRUE(std::equal(gap.begin() + 3, gap.end(), whole.begin() + 3, whole.end()));
 }
 
-TEST(FrameCodec, begins_anew_with_a_key_frame_when_told_to_and_when_pulses_do_not_rise) {
+TEST(FrameCodec, starts_with_a_key_frame_after_a_restart_and_when_pulses_do_not_increase) {
   Scene scene(ball(8));
   scene.paint(3);
   FrameEncoder encoder({});
@@ -184,7 +183,8 @@ TEST(FrameCodec, begins_anew_with_a_key_frame_when_told_to_and_when_pulses_do_no
   EXPECT_EQ(encoder.decoded().key_pulse, 7);
 }
 
-/// Any mesh: its vertices are numbered as the triangles first use them.
+/// A mesh without a volume; vertices are numbered in the order in which the triangles first use
+/// them.
 struct AnyMesh {
   std::vector<VertexPosition> positions{
       {0, 0, 0}, {0.5F, 0, 0}, {0, 0.25F, 0}, {1, 1, 1}, {2, 2, 2}};
@@ -211,7 +211,7 @@ TEST(FrameCodec, keeps_a_mesh_without_a_volume) {
   EXPECT_EQ(decoder.frame().colours, mesh.colours);
 }
 
-TEST(FrameCodec, refuses_what_a_frame_cannot_hold) {
+TEST(FrameCodec, rejects_invalid_content) {
   FrameEncoder encoder({});
   AnyMesh jumping;
   jumping.triangles[0] = {1, 0, 2};
@@ -231,7 +231,7 @@ TEST(FrameCodec, refuses_what_a_frame_cannot_hold) {
   EXPECT_FALSE(encoder.encode(unsorted));
 }
 
-TEST(FrameCodec, refuses_a_frame_that_is_cut_or_changed_anywhere) {
+TEST(FrameCodec, rejects_a_truncated_or_changed_frame) {
   const auto frame = moving_ball(1)[0];
   FrameDecoder decoder;
   for (size_t size = 0; size < frame.size(); size += size < 140 ? 1 : 37) {
@@ -244,14 +244,14 @@ TEST(FrameCodec, refuses_a_frame_that_is_cut_or_changed_anywhere) {
   }
 }
 
-/// With a right checksum again, as a stranger would send it.
-std::vector<uint8_t> sealed(std::vector<uint8_t> frame) {
+/// The frame with a corrected checksum, as an attacker would send it.
+std::vector<uint8_t> with_valid_checksum(std::vector<uint8_t> frame) {
   const uint32_t sum = crc32(std::span(frame).subspan(16));
   for (int n = 0; n < 4; ++n) frame[12 + n] = static_cast<uint8_t>(sum >> (8 * n));
   return frame;
 }
 
-RC_GTEST_PROP(FrameCodec, made_of_hostile_bytes_is_nothing_or_a_sound_mesh, ()) {
+RC_GTEST_PROP(FrameCodec, rejects_hostile_bytes_or_decodes_a_valid_mesh, ()) {
   static const auto kFrames = moving_ball(2);
   FrameDecoder decoder;
   decoder.decode(kFrames[0]);
@@ -259,43 +259,43 @@ RC_GTEST_PROP(FrameCodec, made_of_hostile_bytes_is_nothing_or_a_sound_mesh, ()) 
   for (int changes = *rc::gen::inRange(1, 4); changes > 0; --changes) {
     frame[*rc::gen::inRange<size_t>(16, frame.size())] = *rc::gen::arbitrary<uint8_t>();
   }
-  if (decoder.decode(sealed(frame)) != DecodeStatus::kOk) return;
+  if (decoder.decode(with_valid_checksum(frame)) != DecodeStatus::kOk) return;
   for (const auto& triangle : decoder.frame().triangles) {
     for (const uint32_t v : triangle) RC_ASSERT(v < decoder.frame().positions.size());
   }
 }
 
-TEST(FrameCodec, refuses_headers_beyond_its_limits_before_it_makes_room_for_anything) {
+TEST(FrameCodec, rejects_headers_that_exceed_a_limit) {
   const auto frame = moving_ball(1)[0];
   const auto accepts = [&](size_t at, std::initializer_list<uint8_t> bytes) {
     auto changed = frame;
     std::copy(bytes.begin(), bytes.end(), changed.begin() + static_cast<std::ptrdiff_t>(at));
-    return read_header(sealed(changed)).has_value();
+    return read_header(with_valid_checksum(changed)).has_value();
   };
   EXPECT_TRUE(accepts(16, {1, 0}));
   EXPECT_FALSE(accepts(16, {0x11, 0}));        // unknown flag
   EXPECT_FALSE(accepts(16, {9, 0}));           // explicit, without positions
   EXPECT_FALSE(accepts(22, {0, 0}));           // subdivision
-  EXPECT_FALSE(accepts(40, {1}));              // a key frame that names another
+  EXPECT_FALSE(accepts(40, {1}));              // a key frame that references another one
   EXPECT_FALSE(accepts(52, {0, 0, 0, 0x40}));  // quality 2
   EXPECT_FALSE(accepts(88, {0}));              // step of luma
   EXPECT_FALSE(accepts(91, {1}));              // reserved
   EXPECT_FALSE(accepts(92, {1, 0, 64, 0}));    // vertices: 2^22 + 1
   EXPECT_FALSE(accepts(96, {1, 0, 128, 0}));   // triangles: 2^23 + 1
   EXPECT_TRUE(accepts(100, {0, 0, 0, 0, 0, 0, 0, 1, 0, 1, 0, 1}));   // 256^3 bricks
-  EXPECT_FALSE(accepts(100, {0, 0, 0, 0, 0, 0, 1, 1, 0, 1, 0, 1}));  // a layer more
+  EXPECT_FALSE(accepts(100, {0, 0, 0, 0, 0, 0, 1, 1, 0, 1, 0, 1}));  // one layer more
   EXPECT_FALSE(accepts(100, {0, 16}));                               // beyond 4096 along x
   EXPECT_FALSE(accepts(112, {0xFF, 0xFF, 0xFF, 0xFF}));              // names
 }
 
-TEST(FrameCodec, refuses_counts_that_are_not_those_of_the_surface) {
+TEST(FrameCodec, rejects_counts_that_differ_from_the_surface) {
   auto frame = moving_ball(1)[0];
   FrameDecoder decoder;
   frame[92] ^= 1;
-  EXPECT_EQ(decoder.decode(sealed(frame)), DecodeStatus::kMalformed);
+  EXPECT_EQ(decoder.decode(with_valid_checksum(frame)), DecodeStatus::kMalformed);
 }
 
-TEST(Occupancy, refuses_a_volume_of_too_many_bricks) {
+TEST(Occupancy, rejects_a_volume_of_too_many_bricks) {
   const auto fits = [](int layers) {
     const std::vector<Brick> bricks(64 * 64 * layers, Brick{1});
     std::vector<BrickCoord> coords;
@@ -306,7 +306,7 @@ TEST(Occupancy, refuses_a_volume_of_too_many_bricks) {
   EXPECT_FALSE(fits(33));
 }
 
-/// Of everything that a decoder gives.
+/// Checksum of all arrays of a decoded frame.
 uint32_t checksum_of(const DecodedFrame& frame) {
   std::vector<uint8_t> bytes;
   const auto add = [&](const auto& numbers) {
@@ -319,7 +319,8 @@ uint32_t checksum_of(const DecodedFrame& frame) {
   return crc32(bytes);
 }
 
-/// A file of the fuzzer's corpus: the length of the first of two frames, and both.
+/// Checksums of the two frames in a file of the fuzzing corpus. The file holds the length of the
+/// first frame and both frames.
 std::vector<uint32_t> checksums_in(const std::string& file) {
   std::ifstream in(V3D_CORPUS "/" + file, std::ios::binary);
   const std::vector<char> text(std::istreambuf_iterator<char>(in), {});
@@ -334,14 +335,14 @@ std::vector<uint32_t> checksums_in(const std::string& file) {
   return sums;
 }
 
-TEST(FrameCodec, decodes_frames_of_before_as_a_second_decoder_did_that_was_written_from_the_text) {
+TEST(FrameCodec, decodes_stored_frames_as_an_independent_decoder_did) {
   using Sums = std::vector<uint32_t>;
   EXPECT_EQ(checksums_in("key-and-next"), (Sums{0x3BE1625E, 0x53013808}));
   EXPECT_EQ(checksums_in("moved"), (Sums{0x9A1D176E, 0x9A1D176E}));
   EXPECT_EQ(checksums_in("any-mesh"), (Sums{0x56100BDB, 0x2B1E6B71}));
 }
 
-TEST(CDecoder, decodes_in_c) {
+TEST(CDecoder, decodes_a_frame_from_c) {
   const auto frame = moving_ball(1)[0];
   EXPECT_EQ(vertices_in_c(frame.data(), frame.size()), Scene(ball(8)).mesh.vertices.size());
   EXPECT_EQ(vertices_in_c(frame.data(), frame.size() - 1), 0U);

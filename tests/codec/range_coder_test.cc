@@ -6,7 +6,7 @@
 namespace v3d {
 namespace {
 
-/// A bit is coded with the model of its number, or even.
+/// A bit with the number of its model; kModels means an even bit.
 using CodedBit = std::pair<int, bool>;
 constexpr int kModels = 3;
 
@@ -19,7 +19,7 @@ std::vector<uint8_t> encode(const std::vector<CodedBit>& bits) {
   return coder.take();
 }
 
-bool comes_back(const std::vector<CodedBit>& bits, std::span<const uint8_t> bytes) {
+bool round_trips(const std::vector<CodedBit>& bits, std::span<const uint8_t> bytes) {
   RangeDecoder coder(bytes);
   std::array<BitModel, kModels> models;
   for (const auto& [model, bit] : bits) {
@@ -28,38 +28,38 @@ bool comes_back(const std::vector<CodedBit>& bits, std::span<const uint8_t> byte
   return coder.ended();
 }
 
-RC_GTEST_PROP(RangeCoder, gives_back_every_bit_and_ends_where_the_bytes_end, ()) {
+RC_GTEST_PROP(RangeCoder, decodes_every_bit_and_detects_the_end_of_the_bytes, ()) {
   const auto bits = *rc::gen::container<std::vector<CodedBit>>(
       rc::gen::pair(rc::gen::inRange(0, kModels + 1), rc::gen::arbitrary<bool>()));
-  RC_ASSERT(comes_back(bits, encode(bits)));
+  RC_ASSERT(round_trips(bits, encode(bits)));
 }
 
-TEST(RangeCoder, carries_through_bytes_that_are_full) {
-  // Ones in a model that learnt zeros push low up to just below the next byte again and again.
+TEST(RangeCoder, propagates_carries_through_bytes_of_255) {
+  // Ones in a model that adapted to zeros bring low_ repeatedly close to a carry.
   for (int zeros = 0; zeros < 300; ++zeros) {
     std::vector<CodedBit> bits(zeros, {0, false});
     for (int n = 0; n < 40; ++n) bits.emplace_back(n % 3, n % 7 != 0);
-    EXPECT_TRUE(comes_back(bits, encode(bits))) << zeros;
+    EXPECT_TRUE(round_trips(bits, encode(bits))) << zeros;
   }
 }
 
-TEST(RangeCoder, codes_a_bit_that_it_has_learnt_in_less_than_a_hundredth) {
+TEST(RangeCoder, needs_less_than_a_hundredth_of_a_bit_for_a_predictable_bit) {
   const std::vector<CodedBit> bits(100'000, {0, true});
   EXPECT_LT(encode(bits).size(), 100'000 / 8 / 100U);
-  EXPECT_TRUE(comes_back(bits, encode(bits)));
+  EXPECT_TRUE(round_trips(bits, encode(bits)));
 }
 
-TEST(RangeCoder, tells_when_it_was_asked_for_more_than_the_bytes_hold) {
+TEST(RangeCoder, reports_reading_beyond_the_bytes) {
   RangeDecoder coder(std::span<const uint8_t>{});
   for (int n = 0; n < 40; ++n) EXPECT_FALSE(coder.even_bit());
   EXPECT_TRUE(coder.overran());
 }
 
-RC_GTEST_PROP(ResidualModel, gives_back_every_number, (const std::vector<int>& drawn)) {
+RC_GTEST_PROP(ResidualModel, decodes_every_number, (const std::vector<int>& drawn)) {
   RangeEncoder out;
   ResidualModel coding;
   std::vector<int> numbers;
-  for (const int n : drawn) numbers.push_back(n % (ResidualModel::kMost + 1));
+  for (const int n : drawn) numbers.push_back(n % (ResidualModel::kMaxMagnitude + 1));
   for (const int number : numbers) coding.code(out, number);
   const std::vector<uint8_t> bytes = out.take();
   RangeDecoder in(bytes);

@@ -1,4 +1,4 @@
-// Frames to encode: surfaces of volumes, painted and moved.
+// Test frames: surfaces of volumes, coloured and displaced.
 #pragma once
 
 #include <cmath>
@@ -19,7 +19,7 @@ inline uint32_t hash(uint32_t a, uint32_t b) {
   return h ^ h >> 15;
 }
 
-/// Voxels by a hash: from sparse dust to nearly solid.
+/// Random voxels by a hash; the density is from sparse to nearly solid.
 inline SparseVolume dust(const VoxelGrid& grid, uint32_t seed, uint32_t per_thousand) {
   return make_volume(grid, [&](int i, int j, int k) {
     const auto voxel = static_cast<uint32_t>(i + 1000 * (j + 1000 * k));
@@ -33,7 +33,7 @@ inline SparseVolume ball(double radius, double middle_x = 25) {
   });
 }
 
-/// What a frame is made of, and the mesh that recon makes of it.
+/// Content of a frame, and its marching cubes mesh.
 struct Scene {
   SparseVolume volume;
   BrickVolume view;
@@ -45,7 +45,7 @@ struct Scene {
     view = volume.view();
   }
 
-  /// Smooth, with a little noise.
+  /// Sets smooth colours with a little noise.
   void paint(uint32_t seed) {
     for (size_t v = 0; v < mesh.vertices.size(); ++v) {
       const auto p = mesh.vertices[v];
@@ -57,12 +57,12 @@ struct Scene {
     }
   }
 
-  void move(double most_m) {
+  void move(double max_m) {
     for (size_t v = 0; v < mesh.vertices.size(); ++v) {
       VertexPosition& p = moved.emplace_back();
       for (int axis = 0; axis < 3; ++axis) {
         const double part = hash(static_cast<uint32_t>(3 * v + axis), 7) % 2001 / 1000.0 - 1;
-        p[axis] = static_cast<float>(mesh.vertices[v][axis] + most_m * part);
+        p[axis] = static_cast<float>(mesh.vertices[v][axis] + max_m * part);
       }
     }
   }
@@ -84,8 +84,8 @@ struct Scene {
   }
 };
 
-/// A ball that moves, from pulse 8 on, with a key frame every 4 pulses; without the pulse that is
-/// left out.
+/// Encoded frames of a moving ball, from pulse 8 on, with a key frame every 4 pulses. The pulse
+/// `left_out` is not encoded.
 inline std::vector<std::vector<uint8_t>> moving_ball(int frames, int left_out = -1) {
   FrameEncoder encoder({.key_every = 4});
   std::vector<std::vector<uint8_t>> all;

@@ -9,7 +9,8 @@
 namespace v3d {
 namespace {
 
-/// A sequence with a loss, damage, moved vertices and one frame that needs another.
+/// A sequence with a lost frame, a damaged frame, displaced vertices and a frame whose reference is
+/// missing.
 std::vector<std::vector<uint8_t>> frames() {
   std::vector<std::vector<uint8_t>> all = moving_ball(9);
   all.erase(all.begin() + 5);
@@ -26,7 +27,7 @@ void append(std::string& text, const Numbers& numbers) {
   text.append(reinterpret_cast<const char*>(numbers.data()), numbers.size() * sizeof(numbers[0]));
 }
 
-/// What decode.mjs writes of them.
+/// Decodes natively; the format is that of decode.mjs.
 std::string decoded_here(const std::vector<std::vector<uint8_t>>& frames) {
   FrameDecoder decoder;
   std::string text;
@@ -55,13 +56,13 @@ std::string decoded_in_node(const std::vector<std::vector<uint8_t>>& frames) {
     size += more;
     text.resize(size + (1 << 20));
   }
-  EXPECT_EQ(pclose(node), 0) << "node is there? tools/install-deps";
+  EXPECT_EQ(pclose(node), 0) << "decode.mjs failed; is node installed? Run tools/install-deps";
   std::filesystem::remove(file);
   text.resize(size);
   return text;
 }
 
-TEST(WasmDecoder, gives_every_frame_to_the_bit_as_the_native_decoder_does) {
+TEST(WasmDecoder, decodes_every_frame_to_the_same_bits_as_the_native_decoder) {
   const auto given = frames();
   EXPECT_TRUE(decoded_in_node(given) == decoded_here(given));
 }

@@ -1,7 +1,7 @@
-// Calibrations of other programs and tables of time stamps: any text is read or refused by an
-// InputError, nothing else; and what was read can be written and read again. The first byte says
-// which reader is meant. OpenCV's files are not among them: OpenCV's own parser reads them, and
-// dies of some XML whose attributes are broken.
+// Fuzz target: calibrations of other programs and tables of time stamps. Any text is read or
+// rejected with an InputError; what was read can be written and read again. The first byte selects
+// the reader. Files of OpenCV are excluded, because the parser of OpenCV crashes on some XML with
+// invalid attributes.
 #include "base/core/error.h"
 #include "calib/formats/colmap_text.h"
 #include "calib/formats/middlebury_par.h"
@@ -15,7 +15,7 @@ using namespace v3d::calib;
 using test::must;
 
 void read_colmap(const std::string& text) {
-  // The two files, one behind the other.
+  // Two files, separated by a form feed.
   const size_t end = std::min(text.find('\f'), text.size());
   const Rig rig =
       parse_colmap({text.substr(0, end), text.substr(std::min(end + 1, text.size()))}, "sparse");

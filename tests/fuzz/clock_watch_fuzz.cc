@@ -1,4 +1,4 @@
-// Bytes as what comes from chronyd's port: nothing, or numbers that health may tell.
+// Fuzz target: replies of chronyd. They are rejected or give finite numbers.
 #include <cmath>
 
 #include "daemon/control/clock_monitor.h"

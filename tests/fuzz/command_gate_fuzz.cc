@@ -1,6 +1,6 @@
-// Bytes as commands, before and behind the MAC: without the studio's MAC none is obeyed; with it
-// the gate obeys a command that holds its nonce once, and never twice. And bytes as the file of a
-// key.
+// Fuzz target: commands, with and without a valid MAC, and key files. Without the MAC of the
+// studio, no command is executed. With it, a command that holds the nonce is executed once and
+// never again.
 #include <cstdlib>
 #include <string_view>
 
@@ -22,7 +22,7 @@ void must(bool condition) {
   if (!condition) std::abort();
 }
 
-void obey_once(v3d::CommandMessage command) {
+void check_admitted_once(v3d::CommandMessage command) {
   command.to[0] = "cap01";
   command.nonces[0] = kNonce;
   const v3d::Bytes sealed = v3d::encode_sealed(command, key());
@@ -33,7 +33,7 @@ void obey_once(v3d::CommandMessage command) {
   must(!gate.admit(sealed, kNow));
 }
 
-void read_as_sealed(std::span<const uint8_t> bytes) {
+void check_with_mac(std::span<const uint8_t> bytes) {
   v3d::Bytes sealed(bytes.begin(), bytes.end());
   if (sealed.size() <= v3d::kSealSize) return;
   key().seal(sealed);
@@ -44,7 +44,7 @@ void read_as_sealed(std::span<const uint8_t> bytes) {
   gate.admit(sealed, kNow);
   const auto again = gate.admit(sealed, kNow);
   must(!again || !again->is_current);
-  if (command && !command->to.empty()) obey_once(std::move(*command));
+  if (command && !command->to.empty()) check_admitted_once(std::move(*command));
   must(gate.counts().admitted <= 1 && gate.counts().forged == 0);
 }
 
@@ -55,7 +55,7 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   v3d::CommandGate gate("cap01", draw);
   gate.credentials().set_studio_key(key(), kNow);
   must(!gate.admit(bytes, kNow));
-  read_as_sealed(bytes);
+  check_with_mac(bytes);
   try {
     v3d::StudioKey::parse({reinterpret_cast<const char*>(data), size}, "studio.key");
   } catch (const v3d::InputError&) {

@@ -1,5 +1,5 @@
-// Studio, calibration and scene files are written by people and other programs: any text is read or
-// refused by an InputError, nothing else.
+// Fuzz target: studio, calibration and scene files. Any text is read or rejected with an
+// InputError.
 #include <string_view>
 
 #include "base/config/calib_file.h"

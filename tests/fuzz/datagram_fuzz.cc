@@ -1,8 +1,10 @@
-// Bytes as a sequence of datagrams (u16 length, then the bytes) for receivers with and without a
-// key, and for one that requires members. Without the key nothing is accepted but what holds a MAC
-// of its own. With the key and without a member's signature nothing is accepted on a channel whose
-// messages are signed. Datagrams that this signs, in whatever order and with whatever else between
-// them, give their message.
+// Fuzz target: a sequence of datagrams (u16 length, then the bytes) for receivers with a key,
+// without a key, and with required members.
+//
+// Input without a valid MAC is accepted only on channels whose messages have their own MAC. Input
+// with a valid MAC but without a member's signature is not accepted on channels that require a
+// signature. Datagrams that the target signs give their message in any order and with any other
+// datagrams between them.
 #include <algorithm>
 #include <cstdlib>
 #include <memory>
@@ -25,7 +27,8 @@ void must(bool condition) {
   if (!condition) std::abort();
 }
 
-/// Takes up to 64 KiB from the front: the length, then so many bytes or what is left.
+/// Takes the next datagram from the front: a length (u16), then that number of bytes or what
+/// remains.
 std::span<const uint8_t> next(std::span<const uint8_t>& rest) {
   const size_t length = rest[0] | rest[1] << 8;
   rest = rest.subspan(2);
@@ -41,8 +44,9 @@ const SigningKey& member_key() {
   return made;
 }
 
-/// Of one receiver that lives as long as the process: its 64 MiB are allocated once.
-struct Parties {
+/// The receivers under test. They exist once for each process, because 64 MiB are allocated for
+/// each receiver.
+struct Receivers {
   MessageSeal keyed_seal;
   MessageSeal keyless_seal;
   MessageReceiver keyed{ChannelList(), keyed_seal, is_wanted};
@@ -51,7 +55,7 @@ struct Parties {
   MessageReceiver of_members{ChannelList(), member_seal, is_wanted};
   DatagramMac mac{key()};
   uint32_t sequence = 0;
-  Parties() {
+  Receivers() {
     keyed_seal.set_key(key());
     member_seal.set_key(key());
     member_seal.members().require();
@@ -60,7 +64,7 @@ struct Parties {
   }
 };
 
-/// What the holder of the key can send with these bytes as head and data.
+/// The datagram that a holder of the key can send with these bytes as head and data.
 std::vector<uint8_t> signed_datagram(const DatagramMac& mac, std::span<const uint8_t> bytes) {
   const auto parsed = parse_datagram(bytes);
   if (!parsed) return {};
@@ -82,27 +86,27 @@ uint64_t sum(std::span<const uint8_t> bytes) {
   return sum;
 }
 
-void judge(Parties& parties, std::span<const uint8_t> bytes) {
-  // Exactly as long as the datagram: a read beyond is seen.
+void check_datagram(Receivers& receivers, std::span<const uint8_t> bytes) {
+  // A copy of exactly this length, so that AddressSanitizer detects a read beyond it.
   const std::vector<uint8_t> datagram(bytes.begin(), bytes.end());
-  if (const auto got = parties.keyed.receive(datagram, 1, kReceiverNow)) {
+  if (const auto got = receivers.keyed.receive(datagram, 1, kReceiverNow)) {
     const bool holds_own = got->channel == "V3D_COMMAND" || got->channel == "V3D_REPLY";
     must(!got->is_accepted || holds_own);
     sum(got->bytes);
   }
-  if (const auto got = parties.keyless.receive(datagram, 1, kReceiverNow)) sum(got->bytes);
-  const auto with_mac = signed_datagram(parties.mac, datagram);
-  if (const auto got = parties.keyed.receive(with_mac, 1, kReceiverNow)) sum(got->bytes);
-  if (const auto got = parties.of_members.receive(with_mac, 1, kReceiverNow)) {
+  if (const auto got = receivers.keyless.receive(datagram, 1, kReceiverNow)) sum(got->bytes);
+  const auto with_mac = signed_datagram(receivers.mac, datagram);
+  if (const auto got = receivers.keyed.receive(with_mac, 1, kReceiverNow)) sum(got->bytes);
+  if (const auto got = receivers.of_members.receive(with_mac, 1, kReceiverNow)) {
     must(!got->is_accepted || !kind_of(got->channel)->is_signed());
     sum(got->bytes);
   }
 }
 
-void carry_a_message(Parties& parties, std::span<const uint8_t> bytes) {
+void check_message(Receivers& receivers, std::span<const uint8_t> bytes) {
   const std::vector<uint8_t> message(70'000 + bytes.size(), bytes.empty() ? 0 : bytes[0]);
   const MessageOrigin origin{
-      .channel = "V3D_MESH", .session = 8, .sequence = parties.sequence++, .sent = kNow};
+      .channel = "V3D_MESH", .session = 8, .sequence = receivers.sequence++, .sent = kNow};
   const Bytes signed_message = sign_on_bus(message, origin, member_key());
   auto datagrams = split_message(origin.sequence, origin.channel, signed_message, true);
   if (!bytes.empty() && bytes[0] % 2 == 0) std::ranges::reverse(datagrams);
@@ -110,14 +114,14 @@ void carry_a_message(Parties& parties, std::span<const uint8_t> bytes) {
   for (OutgoingDatagram& out : datagrams) {
     out.trailer.session = 8;
     out.trailer.sent = kNow;
-    parties.mac.sign(out.head(), out.data, out.trailer);
+    receivers.mac.sign(out.head(), out.data, out.trailer);
     std::vector<uint8_t> datagram(out.head().begin(), out.head().end());
     datagram.insert(datagram.end(), out.data.begin(), out.data.end());
     const auto end = out.trailer.bytes();
     datagram.insert(datagram.end(), end.begin(), end.end());
-    got = parties.keyed.receive(datagram, 1, kReceiverNow);
-    got_of_member = parties.of_members.receive(datagram, 1, kReceiverNow);
-    if (bytes.size() > 1) judge(parties, bytes);
+    got = receivers.keyed.receive(datagram, 1, kReceiverNow);
+    got_of_member = receivers.of_members.receive(datagram, 1, kReceiverNow);
+    if (bytes.size() > 1) check_datagram(receivers, bytes);
   }
   must(got && std::ranges::equal(got->bytes, message));
   must(got_of_member && std::ranges::equal(got_of_member->bytes, message));
@@ -126,9 +130,9 @@ void carry_a_message(Parties& parties, std::span<const uint8_t> bytes) {
 }  // namespace
 
 extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
-  static Parties parties;
+  static Receivers receivers;
   std::span<const uint8_t> rest(data, size);
-  while (rest.size() > 2) judge(parties, next(rest));
-  if (size < 64) carry_a_message(parties, {data, size});
+  while (rest.size() > 2) check_datagram(receivers, next(rest));
+  if (size < 64) check_message(receivers, {data, size});
   return 0;
 }

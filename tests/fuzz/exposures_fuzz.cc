@@ -1,4 +1,4 @@
-// Bytes as exposures.csv: InputError is the only thing that may be thrown.
+// Fuzz target: exposures.csv. Only InputError may be thrown.
 #include <cstddef>
 #include <cstdint>
 #include <string_view>

@@ -1,5 +1,5 @@
-// Bytes as a fault script of v3d-sim, for a take and for a studio: InputError is the only thing
-// that may be thrown, and what is read is of a camera that is there.
+// Fuzz target: fault scripts of v3d-sim, for a take and for a studio. Only InputError may be
+// thrown, and every fault names an existing camera.
 #include <string_view>
 
 #include "base/core/error.h"

@@ -1,6 +1,5 @@
-// Compact frames of version 2, from the wire or a file: a key frame and one that follows it.
-// Nothing, or a sound mesh; what follows nothing is refused. Checksums are made right, as a
-// stranger would.
+// Fuzz target: compact frames of version 2, a key frame and one that references it. Each is
+// rejected or gives a valid mesh. The target corrects the checksums, as an attacker would.
 #include <cstring>
 #include <vector>
 
@@ -17,7 +16,7 @@ void put(std::vector<uint8_t>& frame, size_t at, T number) {
   if (frame.size() >= at + sizeof(T)) std::memcpy(&frame[at], &number, sizeof(T));
 }
 
-uint32_t seal(std::vector<uint8_t>& frame) {
+uint32_t set_checksum(std::vector<uint8_t>& frame) {
   if (frame.size() < kChecked) return 0;
   const uint32_t sum = v3d::crc32(std::span(frame).subspan(kChecked));
   put(frame, kChecksum, sum);
@@ -39,14 +38,14 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   const auto rest = input.bytes(size);
   std::vector<uint8_t> first(bytes.begin(), bytes.end()), second(rest.begin(), rest.end());
   v3d::FrameDecoder decoder;
-  const uint32_t checksum = seal(first);
-  const bool there = decoder.decode(first) == v3d::DecodeStatus::kOk;
-  if (there) {
+  const uint32_t checksum = set_checksum(first);
+  const bool has_first = decoder.decode(first) == v3d::DecodeStatus::kOk;
+  if (has_first) {
     check(decoder.frame());
     put(second, kKeyPulse, decoder.frame().key_pulse);
     put(second, kReference, checksum);
   }
-  seal(second);
+  set_checksum(second);
   if (decoder.decode(second) == v3d::DecodeStatus::kOk) check(decoder.frame());
   return 0;
 }

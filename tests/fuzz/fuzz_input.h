@@ -1,4 +1,4 @@
-// The bytes of a fuzzer, taken from the front as the numbers and texts that a target wants.
+// Reader of fuzzer input: takes numbers and texts from the front.
 #pragma once
 
 #include <algorithm>
@@ -10,23 +10,24 @@
 
 namespace v3d::test {
 
-/// What a target holds to be true; a finding where it is not.
+/// Reports a finding (aborts) when a condition of the target does not hold.
 inline void must(bool condition) {
   if (!condition) std::abort();
 }
 
 class FuzzInput {
  public:
-  FuzzInput(const uint8_t* data, size_t size) : left_(data, size) {}
+  FuzzInput(const uint8_t* data, size_t size) : remaining_(data, size) {}
 
-  bool empty() const { return left_.empty(); }
-  std::span<const uint8_t> bytes(size_t most) {
-    const size_t size = std::min(most, left_.size());
-    const auto taken = left_.first(size);
-    left_ = left_.subspan(size);
+  bool empty() const { return remaining_.empty(); }
+  /// At most `max_size` bytes, fewer at the end.
+  std::span<const uint8_t> bytes(size_t max_size) {
+    const size_t size = std::min(max_size, remaining_.size());
+    const auto taken = remaining_.first(size);
+    remaining_ = remaining_.subspan(size);
     return taken;
   }
-  /// N is a number; 0 where nothing is left.
+  /// The next number of type N; 0 at the end. A partial number is filled with zeros.
   template <class N>
   N number() {
     N n{};
@@ -34,18 +35,19 @@ class FuzzInput {
     if (!taken.empty()) std::memcpy(&n, taken.data(), taken.size());
     return n;
   }
-  /// Of at most 255 bytes.
+  /// The next text of at most 255 bytes, after its length (u8).
   std::string text() {
     const auto taken = bytes(number<uint8_t>());
     return {taken.begin(), taken.end()};
   }
+  /// All remaining bytes.
   std::string rest() {
-    const auto taken = bytes(left_.size());
+    const auto taken = bytes(remaining_.size());
     return {taken.begin(), taken.end()};
   }
 
  private:
-  std::span<const uint8_t> left_;
+  std::span<const uint8_t> remaining_;
 };
 
 }  // namespace v3d::test

@@ -1,5 +1,5 @@
-// Any bytes as a glTF 2.0 model: parse_model() throws nothing but InputError, and all vertices of a
-// model that it accepts are finite.
+// Fuzz target: glTF 2.0 models. parse_model() throws only InputError, and all vertices of an
+// accepted model are finite.
 #include <cstddef>
 #include <cstdint>
 #include <cstdlib>

@@ -1,4 +1,4 @@
-// Bytes as what a signal generator sends: USBTMC transfers, and answers of every dialect.
+// Fuzz target: data from a signal generator: USBTMC transfers, and replies in every dialect.
 #include <cstddef>
 #include <cstdint>
 #include <string_view>

@@ -1,5 +1,5 @@
-// A signal generator on USB that answers whatever it likes: arming, starting and stopping it ends,
-// in success or in an InputError.
+// Fuzz target: a signal generator on USB with arbitrary replies. Arm, start and stop always end,
+// with success or an InputError.
 #include "base/core/error.h"
 #include "fuzz_input.h"
 #include "trigger/scpi/scpi_generator.h"
@@ -10,7 +10,8 @@ namespace {
 
 using v3d::test::FuzzInput;
 
-/// Of the bytes that it answers, one says what becomes of a call: most are done.
+/// A USB port with replies from the fuzzer input. One byte for each call selects its outcome; most
+/// succeed.
 class HostilePort : public v3d::UsbPort {
  public:
   explicit HostilePort(FuzzInput& input) : input_(input) {}
@@ -21,7 +22,7 @@ class HostilePort : public v3d::UsbPort {
   v3d::UsbOutcome receive(std::vector<uint8_t>& bytes, v3d::Duration) override {
     const auto answer = input_.bytes(input_.number<uint8_t>() % 64);
     bytes.assign(answer.begin(), answer.end());
-    // Else hardly an answer would be one to the question.
+    // Copy the tag, because a random tag would almost never match the question.
     if (bytes.size() >= v3d::kUsbtmcHeader && bytes[0] == 2) {
       bytes[1] = tag_;
       bytes[2] = static_cast<uint8_t>(~tag_);
@@ -52,7 +53,7 @@ v3d::StudioTrigger trigger_of(uint8_t dialect) {
   return trigger;
 }
 
-void play(FuzzInput& input) {
+void run_generator(FuzzInput& input) {
   v3d::MonotonicInstant now;
   const v3d::HostClock clock{.now = [&] { return now += std::chrono::milliseconds(10); },
                              .sleep_until = [&](v3d::MonotonicInstant to) { now = to; }};
@@ -71,7 +72,7 @@ void play(FuzzInput& input) {
 extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   FuzzInput input(data, size);
   try {
-    play(input);
+    run_generator(input);
   } catch (const v3d::InputError&) {
   }
   return 0;

@@ -1,4 +1,4 @@
-// Fuzz entry: the pictures of previews. What is decoded has the size that was asked for.
+// Fuzz target: images of previews. A decoded image has the requested size.
 #include <cstdlib>
 
 #include "base/image/jpeg.h"

@@ -1,5 +1,5 @@
-// What the reconstruction does with frames that have been decoded, whatever numbers stand in them:
-// no more sets wait than may, each comes out once and in order, and losses are counted.
+// Fuzz target: assembly of decoded frames with arbitrary numbers into frame sets. At most the
+// permitted number of sets waits, each set is released once and in order, and losses are counted.
 #include "daemon/bus/sequence.h"
 #include "fuzz_input.h"
 #include "recon/pipeline/frame_set.h"
@@ -8,9 +8,9 @@ namespace {
 
 using v3d::test::must;
 
-constexpr size_t kMostMessages = 256;
+constexpr size_t kMaxMessages = 256;
 
-/// Wraps, as what stands in a message may.
+/// Wraps around, because messages may hold any number.
 int64_t near(int64_t pulse, int difference) {
   return static_cast<int64_t>(static_cast<uint64_t>(pulse) + static_cast<uint64_t>(difference));
 }
@@ -20,24 +20,24 @@ class Reconstruction {
   void take(v3d::test::FuzzInput& input) {
     v3d::Frame frame;
     const auto byte = input.number<uint8_t>();
-    frame.camera = "cam0" + std::to_string(byte % 4);  // of which cam03 is not expected
-    // Near numbers are more telling than random ones.
+    frame.camera = "cam0" + std::to_string(byte % 4);  // cam03 is not expected
+    // Numbers near the previous one reach more code than random ones.
     pulse_ = byte & 4 ? input.number<int64_t>() : near(pulse_, input.number<int8_t>() % 4);
     frame.label.pulse = pulse_;
     const int64_t seq = byte & 8 ? input.number<int64_t>() : pulse_;
     now_ += std::chrono::milliseconds(byte >> 4);
     sequences_.note(frame.camera, std::max<int64_t>(0, seq),
                     v3d::from_ns<v3d::Realtime>(input.number<int16_t>()));
-    look_at(assembler_.add(std::move(frame), now_));
+    check_sets(assembler_.add(std::move(frame), now_));
   }
   void end() {
-    look_at(assembler_.flush());
+    check_sets(assembler_.flush());
     const v3d::SequenceCounts& counts = sequences_.total();
     must(counts.received >= 0 && counts.lost >= 0 && counts.late <= counts.received);
   }
 
  private:
-  void look_at(const std::vector<v3d::ReadySet>& ready) {
+  void check_sets(const std::vector<v3d::ReadySet>& ready) {
     for (const v3d::ReadySet& set : ready) {
       must(set.set.pulse > newest_ && !set.set.frames.empty());
       must(set.set.frames.size() + set.missing.size() == 3);
@@ -57,7 +57,7 @@ class Reconstruction {
 extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   v3d::test::FuzzInput input(data, size);
   Reconstruction reconstruction;
-  for (size_t i = 0; i < kMostMessages && !input.empty(); ++i) reconstruction.take(input);
+  for (size_t i = 0; i < kMaxMessages && !input.empty(); ++i) reconstruction.take(input);
   reconstruction.end();
   return 0;
 }

@@ -1,4 +1,5 @@
-// Run-length codes from the wire: nothing, or a mask that is written back as the same bytes.
+// Fuzz target: run-length codes of masks. They are rejected or give a mask that encodes to the same
+// bytes.
 #include <cstdlib>
 
 #include "base/image/mask.h"

@@ -1,5 +1,6 @@
-// Bytes as a member list, before and behind the authority's signature, and as a signed message: any
-// bytes are read or refused by an InputError, and without the signature none is a list.
+// Fuzz target: member lists, with and without a valid signature of the authority, and signed
+// messages. Any bytes are read or rejected with an InputError. Without a valid signature they are
+// no list.
 #include <cstdlib>
 #include <string>
 #include <string_view>

@@ -1,6 +1,5 @@
-// Text for the operator from replies, health and events of the network. Any sender may choose their
-// texts, which are made printable on receipt; a detail that is no valid JSON is reported as
-// unreadable.
+// Fuzz target: text for the operator from replies and health messages. Senders may choose any text,
+// which is made printable on receipt. A detail that is no valid JSON is reported as unreadable.
 #include <nlohmann/json.hpp>
 
 #include "base/core/printable.h"

@@ -1,4 +1,4 @@
-// Bytes as a PLY file: InputError is the only thing that may be thrown.
+// Fuzz target: PLY files. Only InputError may be thrown.
 #include <cstddef>
 #include <cstdint>
 #include <string_view>

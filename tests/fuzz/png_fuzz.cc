@@ -1,5 +1,5 @@
-// Bytes as a picture of a background model, which lies in every take, and as one that somebody
-// brings for a scene: refused by an InputError, or as many samples as its size says.
+// Fuzz target: images of a background model (part of every take) and images for a scene. They are
+// rejected with an InputError or have the number of samples of their size.
 #include "base/core/error.h"
 #include "base/image/picture.h"
 #include "base/image/png_file.h"

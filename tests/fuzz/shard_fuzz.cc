@@ -1,5 +1,5 @@
-// A Shard that receives arbitrary status messages, sets and meshes. Its ordered stream ascends, it
-// publishes only meshes of that stream, and its status stays bounded.
+// Fuzz target: a Shard that receives arbitrary status messages, sets and meshes. Its ordered stream
+// ascends, it publishes only meshes of that stream, and its status stays bounded.
 #include "daemon/recond/shard.h"
 #include "fuzz_input.h"
 
@@ -9,7 +9,7 @@ using v3d::test::must;
 
 constexpr size_t kMaxMessages = 256;
 
-/// Wraps, because messages may hold any number; they hold no pulse below -1.
+/// Wraps around, because messages may hold any number; they hold no pulse below -1.
 int64_t near(int64_t pulse, int difference) {
   const auto sum =
       static_cast<int64_t>(static_cast<uint64_t>(pulse) + static_cast<uint64_t>(difference));

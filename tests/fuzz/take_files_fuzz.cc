@@ -1,5 +1,5 @@
-// The text files of a take may be damaged, or written by hand: any text is read or refused by an
-// InputError, nothing else.
+// Fuzz target: the text files of a take, which may be damaged or written by hand. Any text is read
+// or rejected with an InputError.
 #include <string_view>
 
 #include "base/core/error.h"

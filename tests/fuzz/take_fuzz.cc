@@ -1,4 +1,4 @@
-// Fuzz entry: the readers of a take's logs and meshes.
+// Fuzz target: the readers of the logs and meshes of a take.
 #include <sys/mman.h>
 #include <unistd.h>
 

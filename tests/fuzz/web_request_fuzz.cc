@@ -1,4 +1,4 @@
-// The parsers of v3d-viewd for a request: target, range, access and command.
+// Fuzz target: the parsers of v3d-viewd for a request: target, range, access and command.
 #include <spdlog/spdlog.h>
 
 #include <algorithm>
@@ -34,7 +34,7 @@ const v3d::Studio& studio() {
   return kStudio;
 }
 
-/// The arguments of v3dctl are fixed words, and names that are not options.
+/// The arguments of v3dctl are fixed words, or names that are not options.
 void check(const v3d::OperatorCommand& command) {
   must(command.take.empty() || v3d::is_file_name(command.take));
   must(command.pulses >= 0 && command.pulses <= 86'400 * 25);

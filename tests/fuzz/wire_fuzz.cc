@@ -1,5 +1,4 @@
-// Fuzz entry: every decoder of the wire, and what a decoded message must keep: it encodes to bytes
-// that decode again.
+// Fuzz target: every decoder of the wire. A decoded message encodes to bytes that decode again.
 #include <cstdlib>
 
 #include "wire/codec.h"

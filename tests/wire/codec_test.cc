@@ -41,7 +41,7 @@ FrameMessage small_frame() {
   return m;
 }
 
-RC_GTEST_PROP(Codec, gives_back_every_message_to_the_byte, ()) {
+RC_GTEST_PROP(Codec, encodes_a_decoded_message_to_the_same_bytes, ()) {
   for_every_type([]<class M>(M) {
     const Bytes bytes = encode(any_message<M>());
     const auto message = decode<M>(bytes);
@@ -50,7 +50,7 @@ RC_GTEST_PROP(Codec, gives_back_every_message_to_the_byte, ()) {
   });
 }
 
-RC_GTEST_PROP(Codec, gives_back_every_field_of_a_frame, ()) {
+RC_GTEST_PROP(Codec, keeps_every_field_of_a_frame, ()) {
   const auto m = any_message<FrameMessage>();
   const auto back = decode<FrameMessage>(encode(m));
   RC_ASSERT(back.has_value());
@@ -67,7 +67,7 @@ RC_GTEST_PROP(Codec, gives_back_every_field_of_a_frame, ()) {
   RC_ASSERT(back->frame.image.bytes == m.frame.image.bytes);
 }
 
-RC_GTEST_PROP(Codec, gives_back_every_field_of_a_command, ()) {
+RC_GTEST_PROP(Codec, keeps_every_field_of_a_command, ()) {
   const auto m = any_message<CommandMessage>();
   const auto back = decode<CommandMessage>(encode(m));
   RC_ASSERT(back.has_value());
@@ -82,7 +82,7 @@ RC_GTEST_PROP(Codec, gives_back_every_field_of_a_command, ()) {
   RC_ASSERT(back->nonces == m.nonces);
 }
 
-RC_GTEST_PROP(Codec, gives_back_every_field_of_a_health_message, ()) {
+RC_GTEST_PROP(Codec, keeps_every_field_of_a_health_message, ()) {
   const auto m = any_message<HealthMessage>();
   const auto back = decode<HealthMessage>(encode(m));
   RC_ASSERT(back.has_value());
@@ -93,7 +93,7 @@ RC_GTEST_PROP(Codec, gives_back_every_field_of_a_health_message, ()) {
   RC_ASSERT(back->values == m.values);
 }
 
-RC_GTEST_PROP(Codec, gives_back_every_field_of_where_a_shard_stands, ()) {
+RC_GTEST_PROP(Codec, keeps_every_field_of_a_shard_message, ()) {
   const auto m = any_message<ShardMessage>();
   const auto back = decode<ShardMessage>(encode(m));
   RC_ASSERT(back.has_value());
@@ -106,7 +106,7 @@ RC_GTEST_PROP(Codec, gives_back_every_field_of_where_a_shard_stands, ()) {
   RC_ASSERT(back->given_up == m.given_up);
 }
 
-RC_GTEST_PROP(Codec, refuses_a_message_cut_at_any_length, ()) {
+RC_GTEST_PROP(Codec, rejects_a_message_truncated_at_any_length, ()) {
   for_every_type([]<class M>(M) {
     const Bytes bytes = encode(any_message<M>());
     for (size_t length = 0; length < bytes.size(); ++length) {
@@ -115,7 +115,7 @@ RC_GTEST_PROP(Codec, refuses_a_message_cut_at_any_length, ()) {
   });
 }
 
-RC_GTEST_PROP(Codec, refuses_bytes_behind_a_message, ()) {
+RC_GTEST_PROP(Codec, rejects_bytes_after_a_message, ()) {
   for_every_type([]<class M>(M) {
     Bytes bytes = encode(any_message<M>());
     bytes.push_back(0);
@@ -123,7 +123,7 @@ RC_GTEST_PROP(Codec, refuses_bytes_behind_a_message, ()) {
   });
 }
 
-RC_GTEST_PROP(Codec, survives_any_single_byte_changed, ()) {
+RC_GTEST_PROP(Codec, handles_any_single_changed_byte, ()) {
   for_every_type([]<class M>(M) {
     Bytes bytes = encode(any_message<M>());
     for (size_t i = 0; i < bytes.size(); ++i) {
@@ -135,97 +135,98 @@ RC_GTEST_PROP(Codec, survives_any_single_byte_changed, ()) {
   });
 }
 
-RC_GTEST_PROP(Codec, survives_noise, (const Bytes& noise)) {
+RC_GTEST_PROP(Codec, rejects_random_bytes, (const Bytes& noise)) {
   for_every_type([&]<class M>(M) { RC_ASSERT(!decode<M>(noise).has_value()); });
 }
 
-TEST(Codec, takes_no_message_for_another_type) {
+TEST(Codec, rejects_a_message_of_another_type) {
   const Bytes frame = encode(small_frame());
   EXPECT_FALSE(decode<PulseMessage>(frame));
   EXPECT_FALSE(decode<MeshMessage>(frame));
 }
 
-// Each of these breaks one rule of a frame that is otherwise right.
-TEST(Codec, refuses_a_frame_whose_parts_contradict_each_other) {
-  const auto refused = [](auto breakage) {
+// Each call breaks one rule of a frame that is otherwise valid.
+TEST(Codec, rejects_a_frame_with_inconsistent_fields) {
+  const auto is_rejected = [](auto breakage) {
     FrameMessage m = small_frame();
     breakage(m);
     return !decode<FrameMessage>(encode(m)).has_value();
   };
-  EXPECT_FALSE(refused([](FrameMessage&) {}));
-  EXPECT_TRUE(refused([](FrameMessage& m) { m.frame.sensor_size = {0, 4}; }));
-  EXPECT_TRUE(refused([](FrameMessage& m) { m.frame.sensor_size = {8, kMaxImageSide + 1}; }));
-  EXPECT_TRUE(refused([](FrameMessage& m) { m.frame.roi.x0 = 6; }));
-  EXPECT_TRUE(refused([](FrameMessage& m) { m.frame.roi.x0 = -2; }));
-  EXPECT_TRUE(refused([](FrameMessage& m) { m.frame.roi.x0 = 1; }));
-  EXPECT_TRUE(refused([](FrameMessage& m) { m.frame.roi.width = 3; }));
-  EXPECT_TRUE(refused([](FrameMessage& m) { m.frame.roi = {0, 0, -4, -4}; }));
-  EXPECT_TRUE(refused([](FrameMessage& m) { m.frame.image.bytes.pop_back(); }));
-  EXPECT_TRUE(refused([](FrameMessage& m) { m.frame.image.format = PixelFormat::kRGB8; }));
-  EXPECT_TRUE(refused([](FrameMessage& m) { m.frame.image.format = static_cast<PixelFormat>(7); }));
-  EXPECT_TRUE(refused([](FrameMessage& m) { m.frame.mask = Mask({7, 4}); }));
-  EXPECT_TRUE(refused([](FrameMessage& m) { m.frame.label.pulse = -2; }));
-  EXPECT_TRUE(refused([](FrameMessage& m) { m.seq = -1; }));
+  EXPECT_FALSE(is_rejected([](FrameMessage&) {}));
+  EXPECT_TRUE(is_rejected([](FrameMessage& m) { m.frame.sensor_size = {0, 4}; }));
+  EXPECT_TRUE(is_rejected([](FrameMessage& m) { m.frame.sensor_size = {8, kMaxImageSide + 1}; }));
+  EXPECT_TRUE(is_rejected([](FrameMessage& m) { m.frame.roi.x0 = 6; }));
+  EXPECT_TRUE(is_rejected([](FrameMessage& m) { m.frame.roi.x0 = -2; }));
+  EXPECT_TRUE(is_rejected([](FrameMessage& m) { m.frame.roi.x0 = 1; }));
+  EXPECT_TRUE(is_rejected([](FrameMessage& m) { m.frame.roi.width = 3; }));
+  EXPECT_TRUE(is_rejected([](FrameMessage& m) { m.frame.roi = {0, 0, -4, -4}; }));
+  EXPECT_TRUE(is_rejected([](FrameMessage& m) { m.frame.image.bytes.pop_back(); }));
+  EXPECT_TRUE(is_rejected([](FrameMessage& m) { m.frame.image.format = PixelFormat::kRGB8; }));
+  EXPECT_TRUE(
+      is_rejected([](FrameMessage& m) { m.frame.image.format = static_cast<PixelFormat>(7); }));
+  EXPECT_TRUE(is_rejected([](FrameMessage& m) { m.frame.mask = Mask({7, 4}); }));
+  EXPECT_TRUE(is_rejected([](FrameMessage& m) { m.frame.label.pulse = -2; }));
+  EXPECT_TRUE(is_rejected([](FrameMessage& m) { m.seq = -1; }));
 }
 
-/// A default message with one field set is refused.
+/// Whether a default message with one changed field is rejected.
 template <class M>
-bool refused(auto set_field) {
+bool is_rejected(auto set_field) {
   M m;
   set_field(m);
   return !decode<M>(encode(m)).has_value();
 }
 
-TEST(Codec, refuses_values_out_of_their_enumeration) {
-  EXPECT_TRUE(refused<CommandMessage>([](CommandMessage& m) {
+TEST(Codec, rejects_values_outside_their_enumeration) {
+  EXPECT_TRUE(is_rejected<CommandMessage>([](CommandMessage& m) {
     m.sender = "v3dctl";
     m.verb = static_cast<CommandVerb>(8);
   }));
   EXPECT_TRUE(
-      refused<HealthMessage>([](HealthMessage& m) { m.state = static_cast<NodeState>(0); }));
+      is_rejected<HealthMessage>([](HealthMessage& m) { m.state = static_cast<NodeState>(0); }));
   EXPECT_TRUE(
-      refused<EventMessage>([](EventMessage& m) { m.severity = static_cast<Severity>(9); }));
+      is_rejected<EventMessage>([](EventMessage& m) { m.severity = static_cast<Severity>(9); }));
 }
 
-TEST(Codec, refuses_pulses_of_a_shard_that_no_take_has) {
-  EXPECT_FALSE(refused<ShardMessage>([](ShardMessage& m) { m.first = 0; }));
-  EXPECT_TRUE(refused<ShardMessage>([](ShardMessage& m) { m.first = -2; }));
-  EXPECT_TRUE(refused<ShardMessage>([](ShardMessage& m) { m.done = INT64_MIN; }));
-  EXPECT_TRUE(refused<ShardMessage>([](ShardMessage& m) { m.given_up = {3, -1}; }));
+TEST(Codec, rejects_invalid_pulses_of_a_shard) {
+  EXPECT_FALSE(is_rejected<ShardMessage>([](ShardMessage& m) { m.first = 0; }));
+  EXPECT_TRUE(is_rejected<ShardMessage>([](ShardMessage& m) { m.first = -2; }));
+  EXPECT_TRUE(is_rejected<ShardMessage>([](ShardMessage& m) { m.done = INT64_MIN; }));
+  EXPECT_TRUE(is_rejected<ShardMessage>([](ShardMessage& m) { m.given_up = {3, -1}; }));
 }
 
-TEST(Codec, takes_no_mesh_of_a_shard_for_one_that_is_in_order) {
+TEST(Codec, rejects_a_mesh_of_a_shard_as_a_mesh_in_order) {
   EXPECT_FALSE(decode<MeshMessage>(encode(ShardMeshMessage{})));
 }
 
-TEST(Codec, refuses_a_preview_that_is_too_large_or_whose_mask_has_another_size) {
+TEST(Codec, rejects_a_preview_that_is_too_large_or_has_a_mask_of_another_size) {
   const auto with = [](ImageSize size, std::optional<Mask> mask) {
     return [=](PreviewMessage& m) {
       m.size = size;
       m.mask = mask;
     };
   };
-  EXPECT_FALSE(refused<PreviewMessage>(with({8, 4}, Mask({8, 4}))));
-  EXPECT_FALSE(refused<PreviewMessage>(with({kMaxPreviewSide, 4}, {})));
-  EXPECT_TRUE(refused<PreviewMessage>(with({kMaxPreviewSide + 1, 4}, {})));
-  EXPECT_TRUE(refused<PreviewMessage>(with({0, 4}, {})));
-  EXPECT_TRUE(refused<PreviewMessage>(with({8, 4}, Mask({7, 4}))));
+  EXPECT_FALSE(is_rejected<PreviewMessage>(with({8, 4}, Mask({8, 4}))));
+  EXPECT_FALSE(is_rejected<PreviewMessage>(with({kMaxPreviewSide, 4}, {})));
+  EXPECT_TRUE(is_rejected<PreviewMessage>(with({kMaxPreviewSide + 1, 4}, {})));
+  EXPECT_TRUE(is_rejected<PreviewMessage>(with({0, 4}, {})));
+  EXPECT_TRUE(is_rejected<PreviewMessage>(with({8, 4}, Mask({7, 4}))));
 }
 
-TEST(Codec, refuses_a_command_without_a_sender_or_with_an_impossible_rate) {
+TEST(Codec, rejects_a_command_without_a_sender_or_with_an_invalid_rate) {
   const auto rate = [](double hz) {
     return [hz](CommandMessage& m) {
       m.sender = "v3dctl";
       m.rate_hz = hz;
     };
   };
-  EXPECT_FALSE(refused<CommandMessage>(rate(25)));
-  EXPECT_TRUE(refused<CommandMessage>(rate(-1)));
-  EXPECT_TRUE(refused<CommandMessage>(rate(std::numeric_limits<double>::quiet_NaN())));
-  EXPECT_TRUE(refused<CommandMessage>([](CommandMessage& m) { m.sender.clear(); }));
+  EXPECT_FALSE(is_rejected<CommandMessage>(rate(25)));
+  EXPECT_TRUE(is_rejected<CommandMessage>(rate(-1)));
+  EXPECT_TRUE(is_rejected<CommandMessage>(rate(std::numeric_limits<double>::quiet_NaN())));
+  EXPECT_TRUE(is_rejected<CommandMessage>([](CommandMessage& m) { m.sender.clear(); }));
 }
 
-TEST(Codec, refuses_a_frame_that_announces_two_gigabytes) {
+TEST(Codec, rejects_a_frame_with_a_pixel_count_of_two_gigabytes) {
   Bytes bytes = encode(small_frame());
   const size_t count = bytes.size() - 16 - encode_runs(*small_frame().frame.mask).size() - 4;
   ASSERT_EQ(bytes[count + 3], 16);
@@ -235,7 +236,7 @@ TEST(Codec, refuses_a_frame_that_announces_two_gigabytes) {
   EXPECT_FALSE(decode<FrameMessage>(bytes));
 }
 
-TEST(Codec, refuses_a_frame_of_which_any_bit_was_changed) {
+TEST(Codec, rejects_a_frame_with_any_changed_bit) {
   Bytes bytes = encode(small_frame());
   for (size_t bit = 0; bit < 8 * bytes.size(); ++bit) {
     bytes[bit / 8] = static_cast<uint8_t>(bytes[bit / 8] ^ 1U << bit % 8);
@@ -245,7 +246,7 @@ TEST(Codec, refuses_a_frame_of_which_any_bit_was_changed) {
   EXPECT_TRUE(decode<FrameMessage>(bytes));
 }
 
-RC_GTEST_PROP(FrameHead, tells_label_and_size_without_the_pixels, ()) {
+RC_GTEST_PROP(FrameHead, has_the_label_and_the_size_of_the_message, ()) {
   const auto m = any_message<FrameMessage>();
   const Bytes bytes = encode(m);
   const auto head = decode_frame_head(bytes);
@@ -255,7 +256,7 @@ RC_GTEST_PROP(FrameHead, tells_label_and_size_without_the_pixels, ()) {
   RC_ASSERT(head->message_size == bytes.size());
 }
 
-TEST(FrameHead, needs_no_more_than_its_size_of_a_frame_of_a_take) {
+TEST(FrameHead, is_decoded_from_kFrameHeadSize_bytes_of_a_frame) {
   FrameMessage m = small_frame();
   m.take = m.frame.camera = std::string(64, 'a');
   const Bytes bytes = encode(m);
@@ -264,7 +265,7 @@ TEST(FrameHead, needs_no_more_than_its_size_of_a_frame_of_a_take) {
   static_assert(kFrameHeadSize > 241);
 }
 
-TEST(FrameHead, is_not_read_from_a_cut_head) {
+TEST(FrameHead, is_not_decoded_from_a_truncated_head) {
   const Bytes bytes = encode(small_frame());
   const size_t pixels = 16 + encode_runs(*small_frame().frame.mask).size();
   for (size_t length = 0; length < bytes.size() - pixels; ++length) {

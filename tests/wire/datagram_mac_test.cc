@@ -30,7 +30,7 @@ Signed any_signed(const DatagramMac& mac) {
   return made;
 }
 
-RC_GTEST_PROP(DatagramMac, verifies_what_it_signed_and_nothing_with_a_bit_flipped, ()) {
+RC_GTEST_PROP(DatagramMac, accepts_a_signed_datagram_and_rejects_it_with_one_flipped_bit, ()) {
   const DatagramMac mac(key());
   const Signed made = any_signed(mac);
   RC_ASSERT(made.verifies(mac));
@@ -41,7 +41,7 @@ RC_GTEST_PROP(DatagramMac, verifies_what_it_signed_and_nothing_with_a_bit_flippe
   RC_ASSERT(!changed.verifies(mac));
 }
 
-RC_GTEST_PROP(DatagramMac, binds_every_bit_of_its_trailer, ()) {
+RC_GTEST_PROP(DatagramMac, authenticates_every_bit_of_its_trailer, ()) {
   const DatagramMac mac(key());
   const Signed made = any_signed(mac);
   auto bytes = made.trailer.bytes();
@@ -52,11 +52,11 @@ RC_GTEST_PROP(DatagramMac, binds_every_bit_of_its_trailer, ()) {
   RC_ASSERT(!read || !mac.verify(made.head, made.data, *read));
 }
 
-RC_GTEST_PROP(DatagramMac, of_another_key_or_of_shifted_bytes_does_not_verify, ()) {
+RC_GTEST_PROP(DatagramMac, rejects_another_key_and_a_shifted_boundary_of_head_and_data, ()) {
   const DatagramMac mac(key());
   const Signed made = any_signed(mac);
   RC_ASSERT(!made.verifies(DatagramMac(StudioKey::make())));
-  Signed shifted = made;  // a byte of the head becomes one of the data
+  Signed shifted = made;  // move one byte from the head to the data
   shifted.data.insert(shifted.data.begin(), shifted.head.back());
   shifted.head.pop_back();
   RC_ASSERT(!shifted.verifies(mac));

@@ -1,5 +1,5 @@
-// The bytes of one message of every type, as they have always been: takes on disk and programs that
-// were built from lcmtypes/ elsewhere read them.
+// Compatibility test: encoded bytes of one message of every type. These bytes must not change,
+// because takes on disk and programs built elsewhere from lcmtypes/ use them.
 #include <gtest/gtest.h>
 
 #include "wire/codec.h"
@@ -147,7 +147,7 @@ PreviewMessage preview() {
           .jpeg = {0xff, 0xd8, 0xff}};
 }
 
-/// The message is these bytes, and they are the message.
+/// Expects that the message encodes to these bytes and that they decode to the message.
 template <class M>
 void expect_bytes(const M& message, const std::string& expected) {
   const Bytes bytes = encode(message);
@@ -157,37 +157,37 @@ void expect_bytes(const M& message, const std::string& expected) {
   EXPECT_EQ(hex(encode(*back)), expected);
 }
 
-TEST(GoldenBytes, of_a_pulse) {
+TEST(GoldenBytes, match_for_a_pulse) {
   expect_bytes(pulse(),
                "67603eb2e3a4875d00060a24182022400000000000000003000000096b656e646f2d303700000000"
                "000000002917979cfe3c1fe101000000012a05f202");
 }
-TEST(GoldenBytes, of_a_frame) {
+TEST(GoldenBytes, match_for_a_frame) {
   expect_bytes(frame(),
                "cda611848afd6cd200060a24182022400000000000000004000000096b656e646f2d303700000000"
                "0663616d303700000000000000002901000000000000004d00000000075bcd1517979cfe3cb87783"
                "000000080000000400000002000000000000000400000002010800090001e92e4448008e17390000"
                "0005000000080a03030808000a141e28323c46");
 }
-TEST(GoldenBytes, of_a_mesh) {
+TEST(GoldenBytes, match_for_a_mesh) {
   expect_bytes(mesh(),
                "d9eaf266b70ef7c100060a24182022400000000000000005000000096b656e646f2d303700000000"
                "000000002917979cfe3c1fe1013fee0000000000003fe80000000000000000000e00000001000000"
                "030000000663616d303300010203");
 }
-TEST(GoldenBytes, of_a_mesh_of_a_shard) {
+TEST(GoldenBytes, match_for_a_mesh_of_a_shard) {
   expect_bytes(shard_mesh(),
                "8ebf2924c8dbba4100060a24182022400000000000000005000000096b656e646f2d303700000000"
                "000000002917979cfe3c1fe1013fee0000000000003fe80000000000000000000e00000001000000"
                "030000000663616d303300010203000000087265636f6e303200");
 }
-TEST(GoldenBytes, of_where_a_shard_stands) {
+TEST(GoldenBytes, match_for_a_shard_message) {
   expect_bytes(shard(),
                "732f15d60ce28b1200060a24182022400000000000000006000000096b656e646f2d303700000000"
                "087265636f6e303200000000000000000200000000000000280000000000000027ffffffffffffff"
                "ff0000000200000000000000070000000000000009");
 }
-TEST(GoldenBytes, of_a_command) {
+TEST(GoldenBytes, match_for_a_command) {
   expect_bytes(command(),
                "fbd8b097708b2f2c00060a24182022400000000e616e6e61406465736b2f312f3200000000000000"
                "00080601000000096b656e646f2d303700402900000000000000000000000000fa00000001000000"
@@ -195,35 +195,35 @@ TEST(GoldenBytes, of_a_command) {
                "08000000000000000900000000000000000000000000000000000000000000000000000000000000"
                "00");
 }
-TEST(GoldenBytes, of_a_reply) {
+TEST(GoldenBytes, match_for_a_reply) {
   expect_bytes(reply(),
                "4920245360d3d58500060a2418202240000000066361703031000000000e616e6e61406465736b2f"
                "312f3200000000000000000800060a241810e000010203040506070803000000096b656e646f2d30"
                "37000000000a6e6f742061726d656400000000037b7d000000000000000000000000000000000000"
                "000000000000000000000000000000");
 }
-TEST(GoldenBytes, of_a_question_to_a_session) {
+TEST(GoldenBytes, match_for_a_session_message) {
   expect_bytes(session(), "8ec65f99c61dd5d300060a2418202240fedcba980000004d000000000000000901");
 }
-TEST(GoldenBytes, of_health) {
+TEST(GoldenBytes, match_for_a_health_message) {
   expect_bytes(health(),
                "4bde39922512fc1a00060a24182022400000000000000009000000066361703031000000000d7633"
                "642d63617074757265640000000006302e312e300003000000096b656e646f2d3037000000000b63"
                "616d3033206c6f737400000000020000000f6672616d65735f6d697373696e670000000008726174"
                "655f687a0040000000000000004038800000000000");
 }
-TEST(GoldenBytes, of_an_event) {
+TEST(GoldenBytes, match_for_an_event) {
   expect_bytes(event(),
                "803af0e42055a23b00060a2418202240000000000000000a00000006636170303100030000000663"
                "616d303300000000056c6f737400");
 }
-TEST(GoldenBytes, of_a_preview) {
+TEST(GoldenBytes, match_for_a_preview) {
   expect_bytes(preview(),
                "a6dba968470d526000060a2418202240000000000000000b0000000663616d303700000000000000"
                "002900000008000000040100000005000000030a03030808ffd8ff");
 }
 
-TEST(GoldenBytes, of_the_head_of_a_frame_are_the_first_of_its_own) {
+TEST(GoldenBytes, match_for_the_head_of_a_frame_and_the_start_of_the_frame) {
   const Bytes head = encode_head(frame());
   const Bytes whole = encode(frame());
   ASSERT_EQ(head.size() + frame().frame.image.bytes.size(), whole.size());

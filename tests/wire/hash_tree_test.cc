@@ -29,12 +29,12 @@ Hash tree_root(std::span<const Hash> leaves) {
   return tree.root();
 }
 
-/// As RFC 6962 defines it: split at the largest power of two below the number of leaves.
+/// The root as RFC 6962 defines it: split at the largest power of two below the number of leaves.
 Hash defined_root(std::span<const Hash> leaves) {
   if (leaves.size() == 1) return leaves.front();
   size_t left = 1;
   while (2 * left < leaves.size()) left *= 2;
-  // The tree of two leaves is the hash of an inner node, which HashTree has no name for.
+  // HashTree does not expose the hash of an inner node; the tree of two leaves computes it.
   const std::array halves{defined_root(leaves.first(left)), defined_root(leaves.subspan(left))};
   return tree_root(halves);
 }
@@ -57,7 +57,7 @@ TEST(HashTree, has_the_hashes_that_b2sum_prints) {
             "ee616625a590167bc4b3dc703ab4f3f2ddecbee6b9d05fee9281f02046e6082e");
 }
 
-TEST(HashTree, changes_its_root_with_every_leaf_their_order_and_their_number) {
+TEST(HashTree, changes_its_root_with_any_leaf_and_with_order_and_number_of_leaves) {
   const std::vector<Hash> all = leaves(21);
   std::set<Hash> roots{tree_root(all)};
   for (size_t i = 0; i < all.size(); ++i) {
@@ -73,14 +73,14 @@ TEST(HashTree, changes_its_root_with_every_leaf_their_order_and_their_number) {
   EXPECT_EQ(roots.size(), 1 + 21 + 20 + 20U);
 }
 
-TEST(HashTree, takes_no_inner_node_for_a_leaf) {
+TEST(HashTree, hashes_an_inner_node_differently_from_a_leaf) {
   const std::array two{leaf("a"), leaf("b")};
   std::string inner;
   for (const Hash& hash : two) inner.append(hash.begin(), hash.end());
   EXPECT_NE(tree_root(two), leaf(inner));
 }
 
-TEST(LeafHash, is_the_same_however_the_piece_is_cut_in_parts) {
+TEST(LeafHash, does_not_depend_on_the_split_of_a_piece_into_parts) {
   LeafHash parts;
   for (const char* part : {"a", "", "bc"}) parts.add(bytes_of(part));
   EXPECT_EQ(parts.value(), leaf("abc"));

@@ -9,13 +9,13 @@ namespace {
 
 using Body = std::vector<uint8_t>;
 
-TEST(Layout, wants_exactly_its_fields) {
+TEST(Layout, accepts_exactly_its_fields) {
   EXPECT_TRUE(fits("qib", Body(13)));
   EXPECT_FALSE(fits("qib", Body(12)));
   EXPECT_FALSE(fits("qib", Body(14)));
 }
 
-TEST(Layout, wants_strings_that_end_with_their_only_nul) {
+TEST(Layout, accepts_strings_that_end_with_their_only_nul) {
   EXPECT_TRUE(fits("s", Body{0, 0, 0, 3, 'a', 'b', 0}));
   EXPECT_TRUE(fits("s", Body{0, 0, 0, 1, 0}));
   EXPECT_FALSE(fits("s", Body{0, 0, 0, 0}));
@@ -25,12 +25,12 @@ TEST(Layout, wants_strings_that_end_with_their_only_nul) {
   EXPECT_FALSE(fits("s", Body{0, 0, 0, 9, 'a', 0}));
 }
 
-TEST(Layout, wants_booleans_that_are_0_or_1) {
+TEST(Layout, accepts_booleans_of_0_or_1) {
   EXPECT_TRUE(fits("?", Body{1}));
   EXPECT_FALSE(fits("?", Body{2}));
 }
 
-TEST(Layout, counts_the_elements_of_arrays) {
+TEST(Layout, checks_the_number_of_elements_of_arrays) {
   EXPECT_TRUE(fits("nB0", Body{0, 0, 0, 2, 7, 7}));
   EXPECT_FALSE(fits("nB0", Body{0, 0, 0, 3, 7, 7}));
   EXPECT_FALSE(fits("nB0", Body{0x80, 0, 0, 0}));
@@ -40,7 +40,7 @@ TEST(Layout, counts_the_elements_of_arrays) {
   EXPECT_FALSE(fits("nD0", Body{0x20, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0}));
 }
 
-TEST(Layout, tells_apart_two_counts) {
+TEST(Layout, distinguishes_two_counts) {
   EXPECT_TRUE(fits("nnB1B0", Body{0, 0, 0, 0, 0, 0, 0, 1, 9}));
   EXPECT_EQ(bytes_before_arrays("nnB1B0", Body{0, 0, 0, 0, 0, 0, 0, 1, 9}), 8U);
   EXPECT_EQ(bytes_before_arrays("nnB1B0", Body{0, 0, 0, 0, 0, 0, 0}), std::nullopt);

@@ -27,12 +27,12 @@ class Members : public testing::Test {
   MemberList parse(const std::string& text) const {
     return parse_member_list(text, "members.toml", authority_.public_key(), "kyoto");
   }
-  std::string refusal(const std::string& text) const {
+  std::string error_of(const std::string& text) const {
     return test::message_of<InputError>([&] { parse(text); });
   }
-  /// Of a list with this text, signed by the authority.
-  std::string refusal_of_signed(const std::string& text) const {
-    return refusal(sign_text(text, authority_));
+  /// The error for a list with this text that the authority signed.
+  std::string error_of_signed(const std::string& text) const {
+    return error_of(sign_text(text, authority_));
   }
   static std::vector<std::string> names(const std::vector<const Member*>& members) {
     std::vector<std::string> names;
@@ -45,55 +45,55 @@ class Members : public testing::Test {
                    guest_ = SigningKey::make();
 };
 
-TEST_F(Members, are_read_back_as_they_were_signed) {
+TEST_F(Members, are_read_as_they_were_signed) {
   const MemberList read = parse(sign_member_list(list(), authority_));
   EXPECT_EQ(read.studio, "kyoto");
   EXPECT_EQ(read.serial, 7);
   EXPECT_THAT(read.members, ElementsAreArray(list().members));
 }
 
-TEST_F(Members, are_refused_with_any_changed_byte) {
+TEST_F(Members, are_rejected_with_any_changed_byte) {
   const std::string text = sign_member_list(list(), authority_);
   for (size_t i = 0; i < text.size(); ++i) {
     std::string changed = text;
     changed[i] = static_cast<char>(changed[i] ^ 1);
-    EXPECT_THAT(refusal(changed), HasSubstr("members.toml")) << "byte " << i;
+    EXPECT_THAT(error_of(changed), HasSubstr("members.toml")) << "byte " << i;
   }
   for (size_t size = 0; size < text.size(); ++size) {
-    EXPECT_THAT(refusal(text.substr(0, size)), HasSubstr("members.toml")) << size << " bytes";
+    EXPECT_THAT(error_of(text.substr(0, size)), HasSubstr("members.toml")) << size << " bytes";
   }
 }
 
-TEST_F(Members, are_refused_when_another_authority_signed_them) {
-  EXPECT_THAT(refusal(sign_member_list(list(), SigningKey::make())),
+TEST_F(Members, are_rejected_when_another_authority_signed_them) {
+  EXPECT_THAT(error_of(sign_member_list(list(), SigningKey::make())),
               HasSubstr("not signed by [network] authority"));
-  EXPECT_THAT(refusal(sign_member_list(list(), ada_)), HasSubstr("not signed by"));
+  EXPECT_THAT(error_of(sign_member_list(list(), ada_)), HasSubstr("not signed by"));
 }
 
-TEST_F(Members, of_another_studio_are_refused) {
+TEST_F(Members, of_another_studio_are_rejected) {
   MemberList other = list();
   other.studio = "osaka";
-  EXPECT_THAT(refusal(sign_member_list(other, authority_)),
+  EXPECT_THAT(error_of(sign_member_list(other, authority_)),
               HasSubstr("studio: expected 'kyoto', as in the studio file"));
 }
 
-TEST_F(Members, are_refused_with_file_and_field_where_an_entry_is_wrong) {
+TEST_F(Members, are_rejected_with_file_and_field_of_an_invalid_entry) {
   const std::string head = "kind = 'v3d member list, version 1'\nstudio = 'kyoto'\n";
   const std::string key(64, '7');
   const auto entry = [&](const std::string& name, const std::string& role) {
     return "[[member]]\nname = '" + name + "'\nrole = '" + role + "'\npublic_key = '" + key + "'\n";
   };
-  EXPECT_THAT(refusal_of_signed(head + "serial = 0\n"), HasSubstr("serial: expected 1 or more"));
-  EXPECT_THAT(refusal_of_signed("kind = 'x'\n"), HasSubstr("kind: expected"));
+  EXPECT_THAT(error_of_signed(head + "serial = 0\n"), HasSubstr("serial: expected 1 or more"));
+  EXPECT_THAT(error_of_signed("kind = 'x'\n"), HasSubstr("kind: expected"));
   const std::string one = head + "serial = 1\n";
-  EXPECT_THAT(refusal_of_signed(one + entry("ada", "king")),
+  EXPECT_THAT(error_of_signed(one + entry("ada", "king")),
               HasSubstr("role: expected one of operator, capture, reconstruction, viewer"));
-  EXPECT_THAT(refusal_of_signed(one + entry("../ada", "operator")), HasSubstr("name: use letters"));
-  EXPECT_THAT(refusal_of_signed(one + entry("ada", "operator") + entry("ada", "viewer")),
-              HasSubstr("role: the member has another role above"));
-  EXPECT_THAT(refusal_of_signed(one + entry("ada", "operator") + entry("ada", "operator")),
-              HasSubstr("public_key: the member has this key above"));
-  EXPECT_THAT(refusal_of_signed(one + entry("ada", "operator") + "email = 'x'\n"),
+  EXPECT_THAT(error_of_signed(one + entry("../ada", "operator")), HasSubstr("name: use letters"));
+  EXPECT_THAT(error_of_signed(one + entry("ada", "operator") + entry("ada", "viewer")),
+              HasSubstr("role: an earlier entry gives this member another role"));
+  EXPECT_THAT(error_of_signed(one + entry("ada", "operator") + entry("ada", "operator")),
+              HasSubstr("public_key: an earlier entry gives this member the same key"));
+  EXPECT_THAT(error_of_signed(one + entry("ada", "operator") + "email = 'x'\n"),
               HasSubstr("email"));
 }
 
@@ -108,7 +108,7 @@ TEST_F(Members, are_found_by_the_key_that_signed_a_message) {
   EXPECT_THAT(signers(SigningKey::make()), IsEmpty());
 }
 
-TEST_F(Members, are_not_found_by_a_signature_with_a_changed_bit) {
+TEST_F(Members, are_not_found_by_a_signature_with_any_changed_bit) {
   const MemberList members = list();
   const Bytes bytes = sign_message(encode(ReplyMessage{}), ada_);
   for (size_t bit = 0; bit < 8 * bytes.size(); ++bit) {
@@ -120,7 +120,7 @@ TEST_F(Members, are_not_found_by_a_signature_with_a_changed_bit) {
   }
 }
 
-TEST(SignedMessage, is_the_message_and_what_follows_it) {
+TEST(SignedMessage, splits_a_message_and_its_signature) {
   const SigningKey key = SigningKey::make();
   const Bytes message = encode(
       CommandMessage{.sent = {}, .sender = "ada", .take = {}, .allow_missing = {}, .to = {}});
@@ -132,7 +132,8 @@ TEST(SignedMessage, is_the_message_and_what_follows_it) {
   EXPECT_TRUE(split->is_signed_by(key.public_key()));
   EXPECT_FALSE(split->is_signed_by(SigningKey::make().public_key()));
   EXPECT_FALSE(split_signature(message));
-  EXPECT_FALSE(split_signature(std::span(bytes).last(kMessageSignatureSize))) << "of no message";
+  EXPECT_FALSE(split_signature(std::span(bytes).last(kMessageSignatureSize)))
+      << "signature without a message";
   EXPECT_FALSE(split_signature({}));
 }
 

@@ -1,4 +1,4 @@
-// Messages of all kinds, drawn at random but well formed.
+// Random valid messages of all types, for property tests.
 #pragma once
 
 #include <rapidcheck.h>

@@ -24,14 +24,14 @@ class BusSignature : public testing::Test {
   const Bytes message_ = encode(HealthMessage{});
 };
 
-TEST_F(BusSignature, is_valid_for_the_message_as_it_was_sent) {
+TEST_F(BusSignature, is_valid_for_the_sent_message) {
   const Bytes bytes = sign_on_bus(message_, kOrigin, key_);
   EXPECT_EQ(bytes.size(), message_.size() + kMessageSignatureSize);
   EXPECT_TRUE(is_valid(bytes));
   EXPECT_FALSE(is_valid(sign_on_bus(message_, kOrigin, SigningKey::make())));
 }
 
-TEST_F(BusSignature, is_worth_nothing_on_another_channel_in_another_session_or_at_another_time) {
+TEST_F(BusSignature, is_invalid_on_another_channel_in_another_session_or_at_another_time) {
   const Bytes bytes = sign_on_bus(message_, kOrigin, key_);
   MessageOrigin other = kOrigin;
   other.channel = "V3D_HEALTH_cap02";
@@ -47,7 +47,7 @@ TEST_F(BusSignature, is_worth_nothing_on_another_channel_in_another_session_or_a
   EXPECT_FALSE(is_valid(bytes, other));
 }
 
-TEST_F(BusSignature, is_worth_nothing_with_a_changed_bit_or_without_its_last_bytes) {
+TEST_F(BusSignature, is_invalid_with_a_changed_bit_or_without_its_last_bytes) {
   const Bytes bytes = sign_on_bus(message_, kOrigin, key_);
   for (size_t bit = 0; bit < 8 * bytes.size(); ++bit) {
     Bytes changed = bytes;
@@ -59,14 +59,14 @@ TEST_F(BusSignature, is_worth_nothing_with_a_changed_bit_or_without_its_last_byt
   }
 }
 
-TEST_F(BusSignature, is_not_that_of_a_command_or_reply_nor_the_other_way_round) {
+TEST_F(BusSignature, and_the_signature_of_a_command_are_not_interchangeable) {
   EXPECT_FALSE(is_valid(sign_message(message_, key_)));
   const Bytes bytes = sign_on_bus(message_, kOrigin, key_);
   EXPECT_TRUE(members_.signers_of(*split_signature(bytes)).empty());
 }
 
-/// The same bytes, if nothing ended the name of the channel.
-TEST_F(BusSignature, keeps_the_channel_apart_from_what_follows) {
+/// Both origins would give the same bytes without the zero byte after the channel.
+TEST_F(BusSignature, separates_the_channel_from_the_session) {
   constexpr int64_t kMicroseconds = 1'700'000'000'000'077;
   const Bytes bytes = sign_on_bus(message_,
                                   {.channel = "V3D_A1",

@@ -1,4 +1,4 @@
-// Copies of secrets in the memory of this process, found by reading all of it.
+// Searches all memory of this process for copies of secret keys.
 #include <fcntl.h>
 #include <gtest/gtest.h>
 #include <sys/wait.h>
@@ -24,8 +24,8 @@ namespace {
 
 constexpr uint8_t kMask = 0x5a;
 
-/// Makes a key file. Another process does, so that no copy of the key comes into this one. Beside
-/// the file is the same text with every bit pattern changed by kMask: it says what to search for.
+/// Makes a key file in a child process, so that this process has no copy of the key. A second file
+/// holds the same text with every byte XORed with kMask; it is the pattern to search for.
 template <class Key>
 void make_key(const std::filesystem::path& path) {
   const pid_t child = fork();
@@ -43,7 +43,7 @@ void make_key(const std::filesystem::path& path) {
   ASSERT_EQ(status, 0);
 }
 
-/// Bytes to search for, each changed by kMask.
+/// Bytes to search for, each XORed with kMask.
 using Masked = std::vector<uint8_t>;
 
 Masked masked_digits(const std::filesystem::path& key) {
@@ -65,7 +65,7 @@ Masked masked_bytes(const std::filesystem::path& key) {
   return bytes;
 }
 
-/// Reads all memory of this process part by part, without the part itself.
+/// Searches all readable memory of this process block by block, except its own buffer.
 class MemorySearch {
  public:
   ~MemorySearch() { close(memory_); }
@@ -73,7 +73,7 @@ class MemorySearch {
   MemorySearch(const MemorySearch&) = delete;
   MemorySearch& operator=(const MemorySearch&) = delete;
 
-  /// How often the first 16 of the bytes are found: half a key is a secret, too.
+  /// Number of copies of the first 16 of these bytes. Half a key must not leak either.
   size_t count(const Masked& wanted) {
     count_ = 0;
     std::ifstream maps("/proc/self/maps");
@@ -124,14 +124,14 @@ class SecretMemory : public testing::Test {
   MemorySearch memory_;
 };
 
-TEST_F(SecretMemory, finds_what_is_there) {
+TEST_F(SecretMemory, search_finds_a_copy) {
   ASSERT_NO_FATAL_FAILURE(make_key<StudioKey>(path_));
   EXPECT_EQ(memory_.count(masked_digits(path_)), 0U);
   const std::string text = read_file(path_);
   EXPECT_GE(memory_.count(masked_digits(path_)), 1U);
 }
 
-TEST_F(SecretMemory, has_a_studio_key_once_while_it_is_used_and_not_at_all_afterwards) {
+TEST_F(SecretMemory, holds_a_studio_key_once_during_use_and_not_afterwards) {
   ASSERT_NO_FATAL_FAILURE(make_key<StudioKey>(path_));
   auto key = std::make_unique<StudioKey>(StudioKey::load(path_));
   auto copy = std::make_unique<StudioKey>(*key);
@@ -149,7 +149,7 @@ TEST_F(SecretMemory, has_a_studio_key_once_while_it_is_used_and_not_at_all_after
   EXPECT_EQ(memory_.count(masked_bytes(path_)), 0U);
 }
 
-TEST_F(SecretMemory, has_a_signing_key_once_while_it_is_used_and_not_at_all_afterwards) {
+TEST_F(SecretMemory, holds_a_signing_key_once_during_use_and_not_afterwards) {
   ASSERT_NO_FATAL_FAILURE(make_key<SigningKey>(path_));
   auto key = std::make_unique<SigningKey>(SigningKey::load(path_));
   const Signature signature = key->sign(masked_digits(path_));

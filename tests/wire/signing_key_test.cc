@@ -22,7 +22,7 @@ std::span<const uint8_t> bytes_of(std::string_view text) {
 
 class SigningKeys : public testing::Test {
  protected:
-  std::string refusal() const {
+  std::string load_error() const {
     return test::message_of<InputError>([&] { SigningKey::load(path_); });
   }
   void write_key(const std::string& text) const {
@@ -34,7 +34,7 @@ class SigningKeys : public testing::Test {
   const std::filesystem::path path_ = folder_ / "node.key";
 };
 
-TEST_F(SigningKeys, sign_what_their_public_key_alone_knows_again) {
+TEST_F(SigningKeys, make_signatures_that_only_their_public_key_verifies) {
   const SigningKey key = SigningKey::make();
   const Signature signature = key.sign(bytes_of("a take"));
   EXPECT_TRUE(key.public_key().has_signed(bytes_of("a take"), signature));
@@ -42,7 +42,7 @@ TEST_F(SigningKeys, sign_what_their_public_key_alone_knows_again) {
   EXPECT_FALSE(SigningKey::make().public_key().has_signed(bytes_of("a take"), signature));
 }
 
-TEST_F(SigningKeys, make_a_signature_that_no_changed_bit_of_it_replaces) {
+TEST_F(SigningKeys, make_signatures_that_are_invalid_with_any_changed_bit) {
   const SigningKey key = SigningKey::make();
   const Signature signature = key.sign(bytes_of("a take"));
   for (size_t bit = 0; bit < 8 * signature.size(); ++bit) {
@@ -52,7 +52,7 @@ TEST_F(SigningKeys, make_a_signature_that_no_changed_bit_of_it_replaces) {
   }
 }
 
-TEST_F(SigningKeys, are_those_of_rfc_8032) {
+TEST_F(SigningKeys, match_the_test_vector_of_rfc_8032) {
   // Section 7.1, test 2.
   write_key("4ccd089b28ff96da9db6c346ec114e0f5b8a319f35aba624da8cf6ed4fb8a6fb\n");
   const SigningKey key = SigningKey::load(path_);
@@ -63,7 +63,7 @@ TEST_F(SigningKeys, are_those_of_rfc_8032) {
             "085ac1e43e15996e458f3613d0f11d8c387b2eaeb4302aeeb00d291612bb0c00");
 }
 
-TEST_F(SigningKeys, are_the_same_after_a_file_that_others_cannot_read) {
+TEST_F(SigningKeys, are_saved_to_a_private_file_and_loaded_unchanged) {
   const SigningKey key = SigningKey::make();
   key.save(path_, "no such group");
   struct stat state {};
@@ -74,14 +74,15 @@ TEST_F(SigningKeys, are_the_same_after_a_file_that_others_cannot_read) {
               HasSubstr("cannot make the signing key " + path_.string()));
 }
 
-TEST_F(SigningKeys, are_refused_with_the_remedy) {
-  EXPECT_THAT(refusal(), AllOf(HasSubstr("no signing key: " + path_.string()),
-                               HasSubstr("make one on each PC with v3dctl key node")));
+TEST_F(SigningKeys, are_rejected_with_the_remedy) {
+  EXPECT_THAT(load_error(), AllOf(HasSubstr("no signing key: " + path_.string()),
+                                  HasSubstr("make one on each PC with v3dctl key node")));
   write_key("abc\n");
-  EXPECT_THAT(refusal(), HasSubstr("expected a signing key of 64 hexadecimal digits"));
+  EXPECT_THAT(load_error(), HasSubstr("expected a signing key of 64 hexadecimal digits"));
   write_key(std::string(64, 'a') + "\n");
   chmod(path_.c_str(), 0644);
-  EXPECT_THAT(refusal(), HasSubstr("lets others at the signing key; try: chmod 640"));
+  EXPECT_THAT(load_error(),
+              HasSubstr("gives other users access to the signing key; run: chmod 640"));
 }
 
 TEST(PublicKey, is_parsed_only_from_64_hexadecimal_digits) {

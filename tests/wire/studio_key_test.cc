@@ -24,14 +24,14 @@ CommandMessage start() {
   return m;
 }
 
-TEST(StudioKey, seals_what_it_knows_again) {
+TEST(StudioKey, accepts_its_own_mac) {
   const StudioKey key = StudioKey::make();
   EXPECT_TRUE(key.has_sealed(encode_sealed(start(), key)));
   EXPECT_TRUE(decode<CommandMessage>(encode_sealed(start(), key)));
   EXPECT_TRUE(key.has_sealed(encode_sealed(ReplyMessage{}, key)));
 }
 
-TEST(StudioKey, knows_neither_what_is_not_sealed_nor_what_another_key_sealed) {
+TEST(StudioKey, rejects_a_message_without_mac_and_the_mac_of_another_key) {
   const StudioKey key = StudioKey::make();
   EXPECT_FALSE(key.has_sealed(encode(start())));
   EXPECT_FALSE(key.has_sealed(encode_sealed(start(), StudioKey::make())));
@@ -39,7 +39,7 @@ TEST(StudioKey, knows_neither_what_is_not_sealed_nor_what_another_key_sealed) {
   EXPECT_FALSE(key.has_sealed(Bytes(kSealSize)));
 }
 
-TEST(StudioKey, notices_every_bit_that_was_changed_and_every_byte_that_was_cut) {
+TEST(StudioKey, rejects_any_changed_bit_and_any_truncation) {
   const StudioKey key = StudioKey::make();
   const Bytes sealed = encode_sealed(start(), key);
   for (size_t bit = 0; bit < 8 * sealed.size(); ++bit) {
@@ -54,7 +54,7 @@ TEST(StudioKey, notices_every_bit_that_was_changed_and_every_byte_that_was_cut) 
 
 class StudioKeyFile : public testing::Test {
  protected:
-  std::string refusal() {
+  std::string load_error() {
     return test::message_of<InputError>([&] { StudioKey::load(path_); });
   }
 
@@ -62,13 +62,13 @@ class StudioKeyFile : public testing::Test {
   const std::filesystem::path path_ = folder_ / "studio.key";
 };
 
-TEST_F(StudioKeyFile, is_read_back_as_the_key_that_was_saved) {
+TEST_F(StudioKeyFile, is_loaded_as_the_key_that_was_saved) {
   const StudioKey key = StudioKey::make();
   key.save(path_);
   EXPECT_TRUE(StudioKey::load(path_).has_sealed(encode_sealed(start(), key)));
 }
 
-TEST_F(StudioKeyFile, is_for_its_owner_alone_and_never_written_over) {
+TEST_F(StudioKeyFile, is_private_to_its_owner_and_never_overwritten) {
   StudioKey::make().save(path_, "there is no such group");
   struct stat state {};
   ASSERT_EQ(stat(path_.c_str(), &state), 0);
@@ -79,7 +79,7 @@ TEST_F(StudioKeyFile, is_for_its_owner_alone_and_never_written_over) {
   EXPECT_EQ(read_file(path_), before);
 }
 
-TEST_F(StudioKeyFile, may_be_read_by_its_group_and_by_nobody_else) {
+TEST_F(StudioKeyFile, is_rejected_when_others_than_owner_and_group_have_access) {
   StudioKey::make().save(path_);
   for (const mode_t good : {0400U, 0600U, 0440U, 0640U}) {
     chmod(path_.c_str(), good);
@@ -87,15 +87,16 @@ TEST_F(StudioKeyFile, may_be_read_by_its_group_and_by_nobody_else) {
   }
   for (const mode_t bad : {0644U, 0604U, 0602U, 0660U, 0641U}) {
     chmod(path_.c_str(), bad);
-    EXPECT_THAT(refusal(), HasSubstr("chmod 640")) << std::oct << bad;
+    EXPECT_THAT(load_error(), HasSubstr("chmod 640")) << std::oct << bad;
   }
 }
 
-TEST_F(StudioKeyFile, is_missed_with_the_command_that_makes_it) {
-  EXPECT_THAT(refusal(), HasSubstr("No such file or directory; make it once with v3dctl key new"));
+TEST_F(StudioKeyFile, is_reported_as_missing_with_the_command_that_makes_it) {
+  EXPECT_THAT(load_error(),
+              HasSubstr("No such file or directory; make it once with v3dctl key new"));
 }
 
-TEST_F(StudioKeyFile, holds_64_hexadecimal_digits_or_is_refused) {
+TEST_F(StudioKeyFile, is_rejected_unless_it_holds_64_hexadecimal_digits) {
   const std::string digits(64, 'a');
   EXPECT_NO_THROW(StudioKey::parse("# remark\n" + digits + "\n", path_));
   EXPECT_NO_THROW(StudioKey::parse(digits, path_));
