@@ -103,7 +103,7 @@ bool Credentials::has_mac(std::span<const uint8_t> message, MonotonicInstant now
   return old != nullptr && old->has_sealed(message);
 }
 
-/// Null where no list is required: with set_members() alone, nothing changes.
+/// Null unless members are required: set_members() has no effect without require_members().
 std::shared_ptr<const MemberList> Credentials::members() const {
   const std::lock_guard lock(mutex_);
   return requires_members_ ? members_ : nullptr;

@@ -3,8 +3,8 @@
 namespace v3d {
 namespace {
 
-/// So long a refusal is worth a line in health.
-constexpr Duration kTold = std::chrono::seconds(10);
+/// Time for which health shows the last rejection.
+constexpr Duration kShownFor = std::chrono::seconds(10);
 
 }  // namespace
 
@@ -62,13 +62,13 @@ SealCounts MessageSeal::counts() const {
 
 std::string MessageSeal::trouble(RealtimeInstant now) const {
   const std::lock_guard lock(mutex_);
-  return now - troubled_ < kTold ? trouble_ : "";
+  return now - reported_at_ < kShownFor ? trouble_ : "";
 }
 
 void MessageSeal::report(std::string_view trouble) {
   const std::lock_guard lock(mutex_);
   trouble_ = trouble;
-  troubled_ = Realtime::now();
+  reported_at_ = Realtime::now();
 }
 
 }  // namespace v3d

@@ -41,7 +41,7 @@ TEST(KeyRotation, sends_with_the_old_key_for_ten_seconds_and_accepts_it_for_twen
 }
 
 TEST(KeyRotation, loses_no_message_between_processes_that_get_the_key_within_ten_seconds) {
-  for (const Duration later : {0s, 5s, 9s}) {
+  for (const Duration delay : {0s, 5s, 9s}) {
     Rotation first, second;
     first.set(1, kNow);
     second.set(1, kNow);
@@ -52,15 +52,15 @@ TEST(KeyRotation, loses_no_message_between_processes_that_get_the_key_within_ten
     };
     for (Duration t{}; t < 40s; t += 100ms) {
       const MonotonicInstant now = kNow + t;
-      if (t >= later && !second_has_it) second.set(2, now);
-      second_has_it = t >= later;
+      if (t >= delay && !second_has_it) second.set(2, now);
+      second_has_it = t >= delay;
       EXPECT_TRUE(accepts(second, *first.sending(now), now)) << to_seconds(t);
       EXPECT_TRUE(accepts(first, *second.sending(now), now)) << to_seconds(t);
     }
   }
 }
 
-TEST(KeyRotation, ends_the_first_key_with_the_third) {
+TEST(KeyRotation, invalidates_the_first_key_with_the_third) {
   Rotation keys;
   keys.set(1, kNow);
   keys.set(2, kNow + 1s);
