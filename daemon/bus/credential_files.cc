@@ -66,8 +66,8 @@ CredentialFiles::CredentialFiles(CredentialPaths paths, Credentials& credentials
 }
 
 std::string CredentialFiles::poll(MonotonicInstant now) {
-  credentials_.forget_old_key(now);
-  seal_.forget_old_key(now);
+  credentials_.discard_old_key(now);
+  seal_.discard_old_key(now);
   std::string changes =
       try_to([&] { return read_studio_key(now); }, "studio key", key_.has_value(), key_problem_);
   if (paths_.members.empty()) return changes;

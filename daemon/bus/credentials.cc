@@ -42,9 +42,9 @@ void Credentials::set_studio_key(const StudioKey& key, MonotonicInstant now) {
   studio_keys_.set(key, now);
 }
 
-void Credentials::forget_old_key(MonotonicInstant now) {
+void Credentials::discard_old_key(MonotonicInstant now) {
   const std::lock_guard lock(mutex_);
-  studio_keys_.forget_old(now);
+  studio_keys_.discard_old(now);
 }
 
 void Credentials::require_members() {

@@ -36,7 +36,7 @@ class Credentials {
   /// Replaces the studio key. The previous key remains valid for a grace time (KeyRotation).
   void set_studio_key(const StudioKey& key, MonotonicInstant now);
   /// Erases the previous studio key when its grace time is over.
-  void forget_old_key(MonotonicInstant now);
+  void discard_old_key(MonotonicInstant now);
 
   /// To be called before anything is received.
   void require_members();

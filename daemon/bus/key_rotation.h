@@ -41,7 +41,7 @@ class KeyRotation {
     return old_ && now - since_ < kAcceptOld ? &*old_ : nullptr;
   }
   /// Destroys the old key when its grace time is over; the destructor of a key erases it.
-  void forget_old(MonotonicInstant now) {
+  void discard_old(MonotonicInstant now) {
     if (old(now) == nullptr) old_.reset();
   }
 

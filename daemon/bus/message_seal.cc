@@ -14,9 +14,9 @@ void MessageSeal::set_key(const StudioKey& key, MonotonicInstant now) {
   has_key_ = true;
 }
 
-void MessageSeal::forget_old_key(MonotonicInstant now) {
+void MessageSeal::discard_old_key(MonotonicInstant now) {
   const std::lock_guard lock(mutex_);
-  macs_.forget_old(now);
+  macs_.discard_old(now);
 }
 
 std::shared_ptr<const DatagramMac> MessageSeal::mac(MonotonicInstant now) const {

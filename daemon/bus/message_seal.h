@@ -35,7 +35,7 @@ class MessageSeal {
   /// Replaces the key. The previous key remains valid for a grace time (KeyRotation).
   void set_key(const StudioKey& key, MonotonicInstant now = Monotonic::now());
   /// Erases the previous key when its grace time is over.
-  void forget_old_key(MonotonicInstant now);
+  void discard_old_key(MonotonicInstant now);
   /// Rejects every message while there is no key.
   void insist() { insists_ = true; }
   /// Requires a MAC in each datagram of commands and replies too. Used when members sign them, so

@@ -300,7 +300,7 @@ TEST(Subscription, reads_authenticated_messages_without_a_key) {
   EXPECT_EQ(events.wait(within(10)).value().seq, 3);
 }
 
-TEST(Subscription, rejects_all_messages_after_insist_without_a_key) {
+TEST(Subscription, rejects_all_messages_without_a_key_when_authentication_is_required) {
   Bus bus(kUrl);
   bus.seal().insist();
   Subscription<EventMessage> events(bus, kEventChannel, 8);

@@ -74,9 +74,9 @@ TEST(KeyRotation, releases_the_old_key_when_its_time_is_over_and_not_before) {
   const auto old = std::make_shared<int>(1);
   keys.set(old, kNow);
   keys.set(std::make_shared<int>(2), kNow);
-  keys.forget_old(kNow + Rotation::kAcceptOld - 1ns);
+  keys.discard_old(kNow + Rotation::kAcceptOld - 1ns);
   EXPECT_EQ(old.use_count(), 2);
-  keys.forget_old(kNow + Rotation::kAcceptOld);
+  keys.discard_old(kNow + Rotation::kAcceptOld);
   EXPECT_EQ(old.use_count(), 1);
 }
 

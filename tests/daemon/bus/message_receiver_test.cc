@@ -332,7 +332,7 @@ TEST(KeylessReceiver, reads_messages_with_and_without_trailers) {
   EXPECT_TRUE(std::ranges::equal(got->bytes, sent));
 }
 
-TEST(ReceiverAfterInsist, rejects_all_messages_without_a_key) {
+TEST(AuthenticatingReceiver, rejects_all_messages_without_a_key) {
   MessageSeal seal;
   seal.insist();
   MessageReceiver receiver(ChannelList(studio()), seal, [](std::string_view) { return true; });

@@ -36,7 +36,7 @@ TEST(MessageSeal, counts_and_reports_messages_without_a_permitted_signature) {
   EXPECT_EQ(seal.trouble(Realtime::now()), "V3D_PULSE of member cap02");
 }
 
-TEST(MessageSeal, is_required_with_a_key_or_after_insist) {
+TEST(MessageSeal, is_required_with_a_key_or_on_request) {
   MessageSeal seal;
   EXPECT_FALSE(seal.is_required());
   seal.insist();

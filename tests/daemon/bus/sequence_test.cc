@@ -27,7 +27,7 @@ TEST(SequenceTracker, counts_losses_from_the_first_message_with_from_start) {
   EXPECT_EQ(tracker.of("a"), (SequenceCounts{.received = 2, .lost = 2}));
 }
 
-TEST(SequenceTracker, counts_no_message_as_lost_that_was_sent_before_listen_anew) {
+TEST(SequenceTracker, counts_no_message_as_lost_that_was_sent_before_a_new_count) {
   SequenceTracker tracker(true);
   tracker.listen_anew("joined in the middle");
   note(tracker, "joined in the middle", {7, 9});
