@@ -14,9 +14,10 @@ namespace v3d {
 namespace {
 
 constexpr char kMalformed[] =
-    "malformed datagrams are rejected: a stranger, or a broken program on the studio's network";
+    "malformed datagrams are rejected: an attacker, or a faulty program on the studio's network";
 constexpr char kOversized[] =
-    "messages longer than any of their channel are rejected: a stranger, or another version of V3D";
+    "messages longer than the limit of their channel are rejected: an attacker, or another V3D "
+    "version";
 
 /// Limit of answers a second. It permits several answers to each of 16 nodes that ask at once.
 constexpr int kMaxAnswers = 100;

@@ -44,7 +44,8 @@ void MessageSeal::count_unverified() {
   }
   ++forged_;
   report(
-      "messages without the MAC of the studio key are rejected: a stranger, or another studio key");
+      "messages without the MAC of the studio key are rejected: an attacker, or another studio "
+      "key");
 }
 
 void MessageSeal::count_unsigned(std::string_view problem) {

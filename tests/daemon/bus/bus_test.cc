@@ -189,10 +189,10 @@ TEST(Subscription, accepts_only_authentic_messages_when_there_is_a_key) {
   Bus bus(kUrl);
   bus.seal().set_key(StudioKey::make());
   Subscription<EventMessage> events(bus, kEventChannel, 8);
-  Bus stranger(kUrl);
-  stranger.seal().set_key(StudioKey::make());
+  Bus attacker(kUrl);
+  attacker.seal().set_key(StudioKey::make());
   bus.publish(kEventChannel, encode(event(0)));
-  stranger.publish_sealed(kEventChannel, encode(event(1)));
+  attacker.publish_sealed(kEventChannel, encode(event(1)));
   bus.publish_sealed(kEventChannel, encode(event(2)));
   const auto got = events.wait(within(10));
   ASSERT_TRUE(got);

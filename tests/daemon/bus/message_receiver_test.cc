@@ -271,8 +271,8 @@ TEST_F(Receiver, answers_for_its_own_sessions_at_most_100_times_a_second) {
     receive(sender_.datagrams(kSessionChannel, encode(question)).at(0));
   }
   EXPECT_EQ(sent_.size(), 100U);
-  Sender stranger(StudioKey::make());
-  receive(stranger.datagrams(kSessionChannel, encode(question)).at(0), 2s);
+  Sender attacker(StudioKey::make());
+  receive(attacker.datagrams(kSessionChannel, encode(question)).at(0), 2s);
   EXPECT_EQ(sent_.size(), 100U);
 }
 
@@ -297,12 +297,12 @@ TEST_F(Receiver, skips_all_fragments_of_a_message_without_subscription) {
 }
 
 TEST_F(Receiver, delivers_unverified_health_as_such_and_no_other_message) {
-  Sender stranger(StudioKey::make());
-  const auto health = receive(stranger.datagrams("V3D_HEALTH_cap01", message(40)).at(0));
+  Sender attacker(StudioKey::make());
+  const auto health = receive(attacker.datagrams("V3D_HEALTH_cap01", message(40)).at(0));
   ASSERT_TRUE(health);
   EXPECT_FALSE(health->is_accepted);
   EXPECT_EQ(health->bytes.size(), 40U);
-  EXPECT_FALSE(receive(stranger.datagrams(kEventChannel, message(40)).at(0)));
+  EXPECT_FALSE(receive(attacker.datagrams(kEventChannel, message(40)).at(0)));
   EXPECT_EQ(seal_.counts().forged, 2);
 }
 
@@ -349,13 +349,13 @@ TEST(AuthenticatingReceiver, rejects_all_messages_without_a_key) {
 std::vector<RawDatagram> hostile_datagrams(Sender& studio_sender) {
   std::mt19937 random(7);
   std::vector<RawDatagram> all;
-  Sender stranger(StudioKey::make());
+  Sender attacker(StudioKey::make());
   const SigningKey key = SigningKey::make();
   const std::vector<uint8_t> bytes(100'000, 5);
   const std::vector<uint8_t> few(100, 5);
   for (int i = 0; i < 1000; ++i) {
     for (const char* channel : {kEventChannel, kPulseChannel, kSessionChannel}) {
-      all.push_back(stranger.signed_datagrams(channel, few, key).at(0));
+      all.push_back(attacker.signed_datagrams(channel, few, key).at(0));
     }
     all.push_back(test::short_datagram(random(), "V3D_COMMAND"));
     all.push_back(test::short_datagram(1, "V3D_FRAME_" + std::to_string(random()) + '\0'));
@@ -363,7 +363,7 @@ std::vector<RawDatagram> hostile_datagrams(Sender& studio_sender) {
         {.message_size = 256U << 20, .number = 0, .count = static_cast<uint16_t>(random())});
     test::put_text(huge, std::string("V3D_MESH") + '\0');
     all.push_back(huge);
-    for (auto& datagram : stranger.datagrams("V3D_FRAME_cam01", bytes)) all.push_back(datagram);
+    for (auto& datagram : attacker.datagrams("V3D_FRAME_cam01", bytes)) all.push_back(datagram);
     for (auto datagram : studio_sender.datagrams("V3D_FRAME_cam01", bytes)) {
       datagram[random() % datagram.size()] ^= static_cast<uint8_t>(1 << random() % 8);
       all.push_back(datagram);

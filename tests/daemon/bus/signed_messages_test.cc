@@ -251,11 +251,11 @@ TEST_F(SignedMessages, are_all_rejected_before_there_is_a_list) {
 }
 
 TEST_F(SignedMessages, of_health_without_a_valid_signature_are_delivered_as_unverified) {
-  DatagramSender sender(studio_key_), stranger(StudioKey::make());
+  DatagramSender sender(studio_key_), attacker(StudioKey::make());
   for (const auto& datagrams :
        {sender.datagrams("V3D_HEALTH_cap01", health("cap01")),
         sender.signed_datagrams("V3D_HEALTH_cap01", health("cap01"), key("outsider")),
-        stranger.signed_datagrams("V3D_HEALTH_cap01", health("cap01"), key("cap01"))}) {
+        attacker.signed_datagrams("V3D_HEALTH_cap01", health("cap01"), key("cap01"))}) {
     const auto got = receive(datagrams);
     ASSERT_TRUE(got);
     EXPECT_FALSE(got->is_accepted);

@@ -220,9 +220,9 @@ TEST_F(CommandGateTest, answers_recorded_commands_of_many_senders_1000_times_a_s
 }
 
 /// An attacker without the key: records, changes, repeats and forges commands.
-class Stranger {
+class Attacker {
  public:
-  explicit Stranger(const StudioKey& key) : key_(key) {}
+  explicit Attacker(const StudioKey& key) : key_(key) {}
 
   /// Executed commands, as recorded by the attacker.
   std::vector<Bytes> recorded;
@@ -238,7 +238,7 @@ class Stranger {
   Bytes forged(int64_t nonce) {
     CommandMessage m;
     m.sent = kSent + 1h;
-    m.sender = "stranger";
+    m.sender = "attacker";
     m.counter = static_cast<int64_t>(random_());
     m.verb = static_cast<CommandVerb>(1 + random_() % 6);
     m.to = {"cap01"};
@@ -263,17 +263,17 @@ class Stranger {
 
 TEST_F(CommandGateTest, rejects_100_000_forged_replayed_old_and_changed_commands) {
   constexpr int kEach = 25'000;
-  Stranger stranger(key_);
+  Attacker attacker(key_);
   for (int i = 1; i <= 40; ++i) {
-    stranger.recorded.push_back(encode_sealed(command(nonce(), i, i * 10ms), key_));
-    ASSERT_TRUE(admits(stranger.recorded.back()));
+    attacker.recorded.push_back(encode_sealed(command(nonce(), i, i * 10ms), key_));
+    ASSERT_TRUE(admits(attacker.recorded.back()));
   }
   const CommandCounts before = gate_.counts();
   for (int i = 0; i < kEach; ++i) {
-    EXPECT_FALSE(admits(stranger.forged(nonce())));
-    EXPECT_FALSE(admits(stranger.replayed()));
-    EXPECT_FALSE(admits(stranger.old()));
-    EXPECT_FALSE(admits(stranger.bit_flipped()));
+    EXPECT_FALSE(admits(attacker.forged(nonce())));
+    EXPECT_FALSE(admits(attacker.replayed()));
+    EXPECT_FALSE(admits(attacker.old()));
+    EXPECT_FALSE(admits(attacker.bit_flipped()));
   }
   const CommandCounts after = gate_.counts();
   EXPECT_EQ(after.admitted, before.admitted);
