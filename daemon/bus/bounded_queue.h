@@ -1,4 +1,5 @@
-// A queue between threads that never grows beyond its limit: the oldest goes, and is counted.
+// A queue between threads with a size limit. A push to a full queue drops and counts the oldest
+// element.
 #pragma once
 
 #include <condition_variable>
@@ -12,12 +13,13 @@
 
 namespace v3d {
 
+/// All functions may be called from any thread. `limit` is in elements.
 template <class T>
 class BoundedQueue {
  public:
   explicit BoundedQueue(size_t limit) : limit_(limit) {}
 
-  /// False when the oldest element had to go to make room.
+  /// Returns false when the oldest element was dropped.
   bool push(T value) {
     bool room = true;
     {
@@ -33,7 +35,7 @@ class BoundedQueue {
     return room;
   }
 
-  /// The oldest element, waiting until `deadline`; empty when none came.
+  /// Waits until `deadline` and removes the oldest element; empty when there is none.
   std::optional<T> pop(MonotonicInstant deadline) {
     std::unique_lock lock(mutex_);
     filled_.wait_until(lock, as_steady(deadline), [&] { return !queue_.empty(); });
@@ -49,7 +51,8 @@ class BoundedQueue {
   }
 
  private:
-  /// libstdc++'s steady_clock is CLOCK_MONOTONIC, as ours; waiting on it survives a stepped clock.
+  /// libstdc++'s steady_clock is CLOCK_MONOTONIC, like Monotonic. A step of the wall clock does not
+  /// change such a wait.
   static std::chrono::steady_clock::time_point as_steady(MonotonicInstant t) {
     return std::chrono::steady_clock::time_point(t.time_since_epoch());
   }

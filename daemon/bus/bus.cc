@@ -20,7 +20,7 @@
 namespace v3d {
 namespace {
 
-/// The names of channels that a subscription is for.
+/// Matches channel names: one exact name, or a prefix followed by ".*".
 class ChannelPattern {
  public:
   explicit ChannelPattern(std::string text) : text_(std::move(text)) {
@@ -53,7 +53,7 @@ class Bus::Impl {
     for (const std::string& group : frame_urls_) {
       frame_senders_.push_back(std::make_unique<MulticastSender>(group));
     }
-    heard_.resize(frame_urls_.size());
+    joined_groups_.resize(frame_urls_.size());
   }
 
   ~Impl() {
@@ -87,12 +87,12 @@ class Bus::Impl {
 
   void hear_frames(const FrameGroupSet& groups) {
     const std::lock_guard lock(mutex_);
-    for (size_t i = 0; i < heard_.size(); ++i) {
+    for (size_t i = 0; i < joined_groups_.size(); ++i) {
       if (!groups.contains(i)) {
-        if (heard_[i]) dropped_before_ += heard_[i]->dropped();
-        heard_[i].reset();
-      } else if (!heard_[i]) {
-        heard_[i] = std::make_shared<MulticastReceiver>(frame_urls_[i]);
+        if (joined_groups_[i]) dropped_before_ += joined_groups_[i]->dropped();
+        joined_groups_[i].reset();
+      } else if (!joined_groups_[i]) {
+        joined_groups_[i] = std::make_shared<MulticastReceiver>(frame_urls_[i]);
       }
     }
     eventfd_write(changed_, 1);
@@ -115,7 +115,7 @@ class Bus::Impl {
   ReceptionCounts reception() const {
     const std::lock_guard lock(mutex_);
     int64_t dropped = dropped_before_ + common_->dropped();
-    for (const auto& group : heard_) dropped += group ? group->dropped() : 0;
+    for (const auto& group : joined_groups_) dropped += group ? group->dropped() : 0;
     return {receiver_.counts(), dropped};
   }
 
@@ -160,7 +160,7 @@ class Bus::Impl {
   Receivers joined() const {
     const std::lock_guard lock(mutex_);
     Receivers groups = {common_};
-    std::copy_if(heard_.begin(), heard_.end(), std::back_inserter(groups),
+    std::copy_if(joined_groups_.begin(), joined_groups_.end(), std::back_inserter(groups),
                  [](const auto& group) { return group != nullptr; });
     return groups;
   }
@@ -169,7 +169,7 @@ class Bus::Impl {
     while (!stopping_) receive_from(joined());
   }
 
-  /// Until the groups change. Sleeps until there is something: an idle studio costs nothing.
+  /// Receives until the set of joined groups changes. Sleeps in poll(), so an idle bus uses no CPU.
   void receive_from(const Receivers& groups) {
     std::vector<pollfd> watched = {{changed_, POLLIN, 0}};
     for (const auto& group : groups) watched.push_back({group->fd(), POLLIN, 0});
@@ -184,10 +184,10 @@ class Bus::Impl {
     eventfd_read(changed_, &changes);
   }
 
-  /// Checks, reassembles and delivers. What comes meanwhile waits in the ring, not in the kernel's
-  /// buffer, which is small.
+  /// Verifies, reassembles and delivers messages. Meanwhile new datagrams wait in the ring, because
+  /// the kernel's receive buffer is small.
   void handle() {
-    constexpr size_t kAtOnce = 8;  // places become free while the rest is handled
+    constexpr size_t kAtOnce = 8;  // small, so that places in the ring become free early
     for (;;) {
       const auto datagrams = ring_.wait(kAtOnce);
       if (datagrams.empty()) return;
@@ -204,15 +204,15 @@ class Bus::Impl {
   MessageSeal& seal_;
   MulticastSender sender_;
   std::vector<std::unique_ptr<MulticastSender>> frame_senders_;
-  mutable std::mutex mutex_;  ///< what follows, while handlers run, too
+  mutable std::mutex mutex_;  ///< guards the four below; held while handlers run
   std::list<Topic> topics_;
   std::shared_ptr<MulticastReceiver> common_;
-  /// Of the frame groups; empty where it is not received.
-  std::vector<std::shared_ptr<MulticastReceiver>> heard_;
-  int64_t dropped_before_ = 0;  ///< by groups that were left
+  /// One receiver a frame group; null for groups that are not joined.
+  std::vector<std::shared_ptr<MulticastReceiver>> joined_groups_;
+  int64_t dropped_before_ = 0;  ///< datagrams, in groups that were left
   DatagramRing ring_;
   MessageReceiver receiver_;                     ///< handling thread only
-  const int changed_ = eventfd(0, EFD_CLOEXEC);  ///< readable when the thread shall look
+  const int changed_ = eventfd(0, EFD_CLOEXEC);  ///< readable when groups change or to stop
   std::atomic<bool> stopping_ = false;
   std::thread receiving_;  ///< empties the sockets into the ring
   std::thread handling_;   ///< runs the handlers

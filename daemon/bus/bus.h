@@ -1,5 +1,5 @@
-// The LCM bus: bytes in, bytes out. Everything that arrives may come from anybody: what fails a
-// check (message_receiver.h) or does not decode is counted and dropped.
+// Publish-subscribe messaging over LCM's UDP multicast. Received bytes are untrusted: a message
+// that fails a check (message_receiver.h) or does not decode is counted and dropped.
 #pragma once
 
 #include <atomic>
@@ -23,48 +23,49 @@
 
 namespace v3d {
 
-/// What this process did not receive, by cause.
+/// Datagrams and messages that this process did not receive, by cause.
 struct ReceptionCounts {
   DatagramCounts datagrams;
-  int64_t dropped_by_kernel = 0;  ///< datagrams: the receive buffer was full
+  int64_t dropped_by_kernel = 0;  ///< datagrams, because the receive buffer was full
 };
 
-/// One connection to the studio's network. publish() from any thread; a thread of its own receives.
+/// One connection to the studio's network. The publish functions may be called from any thread. The
+/// bus starts its own threads that receive and that run the handlers.
 class Bus {
  public:
-  /// `lcm_url` and `frame_groups` as in the studio file; of the latter nothing is received before
-  /// hear_frames(). `channels`: what may arrive. Throws InputError when the network cannot be
-  /// reached (usually a missing multicast route), with the remedy.
+  /// `lcm_url` and `frame_groups` are as in the studio file; no frame group is joined before
+  /// hear_frames(). `channels`: the channels that are received. Throws InputError with the remedy
+  /// when the network cannot be reached (usually because a multicast route is missing).
   explicit Bus(const std::string& lcm_url, const std::vector<std::string>& frame_groups = {},
                ChannelList channels = {});
   ~Bus();
   Bus(const Bus&) = delete;
   Bus& operator=(const Bus&) = delete;
 
-  /// Without a MAC. False when the network refused or the message
-  /// is too long; what was sent may still not arrive.
+  /// Sends without a MAC. Returns false when the kernel returned an error or the message is too
+  /// long. True does not mean that the message arrives.
   bool publish(const std::string& channel, std::span<const uint8_t> bytes);
-  /// Each datagram with a MAC, where there is a key. Where members are required, the message with
-  /// the signature of this process, if those of the channel have one (MemberSignatures).
+  /// Sends each datagram with a MAC when there is a studio key. When members are required and the
+  /// channel's messages are signed, appends the signature of this process (MemberSignatures).
   bool publish_sealed(const std::string& channel, std::span<const uint8_t> message);
-  /// For commands and replies, which hold a MAC or signature of their own: each datagram has a MAC
-  /// too where a message has several, or where all must have one (MessageSeal::cover_commands()).
+  /// Sends a command or reply, which contains its own MAC or signature. Each datagram gets a MAC
+  /// too when the message has several, or after MessageSeal::cover_commands().
   bool publish_command(std::span<const uint8_t> message);
   bool publish_reply(std::span<const uint8_t> message);
   MessageSeal& seal() { return seal_; }
   ReceptionCounts reception() const;
 
-  /// 1 where frames travel with all else.
+  /// Number of frame groups; 1 when frames use the common group.
   size_t frame_groups() const;
-  /// As publish_sealed(), in the group of its pulse.
+  /// Sends like publish_sealed(), to the frame group of the pulse.
   bool publish_frame(int64_t pulse, const std::string& channel, std::span<const uint8_t> message);
-  /// Joins these frame groups and leaves the others: of those nothing comes to this machine. All
-  /// subscriptions hear all groups. Nothing to do where frames travel with all else. Throws
-  /// InputError when a group cannot be joined.
+  /// Joins these frame groups and leaves the others, so that the switch does not send their traffic
+  /// to this PC. Every subscription receives from all joined groups. Has no effect when frames use
+  /// the common group. Throws InputError when a group cannot be joined.
   void hear_frames(const FrameGroupSet& groups);
 
-  /// A handler is called as long as this lives, which is not longer than the bus. When it is gone,
-  /// so is the handler, and does not run any more.
+  /// Owns the registration of a handler. The destructor waits until the handler has returned and
+  /// removes it. Must be destroyed before the bus.
   class Listening {
    public:
     explicit Listening(std::function<void()> end) : end_(std::move(end)) {}
@@ -77,46 +78,47 @@ class Bus {
    private:
     std::function<void()> end_;
   };
-  /// Runs on the handling thread, must be short, must not throw and must not subscribe; the views
-  /// are only borrowed.
+  /// Runs on the handling thread. Must be short, must not throw and must not subscribe. The views
+  /// in the message are valid during the call only.
   using Handler = std::function<void(const ReceivedMessage&)>;
   enum class Accept : uint8_t { kAccepted, kUnverifiedToo };
-  /// `channels`: the name of one, or the beginning of several followed by ".*".
+  /// `channels`: the name of one channel, or a common prefix followed by ".*".
   [[nodiscard]] Listening subscribe(const std::string& channels, Handler handler,
                                     Accept accept = Accept::kAccepted);
 
  private:
   class Impl;
   MessageSeal seal_;
-  std::unique_ptr<Impl> impl_;  ///< last: its thread uses the seal
+  std::unique_ptr<Impl> impl_;  ///< last member: its threads use `seal_`
 };
 
-/// One line with the remedy when the kernel gives less than the receive buffer that `lcm_url` asks
-/// for, else empty.
+/// One line with the remedy when the kernel grants a smaller receive buffer than `lcm_url`
+/// requests; otherwise empty.
 std::string receive_buffer_problem(const std::string& lcm_url);
 
+/// Counters of one subscription, since it was made.
 struct SubscriptionCounts {
   int64_t received = 0;     ///< messages that decoded
-  int64_t dropped = 0;      ///< of these, thrown away because nobody took them in time
-  int64_t undecodable = 0;  ///< bytes that are no such message, or not believed to be one
-  int64_t lost = 0;         ///< messages that the sequence numbers say were sent and did not arrive
+  int64_t dropped = 0;      ///< of these, dropped because the queue was full
+  int64_t undecodable = 0;  ///< messages that do not decode, or that `open` rejected
+  int64_t lost = 0;         ///< messages that did not arrive, by their sequence numbers
 };
 
-/// Decoded messages of one type, waiting to be taken. When the queue is full the oldest goes.
-/// Construct and destroy it while the bus lives; the functions may be called from any thread.
+/// A queue of decoded messages of one type. When it is full, the oldest message is dropped.
+/// Construct and destroy it while the bus exists. The functions may be called from any thread.
 template <class M>
 class Subscription {
  public:
-  /// Makes a message of what was received, or nothing. Runs on the handling thread.
+  /// Decodes a received message; empty when it is rejected. Runs on the handling thread.
   using Open = std::function<std::optional<M>(const ReceivedMessage&)>;
 
-  /// Messages that the bus accepts.
+  /// Subscribes to accepted messages. `queue_limit` is in messages.
   Subscription(Bus& bus, const std::string& channels, size_t queue_limit)
       : Subscription(bus, channels, queue_limit, [](const ReceivedMessage& in) -> std::optional<M> {
           if (!in.is_accepted) return std::nullopt;
           return decode<M>(in.bytes);
         }) {}
-  /// `open` decides.
+  /// Subscribes to messages that `open` decodes.
   Subscription(Bus& bus, const std::string& channels, size_t queue_limit, Open open,
                Bus::Accept accept = Bus::Accept::kAccepted)
       : inbox_(std::make_unique<Inbox>(queue_limit, std::move(open))),
@@ -125,7 +127,7 @@ class Subscription {
             [inbox = inbox_.get()](const ReceivedMessage& received) { inbox->receive(received); },
             accept)) {}
 
-  /// The next message, waiting until `deadline`; empty when none came.
+  /// Waits until `deadline` for the next message; empty when none arrived.
   std::optional<M> wait(MonotonicInstant deadline) { return inbox_->queue.pop(deadline); }
 
   SubscriptionCounts counts() const {
@@ -158,7 +160,7 @@ class Subscription {
       queue.push(std::move(*message));
     }
 
-    /// Several nodes send events on one channel, each with its own count.
+    /// Several nodes send events on one channel, each with its own sequence numbers.
     static std::string sequence_key(std::string_view channel, const M& message) {
       std::string key(channel);
       if constexpr (requires { message.node; }) key += " " + message.node;
@@ -174,7 +176,7 @@ class Subscription {
   };
 
   std::unique_ptr<Inbox> inbox_;
-  Bus::Listening listening_;  ///< goes first
+  Bus::Listening listening_;  ///< destroyed first: its handler uses `inbox_`
 };
 
 }  // namespace v3d

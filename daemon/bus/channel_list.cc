@@ -16,8 +16,8 @@ using enum ChannelKind::Author;
 constexpr size_t kKiB = 1024;
 constexpr size_t kMiB = 1024 * kKiB;
 
-/// Raw frames of 12 megapixels, meshes of a million triangles and ledgers of long takes fit; what
-/// nodes only state about themselves is short.
+/// The limits permit raw frames of 12 megapixels, meshes of a million triangles and ledgers of long
+/// takes. Health, pulses, events and commands have small limits.
 constexpr std::array<ChannelKind, 11> kKinds = {{
     {.name = kCommandChannel, .max_bytes = 16 * kKiB, .holds_own_mac = true},
     {.name = kReplyChannel, .max_bytes = 4 * kMiB, .holds_own_mac = true},

@@ -1,4 +1,4 @@
-// The channels of a studio: what may arrive, and how long a message of each kind may be.
+// The channels of a studio: their names, size limits and rules of authentication.
 #pragma once
 
 #include <cstddef>
@@ -11,23 +11,25 @@
 
 namespace v3d {
 
-/// What is known of a channel by its name alone.
+/// The properties of a channel that follow from its name alone.
 struct ChannelKind {
-  std::string_view name;  ///< of the channel, or what the name of a node or camera follows
+  std::string_view name;  ///< of the channel, or the prefix before the name of a node or camera
   enum class Of { kStudio, kNodes, kCameras } of = Of::kStudio;
-  size_t max_bytes = 0;  ///< of a message, with a trailer if there is one
-  /// Messages hold a MAC of their own (wire/studio_key.h), or a signature: those of one datagram
+  size_t max_bytes = 0;  ///< of a message, including a trailer if there is one
+  /// Messages contain their own MAC (wire/studio_key.h) or signature. Messages of one datagram then
   /// need no other MAC, unless MessageSeal::cover_commands() was called.
   bool holds_own_mac = false;
-  /// A person may see what cannot be verified, marked as such: a node without a key has to say so.
+  /// Unverified messages are delivered too, marked as such: an operator must see the health of a
+  /// node that has no key.
   bool is_shown_unverified = false;
-  /// Nodes act on it: accepted only of a session that has answered a question (SessionGate).
+  /// Accepted only from a session that has answered a question (SessionGate), because nodes act on
+  /// the message.
   bool needs_answer = false;
-  /// Between the receivers themselves (SessionMessage): its nonces show that it is recent.
+  /// SessionMessage, which receivers exchange. Its nonces prove that it is recent.
   bool is_of_sessions = false;
-  /// Which member must sign, where there is a member list (MemberSignatures).
+  /// The member that must sign when there is a member list (MemberSignatures).
   enum class Author : uint8_t {
-    kUnsigned,             ///< frames, and what holds a signature of its own
+    kUnsigned,             ///< frames, and messages that contain their own signature
     kAnyMember,            ///< an answer of a session
     kOwner,                ///< the node that ChannelList::owner_of() names
     kReconstructionOwner,  ///< the same, with the role reconstruction
@@ -38,11 +40,11 @@ struct ChannelKind {
   bool is_signed() const { return author != Author::kUnsigned; }
 };
 
-/// By the form of its name; null when `channel` is none of a studio.
+/// Finds the kind by the form of the name; null when `channel` is no channel of a studio.
 const ChannelKind* kind_of(std::string_view channel);
 
-/// The exact names when the studio is known. Otherwise names of the same form, up to kMaxNames that
-/// have been used. One thread.
+/// The set of permitted channels. With a studio file: exactly its channels. Without one: all names
+/// of the same form, up to kMaxNames of them in use. One thread.
 class ChannelList {
  public:
   static constexpr size_t kMaxNames = 256;
@@ -50,18 +52,19 @@ class ChannelList {
   ChannelList() = default;
   explicit ChannelList(const Studio& studio);
 
-  /// Null when `channel` is none of the studio's. Allocates nothing.
+  /// Null when `channel` is not permitted. Allocates nothing.
   const ChannelKind* find(std::string_view channel) const;
-  /// The node that sends on `channel`: that which the name of the channel holds, that of the camera
-  /// which it holds, the trigger's for pulses. Empty for other channels, and where only the studio
-  /// file would tell and there is none.
+  /// The node that sends on `channel`: the node in its name, the node of the camera in its name, or
+  /// the trigger's node for pulses. Empty for other channels, and without a studio file for
+  /// channels of cameras and pulses.
   std::string_view owner_of(std::string_view channel) const;
-  /// Whether a message may be passed on: false once too many names are in use.
+  /// Marks the channel as used. Returns false, and the message must be dropped, when kMaxNames
+  /// other names are in use or a studio file does not have the channel.
   bool use(std::string_view channel);
 
  private:
   bool is_exact_ = false;
-  /// Allowed, or in use; with their owners.
+  /// Channel names, permitted or in use, with their owners.
   std::map<std::string, std::string, std::less<>> names_;
 };
 

@@ -66,31 +66,32 @@ CredentialFiles::CredentialFiles(CredentialPaths paths, Credentials& credentials
 }
 
 std::string CredentialFiles::poll(MonotonicInstant now) {
-  credentials_.forget_old_key(now);
-  seal_.forget_old_key(now);
-  std::string news =
+  credentials_.discard_old_key(now);
+  seal_.discard_old_key(now);
+  std::string changes =
       try_to([&] { return read_studio_key(now); }, "studio key", key_.has_value(), key_problem_);
-  if (paths_.members.empty()) return news;
+  if (paths_.members.empty()) return changes;
   const auto add = [&](const std::string& line) {
-    news += line.empty() || news.empty() ? line : "; " + line;
+    changes += line.empty() || changes.empty() ? line : "; " + line;
   };
   add(try_to([&] { return read_members(); }, "member list", members_ != nullptr, members_problem_));
-  if (!signs_) return news;
+  if (!signs_) return changes;
   add(try_to([&] { return read_signing_key(); }, "signing key", own_.has_value(),
              signing_problem_));
   const std::string before = std::exchange(not_member_, why_not_member());
   if (not_member_ != before) add(not_member_);
-  return news;
+  return changes;
 }
 
-/// The news of `read`. What it throws becomes `problem`, and is news when it is another one.
+/// Calls `read` and returns its line for the log. Stores the message of an InputError in `problem`,
+/// and returns it when it differs from the previous one.
 template <class Read>
 std::string CredentialFiles::try_to(Read read, const std::string& what, bool is_in_use,
                                     std::string& problem) {
   try {
-    const std::string news = read();
+    const std::string change = read();
     const bool was_wrong = !std::exchange(problem, "").empty();
-    return news.empty() && was_wrong ? "the " + what + " is readable again" : news;
+    return change.empty() && was_wrong ? "the " + what + " is readable again" : change;
   } catch (const InputError& error) {
     const std::string effect = is_in_use ? "the previous " + what + " stays in use: " : "";
     const std::string before = std::exchange(problem, effect + error.what());

@@ -1,5 +1,5 @@
-// The files of a process's keys and of the member list, read again while it runs: keys and members
-// are replaced without a restart.
+// Reads the key files and the member list of a process repeatedly, so that keys and members are
+// replaced without a restart.
 #pragma once
 
 #include <filesystem>
@@ -14,7 +14,7 @@
 
 namespace v3d {
 
-/// Where a process finds its keys, and as which member it signs.
+/// The key files of a process, and the member as which it signs.
 struct CredentialPaths {
   std::string studio;  ///< its name
   std::filesystem::path studio_key;
@@ -27,28 +27,28 @@ struct CredentialPaths {
 CredentialPaths credentials_of_node(const Studio& studio, const std::string& node);
 CredentialPaths credentials_of_operator(const Studio& studio);
 
-/// A file that disappears, becomes unreadable or is rejected, as while it is copied, changes
-/// nothing: what was read before stays in use. One thread.
+/// When a file is missing, unreadable or rejected (for example while it is being copied), the
+/// previous contents stay in use. One thread.
 class CredentialFiles {
  public:
-  /// `credentials` and `seal` get what is read, and outlive this. A node reads its signing key with
-  /// the first poll(), an operator after start_signing(). Throws InputError when the authority is
-  /// no public key.
+  /// Passes the keys and the list to `credentials` and `seal`, which must outlive this object. A
+  /// node reads its signing key with the first poll(), an operator after start_signing(). Throws
+  /// InputError when the authority is not a public key.
   CredentialFiles(CredentialPaths paths, Credentials& credentials, MessageSeal& seal);
 
-  /// From now on the process sends commands: its signing key is read too.
+  /// Makes poll() read the signing key too. To be called before the process sends commands.
   void start_signing() { signs_ = true; }
-  /// Reads the files; to be called about once a second. One line for the log when something changed
-  /// since the last call, else empty.
+  /// Reads the files; to be called about once a second. Returns one line for the log when something
+  /// changed since the last call; otherwise empty.
   std::string poll(MonotonicInstant now);
 
   bool has_studio_key() const { return key_.has_value(); }
-  /// Whether there is what this process needs to accept commands and to sign.
+  /// Whether all keys and lists that this process needs to accept commands and to sign were read.
   bool is_ready() const;
-  /// One line: what is wrong with a file, or that this process is no member, with the remedy; else
+  /// One line with the remedy when a file is wrong or this process is not a member; otherwise
   /// empty.
   std::string problem() const;
-  /// Why others do not accept what this process would sign; else empty.
+  /// Why other processes would reject the signatures of this process; otherwise empty.
   std::string obstacle() const { return is_ready() ? not_member_ : problem(); }
 
  private:

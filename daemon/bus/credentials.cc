@@ -42,9 +42,9 @@ void Credentials::set_studio_key(const StudioKey& key, MonotonicInstant now) {
   studio_keys_.set(key, now);
 }
 
-void Credentials::forget_old_key(MonotonicInstant now) {
+void Credentials::discard_old_key(MonotonicInstant now) {
   const std::lock_guard lock(mutex_);
-  studio_keys_.forget_old(now);
+  studio_keys_.discard_old(now);
 }
 
 void Credentials::require_members() {
@@ -103,7 +103,7 @@ bool Credentials::has_mac(std::span<const uint8_t> message, MonotonicInstant now
   return old != nullptr && old->has_sealed(message);
 }
 
-/// Null where no list is required: with set_members() alone, nothing changes.
+/// Null unless members are required: set_members() has no effect without require_members().
 std::shared_ptr<const MemberList> Credentials::members() const {
   const std::lock_guard lock(mutex_);
   return requires_members_ ? members_ : nullptr;

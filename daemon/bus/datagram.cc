@@ -12,7 +12,7 @@ constexpr uint32_t kShortMagic = 0x4c433032;  // "LC02"
 constexpr uint32_t kLongMagic = 0x4c433033;   // "LC03"
 constexpr size_t kShortHeader = 8;
 constexpr size_t kLongHeader = 20;
-/// liblcm's: a short message and a fragment hold so much behind their headers.
+/// Bytes after the header of a short message and of a fragment, as in liblcm.
 constexpr size_t kShortPayload = kMaxDatagram - kShortHeader;
 constexpr size_t kLongPayload = kMaxDatagram - kLongHeader;
 
@@ -29,7 +29,7 @@ void write32(uint8_t* at, uint32_t value) {
   write16(at + 2, static_cast<uint16_t>(value));
 }
 
-/// Takes the channel and its NUL from the front of `bytes`. Empty when there is none.
+/// Reads the channel name at the front of `bytes`. Empty when there is no NUL-terminated name.
 std::string_view read_channel(std::span<const uint8_t> bytes) {
   const auto* const begin = reinterpret_cast<const char*>(bytes.data());
   const size_t longest = std::min(bytes.size(), kMaxChannelName + 1);
@@ -38,7 +38,7 @@ std::string_view read_channel(std::span<const uint8_t> bytes) {
   return {begin, static_cast<size_t>(static_cast<const char*>(nul) - begin)};
 }
 
-/// Reads the channel behind a header of so many bytes. False when there is none.
+/// Reads the channel after a header of `header` bytes. Returns false when there is none.
 bool read_named(std::span<const uint8_t> bytes, size_t header, Datagram& datagram) {
   datagram.channel = read_channel(bytes.subspan(header));
   if (datagram.channel.empty()) return false;
@@ -85,7 +85,7 @@ std::optional<Datagram> parse_long(std::span<const uint8_t> bytes) {
 
 void put_channel(OutgoingDatagram& datagram, std::string_view channel) {
   std::memcpy(datagram.head_bytes.data() + datagram.head_size, channel.data(), channel.size());
-  datagram.head_size += channel.size() + 1;  // its NUL is there already
+  datagram.head_size += channel.size() + 1;  // the array is zero-initialized, so the NUL is there
 }
 
 OutgoingDatagram short_datagram(uint32_t sequence, std::string_view channel,

@@ -10,21 +10,21 @@
 namespace v3d {
 namespace {
 
-struct WithoutNumber {
-  std::string rest;
-  int64_t number = 0;  ///< 0 where there is none
+struct SplitText {
+  std::string words;   ///< without the number
+  int64_t number = 0;  ///< 0 when there is none
 };
 
-/// "1,250 frames lost" is "frames lost" and 1250.
-WithoutNumber without_number(const std::string& text) {
-  constexpr size_t kMostDigits = 15;
+/// Splits off the first number: "1,250 frames lost" is " frames lost" and 1250.
+SplitText split_number(const std::string& text) {
+  constexpr size_t kMaxDigits = 15;
   const size_t begin = text.find_first_of("0123456789");
-  if (begin == std::string::npos) return {.rest = text};
+  if (begin == std::string::npos) return {.words = text};
   const size_t end = std::min(text.find_first_not_of("0123456789,", begin), text.size());
   std::string digits = text.substr(begin, end - begin);
   std::erase(digits, ',');
-  return {.rest = text.substr(0, begin) + text.substr(end),
-          .number = std::atoll(digits.substr(0, kMostDigits).c_str())};
+  return {.words = text.substr(0, begin) + text.substr(end),
+          .number = std::atoll(digits.substr(0, kMaxDigits).c_str())};
 }
 
 }  // namespace
@@ -46,14 +46,14 @@ void EventSender::send(Severity severity, const std::string& subject, const std:
 
 void EventSender::keep_told(Severity severity, const std::string& subject, const std::string& text,
                             const std::string& advice, MonotonicInstant now) {
-  Told& told = told_[subject];
-  if (text == told.text) return;
-  const bool same_trouble = without_number(text).rest == without_number(told.text).rest;
-  if (!same_trouble) told.number = {};
-  told.text = text;
-  if (text.empty()) return send(Severity::kInfo, subject, "well again");
-  const bool is_news = told.number.is_news(without_number(text).number, now);
-  if (is_news || !same_trouble) send(severity, subject, text, advice);
+  Condition& condition = conditions_[subject];
+  if (text == condition.text) return;
+  const bool is_same = split_number(text).words == split_number(condition.text).words;
+  if (!is_same) condition.number = {};
+  condition.text = text;
+  if (text.empty()) return send(Severity::kInfo, subject, "the problem has ended");
+  const bool is_due = condition.number.is_news(split_number(text).number, now);
+  if (is_due || !is_same) send(severity, subject, text, advice);
 }
 
 }  // namespace v3d

@@ -1,4 +1,4 @@
-// Events for the operator: on the bus and in the log.
+// Sends events for the operator to the bus and to the log.
 #pragma once
 
 #include <map>
@@ -9,16 +9,17 @@
 
 namespace v3d {
 
-/// One thread.
+/// Events of one node. One thread.
 class EventSender {
  public:
   EventSender(Bus& bus, std::string node) : bus_(bus), node_(std::move(node)) {}
-  /// `advice`: what the operator can do, said after the text; of every warning and alarm.
+  /// Sends one event. `advice`: what the operator can do, appended to the text. Every warning and
+  /// alarm needs one.
   void send(Severity severity, const std::string& subject, const std::string& text,
             const std::string& advice = {});
-  /// For a trouble that lasts: sends when `text` is another than last time, and once, as info, when
-  /// it has become empty. EventThrottle decides when a text is sent again of which only the first
-  /// number has changed.
+  /// Reports a condition that lasts; to be called repeatedly. Sends an event when `text` differs
+  /// from the previous call for `subject`, and once, as info, when it becomes empty. When only the
+  /// first number in the text differs, EventThrottle limits the events.
   void keep_told(Severity severity, const std::string& subject, const std::string& text,
                  const std::string& advice, MonotonicInstant now = Monotonic::now());
 
@@ -26,11 +27,11 @@ class EventSender {
   Bus& bus_;
   const std::string node_;
   int64_t seq_ = 0;
-  struct Told {
+  struct Condition {
     std::string text;
-    EventThrottle number;  ///< in the text
+    EventThrottle number;  ///< the first number in the text
   };
-  std::map<std::string, Told> told_;  ///< troubles by subject
+  std::map<std::string, Condition> conditions_;  ///< by subject
 };
 
 }  // namespace v3d

@@ -1,4 +1,4 @@
-// When a count that changes all the time is worth telling again.
+// Rate limit for events that report a count which changes often.
 #pragma once
 
 #include <cstdint>
@@ -7,24 +7,26 @@
 
 namespace v3d {
 
-/// At once when it begins, then when it has doubled or halved, or after a minute. What is told is
-/// the total, so nothing is lost between.
+/// Permits an event for the first count, then when the count has doubled or halved, or has changed
+/// and a minute has passed. Each event reports the total, so counts between events are not lost.
+/// One thread.
 class EventThrottle {
  public:
   static constexpr Duration kAgainAfter = std::chrono::minutes(1);
 
-  /// True when `count`, which is not 0, is to be told now; then it counts as told.
+  /// Returns true when an event for `count`, which is not 0, is due; then `count` counts as
+  /// reported.
   bool is_news(int64_t count, MonotonicInstant now) {
-    const bool much = count >= 2 * told_ || 2 * count <= told_;
-    if (count == told_ || (!much && now - told_at_ < kAgainAfter)) return false;
-    told_ = count;
-    told_at_ = now;
+    const bool is_large_change = count >= 2 * reported_ || 2 * count <= reported_;
+    if (count == reported_ || (!is_large_change && now - reported_at_ < kAgainAfter)) return false;
+    reported_ = count;
+    reported_at_ = now;
     return true;
   }
 
  private:
-  int64_t told_ = 0;
-  MonotonicInstant told_at_;
+  int64_t reported_ = 0;
+  MonotonicInstant reported_at_;
 };
 
 }  // namespace v3d

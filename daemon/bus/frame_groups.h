@@ -1,5 +1,5 @@
-// Live frames, spread over several multicast groups by pulse ([network] frame_groups), so that a
-// node which reconstructs some of the pulses need not hear the others.
+// Distribution of live frames over several multicast groups by pulse ([network] frame_groups), so
+// that a node receives only the frames of pulses that it reconstructs.
 #pragma once
 
 #include <algorithm>
@@ -10,20 +10,21 @@
 
 namespace v3d {
 
-/// Of the live frames of one camera, how many a group has had before.
+/// Assigns sequence numbers to the live frames of one camera.
 ///
-/// Every group has numbers of its own, so that who does not hear one group misses nothing in the
-/// others: the sequence numbers of group g of n are g, g + n, g + 2 n and so on.
+/// Every group has its own numbers, so that a receiver of some groups sees no gaps. The sequence
+/// numbers of group g of n are g, g + n, g + 2 n and so on.
 class FrameNumbers {
  public:
   explicit FrameNumbers(size_t groups) : next_(groups) {}
 
-  /// The sequence number of the next frame, which is of `pulse`; one without a number counts as 0.
+  /// The sequence number of the next frame, which shows `pulse`. A negative pulse counts as 0.
   int64_t next(int64_t pulse) {
     const size_t group = group_of(pulse, next_.size());
     return next_[group]++ * std::ssize(next_) + static_cast<int64_t>(group);
   }
 
+  /// The index of the group that carries frames of `pulse`, below `groups`.
   static size_t group_of(int64_t pulse, size_t groups) {
     return static_cast<size_t>(std::max<int64_t>(pulse, 0)) % groups;
   }
@@ -32,7 +33,7 @@ class FrameNumbers {
   std::vector<int64_t> next_;
 };
 
-/// Numbers 0 to n - 1.
+/// Indices of groups, each below the number of groups.
 using FrameGroupSet = std::set<size_t>;
 
 inline FrameGroupSet all_frame_groups(size_t groups) {

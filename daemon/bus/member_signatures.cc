@@ -12,10 +12,10 @@ namespace {
 
 using enum ChannelKind::Author;
 
-/// Of a node that a message names; a name in the studio file is shorter.
+/// Limit for names of nodes in messages to the operator; names in the studio file are shorter.
 constexpr size_t kMaxShownName = 64;
 
-/// The node that sent the message, as it says itself; empty where it names none.
+/// The sending node that the message names; empty when its kind names none.
 std::string node_inside(std::span<const uint8_t> message, const ChannelKind& kind) {
   if (kind.author != kNodeInside) return "";
   const auto event = decode<EventMessage>(message);

@@ -1,5 +1,5 @@
-// Signatures of members on the messages of the bus: of health, pulses, events, previews, meshes,
-// shard messages and answers of sessions. Commands and replies: daemon/bus/credentials.h.
+// Signatures of members on bus messages: health, pulses, events, previews, meshes, shard messages
+// and answers of sessions. For commands and replies see daemon/bus/credentials.h.
 #pragma once
 
 #include <memory>
@@ -14,50 +14,52 @@
 
 namespace v3d {
 
-/// Who may sign a message.
+/// The members that may sign a message.
 struct AuthorRule {
   ChannelKind::Author author = ChannelKind::Author::kAnyMember;
-  std::string_view node;  ///< where `author` is one node: its name; empty: it is not known
+  std::string_view node;  ///< name of the node when `author` is one node; empty when unknown
 
   bool permits(const Member& member) const;
-  /// "only cap01", for a person.
+  /// For messages to the operator, for example "only cap01".
   std::string text() const;
 };
-/// `owner`: ChannelList::owner_of(). `inside`: the node that the message names.
+/// `owner`: the result of ChannelList::owner_of(). `inside`: the node that the message names.
 AuthorRule rule_of(const ChannelKind& kind, std::string_view owner, std::string_view inside);
 
-/// What verify() found.
+/// The result of MemberSignatures::verify().
 struct VerifiedMessage {
-  std::string problem;               ///< one line: why the message is rejected; else empty
+  std::string problem;               ///< one line, when the message is rejected; otherwise empty
   std::span<const uint8_t> message;  ///< without its signature
   Signer signer{};
 };
 
-/// Without require(), nothing is signed and nothing verified. With it, a message needs the
-/// signature of a member that its AuthorRule permits. Before there is a list, every message is
-/// rejected; a new list is in force at once. Any thread.
+/// Signs and verifies bus messages by the member list. Without require(), messages are neither
+/// signed nor verified. After it, a message needs the signature of a member that its AuthorRule
+/// permits. Before set_members(), every message is rejected; a new list is in force at once. Any
+/// thread.
 class MemberSignatures {
  public:
-  /// To be called before anything is sent or received.
+  /// To be called before the first message is sent or received.
   void require();
   bool are_required() const;
   void set_members(std::shared_ptr<const MemberList> members);
   void set_signing_key(const SigningKey& key);
 
-  /// To sign a message on `channel` with; empty where it carries no signature, or as long as there
-  /// is no key: receivers reject what is sent then.
+  /// The key that signs a message on `channel`. Empty when messages of the channel are unsigned, or
+  /// before set_signing_key(); receivers reject messages that are sent then.
   std::optional<SigningKey> key_for(std::string_view channel) const;
 
-  /// Whether the list has this key. Verifies nothing.
+  /// Whether the list contains this key. Verifies no signature.
   bool knows(const KeyId& key) const;
-  /// Costs one signature and, for a key of the list, one hash of the message.
+  /// Verifies the signature and the author. Hashes the message and verifies one signature only when
+  /// the list contains the key.
   VerifiedMessage verify(std::span<const uint8_t> bytes, const MessageOrigin& origin,
                          const ChannelKind& kind, std::string_view owner) const;
 
  private:
   std::shared_ptr<const MemberList> members() const;
 
-  mutable std::mutex mutex_;  ///< what follows
+  mutable std::mutex mutex_;  ///< guards the members below
   bool are_required_ = false;
   std::shared_ptr<const MemberList> members_;
   std::optional<SigningKey> signing_key_;

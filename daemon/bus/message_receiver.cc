@@ -14,11 +14,12 @@ namespace v3d {
 namespace {
 
 constexpr char kMalformed[] =
-    "malformed datagrams are rejected: a stranger, or a broken program on the studio's network";
+    "malformed datagrams are rejected: an attacker, or a faulty program on the studio's network";
 constexpr char kOversized[] =
-    "messages longer than any of their channel are rejected: a stranger, or another version of V3D";
+    "messages longer than the limit of their channel are rejected: an attacker, or another V3D "
+    "version";
 
-/// Answers a second: to each of 16 nodes that ask at once, some.
+/// Limit of answers a second. It permits several answers to each of 16 nodes that ask at once.
 constexpr int kMaxAnswers = 100;
 
 std::string clocks_differ(Duration ahead) {
@@ -37,7 +38,7 @@ MessageOrigin origin_of(std::string_view channel, const SessionStamp& stamp) {
       .channel = channel, .session = stamp.session, .sequence = stamp.sequence, .sent = stamp.sent};
 }
 
-/// As LCM's own readers see it: they ignore what follows a message.
+/// Removes the signature of a message without verifying it.
 std::span<const uint8_t> without_signature(const ChannelKind& kind,
                                            std::span<const uint8_t> bytes) {
   if (!kind.is_signed()) return bytes;
@@ -114,7 +115,7 @@ std::optional<ReceivedMessage> MessageReceiver::receive_authentic(const Datagram
   return receive_recent(datagram, kind, parts, stamp, now);
 }
 
-/// Of an authentic datagram.
+/// The checks after verification of the MAC: recent, answered, subscribed.
 std::optional<ReceivedMessage> MessageReceiver::receive_recent(const Datagram& datagram,
                                                                const ChannelKind* kind,
                                                                const DatagramParts& parts,
@@ -143,9 +144,9 @@ std::optional<ReceivedMessage> MessageReceiver::receive_recent(const Datagram& d
   return accept(*message, stamp, now);
 }
 
-/// The last checks of a whole message: a member that may send it has signed it, and its session has
-/// not been answered for by another. Only then does it count as received: others with the studio
-/// key could otherwise make messages of this session count so.
+/// The last checks of a complete message: its signer may send it, and no other member has answered
+/// for its session. Only then is it noted as received. Otherwise another holder of the studio key
+/// could mark messages of this session as received.
 std::optional<ReceivedMessage> MessageReceiver::accept(ReceivedMessage message,
                                                        const SessionStamp& stamp,
                                                        const ReceiverTime& now) {
@@ -172,7 +173,7 @@ std::optional<ReceivedMessage> MessageReceiver::accept(ReceivedMessage message,
   return message;
 }
 
-/// The key whose signature a message of one datagram carries. Verifies nothing.
+/// The key id in the signature of a message of one datagram. Does not verify the signature.
 Signer MessageReceiver::claimed_signer(const Datagram& datagram, const ChannelKind* kind,
                                        std::span<const uint8_t> data) const {
   if (!datagram.is_whole() || !seal_.members().are_required()) return std::nullopt;
@@ -181,7 +182,7 @@ Signer MessageReceiver::claimed_signer(const Datagram& datagram, const ChannelKi
   return split ? Signer(split->key_id) : std::nullopt;
 }
 
-/// False where members are required and this is the key of none: the message is rejected anyway.
+/// False when members are required and none has this key: the message will be rejected.
 bool MessageReceiver::can_answer(const Signer& signer) const {
   const MemberSignatures& members = seal_.members();
   return !members.are_required() || (signer && members.knows(*signer));
@@ -225,7 +226,7 @@ void MessageReceiver::on_answer(const SessionMessage& answer, std::span<const ui
 }
 
 /// The signer of an answer. Empty when members are required and the signature is missing or wrong.
-/// An answer to no pending question is rejected before its signature is verified.
+/// Answers without a pending question are rejected before the signature is verified.
 std::optional<Signer> MessageReceiver::verified_signer(const SessionMessage& answer,
                                                        std::span<const uint8_t> bytes,
                                                        const SessionStamp& stamp,
@@ -241,7 +242,8 @@ std::optional<Signer> MessageReceiver::verified_signer(const SessionMessage& ans
   return std::nullopt;
 }
 
-/// A recorded question makes this session say what everybody may know, and not often.
+/// Answers a question, at most kMaxAnswers times a second. A replayed question is harmless: the
+/// answer holds no secret.
 void MessageReceiver::answer(const SessionMessage& question, MonotonicInstant now) {
   const auto newest = sessions_.newest_of_own(question.session);
   if (!newest) return;
@@ -286,7 +288,7 @@ bool MessageReceiver::is_authentic(const Datagram& datagram, const DatagramParts
 std::optional<ReceivedMessage> MessageReceiver::reassemble(const Datagram& datagram,
                                                            const DatagramParts& parts,
                                                            uint64_t sender) {
-  // A trailer that is none, by the size of its message, belongs to no fragment of ours.
+  // V3D sends no fragment whose sizes contradict its trailer.
   const MessageIdentity of = identity_of(datagram, parts, sender);
   if (datagram.message_size < kMacTrailerSize || datagram.offset + parts.data.size() > of.size) {
     ++malformed_;

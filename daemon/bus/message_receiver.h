@@ -1,4 +1,4 @@
-// Datagrams to messages: the checks that every datagram passes before a byte of it is kept.
+// Receives datagrams, verifies them and reassembles messages.
 #pragma once
 
 #include <atomic>
@@ -17,59 +17,63 @@
 
 namespace v3d {
 
-/// As handlers get it, without trailer and signature (that of a command or reply stays); the views
-/// are only borrowed.
+/// A received message without its trailer and signature; the signature of a command or reply stays.
+/// The views are valid during the call of the handler only.
 struct ReceivedMessage {
   std::string_view channel;
   std::span<const uint8_t> bytes;
-  /// False for what a person may see although it is not authentic (ChannelKind).
+  /// False for a message that is delivered although it is not authentic
+  /// (ChannelKind::is_shown_unverified).
   bool is_accepted = true;
 };
 
-/// Datagrams that were rejected before their MAC was looked at, and messages that were lost; what
-/// fails the MAC is counted in the seal. Read by any thread.
+/// Counts of datagrams that were rejected before the verification of their MAC, and of incomplete
+/// messages. MessageSeal counts the others.
 struct DatagramCounts {
   int64_t malformed = 0;   ///< not LCM's format, or not consistent
-  int64_t foreign = 0;     ///< of a channel that is none of the studio's
-  int64_t oversized = 0;   ///< of a message longer than its channel's are
-  int64_t incomplete = 0;  ///< messages some of whose fragments did not come
+  int64_t foreign = 0;     ///< on a channel that is not in the ChannelList
+  int64_t oversized = 0;   ///< of a message longer than ChannelKind::max_bytes
+  int64_t incomplete = 0;  ///< messages with missing or inconsistent fragments
 };
 
-/// How a receiver asks other sessions, and answers for those of its own process.
+/// Callbacks with which a receiver questions other sessions and answers for those of its own
+/// process.
 struct SessionPort {
-  /// Sequence number of the last message of a session of this process; empty when it is none.
+  /// Sequence number of the last message of a session of this process; empty for other sessions.
   std::function<std::optional<uint32_t>(uint32_t session)> newest_of_own = [](uint32_t) {
     return std::nullopt;
   };
-  /// Sends to all, on V3D_SESSION.
+  /// Sends on the channel V3D_SESSION.
   std::function<void(SessionMessage)> send = [](const SessionMessage&) {};
 };
 
-/// In this order: structure (parse_datagram); channel and size (fragments after the first have no
-/// channel); not received before; MAC; recent (SessionGate). Only then does a fragment reach the
-/// reassembly, whose memory is fixed. Nothing is allocated for a datagram that fails, and it costs
-/// at most the hash of its own bytes (two while a studio key is replaced: KeyRotation).
+/// Verifies datagrams in this order: structure (parse_datagram()); channel and size (fragments
+/// after the first have no channel); not received before; MAC; recent (SessionGate). Only then is a
+/// fragment stored for reassembly, in memory of fixed size. A rejected datagram causes no
+/// allocation and at most one hash of its bytes (two while a studio key is replaced, see
+/// KeyRotation).
 ///
-/// Where members are required, a message then needs the signature of the member that may send it
-/// (MemberSignatures), and a session its answer signed with the same key. One signature for each
-/// message of a holder of the studio key; none for strangers.
+/// When members are required, a message also needs the signature of a member that may send it
+/// (MemberSignatures), and the answer of its session must be signed with the same key. The receiver
+/// verifies at most one signature a message, and none for senders without the studio key.
 ///
-/// Messages of a session that is in doubt are dropped, and the session is asked: where clocks do
-/// not agree, the first messages are lost until the answer is there. So are the first health and
-/// pulses of every session (ChannelKind::needs_answer).
+/// When a session's time is not proven to be recent, the receiver drops its messages and sends it a
+/// question. If clocks differ, the messages before the answer are lost. The first health messages
+/// and pulses of every session are lost in the same way (ChannelKind::needs_answer).
 ///
-/// Where no authentication is required, the checks of MAC and time are left out. One thread, but
-/// counts().
+/// When no authentication is required, the checks of MAC and time are skipped. One thread; counts()
+/// may be called from any thread.
 class MessageReceiver {
  public:
-  /// Whether somebody subscribes to a channel: other messages are dropped before reassembly.
+  /// Whether a channel has a subscription. Messages of other channels are dropped before
+  /// reassembly.
   using Wanted = std::function<bool(std::string_view channel)>;
 
   MessageReceiver(ChannelList channels, MessageSeal& seal, Wanted wanted,
                   SessionPort sessions = {});
 
-  /// The message that `datagram` completes; valid until the next call. `source`: who sent it, by
-  /// the network's account, to tell senders apart where nothing is verified.
+  /// Returns the message that `datagram` completes; valid until the next call. `source`: address
+  /// and port of the sender, which identify it when no authentication is required.
   std::optional<ReceivedMessage> receive(std::span<const uint8_t> datagram, uint64_t source,
                                          const ReceiverTime& now);
   DatagramCounts counts() const;
@@ -121,7 +125,7 @@ class MessageReceiver {
   MonotonicInstant answers_since_;
   int answers_ = 0;
   Reassembly reassembly_;
-  /// Messages nobody wants, where nothing is verified: by a hash of their sender.
+  /// Messages without a subscription, when no authentication is required. Indexed by sender.
   std::array<Sequence, 256> skipped_{};
   std::atomic<int64_t> malformed_ = 0;
   std::atomic<int64_t> foreign_ = 0;

@@ -3,8 +3,8 @@
 namespace v3d {
 namespace {
 
-/// So long a refusal is worth a line in health.
-constexpr Duration kTold = std::chrono::seconds(10);
+/// Time for which health shows the last rejection.
+constexpr Duration kShownFor = std::chrono::seconds(10);
 
 }  // namespace
 
@@ -14,9 +14,9 @@ void MessageSeal::set_key(const StudioKey& key, MonotonicInstant now) {
   has_key_ = true;
 }
 
-void MessageSeal::forget_old_key(MonotonicInstant now) {
+void MessageSeal::discard_old_key(MonotonicInstant now) {
   const std::lock_guard lock(mutex_);
-  macs_.forget_old(now);
+  macs_.discard_old(now);
 }
 
 std::shared_ptr<const DatagramMac> MessageSeal::mac(MonotonicInstant now) const {
@@ -44,7 +44,8 @@ void MessageSeal::count_unverified() {
   }
   ++forged_;
   report(
-      "messages without the MAC of the studio key are rejected: a stranger, or another studio key");
+      "messages without the MAC of the studio key are rejected: an attacker, or another studio "
+      "key");
 }
 
 void MessageSeal::count_unsigned(std::string_view problem) {
@@ -62,13 +63,13 @@ SealCounts MessageSeal::counts() const {
 
 std::string MessageSeal::trouble(RealtimeInstant now) const {
   const std::lock_guard lock(mutex_);
-  return now - troubled_ < kTold ? trouble_ : "";
+  return now - reported_at_ < kShownFor ? trouble_ : "";
 }
 
 void MessageSeal::report(std::string_view trouble) {
   const std::lock_guard lock(mutex_);
   trouble_ = trouble;
-  troubled_ = Realtime::now();
+  reported_at_ = Realtime::now();
 }
 
 }  // namespace v3d

@@ -1,4 +1,5 @@
-// The studio key and the members' signatures of a process, and the account of what was rejected.
+// Message authentication of a process: studio key, signatures of members, counts of rejected
+// messages.
 #pragma once
 
 #include <atomic>
@@ -16,52 +17,56 @@
 
 namespace v3d {
 
-/// What was rejected, by cause.
+/// Rejected datagrams and messages, by cause.
 struct SealCounts {
-  int64_t forged = 0;      ///< datagrams without the studio's MAC, or changed since
-  int64_t unkeyed = 0;     ///< datagrams that came while there was no key here to verify them with
+  int64_t forged = 0;      ///< datagrams without a valid MAC of the studio key
+  int64_t unkeyed = 0;     ///< datagrams that arrived while this process had no key
   int64_t not_signed = 0;  ///< messages without the signature of a member that may send them
-  int64_t stale = 0;       ///< authentic, and in doubt whether they are recent (SessionGate)
-  int64_t replayed = 0;    ///< received before; a network that repeats does that, too
+  int64_t stale = 0;       ///< authentic, but not proven to be recent (SessionGate)
+  int64_t replayed = 0;    ///< received before; networks may also duplicate datagrams
 };
 
-/// With a key, what is sent carries a MAC in each datagram (wire/datagram_mac.h), and only what
-/// carries one is accepted. Without a key nothing carries one, and every message is accepted,
-/// unless a daemon has called insist(): `v3dctl watch` without a key only shows. Any thread.
+/// With a key, each sent datagram carries a MAC (wire/datagram_mac.h), and only datagrams with a
+/// valid MAC are accepted. Without a key, datagrams carry no MAC and every message is accepted,
+/// unless insist() was called. Daemons call it; `v3dctl watch` does not, because it only shows
+/// messages. Any thread.
 class MessageSeal {
  public:
-  /// Replaces the key; the one before it stays valid as KeyRotation says.
+  /// Replaces the key. The previous key remains valid for a grace time (KeyRotation).
   void set_key(const StudioKey& key, MonotonicInstant now = Monotonic::now());
-  /// Wipes a key whose time is over.
-  void forget_old_key(MonotonicInstant now);
-  /// Nothing is accepted without a key, either.
+  /// Erases the previous key when its grace time is over.
+  void discard_old_key(MonotonicInstant now);
+  /// Rejects every message while there is no key.
   void insist() { insists_ = true; }
-  /// Commands and replies need the MAC of each datagram too: where members sign them, so that a
-  /// stranger's command costs a hash and no signature. To be called before anything is received.
+  /// Requires a MAC in each datagram of commands and replies too. Used when members sign them, so
+  /// that a forged command costs one hash and no verification of a signature. To be called before
+  /// the first message is received.
   void cover_commands() { covers_commands_ = true; }
   bool covers_commands() const { return covers_commands_; }
   MemberSignatures& members() { return members_; }
   const MemberSignatures& members() const { return members_; }
 
-  /// To send with. Null as long as there is no key.
+  /// The MAC for sending; null when there is no key.
   std::shared_ptr<const DatagramMac> mac(MonotonicInstant now = Monotonic::now()) const;
-  /// Whether the tag is that of a valid key. While an old key is valid, a datagram with a wrong tag
-  /// costs two hashes of its bytes instead of one. Allocates nothing.
+  /// Whether the trailer's tag is correct for a valid key. While an old key is valid, a wrong tag
+  /// costs two hashes of the bytes instead of one. Allocates nothing.
   bool verify(std::span<const uint8_t> head, std::span<const uint8_t> data,
               const MacTrailer& trailer, MonotonicInstant now) const;
   /// Whether messages must be authenticated.
   bool is_required() const { return has_key_ || insists_; }
 
-  /// A datagram that verify() rejected: forged, or unkeyed where there is no key.
+  /// Counts a datagram that verify() rejected: as `forged`, or as `unkeyed` when there is no key.
   void count_unverified();
-  /// A message that MemberSignatures rejected; `problem` is for a person.
+  /// Counts a message that MemberSignatures rejected, and reports `problem`.
   void count_unsigned(std::string_view problem);
   void count_stale() { ++stale_; }
   void count_replayed() { ++replayed_; }
   SealCounts counts() const;
-  /// Something was rejected that no count here holds. Allocates nothing after the first time.
+  /// Sets the text that trouble() returns. Allocates nothing unless the text is longer than all
+  /// before.
   void report(std::string_view trouble);
-  /// One line for a person when messages were rejected shortly before `now`, else empty.
+  /// One line for the operator when messages were rejected in the 10 s before `now`; otherwise
+  /// empty.
   std::string trouble(RealtimeInstant now) const;
 
  private:
@@ -74,10 +79,10 @@ class MessageSeal {
   std::atomic<int64_t> not_signed_ = 0;
   std::atomic<int64_t> stale_ = 0;
   std::atomic<int64_t> replayed_ = 0;
-  mutable std::mutex mutex_;  ///< what follows
+  mutable std::mutex mutex_;  ///< guards the members below
   KeyRotation<std::shared_ptr<const DatagramMac>> macs_;
   std::string trouble_;
-  RealtimeInstant troubled_;
+  RealtimeInstant reported_at_;
 };
 
 }  // namespace v3d

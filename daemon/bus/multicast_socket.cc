@@ -21,8 +21,8 @@ namespace {
       "route add 239.255.76.67/32 dev IFACE (IFACE: lo on a single machine)");
 }
 
-void must(bool worked, const std::string& url) {
-  if (!worked) fail_to_join(url);
+void check_joined(bool succeeded, const std::string& url) {
+  if (!succeeded) fail_to_join(url);
 }
 
 template <class Value>
@@ -35,7 +35,7 @@ sockaddr_in address_of(const std::string& url) {
   sockaddr_in address{};
   address.sin_family = AF_INET;
   errno = EINVAL;
-  must(group && inet_pton(AF_INET, group->address.c_str(), &address.sin_addr) == 1, url);
+  check_joined(group && inet_pton(AF_INET, group->address.c_str(), &address.sin_addr) == 1, url);
   address.sin_port = htons(group->port);
   return address;
 }
@@ -51,17 +51,17 @@ const sockaddr* generic(const sockaddr_in& address) {
   return reinterpret_cast<const sockaddr*>(&address);
 }
 
-/// Asks the kernel whether it knows a way to the group, by a socket that sends nothing.
+/// Checks that the kernel has a route to the group. Sends nothing.
 void check_route(const sockaddr_in& group, const std::string& url) {
   const io::UniqueFd probe = udp_socket();
-  must(connect(probe.get(), generic(group), sizeof group) == 0, url);
+  check_joined(connect(probe.get(), generic(group), sizeof group) == 0, url);
 }
 
 }  // namespace
 
 io::UniqueFd udp_socket() {
   io::UniqueFd fd(socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0));
-  if (!fd) throw InputError(errno_message("network: no UDP socket"));
+  if (!fd) throw InputError(errno_message("network: cannot open a UDP socket"));
   return fd;
 }
 
@@ -69,7 +69,7 @@ io::UniqueFd udp_socket() {
 
 struct DatagramRing::Buffers {
   static constexpr size_t kRoom = 65'536;
-  /// Space for the count of drops (SO_RXQ_OVFL).
+  /// Ancillary data with the number of dropped datagrams (SO_RXQ_OVFL).
   using Control = std::array<uint8_t, CMSG_SPACE(sizeof(uint32_t))>;
 
   std::unique_ptr<uint8_t[]> bytes = std::make_unique_for_overwrite<uint8_t[]>(kPlaces * kRoom);
@@ -89,7 +89,7 @@ struct DatagramRing::Buffers {
     }
     prepare({0, kPlaces});
   }
-  /// What the kernel has changed in these places.
+  /// Restores the lengths that recvmmsg() has overwritten in these places.
   void prepare(Room room) {
     for (size_t i = room.first; i < room.first + room.count; ++i) {
       messages[i].msg_hdr.msg_namelen = sizeof sources[i];
@@ -101,7 +101,8 @@ struct DatagramRing::Buffers {
     return {{bytes.get() + i * kRoom, messages[i].msg_len},
             address << 16 | ntohs(sources[i].sin_port)};
   }
-  /// Of this socket so far, as the kernel says with a datagram; 0 when it says nothing.
+  /// Total of datagrams that this socket dropped, as reported with datagram `i`; 0 without a
+  /// report.
   uint32_t drops(size_t i) {
     msghdr& header = messages[i].msg_hdr;
     uint32_t drops = 0;
@@ -121,8 +122,8 @@ std::span<const DatagramRing::Received> DatagramRing::wait(size_t limit) {
   changed_.wait(lock, [&] { return received_ > handled_ || stopped_; });
   if (stopped_) return {};
   const size_t first = handled_ % kPlaces;
-  const size_t in_a_row = std::min<uint64_t>(received_ - handled_, kPlaces - first);
-  return std::span(buffers_->received).subspan(first, std::min(in_a_row, limit));
+  const size_t contiguous = std::min<uint64_t>(received_ - handled_, kPlaces - first);
+  return std::span(buffers_->received).subspan(first, std::min(contiguous, limit));
 }
 
 void DatagramRing::release(size_t count) {
@@ -161,16 +162,16 @@ MulticastReceiver::MulticastReceiver(const std::string& url) : socket_(udp_socke
   const sockaddr_in group = address_of(url);
   const LcmOptions options = options_of(url);
   const int fd = socket_.get();
-  // Several processes of one machine listen. Bound to the group's address, the socket is given
-  // what was sent to the group and nothing else.
-  must(set_option(fd, SOL_SOCKET, SO_REUSEADDR, 1), url);
-  must(set_option(fd, IPPROTO_IP, IP_MULTICAST_ALL, 0), url);
+  // Several processes of a PC bind this port. A socket that is bound to the group's address
+  // receives only datagrams to that group.
+  check_joined(set_option(fd, SOL_SOCKET, SO_REUSEADDR, 1), url);
+  check_joined(set_option(fd, IPPROTO_IP, IP_MULTICAST_ALL, 0), url);
   set_option(fd, SOL_SOCKET, SO_RXQ_OVFL, 1);
   if (options.recv_buf_size > 0) set_option(fd, SOL_SOCKET, SO_RCVBUF, options.recv_buf_size);
-  must(bind(fd, generic(group), sizeof group) == 0, url);
+  check_joined(bind(fd, generic(group), sizeof group) == 0, url);
   ip_mreq membership{};
   membership.imr_multiaddr = group.sin_addr;
-  must(set_option(fd, IPPROTO_IP, IP_ADD_MEMBERSHIP, membership), url);
+  check_joined(set_option(fd, IPPROTO_IP, IP_ADD_MEMBERSHIP, membership), url);
 }
 
 size_t MulticastReceiver::receive(DatagramRing& ring) {
@@ -179,9 +180,9 @@ size_t MulticastReceiver::receive(DatagramRing& ring) {
   if (room.count == 0) return 0;
   DatagramRing::Buffers& buffers = *ring.buffers_;
   const auto limit = static_cast<unsigned>(std::min(room.count, kAtOnce));
-  const int got = recvmmsg(fd(), &buffers.messages[room.first], limit, MSG_DONTWAIT, nullptr);
-  if (got <= 0) return 0;
-  const auto count = static_cast<size_t>(got);
+  const int received = recvmmsg(fd(), &buffers.messages[room.first], limit, MSG_DONTWAIT, nullptr);
+  if (received <= 0) return 0;
+  const auto count = static_cast<size_t>(received);
   for (size_t i = room.first; i < room.first + count; ++i) {
     buffers.received[i] = buffers.datagram(i);
     dropped_ = std::max<int64_t>(dropped_, buffers.drops(i));
@@ -197,7 +198,7 @@ MulticastSender::MulticastSender(const std::string& url)
     : socket_(udp_socket()), group_(address_of(url)), session_(random_session()) {
   const auto ttl = static_cast<uint8_t>(options_of(url).ttl);
   check_route(group_, url);
-  must(set_option(socket_.get(), IPPROTO_IP, IP_MULTICAST_TTL, ttl), url);
+  check_joined(set_option(socket_.get(), IPPROTO_IP, IP_MULTICAST_TTL, ttl), url);
 }
 
 bool MulticastSender::send(std::string_view channel, std::span<const uint8_t> message,

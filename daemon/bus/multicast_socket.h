@@ -1,4 +1,4 @@
-// UDP multicast sockets: join a group and receive, send to a group.
+// UDP multicast sockets: receive from a group, send to a group.
 #pragma once
 
 #include <netinet/in.h>
@@ -18,12 +18,14 @@
 
 namespace v3d {
 
-/// UDP over IPv4. Throws InputError with errno's text.
+/// Opens a UDP socket for IPv4. Throws InputError with errno's text.
 io::UniqueFd udp_socket();
 
-/// Datagrams that were received and not handled yet: a ring of 512 places of 64 KiB, allocated
-/// once. One thread receives into it (MulticastReceiver), one handles; so the kernel's buffer is
-/// emptied while a handler works. 512 places hold almost three pulses of 15 raw XGA images.
+/// Ring buffer of received datagrams: 512 places of 64 KiB, allocated once.
+///
+/// One thread receives into it (MulticastReceiver), one handles the datagrams, so that the kernel's
+/// buffer is emptied while a handler runs. 512 places hold almost three pulses of 15 raw XGA
+/// images.
 class DatagramRing {
  public:
   static constexpr size_t kPlaces = 512;
@@ -37,18 +39,18 @@ class DatagramRing {
   DatagramRing(const DatagramRing&) = delete;
   DatagramRing& operator=(const DatagramRing&) = delete;
 
-  /// The handling thread: waits for datagrams, at most `limit` of them, in the order of arrival.
-  /// They are valid until release(). Empty after stop().
+  /// Waits for datagrams and returns at most `limit` of them, in the order of arrival. They are
+  /// valid until release(). Empty after stop(). For the handling thread.
   std::span<const Received> wait(size_t limit = kPlaces);
-  /// The handling thread: the first `count` of wait() are handled.
+  /// Frees the places of the first `count` datagrams of wait(). For the handling thread.
   void release(size_t count);
-  /// Wakes both threads for good. Any thread.
+  /// Ends all waits, now and later. Any thread.
   void stop();
 
  private:
   friend class MulticastReceiver;
   struct Buffers;
-  /// Places in a row that are free, from `first` on.
+  /// Contiguous free places, from `first` on.
   struct Room {
     size_t first = 0;
     size_t count = 0;
@@ -57,21 +59,24 @@ class DatagramRing {
   void add(size_t count);
 
   const std::unique_ptr<Buffers> buffers_;
-  std::mutex mutex_;  ///< what follows
+  std::mutex mutex_;  ///< guards the members below
   std::condition_variable changed_;
-  uint64_t received_ = 0;  ///< datagrams, since the beginning
+  uint64_t received_ = 0;  ///< datagrams, since construction
   uint64_t handled_ = 0;
   bool stopped_ = false;
 };
 
-/// A member of a multicast group, until it is destroyed. One thread, but dropped().
+/// A socket that is a member of a multicast group until it is destroyed. One thread; dropped() may
+/// be called from any thread.
 class MulticastReceiver {
  public:
-  /// `url` as LCM writes it. Throws InputError with the remedy when the group cannot be joined.
+  /// `url`: the address of the group in LCM's syntax. Throws InputError with the remedy when the
+  /// group cannot be joined.
   explicit MulticastReceiver(const std::string& url);
 
   int fd() const { return socket_.get(); }
-  /// Brings what is there into the ring. Waits for room in the ring, not for datagrams. How many.
+  /// Moves available datagrams into the ring and returns their number. Waits for free places in the
+  /// ring, not for datagrams.
   size_t receive(DatagramRing& ring);
   /// Datagrams that the kernel dropped because its receive buffer was full.
   int64_t dropped() const { return dropped_; }
@@ -81,20 +86,20 @@ class MulticastReceiver {
   std::atomic<int64_t> dropped_ = 0;
 };
 
-/// Sends to a multicast group and is no member of it. Any thread.
+/// Sends to a multicast group without joining it. Any thread.
 class MulticastSender {
  public:
   /// Throws InputError with the remedy when there is no route to the group.
   explicit MulticastSender(const std::string& url);
 
-  /// All datagrams of a message in a row, as liblcm's receivers need it: they hold one message of
-  /// a sender. With `mac`, each datagram is authenticated. With `key` and `mac`, the message is
-  /// signed too (sign_on_bus()). False when the kernel refuses one of the datagrams, or the message
-  /// or the channel's name is too long.
+  /// Sends all datagrams of a message without others between them: liblcm's receivers reassemble
+  /// one message of a sender at a time. With `mac`, each datagram gets a MAC. With `key` and `mac`,
+  /// the message is signed too (sign_on_bus()). Returns false when the kernel does not accept a
+  /// datagram, or the message or the channel's name is too long.
   bool send(std::string_view channel, std::span<const uint8_t> message, const DatagramMac* mac,
             const SigningKey* key = nullptr);
 
-  /// Drawn at random; in the trailer of each datagram.
+  /// Random number of this socket, in the trailer of each datagram.
   uint32_t session() const { return session_; }
   /// The sequence number of the last message.
   uint32_t newest() const { return next_sequence_ - 1; }
@@ -106,7 +111,7 @@ class MulticastSender {
   sockaddr_in group_{};
   const uint32_t session_;
   std::atomic<uint32_t> next_sequence_ = 0;
-  std::mutex one_message_;
+  std::mutex one_message_;  ///< keeps the datagrams of a message together
 };
 
 }  // namespace v3d

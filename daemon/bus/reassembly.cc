@@ -33,7 +33,7 @@ void Reassembly::drop(const MessageIdentity& message) {
 }
 
 Reassembly::Slot* Reassembly::find(const MessageIdentity& message) {
-  for (size_t i = used_; i-- > 0;) {  // the newest first: it is the likeliest
+  for (size_t i = used_; i-- > 0;) {  // newest first: the most probable one
     if (slot(i).is_open && slot(i).message == message) return &slot(i);
   }
   return nullptr;
@@ -52,16 +52,16 @@ Reassembly::Slot& Reassembly::open(const MessageIdentity& message) {
   return opened;
 }
 
-/// Gives up the oldest messages until none lies where the next one goes.
+/// Discards the oldest messages until none overlaps the place of the next one. Returns that place.
 size_t Reassembly::make_room(size_t size) {
   while (used_ > 0 && !slot(0).is_open) remove_oldest();
   if (used_ == 0) next_ = 0;
   const size_t begin = next_ + size <= kBytes ? next_ : 0;
-  const auto lies_there = [&](Slot& other) {
+  const auto overlaps = [&](Slot& other) {
     return other.begin < begin + size && begin < other.begin + other.message.size;
   };
   for (size_t i = 0; i < used_;) {
-    if (lies_there(slot(i))) {
+    if (overlaps(slot(i))) {
       remove_oldest();
       i = 0;
     } else {
@@ -92,7 +92,7 @@ void Reassembly::put(Slot& slot, const MessageFragment& fragment) {
   --slot.missing;
 }
 
-/// Every byte of the message comes from exactly one fragment.
+/// Whether every byte of the message is in exactly one fragment.
 bool Reassembly::is_tiled(const Slot& slot) {
   uint64_t end = 0;
   for (size_t i = 0; i < slot.message.count; ++i) {

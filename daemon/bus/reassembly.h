@@ -1,4 +1,4 @@
-// Reassembly of fragmented messages in memory that is allocated once. Pure.
+// Reassembly of fragmented messages in memory that is allocated once. Uses no socket and no clock.
 #pragma once
 
 #include <array>
@@ -14,28 +14,29 @@
 
 namespace v3d {
 
-/// Which message a fragment belongs to. Fragments agree in all of it.
+/// Identifies the message of a fragment. All fragments of a message have the same values.
 struct MessageIdentity {
-  uint64_t sender = 0;  ///< a session, or the source address where nothing is verified
+  uint64_t sender = 0;  ///< a session, or the source address without authentication
   uint32_t sequence = 0;
-  int64_t sent_ns = 0;  ///< of the trailer; 0 without one
+  int64_t sent_ns = 0;  ///< time in the trailer, ns; 0 without a trailer
   uint32_t size = 0;    ///< of the message without its trailer, bytes
-  uint16_t count = 0;   ///< of fragments
+  uint16_t count = 0;   ///< number of fragments
   friend bool operator==(const MessageIdentity&, const MessageIdentity&) = default;
 };
 
+/// A part of a message.
 struct MessageFragment {
   MessageIdentity of;
   uint16_t number = 0;
-  uint32_t offset = 0;         ///< of `data`; offset + data.size() <= of.size
+  uint32_t offset = 0;         ///< of `data` in the message, bytes; offset + data.size() <= of.size
   std::string_view channel{};  ///< of fragment 0
   std::span<const uint8_t> data{};
 };
 
-/// Messages come together in a ring of kBytes, in the order of their first fragments that arrived,
-/// at most kSlots at a time. A message that is incomplete when the ring comes round to its place,
-/// or when all slots are in use, is given up: so much newer data has arrived meanwhile. Fragments
-/// may come in any order and repeatedly. One thread.
+/// Reassembles at most kSlots messages at a time in a ring buffer of kBytes, in the order of the
+/// first arrived fragments. An incomplete message is discarded when its place in the ring or its
+/// slot is needed for a newer message. Fragments may arrive in any order and repeatedly. One
+/// thread.
 class Reassembly {
  public:
   static constexpr size_t kBytes = size_t{64} << 20;
@@ -50,24 +51,26 @@ class Reassembly {
     std::string_view channel;
     std::span<const uint8_t> bytes;
   };
-  /// The message when this was its last missing fragment; valid until the next call. Precondition:
-  /// of.size <= kMaxMessage, 1 < of.count <= kMaxFragments, number < count, data in bounds.
+  /// Returns the message when this was its last missing fragment; valid until the next call.
+  /// Precondition: of.size <= kMaxMessage, 1 < of.count <= kMaxFragments, number < count, data in
+  /// bounds.
   std::optional<Message> add(const MessageFragment& fragment);
-  /// What has arrived of it is no longer needed.
+  /// Discards the fragments of a message that is not needed.
   void drop(const MessageIdentity& message);
 
+  /// Number of messages that were discarded incomplete.
   int64_t given_up() const { return given_up_; }
-  /// Messages whose fragments overlapped, or left gaps.
+  /// Number of messages whose fragments overlapped or left gaps.
   int64_t inconsistent() const { return inconsistent_; }
 
  private:
   struct Slot {
     MessageIdentity message;
     bool is_open = false;
-    size_t begin = 0;  ///< in the ring
+    size_t begin = 0;  ///< offset in the ring, bytes
     std::array<char, kMaxChannelName> channel{};
     size_t channel_size = 0;
-    size_t missing = 0;  ///< fragments
+    size_t missing = 0;  ///< number of fragments
     std::bitset<kMaxFragments> arrived;
     std::array<uint32_t, kMaxFragments> offsets{};
     std::array<uint32_t, kMaxFragments> sizes{};
@@ -80,11 +83,11 @@ class Reassembly {
   Slot& slot(size_t age_order) { return slots_[(first_ + age_order) % kSlots]; }
   static bool is_tiled(const Slot& slot);
 
-  const std::unique_ptr<uint8_t[]> bytes_;  ///< the kernel gives pages as they are written
-  std::vector<Slot> slots_;                 ///< a queue, oldest first: used_ from first_ on
+  const std::unique_ptr<uint8_t[]> bytes_;  ///< the kernel allocates pages when they are written
+  std::vector<Slot> slots_;  ///< a circular queue, oldest first: `used_` slots from `first_`
   size_t first_ = 0;
   size_t used_ = 0;
-  size_t next_ = 0;  ///< where the next message begins
+  size_t next_ = 0;  ///< offset of the next message in the ring, bytes
   int64_t given_up_ = 0;
   int64_t inconsistent_ = 0;
 };

@@ -5,8 +5,8 @@
 namespace v3d {
 namespace {
 
-/// Networks do not delay a message longer.
-constexpr Duration kOvertakenBy = std::chrono::seconds(10);
+/// The longest delay of a message in the network.
+constexpr Duration kMaxDelay = std::chrono::seconds(10);
 
 }  // namespace
 
@@ -21,25 +21,27 @@ SequenceCounts& SequenceCounts::operator+=(const SequenceCounts& other) {
 void SequenceTracker::note(const std::string& key, int64_t seq, RealtimeInstant sent) {
   if (senders_.size() == kMaxKeys && !senders_.contains(key)) return;
   Sender& sender = senders_.try_emplace(key, Sender{.from_start = from_start_}).first->second;
-  const SequenceCounts what = arrived(sender, seq, sent);
-  sender.counts += what;
-  total_ += what;
+  const SequenceCounts change = arrived(sender, seq, sent);
+  sender.counts += change;
+  total_ += change;
 }
 
 SequenceCounts SequenceTracker::arrived(Sender& sender, int64_t seq, RealtimeInstant sent) const {
-  // A sender whose clock was set back while it was away has started again, too.
-  const bool overtaken = seq <= sender.newest && sent <= sender.newest_sent &&
-                         sender.newest_sent - sent < kOvertakenBy;
-  if (overtaken && sender.awaited.erase(seq) > 0) return {.received = 1, .lost = -1, .late = 1};
+  // A restarted sender may have a clock that was set back meanwhile, so a much older time shows a
+  // restart.
+  const bool overtaken =
+      seq <= sender.newest && sent <= sender.newest_sent && sender.newest_sent - sent < kMaxDelay;
+  if (overtaken && sender.missing.erase(seq) > 0) return {.received = 1, .lost = -1, .late = 1};
   if (overtaken) return {.duplicate = 1};
-  if (seq <= sender.newest) {  // begins again
+  if (seq <= sender.newest) {  // the sender has restarted
     sender = {.newest = -1, .counts = sender.counts, .from_start = from_start_};
   }
   const bool first = sender.newest < 0 && !sender.from_start;
   const int64_t missed = first ? 0 : std::min(seq - (sender.newest + 1), kMaxMissed);
-  const int64_t awaited = std::min(missed, kMaxAwaited);
-  for (int64_t n = seq - awaited; n < seq; ++n) sender.awaited.insert(sender.awaited.end(), n);
-  while (std::ssize(sender.awaited) > kMaxAwaited) sender.awaited.erase(sender.awaited.begin());
+  const int64_t stored = std::min(missed, kMaxMissingNumbers);
+  for (int64_t n = seq - stored; n < seq; ++n) sender.missing.insert(sender.missing.end(), n);
+  while (std::ssize(sender.missing) > kMaxMissingNumbers)
+    sender.missing.erase(sender.missing.begin());
   sender.newest = seq;
   sender.newest_sent = std::max(sender.newest_sent, sent);
   return {.received = 1, .lost = missed};

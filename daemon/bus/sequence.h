@@ -1,4 +1,4 @@
-// Counts what did not arrive: LCM has no drop counter, so every message carries a sequence number.
+// Counts lost messages by their sequence numbers, because LCM has no loss counter.
 #pragma once
 
 #include <cstdint>
@@ -10,51 +10,51 @@
 
 namespace v3d {
 
-/// Of the messages of one sender on one channel.
+/// Counts of the messages of one sender on one channel.
 struct SequenceCounts {
-  int64_t received = 0;   ///< each once
-  int64_t lost = 0;       ///< sent before the newest that arrived, and not here
-  int64_t late = 0;       ///< of `received`: overtaken by others
-  int64_t duplicate = 0;  ///< came again
+  int64_t received = 0;   ///< each message once
+  int64_t lost = 0;       ///< sent before the newest arrived message, and not received
+  int64_t late = 0;       ///< of `received`: arrived after a newer message
+  int64_t duplicate = 0;  ///< received again
 
   SequenceCounts& operator+=(const SequenceCounts& other);
   friend bool operator==(const SequenceCounts&, const SequenceCounts&) = default;
 };
 
-/// Networks lose, repeat and reorder. One thread.
+/// Detects lost, late and duplicate messages of many senders. One thread.
 class SequenceTracker {
  public:
-  /// `from_start`: this listens since before a sender's first message, which has the number 0: what
-  /// does not come before the first that arrives is lost, too.
+  /// `from_start`: reception starts before each sender's first message, which has the number 0.
+  /// Messages before the first arrived one then count as lost too.
   explicit SequenceTracker(bool from_start = false) : from_start_(from_start) {}
 
-  /// Every message of `key`, as it arrives. `seq` is 0 or more. `sent` is by the clock of the
-  /// sender: a number that does not rise, but was sent later, or ten seconds earlier or more, is of
-  /// a sender that started again.
+  /// Records a message of the sender `key` at its arrival. `seq` is 0 or more; `sent` is a time of
+  /// the sender's clock. A number that does not increase shows a restart of the sender when the
+  /// message was sent later than the newest one, or at least 10 s earlier.
   void note(const std::string& key, int64_t seq, RealtimeInstant sent);
 
-  /// What was sent of `key` until now was not listened to, and is not lost.
+  /// Starts a new count for `key`: messages that were sent before this call do not count as lost.
   void listen_anew(const std::string& key);
 
-  /// Of one key, and of all.
+  /// The counts of one key; total() is the sum over all keys.
   SequenceCounts of(const std::string& key) const;
   const SequenceCounts& total() const { return total_; }
 
  private:
-  /// Anybody can invent channels and numbers: so many are followed, so many believed to be missing
-  /// at once, and so many of each key waited for.
+  /// Limits against invented channels and numbers: of keys, of lost messages in one gap, and of
+  /// missing numbers that are stored for a key.
   static constexpr size_t kMaxKeys = 1024;
   static constexpr int64_t kMaxMissed = 1'000'000;
-  static constexpr int64_t kMaxAwaited = 4096;
+  static constexpr int64_t kMaxMissingNumbers = 4096;
 
   struct Sender {
     int64_t newest = -1;
     RealtimeInstant newest_sent = {};
-    std::set<int64_t> awaited = {};  ///< numbers below the newest that have not come
+    std::set<int64_t> missing = {};  ///< numbers below the newest that have not arrived
     SequenceCounts counts = {};
-    bool from_start = false;  ///< as above
+    bool from_start = false;  ///< as in the constructor
   };
-  /// What this message adds to the counts.
+  /// The change of the counts by this message.
   SequenceCounts arrived(Sender& sender, int64_t seq, RealtimeInstant sent) const;
 
   const bool from_start_;

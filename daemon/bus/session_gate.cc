@@ -8,14 +8,14 @@
 namespace v3d {
 namespace {
 
-/// How far `sequence` is ahead of `other`, or, negative, behind it.
+/// `sequence` minus `other`, with wrap-around; negative when `sequence` is older.
 int64_t distance(uint32_t sequence, uint32_t other) {
   return static_cast<int32_t>(sequence - other);
 }
 
 }  // namespace
 
-// --- once ---------------------------------------------------------------------------------------
+// --- window -------------------------------------------------------------------------------------
 
 const SessionGate::Session* SessionGate::find(uint32_t session) const {
   const auto found = std::ranges::find(sessions_, session, &Session::id);
@@ -65,7 +65,7 @@ void SessionGate::note(const SessionStamp& stamp, const ReceiverTime& now) {
   known.received.set(stamp.sequence % kWindow);
 }
 
-// --- recent -------------------------------------------------------------------------------------
+// --- recency ------------------------------------------------------------------------------------
 
 bool SessionGate::is_recent(const SessionStamp& stamp, const ReceiverTime& now) const {
   const Session* const known = find(stamp.session);
@@ -105,31 +105,31 @@ void SessionGate::accept(const SessionStamp& newest, const ReceiverTime& now,
 
 std::optional<int64_t> SessionQuestions::ask(uint32_t session, MonotonicInstant now,
                                              const Signer& signer) {
-  auto place = std::ranges::find_if(questions_, [&](const Question& question) {
+  auto entry = std::ranges::find_if(questions_, [&](const Question& question) {
     return question.session == session && question.signer == signer && question.is_pending(now);
   });
-  if (place == questions_.end()) {
-    place = std::ranges::min_element(questions_, {}, &Question::first_asked);
-    *place = {.session = session,
+  if (entry == questions_.end()) {
+    entry = std::ranges::min_element(questions_, {}, &Question::first_asked);
+    *entry = {.session = session,
               .nonce = random_nonce(),
               .signer = signer,
               .first_asked = now,
               .last_asked = {}};
-  } else if (now - place->last_asked < kAgainAfter) {
+  } else if (now - entry->last_asked < kAgainAfter) {
     return std::nullopt;
   }
-  place->last_asked = now;
-  return place->nonce;
+  entry->last_asked = now;
+  return entry->nonce;
 }
 
 const SessionQuestions::Question* SessionQuestions::find(uint32_t session, int64_t nonce,
                                                          MonotonicInstant now,
                                                          const Signer& signer) const {
-  const auto* const place = std::ranges::find_if(questions_, [&](const Question& question) {
+  const auto* const entry = std::ranges::find_if(questions_, [&](const Question& question) {
     return question.session == session && question.nonce == nonce && question.is_of(signer) &&
            question.is_pending(now);
   });
-  return place == questions_.end() ? nullptr : place;
+  return entry == questions_.end() ? nullptr : entry;
 }
 
 bool SessionQuestions::is_pending(uint32_t session, int64_t nonce, MonotonicInstant now,

@@ -1,5 +1,5 @@
-// Which authentic messages are recent, and each once: anti-replay windows and clocks of the sending
-// sessions.
+// Anti-replay filter: accepts each authentic message once and only when it is recent, by a window
+// of sequence numbers and a clock for each sending session.
 #pragma once
 
 #include <array>
@@ -13,69 +13,74 @@
 
 namespace v3d {
 
-/// Of a message, by the trailers of its datagrams. A session is one sending socket.
+/// Session, number and time of a message, from the trailers of its datagrams. A session is one
+/// sending socket.
 struct SessionStamp {
   uint32_t session = 0;
   uint32_t sequence = 0;
   RealtimeInstant sent;
 };
 
-/// The clocks of the receiver, read together.
+/// The clocks of the receiver at one time.
 struct ReceiverTime {
   MonotonicInstant monotonic;
   RealtimeInstant realtime;
   static ReceiverTime now() { return {Monotonic::now(), Realtime::now()}; }
 };
 
-/// A message is accepted once, and when it is recent.
+/// Accepts a message once, and only when it is recent.
 ///
-/// Once: messages may overtake each other by up to kWindow - 1; older ones count as received.
+/// Once: messages may be reordered by up to kWindow - 1 numbers; older ones count as received.
 ///
-/// Recent: the time of sending advances in a session as this host's CLOCK_MONOTONIC does, but for
-/// kDrift, from the message that was fastest. So a known session needs no agreement of clocks, and
-/// clocks may be set. A session that is not known is accepted when its time agrees with this host's
-/// CLOCK_REALTIME. Where it does not, the message is in doubt: the session is asked
-/// (SessionQuestions), and its answer, which nobody can have recorded, is given to accept().
+/// Recent: the times of sending in a session must advance like this PC's CLOCK_MONOTONIC, relative
+/// to the message with the shortest delay and within kDrift. A known session therefore needs no
+/// synchronized clock, and wall clocks may be set. An unknown session is accepted when its time
+/// agrees with this PC's CLOCK_REALTIME. Otherwise the message is not recent until the session has
+/// answered a question (SessionQuestions); the answer holds a new nonce, so it cannot be a
+/// recording. The caller passes it to accept().
 ///
-/// Messages that nodes act on need more: their session must have answered since it is known here
-/// (has_answered()). A wall clock alone would let recordings of its time in after a restart. Where
-/// members sign, the answer must be of the key that signs the messages: every member has the studio
-/// key, so it can send and answer in a session of another, whose recorded messages it has.
+/// Messages that nodes act on need an answer of their session in any case (has_answered()). With a
+/// wall clock alone, recordings of that time would be accepted after a restart. When members sign,
+/// the key that signs the messages must sign the answer too. Every member has the studio key, so it
+/// can send and answer in the session of another member whose messages it has recorded.
 ///
-/// kMaxSessions are remembered; when there are more, the one that was silent longest is forgotten,
-/// and unknown sessions are in doubt with what was sent before its last message. Only authentic
-/// messages may be noted, so nobody without the key changes anything here. Allocates nothing after
-/// construction. One thread.
-/// Source: RFC 6479, with one bit a message.
+/// At most kMaxSessions are stored. A new one replaces the session that was silent longest. Then
+/// unknown sessions are not recent with messages that were sent before the last one of the removed
+/// session. The caller must note authentic messages only, so senders without the key cannot change
+/// the state. Allocates nothing after construction. One thread. Source: RFC 6479, with one bit a
+/// message.
 class SessionGate {
  public:
   static constexpr uint32_t kWindow = 1024;
   static constexpr size_t kMaxSessions = 256;
-  /// A message may be so old: networks are slow.
+  /// The largest age of a recent message; it permits delays in the network.
   static constexpr Duration kOldest = std::chrono::seconds(5);
-  /// So far may a sender be ahead.
+  /// The largest lead of a sender's clock.
   static constexpr Duration kAhead = std::chrono::seconds(2);
-  /// Two clocks differ in rate by no more: crystals are good to 100 ppm, NTP slews by 500.
+  /// The largest difference in rate of two clocks: crystals deviate by 100 ppm, NTP slews by 500
+  /// ppm.
   static constexpr double kDrift = 1e-3;
 
   SessionGate() { sessions_.reserve(kMaxSessions); }
 
-  /// Before anything is verified. Sequence numbers wrap.
+  /// Whether the message was received before. To be called before the verification of the message.
+  /// Sequence numbers may wrap.
   bool is_received(const SessionStamp& stamp) const;
-  /// Of an authentic message. False: it is in doubt.
+  /// Whether an authentic message is recent. If not, ask its session (SessionQuestions).
   bool is_recent(const SessionStamp& stamp, const ReceiverTime& now) const;
-  /// Whether the last accept() for the session was with this signer.
+  /// Whether the last accept() for the session had this signer.
   bool has_answered(uint32_t session, const Signer& signer = {}) const;
-  /// Whether the last accept() for the session was with another signer: its time and its numbers
-  /// are those of an answer that another member gave.
+  /// Whether the last accept() for the session had another signer: the stored time and numbers of
+  /// the session then come from the answer of another member.
   bool is_answered_by_other(uint32_t session, const Signer& signer) const;
-  /// An authentic, recent message is accepted.
+  /// Records an authentic, recent message as received.
   void note(const SessionStamp& stamp, const ReceiverTime& now);
-  /// The session has just answered a question: `newest.sent` is its time now, `newest.sequence` its
-  /// last message. With the first answer of a signer, older messages are not accepted any more.
+  /// Records that the session has answered a question. `newest.sent` is the session's current time,
+  /// `newest.sequence` the number of its last message. After the first answer of a signer, messages
+  /// up to that number count as received.
   void accept(const SessionStamp& newest, const ReceiverTime& now, const Signer& signer = {});
-  /// How many sessions were forgotten. Answers to questions of before may then be older than what
-  /// was received, and are worth nothing.
+  /// Number of removed sessions. After a removal, answers to earlier questions must be ignored:
+  /// they may be older than messages that were received.
   int64_t forgotten() const { return forgotten_; }
 
  private:
@@ -83,15 +88,15 @@ class SessionGate {
     uint32_t id = 0;
     uint32_t newest = 0;
     bool has_answered = false;
-    Signer answered_by;  ///< the last time
+    Signer answered_by;  ///< signer of the last answer
     RealtimeInstant newest_sent = RealtimeInstant::min();
-    MonotonicInstant received_at;  ///< the last of them
-    // A message that was fast: when it was sent, and received.
+    MonotonicInstant received_at;  ///< time of the last reception
+    // The message with the shortest delay: times of sending and reception.
     RealtimeInstant fast_sent;
     MonotonicInstant fast_received;
     std::bitset<kWindow> received;  ///< by sequence number modulo kWindow
 
-    /// How much longer the message took than the fast one; negative when it was faster.
+    /// The delay of a message minus that of the fast one.
     Duration delay(RealtimeInstant sent, MonotonicInstant now) const {
       return (now - fast_received) - (sent - fast_sent);
     }
@@ -107,27 +112,28 @@ class SessionGate {
   int64_t forgotten_ = 0;
 };
 
-/// Which sessions have been asked for a sign of life, and with which nonce. One thread.
+/// Pending questions to sessions, each with its nonce. One thread.
 class SessionQuestions {
  public:
-  /// A session is asked at most so often, and so many are waited for at once.
+  /// Limits: time between two questions to a session, time for an answer, number of pending
+  /// questions.
   static constexpr Duration kAgainAfter = std::chrono::milliseconds(200);
   static constexpr Duration kAnsweredWithin = std::chrono::seconds(2);
   static constexpr size_t kMaxPending = 16;
 
-  /// The nonce to ask the session with; empty when it was asked a moment ago. `signer`: whose
-  /// answer counts; empty: that of any member.
+  /// The nonce of a question to the session; empty when it was asked less than kAgainAfter ago.
+  /// `signer`: the key that must sign the answer; empty: the key of any member.
   std::optional<int64_t> ask(uint32_t session, MonotonicInstant now, const Signer& signer = {});
-  /// Whether an answer of `signer` with this nonce would be one to a question that is pending.
+  /// Whether an answer of `signer` with this nonce matches a pending question.
   bool is_pending(uint32_t session, int64_t nonce, MonotonicInstant now,
                   const Signer& signer = {}) const;
-  /// Whether this answers a question that is pending, which then is not any more.
+  /// Whether this answer matches a pending question. Removes the question.
   bool answers(uint32_t session, int64_t nonce, MonotonicInstant now, const Signer& signer = {});
 
  private:
   struct Question {
     uint32_t session = 0;
-    int64_t nonce = 0;  ///< 0: free
+    int64_t nonce = 0;  ///< 0: unused entry
     Signer signer;
     MonotonicInstant first_asked, last_asked;
     bool is_pending(MonotonicInstant now) const {

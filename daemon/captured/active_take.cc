@@ -13,9 +13,9 @@ namespace {
 
 constexpr Duration kDrainTimeout = std::chrono::seconds(15);
 constexpr Duration kMaxIdleTime = std::chrono::seconds(1);
-/// A pulse has been read from the sense line so long after its end.
+/// Longest time from the end of a pulse until it is read from the sense line.
 constexpr Duration kSenseLatency = std::chrono::milliseconds(100);
-/// To collect the plates of the background, beyond the duration of their train.
+/// Time to collect the plates of the background, in addition to the duration of their train.
 constexpr Duration kPlateTimeout = std::chrono::seconds(15);
 
 std::map<std::string, ChromaKey> chroma_keys(const Studio& studio) {
@@ -142,8 +142,8 @@ void ActiveTake::train_ended() {
   train_ended_at_ = Monotonic::now();
 }
 
-/// All pulses of the train are known, or no further one will be. `is_idle`: nothing has arrived for
-/// a while.
+/// Whether all pulses of the train are known, or no more are expected. `is_idle`: nothing has
+/// arrived recently.
 bool ActiveTake::pulses_are_complete(bool is_idle) const {
   const NodeTrigger& trigger = context_.trigger;
   // On other nodes the messages of the last pulses may still be in flight.

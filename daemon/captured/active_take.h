@@ -54,7 +54,7 @@ class ActiveTake {
     PulseTrain train;  ///< for a background: as many pulses as plates
   };
 
-  /// Starts what `plan.order` asks for: a take, a check or a background. Cameras and trigger are
+  /// Starts the take, check or background that `plan.order` requests. Cameras and trigger are
   /// armed. Throws InputError when the disk fails check_disk(), or the sense line cannot be opened.
   static std::unique_ptr<ActiveTake> begin(Context context, Plan plan);
   /// Resumes a take that this node recorded before its daemon restarted. Pulses run; `commanded` of

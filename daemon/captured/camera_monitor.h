@@ -20,7 +20,7 @@ class CameraMonitor {
   /// `events` outlives the monitor.
   explicit CameraMonitor(EventSender& events) : events_(events) {}
 
-  /// Call when a train begins: frames are counted from 0.
+  /// Call when a train starts: frames are counted from 0.
   void reset();
   /// Sends an event when the camera was lost or came back since the last call. Call it often.
   void update(const CameraWorker& worker);

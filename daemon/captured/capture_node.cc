@@ -27,7 +27,7 @@ constexpr int64_t kMaxPlates = 256;  // all are in memory at the same time
 /// A frame that is this many periods late counts as missing in health.
 constexpr int64_t kLatePeriods = 5;
 
-/// Rejects values that no operator can mean; commands come from the network.
+/// Rejects implausible values, because commands come from the network.
 void check_order(const CommandMessage& order) {
   if (order.rate_hz != 0 && !is_pulse_rate(order.rate_hz)) {
     throw InputError(impossible_pulse_rate(order.rate_hz));

@@ -76,7 +76,7 @@ class CaptureNode : public NodeDelegate {
   std::string fault_text() const;
   void report_take(const TakeCounts& counts, HealthMessage& health) const;
   void report_trigger(HealthMessage& health) const;
-  /// Sends events about disk, trigger, sense line and live picture: when a warning begins, changes
+  /// Sends events about disk, trigger, sense line and live picture: when a warning starts, changes
   /// or ends.
   void report_warnings(const TakeCounts& counts);
   std::string trigger_warning(const TakeCounts& counts) const;

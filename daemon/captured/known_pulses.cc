@@ -5,9 +5,9 @@
 namespace v3d {
 namespace {
 
-/// A pulse number from the network that is so far ahead of all before is rejected.
+/// A pulse number from the network is rejected when it is this far ahead of all previous ones.
 constexpr int64_t kMaxJump = 15'000;
-/// Pulses that were commanded, and whose messages have not arrived yet.
+/// Commanded pulses whose messages have not arrived yet.
 constexpr int64_t kMaxInFlight = 2;
 
 }  // namespace

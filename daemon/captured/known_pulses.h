@@ -12,7 +12,7 @@
 
 namespace v3d {
 
-/// The pulses of one take that this node knows. One thread.
+/// The pulses of one take that this node has sensed or received. One thread.
 class KnownPulses {
  public:
   explicit KnownPulses(std::string take) : take_(std::move(take)) {}
@@ -27,7 +27,7 @@ class KnownPulses {
 
   /// The highest pulse number plus one.
   int64_t seen() const { return seen_; }
-  /// The number of pulses known.
+  /// The number of pulses sensed or received.
   int64_t count() const { return sensed_.size(); }
   /// Sets the number of sensed pulses and the list of those not sensed, out of `commanded`.
   void fill_ledger(Ledger& ledger, int64_t commanded) const;
@@ -40,7 +40,7 @@ class KnownPulses {
 
 /// Whether the ledger may state how many pulses were sensed. It may not without a sense line, nor
 /// on a node that receives pulse messages from the trigger's node and has lost some. `sensed`:
-/// pulses known here.
+/// pulses sensed or received here.
 bool sensed_count_is_known(bool has_sense_line, bool senses_here, int64_t sensed,
                            int64_t commanded);
 

@@ -43,7 +43,7 @@ class NodeTrigger {
   /// On other nodes: reads the health messages that have arrived. Call it often. `take`: the take
   /// being recorded.
   void poll(const std::string& take);
-  /// Calls poll(). True when the train has ended, as far as this node knows.
+  /// Calls poll(). True when this node has received or sensed the end of the train.
   bool train_has_ended(const std::string& take);
 
   /// The generator does not count pulses exactly, but the sense line does.

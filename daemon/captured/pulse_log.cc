@@ -9,7 +9,7 @@ namespace {
 
 constexpr Duration kPollInterval = std::chrono::milliseconds(50);
 constexpr size_t kQueuePulses = 4096;
-/// A power cut loses at most the pulses of this time.
+/// Time between flushes; a power cut loses the pulses of at most this time.
 constexpr Duration kSyncEvery = std::chrono::seconds(1);
 
 }  // namespace

@@ -1,4 +1,5 @@
-// Resume state of a take: what this node recorded of each camera before its daemon restarted.
+// Resume state of a take: clock, latency and recorded frames of each camera before the daemon
+// restarted.
 #pragma once
 
 #include <cstdint>

@@ -87,7 +87,7 @@ class CommandGate {
   const std::string node_;
   const std::function<int64_t()> draw_;
   Credentials credentials_;
-  mutable std::mutex mutex_;  ///< guards what follows
+  mutable std::mutex mutex_;  ///< guards the members below
   CommandCounts counts_;
   struct Nonce {
     int64_t value = 0;  ///< 0: none

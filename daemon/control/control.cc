@@ -31,7 +31,7 @@ consteval Table full_table() {
 /// The operator in a sender: "anna@desk" in "anna@desk/4711/1763..."
 std::string operator_name(const std::string& sender) { return sender.substr(0, sender.find('/')); }
 
-/// Why a command is refused in this phase, and what to do instead.
+/// The reason for refusing a command in this phase, and the remedy.
 std::string refusal(Phase phase, const CommandMessage& order) {
   const std::string armed = order.take + " by " + operator_name(order.sender);
   switch (phase) {

@@ -46,11 +46,11 @@ constexpr bool is_command(Input input) { return input <= Input::kCheck; }
 /// The work that a transition requires of the NodeDelegate.
 enum class Work : uint8_t {
   kNone,
-  kArm,     ///< begin to prepare
+  kArm,     ///< start to prepare
   kStart,   ///< start pulses
   kDrain,   ///< stop pulses, wait for frames in flight, close the take
   kDisarm,  ///< stop pulses and close the take at once
-  kLearn,   ///< begin to learn the background
+  kLearn,   ///< start to learn the background
 };
 
 /// The reply to a command; kNone for reports.

@@ -34,7 +34,7 @@ std::string make_sender() {
 }
 
 /// Prefix of the text of unverified health.
-constexpr char kUnverifiedPrefix[] = "not believed: ";
+constexpr char kUnverifiedPrefix[] = "not verified: ";
 
 /// Decodes health for an operator. A node without a key cannot authenticate the report that it has
 /// none. Its health is shown as a fault, unless verified health of this node arrived recently.
@@ -58,7 +58,8 @@ class HealthReader {
         .version = health->version,
         .state = NodeState::kFault,
         .take = {},
-        .text = kUnverifiedPrefix + (health->text.empty() ? "not verified" : health->text),
+        .text =
+            kUnverifiedPrefix + (health->text.empty() ? "no valid MAC or signature" : health->text),
         .values = {}};
   }
 

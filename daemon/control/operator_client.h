@@ -49,7 +49,7 @@ class OperatorClient {
 
   /// The last health of each node since construction or the end of the last command. Waits until
   /// each of nodes() has sent one, or until `deadline`. A node that is missing in the result is
-  /// silent. Unverified health shows a fault, with a text that begins with "not believed".
+  /// silent. Unverified health shows a fault, with a text that begins with "not verified".
   std::map<std::string, HealthMessage> health(MonotonicInstant deadline);
 
   /// The next health message or event of any node; empty if none arrives until `deadline`.

@@ -121,8 +121,8 @@ int64_t StudioCoordinator::nonce_of(const std::string& node) const {
   return known == nonces_.end() ? 0 : known->second.value;
 }
 
-/// Uses only the first reply to each message, so that repeated or late replies bring no old nonce
-/// back. When the node rejected the nonce of a command, the command is due again at once: at most
+/// Uses only the first reply to each message, so that repeated or late replies restore no old
+/// nonce. When the node rejected the nonce of a command, the command is due again at once: at most
 /// once for each message.
 void StudioCoordinator::learn_nonce(const ReplyMessage& reply) {
   const auto& nodes = targets_.nodes;

@@ -17,8 +17,8 @@ inline constexpr char kDiskFull[] = "disk_full_flag";
 /// True if `health` has kDiskFull set.
 bool reports_full_disk(const HealthMessage& health);
 
-/// Subscribes to the health of other nodes. Health is sent every second, so one lost message does
-/// no harm. One thread.
+/// Subscribes to the health of other nodes. Health is sent every second, so a lost message only
+/// delays the result. One thread.
 class DiskMonitor {
  public:
   /// `bus` outlives the monitor.

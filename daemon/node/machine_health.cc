@@ -65,7 +65,7 @@ std::optional<MachineHealth::Ticks> MachineHealth::read_ticks() const {
   if (!line.starts_with("cpu ")) return std::nullopt;
   std::vector<int64_t> times = numbers_in(line.substr(4));
   if (times.size() < 5) return std::nullopt;
-  times.resize(8);  // guest times (the rest) are part of user time
+  times.resize(8);  // the following guest times are part of user time
   Ticks ticks;
   for (const int64_t time : times) ticks.all += time;
   ticks.busy = ticks.all - times[3] - times[4];  // idle, iowait
@@ -76,7 +76,7 @@ std::optional<MachineHealth::Ticks> MachineHealth::read_ticks() const {
 
 std::optional<double> MachineHealth::hottest(const std::string& folder, const std::string& prefix,
                                              const std::string& suffix) const {
-  std::optional<double> most;
+  std::optional<double> highest;
   std::error_code error;
   for (const auto& device : fs::directory_iterator(root_ / folder, error)) {
     std::error_code inner;
@@ -84,10 +84,11 @@ std::optional<double> MachineHealth::hottest(const std::string& folder, const st
       const std::string file = entry.path().filename();
       if (!file.starts_with(prefix) || !file.ends_with(suffix)) continue;
       const auto numbers = numbers_in(first_line(entry.path()));
-      if (numbers.size() == 1) most = std::max(most.value_or(-273), 1e-3 * double(numbers[0]));
+      if (numbers.size() == 1)
+        highest = std::max(highest.value_or(-273), 1e-3 * double(numbers[0]));
     }
   }
-  return most;
+  return highest;
 }
 
 void MachineHealth::update_processor_time() {

@@ -60,8 +60,9 @@ class LastHealth : public prometheus::Collectable {
       const size_t dot = value_name.find('.');
       std::vector<ClientMetric::Label> labels = {{"node", health_.node}};
       if (dot != std::string::npos) labels.push_back({"camera", value_name.substr(0, dot)});
-      const std::string what = dot == std::string::npos ? value_name : value_name.substr(dot + 1);
-      add(families, metric_name((dot == std::string::npos ? "" : "camera_") + what),
+      const std::string short_name =
+          dot == std::string::npos ? value_name : value_name.substr(dot + 1);
+      add(families, metric_name((dot == std::string::npos ? "" : "camera_") + short_name),
           gauge(std::move(labels), value));
     }
     std::vector<MetricFamily> list;

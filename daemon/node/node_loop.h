@@ -57,7 +57,7 @@ class NodeLoop {
   void check_clock(HealthMessage& health);
   /// Counters of commands, messages and datagrams.
   void report_counts(HealthMessage& health) const;
-  /// Sets the text of `health`, where it is free, to what is wrong with credentials or messages.
+  /// If the text of `health` is empty, sets it to the problem of the credentials or messages.
   void report_problem(HealthMessage& health) const;
   void read_credentials();
   std::string credential_problem() const;

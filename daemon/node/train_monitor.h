@@ -16,7 +16,7 @@ namespace v3d {
 /// when its last pulse failed, when messages are lost, or when the trigger's node has restarted.
 class TrainState {
  public:
-  /// A train begins: earlier messages are ignored. Call when the trigger's node is armed.
+  /// Starts a new train: earlier messages are ignored. Call when the trigger's node is armed.
   void reset() { *this = {}; }
 
   /// The take that the trigger's node records; `take` is empty when it records none.

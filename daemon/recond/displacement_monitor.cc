@@ -13,7 +13,7 @@
 namespace v3d {
 namespace {
 
-/// Voxels along the longest edge of the space: about one pixel of an XGA camera outside of it.
+/// Voxels along the longest edge of the space: about one pixel of an XGA camera outside the space.
 constexpr double kVoxels = 256;
 
 double voxel_for(const Box& bounds) { return (bounds.max - bounds.min).maxCoeff() / kVoxels; }

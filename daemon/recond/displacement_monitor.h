@@ -61,7 +61,7 @@ class DisplacementMonitor {
   MonotonicInstant next_sample_;              ///< used by offer()
   std::vector<CameraDisplacement> returned_;  ///< by result()
   std::atomic<bool> stopped_ = true;
-  std::mutex mutex_;  ///< guards what follows
+  std::mutex mutex_;  ///< guards the members below
   std::condition_variable changed_;
   bool stopping_ = false;
   bool busy_ = false;

@@ -103,7 +103,7 @@ class LiveQueue {
   }
 
   const Options options_;
-  mutable std::mutex mutex_;  ///< guards what follows
+  mutable std::mutex mutex_;  ///< guards the members below
   std::condition_variable filled_;
   std::deque<T> queue_;
   std::optional<MonotonicInstant> backlog_since_;

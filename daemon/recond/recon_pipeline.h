@@ -158,7 +158,7 @@ class ReconPipeline {
   Heartbeat assembling_;
   Heartbeat reconstructing_;
 
-  mutable std::mutex mutex_;               ///< guards what follows until shared_
+  mutable std::mutex mutex_;               ///< guards the members below, until shared_
   SequenceTracker sequences_;              ///< by camera and frame group
   std::optional<FrameGroupSet> groups_{};  ///< that a shared take receives
   std::map<int64_t, RealtimeInstant> edges_;

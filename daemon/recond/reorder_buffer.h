@@ -19,7 +19,7 @@ class ReorderBuffer {
     size_t meshes = 512;
     size_t bytes = 128 << 20;
   };
-  /// The stream begins with the pulse `first`.
+  /// The stream starts with the pulse `first`.
   explicit ReorderBuffer(int64_t first) : ReorderBuffer(first, Limits{}) {}
   ReorderBuffer(int64_t first, Limits limits) : limits_(limits), next_(first) {}
 

@@ -52,7 +52,8 @@ class Shard {
   static constexpr Duration kMaxWait = std::chrono::seconds(15);
   /// A mesh that its owner reports as made, but that has not arrived, is made again after this.
   static constexpr Duration kRepeatAfter = std::chrono::milliseconds(300);
-  /// A node that joins late takes part from a pulse this far ahead. By then all nodes know.
+  /// A node that joins late takes part from a pulse this far ahead. By then all nodes have its
+  /// status.
   static constexpr Duration kJoinDelay = std::chrono::milliseconds(600);
   /// Limits of the sets of other nodes that are held.
   static constexpr size_t kMaxHeld = 128;

@@ -39,8 +39,8 @@ class SharedTake {
   bool begin(int64_t pulse);  ///< see Shard::begin(). Any thread.
   /// A mesh that was made here. Sends it to the other nodes. Any thread.
   void add_mesh(MeshMessage mesh);
-  /// See Shard::give_up(). Takes effect with the next turn of the thread. Any thread, also from a
-  /// receiver.
+  /// See Shard::give_up(). Takes effect with the next iteration of the thread. Any thread, also
+  /// from a receiver.
   void give_up(int64_t pulse);
 
   ShardCounts counts() const;
@@ -68,7 +68,7 @@ class SharedTake {
   mutable std::mutex given_up_mutex_;  ///< locked last
   std::vector<int64_t> given_up_;
 
-  mutable std::mutex mutex_;  ///< guards what follows
+  mutable std::mutex mutex_;  ///< guards the members below
   Shard shard_;
   std::optional<FrameGroupSet> groups_;  ///< last passed to on_frame_groups
   int64_t published_seq_ = 0;

@@ -129,9 +129,10 @@ void CommandEndpoint::on_finished(const ProgramEnd& end) {
   last_.status = end.status;
   last_.lines = lines_of(end);
   const std::string last_line = last_.lines.empty() ? "" : ": " + last_.lines.back();
-  const std::string what = last_.by + ": " + last_.command.text();
-  if (end.status == kExitDone) return add_event(Severity::kInfo, what + ": done" + last_line);
-  add_event(Severity::kWarning, what + ": exit status " + std::to_string(end.status) + last_line);
+  const std::string summary = last_.by + ": " + last_.command.text();
+  if (end.status == kExitDone) return add_event(Severity::kInfo, summary + ": done" + last_line);
+  add_event(Severity::kWarning,
+            summary + ": exit status " + std::to_string(end.status) + last_line);
 }
 
 void CommandEndpoint::add_event(Severity severity, const std::string& text) {

@@ -1,5 +1,5 @@
 // HTTP requests, answers and WebSocket messages as plain values: the interface between the site,
-// which does not know sockets, and the server, which does not know takes.
+// which uses no sockets, and the server, which does not depend on takes.
 #pragma once
 
 #include <cstdint>

@@ -1,5 +1,5 @@
-// Nodes and operators of a studio without cameras and sockets, and a network between them that
-// loses, repeats and reorders. Time is simulated; one seed gives one story.
+// Simulation of the nodes and operators of a studio, without cameras and sockets, on a network that
+// loses, repeats and reorders messages. Time is simulated; equal seeds give equal results.
 #pragma once
 
 #include <algorithm>
@@ -18,131 +18,136 @@
 
 namespace v3d::test {
 
-class Dice {
+class RandomSource {
  public:
-  explicit Dice(uint32_t seed) : random_(seed) {}
-  double part() { return std::uniform_real_distribution<>()(random_); }
+  explicit RandomSource(uint32_t seed) : random_(seed) {}
+  double uniform() { return std::uniform_real_distribution<>()(random_); }
   int64_t nonce() { return 1 + static_cast<int64_t>(random_()); }
-  Duration between_ms(int least, int most) {
-    return std::chrono::milliseconds(std::uniform_int_distribution<>(least, most)(random_));
+  Duration between_ms(int min_ms, int max_ms) {
+    return std::chrono::milliseconds(std::uniform_int_distribution<>(min_ms, max_ms)(random_));
   }
 
  private:
   std::mt19937 random_;
 };
 
-struct Weather {
+/// Probabilities, 0 to 1 each.
+struct NetworkConditions {
   double loss = 0;
   double repeat = 0;
-  double late = 0;  ///< of messages that take up to two seconds instead of up to 50 ms
+  double late = 0;  ///< of a delay of up to 2 s instead of up to 50 ms
 };
 
-/// Everybody hears every message, or not.
+/// Multicast: sends every message to all other members, unless it is lost.
 class SimulatedNetwork {
  public:
-  using Ear = std::function<void(const Bytes&, MonotonicInstant now)>;
-  SimulatedNetwork(Weather weather, Dice& dice) : weather_(weather), dice_(dice) {}
+  using Receiver = std::function<void(const Bytes&, MonotonicInstant now)>;
+  SimulatedNetwork(NetworkConditions conditions, RandomSource& random)
+      : conditions_(conditions), random_(random) {}
 
-  /// Returns what send() takes.
-  size_t join(Ear ear) {
-    ears_.push_back(std::move(ear));
-    return ears_.size() - 1;
+  /// Returns the address for send().
+  size_t join(Receiver receiver) {
+    receivers_.push_back(std::move(receiver));
+    return receivers_.size() - 1;
   }
   void send(size_t from, const Bytes& bytes, MonotonicInstant now) {
-    for (size_t to = 0; to < ears_.size(); ++to) {
+    for (size_t to = 0; to < receivers_.size(); ++to) {
       if (to == from) continue;
-      if (dice_.part() >= weather_.loss) post(to, bytes, now);
-      if (dice_.part() < weather_.repeat) post(to, bytes, now);
+      if (random_.uniform() >= conditions_.loss) enqueue(to, bytes, now);
+      if (random_.uniform() < conditions_.repeat) enqueue(to, bytes, now);
     }
   }
   void deliver(MonotonicInstant now) {
-    while (!flying_.empty() && flying_.top().arrives <= now) {
-      const Letter letter = flying_.top();
-      flying_.pop();
-      ears_[letter.to](letter.bytes, now);
+    while (!in_flight_.empty() && in_flight_.top().arrives <= now) {
+      const Packet packet = in_flight_.top();
+      in_flight_.pop();
+      receivers_[packet.to](packet.bytes, now);
     }
   }
-  bool empty() const { return flying_.empty(); }
+  bool empty() const { return in_flight_.empty(); }
 
  private:
-  struct Letter {
+  struct Packet {
     MonotonicInstant arrives;
     int64_t number;
     size_t to;
     Bytes bytes;
-    bool operator<(const Letter& other) const {
+    bool operator<(const Packet& other) const {
       return std::tie(other.arrives, other.number) < std::tie(arrives, number);
     }
   };
-  void post(size_t to, const Bytes& bytes, MonotonicInstant now) {
-    const bool late = dice_.part() < weather_.late;
-    flying_.push({now + dice_.between_ms(1, late ? 2000 : 50), ++posted_, to, bytes});
+  void enqueue(size_t to, const Bytes& bytes, MonotonicInstant now) {
+    const bool late = random_.uniform() < conditions_.late;
+    in_flight_.push({now + random_.between_ms(1, late ? 2000 : 50), ++enqueued_, to, bytes});
   }
 
-  const Weather weather_;
-  Dice& dice_;
-  std::vector<Ear> ears_;
-  std::priority_queue<Letter> flying_;
-  int64_t posted_ = 0;
+  const NetworkConditions conditions_;
+  RandomSource& random_;
+  std::vector<Receiver> receivers_;
+  std::priority_queue<Packet> in_flight_;
+  int64_t enqueued_ = 0;
 };
 
-/// What hosts have in common.
-struct World {
-  Dice dice;
+/// State that all simulated processes share.
+struct Simulation {
+  RandomSource random;
   SimulatedNetwork network;
   StudioKey key = StudioKey::make();
-  World(uint32_t seed, Weather weather) : dice(seed), network(weather, dice) {}
+  Simulation(uint32_t seed, NetworkConditions conditions)
+      : random(seed), network(conditions, random) {}
 
   static RealtimeInstant wall_clock(MonotonicInstant now) {
     return from_ns<Realtime>(1'700'000'000'000'000'000 + to_ns(now));
   }
 };
 
-/// A node whose work takes its time and always succeeds.
+/// A node whose work takes a random time and always succeeds.
 class SimulatedNode {
  public:
-  SimulatedNode(World& world, std::string name)
-      : world_(world), name_(std::move(name)), clock_error_(world.dice.between_ms(-400, 400)) {
-    place_ =
-        world.network.join([this](const Bytes& bytes, MonotonicInstant now) { hear(bytes, now); });
-    start_anew(from_ns<Monotonic>(0) - std::chrono::minutes(1));
+  SimulatedNode(Simulation& simulation, std::string name)
+      : simulation_(simulation),
+        name_(std::move(name)),
+        clock_error_(simulation.random.between_ms(-400, 400)) {
+    address_ = simulation.network.join(
+        [this](const Bytes& bytes, MonotonicInstant now) { receive(bytes, now); });
+    restart(from_ns<Monotonic>(0) - std::chrono::minutes(1));
   }
 
-  /// Everything that was in memory is gone. On its disk is the take it was at, and what it had of
-  /// it.
-  void start_anew(MonotonicInstant now) {
+  /// Restarts the process: only the persisted order remains.
+  void restart(MonotonicInstant now) {
     controller_.emplace(name_);
-    if (kept_) controller_->remember(kept_->take, "recovered", "{}");
-    hears_of_trigger_ = now + world_.dice.between_ms(0, 1500);
-    gate_ = std::make_unique<CommandGate>(name_, [this] { return world_.dice.nonce(); });
-    gate_->credentials().set_studio_key(world_.key, now);
+    if (persisted_) controller_->remember(persisted_->take, "recovered", "{}");
+    trigger_known_at_ = now + simulation_.random.between_ms(0, 1500);
+    gate_ = std::make_unique<CommandGate>(name_, [this] { return simulation_.random.nonce(); });
+    gate_->credentials().set_studio_key(simulation_.key, now);
     due_.reset();
-    may_rejoin_ = kept_.has_value();
+    may_rejoin_ = persisted_.has_value();
   }
-  /// Called when pulses begin here.
+  /// Called when this node starts pulses.
   std::function<void(const std::string& take)> on_start;
-  /// Whether the node of the trigger is armed or records for a take; null there.
+  /// Whether the trigger's node is armed for a take or records it; null on that node.
   std::function<bool(const std::string& take)> trigger_runs;
-  /// Whether it records for the take; null there.
+  /// Whether the trigger's node records the take; null on that node.
   std::function<bool(const std::string& take)> trigger_records;
 
   void tick(MonotonicInstant now) {
     if (due_ && due_->first <= now) {
       const Input event = due_->second;
       due_.reset();
-      act(controller_->on_event(event, "report"), now);
+      execute(controller_->on_event(event, "report"), now);
     }
-    watch_train(now);
+    monitor_train(now);
     rejoin(now);
     if (phase() != Phase::kPrepared) prepared_since_ = now;
     if (now - prepared_since_ > std::chrono::seconds(60)) {
-      act(controller_->on_event(Input::kExpired, "not confirmed"), now);
+      execute(controller_->on_event(Input::kExpired, "not confirmed"), now);
     }
   }
 
-  /// Enough of them to learn from.
-  void see_pulses(MonotonicInstant now) {
-    if (phase() == Phase::kLearning) due_ = {now + world_.dice.between_ms(500, 900), Input::kReady};
+  /// Pulses for learning the background have started.
+  void on_pulses(MonotonicInstant now) {
+    if (phase() == Phase::kLearning)
+      due_ = {now + simulation_.random.between_ms(500, 900), Input::kReady};
   }
 
   Phase phase() const { return controller_->phase(); }
@@ -151,39 +156,39 @@ class SimulatedNode {
 
  private:
   RealtimeInstant clock(MonotonicInstant now) const {
-    return World::wall_clock(now) + clock_error_;
+    return Simulation::wall_clock(now) + clock_error_;
   }
-  void hear(const Bytes& bytes, MonotonicInstant now) {
+  void receive(const Bytes& bytes, MonotonicInstant now) {
     const auto admitted = gate_->admit(bytes, now);
     if (!admitted) return;
-    if (admitted->is_current) return act(controller_->on_command(admitted->command), now);
+    if (admitted->is_current) return execute(controller_->on_command(admitted->command), now);
     reply(gate_->nonce_reply(admitted->command, now), now);
   }
-  void act(const Controller::Step& step, MonotonicInstant now) {
-    begin(step.work, now);
-    for (const ReplyMessage& said : step.replies) reply(said, now);
+  void execute(const Controller::Step& step, MonotonicInstant now) {
+    start_work(step.work, now);
+    for (const ReplyMessage& message : step.replies) reply(message, now);
   }
   void reply(ReplyMessage message, MonotonicInstant now) {
     message.sent = clock(now);
     message.nonce = gate_->nonce(now);
-    world_.network.send(place_, encode_sealed(message, world_.key), now);
+    simulation_.network.send(address_, encode_sealed(message, simulation_.key), now);
   }
-  void begin(Work work, MonotonicInstant now) {
-    const auto later = [&](int least, int most, Input event) {
-      due_ = {now + world_.dice.between_ms(least, most), event};
+  void start_work(Work work, MonotonicInstant now) {
+    const auto schedule = [&](int min_ms, int max_ms, Input event) {
+      due_ = {now + simulation_.random.between_ms(min_ms, max_ms), event};
     };
     switch (work) {
       case Work::kArm:
       case Work::kLearn:
-        kept_.reset();
+        persisted_.reset();
         may_rejoin_ = false;
-        return later(10, 800, Input::kReady);
+        return schedule(10, 800, Input::kReady);
       case Work::kStart:
-        if (controller_->order().verb == CommandVerb::kArm) kept_ = controller_->order();
+        if (controller_->order().verb == CommandVerb::kArm) persisted_ = controller_->order();
         if (on_start) on_start(take());
         return;
       case Work::kDrain:
-        return later(100, 1500, Input::kDrained);
+        return schedule(100, 1500, Input::kDrained);
       case Work::kDisarm:
         return due_.reset();
       case Work::kNone:
@@ -192,47 +197,51 @@ class SimulatedNode {
   }
   void rejoin(MonotonicInstant now) {
     if (!may_rejoin_ || !trigger_records) return;
-    if (phase() != Phase::kIdle || now < hears_of_trigger_) return;
+    if (phase() != Phase::kIdle || now < trigger_known_at_) return;
     may_rejoin_ = false;
-    if (trigger_records(kept_->take)) controller_->rejoined(*kept_);
+    if (trigger_records(persisted_->take)) controller_->rejoined(*persisted_);
   }
-  /// As by the health of the trigger's node.
-  void watch_train(MonotonicInstant now) {
+  /// Reports the end of the train, as the health of the trigger's node shows it.
+  void monitor_train(MonotonicInstant now) {
     const bool runs = phase() != Phase::kRecording || !trigger_runs || trigger_runs(take());
     if (runs) train_ran_ = now;
     if (now - train_ran_ > std::chrono::milliseconds(1500)) {
       train_ran_ = now;
-      act(controller_->on_event(Input::kTrainEnded, "pulses have ended"), now);
+      execute(controller_->on_event(Input::kTrainEnded, "pulses have ended"), now);
     }
   }
 
-  World& world_;
+  Simulation& simulation_;
   const std::string name_;
   const Duration clock_error_;
-  size_t place_ = 0;
+  size_t address_ = 0;
   std::optional<Controller> controller_;
   std::unique_ptr<CommandGate> gate_;
   std::optional<std::pair<MonotonicInstant, Input>> due_;
   MonotonicInstant prepared_since_;
   MonotonicInstant train_ran_;
-  std::optional<CommandMessage> kept_;  ///< on its disk: of its last take, be it over or not
-  bool may_rejoin_ = false;             ///< with what was kept when it was started anew
-  MonotonicInstant hears_of_trigger_;
+  std::optional<CommandMessage> persisted_;  ///< order of the last take, on disk
+  bool may_rejoin_ = false;                  ///< into the take of persisted_ after a restart
+  MonotonicInstant trigger_known_at_;
 };
 
-/// Says one order after the other, and stops after one that failed.
+/// Executes orders in sequence, and stops after an order that failed.
 class SimulatedOperator {
  public:
-  SimulatedOperator(World& world, std::string name, CommandTargets studio, MonotonicInstant begins)
-      : world_(world), name_(std::move(name)), studio_(std::move(studio)), idle_until_(begins) {
-    place_ = world.network.join([this](const Bytes& bytes, MonotonicInstant) {
+  SimulatedOperator(Simulation& simulation, std::string name, CommandTargets studio,
+                    MonotonicInstant starts_at)
+      : simulation_(simulation),
+        name_(std::move(name)),
+        studio_(std::move(studio)),
+        idle_until_(starts_at) {
+    address_ = simulation.network.join([this](const Bytes& bytes, MonotonicInstant) {
       const auto reply = decode<ReplyMessage>(bytes);
-      if (!coordinator_ || !reply || !world_.key.has_sealed(bytes)) return;
+      if (!coordinator_ || !reply || !simulation_.key.has_sealed(bytes)) return;
       if (reply->command_sender == name_) coordinator_->on_reply(*reply);
     });
   }
 
-  void will_say(CommandVerb verb, const std::string& take = {}) {
+  void add_order(CommandVerb verb, const std::string& take = {}) {
     CommandMessage order;
     order.verb = verb;
     order.take = take;
@@ -252,7 +261,7 @@ class SimulatedOperator {
     coordinator_.reset();
     orders_.erase(orders_.begin());
     if (!answers.back().done()) orders_.clear();
-    idle_until_ = now + world_.dice.between_ms(0, 2000);
+    idle_until_ = now + simulation_.random.between_ms(0, 2000);
   }
   bool finished() const { return orders_.empty(); }
 
@@ -261,15 +270,15 @@ class SimulatedOperator {
  private:
   void send(CommandMessage message, MonotonicInstant now) {
     message.sender = name_;
-    last_sent_ = std::max(World::wall_clock(now), last_sent_ + std::chrono::microseconds(1));
+    last_sent_ = std::max(Simulation::wall_clock(now), last_sent_ + std::chrono::microseconds(1));
     message.sent = last_sent_;
-    world_.network.send(place_, encode_sealed(message, world_.key), now);
+    simulation_.network.send(address_, encode_sealed(message, simulation_.key), now);
   }
 
-  World& world_;
+  Simulation& simulation_;
   const std::string name_;
   const CommandTargets studio_;
-  size_t place_ = 0;
+  size_t address_ = 0;
   int64_t counter_ = 0;
   NodeNonces nonces_;
   RealtimeInstant last_sent_;
@@ -278,14 +287,15 @@ class SimulatedOperator {
   std::optional<StudioCoordinator> coordinator_;
 };
 
-/// "cap01" with the trigger, and others.
-class SimulatedCrew {
+/// A studio of nodes cap01, which has the trigger, to cap0N.
+class SimulatedStudio {
  public:
-  SimulatedCrew(uint32_t seed, Weather weather, int node_count) : world_(seed, weather) {
+  SimulatedStudio(uint32_t seed, NetworkConditions conditions, int node_count)
+      : simulation_(seed, conditions) {
     for (int i = 1; i <= node_count; ++i) studio_.nodes.push_back("cap0" + std::to_string(i));
     studio_.trigger = studio_.nodes.front();
     for (const std::string& name : studio_.nodes) {
-      nodes.push_back(std::make_unique<SimulatedNode>(world_, name));
+      nodes.push_back(std::make_unique<SimulatedNode>(simulation_, name));
       if (nodes.size() > 1)
         nodes.back()->trigger_records = [this](const auto& take) {
           return nodes.front()->take() == take && nodes.front()->phase() == Phase::kRecording;
@@ -297,21 +307,22 @@ class SimulatedCrew {
           return trigger.take() == take && (phase == Phase::kArmed || phase == Phase::kRecording);
         };
     }
-    nodes.front()->on_start = [this](const std::string& take) { note_start(take); };
+    nodes.front()->on_start = [this](const std::string& take) { record_start(take); };
   }
 
-  SimulatedOperator& add_operator(const std::string& name, Duration begins) {
-    operators.push_back(std::make_unique<SimulatedOperator>(world_, name, studio_, now_ + begins));
+  SimulatedOperator& add_operator(const std::string& name, Duration start) {
+    operators.push_back(
+        std::make_unique<SimulatedOperator>(simulation_, name, studio_, now_ + start));
     return *operators.back();
   }
-  /// Until nobody has anything to say or to do any more.
-  void play() {
+  /// Runs until all orders are finished and all timeouts of nodes have expired.
+  void run_until_idle() {
     while (!is_quiet()) step();
-    // Whoever was left behind by an operator who gave up lets go.
+    // Prepared nodes without a commit return to idle after 60 s.
     const MonotonicInstant end = now_ + std::chrono::seconds(65);
     while (now_ < end) step();
   }
-  void play_for(Duration duration) {
+  void run_for(Duration duration) {
     const MonotonicInstant end = now_ + duration;
     while (now_ < end) step();
   }
@@ -323,23 +334,23 @@ class SimulatedCrew {
   }
   std::vector<std::unique_ptr<SimulatedNode>> nodes;
   std::vector<std::unique_ptr<SimulatedOperator>> operators;
-  std::vector<std::string> takes;  ///< for which pulses were made
+  std::vector<std::string> takes;  ///< takes and backgrounds with pulses, in order
   bool pulses_only_where_all_record = true;
 
  private:
   void step() {
     now_ += std::chrono::milliseconds(5);
-    world_.network.deliver(now_);
+    simulation_.network.deliver(now_);
     for (const auto& node : nodes) node->tick(now_);
     for (const auto& person : operators) person->tick(now_);
   }
   bool is_quiet() const {
-    return world_.network.empty() && std::all_of(operators.begin(), operators.end(),
-                                                 [](const auto& o) { return o->finished(); });
+    return simulation_.network.empty() && std::all_of(operators.begin(), operators.end(),
+                                                      [](const auto& o) { return o->finished(); });
   }
-  void note_start(const std::string& take) {
+  void record_start(const std::string& take) {
     takes.push_back(take);
-    for (const auto& node : nodes) node->see_pulses(now_);
+    for (const auto& node : nodes) node->on_pulses(now_);
     for (size_t i = 1; i < nodes.size(); ++i) {
       const Phase phase = nodes[i]->phase();
       const bool records = phase == Phase::kRecording || phase == Phase::kLearning;
@@ -347,7 +358,7 @@ class SimulatedCrew {
     }
   }
 
-  World world_;
+  Simulation simulation_;
   CommandTargets studio_;
   MonotonicInstant now_ = from_ns<Monotonic>(1'000'000'000);
 };

@@ -268,10 +268,10 @@ TEST_F(OverloadedStudio4, drops_whole_pulses_counts_them_and_says_so_once) {
     while (const auto event = events.wait(Monotonic::now())) {
       if (event->subject == "reconstruction") told.push_back(event->text);
     }
-    return !told.empty() && told.back() == "well again";
+    return !told.empty() && told.back() == "the problem has ended";
   };
   EXPECT_TRUE(becomes_true(well_again, within(30)));
-  EXPECT_THAT(told, testing::ElementsAre(HasSubstr("cannot keep up"), "well again"));
+  EXPECT_THAT(told, testing::ElementsAre(HasSubstr("cannot keep up"), "the problem has ended"));
 }
 
 /// Datagrams of noise to LCM's group: some with LCM's magic in front, so that they get further.

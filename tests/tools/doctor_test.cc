@@ -180,7 +180,7 @@ TEST(Doctor, wants_a_member_list_that_the_authority_signed) {
 TEST(Doctor, names_the_nodes_that_have_no_key_or_another) {
   HealthMessage well;
   HealthMessage strange;
-  strange.text = "not believed: not verified";
+  strange.text = "not verified: no valid MAC or signature";
   const auto findings =
       check_keys_of({"cap01", "cap02", "cap03"}, {{"cap01", well}, {"cap02", strange}});
   ASSERT_EQ(findings.size(), 3U);

@@ -9,7 +9,7 @@ namespace {
 
 MonotonicInstant soon() { return Monotonic::now() + std::chrono::seconds(10); }
 
-TEST(BoundedQueue, gives_back_in_order) {
+TEST(BoundedQueue, returns_elements_in_order) {
   BoundedQueue<int> queue(3);
   for (const int n : {1, 2, 3}) EXPECT_TRUE(queue.push(n));
   for (const int n : {1, 2, 3}) EXPECT_EQ(queue.pop(soon()), n);
@@ -26,12 +26,12 @@ TEST(BoundedQueue, drops_the_oldest_and_counts_it) {
   EXPECT_EQ(queue.dropped(), 1);
 }
 
-TEST(BoundedQueue, gives_nothing_when_the_deadline_has_passed) {
+TEST(BoundedQueue, returns_nothing_when_the_deadline_has_passed) {
   BoundedQueue<int> queue(2);
   EXPECT_EQ(queue.pop(Monotonic::now()), std::nullopt);
 }
 
-TEST(BoundedQueue, wakes_who_waits) {
+TEST(BoundedQueue, wakes_a_waiting_thread) {
   BoundedQueue<int> queue(2);
   std::thread pusher([&] { queue.push(7); });
   EXPECT_EQ(queue.pop(soon()), 7);

@@ -1,4 +1,4 @@
-// The bus on real LCM, in a network of its own.
+// Tests of the bus with real multicast, in a network namespace.
 #include "daemon/bus/bus.h"
 
 #include <gmock/gmock.h>
@@ -76,7 +76,7 @@ class FrameGroups : public testing::Test {
     message.frame = observe("cam07", label, raw.view(), Mask({16, 8}));
     return message;
   }
-  /// The pulses of frames that arrive until that of `last` does.
+  /// Receives frames until that of pulse `last`; returns their pulses.
   std::vector<int64_t> until(int64_t last) {
     std::vector<int64_t> pulses;
     while (const auto frame = frames_.wait(within(10))) {
@@ -86,7 +86,7 @@ class FrameGroups : public testing::Test {
     return pulses;
   }
 
-  /// The pulses of so many frames that arrive, whatever they are.
+  /// Receives `count` frames; returns their pulses.
   std::vector<int64_t> next(size_t count) {
     std::vector<int64_t> pulses;
     while (pulses.size() < count) {
@@ -96,7 +96,7 @@ class FrameGroups : public testing::Test {
     }
     return pulses;
   }
-  /// The groups that this host would be sent by a switch.
+  /// The frame groups of which this host is a member.
   static std::vector<int> joined() {
     std::ifstream file("/proc/net/igmp");
     const std::string memberships((std::istreambuf_iterator<char>(file)), {});
@@ -117,25 +117,25 @@ class FrameGroups : public testing::Test {
   Subscription<FrameMessage> frames_{receiver_, "V3D_FRAME_.*", 100};
 };
 
-TEST_F(FrameGroups, bring_the_frames_of_some_pulses_and_of_no_others) {
+TEST_F(FrameGroups, deliver_the_frames_of_their_pulses_only) {
   receiver_.hear_frames({1});
   for (int64_t pulse = 0; pulse < 11; ++pulse) send(pulse);
   EXPECT_EQ(until(10), (std::vector<int64_t>{1, 4, 7, 10}));
 }
 
-TEST_F(FrameGroups, are_joined_and_left_while_frames_come) {
+TEST_F(FrameGroups, are_joined_and_left_while_frames_arrive) {
   receiver_.hear_frames({0});
   for (int64_t pulse = 0; pulse < 4; ++pulse) send(pulse);
   EXPECT_EQ(until(3), (std::vector<int64_t>{0, 3}));
   receiver_.hear_frames({0, 1, 2});
   for (int64_t pulse = 4; pulse < 7; ++pulse) send(pulse);
-  EXPECT_THAT(next(3), UnorderedElementsAre(4, 5, 6)) << "each group has a way of its own";
+  EXPECT_THAT(next(3), UnorderedElementsAre(4, 5, 6)) << "groups are not ordered";
   receiver_.hear_frames({2});
   for (int64_t pulse = 9; pulse < 12; ++pulse) send(pulse);
   EXPECT_THAT(until(11), testing::Not(testing::Contains(9)));
 }
 
-TEST_F(FrameGroups, leave_everything_else_where_it_is) {
+TEST_F(FrameGroups, do_not_change_other_channels) {
   Bus without_groups(kUrl);
   Subscription<EventMessage> events(without_groups, kEventChannel, 8);
   Subscription<EventMessage> events_too(receiver_, kEventChannel, 8);
@@ -146,7 +146,7 @@ TEST_F(FrameGroups, leave_everything_else_where_it_is) {
   EXPECT_EQ(events_too.counts().received, 1);
 }
 
-TEST_F(FrameGroups, are_joined_by_who_hears_them_and_not_by_who_sends) {
+TEST_F(FrameGroups, are_joined_by_receivers_and_not_by_senders) {
   send(0);
   EXPECT_THAT(joined(), IsEmpty());
   receiver_.hear_frames({1, 2});
@@ -155,7 +155,7 @@ TEST_F(FrameGroups, are_joined_by_who_hears_them_and_not_by_who_sends) {
   EXPECT_TRUE(becomes_true([] { return joined() == std::vector{2}; }, within(10)));
 }
 
-TEST_F(FrameGroups, are_one_where_the_studio_has_none) {
+TEST_F(FrameGroups, count_as_one_when_the_studio_has_none) {
   Bus one(kUrl);
   EXPECT_EQ(one.frame_groups(), 1U);
   EXPECT_EQ(sender_.frame_groups(), 3U);
@@ -164,7 +164,7 @@ TEST_F(FrameGroups, are_one_where_the_studio_has_none) {
   EXPECT_TRUE(frames.wait(within(10)));
 }
 
-TEST(Subscription, counts_what_it_drops_what_was_lost_and_what_is_no_message) {
+TEST(Subscription, counts_dropped_lost_and_undecodable_messages) {
   Bus bus(kUrl);
   Subscription<EventMessage> events(bus, kEventChannel, 2);
   for (const int64_t seq : {0, 1, 2, 7}) bus.publish(kEventChannel, encode(event(seq)));
@@ -185,14 +185,14 @@ TEST(Subscription, may_end_before_the_bus) {
   EXPECT_TRUE(events.wait(within(10)));
 }
 
-TEST(Subscription, accepts_only_what_is_authentic_once_there_is_a_key) {
+TEST(Subscription, accepts_only_authentic_messages_when_there_is_a_key) {
   Bus bus(kUrl);
   bus.seal().set_key(StudioKey::make());
   Subscription<EventMessage> events(bus, kEventChannel, 8);
-  Bus stranger(kUrl);
-  stranger.seal().set_key(StudioKey::make());
+  Bus attacker(kUrl);
+  attacker.seal().set_key(StudioKey::make());
   bus.publish(kEventChannel, encode(event(0)));
-  stranger.publish_sealed(kEventChannel, encode(event(1)));
+  attacker.publish_sealed(kEventChannel, encode(event(1)));
   bus.publish_sealed(kEventChannel, encode(event(2)));
   const auto got = events.wait(within(10));
   ASSERT_TRUE(got);
@@ -200,7 +200,7 @@ TEST(Subscription, accepts_only_what_is_authentic_once_there_is_a_key) {
   EXPECT_EQ(bus.seal().counts().forged, 2);
 }
 
-TEST(Subscription, counts_what_is_said_again_on_purpose_as_no_replay) {
+TEST(Subscription, counts_equal_messages_that_were_sent_separately_as_no_replay) {
   Bus bus(kUrl);
   bus.seal().set_key(StudioKey::make());
   Subscription<EventMessage> events(bus, kEventChannel, 8);
@@ -209,14 +209,14 @@ TEST(Subscription, counts_what_is_said_again_on_purpose_as_no_replay) {
   EXPECT_EQ(bus.seal().counts().replayed, 0);
 }
 
-TEST(Subscription, believes_nobody_s_health_on_the_channel_of_another) {
+TEST(Subscription, rejects_health_of_a_node_on_the_channel_of_another) {
   Bus bus(kUrl);
   bus.seal().set_key(StudioKey::make());
   Subscription<HealthMessage> health(bus, "V3D_HEALTH_.*", 8);
   HealthMessage idle;
   idle.node = "cap02";
   idle.sent = Realtime::now();
-  // The first ones are dropped, until the session has answered a question.
+  // Messages are dropped until the session has answered a question.
   ASSERT_TRUE(becomes_true(
       [&] {
         bus.publish_sealed(health_channel("cap01"), encode(idle));
@@ -251,7 +251,7 @@ class MemberBuses : public testing::Test {
   const SigningKey cap01_ = SigningKey::make(), cap02_ = SigningKey::make();
 };
 
-TEST_F(MemberBuses, accept_events_of_the_node_that_they_name_alone) {
+TEST_F(MemberBuses, accept_events_only_from_the_node_that_they_name) {
   const auto cap01 = bus_of(cap01_), cap02 = bus_of(cap02_), listener = bus_of(cap02_);
   Subscription<EventMessage> events(*listener, kEventChannel, 8);
   cap02->publish_sealed(kEventChannel, encode(event(1)));
@@ -262,7 +262,8 @@ TEST_F(MemberBuses, accept_events_of_the_node_that_they_name_alone) {
 
 TEST_F(MemberBuses, accept_health_and_pulses_when_their_member_has_answered) {
   const auto cap01 = bus_of(cap01_), listener = bus_of(cap02_);
-  Subscription<EventMessage> questions(*cap01, kEventChannel, 8);  // it listens, so it answers
+  Subscription<EventMessage> questions(*cap01, kEventChannel,
+                                       8);  // a bus with a subscription answers
   Subscription<PulseMessage> pulses(*listener, kPulseChannel, 8);
   Subscription<HealthMessage> health(*listener, health_channel("cap01"), 8);
   HealthMessage idle;
@@ -276,7 +277,7 @@ TEST_F(MemberBuses, accept_health_and_pulses_when_their_member_has_answered) {
   EXPECT_EQ(listener->seal().counts().not_signed, 0);
 }
 
-TEST_F(MemberBuses, send_a_signature_behind_a_message_only_where_members_are_required) {
+TEST_F(MemberBuses, send_a_signature_after_a_message_only_when_members_are_required) {
   const test::RawSocket network(kUrl);
   const Bytes message = encode(event(1));
   const auto signed_bus = bus_of(cap01_);
@@ -290,7 +291,7 @@ TEST_F(MemberBuses, send_a_signature_behind_a_message_only_where_members_are_req
   EXPECT_EQ(with_signature.size(), without.size() + kMessageSignatureSize);
 }
 
-TEST(Subscription, reads_what_is_sealed_where_there_is_no_key_to_look_on_with) {
+TEST(Subscription, reads_authenticated_messages_without_a_key) {
   Bus sender(kUrl);
   sender.seal().set_key(StudioKey::make());
   Bus receiver(kUrl);
@@ -299,7 +300,7 @@ TEST(Subscription, reads_what_is_sealed_where_there_is_no_key_to_look_on_with) {
   EXPECT_EQ(events.wait(within(10)).value().seq, 3);
 }
 
-TEST(Subscription, believes_nothing_where_somebody_insists_and_there_is_no_key) {
+TEST(Subscription, rejects_all_messages_without_a_key_when_authentication_is_required) {
   Bus bus(kUrl);
   bus.seal().insist();
   Subscription<EventMessage> events(bus, kEventChannel, 8);
@@ -308,7 +309,7 @@ TEST(Subscription, believes_nothing_where_somebody_insists_and_there_is_no_key) 
   EXPECT_EQ(events.counts().received, 0);
 }
 
-TEST(Bus, gives_back_what_nobody_listens_with_any_more_and_goes_on_for_the_others) {
+TEST(Bus, releases_an_ended_handler_and_keeps_calling_the_others) {
   Bus bus(kUrl);
   Subscription<EventMessage> others(bus, kEventChannel, 8);
   auto mine = std::make_shared<std::atomic<int>>(0);
@@ -323,25 +324,25 @@ TEST(Bus, gives_back_what_nobody_listens_with_any_more_and_goes_on_for_the_other
   EXPECT_EQ(*mine, 1);
 }
 
-TEST(Bus, names_the_field_and_the_remedy_when_the_network_cannot_be_joined) {
+TEST(Bus, reports_the_field_and_the_remedy_when_the_network_cannot_be_joined) {
   const std::string message = test::message_of<InputError>([] { Bus bus("nonsense://"); });
   EXPECT_THAT(message, testing::HasSubstr("network.lcm_url: cannot join nonsense://"));
   EXPECT_THAT(message, testing::HasSubstr("ip route add"));
 }
 
-TEST(Bus, names_the_option_that_is_no_number) {
+TEST(Bus, reports_an_option_that_is_not_a_number) {
   const std::string message = test::message_of<InputError>([] { Bus bus("udpm://?ttl=far"); });
   EXPECT_THAT(message, testing::HasSubstr("ttl=0 to 255"));
 }
 
-TEST(Bus, counts_what_the_kernel_drops_because_nobody_takes_it) {
+TEST(Bus, counts_datagrams_that_the_kernel_drops_while_a_handler_blocks) {
   Bus bus(kUrl);
   std::mutex busy;
   std::unique_lock held(busy);
   const auto listening = bus.subscribe(
       "V3D_FRAME_.*", [&](const ReceivedMessage&) { const std::lock_guard wait(busy); });
   const std::vector<uint8_t> frame(60'000);
-  for (int i = 0; i < 300; ++i) bus.publish("V3D_FRAME_cam01", frame);  // 18 MB, 4 times its room
+  for (int i = 0; i < 300; ++i) bus.publish("V3D_FRAME_cam01", frame);  // 18 MB, 4 times the buffer
   held.unlock();
   EXPECT_TRUE(becomes_true(
       [&] {
@@ -355,22 +356,23 @@ TEST(Bus, carries_a_reply_of_several_datagrams_and_verifies_each) {
   const StudioKey key = StudioKey::make();
   Bus node(kUrl);
   node.seal().set_key(key);
-  Bus desk(kUrl);
-  desk.seal().set_key(key);
+  Bus operator_bus(kUrl);
+  operator_bus.seal().set_key(key);
   Subscription<ReplyMessage> replies(
-      desk, kReplyChannel, 4, [key](const ReceivedMessage& in) -> std::optional<ReplyMessage> {
+      operator_bus, kReplyChannel, 4,
+      [key](const ReceivedMessage& in) -> std::optional<ReplyMessage> {
         if (!key.has_sealed(in.bytes)) return std::nullopt;
         return decode<ReplyMessage>(in.bytes);
       });
   ReplyMessage reply;
   reply.detail = std::string(200'000, ' ');
   ASSERT_TRUE(node.publish(kReplyChannel, encode_sealed(reply, key)));
-  ASSERT_TRUE(becomes_true([&] { return desk.seal().counts().forged == 4; }, within(10)));
+  ASSERT_TRUE(becomes_true([&] { return operator_bus.seal().counts().forged == 4; }, within(10)));
   ASSERT_TRUE(node.publish_reply(encode_sealed(reply, key)));
   EXPECT_EQ(replies.wait(within(10)).value().detail, reply.detail);
 }
 
-/// What a socket is given that asks for more than any.
+/// The largest receive buffer that the kernel grants, bytes.
 int largest_receive_buffer() {
   const int socket = ::socket(AF_INET, SOCK_DGRAM, 0);
   const int wanted = 1 << 30;
@@ -382,15 +384,15 @@ int largest_receive_buffer() {
   return reported / 2;
 }
 
-TEST(ReceiveBuffer, is_a_problem_when_the_kernel_grants_less_than_the_url_asks_for) {
+TEST(ReceiveBuffer, is_a_problem_when_the_kernel_grants_less_than_the_url_requests) {
   const auto url = [](int bytes) {
     return "udpm://239.255.76.67:7667?ttl=0&recv_buf_size=" + std::to_string(bytes);
   };
-  const int most = largest_receive_buffer();
-  EXPECT_EQ(receive_buffer_problem(url(most)), "");
-  EXPECT_THAT(receive_buffer_problem(url(most + most / 2)),
-              testing::HasSubstr("sysctl net.core.rmem_max=" + std::to_string(most + most / 2)));
-  EXPECT_EQ(receive_buffer_problem(kUrl), "") << "asks for nothing";
+  const int limit = largest_receive_buffer();
+  EXPECT_EQ(receive_buffer_problem(url(limit)), "");
+  EXPECT_THAT(receive_buffer_problem(url(limit + limit / 2)),
+              testing::HasSubstr("sysctl net.core.rmem_max=" + std::to_string(limit + limit / 2)));
+  EXPECT_EQ(receive_buffer_problem(kUrl), "") << "requests no size";
 }
 
 }  // namespace

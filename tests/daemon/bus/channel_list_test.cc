@@ -13,7 +13,7 @@ Studio studio() {
   return studio;
 }
 
-TEST(ChannelList, holds_exactly_the_channels_of_the_studio) {
+TEST(ChannelList, contains_exactly_the_channels_of_the_studio) {
   const ChannelList channels(studio());
   for (const char* name :
        {"V3D_COMMAND", "V3D_REPLY", "V3D_PULSE", "V3D_MESH", "V3D_EVENT", "V3D_FRAME_cam01",
@@ -26,7 +26,7 @@ TEST(ChannelList, holds_exactly_the_channels_of_the_studio) {
   }
 }
 
-TEST(ChannelList, names_the_node_that_sends_on_a_channel) {
+TEST(ChannelList, returns_the_node_that_sends_on_a_channel) {
   Studio with_owners = studio();
   with_owners.cameras[0].node = "cap01";
   with_owners.trigger.node = "cap01";
@@ -41,10 +41,10 @@ TEST(ChannelList, names_the_node_that_sends_on_a_channel) {
     EXPECT_EQ(channels.owner_of(name), "") << name;
   }
   EXPECT_EQ(ChannelList().owner_of("V3D_HEALTH_cap01"), "cap01");
-  EXPECT_EQ(ChannelList().owner_of("V3D_PREVIEW_cam01"), "") << "only the studio file has it";
+  EXPECT_EQ(ChannelList().owner_of("V3D_PREVIEW_cam01"), "") << "needs the studio file";
 }
 
-TEST(ChannelList, holds_a_bounded_number_of_well_formed_names_without_a_studio) {
+TEST(ChannelList, accepts_a_limited_number_of_well_formed_names_without_a_studio) {
   ChannelList channels;
   EXPECT_NE(channels.find("V3D_FRAME_cam77"), nullptr);
   EXPECT_EQ(channels.find("V3D_FRAME_../etc"), nullptr);
@@ -53,10 +53,10 @@ TEST(ChannelList, holds_a_bounded_number_of_well_formed_names_without_a_studio) 
     EXPECT_TRUE(channels.use("V3D_FRAME_cam" + std::to_string(i)));
   }
   EXPECT_FALSE(channels.use("V3D_FRAME_another"));
-  EXPECT_TRUE(channels.use("V3D_FRAME_cam0")) << "in use already";
+  EXPECT_TRUE(channels.use("V3D_FRAME_cam0")) << "already in use";
 }
 
-TEST(ChannelList, limits_what_is_short_to_less_than_what_is_long) {
+TEST(ChannelList, has_smaller_limits_for_short_messages) {
   const ChannelList channels;
   EXPECT_LE(channels.find("V3D_PULSE")->max_bytes, 4096U);
   EXPECT_LE(channels.find("V3D_COMMAND")->max_bytes, 16'384U);

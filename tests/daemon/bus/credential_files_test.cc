@@ -20,7 +20,7 @@ constexpr MonotonicInstant kNow = from_ns<Monotonic>(3'600'000'000'000);
 
 class KeyFile : public testing::Test {
  protected:
-  /// As an administrator does it: the file is there as a whole.
+  /// Replaces the file atomically.
   StudioKey replace_key() const {
     const StudioKey key = StudioKey::make();
     key.save(folder_ / "new.key");
@@ -39,9 +39,9 @@ class KeyFile : public testing::Test {
   CredentialFiles files_{{.studio = "kyoto", .studio_key = path_}, credentials_, seal_};
 };
 
-TEST_F(KeyFile, is_found_when_it_is_made_and_missed_until_then) {
+TEST_F(KeyFile, is_read_when_it_is_made_and_reported_as_missing_before) {
   EXPECT_THAT(files_.poll(kNow), HasSubstr("make it once with v3dctl key new"));
-  EXPECT_THAT(files_.poll(kNow), IsEmpty()) << "it was reported";
+  EXPECT_THAT(files_.poll(kNow), IsEmpty()) << "it was reported already";
   EXPECT_FALSE(files_.is_ready());
   EXPECT_FALSE(seal_.is_required());
   const StudioKey key = replace_key();
@@ -70,7 +70,7 @@ TEST_F(KeyFile, is_replaced_while_the_process_runs) {
   EXPECT_TRUE(accepts(second, kNow + 21s));
 }
 
-TEST_F(KeyFile, that_is_damaged_readable_for_others_or_gone_leaves_the_key_in_use) {
+TEST_F(KeyFile, that_is_damaged_readable_for_others_or_missing_leaves_the_key_in_use) {
   const StudioKey key = replace_key();
   files_.poll(kNow);
   const std::string text = read_file(path_);
@@ -87,7 +87,7 @@ TEST_F(KeyFile, that_is_damaged_readable_for_others_or_gone_leaves_the_key_in_us
   EXPECT_TRUE(key.has_sealed(credentials_.seal(encode(ReplyMessage{}), kNow + 1h)));
 }
 
-/// The files of a node where there is a member list.
+/// The files of a node of a studio with a member list.
 class MemberFiles : public testing::Test {
  protected:
   MemberFiles() {
@@ -117,7 +117,7 @@ class MemberFiles : public testing::Test {
   void write(const MemberList& list) const {
     test::write_text(path_, sign_member_list(list, authority_));
   }
-  bool obeys_ada() const {
+  bool accepts_ada() const {
     const Bytes bytes = sign_message(encode(CommandMessage{}), ada_);
     return credentials_.open_command(bytes, kNow).result == OpenedCommand::Result::kAccepted;
   }
@@ -136,12 +136,12 @@ class MemberFiles : public testing::Test {
   std::optional<CredentialFiles> files_;
 };
 
-TEST_F(MemberFiles, make_a_node_obey_operators_and_sign_its_replies) {
-  EXPECT_FALSE(obeys_ada());
+TEST_F(MemberFiles, make_a_node_accept_operators_and_sign_its_replies) {
+  EXPECT_FALSE(accepts_ada());
   EXPECT_THAT(files_->poll(kNow), IsEmpty());
   EXPECT_TRUE(files_->is_ready());
   EXPECT_THAT(files_->problem(), IsEmpty());
-  EXPECT_TRUE(obeys_ada());
+  EXPECT_TRUE(accepts_ada());
   EXPECT_TRUE(is_accepted_as("cap01"));
   EXPECT_TRUE(seal_.covers_commands());
 }
@@ -150,10 +150,10 @@ TEST_F(MemberFiles, revoke_and_enroll_members_while_the_process_runs) {
   files_->poll(kNow);
   write(without_ada(6));
   EXPECT_THAT(files_->poll(kNow), HasSubstr("member list 6 is in force"));
-  EXPECT_FALSE(obeys_ada());
+  EXPECT_FALSE(accepts_ada());
   write(list(7));
   EXPECT_THAT(files_->poll(kNow), HasSubstr("member list 7 is in force"));
-  EXPECT_TRUE(obeys_ada());
+  EXPECT_TRUE(accepts_ada());
 }
 
 TEST_F(MemberFiles, that_are_older_than_the_list_in_force_are_rejected) {
@@ -164,39 +164,39 @@ TEST_F(MemberFiles, that_are_older_than_the_list_in_force_are_rejected) {
     write(list(serial));
     EXPECT_THAT(files_->poll(kNow), AllOf(StartsWith("the previous member list stays in use: "),
                                           HasSubstr("expected more than 6, which is in force")));
-    EXPECT_FALSE(obeys_ada()) << "brought back by list " << serial;
+    EXPECT_FALSE(accepts_ada()) << "restored by list " << serial;
     write(without_ada(6));
     files_->poll(kNow);
     EXPECT_THAT(files_->problem(), IsEmpty());
   }
 }
 
-TEST_F(MemberFiles, that_were_changed_or_are_gone_leave_the_list_in_force) {
+TEST_F(MemberFiles, that_were_changed_or_are_missing_leave_the_list_in_force) {
   files_->poll(kNow);
   std::string text = sign_member_list(without_ada(6), authority_);
   text[text.size() / 2] ^= 1;
   test::write_text(path_, text);
   EXPECT_THAT(files_->poll(kNow), HasSubstr("members.toml"));
-  EXPECT_TRUE(obeys_ada());
+  EXPECT_TRUE(accepts_ada());
   test::write_text(path_, sign_member_list(without_ada(6), ada_));
   files_->poll(kNow);
   EXPECT_THAT(files_->problem(), HasSubstr("not signed by [network] authority"));
-  EXPECT_TRUE(obeys_ada());
+  EXPECT_TRUE(accepts_ada());
   std::filesystem::remove(path_);
   EXPECT_THAT(files_->poll(kNow), HasSubstr("No such file"));
-  EXPECT_TRUE(obeys_ada());
+  EXPECT_TRUE(accepts_ada());
   EXPECT_TRUE(files_->is_ready());
 }
 
-TEST_F(MemberFiles, without_a_list_make_a_node_reject_everything) {
+TEST_F(MemberFiles, without_a_list_make_a_node_reject_all_commands) {
   std::filesystem::remove(path_);
   EXPECT_THAT(files_->poll(kNow), HasSubstr("v3dctl key enroll makes it"));
   EXPECT_FALSE(files_->is_ready());
   EXPECT_FALSE(credentials_.is_complete());
-  EXPECT_FALSE(obeys_ada());
+  EXPECT_FALSE(accepts_ada());
 }
 
-TEST_F(MemberFiles, name_the_command_that_enrolls_a_node_whose_key_is_not_in_the_list) {
+TEST_F(MemberFiles, report_the_command_that_enrolls_a_node_whose_key_is_not_in_the_list) {
   const SigningKey next = SigningKey::make();
   std::filesystem::remove(folder_ / "node.key");
   next.save(folder_ / "node.key");
@@ -211,7 +211,7 @@ TEST_F(MemberFiles, name_the_command_that_enrolls_a_node_whose_key_is_not_in_the
   EXPECT_TRUE(is_accepted_as("cap01"));
 }
 
-TEST_F(MemberFiles, have_a_signing_key_that_is_replaced_while_the_process_runs) {
+TEST_F(MemberFiles, replace_the_signing_key_while_the_process_runs) {
   const SigningKey next = SigningKey::make();
   MemberList both = list();
   both.members.push_back({"cap01", Role::kCapture, next.public_key()});

@@ -41,7 +41,7 @@ class MemberCredentials : public testing::Test {
   OpenedCommand opened(const SigningKey& key) const {
     const Bytes bytes = sign_message(command(), key);
     OpenedCommand opened = credentials_.open_command(bytes, kNow);
-    opened.message = {};  // a part of `bytes`
+    opened.message = {};  // a view into `bytes`
     return opened;
   }
   bool replies(const SigningKey& key, const std::string& node) const {
@@ -55,7 +55,7 @@ class MemberCredentials : public testing::Test {
   int64_t serial_ = 0;
 };
 
-TEST_F(MemberCredentials, accept_commands_of_operators_alone) {
+TEST_F(MemberCredentials, accept_commands_of_operators_only) {
   EXPECT_EQ(opened(ada_).result, Result::kAccepted);
   EXPECT_EQ(opened(ada_).signer, "ada");
   for (const SigningKey* key : {&cap01_, &recon01_, &guest_}) {
@@ -65,18 +65,18 @@ TEST_F(MemberCredentials, accept_commands_of_operators_alone) {
   EXPECT_EQ(opened(SigningKey::make()).result, Result::kForged);
 }
 
-TEST_F(MemberCredentials, accept_a_reply_of_the_node_that_it_names_alone) {
+TEST_F(MemberCredentials, accept_a_reply_only_from_the_node_that_it_names) {
   EXPECT_TRUE(replies(cap01_, "cap01"));
   EXPECT_TRUE(replies(recon01_, "recon01"));
   EXPECT_FALSE(replies(cap01_, "recon01"));
   EXPECT_FALSE(replies(cap01_, "cap02"));
   EXPECT_FALSE(replies(ada_, "cap01"));
-  EXPECT_FALSE(replies(ada_, "ada")) << "an operator is no node";
+  EXPECT_FALSE(replies(ada_, "ada")) << "an operator is not a node";
   EXPECT_FALSE(replies(guest_, "guest"));
   EXPECT_FALSE(replies(SigningKey::make(), "cap01"));
 }
 
-TEST_F(MemberCredentials, accept_no_mac_of_the_studio_key_instead_of_a_signature) {
+TEST_F(MemberCredentials, reject_a_mac_of_the_studio_key_instead_of_a_signature) {
   Bytes sealed = command();
   studio_key_.seal(sealed);
   EXPECT_EQ(credentials_.open_command(sealed, kNow).result, Result::kForged);
@@ -85,7 +85,7 @@ TEST_F(MemberCredentials, accept_no_mac_of_the_studio_key_instead_of_a_signature
   EXPECT_FALSE(credentials_.open_reply(sealed_reply, kNow));
 }
 
-TEST_F(MemberCredentials, accept_no_command_with_a_changed_bit) {
+TEST_F(MemberCredentials, reject_a_command_with_a_changed_bit) {
   const Bytes bytes = sign_message(command(), ada_);
   for (size_t bit = 0; bit < 8 * bytes.size(); ++bit) {
     Bytes changed = bytes;
@@ -94,7 +94,7 @@ TEST_F(MemberCredentials, accept_no_command_with_a_changed_bit) {
   }
 }
 
-TEST_F(MemberCredentials, accept_a_member_as_long_as_the_list_has_it) {
+TEST_F(MemberCredentials, accept_a_member_while_the_list_contains_it) {
   std::vector<Member> others = all();
   others.erase(others.begin());
   set_members(others);
@@ -112,7 +112,7 @@ TEST_F(MemberCredentials, accept_two_keys_of_a_member_while_one_is_replaced) {
   EXPECT_TRUE(replies(next, "cap01"));
 }
 
-TEST_F(MemberCredentials, accept_nothing_before_there_is_a_list) {
+TEST_F(MemberCredentials, reject_all_messages_before_there_is_a_list) {
   Credentials fresh;
   fresh.set_studio_key(studio_key_, kNow);
   fresh.require_members();
@@ -125,7 +125,7 @@ TEST_F(MemberCredentials, accept_nothing_before_there_is_a_list) {
   EXPECT_FALSE(fresh.open_reply(sign_message(reply("cap01"), cap01_), kNow));
 }
 
-TEST_F(MemberCredentials, sign_what_is_sent) {
+TEST_F(MemberCredentials, sign_sent_messages) {
   credentials_.set_signing_key(cap01_);
   EXPECT_TRUE(credentials_.open_reply(credentials_.seal(reply("cap01"), kNow), kNow));
   EXPECT_FALSE(credentials_.open_reply(credentials_.seal(reply("recon01"), kNow), kNow));
@@ -133,14 +133,14 @@ TEST_F(MemberCredentials, sign_what_is_sent) {
   EXPECT_FALSE(credentials_.open_reply(credentials_.seal(reply("cap01"), kNow), kNow));
 }
 
-TEST(Credentials, without_a_member_list_are_the_studio_key) {
+TEST(Credentials, use_the_studio_key_without_a_member_list) {
   const StudioKey key = StudioKey::make();
   Credentials credentials;
   EXPECT_FALSE(credentials.is_complete());
   credentials.set_studio_key(key, kNow);
   EXPECT_TRUE(credentials.is_complete());
   const Bytes sealed = credentials.seal(encode(ReplyMessage{}), kNow);
-  EXPECT_EQ(sealed, encode_sealed(ReplyMessage{}, key)) << "the bytes of before";
+  EXPECT_EQ(sealed, encode_sealed(ReplyMessage{}, key)) << "same bytes as encode_sealed()";
   EXPECT_TRUE(credentials.open_reply(sealed, kNow));
   EXPECT_FALSE(credentials.open_reply(encode_sealed(ReplyMessage{}, StudioKey::make()), kNow));
   EXPECT_EQ(

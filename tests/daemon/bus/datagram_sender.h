@@ -1,4 +1,4 @@
-// A sender of authentic datagrams without a network, for tests of receivers.
+// Makes authentic datagrams without a network, for tests of receivers.
 #pragma once
 
 #include <span>
@@ -15,12 +15,12 @@ namespace v3d::test {
 inline constexpr RealtimeInstant kNow = from_ns<Realtime>(1'700'000'000'000'000'000);
 inline constexpr ReceiverTime kReceiverNow{from_ns<Monotonic>(3'600'000'000'000), kNow};
 
-/// As MulticastSender.
+/// Makes the same datagrams as MulticastSender.
 class DatagramSender {
  public:
   explicit DatagramSender(const StudioKey& key) : mac_(key) {}
 
-  /// With a MAC each, as the next message of the session.
+  /// The datagrams of the next message of the session, each with a MAC.
   std::vector<RawDatagram> datagrams(std::string_view channel, std::span<const uint8_t> message,
                                      RealtimeInstant sent = kNow) {
     std::vector<RawDatagram> all;
@@ -37,11 +37,11 @@ class DatagramSender {
     return all;
   }
 
-  /// Of the next message.
+  /// The origin of the next message.
   MessageOrigin origin(std::string_view channel, RealtimeInstant sent = kNow) const {
     return {.channel = channel, .session = session, .sequence = sequence, .sent = sent};
   }
-  /// With a member's signature too.
+  /// Like datagrams(), with a member's signature too.
   std::vector<RawDatagram> signed_datagrams(std::string_view channel,
                                             std::span<const uint8_t> message, const SigningKey& key,
                                             RealtimeInstant sent = kNow) {

@@ -33,7 +33,7 @@ std::vector<uint8_t> any_message(size_t size) {
   return message;
 }
 
-/// The first fragment of a message on a channel, with so much data.
+/// The first fragment of a message on `channel`, with `data` bytes of data.
 RawDatagram first_fragment(const RawFragment& fragment, std::string_view channel, size_t data) {
   RawDatagram bytes = fragment_header(fragment);
   put_text(bytes, channel);
@@ -47,7 +47,7 @@ RawDatagram later_fragment(const RawFragment& fragment, size_t data) {
   return bytes;
 }
 
-TEST(Datagram, of_a_short_message_holds_number_channel_and_data) {
+TEST(Datagram, of_a_short_message_contains_number_channel_and_data) {
   const auto message = any_message(10);
   const auto sent = split_message(77, "V3D_EVENT", message, false);
   ASSERT_EQ(sent.size(), 1U);
@@ -60,7 +60,7 @@ TEST(Datagram, of_a_short_message_holds_number_channel_and_data) {
   EXPECT_THAT(parsed->data, testing::ElementsAreArray(message));
 }
 
-TEST(Datagram, is_none_without_a_NUL_behind_a_channel_of_at_most_63_bytes) {
+TEST(Datagram, is_rejected_without_a_NUL_after_a_channel_of_at_most_63_bytes) {
   EXPECT_FALSE(parse_datagram(short_datagram(1, "V3D_COMMAND")));
   EXPECT_FALSE(parse_datagram(short_datagram(1, std::string(64, 'a') + '\0')));
   EXPECT_TRUE(parse_datagram(short_datagram(1, std::string(63, 'a') + '\0')));
@@ -68,7 +68,7 @@ TEST(Datagram, is_none_without_a_NUL_behind_a_channel_of_at_most_63_bytes) {
   EXPECT_FALSE(parse_datagram(short_datagram(1, "")));
 }
 
-TEST(Datagram, is_none_where_offset_and_size_wrap_32_bits_or_end_beyond_the_message) {
+TEST(Datagram, is_rejected_when_offset_and_size_wrap_32_bits_or_end_beyond_the_message) {
   EXPECT_FALSE(parse_datagram(
       later_fragment({.message_size = 1000, .offset = 0xffffffff, .number = 1, .count = 2}, 10)));
   EXPECT_FALSE(parse_datagram(
@@ -77,7 +77,7 @@ TEST(Datagram, is_none_where_offset_and_size_wrap_32_bits_or_end_beyond_the_mess
       later_fragment({.message_size = 1000, .offset = 998, .number = 1, .count = 3}, 2)));
 }
 
-TEST(Datagram, is_none_where_the_message_is_longer_than_any_or_than_its_fragments_can_hold) {
+TEST(Datagram, is_rejected_when_the_message_exceeds_the_limit_or_its_fragments) {
   EXPECT_FALSE(parse_datagram(first_fragment(
       {.message_size = 256U << 20, .offset = 0, .number = 0, .count = 65535}, "V3D_PULSE", 20)));
   EXPECT_FALSE(parse_datagram(first_fragment(
@@ -86,7 +86,7 @@ TEST(Datagram, is_none_where_the_message_is_longer_than_any_or_than_its_fragment
       {.message_size = 1000, .offset = 0, .number = 0, .count = 65535}, "V3D_PULSE", 20)));
 }
 
-TEST(Datagram, is_none_where_number_count_offset_and_size_contradict_each_other) {
+TEST(Datagram, is_rejected_when_number_count_offset_and_size_are_inconsistent) {
   EXPECT_FALSE(parse_datagram(
       later_fragment({.message_size = 1000, .offset = 10, .number = 2, .count = 2}, 10)));
   EXPECT_FALSE(parse_datagram(
@@ -102,8 +102,8 @@ TEST(Datagram, is_none_where_number_count_offset_and_size_contradict_each_other)
       << "without data";
 }
 
-/// Under a sanitizer, or not: a read out of bounds would find the page behind the bytes.
-RC_GTEST_PROP(Datagram, is_parsed_within_its_bytes_whatever_they_are, ()) {
+/// A sanitizer, or the page after the bytes, detects a read out of bounds.
+RC_GTEST_PROP(Datagram, is_parsed_within_its_bytes_for_any_input, ()) {
   auto bytes = *rc::gen::container<std::vector<uint8_t>>(rc::gen::arbitrary<uint8_t>());
   const std::string magic = *rc::gen::element<std::string>("LC02", "LC03", "LC04");
   std::copy_n(magic.begin(), std::min<size_t>(4, bytes.size()), bytes.begin());
@@ -117,7 +117,7 @@ RC_GTEST_PROP(Datagram, is_parsed_within_its_bytes_whatever_they_are, ()) {
   RC_ASSERT(parsed->number < parsed->count);
 }
 
-RC_GTEST_PROP(Datagrams, of_a_message_put_together_are_the_message, ()) {
+RC_GTEST_PROP(Datagrams, of_a_message_reassemble_to_the_message, ()) {
   const bool with_trailer = *rc::gen::arbitrary<bool>();
   const auto size = static_cast<size_t>(*rc::gen::weightedElement<int>({{1, 0},
                                                                         {1, 65'430},
@@ -144,7 +144,7 @@ RC_GTEST_PROP(Datagrams, of_a_message_put_together_are_the_message, ()) {
   RC_ASSERT(joined == message);
 }
 
-TEST(Datagrams, are_none_of_a_message_or_a_name_that_is_too_long) {
+TEST(Datagrams, are_empty_for_a_message_or_a_name_that_is_too_long) {
   EXPECT_THAT(split_message(1, std::string(64, 'a'), any_message(3), false), testing::IsEmpty());
   const std::vector<uint8_t> longest(kMaxMessage);
   EXPECT_THAT(split_message(1, "V3D_MESH", longest, false), testing::SizeIs(257));

@@ -8,7 +8,7 @@
 namespace v3d {
 namespace {
 
-TEST(FrameNumbers, count_on_by_one_without_groups) {
+TEST(FrameNumbers, increase_by_one_without_groups) {
   FrameNumbers numbers(1);
   for (const int64_t pulse : {0, 1, 5, 6}) {
     const int64_t before = numbers.next(pulse);
@@ -16,8 +16,7 @@ TEST(FrameNumbers, count_on_by_one_without_groups) {
   }
 }
 
-RC_GTEST_PROP(FrameNumbers, tell_the_group_and_leave_no_gap_in_it_whatever_pulses_are_left_out,
-              ()) {
+RC_GTEST_PROP(FrameNumbers, encode_the_group_and_leave_no_gap_in_it_for_any_set_of_pulses, ()) {
   const auto groups = *rc::gen::inRange<size_t>(1, 9);
   FrameNumbers numbers(groups);
   std::map<size_t, int64_t> sent;
@@ -30,7 +29,7 @@ RC_GTEST_PROP(FrameNumbers, tell_the_group_and_leave_no_gap_in_it_whatever_pulse
   }
 }
 
-TEST(FrameNumbers, put_a_frame_without_a_pulse_somewhere) {
+TEST(FrameNumbers, put_a_frame_without_a_pulse_into_group_0) {
   EXPECT_EQ(FrameNumbers::group_of(-1, 3), 0U);
 }
 

@@ -41,7 +41,7 @@ TEST(KeyRotation, sends_with_the_old_key_for_ten_seconds_and_accepts_it_for_twen
 }
 
 TEST(KeyRotation, loses_no_message_between_processes_that_get_the_key_within_ten_seconds) {
-  for (const Duration later : {0s, 5s, 9s}) {
+  for (const Duration delay : {0s, 5s, 9s}) {
     Rotation first, second;
     first.set(1, kNow);
     second.set(1, kNow);
@@ -52,15 +52,15 @@ TEST(KeyRotation, loses_no_message_between_processes_that_get_the_key_within_ten
     };
     for (Duration t{}; t < 40s; t += 100ms) {
       const MonotonicInstant now = kNow + t;
-      if (t >= later && !second_has_it) second.set(2, now);
-      second_has_it = t >= later;
+      if (t >= delay && !second_has_it) second.set(2, now);
+      second_has_it = t >= delay;
       EXPECT_TRUE(accepts(second, *first.sending(now), now)) << to_seconds(t);
       EXPECT_TRUE(accepts(first, *second.sending(now), now)) << to_seconds(t);
     }
   }
 }
 
-TEST(KeyRotation, ends_the_first_key_with_the_third) {
+TEST(KeyRotation, invalidates_the_first_key_with_the_third) {
   Rotation keys;
   keys.set(1, kNow);
   keys.set(2, kNow + 1s);
@@ -74,9 +74,9 @@ TEST(KeyRotation, releases_the_old_key_when_its_time_is_over_and_not_before) {
   const auto old = std::make_shared<int>(1);
   keys.set(old, kNow);
   keys.set(std::make_shared<int>(2), kNow);
-  keys.forget_old(kNow + Rotation::kAcceptOld - 1ns);
+  keys.discard_old(kNow + Rotation::kAcceptOld - 1ns);
   EXPECT_EQ(old.use_count(), 2);
-  keys.forget_old(kNow + Rotation::kAcceptOld);
+  keys.discard_old(kNow + Rotation::kAcceptOld);
   EXPECT_EQ(old.use_count(), 1);
 }
 

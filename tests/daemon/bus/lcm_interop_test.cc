@@ -1,4 +1,4 @@
-// What the bus sends is read by liblcm, and what liblcm sends is read by the bus.
+// Interoperation of the bus with liblcm, in both directions.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <lcm/lcm.h>
@@ -18,7 +18,7 @@ using test::within;
 
 constexpr char kUrl[] = "udpm://239.255.76.67:7667?ttl=0&recv_buf_size=4194304";
 
-/// A member of the studio's network that knows LCM and nothing of V3D, like lcm-spy.
+/// A program on the studio's network that uses liblcm only, like lcm-spy.
 class LcmMember {
  public:
   LcmMember() : lcm_(lcm_create(kUrl), lcm_destroy) {
@@ -51,7 +51,7 @@ std::vector<uint8_t> message(size_t size) {
 
 class Interoperation : public testing::TestWithParam<size_t> {};
 
-TEST_P(Interoperation, liblcm_reads_authenticated_messages_with_the_last_trailer_behind_them) {
+TEST_P(Interoperation, liblcm_reads_authenticated_messages_followed_by_the_last_trailer) {
   Bus bus(kUrl);
   bus.seal().set_key(StudioKey::make());
   LcmMember member;
@@ -62,7 +62,7 @@ TEST_P(Interoperation, liblcm_reads_authenticated_messages_with_the_last_trailer
   EXPECT_TRUE(std::equal(sent.begin(), sent.end(), got.begin()));
 }
 
-TEST_P(Interoperation, liblcm_reads_plain_messages_and_the_bus_reads_its) {
+TEST_P(Interoperation, liblcm_reads_plain_messages_and_the_bus_reads_those_of_liblcm) {
   Bus bus(kUrl);
   std::mutex mutex;
   std::vector<uint8_t> received;
@@ -79,12 +79,12 @@ TEST_P(Interoperation, liblcm_reads_plain_messages_and_the_bus_reads_its) {
         return received == sent;
       },
       within(10)));
-  EXPECT_EQ(member.next(), sent) << "its own";
+  EXPECT_EQ(member.next(), sent) << "its own message";
   ASSERT_TRUE(bus.publish("V3D_FRAME_cam01", sent));
   EXPECT_EQ(member.next(), sent);
 }
 
-/// Around the limits of one datagram and of two, and a raw XGA frame.
+/// Sizes in bytes: near the limits of one and of two datagrams, and a raw XGA frame.
 INSTANTIATE_TEST_SUITE_P(OfSizes, Interoperation,
                          testing::Values(1, 1000, 65'450, 65'451, 65'483, 65'484, 130'890, 130'895,
                                          130'960, 786'432));

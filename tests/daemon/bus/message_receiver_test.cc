@@ -1,5 +1,5 @@
-// Datagrams of the studio, of strangers, and of recordings, as a receiver judges them. In this
-// program every allocation is counted.
+// Tests of MessageReceiver with authentic, forged and replayed datagrams. This program counts every
+// allocation.
 #include "daemon/bus/message_receiver.h"
 
 #include <gmock/gmock.h>
@@ -36,8 +36,8 @@ class Receiver : public testing::Test {
  protected:
   Receiver() { seal_.set_key(key_); }
 
-  std::optional<ReceivedMessage> receive(const RawDatagram& bytes, Duration later = {}) {
-    return receiver_.receive(bytes, kSource, {kReceiverNow.monotonic + later, kNow + later});
+  std::optional<ReceivedMessage> receive(const RawDatagram& bytes, Duration delay = {}) {
+    return receiver_.receive(bytes, kSource, {kReceiverNow.monotonic + delay, kNow + delay});
   }
   static std::vector<uint8_t> message(size_t size) {
     std::vector<uint8_t> bytes(size);
@@ -48,7 +48,7 @@ class Receiver : public testing::Test {
   const StudioKey key_ = StudioKey::make();
   MessageSeal seal_;
   static constexpr uint32_t kOwnSession = 77;
-  std::vector<SessionMessage> said_;
+  std::vector<SessionMessage> sent_;
   std::string_view unwanted_ = "V3D_PREVIEW_cam01";
   MessageReceiver receiver_{ChannelList(studio()),
                             seal_,
@@ -57,11 +57,11 @@ class Receiver : public testing::Test {
                                if (session != kOwnSession) return std::nullopt;
                                return 41;
                              },
-                             .send = [this](const SessionMessage& m) { said_.push_back(m); }}};
+                             .send = [this](const SessionMessage& m) { sent_.push_back(m); }}};
   Sender sender_{key_};
 };
 
-TEST_F(Receiver, gives_a_message_of_the_studio_without_its_trailer) {
+TEST_F(Receiver, returns_a_message_without_its_trailer) {
   const auto sent = message(100);
   const RawDatagram datagram = sender_.datagrams(kEventChannel, sent).at(0);
   const auto got = receive(datagram);
@@ -70,7 +70,7 @@ TEST_F(Receiver, gives_a_message_of_the_studio_without_its_trailer) {
   EXPECT_THAT(got->bytes, testing::ElementsAreArray(sent));
 }
 
-TEST_F(Receiver, gives_a_long_message_in_whatever_order_its_datagrams_come) {
+TEST_F(Receiver, returns_a_long_message_for_any_order_of_its_datagrams) {
   std::mt19937 random(7);
   const auto sent = message(300'000);
   for (int i = 0; i < 20; ++i) {
@@ -89,9 +89,9 @@ TEST_F(Receiver, gives_a_long_message_in_whatever_order_its_datagrams_come) {
 TEST_F(Receiver, accepts_both_keys_for_twenty_seconds_after_a_new_one_was_set) {
   const StudioKey next = StudioKey::make();
   Sender renewed(next);
-  const auto accepts = [&](Sender& sender, Duration later) {
-    const auto sent = sender.datagrams(kEventChannel, message(100), kNow + later).at(0);
-    return receive(sent, later).has_value();
+  const auto accepts = [&](Sender& sender, Duration delay) {
+    const auto sent = sender.datagrams(kEventChannel, message(100), kNow + delay).at(0);
+    return receive(sent, delay).has_value();
   };
   EXPECT_FALSE(accepts(renewed, 0s));
   seal_.set_key(next, kReceiverNow.monotonic);
@@ -102,8 +102,8 @@ TEST_F(Receiver, accepts_both_keys_for_twenty_seconds_after_a_new_one_was_set) {
   EXPECT_EQ(seal_.counts().forged, 2);
 }
 
-TEST_F(Receiver, passes_commands_without_a_mac_only_where_the_gate_authenticates_them) {
-  const auto bare = [&](std::string_view channel) {
+TEST_F(Receiver, accepts_commands_without_a_mac_only_when_they_contain_their_own) {
+  const auto without_mac = [&](std::string_view channel) {
     RawDatagram bytes;
     const auto sent = message(100);
     for (const OutgoingDatagram& datagram : split_message(1, channel, sent, false)) {
@@ -112,10 +112,10 @@ TEST_F(Receiver, passes_commands_without_a_mac_only_where_the_gate_authenticates
     }
     return bytes;
   };
-  EXPECT_TRUE(receive(bare(kCommandChannel)));
+  EXPECT_TRUE(receive(without_mac(kCommandChannel)));
   seal_.cover_commands();
   for (const char* channel : {kCommandChannel, kReplyChannel}) {
-    EXPECT_FALSE(receive(bare(channel))) << channel;
+    EXPECT_FALSE(receive(without_mac(channel))) << channel;
     const auto sent = sender_.datagrams(channel, message(100)).at(0);
     const auto got = receive(sent);
     ASSERT_TRUE(got) << channel;
@@ -136,7 +136,7 @@ TEST_F(Receiver, rejects_a_datagram_with_any_bit_flipped) {
   EXPECT_TRUE(receive(whole));
 }
 
-TEST_F(Receiver, rejects_each_fragment_with_a_header_that_was_changed) {
+TEST_F(Receiver, rejects_each_fragment_with_a_changed_header) {
   const auto sent = message(200'000);
   for (size_t bit = 0; bit < 8 * 20; ++bit) {
     auto datagrams = sender_.datagrams("V3D_FRAME_cam01", sent);
@@ -146,12 +146,12 @@ TEST_F(Receiver, rejects_each_fragment_with_a_header_that_was_changed) {
     }
     std::optional<ReceivedMessage> got;
     for (const RawDatagram& datagram : datagrams) got = receive(datagram);
-    ASSERT_TRUE(got) << "none of the changed ones had a part in it, bit " << bit;
+    ASSERT_TRUE(got) << "changed fragments had an effect, bit " << bit;
     EXPECT_TRUE(std::ranges::equal(got->bytes, sent));
   }
 }
 
-TEST_F(Receiver, takes_no_fragment_of_one_message_for_one_of_another) {
+TEST_F(Receiver, rejects_fragments_of_different_messages_as_one_message) {
   const auto a = sender_.datagrams("V3D_FRAME_cam01", message(100'000));
   Sender other(key_);
   const auto b = other.datagrams("V3D_FRAME_cam01", message(100'000));
@@ -160,7 +160,7 @@ TEST_F(Receiver, takes_no_fragment_of_one_message_for_one_of_another) {
   EXPECT_TRUE(receive(a[1]));
 }
 
-TEST_F(Receiver, accepts_nothing_again_nothing_old_and_nothing_of_the_future) {
+TEST_F(Receiver, rejects_replayed_old_and_future_messages) {
   const RawDatagram first = sender_.datagrams(kEventChannel, message(40)).at(0);
   EXPECT_TRUE(receive(first));
   EXPECT_FALSE(receive(first));
@@ -179,11 +179,11 @@ TEST_F(Receiver, accepts_nothing_again_nothing_old_and_nothing_of_the_future) {
 TEST_F(Receiver, asks_a_session_whose_clock_differs_and_accepts_it_when_it_answers) {
   const Duration hour = -1h;
   EXPECT_FALSE(receive(sender_.datagrams(kEventChannel, message(40), kNow + hour).at(0)));
-  ASSERT_EQ(said_.size(), 1U);
-  const SessionMessage question = said_[0];
+  ASSERT_EQ(sent_.size(), 1U);
+  const SessionMessage question = sent_[0];
   EXPECT_EQ(question.session, sender_.session);
   EXPECT_FALSE(receive(sender_.datagrams(kEventChannel, message(40), kNow + hour).at(0)));
-  EXPECT_EQ(said_.size(), 1U) << "it was asked a moment ago";
+  EXPECT_EQ(sent_.size(), 1U) << "the last question was just sent";
   SessionMessage answer = question;
   answer.is_answer = true;
   answer.newest = 2;
@@ -196,11 +196,11 @@ TEST_F(Receiver, asks_a_session_whose_clock_differs_and_accepts_it_when_it_answe
   EXPECT_TRUE(receive(sender_.datagrams(kEventChannel, message(40), kNow + hour).at(0)));
   EXPECT_THAT(seal_.trouble(Realtime::now()), testing::HasSubstr("3600.0 s behind"));
   EXPECT_TRUE(receive(sender_.datagrams(kEventChannel, message(40), kNow + hour + 60s).at(0), 60s))
-      << "it stays accepted";
+      << "the session stays accepted";
   EXPECT_EQ(seal_.counts().stale, 3);
 }
 
-TEST_F(Receiver, accepts_nothing_of_a_recording_though_its_questions_are_answered_again) {
+TEST_F(Receiver, rejects_recorded_messages_with_recorded_answers) {
   Sender recorded(key_);
   const Duration hour = -1h;
   const RawDatagram event = recorded.datagrams(kEventChannel, message(40), kNow + hour).at(0);
@@ -213,70 +213,70 @@ TEST_F(Receiver, accepts_nothing_of_a_recording_though_its_questions_are_answere
     EXPECT_FALSE(receive(event, i * 1s));
     receive(answer, i * 1s);
   }
-  EXPECT_EQ(said_.size(), 10U);
+  EXPECT_EQ(sent_.size(), 10U);
 }
 
-/// The answer of `sender` to the question that was asked last.
+/// The answer of `sender` to `question`.
 RawDatagram answer_of(Sender& sender, SessionMessage question, uint32_t newest) {
   question.newest = newest;
   question.is_answer = true;
   return sender.datagrams(kSessionChannel, encode(question)).at(0);
 }
 
-TEST_F(Receiver, accepts_health_and_pulses_only_of_a_session_that_has_answered) {
+TEST_F(Receiver, accepts_health_and_pulses_only_from_a_session_that_has_answered) {
   for (const char* const channel : {"V3D_HEALTH_cap01", kPulseChannel}) {
     Sender sender(key_);
     EXPECT_TRUE(receive(sender.datagrams(kEventChannel, message(40)).at(0)));
     const RawDatagram older = sender.datagrams(channel, message(40)).at(0);
     EXPECT_FALSE(receive(sender.datagrams(channel, message(40)).at(0)));
-    ASSERT_FALSE(said_.empty());
-    ASSERT_EQ(said_.back().session, sender.session);
-    receive(answer_of(sender, said_.back(), 2));
+    ASSERT_FALSE(sent_.empty());
+    ASSERT_EQ(sent_.back().session, sender.session);
+    receive(answer_of(sender, sent_.back(), 2));
     EXPECT_FALSE(receive(older)) << "it may have been received before a restart";
     EXPECT_TRUE(receive(sender.datagrams(channel, message(40)).at(0)));
   }
   EXPECT_EQ(seal_.counts().stale, 0);
 }
 
-TEST_F(Receiver, accepts_no_recorded_health_after_its_own_restart_whatever_its_clock_shows) {
+TEST_F(Receiver, rejects_recorded_health_after_its_own_restart) {
   const RawDatagram recorded = sender_.datagrams("V3D_HEALTH_cap01", message(40)).at(0);
   for (int i = 0; i < 10; ++i) EXPECT_FALSE(receive(recorded, i * 500ms));
-  EXPECT_FALSE(said_.empty()) << "the session was asked, and has ended";
+  EXPECT_FALSE(sent_.empty()) << "there was a question, but the session has ended";
 }
 
-TEST_F(Receiver, drops_its_questions_when_it_forgets_a_session) {
+TEST_F(Receiver, drops_its_questions_when_it_removes_a_session) {
   receive(sender_.datagrams("V3D_HEALTH_cap01", message(40)).at(0));
-  ASSERT_EQ(said_.size(), 1U);
+  ASSERT_EQ(sent_.size(), 1U);
   for (size_t i = 0; i <= SessionGate::kMaxSessions; ++i) {
     EXPECT_TRUE(receive(Sender(key_).datagrams(kEventChannel, message(40)).at(0)));
   }
-  receive(answer_of(sender_, said_[0], 0));
+  receive(answer_of(sender_, sent_[0], 0));
   EXPECT_FALSE(receive(sender_.datagrams("V3D_HEALTH_cap01", message(40)).at(0)));
 }
 
-TEST_F(Receiver, answers_for_the_sessions_of_its_own_process_100_times_a_second) {
+TEST_F(Receiver, answers_for_its_own_sessions_at_most_100_times_a_second) {
   SessionMessage question;
   question.session = kOwnSession;
   question.nonce = 99;
   receive(sender_.datagrams(kSessionChannel, encode(question)).at(0));
-  ASSERT_EQ(said_.size(), 1U);
-  EXPECT_TRUE(said_[0].is_answer);
-  EXPECT_EQ(said_[0].nonce, 99);
-  EXPECT_EQ(said_[0].newest, 41U);
+  ASSERT_EQ(sent_.size(), 1U);
+  EXPECT_TRUE(sent_[0].is_answer);
+  EXPECT_EQ(sent_[0].nonce, 99);
+  EXPECT_EQ(sent_[0].newest, 41U);
   question.session = 78;
   receive(sender_.datagrams(kSessionChannel, encode(question)).at(0));
-  EXPECT_EQ(said_.size(), 1U) << "another process's";
+  EXPECT_EQ(sent_.size(), 1U) << "session of another process";
   question.session = kOwnSession;
   for (int i = 0; i < 1000; ++i) {
     receive(sender_.datagrams(kSessionChannel, encode(question)).at(0));
   }
-  EXPECT_EQ(said_.size(), 100U);
-  Sender stranger(StudioKey::make());
-  receive(stranger.datagrams(kSessionChannel, encode(question)).at(0), 2s);
-  EXPECT_EQ(said_.size(), 100U);
+  EXPECT_EQ(sent_.size(), 100U);
+  Sender attacker(StudioKey::make());
+  receive(attacker.datagrams(kSessionChannel, encode(question)).at(0), 2s);
+  EXPECT_EQ(sent_.size(), 100U);
 }
 
-TEST_F(Receiver, drops_channels_and_sizes_that_the_studio_does_not_have_before_any_hash) {
+TEST_F(Receiver, drops_unknown_channels_and_sizes_before_any_hash) {
   EXPECT_FALSE(receive(sender_.datagrams("V3D_FRAME_invented", message(40)).at(0)));
   EXPECT_FALSE(receive(sender_.datagrams("LCM_SELF_TEST", message(40)).at(0)));
   EXPECT_FALSE(receive(sender_.datagrams(kPulseChannel, message(5000)).at(0)));
@@ -287,26 +287,26 @@ TEST_F(Receiver, drops_channels_and_sizes_that_the_studio_does_not_have_before_a
   EXPECT_EQ(seal_.counts().forged, 0);
 }
 
-TEST_F(Receiver, skips_the_rest_of_a_message_that_nobody_wants) {
+TEST_F(Receiver, skips_all_fragments_of_a_message_without_subscription) {
   const auto preview = sender_.datagrams("V3D_PREVIEW_cam01", message(200'000));
   for (const RawDatagram& datagram : preview) EXPECT_FALSE(receive(datagram));
   RawDatagram changed = preview[1];
   changed.back() ^= 1;
   receive(changed);
-  EXPECT_EQ(seal_.counts().forged, 0) << "not even hashed";
+  EXPECT_EQ(seal_.counts().forged, 0) << "not hashed";
 }
 
-TEST_F(Receiver, shows_unverified_health_as_such_and_nothing_else) {
-  Sender stranger(StudioKey::make());
-  const auto health = receive(stranger.datagrams("V3D_HEALTH_cap01", message(40)).at(0));
+TEST_F(Receiver, delivers_unverified_health_as_such_and_no_other_message) {
+  Sender attacker(StudioKey::make());
+  const auto health = receive(attacker.datagrams("V3D_HEALTH_cap01", message(40)).at(0));
   ASSERT_TRUE(health);
   EXPECT_FALSE(health->is_accepted);
   EXPECT_EQ(health->bytes.size(), 40U);
-  EXPECT_FALSE(receive(stranger.datagrams(kEventChannel, message(40)).at(0)));
+  EXPECT_FALSE(receive(attacker.datagrams(kEventChannel, message(40)).at(0)));
   EXPECT_EQ(seal_.counts().forged, 2);
 }
 
-TEST_F(Receiver, passes_commands_on_to_the_gate_that_checks_their_own_MAC) {
+TEST_F(Receiver, passes_commands_to_the_gate_that_verifies_their_own_mac) {
   RawDatagram command = test::short_datagram(1, "V3D_COMMAND");
   command.resize(command.size() + 20);
   EXPECT_EQ(receive(command).value().bytes.size(), 19U);
@@ -332,7 +332,7 @@ TEST(KeylessReceiver, reads_messages_with_and_without_trailers) {
   EXPECT_TRUE(std::ranges::equal(got->bytes, sent));
 }
 
-TEST(InsistingReceiver, accepts_nothing_without_a_key) {
+TEST(AuthenticatingReceiver, rejects_all_messages_without_a_key) {
   MessageSeal seal;
   seal.insist();
   MessageReceiver receiver(ChannelList(studio()), seal, [](std::string_view) { return true; });
@@ -344,18 +344,18 @@ TEST(InsistingReceiver, accepts_nothing_without_a_key) {
   EXPECT_EQ(seal.counts().forged, 0);
 }
 
-/// What somebody without the key can send: noise, invented names, forged and changed fragments,
-/// messages with a signature.
+/// Datagrams that an attacker without the key can send: noise, invented names, forged and changed
+/// fragments, messages with a signature.
 std::vector<RawDatagram> hostile_datagrams(Sender& studio_sender) {
   std::mt19937 random(7);
   std::vector<RawDatagram> all;
-  Sender stranger(StudioKey::make());
+  Sender attacker(StudioKey::make());
   const SigningKey key = SigningKey::make();
   const std::vector<uint8_t> bytes(100'000, 5);
   const std::vector<uint8_t> few(100, 5);
   for (int i = 0; i < 1000; ++i) {
     for (const char* channel : {kEventChannel, kPulseChannel, kSessionChannel}) {
-      all.push_back(stranger.signed_datagrams(channel, few, key).at(0));
+      all.push_back(attacker.signed_datagrams(channel, few, key).at(0));
     }
     all.push_back(test::short_datagram(random(), "V3D_COMMAND"));
     all.push_back(test::short_datagram(1, "V3D_FRAME_" + std::to_string(random()) + '\0'));
@@ -363,7 +363,7 @@ std::vector<RawDatagram> hostile_datagrams(Sender& studio_sender) {
         {.message_size = 256U << 20, .number = 0, .count = static_cast<uint16_t>(random())});
     test::put_text(huge, std::string("V3D_MESH") + '\0');
     all.push_back(huge);
-    for (auto& datagram : stranger.datagrams("V3D_FRAME_cam01", bytes)) all.push_back(datagram);
+    for (auto& datagram : attacker.datagrams("V3D_FRAME_cam01", bytes)) all.push_back(datagram);
     for (auto datagram : studio_sender.datagrams("V3D_FRAME_cam01", bytes)) {
       datagram[random() % datagram.size()] ^= static_cast<uint8_t>(1 << random() % 8);
       all.push_back(datagram);
@@ -375,13 +375,13 @@ std::vector<RawDatagram> hostile_datagrams(Sender& studio_sender) {
   return all;
 }
 
-TEST_F(Receiver, neither_allocates_for_strangers_nor_lets_them_displace_a_message) {
-  seal_.members().require();  // whose signatures are looked at behind the MAC only
+TEST_F(Receiver, neither_allocates_for_forged_datagrams_nor_discards_a_message_for_them) {
+  seal_.members().require();  // signatures are verified only after the MAC
   const auto sent = message(100'000);
   const auto frame = sender_.datagrams("V3D_FRAME_cam01", sent);
   Sender other(key_);
   const auto hostile = hostile_datagrams(other);
-  seal_.report(std::string(200, 'x'));  // the text of the trouble has its memory now
+  seal_.report(std::string(200, 'x'));  // allocates memory for the text of the report
   EXPECT_FALSE(receive(frame[0]));
   const int64_t before = test::allocations();
   int64_t accepted = 0;
@@ -389,7 +389,7 @@ TEST_F(Receiver, neither_allocates_for_strangers_nor_lets_them_displace_a_messag
   EXPECT_EQ(test::allocations() - before, 0);
   EXPECT_GT(seal_.counts().forged, 1000);
   EXPECT_EQ(accepted, 0);
-  EXPECT_TRUE(receive(frame[1])) << "its first half was still there";
+  EXPECT_TRUE(receive(frame[1])) << "the first half was kept";
 }
 
 }  // namespace

@@ -8,7 +8,7 @@ namespace {
 
 using namespace std::chrono_literals;
 
-TEST(Seal, says_for_a_while_that_something_was_rejected_and_why) {
+TEST(MessageSeal, reports_the_reason_of_a_rejection_for_a_limited_time) {
   MessageSeal seal;
   seal.set_key(StudioKey::make());
   EXPECT_EQ(seal.trouble(Realtime::now()), "");
@@ -18,16 +18,16 @@ TEST(Seal, says_for_a_while_that_something_was_rejected_and_why) {
   EXPECT_EQ(seal.trouble(Realtime::now() + 60s), "");
 }
 
-TEST(Seal, counts_nothing_as_forged_before_there_is_a_key) {
+TEST(MessageSeal, counts_no_datagram_as_forged_before_there_is_a_key) {
   MessageSeal seal;
   seal.insist();
   seal.count_unverified();
   EXPECT_EQ(seal.counts().forged, 0);
   EXPECT_EQ(seal.counts().unkeyed, 1);
-  EXPECT_EQ(seal.trouble(Realtime::now()), "") << "the missing key is reported by its owner";
+  EXPECT_EQ(seal.trouble(Realtime::now()), "") << "CredentialFiles reports the missing key";
 }
 
-TEST(Seal, counts_messages_that_no_permitted_member_signed_and_says_which) {
+TEST(MessageSeal, counts_and_reports_messages_without_a_permitted_signature) {
   MessageSeal seal;
   seal.set_key(StudioKey::make());
   seal.count_unsigned("V3D_PULSE of member cap02");
@@ -36,7 +36,7 @@ TEST(Seal, counts_messages_that_no_permitted_member_signed_and_says_which) {
   EXPECT_EQ(seal.trouble(Realtime::now()), "V3D_PULSE of member cap02");
 }
 
-TEST(Seal, is_required_with_a_key_and_where_somebody_insists) {
+TEST(MessageSeal, is_required_with_a_key_or_on_request) {
   MessageSeal seal;
   EXPECT_FALSE(seal.is_required());
   seal.insist();

@@ -32,7 +32,7 @@ struct Cut {
   }
 };
 
-RC_GTEST_PROP(Reassembly, gives_the_message_for_any_order_and_repetition_of_its_fragments, ()) {
+RC_GTEST_PROP(Reassembly, returns_the_message_for_any_order_and_repetition_of_its_fragments, ()) {
   static Reassembly reassembly;  // 64 MiB: one for all cases
   static uint32_t sequence = 0;
   const auto piece = *rc::gen::inRange<size_t>(1, 100);
@@ -55,7 +55,7 @@ RC_GTEST_PROP(Reassembly, gives_the_message_for_any_order_and_repetition_of_its_
   }
 }
 
-TEST(Reassembly, keeps_messages_of_several_senders_apart) {
+TEST(Reassembly, separates_messages_of_several_senders) {
   Reassembly reassembly;
   const Cut a(1, 300, 100, 1);
   const Cut b(1, 300, 100, 2);
@@ -67,7 +67,7 @@ TEST(Reassembly, keeps_messages_of_several_senders_apart) {
   EXPECT_TRUE(reassembly.add(b.fragments[2]));
 }
 
-TEST(Reassembly, gives_up_the_oldest_when_its_slots_or_its_bytes_are_full) {
+TEST(Reassembly, discards_the_oldest_message_when_slots_or_bytes_are_full) {
   Reassembly reassembly;
   const Cut oldest(0, 300, 200);
   reassembly.add(oldest.fragments[0]);
@@ -79,14 +79,14 @@ TEST(Reassembly, gives_up_the_oldest_when_its_slots_or_its_bytes_are_full) {
   for (uint32_t i = 0; i < 5; ++i) {
     reassembly.add(Cut(1000 + i, kMaxMessage, kPiece).fragments[0]);
   }
-  EXPECT_GT(reassembly.given_up(), before) << "5 x 16 MiB do not fit into 64";
+  EXPECT_GT(reassembly.given_up(), before) << "5 x 16 MiB do not fit into 64 MiB";
   const Cut fits(2000, 3 * kPiece, kPiece);
   EXPECT_FALSE(reassembly.add(fits.fragments[0]));
   EXPECT_FALSE(reassembly.add(fits.fragments[1]));
-  EXPECT_TRUE(reassembly.add(fits.fragments[2])) << "the newest is whole all the same";
+  EXPECT_TRUE(reassembly.add(fits.fragments[2])) << "the newest message is complete";
 }
 
-TEST(Reassembly, gives_nothing_of_fragments_that_overlap_or_leave_a_gap) {
+TEST(Reassembly, rejects_fragments_that_overlap_or_leave_a_gap) {
   Reassembly reassembly;
   Cut cut(1, 300, 100);
   cut.fragments[1].offset = 50;

@@ -8,26 +8,26 @@
 namespace v3d {
 namespace {
 
-/// A sender's message `seq`, sent when it is its turn.
+/// The time of sending of message `seq`: one message a millisecond.
 RealtimeInstant sent(int64_t seq) { return from_ns<Realtime>(1'000'000 * (seq + 1)); }
 
 void note(SequenceTracker& tracker, const std::string& key, std::vector<int64_t> numbers) {
   for (const int64_t seq : numbers) tracker.note(key, seq, sent(seq));
 }
 
-TEST(SequenceTracker, counts_what_was_sent_and_did_not_arrive) {
+TEST(SequenceTracker, counts_messages_that_did_not_arrive_as_lost) {
   SequenceTracker tracker;
   note(tracker, "V3D_PULSE", {4, 5, 9});
   EXPECT_EQ(tracker.of("V3D_PULSE"), (SequenceCounts{.received = 3, .lost = 3}));
 }
 
-TEST(SequenceTracker, counts_from_the_first_where_it_listened_from_the_start) {
+TEST(SequenceTracker, counts_losses_from_the_first_message_with_from_start) {
   SequenceTracker tracker(true);
   note(tracker, "a", {2, 3});
   EXPECT_EQ(tracker.of("a"), (SequenceCounts{.received = 2, .lost = 2}));
 }
 
-TEST(SequenceTracker, counts_nothing_as_lost_that_it_did_not_listen_to) {
+TEST(SequenceTracker, counts_no_message_as_lost_that_was_sent_before_a_new_count) {
   SequenceTracker tracker(true);
   tracker.listen_anew("joined in the middle");
   note(tracker, "joined in the middle", {7, 9});
@@ -38,19 +38,19 @@ TEST(SequenceTracker, counts_nothing_as_lost_that_it_did_not_listen_to) {
   EXPECT_EQ(tracker.of("left and joined again"), (SequenceCounts{.received = 4, .lost = 1}));
 }
 
-TEST(SequenceTracker, believes_no_number_of_a_stranger_to_be_more_than_a_million_losses) {
+TEST(SequenceTracker, limits_the_losses_of_one_gap_to_a_million) {
   SequenceTracker tracker(true);
   tracker.note("a", INT64_MAX, sent(1));
   EXPECT_EQ(tracker.of("a"), (SequenceCounts{.received = 1, .lost = 1'000'000}));
 }
 
-TEST(SequenceTracker, takes_back_the_loss_of_a_message_that_was_only_late) {
+TEST(SequenceTracker, counts_a_late_message_as_late_and_not_as_lost) {
   SequenceTracker tracker;
   note(tracker, "a", {0, 3, 1});
   EXPECT_EQ(tracker.of("a"), (SequenceCounts{.received = 3, .lost = 1, .late = 1}));
 }
 
-TEST(SequenceTracker, follows_a_sender_that_starts_again_with_its_clock_set_back) {
+TEST(SequenceTracker, detects_a_restart_of_a_sender_whose_clock_was_set_back) {
   SequenceTracker tracker(true);
   note(tracker, "a", {0, 1, 2, 3});
   const RealtimeInstant hour_before = sent(0) - std::chrono::hours(1);
@@ -58,13 +58,13 @@ TEST(SequenceTracker, follows_a_sender_that_starts_again_with_its_clock_set_back
   EXPECT_EQ(tracker.of("a"), (SequenceCounts{.received = 7, .lost = 1}));
 }
 
-TEST(SequenceTracker, counts_a_message_that_comes_twice_once) {
+TEST(SequenceTracker, counts_a_message_that_arrives_twice_once) {
   SequenceTracker tracker;
   note(tracker, "a", {0, 1, 1, 2, 0});
   EXPECT_EQ(tracker.of("a"), (SequenceCounts{.received = 3, .duplicate = 2}));
 }
 
-TEST(SequenceTracker, keeps_channels_apart) {
+TEST(SequenceTracker, counts_each_channel_separately) {
   SequenceTracker tracker;
   note(tracker, "a", {1});
   note(tracker, "b", {7});
@@ -75,7 +75,7 @@ TEST(SequenceTracker, keeps_channels_apart) {
   EXPECT_EQ(tracker.total(), (SequenceCounts{.received = 4, .lost = 1}));
 }
 
-TEST(SequenceTracker, takes_a_lower_number_that_was_sent_later_for_a_sender_that_started_again) {
+TEST(SequenceTracker, detects_a_restart_by_a_lower_number_that_was_sent_later) {
   SequenceTracker tracker;
   tracker.note("a", 100, sent(100));
   tracker.note("a", 0, sent(101));
@@ -83,7 +83,7 @@ TEST(SequenceTracker, takes_a_lower_number_that_was_sent_later_for_a_sender_that
   EXPECT_EQ(tracker.of("a"), (SequenceCounts{.received = 3, .lost = 1}));
 }
 
-TEST(SequenceTracker, survives_the_highest_number_and_believes_no_absurd_gap) {
+TEST(SequenceTracker, accepts_the_highest_number_and_limits_the_gap) {
   SequenceTracker tracker;
   tracker.note("a", 0, sent(0));
   tracker.note("a", INT64_MAX, sent(1));
@@ -92,15 +92,15 @@ TEST(SequenceTracker, survives_the_highest_number_and_believes_no_absurd_gap) {
   EXPECT_EQ(tracker.of("a").duplicate, 1);
 }
 
-/// What a network does to a sender's messages: some lost, some twice, neighbours out of order.
-RC_GTEST_PROP(SequenceTracker, counts_exactly_what_a_network_lost_and_repeated, ()) {
+/// A network that loses, duplicates and reorders messages.
+RC_GTEST_PROP(SequenceTracker, counts_lost_and_duplicate_messages_exactly, ()) {
   std::mt19937 random(*rc::gen::arbitrary<uint32_t>());
   const int messages = *rc::gen::inRange(1, 300);
-  std::vector<std::pair<int, int64_t>> arriving;  // when, number
+  std::vector<std::pair<int, int64_t>> arriving;  // time, number
   int lost = 0;
   int repeated = 0;
   for (int seq = 0; seq < messages; ++seq) {
-    const bool last = seq == messages - 1;  // of what comes after the newest nobody knows
+    const bool last = seq == messages - 1;  // losses after the newest message cannot be detected
     if (random() % 10 == 0 && !last) {
       ++lost;
       continue;
@@ -120,7 +120,7 @@ RC_GTEST_PROP(SequenceTracker, counts_exactly_what_a_network_lost_and_repeated, 
   RC_ASSERT(counts.received == messages - lost);
 }
 
-/// Restarted senders and receivers, clocks that are set, and sequence numbers in any order.
+/// Senders and receivers restart, clocks are set, sequence numbers arrive in any order.
 RC_GTEST_PROP(SequenceTracker, never_counts_a_negative_number_of_lost_messages, (bool from_start)) {
   std::mt19937 random(*rc::gen::arbitrary<uint32_t>());
   SequenceTracker tracker(from_start);

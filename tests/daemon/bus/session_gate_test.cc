@@ -18,7 +18,7 @@ SessionStamp stamp(uint32_t session, uint32_t sequence, Duration sent = {}) {
   return {.session = session, .sequence = sequence, .sent = kNow.realtime + sent};
 }
 
-RC_GTEST_PROP(SessionGate, accepts_a_number_once_also_where_numbers_wrap, ()) {
+RC_GTEST_PROP(SessionGate, accepts_a_number_once_also_when_numbers_wrap, ()) {
   SessionGate gate;
   std::set<uint32_t> accepted;
   uint32_t newest = *rc::gen::element<uint32_t>(0, 5000, 0xffffff00U, 0x7fffff00U);
@@ -36,14 +36,14 @@ RC_GTEST_PROP(SessionGate, accepts_a_number_once_also_where_numbers_wrap, ()) {
 
 KeyId key_id(uint8_t first) { return {first}; }
 
-TEST(SessionGate, takes_the_answer_of_one_key_for_that_of_no_other) {
+TEST(SessionGate, keeps_answers_of_different_keys_apart) {
   SessionGate gate;
   gate.accept(stamp(7, 100), kNow, key_id(1));
   EXPECT_TRUE(gate.has_answered(7, key_id(1)));
   EXPECT_FALSE(gate.has_answered(7, key_id(2)));
-  EXPECT_FALSE(gate.has_answered(7)) << "of an unknown key";
+  EXPECT_FALSE(gate.has_answered(7)) << "unknown key";
   EXPECT_TRUE(gate.is_answered_by_other(7, key_id(2)));
-  EXPECT_FALSE(gate.is_answered_by_other(8, key_id(2))) << "there is no answer yet";
+  EXPECT_FALSE(gate.is_answered_by_other(8, key_id(2))) << "no answer yet";
   gate.accept(stamp(7, 200), kNow, key_id(2));
   EXPECT_TRUE(gate.has_answered(7, key_id(2)));
   EXPECT_FALSE(gate.has_answered(7, key_id(1)));
@@ -51,7 +51,7 @@ TEST(SessionGate, takes_the_answer_of_one_key_for_that_of_no_other) {
   EXPECT_FALSE(gate.is_received(stamp(7, 201)));
 }
 
-TEST(SessionQuestions, are_answered_by_the_key_that_was_asked_or_by_any_where_none_was) {
+TEST(SessionQuestions, accept_an_answer_of_the_named_key_or_of_any_key_when_none_was_named) {
   SessionQuestions questions;
   const int64_t nonce = questions.ask(7, kNow.monotonic, key_id(1)).value();
   EXPECT_FALSE(questions.answers(7, nonce, kNow.monotonic, key_id(2)));
@@ -63,7 +63,7 @@ TEST(SessionQuestions, are_answered_by_the_key_that_was_asked_or_by_any_where_no
   EXPECT_TRUE(questions.answers(7, of_any, kNow.monotonic, key_id(2)));
 }
 
-TEST(SessionGate, counts_what_is_older_than_the_window_as_received) {
+TEST(SessionGate, counts_messages_older_than_the_window_as_received) {
   SessionGate gate;
   gate.note(stamp(7, 5000), kNow);
   EXPECT_FALSE(gate.is_received(stamp(7, 5000 - SessionGate::kWindow + 1)));
@@ -71,11 +71,11 @@ TEST(SessionGate, counts_what_is_older_than_the_window_as_received) {
   EXPECT_FALSE(gate.is_received(stamp(8, 1))) << "another session";
 }
 
-TEST(SessionGate, doubts_a_session_that_it_forgot_and_accepts_nothing_of_it_again) {
+TEST(SessionGate, rejects_old_messages_of_a_removed_session) {
   SessionGate gate;
   for (uint32_t i = 0; i <= SessionGate::kMaxSessions; ++i)
     gate.note(stamp(i, 1, i * 1ms), later(i * 1ms));
-  EXPECT_FALSE(gate.is_recent(stamp(0, 1), later(1s))) << "session 0 was forgotten";
+  EXPECT_FALSE(gate.is_recent(stamp(0, 1), later(1s))) << "session 0 was removed";
   EXPECT_TRUE(gate.is_received(stamp(1, 1, 1ms)));
   EXPECT_TRUE(gate.is_recent(stamp(999, 1, 1s), later(1s)));
   gate.accept(stamp(0, 5, 1s), later(1s));
@@ -91,17 +91,17 @@ TEST(SessionGate, accepts_an_unknown_session_whose_clock_agrees) {
   EXPECT_FALSE(gate.is_recent(stamp(7, 1, 2s + 1us), kNow));
 }
 
-TEST(SessionGate, needs_no_clock_for_a_known_session) {
+TEST(SessionGate, needs_no_wall_clock_for_a_known_session) {
   SessionGate gate;
   gate.note(stamp(7, 1), kNow);
   for (const Duration set : {-1h, 0h, 1h}) {
     const ReceiverTime now{kNow.monotonic + 60s, kNow.realtime + 60s + set};
-    EXPECT_TRUE(gate.is_recent(stamp(7, 2, 59s), now)) << "its own clock was set";
-    EXPECT_FALSE(gate.is_recent(stamp(7, 2, 54s), now)) << "held back for 6 s";
+    EXPECT_TRUE(gate.is_recent(stamp(7, 2, 59s), now)) << "the receiver's clock was set";
+    EXPECT_FALSE(gate.is_recent(stamp(7, 2, 54s), now)) << "delayed by 6 s";
   }
 }
 
-TEST(SessionGate, follows_a_clock_that_drifts_for_a_day) {
+TEST(SessionGate, accepts_a_clock_that_drifts_for_a_day) {
   SessionGate gate;
   constexpr double kRate = 1 - 150e-6;  // two crystals, each at its limit
   for (int i = 0; i <= 24 * 60; ++i) {
@@ -113,17 +113,17 @@ TEST(SessionGate, follows_a_clock_that_drifts_for_a_day) {
   }
 }
 
-TEST(SessionGate, doubts_a_session_whose_clock_is_set_until_it_answers) {
+TEST(SessionGate, rejects_a_session_whose_clock_was_set_until_it_answers) {
   SessionGate gate;
   gate.note(stamp(7, 1), kNow);
   EXPECT_FALSE(gate.is_recent(stamp(7, 2, -1h), later(1s)));
   gate.accept(stamp(7, 2, -1h), later(1s));
   EXPECT_TRUE(gate.is_recent(stamp(7, 3, -1h + 100ms), later(1100ms)));
-  EXPECT_TRUE(gate.is_received(stamp(7, 1))) << "what was received stays received";
+  EXPECT_TRUE(gate.is_received(stamp(7, 1))) << "received messages stay received";
   EXPECT_FALSE(gate.is_recent(stamp(7, 4, -2h), later(2s)));
 }
 
-TEST(SessionGate, accepts_nothing_older_once_a_session_has_answered_first) {
+TEST(SessionGate, rejects_older_messages_after_the_first_answer_of_a_session) {
   SessionGate gate;
   gate.note(stamp(7, 9), kNow);
   EXPECT_FALSE(gate.has_answered(7));
@@ -134,7 +134,7 @@ TEST(SessionGate, accepts_nothing_older_once_a_session_has_answered_first) {
   EXPECT_FALSE(gate.is_received(stamp(7, 13)));
 }
 
-TEST(SessionGate, keeps_what_came_before_a_late_first_answer) {
+TEST(SessionGate, keeps_received_messages_when_the_first_answer_is_late) {
   SessionGate gate;
   gate.note(stamp(7, 9), kNow);
   gate.accept(stamp(7, 5), kNow);
@@ -142,7 +142,7 @@ TEST(SessionGate, keeps_what_came_before_a_late_first_answer) {
   EXPECT_FALSE(gate.is_received(stamp(7, 10)));
 }
 
-TEST(SessionGate, forgets_with_a_session_that_it_has_answered) {
+TEST(SessionGate, removes_the_answer_together_with_its_session) {
   SessionGate gate;
   gate.accept(stamp(7, 1), kNow);
   for (uint32_t i = 0; i < SessionGate::kMaxSessions; ++i) {
@@ -153,30 +153,31 @@ TEST(SessionGate, forgets_with_a_session_that_it_has_answered) {
   EXPECT_FALSE(gate.has_answered(7));
 }
 
-TEST(SessionQuestions, take_one_answer_with_the_right_nonce_in_time) {
+TEST(SessionQuestions, accept_one_answer_with_the_right_nonce_in_time) {
   SessionQuestions questions;
   const auto now = kNow.monotonic;
   const auto nonce = questions.ask(7, now);
   ASSERT_TRUE(nonce);
-  EXPECT_FALSE(questions.ask(7, now + 100ms)) << "asked a moment ago";
+  EXPECT_FALSE(questions.ask(7, now + 100ms)) << "asked 100 ms ago";
   EXPECT_EQ(questions.ask(7, now + 200ms), nonce);
   EXPECT_FALSE(questions.answers(7, *nonce + 1, now + 300ms));
   EXPECT_FALSE(questions.answers(8, *nonce, now + 300ms));
   EXPECT_TRUE(questions.answers(7, *nonce, now + 300ms));
-  EXPECT_FALSE(questions.answers(7, *nonce, now + 300ms)) << "again";
+  EXPECT_FALSE(questions.answers(7, *nonce, now + 300ms)) << "repeated answer";
   const auto late = questions.ask(7, now + 1s);
   ASSERT_TRUE(late);
   EXPECT_NE(late, nonce);
   EXPECT_FALSE(questions.answers(7, *late, now + 1s + SessionQuestions::kAnsweredWithin));
 }
 
-TEST(SessionQuestions, wait_for_16_answers_at_once) {
+TEST(SessionQuestions, keep_16_questions_pending) {
   SessionQuestions questions;
   std::vector<int64_t> nonces;
   for (uint32_t session = 1; session <= 17; ++session) {
     nonces.push_back(*questions.ask(session, kNow.monotonic + session * 1ms));
   }
-  EXPECT_FALSE(questions.answers(1, nonces[0], kNow.monotonic + 50ms)) << "the oldest gave way";
+  EXPECT_FALSE(questions.answers(1, nonces[0], kNow.monotonic + 50ms))
+      << "the oldest question was replaced";
   for (uint32_t session = 2; session <= 17; ++session) {
     EXPECT_TRUE(questions.answers(session, nonces[session - 1], kNow.monotonic + 50ms));
   }

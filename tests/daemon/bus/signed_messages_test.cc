@@ -1,5 +1,5 @@
-// Members of one studio that have its key, and send what is theirs and what is not. Who may send a
-// message is decided by its signature.
+// Tests of member signatures: all senders have the studio key, and a message is accepted only from
+// the member that may send it.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -68,31 +68,31 @@ class SignedMessages : public testing::Test {
   const SigningKey& key(const std::string& member) const { return keys_.at(member); }
 
   std::optional<ReceivedMessage> receive(const std::vector<RawDatagram>& datagrams,
-                                         Duration later = {}) {
+                                         Duration delay = {}) {
     std::optional<ReceivedMessage> got;
     for (const RawDatagram& bytes : datagrams) {
-      datagram_ = bytes;  // the views are of it
-      got = receiver_.receive(datagram_, 1, {kReceiverNow.monotonic + later, kNow + later});
+      datagram_ = bytes;  // the result holds views into it
+      got = receiver_.receive(datagram_, 1, {kReceiverNow.monotonic + delay, kNow + delay});
     }
     return got;
   }
-  bool accepts(const std::vector<RawDatagram>& datagrams, Duration later = {}) {
-    const auto got = receive(datagrams, later);
+  bool accepts(const std::vector<RawDatagram>& datagrams, Duration delay = {}) {
+    const auto got = receive(datagrams, delay);
     return got && got->is_accepted;
   }
-  /// What `member` sends when it is asked last, in the session of `sender`.
+  /// `member` answers the last question, in the session of `sender`.
   void answer(DatagramSender& sender, const std::string& member, uint32_t newest) {
-    ASSERT_FALSE(said_.empty());
-    SessionMessage answer = said_.back();
+    ASSERT_FALSE(sent_.empty());
+    SessionMessage answer = sent_.back();
     answer.newest = newest;
     answer.is_answer = true;
     receive(sender.signed_datagrams(kSessionChannel, encode(answer), key(member)));
   }
-  /// Sent by `member`, in a session of its own which answers.
+  /// Whether `message` of `member` is accepted, in a new session that answers.
   bool is_accepted(const std::string& member, std::string_view channel, const Bytes& message) {
     DatagramSender sender(studio_key_);
     if (accepts(sender.signed_datagrams(channel, message, key(member)))) return true;
-    if (said_.empty() || said_.back().session != sender.session) return false;
+    if (sent_.empty() || sent_.back().session != sender.session) return false;
     answer(sender, member, sender.sequence - 1);
     return accepts(sender.signed_datagrams(channel, message, key(member)));
   }
@@ -106,15 +106,15 @@ class SignedMessages : public testing::Test {
       {"outsider", SigningKey::make()}};
   int64_t serial_ = 0;
   MessageSeal seal_;
-  std::vector<SessionMessage> said_;
+  std::vector<SessionMessage> sent_;
   RawDatagram datagram_;
   MessageReceiver receiver_{ChannelList(studio()),
                             seal_,
                             [](std::string_view) { return true; },
-                            {.send = [this](const SessionMessage& m) { said_.push_back(m); }}};
+                            {.send = [this](const SessionMessage& m) { sent_.push_back(m); }}};
 };
 
-TEST_F(SignedMessages, are_accepted_of_the_members_that_may_send_them_and_of_no_others) {
+TEST_F(SignedMessages, are_accepted_only_from_the_members_that_may_send_them) {
   struct Case {
     std::string channel;
     Bytes message;
@@ -145,7 +145,7 @@ TEST_F(SignedMessages, are_accepted_of_the_members_that_may_send_them_and_of_no_
   }
 }
 
-TEST_F(SignedMessages, reach_handlers_without_their_signature_also_when_they_are_long) {
+TEST_F(SignedMessages, are_delivered_without_their_signature_also_when_they_are_long) {
   for (const size_t size : {100, 1'000'000}) {
     const Bytes sent(size, 5);
     DatagramSender sender(studio_key_);
@@ -156,7 +156,8 @@ TEST_F(SignedMessages, reach_handlers_without_their_signature_also_when_they_are
   EXPECT_EQ(seal_.counts().not_signed, 0);
 }
 
-TEST_F(SignedMessages, of_another_member_are_counted_and_say_who_sent_what_and_who_may) {
+TEST_F(SignedMessages,
+       of_another_member_are_counted_and_reported_with_sender_and_permitted_member) {
   DatagramSender sender(studio_key_);
   EXPECT_FALSE(accepts(sender.signed_datagrams(kEventChannel, event("cap01"), key("cap02"))));
   EXPECT_EQ(seal_.counts().not_signed, 1);
@@ -183,14 +184,14 @@ TEST_F(SignedMessages, are_rejected_when_the_signature_is_of_another_channel_num
   EXPECT_FALSE(send_as(sender.origin(kMeshChannel, kNow - 1us)));
   MessageOrigin other = sender.origin(kMeshChannel);
   --other.sequence;
-  EXPECT_FALSE(send_as(other)) << "the number of the message before";
+  EXPECT_FALSE(send_as(other)) << "the number of the previous message";
   other = sender.origin(kMeshChannel);
   other.session ^= 1;
   EXPECT_FALSE(send_as(other));
   EXPECT_THAT(trouble(), HasSubstr("with a wrong signature"));
 }
 
-TEST_F(SignedMessages, are_no_commands_and_commands_are_no_messages_of_other_channels) {
+TEST_F(SignedMessages, are_not_accepted_as_commands_nor_commands_on_other_channels) {
   DatagramSender sender(studio_key_);
   const Bytes as_command = sign_message(event("cap01"), key("cap01"));
   EXPECT_FALSE(accepts(sender.datagrams(kEventChannel, as_command)));
@@ -218,24 +219,24 @@ TEST_F(SignedMessages, are_rejected_when_they_are_cut_within_the_signature) {
   }
 }
 
-TEST_F(SignedMessages, are_rejected_from_the_moment_at_which_the_list_lacks_their_member) {
+TEST_F(SignedMessages, are_rejected_as_soon_as_the_list_lacks_their_member) {
   const auto cap01_sends = [&] { return is_accepted("cap01", kEventChannel, event("cap01")); };
   DatagramSender sender(studio_key_);
-  const auto goes_on = [&] {
+  const auto same_session_sends = [&] {
     return accepts(sender.signed_datagrams(kEventChannel, event("cap01"), key("cap01")));
   };
   EXPECT_TRUE(cap01_sends());
-  EXPECT_TRUE(goes_on());
+  EXPECT_TRUE(same_session_sends());
   std::vector<Member> others = all();
   std::erase_if(others, [](const Member& member) { return member.name == "cap01"; });
   set_members(others);
   EXPECT_FALSE(cap01_sends());
-  EXPECT_FALSE(goes_on()) << "in a session that was accepted before";
+  EXPECT_FALSE(same_session_sends()) << "in a session that was accepted before";
   others.push_back({"cap01", Role::kViewer, key("cap01").public_key()});
   set_members(others);
-  EXPECT_FALSE(goes_on()) << "with another role";
+  EXPECT_FALSE(same_session_sends()) << "with another role";
   set_members(all());
-  EXPECT_TRUE(goes_on());
+  EXPECT_TRUE(same_session_sends());
 }
 
 TEST_F(SignedMessages, are_all_rejected_before_there_is_a_list) {
@@ -249,12 +250,12 @@ TEST_F(SignedMessages, are_all_rejected_before_there_is_a_list) {
   EXPECT_EQ(seal.counts().not_signed, 1);
 }
 
-TEST_F(SignedMessages, of_health_without_a_valid_signature_are_shown_as_unverified) {
-  DatagramSender sender(studio_key_), stranger(StudioKey::make());
+TEST_F(SignedMessages, of_health_without_a_valid_signature_are_delivered_as_unverified) {
+  DatagramSender sender(studio_key_), attacker(StudioKey::make());
   for (const auto& datagrams :
        {sender.datagrams("V3D_HEALTH_cap01", health("cap01")),
         sender.signed_datagrams("V3D_HEALTH_cap01", health("cap01"), key("outsider")),
-        stranger.signed_datagrams("V3D_HEALTH_cap01", health("cap01"), key("cap01"))}) {
+        attacker.signed_datagrams("V3D_HEALTH_cap01", health("cap01"), key("cap01"))}) {
     const auto got = receive(datagrams);
     ASSERT_TRUE(got);
     EXPECT_FALSE(got->is_accepted);
@@ -264,60 +265,61 @@ TEST_F(SignedMessages, of_health_without_a_valid_signature_are_shown_as_unverifi
 
 // --- sessions -----------------------------------------------------------------------------------
 
-/// The attack of a member that has recorded what another one signed.
-TEST_F(SignedMessages, that_were_recorded_are_not_accepted_when_another_member_answers) {
+/// Attack: a member replays signed messages of another member.
+TEST_F(SignedMessages, that_were_recorded_are_rejected_when_another_member_answers) {
   DatagramSender cap01(studio_key_);
   const auto recorded = cap01.signed_datagrams("V3D_HEALTH_cap01", health("cap01"), key("cap01"));
   EXPECT_FALSE(accepts(recorded));
   answer(cap01, "cap02", static_cast<uint32_t>(-1));
-  EXPECT_FALSE(accepts(recorded)) << "the session was answered for by cap02";
+  EXPECT_FALSE(accepts(recorded)) << "cap02 has answered for the session";
   answer(cap01, "guest", static_cast<uint32_t>(-1));
   EXPECT_FALSE(accepts(recorded));
-  EXPECT_EQ(seal_.counts().not_signed, 0) << "an answer to no question costs no signature";
+  EXPECT_EQ(seal_.counts().not_signed, 0) << "an answer without a question costs no verification";
   answer(cap01, "cap01", 0);
-  EXPECT_FALSE(accepts(recorded)) << "it may have been received before";
+  EXPECT_FALSE(accepts(recorded)) << "it may have been received earlier";
   cap01.sequence = 1;
   EXPECT_TRUE(accepts(cap01.signed_datagrams("V3D_HEALTH_cap01", health("cap01"), key("cap01"))));
 }
 
-TEST_F(SignedMessages, of_an_hour_ago_are_not_accepted_when_another_member_answers) {
+TEST_F(SignedMessages, of_an_hour_ago_are_rejected_when_another_member_answers) {
   DatagramSender cap01(studio_key_);
   cap01.sequence = 100;
   const auto recorded =
       cap01.signed_datagrams(kEventChannel, event("cap01"), key("cap01"), kNow - 1h);
-  // cap02 has the session asked by what carries no signature, and answers as of then.
+  // cap02 causes a question with an unsigned message in that session, and answers with the old
+  // time.
   DatagramSender cap02(studio_key_);
   cap02.session = cap01.session;
   EXPECT_FALSE(accepts(cap02.datagrams("V3D_FRAME_cam02", Bytes(10), kNow - 1h)));
-  ASSERT_EQ(said_.size(), 1U);
-  SessionMessage forged = said_.back();
+  ASSERT_EQ(sent_.size(), 1U);
+  SessionMessage forged = sent_.back();
   forged.is_answer = true;
   receive(cap02.signed_datagrams(kSessionChannel, encode(forged), key("cap02"), kNow - 1h));
   EXPECT_TRUE(accepts(cap02.datagrams("V3D_FRAME_cam02", Bytes(10), kNow - 1h)));
   EXPECT_FALSE(accepts(recorded));
-  EXPECT_EQ(said_.size(), 2U) << "cap01 is asked";
+  EXPECT_EQ(sent_.size(), 2U) << "cap01 gets a question";
 }
 
-TEST_F(SignedMessages, need_an_answer_that_is_signed) {
+TEST_F(SignedMessages, need_a_signed_answer) {
   DatagramSender sender(studio_key_);
   const auto send = [&] {
     return accepts(sender.signed_datagrams("V3D_HEALTH_cap01", health("cap01"), key("cap01")));
   };
   EXPECT_FALSE(send());
-  ASSERT_EQ(said_.size(), 1U);
-  SessionMessage plain = said_.back();
+  ASSERT_EQ(sent_.size(), 1U);
+  SessionMessage plain = sent_.back();
   plain.is_answer = true;
   receive(sender.datagrams(kSessionChannel, encode(plain)));
   EXPECT_FALSE(send());
   const MessageOrigin origin = sender.origin(kEventChannel);
   receive(sender.datagrams(kSessionChannel, sign_on_bus(encode(plain), origin, key("cap01"))));
-  EXPECT_EQ(seal_.counts().not_signed, 1) << "the signature is of another channel";
+  EXPECT_EQ(seal_.counts().not_signed, 1) << "signed for another channel";
   EXPECT_FALSE(send());
   answer(sender, "cap01", sender.sequence - 1);
   EXPECT_TRUE(send());
 }
 
-TEST_F(SignedMessages, of_an_operator_whose_clock_differs_arrive_when_the_operator_answers) {
+TEST_F(SignedMessages, of_an_operator_with_a_wrong_clock_are_accepted_after_its_answer) {
   seal_.cover_commands();
   DatagramSender ada(studio_key_);
   const auto send = [&] {
@@ -325,23 +327,22 @@ TEST_F(SignedMessages, of_an_operator_whose_clock_differs_arrive_when_the_operat
     return accepts(ada.datagrams(kCommandChannel, command, kNow - 1h));
   };
   const auto answer_as = [&](const std::string& member) {
-    SessionMessage answer = said_.back();
+    SessionMessage answer = sent_.back();
     answer.newest = ada.sequence;
     answer.is_answer = true;
     receive(ada.signed_datagrams(kSessionChannel, encode(answer), key(member), kNow - 1h));
   };
   EXPECT_FALSE(send());
-  ASSERT_EQ(said_.size(), 1U);
+  ASSERT_EQ(sent_.size(), 1U);
   answer_as("cap02");
   EXPECT_FALSE(send());
   answer_as("ada");
   EXPECT_TRUE(send());
 }
 
-// --- receivers that verify no signature
-// -----------------------------------------------------------
+// --- receivers that verify no signature ---------------------------------------------------------
 
-TEST(UnsignedStudio, reads_messages_with_signatures_as_the_tools_of_LCM_do) {
+TEST(UnsignedStudio, reads_messages_with_signatures_and_ignores_the_signatures) {
   const StudioKey studio_key = StudioKey::make();
   for (const bool has_key : {false, true}) {
     MessageSeal seal;

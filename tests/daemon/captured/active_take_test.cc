@@ -178,7 +178,7 @@ TEST_F(TakeOfAnotherNode, states_the_sensed_pulses_when_it_received_every_messag
   EXPECT_EQ(result.ledger.sensed, 3);
 }
 
-TEST_F(TakeOfAnotherNode, does_not_state_the_sensed_pulses_when_a_message_was_lost) {
+TEST_F(TakeOfAnotherNode, omits_the_sensed_pulses_when_a_message_was_lost) {
   const auto take = ActiveTake::begin(context(), plan(CommandVerb::kArm));
   trigger_.start();
   for (const int64_t pulse : {0, 2}) publish_pulse(pulse);

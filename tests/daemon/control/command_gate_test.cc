@@ -15,9 +15,9 @@ using testing::IsEmpty;
 constexpr MonotonicInstant kNow = from_ns<Monotonic>(3'600'000'000'000);
 constexpr RealtimeInstant kSent = from_ns<Realtime>(1'700'000'000'000'000'000);
 
-class Gate : public testing::Test {
+class CommandGateTest : public testing::Test {
  protected:
-  Gate() { gate_.credentials().set_studio_key(key_, kNow); }
+  CommandGateTest() { gate_.credentials().set_studio_key(key_, kNow); }
 
   static CommandMessage command(int64_t nonce, int64_t counter = 1, Duration later = {},
                                 const std::string& sender = "anna@desk/1/2") {
@@ -49,7 +49,7 @@ class Gate : public testing::Test {
   CommandGate gate_{"cap01"};
 };
 
-TEST_F(Gate, admits_an_authentic_command_with_the_nonce_of_this_node) {
+TEST_F(CommandGateTest, admits_an_authentic_command_with_the_nonce_of_this_node) {
   const auto got = gate_.admit(encode_sealed(command(nonce()), key_), now_);
   ASSERT_TRUE(got);
   EXPECT_TRUE(got->is_current);
@@ -58,7 +58,7 @@ TEST_F(Gate, admits_an_authentic_command_with_the_nonce_of_this_node) {
   EXPECT_THAT(gate_.problem(now_), IsEmpty());
 }
 
-TEST_F(Gate, replies_to_a_command_without_nonce_with_the_nonce_it_needs) {
+TEST_F(CommandGateTest, replies_to_a_command_without_nonce_with_the_nonce_it_needs) {
   const CommandMessage first = command(0);
   ASSERT_TRUE(replies_nonce(first));
   const ReplyMessage reply = gate_.nonce_reply(first, now_);
@@ -68,12 +68,12 @@ TEST_F(Gate, replies_to_a_command_without_nonce_with_the_nonce_it_needs) {
   EXPECT_TRUE(admits(command(reply.nonce)));
 }
 
-TEST_F(Gate, admits_commands_independent_of_the_sender_s_clock) {
+TEST_F(CommandGateTest, admits_commands_independent_of_the_sender_s_clock) {
   EXPECT_TRUE(admits(command(nonce(), 1, -1h, "a")));
   EXPECT_TRUE(admits(command(nonce(), 1, 24h * 365, "b")));
 }
 
-TEST_F(Gate, rejects_a_nonce_older_than_ten_seconds) {
+TEST_F(CommandGateTest, rejects_a_nonce_older_than_ten_seconds) {
   const CommandMessage held_back = command(nonce());
   now_ += 2 * CommandGate::kNonceLife - 1ms;
   EXPECT_TRUE(admits(held_back));
@@ -83,7 +83,7 @@ TEST_F(Gate, rejects_a_nonce_older_than_ten_seconds) {
   EXPECT_EQ(gate_.counts().without_nonce, 1);
 }
 
-TEST_F(Gate, rejects_the_nonce_of_another_node) {
+TEST_F(CommandGateTest, rejects_the_nonce_of_another_node) {
   CommandMessage swapped = command(nonce());
   std::swap(swapped.nonces[0], swapped.nonces[1]);
   EXPECT_FALSE(admits(swapped));
@@ -91,21 +91,21 @@ TEST_F(Gate, rejects_the_nonce_of_another_node) {
   EXPECT_FALSE(admits(swapped));
 }
 
-TEST_F(Gate, rejects_all_commands_without_a_key) {
+TEST_F(CommandGateTest, rejects_all_commands_without_a_key) {
   CommandGate keyless("cap01");
   EXPECT_FALSE(keyless.admit(encode_sealed(command(1), key_), now_));
   EXPECT_FALSE(keyless.admit(encode(command(1)), now_));
   EXPECT_EQ(keyless.counts().unkeyed, 2);
 }
 
-TEST_F(Gate, rejects_another_key_and_reports_it_for_ten_seconds) {
+TEST_F(CommandGateTest, rejects_another_key_and_reports_it_for_ten_seconds) {
   EXPECT_FALSE(gate_.admit(encode_sealed(command(nonce()), StudioKey::make()), now_));
   EXPECT_EQ(gate_.counts().forged, 1);
   EXPECT_THAT(gate_.problem(now_ + 1s), HasSubstr("another studio key"));
   EXPECT_THAT(gate_.problem(now_ + 1min), IsEmpty());
 }
 
-TEST_F(Gate, admits_the_old_key_for_twenty_seconds_after_a_rotation) {
+TEST_F(CommandGateTest, admits_the_old_key_for_twenty_seconds_after_a_rotation) {
   const StudioKey next = StudioKey::make();
   EXPECT_FALSE(admits(encode_sealed(command(nonce(), 1, 0s, "a"), next)));
   gate_.credentials().set_studio_key(next, now_);
@@ -118,7 +118,7 @@ TEST_F(Gate, admits_the_old_key_for_twenty_seconds_after_a_rotation) {
   EXPECT_EQ(gate_.counts().forged, 2);
 }
 
-TEST_F(Gate, admits_operators_of_the_member_list_and_names_rejected_members) {
+TEST_F(CommandGateTest, admits_operators_of_the_member_list_and_names_rejected_members) {
   const SigningKey ada = SigningKey::make(), guest = SigningKey::make();
   CommandGate gate("cap01");
   gate.credentials().set_studio_key(key_, kNow);
@@ -142,12 +142,12 @@ TEST_F(Gate, admits_operators_of_the_member_list_and_names_rejected_members) {
   EXPECT_FALSE(gate.admit(sign_message(encode(order), ada), now_)) << "a replay";
 }
 
-TEST_F(Gate, rejects_authentic_bytes_that_are_not_a_command) {
+TEST_F(CommandGateTest, rejects_authentic_bytes_that_are_not_a_command) {
   EXPECT_FALSE(gate_.admit(encode_sealed(ReplyMessage{}, key_), now_));
   EXPECT_EQ(gate_.counts().malformed, 1);
 }
 
-TEST_F(Gate, admits_a_retry_that_was_sent_later_and_no_message_twice) {
+TEST_F(CommandGateTest, admits_a_retry_that_was_sent_later_and_no_message_twice) {
   EXPECT_TRUE(admits(command(nonce(), 1)));
   EXPECT_FALSE(admits(command(nonce(), 1)));
   EXPECT_TRUE(admits(command(nonce(), 1, 200ms)));
@@ -158,7 +158,7 @@ TEST_F(Gate, admits_a_retry_that_was_sent_later_and_no_message_twice) {
   EXPECT_EQ(gate_.counts().replayed, 3);
 }
 
-TEST_F(Gate, admits_no_message_twice_while_its_nonce_is_valid) {
+TEST_F(CommandGateTest, admits_no_message_twice_while_its_nonce_is_valid) {
   const CommandMessage recorded = command(nonce());
   ASSERT_TRUE(admits(recorded));
   for (int i = 0; i < 300; ++i) {
@@ -168,14 +168,14 @@ TEST_F(Gate, admits_no_message_twice_while_its_nonce_is_valid) {
   }
 }
 
-TEST_F(Gate, ignores_commands_to_other_nodes) {
+TEST_F(CommandGateTest, ignores_commands_to_other_nodes) {
   CommandMessage m = command(nonce());
   m.to = {"cap02", "cap03"};
   EXPECT_FALSE(gate_.admit(encode_sealed(m, key_), now_));
   EXPECT_EQ(gate_.counts().without_nonce, 0);
 }
 
-TEST_F(Gate, rejects_commands_recorded_before_a_restart) {
+TEST_F(CommandGateTest, rejects_commands_recorded_before_a_restart) {
   std::vector<Bytes> recorded;
   for (int i = 0; i < 50; ++i) {
     recorded.push_back(encode_sealed(command(nonce(), 1, i * 50ms, std::to_string(i)), key_));
@@ -190,7 +190,7 @@ TEST_F(Gate, rejects_commands_recorded_before_a_restart) {
   EXPECT_EQ(restarted.counts().admitted, 0);
 }
 
-TEST_F(Gate, rejects_replays_when_there_are_too_many_senders) {
+TEST_F(CommandGateTest, rejects_replays_when_there_are_too_many_senders) {
   std::vector<Bytes> recorded;
   for (int i = 0; i < 1000; ++i) {
     recorded.push_back(encode_sealed(command(nonce(), 1, {}, "sender" + std::to_string(i)), key_));
@@ -201,7 +201,7 @@ TEST_F(Gate, rejects_replays_when_there_are_too_many_senders) {
   EXPECT_EQ(gate_.counts().admitted, 1000);
 }
 
-TEST_F(Gate, answers_a_flood_of_recorded_commands_of_one_sender_20_times_a_second) {
+TEST_F(CommandGateTest, answers_a_flood_of_recorded_commands_of_one_sender_20_times_a_second) {
   const CommandMessage recorded = command(0, 1, {}, "yesterday");
   int replies = 0;
   for (int i = 0; i < 1000; ++i) replies += replies_nonce(recorded) ? 1 : 0;
@@ -211,7 +211,7 @@ TEST_F(Gate, answers_a_flood_of_recorded_commands_of_one_sender_20_times_a_secon
   EXPECT_TRUE(replies_nonce(recorded));
 }
 
-TEST_F(Gate, answers_recorded_commands_of_many_senders_1000_times_a_second) {
+TEST_F(CommandGateTest, answers_recorded_commands_of_many_senders_1000_times_a_second) {
   int replies = 0;
   for (int i = 0; i < 3000; ++i) {
     replies += replies_nonce(command(0, 1, {}, "sender" + std::to_string(i % 300))) ? 1 : 0;
@@ -220,9 +220,9 @@ TEST_F(Gate, answers_recorded_commands_of_many_senders_1000_times_a_second) {
 }
 
 /// An attacker without the key: records, changes, repeats and forges commands.
-class Stranger {
+class Attacker {
  public:
-  explicit Stranger(const StudioKey& key) : key_(key) {}
+  explicit Attacker(const StudioKey& key) : key_(key) {}
 
   /// Executed commands, as recorded by the attacker.
   std::vector<Bytes> recorded;
@@ -238,7 +238,7 @@ class Stranger {
   Bytes forged(int64_t nonce) {
     CommandMessage m;
     m.sent = kSent + 1h;
-    m.sender = "stranger";
+    m.sender = "attacker";
     m.counter = static_cast<int64_t>(random_());
     m.verb = static_cast<CommandVerb>(1 + random_() % 6);
     m.to = {"cap01"};
@@ -261,19 +261,19 @@ class Stranger {
   std::mt19937 random_{7};
 };
 
-TEST_F(Gate, rejects_100_000_forged_replayed_old_and_changed_commands) {
+TEST_F(CommandGateTest, rejects_100_000_forged_replayed_old_and_changed_commands) {
   constexpr int kEach = 25'000;
-  Stranger stranger(key_);
+  Attacker attacker(key_);
   for (int i = 1; i <= 40; ++i) {
-    stranger.recorded.push_back(encode_sealed(command(nonce(), i, i * 10ms), key_));
-    ASSERT_TRUE(admits(stranger.recorded.back()));
+    attacker.recorded.push_back(encode_sealed(command(nonce(), i, i * 10ms), key_));
+    ASSERT_TRUE(admits(attacker.recorded.back()));
   }
   const CommandCounts before = gate_.counts();
   for (int i = 0; i < kEach; ++i) {
-    EXPECT_FALSE(admits(stranger.forged(nonce())));
-    EXPECT_FALSE(admits(stranger.replayed()));
-    EXPECT_FALSE(admits(stranger.old()));
-    EXPECT_FALSE(admits(stranger.bit_flipped()));
+    EXPECT_FALSE(admits(attacker.forged(nonce())));
+    EXPECT_FALSE(admits(attacker.replayed()));
+    EXPECT_FALSE(admits(attacker.old()));
+    EXPECT_FALSE(admits(attacker.bit_flipped()));
   }
   const CommandCounts after = gate_.counts();
   EXPECT_EQ(after.admitted, before.admitted);

@@ -28,7 +28,7 @@ class FakeNode {
  public:
   using Seal = std::function<Bytes(const ReplyMessage&)>;
 
-  /// With the MAC of the studio key.
+  /// Its replies carry the MAC of the studio key.
   FakeNode(std::string node, const StudioKey& key, std::vector<ReplyMessage::Outcome> outcomes)
       : FakeNode(std::move(node), std::move(outcomes),
                  [key](const ReplyMessage& reply) { return encode_sealed(reply, key); }) {}
@@ -65,7 +65,7 @@ class FakeNode {
   const Seal seal_;
   size_t answered_ = 0;
   Bus bus_;
-  std::optional<Bus::Listening> listening_;  // last: it uses the rest
+  std::optional<Bus::Listening> listening_;  // last: its handler uses the other members
 };
 
 class OperatorClientTest : public testing::Test {

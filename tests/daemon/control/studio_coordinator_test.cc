@@ -10,9 +10,9 @@ namespace v3d {
 namespace {
 
 using namespace std::chrono_literals;
-using test::SimulatedCrew;
+using test::NetworkConditions;
 using test::SimulatedOperator;
-using test::Weather;
+using test::SimulatedStudio;
 using testing::ElementsAre;
 using testing::HasSubstr;
 using testing::IsEmpty;
@@ -259,9 +259,9 @@ TEST_F(CoordinatorTest, learns_a_nonce_only_from_the_reply_to_its_newest_command
   EXPECT_EQ(last_->nonces.front(), 22);
 }
 
-// --- whole studios on bad networks --------------------------------------------------------------
+// --- simulated studios on unreliable networks ---------------------------------------------------
 
-Weather any_weather() {
+NetworkConditions any_conditions() {
   return {.loss = *rc::gen::inRange(0, 31) / 100.0,
           .repeat = *rc::gen::inRange(0, 31) / 100.0,
           .late = *rc::gen::inRange(0, 11) / 100.0};
@@ -269,10 +269,10 @@ Weather any_weather() {
 
 uint32_t any_seed() { return *rc::gen::arbitrary<uint32_t>(); }
 
-void will_take(SimulatedOperator& person, const std::string& take) {
-  person.will_say(CommandVerb::kArm, take);
-  person.will_say(CommandVerb::kStart);
-  person.will_say(CommandVerb::kStop);
+void add_take_orders(SimulatedOperator& person, const std::string& take) {
+  person.add_order(CommandVerb::kArm, take);
+  person.add_order(CommandVerb::kStart);
+  person.add_order(CommandVerb::kStop);
 }
 
 std::string text_of(const Answer& answer) {
@@ -283,27 +283,27 @@ std::string text_of(const Answer& answer) {
 }
 
 RC_GTEST_PROP(Studio, records_every_take_on_every_node_on_any_network, ()) {
-  SimulatedCrew crew(any_seed(), any_weather(), 5);
-  SimulatedOperator& anna = crew.add_operator("anna", 0s);
-  anna.will_say(CommandVerb::kBackground);
-  will_take(anna, "kendo-01");
-  will_take(anna, "kendo-02");
-  crew.play();
+  SimulatedStudio studio(any_seed(), any_conditions(), 5);
+  SimulatedOperator& anna = studio.add_operator("anna", 0s);
+  anna.add_order(CommandVerb::kBackground);
+  add_take_orders(anna, "kendo-01");
+  add_take_orders(anna, "kendo-02");
+  studio.run_until_idle();
   for (const Answer& answer : anna.answers) RC_ASSERT(answer.done());
   RC_ASSERT(anna.answers.size() == 7U);
-  RC_ASSERT(crew.takes == (std::vector<std::string>{"background", "kendo-01", "kendo-02"}));
-  RC_ASSERT(crew.pulses_only_where_all_record);
-  RC_ASSERT(crew.all_are(Phase::kIdle));
+  RC_ASSERT(studio.takes == (std::vector<std::string>{"background", "kendo-01", "kendo-02"}));
+  RC_ASSERT(studio.pulses_only_where_all_record);
+  RC_ASSERT(studio.all_are(Phase::kIdle));
 }
 
-RC_GTEST_PROP(Studio, gives_one_of_two_operators_the_take_and_the_other_a_refusal, ()) {
-  SimulatedCrew crew(any_seed(), any_weather(), 4);
-  SimulatedOperator& anna = crew.add_operator("anna", 0s);
+RC_GTEST_PROP(Studio, arms_the_take_of_one_operator_and_refuses_the_other, ()) {
+  SimulatedStudio studio(any_seed(), any_conditions(), 4);
+  SimulatedOperator& anna = studio.add_operator("anna", 0s);
   SimulatedOperator& ben =
-      crew.add_operator("ben", std::chrono::milliseconds(*rc::gen::inRange(0, 30)));
-  anna.will_say(CommandVerb::kArm, "kendo-a");
-  ben.will_say(CommandVerb::kArm, "kendo-b");
-  crew.play();
+      studio.add_operator("ben", std::chrono::milliseconds(*rc::gen::inRange(0, 30)));
+  anna.add_order(CommandVerb::kArm, "kendo-a");
+  ben.add_order(CommandVerb::kArm, "kendo-b");
+  studio.run_until_idle();
   RC_ASSERT(anna.answers.size() == 1U && ben.answers.size() == 1U);
   const bool anna_has_it = anna.answers[0].done();
   const Answer& loser = anna_has_it ? ben.answers[0] : anna.answers[0];
@@ -313,97 +313,98 @@ RC_GTEST_PROP(Studio, gives_one_of_two_operators_the_take_and_the_other_a_refusa
   RC_ASSERT(loser.silent.empty());
   RC_ASSERT(loser.replies.size() == 1U);
   RC_ASSERT(text_of(loser).find("armed for " + winner) != std::string::npos);
-  RC_ASSERT(crew.all_are(Phase::kArmed));
+  RC_ASSERT(studio.all_are(Phase::kArmed));
 }
 
 /// Any orders of several operators at the same time.
 RC_GTEST_PROP(Studio, reaches_one_state_for_any_concurrent_orders, ()) {
-  SimulatedCrew crew(any_seed(), any_weather(), 4);
+  SimulatedStudio studio(any_seed(), any_conditions(), 4);
   const int people = *rc::gen::inRange(2, 5);
   for (int i = 0; i < people; ++i) {
-    const auto begins = std::chrono::milliseconds(*rc::gen::inRange(0, 6000));
-    SimulatedOperator& person = crew.add_operator("person" + std::to_string(i), begins);
+    const auto start = std::chrono::milliseconds(*rc::gen::inRange(0, 6000));
+    SimulatedOperator& person = studio.add_operator("person" + std::to_string(i), start);
     switch (*rc::gen::inRange(0, 4)) {
       case 0:
-        person.will_say(CommandVerb::kStop);
+        person.add_order(CommandVerb::kStop);
         break;
       case 1:
-        person.will_say(CommandVerb::kAbort);
+        person.add_order(CommandVerb::kAbort);
         break;
       case 2:
-        person.will_say(CommandVerb::kStart);
+        person.add_order(CommandVerb::kStart);
         break;
       default:
-        will_take(person, "kendo-" + std::to_string(i));
+        add_take_orders(person, "kendo-" + std::to_string(i));
     }
   }
-  crew.play();
-  for (const auto& person : crew.operators) {
+  studio.run_until_idle();
+  for (const auto& person : studio.operators) {
     for (const Answer& answer : person->answers) RC_LOG() << text_of(answer) << "\n";
   }
-  for (const auto& node : crew.nodes) RC_LOG() << int(node->phase()) << " " << node->take() << "\n";
-  RC_ASSERT(crew.pulses_only_where_all_record);
+  for (const auto& node : studio.nodes)
+    RC_LOG() << int(node->phase()) << " " << node->take() << "\n";
+  RC_ASSERT(studio.pulses_only_where_all_record);
   // Only a take that was started and not stopped may still run, and then on all nodes.
-  RC_ASSERT(crew.all_are(Phase::kIdle) || crew.all_are(Phase::kRecording) ||
-            crew.all_are(Phase::kArmed));
+  RC_ASSERT(studio.all_are(Phase::kIdle) || studio.all_are(Phase::kRecording) ||
+            studio.all_are(Phase::kArmed));
 }
 
 /// Nodes restart at any time; a final abort makes all of them idle.
 RC_GTEST_PROP(Studio, reaches_one_state_after_restarts_of_nodes, ()) {
-  SimulatedCrew crew(any_seed(), any_weather(), 4);
-  will_take(crew.add_operator("anna", 0s), "kendo-01");
-  will_take(crew.add_operator("ben", 3s), "kendo-02");
+  SimulatedStudio studio(any_seed(), any_conditions(), 4);
+  add_take_orders(studio.add_operator("anna", 0s), "kendo-01");
+  add_take_orders(studio.add_operator("ben", 3s), "kendo-02");
   for (int i = *rc::gen::inRange(1, 4); i > 0; --i) {
-    crew.play_for(std::chrono::milliseconds(*rc::gen::inRange(0, 2500)));
-    crew.nodes[static_cast<size_t>(*rc::gen::inRange(0, 4))]->start_anew(crew.now());
+    studio.run_for(std::chrono::milliseconds(*rc::gen::inRange(0, 2500)));
+    studio.nodes[static_cast<size_t>(*rc::gen::inRange(0, 4))]->restart(studio.now());
   }
-  crew.play();
-  SimulatedOperator& cleaner = crew.add_operator("cleaner", 0s);
-  cleaner.will_say(CommandVerb::kAbort);
-  crew.play();
+  studio.run_until_idle();
+  SimulatedOperator& cleaner = studio.add_operator("cleaner", 0s);
+  cleaner.add_order(CommandVerb::kAbort);
+  studio.run_until_idle();
   RC_ASSERT(cleaner.answers.size() == 1U && cleaner.answers[0].done());
-  RC_ASSERT(crew.all_are(Phase::kIdle));
+  RC_ASSERT(studio.all_are(Phase::kIdle));
 }
 
 /// Any node except the trigger's.
-test::SimulatedNode& any_other_node(SimulatedCrew& crew) {
-  return *crew.nodes[static_cast<size_t>(*rc::gen::inRange(1, 4))];
+test::SimulatedNode& any_other_node(SimulatedStudio& studio) {
+  return *studio.nodes[static_cast<size_t>(*rc::gen::inRange(1, 4))];
 }
 
-RC_GTEST_PROP(Studio, lets_a_restarted_node_rejoin_the_take, ()) {
-  SimulatedCrew crew(any_seed(), any_weather(), 4);
-  SimulatedOperator& anna = crew.add_operator("anna", 0s);
-  anna.will_say(CommandVerb::kArm, "kendo-01");
-  anna.will_say(CommandVerb::kStart);
-  crew.play();
-  RC_ASSERT(crew.all_are(Phase::kRecording));
-  for (int i = *rc::gen::inRange(1, 4); i > 0; --i) any_other_node(crew).start_anew(crew.now());
-  crew.play_for(2s);
-  RC_ASSERT(crew.all_are(Phase::kRecording));
-  SimulatedOperator& ben = crew.add_operator("ben", 0s);
-  ben.will_say(CommandVerb::kStop);
-  crew.play();
+RC_GTEST_PROP(Studio, rejoins_the_take_after_a_restart, ()) {
+  SimulatedStudio studio(any_seed(), any_conditions(), 4);
+  SimulatedOperator& anna = studio.add_operator("anna", 0s);
+  anna.add_order(CommandVerb::kArm, "kendo-01");
+  anna.add_order(CommandVerb::kStart);
+  studio.run_until_idle();
+  RC_ASSERT(studio.all_are(Phase::kRecording));
+  for (int i = *rc::gen::inRange(1, 4); i > 0; --i) any_other_node(studio).restart(studio.now());
+  studio.run_for(2s);
+  RC_ASSERT(studio.all_are(Phase::kRecording));
+  SimulatedOperator& ben = studio.add_operator("ben", 0s);
+  ben.add_order(CommandVerb::kStop);
+  studio.run_until_idle();
   RC_ASSERT(ben.answers.at(0).done());
-  RC_ASSERT(crew.all_are(Phase::kIdle));
+  RC_ASSERT(studio.all_are(Phase::kIdle));
 }
 
 /// The restart happens shortly before, during or after a stop of the take, or with that of the
 /// trigger's node.
 RC_GTEST_PROP(Studio, replies_the_ledger_after_a_restart_at_any_time, ()) {
-  SimulatedCrew crew(any_seed(), any_weather(), 4);
-  SimulatedOperator& anna = crew.add_operator("anna", 0s);
-  anna.will_say(CommandVerb::kArm, "kendo-01");
-  anna.will_say(CommandVerb::kStart);
-  crew.play();
-  SimulatedOperator& ben = crew.add_operator("ben", 1500ms);
-  ben.will_say(CommandVerb::kStop, "kendo-01");
-  crew.play_for(std::chrono::milliseconds(*rc::gen::inRange(0, 4000)));
-  any_other_node(crew).start_anew(crew.now());
-  if (*rc::gen::inRange(0, 4) == 0) crew.nodes[0]->start_anew(crew.now());
-  crew.play();
+  SimulatedStudio studio(any_seed(), any_conditions(), 4);
+  SimulatedOperator& anna = studio.add_operator("anna", 0s);
+  anna.add_order(CommandVerb::kArm, "kendo-01");
+  anna.add_order(CommandVerb::kStart);
+  studio.run_until_idle();
+  SimulatedOperator& ben = studio.add_operator("ben", 1500ms);
+  ben.add_order(CommandVerb::kStop, "kendo-01");
+  studio.run_for(std::chrono::milliseconds(*rc::gen::inRange(0, 4000)));
+  any_other_node(studio).restart(studio.now());
+  if (*rc::gen::inRange(0, 4) == 0) studio.nodes[0]->restart(studio.now());
+  studio.run_until_idle();
   RC_LOG() << text_of(ben.answers.at(0));
   RC_ASSERT(ben.answers.at(0).done());
-  RC_ASSERT(crew.all_are(Phase::kIdle));
+  RC_ASSERT(studio.all_are(Phase::kIdle));
 }
 
 }  // namespace

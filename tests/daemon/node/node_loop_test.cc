@@ -241,7 +241,7 @@ TEST_F(MemberLoops, are_reported_as_unverified_on_a_PC_without_the_member_list) 
   Studio without_list = studio_;
   without_list.network.members = folder_ / "forgotten.toml";
   OperatorClient client(without_list);
-  EXPECT_TRUE(health_has(client, "not believed: cannot read "));
+  EXPECT_TRUE(health_has(client, "not verified: cannot read "));
   EXPECT_TRUE(health_has(client, "forgotten.toml: No such file or directory; v3dctl key enroll"));
 }
 

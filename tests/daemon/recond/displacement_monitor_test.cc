@@ -49,7 +49,7 @@ FrameSet seen_by(const Rig& rig) {
   return set;
 }
 
-TEST(DisplacementMonitor, takes_the_masks_of_a_set_and_leaves_none) {
+TEST(DisplacementMonitor, moves_all_masks_out_of_a_set) {
   const Rig rig = ring_of(DisplacementMonitor::kMinCameras);
   DisplacementMonitor monitor(rig, in_a_small_space());
   FrameSet set = seen_by(rig);

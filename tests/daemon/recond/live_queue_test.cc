@@ -45,7 +45,7 @@ struct SimulatedReader {
   }
 };
 
-TEST(LiveQueue, loses_nothing_in_a_short_pause_of_the_reader) {
+TEST(LiveQueue, drops_no_value_in_a_short_pause_of_the_reader) {
   SimulatedReader run;
   run.until(seconds(2), milliseconds(30));
   run.free_at += milliseconds(300);
@@ -55,7 +55,7 @@ TEST(LiveQueue, loses_nothing_in_a_short_pause_of_the_reader) {
   for (size_t i = 0; i < run.taken.size(); ++i) ASSERT_EQ(run.taken[i], i);
 }
 
-TEST(LiveQueue, gives_a_slow_reader_the_newest_and_spreads_the_loss) {
+TEST(LiveQueue, returns_the_newest_value_to_a_slow_reader_and_spreads_the_drops) {
   SimulatedReader run;
   run.until(seconds(20), milliseconds(60));
   EXPECT_TRUE(run.queue.behind(at(seconds(20))));
@@ -78,7 +78,7 @@ TEST(LiveQueue, is_not_behind_after_the_recovery_time_without_drops) {
   EXPECT_EQ(run.queue.dropped(), dropped);
 }
 
-TEST(LiveQueue, drops_the_oldest_when_more_wait_than_its_limit) {
+TEST(LiveQueue, drops_the_oldest_value_beyond_its_limit) {
   LiveQueue<int> queue({.limit = 3});
   for (int i = 0; i < 5; ++i) queue.push(i, at({}));
   EXPECT_EQ(queue.dropped(), 2);

@@ -16,7 +16,7 @@ std::vector<bool> any_roster() {
   return available;
 }
 
-RC_GTEST_PROP(ShardMembers, gives_every_pulse_to_an_available_node, ()) {
+RC_GTEST_PROP(ShardMembers, assigns_every_pulse_to_an_available_node, ()) {
   const auto available = any_roster();
   const auto pulse = *rc::gen::inRange<int64_t>(0, INT64_MAX);
   RC_ASSERT(owner_of(pulse, available) < available.size());
@@ -32,7 +32,7 @@ RC_GTEST_PROP(ShardMembers, moves_only_the_pulses_of_a_killed_node, ()) {
   const bool all_available = std::find(before.begin(), before.end(), false) == before.end();
   for (int64_t pulse = 0; pulse < 200; ++pulse) {
     const size_t owner = owner_of(pulse, before);
-    // Pulses of nodes that were missing before rotate again among the rest.
+    // Pulses of nodes that were missing before rotate again among the other nodes.
     const bool own = owner == static_cast<size_t>(pulse) % before.size();
     if (owner != killed && (own || all_available)) RC_ASSERT(owner_of(pulse, after) == owner);
   }
@@ -50,7 +50,7 @@ RC_GTEST_PROP(ShardMembers, is_equal_for_all_available_nodes_over_a_round, ()) {
   }
 }
 
-RC_GTEST_PROP(ShardMembers, gives_a_node_every_group_of_its_pulses, ()) {
+RC_GTEST_PROP(ShardMembers, returns_every_group_of_a_node_s_pulses, ()) {
   const auto nodes = *rc::gen::inRange<size_t>(1, 10);
   const auto groups = *rc::gen::inRange<size_t>(1, 10);
   for (int64_t pulse = 0; pulse < 100; ++pulse) {
@@ -59,7 +59,7 @@ RC_GTEST_PROP(ShardMembers, gives_a_node_every_group_of_its_pulses, ()) {
   }
 }
 
-RC_GTEST_PROP(ShardMembers, gives_each_group_to_one_node_where_nodes_divide_groups, ()) {
+RC_GTEST_PROP(ShardMembers, assigns_each_group_to_one_node_when_nodes_divide_groups, ()) {
   const auto nodes = *rc::gen::inRange<size_t>(1, 10);
   const size_t groups = nodes * *rc::gen::inRange<size_t>(1, 4);
   std::vector<int> receivers(groups);

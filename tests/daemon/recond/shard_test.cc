@@ -49,7 +49,7 @@ TEST(Shard, loses_no_pulse_when_a_node_is_killed) {
   }
 }
 
-TEST(Shard, gives_a_share_to_a_node_that_joins_late) {
+TEST(Shard, assigns_a_share_to_a_node_that_joins_late) {
   for (const size_t late : {0, 2}) {
     SharedStudio studio(3, {.max_delay_ms = 20, .work = milliseconds(30)}, 3);
     studio.pulse(30);
