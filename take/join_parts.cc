@@ -36,7 +36,7 @@ void link_or_copy(const fs::path& file, const fs::path& place) {
 }
 
 void link_if_present(const fs::path& file, const fs::path& place) {
-  if (fs::exists(file) && !fs::exists(place)) link_or_copy(file, place);
+  if (file_exists(file) && !file_exists(place)) link_or_copy(file, place);
 }
 
 /// Links all segments of a log and their indexes (SegmentIndex).
@@ -60,7 +60,7 @@ size_t mesh_count(const TakePaths& part) {
 std::vector<Part> recorded_parts(const std::vector<TakePaths>& parts) {
   std::vector<Part> recorded;
   for (const TakePaths& paths : parts) {
-    if (!fs::exists(paths.info())) continue;
+    if (!file_exists(paths.info())) continue;
     recorded.push_back({paths, load_take_info(paths), load_ledger(paths.ledger())});
   }
   if (recorded.empty()) throw InputError("no part of the take has a take.toml");
@@ -126,7 +126,7 @@ const TakePaths* part_with_meshes(const std::vector<TakePaths>& parts) {
   const TakePaths* best = nullptr;
   size_t max_meshes = 0;
   for (const TakePaths& part : parts) {
-    if (!fs::exists(part.mesh())) continue;
+    if (!file_exists(part.mesh())) continue;
     const size_t meshes = mesh_count(part);
     if (best && meshes <= max_meshes) continue;
     best = &part;

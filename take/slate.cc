@@ -45,7 +45,7 @@ std::string Slate::text() const {
 }
 
 Slate load_slate(const std::filesystem::path& path) {
-  if (!std::filesystem::exists(path)) return {};
+  if (!file_exists(path)) return {};
   return parse_slate(read_take_file(path), path);
 }
 

@@ -51,7 +51,7 @@ TakeInfo load_take_info(const TakePaths& paths) {
     throw InputError(paths.folder.string() +
                      ": no such folder; expected a take folder with take.toml");
   }
-  if (!std::filesystem::exists(paths.info())) {
+  if (!file_exists(paths.info())) {
     throw InputError(paths.folder.string() + ": is not a take folder: take.toml is missing");
   }
   return parse_take_info(read_take_file(paths.info()), paths.info());

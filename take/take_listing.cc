@@ -8,6 +8,7 @@
 
 #include "base/core/error.h"
 #include "base/io/file.h"
+#include "base/io/whole_file.h"
 #include "take/ledger/ledger.h"
 #include "take/ledger/verified.h"
 #include "take/logs/mesh_file.h"
@@ -45,8 +46,8 @@ TakeListing look_at_take(const TakePaths& paths) {
   TakeListing take;
   take.paths = paths;
   take.info = load_take_info(paths);
-  if (fs::exists(paths.ledger())) take.whole = load_ledger(paths.ledger()).complete();
-  if (fs::exists(paths.mesh())) take.meshes = std::ssize(MeshFileReader(paths.mesh()).pulses());
+  if (file_exists(paths.ledger())) take.whole = load_ledger(paths.ledger()).complete();
+  if (file_exists(paths.mesh())) take.meshes = std::ssize(MeshFileReader(paths.mesh()).pulses());
   const auto verified = load_verified(paths);
   take.examined = verified.has_value();
   take.verified = verified && verified->agrees;
@@ -62,9 +63,8 @@ std::vector<TakeListing> find_takes(const fs::path& folder,
   std::vector<TakeListing> takes;
   for (const fs::path& entry : io::value_or_throw(io::list_folder(folder))) {
     const TakePaths paths{entry};
-    std::error_code ignored;
-    if (!fs::exists(paths.info(), ignored)) continue;
     try {
+      if (!file_exists(paths.info())) continue;
       takes.push_back(look_at_take(paths));
     } catch (const InputError& error) {
       on_unreadable(error);

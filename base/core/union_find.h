@@ -1,6 +1,7 @@
 // Union-find: disjoint sets of the integers 0 to count - 1.
 #pragma once
 
+#include <algorithm>
 #include <cstddef>
 #include <cstdint>
 #include <numeric>
@@ -17,14 +18,13 @@ class UnionFind {
     std::iota(parent_.begin(), parent_.end(), 0U);
   }
 
-  void unite(uint32_t a, uint32_t b) {
+  /// Merges the sets of `a` and `b`. Returns false when they were one set already.
+  bool unite(uint32_t a, uint32_t b) {
     a = find(a);
     b = find(b);
-    if (a < b) {
-      parent_[b] = a;
-    } else {
-      parent_[a] = b;
-    }
+    if (a == b) return false;
+    parent_[std::max(a, b)] = std::min(a, b);
+    return true;
   }
 
   /// The smallest element of the set of `a`, which identifies the set.

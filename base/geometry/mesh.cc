@@ -3,7 +3,8 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cstddef>
-#include <numeric>
+
+#include "base/core/union_find.h"
 
 namespace v3d {
 namespace {
@@ -22,28 +23,6 @@ std::vector<Edge> directed_edges(const Mesh& mesh) {
   std::sort(edges.begin(), edges.end());
   return edges;
 }
-
-/// Union-find on the integers 0 to n - 1.
-class DisjointSets {
- public:
-  explicit DisjointSets(size_t n) : parent_(n) { std::iota(parent_.begin(), parent_.end(), 0U); }
-  uint32_t find(uint32_t i) {
-    while (parent_[i] != i) {
-      i = parent_[i] = parent_[parent_[i]];
-    }
-    return i;
-  }
-  /// Merges two sets; true when they were separate.
-  bool join(uint32_t a, uint32_t b) {
-    a = find(a);
-    b = find(b);
-    parent_[a] = b;
-    return a != b;
-  }
-
- private:
-  std::vector<uint32_t> parent_;
-};
 
 }  // namespace
 
@@ -131,7 +110,8 @@ bool is_manifold(const Mesh& mesh) {
 }
 
 int connected_components(const Mesh& mesh) {
-  DisjointSets sets(mesh.vertices.size());
+  UnionFind sets;
+  sets.reset(mesh.vertices.size());
   std::vector<bool> used(mesh.vertices.size(), false);
   int components = 0;
   for (const auto& t : mesh.triangles) {
@@ -139,8 +119,8 @@ int connected_components(const Mesh& mesh) {
       components += used[v] ? 0 : 1;
       used[v] = true;
     }
-    components -= sets.join(t[0], t[1]) ? 1 : 0;
-    components -= sets.join(t[1], t[2]) ? 1 : 0;
+    components -= sets.unite(t[0], t[1]) ? 1 : 0;
+    components -= sets.unite(t[1], t[2]) ? 1 : 0;
   }
   return components;
 }

@@ -4,6 +4,10 @@
 
 namespace v3d {
 
+bool file_exists(const std::filesystem::path& path) {
+  return io::value_or_throw(io::type_of(path)) != std::filesystem::file_type::not_found;
+}
+
 std::string read_file(const std::filesystem::path& path) {
   return io::value_or_throw(io::read_file(path));
 }

@@ -9,6 +9,10 @@
 
 namespace v3d {
 
+/// True when `path` names a file of any kind; symbolic links are followed. Throws InputError with
+/// path and cause when this cannot be determined: no permission, a loop of links, a disk error.
+bool file_exists(const std::filesystem::path& path);
+
 /// Like io::read_file(). Throws InputError with path and cause.
 std::string read_file(const std::filesystem::path& path);
 

@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "base/core/error.h"
+#include "base/io/whole_file.h"
 #include "codec/frame_header.h"
 
 namespace v3d {
@@ -10,7 +11,7 @@ namespace {
 
 std::filesystem::path mesh_of(const TakePaths& paths, const std::filesystem::path& file) {
   load_take_info(paths);  // throws if the folder is not a take
-  if (!std::filesystem::exists(file)) {
+  if (!file_exists(file)) {
     throw InputError(file.string() + ": is not there: run v3dctl reconstruct " +
                      paths.folder.string() + " first");
   }

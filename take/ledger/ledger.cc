@@ -224,7 +224,7 @@ std::vector<std::string> table_lines(const Ledger& ledger) {
 }
 
 Ledger load_ledger(const std::filesystem::path& path) {
-  if (!std::filesystem::exists(path)) {
+  if (!file_exists(path)) {
     throw InputError(
         path.string() +
         ": missing; the take was not closed; v3dctl verify counts its frames from the logs");

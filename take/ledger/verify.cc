@@ -6,6 +6,7 @@
 
 #include "base/core/error.h"
 #include "base/core/units.h"
+#include "base/io/whole_file.h"
 #include "take/ledger/exposure_count.h"
 #include "take/ledger/take_account.h"
 #include "take/logs/event_log.h"
@@ -279,11 +280,11 @@ class Verifier {
   }
 
   void check_calib() {
-    if (!std::filesystem::exists(paths_.calib())) disagree(paths_.calib(), "missing");
+    if (!file_exists(paths_.calib())) disagree(paths_.calib(), "missing");
   }
 
   void check_mesh() {
-    if (!std::filesystem::exists(paths_.mesh())) return;  // reconstruction is optional
+    if (!file_exists(paths_.mesh())) return;  // reconstruction is optional
     try {
       MeshFileReader meshes(paths_.mesh());
       const auto damaged = std::count_if(meshes.pulses().begin(), meshes.pulses().end(),

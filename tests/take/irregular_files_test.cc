@@ -10,6 +10,9 @@
 #include <fstream>
 #include <functional>
 #include <map>
+#include <string>
+#include <string_view>
+#include <vector>
 
 #include "base/config/calib_file.h"
 #include "base/core/error.h"
@@ -168,6 +171,24 @@ TEST_F(IrregularTakeFiles, do_not_block_the_listing_of_other_takes_when_they_are
     const auto takes = find_takes(folder_.path(), [](const InputError&) {});
     ASSERT_FALSE(takes.empty()) << name;
     EXPECT_EQ(takes.back().paths.folder, other.folder) << name;
+  }
+}
+
+TEST_F(IrregularTakeFiles, are_reported_and_do_not_end_the_listing_when_they_are_loops_of_links) {
+  const TakePaths other{folder_ / "kendo-08"};
+  for (const char* name : {"take.toml", "slate.toml", "verified.toml", "ledger.toml", "mesh.v3d"}) {
+    fs::remove_all(other.folder);
+    fs::copy(take_.folder, other.folder);
+    fs::remove(other.folder / name);
+    fs::create_symlink(name, other.folder / name);
+    std::vector<std::string> reports;
+    const auto takes = find_takes(
+        folder_.path(), [&](const InputError& error) { reports.emplace_back(error.what()); });
+    const bool is_optional =
+        std::string_view(name) == "verified.toml";  // made again by v3dctl verify
+    ASSERT_EQ(takes.size(), is_optional ? 2u : 1u) << name;
+    EXPECT_EQ(takes.front().paths.folder, take_.folder) << name;
+    if (!is_optional) EXPECT_THAT(reports, testing::ElementsAre(HasSubstr(name))) << name;
   }
 }
 
