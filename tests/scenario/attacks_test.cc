@@ -80,9 +80,9 @@ void send_invented_channels(const RawSocket& stranger) {
   }
 }
 
-class Attacked : public Studio4 {
+class AttackedStudio : public Studio4 {
  protected:
-  Attacked() : Studio4({.rate = "10"}) {
+  AttackedStudio() : Studio4({.rate = "10"}) {
     watch_.emplace(
         std::vector<std::string>{bin("v3dctl"), "watch", "--studio", folder_ / "studio.toml"},
         folder_ / "watch.log");
@@ -113,7 +113,7 @@ class Attacked : public Studio4 {
   std::optional<ChildProcess> watch_;
 };
 
-TEST_F(Attacked, survives_channels_without_a_NUL) {
+TEST_F(AttackedStudio, survives_channels_without_a_NUL) {
   arm_and_start(0);
   send_channels_without_nul(stranger_);
   all_is_received();
@@ -121,7 +121,7 @@ TEST_F(Attacked, survives_channels_without_a_NUL) {
   everything_runs_and_stops_within(20s);
 }
 
-TEST_F(Attacked, survives_fragments_whose_offset_wraps) {
+TEST_F(AttackedStudio, survives_fragments_whose_offset_wraps) {
   arm_and_start(0);
   for (uint32_t i = 0; i < kRounds; ++i) send_offsets_that_wrap(stranger_);
   all_is_received();
@@ -129,14 +129,14 @@ TEST_F(Attacked, survives_fragments_whose_offset_wraps) {
   everything_runs_and_stops_within(20s);
 }
 
-TEST_F(Attacked, hashes_nothing_of_what_only_claims_to_be_large) {
+TEST_F(AttackedStudio, does_not_hash_datagrams_that_claim_a_large_message) {
   arm_and_start(0);
   ASSERT_TRUE(reaches("cap01", "frames_written", 10)) << log();
   send_claims_of_much(stranger_);
   everything_runs_and_stops_within(20s);
 }
 
-TEST_F(Attacked, does_not_grow_by_invented_channels) {
+TEST_F(AttackedStudio, does_not_grow_with_invented_channels) {
   arm_and_start(0);
   ASSERT_TRUE(reaches("cap01", "frames_written", 40)) << log();
   const double before_kb = test::sample(captured_->pid()).resident_kb;

@@ -48,7 +48,7 @@ class ClockStudio4 : private SetClockPreloaded, public Studio4 {
   }
 };
 
-TEST_F(ClockStudio4, obeys_and_is_heard_after_the_clock_was_set_back_by_an_hour) {
+TEST_F(ClockStudio4, records_a_complete_take_after_the_clock_was_set_back_by_an_hour) {
   set_clock(-3600);
   ASSERT_TRUE(reaches("cap01", "clock_steps", 1)) << log();
   EXPECT_THAT(log(), HasSubstr("the clock was set back by 3600.0 s"));

@@ -47,7 +47,7 @@ void expect_meshes_of_a_person(MeshFileReader& meshes) {
   }
 }
 
-TEST_F(Studio4, records_a_take_whole_and_reconstructs_it_live) {
+TEST_F(Studio4, records_a_complete_take_and_reconstructs_it_live) {
   constexpr int kPulses = 20;
   arm_and_start(kPulses);
   ASSERT_TRUE(reaches("cap01", "frames_written", 4 * kPulses)) << log();
@@ -132,7 +132,7 @@ class FineStudio4 : public Studio4 {
   FineStudio4() : Studio4({.voxel = "12mm", .more = "quality = \"high\"\nthreads = 1\n"}) {}
 };
 
-TEST_F(FineStudio4, follows_in_high_quality_with_the_pulses_it_can_manage) {
+TEST_F(FineStudio4, reconstructs_in_high_quality_the_pulses_it_has_time_for) {
   constexpr int kPulses = 60;
   arm_and_start(kPulses);
   ASSERT_TRUE(reaches("cap01", "frames_written", 4 * kPulses)) << log();
@@ -155,13 +155,13 @@ TEST_F(FineStudio4, follows_in_high_quality_with_the_pulses_it_can_manage) {
   EXPECT_EQ(recorded.read(first), compact);
 }
 
-TEST_F(Studio4, tells_when_a_train_of_known_length_has_ended) {
+TEST_F(Studio4, reports_the_end_of_a_train_of_known_length) {
   arm_and_start(10);
   EXPECT_TRUE(becomes_idle()) << log();
   EXPECT_EQ(log().find("lost"), std::string::npos) << "the end of a train is no loss: " << log();
 }
 
-TEST_F(Studio4, refuses_what_is_out_of_order_and_says_what_would_be_right) {
+TEST_F(Studio4, rejects_commands_out_of_order_and_reports_what_would_be_right) {
   EXPECT_THAT(text_of(command(CommandVerb::kStart)), HasSubstr("not armed"));
   EXPECT_THAT(text_of(command(CommandVerb::kBackground, 1'000'000)),
               HasSubstr("expected 2 to 256"));
@@ -171,7 +171,7 @@ TEST_F(Studio4, refuses_what_is_out_of_order_and_says_what_would_be_right) {
   EXPECT_FALSE(std::filesystem::exists(take().folder)) << "an armed take leaves nothing behind";
 }
 
-TEST_F(Studio4, leaves_a_valid_take_when_it_is_told_to_end_in_the_middle) {
+TEST_F(Studio4, leaves_a_valid_take_after_SIGTERM_in_the_take) {
   arm_and_start(0);
   ASSERT_TRUE(reaches("cap01", "frames_written", 30)) << log();
   captured_->signal(SIGTERM);
@@ -201,7 +201,8 @@ TEST_F(Studio4, recovers_the_take_that_a_crash_left_open) {
 }
 
 /// The trigger's host stands still: pulses are skipped, among them the last of the train.
-TEST_F(Studio4, names_skipped_pulses_and_ends_the_train_everywhere_when_the_last_one_is_skipped) {
+TEST_F(Studio4,
+       reports_skipped_pulses_and_ends_the_train_on_all_nodes_when_the_last_one_is_skipped) {
   constexpr int kPulses = 40;
   Bus bus(studio_.network.lcm_url);
   Subscription<PulseMessage> pulses(bus, kPulseChannel, 2 * kPulses);
@@ -244,7 +245,7 @@ class OverloadedStudio4 : public Studio4 {
   OverloadedStudio4() : Studio4({.voxel = "2mm", .more = "threads = 1\n"}) {}
 };
 
-TEST_F(OverloadedStudio4, drops_whole_pulses_counts_them_and_says_so_once) {
+TEST_F(OverloadedStudio4, drops_whole_pulses_counts_them_and_reports_it_once) {
   constexpr int kPulses = 100;
   Bus bus(studio_.network.lcm_url);
   Subscription<EventMessage> events(bus, kEventChannel, 256);
@@ -308,7 +309,7 @@ void flood_channels(Bus& bus, std::mt19937& random) {
   }
 }
 
-TEST_F(Studio4, counts_garbage_on_every_channel_and_records_all_the_same) {
+TEST_F(Studio4, counts_invalid_messages_on_every_channel_and_continues_recording) {
   arm_and_start(0);
   Bus bus(studio_.network.lcm_url);
   std::mt19937 random(7);
@@ -361,7 +362,7 @@ class Eavesdropper {
   std::optional<Bus::Listening> listening_;  // last: it uses the rest
 };
 
-TEST_F(Studio4, obeys_none_of_thousands_of_forged_replayed_stale_and_changed_commands) {
+TEST_F(Studio4, rejects_thousands_of_forged_replayed_stale_and_changed_commands) {
   constexpr int kBatches = 50;
   constexpr int kEach = 20;
   Eavesdropper stranger(studio_.network.lcm_url);
@@ -402,7 +403,7 @@ TEST_F(Studio4, obeys_none_of_thousands_of_forged_replayed_stale_and_changed_com
   EXPECT_TRUE(verify_take(take()).whole()) << verify_take(take()).ledger.verdict();
 }
 
-TEST_F(Studio4, obeys_nobody_without_a_studio_key_and_says_how_to_make_one) {
+TEST_F(Studio4, rejects_all_commands_without_a_studio_key_and_reports_how_to_make_one) {
   const std::filesystem::path key = studio_.network.key;
   captured_.reset();
   std::filesystem::rename(key, folder_ / "away");
@@ -419,7 +420,7 @@ TEST_F(Studio4, obeys_nobody_without_a_studio_key_and_says_how_to_make_one) {
   EXPECT_TRUE(command(CommandVerb::kAbort).done()) << log();
 }
 
-TEST_F(Studio4, gives_the_account_of_a_take_through_a_node_that_was_started_anew_in_it) {
+TEST_F(Studio4, returns_the_ledger_of_a_take_after_a_restart_of_the_node_in_it) {
   arm_and_start(0);
   ASSERT_TRUE(reaches("cap01", "frames_written", 40)) << log();
   captured_->signal(SIGKILL);

@@ -32,7 +32,7 @@ class SmallDiskStudio4 : public Studio4 {
   const test::SmallDisk disk_{folder_ / "takes", 48'000'000};
 };
 
-TEST_F(SmallDiskStudio4, refuses_to_arm_what_the_disk_has_no_room_for) {
+TEST_F(SmallDiskStudio4, rejects_arming_when_the_disk_has_too_little_space) {
   EXPECT_THAT(command(CommandVerb::kArm).replies.at("cap01").text,
               HasSubstr("needs 1.84 GB for 5 min, 48 MB free (room for"));
   EXPECT_THAT(command(CommandVerb::kArm, 200).replies.at("cap01").text,
@@ -71,7 +71,7 @@ TEST_F(SmallDiskStudio4, ends_the_take_cleanly_before_the_disk_is_full) {
   EXPECT_FALSE(std::filesystem::exists(take().reserve()));
 }
 
-TEST_F(SmallDiskStudio4, says_at_once_that_the_disk_is_gone_and_is_at_fault_without_a_ledger) {
+TEST_F(SmallDiskStudio4, reports_a_lost_disk_at_once_and_fails_to_write_the_ledger) {
   Bus bus(studio_.network.lcm_url);
   Subscription<EventMessage> events(bus, kEventChannel, 256);
   arm_and_start(100);
@@ -137,7 +137,7 @@ class BadDiskStudio4 : private BadDiskPreloaded, public Studio4 {
   }
 };
 
-TEST_F(BadDiskStudio4, tells_of_a_slow_disk_before_the_first_frame_is_lost) {
+TEST_F(BadDiskStudio4, reports_a_slow_disk_before_the_first_frame_is_lost) {
   Bus bus(studio_.network.lcm_url);
   Subscription<EventMessage> events(bus, kEventChannel, 256);
   arm_and_start(0);
@@ -149,7 +149,7 @@ TEST_F(BadDiskStudio4, tells_of_a_slow_disk_before_the_first_frame_is_lost) {
   EXPECT_TRUE(nlohmann::json::parse(stopped.replies.at("cap01").detail)["complete"]) << log();
 }
 
-TEST_F(BadDiskStudio4, loses_the_oldest_frames_of_a_full_queue_and_names_each) {
+TEST_F(BadDiskStudio4, drops_the_oldest_frames_of_a_full_queue_and_reports_each) {
   Bus bus(studio_.network.lcm_url);
   Subscription<EventMessage> events(bus, kEventChannel, 256);
   arm_and_start(0);
@@ -166,7 +166,7 @@ TEST_F(BadDiskStudio4, loses_the_oldest_frames_of_a_full_queue_and_names_each) {
   EXPECT_GT(verified.ledger.cameras[0].missing.size(), 0U);
 }
 
-TEST_F(BadDiskStudio4, ends_the_take_at_an_error_of_the_disk_and_accounts_for_every_frame) {
+TEST_F(BadDiskStudio4, ends_the_take_on_a_write_error_and_accounts_for_every_frame) {
   Bus bus(studio_.network.lcm_url);
   Subscription<EventMessage> events(bus, kEventChannel, 256);
   arm_and_start(0);
@@ -186,7 +186,7 @@ TEST_F(BadDiskStudio4, ends_the_take_at_an_error_of_the_disk_and_accounts_for_ev
   expect_every_frame_accounted_for(verified);
 }
 
-TEST_F(BadDiskStudio4, calls_no_take_complete_whose_frames_the_disk_did_not_keep) {
+TEST_F(BadDiskStudio4, does_not_report_a_take_as_complete_after_a_failed_fsync) {
   arm_and_start(20);
   become("forgets");
   ASSERT_TRUE(reaches("cap01", "pulses_sensed", 20)) << log();

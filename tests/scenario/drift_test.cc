@@ -45,7 +45,7 @@ class Studio12 : public test::Studio4 {
   std::optional<Subscription<EventMessage>> events_;
 };
 
-TEST_F(Studio12, names_the_displaced_camera_alone_and_no_camera_before) {
+TEST_F(Studio12, reports_the_displaced_camera_alone_and_no_camera_before) {
   arm_and_start(0);
   ASSERT_TRUE(reaches("recon01", "cam03.drift_px", 0)) << log();
   ASSERT_TRUE(command(CommandVerb::kStop).done()) << log();

@@ -140,7 +140,7 @@ class DroppedFrames : public FaultyStudio {
  protected:
   DroppedFrames() : FaultyStudio(fault(10, "drop") + fault(11, "drop") + fault(20, "drop")) {}
 };
-TEST_F(DroppedFrames, are_missing_by_number_and_leave_the_others_in_no_doubt) {
+TEST_F(DroppedFrames, are_listed_as_missing_and_make_no_other_frame_suspect) {
   record(kPulses);
   EXPECT_THAT(faulty().missing, ElementsAre(10, 11, 20));
   EXPECT_THAT(faulty().duplicate, IsEmpty());
@@ -152,7 +152,7 @@ class DroppedFirstFrame : public FaultyStudio {
  protected:
   DroppedFirstFrame() : FaultyStudio(fault(0, "drop")) {}
 };
-TEST_F(DroppedFirstFrame, is_missing_and_leaves_the_others_in_no_doubt) {
+TEST_F(DroppedFirstFrame, is_listed_as_missing_and_makes_no_other_frame_suspect) {
   record(kPulses);
   EXPECT_THAT(faulty().missing, ElementsAre(0));
   EXPECT_THAT(faulty().suspect, IsEmpty());
@@ -164,7 +164,7 @@ class DroppedLastFrame : public FaultyStudio {
  protected:
   DroppedLastFrame() : FaultyStudio(fault(kPulses - 1, "drop")) {}
 };
-TEST_F(DroppedLastFrame, is_missing_and_leaves_the_next_take_in_no_doubt) {
+TEST_F(DroppedLastFrame, is_listed_as_missing_and_makes_no_frame_of_the_next_take_suspect) {
   record(kPulses);
   EXPECT_THAT(faulty().missing, ElementsAre(kPulses - 1));
   EXPECT_THAT(faulty().suspect, IsEmpty());
@@ -178,7 +178,7 @@ class MissedFirstTrigger : public FaultyStudio {
  protected:
   MissedFirstTrigger() : FaultyStudio(fault(0, "missed")) {}
 };
-TEST_F(MissedFirstTrigger, puts_the_take_of_this_camera_in_doubt) {
+TEST_F(MissedFirstTrigger, makes_all_frames_of_this_camera_suspect) {
   arm_and_start(kPulses);
   ASSERT_TRUE(becomes_idle()) << log();
   account();
@@ -190,7 +190,7 @@ class MissedTrigger : public FaultyStudio {
  protected:
   MissedTrigger() : FaultyStudio(fault(10, "missed")) {}
 };
-TEST_F(MissedTrigger, is_missing_and_puts_the_next_frame_in_doubt) {
+TEST_F(MissedTrigger, is_listed_as_missing_and_makes_the_next_frame_suspect) {
   record(kPulses);
   EXPECT_THAT(faulty().missing, ElementsAre(10));
   EXPECT_THAT(faulty().duplicate, IsEmpty());
@@ -203,7 +203,7 @@ class DuplicatedFrame : public FaultyStudio {
  protected:
   DuplicatedFrame() : FaultyStudio(fault(10, "duplicate")) {}
 };
-TEST_F(DuplicatedFrame, is_named_and_puts_its_pulse_and_the_next_in_doubt) {
+TEST_F(DuplicatedFrame, is_listed_and_makes_its_pulse_and_the_next_suspect) {
   record(kPulses);
   EXPECT_EQ(faulty().written, kPulses + 1);
   EXPECT_THAT(faulty().missing, IsEmpty());
@@ -218,7 +218,7 @@ class DelayedFrames : public FaultyStudio {
  protected:
   DelayedFrames() : FaultyStudio(fault(10, "delay", "ms = 750")) {}
 };
-TEST_F(DelayedFrames, keep_their_pulses_and_the_silence_is_told) {
+TEST_F(DelayedFrames, keep_their_pulses_and_the_pause_is_reported) {
   record(kPulses);
   EXPECT_TRUE(verified_.whole()) << verdict();
   EXPECT_EQ(verdict(), "take kendo-07: complete, 4 cameras x 25 pulses, 0 missing, 0 suspect");
@@ -232,7 +232,7 @@ class UnpluggedCamera : public FaultyStudio {
  protected:
   UnpluggedCamera() : FaultyStudio(fault(10, "unplug", "ms = 1500")) {}
 };
-TEST_F(UnpluggedCamera, is_told_and_rejoins_the_take_where_its_clock_says) {
+TEST_F(UnpluggedCamera, is_reported_and_rejoins_the_take_at_the_pulse_of_its_clock) {
   record_until_back(10);
   EXPECT_TRUE(tells(
       "lost: no frame for 3 pulses after pulse 9. It is reopened automatically; check its power, "
@@ -250,7 +250,8 @@ class CameraWithNewClock : public FaultyStudio {
  protected:
   CameraWithNewClock() : FaultyStudio(fault(10, "unplug", "ms = 1500\nnew_clock = true")) {}
 };
-TEST_F(CameraWithNewClock, rejoins_the_take_in_doubt_until_its_arrivals_have_proved_the_number) {
+TEST_F(CameraWithNewClock,
+       rejoins_the_take_with_suspect_frames_until_arrival_times_confirm_the_pulse) {
   record_until_back(20);
   ASSERT_GE(faulty().missing.size(), 15U);
   EXPECT_EQ(faulty().missing, range(10, 9 + static_cast<int64_t>(faulty().missing.size())))
@@ -266,7 +267,7 @@ class FrozenCamera : public FaultyStudio {
  protected:
   FrozenCamera() : FaultyStudio(fault(10, "freeze", "pulses = 6")) {}
 };
-TEST_F(FrozenCamera, is_told_and_goes_on_in_the_take) {
+TEST_F(FrozenCamera, is_reported_and_continues_in_the_take) {
   record(kPulses);
   EXPECT_EQ(faulty().missing, range(10, 15));
   EXPECT_THAT(faulty().duplicate, IsEmpty());
@@ -282,7 +283,7 @@ class CameraFrozenForLong : public FaultyStudio {
  protected:
   CameraFrozenForLong() : FaultyStudio(fault(10, "freeze", "pulses = 20")) {}
 };
-TEST_F(CameraFrozenForLong, is_opened_again_and_goes_on_in_the_take) {
+TEST_F(CameraFrozenForLong, is_reopened_and_continues_in_the_take) {
   run_until_back(10);
   account();
   EXPECT_EQ(faulty().missing, range(10, 9 + static_cast<int64_t>(faulty().missing.size())));
@@ -308,7 +309,7 @@ class ClockAhead : public FaultyStudio {
  protected:
   ClockAhead() : FaultyStudio(fault(10, "clock", "jump_ms = 500")) {}
 };
-TEST_F(ClockAhead, puts_one_frame_in_doubt_and_no_wrong_number_on_any) {
+TEST_F(ClockAhead, makes_one_frame_suspect_and_gives_no_frame_a_wrong_pulse) {
   record(kPulses);
   EXPECT_THAT(faulty().missing, IsEmpty());
   EXPECT_THAT(faulty().suspect, ElementsAre(10));
@@ -319,7 +320,7 @@ class ClockBehind : public FaultyStudio {
  protected:
   ClockBehind() : FaultyStudio(fault(10, "clock", "jump_ms = -500")) {}
 };
-TEST_F(ClockBehind, puts_one_frame_in_doubt_and_no_wrong_number_on_any) {
+TEST_F(ClockBehind, makes_one_frame_suspect_and_gives_no_frame_a_wrong_pulse) {
   record(kPulses);
   EXPECT_THAT(faulty().missing, IsEmpty());
   EXPECT_THAT(faulty().suspect, ElementsAre(10));

@@ -121,7 +121,7 @@ class ForgedStudio : public Studio4 {
   }
 };
 
-TEST_F(ForgedStudio, acts_upon_nothing_that_a_stranger_says_changes_or_says_again) {
+TEST_F(ForgedStudio, rejects_forged_changed_and_replayed_messages_of_a_process_without_the_key) {
   constexpr int64_t kForged = 400;
   Stranger stranger(studio_.network.lcm_url);
   ASSERT_GE(stranger.record(6), 6U)
@@ -163,7 +163,7 @@ class MemberStudioWithForger : public ForgedStudio {
   const Bus::Listening answers_ = forger_.subscribe(kEventChannel, [](const ReceivedMessage&) {});
 };
 
-TEST_F(MemberStudioWithForger, acts_upon_nothing_that_one_node_sends_in_the_name_of_another) {
+TEST_F(MemberStudioWithForger, rejects_messages_that_one_node_sends_in_the_name_of_another) {
   constexpr int64_t kForged = 50;
   arm_and_start(0);
   ASSERT_TRUE(reaches("cap02", "frames_written", 10)) << log();

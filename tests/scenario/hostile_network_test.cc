@@ -255,7 +255,7 @@ class HostileNetwork : public ViewedStudio {
   }
 };
 
-TEST_F(HostileNetwork, harms_no_take_and_costs_a_bounded_part_of_the_machine) {
+TEST_F(HostileNetwork, harms_no_take_and_causes_bounded_memory_growth) {
   const Cost quiet = record("kendo-07");
   Attacker attacker(studio_.network.lcm_url, port_);
   ASSERT_TRUE(becomes_true([&] { return attacker.sent() >= 2'000; }, within(60)));

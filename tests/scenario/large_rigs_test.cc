@@ -67,7 +67,7 @@ double within_5mm(const json& evaluated) { return evaluated["f_score"]["5mm"]; }
 double least_iou(const json& made) { return made["silhouette_iou"]["min"]; }
 double peak_mb(const json& made) { return made["peak_rss_mb"]; }
 
-TEST_F(LargeRigs, of_60_cameras_come_nearer_to_the_truth_than_of_15_in_the_stated_memory) {
+TEST_F(LargeRigs, with_60_cameras_are_more_accurate_than_with_15_within_the_documented_memory) {
   make_take("usual", 15, kXga);
   make_take("large", 60, kXga);
   reconstruct("usual", "14mm");
@@ -80,7 +80,8 @@ TEST_F(LargeRigs, of_60_cameras_come_nearer_to_the_truth_than_of_15_in_the_state
   EXPECT_LT(peak_mb(made), stated_mb(60, kXga, kLiveBytesPerPixel));
 }
 
-TEST_F(LargeRigs, of_8_cameras_of_4096x3072_are_as_near_as_of_1024x768_in_the_stated_memory) {
+TEST_F(LargeRigs,
+       with_8_cameras_of_4096x3072_are_as_accurate_as_with_1024x768_within_the_documented_memory) {
   make_take("usual", 8, kXga);
   make_take("fine", 8, k4k);
   reconstruct("usual", "14mm");

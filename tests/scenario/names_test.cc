@@ -13,7 +13,7 @@ using test::ChildProcess;
 using test::Studio4;
 using test::within;
 
-class TwoOfOneName : public Studio4 {
+class DuplicateNodeName : public Studio4 {
  protected:
   void start_namesake() {
     namesake_.emplace(std::vector<std::string>{bin("v3d-captured"), "--studio",
@@ -34,7 +34,7 @@ class TwoOfOneName : public Studio4 {
   std::optional<ChildProcess> namesake_;
 };
 
-TEST_F(TwoOfOneName, refuse_to_arm_until_one_of_them_has_ended) {
+TEST_F(DuplicateNodeName, rejects_arming_until_one_process_has_ended) {
   start_namesake();
   ASSERT_TRUE(is_alarmed()) << log() << namesake_->output();
   const Answer refused = command(CommandVerb::kArm, 10);
@@ -45,7 +45,7 @@ TEST_F(TwoOfOneName, refuse_to_arm_until_one_of_them_has_ended) {
       << log();
 }
 
-TEST_F(TwoOfOneName, leave_a_take_whole_that_runs_when_the_second_one_starts) {
+TEST_F(DuplicateNodeName, does_not_damage_a_running_take) {
   arm_and_start(100);
   ASSERT_TRUE(becomes_true(
       [&] { return client_->health(within(5))["cap01"].state == NodeState::kRecording; },

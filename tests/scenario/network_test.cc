@@ -212,9 +212,9 @@ class StudioOf16 : public testing::Test {
   int64_t incomplete_ = 0;
 };
 
-TEST_F(StudioOf16, takes_takes_on_a_lossy_network_and_counts_every_lost_frame) { take_takes(3); }
+TEST_F(StudioOf16, records_takes_on_a_lossy_network_and_counts_every_lost_frame) { take_takes(3); }
 
-TEST_F(StudioOf16, takes_a_hundred_takes_on_a_lossy_network_without_a_failed_command) {
+TEST_F(StudioOf16, records_a_hundred_takes_on_a_lossy_network_without_a_failed_command) {
   take_takes(100);
 }
 

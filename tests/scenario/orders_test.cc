@@ -87,7 +87,7 @@ class CommandedStudio : public test::ViewedStudio {
   }
 };
 
-TEST_F(CommandedStudio, takes_a_whole_take_by_orders_from_a_browser) {
+TEST_F(CommandedStudio, records_a_complete_take_by_orders_from_a_browser) {
   const auto watcher = watch("/api/studio");
   const Json armed = carried_out(R"({"do": "arm", "take": "kendo-07"})");
   EXPECT_EQ(armed["status"], 0) << armed;
@@ -108,7 +108,7 @@ TEST_F(CommandedStudio, takes_a_whole_take_by_orders_from_a_browser) {
   EXPECT_TRUE(holds(child_of(viewd_->pid()), secret)) << "the one that hears the studio";
 }
 
-TEST_F(CommandedStudio, ends_a_take_by_itself_after_the_seconds_of_the_order) {
+TEST_F(CommandedStudio, ends_a_take_after_the_seconds_of_the_order) {
   carried_out(R"({"do": "arm", "take": "kendo-07", "seconds": 1.5})");
   EXPECT_EQ(carried_out(R"({"do": "start"})")["status"], 0);
   ASSERT_TRUE(becomes_idle()) << log();
@@ -116,13 +116,13 @@ TEST_F(CommandedStudio, ends_a_take_by_itself_after_the_seconds_of_the_order) {
   EXPECT_THAT(stopped["lines"].back().get<std::string>(), HasSubstr("x 30 pulses")) << stopped;
 }
 
-TEST_F(CommandedStudio, hears_the_words_of_v3dctl_when_the_studio_refuses) {
+TEST_F(CommandedStudio, returns_the_message_of_v3dctl_when_the_studio_rejects_an_order) {
   const Json refused = carried_out(R"({"do": "start"})");
   EXPECT_EQ(refused["status"], 1) << refused;
   EXPECT_THAT(refused["lines"].dump(), HasSubstr("refused: ")) << refused;
 }
 
-TEST_F(CommandedStudio, is_commanded_by_nobody_else) {
+TEST_F(CommandedStudio, rejects_orders_without_the_operators_token) {
   EXPECT_TRUE(post(R"({"do": "arm", "take": "kendo-07"})", "")->hears("401 Unauthorized"));
   EXPECT_TRUE(post(R"({"do": "start"})", "operators-012345678X")->hears("401 Unauthorized"));
   EXPECT_TRUE(post(R"({"do": "start"})", "operators-012345678X")->hears("429 Too Many Requests"));
@@ -144,7 +144,7 @@ TEST_F(CommandedStudio, is_commanded_by_nobody_else) {
 
 class WatchedStudio : public test::ViewedStudio {};
 
-TEST_F(WatchedStudio, takes_no_order_unless_its_file_says_so) {
+TEST_F(WatchedStudio, rejects_orders_unless_the_studio_file_enables_them) {
   Connection order(port_, "/api/order",
                    "Content-Type: application/json\r\nX-V3D-Operator: operators-0123456789"
                    "\r\nContent-Length: 15\r\n",

@@ -121,7 +121,8 @@ class StudioOfThree : public Studio4 {
   Verification verified_;
 };
 
-TEST_F(StudioOfThree, goes_on_with_a_node_that_was_killed_in_the_take_and_names_what_it_missed) {
+TEST_F(StudioOfThree,
+       continues_with_a_node_that_was_killed_in_the_take_and_names_the_missing_pulses) {
   record_with_an_absence_of_cap02(SIGKILL);
   check_joined();
   const auto& cameras = verified_.ledger.cameras;
@@ -133,13 +134,13 @@ TEST_F(StudioOfThree, goes_on_with_a_node_that_was_killed_in_the_take_and_names_
   check_live_meshes(cameras[3].missing.back());
 }
 
-TEST_F(StudioOfThree, goes_on_with_a_node_that_was_restarted_in_order_in_the_take) {
+TEST_F(StudioOfThree, continues_with_a_node_that_was_restarted_by_SIGTERM_in_the_take) {
   record_with_an_absence_of_cap02(SIGTERM);
   check_joined();
   for (const size_t i : {2, 3}) expect_one_gap(verified_.ledger.cameras.at(i));
 }
 
-TEST_F(StudioOfThree, goes_on_reconstructing_where_the_reconstruction_was_killed_in_the_take) {
+TEST_F(StudioOfThree, continues_to_reconstruct_after_the_reconstruction_was_killed_in_the_take) {
   arm_and_start(0);
   ASSERT_TRUE(reaches("recon01", "meshes", 20)) << log();
   end(recond_, SIGKILL);
@@ -164,7 +165,7 @@ TEST_F(StudioOfThree, goes_on_reconstructing_where_the_reconstruction_was_killed
   }
 }
 
-TEST_F(StudioOfThree, ends_the_take_everywhere_when_the_node_of_the_trigger_is_killed) {
+TEST_F(StudioOfThree, ends_the_take_on_all_nodes_when_the_node_of_the_trigger_is_killed) {
   arm_and_start(0);
   ASSERT_TRUE(reaches("cap02", "frames_written", 40)) << log();
   end(captured_, SIGKILL);
@@ -179,7 +180,7 @@ TEST_F(StudioOfThree, ends_the_take_everywhere_when_the_node_of_the_trigger_is_k
   }
 }
 
-TEST_F(StudioOfThree, answers_for_a_take_that_was_over_before_all_daemons_were_started_anew) {
+TEST_F(StudioOfThree, replies_about_a_take_that_had_ended_before_all_daemons_were_restarted) {
   constexpr int64_t kPulses = 20;
   arm_and_start(kPulses);
   ASSERT_TRUE(reaches("cap01", "frames_written", 2 * kPulses)) << log();

@@ -115,7 +115,7 @@ class Service : public testing::Test {
   const test::TemporaryFolder folder_;
 };
 
-TEST_F(Service, tells_systemd_when_it_is_ready_alive_and_stopping) {
+TEST_F(Service, notifies_systemd_when_it_is_ready_alive_and_stopping) {
   for (const auto& [program, node] :
        {std::pair{"v3d-captured", "cap01"}, {"v3d-recond", "recon01"}}) {
     NotifySocket systemd(folder_ / (std::string(node) + ".notify"));
@@ -129,7 +129,7 @@ TEST_F(Service, tells_systemd_when_it_is_ready_alive_and_stopping) {
   }
 }
 
-TEST_F(Service, names_what_is_wrong_with_its_input_and_exits_with_2) {
+TEST_F(Service, reports_what_is_wrong_with_its_input_and_exits_with_2) {
   EXPECT_THAT(refusal("v3d-captured", "desk"), HasSubstr("has neither a camera nor the trigger"));
   EXPECT_THAT(refusal("v3d-captured", "nobody"), HasSubstr("'nobody'"));
   EXPECT_THAT(refusal("v3d-recond", "desk"), HasSubstr("the reconstruction runs on 'recon01'"));

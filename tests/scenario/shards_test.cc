@@ -290,7 +290,7 @@ class SharedStudio : public testing::Test {
   Answer stopped_;
 };
 
-TEST_F(SharedStudio, makes_of_every_pulse_one_mesh_and_shows_them_in_order) {
+TEST_F(SharedStudio, makes_one_mesh_of_every_pulse_and_publishes_them_in_order) {
   arm_and_start();
   wait_for(0, "meshes", 60);
   stop();
@@ -306,13 +306,13 @@ TEST_F(SharedStudio, makes_of_every_pulse_one_mesh_and_shows_them_in_order) {
   EXPECT_GE(made, std::ssize(file(0)));
 }
 
-TEST_F(SharedStudio, loses_nothing_when_a_node_is_killed) {
+TEST_F(SharedStudio, loses_no_pulse_when_a_node_is_killed) {
   kill_the_third_in_mid_take(0);
   const Pulses before = file(2);
   EXPECT_EQ(before, range(0, std::ssize(before))) << "what the dead one had is whole";
 }
 
-TEST_F(SharedStudio, goes_on_showing_when_the_node_that_shows_is_killed) {
+TEST_F(SharedStudio, continues_to_publish_when_the_publishing_node_is_killed) {
   arm_and_start();
   wait_for(0, "shard_pulses", 8);
   kill_node(0);
@@ -324,7 +324,7 @@ TEST_F(SharedStudio, goes_on_showing_when_the_node_that_shows_is_killed) {
   }
 }
 
-TEST_F(SharedStudio, gives_a_share_to_a_node_that_was_killed_and_started_anew) {
+TEST_F(SharedStudio, gives_a_share_to_a_node_that_was_killed_and_restarted) {
   arm_and_start();
   wait_for(0, "shard_pulses", 6);
   kill_node(0);
@@ -364,7 +364,8 @@ class SharedStudioInGroups : public SharedStudio {
   }
 };
 
-TEST_F(SharedStudioInGroups, makes_of_every_pulse_one_mesh_where_no_kernel_hears_the_others) {
+TEST_F(SharedStudioInGroups,
+       makes_one_mesh_of_every_pulse_where_each_host_receives_only_its_own_frames) {
   arm_and_start();
   wait_for(0, "meshes", 20);
   const std::array before = {datagrams(1), datagrams(2), datagrams(3)};
@@ -386,11 +387,11 @@ TEST_F(SharedStudioInGroups, makes_of_every_pulse_one_mesh_where_no_kernel_hears
   EXPECT_GE(std::accumulate(all.begin(), all.end(), int64_t{0}), 14 * commanded()) << "frames";
 }
 
-TEST_F(SharedStudioInGroups, loses_at_most_a_second_of_a_node_that_is_killed_and_names_it) {
+TEST_F(SharedStudioInGroups, loses_at_most_a_second_of_pulses_of_a_killed_node_and_names_them) {
   kill_the_third_in_mid_take(kRateHz);
 }
 
-TEST_F(SharedStudio, refuses_a_second_node_in_a_folder_of_takes) {
+TEST_F(SharedStudio, rejects_a_second_node_in_a_folder_of_takes) {
   ChildProcess second(
       {bin("v3d-recond"), "--studio", folder_ / "recon01" / "studio.toml", "--node", "recon02"},
       folder_ / "second.log");

@@ -42,7 +42,7 @@ class SignedStudio : public Studio4 {
   std::filesystem::path archive() const { return folder_ / "archive"; }
 };
 
-TEST_F(SignedStudio, proves_that_a_collected_take_is_what_its_nodes_recorded) {
+TEST_F(SignedStudio, verifies_the_signatures_of_a_collected_take_and_detects_a_changed_byte) {
   ASSERT_NO_FATAL_FAILURE(record_and_collect());
   const auto [status, text] = verify();
   EXPECT_EQ(status, 0) << text;
@@ -60,7 +60,7 @@ TEST_F(SignedStudio, proves_that_a_collected_take_is_what_its_nodes_recorded) {
   EXPECT_THAT(verify().second, HasSubstr("cam03.lcmlog: does not match the signature of cap02"));
 }
 
-TEST_F(SignedStudio, starts_no_node_with_a_key_that_is_not_the_one_of_the_studio_file) {
+TEST_F(SignedStudio, does_not_start_a_node_with_a_key_other_than_that_of_the_studio_file) {
   captured_->signal(SIGTERM);
   captured_->wait(within(30));
   std::filesystem::remove(folder_ / "node.key");

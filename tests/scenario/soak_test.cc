@@ -267,7 +267,7 @@ class Soak : public test::Studio4 {
   std::vector<std::unique_ptr<Observed>> observed_;
 };
 
-TEST_F(Soak, of_fifteen_faulty_cameras_leaves_memory_and_descriptors_as_they_were) {
+TEST_F(Soak, with_fifteen_faulty_cameras_leaks_no_memory_and_no_descriptors) {
   const Pulses takes = plan();
   for (size_t i = 0; i + 1 < takes.size(); ++i) {
     take(takes[i]);

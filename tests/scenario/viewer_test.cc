@@ -17,7 +17,7 @@ using test::within;
 
 constexpr int kPulses = 40;
 
-TEST_F(ViewedStudio, shows_browsers_its_state_its_pictures_its_meshes_and_its_take) {
+TEST_F(ViewedStudio, serves_state_previews_meshes_and_takes_to_browsers) {
   const auto studio = watch("/api/studio");
   const auto live = watch("/api/live");
   EXPECT_TRUE(studio->hears("\"state\":\"idle\"")) << studio->text() << viewd_->output();
@@ -36,7 +36,7 @@ TEST_F(ViewedStudio, shows_browsers_its_state_its_pictures_its_meshes_and_its_ta
   EXPECT_TRUE(get("/api/takes/kendo-07/photographs/40/cam04.jpg")->hears("404 Not Found"));
 }
 
-TEST_F(ViewedStudio, outlives_whoever_sends_it_rubbish_or_never_reads) {
+TEST_F(ViewedStudio, survives_invalid_requests_and_clients_that_never_read) {
   std::vector<std::unique_ptr<Connection>> strangers;
   for (int i = 0; i < 40; ++i) {
     strangers.push_back(watch("/api/live"));
@@ -80,11 +80,11 @@ page = "page"
 )";
 
 /// v3d-viewd with so few descriptors that they run out.
-class NarrowViewer : public testing::Test {
+class ViewerWithFewDescriptors : public testing::Test {
  protected:
   static constexpr int kDescriptors = 40;
 
-  NarrowViewer() {
+  ViewerWithFewDescriptors() {
     std::filesystem::create_directories(folder_ / "page");
     std::ofstream(folder_ / "page/index.html") << "<!doctype html>";
     std::ofstream(folder_ / "studio.toml") << kSmallStudio;
@@ -111,7 +111,7 @@ class NarrowViewer : public testing::Test {
   int port_ = 0;
 };
 
-TEST_F(NarrowViewer, asks_seldom_for_connections_that_it_has_no_descriptor_for) {
+TEST_F(ViewerWithFewDescriptors, limits_the_rate_of_accept_attempts_without_free_descriptors) {
   std::vector<std::unique_ptr<Connection>> visitors;
   for (int i = 0; i < 2 * kDescriptors; ++i) {
     visitors.push_back(std::make_unique<Connection>(port_, "/", ""));
