@@ -1,4 +1,4 @@
-// What an operator sees without recording: check, previews, health.
+// Scenario tests of what an operator uses before a take: check, previews, live calibration, health.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -20,7 +20,7 @@ constexpr int kPulses = 20;
 
 class MonitoredStudio : public test::Studio4 {
  protected:
-  /// `v3dctl ARGUMENTS`, which ends with `status`; what it said.
+  /// Runs `v3dctl ARGUMENTS`, expects exit status `status`, and returns the output.
   std::string run_v3dctl(const std::vector<std::string>& arguments, int status) {
     std::vector<std::string> line = {bin("v3dctl"), "--studio", folder_ / "studio.toml"};
     line.insert(line.end(), arguments.begin(), arguments.end());
@@ -28,7 +28,7 @@ class MonitoredStudio : public test::Studio4 {
     EXPECT_EQ(v3dctl.wait(within(60)), status) << v3dctl.output() << log();
     return v3dctl.output();
   }
-  /// There is no board to be seen: that is what it says of the take that it has recorded.
+  /// Runs a live calibration, which records a take and fails because no board is visible.
   void calibrate_live() {
     EXPECT_THAT(run_v3dctl({"calibrate", "rig", "--board", "chess:9x6:25mm", "--live", "1", "--out",
                             folder_ / "new.toml"},
@@ -73,7 +73,7 @@ TEST_F(MonitoredStudio, checks_its_cameras_without_recording_and_sends_previews)
     EXPECT_EQ(camera["received"], kPulses) << camera;
     EXPECT_THAT(camera["suspect"], IsEmpty()) << camera;
     EXPECT_GT(camera["focus"], 0) << camera;
-    EXPECT_GT(camera["foreground"], 0) << "the performer stands there: " << camera;
+    EXPECT_GT(camera["foreground"], 0) << "the performer is in the image: " << camera;
   }
   EXPECT_FALSE(std::filesystem::exists(take().folder)) << "nothing is recorded";
 }

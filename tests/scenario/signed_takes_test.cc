@@ -1,4 +1,4 @@
-// Takes that two nodes sign: what the archive has is what they recorded, or it is noticed.
+// Scenario tests of takes that two nodes sign: verification detects any change in the archive.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -54,7 +54,7 @@ TEST_F(SignedStudio, verifies_the_signatures_of_a_collected_take_and_detects_a_c
   const std::filesystem::path log = archive() / take_name_ / "cam03.lcmlog";
   std::string frames = read_file(log);
   frames[frames.size() / 2] = static_cast<char>(frames[frames.size() / 2] ^ 1);
-  std::filesystem::remove(log);  // the archive has a hard link of the node's file
+  std::filesystem::remove(log);  // it is a hard link to the node's file
   test::write_text(log, frames);
   EXPECT_EQ(verify().first, 3);
   EXPECT_THAT(verify().second, HasSubstr("cam03.lcmlog: does not match the signature of cap02"));
