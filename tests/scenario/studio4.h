@@ -27,8 +27,8 @@ struct Studio4Options {
   int cameras = 4;
   std::string size = "320x240";
   std::string voxel = "40mm";
-  std::string
-      more{};  ///< lines appended to the studio file, whose last section is [reconstruction]
+  /// Lines appended to the studio file, whose last section is [reconstruction].
+  std::string more{};
   std::string faults{};     ///< text of a fault script; empty: no faults
   std::string rate = "20";  ///< trigger, Hz
   std::string takes = ".";  ///< folder of the takes
