@@ -1,7 +1,7 @@
-# What the stories share; sourced in the machine.
+# Functions of the stories; sourced in the machine.
 set -euo pipefail
 trap 'echo "failed at line $LINENO: $BASH_COMMAND"' ERR
-# As on a new PC: the key of the studio, before anything else.
+# A new PC needs the studio key before anything else.
 [ -e /etc/v3d/studio.key ] || v3dctl key new
 
 # until_true SECONDS COMMAND...: waits for a condition.
@@ -10,7 +10,7 @@ until_true() {
   shift
   until "$@" >/dev/null 2>&1; do
     if [ "$SECONDS" -ge "$deadline" ]; then
-      echo "waited in vain for: $*"
+      echo "timeout, expected: $*"
       "$@" || true
       return 1
     fi
@@ -18,18 +18,18 @@ until_true() {
   done
 }
 
-# equal WHAT WANT GOT
+# equal NAME EXPECTED ACTUAL: fails when the values differ.
 equal() {
   if [ "$2" = "$3" ]; then
     echo "$1: $3"
   else
-    echo "$1: $3, want $2"
+    echo "$1: $3, expected $2"
     return 1
   fi
 }
 
-# simulated_studio CAMERAS RATE: cameras that speak GigE Vision and a trigger cable; the studio is in /etc/v3d, and the
-# nodes cap01 and recon01 are part of it at every boot.
+# simulated_studio CAMERAS RATE: starts simulated GigE Vision cameras and a trigger cable. Writes the studio to /etc/v3d and
+# enables the nodes cap01 and recon01 at boot.
 simulated_studio() {
   local cameras=$1 rate=$2 sim=/var/lib/v3d/sim
   for i in $(seq 11 $((10 + cameras))); do ip address add "127.0.0.$i/32" dev lo; done
@@ -50,7 +50,7 @@ simulated_studio() {
   systemctl -q enable v3d-studio.target v3d-captured@cap01.service v3d-recond@recon01.service
 }
 
-# gpio_lines: a GPIO chip with the lines TRIGGER and SENSE; $gpio is its folder in sysfs.
+# gpio_lines: makes a GPIO chip with the lines TRIGGER and SENSE. Sets $gpio to its folder in sysfs.
 gpio_lines() {
   local lab=/sys/kernel/config/gpio-sim/lab
   modprobe -a irq_sim gpio-sim
@@ -64,8 +64,8 @@ gpio_lines() {
   udevadm settle
 }
 
-# usb_generator DIALECT [FAULT]: a signal generator on USB, plugged in, whose output is SENSE of gpio_lines. What it
-# prints goes to /run/generator.txt; end_usb_generator ends it.
+# usb_generator DIALECT [FAULT]: starts and plugs in a signal generator on USB, whose output is SENSE of gpio_lines. Its
+# output goes to /run/generator.txt. end_usb_generator ends it.
 usb_generator() {
   local gadget=/sys/kernel/config/usb_gadget/lab
   if [ ! -d "$gadget" ]; then
@@ -85,7 +85,7 @@ usb_generator() {
   plug_in
 }
 
-# plug_in, unplug: the cable of the usb_generator.
+# plug_in, unplug: connect and disconnect the usb_generator.
 plug_in() {
   ls /sys/class/udc | head -n 1 >/sys/kernel/config/usb_gadget/lab/UDC
   until_true 10 sh -c 'lsusb -d 0957:2c07'
@@ -93,15 +93,15 @@ plug_in() {
 }
 unplug() { echo >/sys/kernel/config/usb_gadget/lab/UDC; }
 
-# end_usb_generator: leaves the number of pulses that it has made in $made.
+# end_usb_generator: ends it and sets $made to the number of pulses that it has made.
 end_usb_generator() {
   kill "$generator"
   wait "$generator" || true
   made=$(tail -n 1 /run/generator.txt)
 }
 
-# trigger_studio TRIGGER: a studio of a trigger alone, by the fields of its [trigger] and the tables below it. Its one
-# camera is never there. Takes are recorded by trigger_take.
+# trigger_studio TRIGGER: a studio with a trigger and one camera that does not exist. TRIGGER: the fields of [trigger] and
+# further tables. trigger_take records takes.
 trigger_studio() {
   cat >/etc/v3d/studio.toml <<X
 name = "lab"
@@ -137,7 +137,7 @@ X
   until_true 60 v3dctl status
 }
 
-# v4l2_studio CAMERAS RATE: a studio of cameras on V4L2 that run free, and a trigger on the lines of gpio_lines.
+# v4l2_studio CAMERAS RATE: a studio with free-running V4L2 cameras and a trigger on the lines of gpio_lines.
 v4l2_studio() {
   local cameras=$1 rate=$2
   {
@@ -156,13 +156,13 @@ v4l2_studio() {
   done >/etc/v3d/calib.toml
 }
 
-# losses TAKE "LIST...": how many pulses the lists of the ledger (missing, duplicate, suspect) have, all cameras together.
+# losses TAKE "LIST...": lengths of lists of the ledger (missing, duplicate, suspect), each the sum of all cameras.
 losses() {
   local list
   for list in $2; do ledger "$1" "[.cameras[].$list | length] | add"; done | paste -sd' '
 }
 
-# trigger_take NAME PULSES: as take, of the pulses alone.
+# trigger_take NAME PULSES: like take, without cameras.
 trigger_take() {
   v3dctl arm "$1" --pulses "$2" --allow-missing cam01
   v3dctl start --wait || [ $? -eq 3 ]
@@ -170,7 +170,7 @@ trigger_take() {
   jq -r .verdict /run/stop.json
 }
 
-# take NAME PULSES: armed, recorded to its end and stopped; leaves what v3dctl said in /run/stop.json.
+# take NAME PULSES: arms, records all pulses and stops. Writes the reply of v3dctl stop to /run/stop.json.
 take() {
   v3dctl arm "$1" --pulses "$2"
   v3dctl start --wait
@@ -178,25 +178,25 @@ take() {
   jq -r .verdict /run/stop.json
 }
 
-# After this the story ends, and is run again after the boot.
-boot_anew() {
+# reboot_machine: ends this run of the story and reboots; the story runs again after the boot.
+reboot_machine() {
   touch /run/lab-reboots
   sync
   systemctl --no-block start reboot.target
   exit 0
 }
 
-# studio_up: the daemons run, answer, and know the background.
+# studio_up: starts the daemons, waits until they reply, and learns the background.
 studio_up() {
   systemctl start v3d-studio.target
   until_true 60 v3dctl status
   v3dctl background
 }
 
-# ledger TAKE FILTER: what verify says of a take, through jq. An incomplete take is no failure here.
+# ledger TAKE FILTER: applies a jq filter to the JSON of v3dctl verify. An incomplete take is not an error here.
 ledger() { { v3dctl verify "/var/lib/v3d/takes/$1" --json || [ $? -eq 3 ]; } | jq -r "$2"; }
 
-# recording TAKE PULSES: an endless take is under way and has come so far.
+# recording TAKE PULSES: starts a take without end and waits until PULSES pulses are sensed.
 recording() {
   v3dctl arm "$1"
   v3dctl start

@@ -1,5 +1,6 @@
-// Somebody on the network without the key who knows LCM's wire format: what once ended every
-// process of a studio, wrote into its memory, kept it busy for minutes and made it grow.
+// Scenario tests of an attacker who knows LCM's wire format but has no studio key. Each of these
+// attacks once worked: it ended processes, wrote into their memory, kept them busy or made them
+// grow.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -24,7 +25,7 @@ using test::short_datagram;
 using test::Studio4;
 using test::within;
 
-/// Every channel that some daemon subscribes to.
+/// One channel of each kind that a daemon subscribes to.
 const std::vector<std::string> kChannels = {"V3D_COMMAND",      "V3D_REPLY",       "V3D_PULSE",
                                             "V3D_HEALTH_cap01", "V3D_FRAME_cam01", "V3D_EVENT"};
 
@@ -37,68 +38,71 @@ RawDatagram first_fragment(const RawFragment& fragment, const std::string& chann
   return bytes;
 }
 
-/// A name that ends with the datagram. In a buffer that held zeros before, liblcm 1.3.1 takes the
-/// data for -1 bytes.
-void send_channels_without_nul(const RawSocket& stranger) {
+/// Sends datagrams that end with the channel name, without a NUL. In a buffer that held zeros
+/// before, liblcm 1.3.1 computes a data size of -1 bytes.
+void send_channels_without_nul(const RawSocket& attacker) {
   for (uint32_t i = 0; i < kRounds; ++i) {
     RawDatagram zeros = short_datagram(i, std::string(kCommandChannel) + '\0');
     zeros.resize(300 + 50 * i);
-    stranger.send(zeros);
-    for (const std::string& channel : kChannels) stranger.send(short_datagram(1, channel));
+    attacker.send(zeros);
+    for (const std::string& channel : kChannels) attacker.send(short_datagram(1, channel));
   }
 }
 
-/// A fragment whose offset and size, added in 32 bits, are 0.
-void send_offsets_that_wrap(const RawSocket& stranger) {
+/// Sends fragments whose offset and size add up to 0 in 32 bits.
+void send_offsets_that_wrap(const RawSocket& attacker) {
   constexpr uint32_t kSize = 0x1000;
   for (uint32_t sequence = 0; sequence < kChannels.size(); ++sequence) {
     RawFragment fragment = {.sequence = sequence, .message_size = 2 * kSize, .count = 3};
-    stranger.send(first_fragment(fragment, kChannels[sequence], 10));
+    attacker.send(first_fragment(fragment, kChannels[sequence], 10));
     fragment.number = 1;
     fragment.offset = 0U - kSize;
     RawDatagram wrapping = fragment_header(fragment);
     wrapping.resize(wrapping.size() + kSize, 'y');
-    stranger.send(wrapping);
+    attacker.send(wrapping);
   }
 }
 
-/// 50 bytes that say they are a message of 256 MB, and all there is of it.
-void send_claims_of_much(const RawSocket& stranger) {
+/// Sends datagrams of 50 bytes whose header claims a message of 256 MB in one fragment.
+void send_large_claims(const RawSocket& attacker) {
   for (uint32_t sequence = 0; sequence < 64; ++sequence) {
     const RawFragment fragment = {.sequence = sequence, .message_size = 256U << 20, .count = 1};
-    stranger.send(first_fragment(fragment, kCommandChannel, 10));
+    attacker.send(first_fragment(fragment, kCommandChannel, 10));
   }
 }
 
-/// Fragments of messages that never end, and short messages, each of a channel of its own.
-void send_invented_channels(const RawSocket& stranger) {
+/// Sends short messages and first fragments of messages that stay incomplete, each on a new
+/// channel.
+void send_invented_channels(const RawSocket& attacker) {
   for (uint32_t i = 0; i < 200'000; ++i) {
     const std::string channel = frame_channel("invented" + std::to_string(i));
-    stranger.send(short_datagram(i, channel + '\0'));
+    attacker.send(short_datagram(i, channel + '\0'));
     const RawFragment fragment = {.sequence = i, .message_size = 1U << 20, .count = 17};
-    if (i % 8 == 0) stranger.send(first_fragment(fragment, channel, 100));
+    if (i % 8 == 0) attacker.send(first_fragment(fragment, channel, 100));
   }
 }
 
-class Attacked : public Studio4 {
+class AttackedStudio : public Studio4 {
  protected:
-  Attacked() : Studio4({.rate = "10"}) {
+  AttackedStudio() : Studio4({.rate = "10"}) {
     watch_.emplace(
         std::vector<std::string>{bin("v3dctl"), "watch", "--studio", folder_ / "studio.toml"},
         folder_ / "watch.log");
   }
-  /// Both daemons have taken in what was sent before: what is sent now is counted after it.
-  void all_is_received() {
-    const double seen = std::max(0.0, value("recon01", "commands_forged"));
-    const double seen_too = std::max(0.0, value("cap01", "commands_forged"));
+  /// Waits until both daemons have received all earlier datagrams: sends a forged command, which
+  /// they count after them.
+  void wait_until_all_is_received() {
+    const double by_recon = std::max(0.0, value("recon01", "commands_forged"));
+    const double by_capture = std::max(0.0, value("cap01", "commands_forged"));
     Bus bus(studio_.network.lcm_url);
     CommandMessage command;
-    command.sender = "stranger";
+    command.sender = "attacker";
     bus.publish(kCommandChannel, encode_sealed(command, StudioKey::make()));
-    EXPECT_TRUE(reaches("recon01", "commands_forged", seen + 1)) << log();
-    EXPECT_TRUE(reaches("cap01", "commands_forged", seen_too + 1)) << log();
+    EXPECT_TRUE(reaches("recon01", "commands_forged", by_recon + 1)) << log();
+    EXPECT_TRUE(reaches("cap01", "commands_forged", by_capture + 1)) << log();
   }
-  void everything_runs_and_stops_within(Duration limit) {
+  /// All processes still run, stop is executed within `limit`, and the take is complete.
+  void expect_all_run_and_stop_within(Duration limit) {
     EXPECT_TRUE(captured_->runs()) << log();
     EXPECT_TRUE(recond_->runs()) << log();
     EXPECT_TRUE(watch_->runs()) << watch_->output();
@@ -109,42 +113,42 @@ class Attacked : public Studio4 {
     EXPECT_TRUE(verify_take(take()).whole()) << verify_take(take()).ledger.verdict();
   }
 
-  RawSocket stranger_{studio_.network.lcm_url};
+  RawSocket attacker_{studio_.network.lcm_url};
   std::optional<ChildProcess> watch_;
 };
 
-TEST_F(Attacked, survives_channels_without_a_NUL) {
+TEST_F(AttackedStudio, survives_channels_without_a_NUL) {
   arm_and_start(0);
-  send_channels_without_nul(stranger_);
-  all_is_received();
+  send_channels_without_nul(attacker_);
+  wait_until_all_is_received();
   EXPECT_TRUE(reaches("cap01", "datagrams_malformed", kRounds));
-  everything_runs_and_stops_within(20s);
+  expect_all_run_and_stop_within(20s);
 }
 
-TEST_F(Attacked, survives_fragments_whose_offset_wraps) {
+TEST_F(AttackedStudio, survives_fragments_whose_offset_wraps) {
   arm_and_start(0);
-  for (uint32_t i = 0; i < kRounds; ++i) send_offsets_that_wrap(stranger_);
-  all_is_received();
+  for (uint32_t i = 0; i < kRounds; ++i) send_offsets_that_wrap(attacker_);
+  wait_until_all_is_received();
   EXPECT_TRUE(reaches("recon01", "datagrams_malformed", 50)) << log();
-  everything_runs_and_stops_within(20s);
+  expect_all_run_and_stop_within(20s);
 }
 
-TEST_F(Attacked, hashes_nothing_of_what_only_claims_to_be_large) {
+TEST_F(AttackedStudio, does_not_hash_datagrams_that_claim_a_large_message) {
   arm_and_start(0);
   ASSERT_TRUE(reaches("cap01", "frames_written", 10)) << log();
-  send_claims_of_much(stranger_);
-  everything_runs_and_stops_within(20s);
+  send_large_claims(attacker_);
+  expect_all_run_and_stop_within(20s);
 }
 
-TEST_F(Attacked, does_not_grow_by_invented_channels) {
+TEST_F(AttackedStudio, does_not_grow_with_invented_channels) {
   arm_and_start(0);
   ASSERT_TRUE(reaches("cap01", "frames_written", 40)) << log();
   const double before_kb = test::sample(captured_->pid()).resident_kb;
-  send_invented_channels(stranger_);
-  all_is_received();
+  send_invented_channels(attacker_);
+  wait_until_all_is_received();
   EXPECT_TRUE(reaches("cap01", "datagrams_foreign", 1000)) << log();
   EXPECT_LT(test::sample(captured_->pid()).resident_kb - before_kb, 4 * 1024);
-  everything_runs_and_stops_within(20s);
+  expect_all_run_and_stop_within(20s);
 }
 
 }  // namespace

@@ -1,4 +1,4 @@
-// Stories of the wall clock of a capture PC that is set while its daemon runs.
+// Scenario tests of a wall clock that is set on a capture PC while its daemon runs.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -17,7 +17,7 @@ using test::Studio4;
 using test::within;
 using testing::HasSubstr;
 
-/// The environment of the daemons that are started while it lives.
+/// Sets the environment that preloads v3d_set_clock into daemons started during its lifetime.
 struct SetClockPreloaded {
   SetClockPreloaded() {
     setenv("LD_PRELOAD", V3D_SET_CLOCK_LIBRARY, 1);
@@ -35,10 +35,10 @@ struct SetClockPreloaded {
 
 class ClockStudio4 : private SetClockPreloaded, public Studio4 {
  protected:
-  /// Of cap01.
+  /// Sets the wall clock of cap01 to `seconds` after the right time.
   void set_clock(int seconds) { test::write_text(control(), std::to_string(seconds)); }
 
-  void expect_whole_take_with_live_meshes() {
+  void expect_complete_take_with_live_meshes() {
     const Answer stopped = command(CommandVerb::kStop);
     ASSERT_TRUE(stopped.done()) << text_of(stopped) << log();
     const Verification verified = verify_take(take());
@@ -48,25 +48,25 @@ class ClockStudio4 : private SetClockPreloaded, public Studio4 {
   }
 };
 
-TEST_F(ClockStudio4, obeys_and_is_heard_after_the_clock_was_set_back_by_an_hour) {
+TEST_F(ClockStudio4, records_a_complete_take_after_the_clock_was_set_back_by_an_hour) {
   set_clock(-3600);
   ASSERT_TRUE(reaches("cap01", "clock_steps", 1)) << log();
   EXPECT_THAT(log(), HasSubstr("the clock was set back by 3600.0 s"));
   arm_and_start(20);
   ASSERT_TRUE(becomes_idle()) << log();
-  expect_whole_take_with_live_meshes();
+  expect_complete_take_with_live_meshes();
 }
 
 TEST_F(ClockStudio4, loses_no_live_frame_when_the_clock_is_set_back_during_a_take) {
   arm_and_start(0);
   ASSERT_TRUE(reaches("cap01", "frames_written", 20)) << log();
-  const double refused = value("recon01", "messages_stale");
+  const double stale_before = value("recon01", "messages_stale");
   set_clock(-60);
   ASSERT_TRUE(reaches("cap01", "clock_steps", 1)) << log();
   EXPECT_THAT(client_->health(within(5)).at("cap01").text, HasSubstr("keeps the previous time"));
   ASSERT_TRUE(reaches("cap01", "frames_written", value("cap01", "frames_written") + 80)) << log();
-  EXPECT_EQ(value("recon01", "messages_stale"), refused);
-  expect_whole_take_with_live_meshes();
+  EXPECT_EQ(value("recon01", "messages_stale"), stale_before);
+  expect_complete_take_with_live_meshes();
 }
 
 }  // namespace

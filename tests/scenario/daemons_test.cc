@@ -1,4 +1,4 @@
-// Stories of one capture node and one reconstruction node on a simulated studio.
+// Scenario tests of one capture node and one reconstruction node in a simulated studio.
 #include <arpa/inet.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -31,7 +31,7 @@ using testing::AnyOf;
 using testing::HasSubstr;
 using testing::IsEmpty;
 
-/// Every mesh from the first up to the first gap is a closed surface of a person's size.
+/// Every mesh from the first up to the first gap is a closed surface with the volume of a person.
 void expect_meshes_of_a_person(MeshFileReader& meshes) {
   CompactDecoder decoder;
   for (int64_t next = 0; const int64_t pulse : meshes.pulses()) {
@@ -47,15 +47,15 @@ void expect_meshes_of_a_person(MeshFileReader& meshes) {
   }
 }
 
-TEST_F(Studio4, records_a_take_whole_and_reconstructs_it_live) {
+TEST_F(Studio4, records_a_complete_take_and_reconstructs_it_live) {
   constexpr int kPulses = 20;
   arm_and_start(kPulses);
   ASSERT_TRUE(reaches("cap01", "frames_written", 4 * kPulses)) << log();
   const Answer stopped = command(CommandVerb::kStop);
   ASSERT_TRUE(stopped.done()) << text_of(stopped) << log();
 
-  // The protocol repeats some messages: the last pulse, and commands without a reply yet. These are
-  // no replays.
+  // The protocol repeats some messages: the last pulse, and commands without a reply. These do not
+  // count as replays.
   for (const char* node : {"cap01", "recon01"}) {
     EXPECT_EQ(value(node, "messages_replayed"), 0) << node;
     EXPECT_EQ(value(node, "commands_replayed"), 0) << node;
@@ -75,12 +75,12 @@ TEST_F(Studio4, records_a_take_whole_and_reconstructs_it_live) {
   MeshFileReader meshes(take().mesh());
   EXPECT_EQ(meshes.pulses().size(), recon["meshes"]);
   EXPECT_FALSE(meshes.index_was_rebuilt());
-  EXPECT_GE(recon["meshes"], kPulses / 2) << "a machine with nothing else to do makes them all";
+  EXPECT_GE(recon["meshes"], kPulses / 2) << "an idle machine makes a mesh of every pulse";
   expect_meshes_of_a_person(meshes);
 }
 
-/// Reconstructs a copy of the take elsewhere, without the studio (all that is needed is in the
-/// take), and gives the place of its meshes.
+/// Reconstructs a copy of the take in `folder` without the studio; the take holds all inputs.
+/// Returns the path of its mesh file.
 std::filesystem::path reconstruct_copy(const std::string& v3dctl, const TakePaths& take,
                                        const std::filesystem::path& folder,
                                        const std::vector<std::string>& options = {}) {
@@ -95,7 +95,7 @@ std::filesystem::path reconstruct_copy(const std::string& v3dctl, const TakePath
 }
 
 TEST_F(Studio4, reconstructs_a_recorded_take_to_the_same_bytes_as_live) {
-  constexpr int kPulses = 40;  // so that the background is learnt from more than the first
+  constexpr int kPulses = 40;  // so that the background model adapts to several pulses
   arm_and_start(kPulses);
   ASSERT_TRUE(reaches("cap01", "frames_written", 4 * kPulses)) << log();
   const Answer stopped = command(CommandVerb::kStop);
@@ -105,7 +105,8 @@ TEST_F(Studio4, reconstructs_a_recorded_take_to_the_same_bytes_as_live) {
   MeshFileReader recorded(reconstruct_copy(bin("v3dctl"), take(), folder_.path()));
   ASSERT_GE(live.pulses().size(), 1U) << log();
   EXPECT_EQ(recorded.pulses().size(), kPulses);
-  // A frame needs those before it: behind a pulse that was dropped live, up to the next key frame.
+  // A compact frame depends on the frames before it. After a pulse that was dropped live, frames
+  // differ up to the next key frame.
   int64_t next = 0;
   bool whole = true;
   for (const int64_t pulse : live.pulses()) {
@@ -126,13 +127,13 @@ TEST_F(Studio4, reconstructs_a_recorded_take_to_the_same_bytes_as_live) {
   }
 }
 
-/// A surface that one thread cannot deform 20 times a second.
+/// A studio whose surfaces one thread cannot deform 20 times a second.
 class FineStudio4 : public Studio4 {
  protected:
   FineStudio4() : Studio4({.voxel = "12mm", .more = "quality = \"high\"\nthreads = 1\n"}) {}
 };
 
-TEST_F(FineStudio4, follows_in_high_quality_with_the_pulses_it_can_manage) {
+TEST_F(FineStudio4, reconstructs_in_high_quality_the_pulses_it_has_time_for) {
   constexpr int kPulses = 60;
   arm_and_start(kPulses);
   ASSERT_TRUE(reaches("cap01", "frames_written", 4 * kPulses)) << log();
@@ -144,24 +145,25 @@ TEST_F(FineStudio4, follows_in_high_quality_with_the_pulses_it_can_manage) {
   EXPECT_EQ(recon["meshes"].get<int>() + recon["dropped"].get<int>(), kPulses) << recon;
   MeshFileReader live(take().mesh());
   ASSERT_EQ(live.pulses().size(), recon["meshes"]);
-  // Which pulses there are to compare with is chance, live; the first one is a key frame.
+  // The set of pulses with a live mesh is random. The first one is a key frame, which decodes
+  // alone.
   const int64_t first = live.pulses().front();
   const auto compact = live.read(first);
   ASSERT_TRUE(compact);
-  EXPECT_LT(decode_compact(*compact).value().lattice.step, 0.005) << "it was deformed";
+  EXPECT_LT(decode_compact(*compact).value().lattice.step, 0.005) << "the surface was deformed";
   MeshFileReader recorded(reconstruct_copy(
       bin("v3dctl"), take(), folder_.path(),
       {"--no-smoothing", "--frames", std::to_string(first) + ":" + std::to_string(first + 1)}));
   EXPECT_EQ(recorded.read(first), compact);
 }
 
-TEST_F(Studio4, tells_when_a_train_of_known_length_has_ended) {
+TEST_F(Studio4, reports_the_end_of_a_train_of_known_length) {
   arm_and_start(10);
   EXPECT_TRUE(becomes_idle()) << log();
   EXPECT_EQ(log().find("lost"), std::string::npos) << "the end of a train is no loss: " << log();
 }
 
-TEST_F(Studio4, refuses_what_is_out_of_order_and_says_what_would_be_right) {
+TEST_F(Studio4, rejects_commands_out_of_order_and_reports_what_would_be_right) {
   EXPECT_THAT(text_of(command(CommandVerb::kStart)), HasSubstr("not armed"));
   EXPECT_THAT(text_of(command(CommandVerb::kBackground, 1'000'000)),
               HasSubstr("expected 2 to 256"));
@@ -171,7 +173,7 @@ TEST_F(Studio4, refuses_what_is_out_of_order_and_says_what_would_be_right) {
   EXPECT_FALSE(std::filesystem::exists(take().folder)) << "an armed take leaves nothing behind";
 }
 
-TEST_F(Studio4, leaves_a_valid_take_when_it_is_told_to_end_in_the_middle) {
+TEST_F(Studio4, leaves_a_valid_take_after_SIGTERM_in_the_take) {
   arm_and_start(0);
   ASSERT_TRUE(reaches("cap01", "frames_written", 30)) << log();
   captured_->signal(SIGTERM);
@@ -200,22 +202,24 @@ TEST_F(Studio4, recovers_the_take_that_a_crash_left_open) {
   EXPECT_GE(verify_take(take()).ledger.cameras[0].written, 7);
 }
 
-/// The trigger's host stands still: pulses are skipped, among them the last of the train.
-TEST_F(Studio4, names_skipped_pulses_and_ends_the_train_everywhere_when_the_last_one_is_skipped) {
+/// The process of the trigger is suspended. It skips pulses, among them the last of the train.
+TEST_F(Studio4,
+       reports_skipped_pulses_and_ends_the_train_on_all_nodes_when_the_last_one_is_skipped) {
   constexpr int kPulses = 40;
   Bus bus(studio_.network.lcm_url);
   Subscription<PulseMessage> pulses(bus, kPulseChannel, 2 * kPulses);
   int64_t last = -1;
-  const auto listen = [&](MonotonicInstant deadline) {
+  const auto last_received = [&](MonotonicInstant deadline) {
     while (const auto pulse = pulses.wait(deadline)) last = pulse->pulse;
     return last;
   };
   arm_and_start(kPulses);
-  ASSERT_TRUE(becomes_true([&] { return listen(Monotonic::now()) >= 30; }, within(30))) << log();
+  ASSERT_TRUE(becomes_true([&] { return last_received(Monotonic::now()) >= 30; }, within(30)))
+      << log();
   captured_->signal(SIGSTOP);
-  // Nothing comes any more; meanwhile the rest of the train becomes due (half a second), and late
-  // by more than the second after which edges are skipped.
-  listen(Monotonic::now() + std::chrono::milliseconds(1700));
+  // No pulse arrives now. Meanwhile the remaining edges (half a second) become due, and then late
+  // by more than one second, after which the trigger skips them.
+  last_received(Monotonic::now() + std::chrono::milliseconds(1700));
   captured_->signal(SIGCONT);
 
   ASSERT_TRUE(becomes_idle()) << "without a stop command\n" << log();
@@ -224,7 +228,7 @@ TEST_F(Studio4, names_skipped_pulses_and_ends_the_train_everywhere_when_the_last
   EXPECT_FALSE(ledger["complete"]);
   EXPECT_EQ(ledger["pulses"]["commanded"], kPulses);
   EXPECT_EQ(ledger["pulses"]["sensed"], last + 1);
-  // A frame of the last pulse may have been on its way when the process was stopped.
+  // A frame of the last pulse may have been in flight when the process was suspended.
   for (const auto& camera : ledger["cameras"]) {
     const auto missing = camera["missing"].get<std::vector<int64_t>>();
     EXPECT_THAT(missing.front(), AnyOf(last, last + 1)) << camera;
@@ -238,13 +242,13 @@ TEST_F(Studio4, names_skipped_pulses_and_ends_the_train_everywhere_when_the_last
       << recon;
 }
 
-/// Voxels that are far too small for one thread.
+/// A studio with voxels that are far too small for one thread.
 class OverloadedStudio4 : public Studio4 {
  protected:
   OverloadedStudio4() : Studio4({.voxel = "2mm", .more = "threads = 1\n"}) {}
 };
 
-TEST_F(OverloadedStudio4, drops_whole_pulses_counts_them_and_says_so_once) {
+TEST_F(OverloadedStudio4, drops_whole_pulses_counts_them_and_reports_it_once) {
   constexpr int kPulses = 100;
   Bus bus(studio_.network.lcm_url);
   Subscription<EventMessage> events(bus, kEventChannel, 256);
@@ -259,22 +263,22 @@ TEST_F(OverloadedStudio4, drops_whole_pulses_counts_them_and_says_so_once) {
   EXPECT_GT(recon["meshes"], 0) << recon;
   EXPECT_EQ(recon["meshes"].get<int>() + recon["dropped"].get<int>(), kPulses) << recon;
   EXPECT_EQ(MeshFileReader(take().mesh()).pulses().size(), recon["meshes"]);
-  // What is shown is of now: a backlog of the whole queue would be more than half a second old.
+  // There is a latency, and no published mesh lacks a camera.
   EXPECT_GT(recon["latency_p50_ms"], 0) << recon;
   while (const auto mesh = meshes.wait(Monotonic::now())) EXPECT_THAT(mesh->missing, IsEmpty());
 
-  std::vector<std::string> told;
-  const auto well_again = [&] {
+  std::vector<std::string> reported;
+  const auto is_recovered = [&] {
     while (const auto event = events.wait(Monotonic::now())) {
-      if (event->subject == "reconstruction") told.push_back(event->text);
+      if (event->subject == "reconstruction") reported.push_back(event->text);
     }
-    return !told.empty() && told.back() == "the problem has ended";
+    return !reported.empty() && reported.back() == "well again";
   };
-  EXPECT_TRUE(becomes_true(well_again, within(30)));
-  EXPECT_THAT(told, testing::ElementsAre(HasSubstr("cannot keep up"), "the problem has ended"));
+  EXPECT_TRUE(becomes_true(is_recovered, within(30)));
+  EXPECT_THAT(reported, testing::ElementsAre(HasSubstr("cannot keep up"), "well again"));
 }
 
-/// Datagrams of noise to LCM's group: some with LCM's magic in front, so that they get further.
+/// Sends 500 random datagrams to LCM's group. Some start with LCM's magic and pass its first check.
 void flood_with_datagrams(std::mt19937& random) {
   const int fd = socket(AF_INET, SOCK_DGRAM, 0);
   sockaddr_in group{};
@@ -291,7 +295,7 @@ void flood_with_datagrams(std::mt19937& random) {
   close(fd);
 }
 
-/// Noise, and real messages with bytes changed, on every channel the daemons listen to.
+/// Sends random bytes and changed messages on channels that the daemons subscribe to.
 void flood_channels(Bus& bus, std::mt19937& random) {
   CommandMessage command;
   command.sender = "stranger";
@@ -308,7 +312,7 @@ void flood_channels(Bus& bus, std::mt19937& random) {
   }
 }
 
-TEST_F(Studio4, counts_garbage_on_every_channel_and_records_all_the_same) {
+TEST_F(Studio4, counts_invalid_messages_on_every_channel_and_continues_recording) {
   arm_and_start(0);
   Bus bus(studio_.network.lcm_url);
   std::mt19937 random(7);
@@ -324,50 +328,51 @@ TEST_F(Studio4, counts_garbage_on_every_channel_and_records_all_the_same) {
   EXPECT_TRUE(verified.whole()) << verified.ledger.verdict();
 }
 
-/// Hears every command on the network, as anybody can.
+/// An attacker without the studio key that receives and records every command.
 class Eavesdropper {
  public:
   explicit Eavesdropper(const std::string& url) : bus_(url) {
-    listening_.emplace(bus_.subscribe(kCommandChannel, [this](const ReceivedMessage& received) {
+    subscription_.emplace(bus_.subscribe(kCommandChannel, [this](const ReceivedMessage& message) {
       const std::lock_guard lock(mutex_);
-      ++heard_;
-      if (recording_) recorded_.emplace_back(received.bytes.begin(), received.bytes.end());
+      ++received_;
+      if (recording_) recorded_.emplace_back(message.bytes.begin(), message.bytes.end());
     }));
   }
-  /// Waits for so many; from then on only counts.
+  /// Waits up to 30 s for `at_least` commands and returns them. Later commands are only counted.
   std::vector<Bytes> recorded(size_t at_least) {
-    EXPECT_TRUE(becomes_true([&] { return heard() >= at_least; }, within(30)));
+    EXPECT_TRUE(becomes_true([&] { return received() >= at_least; }, within(30)));
     const std::lock_guard lock(mutex_);
     recording_ = false;
     return recorded_;
   }
-  /// All at once, and waits until they went round: as many as a socket holds.
+  /// Sends all messages of `batch`, at most as many as a socket buffer holds, and waits until they
+  /// are received here.
   void send(const std::vector<Bytes>& batch) {
-    const size_t before = heard();
+    const size_t before = received();
     for (const Bytes& bytes : batch) bus_.publish(kCommandChannel, bytes);
-    ASSERT_TRUE(becomes_true([&] { return heard() >= before + batch.size(); }, within(30)));
+    ASSERT_TRUE(becomes_true([&] { return received() >= before + batch.size(); }, within(30)));
   }
 
  private:
-  size_t heard() {
+  size_t received() {
     const std::lock_guard lock(mutex_);
-    return heard_;
+    return received_;
   }
   std::mutex mutex_;
-  size_t heard_ = 0;
+  size_t received_ = 0;
   bool recording_ = true;
   std::vector<Bytes> recorded_;
   Bus bus_;
-  std::optional<Bus::Listening> listening_;  // last: it uses the rest
+  std::optional<Bus::Listening> subscription_;  // last: its thread uses the other members
 };
 
-TEST_F(Studio4, obeys_none_of_thousands_of_forged_replayed_stale_and_changed_commands) {
+TEST_F(Studio4, rejects_thousands_of_forged_replayed_stale_and_changed_commands) {
   constexpr int kBatches = 50;
   constexpr int kEach = 20;
-  Eavesdropper stranger(studio_.network.lcm_url);
+  Eavesdropper attacker(studio_.network.lcm_url);
   arm_and_start(0);
-  // Arm, commit, and start for one node and then for the other.
-  const std::vector<Bytes> recorded = stranger.recorded(4);
+  // Arm, commit, start for one node, start for the other node.
+  const std::vector<Bytes> recorded = attacker.recorded(4);
   ASSERT_GE(recorded.size(), 4U);
   const StudioKey key = StudioKey::load(studio_.network.key);
   CommandMessage stop;
@@ -387,13 +392,13 @@ TEST_F(Studio4, obeys_none_of_thousands_of_forged_replayed_stale_and_changed_com
       batch.push_back(recorded[random() % recorded.size()]);
       batch.back()[random() % batch.back().size()] ^= static_cast<uint8_t>(1 << random() % 8);
     }
-    stranger.send(batch);
+    attacker.send(batch);
   }
-  const double kind = kBatches * kEach;
+  const double of_each_kind = kBatches * kEach;
   for (const char* node : {"cap01", "recon01"}) {
-    EXPECT_TRUE(reaches(node, "commands_forged", 2 * kind)) << log();
-    EXPECT_TRUE(reaches(node, "commands_without_nonce", kind)) << log();
-    // Those of which the nonce has expired meanwhile are counted above.
+    EXPECT_TRUE(reaches(node, "commands_forged", 2 * of_each_kind)) << log();
+    EXPECT_TRUE(reaches(node, "commands_without_nonce", of_each_kind)) << log();
+    // Replayed commands whose nonce has expired meanwhile are counted above.
     EXPECT_TRUE(reaches(node, "commands_replayed", 1)) << log();
     EXPECT_EQ(client_->health(within(5)).at(node).state, NodeState::kRecording);
   }
@@ -402,16 +407,16 @@ TEST_F(Studio4, obeys_none_of_thousands_of_forged_replayed_stale_and_changed_com
   EXPECT_TRUE(verify_take(take()).whole()) << verify_take(take()).ledger.verdict();
 }
 
-TEST_F(Studio4, obeys_nobody_without_a_studio_key_and_says_how_to_make_one) {
+TEST_F(Studio4, rejects_all_commands_without_a_studio_key_and_reports_how_to_make_one) {
   const std::filesystem::path key = studio_.network.key;
   captured_.reset();
   std::filesystem::rename(key, folder_ / "away");
   start_captured();
-  const auto says = [&](const std::string& text) {
+  const auto reports = [&](const std::string& text) {
     const auto health = client_->health(within(5));
     return health.contains("cap01") && health.at("cap01").text.find(text) != std::string::npos;
   };
-  EXPECT_TRUE(becomes_true([&] { return says("v3dctl key new"); }, within(60))) << log();
+  EXPECT_TRUE(becomes_true([&] { return reports("v3dctl key new"); }, within(60))) << log();
   CommandMessage abort;
   abort.verb = CommandVerb::kAbort;
   EXPECT_THAT(client_->command(abort, within(3)).silent, testing::ElementsAre("cap01"));
@@ -419,7 +424,7 @@ TEST_F(Studio4, obeys_nobody_without_a_studio_key_and_says_how_to_make_one) {
   EXPECT_TRUE(command(CommandVerb::kAbort).done()) << log();
 }
 
-TEST_F(Studio4, gives_the_account_of_a_take_through_a_node_that_was_started_anew_in_it) {
+TEST_F(Studio4, returns_the_ledger_of_a_take_after_a_restart_of_the_node_in_it) {
   arm_and_start(0);
   ASSERT_TRUE(reaches("cap01", "frames_written", 40)) << log();
   captured_->signal(SIGKILL);

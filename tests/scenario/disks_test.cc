@@ -1,4 +1,5 @@
-// Stories of the disk that takes are written to: small, full, read-only, gone, slow.
+// Scenario tests of the disk of the takes: small, full, read-only, removed, slow, with write
+// errors.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -23,7 +24,7 @@ using testing::IsEmpty;
 
 constexpr int64_t kPulseBytes = 4 * 320 * 240;
 
-/// Takes are written to a disk of their own, of 48 MB.
+/// Takes are written to a tmpfs of 48 MB.
 class SmallDiskStudio4 : public Studio4 {
  protected:
   SmallDiskStudio4() : Studio4({.takes = "takes"}) {
@@ -32,7 +33,7 @@ class SmallDiskStudio4 : public Studio4 {
   const test::SmallDisk disk_{folder_ / "takes", 48'000'000};
 };
 
-TEST_F(SmallDiskStudio4, refuses_to_arm_what_the_disk_has_no_room_for) {
+TEST_F(SmallDiskStudio4, rejects_arming_when_the_disk_has_too_little_space) {
   EXPECT_THAT(command(CommandVerb::kArm).replies.at("cap01").text,
               HasSubstr("needs 1.84 GB for 5 min, 48 MB free (room for"));
   EXPECT_THAT(command(CommandVerb::kArm, 200).replies.at("cap01").text,
@@ -48,18 +49,18 @@ TEST_F(SmallDiskStudio4, ends_the_take_cleanly_before_the_disk_is_full) {
   Subscription<EventMessage> events(bus, kEventChannel, 256);
   const Answer armed = command(CommandVerb::kArm, 100);
   ASSERT_TRUE(armed.done()) << text_of(armed) << log();
-  disk_.leave((32 + 20) * kPulseBytes);  // the queue, and a second of recording
+  disk_.leave((32 + 20) * kPulseBytes);  // the queue and one second of recording
   ASSERT_TRUE(command(CommandVerb::kStart).done()) << log();
-  std::string told;
+  std::string event_text;
   const auto ended = [&] {
     while (const auto event = events.wait(Monotonic::now())) {
-      if (event->subject == "take") told = event->text;
+      if (event->subject == "take") event_text = event->text;
     }
-    return !told.empty();
+    return !event_text.empty();
   };
   ASSERT_TRUE(becomes_true(ended, within(30))) << log();
-  EXPECT_THAT(told, HasSubstr("kendo-07 was stopped: ")) << told;
-  EXPECT_THAT(told, HasSubstr("is nearly full: ")) << told;
+  EXPECT_THAT(event_text, HasSubstr("kendo-07 was stopped: ")) << event_text;
+  EXPECT_THAT(event_text, HasSubstr("is nearly full: ")) << event_text;
 
   const Answer stopped = command(CommandVerb::kStop);
   ASSERT_TRUE(stopped.done()) << text_of(stopped) << log();
@@ -71,24 +72,25 @@ TEST_F(SmallDiskStudio4, ends_the_take_cleanly_before_the_disk_is_full) {
   EXPECT_FALSE(std::filesystem::exists(take().reserve()));
 }
 
-TEST_F(SmallDiskStudio4, says_at_once_that_the_disk_is_gone_and_is_at_fault_without_a_ledger) {
+TEST_F(SmallDiskStudio4, reports_a_lost_disk_at_once_and_fails_to_write_the_ledger) {
   Bus bus(studio_.network.lcm_url);
   Subscription<EventMessage> events(bus, kEventChannel, 256);
   arm_and_start(100);
   disk_.vanish();
-  const auto told = [&] {
+  const auto is_reported = [&] {
     while (const auto event = events.wait(Monotonic::now())) {
       if (event->text.find("is the disk of ") != std::string::npos) return true;
     }
     return false;
   };
-  EXPECT_TRUE(becomes_true(told, within(30))) << log();
+  EXPECT_TRUE(becomes_true(is_reported, within(30))) << log();
   const Answer stopped = command(CommandVerb::kStop);
   EXPECT_THAT(stopped.replies.at("cap01").text, HasSubstr("cannot write the ledger"));
-  EXPECT_THAT(stopped.replies.at("cap01").detail, HasSubstr("commanded")) << "the account is told";
+  EXPECT_THAT(stopped.replies.at("cap01").detail, HasSubstr("commanded"))
+      << "the reply holds the ledger";
 }
 
-/// The environment of the daemons that are started while it lives.
+/// Sets the environment that preloads v3d_bad_disk into daemons started during its lifetime.
 struct BadDiskPreloaded {
   BadDiskPreloaded() {
     setenv("LD_PRELOAD", V3D_BAD_DISK_LIBRARY, 1);
@@ -98,65 +100,65 @@ struct BadDiskPreloaded {
     unsetenv("LD_PRELOAD");
     unsetenv("V3D_BAD_DISK");
   }
-  std::filesystem::path control() const { return folder_ / "illness"; }
+  std::filesystem::path control() const { return folder_ / "disk-fault"; }
 
  private:
   const test::TemporaryFolder folder_;
 };
 
-/// A disk that a test can make bad (support/bad_disk.cc).
+/// A studio whose disk a test can make faulty (support/bad_disk.cc).
 class BadDiskStudio4 : private BadDiskPreloaded, public Studio4 {
  protected:
-  void become(const std::string& illness) { test::write_text(control(), illness); }
-  /// Each write takes longer than a period of the trigger (50 ms).
-  void become_slow() { become("slow 70"); }
+  void set_disk_fault(const std::string& fault) { test::write_text(control(), fault); }
+  /// Each write takes 70 ms, longer than a period of the trigger (50 ms).
+  void set_disk_slow() { set_disk_fault("slow 70"); }
   void recover() { std::filesystem::remove(control()); }
 
-  /// Received by number, written or missing by name. A trigger whose host hesitates leaves pulses
-  /// out.
+  /// Every commanded pulse was received, and every received frame is written or listed as missing.
+  /// Pulses that the trigger skipped on a busy machine (unsensed) are left out.
   void expect_every_frame_accounted_for(const Verification& verified) const {
-    const auto left_out = std::ssize(load_ledger(take().ledger()).unsensed);
+    const auto unsensed = std::ssize(load_ledger(take().ledger()).unsensed);
     for (const CameraLedger& camera : verified.ledger.cameras) {
       EXPECT_GE(camera.written, 10) << camera.name;
-      EXPECT_EQ(camera.received, verified.ledger.commanded - left_out) << camera.name;
-      EXPECT_EQ(camera.received - camera.written, std::ssize(camera.missing) - left_out)
+      EXPECT_EQ(camera.received, verified.ledger.commanded - unsensed) << camera.name;
+      EXPECT_EQ(camera.received - camera.written, std::ssize(camera.missing) - unsensed)
           << camera.name;
     }
   }
 
-  /// Waits for an event about `subject`.
-  bool hear(Subscription<EventMessage>& events, const std::string& subject,
-            Severity severity = Severity::kAlarm) {
-    const auto heard = [&] {
+  /// Waits up to 60 s for an event about `subject`. False at timeout.
+  bool receives_event(Subscription<EventMessage>& events, const std::string& subject,
+                      Severity severity = Severity::kAlarm) {
+    const auto is_received = [&] {
       while (const auto event = events.wait(Monotonic::now())) {
         if (event->subject == subject && event->severity == severity) return true;
       }
       return false;
     };
-    return becomes_true(heard, within(60));
+    return becomes_true(is_received, within(60));
   }
 };
 
-TEST_F(BadDiskStudio4, tells_of_a_slow_disk_before_the_first_frame_is_lost) {
+TEST_F(BadDiskStudio4, reports_a_slow_disk_before_the_first_frame_is_lost) {
   Bus bus(studio_.network.lcm_url);
   Subscription<EventMessage> events(bus, kEventChannel, 256);
   arm_and_start(0);
-  become_slow();
-  ASSERT_TRUE(hear(events, "queue")) << log();
+  set_disk_slow();
+  ASSERT_TRUE(receives_event(events, "queue")) << log();
   recover();
   const Answer stopped = command(CommandVerb::kStop);
   ASSERT_TRUE(stopped.done()) << text_of(stopped) << log();
   EXPECT_TRUE(nlohmann::json::parse(stopped.replies.at("cap01").detail)["complete"]) << log();
 }
 
-TEST_F(BadDiskStudio4, loses_the_oldest_frames_of_a_full_queue_and_names_each) {
+TEST_F(BadDiskStudio4, drops_the_oldest_frames_of_a_full_queue_and_reports_each) {
   Bus bus(studio_.network.lcm_url);
   Subscription<EventMessage> events(bus, kEventChannel, 256);
   arm_and_start(0);
-  become_slow();
+  set_disk_slow();
   ASSERT_TRUE(reaches("cap01", "cam01.frames_dropped", 1)) << log();
-  EXPECT_TRUE(hear(events, "queue"));
-  EXPECT_TRUE(hear(events, "disk"));
+  EXPECT_TRUE(receives_event(events, "queue"));
+  EXPECT_TRUE(receives_event(events, "disk"));
   recover();
   const Answer stopped = command(CommandVerb::kStop);
   ASSERT_TRUE(stopped.done()) << text_of(stopped) << log();
@@ -166,29 +168,30 @@ TEST_F(BadDiskStudio4, loses_the_oldest_frames_of_a_full_queue_and_names_each) {
   EXPECT_GT(verified.ledger.cameras[0].missing.size(), 0U);
 }
 
-TEST_F(BadDiskStudio4, ends_the_take_at_an_error_of_the_disk_and_accounts_for_every_frame) {
+TEST_F(BadDiskStudio4, ends_the_take_on_a_write_error_and_accounts_for_every_frame) {
   Bus bus(studio_.network.lcm_url);
   Subscription<EventMessage> events(bus, kEventChannel, 256);
   arm_and_start(0);
   ASSERT_TRUE(reaches("cap01", "frames_written", 40)) << log();
-  become("broken");
-  ASSERT_TRUE(hear(events, "take")) << log();
-  EXPECT_TRUE(hear(events, "pulses", Severity::kWarning)) << "of those the log lacks" << log();
+  set_disk_fault("broken");
+  ASSERT_TRUE(receives_event(events, "take")) << log();
+  EXPECT_TRUE(receives_event(events, "pulses", Severity::kWarning))
+      << "pulses that the log lacks" << log();
   ASSERT_TRUE(becomes_idle()) << log();
   recover();
   const Answer stopped = command(CommandVerb::kStop);
   ASSERT_TRUE(stopped.done()) << text_of(stopped) << log();
   const Verification verified = verify_take(take());
   EXPECT_THAT(verified.disagreements, testing::Each(HasSubstr("pulses.lcmlog: holds ")))
-      << "the ledger knows of pulses, too, that the disk refused";
+      << "the ledger also counts pulses that could not be written";
   EXPECT_EQ(verified.info.state, TakeState::kComplete);
   EXPECT_FALSE(verified.ledger.complete());
   expect_every_frame_accounted_for(verified);
 }
 
-TEST_F(BadDiskStudio4, calls_no_take_complete_whose_frames_the_disk_did_not_keep) {
+TEST_F(BadDiskStudio4, does_not_report_a_take_as_complete_after_a_failed_fsync) {
   arm_and_start(20);
-  become("forgets");
+  set_disk_fault("forgets");
   ASSERT_TRUE(reaches("cap01", "pulses_sensed", 20)) << log();
   const Answer stopped = command(CommandVerb::kStop);
   EXPECT_THAT(stopped.replies.at("cap01").text,

@@ -1,4 +1,5 @@
-// A camera that was displaced since its calibration is named while the take is recorded.
+// Scenario test of the displacement monitor: it reports a displaced camera while a take is
+// recorded.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -14,25 +15,26 @@ using test::becomes_true;
 using test::within;
 using testing::HasSubstr;
 
-constexpr double kKnockPx = 4;
+constexpr double kShiftPx = 4;
 
-/// Cameras enough to tell which of them does not fit.
+/// Twelve cameras: enough to identify the one that does not fit.
 class Studio12 : public test::Studio4 {
  protected:
   Studio12() : Studio4({.cameras = 12, .rate = "10"}), bus_(studio_.network.lcm_url) {}
   void SetUp() override { events_.emplace(bus_, kEventChannel, 1024); }
 
-  /// The lens of cam03 as it was before something pushed its image to the left.
-  void knock() const {
+  /// Shifts the principal point of cam03 in the rig file, as if its image had moved to the left
+  /// since the calibration.
+  void displace_camera() const {
     Rig rig = load_calib(studio_.storage.calib);
     CameraModel& model = rig.at(static_cast<size_t>(find_camera(rig, "cam03"))).model;
     Eigen::Matrix3d matrix = model.matrix();
-    matrix(0, 2) += kKnockPx;
+    matrix(0, 2) += kShiftPx;
     model = CameraModel(model.size(), matrix, model.distortion(), model.cam_from_world());
     save_calib(studio_.storage.calib, rig);
   }
 
-  /// The events about displaced cameras, until now.
+  /// Events about displaced cameras since the last call.
   std::vector<EventMessage> displacement_events() {
     std::vector<EventMessage> found;
     while (auto event = events_->wait(Monotonic::now())) {
@@ -45,16 +47,16 @@ class Studio12 : public test::Studio4 {
   std::optional<Subscription<EventMessage>> events_;
 };
 
-TEST_F(Studio12, names_the_displaced_camera_alone_and_no_camera_before) {
+TEST_F(Studio12, reports_the_displaced_camera_alone_and_no_camera_before) {
   arm_and_start(0);
   ASSERT_TRUE(reaches("recon01", "cam03.drift_px", 0)) << log();
   ASSERT_TRUE(command(CommandVerb::kStop).done()) << log();
   EXPECT_THAT(displacement_events(), testing::IsEmpty()) << log();
 
-  knock();
+  displace_camera();
   take_name_ = "kendo-08";
   arm_and_start(0);
-  ASSERT_TRUE(reaches("recon01", "cam03.drift_px", kKnockPx / 2)) << log();
+  ASSERT_TRUE(reaches("recon01", "cam03.drift_px", kShiftPx / 2)) << log();
   std::vector<EventMessage> events;
   EXPECT_TRUE(becomes_true(
       [&] {
@@ -68,7 +70,7 @@ TEST_F(Studio12, names_the_displaced_camera_alone_and_no_camera_before) {
   EXPECT_EQ(events[0].severity, Severity::kAlarm);
   EXPECT_THAT(events[0].text, HasSubstr("are shifted by"));
   EXPECT_THAT(events[0].text, HasSubstr("calibrate it again"));
-  EXPECT_NEAR(value("recon01", "cam03.drift_px"), kKnockPx, 1.5);
+  EXPECT_NEAR(value("recon01", "cam03.drift_px"), kShiftPx, 1.5);
   ASSERT_TRUE(command(CommandVerb::kStop).done()) << log();
 }
 

@@ -1,6 +1,6 @@
-// Stories of cameras that go wrong: fault scripts played by the simulated cameras against the real
-// daemons. What the ledger must say follows from the script and from the simulator's own record of
-// what was sent.
+// Scenario tests of faulty cameras: the simulated cameras play fault scripts against the real
+// daemons. The expected ledger follows from the script and from the simulator's record of the sent
+// images.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -29,7 +29,7 @@ using testing::IsEmpty;
 
 using Pulses = std::vector<int64_t>;
 
-/// A [[fault]] of cam02.
+/// The TOML table [[fault]] of one fault of cam02.
 std::string fault(int64_t pulse, const std::string& kind, const std::string& more = "") {
   return "[[fault]]\ncamera = \"cam02\"\npulse = " + std::to_string(pulse) + "\nkind = \"" + kind +
          "\"\n" + more + "\n";
@@ -43,7 +43,7 @@ Pulses range(int64_t first, int64_t last) {
 
 constexpr int64_t kPulses = 25;
 
-/// A studio at 10 Hz, so that a host that hesitates leaves no pulse out. cam02 has the faults.
+/// A studio whose cam02 has the faults. 10 Hz, so that a busy machine skips no pulse.
 class FaultyStudio : public Studio4 {
  protected:
   explicit FaultyStudio(const std::string& faults)
@@ -51,14 +51,14 @@ class FaultyStudio : public Studio4 {
 
   void SetUp() override { events_.emplace(bus_, kEventChannel, 1024); }
 
-  /// Records a train of so many pulses to its end.
+  /// Records a take of `pulses` pulses to its end.
   void record(int64_t pulses) {
     arm_and_start(pulses);
     ASSERT_TRUE(becomes_idle()) << log();
     stop();
   }
 
-  /// Until cam02 was lost and has delivered so many frames after it came back.
+  /// Records until cam02 was lost, came back and delivered `frames` frames.
   void run_until_back(int64_t frames) {
     arm_and_start(0);
     ASSERT_TRUE(reaches("cap01", "cam02.losses", 1)) << log();
@@ -71,12 +71,12 @@ class FaultyStudio : public Studio4 {
   }
 
   void stop() {
-    account();
+    stop_and_check();
     EXPECT_EQ(faulty().missing, not_sent("cam02"));
   }
 
-  /// Ends the take and holds it against the simulator's record.
-  void account() {
+  /// Stops the take and compares it with the simulator's record.
+  void stop_and_check() {
     const Answer stopped = command(CommandVerb::kStop);
     ASSERT_TRUE(stopped.done()) << text_of(stopped) << log();
     verified_ = verify_take(take());
@@ -94,7 +94,7 @@ class FaultyStudio : public Studio4 {
     }
   }
 
-  /// By the simulator's record: pulses of which this camera sent no image.
+  /// Pulses of which this camera sent no image, by the simulator's record.
   Pulses not_sent(const std::string& camera) const {
     std::set<int64_t> sent;
     for (const sim::ExposureLine& line : exposures_) {
@@ -110,27 +110,28 @@ class FaultyStudio : public Studio4 {
   const CameraLedger& faulty() const { return verified_.ledger.cameras.at(1); }
   std::string verdict() const { return verified_.ledger.verdict(); }
 
-  /// What was told of cam02.
-  std::vector<std::string> told() {
+  /// Texts of all events about cam02 until now.
+  std::vector<std::string> reported() {
     while (const auto event = events_->wait(Monotonic::now())) {
-      if (event->subject == "cam02") told_.push_back(event->text);
+      if (event->subject == "cam02") reported_.push_back(event->text);
     }
-    return told_;
+    return reported_;
   }
-  bool tells(const std::string& text) {
+  /// Waits up to 30 s for an event about cam02 that holds `text`. False at timeout.
+  bool reports(const std::string& text) {
     return becomes_true(
         [&] {
-          const std::vector<std::string> all = told();
+          const std::vector<std::string> all = reported();
           return std::ranges::any_of(
               all, [&](const std::string& line) { return line.find(text) != std::string::npos; });
         },
         within(30));
   }
 
-  int64_t first_edge_ = kEmptyPulses;  ///< of the take
+  int64_t first_edge_ = kEmptyPulses;  ///< edge of pulse 0 of the take
   Bus bus_;
   std::optional<Subscription<EventMessage>> events_;
-  std::vector<std::string> told_;
+  std::vector<std::string> reported_;
   Verification verified_;
   std::vector<sim::ExposureLine> exposures_;
   sim::TakeCheck check_;
@@ -140,7 +141,7 @@ class DroppedFrames : public FaultyStudio {
  protected:
   DroppedFrames() : FaultyStudio(fault(10, "drop") + fault(11, "drop") + fault(20, "drop")) {}
 };
-TEST_F(DroppedFrames, are_missing_by_number_and_leave_the_others_in_no_doubt) {
+TEST_F(DroppedFrames, are_listed_as_missing_and_make_no_other_frame_suspect) {
   record(kPulses);
   EXPECT_THAT(faulty().missing, ElementsAre(10, 11, 20));
   EXPECT_THAT(faulty().duplicate, IsEmpty());
@@ -152,7 +153,7 @@ class DroppedFirstFrame : public FaultyStudio {
  protected:
   DroppedFirstFrame() : FaultyStudio(fault(0, "drop")) {}
 };
-TEST_F(DroppedFirstFrame, is_missing_and_leaves_the_others_in_no_doubt) {
+TEST_F(DroppedFirstFrame, is_listed_as_missing_and_makes_no_other_frame_suspect) {
   record(kPulses);
   EXPECT_THAT(faulty().missing, ElementsAre(0));
   EXPECT_THAT(faulty().suspect, IsEmpty());
@@ -164,7 +165,7 @@ class DroppedLastFrame : public FaultyStudio {
  protected:
   DroppedLastFrame() : FaultyStudio(fault(kPulses - 1, "drop")) {}
 };
-TEST_F(DroppedLastFrame, is_missing_and_leaves_the_next_take_in_no_doubt) {
+TEST_F(DroppedLastFrame, is_listed_as_missing_and_makes_no_frame_of_the_next_take_suspect) {
   record(kPulses);
   EXPECT_THAT(faulty().missing, ElementsAre(kPulses - 1));
   EXPECT_THAT(faulty().suspect, IsEmpty());
@@ -178,10 +179,10 @@ class MissedFirstTrigger : public FaultyStudio {
  protected:
   MissedFirstTrigger() : FaultyStudio(fault(0, "missed")) {}
 };
-TEST_F(MissedFirstTrigger, puts_the_take_of_this_camera_in_doubt) {
+TEST_F(MissedFirstTrigger, makes_all_frames_of_this_camera_suspect) {
   arm_and_start(kPulses);
   ASSERT_TRUE(becomes_idle()) << log();
-  account();
+  stop_and_check();
   EXPECT_EQ(faulty().missing.size(), 1U);
   EXPECT_EQ(faulty().suspect.size(), kPulses - 1U);
 }
@@ -190,7 +191,7 @@ class MissedTrigger : public FaultyStudio {
  protected:
   MissedTrigger() : FaultyStudio(fault(10, "missed")) {}
 };
-TEST_F(MissedTrigger, is_missing_and_puts_the_next_frame_in_doubt) {
+TEST_F(MissedTrigger, is_listed_as_missing_and_makes_the_next_frame_suspect) {
   record(kPulses);
   EXPECT_THAT(faulty().missing, ElementsAre(10));
   EXPECT_THAT(faulty().duplicate, IsEmpty());
@@ -203,7 +204,7 @@ class DuplicatedFrame : public FaultyStudio {
  protected:
   DuplicatedFrame() : FaultyStudio(fault(10, "duplicate")) {}
 };
-TEST_F(DuplicatedFrame, is_named_and_puts_its_pulse_and_the_next_in_doubt) {
+TEST_F(DuplicatedFrame, is_listed_and_makes_its_pulse_and_the_next_suspect) {
   record(kPulses);
   EXPECT_EQ(faulty().written, kPulses + 1);
   EXPECT_THAT(faulty().missing, IsEmpty());
@@ -218,27 +219,27 @@ class DelayedFrames : public FaultyStudio {
  protected:
   DelayedFrames() : FaultyStudio(fault(10, "delay", "ms = 750")) {}
 };
-TEST_F(DelayedFrames, keep_their_pulses_and_the_silence_is_told) {
+TEST_F(DelayedFrames, keep_their_pulses_and_the_pause_is_reported) {
   record(kPulses);
   EXPECT_TRUE(verified_.whole()) << verdict();
   EXPECT_EQ(verdict(), "take kendo-07: complete, 4 cameras x 25 pulses, 0 missing, 0 suspect");
-  EXPECT_TRUE(tells(
+  EXPECT_TRUE(reports(
       "lost: no frame for 3 pulses after pulse 9. It is reopened automatically; check its power, "
       "its cable and its trigger line with v3dctl doctor"));
-  EXPECT_TRUE(tells("recording again, at pulse "));
+  EXPECT_TRUE(reports("recording again, at pulse "));
 }
 
 class UnpluggedCamera : public FaultyStudio {
  protected:
   UnpluggedCamera() : FaultyStudio(fault(10, "unplug", "ms = 1500")) {}
 };
-TEST_F(UnpluggedCamera, is_told_and_rejoins_the_take_where_its_clock_says) {
+TEST_F(UnpluggedCamera, is_reported_and_rejoins_the_take_at_the_pulse_of_its_clock) {
   record_until_back(10);
-  EXPECT_TRUE(tells(
+  EXPECT_TRUE(reports(
       "lost: no frame for 3 pulses after pulse 9. It is reopened automatically; check its power, "
       "its cable and its trigger line with v3dctl doctor"));
-  EXPECT_TRUE(tells("check its power, its cable"));
-  EXPECT_TRUE(tells("recording again, at pulse "));
+  EXPECT_TRUE(reports("check its power, its cable"));
+  EXPECT_TRUE(reports("recording again, at pulse "));
   ASSERT_GE(faulty().missing.size(), 15U);
   EXPECT_EQ(faulty().missing, range(10, 9 + static_cast<int64_t>(faulty().missing.size())))
       << "one gap";
@@ -250,7 +251,8 @@ class CameraWithNewClock : public FaultyStudio {
  protected:
   CameraWithNewClock() : FaultyStudio(fault(10, "unplug", "ms = 1500\nnew_clock = true")) {}
 };
-TEST_F(CameraWithNewClock, rejoins_the_take_in_doubt_until_its_arrivals_have_proved_the_number) {
+TEST_F(CameraWithNewClock,
+       rejoins_the_take_with_suspect_frames_until_arrival_times_confirm_the_pulse) {
   record_until_back(20);
   ASSERT_GE(faulty().missing.size(), 15U);
   EXPECT_EQ(faulty().missing, range(10, 9 + static_cast<int64_t>(faulty().missing.size())))
@@ -259,22 +261,23 @@ TEST_F(CameraWithNewClock, rejoins_the_take_in_doubt_until_its_arrivals_have_pro
   ASSERT_THAT(faulty().suspect, testing::Not(IsEmpty()));
   EXPECT_EQ(faulty().suspect.front(), faulty().missing.back() + 1);
   EXPECT_EQ(faulty().suspect, range(faulty().suspect.front(), faulty().suspect.back()));
-  EXPECT_LT(faulty().suspect.back(), verified_.ledger.commanded - 1) << "and then in none";
+  EXPECT_LT(faulty().suspect.back(), verified_.ledger.commanded - 1)
+      << "later frames are not suspect";
 }
 
 class FrozenCamera : public FaultyStudio {
  protected:
   FrozenCamera() : FaultyStudio(fault(10, "freeze", "pulses = 6")) {}
 };
-TEST_F(FrozenCamera, is_told_and_goes_on_in_the_take) {
+TEST_F(FrozenCamera, is_reported_and_continues_in_the_take) {
   record(kPulses);
   EXPECT_EQ(faulty().missing, range(10, 15));
   EXPECT_THAT(faulty().duplicate, IsEmpty());
   EXPECT_THAT(faulty().suspect, ElementsAre(16));
-  EXPECT_TRUE(tells(
+  EXPECT_TRUE(reports(
       "lost: no frame for 3 pulses after pulse 9. It is reopened automatically; check its power, "
       "its cable and its trigger line with v3dctl doctor"));
-  EXPECT_TRUE(tells("recording again, at pulse "));
+  EXPECT_TRUE(reports("recording again, at pulse "));
   EXPECT_EQ(check_.frames_mislabelled, 0) << testing::PrintToString(check_.problems);
 }
 
@@ -282,11 +285,11 @@ class CameraFrozenForLong : public FaultyStudio {
  protected:
   CameraFrozenForLong() : FaultyStudio(fault(10, "freeze", "pulses = 20")) {}
 };
-TEST_F(CameraFrozenForLong, is_opened_again_and_goes_on_in_the_take) {
+TEST_F(CameraFrozenForLong, is_reopened_and_continues_in_the_take) {
   run_until_back(10);
-  account();
+  stop_and_check();
   EXPECT_EQ(faulty().missing, range(10, 9 + static_cast<int64_t>(faulty().missing.size())));
-  // It thaws with its old stream: what it sends while it is opened again reaches nobody.
+  // The camera thaws with its old stream. Frames that it sends while it is reopened are lost.
   EXPECT_THAT(faulty().missing, testing::IsSupersetOf(not_sent("cam02")));
   EXPECT_GE(faulty().missing.size(), 20U);
   EXPECT_EQ(check_.frames_mislabelled, 0) << testing::PrintToString(check_.problems);
@@ -308,7 +311,7 @@ class ClockAhead : public FaultyStudio {
  protected:
   ClockAhead() : FaultyStudio(fault(10, "clock", "jump_ms = 500")) {}
 };
-TEST_F(ClockAhead, puts_one_frame_in_doubt_and_no_wrong_number_on_any) {
+TEST_F(ClockAhead, makes_one_frame_suspect_and_gives_no_frame_a_wrong_pulse) {
   record(kPulses);
   EXPECT_THAT(faulty().missing, IsEmpty());
   EXPECT_THAT(faulty().suspect, ElementsAre(10));
@@ -319,7 +322,7 @@ class ClockBehind : public FaultyStudio {
  protected:
   ClockBehind() : FaultyStudio(fault(10, "clock", "jump_ms = -500")) {}
 };
-TEST_F(ClockBehind, puts_one_frame_in_doubt_and_no_wrong_number_on_any) {
+TEST_F(ClockBehind, makes_one_frame_suspect_and_gives_no_frame_a_wrong_pulse) {
   record(kPulses);
   EXPECT_THAT(faulty().missing, IsEmpty());
   EXPECT_THAT(faulty().suspect, ElementsAre(10));

@@ -1,6 +1,5 @@
-// A stranger on the network, and a node that was taken over, send what nodes act upon: that the
-// pulses have ended, that a disk is full, which pulse it is, what a camera sees, that something is
-// wrong.
+// Scenario tests of forged messages (health, pulses, frames, events), sent by a process without the
+// studio key and by a node that an attacker controls.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -21,10 +20,10 @@ using test::becomes_true;
 using test::Studio4;
 using test::within;
 
-/// Receives all datagrams, as anybody can, sends them again, and says what he likes.
-class Stranger {
+/// An attacker without the studio key: records datagrams, replays them, and sends forged messages.
+class Attacker {
  public:
-  explicit Stranger(const std::string& url) : raw_(url), bus_(url), other_key_(url) {
+  explicit Attacker(const std::string& url) : raw_(url), bus_(url), other_key_(url) {
     other_key_.seal().set_key(StudioKey::make());
   }
   size_t record(size_t count) {
@@ -32,11 +31,11 @@ class Stranger {
     recorded_.insert(recorded_.end(), more.begin(), more.end());
     return recorded_.size();
   }
-  /// Without a MAC, or with that of another key.
-  void say(const std::string& channel, const Bytes& bytes, bool with_other_key) {
+  /// Sends a message without a MAC, or with the MAC of another key.
+  void send(const std::string& channel, const Bytes& bytes, bool with_other_key) {
     (with_other_key ? other_key_ : bus_).publish_sealed(channel, bytes);
   }
-  /// What was recorded, again and with a bit changed.
+  /// Sends each recorded datagram again, and once more with a changed bit.
   void replay(std::mt19937& random) const {
     for (test::RawDatagram datagram : recorded_) {
       raw_.send(datagram);
@@ -59,7 +58,7 @@ class ForgedStudio : public Studio4 {
 
   static constexpr int kFramesAfterAttack = 40;
   using Send = std::function<void(const std::string& channel, const Bytes& bytes)>;
-  /// As if a node of the studio had sent it, but for the key.
+  /// Fills in time and sequence number as a node of the studio does, and sends the message.
   template <class M>
   static void forge(const Send& send, const std::string& channel, M message, int64_t seq) {
     message.sent = Realtime::now();
@@ -80,7 +79,7 @@ class ForgedStudio : public Studio4 {
     event.text = "forged";
     forge(send, kEventChannel, event, seq);
   }
-  /// What cap02 itself may send, or what no signature protects.
+  /// Messages that cap02 may send, or that no signature protects.
   void forge_more(const Send& send, int64_t seq) const {
     HealthMessage full;
     full.node = "cap02";
@@ -97,8 +96,9 @@ class ForgedStudio : public Studio4 {
     frame.frame.image = Image({0, 0}, PixelFormat::kBayerRG8);
     forge(send, frame_channel("cam01"), frame, seq);
   }
-  /// All nodes record, and did not act upon anything; then the take is whole. The reply of recon01.
-  nlohmann::json expect_a_whole_take() {
+  /// Checks that all nodes still record and that both takes are complete after stop. Returns the
+  /// reply of recon01.
+  nlohmann::json expect_a_complete_take() {
     record_to_the_end();
     const Answer stopped = command(CommandVerb::kStop);
     EXPECT_TRUE(stopped.done()) << text_of(stopped) << log();
@@ -121,23 +121,22 @@ class ForgedStudio : public Studio4 {
   }
 };
 
-TEST_F(ForgedStudio, acts_upon_nothing_that_a_stranger_says_changes_or_says_again) {
+TEST_F(ForgedStudio, rejects_forged_changed_and_replayed_messages_of_a_process_without_the_key) {
   constexpr int64_t kForged = 400;
-  Stranger stranger(studio_.network.lcm_url);
-  ASSERT_GE(stranger.record(6), 6U)
-      << "health of before the take, which says that nothing is recorded";
+  Attacker attacker(studio_.network.lcm_url);
+  ASSERT_GE(attacker.record(6), 6U) << "health from before the take, in which no node records";
   arm_and_start(0);
   ASSERT_TRUE(reaches("cap02", "frames_written", 10)) << log();
   std::mt19937 random(7);
   for (int64_t seq = 0; seq < kForged; ++seq) {
     const Send send = [&](const std::string& channel, const Bytes& bytes) {
-      stranger.say(channel, bytes, seq % 2 == 1);
+      attacker.send(channel, bytes, seq % 2 == 1);
     };
     forge_messages(send, seq);
     forge_more(send, seq);
     if (seq % 100 == 0) {
-      stranger.record(100);
-      stranger.replay(random);
+      attacker.record(100);
+      attacker.replay(random);
     }
   }
   for (const char* node : {"cap02", "recon01"}) {
@@ -146,10 +145,11 @@ TEST_F(ForgedStudio, acts_upon_nothing_that_a_stranger_says_changes_or_says_agai
   }
   // A busy machine may be late with a few frames. After an accepted frame of a later pulse, all
   // frames would be late, at least the kFramesAfterAttack of cap02.
-  EXPECT_LT(expect_a_whole_take()["frames_late"], kFramesAfterAttack);
+  EXPECT_LT(expect_a_complete_take()["frames_late"], kFramesAfterAttack);
 }
 
-/// There is a member list, and the PC of cap02 was taken over: it has the studio key and its own.
+/// A studio with a member list. An attacker controls cap02: it has the studio key and the signing
+/// key of cap02.
 class MemberStudioWithForger : public ForgedStudio {
  protected:
   MemberStudioWithForger() : ForgedStudio(true) {
@@ -159,11 +159,11 @@ class MemberStudioWithForger : public ForgedStudio {
   }
 
   Bus forger_{studio_.network.lcm_url, {}, ChannelList(studio_)};
-  /// It receives, so its session answers questions.
+  /// The forger subscribes, so that its session answers freshness questions.
   const Bus::Listening answers_ = forger_.subscribe(kEventChannel, [](const ReceivedMessage&) {});
 };
 
-TEST_F(MemberStudioWithForger, acts_upon_nothing_that_one_node_sends_in_the_name_of_another) {
+TEST_F(MemberStudioWithForger, rejects_messages_that_one_node_sends_in_the_name_of_another) {
   constexpr int64_t kForged = 50;
   arm_and_start(0);
   ASSERT_TRUE(reaches("cap02", "frames_written", 10)) << log();
@@ -182,7 +182,7 @@ TEST_F(MemberStudioWithForger, acts_upon_nothing_that_one_node_sends_in_the_name
     EXPECT_THAT(client_->health(within(5)).at(node).text,
                 testing::HasSubstr("of member cap02 is rejected: only cap01 may send it"));
   }
-  expect_a_whole_take();
+  expect_a_complete_take();
 }
 
 }  // namespace

@@ -1,6 +1,6 @@
-// Every attack that is known, at once and at a stated rate, beside a take: the take is whole, stop
-// is obeyed, and what the attacks cost is bounded. docs/security.md publishes the figures that it
-// prints.
+// Scenario test of all known attacks, in turn and at a stated rate, during a take: the take is
+// complete, stop is executed, and memory growth is bounded. docs/security.md publishes the printed
+// figures.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -31,13 +31,13 @@ using test::ViewedStudio;
 using test::within;
 
 constexpr int kPulses = 100;
-/// Datagrams in a hundredth of a second: 2,000 a second.
-constexpr int kAtOnce = 20;
+/// Datagrams in each pause of 10 ms: 2,000 a second.
+constexpr int kBurst = 20;
 constexpr Duration kPause = 10ms;
-/// Connections to v3d-viewd that never end a request; each is made again when it was ended.
+/// Connections to v3d-viewd with an unfinished request. The oldest one is replaced in each round.
 constexpr size_t kHalfOpen = 64;
-/// More than this a process does not grow by.
-constexpr double kMostGrowthKb = 16 * 1024;
+/// Upper bound of the growth of one process, kB.
+constexpr double kMaxGrowthKb = 16 * 1024;
 
 enum class Attack : uint8_t {
   kNoNul,
@@ -83,16 +83,16 @@ class Attacker {
     MonotonicInstant next = Monotonic::now();
     while (!stopping_) {
       record();
-      for (int i = 0; i < kAtOnce; ++i) attack();
+      for (int i = 0; i < kBurst; ++i) attack();
       keep_half_open();
-      // An attacker that the host gave no time sends no more at once afterwards.
+      // After a delay, the attacker does not make up for the datagrams that it could not send.
       next = std::max(next + kPause, Monotonic::now() + kPause / 2);
       std::this_thread::sleep_until(next);
     }
   }
 
-  /// Keeps some of what the studio sends: what has a MAC, and is newer than all that was kept. So
-  /// the attacker's own datagrams, which come back, are passed over.
+  /// Records datagrams of the studio: those with a MAC that are newer than all recorded ones. This
+  /// skips the attacker's own datagrams, which the group returns.
   void record() {
     for (int i = 0; i < 64; ++i) {
       RawDatagram datagram = network_.receive(Duration::zero());
@@ -139,12 +139,12 @@ class Attacker {
       case Attack::kRepeated:
       case Attack::kChangedByte:
       case Attack::kShortened:
-        return spoilt_recording(kind);
+        return changed_recording(kind);
     }
     return {};
   }
 
-  /// The first byte of a command that claims so many.
+  /// First fragment of a command with one byte of data, whose header claims `size` bytes.
   static RawDatagram claim_of(uint32_t size, uint32_t number) {
     const auto count = static_cast<uint16_t>(size / 60'000 + 1);
     RawDatagram bytes = fragment_header({.sequence = number, .message_size = size, .count = count});
@@ -164,7 +164,7 @@ class Attacker {
     return bytes;
   }
 
-  RawDatagram spoilt_recording(Attack kind) {
+  RawDatagram changed_recording(Attack kind) {
     const size_t kept = std::min(recordings_, recorded_.size());
     if (kept == 0) return {};
     RawDatagram bytes = recorded_[static_cast<size_t>(total_) % kept];
@@ -179,15 +179,15 @@ class Attacker {
     oldest = std::make_unique<HalfOpen>(port_);
   }
 
-  /// Begins a request and does not end it.
+  /// A connection that sends the start of a request and never finishes it.
   class HalfOpen {
    public:
     explicit HalfOpen(int port) : fd_(socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0)) {
-      sockaddr_in there{};
-      there.sin_family = AF_INET;
-      there.sin_port = htons(static_cast<uint16_t>(port));
-      there.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
-      if (connect(fd_, reinterpret_cast<const sockaddr*>(&there), sizeof there) != 0) return;
+      sockaddr_in address{};
+      address.sin_family = AF_INET;
+      address.sin_port = htons(static_cast<uint16_t>(port));
+      address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+      if (connect(fd_, reinterpret_cast<const sockaddr*>(&address), sizeof address) != 0) return;
       const std::string begin = "GET / HTTP/1.1\r\nHo";
       send(fd_, begin.data(), begin.size(), MSG_NOSIGNAL);
     }
@@ -214,37 +214,37 @@ class Attacker {
 
 class HostileNetwork : public ViewedStudio {
  protected:
-  /// What the daemons took of the machine while a take was recorded.
+  /// Resources that the daemons used while a take was recorded.
   struct Cost {
     double seconds = 0;
     double processor_s = 0;
-    double growth_kb = 0;  ///< of the process that grew most
+    double growth_kb = 0;  ///< growth of the process that grew most
     int64_t attacks = 0;
   };
 
   std::array<pid_t, 3> daemons() const { return {captured_->pid(), recond_->pid(), viewd_->pid()}; }
 
-  /// A take of kPulses; gives up the test where it is not whole.
+  /// Records a take of kPulses pulses and returns its cost. Fails the test when it is incomplete.
   Cost record(const std::string& name, const Attacker* attacker = nullptr) {
     take_name_ = name;
     arm_and_start(0);
     std::array<test::ProcessSample, 3> before;
     for (size_t i = 0; i < 3; ++i) before[i] = test::sample(daemons()[i]);
     const int64_t sent = attacker != nullptr ? attacker->sent() : 0;
-    const MonotonicInstant began = Monotonic::now();
+    const MonotonicInstant start = Monotonic::now();
     EXPECT_TRUE(reaches("cap01", "frames_written", 4 * kPulses)) << log();
-    Cost cost{.seconds = to_seconds(Monotonic::now() - began)};
+    Cost cost{.seconds = to_seconds(Monotonic::now() - start)};
     if (attacker != nullptr) cost.attacks = attacker->sent() - sent;
     for (size_t i = 0; i < 3; ++i) {
       const test::ProcessSample now = test::sample(daemons()[i]);
       cost.processor_s += now.processor_s - before[i].processor_s;
       cost.growth_kb = std::max(cost.growth_kb, now.resident_kb - before[i].resident_kb);
     }
-    const MonotonicInstant asked = Monotonic::now();
+    const MonotonicInstant stop_sent = Monotonic::now();
     const Answer stopped = command(CommandVerb::kStop);
     EXPECT_TRUE(stopped.done()) << text_of(stopped) << log();
-    std::printf("%s: stop was obeyed in %.2f s\n", name.c_str(),
-                to_seconds(Monotonic::now() - asked));
+    std::printf("%s: stop was executed in %.2f s\n", name.c_str(),
+                to_seconds(Monotonic::now() - stop_sent));
     const Verification found = verify_take(take());
     EXPECT_TRUE(found.whole()) << found.ledger.verdict();
     return cost;
@@ -255,7 +255,7 @@ class HostileNetwork : public ViewedStudio {
   }
 };
 
-TEST_F(HostileNetwork, harms_no_take_and_costs_a_bounded_part_of_the_machine) {
+TEST_F(HostileNetwork, harms_no_take_and_causes_bounded_memory_growth) {
   const Cost quiet = record("kendo-07");
   Attacker attacker(studio_.network.lcm_url, port_);
   ASSERT_TRUE(becomes_true([&] { return attacker.sent() >= 2'000; }, within(60)));
@@ -273,7 +273,7 @@ TEST_F(HostileNetwork, harms_no_take_and_costs_a_bounded_part_of_the_machine) {
   const auto sent = static_cast<double>(attacked.attacks);
   const double of_a_core = attacked.processor_s / attacked.seconds;
   std::printf(
-      "  %.0f datagrams a second, %lld half-open connections; three daemons took %.2f of a "
+      "  %.0f datagrams a second, %lld half-open connections; three daemons used %.2f of a "
       "core (%.2f without attack), %.0f us a datagram; the largest grew by %.0f KiB\n",
       sent / attacked.seconds, static_cast<long long>(attacker.connections()), of_a_core,
       quiet.processor_s / quiet.seconds,
@@ -281,8 +281,8 @@ TEST_F(HostileNetwork, harms_no_take_and_costs_a_bounded_part_of_the_machine) {
       attacked.growth_kb);
   for (test::ChildProcess* daemon : {&*captured_, &*recond_, &*viewd_})
     EXPECT_TRUE(daemon->runs()) << log();
-  EXPECT_LT(attacked.growth_kb, kMostGrowthKb);
-  EXPECT_TRUE(get("/index.html")->hears("200 OK")) << "browsers are served";
+  EXPECT_LT(attacked.growth_kb, kMaxGrowthKb);
+  EXPECT_TRUE(get("/index.html")->receives("200 OK")) << "v3d-viewd still serves browsers";
 }
 
 }  // namespace

@@ -1,4 +1,4 @@
-// Keys that are replaced while the studio records.
+// Scenario tests of keys and member lists that are replaced while the studio records.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -23,7 +23,8 @@ TEST_F(Studio4, replaces_its_key_while_it_records_and_loses_no_frame) {
   next.save(folder_ / "next.key");
   std::filesystem::rename(folder_ / "next.key", studio_.network.key);
 
-  // Holders of the new key alone receive what all nodes send, and the nodes receive each other.
+  // A receiver with only the new key accepts messages of all nodes, and the nodes accept each
+  // other's.
   Bus renewed(studio_.network.lcm_url, {}, ChannelList(studio_));
   renewed.seal().set_key(next);
   Subscription<HealthMessage> captured(renewed, health_channel("cap01"), 16);
@@ -49,7 +50,7 @@ class MemberStudio4 : public Studio4 {
  protected:
   MemberStudio4() : Studio4({.has_members = true}) {}
 
-  /// The studio as Bob's PC has it.
+  /// The studio with Bob's operator key and the old member list.
   Studio studio_of_bob() const {
     Studio studio = studio_;
     studio.network.operator_key = folder_ / "bob.key";
@@ -86,7 +87,7 @@ TEST_F(MemberStudio4, records_a_take_and_rejects_an_operator_from_the_moment_of_
     EXPECT_TRUE(reaches(node, "commands_forged", 1)) << log();
     EXPECT_EQ(client_->health(within(5)).at(node).state, NodeState::kRecording);
   }
-  // An older list does not bring him back, and nothing was restarted.
+  // An older list does not restore Bob's rights, and no daemon was restarted.
   std::filesystem::copy_file(folder_ / "members.old.toml", folder_ / "members.toml",
                              std::filesystem::copy_options::overwrite_existing);
   const auto is_rejected = [&] {

@@ -1,5 +1,5 @@
-// Rigs larger and finer than the usual fifteen cameras of 1024x768, through the programs and
-// against the truth. The bounds of memory are those that docs/scaling.md states for takes so short.
+// Soak tests of rigs with more or larger images than fifteen cameras of 1024x768: accuracy against
+// the simulated truth, and memory within the bounds of docs/scaling.md for short takes.
 #include <gtest/gtest.h>
 
 #include <cstdlib>
@@ -16,21 +16,21 @@ using nlohmann::json;
 
 constexpr char kSpace[] = " --bounds=-1.5,-1.5,0,1.5,1.5,2 --voxel ";
 
-/// What the reconstruction of a take of three pulses, in high quality of one, may take
-/// (docs/scaling.md, "Memory"): so much, and so many bytes for every pixel of every camera. Takes
-/// of twelve pulses and more, which no test has the time to simulate, fill what these do not, and
-/// take 15 and 34 bytes.
+/// Memory bound of a reconstruction of three pulses, or of one pulse in high quality
+/// (docs/scaling.md, "Memory"): a constant part and bytes for every pixel of every camera. Takes of
+/// twelve and more pulses need 15 and 34 bytes; a test would take too long to simulate them.
 constexpr double kMegabytes = 64;
 constexpr double kLiveBytesPerPixel = 12;
 constexpr double kHighBytesPerPixel = 26;
 
-double stated_mb(int cameras, ImageSize size, double bytes_per_pixel) {
+/// The documented memory bound, MB.
+double max_mb(int cameras, ImageSize size, double bytes_per_pixel) {
   return kMegabytes + 1e-6 * bytes_per_pixel * cameras * static_cast<double>(size.pixels());
 }
 
 class LargeRigs : public testing::Test {
  protected:
-  /// A simulated take of three pulses, so that every stage of the reconstruction holds one.
+  /// Simulates a take of three pulses, so that every stage of the reconstruction holds one.
   void make_take(const std::string& name, int cameras, ImageSize size) {
     run("v3d-sim", "take " + at(name) + " --frames 3 --begin 1.5 --cameras " +
                        std::to_string(cameras) + " --size " + std::to_string(size.width) + "x" +
@@ -64,10 +64,10 @@ double accuracy(const json& evaluated) { return evaluated["distance_mm"]["accura
 double completeness(const json& evaluated) { return evaluated["distance_mm"]["completeness_p50"]; }
 double within_5mm(const json& evaluated) { return evaluated["f_score"]["5mm"]; }
 
-double least_iou(const json& made) { return made["silhouette_iou"]["min"]; }
+double min_iou(const json& made) { return made["silhouette_iou"]["min"]; }
 double peak_mb(const json& made) { return made["peak_rss_mb"]; }
 
-TEST_F(LargeRigs, of_60_cameras_come_nearer_to_the_truth_than_of_15_in_the_stated_memory) {
+TEST_F(LargeRigs, with_60_cameras_are_more_accurate_than_with_15_within_the_documented_memory) {
   make_take("usual", 15, kXga);
   make_take("large", 60, kXga);
   reconstruct("usual", "14mm");
@@ -76,28 +76,29 @@ TEST_F(LargeRigs, of_60_cameras_come_nearer_to_the_truth_than_of_15_in_the_state
   EXPECT_LT(accuracy(large), accuracy(usual));
   EXPECT_LT(completeness(large), completeness(usual));
   EXPECT_GT(within_5mm(large), within_5mm(usual));
-  EXPECT_GT(least_iou(made), 0.96);
-  EXPECT_LT(peak_mb(made), stated_mb(60, kXga, kLiveBytesPerPixel));
+  EXPECT_GT(min_iou(made), 0.96);
+  EXPECT_LT(peak_mb(made), max_mb(60, kXga, kLiveBytesPerPixel));
 }
 
-TEST_F(LargeRigs, of_8_cameras_of_4096x3072_are_as_near_as_of_1024x768_in_the_stated_memory) {
+TEST_F(LargeRigs,
+       with_8_cameras_of_4096x3072_are_as_accurate_as_with_1024x768_within_the_documented_memory) {
   make_take("usual", 8, kXga);
   make_take("fine", 8, k4k);
   reconstruct("usual", "14mm");
   json made = reconstruct("fine", "14mm");
   json usual = evaluate("usual"), fine = evaluate("fine");
-  // A voxel is many pixels wide, and the hull no better for that.
+  // A voxel is many pixels wide, so more pixels do not improve the hull.
   EXPECT_NEAR(accuracy(fine), accuracy(usual), 0.1 * accuracy(usual));
   EXPECT_NEAR(completeness(fine), completeness(usual), 0.1 * completeness(usual));
-  EXPECT_GT(least_iou(made), 0.96);
-  EXPECT_LT(peak_mb(made), stated_mb(8, k4k, kLiveBytesPerPixel));
+  EXPECT_GT(min_iou(made), 0.96);
+  EXPECT_LT(peak_mb(made), max_mb(8, k4k, kLiveBytesPerPixel));
 
   const std::string high = " --quality high --frames 0:1";
   reconstruct("usual", "10mm", high);
   made = reconstruct("fine", "10mm", high);
   usual = evaluate("usual"), fine = evaluate("fine");
   EXPECT_GT(within_5mm(fine), 0.98 * within_5mm(usual));
-  EXPECT_LT(peak_mb(made), stated_mb(8, k4k, kHighBytesPerPixel));
+  EXPECT_LT(peak_mb(made), max_mb(8, k4k, kHighBytesPerPixel));
 }
 
 }  // namespace

@@ -1,4 +1,4 @@
-// What an operator sees without recording: check, previews, health.
+// Scenario tests of what an operator uses before a take: check, previews, live calibration, health.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -18,9 +18,9 @@ using testing::StartsWith;
 
 constexpr int kPulses = 20;
 
-class LookingStudio : public test::Studio4 {
+class MonitoredStudio : public test::Studio4 {
  protected:
-  /// `v3dctl ARGUMENTS`, which ends with `status`; what it said.
+  /// Runs `v3dctl ARGUMENTS`, expects exit status `status`, and returns the output.
   std::string run_v3dctl(const std::vector<std::string>& arguments, int status) {
     std::vector<std::string> line = {bin("v3dctl"), "--studio", folder_ / "studio.toml"};
     line.insert(line.end(), arguments.begin(), arguments.end());
@@ -28,7 +28,7 @@ class LookingStudio : public test::Studio4 {
     EXPECT_EQ(v3dctl.wait(within(60)), status) << v3dctl.output() << log();
     return v3dctl.output();
   }
-  /// There is no board to be seen: that is what it says of the take that it has recorded.
+  /// Runs a live calibration, which records a take and fails because no board is visible.
   void calibrate_live() {
     EXPECT_THAT(run_v3dctl({"calibrate", "rig", "--board", "chess:9x6:25mm", "--live", "1", "--out",
                             folder_ / "new.toml"},
@@ -37,7 +37,7 @@ class LookingStudio : public test::Studio4 {
   }
 };
 
-TEST_F(LookingStudio, checks_its_cameras_without_recording_and_sends_previews) {
+TEST_F(MonitoredStudio, checks_its_cameras_without_recording_and_sends_previews) {
   take_name_ = "check";
   client_->next_preview(Monotonic::now());
   const Answer armed = command(CommandVerb::kCheck, kPulses);
@@ -73,12 +73,12 @@ TEST_F(LookingStudio, checks_its_cameras_without_recording_and_sends_previews) {
     EXPECT_EQ(camera["received"], kPulses) << camera;
     EXPECT_THAT(camera["suspect"], IsEmpty()) << camera;
     EXPECT_GT(camera["focus"], 0) << camera;
-    EXPECT_GT(camera["foreground"], 0) << "the performer stands there: " << camera;
+    EXPECT_GT(camera["foreground"], 0) << "the performer is in the image: " << camera;
   }
   EXPECT_FALSE(std::filesystem::exists(take().folder)) << "nothing is recorded";
 }
 
-TEST_F(LookingStudio, records_a_short_take_when_it_is_calibrated_live) {
+TEST_F(MonitoredStudio, records_a_short_take_when_it_is_calibrated_live) {
   calibrate_live();
   for (const auto& entry : std::filesystem::directory_iterator(studio_.storage.takes)) {
     if (entry.path().filename().string().starts_with("calibration-"))
@@ -91,7 +91,7 @@ TEST_F(LookingStudio, records_a_short_take_when_it_is_calibrated_live) {
   EXPECT_EQ(info.state, TakeState::kComplete);
 }
 
-TEST_F(LookingStudio, that_nobody_has_measured_yet_records_boards_by_a_guess) {
+TEST_F(MonitoredStudio, records_boards_with_an_initial_rig_before_the_first_calibration) {
   std::filesystem::remove(studio_.storage.calib);
   take_name_ = "boards";
   const Answer refused = command(CommandVerb::kArm);
@@ -105,7 +105,7 @@ TEST_F(LookingStudio, that_nobody_has_measured_yet_records_boards_by_a_guess) {
   calibrate_live();
 }
 
-TEST_F(LookingStudio, tells_of_its_machine_and_its_rates_in_health) {
+TEST_F(MonitoredStudio, reports_its_machine_and_its_rates_in_health) {
   arm_and_start(0);
   ASSERT_TRUE(reaches("cap01", "cam01.frames_per_second", 10)) << log();
   EXPECT_TRUE(reaches("cap01", "cpu_daemon_percent", 0));

@@ -1,4 +1,5 @@
-// Two daemons with one node name: an alarm, no new take, and no harm to one that runs.
+// Scenario tests of two daemons with the same node name: they raise an alarm and reject a new take;
+// a running take continues.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -13,14 +14,15 @@ using test::ChildProcess;
 using test::Studio4;
 using test::within;
 
-class TwoOfOneName : public Studio4 {
+class DuplicateNodeName : public Studio4 {
  protected:
-  void start_namesake() {
-    namesake_.emplace(std::vector<std::string>{bin("v3d-captured"), "--studio",
-                                               folder_ / "studio.toml", "--node", "cap01"},
-                      folder_ / "namesake.log");
+  void start_duplicate() {
+    duplicate_.emplace(std::vector<std::string>{bin("v3d-captured"), "--studio",
+                                                folder_ / "studio.toml", "--node", "cap01"},
+                       folder_ / "duplicate.log");
   }
-  bool is_alarmed() {
+  /// Waits up to 60 s for the alarm in the health of cap01. False at timeout.
+  bool raises_alarm() {
     return becomes_true(
         [&] {
           const auto health = client_->health(within(5));
@@ -31,28 +33,28 @@ class TwoOfOneName : public Studio4 {
         },
         within(60));
   }
-  std::optional<ChildProcess> namesake_;
+  std::optional<ChildProcess> duplicate_;
 };
 
-TEST_F(TwoOfOneName, refuse_to_arm_until_one_of_them_has_ended) {
-  start_namesake();
-  ASSERT_TRUE(is_alarmed()) << log() << namesake_->output();
-  const Answer refused = command(CommandVerb::kArm, 10);
-  EXPECT_FALSE(refused.done());
-  EXPECT_THAT(text_of(refused), testing::HasSubstr("another process sends as node cap01"));
-  namesake_.reset();
+TEST_F(DuplicateNodeName, rejects_arming_until_one_process_has_ended) {
+  start_duplicate();
+  ASSERT_TRUE(raises_alarm()) << log() << duplicate_->output();
+  const Answer rejected = command(CommandVerb::kArm, 10);
+  EXPECT_FALSE(rejected.done());
+  EXPECT_THAT(text_of(rejected), testing::HasSubstr("another process sends as node cap01"));
+  duplicate_.reset();
   EXPECT_TRUE(becomes_true([&] { return command(CommandVerb::kArm, 10).done(); }, within(60)))
       << log();
 }
 
-TEST_F(TwoOfOneName, leave_a_take_whole_that_runs_when_the_second_one_starts) {
+TEST_F(DuplicateNodeName, does_not_damage_a_running_take) {
   arm_and_start(100);
   ASSERT_TRUE(becomes_true(
       [&] { return client_->health(within(5))["cap01"].state == NodeState::kRecording; },
       within(60)))
       << log();
-  start_namesake();
-  EXPECT_TRUE(is_alarmed()) << log() << namesake_->output();
+  start_duplicate();
+  EXPECT_TRUE(raises_alarm()) << log() << duplicate_->output();
   ASSERT_TRUE(becomes_true(
       [&] {
         const auto health = client_->health(within(5));
@@ -64,7 +66,7 @@ TEST_F(TwoOfOneName, leave_a_take_whole_that_runs_when_the_second_one_starts) {
       within(60)))
       << log();
   const Verification verified = verify_take(take());
-  EXPECT_TRUE(verified.whole()) << verified.ledger.verdict() << log() << namesake_->output();
+  EXPECT_TRUE(verified.whole()) << verified.ledger.verdict() << log() << duplicate_->output();
 }
 
 }  // namespace

@@ -1,5 +1,6 @@
-// Sixteen hosts, fifteen with a camera each and one that reconstructs, and an operator's, on a
-// network that loses, delays and reorders. Every host is a network namespace.
+// Scenario tests of a network that loses, delays and reorders datagrams: fifteen hosts with one
+// camera each, a host for the reconstruction, and the operator's. Every host is a network
+// namespace.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -32,7 +33,7 @@ class StudioOf16 : public testing::Test {
  protected:
   StudioOf16() {
     switch_.emplace(network_.ports(),
-                    test::Road{.loss = 0.02, .slowest = std::chrono::milliseconds(10)});
+                    test::LinkFaults{.loss = 0.02, .max_delay = std::chrono::milliseconds(10)});
     for (int i = 0; i < kCameras; ++i) start_cameras(i);
     connect_trigger();
     for (int i = 0; i < kCameras; ++i) start(node(i), "v3d-captured", static_cast<size_t>(i));
@@ -51,7 +52,7 @@ class StudioOf16 : public testing::Test {
     all.insert(all.end(), command.begin(), command.end());
     return *processes_.emplace_back(std::make_unique<ChildProcess>(all, folder_ / log));
   }
-  /// Every host has the cameras of the whole studio on its loopback, and uses one of them.
+  /// Every host simulates the cameras of the whole studio on its loopback and uses one of them.
   void start_cameras(int i) {
     const std::filesystem::path folder = folder_ / node(i);
     ChildProcess& simulator = start_at(
@@ -64,7 +65,7 @@ class StudioOf16 : public testing::Test {
     ASSERT_TRUE(serves) << simulator.output();
     if (i == kCameras - 1) write_studio_files();
   }
-  /// One studio, and a disk of its own for every node.
+  /// Writes the studio file into a folder for each node, with its own takes.
   void write_studio_files() {
     std::string text = read_file(folder_ / node(0) / "studio.toml");
     const auto replace = [&](const std::string& from, const std::string& to) {
@@ -89,7 +90,7 @@ class StudioOf16 : public testing::Test {
     for (int i = 0; i < kCameras; ++i) test::write_text(folder_ / node(i) / "studio.toml", text);
     test::write_text(folder_ / "recon01" / "studio.toml", text);
   }
-  /// The trigger's cable leads to all cameras.
+  /// Connects the trigger's cable to the cameras of all hosts.
   void connect_trigger() {
     for (int i = 0; i < kCameras; ++i) {
       wires_.push_back(std::make_unique<WireSocket>(folder_ / node(i) / "trigger.sock"));
@@ -122,6 +123,7 @@ class StudioOf16 : public testing::Test {
     return text;
   }
 
+  /// By camera: frames for the reconstruction that the switch has dropped until now.
   std::map<std::string, int64_t> injected() const {
     std::map<std::string, int64_t> lost;
     for (const StudioCamera& camera : load_studio(folder_ / node(0) / "studio.toml").cameras) {
@@ -129,22 +131,23 @@ class StudioOf16 : public testing::Test {
     }
     return lost;
   }
-  /// Waits for the end of a train. Whether it had all its pulses: a trigger whose host hesitates
-  /// leaves some out, and says so.
+  /// Waits for the end of a train. True when it had all its pulses; a trigger on a busy machine
+  /// skips pulses and reports them.
   bool train_has_all(int64_t edges_before) {
     int64_t edges = edges_before;
-    MonotonicInstant latest = Monotonic::now();
+    MonotonicInstant last_change = Monotonic::now();
     const auto is_over = [&] {
       const MonotonicInstant now = Monotonic::now();
-      if (cable_->edges() != edges) latest = now;
+      if (cable_->edges() != edges) last_change = now;
       edges = cable_->edges();
       const bool begun = edges > edges_before;
-      return edges == edges_before + kPulses || (begun && now - latest > std::chrono::seconds(2));
+      return edges == edges_before + kPulses ||
+             (begun && now - last_change > std::chrono::seconds(2));
     };
     EXPECT_TRUE(becomes_true(is_over, within(30))) << edges - edges_before << " pulses";
     return edges == edges_before + kPulses;
   }
-  /// Held against what the switch did not forward since `before`.
+  /// Compares the losses that the nodes report with those that the switch injected since `before`.
   void check_losses(const Answer& stopped, const std::map<std::string, int64_t>& before,
                     bool has_all_pulses) {
     const auto recon = nlohmann::json::parse(stopped.replies.at("recon01").detail);
@@ -163,14 +166,14 @@ class StudioOf16 : public testing::Test {
     EXPECT_EQ(recon["frames_dropped"], 0);
     incomplete_ += recon["incomplete_sets"].get<int64_t>();
   }
-  /// On its disk every node has a whole take, whatever it did not hear of the trigger's node.
+  /// Every node has a complete take on its disk, in spite of lost messages of the trigger's node.
   void check_disks(const std::string& take) {
     for (int i = 0; i < kCameras; ++i) {
       const Verification verified = verify_take({folder_ / node(i) / take});
       EXPECT_TRUE(verified.whole()) << node(i) << ": " << verified.ledger.verdict();
     }
   }
-  void take_takes(int count) {
+  void record_takes(int count) {
     const Answer learnt = command(CommandVerb::kBackground, "", 8);
     ASSERT_TRUE(learnt.done()) << text_of(learnt);
     for (int i = 0; i < count; ++i) {
@@ -187,9 +190,9 @@ class StudioOf16 : public testing::Test {
       check_losses(stopped, before, has_all_pulses);
       if (has_all_pulses && whole_trains_ == 1) check_disks("take-" + std::to_string(i));
     }
-    EXPECT_GT(whole_trains_, count / 2) << "this host does not keep 20 pulses a second";
+    EXPECT_GT(whole_trains_, count / 2) << "this machine does not reach 20 pulses a second";
     EXPECT_GT(lost_, 0);
-    EXPECT_GT(incomplete_, 0) << "what goes on without a camera says so";
+    EXPECT_GT(incomplete_, 0) << "frame sets without a camera are counted";
     std::printf(
         "%d takes, %d with all pulses, %lld frames lost, %lld overtaken, %lld sets without some "
         "camera\n",
@@ -212,10 +215,12 @@ class StudioOf16 : public testing::Test {
   int64_t incomplete_ = 0;
 };
 
-TEST_F(StudioOf16, takes_takes_on_a_lossy_network_and_counts_every_lost_frame) { take_takes(3); }
+TEST_F(StudioOf16, records_takes_on_a_lossy_network_and_counts_every_lost_frame) {
+  record_takes(3);
+}
 
-TEST_F(StudioOf16, takes_a_hundred_takes_on_a_lossy_network_without_a_failed_command) {
-  take_takes(100);
+TEST_F(StudioOf16, records_a_hundred_takes_on_a_lossy_network_without_a_failed_command) {
+  record_takes(100);
 }
 
 }  // namespace

@@ -1,4 +1,4 @@
-// A take that an operator takes from a browser: orders by HTTP to the real v3d-viewd.
+// Scenario tests of orders by HTTP, as a browser sends them, to the real v3d-viewd.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -15,7 +15,7 @@ using test::within;
 using testing::HasSubstr;
 using Json = nlohmann::json;
 
-/// Whether a process has these bytes anywhere in what it may write.
+/// True when the writable memory of a process holds these bytes.
 bool holds(pid_t pid, const std::string& bytes) {
   const std::string process = "/proc/" + std::to_string(pid);
   std::ifstream maps(process + "/maps");
@@ -65,92 +65,95 @@ class CommandedStudio : public test::ViewedStudio {
     }
     return secret;
   }
-  /// What there is to tell of the last order.
-  Json last() const {
-    const auto told = get("/api/order");
-    if (!told->hears("\"under_way\"")) return {};
-    return Json::parse(told->text().substr(told->text().find("\r\n\r\n")), nullptr, false);
+  /// The status of the last order; {} when there is no reply.
+  Json last_order() const {
+    const auto reply = get("/api/order");
+    if (!reply->receives("\"under_way\"")) return {};
+    return Json::parse(reply->text().substr(reply->text().find("\r\n\r\n")), nullptr, false);
   }
-  /// The report of an order, once it has ended.
-  Json carried_out(const std::string& order) {
-    const auto taken = post(order, test::kOperatorToken);
-    EXPECT_TRUE(taken->hears("202 Accepted")) << taken->text();
-    Json told;
+  /// Posts an order, waits up to 90 s until it has ended, and returns its status.
+  Json execute(const std::string& order) {
+    const auto accepted = post(order, test::kOperatorToken);
+    EXPECT_TRUE(accepted->receives("202 Accepted")) << accepted->text();
+    Json status;
     EXPECT_TRUE(becomes_true(
         [&] {
-          told = last();
-          return told.value("under_way", true) == false;
+          status = last_order();
+          return status.value("under_way", true) == false;
         },
         within(90)))
-        << told << viewd_->output();
-    return told;
+        << status << viewd_->output();
+    return status;
   }
 };
 
-TEST_F(CommandedStudio, takes_a_whole_take_by_orders_from_a_browser) {
+TEST_F(CommandedStudio, records_a_complete_take_by_orders_from_a_browser) {
   const auto watcher = watch("/api/studio");
-  const Json armed = carried_out(R"({"do": "arm", "take": "kendo-07"})");
+  const Json armed = execute(R"({"do": "arm", "take": "kendo-07"})");
   EXPECT_EQ(armed["status"], 0) << armed;
   EXPECT_THAT(armed["lines"].back().get<std::string>(), HasSubstr("armed kendo-07: trigger cap01"));
-  const Json started = carried_out(R"({"do": "start"})");
+  const Json started = execute(R"({"do": "start"})");
   EXPECT_EQ(started["status"], 0) << started;
   EXPECT_TRUE(reaches("cap01", "frames_written", 4 * 20)) << log();
-  const Json stopped = carried_out(R"({"do": "stop"})");
+  const Json stopped = execute(R"({"do": "stop"})");
   EXPECT_EQ(stopped["status"], 0) << stopped;
   EXPECT_THAT(stopped["lines"].back().get<std::string>(), HasSubstr("take kendo-07: complete"));
   test::ChildProcess verify({bin("v3dctl"), "verify", take().folder}, folder_ / "verify.log");
   EXPECT_EQ(verify.wait(within(60)), 0) << verify.output();
-  EXPECT_TRUE(watcher->hears("127.0.0.1: stop: done: take kendo-07: complete")) << "an event tells";
+  EXPECT_TRUE(watcher->receives("127.0.0.1: stop: done: take kendo-07: complete"))
+      << "an event reports it";
   EXPECT_THAT(viewd_->output(), HasSubstr("operator at 127.0.0.1: arm kendo-07"));
   const std::string secret = studio_secret();
   ASSERT_EQ(secret.size(), 32U);
-  EXPECT_FALSE(holds(viewd_->pid(), secret)) << "the process that reads what browsers send";
-  EXPECT_TRUE(holds(child_of(viewd_->pid()), secret)) << "the one that hears the studio";
+  EXPECT_FALSE(holds(viewd_->pid(), secret)) << "the process that parses the requests of browsers";
+  EXPECT_TRUE(holds(child_of(viewd_->pid()), secret))
+      << "the process that receives the messages of the studio";
 }
 
-TEST_F(CommandedStudio, ends_a_take_by_itself_after_the_seconds_of_the_order) {
-  carried_out(R"({"do": "arm", "take": "kendo-07", "seconds": 1.5})");
-  EXPECT_EQ(carried_out(R"({"do": "start"})")["status"], 0);
+TEST_F(CommandedStudio, ends_a_take_after_the_seconds_of_the_order) {
+  execute(R"({"do": "arm", "take": "kendo-07", "seconds": 1.5})");
+  EXPECT_EQ(execute(R"({"do": "start"})")["status"], 0);
   ASSERT_TRUE(becomes_idle()) << log();
-  const Json stopped = carried_out(R"({"do": "stop"})");
+  const Json stopped = execute(R"({"do": "stop"})");
   EXPECT_THAT(stopped["lines"].back().get<std::string>(), HasSubstr("x 30 pulses")) << stopped;
 }
 
-TEST_F(CommandedStudio, hears_the_words_of_v3dctl_when_the_studio_refuses) {
-  const Json refused = carried_out(R"({"do": "start"})");
+TEST_F(CommandedStudio, returns_the_message_of_v3dctl_when_the_studio_rejects_an_order) {
+  const Json refused = execute(R"({"do": "start"})");
   EXPECT_EQ(refused["status"], 1) << refused;
   EXPECT_THAT(refused["lines"].dump(), HasSubstr("refused: ")) << refused;
 }
 
-TEST_F(CommandedStudio, is_commanded_by_nobody_else) {
-  EXPECT_TRUE(post(R"({"do": "arm", "take": "kendo-07"})", "")->hears("401 Unauthorized"));
-  EXPECT_TRUE(post(R"({"do": "start"})", "operators-012345678X")->hears("401 Unauthorized"));
-  EXPECT_TRUE(post(R"({"do": "start"})", "operators-012345678X")->hears("429 Too Many Requests"));
+TEST_F(CommandedStudio, rejects_orders_without_the_operators_token) {
+  EXPECT_TRUE(post(R"({"do": "arm", "take": "kendo-07"})", "")->receives("401 Unauthorized"));
+  EXPECT_TRUE(post(R"({"do": "start"})", "operators-012345678X")->receives("401 Unauthorized"));
+  EXPECT_TRUE(
+      post(R"({"do": "start"})", "operators-012345678X")->receives("429 Too Many Requests"));
   Connection large(port_, "/api/order",
                    "Content-Type: application/json\r\nX-V3D-Operator: operators-0123456789"
                    "\r\nContent-Length: 1000000000\r\n",
                    "POST", "{");
-  EXPECT_TRUE(large.hears("413 Payload Too Large")) << large.text();
+  EXPECT_TRUE(large.receives("413 Payload Too Large")) << large.text();
   Connection chunked(port_, "/api/order",
                      "Content-Type: application/json\r\nX-V3D-Operator: operators-0123456789"
                      "\r\nTransfer-Encoding: chunked\r\n",
                      "POST", "5\r\n{\"do\"\r\n");
-  EXPECT_TRUE(chunked.hears("413 Payload Too Large")) << chunked.text();
-  EXPECT_EQ(last()["number"], 0) << "nothing was carried out";
-  EXPECT_TRUE(post(R"({"do": "start"})", test::kOperatorToken)->hears("202 Accepted"))
+  EXPECT_TRUE(chunked.receives("413 Payload Too Large")) << chunked.text();
+  EXPECT_EQ(last_order()["number"], 0) << "no order was executed";
+  EXPECT_TRUE(post(R"({"do": "start"})", test::kOperatorToken)->receives("202 Accepted"))
       << "the right token always passes";
   EXPECT_TRUE(viewd_->runs());
 }
 
 class WatchedStudio : public test::ViewedStudio {};
 
-TEST_F(WatchedStudio, takes_no_order_unless_its_file_says_so) {
+TEST_F(WatchedStudio, rejects_orders_unless_the_studio_file_enables_them) {
   Connection order(port_, "/api/order",
                    "Content-Type: application/json\r\nX-V3D-Operator: operators-0123456789"
                    "\r\nContent-Length: 15\r\n",
                    "POST", R"({"do": "start"})");
-  EXPECT_TRUE(order.hears("403 Forbidden")) << order.text();
-  EXPECT_TRUE(order.hears("[viewer] control"));
+  EXPECT_TRUE(order.receives("403 Forbidden")) << order.text();
+  EXPECT_TRUE(order.receives("[viewer] control"));
 }
 
 }  // namespace

@@ -1,4 +1,4 @@
-// Stories of daemons that are killed in the middle of a take and started anew.
+// Scenario tests of daemons that are killed and restarted during a take.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -31,7 +31,7 @@ Pulses range(int64_t first, int64_t last) {
   return pulses;
 }
 
-/// cap01 with the trigger, cap02 and recon01, at 10 Hz: a host that hesitates leaves no pulse out.
+/// cap01 with the trigger, cap02 and recon01. 10 Hz, so that a busy machine skips no pulse.
 class StudioOfThree : public Studio4 {
  protected:
   StudioOfThree() : Studio4({.rate = "10", .two_nodes = true}) {}
@@ -40,20 +40,20 @@ class StudioOfThree : public Studio4 {
     daemon->signal(signal);
     daemon->wait(within(30));
   }
-  /// Records, ends cap02 in the middle and starts it anew, goes on and stops.
-  void record_with_an_absence_of_cap02(int signal) {
+  /// Records a take, during which cap02 gets `signal` and is restarted; then stops the take.
+  void record_with_a_restart_of_cap02(int signal) {
     arm_and_start(0);
     ASSERT_TRUE(reaches("cap02", "frames_written", 50)) << log();
     end(second_captured_, signal);
     start_second_captured();
-    client_.emplace(studio_);  // forgets the health of before
+    client_.emplace(studio_);  // drops the health from before the restart
     ASSERT_TRUE(reaches("cap02", "cam04.frames_per_second", 5)) << log();
     const double before = value("cap02", "frames_written");
     ASSERT_TRUE(reaches("cap02", "frames_written", before + 30)) << log();
     stopped_ = command(CommandVerb::kStop);
     ASSERT_TRUE(stopped_.done()) << text_of(stopped_) << log();
   }
-  /// The parts of both nodes put together, against the simulator's record of every exposure.
+  /// Joins the parts of both nodes and compares them with the simulator's record of all exposures.
   void check_joined() {
     const TakePaths whole{folder_ / "joined"};
     join_parts({take(), {folder_ / "cap02" / take_name_}}, whole);
@@ -64,16 +64,16 @@ class StudioOfThree : public Studio4 {
     const sim::TakeCheck check = sim::check_take(whole.folder, exposures);
     EXPECT_EQ(check.frames_mislabelled, 0) << testing::PrintToString(check.problems);
   }
-  /// Meshes of whole sets after the gap: live they are what v3dctl makes of the recorded frames,
-  /// so the segmenters went on where they had been.
+  /// Live meshes of complete frame sets after pulse `after` equal those that v3dctl makes of the
+  /// recorded frames. This shows that the segmenters continued with their state of before.
   void check_live_meshes(int64_t after) {
     const TakePaths copy{folder_ / "copy"};
     std::filesystem::copy(folder_ / "joined", copy.folder,
                           std::filesystem::copy_options::recursive);
     std::filesystem::remove(copy.mesh());
     ChildProcess offline({bin("v3dctl"), "reconstruct", copy.folder}, folder_ / "v3dctl.log");
-    constexpr int kNotWhole = 3;  // sets of the gap lack cameras
-    ASSERT_EQ(offline.wait(within(120)), kNotWhole) << offline.output();
+    constexpr int kIncomplete = 3;  // exit status; frame sets of the gap lack cameras
+    ASSERT_EQ(offline.wait(within(120)), kIncomplete) << offline.output();
     MeshFileReader live(folder_ / "joined" / "mesh.v3d");
     MeshFileReader recorded(copy.mesh());
     int same = 0;
@@ -84,7 +84,7 @@ class StudioOfThree : public Studio4 {
       if (!bytes) continue;
       ASSERT_EQ(seen.decode(*bytes), DecodeStatus::kOk);
       if (pulse <= after || seen.frame().cameras.size() < 4) continue;
-      // Up to the next key frame colours may be coded after other frames than offline.
+      // Up to the next key frame, colours may be predicted from other frames than offline.
       EXPECT_EQ(seen.frame().mesh.vertices, made.frame().mesh.vertices) << "pulse " << pulse;
       EXPECT_EQ(seen.frame().mesh.triangles, made.frame().mesh.triangles) << "pulse " << pulse;
       ++same;
@@ -100,46 +100,49 @@ class StudioOfThree : public Studio4 {
       EXPECT_TRUE(test::becomes_true([&] { return is_idle(node); }, within(60))) << node << log();
     }
   }
-  /// One gap, and nothing else amiss.
+  /// The camera has exactly one gap, and no other loss.
   void expect_one_gap(const CameraLedger& camera) const {
     ASSERT_THAT(camera.missing, testing::Not(IsEmpty())) << camera.name;
     EXPECT_EQ(camera.missing, range(camera.missing.front(), camera.missing.back())) << camera.name;
     EXPECT_GE(camera.missing.front(), 20) << camera.name;
     EXPECT_LT(camera.missing.back(), verified_.ledger.commanded - 10) << camera.name;
     EXPECT_THAT(camera.duplicate, IsEmpty()) << camera.name;
-    // A host that hesitates makes the first frames late: no wrong number, but a doubt.
+    // A busy machine may deliver the first frames late. These are suspect, with the right number.
     EXPECT_THAT(camera.suspect,
-                IsSubsetOf(range(camera.missing.back() + 1, camera.missing.back() + kMostInDoubt)))
+                IsSubsetOf(range(camera.missing.back() + 1, camera.missing.back() + kMaxSuspect)))
         << camera.name;
     EXPECT_EQ(camera.written + std::ssize(camera.missing), verified_.ledger.commanded);
   }
 
-  /// Of a camera: then its arrivals have proved the number (PulseMatcher).
-  static constexpr int64_t kMostInDoubt = 12;
+  /// Frames of a camera after which its arrival times have confirmed the pulse number
+  /// (PulseMatcher).
+  static constexpr int64_t kMaxSuspect = 12;
 
   Answer stopped_;
   Verification verified_;
 };
 
-TEST_F(StudioOfThree, goes_on_with_a_node_that_was_killed_in_the_take_and_names_what_it_missed) {
-  record_with_an_absence_of_cap02(SIGKILL);
+TEST_F(StudioOfThree,
+       continues_with_a_node_that_was_killed_in_the_take_and_names_the_missing_pulses) {
+  record_with_a_restart_of_cap02(SIGKILL);
   check_joined();
   const auto& cameras = verified_.ledger.cameras;
   ASSERT_EQ(cameras.size(), 4U);
   for (const size_t i : {0, 1}) EXPECT_THAT(cameras[i].missing, IsEmpty()) << cameras[i].name;
   for (const size_t i : {2, 3}) expect_one_gap(cameras[i]);
-  const auto told = nlohmann::json::parse(stopped_.replies.at("cap02").detail);
-  EXPECT_EQ(told["cameras"][1]["missing"].get<Pulses>(), cameras[3].missing) << "as at stop";
+  const auto replied = nlohmann::json::parse(stopped_.replies.at("cap02").detail);
+  EXPECT_EQ(replied["cameras"][1]["missing"].get<Pulses>(), cameras[3].missing)
+      << "as in the reply to stop";
   check_live_meshes(cameras[3].missing.back());
 }
 
-TEST_F(StudioOfThree, goes_on_with_a_node_that_was_restarted_in_order_in_the_take) {
-  record_with_an_absence_of_cap02(SIGTERM);
+TEST_F(StudioOfThree, continues_with_a_node_that_was_restarted_by_SIGTERM_in_the_take) {
+  record_with_a_restart_of_cap02(SIGTERM);
   check_joined();
   for (const size_t i : {2, 3}) expect_one_gap(verified_.ledger.cameras.at(i));
 }
 
-TEST_F(StudioOfThree, goes_on_reconstructing_where_the_reconstruction_was_killed_in_the_take) {
+TEST_F(StudioOfThree, continues_to_reconstruct_after_the_reconstruction_was_killed_in_the_take) {
   arm_and_start(0);
   ASSERT_TRUE(reaches("recon01", "meshes", 20)) << log();
   end(recond_, SIGKILL);
@@ -155,16 +158,16 @@ TEST_F(StudioOfThree, goes_on_reconstructing_where_the_reconstruction_was_killed
   MeshFileReader meshes(take().mesh());
   EXPECT_FALSE(meshes.index_was_rebuilt());
   EXPECT_EQ(std::ssize(meshes.pulses()), recon["meshes"].get<int64_t>());
-  EXPECT_GE(before, 20) << "of before the restart, too";
+  EXPECT_GE(before, 20) << "the file keeps the meshes from before the restart";
   EXPECT_THAT(range(0, 19), IsSubsetOf(meshes.pulses()));
   for (const int64_t pulse : meshes.pulses()) EXPECT_TRUE(meshes.read(pulse)) << pulse;
   check_joined();
   for (const CameraLedger& camera : verified_.ledger.cameras) {
-    EXPECT_THAT(camera.missing, IsEmpty()) << "the capture nodes hear nothing of it";
+    EXPECT_THAT(camera.missing, IsEmpty()) << "the capture nodes are not affected";
   }
 }
 
-TEST_F(StudioOfThree, ends_the_take_everywhere_when_the_node_of_the_trigger_is_killed) {
+TEST_F(StudioOfThree, ends_the_take_on_all_nodes_when_the_node_of_the_trigger_is_killed) {
   arm_and_start(0);
   ASSERT_TRUE(reaches("cap02", "frames_written", 40)) << log();
   end(captured_, SIGKILL);
@@ -179,7 +182,7 @@ TEST_F(StudioOfThree, ends_the_take_everywhere_when_the_node_of_the_trigger_is_k
   }
 }
 
-TEST_F(StudioOfThree, answers_for_a_take_that_was_over_before_all_daemons_were_started_anew) {
+TEST_F(StudioOfThree, replies_about_a_take_that_had_ended_before_all_daemons_were_restarted) {
   constexpr int64_t kPulses = 20;
   arm_and_start(kPulses);
   ASSERT_TRUE(reaches("cap01", "frames_written", 2 * kPulses)) << log();
@@ -194,8 +197,8 @@ TEST_F(StudioOfThree, answers_for_a_take_that_was_over_before_all_daemons_were_s
   const Answer stopped = command(CommandVerb::kStop);
   ASSERT_TRUE(stopped.done()) << text_of(stopped) << log();
   for (const char* node : {"cap01", "cap02"}) {
-    const auto told = nlohmann::json::parse(stopped.replies.at(node).detail);
-    EXPECT_EQ(told["cameras"][0]["written"].get<int64_t>(), kPulses) << node;
+    const auto replied = nlohmann::json::parse(stopped.replies.at(node).detail);
+    EXPECT_EQ(replied["cameras"][0]["written"].get<int64_t>(), kPulses) << node;
   }
   const auto recon = nlohmann::json::parse(stopped.replies.at("recon01").detail);
   EXPECT_EQ(recon["meshes"].get<int64_t>(), std::ssize(MeshFileReader(take().mesh()).pulses()));

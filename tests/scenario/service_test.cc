@@ -1,4 +1,5 @@
-// The daemons as services: what they tell systemd, and how they end when their input is bad.
+// Scenario tests of the daemons as services: notifications to systemd, and exit after invalid
+// input.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <sys/socket.h>
@@ -46,7 +47,8 @@ calib = "calib.toml"
 node = "RECON"
 )";
 
-/// What systemd would hear.
+/// The notification socket of systemd: receives the notifications of daemons started during its
+/// lifetime.
 class NotifySocket {
  public:
   explicit NotifySocket(const std::string& path)
@@ -66,21 +68,22 @@ class NotifySocket {
   NotifySocket(const NotifySocket&) = delete;
   NotifySocket& operator=(const NotifySocket&) = delete;
 
-  /// All that was said so far, one line each.
-  const std::string& heard() {
+  /// All notifications until now, one line each.
+  const std::string& received() {
     char line[4096];
     for (ssize_t n = 0; (n = recv(fd_, line, sizeof line, 0)) > 0;) {
-      heard_.append(line, static_cast<size_t>(n));
-      heard_ += '\n';
+      received_.append(line, static_cast<size_t>(n));
+      received_ += '\n';
     }
-    return heard_;
+    return received_;
   }
-  bool hears(const std::string& word, int times) {
+  /// Waits up to 30 s until `word` was received `times` times. False at timeout.
+  bool receives(const std::string& word, int times) {
     return becomes_true(
         [&] {
-          heard();
+          received();
           int found = 0;
-          for (size_t at = 0; (at = heard_.find(word, at)) != std::string::npos; ++at) ++found;
+          for (size_t at = 0; (at = received_.find(word, at)) != std::string::npos; ++at) ++found;
           return found >= times;
         },
         within(30));
@@ -88,7 +91,7 @@ class NotifySocket {
 
  private:
   int fd_;
-  std::string heard_;
+  std::string received_;
 };
 
 class Service : public testing::Test {
@@ -105,8 +108,8 @@ class Service : public testing::Test {
         {std::string(V3D_BIN) + "/" + program, "--studio", folder_ / "studio.toml", "--node", node},
         folder_ / "log");
   }
-  /// The message of a daemon that ends because of its input.
-  std::string refusal(const std::string& program, const std::string& node) {
+  /// Expects that a daemon exits with status 2 because of its input. Returns its output.
+  std::string error_output(const std::string& program, const std::string& node) {
     ChildProcess daemon = start(program, node);
     EXPECT_EQ(daemon.wait(within(30)), 2) << daemon.output();
     return daemon.output();
@@ -115,28 +118,30 @@ class Service : public testing::Test {
   const test::TemporaryFolder folder_;
 };
 
-TEST_F(Service, tells_systemd_when_it_is_ready_alive_and_stopping) {
+TEST_F(Service, notifies_systemd_when_it_is_ready_alive_and_stopping) {
   for (const auto& [program, node] :
        {std::pair{"v3d-captured", "cap01"}, {"v3d-recond", "recon01"}}) {
     NotifySocket systemd(folder_ / (std::string(node) + ".notify"));
     ChildProcess daemon = start(program, node);
-    EXPECT_TRUE(systemd.hears("READY=1", 1)) << daemon.output();
-    EXPECT_TRUE(systemd.hears("WATCHDOG=1", 3)) << daemon.output();
-    EXPECT_TRUE(systemd.hears("STATUS=idle", 1)) << daemon.output();
+    EXPECT_TRUE(systemd.receives("READY=1", 1)) << daemon.output();
+    EXPECT_TRUE(systemd.receives("WATCHDOG=1", 3)) << daemon.output();
+    EXPECT_TRUE(systemd.receives("STATUS=idle", 1)) << daemon.output();
     daemon.signal(SIGTERM);
     EXPECT_EQ(daemon.wait(within(30)), 0) << daemon.output();
-    EXPECT_TRUE(systemd.hears("STOPPING=1", 1)) << daemon.output();
+    EXPECT_TRUE(systemd.receives("STOPPING=1", 1)) << daemon.output();
   }
 }
 
-TEST_F(Service, names_what_is_wrong_with_its_input_and_exits_with_2) {
-  EXPECT_THAT(refusal("v3d-captured", "desk"), HasSubstr("has neither a camera nor the trigger"));
-  EXPECT_THAT(refusal("v3d-captured", "nobody"), HasSubstr("'nobody'"));
-  EXPECT_THAT(refusal("v3d-recond", "desk"), HasSubstr("the reconstruction runs on 'recon01'"));
+TEST_F(Service, reports_what_is_wrong_with_its_input_and_exits_with_2) {
+  EXPECT_THAT(error_output("v3d-captured", "desk"),
+              HasSubstr("has neither a camera nor the trigger"));
+  EXPECT_THAT(error_output("v3d-captured", "nobody"), HasSubstr("'nobody'"));
+  EXPECT_THAT(error_output("v3d-recond", "desk"),
+              HasSubstr("the reconstruction runs on 'recon01'"));
   write_studio("cap01");
-  EXPECT_THAT(refusal("v3d-recond", "cap01"), HasSubstr("a [[node]] of its own"));
+  EXPECT_THAT(error_output("v3d-recond", "cap01"), HasSubstr("a [[node]] of its own"));
   std::filesystem::remove(folder_ / "studio.toml");
-  EXPECT_THAT(refusal("v3d-captured", "cap01"), HasSubstr("studio.toml: No such file"));
+  EXPECT_THAT(error_output("v3d-captured", "cap01"), HasSubstr("studio.toml: No such file"));
 }
 
 }  // namespace

@@ -1,6 +1,6 @@
-// Three nodes that share the reconstruction, each on a host of its own, beside one that captures
-// fifteen simulated cameras. What is judged is what they wrote and what was published, by the
-// ledger of the cameras: a host that hesitates is no failure.
+// Scenario tests of three nodes that share the reconstruction, each on its own host, and one
+// capture node with fifteen simulated cameras. The tests compare the written and published meshes
+// with the ledger of the cameras, so a slow machine causes no failure.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -36,14 +36,15 @@ constexpr char kTake[] = "kendo-07";
 constexpr int kNodes = 3;
 constexpr int64_t kRateHz = 8;
 
-/// Everything that is seen on V3D_MESH.
-class Onlooker {
+/// Receives all messages on V3D_MESH, as a viewer does.
+class MeshViewer {
  public:
-  Onlooker(const std::string& url, const std::filesystem::path& key)
+  MeshViewer(const std::string& url, const std::filesystem::path& key)
       : bus_(url), meshes_(key_of(key), kMeshChannel, 10'000) {}
 
-  /// The pulses as a viewer shows them, who lets none go back; and how many came again.
-  void look() {
+  /// Receives all pending meshes. A viewer shows pulses in ascending order; other meshes are
+  /// counted.
+  void receive() {
     while (const auto mesh = meshes_.wait(Monotonic::now())) {
       if (shown_.empty() || mesh->pulse > shown_.back()) {
         shown_.push_back(mesh->pulse);
@@ -80,7 +81,7 @@ class SharedStudio : public testing::Test {
     for (int i = 0; i < kNodes; ++i) start_recond(i);
     const Studio studio = load_studio(folder_ / "cap01" / "studio.toml");
     client_.emplace(studio);
-    onlooker_.emplace(studio.network.lcm_url, studio.network.key);
+    viewer_.emplace(studio.network.lcm_url, studio.network.key);
     const Answer learnt = command(CommandVerb::kBackground, 8);
     if (!learnt.done()) throw std::runtime_error("background: " + text_of(learnt));
   }
@@ -116,7 +117,7 @@ class SharedStudio : public testing::Test {
         [&] { return simulator.output().find("ready\n") != std::string::npos; }, within(60));
     if (!serves) throw std::runtime_error("v3d-sim: " + simulator.output());
   }
-  /// One studio, and a disk of its own for every node.
+  /// Writes the studio file into a folder for each node, with its own takes.
   void write_studio_files(const std::string& frame_groups) {
     std::string text = read_file(folder_ / "cap01" / "studio.toml");
     const auto replace = [&](const std::string& from, const std::string& to) {
@@ -163,7 +164,7 @@ class SharedStudio : public testing::Test {
   }
 
   double value(int i, const std::string& name) {
-    onlooker_->look();
+    viewer_->receive();
     while (client_->next_health(Monotonic::now())) {
     }
     const auto health = client_->health(within(2));
@@ -176,13 +177,15 @@ class SharedStudio : public testing::Test {
         << node(i) << " " << name << " " << value(i, name) << "\n"
         << reconds_[i]->output();
   }
-  /// Some pulses more.
-  void go_on(int i, double meshes) { wait_for(i, "meshes", value(i, "meshes") + meshes); }
+  /// Waits until node `i` has made `meshes` more meshes.
+  void wait_for_more_meshes(int i, double meshes) {
+    wait_for(i, "meshes", value(i, "meshes") + meshes);
+  }
 
   void kill_node(int i) {
     reconds_[i]->signal(SIGKILL);
     ASSERT_TRUE(reconds_[i]->wait(within(30)));
-    client_.emplace(load_studio(folder_ / "cap01" / "studio.toml"));  // forgets its health
+    client_.emplace(load_studio(folder_ / "cap01" / "studio.toml"));  // drops its health
   }
   /// Sends "stop" until every node except the `dead` ones has replied "done". While a node is dead,
   /// each command waits its full 25 s; a busy machine may need several commands.
@@ -195,28 +198,30 @@ class SharedStudio : public testing::Test {
              });
     };
     ASSERT_TRUE(becomes_true(living_are_done, within(100))) << text_of(stopped_);
-    onlooker_->look();
+    viewer_->receive();
   }
 
-  // --- the account ------------------------------------------------------------------------------
+  // --- checks of the result
+  // -----------------------------------------------------------------------
 
-  /// Pulses of which frames went over the network: a busy capture node leaves some out.
+  /// Number of commanded pulses, and of pulses without live frames: a busy capture node skips some.
   int64_t commanded() const { return ledger()["pulses"]["commanded"].get<int64_t>(); }
   int64_t not_live() const {
-    int64_t most = 0;
+    int64_t missing = 0;
     for (const int64_t published : published_by_camera()) {
-      most = std::max(most, commanded() - published);
+      missing = std::max(missing, commanded() - published);
     }
-    return most;
+    return missing;
   }
   Pulses published_by_camera() const {
     Pulses published;
-    const Json account = ledger();
-    for (const auto& camera : account["cameras"]) published.push_back(camera["published"]);
+    const Json capture_ledger = ledger();
+    for (const auto& camera : capture_ledger["cameras"]) published.push_back(camera["published"]);
     return published;
   }
   Json ledger() const { return Json::parse(stopped_.replies.at("cap01").detail); }
   Json account(int i) const { return Json::parse(stopped_.replies.at(node(i)).detail); }
+  /// Pulses of the mesh file of node `i`.
   Pulses file(int i) const {
     MeshFileReader reader(TakePaths{folder_ / node(i) / kTake}.mesh());
     for (const int64_t pulse : reader.pulses()) EXPECT_TRUE(reader.read(pulse)) << pulse;
@@ -227,7 +232,7 @@ class SharedStudio : public testing::Test {
     for (int64_t pulse = first; pulse < end; ++pulse) pulses.push_back(pulse);
     return pulses;
   }
-  /// Pulses that nodes who answered say that they had no time for.
+  /// Number of pulses that the living nodes dropped for lack of time.
   int64_t dropped() const {
     int64_t dropped = 0;
     for (const auto& [name, reply] : stopped_.replies) {
@@ -235,10 +240,10 @@ class SharedStudio : public testing::Test {
     }
     return dropped;
   }
-  /// Every pulse is once in the file, in order, or it is named. No more than `most` are lost: what
-  /// a host had no time for it says itself. The end of a train that nobody had frames of is not
-  /// known to who reconstructs.
-  void expect_whole(int i, int64_t most) const {
+  /// Every pulse is once in the mesh file, in order, or listed as without a mesh. At most
+  /// `max_lost` pulses are lost; pulses dropped for lack of time are counted separately. Pulses at
+  /// the end of the train without any live frame are unknown to the reconstruction.
+  void expect_complete(int i, int64_t max_lost) const {
     const Pulses meshes = file(i);
     EXPECT_EQ(std::ssize(meshes), account(i)["meshes"].get<int64_t>()) << node(i);
     Pulses all = account(i)["without_mesh"].get<Pulses>();
@@ -248,34 +253,34 @@ class SharedStudio : public testing::Test {
                 node(i).c_str(), std::ssize(meshes), static_cast<long long>(lost),
                 static_cast<long long>(given_up), static_cast<long long>(dropped()),
                 static_cast<long long>(not_live()));
-    EXPECT_LE(lost, most + not_live()) << node(i) << testing::PrintToString(all);
-    EXPECT_EQ(std::ssize(all), lost + given_up) << "all are named";
-    EXPECT_TRUE(given_up == 0 || dropped() > 0) << "a node that gives up says why";
+    EXPECT_LE(lost, max_lost + not_live()) << node(i) << testing::PrintToString(all);
+    EXPECT_EQ(std::ssize(all), lost + given_up) << "all are listed";
+    EXPECT_TRUE(given_up == 0 || dropped() > 0) << "a node that gives pulses up reports the reason";
     for (const int64_t pulse : all) EXPECT_EQ(std::count(meshes.begin(), meshes.end(), pulse), 0);
     all.insert(all.end(), meshes.begin(), meshes.end());
     std::sort(all.begin(), all.end());
     EXPECT_EQ(all, range(0, std::ssize(all))) << node(i);
     EXPECT_GE(std::ssize(all), commanded() - not_live()) << node(i);
   }
-  /// What was published is what this node has; what the network lost on the way to who looked on
-  /// is known.
-  void expect_shown_as(int i) const {
+  /// The published meshes are those in the file of node `i`, except for those lost on the network,
+  /// which are counted.
+  void expect_published_as_in_file(int i) const {
     const Pulses meshes = file(i);
-    EXPECT_THAT(onlooker_->shown(), testing::IsSubsetOf(meshes));
-    EXPECT_GE(std::ssize(onlooker_->shown()) + onlooker_->lost(), std::ssize(meshes));
+    EXPECT_THAT(viewer_->shown(), testing::IsSubsetOf(meshes));
+    EXPECT_GE(std::ssize(viewer_->shown()) + viewer_->lost(), std::ssize(meshes));
   }
 
-  /// The others go on, take its share over, and have every pulse but those they name.
-  /// `most`: pulses that may be lost with it.
-  void kill_the_third_in_mid_take(int64_t most) {
+  /// Kills recon03 during a take. The other nodes take over its share, and have or list every
+  /// pulse. `max_lost`: pulses that may be lost with it.
+  void kill_third_node_in_take(int64_t max_lost) {
     arm_and_start();
     wait_for(2, "shard_pulses", 8);
     kill_node(2);
-    go_on(0, 40);
+    wait_for_more_meshes(0, 40);
     stop({"recon03"});
     for (const int i : {0, 1}) {
-      expect_whole(i, most);
-      expect_shown_as(i);
+      expect_complete(i, max_lost);
+      expect_published_as_in_file(i);
       EXPECT_GE(account(i)["shard_taken_over"].get<int64_t>(), 3);
     }
   }
@@ -286,18 +291,18 @@ class SharedStudio : public testing::Test {
   std::vector<std::unique_ptr<ChildProcess>> others_;
   std::array<std::unique_ptr<ChildProcess>, kNodes> reconds_;
   std::optional<OperatorClient> client_;
-  std::optional<Onlooker> onlooker_;
+  std::optional<MeshViewer> viewer_;
   Answer stopped_;
 };
 
-TEST_F(SharedStudio, makes_of_every_pulse_one_mesh_and_shows_them_in_order) {
+TEST_F(SharedStudio, makes_one_mesh_of_every_pulse_and_publishes_them_in_order) {
   arm_and_start();
   wait_for(0, "meshes", 60);
   stop();
   int64_t made = 0;
   for (int i = 0; i < kNodes; ++i) {
-    expect_whole(i, 0);
-    expect_shown_as(i);
+    expect_complete(i, 0);
+    expect_published_as_in_file(i);
     EXPECT_EQ(file(i), file(0));
     EXPECT_GE(account(i)["shard_pulses"].get<int64_t>(), 10) << "its share";
     EXPECT_EQ(account(i)["shard_let_go"], 0);
@@ -306,45 +311,45 @@ TEST_F(SharedStudio, makes_of_every_pulse_one_mesh_and_shows_them_in_order) {
   EXPECT_GE(made, std::ssize(file(0)));
 }
 
-TEST_F(SharedStudio, loses_nothing_when_a_node_is_killed) {
-  kill_the_third_in_mid_take(0);
+TEST_F(SharedStudio, loses_no_pulse_when_a_node_is_killed) {
+  kill_third_node_in_take(0);
   const Pulses before = file(2);
-  EXPECT_EQ(before, range(0, std::ssize(before))) << "what the dead one had is whole";
+  EXPECT_EQ(before, range(0, std::ssize(before))) << "the file of the killed node has no gap";
 }
 
-TEST_F(SharedStudio, goes_on_showing_when_the_node_that_shows_is_killed) {
+TEST_F(SharedStudio, continues_to_publish_when_the_publishing_node_is_killed) {
   arm_and_start();
   wait_for(0, "shard_pulses", 8);
   kill_node(0);
-  go_on(1, 40);
+  wait_for_more_meshes(1, 40);
   stop({"recon01"});
   for (const int i : {1, 2}) {
-    expect_whole(i, kRateHz);
-    expect_shown_as(i);
+    expect_complete(i, kRateHz);
+    expect_published_as_in_file(i);
   }
 }
 
-TEST_F(SharedStudio, gives_a_share_to_a_node_that_was_killed_and_started_anew) {
+TEST_F(SharedStudio, gives_a_share_to_a_node_that_was_killed_and_restarted) {
   arm_and_start();
   wait_for(0, "shard_pulses", 6);
   kill_node(0);
-  go_on(1, 16);
+  wait_for_more_meshes(1, 16);
   start_recond(0);
   wait_for(0, "shard_pulses", 6);
-  go_on(1, 16);
+  wait_for_more_meshes(1, 16);
   stop();
   for (const int i : {1, 2}) {
-    expect_whole(i, kRateHz);
-    expect_shown_as(i);
+    expect_complete(i, kRateHz);
+    expect_published_as_in_file(i);
   }
   const Pulses rejoined = file(0);
   EXPECT_THAT(rejoined, testing::IsSubsetOf(file(1)));
-  EXPECT_GE(account(0)["shard_pulses"].get<int64_t>(), 6) << "since it was started anew";
+  EXPECT_GE(account(0)["shard_pulses"].get<int64_t>(), 6) << "since its restart";
   EXPECT_TRUE(std::is_sorted(rejoined.begin(), rejoined.end()));
   EXPECT_EQ(rejoined.back(), file(1).back());
 }
 
-/// The same with a multicast group for the frames of each node.
+/// SharedStudio with one multicast group for the frames of each node.
 class SharedStudioInGroups : public SharedStudio {
  protected:
   SharedStudioInGroups()
@@ -352,7 +357,7 @@ class SharedStudioInGroups : public SharedStudio {
                 "udpm://239.255.76.69:7669?ttl=1&recv_buf_size=4194304",
                 "udpm://239.255.76.70:7670?ttl=1&recv_buf_size=4194304"])") {}
 
-  /// What the kernel of a host had for its programs so far.
+  /// UDP datagrams that the kernel of a host has delivered until now; -1 when unknown.
   int64_t datagrams(size_t host) const {
     std::istringstream table(
         read_file("/proc/" + std::to_string(network_.pid(host)) + "/net/snmp"));
@@ -364,7 +369,8 @@ class SharedStudioInGroups : public SharedStudio {
   }
 };
 
-TEST_F(SharedStudioInGroups, makes_of_every_pulse_one_mesh_where_no_kernel_hears_the_others) {
+TEST_F(SharedStudioInGroups,
+       makes_one_mesh_of_every_pulse_where_each_host_receives_only_its_own_frames) {
   arm_and_start();
   wait_for(0, "meshes", 20);
   const std::array before = {datagrams(1), datagrams(2), datagrams(3)};
@@ -375,22 +381,22 @@ TEST_F(SharedStudioInGroups, makes_of_every_pulse_one_mesh_where_no_kernel_hears
   stop();
   const Pulses all = published_by_camera();
   for (int i = 0; i < kNodes; ++i) {
-    expect_whole(i, 0);
-    expect_shown_as(i);
+    expect_complete(i, 0);
+    expect_published_as_in_file(i);
     EXPECT_EQ(file(i), file(0));
-    EXPECT_EQ(account(i)["frames_lost"], 0) << "what is not heard is not lost";
-    // Five of the 15 frames of a pulse in the mean, and some ten messages that all hear: meshes,
-    // pulses, health, previews.
+    EXPECT_EQ(account(i)["frames_lost"], 0) << "frames of other groups do not count as lost";
+    // On average five of the 15 frames of a pulse, and about ten messages that all nodes receive:
+    // meshes, pulses, health, previews.
     EXPECT_LT(static_cast<double>(after[i] - before[i]), 20 * pulses) << node(i);
   }
   EXPECT_GE(std::accumulate(all.begin(), all.end(), int64_t{0}), 14 * commanded()) << "frames";
 }
 
-TEST_F(SharedStudioInGroups, loses_at_most_a_second_of_a_node_that_is_killed_and_names_it) {
-  kill_the_third_in_mid_take(kRateHz);
+TEST_F(SharedStudioInGroups, loses_at_most_a_second_of_pulses_of_a_killed_node_and_names_them) {
+  kill_third_node_in_take(kRateHz);
 }
 
-TEST_F(SharedStudio, refuses_a_second_node_in_a_folder_of_takes) {
+TEST_F(SharedStudio, rejects_a_second_node_in_a_folder_of_takes) {
   ChildProcess second(
       {bin("v3d-recond"), "--studio", folder_ / "recon01" / "studio.toml", "--node", "recon02"},
       folder_ / "second.log");

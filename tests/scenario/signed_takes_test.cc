@@ -1,4 +1,4 @@
-// Takes that two nodes sign: what the archive has is what they recorded, or it is noticed.
+// Scenario tests of takes that two nodes sign: verification detects any change in the archive.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -42,7 +42,7 @@ class SignedStudio : public Studio4 {
   std::filesystem::path archive() const { return folder_ / "archive"; }
 };
 
-TEST_F(SignedStudio, proves_that_a_collected_take_is_what_its_nodes_recorded) {
+TEST_F(SignedStudio, verifies_the_signatures_of_a_collected_take_and_detects_a_changed_byte) {
   ASSERT_NO_FATAL_FAILURE(record_and_collect());
   const auto [status, text] = verify();
   EXPECT_EQ(status, 0) << text;
@@ -54,13 +54,13 @@ TEST_F(SignedStudio, proves_that_a_collected_take_is_what_its_nodes_recorded) {
   const std::filesystem::path log = archive() / take_name_ / "cam03.lcmlog";
   std::string frames = read_file(log);
   frames[frames.size() / 2] = static_cast<char>(frames[frames.size() / 2] ^ 1);
-  std::filesystem::remove(log);  // the archive has a hard link of the node's file
+  std::filesystem::remove(log);  // it is a hard link to the node's file
   test::write_text(log, frames);
   EXPECT_EQ(verify().first, 3);
   EXPECT_THAT(verify().second, HasSubstr("cam03.lcmlog: does not match the signature of cap02"));
 }
 
-TEST_F(SignedStudio, starts_no_node_with_a_key_that_is_not_the_one_of_the_studio_file) {
+TEST_F(SignedStudio, does_not_start_a_node_with_a_key_other_than_that_of_the_studio_file) {
   captured_->signal(SIGTERM);
   captured_->wait(within(30));
   std::filesystem::remove(folder_ / "node.key");

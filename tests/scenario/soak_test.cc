@@ -1,7 +1,7 @@
-// Fifteen cameras at 25 Hz with a fault every three seconds: half of the time takes of twelve
-// seconds one after the other, where what a take leaves behind adds up (threads, descriptors,
-// buffers that nobody gives back); then one take as long as all of them, where what is kept of
-// every pulse adds up. Neither shows the other's leaks.
+// Soak test for leaks: fifteen cameras at 25 Hz with a fault every three seconds.
+// In the first half, takes of twelve seconds follow each other; they show what leaks in each take
+// (threads, descriptors, buffers). The second half is one take, which shows what leaks in each
+// pulse.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <spdlog/fmt/fmt.h>
@@ -32,9 +32,9 @@ constexpr int kCameras = 15;
 constexpr int64_t kRateHz = 25;
 constexpr int64_t kShortTake = 12 * kRateHz;
 constexpr int64_t kPulsesBetweenFaults = 3 * kRateHz;
-/// A camera that was unplugged is back before the take ends.
+/// No fault starts so near the end; an unplugged camera is back before the take ends.
 constexpr int64_t kNoFaultAtTheEnd = 6 * kRateHz;
-/// Takes until the daemons have all that they will need.
+/// Takes before the measurement, until the daemons have allocated their buffers.
 constexpr int kWarmUpTakes = 3;
 constexpr double kWarmUpSeconds = 20;
 
@@ -43,11 +43,12 @@ int soak_seconds() {
   return seconds != nullptr ? std::atoi(seconds) : 150;
 }
 
-/// A megabyte an hour. An allocator takes pages in steps, here up to a quarter of a megabyte, of
-/// which each of its arenas may take another one: in ten minutes the median of all slopes does not
-/// see them; what is watched for less may grow by a megabyte, which is 70 bytes of every frame in
-/// forty seconds.
-double most_kb_per_hour(const std::vector<ProcessSample>& samples) {
+/// Upper bound of the memory growth, kB/h: one megabyte an hour.
+///
+/// Each arena of the allocator takes pages in steps of up to a quarter of a megabyte. In ten
+/// minutes the median of all slopes is not affected by them. A shorter measurement may grow by one
+/// megabyte more, which is 70 bytes a frame in forty seconds.
+double max_kb_per_hour(const std::vector<ProcessSample>& samples) {
   constexpr double kMegabyte = 1024;
   const double seconds = samples.back().seconds - samples.front().seconds;
   return seconds >= 600 ? kMegabyte : kMegabyte + kMegabyte * 3600 / seconds;
@@ -62,7 +63,7 @@ Pulses plan() {
   return takes;
 }
 
-/// What goes wrong, in turn; with what the kind asks for.
+/// Faults in turn, each with the fields of its kind, as TOML.
 constexpr const char* kFaults[] = {
     "kind = \"drop\"",
     "kind = \"missed\"",
@@ -84,7 +85,7 @@ std::string fault(size_t number, int64_t pulse) {
          "\n";
 }
 
-/// Faults in the middle of every take of the plan.
+/// A fault script with faults in every take of the plan, none near the ends of a take.
 std::string fault_script() {
   std::string script;
   size_t number = 0;
@@ -99,8 +100,8 @@ std::string fault_script() {
   return script;
 }
 
-/// What the simulator says of one take. Pulses are found by the time of their edge: a trigger whose
-/// host hesitates leaves pulses out.
+/// The simulator's record of one take. Pulses are identified by the time of their edge, because a
+/// trigger on a busy machine skips pulses.
 class TakeRecord {
  public:
   TakeRecord(const std::vector<sim::ExposureLine>& lines, const std::vector<PulseMessage>& pulses) {
@@ -115,28 +116,29 @@ class TakeRecord {
     }
     for (auto& [camera, sent] : sent_) std::ranges::sort(sent);
   }
-  /// Pulses of which some camera sent an image.
+  /// Number of pulses of which at least one camera sent an image.
   int64_t pulses() const { return std::ssize(pulses_); }
-  /// The pulse of every image that this camera sent, rising.
+  /// The pulse of every image that this camera sent, in ascending order.
   Pulses sent(const std::string& camera) const {
     const auto found = sent_.find(camera);
     return found == sent_.end() ? Pulses() : found->second;
   }
-  /// The pulses that these frames show, whatever they say, rising; -1 where one shows none.
+  /// The pulses that these frames show, independent of their labels, in ascending order; -1 for an
+  /// unknown image.
   Pulses shown(const std::string& camera, const std::vector<FrameLabel>& labels) const {
     Pulses pulses;
     for (const FrameLabel& label : labels) pulses.push_back(shown_by(camera, label));
     std::ranges::sort(pulses);
     return pulses;
   }
-  /// The frames that do not show what they say, with the one before and the one after, a line each.
+  /// One line for each frame whose label is wrong, and for the frames before and after it.
   std::string explain(const std::string& camera, const std::vector<FrameLabel>& labels) const {
-    const auto is_odd = [&](size_t i) {
+    const auto is_wrong = [&](size_t i) {
       return i < labels.size() && shown_by(camera, labels[i]) != labels[i].pulse;
     };
     std::string lines;
     for (size_t i = 0; i < labels.size(); ++i) {
-      if (!is_odd(i) && !is_odd(i + 1) && !(i > 0 && is_odd(i - 1))) continue;
+      if (!is_wrong(i) && !is_wrong(i + 1) && !(i > 0 && is_wrong(i - 1))) continue;
       const FrameLabel& label = labels[i];
       lines +=
           fmt::format("frame {}: pulse {}{}, shows {}; counter {}, device time {}, received {}\n",
@@ -145,7 +147,7 @@ class TakeRecord {
     }
     return lines;
   }
-  /// Frames that show another pulse than they say, and are not held for suspect.
+  /// Number of frames that show another pulse than their label and are not marked suspect.
   int64_t mislabelled(const std::string& camera, const std::vector<FrameLabel>& labels) const {
     return std::ranges::count_if(labels, [&](const FrameLabel& label) {
       return !label.suspect && shown_by(camera, label) != label.pulse;
@@ -153,8 +155,10 @@ class TakeRecord {
   }
 
  private:
-  /// A camera whose clock begins anew every minute and a half may well say the same nanosecond
-  /// twice in a take: the image is then the one that the label says.
+  /// The pulse that the image of this label shows, found by its device time; -1 if unknown.
+  ///
+  /// A camera whose clock restarts every minute and a half may give the same nanosecond twice in a
+  /// take. Then the image counts as the one of its label.
   int64_t shown_by(const std::string& camera, const FrameLabel& label) const {
     const auto [first, end] = shown_.equal_range({camera, label.device_time});
     const auto as_labelled =
@@ -176,7 +180,7 @@ struct Observed {
   std::string name;
   pid_t pid;
   ProcessMeter meter;
-  std::vector<ProcessSample> between_takes;  ///< one after every take
+  std::vector<ProcessSample> between_takes;  ///< one sample after every take
 };
 
 class Soak : public test::Studio4 {
@@ -215,8 +219,8 @@ class Soak : public test::Studio4 {
     return value("cap01", name) >= wanted;
   }
 
-  /// Every image that was sent is on the disk, and says which pulse it shows or is held for
-  /// suspect; and the ledger says what is on the disk.
+  /// Every image that was sent is on the disk, with the right pulse number or marked suspect, and
+  /// the ledger agrees with the files.
   void check_ledger() {
     const TakePaths paths = Studio4::take();
     const Verification verified = verify_take(paths);
@@ -228,10 +232,10 @@ class Soak : public test::Studio4 {
     ASSERT_EQ(ledger.cameras.size(), size_t{kCameras});
     for (const CameraLedger& camera : ledger.cameras) {
       const FrameLogReader log(paths.frames(camera.name));
-      const std::string which =
+      const std::string context =
           take_name_ + " " + camera.name + "\n" + record.explain(camera.name, log.labels());
-      EXPECT_EQ(record.shown(camera.name, log.labels()), record.sent(camera.name)) << which;
-      EXPECT_EQ(record.mislabelled(camera.name, log.labels()), 0) << which;
+      EXPECT_EQ(record.shown(camera.name, log.labels()), record.sent(camera.name)) << context;
+      EXPECT_EQ(record.mislabelled(camera.name, log.labels()), 0) << context;
       frames_ += camera.written;
       missing_ += std::ssize(camera.missing);
       suspect_ += std::ssize(camera.suspect);
@@ -240,8 +244,9 @@ class Soak : public test::Studio4 {
     unsensed_ += std::ssize(ledger.unsensed);
   }
 
-  /// `long_take`: since when the long one counts.
-  static void judge(const Observed& daemon, double long_take) {
+  /// Checks memory growth, descriptors and threads. `long_take`: start of the measurement in the
+  /// long take, seconds since the start of the meter.
+  static void expect_no_leaks(const Observed& daemon, double long_take) {
     const ProcessSample& first = daemon.between_takes.front();
     const ProcessSample& last = daemon.between_takes.back();
     const std::vector<ProcessSample> takes(daemon.between_takes.begin(),
@@ -258,8 +263,8 @@ class Soak : public test::Studio4 {
         static_cast<long long>(last.descriptors), static_cast<long long>(last.threads));
     EXPECT_EQ(last.descriptors, first.descriptors) << daemon.name;
     EXPECT_EQ(last.threads, first.threads) << daemon.name;
-    EXPECT_LT(from_take_to_take, most_kb_per_hour(takes)) << daemon.name << ", from take to take";
-    EXPECT_LT(in_a_take, most_kb_per_hour(in_take)) << daemon.name << ", in the long take";
+    EXPECT_LT(from_take_to_take, max_kb_per_hour(takes)) << daemon.name << ", from take to take";
+    EXPECT_LT(in_a_take, max_kb_per_hour(in_take)) << daemon.name << ", in the long take";
   }
 
   int takes_ = 0;
@@ -267,7 +272,7 @@ class Soak : public test::Studio4 {
   std::vector<std::unique_ptr<Observed>> observed_;
 };
 
-TEST_F(Soak, of_fifteen_faulty_cameras_leaves_memory_and_descriptors_as_they_were) {
+TEST_F(Soak, with_fifteen_faulty_cameras_leaks_no_memory_and_no_descriptors) {
   const Pulses takes = plan();
   for (size_t i = 0; i + 1 < takes.size(); ++i) {
     take(takes[i]);
@@ -283,7 +288,7 @@ TEST_F(Soak, of_fifteen_faulty_cameras_leaves_memory_and_descriptors_as_they_wer
               takes_, static_cast<long long>(pulses_), static_cast<long long>(unsensed_),
               static_cast<long long>(frames_), static_cast<long long>(missing_),
               static_cast<long long>(suspect_));
-  for (const auto& daemon : observed_) judge(*daemon, long_take);
+  for (const auto& daemon : observed_) expect_no_leaks(*daemon, long_take);
 }
 
 }  // namespace

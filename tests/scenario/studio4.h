@@ -1,4 +1,4 @@
-// A simulated studio of four small cameras (or more) with its real daemons, for stories.
+// Test fixture: a simulated studio of four small cameras (or more) with the real daemons.
 #pragma once
 
 #include <gtest/gtest.h>
@@ -27,17 +27,20 @@ struct Studio4Options {
   int cameras = 4;
   std::string size = "320x240";
   std::string voxel = "40mm";
-  std::string more{};    ///< of the studio file's last section, which is [reconstruction]
-  std::string faults{};  ///< a fault script; empty: none
-  std::string rate = "20";
-  std::string takes = ".";  ///< their folder
-  bool is_signed = false;   ///< every node signs what it records
-  /// There is a member list, with the nodes and two operators. cap02 has a key of its own.
+  /// Lines appended to the studio file, whose last section is [reconstruction].
+  std::string more{};
+  std::string faults{};     ///< text of a fault script; empty: no faults
+  std::string rate = "20";  ///< trigger, Hz
+  std::string takes = ".";  ///< folder of the takes
+  bool is_signed = false;   ///< every node signs its takes
+  /// The studio has a member list with the nodes and two operators. cap02 has its own key.
   bool has_members = false;
-  bool two_nodes = false;  ///< cam03 and cam04 are of cap02, which has a disk of its own: cap02/
+  bool two_nodes = false;  ///< cam03 and cam04 belong to cap02, whose storage folder is cap02/
 };
 
-/// Cameras whose background has been learnt, and the daemons.
+/// Starts the simulator and the daemons, and learns the background.
+///
+/// The constructor throws std::runtime_error when the simulator or the background command fails.
 class Studio4 : public testing::Test {
  protected:
   explicit Studio4(const Studio4Options& options = {}) {
@@ -47,7 +50,7 @@ class Studio4 : public testing::Test {
     if (!serves) throw std::runtime_error("v3d-sim: " + simulator_->output());
     std::ofstream(folder_ / "studio.toml", std::ios::app) << options.more;
     put_takes_into(options.takes);
-    if (options.two_nodes) share_cameras_out();
+    if (options.two_nodes) assign_cameras_to_two_nodes();
     if (options.is_signed) give_signing_keys(options.two_nodes);
     if (options.has_members) make_member_list(options.two_nodes);
     studio_ = load_studio(folder_ / "studio.toml");
@@ -77,8 +80,9 @@ class Studio4 : public testing::Test {
     if (at == std::string::npos) throw std::runtime_error("no " + before + " in " + text);
     text.replace(at, before.size(), after);
   }
-  /// One text for both nodes: what is theirs lies beside it, the rest in the folder above.
-  void share_cameras_out() const {
+  /// Gives cam03 and cam04 to cap02. Both nodes get the same studio file, each in its own folder;
+  /// trigger socket, studio key and calibration stay in the folder of cap01.
+  void assign_cameras_to_two_nodes() const {
     std::string text = read_file(folder_ / "studio.toml");
     replace(text, "[camera_defaults]", "[[node]]\nname = \"cap02\"\n\n[camera_defaults]");
     for (const char* camera : {"cam03", "cam04"}) {
@@ -92,7 +96,7 @@ class Studio4 : public testing::Test {
     write_text(folder_ / "studio.toml", text);
     write_text(folder_ / "cap02" / "studio.toml", text);
   }
-  /// A key for each node, beside its studio file.
+  /// Writes a signing key for each node, next to its studio file.
   void give_signing_keys(bool two_nodes) const {
     std::string text = read_file(folder_ / "studio.toml");
     const auto give = [&](const std::string& node, const std::filesystem::path& folder) {
@@ -107,8 +111,8 @@ class Studio4 : public testing::Test {
     write_text(folder_ / "studio.toml", text);
     if (two_nodes) write_text(folder_ / "cap02" / "studio.toml", text);
   }
-  /// The nodes share the key of their PC. Ada commands with the key that the studio file names, Bob
-  /// with bob.key.
+  /// cap01 and recon01 share the signing key of their PC. The operator Ada uses the key that the
+  /// studio file names; the operator Bob uses bob.key.
   void make_member_list(bool two_nodes) {
     const SigningKey pc = SigningKey::make(), ada = SigningKey::make(), bob = SigningKey::make();
     pc.save(folder_ / "node.key");
@@ -208,11 +212,12 @@ class Studio4 : public testing::Test {
     if (found == health.end() || !found->second.values.contains(name)) return -1;
     return found->second.values.at(name);
   }
-  /// Waits for fresh health in which `name` is at least `wanted`.
+  /// Waits up to 60 s for health of `node` in which `name` is at least `wanted`. False at timeout.
   bool reaches(const std::string& node, const std::string& name, double wanted) {
     return becomes_true([&] { return value(node, name) >= wanted; }, within(60));
   }
-  /// Waits until nobody records any more, as at the end of a train of known length.
+  /// Waits up to 60 s until both nodes are idle, as after a train of known length. False at
+  /// timeout.
   bool becomes_idle() {
     const auto idle = [&] {
       const auto health = client_->health(within(5));
@@ -227,8 +232,8 @@ class Studio4 : public testing::Test {
 
   const TemporaryFolder folder_;
   const SigningKey authority_ = SigningKey::make();
-  const SigningKey cap02_ = SigningKey::make();  ///< where there are members
-  MemberList members_;                           ///< as it was written last
+  const SigningKey cap02_ = SigningKey::make();  ///< used with `has_members`
+  MemberList members_;                           ///< as last written
   std::string take_name_ = "kendo-07";
   std::optional<ChildProcess> simulator_;
   Studio studio_;

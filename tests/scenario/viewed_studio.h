@@ -1,4 +1,4 @@
-// A studio of four simulated cameras that v3d-viewd shows, and HTTP to it, for stories.
+// Test fixture: Studio4 with v3d-viewd, and an HTTP client for it.
 #pragma once
 
 #include <arpa/inet.h>
@@ -14,17 +14,18 @@
 
 namespace v3d::test {
 
-/// One HTTP connection, or WebSocket, as bytes.
+/// One HTTP or WebSocket connection to 127.0.0.1, as raw bytes. It sends its request at
+/// construction.
 class Connection {
  public:
   Connection(int port, const std::string& target, const std::string& more_fields,
              const std::string& method = "GET", const std::string& content = "")
       : fd_(socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0)) {
-    sockaddr_in there{};
-    there.sin_family = AF_INET;
-    there.sin_port = htons(static_cast<uint16_t>(port));
-    there.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
-    if (connect(fd_, reinterpret_cast<const sockaddr*>(&there), sizeof there) != 0) return;
+    sockaddr_in address{};
+    address.sin_family = AF_INET;
+    address.sin_port = htons(static_cast<uint16_t>(port));
+    address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+    if (connect(fd_, reinterpret_cast<const sockaddr*>(&address), sizeof address) != 0) return;
     const std::string request = method + " " + target +
                                 " HTTP/1.1\r\nHost: 127.0.0.1:" + std::to_string(port) + "\r\n" +
                                 more_fields + "\r\n" + content;
@@ -34,7 +35,7 @@ class Connection {
   Connection(const Connection&) = delete;
   Connection& operator=(const Connection&) = delete;
 
-  /// Everything that has come.
+  /// All bytes received until now. Does not wait.
   const std::string& text() {
     pollfd ready{fd_, POLLIN, 0};
     char part[65536];
@@ -45,8 +46,9 @@ class Connection {
     }
     return text_;
   }
-  bool hears(const std::string& what) {
-    return becomes_true([&] { return text().find(what) != std::string::npos; }, within(30));
+  /// Waits up to 30 s until the received bytes hold `part`. False at timeout.
+  bool receives(const std::string& part) {
+    return becomes_true([&] { return text().find(part) != std::string::npos; }, within(30));
   }
 
  private:
@@ -56,24 +58,25 @@ class Connection {
 
 inline constexpr char kOperatorToken[] = "operators-0123456789";
 
-/// Where v3d-viewd serves, once it does.
+/// Waits up to 30 s until v3d-viewd serves, and returns its port. Throws std::runtime_error.
 inline int served_port(const ChildProcess& viewd) {
-  std::string said;
+  std::string output;
   std::smatch found;
   const std::regex serves("serves http://127.0.0.1:(\\d+)/");
   becomes_true(
       [&] {
-        said = viewd.output();
-        return std::regex_search(said, found, serves);
+        output = viewd.output();
+        return std::regex_search(output, found, serves);
       },
       within(30));
-  if (found.empty()) throw std::runtime_error("v3d-viewd: " + said);
+  if (found.empty()) throw std::runtime_error("v3d-viewd: " + output);
   return std::stoi(found[1]);
 }
 
+/// Studio4 with v3d-viewd, which serves a minimal page.
 class ViewedStudio : public Studio4 {
  protected:
-  /// `more`: of the studio file's section [viewer].
+  /// `more`: lines appended to the section [viewer] of the studio file.
   explicit ViewedStudio(const std::string& more = "")
       : Studio4({.more = "\n[viewer]\nlisten = \"127.0.0.1:0\"\npage = \"page\"\n" + more}) {
     write_text(folder_ / "operator.token", std::string(kOperatorToken) + "\n");

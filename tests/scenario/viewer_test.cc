@@ -1,4 +1,4 @@
-// What a browser gets of a studio that records, from the real v3d-viewd.
+// Scenario tests of the HTTP and WebSocket replies of the real v3d-viewd while a studio records.
 #include <gtest/gtest.h>
 
 #include <fstream>
@@ -17,34 +17,34 @@ using test::within;
 
 constexpr int kPulses = 40;
 
-TEST_F(ViewedStudio, shows_browsers_its_state_its_pictures_its_meshes_and_its_take) {
+TEST_F(ViewedStudio, serves_state_previews_meshes_and_takes_to_browsers) {
   const auto studio = watch("/api/studio");
   const auto live = watch("/api/live");
-  EXPECT_TRUE(studio->hears("\"state\":\"idle\"")) << studio->text() << viewd_->output();
+  EXPECT_TRUE(studio->receives("\"state\":\"idle\"")) << studio->text() << viewd_->output();
   arm_and_start(kPulses);
-  EXPECT_TRUE(studio->hears("\"state\":\"recording\"")) << viewd_->output();
-  EXPECT_TRUE(studio->hears("\"type\":\"preview\"")) << viewd_->output();
-  EXPECT_TRUE(live->hears("\"pulse\":39")) << viewd_->output();
+  EXPECT_TRUE(studio->receives("\"state\":\"recording\"")) << viewd_->output();
+  EXPECT_TRUE(studio->receives("\"type\":\"preview\"")) << viewd_->output();
+  EXPECT_TRUE(live->receives("\"pulse\":39")) << viewd_->output();
   ASSERT_TRUE(becomes_idle()) << log();
   ASSERT_TRUE(command(CommandVerb::kStop).done()) << log();
-  EXPECT_TRUE(get("/api/takes")->hears("\"meshes\":40")) << get("/api/takes")->text();
-  EXPECT_TRUE(get("/api/takes")->hears("\"state\":\"complete\""));
-  EXPECT_TRUE(get("/api/takes/kendo-07/rig")->hears("\"name\":\"cam04\""));
-  EXPECT_TRUE(get("/takes/kendo-07/mesh.v3d")->hears("V3DM"));
-  EXPECT_TRUE(get("/takes/kendo-07/cam01.lcmlog")->hears("404 Not Found"));
-  EXPECT_TRUE(get("/api/takes/kendo-07/photographs/39/cam04.jpg")->hears("JFIF"));
-  EXPECT_TRUE(get("/api/takes/kendo-07/photographs/40/cam04.jpg")->hears("404 Not Found"));
+  EXPECT_TRUE(get("/api/takes")->receives("\"meshes\":40")) << get("/api/takes")->text();
+  EXPECT_TRUE(get("/api/takes")->receives("\"state\":\"complete\""));
+  EXPECT_TRUE(get("/api/takes/kendo-07/rig")->receives("\"name\":\"cam04\""));
+  EXPECT_TRUE(get("/takes/kendo-07/mesh.v3d")->receives("V3DM"));
+  EXPECT_TRUE(get("/takes/kendo-07/cam01.lcmlog")->receives("404 Not Found"));
+  EXPECT_TRUE(get("/api/takes/kendo-07/photographs/39/cam04.jpg")->receives("JFIF"));
+  EXPECT_TRUE(get("/api/takes/kendo-07/photographs/40/cam04.jpg")->receives("404 Not Found"));
 }
 
-TEST_F(ViewedStudio, outlives_whoever_sends_it_rubbish_or_never_reads) {
-  std::vector<std::unique_ptr<Connection>> strangers;
+TEST_F(ViewedStudio, survives_invalid_requests_and_clients_that_never_read) {
+  std::vector<std::unique_ptr<Connection>> clients;
   for (int i = 0; i < 40; ++i) {
-    strangers.push_back(watch("/api/live"));
-    strangers.push_back(std::make_unique<Connection>(port_, "/", std::string(20'000, 'x')));
-    strangers.push_back(std::make_unique<Connection>(port_, "\r\n\r\n\x16\x03\x01", "\r\n"));
+    clients.push_back(watch("/api/live"));
+    clients.push_back(std::make_unique<Connection>(port_, "/", std::string(20'000, 'x')));
+    clients.push_back(std::make_unique<Connection>(port_, "\r\n\r\n\x16\x03\x01", "\r\n"));
   }
-  strangers.clear();
-  EXPECT_TRUE(get("/")->hears("<!doctype html>")) << viewd_->output();
+  clients.clear();
+  EXPECT_TRUE(get("/")->receives("<!doctype html>")) << viewd_->output();
   EXPECT_TRUE(viewd_->runs());
   viewd_->signal(SIGTERM);
   EXPECT_EQ(viewd_->wait(within(10)), 0) << viewd_->output();
@@ -79,12 +79,12 @@ listen = "127.0.0.1:0"
 page = "page"
 )";
 
-/// v3d-viewd with so few descriptors that they run out.
-class NarrowViewer : public testing::Test {
+/// v3d-viewd with a limit of 40 descriptors, which the test exhausts.
+class ViewerWithFewDescriptors : public testing::Test {
  protected:
   static constexpr int kDescriptors = 40;
 
-  NarrowViewer() {
+  ViewerWithFewDescriptors() {
     std::filesystem::create_directories(folder_ / "page");
     std::ofstream(folder_ / "page/index.html") << "<!doctype html>";
     std::ofstream(folder_ / "studio.toml") << kSmallStudio;
@@ -97,10 +97,10 @@ class NarrowViewer : public testing::Test {
         folder_ / "v3d-viewd.log");
     port_ = served_port(*viewd_);
   }
-  int times_said(const std::string& what) const {
-    const std::string said = viewd_->output();
+  int count_in_log(const std::string& part) const {
+    const std::string output = viewd_->output();
     int count = 0;
-    for (size_t at = said.find(what); at != std::string::npos; at = said.find(what, at + 1)) {
+    for (size_t at = output.find(part); at != std::string::npos; at = output.find(part, at + 1)) {
       ++count;
     }
     return count;
@@ -111,21 +111,21 @@ class NarrowViewer : public testing::Test {
   int port_ = 0;
 };
 
-TEST_F(NarrowViewer, asks_seldom_for_connections_that_it_has_no_descriptor_for) {
-  std::vector<std::unique_ptr<Connection>> visitors;
+TEST_F(ViewerWithFewDescriptors, limits_the_rate_of_accept_attempts_without_free_descriptors) {
+  std::vector<std::unique_ptr<Connection>> clients;
   for (int i = 0; i < 2 * kDescriptors; ++i) {
-    visitors.push_back(std::make_unique<Connection>(port_, "/", ""));
+    clients.push_back(std::make_unique<Connection>(port_, "/", ""));
   }
   const std::string not_accepted = "a connection was not accepted";
-  ASSERT_TRUE(becomes_true([&] { return times_said(not_accepted) > 0; }, within(30)));
+  ASSERT_TRUE(becomes_true([&] { return count_in_log(not_accepted) > 0; }, within(30)));
   const MonotonicInstant begin = Monotonic::now();
-  ASSERT_TRUE(becomes_true([&] { return times_said(not_accepted) > 5; }, within(30)));
-  // Ten times a second: were it not to wait, it would be thousands.
+  ASSERT_TRUE(becomes_true([&] { return count_in_log(not_accepted) > 5; }, within(30)));
+  // The daemon tries ten times a second. Without a pause it would try thousands of times.
   const double seconds = to_seconds(Monotonic::now() - begin);
-  EXPECT_LE(times_said(not_accepted), 12 * (seconds + 1)) << seconds << " s";
-  EXPECT_GE(times_said("cannot accept a connection"), 1) << viewd_->output();
-  visitors.clear();
-  EXPECT_TRUE(Connection(port_, "/", "Connection: close\r\n").hears("<!doctype html>"))
+  EXPECT_LE(count_in_log(not_accepted), 12 * (seconds + 1)) << seconds << " s";
+  EXPECT_GE(count_in_log("cannot accept a connection"), 1) << viewd_->output();
+  clients.clear();
+  EXPECT_TRUE(Connection(port_, "/", "Connection: close\r\n").receives("<!doctype html>"))
       << viewd_->output();
 }
 

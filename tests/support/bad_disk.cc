@@ -1,8 +1,8 @@
-// Preloaded into a daemon (LD_PRELOAD), makes the disk of its takes a bad one: while the file
-// $V3D_BAD_DISK exists, it says what becomes of the event logs.
+// Fault injection for the disk of a daemon, preloaded with LD_PRELOAD. While the file $V3D_BAD_DISK
+// exists, it selects a fault of all event logs:
 //   slow N    every write takes N milliseconds
 //   broken    every write fails (EIO)
-//   forgets   writes succeed, and fsync() says that they did not reach the disk (EIO)
+//   forgets   writes succeed, and fsync() fails (EIO)
 #include <dlfcn.h>
 #include <sys/uio.h>
 #include <unistd.h>
@@ -23,12 +23,12 @@ bool is_event_log(int fd) {
   return length > 0 && std::string_view(path, static_cast<size_t>(length)).ends_with(".lcmlog");
 }
 
-struct Illness {
+struct DiskFault {
   std::string name;
   long milliseconds = 0;
 };
 
-Illness illness() {
+DiskFault disk_fault() {
   const char* control = std::getenv("V3D_BAD_DISK");
   std::FILE* file = control != nullptr ? std::fopen(control, "re") : nullptr;
   if (file == nullptr) return {};
@@ -48,17 +48,17 @@ Function* real(const char* name) {
 
 extern "C" ssize_t pwritev(int fd, const iovec* parts, int count, off_t offset) {
   static auto* const next = real<ssize_t(int, const iovec*, int, off_t)>("pwritev");
-  const Illness ill = is_event_log(fd) ? illness() : Illness();
-  const timespec pause{0, ill.milliseconds * 1'000'000};
+  const DiskFault fault = is_event_log(fd) ? disk_fault() : DiskFault();
+  const timespec pause{0, fault.milliseconds * 1'000'000};
   nanosleep(&pause, nullptr);
-  if (ill.name != "broken") return next(fd, parts, count, offset);
+  if (fault.name != "broken") return next(fd, parts, count, offset);
   errno = EIO;
   return -1;
 }
 
 extern "C" int fsync(int fd) {
   static auto* const next = real<int(int)>("fsync");
-  if (!is_event_log(fd) || illness().name != "forgets") return next(fd);
+  if (!is_event_log(fd) || disk_fault().name != "forgets") return next(fd);
   errno = EIO;
   return -1;
 }

@@ -1,4 +1,4 @@
-// A take as tests begin it.
+// The take.toml of a take that is being recorded, for tests.
 #pragma once
 
 #include <string>

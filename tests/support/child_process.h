@@ -1,4 +1,4 @@
-// A program that a scenario starts and ends.
+// A child process of a test.
 #pragma once
 
 #include <sys/types.h>
@@ -12,11 +12,13 @@
 
 namespace v3d::test {
 
+/// Not thread-safe. The child is killed when its parent thread ends.
 class ChildProcess {
  public:
-  /// Standard output and standard error go to `log`.
+  /// Starts `command`, whose first part is the path of a program. Standard output and standard
+  /// error are appended to `log`.
   ChildProcess(const std::vector<std::string>& command, std::filesystem::path log);
-  /// Kills it when it still runs.
+  /// Kills the process when it still runs.
   ~ChildProcess();
   ChildProcess(const ChildProcess&) = delete;
   ChildProcess& operator=(const ChildProcess&) = delete;
@@ -24,8 +26,10 @@ class ChildProcess {
   pid_t pid() const { return pid_; }
   void signal(int number) const;
   bool runs();
-  /// The exit status (128 + signal when it was killed); empty when it still runs at `deadline`.
+  /// Waits for the exit status (128 + signal when it was killed); empty when it still runs at
+  /// `deadline`.
   std::optional<int> wait(MonotonicInstant deadline);
+  /// The contents of the log.
   std::string output() const;
 
  private:
@@ -34,12 +38,11 @@ class ChildProcess {
   std::optional<int> status_;
 };
 
-/// True once `condition()` holds, false when it does not until `deadline`.
+/// Polls every 10 ms. True once `condition()` holds, false when it does not hold until `deadline`.
 template <class Condition>
 bool becomes_true(Condition condition, MonotonicInstant deadline) {
   while (!condition()) {
     if (Monotonic::now() > deadline) return false;
-    // A poll interval, not a guess at how long anything takes.
     struct timespec pause {
       0, 10'000'000
     };

@@ -1,6 +1,5 @@
-// A signal generator as far as a studio talks to one: remembers what it is told, answers what it is
-// asked, and says when pulses begin and end. Used by the unit tests and by the USB gadget of the
-// lab.
+// Simulated signal generator: stores the settings of SCPI commands, answers queries, and knows how
+// many pulses it is making. Used by the unit tests and by the USB gadget of the lab.
 #pragma once
 
 #include <cstdint>
@@ -13,14 +12,14 @@
 
 namespace v3d::test {
 
-/// One thread.
+/// Not thread-safe.
 class FakeGenerator {
  public:
   /// "keysight33500", "rigol-dg", "siglent-sdg" or "bnc575", as in the studio file.
   explicit FakeGenerator(std::string dialect) : dialect_(std::move(dialect)) {}
 
-  /// The answer, if there is one. A line that begins with a header in `lies` is answered, and not
-  /// carried out.
+  /// Processes one command line without its line end. Returns the answer, if there is one. A
+  /// setting whose header is `lies` is acknowledged but not stored.
   std::optional<std::string> hear(const std::string& line) {
     heard.push_back(line);
     if (line == "*IDN?") return identity();
@@ -33,9 +32,9 @@ class FakeGenerator {
     const bool keyed = dialect_ == "siglent-sdg";
     if (line.back() == '?') return keyed ? keyed_answer(line) : plain_answer(line);
     if (keyed) {
-      remember_keyed(line);
+      store_keyed(line);
     } else {
-      remember(line);
+      store(line);
     }
     if (!output_on()) pulses = 0;
     return acknowledgement();
@@ -57,9 +56,9 @@ class FakeGenerator {
     return number(dialect_ == "rigol-dg" ? ":SOUR1:FUNC:PULS:WIDT" : "SOUR1:FUNC:PULS:WIDT");
   }
 
-  std::vector<std::string> heard;
-  std::string lies;    ///< a setting that it ignores
-  int64_t pulses = 0;  ///< that it is making since the last start; -1: without end
+  std::vector<std::string> heard;  ///< all received lines
+  std::string lies;                ///< header of a setting that it ignores
+  int64_t pulses = 0;              ///< length of the train since the last start; -1: without end
 
  private:
   std::string identity() const {
@@ -81,7 +80,7 @@ class FakeGenerator {
     if (line != ":PULSE0:STATE ON") {
       return line == "*TRG" || line == ":SOUR1:BURS:TRIG" || line == "C1:BTWV MTRIG";
     }
-    remember(line);
+    store(line);
     return true;
   }
   void fire() {
@@ -99,12 +98,12 @@ class FakeGenerator {
     pulses = count == "INF" ? -1 : std::atoll(count.c_str());
   }
 
-  void remember(const std::string& line) {
+  void store(const std::string& line) {
     const size_t space = line.find(' ');
     const std::string header = line.substr(0, space);
     if (space != std::string::npos && header != lies) settings_[header] = line.substr(space + 1);
   }
-  /// In the notation that such instruments like.
+  /// Answer to a query, in the number format of such instruments.
   std::string plain_answer(const std::string& line) const {
     const std::string value = get(line.substr(0, line.size() - 1));
     char* end = nullptr;
@@ -117,8 +116,8 @@ class FakeGenerator {
     return text;
   }
 
-  /// "C1:BSWV KEY,VALUE,..." and "C1:OUTP ON".
-  void remember_keyed(const std::string& line) {
+  /// Stores settings of the forms "C1:BSWV KEY,VALUE" and "C1:OUTP ON".
+  void store_keyed(const std::string& line) {
     const size_t space = line.find(' ');
     const size_t comma = line.find(',');
     const std::string header = line.substr(0, space);

@@ -1,5 +1,5 @@
-// Sends images as a GigE Vision camera does, in place of Aravis' fake camera: with chunk data,
-// which that one has not, and to whom and when a test wants.
+// Sender of GigE Vision images (GVSP), instead of Aravis' fake camera: it sends chunk data, which
+// the fake camera does not, at the time that a test chooses.
 #pragma once
 
 #include <arpa/inet.h>
@@ -16,7 +16,7 @@
 
 namespace v3d::test {
 
-/// Bytes in network order.
+/// Writer of integers and floats in network byte order.
 class NetworkBytes {
  public:
   NetworkBytes& u16(uint16_t value) { return integer(value, 2); }
@@ -36,7 +36,7 @@ class NetworkBytes {
   std::vector<uint8_t> bytes_;
 };
 
-/// To a port of 127.0.0.1. After the GigE Vision specification 2.0, GVSP.
+/// Sends to a port of 127.0.0.1. Source: GigE Vision specification 2.0, GVSP.
 class GvspSender {
  public:
   explicit GvspSender(uint16_t port) : socket_(socket(AF_INET, SOCK_DGRAM, 0)) {
@@ -48,7 +48,8 @@ class GvspSender {
   GvspSender(const GvspSender&) = delete;
   GvspSender& operator=(const GvspSender&) = delete;
 
-  /// A Mono8 image and the chunks behind it, in packets of at most `packet_bytes` of payload.
+  /// Sends `payload`, a Mono8 image followed by its chunks, in packets of at most `packet_bytes`
+  /// bytes of payload. Throws std::runtime_error.
   void send_image(uint16_t frame, ImageSize size, std::span<const uint8_t> payload,
                   size_t packet_bytes) {
     constexpr uint16_t kImageWithChunks = 0x4001;

@@ -20,7 +20,7 @@ std::string run(const std::string& command) {
   return std::system((command + " >/dev/null 2>&1").c_str()) == 0 ? "" : command + " failed";
 }
 
-/// Moves this process, before any thread begins, onto the operator's host.
+/// Moves this process into the namespaces of the operator's host, before any thread starts.
 class OperatorsHost : public testing::Environment {
  public:
   void SetUp() override {
@@ -61,11 +61,11 @@ Host::~Host() {
 }
 
 HostNetwork::HostNetwork(size_t hosts) {
-  for (size_t i = 0; i < hosts; ++i) lay_cable(i);
-  lay_operators_cable();
+  for (size_t i = 0; i < hosts; ++i) connect_host(i);
+  connect_operator();
 }
 
-/// A cable goes with either of its ends; the next test lays its own.
+/// Removing one end of a cable removes the cable. The next test creates its own.
 HostNetwork::~HostNetwork() {
   for (const std::string& port : ports_) run("ip link del " + port);
 }
@@ -74,7 +74,7 @@ std::vector<std::string> HostNetwork::enter(size_t host) const {
   return {"/usr/bin/nsenter", "--net=/proc/" + std::to_string(pid(host)) + "/ns/net"};
 }
 
-void HostNetwork::lay_cable(size_t i) {
+void HostNetwork::connect_host(size_t i) {
   const std::string number = std::to_string(i);
   const std::string host = "h" + number, port = "sw" + number;
   const std::string pid = std::to_string(hosts_.emplace_back(std::make_unique<Host>())->pid());
@@ -89,7 +89,7 @@ void HostNetwork::lay_cable(size_t i) {
   ports_.push_back(port);
 }
 
-void HostNetwork::lay_operators_cable() {
+void HostNetwork::connect_operator() {
   EXPECT_EQ(run("ip link add desk" + std::string(kPair) + "swdesk && ip link set swdesk" + kLink +
                 " && ip addr add 10.7.0.99/24 dev desk && ip link set desk" + kLink +
                 " && ip route add 224.0.0.0/4 dev desk"),

@@ -1,6 +1,7 @@
-// Hosts on one network: each is a network namespace with a cable to a port of a switch. A program
-// that is linked with this runs its tests on the operator's host, in user and network namespaces of
-// its own; they are skipped where none can be had.
+// Simulated hosts on one network: each is a network namespace with a virtual cable (veth) to a port
+// of a switch. A test program that is linked with this runs its tests on the operator's host, in
+// new user and network namespaces. The tests are skipped where the system does not permit
+// namespaces.
 #pragma once
 
 #include <sys/types.h>
@@ -11,10 +12,10 @@
 
 namespace v3d::test {
 
-/// A network namespace of its own, as long as it lives.
+/// A process in a new network namespace, which exists until destruction.
 class Host {
  public:
-  /// Adds a failure to the test where that is not possible.
+  /// Adds a test failure when the namespace cannot be created.
   Host();
   ~Host();
   Host(const Host&) = delete;
@@ -26,7 +27,7 @@ class Host {
   pid_t pid_ = -1;
 };
 
-/// Hosts 0 to n - 1, with the addresses of simulated cameras on `lo`, and the operator's.
+/// Hosts 0 to n - 1, with the addresses of simulated cameras on `lo`, and the operator's host.
 class HostNetwork {
  public:
   explicit HostNetwork(size_t hosts);
@@ -34,16 +35,17 @@ class HostNetwork {
   HostNetwork(const HostNetwork&) = delete;
   HostNetwork& operator=(const HostNetwork&) = delete;
 
-  /// Of a process whose network is the host's.
+  /// A process in the network namespace of the host.
   pid_t pid(size_t host) const { return hosts_[host]->pid(); }
-  /// In front of a command that shall run there.
+  /// Prefix of a command that runs on the host.
   std::vector<std::string> enter(size_t host) const;
-  /// The other ends of the cables, in the order of the hosts; the last is the operator's.
+  /// Interfaces at the switch's ends of the cables, in the order of the hosts; the last one belongs
+  /// to the operator's host.
   const std::vector<std::string>& ports() const { return ports_; }
 
  private:
-  void lay_cable(size_t i);
-  void lay_operators_cable();
+  void connect_host(size_t i);
+  void connect_operator();
 
   std::vector<std::unique_ptr<Host>> hosts_;
   std::vector<std::string> ports_;

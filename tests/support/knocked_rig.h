@@ -1,5 +1,5 @@
-// Rigs whose cameras are not where they are said to be, and how far two rigs are apart: for the
-// tests and the trials of what sets a rig right.
+// Rigs with randomly displaced cameras, and the distance between two rigs, for tests and benchmarks
+// of rig refinement.
 #pragma once
 
 #include <Eigen/Core>
@@ -14,28 +14,28 @@
 
 namespace v3d::test {
 
-/// Every camera turned and moved so that what it sees, 3 m away, shifts by about so many pixels
-/// either way.
+/// `rig` with every camera turned and moved at random, so that points at 3 m shift by about `px`
+/// pixels. Deterministic for one `seed`.
 inline Rig knocked(const Rig& rig, double px, uint64_t seed) {
-  constexpr double kDistance = 3;  // metres to the performer
+  constexpr double kDistance = 3;  // to the performer, metres
   Rig result = rig;
   for (size_t c = 0; c < rig.size(); ++c) {
     const CameraModel& m = rig[c].model;
     const double radians = px / m.matrix()(0, 0);
-    const auto any = [&](uint64_t k) {
+    const auto random_vector = [&](uint64_t k) {
       const uint64_t n = 100 * c + k;
       return Eigen::Vector3d(sim::uniform(seed, n, -1.7, 1.7), sim::uniform(seed, n + 1, -1.7, 1.7),
                              sim::uniform(seed, n + 2, -1.7, 1.7));
     };
-    const RigidTransform turn =
-        RigidTransform::from_rodrigues(radians * any(0), kDistance * radians * any(5));
+    const RigidTransform turn = RigidTransform::from_rodrigues(
+        radians * random_vector(0), kDistance * radians * random_vector(5));
     result[c].model = CameraModel(m.size(), m.matrix(), m.distortion(), turn * m.cam_from_world());
   }
   return result;
 }
 
-/// Root mean square distance of where the two rigs see 27 places of the performer's space, pixels,
-/// after the worlds are brought together.
+/// Root mean square distance, in pixels, between the projections of 27 points of the performer's
+/// space into the two rigs, after `rig` is aligned with `truth` by the camera centres.
 inline double error_px(const Rig& rig, const Rig& truth) {
   std::vector<Eigen::Vector3d> from, to;
   for (size_t c = 0; c < rig.size(); ++c) {

@@ -1,4 +1,4 @@
-// Another process that holds the lock of a node on a take.
+// A child process that holds the lock of a node on a take.
 #pragma once
 
 #include <sys/wait.h>
@@ -15,7 +15,7 @@ namespace v3d::test {
 
 class LockHolder {
  public:
-  /// Returns when the process holds the lock.
+  /// Returns when the process holds the lock. Throws std::runtime_error when it does not get it.
   LockHolder(const TakePaths& paths, const std::string& node) {
     int ends[2];
     if (pipe(ends) != 0) throw std::runtime_error("pipe");
@@ -32,7 +32,7 @@ class LockHolder {
   LockHolder& operator=(const LockHolder&) = delete;
 
   pid_t pid() const { return pid_; }
-  /// Ends it as a crash does: its lock file stays.
+  /// Kills the process, as in a crash: its lock file stays.
   void kill() {
     if (pid_ <= 0) return;
     ::kill(pid_, SIGKILL);

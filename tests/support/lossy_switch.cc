@@ -17,7 +17,7 @@
 namespace v3d::test {
 namespace {
 
-constexpr size_t kLargestFrame = 1 << 16;
+constexpr size_t kMaxFrame = 1 << 16;
 constexpr size_t kIp = 14;
 constexpr size_t kLcmHeader = 8;  // "LC02" and LCM's own sequence number
 
@@ -30,20 +30,21 @@ int open_port(const std::string& name) {
   if (fd < 0 || bind(fd, reinterpret_cast<sockaddr*>(&address), sizeof address) != 0) {
     throw std::runtime_error(errno_message("switch port " + name));
   }
-  // What arrives while the host gives the switch no time waits: it loses only what it is asked to.
+  // The receive buffer holds frames while the switch gets no processor time, so that it drops only
+  // frames that it is to drop.
   const int room = 4 << 20;
   setsockopt(fd, SOL_SOCKET, SO_RCVBUF, &room, sizeof room);
   return fd;
 }
 
-/// Where the UDP header stands; 0 when the frame has none.
+/// Offset of the UDP header in the frame; 0 when it has none.
 size_t udp_of(const std::vector<uint8_t>& frame) {
   if (frame.size() < kIp + 20 || frame[kIp + 9] != IPPROTO_UDP) return 0;
   const size_t udp = kIp + 4 * (frame[kIp] & 15U);
   return frame.size() >= udp + 8 ? udp : 0;
 }
 
-/// "" when the frame is no LCM message that fits into one datagram.
+/// The LCM channel of a frame; "" when it is not an LCM message in one datagram.
 std::string channel_of(const std::vector<uint8_t>& frame, size_t udp) {
   const size_t lcm = udp + 8;
   const std::string magic = "LC02";
@@ -56,8 +57,8 @@ std::string channel_of(const std::vector<uint8_t>& frame, size_t udp) {
 
 }  // namespace
 
-LossySwitch::LossySwitch(const std::vector<std::string>& ports, Road road)
-    : road_(road), random_(road.seed) {
+LossySwitch::LossySwitch(const std::vector<std::string>& ports, LinkFaults faults)
+    : faults_(faults), random_(faults.seed) {
   for (const std::string& port : ports) sockets_.push_back(open_port(port));
   thread_ = std::thread([this] { run(); });
 }
@@ -79,8 +80,8 @@ void LossySwitch::run() {
   std::vector<pollfd> watched;
   for (const int fd : sockets_) watched.push_back({fd, POLLIN, 0});
   while (!stopping_) {
-    const timespec look{0, 1'000'000};
-    ppoll(watched.data(), watched.size(), &look, nullptr);
+    const timespec interval{0, 1'000'000};
+    ppoll(watched.data(), watched.size(), &interval, nullptr);
     for (size_t port = 0; port < watched.size(); ++port) {
       if (watched[port].revents != 0) receive_all(port);
     }
@@ -90,7 +91,7 @@ void LossySwitch::run() {
 
 void LossySwitch::receive_all(size_t port) {
   for (;;) {
-    Bytes frame(kLargestFrame);
+    Bytes frame(kMaxFrame);
     sockaddr_ll from{};
     socklen_t size = sizeof from;
     const ssize_t n = recvfrom(sockets_[port], frame.data(), frame.size(), MSG_DONTWAIT,
@@ -104,7 +105,8 @@ void LossySwitch::receive_all(size_t port) {
 void LossySwitch::receive(size_t port, Bytes frame) {
   const size_t udp = udp_of(frame);
   if (udp == 0) return;
-  // The sender left its checksum to a card that is none; 0 says that there is no checksum.
+  // The sender leaves the checksum to the network card, and a virtual link computes none. 0 means
+  // that there is no checksum.
   frame[udp + 6] = frame[udp + 7] = 0;
   distribute(port, frame, channel_of(frame, udp));
 }
@@ -114,22 +116,22 @@ void LossySwitch::distribute(size_t from, const Bytes& frame, const std::string&
   std::uniform_real_distribution<> part;
   for (size_t port = 0; port < sockets_.size(); ++port) {
     if (port == from) continue;
-    if (!channel.empty() && part(random_) < road_.loss) {
+    if (!channel.empty() && part(random_) < faults_.loss) {
       const std::lock_guard lock(mutex_);
       ++lost_[{channel, port}];
       continue;
     }
-    const auto delay = from_seconds(part(random_) * to_seconds(road_.slowest));
-    on_their_way_.push({now + delay, ++numbered_, port, frame});
+    const auto delay = from_seconds(part(random_) * to_seconds(faults_.max_delay));
+    delayed_.push({now + delay, ++numbered_, port, frame});
   }
 }
 
 void LossySwitch::deliver() {
-  while (!on_their_way_.empty() && on_their_way_.top().due <= Monotonic::now()) {
-    const Parcel& parcel = on_their_way_.top();
-    send(sockets_[parcel.port], parcel.bytes.data(), parcel.bytes.size(), 0);
+  while (!delayed_.empty() && delayed_.top().due <= Monotonic::now()) {
+    const DelayedFrame& frame = delayed_.top();
+    send(sockets_[frame.port], frame.bytes.data(), frame.bytes.size(), 0);
     ++forwarded_;
-    on_their_way_.pop();
+    delayed_.pop();
   }
 }
 

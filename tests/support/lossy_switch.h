@@ -1,5 +1,6 @@
-// A switch between hosts (network namespaces) that loses, delays and reorders what it forwards, and
-// keeps account of it: the kernel's netem, which not every kernel has, does not.
+// A simulated Ethernet switch between hosts (network namespaces) that drops, delays and reorders
+// frames and counts the dropped ones. The kernel's netem does not count them, and some kernels lack
+// it.
 #pragma once
 
 #include <atomic>
@@ -17,34 +18,39 @@
 
 namespace v3d::test {
 
-struct Road {
-  double loss = 0;     ///< of the LCM datagrams, for every receiver by itself
-  Duration slowest{};  ///< each takes from nothing to so long: later ones overtake
+/// Faults of every link.
+struct LinkFaults {
+  double loss = 0;       ///< probability that an LCM datagram is dropped, for each receiver
+  Duration max_delay{};  ///< each frame is delayed by 0 to this time, so frames are reordered
   uint32_t seed = 20090219;
 };
 
 /// Forwards every frame that one port receives to all others, as a switch does with multicast. A
-/// datagram must fit into one frame: the ports want a large MTU.
+/// datagram must fit into one frame, so the ports need a large MTU.
+///
+/// Runs a thread of its own. lost() and forwarded() may be called from any thread.
 class LossySwitch {
  public:
-  /// `ports`: names of interfaces of this network namespace, up. Throws std::runtime_error.
-  LossySwitch(const std::vector<std::string>& ports, Road road);
+  /// `ports`: names of interfaces of this network namespace that are up. Throws std::runtime_error
+  /// when one cannot be opened.
+  LossySwitch(const std::vector<std::string>& ports, LinkFaults faults);
   ~LossySwitch();
   LossySwitch(const LossySwitch&) = delete;
   LossySwitch& operator=(const LossySwitch&) = delete;
 
-  /// LCM messages on `channel` that were not forwarded to `port`.
+  /// Number of LCM messages on `channel` that were dropped instead of forwarded to `port`.
   int64_t lost(const std::string& channel, size_t port) const;
+  /// Number of forwarded frames.
   int64_t forwarded() const { return forwarded_; }
 
  private:
   using Bytes = std::vector<uint8_t>;
-  struct Parcel {
+  struct DelayedFrame {
     MonotonicInstant due;
     int64_t number;
     size_t port;
     Bytes bytes;
-    bool operator<(const Parcel& other) const {
+    bool operator<(const DelayedFrame& other) const {
       return std::tie(other.due, other.number) < std::tie(due, number);
     }
   };
@@ -54,10 +60,10 @@ class LossySwitch {
   void distribute(size_t from, const Bytes& frame, const std::string& channel);
   void deliver();
 
-  const Road road_;
+  const LinkFaults faults_;
   std::mt19937 random_;
   std::vector<int> sockets_;
-  std::priority_queue<Parcel> on_their_way_;
+  std::priority_queue<DelayedFrame> delayed_;
   int64_t numbered_ = 0;
   std::atomic<int64_t> forwarded_ = 0;
   mutable std::mutex mutex_;

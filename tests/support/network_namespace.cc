@@ -1,7 +1,7 @@
-// A program that is linked with this runs its tests in user and network namespaces of its own,
-// where `lo` has a multicast route and the addresses of simulated cameras: nothing of it reaches
-// the host, and tests can run side by side. Nor do their mounts. The tests are skipped where no
-// namespace can be had.
+// Private namespaces for tests. A program that is linked with this runs its tests in new user,
+// network and mount namespaces, where `lo` has a multicast route and the addresses of simulated
+// cameras. Messages and mounts do not reach the host, and test programs can run in parallel. The
+// tests are skipped where the system does not permit namespaces.
 #include <gtest/gtest.h>
 #include <sched.h>
 #include <unistd.h>
@@ -14,9 +14,9 @@
 namespace v3d::test {
 namespace {
 
-/// Moves this process, and the children to come, before any thread begins. Empty when that worked,
-/// else why not.
-std::string enter_network_of_its_own() {
+/// Moves this process and its later children into new namespaces, before any thread starts. Returns
+/// an empty string, or the error.
+std::string enter_namespaces() {
   const uid_t user = getuid();
   const gid_t group = getgid();
   if (unshare(CLONE_NEWUSER | CLONE_NEWNET | CLONE_NEWNS) != 0) return errno_message("unshare");
@@ -33,7 +33,7 @@ std::string enter_network_of_its_own() {
 class OwnNetwork : public testing::Environment {
  public:
   void SetUp() override {
-    const std::string problem = enter_network_of_its_own();
+    const std::string problem = enter_namespaces();
     if (!problem.empty()) GTEST_SKIP() << "skipped: no network namespace here: " << problem;
   }
 };

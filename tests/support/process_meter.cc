@@ -28,11 +28,11 @@ int64_t entries_of(const std::string& folder) {
 double processor_seconds(const std::string& folder) {
   std::ifstream file(folder + "/stat");
   std::string text((std::istreambuf_iterator<char>(file)), {});
-  const size_t behind_name = text.rfind(')');
-  if (behind_name == std::string::npos) return 0;
-  std::istringstream fields(text.substr(behind_name + 1));
-  std::string passed_over;
-  for (int field = 3; field < 14; ++field) fields >> passed_over;
+  const size_t name_end = text.rfind(')');
+  if (name_end == std::string::npos) return 0;
+  std::istringstream fields(text.substr(name_end + 1));
+  std::string skipped;
+  for (int field = 3; field < 14; ++field) fields >> skipped;
   double user = 0, system = 0;
   fields >> user >> system;
   return (user + system) / static_cast<double>(sysconf(_SC_CLK_TCK));
@@ -56,7 +56,7 @@ ProcessSample sample(pid_t process) {
   return sample;
 }
 
-ProcessMeter::ProcessMeter(pid_t process) : process_(process), began_(Monotonic::now()) {
+ProcessMeter::ProcessMeter(pid_t process) : process_(process), start_(Monotonic::now()) {
   thread_ = std::thread([this] {
     while (!stopping_) {
       ProcessSample now = sample(process_);
@@ -76,7 +76,7 @@ ProcessMeter::~ProcessMeter() {
   thread_.join();
 }
 
-double ProcessMeter::now() const { return to_seconds(Monotonic::now() - began_); }
+double ProcessMeter::now() const { return to_seconds(Monotonic::now() - start_); }
 
 std::vector<ProcessSample> ProcessMeter::since(double from) const {
   const std::lock_guard lock(mutex_);

@@ -1,4 +1,4 @@
-// Datagrams as they are on the network: sent as they stand, and recorded.
+// Raw LCM datagrams: composed, sent and received without the bus.
 #pragma once
 
 #include <arpa/inet.h>
@@ -29,7 +29,7 @@ inline void put_text(RawDatagram& bytes, std::string_view text) {
   bytes.insert(bytes.end(), text.begin(), text.end());
 }
 
-/// A short message's head, and `channel` without a NUL behind it.
+/// The header of a short message, followed by `channel` without a NUL.
 inline RawDatagram short_datagram(uint32_t sequence, std::string_view channel) {
   RawDatagram bytes = {'L', 'C', '0', '2'};
   put32(bytes, sequence);
@@ -44,7 +44,8 @@ struct RawFragment {
   uint16_t number = 0;
   uint16_t count = 2;
 };
-/// A fragment's header alone; for number 0, the channel with its NUL is to follow.
+/// The header of a fragment. The caller appends the channel with its NUL for number 0, and the
+/// data.
 inline RawDatagram fragment_header(const RawFragment& fragment) {
   RawDatagram bytes = {'L', 'C', '0', '3'};
   for (const uint32_t field : {fragment.sequence, fragment.message_size, fragment.offset}) {
@@ -54,20 +55,21 @@ inline RawDatagram fragment_header(const RawFragment& fragment) {
   return bytes;
 }
 
-/// One socket of somebody on the network: sends to a group, and receives what is sent to it.
+/// Sends datagrams to a multicast group and receives those that any process sends to it.
 class RawSocket {
  public:
+  /// `url`: an LCM URL (udpm). Throws std::runtime_error when the group cannot be joined.
   explicit RawSocket(const std::string& url) {
     const auto group = lcm_group(url).value();
     group_.sin_family = AF_INET;
     group_.sin_port = htons(group.port);
     inet_pton(AF_INET, group.address.c_str(), &group_.sin_addr);
     const int on = 1;
-    const int room = 4 << 20;
+    const int buffer_bytes = 4 << 20;
     ip_mreq membership{};
     membership.imr_multiaddr = group_.sin_addr;
     setsockopt(listener_, SOL_SOCKET, SO_REUSEADDR, &on, sizeof on);
-    setsockopt(listener_, SOL_SOCKET, SO_RCVBUF, &room, sizeof room);
+    setsockopt(listener_, SOL_SOCKET, SO_RCVBUF, &buffer_bytes, sizeof buffer_bytes);
     if (bind(listener_, generic(), sizeof group_) != 0 ||
         setsockopt(listener_, IPPROTO_IP, IP_ADD_MEMBERSHIP, &membership, sizeof membership) != 0) {
       throw std::runtime_error("cannot join " + url);
@@ -83,7 +85,7 @@ class RawSocket {
   void send(const RawDatagram& bytes) const {
     sendto(sender_, bytes.data(), bytes.size(), 0, generic(), sizeof group_);
   }
-  /// What has been sent to the group, one at a time; empty after `wait`.
+  /// The next datagram of the group; empty when none arrives within `wait`.
   RawDatagram receive(Duration wait) const {
     pollfd watched = {listener_, POLLIN, 0};
     const auto ms = std::chrono::duration_cast<std::chrono::milliseconds>(wait).count();
@@ -93,7 +95,7 @@ class RawSocket {
     bytes.resize(size > 0 ? static_cast<size_t>(size) : 0);
     return bytes;
   }
-  /// All that is sent until `wait` passes without anything, or there are `count`.
+  /// Receives until there are `count` datagrams or none arrives within `wait`.
   std::vector<RawDatagram> receive_all(size_t count, Duration wait) const {
     std::vector<RawDatagram> all;
     while (all.size() < count) {

@@ -1,6 +1,6 @@
-// Preloaded into daemons (LD_PRELOAD), sets the wall clock of one of them: while the file
-// $V3D_SET_CLOCK exists, the CLOCK_REALTIME of the program $V3D_SET_CLOCK_OF is as many seconds
-// ahead of the right time as the file says, or behind where the number is negative.
+// Fault injection for the wall clock of a daemon, preloaded with LD_PRELOAD. While the file
+// $V3D_SET_CLOCK exists, the CLOCK_REALTIME of the program $V3D_SET_CLOCK_OF is ahead of the right
+// time by the number of seconds in the file; a negative number puts it behind.
 #include <dlfcn.h>
 
 #include <atomic>
@@ -29,15 +29,15 @@ long read_seconds() {
   return seconds;
 }
 
-bool is_meant() {
-  static const bool meant = [] {
+bool is_target_program() {
+  static const bool is_target = [] {
     const char* const program = std::getenv("V3D_SET_CLOCK_OF");
     return program != nullptr && std::string_view(program) == program_invocation_short_name;
   }();
-  return meant;
+  return is_target;
 }
 
-/// The file is read ten times a second at most.
+/// The offset of the clock, seconds. Reads the file at most ten times a second.
 long seconds_ahead() {
   static std::atomic<long> known = 0;
   static std::atomic<long long> read_at = -1;
@@ -52,6 +52,6 @@ long seconds_ahead() {
 
 extern "C" int clock_gettime(clockid_t clock, timespec* time) noexcept {
   const int error = real()(clock, time);
-  if (error == 0 && clock == CLOCK_REALTIME && is_meant()) time->tv_sec += seconds_ahead();
+  if (error == 0 && clock == CLOCK_REALTIME && is_target_program()) time->tv_sec += seconds_ahead();
   return error;
 }

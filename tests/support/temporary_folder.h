@@ -1,5 +1,5 @@
-// A folder that a test may fill, gone when the test is over. A test that is killed leaves its own
-// behind: its name holds the process, and the next test program takes it away.
+// A temporary folder for a test, removed at destruction. A killed test leaves its folder behind.
+// The folder's name holds the process ID, and the next test program removes it.
 #pragma once
 
 #include <signal.h>
@@ -15,10 +15,10 @@
 
 namespace v3d::test {
 
-/// In front of the number of the process.
+/// Prefix of a folder's name; the process ID follows.
 inline constexpr char kTemporaryPrefix[] = "v3d-test-";
 
-/// The process that a folder of this name belongs to; 0 where it is no temporary folder.
+/// The ID of the process that owns a folder of this name; 0 when it is not a temporary folder.
 inline pid_t temporary_owner(const std::string& name) {
   if (!name.starts_with(kTemporaryPrefix)) return 0;
   const char* const end = name.data() + name.size();
@@ -27,7 +27,7 @@ inline pid_t temporary_owner(const std::string& name) {
   return number.ec == std::errc() && number.ptr != end && *number.ptr == '-' ? pid : 0;
 }
 
-/// Removes the temporary folders in `where` whose processes exist no more, and nothing else.
+/// Removes the temporary folders in `where` whose processes no longer exist. Errors are ignored.
 inline void remove_leftovers(const std::filesystem::path& where) {
   std::error_code ignored;
   for (const auto& entry : std::filesystem::directory_iterator(where, ignored)) {
@@ -40,7 +40,8 @@ inline void remove_leftovers(const std::filesystem::path& where) {
 
 class TemporaryFolder {
  public:
-  explicit TemporaryFolder(const std::filesystem::path& where = usual_place()) {
+  /// Creates a folder in `where`. Throws std::runtime_error.
+  explicit TemporaryFolder(const std::filesystem::path& where = default_parent()) {
     const std::string name = kTemporaryPrefix + std::to_string(getpid()) + "-XXXXXX";
     std::string pattern = where / name;
     if (!mkdtemp(pattern.data())) throw std::runtime_error("mkdtemp");
@@ -57,14 +58,14 @@ class TemporaryFolder {
   std::filesystem::path operator/(const std::string& name) const { return path_ / name; }
 
  private:
-  /// Swept once by each process.
-  static std::filesystem::path usual_place() {
-    static const std::filesystem::path place = [] {
+  /// The system's temporary folder. The first call of a process removes leftovers there.
+  static std::filesystem::path default_parent() {
+    static const std::filesystem::path parent = [] {
       std::filesystem::path temporary = std::filesystem::temp_directory_path();
       remove_leftovers(temporary);
       return temporary;
     }();
-    return place;
+    return parent;
   }
 
   std::filesystem::path path_;

@@ -7,7 +7,8 @@
 
 namespace v3d {
 
-/// Of `scene`, which must be that of a ball. What it returns borrows from the scene.
+/// The frame of `pulse`, with all vertices in `colour`. `scene` must be that of a ball; the result
+/// borrows from it. Changes the colours of `scene`.
 inline FrameContent ball_frame(Scene& scene, int64_t pulse, VertexColour colour) {
   scene.colours.assign(scene.mesh.vertices.size(), colour);
   FrameContent content = scene.content(pulse);

@@ -1,31 +1,31 @@
-// The viewer as a person has it: v3d-viewd, the built page, Chromium.
+// Browser tests of the viewer: v3d-viewd, the built page, Chromium.
 import assert from 'node:assert/strict';
 import { execFileSync } from 'node:child_process';
 import { mkdirSync, readFileSync, writeFileSync } from 'node:fs';
 import { join } from 'node:path';
 import { after, before, test } from 'node:test';
-import { Eyes, isNear } from './eyes.mjs';
+import { PageProbe, isNear } from './eyes.mjs';
 import { launchBrowser, NO_GL, ServedStudio, WITHIN } from './served_studio.mjs';
 import { ssim } from './ssim.mjs';
 
 const build = process.env.V3D_BUILD;
 const studio = new ServedStudio(build);
 const { folder } = studio;
-let browser, page, eyes;
+let browser, page, probe;
 
-const text = (id) => eyes.text(id);
-const shows = (id, part) => eyes.shows(id, part);
+const text = (id) => probe.text(id);
+const shows = (id, part) => probe.shows(id, part);
 const open = (hash) => page.goto(`${studio.address}#${hash}`);
-const shownPulse = () => eyes.shownPulse();
-const showsPulse = (pulse) => eyes.showsPulse(pulse);
-const decode = (png) => eyes.decode(png);
-const colourAt = (across, down) => eyes.colourAt(across, down);
-const becomes = (check, what, seen) => eyes.becomes(check, what, seen);
+const shownPulse = () => probe.shownPulse();
+const showsPulse = (pulse) => probe.showsPulse(pulse);
+const decode = (png) => probe.decode(png);
+const colourAt = (across, down) => probe.colourAt(across, down);
+const becomes = (check, what, seen) => probe.becomes(check, what, seen);
 const middleBecomes = (wanted) => becomes(isNear(wanted), `wanted ${wanted}`);
 
 const v3dctl = (...words) => execFileSync(join(build, 'bin/v3dctl'), words, { cwd: folder });
 
-/** The ball twice, 1.4 s apart, and as a model below them. */
+/** A scene with the ball twice, 1.4 s apart, and a model of the ball below them. */
 const duel = {
   v3d_scene: 1, rate_hz: 25, seconds: 2,
   background: { colour: '#203040' },
@@ -48,14 +48,14 @@ before(async () => {
   browser = await launchBrowser();
   page = await browser.newPage({ viewport: { width: 1000, height: 640 } });
   page.setDefaultTimeout(WITHIN);
-  eyes = new Eyes(page);
+  probe = new PageProbe(page);
 });
 after(async () => {
   await browser?.close();
   await studio.end();
 });
 
-test('lists the takes, and says what one lacks', async () => {
+test('lists the takes and reports a take without meshes', async () => {
   await open('');
   await shows('takes', 'ball');
   assert.match(await text('takes'), /57 meshes/);
@@ -63,12 +63,12 @@ test('lists the takes, and says what one lacks', async () => {
   await shows('trouble', 'no meshes yet');
 });
 
-test('shows the pulse that the address names, in the colours of the mesh', async () => {
+test('shows the pulse of the address in the colours of the mesh', async () => {
   await open('take=ball&pulse=12');
   await showsPulse(12);
   await middleBecomes([40, 200, 40]);
   await page.keyboard.press('2');
-  await becomes(([red, green, up]) => up > 100 && (red !== 40 || green !== 200), 'normals, seen a little from above, point up as well');
+  await becomes(([red, green, up]) => up > 100 && (red !== 40 || green !== 200), 'colours of normals, which partly point up, because the camera looks from slightly above');
   await page.keyboard.press('1');
 });
 
@@ -86,7 +86,7 @@ test('steps by meshes and scrubs along the time line', async () => {
   await showsPulse(33); // 30 to 32 have none
 });
 
-test('plays on from the in point to the out point, again and again', async () => {
+test('plays repeatedly from the in point to the out point', async () => {
   await page.keyboard.press('i');
   await page.keyboard.press('Shift+ArrowRight');
   await page.keyboard.press('o');
@@ -94,12 +94,12 @@ test('plays on from the in point to the out point, again and again', async () =>
   const seen = new Set();
   await assert.doesNotReject(async () => {
     const until = Date.now() + WITHIN;
-    let turns = 0;
-    for (let last = 0; turns < 2; ) {
+    let rounds = 0;
+    for (let last = 0; rounds < 2; ) {
       const pulse = await shownPulse();
-      if (pulse < last) ++turns;
+      if (pulse < last) ++rounds;
       seen.add((last = pulse));
-      if (Date.now() > until) throw new Error(`saw only ${[...seen]}`);
+      if (Date.now() > until) throw new Error(`saw only the pulses ${[...seen]}`);
       await page.waitForTimeout(30);
     }
   });
@@ -107,13 +107,13 @@ test('plays on from the in point to the out point, again and again', async () =>
   await page.keyboard.press(' ');
 });
 
-test('stands where a camera stands', async () => {
+test('shows the view from the position of a camera', async () => {
   await page.click('[data-camera=cam01]');
   await page.waitForSelector('#image-frame:not([hidden])', { timeout: WITHIN });
   await middleBecomes([40, 40, 200]);
 });
 
-const settles = (scene) => eyes.settles(scene);
+const settles = (scene) => probe.settles(scene);
 
 test('composes takes and models into a scene, each at its place and time', async () => {
   await open('scene=duel&at=0.2');
@@ -121,17 +121,17 @@ test('composes takes and models into a scene, each at its place and time', async
   await becomes(isNear(GREEN), 'the first ball at 0.2 s', () => colourAt(0.32, 0.5));
   await becomes(isNear(BLUE), 'the second is 1.4 s ahead', () => colourAt(0.68, 0.5));
   await becomes(isNear(GREEN), 'the model below them', () => colourAt(0.5, 0.75));
-  await becomes(isNear([32, 48, 64]), 'behind all', () => colourAt(0.05, 0.5));
+  await becomes(isNear([32, 48, 64]), 'the background', () => colourAt(0.05, 0.5));
 });
 
-test('looks along the camera path of a scene as the native renderer does', async (story) => {
+test('renders a scene along its camera path like the native renderer', async (story) => {
   const { x, y, width, height } = await page.locator('#canvas').boundingBox();
   for (const at of [0.2, 1.2]) {
     await open(`scene=duel&at=${at}`);
     await page.reload();
     await page.evaluate(() => document.querySelectorAll('.stage > :not(canvas)').forEach((e) => (e.style.display = 'none')));
     await settles('duel');
-    await becomes(isNear([32, 48, 64]), 'behind all', () => colourAt(0.02, 0.02));
+    await becomes(isNear([32, 48, 64]), 'the background', () => colourAt(0.02, 0.02));
     v3dctl('render', '--scene', 'takes/duel/scene.json', '--at', String(at), '--size', `${width}x${height}`, 'native.png');
     const native = await decode(readFileSync(join(folder, 'native.png')));
     const shown = await decode(await page.screenshot({ clip: { x, y, width, height } }));
@@ -142,7 +142,7 @@ test('looks along the camera path of a scene as the native renderer does', async
   await page.reload();
 });
 
-test('saves a scene as it was edited', async () => {
+test('saves an edited scene', async () => {
   await settles('duel');
   await page.click('#scene-panel summary >> nth=0');
   await page.fill('#scene-panel [data-edit=move-x] >> nth=0', '-0.25');
@@ -156,14 +156,14 @@ test('saves a scene as it was edited', async () => {
   assert.equal(saved.camera.keys.length, 3);
 });
 
-test('names the field of a scene that is wrong', async () => {
+test('reports the invalid field of a scene', async () => {
   writeFileSync(join(folder, 'takes/duel/scene.json'), JSON.stringify({ ...duel, seconds: 'long' }));
   await open('scene=duel&at=1');
   await page.reload();
   await shows('trouble', 'duel/scene.json: seconds: expected a number');
 });
 
-test('connects again when the service has been restarted', async () => {
+test('reconnects after a restart of the service', async () => {
   await open('live');
   await shows('live-text', 'connected');
   await studio.stop();
@@ -179,7 +179,7 @@ test('shows operators which nodes are silent', async () => {
   assert.match(await text('banner'), /no studio key/);
 });
 
-test('says so where the browser has no WebGL 2', async () => {
+test('reports a browser without WebGL 2', async () => {
   const bare = await launchBrowser(NO_GL);
   const other = await bare.newPage();
   other.setDefaultTimeout(WITHIN);

@@ -1,4 +1,4 @@
-// Exported GLB files as Khronos' validator and three.js read them.
+// Tests of exported GLB files with Khronos' validator and three.js.
 import assert from 'node:assert/strict';
 import { execFileSync } from 'node:child_process';
 import { mkdtempSync, readFileSync, rmSync } from 'node:fs';
@@ -25,7 +25,7 @@ before(() => {
 });
 after(() => rmSync(folder, { recursive: true, force: true }));
 
-/** What the validator does not know, it says, and looks no further: tests/tools/glb_compression_test.cc looks on. */
+/** Issues about extensions that the validator does not know and does not check; glb_compression_test.cc in tests/tools does. */
 const EXPECTED = {
   none: [],
   draco: ['UNSUPPORTED_EXTENSION', 'UNUSED_OBJECT'],
@@ -47,14 +47,14 @@ for (const compress of ['none', 'draco', 'meshopt']) {
   }
 }
 
-test('the validator finds what is wrong with a file', async () => {
+test('the validator reports a damaged file', async () => {
   const bytes = new Uint8Array(exported('none'));
   bytes.fill(0xff, bytes.length - 12); // the last triangle
   const { issues } = await validator.validateBytes(bytes, { format: 'glb' });
   assert.ok(issues.numErrors > 0);
 });
 
-/** Of the mesh: its vertices where they stand in the world, sorted, with their colours. */
+/** The vertices of the mesh in world coordinates with their colours, sorted by position. */
 async function loaded(bytes) {
   const loader = new GLTFLoader().setMeshoptDecoder(MeshoptDecoder);
   const { scene } = await loader.parseAsync(bytes.buffer.slice(bytes.byteOffset, bytes.byteOffset + bytes.length), '');
@@ -77,7 +77,7 @@ async function loaded(bytes) {
   return { vertices, names: Object.keys(others), triangles: mesh.geometry.index.count / 3 };
 }
 
-test('three.js finds the same in a file by meshoptimizer as in a plain one', async () => {
+test('three.js reads the same mesh from a meshopt file as from an uncompressed one', async () => {
   const plain = await loaded(exported('none', '--view-dependent'));
   const compressed = await loaded(exported('meshopt', '--view-dependent'));
   assert.equal(compressed.triangles, plain.triangles);
@@ -86,5 +86,5 @@ test('three.js finds the same in a file by meshoptimizer as in a plain one', asy
   const differences = plain.vertices.map((vertex, v) => Math.max(...vertex.map((x, k) => Math.abs(x - compressed.vertices[v][k]))));
   assert.ok(Math.max(...differences) < 1e-5, `${Math.max(...differences)}`);
   const heights = plain.vertices.map((vertex) => vertex[1]);
-  assert.ok(Math.max(...heights) - Math.min(...heights) > 1.2, 'stands upright, y up');
+  assert.ok(Math.max(...heights) - Math.min(...heights) > 1.2, 'the person is upright, with y up');
 });

@@ -1,13 +1,13 @@
-// What can be seen on a page of the viewer.
+// Reads texts and colours of a page of the viewer.
 import assert from 'node:assert/strict';
 import { WITHIN } from './served_studio.mjs';
 
-/** No colour is farther from what it should be. */
-const NEAR = 6;
+/** Largest difference of a colour channel from the expected value. */
+const TOLERANCE = 6;
 
-export const isNear = (wanted) => (colour) => colour.every((c, k) => Math.abs(c - wanted[k]) <= NEAR);
+export const isNear = (wanted) => (colour) => colour.every((c, k) => Math.abs(c - wanted[k]) <= TOLERANCE);
 
-export class Eyes {
+export class PageProbe {
   constructor(page) {
     this.page = page;
   }
@@ -25,20 +25,20 @@ export class Eyes {
   async shownPulse() {
     return Number(/pulse (\d+)/.exec(await this.text('facts'))?.[1] ?? -1);
   }
-  /** Waits until the page has drawn two more pictures. */
+  /** Waits until the page has drawn two more frames. */
   drawn() {
     return this.page.evaluate(() => new Promise((done) =>
       requestAnimationFrame(() => requestAnimationFrame(() => setTimeout(done)))));
   }
   /**
-   * Waits until the page has loaded and drawn all that was asked for. The page sets `data-settled` once per picture, so the
-   * value may be older than the last key or click until the next picture is drawn.
+   * Waits until the page has loaded and drawn everything. The page sets `data-settled` once per drawn frame, so until the
+   * next frame the value may be older than the last key or click.
    */
   async settled() {
     await this.drawn();
     await this.page.waitForFunction(() => document.getElementById('canvas').dataset.settled === 'true', null, { timeout: WITHIN });
   }
-  /** Waits until the page shows this scene, with all that belongs to it. */
+  /** Waits until the page shows this scene completely. */
   async settles(scene) {
     await this.shows('title', scene);
     await this.settled();
@@ -52,24 +52,24 @@ export class Eyes {
       const pen = new OffscreenCanvas(picture.width, picture.height).getContext('2d');
       pen.drawImage(picture, 0, 0);
       const pixels = pen.getImageData(0, 0, picture.width, picture.height).data;
-      let text = ''; // a list of a million numbers would be on its way for half a minute
+      let text = ''; // a list of a million numbers takes half a minute to transfer
       for (let at = 0; at < pixels.length; at += 8192) text += String.fromCharCode(...pixels.subarray(at, at + 8192));
       return btoa(text);
     }, png.toString('base64')), 'base64');
   }
 
-  /** Of a place of the stage, 0 to 1 of its width and height: [red, green, blue]. */
+  /** Colour at a point of the stage, given by 0 to 1 of its width and height: [red, green, blue]. */
   async colourAt(across, down) {
     const box = await this.page.locator('#canvas').boundingBox();
     const at = { x: Math.round(box.x + box.width * across), y: Math.round(box.y + box.height * down), width: 1, height: 1 };
     return [...(await this.decode(await this.page.screenshot({ clip: at }))).subarray(0, 3)];
   }
 
-  /** Until the colour there is as it should be: what was asked for is drawn with the next picture. */
+  /** Waits until `check` accepts the colour that `seen` returns, because a change is drawn with the next frame. */
   async becomes(check, what, seen = () => this.colourAt(0.5, 0.5)) {
     const until = Date.now() + WITHIN;
     for (let colour; !check((colour = await seen())); ) {
-      if (Date.now() > until) assert.fail(`${what}: it is ${colour}`);
+      if (Date.now() > until) assert.fail(`${what}: the colour is ${colour}`);
     }
   }
 }

@@ -1,4 +1,4 @@
-// A simulated studio of four small cameras with its real daemons, and v3d-viewd that takes orders: for browser tests.
+// A simulated studio of four small cameras with the real daemons, and v3d-viewd that accepts orders, for browser tests.
 import { execFile, spawn } from 'node:child_process';
 import { mkdirSync, mkdtempSync, readFileSync, rmSync, writeFileSync } from 'node:fs';
 import { tmpdir } from 'node:os';
@@ -9,18 +9,18 @@ import { freePort } from './served_studio.mjs';
 export const OPERATOR_TOKEN = 'operators-0123456789';
 const EMPTY_PULSES = '16'; // as many as v3dctl background learns from
 
-/** Resolves when the program says `ready`. */
+/** Starts a program. Resolves when its output holds `ready`. */
 function begin(program, words, ready) {
   const child = spawn(program, words);
   return new Promise((done, fail) => {
-    let said = '';
-    const hear = (data) => {
-      said += data;
-      if (said.includes(ready)) done(child);
+    let output = '';
+    const append = (data) => {
+      output += data;
+      if (output.includes(ready)) done(child);
     };
-    child.stdout.on('data', hear);
-    child.stderr.on('data', hear);
-    child.on('exit', (status) => fail(new Error(`${program} ended with ${status}: ${said}`)));
+    child.stdout.on('data', append);
+    child.stderr.on('data', append);
+    child.on('exit', (status) => fail(new Error(`${program} ended with ${status}: ${output}`)));
   });
 }
 
@@ -45,13 +45,13 @@ export class LiveStudio {
     return join(this.folder, 'studio.toml');
   }
 
-  /** Resolves with what it prints; rejects where it fails. */
+  /** Resolves with the standard output; rejects when v3dctl fails. */
   async v3dctl(...words) {
     const { stdout } = await promisify(execFile)(this.#bin('v3dctl'), ['--studio', this.#file, ...words]);
     return stdout;
   }
 
-  /** The last line of `v3dctl verify`, whether the take is complete or not: a busy machine may lose a frame. */
+  /** The last line of `v3dctl verify`, also for an incomplete take, because a busy machine may lose a frame. */
   async verdict(take) {
     const lines = await this.v3dctl('verify', join(this.folder, 'takes', take)).catch(({ code, stdout }) => {
       if (code !== 3) throw new Error(`v3dctl verify ${take} ended with ${code}: ${stdout}`);
@@ -60,7 +60,7 @@ export class LiveStudio {
     return lines.trimEnd().split('\n').at(-1);
   }
 
-  /** Resolves when the background has been learnt and browsers are served. */
+  /** Starts all programs. Resolves when the background is learnt and v3d-viewd serves. */
   async start() {
     const cameras = ['--cameras', '4', '--size', '320x240', '--rate', '20', '--loop-frames', '10', '--voxel', '40mm'];
     const simulator = await begin(this.#bin('v3d-sim'), ['studio', this.folder, ...cameras, '--empty-pulses', EMPTY_PULSES], 'ready\n');
@@ -93,7 +93,7 @@ export class LiveStudio {
     });
   }
 
-  /** The daemons first, the cameras last. */
+  /** Ends all programs, the cameras last, and removes the folder. */
   async end() {
     await this.stopViewd();
     for (const child of this.#children.reverse()) await LiveStudio.#end(child);

@@ -1,26 +1,26 @@
-// Live meshes in the viewer, sent by viewer_live (send_live.cc) through LCM and the real v3d-viewd. Every mesh that the page
-// shows is judged: it must be the whole ball of its pulse, whatever was lost before it.
+// Browser tests of live meshes, sent by viewer_live (send_live.cc) through LCM and the real v3d-viewd. Every mesh that the page
+// shows must be the complete ball of its pulse, in spite of earlier losses.
 import assert from 'node:assert/strict';
 import { spawn } from 'node:child_process';
 import { join } from 'node:path';
 import { after, before, test } from 'node:test';
-import { Eyes } from './eyes.mjs';
+import { PageProbe } from './eyes.mjs';
 import { launchBrowser, LCM_URL, ServedStudio, WITHIN } from './served_studio.mjs';
 
 const build = process.env.V3D_BUILD;
 const studio = new ServedStudio(build);
 const RATE = 20;
 const SEED = 8;
-let browser, page, eyes;
+let browser, page, probe;
 
-/** Says what became of each pulse; `over` resolves with all of that. */
+/** Sends live meshes. `over` resolves with a list that says of each pulse whether it is a key frame and whether it was lost. */
 function sendLive(pulses, lostPercent) {
   const sender = spawn(join(build, 'tests/viewer_live'), [LCM_URL, pulses, RATE, lostPercent, SEED].map(String));
-  let said = '';
-  sender.stdout.on('data', (data) => (said += data));
+  let output = '';
+  sender.stdout.on('data', (data) => (output += data));
   const over = new Promise((done, fail) => sender.on('exit', (status) => {
     if (status !== 0) return fail(new Error(`viewer_live ended with ${status}`));
-    done(said.trim().split('\n').map((line) => {
+    done(output.trim().split('\n').map((line) => {
       const [pulse, kind, fate] = line.split(' ');
       return { pulse: Number(pulse), key: kind === 'key', lost: fate === 'lost' };
     }));
@@ -28,8 +28,8 @@ function sendLive(pulses, lostPercent) {
   return { over, end: () => sender.kill() };
 }
 
-/** In the page, before its scripts: looks at every mesh on its way from the worker to the screen. */
-function judgeMeshes() {
+/** Runs in the page before its scripts: checks every mesh that the worker posts. */
+function checkMeshes() {
   const seen = (globalThis.seenMeshes = []);
   const wrong = ({ pulse, positions, colours, indices }) => {
     const vertices = positions.length / 3;
@@ -58,28 +58,28 @@ function judgeMeshes() {
   };
 }
 const seenMeshes = () => page.evaluate(() => globalThis.seenMeshes);
-const seesPulse = (least) => page.waitForFunction((n) => globalThis.seenMeshes.some(({ pulse }) => pulse >= n), least, { timeout: WITHIN });
+const seesPulse = (first) => page.waitForFunction((n) => globalThis.seenMeshes.some(({ pulse }) => pulse >= n), first, { timeout: WITHIN });
 
 before(async () => {
   await studio.start();
   browser = await launchBrowser();
   page = await browser.newPage({ viewport: { width: 500, height: 400 } });
   page.setDefaultTimeout(WITHIN);
-  eyes = new Eyes(page);
-  await page.addInitScript(judgeMeshes);
+  probe = new PageProbe(page);
+  await page.addInitScript(checkMeshes);
   await page.goto(`${studio.address}#live`);
-  await eyes.shows('live-text', 'connected');
+  await probe.shows('live-text', 'connected');
 });
 after(async () => {
   await browser?.close();
   await studio.end();
 });
 
-test('says so as long as nothing is live', async () => {
-  await eyes.shows('trouble', 'Nothing is recorded at the moment');
+test('reports that nothing is live', async () => {
+  await probe.shows('trouble', 'Nothing is recorded at the moment');
 });
 
-test('recovers at the next key frame where frames were lost, and never shows a broken mesh', async (story) => {
+test('recovers at the next key frame after a loss and never shows a damaged mesh', async (story) => {
   const sender = sendLive(400, 5);
   const fates = await sender.over;
   const canBeShown = [];
@@ -93,11 +93,11 @@ test('recovers at the next key frame where frames were lost, and never shows a b
   const seen = await seenMeshes();
   const lost = fates.filter((fate) => fate.lost);
   story.diagnostic(`${lost.length} of ${fates.length} frames lost, ${fates.length - canBeShown.length} not to be shown, ${seen.length} shown`);
-  assert.ok(lost.some(({ key }) => key) && lost.some(({ key }) => !key), 'key frames are lost, and others');
-  assert.deepEqual(seen.filter(({ wrong }) => wrong), [], 'no mesh is broken');
-  assert.deepEqual(seen.filter(({ pulse }) => !canBeShown.includes(pulse)), [], 'none is shown that lacks the frame before');
-  assert.ok(seen.every(({ pulse }, n) => n === 0 || pulse > seen[n - 1].pulse), 'they are shown in their order');
-  // Of what is whole the newest is shown; a busy machine may leave some out, but no stretch between two losses.
+  assert.ok(lost.some(({ key }) => key) && lost.some(({ key }) => !key), 'key frames and other frames are lost');
+  assert.deepEqual(seen.filter(({ wrong }) => wrong), [], 'no mesh is damaged');
+  assert.deepEqual(seen.filter(({ pulse }) => !canBeShown.includes(pulse)), [], 'no mesh is shown that depends on a lost frame');
+  assert.ok(seen.every(({ pulse }, n) => n === 0 || pulse > seen[n - 1].pulse), 'they are shown in order');
+  // The page shows the newest complete mesh. A busy machine may skip some, but no long stretch between two losses.
   const stretches = [];
   for (const pulse of canBeShown) {
     if (pulse === stretches.at(-1)?.at(-1) + 1) stretches.at(-1).push(pulse);
@@ -107,40 +107,40 @@ test('recovers at the next key frame where frames were lost, and never shows a b
   assert.deepEqual(unseen, [], 'it recovers after every loss');
 });
 
-test('tells how far behind the pulse it is', async () => {
+test('shows the latency of the mesh', async () => {
   const sender = sendLive(200, 0);
   try {
-    await eyes.shows('facts', 'behind the pulse');
-    const [, latency] = /(\d+) ms behind the pulse/.exec(await eyes.text('facts'));
+    await probe.shows('facts', 'behind the pulse');
+    const [, latency] = /(\d+) ms behind the pulse/.exec(await probe.text('facts'));
     assert.ok(Number(latency) >= 0);
-    await eyes.shows('title', 'Live: lossy');
+    await probe.shows('title', 'Live: lossy');
   } finally {
     sender.end();
     await sender.over.catch(() => {});
   }
 });
 
-test('goes on with live meshes when the service has been restarted', async () => {
+test('continues with live meshes after a restart of the service', async () => {
   const sender = sendLive(2000, 0);
   try {
     await studio.stop();
-    await eyes.shows('live-text', 'connecting');
+    await probe.shows('live-text', 'connecting');
     const before = (await seenMeshes()).length;
     await studio.start();
     await page.waitForFunction((n) => globalThis.seenMeshes.length > n + 5, before, { timeout: WITHIN });
     assert.deepEqual((await seenMeshes()).filter(({ wrong }) => wrong), []);
-    assert.match(await eyes.text('live-text'), /connected/);
+    assert.match(await probe.text('live-text'), /connected/);
   } finally {
     sender.end();
     await sender.over.catch(() => {});
   }
 });
 
-test('takes up the studio page again when the service has been restarted', async () => {
+test('reconnects the studio page after a restart of the service', async () => {
   await page.goto(`${studio.address}studio.html`);
-  await eyes.shows('nodes', 'silent');
+  await probe.shows('nodes', 'silent');
   await studio.stop();
-  await eyes.shows('banner', 'does not answer');
+  await probe.shows('banner', 'does not answer');
   await studio.start();
-  await eyes.shows('banner', 'no studio key');
+  await probe.shows('banner', 'no studio key');
 });

@@ -1,6 +1,6 @@
-// usage: viewer_takes DIR: takes for the browser tests. DIR/takes/ball has 60 pulses, of which 30
-// to 32 have no mesh: a ball 40 cm wide, one metre above the floor, green for 30 pulses and then
-// blue. DIR/takes/empty has no meshes.
+// usage: viewer_takes DIR: writes takes for the browser tests.
+// DIR/takes/ball has 60 pulses; 30 to 32 have no mesh. It shows a ball of 40 cm diameter, one metre
+// above the floor, green for 30 pulses and then blue. DIR/takes/empty has no meshes.
 #include "base/config/calib_file.h"
 #include "take/ledger/ledger.h"
 #include "take/logs/mesh_file.h"
@@ -11,8 +11,8 @@ namespace v3d {
 namespace {
 
 constexpr int64_t kPulses = 60;
-constexpr int64_t kTurnsBlue = 30;
-constexpr int64_t kBackAgain = 33;
+constexpr int64_t kFirstMissing = 30;
+constexpr int64_t kFirstBlue = 33;
 
 Rig one_camera() {
   Eigen::Matrix3d matrix;
@@ -45,9 +45,9 @@ void save_meshes(const std::filesystem::path& path) {
   FrameEncoder encoder({.key_every = 10});
   MeshFileWriter file(path);
   for (int64_t pulse = 0; pulse < kPulses; ++pulse) {
-    if (pulse >= kTurnsBlue && pulse < kBackAgain) continue;
+    if (pulse >= kFirstMissing && pulse < kFirstBlue) continue;
     const VertexColour colour =
-        pulse < kTurnsBlue ? VertexColour{40, 200, 40} : VertexColour{40, 40, 200};
+        pulse < kFirstMissing ? VertexColour{40, 200, 40} : VertexColour{40, 40, 200};
     io::throw_if_failed(file.append(pulse, *encoder.encode(ball_frame(scene, pulse, colour))));
   }
   file.close();

@@ -1,4 +1,4 @@
-// The studio page as an operator has it: a simulated studio with its real daemons, v3d-viewd that takes orders, Chromium.
+// Browser tests of the studio page: a simulated studio with the real daemons, v3d-viewd that accepts orders, Chromium.
 import assert from 'node:assert/strict';
 import { mkdirSync } from 'node:fs';
 import { join } from 'node:path';
@@ -10,7 +10,7 @@ const studio = new LiveStudio(process.env.V3D_BUILD);
 let browser, page;
 
 const text = (id) => page.textContent(`#${id}`);
-/** Waits until element `id` holds `part`; says what it holds instead. */
+/** Waits until the text of element `id` holds `part`; else fails with its text. */
 async function shows(id, part) {
   try {
     await page.waitForFunction(([i, p]) => document.getElementById(i).textContent.includes(p), [id, part], { timeout: WITHIN });
@@ -28,7 +28,7 @@ async function showsVerdict(take) {
   return /: (\w+),/.exec(verdict)[1];
 }
 
-/** With V3D_PICTURES=FOLDER: what it looks like, for people. */
+/** Saves a screenshot, if V3D_PICTURES=FOLDER is set. */
 async function picture(name) {
   if (!process.env.V3D_PICTURES) return;
   mkdirSync(process.env.V3D_PICTURES, { recursive: true });
@@ -60,18 +60,18 @@ after(async () => {
   await studio.end();
 });
 
-test('offers no order to who has not shown the operators\' token', async () => {
+test('offers no order without the operators\' token', async () => {
   await page.waitForSelector('#operator:not([hidden])');
   assert.ok(await page.isHidden('#orders'));
   await page.fill('#token', 'operators-9876543210');
   await page.keyboard.press('Enter');
   await shows('order-trouble', "not the operators' token");
-  assert.equal(await page.inputValue('#token'), '', 'it does not stay in the field');
+  assert.equal(await page.inputValue('#token'), '', 'the field is cleared');
   assert.ok(await page.isHidden('#orders'));
   await picture('locked');
 });
 
-test('is unlocked for this tab alone, once the pause after a wrong token is over', async () => {
+test('unlocks this tab only, after the pause that follows a wrong token', async () => {
   const until = Date.now() + WITHIN;
   while (await page.isHidden('#orders')) {
     assert.ok(Date.now() < until, await text('order-trouble'));
@@ -88,7 +88,7 @@ test('is unlocked for this tab alone, once the pause after a wrong token is over
   await other.close();
 });
 
-test('arms nothing by the keyboard or under an odd name', async () => {
+test('does not arm by the keyboard or with an invalid name', async () => {
   await offers('arm');
   await page.fill('#take-name', '../kendo');
   await page.keyboard.press('Enter');
@@ -97,10 +97,10 @@ test('arms nothing by the keyboard or under an odd name', async () => {
   await page.click('[data-order=arm]');
   await shows('order-trouble', 'letters, digits');
   assert.match(await text('doing'), /No take is armed/);
-  assert.ok(await page.isHidden('#last-order'), 'nothing was ordered');
+  assert.ok(await page.isHidden('#last-order'), 'no order was sent');
 });
 
-test('arms by a click, and does not start by a second one', async () => {
+test('arms by a click and does not start by a second click', async () => {
   await page.fill('#take-name', 'kendo-07');
   await page.dblclick('[data-order=arm]');
   await shows('last-order', 'armed kendo-07: trigger cap01, 20 Hz');
@@ -110,7 +110,7 @@ test('arms by a click, and does not start by a second one', async () => {
   await picture('armed');
 });
 
-test('records in red until it is stopped, and tells the verdict in the words of v3dctl', async () => {
+test('shows a red page while recording, then the verdict of v3dctl', async () => {
   await page.click('[data-order=start]');
   await recordsNow();
   assert.match(await text('recording'), /RECORDING.*kendo-07/s);
@@ -130,7 +130,7 @@ test('proposes the name of the next take', async () => {
   await page.waitForFunction(() => document.getElementById('take-name').value === 'kendo-08', null, { timeout: WITHIN });
 });
 
-test('tells the verdict of a take that ended by itself', async () => {
+test('shows the verdict of a take that ended after its duration', async () => {
   await arm('kendo-08', '1');
   await page.click('[data-order=start]');
   await offers('verdict');
@@ -139,12 +139,12 @@ test('tells the verdict of a take that ended by itself', async () => {
   await shows('last-order', 'x 20 pulses');
 });
 
-test('aborts only when it is asked twice', async () => {
+test('aborts only after a confirmation', async () => {
   await arm('kendo-09');
   await page.click('[data-order=abort]');
   await page.waitForSelector('#sure[open]');
   await picture('sure');
-  await page.keyboard.press('Enter'); // rests on "Go on"
+  await page.keyboard.press('Enter'); // the focus is on "Go on"
   await page.waitForSelector('#sure:not([open])', { state: 'attached' });
   await page.click('[data-order=abort]');
   await page.keyboard.press('Escape');
@@ -155,30 +155,30 @@ test('aborts only when it is asked twice', async () => {
   await shows('doing', 'No take is armed');
 });
 
-test('shows a refusal in the words of v3dctl', async () => {
+test('shows the message of v3dctl about a rejected order', async () => {
   await offers('arm');
-  await page.fill('#take-name', 'kendo-07'); // there is one
+  await page.fill('#take-name', 'kendo-07'); // a take with this name exists
   await page.click('[data-order=arm]');
   await page.waitForSelector('#last-order .alarm');
   await shows('last-order', 'refused: ');
   await picture('refused');
 });
 
-test('is not held up by an answer that comes later than the end of its order', async () => {
+test('accepts a reply that arrives after the end of its order', async () => {
   const refused = () => page.waitForSelector('#last-order:has-text("kendo-08") .alarm', { timeout: WITHIN });
   await page.route('**/api/order', async (route) => {
     const answer = await route.fetch();
     await refused();
     await route.fulfill({ response: answer });
   });
-  await page.fill('#take-name', 'kendo-08'); // there is one
+  await page.fill('#take-name', 'kendo-08'); // a take with this name exists
   await page.click('[data-order=arm]');
   await offers('arm');
   await refused();
   await page.unroute('**/api/order');
 });
 
-test('is locked again when the operator leaves', async () => {
+test('locks the page again on request', async () => {
   await page.click('#lock');
   assert.ok(await page.isHidden('#orders'));
   await page.reload();
@@ -186,7 +186,7 @@ test('is locked again when the operator leaves', async () => {
   assert.ok(await page.isHidden('#orders'));
 });
 
-test('is worked by touch on a tablet', async () => {
+test('works by touch on a tablet', async () => {
   const context = await browser.newContext({ viewport: { width: 768, height: 1024 }, hasTouch: true });
   page = await context.newPage();
   page.setDefaultTimeout(WITHIN);
@@ -201,7 +201,7 @@ test('is worked by touch on a tablet', async () => {
   await picture('tablet');
   await offers('stop');
   const { height } = await page.locator('[data-order=stop]').boundingBox();
-  assert.ok(height >= 44, `a finger wants 44 px, not ${height}`);
+  assert.ok(height >= 44, `height of a touch target: ${height} px, expected at least 44`);
   await page.tap('[data-order=stop]');
   await showsVerdict('kendo-10');
 });

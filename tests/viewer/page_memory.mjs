@@ -1,7 +1,7 @@
-// What a page holds of memory.
+// Memory of a browser page.
 import { readFileSync } from 'node:fs';
 
-/** After rubbish was collected, bytes: of JavaScript's heap, and resident of the renderer that has most. */
+/** JavaScript heap and resident memory of the largest renderer process after a garbage collection, bytes. */
 export async function memoryOf(browser, page) {
   const session = await page.context().newCDPSession(page);
   await session.send('HeapProfiler.collectGarbage');

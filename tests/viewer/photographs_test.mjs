@@ -1,43 +1,43 @@
-// What the cameras saw, as a person looks at it: photographs over the view, colours for where one stands, confidence. Of two
-// simulated takes with raw frames, of 15 cameras and of 4, and one without.
+// Browser tests of photographs over the view, view-dependent colours and confidence. They use two simulated takes with raw
+// frames, of 15 and of 4 cameras, and one take without raw frames.
 import assert from 'node:assert/strict';
 import { execFileSync } from 'node:child_process';
 import { cpSync, mkdirSync, readFileSync, writeFileSync } from 'node:fs';
 import { join } from 'node:path';
 import { after, before, test } from 'node:test';
-import { Eyes } from './eyes.mjs';
+import { PageProbe } from './eyes.mjs';
 import { launchBrowser, ServedStudio, WITHIN } from './served_studio.mjs';
 import { ssim } from './ssim.mjs';
 
 const build = process.env.V3D_BUILD;
 const studio = new ServedStudio(build, 'takes', 'takes/four/calib.toml');
 const { folder } = studio;
-let browser, page, eyes;
+let browser, page, probe;
 
 const run = (program, ...words) => execFileSync(join(build, 'bin', program), words, { cwd: folder, stdio: 'pipe' });
-const shows = (id, part) => eyes.shows(id, part);
-const settled = () => eyes.settled();
+const shows = (id, part) => probe.shows(id, part);
+const settled = () => probe.settled();
 const hidden = (id) => page.evaluate((i) => document.getElementById(i).hidden, id);
 
 async function open(hash) {
   await page.goto(`${studio.address}#${hash}`);
   await page.reload();
 }
-const veil = (visibility) => page.evaluate((v) => {
+const setOverlays = (visibility) => page.evaluate((v) => {
   for (const over of document.querySelectorAll('.stage > :not(canvas)')) over.style.visibility = v;
 }, visibility);
-/** The stage, or a part of it, without what lies over it. */
+/** Pixels of the stage, or of a part of it, without overlays. */
 async function picture(part = null) {
   const { x, y, width, height } = part ?? (await page.locator('#canvas').boundingBox());
-  await veil('hidden');
-  await eyes.drawn();
+  await setOverlays('hidden');
+  await probe.drawn();
   const png = await page.screenshot({ clip: { x, y, width, height } });
-  await veil('');
-  return { pixels: await eyes.decode(png), width, height };
+  await setOverlays('');
+  return { pixels: await probe.decode(png), width, height };
 }
 const alike = (a, b) => ssim(a.pixels, b.pixels, a.width, a.height);
 
-/** Whole pixels of the screen inside the image of the camera that the eye stands at. */
+/** Whole pixels of the screen inside the image frame of the camera at whose position the viewer is. */
 const imageBox = () => page.evaluate(() => {
   const canvas = document.getElementById('canvas').getBoundingClientRect();
   const { left, top, width, height } = document.getElementById('image-frame').style;
@@ -46,8 +46,8 @@ const imageBox = () => page.evaluate(() => {
   return { x, y, width: Math.floor(w) - 1, height: Math.floor(h) - 1, left: canvas.left + l, top: canvas.top + t, scale: w };
 });
 
-/** The photograph as an eye without a lens sees it there: its distortion is looked up, pixel by pixel. */
-async function photographAsSeen(take, pulse, camera, box) {
+/** The photograph without lens distortion at the pixels of `box`, by bilinear interpolation. */
+async function undistortedPhotograph(take, pulse, camera, box) {
   const pixels = await page.evaluate(async ([t, p, c, at]) => {
     const rig = (await (await fetch(`api/takes/${t}/rig`)).json()).cameras.find(({ name }) => name === c);
     const jpeg = await fetch(`api/takes/${t}/photographs/${p}/${c}.jpg`);
@@ -57,7 +57,7 @@ async function photographAsSeen(take, pulse, camera, box) {
     pen.drawImage(image, 0, 0);
     const from = pen.getImageData(0, 0, image.width, image.height).data;
     const [k1, k2, p1, p2, k3] = [0, 1, 2, 3, 4].map((n) => rig.distortion[n] ?? 0);
-    if (rig.distortion.slice(5).some((k) => k !== 0)) throw new Error('a lens that this test does not know');
+    if (rig.distortion.slice(5).some((k) => k !== 0)) throw new Error('the test supports at most five distortion coefficients');
     const [[fx, , cx], [, fy, cy]] = rig.matrix;
     const scale = at.scale / rig.width;
     let text = '';
@@ -107,14 +107,14 @@ before(async () => {
   browser = await launchBrowser();
   page = await browser.newPage({ viewport: { width: 1100, height: 720 } });
   page.setDefaultTimeout(WITHIN);
-  eyes = new Eyes(page);
+  probe = new PageProbe(page);
 });
 after(async () => {
   await browser?.close();
   await studio.end();
 });
 
-test('lays the photograph over what is seen from where its camera stands, its lens undone', async (story) => {
+test('shows the undistorted photograph over the view from its camera', async (story) => {
   await open('take=dome&pulse=1');
   await shows('facts', 'pulse 1 ');
   await page.click('[data-camera=cam07]');
@@ -124,15 +124,15 @@ test('lays the photograph over what is seen from where its camera stands, its le
   await page.keyboard.press('b');
   for (let n = 0; n < 6; ++n) await page.keyboard.press('+');
   await settled();
-  const photograph = await photographAsSeen('dome', 1, 'cam07', box);
+  const photograph = await undistortedPhotograph('dome', 1, 'cam07', box);
   const over = alike(await picture(box), photograph);
   story.diagnostic(`SSIM ${over.toFixed(4)}, without it ${alike(without, photograph).toFixed(4)}`);
   assert.ok(over >= 0.95, `SSIM ${over.toFixed(4)}`);
   await page.keyboard.press('b');
-  assert.ok(alike(await picture(box), without) > 0.999, 'taken away again');
+  assert.ok(alike(await picture(box), without) > 0.999, 'the photograph is removed again');
 });
 
-test('lays the photograph of the pulse that is shown over the view, also behind playback', async (story) => {
+test('shows the photograph of the shown pulse over the view, also after playback', async (story) => {
   await page.keyboard.press('b');
   await page.keyboard.press(' ');
   await page.waitForFunction(() => {
@@ -148,13 +148,13 @@ test('lays the photograph of the pulse that is shown over the view, also behind 
   await settled();
   const box = await imageBox();
   const shown = await picture(box);
-  const right = alike(shown, await photographAsSeen('dome', 2, 'cam07', box));
-  const wrong = alike(shown, await photographAsSeen('dome', 0, 'cam07', box));
+  const right = alike(shown, await undistortedPhotograph('dome', 2, 'cam07', box));
+  const wrong = alike(shown, await undistortedPhotograph('dome', 0, 'cam07', box));
   story.diagnostic(`SSIM ${right.toFixed(4)}; with the first pulse's ${wrong.toFixed(4)}`);
   assert.ok(right >= 0.95 && right > wrong, `SSIM ${right.toFixed(4)}, ${wrong.toFixed(4)}`);
 });
 
-test('takes the photograph away when the one who looks moves away', async () => {
+test('removes the photograph when the view moves away', async () => {
   const { x, y, width, height } = await page.locator('#canvas').boundingBox();
   await page.mouse.move(x + width / 2, y + height / 2);
   await page.mouse.down();
@@ -164,7 +164,7 @@ test('takes the photograph away when the one who looks moves away', async () => 
 });
 
 for (const take of ['dome', 'four']) {
-  test(`shades for where one stands as the native renderer does, from ${take}`, async (story) => {
+  test(`renders view-dependent colours of ${take} like the native renderer`, async (story) => {
     await open(`scene=scene-${take}&at=0`);
     await shows('title', `scene-${take}`);
     await settled();
@@ -173,37 +173,37 @@ for (const take of ['dome', 'four']) {
     await settled();
     const shaded = await picture();
     run('v3dctl', 'render', '--scene', `takes/scene-${take}/scene.json`, '--view-dependent', '--at', '0', '--size', `${plain.width}x${plain.height}`, 'native.png');
-    const native = { ...plain, pixels: await eyes.decode(readFileSync(join(folder, 'native.png'))) };
+    const native = { ...plain, pixels: await probe.decode(readFileSync(join(folder, 'native.png'))) };
     const [right, wrong] = [alike(shaded, native), alike(plain, native)];
-    story.diagnostic(`SSIM ${right.toFixed(4)}; colours as from everywhere ${wrong.toFixed(4)}`);
+    story.diagnostic(`SSIM ${right.toFixed(4)}; view-independent colours ${wrong.toFixed(4)}`);
     assert.ok(right >= 0.9 && right > wrong, `SSIM ${right.toFixed(4)}, ${wrong.toFixed(4)}`);
   });
 }
 
-/** How much of the picture has the colour of a place where six cameras agree, or more: yellow in any light. */
-async function sureParts() {
+/** Part of the picture in the colour of at least six agreeing cameras: yellow, with any shading. */
+async function confidentPart() {
   const { pixels, width, height } = await picture();
-  let sure = 0;
+  let count = 0;
   for (let n = 0; n < 4 * width * height; n += 4) {
     const [r, g, b] = pixels.subarray(n, n + 3);
-    if (r > 130 && g > 120 && b < 0.3 * r) ++sure;
+    if (r > 130 && g > 120 && b < 0.3 * r) ++count;
   }
-  return sure / (width * height);
+  return count / (width * height);
 }
 
-test('tells how many cameras agree about the surface', async (story) => {
+test('shows the number of cameras that agree about the surface', async (story) => {
   await open('take=dome&pulse=1');
   await shows('facts', 'pulse 1 ');
   await page.keyboard.press('5');
   await page.waitForSelector('#legend:not([hidden])');
   await settled();
-  const dome = await sureParts();
+  const dome = await confidentPart();
   await open('take=four&pulse=1');
   await shows('facts', 'pulse 1 ');
   await page.keyboard.press('5');
   await page.waitForSelector('#legend:not([hidden])');
   await settled();
-  const four = await sureParts();
+  const four = await confidentPart();
   story.diagnostic(`six cameras agree: ${(100 * dome).toFixed(2)} % of the picture of 15, ${(100 * four).toFixed(2)} % of that of 4`);
   assert.ok(dome > 0.002, `${dome}`);
   assert.ok(four < 0.0002, `four cameras cannot be six: ${four}`);
@@ -211,7 +211,7 @@ test('tells how many cameras agree about the surface', async (story) => {
   await shows('confidence-note', 'number of cameras that see a place');
 });
 
-test('says so where a take has no raw frames', async () => {
+test('reports a take without raw frames', async () => {
   await open('take=meshes-alone&pulse=1');
   await shows('facts', 'pulse 1 ');
   await page.keyboard.press('4');
@@ -224,7 +224,7 @@ test('says so where a take has no raw frames', async () => {
   assert.equal(await hidden('look-note'), true);
 });
 
-test('answers 404 for what is no photograph', async () => {
+test('returns 404 for a photograph that does not exist', async () => {
   const statuses = await page.evaluate(async () => Promise.all([
     'four/photographs/1/cam01.jpg', 'four/photographs/3/cam01.jpg', 'four/photographs/1/cam99.jpg', 'none/photographs/1/cam01.jpg',
     'four/photographs/1/..%2fcam01.jpg', 'four/views/1', 'four/views/3', 'meshes-alone/views/1', 'none/views/1',

@@ -1,7 +1,7 @@
-// usage: viewer_live LCM_URL PULSES RATE_HZ LOST_PERCENT SEED: live meshes as v3d-recond sends
-// them, of which the network loses some: a ball whose size and colour tell its pulse (live_test.mjs
-// has the same rules). Prints a line for each pulse: its number, "key" or "inter", "sent" or
-// "lost".
+// usage: viewer_live LCM_URL PULSES RATE_HZ LOST_PERCENT SEED: sends live meshes as v3d-recond does
+// and leaves some out, as a lossy network would. Each mesh is a ball whose size and colour identify
+// its pulse (live_test.mjs computes the same). Prints a line for each pulse: number, "key" or
+// "inter", "sent" or "lost".
 #include <cstdio>
 #include <cstdlib>
 #include <random>
@@ -17,7 +17,7 @@ namespace {
 
 constexpr int kKeyEvery = 10;
 
-/// No two pulses near each other have nearly the same.
+/// The colour of a pulse. Pulses near each other have clearly different colours.
 VertexColour colour_of(int64_t pulse) {
   const auto level = [&](int64_t factor) {
     return static_cast<uint8_t>(40 + pulse * factor % 170);
@@ -25,7 +25,8 @@ VertexColour colour_of(int64_t pulse) {
   return {level(67), level(101), level(139)};
 }
 
-/// The same for some pulses, so that frames are told from those before.
+/// The radius of a pulse, in voxels. It is constant for five pulses, so that frames between key
+/// frames can be predicted from earlier ones.
 double radius_of(int64_t pulse) { return static_cast<double>(12 + pulse / 5 % 8); }
 
 MeshMessage message_of(int64_t pulse, std::vector<uint8_t> compact) {

@@ -1,4 +1,4 @@
-// A studio that v3d-viewd serves, and Chromium to look at it: for the browser tests and tools/bench/viewer.
+// A studio folder served by v3d-viewd, and Chromium, for the browser tests and tools/bench/viewer.
 import { spawn } from 'node:child_process';
 import { mkdtempSync, rmSync, writeFileSync } from 'node:fs';
 import { createServer } from 'node:net';
@@ -6,7 +6,7 @@ import { tmpdir } from 'node:os';
 import { join } from 'node:path';
 import { chromium } from '../../tools/viewer/node_modules/playwright-core/index.mjs';
 
-/** Of everything that is waited for, ms: the machine may be busy with other things. */
+/** Timeout of all waits, ms. It is long because the machine may be busy. */
 export const WITHIN = 60_000;
 
 export const LCM_URL = 'udpm://239.255.76.67:7667?ttl=0';
@@ -14,7 +14,7 @@ export const LCM_URL = 'udpm://239.255.76.67:7667?ttl=0';
 const GL = ['--no-sandbox', '--use-gl=angle', '--use-angle=swiftshader', '--enable-unsafe-swiftshader'];
 export const NO_GL = ['--no-sandbox', '--disable-gpu', '--disable-3d-apis'];
 
-/** Debian's; it draws with the processor. */
+/** Debian's Chromium, which renders on the processor. */
 export const launchBrowser = (args = GL) => chromium.launch({ executablePath: '/usr/bin/chromium', args, timeout: WITHIN });
 
 const studioFile = (port, page, takes, calib) => `
@@ -59,7 +59,7 @@ export class ServedStudio {
   port = 0;
   #daemon = null;
 
-  /** `build`: a build folder; `takes`: a folder of takes, where it is not the studio's own; `calib`: the rig as it is now. */
+  /** `build`: the build folder; `takes`, `calib`: folder of takes and calibration of the studio file. */
   constructor(build, takes = 'takes', calib = 'takes/ball/calib.toml') {
     this.build = build;
     this.takes = takes;
@@ -70,7 +70,7 @@ export class ServedStudio {
     return `http://127.0.0.1:${this.port}/`;
   }
 
-  /** Resolves when the daemon serves; on the same port whenever it is started again. */
+  /** Resolves when the daemon serves. A restart uses the same port. */
   async start() {
     if (this.port === 0) {
       this.port = await freePort();
@@ -78,12 +78,12 @@ export class ServedStudio {
     }
     await new Promise((done, fail) => {
       this.#daemon = spawn(join(this.build, 'bin/v3d-viewd'), ['--studio', join(this.folder, 'studio.toml')]);
-      let said = '';
+      let output = '';
       this.#daemon.stderr.on('data', (data) => {
-        said += data;
-        if (said.includes('serves http')) done();
+        output += data;
+        if (output.includes('serves http')) done();
       });
-      this.#daemon.on('exit', () => fail(new Error(`v3d-viewd ended: ${said}`)));
+      this.#daemon.on('exit', () => fail(new Error(`v3d-viewd ended: ${output}`)));
     });
   }
 

@@ -1,6 +1,7 @@
 /**
- * Structural similarity of two pictures (Wang et al. 2004) by their luma, in windows of 8 x 8 that overlap by half. Where both
- * are even there is nothing to compare: such windows do not count.
+ * Structural similarity (SSIM) of the luma of two RGBA images of the same size, the mean over windows of 8 x 8 pixels that
+ * overlap by half. Windows in which both images are uniform and nearly equal are left out. Returns 1 without any window.
+ * Source: Wang et al. 2004.
  */
 export function ssim(a, b, width, height) {
   const luma = (rgba) => Float64Array.from({ length: width * height }, (_, n) =>

@@ -1,8 +1,7 @@
-// call-probe NAME...: makes every named system call, with arguments that no call accepts, and
-// prints "NAME ERROR" for each, the error by its number, 0 for none. Names that this architecture
-// does not have are left out. A story runs it under the settings of a unit: a call that the unit's
-// filter forbids has the error that the filter names. Without names it prints "NUMBER NAME" of all
-// calls.
+// call-probe NAME...: makes each named system call with invalid arguments and prints "NAME ERROR",
+// with the error number, or 0 for none. Skips names that this architecture does not have. A lab
+// test runs it under the settings of a unit; a call that the unit's filter forbids fails with the
+// filter's error. Without names, it prints "NUMBER NAME" of all calls.
 #include <unistd.h>
 
 #include <cerrno>

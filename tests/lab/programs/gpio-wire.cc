@@ -1,8 +1,10 @@
-// gpio-wire VALUE PULL: a wire from an output of gpio-sim to an input, both given by their files in
-// sysfs. The kernel tells nobody of an output's change, so the wire looks every 200 us, before all
-// else that runs, and passes a change on within that time. At SIGTERM it prints "PULSES GAP_US":
-// pulses that passed, and the longest time that it did not look between the first pulse and the
-// last; pulses and pauses longer than that cannot have escaped it.
+// gpio-wire VALUE PULL: connects an output of gpio-sim to an input, both given by their files in
+// sysfs.
+//
+// The kernel does not report changes of an output, so the program samples it every 200 us with
+// real-time priority and copies each change. At SIGTERM it prints "PULSES GAP_US": the number of
+// pulses, and the longest time between two samples from the first pulse to the last. Pulses and
+// pauses longer than GAP_US cannot have been missed.
 #include <fcntl.h>
 #include <sched.h>
 #include <unistd.h>
@@ -40,24 +42,24 @@ int main(int argc, char** argv) {
   if (sched_setscheduler(0, SCHED_FIFO, &priority) != 0) std::perror("gpio-wire: SCHED_FIFO");
   bool active = false;
   long pulses = 0;
-  int64_t longest = 0;  // since the first pulse
-  int64_t told = 0;     // the same until the last change
-  for (int64_t looked = now_us(); stopping == 0;) {
+  int64_t longest_gap = 0;   // between two samples since the first pulse
+  int64_t reported_gap = 0;  // the same, until the last change
+  for (int64_t last_sample = now_us(); stopping == 0;) {
     char level = '0';
     if (pread(value, &level, 1, 0) != 1) break;
     if ((level == '1') != active) {
       active = !active;
       pulses += active ? 1 : 0;
-      told = longest;
-      const char* word = active ? "pull-up" : "pull-down";
-      if (pwrite(pull, word, std::strlen(word), 0) < 0) std::perror("gpio-wire");
+      reported_gap = longest_gap;
+      const char* direction = active ? "pull-up" : "pull-down";
+      if (pwrite(pull, direction, std::strlen(direction), 0) < 0) std::perror("gpio-wire");
     }
     const timespec pause{0, 200'000};
     nanosleep(&pause, nullptr);
     const int64_t now = now_us();
-    longest = pulses == 0 ? 0 : std::max(longest, now - looked);
-    looked = now;
+    longest_gap = pulses == 0 ? 0 : std::max(longest_gap, now - last_sample);
+    last_sample = now;
   }
-  std::printf("%ld %lld\n", pulses, static_cast<long long>(told));
+  std::printf("%ld %lld\n", pulses, static_cast<long long>(reported_gap));
   return 0;
 }

@@ -1,9 +1,12 @@
-// usb-generator FFS PULL DIALECT [FAULT]: a signal generator on USB (USBTMC on FunctionFS), whose
-// output is the pull of an input of gpio-sim. FFS: the folder of the mounted FunctionFS. PULL: the
-// file in sysfs. FAULT: "nonsense" answers bytes that are no USBTMC, "stall" refuses the third
-// request, "slow" answers after two seconds, "dies" ends at the tenth command, "miscounts" makes
-// one pulse less than it was told, "fails:N" ends after N pulses. Prints "ready" when it can be
-// plugged in; at SIGTERM the number of pulses that it has made.
+// usb-generator FFS PULL DIALECT [FAULT]: simulated signal generator on USB (USBTMC on FunctionFS),
+// whose output is the pull of an input of gpio-sim.
+//   FFS     folder of the mounted FunctionFS
+//   PULL    file of the pull in sysfs
+//   FAULT   "nonsense" answers with bytes that are not USBTMC, "stall" stalls the third request,
+//   "slow"
+//           answers after two seconds, "dies" exits at the tenth command, "miscounts" makes one
+//           pulse less than commanded, "fails:N" exits after N pulses
+// Prints "ready" when it can be plugged in, and at SIGTERM the number of pulses that it has made.
 #include <endian.h>
 #include <fcntl.h>
 #include <linux/usb/functionfs.h>
@@ -97,7 +100,7 @@ int describe(const std::string& folder) {
   return control;
 }
 
-/// The requests of the class, all granted at once.
+/// Answers the control requests of the USBTMC class; each succeeds at once. Stalls other requests.
 void serve_control(int control) {
   usb_functionfs_event event{};
   while (read(control, &event, sizeof event) == static_cast<ssize_t>(sizeof event)) {
@@ -107,7 +110,7 @@ void serve_control(int control) {
     const bool of_class = (request.bRequestType & USB_TYPE_MASK) == USB_TYPE_CLASS;
     const size_t size = std::min<size_t>(sizeof answer, le16toh(request.wLength));
     ssize_t done = 0;
-    if (!of_class || request.bRequest > 7) {  // stalled by going the other way
+    if (!of_class || request.bRequest > 7) {  // a transfer in the opposite direction stalls
       done = (request.bRequestType & USB_DIR_IN) != 0 ? read(control, answer, 0)
                                                       : write(control, answer, 0);
     } else {
@@ -117,11 +120,12 @@ void serve_control(int control) {
   }
 }
 
-/// The output: pulses on the pull of a line.
+/// The output: a thread that makes pulses on the pull of a line.
 class Output {
  public:
-  /// Ends the program after `most` pulses.
-  Output(int pull, int64_t most) : pull_(pull), most_(most), thread_([this] { run(); }) {}
+  /// Exits the program after `max_pulses` pulses; -1: no limit.
+  Output(int pull, int64_t max_pulses)
+      : pull_(pull), max_pulses_(max_pulses), thread_([this] { run(); }) {}
   ~Output() {
     quit_ = true;
     thread_.join();
@@ -176,15 +180,15 @@ class Output {
       set("pull-up");
       sleep_until(at, width);
       set("pull-down");
-      if (++made_ == most_) _exit(0);
+      if (++made_ == max_pulses_) _exit(0);
       sleep_until(at, period - width);
     }
   }
 
   const int pull_;
-  const int64_t most_;
+  const int64_t max_pulses_;
   std::mutex mutex_;
-  int64_t count_ = 0;  ///< pulses to make; -1: without end
+  int64_t count_ = 0;  ///< remaining pulses; -1: without end
   int64_t period_ns_ = 0;
   int64_t width_ns_ = 0;
   std::atomic<int64_t> made_ = 0;
@@ -192,7 +196,7 @@ class Output {
   std::thread thread_;
 };
 
-/// The messages: headers of USBTMC, lines of the dialect.
+/// The bulk endpoints: USBTMC messages that carry command lines of the dialect.
 class Messages {
  public:
   Messages(const std::string& folder, const std::string& dialect, std::string fault, Output& output)
@@ -274,8 +278,8 @@ int main(int argc, char** argv) {
   sigprocmask(SIG_BLOCK, &end, nullptr);
   const std::string folder = argv[1];
   const std::string fault = argc > 4 ? argv[4] : "";
-  const int64_t most = fault.rfind("fails:", 0) == 0 ? std::stoll(fault.substr(6)) : -1;
-  Output output(open_or_die(argv[2], O_WRONLY), most);
+  const int64_t max_pulses = fault.rfind("fails:", 0) == 0 ? std::stoll(fault.substr(6)) : -1;
+  Output output(open_or_die(argv[2], O_WRONLY), max_pulses);
   const int control = describe(folder);
   std::thread([control] { serve_control(control); }).detach();
   Messages messages(folder, argv[3], fault, output);
