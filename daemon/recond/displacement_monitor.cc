@@ -2,7 +2,9 @@
 
 #include <pthread.h>
 #include <sched.h>
+#include <sys/resource.h>
 #include <tbb/task_arena.h>
+#include <unistd.h>
 
 #include <utility>
 
@@ -18,18 +20,21 @@ constexpr double kVoxels = 256;
 
 double voxel_for(const Box& bounds) { return (bounds.max - bounds.min).maxCoeff() / kVoxels; }
 
-/// Gives this thread the lowest priority. Needs no permission. A higher one costs live meshes: with
-/// nice 15, tools/demo on two cores kept 25 pulses a second in 1 of 4 runs, with SCHED_IDLE in 3
-/// of 3.
-void set_idle_priority() {
+/// Sets the scheduling policy of a thread. False when the process may not.
+///
+/// SCHED_IDLE needs no permission. A higher priority costs live meshes: with nice 15 all the time,
+/// tools/demo on two cores kept 25 pulses a second in 1 of 4 runs, with SCHED_IDLE in 3 of 3.
+bool set_policy(pthread_t thread, int policy) {
   const sched_param none{};
-  pthread_setschedparam(pthread_self(), SCHED_IDLE, &none);
+  return pthread_setschedparam(thread, policy, &none) == 0;
 }
 
 }  // namespace
 
-DisplacementMonitor::DisplacementMonitor(const Rig& rig, const ReconstructOptions& options)
+DisplacementMonitor::DisplacementMonitor(const Rig& rig, const ReconstructOptions& options,
+                                         Duration starved_after)
     : rig_(rig),
+      starved_after_(starved_after),
       hulls_(rig, options.bounds, voxel_for(options.bounds), options.min_views),
       meter_(rig) {
   if (rig_.size() < kMinCameras) return;
@@ -58,7 +63,11 @@ void DisplacementMonitor::offer(FrameSet& set) {
   const MonotonicInstant now = Monotonic::now();
   if (!thread_.joinable() || now < next_sample_) return;
   const std::unique_lock lock(mutex_, std::try_to_lock);
-  if (!lock || busy_ || stopping_) return;
+  if (!lock || stopping_) return;
+  if (busy_) {
+    raise_priority_if_starved(now);
+    return;
+  }
   Masks masks(rig_.size());
   for (Frame& frame : set.frames) {
     const int c = find_camera(rig_, frame.camera);
@@ -68,6 +77,7 @@ void DisplacementMonitor::offer(FrameSet& set) {
   }
   waiting_ = std::move(masks);
   busy_ = true;
+  busy_since_ = now;
   next_sample_ = now + (has_result_ ? kPeriod : kFirstPeriod);
   changed_.notify_one();
 }
@@ -78,8 +88,14 @@ const std::vector<CameraDisplacement>& DisplacementMonitor::result() {
   return returned_;
 }
 
+void DisplacementMonitor::raise_priority_if_starved(MonotonicInstant now) {
+  if (raised_ || now - busy_since_ < starved_after_) return;
+  raised_ = set_policy(thread_.native_handle(), SCHED_OTHER);
+}
+
 void DisplacementMonitor::run() {
-  set_idle_priority();
+  setpriority(PRIO_PROCESS, static_cast<id_t>(gettid()), kStarvedNice);  // has no effect while idle
+  set_policy(pthread_self(), SCHED_IDLE);
   tbb::task_arena one_thread(1);
   for (;;) {
     Masks masks;
@@ -108,6 +124,7 @@ void DisplacementMonitor::measure(const Masks& sample) {
   has_result_ = !found.empty();
   result_ = std::move(found);
   busy_ = false;
+  if (raised_ && has_result_) raised_ = !set_policy(pthread_self(), SCHED_IDLE);
 }
 
 }  // namespace v3d

@@ -18,8 +18,11 @@ namespace v3d {
 /// Measures displacements (DisplacementMeter) of the cameras of one rig in spare time.
 ///
 /// Samples a pulse every kFirstPeriod, and every kPeriod once it has a result. Works on one thread
-/// with SCHED_IDLE priority, which runs when no other thread wants the processor. No function waits
-/// for it except the destructor. With fewer than kMinCameras cameras it does nothing: the
+/// with SCHED_IDLE priority, which runs when no other thread wants the processor. When a sample
+/// takes longer than `starved_after`, the thread gets the priority of nice kStarvedNice until it
+/// has a result: a busy PC reports a displaced camera, too. This needs CAP_SYS_NICE or RLIMIT_NICE
+/// (v3d-recond@.service has it); without, the priority stays idle. No function waits for the thread
+/// except the destructor. With fewer than kMinCameras cameras the monitor does nothing: the
 /// leave-one-out hull is then too wide to locate a camera.
 class DisplacementMonitor {
  public:
@@ -27,8 +30,11 @@ class DisplacementMonitor {
   static constexpr int64_t kMinPulses = 8;  ///< before there is a result
   static constexpr Duration kFirstPeriod = std::chrono::milliseconds(400);
   static constexpr Duration kPeriod = std::chrono::seconds(5);
+  static constexpr Duration kStarvedAfter = std::chrono::seconds(5);
+  static constexpr int kStarvedNice = 10;
 
-  DisplacementMonitor(const Rig& rig, const ReconstructOptions& options);
+  DisplacementMonitor(const Rig& rig, const ReconstructOptions& options,
+                      Duration starved_after = kStarvedAfter);
   /// Waits for the measurement in progress, which may take long on a busy machine. To avoid this,
   /// call stop() and wait for has_stopped().
   ~DisplacementMonitor();
@@ -53,8 +59,10 @@ class DisplacementMonitor {
 
   void run();
   void measure(const Masks& masks);
+  void raise_priority_if_starved(MonotonicInstant now);
 
   const Rig rig_;
+  const Duration starved_after_;
   LeaveOneOutHull hulls_;  ///< used by the thread only, as are the next two
   DisplacementMeter meter_;
   std::vector<Mask> views_;
@@ -65,6 +73,8 @@ class DisplacementMonitor {
   std::condition_variable changed_;
   bool stopping_ = false;
   bool busy_ = false;
+  bool raised_ = false;  ///< the thread has more than idle priority
+  MonotonicInstant busy_since_;
   bool has_result_ = false;
   std::optional<Masks> waiting_;
   std::vector<CameraDisplacement> result_;

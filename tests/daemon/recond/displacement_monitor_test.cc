@@ -1,6 +1,7 @@
 #include "daemon/recond/displacement_monitor.h"
 
 #include <gtest/gtest.h>
+#include <pthread.h>
 #include <sched.h>
 
 #include <cmath>
@@ -9,7 +10,9 @@
 #include <iterator>
 #include <numbers>
 #include <sstream>
+#include <stop_token>
 #include <string>
+#include <thread>
 #include <vector>
 
 #include "recon/render/renderer.h"
@@ -83,6 +86,54 @@ int64_t idle_priority_threads() {
 TEST(DisplacementMonitor, works_on_one_thread_of_idle_priority) {
   ASSERT_EQ(idle_priority_threads(), 0);
   DisplacementMonitor monitor(ring_of(DisplacementMonitor::kMinCameras), in_a_small_space());
+  EXPECT_TRUE(becomes_true([] { return idle_priority_threads() == 1; }, within(60)));
+}
+
+/// True when this process may leave SCHED_IDLE.
+bool may_raise_priority() {
+  bool may = false;
+  std::thread([&] {
+    const sched_param none{};
+    may = pthread_setschedparam(pthread_self(), SCHED_IDLE, &none) == 0 &&
+          pthread_setschedparam(pthread_self(), SCHED_OTHER, &none) == 0;
+  }).join();
+  return may;
+}
+
+/// Uses every processor until it is destroyed.
+class BusyProcessors {
+ public:
+  BusyProcessors() {
+    for (unsigned i = 0; i < std::thread::hardware_concurrency(); ++i) {
+      threads_.emplace_back([](const std::stop_token& stop) {
+        while (!stop.stop_requested()) continue;
+      });
+    }
+  }
+
+ private:
+  std::vector<std::jthread> threads_;
+};
+
+TEST(DisplacementMonitor, raises_its_priority_on_a_busy_machine_until_it_has_a_result) {
+  if (!may_raise_priority()) GTEST_SKIP() << "needs CAP_SYS_NICE or RLIMIT_NICE";
+  const Rig rig = ring_of(DisplacementMonitor::kMinCameras);
+  DisplacementMonitor monitor(rig, in_a_small_space(), std::chrono::milliseconds(50));
+  const auto offered_until = [&](auto condition) {
+    return becomes_true(
+        [&] {
+          FrameSet set = seen_by(rig);
+          monitor.offer(set);
+          return condition();
+        },
+        within(120));
+  };
+  {
+    const BusyProcessors busy;
+    EXPECT_TRUE(offered_until([] { return idle_priority_threads() == 0; }));
+    EXPECT_TRUE(monitor.result().empty());
+  }
+  EXPECT_TRUE(offered_until([&] { return !monitor.result().empty(); }));
   EXPECT_TRUE(becomes_true([] { return idle_priority_threads() == 1; }, within(60)));
 }
 
