@@ -173,7 +173,7 @@ TEST_F(SensedCameraPilotTest,
   script_->silent = true;
   script_->start_train(100);
   ASSERT_TRUE(reach(CameraState::kLost, seconds(1)));
-  EXPECT_LE(script_->now, script_->exposure(3) + CameraSession::kLongestStep);
+  EXPECT_LE(script_->now, script_->exposure(3) + CameraSession::kMaxStep);
   EXPECT_EQ(pilot_->status().last_loss, "no frame for 3 pulses");
 }
 
