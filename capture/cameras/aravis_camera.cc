@@ -33,7 +33,7 @@ size_t payload_bytes(const StudioCamera& settings, ArvCamera* camera, size_t ima
   Problem problem;
   const size_t payload = arv_camera_get_payload(camera, problem);
   if (problem.happened() || payload < image_bytes) {
-    aravis::refuse(settings, "PayloadSize", std::to_string(image_bytes) + " bytes at least",
+    aravis::refuse(settings, "PayloadSize", "at least " + std::to_string(image_bytes) + " bytes",
                    problem.happened() ? problem.text() : std::to_string(payload));
   }
   return payload;
@@ -89,7 +89,7 @@ class AravisCamera::Link {
       : camera_(aravis::open(settings)), lost_(lost) {
     ArvDevice* device = arv_camera_get_device(camera_.get());
     if (ARV_IS_GV_DEVICE(device) && !arv_gv_device_is_controller(ARV_GV_DEVICE(device))) {
-      aravis::refuse(settings, "control", "this program", "another program that has it");
+      aravis::refuse(settings, "control", "this program", "another program that controls it");
     }
     aravis::write_settings(settings, camera_.get());
     size_ = image_size(settings, camera_.get());
@@ -162,8 +162,7 @@ class AravisCamera::Link {
   Owned<ArvChunkParser> chunks_;
   std::atomic<bool>& lost_;
   gulong on_lost_ = 0;
-  int64_t foreign_underruns_ =
-      0;  ///< underruns by frames of other cameras, before the first buffer
+  int64_t foreign_underruns_ = 0;  ///< caused by frames of other cameras, before the first buffer
   ImageSize size_;
   std::optional<Ptp> ptp_;
   MonotonicInstant next_ptp_query_{};

@@ -99,7 +99,7 @@ void CameraSession::receive(CameraFrame frame) {
   last_frame_ = frame.received;
   last_counter_ = frame.counter;
   const int64_t damaged = camera_->statistics().damaged;
-  const int64_t broken = damaged - std::exchange(damaged_at_last_, damaged);
+  const int64_t new_damaged = damaged - std::exchange(damaged_at_last_, damaged);
   if (!in_take()) return;
   missing_ = false;
   text_.clear();
@@ -110,7 +110,7 @@ void CameraSession::receive(CameraFrame frame) {
     return deliver(std::move(frame), found);
   }
   expecting_ = true;
-  if (held_.empty() && !joins_late_) start_.broken = broken;
+  if (held_.empty() && !joins_late_) start_.damaged = new_damaged;
   held_.push_back(std::move(frame));
   label_first_frames(!edges_are_reported_);
 }

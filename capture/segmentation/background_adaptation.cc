@@ -39,7 +39,7 @@ namespace {
 
 namespace hn = hwy::HWY_NAMESPACE;
 
-constexpr int kStepShift = 3;      ///< as a shift of 1/128 to 1/256 grey value
+constexpr int kStepShift = 3;  ///< 1/16: from a difference in 1/128 to a step in 1/256 grey value
 constexpr uint16_t kMaxStep = 64;  ///< 1/256 grey value
 constexpr uint16_t kMaxDrift = 8 * 256;
 constexpr uint16_t kWhite = 255 * 256;

@@ -94,8 +94,7 @@ BackgroundTable::BackgroundTable(const BackgroundModel& model, const SegmentOpti
   mean.resize(samples + kReach);
   sharpness.resize(samples + kReach);
   const float min_spread = std::clamp(options.noise_floor, kMinSpread, kMaxSpread);
-  const float scale =
-      kMaxSharpness * min_spread;  // sharpness = scale / spread; 512 are 1 step per spread
+  const float scale = kMaxSharpness * min_spread;  // of 1 / spread; 512 make 1 step per spread
   sharpness_shift = static_cast<int>(std::floor(std::log2(512 * kMaxSteps / scale)));
   sharpness_shift = std::max(sharpness_shift, 0);
   steps_per_spread = std::ldexp(scale / 512, sharpness_shift);

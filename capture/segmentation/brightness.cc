@@ -40,7 +40,7 @@ void for_each_sample(ImageView image, std::span<const uint16_t> mean, F f) {
   }
 }
 
-/// First bin of the window of kWindowBins bins that holds the max_sum samples.
+/// First bin of the window of kWindowBins bins that holds the most samples.
 uint32_t fullest_window(const std::array<uint32_t, kBins>& histogram) {
   uint32_t sum = 0;
   uint32_t max_sum = 0;

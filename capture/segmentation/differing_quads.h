@@ -41,7 +41,7 @@ class DifferingQuads {
   explicit DifferingQuads(const BackgroundTable& background);
 
   /// Bit (x, y) of the result is 1 if the quad of columns x, x + 1 and rows y, y + 1 differs from
-  /// the background at the image's brightness `gain` (see brightness_ratio()). Bits of the last
+  /// the background. `gain`: brightness of the image, see brightness_ratio(). Bits of the last
   /// column are 1; those of the last row are undefined. The result is valid until the next call.
   /// Requires an image of the background's size and format, at least 2x2 pixels.
   /// Vectorised for the processor at run time; every processor gives the same bits.

@@ -3,6 +3,7 @@
 
 namespace v3d {
 
+/// Spreads are standard deviations of a sample over the plates (BackgroundModel::spread).
 struct SegmentOptions {
   float threshold = 4.5F;    ///< distance from the mean at which a sample differs, in spreads
   float noise_floor = 2.0F;  ///< minimum spread, grey values, 0.5 to 64

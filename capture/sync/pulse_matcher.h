@@ -116,11 +116,10 @@ class PulseMatcher {
   void resynchronise(int64_t pulse, const FrameStamp& frame);
   void learn_arrival(int64_t pulse, MonotonicInstant received);
 
-  PulseFit fit_;       ///< device clock to pulses
-  PulseFit arrivals_;  ///< host clock to pulses, latency included
-  int on_time_frames_ =
-      0;              ///< frames on time since arrivals_ started, at most kConfirmationsOfArrival
-  double delay_ = 0;  ///< of the last frame, periods
+  PulseFit fit_;                  ///< device clock to pulses
+  PulseFit arrivals_;             ///< host clock to pulses, latency included
+  int on_time_frames_ = 0;        ///< frames on time since arrivals_ started, at most 8
+  double delay_ = 0;              ///< of the last frame, periods
   int steadily_late_ = 0;         ///< late frames in a row with the same delay
   bool start_uncertain_ = false;  ///< all labels may be shifted
   bool reopened_ = false;         ///< reopened and not yet resynchronised

@@ -52,12 +52,12 @@ const PulseTimes::Pulse& PulseTimes::nearest_to(MonotonicInstant at) const {
   return at - before->at <= after->at - at ? *before : *after;
 }
 
-std::optional<PulsePlace> PulseTimes::find(MonotonicInstant at, std::optional<Duration> before,
-                                           MonotonicInstant now) const {
+std::optional<NearestPulse> PulseTimes::find(MonotonicInstant at, std::optional<Duration> before,
+                                             MonotonicInstant now) const {
   const std::lock_guard lock(mutex_);
-  if (!running_) return PulsePlace{};
+  if (!running_) return NearestPulse{};
   const bool all_known = now - at > period_ / 2 + kSenseLatency;
-  if (pulses_.empty()) return all_known ? std::optional(PulsePlace{}) : std::nullopt;
+  if (pulses_.empty()) return all_known ? std::optional(NearestPulse{}) : std::nullopt;
 
   const Pulse& nearest = nearest_to(at);
   Duration phase = at - nearest.at;
@@ -74,8 +74,8 @@ std::optional<PulsePlace> PulseTimes::find(MonotonicInstant at, std::optional<Du
   const int64_t pulse = nearest.number + periods;
   const bool certain = last.at > at || keeps_phase || phase < period_ * 4 / 10;
   if (!all_known && (pulse > last.number || !certain)) return std::nullopt;
-  if (pulse < 0 || pulse > last.number) return PulsePlace{};
-  return PulsePlace{.pulse = pulse, .phase = phase};
+  if (pulse < 0 || pulse > last.number) return NearestPulse{};
+  return NearestPulse{.pulse = pulse, .phase = phase};
 }
 
 }  // namespace v3d

@@ -11,7 +11,7 @@
 namespace v3d {
 
 /// The pulse nearest to an exposure.
-struct PulsePlace {
+struct NearestPulse {
   std::optional<int64_t> pulse = {};  ///< empty: no pulse within half a period
   Duration phase{};                   ///< from the pulse to the exposure; may be negative
 };
@@ -42,8 +42,8 @@ class PulseTimes {
   /// the pulse next to that of the previous frame until it is 0.6 periods away from it. So frames
   /// half-way between two pulses do not alternate. A pulse that was not sensed, between two sensed
   /// ones, counts as well. Empty while a pulse that is reported later may change the result.
-  std::optional<PulsePlace> find(MonotonicInstant at, std::optional<Duration> before,
-                                 MonotonicInstant now) const;
+  std::optional<NearestPulse> find(MonotonicInstant at, std::optional<Duration> before,
+                                   MonotonicInstant now) const;
 
  private:
   struct Pulse {

@@ -46,7 +46,7 @@ Arrivals arrivals_of(std::span<const FrameStamp> frames, const StartEvidence& e)
 
 /// The pulse of the first frame by the counter. Empty if the counter gives none.
 std::optional<int64_t> by_counter(const FrameStamp& first, size_t strays, const StartEvidence& e) {
-  if (!e.counter_of_pulse_0) return e.broken > 0 ? std::optional(e.broken) : std::nullopt;
+  if (!e.counter_of_pulse_0) return e.damaged > 0 ? std::optional(e.damaged) : std::nullopt;
   const auto lost = static_cast<int64_t>(first.counter - *e.counter_of_pulse_0 - strays);
   return lost >= 0 && lost <= kMaxLost ? std::optional(lost) : std::nullopt;
 }
@@ -54,7 +54,7 @@ std::optional<int64_t> by_counter(const FrameStamp& first, size_t strays, const 
 /// Result if the time of no pulse is known.
 TrainStart start_by_counter(const FrameStamp& first, const StartEvidence& e) {
   const auto counted = by_counter(first, 0, e);
-  const bool certain = counted ? *counted == e.broken : !e.counter_of_pulse_0;
+  const bool certain = counted ? *counted == e.damaged : !e.counter_of_pulse_0;
   return {.pulse = counted.value_or(0), .certain = certain};
 }
 
@@ -81,14 +81,14 @@ std::optional<TrainStart> find_start(std::span<const FrameStamp> frames, const S
   const auto latest = static_cast<int64_t>(std::floor(arrivals.earliest + kEdgeError));
   if (latest <= 0) return result(0, true);
   if (!e.latency) {
-    if (counted == e.broken && *counted <= latest) return result(*counted, true);
+    if (counted == e.damaged && *counted <= latest) return result(*counted, true);
     if (!all) return std::nullopt;
     return result(std::min(counted.value_or(latest), latest), false);
   }
   const double arrived = arrivals.earliest - periods(*e.latency, e.period);
   const int64_t pulse = std::clamp<int64_t>(std::llround(arrived), 0, latest);
   const bool on_time = std::abs(arrived - static_cast<double>(pulse)) < kMaxArrivalDelay;
-  if (on_time && counted == pulse && pulse == e.broken) return result(pulse, true);
+  if (on_time && counted == pulse && pulse == e.damaged) return result(pulse, true);
   if (!all) return std::nullopt;
   const bool confirmed = on_time && arrivals.steady && counted.value_or(pulse) == pulse;
   return result(std::min(pulse, counted.value_or(pulse)), confirmed);

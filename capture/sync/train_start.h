@@ -29,7 +29,7 @@ struct StartEvidence {
   /// Counter of the last exposure before the silent interval, plus 1.
   std::optional<uint64_t> counter_of_pulse_0{};
   /// Number of damaged frames before the first complete one.
-  int64_t broken = 0;
+  int64_t damaged = 0;
   /// Minimum time from a pulse to the arrival of its frame in previous trains of this camera.
   std::optional<Duration> latency{};
 };

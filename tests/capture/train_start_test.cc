@@ -123,7 +123,7 @@ TEST(TrainStart, is_not_certain_if_the_host_stalled) {
 
 TEST(TrainStart, counts_damaged_frames) {
   StartEvidence evidence = counted();
-  evidence.broken = 2;
+  evidence.damaged = 2;
   expect(find_start(frames(2, 1, 0.4), evidence, false), 2, true);
 }
 
@@ -142,12 +142,12 @@ TEST(TrainStart, is_found_by_the_counter_if_no_pulse_is_reported) {
   EXPECT_FALSE(find_start(frames(0, 1, 0.4), evidence, false));
   expect(find_start(frames(0, 1, 0.4), evidence, true), 0, true);
   expect(find_start(frames(2, kStartFrames, 0.4), evidence, false), 2, false);
-  evidence.broken = 2;
+  evidence.damaged = 2;
   expect(find_start(frames(2, 1, 0.4), evidence, true), 2, true);
   evidence.counter_of_pulse_0 = kCounter + 1000;  // an invalid value
   expect(find_start(frames(0, 1, 0.4), evidence, true), 0, false);
   evidence.counter_of_pulse_0.reset();
-  evidence.broken = 0;
+  evidence.damaged = 0;
   expect(find_start(frames(0, 1, 0.4), evidence, true), 0, true);
 }
 
